@@ -1,0 +1,102 @@
+# The two commands: `make demo` and `make test`. On a bare Debian 12 machine, as root or with sudo, each installs
+# what is missing, builds, and runs; the second time they only run.
+#
+#   make env           Debian packages, .venv, build: after it there is .venv/bin/latinpc
+#   make build         compile what has changed
+#   make demo          the tensegrity grid of 144 subdomains: summary, picture and VTU in demo/
+#   make test          the quick tests; `make test-all` adds the slow ones
+#   make format-check  clang-format and ruff, as CI runs them; `make format` applies them
+#   make lint          ruff's rules
+#   make clean         remove what was built; `make distclean` removes .venv too
+
+SHELL       := /bin/bash
+PYTHON      ?= /usr/bin/python3
+PYTEST_ARGS ?=
+PACKAGES    := petsc-dev python3-petsc4py python3-mpi4py python3-numpy python3-scipy python3-venv python3-dev \
+               libmetis-dev cython3 cmake ninja-build gcc libc6-dev pkg-config openmpi-bin libopenblas0-serial
+
+VENV    := .venv
+BIN     := $(VENV)/bin
+BUILD   := build/make
+C_FILES := $(wildcard latinpc/src/*.[ch] latinpc/include/*.h tests/*.c examples/*.c)
+
+# Debian's petsc4py goes with Debian's PETSc, whatever else the shell points to
+unexport PETSC_DIR PETSC_ARCH PYTHONPATH PYTHONHOME PETSC_OPTIONS
+
+# Containers run as root, and tests use more ranks than cores; one thread a rank keeps comparisons honest
+export OMPI_ALLOW_RUN_AS_ROOT             := 1
+export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM     := 1
+export OMPI_MCA_rmaps_base_oversubscribe  := 1
+export OMPI_MCA_hwloc_base_binding_policy := none
+export OMP_NUM_THREADS                    := 1
+export OPENBLAS_NUM_THREADS               := 1
+
+.PHONY: env build demo test test-all format format-check lint clean distclean
+.DEFAULT_GOAL := env
+# the stamps are made one after the other
+.NOTPARALLEL:
+
+env: build
+
+$(VENV)/.system: Makefile
+	@missing=; \
+	if command -v dpkg-query >/dev/null; then \
+	  for p in $(PACKAGES); do \
+	    [ "$$(dpkg-query -W -f='$${db:Status-Status}' $$p 2>/dev/null)" = installed ] || missing="$$missing $$p"; \
+	  done; \
+	else \
+	  echo "This is not a Debian system: going on with the packages that are here."; \
+	fi; \
+	if [ -n "$$missing" ]; then \
+	  echo "Installing Debian packages:$$missing"; \
+	  [ "$$(id -u)" = 0 ] && sudo= || sudo=sudo; \
+	  install="$$sudo env DEBIAN_FRONTEND=noninteractive apt-get install -y -q --no-install-recommends $$missing"; \
+	  $$install >/dev/null 2>&1 </dev/null || { $$sudo apt-get update -q </dev/null && $$install </dev/null; }; \
+	fi
+	@[ -e $(BIN)/python ] || $(PYTHON) -m venv --system-site-packages $(VENV)
+	@touch $@
+
+$(VENV)/.tools: $(VENV)/.system pyproject.toml
+	@echo "Installing the Python tools pinned in pyproject.toml"
+	@$(BIN)/python -m pip install -q --disable-pip-version-check $$($(BIN)/python -c \
+	  "import tomllib; print(*tomllib.load(open('pyproject.toml', 'rb'))['project']['optional-dependencies']['dev'])")
+	@LATINPC_INPLACE=true $(BIN)/python -m pip install -q --disable-pip-version-check --no-build-isolation --no-deps -e .
+	@touch $@
+
+$(BUILD)/build.ninja: latinpc/CMakeLists.txt $(VENV)/.tools
+	@cmake -S latinpc -B $(BUILD) -G Ninja -DLATINPC_INPLACE=ON -DLATINPC_WERROR=ON \
+	  -DPython_EXECUTABLE=$(abspath $(BIN)/python) --log-level=WARNING
+	@touch $@
+
+build: $(BUILD)/build.ninja
+	@cmake --build $(BUILD)
+
+demo: env
+	@mkdir -p demo
+	$(BIN)/latinpc solve tensegrity-grid --modules 48 --subdomains 144 \
+	  --output demo/tensegrity-grid.vtu --picture demo/tensegrity-grid.png --json demo/tensegrity-grid.json
+
+test: env
+	$(BIN)/python -m pytest -m "not slow" $(PYTEST_ARGS)
+
+test-all: env
+	$(BIN)/python -m pytest $(PYTEST_ARGS)
+
+format: env
+	$(BIN)/clang-format -i $(C_FILES)
+	$(BIN)/ruff format
+	$(BIN)/ruff check --fix
+
+format-check: env
+	$(BIN)/clang-format --dry-run -Werror $(C_FILES)
+	$(BIN)/ruff format --check
+
+lint: env
+	$(BIN)/ruff check
+
+clean:
+	rm -rf build demo latinpc/*.so .pytest_cache .ruff_cache .hypothesis
+	find latinpc tests examples -name __pycache__ -prune -exec rm -rf {} +
+
+distclean: clean
+	rm -rf $(VENV)

@@ -1,0 +1,56 @@
+"""Multiscale LATIN domain decomposition for structures of links, as PETSc solver types.
+
+Importing this package registers the SNES type ``latin`` and the PC type ``latin`` with petsc4py's PETSc.
+"""
+
+from pathlib import Path
+
+__version__ = "0.1.0"
+
+from latinpc.links import (
+    Links,
+    Sizes,
+    coarse_ksp,
+    error_message,
+    history,
+    local_ksp,
+    macro_stiffness,
+    node_classes,
+    outer_snes,
+    pcshell_set_latin,
+    set_reference,
+    statistics,
+    subdomain_is,
+    subdomain_of_links,
+    subdomains,
+)
+
+__all__ = [
+    "Links",
+    "Sizes",
+    "coarse_ksp",
+    "error_message",
+    "get_include",
+    "get_library",
+    "history",
+    "local_ksp",
+    "macro_stiffness",
+    "node_classes",
+    "outer_snes",
+    "pcshell_set_latin",
+    "set_reference",
+    "statistics",
+    "subdomain_is",
+    "subdomain_of_links",
+    "subdomains",
+]
+
+
+def get_library():
+    """Path of liblatinpc.so, for PETSc's ``-dll_append`` and for C programs."""
+    return str(Path(__file__).resolve().parent / "liblatinpc.so")
+
+
+def get_include():
+    """Directory of the C header latinpc.h."""
+    return str(Path(__file__).resolve().parent / "include")

@@ -1,0 +1,330 @@
+# cython: language_level=3, embedsignature=True
+"""Glue between petsc4py and liblatinpc: one call of the C library a function, every error code checked.
+
+Arrays are those of this rank, contiguous, of PETSc's types; `latinpc.links` makes them so.
+"""
+
+from cpython.exc cimport PyErr_Occurred
+from petsc4py.PETSc cimport DM, IS, KSP, Mat, PC, SNES, Object, Vec
+from petsc4py.PETSc cimport PetscDM, PetscIS, PetscKSP, PetscMat, PetscObject, PetscPC, PetscSNES, PetscVec
+from petsc4py.PETSc cimport MPI_Comm, GetComm, GetCommDefault
+
+import numpy as np
+from petsc4py import PETSc
+
+
+cdef extern from *:
+    ctypedef int PetscErrorCode
+    ctypedef long PetscInt
+    ctypedef double PetscReal
+    ctypedef bint PetscBool "PetscBool"
+    int PETSC_VERSION_MAJOR, PETSC_VERSION_MINOR, PETSC_VERSION_SUBMINOR
+    PetscErrorCode PetscInitialized(PetscBool *)
+    PetscErrorCode PetscFinalized(PetscBool *)
+    PetscErrorCode PetscObjectReference(PetscObject)
+
+cdef extern from "latinpc.h":
+    int LATINPC_VERSION_MAJOR, LATINPC_VERSION_MINOR, LATINPC_VERSION_SUBMINOR
+
+    struct _p_LatinLinks
+    ctypedef _p_LatinLinks *LatinLinks
+    struct _p_Latin
+    ctypedef _p_Latin *Latin
+
+    ctypedef struct LatinStatistics:
+        PetscInt subdomains
+        PetscInt strong_interfaces
+        PetscInt weak_interfaces
+        PetscInt strong_macro_dofs
+        PetscInt weak_dofs
+        PetscInt micro_sides
+        PetscInt state_size
+        PetscReal direction_min
+        PetscReal direction_mean
+        PetscReal direction_max
+
+    PetscErrorCode LatinInitializePackage()
+
+    PetscErrorCode LatinLinksCreate(MPI_Comm, PetscInt, PetscInt, PetscInt, const PetscReal *, PetscInt, const PetscInt *, LatinLinks *)
+    PetscErrorCode LatinLinksSetLaws(LatinLinks, const PetscInt *, const PetscReal *, const PetscReal *)
+    PetscErrorCode LatinLinksSetSupports(LatinLinks, const PetscBool *, const PetscReal *)
+    PetscErrorCode LatinLinksSetLoads(LatinLinks, const PetscReal *)
+    PetscErrorCode LatinLinksSetPrestrain(LatinLinks, const PetscReal *)
+    PetscErrorCode LatinLinksSetSubdomains(LatinLinks, const PetscInt *)
+    PetscErrorCode LatinLinksSetUp(LatinLinks)
+    PetscErrorCode LatinLinksGetDM(LatinLinks, PetscDM *)
+    PetscErrorCode LatinLinksAttachSNES(LatinLinks, PetscSNES)
+    PetscErrorCode LatinLinksGetSizes(LatinLinks, PetscInt *, PetscInt *, PetscInt *, PetscInt *)
+    PetscErrorCode LatinLinksComputeResidual(LatinLinks, PetscVec, PetscVec)
+    PetscErrorCode LatinLinksComputeJacobian(LatinLinks, PetscVec, PetscMat)
+    PetscErrorCode LatinLinksComputeEnergy(LatinLinks, PetscVec, PetscReal *)
+    PetscErrorCode LatinLinksComputeErrors(LatinLinks, PetscVec, PetscVec, PetscReal *, PetscReal *)
+    PetscErrorCode LatinLinksGetDisplacements(LatinLinks, PetscVec, PetscReal *)
+    PetscErrorCode LatinLinksGetTensions(LatinLinks, PetscVec, PetscReal *)
+    PetscErrorCode LatinLinksSetDisplacements(LatinLinks, const PetscReal *, PetscVec)
+    PetscErrorCode LatinLinksDestroy(LatinLinks *)
+
+    PetscErrorCode SNESLatinGetLatin(PetscSNES, Latin *)
+    PetscErrorCode SNESLatinSetReference(PetscSNES, PetscVec)
+    PetscErrorCode SNESLatinGetHistory(PetscSNES, PetscInt *, const PetscReal **, const PetscReal **, const PetscReal **)
+    PetscErrorCode SNESLatinGetOuter(PetscSNES, PetscSNES *)
+    PetscErrorCode PCLatinGetLatin(PetscPC, Latin *)
+    PetscErrorCode PCLatinSetLinks(PetscPC, LatinLinks)
+    PetscErrorCode PCShellSetLatin(PetscPC)
+
+    PetscErrorCode LatinGetLocalKSP(Latin, PetscKSP *)
+    PetscErrorCode LatinGetCoarseKSP(Latin, PetscKSP *)
+    PetscErrorCode LatinGetStatistics(Latin, LatinStatistics *)
+    PetscErrorCode LatinGetSubdomains(Latin, PetscInt *, PetscInt *)
+    PetscErrorCode LatinGetSubdomainIS(Latin, PetscInt, PetscIS *)
+    PetscErrorCode LatinGetSubdomainOfLinks(Latin, PetscInt *)
+    PetscErrorCode LatinGetNodeClasses(Latin, PetscInt *)
+    PetscErrorCode LatinGetMacroStiffness(Latin, PetscInt, PetscMat *)
+
+
+cdef inline int CHKERR(PetscErrorCode ierr) except -1:
+    """Raise what a C call reports: a Python exception of a callback as it is, else PETSc.Error."""
+    if ierr == 0:
+        return 0
+    if PyErr_Occurred() != NULL:
+        return -1
+    raise PETSc.Error(ierr)
+
+
+cdef object keep(Object wrapper, void *handle):
+    """Fill a petsc4py object with a handle that the library keeps, and count the new reference."""
+    CHKERR(PetscObjectReference(<PetscObject>handle))
+    wrapper.obj[0] = <PetscObject>handle
+    return wrapper
+
+
+cdef const PetscInt *integers(object array) except? NULL:
+    return <const PetscInt *><size_t>array.ctypes.data
+
+
+cdef const PetscReal *reals(object array) except? NULL:
+    return <const PetscReal *><size_t>array.ctypes.data
+
+
+# ---- versions -----------------------------------------------------------------------------------------
+
+VERSION = (LATINPC_VERSION_MAJOR, LATINPC_VERSION_MINOR, LATINPC_VERSION_SUBMINOR)
+"""Version of liblatinpc's header."""
+
+PETSC_VERSION = (PETSC_VERSION_MAJOR, PETSC_VERSION_MINOR, PETSC_VERSION_SUBMINOR)
+"""Version of the PETSc whose headers this module was compiled with."""
+
+
+BOOL_SIZE = sizeof(PetscBool)
+"""Bytes of a PetscBool: an enumeration in earlier versions of PETSc, a C bool in later ones."""
+
+
+def initialized():
+    """Tell whether the PETSc that liblatinpc is linked with has been initialised."""
+    cdef PetscBool yes = 0
+    CHKERR(PetscInitialized(&yes))
+    return bool(yes)
+
+
+def initialize_package():
+    """Register the types ``latin`` with PETSc."""
+    CHKERR(LatinInitializePackage())
+
+
+# ---- structures -----------------------------------------------------------------------------------------
+
+cdef class LinksHandle:
+    """Owner of a C ``LatinLinks``."""
+
+    cdef LatinLinks handle
+
+    def __cinit__(self):
+        self.handle = NULL
+
+    def __dealloc__(self):
+        cdef PetscBool over = 0
+        PetscFinalized(&over)
+        if self.handle != NULL and not over:
+            LatinLinksDestroy(&self.handle)
+
+    def create(self, comm, nodes_global, coordinates, links):
+        """Make the structure from this rank's nodes ``(n, dim)`` and links ``(m, 2)``."""
+        CHKERR(LatinLinksCreate(GetComm(comm, GetCommDefault()), coordinates.shape[1], coordinates.shape[0],
+                                nodes_global, reals(coordinates), links.shape[0], integers(links), &self.handle))
+
+    def set_laws(self, law, stiffness, prestrain):
+        """Give every link of this rank its law, stiffness and prestrain."""
+        CHKERR(LatinLinksSetLaws(self.handle, integers(law), reals(stiffness), reals(prestrain)))
+
+    def set_supports(self, fixed, prescribed):
+        """Clamp degrees of freedom of this rank's nodes; ``fixed`` holds integers of PetscBool's size."""
+        CHKERR(LatinLinksSetSupports(self.handle, <const PetscBool *><size_t>fixed.ctypes.data, reals(prescribed)))
+
+    def set_loads(self, force):
+        """Load this rank's nodes."""
+        CHKERR(LatinLinksSetLoads(self.handle, reals(force)))
+
+    def set_prestrain(self, prestrain):
+        """Change the prestrain of this rank's links."""
+        CHKERR(LatinLinksSetPrestrain(self.handle, reals(prestrain)))
+
+    def set_subdomains(self, subdomain):
+        """Say to which subdomain each link of this rank belongs."""
+        CHKERR(LatinLinksSetSubdomains(self.handle, integers(subdomain)))
+
+    def setup(self):
+        """Distribute the structure and number its unknowns."""
+        CHKERR(LatinLinksSetUp(self.handle))
+
+    def dm(self):
+        """Return the DMPLEX of the structure."""
+        cdef PetscDM dm = NULL
+        CHKERR(LatinLinksGetDM(self.handle, &dm))
+        return keep(PETSc.DMPlex(), dm)
+
+    def attach(self, SNES snes not None):
+        """Give a SNES the DM, the residual and the Jacobian of the structure."""
+        CHKERR(LatinLinksAttachSNES(self.handle, snes.snes))
+
+    def set_pc(self, PC pc not None):
+        """Give a PC of type latin the structure."""
+        CHKERR(PCLatinSetLinks(pc.pc, self.handle))
+
+    def sizes(self):
+        """Return dimension, nodes, links and free degrees of freedom of the whole structure."""
+        cdef PetscInt dim = 0, nodes = 0, links = 0, free_dofs = 0
+        CHKERR(LatinLinksGetSizes(self.handle, &dim, &nodes, &links, &free_dofs))
+        return dim, nodes, links, free_dofs
+
+    def residual(self, Vec u not None, Vec r not None):
+        """Compute the nodal unbalance."""
+        CHKERR(LatinLinksComputeResidual(self.handle, u.vec, r.vec))
+
+    def jacobian(self, Vec u not None, Mat J not None):
+        """Compute the tangent stiffness."""
+        CHKERR(LatinLinksComputeJacobian(self.handle, u.vec, J.mat))
+
+    def energy(self, Vec u not None):
+        """Compute the potential energy."""
+        cdef PetscReal energy = 0
+        CHKERR(LatinLinksComputeEnergy(self.handle, u.vec, &energy))
+        return energy
+
+    def errors(self, Vec u not None, Vec reference not None):
+        """Compute the relative l2 and energy errors."""
+        cdef PetscReal l2 = 0, energy = 0
+        CHKERR(LatinLinksComputeErrors(self.handle, u.vec, reference.vec, &l2, &energy))
+        return l2, energy
+
+    def displacements(self, Vec u not None, out):
+        """Write the displacements of this rank's nodes into ``out``."""
+        CHKERR(LatinLinksGetDisplacements(self.handle, u.vec, <PetscReal *>reals(out)))
+
+    def tensions(self, Vec u not None, out):
+        """Write the tensions of this rank's links into ``out``."""
+        CHKERR(LatinLinksGetTensions(self.handle, u.vec, <PetscReal *>reals(out)))
+
+    def set_displacements(self, displacement, Vec u not None):
+        """Write the displacements of this rank's nodes into the free unknowns of ``u``."""
+        CHKERR(LatinLinksSetDisplacements(self.handle, reals(displacement), u.vec))
+
+
+# ---- solvers --------------------------------------------------------------------------------------------
+
+cdef Latin core(Object solver) except NULL:
+    """Return the method inside a SNES or a PC of type latin."""
+    cdef Latin latin = NULL
+    if isinstance(solver, PETSc.SNES):
+        CHKERR(SNESLatinGetLatin((<SNES>solver).snes, &latin))
+    elif isinstance(solver, PETSc.PC):
+        CHKERR(PCLatinGetLatin((<PC>solver).pc, &latin))
+    else:
+        raise TypeError(f"expected a petsc4py SNES or PC of type latin, got {type(solver).__name__}")
+    return latin
+
+
+def statistics(Object solver not None):
+    """Return the fields of ``LatinStatistics``."""
+    cdef LatinStatistics s
+    CHKERR(LatinGetStatistics(core(solver), &s))
+    return s
+
+
+def subdomains(Object solver not None):
+    """Return the number of subdomains of this rank and the number of its first one."""
+    cdef PetscInt count = 0, first = 0
+    CHKERR(LatinGetSubdomains(core(solver), &count, &first))
+    return count, first
+
+
+def subdomain_is(Object solver not None, PetscInt i):
+    """Return the unknowns of a subdomain."""
+    cdef PetscIS iset = NULL
+    CHKERR(LatinGetSubdomainIS(core(solver), i, &iset))
+    return keep(PETSc.IS(), iset)
+
+
+def macro_stiffness(Object solver not None, PetscInt i):
+    """Return the macro stiffness of a subdomain."""
+    cdef PetscMat mat = NULL
+    CHKERR(LatinGetMacroStiffness(core(solver), i, &mat))
+    return keep(PETSc.Mat(), mat)
+
+
+def subdomain_of_links(Object solver not None, out):
+    """Write the subdomain of every link of this rank into ``out``."""
+    CHKERR(LatinGetSubdomainOfLinks(core(solver), <PetscInt *>integers(out)))
+
+
+def node_classes(Object solver not None, out):
+    """Write the class of every node of this rank into ``out``."""
+    CHKERR(LatinGetNodeClasses(core(solver), <PetscInt *>integers(out)))
+
+
+def local_ksp(Object solver not None):
+    """Return the KSP of the subdomains."""
+    cdef PetscKSP ksp = NULL
+    CHKERR(LatinGetLocalKSP(core(solver), &ksp))
+    return keep(PETSc.KSP(), ksp)
+
+
+def coarse_ksp(Object solver not None):
+    """Return the KSP of the coarse problem."""
+    cdef PetscKSP ksp = NULL
+    CHKERR(LatinGetCoarseKSP(core(solver), &ksp))
+    return keep(PETSc.KSP(), ksp)
+
+
+def outer_snes(SNES snes not None):
+    """Return the SNES that iterates the fixed-point map."""
+    cdef PetscSNES outer = NULL
+    CHKERR(SNESLatinGetOuter(snes.snes, &outer))
+    return keep(PETSc.SNES(), outer)
+
+
+def set_reference(SNES snes not None, Vec reference):
+    """Give the displacement that errors are measured against."""
+    CHKERR(SNESLatinSetReference(snes.snes, reference.vec if reference is not None else NULL))
+
+
+cdef object copy(const PetscReal *values, PetscInt n):
+    out = np.empty(n if values != NULL else 0)
+    cdef PetscInt i
+    for i in range(out.size):
+        out[i] = values[i]
+    return out
+
+
+def history(SNES snes not None):
+    """Return indicator, l2 error and energy error per iteration; empty where not measured."""
+    cdef PetscInt n = 0
+    cdef const PetscReal *indicator = NULL
+    cdef const PetscReal *error_l2 = NULL
+    cdef const PetscReal *error_energy = NULL
+    CHKERR(SNESLatinGetHistory(snes.snes, &n, &indicator, &error_l2, &error_energy))
+    return copy(indicator, n), copy(error_l2, n), copy(error_energy, n)
+
+
+def pcshell_set_latin(PC pc not None):
+    """Make a PCSHELL apply the preconditioner latin."""
+    CHKERR(PCShellSetLatin(pc.pc))

@@ -1,0 +1,110 @@
+/*
+   The public C interface of liblatinpc: the scalable multiscale LATIN domain decomposition method
+   as PETSc solver types.
+
+   Equation numbers are those of P. Alart, D. Dureisseix, "A scalable multiscale LATIN method adapted
+   to nonsmooth discrete media", Comput. Methods Appl. Mech. Engrg. 197 (2008) 319-331.
+*/
+#ifndef LATINPC_H
+#define LATINPC_H
+
+#include <petscsnes.h>
+
+#define LATINPC_VERSION_MAJOR    0
+#define LATINPC_VERSION_MINOR    1
+#define LATINPC_VERSION_SUBMINOR 0
+
+/* The names under which the solver types are registered */
+#define SNESLATIN "latin"
+#define PCLATIN   "latin"
+
+/* Constitutive laws of a link, table `laws.c` */
+typedef enum {
+  LATIN_LAW_BAR,   /* tau = k (e + e0)              (2)      */
+  LATIN_LAW_CABLE, /* tau = k max(e + e0, 0)        (4), (5) */
+  LATIN_LAW_STRUT  /* tau = k min(e + e0, 0), the mirror image of a cable */
+} LatinLawType;
+PETSC_EXTERN const char *const LatinLawTypes[];
+
+/* What the coarse problem makes of the weak interfaces, section 4 of the article */
+typedef enum {
+  LATIN_VARIANT_NONE,  /* 4.1: micro quantities only               */
+  LATIN_VARIANT_MACRO, /* 4.2: the whole displacement is macro     */
+  LATIN_VARIANT_CORNER /* 4.4: one displacement per node, section 5 */
+} LatinVariant;
+PETSC_EXTERN const char *const LatinVariants[];
+
+/* The micro search direction d of the interfaces */
+typedef enum {
+  LATIN_DIRECTION_SCALAR,  /* one number an interface */
+  LATIN_DIRECTION_DIAGONAL /* one number a degree of freedom of an interface */
+} LatinDirectionType;
+PETSC_EXTERN const char *const LatinDirectionTypes[];
+
+/* What SNES latin watches to decide that it has converged */
+typedef enum {
+  LATIN_STOP_INDICATOR, /* distance between the two stages, relative, against -snes_stol */
+  LATIN_STOP_RESIDUAL,  /* norm of the nodal unbalance (1), against -snes_rtol and -snes_atol */
+  LATIN_STOP_REFERENCE  /* relative l2 error against a given displacement, against -snes_stol */
+} LatinStopType;
+PETSC_EXTERN const char *const LatinStopTypes[];
+
+/* A structure: nodes joined by links, with laws, supports and loads (section 2.1) */
+typedef struct _p_LatinLinks *LatinLinks;
+/* The method: substructures, interfaces, operators of the two stages (sections 3 to 5) */
+typedef struct _p_Latin *Latin;
+
+/* Size of the decomposition, as in Table 3 */
+typedef struct {
+  PetscInt  subdomains;
+  PetscInt  strong_interfaces;
+  PetscInt  weak_interfaces;
+  PetscInt  strong_macro_dofs; /* unknowns of the coarse problem on strong interfaces */
+  PetscInt  weak_dofs;         /* unknowns of the coarse problem on weak interfaces or corners */
+  PetscInt  micro_sides;       /* nodes of interface sides that carry micro quantities */
+  PetscInt  state_size;        /* length of the fixed-point unknown z */
+  PetscReal direction_min, direction_mean, direction_max; /* search direction d, force/length */
+} LatinStatistics;
+
+PETSC_EXTERN PetscErrorCode LatinInitializePackage(void);
+
+/* ---- structures ---- */
+PETSC_EXTERN PetscErrorCode LatinLinksCreate(MPI_Comm, PetscInt dim, PetscInt nodes_local, PetscInt nodes_global, const PetscReal coordinates[], PetscInt links_local, const PetscInt link_nodes[], LatinLinks *);
+PETSC_EXTERN PetscErrorCode LatinLinksSetLaws(LatinLinks, const PetscInt law[], const PetscReal stiffness[], const PetscReal prestrain[]);
+PETSC_EXTERN PetscErrorCode LatinLinksSetSupports(LatinLinks, const PetscBool fixed[], const PetscReal prescribed[]);
+PETSC_EXTERN PetscErrorCode LatinLinksSetLoads(LatinLinks, const PetscReal force[]);
+PETSC_EXTERN PetscErrorCode LatinLinksSetPrestrain(LatinLinks, const PetscReal prestrain[]);
+PETSC_EXTERN PetscErrorCode LatinLinksSetSubdomains(LatinLinks, const PetscInt subdomain[]);
+PETSC_EXTERN PetscErrorCode LatinLinksSetUp(LatinLinks);
+PETSC_EXTERN PetscErrorCode LatinLinksGetDM(LatinLinks, DM *);
+PETSC_EXTERN PetscErrorCode LatinLinksAttachSNES(LatinLinks, SNES);
+PETSC_EXTERN PetscErrorCode LatinLinksGetSizes(LatinLinks, PetscInt *dim, PetscInt *nodes, PetscInt *links, PetscInt *free_dofs);
+PETSC_EXTERN PetscErrorCode LatinLinksComputeResidual(LatinLinks, Vec u, Vec r);
+PETSC_EXTERN PetscErrorCode LatinLinksComputeJacobian(LatinLinks, Vec u, Mat J);
+PETSC_EXTERN PetscErrorCode LatinLinksComputeEnergy(LatinLinks, Vec u, PetscReal *energy);
+PETSC_EXTERN PetscErrorCode LatinLinksComputeErrors(LatinLinks, Vec u, Vec reference, PetscReal *l2, PetscReal *energy);
+PETSC_EXTERN PetscErrorCode LatinLinksGetDisplacements(LatinLinks, Vec u, PetscReal displacement[]);
+PETSC_EXTERN PetscErrorCode LatinLinksGetTensions(LatinLinks, Vec u, PetscReal tension[]);
+PETSC_EXTERN PetscErrorCode LatinLinksSetDisplacements(LatinLinks, const PetscReal displacement[], Vec u);
+PETSC_EXTERN PetscErrorCode LatinLinksReference(LatinLinks);
+PETSC_EXTERN PetscErrorCode LatinLinksDestroy(LatinLinks *);
+
+/* ---- solvers ---- */
+PETSC_EXTERN PetscErrorCode SNESLatinGetLatin(SNES, Latin *);
+PETSC_EXTERN PetscErrorCode SNESLatinSetReference(SNES, Vec);
+PETSC_EXTERN PetscErrorCode SNESLatinGetHistory(SNES, PetscInt *, const PetscReal *indicator[], const PetscReal *error_l2[], const PetscReal *error_energy[]);
+PETSC_EXTERN PetscErrorCode SNESLatinGetOuter(SNES, SNES *);
+PETSC_EXTERN PetscErrorCode PCLatinGetLatin(PC, Latin *);
+PETSC_EXTERN PetscErrorCode PCLatinSetLinks(PC, LatinLinks);
+PETSC_EXTERN PetscErrorCode PCShellSetLatin(PC);
+
+PETSC_EXTERN PetscErrorCode LatinGetLocalKSP(Latin, KSP *);
+PETSC_EXTERN PetscErrorCode LatinGetCoarseKSP(Latin, KSP *);
+PETSC_EXTERN PetscErrorCode LatinGetStatistics(Latin, LatinStatistics *);
+PETSC_EXTERN PetscErrorCode LatinGetSubdomains(Latin, PetscInt *n_local, PetscInt *first);
+PETSC_EXTERN PetscErrorCode LatinGetSubdomainIS(Latin, PetscInt i, IS *);
+PETSC_EXTERN PetscErrorCode LatinGetSubdomainOfLinks(Latin, PetscInt subdomain[]);
+PETSC_EXTERN PetscErrorCode LatinGetNodeClasses(Latin, PetscInt node_class[]);
+PETSC_EXTERN PetscErrorCode LatinGetMacroStiffness(Latin, PetscInt i, Mat *);
+
+#endif

@@ -1,0 +1,46 @@
+"""Ready-made structures: one generator a file, numpy only, deterministic."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+
+from .lattice import lattice
+from .network import network
+from .scene import Law, Scene
+from .tensegrity_grid import tensegrity_grid, truss_grid
+
+#: Generators by name, in the order in which they are listed.
+SCENES: dict[str, Callable[..., Scene]] = {
+    "tensegrity-grid": tensegrity_grid,
+    "truss-grid": truss_grid,
+    "network": network,
+    "lattice": lattice,
+}
+
+
+def make(name: str, **options) -> Scene:
+    """Make the scene of that name.
+
+    Parameters
+    ----------
+    name : str
+        A key of `SCENES`.
+    **options
+        Keyword arguments of the generator.
+
+    Raises
+    ------
+    ValueError
+        For an unknown scene, an unknown option, or a value that the generator refuses.
+    """
+    if name not in SCENES:
+        raise ValueError(f"unknown scene {name!r}: choose from {', '.join(SCENES)}")
+    known = inspect.signature(SCENES[name]).parameters
+    unknown = [option for option in options if option not in known]
+    if unknown:
+        raise ValueError(f"scene {name!r} has no option {unknown[0]!r}: choose from {', '.join(known)}")
+    return SCENES[name](**options)
+
+
+__all__ = ["SCENES", "Law", "Scene", "lattice", "make", "network", "tensegrity_grid", "truss_grid"]

@@ -1,0 +1,190 @@
+"""A random tensegrity-like network in 3D, whose partition is irregular."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .scene import Law, Scene
+
+SPACING = 1.0  # mean distance between neighbours (m)
+EA_BAR = 6.5e7  # axial stiffness of bars (N), times a random factor between 1/2 and 2
+EA_CABLE = 1.0e7  # axial stiffness of cables (N), likewise
+MAX_CABLE_TENSION = 1000.0  # self-stress of the most tensioned cable (N)
+JITTER = 0.3  # displacement of the points from a cubic lattice, in spacings
+CABLE_SHARE = 0.7  # share of the links that the random self-stress tries to put in tension
+TAUT = 0.05  # links above this share of the greatest tension become cables
+
+
+def network(
+    nodes: int = 400,
+    neighbours: int = 8,
+    seed: int = 0,
+    supports: int = 1,
+    slack: float = 0.09,
+    load: float | None = None,
+    subdomains: int | None = None,
+) -> Scene:
+    """Jittered points, each joined to its nearest neighbours by bars and prestressed cables.
+
+    A random self-stress in the kernel of B^t decides the laws: what it puts in tension is a cable,
+    the rest are bars. So the self-stress is balanced exactly, and every cable is taut before loading.
+    The lowest layer of nodes is clamped. With all links present there is no global mechanism.
+
+    Parameters
+    ----------
+    nodes : int
+        Wanted number of nodes; a box of the nearest size is made.
+    neighbours : int
+        Links reach from each node to that many nearest neighbours (6 at the least).
+    seed : int
+        Of numpy's PCG64 generator.
+    supports : {1, 2}
+        Clamped layers: the lowest, or the lowest and the highest.
+    slack : float
+        Wanted share of slack cables, 0 to 0.3; it sets the load from the tensions of the linear
+        structure. What is obtained differs by a few per cent of the cables.
+    load : float, optional
+        Norm (N) of the force on a free node, downwards with a random part; overrides `slack`.
+    subdomains : int, optional
+        Only recorded in the metadata: the solver partitions by METIS.
+
+    Returns
+    -------
+    Scene
+    """
+    if nodes < 24 or neighbours < 6:
+        raise ValueError(f"a network needs at least 24 nodes and 6 neighbours, not {nodes} and {neighbours}")
+    if supports not in (1, 2):
+        raise ValueError(f"supports must be 1 (lowest layer) or 2 (lowest and highest), not {supports}")
+    if not 0.0 <= slack <= 0.3:
+        raise ValueError(f"slack must lie between 0 and 0.3, not {slack}: give load, the force per node")
+    rng = np.random.default_rng(seed)
+    x, layer = _points(nodes, rng)
+    links = _nearest(x, neighbours)
+    clamped = (layer == 0) | ((layer == layer.max()) & (supports == 2))
+    fixed = np.repeat(clamped[:, None], 3, axis=1)
+    links = links[~(clamped[links[:, 0]] & clamped[links[:, 1]])]  # links between supports would do nothing
+    direction = x[links[:, 1]] - x[links[:, 0]]
+    length = np.linalg.norm(direction, axis=1)
+    balance = Balance(direction / length[:, None], links, fixed)
+
+    wanted = np.where(rng.random(len(links)) < CABLE_SHARE, 1.0, -2.0)
+    tension = balance.self_stress(wanted)
+    is_cable = tension > TAUT * tension.max()
+    tension *= MAX_CABLE_TENSION / tension.max()
+    stiffness = np.where(is_cable, EA_CABLE, EA_BAR) * 2.0 ** rng.uniform(-1.0, 1.0, len(links)) / length
+
+    force = rng.normal(scale=0.3, size=x.shape) - [0.0, 0.0, 1.0]
+    force = np.where(fixed, 0.0, force / np.linalg.norm(force, axis=1)[:, None])
+    if load is None:
+        load = balance.load_for_slack(force, stiffness, tension, is_cable, slack)
+    return Scene(
+        name="network",
+        nodes=x,
+        links=links,
+        law=np.where(is_cable, Law.CABLE, Law.BAR),
+        stiffness=stiffness,
+        prestrain=tension / stiffness,
+        fixed=fixed,
+        load=load * force,
+        metadata={
+            "seed": int(seed),
+            "neighbours": int(neighbours),
+            "supports": int(supports),
+            "partition": "metis",
+            "subdomains": subdomains,
+            "slack_target": float(slack),
+            "load_per_node": float(load),
+        },
+    )
+
+
+class Balance:
+    """B and B^t of a structure as index sums, and what is solved with them by conjugate gradients."""
+
+    def __init__(self, direction, links, fixed):
+        self.direction, self.links, self.free = direction, links, ~fixed
+
+    def elongations(self, u):
+        """e = B U."""
+        return np.sum(self.direction * (u[self.links[:, 1]] - u[self.links[:, 0]]), axis=1)
+
+    def forces(self, tension):
+        """F = B^t tau on the free dofs, zero elsewhere."""
+        n, pull = len(self.free), tension[:, None] * self.direction
+        columns = [
+            np.bincount(self.links[:, 1], pull[:, c], n) - np.bincount(self.links[:, 0], pull[:, c], n)
+            for c in range(pull.shape[1])
+        ]
+        return np.where(self.free, np.column_stack(columns), 0.0)
+
+    def displacements(self, force, stiffness, rtol=1e-14, max_it=20000):
+        """Solve B^t k B U = F; preconditioned by the diagonal."""
+        n, square = len(self.free), stiffness[:, None] * self.direction**2
+        diagonal = np.column_stack(
+            [np.bincount(self.links.ravel(), np.repeat(square[:, c], 2), n) for c in range(square.shape[1])]
+        )
+        inverse = np.where(self.free & (diagonal > 0.0), 1.0 / np.where(diagonal > 0.0, diagonal, 1.0), 0.0)
+        u, r = np.zeros_like(force), force.copy()
+        p = z = inverse * r
+        rho = start = np.sum(r * z)
+        for _ in range(max_it):
+            if rho <= rtol**2 * start:
+                break
+            q = self.forces(stiffness * self.elongations(p))
+            step = rho / np.sum(p * q)
+            u, r = u + step * p, r - step * q
+            z = inverse * r
+            rho, old = np.sum(r * z), rho
+            p = z + rho / old * p
+        return u
+
+    def self_stress(self, wanted):
+        """Project tensions on the kernel of B^t; the second pass removes the rounding of the first."""
+        ones = np.ones(len(wanted))
+        for _ in range(2):
+            wanted = wanted - self.elongations(self.displacements(self.forces(wanted), ones))
+        return wanted
+
+    def load_for_slack(self, force, stiffness, tension, is_cable, slack):
+        """Return the factor of `force` at which that share of the cables would slacken in the linear structure."""
+        change = stiffness * self.elongations(self.displacements(force, stiffness, rtol=1e-12))
+        slackening = np.where(change < 0.0, tension / np.where(change < 0.0, -change, 1.0), np.inf)[is_cable]
+        found = np.quantile(slackening, slack, method="lower")
+        if not np.isfinite(found):
+            raise ValueError(f"this load never slackens {100 * slack:g} % of the cables: give load, the force per node")
+        return float(found)
+
+
+def _points(count, rng):
+    """Jittered cubic lattice in a box about twice as long as it is high; also the layer of each point."""
+    side = (count / 4.0) ** (1.0 / 3.0)  # a box of 2 x 2 x 1 sides
+    nz = max(2, round(side))
+    ny = max(3, round((count / nz) ** 0.5))
+    nx = max(3, round(count / (ny * nz)))
+    z, y, x = (axis.ravel() for axis in np.meshgrid(*map(np.arange, (nz, ny, nx)), indexing="ij"))
+    points = np.column_stack([x, y, z]) + rng.uniform(-JITTER, JITTER, (len(x), 3))
+    return points * SPACING, z
+
+
+def _nearest(x, neighbours):
+    """Pairs of nodes of which one is among the nearest neighbours of the other; cells keep it linear in n."""
+    cell = np.floor(x / (1.5 * SPACING)).astype(np.int64)
+    cell -= cell.min(axis=0)
+    shape = cell.max(axis=0) + 3  # a border of empty cells, so that no neighbour cell wraps round
+    key = np.ravel_multi_index((cell + 1).T, shape)
+    order = np.argsort(key, kind="stable")
+    first = np.searchsorted(key[order], np.arange(np.prod(shape) + 1))
+    room = int(np.diff(first).max())
+    steps = np.array([np.ravel_multi_index(s, shape) for s in np.ndindex(3, 3, 3)])
+    steps -= steps[13]  # the middle of the 27
+    at = first[key[:, None] + steps][:, :, None] + np.arange(room)
+    found = at < first[key[:, None] + steps + 1][:, :, None]
+    candidates = np.where(found, order[np.minimum(at, len(x) - 1)], -1).reshape(len(x), -1)
+    distance = np.sum((x[candidates] - x[:, None]) ** 2, axis=2)
+    distance[(candidates < 0) | (candidates == np.arange(len(x))[:, None])] = np.inf
+    near = np.argsort(distance, axis=1, kind="stable")[:, :neighbours]
+    rows = np.arange(len(x))[:, None]
+    real = np.isfinite(distance[rows, near])
+    pairs = np.column_stack([np.broadcast_to(rows, near.shape)[real], candidates[rows, near][real]])
+    return np.unique(np.sort(pairs, axis=1), axis=0)

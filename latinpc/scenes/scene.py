@@ -1,0 +1,149 @@
+"""What a scene is: a structure of links as numpy arrays, in SI units."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import IntEnum
+
+import numpy as np
+
+
+class Law(IntEnum):
+    """Constitutive law of a link, eqs. (2) to (5); numbers are those of ``LatinLawType``."""
+
+    BAR = 0  #: tau = k (e + e0)
+    CABLE = 1  #: tau = k max(e + e0, 0)
+    STRUT = 2  #: tau = k min(e + e0, 0)
+
+
+@dataclass(repr=False)
+class Scene:
+    """A structure, its supports and its loads.
+
+    Parameters
+    ----------
+    name : str
+        Name in the registry.
+    nodes : (n, dim) array of float
+        Coordinates (m), dim = 1, 2 or 3.
+    links : (m, 2) array of int
+        The two nodes of each link, counted from 0.
+    law : (m,) array of int
+        A `Law` per link.
+    stiffness : (m,) array of float
+        k (N/m), positive.
+    prestrain : (m,) array of float, optional
+        e0 (m); the self-stress is k e0. Zero by default.
+    fixed : (n, dim) array of bool, optional
+        Components whose displacement is prescribed. None by default.
+    prescribed : (n, dim) array of float, optional
+        Their displacement (m), zero where free. Zero by default.
+    load : (n, dim) array of float, optional
+        External nodal forces (N). Zero by default.
+    subdomain : (m,) array of int or None
+        A subdomain per link, counted from 0 without gaps; None leaves the choice to the solver.
+    metadata : dict
+        What the generator was asked for and chose; fit for JSON.
+
+    Raises
+    ------
+    ValueError
+        When the arrays do not describe a structure; the message names the first culprit.
+    """
+
+    name: str
+    nodes: np.ndarray
+    links: np.ndarray
+    law: np.ndarray
+    stiffness: np.ndarray
+    prestrain: np.ndarray | None = None
+    fixed: np.ndarray | None = None
+    prescribed: np.ndarray | None = None
+    load: np.ndarray | None = None
+    subdomain: np.ndarray | None = None
+    metadata: dict = field(default_factory=dict)
+
+    def __post_init__(self):
+        self.nodes = np.ascontiguousarray(self.nodes, dtype=np.float64)
+        if self.nodes.ndim != 2 or self.nodes.shape[1] not in (1, 2, 3):
+            raise ValueError(f"nodes must be an (n, 1), (n, 2) or (n, 3) array, not {self.nodes.shape}")
+        self.links = _integers("links", self.links)
+        if self.links.ndim != 2 or self.links.shape[1] != 2:
+            raise ValueError(f"links must be an (m, 2) array of node numbers, not {self.links.shape}")
+        n, m = self.nodes.shape, (len(self.links),)
+        self.law = _shaped("law", _integers("law", self.law), m)
+        self.stiffness = _shaped("stiffness", self.stiffness, m, np.float64)
+        self.prestrain = _shaped("prestrain", np.zeros(m) if self.prestrain is None else self.prestrain, m, float)
+        self.fixed = _shaped("fixed", np.zeros(n, bool) if self.fixed is None else self.fixed, n, bool)
+        given = np.zeros(n) if self.prescribed is None else self.prescribed
+        self.prescribed = _shaped("prescribed", given, n, np.float64)
+        self.load = _shaped("load", np.zeros(n) if self.load is None else self.load, n, np.float64)
+        if self.subdomain is not None:
+            self.subdomain = _shaped("subdomain", _integers("subdomain", self.subdomain), m)
+        self.validate()
+
+    def validate(self) -> None:
+        """Check the values; see the class for what is raised."""
+        for name in ("nodes", "stiffness", "prestrain", "prescribed", "load"):
+            _refuse(~np.isfinite(getattr(self, name)), name, "is not a finite number")
+        _refuse((self.links < 0) | (self.links >= len(self.nodes)), "links", "names a node that does not exist")
+        _refuse(self.links[:, 0] == self.links[:, 1], "links", "joins a node to itself")
+        _refuse(self.lengths == 0.0, "links", "joins two nodes at the same place")
+        _refuse(~np.isin(self.law, list(Law)), "law", f"is none of {[f'{law.name}={law.value}' for law in Law]}")
+        _refuse(self.stiffness <= 0.0, "stiffness", "is not positive")
+        _refuse((self.prescribed != 0.0) & ~self.fixed, "prescribed", "is not zero where the node is free")
+        if self.subdomain is not None and len(self.links):
+            _refuse(self.subdomain < 0, "subdomain", "is negative")
+            empty = np.flatnonzero(np.bincount(self.subdomain) == 0)
+            if empty.size:
+                raise ValueError(f"subdomain {empty[0]} has no link: number the subdomains without gaps")
+
+    @property
+    def dim(self) -> int:
+        """Number of displacement components per node."""
+        return self.nodes.shape[1]
+
+    @property
+    def lengths(self) -> np.ndarray:
+        """Length of each link (m)."""
+        return np.linalg.norm(self.nodes[self.links[:, 1]] - self.nodes[self.links[:, 0]], axis=1)
+
+    @property
+    def directions(self) -> np.ndarray:
+        """Unit vector of each link, from its first node to its second."""
+        return (self.nodes[self.links[:, 1]] - self.nodes[self.links[:, 0]]) / self.lengths[:, None]
+
+    @property
+    def n_subdomains(self) -> int | None:
+        """Number of subdomains of the given partition, None without one."""
+        return None if self.subdomain is None else int(self.subdomain.max()) + 1
+
+    def __repr__(self) -> str:
+        laws = ", ".join(f"{np.count_nonzero(self.law == law)} {law.name.lower()}s" for law in Law if law in self.law)
+        parts = "no given partition" if self.subdomain is None else f"{self.n_subdomains} subdomains"
+        return (
+            f"Scene({self.name!r}: {len(self.nodes)} nodes in {self.dim}D, {laws}, "
+            f"{np.count_nonzero(~self.fixed)} free dofs, {parts})"
+        )
+
+
+def _integers(name, values):
+    """Return `values` as int64, refusing fractions rather than truncating them."""
+    values = np.asarray(values)
+    if values.dtype.kind not in "iub" and not np.all(values == np.floor(values)):
+        raise ValueError(f"{name} must hold whole numbers")
+    return np.ascontiguousarray(values, dtype=np.int64)
+
+
+def _shaped(name, values, shape, dtype=None):
+    values = np.ascontiguousarray(values, dtype=dtype)
+    if values.shape != tuple(shape):
+        raise ValueError(f"{name} must have the shape {tuple(shape)}, not {values.shape}")
+    return values
+
+
+def _refuse(wrong, name, why):
+    """Raise for the first true entry of `wrong`."""
+    if np.any(wrong):
+        where = tuple(int(i) for i in np.argwhere(wrong)[0])
+        raise ValueError(f"{name}[{', '.join(map(str, where))}] {why}")

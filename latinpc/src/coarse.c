@@ -1,0 +1,225 @@
+#include "latinimpl.h"
+
+/*
+   The coarse problem (30), (52): continuity of the macro displacements and of the primal nodes, balance of the
+   corresponding forces. Its unknowns are numbered by the rank that builds a macro basis, or that has the lowest
+   subdomain of a primal component.
+*/
+
+/* Numbers of the primal displacements: the lowest subdomain of a component gives them, the exchange table carries them */
+static PetscErrorCode LatinCoarseNumberPrimal_Private(Latin latin, PetscInt table[])
+{
+  LatinSubstructure *sub   = &latin->sub;
+  LatinInterfaces   *inter = &latin->inter;
+  const PetscInt     dim   = latin->links->dim;
+
+  PetscFunctionBegin;
+  latin->coarse.primal_local = 0;
+  for (PetscInt i = 0; i < sub->copies; i++) {
+    const PetscInt p = inter->position[i], m = inter->share_offset[i + 1] - inter->share_offset[i];
+
+    if (inter->component[i] < 0 || inter->component[i] != p) continue;
+    table[inter->table_offset[i] + p * m + p] = 1 + latin->coarse.primal_local;
+    for (PetscInt c = 0; c < dim; c++) latin->coarse.primal_local += sub->fixed[dim * i + c] ? 0 : 1;
+  }
+  PetscCall(LatinInterfaceExchange_Private(latin, table));
+  PetscFunctionReturn(0);
+}
+
+/* The coarse dofs of each subdomain here and their global numbers */
+PetscErrorCode LatinCoarseNumber(Latin latin)
+{
+  LatinSubstructure *sub    = &latin->sub;
+  LatinInterfaces   *inter  = &latin->inter;
+  LatinLinear       *linear = &latin->linear;
+  LatinCoarse       *coarse = &latin->coarse;
+  MPI_Comm           comm   = PetscObjectComm((PetscObject)latin);
+  const PetscInt     dim    = latin->links->dim;
+  PetscInt          *table, count = 0, primal = 0, mine[2];
+  PetscMPIInt        size;
+  PetscLayout        map;
+
+  PetscFunctionBegin;
+  PetscCallMPI(MPI_Comm_size(comm, &size));
+  PetscCall(PetscCalloc1(inter->table_offset[sub->copies], &table));
+  PetscCall(LatinCoarseNumberPrimal_Private(latin, table));
+  PetscCall(PetscMalloc1(size + 1, &coarse->rank_start));
+  mine[0] = coarse->macro_local + coarse->primal_local;
+  PetscCallMPI(MPI_Allgather(mine, 1, MPIU_INT, coarse->rank_start + 1, 1, MPIU_INT, comm));
+  coarse->rank_start[0] = 0;
+  for (PetscMPIInt r = 0; r < size; r++) coarse->rank_start[r + 1] += coarse->rank_start[r];
+  coarse->primal_global = coarse->rank_start[size] - coarse->macro_global;
+  /* primal numbers follow the macro ones of the same rank: every rank must know how many those are */
+  {
+    PetscInt *macros;
+
+    PetscCall(PetscMalloc1(size, &macros));
+    PetscCallMPI(MPI_Allgather(&coarse->macro_local, 1, MPIU_INT, macros, 1, MPIU_INT, comm));
+
+    PetscCall(PetscMalloc1(sub->n + 1, &linear->primal_offset));
+    PetscCall(PetscMalloc1(dim * sub->copies, &linear->primal_index));
+    PetscCall(PetscMalloc1(sub->n + 1, &coarse->offset));
+    PetscCall(PetscMalloc1(sub->n, &coarse->macro_count));
+    for (PetscInt i = 0; i < dim * sub->copies; i++) {
+      linear->primal_index[i] = inter->component[i / dim] >= 0 && !sub->fixed[i] ? 0 : -1;
+      if (!linear->primal_index[i]) primal++;
+    }
+    for (PetscInt f = 0; f < inter->count; f++) count += inter->interface[f].modes;
+    PetscCall(PetscMalloc1(primal, &linear->primal_dof));
+    PetscCall(PetscMalloc3(count + primal, &coarse->global, count + primal, &coarse->q, count + primal, &coarse->u));
+    count           = 0;
+    primal          = 0;
+    linear->widest  = 0;
+    for (PetscInt s = 0; s < sub->n; s++) {
+      coarse->offset[s]        = count;
+      linear->primal_offset[s] = primal;
+      for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++) {
+        LatinInterface   *face  = &inter->interface[f];
+        const PetscMPIInt owner = LatinSubdomainRank(sub, size, PetscMin(sub->first + s, face->neighbour));
+
+        face->local_first = count;
+        for (PetscInt k = 0; k < face->modes; k++) coarse->global[count++] = coarse->rank_start[owner] + face->coarse_first + k;
+      }
+      coarse->macro_count[s] = count - coarse->offset[s];
+      for (PetscInt i = sub->node_offset[s]; i < sub->node_offset[s + 1]; i++) {
+        const PetscInt    m = inter->share_offset[i + 1] - inter->share_offset[i], leader = inter->component[i];
+        PetscInt          next;
+        PetscMPIInt       owner;
+
+        if (leader < 0) continue;
+        owner = LatinSubdomainRank(sub, size, inter->share_list[inter->share_offset[i] + leader]);
+        next  = coarse->rank_start[owner] + macros[owner] + table[inter->table_offset[i] + leader * m + leader] - 1;
+        for (PetscInt c = 0; c < dim; c++) {
+          if (sub->fixed[dim * i + c]) continue;
+          linear->primal_index[dim * i + c] = primal - linear->primal_offset[s];
+          linear->primal_dof[primal++]      = dim * i + c;
+          coarse->global[count++]           = next++;
+        }
+      }
+      linear->widest = PetscMax(linear->widest, count - coarse->offset[s]);
+    }
+    coarse->offset[sub->n]        = count;
+    linear->primal_offset[sub->n] = primal;
+    PetscCall(PetscFree(macros));
+  }
+  PetscCall(PetscFree(table));
+  PetscCall(PetscLayoutCreateFromSizes(comm, mine[0], PETSC_DETERMINE, 1, &map));
+  PetscCall(PetscSFCreate(comm, &coarse->sf));
+  PetscCall(PetscSFSetGraphLayout(coarse->sf, map, count, NULL, PETSC_COPY_VALUES, coarse->global));
+  PetscCall(PetscSFSetUp(coarse->sf));
+  PetscCall(PetscLayoutDestroy(&map));
+  PetscFunctionReturn(0);
+}
+
+/* Assembles sum_E c_E^t H_E c_E; a row has at most as many entries as the subdomains of its dof have coarse dofs */
+static PetscErrorCode LatinCoarseAssemble_Private(Latin latin)
+{
+  LatinSubstructure *sub    = &latin->sub;
+  LatinCoarse       *coarse = &latin->coarse;
+  MPI_Comm           comm   = PetscObjectComm((PetscObject)latin);
+  const PetscInt     n      = coarse->macro_local + coarse->primal_local;
+  PetscInt          *width, *bound, *outside, all;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMalloc3(coarse->offset[sub->n], &width, n, &bound, n, &outside));
+  PetscCall(PetscArrayzero(bound, n));
+  for (PetscInt s = 0; s < sub->n; s++)
+    for (PetscInt i = coarse->offset[s]; i < coarse->offset[s + 1]; i++) width[i] = coarse->offset[s + 1] - coarse->offset[s];
+  PetscCall(PetscSFReduceBegin(coarse->sf, MPIU_INT, width, bound, MPI_SUM));
+  PetscCall(PetscSFReduceEnd(coarse->sf, MPIU_INT, width, bound, MPI_SUM));
+  all = coarse->macro_global + coarse->primal_global;
+  for (PetscInt i = 0; i < n; i++) {
+    outside[i] = PetscMin(bound[i], all - n);
+    bound[i]   = PetscMin(bound[i], n);
+  }
+  PetscCall(MatCreate(comm, &coarse->A));
+  PetscCall(MatSetSizes(coarse->A, n, n, all, all));
+  PetscCall(MatSetType(coarse->A, MATAIJ));
+  PetscCall(MatSeqAIJSetPreallocation(coarse->A, 0, bound));
+  PetscCall(MatMPIAIJSetPreallocation(coarse->A, 0, bound, 0, outside));
+  PetscCall(MatSetOption(coarse->A, MAT_ROW_ORIENTED, PETSC_FALSE));
+  PetscCall(PetscFree3(width, bound, outside));
+  for (PetscInt s = 0; s < sub->n; s++) {
+    const PetscInt  m   = coarse->offset[s + 1] - coarse->offset[s];
+    const PetscInt *row = coarse->global + coarse->offset[s];
+
+    PetscCall(MatSetValues(coarse->A, m, row, m, row, latin->linear.H + latin->linear.h_offset[s], ADD_VALUES));
+  }
+  PetscCall(MatAssemblyBegin(coarse->A, MAT_FINAL_ASSEMBLY));
+  PetscCall(MatAssemblyEnd(coarse->A, MAT_FINAL_ASSEMBLY));
+  PetscCall(MatSetOption(coarse->A, MAT_SYMMETRIC, PETSC_TRUE));
+  PetscCall(MatSetOption(coarse->A, MAT_SPD, PETSC_TRUE));
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode LatinCoarseSetUp(Latin latin)
+{
+  LatinCoarse   *coarse = &latin->coarse;
+  MPI_Comm       comm   = PetscObjectComm((PetscObject)latin);
+  const char    *prefix;
+  PC             pc;
+
+  PetscFunctionBegin;
+  if (!coarse->macro_global && !coarse->primal_global) PetscFunctionReturn(0); /* no interface: one subdomain, or disconnected ones */
+  PetscCall(PetscLogEventBegin(LATIN_Coarse, latin, 0, 0, 0));
+  PetscCall(LatinCoarseAssemble_Private(latin));
+  PetscCall(MatCreateVecs(coarse->A, &coarse->sol, &coarse->rhs));
+  if (!coarse->ksp) {
+    PetscCall(KSPCreate(comm, &coarse->ksp));
+    PetscCall(PetscObjectIncrementTabLevel((PetscObject)coarse->ksp, (PetscObject)latin, 1));
+    PetscCall(PetscObjectSetOptions((PetscObject)coarse->ksp, ((PetscObject)latin)->options));
+    PetscCall(PetscObjectGetOptionsPrefix((PetscObject)latin, &prefix));
+    PetscCall(KSPSetOptionsPrefix(coarse->ksp, prefix));
+    PetscCall(KSPAppendOptionsPrefix(coarse->ksp, "coarse_"));
+    PetscCall(KSPSetType(coarse->ksp, KSPPREONLY));
+    PetscCall(KSPGetPC(coarse->ksp, &pc));
+    PetscCall(LatinDirectSolver_Private(pc, coarse->A, MATSOLVERMUMPS));
+    PetscCall(KSPSetOperators(coarse->ksp, coarse->A, coarse->A));
+    PetscCall(KSPSetFromOptions(coarse->ksp));
+  } else PetscCall(KSPSetOperators(coarse->ksp, coarse->A, coarse->A));
+  PetscCall(LatinFactor_Private(latin, coarse->ksp, coarse->A, PETSC_TRUE));
+  PetscCall(PetscLogEventEnd(LATIN_Coarse, latin, 0, 0, 0));
+  PetscFunctionReturn(0);
+}
+
+/* From the condensed forces q of the subdomains to the coarse displacements u */
+PetscErrorCode LatinCoarseSolve(Latin latin)
+{
+  LatinCoarse       *coarse = &latin->coarse;
+  PetscScalar       *b;
+  const PetscScalar *x;
+
+  PetscFunctionBegin;
+  if (!coarse->A) PetscFunctionReturn(0);
+  PetscCall(PetscLogEventBegin(LATIN_Coarse, latin, 0, 0, 0));
+  PetscCall(VecZeroEntries(coarse->rhs));
+  PetscCall(VecGetArray(coarse->rhs, &b));
+  PetscCall(PetscSFReduceBegin(coarse->sf, MPIU_SCALAR, coarse->q, b, MPI_SUM));
+  PetscCall(PetscSFReduceEnd(coarse->sf, MPIU_SCALAR, coarse->q, b, MPI_SUM));
+  PetscCall(VecRestoreArray(coarse->rhs, &b));
+  PetscCall(KSPSolve(coarse->ksp, coarse->rhs, coarse->sol));
+  PetscCall(VecGetArrayRead(coarse->sol, &x));
+  PetscCall(PetscSFBcastBegin(coarse->sf, MPIU_SCALAR, x, coarse->u, MPI_REPLACE));
+  PetscCall(PetscSFBcastEnd(coarse->sf, MPIU_SCALAR, x, coarse->u, MPI_REPLACE));
+  PetscCall(VecRestoreArrayRead(coarse->sol, &x));
+  PetscCall(PetscLogEventEnd(LATIN_Coarse, latin, 0, 0, 0));
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode LatinCoarseReset(Latin latin)
+{
+  LatinCoarse *coarse = &latin->coarse;
+
+  PetscFunctionBegin;
+  PetscCall(KSPDestroy(&coarse->ksp));
+  PetscCall(MatDestroy(&coarse->A));
+  PetscCall(VecDestroy(&coarse->rhs));
+  PetscCall(VecDestroy(&coarse->sol));
+  PetscCall(PetscSFDestroy(&coarse->sf));
+  PetscCall(PetscFree(coarse->rank_start));
+  PetscCall(PetscFree(coarse->offset));
+  PetscCall(PetscFree(coarse->macro_count));
+  PetscCall(PetscFree3(coarse->global, coarse->q, coarse->u));
+  PetscCall(PetscMemzero(coarse, sizeof(*coarse)));
+  PetscFunctionReturn(0);
+}

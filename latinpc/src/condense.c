@@ -1,0 +1,186 @@
+#include "latinimpl.h"
+
+/*
+   Condensation of the subdomains on their coarse dofs, (45)-(51). With r the dofs that are not primal, C the primal
+   ones, A the macro functionals (rows (d R)^t, so that A U is the macro displacement):
+
+     V_m = K_rr^-1 A_r^t,  V_C = K_rr^-1 K_rC,  T = A_r V_m,  N = A_C - A_r V_C,
+     H   = [ T^-1 - 1        -T^-1 N                        ]
+           [ -N^t T^-1       K_CC - K_Cr V_C + N^t T^-1 N   ]
+     Phi = [ V_m T^-1        -V_C - V_m T^-1 N              ]
+
+   The springs of the macro displacement are in K but not in the method (the micro part alone has a search direction):
+   with R^t d R = 1 their energy is |A U|^2 / 2, whence the identity taken from T^-1, as in (29).
+*/
+
+#define LATIN_CONDENSE_COLUMNS 16 /* right-hand sides solved together: bounds the work space to that many copies of U */
+
+/* Columns first..last of [A_r^t, K_rC] for all subdomains at once: K is block diagonal */
+static PetscErrorCode LatinCondenseColumns_Private(Latin latin, PetscInt first, PetscInt last, PetscScalar b[])
+{
+  LatinSubstructure *sub    = &latin->sub;
+  LatinInterfaces   *inter  = &latin->inter;
+  LatinLinear       *linear = &latin->linear;
+  const size_t       n      = (size_t)(latin->links->dim * sub->copies);
+
+  PetscFunctionBegin;
+  PetscCall(PetscMemzero(b, n * (size_t)(last - first) * sizeof(*b)));
+  for (PetscInt s = 0; s < sub->n; s++) {
+    const PetscInt macros = latin->coarse.macro_count[s];
+
+    for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++) {
+      const LatinInterface *face = &inter->interface[f];
+      const PetscInt        at   = face->local_first - latin->coarse.offset[s];
+
+      for (PetscInt j = PetscMax(first, at); j < PetscMin(last, at + face->modes); j++)
+        for (PetscInt k = face->side_first; k < face->side_last; k++)
+          if (linear->primal_index[inter->side_dof[k]] < 0) b[(size_t)inter->side_dof[k] + n * (size_t)(j - first)] += latin->macro.d[k] * latin->macro.basis[k * LATIN_MAX_MODES + j - at];
+    }
+    for (PetscInt p = linear->rc_offset[s]; p < linear->rc_offset[s + 1]; p++) {
+      const PetscInt j = macros + linear->rc_col[p];
+
+      if (j >= first && j < last) b[(size_t)linear->rc_row[p] + n * (size_t)(j - first)] += linear->rc_value[p];
+    }
+  }
+  PetscFunctionReturn(0);
+}
+
+/* Phi first holds [V_m, V_C] */
+static PetscErrorCode LatinCondenseSolve_Private(Latin latin)
+{
+  LatinSubstructure *sub    = &latin->sub;
+  LatinLinear       *linear = &latin->linear;
+  const PetscInt     dim = latin->links->dim, n = dim * sub->copies;
+
+  PetscFunctionBegin;
+  for (PetscInt first = 0; first < linear->widest; first += LATIN_CONDENSE_COLUMNS) {
+    const PetscInt     last = PetscMin(first + LATIN_CONDENSE_COLUMNS, linear->widest);
+    Mat                B, X;
+    PetscScalar       *b;
+    const PetscScalar *x;
+
+    PetscCall(MatCreateSeqDense(PETSC_COMM_SELF, n, last - first, NULL, &B));
+    PetscCall(MatCreateSeqDense(PETSC_COMM_SELF, n, last - first, NULL, &X));
+    PetscCall(MatDenseGetArrayWrite(B, &b));
+    PetscCall(LatinCondenseColumns_Private(latin, first, last, b));
+    PetscCall(MatDenseRestoreArrayWrite(B, &b));
+    PetscCall(MatAssemblyBegin(B, MAT_FINAL_ASSEMBLY));
+    PetscCall(MatAssemblyEnd(B, MAT_FINAL_ASSEMBLY));
+    PetscCall(MatAssemblyBegin(X, MAT_FINAL_ASSEMBLY));
+    PetscCall(MatAssemblyEnd(X, MAT_FINAL_ASSEMBLY));
+    PetscCall(KSPMatSolve(linear->ksp, B, X));
+    PetscCall(MatDenseGetArrayRead(X, &x));
+    for (PetscInt s = 0; s < sub->n; s++) {
+      const size_t rows = (size_t)(dim * (sub->node_offset[s + 1] - sub->node_offset[s])), top = (size_t)(dim * sub->node_offset[s]);
+
+      for (PetscInt j = first; j < PetscMin(last, latin->coarse.offset[s + 1] - latin->coarse.offset[s]); j++) PetscCall(PetscMemcpy(linear->Phi + linear->phi_offset[s] + rows * (size_t)j, x + top + (size_t)n * (size_t)(j - first), rows * sizeof(*x)));
+    }
+    PetscCall(MatDenseRestoreArrayRead(X, &x));
+    PetscCall(MatDestroy(&B));
+    PetscCall(MatDestroy(&X));
+  }
+  PetscFunctionReturn(0);
+}
+
+/* T (macros x macros) and N (macros x primals) of one subdomain, from [V_m, V_C] in phi */
+static void LatinCondenseMacro_Private(Latin latin, PetscInt s, const PetscScalar phi[], PetscScalar T[], PetscScalar N[])
+{
+  LatinInterfaces *inter  = &latin->inter;
+  LatinLinear     *linear = &latin->linear;
+  const PetscInt   dim = latin->links->dim, top = dim * latin->sub.node_offset[s];
+  const PetscInt   macros = latin->coarse.macro_count[s], columns = latin->coarse.offset[s + 1] - latin->coarse.offset[s];
+  const size_t     rows = (size_t)(dim * (latin->sub.node_offset[s + 1] - latin->sub.node_offset[s]));
+
+  for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++) {
+    const LatinInterface *face = &inter->interface[f];
+    const PetscInt        at   = face->local_first - latin->coarse.offset[s];
+
+    for (PetscInt k = face->side_first; k < face->side_last; k++) {
+      const PetscInt   dof = inter->side_dof[k], primal = linear->primal_index[dof];
+      const PetscReal *row = latin->macro.basis + k * LATIN_MAX_MODES, d = latin->macro.d[k];
+
+      for (PetscInt i = 0; i < face->modes; i++) {
+        if (primal >= 0) {
+          N[at + i + macros * primal] += d * row[i];
+          continue;
+        }
+        for (PetscInt j = 0; j < macros; j++) T[at + i + macros * j] += d * row[i] * phi[(size_t)(dof - top) + rows * (size_t)j];
+        for (PetscInt j = macros; j < columns; j++) N[at + i + macros * (j - macros)] -= d * row[i] * phi[(size_t)(dof - top) + rows * (size_t)j];
+      }
+    }
+  }
+}
+
+/* H and Phi of one subdomain; K_CC stands in H already */
+static PetscErrorCode LatinCondenseSubdomain_Private(Latin latin, PetscInt s, PetscScalar T[], PetscScalar N[], PetscScalar TN[], PetscScalar work[], PetscBool *singular)
+{
+  LatinLinear      *linear = &latin->linear;
+  const PetscInt    dim = latin->links->dim, top = dim * latin->sub.node_offset[s], m = latin->coarse.offset[s + 1] - latin->coarse.offset[s];
+  const PetscInt    macros = latin->coarse.macro_count[s], primals = m - macros;
+  PetscScalar      *H = linear->H + linear->h_offset[s], *phi = linear->Phi + linear->phi_offset[s];
+  const PetscScalar one = 1.0, zero = 0.0, minus = -1.0;
+  PetscBLASInt      bm, bp, bl, br, info = 0;
+  size_t            rows;
+
+  PetscFunctionBegin;
+  PetscCall(PetscBLASIntCast(macros, &bm));
+  PetscCall(PetscBLASIntCast(primals, &bp));
+  PetscCall(PetscBLASIntCast(m, &bl));
+  PetscCall(PetscBLASIntCast(dim * (latin->sub.node_offset[s + 1] - latin->sub.node_offset[s]), &br));
+  rows = (size_t)br;
+  PetscCall(PetscArrayzero(T, macros * macros));
+  PetscCall(PetscArrayzero(N, macros * primals));
+  LatinCondenseMacro_Private(latin, s, phi, T, N);
+  /* - K_Cr V_C */
+  for (PetscInt p = linear->rc_offset[s]; p < linear->rc_offset[s + 1]; p++)
+    for (PetscInt j = 0; j < primals; j++) H[macros + linear->rc_col[p] + m * (macros + j)] -= linear->rc_value[p] * phi[(size_t)(linear->rc_row[p] - top) + rows * (size_t)(macros + j)];
+  for (size_t i = rows * (size_t)macros; i < rows * (size_t)m; i++) phi[i] = -phi[i];
+  if (macros) {
+    PetscCallBLAS("LAPACKpotrf", LAPACKpotrf_("L", &bm, T, &bm, &info));
+    *singular = (PetscBool)(info != 0);
+    if (info) PetscFunctionReturn(0);
+    PetscCallBLAS("LAPACKpotri", LAPACKpotri_("L", &bm, T, &bm, &info));
+    for (PetscInt j = 0; j < macros; j++)
+      for (PetscInt i = 0; i < j; i++) T[i + macros * j] = T[j + macros * i];
+    for (PetscInt j = 0; j < macros; j++)
+      for (PetscInt i = 0; i < macros; i++) H[i + m * j] = T[i + macros * j] - (i == j ? 1.0 : 0.0);
+    if (primals) {
+      PetscCallBLAS("BLASgemm", BLASgemm_("N", "N", &bm, &bp, &bm, &one, T, &bm, N, &bm, &zero, TN, &bm));
+      for (PetscInt j = 0; j < primals; j++)
+        for (PetscInt i = 0; i < macros; i++) H[i + m * (macros + j)] = H[macros + j + m * i] = -TN[i + macros * j];
+      PetscCallBLAS("BLASgemm", BLASgemm_("T", "N", &bp, &bp, &bm, &one, N, &bm, TN, &bm, &one, H + macros + m * macros, &bl));
+      PetscCallBLAS("BLASgemm", BLASgemm_("N", "N", &br, &bp, &bm, &minus, phi, &br, TN, &bm, &one, phi + rows * (size_t)macros, &br));
+    }
+    PetscCallBLAS("BLASgemm", BLASgemm_("N", "N", &br, &bm, &bm, &one, phi, &br, T, &bm, &zero, work, &br));
+    PetscCall(PetscArraycpy(phi, work, rows * (size_t)macros));
+  }
+  /* symmetric to the bit, whatever the rounding above */
+  for (PetscInt j = 0; j < m; j++)
+    for (PetscInt i = 0; i < j; i++) H[i + m * j] = H[j + m * i] = 0.5 * (H[i + m * j] + H[j + m * i]);
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode LatinCondenseSetUp(Latin latin)
+{
+  LatinSubstructure *sub    = &latin->sub;
+  LatinLinear       *linear = &latin->linear;
+  const PetscInt     w      = linear->widest;
+  PetscInt           rows = 0, bad = -1;
+  PetscScalar       *T, *N, *TN, *work;
+
+  PetscFunctionBegin;
+  PetscCall(PetscLogEventBegin(LATIN_Condense, latin, 0, 0, 0));
+  PetscCall(LatinCondenseSolve_Private(latin));
+  for (PetscInt s = 0; s < sub->n; s++) rows = PetscMax(rows, latin->links->dim * (sub->node_offset[s + 1] - sub->node_offset[s]));
+  PetscCall(PetscMalloc4(w * w, &T, w * w, &N, w * w, &TN, rows * w, &work));
+  for (PetscInt s = 0; s < sub->n; s++) {
+    PetscBool singular = PETSC_FALSE;
+
+    PetscCall(LatinCondenseSubdomain_Private(latin, s, T, N, TN, work, &singular));
+    if (singular && bad < 0) bad = s;
+  }
+  PetscCall(PetscFree4(T, N, TN, work));
+  PetscCall(PetscLogEventEnd(LATIN_Condense, latin, 0, 0, 0));
+  LatinAgree(PetscObjectComm((PetscObject)latin), bad >= 0, PETSC_ERR_PLIB, "The macro constraints of subdomain %" PetscInt_FMT " are dependent to rounding; change the partition, or try variant none", sub->first + bad);
+  PetscFunctionReturn(0);
+}

@@ -1,0 +1,213 @@
+#include "latinimpl.h"
+
+/*
+   Direct solvers of the local and coarse problems, and what their failure means: a displacement that changes the
+   length of no link, a mechanism of the structure. A subdomain's matrix has springs on its interfaces and its primal
+   dofs held, so it is singular only when the structure has a mechanism inside that subdomain; the coarse matrix is
+   singular when the structure has one that reaches the interfaces.
+*/
+
+#define LATIN_MECHANISM 1e-14 /* stiffness of a displacement, relative to the diagonal, that only rounding makes nonzero */
+
+/* Cholesky with the preferred package; where PETSc lacks it, another one, with a notice */
+PetscErrorCode LatinDirectSolver_Private(PC pc, Mat A, MatSolverType preferred)
+{
+  const MatSolverType candidates[] = {preferred, MATSOLVERMUMPS, MATSOLVERCHOLMOD, MATSOLVERPETSC};
+  static PetscBool    told         = PETSC_FALSE;
+  PetscMPIInt         rank;
+  PetscBool           found = PETSC_FALSE;
+
+  PetscFunctionBegin;
+  PetscCallMPI(MPI_Comm_rank(PETSC_COMM_WORLD, &rank));
+  PetscCall(PCSetType(pc, PCCHOLESKY));
+  for (PetscInt i = 0; i < 4 && !found; i++) {
+    PetscCall(MatGetFactorAvailable(A, candidates[i], MAT_FACTOR_CHOLESKY, &found));
+    if (!found) continue;
+    PetscCall(PCFactorSetMatSolverType(pc, candidates[i]));
+    if (i && !told && !rank) {
+      PetscCall(PetscFPrintf(PETSC_COMM_SELF, PETSC_STDERR, "latin: this PETSc has no %s; using %s instead, which may be slower\n", preferred, candidates[i]));
+      told = PETSC_TRUE;
+    }
+  }
+  if (!found) { /* a parallel matrix and no parallel direct solver: every rank solves the whole */
+    PetscCall(PCSetType(pc, PCREDUNDANT));
+    if (!told && !rank) PetscCall(PetscFPrintf(PETSC_COMM_SELF, PETSC_STDERR, "latin: this PETSc has no parallel direct solver; every rank factors the whole coarse problem\n"));
+    told = PETSC_TRUE;
+  }
+  PetscFunctionReturn(0);
+}
+
+/*
+   Inverse iteration for the softest displacement of A relative to its diagonal, by solves with ksp.
+   Returns its relative stiffness and leaves the displacement in v. Collective on A.
+*/
+static PetscErrorCode LatinSoftest_Private(KSP ksp, Mat A, Vec v, PetscReal *stiffness)
+{
+  Vec          d, b;
+  PetscScalar *a, top, bottom;
+  PetscInt     n, start;
+
+  PetscFunctionBegin;
+  PetscCall(VecDuplicate(v, &d));
+  PetscCall(VecDuplicate(v, &b));
+  PetscCall(MatGetDiagonal(A, d));
+  PetscCall(VecGetLocalSize(v, &n));
+  PetscCall(VecGetOwnershipRange(v, &start, NULL));
+  PetscCall(VecGetArray(v, &a));
+  for (PetscInt i = 0; i < n; i++) a[i] = PetscSinReal(1.0 + 12.9898 * (PetscReal)((start + i) % 100003)); /* any vector without symmetry */
+  PetscCall(VecRestoreArray(v, &a));
+  /* in displacements whose unit of energy is that of the diagonal, so that units and contrast do not matter */
+  PetscCall(VecSqrtAbs(d));
+  PetscCall(VecPointwiseDivide(v, v, d));
+  PetscCall(VecPointwiseMult(d, d, d));
+  *stiffness = 1.0;
+  for (PetscInt k = 0; k < 3; k++) {
+    PetscCall(VecPointwiseMult(b, d, v));
+    PetscCall(VecDot(b, v, &top));
+    if (!(top > 0.0)) break;
+    PetscCall(VecScale(b, 1.0 / PetscSqrtReal(top)));
+    PetscCall(KSPSolve(ksp, b, v));
+    PetscCall(VecDot(b, v, &top));
+    PetscCall(VecPointwiseMult(b, d, v));
+    PetscCall(VecDot(b, v, &bottom));
+    *stiffness = bottom > 0.0 && !PetscIsInfOrNanScalar(bottom) ? top / bottom : 0.0;
+  }
+  PetscCall(VecDestroy(&d));
+  PetscCall(VecDestroy(&b));
+  PetscFunctionReturn(0);
+}
+
+/* Displacements of the copies for an eigenvector of the local or of the coarse matrix */
+static PetscErrorCode LatinMechanismField_Private(Latin latin, Vec v, PetscBool coarse, PetscReal field[])
+{
+  LatinSubstructure *sub = &latin->sub;
+  const PetscInt     dim = latin->links->dim;
+  const PetscScalar *a;
+
+  PetscFunctionBegin;
+  PetscCall(VecGetArrayRead(v, &a));
+  if (!coarse) PetscCall(PetscArraycpy(field, a, dim * sub->copies));
+  else {
+    PetscCall(PetscSFBcastBegin(latin->coarse.sf, MPIU_SCALAR, a, latin->coarse.u, MPI_REPLACE));
+    PetscCall(PetscSFBcastEnd(latin->coarse.sf, MPIU_SCALAR, a, latin->coarse.u, MPI_REPLACE));
+    for (PetscInt s = 0; s < sub->n; s++) {
+      const PetscInt   rows = dim * (sub->node_offset[s + 1] - sub->node_offset[s]), first = dim * sub->node_offset[s];
+      const PetscReal *u = latin->coarse.u + latin->coarse.offset[s], *phi = latin->linear.Phi + latin->linear.phi_offset[s];
+
+      for (PetscInt r = 0; r < rows; r++) {
+        const PetscInt primal = latin->linear.primal_index[first + r];
+
+        field[first + r] = primal >= 0 ? u[latin->coarse.macro_count[s] + primal] : 0.0;
+        for (PetscInt k = 0; k < latin->coarse.offset[s + 1] - latin->coarse.offset[s] && primal < 0; k++) field[first + r] += phi[r + (size_t)rows * (size_t)k] * u[k];
+      }
+    }
+  }
+  PetscCall(VecRestoreArrayRead(v, &a));
+  PetscFunctionReturn(0);
+}
+
+/* Ends in an error that names some of the nodes that a mechanism moves most; field may be NULL on ranks that have none */
+static PetscErrorCode LatinMechanismReport_Private(Latin latin, const PetscReal field[], PetscBool here)
+{
+  LatinSubstructure *sub = &latin->sub;
+  const PetscInt     dim = latin->links->dim;
+  PetscReal          largest = 0.0, all;
+  char               names[256] = "";
+  PetscInt           named = 0, last = -1;
+  size_t             used = 0;
+
+  PetscFunctionBegin;
+  for (PetscInt i = 0; here && i < dim * sub->copies; i++)
+    if (!sub->fixed[i] && !PetscIsInfOrNanReal(field[i])) largest = PetscMax(largest, PetscAbsReal(field[i]));
+  PetscCall(MPIU_Allreduce(&largest, &all, 1, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)latin)));
+  for (PetscInt i = 0; here && i < sub->copies && named < 8; i++) {
+    PetscReal size = 0.0;
+
+    for (PetscInt c = 0; c < dim; c++)
+      if (!sub->fixed[dim * i + c]) size = PetscMax(size, PetscAbsReal(field[dim * i + c]));
+    if (size < 0.5 * all || !(size > 0.0) || sub->node[i] == last) continue;
+    PetscCall(PetscSNPrintf(names + used, sizeof(names) - used, "%s%" PetscInt_FMT, named ? ", " : "", sub->node[i]));
+    PetscCall(PetscStrlen(names, &used));
+    last = sub->node[i];
+    named++;
+  }
+  LatinAgree(PetscObjectComm((PetscObject)latin), named > 0, PETSC_ERR_MAT_CH_ZRPVT, "The structure has a mechanism: it can move without any link changing its length. Nodes that move (counted from 0): %s%s. Prescribe displacements there or add links", names, named == 8 ? ", ..." : "");
+  SETERRQ(PetscObjectComm((PetscObject)latin), PETSC_ERR_MAT_CH_ZRPVT, "The structure has a mechanism: it can move without any link changing its length. Prescribe more displacements or add links");
+}
+
+/* A slightly stiffened copy of a matrix that could not be factored, to find the displacement that costs nothing */
+static PetscErrorCode LatinSoftestShifted_Private(Mat A, MatSolverType preferred, Vec v)
+{
+  Mat       shifted;
+  Vec       d;
+  KSP       ksp;
+  PC        pc;
+  PetscReal stiffness;
+
+  PetscFunctionBegin;
+  PetscCall(MatDuplicate(A, MAT_COPY_VALUES, &shifted));
+  PetscCall(VecDuplicate(v, &d));
+  PetscCall(MatGetDiagonal(A, d));
+  PetscCall(VecAbs(d));
+  PetscCall(VecScale(d, 1e-8));
+  PetscCall(MatDiagonalSet(shifted, d, ADD_VALUES));
+  PetscCall(KSPCreate(PetscObjectComm((PetscObject)A), &ksp));
+  PetscCall(KSPSetType(ksp, KSPPREONLY));
+  PetscCall(KSPGetPC(ksp, &pc));
+  PetscCall(LatinDirectSolver_Private(pc, shifted, preferred));
+  PetscCall(PCSetType(pc, PCLU)); /* the copy may still be indefinite by rounding */
+  PetscCall(KSPSetOperators(ksp, shifted, shifted));
+  PetscCall(LatinSoftest_Private(ksp, shifted, v, &stiffness));
+  PetscCall(KSPDestroy(&ksp));
+  PetscCall(VecDestroy(&d));
+  PetscCall(MatDestroy(&shifted));
+  PetscFunctionReturn(0);
+}
+
+/*
+   Factors A through its KSP. A mechanism, whether it stops the factorisation or only shows in the factor, ends in an
+   error on every rank that names nodes. Collective on latin, also for the local matrices, which each rank has alone.
+*/
+PetscErrorCode LatinFactor_Private(Latin latin, KSP ksp, Mat A, PetscBool coarse)
+{
+  MPI_Comm       comm = PetscObjectComm((PetscObject)latin);
+  PetscErrorCode ierr;
+  PC             pc;
+  PCFailedReason failed;
+  PetscInt       n;
+  PetscBool      broken, direct;
+  PetscReal      stiffness = 1.0, *field = NULL;
+  Vec            v;
+
+  PetscFunctionBegin;
+  PetscCall(KSPGetPC(ksp, &pc));
+  PetscCall(PetscObjectTypeCompareAny((PetscObject)pc, &direct, PCCHOLESKY, PCLU, PCREDUNDANT, ""));
+  PetscCall(MatGetSize(A, &n, NULL));
+  PetscCall(PetscPushErrorHandler(PetscReturnErrorHandler, NULL));
+  ierr = n ? KSPSetUp(ksp) : 0;
+  PetscCall(PetscPopErrorHandler());
+  failed = PC_NOERROR;
+  if (!ierr && n) PetscCall(PCGetFailedReason(pc, &failed));
+  broken = (PetscBool)(ierr == PETSC_ERR_MAT_CH_ZRPVT || ierr == PETSC_ERR_MAT_LU_ZRPVT || failed == PC_FACTOR_STRUCT_ZEROPIVOT || failed == PC_FACTOR_NUMERIC_ZEROPIVOT || (failed != PC_NOERROR && direct));
+  LatinAgree(comm, (ierr || failed) && !broken, ierr ? ierr : PETSC_ERR_LIB, "Setting up the %s solver failed (PETSc error %d, PC failure %d); its options start with -%s%s_", coarse ? "coarse" : "local", (int)ierr, (int)failed, ((PetscObject)latin)->prefix ? ((PetscObject)latin)->prefix : "", coarse ? "coarse" : "local");
+  PetscCall(MatCreateVecs(A, &v, NULL));
+  if (broken) PetscCall(LatinSoftestShifted_Private(A, coarse ? MATSOLVERMUMPS : MATSOLVERCHOLMOD, v));
+  else if (n && direct) PetscCall(LatinSoftest_Private(ksp, A, v, &stiffness));
+  broken = (PetscBool)(broken || stiffness < LATIN_MECHANISM);
+  PetscCall(PetscInfo(latin, "softest displacement of the %s operator: %g of its diagonal\n", coarse ? "coarse" : "local", (double)stiffness));
+  {
+    PetscMPIInt mine = broken ? 1 : 0, any;
+
+    PetscCallMPI(MPI_Allreduce(&mine, &any, 1, MPI_INT, MPI_MAX, comm));
+    if (any) {
+      PetscCall(PetscMalloc1(latin->links->dim * latin->sub.copies, &field));
+      if (broken || coarse) PetscCall(LatinMechanismField_Private(latin, v, coarse, field));
+      PetscCall(VecDestroy(&v));
+      ierr = LatinMechanismReport_Private(latin, field, (PetscBool)(broken || coarse));
+      PetscCall(PetscFree(field));
+      PetscCall(ierr);
+    }
+  }
+  PetscCall(VecDestroy(&v));
+  PetscFunctionReturn(0);
+}

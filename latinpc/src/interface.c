@@ -1,0 +1,441 @@
+#include "latinimpl.h"
+
+/*
+   Interfaces: which subdomains meet at which nodes (section 3.1), which interfaces are strong or weak (section 4),
+   which nodes are primal, that is have one displacement for several subdomains, and which pairs of subdomains keep
+   micro quantities at a node. The variants differ in LatinNodePrimal_Private() and nowhere else.
+*/
+
+enum {
+  PAIR_STRONG = 1,
+  PAIR_WEAK   = 2
+};
+
+/* The subdomains at each shared node, increasing, known to every copy of the node; nodes without free component are not shared */
+static PetscErrorCode LatinInterfaceShares_Private(Latin latin)
+{
+  LatinSubstructure *sub   = &latin->sub;
+  LatinInterfaces   *inter = &latin->inter;
+  MPI_Comm           comm  = PetscObjectComm((PetscObject)latin);
+  const PetscInt     dim = latin->links->dim, roots = latin->links->nodes_local;
+  const PetscInt    *degree;
+  const PetscSFNode *where;
+  PetscSFNode       *remote;
+  PetscSF            sf;
+  PetscInt          *mine, *all, *root, *leaf, entries = 0, tables = 0, gathered = 0, squares = 0;
+
+  PetscFunctionBegin;
+  PetscCall(PetscSFComputeDegreeBegin(sub->node_sf, &degree));
+  PetscCall(PetscSFComputeDegreeEnd(sub->node_sf, &degree));
+  PetscCall(PetscMalloc2(2 * roots, &root, 2 * sub->copies, &leaf));
+  for (PetscInt i = 0; i < roots; i++) {
+    root[2 * i]     = gathered;
+    root[2 * i + 1] = squares;
+    gathered += degree[i];
+    squares += degree[i] * degree[i];
+  }
+  PetscCall(PetscMalloc2(sub->copies, &mine, gathered, &all));
+  for (PetscInt s = 0; s < sub->n; s++)
+    for (PetscInt i = sub->node_offset[s]; i < sub->node_offset[s + 1]; i++) mine[i] = sub->first + s;
+  PetscCall(PetscSFGatherBegin(sub->node_sf, MPIU_INT, mine, all));
+  PetscCall(PetscSFGatherEnd(sub->node_sf, MPIU_INT, mine, all));
+  for (PetscInt i = 0; i < roots; i++) PetscCall(PetscSortInt(degree[i], all + root[2 * i]));
+  {
+    MPI_Datatype two;
+
+    PetscCallMPI(MPI_Type_contiguous(2, MPIU_INT, &two));
+    PetscCallMPI(MPI_Type_commit(&two));
+    PetscCall(PetscSFBcastBegin(sub->node_sf, two, root, leaf, MPI_REPLACE));
+    PetscCall(PetscSFBcastEnd(sub->node_sf, two, root, leaf, MPI_REPLACE));
+    PetscCallMPI(MPI_Type_free(&two));
+  }
+
+  PetscCall(PetscMalloc2(sub->copies + 1, &inter->share_offset, sub->copies + 1, &inter->table_offset));
+  for (PetscInt i = 0; i < sub->copies; i++) {
+    PetscBool freed = PETSC_FALSE;
+    PetscInt  m     = sub->multiplicity[i];
+
+    for (PetscInt c = 0; c < dim; c++) freed = (PetscBool)(freed || !sub->fixed[dim * i + c]);
+    if (m < 2 || !freed) m = 0;
+    inter->share_offset[i] = entries;
+    inter->table_offset[i] = tables;
+    entries += m;
+    tables += m * m;
+  }
+  inter->share_offset[sub->copies] = entries;
+  inter->table_offset[sub->copies] = tables;
+
+  PetscCall(PetscSFGetGraph(sub->node_sf, NULL, NULL, NULL, &where));
+  PetscCall(PetscMalloc1(entries, &remote));
+  PetscCall(PetscMalloc1(entries, &inter->share_list));
+  for (PetscInt i = 0; i < sub->copies; i++)
+    for (PetscInt j = inter->share_offset[i]; j < inter->share_offset[i + 1]; j++) {
+      remote[j].rank  = where[i].rank;
+      remote[j].index = leaf[2 * i] + j - inter->share_offset[i];
+    }
+  PetscCall(PetscSFCreate(comm, &sf));
+  PetscCall(PetscSFSetGraph(sf, gathered, entries, NULL, PETSC_OWN_POINTER, remote, PETSC_OWN_POINTER));
+  PetscCall(PetscSFBcastBegin(sf, MPIU_INT, all, inter->share_list, MPI_REPLACE));
+  PetscCall(PetscSFBcastEnd(sf, MPIU_INT, all, inter->share_list, MPI_REPLACE));
+  PetscCall(PetscSFDestroy(&sf));
+
+  PetscCall(PetscMalloc1(tables, &remote));
+  for (PetscInt i = 0; i < sub->copies; i++)
+    for (PetscInt j = inter->table_offset[i]; j < inter->table_offset[i + 1]; j++) {
+      remote[j].rank  = where[i].rank;
+      remote[j].index = leaf[2 * i + 1] + j - inter->table_offset[i];
+    }
+  PetscCall(PetscSFCreate(comm, &inter->table_sf));
+  PetscCall(PetscSFSetGraph(inter->table_sf, squares, tables, NULL, PETSC_OWN_POINTER, remote, PETSC_OWN_POINTER));
+  inter->table_roots = squares;
+  PetscCall(PetscFree2(mine, all));
+  PetscCall(PetscFree2(root, leaf));
+
+  PetscCall(PetscMalloc1(sub->copies, &inter->position));
+  for (PetscInt s = 0; s < sub->n; s++)
+    for (PetscInt i = sub->node_offset[s]; i < sub->node_offset[s + 1]; i++) {
+      inter->position[i] = 0;
+      while (inter->share_offset[i] + inter->position[i] < inter->share_offset[i + 1] && inter->share_list[inter->share_offset[i] + inter->position[i]] < sub->first + s) inter->position[i]++;
+    }
+  PetscFunctionReturn(0);
+}
+
+/* Each copy has filled its own row of its table with nonnegative numbers and left zeros elsewhere; afterwards all rows are there */
+PetscErrorCode LatinInterfaceExchange_Private(Latin latin, PetscInt table[])
+{
+  LatinInterfaces *inter = &latin->inter;
+  PetscInt        *root;
+
+  PetscFunctionBegin;
+  PetscCall(PetscCalloc1(inter->table_roots, &root));
+  PetscCall(PetscSFReduceBegin(inter->table_sf, MPIU_INT, table, root, MPI_MAX));
+  PetscCall(PetscSFReduceEnd(inter->table_sf, MPIU_INT, table, root, MPI_MAX));
+  PetscCall(PetscSFBcastBegin(inter->table_sf, MPIU_INT, root, table, MPI_REPLACE));
+  PetscCall(PetscSFBcastEnd(inter->table_sf, MPIU_INT, root, table, MPI_REPLACE));
+  PetscCall(PetscFree(root));
+  PetscFunctionReturn(0);
+}
+
+/*
+   The frame of an interface: centre, size, and the axes xi, eta of its principal plane, from the nodes with a free
+   component. It is strong when its nodes can carry the affine fields of section 3.2, that is when they span dim - 1
+   directions. Differences of coordinates are scaled by the size: neither units nor the origin matter.
+*/
+PetscErrorCode LatinInterfaceFrame_Private(PetscInt dim, PetscInt n, const PetscInt copies[], const PetscReal x[], const PetscBool fixed[], PetscReal centre[3], PetscReal axes[2][3], PetscReal *size, PetscBool *strong)
+{
+  PetscReal    largest = 0.0;
+  PetscScalar  a[9], w[3], work[32];
+  PetscBLASInt bn, lwork = 32, info;
+  PetscInt     used = 0;
+
+  PetscFunctionBegin;
+  *size = 0.0;
+  for (PetscInt c = 0; c < 3; c++) centre[c] = axes[0][c] = axes[1][c] = 0.0;
+  for (PetscInt i = 0; i < n; i++) {
+    const PetscReal *xi = x + dim * copies[i];
+    PetscBool        freed = PETSC_FALSE;
+
+    for (PetscInt c = 0; c < dim; c++) freed = (PetscBool)(freed || !fixed[dim * copies[i] + c]);
+    if (!freed) continue;
+    used++;
+    for (PetscInt c = 0; c < dim; c++) {
+      centre[c] += (xi[c] - centre[c]) / used;
+      largest = PetscMax(largest, PetscAbsReal(xi[c]));
+    }
+  }
+  for (PetscInt i = 0; i < n; i++)
+    for (PetscInt c = 0; c < dim; c++) *size = PetscMax(*size, PetscAbsReal(x[dim * copies[i] + c] - centre[c]));
+  if (*size <= 16 * PETSC_MACHINE_EPSILON * largest) *size = 0.0; /* one point, to rounding */
+  *strong = (PetscBool)(used > 0 && (dim == 1 || *size > 0.0));
+  if (dim == 1 || *size == 0.0) {
+    *strong = (PetscBool)(dim == 1 && used > 0);
+    PetscFunctionReturn(0);
+  }
+  for (PetscInt c = 0; c < dim * dim; c++) a[c] = 0.0;
+  for (PetscInt i = 0; i < n; i++) {
+    PetscReal r[3];
+
+    for (PetscInt c = 0; c < dim; c++) r[c] = (x[dim * copies[i] + c] - centre[c]) / *size;
+    for (PetscInt c = 0; c < dim; c++)
+      for (PetscInt b = 0; b < dim; b++) a[c * dim + b] += r[c] * r[b];
+  }
+  PetscCall(PetscBLASIntCast(dim, &bn));
+  PetscCallBLAS("LAPACKsyev", LAPACKsyev_("V", "U", &bn, a, &bn, w, work, &lwork, &info));
+  PetscCheck(!info, PETSC_COMM_SELF, PETSC_ERR_LIB, "LAPACK could not find the principal plane of an interface (info %d)", (int)info);
+  for (PetscInt k = 0; k < dim - 1; k++)
+    for (PetscInt c = 0; c < dim; c++) axes[k][c] = a[(dim - 1 - k) * dim + c];
+  /* w holds squares of the extents, increasing */
+  if (dim == 3) *strong = (PetscBool)(w[1] > 1e-12 * w[2]);
+  PetscFunctionReturn(0);
+}
+
+typedef struct {
+  PetscInt neighbour, copy;
+} LatinPair;
+
+/* By neighbour, then by copy, that is by node number: both sides list their nodes in the same order */
+static int LatinPairCompare(const void *pa, const void *pb)
+{
+  const LatinPair *a = (const LatinPair *)pa, *b = (const LatinPair *)pb;
+
+  if (a->neighbour != b->neighbour) return a->neighbour < b->neighbour ? -1 : 1;
+  return a->copy < b->copy ? -1 : (a->copy > b->copy ? 1 : 0);
+}
+
+/* The interfaces of each subdomain, with their nodes, and whether they are strong */
+static PetscErrorCode LatinInterfaceList_Private(Latin latin)
+{
+  LatinSubstructure *sub   = &latin->sub;
+  LatinInterfaces   *inter = &latin->inter;
+  const PetscInt     dim   = latin->links->dim;
+  LatinPair         *pair;
+  PetscInt           total = 0, count = 0, counts[2] = {0, 0};
+
+  PetscFunctionBegin;
+  for (PetscInt i = 0; i < sub->copies; i++) {
+    const PetscInt m = inter->share_offset[i + 1] - inter->share_offset[i];
+
+    total += m ? m - 1 : 0;
+  }
+  PetscCall(PetscMalloc1(total, &pair));
+  PetscCall(PetscMalloc1(total, &inter->node_list));
+  PetscCall(PetscMalloc1(sub->n + 1, &inter->offset));
+  total = 0;
+  for (PetscInt s = 0; s < sub->n; s++) {
+    const PetscInt begin = total;
+
+    for (PetscInt i = sub->node_offset[s]; i < sub->node_offset[s + 1]; i++)
+      for (PetscInt j = inter->share_offset[i]; j < inter->share_offset[i + 1]; j++) {
+        if (inter->share_list[j] == sub->first + s) continue;
+        pair[total].neighbour = inter->share_list[j];
+        pair[total++].copy    = i;
+      }
+    qsort(pair + begin, (size_t)(total - begin), sizeof(*pair), LatinPairCompare);
+    inter->offset[s] = count;
+    for (PetscInt p = begin; p < total; p++)
+      if (p == begin || pair[p].neighbour != pair[p - 1].neighbour) count++;
+  }
+  inter->offset[sub->n] = count;
+  inter->count          = count;
+  PetscCall(PetscCalloc1(count, &inter->interface));
+  for (PetscInt s = 0, p = 0; s < sub->n; s++)
+    for (PetscInt i = inter->offset[s]; i < inter->offset[s + 1]; i++) {
+      LatinInterface *face = &inter->interface[i];
+      PetscReal       centre[3], axes[2][3], size;
+
+      face->sub        = s;
+      face->neighbour  = pair[p].neighbour;
+      face->node_first = p;
+      while (p < total && pair[p].neighbour == face->neighbour && pair[p].copy < sub->node_offset[s + 1]) {
+        inter->node_list[p] = pair[p].copy;
+        p++;
+      }
+      face->node_last = p;
+      PetscCall(LatinInterfaceFrame_Private(dim, face->node_last - face->node_first, inter->node_list + face->node_first, sub->x, sub->fixed, centre, axes, &size, &face->strong));
+      if (sub->first + s < face->neighbour) counts[face->strong ? 0 : 1]++;
+    }
+  PetscCall(PetscFree(pair));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, counts, 2, MPIU_INT, MPI_SUM, PetscObjectComm((PetscObject)latin)));
+  inter->strong_global = counts[0];
+  inter->weak_global   = counts[1];
+  PetscFunctionReturn(0);
+}
+
+/* Connected components of m subdomains under the pairs of one class; component[j] is the lowest member of j's component */
+static void LatinNodeComponents(PetscInt m, const PetscInt table[], PetscInt pairs, PetscInt component[])
+{
+  PetscBool changed = PETSC_TRUE;
+
+  for (PetscInt j = 0; j < m; j++) component[j] = j;
+  while (changed) {
+    changed = PETSC_FALSE;
+    for (PetscInt i = 0; i < m; i++)
+      for (PetscInt j = 0; j < m; j++)
+        if (i != j && table[i * m + j] == pairs && component[j] < component[i]) {
+          component[i] = component[j];
+          changed      = PETSC_TRUE;
+        }
+  }
+}
+
+/*
+   The primal components of a node: sets of subdomains that share one displacement there, a coarse unknown.
+     none   no weak interface is glued (4.1)
+     macro  the whole displacement of a weak interface is macro (4.2); weak interfaces that meet at the node are merged
+     corner all subdomains of a node of a weak interface share one displacement (4.4)
+   primal[j] is the lowest member of j's component, -1 for none.
+*/
+static void LatinNodePrimal_Private(LatinVariant variant, PetscBool promote, PetscInt m, const PetscInt table[], PetscInt primal[])
+{
+  PetscBool weak = PETSC_FALSE;
+
+  for (PetscInt j = 0; j < m * m; j++) weak = (PetscBool)(weak || table[j] == PAIR_WEAK);
+  for (PetscInt j = 0; j < m; j++) primal[j] = -1;
+  if ((promote && m > 2) || (weak && variant == LATIN_VARIANT_CORNER)) {
+    for (PetscInt j = 0; j < m; j++) primal[j] = 0;
+  } else if (weak && variant == LATIN_VARIANT_MACRO) {
+    LatinNodeComponents(m, table, PAIR_WEAK, primal);
+    for (PetscInt j = 0; j < m; j++) {
+      PetscInt size = 0;
+
+      for (PetscInt i = 0; i < m; i++) size += primal[i] == primal[j] ? 1 : 0;
+      if (size == 1) primal[j] = -1;
+    }
+  }
+}
+
+/*
+   Whether the subdomains at positions i and j keep micro quantities at the node. Inside a primal component the
+   displacement is continuous already (the article keeps the springs there: `published`). A weak pair whose subdomains
+   the strong pairs of the node connect is redundant and is dropped (4.1).
+*/
+static PetscBool LatinNodeMicro_Private(PetscBool published, PetscInt m, const PetscInt table[], const PetscInt primal[], const PetscInt strong[], PetscInt i, PetscInt j)
+{
+  const PetscBool glued = (PetscBool)(primal[i] >= 0 && primal[i] == primal[j]);
+
+  if (table[i * m + j] == PAIR_STRONG) return (PetscBool)(published || !glued);
+  return (PetscBool)(!glued && strong[i] != strong[j]);
+}
+
+/* Classes of the nodes, primal components, and the sides: degrees of freedom of interfaces that carry micro quantities */
+static PetscErrorCode LatinInterfaceSides_Private(Latin latin)
+{
+  LatinSubstructure *sub   = &latin->sub;
+  LatinInterfaces   *inter = &latin->inter;
+  const PetscInt     dim = latin->links->dim, tables = inter->table_offset[sub->copies];
+  PetscInt          *table, *primal, *strong, largest = 1, capacity = 0, side_nodes = 0;
+
+  PetscFunctionBegin;
+  PetscCall(PetscCalloc1(tables, &table));
+  for (PetscInt f = 0; f < inter->count; f++) {
+    const LatinInterface *face = &inter->interface[f];
+
+    for (PetscInt p = face->node_first; p < face->node_last; p++) {
+      const PetscInt i = inter->node_list[p], m = inter->share_offset[i + 1] - inter->share_offset[i];
+      PetscInt       j;
+
+      PetscCall(PetscFindInt(face->neighbour, m, inter->share_list + inter->share_offset[i], &j));
+      table[inter->table_offset[i] + inter->position[i] * m + j] = face->strong ? PAIR_STRONG : PAIR_WEAK;
+      largest                                                    = PetscMax(largest, m);
+      capacity += dim;
+    }
+  }
+  PetscCall(LatinInterfaceExchange_Private(latin, table));
+
+  PetscCall(PetscMalloc2(largest, &primal, largest, &strong));
+  PetscCall(PetscMalloc3(sub->copies, &inter->node_class, sub->copies, &inter->component, sub->copies, &inter->exclusive));
+  for (PetscInt i = 0; i < sub->copies; i++) {
+    const PetscInt  m = inter->share_offset[i + 1] - inter->share_offset[i];
+    const PetscInt *t = table + inter->table_offset[i];
+
+    inter->component[i]  = -1;
+    inter->node_class[i] = m ? 1 : 0;
+    for (PetscInt j = 0; j < m * m; j++)
+      if (t[j] == PAIR_WEAK) inter->node_class[i] = 2;
+    if (m) {
+      LatinNodePrimal_Private(latin->variant, latin->promote, m, t, primal);
+      inter->component[i] = primal[inter->position[i]];
+      if (inter->component[i] >= 0) inter->node_class[i] = 3;
+    }
+    inter->exclusive[i] = (PetscBool)(m == 2 && inter->component[i] < 0);
+  }
+
+  PetscCall(PetscMalloc1(capacity, &inter->side_dof));
+  inter->sides = 0;
+  for (PetscInt f = 0; f < inter->count; f++) {
+    LatinInterface *face = &inter->interface[f];
+
+    face->side_first = inter->sides;
+    for (PetscInt p = face->node_first; p < face->node_last; p++) {
+      const PetscInt  i = inter->node_list[p], m = inter->share_offset[i + 1] - inter->share_offset[i];
+      const PetscInt *t = table + inter->table_offset[i];
+      PetscInt        j;
+
+      PetscCall(PetscFindInt(face->neighbour, m, inter->share_list + inter->share_offset[i], &j));
+      LatinNodePrimal_Private(latin->variant, latin->promote, m, t, primal);
+      LatinNodeComponents(m, t, PAIR_STRONG, strong);
+      if (!LatinNodeMicro_Private(latin->published, m, t, primal, strong, inter->position[i], j)) continue;
+      side_nodes++;
+      for (PetscInt c = 0; c < dim; c++)
+        if (!sub->fixed[dim * i + c]) inter->side_dof[inter->sides++] = dim * i + c;
+    }
+    face->side_last = inter->sides;
+  }
+  PetscCall(PetscFree2(primal, strong));
+  PetscCall(PetscFree(table));
+  PetscCall(MPIU_Allreduce(&side_nodes, &inter->side_nodes_global, 1, MPIU_INT, MPI_SUM, PetscObjectComm((PetscObject)latin)));
+  PetscFunctionReturn(0);
+}
+
+/* The mate of a side: the same component of the same node on the other side of the interface, perhaps on another rank */
+static PetscErrorCode LatinInterfaceMates_Private(Latin latin)
+{
+  LatinSubstructure *sub   = &latin->sub;
+  LatinInterfaces   *inter = &latin->inter;
+  const PetscInt     dim   = latin->links->dim;
+  MPI_Comm           comm  = PetscObjectComm((PetscObject)latin);
+  PetscInt          *table;
+  PetscSFNode       *remote;
+  PetscMPIInt        size;
+
+  PetscFunctionBegin;
+  PetscCallMPI(MPI_Comm_size(comm, &size));
+  PetscCall(PetscCalloc1(inter->table_offset[sub->copies], &table));
+  PetscCall(PetscMalloc1(inter->sides, &remote));
+  for (PetscInt pass = 0; pass < 2; pass++) {
+    for (PetscInt f = 0; f < inter->count; f++) {
+      const LatinInterface *face = &inter->interface[f];
+      const PetscMPIInt     owner = LatinSubdomainRank(sub, size, face->neighbour);
+
+      for (PetscInt k = face->side_first; k < face->side_last;) {
+        const PetscInt i = inter->side_dof[k] / dim, m = inter->share_offset[i + 1] - inter->share_offset[i];
+        PetscInt      *t = table + inter->table_offset[i], j, first = k;
+
+        PetscCall(PetscFindInt(face->neighbour, m, inter->share_list + inter->share_offset[i], &j));
+        if (!pass) t[inter->position[i] * m + j] = k + 1;
+        for (; k < face->side_last && inter->side_dof[k] / dim == i; k++) {
+          if (!pass) continue;
+          remote[k].rank  = owner;
+          remote[k].index = t[j * m + inter->position[i]] - 1 + k - first;
+        }
+      }
+    }
+    if (!pass) PetscCall(LatinInterfaceExchange_Private(latin, table));
+  }
+  PetscCall(PetscFree(table));
+  PetscCall(PetscSFCreate(comm, &inter->mate_sf));
+  PetscCall(PetscSFSetGraph(inter->mate_sf, inter->sides, inter->sides, NULL, PETSC_OWN_POINTER, remote, PETSC_OWN_POINTER));
+  PetscCall(PetscSFSetUp(inter->mate_sf));
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode LatinInterfaceSetUp(Latin latin)
+{
+  PetscFunctionBegin;
+  PetscCall(PetscLogEventBegin(LATIN_Interface, latin, 0, 0, 0));
+  PetscCall(LatinInterfaceShares_Private(latin));
+  PetscCall(LatinInterfaceList_Private(latin));
+  PetscCall(LatinInterfaceSides_Private(latin));
+  PetscCall(LatinInterfaceMates_Private(latin));
+  PetscCall(PetscLogEventEnd(LATIN_Interface, latin, 0, 0, 0));
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode LatinInterfaceReset(Latin latin)
+{
+  LatinInterfaces *inter = &latin->inter;
+
+  PetscFunctionBegin;
+  PetscCall(PetscFree(inter->interface));
+  PetscCall(PetscFree(inter->offset));
+  PetscCall(PetscFree(inter->node_list));
+  PetscCall(PetscFree2(inter->share_offset, inter->table_offset));
+  PetscCall(PetscFree(inter->share_list));
+  PetscCall(PetscFree(inter->position));
+  PetscCall(PetscFree3(inter->node_class, inter->component, inter->exclusive));
+  PetscCall(PetscFree(inter->side_dof));
+  PetscCall(PetscSFDestroy(&inter->table_sf));
+  PetscCall(PetscSFDestroy(&inter->mate_sf));
+  PetscCall(PetscMemzero(inter, sizeof(*inter)));
+  PetscFunctionReturn(0);
+}

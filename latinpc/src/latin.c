@@ -1,0 +1,255 @@
+#include "latinimpl.h"
+
+/*
+   The core object: options, order of set-up, the fixed-point map z -> G(z), views and results. The solver types in
+   sneslatin.c and pclatin.c are shells around it.
+*/
+
+const char *const LatinVariants[]       = {"none", "macro", "corner", "LatinVariant", "LATIN_VARIANT_", NULL};
+const char *const LatinDirectionTypes[] = {"scalar", "diagonal", "LatinDirectionType", "LATIN_DIRECTION_", NULL};
+const char *const LatinStopTypes[]      = {"indicator", "residual", "reference", "LatinStopType", "LATIN_STOP_", NULL};
+static const char *const LatinCornerTypes[] = {"free", "published", "LatinCornerType", "LATIN_CORNER_", NULL};
+
+static PetscErrorCode LatinDestroy_Object(Latin *latin)
+{
+  return LatinDestroy_Private(latin);
+}
+
+PetscErrorCode LatinCreate_Private(MPI_Comm comm, Latin *newlatin)
+{
+  Latin latin;
+
+  PetscFunctionBegin;
+  PetscCall(LatinInitializePackage());
+  PetscCall(PetscHeaderCreate(latin, LATIN_CLASSID, "Latin", "LATIN domain decomposition", "Latin", comm, LatinDestroy_Object, LatinView_Private));
+  latin->variant             = LATIN_VARIANT_CORNER;
+  latin->promote             = PETSC_TRUE;
+  latin->links_per_subdomain = 256;
+  latin->direction           = LATIN_DIRECTION_SCALAR;
+  latin->direction_fraction  = 0.08;
+  *newlatin                  = latin;
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode LatinSetLinks_Private(Latin latin, LatinLinks links)
+{
+  PetscFunctionBegin;
+  if (links == latin->links) PetscFunctionReturn(0);
+  PetscCall(PetscObjectReference((PetscObject)links));
+  PetscCall(LatinReset_Private(latin));
+  PetscCall(LatinLinksDestroy(&latin->links));
+  latin->links = links;
+  PetscFunctionReturn(0);
+}
+
+/* family is "snes" or "pc": the options of the method are -<prefix><family>_latin_... */
+PetscErrorCode LatinSetFromOptions_Private(Latin latin, PetscOptionItems *PetscOptionsObject, const char family[])
+{
+  PetscBool published = latin->published, isnes = PETSC_FALSE;
+  PetscInt  corners = published ? 1 : 0;
+
+  PetscFunctionBegin;
+  PetscCall(PetscStrcmp(family, "snes", &isnes));
+#define LATIN_OPTION(name) (isnes ? "-snes_latin_" name : "-pc_latin_" name)
+  PetscOptionsHeadBegin(PetscOptionsObject, "LATIN domain decomposition options");
+  PetscCall(PetscOptionsEnum(LATIN_OPTION("variant"), "What the coarse problem makes of weak interfaces (section 4)", "LatinVariant", LatinVariants, (PetscEnum)latin->variant, (PetscEnum *)&latin->variant, NULL));
+  PetscCall(PetscOptionsRangeInt(LATIN_OPTION("subdomains"), "Number of subdomains, 0 = from the links per subdomain", "LatinLinksSetSubdomains", latin->subdomains, &latin->subdomains, NULL, 0, PETSC_MAX_INT));
+  PetscCall(PetscOptionsRangeInt(LATIN_OPTION("subdomain_links"), "Links per subdomain when no number of subdomains is given", "LatinLinksSetSubdomains", latin->links_per_subdomain, &latin->links_per_subdomain, NULL, 1, PETSC_MAX_INT));
+  PetscCall(PetscOptionsEnum(LATIN_OPTION("direction"), "Micro search direction of the interfaces", "LatinDirectionType", LatinDirectionTypes, (PetscEnum)latin->direction, (PetscEnum *)&latin->direction, NULL));
+  PetscCall(PetscOptionsReal(LATIN_OPTION("direction_scalar"), "Value of the scalar search direction d (force/length), 0 = self-tuned", "None", latin->direction_scalar, &latin->direction_scalar, NULL));
+  PetscCall(PetscOptionsReal(LATIN_OPTION("direction_fraction"), "Self-tuned direction as a fraction of the interface stiffness", "None", latin->direction_fraction, &latin->direction_fraction, NULL));
+  PetscCall(PetscOptionsEList(LATIN_OPTION("corners"), "Micro springs on corners: dropped (free), or kept as in (28) (published)", "None", LatinCornerTypes, 2, LatinCornerTypes[corners], &corners, NULL));
+  PetscCall(PetscOptionsBool(LATIN_OPTION("promote"), "Make every node of three or more subdomains a corner (variant corner)", "None", latin->promote, &latin->promote, NULL));
+  PetscOptionsHeadEnd();
+  latin->published = (PetscBool)(corners == 1);
+  PetscCheck(latin->direction_scalar >= 0.0 && !PetscIsInfOrNanReal(latin->direction_scalar), PetscObjectComm((PetscObject)latin), PETSC_ERR_ARG_OUTOFRANGE, "%s is %g; the search direction is a positive stiffness (0 = self-tuned)", LATIN_OPTION("direction_scalar"), (double)latin->direction_scalar);
+  PetscCheck(latin->direction_fraction > 0.0 && !PetscIsInfOrNanReal(latin->direction_fraction), PetscObjectComm((PetscObject)latin), PETSC_ERR_ARG_OUTOFRANGE, "%s is %g; it is a positive number", LATIN_OPTION("direction_fraction"), (double)latin->direction_fraction);
+#undef LATIN_OPTION
+  PetscFunctionReturn(0);
+}
+
+/*
+   Builds what has changed since the last call: everything for new links or laws, right-hand sides for new loads and
+   prestrains.
+*/
+PetscErrorCode LatinSetUp_Private(Latin latin)
+{
+  LatinLinks       links = latin->links;
+  PetscObjectState state;
+
+  PetscFunctionBegin;
+  PetscCheck(links, PetscObjectComm((PetscObject)latin), PETSC_ERR_ORDER, "Type latin has no structure to work on: build one with LatinLinksCreate() and call LatinLinksAttachSNES() (or PCLatinSetLinks(), or set its DM on the solver)");
+  PetscCheck(links->set_up, PetscObjectComm((PetscObject)latin), PETSC_ERR_ORDER, "The structure is not set up: call LatinLinksSetUp()");
+  PetscCall(PetscObjectStateGet((PetscObject)links, &state));
+  if (latin->set_up && state != latin->links_state) PetscCall(LatinReset_Private(latin));
+  if (!latin->set_up) {
+    PetscCall(PetscLogEventBegin(LATIN_SetUp, latin, 0, 0, 0));
+    PetscCall(LatinReset_Private(latin)); /* what an earlier attempt that ended in an error may have left */
+    PetscCall(LatinSubstructureSetUp(latin));
+    PetscCall(LatinInterfaceSetUp(latin));
+    PetscCall(LatinDirectionSetUp(latin));
+    PetscCall(LatinMacroSetUp(latin));
+    PetscCall(LatinCoarseNumber(latin));
+    PetscCall(LatinLinearSetUp(latin));
+    PetscCall(LatinCondenseSetUp(latin));
+    PetscCall(LatinCoarseSetUp(latin));
+    PetscCall(PetscMalloc1(latin->inter.sides, &latin->outgoing));
+    PetscCall(LatinLinearSetLoads(latin, links->load));
+    PetscCall(PetscLogEventEnd(LATIN_SetUp, latin, 0, 0, 0));
+    latin->set_up = PETSC_TRUE;
+  } else if (latin->load_state != links->load_state || latin->prestrain_state != links->prestrain_state) {
+    PetscCall(LatinSubstructureRefresh(latin));
+    PetscCall(LatinLinearSetLoads(latin, links->load));
+  }
+  latin->links_state     = state;
+  latin->load_state      = links->load_state;
+  latin->prestrain_state = links->prestrain_state;
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode LatinReset_Private(Latin latin)
+{
+  PetscFunctionBegin;
+  PetscCall(LatinCoarseReset(latin));
+  PetscCall(LatinLinearReset(latin));
+  PetscCall(LatinMacroReset(latin));
+  PetscCall(LatinInterfaceReset(latin));
+  PetscCall(LatinSubstructureReset(latin));
+  PetscCall(PetscFree(latin->outgoing));
+  latin->set_up = PETSC_FALSE;
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode LatinDestroy_Private(Latin *latin)
+{
+  PetscFunctionBegin;
+  if (!*latin) PetscFunctionReturn(0);
+  if (--((PetscObject)(*latin))->refct > 0) {
+    *latin = NULL;
+    PetscFunctionReturn(0);
+  }
+  PetscCall(LatinReset_Private(*latin));
+  PetscCall(LatinLinksDestroy(&(*latin)->links));
+  PetscCall(PetscHeaderDestroy(latin));
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode LatinView_Private(Latin latin, PetscViewer viewer)
+{
+  LatinStatistics stats;
+  PetscBool       ascii;
+
+  PetscFunctionBegin;
+  PetscCall(PetscObjectTypeCompare((PetscObject)viewer, PETSCVIEWERASCII, &ascii));
+  if (!ascii) PetscFunctionReturn(0);
+  PetscCall(PetscViewerASCIIPrintf(viewer, "variant %s%s%s\n", LatinVariants[latin->variant], latin->published ? ", micro springs on corners" : "", latin->promote && latin->variant == LATIN_VARIANT_CORNER ? ", nodes of three or more subdomains are corners" : ""));
+  if (latin->direction_scalar > 0.0) PetscCall(PetscViewerASCIIPrintf(viewer, "search direction: scalar, d = %g given\n", (double)latin->direction_scalar));
+  else PetscCall(PetscViewerASCIIPrintf(viewer, "search direction: %s, self-tuned to %g of the interface stiffness\n", LatinDirectionTypes[latin->direction], (double)latin->direction_fraction));
+  if (!latin->set_up) PetscFunctionReturn(0);
+  PetscCall(LatinGetStatistics(latin, &stats));
+  PetscCall(PetscObjectView((PetscObject)latin->links, viewer));
+  PetscCall(PetscViewerASCIIPrintf(viewer, "subdomains: %" PetscInt_FMT "; interfaces: %" PetscInt_FMT " strong, %" PetscInt_FMT " weak\n", stats.subdomains, stats.strong_interfaces, stats.weak_interfaces));
+  PetscCall(PetscViewerASCIIPrintf(viewer, "search direction values: min %g, mean %g, max %g\n", (double)stats.direction_min, (double)stats.direction_mean, (double)stats.direction_max));
+  PetscCall(PetscViewerASCIIPrintf(viewer, "coarse problem: %" PetscInt_FMT " macro displacements, %" PetscInt_FMT " primal ones; fixed-point unknown: %" PetscInt_FMT " numbers\n", stats.strong_macro_dofs, stats.weak_dofs, stats.state_size));
+  if (latin->linear.ksp) {
+    PetscViewer sub;
+
+    PetscCall(PetscViewerASCIIPrintf(viewer, "local solver, all subdomains of a rank at once:\n"));
+    PetscCall(PetscViewerASCIIPushTab(viewer));
+    PetscCall(PetscViewerGetSubViewer(viewer, PETSC_COMM_SELF, &sub));
+    PetscCall(PetscViewerASCIIPushTab(sub));
+    {
+      PetscMPIInt rank;
+
+      PetscCallMPI(MPI_Comm_rank(PetscObjectComm((PetscObject)latin), &rank));
+      if (!rank) PetscCall(KSPView(latin->linear.ksp, sub));
+    }
+    PetscCall(PetscViewerASCIIPopTab(sub));
+    PetscCall(PetscViewerRestoreSubViewer(viewer, PETSC_COMM_SELF, &sub));
+    PetscCall(PetscViewerFlush(viewer));
+    PetscCall(PetscViewerASCIIPopTab(viewer));
+  }
+  if (latin->coarse.ksp) {
+    PetscCall(PetscViewerASCIIPrintf(viewer, "coarse solver:\n"));
+    PetscCall(PetscViewerASCIIPushTab(viewer));
+    PetscCall(KSPView(latin->coarse.ksp, viewer));
+    PetscCall(PetscViewerASCIIPopTab(viewer));
+  }
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode LatinCreateState_Private(Latin latin, Vec *z)
+{
+  PetscFunctionBegin;
+  PetscCall(VecCreate(PetscObjectComm((PetscObject)latin), z));
+  PetscCall(VecSetSizes(*z, latin->inter.sides + latin->sub.nonsmooth, PETSC_DETERMINE));
+  PetscCall(VecSetType(*z, VECSTANDARD));
+  PetscCall(PetscObjectSetName((PetscObject)*z, "LATIN state"));
+  PetscFunctionReturn(0);
+}
+
+/*
+   The state of the prestressed configuration: no interface datum, every nonsmooth link as a taut one. For given
+   displacements u (may be NULL) the state that the local stage would make of them.
+*/
+PetscErrorCode LatinInitialState_Private(Latin latin, Vec z)
+{
+  LatinSubstructure *sub = &latin->sub;
+  PetscScalar       *a;
+
+  PetscFunctionBegin;
+  PetscCall(VecGetArrayWrite(z, &a));
+  for (PetscInt k = 0; k < latin->inter.sides; k++) a[k] = 0.0;
+  for (PetscInt i = 0; i < sub->nonsmooth; i++) a[latin->inter.sides + i] = sub->stiffness[sub->nonsmooth_link[i]] * sub->prestrain[sub->nonsmooth_link[i]];
+  PetscCall(VecRestoreArrayWrite(z, &a));
+  PetscFunctionReturn(0);
+}
+
+/* Gz = G(z): linear stage, local stage. Leaves the displacements of the subdomains in linear.U, and the indicator. */
+PetscErrorCode LatinApply_Private(Latin latin, Vec z, Vec Gz)
+{
+  const PetscScalar *a;
+  PetscScalar       *b;
+
+  PetscFunctionBegin;
+  PetscCall(VecGetArrayRead(z, &a));
+  PetscCall(VecGetArrayWrite(Gz, &b));
+  PetscCall(LatinGatherForces_Private(latin, a));
+  PetscCall(LatinLinearApply(latin));
+  PetscCall(LatinLocalStage_Private(latin, a, b));
+  PetscCall(VecRestoreArrayRead(z, &a));
+  PetscCall(VecRestoreArrayWrite(Gz, &b));
+  latin->applications++;
+  PetscFunctionReturn(0);
+}
+
+/* One displacement for the copies of a node: their mean */
+PetscErrorCode LatinAverage_Private(Latin latin, Vec u)
+{
+  LatinSubstructure *sub = &latin->sub;
+  const PetscInt     dim = latin->links->dim;
+  PetscReal         *w   = latin->linear.g; /* free as work space between linear stages */
+  PetscScalar       *a;
+
+  PetscFunctionBegin;
+  for (PetscInt i = 0; i < dim * sub->copies; i++) w[i] = latin->linear.U[i] / sub->multiplicity[i / dim];
+  PetscCall(VecZeroEntries(u));
+  PetscCall(VecGetArray(u, &a));
+  PetscCall(PetscSFReduceBegin(sub->dof_sf, MPIU_SCALAR, w, a, MPI_SUM));
+  PetscCall(PetscSFReduceEnd(sub->dof_sf, MPIU_SCALAR, w, a, MPI_SUM));
+  PetscCall(VecRestoreArray(u, &a));
+  PetscFunctionReturn(0);
+}
+
+/* The entries of a DM global vector at the free components of the copies; the others are left alone */
+PetscErrorCode LatinDistribute_Private(Latin latin, Vec u, PetscReal copy[])
+{
+  const PetscScalar *a;
+
+  PetscFunctionBegin;
+  PetscCall(VecGetArrayRead(u, &a));
+  PetscCall(PetscSFBcastBegin(latin->sub.dof_sf, MPIU_SCALAR, a, copy, MPI_REPLACE));
+  PetscCall(PetscSFBcastEnd(latin->sub.dof_sf, MPIU_SCALAR, a, copy, MPI_REPLACE));
+  PetscCall(VecRestoreArrayRead(u, &a));
+  PetscFunctionReturn(0);
+}

@@ -1,0 +1,271 @@
+/*
+   Private structures, one per stage of the method. Equation numbers are those of the article named in
+   latinpc.h; "rank" is an MPI process, "here" means on this rank.
+
+   Layout shared by all stages: every subdomain has its own copy of its nodes. The copies here are numbered
+   subdomain by subdomain, and within a subdomain by increasing global node number. Displacement component c
+   of copy i is the entry dim * i + c of every "copy array" (U, g, ...), prescribed components included.
+*/
+#ifndef LATINIMPL_H
+#define LATINIMPL_H
+
+#include "latinpc.h"
+#include <petsc/private/petscimpl.h>
+#include <petscblaslapack.h>
+#include <petscdmplex.h>
+#include <petscsf.h>
+
+#if defined(PETSC_USE_COMPLEX)
+  #error "latinpc needs a PETSc with real scalars: structures have real displacements"
+#endif
+
+#define LATIN_MAX_MODES 9 /* 3 components x (1, xi, eta): section 3.2 */
+
+PETSC_INTERN PetscClassId  LATIN_CLASSID, LATIN_LINKS_CLASSID;
+PETSC_INTERN PetscLogEvent LATIN_SetUp, LATIN_Substructure, LATIN_Interface, LATIN_Direction, LATIN_Macro, LATIN_Linear, LATIN_Coarse, LATIN_Local, LATIN_Condense;
+
+/* ---- errors and communication that every rank reaches (collective.c) ---- */
+PETSC_INTERN PetscErrorCode LatinAgree_Private(MPI_Comm, PetscBool bad, PetscErrorCode code, const char message[]);
+/* Ends in the same error on every rank of comm when `bad` holds on any of them, with the message of the lowest such rank */
+#define LatinAgree(comm, bad, code, ...) \
+  do { \
+    char latin_message_[512]; \
+    latin_message_[0] = 0; \
+    if (bad) PetscCall(PetscSNPrintf(latin_message_, sizeof(latin_message_), __VA_ARGS__)); \
+    PetscCall(LatinAgree_Private(comm, (PetscBool)(bad), code, latin_message_)); \
+  } while (0)
+
+/* ---- constitutive laws (laws.c) ---- */
+typedef struct {
+  const char *name;
+  PetscBool   smooth;                                                          /* a linear law carries no state */
+  PetscReal (*tension)(PetscReal k, PetscReal x);                              /* tau for the strain x = e + e0 */
+  PetscReal (*tangent)(PetscReal k, PetscReal x);                              /* an element of the generalised derivative */
+  PetscReal (*energy)(PetscReal k, PetscReal x);                               /* the convex potential whose derivative is the tension */
+  PetscReal (*local)(PetscReal k, PetscReal e0, PetscReal y);                  /* local stage with l = k: y = tau + l e gives tau_hat - l e_hat */
+} LatinLaw;
+PETSC_INTERN const LatinLaw LatinLaws[];
+PETSC_INTERN const PetscInt LatinLawCount;
+
+/* ---- structures (links.c, linksdata.c) ---- */
+struct _p_LatinLinks {
+  PETSCHEADER(int);
+  PetscInt dim;
+  PetscInt nodes_local, nodes_global; /* the caller's nodes: this rank's block, all */
+  PetscInt links_local, links_global;
+  PetscInt nodes_start, links_start;
+  /* the caller's nodes of this rank */
+  PetscReal *x, *prescribed, *force; /* [nodes_local][dim] */
+  PetscBool *fixed;                  /* [nodes_local][dim] */
+  PetscInt  *global_dof;             /* [nodes_local][dim] entry of a DM global vector, -1 where prescribed or without link */
+  /* the caller's links of this rank */
+  PetscInt  *nodes;                     /* [links_local][2] global node numbers */
+  PetscInt  *law;                       /* [links_local] LatinLawType */
+  PetscReal *stiffness, *prestrain;     /* [links_local] k, e0 */
+  PetscReal *direction;                 /* [links_local][dim] unit vector from the first to the second node: a row of B is (-n, n) */
+  PetscReal *tangent;                   /* [links_local] tangent stiffness of the last Jacobian, NULL before */
+  PetscInt  *subdomain;                 /* [links_local] the caller's partition, NULL if none */
+  PetscInt   subdomain_count;
+  /* the DM and its work space */
+  DM            dm;
+  PetscSF       vertex_sf; /* from the caller's nodes to the DM's vertices here */
+  PetscInt      vertices;  /* vertices of the DM here */
+  PetscInt     *ends;      /* [links_local][2] vertices of the DM */
+  PetscReal    *vertex_prescribed; /* [vertices][dim] */
+  Vec           load;              /* F at free dofs, DM global vector */
+  PetscBool     set_up;
+  PetscObjectState load_state, prestrain_state; /* counted up at each change, so that a solver sees what to rebuild */
+};
+PETSC_INTERN PetscErrorCode LatinLinksLoadVec_Private(LatinLinks);
+PETSC_INTERN PetscErrorCode LatinLinksFromDM_Private(DM, LatinLinks *);
+PETSC_INTERN PetscErrorCode LatinLinksGetLocal_Private(LatinLinks, Vec, Vec);
+
+/* ---- substructuring (substructure.c): the links of each subdomain, and its copies of the nodes ---- */
+typedef struct {
+  PetscInt   count, n, first;    /* subdomains: all, here, number of the first one here */
+  PetscInt  *rank_first;         /* [ranks + 1] first subdomain of each rank */
+  PetscInt  *of_link;            /* [links->links_local] subdomain of the caller's links */
+  PetscInt  *link_offset;        /* [n + 1] */
+  PetscInt  *link_source;        /* [links] position in the order of arrival, for refreshing link data */
+  PetscInt   links;
+  PetscInt  *ends;               /* [links][2] copies of the nodes */
+  PetscReal *direction;          /* [links][dim] */
+  PetscReal *stiffness;          /* [links] k, which is also the ascent direction l */
+  PetscReal *prestrain;          /* [links] */
+  PetscInt  *law;                /* [links] */
+  PetscInt  *node_offset;        /* [n + 1] */
+  PetscInt   copies;             /* copies of nodes here */
+  PetscInt  *node;               /* [copies] global node number */
+  PetscReal *x;                  /* [copies][dim] coordinates */
+  PetscBool *fixed;              /* [copies][dim] */
+  PetscReal *prescribed;         /* [copies][dim] */
+  PetscInt  *multiplicity;       /* [copies] number of subdomains at the node */
+  PetscInt  *global_dof;         /* [copies][dim] */
+  PetscSF    node_sf;            /* caller's nodes -> copies */
+  PetscSF    dof_sf;             /* DM global vector -> free components of copies */
+  PetscInt   nonsmooth;          /* links with a state, here */
+  PetscInt  *nonsmooth_link;     /* [nonsmooth] */
+  PetscMPIInt *send_count, *send_offset, *recv_count, *recv_offset; /* migration of link data, in links */
+  PetscInt  *send_order;         /* [links->links_local] */
+} LatinSubstructure;
+
+/* The rank of a subdomain */
+static inline PetscMPIInt LatinSubdomainRank(const LatinSubstructure *sub, PetscMPIInt size, PetscInt s)
+{
+  PetscMPIInt low = 0, high = size - 1;
+
+  while (low < high) {
+    const PetscMPIInt middle = (low + high + 1) / 2;
+
+    if (sub->rank_first[middle] <= s) low = middle;
+    else high = middle - 1;
+  }
+  return low;
+}
+
+/* ---- interfaces (interface.c): classes, primal nodes, sides and their mates ---- */
+typedef struct {
+  PetscInt  sub;             /* subdomain here (local number) */
+  PetscInt  neighbour;       /* subdomain on the other side (global number) */
+  PetscInt  node_first, node_last; /* its copies: node_list[first..last) */
+  PetscBool strong;
+  PetscInt  side_first, side_last; /* its degrees of freedom among the side dofs */
+  PetscInt  modes;           /* macro modes kept */
+  PetscInt  coarse_first;    /* global number of the first one in the coarse problem */
+  PetscInt  local_first;     /* position of the first one among the coarse dofs of the subdomains here */
+} LatinInterface;
+
+typedef struct {
+  PetscInt        count;        /* interface sides here */
+  LatinInterface *interface;    /* [count] sorted by subdomain, then neighbour */
+  PetscInt       *offset;       /* [subdomains + 1] */
+  PetscInt       *node_list;    /* copies, interface by interface */
+  PetscInt       *share_offset; /* [copies + 1] into share_* */
+  PetscInt       *share_list;   /* subdomains at the node of the copy, increasing */
+  PetscInt       *node_class;   /* [copies] 0 interior, 1 strong, 2 weak, 3 primal */
+  PetscInt       *component;    /* [copies] position in share_list of the first subdomain of the copy's primal component, -1 if not primal */
+  PetscInt       *position;     /* [copies] position of the copy's own subdomain in share_list */
+  PetscBool      *exclusive;    /* [copies] the node belongs to one interface only and is not primal */
+  PetscInt        sides;        /* side degrees of freedom here */
+  PetscInt       *side_dof;     /* [sides] entry of the copy arrays */
+  PetscSF         mate_sf;      /* side dof -> its mate on the other side of the interface */
+  PetscInt        strong_global, weak_global, side_nodes_global;
+  /* a table of m x m integers for the m subdomains of a node: each copy fills its own row, and all copies get the whole */
+  PetscSF         table_sf;
+  PetscInt       *table_offset; /* [copies + 1] into the tables of this rank's shared copies */
+  PetscInt        table_roots;
+} LatinInterfaces;
+
+/* ---- search direction and macro bases (direction.c, macro.c) ---- */
+typedef struct {
+  PetscReal *d;        /* [sides] micro search direction, force/length */
+  PetscReal *basis;    /* [sides][LATIN_MAX_MODES] R, with R^t d R = 1 on each interface */
+} LatinMacro;
+
+/* ---- linear stage (linear.c, condense.c): operators of the subdomains ---- */
+typedef struct {
+  Mat        K;              /* block diagonal over the subdomains here, identity on prescribed and primal dofs */
+  KSP        ksp;
+  PetscInt  *ci, *cj;        /* its row offsets and columns */
+  PetscReal *ca;
+  PetscInt  *primal_offset;  /* [subdomains + 1] primal dofs of each subdomain */
+  PetscInt  *primal_dof;     /* entries of the copy arrays */
+  PetscInt  *primal_index;   /* [copies * dim] position in its subdomain's primal list, -1 if not primal */
+  PetscInt  *rc_offset;      /* [subdomains + 1] coupling of the other dofs with the primal ones */
+  PetscInt  *rc_row, *rc_col; /* entry of the copy arrays, position in the subdomain's primal list */
+  PetscReal *rc_value;
+  size_t    *h_offset;       /* [subdomains + 1] into H */
+  size_t    *phi_offset;     /* [subdomains + 1] into Phi */
+  PetscReal *H;              /* homogenised stiffness (51), column-major, subdomain by subdomain */
+  PetscReal *Phi;            /* displacements for unit coarse displacements, (dim * nodes) x coarse, column-major */
+  Vec        rhs, sol;       /* g and U as vectors */
+  PetscReal *g, *U;          /* [copies * dim] forces and displacements */
+  PetscReal *g0;             /* [copies * dim] the part of g that no iteration changes */
+  PetscReal *lambda;         /* work: macro forces of one subdomain */
+  PetscReal *spring;         /* [copies * dim] springs of the search direction, part of K */
+  PetscInt   widest;         /* most coarse dofs of a subdomain here */
+} LatinLinear;
+
+/* ---- coarse problem (coarse.c), (30) and (52) ---- */
+typedef struct {
+  Mat        A;
+  KSP        ksp;
+  Vec        rhs, sol;
+  PetscSF    sf;                        /* coarse vector -> coarse dofs of the subdomains here */
+  PetscInt   macro_local, primal_local; /* numbered by this rank: macro modes, then primal displacements */
+  PetscInt   macro_global, primal_global;
+  PetscInt  *rank_start;                /* [ranks + 1] global number of each rank's first one */
+  PetscInt  *offset;                    /* [subdomains + 1] coarse dofs of each subdomain: macro modes, then primal dofs */
+  PetscInt  *macro_count;               /* [subdomains] how many of them are macro modes */
+  PetscInt  *global;                    /* [offset[n]] their global numbers */
+  PetscReal *q, *u;                     /* [offset[n]] condensed forces, coarse displacements, subdomain by subdomain */
+} LatinCoarse;
+
+struct _p_Latin {
+  PETSCHEADER(int);
+  LatinLinks         links;
+  LatinVariant       variant;
+  PetscBool          published;  /* keep micro springs on primal dofs, as (28) does */
+  PetscBool          promote;    /* every node of three or more subdomains is a corner */
+  PetscInt           subdomains; /* asked for, 0 = from links_per_subdomain */
+  PetscInt           links_per_subdomain;
+  LatinDirectionType direction;
+  PetscReal          direction_scalar;   /* 0 = self-tuned */
+  PetscReal          direction_fraction; /* of the stiffness seen at the interface, when self-tuned */
+  PetscBool          tangent;            /* operators from the links' tangent stiffness of the last Jacobian */
+  LatinSubstructure  sub;
+  LatinInterfaces    inter;
+  LatinMacro         macro;
+  LatinLinear        linear;
+  LatinCoarse        coarse;
+  PetscInt           applications;  /* linear stages done since the last reset of the counter */
+  PetscBool          set_up;
+  PetscBool          failed;         /* an inner solver failed in the last linear stage */
+  PetscObjectState   load_state, prestrain_state, links_state;
+  PetscReal         *outgoing;       /* [sides] work: the data that the mates receive */
+  PetscReal          indicator;      /* of the last application, relative */
+  PetscReal          distance;       /* the same, not divided: square root of an energy */
+};
+
+PETSC_INTERN PetscErrorCode LatinCreate_Private(MPI_Comm, Latin *);
+PETSC_INTERN PetscErrorCode LatinSetLinks_Private(Latin, LatinLinks);
+PETSC_INTERN PetscErrorCode LatinSetFromOptions_Private(Latin, PetscOptionItems *, const char family[]);
+PETSC_INTERN PetscErrorCode LatinSetUp_Private(Latin);
+PETSC_INTERN PetscErrorCode LatinReset_Private(Latin);
+PETSC_INTERN PetscErrorCode LatinView_Private(Latin, PetscViewer);
+PETSC_INTERN PetscErrorCode LatinDestroy_Private(Latin *);
+
+PETSC_INTERN PetscErrorCode LatinSubstructureSetUp(Latin);
+PETSC_INTERN PetscErrorCode LatinSubstructureRefresh(Latin);
+PETSC_INTERN PetscErrorCode LatinSubstructureReset(Latin);
+PETSC_INTERN PetscErrorCode LatinPartition_Private(Latin);
+PETSC_INTERN PetscErrorCode LatinInterfaceSetUp(Latin);
+PETSC_INTERN PetscErrorCode LatinInterfaceReset(Latin);
+PETSC_INTERN PetscErrorCode LatinInterfaceExchange_Private(Latin, PetscInt table[]);
+PETSC_INTERN PetscErrorCode LatinInterfaceFrame_Private(PetscInt dim, PetscInt n, const PetscInt copies[], const PetscReal x[], const PetscBool fixed[], PetscReal centre[3], PetscReal axes[2][3], PetscReal *size, PetscBool *strong);
+PETSC_INTERN PetscErrorCode LatinDirectionSetUp(Latin);
+PETSC_INTERN PetscErrorCode LatinMacroSetUp(Latin);
+PETSC_INTERN PetscErrorCode LatinMacroReset(Latin);
+PETSC_INTERN PetscErrorCode LatinLinearSetUp(Latin);
+PETSC_INTERN PetscErrorCode LatinCondenseSetUp(Latin);
+PETSC_INTERN PetscErrorCode LatinLinearSetLoads(Latin, Vec load);
+PETSC_INTERN PetscErrorCode LatinLinearReset(Latin);
+PETSC_INTERN PetscErrorCode LatinLinearApply(Latin);
+PETSC_INTERN PetscErrorCode LatinDirectSolver_Private(PC, Mat, MatSolverType preferred);
+PETSC_INTERN PetscErrorCode LatinFactor_Private(Latin, KSP, Mat, PetscBool coarse);
+PETSC_INTERN PetscErrorCode LatinCoarseNumber(Latin);
+PETSC_INTERN PetscErrorCode LatinCoarseSetUp(Latin);
+PETSC_INTERN PetscErrorCode LatinCoarseReset(Latin);
+PETSC_INTERN PetscErrorCode LatinCoarseSolve(Latin);
+
+/* The fixed-point map: z = (sides, nonsmooth links) -> G(z); also sets latin->indicator and leaves U behind */
+PETSC_INTERN PetscErrorCode LatinCreateState_Private(Latin, Vec *);
+PETSC_INTERN PetscErrorCode LatinInitialState_Private(Latin, Vec);
+PETSC_INTERN PetscErrorCode LatinApply_Private(Latin, Vec z, Vec Gz);
+PETSC_INTERN PetscErrorCode LatinGatherForces_Private(Latin, const PetscReal z[]);
+PETSC_INTERN PetscErrorCode LatinLocalStage_Private(Latin, const PetscReal z[], PetscReal Gz[]);
+PETSC_INTERN PetscErrorCode LatinErrors_Private(Latin, const PetscReal reference[], PetscReal *l2, PetscReal *energy);
+PETSC_INTERN PetscErrorCode LatinAverage_Private(Latin, Vec u);
+PETSC_INTERN PetscErrorCode LatinDistribute_Private(Latin, Vec u, PetscReal copy[]);
+
+#endif

@@ -1,0 +1,325 @@
+#include "latinimpl.h"
+
+/*
+   Linear stage: the fixed operators K_E = B^t l B + C^t d C of the subdomains (28), with l = k, and one solve of the
+   whole stage (42)-(52) for given forces.
+*/
+
+/* Diagonal springs of the search direction */
+static PetscErrorCode LatinLinearSprings_Private(Latin latin, PetscReal spring[])
+{
+  PetscFunctionBegin;
+  PetscCall(PetscArrayzero(spring, latin->links->dim * latin->sub.copies));
+  for (PetscInt k = 0; k < latin->inter.sides; k++) spring[latin->inter.side_dof[k]] += latin->macro.d[k];
+  PetscFunctionReturn(0);
+}
+
+typedef struct {
+  PetscInt  *offset, *list; /* links at each copy */
+  PetscInt  *neighbour;     /* work: copies joined to one copy, itself included */
+  PetscReal *block;         /* work: their dim x dim blocks */
+  PetscInt  *slot;          /* [copies] work: position among the neighbours, -1 */
+} LatinGraph;
+
+static PetscErrorCode LatinGraphCreate_Private(Latin latin, LatinGraph *graph)
+{
+  LatinSubstructure *sub = &latin->sub;
+  PetscInt           widest = 0;
+
+  PetscFunctionBegin;
+  PetscCall(PetscCalloc1(sub->copies + 2, &graph->offset));
+  PetscCall(PetscMalloc1(2 * sub->links, &graph->list));
+  for (PetscInt i = 0; i < 2 * sub->links; i++) graph->offset[sub->ends[i] + 2]++;
+  for (PetscInt i = 0; i < sub->copies; i++) {
+    widest = PetscMax(widest, graph->offset[i + 2]);
+    graph->offset[i + 2] += graph->offset[i + 1];
+  }
+  for (PetscInt i = 0; i < 2 * sub->links; i++) graph->list[graph->offset[sub->ends[i] + 1]++] = i / 2;
+  PetscCall(PetscMalloc3(widest + 1, &graph->neighbour, 9 * (widest + 1), &graph->block, sub->copies, &graph->slot));
+  for (PetscInt i = 0; i < sub->copies; i++) graph->slot[i] = -1;
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode LatinGraphDestroy_Private(LatinGraph *graph)
+{
+  PetscFunctionBegin;
+  PetscCall(PetscFree(graph->offset));
+  PetscCall(PetscFree(graph->list));
+  PetscCall(PetscFree3(graph->neighbour, graph->block, graph->slot));
+  PetscFunctionReturn(0);
+}
+
+/* Block row i of K_E: neighbours in increasing order and their blocks */
+static PetscErrorCode LatinGraphRow_Private(Latin latin, LatinGraph *graph, PetscInt i, const PetscReal spring[], PetscInt *count)
+{
+  LatinSubstructure *sub = &latin->sub;
+  const PetscInt     dim = latin->links->dim, dd = dim * dim;
+  PetscInt           n = 0;
+
+  PetscFunctionBegin;
+  graph->neighbour[n++] = i;
+  for (PetscInt p = graph->offset[i]; p < graph->offset[i + 1]; p++) {
+    const PetscInt l = graph->list[p], j = sub->ends[2 * l] == i ? sub->ends[2 * l + 1] : sub->ends[2 * l];
+
+    if (graph->slot[j] < 0) {
+      graph->slot[j]        = 0;
+      graph->neighbour[n++] = j;
+    }
+  }
+  PetscCall(PetscSortInt(n, graph->neighbour));
+  for (PetscInt p = 0; p < n; p++) graph->slot[graph->neighbour[p]] = p;
+  PetscCall(PetscArrayzero(graph->block, dd * n));
+  for (PetscInt p = graph->offset[i]; p < graph->offset[i + 1]; p++) {
+    const PetscInt   l = graph->list[p], j = sub->ends[2 * l] == i ? sub->ends[2 * l + 1] : sub->ends[2 * l];
+    const PetscReal *v = sub->direction + dim * l, k = sub->stiffness[l];
+    PetscReal       *own = graph->block + dd * graph->slot[i], *other = graph->block + dd * graph->slot[j];
+
+    for (PetscInt c = 0; c < dim; c++)
+      for (PetscInt b = 0; b < dim; b++) {
+        own[c * dim + b] += k * v[c] * v[b];
+        other[c * dim + b] -= k * v[c] * v[b];
+      }
+  }
+  for (PetscInt c = 0; c < dim; c++) graph->block[dd * graph->slot[i] + c * dim + c] += spring[dim * i + c];
+  for (PetscInt p = 0; p < n; p++) graph->slot[graph->neighbour[p]] = -1;
+  *count = n;
+  PetscFunctionReturn(0);
+}
+
+/*
+   One pass counts, the next fills: rows of K on free dofs that are not primal, their coupling with the primal dofs,
+   and the primal block, which starts the homogenised stiffness H.
+*/
+static PetscErrorCode LatinLinearRows_Private(Latin latin, LatinGraph *graph, const PetscReal spring[], PetscBool fill)
+{
+  LatinSubstructure *sub    = &latin->sub;
+  LatinLinear       *linear = &latin->linear;
+  const PetscInt     dim    = latin->links->dim;
+  PetscInt           nz = 0, rc = 0, n = 0;
+
+  PetscFunctionBegin;
+  for (PetscInt s = 0; s < sub->n; s++) {
+    const PetscInt m = latin->coarse.offset[s + 1] - latin->coarse.offset[s], macros = latin->coarse.macro_count[s];
+
+    linear->rc_offset[s] = rc;
+    for (PetscInt i = sub->node_offset[s]; i < sub->node_offset[s + 1]; i++) {
+      PetscCall(LatinGraphRow_Private(latin, graph, i, spring, &n));
+      for (PetscInt c = 0; c < dim; c++) {
+        const PetscInt row = dim * i + c, primal = linear->primal_index[row];
+
+        if (fill) linear->ci[row] = nz;
+        if (sub->fixed[row] || primal >= 0) {
+          if (fill) {
+            linear->cj[nz] = row;
+            linear->ca[nz] = 1.0;
+          }
+          nz++;
+          if (sub->fixed[row] || !fill) continue;
+        }
+        for (PetscInt p = 0; p < n; p++)
+          for (PetscInt b = 0; b < dim; b++) {
+            const PetscInt  col   = dim * graph->neighbour[p] + b;
+            const PetscReal value = graph->block[dim * dim * p + c * dim + b];
+
+            if (sub->fixed[col] || (value == 0.0 && row != col)) continue;
+            if (primal >= 0) {
+              if (linear->primal_index[col] >= 0) linear->H[linear->h_offset[s] + macros + primal + m * (macros + linear->primal_index[col])] += value;
+            } else if (linear->primal_index[col] >= 0) {
+              if (fill) {
+                linear->rc_row[rc]   = row;
+                linear->rc_col[rc]   = linear->primal_index[col];
+                linear->rc_value[rc] = value;
+              }
+              rc++;
+            } else {
+              if (fill) {
+                linear->cj[nz] = col;
+                linear->ca[nz] = value;
+              }
+              nz++;
+            }
+          }
+      }
+    }
+  }
+  linear->rc_offset[sub->n] = rc;
+  if (fill) linear->ci[dim * sub->copies] = nz;
+  else {
+    PetscCall(PetscMalloc3(dim * sub->copies + 1, &linear->ci, nz, &linear->cj, nz, &linear->ca));
+    PetscCall(PetscMalloc3(rc, &linear->rc_row, rc, &linear->rc_col, rc, &linear->rc_value));
+  }
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode LatinLinearSetUp(Latin latin)
+{
+  LatinSubstructure *sub    = &latin->sub;
+  LatinLinear       *linear = &latin->linear;
+  const PetscInt     n      = latin->links->dim * sub->copies;
+  const char        *prefix;
+  PetscReal         *spring;
+  LatinGraph         graph;
+  PC                 pc;
+
+  PetscFunctionBegin;
+  PetscCall(PetscLogEventBegin(LATIN_Linear, latin, 0, 0, 0));
+  PetscCall(PetscMalloc3(sub->n + 1, &linear->rc_offset, sub->n + 1, &linear->h_offset, sub->n + 1, &linear->phi_offset));
+  linear->h_offset[0] = linear->phi_offset[0] = 0;
+  for (PetscInt s = 0; s < sub->n; s++) {
+    const size_t m = (size_t)(latin->coarse.offset[s + 1] - latin->coarse.offset[s]), rows = (size_t)(latin->links->dim * (sub->node_offset[s + 1] - sub->node_offset[s]));
+
+    linear->h_offset[s + 1]   = linear->h_offset[s] + m * m;
+    linear->phi_offset[s + 1] = linear->phi_offset[s] + m * rows;
+  }
+  PetscCall(PetscCalloc1(linear->h_offset[sub->n], &linear->H));
+  PetscCall(PetscMalloc1(linear->phi_offset[sub->n], &linear->Phi));
+  PetscCall(PetscMalloc5(n, &linear->g, n, &linear->U, n, &linear->g0, linear->widest, &linear->lambda, n, &spring));
+  PetscCall(PetscArrayzero(linear->U, n));
+  PetscCall(LatinLinearSprings_Private(latin, spring));
+  PetscCall(LatinGraphCreate_Private(latin, &graph));
+  PetscCall(LatinLinearRows_Private(latin, &graph, spring, PETSC_FALSE));
+  PetscCall(LatinLinearRows_Private(latin, &graph, spring, PETSC_TRUE));
+  PetscCall(LatinGraphDestroy_Private(&graph));
+  linear->spring = spring;
+
+  PetscCall(MatCreateSeqAIJWithArrays(PETSC_COMM_SELF, n, n, linear->ci, linear->cj, linear->ca, &linear->K));
+  PetscCall(MatSetOption(linear->K, MAT_SYMMETRIC, PETSC_TRUE));
+  PetscCall(MatSetOption(linear->K, MAT_SPD, PETSC_TRUE));
+  PetscCall(VecCreateSeqWithArray(PETSC_COMM_SELF, 1, n, linear->g, &linear->rhs));
+  PetscCall(VecCreateSeqWithArray(PETSC_COMM_SELF, 1, n, linear->U, &linear->sol));
+  PetscCall(KSPCreate(PETSC_COMM_SELF, &linear->ksp));
+  PetscCall(PetscObjectIncrementTabLevel((PetscObject)linear->ksp, (PetscObject)latin, 1));
+  PetscCall(PetscObjectSetOptions((PetscObject)linear->ksp, ((PetscObject)latin)->options));
+  PetscCall(PetscObjectGetOptionsPrefix((PetscObject)latin, &prefix));
+  PetscCall(KSPSetOptionsPrefix(linear->ksp, prefix));
+  PetscCall(KSPAppendOptionsPrefix(linear->ksp, "local_"));
+  PetscCall(KSPSetType(linear->ksp, KSPPREONLY));
+  PetscCall(KSPGetPC(linear->ksp, &pc));
+  PetscCall(LatinDirectSolver_Private(pc, linear->K, MATSOLVERCHOLMOD));
+  PetscCall(KSPSetOperators(linear->ksp, linear->K, linear->K));
+  PetscCall(KSPSetFromOptions(linear->ksp));
+  PetscCall(LatinFactor_Private(latin, linear->ksp, linear->K, PETSC_FALSE));
+  PetscCall(PetscLogEventEnd(LATIN_Linear, latin, 0, 0, 0));
+  PetscFunctionReturn(0);
+}
+
+/*
+   The part of the forces that no iteration changes: loads, shared among the copies of a node, and the tensions that
+   smooth links and prescribed displacements cause. A preconditioner has none of them.
+*/
+PetscErrorCode LatinLinearSetLoads(Latin latin, Vec load)
+{
+  LatinSubstructure *sub    = &latin->sub;
+  LatinLinear       *linear = &latin->linear;
+  const PetscInt     dim    = latin->links->dim;
+
+  PetscFunctionBegin;
+  PetscCall(PetscArrayzero(linear->g0, dim * sub->copies));
+  if (latin->tangent) PetscFunctionReturn(0);
+  PetscCall(LatinDistribute_Private(latin, load, linear->g0));
+  for (PetscInt i = 0; i < dim * sub->copies; i++) linear->g0[i] = sub->fixed[i] ? 0.0 : linear->g0[i] / sub->multiplicity[i / dim];
+  for (PetscInt l = 0; l < sub->links; l++) {
+    const PetscReal *n = sub->direction + dim * l, k = sub->stiffness[l];
+    const PetscInt   a = dim * sub->ends[2 * l], b = dim * sub->ends[2 * l + 1];
+    PetscReal        t = LatinLaws[sub->law[l]].smooth ? k * sub->prestrain[l] : 0.0;
+
+    for (PetscInt c = 0; c < dim; c++) t += k * n[c] * (sub->prescribed[b + c] - sub->prescribed[a + c]);
+    for (PetscInt c = 0; c < dim; c++) {
+      linear->g0[a + c] += t * n[c];
+      linear->g0[b + c] -= t * n[c];
+    }
+  }
+  PetscFunctionReturn(0);
+}
+
+/*
+   The linear stage for the forces g: displacements U of all copies and coarse displacements u. In order: condensed
+   forces, coarse problem (52), relocalisation (42) with the macro forces lambda on the strong interfaces.
+*/
+PetscErrorCode LatinLinearApply(Latin latin)
+{
+  LatinSubstructure  *sub    = &latin->sub;
+  LatinInterfaces    *inter  = &latin->inter;
+  LatinLinear        *linear = &latin->linear;
+  LatinCoarse        *coarse = &latin->coarse;
+  const PetscInt      dim    = latin->links->dim;
+  const PetscScalar   one = 1.0, zero = 0.0;
+  const PetscBLASInt  inc = 1;
+  KSPConvergedReason  reason;
+
+  PetscFunctionBegin;
+  PetscCall(PetscLogEventBegin(LATIN_Condense, latin, 0, 0, 0));
+  for (PetscInt s = 0; s < sub->n; s++) {
+    PetscReal   *q = coarse->q + coarse->offset[s];
+    PetscBLASInt rows, cols;
+
+    PetscCall(PetscBLASIntCast(dim * (sub->node_offset[s + 1] - sub->node_offset[s]), &rows));
+    PetscCall(PetscBLASIntCast(coarse->offset[s + 1] - coarse->offset[s], &cols));
+    if (!cols) continue;
+    PetscCallBLAS("BLASgemv", BLASgemv_("T", &rows, &cols, &one, linear->Phi + linear->phi_offset[s], &rows, linear->g + dim * sub->node_offset[s], &inc, &zero, q, &inc));
+    for (PetscInt p = linear->primal_offset[s]; p < linear->primal_offset[s + 1]; p++) q[coarse->macro_count[s] + p - linear->primal_offset[s]] += linear->g[linear->primal_dof[p]];
+  }
+  PetscCall(PetscLogEventEnd(LATIN_Condense, latin, 0, 0, 0));
+  PetscCall(LatinCoarseSolve(latin));
+
+  PetscCall(PetscLogEventBegin(LATIN_Linear, latin, 0, 0, 0));
+  for (PetscInt s = 0; s < sub->n; s++) {
+    const PetscReal *u = coarse->u + coarse->offset[s], *q = coarse->q + coarse->offset[s], *uc = u + coarse->macro_count[s];
+    PetscBLASInt     macros, cols;
+
+    PetscCall(PetscBLASIntCast(coarse->macro_count[s], &macros));
+    PetscCall(PetscBLASIntCast(coarse->offset[s + 1] - coarse->offset[s], &cols));
+    if (macros) {
+      PetscReal *lambda = linear->lambda;
+
+      /* the first rows of H are (T^-1 - 1, -T^-1 N) */
+      PetscCallBLAS("BLASgemv", BLASgemv_("N", &macros, &cols, &one, linear->H + linear->h_offset[s], &cols, u, &inc, &zero, lambda, &inc));
+      for (PetscInt i = 0; i < macros; i++) lambda[i] += u[i] - q[i];
+      for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++) {
+        const LatinInterface *face = &inter->interface[f];
+        const PetscReal      *lf   = lambda + face->local_first - coarse->offset[s];
+
+        for (PetscInt k = face->side_first; k < face->side_last; k++) {
+          const PetscReal *row = latin->macro.basis + k * LATIN_MAX_MODES;
+          PetscReal        v   = 0.0;
+
+          for (PetscInt j = 0; j < face->modes; j++) v += row[j] * lf[j];
+          linear->g[inter->side_dof[k]] += latin->macro.d[k] * v;
+        }
+      }
+    }
+    for (PetscInt p = linear->rc_offset[s]; p < linear->rc_offset[s + 1]; p++) linear->g[linear->rc_row[p]] -= linear->rc_value[p] * uc[linear->rc_col[p]];
+    for (PetscInt p = linear->primal_offset[s]; p < linear->primal_offset[s + 1]; p++) linear->g[linear->primal_dof[p]] = uc[p - linear->primal_offset[s]];
+  }
+  /* identity rows: prescribed and primal displacements pass through */
+  for (PetscInt i = 0; i < dim * sub->copies; i++)
+    if (sub->fixed[i]) linear->g[i] = latin->tangent ? 0.0 : sub->prescribed[i];
+  PetscCall(PetscObjectStateIncrease((PetscObject)linear->rhs));
+  PetscCall(KSPSolve(linear->ksp, linear->rhs, linear->sol));
+  PetscCall(KSPGetConvergedReason(linear->ksp, &reason));
+  latin->failed = (PetscBool)(reason < 0 && reason != KSP_DIVERGED_ITS);
+  PetscCall(PetscLogEventEnd(LATIN_Linear, latin, 0, 0, 0));
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode LatinLinearReset(Latin latin)
+{
+  LatinLinear *linear = &latin->linear;
+
+  PetscFunctionBegin;
+  PetscCall(KSPDestroy(&linear->ksp));
+  PetscCall(MatDestroy(&linear->K));
+  PetscCall(VecDestroy(&linear->rhs));
+  PetscCall(VecDestroy(&linear->sol));
+  PetscCall(PetscFree3(linear->ci, linear->cj, linear->ca));
+  PetscCall(PetscFree3(linear->rc_row, linear->rc_col, linear->rc_value));
+  PetscCall(PetscFree3(linear->rc_offset, linear->h_offset, linear->phi_offset));
+  PetscCall(PetscFree(linear->primal_offset));
+  PetscCall(PetscFree(linear->primal_dof));
+  PetscCall(PetscFree(linear->primal_index));
+  PetscCall(PetscFree(linear->H));
+  PetscCall(PetscFree(linear->Phi));
+  PetscCall(PetscFree5(linear->g, linear->U, linear->g0, linear->lambda, linear->spring));
+  PetscCall(PetscMemzero(linear, sizeof(*linear)));
+  PetscFunctionReturn(0);
+}

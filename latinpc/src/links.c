@@ -1,0 +1,344 @@
+#include "latinimpl.h"
+
+/*
+   Structures of section 2.1: a DMPLEX of one-dimensional cells, the laws of the links, supports and loads.
+   The caller's nodes and links keep the caller's numbering; the DM's vertices are reached through vertex_sf.
+*/
+
+static PetscErrorCode LatinLinksView_Private(LatinLinks links, PetscViewer viewer)
+{
+  PetscBool ascii;
+  PetscInt  free_dofs = 0;
+
+  PetscFunctionBegin;
+  PetscCall(PetscObjectTypeCompare((PetscObject)viewer, PETSCVIEWERASCII, &ascii));
+  if (!ascii) PetscFunctionReturn(0);
+  if (links->load) PetscCall(VecGetSize(links->load, &free_dofs));
+  PetscCall(PetscViewerASCIIPrintf(viewer, "structure: %" PetscInt_FMT " nodes in %" PetscInt_FMT "D, %" PetscInt_FMT " links, %" PetscInt_FMT " free degrees of freedom\n", links->nodes_global, links->dim, links->links_global, free_dofs));
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  LatinLinksDestroy - Frees a structure.
+
+  Collective on links
+
+  Level: beginner
+@*/
+PetscErrorCode LatinLinksDestroy(LatinLinks *links)
+{
+  LatinLinks l;
+
+  PetscFunctionBegin;
+  if (!*links) PetscFunctionReturn(0);
+  PetscValidHeaderSpecific(*links, LATIN_LINKS_CLASSID, 1);
+  l = *links;
+  if (--((PetscObject)l)->refct > 0) {
+    *links = NULL;
+    PetscFunctionReturn(0);
+  }
+  PetscCall(PetscFree4(l->x, l->prescribed, l->force, l->fixed));
+  PetscCall(PetscFree(l->global_dof));
+  PetscCall(PetscFree5(l->nodes, l->law, l->stiffness, l->prestrain, l->direction));
+  PetscCall(PetscFree(l->tangent));
+  PetscCall(PetscFree(l->subdomain));
+  PetscCall(PetscFree(l->ends));
+  PetscCall(PetscFree(l->vertex_prescribed));
+  PetscCall(PetscSFDestroy(&l->vertex_sf));
+  PetscCall(VecDestroy(&l->load));
+  PetscCall(DMDestroy(&l->dm));
+  PetscCall(PetscHeaderDestroy(links));
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  LatinLinksReference - Counts one more owner of a structure; each calls `LatinLinksDestroy()` once.
+
+  Not collective
+
+  Level: advanced
+@*/
+PetscErrorCode LatinLinksReference(LatinLinks links)
+{
+  PetscFunctionBegin;
+  PetscValidHeaderSpecific(links, LATIN_LINKS_CLASSID, 1);
+  PetscCall(PetscObjectReference((PetscObject)links));
+  PetscFunctionReturn(0);
+}
+
+/* Unit vectors of the links and their checks; the coordinates of the end nodes come through the DM's vertices */
+static PetscErrorCode LatinLinksComputeDirections_Private(LatinLinks links)
+{
+  const PetscInt dim = links->dim;
+  PetscReal     *vx;
+  MPI_Datatype   type;
+  PetscInt       bad = -1;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMalloc1(links->vertices * dim, &vx));
+  PetscCallMPI(MPI_Type_contiguous((PetscMPIInt)dim, MPIU_REAL, &type));
+  PetscCallMPI(MPI_Type_commit(&type));
+  PetscCall(PetscSFBcastBegin(links->vertex_sf, type, links->x, vx, MPI_REPLACE));
+  PetscCall(PetscSFBcastEnd(links->vertex_sf, type, links->x, vx, MPI_REPLACE));
+  PetscCallMPI(MPI_Type_free(&type));
+  for (PetscInt l = 0; l < links->links_local; l++) {
+    const PetscReal *xa = vx + dim * links->ends[2 * l], *xb = vx + dim * links->ends[2 * l + 1];
+    PetscReal       *n = links->direction + dim * l, scale = 0.0, length = 0.0;
+
+    /* scaled, so that no unit of length overflows or underflows */
+    for (PetscInt c = 0; c < dim; c++) {
+      n[c]  = xb[c] - xa[c];
+      scale = PetscMax(scale, PetscAbsReal(n[c]));
+    }
+    if (!(scale > 0.0)) {
+      if (bad < 0) bad = l;
+      continue;
+    }
+    for (PetscInt c = 0; c < dim; c++) length += PetscSqr(n[c] / scale);
+    length = PetscSqrtReal(length);
+    for (PetscInt c = 0; c < dim; c++) n[c] = n[c] / scale / length;
+  }
+  PetscCall(PetscFree(vx));
+  LatinAgree(PetscObjectComm((PetscObject)links), bad >= 0, PETSC_ERR_ARG_WRONG, "Link %" PetscInt_FMT " has no length: its nodes %" PetscInt_FMT " and %" PetscInt_FMT " lie at the same point; merge the nodes or remove the link", links->links_start + bad, links->nodes[2 * bad], links->nodes[2 * bad + 1]);
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  LatinLinksCreate - Creates a structure of nodes joined by links.
+
+  Collective on comm
+
+  Input Parameters:
++ comm         - the communicator
+. dim          - number of displacement components of a node: 1, 2 or 3
+. nodes_local  - number of nodes given by this rank; the ranks' nodes are numbered one after the other
+. nodes_global - number of all nodes, or `PETSC_DETERMINE`
+. coordinates  - [nodes_local][dim], a length
+. links_local  - number of links given by this rank
+- link_nodes   - [links_local][2] numbers of the end nodes, counted from 0 over all ranks
+
+  Output Parameter:
+. newlinks - the structure
+
+  Level: beginner
+
+  Notes:
+  Raises `PETSC_ERR_ARG_OUTOFRANGE` for a link whose node does not exist and `PETSC_ERR_ARG_WRONG` for a link that
+  joins a node to itself or has no length, on every rank.
+
+.seealso: `LatinLinksSetLaws()`, `LatinLinksSetSupports()`, `LatinLinksSetLoads()`, `LatinLinksSetUp()`
+@*/
+PetscErrorCode LatinLinksCreate(MPI_Comm comm, PetscInt dim, PetscInt nodes_local, PetscInt nodes_global, const PetscReal coordinates[], PetscInt links_local, const PetscInt link_nodes[], LatinLinks *newlinks)
+{
+  LatinLinks l;
+  PetscInt   in[2], out[2], start[2], bad = -1, notfinite = -1, self = -1, vstart, vend;
+  DM         cdm;
+
+  PetscFunctionBegin;
+  PetscValidPointer(newlinks, 8);
+  PetscCall(LatinInitializePackage());
+  LatinAgree(comm, dim < 1 || dim > 3, PETSC_ERR_ARG_OUTOFRANGE, "A structure has 1, 2 or 3 dimensions, not %" PetscInt_FMT, dim);
+  in[0] = nodes_local;
+  in[1] = links_local;
+  PetscCall(MPIU_Allreduce(in, out, 2, MPIU_INT, MPI_SUM, comm));
+  PetscCallMPI(MPI_Scan(in, start, 2, MPIU_INT, MPI_SUM, comm));
+  LatinAgree(comm, nodes_global != PETSC_DETERMINE && nodes_global != out[0], PETSC_ERR_ARG_SIZ, "The ranks give %" PetscInt_FMT " nodes in all, not the %" PetscInt_FMT " announced", out[0], nodes_global);
+  LatinAgree(comm, out[1] == 0, PETSC_ERR_ARG_SIZ, "The structure has no link: there is nothing to solve");
+  for (PetscInt i = 0; i < links_local && bad < 0; i++)
+    if (link_nodes[2 * i] < 0 || link_nodes[2 * i] >= out[0] || link_nodes[2 * i + 1] < 0 || link_nodes[2 * i + 1] >= out[0]) bad = i;
+  LatinAgree(comm, bad >= 0, PETSC_ERR_ARG_OUTOFRANGE, "Link %" PetscInt_FMT " joins nodes %" PetscInt_FMT " and %" PetscInt_FMT ", but the nodes are numbered from 0 to %" PetscInt_FMT, start[1] - links_local + bad, link_nodes[2 * bad], link_nodes[2 * bad + 1], out[0] - 1);
+  for (PetscInt i = 0; i < links_local && self < 0; i++)
+    if (link_nodes[2 * i] == link_nodes[2 * i + 1]) self = i;
+  LatinAgree(comm, self >= 0, PETSC_ERR_ARG_WRONG, "Link %" PetscInt_FMT " joins node %" PetscInt_FMT " to itself; remove it", start[1] - links_local + self, link_nodes[2 * self]);
+  for (PetscInt i = 0; i < nodes_local * dim && notfinite < 0; i++)
+    if (PetscIsInfOrNanReal(coordinates[i])) notfinite = i;
+  LatinAgree(comm, notfinite >= 0, PETSC_ERR_FP, "Node %" PetscInt_FMT " has a coordinate that is not a finite number", start[0] - nodes_local + notfinite / dim);
+
+  PetscCall(PetscHeaderCreate(l, LATIN_LINKS_CLASSID, "LatinLinks", "Structure of links", "Latin", comm, LatinLinksDestroy, LatinLinksView_Private));
+  l->dim          = dim;
+  l->nodes_local  = nodes_local;
+  l->links_local  = links_local;
+  l->nodes_global = out[0];
+  l->links_global = out[1];
+  l->nodes_start  = start[0] - nodes_local;
+  l->links_start  = start[1] - links_local;
+  PetscCall(PetscCalloc4(nodes_local * dim, &l->x, nodes_local * dim, &l->prescribed, nodes_local * dim, &l->force, nodes_local * dim, &l->fixed));
+  PetscCall(PetscCalloc5(2 * links_local, &l->nodes, links_local, &l->law, links_local, &l->stiffness, links_local, &l->prestrain, dim * links_local, &l->direction));
+  PetscCall(PetscArraycpy(l->x, coordinates, nodes_local * dim));
+  PetscCall(PetscArraycpy(l->nodes, link_nodes, 2 * links_local));
+
+  PetscCall(DMPlexCreateFromCellListParallelPetsc(comm, 1, links_local, nodes_local, l->nodes_global, 2, PETSC_FALSE, l->nodes, dim, l->x, &l->vertex_sf, NULL, &l->dm));
+  PetscCall(PetscObjectSetName((PetscObject)l->dm, "structure"));
+  PetscCall(DMGetCoordinateDM(l->dm, &cdm));
+  (void)cdm;
+  PetscCall(DMPlexGetDepthStratum(l->dm, 0, &vstart, &vend));
+  if (!links_local) vstart = vend = 0;
+  l->vertices = vend - vstart;
+  PetscCall(PetscMalloc1(2 * links_local, &l->ends));
+  for (PetscInt i = 0; i < links_local; i++) {
+    const PetscInt *cone;
+
+    PetscCall(DMPlexGetCone(l->dm, i, &cone));
+    l->ends[2 * i]     = cone[0] - vstart;
+    l->ends[2 * i + 1] = cone[1] - vstart;
+  }
+  PetscCall(LatinLinksComputeDirections_Private(l));
+  *newlinks = l;
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  LatinLinksSetLaws - Gives each link of this rank its constitutive law (2), (4).
+
+  Collective on links
+
+  Input Parameters:
++ links     - the structure
+. law       - [links_local] a `LatinLawType` each
+. stiffness - [links_local] k, force/length, positive
+- prestrain - [links_local] e0, a length, or NULL for none; k e0 is the tension in the prestressed configuration
+
+  Level: beginner
+@*/
+PetscErrorCode LatinLinksSetLaws(LatinLinks links, const PetscInt law[], const PetscReal stiffness[], const PetscReal prestrain[])
+{
+  MPI_Comm comm;
+  PetscInt badlaw = -1, badk = -1;
+
+  PetscFunctionBegin;
+  PetscValidHeaderSpecific(links, LATIN_LINKS_CLASSID, 1);
+  comm = PetscObjectComm((PetscObject)links);
+  for (PetscInt l = 0; l < links->links_local; l++) {
+    if (badlaw < 0 && (law[l] < 0 || law[l] >= LatinLawCount)) badlaw = l;
+    if (badk < 0 && (!(stiffness[l] > 0.0) || PetscIsInfOrNanReal(stiffness[l]))) badk = l;
+  }
+  LatinAgree(comm, badlaw >= 0, PETSC_ERR_ARG_OUTOFRANGE, "Link %" PetscInt_FMT " has law %" PetscInt_FMT "; the laws are 0 (bar), 1 (cable), 2 (strut)", links->links_start + badlaw, law[badlaw]);
+  LatinAgree(comm, badk >= 0, PETSC_ERR_ARG_OUTOFRANGE, "Link %" PetscInt_FMT " has stiffness %g; a stiffness is a positive finite number of force/length", links->links_start + badk, (double)stiffness[badk]);
+  PetscCall(PetscArraycpy(links->law, law, links->links_local));
+  PetscCall(PetscArraycpy(links->stiffness, stiffness, links->links_local));
+  PetscCall(PetscFree(links->tangent));
+  PetscCall(PetscObjectStateIncrease((PetscObject)links));
+  PetscCall(LatinLinksSetPrestrain(links, prestrain));
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  LatinLinksSetPrestrain - Changes the prestrains e0 of the links of this rank; no operator is rebuilt for it.
+
+  Collective on links
+
+  Input Parameters:
++ links     - the structure
+- prestrain - [links_local] e0, a length, or NULL for none
+
+  Level: intermediate
+@*/
+PetscErrorCode LatinLinksSetPrestrain(LatinLinks links, const PetscReal prestrain[])
+{
+  PetscInt bad = -1;
+
+  PetscFunctionBegin;
+  PetscValidHeaderSpecific(links, LATIN_LINKS_CLASSID, 1);
+  if (prestrain) {
+    for (PetscInt l = 0; l < links->links_local && bad < 0; l++)
+      if (PetscIsInfOrNanReal(prestrain[l])) bad = l;
+  }
+  LatinAgree(PetscObjectComm((PetscObject)links), bad >= 0, PETSC_ERR_FP, "Link %" PetscInt_FMT " has a prestrain that is not a finite number", links->links_start + bad);
+  if (prestrain) PetscCall(PetscArraycpy(links->prestrain, prestrain, links->links_local));
+  else PetscCall(PetscArrayzero(links->prestrain, links->links_local));
+  links->prestrain_state++;
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  LatinLinksSetSupports - Prescribes displacement components of the nodes of this rank.
+
+  Collective on links; before `LatinLinksSetUp()`
+
+  Input Parameters:
++ links      - the structure
+. fixed      - [nodes_local][dim] whether the component is prescribed
+- prescribed - [nodes_local][dim] its value, a length, or NULL for zero
+
+  Level: beginner
+@*/
+PetscErrorCode LatinLinksSetSupports(LatinLinks links, const PetscBool fixed[], const PetscReal prescribed[])
+{
+  const PetscInt n = links->nodes_local * links->dim;
+  PetscInt       bad = -1;
+
+  PetscFunctionBegin;
+  PetscValidHeaderSpecific(links, LATIN_LINKS_CLASSID, 1);
+  LatinAgree(PetscObjectComm((PetscObject)links), links->set_up, PETSC_ERR_ORDER, "Supports must be given before LatinLinksSetUp()");
+  for (PetscInt i = 0; i < n && bad < 0; i++)
+    if (fixed[i] && prescribed && PetscIsInfOrNanReal(prescribed[i])) bad = i;
+  LatinAgree(PetscObjectComm((PetscObject)links), bad >= 0, PETSC_ERR_FP, "Node %" PetscInt_FMT " has a prescribed displacement that is not a finite number", links->nodes_start + bad / links->dim);
+  PetscCall(PetscArraycpy(links->fixed, fixed, n));
+  for (PetscInt i = 0; i < n; i++) links->prescribed[i] = fixed[i] && prescribed ? prescribed[i] : 0.0;
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  LatinLinksSetLoads - Sets the external forces F on the nodes of this rank (1).
+
+  Collective on links; may be called again after `LatinLinksSetUp()`, no operator is rebuilt for it
+
+  Input Parameters:
++ links - the structure
+- force - [nodes_local][dim], ignored where the displacement is prescribed
+
+  Level: beginner
+@*/
+PetscErrorCode LatinLinksSetLoads(LatinLinks links, const PetscReal force[])
+{
+  const PetscInt n = links->nodes_local * links->dim;
+  PetscInt       bad = -1;
+
+  PetscFunctionBegin;
+  PetscValidHeaderSpecific(links, LATIN_LINKS_CLASSID, 1);
+  for (PetscInt i = 0; i < n && bad < 0; i++)
+    if (PetscIsInfOrNanReal(force[i])) bad = i;
+  LatinAgree(PetscObjectComm((PetscObject)links), bad >= 0, PETSC_ERR_FP, "Node %" PetscInt_FMT " has a load that is not a finite number", links->nodes_start + bad / links->dim);
+  PetscCall(PetscArraycpy(links->force, force, n));
+  links->load_state++;
+  if (links->set_up) PetscCall(LatinLinksLoadVec_Private(links));
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  LatinLinksSetSubdomains - Gives the partition of the links instead of leaving it to METIS.
+
+  Collective on links
+
+  Input Parameters:
++ links     - the structure
+- subdomain - [links_local] number of each link's subdomain, counted from 0 without gaps over all ranks, or NULL for METIS
+
+  Level: intermediate
+
+  Note:
+  A DMLabel named "subdomain" on the DM, with a value for every link, serves the same purpose.
+@*/
+PetscErrorCode LatinLinksSetSubdomains(LatinLinks links, const PetscInt subdomain[])
+{
+  MPI_Comm comm;
+  PetscInt bad = -1, last = -1;
+
+  PetscFunctionBegin;
+  PetscValidHeaderSpecific(links, LATIN_LINKS_CLASSID, 1);
+  comm = PetscObjectComm((PetscObject)links);
+  PetscCall(PetscFree(links->subdomain));
+  links->subdomain_count = 0;
+  PetscCall(PetscObjectStateIncrease((PetscObject)links));
+  if (!subdomain) PetscFunctionReturn(0);
+  for (PetscInt l = 0; l < links->links_local; l++) {
+    if (bad < 0 && (subdomain[l] < 0 || subdomain[l] >= links->links_global)) bad = l;
+    last = PetscMax(last, subdomain[l]);
+  }
+  LatinAgree(comm, bad >= 0, PETSC_ERR_ARG_OUTOFRANGE, "Link %" PetscInt_FMT " is in subdomain %" PetscInt_FMT "; subdomains are numbered from 0, and there are at most as many as links (%" PetscInt_FMT ")", links->links_start + bad, subdomain[bad], links->links_global);
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &last, 1, MPIU_INT, MPI_MAX, comm));
+  PetscCall(PetscMalloc1(links->links_local, &links->subdomain));
+  PetscCall(PetscArraycpy(links->subdomain, subdomain, links->links_local));
+  links->subdomain_count = last + 1;
+  PetscFunctionReturn(0);
+}

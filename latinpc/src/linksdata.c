@@ -1,0 +1,547 @@
+#include "latinimpl.h"
+
+/*
+   What a structure computes: nodal unbalance (1), its derivative, energy, tensions, and the way between the DM's
+   vectors and the caller's numbering.
+*/
+
+static PetscErrorCode LatinLinksCheckSetUp_Private(LatinLinks links)
+{
+  PetscFunctionBegin;
+  PetscValidHeaderSpecific(links, LATIN_LINKS_CLASSID, 1);
+  PetscCheck(links->set_up, PetscObjectComm((PetscObject)links), PETSC_ERR_ORDER, "The structure is not set up: call LatinLinksSetUp() after laws, supports and loads");
+  PetscFunctionReturn(0);
+}
+
+/* F at the free degrees of freedom, as a DM global vector; each node's owner in the caller's numbering knows its entries */
+PetscErrorCode LatinLinksLoadVec_Private(LatinLinks links)
+{
+  const PetscInt n = links->nodes_local * links->dim;
+
+  PetscFunctionBegin;
+  PetscCall(VecSetOption(links->load, VEC_IGNORE_NEGATIVE_INDICES, PETSC_TRUE));
+  PetscCall(VecSetValues(links->load, n, links->global_dof, links->force, INSERT_VALUES));
+  PetscCall(VecAssemblyBegin(links->load));
+  PetscCall(VecAssemblyEnd(links->load));
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode LatinLinksCreateSection_Private(LatinLinks links, const PetscBool vfixed[], PetscInt vstart)
+{
+  const PetscInt dim = links->dim;
+  PetscSection   section;
+
+  PetscFunctionBegin;
+  PetscCall(PetscSectionCreate(PetscObjectComm((PetscObject)links), &section));
+  PetscCall(PetscSectionSetNumFields(section, 1));
+  PetscCall(PetscSectionSetFieldName(section, 0, "displacement"));
+  PetscCall(PetscSectionSetFieldComponents(section, 0, dim));
+  PetscCall(PetscSectionSetChart(section, 0, vstart + links->vertices));
+  for (PetscInt v = 0; v < links->vertices; v++) {
+    PetscInt constrained = 0;
+
+    for (PetscInt c = 0; c < dim; c++) constrained += vfixed[dim * v + c] ? 1 : 0;
+    PetscCall(PetscSectionSetDof(section, vstart + v, dim));
+    PetscCall(PetscSectionSetFieldDof(section, vstart + v, 0, dim));
+    PetscCall(PetscSectionSetConstraintDof(section, vstart + v, constrained));
+    PetscCall(PetscSectionSetFieldConstraintDof(section, vstart + v, 0, constrained));
+  }
+  PetscCall(PetscSectionSetUp(section));
+  for (PetscInt v = 0; v < links->vertices; v++) {
+    PetscInt list[3], n = 0;
+
+    for (PetscInt c = 0; c < dim; c++)
+      if (vfixed[dim * v + c]) list[n++] = c;
+    PetscCall(PetscSectionSetConstraintIndices(section, vstart + v, list));
+    PetscCall(PetscSectionSetFieldConstraintIndices(section, vstart + v, 0, list));
+  }
+  PetscCall(DMSetLocalSection(links->dm, section));
+  PetscCall(PetscSectionDestroy(&section));
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  LatinLinksSetUp - Prepares the DM of a structure once laws, supports and loads are given.
+
+  Collective on links
+
+  Level: beginner
+
+  Note:
+  Raises `PETSC_ERR_ARG_WRONGSTATE` for a node with a free displacement that no link reaches, on every rank.
+@*/
+PetscErrorCode LatinLinksSetUp(LatinLinks links)
+{
+  PetscInt       dim, n, vstart, vend, bad = -1;
+  PetscBool     *vfixed;
+  PetscInt      *vdof;
+  PetscSection   global;
+  MPI_Datatype   breal, bbool, bint;
+  PetscContainer container;
+
+  PetscFunctionBegin;
+  PetscValidHeaderSpecific(links, LATIN_LINKS_CLASSID, 1);
+  if (links->set_up) PetscFunctionReturn(0);
+  dim = links->dim;
+  n   = links->nodes_local * dim;
+  for (PetscInt l = 0; l < links->links_local && bad < 0; l++)
+    if (!(links->stiffness[l] > 0.0)) bad = l;
+  LatinAgree(PetscObjectComm((PetscObject)links), bad >= 0, PETSC_ERR_ORDER, "Link %" PetscInt_FMT " has no stiffness: call LatinLinksSetLaws() before LatinLinksSetUp()", links->links_start + bad);
+  PetscCall(DMPlexGetDepthStratum(links->dm, 0, &vstart, &vend));
+  if (!links->vertices) vstart = 0;
+  PetscCall(PetscMalloc2(dim * links->vertices, &vfixed, dim * links->vertices, &vdof));
+  PetscCall(PetscMalloc1(dim * links->vertices, &links->vertex_prescribed));
+  PetscCallMPI(MPI_Type_contiguous((PetscMPIInt)dim, MPIU_REAL, &breal));
+  PetscCallMPI(MPI_Type_contiguous((PetscMPIInt)dim, MPIU_BOOL, &bbool));
+  PetscCallMPI(MPI_Type_contiguous((PetscMPIInt)dim, MPIU_INT, &bint));
+  PetscCallMPI(MPI_Type_commit(&breal));
+  PetscCallMPI(MPI_Type_commit(&bbool));
+  PetscCallMPI(MPI_Type_commit(&bint));
+  PetscCall(PetscSFBcastBegin(links->vertex_sf, bbool, links->fixed, vfixed, MPI_REPLACE));
+  PetscCall(PetscSFBcastEnd(links->vertex_sf, bbool, links->fixed, vfixed, MPI_REPLACE));
+  PetscCall(PetscSFBcastBegin(links->vertex_sf, breal, links->prescribed, links->vertex_prescribed, MPI_REPLACE));
+  PetscCall(PetscSFBcastEnd(links->vertex_sf, breal, links->prescribed, links->vertex_prescribed, MPI_REPLACE));
+  PetscCall(LatinLinksCreateSection_Private(links, vfixed, vstart));
+
+  /* numbers of the free degrees of freedom, brought to the caller's nodes; all copies of a vertex agree on them */
+  PetscCall(DMGetGlobalSection(links->dm, &global));
+  for (PetscInt v = 0; v < links->vertices; v++) {
+    PetscInt offset, k = 0;
+
+    PetscCall(PetscSectionGetOffset(global, vstart + v, &offset));
+    if (offset < 0) offset = -(offset + 1);
+    for (PetscInt c = 0; c < dim; c++) vdof[dim * v + c] = vfixed[dim * v + c] ? -1 : offset + k++;
+  }
+  PetscCall(PetscMalloc1(n, &links->global_dof));
+  for (PetscInt i = 0; i < n; i++) links->global_dof[i] = -1;
+  PetscCall(PetscSFReduceBegin(links->vertex_sf, bint, vdof, links->global_dof, MPI_REPLACE));
+  PetscCall(PetscSFReduceEnd(links->vertex_sf, bint, vdof, links->global_dof, MPI_REPLACE));
+  PetscCallMPI(MPI_Type_free(&breal));
+  PetscCallMPI(MPI_Type_free(&bbool));
+  PetscCallMPI(MPI_Type_free(&bint));
+  PetscCall(PetscFree2(vfixed, vdof));
+  bad = -1;
+  for (PetscInt i = 0; i < n && bad < 0; i++)
+    if (!links->fixed[i] && links->global_dof[i] < 0) bad = i;
+  LatinAgree(PetscObjectComm((PetscObject)links), bad >= 0, PETSC_ERR_ARG_WRONGSTATE, "Node %" PetscInt_FMT " is free in direction %" PetscInt_FMT " but no link reaches it; remove it or prescribe its displacement", links->nodes_start + bad / dim, bad % dim);
+  PetscCall(DMCreateGlobalVector(links->dm, &links->load));
+  PetscCall(LatinLinksLoadVec_Private(links));
+
+  /* the DM knows the structure without owning it: the structure owns the DM */
+  PetscCall(PetscContainerCreate(PetscObjectComm((PetscObject)links), &container));
+  PetscCall(PetscContainerSetPointer(container, links));
+  PetscCall(PetscObjectCompose((PetscObject)links->dm, "LatinLinks", (PetscObject)container));
+  PetscCall(PetscContainerDestroy(&container));
+  links->set_up = PETSC_TRUE;
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode LatinLinksFromDM_Private(DM dm, LatinLinks *links)
+{
+  PetscContainer container;
+
+  PetscFunctionBegin;
+  *links = NULL;
+  if (!dm) PetscFunctionReturn(0);
+  PetscCall(PetscObjectQuery((PetscObject)dm, "LatinLinks", (PetscObject *)&container));
+  if (container) PetscCall(PetscContainerGetPointer(container, (void **)links));
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  LatinLinksGetDM - The DMPLEX of a structure, whose global vectors hold the free displacement components.
+
+  Not collective; the reference is borrowed
+
+  Level: beginner
+@*/
+PetscErrorCode LatinLinksGetDM(LatinLinks links, DM *dm)
+{
+  PetscFunctionBegin;
+  PetscValidHeaderSpecific(links, LATIN_LINKS_CLASSID, 1);
+  *dm = links->dm;
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  LatinLinksGetSizes - Dimension, numbers of nodes and links over all ranks, and of free degrees of freedom.
+
+  Not collective
+
+  Level: beginner
+@*/
+PetscErrorCode LatinLinksGetSizes(LatinLinks links, PetscInt *dim, PetscInt *nodes, PetscInt *nlinks, PetscInt *free_dofs)
+{
+  PetscFunctionBegin;
+  PetscCall(LatinLinksCheckSetUp_Private(links));
+  if (dim) *dim = links->dim;
+  if (nodes) *nodes = links->nodes_global;
+  if (nlinks) *nlinks = links->links_global;
+  if (free_dofs) PetscCall(VecGetSize(links->load, free_dofs));
+  PetscFunctionReturn(0);
+}
+
+/* Displacements of the DM's vertices, the prescribed ones included */
+PetscErrorCode LatinLinksGetLocal_Private(LatinLinks links, Vec u, Vec local)
+{
+  PetscScalar *a;
+
+  PetscFunctionBegin;
+  PetscCall(VecGetArrayWrite(local, &a));
+  PetscCall(PetscArraycpy(a, links->vertex_prescribed, links->vertices * links->dim));
+  PetscCall(VecRestoreArrayWrite(local, &a));
+  PetscCall(DMGlobalToLocalBegin(links->dm, u, INSERT_VALUES, local));
+  PetscCall(DMGlobalToLocalEnd(links->dm, u, INSERT_VALUES, local));
+  PetscFunctionReturn(0);
+}
+
+/* A row of B: the elongation of link l under the vertex displacements a */
+static inline PetscReal LatinLinksElongation(LatinLinks links, PetscInt l, const PetscScalar a[])
+{
+  const PetscInt     dim = links->dim;
+  const PetscReal   *n   = links->direction + dim * l;
+  const PetscScalar *ua = a + dim * links->ends[2 * l], *ub = a + dim * links->ends[2 * l + 1];
+  PetscReal          e = 0.0;
+
+  for (PetscInt c = 0; c < dim; c++) e += n[c] * (ub[c] - ua[c]);
+  return e;
+}
+
+/*@C
+  LatinLinksComputeResidual - The nodal unbalance B^t tau - F at the free degrees of freedom, (1).
+
+  Collective on links
+
+  Input Parameters:
++ links - the structure
+- u     - displacements, a DM global vector
+
+  Output Parameter:
+. r - unbalance, a DM global vector
+
+  Level: intermediate
+@*/
+PetscErrorCode LatinLinksComputeResidual(LatinLinks links, Vec u, Vec r)
+{
+  Vec                ul, rl;
+  const PetscScalar *a;
+  PetscScalar       *f;
+  PetscInt           dim;
+
+  PetscFunctionBegin;
+  PetscCall(LatinLinksCheckSetUp_Private(links));
+  dim = links->dim;
+  PetscCall(DMGetLocalVector(links->dm, &ul));
+  PetscCall(DMGetLocalVector(links->dm, &rl));
+  PetscCall(LatinLinksGetLocal_Private(links, u, ul));
+  PetscCall(VecZeroEntries(rl));
+  PetscCall(VecGetArrayRead(ul, &a));
+  PetscCall(VecGetArray(rl, &f));
+  for (PetscInt l = 0; l < links->links_local; l++) {
+    const PetscReal  x  = LatinLinksElongation(links, l, a) + links->prestrain[l];
+    const PetscReal  t  = LatinLaws[links->law[l]].tension(links->stiffness[l], x);
+    const PetscReal *n  = links->direction + dim * l;
+    PetscScalar     *fa = f + dim * links->ends[2 * l], *fb = f + dim * links->ends[2 * l + 1];
+
+    for (PetscInt c = 0; c < dim; c++) {
+      fa[c] -= t * n[c];
+      fb[c] += t * n[c];
+    }
+  }
+  PetscCall(VecRestoreArrayRead(ul, &a));
+  PetscCall(VecRestoreArray(rl, &f));
+  PetscCall(VecCopy(links->load, r));
+  PetscCall(VecScale(r, -1.0));
+  PetscCall(DMLocalToGlobalBegin(links->dm, rl, ADD_VALUES, r));
+  PetscCall(DMLocalToGlobalEnd(links->dm, rl, ADD_VALUES, r));
+  PetscCall(DMRestoreLocalVector(links->dm, &ul));
+  PetscCall(DMRestoreLocalVector(links->dm, &rl));
+  PetscCall(PetscLogFlops(links->links_local * (5.0 * dim + 4.0)));
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  LatinLinksComputeJacobian - The generalised derivative B^t k_t B of the unbalance, k_t the tangent stiffness of each link.
+
+  Collective on links
+
+  Input Parameters:
++ links - the structure
+- u     - displacements, a DM global vector
+
+  Output Parameter:
+. J - a matrix from `DMCreateMatrix()`: AIJ, or MATIS after -dm_mat_type is
+
+  Level: intermediate
+@*/
+PetscErrorCode LatinLinksComputeJacobian(LatinLinks links, Vec u, Mat J)
+{
+  Vec                ul;
+  const PetscScalar *a;
+  PetscInt           dim;
+
+  PetscFunctionBegin;
+  PetscCall(LatinLinksCheckSetUp_Private(links));
+  dim = links->dim;
+  if (!links->tangent) PetscCall(PetscMalloc1(links->links_local, &links->tangent));
+  PetscCall(MatZeroEntries(J));
+  PetscCall(DMGetLocalVector(links->dm, &ul));
+  PetscCall(LatinLinksGetLocal_Private(links, u, ul));
+  PetscCall(VecGetArrayRead(ul, &a));
+  for (PetscInt l = 0; l < links->links_local; l++) {
+    const PetscReal  x = LatinLinksElongation(links, l, a) + links->prestrain[l];
+    const PetscReal  k = LatinLaws[links->law[l]].tangent(links->stiffness[l], x);
+    const PetscReal *n = links->direction + dim * l;
+    PetscInt         row[6];
+    PetscScalar      block[36];
+
+    links->tangent[l] = k;
+    for (PetscInt c = 0; c < dim; c++) {
+      row[c]       = dim * links->ends[2 * l] + c;
+      row[dim + c] = dim * links->ends[2 * l + 1] + c;
+      for (PetscInt b = 0; b < dim; b++) {
+        const PetscScalar v = k * n[c] * n[b];
+
+        block[c * 2 * dim + b]               = v;
+        block[c * 2 * dim + dim + b]         = -v;
+        block[(dim + c) * 2 * dim + b]       = -v;
+        block[(dim + c) * 2 * dim + dim + b] = v;
+      }
+    }
+    PetscCall(MatSetValuesLocal(J, 2 * dim, row, 2 * dim, row, block, ADD_VALUES));
+  }
+  PetscCall(VecRestoreArrayRead(ul, &a));
+  PetscCall(DMRestoreLocalVector(links->dm, &ul));
+  PetscCall(MatAssemblyBegin(J, MAT_FINAL_ASSEMBLY));
+  PetscCall(MatAssemblyEnd(J, MAT_FINAL_ASSEMBLY));
+  PetscCall(MatSetOption(J, MAT_SYMMETRIC, PETSC_TRUE));
+  PetscCall(MatSetOption(J, MAT_SYMMETRY_ETERNAL, PETSC_TRUE));
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode LatinLinksFunction_SNES(SNES snes, Vec u, Vec r, void *ctx)
+{
+  (void)snes;
+  return LatinLinksComputeResidual((LatinLinks)ctx, u, r);
+}
+
+static PetscErrorCode LatinLinksJacobian_SNES(SNES snes, Vec u, Mat J, Mat P, void *ctx)
+{
+  (void)snes;
+  PetscFunctionBegin;
+  PetscCall(LatinLinksComputeJacobian((LatinLinks)ctx, u, P));
+  if (J != P) {
+    PetscCall(MatAssemblyBegin(J, MAT_FINAL_ASSEMBLY));
+    PetscCall(MatAssemblyEnd(J, MAT_FINAL_ASSEMBLY));
+  }
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode LatinLinksObjective_SNES(SNES snes, Vec u, PetscReal *energy, void *ctx)
+{
+  (void)snes;
+  return LatinLinksComputeEnergy((LatinLinks)ctx, u, energy);
+}
+
+/*@C
+  LatinLinksAttachSNES - Gives a SNES the DM, the residual, the Jacobian and the energy of a structure.
+
+  Collective on snes; the SNES keeps the structure alive
+
+  Level: beginner
+
+  Note:
+  Any SNES type then solves the same object: `-snes_type latin`, or `-snes_type newtonls` with any `-pc_type`.
+@*/
+PetscErrorCode LatinLinksAttachSNES(LatinLinks links, SNES snes)
+{
+  PetscFunctionBegin;
+  PetscCall(LatinLinksCheckSetUp_Private(links));
+  PetscValidHeaderSpecific(snes, SNES_CLASSID, 2);
+  PetscCall(SNESSetDM(snes, links->dm));
+  PetscCall(SNESSetFunction(snes, NULL, LatinLinksFunction_SNES, links));
+  PetscCall(SNESSetJacobian(snes, NULL, NULL, LatinLinksJacobian_SNES, links));
+  PetscCall(SNESSetObjective(snes, LatinLinksObjective_SNES, links));
+  PetscCall(PetscObjectCompose((PetscObject)snes, "LatinLinks", (PetscObject)links));
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  LatinLinksComputeEnergy - The potential energy: strain energy of the links less the work of the loads.
+
+  Collective on links
+
+  Level: intermediate
+@*/
+PetscErrorCode LatinLinksComputeEnergy(LatinLinks links, Vec u, PetscReal *energy)
+{
+  Vec                ul;
+  const PetscScalar *a;
+  PetscReal          sum = 0.0, total;
+  PetscScalar        work;
+
+  PetscFunctionBegin;
+  PetscCall(LatinLinksCheckSetUp_Private(links));
+  PetscCall(DMGetLocalVector(links->dm, &ul));
+  PetscCall(LatinLinksGetLocal_Private(links, u, ul));
+  PetscCall(VecGetArrayRead(ul, &a));
+  for (PetscInt l = 0; l < links->links_local; l++) sum += LatinLaws[links->law[l]].energy(links->stiffness[l], LatinLinksElongation(links, l, a) + links->prestrain[l]);
+  PetscCall(VecRestoreArrayRead(ul, &a));
+  PetscCall(DMRestoreLocalVector(links->dm, &ul));
+  PetscCall(MPIU_Allreduce(&sum, &total, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)links)));
+  PetscCall(VecDot(links->load, u, &work));
+  *energy = total - work;
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  LatinLinksComputeErrors - Relative distance of two displacement fields.
+
+  Collective on links
+
+  Input Parameters:
++ links     - the structure
+. u         - displacements
+- reference - displacements to compare with
+
+  Output Parameters:
++ l2     - |u - reference| / |reference|
+- energy - the same in the norm sqrt(sum of k e^2) of the elongations, all links counted as taut
+
+  Level: intermediate
+
+  Note:
+  For a zero reference the distances are absolute.
+@*/
+PetscErrorCode LatinLinksComputeErrors(LatinLinks links, Vec u, Vec reference, PetscReal *l2, PetscReal *energy)
+{
+  Vec                ul, vl, d;
+  const PetscScalar *a, *b;
+  PetscReal          sum[2] = {0.0, 0.0}, total[2], dn, rn;
+
+  PetscFunctionBegin;
+  PetscCall(LatinLinksCheckSetUp_Private(links));
+  PetscCall(VecDuplicate(u, &d));
+  PetscCall(VecWAXPY(d, -1.0, reference, u));
+  PetscCall(VecNorm(d, NORM_2, &dn));
+  PetscCall(VecNorm(reference, NORM_2, &rn));
+  PetscCall(VecDestroy(&d));
+  *l2 = rn > 0.0 ? dn / rn : dn;
+  PetscCall(DMGetLocalVector(links->dm, &ul));
+  PetscCall(DMGetLocalVector(links->dm, &vl));
+  PetscCall(LatinLinksGetLocal_Private(links, u, ul));
+  PetscCall(LatinLinksGetLocal_Private(links, reference, vl));
+  PetscCall(VecGetArrayRead(ul, &a));
+  PetscCall(VecGetArrayRead(vl, &b));
+  for (PetscInt l = 0; l < links->links_local; l++) {
+    const PetscReal e = LatinLinksElongation(links, l, a), r = LatinLinksElongation(links, l, b);
+
+    sum[0] += links->stiffness[l] * PetscSqr(e - r);
+    sum[1] += links->stiffness[l] * PetscSqr(r);
+  }
+  PetscCall(VecRestoreArrayRead(ul, &a));
+  PetscCall(VecRestoreArrayRead(vl, &b));
+  PetscCall(DMRestoreLocalVector(links->dm, &ul));
+  PetscCall(DMRestoreLocalVector(links->dm, &vl));
+  PetscCall(MPIU_Allreduce(sum, total, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)links)));
+  *energy = PetscSqrtReal(total[1] > 0.0 ? total[0] / total[1] : total[0]);
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  LatinLinksGetDisplacements - Displacements of this rank's nodes in the caller's numbering, prescribed ones included.
+
+  Collective on links
+
+  Input Parameters:
++ links - the structure
+- u     - displacements, a DM global vector
+
+  Output Parameter:
+. displacement - [nodes_local][dim], a length
+
+  Level: beginner
+@*/
+PetscErrorCode LatinLinksGetDisplacements(LatinLinks links, Vec u, PetscReal displacement[])
+{
+  const PetscInt n = links->nodes_local * links->dim;
+  PetscSF        sf;
+  PetscInt      *remote, *local, m = 0;
+  PetscLayout    map;
+  const PetscScalar *a;
+
+  PetscFunctionBegin;
+  PetscCall(LatinLinksCheckSetUp_Private(links));
+  PetscCall(PetscArraycpy(displacement, links->prescribed, n));
+  PetscCall(PetscMalloc2(n, &remote, n, &local));
+  for (PetscInt i = 0; i < n; i++)
+    if (links->global_dof[i] >= 0) {
+      remote[m]  = links->global_dof[i];
+      local[m++] = i;
+    }
+  PetscCall(VecGetLayout(u, &map));
+  PetscCall(PetscSFCreate(PetscObjectComm((PetscObject)links), &sf));
+  PetscCall(PetscSFSetGraphLayout(sf, map, m, local, PETSC_COPY_VALUES, remote));
+  PetscCall(VecGetArrayRead(u, &a));
+  PetscCall(PetscSFBcastBegin(sf, MPIU_SCALAR, a, displacement, MPI_REPLACE));
+  PetscCall(PetscSFBcastEnd(sf, MPIU_SCALAR, a, displacement, MPI_REPLACE));
+  PetscCall(VecRestoreArrayRead(u, &a));
+  PetscCall(PetscSFDestroy(&sf));
+  PetscCall(PetscFree2(remote, local));
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  LatinLinksSetDisplacements - Fills a DM global vector from displacements in the caller's numbering.
+
+  Collective on links
+
+  Input Parameters:
++ links        - the structure
+- displacement - [nodes_local][dim], ignored where prescribed
+
+  Output Parameter:
+. u - a DM global vector
+
+  Level: intermediate
+@*/
+PetscErrorCode LatinLinksSetDisplacements(LatinLinks links, const PetscReal displacement[], Vec u)
+{
+  PetscFunctionBegin;
+  PetscCall(LatinLinksCheckSetUp_Private(links));
+  PetscCall(VecSetOption(u, VEC_IGNORE_NEGATIVE_INDICES, PETSC_TRUE));
+  PetscCall(VecSetValues(u, links->nodes_local * links->dim, links->global_dof, displacement, INSERT_VALUES));
+  PetscCall(VecAssemblyBegin(u));
+  PetscCall(VecAssemblyEnd(u));
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  LatinLinksGetTensions - Tensions of this rank's links under given displacements, in the caller's numbering.
+
+  Collective on links
+
+  Input Parameters:
++ links - the structure
+- u     - displacements, a DM global vector
+
+  Output Parameter:
+. tension - [links_local], a force, positive in traction
+
+  Level: beginner
+@*/
+PetscErrorCode LatinLinksGetTensions(LatinLinks links, Vec u, PetscReal tension[])
+{
+  Vec                ul;
+  const PetscScalar *a;
+
+  PetscFunctionBegin;
+  PetscCall(LatinLinksCheckSetUp_Private(links));
+  PetscCall(DMGetLocalVector(links->dm, &ul));
+  PetscCall(LatinLinksGetLocal_Private(links, u, ul));
+  PetscCall(VecGetArrayRead(ul, &a));
+  for (PetscInt l = 0; l < links->links_local; l++) tension[l] = LatinLaws[links->law[l]].tension(links->stiffness[l], LatinLinksElongation(links, l, a) + links->prestrain[l]);
+  PetscCall(VecRestoreArrayRead(ul, &a));
+  PetscCall(DMRestoreLocalVector(links->dm, &ul));
+  PetscFunctionReturn(0);
+}

@@ -1,0 +1,118 @@
+#include "latinimpl.h"
+
+/*
+   Local stage of section 3.3, explicit and pointwise, written for the data that the linear stage needs:
+
+   interfaces  the conditions (23) along the ascent direction give each side the datum F_hat + d U_hat equal to
+               d U - F of its mate; with (27), F = z - d U on the micro space, the new datum is 2 d U - z of the mate;
+   links       the law along the ascent direction l = k: y = tau + l e = s + 2 l e decides the new datum
+               s = tau_hat - l e_hat, see laws.c.
+
+   The distance between the two stages measures convergence: on a side z_new - z = 2 d (U_hat - U), on a link
+   s_new - s = -2 l (e_hat - e), so the indicator is the relative distance in the energy of the search directions.
+*/
+
+/* Elongation of a link under the displacements of the copies, a row of B */
+static inline PetscReal LatinElongation(const LatinSubstructure *sub, PetscInt dim, PetscInt l, const PetscReal U[])
+{
+  const PetscReal *n = sub->direction + dim * l, *ua = U + dim * sub->ends[2 * l], *ub = U + dim * sub->ends[2 * l + 1];
+  PetscReal        e = 0.0;
+
+  for (PetscInt c = 0; c < dim; c++) e += n[c] * (ub[c] - ua[c]);
+  return e;
+}
+
+/* g = F - B^t s + C^t z: the forces of the linear stage for the state z */
+PetscErrorCode LatinGatherForces_Private(Latin latin, const PetscReal z[])
+{
+  LatinSubstructure *sub    = &latin->sub;
+  LatinInterfaces   *inter  = &latin->inter;
+  LatinLinear       *linear = &latin->linear;
+  const PetscInt     dim    = latin->links->dim;
+  const PetscReal   *state  = z + inter->sides;
+  PetscReal         *g      = linear->g;
+
+  PetscFunctionBegin;
+  PetscCall(PetscArraycpy(g, linear->g0, dim * sub->copies));
+  for (PetscInt i = 0; i < sub->nonsmooth; i++) {
+    const PetscInt   l = sub->nonsmooth_link[i];
+    const PetscReal *n = sub->direction + dim * l, s = state[i];
+    PetscReal       *ga = g + dim * sub->ends[2 * l], *gb = g + dim * sub->ends[2 * l + 1];
+
+    for (PetscInt c = 0; c < dim; c++) {
+      ga[c] += s * n[c];
+      gb[c] -= s * n[c];
+    }
+  }
+  for (PetscInt k = 0; k < inter->sides; k++) g[inter->side_dof[k]] += z[k];
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode LatinLocalStage_Private(Latin latin, const PetscReal z[], PetscReal Gz[])
+{
+  LatinSubstructure *sub    = &latin->sub;
+  LatinInterfaces   *inter  = &latin->inter;
+  LatinMacro        *macro  = &latin->macro;
+  const PetscInt     dim    = latin->links->dim;
+  const PetscReal   *U      = latin->linear.U;
+  PetscReal          sum[4] = {0.0, 0.0, 0.0, 0.0}, total[4];
+
+  PetscFunctionBegin;
+  PetscCall(PetscLogEventBegin(LATIN_Local, latin, 0, 0, 0));
+  for (PetscInt f = 0; f < inter->count; f++) {
+    const LatinInterface *face = &inter->interface[f];
+    const PetscReal      *u    = latin->coarse.u + face->local_first;
+
+    for (PetscInt k = face->side_first; k < face->side_last; k++) {
+      const PetscReal *row = macro->basis + k * LATIN_MAX_MODES, d = macro->d[k], full = U[inter->side_dof[k]];
+      PetscReal        micro = full;
+
+      for (PetscInt j = 0; j < face->modes; j++) micro -= row[j] * u[j];
+      latin->outgoing[k] = 2.0 * d * micro - z[k];
+      sum[1] += d * full * full;
+    }
+  }
+  PetscCall(PetscSFBcastBegin(inter->mate_sf, MPIU_REAL, latin->outgoing, Gz, MPI_REPLACE));
+  for (PetscInt i = 0; i < sub->nonsmooth; i++) {
+    const PetscInt  l = sub->nonsmooth_link[i];
+    const PetscReal k = sub->stiffness[l], s = z[inter->sides + i], e = LatinElongation(sub, dim, l, U);
+    const PetscReal r = LatinLaws[sub->law[l]].local(k, sub->prestrain[l], s + 2.0 * k * e);
+
+    Gz[inter->sides + i] = r;
+    sum[2] += (r - s) * (r - s) / (4.0 * k);
+    sum[3] += k * e * e;
+  }
+  PetscCall(PetscSFBcastEnd(inter->mate_sf, MPIU_REAL, latin->outgoing, Gz, MPI_REPLACE));
+  for (PetscInt k = 0; k < inter->sides; k++) sum[0] += (Gz[k] - z[k]) * (Gz[k] - z[k]) / (4.0 * macro->d[k]);
+  PetscCall(MPIU_Allreduce(sum, total, 4, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)latin)));
+  latin->distance  = PetscSqrtReal(total[0] + total[2]);
+  latin->indicator = latin->distance;
+  if (total[1] + total[3] > 0.0) latin->indicator /= PetscSqrtReal(total[1] + total[3]);
+  PetscCall(PetscLogEventEnd(LATIN_Local, latin, 0, 0, 0));
+  PetscFunctionReturn(0);
+}
+
+/* Errors of the displacements of all subdomains against a reference given for the copies; total = |difference|^2, |reference|^2 twice */
+PetscErrorCode LatinErrors_Private(Latin latin, const PetscReal reference[], PetscReal *l2, PetscReal *energy)
+{
+  LatinSubstructure *sub    = &latin->sub;
+  const PetscInt     dim    = latin->links->dim;
+  const PetscReal   *U      = latin->linear.U;
+  PetscReal          sum[4] = {0.0, 0.0, 0.0, 0.0}, total[4];
+
+  PetscFunctionBegin;
+  for (PetscInt i = 0; i < dim * sub->copies; i++) {
+    sum[0] += PetscSqr(U[i] - reference[i]);
+    sum[1] += PetscSqr(reference[i]);
+  }
+  for (PetscInt l = 0; l < sub->links; l++) {
+    const PetscReal r = LatinElongation(sub, dim, l, reference);
+
+    sum[2] += sub->stiffness[l] * PetscSqr(LatinElongation(sub, dim, l, U) - r);
+    sum[3] += sub->stiffness[l] * PetscSqr(r);
+  }
+  PetscCall(MPIU_Allreduce(sum, total, 4, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)latin)));
+  *l2     = PetscSqrtReal(total[1] > 0.0 ? total[0] / total[1] : total[0]);
+  *energy = PetscSqrtReal(total[3] > 0.0 ? total[2] / total[3] : total[2]);
+  PetscFunctionReturn(0);
+}

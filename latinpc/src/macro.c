@@ -1,0 +1,180 @@
+#include "latinimpl.h"
+
+/*
+   Macro bases of the strong interfaces, section 3.2: the affine displacement fields over the principal plane of the
+   interface, restricted to its side degrees of freedom and made orthonormal in the search direction, R^t d R = 1.
+
+   The macro constraints of one subdomain must be independent, or its condensed operator is singular. On an irregular
+   partition the interfaces of a subdomain share nodes, and primal nodes carry constraints of their own. So only those
+   combinations of modes are kept that are independent on the exclusive nodes of the interface (nodes of these two
+   subdomains alone, not primal): rows of different interfaces then have independent parts with disjoint supports.
+*/
+
+#define LATIN_MODE_RANK    1e-6 /* singular values below this fraction of the largest are dependent modes */
+#define LATIN_MODE_VISIBLE 1e-3 /* a mode is kept when this part of its norm, or more, lies on exclusive nodes */
+
+/* Affine modes at the side dofs of an interface, weighted row-wise by sqrt(d): M[row + rows * mode] */
+static PetscErrorCode LatinMacroModes_Private(Latin latin, const LatinInterface *face, PetscScalar M[])
+{
+  LatinSubstructure *sub   = &latin->sub;
+  LatinInterfaces   *inter = &latin->inter;
+  const PetscInt     dim = latin->links->dim, rows = face->side_last - face->side_first;
+  PetscReal          centre[3], axes[2][3], size;
+  PetscBool          strong;
+
+  PetscFunctionBegin;
+  PetscCall(LatinInterfaceFrame_Private(dim, face->node_last - face->node_first, inter->node_list + face->node_first, sub->x, sub->fixed, centre, axes, &size, &strong));
+  PetscCall(PetscArrayzero(M, rows * dim * dim));
+  for (PetscInt r = 0; r < rows; r++) {
+    const PetscInt   dof = inter->side_dof[face->side_first + r], i = dof / dim, c = dof % dim;
+    const PetscReal  w = PetscSqrtReal(latin->macro.d[face->side_first + r]);
+    const PetscReal *x = sub->x + dim * i;
+
+    M[r + rows * (dim * c)] = w;
+    for (PetscInt k = 0; k < dim - 1; k++) {
+      PetscReal xi = 0.0;
+
+      for (PetscInt b = 0; b < dim; b++) xi += axes[k][b] * ((x[b] - centre[b]) / size);
+      M[r + rows * (dim * c + 1 + k)] = w * xi;
+    }
+  }
+  PetscFunctionReturn(0);
+}
+
+/* Right singular vectors (columns of V, modes x modes) and singular values, decreasing, of A (rows x modes), by way of its QR factor */
+static PetscErrorCode LatinSVD_Private(PetscInt rows, PetscInt modes, const PetscScalar A[], PetscReal s[], PetscScalar V[])
+{
+  PetscScalar *a, tau[LATIN_MAX_MODES], vt[LATIN_MAX_MODES * LATIN_MAX_MODES], work[64 * LATIN_MAX_MODES], dummy;
+  PetscBLASInt m, n, ld, one = 1, lwork = 64 * LATIN_MAX_MODES, info;
+
+  PetscFunctionBegin;
+  PetscCall(PetscBLASIntCast(modes, &n));
+  PetscCall(PetscBLASIntCast(PetscMax(rows, modes), &m)); /* padded with zero rows: square at least, whatever the number of nodes */
+  ld = m;
+  PetscCall(PetscCalloc1((size_t)m * (size_t)n, &a));
+  for (PetscInt j = 0; j < modes; j++) PetscCall(PetscArraycpy(a + (size_t)m * (size_t)j, A + (size_t)rows * (size_t)j, rows));
+  PetscCallBLAS("LAPACKgeqrf", LAPACKgeqrf_(&m, &n, a, &ld, tau, work, &lwork, &info));
+  PetscCheck(!info, PETSC_COMM_SELF, PETSC_ERR_LIB, "LAPACK geqrf failed on the modes of an interface (info %d)", (int)info);
+  for (PetscInt j = 0; j < modes; j++)
+    for (PetscInt i = j + 1; i < modes; i++) a[i + ld * j] = 0.0;
+  PetscCallBLAS("LAPACKgesvd", LAPACKgesvd_("N", "A", &n, &n, a, &ld, s, &dummy, &one, vt, &n, work, &lwork, &info));
+  PetscCheck(!info, PETSC_COMM_SELF, PETSC_ERR_LIB, "LAPACK gesvd failed on the modes of an interface (info %d)", (int)info);
+  for (PetscInt k = 0; k < modes; k++)
+    for (PetscInt j = 0; j < modes; j++) V[j + modes * k] = vt[k + modes * j];
+  PetscCall(PetscFree(a));
+  PetscFunctionReturn(0);
+}
+
+/* out (rows x n) = A (rows x modes) times the first n columns of V (modes x modes), each divided by its scale */
+static void LatinCombine_Private(PetscInt rows, PetscInt modes, PetscInt n, const PetscScalar A[], const PetscScalar V[], const PetscReal scale[], PetscScalar out[])
+{
+  for (PetscInt k = 0; k < n; k++) {
+    for (PetscInt r = 0; r < rows; r++) out[r + rows * k] = 0.0;
+    for (PetscInt j = 0; j < modes; j++)
+      for (PetscInt r = 0; r < rows; r++) out[r + rows * k] += A[r + rows * j] * V[j + modes * k] / scale[k];
+  }
+}
+
+/*
+   The basis of one interface. First the fields that its side dofs can tell apart, orthonormal in d; then, of these,
+   the combinations whose part on the exclusive nodes does not vanish (singular values are cosines, between 0 and 1).
+   Orthogonal combinations of an orthonormal basis are orthonormal: the result does not depend on how modes are scaled.
+*/
+static PetscErrorCode LatinMacroBasis_Private(Latin latin, LatinInterface *face, PetscScalar M[], PetscScalar F[])
+{
+  LatinInterfaces *inter = &latin->inter;
+  const PetscInt   rows = face->side_last - face->side_first, dim = latin->links->dim, modes = dim * dim;
+  PetscScalar      V[LATIN_MAX_MODES * LATIN_MAX_MODES];
+  PetscReal        s[LATIN_MAX_MODES], one[LATIN_MAX_MODES];
+  PetscInt         fields = 0, kept = 0, exclusive = 0;
+
+  PetscFunctionBegin;
+  for (PetscInt k = 0; k < LATIN_MAX_MODES; k++) one[k] = 1.0;
+  face->modes = 0;
+  PetscCall(LatinMacroModes_Private(latin, face, M));
+  PetscCall(LatinSVD_Private(rows, modes, M, s, V));
+  while (fields < modes && s[fields] > LATIN_MODE_RANK * s[0]) fields++;
+  LatinCombine_Private(rows, modes, fields, M, V, s, F);
+  for (PetscInt r = 0; r < rows; r++) exclusive += inter->exclusive[inter->side_dof[face->side_first + r] / dim] ? 1 : 0;
+  if (!exclusive || !fields) PetscFunctionReturn(0);
+  for (PetscInt j = 0; j < fields; j++)
+    for (PetscInt r = 0, k = 0; r < rows; r++)
+      if (inter->exclusive[inter->side_dof[face->side_first + r] / dim]) M[k++ + exclusive * j] = F[r + rows * j];
+  PetscCall(LatinSVD_Private(exclusive, fields, M, s, V));
+  while (kept < fields && s[kept] > LATIN_MODE_VISIBLE) kept++;
+  LatinCombine_Private(rows, fields, kept, F, V, one, M);
+  for (PetscInt k = 0; k < kept; k++)
+    for (PetscInt r = 0; r < rows; r++) latin->macro.basis[(face->side_first + r) * LATIN_MAX_MODES + k] = M[r + rows * k] / PetscSqrtReal(latin->macro.d[face->side_first + r]);
+  face->modes = kept;
+  PetscFunctionReturn(0);
+}
+
+/*
+   The side of the lower subdomain builds the basis and numbers its modes; the other side receives both, so that they
+   agree to the bit even where principal axes are not unique.
+*/
+PetscErrorCode LatinMacroSetUp(Latin latin)
+{
+  LatinInterfaces *inter = &latin->inter;
+  LatinMacro      *macro = &latin->macro;
+  PetscInt         rows = 0, *mine, *mate, next = 0, total = 0;
+  PetscReal       *received;
+  PetscScalar     *M, *F;
+  MPI_Datatype     row, pair;
+
+  PetscFunctionBegin;
+  PetscCall(PetscLogEventBegin(LATIN_Macro, latin, 0, 0, 0));
+  for (PetscInt f = 0; f < inter->count; f++) rows = PetscMax(rows, inter->interface[f].side_last - inter->interface[f].side_first);
+  PetscCall(PetscCalloc1(inter->sides * LATIN_MAX_MODES, &macro->basis));
+  PetscCall(PetscMalloc2(rows * LATIN_MAX_MODES, &M, rows * LATIN_MAX_MODES, &F));
+  for (PetscInt f = 0; f < inter->count; f++) {
+    LatinInterface *face = &inter->interface[f];
+
+    face->modes = 0;
+    if (!face->strong || latin->sub.first + face->sub > face->neighbour || face->side_last == face->side_first) continue;
+    PetscCall(LatinMacroBasis_Private(latin, face, M, F));
+    face->coarse_first = next;
+    next += face->modes;
+  }
+  PetscCall(PetscFree2(M, F));
+
+  /* (number of modes, number of the first one among the macro modes of the building rank) and the rows travel to the mates */
+  PetscCall(PetscMalloc3(2 * inter->sides, &mine, 2 * inter->sides, &mate, inter->sides * LATIN_MAX_MODES, &received));
+  for (PetscInt f = 0; f < inter->count; f++)
+    for (PetscInt k = inter->interface[f].side_first; k < inter->interface[f].side_last; k++) {
+      mine[2 * k]     = inter->interface[f].modes;
+      mine[2 * k + 1] = inter->interface[f].coarse_first;
+    }
+  PetscCallMPI(MPI_Type_contiguous(2, MPIU_INT, &pair));
+  PetscCallMPI(MPI_Type_commit(&pair));
+  PetscCall(PetscSFBcastBegin(inter->mate_sf, pair, mine, mate, MPI_REPLACE));
+  PetscCall(PetscSFBcastEnd(inter->mate_sf, pair, mine, mate, MPI_REPLACE));
+  PetscCallMPI(MPI_Type_free(&pair));
+  PetscCallMPI(MPI_Type_contiguous(LATIN_MAX_MODES, MPIU_REAL, &row));
+  PetscCallMPI(MPI_Type_commit(&row));
+  PetscCall(PetscSFBcastBegin(inter->mate_sf, row, macro->basis, received, MPI_REPLACE));
+  PetscCall(PetscSFBcastEnd(inter->mate_sf, row, macro->basis, received, MPI_REPLACE));
+  PetscCallMPI(MPI_Type_free(&row));
+  for (PetscInt f = 0; f < inter->count; f++) {
+    LatinInterface *face = &inter->interface[f];
+
+    if (latin->sub.first + face->sub < face->neighbour || face->side_last == face->side_first) continue;
+    face->modes        = mate[2 * face->side_first];
+    face->coarse_first = mate[2 * face->side_first + 1];
+    PetscCall(PetscArraycpy(macro->basis + face->side_first * LATIN_MAX_MODES, received + face->side_first * LATIN_MAX_MODES, (face->side_last - face->side_first) * LATIN_MAX_MODES));
+  }
+  PetscCall(PetscFree3(mine, mate, received));
+  PetscCall(MPIU_Allreduce(&next, &total, 1, MPIU_INT, MPI_SUM, PetscObjectComm((PetscObject)latin)));
+  latin->coarse.macro_local  = next;
+  latin->coarse.macro_global = total;
+  PetscCall(PetscLogEventEnd(LATIN_Macro, latin, 0, 0, 0));
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode LatinMacroReset(Latin latin)
+{
+  PetscFunctionBegin;
+  PetscCall(PetscFree(latin->macro.d));
+  PetscCall(PetscFree(latin->macro.basis));
+  PetscFunctionReturn(0);
+}

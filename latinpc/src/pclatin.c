@@ -1,0 +1,457 @@
+#include "latinimpl.h"
+#include <petsc/private/pcimpl.h>
+
+/*
+   PC latin: one linear stage from the zero state as a symmetric positive definite preconditioner, for the structure's
+   tangent stiffness matrix. Residuals go to the subdomains, and displacements come back, with the same weights; the
+   interiors of the subdomains are eliminated exactly before and after, so that only interface errors remain. The form
+   is that of balancing domain decomposition by constraints; the springs of the LATIN search direction make the local
+   problems regular where a subdomain has mechanisms of its own.
+*/
+
+typedef enum {
+  WEIGHTS_STIFFNESS,
+  WEIGHTS_MULTIPLICITY
+} LatinWeightsType;
+static const char *const LatinWeightsTypes[] = {"stiffness", "multiplicity", "LatinWeightsType", "WEIGHTS_", NULL};
+
+typedef struct {
+  Latin            latin;
+  LatinLinks       links;   /* given by PCLatinSetLinks(), or NULL */
+  LatinWeightsType weights;
+  PetscReal       *weight;  /* [copies * dim] partition of unity */
+  PetscBool       *inner;   /* [copies] the node belongs to one subdomain */
+  Mat              K;       /* stiffness of the interiors, identity elsewhere */
+  PetscInt        *ci, *cj;
+  PetscReal       *ca;
+  KSP              ksp;
+  Vec              rhs, sol;
+  PetscReal       *b, *v, *f, *force; /* [copies * dim] work */
+  Vec              work;              /* DM global vector */
+} PC_Latin;
+
+/* f = B^t k B v, subdomain by subdomain */
+static PetscErrorCode PCLatinStiffness_Private(Latin latin, const PetscReal v[], PetscReal f[])
+{
+  LatinSubstructure *sub = &latin->sub;
+  const PetscInt     dim = latin->links->dim;
+
+  PetscFunctionBegin;
+  PetscCall(PetscArrayzero(f, dim * sub->copies));
+  for (PetscInt l = 0; l < sub->links; l++) {
+    const PetscReal *n = sub->direction + dim * l;
+    const PetscInt   a = dim * sub->ends[2 * l], b = dim * sub->ends[2 * l + 1];
+    PetscReal        t = 0.0;
+
+    for (PetscInt c = 0; c < dim; c++) t += n[c] * (v[b + c] - v[a + c]);
+    t *= sub->stiffness[l];
+    for (PetscInt c = 0; c < dim; c++) {
+      f[a + c] -= t * n[c];
+      f[b + c] += t * n[c];
+    }
+  }
+  PetscFunctionReturn(0);
+}
+
+/* Adds the copies' values up in a DM global vector */
+static PetscErrorCode PCLatinSum_Private(Latin latin, const PetscReal copy[], Vec u)
+{
+  PetscScalar *a;
+
+  PetscFunctionBegin;
+  PetscCall(VecZeroEntries(u));
+  PetscCall(VecGetArray(u, &a));
+  PetscCall(PetscSFReduceBegin(latin->sub.dof_sf, MPIU_SCALAR, copy, a, MPI_SUM));
+  PetscCall(PetscSFReduceEnd(latin->sub.dof_sf, MPIU_SCALAR, copy, a, MPI_SUM));
+  PetscCall(VecRestoreArray(u, &a));
+  PetscFunctionReturn(0);
+}
+
+/* The part of each copy in its node: equal parts, or in proportion to the stiffness (diagonal of B^t k B) */
+static PetscErrorCode PCLatinWeights_Private(PC pc)
+{
+  PC_Latin          *data  = (PC_Latin *)pc->data;
+  Latin              latin = data->latin;
+  LatinSubstructure *sub   = &latin->sub;
+  const PetscInt     dim   = latin->links->dim;
+
+  PetscFunctionBegin;
+  for (PetscInt i = 0; i < dim * sub->copies; i++) data->b[i] = 1.0;
+  if (data->weights == WEIGHTS_STIFFNESS) {
+    PetscReal largest = 0.0;
+
+    PetscCall(PetscArrayzero(data->b, dim * sub->copies));
+    for (PetscInt l = 0; l < sub->links; l++)
+      for (PetscInt c = 0; c < dim; c++) {
+        const PetscReal k = sub->stiffness[l] * PetscSqr(sub->direction[dim * l + c]);
+
+        data->b[dim * sub->ends[2 * l] + c] += k;
+        data->b[dim * sub->ends[2 * l + 1] + c] += k;
+        largest = PetscMax(largest, k);
+      }
+    PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &largest, 1, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)pc)));
+    /* a copy without stiffness keeps a part of its node, or nobody would move it where no copy has any */
+    for (PetscInt i = 0; i < dim * sub->copies; i++) data->b[i] += 1e-12 * (largest > 0.0 ? largest : 1.0);
+  }
+  PetscCall(PCLatinSum_Private(latin, data->b, data->work));
+  PetscCall(PetscArrayzero(data->f, dim * sub->copies));
+  PetscCall(LatinDistribute_Private(latin, data->work, data->f));
+  for (PetscInt i = 0; i < dim * sub->copies; i++) data->weight[i] = sub->fixed[i] ? 0.0 : data->b[i] / data->f[i];
+  for (PetscInt i = 0; i < sub->copies; i++) data->inner[i] = (PetscBool)(latin->inter.share_offset[i] == latin->inter.share_offset[i + 1]);
+  PetscFunctionReturn(0);
+}
+
+/* The rows and columns of K_E at inner nodes; springs and primal dofs are on interfaces only, so they play no part */
+static PetscErrorCode PCLatinInterior_Private(PC pc)
+{
+  PC_Latin       *data   = (PC_Latin *)pc->data;
+  Latin           latin  = data->latin;
+  LatinLinear    *linear = &latin->linear;
+  const PetscInt  dim = latin->links->dim, n = dim * latin->sub.copies;
+  const char     *prefix;
+  PetscInt        nz = 0;
+  PC              sub;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMalloc3(n + 1, &data->ci, linear->ci[n], &data->cj, linear->ci[n], &data->ca));
+  for (PetscInt i = 0; i < n; i++) {
+    data->ci[i] = nz;
+    if (!data->inner[i / dim]) {
+      data->cj[nz]   = i;
+      data->ca[nz++] = 1.0;
+      continue;
+    }
+    for (PetscInt p = linear->ci[i]; p < linear->ci[i + 1]; p++) {
+      if (!data->inner[linear->cj[p] / dim]) continue;
+      data->cj[nz]   = linear->cj[p];
+      data->ca[nz++] = linear->ca[p];
+    }
+  }
+  data->ci[n] = nz;
+  PetscCall(MatCreateSeqAIJWithArrays(PETSC_COMM_SELF, n, n, data->ci, data->cj, data->ca, &data->K));
+  PetscCall(MatSetOption(data->K, MAT_SYMMETRIC, PETSC_TRUE));
+  PetscCall(MatSetOption(data->K, MAT_SPD, PETSC_TRUE));
+  PetscCall(VecCreateSeqWithArray(PETSC_COMM_SELF, 1, n, data->b, &data->rhs));
+  PetscCall(VecCreateSeqWithArray(PETSC_COMM_SELF, 1, n, data->v, &data->sol));
+  PetscCall(KSPCreate(PETSC_COMM_SELF, &data->ksp));
+  PetscCall(PetscObjectIncrementTabLevel((PetscObject)data->ksp, (PetscObject)pc, 1));
+  PetscCall(PetscObjectSetOptions((PetscObject)data->ksp, ((PetscObject)pc)->options));
+  PetscCall(PCGetOptionsPrefix(pc, &prefix));
+  PetscCall(KSPSetOptionsPrefix(data->ksp, prefix));
+  PetscCall(KSPAppendOptionsPrefix(data->ksp, "pc_latin_interior_"));
+  PetscCall(KSPSetType(data->ksp, KSPPREONLY));
+  PetscCall(KSPGetPC(data->ksp, &sub));
+  PetscCall(LatinDirectSolver_Private(sub, data->K, MATSOLVERCHOLMOD));
+  PetscCall(KSPSetOperators(data->ksp, data->K, data->K));
+  PetscCall(KSPSetFromOptions(data->ksp));
+  PetscCall(LatinFactor_Private(latin, data->ksp, data->K, PETSC_FALSE));
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode PCReset_Latin(PC pc)
+{
+  PC_Latin *data = (PC_Latin *)pc->data;
+
+  PetscFunctionBegin;
+  if (data->latin) PetscCall(LatinReset_Private(data->latin));
+  PetscCall(KSPDestroy(&data->ksp));
+  PetscCall(MatDestroy(&data->K));
+  PetscCall(VecDestroy(&data->rhs));
+  PetscCall(VecDestroy(&data->sol));
+  PetscCall(VecDestroy(&data->work));
+  PetscCall(PetscFree3(data->ci, data->cj, data->ca));
+  PetscCall(PetscFree(data->inner));
+  PetscCall(PetscFree5(data->weight, data->b, data->v, data->f, data->force));
+  PetscFunctionReturn(0);
+}
+
+/* The structure: given, or known to the DM of the preconditioner or of its matrix */
+static PetscErrorCode PCLatinFindLinks_Private(PC pc, LatinLinks *links)
+{
+  PC_Latin *data = (PC_Latin *)pc->data;
+  DM        dm;
+
+  PetscFunctionBegin;
+  *links = data->links;
+  if (!*links) PetscCall(LatinLinksFromDM_Private(pc->dm, links));
+  if (!*links && pc->pmat) {
+    PetscCall(MatGetDM(pc->pmat, &dm));
+    PetscCall(LatinLinksFromDM_Private(dm, links));
+  }
+  PetscCheck(*links, PetscObjectComm((PetscObject)pc), PETSC_ERR_ORDER, "-pc_type latin has no structure to work on: call PCLatinSetLinks(), or build the matrix from the DM of a structure (LatinLinksCreate(), LatinLinksAttachSNES())");
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode PCSetUp_Latin(PC pc)
+{
+  PC_Latin  *data = (PC_Latin *)pc->data;
+  LatinLinks links;
+  const char *prefix;
+  PetscInt   n;
+
+  PetscFunctionBegin;
+  PetscCall(PCLatinFindLinks_Private(pc, &links));
+  PetscCall(PCReset_Latin(pc));
+  PetscCall(LatinSetLinks_Private(data->latin, links));
+  PetscCall(PCGetOptionsPrefix(pc, &prefix));
+  PetscCall(PetscObjectSetOptionsPrefix((PetscObject)data->latin, prefix));
+  PetscCall(PetscObjectAppendOptionsPrefix((PetscObject)data->latin, "pc_latin_"));
+  PetscCall(LatinSetUp_Private(data->latin));
+  n = links->dim * data->latin->sub.copies;
+  PetscCall(PetscMalloc5(n, &data->weight, n, &data->b, n, &data->v, n, &data->f, n, &data->force));
+  PetscCall(PetscMalloc1(data->latin->sub.copies, &data->inner));
+  PetscCall(VecDuplicate(links->load, &data->work));
+  PetscCall(PCLatinWeights_Private(pc));
+  PetscCall(PCLatinInterior_Private(pc));
+  PetscFunctionReturn(0);
+}
+
+/* v = interior solution for the forces f at inner nodes; zero at the others */
+static PetscErrorCode PCLatinInteriorSolve_Private(PC pc, const PetscReal f[])
+{
+  PC_Latin      *data = (PC_Latin *)pc->data;
+  const PetscInt dim = data->latin->links->dim, n = dim * data->latin->sub.copies;
+
+  PetscFunctionBegin;
+  for (PetscInt i = 0; i < n; i++) data->b[i] = data->inner[i / dim] && !data->latin->sub.fixed[i] ? f[i] : 0.0;
+  PetscCall(PetscObjectStateIncrease((PetscObject)data->rhs));
+  PetscCall(KSPSolve(data->ksp, data->rhs, data->sol));
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode PCApply_Latin(PC pc, Vec x, Vec y)
+{
+  PC_Latin      *data  = (PC_Latin *)pc->data;
+  Latin          latin = data->latin;
+  const PetscInt dim = latin->links->dim, n = dim * latin->sub.copies;
+
+  PetscFunctionBegin;
+  /* forces left on the interfaces once the interiors are in equilibrium */
+  PetscCall(PetscArrayzero(data->force, n));
+  PetscCall(LatinDistribute_Private(latin, x, data->force));
+  PetscCall(PCLatinInteriorSolve_Private(pc, data->force));
+  PetscCall(PCLatinStiffness_Private(latin, data->v, data->f));
+  PetscCall(PCLatinSum_Private(latin, data->f, data->work));
+  PetscCall(VecAYPX(data->work, -1.0, x));
+  /* linear stage for the weighted forces, weighted mean of its displacements */
+  PetscCall(LatinDistribute_Private(latin, data->work, data->f));
+  for (PetscInt i = 0; i < n; i++) latin->linear.g[i] = data->inner[i / dim] || latin->sub.fixed[i] ? 0.0 : data->weight[i] * data->f[i];
+  PetscCall(LatinLinearApply(latin));
+  for (PetscInt i = 0; i < n; i++) data->v[i] = data->inner[i / dim] || latin->sub.fixed[i] ? 0.0 : data->weight[i] * latin->linear.U[i];
+  PetscCall(PCLatinSum_Private(latin, data->v, data->work));
+  /* interiors in equilibrium with the given forces and these displacements */
+  PetscCall(LatinDistribute_Private(latin, data->work, data->v));
+  for (PetscInt i = 0; i < n; i++)
+    if (data->inner[i / dim]) data->v[i] = 0.0;
+  PetscCall(PCLatinStiffness_Private(latin, data->v, data->f));
+  for (PetscInt i = 0; i < n; i++) data->f[i] = data->force[i] - data->f[i];
+  PetscCall(PCLatinInteriorSolve_Private(pc, data->f));
+  PetscCall(PCLatinSum_Private(latin, data->v, y));
+  PetscCall(VecAXPY(y, 1.0, data->work));
+  if (latin->failed) pc->failedreason = PC_SUBPC_ERROR;
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode PCSetFromOptions_Latin(PC pc, PetscOptionItems *PetscOptionsObject)
+{
+  PC_Latin *data = (PC_Latin *)pc->data;
+
+  PetscFunctionBegin;
+  PetscCall(LatinSetFromOptions_Private(data->latin, PetscOptionsObject, "pc"));
+  PetscOptionsHeadBegin(PetscOptionsObject, "PC latin options");
+  PetscCall(PetscOptionsEnum("-pc_latin_weights", "Weights of the copies of a node", "None", LatinWeightsTypes, (PetscEnum)data->weights, (PetscEnum *)&data->weights, NULL));
+  PetscOptionsHeadEnd();
+  PetscCall(PetscObjectSetOptions((PetscObject)data->latin, ((PetscObject)pc)->options));
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode PCView_Latin(PC pc, PetscViewer viewer)
+{
+  PC_Latin *data = (PC_Latin *)pc->data;
+  PetscBool ascii;
+
+  PetscFunctionBegin;
+  PetscCall(PetscObjectTypeCompare((PetscObject)viewer, PETSCVIEWERASCII, &ascii));
+  if (!ascii) PetscFunctionReturn(0);
+  PetscCall(PetscViewerASCIIPrintf(viewer, "weights of the copies of a node: %s\n", LatinWeightsTypes[data->weights]));
+  PetscCall(LatinView_Private(data->latin, viewer));
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode PCDestroy_Latin(PC pc)
+{
+  PC_Latin *data = (PC_Latin *)pc->data;
+
+  PetscFunctionBegin;
+  PetscCall(PCReset_Latin(pc));
+  PetscCall(LatinDestroy_Private(&data->latin));
+  PetscCall(LatinLinksDestroy(&data->links));
+  PetscCall(PetscFree(pc->data));
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  PCLatinSetLinks - Gives the structure to a preconditioner of type latin.
+
+  Collective on pc
+
+  Level: intermediate
+
+  Note:
+  Not needed when the matrix comes from the DM of the structure.
+@*/
+PetscErrorCode PCLatinSetLinks(PC pc, LatinLinks links)
+{
+  PC_Latin *data;
+  PetscBool is;
+
+  PetscFunctionBegin;
+  PetscValidHeaderSpecific(pc, PC_CLASSID, 1);
+  PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCLATIN, &is));
+  PetscCheck(is, PetscObjectComm((PetscObject)pc), PETSC_ERR_ARG_WRONG, "The PC is not of type latin: call PCSetType(pc, PCLATIN) first");
+  data = (PC_Latin *)pc->data;
+  PetscCall(LatinLinksReference(links));
+  PetscCall(LatinLinksDestroy(&data->links));
+  data->links = links;
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  PCLatinGetLatin - The decomposition behind a preconditioner of type latin.
+
+  Not collective; the reference is borrowed
+
+  Level: intermediate
+@*/
+PetscErrorCode PCLatinGetLatin(PC pc, Latin *latin)
+{
+  PetscBool is;
+
+  PetscFunctionBegin;
+  PetscValidHeaderSpecific(pc, PC_CLASSID, 1);
+  PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCLATIN, &is));
+  PetscCheck(is, PetscObjectComm((PetscObject)pc), PETSC_ERR_ARG_WRONG, "The PC is not of type latin");
+  *latin = ((PC_Latin *)pc->data)->latin;
+  PetscFunctionReturn(0);
+}
+
+/*MC
+  PCLATIN - one linear stage of the LATIN method as a symmetric positive definite preconditioner for CG
+
+  Options Database Keys:
++ -pc_latin_variant <none,macro,corner>        - coarse treatment of weak interfaces
+. -pc_latin_subdomains <n>                     - number of subdomains
+. -pc_latin_weights <stiffness,multiplicity>   - how residuals are shared among the copies of a node
+. -pc_latin_direction_fraction <0.001>         - springs that keep the local problems regular
+. -pc_latin_local_, -pc_latin_interior_        - prefixes of the KSPs of the subdomains
+- -pc_latin_coarse_                            - prefix of the KSP of the coarse problem
+
+  Level: beginner
+
+.seealso: `SNESLATIN`, `PCLatinSetLinks()`, `PCShellSetLatin()`
+M*/
+PETSC_EXTERN PetscErrorCode PCCreate_Latin(PC pc)
+{
+  PC_Latin *data;
+
+  PetscFunctionBegin;
+  PetscCall(PetscNew(&data));
+  pc->data                = (void *)data;
+  pc->ops->setup          = PCSetUp_Latin;
+  pc->ops->apply          = PCApply_Latin;
+  pc->ops->applytranspose = PCApply_Latin;
+  pc->ops->reset          = PCReset_Latin;
+  pc->ops->destroy        = PCDestroy_Latin;
+  pc->ops->setfromoptions = PCSetFromOptions_Latin;
+  pc->ops->view           = PCView_Latin;
+  PetscCall(LatinCreate_Private(PetscObjectComm((PetscObject)pc), &data->latin));
+  data->latin->tangent            = PETSC_TRUE;
+  data->latin->direction_fraction = 1e-3;
+  PetscFunctionReturn(0);
+}
+
+/* ---- PCSHELL: the same behind a shell, for programs that insist on one ---- */
+
+static PetscErrorCode PCShellLatinSetUp_Private(PC shell)
+{
+  PC          inner;
+  Mat         A, P;
+  DM          dm;
+  const char *prefix;
+
+  PetscFunctionBegin;
+  PetscCall(PCShellGetContext(shell, &inner));
+  PetscCall(PCGetOperators(shell, &A, &P));
+  PetscCall(PCSetOperators(inner, A, P));
+  PetscCall(PCGetDM(shell, &dm));
+  if (dm) PetscCall(PCSetDM(inner, dm));
+  PetscCall(PCGetOptionsPrefix(shell, &prefix));
+  PetscCall(PCSetOptionsPrefix(inner, prefix));
+  PetscCall(PCSetType(inner, PCLATIN));
+  /* not PCSetFromOptions(): -pc_type shell would turn the inner one into a shell too */
+  PetscObjectOptionsBegin((PetscObject)inner);
+  PetscCall(PCSetFromOptions_Latin(inner, PetscOptionsObject));
+  PetscOptionsEnd();
+  PetscCall(PCSetUp(inner));
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode PCShellLatinApply_Private(PC shell, Vec x, Vec y)
+{
+  PC inner;
+
+  PetscFunctionBegin;
+  PetscCall(PCShellGetContext(shell, &inner));
+  PetscCall(PCApply(inner, x, y));
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode PCShellLatinView_Private(PC shell, PetscViewer viewer)
+{
+  PC inner;
+
+  PetscFunctionBegin;
+  PetscCall(PCShellGetContext(shell, &inner));
+  PetscCall(PCView(inner, viewer));
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode PCShellLatinDestroy_Private(PC shell)
+{
+  PC inner;
+
+  PetscFunctionBegin;
+  PetscCall(PCShellGetContext(shell, &inner));
+  PetscCall(PCDestroy(&inner));
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  PCShellSetLatin - Makes a preconditioner of type `PCSHELL` work as one of type latin, with the same options.
+
+  Collective on pc
+
+  Level: intermediate
+@*/
+PetscErrorCode PCShellSetLatin(PC pc)
+{
+  PC        inner;
+  PetscBool is;
+
+  PetscFunctionBegin;
+  PetscValidHeaderSpecific(pc, PC_CLASSID, 1);
+  PetscCall(LatinInitializePackage());
+  PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCSHELL, &is));
+  PetscCheck(is, PetscObjectComm((PetscObject)pc), PETSC_ERR_ARG_WRONG, "The PC is not of type shell: call PCSetType(pc, PCSHELL) first");
+  PetscCall(PCCreate(PetscObjectComm((PetscObject)pc), &inner));
+  PetscCall(PetscObjectIncrementTabLevel((PetscObject)inner, (PetscObject)pc, 1));
+  PetscCall(PCSetType(inner, PCLATIN));
+  PetscCall(PCShellSetContext(pc, inner));
+  PetscCall(PCShellSetName(pc, "latin"));
+  PetscCall(PCShellSetSetUp(pc, PCShellLatinSetUp_Private));
+  PetscCall(PCShellSetApply(pc, PCShellLatinApply_Private));
+  PetscCall(PCShellSetApplyTranspose(pc, PCShellLatinApply_Private));
+  PetscCall(PCShellSetView(pc, PCShellLatinView_Private));
+  PetscCall(PCShellSetDestroy(pc, PCShellLatinDestroy_Private));
+  PetscFunctionReturn(0);
+}

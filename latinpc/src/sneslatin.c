@@ -1,0 +1,512 @@
+#include "latinimpl.h"
+#include <petsc/private/snesimpl.h>
+
+/*
+   SNES latin: the article's iteration as a fixed-point problem z = G(z), given to an inner SNES of the user's choice
+   (prefix -snes_latin_outer_): nrichardson is the plain iteration of section 3.3, anderson and others accelerate it.
+   No mathematics of the method here: see latin.c and the stages that it calls.
+*/
+
+typedef struct {
+  Latin         latin;
+  SNES          outer;       /* solves z - G(z) = 0 */
+  Vec           z;
+  LatinStopType stop;
+  PetscBool     warm;        /* start from the state of the last solve */
+  PetscBool     has_state;
+  Vec           reference;   /* displacements to compare with, or NULL */
+  PetscReal    *reference_copy;
+  PetscInt      history_size, done;
+  PetscReal    *indicator, *error_l2, *error_energy; /* [history_size] per linear stage; [done] filled */
+  PetscReal     first_distance, first_residual, residual;
+  PetscInt      tested;      /* linear stages that the convergence test has seen */
+  PetscViewer   monitor;
+  PetscViewerFormat monitor_format;
+} SNES_Latin;
+
+static const char citation[] = "@article{AlartDureisseix2008,\n"
+                               "  author  = {Pierre Alart and David Dureisseix},\n"
+                               "  title   = {A scalable multiscale {LATIN} method adapted to nonsmooth discrete media},\n"
+                               "  journal = {Computer Methods in Applied Mechanics and Engineering},\n"
+                               "  volume  = {197},\n"
+                               "  number  = {5},\n"
+                               "  pages   = {319--331},\n"
+                               "  year    = {2008},\n"
+                               "  doi     = {10.1016/j.cma.2007.05.002}\n"
+                               "}\n";
+static PetscBool  cited      = PETSC_FALSE;
+
+/* F(z) = z - G(z), one linear and one local stage */
+static PetscErrorCode SNESLatinFixedPoint_Private(SNES outer, Vec z, Vec F, void *ctx)
+{
+  SNES_Latin *data  = (SNES_Latin *)((SNES)ctx)->data;
+  Latin       latin = data->latin;
+  PetscInt    k;
+
+  PetscFunctionBegin;
+  PetscCall(LatinApply_Private(latin, z, F));
+  PetscCall(VecAYPX(F, -1.0, z));
+  if (latin->failed) PetscCall(SNESSetFunctionDomainError(outer));
+  k = latin->applications - 1;
+  if (k < data->history_size) {
+    data->indicator[k] = latin->indicator;
+    if (data->reference) PetscCall(LatinErrors_Private(latin, data->reference_copy, &data->error_l2[k], &data->error_energy[k]));
+    data->done = k + 1;
+  }
+  PetscFunctionReturn(0);
+}
+
+/* The nodal unbalance of the mean displacements, which become the solution vector */
+static PetscErrorCode SNESLatinResidual_Private(SNES snes)
+{
+  SNES_Latin *data = (SNES_Latin *)snes->data;
+
+  PetscFunctionBegin;
+  PetscCall(LatinAverage_Private(data->latin, snes->vec_sol));
+  PetscCall(SNESComputeFunction(snes, snes->vec_sol, snes->vec_func));
+  PetscCall(VecNorm(snes->vec_func, NORM_2, &data->residual));
+  PetscFunctionReturn(0);
+}
+
+/*
+   The convergence test of the inner SNES decides for both. The reasons keep the meaning of PETSc's manual: the
+   indicator is the relative length of the step that the next iteration would make (SNORM), the residual stop is on
+   the function that the user gave (FNORM).
+*/
+static PetscErrorCode SNESLatinConverged_Private(SNES outer, PetscInt it, PetscReal xnorm, PetscReal snorm, PetscReal fnorm, SNESConvergedReason *reason, void *ctx)
+{
+  SNES        snes  = (SNES)ctx;
+  SNES_Latin *data  = (SNES_Latin *)snes->data;
+  Latin       latin = data->latin;
+  PetscReal   norm  = latin->indicator;
+
+  PetscFunctionBegin;
+  (void)outer;
+  (void)it;
+  (void)xnorm;
+  (void)snorm;
+  *reason = SNES_CONVERGED_ITERATING;
+  if (data->tested == latin->applications) PetscFunctionReturn(0);
+  data->tested = latin->applications;
+  if (data->first_distance < 0.0) data->first_distance = latin->distance;
+  if (data->stop == LATIN_STOP_RESIDUAL) {
+    PetscCall(SNESLatinResidual_Private(snes));
+    norm = data->residual;
+  } else if (data->stop == LATIN_STOP_REFERENCE && data->done) norm = data->error_l2[data->done - 1];
+  snes->iter = latin->applications;
+  snes->norm = norm;
+  PetscCall(SNESLogConvergenceHistory(snes, norm, 0));
+  PetscCall(SNESMonitor(snes, snes->iter, norm));
+
+  if (PetscIsInfOrNanReal(norm) || PetscIsInfOrNanReal(fnorm)) *reason = SNES_DIVERGED_FNORM_NAN;
+  else if (latin->failed) *reason = SNES_DIVERGED_LINEAR_SOLVE;
+  else if (data->stop == LATIN_STOP_RESIDUAL) {
+    if (norm <= snes->abstol) *reason = SNES_CONVERGED_FNORM_ABS;
+    else if (norm <= snes->rtol * data->first_residual) *reason = SNES_CONVERGED_FNORM_RELATIVE;
+    else if (latin->distance == 0.0) *reason = SNES_CONVERGED_SNORM_RELATIVE; /* a fixed point: nothing more can change */
+  } else if (norm <= snes->stol || latin->distance == 0.0) *reason = SNES_CONVERGED_SNORM_RELATIVE;
+  if (!*reason && snes->divtol > 0.0 && latin->distance > snes->divtol * data->first_distance) *reason = SNES_DIVERGED_DTOL;
+  if (!*reason && latin->applications >= snes->max_its) *reason = SNES_DIVERGED_MAX_IT;
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode SNESLatinMonitor_Private(SNES snes, PetscInt it, PetscReal norm, void *ctx)
+{
+  SNES_Latin *data = (SNES_Latin *)snes->data;
+  PetscViewer viewer = data->monitor;
+
+  PetscFunctionBegin;
+  (void)norm;
+  (void)ctx;
+  PetscCall(PetscViewerPushFormat(viewer, data->monitor_format));
+  PetscCall(PetscViewerASCIIAddTab(viewer, ((PetscObject)snes)->tablevel));
+  PetscCall(PetscViewerASCIIPrintf(viewer, "%3" PetscInt_FMT " LATIN indicator %12.6e", it, (double)data->latin->indicator));
+  PetscCall(PetscViewerASCIIUseTabs(viewer, PETSC_FALSE));
+  if (data->stop == LATIN_STOP_RESIDUAL) PetscCall(PetscViewerASCIIPrintf(viewer, "  residual %12.6e", (double)data->residual));
+  if (data->reference && data->done) PetscCall(PetscViewerASCIIPrintf(viewer, "  error l2 %12.6e  energy %12.6e", (double)data->error_l2[data->done - 1], (double)data->error_energy[data->done - 1]));
+  PetscCall(PetscViewerASCIIPrintf(viewer, "\n"));
+  PetscCall(PetscViewerASCIIUseTabs(viewer, PETSC_TRUE));
+  PetscCall(PetscViewerASCIISubtractTab(viewer, ((PetscObject)snes)->tablevel));
+  PetscCall(PetscViewerPopFormat(viewer));
+  PetscFunctionReturn(0);
+}
+
+/*
+   The inner SNES and its defaults, which the user's options override: Anderson of depth 10, and for nrichardson the
+   full step that is the article's iteration. PETSc has no setter for the depth, only an option, so the default goes
+   in through an options database of our own; the user's is not touched.
+*/
+static PetscErrorCode SNESLatinCreateOuter_Private(SNES snes)
+{
+  SNES_Latin    *data = (SNES_Latin *)snes->data;
+  const char    *prefix;
+  char           type[64], key[256];
+  PetscBool      set;
+  PetscOptions   options = ((PetscObject)snes)->options, defaults;
+  SNESLineSearch search;
+
+  PetscFunctionBegin;
+  if (data->outer) PetscFunctionReturn(0);
+  PetscCall(SNESCreate(PetscObjectComm((PetscObject)snes), &data->outer));
+  PetscCall(PetscObjectIncrementTabLevel((PetscObject)data->outer, (PetscObject)snes, 1));
+  PetscCall(SNESGetOptionsPrefix(snes, &prefix));
+  PetscCall(SNESSetOptionsPrefix(data->outer, prefix));
+  PetscCall(SNESAppendOptionsPrefix(data->outer, "snes_latin_outer_"));
+  PetscCall(SNESGetOptionsPrefix(data->outer, &prefix));
+  PetscCall(PetscOptionsGetString(options, prefix, "-snes_type", type, sizeof(type), &set));
+  if (!set) PetscCall(PetscStrcpy(type, SNESANDERSON));
+  PetscCall(SNESSetType(data->outer, type));
+  PetscCall(PetscStrcmp(type, SNESNRICHARDSON, &set));
+  if (set) {
+    PetscCall(SNESGetLineSearch(data->outer, &search));
+    PetscCall(SNESLineSearchSetType(search, SNESLINESEARCHBASIC));
+  }
+  PetscCall(PetscStrcmp(type, SNESANDERSON, &set));
+  if (set) {
+    PetscCall(PetscOptionsCreate(&defaults));
+    PetscCall(PetscSNPrintf(key, sizeof(key), "-%ssnes_anderson_m", prefix));
+    PetscCall(PetscOptionsSetValue(defaults, key, "10"));
+    PetscCall(PetscObjectSetOptions((PetscObject)data->outer, defaults));
+    PetscCall(SNESSetFromOptions(data->outer));
+    PetscCall(PetscObjectSetOptions((PetscObject)data->outer, options));
+    PetscCall(PetscOptionsDestroy(&defaults));
+  }
+  PetscCall(PetscObjectSetOptions((PetscObject)data->outer, options));
+  PetscCall(SNESSetFromOptions(data->outer));
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode SNESSetFromOptions_Latin(SNES snes, PetscOptionItems *PetscOptionsObject)
+{
+  SNES_Latin *data = (SNES_Latin *)snes->data;
+  const char *prefix;
+  PetscBool   set;
+
+  PetscFunctionBegin;
+  PetscCall(LatinSetFromOptions_Private(data->latin, PetscOptionsObject, "snes"));
+  PetscOptionsHeadBegin(PetscOptionsObject, "SNES latin options");
+  PetscCall(PetscOptionsEnum("-snes_latin_stop", "Stop on the LATIN indicator (-snes_stol), the residual (-snes_rtol, -snes_atol) or the error against a reference (-snes_stol)", "LatinStopType", LatinStopTypes, (PetscEnum)data->stop, (PetscEnum *)&data->stop, NULL));
+  PetscCall(PetscOptionsBool("-snes_latin_warm_start", "Start from the state of the last solve on this object", "None", data->warm, &data->warm, NULL));
+  PetscCall(PetscOptionsViewer("-snes_latin_monitor", "Monitor the indicator, and the residual or errors where they are computed", "None", &data->monitor, &data->monitor_format, &set));
+  PetscOptionsHeadEnd();
+  if (set && data->monitor) {
+    PetscCall(SNESMonitorSet(snes, SNESLatinMonitor_Private, NULL, NULL));
+  }
+  PetscCall(SNESGetOptionsPrefix(snes, &prefix));
+  PetscCall(PetscObjectSetOptions((PetscObject)data->latin, ((PetscObject)snes)->options));
+  PetscCall(PetscObjectSetOptionsPrefix((PetscObject)data->latin, prefix));
+  PetscCall(PetscObjectAppendOptionsPrefix((PetscObject)data->latin, "snes_latin_"));
+  PetscCall(SNESLatinCreateOuter_Private(snes));
+  PetscFunctionReturn(0);
+}
+
+/* Builds what has changed in the structure, and the fixed-point unknown when its length has */
+static PetscErrorCode SNESLatinSetUpState_Private(SNES snes)
+{
+  SNES_Latin *data  = (SNES_Latin *)snes->data;
+  Latin       latin = data->latin;
+  PetscBool   built = latin->set_up;
+  Vec         F;
+
+  PetscFunctionBegin;
+  if (built) { /* new laws or a new partition take everything down */
+    PetscObjectState state;
+
+    PetscCall(PetscObjectStateGet((PetscObject)latin->links, &state));
+    built = (PetscBool)(state == latin->links_state);
+  }
+  if (!built) {
+    PetscCall(SNESReset(data->outer));
+    PetscCall(VecDestroy(&data->z));
+    PetscCall(PetscFree(data->reference_copy));
+    data->has_state = PETSC_FALSE;
+  }
+  PetscCall(LatinSetUp_Private(latin));
+  if (!data->z) {
+    PetscCall(LatinCreateState_Private(latin, &data->z));
+    PetscCall(VecDuplicate(data->z, &F));
+    PetscCall(SNESSetFunction(data->outer, F, SNESLatinFixedPoint_Private, snes));
+    PetscCall(VecDestroy(&F));
+    PetscCall(SNESSetUp(data->outer));
+  }
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode SNESSetUp_Latin(SNES snes)
+{
+  SNES_Latin *data = (SNES_Latin *)snes->data;
+  LatinLinks  links;
+
+  PetscFunctionBegin;
+  PetscCall(PetscObjectQuery((PetscObject)snes, "LatinLinks", (PetscObject *)&links));
+  if (!links) PetscCall(LatinLinksFromDM_Private(snes->dm, &links));
+  PetscCheck(links, PetscObjectComm((PetscObject)snes), PETSC_ERR_ORDER, "-snes_type latin has no structure to work on: build one with LatinLinksCreate() and give it to this SNES with LatinLinksAttachSNES() (in Python, latinpc.Links(...).attach(snes))");
+  PetscCall(LatinSetLinks_Private(data->latin, links));
+  if (!((PetscObject)data->latin)->prefix) {
+    const char *prefix;
+
+    PetscCall(SNESGetOptionsPrefix(snes, &prefix));
+    PetscCall(PetscObjectSetOptionsPrefix((PetscObject)data->latin, prefix));
+    PetscCall(PetscObjectAppendOptionsPrefix((PetscObject)data->latin, "snes_latin_"));
+  }
+  PetscCall(SNESLatinCreateOuter_Private(snes));
+  PetscCall(SNESLatinSetUpState_Private(snes));
+  PetscFunctionReturn(0);
+}
+
+/* Room for the history, and the reference brought to the subdomains: nothing is allocated inside the iteration */
+static PetscErrorCode SNESLatinPrepare_Private(SNES snes)
+{
+  SNES_Latin *data  = (SNES_Latin *)snes->data;
+  Latin       latin = data->latin;
+
+  PetscFunctionBegin;
+  if (data->history_size < snes->max_its + 1) {
+    PetscCall(PetscFree3(data->indicator, data->error_l2, data->error_energy));
+    data->history_size = snes->max_its + 1;
+    PetscCall(PetscMalloc3(data->history_size, &data->indicator, data->history_size, &data->error_l2, data->history_size, &data->error_energy));
+  }
+  PetscCheck(data->stop != LATIN_STOP_REFERENCE || data->reference, PetscObjectComm((PetscObject)snes), PETSC_ERR_ORDER, "-snes_latin_stop reference needs a displacement to compare with: call SNESLatinSetReference()");
+  if (data->reference) {
+    PetscInt n, m;
+
+    PetscCall(VecGetSize(data->reference, &n));
+    PetscCall(VecGetSize(latin->links->load, &m));
+    PetscCheck(n == m, PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_SIZ, "The reference has %" PetscInt_FMT " entries, the structure %" PetscInt_FMT " free degrees of freedom", n, m);
+    if (!data->reference_copy) PetscCall(PetscMalloc1(latin->links->dim * latin->sub.copies, &data->reference_copy));
+    PetscCall(PetscArraycpy(data->reference_copy, latin->sub.prescribed, latin->links->dim * latin->sub.copies));
+    PetscCall(LatinDistribute_Private(latin, data->reference, data->reference_copy));
+  }
+  data->done = data->tested = latin->applications = 0;
+  data->first_distance                            = -1.0;
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode SNESSolve_Latin(SNES snes)
+{
+  SNES_Latin *data  = (SNES_Latin *)snes->data;
+  Latin       latin = data->latin;
+  Vec         load;
+
+  PetscFunctionBegin;
+  PetscCheck(!snes->xl && !snes->xu && !snes->ops->computevariablebounds, PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_WRONGSTATE, "SNES latin does not take bounds on the unknowns: unilateral behaviour is in the laws of the links");
+  PetscCall(PetscCitationsRegister(citation, &cited));
+  PetscCall(SNESLatinSetUpState_Private(snes)); /* the structure may have changed since SNESSetUp() */
+  if (snes->vec_rhs) {                  /* F(x) = b: more load */
+    PetscCall(VecDuplicate(latin->links->load, &load));
+    PetscCall(VecWAXPY(load, 1.0, snes->vec_rhs, latin->links->load));
+    PetscCall(LatinLinearSetLoads(latin, load));
+    PetscCall(VecDestroy(&load));
+    latin->load_state = -1;
+  }
+  PetscCall(SNESLatinPrepare_Private(snes));
+  snes->reason = SNES_CONVERGED_ITERATING;
+  snes->iter   = 0;
+  if (data->stop == LATIN_STOP_RESIDUAL) {
+    PetscCall(SNESComputeFunction(snes, snes->vec_sol, snes->vec_func));
+    PetscCall(VecNorm(snes->vec_func, NORM_2, &data->first_residual));
+    snes->norm = data->first_residual;
+    PetscCall(SNESLogConvergenceHistory(snes, snes->norm, 0));
+  }
+  if (!data->warm || !data->has_state) PetscCall(LatinInitialState_Private(latin, data->z));
+  PetscCall(SNESSetConvergenceTest(data->outer, SNESLatinConverged_Private, snes, NULL));
+  PetscCall(SNESSetTolerances(data->outer, 0.0, 0.0, 0.0, snes->max_its, PETSC_MAX_INT));
+  PetscCall(SNESSolve(data->outer, NULL, data->z));
+  PetscCall(SNESGetConvergedReason(data->outer, &snes->reason));
+  data->has_state = (PetscBool)(snes->reason > 0);
+  if (latin->failed) snes->reason = SNES_DIVERGED_LINEAR_SOLVE;
+  snes->iter = latin->applications;
+  PetscCall(SNESLatinResidual_Private(snes));
+  if (PetscIsInfOrNanReal(data->residual)) snes->reason = SNES_DIVERGED_FNORM_NAN;
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode SNESReset_Latin(SNES snes)
+{
+  SNES_Latin *data = (SNES_Latin *)snes->data;
+
+  PetscFunctionBegin;
+  if (data->latin) PetscCall(LatinReset_Private(data->latin));
+  if (data->outer) PetscCall(SNESReset(data->outer));
+  PetscCall(VecDestroy(&data->z));
+  PetscCall(PetscFree(data->reference_copy));
+  data->has_state = PETSC_FALSE;
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode SNESDestroy_Latin(SNES snes)
+{
+  SNES_Latin *data = (SNES_Latin *)snes->data;
+
+  PetscFunctionBegin;
+  PetscCall(SNESReset_Latin(snes));
+  PetscCall(LatinDestroy_Private(&data->latin));
+  PetscCall(SNESDestroy(&data->outer));
+  PetscCall(VecDestroy(&data->reference));
+  PetscCall(PetscViewerDestroy(&data->monitor));
+  PetscCall(PetscFree3(data->indicator, data->error_l2, data->error_energy));
+  PetscCall(PetscFree(snes->data));
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode SNESView_Latin(SNES snes, PetscViewer viewer)
+{
+  SNES_Latin *data = (SNES_Latin *)snes->data;
+  PetscBool   ascii;
+
+  PetscFunctionBegin;
+  PetscCall(PetscObjectTypeCompare((PetscObject)viewer, PETSCVIEWERASCII, &ascii));
+  if (!ascii) PetscFunctionReturn(0);
+  PetscCall(PetscViewerASCIIPrintf(viewer, "stop on the %s\n", LatinStopTypes[data->stop]));
+  if (data->done) PetscCall(PetscViewerASCIIPrintf(viewer, "last solve: %" PetscInt_FMT " linear stages, indicator %g, norm of the nodal unbalance %g\n", data->latin->applications, (double)data->indicator[data->done - 1], (double)data->residual));
+  PetscCall(LatinView_Private(data->latin, viewer));
+  if (data->outer) {
+    PetscCall(PetscViewerASCIIPrintf(viewer, "fixed-point solver:\n"));
+    PetscCall(PetscViewerASCIIPushTab(viewer));
+    PetscCall(SNESView(data->outer, viewer));
+    PetscCall(PetscViewerASCIIPopTab(viewer));
+  }
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode SNESLatinCheck_Private(SNES snes)
+{
+  PetscBool is;
+
+  PetscFunctionBegin;
+  PetscValidHeaderSpecific(snes, SNES_CLASSID, 1);
+  PetscCall(PetscObjectTypeCompare((PetscObject)snes, SNESLATIN, &is));
+  PetscCheck(is, PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_WRONG, "The SNES is of type %s, not latin", ((PetscObject)snes)->type_name ? ((PetscObject)snes)->type_name : "(not set)");
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  SNESLatinGetLatin - The decomposition behind a SNES of type latin, for `LatinGetStatistics()` and its like.
+
+  Not collective; the reference is borrowed
+
+  Level: intermediate
+@*/
+PetscErrorCode SNESLatinGetLatin(SNES snes, Latin *latin)
+{
+  PetscFunctionBegin;
+  PetscCall(SNESLatinCheck_Private(snes));
+  *latin = ((SNES_Latin *)snes->data)->latin;
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  SNESLatinSetReference - Gives a displacement against which the error of every iterate is measured.
+
+  Collective on snes
+
+  Input Parameters:
++ snes      - of type latin
+- reference - a DM global vector, or NULL for none
+
+  Level: intermediate
+
+.seealso: `SNESLatinGetHistory()`
+@*/
+PetscErrorCode SNESLatinSetReference(SNES snes, Vec reference)
+{
+  SNES_Latin *data;
+
+  PetscFunctionBegin;
+  PetscCall(SNESLatinCheck_Private(snes));
+  data = (SNES_Latin *)snes->data;
+  if (reference) PetscCall(PetscObjectReference((PetscObject)reference));
+  PetscCall(VecDestroy(&data->reference));
+  data->reference = reference;
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  SNESLatinGetHistory - Indicator and errors of the last solve, one number per linear stage.
+
+  Not collective; the arrays are borrowed
+
+  Output Parameters:
++ n            - number of linear stages
+. indicator    - relative distance of the two stages
+. error_l2     - relative l2 error of the displacements of all subdomains, NULL without reference
+- error_energy - relative energy error, NULL without reference
+
+  Level: intermediate
+@*/
+PetscErrorCode SNESLatinGetHistory(SNES snes, PetscInt *n, const PetscReal *indicator[], const PetscReal *error_l2[], const PetscReal *error_energy[])
+{
+  SNES_Latin *data;
+
+  PetscFunctionBegin;
+  PetscCall(SNESLatinCheck_Private(snes));
+  data = (SNES_Latin *)snes->data;
+  if (n) *n = data->done;
+  if (indicator) *indicator = data->indicator;
+  if (error_l2) *error_l2 = data->reference ? data->error_l2 : NULL;
+  if (error_energy) *error_energy = data->reference ? data->error_energy : NULL;
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  SNESLatinGetOuter - The inner SNES that iterates on the fixed-point map.
+
+  Collective on snes when called first; the reference is borrowed
+
+  Level: advanced
+@*/
+PetscErrorCode SNESLatinGetOuter(SNES snes, SNES *outer)
+{
+  PetscFunctionBegin;
+  PetscCall(SNESLatinCheck_Private(snes));
+  PetscCall(SNESLatinCreateOuter_Private(snes));
+  *outer = ((SNES_Latin *)snes->data)->outer;
+  PetscFunctionReturn(0);
+}
+
+/*MC
+  SNESLATIN - the scalable multiscale LATIN domain decomposition method for structures of links, of which some are
+  unilateral (cables that slacken, struts that lift off)
+
+  Options Database Keys:
++ -snes_latin_variant <none,macro,corner>           - coarse treatment of weak interfaces
+. -snes_latin_subdomains <n>                        - number of subdomains
+. -snes_latin_direction <scalar,diagonal>           - micro search direction
+. -snes_latin_stop <indicator,residual,reference>   - what is watched for convergence
+. -snes_latin_monitor                               - prints the indicator of each iteration
+. -snes_latin_outer_snes_type <anderson,nrichardson> - acceleration, or the plain iteration
+. -snes_latin_local_                                - prefix of the KSP of the subdomains
+- -snes_latin_coarse_                               - prefix of the KSP of the coarse problem
+
+  Level: beginner
+
+  Notes:
+  The structure comes from `LatinLinksAttachSNES()`. The iteration number counts linear stages. The initial guess is
+  the prestressed configuration; the entries of the solution vector do not matter before the solve.
+
+.seealso: `LatinLinksCreate()`, `LatinLinksAttachSNES()`, `PCLATIN`
+M*/
+PETSC_EXTERN PetscErrorCode SNESCreate_Latin(SNES snes)
+{
+  SNES_Latin *data;
+
+  PetscFunctionBegin;
+  PetscCall(PetscNew(&data));
+  snes->data                = (void *)data;
+  snes->ops->setup          = SNESSetUp_Latin;
+  snes->ops->solve          = SNESSolve_Latin;
+  snes->ops->reset          = SNESReset_Latin;
+  snes->ops->destroy        = SNESDestroy_Latin;
+  snes->ops->setfromoptions = SNESSetFromOptions_Latin;
+  snes->ops->view           = SNESView_Latin;
+  snes->usesksp             = PETSC_FALSE;
+  snes->usesnpc             = PETSC_FALSE;
+
+  snes->alwayscomputesfinalresidual = PETSC_TRUE;
+  if (!snes->tolerancesset) {
+    snes->max_its = 1000;
+    snes->stol    = 1e-5;
+  }
+  PetscCall(LatinCreate_Private(PetscObjectComm((PetscObject)snes), &data->latin));
+  PetscFunctionReturn(0);
+}

@@ -1,0 +1,235 @@
+#include "latinimpl.h"
+
+/*
+   Substructuring, section 3.1: the links, not the nodes, are shared out, so that the laws stay inside subdomains.
+   Subdomains go to the ranks in blocks of consecutive numbers; links and node data follow them.
+*/
+
+/* Brings one item of `bytes` bytes per link from the caller's order to the subdomains' order */
+static PetscErrorCode LatinMigrate_Private(Latin latin, size_t bytes, const void *source, void *target)
+{
+  LatinSubstructure *sub = &latin->sub;
+  const PetscInt     n   = latin->links->links_local;
+  MPI_Datatype       type;
+  char              *out, *in;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMalloc2(bytes * (size_t)n, &out, bytes * (size_t)sub->links, &in));
+  for (PetscInt i = 0; i < n; i++) PetscCall(PetscMemcpy(out + bytes * (size_t)i, (const char *)source + bytes * (size_t)sub->send_order[i], bytes));
+  PetscCallMPI(MPI_Type_contiguous((PetscMPIInt)bytes, MPI_BYTE, &type));
+  PetscCallMPI(MPI_Type_commit(&type));
+  PetscCallMPI(MPI_Alltoallv(out, sub->send_count, sub->send_offset, type, in, sub->recv_count, sub->recv_offset, type, PetscObjectComm((PetscObject)latin)));
+  PetscCallMPI(MPI_Type_free(&type));
+  for (PetscInt l = 0; l < sub->links; l++) PetscCall(PetscMemcpy((char *)target + bytes * (size_t)l, in + bytes * (size_t)sub->link_source[l], bytes));
+  PetscCall(PetscFree2(out, in));
+  PetscFunctionReturn(0);
+}
+
+/* Who sends how many links to whom, and the order of the links here: by subdomain, then as they arrive */
+static PetscErrorCode LatinSubstructurePlan_Private(Latin latin)
+{
+  LatinSubstructure *sub  = &latin->sub;
+  MPI_Comm           comm = PetscObjectComm((PetscObject)latin);
+  const PetscInt     n    = latin->links->links_local;
+  PetscMPIInt        size, rank;
+  PetscInt          *next, *arrived, *identity;
+  PetscLayout        map;
+
+  PetscFunctionBegin;
+  PetscCallMPI(MPI_Comm_size(comm, &size));
+  PetscCallMPI(MPI_Comm_rank(comm, &rank));
+  PetscCall(PetscLayoutCreateFromSizes(comm, PETSC_DECIDE, sub->count, 1, &map));
+  PetscCall(PetscMalloc1(size + 1, &sub->rank_first));
+  {
+    const PetscInt *ranges;
+
+    PetscCall(PetscLayoutGetRanges(map, &ranges));
+    PetscCall(PetscArraycpy(sub->rank_first, ranges, size + 1));
+  }
+  sub->first = sub->rank_first[rank];
+  sub->n     = sub->rank_first[rank + 1] - sub->first;
+  PetscCall(PetscCalloc4(size, &sub->send_count, size, &sub->send_offset, size, &sub->recv_count, size, &sub->recv_offset));
+  PetscCall(PetscMalloc1(n, &sub->send_order));
+  PetscCall(PetscMalloc1(size + 1, &next));
+  for (PetscInt l = 0; l < n; l++) {
+    PetscMPIInt owner;
+
+    PetscCall(PetscLayoutFindOwner(map, sub->of_link[l], &owner));
+    sub->send_count[owner]++;
+  }
+  for (PetscMPIInt r = 1; r < size; r++) sub->send_offset[r] = sub->send_offset[r - 1] + sub->send_count[r - 1];
+  for (PetscMPIInt r = 0; r < size; r++) next[r] = sub->send_offset[r];
+  for (PetscInt l = 0; l < n; l++) {
+    PetscMPIInt owner;
+
+    PetscCall(PetscLayoutFindOwner(map, sub->of_link[l], &owner));
+    sub->send_order[next[owner]++] = l;
+  }
+  PetscCall(PetscLayoutDestroy(&map));
+  PetscCallMPI(MPI_Alltoall(sub->send_count, 1, MPI_INT, sub->recv_count, 1, MPI_INT, comm));
+  sub->links = sub->recv_count[0];
+  for (PetscMPIInt r = 1; r < size; r++) {
+    sub->recv_offset[r] = sub->recv_offset[r - 1] + sub->recv_count[r - 1];
+    sub->links += sub->recv_count[r];
+  }
+
+  PetscCall(PetscMalloc1(sub->links, &sub->link_source));
+  PetscCall(PetscMalloc2(sub->links, &arrived, sub->links, &identity));
+  PetscCall(PetscCalloc1(sub->n + 1, &sub->link_offset));
+  for (PetscInt l = 0; l < sub->links; l++) sub->link_source[l] = l;
+  PetscCall(LatinMigrate_Private(latin, sizeof(PetscInt), sub->of_link, arrived));
+  for (PetscInt l = 0; l < sub->links; l++) sub->link_offset[arrived[l] - sub->first + 1]++;
+  for (PetscInt s = 0; s < sub->n; s++) sub->link_offset[s + 1] += sub->link_offset[s];
+  for (PetscInt s = 0; s < sub->n; s++) identity[s] = sub->link_offset[s];
+  for (PetscInt l = 0; l < sub->links; l++) sub->link_source[identity[arrived[l] - sub->first]++] = l;
+  PetscCall(PetscFree2(arrived, identity));
+  PetscCall(PetscFree(next));
+  PetscFunctionReturn(0);
+}
+
+/* The copies of the nodes: the nodes of each subdomain's links, by increasing number */
+static PetscErrorCode LatinSubstructureCopies_Private(Latin latin)
+{
+  LatinSubstructure *sub = &latin->sub;
+  LatinLinks         links = latin->links;
+  PetscInt          *nodes, *list, total = 0;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMalloc2(2 * sub->links, &nodes, 2 * sub->links, &list));
+  PetscCall(LatinMigrate_Private(latin, 2 * sizeof(PetscInt), links->nodes, nodes));
+  PetscCall(PetscMalloc1(sub->n + 1, &sub->node_offset));
+  sub->node_offset[0] = 0;
+  for (PetscInt s = 0; s < sub->n; s++) {
+    PetscInt m = 2 * (sub->link_offset[s + 1] - sub->link_offset[s]);
+
+    PetscCall(PetscArraycpy(list + total, nodes + 2 * sub->link_offset[s], m));
+    PetscCall(PetscSortRemoveDupsInt(&m, list + total));
+    for (PetscInt i = 2 * sub->link_offset[s]; i < 2 * sub->link_offset[s + 1]; i++) {
+      PetscInt at;
+
+      PetscCall(PetscFindInt(nodes[i], m, list + total, &at));
+      nodes[i] = total + at;
+    }
+    total += m;
+    sub->node_offset[s + 1] = total;
+  }
+  sub->copies = total;
+  PetscCall(PetscMalloc2(total, &sub->node, 2 * sub->links, &sub->ends));
+  PetscCall(PetscArraycpy(sub->node, list, total));
+  PetscCall(PetscArraycpy(sub->ends, nodes, 2 * sub->links));
+  PetscCall(PetscFree2(nodes, list));
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode LatinBcast_Private(PetscSF sf, PetscInt n, MPI_Datatype unit, const void *root, void *leaf)
+{
+  MPI_Datatype type;
+
+  PetscFunctionBegin;
+  PetscCallMPI(MPI_Type_contiguous((PetscMPIInt)n, unit, &type));
+  PetscCallMPI(MPI_Type_commit(&type));
+  PetscCall(PetscSFBcastBegin(sf, type, root, leaf, MPI_REPLACE));
+  PetscCall(PetscSFBcastEnd(sf, type, root, leaf, MPI_REPLACE));
+  PetscCallMPI(MPI_Type_free(&type));
+  PetscFunctionReturn(0);
+}
+
+/* Node data for the copies, and the ways from the caller's nodes and from the DM's vectors to them */
+static PetscErrorCode LatinSubstructureNodeData_Private(Latin latin)
+{
+  LatinSubstructure *sub   = &latin->sub;
+  LatinLinks         links = latin->links;
+  MPI_Comm           comm  = PetscObjectComm((PetscObject)latin);
+  const PetscInt     dim = links->dim, n = sub->copies;
+  PetscLayout        map;
+  const PetscInt    *degree;
+  PetscInt          *remote, *local, m = 0;
+
+  PetscFunctionBegin;
+  PetscCall(PetscLayoutCreateFromSizes(comm, links->nodes_local, links->nodes_global, 1, &map));
+  PetscCall(PetscSFCreate(comm, &sub->node_sf));
+  PetscCall(PetscSFSetGraphLayout(sub->node_sf, map, n, NULL, PETSC_COPY_VALUES, sub->node));
+  PetscCall(PetscLayoutDestroy(&map));
+  PetscCall(PetscMalloc5(dim * n, &sub->x, dim * n, &sub->fixed, dim * n, &sub->prescribed, n, &sub->multiplicity, dim * n, &sub->global_dof));
+  PetscCall(LatinBcast_Private(sub->node_sf, dim, MPIU_REAL, links->x, sub->x));
+  PetscCall(LatinBcast_Private(sub->node_sf, dim, MPIU_BOOL, links->fixed, sub->fixed));
+  PetscCall(LatinBcast_Private(sub->node_sf, dim, MPIU_REAL, links->prescribed, sub->prescribed));
+  PetscCall(LatinBcast_Private(sub->node_sf, dim, MPIU_INT, links->global_dof, sub->global_dof));
+  PetscCall(PetscSFComputeDegreeBegin(sub->node_sf, &degree));
+  PetscCall(PetscSFComputeDegreeEnd(sub->node_sf, &degree));
+  PetscCall(LatinBcast_Private(sub->node_sf, 1, MPIU_INT, degree, sub->multiplicity));
+
+  PetscCall(PetscMalloc2(dim * n, &remote, dim * n, &local));
+  for (PetscInt i = 0; i < dim * n; i++)
+    if (!sub->fixed[i]) {
+      remote[m]  = sub->global_dof[i];
+      local[m++] = i;
+    }
+  PetscCall(VecGetLayout(links->load, &map));
+  PetscCall(PetscSFCreate(comm, &sub->dof_sf));
+  PetscCall(PetscSFSetGraphLayout(sub->dof_sf, map, m, local, PETSC_COPY_VALUES, remote));
+  PetscCall(PetscFree2(remote, local));
+  PetscFunctionReturn(0);
+}
+
+/* Link data that may change without a new partition: prestrains, and tangent stiffnesses for a preconditioner */
+PetscErrorCode LatinSubstructureRefresh(Latin latin)
+{
+  LatinLinks links = latin->links;
+
+  PetscFunctionBegin;
+  PetscCall(LatinMigrate_Private(latin, sizeof(PetscReal), latin->tangent && links->tangent ? links->tangent : links->stiffness, latin->sub.stiffness));
+  PetscCall(LatinMigrate_Private(latin, sizeof(PetscReal), links->prestrain, latin->sub.prestrain));
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode LatinSubstructureSetUp(Latin latin)
+{
+  LatinSubstructure *sub   = &latin->sub;
+  LatinLinks         links = latin->links;
+
+  PetscFunctionBegin;
+  PetscCall(PetscLogEventBegin(LATIN_Substructure, latin, 0, 0, 0));
+  PetscCall(LatinPartition_Private(latin));
+  PetscCall(LatinSubstructurePlan_Private(latin));
+  PetscCall(LatinSubstructureCopies_Private(latin));
+  PetscCall(LatinSubstructureNodeData_Private(latin));
+  PetscCall(PetscMalloc4(links->dim * sub->links, &sub->direction, sub->links, &sub->stiffness, sub->links, &sub->prestrain, sub->links, &sub->law));
+  PetscCall(LatinMigrate_Private(latin, (size_t)links->dim * sizeof(PetscReal), links->direction, sub->direction));
+  PetscCall(LatinMigrate_Private(latin, sizeof(PetscInt), links->law, sub->law));
+  PetscCall(LatinSubstructureRefresh(latin));
+  /* only nonsmooth links have a state; a preconditioner works on the tangent, where no link has one */
+  sub->nonsmooth = 0;
+  if (!latin->tangent) {
+    for (PetscInt l = 0; l < sub->links; l++) sub->nonsmooth += LatinLaws[sub->law[l]].smooth ? 0 : 1;
+  }
+  PetscCall(PetscMalloc1(sub->nonsmooth, &sub->nonsmooth_link));
+  if (sub->nonsmooth) {
+    for (PetscInt l = 0, m = 0; l < sub->links; l++)
+      if (!LatinLaws[sub->law[l]].smooth) sub->nonsmooth_link[m++] = l;
+  }
+  PetscCall(PetscLogEventEnd(LATIN_Substructure, latin, 0, 0, 0));
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode LatinSubstructureReset(Latin latin)
+{
+  LatinSubstructure *sub = &latin->sub;
+
+  PetscFunctionBegin;
+  PetscCall(PetscFree(sub->of_link));
+  PetscCall(PetscFree(sub->rank_first));
+  PetscCall(PetscFree4(sub->send_count, sub->send_offset, sub->recv_count, sub->recv_offset));
+  PetscCall(PetscFree(sub->send_order));
+  PetscCall(PetscFree(sub->link_source));
+  PetscCall(PetscFree(sub->link_offset));
+  PetscCall(PetscFree(sub->node_offset));
+  PetscCall(PetscFree2(sub->node, sub->ends));
+  PetscCall(PetscFree5(sub->x, sub->fixed, sub->prescribed, sub->multiplicity, sub->global_dof));
+  PetscCall(PetscFree4(sub->direction, sub->stiffness, sub->prestrain, sub->law));
+  PetscCall(PetscFree(sub->nonsmooth_link));
+  PetscCall(PetscSFDestroy(&sub->node_sf));
+  PetscCall(PetscSFDestroy(&sub->dof_sf));
+  PetscCall(PetscMemzero(sub, sizeof(*sub)));
+  PetscFunctionReturn(0);
+}

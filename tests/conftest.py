@@ -1,0 +1,119 @@
+"""What every test shares: one PETSc without stray options, and a way to run programs under MPI."""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+ENVIRONMENT = {
+    "OMPI_ALLOW_RUN_AS_ROOT": "1",
+    "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
+    "OMPI_MCA_rmaps_base_oversubscribe": "1",
+    "OMPI_MCA_hwloc_base_binding_policy": "none",
+    "OMP_NUM_THREADS": "1",
+    "OPENBLAS_NUM_THREADS": "1",
+    "MPLBACKEND": "Agg",
+}
+os.environ.update(ENVIRONMENT)
+# neither the options of pytest nor those of the person who runs the tests are PETSc's business
+os.environ.pop("PETSC_OPTIONS", None)
+
+import petsc4py  # noqa: E402
+
+petsc4py.init([sys.argv[0], "-skip_petscrc"])
+
+import pytest  # noqa: E402
+from petsc4py import PETSc  # noqa: E402
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+def run(command, timeout=120, check=True, cwd=None, env=None):
+    """Run a program with its own process group, and leave nothing behind when it hangs.
+
+    Returns a subprocess.CompletedProcess with text in stdout and stderr.
+    """
+    command = [str(word) for word in command]
+    process = subprocess.Popen(
+        command,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        cwd=cwd,
+        env={**os.environ, **(env or {})},
+        start_new_session=True,
+    )
+    try:
+        out, err = process.communicate(timeout=timeout)
+    except subprocess.TimeoutExpired:
+        os.killpg(process.pid, signal.SIGKILL)
+        out, err = process.communicate()
+        pytest.fail(f"{' '.join(command)}: not over after {timeout} s\n{out}\n{err}")
+    result = subprocess.CompletedProcess(command, process.returncode, out, err)
+    if check and result.returncode:
+        pytest.fail(f"{' '.join(command)}: exit code {result.returncode}\n{out}\n{err}")
+    return result
+
+
+@pytest.fixture
+def mpirun(tmp_path):
+    """Run a program on some ranks: ``mpirun(2, "script.py", "-option", ...)``.
+
+    The program is a Python file, a Python source (any text with a line break), or an executable.
+    """
+
+    def launch(ranks, program, *args, **how):
+        program = str(program)
+        if "\n" in program:
+            script = tmp_path / f"script{len(list(tmp_path.glob('script*.py')))}.py"
+            script.write_text(program)
+            program = str(script)
+        command = [program, *args]
+        if program.endswith(".py"):
+            command.insert(0, sys.executable)
+        if ranks > 1:
+            command = ["mpirun", "-n", ranks, *command]
+        return run(command, **how)
+
+    return launch
+
+
+@pytest.fixture
+def options():
+    """PETSc's options database, put back as it was after the test: ``options("-snes_rtol", 1e-8)``."""
+    database = PETSc.Options()
+    before = database.getAll()
+
+    def put(*words):
+        database.insertString(" ".join(str(word) for word in words))
+        return database
+
+    yield put
+    for name in database.getAll():
+        if name not in before:
+            database.delValue(name)
+    for name, value in before.items():
+        database.setValue(name, value)
+
+
+@pytest.fixture(scope="session")
+def compile_c(tmp_path_factory):
+    """Compile a C program of tests/ that knows nothing of latinpc; returns the executable."""
+    folder = tmp_path_factory.mktemp("c")
+    config = petsc4py.get_config()
+    search = [Path(config["PETSC_DIR"], config["PETSC_ARCH"]), Path(config["PETSC_DIR"])]
+    pkgconfig = os.pathsep.join(str(path / "lib" / "pkgconfig") for path in search)
+    flags = run(["pkg-config", "--cflags", "--libs", "PETSc"], env={"PKG_CONFIG_PATH": pkgconfig}).stdout.split()
+    folders = [word[2:] for word in flags if word.startswith("-L")]
+
+    def build(name, *more):
+        program = folder / Path(name).stem
+        if not program.exists():
+            source = ROOT / "tests" / name
+            rpath = [f"-Wl,-rpath,{path}" for path in folders]
+            run(["mpicc", "-O1", source, "-o", program, *flags, *more, *rpath, "-lm"])
+        return program
+
+    return build

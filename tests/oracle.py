@@ -1,0 +1,388 @@
+"""The method written slowly: one short function a stage, numpy and scipy, one process.
+
+The C code must agree with it to rounding. Equation numbers are those of the article. Unknowns are the free
+dofs ``node * dim + component``; prescribed displacements enter as the elongations e_d that they cause.
+"""
+
+from __future__ import annotations
+
+from itertools import combinations
+from types import SimpleNamespace
+
+import numpy as np
+import scipy.linalg as la
+import scipy.sparse as sp
+import scipy.sparse.linalg as spla
+
+RANK = 1e-6  # relative size below which a direction does not count
+FLOOR = 0.1  # least diagonal search direction of an interface, relative to its mean
+VISIBLE = 1e-3  # share of a macro mode that must lie on the exclusive nodes of its interface
+
+
+# ---- the structure -----------------------------------------------------------------------------
+def kinematics(scene):
+    """B (m, n dim) with e = B U, and the elongations e_d of the prescribed displacements, (22)."""
+    m, dim = len(scene.links), scene.dim
+    rows = np.repeat(np.arange(m), 2 * dim)
+    columns = (scene.links[:, :, None] * dim + np.arange(dim)).reshape(-1)
+    values = np.stack([-scene.directions, scene.directions], axis=1).reshape(-1)
+    b = sp.csr_matrix((values, (rows, columns)), shape=(m, scene.nodes.size))
+    return b, b @ np.where(scene.fixed, scene.prescribed, 0.0).ravel()
+
+
+def tension(scene, e):
+    """Laws (2), (4) and their mirror image."""
+    t = scene.stiffness * (e + scene.prestrain)
+    return np.where(scene.law == 1, np.maximum(t, 0.0), np.where(scene.law == 2, np.minimum(t, 0.0), t))
+
+
+def newton(scene, rtol=1e-12, max_it=200):
+    """Displacements (n, dim) by semismooth Newton with backtracking on the convex energy."""
+    b, e_d = kinematics(scene)
+    free = np.flatnonzero(~scene.fixed.ravel())
+    b, load, k = b[:, free].tocsc(), scene.load.ravel()[free], scene.stiffness
+
+    def energy(u):
+        return np.sum(tension(scene, b @ u + e_d) ** 2 / (2 * k)) - load @ u
+
+    def residual(u):
+        return b.T @ tension(scene, b @ u + e_d) - load
+
+    u, r = np.zeros(len(free)), residual(np.zeros(len(free)))
+    floor = 1e-10 * k.mean()  # where slack links leave a mechanism the step stays finite
+    scale = np.linalg.norm(load) + np.linalg.norm(abs(b).T @ abs(k * (scene.prestrain + e_d)))
+    for _ in range(max_it):
+        if np.linalg.norm(r) <= rtol * scale:
+            break
+        active = (scene.law == 0) | (tension(scene, b @ u + e_d) != 0.0)
+        hessian = b.T @ sp.diags(k * active) @ b + floor * sp.identity(len(free))
+        symmetric = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
+        step = spla.splu(hessian.tocsc(), **symmetric).solve(-r)
+        length, start = 1.0, energy(u)
+        while energy(u + length * step) > start + 1e-4 * length * (r @ step) + 1e-13 * abs(start) and length > 1e-6:
+            length /= 2
+        u = u + length * step
+        r = residual(u)
+    whole = np.where(scene.fixed, scene.prescribed, 0.0)
+    whole[~scene.fixed] = u
+    return whole
+
+
+# ---- partition -> interfaces -> primal nodes, micro pairs --------------------------------------
+def node_subdomains(scene):
+    """Per node, the sorted subdomains that touch it: S(n)."""
+    touching = [set() for _ in scene.nodes]
+    for (a, b), part in zip(scene.links, scene.subdomain):
+        touching[a].add(int(part))
+        touching[b].add(int(part))
+    return [tuple(sorted(parts)) for parts in touching]
+
+
+def interfaces(scene, touching):
+    """Per pair (E, E') the nodes shared by both that have a free dof."""
+    shared = {}
+    for node, parts in enumerate(touching):
+        if not scene.fixed[node].all():
+            for pair in combinations(parts, 2):
+                shared.setdefault(pair, []).append(node)
+    return dict(sorted(shared.items()))
+
+
+def plane(scene, nodes):
+    """Centred, scaled coordinates along the principal axes, (len, dim - 1); None for a weak interface."""
+    x = scene.nodes[nodes] - scene.nodes[nodes].mean(axis=0)
+    if scene.dim == 1:
+        return np.zeros((len(nodes), 0))
+    if len(nodes) < scene.dim:
+        return None
+    u, s, _ = np.linalg.svd(x, full_matrices=False)
+    distinct = s[0] > RANK * scene.lengths.max()
+    return u[:, : scene.dim - 1] if distinct and s[scene.dim - 2] > RANK * s[0] else None
+
+
+def components(members, edges):
+    """Connected components of at least two members."""
+    label = {member: member for member in members}
+    for a, b in edges:
+        old, new = label[b], label[a]
+        label = {member: new if value == old else value for member, value in label.items()}
+    groups = [tuple(m for m in members if label[m] == value) for value in sorted(set(label.values()))]
+    return [group for group in groups if len(group) > 1]
+
+
+def primal_groups(parts, weak, variant, promote):
+    """Subdomains among which the node has one displacement: sections 4.2 (macro) and 4.4 (corner)."""
+    if promote and len(parts) >= 3:
+        return [parts]
+    if variant == "none" or not weak:
+        return []
+    return [parts] if variant == "corner" else components(parts, weak)
+
+
+def micro_pairs(parts, weak, groups, variant, corners):
+    """Pairs of subdomains that exchange micro quantities at the node."""
+    pairs = [pair for pair in combinations(parts, 2) if pair not in weak]
+    if corners == "free":  # one displacement needs no springs
+        pairs = [pair for pair in pairs if not any(set(pair) <= set(group) for group in groups)]
+    if variant == "none" and not groups:  # weak pairs implied by the strong ones are dropped, section 4
+        joined = components(parts, [pair for pair in combinations(parts, 2) if pair not in weak])
+        pairs += [pair for pair in weak if not any(set(pair) <= set(group) for group in joined)]
+    return pairs
+
+
+# ---- macro bases -------------------------------------------------------------------------------
+def macro_basis(modes, d, exclusive):
+    """R with R^t D R = 1: the affine fields that are visible on the exclusive dofs.
+
+    Fields that live on shared dofs only may coincide on two interfaces of a subdomain; without them the
+    rows A of a subdomain are independent by construction.
+    """
+    u, s, _ = np.linalg.svd(np.sqrt(d)[:, None] * modes, full_matrices=False)
+    fields = u[:, s > RANK * s[0]]
+    _, visible, v = np.linalg.svd(fields[exclusive], full_matrices=False)
+    return fields @ v[visible > VISIBLE].T / np.sqrt(d)[:, None]
+
+
+# ---- set-up ------------------------------------------------------------------------------------
+def build(scene, variant="corner", corners="free", promote=False, d=None, alpha=0.1, diagonal=False):
+    """Everything that is built once: interfaces, subdomain operators, coarse factor.
+
+    d is a number (N/m), or None for alpha times the mean diagonal of the neighbours' stiffness
+    (`diagonal`: dof by dof).
+    """
+    dim, free = scene.dim, ~scene.fixed.ravel()
+    b, e_d = kinematics(scene)
+    touching = node_subdomains(scene)
+    shared = interfaces(scene, touching)
+    planes = {pair: plane(scene, nodes) for pair, nodes in shared.items()}
+    micro, primal = {pair: [] for pair in shared}, {}
+    for node, parts in enumerate(touching):
+        if len(parts) > 1 and not scene.fixed[node].all():
+            weak = [pair for pair in combinations(parts, 2) if planes[pair] is None]
+            primal[node] = primal_groups(parts, weak, variant, promote)
+            for pair in micro_pairs(parts, weak, primal[node], variant, corners):
+                micro[pair].append(node)
+    parts = [subdomain(scene, b, i, free) for i in range(scene.n_subdomains)]
+    sides, n_z, n_macro = [], 0, 0
+    for pair, nodes in micro.items():
+        if nodes:
+            dofs = (np.array(nodes)[:, None] * dim + np.arange(dim)).ravel()
+            dofs = dofs[free[dofs]]
+            side = SimpleNamespace(pair=pair, dofs=dofs, strong=planes[pair] is not None)
+            side.local = [parts[i].find(dofs) for i in pair]
+            means = sum(parts[i].stiffness.diagonal()[at] for i, at in zip(pair, side.local)) / 2
+            side.d = np.full(len(dofs), alpha * means.mean() if d is None else d)
+            if diagonal and d is None:
+                side.d = alpha * np.maximum(means, FLOOR * means.mean())
+            side.r = np.zeros((len(dofs), 0))
+            if side.strong:
+                flat = np.column_stack([np.ones(len(planes[pair])), planes[pair]])
+                modes = np.kron(flat[np.searchsorted(shared[pair], nodes)], np.eye(dim))
+                alone = [n for n in nodes if len(touching[n]) == 2 and not primal[n]]
+                keep = free[(np.array(nodes)[:, None] * dim + np.arange(dim)).ravel()]
+                side.r = macro_basis(modes[keep], side.d, np.isin(dofs // dim, alone))
+            side.z = [slice(n_z, n_z + len(dofs)), slice(n_z + len(dofs), n_z + 2 * len(dofs))]
+            side.macro = np.arange(n_macro, n_macro + side.r.shape[1])
+            n_z, n_macro = n_z + 2 * len(dofs), n_macro + side.r.shape[1]
+            sides.append(side)
+    n_coarse = n_macro
+    for node, groups in primal.items():  # one coarse dof per free component of a primal node
+        for group in groups:
+            dofs = np.flatnonzero(free[node * dim : (node + 1) * dim]) + node * dim
+            for i in group:
+                parts[i].coarse_of_dof.update(zip(dofs, range(n_coarse, n_coarse + len(dofs))))
+            n_coarse += len(dofs)
+    copies = np.zeros(scene.nodes.size)
+    for part in parts:
+        copies[part.dofs] += 1
+    for i, part in enumerate(parts):
+        part.load = scene.load.ravel()[part.dofs] / copies[part.dofs]
+        condense(part, [(s, s.pair.index(i)) for s in sides if i in s.pair])
+    latin = SimpleNamespace(scene=scene, parts=parts, sides=sides, n_z=n_z, n_macro=n_macro, n_coarse=n_coarse)
+    latin.copies, latin.e_d, latin.free = copies, e_d, free
+    latin.touching, latin.primal, latin.planes = touching, primal, planes
+    latin.nonsmooth = np.flatnonzero(scene.law != 0)
+    latin.coarse = assemble(latin)
+    return latin
+
+
+def subdomain(scene, b, i, free):
+    """Links, free dofs, B and B^t k B of subdomain i."""
+    links = np.flatnonzero(scene.subdomain == i)
+    nodes = np.unique(scene.links[links])
+    dofs = (nodes[:, None] * scene.dim + np.arange(scene.dim)).ravel()
+    part = SimpleNamespace(links=links, dofs=dofs[free[dofs]], coarse_of_dof={})
+    part.b = b[links][:, part.dofs].toarray()
+    part.stiffness = part.b.T @ (scene.stiffness[links][:, None] * part.b)
+    part.find = lambda wanted: np.searchsorted(part.dofs, wanted)
+    return part
+
+
+def condense(part, sides):
+    """Operators of the linear stage: K_E (28), its factor, H (29), (51)."""
+    n = len(part.dofs)
+    k = part.stiffness.copy()
+    for side, which in sides:
+        at = side.local[which]
+        k[at, at] += side.d
+    a = np.zeros((sum(len(side.macro) for side, _ in sides), n))
+    row = 0
+    for side, which in sides:
+        a[row : row + len(side.macro), side.local[which]] = (side.d[:, None] * side.r).T
+        row += len(side.macro)
+    is_primal = np.isin(part.dofs, list(part.coarse_of_dof))
+    part.r, part.c = np.flatnonzero(~is_primal), np.flatnonzero(is_primal)
+    macro = np.concatenate([side.macro for side, _ in sides] + [np.zeros(0, int)]).astype(int)
+    part.n_macro, a_r = len(macro), a[:, part.r]
+    part.coarse = np.concatenate([macro, [part.coarse_of_dof[dof] for dof in part.dofs[part.c]]]).astype(int)
+    part.factor = la.cho_factor(k[np.ix_(part.r, part.r)]) if len(part.r) else None
+    part.v_m, part.v_c = solve(part, a_r.T), solve(part, k[np.ix_(part.r, part.c)])
+    part.k_rc, part.a_r = k[np.ix_(part.r, part.c)], a_r
+    part.n = a[:, part.c] - a_r @ part.v_c
+    part.t_inv = np.linalg.inv(a_r @ part.v_m)
+    tn = part.t_inv @ part.n
+    corner = k[np.ix_(part.c, part.c)] - part.k_rc.T @ part.v_c + part.n.T @ tn
+    part.h = np.block([[part.t_inv - np.eye(len(a)), -tn], [-tn.T, corner]])
+
+
+def solve(part, rhs):
+    """K_rr^-1 times a vector or the columns of a matrix."""
+    return la.cho_solve(part.factor, rhs) if len(part.r) and rhs.size else np.zeros(rhs.shape)
+
+
+def assemble(latin):
+    """Factor of the coarse problem (30), (52); None without coarse unknowns."""
+    rows = [np.repeat(p.coarse, len(p.coarse)) for p in latin.parts]
+    columns = [np.tile(p.coarse, len(p.coarse)) for p in latin.parts]
+    values = np.concatenate([p.h.ravel() for p in latin.parts])
+    shape = (latin.n_coarse, latin.n_coarse)
+    h = sp.csc_matrix((values, (np.concatenate(rows), np.concatenate(columns))), shape=shape)
+    return spla.splu(h, permc_spec="MMD_AT_PLUS_A") if latin.n_coarse else None
+
+
+# ---- the iteration -----------------------------------------------------------------------------
+def start(latin):
+    """z = 0 and s = k e0."""
+    links = latin.nonsmooth
+    return np.concatenate([np.zeros(latin.n_z), (latin.scene.stiffness * latin.scene.prestrain)[links]])
+
+
+def linear_stage(latin, x):
+    """Displacements of every subdomain, (26) to (30) and (42) to (52)."""
+    scene = latin.scene
+    s = scene.stiffness * scene.prestrain
+    s[latin.nonsmooth] = x[latin.n_z :]
+    forces = [p.load - p.b.T @ (s + scene.stiffness * latin.e_d)[p.links] for p in latin.parts]
+    for side in latin.sides:
+        for i, at, z in zip(side.pair, side.local, side.z):
+            forces[i][at] += x[z]
+    rhs = np.zeros(latin.n_coarse)
+    for p, g in zip(latin.parts, forces):
+        m = p.t_inv @ (p.v_m.T @ g[p.r])
+        np.add.at(rhs, p.coarse, np.concatenate([m, g[p.c] - p.v_c.T @ g[p.r] - p.n.T @ m]))
+    u_coarse = latin.coarse.solve(rhs) if latin.n_coarse else rhs
+    result = []
+    for p, g in zip(latin.parts, forces):
+        u_m, u_c = u_coarse[p.coarse[: p.n_macro]], u_coarse[p.coarse[p.n_macro :]]
+        multiplier = p.t_inv @ (u_m - p.n @ u_c - p.v_m.T @ g[p.r])
+        u = np.zeros(len(p.dofs))
+        u[p.c], u[p.r] = u_c, solve(p, g[p.r] - p.k_rc @ u_c + p.a_r.T @ multiplier)
+        result.append(u)
+    return result
+
+
+def local_stage(latin, x, u):
+    """New state: each side receives the micro part of 2 d U - z of its mate; links meet their law."""
+    scene, new = latin.scene, np.empty_like(x)
+    for side in latin.sides:
+        sent = []
+        for i, at, z in zip(side.pair, side.local, side.z):
+            y = 2 * side.d * u[i][at] - x[z]
+            sent.append(y - side.d * (side.r @ (side.r.T @ y)))
+        new[side.z[0]], new[side.z[1]] = sent[1], sent[0]
+    links = latin.nonsmooth
+    k, ke0 = scene.stiffness[links], (scene.stiffness * scene.prestrain)[links]
+    y = x[latin.n_z :] + 2 * k * elongations(latin, u)[links]
+    taut = np.where(scene.law[links] == 1, y + ke0 > 0, y + ke0 < 0)
+    new[latin.n_z :] = np.where(taut, ke0, -y)
+    return new
+
+
+def elongations(latin, u):
+    """e of every link, in its own subdomain."""
+    e = latin.e_d.copy()
+    for part, displacement in zip(latin.parts, u):
+        e[part.links] += part.b @ displacement
+    return e
+
+
+def average(latin, u):
+    """Displacement of the structure (n, dim): mean of the copies."""
+    total = np.zeros(latin.scene.nodes.size)
+    for part, displacement in zip(latin.parts, u):
+        total[part.dofs] += displacement / latin.copies[part.dofs]
+    return np.where(latin.scene.fixed, latin.scene.prescribed, total.reshape(latin.scene.nodes.shape))
+
+
+def indicator(latin, x, new, u):
+    """Distance between the two stages, relative."""
+    k, dx = latin.scene.stiffness, new - x
+    links = latin.nonsmooth
+    above = np.sum(dx[latin.n_z :] ** 2 / (4 * k[links]))
+    below = np.sum((k * elongations(latin, u) ** 2)[links])
+    for side in latin.sides:
+        for i, at, z in zip(side.pair, side.local, side.z):
+            above += np.sum(dx[z] ** 2 / (4 * side.d))
+            below += np.sum(side.d * u[i][at] ** 2)
+    return np.sqrt(above / below) if below else 0.0
+
+
+def errors(latin, u, reference):
+    """Relative errors: l2 over the subdomains' dofs, and energy over the links."""
+    ref = [np.asarray(reference).ravel()[p.dofs] for p in latin.parts]
+    l2 = np.sqrt(sum(np.sum((a - b) ** 2) for a, b in zip(u, ref)) / sum(np.sum(b**2) for b in ref))
+    e_ref = elongations(latin, ref)
+    k = latin.scene.stiffness
+    return l2, np.sqrt(np.sum(k * (elongations(latin, u) - e_ref) ** 2) / np.sum(k * e_ref**2))
+
+
+def plain(x, g, _memory):
+    """Next iterate of the article's method."""
+    return g
+
+
+def anderson(depth=10):
+    """Next iterate of Anderson's acceleration: the combination of the last `depth` + 1 with least F = x - G(x)."""
+
+    def next_iterate(x, g, memory):
+        memory.append((g - x, g))
+        del memory[: -depth - 1]
+        if len(memory) == 1:
+            return g
+        df = np.stack([f - memory[-1][0] for f, _ in memory[:-1]], axis=1)
+        dg = np.stack([h - g for _, h in memory[:-1]], axis=1)
+        return g + dg @ np.linalg.lstsq(df, x - g, rcond=1e-14)[0]
+
+    return next_iterate
+
+
+def latin_history(scene, iterations=50, reference=None, outer=plain, target=None, **options):
+    """Run the method: indicator and errors per iteration, averaged displacements per iteration.
+
+    `target` stops at that l2 error; `options` are those of `build`.
+    """
+    latin = options.pop("latin", None) or build(scene, **options)
+    x, memory, history = start(latin), [], SimpleNamespace(indicator=[], error_l2=[], error_energy=[], iterates=[])
+    for _ in range(iterations):
+        u = linear_stage(latin, x)
+        g = local_stage(latin, x, u)
+        history.indicator.append(indicator(latin, x, g, u))
+        history.iterates.append(average(latin, u))
+        if reference is not None:
+            for name, value in zip(("error_l2", "error_energy"), errors(latin, u, reference)):
+                getattr(history, name).append(value)
+            if target is not None and history.error_l2[-1] <= target:
+                break
+        x = outer(x, g, memory)
+    history.latin, history.x = latin, x
+    return history

@@ -1,0 +1,200 @@
+"""The command line: what it passes on, prints, writes and returns, on one rank and on several."""
+
+import json
+import re
+import sys
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pytest
+from conftest import ROOT, run
+from test_io import MSH, TOML
+
+from latinpc import cli
+from latinpc.solve import INNER_PREFIXES, OPTIONS
+
+KEYS = [
+    "scene", "dofs", "links", "ranks", "subdomains", "strong_interfaces", "weak_interfaces",
+    "strong_macro_dofs", "weak_dofs", "iterations", "converged", "reason", "indicator", "residual",
+    "slack_fraction", "error_l2", "error_energy", "setup_seconds", "solve_seconds", "peak_memory_bytes",
+    "versions", "options",
+]  # fmt: skip
+TOWER = str(ROOT / "examples" / "tower.msh")
+
+
+def latinpc(*arguments, ranks=1, code=0, **how):
+    """Run the command and check its exit code."""
+    script = Path(sys.executable).with_name("latinpc")
+    command = [script] if script.exists() else [sys.executable, "-c", "from latinpc.cli import main; main()"]
+    if ranks > 1:
+        command = ["mpirun", "-n", ranks, *command]
+    result = run([*command, *arguments], check=False, **how)
+    assert result.returncode == code, result.stdout + result.stderr
+    assert not re.search(r"\bnan\b", result.stdout, re.IGNORECASE)
+    return result
+
+
+def said(result):
+    """Return what we said on stderr, without mpirun's own lines."""
+    return [line for line in result.stderr.splitlines() if line.startswith("latinpc: ")]
+
+
+# ---- arguments -------------------------------------------------------------------------------
+
+
+def test_single_dash_is_petscs_and_double_dash_ours():
+    line = "solve grid --load -3.5 -snes_rtol 1e-8 -snes_monitor --json r.json -a -1e-3 -b .5 -c -d x"
+    ours, petsc = cli.split_arguments(line.split())
+    assert ours == ["solve", "grid", "--load", "-3.5", "--json", "r.json"]
+    assert petsc == [
+        ("snes_rtol", "1e-8"), ("snes_monitor", None), ("a", "-1e-3"), ("b", ".5"), ("c", None), ("d", "x"),
+    ]  # fmt: skip
+
+
+def test_scenes_and_info():
+    text = latinpc("scenes").stdout
+    for word in ("tensegrity-grid", "truss-grid", "network", "lattice", "--modules", "--seed"):
+        assert word in text
+    text = latinpc("info").stdout
+    library = re.search(r"-dll_append (\S+)", text).group(1)
+    assert Path(library).is_file()
+    assert "MUMPS" in text and "CHOLMOD" in text
+
+
+def test_help_lists_every_option_of_ours_and_no_other():
+    text = latinpc("solve", TOWER, "--subdomains", 4, "--quiet", "-help").stdout
+    found = set(re.findall(r"-snes_latin_(\w+)", text))
+    assert set(OPTIONS) == {name for name in found if not name.startswith(INNER_PREFIXES)}
+
+
+# ---- a solve ---------------------------------------------------------------------------------
+
+
+def test_solve_writes_everything(tmp_path):
+    names = {"--json": "r.json", "--output": "r.vtu", "--picture": "r.png"}
+    files = [word for name, file in names.items() for word in (name, file)]
+    result = latinpc("solve", TOWER, "--subdomains", 4, "--reference", *files, cwd=tmp_path)
+    report = json.loads((tmp_path / "r.json").read_text())
+    assert set(KEYS) <= set(report)
+    assert report["scene"] == "tower" and report["subdomains"] == 4 and report["ranks"] == 1
+    assert report["converged"] and report["reason"].startswith("CONVERGED")
+    assert report["dofs"] == 102 and report["free_dofs"] == 96 and report["links"] == 144
+    assert report["error_l2"] < 1e-3 and report["error_energy"] < 1e-3
+    assert 0 < report["slack_fraction"] < 1
+    assert min(report[key] for key in ("setup_seconds", "solve_seconds", "peak_memory_bytes")) > 0
+    mesh = meshio.read(tmp_path / "r.vtu")
+    assert mesh.cell_data["slack"][0].sum() == round(64 * report["slack_fraction"])
+    assert len(np.unique(mesh.cell_data["subdomain"][0])) == 4
+    assert mesh.point_data["displacement"][:, 1].min() < -0.005  # the settled foot, at least
+    assert (tmp_path / "r.png").stat().st_size > 10000
+    for word in ("tower", "51 nodes", "144 links", "4 subdomains", "CONVERGED", "largest", "slack", "r.vtu"):
+        assert word in result.stdout
+    assert "\x1b" not in result.stdout and not result.stderr  # plain and quiet in a pipe
+
+
+def test_json_alone_and_quiet():
+    report = json.loads(latinpc("solve", TOWER, "--subdomains", 2, "--json", "-").stdout)
+    assert report["error_l2"] is None and report["converged"]
+    assert not latinpc("solve", TOWER, "--subdomains", 2, "--quiet").stdout
+
+
+def test_two_ranks_print_once_and_agree(tmp_path):
+    arguments = ["solve", TOWER, "--subdomains", "4", "--output"]
+    lattice = ["solve", "lattice", "--nx", "16", "--ny", "8", "--subdomains", "8", "--output"]
+    for case in (arguments, lattice):
+        one = latinpc(*case, tmp_path / "one.vtu", "-snes_stol", "1e-10", "-snes_max_it", 500)
+        two = latinpc(*case, tmp_path / "two.vtu", "-snes_stol", "1e-10", "-snes_max_it", 500, ranks=2)
+        assert two.stdout.count("displacement") == one.stdout.count("displacement") == 1
+        a, b = (meshio.read(tmp_path / name).point_data["displacement"] for name in ("one.vtu", "two.vtu"))
+        assert np.abs(a - b).max() <= 1e-7 * np.abs(a).max()
+
+
+def test_not_converged_keeps_the_last_iterate(tmp_path):
+    files = ["--json", tmp_path / "r.json", "--output", tmp_path / "r.vtu"]
+    result = latinpc("solve", TOWER, "--subdomains", 4, *files, "-snes_max_it", 1, "-snes_stol", 1e-12, code=1)
+    assert said(result) == ["latinpc: not converged: DIVERGED_MAX_IT"]
+    report = json.loads((tmp_path / "r.json").read_text())
+    assert report["converged"] is False and report["reason"] == "DIVERGED_MAX_IT"
+    assert np.abs(meshio.read(tmp_path / "r.vtu").point_data["displacement"]).max() > 0
+
+
+def test_other_solvers_of_petsc(tmp_path):
+    truss = ["solve", "truss-grid", "--modules", "16", "--json", "-"]
+    options = ["-snes_type", "ksponly", "-ksp_type", "cg", "-ksp_rtol", "1e-8", "-pc_type", "latin"]
+    cg = json.loads(latinpc(*truss, "--reference", *options).stdout)
+    assert cg["converged"] and cg["solver"] == "ksponly + cg + latin" and cg["subdomains"] == 16
+    assert cg["iterations"] < 40 and cg["error_energy"] < 1e-5 and cg["indicator"] is None
+    newton = ["-snes_type", "newtonls", "-snes_linesearch_type", "basic", "-pc_type", "cholesky"]
+    report = json.loads(latinpc("solve", TOWER, "--json", "-", "--reference", *newton).stdout)
+    assert report["converged"] and report["error_l2"] < 1e-7 and report["strong_interfaces"] is None
+
+
+def test_ksponly_on_cables_says_what_it_is_not():
+    result = latinpc("solve", TOWER, "--quiet", "-snes_type", "ksponly", "-pc_type", "lu")
+    assert "one linear step" in said(result)[0]
+
+
+@pytest.mark.parametrize("file", sorted((ROOT / "options").glob("*.opts")), ids=lambda path: path.stem)
+def test_options_files_leave_no_option_unused(file):
+    scene = ["truss-grid" if file.stem == "cg" else "tensegrity-grid", "--modules", "12"]
+    result = latinpc("solve", *scene, "--quiet", "-options_file", file, "-options_left")
+    left = re.findall(r"Option left: name:(-\S+)", result.stdout)
+    assert left == [], result.stdout
+    assert "There are no unused options" in result.stdout
+
+
+# ---- bad input -------------------------------------------------------------------------------
+
+BAD = [
+    (["solve", "tensegrity"], "unknown scene 'tensegrity'"),
+    (["solve", "nowhere.msh"], "nowhere.msh: no such file"),
+    (["solve", "network", "--modules", "3"], "--modules has no meaning for the scene network"),
+    (["solve", TOWER, "--slack", "0.1"], "--slack has no meaning for a file"),
+    (["solve", TOWER, "--subdomains", "145"], "144 links"),
+    (["solve", TOWER, "--subdomains", "0"], "--subdomains 0"),
+    (["solve", "tensegrity-grid", "--modules", "12", "--subdomains", "7"], "7 subdomains"),
+    (["solve", "tensegrity-grid", "--modules", "12", "--partition", "random"], "partition must be"),
+    (["solve", TOWER, "--output", "r.stl"], "r.stl"),
+    (["solve", TOWER, "--json", "nowhere/r.json"], "the folder nowhere does not exist"),
+    (["solve", TOWER, "-options_file", "nowhere.opts"], "no such file"),
+    (["solve", TOWER, "--subdomains", "4", "-snes_latin_variant", "edges"], "edges"),
+    (["solve", TOWER, "--subdomains", "4", "-snes_type", "latn"], "latn"),
+    (["paper", "4", "--subdomains", "10"], "10 subdomains"),
+]
+
+
+@pytest.mark.parametrize(("arguments", "word"), BAD, ids=[" ".join(map(str, case[0][1:]))[-40:] for case in BAD])
+def test_bad_input_is_one_clear_line(arguments, word, tmp_path):
+    result = latinpc(*arguments, code=2, cwd=tmp_path)
+    lines = said(result)
+    assert len(lines) == 1 and word in lines[0], result.stderr
+    assert "Traceback" not in result.stderr and not result.stdout
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("case", [1, 4, 11], ids=["missing file", "too many subdomains", "unknown value"])
+def test_bad_input_on_two_ranks_ends_both(case, tmp_path):
+    arguments, word = BAD[case]
+    result = latinpc(*arguments, ranks=2, code=2, cwd=tmp_path, timeout=30)
+    assert len(said(result)) == 1 and word in result.stderr
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_a_mechanism_names_the_nodes_that_move(tmp_path, ranks):
+    (tmp_path / "frame.msh").write_text(MSH)
+    (tmp_path / "frame.toml").write_text(
+        TOML.replace("[supports.feet]", "[supports.top]").replace("[loads.top]", "[loads.feet]")
+    )
+    result = latinpc("solve", tmp_path / "frame.msh", "--subdomains", 1, ranks=ranks, code=2, timeout=30)
+    assert re.search(r"mechanism", result.stderr) and re.search(r"node", result.stderr), result.stderr
+
+
+def test_missing_scene_after_a_flag_of_petsc():
+    result = latinpc("solve", "-snes_monitor", TOWER, code=2)
+    assert "put SCENE before" in result.stderr
+
+
+def test_misspelt_option_of_ours_names_the_nearest():
+    result = latinpc("solve", TOWER, "--subdomains", 2, "--quiet", "-snes_latin_varant", "macro")
+    assert said(result) == ["latinpc: unknown option -snes_latin_varant: do you mean -snes_latin_variant?"]

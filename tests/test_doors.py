@@ -1,0 +1,136 @@
+"""Every door leads in: import, -dll_append, a PCSHELL; and a door that is shut says so."""
+
+import shutil
+
+import pytest
+from conftest import run
+from petsc4py import PETSc
+
+import latinpc
+
+LIBRARY = latinpc.get_library()
+
+
+def test_import_registers_both_types():
+    snes = PETSc.SNES().create()
+    snes.setType("latin")
+    assert snes.getType() == "latin"
+    pc = PETSc.PC().create()
+    pc.setType("latin")
+    assert pc.getType() == "latin"
+
+
+def test_import_leaves_the_options_alone(mpirun):
+    out = mpirun(
+        1,
+        """
+from petsc4py import PETSc
+before = PETSc.Options().getAll()
+import latinpc
+assert PETSc.Options().getAll() == before
+print("same")
+""",
+    ).stdout
+    assert out == "same\n"
+
+
+def test_library_and_petsc4py_share_one_petsc():
+    from latinpc import _latin
+
+    assert _latin.initialized()
+    assert PETSc.Sys.getVersion() == _latin.PETSC_VERSION
+    assert ".".join(map(str, _latin.VERSION)) == latinpc.__version__
+
+
+def test_library_has_no_undefined_symbol():
+    listing = run(["ldd", "-r", LIBRARY])
+    assert "undefined symbol" not in listing.stdout + listing.stderr
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_appended_library_registers_both_types(mpirun, compile_c, ranks):
+    # -help lists the registered types of a solver that is there
+    append = ["-dll_append", LIBRARY, "-help"]
+    pcs = mpirun(ranks, compile_c("plain_ksp.c"), *append, "-pc_type", "jacobi").stdout
+    listed = next(line for line in pcs.splitlines() if "-pc_type" in line)
+    assert "latin" in listed
+    if ranks == 1:
+        snes = mpirun(1, compile_c("plain_snes.c"), *append).stdout
+        listed = next(line for line in snes.splitlines() if "-snes_type" in line)
+        assert "latin" in listed
+
+
+def test_appended_library_is_not_in_the_way(mpirun, compile_c):
+    assert "CONVERGED" in mpirun(2, compile_c("plain_ksp.c"), "-dll_append", LIBRARY).stdout
+
+
+def test_appended_snes_says_what_it_needs(mpirun, compile_c):
+    result = mpirun(1, compile_c("plain_snes.c"), "-dll_append", LIBRARY, "-snes_type", "latin", check=False)
+    assert result.returncode
+    assert "links" in result.stderr
+    assert "Unknown type" not in result.stderr
+
+
+def test_appended_pc_says_what_it_needs(mpirun, compile_c):
+    result = mpirun(1, compile_c("plain_ksp.c"), "-dll_append", LIBRARY, "-pc_type", "latin", check=False)
+    assert result.returncode
+    assert "MATIS" in result.stderr or "links" in result.stderr
+    assert "Unknown type" not in result.stderr
+
+
+@pytest.mark.parametrize("name", ["libother.so", "latin.so", "liblatinpc_old.so"])
+def test_renamed_library_says_so(mpirun, compile_c, tmp_path, name):
+    renamed = shutil.copy(LIBRARY, tmp_path / name)
+    result = mpirun(2, compile_c("plain_ksp.c"), "-dll_append", renamed)
+    assert result.stderr.count("liblatinpc:") == 1
+    assert str(renamed) in result.stderr
+    assert "must be called liblatinpc.so" in result.stderr
+
+
+@pytest.mark.parametrize("name", ["liblatinpc.so", "liblatinpc.so.0.1"])
+def test_link_under_the_right_name_opens(mpirun, compile_c, tmp_path, name):
+    renamed = shutil.copy(LIBRARY, tmp_path / "libother.so")
+    (tmp_path / name).symlink_to(renamed)
+    result = mpirun(1, compile_c("plain_ksp.c"), "-dll_append", tmp_path / name, "-help")
+    assert "liblatinpc:" not in result.stderr
+    assert "latin" in next(line for line in result.stdout.splitlines() if "-pc_type" in line)
+
+
+CHAIN = """
+import sys
+import petsc4py
+petsc4py.init(sys.argv)
+from petsc4py import PETSc
+import numpy as np
+import latinpc
+
+n = 24
+chain = latinpc.Links(
+    nodes=np.arange(n + 1.0)[:, None], links=np.column_stack([np.arange(n), np.arange(1, n + 1)]), law=0,
+    stiffness=1.0, fixed=np.isin(np.arange(n + 1), [0, n])[:, None], load=np.ones((n + 1, 1)),
+    subdomain=np.arange(n) // 6,
+)
+snes = chain.create_snes()
+snes.setType("ksponly")
+u = chain.create_vec()
+pc = snes.getKSP().getPC()
+snes.getKSP().setType("cg")
+"""
+
+CLOSE = """
+snes.setFromOptions()
+snes.solve(None, u)
+assert snes.reason > 0, snes.reason
+x = np.arange(n + 1.0)
+assert np.allclose(chain.displacements(u)[:, 0], x * (n - x) / 2, rtol=1e-4)
+if PETSc.COMM_WORLD.rank == 0:
+    print(pc.getType(), snes.getKSP().getIterationNumber())
+"""
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_pcshell_is_the_same_preconditioner(mpirun, ranks):
+    by_type = mpirun(ranks, CHAIN + 'pc.setType("latin")\n' + CLOSE).stdout.split()
+    by_shell = mpirun(ranks, CHAIN + 'pc.setType("shell")\nlatinpc.pcshell_set_latin(pc)\n' + CLOSE).stdout.split()
+    assert by_type[0] == "latin"
+    assert by_shell == ["shell", by_type[1]]

@@ -1,0 +1,97 @@
+"""The article's tables and figures: counts exactly, iteration counts within what is known of them."""
+
+import json
+
+import pytest
+
+from latinpc import paper
+
+#: Iterations to 1e-4 at 9 and 16 subdomains, d = 7.0e6 N/m, measured with the slow implementation of the method
+TRUSS = {"published": {"macro": (20, 22), "corner": (22, 22)}, "free": {"macro": (20, 22), "corner": (13, 14)}}
+TENSEGRITY_9 = {"published": {"macro": (35, 49), "corner": (35, 49)}, "free": {"corner": (23, 31)}}
+
+
+def counts(result, variant, accuracy):
+    return [row["iterations"][accuracy] for row in result["rows"] if row["variant"] == variant]
+
+
+def test_table_3_is_the_articles():
+    result = paper.table(3)
+    assert result["same"] and result["subdomains"] == list(paper.SUBDOMAINS)
+    for key, values in paper.ARTICLE[3].items():
+        assert result[key] == list(values)
+    header, rows = paper.layout(result)
+    assert {len(row) for row in rows} == {len(header)}
+
+
+@pytest.mark.parametrize("corners", ["published", "free"])
+def test_table_4_plain(corners):
+    result = paper.table(4, (9, 16), corners=corners)
+    for variant, expected in TRUSS[corners].items():
+        assert counts(result, variant, "1e-4") == pytest.approx(expected, abs=1)
+    assert all(row["slack"] == 0 and row["direction_scalar"] == pytest.approx(7e6) for row in result["rows"])
+
+
+def test_table_5_modified_module():
+    result = paper.table(5, (9,))
+    assert all(row["iterations"]["1e-4"] <= 34 for row in result["rows"])  # the article's row
+
+
+@pytest.mark.parametrize("corners", ["published", "free"])
+def test_table_6_plain(corners):
+    result = paper.table(6, (9,), corners=corners)
+    for variant, expected in TENSEGRITY_9[corners].items():
+        (row,) = (row for row in result["rows"] if row["variant"] == variant)
+        assert [row["iterations"]["1e-3"], row["iterations"]["1e-4"]] == pytest.approx(expected, rel=0.05)
+        assert row["slack"] == pytest.approx(0.09, abs=0.006)
+
+
+def test_table_6_accelerated():
+    result = paper.table(6, (9,), outer="anderson")
+    (row,) = (row for row in result["rows"] if row["variant"] == "corner")
+    assert row["iterations"]["1e-3"] <= 15 and row["iterations"]["1e-4"] <= 21
+
+
+def test_table_7_is_a_valley():
+    result = paper.table(7, (16,), corners="published")
+    to_1e_3 = counts(result, "corner", "1e-3")
+    bottom = to_1e_3.index(min(to_1e_3))
+    assert bottom in (2, 3)  # a half to a quarter of the guess
+    assert to_1e_3[0] > to_1e_3[1] > to_1e_3[bottom]
+    assert [row["direction_scalar"] for row in result["rows"]] == pytest.approx(
+        [factor * 7e6 for factor in paper.DIRECTION_FACTORS]
+    )
+    header, rows = paper.layout(result)
+    assert {len(row) for row in rows} == {len(header)}
+
+
+def test_layout_shows_ours_under_theirs():
+    result = {
+        "table": 6,
+        "rows": [
+            {"subdomains": size, "variant": variant, "iterations": {"1e-3": 11, "1e-4": 22}, "slack": 0.0912}
+            for size in (9, 49)
+            for variant in ("macro", "corner")
+        ],
+    }
+    header, rows = paper.layout(result)
+    assert header == ["subdomains", "", "9", "49"]
+    assert rows[0] == ["slack cables (%)", "article", "9.2", "–"]
+    assert rows[1] == ["", "ours", "9.1", "9.1"]
+    assert rows[2] == ["macro", "article", "29 (40)", "– (–)"]
+    assert rows[5] == ["", "ours", "11 (22)", "11 (22)"]
+
+
+def test_figures_have_their_loading():
+    result = paper.figure(8, subdomains=9)
+    assert result.converged
+    assert 0.15 < result.report["slack_fraction"] < 0.27
+    json.dumps(result.report, allow_nan=False)
+    with pytest.raises(ValueError):
+        paper.figure(7)
+
+
+@pytest.mark.parametrize("size", [0, 8, -4])
+def test_sizes_must_be_squares(size):
+    with pytest.raises(ValueError, match="square"):
+        paper.table(4, (size,))
