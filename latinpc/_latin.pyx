@@ -91,11 +91,16 @@ cdef inline int CHKERR(PetscErrorCode ierr) except -1:
     raise PETSc.Error(ierr)
 
 
+cdef object own(Object wrapper, void *handle):
+    """Fill a petsc4py object with a handle that the library gives away."""
+    wrapper.obj[0] = <PetscObject>handle
+    return wrapper
+
+
 cdef object keep(Object wrapper, void *handle):
     """Fill a petsc4py object with a handle that the library keeps, and count the new reference."""
     CHKERR(PetscObjectReference(<PetscObject>handle))
-    wrapper.obj[0] = <PetscObject>handle
-    return wrapper
+    return own(wrapper, handle)
 
 
 cdef const PetscInt *integers(object array) except? NULL:
@@ -261,14 +266,14 @@ def subdomain_is(Object solver not None, PetscInt i):
     """Return the unknowns of a subdomain."""
     cdef PetscIS iset = NULL
     CHKERR(LatinGetSubdomainIS(core(solver), i, &iset))
-    return keep(PETSc.IS(), iset)
+    return own(PETSc.IS(), iset)
 
 
 def macro_stiffness(Object solver not None, PetscInt i):
     """Return the macro stiffness of a subdomain."""
     cdef PetscMat mat = NULL
     CHKERR(LatinGetMacroStiffness(core(solver), i, &mat))
-    return keep(PETSc.Mat(), mat)
+    return own(PETSc.Mat(), mat)
 
 
 def subdomain_of_links(Object solver not None, out):

@@ -260,6 +260,7 @@ class Links:
             self._handle.set_pc(solver)
         else:
             self._handle.attach(solver)
+        solver.setAttr("latinpc_slices", self._slices)
 
     def create_snes(self, comm=None):
         """Make a SNES with the structure attached, its options not yet read; collective.
@@ -496,10 +497,16 @@ def _comm(comm):
 
 
 def _slices_of(solver):
-    slices = solver.getDM().getAttr("latinpc_slices")
-    if slices is None:
-        raise ValueError("the solver works on a matrix, not on links: attach a latinpc.Links to it first")
-    return slices
+    """Find the caller's numbering, where the C library finds the structure: solver, its DM, that of its matrix."""
+    places = [solver, solver.getDM()]
+    if isinstance(solver, PETSc.PC):
+        matrix = solver.getOperators()[1]
+        places += [matrix.getDM()] if matrix else []
+    for place in places:
+        slices = place.getAttr("latinpc_slices") if place else None
+        if slices is not None:
+            return slices
+    raise ValueError("the solver works on a matrix, not on links: attach a latinpc.Links to it first")
 
 
 # ---- what a SNES or a PC of type latin tells -----------------------------------------------------------

@@ -262,7 +262,8 @@ static void LatinNodeComponents(PetscInt m, const PetscInt table[], PetscInt pai
    The primal components of a node: sets of subdomains that share one displacement there, a coarse unknown.
      none   no weak interface is glued (4.1)
      macro  the whole displacement of a weak interface is macro (4.2); weak interfaces that meet at the node are merged
-     corner all subdomains of a node of a weak interface share one displacement (4.4)
+     corner all subdomains of a node of a weak interface share one displacement (4.4); with `promote`, also those of
+            every node of three or more subdomains, which an irregular partition has without a weak interface
    primal[j] is the lowest member of j's component, -1 for none.
 */
 static void LatinNodePrimal_Private(LatinVariant variant, PetscBool promote, PetscInt m, const PetscInt table[], PetscInt primal[])
@@ -271,7 +272,7 @@ static void LatinNodePrimal_Private(LatinVariant variant, PetscBool promote, Pet
 
   for (PetscInt j = 0; j < m * m; j++) weak = (PetscBool)(weak || table[j] == PAIR_WEAK);
   for (PetscInt j = 0; j < m; j++) primal[j] = -1;
-  if ((promote && m > 2) || (weak && variant == LATIN_VARIANT_CORNER)) {
+  if (variant == LATIN_VARIANT_CORNER && (weak || (promote && m > 2))) {
     for (PetscInt j = 0; j < m; j++) primal[j] = 0;
   } else if (weak && variant == LATIN_VARIANT_MACRO) {
     LatinNodeComponents(m, table, PAIR_WEAK, primal);

@@ -9,7 +9,8 @@
                s = tau_hat - l e_hat, see laws.c.
 
    The distance between the two stages measures convergence: on a side z_new - z = 2 d (U_hat - U), on a link
-   s_new - s = -2 l (e_hat - e), so the indicator is the relative distance in the energy of the search directions.
+   s_new - s = -2 l (e_hat - e). The indicator is that distance in the energy of the search directions, relative to
+   the energy of the elongations, which rigid motions do not blow up.
 */
 
 /* Elongation of a link under the displacements of the copies, a row of B */
@@ -55,7 +56,7 @@ PetscErrorCode LatinLocalStage_Private(Latin latin, const PetscReal z[], PetscRe
   LatinMacro        *macro  = &latin->macro;
   const PetscInt     dim    = latin->links->dim;
   const PetscReal   *U      = latin->linear.U;
-  PetscReal          sum[4] = {0.0, 0.0, 0.0, 0.0}, total[4];
+  PetscReal          sum[2] = {0.0, 0.0}, total[2];
 
   PetscFunctionBegin;
   PetscCall(PetscLogEventBegin(LATIN_Local, latin, 0, 0, 0));
@@ -64,12 +65,11 @@ PetscErrorCode LatinLocalStage_Private(Latin latin, const PetscReal z[], PetscRe
     const PetscReal      *u    = latin->coarse.u + face->local_first;
 
     for (PetscInt k = face->side_first; k < face->side_last; k++) {
-      const PetscReal *row = macro->basis + k * LATIN_MAX_MODES, d = macro->d[k], full = U[inter->side_dof[k]];
-      PetscReal        micro = full;
+      const PetscReal *row   = macro->basis + k * LATIN_MAX_MODES;
+      PetscReal        micro = U[inter->side_dof[k]];
 
       for (PetscInt j = 0; j < face->modes; j++) micro -= row[j] * u[j];
-      latin->outgoing[k] = 2.0 * d * micro - z[k];
-      sum[1] += d * full * full;
+      latin->outgoing[k] = 2.0 * macro->d[k] * micro - z[k];
     }
   }
   PetscCall(PetscSFBcastBegin(inter->mate_sf, MPIU_REAL, latin->outgoing, Gz, MPI_REPLACE));
@@ -79,15 +79,14 @@ PetscErrorCode LatinLocalStage_Private(Latin latin, const PetscReal z[], PetscRe
     const PetscReal r = LatinLaws[sub->law[l]].local(k, sub->prestrain[l], s + 2.0 * k * e);
 
     Gz[inter->sides + i] = r;
-    sum[2] += (r - s) * (r - s) / (4.0 * k);
-    sum[3] += k * e * e;
+    sum[0] += (r - s) * (r - s) / (4.0 * k);
   }
   PetscCall(PetscSFBcastEnd(inter->mate_sf, MPIU_REAL, latin->outgoing, Gz, MPI_REPLACE));
   for (PetscInt k = 0; k < inter->sides; k++) sum[0] += (Gz[k] - z[k]) * (Gz[k] - z[k]) / (4.0 * macro->d[k]);
-  PetscCall(MPIU_Allreduce(sum, total, 4, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)latin)));
-  latin->distance  = PetscSqrtReal(total[0] + total[2]);
-  latin->indicator = latin->distance;
-  if (total[1] + total[3] > 0.0) latin->indicator /= PetscSqrtReal(total[1] + total[3]);
+  for (PetscInt l = 0; l < sub->links; l++) sum[1] += sub->stiffness[l] * PetscSqr(LatinElongation(sub, dim, l, U));
+  PetscCall(MPIU_Allreduce(sum, total, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)latin)));
+  latin->distance  = PetscSqrtReal(total[0]);
+  latin->indicator = total[1] > 0.0 ? PetscSqrtReal(total[0] / total[1]) : latin->distance;
   PetscCall(PetscLogEventEnd(LATIN_Local, latin, 0, 0, 0));
   PetscFunctionReturn(0);
 }

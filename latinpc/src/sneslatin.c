@@ -1,5 +1,6 @@
 #include "latinimpl.h"
 #include <petsc/private/snesimpl.h>
+#include <petscdmshell.h>
 
 /*
    SNES latin: the article's iteration as a fixed-point problem z = G(z), given to an inner SNES of the user's choice
@@ -206,6 +207,7 @@ static PetscErrorCode SNESLatinSetUpState_Private(SNES snes)
   SNES_Latin *data  = (SNES_Latin *)snes->data;
   Latin       latin = data->latin;
   PetscBool   built = latin->set_up;
+  DM          shell;
   Vec         F;
 
   PetscFunctionBegin;
@@ -224,6 +226,10 @@ static PetscErrorCode SNESLatinSetUpState_Private(SNES snes)
   PetscCall(LatinSetUp_Private(latin));
   if (!data->z) {
     PetscCall(LatinCreateState_Private(latin, &data->z));
+    PetscCall(DMShellCreate(PetscObjectComm((PetscObject)snes), &shell)); /* where the inner SNES gets its work vectors from */
+    PetscCall(DMShellSetGlobalVector(shell, data->z));
+    PetscCall(SNESSetDM(data->outer, shell));
+    PetscCall(DMDestroy(&shell));
     PetscCall(VecDuplicate(data->z, &F));
     PetscCall(SNESSetFunction(data->outer, F, SNESLatinFixedPoint_Private, snes));
     PetscCall(VecDestroy(&F));
