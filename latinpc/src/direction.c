@@ -55,7 +55,7 @@ PetscErrorCode LatinDirectionSetUp(Latin latin)
       if (!(mean > 0.0)) mean = fallback; /* no link of the two subdomains pulls in these directions */
       for (PetscInt k = face->side_first; k < face->side_last; k++) {
         /* a dof that hardly any link reaches must not lose its spring: K_E stays regular thanks to it */
-        const PetscReal own = PetscMax(0.5 * (mine[k] + mate[k]), 0.01 * mean);
+        const PetscReal own = PetscMax(0.5 * (mine[k] + mate[k]), 0.1 * mean);
 
         latin->macro.d[k] = latin->direction_fraction * (latin->direction == LATIN_DIRECTION_DIAGONAL ? own : mean);
       }

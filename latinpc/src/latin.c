@@ -25,7 +25,7 @@ PetscErrorCode LatinCreate_Private(MPI_Comm comm, Latin *newlatin)
   latin->variant             = LATIN_VARIANT_CORNER;
   latin->promote             = PETSC_TRUE;
   latin->links_per_subdomain = 256;
-  latin->direction           = LATIN_DIRECTION_SCALAR;
+  latin->direction           = LATIN_DIRECTION_DIAGONAL;
   latin->direction_fraction  = 0.08;
   *newlatin                  = latin;
   PetscFunctionReturn(0);
