@@ -7,9 +7,8 @@ from pathlib import Path
 
 __version__ = "0.1.0"
 
-from latinpc.links import (
-    Links,
-    Sizes,
+from latinpc.links import Links, Sizes
+from latinpc.solvers import (
     coarse_ksp,
     error_message,
     history,

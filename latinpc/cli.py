@@ -170,10 +170,16 @@ def _console(stderr=False):
 
 
 def _lines(console, title, pairs):
-    """Print a title and aligned lines of (label, text)."""
+    """Print a title and aligned lines of (label, text), folded on a terminal only."""
     console.print(f"[bold]{escape(title)}[/bold]")
+    if not console.is_terminal:
+        for label, text in pairs:
+            console.print(escape(f"  {label:<15}{text}"))
+        return
+    grid = Table.grid(padding=(0, 1))
     for label, text in pairs:
-        console.print(f"  [cyan]{label:<15}[/cyan]{escape(text)}")
+        grid.add_row(f" [cyan]{label:<14}[/cyan]", escape(text))
+    console.print(grid)
 
 
 @contextlib.contextmanager
@@ -440,6 +446,8 @@ def paper(comm, what, subdomains, json_file, picture, outer, corners, direction)
         on_root(comm, write_json, json_file, result)
     if comm.rank == 0 and not alone:
         _print_table(article.layout(result), f"Table {what}. {article.CAPTIONS[int(what)]}")
+        if what != "3":
+            print(article.NOTE)
     missed = [row for row in result.get("rows", []) if None in row["iterations"].values()]
     for row in missed:
         print(f"latinpc: {row['subdomains']} subdomains, {row['variant']}: {row['reason']}", file=sys.stderr)
@@ -506,6 +514,7 @@ def info(comm):
         ("MPI", f"{vendor[0]} {'.'.join(map(str, vendor[1]))}, mpi4py {version['mpi4py']}; run on {comm.size}"),
         ("Python", f"{version['python']}, numpy {version['numpy']}"),
         *((name, "yes" if there else "no") for name, there in here.items()),
+        ("METIS", "yes, the library is linked with it"),
         ("library", library if os.path.exists(library) else f"{library} (missing: run make build)"),
         ("in programs", f"./program -dll_append {library} -snes_type latin"),
     ]

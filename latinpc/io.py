@@ -36,6 +36,7 @@ import contextlib
 import difflib
 import os
 import pathlib
+import shutil
 import tempfile
 import tomllib
 
@@ -63,11 +64,17 @@ def atomic(path):
     path : str or path-like
         The file to write. An interrupted write leaves the former file as it was.
     """
-    path = pathlib.Path(path)
-    handle, temporary = tempfile.mkstemp(prefix="." + path.stem + "-", suffix=path.suffix, dir=path.parent)
+    path = pathlib.Path(path).resolve()  # through a link to the file it names
+    device = path.exists() and not path.is_file()  # /dev/stdout and the like are written to, not replaced
+    folder = None if device else path.parent
+    handle, temporary = tempfile.mkstemp(prefix="." + path.stem + "-", suffix=path.suffix, dir=folder)
     os.close(handle)
     try:
         yield temporary
+        if device:
+            with open(temporary, "rb") as source, open(path, "wb") as sink:
+                shutil.copyfileobj(source, sink)
+            return
         mask = os.umask(0)  # mkstemp makes private files; the user's own mask decides
         os.umask(mask)
         os.chmod(temporary, 0o666 & ~mask)

@@ -16,7 +16,8 @@ import scipy.sparse.linalg as spla
 
 RANK = 1e-6  # relative size below which a direction does not count
 FLOOR = 0.1  # least diagonal search direction of an interface, relative to its mean
-VISIBLE = 1e-3  # share of a macro mode that must lie on the exclusive nodes of its interface
+VISIBLE = 1e-3  # share of a macro mode that must lie on the nodes that serve its interface
+OWNED = False  # do nodes of more than two subdomains serve an interface, see `macro_nodes`
 
 
 # ---- the structure -----------------------------------------------------------------------------
@@ -34,6 +35,12 @@ def tension(scene, e):
     """Laws (2), (4) and their mirror image."""
     t = scene.stiffness * (e + scene.prestrain)
     return np.where(scene.law == 1, np.maximum(t, 0.0), np.where(scene.law == 2, np.minimum(t, 0.0), t))
+
+
+def factor(matrix):
+    """Solve of a sparse symmetric positive definite matrix, pivots on the diagonal."""
+    options = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
+    return spla.splu(matrix.tocsc(), **options).solve
 
 
 def newton(scene, rtol=1e-12, max_it=200):
@@ -56,8 +63,7 @@ def newton(scene, rtol=1e-12, max_it=200):
             break
         active = (scene.law == 0) | (tension(scene, b @ u + e_d) != 0.0)
         hessian = b.T @ sp.diags(k * active) @ b + floor * sp.identity(len(free))
-        symmetric = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
-        step = spla.splu(hessian.tocsc(), **symmetric).solve(-r)
+        step = factor(hessian)(-r)
         length, start = 1.0, energy(u)
         while energy(u + length * step) > start + 1e-4 * length * (r @ step) + 1e-13 * abs(start) and length > 1e-6:
             length /= 2
@@ -112,11 +118,9 @@ def components(members, edges):
 
 def primal_groups(parts, weak, variant, promote):
     """Subdomains among which the node has one displacement: sections 4.2 (macro) and 4.4 (corner)."""
-    if promote and len(parts) >= 3:
+    if variant == "corner" and (weak or (promote and len(parts) > 2)):
         return [parts]
-    if variant == "none" or not weak:
-        return []
-    return [parts] if variant == "corner" else components(parts, weak)
+    return components(parts, weak) if variant == "macro" else []
 
 
 def micro_pairs(parts, weak, groups, variant, corners):
@@ -124,86 +128,131 @@ def micro_pairs(parts, weak, groups, variant, corners):
     pairs = [pair for pair in combinations(parts, 2) if pair not in weak]
     if corners == "free":  # one displacement needs no springs
         pairs = [pair for pair in pairs if not any(set(pair) <= set(group) for group in groups)]
-    if variant == "none" and not groups:  # weak pairs implied by the strong ones are dropped, section 4
+    if variant == "none":  # weak pairs implied by the strong ones are dropped, section 4
         joined = components(parts, [pair for pair in combinations(parts, 2) if pair not in weak])
         pairs += [pair for pair in weak if not any(set(pair) <= set(group) for group in joined)]
     return pairs
 
 
 # ---- macro bases -------------------------------------------------------------------------------
-def macro_basis(modes, d, exclusive):
-    """R with R^t D R = 1: the affine fields that are visible on the exclusive dofs.
+def macro_basis(modes, d, serving):
+    """R with R^t D R = 1: the affine fields that are visible on the serving dofs.
 
-    Fields that live on shared dofs only may coincide on two interfaces of a subdomain; without them the
-    rows A of a subdomain are independent by construction.
+    Fields that live on the other dofs alone may coincide on two interfaces of a subdomain; without them the
+    rows A of a subdomain are independent by construction. Orthonormal fields first, so that the result does
+    not depend on how the modes are scaled.
     """
     u, s, _ = np.linalg.svd(np.sqrt(d)[:, None] * modes, full_matrices=False)
     fields = u[:, s > RANK * s[0]]
-    _, visible, v = np.linalg.svd(fields[exclusive], full_matrices=False)
+    _, visible, v = np.linalg.svd(fields[serving], full_matrices=False)
     return fields @ v[visible > VISIBLE].T / np.sqrt(d)[:, None]
 
 
 # ---- set-up ------------------------------------------------------------------------------------
-def build(scene, variant="corner", corners="free", promote=False, d=None, alpha=0.1, diagonal=False):
+def build(scene, variant="corner", corners="free", promote=True, d=None, alpha=0.08, diagonal=True, owned=OWNED):
     """Everything that is built once: interfaces, subdomain operators, coarse factor.
 
     d is a number (N/m), or None for alpha times the mean diagonal of the neighbours' stiffness
-    (`diagonal`: dof by dof).
+    (`diagonal`: dof by dof). `owned`: see `macro_nodes`.
     """
-    dim, free = scene.dim, ~scene.fixed.ravel()
     b, e_d = kinematics(scene)
-    touching = node_subdomains(scene)
-    shared = interfaces(scene, touching)
-    planes = {pair: plane(scene, nodes) for pair, nodes in shared.items()}
-    micro, primal = {pair: [] for pair in shared}, {}
-    for node, parts in enumerate(touching):
-        if len(parts) > 1 and not scene.fixed[node].all():
-            weak = [pair for pair in combinations(parts, 2) if planes[pair] is None]
-            primal[node] = primal_groups(parts, weak, variant, promote)
-            for pair in micro_pairs(parts, weak, primal[node], variant, corners):
-                micro[pair].append(node)
-    parts = [subdomain(scene, b, i, free) for i in range(scene.n_subdomains)]
-    sides, n_z, n_macro = [], 0, 0
-    for pair, nodes in micro.items():
-        if nodes:
-            dofs = (np.array(nodes)[:, None] * dim + np.arange(dim)).ravel()
-            dofs = dofs[free[dofs]]
-            side = SimpleNamespace(pair=pair, dofs=dofs, strong=planes[pair] is not None)
-            side.local = [parts[i].find(dofs) for i in pair]
-            means = sum(parts[i].stiffness.diagonal()[at] for i, at in zip(pair, side.local)) / 2
-            side.d = np.full(len(dofs), alpha * means.mean() if d is None else d)
-            if diagonal and d is None:
-                side.d = alpha * np.maximum(means, FLOOR * means.mean())
-            side.r = np.zeros((len(dofs), 0))
-            if side.strong:
-                flat = np.column_stack([np.ones(len(planes[pair])), planes[pair]])
-                modes = np.kron(flat[np.searchsorted(shared[pair], nodes)], np.eye(dim))
-                alone = [n for n in nodes if len(touching[n]) == 2 and not primal[n]]
-                keep = free[(np.array(nodes)[:, None] * dim + np.arange(dim)).ravel()]
-                side.r = macro_basis(modes[keep], side.d, np.isin(dofs // dim, alone))
-            side.z = [slice(n_z, n_z + len(dofs)), slice(n_z + len(dofs), n_z + 2 * len(dofs))]
-            side.macro = np.arange(n_macro, n_macro + side.r.shape[1])
-            n_z, n_macro = n_z + 2 * len(dofs), n_macro + side.r.shape[1]
-            sides.append(side)
-    n_coarse = n_macro
-    for node, groups in primal.items():  # one coarse dof per free component of a primal node
-        for group in groups:
-            dofs = np.flatnonzero(free[node * dim : (node + 1) * dim]) + node * dim
-            for i in group:
-                parts[i].coarse_of_dof.update(zip(dofs, range(n_coarse, n_coarse + len(dofs))))
-            n_coarse += len(dofs)
-    copies = np.zeros(scene.nodes.size)
-    for part in parts:
-        copies[part.dofs] += 1
-    for i, part in enumerate(parts):
-        part.load = scene.load.ravel()[part.dofs] / copies[part.dofs]
-        condense(part, [(s, s.pair.index(i)) for s in sides if i in s.pair])
-    latin = SimpleNamespace(scene=scene, parts=parts, sides=sides, n_z=n_z, n_macro=n_macro, n_coarse=n_coarse)
-    latin.copies, latin.e_d, latin.free = copies, e_d, free
-    latin.touching, latin.primal, latin.planes = touching, primal, planes
+    latin = SimpleNamespace(scene=scene, e_d=e_d, free=~scene.fixed.ravel())
+    latin.parts = [subdomain(scene, b, i, latin.free) for i in range(scene.n_subdomains)]
+    latin.touching = node_subdomains(scene)
+    latin.shared = interfaces(scene, latin.touching)
+    latin.planes = {pair: plane(scene, nodes) for pair, nodes in latin.shared.items()}
+    latin.primal, latin.micro = {}, {pair: [] for pair in latin.shared}
+    for node in sorted({node for nodes in latin.shared.values() for node in nodes}):
+        parts = latin.touching[node]
+        weak = [pair for pair in combinations(parts, 2) if latin.planes[pair] is None]
+        latin.primal[node] = primal_groups(parts, weak, variant, promote)
+        for pair in micro_pairs(parts, weak, latin.primal[node], variant, corners):
+            latin.micro[pair].append(node)
+    latin.sides = [interface_side(latin, pair) for pair, nodes in latin.micro.items() if nodes]
+    directions(latin.sides, d, alpha, diagonal)
+    latin.n_z = number_macro(latin, owned)
+    latin.n_macro = sum(side.r.shape[1] for side in latin.sides)
+    latin.n_coarse = number_primal(latin)
+    latin.copies = np.zeros(scene.nodes.size)
+    for part in latin.parts:
+        latin.copies[part.dofs] += 1
+    for i, part in enumerate(latin.parts):
+        part.load = scene.load.ravel()[part.dofs] / latin.copies[part.dofs]
+        condense(part, [(side, side.pair.index(i)) for side in latin.sides if i in side.pair])
     latin.nonsmooth = np.flatnonzero(scene.law != 0)
     latin.coarse = assemble(latin)
     return latin
+
+
+def free_dofs(latin, nodes):
+    """Free dofs of the nodes, in their order."""
+    dofs = (np.array(nodes, int)[:, None] * latin.scene.dim + np.arange(latin.scene.dim)).ravel()
+    return dofs[latin.free[dofs]]
+
+
+def interface_side(latin, pair):
+    """The micro dofs of an interface, and the diagonal of B^t k B there, mean of both sides."""
+    side = SimpleNamespace(pair=pair, dofs=free_dofs(latin, latin.micro[pair]))
+    side.local = [np.searchsorted(latin.parts[i].dofs, side.dofs) for i in pair]
+    side.mean = sum(latin.parts[i].stiffness.diagonal()[at] for i, at in zip(pair, side.local)) / 2
+    return side
+
+
+def directions(sides, d, alpha, diagonal):
+    """The search direction d of every interface dof, (27); a spring must be there whatever the links."""
+    for side in sides:
+        mean = side.mean.mean() or np.concatenate([other.mean for other in sides]).mean() or 1.0
+        tuned = np.maximum(side.mean, FLOOR * mean) if diagonal else np.full(len(side.dofs), mean)
+        side.d = alpha * tuned if d is None else np.full(len(side.dofs), float(d))
+
+
+def number_macro(latin, owned):
+    """Macro basis, its unknowns and the places in z of every interface; returns the length of z."""
+    n_z, n_macro = 0, 0
+    for side in latin.sides:
+        nodes, flat = latin.micro[side.pair], latin.planes[side.pair]
+        side.r = np.zeros((len(side.dofs), 0))
+        if flat is not None:  # strong
+            rows = np.searchsorted(latin.shared[side.pair], nodes)
+            modes = np.kron(np.column_stack([np.ones(len(rows)), flat[rows]]), np.eye(latin.scene.dim))
+            dofs = (np.array(nodes)[:, None] * latin.scene.dim + np.arange(latin.scene.dim)).ravel()
+            visible = np.isin(side.dofs // latin.scene.dim, macro_nodes(latin, side.pair, owned))
+            side.r = macro_basis(modes[latin.free[dofs]], side.d, visible)
+        n, m = side.r.shape
+        side.z = [slice(n_z, n_z + n), slice(n_z + n, n_z + 2 * n)]
+        side.macro = np.arange(n_macro, n_macro + m)
+        n_z, n_macro = n_z + 2 * n, n_macro + m
+    return n_z
+
+
+def macro_nodes(latin, pair, owned):
+    """Nodes on which the macro modes of an interface must be visible; no node serves two interfaces.
+
+    Those of its two subdomains alone; with `owned`, a node of more subdomains serves the thinnest of its
+    interfaces too. Taking the interfaces of a subdomain from the last (thickest) to the first shows that its
+    rows A are independent: what is owned by one is touched by thicker ones only.
+    """
+    candidates = [node for node in latin.micro[pair] if not latin.primal[node]]
+    if not owned:
+        return [node for node in candidates if len(latin.touching[node]) == 2]
+
+    def thinnest(node):
+        pairs = [other for other in combinations(latin.touching[node], 2) if node in latin.micro[other]]
+        return min(pairs, key=lambda other: (len(latin.micro[other]), other))
+
+    return [node for node in candidates if thinnest(node) == pair]
+
+
+def number_primal(latin):
+    """One coarse unknown per free component of a primal node; returns the size of the coarse problem."""
+    n = latin.n_macro
+    for node, groups in latin.primal.items():
+        for group in groups:
+            dofs = free_dofs(latin, [node])
+            for i in group:
+                latin.parts[i].coarse_of_dof.update(zip(dofs, range(n, n + len(dofs))))
+            n += len(dofs)
+    return n
 
 
 def subdomain(scene, b, i, free):
@@ -214,7 +263,6 @@ def subdomain(scene, b, i, free):
     part = SimpleNamespace(links=links, dofs=dofs[free[dofs]], coarse_of_dof={})
     part.b = b[links][:, part.dofs].toarray()
     part.stiffness = part.b.T @ (scene.stiffness[links][:, None] * part.b)
-    part.find = lambda wanted: np.searchsorted(part.dofs, wanted)
     return part
 
 
@@ -257,7 +305,7 @@ def assemble(latin):
     values = np.concatenate([p.h.ravel() for p in latin.parts])
     shape = (latin.n_coarse, latin.n_coarse)
     h = sp.csc_matrix((values, (np.concatenate(rows), np.concatenate(columns))), shape=shape)
-    return spla.splu(h, permc_spec="MMD_AT_PLUS_A") if latin.n_coarse else None
+    return factor(h) if latin.n_coarse else None
 
 
 # ---- the iteration -----------------------------------------------------------------------------
@@ -280,7 +328,7 @@ def linear_stage(latin, x):
     for p, g in zip(latin.parts, forces):
         m = p.t_inv @ (p.v_m.T @ g[p.r])
         np.add.at(rhs, p.coarse, np.concatenate([m, g[p.c] - p.v_c.T @ g[p.r] - p.n.T @ m]))
-    u_coarse = latin.coarse.solve(rhs) if latin.n_coarse else rhs
+    u_coarse = latin.coarse(rhs) if latin.n_coarse else rhs
     result = []
     for p, g in zip(latin.parts, forces):
         u_m, u_c = u_coarse[p.coarse[: p.n_macro]], u_coarse[p.coarse[p.n_macro :]]
@@ -325,25 +373,23 @@ def average(latin, u):
 
 
 def indicator(latin, x, new, u):
-    """Distance between the two stages, relative."""
+    """Distance between the two stages, relative to the energy of the elongations."""
     k, dx = latin.scene.stiffness, new - x
-    links = latin.nonsmooth
-    above = np.sum(dx[latin.n_z :] ** 2 / (4 * k[links]))
-    below = np.sum((k * elongations(latin, u) ** 2)[links])
-    for side in latin.sides:
-        for i, at, z in zip(side.pair, side.local, side.z):
-            above += np.sum(dx[z] ** 2 / (4 * side.d))
-            below += np.sum(side.d * u[i][at] ** 2)
-    return np.sqrt(above / below) if below else 0.0
+    distance = np.sum(dx[latin.n_z :] ** 2 / (4 * k[latin.nonsmooth]))
+    distance += sum(np.sum(dx[z] ** 2 / (4 * side.d)) for side in latin.sides for z in side.z)
+    energy = np.sum(k * elongations(latin, u) ** 2)
+    return np.sqrt(distance / energy) if energy else np.sqrt(distance)
 
 
 def errors(latin, u, reference):
-    """Relative errors: l2 over the subdomains' dofs, and energy over the links."""
-    ref = [np.asarray(reference).ravel()[p.dofs] for p in latin.parts]
-    l2 = np.sqrt(sum(np.sum((a - b) ** 2) for a, b in zip(u, ref)) / sum(np.sum(b**2) for b in ref))
-    e_ref = elongations(latin, ref)
-    k = latin.scene.stiffness
-    return l2, np.sqrt(np.sum(k * (elongations(latin, u) - e_ref) ** 2) / np.sum(k * e_ref**2))
+    """Relative errors: l2 over the dofs of all subdomains, prescribed ones too, and energy over the links."""
+    whole = np.asarray(reference, float).ravel()
+    ref = [whole[p.dofs] for p in latin.parts]
+    copies = np.bincount(np.concatenate([np.unique(latin.scene.links[p.links]) for p in latin.parts]))
+    norm = np.sum(np.repeat(copies, latin.scene.dim) * whole**2)
+    difference = sum(np.sum((a - b) ** 2) for a, b in zip(u, ref))
+    e_ref, k = elongations(latin, ref), latin.scene.stiffness
+    return np.sqrt(difference / norm), np.sqrt(np.sum(k * (elongations(latin, u) - e_ref) ** 2) / np.sum(k * e_ref**2))
 
 
 def plain(x, g, _memory):

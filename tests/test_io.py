@@ -1,5 +1,6 @@
 """Files: Gmsh pairs in, VTU out, and what is said when they are wrong."""
 
+import os
 import subprocess
 import sys
 
@@ -261,6 +262,18 @@ def test_an_interrupted_write_leaves_the_former_file(tmp_path):
         raise RuntimeError("interrupted")
     assert path.read_text() == "former"
     assert [entry.name for entry in tmp_path.iterdir()] == ["report.json"]
+
+
+def test_links_and_pipes_are_written_through_not_replaced(tmp_path):
+    (tmp_path / "link.txt").symlink_to(tmp_path / "real.txt")
+    os.mkfifo(tmp_path / "pipe.txt")
+    reader = os.open(tmp_path / "pipe.txt", os.O_RDONLY | os.O_NONBLOCK)
+    for name in ("link.txt", "pipe.txt"):
+        with io.atomic(tmp_path / name) as temporary, open(temporary, "w") as file:
+            file.write("whole")
+    assert (tmp_path / "real.txt").read_text() == "whole" and (tmp_path / "link.txt").is_symlink()
+    assert os.read(reader, 10) == b"whole" and (tmp_path / "pipe.txt").is_fifo()
+    os.close(reader)
 
 
 def test_results_that_could_not_be_written_are_refused_early(tmp_path):

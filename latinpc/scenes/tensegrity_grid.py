@@ -21,9 +21,7 @@ BLOCK = 4  # modules along a side of a subdomain, by default
 
 # Vertices of a module: lower corners 0..3, upper nodes 4..7 (4 + i above edge i, i + 1), counter-clockwise.
 _CABLES = (
-    [(i, (i + 1) % 4) for i in range(4)]
-    + [(4 + i, 4 + (i + 1) % 4) for i in range(4)]
-    + [(i, 4 + i) for i in range(4)]
+    [(i, (i + 1) % 4) for i in range(4)] + [(4 + i, 4 + (i + 1) % 4) for i in range(4)] + [(i, 4 + i) for i in range(4)]
 )
 _BARS = [(i, 4 + (i + 1) % 4) for i in range(4)]
 _BRACES = [(i, 4 + (i + 3) % 4) for i in range(4)] + [(0, 2), (1, 3)]

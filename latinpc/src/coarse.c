@@ -125,8 +125,7 @@ static PetscErrorCode LatinCoarseAssemble_Private(Latin latin)
   PetscCall(PetscArrayzero(bound, n));
   for (PetscInt s = 0; s < sub->n; s++)
     for (PetscInt i = coarse->offset[s]; i < coarse->offset[s + 1]; i++) width[i] = coarse->offset[s + 1] - coarse->offset[s];
-  PetscCall(PetscSFReduceBegin(coarse->sf, MPIU_INT, width, bound, MPI_SUM));
-  PetscCall(PetscSFReduceEnd(coarse->sf, MPIU_INT, width, bound, MPI_SUM));
+  PetscCall(LatinSFReduce_Private(coarse->sf, 1, MPIU_INT, width, bound, MPI_SUM));
   all = coarse->macro_global + coarse->primal_global;
   for (PetscInt i = 0; i < n; i++) {
     outside[i] = PetscMin(bound[i], all - n);
@@ -194,13 +193,11 @@ PetscErrorCode LatinCoarseSolve(Latin latin)
   PetscCall(PetscLogEventBegin(LATIN_Coarse, latin, 0, 0, 0));
   PetscCall(VecZeroEntries(coarse->rhs));
   PetscCall(VecGetArray(coarse->rhs, &b));
-  PetscCall(PetscSFReduceBegin(coarse->sf, MPIU_SCALAR, coarse->q, b, MPI_SUM));
-  PetscCall(PetscSFReduceEnd(coarse->sf, MPIU_SCALAR, coarse->q, b, MPI_SUM));
+  PetscCall(LatinSFReduce_Private(coarse->sf, 1, MPIU_SCALAR, coarse->q, b, MPI_SUM));
   PetscCall(VecRestoreArray(coarse->rhs, &b));
   PetscCall(KSPSolve(coarse->ksp, coarse->rhs, coarse->sol));
   PetscCall(VecGetArrayRead(coarse->sol, &x));
-  PetscCall(PetscSFBcastBegin(coarse->sf, MPIU_SCALAR, x, coarse->u, MPI_REPLACE));
-  PetscCall(PetscSFBcastEnd(coarse->sf, MPIU_SCALAR, x, coarse->u, MPI_REPLACE));
+  PetscCall(LatinSFBcast_Private(coarse->sf, 1, MPIU_SCALAR, x, coarse->u));
   PetscCall(VecRestoreArrayRead(coarse->sol, &x));
   PetscCall(PetscLogEventEnd(LATIN_Coarse, latin, 0, 0, 0));
   PetscFunctionReturn(0);

@@ -19,3 +19,41 @@ PetscErrorCode LatinAgree_Private(MPI_Comm comm, PetscBool bad, PetscErrorCode c
   PetscCallMPI(MPI_Bcast(text, (PetscMPIInt)sizeof(text), MPI_CHAR, first, comm));
   SETERRQ(comm, code, "%s", text);
 }
+
+/* n units a point; PetscSF wants the basic type itself where n is 1 */
+static PetscErrorCode LatinType_Private(PetscInt n, MPI_Datatype unit, MPI_Datatype *type)
+{
+  PetscFunctionBegin;
+  *type = unit;
+  if (n > 1) {
+    PetscCallMPI(MPI_Type_contiguous((PetscMPIInt)n, unit, type));
+    PetscCallMPI(MPI_Type_commit(type));
+  }
+  PetscFunctionReturn(0);
+}
+
+/* Brings n units from each root to its leaves. Collective on sf */
+PetscErrorCode LatinSFBcast_Private(PetscSF sf, PetscInt n, MPI_Datatype unit, const void *root, void *leaf)
+{
+  MPI_Datatype type;
+
+  PetscFunctionBegin;
+  PetscCall(LatinType_Private(n, unit, &type));
+  PetscCall(PetscSFBcastBegin(sf, type, root, leaf, MPI_REPLACE));
+  PetscCall(PetscSFBcastEnd(sf, type, root, leaf, MPI_REPLACE));
+  if (n > 1) PetscCallMPI(MPI_Type_free(&type));
+  PetscFunctionReturn(0);
+}
+
+/* Combines n units of each leaf into its root. Collective on sf */
+PetscErrorCode LatinSFReduce_Private(PetscSF sf, PetscInt n, MPI_Datatype unit, const void *leaf, void *root, MPI_Op op)
+{
+  MPI_Datatype type;
+
+  PetscFunctionBegin;
+  PetscCall(LatinType_Private(n, unit, &type));
+  PetscCall(PetscSFReduceBegin(sf, type, leaf, root, op));
+  PetscCall(PetscSFReduceEnd(sf, type, leaf, root, op));
+  if (n > 1) PetscCallMPI(MPI_Type_free(&type));
+  PetscFunctionReturn(0);
+}

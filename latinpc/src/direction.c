@@ -39,8 +39,7 @@ PetscErrorCode LatinDirectionSetUp(Latin latin)
     PetscCall(PetscMalloc3(latin->links->dim * sub->copies, &diagonal, inter->sides, &mine, inter->sides, &mate));
     PetscCall(LatinDirectionDiagonal_Private(latin, diagonal));
     for (PetscInt k = 0; k < inter->sides; k++) mine[k] = diagonal[inter->side_dof[k]];
-    PetscCall(PetscSFBcastBegin(inter->mate_sf, MPIU_REAL, mine, mate, MPI_REPLACE));
-    PetscCall(PetscSFBcastEnd(inter->mate_sf, MPIU_REAL, mine, mate, MPI_REPLACE));
+    PetscCall(LatinSFBcast_Private(inter->mate_sf, 1, MPIU_REAL, mine, mate));
     for (PetscInt k = 0; k < inter->sides; k++) sum[0] += 0.5 * (mine[k] + mate[k]);
     sum[1] = inter->sides;
     PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)latin)));

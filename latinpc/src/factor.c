@@ -88,8 +88,7 @@ static PetscErrorCode LatinMechanismField_Private(Latin latin, Vec v, PetscBool 
   PetscCall(VecGetArrayRead(v, &a));
   if (!coarse) PetscCall(PetscArraycpy(field, a, dim * sub->copies));
   else {
-    PetscCall(PetscSFBcastBegin(latin->coarse.sf, MPIU_SCALAR, a, latin->coarse.u, MPI_REPLACE));
-    PetscCall(PetscSFBcastEnd(latin->coarse.sf, MPIU_SCALAR, a, latin->coarse.u, MPI_REPLACE));
+    PetscCall(LatinSFBcast_Private(latin->coarse.sf, 1, MPIU_SCALAR, a, latin->coarse.u));
     for (PetscInt s = 0; s < sub->n; s++) {
       const PetscInt   rows = dim * (sub->node_offset[s + 1] - sub->node_offset[s]), first = dim * sub->node_offset[s];
       const PetscReal *u = latin->coarse.u + latin->coarse.offset[s], *phi = latin->linear.Phi + latin->linear.phi_offset[s];
@@ -113,25 +112,26 @@ static PetscErrorCode LatinMechanismReport_Private(Latin latin, const PetscReal 
   const PetscInt     dim = latin->links->dim;
   PetscReal          largest = 0.0, all;
   char               names[256] = "";
-  PetscInt           named = 0, last = -1;
+  PetscInt           list[64], named = 0;
   size_t             used = 0;
 
   PetscFunctionBegin;
   for (PetscInt i = 0; here && i < dim * sub->copies; i++)
     if (!sub->fixed[i] && !PetscIsInfOrNanReal(field[i])) largest = PetscMax(largest, PetscAbsReal(field[i]));
   PetscCall(MPIU_Allreduce(&largest, &all, 1, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)latin)));
-  for (PetscInt i = 0; here && i < sub->copies && named < 8; i++) {
+  for (PetscInt i = 0; here && i < sub->copies && named < 64; i++) {
     PetscReal size = 0.0;
 
     for (PetscInt c = 0; c < dim; c++)
       if (!sub->fixed[dim * i + c]) size = PetscMax(size, PetscAbsReal(field[dim * i + c]));
-    if (size < 0.5 * all || !(size > 0.0) || sub->node[i] == last) continue;
-    PetscCall(PetscSNPrintf(names + used, sizeof(names) - used, "%s%" PetscInt_FMT, named ? ", " : "", sub->node[i]));
-    PetscCall(PetscStrlen(names, &used));
-    last = sub->node[i];
-    named++;
+    if (size >= 0.5 * all && size > 0.0) list[named++] = sub->node[i];
   }
-  LatinAgree(PetscObjectComm((PetscObject)latin), named > 0, PETSC_ERR_MAT_CH_ZRPVT, "The structure has a mechanism: it can move without any link changing its length. Nodes that move (counted from 0): %s%s. Prescribe displacements there or add links", names, named == 8 ? ", ..." : "");
+  PetscCall(PetscSortRemoveDupsInt(&named, list));
+  for (PetscInt i = 0; i < PetscMin(named, 8); i++) {
+    PetscCall(PetscSNPrintf(names + used, sizeof(names) - used, "%s%" PetscInt_FMT, i ? ", " : "", list[i]));
+    PetscCall(PetscStrlen(names, &used));
+  }
+  LatinAgree(PetscObjectComm((PetscObject)latin), named > 0, PETSC_ERR_MAT_CH_ZRPVT, "The structure has a mechanism: it can move without any link changing its length. Nodes that move (counted from 0): %s%s. Prescribe displacements there or add links", names, named > 8 ? " and others" : "");
   SETERRQ(PetscObjectComm((PetscObject)latin), PETSC_ERR_MAT_CH_ZRPVT, "The structure has a mechanism: it can move without any link changing its length. Prescribe more displacements or add links");
 }
 

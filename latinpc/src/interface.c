@@ -40,15 +40,7 @@ static PetscErrorCode LatinInterfaceShares_Private(Latin latin)
   PetscCall(PetscSFGatherBegin(sub->node_sf, MPIU_INT, mine, all));
   PetscCall(PetscSFGatherEnd(sub->node_sf, MPIU_INT, mine, all));
   for (PetscInt i = 0; i < roots; i++) PetscCall(PetscSortInt(degree[i], all + root[2 * i]));
-  {
-    MPI_Datatype two;
-
-    PetscCallMPI(MPI_Type_contiguous(2, MPIU_INT, &two));
-    PetscCallMPI(MPI_Type_commit(&two));
-    PetscCall(PetscSFBcastBegin(sub->node_sf, two, root, leaf, MPI_REPLACE));
-    PetscCall(PetscSFBcastEnd(sub->node_sf, two, root, leaf, MPI_REPLACE));
-    PetscCallMPI(MPI_Type_free(&two));
-  }
+  PetscCall(LatinSFBcast_Private(sub->node_sf, 2, MPIU_INT, root, leaf));
 
   PetscCall(PetscMalloc2(sub->copies + 1, &inter->share_offset, sub->copies + 1, &inter->table_offset));
   for (PetscInt i = 0; i < sub->copies; i++) {
@@ -75,8 +67,7 @@ static PetscErrorCode LatinInterfaceShares_Private(Latin latin)
     }
   PetscCall(PetscSFCreate(comm, &sf));
   PetscCall(PetscSFSetGraph(sf, gathered, entries, NULL, PETSC_OWN_POINTER, remote, PETSC_OWN_POINTER));
-  PetscCall(PetscSFBcastBegin(sf, MPIU_INT, all, inter->share_list, MPI_REPLACE));
-  PetscCall(PetscSFBcastEnd(sf, MPIU_INT, all, inter->share_list, MPI_REPLACE));
+  PetscCall(LatinSFBcast_Private(sf, 1, MPIU_INT, all, inter->share_list));
   PetscCall(PetscSFDestroy(&sf));
 
   PetscCall(PetscMalloc1(tables, &remote));
@@ -108,10 +99,8 @@ PetscErrorCode LatinInterfaceExchange_Private(Latin latin, PetscInt table[])
 
   PetscFunctionBegin;
   PetscCall(PetscCalloc1(inter->table_roots, &root));
-  PetscCall(PetscSFReduceBegin(inter->table_sf, MPIU_INT, table, root, MPI_MAX));
-  PetscCall(PetscSFReduceEnd(inter->table_sf, MPIU_INT, table, root, MPI_MAX));
-  PetscCall(PetscSFBcastBegin(inter->table_sf, MPIU_INT, root, table, MPI_REPLACE));
-  PetscCall(PetscSFBcastEnd(inter->table_sf, MPIU_INT, root, table, MPI_REPLACE));
+  PetscCall(LatinSFReduce_Private(inter->table_sf, 1, MPIU_INT, table, root, MPI_MAX));
+  PetscCall(LatinSFBcast_Private(inter->table_sf, 1, MPIU_INT, root, table));
   PetscCall(PetscFree(root));
   PetscFunctionReturn(0);
 }

@@ -235,8 +235,7 @@ PetscErrorCode LatinAverage_Private(Latin latin, Vec u)
   for (PetscInt i = 0; i < dim * sub->copies; i++) w[i] = latin->linear.U[i] / sub->multiplicity[i / dim];
   PetscCall(VecZeroEntries(u));
   PetscCall(VecGetArray(u, &a));
-  PetscCall(PetscSFReduceBegin(sub->dof_sf, MPIU_SCALAR, w, a, MPI_SUM));
-  PetscCall(PetscSFReduceEnd(sub->dof_sf, MPIU_SCALAR, w, a, MPI_SUM));
+  PetscCall(LatinSFReduce_Private(sub->dof_sf, 1, MPIU_SCALAR, w, a, MPI_SUM));
   PetscCall(VecRestoreArray(u, &a));
   PetscFunctionReturn(0);
 }
@@ -248,8 +247,7 @@ PetscErrorCode LatinDistribute_Private(Latin latin, Vec u, PetscReal copy[])
 
   PetscFunctionBegin;
   PetscCall(VecGetArrayRead(u, &a));
-  PetscCall(PetscSFBcastBegin(latin->sub.dof_sf, MPIU_SCALAR, a, copy, MPI_REPLACE));
-  PetscCall(PetscSFBcastEnd(latin->sub.dof_sf, MPIU_SCALAR, a, copy, MPI_REPLACE));
+  PetscCall(LatinSFBcast_Private(latin->sub.dof_sf, 1, MPIU_SCALAR, a, copy));
   PetscCall(VecRestoreArrayRead(u, &a));
   PetscFunctionReturn(0);
 }

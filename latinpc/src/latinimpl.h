@@ -26,6 +26,8 @@ PETSC_INTERN PetscLogEvent LATIN_SetUp, LATIN_Substructure, LATIN_Interface, LAT
 
 /* ---- errors and communication that every rank reaches (collective.c) ---- */
 PETSC_INTERN PetscErrorCode LatinAgree_Private(MPI_Comm, PetscBool bad, PetscErrorCode code, const char message[]);
+PETSC_INTERN PetscErrorCode LatinSFBcast_Private(PetscSF, PetscInt n, MPI_Datatype, const void *root, void *leaf);
+PETSC_INTERN PetscErrorCode LatinSFReduce_Private(PetscSF, PetscInt n, MPI_Datatype, const void *leaf, void *root, MPI_Op);
 /* Ends in the same error on every rank of comm when `bad` holds on any of them, with the message of the lowest such rank */
 #define LatinAgree(comm, bad, code, ...) \
   do { \

@@ -294,10 +294,13 @@ PetscErrorCode LatinLinearApply(Latin latin)
   /* identity rows: prescribed and primal displacements pass through */
   for (PetscInt i = 0; i < dim * sub->copies; i++)
     if (sub->fixed[i]) linear->g[i] = latin->tangent ? 0.0 : sub->prescribed[i];
-  PetscCall(PetscObjectStateIncrease((PetscObject)linear->rhs));
-  PetscCall(KSPSolve(linear->ksp, linear->rhs, linear->sol));
-  PetscCall(KSPGetConvergedReason(linear->ksp, &reason));
-  latin->failed = (PetscBool)(reason < 0 && reason != KSP_DIVERGED_ITS);
+  latin->failed = PETSC_FALSE;
+  if (sub->copies) {
+    PetscCall(PetscObjectStateIncrease((PetscObject)linear->rhs));
+    PetscCall(KSPSolve(linear->ksp, linear->rhs, linear->sol));
+    PetscCall(KSPGetConvergedReason(linear->ksp, &reason));
+    latin->failed = (PetscBool)(reason < 0 && reason != KSP_DIVERGED_ITS);
+  }
   PetscCall(PetscLogEventEnd(LATIN_Linear, latin, 0, 0, 0));
   PetscFunctionReturn(0);
 }

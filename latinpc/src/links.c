@@ -71,16 +71,11 @@ static PetscErrorCode LatinLinksComputeDirections_Private(LatinLinks links)
 {
   const PetscInt dim = links->dim;
   PetscReal     *vx;
-  MPI_Datatype   type;
   PetscInt       bad = -1;
 
   PetscFunctionBegin;
   PetscCall(PetscMalloc1(links->vertices * dim, &vx));
-  PetscCallMPI(MPI_Type_contiguous((PetscMPIInt)dim, MPIU_REAL, &type));
-  PetscCallMPI(MPI_Type_commit(&type));
-  PetscCall(PetscSFBcastBegin(links->vertex_sf, type, links->x, vx, MPI_REPLACE));
-  PetscCall(PetscSFBcastEnd(links->vertex_sf, type, links->x, vx, MPI_REPLACE));
-  PetscCallMPI(MPI_Type_free(&type));
+  PetscCall(LatinSFBcast_Private(links->vertex_sf, dim, MPIU_REAL, links->x, vx));
   for (PetscInt l = 0; l < links->links_local; l++) {
     const PetscReal *xa = vx + dim * links->ends[2 * l], *xb = vx + dim * links->ends[2 * l + 1];
     PetscReal       *n = links->direction + dim * l, scale = 0.0, length = 0.0;

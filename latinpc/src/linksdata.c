@@ -76,7 +76,6 @@ PetscErrorCode LatinLinksSetUp(LatinLinks links)
   PetscBool     *vfixed;
   PetscInt      *vdof;
   PetscSection   global;
-  MPI_Datatype   breal, bbool, bint;
   PetscContainer container;
 
   PetscFunctionBegin;
@@ -91,16 +90,8 @@ PetscErrorCode LatinLinksSetUp(LatinLinks links)
   if (!links->vertices) vstart = 0;
   PetscCall(PetscMalloc2(dim * links->vertices, &vfixed, dim * links->vertices, &vdof));
   PetscCall(PetscMalloc1(dim * links->vertices, &links->vertex_prescribed));
-  PetscCallMPI(MPI_Type_contiguous((PetscMPIInt)dim, MPIU_REAL, &breal));
-  PetscCallMPI(MPI_Type_contiguous((PetscMPIInt)dim, MPIU_BOOL, &bbool));
-  PetscCallMPI(MPI_Type_contiguous((PetscMPIInt)dim, MPIU_INT, &bint));
-  PetscCallMPI(MPI_Type_commit(&breal));
-  PetscCallMPI(MPI_Type_commit(&bbool));
-  PetscCallMPI(MPI_Type_commit(&bint));
-  PetscCall(PetscSFBcastBegin(links->vertex_sf, bbool, links->fixed, vfixed, MPI_REPLACE));
-  PetscCall(PetscSFBcastEnd(links->vertex_sf, bbool, links->fixed, vfixed, MPI_REPLACE));
-  PetscCall(PetscSFBcastBegin(links->vertex_sf, breal, links->prescribed, links->vertex_prescribed, MPI_REPLACE));
-  PetscCall(PetscSFBcastEnd(links->vertex_sf, breal, links->prescribed, links->vertex_prescribed, MPI_REPLACE));
+  PetscCall(LatinSFBcast_Private(links->vertex_sf, dim, MPIU_BOOL, links->fixed, vfixed));
+  PetscCall(LatinSFBcast_Private(links->vertex_sf, dim, MPIU_REAL, links->prescribed, links->vertex_prescribed));
   PetscCall(LatinLinksCreateSection_Private(links, vfixed, vstart));
 
   /* numbers of the free degrees of freedom, brought to the caller's nodes; all copies of a vertex agree on them */
@@ -114,11 +105,7 @@ PetscErrorCode LatinLinksSetUp(LatinLinks links)
   }
   PetscCall(PetscMalloc1(n, &links->global_dof));
   for (PetscInt i = 0; i < n; i++) links->global_dof[i] = -1;
-  PetscCall(PetscSFReduceBegin(links->vertex_sf, bint, vdof, links->global_dof, MPI_REPLACE));
-  PetscCall(PetscSFReduceEnd(links->vertex_sf, bint, vdof, links->global_dof, MPI_REPLACE));
-  PetscCallMPI(MPI_Type_free(&breal));
-  PetscCallMPI(MPI_Type_free(&bbool));
-  PetscCallMPI(MPI_Type_free(&bint));
+  PetscCall(LatinSFReduce_Private(links->vertex_sf, dim, MPIU_INT, vdof, links->global_dof, MPI_REPLACE));
   PetscCall(PetscFree2(vfixed, vdof));
   bad = -1;
   for (PetscInt i = 0; i < n && bad < 0; i++)
@@ -483,8 +470,7 @@ PetscErrorCode LatinLinksGetDisplacements(LatinLinks links, Vec u, PetscReal dis
   PetscCall(PetscSFCreate(PetscObjectComm((PetscObject)links), &sf));
   PetscCall(PetscSFSetGraphLayout(sf, map, m, local, PETSC_COPY_VALUES, remote));
   PetscCall(VecGetArrayRead(u, &a));
-  PetscCall(PetscSFBcastBegin(sf, MPIU_SCALAR, a, displacement, MPI_REPLACE));
-  PetscCall(PetscSFBcastEnd(sf, MPIU_SCALAR, a, displacement, MPI_REPLACE));
+  PetscCall(LatinSFBcast_Private(sf, 1, MPIU_SCALAR, a, displacement));
   PetscCall(VecRestoreArrayRead(u, &a));
   PetscCall(PetscSFDestroy(&sf));
   PetscCall(PetscFree2(remote, local));

@@ -120,7 +120,6 @@ PetscErrorCode LatinMacroSetUp(Latin latin)
   PetscInt         rows = 0, *mine, *mate, next = 0, total = 0;
   PetscReal       *received;
   PetscScalar     *M, *F;
-  MPI_Datatype     row, pair;
 
   PetscFunctionBegin;
   PetscCall(PetscLogEventBegin(LATIN_Macro, latin, 0, 0, 0));
@@ -145,16 +144,8 @@ PetscErrorCode LatinMacroSetUp(Latin latin)
       mine[2 * k]     = inter->interface[f].modes;
       mine[2 * k + 1] = inter->interface[f].coarse_first;
     }
-  PetscCallMPI(MPI_Type_contiguous(2, MPIU_INT, &pair));
-  PetscCallMPI(MPI_Type_commit(&pair));
-  PetscCall(PetscSFBcastBegin(inter->mate_sf, pair, mine, mate, MPI_REPLACE));
-  PetscCall(PetscSFBcastEnd(inter->mate_sf, pair, mine, mate, MPI_REPLACE));
-  PetscCallMPI(MPI_Type_free(&pair));
-  PetscCallMPI(MPI_Type_contiguous(LATIN_MAX_MODES, MPIU_REAL, &row));
-  PetscCallMPI(MPI_Type_commit(&row));
-  PetscCall(PetscSFBcastBegin(inter->mate_sf, row, macro->basis, received, MPI_REPLACE));
-  PetscCall(PetscSFBcastEnd(inter->mate_sf, row, macro->basis, received, MPI_REPLACE));
-  PetscCallMPI(MPI_Type_free(&row));
+  PetscCall(LatinSFBcast_Private(inter->mate_sf, 2, MPIU_INT, mine, mate));
+  PetscCall(LatinSFBcast_Private(inter->mate_sf, LATIN_MAX_MODES, MPIU_REAL, macro->basis, received));
   for (PetscInt f = 0; f < inter->count; f++) {
     LatinInterface *face = &inter->interface[f];
 

@@ -1,6 +1,8 @@
 #include "latinimpl.h"
 #include <metis.h>
 
+#define METIS_SMALL_PART 16 /* links per subdomain */
+
 /*
    Which subdomain each link belongs to: the caller's partition, a DMLabel, or METIS on the dual graph of the links
    (vertices: links; edges: pairs of links with a common node).
@@ -91,7 +93,9 @@ static PetscErrorCode LatinPartitionMetis_Private(Latin latin, PetscInt parts)
       METIS_SetDefaultOptions(options);
       options[METIS_OPTION_SEED]      = 1; /* the same partition at every run */
       options[METIS_OPTION_NUMBERING] = 0;
-      status = METIS_PartGraphKway(&nvtxs, &ncon, xadj, adjncy, NULL, NULL, NULL, &nparts, NULL, NULL, options, &cut, mpart);
+      /* k-way refinement leaves parts empty when they are to be small; bisection does not */
+      if (total < METIS_SMALL_PART * parts) status = METIS_PartGraphRecursive(&nvtxs, &ncon, xadj, adjncy, NULL, NULL, NULL, &nparts, NULL, NULL, options, &cut, mpart);
+      else status = METIS_PartGraphKway(&nvtxs, &ncon, xadj, adjncy, NULL, NULL, NULL, &nparts, NULL, NULL, options, &cut, mpart);
       if (status == METIS_OK) {
         PetscCall(PetscMalloc1(parts, &newnumber));
         for (PetscInt p = 0; p < parts; p++) newnumber[p] = -1;
@@ -176,11 +180,11 @@ PetscErrorCode LatinPartition_Private(Latin latin)
     PetscInt parts = latin->subdomains ? latin->subdomains : (links->links_global + latin->links_per_subdomain - 1) / latin->links_per_subdomain;
 
     given = PETSC_FALSE;
-    if (parts > 1) PetscCall(LatinPartitionMetis_Private(latin, parts));
-    else {
-      PetscCall(PetscArrayzero(sub->of_link, links->links_local));
-      sub->count = 1;
-    }
+    sub->count = parts;
+    if (parts == 1) PetscCall(PetscArrayzero(sub->of_link, links->links_local));
+    else if (parts == links->links_global) {
+      for (PetscInt l = 0; l < links->links_local; l++) sub->of_link[l] = links->links_start + l;
+    } else PetscCall(LatinPartitionMetis_Private(latin, parts));
   }
   if (given) {
     LatinAgree(comm, latin->subdomains && latin->subdomains != sub->count, PETSC_ERR_ARG_INCOMP, "The given partition has %" PetscInt_FMT " subdomains, not the %" PetscInt_FMT " asked for: leave out one of the two", sub->count, latin->subdomains);

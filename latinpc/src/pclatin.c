@@ -61,8 +61,7 @@ static PetscErrorCode PCLatinSum_Private(Latin latin, const PetscReal copy[], Ve
   PetscFunctionBegin;
   PetscCall(VecZeroEntries(u));
   PetscCall(VecGetArray(u, &a));
-  PetscCall(PetscSFReduceBegin(latin->sub.dof_sf, MPIU_SCALAR, copy, a, MPI_SUM));
-  PetscCall(PetscSFReduceEnd(latin->sub.dof_sf, MPIU_SCALAR, copy, a, MPI_SUM));
+  PetscCall(LatinSFReduce_Private(latin->sub.dof_sf, 1, MPIU_SCALAR, copy, a, MPI_SUM));
   PetscCall(VecRestoreArray(u, &a));
   PetscFunctionReturn(0);
 }
@@ -214,6 +213,7 @@ static PetscErrorCode PCLatinInteriorSolve_Private(PC pc, const PetscReal f[])
 
   PetscFunctionBegin;
   for (PetscInt i = 0; i < n; i++) data->b[i] = data->inner[i / dim] && !data->latin->sub.fixed[i] ? f[i] : 0.0;
+  if (!n) PetscFunctionReturn(0);
   PetscCall(PetscObjectStateIncrease((PetscObject)data->rhs));
   PetscCall(KSPSolve(data->ksp, data->rhs, data->sol));
   PetscFunctionReturn(0);

@@ -126,8 +126,7 @@ PetscErrorCode LatinGetNodeClasses(Latin latin, PetscInt node_class[])
   PetscFunctionBegin;
   PetscCall(LatinCheckSetUp_Private(latin));
   PetscCall(PetscArrayzero(node_class, latin->links->nodes_local));
-  PetscCall(PetscSFReduceBegin(latin->sub.node_sf, MPIU_INT, latin->inter.node_class, node_class, MPI_MAX));
-  PetscCall(PetscSFReduceEnd(latin->sub.node_sf, MPIU_INT, latin->inter.node_class, node_class, MPI_MAX));
+  PetscCall(LatinSFReduce_Private(latin->sub.node_sf, 1, MPIU_INT, latin->inter.node_class, node_class, MPI_MAX));
   PetscFunctionReturn(0);
 }
 

@@ -121,19 +121,6 @@ static PetscErrorCode LatinSubstructureCopies_Private(Latin latin)
   PetscFunctionReturn(0);
 }
 
-static PetscErrorCode LatinBcast_Private(PetscSF sf, PetscInt n, MPI_Datatype unit, const void *root, void *leaf)
-{
-  MPI_Datatype type;
-
-  PetscFunctionBegin;
-  PetscCallMPI(MPI_Type_contiguous((PetscMPIInt)n, unit, &type));
-  PetscCallMPI(MPI_Type_commit(&type));
-  PetscCall(PetscSFBcastBegin(sf, type, root, leaf, MPI_REPLACE));
-  PetscCall(PetscSFBcastEnd(sf, type, root, leaf, MPI_REPLACE));
-  PetscCallMPI(MPI_Type_free(&type));
-  PetscFunctionReturn(0);
-}
-
 /* Node data for the copies, and the ways from the caller's nodes and from the DM's vectors to them */
 static PetscErrorCode LatinSubstructureNodeData_Private(Latin latin)
 {
@@ -151,13 +138,13 @@ static PetscErrorCode LatinSubstructureNodeData_Private(Latin latin)
   PetscCall(PetscSFSetGraphLayout(sub->node_sf, map, n, NULL, PETSC_COPY_VALUES, sub->node));
   PetscCall(PetscLayoutDestroy(&map));
   PetscCall(PetscMalloc5(dim * n, &sub->x, dim * n, &sub->fixed, dim * n, &sub->prescribed, n, &sub->multiplicity, dim * n, &sub->global_dof));
-  PetscCall(LatinBcast_Private(sub->node_sf, dim, MPIU_REAL, links->x, sub->x));
-  PetscCall(LatinBcast_Private(sub->node_sf, dim, MPIU_BOOL, links->fixed, sub->fixed));
-  PetscCall(LatinBcast_Private(sub->node_sf, dim, MPIU_REAL, links->prescribed, sub->prescribed));
-  PetscCall(LatinBcast_Private(sub->node_sf, dim, MPIU_INT, links->global_dof, sub->global_dof));
+  PetscCall(LatinSFBcast_Private(sub->node_sf, dim, MPIU_REAL, links->x, sub->x));
+  PetscCall(LatinSFBcast_Private(sub->node_sf, dim, MPIU_BOOL, links->fixed, sub->fixed));
+  PetscCall(LatinSFBcast_Private(sub->node_sf, dim, MPIU_REAL, links->prescribed, sub->prescribed));
+  PetscCall(LatinSFBcast_Private(sub->node_sf, dim, MPIU_INT, links->global_dof, sub->global_dof));
   PetscCall(PetscSFComputeDegreeBegin(sub->node_sf, &degree));
   PetscCall(PetscSFComputeDegreeEnd(sub->node_sf, &degree));
-  PetscCall(LatinBcast_Private(sub->node_sf, 1, MPIU_INT, degree, sub->multiplicity));
+  PetscCall(LatinSFBcast_Private(sub->node_sf, 1, MPIU_INT, degree, sub->multiplicity));
 
   PetscCall(PetscMalloc2(dim * n, &remote, dim * n, &local));
   for (PetscInt i = 0; i < dim * n; i++)

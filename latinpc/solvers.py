@@ -1,0 +1,259 @@
+"""What a SNES or a PC of type latin tells: size of the decomposition, history, inner solvers, subdomains.
+
+Functions marked *Collective* must be called by all ranks of the solver. Arrays are in the caller's own numbering,
+whole, the same on every rank.
+"""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+from petsc4py import PETSc
+
+# through links, which checks the compiled part and registers the types
+from latinpc.links import _latin
+
+__all__ = [
+    "coarse_ksp",
+    "error_message",
+    "history",
+    "local_ksp",
+    "macro_stiffness",
+    "node_classes",
+    "outer_snes",
+    "pcshell_set_latin",
+    "set_reference",
+    "statistics",
+    "subdomain_is",
+    "subdomain_of_links",
+    "subdomains",
+]
+
+
+def _slices_of(solver):
+    """Find the caller's numbering, where the C library finds the structure: solver, its DM, that of its matrix."""
+    places = [solver, solver.getDM()]
+    if isinstance(solver, PETSc.PC):
+        matrix = solver.getOperators()[1]
+        places += [matrix.getDM()] if matrix else []
+    for place in places:
+        slices = place.getAttr("latinpc_slices") if place else None
+        if slices is not None:
+            return slices
+    raise ValueError("the solver works on a matrix, not on links: attach a latinpc.Links to it first")
+
+
+def statistics(solver):
+    """Return the size of the decomposition, as in Table 3; collective, after ``setUp``.
+
+    Parameters
+    ----------
+    solver : petsc4py.PETSc.SNES or petsc4py.PETSc.PC
+        Of type latin.
+
+    Returns
+    -------
+    dict
+        ``subdomains``, ``strong_interfaces``, ``weak_interfaces``, ``strong_macro_dofs``, ``weak_dofs``,
+        ``micro_sides``, ``state_size``, and the search direction (N/m) as ``direction_min``,
+        ``direction_mean``, ``direction_max``.
+    """
+    return dict(_latin.statistics(solver))
+
+
+def history(snes):
+    """Return what the iteration has measured; not collective.
+
+    Parameters
+    ----------
+    snes : petsc4py.PETSc.SNES
+        Of type latin.
+
+    Returns
+    -------
+    dict of (iterations,) arrays
+        ``indicator``, ``error_l2``, ``error_energy``; the errors are empty without a reference.
+    """
+    return dict(zip(("indicator", "error_l2", "error_energy"), _latin.history(snes)))
+
+
+def set_reference(snes, reference):
+    """Give the displacement that ``-snes_latin_stop reference`` and the history measure against; collective.
+
+    Parameters
+    ----------
+    snes : petsc4py.PETSc.SNES
+        Of type latin.
+    reference : petsc4py.PETSc.Vec or None
+        Displacement of the free degrees of freedom (m).
+    """
+    _latin.set_reference(snes, reference)
+
+
+def subdomains(solver):
+    """Return the number of subdomains of this rank and the number of its first one; not collective.
+
+    Parameters
+    ----------
+    solver : petsc4py.PETSc.SNES or petsc4py.PETSc.PC
+        Of type latin, set up.
+
+    Returns
+    -------
+    count, first : int
+    """
+    return _latin.subdomains(solver)
+
+
+def subdomain_is(solver, i):
+    """Return the free degrees of freedom of a subdomain of this rank; not collective.
+
+    Parameters
+    ----------
+    solver : petsc4py.PETSc.SNES or petsc4py.PETSc.PC
+        Of type latin, set up.
+    i : int
+        Number of the subdomain on this rank, from 0.
+
+    Returns
+    -------
+    petsc4py.PETSc.IS
+        Indices into a global vector of the DM.
+    """
+    return _latin.subdomain_is(solver, i)
+
+
+def macro_stiffness(solver, i):
+    """Return the homogenised behaviour of a subdomain of this rank, equations (29) and (51); not collective.
+
+    Parameters
+    ----------
+    solver : petsc4py.PETSc.SNES or petsc4py.PETSc.PC
+        Of type latin, set up.
+    i : int
+        Number of the subdomain on this rank, from 0.
+
+    Returns
+    -------
+    petsc4py.PETSc.Mat
+        Dense, symmetric, positive semidefinite (N/m).
+    """
+    return _latin.macro_stiffness(solver, i)
+
+
+def subdomain_of_links(solver):
+    """Return the subdomain of every link; collective.
+
+    Parameters
+    ----------
+    solver : petsc4py.PETSc.SNES or petsc4py.PETSc.PC
+        Of type latin, set up, with a `Links` attached.
+
+    Returns
+    -------
+    (m,) array of int
+        In the caller's numbering, the same on every rank.
+    """
+    slices = _slices_of(solver)
+    mine = np.zeros(len(slices.my_links), dtype=PETSc.IntType)
+    _latin.subdomain_of_links(solver, mine)
+    return slices.gather_links(mine)
+
+
+def node_classes(solver):
+    """Return where every node lies; collective.
+
+    Parameters
+    ----------
+    solver : petsc4py.PETSc.SNES or petsc4py.PETSc.PC
+        Of type latin, set up, with a `Links` attached.
+
+    Returns
+    -------
+    (n,) array of int
+        0 interior, 1 on a strong interface, 2 on a weak interface, 3 corner; in the caller's numbering, the
+        same on every rank.
+    """
+    slices = _slices_of(solver)
+    mine = np.zeros(slices.node_end - slices.node_start, dtype=PETSc.IntType)
+    _latin.node_classes(solver, mine)
+    return slices.gather_nodes(mine)
+
+
+def local_ksp(solver):
+    """Return the KSP of all subdomains of this rank, whose matrix is block diagonal; not collective.
+
+    Parameters
+    ----------
+    solver : petsc4py.PETSc.SNES or petsc4py.PETSc.PC
+        Of type latin.
+
+    Returns
+    -------
+    petsc4py.PETSc.KSP
+        Options prefix ``latin_local_`` behind that of the solver.
+    """
+    return _latin.local_ksp(solver)
+
+
+def coarse_ksp(solver):
+    """Return the KSP of the coarse problem; not collective.
+
+    Parameters
+    ----------
+    solver : petsc4py.PETSc.SNES or petsc4py.PETSc.PC
+        Of type latin.
+
+    Returns
+    -------
+    petsc4py.PETSc.KSP
+        Options prefix ``latin_coarse_`` behind that of the solver.
+    """
+    return _latin.coarse_ksp(solver)
+
+
+def outer_snes(snes):
+    """Return the SNES that iterates the fixed-point map; not collective.
+
+    Parameters
+    ----------
+    snes : petsc4py.PETSc.SNES
+        Of type latin.
+
+    Returns
+    -------
+    petsc4py.PETSc.SNES
+        ``nrichardson`` is the article's iteration, ``anderson`` its acceleration.
+    """
+    return _latin.outer_snes(snes)
+
+
+def pcshell_set_latin(pc):
+    """Make a PC of type shell apply the preconditioner latin; collective.
+
+    Parameters
+    ----------
+    pc : petsc4py.PETSc.PC
+        For a program that insists on ``PCSHELL``.
+    """
+    _latin.pcshell_set_latin(pc)
+
+
+def error_message(error):
+    """Return the sentence of an error that PETSc reports, without its list of C functions; not collective.
+
+    Parameters
+    ----------
+    error : Exception
+        A ``petsc4py.PETSc.Error``, or any other exception, whose text is returned as it is.
+
+    Returns
+    -------
+    str
+    """
+    if isinstance(error, PETSc.Error):
+        for line in reversed(error._traceback_ or []):
+            if not re.search(r"\w\(\) (at|line) ", line):
+                return line.strip()
+    return str(error)
