@@ -59,10 +59,10 @@ typedef struct {
   PetscInt  subdomains;
   PetscInt  strong_interfaces;
   PetscInt  weak_interfaces;
-  PetscInt  strong_macro_dofs; /* unknowns of the coarse problem on strong interfaces */
-  PetscInt  weak_dofs;         /* unknowns of the coarse problem on weak interfaces or corners */
-  PetscInt  micro_sides;       /* nodes of interface sides that carry micro quantities */
-  PetscInt  state_size;        /* length of the fixed-point unknown z */
+  PetscInt  strong_macro_dofs;                            /* unknowns of the coarse problem on strong interfaces */
+  PetscInt  weak_dofs;                                    /* unknowns of the coarse problem on weak interfaces or corners */
+  PetscInt  micro_sides;                                  /* nodes of interface sides that carry micro quantities */
+  PetscInt  state_size;                                   /* length of the fixed-point unknown z */
   PetscReal direction_min, direction_mean, direction_max; /* search direction d, force/length */
 } LatinStatistics;
 

@@ -67,9 +67,9 @@ PetscErrorCode LatinCoarseNumber(Latin latin)
     for (PetscInt f = 0; f < inter->count; f++) count += inter->interface[f].modes;
     PetscCall(PetscMalloc1(primal, &linear->primal_dof));
     PetscCall(PetscMalloc3(count + primal, &coarse->global, count + primal, &coarse->q, count + primal, &coarse->u));
-    count           = 0;
-    primal          = 0;
-    linear->widest  = 0;
+    count          = 0;
+    primal         = 0;
+    linear->widest = 0;
     for (PetscInt s = 0; s < sub->n; s++) {
       coarse->offset[s]        = count;
       linear->primal_offset[s] = primal;
@@ -82,9 +82,9 @@ PetscErrorCode LatinCoarseNumber(Latin latin)
       }
       coarse->macro_count[s] = count - coarse->offset[s];
       for (PetscInt i = sub->node_offset[s]; i < sub->node_offset[s + 1]; i++) {
-        const PetscInt    m = inter->share_offset[i + 1] - inter->share_offset[i], leader = inter->component[i];
-        PetscInt          next;
-        PetscMPIInt       owner;
+        const PetscInt m = inter->share_offset[i + 1] - inter->share_offset[i], leader = inter->component[i];
+        PetscInt       next;
+        PetscMPIInt    owner;
 
         if (leader < 0) continue;
         owner = LatinSubdomainRank(sub, size, inter->share_list[inter->share_offset[i] + leader]);
@@ -153,10 +153,10 @@ static PetscErrorCode LatinCoarseAssemble_Private(Latin latin)
 
 PetscErrorCode LatinCoarseSetUp(Latin latin)
 {
-  LatinCoarse   *coarse = &latin->coarse;
-  MPI_Comm       comm   = PetscObjectComm((PetscObject)latin);
-  const char    *prefix;
-  PC             pc;
+  LatinCoarse *coarse = &latin->coarse;
+  MPI_Comm     comm   = PetscObjectComm((PetscObject)latin);
+  const char  *prefix;
+  PC           pc;
 
   PetscFunctionBegin;
   if (!coarse->macro_global && !coarse->primal_global) PetscFunctionReturn(0); /* no interface: one subdomain, or disconnected ones */

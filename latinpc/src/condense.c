@@ -73,7 +73,8 @@ static PetscErrorCode LatinCondenseSolve_Private(Latin latin)
     for (PetscInt s = 0; s < sub->n; s++) {
       const size_t rows = (size_t)(dim * (sub->node_offset[s + 1] - sub->node_offset[s])), top = (size_t)(dim * sub->node_offset[s]);
 
-      for (PetscInt j = first; j < PetscMin(last, latin->coarse.offset[s + 1] - latin->coarse.offset[s]); j++) PetscCall(PetscMemcpy(linear->Phi + linear->phi_offset[s] + rows * (size_t)j, x + top + (size_t)n * (size_t)(j - first), rows * sizeof(*x)));
+      for (PetscInt j = first; j < PetscMin(last, latin->coarse.offset[s + 1] - latin->coarse.offset[s]); j++)
+        PetscCall(PetscMemcpy(linear->Phi + linear->phi_offset[s] + rows * (size_t)j, x + top + (size_t)n * (size_t)(j - first), rows * sizeof(*x)));
     }
     PetscCall(MatDenseRestoreArrayRead(X, &x));
     PetscCall(MatDestroy(&B));

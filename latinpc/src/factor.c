@@ -108,9 +108,9 @@ static PetscErrorCode LatinMechanismField_Private(Latin latin, Vec v, PetscBool 
 /* Ends in an error that names some of the nodes that a mechanism moves most; field may be NULL on ranks that have none */
 static PetscErrorCode LatinMechanismReport_Private(Latin latin, const PetscReal field[], PetscBool here)
 {
-  LatinSubstructure *sub = &latin->sub;
-  const PetscInt     dim = latin->links->dim;
-  PetscReal          largest = 0.0, all;
+  LatinSubstructure *sub        = &latin->sub;
+  const PetscInt     dim        = latin->links->dim;
+  PetscReal          largest    = 0.0, all;
   char               names[256] = "";
   PetscInt           list[64], named = 0;
   size_t             used = 0;
@@ -131,7 +131,8 @@ static PetscErrorCode LatinMechanismReport_Private(Latin latin, const PetscReal 
     PetscCall(PetscSNPrintf(names + used, sizeof(names) - used, "%s%" PetscInt_FMT, i ? ", " : "", list[i]));
     PetscCall(PetscStrlen(names, &used));
   }
-  LatinAgree(PetscObjectComm((PetscObject)latin), named > 0, PETSC_ERR_MAT_CH_ZRPVT, "The structure has a mechanism: it can move without any link changing its length. Nodes that move (counted from 0): %s%s. Prescribe displacements there or add links", names, named > 8 ? " and others" : "");
+  LatinAgree(PetscObjectComm((PetscObject)latin), named > 0, PETSC_ERR_MAT_CH_ZRPVT,
+             "The structure has a mechanism: it can move without any link changing its length. Nodes that move (counted from 0): %s%s. Prescribe displacements there or add links", names, named > 8 ? " and others" : "");
   SETERRQ(PetscObjectComm((PetscObject)latin), PETSC_ERR_MAT_CH_ZRPVT, "The structure has a mechanism: it can move without any link changing its length. Prescribe more displacements or add links");
 }
 
@@ -189,7 +190,8 @@ PetscErrorCode LatinFactor_Private(Latin latin, KSP ksp, Mat A, PetscBool coarse
   failed = PC_NOERROR;
   if (!ierr && n) PetscCall(PCGetFailedReason(pc, &failed));
   broken = (PetscBool)(ierr == PETSC_ERR_MAT_CH_ZRPVT || ierr == PETSC_ERR_MAT_LU_ZRPVT || failed == PC_FACTOR_STRUCT_ZEROPIVOT || failed == PC_FACTOR_NUMERIC_ZEROPIVOT || (failed != PC_NOERROR && direct));
-  LatinAgree(comm, (ierr || failed) && !broken, ierr ? ierr : PETSC_ERR_LIB, "Setting up the %s solver failed (PETSc error %d, PC failure %d); its options start with -%s%s_", coarse ? "coarse" : "local", (int)ierr, (int)failed, ((PetscObject)latin)->prefix ? ((PetscObject)latin)->prefix : "", coarse ? "coarse" : "local");
+  LatinAgree(comm, (ierr || failed) && !broken, ierr ? ierr : PETSC_ERR_LIB, "Setting up the %s solver failed (PETSc error %d, PC failure %d); its options start with -%s%s_", coarse ? "coarse" : "local", (int)ierr, (int)failed,
+             ((PetscObject)latin)->prefix ? ((PetscObject)latin)->prefix : "", coarse ? "coarse" : "local");
   PetscCall(MatCreateVecs(A, &v, NULL));
   if (broken) PetscCall(LatinSoftestShifted_Private(A, coarse ? MATSOLVERMUMPS : MATSOLVERCHOLMOD, v));
   else if (n && direct) PetscCall(LatinSoftest_Private(ksp, A, v, &stiffness));

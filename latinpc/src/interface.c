@@ -6,10 +6,7 @@
    micro quantities at a node. The variants differ in LatinNodePrimal_Private() and nowhere else.
 */
 
-enum {
-  PAIR_STRONG = 1,
-  PAIR_WEAK   = 2
-};
+enum { PAIR_STRONG = 1, PAIR_WEAK = 2 };
 
 /* The subdomains at each shared node, increasing, known to every copy of the node; nodes without free component are not shared */
 static PetscErrorCode LatinInterfaceShares_Private(Latin latin)
@@ -121,7 +118,7 @@ PetscErrorCode LatinInterfaceFrame_Private(PetscInt dim, PetscInt n, const Petsc
   *size = 0.0;
   for (PetscInt c = 0; c < 3; c++) centre[c] = axes[0][c] = axes[1][c] = 0.0;
   for (PetscInt i = 0; i < n; i++) {
-    const PetscReal *xi = x + dim * copies[i];
+    const PetscReal *xi    = x + dim * copies[i];
     PetscBool        freed = PETSC_FALSE;
 
     for (PetscInt c = 0; c < dim; c++) freed = (PetscBool)(freed || !fixed[dim * copies[i] + c]);
@@ -374,7 +371,7 @@ static PetscErrorCode LatinInterfaceMates_Private(Latin latin)
   PetscCall(PetscMalloc1(inter->sides, &remote));
   for (PetscInt pass = 0; pass < 2; pass++) {
     for (PetscInt f = 0; f < inter->count; f++) {
-      const LatinInterface *face = &inter->interface[f];
+      const LatinInterface *face  = &inter->interface[f];
       const PetscMPIInt     owner = LatinSubdomainRank(sub, size, face->neighbour);
 
       for (PetscInt k = face->side_first; k < face->side_last;) {

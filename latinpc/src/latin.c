@@ -5,10 +5,10 @@
    sneslatin.c and pclatin.c are shells around it.
 */
 
-const char *const LatinVariants[]       = {"none", "macro", "corner", "LatinVariant", "LATIN_VARIANT_", NULL};
-const char *const LatinDirectionTypes[] = {"scalar", "diagonal", "LatinDirectionType", "LATIN_DIRECTION_", NULL};
-const char *const LatinStopTypes[]      = {"indicator", "residual", "reference", "LatinStopType", "LATIN_STOP_", NULL};
-static const char *const LatinCornerTypes[] = {"free", "published", "LatinCornerType", "LATIN_CORNER_", NULL};
+const char *const        LatinVariants[]       = {"none", "macro", "corner", "LatinVariant", "LATIN_VARIANT_", NULL};
+const char *const        LatinDirectionTypes[] = {"scalar", "diagonal", "LatinDirectionType", "LATIN_DIRECTION_", NULL};
+const char *const        LatinStopTypes[]      = {"indicator", "residual", "reference", "LatinStopType", "LATIN_STOP_", NULL};
+static const char *const LatinCornerTypes[]    = {"free", "published", "LatinCornerType", "LATIN_CORNER_", NULL};
 
 static PetscErrorCode LatinDestroy_Object(Latin *latin)
 {
@@ -62,8 +62,10 @@ PetscErrorCode LatinSetFromOptions_Private(Latin latin, PetscOptionItems *PetscO
   PetscCall(PetscOptionsBool(LATIN_OPTION("promote"), "Make every node of three or more subdomains a corner (variant corner)", "None", latin->promote, &latin->promote, NULL));
   PetscOptionsHeadEnd();
   latin->published = (PetscBool)(corners == 1);
-  PetscCheck(latin->direction_scalar >= 0.0 && !PetscIsInfOrNanReal(latin->direction_scalar), PetscObjectComm((PetscObject)latin), PETSC_ERR_ARG_OUTOFRANGE, "%s is %g; the search direction is a positive stiffness (0 = self-tuned)", LATIN_OPTION("direction_scalar"), (double)latin->direction_scalar);
-  PetscCheck(latin->direction_fraction > 0.0 && !PetscIsInfOrNanReal(latin->direction_fraction), PetscObjectComm((PetscObject)latin), PETSC_ERR_ARG_OUTOFRANGE, "%s is %g; it is a positive number", LATIN_OPTION("direction_fraction"), (double)latin->direction_fraction);
+  PetscCheck(latin->direction_scalar >= 0.0 && !PetscIsInfOrNanReal(latin->direction_scalar), PetscObjectComm((PetscObject)latin), PETSC_ERR_ARG_OUTOFRANGE, "%s is %g; the search direction is a positive stiffness (0 = self-tuned)",
+             LATIN_OPTION("direction_scalar"), (double)latin->direction_scalar);
+  PetscCheck(latin->direction_fraction > 0.0 && !PetscIsInfOrNanReal(latin->direction_fraction), PetscObjectComm((PetscObject)latin), PETSC_ERR_ARG_OUTOFRANGE, "%s is %g; it is a positive number", LATIN_OPTION("direction_fraction"),
+             (double)latin->direction_fraction);
 #undef LATIN_OPTION
   PetscFunctionReturn(0);
 }
@@ -142,7 +144,8 @@ PetscErrorCode LatinView_Private(Latin latin, PetscViewer viewer)
   PetscFunctionBegin;
   PetscCall(PetscObjectTypeCompare((PetscObject)viewer, PETSCVIEWERASCII, &ascii));
   if (!ascii) PetscFunctionReturn(0);
-  PetscCall(PetscViewerASCIIPrintf(viewer, "variant %s%s%s\n", LatinVariants[latin->variant], latin->published ? ", micro springs on corners" : "", latin->promote && latin->variant == LATIN_VARIANT_CORNER ? ", nodes of three or more subdomains are corners" : ""));
+  PetscCall(PetscViewerASCIIPrintf(viewer, "variant %s%s%s\n", LatinVariants[latin->variant], latin->published ? ", micro springs on corners" : "",
+                                   latin->promote && latin->variant == LATIN_VARIANT_CORNER ? ", nodes of three or more subdomains are corners" : ""));
   if (latin->direction_scalar > 0.0) PetscCall(PetscViewerASCIIPrintf(viewer, "search direction: scalar, d = %g given\n", (double)latin->direction_scalar));
   else PetscCall(PetscViewerASCIIPrintf(viewer, "search direction: %s, self-tuned to %g of the interface stiffness\n", LatinDirectionTypes[latin->direction], (double)latin->direction_fraction));
   if (!latin->set_up) PetscFunctionReturn(0);

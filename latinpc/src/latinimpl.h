@@ -40,11 +40,11 @@ PETSC_INTERN PetscErrorCode LatinSFReduce_Private(PetscSF, PetscInt n, MPI_Datat
 /* ---- constitutive laws (laws.c) ---- */
 typedef struct {
   const char *name;
-  PetscBool   smooth;                                                          /* a linear law carries no state */
-  PetscReal (*tension)(PetscReal k, PetscReal x);                              /* tau for the strain x = e + e0 */
-  PetscReal (*tangent)(PetscReal k, PetscReal x);                              /* an element of the generalised derivative */
-  PetscReal (*energy)(PetscReal k, PetscReal x);                               /* the convex potential whose derivative is the tension */
-  PetscReal (*local)(PetscReal k, PetscReal e0, PetscReal y);                  /* local stage with l = k: y = tau + l e gives tau_hat - l e_hat */
+  PetscBool   smooth;                                         /* a linear law carries no state */
+  PetscReal (*tension)(PetscReal k, PetscReal x);             /* tau for the strain x = e + e0 */
+  PetscReal (*tangent)(PetscReal k, PetscReal x);             /* an element of the generalised derivative */
+  PetscReal (*energy)(PetscReal k, PetscReal x);              /* the convex potential whose derivative is the tension */
+  PetscReal (*local)(PetscReal k, PetscReal e0, PetscReal y); /* local stage with l = k: y = tau + l e gives tau_hat - l e_hat */
 } LatinLaw;
 PETSC_INTERN const LatinLaw LatinLaws[];
 PETSC_INTERN const PetscInt LatinLawCount;
@@ -61,21 +61,21 @@ struct _p_LatinLinks {
   PetscBool *fixed;                  /* [nodes_local][dim] */
   PetscInt  *global_dof;             /* [nodes_local][dim] entry of a DM global vector, -1 where prescribed or without link */
   /* the caller's links of this rank */
-  PetscInt  *nodes;                     /* [links_local][2] global node numbers */
-  PetscInt  *law;                       /* [links_local] LatinLawType */
-  PetscReal *stiffness, *prestrain;     /* [links_local] k, e0 */
-  PetscReal *direction;                 /* [links_local][dim] unit vector from the first to the second node: a row of B is (-n, n) */
-  PetscReal *tangent;                   /* [links_local] tangent stiffness of the last Jacobian, NULL before */
-  PetscInt  *subdomain;                 /* [links_local] the caller's partition, NULL if none */
+  PetscInt  *nodes;                 /* [links_local][2] global node numbers */
+  PetscInt  *law;                   /* [links_local] LatinLawType */
+  PetscReal *stiffness, *prestrain; /* [links_local] k, e0 */
+  PetscReal *direction;             /* [links_local][dim] unit vector from the first to the second node: a row of B is (-n, n) */
+  PetscReal *tangent;               /* [links_local] tangent stiffness of the last Jacobian, NULL before */
+  PetscInt  *subdomain;             /* [links_local] the caller's partition, NULL if none */
   PetscInt   subdomain_count;
   /* the DM and its work space */
-  DM            dm;
-  PetscSF       vertex_sf; /* from the caller's nodes to the DM's vertices here */
-  PetscInt      vertices;  /* vertices of the DM here */
-  PetscInt     *ends;      /* [links_local][2] vertices of the DM */
-  PetscReal    *vertex_prescribed; /* [vertices][dim] */
-  Vec           load;              /* F at free dofs, DM global vector */
-  PetscBool     set_up;
+  DM               dm;
+  PetscSF          vertex_sf;         /* from the caller's nodes to the DM's vertices here */
+  PetscInt         vertices;          /* vertices of the DM here */
+  PetscInt        *ends;              /* [links_local][2] vertices of the DM */
+  PetscReal       *vertex_prescribed; /* [vertices][dim] */
+  Vec              load;              /* F at free dofs, DM global vector */
+  PetscBool        set_up;
   PetscObjectState load_state, prestrain_state; /* counted up at each change, so that a solver sees what to rebuild */
 };
 PETSC_INTERN PetscErrorCode LatinLinksLoadVec_Private(LatinLinks);
@@ -84,31 +84,31 @@ PETSC_INTERN PetscErrorCode LatinLinksGetLocal_Private(LatinLinks, Vec, Vec);
 
 /* ---- substructuring (substructure.c): the links of each subdomain, and its copies of the nodes ---- */
 typedef struct {
-  PetscInt   count, n, first;    /* subdomains: all, here, number of the first one here */
-  PetscInt  *rank_first;         /* [ranks + 1] first subdomain of each rank */
-  PetscInt  *of_link;            /* [links->links_local] subdomain of the caller's links */
-  PetscInt  *link_offset;        /* [n + 1] */
-  PetscInt  *link_source;        /* [links] position in the order of arrival, for refreshing link data */
-  PetscInt   links;
-  PetscInt  *ends;               /* [links][2] copies of the nodes */
-  PetscReal *direction;          /* [links][dim] */
-  PetscReal *stiffness;          /* [links] k, which is also the ascent direction l */
-  PetscReal *prestrain;          /* [links] */
-  PetscInt  *law;                /* [links] */
-  PetscInt  *node_offset;        /* [n + 1] */
-  PetscInt   copies;             /* copies of nodes here */
-  PetscInt  *node;               /* [copies] global node number */
-  PetscReal *x;                  /* [copies][dim] coordinates */
-  PetscBool *fixed;              /* [copies][dim] */
-  PetscReal *prescribed;         /* [copies][dim] */
-  PetscInt  *multiplicity;       /* [copies] number of subdomains at the node */
-  PetscInt  *global_dof;         /* [copies][dim] */
-  PetscSF    node_sf;            /* caller's nodes -> copies */
-  PetscSF    dof_sf;             /* DM global vector -> free components of copies */
-  PetscInt   nonsmooth;          /* links with a state, here */
-  PetscInt  *nonsmooth_link;     /* [nonsmooth] */
+  PetscInt     count, n, first; /* subdomains: all, here, number of the first one here */
+  PetscInt    *rank_first;      /* [ranks + 1] first subdomain of each rank */
+  PetscInt    *of_link;         /* [links->links_local] subdomain of the caller's links */
+  PetscInt    *link_offset;     /* [n + 1] */
+  PetscInt    *link_source;     /* [links] position in the order of arrival, for refreshing link data */
+  PetscInt     links;
+  PetscInt    *ends;                                                /* [links][2] copies of the nodes */
+  PetscReal   *direction;                                           /* [links][dim] */
+  PetscReal   *stiffness;                                           /* [links] k, which is also the ascent direction l */
+  PetscReal   *prestrain;                                           /* [links] */
+  PetscInt    *law;                                                 /* [links] */
+  PetscInt    *node_offset;                                         /* [n + 1] */
+  PetscInt     copies;                                              /* copies of nodes here */
+  PetscInt    *node;                                                /* [copies] global node number */
+  PetscReal   *x;                                                   /* [copies][dim] coordinates */
+  PetscBool   *fixed;                                               /* [copies][dim] */
+  PetscReal   *prescribed;                                          /* [copies][dim] */
+  PetscInt    *multiplicity;                                        /* [copies] number of subdomains at the node */
+  PetscInt    *global_dof;                                          /* [copies][dim] */
+  PetscSF      node_sf;                                             /* caller's nodes -> copies */
+  PetscSF      dof_sf;                                              /* DM global vector -> free components of copies */
+  PetscInt     nonsmooth;                                           /* links with a state, here */
+  PetscInt    *nonsmooth_link;                                      /* [nonsmooth] */
   PetscMPIInt *send_count, *send_offset, *recv_count, *recv_offset; /* migration of link data, in links */
-  PetscInt  *send_order;         /* [links->links_local] */
+  PetscInt    *send_order;                                          /* [links->links_local] */
 } LatinSubstructure;
 
 /* The rank of a subdomain */
@@ -127,14 +127,14 @@ static inline PetscMPIInt LatinSubdomainRank(const LatinSubstructure *sub, Petsc
 
 /* ---- interfaces (interface.c): classes, primal nodes, sides and their mates ---- */
 typedef struct {
-  PetscInt  sub;             /* subdomain here (local number) */
-  PetscInt  neighbour;       /* subdomain on the other side (global number) */
+  PetscInt  sub;                   /* subdomain here (local number) */
+  PetscInt  neighbour;             /* subdomain on the other side (global number) */
   PetscInt  node_first, node_last; /* its copies: node_list[first..last) */
   PetscBool strong;
   PetscInt  side_first, side_last; /* its degrees of freedom among the side dofs */
-  PetscInt  modes;           /* macro modes kept */
-  PetscInt  coarse_first;    /* global number of the first one in the coarse problem */
-  PetscInt  local_first;     /* position of the first one among the coarse dofs of the subdomains here */
+  PetscInt  modes;                 /* macro modes kept */
+  PetscInt  coarse_first;          /* global number of the first one in the coarse problem */
+  PetscInt  local_first;           /* position of the first one among the coarse dofs of the subdomains here */
 } LatinInterface;
 
 typedef struct {
@@ -153,39 +153,39 @@ typedef struct {
   PetscSF         mate_sf;      /* side dof -> its mate on the other side of the interface */
   PetscInt        strong_global, weak_global, side_nodes_global;
   /* a table of m x m integers for the m subdomains of a node: each copy fills its own row, and all copies get the whole */
-  PetscSF         table_sf;
-  PetscInt       *table_offset; /* [copies + 1] into the tables of this rank's shared copies */
-  PetscInt        table_roots;
+  PetscSF   table_sf;
+  PetscInt *table_offset; /* [copies + 1] into the tables of this rank's shared copies */
+  PetscInt  table_roots;
 } LatinInterfaces;
 
 /* ---- search direction and macro bases (direction.c, macro.c) ---- */
 typedef struct {
-  PetscReal *d;        /* [sides] micro search direction, force/length */
-  PetscReal *basis;    /* [sides][LATIN_MAX_MODES] R, with R^t d R = 1 on each interface */
+  PetscReal *d;     /* [sides] micro search direction, force/length */
+  PetscReal *basis; /* [sides][LATIN_MAX_MODES] R, with R^t d R = 1 on each interface */
 } LatinMacro;
 
 /* ---- linear stage (linear.c, condense.c): operators of the subdomains ---- */
 typedef struct {
-  Mat        K;              /* block diagonal over the subdomains here, identity on prescribed and primal dofs */
+  Mat        K; /* block diagonal over the subdomains here, identity on prescribed and primal dofs */
   KSP        ksp;
-  PetscInt  *ci, *cj;        /* its row offsets and columns */
+  PetscInt  *ci, *cj; /* its row offsets and columns */
   PetscReal *ca;
-  PetscInt  *primal_offset;  /* [subdomains + 1] primal dofs of each subdomain */
-  PetscInt  *primal_dof;     /* entries of the copy arrays */
-  PetscInt  *primal_index;   /* [copies * dim] position in its subdomain's primal list, -1 if not primal */
-  PetscInt  *rc_offset;      /* [subdomains + 1] coupling of the other dofs with the primal ones */
+  PetscInt  *primal_offset;   /* [subdomains + 1] primal dofs of each subdomain */
+  PetscInt  *primal_dof;      /* entries of the copy arrays */
+  PetscInt  *primal_index;    /* [copies * dim] position in its subdomain's primal list, -1 if not primal */
+  PetscInt  *rc_offset;       /* [subdomains + 1] coupling of the other dofs with the primal ones */
   PetscInt  *rc_row, *rc_col; /* entry of the copy arrays, position in the subdomain's primal list */
   PetscReal *rc_value;
-  size_t    *h_offset;       /* [subdomains + 1] into H */
-  size_t    *phi_offset;     /* [subdomains + 1] into Phi */
-  PetscReal *H;              /* homogenised stiffness (51), column-major, subdomain by subdomain */
-  PetscReal *Phi;            /* displacements for unit coarse displacements, (dim * nodes) x coarse, column-major */
-  Vec        rhs, sol;       /* g and U as vectors */
-  PetscReal *g, *U;          /* [copies * dim] forces and displacements */
-  PetscReal *g0;             /* [copies * dim] the part of g that no iteration changes */
-  PetscReal *lambda;         /* work: macro forces of one subdomain */
-  PetscReal *spring;         /* [copies * dim] springs of the search direction, part of K */
-  PetscInt   widest;         /* most coarse dofs of a subdomain here */
+  size_t    *h_offset;   /* [subdomains + 1] into H */
+  size_t    *phi_offset; /* [subdomains + 1] into Phi */
+  PetscReal *H;          /* homogenised stiffness (51), column-major, subdomain by subdomain */
+  PetscReal *Phi;        /* displacements for unit coarse displacements, (dim * nodes) x coarse, column-major */
+  Vec        rhs, sol;   /* g and U as vectors */
+  PetscReal *g, *U;      /* [copies * dim] forces and displacements */
+  PetscReal *g0;         /* [copies * dim] the part of g that no iteration changes */
+  PetscReal *lambda;     /* work: macro forces of one subdomain */
+  PetscReal *spring;     /* [copies * dim] springs of the search direction, part of K */
+  PetscInt   widest;     /* most coarse dofs of a subdomain here */
 } LatinLinear;
 
 /* ---- coarse problem (coarse.c), (30) and (52) ---- */
@@ -196,11 +196,11 @@ typedef struct {
   PetscSF    sf;                        /* coarse vector -> coarse dofs of the subdomains here */
   PetscInt   macro_local, primal_local; /* numbered by this rank: macro modes, then primal displacements */
   PetscInt   macro_global, primal_global;
-  PetscInt  *rank_start;                /* [ranks + 1] global number of each rank's first one */
-  PetscInt  *offset;                    /* [subdomains + 1] coarse dofs of each subdomain: macro modes, then primal dofs */
-  PetscInt  *macro_count;               /* [subdomains] how many of them are macro modes */
-  PetscInt  *global;                    /* [offset[n]] their global numbers */
-  PetscReal *q, *u;                     /* [offset[n]] condensed forces, coarse displacements, subdomain by subdomain */
+  PetscInt  *rank_start;  /* [ranks + 1] global number of each rank's first one */
+  PetscInt  *offset;      /* [subdomains + 1] coarse dofs of each subdomain: macro modes, then primal dofs */
+  PetscInt  *macro_count; /* [subdomains] how many of them are macro modes */
+  PetscInt  *global;      /* [offset[n]] their global numbers */
+  PetscReal *q, *u;       /* [offset[n]] condensed forces, coarse displacements, subdomain by subdomain */
 } LatinCoarse;
 
 struct _p_Latin {
@@ -220,13 +220,13 @@ struct _p_Latin {
   LatinMacro         macro;
   LatinLinear        linear;
   LatinCoarse        coarse;
-  PetscInt           applications;  /* linear stages done since the last reset of the counter */
+  PetscInt           applications; /* linear stages done since the last reset of the counter */
   PetscBool          set_up;
-  PetscBool          failed;         /* an inner solver failed in the last linear stage */
+  PetscBool          failed; /* an inner solver failed in the last linear stage */
   PetscObjectState   load_state, prestrain_state, links_state;
-  PetscReal         *outgoing;       /* [sides] work: the data that the mates receive */
-  PetscReal          indicator;      /* of the last application, relative */
-  PetscReal          distance;       /* the same, not divided: square root of an energy */
+  PetscReal         *outgoing;  /* [sides] work: the data that the mates receive */
+  PetscReal          indicator; /* of the last application, relative */
+  PetscReal          distance;  /* the same, not divided: square root of an energy */
 };
 
 PETSC_INTERN PetscErrorCode LatinCreate_Private(MPI_Comm, Latin *);

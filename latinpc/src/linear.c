@@ -23,7 +23,7 @@ typedef struct {
 
 static PetscErrorCode LatinGraphCreate_Private(Latin latin, LatinGraph *graph)
 {
-  LatinSubstructure *sub = &latin->sub;
+  LatinSubstructure *sub    = &latin->sub;
   PetscInt           widest = 0;
 
   PetscFunctionBegin;
@@ -238,14 +238,14 @@ PetscErrorCode LatinLinearSetLoads(Latin latin, Vec load)
 */
 PetscErrorCode LatinLinearApply(Latin latin)
 {
-  LatinSubstructure  *sub    = &latin->sub;
-  LatinInterfaces    *inter  = &latin->inter;
-  LatinLinear        *linear = &latin->linear;
-  LatinCoarse        *coarse = &latin->coarse;
-  const PetscInt      dim    = latin->links->dim;
-  const PetscScalar   one = 1.0, zero = 0.0;
-  const PetscBLASInt  inc = 1;
-  KSPConvergedReason  reason;
+  LatinSubstructure *sub    = &latin->sub;
+  LatinInterfaces   *inter  = &latin->inter;
+  LatinLinear       *linear = &latin->linear;
+  LatinCoarse       *coarse = &latin->coarse;
+  const PetscInt     dim    = latin->links->dim;
+  const PetscScalar  one = 1.0, zero = 0.0;
+  const PetscBLASInt inc = 1;
+  KSPConvergedReason reason;
 
   PetscFunctionBegin;
   PetscCall(PetscLogEventBegin(LATIN_Condense, latin, 0, 0, 0));

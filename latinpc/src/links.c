@@ -94,7 +94,8 @@ static PetscErrorCode LatinLinksComputeDirections_Private(LatinLinks links)
     for (PetscInt c = 0; c < dim; c++) n[c] = n[c] / scale / length;
   }
   PetscCall(PetscFree(vx));
-  LatinAgree(PetscObjectComm((PetscObject)links), bad >= 0, PETSC_ERR_ARG_WRONG, "Link %" PetscInt_FMT " has no length: its nodes %" PetscInt_FMT " and %" PetscInt_FMT " lie at the same point; merge the nodes or remove the link", links->links_start + bad, links->nodes[2 * bad], links->nodes[2 * bad + 1]);
+  LatinAgree(PetscObjectComm((PetscObject)links), bad >= 0, PETSC_ERR_ARG_WRONG, "Link %" PetscInt_FMT " has no length: its nodes %" PetscInt_FMT " and %" PetscInt_FMT " lie at the same point; merge the nodes or remove the link",
+             links->links_start + bad, links->nodes[2 * bad], links->nodes[2 * bad + 1]);
   PetscFunctionReturn(0);
 }
 
@@ -141,7 +142,8 @@ PetscErrorCode LatinLinksCreate(MPI_Comm comm, PetscInt dim, PetscInt nodes_loca
   LatinAgree(comm, out[1] == 0, PETSC_ERR_ARG_SIZ, "The structure has no link: there is nothing to solve");
   for (PetscInt i = 0; i < links_local && bad < 0; i++)
     if (link_nodes[2 * i] < 0 || link_nodes[2 * i] >= out[0] || link_nodes[2 * i + 1] < 0 || link_nodes[2 * i + 1] >= out[0]) bad = i;
-  LatinAgree(comm, bad >= 0, PETSC_ERR_ARG_OUTOFRANGE, "Link %" PetscInt_FMT " joins nodes %" PetscInt_FMT " and %" PetscInt_FMT ", but the nodes are numbered from 0 to %" PetscInt_FMT, start[1] - links_local + bad, link_nodes[2 * bad], link_nodes[2 * bad + 1], out[0] - 1);
+  LatinAgree(comm, bad >= 0, PETSC_ERR_ARG_OUTOFRANGE, "Link %" PetscInt_FMT " joins nodes %" PetscInt_FMT " and %" PetscInt_FMT ", but the nodes are numbered from 0 to %" PetscInt_FMT, start[1] - links_local + bad, link_nodes[2 * bad],
+             link_nodes[2 * bad + 1], out[0] - 1);
   for (PetscInt i = 0; i < links_local && self < 0; i++)
     if (link_nodes[2 * i] == link_nodes[2 * i + 1]) self = i;
   LatinAgree(comm, self >= 0, PETSC_ERR_ARG_WRONG, "Link %" PetscInt_FMT " joins node %" PetscInt_FMT " to itself; remove it", start[1] - links_local + self, link_nodes[2 * self]);
@@ -259,7 +261,7 @@ PetscErrorCode LatinLinksSetPrestrain(LatinLinks links, const PetscReal prestrai
 @*/
 PetscErrorCode LatinLinksSetSupports(LatinLinks links, const PetscBool fixed[], const PetscReal prescribed[])
 {
-  const PetscInt n = links->nodes_local * links->dim;
+  const PetscInt n   = links->nodes_local * links->dim;
   PetscInt       bad = -1;
 
   PetscFunctionBegin;
@@ -286,7 +288,7 @@ PetscErrorCode LatinLinksSetSupports(LatinLinks links, const PetscBool fixed[], 
 @*/
 PetscErrorCode LatinLinksSetLoads(LatinLinks links, const PetscReal force[])
 {
-  const PetscInt n = links->nodes_local * links->dim;
+  const PetscInt n   = links->nodes_local * links->dim;
   PetscInt       bad = -1;
 
   PetscFunctionBegin;
@@ -330,7 +332,8 @@ PetscErrorCode LatinLinksSetSubdomains(LatinLinks links, const PetscInt subdomai
     if (bad < 0 && (subdomain[l] < 0 || subdomain[l] >= links->links_global)) bad = l;
     last = PetscMax(last, subdomain[l]);
   }
-  LatinAgree(comm, bad >= 0, PETSC_ERR_ARG_OUTOFRANGE, "Link %" PetscInt_FMT " is in subdomain %" PetscInt_FMT "; subdomains are numbered from 0, and there are at most as many as links (%" PetscInt_FMT ")", links->links_start + bad, subdomain[bad], links->links_global);
+  LatinAgree(comm, bad >= 0, PETSC_ERR_ARG_OUTOFRANGE, "Link %" PetscInt_FMT " is in subdomain %" PetscInt_FMT "; subdomains are numbered from 0, and there are at most as many as links (%" PetscInt_FMT ")", links->links_start + bad, subdomain[bad],
+             links->links_global);
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &last, 1, MPIU_INT, MPI_MAX, comm));
   PetscCall(PetscMalloc1(links->links_local, &links->subdomain));
   PetscCall(PetscArraycpy(links->subdomain, subdomain, links->links_local));

@@ -110,7 +110,8 @@ PetscErrorCode LatinLinksSetUp(LatinLinks links)
   bad = -1;
   for (PetscInt i = 0; i < n && bad < 0; i++)
     if (!links->fixed[i] && links->global_dof[i] < 0) bad = i;
-  LatinAgree(PetscObjectComm((PetscObject)links), bad >= 0, PETSC_ERR_ARG_WRONGSTATE, "Node %" PetscInt_FMT " is free in direction %" PetscInt_FMT " but no link reaches it; remove it or prescribe its displacement", links->nodes_start + bad / dim, bad % dim);
+  LatinAgree(PetscObjectComm((PetscObject)links), bad >= 0, PETSC_ERR_ARG_WRONGSTATE, "Node %" PetscInt_FMT " is free in direction %" PetscInt_FMT " but no link reaches it; remove it or prescribe its displacement", links->nodes_start + bad / dim,
+             bad % dim);
   PetscCall(DMCreateGlobalVector(links->dm, &links->load));
   PetscCall(LatinLinksLoadVec_Private(links));
 
@@ -451,10 +452,10 @@ PetscErrorCode LatinLinksComputeErrors(LatinLinks links, Vec u, Vec reference, P
 @*/
 PetscErrorCode LatinLinksGetDisplacements(LatinLinks links, Vec u, PetscReal displacement[])
 {
-  const PetscInt n = links->nodes_local * links->dim;
-  PetscSF        sf;
-  PetscInt      *remote, *local, m = 0;
-  PetscLayout    map;
+  const PetscInt     n = links->nodes_local * links->dim;
+  PetscSF            sf;
+  PetscInt          *remote, *local, m = 0;
+  PetscLayout        map;
   const PetscScalar *a;
 
   PetscFunctionBegin;

@@ -11,9 +11,9 @@
 /* The links' dual graph from the end nodes of all links; coincident links share two nodes but one edge */
 static PetscErrorCode LatinDualGraph_Private(PetscInt nodes, PetscInt n, const PetscInt ends[], idx_t **xadj, idx_t **adjncy, PetscBool *overflow)
 {
-  PetscInt *offset, *incident, *seen;
+  PetscInt  *offset, *incident, *seen;
   PetscInt64 edges = 0;
-  idx_t   *xa, *adj = NULL;
+  idx_t     *xa, *adj = NULL;
 
   PetscFunctionBegin;
   PetscCall(PetscCalloc1(nodes + 2, &offset));
@@ -59,13 +59,13 @@ static PetscErrorCode LatinDualGraph_Private(PetscInt nodes, PetscInt n, const P
 /* METIS is sequential: rank 0 partitions all links and hands the parts back; parts that METIS leaves empty are closed up */
 static PetscErrorCode LatinPartitionMetis_Private(Latin latin, PetscInt parts)
 {
-  LatinLinks        links = latin->links;
-  LatinSubstructure *sub  = &latin->sub;
-  MPI_Comm          comm  = PetscObjectComm((PetscObject)latin);
-  PetscMPIInt       rank, size, *counts = NULL, *displs = NULL, mine;
-  PetscInt         *all = NULL, *part = NULL, total = links->links_global, used = 0;
-  int               status   = METIS_OK;
-  PetscBool         overflow = PETSC_FALSE;
+  LatinLinks         links = latin->links;
+  LatinSubstructure *sub   = &latin->sub;
+  MPI_Comm           comm  = PetscObjectComm((PetscObject)latin);
+  PetscMPIInt        rank, size, *counts = NULL, *displs = NULL, mine;
+  PetscInt          *all = NULL, *part = NULL, total = links->links_global, used = 0;
+  int                status   = METIS_OK;
+  PetscBool          overflow = PETSC_FALSE;
 
   PetscFunctionBegin;
   PetscCallMPI(MPI_Comm_rank(comm, &rank));
@@ -127,7 +127,7 @@ static PetscErrorCode LatinPartitionMetis_Private(Latin latin, PetscInt parts)
 /* Every number from 0 to count - 1 must have a link, or a subdomain would be empty */
 static PetscErrorCode LatinPartitionCheck_Private(Latin latin)
 {
-  MPI_Comm       comm = PetscObjectComm((PetscObject)latin);
+  MPI_Comm       comm  = PetscObjectComm((PetscObject)latin);
   const PetscInt count = latin->sub.count;
   PetscInt      *links, empty = -1;
 
@@ -153,7 +153,8 @@ static PetscErrorCode LatinPartitionLabel_Private(Latin latin, DMLabel label)
     if (bad < 0 && (latin->sub.of_link[l] < 0 || latin->sub.of_link[l] >= links->links_global)) bad = l;
     last = PetscMax(last, latin->sub.of_link[l]);
   }
-  LatinAgree(PetscObjectComm((PetscObject)latin), bad >= 0, PETSC_ERR_ARG_OUTOFRANGE, "The label \"subdomain\" gives link %" PetscInt_FMT " the value %" PetscInt_FMT "; give every link a number between 0 and %" PetscInt_FMT, links->links_start + bad, latin->sub.of_link[bad], links->links_global - 1);
+  LatinAgree(PetscObjectComm((PetscObject)latin), bad >= 0, PETSC_ERR_ARG_OUTOFRANGE, "The label \"subdomain\" gives link %" PetscInt_FMT " the value %" PetscInt_FMT "; give every link a number between 0 and %" PetscInt_FMT, links->links_start + bad,
+             latin->sub.of_link[bad], links->links_global - 1);
   PetscCall(MPIU_Allreduce(&last, &latin->sub.count, 1, MPIU_INT, MPI_MAX, PetscObjectComm((PetscObject)latin)));
   latin->sub.count++;
   PetscFunctionReturn(0);
@@ -179,7 +180,7 @@ PetscErrorCode LatinPartition_Private(Latin latin)
   } else {
     PetscInt parts = latin->subdomains ? latin->subdomains : (links->links_global + latin->links_per_subdomain - 1) / latin->links_per_subdomain;
 
-    given = PETSC_FALSE;
+    given      = PETSC_FALSE;
     sub->count = parts;
     if (parts == 1) PetscCall(PetscArrayzero(sub->of_link, links->links_local));
     else if (parts == links->links_global) {

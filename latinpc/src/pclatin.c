@@ -9,19 +9,16 @@
    problems regular where a subdomain has mechanisms of its own.
 */
 
-typedef enum {
-  WEIGHTS_STIFFNESS,
-  WEIGHTS_MULTIPLICITY
-} LatinWeightsType;
+typedef enum { WEIGHTS_STIFFNESS, WEIGHTS_MULTIPLICITY } LatinWeightsType;
 static const char *const LatinWeightsTypes[] = {"stiffness", "multiplicity", "LatinWeightsType", "WEIGHTS_", NULL};
 
 typedef struct {
   Latin            latin;
-  LatinLinks       links;   /* given by PCLatinSetLinks(), or NULL */
+  LatinLinks       links; /* given by PCLatinSetLinks(), or NULL */
   LatinWeightsType weights;
-  PetscReal       *weight;  /* [copies * dim] partition of unity */
-  PetscBool       *inner;   /* [copies] the node belongs to one subdomain */
-  Mat              K;       /* stiffness of the interiors, identity elsewhere */
+  PetscReal       *weight; /* [copies * dim] partition of unity */
+  PetscBool       *inner;  /* [copies] the node belongs to one subdomain */
+  Mat              K;      /* stiffness of the interiors, identity elsewhere */
   PetscInt        *ci, *cj;
   PetscReal       *ca;
   KSP              ksp;
@@ -103,13 +100,13 @@ static PetscErrorCode PCLatinWeights_Private(PC pc)
 /* The rows and columns of K_E at inner nodes; springs and primal dofs are on interfaces only, so they play no part */
 static PetscErrorCode PCLatinInterior_Private(PC pc)
 {
-  PC_Latin       *data   = (PC_Latin *)pc->data;
-  Latin           latin  = data->latin;
-  LatinLinear    *linear = &latin->linear;
-  const PetscInt  dim = latin->links->dim, n = dim * latin->sub.copies;
-  const char     *prefix;
-  PetscInt        nz = 0;
-  PC              sub;
+  PC_Latin      *data   = (PC_Latin *)pc->data;
+  Latin          latin  = data->latin;
+  LatinLinear   *linear = &latin->linear;
+  const PetscInt dim = latin->links->dim, n = dim * latin->sub.copies;
+  const char    *prefix;
+  PetscInt       nz = 0;
+  PC             sub;
 
   PetscFunctionBegin;
   PetscCall(PetscMalloc3(n + 1, &data->ci, linear->ci[n], &data->cj, linear->ci[n], &data->ca));
@@ -183,10 +180,10 @@ static PetscErrorCode PCLatinFindLinks_Private(PC pc, LatinLinks *links)
 
 static PetscErrorCode PCSetUp_Latin(PC pc)
 {
-  PC_Latin  *data = (PC_Latin *)pc->data;
-  LatinLinks links;
+  PC_Latin   *data = (PC_Latin *)pc->data;
+  LatinLinks  links;
   const char *prefix;
-  PetscInt   n;
+  PetscInt    n;
 
   PetscFunctionBegin;
   PetscCall(PCLatinFindLinks_Private(pc, &links));

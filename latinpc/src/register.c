@@ -80,5 +80,9 @@ __attribute__((constructor)) static void LatinCheckLibraryName(void)
   if (!strncmp(base, "lib", 3)) base += 3;
   if (!strncmp(base, "latinpc.so", 10)) return;
   (void)MPI_Comm_rank(MPI_COMM_WORLD, &rank);
-  if (!rank) fprintf(stderr, "liblatinpc: loaded as %s. PETSc finds the solver types of a library by the name of its file, and this one must be called liblatinpc.so: no type \"latin\" has been registered. Give the file its name back, or append a symbolic link called liblatinpc.so, and run again.\n", info.dli_fname);
+  if (!rank)
+    fprintf(
+      stderr,
+      "liblatinpc: loaded as %s. PETSc finds the solver types of a library by the name of its file, and this one must be called liblatinpc.so: no type \"latin\" has been registered. Give the file its name back, or append a symbolic link called liblatinpc.so, and run again.\n",
+      info.dli_fname);
 }

@@ -9,19 +9,19 @@
 */
 
 typedef struct {
-  Latin         latin;
-  SNES          outer;       /* solves z - G(z) = 0 */
-  Vec           z;
-  LatinStopType stop;
-  PetscBool     warm;        /* start from the state of the last solve */
-  PetscBool     has_state;
-  Vec           reference;   /* displacements to compare with, or NULL */
-  PetscReal    *reference_copy;
-  PetscInt      history_size, done;
-  PetscReal    *indicator, *error_l2, *error_energy; /* [history_size] per linear stage; [done] filled */
-  PetscReal     first_distance, first_residual, residual;
-  PetscInt      tested;      /* linear stages that the convergence test has seen */
-  PetscViewer   monitor;
+  Latin             latin;
+  SNES              outer; /* solves z - G(z) = 0 */
+  Vec               z;
+  LatinStopType     stop;
+  PetscBool         warm; /* start from the state of the last solve */
+  PetscBool         has_state;
+  Vec               reference; /* displacements to compare with, or NULL */
+  PetscReal        *reference_copy;
+  PetscInt          history_size, done;
+  PetscReal        *indicator, *error_l2, *error_energy; /* [history_size] per linear stage; [done] filled */
+  PetscReal         first_distance, first_residual, residual;
+  PetscInt          tested; /* linear stages that the convergence test has seen */
+  PetscViewer       monitor;
   PetscViewerFormat monitor_format;
 } SNES_Latin;
 
@@ -113,7 +113,7 @@ static PetscErrorCode SNESLatinConverged_Private(SNES outer, PetscInt it, PetscR
 
 static PetscErrorCode SNESLatinMonitor_Private(SNES snes, PetscInt it, PetscReal norm, void *ctx)
 {
-  SNES_Latin *data = (SNES_Latin *)snes->data;
+  SNES_Latin *data   = (SNES_Latin *)snes->data;
   PetscViewer viewer = data->monitor;
 
   PetscFunctionBegin;
@@ -186,13 +186,12 @@ static PetscErrorCode SNESSetFromOptions_Latin(SNES snes, PetscOptionItems *Pets
   PetscFunctionBegin;
   PetscCall(LatinSetFromOptions_Private(data->latin, PetscOptionsObject, "snes"));
   PetscOptionsHeadBegin(PetscOptionsObject, "SNES latin options");
-  PetscCall(PetscOptionsEnum("-snes_latin_stop", "Stop on the LATIN indicator (-snes_stol), the residual (-snes_rtol, -snes_atol) or the error against a reference (-snes_stol)", "LatinStopType", LatinStopTypes, (PetscEnum)data->stop, (PetscEnum *)&data->stop, NULL));
+  PetscCall(PetscOptionsEnum("-snes_latin_stop", "Stop on the LATIN indicator (-snes_stol), the residual (-snes_rtol, -snes_atol) or the error against a reference (-snes_stol)", "LatinStopType", LatinStopTypes, (PetscEnum)data->stop,
+                             (PetscEnum *)&data->stop, NULL));
   PetscCall(PetscOptionsBool("-snes_latin_warm_start", "Start from the state of the last solve on this object", "None", data->warm, &data->warm, NULL));
   PetscCall(PetscOptionsViewer("-snes_latin_monitor", "Monitor the indicator, and the residual or errors where they are computed", "None", &data->monitor, &data->monitor_format, &set));
   PetscOptionsHeadEnd();
-  if (set && data->monitor) {
-    PetscCall(SNESMonitorSet(snes, SNESLatinMonitor_Private, NULL, NULL));
-  }
+  if (set && data->monitor) { PetscCall(SNESMonitorSet(snes, SNESLatinMonitor_Private, NULL, NULL)); }
   PetscCall(SNESGetOptionsPrefix(snes, &prefix));
   PetscCall(PetscObjectSetOptions((PetscObject)data->latin, ((PetscObject)snes)->options));
   PetscCall(PetscObjectSetOptionsPrefix((PetscObject)data->latin, prefix));
@@ -246,7 +245,8 @@ static PetscErrorCode SNESSetUp_Latin(SNES snes)
   PetscFunctionBegin;
   PetscCall(PetscObjectQuery((PetscObject)snes, "LatinLinks", (PetscObject *)&links));
   if (!links) PetscCall(LatinLinksFromDM_Private(snes->dm, &links));
-  PetscCheck(links, PetscObjectComm((PetscObject)snes), PETSC_ERR_ORDER, "-snes_type latin has no structure to work on: build one with LatinLinksCreate() and give it to this SNES with LatinLinksAttachSNES() (in Python, latinpc.Links(...).attach(snes))");
+  PetscCheck(links, PetscObjectComm((PetscObject)snes), PETSC_ERR_ORDER,
+             "-snes_type latin has no structure to work on: build one with LatinLinksCreate() and give it to this SNES with LatinLinksAttachSNES() (in Python, latinpc.Links(...).attach(snes))");
   PetscCall(LatinSetLinks_Private(data->latin, links));
   if (!((PetscObject)data->latin)->prefix) {
     const char *prefix;
@@ -298,7 +298,7 @@ static PetscErrorCode SNESSolve_Latin(SNES snes)
   PetscCheck(!snes->xl && !snes->xu && !snes->ops->computevariablebounds, PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_WRONGSTATE, "SNES latin does not take bounds on the unknowns: unilateral behaviour is in the laws of the links");
   PetscCall(PetscCitationsRegister(citation, &cited));
   PetscCall(SNESLatinSetUpState_Private(snes)); /* the structure may have changed since SNESSetUp() */
-  if (snes->vec_rhs) {                  /* F(x) = b: more load */
+  if (snes->vec_rhs) {                          /* F(x) = b: more load */
     PetscCall(VecDuplicate(latin->links->load, &load));
     PetscCall(VecWAXPY(load, 1.0, snes->vec_rhs, latin->links->load));
     PetscCall(LatinLinearSetLoads(latin, load));

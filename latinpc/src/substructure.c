@@ -90,7 +90,7 @@ static PetscErrorCode LatinSubstructurePlan_Private(Latin latin)
 /* The copies of the nodes: the nodes of each subdomain's links, by increasing number */
 static PetscErrorCode LatinSubstructureCopies_Private(Latin latin)
 {
-  LatinSubstructure *sub = &latin->sub;
+  LatinSubstructure *sub   = &latin->sub;
   LatinLinks         links = latin->links;
   PetscInt          *nodes, *list, total = 0;
 
