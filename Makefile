@@ -69,7 +69,7 @@ $(BUILD)/build.ninja: latinpc/CMakeLists.txt $(VENV)/.tools
 	@touch $@
 
 build: $(BUILD)/build.ninja
-	@cmake --build $(BUILD)
+	@flock $(VENV)/.lock cmake --build $(BUILD)
 
 demo: env
 	@mkdir -p demo

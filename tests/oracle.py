@@ -17,7 +17,7 @@ import scipy.sparse.linalg as spla
 RANK = 1e-6  # relative size below which a direction does not count
 FLOOR = 0.1  # least diagonal search direction of an interface, relative to its mean
 VISIBLE = 1e-3  # share of a macro mode that must lie on the nodes that serve its interface
-OWNED = False  # do nodes of more than two subdomains serve an interface, see `macro_nodes`
+OWNED = True  # do nodes of more than two subdomains serve an interface, see `macro_nodes`
 
 
 # ---- the structure -----------------------------------------------------------------------------
@@ -237,8 +237,12 @@ def macro_nodes(latin, pair, owned):
         return [node for node in candidates if len(latin.touching[node]) == 2]
 
     def thinnest(node):
-        pairs = [other for other in combinations(latin.touching[node], 2) if node in latin.micro[other]]
-        return min(pairs, key=lambda other: (len(latin.micro[other]), other))
+        pairs = [
+            other
+            for other in combinations(latin.touching[node], 2)
+            if latin.planes[other] is not None and node in latin.micro[other]
+        ]
+        return pairs and min(pairs, key=lambda other: (len(latin.micro[other]), other))
 
     return [node for node in candidates if thinnest(node) == pair]
 

@@ -310,12 +310,13 @@ static PetscErrorCode LatinInterfaceSides_Private(Latin latin)
   PetscCall(LatinInterfaceExchange_Private(latin, table));
 
   PetscCall(PetscMalloc2(largest, &primal, largest, &strong));
-  PetscCall(PetscMalloc3(sub->copies, &inter->node_class, sub->copies, &inter->component, sub->copies, &inter->exclusive));
+  PetscCall(PetscMalloc3(sub->copies, &inter->node_class, sub->copies, &inter->component, sub->copies, &inter->glued));
   for (PetscInt i = 0; i < sub->copies; i++) {
     const PetscInt  m = inter->share_offset[i + 1] - inter->share_offset[i];
     const PetscInt *t = table + inter->table_offset[i];
 
     inter->component[i]  = -1;
+    inter->glued[i]      = PETSC_FALSE;
     inter->node_class[i] = m ? 1 : 0;
     for (PetscInt j = 0; j < m * m; j++)
       if (t[j] == PAIR_WEAK) inter->node_class[i] = 2;
@@ -323,8 +324,9 @@ static PetscErrorCode LatinInterfaceSides_Private(Latin latin)
       LatinNodePrimal_Private(latin->variant, latin->promote, m, t, primal);
       inter->component[i] = primal[inter->position[i]];
       if (inter->component[i] >= 0) inter->node_class[i] = 3;
+      for (PetscInt j = 0; j < m; j++)
+        if (primal[j] >= 0) inter->glued[i] = PETSC_TRUE;
     }
-    inter->exclusive[i] = (PetscBool)(m == 2 && inter->component[i] < 0);
   }
 
   PetscCall(PetscMalloc1(capacity, &inter->side_dof));
@@ -351,6 +353,53 @@ static PetscErrorCode LatinInterfaceSides_Private(Latin latin)
   PetscCall(PetscFree2(primal, strong));
   PetscCall(PetscFree(table));
   PetscCall(MPIU_Allreduce(&side_nodes, &inter->side_nodes_global, 1, MPIU_INT, MPI_SUM, PetscObjectComm((PetscObject)latin)));
+  PetscFunctionReturn(0);
+}
+
+/*
+   Which interface a node serves: its macro modes must be visible there, and no node serves two interfaces. A node of
+   two subdomains serves their interface; a node of more serves the thinnest of its strong interfaces; a primal node
+   none. Taking the interfaces of a subdomain from the thickest down shows that its macro constraints are independent:
+   the nodes that one serves are touched by thicker ones only.
+*/
+static PetscErrorCode LatinInterfaceServing_Private(Latin latin)
+{
+  LatinSubstructure *sub   = &latin->sub;
+  LatinInterfaces   *inter = &latin->inter;
+  const PetscInt     dim   = latin->links->dim;
+  PetscInt          *table;
+
+  PetscFunctionBegin;
+  PetscCall(PetscCalloc1(inter->table_offset[sub->copies], &table));
+  PetscCall(PetscMalloc1(inter->sides, &inter->serves));
+  for (PetscInt pass = 0; pass < 2; pass++) {
+    for (PetscInt f = 0; f < inter->count; f++) {
+      const LatinInterface *face = &inter->interface[f];
+      PetscInt              nodes = 0;
+
+      for (PetscInt k = face->side_first; k < face->side_last; k++)
+        if (k == face->side_first || inter->side_dof[k] / dim != inter->side_dof[k - 1] / dim) nodes++;
+      for (PetscInt k = face->side_first; k < face->side_last; k++) {
+        const PetscInt i = inter->side_dof[k] / dim, m = inter->share_offset[i + 1] - inter->share_offset[i];
+        PetscInt      *t = table + inter->table_offset[i], other, low = -1, high = -1;
+
+        PetscCall(PetscFindInt(face->neighbour, m, inter->share_list + inter->share_offset[i], &other));
+        if (!pass) {
+          t[inter->position[i] * m + other] = face->strong ? nodes : 0;
+          continue;
+        }
+        for (PetscInt a = 0; a < m; a++)
+          for (PetscInt b = a + 1; b < m; b++)
+            if (t[a * m + b] && (low < 0 || t[a * m + b] < t[low * m + high])) {
+              low  = a;
+              high = b;
+            }
+        inter->serves[k] = (PetscBool)(!inter->glued[i] && low == PetscMin(inter->position[i], other) && high == PetscMax(inter->position[i], other));
+      }
+    }
+    if (!pass) PetscCall(LatinInterfaceExchange_Private(latin, table));
+  }
+  PetscCall(PetscFree(table));
   PetscFunctionReturn(0);
 }
 
@@ -403,6 +452,7 @@ PetscErrorCode LatinInterfaceSetUp(Latin latin)
   PetscCall(LatinInterfaceShares_Private(latin));
   PetscCall(LatinInterfaceList_Private(latin));
   PetscCall(LatinInterfaceSides_Private(latin));
+  PetscCall(LatinInterfaceServing_Private(latin));
   PetscCall(LatinInterfaceMates_Private(latin));
   PetscCall(PetscLogEventEnd(LATIN_Interface, latin, 0, 0, 0));
   PetscFunctionReturn(0);
@@ -419,8 +469,9 @@ PetscErrorCode LatinInterfaceReset(Latin latin)
   PetscCall(PetscFree2(inter->share_offset, inter->table_offset));
   PetscCall(PetscFree(inter->share_list));
   PetscCall(PetscFree(inter->position));
-  PetscCall(PetscFree3(inter->node_class, inter->component, inter->exclusive));
+  PetscCall(PetscFree3(inter->node_class, inter->component, inter->glued));
   PetscCall(PetscFree(inter->side_dof));
+  PetscCall(PetscFree(inter->serves));
   PetscCall(PetscSFDestroy(&inter->table_sf));
   PetscCall(PetscSFDestroy(&inter->mate_sf));
   PetscCall(PetscMemzero(inter, sizeof(*inter)));

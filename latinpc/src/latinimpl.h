@@ -147,9 +147,10 @@ typedef struct {
   PetscInt       *node_class;   /* [copies] 0 interior, 1 strong, 2 weak, 3 primal */
   PetscInt       *component;    /* [copies] position in share_list of the first subdomain of the copy's primal component, -1 if not primal */
   PetscInt       *position;     /* [copies] position of the copy's own subdomain in share_list */
-  PetscBool      *exclusive;    /* [copies] the node belongs to one interface only and is not primal */
+  PetscBool      *glued;        /* [copies] the node has a primal component, this copy's or another one */
   PetscInt        sides;        /* side degrees of freedom here */
   PetscInt       *side_dof;     /* [sides] entry of the copy arrays */
+  PetscBool      *serves;       /* [sides] macro modes of the interface must be visible here */
   PetscSF         mate_sf;      /* side dof -> its mate on the other side of the interface */
   PetscInt        strong_global, weak_global, side_nodes_global;
   /* a table of m x m integers for the m subdomains of a node: each copy fills its own row, and all copies get the whole */

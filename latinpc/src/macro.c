@@ -6,12 +6,12 @@
 
    The macro constraints of one subdomain must be independent, or its condensed operator is singular. On an irregular
    partition the interfaces of a subdomain share nodes, and primal nodes carry constraints of their own. So only those
-   combinations of modes are kept that are independent on the exclusive nodes of the interface (nodes of these two
-   subdomains alone, not primal): rows of different interfaces then have independent parts with disjoint supports.
+   combinations of modes are kept that are visible on the nodes that serve the interface, see
+   LatinInterfaceServing_Private().
 */
 
 #define LATIN_MODE_RANK    1e-6 /* singular values below this fraction of the largest are dependent modes */
-#define LATIN_MODE_VISIBLE 1e-3 /* a mode is kept when this part of its norm, or more, lies on exclusive nodes */
+#define LATIN_MODE_VISIBLE 1e-3 /* a mode is kept when this part of its norm, or more, lies on the nodes that serve the interface */
 
 /* Affine modes at the side dofs of an interface, weighted row-wise by sqrt(d): M[row + rows * mode] */
 static PetscErrorCode LatinMacroModes_Private(Latin latin, const LatinInterface *face, PetscScalar M[])
@@ -77,7 +77,7 @@ static void LatinCombine_Private(PetscInt rows, PetscInt modes, PetscInt n, cons
 
 /*
    The basis of one interface. First the fields that its side dofs can tell apart, orthonormal in d; then, of these,
-   the combinations whose part on the exclusive nodes does not vanish (singular values are cosines, between 0 and 1).
+   the combinations whose part on the serving nodes does not vanish (singular values are cosines, between 0 and 1).
    Orthogonal combinations of an orthonormal basis are orthonormal: the result does not depend on how modes are scaled.
 */
 static PetscErrorCode LatinMacroBasis_Private(Latin latin, LatinInterface *face, PetscScalar M[], PetscScalar F[])
@@ -86,7 +86,7 @@ static PetscErrorCode LatinMacroBasis_Private(Latin latin, LatinInterface *face,
   const PetscInt   rows = face->side_last - face->side_first, dim = latin->links->dim, modes = dim * dim;
   PetscScalar      V[LATIN_MAX_MODES * LATIN_MAX_MODES];
   PetscReal        s[LATIN_MAX_MODES], one[LATIN_MAX_MODES];
-  PetscInt         fields = 0, kept = 0, exclusive = 0;
+  PetscInt         fields = 0, kept = 0, serving = 0;
 
   PetscFunctionBegin;
   for (PetscInt k = 0; k < LATIN_MAX_MODES; k++) one[k] = 1.0;
@@ -95,12 +95,12 @@ static PetscErrorCode LatinMacroBasis_Private(Latin latin, LatinInterface *face,
   PetscCall(LatinSVD_Private(rows, modes, M, s, V));
   while (fields < modes && s[fields] > LATIN_MODE_RANK * s[0]) fields++;
   LatinCombine_Private(rows, modes, fields, M, V, s, F);
-  for (PetscInt r = 0; r < rows; r++) exclusive += inter->exclusive[inter->side_dof[face->side_first + r] / dim] ? 1 : 0;
-  if (!exclusive || !fields) PetscFunctionReturn(0);
+  for (PetscInt r = 0; r < rows; r++) serving += inter->serves[face->side_first + r] ? 1 : 0;
+  if (!serving || !fields) PetscFunctionReturn(0);
   for (PetscInt j = 0; j < fields; j++)
     for (PetscInt r = 0, k = 0; r < rows; r++)
-      if (inter->exclusive[inter->side_dof[face->side_first + r] / dim]) M[k++ + exclusive * j] = F[r + rows * j];
-  PetscCall(LatinSVD_Private(exclusive, fields, M, s, V));
+      if (inter->serves[face->side_first + r]) M[k++ + serving * j] = F[r + rows * j];
+  PetscCall(LatinSVD_Private(serving, fields, M, s, V));
   while (kept < fields && s[kept] > LATIN_MODE_VISIBLE) kept++;
   LatinCombine_Private(rows, fields, kept, F, V, one, M);
   for (PetscInt k = 0; k < kept; k++)
