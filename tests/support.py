@@ -17,6 +17,7 @@ from latinpc.solve import default_options
 VARIANTS = ("none", "macro", "corner")
 PLAIN = {"outer_snes_type": "nrichardson"}
 ROUNDING = 1e-10
+SNES_OWN = ("max_it", "stol", "rtol", "atol", "divergence_tolerance", "monitor", "view")
 
 
 # ---- structures ------------------------------------------------------------------------------
@@ -83,8 +84,7 @@ def settled(scene, size=1e-3, seed=0):
 def latin(scene, _links=None, **options):
     """Give a SNES latin with these options, `-snes_latin_` left out: ``latin(scene, variant="macro", max_it=3)``."""
     links = _links or latinpc.Links.from_scene(scene, comm=PETSc.COMM_SELF)
-    own = {f"snes_{key}" if key in ("max_it", "stol", "rtol", "atol") else f"snes_latin_{key}": v for key, v in options.items()}
-    with default_options(own):
+    with default_options({("snes_" if key in SNES_OWN else "snes_latin_") + key: v for key, v in options.items()}):
         snes = links.create_snes()
         snes.setFromOptions()
         try:

@@ -1,0 +1,98 @@
+"""The examples are tests: every indented command line at the top of an example is run, and each asserts a number."""
+
+import os
+import re
+import shlex
+import shutil
+import sys
+from pathlib import Path
+
+import petsc4py
+import pytest
+from conftest import ROOT, run
+
+EXAMPLES = ROOT / "examples"
+SOURCES = sorted(path for path in EXAMPLES.iterdir() if path.suffix in (".py", ".c", ".F90"))
+COMPILERS = ("mpicc", "mpif90")
+COMMANDS = re.compile(r"^[!\s]{4,}((?:python|latinpc|mpirun|mpicc|mpif90|\./\w+)\s?.*)$", re.MULTILINE)
+
+
+def header(source):
+    """The comment or docstring that an example opens with."""
+    text = source.read_text()
+    if source.suffix == ".py":
+        return text.split('"""')[1]
+    return text.split("*/")[0] if source.suffix == ".c" else text.split("\n\n")[0]
+
+
+def commands(source):
+    return [command.strip() for command in COMMANDS.findall(header(source))]
+
+
+def runs():
+    for source in SOURCES:
+        lines = commands(source)
+        build = [line for line in lines if line.startswith(COMPILERS)]
+        for line in lines:
+            if line not in build:
+                yield pytest.param(source, build, line, id=f"{source.name}: {line[:70]}")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A folder that looks like the source tree, for what the commands leave behind."""
+    place = tmp_path_factory.mktemp("examples")
+    for name in ("examples", "latinpc", "options"):
+        (place / name).symlink_to(ROOT / name)
+    return place
+
+
+def environment():
+    config = petsc4py.get_config()
+    search = [Path(config["PETSC_DIR"], config["PETSC_ARCH"]), Path(config["PETSC_DIR"])]
+    return {
+        "PKG_CONFIG_PATH": os.pathsep.join(str(path / "lib" / "pkgconfig") for path in search),
+        "PATH": os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]]),
+    }
+
+
+def shell(line, folder):
+    return run(["bash", "-c", line], cwd=folder, env=environment(), timeout=100)
+
+
+def compile_first(build, folder):
+    for line in build:
+        words = shlex.split(line)
+        if not shutil.which(words[0]):
+            pytest.skip(f"{words[0]} is not installed")
+        if words[0] == "mpif90" and not list(Path(petsc4py.get_config()["PETSC_DIR"]).glob("**/petscsnes.mod")):
+            pytest.skip("this PETSc has no Fortran modules")
+        program = folder / words[words.index("-o") + 1]
+        program.unlink(missing_ok=True)  # examples in two languages share a name
+        shell(line, folder)
+        assert program.is_file()
+
+
+@pytest.mark.parametrize("source, build, line", runs())
+def test_run_line(source, build, line, folder):
+    compile_first(build, folder)
+    result = shell(line, folder)
+    print(result.stdout)
+    assert result.stdout.strip(), "an example tells what it has found"
+    assert "PETSC ERROR" not in result.stderr
+
+
+def test_every_example_is_run_asserts_and_works_on_two_ranks():
+    numbered = [source for source in SOURCES if source.name[:2].isdigit()]
+    assert {source.name[:2] for source in numbered} == {f"{i:02}" for i in range(1, 8)}
+    for source in numbered:
+        assert any(line.startswith("mpirun -n 2 ") for line in commands(source)), source.name
+        checks = {".py": r"^\s*assert ", ".c": r"wrong\s+= ", ".F90": r"error stop"}
+        assert re.search(checks[source.suffix], source.read_text(), re.MULTILINE), source.name
+
+
+def test_ranks_agree(folder):
+    """The same text on 1, 2 and 3 ranks, figures included."""
+    for name in ("01_net.py", "02_variants.py", "04_homogenised.py", "07_partition.py"):
+        texts = {shell(f"mpirun -n {ranks} python examples/{name}", folder).stdout for ranks in (1, 2, 3)}
+        assert len(texts) == 1, texts

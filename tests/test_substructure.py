@@ -1,0 +1,179 @@
+"""Sharing the links out: METIS, a given partition, a label; and the subdomains that come of it."""
+
+from dataclasses import replace
+
+import numpy as np
+import oracle
+import pytest
+from petsc4py import PETSc
+from support import chain, grid, irregular, latin, lattice, network, settled, solve, statistics, with_partition
+
+import latinpc
+
+
+def without(scene):
+    """Make the same structure without partition."""
+    return replace(scene, subdomain=None)
+
+
+def partition(scene, **options):
+    """Subdomain of every link, as the solver has it."""
+    with latin(scene, **options) as run:
+        run.snes.setUp()
+        return latinpc.subdomain_of_links(run.snes)
+
+
+def entries(links, scene):
+    """Which entry of a global vector each free component of a node is, -1 where prescribed; (n, dim)."""
+    u = links.create_vec()
+    u.setValues(range(u.getSize()), np.arange(u.getSize()) + 1.0)
+    u.assemble()
+    return np.where(scene.fixed, -1, np.rint(links.displacements(u)).astype(int) - 1)
+
+
+def shared_nodes(scene, subdomain):
+    """Number of copies of nodes beyond the first."""
+    pairs = np.unique(np.column_stack([np.repeat(subdomain, 2), scene.links.ravel()]), axis=0)
+    return len(pairs) - len(np.unique(scene.links))
+
+
+@pytest.mark.parametrize("make", [grid, irregular, network, lattice, chain])
+def test_subdomains_hold_the_dofs_of_their_links(make):
+    """The index sets are what the links touch, free components only, and together they cover the structure."""
+    scene = settled(make())
+    with latin(scene) as run:
+        run.snes.setUp()
+        where = entries(run.links, scene)
+        count, first = latinpc.subdomains(run.snes)
+        assert (count, first) == (scene.n_subdomains, 0)
+        copies = np.zeros(run.links.sizes.free_dofs, int)
+        for i in range(count):
+            mine = latinpc.subdomain_is(run.snes, i).getIndices()
+            touched = where[np.unique(scene.links[scene.subdomain == i])].ravel()
+            assert np.array_equal(mine, np.sort(touched[touched >= 0]))
+            copies[mine] += 1
+    multiplicity = np.repeat([len(parts) for parts in oracle.node_subdomains(scene)], scene.dim)
+    assert np.array_equal(copies[where[where >= 0]], multiplicity[where.ravel() >= 0])
+
+
+@pytest.mark.parametrize("parts", [1, 2, 7, 40])
+def test_metis_makes_as_many_parts_as_asked_for_of_like_size(parts):
+    """Every subdomain has links, none many more than its share, and a second run makes the same cut."""
+    scene = without(network(nodes=200))
+    found = partition(scene, subdomains=parts)
+    sizes = np.bincount(found)
+    assert len(sizes) == parts
+    assert sizes.min() > 0
+    assert sizes.max() <= 1.15 * len(found) / parts + 2
+    assert np.array_equal(found, partition(scene, subdomains=parts))
+
+
+def test_metis_cuts_few_nodes():
+    """The interfaces are far smaller than those of a partition that knows nothing of the structure."""
+    scene = without(grid("truss", modules=12))
+    found = partition(scene, subdomains=9)
+    blind = np.random.default_rng(0).permutation(found)
+    assert shared_nodes(scene, found) < shared_nodes(scene, blind) / 5
+
+
+@pytest.mark.parametrize(("size", "parts"), [(1, 24), (5, 5), (6, 4), (24, 1), (1000, 1)])
+def test_number_of_subdomains_from_their_size(size, parts):
+    """-snes_latin_subdomain_links is the largest mean size; a subdomain per link is the finest cut."""
+    found = partition(without(chain()), subdomain_links=size)
+    assert found.max() + 1 == parts
+    assert (np.bincount(found) > 0).all()
+
+
+def test_default_size_is_256_links():
+    """Without a word about subdomains there is one for every 256 links."""
+    scene = without(grid("truss", modules=8))
+    assert partition(scene).max() + 1 == len(scene.links) / 256
+
+
+def test_given_partition_is_kept():
+    """Numbers, order and emptiness are the caller's business; the solver does not touch them."""
+    scene = irregular()
+    assert np.array_equal(partition(scene), scene.subdomain)
+
+
+def test_partition_given_later_counts():
+    """A new partition after a solve is taken up by the next one, which still finds the same displacement."""
+    scene = grid()
+    with latin(scene, stol=1e-9) as run:
+        u, v = run.links.create_vec(), run.links.create_vec()
+        run.snes.solve(None, u)
+        other = irregular(modules=6, parts=4).subdomain
+        run.links.set_subdomains(other)
+        run.snes.solve(None, v)
+        assert latinpc.statistics(run.snes)["subdomains"] == 4
+        assert np.array_equal(latinpc.subdomain_of_links(run.snes), other)
+        assert run.snes.getConvergedReason() > 0
+        assert (u - v).norm() < 1e-7 * u.norm()
+
+
+def test_label_of_the_mesh_is_a_partition():
+    """A DMLabel called subdomain does what an array does."""
+    scene = grid()
+    links = latinpc.Links.from_scene(without(scene), comm=PETSc.COMM_SELF)
+    links.dm.createLabel("subdomain")
+    for link, part in enumerate(scene.subdomain):
+        links.dm.setLabelValue("subdomain", link, int(part))
+    by_label, by_array = solve(scene, _links=links, max_it=3), solve(scene, max_it=3)
+    assert by_label.statistics == by_array.statistics
+    assert np.array_equal(by_label.u, by_array.u)
+
+
+def test_label_that_forgets_a_link_is_refused():
+    """The message names the link that has no number."""
+    scene = without(chain())
+    links = latinpc.Links.from_scene(scene, comm=PETSc.COMM_SELF)
+    links.dm.createLabel("subdomain")
+    for link in range(23):
+        links.dm.setLabelValue("subdomain", link, link // 6)
+    with latin(scene, links) as run, pytest.raises(PETSc.Error) as caught:
+        run.snes.setUp()
+    assert "gives link 23 the value -1" in latinpc.error_message(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("options", "scene", "message"),
+    [
+        ({"subdomains": 25}, without(chain()), "Cannot make 25 subdomains of 24 links"),
+        ({"subdomains": 3}, chain(), "has 4 subdomains, not the 3 asked for"),
+        ({"subdomains": -1}, without(chain()), "-1"),
+        ({"subdomain_links": 0}, without(chain()), "0"),
+    ],
+)
+def test_impossible_partitions_are_refused(options, scene, message):
+    """Too many subdomains, and two answers to one question."""
+    with pytest.raises(PETSc.Error) as caught:
+        statistics(scene, **options)
+    assert message in latinpc.error_message(caught.value)
+
+
+def test_links_of_a_subdomain_need_not_hang_together():
+    """A subdomain in two pieces is one subdomain; the answer is the same."""
+    scene = grid()
+    pieces = with_partition(scene, np.where(scene.subdomain == 8, 0, scene.subdomain))
+    reference = oracle.newton(scene)
+    result = solve(pieces, _reference=reference, stol=1e-10)
+    assert result.statistics["subdomains"] == 8
+    assert result.history.error_l2[-1] < 1e-8
+
+
+def test_a_subdomain_alone_needs_no_interface():
+    """Two structures side by side, a subdomain each, do not meet: no interface, no coarse problem."""
+    one = chain()
+    both = replace(
+        one,
+        nodes=np.vstack([one.nodes, one.nodes + 1000.0]),
+        links=np.vstack([one.links, one.links + len(one.nodes)]),
+        subdomain=np.repeat([0, 1], len(one.links)),
+        **{name: np.concatenate([getattr(one, name)] * 2) for name in ("law", "stiffness", "prestrain")},
+        **{name: np.vstack([getattr(one, name)] * 2) for name in ("fixed", "prescribed", "load")},
+    )
+    result = solve(both)
+    assert result.statistics["strong_interfaces"] == result.statistics["weak_interfaces"] == 0
+    assert result.statistics["state_size"] == 0
+    assert result.iterations == 1
+    assert result.u == pytest.approx(oracle.newton(both), rel=1e-11)
