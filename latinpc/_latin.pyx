@@ -72,7 +72,7 @@ cdef extern from "latinpc.h":
     PetscErrorCode PCLatinSetLinks(PetscPC, LatinLinks)
     PetscErrorCode PCShellSetLatin(PetscPC)
 
-    PetscErrorCode LatinGetLocalKSP(Latin, PetscKSP *)
+    PetscErrorCode LatinGetLocalKSP(Latin, PetscInt, PetscKSP *)
     PetscErrorCode LatinGetCoarseKSP(Latin, PetscKSP *)
     PetscErrorCode LatinGetStatistics(Latin, LatinStatistics *)
     PetscErrorCode LatinGetSubdomains(Latin, PetscInt *, PetscInt *)
@@ -286,10 +286,10 @@ def node_classes(Object solver not None, out):
     CHKERR(LatinGetNodeClasses(core(solver), <PetscInt *>integers(out)))
 
 
-def local_ksp(Object solver not None):
+def local_ksp(Object solver not None, PetscInt i=0):
     """Return the KSP of the subdomains."""
     cdef PetscKSP ksp = NULL
-    CHKERR(LatinGetLocalKSP(core(solver), &ksp))
+    CHKERR(LatinGetLocalKSP(core(solver), i, &ksp))
     return keep(PETSc.KSP(), ksp)
 
 

@@ -181,20 +181,24 @@ def node_classes(solver):
     return slices.gather_nodes(mine)
 
 
-def local_ksp(solver):
-    """Return the KSP of all subdomains of this rank, whose matrix is block diagonal; not collective.
+def local_ksp(solver, i=0):
+    """Return the KSP of subdomain ``i`` of this rank; not collective.
+
+    Equal subdomains share one; those without equal are the blocks of one block diagonal matrix.
 
     Parameters
     ----------
     solver : petsc4py.PETSc.SNES or petsc4py.PETSc.PC
         Of type latin.
+    i : int
+        Number of the subdomain on this rank.
 
     Returns
     -------
     petsc4py.PETSc.KSP
         Options prefix ``latin_local_`` behind that of the solver.
     """
-    return _latin.local_ksp(solver)
+    return _latin.local_ksp(solver, i)
 
 
 def coarse_ksp(solver):

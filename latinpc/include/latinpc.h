@@ -98,7 +98,7 @@ PETSC_EXTERN PetscErrorCode PCLatinGetLatin(PC, Latin *);
 PETSC_EXTERN PetscErrorCode PCLatinSetLinks(PC, LatinLinks);
 PETSC_EXTERN PetscErrorCode PCShellSetLatin(PC);
 
-PETSC_EXTERN PetscErrorCode LatinGetLocalKSP(Latin, KSP *);
+PETSC_EXTERN PetscErrorCode LatinGetLocalKSP(Latin, PetscInt i, KSP *);
 PETSC_EXTERN PetscErrorCode LatinGetCoarseKSP(Latin, KSP *);
 PETSC_EXTERN PetscErrorCode LatinGetStatistics(Latin, LatinStatistics *);
 PETSC_EXTERN PetscErrorCode LatinGetSubdomains(Latin, PetscInt *n_local, PetscInt *first);

@@ -153,10 +153,12 @@ static PetscErrorCode LatinCoarseAssemble_Private(Latin latin)
 
 PetscErrorCode LatinCoarseSetUp(Latin latin)
 {
-  LatinCoarse *coarse = &latin->coarse;
-  MPI_Comm     comm   = PetscObjectComm((PetscObject)latin);
-  const char  *prefix;
-  PC           pc;
+  LatinCoarse      *coarse = &latin->coarse;
+  MPI_Comm          comm   = PetscObjectComm((PetscObject)latin);
+  LatinFactorStatus status = {0, PC_NOERROR, PETSC_FALSE};
+  Vec               soft   = NULL;
+  const char       *prefix;
+  PC                pc;
 
   PetscFunctionBegin;
   if (!coarse->macro_global && !coarse->primal_global) PetscFunctionReturn(0); /* no interface: one subdomain, or disconnected ones */
@@ -176,7 +178,8 @@ PetscErrorCode LatinCoarseSetUp(Latin latin)
     PetscCall(KSPSetOperators(coarse->ksp, coarse->A, coarse->A));
     PetscCall(KSPSetFromOptions(coarse->ksp));
   } else PetscCall(KSPSetOperators(coarse->ksp, coarse->A, coarse->A));
-  PetscCall(LatinFactor_Private(latin, coarse->ksp, coarse->A, PETSC_TRUE));
+  PetscCall(LatinFactor_Private(coarse->ksp, coarse->A, MATSOLVERMUMPS, &status, &soft));
+  PetscCall(LatinFactorAgree_Private(latin, &status, soft, NULL, "coarse"));
   PetscCall(PetscLogEventEnd(LATIN_Coarse, latin, 0, 0, 0));
   PetscFunctionReturn(0);
 }

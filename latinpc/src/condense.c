@@ -15,18 +15,17 @@
 
 #define LATIN_CONDENSE_COLUMNS 16 /* right-hand sides solved together: bounds the work space to that many copies of U */
 
-/* Columns first..last of [A_r^t, K_rC] for all subdomains at once: K is block diagonal */
-static PetscErrorCode LatinCondenseColumns_Private(Latin latin, PetscInt first, PetscInt last, PetscScalar b[])
+/* Columns first..last of [A_r^t, K_rC] for all patterns of a batch at once: its matrix is block diagonal */
+static PetscErrorCode LatinCondenseColumns_Private(Latin latin, const LatinBatch *batch, PetscInt first, PetscInt last, PetscScalar b[])
 {
-  LatinSubstructure *sub    = &latin->sub;
-  LatinInterfaces   *inter  = &latin->inter;
-  LatinLinear       *linear = &latin->linear;
-  const size_t       n      = (size_t)(latin->links->dim * sub->copies);
+  LatinInterfaces *inter  = &latin->inter;
+  LatinLinear     *linear = &latin->linear;
+  const size_t     n      = (size_t)batch->row[batch->patterns];
 
   PetscFunctionBegin;
   PetscCall(PetscMemzero(b, n * (size_t)(last - first) * sizeof(*b)));
-  for (PetscInt s = 0; s < sub->n; s++) {
-    const PetscInt macros = latin->coarse.macro_count[s];
+  for (PetscInt p = 0; p < batch->patterns; p++) {
+    const PetscInt s = batch->sub[p], macros = latin->coarse.macro_count[s], shift = batch->row[p] - latin->links->dim * latin->sub.node_offset[s];
 
     for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++) {
       const LatinInterface *face = &inter->interface[f];
@@ -34,27 +33,29 @@ static PetscErrorCode LatinCondenseColumns_Private(Latin latin, PetscInt first, 
 
       for (PetscInt j = PetscMax(first, at); j < PetscMin(last, at + face->modes); j++)
         for (PetscInt k = face->side_first; k < face->side_last; k++)
-          if (linear->primal_index[inter->side_dof[k]] < 0) b[(size_t)inter->side_dof[k] + n * (size_t)(j - first)] += latin->macro.d[k] * latin->macro.basis[k * LATIN_MAX_MODES + j - at];
+          if (linear->primal_index[inter->side_dof[k]] < 0) b[(size_t)(inter->side_dof[k] + shift) + n * (size_t)(j - first)] += latin->macro.d[k] * latin->macro.basis[k * LATIN_MAX_MODES + j - at];
     }
-    for (PetscInt p = linear->rc_offset[s]; p < linear->rc_offset[s + 1]; p++) {
-      const PetscInt j = macros + linear->rc_col[p];
+    for (PetscInt c = linear->rc_first[s]; c < linear->rc_last[s]; c++) {
+      const PetscInt j = macros + linear->rc_col[c];
 
-      if (j >= first && j < last) b[(size_t)linear->rc_row[p] + n * (size_t)(j - first)] += linear->rc_value[p];
+      if (j >= first && j < last) b[(size_t)(linear->rc_row[c] + batch->row[p]) + n * (size_t)(j - first)] += linear->rc_value[c];
     }
   }
   PetscFunctionReturn(0);
 }
 
 /* Phi first holds [V_m, V_C] */
-static PetscErrorCode LatinCondenseSolve_Private(Latin latin)
+static PetscErrorCode LatinCondenseSolve_Private(Latin latin, PetscInt which)
 {
-  LatinSubstructure *sub    = &latin->sub;
-  LatinLinear       *linear = &latin->linear;
-  const PetscInt     dim = latin->links->dim, n = dim * sub->copies;
+  LatinLinear      *linear = &latin->linear;
+  const LatinBatch *batch  = &linear->blocks.batch[which];
+  const PetscInt    n      = batch->row[batch->patterns];
+  PetscInt          widest = 0;
 
   PetscFunctionBegin;
-  for (PetscInt first = 0; first < linear->widest; first += LATIN_CONDENSE_COLUMNS) {
-    const PetscInt     last = PetscMin(first + LATIN_CONDENSE_COLUMNS, linear->widest);
+  for (PetscInt p = 0; p < batch->patterns; p++) widest = PetscMax(widest, latin->coarse.offset[batch->sub[p] + 1] - latin->coarse.offset[batch->sub[p]]);
+  for (PetscInt first = 0; first < widest; first += LATIN_CONDENSE_COLUMNS) {
+    const PetscInt     last = PetscMin(first + LATIN_CONDENSE_COLUMNS, widest);
     Mat                B, X;
     PetscScalar       *b;
     const PetscScalar *x;
@@ -62,19 +63,20 @@ static PetscErrorCode LatinCondenseSolve_Private(Latin latin)
     PetscCall(MatCreateSeqDense(PETSC_COMM_SELF, n, last - first, NULL, &B));
     PetscCall(MatCreateSeqDense(PETSC_COMM_SELF, n, last - first, NULL, &X));
     PetscCall(MatDenseGetArrayWrite(B, &b));
-    PetscCall(LatinCondenseColumns_Private(latin, first, last, b));
+    PetscCall(LatinCondenseColumns_Private(latin, batch, first, last, b));
     PetscCall(MatDenseRestoreArrayWrite(B, &b));
     PetscCall(MatAssemblyBegin(B, MAT_FINAL_ASSEMBLY));
     PetscCall(MatAssemblyEnd(B, MAT_FINAL_ASSEMBLY));
     PetscCall(MatAssemblyBegin(X, MAT_FINAL_ASSEMBLY));
     PetscCall(MatAssemblyEnd(X, MAT_FINAL_ASSEMBLY));
-    PetscCall(KSPMatSolve(linear->ksp, B, X));
+    PetscCall(KSPMatSolve(linear->solver.ksp[which], B, X));
     PetscCall(MatDenseGetArrayRead(X, &x));
-    for (PetscInt s = 0; s < sub->n; s++) {
-      const size_t rows = (size_t)(dim * (sub->node_offset[s + 1] - sub->node_offset[s])), top = (size_t)(dim * sub->node_offset[s]);
+    for (PetscInt p = 0; p < batch->patterns; p++) {
+      const PetscInt s    = batch->sub[p];
+      const size_t   rows = (size_t)(batch->row[p + 1] - batch->row[p]);
 
       for (PetscInt j = first; j < PetscMin(last, latin->coarse.offset[s + 1] - latin->coarse.offset[s]); j++)
-        PetscCall(PetscMemcpy(linear->Phi + linear->phi_offset[s] + rows * (size_t)j, x + top + (size_t)n * (size_t)(j - first), rows * sizeof(*x)));
+        PetscCall(PetscMemcpy(linear->Phi + linear->phi_offset[s] + rows * (size_t)j, x + batch->row[p] + (size_t)n * (size_t)(j - first), rows * sizeof(*x)));
     }
     PetscCall(MatDenseRestoreArrayRead(X, &x));
     PetscCall(MatDestroy(&B));
@@ -116,7 +118,7 @@ static void LatinCondenseMacro_Private(Latin latin, PetscInt s, const PetscScala
 static PetscErrorCode LatinCondenseSubdomain_Private(Latin latin, PetscInt s, PetscScalar T[], PetscScalar N[], PetscScalar TN[], PetscScalar work[], PetscBool *singular)
 {
   LatinLinear      *linear = &latin->linear;
-  const PetscInt    dim = latin->links->dim, top = dim * latin->sub.node_offset[s], m = latin->coarse.offset[s + 1] - latin->coarse.offset[s];
+  const PetscInt    dim = latin->links->dim, m = latin->coarse.offset[s + 1] - latin->coarse.offset[s];
   const PetscInt    macros = latin->coarse.macro_count[s], primals = m - macros;
   PetscScalar      *H = linear->H + linear->h_offset[s], *phi = linear->Phi + linear->phi_offset[s];
   const PetscScalar one = 1.0, zero = 0.0, minus = -1.0;
@@ -133,8 +135,8 @@ static PetscErrorCode LatinCondenseSubdomain_Private(Latin latin, PetscInt s, Pe
   PetscCall(PetscArrayzero(N, macros * primals));
   LatinCondenseMacro_Private(latin, s, phi, T, N);
   /* - K_Cr V_C */
-  for (PetscInt p = linear->rc_offset[s]; p < linear->rc_offset[s + 1]; p++)
-    for (PetscInt j = 0; j < primals; j++) H[macros + linear->rc_col[p] + m * (macros + j)] -= linear->rc_value[p] * phi[(size_t)(linear->rc_row[p] - top) + rows * (size_t)(macros + j)];
+  for (PetscInt p = linear->rc_first[s]; p < linear->rc_last[s]; p++)
+    for (PetscInt j = 0; j < primals; j++) H[macros + linear->rc_col[p] + m * (macros + j)] -= linear->rc_value[p] * phi[(size_t)linear->rc_row[p] + rows * (size_t)(macros + j)];
   for (size_t i = rows * (size_t)macros; i < rows * (size_t)m; i++) phi[i] = -phi[i];
   if (macros) {
     PetscCallBLAS("LAPACKpotrf", LAPACKpotrf_("L", &bm, T, &bm, &info));
@@ -171,12 +173,13 @@ PetscErrorCode LatinCondenseSetUp(Latin latin)
 
   PetscFunctionBegin;
   PetscCall(PetscLogEventBegin(LATIN_Condense, latin, 0, 0, 0));
-  PetscCall(LatinCondenseSolve_Private(latin));
+  for (PetscInt b = 0; b < linear->blocks.n; b++) PetscCall(LatinCondenseSolve_Private(latin, b));
   for (PetscInt s = 0; s < sub->n; s++) rows = PetscMax(rows, latin->links->dim * (sub->node_offset[s + 1] - sub->node_offset[s]));
   PetscCall(PetscMalloc4(w * w, &T, w * w, &N, w * w, &TN, rows * w, &work));
   for (PetscInt s = 0; s < sub->n; s++) {
     PetscBool singular = PETSC_FALSE;
 
+    if (linear->blocks.pattern[s] != s) continue;
     PetscCall(LatinCondenseSubdomain_Private(latin, s, T, N, TN, work, &singular));
     if (singular && bad < 0) bad = s;
   }

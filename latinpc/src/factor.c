@@ -77,17 +77,19 @@ static PetscErrorCode LatinSoftest_Private(KSP ksp, Mat A, Vec v, PetscReal *sti
   PetscFunctionReturn(0);
 }
 
-/* Displacements of the copies for an eigenvector of the local or of the coarse matrix */
-static PetscErrorCode LatinMechanismField_Private(Latin latin, Vec v, PetscBool coarse, PetscReal field[])
+/* Displacements of the copies for an eigenvector of a batch's matrix, or (batch NULL) of the coarse matrix */
+static PetscErrorCode LatinMechanismField_Private(Latin latin, Vec v, const LatinBatch *batch, PetscReal field[])
 {
   LatinSubstructure *sub = &latin->sub;
   const PetscInt     dim = latin->links->dim;
   const PetscScalar *a;
 
   PetscFunctionBegin;
+  PetscCall(PetscArrayzero(field, dim * sub->copies));
   PetscCall(VecGetArrayRead(v, &a));
-  if (!coarse) PetscCall(PetscArraycpy(field, a, dim * sub->copies));
-  else {
+  if (batch) {
+    for (PetscInt p = 0; p < batch->patterns; p++) PetscCall(PetscArraycpy(field + dim * sub->node_offset[batch->sub[p]], a + batch->row[p], batch->row[p + 1] - batch->row[p]));
+  } else {
     PetscCall(LatinSFBcast_Private(latin->coarse.sf, 1, MPIU_SCALAR, a, latin->coarse.u));
     for (PetscInt s = 0; s < sub->n; s++) {
       const PetscInt   rows = dim * (sub->node_offset[s + 1] - sub->node_offset[s]), first = dim * sub->node_offset[s];
@@ -166,50 +168,57 @@ static PetscErrorCode LatinSoftestShifted_Private(Mat A, MatSolverType preferred
 }
 
 /*
-   Factors A through its KSP. A mechanism, whether it stops the factorisation or only shows in the factor, ends in an
-   error on every rank that names nodes. Collective on latin, also for the local matrices, which each rank has alone.
+   Factors A through its KSP. A failure is noted, not raised: other ranks may be waiting. A mechanism, whether it
+   stops the factorisation or only shows in the factor, leaves its displacement in *soft. Collective on A.
 */
-PetscErrorCode LatinFactor_Private(Latin latin, KSP ksp, Mat A, PetscBool coarse)
+PetscErrorCode LatinFactor_Private(KSP ksp, Mat A, MatSolverType preferred, LatinFactorStatus *status, Vec *soft)
 {
-  MPI_Comm       comm = PetscObjectComm((PetscObject)latin);
-  PetscErrorCode ierr;
-  PC             pc;
-  PCFailedReason failed;
-  PetscInt       n;
-  PetscBool      broken, direct;
-  PetscReal      stiffness = 1.0, *field = NULL;
-  Vec            v;
+  PC        pc;
+  PetscBool direct;
+  PetscReal stiffness = 1.0;
+  Vec       v;
 
   PetscFunctionBegin;
   PetscCall(KSPGetPC(ksp, &pc));
   PetscCall(PetscObjectTypeCompareAny((PetscObject)pc, &direct, PCCHOLESKY, PCLU, PCREDUNDANT, ""));
-  PetscCall(MatGetSize(A, &n, NULL));
   PetscCall(PetscPushErrorHandler(PetscReturnErrorHandler, NULL));
-  ierr = n ? KSPSetUp(ksp) : 0;
+  status->ierr = KSPSetUp(ksp);
   PetscCall(PetscPopErrorHandler());
-  failed = PC_NOERROR;
-  if (!ierr && n) PetscCall(PCGetFailedReason(pc, &failed));
-  broken = (PetscBool)(ierr == PETSC_ERR_MAT_CH_ZRPVT || ierr == PETSC_ERR_MAT_LU_ZRPVT || failed == PC_FACTOR_STRUCT_ZEROPIVOT || failed == PC_FACTOR_NUMERIC_ZEROPIVOT || (failed != PC_NOERROR && direct));
-  LatinAgree(comm, (ierr || failed) && !broken, ierr ? ierr : PETSC_ERR_LIB, "Setting up the %s solver failed (PETSc error %d, PC failure %d); its options start with -%s%s_", coarse ? "coarse" : "local", (int)ierr, (int)failed,
-             ((PetscObject)latin)->prefix ? ((PetscObject)latin)->prefix : "", coarse ? "coarse" : "local");
+  if (!status->ierr) PetscCall(PCGetFailedReason(pc, &status->failed));
+  status->mechanism = (PetscBool)(status->ierr == PETSC_ERR_MAT_CH_ZRPVT || status->ierr == PETSC_ERR_MAT_LU_ZRPVT || status->failed == PC_FACTOR_STRUCT_ZEROPIVOT || status->failed == PC_FACTOR_NUMERIC_ZEROPIVOT ||
+                                  (status->failed != PC_NOERROR && direct));
+  if ((status->ierr || status->failed) && !status->mechanism) PetscFunctionReturn(0);
   PetscCall(MatCreateVecs(A, &v, NULL));
-  if (broken) PetscCall(LatinSoftestShifted_Private(A, coarse ? MATSOLVERMUMPS : MATSOLVERCHOLMOD, v));
-  else if (n && direct) PetscCall(LatinSoftest_Private(ksp, A, v, &stiffness));
-  broken = (PetscBool)(broken || stiffness < LATIN_MECHANISM);
-  PetscCall(PetscInfo(latin, "softest displacement of the %s operator: %g of its diagonal\n", coarse ? "coarse" : "local", (double)stiffness));
-  {
-    PetscMPIInt mine = broken ? 1 : 0, any;
+  if (status->mechanism) PetscCall(LatinSoftestShifted_Private(A, preferred, v));
+  else if (direct) PetscCall(LatinSoftest_Private(ksp, A, v, &stiffness));
+  PetscCall(PetscInfo(ksp, "softest displacement: %g of the diagonal\n", (double)stiffness));
+  if (stiffness < LATIN_MECHANISM) status->mechanism = PETSC_TRUE;
+  if (status->mechanism) *soft = v;
+  else PetscCall(VecDestroy(&v));
+  PetscFunctionReturn(0);
+}
 
-    PetscCallMPI(MPI_Allreduce(&mine, &any, 1, MPI_INT, MPI_MAX, comm));
-    if (any) {
-      PetscCall(PetscMalloc1(latin->links->dim * latin->sub.copies, &field));
-      if (broken || coarse) PetscCall(LatinMechanismField_Private(latin, v, coarse, field));
-      PetscCall(VecDestroy(&v));
-      ierr = LatinMechanismReport_Private(latin, field, (PetscBool)(broken || coarse));
-      PetscCall(PetscFree(field));
-      PetscCall(ierr);
-    }
-  }
-  PetscCall(VecDestroy(&v));
+/*
+   Ends in the same error on every rank when a factorisation failed on any of them, naming nodes where a mechanism is
+   the cause; takes soft over. batch is that of the failure, NULL for the coarse problem. Collective on latin.
+*/
+PetscErrorCode LatinFactorAgree_Private(Latin latin, const LatinFactorStatus *status, Vec soft, const LatinBatch *batch, const char name[])
+{
+  MPI_Comm       comm = PetscObjectComm((PetscObject)latin);
+  PetscReal     *field;
+  PetscErrorCode ierr;
+  PetscMPIInt    mine = status->mechanism ? 1 : 0, any;
+
+  PetscFunctionBegin;
+  LatinAgree(comm, (status->ierr || status->failed) && !status->mechanism, status->ierr ? status->ierr : PETSC_ERR_LIB, "Setting up the %s solver failed (PETSc error %d, PC failure %d); its options start with -%s%s_", name, (int)status->ierr,
+             (int)status->failed, ((PetscObject)latin)->prefix ? ((PetscObject)latin)->prefix : "", name);
+  PetscCallMPI(MPI_Allreduce(&mine, &any, 1, MPI_INT, MPI_MAX, comm));
+  if (!any) PetscFunctionReturn(0);
+  PetscCall(PetscMalloc1(latin->links->dim * latin->sub.copies, &field));
+  if (soft) PetscCall(LatinMechanismField_Private(latin, soft, batch, field));
+  ierr = LatinMechanismReport_Private(latin, field, (PetscBool)(soft != NULL));
+  PetscCall(VecDestroy(&soft));
+  PetscCall(PetscFree(field));
+  PetscCall(ierr);
   PetscFunctionReturn(0);
 }

@@ -107,7 +107,7 @@ PetscErrorCode LatinInterfaceExchange_Private(Latin latin, PetscInt table[])
    component. It is strong when its nodes can carry the affine fields of section 3.2, that is when they span dim - 1
    directions. Differences of coordinates are scaled by the size: neither units nor the origin matter.
 */
-PetscErrorCode LatinInterfaceFrame_Private(PetscInt dim, PetscInt n, const PetscInt copies[], const PetscReal x[], const PetscBool fixed[], PetscReal centre[3], PetscReal axes[2][3], PetscReal *size, PetscBool *strong)
+PetscErrorCode LatinInterfaceFrame_Private(PetscInt dim, PetscInt n, const PetscInt copies[], const PetscReal x[], const PetscBool fixed[], LatinFrame *frame)
 {
   PetscReal    largest = 0.0;
   PetscScalar  a[9], w[3], work[32];
@@ -115,33 +115,33 @@ PetscErrorCode LatinInterfaceFrame_Private(PetscInt dim, PetscInt n, const Petsc
   PetscInt     used = 0;
 
   PetscFunctionBegin;
-  *size = 0.0;
-  for (PetscInt c = 0; c < 3; c++) centre[c] = axes[0][c] = axes[1][c] = 0.0;
+  PetscCall(PetscMemzero(frame, sizeof(*frame)));
   for (PetscInt i = 0; i < n; i++) {
     const PetscReal *xi    = x + dim * copies[i];
     PetscBool        freed = PETSC_FALSE;
 
     for (PetscInt c = 0; c < dim; c++) freed = (PetscBool)(freed || !fixed[dim * copies[i] + c]);
     if (!freed) continue;
-    used++;
     for (PetscInt c = 0; c < dim; c++) {
-      centre[c] += (xi[c] - centre[c]) / used;
+      if (!used) frame->origin[c] = xi[c];
+      frame->centre[c] += xi[c] - frame->origin[c];
       largest = PetscMax(largest, PetscAbsReal(xi[c]));
     }
+    used++;
   }
+  for (PetscInt c = 0; c < dim; c++) frame->centre[c] /= PetscMax(used, 1);
   for (PetscInt i = 0; i < n; i++)
-    for (PetscInt c = 0; c < dim; c++) *size = PetscMax(*size, PetscAbsReal(x[dim * copies[i] + c] - centre[c]));
-  if (*size <= 16 * PETSC_MACHINE_EPSILON * largest) *size = 0.0; /* one point, to rounding */
-  *strong = (PetscBool)(used > 0 && (dim == 1 || *size > 0.0));
-  if (dim == 1 || *size == 0.0) {
-    *strong = (PetscBool)(dim == 1 && used > 0);
+    for (PetscInt c = 0; c < dim; c++) frame->size = PetscMax(frame->size, PetscAbsReal((x[dim * copies[i] + c] - frame->origin[c]) - frame->centre[c]));
+  if (frame->size <= 16 * PETSC_MACHINE_EPSILON * largest) frame->size = 0.0; /* one point, to rounding */
+  if (dim == 1 || frame->size == 0.0) {
+    frame->strong = (PetscBool)(dim == 1 && used > 0);
     PetscFunctionReturn(0);
   }
   for (PetscInt c = 0; c < dim * dim; c++) a[c] = 0.0;
   for (PetscInt i = 0; i < n; i++) {
     PetscReal r[3];
 
-    for (PetscInt c = 0; c < dim; c++) r[c] = (x[dim * copies[i] + c] - centre[c]) / *size;
+    for (PetscInt c = 0; c < dim; c++) r[c] = ((x[dim * copies[i] + c] - frame->origin[c]) - frame->centre[c]) / frame->size;
     for (PetscInt c = 0; c < dim; c++)
       for (PetscInt b = 0; b < dim; b++) a[c * dim + b] += r[c] * r[b];
   }
@@ -149,9 +149,9 @@ PetscErrorCode LatinInterfaceFrame_Private(PetscInt dim, PetscInt n, const Petsc
   PetscCallBLAS("LAPACKsyev", LAPACKsyev_("V", "U", &bn, a, &bn, w, work, &lwork, &info));
   PetscCheck(!info, PETSC_COMM_SELF, PETSC_ERR_LIB, "LAPACK could not find the principal plane of an interface (info %d)", (int)info);
   for (PetscInt k = 0; k < dim - 1; k++)
-    for (PetscInt c = 0; c < dim; c++) axes[k][c] = a[(dim - 1 - k) * dim + c];
+    for (PetscInt c = 0; c < dim; c++) frame->axes[k][c] = a[(dim - 1 - k) * dim + c];
   /* w holds squares of the extents, increasing */
-  if (dim == 3) *strong = (PetscBool)(w[1] > 1e-12 * w[2]);
+  frame->strong = (PetscBool)(dim == 2 || w[1] > 1e-12 * w[2]);
   PetscFunctionReturn(0);
 }
 
@@ -207,7 +207,7 @@ static PetscErrorCode LatinInterfaceList_Private(Latin latin)
   for (PetscInt s = 0, p = 0; s < sub->n; s++)
     for (PetscInt i = inter->offset[s]; i < inter->offset[s + 1]; i++) {
       LatinInterface *face = &inter->interface[i];
-      PetscReal       centre[3], axes[2][3], size;
+      LatinFrame      frame;
 
       face->sub        = s;
       face->neighbour  = pair[p].neighbour;
@@ -217,7 +217,8 @@ static PetscErrorCode LatinInterfaceList_Private(Latin latin)
         p++;
       }
       face->node_last = p;
-      PetscCall(LatinInterfaceFrame_Private(dim, face->node_last - face->node_first, inter->node_list + face->node_first, sub->x, sub->fixed, centre, axes, &size, &face->strong));
+      PetscCall(LatinInterfaceFrame_Private(dim, face->node_last - face->node_first, inter->node_list + face->node_first, sub->x, sub->fixed, &frame));
+      face->strong = frame.strong;
       if (sub->first + s < face->neighbour) counts[face->strong ? 0 : 1]++;
     }
   PetscCall(PetscFree(pair));
@@ -374,7 +375,7 @@ static PetscErrorCode LatinInterfaceServing_Private(Latin latin)
   PetscCall(PetscMalloc1(inter->sides, &inter->serves));
   for (PetscInt pass = 0; pass < 2; pass++) {
     for (PetscInt f = 0; f < inter->count; f++) {
-      const LatinInterface *face = &inter->interface[f];
+      const LatinInterface *face  = &inter->interface[f];
       PetscInt              nodes = 0;
 
       for (PetscInt k = face->side_first; k < face->side_last; k++)

@@ -154,19 +154,16 @@ PetscErrorCode LatinView_Private(Latin latin, PetscViewer viewer)
   PetscCall(PetscViewerASCIIPrintf(viewer, "subdomains: %" PetscInt_FMT "; interfaces: %" PetscInt_FMT " strong, %" PetscInt_FMT " weak\n", stats.subdomains, stats.strong_interfaces, stats.weak_interfaces));
   PetscCall(PetscViewerASCIIPrintf(viewer, "search direction values: min %g, mean %g, max %g\n", (double)stats.direction_min, (double)stats.direction_mean, (double)stats.direction_max));
   PetscCall(PetscViewerASCIIPrintf(viewer, "coarse problem: %" PetscInt_FMT " macro displacements, %" PetscInt_FMT " primal ones; fixed-point unknown: %" PetscInt_FMT " numbers\n", stats.strong_macro_dofs, stats.weak_dofs, stats.state_size));
-  if (latin->linear.ksp) {
+  {
     PetscViewer sub;
+    PetscMPIInt rank;
 
-    PetscCall(PetscViewerASCIIPrintf(viewer, "local solver, all subdomains of a rank at once:\n"));
+    PetscCallMPI(MPI_Comm_rank(PetscObjectComm((PetscObject)latin), &rank));
+    PetscCall(PetscViewerASCIIPrintf(viewer, "local solvers of the first rank: %" PetscInt_FMT " for %" PetscInt_FMT " subdomains (equal ones share), the last:\n", latin->linear.solver.n, latin->sub.n));
     PetscCall(PetscViewerASCIIPushTab(viewer));
     PetscCall(PetscViewerGetSubViewer(viewer, PETSC_COMM_SELF, &sub));
     PetscCall(PetscViewerASCIIPushTab(sub));
-    {
-      PetscMPIInt rank;
-
-      PetscCallMPI(MPI_Comm_rank(PetscObjectComm((PetscObject)latin), &rank));
-      if (!rank) PetscCall(KSPView(latin->linear.ksp, sub));
-    }
+    if (!rank && latin->linear.solver.n) PetscCall(KSPView(latin->linear.solver.ksp[latin->linear.solver.n - 1], sub));
     PetscCall(PetscViewerASCIIPopTab(sub));
     PetscCall(PetscViewerRestoreSubViewer(viewer, PETSC_COMM_SELF, &sub));
     PetscCall(PetscViewerFlush(viewer));

@@ -126,6 +126,14 @@ static inline PetscMPIInt LatinSubdomainRank(const LatinSubstructure *sub, Petsc
 }
 
 /* ---- interfaces (interface.c): classes, primal nodes, sides and their mates ---- */
+/* Where an interface lies; coordinates relative to one of its nodes, so that equal shapes give equal bits */
+typedef struct {
+  PetscReal origin[3], centre[3]; /* one node; the mean of all, from there */
+  PetscReal axes[2][3];           /* xi, eta: unit vectors of the principal plane */
+  PetscReal size;
+  PetscBool strong;
+} LatinFrame;
+
 typedef struct {
   PetscInt  sub;                   /* subdomain here (local number) */
   PetscInt  neighbour;             /* subdomain on the other side (global number) */
@@ -165,28 +173,59 @@ typedef struct {
   PetscReal *basis; /* [sides][LATIN_MAX_MODES] R, with R^t d R = 1 on each interface */
 } LatinMacro;
 
+/* ---- solvers of the subdomains (blocks.c) ---- */
+/*
+   Subdomains whose operators are equal to the bit share one: a batch of one pattern and many members. All the others
+   form a batch of many patterns and one member each, a block diagonal matrix.
+*/
+typedef struct {
+  PetscInt  patterns, members; /* one of them is 1 */
+  PetscInt *sub;               /* [patterns * members] subdomains; the first one of each pattern represents it */
+  PetscInt *row;               /* [patterns + 1] first row of each pattern in the matrix */
+} LatinBatch;
+
+typedef struct {
+  PetscInt    n;
+  LatinBatch *batch;
+  PetscInt   *pattern; /* [subdomains] the subdomain that represents it */
+} LatinBlocks;
+
+/* How a factorisation ended on this rank */
+typedef struct {
+  PetscErrorCode ierr;
+  PCFailedReason failed;
+  PetscBool      mechanism;
+} LatinFactorStatus;
+
+/* One matrix and KSP a batch; rows are the copy arrays' entries of the patterns */
+typedef struct {
+  PetscInt    n;
+  Mat        *K, *B, *X; /* operator; right-hand sides and solutions of some members, dense */
+  KSP        *ksp;
+  Vec        *b, *x;    /* the same for a batch of one member */
+  PetscInt  **ci, **cj; /* rows of K */
+  PetscReal **ca;
+} LatinBlockSolver;
+
 /* ---- linear stage (linear.c, condense.c): operators of the subdomains ---- */
 typedef struct {
-  Mat        K; /* block diagonal over the subdomains here, identity on prescribed and primal dofs */
-  KSP        ksp;
-  PetscInt  *ci, *cj; /* its row offsets and columns */
-  PetscReal *ca;
-  PetscInt  *primal_offset;   /* [subdomains + 1] primal dofs of each subdomain */
-  PetscInt  *primal_dof;      /* entries of the copy arrays */
-  PetscInt  *primal_index;    /* [copies * dim] position in its subdomain's primal list, -1 if not primal */
-  PetscInt  *rc_offset;       /* [subdomains + 1] coupling of the other dofs with the primal ones */
-  PetscInt  *rc_row, *rc_col; /* entry of the copy arrays, position in the subdomain's primal list */
+  LatinBlocks      blocks;
+  LatinBlockSolver solver;
+  PetscInt        *primal_offset; /* [subdomains + 1] primal dofs of each subdomain */
+  PetscInt        *primal_dof;    /* entries of the copy arrays */
+  PetscInt        *primal_index;  /* [copies * dim] position in its subdomain's primal list, -1 if not primal */
+  /* the following are stored once for each pattern, and found by subdomain */
+  PetscInt  *rc_first, *rc_last; /* [subdomains] coupling of the other dofs with the primal ones */
+  PetscInt  *rc_row, *rc_col;    /* row from the subdomain's first one, position in its primal list */
   PetscReal *rc_value;
-  size_t    *h_offset;   /* [subdomains + 1] into H */
-  size_t    *phi_offset; /* [subdomains + 1] into Phi */
-  PetscReal *H;          /* homogenised stiffness (51), column-major, subdomain by subdomain */
-  PetscReal *Phi;        /* displacements for unit coarse displacements, (dim * nodes) x coarse, column-major */
-  Vec        rhs, sol;   /* g and U as vectors */
-  PetscReal *g, *U;      /* [copies * dim] forces and displacements */
-  PetscReal *g0;         /* [copies * dim] the part of g that no iteration changes */
-  PetscReal *lambda;     /* work: macro forces of one subdomain */
-  PetscReal *spring;     /* [copies * dim] springs of the search direction, part of K */
-  PetscInt   widest;     /* most coarse dofs of a subdomain here */
+  size_t    *h_offset, *phi_offset; /* [subdomains] into H and Phi */
+  PetscReal *H;                     /* homogenised stiffness (51), column-major */
+  PetscReal *Phi;                   /* displacements for unit coarse displacements, (dim * nodes) x coarse, column-major */
+  PetscReal *g, *U;                 /* [copies * dim] forces and displacements */
+  PetscReal *g0;                    /* [copies * dim] the part of g that no iteration changes */
+  PetscReal *spring;                /* [copies * dim] springs of the search direction, part of K */
+  PetscReal *lambda;                /* work: macro forces of one subdomain */
+  PetscInt   widest;                /* most coarse dofs of a subdomain here */
 } LatinLinear;
 
 /* ---- coarse problem (coarse.c), (30) and (52) ---- */
@@ -245,7 +284,7 @@ PETSC_INTERN PetscErrorCode LatinPartition_Private(Latin);
 PETSC_INTERN PetscErrorCode LatinInterfaceSetUp(Latin);
 PETSC_INTERN PetscErrorCode LatinInterfaceReset(Latin);
 PETSC_INTERN PetscErrorCode LatinInterfaceExchange_Private(Latin, PetscInt table[]);
-PETSC_INTERN PetscErrorCode LatinInterfaceFrame_Private(PetscInt dim, PetscInt n, const PetscInt copies[], const PetscReal x[], const PetscBool fixed[], PetscReal centre[3], PetscReal axes[2][3], PetscReal *size, PetscBool *strong);
+PETSC_INTERN PetscErrorCode LatinInterfaceFrame_Private(PetscInt dim, PetscInt n, const PetscInt copies[], const PetscReal x[], const PetscBool fixed[], LatinFrame *);
 PETSC_INTERN PetscErrorCode LatinDirectionSetUp(Latin);
 PETSC_INTERN PetscErrorCode LatinMacroSetUp(Latin);
 PETSC_INTERN PetscErrorCode LatinMacroReset(Latin);
@@ -255,7 +294,14 @@ PETSC_INTERN PetscErrorCode LatinLinearSetLoads(Latin, Vec load);
 PETSC_INTERN PetscErrorCode LatinLinearReset(Latin);
 PETSC_INTERN PetscErrorCode LatinLinearApply(Latin);
 PETSC_INTERN PetscErrorCode LatinDirectSolver_Private(PC, Mat, MatSolverType preferred);
-PETSC_INTERN PetscErrorCode LatinFactor_Private(Latin, KSP, Mat, PetscBool coarse);
+PETSC_INTERN PetscErrorCode LatinFactor_Private(KSP, Mat, MatSolverType, LatinFactorStatus *, Vec *soft);
+PETSC_INTERN PetscErrorCode LatinFactorAgree_Private(Latin, const LatinFactorStatus *, Vec soft, const LatinBatch *, const char name[]);
+PETSC_INTERN PetscErrorCode LatinBlocksSetUp(Latin);
+PETSC_INTERN PetscErrorCode LatinBlocksReset(Latin);
+PETSC_INTERN PetscErrorCode LatinBlockSolverCreate(Latin, LatinBlockSolver *);
+PETSC_INTERN PetscErrorCode LatinBlockSolverSetUp(Latin, LatinBlockSolver *, const char name[]);
+PETSC_INTERN PetscErrorCode LatinBlockSolve(Latin, LatinBlockSolver *, const PetscReal g[], PetscReal U[]);
+PETSC_INTERN PetscErrorCode LatinBlockSolverDestroy(LatinBlockSolver *);
 PETSC_INTERN PetscErrorCode LatinCoarseNumber(Latin);
 PETSC_INTERN PetscErrorCode LatinCoarseSetUp(Latin);
 PETSC_INTERN PetscErrorCode LatinCoarseReset(Latin);

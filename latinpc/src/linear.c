@@ -87,118 +87,129 @@ static PetscErrorCode LatinGraphRow_Private(Latin latin, LatinGraph *graph, Pets
 }
 
 /*
-   One pass counts, the next fills: rows of K on free dofs that are not primal, their coupling with the primal dofs,
-   and the primal block, which starts the homogenised stiffness H.
+   The rows of one batch's matrix. One pass counts, the next fills: rows on free dofs that are not primal, their
+   coupling with the primal dofs, and the primal block, which starts the homogenised stiffness H.
 */
-static PetscErrorCode LatinLinearRows_Private(Latin latin, LatinGraph *graph, const PetscReal spring[], PetscBool fill)
+static PetscErrorCode LatinLinearRows_Private(Latin latin, LatinGraph *graph, const LatinBatch *batch, PetscInt ci[], PetscInt cj[], PetscReal ca[], PetscInt *couplings)
 {
   LatinSubstructure *sub    = &latin->sub;
   LatinLinear       *linear = &latin->linear;
+  const PetscBool    fill   = (PetscBool)(cj != NULL);
   const PetscInt     dim    = latin->links->dim;
-  PetscInt           nz = 0, rc = 0, n = 0;
+  PetscInt           nz = 0, rc = *couplings, n = 0;
 
   PetscFunctionBegin;
-  for (PetscInt s = 0; s < sub->n; s++) {
-    const PetscInt m = latin->coarse.offset[s + 1] - latin->coarse.offset[s], macros = latin->coarse.macro_count[s];
+  for (PetscInt p = 0; p < batch->patterns; p++) {
+    const PetscInt s = batch->sub[p], m = latin->coarse.offset[s + 1] - latin->coarse.offset[s], macros = latin->coarse.macro_count[s];
+    const PetscInt top = dim * sub->node_offset[s], shift = batch->row[p] - top;
+    PetscReal     *H = linear->H + linear->h_offset[s];
 
-    linear->rc_offset[s] = rc;
+    linear->rc_first[s] = rc;
     for (PetscInt i = sub->node_offset[s]; i < sub->node_offset[s + 1]; i++) {
-      PetscCall(LatinGraphRow_Private(latin, graph, i, spring, &n));
+      PetscCall(LatinGraphRow_Private(latin, graph, i, linear->spring, &n));
       for (PetscInt c = 0; c < dim; c++) {
         const PetscInt row = dim * i + c, primal = linear->primal_index[row];
 
-        if (fill) linear->ci[row] = nz;
+        ci[row + shift] = nz;
         if (sub->fixed[row] || primal >= 0) {
           if (fill) {
-            linear->cj[nz] = row;
-            linear->ca[nz] = 1.0;
+            cj[nz] = row + shift;
+            ca[nz] = 1.0;
           }
           nz++;
           if (sub->fixed[row] || !fill) continue;
         }
-        for (PetscInt p = 0; p < n; p++)
+        for (PetscInt q = 0; q < n; q++)
           for (PetscInt b = 0; b < dim; b++) {
-            const PetscInt  col   = dim * graph->neighbour[p] + b;
-            const PetscReal value = graph->block[dim * dim * p + c * dim + b];
+            const PetscInt  col   = dim * graph->neighbour[q] + b;
+            const PetscReal value = graph->block[dim * dim * q + c * dim + b];
 
             if (sub->fixed[col] || (value == 0.0 && row != col)) continue;
             if (primal >= 0) {
-              if (linear->primal_index[col] >= 0) linear->H[linear->h_offset[s] + macros + primal + m * (macros + linear->primal_index[col])] += value;
+              if (linear->primal_index[col] >= 0) H[macros + primal + m * (macros + linear->primal_index[col])] += value;
             } else if (linear->primal_index[col] >= 0) {
               if (fill) {
-                linear->rc_row[rc]   = row;
+                linear->rc_row[rc]   = row - top;
                 linear->rc_col[rc]   = linear->primal_index[col];
                 linear->rc_value[rc] = value;
               }
               rc++;
             } else {
               if (fill) {
-                linear->cj[nz] = col;
-                linear->ca[nz] = value;
+                cj[nz] = col + shift;
+                ca[nz] = value;
               }
               nz++;
             }
           }
       }
     }
+    linear->rc_last[s] = rc;
   }
-  linear->rc_offset[sub->n] = rc;
-  if (fill) linear->ci[dim * sub->copies] = nz;
-  else {
-    PetscCall(PetscMalloc3(dim * sub->copies + 1, &linear->ci, nz, &linear->cj, nz, &linear->ca));
-    PetscCall(PetscMalloc3(rc, &linear->rc_row, rc, &linear->rc_col, rc, &linear->rc_value));
+  ci[batch->row[batch->patterns]] = nz;
+  *couplings                      = rc;
+  PetscFunctionReturn(0);
+}
+
+/* Room for H and Phi: once for each pattern */
+static PetscErrorCode LatinLinearOffsets_Private(Latin latin)
+{
+  LatinSubstructure *sub    = &latin->sub;
+  LatinLinear       *linear = &latin->linear;
+  size_t             h = 0, phi = 0;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMalloc4(sub->n, &linear->rc_first, sub->n, &linear->rc_last, sub->n, &linear->h_offset, sub->n, &linear->phi_offset));
+  for (PetscInt s = 0; s < sub->n; s++) {
+    const size_t   m = (size_t)(latin->coarse.offset[s + 1] - latin->coarse.offset[s]), rows = (size_t)(latin->links->dim * (sub->node_offset[s + 1] - sub->node_offset[s]));
+    const PetscInt r = linear->blocks.pattern[s];
+
+    linear->h_offset[s]   = r == s ? h : linear->h_offset[r];
+    linear->phi_offset[s] = r == s ? phi : linear->phi_offset[r];
+    if (r != s) continue;
+    h += m * m;
+    phi += m * rows;
   }
+  PetscCall(PetscCalloc1(h, &linear->H));
+  PetscCall(PetscMalloc1(phi, &linear->Phi));
   PetscFunctionReturn(0);
 }
 
 PetscErrorCode LatinLinearSetUp(Latin latin)
 {
-  LatinSubstructure *sub    = &latin->sub;
-  LatinLinear       *linear = &latin->linear;
-  const PetscInt     n      = latin->links->dim * sub->copies;
-  const char        *prefix;
-  PetscReal         *spring;
+  LatinSubstructure *sub       = &latin->sub;
+  LatinLinear       *linear    = &latin->linear;
+  LatinBlockSolver  *solver    = &linear->solver;
+  const PetscInt     n         = latin->links->dim * sub->copies;
+  PetscInt           couplings = 0;
   LatinGraph         graph;
-  PC                 pc;
 
   PetscFunctionBegin;
   PetscCall(PetscLogEventBegin(LATIN_Linear, latin, 0, 0, 0));
-  PetscCall(PetscMalloc3(sub->n + 1, &linear->rc_offset, sub->n + 1, &linear->h_offset, sub->n + 1, &linear->phi_offset));
-  linear->h_offset[0] = linear->phi_offset[0] = 0;
-  for (PetscInt s = 0; s < sub->n; s++) {
-    const size_t m = (size_t)(latin->coarse.offset[s + 1] - latin->coarse.offset[s]), rows = (size_t)(latin->links->dim * (sub->node_offset[s + 1] - sub->node_offset[s]));
-
-    linear->h_offset[s + 1]   = linear->h_offset[s] + m * m;
-    linear->phi_offset[s + 1] = linear->phi_offset[s] + m * rows;
-  }
-  PetscCall(PetscCalloc1(linear->h_offset[sub->n], &linear->H));
-  PetscCall(PetscMalloc1(linear->phi_offset[sub->n], &linear->Phi));
-  PetscCall(PetscMalloc5(n, &linear->g, n, &linear->U, n, &linear->g0, linear->widest, &linear->lambda, n, &spring));
+  PetscCall(LatinBlocksSetUp(latin));
+  PetscCall(LatinLinearOffsets_Private(latin));
+  PetscCall(PetscMalloc5(n, &linear->g, n, &linear->U, n, &linear->g0, linear->widest, &linear->lambda, n, &linear->spring));
   PetscCall(PetscArrayzero(linear->U, n));
-  PetscCall(LatinLinearSprings_Private(latin, spring));
+  PetscCall(LatinLinearSprings_Private(latin, linear->spring));
   PetscCall(LatinGraphCreate_Private(latin, &graph));
-  PetscCall(LatinLinearRows_Private(latin, &graph, spring, PETSC_FALSE));
-  PetscCall(LatinLinearRows_Private(latin, &graph, spring, PETSC_TRUE));
-  PetscCall(LatinGraphDestroy_Private(&graph));
-  linear->spring = spring;
+  PetscCall(LatinBlockSolverCreate(latin, solver));
+  for (PetscInt b = 0; b < linear->blocks.n; b++) {
+    const LatinBatch *batch = &linear->blocks.batch[b];
 
-  PetscCall(MatCreateSeqAIJWithArrays(PETSC_COMM_SELF, n, n, linear->ci, linear->cj, linear->ca, &linear->K));
-  PetscCall(MatSetOption(linear->K, MAT_SYMMETRIC, PETSC_TRUE));
-  PetscCall(MatSetOption(linear->K, MAT_SPD, PETSC_TRUE));
-  PetscCall(VecCreateSeqWithArray(PETSC_COMM_SELF, 1, n, linear->g, &linear->rhs));
-  PetscCall(VecCreateSeqWithArray(PETSC_COMM_SELF, 1, n, linear->U, &linear->sol));
-  PetscCall(KSPCreate(PETSC_COMM_SELF, &linear->ksp));
-  PetscCall(PetscObjectIncrementTabLevel((PetscObject)linear->ksp, (PetscObject)latin, 1));
-  PetscCall(PetscObjectSetOptions((PetscObject)linear->ksp, ((PetscObject)latin)->options));
-  PetscCall(PetscObjectGetOptionsPrefix((PetscObject)latin, &prefix));
-  PetscCall(KSPSetOptionsPrefix(linear->ksp, prefix));
-  PetscCall(KSPAppendOptionsPrefix(linear->ksp, "local_"));
-  PetscCall(KSPSetType(linear->ksp, KSPPREONLY));
-  PetscCall(KSPGetPC(linear->ksp, &pc));
-  PetscCall(LatinDirectSolver_Private(pc, linear->K, MATSOLVERCHOLMOD));
-  PetscCall(KSPSetOperators(linear->ksp, linear->K, linear->K));
-  PetscCall(KSPSetFromOptions(linear->ksp));
-  PetscCall(LatinFactor_Private(latin, linear->ksp, linear->K, PETSC_FALSE));
+    PetscCall(PetscMalloc1(batch->row[batch->patterns] + 1, &solver->ci[b]));
+    PetscCall(LatinLinearRows_Private(latin, &graph, batch, solver->ci[b], NULL, NULL, &couplings));
+    PetscCall(PetscMalloc1(solver->ci[b][batch->row[batch->patterns]], &solver->cj[b]));
+    PetscCall(PetscMalloc1(solver->ci[b][batch->row[batch->patterns]], &solver->ca[b]));
+  }
+  PetscCall(PetscMalloc3(couplings, &linear->rc_row, couplings, &linear->rc_col, couplings, &linear->rc_value));
+  couplings = 0;
+  for (PetscInt b = 0; b < linear->blocks.n; b++) PetscCall(LatinLinearRows_Private(latin, &graph, &linear->blocks.batch[b], solver->ci[b], solver->cj[b], solver->ca[b], &couplings));
+  PetscCall(LatinGraphDestroy_Private(&graph));
+  for (PetscInt s = 0; s < sub->n; s++) {
+    linear->rc_first[s] = linear->rc_first[linear->blocks.pattern[s]];
+    linear->rc_last[s]  = linear->rc_last[linear->blocks.pattern[s]];
+  }
+  PetscCall(LatinBlockSolverSetUp(latin, solver, "local"));
   PetscCall(PetscLogEventEnd(LATIN_Linear, latin, 0, 0, 0));
   PetscFunctionReturn(0);
 }
@@ -232,6 +243,64 @@ PetscErrorCode LatinLinearSetLoads(Latin latin, Vec load)
   PetscFunctionReturn(0);
 }
 
+/* Forces on the coarse dofs of one subdomain: Phi^t g, and g itself on primal dofs */
+static PetscErrorCode LatinLinearCondense_Private(Latin latin, PetscInt s)
+{
+  LatinSubstructure *sub    = &latin->sub;
+  LatinLinear       *linear = &latin->linear;
+  LatinCoarse       *coarse = &latin->coarse;
+  PetscReal         *q      = coarse->q + coarse->offset[s];
+  const PetscScalar  one = 1.0, zero = 0.0;
+  const PetscBLASInt inc = 1;
+  PetscBLASInt       rows, cols;
+
+  PetscFunctionBegin;
+  PetscCall(PetscBLASIntCast(latin->links->dim * (sub->node_offset[s + 1] - sub->node_offset[s]), &rows));
+  PetscCall(PetscBLASIntCast(coarse->offset[s + 1] - coarse->offset[s], &cols));
+  if (!cols) PetscFunctionReturn(0);
+  PetscCallBLAS("BLASgemv", BLASgemv_("T", &rows, &cols, &one, linear->Phi + linear->phi_offset[s], &rows, linear->g + latin->links->dim * sub->node_offset[s], &inc, &zero, q, &inc));
+  for (PetscInt p = linear->primal_offset[s]; p < linear->primal_offset[s + 1]; p++) q[coarse->macro_count[s] + p - linear->primal_offset[s]] += linear->g[linear->primal_dof[p]];
+  PetscFunctionReturn(0);
+}
+
+/* Adds to the forces of one subdomain what its coarse displacements cause: macro forces lambda, and primal displacements */
+static PetscErrorCode LatinLinearRelocalise_Private(Latin latin, PetscInt s)
+{
+  LatinSubstructure *sub    = &latin->sub;
+  LatinInterfaces   *inter  = &latin->inter;
+  LatinLinear       *linear = &latin->linear;
+  LatinCoarse       *coarse = &latin->coarse;
+  const PetscReal   *u = coarse->u + coarse->offset[s], *q = coarse->q + coarse->offset[s], *uc = u + coarse->macro_count[s];
+  PetscReal         *g = linear->g + latin->links->dim * sub->node_offset[s], *lambda = linear->lambda;
+  const PetscScalar  one = 1.0, zero = 0.0;
+  const PetscBLASInt inc = 1;
+  PetscBLASInt       macros, cols;
+
+  PetscFunctionBegin;
+  PetscCall(PetscBLASIntCast(coarse->macro_count[s], &macros));
+  PetscCall(PetscBLASIntCast(coarse->offset[s + 1] - coarse->offset[s], &cols));
+  if (macros) {
+    /* the first rows of H are (T^-1 - 1, -T^-1 N) */
+    PetscCallBLAS("BLASgemv", BLASgemv_("N", &macros, &cols, &one, linear->H + linear->h_offset[s], &cols, u, &inc, &zero, lambda, &inc));
+    for (PetscInt i = 0; i < macros; i++) lambda[i] += u[i] - q[i];
+    for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++) {
+      const LatinInterface *face = &inter->interface[f];
+      const PetscReal      *lf   = lambda + face->local_first - coarse->offset[s];
+
+      for (PetscInt k = face->side_first; k < face->side_last; k++) {
+        const PetscReal *row = latin->macro.basis + k * LATIN_MAX_MODES;
+        PetscReal        v   = 0.0;
+
+        for (PetscInt j = 0; j < face->modes; j++) v += row[j] * lf[j];
+        linear->g[inter->side_dof[k]] += latin->macro.d[k] * v;
+      }
+    }
+  }
+  for (PetscInt p = linear->rc_first[s]; p < linear->rc_last[s]; p++) g[linear->rc_row[p]] -= linear->rc_value[p] * uc[linear->rc_col[p]];
+  for (PetscInt p = linear->primal_offset[s]; p < linear->primal_offset[s + 1]; p++) linear->g[linear->primal_dof[p]] = uc[p - linear->primal_offset[s]];
+  PetscFunctionReturn(0);
+}
+
 /*
    The linear stage for the forces g: displacements U of all copies and coarse displacements u. In order: condensed
    forces, coarse problem (52), relocalisation (42) with the macro forces lambda on the strong interfaces.
@@ -239,68 +308,20 @@ PetscErrorCode LatinLinearSetLoads(Latin latin, Vec load)
 PetscErrorCode LatinLinearApply(Latin latin)
 {
   LatinSubstructure *sub    = &latin->sub;
-  LatinInterfaces   *inter  = &latin->inter;
   LatinLinear       *linear = &latin->linear;
-  LatinCoarse       *coarse = &latin->coarse;
-  const PetscInt     dim    = latin->links->dim;
-  const PetscScalar  one = 1.0, zero = 0.0;
-  const PetscBLASInt inc = 1;
-  KSPConvergedReason reason;
 
   PetscFunctionBegin;
+  latin->failed = PETSC_FALSE;
   PetscCall(PetscLogEventBegin(LATIN_Condense, latin, 0, 0, 0));
-  for (PetscInt s = 0; s < sub->n; s++) {
-    PetscReal   *q = coarse->q + coarse->offset[s];
-    PetscBLASInt rows, cols;
-
-    PetscCall(PetscBLASIntCast(dim * (sub->node_offset[s + 1] - sub->node_offset[s]), &rows));
-    PetscCall(PetscBLASIntCast(coarse->offset[s + 1] - coarse->offset[s], &cols));
-    if (!cols) continue;
-    PetscCallBLAS("BLASgemv", BLASgemv_("T", &rows, &cols, &one, linear->Phi + linear->phi_offset[s], &rows, linear->g + dim * sub->node_offset[s], &inc, &zero, q, &inc));
-    for (PetscInt p = linear->primal_offset[s]; p < linear->primal_offset[s + 1]; p++) q[coarse->macro_count[s] + p - linear->primal_offset[s]] += linear->g[linear->primal_dof[p]];
-  }
+  for (PetscInt s = 0; s < sub->n; s++) PetscCall(LatinLinearCondense_Private(latin, s));
   PetscCall(PetscLogEventEnd(LATIN_Condense, latin, 0, 0, 0));
   PetscCall(LatinCoarseSolve(latin));
-
   PetscCall(PetscLogEventBegin(LATIN_Linear, latin, 0, 0, 0));
-  for (PetscInt s = 0; s < sub->n; s++) {
-    const PetscReal *u = coarse->u + coarse->offset[s], *q = coarse->q + coarse->offset[s], *uc = u + coarse->macro_count[s];
-    PetscBLASInt     macros, cols;
-
-    PetscCall(PetscBLASIntCast(coarse->macro_count[s], &macros));
-    PetscCall(PetscBLASIntCast(coarse->offset[s + 1] - coarse->offset[s], &cols));
-    if (macros) {
-      PetscReal *lambda = linear->lambda;
-
-      /* the first rows of H are (T^-1 - 1, -T^-1 N) */
-      PetscCallBLAS("BLASgemv", BLASgemv_("N", &macros, &cols, &one, linear->H + linear->h_offset[s], &cols, u, &inc, &zero, lambda, &inc));
-      for (PetscInt i = 0; i < macros; i++) lambda[i] += u[i] - q[i];
-      for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++) {
-        const LatinInterface *face = &inter->interface[f];
-        const PetscReal      *lf   = lambda + face->local_first - coarse->offset[s];
-
-        for (PetscInt k = face->side_first; k < face->side_last; k++) {
-          const PetscReal *row = latin->macro.basis + k * LATIN_MAX_MODES;
-          PetscReal        v   = 0.0;
-
-          for (PetscInt j = 0; j < face->modes; j++) v += row[j] * lf[j];
-          linear->g[inter->side_dof[k]] += latin->macro.d[k] * v;
-        }
-      }
-    }
-    for (PetscInt p = linear->rc_offset[s]; p < linear->rc_offset[s + 1]; p++) linear->g[linear->rc_row[p]] -= linear->rc_value[p] * uc[linear->rc_col[p]];
-    for (PetscInt p = linear->primal_offset[s]; p < linear->primal_offset[s + 1]; p++) linear->g[linear->primal_dof[p]] = uc[p - linear->primal_offset[s]];
-  }
+  for (PetscInt s = 0; s < sub->n; s++) PetscCall(LatinLinearRelocalise_Private(latin, s));
   /* identity rows: prescribed and primal displacements pass through */
-  for (PetscInt i = 0; i < dim * sub->copies; i++)
+  for (PetscInt i = 0; i < latin->links->dim * sub->copies; i++)
     if (sub->fixed[i]) linear->g[i] = latin->tangent ? 0.0 : sub->prescribed[i];
-  latin->failed = PETSC_FALSE;
-  if (sub->copies) {
-    PetscCall(PetscObjectStateIncrease((PetscObject)linear->rhs));
-    PetscCall(KSPSolve(linear->ksp, linear->rhs, linear->sol));
-    PetscCall(KSPGetConvergedReason(linear->ksp, &reason));
-    latin->failed = (PetscBool)(reason < 0 && reason != KSP_DIVERGED_ITS);
-  }
+  PetscCall(LatinBlockSolve(latin, &linear->solver, linear->g, linear->U));
   PetscCall(PetscLogEventEnd(LATIN_Linear, latin, 0, 0, 0));
   PetscFunctionReturn(0);
 }
@@ -310,13 +331,10 @@ PetscErrorCode LatinLinearReset(Latin latin)
   LatinLinear *linear = &latin->linear;
 
   PetscFunctionBegin;
-  PetscCall(KSPDestroy(&linear->ksp));
-  PetscCall(MatDestroy(&linear->K));
-  PetscCall(VecDestroy(&linear->rhs));
-  PetscCall(VecDestroy(&linear->sol));
-  PetscCall(PetscFree3(linear->ci, linear->cj, linear->ca));
+  PetscCall(LatinBlockSolverDestroy(&linear->solver));
+  PetscCall(LatinBlocksReset(latin));
   PetscCall(PetscFree3(linear->rc_row, linear->rc_col, linear->rc_value));
-  PetscCall(PetscFree3(linear->rc_offset, linear->h_offset, linear->phi_offset));
+  PetscCall(PetscFree4(linear->rc_first, linear->rc_last, linear->h_offset, linear->phi_offset));
   PetscCall(PetscFree(linear->primal_offset));
   PetscCall(PetscFree(linear->primal_dof));
   PetscCall(PetscFree(linear->primal_index));

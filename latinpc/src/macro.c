@@ -19,11 +19,10 @@ static PetscErrorCode LatinMacroModes_Private(Latin latin, const LatinInterface 
   LatinSubstructure *sub   = &latin->sub;
   LatinInterfaces   *inter = &latin->inter;
   const PetscInt     dim = latin->links->dim, rows = face->side_last - face->side_first;
-  PetscReal          centre[3], axes[2][3], size;
-  PetscBool          strong;
+  LatinFrame         frame;
 
   PetscFunctionBegin;
-  PetscCall(LatinInterfaceFrame_Private(dim, face->node_last - face->node_first, inter->node_list + face->node_first, sub->x, sub->fixed, centre, axes, &size, &strong));
+  PetscCall(LatinInterfaceFrame_Private(dim, face->node_last - face->node_first, inter->node_list + face->node_first, sub->x, sub->fixed, &frame));
   PetscCall(PetscArrayzero(M, rows * dim * dim));
   for (PetscInt r = 0; r < rows; r++) {
     const PetscInt   dof = inter->side_dof[face->side_first + r], i = dof / dim, c = dof % dim;
@@ -34,7 +33,7 @@ static PetscErrorCode LatinMacroModes_Private(Latin latin, const LatinInterface 
     for (PetscInt k = 0; k < dim - 1; k++) {
       PetscReal xi = 0.0;
 
-      for (PetscInt b = 0; b < dim; b++) xi += axes[k][b] * ((x[b] - centre[b]) / size);
+      for (PetscInt b = 0; b < dim; b++) xi += frame.axes[k][b] * (((x[b] - frame.origin[b]) - frame.centre[b]) / frame.size);
       M[r + rows * (dim * c + 1 + k)] = w * xi;
     }
   }

@@ -16,13 +16,9 @@ typedef struct {
   Latin            latin;
   LatinLinks       links; /* given by PCLatinSetLinks(), or NULL */
   LatinWeightsType weights;
-  PetscReal       *weight; /* [copies * dim] partition of unity */
-  PetscBool       *inner;  /* [copies] the node belongs to one subdomain */
-  Mat              K;      /* stiffness of the interiors, identity elsewhere */
-  PetscInt        *ci, *cj;
-  PetscReal       *ca;
-  KSP              ksp;
-  Vec              rhs, sol;
+  PetscReal       *weight;            /* [copies * dim] partition of unity */
+  PetscBool       *inner;             /* [copies] the node belongs to one subdomain */
+  LatinBlockSolver interior;          /* stiffness of the interiors, identity elsewhere */
   PetscReal       *b, *v, *f, *force; /* [copies * dim] work */
   Vec              work;              /* DM global vector */
 } PC_Latin;
@@ -100,47 +96,41 @@ static PetscErrorCode PCLatinWeights_Private(PC pc)
 /* The rows and columns of K_E at inner nodes; springs and primal dofs are on interfaces only, so they play no part */
 static PetscErrorCode PCLatinInterior_Private(PC pc)
 {
-  PC_Latin      *data   = (PC_Latin *)pc->data;
-  Latin          latin  = data->latin;
-  LatinLinear   *linear = &latin->linear;
-  const PetscInt dim = latin->links->dim, n = dim * latin->sub.copies;
-  const char    *prefix;
-  PetscInt       nz = 0;
-  PC             sub;
+  PC_Latin         *data  = (PC_Latin *)pc->data;
+  Latin             latin = data->latin;
+  LatinBlockSolver *whole = &latin->linear.solver, *interior = &data->interior;
+  const PetscInt    dim = latin->links->dim;
 
   PetscFunctionBegin;
-  PetscCall(PetscMalloc3(n + 1, &data->ci, linear->ci[n], &data->cj, linear->ci[n], &data->ca));
-  for (PetscInt i = 0; i < n; i++) {
-    data->ci[i] = nz;
-    if (!data->inner[i / dim]) {
-      data->cj[nz]   = i;
-      data->ca[nz++] = 1.0;
-      continue;
+  PetscCall(LatinBlockSolverCreate(latin, interior));
+  for (PetscInt i = 0; i < interior->n; i++) {
+    const LatinBatch *batch = &latin->linear.blocks.batch[i];
+    const PetscInt    n     = batch->row[batch->patterns];
+    PetscInt          nz    = 0;
+
+    PetscCall(PetscMalloc1(n + 1, &interior->ci[i]));
+    PetscCall(PetscMalloc1(whole->ci[i][n], &interior->cj[i]));
+    PetscCall(PetscMalloc1(whole->ci[i][n], &interior->ca[i]));
+    for (PetscInt p = 0; p < batch->patterns; p++) {
+      const PetscInt shift = dim * latin->sub.node_offset[batch->sub[p]] - batch->row[p];
+
+      for (PetscInt row = batch->row[p]; row < batch->row[p + 1]; row++) {
+        interior->ci[i][row] = nz;
+        if (!data->inner[(row + shift) / dim]) {
+          interior->cj[i][nz]   = row;
+          interior->ca[i][nz++] = 1.0;
+          continue;
+        }
+        for (PetscInt k = whole->ci[i][row]; k < whole->ci[i][row + 1]; k++) {
+          if (!data->inner[(whole->cj[i][k] + shift) / dim]) continue;
+          interior->cj[i][nz]   = whole->cj[i][k];
+          interior->ca[i][nz++] = whole->ca[i][k];
+        }
+      }
     }
-    for (PetscInt p = linear->ci[i]; p < linear->ci[i + 1]; p++) {
-      if (!data->inner[linear->cj[p] / dim]) continue;
-      data->cj[nz]   = linear->cj[p];
-      data->ca[nz++] = linear->ca[p];
-    }
+    interior->ci[i][n] = nz;
   }
-  data->ci[n] = nz;
-  PetscCall(MatCreateSeqAIJWithArrays(PETSC_COMM_SELF, n, n, data->ci, data->cj, data->ca, &data->K));
-  PetscCall(MatSetOption(data->K, MAT_SYMMETRIC, PETSC_TRUE));
-  PetscCall(MatSetOption(data->K, MAT_SPD, PETSC_TRUE));
-  PetscCall(VecCreateSeqWithArray(PETSC_COMM_SELF, 1, n, data->b, &data->rhs));
-  PetscCall(VecCreateSeqWithArray(PETSC_COMM_SELF, 1, n, data->v, &data->sol));
-  PetscCall(KSPCreate(PETSC_COMM_SELF, &data->ksp));
-  PetscCall(PetscObjectIncrementTabLevel((PetscObject)data->ksp, (PetscObject)pc, 1));
-  PetscCall(PetscObjectSetOptions((PetscObject)data->ksp, ((PetscObject)pc)->options));
-  PetscCall(PCGetOptionsPrefix(pc, &prefix));
-  PetscCall(KSPSetOptionsPrefix(data->ksp, prefix));
-  PetscCall(KSPAppendOptionsPrefix(data->ksp, "pc_latin_interior_"));
-  PetscCall(KSPSetType(data->ksp, KSPPREONLY));
-  PetscCall(KSPGetPC(data->ksp, &sub));
-  PetscCall(LatinDirectSolver_Private(sub, data->K, MATSOLVERCHOLMOD));
-  PetscCall(KSPSetOperators(data->ksp, data->K, data->K));
-  PetscCall(KSPSetFromOptions(data->ksp));
-  PetscCall(LatinFactor_Private(latin, data->ksp, data->K, PETSC_FALSE));
+  PetscCall(LatinBlockSolverSetUp(latin, interior, "interior"));
   PetscFunctionReturn(0);
 }
 
@@ -150,12 +140,8 @@ static PetscErrorCode PCReset_Latin(PC pc)
 
   PetscFunctionBegin;
   if (data->latin) PetscCall(LatinReset_Private(data->latin));
-  PetscCall(KSPDestroy(&data->ksp));
-  PetscCall(MatDestroy(&data->K));
-  PetscCall(VecDestroy(&data->rhs));
-  PetscCall(VecDestroy(&data->sol));
+  PetscCall(LatinBlockSolverDestroy(&data->interior));
   PetscCall(VecDestroy(&data->work));
-  PetscCall(PetscFree3(data->ci, data->cj, data->ca));
   PetscCall(PetscFree(data->inner));
   PetscCall(PetscFree5(data->weight, data->b, data->v, data->f, data->force));
   PetscFunctionReturn(0);
@@ -210,9 +196,7 @@ static PetscErrorCode PCLatinInteriorSolve_Private(PC pc, const PetscReal f[])
 
   PetscFunctionBegin;
   for (PetscInt i = 0; i < n; i++) data->b[i] = data->inner[i / dim] && !data->latin->sub.fixed[i] ? f[i] : 0.0;
-  if (!n) PetscFunctionReturn(0);
-  PetscCall(PetscObjectStateIncrease((PetscObject)data->rhs));
-  PetscCall(KSPSolve(data->ksp, data->rhs, data->sol));
+  PetscCall(LatinBlockSolve(data->latin, &data->interior, data->b, data->v));
   PetscFunctionReturn(0);
 }
 
@@ -363,6 +347,7 @@ PETSC_EXTERN PetscErrorCode PCCreate_Latin(PC pc)
   pc->ops->view           = PCView_Latin;
   PetscCall(LatinCreate_Private(PetscObjectComm((PetscObject)pc), &data->latin));
   data->latin->tangent            = PETSC_TRUE;
+  data->latin->direction          = LATIN_DIRECTION_SCALAR;
   data->latin->direction_fraction = 1e-3;
   PetscFunctionReturn(0);
 }

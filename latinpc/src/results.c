@@ -167,17 +167,29 @@ PetscErrorCode LatinGetMacroStiffness(Latin latin, PetscInt i, Mat *H)
 }
 
 /*@C
-  LatinGetLocalKSP - The solver of all subdomains of this rank, a block diagonal matrix.
+  LatinGetLocalKSP - The solver of a subdomain of this rank. Equal subdomains share one, and those without equal are
+  the blocks of one block diagonal matrix.
 
   Not collective; the reference is borrowed
 
+  Input Parameters:
++ latin - the decomposition
+- i     - number of the subdomain on this rank
+
+  Output Parameter:
+. ksp - its solver
+
   Level: advanced
 @*/
-PetscErrorCode LatinGetLocalKSP(Latin latin, KSP *ksp)
+PetscErrorCode LatinGetLocalKSP(Latin latin, PetscInt i, KSP *ksp)
 {
+  LatinBlocks *blocks = &latin->linear.blocks;
+
   PetscFunctionBegin;
-  PetscCall(LatinCheckSetUp_Private(latin));
-  *ksp = latin->linear.ksp;
+  PetscCall(LatinCheckSubdomain_Private(latin, i));
+  for (PetscInt b = 0; b < blocks->n; b++)
+    for (PetscInt k = 0; k < blocks->batch[b].patterns * blocks->batch[b].members; k++)
+      if (blocks->batch[b].sub[k] == i) *ksp = latin->linear.solver.ksp[b];
   PetscFunctionReturn(0);
 }
 

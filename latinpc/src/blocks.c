@@ -1,0 +1,317 @@
+#include "latinimpl.h"
+
+/*
+   Solvers of the subdomains. A structure made of repeated modules gives many subdomains the same operator, to the bit:
+   it is then factored and condensed once, and solved for all of them together, which turns memory traffic into
+   arithmetic. Subdomains without equal go into one block diagonal matrix.
+*/
+
+#define LATIN_BLOCK_COLUMNS 64 /* members solved together: right-hand sides stay in cache */
+
+/* ---- which subdomains are equal ---- */
+
+/* Everything that the operators of a subdomain depend on, as one stream of bytes: hashed, or compared with another's */
+typedef struct {
+  PetscInt64     hash;
+  unsigned char *bytes;
+  size_t         used, size;
+} LatinStream;
+
+static PetscErrorCode LatinStreamAdd_Private(LatinStream *stream, const void *data, size_t n)
+{
+  PetscFunctionBegin;
+  if (stream->used + n > stream->size) {
+    unsigned char *larger;
+
+    stream->size = 2 * (stream->used + n);
+    PetscCall(PetscMalloc1(stream->size, &larger));
+    if (stream->used) PetscCall(PetscMemcpy(larger, stream->bytes, stream->used));
+    PetscCall(PetscFree(stream->bytes));
+    stream->bytes = larger;
+  }
+  PetscCall(PetscMemcpy(stream->bytes + stream->used, data, n));
+  stream->used += n;
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode LatinStreamSubdomain_Private(Latin latin, PetscInt s, LatinStream *stream)
+{
+  LatinSubstructure *sub   = &latin->sub;
+  LatinInterfaces   *inter = &latin->inter;
+  const PetscInt     dim = latin->links->dim, top = sub->node_offset[s], nodes = sub->node_offset[s + 1] - top;
+  const PetscInt     first = sub->link_offset[s], links = sub->link_offset[s + 1] - first, faces = inter->offset[s + 1] - inter->offset[s];
+  PetscInt           head[3] = {nodes, links, faces};
+  uint64_t           hash    = 1469598103934665603u; /* FNV-1a */
+
+  PetscFunctionBegin;
+  stream->used = 0;
+  PetscCall(LatinStreamAdd_Private(stream, head, sizeof(head)));
+  for (PetscInt i = 0; i < dim * nodes; i++) {
+    const unsigned char flags = (unsigned char)((sub->fixed[dim * top + i] ? 1 : 0) | (latin->linear.primal_index[dim * top + i] >= 0 ? 2 : 0) | (inter->share_offset[top + i / dim + 1] > inter->share_offset[top + i / dim] ? 4 : 0));
+
+    PetscCall(LatinStreamAdd_Private(stream, &flags, 1));
+  }
+  for (PetscInt l = first; l < first + links; l++) {
+    const PetscInt ends[2] = {sub->ends[2 * l] - top, sub->ends[2 * l + 1] - top};
+
+    PetscCall(LatinStreamAdd_Private(stream, ends, sizeof(ends)));
+  }
+  PetscCall(LatinStreamAdd_Private(stream, sub->stiffness + first, (size_t)links * sizeof(PetscReal)));
+  PetscCall(LatinStreamAdd_Private(stream, sub->direction + dim * first, (size_t)(dim * links) * sizeof(PetscReal)));
+  for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++) {
+    const LatinInterface *face     = &inter->interface[f];
+    const PetscInt        sizes[2] = {face->side_last - face->side_first, face->modes};
+
+    PetscCall(LatinStreamAdd_Private(stream, sizes, sizeof(sizes)));
+    for (PetscInt k = face->side_first; k < face->side_last; k++) {
+      const PetscInt dof = inter->side_dof[k] - dim * top;
+
+      PetscCall(LatinStreamAdd_Private(stream, &dof, sizeof(dof)));
+    }
+    PetscCall(LatinStreamAdd_Private(stream, latin->macro.d + face->side_first, (size_t)sizes[0] * sizeof(PetscReal)));
+    PetscCall(LatinStreamAdd_Private(stream, latin->macro.basis + face->side_first * LATIN_MAX_MODES, (size_t)(sizes[0] * LATIN_MAX_MODES) * sizeof(PetscReal)));
+  }
+  for (size_t i = 0; i + 8 <= stream->used; i += 8) {
+    uint64_t word;
+
+    PetscCall(PetscMemcpy(&word, stream->bytes + i, 8));
+    hash = (hash ^ word) * 1099511628211u;
+    hash ^= hash >> 29;
+  }
+  stream->hash = (PetscInt64)(hash >> 1);
+  PetscFunctionReturn(0);
+}
+
+typedef struct {
+  PetscInt64 hash;
+  PetscInt   sub;
+} LatinKey;
+
+static int LatinKeyCompare(const void *pa, const void *pb)
+{
+  const LatinKey *a = (const LatinKey *)pa, *b = (const LatinKey *)pb;
+
+  if (a->hash != b->hash) return a->hash < b->hash ? -1 : 1;
+  return a->sub < b->sub ? -1 : (a->sub > b->sub ? 1 : 0);
+}
+
+/* pattern[s]: the first subdomain equal to s */
+static PetscErrorCode LatinBlocksCompare_Private(Latin latin, PetscInt pattern[])
+{
+  const PetscInt n = latin->sub.n;
+  LatinStream    a, b;
+  LatinKey      *key;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMemzero(&a, sizeof(a)));
+  PetscCall(PetscMemzero(&b, sizeof(b)));
+  PetscCall(PetscMalloc1(n, &key));
+  for (PetscInt s = 0; s < n; s++) {
+    PetscCall(LatinStreamSubdomain_Private(latin, s, &a));
+    key[s].hash = a.hash;
+    key[s].sub  = s;
+    pattern[s]  = s;
+  }
+  qsort(key, (size_t)n, sizeof(*key), LatinKeyCompare);
+  for (PetscInt i = 0; i < n;) {
+    PetscInt j = i + 1;
+
+    if (j < n && key[j].hash == key[i].hash) PetscCall(LatinStreamSubdomain_Private(latin, key[i].sub, &a));
+    for (; j < n && key[j].hash == key[i].hash; j++) {
+      PetscBool same;
+
+      PetscCall(LatinStreamSubdomain_Private(latin, key[j].sub, &b));
+      if (a.used != b.used) continue; /* a different subdomain with the same hash stays on its own */
+      PetscCall(PetscMemcmp(a.bytes, b.bytes, a.used, &same));
+      if (same) pattern[key[j].sub] = key[i].sub;
+    }
+    i = j;
+  }
+  PetscCall(PetscFree(key));
+  PetscCall(PetscFree(a.bytes));
+  PetscCall(PetscFree(b.bytes));
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode LatinBatchCreate_Private(LatinBatch *batch, PetscInt patterns, PetscInt members)
+{
+  PetscFunctionBegin;
+  batch->patterns = patterns;
+  batch->members  = members;
+  PetscCall(PetscMalloc2(patterns * members, &batch->sub, patterns + 1, &batch->row));
+  PetscFunctionReturn(0);
+}
+
+/* One batch for each operator that several subdomains share, and one for all the others */
+PetscErrorCode LatinBlocksSetUp(Latin latin)
+{
+  LatinSubstructure *sub    = &latin->sub;
+  LatinBlocks       *blocks = &latin->linear.blocks;
+  PetscInt          *count, *index, *next, alone = 0, groups = 0;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMalloc1(sub->n, &blocks->pattern));
+  PetscCall(LatinBlocksCompare_Private(latin, blocks->pattern));
+  PetscCall(PetscCalloc3(sub->n, &count, sub->n, &index, sub->n + 1, &next));
+  for (PetscInt s = 0; s < sub->n; s++) count[blocks->pattern[s]]++;
+  for (PetscInt s = 0; s < sub->n; s++) {
+    if (count[s] > 1) index[s] = groups++;
+    else alone += count[s];
+  }
+  blocks->n = groups + (alone ? 1 : 0);
+  PetscCall(PetscCalloc1(blocks->n, &blocks->batch));
+  if (alone) PetscCall(LatinBatchCreate_Private(&blocks->batch[groups], alone, 1));
+  for (PetscInt s = 0; s < sub->n; s++) {
+    if (count[s] > 1) PetscCall(LatinBatchCreate_Private(&blocks->batch[index[s]], 1, count[s]));
+    else index[s] = groups;
+  }
+  for (PetscInt s = 0; s < sub->n; s++) {
+    const PetscInt b = index[blocks->pattern[s]];
+
+    blocks->batch[b].sub[next[b]++] = s;
+  }
+  for (PetscInt b = 0; b < blocks->n; b++) {
+    LatinBatch *batch = &blocks->batch[b];
+
+    batch->row[0] = 0;
+    for (PetscInt p = 0; p < batch->patterns; p++) batch->row[p + 1] = batch->row[p] + latin->links->dim * (sub->node_offset[batch->sub[p] + 1] - sub->node_offset[batch->sub[p]]);
+  }
+  PetscCall(PetscFree3(count, index, next));
+  PetscCall(PetscInfo(latin, "%" PetscInt_FMT " subdomains here, %" PetscInt_FMT " different operators\n", sub->n, groups + alone));
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode LatinBlocksReset(Latin latin)
+{
+  LatinBlocks *blocks = &latin->linear.blocks;
+
+  PetscFunctionBegin;
+  for (PetscInt b = 0; b < blocks->n; b++) PetscCall(PetscFree2(blocks->batch[b].sub, blocks->batch[b].row));
+  PetscCall(PetscFree(blocks->batch));
+  PetscCall(PetscFree(blocks->pattern));
+  blocks->n = 0;
+  PetscFunctionReturn(0);
+}
+
+/* ---- solvers ---- */
+
+/* Room for the rows of each batch, which the caller fills before LatinBlockSolverSetUp() */
+PetscErrorCode LatinBlockSolverCreate(Latin latin, LatinBlockSolver *solver)
+{
+  const PetscInt n = latin->linear.blocks.n;
+
+  PetscFunctionBegin;
+  solver->n = n;
+  PetscCall(PetscCalloc3(n, &solver->K, n, &solver->B, n, &solver->X));
+  PetscCall(PetscCalloc3(n, &solver->ksp, n, &solver->b, n, &solver->x));
+  PetscCall(PetscCalloc3(n, &solver->ci, n, &solver->cj, n, &solver->ca));
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode LatinBlockSolverDestroy(LatinBlockSolver *solver)
+{
+  PetscFunctionBegin;
+  for (PetscInt i = 0; i < solver->n; i++) {
+    PetscCall(KSPDestroy(&solver->ksp[i]));
+    PetscCall(MatDestroy(&solver->K[i]));
+    PetscCall(VecDestroy(&solver->b[i]));
+    PetscCall(VecDestroy(&solver->x[i]));
+    PetscCall(MatDestroy(&solver->B[i]));
+    PetscCall(MatDestroy(&solver->X[i]));
+    PetscCall(PetscFree(solver->ci[i]));
+    PetscCall(PetscFree(solver->cj[i]));
+    PetscCall(PetscFree(solver->ca[i]));
+  }
+  PetscCall(PetscFree3(solver->K, solver->B, solver->X));
+  PetscCall(PetscFree3(solver->ksp, solver->b, solver->x));
+  PetscCall(PetscFree3(solver->ci, solver->cj, solver->ca));
+  solver->n = 0;
+  PetscFunctionReturn(0);
+}
+
+/* Matrices, factors and work space; name is "local" or "interior", the prefix of the options. Collective on latin */
+PetscErrorCode LatinBlockSolverSetUp(Latin latin, LatinBlockSolver *solver, const char name[])
+{
+  LatinFactorStatus status = {0, PC_NOERROR, PETSC_FALSE};
+  Vec               soft   = NULL;
+  PetscInt          failed = 0;
+  const char       *prefix;
+  PC                pc;
+
+  PetscFunctionBegin;
+  PetscCall(PetscObjectGetOptionsPrefix((PetscObject)latin, &prefix));
+  for (PetscInt i = 0; i < solver->n && !status.ierr && !status.failed && !status.mechanism; i++) {
+    const LatinBatch *batch = &latin->linear.blocks.batch[i];
+    const PetscInt    rows = batch->row[batch->patterns], columns = PetscMin(batch->members, LATIN_BLOCK_COLUMNS);
+    PetscScalar      *b, *x;
+
+    PetscCall(MatCreateSeqAIJWithArrays(PETSC_COMM_SELF, rows, rows, solver->ci[i], solver->cj[i], solver->ca[i], &solver->K[i]));
+    PetscCall(MatSetOption(solver->K[i], MAT_SYMMETRIC, PETSC_TRUE));
+    PetscCall(MatSetOption(solver->K[i], MAT_SPD, PETSC_TRUE));
+    PetscCall(MatCreateSeqDense(PETSC_COMM_SELF, rows, columns, NULL, &solver->B[i]));
+    PetscCall(MatCreateSeqDense(PETSC_COMM_SELF, rows, columns, NULL, &solver->X[i]));
+    for (PetscInt k = 0; k < 2; k++) {
+      PetscCall(MatAssemblyBegin(k ? solver->X[i] : solver->B[i], MAT_FINAL_ASSEMBLY));
+      PetscCall(MatAssemblyEnd(k ? solver->X[i] : solver->B[i], MAT_FINAL_ASSEMBLY));
+    }
+    if (batch->members == 1) {
+      PetscCall(MatDenseGetArray(solver->B[i], &b));
+      PetscCall(MatDenseGetArray(solver->X[i], &x));
+      PetscCall(VecCreateSeqWithArray(PETSC_COMM_SELF, 1, rows, b, &solver->b[i]));
+      PetscCall(VecCreateSeqWithArray(PETSC_COMM_SELF, 1, rows, x, &solver->x[i]));
+      PetscCall(MatDenseRestoreArray(solver->B[i], &b));
+      PetscCall(MatDenseRestoreArray(solver->X[i], &x));
+    }
+    PetscCall(KSPCreate(PETSC_COMM_SELF, &solver->ksp[i]));
+    PetscCall(PetscObjectIncrementTabLevel((PetscObject)solver->ksp[i], (PetscObject)latin, 1));
+    PetscCall(PetscObjectSetOptions((PetscObject)solver->ksp[i], ((PetscObject)latin)->options));
+    PetscCall(KSPSetOptionsPrefix(solver->ksp[i], prefix));
+    PetscCall(KSPAppendOptionsPrefix(solver->ksp[i], name));
+    PetscCall(KSPAppendOptionsPrefix(solver->ksp[i], "_"));
+    PetscCall(KSPSetType(solver->ksp[i], KSPPREONLY));
+    PetscCall(KSPGetPC(solver->ksp[i], &pc));
+    PetscCall(LatinDirectSolver_Private(pc, solver->K[i], MATSOLVERCHOLMOD));
+    PetscCall(KSPSetOperators(solver->ksp[i], solver->K[i], solver->K[i]));
+    PetscCall(KSPSetFromOptions(solver->ksp[i]));
+    PetscCall(LatinFactor_Private(solver->ksp[i], solver->K[i], MATSOLVERCHOLMOD, &status, &soft));
+    failed = i;
+  }
+  PetscCall(LatinFactorAgree_Private(latin, &status, soft, solver->n ? &latin->linear.blocks.batch[failed] : NULL, name));
+  PetscFunctionReturn(0);
+}
+
+/* U = K^-1 g for the copy arrays of all subdomains here */
+PetscErrorCode LatinBlockSolve(Latin latin, LatinBlockSolver *solver, const PetscReal g[], PetscReal U[])
+{
+  LatinSubstructure *sub = &latin->sub;
+  const PetscInt     dim = latin->links->dim;
+
+  PetscFunctionBegin;
+  for (PetscInt i = 0; i < solver->n; i++) {
+    const LatinBatch  *batch = &latin->linear.blocks.batch[i];
+    const PetscInt     rows = batch->row[batch->patterns], columns = PetscMin(batch->members, LATIN_BLOCK_COLUMNS);
+    PetscScalar       *b;
+    const PetscScalar *x;
+    KSPConvergedReason reason;
+
+    for (PetscInt first = 0; first < batch->members; first += columns) {
+      const PetscInt last = PetscMin(first + columns, batch->members);
+
+      PetscCall(MatDenseGetArray(solver->B[i], &b));
+      for (PetscInt m = first; m < last; m++)
+        for (PetscInt p = 0; p < batch->patterns; p++) PetscCall(PetscArraycpy(b + (size_t)rows * (size_t)(m - first) + batch->row[p], g + dim * sub->node_offset[batch->sub[p + m]], batch->row[p + 1] - batch->row[p]));
+      PetscCall(MatDenseRestoreArray(solver->B[i], &b));
+      if (batch->members == 1) {
+        PetscCall(PetscObjectStateIncrease((PetscObject)solver->b[i]));
+        PetscCall(KSPSolve(solver->ksp[i], solver->b[i], solver->x[i]));
+      } else PetscCall(KSPMatSolve(solver->ksp[i], solver->B[i], solver->X[i]));
+      PetscCall(KSPGetConvergedReason(solver->ksp[i], &reason));
+      if (reason < 0 && reason != KSP_DIVERGED_ITS) latin->failed = PETSC_TRUE;
+      PetscCall(MatDenseGetArrayRead(solver->X[i], &x));
+      for (PetscInt m = first; m < last; m++)
+        for (PetscInt p = 0; p < batch->patterns; p++) PetscCall(PetscArraycpy(U + dim * sub->node_offset[batch->sub[p + m]], x + (size_t)rows * (size_t)(m - first) + batch->row[p], batch->row[p + 1] - batch->row[p]));
+      PetscCall(MatDenseRestoreArrayRead(solver->X[i], &x));
+    }
+  }
+  PetscFunctionReturn(0);
+}
