@@ -25,7 +25,8 @@ OPTIONS = (
     "variant", "subdomains", "subdomain_links", "direction", "direction_scalar", "direction_fraction",
     "corners", "promote", "monitor", "stop", "warm_start",
 )  # fmt: skip
-INNER_PREFIXES = ("local_", "coarse_", "outer_")
+PC_OPTIONS = ("weights",)  # of PC latin alone
+INNER_PREFIXES = ("local_", "interior_", "coarse_", "outer_")
 
 REFERENCE_ACCURACY = 1e-9  # relative residual above which a reference is refused
 
@@ -76,8 +77,8 @@ def unknown_options():
         for prefix in ("snes_latin_", "pc_latin_"):
             start = name.find(prefix)  # after the user's own prefix, if any
             key = name[start + len(prefix) :]
-            if start >= 0 and key not in OPTIONS and not key.startswith(INNER_PREFIXES):
-                near = difflib.get_close_matches(key, OPTIONS, n=1, cutoff=0.5)
+            if start >= 0 and key not in OPTIONS + PC_OPTIONS and not key.startswith(INNER_PREFIXES):
+                near = difflib.get_close_matches(key, OPTIONS + PC_OPTIONS, n=1, cutoff=0.5)
                 cure = f"do you mean -{name[:start]}{prefix}{near[0]}?" if near else "see -help"
                 sentences.append(f"unknown option -{name}: {cure}")
     return sentences

@@ -86,7 +86,7 @@ def test_number_of_subdomains_from_their_size(size, parts):
 
 def test_default_size_is_256_links():
     """Without a word about subdomains there is one for every 256 links."""
-    scene = without(grid("truss", modules=8))
+    scene = without(grid("truss", modules=8, subdomains=4))
     assert partition(scene).max() + 1 == len(scene.links) / 256
 
 

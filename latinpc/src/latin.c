@@ -45,8 +45,9 @@ PetscErrorCode LatinSetLinks_Private(Latin latin, LatinLinks links)
 /* family is "snes" or "pc": the options of the method are -<prefix><family>_latin_... */
 PetscErrorCode LatinSetFromOptions_Private(Latin latin, PetscOptionItems *PetscOptionsObject, const char family[])
 {
-  PetscBool published = latin->published, isnes = PETSC_FALSE;
-  PetscInt  corners = published ? 1 : 0;
+  const struct _p_Latin before  = *latin;
+  PetscBool             isnes   = PETSC_FALSE;
+  PetscInt              corners = latin->published ? 1 : 0;
 
   PetscFunctionBegin;
   PetscCall(PetscStrcmp(family, "snes", &isnes));
@@ -62,6 +63,9 @@ PetscErrorCode LatinSetFromOptions_Private(Latin latin, PetscOptionItems *PetscO
   PetscCall(PetscOptionsBool(LATIN_OPTION("promote"), "Make every node of three or more subdomains a corner (variant corner)", "None", latin->promote, &latin->promote, NULL));
   PetscOptionsHeadEnd();
   latin->published = (PetscBool)(corners == 1);
+  if (before.variant != latin->variant || before.published != latin->published || before.promote != latin->promote || before.subdomains != latin->subdomains || before.links_per_subdomain != latin->links_per_subdomain ||
+      before.direction != latin->direction || before.direction_scalar != latin->direction_scalar || before.direction_fraction != latin->direction_fraction)
+    latin->stale = PETSC_TRUE;
   PetscCheck(latin->direction_scalar >= 0.0 && !PetscIsInfOrNanReal(latin->direction_scalar), PetscObjectComm((PetscObject)latin), PETSC_ERR_ARG_OUTOFRANGE, "%s is %g; the search direction is a positive stiffness (0 = self-tuned)",
              LATIN_OPTION("direction_scalar"), (double)latin->direction_scalar);
   PetscCheck(latin->direction_fraction > 0.0 && !PetscIsInfOrNanReal(latin->direction_fraction), PetscObjectComm((PetscObject)latin), PETSC_ERR_ARG_OUTOFRANGE, "%s is %g; it is a positive number", LATIN_OPTION("direction_fraction"),
@@ -83,7 +87,7 @@ PetscErrorCode LatinSetUp_Private(Latin latin)
   PetscCheck(links, PetscObjectComm((PetscObject)latin), PETSC_ERR_ORDER, "Type latin has no structure to work on: build one with LatinLinksCreate() and call LatinLinksAttachSNES() (or PCLatinSetLinks(), or set its DM on the solver)");
   PetscCheck(links->set_up, PetscObjectComm((PetscObject)latin), PETSC_ERR_ORDER, "The structure is not set up: call LatinLinksSetUp()");
   PetscCall(PetscObjectStateGet((PetscObject)links, &state));
-  if (latin->set_up && state != latin->links_state) PetscCall(LatinReset_Private(latin));
+  if (latin->set_up && (latin->stale || state != latin->links_state)) PetscCall(LatinReset_Private(latin));
   if (!latin->set_up) {
     PetscCall(PetscLogEventBegin(LATIN_SetUp, latin, 0, 0, 0));
     PetscCall(LatinReset_Private(latin)); /* what an earlier attempt that ended in an error may have left */
@@ -103,6 +107,7 @@ PetscErrorCode LatinSetUp_Private(Latin latin)
     PetscCall(LatinSubstructureRefresh(latin));
     PetscCall(LatinLinearSetLoads(latin, links->load));
   }
+  latin->stale           = PETSC_FALSE;
   latin->links_state     = state;
   latin->load_state      = links->load_state;
   latin->prestrain_state = links->prestrain_state;

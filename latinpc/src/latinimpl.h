@@ -267,6 +267,8 @@ struct _p_Latin {
   PetscReal         *outgoing;  /* [sides] work: the data that the mates receive */
   PetscReal          indicator; /* of the last application, relative */
   PetscReal          distance;  /* the same, not divided: square root of an energy */
+  PetscReal          noise;     /* what rounding alone leaves of it */
+  PetscBool          stale;     /* options have changed since the set-up */
 };
 
 PETSC_INTERN PetscErrorCode LatinCreate_Private(MPI_Comm, Latin *);

@@ -13,6 +13,20 @@ static PetscErrorCode LatinLinksCheckSetUp_Private(LatinLinks links)
   PetscFunctionReturn(0);
 }
 
+/* A displacement must be a vector of the structure's DM: its entries are addressed directly */
+static PetscErrorCode LatinLinksCheckVec_Private(LatinLinks links, Vec u)
+{
+  PetscInt n, m;
+
+  PetscFunctionBegin;
+  PetscCall(LatinLinksCheckSetUp_Private(links));
+  PetscCall(VecGetLocalSize(u, &n));
+  PetscCall(VecGetLocalSize(links->load, &m));
+  LatinAgree(PetscObjectComm((PetscObject)links), n != m, PETSC_ERR_ARG_SIZ,
+             "The vector has %" PetscInt_FMT " entries on a rank where the structure has %" PetscInt_FMT " free degrees of freedom; make it with DMCreateGlobalVector() on the DM of the structure", n, m);
+  PetscFunctionReturn(0);
+}
+
 /* F at the free degrees of freedom, as a DM global vector; each node's owner in the caller's numbering knows its entries */
 PetscErrorCode LatinLinksLoadVec_Private(LatinLinks links)
 {
@@ -217,7 +231,7 @@ PetscErrorCode LatinLinksComputeResidual(LatinLinks links, Vec u, Vec r)
   PetscInt           dim;
 
   PetscFunctionBegin;
-  PetscCall(LatinLinksCheckSetUp_Private(links));
+  PetscCall(LatinLinksCheckVec_Private(links, u));
   dim = links->dim;
   PetscCall(DMGetLocalVector(links->dm, &ul));
   PetscCall(DMGetLocalVector(links->dm, &rl));
@@ -264,12 +278,18 @@ PetscErrorCode LatinLinksComputeResidual(LatinLinks links, Vec u, Vec r)
 @*/
 PetscErrorCode LatinLinksComputeJacobian(LatinLinks links, Vec u, Mat J)
 {
-  Vec                ul;
-  const PetscScalar *a;
-  PetscInt           dim;
+  ISLocalToGlobalMapping map;
+  PetscInt               n, m;
+  Vec                    ul;
+  const PetscScalar     *a;
+  PetscInt               dim;
 
   PetscFunctionBegin;
-  PetscCall(LatinLinksCheckSetUp_Private(links));
+  PetscCall(LatinLinksCheckVec_Private(links, u));
+  PetscCall(MatGetLocalToGlobalMapping(J, &map, NULL));
+  PetscCall(MatGetSize(J, &n, NULL));
+  PetscCall(VecGetSize(links->load, &m));
+  PetscCheck(map && n == m, PetscObjectComm((PetscObject)links), PETSC_ERR_ARG_WRONG, "The matrix does not belong to this structure: make it with DMCreateMatrix() on its DM");
   dim = links->dim;
   if (!links->tangent) PetscCall(PetscMalloc1(links->links_local, &links->tangent));
   PetscCall(MatZeroEntries(J));
@@ -369,7 +389,7 @@ PetscErrorCode LatinLinksComputeEnergy(LatinLinks links, Vec u, PetscReal *energ
   PetscScalar        work;
 
   PetscFunctionBegin;
-  PetscCall(LatinLinksCheckSetUp_Private(links));
+  PetscCall(LatinLinksCheckVec_Private(links, u));
   PetscCall(DMGetLocalVector(links->dm, &ul));
   PetscCall(LatinLinksGetLocal_Private(links, u, ul));
   PetscCall(VecGetArrayRead(ul, &a));
@@ -408,7 +428,8 @@ PetscErrorCode LatinLinksComputeErrors(LatinLinks links, Vec u, Vec reference, P
   PetscReal          sum[2] = {0.0, 0.0}, total[2], dn, rn;
 
   PetscFunctionBegin;
-  PetscCall(LatinLinksCheckSetUp_Private(links));
+  PetscCall(LatinLinksCheckVec_Private(links, u));
+  PetscCall(LatinLinksCheckVec_Private(links, reference));
   PetscCall(VecDuplicate(u, &d));
   PetscCall(VecWAXPY(d, -1.0, reference, u));
   PetscCall(VecNorm(d, NORM_2, &dn));
@@ -459,7 +480,7 @@ PetscErrorCode LatinLinksGetDisplacements(LatinLinks links, Vec u, PetscReal dis
   const PetscScalar *a;
 
   PetscFunctionBegin;
-  PetscCall(LatinLinksCheckSetUp_Private(links));
+  PetscCall(LatinLinksCheckVec_Private(links, u));
   PetscCall(PetscArraycpy(displacement, links->prescribed, n));
   PetscCall(PetscMalloc2(n, &remote, n, &local));
   for (PetscInt i = 0; i < n; i++)
@@ -495,7 +516,7 @@ PetscErrorCode LatinLinksGetDisplacements(LatinLinks links, Vec u, PetscReal dis
 PetscErrorCode LatinLinksSetDisplacements(LatinLinks links, const PetscReal displacement[], Vec u)
 {
   PetscFunctionBegin;
-  PetscCall(LatinLinksCheckSetUp_Private(links));
+  PetscCall(LatinLinksCheckVec_Private(links, u));
   PetscCall(VecSetOption(u, VEC_IGNORE_NEGATIVE_INDICES, PETSC_TRUE));
   PetscCall(VecSetValues(u, links->nodes_local * links->dim, links->global_dof, displacement, INSERT_VALUES));
   PetscCall(VecAssemblyBegin(u));
@@ -523,7 +544,7 @@ PetscErrorCode LatinLinksGetTensions(LatinLinks links, Vec u, PetscReal tension[
   const PetscScalar *a;
 
   PetscFunctionBegin;
-  PetscCall(LatinLinksCheckSetUp_Private(links));
+  PetscCall(LatinLinksCheckVec_Private(links, u));
   PetscCall(DMGetLocalVector(links->dm, &ul));
   PetscCall(LatinLinksGetLocal_Private(links, u, ul));
   PetscCall(VecGetArrayRead(ul, &a));

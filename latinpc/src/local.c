@@ -13,6 +13,8 @@
    the energy of the elongations, which rigid motions do not blow up.
 */
 
+#define LATIN_NOISE 1e-14 /* relative to the energy of the structure, prestress included: below it nothing can be told apart */
+
 /* Elongation of a link under the displacements of the copies, a row of B */
 static inline PetscReal LatinElongation(const LatinSubstructure *sub, PetscInt dim, PetscInt l, const PetscReal U[])
 {
@@ -56,7 +58,7 @@ PetscErrorCode LatinLocalStage_Private(Latin latin, const PetscReal z[], PetscRe
   LatinMacro        *macro  = &latin->macro;
   const PetscInt     dim    = latin->links->dim;
   const PetscReal   *U      = latin->linear.U;
-  PetscReal          sum[2] = {0.0, 0.0}, total[2];
+  PetscReal          sum[3] = {0.0, 0.0, 0.0}, total[3];
 
   PetscFunctionBegin;
   PetscCall(PetscLogEventBegin(LATIN_Local, latin, 0, 0, 0));
@@ -83,8 +85,14 @@ PetscErrorCode LatinLocalStage_Private(Latin latin, const PetscReal z[], PetscRe
   }
   PetscCall(PetscSFBcastEnd(inter->mate_sf, MPIU_REAL, latin->outgoing, Gz, MPI_REPLACE));
   for (PetscInt k = 0; k < inter->sides; k++) sum[0] += (Gz[k] - z[k]) * (Gz[k] - z[k]) / (4.0 * macro->d[k]);
-  for (PetscInt l = 0; l < sub->links; l++) sum[1] += sub->stiffness[l] * PetscSqr(LatinElongation(sub, dim, l, U));
-  PetscCall(MPIU_Allreduce(sum, total, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)latin)));
+  for (PetscInt l = 0; l < sub->links; l++) {
+    const PetscReal k = sub->stiffness[l], e = LatinElongation(sub, dim, l, U);
+
+    sum[1] += k * e * e;
+    sum[2] += k * PetscSqr(e + sub->prestrain[l]);
+  }
+  PetscCall(MPIU_Allreduce(sum, total, 3, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)latin)));
+  latin->noise     = LATIN_NOISE * PetscSqrtReal(PetscMax(total[1], total[2]));
   latin->distance  = PetscSqrtReal(total[0]);
   latin->indicator = total[1] > 0.0 ? PetscSqrtReal(total[0] / total[1]) : latin->distance;
   PetscCall(PetscLogEventEnd(LATIN_Local, latin, 0, 0, 0));

@@ -239,6 +239,7 @@ static PetscErrorCode PCSetFromOptions_Latin(PC pc, PetscOptionItems *PetscOptio
 
   PetscFunctionBegin;
   PetscCall(LatinSetFromOptions_Private(data->latin, PetscOptionsObject, "pc"));
+  if (data->latin->stale) pc->setupcalled = 0; /* built again at the next PCSetUp() */
   PetscOptionsHeadBegin(PetscOptionsObject, "PC latin options");
   PetscCall(PetscOptionsEnum("-pc_latin_weights", "Weights of the copies of a node", "None", LatinWeightsTypes, (PetscEnum)data->weights, (PetscEnum *)&data->weights, NULL));
   PetscOptionsHeadEnd();

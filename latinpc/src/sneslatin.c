@@ -104,8 +104,8 @@ static PetscErrorCode SNESLatinConverged_Private(SNES outer, PetscInt it, PetscR
   else if (data->stop == LATIN_STOP_RESIDUAL) {
     if (norm <= snes->abstol) *reason = SNES_CONVERGED_FNORM_ABS;
     else if (norm <= snes->rtol * data->first_residual) *reason = SNES_CONVERGED_FNORM_RELATIVE;
-    else if (latin->distance == 0.0) *reason = SNES_CONVERGED_SNORM_RELATIVE; /* a fixed point: nothing more can change */
-  } else if (norm <= snes->stol || latin->distance == 0.0) *reason = SNES_CONVERGED_SNORM_RELATIVE;
+    else if (latin->distance <= latin->noise) *reason = SNES_CONVERGED_SNORM_RELATIVE; /* a fixed point: nothing more can change */
+  } else if (norm <= snes->stol || latin->distance <= latin->noise) *reason = SNES_CONVERGED_SNORM_RELATIVE;
   if (!*reason && snes->divtol > 0.0 && latin->distance > snes->divtol * data->first_distance) *reason = SNES_DIVERGED_DTOL;
   if (!*reason && latin->applications >= snes->max_its) *reason = SNES_DIVERGED_MAX_IT;
   PetscFunctionReturn(0);
@@ -200,6 +200,19 @@ static PetscErrorCode SNESSetFromOptions_Latin(SNES snes, PetscOptionItems *Pets
   PetscFunctionReturn(0);
 }
 
+/* The inner SNES goes too: not every type survives a SNESReset() (qn does not), and its options are read again */
+static PetscErrorCode SNESLatinResetState_Private(SNES snes)
+{
+  SNES_Latin *data = (SNES_Latin *)snes->data;
+
+  PetscFunctionBegin;
+  PetscCall(SNESDestroy(&data->outer));
+  PetscCall(VecDestroy(&data->z));
+  PetscCall(PetscFree(data->reference_copy));
+  data->has_state = PETSC_FALSE;
+  PetscFunctionReturn(0);
+}
+
 /* Builds what has changed in the structure, and the fixed-point unknown when its length has */
 static PetscErrorCode SNESLatinSetUpState_Private(SNES snes)
 {
@@ -214,14 +227,10 @@ static PetscErrorCode SNESLatinSetUpState_Private(SNES snes)
     PetscObjectState state;
 
     PetscCall(PetscObjectStateGet((PetscObject)latin->links, &state));
-    built = (PetscBool)(state == latin->links_state);
+    built = (PetscBool)(state == latin->links_state && !latin->stale);
   }
-  if (!built) {
-    PetscCall(SNESReset(data->outer));
-    PetscCall(VecDestroy(&data->z));
-    PetscCall(PetscFree(data->reference_copy));
-    data->has_state = PETSC_FALSE;
-  }
+  if (!built && data->z) PetscCall(SNESLatinResetState_Private(snes));
+  PetscCall(SNESLatinCreateOuter_Private(snes));
   PetscCall(LatinSetUp_Private(latin));
   if (!data->z) {
     PetscCall(LatinCreateState_Private(latin, &data->z));
@@ -309,6 +318,7 @@ static PetscErrorCode SNESSolve_Latin(SNES snes)
   snes->reason = SNES_CONVERGED_ITERATING;
   snes->iter   = 0;
   if (data->stop == LATIN_STOP_RESIDUAL) {
+    PetscCall(VecZeroEntries(snes->vec_sol)); /* where the method starts, whatever the caller's vector holds */
     PetscCall(SNESComputeFunction(snes, snes->vec_sol, snes->vec_func));
     PetscCall(VecNorm(snes->vec_func, NORM_2, &data->first_residual));
     snes->norm = data->first_residual;
@@ -333,10 +343,7 @@ static PetscErrorCode SNESReset_Latin(SNES snes)
 
   PetscFunctionBegin;
   if (data->latin) PetscCall(LatinReset_Private(data->latin));
-  if (data->outer) PetscCall(SNESReset(data->outer));
-  PetscCall(VecDestroy(&data->z));
-  PetscCall(PetscFree(data->reference_copy));
-  data->has_state = PETSC_FALSE;
+  PetscCall(SNESLatinResetState_Private(snes));
   PetscFunctionReturn(0);
 }
 
