@@ -94,16 +94,24 @@ def interfaces(scene, touching):
     return dict(sorted(shared.items()))
 
 
-def plane(scene, nodes):
-    """Centred, scaled coordinates along the principal axes, (len, dim - 1); None for a weak interface."""
-    x = scene.nodes[nodes] - scene.nodes[nodes].mean(axis=0)
-    if scene.dim == 1:
-        return np.zeros((len(nodes), 0))
-    if len(nodes) < scene.dim:
+def affine_modes(scene, nodes):
+    """Macro modes of an interface, (len * dim, modes), in centred and scaled coordinates; None if it is weak.
+
+    dim x (1, xi, eta) over the principal plane, and where the nodes leave it zeta e_xi, zeta e_eta, without
+    which the rotations of the interface were not among them.
+    """
+    dim, x = scene.dim, scene.nodes[nodes] - scene.nodes[nodes].mean(axis=0)
+    if dim == 1:
+        return np.ones((len(nodes), 1))
+    if len(nodes) < dim:
         return None
-    u, s, _ = np.linalg.svd(x, full_matrices=False)
-    distinct = s[0] > RANK * scene.lengths.max()
-    return u[:, : scene.dim - 1] if distinct and s[scene.dim - 2] > RANK * s[0] else None
+    u, s, axes = np.linalg.svd(x, full_matrices=False)
+    if not (s[0] > RANK * scene.lengths.max() and s[dim - 2] > RANK * s[0]):
+        return None
+    modes = np.kron(np.column_stack([np.ones(len(nodes)), u[:, : dim - 1]]), np.eye(dim))
+    if s[dim - 1] <= RANK * s[0]:
+        return modes
+    return np.hstack([modes] + [np.kron(u[:, dim - 1], axes[k])[:, None] for k in range(dim - 1)])
 
 
 def components(members, edges):
@@ -160,11 +168,11 @@ def build(scene, variant="corner", corners="free", promote=True, d=None, alpha=0
     latin.parts = [subdomain(scene, b, i, latin.free) for i in range(scene.n_subdomains)]
     latin.touching = node_subdomains(scene)
     latin.shared = interfaces(scene, latin.touching)
-    latin.planes = {pair: plane(scene, nodes) for pair, nodes in latin.shared.items()}
+    latin.modes = {pair: affine_modes(scene, nodes) for pair, nodes in latin.shared.items()}
     latin.primal, latin.micro = {}, {pair: [] for pair in latin.shared}
     for node in sorted({node for nodes in latin.shared.values() for node in nodes}):
         parts = latin.touching[node]
-        weak = [pair for pair in combinations(parts, 2) if latin.planes[pair] is None]
+        weak = [pair for pair in combinations(parts, 2) if latin.modes[pair] is None]
         latin.primal[node] = primal_groups(parts, weak, variant, promote)
         for pair in micro_pairs(parts, weak, latin.primal[node], variant, corners):
             latin.micro[pair].append(node)
@@ -179,7 +187,7 @@ def build(scene, variant="corner", corners="free", promote=True, d=None, alpha=0
     for i, part in enumerate(latin.parts):
         part.load = scene.load.ravel()[part.dofs] / latin.copies[part.dofs]
         condense(part, [(side, side.pair.index(i)) for side in latin.sides if i in side.pair])
-    latin.nonsmooth = np.flatnonzero(scene.law != 0)
+    latin.nonsmooth = np.flatnonzero((scene.law != 0) & ~scene.fixed[scene.links].all(axis=(1, 2)))
     latin.coarse = assemble(latin)
     return latin
 
@@ -210,11 +218,11 @@ def number_macro(latin, owned):
     """Macro basis, its unknowns and the places in z of every interface; returns the length of z."""
     n_z, n_macro = 0, 0
     for side in latin.sides:
-        nodes, flat = latin.micro[side.pair], latin.planes[side.pair]
+        nodes, modes = latin.micro[side.pair], latin.modes[side.pair]
         side.r = np.zeros((len(side.dofs), 0))
-        if flat is not None:  # strong
+        if modes is not None:  # strong
             rows = np.searchsorted(latin.shared[side.pair], nodes)
-            modes = np.kron(np.column_stack([np.ones(len(rows)), flat[rows]]), np.eye(latin.scene.dim))
+            modes = modes.reshape(-1, latin.scene.dim, modes.shape[1])[rows].reshape(-1, modes.shape[1])
             dofs = (np.array(nodes)[:, None] * latin.scene.dim + np.arange(latin.scene.dim)).ravel()
             visible = np.isin(side.dofs // latin.scene.dim, macro_nodes(latin, side.pair, owned))
             side.r = macro_basis(modes[latin.free[dofs]], side.d, visible)
@@ -240,7 +248,7 @@ def macro_nodes(latin, pair, owned):
         pairs = [
             other
             for other in combinations(latin.touching[node], 2)
-            if latin.planes[other] is not None and node in latin.micro[other]
+            if latin.modes[other] is not None and node in latin.micro[other]
         ]
         return pairs and min(pairs, key=lambda other: (len(latin.micro[other]), other))
 

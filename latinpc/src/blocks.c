@@ -306,7 +306,7 @@ PetscErrorCode LatinBlockSolve(Latin latin, LatinBlockSolver *solver, const Pets
         PetscCall(KSPSolve(solver->ksp[i], solver->b[i], solver->x[i]));
       } else PetscCall(KSPMatSolve(solver->ksp[i], solver->B[i], solver->X[i]));
       PetscCall(KSPGetConvergedReason(solver->ksp[i], &reason));
-      if (reason < 0 && reason != KSP_DIVERGED_ITS) latin->failed = PETSC_TRUE;
+      if (reason < 0) latin->failed = PETSC_TRUE;
       PetscCall(MatDenseGetArrayRead(solver->X[i], &x));
       for (PetscInt m = first; m < last; m++)
         for (PetscInt p = 0; p < batch->patterns; p++) PetscCall(PetscArraycpy(U + dim * sub->node_offset[batch->sub[p + m]], x + (size_t)rows * (size_t)(m - first) + batch->row[p], batch->row[p + 1] - batch->row[p]));

@@ -187,6 +187,7 @@ PetscErrorCode LatinCoarseSetUp(Latin latin)
 /* From the condensed forces q of the subdomains to the coarse displacements u */
 PetscErrorCode LatinCoarseSolve(Latin latin)
 {
+  KSPConvergedReason reason;
   LatinCoarse       *coarse = &latin->coarse;
   PetscScalar       *b;
   const PetscScalar *x;
@@ -199,6 +200,8 @@ PetscErrorCode LatinCoarseSolve(Latin latin)
   PetscCall(LatinSFReduce_Private(coarse->sf, 1, MPIU_SCALAR, coarse->q, b, MPI_SUM));
   PetscCall(VecRestoreArray(coarse->rhs, &b));
   PetscCall(KSPSolve(coarse->ksp, coarse->rhs, coarse->sol));
+  PetscCall(KSPGetConvergedReason(coarse->ksp, &reason));
+  if (reason < 0) latin->failed = PETSC_TRUE;
   PetscCall(VecGetArrayRead(coarse->sol, &x));
   PetscCall(LatinSFBcast_Private(coarse->sf, 1, MPIU_SCALAR, x, coarse->u));
   PetscCall(VecRestoreArrayRead(coarse->sol, &x));

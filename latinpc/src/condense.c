@@ -45,7 +45,7 @@ static PetscErrorCode LatinCondenseColumns_Private(Latin latin, const LatinBatch
 }
 
 /* Phi first holds [V_m, V_C] */
-static PetscErrorCode LatinCondenseSolve_Private(Latin latin, PetscInt which)
+static PetscErrorCode LatinCondenseSolve_Private(Latin latin, PetscInt which, KSPConvergedReason *failed)
 {
   LatinLinear      *linear = &latin->linear;
   const LatinBatch *batch  = &linear->blocks.batch[which];
@@ -59,6 +59,7 @@ static PetscErrorCode LatinCondenseSolve_Private(Latin latin, PetscInt which)
     Mat                B, X;
     PetscScalar       *b;
     const PetscScalar *x;
+    KSPConvergedReason reason;
 
     PetscCall(MatCreateSeqDense(PETSC_COMM_SELF, n, last - first, NULL, &B));
     PetscCall(MatCreateSeqDense(PETSC_COMM_SELF, n, last - first, NULL, &X));
@@ -70,6 +71,8 @@ static PetscErrorCode LatinCondenseSolve_Private(Latin latin, PetscInt which)
     PetscCall(MatAssemblyBegin(X, MAT_FINAL_ASSEMBLY));
     PetscCall(MatAssemblyEnd(X, MAT_FINAL_ASSEMBLY));
     PetscCall(KSPMatSolve(linear->solver.ksp[which], B, X));
+    PetscCall(KSPGetConvergedReason(linear->solver.ksp[which], &reason));
+    if (reason < 0) *failed = reason;
     PetscCall(MatDenseGetArrayRead(X, &x));
     for (PetscInt p = 0; p < batch->patterns; p++) {
       const PetscInt s    = batch->sub[p];
@@ -168,12 +171,15 @@ PetscErrorCode LatinCondenseSetUp(Latin latin)
   LatinSubstructure *sub    = &latin->sub;
   LatinLinear       *linear = &latin->linear;
   const PetscInt     w      = linear->widest;
+  KSPConvergedReason failed = KSP_CONVERGED_ITERATING;
   PetscInt           rows = 0, bad = -1;
   PetscScalar       *T, *N, *TN, *work;
 
   PetscFunctionBegin;
   PetscCall(PetscLogEventBegin(LATIN_Condense, latin, 0, 0, 0));
-  for (PetscInt b = 0; b < linear->blocks.n; b++) PetscCall(LatinCondenseSolve_Private(latin, b));
+  for (PetscInt b = 0; b < linear->blocks.n; b++) PetscCall(LatinCondenseSolve_Private(latin, b, &failed));
+  LatinAgree(PetscObjectComm((PetscObject)latin), failed, PETSC_ERR_CONV_FAILED, "A local solver gave up while the subdomains were condensed (%s); change its options, which start with -%slocal_", KSPConvergedReasons[failed],
+             ((PetscObject)latin)->prefix ? ((PetscObject)latin)->prefix : "");
   for (PetscInt s = 0; s < sub->n; s++) rows = PetscMax(rows, latin->links->dim * (sub->node_offset[s + 1] - sub->node_offset[s]));
   PetscCall(PetscMalloc4(w * w, &T, w * w, &N, w * w, &TN, rows * w, &work));
   for (PetscInt s = 0; s < sub->n; s++) {

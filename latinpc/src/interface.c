@@ -103,7 +103,7 @@ PetscErrorCode LatinInterfaceExchange_Private(Latin latin, PetscInt table[])
 }
 
 /*
-   The frame of an interface: centre, size, and the axes xi, eta of its principal plane, from the nodes with a free
+   The frame of an interface: centre, size and principal axes, from the nodes with a free
    component. It is strong when its nodes can carry the affine fields of section 3.2, that is when they span dim - 1
    directions. Differences of coordinates are scaled by the size: neither units nor the origin matter.
 */
@@ -133,13 +133,14 @@ PetscErrorCode LatinInterfaceFrame_Private(PetscInt dim, PetscInt n, const Petsc
   for (PetscInt i = 0; i < n; i++)
     for (PetscInt c = 0; c < dim; c++) frame->size = PetscMax(frame->size, PetscAbsReal((x[dim * copies[i] + c] - frame->origin[c]) - frame->centre[c]));
   if (frame->size <= 16 * PETSC_MACHINE_EPSILON * largest) frame->size = 0.0; /* one point, to rounding */
+  frame->plane = PETSC_TRUE;
   if (dim == 1 || frame->size == 0.0) {
     frame->strong = (PetscBool)(dim == 1 && used > 0);
     PetscFunctionReturn(0);
   }
   for (PetscInt c = 0; c < dim * dim; c++) a[c] = 0.0;
   for (PetscInt i = 0; i < n; i++) {
-    PetscReal r[3];
+    PetscReal r[3] = {0.0, 0.0, 0.0};
 
     for (PetscInt c = 0; c < dim; c++) r[c] = ((x[dim * copies[i] + c] - frame->origin[c]) - frame->centre[c]) / frame->size;
     for (PetscInt c = 0; c < dim; c++)
@@ -148,9 +149,10 @@ PetscErrorCode LatinInterfaceFrame_Private(PetscInt dim, PetscInt n, const Petsc
   PetscCall(PetscBLASIntCast(dim, &bn));
   PetscCallBLAS("LAPACKsyev", LAPACKsyev_("V", "U", &bn, a, &bn, w, work, &lwork, &info));
   PetscCheck(!info, PETSC_COMM_SELF, PETSC_ERR_LIB, "LAPACK could not find the principal plane of an interface (info %d)", (int)info);
-  for (PetscInt k = 0; k < dim - 1; k++)
+  for (PetscInt k = 0; k < dim; k++)
     for (PetscInt c = 0; c < dim; c++) frame->axes[k][c] = a[(dim - 1 - k) * dim + c];
   /* w holds squares of the extents, increasing */
+  frame->plane  = (PetscBool) !(w[0] > 1e-12 * w[dim - 1]);
   frame->strong = (PetscBool)(dim == 2 || w[1] > 1e-12 * w[2]);
   PetscFunctionReturn(0);
 }

@@ -19,7 +19,7 @@
   #error "latinpc needs a PETSc with real scalars: structures have real displacements"
 #endif
 
-#define LATIN_MAX_MODES 9 /* 3 components x (1, xi, eta): section 3.2 */
+#define LATIN_MAX_MODES 11 /* 3 components x (1, xi, eta), section 3.2, and two rotations out of the plane */
 
 PETSC_INTERN PetscClassId  LATIN_CLASSID, LATIN_LINKS_CLASSID;
 PETSC_INTERN PetscLogEvent LATIN_SetUp, LATIN_Substructure, LATIN_Interface, LATIN_Direction, LATIN_Macro, LATIN_Linear, LATIN_Coarse, LATIN_Local, LATIN_Condense;
@@ -129,9 +129,10 @@ static inline PetscMPIInt LatinSubdomainRank(const LatinSubstructure *sub, Petsc
 /* Where an interface lies; coordinates relative to one of its nodes, so that equal shapes give equal bits */
 typedef struct {
   PetscReal origin[3], centre[3]; /* one node; the mean of all, from there */
-  PetscReal axes[2][3];           /* xi, eta: unit vectors of the principal plane */
+  PetscReal axes[3][3];           /* xi, eta, zeta: principal axes, by decreasing extent */
   PetscReal size;
   PetscBool strong;
+  PetscBool plane; /* all nodes have the same zeta (in 2D, eta) */
 } LatinFrame;
 
 typedef struct {

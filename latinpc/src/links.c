@@ -46,6 +46,7 @@ PetscErrorCode LatinLinksDestroy(LatinLinks *links)
   PetscCall(PetscFree(l->vertex_prescribed));
   PetscCall(PetscSFDestroy(&l->vertex_sf));
   PetscCall(VecDestroy(&l->load));
+  if (l->dm) PetscCall(PetscObjectCompose((PetscObject)l->dm, "LatinLinks", NULL)); /* others may hold the DM */
   PetscCall(DMDestroy(&l->dm));
   PetscCall(PetscHeaderDestroy(links));
   PetscFunctionReturn(0);

@@ -13,8 +13,12 @@
 #define LATIN_MODE_RANK    1e-6 /* singular values below this fraction of the largest are dependent modes */
 #define LATIN_MODE_VISIBLE 1e-3 /* a mode is kept when this part of its norm, or more, lies on the nodes that serve the interface */
 
-/* Affine modes at the side dofs of an interface, weighted row-wise by sqrt(d): M[row + rows * mode] */
-static PetscErrorCode LatinMacroModes_Private(Latin latin, const LatinInterface *face, PetscScalar M[])
+/*
+   Modes at the side dofs of an interface, weighted row-wise by sqrt(d): M[row + rows * mode]. Where the nodes are not
+   in one plane the fields over the principal plane do not contain the rotations about its axes: zeta e_xi and
+   zeta e_eta complete them, or a floating subdomain could not move rigidly without micro energy.
+*/
+static PetscErrorCode LatinMacroModes_Private(Latin latin, const LatinInterface *face, PetscInt *modes, PetscScalar M[])
 {
   LatinSubstructure *sub   = &latin->sub;
   LatinInterfaces   *inter = &latin->inter;
@@ -23,18 +27,20 @@ static PetscErrorCode LatinMacroModes_Private(Latin latin, const LatinInterface 
 
   PetscFunctionBegin;
   PetscCall(LatinInterfaceFrame_Private(dim, face->node_last - face->node_first, inter->node_list + face->node_first, sub->x, sub->fixed, &frame));
-  PetscCall(PetscArrayzero(M, rows * dim * dim));
+  *modes = dim * dim + (frame.plane ? 0 : dim - 1);
+  PetscCall(PetscArrayzero(M, rows * *modes));
   for (PetscInt r = 0; r < rows; r++) {
     const PetscInt   dof = inter->side_dof[face->side_first + r], i = dof / dim, c = dof % dim;
-    const PetscReal  w = PetscSqrtReal(latin->macro.d[face->side_first + r]);
-    const PetscReal *x = sub->x + dim * i;
+    const PetscReal  w     = PetscSqrtReal(latin->macro.d[face->side_first + r]);
+    const PetscReal *x     = sub->x + dim * i;
+    PetscReal        xi[3] = {0.0, 0.0, 0.0};
 
+    for (PetscInt k = 0; k < dim; k++)
+      for (PetscInt b = 0; b < dim; b++) xi[k] += frame.axes[k][b] * (((x[b] - frame.origin[b]) - frame.centre[b]) / frame.size);
     M[r + rows * (dim * c)] = w;
     for (PetscInt k = 0; k < dim - 1; k++) {
-      PetscReal xi = 0.0;
-
-      for (PetscInt b = 0; b < dim; b++) xi += frame.axes[k][b] * (((x[b] - frame.origin[b]) - frame.centre[b]) / frame.size);
-      M[r + rows * (dim * c + 1 + k)] = w * xi;
+      M[r + rows * (dim * c + 1 + k)] = w * xi[k];
+      if (!frame.plane) M[r + rows * (dim * dim + k)] = w * xi[dim - 1] * frame.axes[k][c];
     }
   }
   PetscFunctionReturn(0);
@@ -82,15 +88,15 @@ static void LatinCombine_Private(PetscInt rows, PetscInt modes, PetscInt n, cons
 static PetscErrorCode LatinMacroBasis_Private(Latin latin, LatinInterface *face, PetscScalar M[], PetscScalar F[])
 {
   LatinInterfaces *inter = &latin->inter;
-  const PetscInt   rows = face->side_last - face->side_first, dim = latin->links->dim, modes = dim * dim;
+  const PetscInt   rows  = face->side_last - face->side_first;
   PetscScalar      V[LATIN_MAX_MODES * LATIN_MAX_MODES];
   PetscReal        s[LATIN_MAX_MODES], one[LATIN_MAX_MODES];
-  PetscInt         fields = 0, kept = 0, serving = 0;
+  PetscInt         modes = 0, fields = 0, kept = 0, serving = 0;
 
   PetscFunctionBegin;
   for (PetscInt k = 0; k < LATIN_MAX_MODES; k++) one[k] = 1.0;
   face->modes = 0;
-  PetscCall(LatinMacroModes_Private(latin, face, M));
+  PetscCall(LatinMacroModes_Private(latin, face, &modes, M));
   PetscCall(LatinSVD_Private(rows, modes, M, s, V));
   while (fields < modes && s[fields] > LATIN_MODE_RANK * s[0]) fields++;
   LatinCombine_Private(rows, modes, fields, M, V, s, F);

@@ -170,6 +170,17 @@ PetscErrorCode LatinSubstructureRefresh(Latin latin)
   PetscFunctionReturn(0);
 }
 
+/* A link between wholly prescribed nodes acts on no unknown; a state of its own would only make noise */
+static PetscBool LatinSubstructureMoves(Latin latin, PetscInt l)
+{
+  const PetscInt dim = latin->links->dim;
+
+  for (PetscInt s = 0; s < 2; s++)
+    for (PetscInt c = 0; c < dim; c++)
+      if (!latin->sub.fixed[dim * latin->sub.ends[2 * l + s] + c]) return PETSC_TRUE;
+  return PETSC_FALSE;
+}
+
 PetscErrorCode LatinSubstructureSetUp(Latin latin)
 {
   LatinSubstructure *sub   = &latin->sub;
@@ -185,16 +196,11 @@ PetscErrorCode LatinSubstructureSetUp(Latin latin)
   PetscCall(LatinMigrate_Private(latin, (size_t)links->dim * sizeof(PetscReal), links->direction, sub->direction));
   PetscCall(LatinMigrate_Private(latin, sizeof(PetscInt), links->law, sub->law));
   PetscCall(LatinSubstructureRefresh(latin));
-  /* only nonsmooth links have a state; a preconditioner works on the tangent, where no link has one */
+  /* a preconditioner works on the tangent, where no link has a state */
+  PetscCall(PetscMalloc1(latin->tangent ? 0 : sub->links, &sub->nonsmooth_link));
   sub->nonsmooth = 0;
-  if (!latin->tangent) {
-    for (PetscInt l = 0; l < sub->links; l++) sub->nonsmooth += LatinLaws[sub->law[l]].smooth ? 0 : 1;
-  }
-  PetscCall(PetscMalloc1(sub->nonsmooth, &sub->nonsmooth_link));
-  if (sub->nonsmooth) {
-    for (PetscInt l = 0, m = 0; l < sub->links; l++)
-      if (!LatinLaws[sub->law[l]].smooth) sub->nonsmooth_link[m++] = l;
-  }
+  for (PetscInt l = 0; l < sub->links && !latin->tangent; l++)
+    if (!LatinLaws[sub->law[l]].smooth && LatinSubstructureMoves(latin, l)) sub->nonsmooth_link[sub->nonsmooth++] = l;
   PetscCall(PetscLogEventEnd(LATIN_Substructure, latin, 0, 0, 0));
   PetscFunctionReturn(0);
 }
