@@ -8,6 +8,7 @@ from pathlib import Path
 __version__ = "0.1.0"
 
 from latinpc.links import Links, Sizes
+from latinpc.scenes.scene import Law
 from latinpc.solvers import (
     coarse_ksp,
     error_message,
@@ -25,6 +26,7 @@ from latinpc.solvers import (
 )
 
 __all__ = [
+    "Law",
     "Links",
     "Sizes",
     "coarse_ksp",

@@ -12,6 +12,7 @@ import json
 import os
 import pathlib
 import re
+import signal
 import sys
 import time
 import traceback
@@ -133,6 +134,7 @@ def _sentence(error):
 
 def main(arguments=None):
     """Run the command line; collective. Returns nothing: it leaves by `sys.exit`."""
+    signal.signal(signal.SIGPIPE, signal.SIG_DFL)  # `| head` ends us quietly, not by PETSc's handler
     ours, petsc = split_arguments(sys.argv[1:] if arguments is None else list(arguments))
     comm = MPI.COMM_WORLD.Dup()  # of our own, so that waiting after an error meets no other message
     with _printing_on(comm.rank == 0):

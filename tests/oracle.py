@@ -385,10 +385,11 @@ def average(latin, u):
 
 
 def indicator(latin, x, new, u):
-    """Distance between the two stages, relative to the energy of the elongations."""
-    k, dx = latin.scene.stiffness, new - x
+    """Distance between the two stages, relative to the energy of the elongations that carry tension."""
+    k, dx = latin.scene.stiffness.copy(), new - x
     distance = np.sum(dx[latin.n_z :] ** 2 / (4 * k[latin.nonsmooth]))
     distance += sum(np.sum(dx[z] ** 2 / (4 * side.d)) for side in latin.sides for z in side.z)
+    k[latin.nonsmooth[new[latin.n_z :] != (k * latin.scene.prestrain)[latin.nonsmooth]]] = 0.0  # slack
     energy = np.sum(k * elongations(latin, u) ** 2)
     return np.sqrt(distance / energy) if energy else np.sqrt(distance)
 

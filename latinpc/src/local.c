@@ -10,7 +10,7 @@
 
    The distance between the two stages measures convergence: on a side z_new - z = 2 d (U_hat - U), on a link
    s_new - s = -2 l (e_hat - e). The indicator is that distance in the energy of the search directions, relative to
-   the energy of the elongations, which rigid motions do not blow up.
+   the energy of the elongations that carry tension, which neither rigid motions nor slack links blow up.
 */
 
 #define LATIN_NOISE 1e-14 /* relative to the energy of the structure, prestress included: below it nothing can be told apart */
@@ -58,7 +58,7 @@ PetscErrorCode LatinLocalStage_Private(Latin latin, const PetscReal z[], PetscRe
   LatinMacro        *macro  = &latin->macro;
   const PetscInt     dim    = latin->links->dim;
   const PetscReal   *U      = latin->linear.U;
-  PetscReal          sum[3] = {0.0, 0.0, 0.0}, total[3];
+  PetscReal          sum[4] = {0.0, 0.0, 0.0, 0.0}, total[4];
 
   PetscFunctionBegin;
   PetscCall(PetscLogEventBegin(LATIN_Local, latin, 0, 0, 0));
@@ -75,23 +75,27 @@ PetscErrorCode LatinLocalStage_Private(Latin latin, const PetscReal z[], PetscRe
     }
   }
   PetscCall(PetscSFBcastBegin(inter->mate_sf, MPIU_REAL, latin->outgoing, Gz, MPI_REPLACE));
-  for (PetscInt i = 0; i < sub->nonsmooth; i++) {
-    const PetscInt  l = sub->nonsmooth_link[i];
-    const PetscReal k = sub->stiffness[l], s = z[inter->sides + i], e = LatinElongation(sub, dim, l, U);
-    const PetscReal r = LatinLaws[sub->law[l]].local(k, sub->prestrain[l], s + 2.0 * k * e);
+  for (PetscInt l = 0, i = 0; l < sub->links; l++) {
+    const PetscReal k = sub->stiffness[l], e0 = sub->prestrain[l], e = LatinElongation(sub, dim, l, U);
+    PetscBool       active = PETSC_TRUE;
 
-    Gz[inter->sides + i] = r;
-    sum[0] += (r - s) * (r - s) / (4.0 * k);
+    if (i < sub->nonsmooth && sub->nonsmooth_link[i] == l) {
+      const PetscReal s = z[inter->sides + i], r = LatinLaws[sub->law[l]].local(k, e0, s + 2.0 * k * e);
+
+      Gz[inter->sides + i++] = r;
+      sum[0] += (r - s) * (r - s) / (4.0 * k);
+      active = (PetscBool)(r == k * e0); /* a slack link stores no energy, however far its ends move apart */
+    }
+    if (active) {
+      sum[1] += k * e * e;
+      sum[2] += k * (e + e0) * (e + e0);
+    }
   }
   PetscCall(PetscSFBcastEnd(inter->mate_sf, MPIU_REAL, latin->outgoing, Gz, MPI_REPLACE));
   for (PetscInt k = 0; k < inter->sides; k++) sum[0] += (Gz[k] - z[k]) * (Gz[k] - z[k]) / (4.0 * macro->d[k]);
-  for (PetscInt l = 0; l < sub->links; l++) {
-    const PetscReal k = sub->stiffness[l], e = LatinElongation(sub, dim, l, U);
-
-    sum[1] += k * e * e;
-    sum[2] += k * PetscSqr(e + sub->prestrain[l]);
-  }
-  PetscCall(MPIU_Allreduce(sum, total, 3, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)latin)));
+  sum[3] = latin->failed ? 1.0 : 0.0; /* a local solver that failed on one rank has failed on all */
+  PetscCall(MPIU_Allreduce(sum, total, 4, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)latin)));
+  latin->failed    = (PetscBool)(total[3] > 0.0);
   latin->noise     = LATIN_NOISE * PetscSqrtReal(PetscMax(total[1], total[2]));
   latin->distance  = PetscSqrtReal(total[0]);
   latin->indicator = total[1] > 0.0 ? PetscSqrtReal(total[0] / total[1]) : latin->distance;

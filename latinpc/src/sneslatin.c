@@ -154,6 +154,7 @@ static PetscErrorCode SNESLatinCreateOuter_Private(SNES snes)
   PetscCall(SNESSetOptionsPrefix(data->outer, prefix));
   PetscCall(SNESAppendOptionsPrefix(data->outer, "snes_latin_outer_"));
   PetscCall(SNESGetOptionsPrefix(data->outer, &prefix));
+  PetscCall(PetscStrncpy(key, prefix, sizeof(key)));
   PetscCall(PetscOptionsGetString(options, prefix, "-snes_type", type, sizeof(type), &set));
   if (!set) PetscCall(PetscStrcpy(type, SNESANDERSON));
   PetscCall(SNESSetType(data->outer, type));
@@ -164,12 +165,14 @@ static PetscErrorCode SNESLatinCreateOuter_Private(SNES snes)
   }
   PetscCall(PetscStrcmp(type, SNESANDERSON, &set));
   if (set) {
+    /* under another prefix: -help prints the options of a prefix, and of an object, once, and the user's pass comes second */
     PetscCall(PetscOptionsCreate(&defaults));
-    PetscCall(PetscSNPrintf(key, sizeof(key), "-%ssnes_anderson_m", prefix));
-    PetscCall(PetscOptionsSetValue(defaults, key, "10"));
+    PetscCall(PetscOptionsSetValue(defaults, "-latin_defaults_snes_anderson_m", "10"));
     PetscCall(PetscObjectSetOptions((PetscObject)data->outer, defaults));
+    PetscCall(SNESSetOptionsPrefix(data->outer, "latin_defaults_"));
     PetscCall(SNESSetFromOptions(data->outer));
-    PetscCall(PetscObjectSetOptions((PetscObject)data->outer, options));
+    PetscCall(SNESSetOptionsPrefix(data->outer, key));
+    ((PetscObject)data->outer)->optionsprinted = PETSC_FALSE;
     PetscCall(PetscOptionsDestroy(&defaults));
   }
   PetscCall(PetscObjectSetOptions((PetscObject)data->outer, options));

@@ -1,0 +1,186 @@
+"""Peers side by side: the same scene, one process per method and repetition.
+
+Set-up and solve are timed from the arrays in memory; the DMPLEX and the partition belong to the set-up of every
+PETSc method, the matrices of the program to that of the interior point methods. Every method stops at the first
+iterate below the accuracy: its tolerance is found beforehand, in a run of its own that is not timed.
+"""
+
+from __future__ import annotations
+
+import os
+import statistics
+
+from .peers import DEFAULT, METHODS
+from .peers.launch import Bench, Failed
+
+#: Keys of a row, in this order.
+KEYS = (
+    "method", "setup_seconds", "solve_seconds", "peak_memory_bytes", "iterations", "error_l2", "error_energy",
+    "converged", "reason",
+)  # fmt: skip
+_MEDIANS = KEYS[1:7]
+TIGHTER = 0.5  # when the errors of the timed run and of the calibration differ by a hair
+
+NOTE = (
+    "Seconds and memory are medians; memory is the largest of the process, Python and the scene's arrays included. "
+    "Each method stops at the first iterate below the accuracy."
+)
+
+
+def compare(scene, methods=DEFAULT, accuracy=1e-4, repeat=3, ranks=1, timeout=600.0, reference="auto",
+            user_options=(), progress=None):  # fmt: skip
+    """Solve a scene by several methods.
+
+    Parameters
+    ----------
+    scene : Scene
+    methods : sequence of str
+        Names of `latinpc.peers.METHODS`.
+    accuracy : float
+        Relative l2 error of the displacements to reach.
+    repeat : int
+        Timed runs of each method, in turn so that a busy moment of the machine does not fall on one of them.
+    ranks : int
+        For the PETSc methods; the interior point methods run on one core.
+    timeout : float
+        For one process (s).
+    reference : {'auto', 'newton', 'latin'}
+        What errors are measured against.
+    user_options : sequence of (str, str or None)
+        PETSc options that replace those of the methods.
+    progress : callable, optional
+        Called with a sentence.
+
+    Returns
+    -------
+    dict
+        scene, scene_options, free_dofs, links, accuracy, repeat, ranks, reference, cores, versions, rows, runs.
+        A row has the keys of `KEYS`; a run more of them. What a method that failed does not give is None.
+    """
+    methods = check_methods(methods)
+    if not 0 < accuracy < 1:
+        raise ValueError(f"--accuracy {accuracy:g}: a relative error, between 0 and 1")
+    if repeat < 1 or ranks < 1:
+        raise ValueError("--repeat and --ranks are at least 1")
+    say = progress or (lambda text: None)
+    with Bench(scene, ranks, timeout, user_options) as bench:
+        say(f"{scene.name}: reference")
+        about = bench.make_reference(accuracy, reference)
+        stops, failures, runs = {}, {}, {name: [] for name in methods}
+        for name in methods:
+            say(f"{scene.name}: the stop of {name}")
+            try:
+                stops[name] = _stop(bench, name, accuracy)
+            except Failed as error:
+                failures[name] = str(error)
+        for turn in range(repeat):
+            for name in stops:
+                say(f"{scene.name}: {name}, run {turn + 1} of {repeat}")
+                if name not in failures:
+                    _time(bench, name, stops, accuracy, runs, failures)
+    return {
+        **describe(scene),
+        "accuracy": accuracy,
+        "repeat": repeat,
+        "ranks": ranks,
+        "reference": about,
+        "note": NOTE,
+        "rows": [_row(name, runs[name], failures.get(name), accuracy) for name in methods],
+        "runs": [{"method": name, **run} for name in methods for run in runs[name]],
+    }
+
+
+def check_methods(methods):
+    """Return the methods, or raise for one that is not known or has not what it needs."""
+    for name in methods:
+        if name not in METHODS:
+            raise ValueError(f"unknown method '{name}': choose from {', '.join(METHODS)}")
+    return list(dict.fromkeys(methods))
+
+
+def describe(scene):
+    """Return what a document of measurements says of the scene, the machine and the versions."""
+    from .solve import plain, versions
+
+    return {
+        "scene": scene.name,
+        "scene_options": plain(scene.metadata),
+        "free_dofs": int((~scene.fixed).sum()),
+        "links": len(scene.links),
+        "cores": os.cpu_count(),
+        "versions": versions(),
+    }
+
+
+def _ranks(bench, name):
+    return 1 if METHODS[name].kind == "qp" else bench.ranks
+
+
+def _stop(bench, name, accuracy):
+    """Return the tolerance that reaches the accuracy; one that is not reached is a failure only once timed."""
+    answer = bench.run(_ranks(bench, name), do="calibrate", method=name, accuracies=[accuracy])
+    return answer["tolerances"][0] or accuracy * 1e-2
+
+
+def _time(bench, name, stops, accuracy, runs, failures):
+    try:
+        for _ in range(3):
+            run = bench.run(_ranks(bench, name), do="time", method=name, tolerance=stops[name])
+            near = run["error_l2"] is not None and accuracy < run["error_l2"] < 2 * accuracy
+            if not near:
+                break
+            stops[name] *= TIGHTER
+        runs[name].append(run)
+    except Failed as error:
+        failures[name] = str(error)
+
+
+def _row(name, runs, failure, accuracy):
+    row = dict.fromkeys(KEYS) | {"method": name, "converged": False, "reason": failure}
+    if not runs:
+        return row
+    for key in _MEDIANS:
+        values = [run[key] for run in runs if run[key] is not None]
+        row[key] = statistics.median(values) if values else None
+    row["iterations"] = int(row["iterations"])
+    row["reason"] = failure or runs[-1]["reason"]
+    below = row["error_l2"] is not None and row["error_l2"] <= accuracy
+    row["converged"] = failure is None and all(run["converged"] for run in runs) and below
+    if not below and failure is None:
+        row["reason"] += ", the error stays above the accuracy"
+    return row
+
+
+# ---- the table -------------------------------------------------------------------------------
+
+
+def layout(document):
+    """Return the header and the rows of a table, as text; ratios are to latin."""
+    from .cli import quantity
+
+    rows = document["rows"]
+    latin = next((row for row in rows if row["method"] == "latin" and row["converged"]), None)
+    header = ["method", "set-up", "solve", "total", "x latin", "memory", "x latin", "iterations", "error l2", "energy", "reason"]  # fmt: skip
+    table = []
+    for row in rows:
+        cells = [row["method"]]
+        if row["solve_seconds"] is None:
+            table.append([*cells, *["-"] * 9, row["reason"] or "-"])
+            continue
+        total = row["setup_seconds"] + row["solve_seconds"]
+        cells += [quantity(value, "s") for value in (row["setup_seconds"], row["solve_seconds"], total)]
+        times = memory = "-"
+        if latin is not None:
+            times = f"{total / (latin['setup_seconds'] + latin['solve_seconds']):.1f}"
+            memory = f"{row['peak_memory_bytes'] / latin['peak_memory_bytes']:.1f}"
+        errors = ["-" if row[key] is None else f"{row[key]:.1e}" for key in ("error_l2", "error_energy")]
+        cells += [times, quantity(row["peak_memory_bytes"], "B"), memory, str(row["iterations"]), *errors]
+        table.append([*cells, row["reason"] if row["converged"] else f"not converged: {row['reason']}"])
+    return header, table
+
+
+def draw(document, path):
+    """Draw times and memory as bars; methods that did not get there are named only."""
+    from .figures import bars
+
+    bars(document, path)

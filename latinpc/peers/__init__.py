@@ -1,0 +1,82 @@
+"""What a structure of links is solved with when methods are compared: ours, PETSc's others, interior points.
+
+`METHODS` names them. Each is run by `latinpc.peers.worker` in a process of its own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+__all__ = ["DEFAULT", "METHODS", "Method"]
+
+
+@dataclass(frozen=True)
+class Method:
+    """A way to solve a scene.
+
+    Parameters
+    ----------
+    about : str
+        What it is, in one line.
+    kind : {'latin', 'newton', 'qp'}
+        SNES latin, Newton's method of PETSc, or an interior point method on the quadratic program.
+    options : dict
+        PETSc options without the leading dash; the best ones known for structures with slackening cables.
+    package : str
+        What PETSc or Python must bring for it.
+    rigid : bool
+        Whether the preconditioner is told the rigid modes.
+    matrix : str
+        PETSc's type of the tangent.
+    """
+
+    about: str
+    kind: str
+    options: dict = field(default_factory=dict)
+    package: str = ""
+    rigid: bool = False
+    matrix: str = "aij"
+
+
+# Full steps: the energy is convex and its gradient piecewise linear, so they end in a few iterations; a step
+# that makes links slack may raise the residual by orders before the next ones bring it down.
+_NEWTON = {
+    "snes_type": "newtonls",
+    "snes_linesearch_type": "basic",
+    "snes_divergence_tolerance": -1,
+    "snes_max_it": 100,
+}
+_DIRECT = {**_NEWTON, "ksp_type": "preonly", "pc_type": "cholesky"}
+# The tangent changes with the active set, so a rough linear solution serves until it has settled
+_CG = {**_NEWTON, "ksp_type": "cg", "ksp_rtol": 1e-2, "ksp_max_it": 3000}
+
+METHODS = {
+    "latin": Method("the default of SNES latin", "latin", {"snes_type": "latin"}),
+    "latin-macro": Method("weak interfaces macro, section 4.2", "latin",
+                          {"snes_type": "latin", "snes_latin_variant": "macro"}),
+    "newton-cholmod": Method("Newton, CHOLMOD with nested dissection", "newton", {
+        **_DIRECT, "pc_factor_mat_solver_type": "cholmod", "pc_factor_mat_ordering_type": "nd",
+    }, "suitesparse"),
+    "newton-mumps": Method("Newton, MUMPS with METIS", "newton", {
+        **_DIRECT, "pc_factor_mat_solver_type": "mumps", "mat_mumps_icntl_7": 5,
+    }, "mumps"),
+    "newton-gamg": Method("Newton, conjugate gradients, algebraic multigrid with rigid modes, built once and kept", "newton", {
+        **_CG, "pc_type": "gamg", "pc_gamg_threshold": 0.02, "snes_lag_preconditioner": -2,
+    }, rigid=True),
+    "newton-hypre": Method("Newton, conjugate gradients, BoomerAMG", "newton", {
+        **_CG, "pc_type": "hypre", "pc_hypre_type": "boomeramg", "pc_hypre_boomeramg_strong_threshold": 0.7,
+        "pc_hypre_boomeramg_coarsen_type": "HMIS", "pc_hypre_boomeramg_interp_type": "ext+i",
+        "pc_hypre_boomeramg_P_max": 4,
+    }, "hypre"),
+    "newton-bddc": Method("Newton, conjugate gradients, BDDC with one subdomain a rank", "newton", {
+        **_CG, "pc_type": "bddc", "pc_bddc_use_faces": 1, "pc_bddc_use_edges": 1,
+    }, rigid=True, matrix="is"),
+    "newton-latin": Method("Newton, conjugate gradients, PC latin built once and kept", "newton", {
+        **_CG, "pc_type": "latin", "snes_lag_preconditioner": -2,
+    }),
+    "piqp": Method("PIQP on the quadratic program", "qp", package="piqp"),
+    "clarabel": Method("Clarabel on the quadratic program", "qp", package="clarabel"),
+}  # fmt: skip
+
+#: What `latinpc compare` runs when it is not told.
+DEFAULT = tuple(METHODS)

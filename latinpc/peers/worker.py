@@ -1,0 +1,87 @@
+"""A process that solves a scene: ``python -m latinpc.peers.worker TASK.json``, under mpirun or alone.
+
+The task names files: the scene, the reference, and where to write the answer. `latinpc.peers.launch` starts it.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+
+import petsc4py
+
+petsc4py.init([sys.argv[0], "-skip_petscrc"])
+
+import numpy as np  # noqa: E402
+from petsc4py import PETSc  # noqa: E402
+
+import latinpc  # noqa: E402
+
+from . import run  # noqa: E402
+from .arrays import errors, load_scene  # noqa: E402
+from .reference import by_latin, by_newton  # noqa: E402
+
+
+def _timed(task, scene, reference, tolerance):
+    """Solve and compare; return the row and what else is known of the run."""
+    outcome = run.solve(task["method"], scene, tolerance, task.get("options"))
+    error_l2, error_energy = errors(scene, outcome.displacements, reference)
+    return {
+        "setup_seconds": outcome.setup_seconds,
+        "solve_seconds": outcome.solve_seconds,
+        "peak_memory_bytes": outcome.peak_memory_bytes,
+        "iterations": outcome.iterations,
+        "linear_iterations": outcome.linear_iterations,
+        "error_l2": error_l2 if np.isfinite(error_l2) else None,
+        "error_energy": error_energy if np.isfinite(error_energy) else None,
+        "converged": outcome.converged,
+        "reason": outcome.reason,
+        "tolerance": tolerance,
+    }
+
+
+def perform(task):
+    """Do what a task asks for; collective. Returns what goes into the answer."""
+    scene = load_scene(task["scene"])
+    if task["do"] == "reference":
+        make = by_newton if task["method"] == "newton" else by_latin
+        displacements, about = make(scene, task["accuracy"])
+        if PETSc.COMM_WORLD.rank == 0:
+            np.save(task["reference"], displacements)
+        return about
+    base = PETSc.COMM_WORLD.tompi4py().allreduce(run.peak_memory())
+    reference = np.load(task["reference"])
+    if task["do"] == "calibrate":
+        found = run.calibrate(task["method"], scene, task["accuracies"], reference, task.get("options"))
+        return {"tolerances": found}
+    if task["do"] == "sweep":  # calibration and all the solves in one process
+        found = run.calibrate(task["method"], scene, task["accuracies"], reference, task.get("options"))
+        points = []
+        for accuracy, tolerance in zip(task["accuracies"], found):
+            if tolerance is not None:
+                runs = [_timed(task, scene, reference, tolerance) for _ in range(task["repeat"])]
+                points.append({"accuracy": accuracy, "runs": runs})
+        return {"points": points, "base_memory_bytes": base}
+    return {**_timed(task, scene, reference, task["tolerance"]), "base_memory_bytes": base}
+
+
+def main():
+    """Read the task, do it, write the answer: its result, or the sentence of its error."""
+    with open(sys.argv[1], encoding="utf-8") as file:
+        task = json.load(file)
+    for name, value in task.get("user_options", []):
+        PETSc.Options().setValue(name, value)
+    try:
+        answer = {"result": perform(task)}
+    except Exception as error:
+        text = latinpc.error_message(error) or type(error).__name__
+        answer = {"error": " ".join(text.split())}
+    if PETSc.COMM_WORLD.rank == 0 or "error" in answer:
+        with open(task["answer"], "w", encoding="utf-8") as file:
+            json.dump(answer, file)
+    if "error" in answer and PETSc.COMM_WORLD.size > 1:
+        PETSc.COMM_WORLD.tompi4py().Abort(1)
+
+
+if __name__ == "__main__":
+    main()
