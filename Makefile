@@ -5,6 +5,7 @@
 #   make build         compile what has changed
 #   make demo          the tensegrity grid of 144 subdomains: summary, picture and VTU in demo/
 #   make test          the quick tests; `make test-all` adds the slow ones
+#   make bench         the benchmarks, their tables and figures; BENCH=full adds the large ones
 #   make format-check  clang-format and ruff, as CI runs them; `make format` applies them
 #   make lint          ruff's rules
 #   make clean         remove what was built; `make distclean` removes .venv too
@@ -31,7 +32,7 @@ export OMPI_MCA_hwloc_base_binding_policy := none
 export OMP_NUM_THREADS                    := 1
 export OPENBLAS_NUM_THREADS               := 1
 
-.PHONY: env build demo test test-all format format-check lint clean distclean
+.PHONY: env build demo test test-all bench format format-check lint clean distclean
 .DEFAULT_GOAL := env
 # the stamps are made one after the other
 .NOTPARALLEL:
@@ -81,6 +82,16 @@ test: env
 
 test-all: env
 	$(BIN)/python -m pytest $(PYTEST_ARGS)
+
+$(VENV)/.bench: $(VENV)/.tools
+	@echo "Installing the interior point methods pinned in pyproject.toml"
+	@$(BIN)/python -m pip install -q --disable-pip-version-check $$($(BIN)/python -c \
+	  "import tomllib; print(*tomllib.load(open('pyproject.toml', 'rb'))['project']['optional-dependencies']['bench'])")
+	@touch $@
+
+bench: env $(VENV)/.bench
+	$(BIN)/python benchmarks/run.py $(if $(filter full,$(BENCH)),--full)
+	$(BIN)/python benchmarks/plot.py
 
 format: env
 	$(BIN)/clang-format -i $(C_FILES)

@@ -17,15 +17,14 @@ import petsc4py
 
 petsc4py.init(sys.argv)
 
-from petsc4py import PETSc  # noqa: E402
+from petsc4py import PETSc
 
-import latinpc  # noqa: E402
-from latinpc.scenes import Law  # noqa: E402
+import latinpc
 
 net = latinpc.Links(
     nodes=[[-1, 1], [1, 1], [0, -1], [0, 0]],
     links=[[0, 3], [1, 3], [2, 3]],
-    law=Law.CABLE,
+    law=latinpc.Law.CABLE,
     stiffness=1e4,  # N/m
     fixed=[[1, 1], [1, 1], [1, 1], [0, 0]],
     load=[[0, 0], [0, 0], [0, 0], [0, -10]],  # N

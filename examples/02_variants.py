@@ -17,10 +17,10 @@ import petsc4py
 
 petsc4py.init(sys.argv)
 
-from petsc4py import PETSc  # noqa: E402
+from petsc4py import PETSc
 
-import latinpc  # noqa: E402
-from latinpc.scenes import make  # noqa: E402
+import latinpc
+from latinpc.scenes import make
 
 options = PETSc.Options()
 scene = make("tensegrity-grid", modules=options.getInt("modules", 12), slack=options.getReal("slack", 0.09))
@@ -35,7 +35,7 @@ for variant in ("none", "macro", "corner"):
     u = grid.create_vec()
     snes.solve(None, u)
     size = latinpc.statistics(snes)
-    slack = np.mean(grid.tensions(u)[scene.law != latinpc.scenes.Law.BAR] == 0)
+    slack = np.mean(grid.tensions(u)[scene.law != latinpc.Law.BAR] == 0)
     found[variant] = np.abs(grid.displacements(u)[:, 2]).max()
     PETSc.Sys.Print(
         f"{variant:7}{snes.getIterationNumber():4} iterations, coarse problem {size['strong_macro_dofs']} + "

@@ -16,8 +16,8 @@ import petsc4py
 
 petsc4py.init(sys.argv)
 
-import latinpc  # noqa: E402
-from latinpc.scenes import make  # noqa: E402
+import latinpc
+from latinpc.scenes import make
 
 MIDDLE = 4  # of 3 x 3 subdomains
 

@@ -13,10 +13,10 @@ import petsc4py
 
 petsc4py.init(sys.argv)
 
-from petsc4py import PETSc  # noqa: E402
+from petsc4py import PETSc
 
-import latinpc  # noqa: E402
-from latinpc.scenes import make  # noqa: E402
+import latinpc
+from latinpc.scenes import make
 
 truss = latinpc.Links.from_scene(make("truss-grid", modules=12, partition="metis"))
 K, u, b = truss.dm.createMatrix(), truss.create_vec(), truss.create_vec()

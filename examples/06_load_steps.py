@@ -17,10 +17,10 @@ import petsc4py
 
 petsc4py.init(sys.argv)
 
-from petsc4py import PETSc  # noqa: E402
+from petsc4py import PETSc
 
-import latinpc  # noqa: E402
-from latinpc.scenes import make  # noqa: E402
+import latinpc
+from latinpc.scenes import make
 
 options = PETSc.Options()
 steps = options.getInt("steps", 8)

@@ -16,10 +16,10 @@ import petsc4py
 
 petsc4py.init(sys.argv)
 
-from petsc4py import PETSc  # noqa: E402
+from petsc4py import PETSc
 
-import latinpc  # noqa: E402
-from latinpc.scenes import make  # noqa: E402
+import latinpc
+from latinpc.scenes import make
 
 PARTS = 6
 scene = make("lattice", nx=24, ny=6, partition="metis")  # that is, none given

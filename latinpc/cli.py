@@ -1,4 +1,4 @@
-"""The command line: ``latinpc scenes | solve | paper | info``.
+"""The command line: ``latinpc scenes | solve | paper | compare | tradeoff | info``.
 
 A double dash is ours; a single dash is PETSc's and goes to its options database untouched. Under ``mpirun``
 only rank 0 prints and writes. Exit codes: 0 converged, 1 not converged, 2 bad input.
@@ -521,3 +521,6 @@ def info(comm):
         ("in programs", f"./program -dll_append {library} -snes_type latin"),
     ]
     _lines(_console(), "latinpc info", lines)
+
+
+from . import cli_measure  # noqa: E402, F401  more commands, which need what stands above

@@ -41,7 +41,7 @@ def lattice(nx=8, ny=4, subdomains=8, **how):
     return make("lattice", nx=nx, ny=ny, subdomains=subdomains, **how)
 
 
-def chain(links=24, parts=4, law=Law.BAR, stiffness=1000.0):
+def chain(links=24, parts=4, law=Law.BAR, stiffness=1000.0, load=1.5):
     """Links in a row, held at both ends, the right one pulled; loads towards the right."""
     n = links + 1
     fixed = np.zeros((n, 1), bool)
@@ -55,7 +55,7 @@ def chain(links=24, parts=4, law=Law.BAR, stiffness=1000.0):
         prestrain=np.full(links, 0.01),
         fixed=fixed,
         prescribed=np.where(np.arange(n) == links, 0.2, 0.0)[:, None],
-        load=np.where(fixed, 0.0, 1.5),
+        load=np.where(fixed, 0.0, load),
         subdomain=np.arange(links) * parts // links,
     )
 
@@ -77,6 +77,12 @@ def settled(scene, size=1e-3, seed=0):
     """Make the same structure with random displacements of its supports (m)."""
     moved = np.random.default_rng(seed).uniform(-size, size, scene.nodes.shape)
     return replace(scene, prescribed=np.where(scene.fixed, moved, 0.0))
+
+
+def on_rails(scene, share=0.15, seed=0):
+    """Make the same structure with some components of some more nodes prescribed: rails and tables."""
+    held = np.random.default_rng(seed).random(scene.nodes.shape) < share
+    return replace(scene, fixed=scene.fixed | held, load=np.where(held, 0.0, scene.load))
 
 
 # ---- the solver ------------------------------------------------------------------------------

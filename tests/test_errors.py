@@ -1,59 +1,44 @@
 """Bad input: the same clear sentence on every rank, no deadlock, and the process goes on.
 
-Each case runs here on one rank, and all of them on two ranks in one `mpirun` of this very file.
+Each case runs here on one rank; all of them run on two ranks in one `mpirun` of this very file.
 """
 
+import json
+import re
+import sys
+from pathlib import Path
 
 import numpy as np
+import pytest
+from conftest import run
 from petsc4py import PETSc
 
 import latinpc
 from latinpc import _latin
+from latinpc.scenes import make
 
-# A square of bars with its diagonals, hung at its lower nodes, and a node on a post: enough for every mistake.
-SQUARE = {
-    "nodes": np.array([[0, 0], [1, 0], [1, 1], [0, 1], [2, 0]], dtype=float),
-    "links": np.array([[0, 1], [1, 2], [2, 3], [0, 3], [0, 2], [1, 3], [1, 4], [2, 4]]),
-    "law": np.zeros(8, dtype=int),
-    "stiffness": np.full(8, 1e3),
-    "fixed": np.array([[1, 1], [1, 1], [0, 0], [0, 0], [0, 0]], dtype=bool),
-    "load": np.array([[0, 0], [0, 0], [1, 0], [0, 0], [0, -1]], dtype=float),
-}
+# A square of bars with its diagonals, standing on its lower nodes, and a node beside it.
+NODES = np.array([[0, 0], [1, 0], [1, 1], [0, 1], [2, 0]], dtype=float)
+LINKS = np.array([[0, 1], [1, 2], [2, 3], [0, 3], [0, 2], [1, 3], [1, 4], [2, 4]])
+FIXED = np.array([[1, 1], [1, 1], [0, 0], [0, 0], [0, 0]], dtype=bool)
+LOAD = np.array([[0, 0], [0, 0], [1, 0], [0, 0], [0, -1]], dtype=float)
+SQUARE = {"nodes": NODES, "links": LINKS, "law": np.zeros(8, int), "stiffness": np.full(8, 1e3), "fixed": FIXED,
+          "load": LOAD, "prestrain": np.zeros(8), "prescribed": np.zeros((5, 2))}  # fmt: skip
 NAN, INFINITE = float("nan"), float("inf")
-CASES = {}
-
-
-def case(message, kind=ValueError):
-    """Register a function that must raise `kind` with a sentence that matches `message`."""
-
-    def register(function):
-        CASES[function.__name__] = (function, kind, message)
-        return function
-
-    return register
-
-
-def cases(message, kind, make_one, **named):
-    """Register one case for each keyword: its value goes to `make_one`."""
-    for name, value in named.items():
-        CASES[name] = (lambda value=value: make_one(value), kind, message)
+TIMEOUT = 90  # seconds, after which two ranks are taken to wait for each other
 
 
 def square(**changes):
     return latinpc.Links(**{**SQUARE, **changes})
 
 
-def changed(name, place, value):
-    array = SQUARE[name].copy() if name in SQUARE else np.zeros((5, 2) if name == "prescribed" else 8)
-    array[place] = value
-    return array
-
-
 def spoiled(name, place, value):
-    return lambda: square(**{name: changed(name, place, value)})
+    array = SQUARE[name].copy()
+    array[place] = value
+    return square(**{name: array})
 
 
-def solve(links, prefix_free=True, **settings):
+def solve(links, reference=None, **settings):
     """Solve with options given as keywords, which leave no trace."""
     database = PETSc.Options()
     for name, value in settings.items():
@@ -61,6 +46,8 @@ def solve(links, prefix_free=True, **settings):
     try:
         snes, u = links.create_snes(), links.create_vec()
         snes.setFromOptions()
+        if reference is not None:
+            latinpc.set_reference(snes, reference)
         snes.solve(None, u)
     finally:
         for name in settings:
@@ -68,125 +55,305 @@ def solve(links, prefix_free=True, **settings):
     return snes, u
 
 
+def grid():
+    return latinpc.Links.from_scene(make("tensegrity-grid", modules=6, subdomains=9))
+
+
 def the_process_goes_on():
-    """Solve the square: what a mistake leaves behind must not be in the way."""
+    """Solve the square right: what a mistake leaves behind must not be in the way."""
     links = square()
     snes, u = solve(links, snes_latin_subdomains=2)
     assert snes.reason > 0
-    axis = np.diff(SQUARE["nodes"][SQUARE["links"]], axis=1)[:, 0]
+    axis = np.diff(NODES[LINKS], axis=1)[:, 0]
     axis /= np.linalg.norm(axis, axis=1)[:, None]
     B = np.zeros((8, 5, 2))
-    for row, (a, b) in enumerate(SQUARE["links"]):
+    for row, (a, b) in enumerate(LINKS):
         B[row, a], B[row, b] = -axis[row], axis[row]
-    B = B.reshape(8, 10)[:, ~SQUARE["fixed"].ravel()]
-    expected = np.linalg.solve(1e3 * B.T @ B, SQUARE["load"][~SQUARE["fixed"]])
-    assert np.allclose(links.displacements(u)[~SQUARE["fixed"]], expected, rtol=1e-3)
+    B = B.reshape(8, 10)[:, ~FIXED.ravel()]
+    assert np.allclose(links.displacements(u)[~FIXED], np.linalg.solve(1e3 * B.T @ B, LOAD[~FIXED]), rtol=1e-3)
 
 
-# ---- structures that Python refuses ---------------------------------------------------------------------
-
-cases(r"link 2 \(\[.+\]\) joins a node that does not exist \(nodes are numbered from 0 to 4\)", ValueError,
-      lambda n: square(links=changed("links", 2, [2, n])), node_beyond=5, node_negative=-1)  # fmt: skip
-cases(r"link 3 \(.+\) needs a positive stiffness", ValueError, lambda k: spoiled("stiffness", 3, k)(),
-      stiffness_zero=0.0, stiffness_negative=-1.0, stiffness_nan=NAN, stiffness_infinite=INFINITE)  # fmt: skip
-cases(r"link 1 \(.+\) has an unknown law \(0 bar, 1 cable, 2 strut\)", ValueError, lambda law: spoiled("law", 1, law)(),
-      law_beyond=3, law_negative=-1)  # fmt: skip
-case(r"link 4 .* joins a node to itself")(spoiled("links", 4, [2, 2]))
-CASES["node_to_itself"] = CASES.pop("<lambda>")
-cases(r"that is not finite", ValueError, lambda where: spoiled(*where)(),
-      coordinate_nan=("nodes", (2, 0), NAN), load_nan=("load", (2, 1), NAN), load_infinite=("load", (2, 1), INFINITE),
-      prestrain_nan=("prestrain", 5, NAN), prescribed_nan=("prescribed", (0, 1), NAN))  # fmt: skip
+# ---- mistakes that only one rank makes, in C ------------------------------------------------------------
 
 
-@case(r"link 1 .* has no length: its two nodes are at one place")
-def coincident_nodes():
-    square(nodes=changed("nodes", 2, SQUARE["nodes"][1]))
+def share(array, dtype=None):
+    """This rank's rows."""
+    rank, size = PETSc.COMM_WORLD.rank, PETSc.COMM_WORLD.size
+    part = array[len(array) * rank // size : len(array) * (rank + 1) // size]
+    return np.array(part, dtype=dtype, order="C")
 
 
-@case(r"node 2 .* has a prescribed displacement in a direction that is not fixed")
-def prescribed_where_free():
-    square(prescribed=changed("prescribed", (2, 0), 0.1))
-
-
-@case(r"links must be an \(m, 2\) array of node numbers")
-def no_link():
-    square(links=np.zeros((0, 2), int))
-
-
-@case(r"links must be integers")
-def fractional_node():
-    square(links=SQUARE["links"] + 0.5)
-
-
-@case(r"load must have the shape \(5, 2\), a row per node")
-def load_of_wrong_shape():
-    square(load=np.zeros((4, 2)))
-
-
-@case(r"subdomain 1 has no link; subdomains are numbered from 0 without gaps")
-def partition_with_gap():
-    square(subdomain=[0, 0, 0, 0, 2, 2, 2, 2])
-
-
-@case(r"9 subdomains for 8 links")
-def partition_beyond_links():
-    square(subdomain=[0, 1, 2, 3, 4, 5, 6, 8])
-
-
-@case(r"has a negative subdomain")
-def partition_negative():
-    square(subdomain=[0, 0, 0, 0, -1, 0, 0, 0])
-
-
-# ---- the same mistakes made by the last rank alone, in C ------------------------------------------------
-
-
-def raw(upto="setup", **spoil):
-    """Build the square as a C program would, each rank its share; `spoil` maps a name to (place, value)."""
-    comm = PETSc.COMM_WORLD
-    last = comm.rank == comm.size - 1
-    nodes, links = ((len(SQUARE[name]) * comm.rank // comm.size, len(SQUARE[name]) * (comm.rank + 1) // comm.size)
-                    for name in ("nodes", "links"))  # fmt: skip
-    data = {name: SQUARE[name][slice(*nodes)].astype(float) for name in ("nodes", "load")}
-    data["fixed"] = SQUARE["fixed"][slice(*nodes)].astype(f"i{_latin.BOOL_SIZE}")
-    data["prescribed"] = np.zeros_like(data["load"])
-    data["links"] = SQUARE["links"][slice(*links)].astype(PETSc.IntType)
-    data["law"] = SQUARE["law"][slice(*links)].astype(PETSc.IntType)
-    data["stiffness"], data["prestrain"] = SQUARE["stiffness"][slice(*links)].copy(), np.zeros(links[1] - links[0])
-    data["subdomain"] = np.zeros(links[1] - links[0], PETSc.IntType)
-    if last:
-        for name, (place, value) in spoil.items():
-            data[name][place] = value
+def in_c(name=None, place=(), value=None, laws=True, nodes=5):
+    """Build the square as a C program would, each rank its share, one number of the last rank wrong."""
+    data = {key: share(SQUARE[key]) for key in ("nodes", "stiffness", "prestrain", "prescribed", "load")}
+    data |= {key: share(SQUARE[key], PETSc.IntType) for key in ("links", "law")}
+    data["fixed"] = share(FIXED, f"i{_latin.BOOL_SIZE}")
+    data["subdomain"] = share(np.repeat([0, 2], 4), PETSc.IntType)
+    if name and PETSc.COMM_WORLD.rank == PETSc.COMM_WORLD.size - 1:
+        data[name][place] = value
     handle = _latin.LinksHandle()
-    handle.create(comm, spoil.get("count", 5), data["nodes"], data["links"])
-    if "forget_laws" not in spoil:
+    handle.create(PETSc.COMM_WORLD, nodes, data["nodes"], data["links"])
+    if laws:
         handle.set_laws(data["law"], data["stiffness"], data["prestrain"])
     handle.set_supports(data["fixed"], data["prescribed"])
     handle.set_loads(data["load"])
-    if "subdomain" in spoil:
-        handle.set_subdomains(data["subdomain"])
+    handle.set_subdomains(data["subdomain"])
     handle.setup()
     return handle
 
 
-C_CASES = {
-    "c_node_beyond": (r"Link 7 joins nodes 2 and 5, but the nodes are numbered from 0 to 4", {"links": ((-1, 1), 5)}),
-    "c_node_to_itself": (r"Link 7 joins node 2 to itself", {"links": ((-1, 1), 2)}),
-    "c_coincident_nodes": (r"Link \d has no length: its nodes \d and \d lie at the same point", {"nodes": (-1, [1, 0])}),
-    "c_coordinate_nan": (r"Node 4 has a coordinate that is not a finite number", {"nodes": ((-1, 0), NAN)}),
-    "c_law_beyond": (r"Link 7 has law 3; the laws are 0 \(bar\), 1 \(cable\), 2 \(strut\)", {"law": (-1, 3)}),
-    "c_stiffness_zero": (r"Link 7 has stiffness 0.*positive finite number", {"stiffness": (-1, 0.0)}),
-    "c_stiffness_negative": (r"Link 7 has stiffness -1.*positive finite number", {"stiffness": (-1, -1.0)}),
-    "c_stiffness_nan": (r"Link 7 has stiffness nan.*positive finite number", {"stiffness": (-1, NAN)}),
-    "c_prestrain_nan": (r"Link 7 has a prestrain that is not a finite number", {"prestrain": (-1, NAN)}),
-    "c_load_nan": (r"Node 4 has a load that is not a finite number", {"load": ((-1, 0), NAN)}),
-    "c_no_laws": (r"Link 0 has no stiffness: call LatinLinksSetLaws\(\)", {"forget_laws": ((), 0)}),
-    "c_partition_negative": (r"Link 7 is in subdomain -1; subdomains are numbered from 0", {"subdomain": (-1, -1)}),
-    "c_partition_beyond": (r"Link 7 is in subdomain 8; .* at most as many as links", {"subdomain": (-1, 8)}),
+def gap_in_c():
+    handle, snes = in_c(), PETSc.SNES().create()
+    handle.attach(snes)
+    snes.setType("latin")
+    snes.setUp()
+
+
+# ---- structures and objects that do not fit -------------------------------------------------------------
+
+
+def hinged_plates():
+    """A held plate and a triangle that share one node; each is a subdomain."""
+    return latinpc.Links(
+        nodes=[[0, 0], [1, 0], [1, 1], [0, 1], [2, 0], [2, 1]],
+        links=[[0, 1], [1, 2], [2, 3], [0, 2], [1, 3], [1, 4], [4, 5], [1, 5]],
+        law=0,
+        stiffness=1e3,
+        fixed=[[1, 1], [0, 0], [0, 0], [1, 1], [0, 0], [0, 0]],
+        subdomain=[0, 0, 0, 0, 0, 1, 1, 1],
+    )
+
+
+def lattice_with_a_dangling_node():
+    scene = make("lattice", nx=8, ny=4, load=1.0, partition="metis")
+    scene.nodes = np.vstack([scene.nodes, [9, 9]])
+    scene.links = np.vstack([scene.links, [44, 45]])
+    for name, one in (("law", 0), ("stiffness", 1e7), ("prestrain", 0.0)):
+        setattr(scene, name, np.append(getattr(scene, name), one))
+    scene.fixed, scene.load, scene.prescribed = (
+        np.vstack([array, np.zeros((1, 2), array.dtype)]) for array in (scene.fixed, scene.load, scene.prescribed)
+    )
+    return latinpc.Links.from_scene(scene)
+
+
+def bare(kind, type_name):
+    thing = kind().create()
+    thing.setType(type_name)
+    return thing
+
+
+def pc_on_foreign_matrix():
+    A = PETSc.Mat().createAIJ(4, nnz=1)
+    A.setUp()
+    A.assemble()
+    pc = bare(PETSc.PC, "latin")
+    pc.setOperators(A)
+    pc.setUp()
+
+
+def pc_on_dead_structure():
+    links = square()
+    K, u, pc = links.dm.createMatrix(), links.create_vec(), bare(PETSc.PC, "latin")
+    links.jacobian(u, K)
+    pc.setOperators(K)
+    del links
+    pc.setUp()
+
+
+def with_bounds():
+    links = square()
+    snes, u = links.create_snes(), links.create_vec()
+    snes.setVariableBounds(u, u.duplicate())
+    snes.solve(None, u)
+
+
+def foreign_vec():
+    return PETSc.Vec().createMPI(7)
+
+
+MECHANISM = r"The structure has a mechanism: .* Nodes that move \(counted from 0\): "
+TOO_EARLY = r"The decomposition does not exist yet: call SNESSetUp\(\) or PCSetUp\(\) first"
+FOREIGN = r"The vector has \d entries on a rank where the structure has \d free degrees of freedom"
+CASES = {
+    # what Python refuses, the whole arrays at hand
+    "node_beyond": (r"link 2 .* a node that does not exist \(.* from 0 to 4\)", lambda: spoiled("links", (2, 1), 5)),
+    "node_negative": (r"link 2 .* a node that does not exist", lambda: spoiled("links", (2, 1), -1)),
+    "node_to_itself": (r"link 4 .* joins a node to itself", lambda: spoiled("links", 4, 2)),
+    "coincident": (r"link 1 .* has no length: its two nodes are at one place", lambda: spoiled("nodes", 2, [1, 0])),
+    "stiffness_zero": (r"link 3 \(0.*\) needs a positive stiffness", lambda: spoiled("stiffness", 3, 0)),
+    "stiffness_negative": (r"link 3 \(-1.*\) needs a positive stiffness", lambda: spoiled("stiffness", 3, -1)),
+    "stiffness_nan": (r"link 3 \(nan\) needs a positive stiffness", lambda: spoiled("stiffness", 3, NAN)),
+    "stiffness_infinite": (r"link 3 \(inf\) needs a positive stiffness", lambda: spoiled("stiffness", 3, INFINITE)),
+    "coordinate_nan": (r"node 2 .* has a coordinate that is not finite", lambda: spoiled("nodes", (2, 0), NAN)),
+    "load_nan": (r"node 2 .* has a load that is not finite", lambda: spoiled("load", (2, 1), NAN)),
+    "prestrain_nan": (r"link 2 .* has a prestrain that is not finite", lambda: spoiled("prestrain", 2, NAN)),
+    "prescribed_nan": (r"node 0 .* has a prescribed that is not finite", lambda: spoiled("prescribed", 0, NAN)),
+    "prescribed_where_free": (r"node 2 .* in a direction that is not fixed", lambda: spoiled("prescribed", 2, 0.1)),
+    "law_beyond": (r"link 1 .* has an unknown law \(0 bar, 1 cable, 2 strut\)", lambda: spoiled("law", 1, 3)),
+    "no_link": (r"links must be an \(m, 2\) array of node numbers", lambda: square(links=np.zeros((0, 2), int))),
+    "half_a_node": (r"links must be integers", lambda: square(links=LINKS + 0.5)),
+    "four_dimensions": (r"nodes must be an \(n, dim\) array with dim 1, 2 or 3", lambda: square(nodes=np.ones((5, 4)))),
+    "short_load": (r"load must have the shape \(5, 2\), a row per node", lambda: square(load=LOAD[:4])),
+    "later_load_nan": (r"node 0 .* has a load that is not finite", lambda: square().set_load(LOAD * NAN)),
+    "partition_gap": (r"subdomain 1 has no link; .* without gaps", lambda: square(subdomain=[0, 0, 0, 0, 2, 2, 2, 2])),
+    "partition_beyond": (r"9 subdomains for 8 links", lambda: square(subdomain=[0, 1, 2, 3, 4, 5, 6, 8])),
+    "partition_negative": (r"link 4 .* negative subdomain", lambda: square(subdomain=[0, 0, 0, 0, -1, 0, 0, 0])),
+    # the same in C
+    "c_node_beyond": (r"Link 7 joins nodes 2 and 5, but .* from 0 to 4", lambda: in_c("links", (-1, 1), 5)),
+    "c_node_to_itself": (r"Link 7 joins node 2 to itself", lambda: in_c("links", (-1, 1), 2)),
+    "c_coincident": (r"Link 6 has no length: its nodes 1 and 4 lie at the same", lambda: in_c("nodes", -1, [1, 0])),
+    "c_coordinate_nan": (r"Node 4 has a coordinate that is not a finite", lambda: in_c("nodes", (-1, 0), NAN)),
+    "c_law_beyond": (r"Link 7 has law 3; the laws are 0 \(bar\), 1 \(cable\), 2 \(strut\)", lambda: in_c("law", -1, 3)),
+    "c_stiffness_zero": (r"Link 7 has stiffness 0.*positive finite", lambda: in_c("stiffness", -1, 0)),
+    "c_stiffness_negative": (r"Link 7 has stiffness -1.*positive finite", lambda: in_c("stiffness", -1, -1)),
+    "c_stiffness_nan": (r"Link 7 has stiffness nan.*positive finite", lambda: in_c("stiffness", -1, NAN)),
+    "c_prestrain_nan": (r"Link 7 has a prestrain that is not a finite", lambda: in_c("prestrain", -1, NAN)),
+    "c_load_nan": (r"Node 4 has a load that is not a finite number", lambda: in_c("load", (-1, 0), NAN)),
+    "c_without_laws": (r"Link 0 has no stiffness: call LatinLinksSetLaws\(\)", lambda: in_c(laws=False)),
+    "c_node_count": (r"The ranks give 5 nodes in all, not the 6 announced", lambda: in_c(nodes=6)),
+    "c_partition_negative": (r"Link 7 is in subdomain -1; .* numbered from 0", lambda: in_c("subdomain", -1, -1)),
+    "c_partition_beyond": (r"Link 7 is in subdomain 8; .* at most as many as links", lambda: in_c("subdomain", -1, 8)),
+    "c_partition_gap": (r"Subdomain 1 of the given partition has no link; .* without gaps", gap_in_c),
+    # structures that nothing can solve
+    "node_without_link": (
+        r"Node 5 is free in direction 0 but no link reaches it; remove it or prescribe its displacement",
+        lambda: latinpc.Links(np.vstack([NODES, [3, 3]]), LINKS, 0, 1e3, fixed=np.vstack([FIXED, [0, 0]])),
+    ),
+    "not_held": (MECHANISM + r"\d", lambda: solve(square(fixed=None, prescribed=None))),
+    "held_at_one_node": (MECHANISM + r".*4", lambda: solve(square(fixed=FIXED & (np.arange(5) < 1)[:, None]))),
+    "mechanism_inside": (MECHANISM + r"45\.", lambda: solve(lattice_with_a_dangling_node(), snes_latin_subdomains=4)),
+    "mechanism_between": (MECHANISM + r"4, 5\.", lambda: solve(hinged_plates())),
+    # options
+    "variant": (r"cornr .*none macro corner", lambda: solve(square(), snes_latin_variant="cornr")),
+    "corners": (r"fre .*free published", lambda: solve(square(), snes_latin_corners="fre")),
+    "direction": (r"block .*scalar diagonal", lambda: solve(square(), snes_latin_direction="block")),
+    "stop": (r"soon .*indicator residual reference", lambda: solve(square(), snes_latin_stop="soon")),
+    "subdomains": (
+        r"Cannot make 9 subdomains of 8 links: .* at most",
+        lambda: solve(square(), snes_latin_subdomains=9),
+    ),
+    "subdomains_negative": (r"-1 less than allowed bound 0", lambda: solve(square(), snes_latin_subdomains=-1)),
+    "subdomains_twice": (
+        r"The given partition has 2 subdomains, not the 3 asked for: leave out one of the two",
+        lambda: solve(square(subdomain=np.repeat([0, 1], 4)), snes_latin_subdomains=3),
+    ),
+    "direction_negative": (
+        r"-snes_latin_direction_scalar is -1.*positive stiffness \(0 = self-tuned\)",
+        lambda: solve(square(), snes_latin_direction_scalar=-1),
+    ),
+    "direction_nan": (r"_scalar is nan.*positive", lambda: solve(square(), snes_latin_direction_scalar="nan")),
+    "fraction_zero": (r"_fraction is 0.*positive", lambda: solve(square(), snes_latin_direction_fraction=0)),
+    "outer": (
+        r"Unable to find requested SNES type picard",
+        lambda: solve(square(), snes_latin_outer_snes_type="picard"),
+    ),
+    "local": (
+        r"Setting up the local solver failed .*its options start with -snes_latin_local_",
+        lambda: solve(square(), snes_latin_local_pc_factor_mat_solver_type="nobody"),
+    ),
+    "no_reference": (r"SNESLatinSetReference\(\)", lambda: solve(square(), snes_latin_stop="reference")),
+    "must_converge": (
+        r"has not converged|DIVERGED",
+        lambda: solve(grid(), snes_max_it=2, snes_error_if_not_converged=1),
+    ),
+    # objects
+    "snes_alone": (
+        r"-snes_type latin has no structure .*attach\(snes\)",
+        lambda: bare(PETSc.SNES, "latin").solve(None, foreign_vec()),
+    ),
+    "pc_alone": (r"-pc_type latin has no structure .*PCLatinSetLinks\(\)", pc_on_foreign_matrix),
+    "pc_dead": (r"-pc_type latin has no structure", pc_on_dead_structure),
+    "reference_size": (r"The reference has 7 entries, .* 6 free degrees", lambda: solve(square(), foreign_vec())),
+    "statistics_early": (TOO_EARLY, lambda: latinpc.statistics(square().create_snes())),
+    "pc_statistics_early": (TOO_EARLY, lambda: latinpc.statistics(bare(PETSc.PC, "latin"))),
+    "classes_early": (TOO_EARLY, lambda: latinpc.node_classes(square().create_snes())),
+    "macro_early": (TOO_EARLY, lambda: latinpc.macro_stiffness(square().create_snes(), 0)),
+    "subdomain_beyond": (
+        r"Subdomain 9 of this rank does not exist: it has [12]",
+        lambda: latinpc.subdomain_is(solve(square(), snes_latin_subdomains=2)[0], 9),
+    ),
+    "wrong_snes": (r"The SNES is of type newtonls, not latin", lambda: latinpc.history(bare(PETSc.SNES, "newtonls"))),
+    "wrong_pc": (r"The PC is not of type latin", lambda: latinpc.statistics(bare(PETSc.PC, "jacobi"))),
+    "wrong_object": (
+        r"expected a petsc4py SNES or PC of type latin, got KSP",
+        lambda: latinpc.statistics(PETSc.KSP().create()),
+    ),
+    "no_object": (r"got str", lambda: latinpc.statistics("latin")),
+    "not_a_shell": (
+        r"call PCSetType\(pc, PCSHELL\) first",
+        lambda: latinpc.pcshell_set_latin(bare(PETSc.PC, "jacobi")),
+    ),
+    "bounds": (r"does not take bounds on the unknowns", with_bounds),
+    "displacement_size": (FOREIGN, lambda: square().displacements(foreign_vec())),
+    "tension_size": (FOREIGN, lambda: square().tensions(foreign_vec())),
+    "write_size": (FOREIGN, lambda: square().set_displacements(LOAD, foreign_vec())),
+    "residual_size": (FOREIGN, lambda: square().residual(foreign_vec(), foreign_vec())),
+    "foreign_jacobian": (r"DMCreateMatrix", lambda: square().jacobian(square().create_vec(), PETSc.Mat().createAIJ(7))),
 }
 
 
-def register_c_cases():
-    for name, (message, spoil) in C_CASES.items():
-        spoil = {key: value for key, value in spoil.items()}
-        CASES[name] = (lambda spoil=spoil: raw(**spoil), PETSc.Error, message)
+def outcome(name):
+    """The kind and the sentence of what a case raises."""
+    try:
+        CASES[name][1]()
+    except Exception as error:
+        return [type(error).__name__, latinpc.error_message(error)]
+    return ["nothing", ""]
+
+
+def check(name, found):
+    kind, sentence = found
+    assert kind in ("ValueError", "TypeError", "Error"), found
+    assert re.search(CASES[name][0], sentence), sentence
+    assert "\n" not in sentence
+
+
+def no_convergence_is_no_error():
+    """A reason instead; the last iterate is there, better than the ones before, and more iterations end it."""
+    links = grid()
+    exact = solve(links, snes_stol=1e-9)[1]
+    errors = []
+    for iterations in (1, 3, 9):
+        snes, u = solve(links, exact, snes_max_it=iterations)
+        assert snes.reason == PETSc.SNES.ConvergedReason.DIVERGED_MAX_IT
+        assert snes.getIterationNumber() == iterations == len(latinpc.history(snes)["indicator"])
+        errors.append(links.errors(u, exact)[0])
+        assert np.isclose(latinpc.history(snes)["error_l2"][-1], errors[-1], rtol=0.5)  # copies there, means here
+    assert errors[0] > 2 * errors[1] > 4 * errors[2] > 0
+    snes.setTolerances(max_it=200)
+    snes.solve(None, u)
+    assert snes.reason > 0
+
+
+def test_no_convergence_is_no_error():
+    no_convergence_is_no_error()
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_one_rank(name):
+    check(name, outcome(name))
+    the_process_goes_on()
+
+
+@pytest.fixture(scope="module")
+def two_ranks(tmp_path_factory):
+    """Outcomes of all cases on each of two ranks; a deadlock shows the last case begun."""
+    folder = tmp_path_factory.mktemp("errors")
+    run(["mpirun", "-n", 2, sys.executable, __file__, folder], timeout=TIMEOUT)
+    return [json.loads((folder / f"{rank}.json").read_text()) for rank in range(2)]
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_two_ranks(name, two_ranks):
+    check(name, two_ranks[0][name])
+    assert two_ranks[0][name] == two_ranks[1][name]
+
+
+if __name__ == "__main__":
+    outcomes = {}
+    for case in CASES:
+        print(case, flush=True)
+        outcomes[case] = outcome(case)
+        the_process_goes_on()
+    no_convergence_is_no_error()
+    Path(sys.argv[1], f"{PETSc.COMM_WORLD.rank}.json").write_text(json.dumps(outcomes))

@@ -39,7 +39,7 @@ def star(points, fixed=None, subdomains=2, seed=0):
 # name: nodes, fixed components of them, strong?, macro dofs of the interface
 LINE = [[0.0, 0.1, 0.2], [1.0, 1.1, 1.2], [2.0, 2.1, 2.2]]
 TRIANGLE = [[0.0, 0.0, 0.0], [1.0, 0.2, 0.1], [0.3, 1.0, -0.2]]
-SQUARE = [*TRIANGLE, [1.1, 1.3, 0.1]]
+SQUARE = [*TRIANGLE, [1.3, 1.2, -0.1]]
 SHAPES = {
     "3D, one node": ([[0.5, 0.5, 0.5]], None, False, 0),
     "3D, two nodes": (LINE[:2], None, False, 0),
@@ -53,7 +53,9 @@ SHAPES = {
     "3D, triangle": (TRIANGLE, None, True, 9),
     "3D, triangle with a double node": ([*TRIANGLE, TRIANGLE[0]], None, True, 9),
     "3D, square": (SQUARE, None, True, 9),
-    "3D, not in a plane": ([*SQUARE, [0.5, 0.5, 2.0]], None, True, 9),
+    "3D, not in a plane": ([*SQUARE, [0.5, 0.5, 2.0]], None, True, 11),
+    "3D, almost in a plane": ([*SQUARE, [0.65, 0.6, -0.05 + 1e-9]], None, True, 9),
+    "3D, hardly out of a plane": ([*SQUARE, [0.65, 0.6, -0.05 + 1e-3]], None, True, 11),
     "3D, square with a prescribed node": (SQUARE, [[1], [0], [0], [0]], True, 9),
     "3D, square with two prescribed nodes": (SQUARE, [[1], [1], [0], [0]], False, 0),
     "3D, square with prescribed heights": (SQUARE, [[0, 0, 1]] * 4, True, 6),
@@ -62,7 +64,8 @@ SHAPES = {
     "2D, one node": ([[0.0, 0.0]], None, False, 0),
     "2D, two nodes": ([[0.0, 0.0], [0.3, 0.1]], None, True, 4),
     "2D, two nodes at one point": ([[0.3, 0.1], [0.3, 0.1]], None, False, 0),
-    "2D, four nodes": ([[0.0, 0.0], [0.3, 0.1], [0.5, 1.0], [2.0, 2.0]], None, True, 4),
+    "2D, three nodes on a line": ([[0.0, 0.0], [0.3, 0.1], [0.9, 0.3]], None, True, 4),
+    "2D, four nodes": ([[0.0, 0.0], [0.3, 0.1], [0.5, 1.0], [2.0, 2.0]], None, True, 5),
     "2D, two nodes, one prescribed": ([[0.0, 0.0], [0.3, 0.1]], [[1], [0]], False, 0),
     "1D, one node": ([[0.3]], None, True, 1),
     "1D, three nodes": ([[0.0], [1.0], [5.0]], None, True, 1),
@@ -77,7 +80,7 @@ def moved(scene, shape):
 
 @pytest.mark.parametrize("name", SHAPES)
 def test_interface_by_its_shape(name):
-    """Enough nodes that are not in line make an interface strong; where and in what units does not matter."""
+    """Enough nodes not in line make an interface strong, with 9 modes in a plane; units and place do not matter."""
     points, fixed, strong, modes = SHAPES[name]
     scene = star(points, fixed)
     free = np.count_nonzero(~scene.fixed)
@@ -179,7 +182,7 @@ def test_classes_of_nodes(make, variant):
     model = oracle.build(scene, variant=variant)
     expected = np.zeros(len(scene.nodes), int)
     for pair, nodes in model.shared.items():
-        expected[nodes] = np.maximum(expected[nodes], 1 if model.planes[pair] is not None else 2)
+        expected[nodes] = np.maximum(expected[nodes], 1 if model.modes[pair] is not None else 2)
     expected[[node for node, groups in model.primal.items() if groups]] = 3
     with latin(scene, variant=variant) as run:
         run.snes.setUp()

@@ -60,7 +60,7 @@ METHODS = {
     "newton-mumps": Method("Newton, MUMPS with METIS", "newton", {
         **_DIRECT, "pc_factor_mat_solver_type": "mumps", "mat_mumps_icntl_7": 5,
     }, "mumps"),
-    "newton-gamg": Method("Newton, conjugate gradients, algebraic multigrid with rigid modes, built once and kept", "newton", {
+    "newton-gamg": Method("Newton, conjugate gradients, GAMG with rigid modes, kept", "newton", {
         **_CG, "pc_type": "gamg", "pc_gamg_threshold": 0.02, "snes_lag_preconditioner": -2,
     }, rigid=True),
     "newton-hypre": Method("Newton, conjugate gradients, BoomerAMG", "newton", {

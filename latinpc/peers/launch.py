@@ -51,6 +51,12 @@ class Bench:
     def __exit__(self, *what):
         self._folder.cleanup()
 
+    def add_scene(self, name, scene):
+        """Put another scene on disk, for `run` with ``scene=``; return its path."""
+        path = self.folder / f"{name}.npz"
+        save_scene(path, scene)
+        return str(path)
+
     def make_reference(self, accuracy, how="auto"):
         """Solve the scene at least 100 times more accurately.
 
@@ -84,8 +90,8 @@ class Bench:
         ranks = self.ranks if ranks is None else ranks
         answer, file = self.folder / "answer.json", self.folder / "task.json"
         answer.unlink(missing_ok=True)
-        task = {"user_options": self.user_options, **task}
-        task |= {"scene": self.scene, "reference": self.reference, "answer": str(answer)}
+        task = {"user_options": self.user_options, "scene": self.scene, **task}
+        task |= {"reference": self.reference, "answer": str(answer)}
         file.write_text(json.dumps(task), encoding="utf-8")
         command = [sys.executable, "-m", "latinpc.peers.worker", str(file)]
         if ranks > 1:

@@ -29,6 +29,7 @@ def _timed(task, scene, reference, tolerance):
     return {
         "setup_seconds": outcome.setup_seconds,
         "solve_seconds": outcome.solve_seconds,
+        "cpu_seconds": outcome.cpu_seconds,
         "peak_memory_bytes": outcome.peak_memory_bytes,
         "iterations": outcome.iterations,
         "linear_iterations": outcome.linear_iterations,
@@ -56,11 +57,12 @@ def perform(task):
         return {"tolerances": found}
     if task["do"] == "sweep":  # calibration and all the solves in one process
         found = run.calibrate(task["method"], scene, task["accuracies"], reference, task.get("options"))
-        points = []
+        points, known = [], {None: []}
         for accuracy, tolerance in zip(task["accuracies"], found):
-            if tolerance is not None:
-                runs = [_timed(task, scene, reference, tolerance) for _ in range(task["repeat"])]
-                points.append({"accuracy": accuracy, "runs": runs})
+            if tolerance not in known:  # one iterate of Newton's method may serve several accuracies
+                known[tolerance] = [_timed(task, scene, reference, tolerance) for _ in range(task["repeat"])]
+            if known[tolerance]:
+                points.append({"accuracy": accuracy, "runs": known[tolerance]})
         return {"points": points, "base_memory_bytes": base}
     return {**_timed(task, scene, reference, task["tolerance"]), "base_memory_bytes": base}
 

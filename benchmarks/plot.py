@@ -1,0 +1,72 @@
+"""Draw what benchmarks/run.py measured: benchmarks/figures/*.png, and the tables of benchmarks/README.md."""
+
+import json
+import re
+from pathlib import Path
+
+from latinpc import compare
+from latinpc.cli import quantity
+from latinpc.figures import bars, diagrams
+
+HERE = Path(__file__).resolve().parent
+
+
+def markdown(header, rows):
+    """Return a table in Markdown, numbers to the right."""
+    lines = ["| " + " | ".join(header) + " |", "| --- |" + " ---: |" * (len(header) - 1)]
+    return "\n".join(lines + ["| " + " | ".join(row) + " |" for row in rows])
+
+
+def tabulate(name, document):
+    """Return the table of a benchmark in Markdown."""
+    if name.startswith("compare"):
+        header, rows = compare.layout(document)
+        return markdown(header, rows) + "\n\n`" + document["command"] + "`:" + compare.against(document)
+    if name.startswith("presets"):
+        header = ["preset", "iterations", "error l2", "energy", "set-up", "solve", "memory"]
+        rows = [[f"`options/{row['preset']}.opts`", f"{row['iterations']:.0f}", f"{row['error_l2']:.1e}",
+                 f"{row['error_energy']:.1e}", quantity(row["setup_seconds"], "s"), quantity(row["solve_seconds"], "s"),
+                 quantity(row["peak_memory_bytes"], "B")] for row in document["rows"]]  # fmt: skip
+        return markdown(header, rows)
+    if name == "counts":
+        accuracies = ["1e-02", "1e-03", "1e-04", "1e-08"]
+        rows = [[scene, *(str(found.get(a, "")) for a in accuracies)] for scene, found in document.items()]
+        return markdown(["scene", *(a.replace("-0", "-") for a in accuracies)], rows)
+    return cheapest(document)
+
+
+def cheapest(document):
+    """Return a table of the time to some accuracies, for every curve of a tradeoff, and its memory."""
+    wanted = [accuracy for accuracy in document["accuracies"] if accuracy in (1e-2, 1e-4, 1e-6, 1e-8)]
+    rows = []
+    for curve in document["curves"]:
+        at = {point["accuracy"]: point for point in curve["points"]}
+        cells = []
+        for accuracy in wanted:
+            point = at.get(accuracy)
+            text = "-"
+            if point:
+                text = quantity(point["setup_seconds"] + point["solve_seconds"], "s") + f" ({point['iterations']:.0f})"
+            cells.append(f"**{text}**" if point and point["front"] else text)
+        memory = max((point["peak_memory_bytes"] for point in curve["points"]), default=None)
+        rows.append([curve["knob"], curve["label"], *cells, quantity(memory, "B") if memory else "-"])
+    return markdown(["knob", "choice", *(f"{accuracy:.0e}".replace("-0", "-") for accuracy in wanted), "memory"], rows)
+
+
+def main():
+    readme = HERE / "README.md"
+    text = readme.read_text(encoding="utf-8")
+    (HERE / "figures").mkdir(exist_ok=True)
+    for file in sorted((HERE / "results").glob("*.json")):
+        name, document = file.stem, json.loads(file.read_text())
+        if name.startswith("compare"):
+            bars(document, HERE / "figures" / f"{name}.png")
+        if name.startswith("tradeoff"):
+            diagrams(document, HERE / "figures" / f"{name}.png")
+        block = f"<!-- {name} -->\n{tabulate(name, document)}\n<!-- end -->"
+        text = re.sub(rf"<!-- {name} -->\n.*?<!-- end -->", lambda _, block=block: block, text, flags=re.DOTALL)
+    readme.write_text(text, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,130 @@
+"""The commands that measure: ``latinpc compare`` and ``latinpc tradeoff``."""
+
+from __future__ import annotations
+
+import click
+from petsc4py import PETSc
+from rich.table import Table
+
+from . import io
+from .cli import NOT_CONVERGED, _console, _open_scene, _progress, _scene_options, commands, escape, write_json
+
+
+class _Words(click.ParamType):
+    """A list of names or numbers, such as latin,newton-mumps."""
+
+    name = "list"
+
+    def __init__(self, kind=str):
+        self.kind = kind
+
+    def convert(self, value, param, ctx):
+        try:
+            return tuple(self.kind(word.strip()) for word in value.split(",") if word.strip())
+        except ValueError:
+            self.fail(f"{value!r} is not a list of numbers such as 1e-2,1e-4", param, ctx)
+
+
+def _ready(comm, scene, json_file, picture, options):
+    """Refuse what cannot be written or run, and open the scene."""
+    if comm.size > 1:
+        raise ValueError("this command starts its own processes: run it without mpirun, with --ranks")
+    for path, suffixes in ((None if json_file == "-" else json_file, None), (picture, (".png", ".pdf", ".svg"))):
+        if path is not None:
+            io.check_writable(path, suffixes)
+    return _open_scene(scene, options)
+
+
+def _print(title, content, note=None):
+    header, rows = content
+    console = _console()
+    console.print(f"[bold]{escape(title)}[/bold]")
+    if console.is_terminal:
+        table = Table(*header)
+        for column in table.columns[1:-1]:
+            column.justify = "right"
+        for row in rows:
+            table.add_row(*map(escape, row), style="bold" if row[0] == "latin" else None)
+        console.print(table)
+    else:
+        widths = [max(len(row[column]) for row in (header, *rows)) for column in range(len(header))]
+        last = len(header) - 1
+        for row in (header, *rows):
+            cells = [cell.ljust(width) if column in (0, last) else cell.rjust(width)
+                     for column, (cell, width) in enumerate(zip(row, widths))]  # fmt: skip
+            console.print(escape("  ".join(cells).rstrip()))
+    if note:
+        console.print(escape(note))
+
+
+@commands.command()
+@click.argument("scene", metavar="SCENE|FILE.msh")
+@_scene_options
+@click.option("--methods", type=_Words(), metavar="A,B,...", help="By default all; see latinpc.peers.METHODS.")
+@click.option("--accuracy", type=float, default=1e-4, show_default=True, help="Relative l2 error to reach.")
+@click.option("--repeat", type=int, default=3, show_default=True, help="Timed runs of each method; medians are shown.")
+@click.option("--ranks", type=int, default=1, show_default=True, help="Ranks of the PETSc methods.")
+@click.option("--timeout", type=float, default=600.0, show_default=True, help="Seconds that one process may take.")
+@click.option("--against", type=click.Choice(["auto", "newton", "latin"]), default="auto", show_default=True,
+              help="The reference; auto takes latin where Newton's method fails.")  # fmt: skip
+@click.option("--json", "json_file", metavar="FILE", help="Write the measurements; '-' prints them alone.")
+@click.option("--picture", metavar="FILE.png", help="Draw times and memory.")
+@click.pass_obj
+def compare(comm, scene, methods, accuracy, repeat, ranks, timeout, against, json_file, picture, **options):
+    """Solve a scene by several methods, each in a process of its own, and show times, memory and errors.
+
+    Options with a single dash replace those of every PETSc method.
+    """
+    from . import compare as peers
+
+    scene = _ready(comm, scene, json_file, picture, options)
+    with _progress(comm, json_file == "-") as say:
+        document = peers.compare(
+            scene, methods or peers.DEFAULT, accuracy, repeat, ranks, timeout, against,
+            list(PETSc.Options().getAll().items()), say,
+        )  # fmt: skip
+    if json_file is not None:
+        write_json(json_file, document)
+    if picture is not None:
+        from .figures import bars
+
+        bars(document, picture)
+    if json_file != "-":
+        title = f"{document['scene']}: {document['free_dofs']:,} free dofs, to a relative l2 error of {accuracy:g}"
+        _print(title, peers.layout(document), document["note"] + peers.against(document))
+    return 0 if all(row["converged"] for row in document["rows"] if row["method"] == "latin") else NOT_CONVERGED
+
+
+@commands.command()
+@click.argument("scene", metavar="SCENE|FILE.msh")
+@_scene_options
+@click.option("--knobs", type=_Words(), metavar="A,B,...", help="By default all; see latinpc.tradeoff.KNOBS.")
+@click.option("--accuracies", type=_Words(float), metavar="1e-2,1e-4,...", help="By default 1e-1 to 1e-10.")
+@click.option("--repeat", type=int, default=3, show_default=True, help="Runs of each point; medians are shown.")
+@click.option("--timeout", type=float, default=600.0, show_default=True, help="Seconds that one curve may take.")
+@click.option("--json", "json_file", metavar="FILE", help="Write the measurements; '-' prints them alone.")
+@click.option("--picture", metavar="FILE.png", help="Draw time against error, one panel for each knob.")
+@click.pass_obj
+def tradeoff(comm, scene, knobs, accuracies, repeat, timeout, json_file, picture, **options):
+    """Measure what accuracy costs, by method and by option: work-precision diagrams of a scene."""
+    from . import tradeoff as measure
+
+    scene = _ready(comm, scene, json_file, picture, options)
+    accuracies = accuracies or measure.ACCURACIES
+    if not all(0 < accuracy < 1 for accuracy in accuracies) or repeat < 1:
+        raise ValueError("--accuracies lie between 0 and 1, and --repeat is at least 1")
+    with _progress(comm, json_file == "-") as say:
+        document = measure.tradeoff(
+            scene, knobs, sorted(accuracies, reverse=True), repeat, timeout,
+            list(PETSc.Options().getAll().items()), say,
+        )  # fmt: skip
+    if json_file is not None:
+        write_json(json_file, document)
+    if picture is not None:
+        from .figures import diagrams
+
+        diagrams(document, picture)
+    if json_file != "-":
+        title = f"{document['scene']}: {document['free_dofs']:,} free dofs, time to a relative l2 error, with set-up"
+        _print(title, measure.layout(document))
+    return 0

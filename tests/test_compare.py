@@ -1,0 +1,249 @@
+"""Peers side by side: the mechanics of the arrays, the quadratic program, the harness, the two commands."""
+
+import importlib.util
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from conftest import ROOT
+from support import chain, grid, settled
+from test_cli import latinpc
+
+from latinpc import Links, compare, tradeoff
+from latinpc.peers import DEFAULT, METHODS, arrays, qp, run
+from latinpc.peers.launch import Bench, Failed
+from latinpc.peers.reference import by_latin, by_newton
+from latinpc.scenes import Law, make
+
+INTERIOR = [name for name in ("piqp", "clarabel") if importlib.util.find_spec(name)]
+HERE = [name for name in DEFAULT if METHODS[name].kind != "qp"] + INTERIOR
+interior = pytest.mark.parametrize("name", [
+    pytest.param(name, marks=pytest.mark.skipif(name not in INTERIOR, reason=f"{name} is absent: make bench"))
+    for name in ("piqp", "clarabel")
+])  # fmt: skip
+
+
+def struts():
+    """A chain of which the struts part where it is pulled, held by bars; supports that move."""
+    scene = chain(links=9, parts=3)
+    law = np.where(np.arange(9) % 3 == 0, Law.STRUT, Law.BAR)
+    twice = np.vstack([scene.links, scene.links])  # a bar beside each, so that nothing is a mechanism
+    both = {name: np.tile(getattr(scene, name), 2) for name in ("stiffness", "prestrain", "subdomain")}
+    return replace(scene, links=twice, law=np.concatenate([law, np.full(9, Law.BAR)]), **both)
+
+
+SCENES = {"grid": lambda: grid(), "supports": lambda: settled(grid()), "struts": struts, "bars": lambda: grid("truss")}
+
+
+@pytest.fixture(params=SCENES)
+def scene(request):
+    return SCENES[request.param]()
+
+
+# ---- mechanics of the arrays -----------------------------------------------------------------
+
+
+def test_scene_on_disk_is_the_same(scene, tmp_path):
+    arrays.save_scene(tmp_path / "scene.npz", scene)
+    read = arrays.load_scene(tmp_path / "scene.npz")
+    assert read.name == scene.name and read.metadata == scene.metadata
+    for name in (*arrays._ARRAYS, "subdomain"):
+        assert np.array_equal(getattr(read, name), getattr(scene, name))
+
+
+def test_errors_and_tensions_are_those_of_the_library(scene):
+    links = Links.from_scene(scene)
+    u, v = links.create_vec(), links.create_vec()
+    u.setRandom()
+    u.scale(1e-3)
+    v.setRandom()
+    v.scale(2e-3)
+    a, b = links.displacements(u), links.displacements(v)
+    assert arrays.errors(scene, a, b)[0] == pytest.approx(links.errors(u, v)[0])
+    assert arrays.tensions(scene, a) == pytest.approx(links.tensions(u), abs=1e-9 * np.abs(links.tensions(u)).max())
+    if not scene.prescribed.any():
+        assert arrays.errors(scene, a, b)[1] == pytest.approx(links.errors(u, v)[1])
+    assert arrays.errors(scene, a * np.nan, b) == (np.inf, np.inf)
+
+
+def test_references_agree(scene):
+    a, about = by_newton(scene, 1e-8)
+    assert about["accuracy"] <= 1e-10
+    b, about = by_latin(scene, 1e-4)
+    assert arrays.errors(scene, b, a)[0] <= 1e-6 and about["method"] == "latin"
+
+
+# ---- the quadratic program -------------------------------------------------------------------
+
+
+@interior
+def test_the_program_has_the_solution_of_newton(scene, name):
+    reference, _ = by_newton(scene, 1e-8)
+    outcome = run.solve(name, scene, 1e-10)
+    assert outcome.converged, outcome.reason
+    assert arrays.errors(scene, outcome.displacements, reference)[0] < 1e-6
+    tau, expected = (arrays.tensions(scene, u) for u in (outcome.displacements, reference))
+    assert np.abs(tau - expected).max() <= 1e-5 * np.abs(expected).max()
+
+
+def test_the_program_has_the_energy_of_the_structure():
+    """At any u, with the best v, the program is the energy up to a constant; units of length and force drop out."""
+    pytest.importorskip("scipy")
+    scene = settled(struts())
+    problem = qp.program(scene)
+    links = Links.from_scene(scene)
+    B, e_d = qp.kinematics(scene)
+    u = links.create_vec()
+    values = []
+    for seed in range(3):
+        displacement = scene.prescribed.copy()
+        displacement[problem.free] = np.random.default_rng(seed).uniform(-1e-2, 1e-2, problem.free.sum())
+        links.set_displacements(displacement, u)
+        taut = arrays.tensions(scene, displacement) / scene.stiffness
+        x = np.concatenate([displacement[problem.free], taut[scene.law != Law.BAR]]) / problem.length
+        assert (problem.G @ x <= problem.h + 1e-12).all()
+        unit = scene.stiffness.max() * problem.length**2
+        values.append(links.energy(u) - (0.5 * x @ (problem.P @ x) + problem.c @ x) * unit)
+    assert values == pytest.approx([values[0]] * 3, rel=1e-9, abs=1e-12)
+
+
+# ---- the stop --------------------------------------------------------------------------------
+
+
+def test_the_loosest_stop():
+    history = [(1e2, 0.3), (1e3, 5e-3), (0.5, 1e-3), (1e-9, 1e-12)]
+    assert 0.5 < run.loosest(history, 1e-2) < 1e2  # not at the second iterate, whose measure has risen
+    assert 1e-9 < run.loosest(history, 1e-6) < 0.5
+    assert run.loosest(history, 1e-13) is None
+    assert run.loosest([], 1e-2) is None
+
+
+@pytest.mark.parametrize("name", [name for name in HERE if METHODS[name].kind != "qp"])
+def test_calibrated_runs_reach_their_accuracy(name):
+    scene = grid()
+    reference, _ = by_newton(scene, 1e-8)
+    accuracies = [1e-2, 1e-5]
+    tolerances = run.calibrate(name, scene, accuracies, reference)
+    outcomes = [run.solve(name, scene, tolerance) for tolerance in tolerances]
+    for accuracy, outcome in zip(accuracies, outcomes):
+        assert outcome.converged, outcome.reason
+        assert arrays.errors(scene, outcome.displacements, reference)[0] <= 1.5 * accuracy
+        assert outcome.peak_memory_bytes > 1e7
+    assert outcomes[0].iterations <= outcomes[1].iterations
+
+
+# ---- processes -------------------------------------------------------------------------------
+
+
+def test_rows_are_complete_and_honest():
+    scene = grid()
+    document = compare.compare(scene, ["latin", "newton-mumps"], repeat=2)
+    assert json.loads(json.dumps(document, allow_nan=False)) == document
+    assert [row["method"] for row in document["rows"]] == ["latin", "newton-mumps"]
+    for row in document["rows"]:
+        assert tuple(row) == compare.KEYS
+        assert row["converged"] and row["error_l2"] <= 1e-4 and row["reason"].startswith("CONVERGED")
+        assert row["setup_seconds"] > 0 and row["solve_seconds"] > 0 and row["peak_memory_bytes"] > 1e7
+    assert len(document["runs"]) == 4
+    assert document["reference"]["accuracy"] <= 1e-6
+    header, table = compare.layout(document)
+    assert all(len(row) == len(header) for row in table) and table[0][4] == "1.0"
+
+
+def test_a_method_that_fails_keeps_its_row():
+    options = [("newton_nothing", "1"), ("pc_factor_mat_solver_type", "nothing")]
+    document = compare.compare(grid(), ["latin", "newton-mumps"], repeat=1, user_options=options)
+    latin, mumps = document["rows"]
+    assert latin["converged"]
+    assert not mumps["converged"] and mumps["solve_seconds"] is None and "nothing" in mumps["reason"]
+    assert compare.layout(document)[1][1][-1] == mumps["reason"]
+
+
+def test_a_method_that_does_not_get_there_says_so():
+    document = compare.compare(grid(), ["latin"], repeat=1, user_options=[("snes_max_it", "2")])
+    row = document["rows"][0]
+    assert not row["converged"] and row["reason"].startswith("DIVERGED_MAX_IT") and row["error_l2"] > 1e-4
+
+
+def test_a_slow_process_is_stopped():
+    with Bench(grid(), timeout=0.05) as bench, pytest.raises(Failed, match=r"no result after 0\.05 s"):
+        bench.run(do="calibrate", method="latin", accuracies=[1e-2])
+
+
+def test_memory_is_that_of_the_process_not_of_its_parent():
+    ballast = np.ones(60_000_000)  # a parent of half a gigabyte
+    document = compare.compare(grid(), ["latin"], repeat=1)
+    assert document["rows"][0]["peak_memory_bytes"] < ballast.nbytes
+
+
+def test_bad_requests_name_the_cure():
+    with pytest.raises(ValueError, match="unknown method 'newton': choose from latin"):
+        compare.compare(grid(), ["newton"])
+    with pytest.raises(ValueError, match="between 0 and 1"):
+        compare.compare(grid(), ["latin"], accuracy=2)
+    with pytest.raises(ValueError, match="unknown knob 'size': choose from methods"):
+        tradeoff.tradeoff(grid(), ["size"])
+
+
+def test_the_front():
+    points = [{"setup_seconds": 0, "solve_seconds": t, "error_l2": e} for t, e in ((1, 1e-2), (2, 1e-2), (3, 1e-4))]
+    tradeoff.mark_front([{"points": points}])
+    assert [point["front"] for point in points] == [True, False, True]
+
+
+def test_knobs_of_other_scenes():
+    scene = make("network", nodes=100)
+    assert scene.subdomain is None
+    choices = tradeoff.knobs_of(scene, ["subdomain size"])["subdomain size"]
+    assert choices[0].options == {"snes_latin_subdomain_links": 256}
+    assert "subdomain size" not in tradeoff.knobs_of(chain())
+
+
+# ---- the commands ----------------------------------------------------------------------------
+
+GRID = ["tensegrity-grid", "--modules", "8"]
+
+
+def test_compare_command(tmp_path):
+    wanted = ["latin", "newton-cholmod", *INTERIOR]
+    files = ["--json", tmp_path / "c.json", "--picture", tmp_path / "c.png"]
+    result = latinpc("compare", *GRID, "--methods", ",".join(wanted), "--repeat", 1, *files)
+    document = json.loads((tmp_path / "c.json").read_text())
+    assert [row["method"] for row in document["rows"]] == wanted
+    assert all(row["converged"] for row in document["rows"])
+    assert (tmp_path / "c.png").stat().st_size > 5000
+    for word in (*wanted, "x latin", "Errors are against newton-cholmod"):
+        assert word in result.stdout
+    assert not result.stderr
+    latinpc("compare", *GRID, "--methods", "nothing", code=2)
+    latinpc("compare", *GRID, ranks=2, code=2)
+
+
+def test_compare_on_two_ranks():
+    document = json.loads(
+        latinpc("compare", *GRID, "--methods", "latin,newton-cholmod", "--ranks", 2, "--repeat", 1, "--json", "-").stdout
+    )
+    latin, cholmod = document["rows"]
+    assert latin["converged"] and document["ranks"] == 2
+    assert not cholmod["converged"] and "one rank only" in cholmod["reason"]
+
+
+def test_tradeoff_command(tmp_path):
+    files = ["--json", tmp_path / "t.json", "--picture", tmp_path / "t.png"]
+    chosen = ["--knobs", "variant,subdomain size", "--accuracies", "1e-2,1e-4", "--repeat", 1]
+    result = latinpc("tradeoff", *GRID, *chosen, *files)
+    document = json.loads((tmp_path / "t.json").read_text())
+    assert [curve["label"] for curve in document["curves"]][:2] == ["default", "macro"]
+    for curve in document["curves"]:
+        assert curve["reason"] is None and len(curve["points"]) == 2
+        assert all(point["error_l2"] <= 1.5 * point["accuracy"] for point in curve["points"])
+    assert any(point["front"] for curve in document["curves"] for point in curve["points"])
+    assert (tmp_path / "t.png").stat().st_size > 10000
+    assert "2 × 2 modules" in result.stdout
+
+
+def test_presets_are_described():
+    for name, accuracy in (("fast", "1e-2"), ("balanced", "1e-4"), ("accurate", "1e-8")):
+        text = (ROOT / "options" / f"{name}.opts").read_text()
+        assert accuracy in text and "latinpc solve" in text

@@ -1,0 +1,190 @@
+"""The linear stage (26)-(30), (42)-(52): a constrained minimum, by whatever solver of the subdomains."""
+
+import numpy as np
+import oracle
+import pytest
+from petsc4py import PETSc
+from support import PLAIN, VARIANTS, far, grid, irregular, latin, lattice, network, oracle_options, settled, solve
+
+import latinpc
+
+
+def operators(model, i):
+    """K_E with its springs, and the rows A of its macro displacements, densely."""
+    part = model.parts[i]
+    k, a = part.stiffness.copy(), [np.zeros((0, len(part.dofs)))]
+    for side in (s for s in model.sides if i in s.pair):
+        at = side.local[side.pair.index(i)]
+        k[at, at] += side.d
+        a.append(np.zeros((side.r.shape[1], len(part.dofs))))
+        a[-1][:, at] = (side.d[:, None] * side.r).T
+    return k, np.vstack(a)
+
+
+def forces(model, x):
+    """Forces g on the subdomains for the state x."""
+    s = model.scene.stiffness * model.scene.prestrain
+    s[model.nonsmooth] = x[model.n_z :]
+    s = s + model.scene.stiffness * model.e_d
+    g = [part.load - part.b.T @ s[part.links] for part in model.parts]
+    for side in model.sides:
+        for i, at, z in zip(side.pair, side.local, side.z):
+            g[i][at] += x[z]
+    return g
+
+
+def constraints(model, start):
+    """Rows that make macro displacements and primal nodes the same for all their subdomains."""
+    rows, total = [], start[-1]
+    for side in model.sides:
+        row = np.zeros((side.r.shape[1], total))
+        for sign, i, at in zip((1.0, -1.0), side.pair, side.local):
+            row[:, start[i] + at] = sign * (side.d[:, None] * side.r).T / np.sqrt(side.d.mean())
+        rows.append(row)
+    for node, groups in model.primal.items():
+        for group in groups:
+            for dof in oracle.free_dofs(model, [node]):
+                places = [start[i] + np.searchsorted(model.parts[i].dofs, dof) for i in group]
+                for other in places[1:]:
+                    row = np.zeros((1, total))
+                    row[0, places[0]], row[0, other] = 1.0, -1.0
+                    rows.append(row)
+    return np.vstack(rows)
+
+
+def minimum(model, x):
+    """Displacements of all subdomains: least energy under the constraints, one dense saddle point problem."""
+    start = np.concatenate([[0], np.cumsum([len(part.dofs) for part in model.parts])])
+    c = constraints(model, start)
+    n, m = start[-1], len(c)
+    system, unit = np.zeros((n + m, n + m)), model.scene.stiffness.mean()
+    for i in range(len(model.parts)):
+        k, a = operators(model, i)
+        system[start[i] : start[i + 1], start[i] : start[i + 1]] = (k - a.T @ a) / unit
+    system[n:, :n], system[:n, n:] = c, c.T
+    rhs = np.concatenate([*forces(model, x), np.zeros(m)]) / unit
+    u = np.linalg.solve(system, rhs)
+    return [u[start[i] : start[i + 1]] for i in range(len(model.parts))]
+
+
+SMALL = {
+    "grid": lambda: grid(modules=4, subdomains=4),
+    "irregular": lambda: irregular(modules=4, parts=4),
+    "network": lambda: settled(network(nodes=60, parts=4)),
+    "lattice": lattice,
+}
+
+
+@pytest.mark.parametrize("corners", ["free", "published"])
+@pytest.mark.parametrize("variant", VARIANTS)
+@pytest.mark.parametrize("name", SMALL)
+def test_linear_stage_is_a_constrained_minimum(name, variant, corners):
+    """Least energy with micro springs, macro displacements and corners common: the solver and the oracle meet it."""
+    scene, options = SMALL[name](), {"variant": variant, "corners": corners}
+    model = oracle.build(scene, **oracle_options(options))
+    first = oracle.average(model, minimum(model, oracle.start(model)))
+    assert far(solve(scene, max_it=1, **options).u, first) < 1e-9
+    x = np.random.default_rng(0).normal(size=model.n_z + len(model.nonsmooth)) * 100.0
+    for side in model.sides:  # micro: without macro part
+        for z in side.z:
+            x[z] -= side.d * (side.r @ (side.r.T @ x[z]))
+    for mine, theirs in zip(oracle.linear_stage(model, x), minimum(model, x)):
+        assert mine == pytest.approx(theirs, abs=1e-9 * abs(theirs).max())
+
+
+@pytest.mark.parametrize("corners", ["free", "published"])
+@pytest.mark.parametrize("variant", VARIANTS)
+def test_matrix_of_the_subdomains(variant, corners):
+    """Block diagonal, K_E with its springs, the identity where displacements are prescribed or coarse."""
+    scene, options = settled(irregular(modules=4, parts=4)), {"variant": variant, "corners": corners}
+    model = oracle.build(scene, **oracle_options(options))
+    blocks = []
+    for i, part in enumerate(model.parts):
+        nodes = np.unique(scene.links[part.links])
+        whole = (nodes[:, None] * scene.dim + np.arange(scene.dim)).ravel()
+        kept = np.isin(whole, part.dofs[part.r])
+        block = np.eye(len(whole))
+        block[np.ix_(kept, kept)] = operators(model, i)[0][np.ix_(part.r, part.r)]
+        blocks.append(block)
+    with latin(scene, **options) as run:
+        run.snes.setUp()
+        matrix = latinpc.local_ksp(run.snes).getOperators()[0]
+        dense = matrix.convert("dense", PETSc.Mat()).getDenseArray()
+        assert matrix.isSymmetric()
+    at = 0
+    for block in blocks:
+        rows = slice(at, at + len(block))
+        assert dense[rows, rows] == pytest.approx(block, abs=1e-12 * block.max())
+        assert np.count_nonzero(dense[rows]) == np.count_nonzero(dense[rows, rows])
+        at += len(block)
+    assert at == len(dense)
+
+
+LOCAL = {
+    "petsc": {"local_pc_factor_mat_solver_type": "petsc"},
+    "lu": {"local_pc_type": "lu", "local_pc_factor_mat_solver_type": "petsc"},
+    "mumps": {"local_pc_factor_mat_solver_type": "mumps"},
+    "cg": {"local_ksp_type": "cg", "local_pc_type": "icc", "local_ksp_rtol": 1e-14, "local_ksp_max_it": 5000},
+    "gmres": {
+        "local_ksp_type": "gmres",
+        "local_pc_type": "ilu",
+        "local_ksp_rtol": 1e-14,
+        "local_ksp_gmres_restart": 200,
+    },
+}
+
+
+@pytest.mark.parametrize("solver", LOCAL)
+def test_any_solver_of_the_subdomains(solver):
+    """Another factorisation, or Krylov iterations to rounding, by option: the same iterates."""
+    scene = irregular(modules=4, parts=4)
+    default, other = (solve(scene, max_it=4, stol=0, **options, **PLAIN) for options in ({}, LOCAL[solver]))
+    assert other.reason == default.reason == PETSc.SNES.ConvergedReason.DIVERGED_MAX_IT
+    assert far(other.u, default.u) < 1e-9
+
+
+def test_default_solver_of_the_subdomains():
+    """CHOLMOD factors all subdomains of a rank as one matrix, under a prefix of its own."""
+    with latin(grid()) as run:
+        run.snes.setUp()
+        ksp = latinpc.local_ksp(run.snes)
+        assert ksp.getOptionsPrefix() == "snes_latin_local_"
+        assert ksp.getType() == "preonly"
+        assert ksp.getPC().getType() == "cholesky"
+        assert ksp.getPC().getFactorSolverType() == "cholmod"
+        assert ksp.getComm().getSize() == 1
+
+
+def test_operators_are_factored_once():
+    """Iterations, new loads and new prestrains only solve: no factorisation follows the set-up."""
+    PETSc.Log.begin()
+    scene = grid()
+    factorisations = [PETSc.Log.Event(name) for name in ("MatCholFctrNum", "MatLUFactorNum")]
+
+    def count():
+        return sum(event.getPerfInfo()["count"] for event in factorisations)
+
+    with latin(scene) as run:
+        before = count()
+        run.snes.setUp()
+        built = count()
+        assert built > before
+        u = run.links.create_vec()
+        run.snes.solve(None, u)
+        run.links.set_load(2 * scene.load)
+        run.links.set_prestrain(1.1 * scene.prestrain)
+        run.snes.solve(None, u)
+        assert run.snes.getConvergedReason() > 0
+        assert count() == built
+
+
+@pytest.mark.parametrize("limit", [{"local_ksp_max_it": 2}, {"local_ksp_divtol": 1e-3}])
+def test_solver_that_gives_up_is_reported(limit):
+    """A local solver that fails ends in its reason, or in an error that names it; never in success."""
+    options = {"local_ksp_type": "cg", "local_pc_type": "none", "local_ksp_rtol": 1e-12, **limit}
+    try:
+        result = solve(lattice(), **options)
+    except PETSc.Error as error:
+        assert "local solver" in latinpc.error_message(error)
+    else:
+        assert result.reason == PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE

@@ -1,0 +1,150 @@
+"""The README's option tables, `-help` and the files in options/ say the same."""
+
+import os
+import re
+import shlex
+import sys
+from pathlib import Path
+
+import pytest
+from conftest import ROOT, run
+
+from latinpc import solve
+
+README = (ROOT / "README.md").read_text()
+COMMAND = [Path(sys.executable).parent / "latinpc", "solve"]
+HELP_OF = {
+    "snes": ["tensegrity-grid", "--modules", "6", "--subdomains", "9", "-help"],
+    "pc": ["truss-grid", "--modules", "6", "--subdomains", "9", "-snes_type", "ksponly", "-ksp_type", "cg",
+           "-pc_type", "latin", "-help"],
+}  # fmt: skip
+ROW = re.compile(r"^\| `-((?:snes|pc)_\w+?)(\*?)` \|([^|]*)\|([^|]*)\|", re.MULTILINE)
+LINE = re.compile(r"^ +-(\w+):? ?(?:<(?:now )?(.*?) : .*?>)?:? ?(.*)$")
+
+
+def rows(family):
+    """Rows of the README's tables: key -> (values, default); and the inner prefixes."""
+    table, prefixes = {}, []
+    for key, star, values, default in ROW.findall(README):
+        if key.startswith(family + "_"):
+            if star:
+                prefixes.append(key)
+            else:
+                assert key not in table, f"-{key} stands twice in the README"
+                table[key] = (re.findall(r"`([^`]+)`", values), default.strip().strip("`"))
+    return table, prefixes
+
+
+@pytest.fixture(scope="module", params=HELP_OF)
+def described(request):
+    """For a family of options: README's rows and prefixes, and what -help prints: key -> (default, rest)."""
+    family = request.param
+    printed = {}
+    for line in run([*COMMAND, *HELP_OF[family]]).stdout.splitlines():
+        match = LINE.match(line)
+        if match:
+            printed.setdefault(match[1], (match[2], match[3]))
+    return family, *rows(family), printed
+
+
+def same(written, printed):
+    """Compare a default of the README with that of -help, as numbers where they are."""
+    try:
+        return float(written) == float(printed)
+    except ValueError:
+        return written.lower() == printed.lower()
+
+
+def test_every_key_of_ours_is_in_the_readme(described):
+    family, table, prefixes, printed = described
+    ours = {key for key in printed if key.startswith(f"{family}_latin_") and not key.startswith(tuple(prefixes))}
+    assert ours <= table.keys(), ours - table.keys()
+    assert len(ours) > 8
+
+
+@pytest.mark.xfail(reason="the pass that sets Anderson's depth shows the viewers of its own prefix in -help")
+def test_help_lists_no_key_that_nobody_should_set(described):
+    printed = described[-1]
+    assert not [key for key in printed if "latin_" in key and not key.startswith(("snes_latin_", "pc_latin_"))]
+
+
+def test_every_key_of_the_readme_is_in_help(described):
+    _, table, prefixes, printed = described
+    assert table.keys() <= printed.keys(), table.keys() - printed.keys()
+    for prefix in prefixes:
+        assert any(key.startswith(prefix) for key in printed), prefix
+
+
+def test_defaults_and_choices_are_those_of_help(described):
+    _, table, _, printed = described
+    for key, (values, default) in table.items():
+        told, rest = printed[key]
+        if told is not None:
+            assert same(default, told), f"-{key}: README {default}, -help {told}"
+        choices = re.search(r"\(choose one of\) (.*) \(\w+\)$", rest)
+        if choices:
+            assert values == choices[1].split(), key
+
+
+def test_command_line_knows_the_same_options():
+    inner = tuple(solve.INNER_PREFIXES)
+    for family, known in (("snes", set(solve.OPTIONS)), ("pc", set(solve.OPTIONS + solve.PC_OPTIONS))):
+        table, prefixes = rows(family)
+        keys = {key.split("_latin_")[1] for key in table if "_latin_" in key}
+        ours = {key for key in keys if not key.startswith(inner)}
+        assert ours == known if family == "snes" else ours <= known
+        assert {prefix.split("_latin_")[1] for prefix in prefixes} <= set(inner)
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "options").glob("*.opts")), ids=lambda path: path.name)
+def test_options_file_is_used_to_the_last_line(path):
+    lines = re.findall(r"^#\s+latinpc solve (.*)$", path.read_text(), re.MULTILINE)
+    assert lines, "an options file opens with the command that uses it"
+    for line in lines:
+        result = run([*COMMAND, *shlex.split(line), "-options_left"], cwd=ROOT)
+        assert "There are no unused options" in result.stdout
+        assert "unknown option" not in result.stderr
+    assert f"options/{path.name}" in README
+
+
+def test_readme_names_what_exists():
+    for target in re.findall(r"\]\(([^)#:]+)\)", README):
+        assert (ROOT / target).exists(), target
+    for path in re.findall(r"`((?:options|examples|latinpc)/[\w./]+)`", README):
+        assert (ROOT / path).exists() or path.endswith(".so"), path
+
+
+def test_readme_program_runs():
+    program = re.search(r"```python\n(.*?)```", README, re.DOTALL)[1]
+    given = {
+        "nodes": [[-1, 1], [1, 1], [0, -1], [0, 0]],
+        "links": [[0, 3], [1, 3], [2, 3]],
+        "held": [[1, 1], [1, 1], [1, 1], [0, 0]],
+        "weights": [[0, 0], [0, 0], [0, 0], [0, -10]],
+    }
+    exec(program, given)
+    assert given["snes"].reason > 0
+    assert len(program.splitlines()) < 10
+
+
+def readme_commands():
+    return [line.split(" #")[0].strip() for line in re.findall(r"^((?:latinpc|mpirun) .*)$", README, re.MULTILINE)]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("line", readme_commands())
+def test_readme_command_runs(line, tmp_path):
+    for name in ("examples", "options"):
+        (tmp_path / name).symlink_to(ROOT / name)
+    path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
+    assert run(["bash", "-c", line], cwd=tmp_path, env={"PATH": path}).stdout
+
+
+def test_equation_map_names_functions_of_the_file():
+    section = README.split("## Where the equations are")[1].split("\n## ")[0]
+    named = re.findall(r"`(\w+\.c)`: ((?:`\w+`(?:, )?)+)", section)
+    assert len(named) > 15
+    for file, functions in named:
+        source = (ROOT / "latinpc" / "src" / file).read_text()
+        for function in re.findall(r"`(\w+)`", functions):
+            assert re.search(rf"^[\w ]+\*?\b{function}\(.*\)\n{{", source, re.MULTILINE), f"{file}: {function}"

@@ -1,0 +1,361 @@
+"""SNES latin as PETSc users know a SNES: reasons, tolerances, monitors, views, second solves, other types."""
+
+from dataclasses import replace
+
+import numpy as np
+import oracle
+import pytest
+from petsc4py import PETSc
+from support import PLAIN, VARIANTS, far, grid, irregular, latin, lattice, network, settled, solve, unbalance
+
+import latinpc
+from latinpc.scenes import Law, Scene
+from latinpc.solve import default_options
+
+REASON = PETSc.SNES.ConvergedReason
+
+
+def hung(force):
+    """A node under two cables."""
+    return Scene(
+        name="hung",
+        nodes=[[-1.0, 1.0], [1.0, 1.0], [0.0, 0.0]],
+        links=[[0, 2], [1, 2]],
+        law=[1, 1],
+        stiffness=[1e3, 1e3],
+        prestrain=[1e-3, 1e-3],
+        fixed=[[1, 1], [1, 1], [0, 0]],
+        load=[[0, 0], [0, 0], [0, force]],
+        subdomain=[0, 1],
+    )
+
+
+# ---- reasons ---------------------------------------------------------------------------------
+@pytest.mark.parametrize("stop", ["indicator", "reference"])
+def test_stop_on_the_step(stop):
+    """-snes_stol bounds the indicator, or the error against a reference; the reason is that of a small step."""
+    scene = grid()
+    result = solve(scene, _reference=oracle.newton(scene), stop=stop, stol=1e-4)
+    assert result.reason == REASON.CONVERGED_SNORM_RELATIVE
+    watched = result.history.indicator if stop == "indicator" else result.history.error_l2
+    assert watched[-1] <= 1e-4 < watched[-2]
+    assert len(watched) == result.iterations
+
+
+def residual_norms(scene, **options):
+    """Norms of the unbalance before and after a solve, and the reason."""
+    with latin(scene, stop="residual", **options) as run:
+        u, r = run.links.create_vec(), run.links.create_vec()
+        run.links.residual(u, r)
+        before = r.norm()
+        run.snes.solve(None, u)
+        run.links.residual(u, r)
+        return before, r.norm(), run.snes.getConvergedReason(), run.snes.getFunctionNorm()
+
+
+@pytest.mark.parametrize("make", [grid, network])
+def test_stop_on_the_residual(make):
+    """-snes_rtol and -snes_atol bound the true unbalance of the nodes, and each has its own reason."""
+    before, after, reason, told = residual_norms(make(), rtol=1e-5, atol=1e-50)
+    assert reason == REASON.CONVERGED_FNORM_RELATIVE
+    assert told == pytest.approx(after, rel=1e-6)
+    assert after <= 1e-5 * before
+    before, after, reason, told = residual_norms(make(), rtol=1e-50, atol=1e-4 * before)
+    assert reason == REASON.CONVERGED_FNORM_ABS
+    assert after <= 1e-4 * before
+
+
+def test_too_few_iterations_keep_the_last_iterate():
+    """-snes_max_it ends with its reason, not with an exception, and the vector holds the last iterate."""
+    scene = grid()
+    result = solve(scene, max_it=7, stol=1e-12, **PLAIN)
+    assert result.reason == REASON.DIVERGED_MAX_IT
+    assert result.iterations == 7
+    assert far(result.u, oracle.latin_history(scene, 7).iterates[-1]) < 1e-10
+
+
+@pytest.mark.parametrize("force", [0.1, 1.0, 3.0, 5.0, 10.0, 100.0, 1e4])
+@pytest.mark.parametrize("variant", VARIANTS)
+def test_structure_without_equilibrium_never_converges(variant, force):
+    """Pushed up, a node under two cables flies away: divergence or too many iterations, never success."""
+    for options in ({}, PLAIN):
+        for stol in (1e-3, 1e-5):
+            result = solve(hung(force), variant=variant, stol=stol, max_it=700, **options)
+            assert result.reason in (REASON.DIVERGED_DTOL, REASON.DIVERGED_MAX_IT)
+    down = solve(hung(-force), variant=variant, stol=1e-9)
+    assert down.reason > 0
+    assert unbalance(hung(-force), down.u) < 1e-7
+
+
+def test_divergence_tolerance():
+    """-snes_divergence_tolerance ends what grows by that factor, with its own reason."""
+    result = solve(hung(5.0), divergence_tolerance=10.0, max_it=1000, stol=1e-9)
+    assert result.reason == REASON.DIVERGED_DTOL
+    assert result.iterations < 1000
+
+
+@pytest.mark.parametrize("stop", ["indicator", "residual"])
+@pytest.mark.parametrize("make", [grid, irregular, lattice])
+def test_unloaded_structure_is_at_rest(make, stop):
+    """A self-stress in balance moves nothing; the solver finds zero and says that it has converged."""
+    scene = make(load=0.0)
+    result = solve(scene, stop=stop, max_it=300)
+    assert result.reason > 0
+    assert abs(result.u).max() < 1e-12
+    assert result.tensions == pytest.approx(scene.stiffness * scene.prestrain, rel=1e-8, abs=1e-8)
+
+
+# ---- what it prints --------------------------------------------------------------------------
+PROGRAM = """
+import sys
+import petsc4py
+petsc4py.init(sys.argv)
+import latinpc
+from latinpc.scenes import make
+
+links = latinpc.Links.from_scene(make("tensegrity-grid", modules=6, subdomains=9))
+snes = links.create_snes()
+snes.setFromOptions()
+u = links.create_vec()
+snes.solve(None, u)
+"""
+
+
+def test_what_it_prints(mpirun):
+    """Monitors, reason, view and citation by PETSc's options; every option given is used."""
+    words = "-snes_latin_monitor -snes_monitor -snes_converged_reason -snes_view -citations -options_left -log_view"
+    more = ["-snes_latin_variant", "macro", "-snes_latin_direction", "scalar", "-snes_stol", "1e-3"]
+    out = mpirun(1, PROGRAM, *words.split(), *more).stdout
+    ours = [line for line in out.splitlines() if "LATIN indicator" in line]
+    assert [int(line.split()[0]) for line in ours] == list(range(1, len(ours) + 1))
+    indicators = [float(line.split()[-1]) for line in ours]
+    assert indicators[-1] <= 1e-3 < indicators[-2]
+    assert sum("SNES Function norm" in line for line in out.splitlines()) >= len(ours)
+    assert f"CONVERGED_SNORM_RELATIVE iterations {len(ours)}" in out
+    for text in (
+        "variant macro",
+        "search direction: scalar",
+        "subdomains: 9",
+        "12 strong, 8 weak",
+        "type: nrichardson",
+    ):
+        assert (text in out) == (text != "type: nrichardson")
+    for text in ("local solver", "coarse solver", "cholmod", "mumps", "type: anderson", "AlartDureisseix2008"):
+        assert text in out
+    for event in ("LatinSetUp", "LatinLinear", "LatinCoarse", "LatinLocal", "LatinInterface", "LatinMacro"):
+        assert event in out
+    assert "There are no unused options" in out
+
+
+def test_monitor_shows_what_is_computed(mpirun):
+    """With the residual stop the residual of each iteration stands beside the indicator."""
+    out = mpirun(1, PROGRAM, "-snes_latin_monitor", "-snes_latin_stop", "residual", "-snes_rtol", "1e-2").stdout
+    lines = [line.split() for line in out.splitlines() if "LATIN indicator" in line]
+    assert lines
+    residuals = [float(line[line.index("residual") + 1]) for line in lines]
+    assert residuals[-1] < residuals[0]
+
+
+def test_history_of_petsc():
+    """PETSc's own convergence history holds the number that is watched."""
+    with latin(grid(), stol=1e-3) as run:
+        run.snes.setConvergenceHistory()
+        run.snes.solve(None, run.links.create_vec())
+        assert run.snes.getConvergenceHistory()[0] == pytest.approx(latinpc.history(run.snes)["indicator"])
+
+
+# ---- second solves ---------------------------------------------------------------------------
+def setups():
+    """How many decompositions have been built so far."""
+    return PETSc.Log.Event("LatinSetUp").getPerfInfo()["count"]
+
+
+@pytest.mark.parametrize("make", [grid, irregular])
+def test_other_loads_and_prestrains_need_no_new_set_up(make):
+    """New load, new prestrain, and back: each answer right, the decomposition built once."""
+    PETSc.Log.begin()
+    scene = make()
+    cases = [scene, replace(scene, load=0.5 * scene.load), replace(scene, prestrain=1.3 * scene.prestrain), scene]
+    with latin(scene, stol=1e-10, max_it=2000) as run:
+        before, u = setups(), run.links.create_vec()
+        for case in cases:
+            run.links.set_load(case.load)
+            run.links.set_prestrain(case.prestrain)
+            run.snes.solve(None, u)
+            assert run.snes.getConvergedReason() > 0
+            assert far(run.links.displacements(u), oracle.newton(case)) < 1e-7
+        assert setups() == before + 1
+
+
+@pytest.mark.parametrize("stop", ["indicator", "residual"])
+def test_initial_guess_does_not_matter(stop):
+    """The method starts from the prestressed state, whatever is in the vector, and asks no more of a good guess."""
+    with latin(grid(), stop=stop, stol=1e-8, rtol=1e-8, atol=1e-50) as run:
+        u = run.links.create_vec()
+        run.snes.solve(None, u)
+        first, count = u.copy(), run.snes.getIterationNumber()
+        for guess in (first, 1e6 * first):
+            guess.copy(u)
+            run.snes.solve(None, u)
+            assert run.snes.getIterationNumber() == count
+            assert (u - first).norm() <= 1e-13 * first.norm()
+
+
+def test_warm_start_uses_the_state_of_the_last_solve():
+    """By option a solve goes on from the state of the one before: after a small change of load it is shorter."""
+    scene = grid()
+    with latin(scene, stol=1e-8, warm_start=True) as run:
+        u = run.links.create_vec()
+        run.snes.solve(None, u)
+        cold = run.snes.getIterationNumber()
+        run.snes.solve(None, u)
+        assert run.snes.getIterationNumber() <= 2
+        run.links.set_load(1.001 * scene.load)
+        run.snes.solve(None, u)
+        assert run.snes.getIterationNumber() < cold
+        assert far(run.links.displacements(u), oracle.newton(replace(scene, load=1.001 * scene.load))) < 1e-6
+
+
+def test_right_hand_side_is_more_load():
+    """F(x) = b: the vector of a solve is added to the loads of the structure, for that solve only."""
+    scene = settled(network())
+    extra = np.where(scene.fixed, 0.0, np.random.default_rng(0).normal(size=scene.nodes.shape))
+    with latin(scene, stol=1e-10, max_it=2000) as run:
+        u, b = run.links.create_vec(), run.links.create_vec()
+        run.links.set_displacements(extra, b)
+        for rhs, load in ((b, scene.load + extra), (None, scene.load), (2 * b, scene.load + 2 * extra)):
+            run.snes.solve(rhs, u)
+            assert run.snes.getConvergedReason() > 0
+            assert far(run.links.displacements(u), oracle.newton(replace(scene, load=load))) < 1e-7
+
+
+def test_options_read_again_rebuild():
+    """Another variant, direction or kind of corner after a solve is what the next solve uses."""
+    scene = grid()
+    with latin(scene, max_it=4, stol=0, **PLAIN) as run:
+        u = run.links.create_vec()
+        run.snes.solve(None, u)
+        for options in (
+            {"variant": "macro"},
+            {"corners": "published"},
+            {"direction": "scalar"},
+            {"direction_scalar": 1e6},
+        ):
+            with default_options({f"snes_latin_{key}": value for key, value in options.items()}):
+                run.snes.setFromOptions()
+                run.snes.solve(None, u)
+            assert far(run.links.displacements(u), solve(scene, max_it=4, stol=0, **options, **PLAIN).u) < 1e-9
+            with default_options({"snes_latin_variant": "corner", "snes_latin_corners": "free"}):
+                run.snes.setFromOptions()
+            with default_options({"snes_latin_direction": "diagonal", "snes_latin_direction_scalar": 0}):
+                run.snes.setFromOptions()
+
+
+def test_reset_builds_anew():
+    """After SNESReset() the same object solves again, to the same bits."""
+    with latin(irregular()) as run:
+        u, v = run.links.create_vec(), run.links.create_vec()
+        run.snes.solve(None, u)
+        run.snes.reset()
+        run.links.attach(run.snes)
+        run.snes.solve(None, v)
+        assert (u - v).norm() == 0.0
+
+
+def test_two_solvers_share_a_structure():
+    """Two solvers of different variants on one Links do not disturb each other."""
+    links = latinpc.Links.from_scene(grid(), comm=PETSc.COMM_SELF)
+    solvers, found = {"macro": links.create_snes(), "none": links.create_snes()}, {}
+    for variant, snes in solvers.items():
+        with default_options({"snes_latin_variant": variant, "snes_stol": 1e-9}):
+            snes.setFromOptions()
+            snes.setUp()
+    for variant in ("macro", "none", "macro"):
+        found[variant] = links.create_vec()
+        solvers[variant].solve(None, found[variant])
+    assert [latinpc.statistics(snes)["weak_dofs"] for snes in solvers.values()] == [24, 0]
+    assert (found["macro"] - found["none"]).norm() < 1e-6 * found["none"].norm()
+
+
+# ---- the same object, other solvers ----------------------------------------------------------
+NEWTON = {"snes_type": "newtonls", "snes_rtol": 1e-12, "snes_linesearch_type": "basic"}
+LINEAR = {
+    "cholesky": {"ksp_type": "preonly", "pc_type": "cholesky"},
+    "cg and jacobi": {"ksp_type": "cg", "pc_type": "jacobi", "ksp_rtol": 1e-12},
+    "cg and latin": {"ksp_type": "cg", "pc_type": "latin", "ksp_rtol": 1e-12},
+}
+
+
+@pytest.mark.parametrize("linear", LINEAR)
+@pytest.mark.parametrize("make", [grid, irregular, lattice])
+def test_newton_solves_the_same_object(make, linear):
+    """-snes_type newtonls with any preconditioner ends where latin does."""
+    scene = make()
+    links = latinpc.Links.from_scene(scene, comm=PETSc.COMM_SELF)
+    with default_options({**NEWTON, **LINEAR[linear]}):
+        snes = links.create_snes()
+        snes.setFromOptions()
+        assert snes.getType() == "newtonls"
+        u = links.create_vec()
+        snes.solve(None, u)
+    assert snes.getConvergedReason() > 0
+    assert far(links.displacements(u), solve(scene, stol=1e-10, max_it=2000).u) < 1e-7
+
+
+def test_the_type_may_change_on_one_object():
+    """The same SNES solves by latin, by Newton, and by latin again."""
+    with latin(grid(), stol=1e-10) as run:
+        found = []
+        for kind in ("latin", "newtonls", "latin"):
+            run.snes.setType(kind)
+            run.snes.setFromOptions()  # a type brings tolerances of its own
+            run.snes.getKSP().setType("preonly")
+            run.snes.getKSP().getPC().setType("cholesky")
+            u = run.links.create_vec()
+            run.snes.solve(None, u)
+            assert run.snes.getConvergedReason() > 0
+            found.append(u)
+        assert all((u - found[0]).norm() < 1e-6 * found[0].norm() for u in found)
+
+
+@pytest.mark.parametrize("pc", ["latin", "bddc"])
+def test_matis(pc):
+    """-dm_mat_type is: the unassembled matrix serves PETSc's own BDDC as well as ours."""
+    scene = grid("truss")
+    links = latinpc.Links.from_scene(scene, comm=PETSc.COMM_SELF)
+    with default_options(
+        {"dm_mat_type": "is", "snes_type": "ksponly", "ksp_type": "cg", "pc_type": pc, "ksp_rtol": 1e-12}
+    ):
+        links.dm.setFromOptions()
+        snes = links.create_snes()
+        snes.setFromOptions()
+        u = links.create_vec()
+        snes.solve(None, u)
+    assert snes.getJacobian()[1].getType() == "is"
+    assert snes.getConvergedReason() > 0
+    assert far(links.displacements(u), oracle.newton(scene)) < 1e-8
+
+
+def test_bounds_are_refused():
+    """Unilateral behaviour is in the laws of links; bounds on displacements are not taken in silence."""
+    with latin(lattice()) as run:
+        low, high = run.links.create_vec(), run.links.create_vec()
+        high.set(1.0)
+        run.snes.setVariableBounds(low, high)
+        with pytest.raises(PETSc.Error) as caught:
+            run.snes.solve(None, run.links.create_vec())
+        assert "does not take bounds" in latinpc.error_message(caught.value)
+
+
+def test_stop_on_a_reference_needs_one():
+    """The message says what is missing and how to give it."""
+    with pytest.raises(PETSc.Error) as caught:
+        solve(lattice(), stop="reference")
+    assert "SNESLatinSetReference" in latinpc.error_message(caught.value)
+
+
+def test_laws_matter():
+    """The cables of the tests do go slack: taken for bars the structure would move otherwise."""
+    scene = grid()
+    bars = solve(replace(scene, law=np.full_like(scene.law, Law.BAR)), stol=1e-9).u
+    assert far(bars, solve(scene, stol=1e-9).u) > 0.01
