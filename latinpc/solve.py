@@ -22,7 +22,7 @@ from .scenes.scene import Law, Scene
 
 #: Options of our own, after ``-snes_latin_`` or ``-pc_latin_``; the last ones are prefixes of inner solvers.
 OPTIONS = (
-    "variant", "subdomains", "subdomain_links", "direction", "direction_scalar", "direction_fraction",
+    "variant", "modes", "subdomains", "subdomain_links", "direction", "direction_scalar", "direction_fraction",
     "corners", "promote", "monitor", "stop", "warm_start",
 )  # fmt: skip
 PC_OPTIONS = ("weights",)  # of PC latin alone

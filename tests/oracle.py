@@ -114,6 +114,16 @@ def affine_modes(scene, nodes):
     return np.hstack([modes] + [np.kron(u[:, dim - 1], axes[k])[:, None] for k in range(dim - 1)])
 
 
+def rigid_modes(scene, nodes):
+    """Translations and rotations of an interface, (len * dim, modes); None if it is weak."""
+    if affine_modes(scene, nodes) is None:
+        return None
+    x = scene.nodes[nodes] - scene.nodes[nodes].mean(axis=0)
+    x, axes = x / np.abs(x).max(initial=1e-300), np.eye(scene.dim)
+    spins = [np.outer(x[:, a], axes[b]) - np.outer(x[:, b], axes[a]) for a, b in combinations(range(scene.dim), 2)]
+    return np.column_stack([np.tile(axes, (len(nodes), 1))] + [spin.ravel() for spin in spins])
+
+
 def components(members, edges):
     """Connected components of at least two members."""
     label = {member: member for member in members}
@@ -157,18 +167,18 @@ def macro_basis(modes, d, serving):
 
 
 # ---- set-up ------------------------------------------------------------------------------------
-def build(scene, variant="corner", corners="free", promote=True, d=None, alpha=0.08, diagonal=True, owned=OWNED):
+def build(scene, variant="corner", corners="free", promote=True, d=None, alpha=0.08, diagonal=True, owned=OWNED, modes=affine_modes):
     """Everything that is built once: interfaces, subdomain operators, coarse factor.
 
     d is a number (N/m), or None for alpha times the mean diagonal of the neighbours' stiffness
-    (`diagonal`: dof by dof). `owned`: see `macro_nodes`.
+    (`diagonal`: dof by dof). `owned`: see `macro_nodes`. modes: `affine_modes` or `rigid_modes`.
     """
     b, e_d = kinematics(scene)
     latin = SimpleNamespace(scene=scene, e_d=e_d, free=~scene.fixed.ravel())
     latin.parts = [subdomain(scene, b, i, latin.free) for i in range(scene.n_subdomains)]
     latin.touching = node_subdomains(scene)
     latin.shared = interfaces(scene, latin.touching)
-    latin.modes = {pair: affine_modes(scene, nodes) for pair, nodes in latin.shared.items()}
+    latin.modes = {pair: modes(scene, nodes) for pair, nodes in latin.shared.items()}
     latin.primal, latin.micro = {}, {pair: [] for pair in latin.shared}
     for node in sorted({node for nodes in latin.shared.values() for node in nodes}):
         parts = latin.touching[node]

@@ -34,6 +34,13 @@ typedef enum {
 } LatinVariant;
 PETSC_EXTERN const char *const LatinVariants[];
 
+/* The macro fields of a strong interface, section 3.2 */
+typedef enum {
+  LATIN_MODES_AFFINE, /* translations, rotations, stretchings and shearing */
+  LATIN_MODES_RIGID   /* translations and rotations */
+} LatinModesType;
+PETSC_EXTERN const char *const LatinModesTypes[];
+
 /* The micro search direction d of the interfaces */
 typedef enum {
   LATIN_DIRECTION_SCALAR,  /* one number an interface */

@@ -6,6 +6,7 @@
 */
 
 const char *const        LatinVariants[]       = {"none", "macro", "corner", "LatinVariant", "LATIN_VARIANT_", NULL};
+const char *const        LatinModesTypes[]     = {"affine", "rigid", "LatinModesType", "LATIN_MODES_", NULL};
 const char *const        LatinDirectionTypes[] = {"scalar", "diagonal", "LatinDirectionType", "LATIN_DIRECTION_", NULL};
 const char *const        LatinStopTypes[]      = {"indicator", "residual", "reference", "LatinStopType", "LATIN_STOP_", NULL};
 static const char *const LatinCornerTypes[]    = {"free", "published", "LatinCornerType", "LATIN_CORNER_", NULL};
@@ -54,6 +55,7 @@ PetscErrorCode LatinSetFromOptions_Private(Latin latin, PetscOptionItems *PetscO
 #define LATIN_OPTION(name) (isnes ? "-snes_latin_" name : "-pc_latin_" name)
   PetscOptionsHeadBegin(PetscOptionsObject, "LATIN domain decomposition options");
   PetscCall(PetscOptionsEnum(LATIN_OPTION("variant"), "What the coarse problem makes of weak interfaces (section 4)", "LatinVariant", LatinVariants, (PetscEnum)latin->variant, (PetscEnum *)&latin->variant, NULL));
+  PetscCall(PetscOptionsEnum(LATIN_OPTION("modes"), "Macro fields of the strong interfaces (section 3.2)", "LatinModesType", LatinModesTypes, (PetscEnum)latin->modes, (PetscEnum *)&latin->modes, NULL));
   PetscCall(PetscOptionsRangeInt(LATIN_OPTION("subdomains"), "Number of subdomains, 0 = from the links per subdomain", "LatinLinksSetSubdomains", latin->subdomains, &latin->subdomains, NULL, 0, PETSC_MAX_INT));
   PetscCall(PetscOptionsRangeInt(LATIN_OPTION("subdomain_links"), "Links per subdomain when no number of subdomains is given", "LatinLinksSetSubdomains", latin->links_per_subdomain, &latin->links_per_subdomain, NULL, 1, PETSC_MAX_INT));
   PetscCall(PetscOptionsEnum(LATIN_OPTION("direction"), "Micro search direction of the interfaces", "LatinDirectionType", LatinDirectionTypes, (PetscEnum)latin->direction, (PetscEnum *)&latin->direction, NULL));
@@ -63,8 +65,8 @@ PetscErrorCode LatinSetFromOptions_Private(Latin latin, PetscOptionItems *PetscO
   PetscCall(PetscOptionsBool(LATIN_OPTION("promote"), "Make every node of three or more subdomains a corner (variant corner)", "None", latin->promote, &latin->promote, NULL));
   PetscOptionsHeadEnd();
   latin->published = (PetscBool)(corners == 1);
-  if (before.variant != latin->variant || before.published != latin->published || before.promote != latin->promote || before.subdomains != latin->subdomains || before.links_per_subdomain != latin->links_per_subdomain ||
-      before.direction != latin->direction || before.direction_scalar != latin->direction_scalar || before.direction_fraction != latin->direction_fraction)
+  if (before.variant != latin->variant || before.modes != latin->modes || before.published != latin->published || before.promote != latin->promote || before.subdomains != latin->subdomains ||
+      before.links_per_subdomain != latin->links_per_subdomain || before.direction != latin->direction || before.direction_scalar != latin->direction_scalar || before.direction_fraction != latin->direction_fraction)
     latin->stale = PETSC_TRUE;
   PetscCheck(latin->direction_scalar >= 0.0 && !PetscIsInfOrNanReal(latin->direction_scalar), PetscObjectComm((PetscObject)latin), PETSC_ERR_ARG_OUTOFRANGE, "%s is %g; the search direction is a positive stiffness (0 = self-tuned)",
              LATIN_OPTION("direction_scalar"), (double)latin->direction_scalar);
@@ -149,7 +151,7 @@ PetscErrorCode LatinView_Private(Latin latin, PetscViewer viewer)
   PetscFunctionBegin;
   PetscCall(PetscObjectTypeCompare((PetscObject)viewer, PETSCVIEWERASCII, &ascii));
   if (!ascii) PetscFunctionReturn(0);
-  PetscCall(PetscViewerASCIIPrintf(viewer, "variant %s%s%s\n", LatinVariants[latin->variant], latin->published ? ", micro springs on corners" : "",
+  PetscCall(PetscViewerASCIIPrintf(viewer, "variant %s, %s macro fields%s%s\n", LatinVariants[latin->variant], LatinModesTypes[latin->modes], latin->published ? ", micro springs on corners" : "",
                                    latin->promote && latin->variant == LATIN_VARIANT_CORNER ? ", nodes of three or more subdomains are corners" : ""));
   if (latin->direction_scalar > 0.0) PetscCall(PetscViewerASCIIPrintf(viewer, "search direction: scalar, d = %g given\n", (double)latin->direction_scalar));
   else PetscCall(PetscViewerASCIIPrintf(viewer, "search direction: %s, self-tuned to %g of the interface stiffness\n", LatinDirectionTypes[latin->direction], (double)latin->direction_fraction));

@@ -248,6 +248,7 @@ struct _p_Latin {
   PETSCHEADER(int);
   LatinLinks         links;
   LatinVariant       variant;
+  LatinModesType     modes;
   PetscBool          published;  /* keep micro springs on primal dofs, as (28) does */
   PetscBool          promote;    /* every node of three or more subdomains is a corner */
   PetscInt           subdomains; /* asked for, 0 = from links_per_subdomain */

@@ -1,8 +1,8 @@
 #include "latinimpl.h"
 
 /*
-   Macro bases of the strong interfaces, section 3.2: the affine displacement fields over the principal plane of the
-   interface, restricted to its side degrees of freedom and made orthonormal in the search direction, R^t d R = 1.
+   Macro bases of the strong interfaces, section 3.2: affine displacement fields over the principal plane of the
+   interface, or rigid motions, restricted to its side degrees of freedom and made orthonormal in the search direction, R^t d R = 1.
 
    The macro constraints of one subdomain must be independent, or its condensed operator is singular. On an irregular
    partition the interfaces of a subdomain share nodes, and primal nodes carry constraints of their own. So only those
@@ -14,9 +14,11 @@
 #define LATIN_MODE_VISIBLE 1e-3 /* a mode is kept when this part of its norm, or more, lies on the nodes that serve the interface */
 
 /*
-   Modes at the side dofs of an interface, weighted row-wise by sqrt(d): M[row + rows * mode]. Where the nodes are not
-   in one plane the fields over the principal plane do not contain the rotations about its axes: zeta e_xi and
-   zeta e_eta complete them, or a floating subdomain could not move rigidly without micro energy.
+   Modes at the side dofs of an interface, weighted row-wise by sqrt(d): M[row + rows * mode].
+     affine  the fields of section 3.2, components x (1, xi, eta); where the nodes are not in one plane these do not
+             contain the rotations about its axes: zeta e_xi and zeta e_eta complete them, or a floating subdomain
+             could not move rigidly without micro energy
+     rigid   translations and rotations only: a smaller coarse problem
 */
 static PetscErrorCode LatinMacroModes_Private(Latin latin, const LatinInterface *face, PetscInt *modes, PetscScalar M[])
 {
@@ -27,7 +29,8 @@ static PetscErrorCode LatinMacroModes_Private(Latin latin, const LatinInterface 
 
   PetscFunctionBegin;
   PetscCall(LatinInterfaceFrame_Private(dim, face->node_last - face->node_first, inter->node_list + face->node_first, sub->x, sub->fixed, &frame));
-  *modes = dim * dim + (frame.plane ? 0 : dim - 1);
+  if (latin->modes == LATIN_MODES_RIGID) *modes = dim + dim * (dim - 1) / 2;
+  else *modes = dim * dim + (frame.plane ? 0 : dim - 1);
   PetscCall(PetscArrayzero(M, rows * *modes));
   for (PetscInt r = 0; r < rows; r++) {
     const PetscInt   dof = inter->side_dof[face->side_first + r], i = dof / dim, c = dof % dim;
@@ -37,6 +40,14 @@ static PetscErrorCode LatinMacroModes_Private(Latin latin, const LatinInterface 
 
     for (PetscInt k = 0; k < dim; k++)
       for (PetscInt b = 0; b < dim; b++) xi[k] += frame.axes[k][b] * (((x[b] - frame.origin[b]) - frame.centre[b]) / frame.size);
+    if (latin->modes == LATIN_MODES_RIGID) {
+      PetscInt mode = dim;
+
+      M[r + rows * c] = w;
+      for (PetscInt a = 0; a < dim; a++)
+        for (PetscInt b = a + 1; b < dim; b++) M[r + rows * mode++] = w * (xi[a] * frame.axes[b][c] - xi[b] * frame.axes[a][c]);
+      continue;
+    }
     M[r + rows * (dim * c)] = w;
     for (PetscInt k = 0; k < dim - 1; k++) {
       M[r + rows * (dim * c + 1 + k)] = w * xi[k];
