@@ -122,7 +122,7 @@ def tradeoff(scene, knobs=None, accuracies=ACCURACIES, repeat=3, timeout=600.0, 
         Names of `KNOBS`; all of them by default.
     accuracies : sequence of float
     repeat : int
-        Runs of each point, of which the median is taken.
+        Runs of each point, of which the median is taken; those of a second and more are fewer.
     timeout : float
         For one curve (s).
     user_options : sequence of (str, str or None)

@@ -222,7 +222,9 @@ def test_compare_command(tmp_path):
 
 def test_compare_on_two_ranks():
     document = json.loads(
-        latinpc("compare", *GRID, "--methods", "latin,newton-cholmod", "--ranks", 2, "--repeat", 1, "--json", "-").stdout
+        latinpc(
+            "compare", *GRID, "--methods", "latin,newton-cholmod", "--ranks", 2, "--repeat", 1, "--json", "-"
+        ).stdout
     )
     latin, cholmod = document["rows"]
     assert latin["converged"] and document["ranks"] == 2

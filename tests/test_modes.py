@@ -11,7 +11,7 @@ from latinpc.scenes import make
 SCENES = {
     "grid": lambda: make("tensegrity-grid", modules=8, subdomains=4),
     "irregular": lambda: make("network", nodes=150, seed=1),
-    "2D": lambda: make("lattice", nx=8, ny=4, subdomains=4),
+    "2D": lambda: make("lattice", nx=8, ny=4, subdomains=2),
 }
 
 

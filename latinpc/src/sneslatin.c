@@ -139,12 +139,13 @@ static PetscErrorCode SNESLatinMonitor_Private(SNES snes, PetscInt it, PetscReal
 */
 static PetscErrorCode SNESLatinCreateOuter_Private(SNES snes)
 {
-  SNES_Latin    *data = (SNES_Latin *)snes->data;
-  const char    *prefix;
-  char           type[64], key[256];
-  PetscBool      set;
-  PetscOptions   options = ((PetscObject)snes)->options, defaults;
-  SNESLineSearch search;
+  SNES_Latin      *data = (SNES_Latin *)snes->data;
+  const char      *prefix;
+  char             type[64];
+  PetscBool        set;
+  PetscOptions     options = ((PetscObject)snes)->options, defaults;
+  PetscOptionItems items;
+  SNESLineSearch   search;
 
   PetscFunctionBegin;
   if (data->outer) PetscFunctionReturn(0);
@@ -154,7 +155,6 @@ static PetscErrorCode SNESLatinCreateOuter_Private(SNES snes)
   PetscCall(SNESSetOptionsPrefix(data->outer, prefix));
   PetscCall(SNESAppendOptionsPrefix(data->outer, "snes_latin_outer_"));
   PetscCall(SNESGetOptionsPrefix(data->outer, &prefix));
-  PetscCall(PetscStrncpy(key, prefix, sizeof(key)));
   PetscCall(PetscOptionsGetString(options, prefix, "-snes_type", type, sizeof(type), &set));
   if (!set) PetscCall(PetscStrcpy(type, SNESANDERSON));
   PetscCall(SNESSetType(data->outer, type));
@@ -165,14 +165,15 @@ static PetscErrorCode SNESLatinCreateOuter_Private(SNES snes)
   }
   PetscCall(PetscStrcmp(type, SNESANDERSON, &set));
   if (set) {
-    /* under another prefix: -help prints the options of a prefix, and of an object, once, and the user's pass comes second */
+    /* the type's own options only, and none of them printed: SNESSetFromOptions() would mark all as printed for -help */
+    PetscCall(PetscMemzero(&items, sizeof(items)));
     PetscCall(PetscOptionsCreate(&defaults));
     PetscCall(PetscOptionsSetValue(defaults, "-latin_defaults_snes_anderson_m", "10"));
-    PetscCall(PetscObjectSetOptions((PetscObject)data->outer, defaults));
-    PetscCall(SNESSetOptionsPrefix(data->outer, "latin_defaults_"));
-    PetscCall(SNESSetFromOptions(data->outer));
-    PetscCall(SNESSetOptionsPrefix(data->outer, key));
-    ((PetscObject)data->outer)->optionsprinted = PETSC_FALSE;
+    items.options = defaults;
+    items.count   = 1;
+    PetscCall(PetscOptionsBegin_Private(&items, PetscObjectComm((PetscObject)snes), "latin_defaults_", "LATIN defaults", NULL));
+    PetscCall((*data->outer->ops->setfromoptions)(data->outer, &items));
+    PetscCall(PetscOptionsEnd_Private(&items));
     PetscCall(PetscOptionsDestroy(&defaults));
   }
   PetscCall(PetscObjectSetOptions((PetscObject)data->outer, options));
