@@ -167,7 +167,17 @@ def macro_basis(modes, d, serving):
 
 
 # ---- set-up ------------------------------------------------------------------------------------
-def build(scene, variant="corner", corners="free", promote=True, d=None, alpha=0.08, diagonal=True, owned=OWNED, modes=affine_modes):
+def build(
+    scene,
+    variant="corner",
+    corners="free",
+    promote=True,
+    d=None,
+    alpha=0.08,
+    diagonal=True,
+    owned=OWNED,
+    modes=affine_modes,
+):
     """Everything that is built once: interfaces, subdomain operators, coarse factor.
 
     d is a number (N/m), or None for alpha times the mean diagonal of the neighbours' stiffness

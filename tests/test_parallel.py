@@ -61,11 +61,11 @@ def krylov_case(scene, comm):
     }
 
 
-def measure(comm):
+def measure(comm, names=SCENES):
     """All cases on a communicator, by name."""
     found = {}
-    for name, make_scene in SCENES.items():
-        scene = make_scene()
+    for name in names:
+        scene = SCENES[name]()
         options = {"subdomains": SUBDOMAINS[name]} if name in SUBDOMAINS else {}
         for variant in VARIANTS if name in ("grid", "metis") else ("corner",):
             found[f"{name}, {variant}"] = latin_case(scene, comm, variant=variant, **options, **ITERATIONS)
@@ -85,7 +85,7 @@ from petsc4py import PETSc
 sys.path.insert(0, sys.argv[1])
 import test_parallel
 
-found = test_parallel.measure(PETSc.COMM_WORLD)
+found = test_parallel.measure(PETSc.COMM_WORLD, sys.argv[2].split(","))
 texts = PETSc.COMM_WORLD.tompi4py().gather(json.dumps(found))
 if PETSc.COMM_WORLD.rank == 0:
     assert all(text == texts[0] for text in texts), "the ranks tell different things"
@@ -102,8 +102,9 @@ def alone():
 @pytest.mark.parametrize("ranks", [2, 4, 7])
 def test_ranks_do_not_matter(mpirun, alone, ranks):
     """Two and four ranks, and more ranks than subdomains or links: counts equal, displacements to 1e-10."""
-    found = json.loads(mpirun(ranks, PROGRAM, Path(__file__).parent, env=PATIENT).stdout)
-    assert found.keys() == alone.keys()
+    names = SCENES if ranks <= 4 else ("lattice", "chain", "three links")
+    found = json.loads(mpirun(ranks, PROGRAM, Path(__file__).parent, ",".join(names), env=PATIENT).stdout)
+    assert found.keys() == {case for case in alone if case.split(", ")[0] in names}
     for name, mine in found.items():
         theirs = alone[name]
         assert mine.keys() == theirs.keys()
