@@ -101,7 +101,7 @@ def compare(comm, scene, methods, accuracy, repeat, ranks, timeout, against, jso
 @click.option("--knobs", type=_Words(), metavar="A,B,...", help="By default all; see latinpc.tradeoff.KNOBS.")
 @click.option("--accuracies", type=_Words(float), metavar="1e-2,1e-4,...", help="By default 1e-1 to 1e-10.")
 @click.option("--repeat", type=int, default=3, show_default=True, help="Runs of each point; medians are shown.")
-@click.option("--timeout", type=float, default=600.0, show_default=True, help="Seconds that one curve may take.")
+@click.option("--timeout", type=float, default=180.0, show_default=True, help="Seconds that one curve may take.")
 @click.option("--json", "json_file", metavar="FILE", help="Write the measurements; '-' prints them alone.")
 @click.option("--picture", metavar="FILE.png", help="Draw time against error, one panel for each knob.")
 @click.pass_obj

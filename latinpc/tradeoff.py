@@ -70,8 +70,6 @@ KNOBS = {
         Choice("local petsc", options={f"{_LOCAL}pc_factor_mat_solver_type": "petsc"}),
         Choice("coarse cholmod", options={f"{_COARSE}pc_factor_mat_solver_type": "cholmod"}),
         Choice("coarse low rank 1e-6", options={f"{_COARSE}mat_mumps_icntl_35": 2, f"{_COARSE}mat_mumps_cntl_7": 1e-6}),
-        Choice("coarse cg 1e-6", options={f"{_COARSE}ksp_type": "cg", f"{_COARSE}pc_type": "icc",
-                                          f"{_COARSE}ksp_rtol": 1e-6}),
     ),
     "newton-latin": (
         DEFAULT, Choice("kept, 1e-2", "newton-latin"),
@@ -112,7 +110,7 @@ def _divided(scene, block):
     return replace(scene, subdomain=parts)
 
 
-def tradeoff(scene, knobs=None, accuracies=ACCURACIES, repeat=3, timeout=600.0, user_options=(), progress=None):
+def tradeoff(scene, knobs=None, accuracies=ACCURACIES, repeat=3, timeout=180.0, user_options=(), progress=None):
     """Measure the curves of a scene.
 
     Parameters

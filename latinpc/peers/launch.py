@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+import threading
 
 from .arrays import save_scene
 
@@ -38,6 +39,7 @@ class Bench:
     def __init__(self, scene, ranks=1, timeout=600.0, user_options=()):
         self.ranks = ranks
         self.timeout = timeout
+        self._handler = None
         self.user_options = list(user_options)
         self._folder = tempfile.TemporaryDirectory(prefix="latinpc-")
         self.folder = pathlib.Path(self._folder.name)
@@ -46,9 +48,13 @@ class Bench:
         save_scene(self.scene, scene)
 
     def __enter__(self):
+        if threading.current_thread() is threading.main_thread():  # a polite kill ends the process under way too
+            self._handler = signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(128 + number))
         return self
 
     def __exit__(self, *what):
+        if self._handler is not None:
+            signal.signal(signal.SIGTERM, self._handler)
         self._folder.cleanup()
 
     def add_scene(self, name, scene):
