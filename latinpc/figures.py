@@ -48,8 +48,8 @@ def bars(document, path):
     times, memory = figure.subplots(1, 2, sharey=True, width_ratios=(2.2, 1))
     setup = np.array([row["setup_seconds"] for row in rows])
     total = setup + [row["solve_seconds"] for row in rows]
-    times.barh(place, total, color=SOLVE, label="solve", height=0.66)
-    times.barh(place, setup, color=SETUP, label="set-up", height=0.66)
+    times.barh(place, total, color=SOLVE, label="total", height=0.66)
+    times.barh(place, setup, color=SETUP, label="set-up alone", height=0.22)
     if len(rows):
         times.set_xscale("log")
         times.set_xlim(setup.min() / 2, total.max() * 3)
@@ -60,7 +60,7 @@ def bars(document, path):
     times.xaxis.set_major_formatter(FuncFormatter(_time))
     times.xaxis.set_minor_formatter(NullFormatter())
     times.set_xlabel("time", fontsize=9)
-    times.legend(fontsize=8, frameon=False, loc="lower right")
+    times.legend(fontsize=8, frameon=False, loc="lower left", bbox_to_anchor=(0, 1), ncols=2, borderaxespad=0.1)
     size = np.array([row["peak_memory_bytes"] for row in rows]) / 1e6
     memory.barh(place, size, color=MEMORY, height=0.66)
     for y, value in zip(place, size):
@@ -70,7 +70,7 @@ def bars(document, path):
     for axes in (times, memory):
         _plain(axes)
     memory.tick_params(left=False)
-    accuracy = f"relative l2 error {document['accuracy']:g}"
+    accuracy = f"relative l2 error of {document['accuracy']:.0e}".replace("e-0", "e-")
     figure.suptitle(f"{_title(document)}; to a {accuracy}", fontsize=10, x=0.01, ha="left")
     note = []
     if any(not row["converged"] for row in rows):

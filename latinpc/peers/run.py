@@ -6,6 +6,9 @@ method needs to reach an accuracy, by comparing every iterate with a reference.
 
 from __future__ import annotations
 
+import contextlib
+import ctypes
+import gc
 import time
 from dataclasses import dataclass, field
 
@@ -55,6 +58,18 @@ def peak_memory():
     import resource
 
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+
+
+def forget_peak():
+    """Give freed memory back to the system and start `peak_memory` afresh, where Linux allows it.
+
+    Otherwise what several solves leave scattered in the heap would count as memory of the last one.
+    """
+    gc.collect()
+    with contextlib.suppress(OSError, AttributeError):
+        ctypes.CDLL(None).malloc_trim(0)
+    with contextlib.suppress(OSError), open("/proc/self/clear_refs", "w") as file:
+        file.write("5")
 
 
 def solve(name, scene, tolerance, options=None, comm=None, reference=None, accuracy=None):
@@ -114,7 +129,7 @@ def _solve_program(name, scene, tolerance):
 
 
 def _solve_snes(method, scene, tolerance, comm, reference, accuracy):
-    history, barrier = [], PETSc.COMM_WORLD.tompi4py().barrier
+    history, target, barrier = [], None, PETSc.COMM_WORLD.tompi4py().barrier
     barrier()
     cpu, start = time.process_time(), time.perf_counter()
     links = Links.from_scene(scene, comm)
@@ -143,7 +158,7 @@ def _solve_snes(method, scene, tolerance, comm, reference, accuracy):
     if method.kind == "latin" and reference is not None:
         past = latinpc.history(snes)
         history = [(float(a), float(b)) for a, b in zip(past["indicator"], past["error_l2"])]
-    return Outcome(
+    outcome = Outcome(
         displacements=links.displacements(u),
         setup_seconds=middle - start,
         solve_seconds=end - middle,
@@ -155,6 +170,11 @@ def _solve_snes(method, scene, tolerance, comm, reference, accuracy):
         reason=_reason(snes),
         history=history,
     )
+    snes.setConvergenceTest(None)
+    for held in (snes, u, target):  # before the structure, whose DM they hold
+        if held is not None:
+            held.destroy()
+    return outcome
 
 
 def _stop(links, scene, tolerance, reference, accuracy, history):
