@@ -61,11 +61,13 @@ def peak_memory():
 
 
 def forget_peak():
-    """Give freed memory back to the system and start `peak_memory` afresh, where Linux allows it.
+    """Give freed memory back to the system and start `peak_memory` afresh, where Linux allows it; collective.
 
-    Otherwise what several solves leave scattered in the heap would count as memory of the last one.
+    petsc4py keeps the objects that Python has dropped until the ranks clear them together. Otherwise what several solves leave scattered in the heap would count as memory of the last one.
     """
     gc.collect()
+    if hasattr(PETSc, "garbage_cleanup"):
+        PETSc.garbage_cleanup()
     with contextlib.suppress(OSError, AttributeError):
         ctypes.CDLL(None).malloc_trim(0)
     with contextlib.suppress(OSError), open("/proc/self/clear_refs", "w") as file:

@@ -8,6 +8,8 @@
    No mathematics of the method here: see latin.c and the stages that it calls.
 */
 
+#define LATIN_HISTORY 1000000 /* linear stages whose indicator and errors are kept */
+
 typedef struct {
   Latin             latin;
   SNES              outer; /* solves z - G(z) = 0 */
@@ -195,7 +197,7 @@ static PetscErrorCode SNESSetFromOptions_Latin(SNES snes, PetscOptionItems *Pets
   PetscCall(PetscOptionsBool("-snes_latin_warm_start", "Start from the state of the last solve on this object", "None", data->warm, &data->warm, NULL));
   PetscCall(PetscOptionsViewer("-snes_latin_monitor", "Monitor the indicator, and the residual or errors where they are computed", "None", &data->monitor, &data->monitor_format, &set));
   PetscOptionsHeadEnd();
-  if (set && data->monitor) { PetscCall(SNESMonitorSet(snes, SNESLatinMonitor_Private, NULL, NULL)); }
+  if (set && data->monitor) PetscCall(SNESMonitorSet(snes, SNESLatinMonitor_Private, NULL, NULL));
   PetscCall(SNESGetOptionsPrefix(snes, &prefix));
   PetscCall(PetscObjectSetOptions((PetscObject)data->latin, ((PetscObject)snes)->options));
   PetscCall(PetscObjectSetOptionsPrefix((PetscObject)data->latin, prefix));
@@ -280,9 +282,9 @@ static PetscErrorCode SNESLatinPrepare_Private(SNES snes)
   Latin       latin = data->latin;
 
   PetscFunctionBegin;
-  if (data->history_size < snes->max_its + 1) {
+  if (data->history_size < PetscMin(snes->max_its, LATIN_HISTORY)) {
     PetscCall(PetscFree3(data->indicator, data->error_l2, data->error_energy));
-    data->history_size = snes->max_its + 1;
+    data->history_size = PetscMin(snes->max_its, LATIN_HISTORY);
     PetscCall(PetscMalloc3(data->history_size, &data->indicator, data->history_size, &data->error_l2, data->history_size, &data->error_energy));
   }
   PetscCheck(data->stop != LATIN_STOP_REFERENCE || data->reference, PetscObjectComm((PetscObject)snes), PETSC_ERR_ORDER, "-snes_latin_stop reference needs a displacement to compare with: call SNESLatinSetReference()");
