@@ -63,7 +63,8 @@ def peak_memory():
 def forget_peak():
     """Give freed memory back to the system and start `peak_memory` afresh, where Linux allows it; collective.
 
-    petsc4py keeps the objects that Python has dropped until the ranks clear them together. Otherwise what several solves leave scattered in the heap would count as memory of the last one.
+    petsc4py keeps the objects that Python has dropped until the ranks clear them together, and what several
+    solves leave scattered in the heap would count as memory of the last one.
     """
     gc.collect()
     if hasattr(PETSc, "garbage_cleanup"):
