@@ -205,6 +205,7 @@ def test_knobs_of_other_scenes():
 GRID = ["tensegrity-grid", "--modules", "8"]
 
 
+@pytest.mark.slow
 def test_compare_command(tmp_path):
     wanted = ["latin", "newton-cholmod", *INTERIOR]
     files = ["--json", tmp_path / "c.json", "--picture", tmp_path / "c.png"]
@@ -220,6 +221,7 @@ def test_compare_command(tmp_path):
     latinpc("compare", *GRID, ranks=2, code=2)
 
 
+@pytest.mark.slow
 def test_compare_on_two_ranks():
     document = json.loads(
         latinpc(
@@ -231,6 +233,7 @@ def test_compare_on_two_ranks():
     assert not cholmod["converged"] and "one rank only" in cholmod["reason"]
 
 
+@pytest.mark.slow
 def test_tradeoff_command(tmp_path):
     files = ["--json", tmp_path / "t.json", "--picture", tmp_path / "t.png"]
     chosen = ["--knobs", "variant,subdomain size", "--accuracies", "1e-2,1e-4", "--repeat", 1]
