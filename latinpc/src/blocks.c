@@ -69,7 +69,7 @@ static PetscErrorCode LatinStreamSubdomain_Private(Latin latin, PetscInt s, Lati
       PetscCall(LatinStreamAdd_Private(stream, &dof, sizeof(dof)));
     }
     PetscCall(LatinStreamAdd_Private(stream, latin->macro.d + face->side_first, (size_t)sizes[0] * sizeof(PetscReal)));
-    PetscCall(LatinStreamAdd_Private(stream, latin->macro.basis + face->side_first * LATIN_MAX_MODES, (size_t)(sizes[0] * LATIN_MAX_MODES) * sizeof(PetscReal)));
+    PetscCall(LatinStreamAdd_Private(stream, latin->macro.basis + face->basis_first, (size_t)(sizes[0] * face->modes) * sizeof(PetscReal)));
   }
   for (size_t i = 0; i + 8 <= stream->used; i += 8) {
     uint64_t word;

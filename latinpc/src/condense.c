@@ -33,7 +33,7 @@ static PetscErrorCode LatinCondenseColumns_Private(Latin latin, const LatinBatch
 
       for (PetscInt j = PetscMax(first, at); j < PetscMin(last, at + face->modes); j++)
         for (PetscInt k = face->side_first; k < face->side_last; k++)
-          if (linear->primal_index[inter->side_dof[k]] < 0) b[(size_t)(inter->side_dof[k] + shift) + n * (size_t)(j - first)] += latin->macro.d[k] * latin->macro.basis[k * LATIN_MAX_MODES + j - at];
+          if (linear->primal_index[inter->side_dof[k]] < 0) b[(size_t)(inter->side_dof[k] + shift) + n * (size_t)(j - first)] += latin->macro.d[k] * LatinMacroRow(&latin->macro, face, k)[j - at];
     }
     for (PetscInt c = linear->rc_first[s]; c < linear->rc_last[s]; c++) {
       const PetscInt j = macros + linear->rc_col[c];
@@ -103,7 +103,7 @@ static void LatinCondenseMacro_Private(Latin latin, PetscInt s, const PetscScala
 
     for (PetscInt k = face->side_first; k < face->side_last; k++) {
       const PetscInt   dof = inter->side_dof[k], primal = linear->primal_index[dof];
-      const PetscReal *row = latin->macro.basis + k * LATIN_MAX_MODES, d = latin->macro.d[k];
+      const PetscReal *row = LatinMacroRow(&latin->macro, face, k), d = latin->macro.d[k];
 
       for (PetscInt i = 0; i < face->modes; i++) {
         if (primal >= 0) {

@@ -19,8 +19,6 @@
   #error "latinpc needs a PETSc with real scalars: structures have real displacements"
 #endif
 
-#define LATIN_MAX_MODES 11 /* 3 components x (1, xi, eta), section 3.2, and two rotations out of the plane */
-
 PETSC_INTERN PetscClassId  LATIN_CLASSID, LATIN_LINKS_CLASSID;
 PETSC_INTERN PetscLogEvent LATIN_SetUp, LATIN_Substructure, LATIN_Interface, LATIN_Direction, LATIN_Macro, LATIN_Linear, LATIN_Coarse, LATIN_Local, LATIN_Condense;
 
@@ -142,6 +140,7 @@ typedef struct {
   PetscBool strong;
   PetscInt  side_first, side_last; /* its degrees of freedom among the side dofs */
   PetscInt  modes;                 /* macro modes kept */
+  PetscInt  basis_first;           /* where its rows of R start in the macro bases */
   PetscInt  coarse_first;          /* global number of the first one in the coarse problem */
   PetscInt  local_first;           /* position of the first one among the coarse dofs of the subdomains here */
 } LatinInterface;
@@ -171,8 +170,14 @@ typedef struct {
 /* ---- search direction and macro bases (direction.c, macro.c) ---- */
 typedef struct {
   PetscReal *d;     /* [sides] micro search direction, force/length */
-  PetscReal *basis; /* [sides][LATIN_MAX_MODES] R, with R^t d R = 1 on each interface */
+  PetscReal *basis; /* R of each interface from basis_first on, [side dofs of the interface][modes], with R^t d R = 1 */
 } LatinMacro;
+
+/* The row of R at a side dof of the interface */
+static inline const PetscReal *LatinMacroRow(const LatinMacro *macro, const LatinInterface *face, PetscInt side)
+{
+  return macro->basis + face->basis_first + (side - face->side_first) * face->modes;
+}
 
 /* ---- solvers of the subdomains (blocks.c) ---- */
 /*

@@ -288,7 +288,7 @@ static PetscErrorCode LatinLinearRelocalise_Private(Latin latin, PetscInt s)
       const PetscReal      *lf   = lambda + face->local_first - coarse->offset[s];
 
       for (PetscInt k = face->side_first; k < face->side_last; k++) {
-        const PetscReal *row = latin->macro.basis + k * LATIN_MAX_MODES;
+        const PetscReal *row = LatinMacroRow(&latin->macro, face, k);
         PetscReal        v   = 0.0;
 
         for (PetscInt j = 0; j < face->modes; j++) v += row[j] * lf[j];

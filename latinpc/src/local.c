@@ -67,7 +67,7 @@ PetscErrorCode LatinLocalStage_Private(Latin latin, const PetscReal z[], PetscRe
     const PetscReal      *u    = latin->coarse.u + face->local_first;
 
     for (PetscInt k = face->side_first; k < face->side_last; k++) {
-      const PetscReal *row   = macro->basis + k * LATIN_MAX_MODES;
+      const PetscReal *row   = LatinMacroRow(macro, face, k);
       PetscReal        micro = U[inter->side_dof[k]];
 
       for (PetscInt j = 0; j < face->modes; j++) micro -= row[j] * u[j];

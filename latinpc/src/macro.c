@@ -10,6 +10,7 @@
    LatinInterfaceServing_Private().
 */
 
+#define LATIN_MAX_MODES    11   /* 3 components x (1, xi, eta), section 3.2, and two rotations out of the plane */
 #define LATIN_MODE_RANK    1e-6 /* singular values below this fraction of the largest are dependent modes */
 #define LATIN_MODE_VISIBLE 1e-3 /* a mode is kept when this part of its norm, or more, lies on the nodes that serve the interface */
 
@@ -92,9 +93,10 @@ static void LatinCombine_Private(PetscInt rows, PetscInt modes, PetscInt n, cons
 }
 
 /*
-   The basis of one interface. First the fields that its side dofs can tell apart, orthonormal in d; then, of these,
-   the combinations whose part on the serving nodes does not vanish (singular values are cosines, between 0 and 1).
-   Orthogonal combinations of an orthonormal basis are orthonormal: the result does not depend on how modes are scaled.
+   The basis of one interface, column by column in M. First the fields that its side dofs can tell apart, orthonormal in
+   d; then, of these, the combinations whose part on the serving nodes does not vanish (singular values are cosines,
+   between 0 and 1). Orthogonal combinations of an orthonormal basis are orthonormal: the result does not depend on how
+   modes are scaled.
 */
 static PetscErrorCode LatinMacroBasis_Private(Latin latin, LatinInterface *face, PetscScalar M[], PetscScalar F[])
 {
@@ -120,8 +122,83 @@ static PetscErrorCode LatinMacroBasis_Private(Latin latin, LatinInterface *face,
   while (kept < fields && s[kept] > LATIN_MODE_VISIBLE) kept++;
   LatinCombine_Private(rows, fields, kept, F, V, one, M);
   for (PetscInt k = 0; k < kept; k++)
-    for (PetscInt r = 0; r < rows; r++) latin->macro.basis[(face->side_first + r) * LATIN_MAX_MODES + k] = M[r + rows * k] / PetscSqrtReal(latin->macro.d[face->side_first + r]);
+    for (PetscInt r = 0; r < rows; r++) M[r + rows * k] /= PetscSqrtReal(latin->macro.d[face->side_first + r]);
   face->modes = kept;
+  PetscFunctionReturn(0);
+}
+
+/* Does this side build the basis of the interface? */
+static inline PetscBool LatinMacroBuilds(Latin latin, const LatinInterface *face)
+{
+  return (PetscBool)(face->strong && latin->sub.first + face->sub < face->neighbour && face->side_last > face->side_first);
+}
+
+/* (number of modes, number of the first one among the macro modes of the building rank) travel to the mates */
+static PetscErrorCode LatinMacroNumber_Private(Latin latin)
+{
+  LatinInterfaces *inter = &latin->inter;
+  PetscInt        *mine, *mate;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMalloc2(2 * inter->sides, &mine, 2 * inter->sides, &mate));
+  for (PetscInt f = 0; f < inter->count; f++)
+    for (PetscInt k = inter->interface[f].side_first; k < inter->interface[f].side_last; k++) {
+      mine[2 * k]     = inter->interface[f].modes;
+      mine[2 * k + 1] = inter->interface[f].coarse_first;
+    }
+  PetscCall(LatinSFBcast_Private(inter->mate_sf, 2, MPIU_INT, mine, mate));
+  for (PetscInt f = 0; f < inter->count; f++) {
+    LatinInterface *face = &inter->interface[f];
+
+    if (latin->sub.first + face->sub < face->neighbour || face->side_last == face->side_first) continue;
+    face->modes        = mate[2 * face->side_first];
+    face->coarse_first = mate[2 * face->side_first + 1];
+  }
+  PetscCall(PetscFree2(mine, mate));
+  PetscFunctionReturn(0);
+}
+
+/* The rows of the bases: built = those of the building sides, column by column, one after the other; mode by mode to the mates */
+static PetscErrorCode LatinMacroRows_Private(Latin latin, const PetscScalar built[])
+{
+  LatinInterfaces *inter = &latin->inter;
+  LatinMacro      *macro = &latin->macro;
+  PetscInt         total = 0, widest = 0;
+  PetscReal       *mine, *mate;
+
+  PetscFunctionBegin;
+  for (PetscInt f = 0; f < inter->count; f++) {
+    LatinInterface *face = &inter->interface[f];
+    const PetscInt  rows = face->side_last - face->side_first;
+
+    face->basis_first = total;
+    total += rows * face->modes;
+    widest = PetscMax(widest, face->modes);
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &widest, 1, MPIU_INT, MPI_MAX, PetscObjectComm((PetscObject)latin)));
+  PetscCall(PetscMalloc1(total, &macro->basis));
+  PetscCall(PetscCalloc2(inter->sides, &mine, inter->sides, &mate));
+  for (PetscInt j = 0; j < widest; j++) {
+    size_t at = 0;
+
+    for (PetscInt f = 0; f < inter->count; f++) {
+      const LatinInterface *face = &inter->interface[f];
+      const PetscInt        rows = face->side_last - face->side_first;
+
+      if (!LatinMacroBuilds(latin, face)) continue;
+      if (j < face->modes) PetscCall(PetscArraycpy(mine + face->side_first, built + at + (size_t)(rows * j), rows));
+      at += (size_t)(rows * face->modes);
+    }
+    PetscCall(LatinSFBcast_Private(inter->mate_sf, 1, MPIU_REAL, mine, mate));
+    for (PetscInt f = 0; f < inter->count; f++) {
+      const LatinInterface *face  = &inter->interface[f];
+      const PetscReal      *value = LatinMacroBuilds(latin, face) ? mine : mate;
+
+      if (j < face->modes)
+        for (PetscInt k = face->side_first; k < face->side_last; k++) macro->basis[face->basis_first + (k - face->side_first) * face->modes + j] = value[k];
+    }
+  }
+  PetscCall(PetscFree2(mine, mate));
   PetscFunctionReturn(0);
 }
 
@@ -132,45 +209,33 @@ static PetscErrorCode LatinMacroBasis_Private(Latin latin, LatinInterface *face,
 PetscErrorCode LatinMacroSetUp(Latin latin)
 {
   LatinInterfaces *inter = &latin->inter;
-  LatinMacro      *macro = &latin->macro;
-  PetscInt         rows = 0, *mine, *mate, next = 0, total = 0;
-  PetscReal       *received;
-  PetscScalar     *M, *F;
+  PetscInt         rows = 0, next = 0, total = 0;
+  size_t           used = 0, room = 0;
+  PetscScalar     *M, *F, *built;
 
   PetscFunctionBegin;
   PetscCall(PetscLogEventBegin(LATIN_Macro, latin, 0, 0, 0));
-  for (PetscInt f = 0; f < inter->count; f++) rows = PetscMax(rows, inter->interface[f].side_last - inter->interface[f].side_first);
-  PetscCall(PetscCalloc1(inter->sides * LATIN_MAX_MODES, &macro->basis));
+  for (PetscInt f = 0; f < inter->count; f++) {
+    rows = PetscMax(rows, inter->interface[f].side_last - inter->interface[f].side_first);
+    if (LatinMacroBuilds(latin, &inter->interface[f])) room += (size_t)(inter->interface[f].side_last - inter->interface[f].side_first);
+  }
+  PetscCall(PetscMalloc1(room * LATIN_MAX_MODES, &built));
   PetscCall(PetscMalloc2(rows * LATIN_MAX_MODES, &M, rows * LATIN_MAX_MODES, &F));
   for (PetscInt f = 0; f < inter->count; f++) {
     LatinInterface *face = &inter->interface[f];
 
     face->modes = 0;
-    if (!face->strong || latin->sub.first + face->sub > face->neighbour || face->side_last == face->side_first) continue;
+    if (!LatinMacroBuilds(latin, face)) continue;
     PetscCall(LatinMacroBasis_Private(latin, face, M, F));
+    PetscCall(PetscArraycpy(built + used, M, (face->side_last - face->side_first) * face->modes));
+    used += (size_t)((face->side_last - face->side_first) * face->modes);
     face->coarse_first = next;
     next += face->modes;
   }
   PetscCall(PetscFree2(M, F));
-
-  /* (number of modes, number of the first one among the macro modes of the building rank) and the rows travel to the mates */
-  PetscCall(PetscMalloc3(2 * inter->sides, &mine, 2 * inter->sides, &mate, inter->sides * LATIN_MAX_MODES, &received));
-  for (PetscInt f = 0; f < inter->count; f++)
-    for (PetscInt k = inter->interface[f].side_first; k < inter->interface[f].side_last; k++) {
-      mine[2 * k]     = inter->interface[f].modes;
-      mine[2 * k + 1] = inter->interface[f].coarse_first;
-    }
-  PetscCall(LatinSFBcast_Private(inter->mate_sf, 2, MPIU_INT, mine, mate));
-  PetscCall(LatinSFBcast_Private(inter->mate_sf, LATIN_MAX_MODES, MPIU_REAL, macro->basis, received));
-  for (PetscInt f = 0; f < inter->count; f++) {
-    LatinInterface *face = &inter->interface[f];
-
-    if (latin->sub.first + face->sub < face->neighbour || face->side_last == face->side_first) continue;
-    face->modes        = mate[2 * face->side_first];
-    face->coarse_first = mate[2 * face->side_first + 1];
-    PetscCall(PetscArraycpy(macro->basis + face->side_first * LATIN_MAX_MODES, received + face->side_first * LATIN_MAX_MODES, (face->side_last - face->side_first) * LATIN_MAX_MODES));
-  }
-  PetscCall(PetscFree3(mine, mate, received));
+  PetscCall(LatinMacroNumber_Private(latin));
+  PetscCall(LatinMacroRows_Private(latin, built));
+  PetscCall(PetscFree(built));
   PetscCall(MPIU_Allreduce(&next, &total, 1, MPIU_INT, MPI_SUM, PetscObjectComm((PetscObject)latin)));
   latin->coarse.macro_local  = next;
   latin->coarse.macro_global = total;
