@@ -37,6 +37,7 @@ cdef extern from "latinpc.h":
         PetscInt weak_interfaces
         PetscInt strong_macro_dofs
         PetscInt weak_dofs
+        PetscInt coarse_size, coarse_levels
         PetscInt micro_sides
         PetscInt state_size
         PetscReal direction_min

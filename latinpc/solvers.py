@@ -56,8 +56,8 @@ def statistics(solver):
     -------
     dict
         ``subdomains``, ``strong_interfaces``, ``weak_interfaces``, ``strong_macro_dofs``, ``weak_dofs``,
-        ``micro_sides``, ``state_size``, and the search direction (N/m) as ``direction_min``,
-        ``direction_mean``, ``direction_max``.
+        ``coarse_size``, ``coarse_levels``, ``micro_sides``, ``state_size``, and the search direction
+        (N/m) as ``direction_min``, ``direction_mean``, ``direction_max``.
     """
     return dict(_latin.statistics(solver))
 

@@ -111,43 +111,59 @@ PetscErrorCode LatinCoarseNumber(Latin latin)
   PetscFunctionReturn(0);
 }
 
-/* Assembles sum_E c_E^t H_E c_E; a row has at most as many entries as the subdomains of its dof have coarse dofs */
+/* Assembles sum_E c_E^t H_E c_E over the elements; a row has at most as many entries as the elements of its dof have dofs */
 static PetscErrorCode LatinCoarseAssemble_Private(Latin latin)
 {
-  LatinSubstructure *sub    = &latin->sub;
-  LatinCoarse       *coarse = &latin->coarse;
-  MPI_Comm           comm   = PetscObjectComm((PetscObject)latin);
-  const PetscInt     n      = coarse->macro_local + coarse->primal_local;
-  PetscInt          *width, *bound, *outside, all;
+  LatinCoarse         *coarse = &latin->coarse;
+  const LatinElements *top    = &coarse->top;
+  MPI_Comm             comm   = PetscObjectComm((PetscObject)latin);
+  const PetscInt       n      = coarse->top_local;
+  PetscInt            *width, *bound, *outside;
 
   PetscFunctionBegin;
-  PetscCall(PetscMalloc3(coarse->offset[sub->n], &width, n, &bound, n, &outside));
+  PetscCall(PetscMalloc3(top->offset[top->n], &width, n, &bound, n, &outside));
   PetscCall(PetscArrayzero(bound, n));
-  for (PetscInt s = 0; s < sub->n; s++)
-    for (PetscInt i = coarse->offset[s]; i < coarse->offset[s + 1]; i++) width[i] = coarse->offset[s + 1] - coarse->offset[s];
-  PetscCall(LatinSFReduce_Private(coarse->sf, 1, MPIU_INT, width, bound, MPI_SUM));
-  all = coarse->macro_global + coarse->primal_global;
+  for (PetscInt s = 0; s < top->n; s++)
+    for (PetscInt i = top->offset[s]; i < top->offset[s + 1]; i++) width[i] = top->offset[s + 1] - top->offset[s];
+  PetscCall(LatinSFReduce_Private(coarse->top_sf, 1, MPIU_INT, width, bound, MPI_SUM));
   for (PetscInt i = 0; i < n; i++) {
-    outside[i] = PetscMin(bound[i], all - n);
+    outside[i] = PetscMin(bound[i], coarse->top_size - n);
     bound[i]   = PetscMin(bound[i], n);
   }
   PetscCall(MatCreate(comm, &coarse->A));
-  PetscCall(MatSetSizes(coarse->A, n, n, all, all));
+  PetscCall(MatSetSizes(coarse->A, n, n, coarse->top_size, coarse->top_size));
   PetscCall(MatSetType(coarse->A, MATAIJ));
   PetscCall(MatSeqAIJSetPreallocation(coarse->A, 0, bound));
   PetscCall(MatMPIAIJSetPreallocation(coarse->A, 0, bound, 0, outside));
   PetscCall(MatSetOption(coarse->A, MAT_ROW_ORIENTED, PETSC_FALSE));
   PetscCall(PetscFree3(width, bound, outside));
-  for (PetscInt s = 0; s < sub->n; s++) {
-    const PetscInt  m   = coarse->offset[s + 1] - coarse->offset[s];
-    const PetscInt *row = coarse->global + coarse->offset[s];
+  for (PetscInt s = 0; s < top->n; s++) {
+    const PetscInt  m   = top->offset[s + 1] - top->offset[s];
+    const PetscInt *row = coarse->top_global + top->offset[s];
 
-    PetscCall(MatSetValues(coarse->A, m, row, m, row, latin->linear.H + latin->linear.h_offset[s], ADD_VALUES));
+    PetscCall(MatSetValues(coarse->A, m, row, m, row, top->H + top->h_offset[s], ADD_VALUES));
   }
   PetscCall(MatAssemblyBegin(coarse->A, MAT_FINAL_ASSEMBLY));
   PetscCall(MatAssemblyEnd(coarse->A, MAT_FINAL_ASSEMBLY));
   PetscCall(MatSetOption(coarse->A, MAT_SYMMETRIC, PETSC_TRUE));
   PetscCall(MatSetOption(coarse->A, MAT_SPD, PETSC_TRUE));
+  PetscFunctionReturn(0);
+}
+
+/* An iterative coarse solver wants the sparse matrix of the subdomains: groups are for direct ones */
+static PetscErrorCode LatinCoarseGroups_Private(Latin latin, PetscInt *width)
+{
+  const char *prefix, *options[] = {"-coarse_pc_type", "-coarse_ksp_type"};
+  char        value[64];
+  PetscBool   set, direct = PETSC_TRUE;
+
+  PetscFunctionBegin;
+  PetscCall(PetscObjectGetOptionsPrefix((PetscObject)latin, &prefix));
+  for (PetscInt i = 0; i < 2; i++) {
+    PetscCall(PetscOptionsGetString(((PetscObject)latin)->options, prefix, options[i], value, sizeof(value), &set));
+    if (set && strcmp(value, PCCHOLESKY) && strcmp(value, PCLU) && strcmp(value, PCREDUNDANT) && strcmp(value, KSPPREONLY)) direct = PETSC_FALSE;
+  }
+  *width = direct ? latin->coarse_groups : 1;
   PetscFunctionReturn(0);
 }
 
@@ -158,12 +174,16 @@ PetscErrorCode LatinCoarseSetUp(Latin latin)
   LatinFactorStatus status = {0, PC_NOERROR, PETSC_FALSE};
   Vec               soft   = NULL;
   const char       *prefix;
+  PetscInt          width = 1;
   PC                pc;
 
   PetscFunctionBegin;
   if (!coarse->macro_global && !coarse->primal_global) PetscFunctionReturn(0); /* no interface: one subdomain, or disconnected ones */
   PetscCall(PetscLogEventBegin(LATIN_Coarse, latin, 0, 0, 0));
+  PetscCall(LatinCoarseGroups_Private(latin, &width));
+  PetscCall(LatinNestSetUp(latin, width));
   PetscCall(LatinCoarseAssemble_Private(latin));
+  PetscCall(LatinNestFinish(latin));
   PetscCall(MatCreateVecs(coarse->A, &coarse->sol, &coarse->rhs));
   if (!coarse->ksp) {
     PetscCall(KSPCreate(comm, &coarse->ksp));
@@ -195,17 +215,35 @@ PetscErrorCode LatinCoarseSolve(Latin latin)
   PetscFunctionBegin;
   if (!coarse->A) PetscFunctionReturn(0);
   PetscCall(PetscLogEventBegin(LATIN_Coarse, latin, 0, 0, 0));
+  PetscCall(LatinNestDown(latin));
   PetscCall(VecZeroEntries(coarse->rhs));
   PetscCall(VecGetArray(coarse->rhs, &b));
-  PetscCall(LatinSFReduce_Private(coarse->sf, 1, MPIU_SCALAR, coarse->q, b, MPI_SUM));
+  PetscCall(LatinSFReduce_Private(coarse->top_sf, 1, MPIU_SCALAR, coarse->top.q, b, MPI_SUM));
   PetscCall(VecRestoreArray(coarse->rhs, &b));
   PetscCall(KSPSolve(coarse->ksp, coarse->rhs, coarse->sol));
   PetscCall(KSPGetConvergedReason(coarse->ksp, &reason));
   if (reason < 0) latin->failed = PETSC_TRUE;
   PetscCall(VecGetArrayRead(coarse->sol, &x));
-  PetscCall(LatinSFBcast_Private(coarse->sf, 1, MPIU_SCALAR, x, coarse->u));
+  PetscCall(LatinSFBcast_Private(coarse->top_sf, 1, MPIU_SCALAR, x, coarse->top.u));
   PetscCall(VecRestoreArrayRead(coarse->sol, &x));
+  PetscCall(LatinNestUp(latin));
   PetscCall(PetscLogEventEnd(LATIN_Coarse, latin, 0, 0, 0));
+  PetscFunctionReturn(0);
+}
+
+/* The coarse displacements u of the subdomains for a vector of the coarse problem, without any other force */
+PetscErrorCode LatinCoarseExpand_Private(Latin latin, Vec v)
+{
+  LatinCoarse       *coarse = &latin->coarse;
+  const PetscScalar *x;
+
+  PetscFunctionBegin;
+  PetscCall(PetscArrayzero(coarse->q, coarse->offset[latin->sub.n]));
+  PetscCall(LatinNestDown(latin));
+  PetscCall(VecGetArrayRead(v, &x));
+  PetscCall(LatinSFBcast_Private(coarse->top_sf, 1, MPIU_SCALAR, x, coarse->top.u));
+  PetscCall(VecRestoreArrayRead(v, &x));
+  PetscCall(LatinNestUp(latin));
   PetscFunctionReturn(0);
 }
 
@@ -214,6 +252,7 @@ PetscErrorCode LatinCoarseReset(Latin latin)
   LatinCoarse *coarse = &latin->coarse;
 
   PetscFunctionBegin;
+  PetscCall(LatinNestReset(latin));
   PetscCall(KSPDestroy(&coarse->ksp));
   PetscCall(MatDestroy(&coarse->A));
   PetscCall(VecDestroy(&coarse->rhs));

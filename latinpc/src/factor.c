@@ -86,11 +86,12 @@ static PetscErrorCode LatinMechanismField_Private(Latin latin, Vec v, const Lati
 
   PetscFunctionBegin;
   PetscCall(PetscArrayzero(field, dim * sub->copies));
-  PetscCall(VecGetArrayRead(v, &a));
   if (batch) {
+    PetscCall(VecGetArrayRead(v, &a));
     for (PetscInt p = 0; p < batch->patterns; p++) PetscCall(PetscArraycpy(field + dim * sub->node_offset[batch->sub[p]], a + batch->row[p], batch->row[p + 1] - batch->row[p]));
+    PetscCall(VecRestoreArrayRead(v, &a));
   } else {
-    PetscCall(LatinSFBcast_Private(latin->coarse.sf, 1, MPIU_SCALAR, a, latin->coarse.u));
+    PetscCall(LatinCoarseExpand_Private(latin, v));
     for (PetscInt s = 0; s < sub->n; s++) {
       const PetscInt   rows = dim * (sub->node_offset[s + 1] - sub->node_offset[s]), first = dim * sub->node_offset[s];
       const PetscReal *u = latin->coarse.u + latin->coarse.offset[s], *phi = latin->linear.Phi + latin->linear.phi_offset[s];
@@ -103,7 +104,6 @@ static PetscErrorCode LatinMechanismField_Private(Latin latin, Vec v, const Lati
       }
     }
   }
-  PetscCall(VecRestoreArrayRead(v, &a));
   PetscFunctionReturn(0);
 }
 

@@ -28,6 +28,7 @@ PetscErrorCode LatinCreate_Private(MPI_Comm comm, Latin *newlatin)
   latin->links_per_subdomain = 256;
   latin->direction           = LATIN_DIRECTION_DIAGONAL;
   latin->direction_fraction  = 0.08;
+  latin->coarse_groups       = 3;
   *newlatin                  = latin;
   PetscFunctionReturn(0);
 }
@@ -63,10 +64,13 @@ PetscErrorCode LatinSetFromOptions_Private(Latin latin, PetscOptionItems *PetscO
   PetscCall(PetscOptionsReal(LATIN_OPTION("direction_fraction"), "Self-tuned direction as a fraction of the interface stiffness", "None", latin->direction_fraction, &latin->direction_fraction, NULL));
   PetscCall(PetscOptionsEList(LATIN_OPTION("corners"), "Micro springs on corners: dropped (free), or kept as in (28) (published)", "None", LatinCornerTypes, 2, LatinCornerTypes[corners], &corners, NULL));
   PetscCall(PetscOptionsBool(LATIN_OPTION("promote"), "Make every node of three or more subdomains a corner (variant corner)", "None", latin->promote, &latin->promote, NULL));
+  PetscCall(
+    PetscOptionsRangeInt(LATIN_OPTION("coarse_groups"), "Repeated groups of so many subdomains a side are condensed before the coarse problem is factored, level by level; 1: none", "None", latin->coarse_groups, &latin->coarse_groups, NULL, 1, 64));
   PetscOptionsHeadEnd();
   latin->published = (PetscBool)(corners == 1);
   if (before.variant != latin->variant || before.modes != latin->modes || before.published != latin->published || before.promote != latin->promote || before.subdomains != latin->subdomains ||
-      before.links_per_subdomain != latin->links_per_subdomain || before.direction != latin->direction || before.direction_scalar != latin->direction_scalar || before.direction_fraction != latin->direction_fraction)
+      before.links_per_subdomain != latin->links_per_subdomain || before.direction != latin->direction || before.direction_scalar != latin->direction_scalar || before.direction_fraction != latin->direction_fraction ||
+      before.coarse_groups != latin->coarse_groups)
     latin->stale = PETSC_TRUE;
   PetscCheck(latin->direction_scalar >= 0.0 && !PetscIsInfOrNanReal(latin->direction_scalar), PetscObjectComm((PetscObject)latin), PETSC_ERR_ARG_OUTOFRANGE, "%s is %g; the search direction is a positive stiffness (0 = self-tuned)",
              LATIN_OPTION("direction_scalar"), (double)latin->direction_scalar);
@@ -177,7 +181,8 @@ PetscErrorCode LatinView_Private(Latin latin, PetscViewer viewer)
     PetscCall(PetscViewerASCIIPopTab(viewer));
   }
   if (latin->coarse.ksp) {
-    PetscCall(PetscViewerASCIIPrintf(viewer, "coarse solver:\n"));
+    if (stats.coarse_levels) PetscCall(PetscViewerASCIIPrintf(viewer, "coarse solver, %" PetscInt_FMT " displacements left by %" PetscInt_FMT " levels of repeated groups:\n", stats.coarse_size, stats.coarse_levels));
+    else PetscCall(PetscViewerASCIIPrintf(viewer, "coarse solver:\n"));
     PetscCall(PetscViewerASCIIPushTab(viewer));
     PetscCall(KSPView(latin->coarse.ksp, viewer));
     PetscCall(PetscViewerASCIIPopTab(viewer));

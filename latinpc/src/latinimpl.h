@@ -234,19 +234,51 @@ typedef struct {
   PetscInt   widest;                /* most coarse dofs of a subdomain here */
 } LatinLinear;
 
+/* ---- nested condensation of the coarse problem (nested.c) ---- */
+#define LATIN_NEST_LEVELS 8
+
+/* Subdomains, or groups of them, seen from the coarse problem; equal ones share an operator */
+typedef struct {
+  PetscInt   n;
+  PetscInt  *offset;   /* [n + 1] coarse dofs of each element */
+  PetscInt  *dof;      /* [offset[n]] their numbers on this rank */
+  PetscInt  *pattern;  /* [n] the first element equal to each */
+  size_t    *h_offset; /* [n] into H */
+  PetscReal *H;        /* operators, column-major, one for each pattern */
+  PetscReal *box;      /* [n][2][3] lowest and highest coordinates */
+  PetscReal *q, *u;    /* [offset[n]] forces and displacements, element by element */
+} LatinElements;
+
+typedef struct {
+  LatinElements fine, coarse;             /* what the groups are made of; the groups */
+  PetscInt      groups, *first, *member;  /* [groups + 1], [fine.n] */
+  PetscInt     *interior;                 /* [groups] dofs that are eliminated */
+  PetscInt     *slot;                     /* [fine.offset[fine.n]] dof of the group: interior ones, then coarse.dof */
+  PetscInt      patterns, *pattern_first; /* [patterns + 1] into pattern_group */
+  PetscInt     *pattern_group;            /* [groups] by pattern */
+  size_t       *l_offset, *v_offset;      /* [patterns] into L, [patterns + 1] into v */
+  PetscReal    *L, *v, *work;             /* factors L and Z of each pattern; forces on interior dofs */
+} LatinNestLevel;
+
 /* ---- coarse problem (coarse.c), (30) and (52) ---- */
 typedef struct {
-  Mat        A;
-  KSP        ksp;
-  Vec        rhs, sol;
-  PetscSF    sf;                        /* coarse vector -> coarse dofs of the subdomains here */
-  PetscInt   macro_local, primal_local; /* numbered by this rank: macro modes, then primal displacements */
-  PetscInt   macro_global, primal_global;
-  PetscInt  *rank_start;  /* [ranks + 1] global number of each rank's first one */
-  PetscInt  *offset;      /* [subdomains + 1] coarse dofs of each subdomain: macro modes, then primal dofs */
-  PetscInt  *macro_count; /* [subdomains] how many of them are macro modes */
-  PetscInt  *global;      /* [offset[n]] their global numbers */
-  PetscReal *q, *u;       /* [offset[n]] condensed forces, coarse displacements, subdomain by subdomain */
+  Mat            A;
+  KSP            ksp;
+  Vec            rhs, sol;
+  PetscInt       levels; /* of nested condensation */
+  LatinNestLevel level[LATIN_NEST_LEVELS];
+  LatinElements  top;                       /* elements of A: subdomains, or groups of them */
+  PetscInt       top_local, top_size;       /* rows of A: of this rank, all */
+  PetscInt      *top_global;                /* [top.offset[top.n]] rows of A */
+  PetscSF        top_sf;                    /* coarse vector -> dofs of the elements here */
+  PetscSF        sf;                        /* all coarse dofs -> coarse dofs of the subdomains here */
+  PetscInt       macro_local, primal_local; /* numbered by this rank: macro modes, then primal displacements */
+  PetscInt       macro_global, primal_global;
+  PetscInt      *rank_start;  /* [ranks + 1] global number of each rank's first one */
+  PetscInt      *offset;      /* [subdomains + 1] coarse dofs of each subdomain: macro modes, then primal dofs */
+  PetscInt      *macro_count; /* [subdomains] how many of them are macro modes */
+  PetscInt      *global;      /* [offset[n]] their global numbers */
+  PetscReal     *q, *u;       /* [offset[n]] condensed forces, coarse displacements, subdomain by subdomain */
 } LatinCoarse;
 
 struct _p_Latin {
@@ -261,6 +293,7 @@ struct _p_Latin {
   LatinDirectionType direction;
   PetscReal          direction_scalar;   /* 0 = self-tuned */
   PetscReal          direction_fraction; /* of the stiffness seen at the interface, when self-tuned */
+  PetscInt           coarse_groups;      /* width of the groups of nested.c in elements, 1 = none */
   PetscBool          tangent;            /* operators from the links' tangent stiffness of the last Jacobian */
   LatinSubstructure  sub;
   LatinInterfaces    inter;
@@ -315,6 +348,12 @@ PETSC_INTERN PetscErrorCode LatinCoarseNumber(Latin);
 PETSC_INTERN PetscErrorCode LatinCoarseSetUp(Latin);
 PETSC_INTERN PetscErrorCode LatinCoarseReset(Latin);
 PETSC_INTERN PetscErrorCode LatinCoarseSolve(Latin);
+PETSC_INTERN PetscErrorCode LatinCoarseExpand_Private(Latin, Vec);
+PETSC_INTERN PetscErrorCode LatinNestSetUp(Latin, PetscInt);
+PETSC_INTERN PetscErrorCode LatinNestFinish(Latin);
+PETSC_INTERN PetscErrorCode LatinNestReset(Latin);
+PETSC_INTERN PetscErrorCode LatinNestDown(Latin);
+PETSC_INTERN PetscErrorCode LatinNestUp(Latin);
 
 /* The fixed-point map: z = (sides, nonsmooth links) -> G(z); also sets latin->indicator and leaves U behind */
 PETSC_INTERN PetscErrorCode LatinCreateState_Private(Latin, Vec *);

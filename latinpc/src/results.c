@@ -42,6 +42,8 @@ PetscErrorCode LatinGetStatistics(Latin latin, LatinStatistics *stats)
   stats->weak_interfaces   = latin->inter.weak_global;
   stats->strong_macro_dofs = latin->coarse.macro_global;
   stats->weak_dofs         = latin->coarse.primal_global;
+  stats->coarse_size       = latin->coarse.top_size;
+  stats->coarse_levels     = latin->coarse.levels;
   stats->micro_sides       = latin->inter.side_nodes_global;
   stats->state_size        = n;
   stats->direction_min     = sum[1] > 0.0 ? low : 0.0;
