@@ -6,7 +6,7 @@ from pathlib import Path
 
 from latinpc import compare
 from latinpc.cli import quantity
-from latinpc.figures import bars, diagrams
+from latinpc.figures import bars, diagrams, distributions
 
 HERE = Path(__file__).resolve().parent
 
@@ -32,7 +32,34 @@ def tabulate(name, document):
         accuracies = ["1e-02", "1e-03", "1e-04", "1e-08"]
         rows = [[scene, *(str(found.get(a, "")) for a in accuracies)] for scene, found in document.items()]
         return markdown(["scene", *(a.replace("-0", "-") for a in accuracies)], rows)
+    if name == "effectivity":
+        return effectivities(document) + "\n\n" + stops(document)
     return cheapest(document)
+
+
+def effectivities(document):
+    """Return the table of what indicator and estimate are over the true error."""
+    labels = [f"{100 * q:.0f} %" for q in document["quantiles"]]
+    rows = [
+        [f"{row['norm']}, {row['group']}", str(row["cases"]), what, *(f"{value:.2g}" for value in row[what])]
+        for row in document["effectivity"]
+        for what in ("indicator", "estimate")
+    ]
+    return markdown(["norm of the error, cases", "number", "measure", *labels], rows)
+
+
+def stops(document):
+    """Return the table of how the two stops fare."""
+    rows = [
+        [f"{norm} {row['target']:.0e}".replace("e-0", "e-"), what, str(row["cases"]), f"{100 * row['met']:.1f} %",
+         f"{row['worst']:.2f}", f"{row['median']:.2f}",
+         f"{row['extra_iterations']:.0f} ({100 * row['extra_relative']:.0f} %)", str(row["not_noticed"])]
+        for norm in document["stops"]
+        for what, key in (("error", "stops"), ("indicator", "indicator_stops"))
+        for row in document[key][norm]
+    ]  # fmt: skip
+    header = ["target", "stop", "cases", "met", "worst error / target", "median", "extra iterations", "not noticed"]
+    return markdown(header, rows)
 
 
 def cheapest(document):
@@ -63,6 +90,8 @@ def main():
             bars(document, HERE / "figures" / f"{name}.png")
         if name.startswith("tradeoff"):
             diagrams(document, HERE / "figures" / f"{name}.png")
+        if name == "effectivity":
+            distributions(document, HERE / "figures" / f"{name}.png")
         block = f"<!-- {name} -->\n{tabulate(name, document)}\n<!-- end -->"
         text = re.sub(rf"<!-- {name} -->\n.*?<!-- end -->", lambda _, block=block: block, text, flags=re.DOTALL)
     readme.write_text(text, encoding="utf-8")

@@ -14,6 +14,9 @@ import tempfile
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
+sys.path.insert(0, str(HERE))
+import effectivity  # noqa: E402
+
 RESULTS = HERE / "results"
 COMMAND = [sys.executable, "-c", "from latinpc.cli import main; main()"]
 PRESETS = {"fast": ("latin", 1e-2), "balanced": ("latin", 1e-4), "accurate": ("newton-latin", 1e-8)}
@@ -29,6 +32,7 @@ SHORT = {
 FULL = {
     "compare-200": ["compare", *GRID, "200", "--methods", LARGE, "--repeat", "3"],
     "presets-200": 200,
+    "effectivity": None,
     "compare-400": ["compare", *GRID, "400", "--methods", "latin,newton-cholmod,newton-mumps", "--repeat", "1",
                     "--timeout", "1800"],
 }  # fmt: skip
@@ -86,6 +90,8 @@ def perform(name, what):
     """Run one benchmark; return its document."""
     if name == "counts":
         return {scene: count(scene) for scene in COUNTED}
+    if name == "effectivity":
+        return effectivity.document()
     if isinstance(what, int):
         return presets(what)
     return {**latinpc(*what), "command": " ".join(["latinpc", *what])}

@@ -68,6 +68,7 @@ cdef extern from "latinpc.h":
     PetscErrorCode SNESLatinGetLatin(PetscSNES, Latin *)
     PetscErrorCode SNESLatinSetReference(PetscSNES, PetscVec)
     PetscErrorCode SNESLatinGetHistory(PetscSNES, PetscInt *, const PetscReal **, const PetscReal **, const PetscReal **)
+    PetscErrorCode SNESLatinGetEstimates(PetscSNES, PetscInt *, const PetscReal **, PetscReal *)
     PetscErrorCode SNESLatinGetOuter(PetscSNES, PetscSNES *)
     PetscErrorCode PCLatinGetLatin(PetscPC, Latin *)
     PetscErrorCode PCLatinSetLinks(PetscPC, LatinLinks)
@@ -329,6 +330,15 @@ def history(SNES snes not None):
     cdef const PetscReal *error_energy = NULL
     CHKERR(SNESLatinGetHistory(snes.snes, &n, &indicator, &error_l2, &error_energy))
     return copy(indicator, n), copy(error_l2, n), copy(error_energy, n)
+
+
+def estimates(SNES snes not None):
+    """Return the estimated error per iteration, empty where not estimated, and what rounding leaves."""
+    cdef PetscInt n = 0
+    cdef const PetscReal *estimate = NULL
+    cdef PetscReal least = 0
+    CHKERR(SNESLatinGetEstimates(snes.snes, &n, &estimate, &least))
+    return copy(estimate, n), least
 
 
 def pcshell_set_latin(PC pc not None):

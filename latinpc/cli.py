@@ -227,6 +227,9 @@ def summary(result):
         )
     measured = "".join(f", {name} {report[name]:.1e}" for name in ("indicator", "residual") if report[name] is not None)
     lines.append(("solver", f"{report['solver']}: {report['iterations']} iterations, {report['reason']}{measured}"))
+    if report["estimated_error"] is not None:
+        norm = report["options"].get("snes_latin_error_norm", "l2")
+        lines.append(("accuracy", f"estimated error {report['estimated_error']:.1e} ({norm})"))
     if report["error_l2"] is not None:
         energy = f", {report['error_energy']:.1e} (energy)" if report["error_energy"] is not None else ""
         lines.append(("error", f"{report['error_l2']:.1e} (l2){energy} against Newton's method"))

@@ -146,3 +146,33 @@ def _precision_axes(axes, document, values):
     axes.set_xlabel("relative l2 error", fontsize=9)
     axes.set_ylabel("time", fontsize=9)
     _plain(axes)
+
+
+def distributions(document, path):
+    """Draw benchmarks/effectivity.py's quantiles of what indicator and estimate are over the true error.
+
+    Parameters
+    ----------
+    document : dict
+    path : path
+        Its suffix chooses the format.
+    """
+    rows = document["effectivity"]
+    figure = _figure(9.0, 0.8 + 0.5 * len(rows))
+    axes = figure.subplots(gridspec_kw={"left": 0.2})
+    for shift, what, colour in ((-0.15, "indicator", SETUP), (0.15, "estimate", SOLVE)):
+        for i, row in enumerate(rows):
+            low, early, median, late, high = row[what]
+            axes.plot([low, high], [i + shift] * 2, color=colour, linewidth=1)
+            axes.plot([early, late], [i + shift] * 2, color=colour, linewidth=5, label=what if i == 0 else None)
+            axes.plot(median, i + shift, "|", color="black", markersize=9)
+    axes.axvline(1.0, color="black", linewidth=0.8, linestyle=":")
+    axes.set_xscale("log")
+    axes.set_yticks(range(len(rows)), [f"{row['norm']}: {row['group']}" for row in rows])
+    axes.invert_yaxis()
+    axes.set_xlabel(
+        "measure / true error at all iterates: extremes, 5 % to 95 %, median; too low on the left of 1", fontsize=8
+    )
+    axes.legend(fontsize=8, frameon=False)
+    _plain(axes)
+    _save(figure, path)

@@ -23,7 +23,7 @@ from .scenes.scene import Law, Scene
 #: Options of our own, after ``-snes_latin_`` or ``-pc_latin_``; the last ones are prefixes of inner solvers.
 OPTIONS = (
     "variant", "modes", "subdomains", "subdomain_links", "direction", "direction_scalar", "direction_fraction",
-    "corners", "promote", "monitor", "stop", "warm_start",
+    "corners", "promote", "monitor", "stop", "error", "error_norm", "warm_start",
 )  # fmt: skip
 PC_OPTIONS = ("weights",)  # of PC latin alone
 INNER_PREFIXES = ("local_", "interior_", "coarse_", "outer_")
@@ -111,8 +111,9 @@ def solve(scene, options=None, *, subdomains=None, reference=None, links=None, c
     Result
         Its report has the keys scene, scene_options, dofs, free_dofs, links, ranks, subdomains,
         strong_interfaces, weak_interfaces, strong_macro_dofs, weak_dofs, iterations, linear_iterations,
-        converged, reason, indicator, residual, residual_norm, slack_fraction, error_l2, error_energy, direction,
-        solver, setup_seconds, solve_seconds, peak_memory_bytes, versions, options. What does not apply is None.
+        converged, reason, indicator, residual, residual_norm, slack_fraction, estimated_error, error_l2, error_energy,
+        direction, solver, setup_seconds, solve_seconds, peak_memory_bytes, versions, options. What does not apply is
+        None.
 
     Raises
     ------
@@ -171,6 +172,9 @@ def _solve(scene, links, snes, reference, notices, before_solve):
     core = snes if is_latin else pc if pc_is_latin else None
     statistics = latinpc.statistics(core) if core is not None else {}
     ksponly = snes.getType() == "ksponly"
+    if is_latin and snes.getConvergedReason() == PETSc.SNES.ConvergedReason.DIVERGED_INNER:
+        least = latinpc.rounding_floor(snes)
+        notices.append(f"the error asked for is below what rounding leaves on this structure, about {least:.0e}")
     linear_iterations = snes.getLinearSolveIterations()
     if ksponly and (scene.law != Law.BAR).any():
         notices.append("ksponly makes one linear step: cables and struts that become slack are not followed")
@@ -197,6 +201,7 @@ def _solve(scene, links, snes, reference, notices, before_solve):
         "residual": norm / initial if initial > 0 else norm,
         "residual_norm": norm,
         "slack_fraction": _slack_fraction(scene, tensions),
+        "estimated_error": _last(past.get("estimate")),
         "error_l2": error_l2,
         "error_energy": error_energy,
         "setup_seconds": setup,

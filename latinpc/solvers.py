@@ -23,6 +23,7 @@ __all__ = [
     "node_classes",
     "outer_snes",
     "pcshell_set_latin",
+    "rounding_floor",
     "set_reference",
     "statistics",
     "subdomain_is",
@@ -73,9 +74,27 @@ def history(snes):
     Returns
     -------
     dict of (iterations,) arrays
-        ``indicator``, ``error_l2``, ``error_energy``; the errors are empty without a reference.
+        ``indicator``, ``error_l2``, ``error_energy``, ``estimate``; the errors are empty without a reference, the
+        estimated error without ``-snes_latin_stop error``.
     """
-    return dict(zip(("indicator", "error_l2", "error_energy"), _latin.history(snes)))
+    values = (*_latin.history(snes), _latin.estimates(snes)[0])
+    return dict(zip(("indicator", "error_l2", "error_energy", "estimate"), values))
+
+
+def rounding_floor(snes):
+    """Return the smallest relative error that rounding allows on this structure, an estimate; not collective.
+
+    Parameters
+    ----------
+    snes : petsc4py.PETSc.SNES
+        Of type latin, after a solve with ``-snes_latin_stop error``.
+
+    Returns
+    -------
+    float
+        0 where it is not known.
+    """
+    return _latin.estimates(snes)[1]
 
 
 def set_reference(snes, reference):

@@ -52,9 +52,17 @@ PETSC_EXTERN const char *const LatinDirectionTypes[];
 typedef enum {
   LATIN_STOP_INDICATOR, /* distance between the two stages, relative, against -snes_stol */
   LATIN_STOP_RESIDUAL,  /* norm of the nodal unbalance (1), against -snes_rtol and -snes_atol */
-  LATIN_STOP_REFERENCE  /* relative l2 error against a given displacement, against -snes_stol */
+  LATIN_STOP_REFERENCE, /* relative l2 error against a given displacement, against -snes_stol */
+  LATIN_STOP_ERROR      /* estimated error of the displacements, relative, against -snes_latin_error */
 } LatinStopType;
 PETSC_EXTERN const char *const LatinStopTypes[];
+
+/* The norm of an estimated error */
+typedef enum {
+  LATIN_NORM_L2,    /* of the displacements of all subdomains */
+  LATIN_NORM_ENERGY /* of the energy of their links, all taut */
+} LatinErrorNorm;
+PETSC_EXTERN const char *const LatinErrorNorms[];
 
 /* A structure: nodes joined by links, with laws, supports and loads (section 2.1) */
 typedef struct _p_LatinLinks *LatinLinks;
@@ -101,6 +109,7 @@ PETSC_EXTERN PetscErrorCode LatinLinksDestroy(LatinLinks *);
 PETSC_EXTERN PetscErrorCode SNESLatinGetLatin(SNES, Latin *);
 PETSC_EXTERN PetscErrorCode SNESLatinSetReference(SNES, Vec);
 PETSC_EXTERN PetscErrorCode SNESLatinGetHistory(SNES, PetscInt *, const PetscReal *indicator[], const PetscReal *error_l2[], const PetscReal *error_energy[]);
+PETSC_EXTERN PetscErrorCode SNESLatinGetEstimates(SNES, PetscInt *, const PetscReal *estimate[], PetscReal *floor);
 PETSC_EXTERN PetscErrorCode SNESLatinGetOuter(SNES, SNES *);
 PETSC_EXTERN PetscErrorCode PCLatinGetLatin(PC, Latin *);
 PETSC_EXTERN PetscErrorCode PCLatinSetLinks(PC, LatinLinks);

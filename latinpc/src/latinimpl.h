@@ -123,6 +123,16 @@ static inline PetscMPIInt LatinSubdomainRank(const LatinSubstructure *sub, Petsc
   return low;
 }
 
+/* Elongation of a link under the displacements of the copies, a row of B */
+static inline PetscReal LatinElongation(const LatinSubstructure *sub, PetscInt dim, PetscInt l, const PetscReal U[])
+{
+  const PetscReal *n = sub->direction + dim * l, *ua = U + dim * sub->ends[2 * l], *ub = U + dim * sub->ends[2 * l + 1];
+  PetscReal        e = 0.0;
+
+  for (PetscInt c = 0; c < dim; c++) e += n[c] * (ub[c] - ua[c]);
+  return e;
+}
+
 /* ---- interfaces (interface.c): classes, primal nodes, sides and their mates ---- */
 /* Where an interface lies; coordinates relative to one of its nodes, so that equal shapes give equal bits */
 typedef struct {
@@ -281,6 +291,17 @@ typedef struct {
   PetscReal     *q, *u;       /* [offset[n]] condensed forces, coarse displacements, subdomain by subdomain */
 } LatinCoarse;
 
+/* ---- error of the displacements (estimate.c) ---- */
+typedef struct {
+  PetscBool  energy;   /* of the energy norm, not of the l2 norm */
+  PetscInt   count;    /* iterates seen in this solve */
+  PetscReal *sketch;   /* [window][rows + 1] of the last iterates: projected displacements, distance of the stages */
+  PetscReal *part;     /* [rows + 1] work: what this rank adds */
+  PetscReal  value;    /* relative, of the last iterate */
+  PetscReal  floor;    /* what rounding leaves of it */
+  PetscBool  rounding; /* the floor has been reached, above the target */
+} LatinEstimate;
+
 struct _p_Latin {
   PETSCHEADER(int);
   LatinLinks         links;
@@ -362,6 +383,9 @@ PETSC_INTERN PetscErrorCode LatinApply_Private(Latin, Vec z, Vec Gz);
 PETSC_INTERN PetscErrorCode LatinGatherForces_Private(Latin, const PetscReal z[]);
 PETSC_INTERN PetscErrorCode LatinLocalStage_Private(Latin, const PetscReal z[], PetscReal Gz[]);
 PETSC_INTERN PetscErrorCode LatinErrors_Private(Latin, const PetscReal reference[], PetscReal *l2, PetscReal *energy);
+PETSC_INTERN PetscErrorCode LatinEstimateStart_Private(LatinEstimate *);
+PETSC_INTERN PetscErrorCode LatinEstimateUpdate_Private(Latin, PetscReal target, LatinEstimate *);
+PETSC_INTERN PetscErrorCode LatinEstimateDestroy_Private(LatinEstimate *);
 PETSC_INTERN PetscErrorCode LatinAverage_Private(Latin, Vec u);
 PETSC_INTERN PetscErrorCode LatinDistribute_Private(Latin, Vec u, PetscReal copy[]);
 

@@ -15,16 +15,6 @@
 
 #define LATIN_NOISE 1e-14 /* relative to the energy of the structure, prestress included: below it nothing can be told apart */
 
-/* Elongation of a link under the displacements of the copies, a row of B */
-static inline PetscReal LatinElongation(const LatinSubstructure *sub, PetscInt dim, PetscInt l, const PetscReal U[])
-{
-  const PetscReal *n = sub->direction + dim * l, *ua = U + dim * sub->ends[2 * l], *ub = U + dim * sub->ends[2 * l + 1];
-  PetscReal        e = 0.0;
-
-  for (PetscInt c = 0; c < dim; c++) e += n[c] * (ub[c] - ua[c]);
-  return e;
-}
-
 /* g = F - B^t s + C^t z: the forces of the linear stage for the state z */
 PetscErrorCode LatinGatherForces_Private(Latin latin, const PetscReal z[])
 {

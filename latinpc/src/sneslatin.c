@@ -15,12 +15,14 @@ typedef struct {
   SNES              outer; /* solves z - G(z) = 0 */
   Vec               z;
   LatinStopType     stop;
+  PetscReal         target; /* estimated error to stop at */
+  LatinEstimate     estimate;
   PetscBool         warm; /* start from the state of the last solve */
   PetscBool         has_state;
   Vec               reference; /* displacements to compare with, or NULL */
   PetscReal        *reference_copy;
   PetscInt          history_size, done;
-  PetscReal        *indicator, *error_l2, *error_energy; /* [history_size] per linear stage; [done] filled */
+  PetscReal        *indicator, *error_l2, *error_energy, *estimates; /* [history_size] per linear stage; [done] filled */
   PetscReal         first_distance, first_residual, residual;
   PetscInt          tested; /* linear stages that the convergence test has seen */
   PetscViewer       monitor;
@@ -50,9 +52,11 @@ static PetscErrorCode SNESLatinFixedPoint_Private(SNES outer, Vec z, Vec F, void
   PetscCall(LatinApply_Private(latin, z, F));
   PetscCall(VecAYPX(F, -1.0, z));
   if (latin->failed) PetscCall(SNESSetFunctionDomainError(outer));
+  if (data->stop == LATIN_STOP_ERROR) PetscCall(LatinEstimateUpdate_Private(latin, data->target, &data->estimate));
   k = latin->applications - 1;
   if (k < data->history_size) {
     data->indicator[k] = latin->indicator;
+    data->estimates[k] = data->estimate.value;
     if (data->reference) PetscCall(LatinErrors_Private(latin, data->reference_copy, &data->error_l2[k], &data->error_energy[k]));
     data->done = k + 1;
   }
@@ -96,6 +100,7 @@ static PetscErrorCode SNESLatinConverged_Private(SNES outer, PetscInt it, PetscR
     PetscCall(SNESLatinResidual_Private(snes));
     norm = data->residual;
   } else if (data->stop == LATIN_STOP_REFERENCE && data->done) norm = data->error_l2[data->done - 1];
+  else if (data->stop == LATIN_STOP_ERROR) norm = data->estimate.value;
   snes->iter = latin->applications;
   snes->norm = norm;
   PetscCall(SNESLogConvergenceHistory(snes, norm, 0));
@@ -107,6 +112,12 @@ static PetscErrorCode SNESLatinConverged_Private(SNES outer, PetscInt it, PetscR
     if (norm <= snes->abstol) *reason = SNES_CONVERGED_FNORM_ABS;
     else if (norm <= snes->rtol * data->first_residual) *reason = SNES_CONVERGED_FNORM_RELATIVE;
     else if (latin->distance <= latin->noise) *reason = SNES_CONVERGED_SNORM_RELATIVE; /* a fixed point: nothing more can change */
+  } else if (data->stop == LATIN_STOP_ERROR) {
+    if (norm <= data->target) *reason = SNES_CONVERGED_SNORM_RELATIVE;
+    else if (data->estimate.rounding) {
+      *reason = SNES_DIVERGED_INNER; /* the inner solvers are not accurate enough for more */
+      PetscCall(PetscInfo(snes, "The error asked for, %g, is below what rounding leaves on this structure, about %g\n", (double)data->target, (double)data->estimate.floor));
+    }
   } else if (norm <= snes->stol || latin->distance <= latin->noise) *reason = SNES_CONVERGED_SNORM_RELATIVE;
   if (!*reason && snes->divtol > 0.0 && latin->distance > snes->divtol * data->first_distance) *reason = SNES_DIVERGED_DTOL;
   if (!*reason && latin->applications >= snes->max_its) *reason = SNES_DIVERGED_MAX_IT;
@@ -126,6 +137,7 @@ static PetscErrorCode SNESLatinMonitor_Private(SNES snes, PetscInt it, PetscReal
   PetscCall(PetscViewerASCIIPrintf(viewer, "%3" PetscInt_FMT " LATIN indicator %12.6e", it, (double)data->latin->indicator));
   PetscCall(PetscViewerASCIIUseTabs(viewer, PETSC_FALSE));
   if (data->stop == LATIN_STOP_RESIDUAL) PetscCall(PetscViewerASCIIPrintf(viewer, "  residual %12.6e", (double)data->residual));
+  if (data->stop == LATIN_STOP_ERROR) PetscCall(PetscViewerASCIIPrintf(viewer, "  estimated error %s %12.6e", LatinErrorNorms[data->estimate.energy], (double)data->estimate.value));
   if (data->reference && data->done) PetscCall(PetscViewerASCIIPrintf(viewer, "  error l2 %12.6e  energy %12.6e", (double)data->error_l2[data->done - 1], (double)data->error_energy[data->done - 1]));
   PetscCall(PetscViewerASCIIPrintf(viewer, "\n"));
   PetscCall(PetscViewerASCIIUseTabs(viewer, PETSC_TRUE));
@@ -185,15 +197,23 @@ static PetscErrorCode SNESLatinCreateOuter_Private(SNES snes)
 
 static PetscErrorCode SNESSetFromOptions_Latin(SNES snes, PetscOptionItems *PetscOptionsObject)
 {
-  SNES_Latin *data = (SNES_Latin *)snes->data;
-  const char *prefix;
-  PetscBool   set;
+  SNES_Latin    *data = (SNES_Latin *)snes->data;
+  const char    *prefix;
+  PetscBool      set;
+  LatinErrorNorm norm;
 
   PetscFunctionBegin;
   PetscCall(LatinSetFromOptions_Private(data->latin, PetscOptionsObject, "snes"));
   PetscOptionsHeadBegin(PetscOptionsObject, "SNES latin options");
-  PetscCall(PetscOptionsEnum("-snes_latin_stop", "Stop on the LATIN indicator (-snes_stol), the residual (-snes_rtol, -snes_atol) or the error against a reference (-snes_stol)", "LatinStopType", LatinStopTypes, (PetscEnum)data->stop,
-                             (PetscEnum *)&data->stop, NULL));
+  PetscCall(PetscOptionsEnum("-snes_latin_stop", "Stop on the LATIN indicator (-snes_stol), the residual (-snes_rtol, -snes_atol), the error against a reference (-snes_stol) or the estimated error (-snes_latin_error)", "LatinStopType",
+                             LatinStopTypes, (PetscEnum)data->stop, (PetscEnum *)&data->stop, NULL));
+  PetscCall(PetscOptionsReal("-snes_latin_error", "Estimated relative error of the displacements to stop at, with -snes_latin_stop error", "None", data->target, &data->target, &set));
+  PetscCheck(!set || data->stop == LATIN_STOP_ERROR, PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_WRONGSTATE, "-snes_latin_error is the target of -snes_latin_stop error, but the stop is %s: add -snes_latin_stop error",
+             LatinStopTypes[data->stop]);
+  PetscCheck(data->target > 0.0 && data->target < 1.0, PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_OUTOFRANGE, "-snes_latin_error is a relative error between 0 and 1, for example 1e-4, not %g", (double)data->target);
+  norm = data->estimate.energy ? LATIN_NORM_ENERGY : LATIN_NORM_L2;
+  PetscCall(PetscOptionsEnum("-snes_latin_error_norm", "Norm of that error", "LatinErrorNorm", LatinErrorNorms, (PetscEnum)norm, (PetscEnum *)&norm, NULL));
+  data->estimate.energy = (PetscBool)(norm == LATIN_NORM_ENERGY);
   PetscCall(PetscOptionsBool("-snes_latin_warm_start", "Start from the state of the last solve on this object", "None", data->warm, &data->warm, NULL));
   PetscCall(PetscOptionsViewer("-snes_latin_monitor", "Monitor the indicator, and the residual or errors where they are computed", "None", &data->monitor, &data->monitor_format, &set));
   PetscOptionsHeadEnd();
@@ -283,9 +303,9 @@ static PetscErrorCode SNESLatinPrepare_Private(SNES snes)
 
   PetscFunctionBegin;
   if (data->history_size < PetscMin(snes->max_its, LATIN_HISTORY)) {
-    PetscCall(PetscFree3(data->indicator, data->error_l2, data->error_energy));
+    PetscCall(PetscFree4(data->indicator, data->error_l2, data->error_energy, data->estimates));
     data->history_size = PetscMin(snes->max_its, LATIN_HISTORY);
-    PetscCall(PetscMalloc3(data->history_size, &data->indicator, data->history_size, &data->error_l2, data->history_size, &data->error_energy));
+    PetscCall(PetscMalloc4(data->history_size, &data->indicator, data->history_size, &data->error_l2, data->history_size, &data->error_energy, data->history_size, &data->estimates));
   }
   PetscCheck(data->stop != LATIN_STOP_REFERENCE || data->reference, PetscObjectComm((PetscObject)snes), PETSC_ERR_ORDER, "-snes_latin_stop reference needs a displacement to compare with: call SNESLatinSetReference()");
   if (data->reference) {
@@ -298,6 +318,7 @@ static PetscErrorCode SNESLatinPrepare_Private(SNES snes)
     PetscCall(PetscArraycpy(data->reference_copy, latin->sub.prescribed, latin->links->dim * latin->sub.copies));
     PetscCall(LatinDistribute_Private(latin, data->reference, data->reference_copy));
   }
+  if (data->stop == LATIN_STOP_ERROR) PetscCall(LatinEstimateStart_Private(&data->estimate));
   data->done = data->tested = latin->applications = 0;
   data->first_distance                            = -1.0;
   PetscFunctionReturn(0);
@@ -362,8 +383,9 @@ static PetscErrorCode SNESDestroy_Latin(SNES snes)
   PetscCall(LatinDestroy_Private(&data->latin));
   PetscCall(SNESDestroy(&data->outer));
   PetscCall(VecDestroy(&data->reference));
+  PetscCall(LatinEstimateDestroy_Private(&data->estimate));
   PetscCall(PetscViewerDestroy(&data->monitor));
-  PetscCall(PetscFree3(data->indicator, data->error_l2, data->error_energy));
+  PetscCall(PetscFree4(data->indicator, data->error_l2, data->error_energy, data->estimates));
   PetscCall(PetscFree(snes->data));
   PetscFunctionReturn(0);
 }
@@ -468,6 +490,33 @@ PetscErrorCode SNESLatinGetHistory(SNES snes, PetscInt *n, const PetscReal *indi
 }
 
 /*@C
+  SNESLatinGetEstimates - Estimated errors of the last solve, one number per linear stage, and what rounding leaves.
+
+  Not collective; the array is borrowed
+
+  Output Parameters:
++ n        - number of linear stages
+. estimate - relative error in the norm of `-snes_latin_error_norm`, NULL without `-snes_latin_stop error`
+- floor    - the smallest error that rounding allows on this structure, an estimate, too; 0 when unknown
+
+  Level: intermediate
+
+.seealso: `SNESLatinGetHistory()`
+@*/
+PetscErrorCode SNESLatinGetEstimates(SNES snes, PetscInt *n, const PetscReal *estimate[], PetscReal *floor)
+{
+  SNES_Latin *data;
+
+  PetscFunctionBegin;
+  PetscCall(SNESLatinCheck_Private(snes));
+  data = (SNES_Latin *)snes->data;
+  if (n) *n = data->done;
+  if (estimate) *estimate = data->stop == LATIN_STOP_ERROR ? data->estimates : NULL;
+  if (floor) *floor = data->estimate.floor;
+  PetscFunctionReturn(0);
+}
+
+/*@C
   SNESLatinGetOuter - The inner SNES that iterates on the fixed-point map.
 
   Collective on snes when called first; the reference is borrowed
@@ -491,7 +540,8 @@ PetscErrorCode SNESLatinGetOuter(SNES snes, SNES *outer)
 + -snes_latin_variant <none,macro,corner>           - coarse treatment of weak interfaces
 . -snes_latin_subdomains <n>                        - number of subdomains
 . -snes_latin_direction <scalar,diagonal>           - micro search direction
-. -snes_latin_stop <indicator,residual,reference>   - what is watched for convergence
+. -snes_latin_stop <indicator,residual,reference,error> - what is watched for convergence
+. -snes_latin_error <1e-4>                          - estimated error to stop at
 . -snes_latin_monitor                               - prints the indicator of each iteration
 . -snes_latin_outer_snes_type <anderson,nrichardson> - acceleration, or the plain iteration
 . -snes_latin_local_                                - prefix of the KSP of the subdomains
@@ -520,6 +570,8 @@ PETSC_EXTERN PetscErrorCode SNESCreate_Latin(SNES snes)
   snes->ops->view           = SNESView_Latin;
   snes->usesksp             = PETSC_FALSE;
   snes->usesnpc             = PETSC_FALSE;
+
+  data->target = 1e-4;
 
   snes->alwayscomputesfinalresidual = PETSC_TRUE;
   if (!snes->tolerancesset) {

@@ -1,0 +1,146 @@
+#include "latinimpl.h"
+
+/*
+   An estimate of the error of the displacements while the true ones are not known. Two facts carry it:
+
+   - the error of an earlier iterate is its distance to the present one, once that is much better;
+   - near the solution the map z -> z - G(z) is linear, so that the errors of the iterates are to the distances between
+     their two stages (local.c) as the operator's slow and fast fields decide. That ratio changes slowly.
+
+   So the largest ratio among the last iterates, times the present distance, estimates the present error:
+   max_j |U_j - U_k| / distance_j * distance_k. The window must be longer than the slowest fields take to show: the later
+   half of the iterates, as long as they are not too many. A factor calibrated on one set of structures (benchmarks/effectivity.py) and tested on another makes it safe.
+
+   Distances are those of random projections of the displacements, a few hundred numbers instead of millions: each
+   degree of freedom is added to one number of the sketch, with a random sign, which keeps distances to
+   sqrt(1 / (2 ROWS)) [P. Drineas, R. Kannan, M. W. Mahoney: count sketch]. Number and sign follow from the place of the
+   degree of freedom in its subdomain, so that they do not depend on the number of ranks.
+*/
+
+#define LATIN_ESTIMATE_ROWS   256
+#define LATIN_ESTIMATE_WINDOW 32
+#define LATIN_ESTIMATE_SHORT  4    /* at least so many earlier iterates, where there are */
+#define LATIN_ESTIMATE_LEAST  1e4  /* rounding on a well conditioned structure, in units of eps */
+#define LATIN_ESTIMATE_EARLY  10.0 /* more caution at the first iterates, which have a short past */
+
+static const PetscReal LatinEstimateSafety[] = {1.8, 4.0}; /* l2 norm, energy norm */
+
+/* Random bits of an entry of a subdomain: the finaliser of MurmurHash3 */
+static inline PetscInt64 LatinEstimateBits(PetscInt subdomain, PetscInt entry)
+{
+  unsigned long long h = ((unsigned long long)subdomain << 32) ^ (unsigned long long)entry;
+
+  h ^= h >> 33;
+  h *= 0xff51afd7ed558ccdULL;
+  h ^= h >> 33;
+  h *= 0xc4ceb9fe1a85ec53ULL;
+  h ^= h >> 33;
+  return (PetscInt64)(h >> 1);
+}
+
+static inline void LatinEstimateAdd(PetscReal sketch[], PetscInt64 bits, PetscReal value)
+{
+  sketch[(bits >> 1) % LATIN_ESTIMATE_ROWS] += bits & 1 ? value : -value;
+}
+
+PetscErrorCode LatinEstimateStart_Private(LatinEstimate *estimate)
+{
+  PetscFunctionBegin;
+  if (!estimate->sketch) PetscCall(PetscMalloc2((LATIN_ESTIMATE_WINDOW + 1) * (LATIN_ESTIMATE_ROWS + 1), &estimate->sketch, LATIN_ESTIMATE_ROWS + 1, &estimate->part));
+  estimate->count = 0;
+  estimate->value = 1.0;
+  estimate->floor = 0.0;
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode LatinEstimateDestroy_Private(LatinEstimate *estimate)
+{
+  PetscFunctionBegin;
+  PetscCall(PetscFree2(estimate->sketch, estimate->part));
+  PetscFunctionReturn(0);
+}
+
+/* This rank's part of the sketch of the displacements, and of their squared norm behind it */
+static void LatinEstimateSketch(Latin latin, PetscBool energy, PetscReal sketch[])
+{
+  const LatinSubstructure *sub = &latin->sub;
+  const PetscInt           dim = latin->links->dim;
+  const PetscReal         *U   = latin->linear.U;
+
+  for (PetscInt i = 0; i <= LATIN_ESTIMATE_ROWS; i++) sketch[i] = 0.0;
+  for (PetscInt s = 0; s < sub->n; s++) {
+    const PetscInt first = energy ? sub->link_offset[s] : dim * sub->node_offset[s], last = energy ? sub->link_offset[s + 1] : dim * sub->node_offset[s + 1];
+
+    for (PetscInt i = first; i < last; i++) {
+      const PetscReal v = energy ? PetscSqrtReal(sub->stiffness[i]) * LatinElongation(sub, dim, i, U) : U[i];
+
+      LatinEstimateAdd(sketch, LatinEstimateBits(sub->first + s, i - first), v);
+      sketch[LATIN_ESTIMATE_ROWS] += v * v;
+    }
+  }
+}
+
+/*
+   What rounding leaves: factors whose entries are wrong by eps change a displacement field by eps times the ratio of
+   what its ends' displacements would store if each link held them alone, and what it stores. That is the condition
+   number seen by this field.
+*/
+static PetscErrorCode LatinEstimateFloor_Private(Latin latin, LatinEstimate *estimate)
+{
+  const LatinSubstructure *sub    = &latin->sub;
+  const PetscInt           dim    = latin->links->dim;
+  const PetscReal         *U      = latin->linear.U;
+  PetscReal                sum[2] = {0.0, 0.0};
+
+  PetscFunctionBegin;
+  for (PetscInt l = 0; l < sub->links; l++) {
+    const PetscReal *n = sub->direction + dim * l, *ua = U + dim * sub->ends[2 * l], *ub = U + dim * sub->ends[2 * l + 1];
+    PetscReal        a = 0.0, b = 0.0;
+
+    for (PetscInt c = 0; c < dim; c++) {
+      a += n[c] * ua[c];
+      b += n[c] * ub[c];
+    }
+    sum[0] += sub->stiffness[l] * (a * a + b * b);
+    sum[1] += sub->stiffness[l] * (b - a) * (b - a);
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)latin)));
+  estimate->floor = PETSC_MACHINE_EPSILON * (LATIN_ESTIMATE_LEAST + (sum[1] > 0.0 ? 2.0 * sum[0] / sum[1] : 0.0));
+  PetscFunctionReturn(0);
+}
+
+/*
+   After an application of the fixed-point map: the estimated relative error of its displacements. Before the third one
+   there is nothing to say: 1. With a target below what rounding leaves, `rounding` tells that this has been reached.
+*/
+PetscErrorCode LatinEstimateUpdate_Private(Latin latin, PetscReal target, LatinEstimate *estimate)
+{
+  const PetscInt k = estimate->count++, width = LATIN_ESTIMATE_ROWS + 1;
+  const PetscInt first = PetscMax(PetscMax(0, k - LATIN_ESTIMATE_WINDOW), PetscMin(k / 2, k - LATIN_ESTIMATE_SHORT));
+  PetscReal     *mine  = estimate->sketch + (k % (LATIN_ESTIMATE_WINDOW + 1)) * width;
+  PetscReal      worst = 0.0, norm;
+
+  PetscFunctionBegin;
+  LatinEstimateSketch(latin, estimate->energy, estimate->part);
+  PetscCall(MPIU_Allreduce(estimate->part, mine, width, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)latin)));
+  norm                      = PetscSqrtReal(mine[LATIN_ESTIMATE_ROWS]);
+  mine[LATIN_ESTIMATE_ROWS] = latin->distance;
+  for (PetscInt j = first; j < k; j++) {
+    const PetscReal *other = estimate->sketch + (j % (LATIN_ESTIMATE_WINDOW + 1)) * width;
+    PetscReal        sum   = 0.0;
+
+    for (PetscInt i = 0; i < LATIN_ESTIMATE_ROWS; i++) sum += PetscSqr(mine[i] - other[i]);
+    if (other[LATIN_ESTIMATE_ROWS] > 0.0) worst = PetscMax(worst, PetscSqrtReal(sum) / other[LATIN_ESTIMATE_ROWS]);
+  }
+  estimate->value = LatinEstimateSafety[estimate->energy] * (1.0 + LATIN_ESTIMATE_EARLY / (k + 1)) * worst * latin->distance;
+  if (norm > 0.0) estimate->value /= norm;
+  if (k < 2) estimate->value = 1.0;
+  else if (k == 2 || estimate->value <= PetscMax(target, estimate->floor)) PetscCall(LatinEstimateFloor_Private(latin, estimate));
+  if (latin->distance <= latin->noise) {
+    PetscCall(LatinEstimateFloor_Private(latin, estimate));
+    estimate->value = 0.0; /* a fixed point */
+  }
+  estimate->rounding = (PetscBool)(estimate->floor > target && estimate->value <= estimate->floor);
+  estimate->value    = PetscMax(estimate->value, estimate->floor);
+  PetscFunctionReturn(0);
+}

@@ -1,0 +1,169 @@
+"""The estimated error: safe, not wasteful, the same whatever the units and the number of ranks; rounding; misuse."""
+
+import json
+import shlex
+import sys
+
+import numpy as np
+import oracle
+import pytest
+from conftest import run
+from petsc4py import PETSc
+from support import PLAIN, VARIANTS, chain, far, grid, irregular, lattice, network, solve
+
+import latinpc
+from latinpc.peers.reference import by_newton
+from latinpc.scenes import make
+
+REASON = PETSc.SNES.ConvergedReason
+COMMAND = [sys.executable, "-c", "from latinpc.cli import main; main()"]
+STOP = {"stop": "error"}
+
+
+def slow_global_field():
+    """A partition whose variant without weak coupling leaves a slow global field, which the indicator does not see."""
+    return irregular(kind="truss", modules=12, parts=16)
+
+
+SCENES = {"grid": grid, "irregular": irregular, "network": network, "lattice": lattice, "slow": slow_global_field}
+
+
+# ---- what it promises ------------------------------------------------------------------------
+@pytest.mark.parametrize("norm", ["l2", "energy"])
+@pytest.mark.parametrize("variant", VARIANTS)
+@pytest.mark.parametrize("name", SCENES)
+def test_stop_meets_the_error(name, variant, norm):
+    """The true error is below the target where the iteration stops, and the estimate is the one that stopped it."""
+    scene = SCENES[name]()
+    target = 1e-4
+    result = solve(scene, oracle.newton(scene), variant=variant, error=target, error_norm=norm, **STOP)
+    estimate = result.history.estimate
+    assert result.reason == REASON.CONVERGED_SNORM_RELATIVE
+    assert len(estimate) == result.iterations
+    assert estimate[-1] <= target < estimate[:-1].min()
+    assert getattr(result.history, f"error_{norm}")[-1] <= target
+
+
+@pytest.mark.parametrize("outer", [{}, PLAIN], ids=["anderson", "plain"])
+@pytest.mark.parametrize("name", SCENES)
+def test_estimate_is_above_the_error_and_near_it(name, outer):
+    """At nearly all iterates the estimate is no smaller than the error, and as a rule not much greater."""
+    scene = SCENES[name]()
+    history = solve(scene, oracle.newton(scene), error=1e-8, **STOP, **outer).history
+    ratio = (history.estimate / history.error_l2)[2:][history.error_l2[2:] > 1e-9]  # the reference is not better
+    assert np.mean(ratio >= 1.0) > 0.95
+    assert ratio.min() > 1.0 / 3.0
+    assert np.median(ratio) < 30.0
+
+
+def test_nothing_is_known_before_the_third_iterate():
+    history = solve(grid(), error=1e-4, **STOP).history
+    assert (history.estimate[:2] == 1.0).all()
+    assert history.estimate[2] != 1.0
+
+
+def test_without_the_stop_there_is_no_estimate():
+    assert len(solve(grid()).history.estimate) == 0
+
+
+def test_estimate_starts_afresh_with_each_solve():
+    """A second solve on the same object from the same start makes the same estimates."""
+    links = latinpc.Links.from_scene(grid(), comm=PETSc.COMM_SELF)
+    first, second = (solve(grid(), _links=links, **STOP).history.estimate for _ in range(2))
+    assert (first == second).all()
+
+
+# ---- what must not matter --------------------------------------------------------------------
+def test_units_do_not_matter():
+    """Forces in kN, displacements in mm: the estimates are relative."""
+    scene = irregular()
+    other = make("tensegrity-grid", modules=8, partition="metis")
+    scaled = other.__class__(
+        **{
+            **scene.__dict__,
+            "stiffness": scene.stiffness * 1e-6,
+            "prestrain": scene.prestrain * 1e3,
+            "nodes": scene.nodes * 1e3,
+            "load": scene.load * 1e-3,
+        }
+    )
+    for norm in ("l2", "energy"):
+        estimates = [solve(s, error_norm=norm, **STOP, **PLAIN).history.estimate for s in (scene, scaled)]
+        assert estimates[0] == pytest.approx(estimates[1], rel=1e-6)
+
+
+def test_ranks_do_not_matter(mpirun, tmp_path):
+    """The same estimates on one rank and on three."""
+    program = """
+        import json, sys
+        sys.path.insert(0, {tests!r})
+        import latinpc
+        from support import irregular, latin
+        norm, file = sys.argv[1:3]
+        links = latinpc.Links.from_scene(irregular())
+        with latin(irregular(), links, stop="error", error_norm=norm, outer_snes_type="nrichardson") as run:
+            run.snes.solve(None, links.create_vec())
+            if links.comm.rank == 0:
+                json.dump(latinpc.history(run.snes)["estimate"].tolist(), open(file, "w"))
+        """
+    program = "\n".join(line[8:] for line in program.splitlines()).format(tests=sys.path[0])
+    for norm in ("l2", "energy"):
+        found = []
+        for ranks in (1, 3):
+            file = tmp_path / f"{norm}{ranks}.json"
+            mpirun(ranks, program, norm, file)
+            found.append(json.loads(file.read_text()))
+        assert found[0] == pytest.approx(found[1], rel=1e-6)
+
+
+# ---- rounding --------------------------------------------------------------------------------
+@pytest.mark.parametrize("name", ["grid", "lattice"])
+def test_target_below_rounding_does_not_converge(name):
+    """The reason says that the inner solvers give no more, long before the maximum of iterations."""
+    scene = SCENES[name]()
+    result = solve(scene, by_newton(scene, 1e-12)[0], error=1e-15, max_it=500, **STOP)
+    assert result.reason == REASON.DIVERGED_INNER
+    assert result.iterations < 200
+    assert result.history.error_l2[-1] <= result.history.estimate[-1] < 1e-9
+
+
+def test_structure_that_one_linear_stage_solves():
+    """One subdomain of bars: the first iterate is exact but for rounding, and the estimate says so."""
+    scene = chain(parts=1)
+    result = solve(scene, error=1e-8, **STOP)
+    assert result.reason > 0
+    assert result.iterations == 1
+    assert result.history.estimate[-1] < 1e-9
+    assert far(result.u, oracle.newton(scene)) < 1e-9
+
+
+# ---- misuse, and what the user sees ------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("options", "cure"),
+    [
+        ({"error": 1e-3}, "add -snes_latin_stop error"),
+        ({"error": 0.0, **STOP}, "1e-4"),
+        ({"error": 2.0, **STOP}, "1e-4"),
+    ],
+)
+def test_misuse_is_told(options, cure):
+    with pytest.raises(PETSc.Error) as caught:
+        solve(grid(), **options)
+    assert cure in latinpc.error_message(caught.value)
+
+
+def told(line):
+    return run([*COMMAND, *shlex.split(line)], check=False)
+
+
+def test_command_line_tells_the_estimate():
+    result = told("solve tensegrity-grid --modules 8 -snes_latin_stop error -snes_latin_error 1e-3 -snes_latin_monitor")
+    assert result.returncode == 0
+    assert "estimated error l2" in result.stdout
+    assert "accuracy       estimated error" in result.stdout
+
+
+def test_command_line_tells_that_rounding_is_in_the_way():
+    result = told("solve tensegrity-grid --modules 8 -snes_latin_stop error -snes_latin_error 1e-15")
+    assert result.returncode == 1
+    assert "below what rounding leaves" in result.stderr
