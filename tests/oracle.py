@@ -15,7 +15,9 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
 RANK = 1e-6  # relative size below which a direction does not count
-FLOOR = 0.1  # least diagonal search direction of an interface, relative to its mean
+FLOOR = 0.1  # least diagonal search direction of an interface, or stiffness of a foundation, relative to its mean
+FOUNDATION = 0.005  # part of its diagonal added to the stiffness of a subdomain for a matrix direction
+FRACTION = {"scalar": 0.08, "diagonal": 0.08, "block": 0.25, "schur": 1.0}  # self-tuned direction
 VISIBLE = 1e-3  # share of a macro mode that must lie on the nodes that serve its interface
 OWNED = True  # do nodes of more than two subdomains serve an interface, see `macro_nodes`
 
@@ -166,6 +168,11 @@ def macro_basis(modes, d, serving):
     return fields @ v[visible > VISIBLE].T / np.sqrt(d)[:, None]
 
 
+def orthonormal(r, d):
+    """Columns of the same span with R^t D R = 1."""
+    return la.solve_triangular(la.cholesky(r.T @ d @ r, lower=True), r.T, lower=True).T if r.size else r
+
+
 # ---- set-up ------------------------------------------------------------------------------------
 def build(
     scene,
@@ -173,15 +180,16 @@ def build(
     corners="free",
     promote=True,
     d=None,
-    alpha=0.08,
-    diagonal=True,
+    alpha=None,
+    direction="diagonal",
     owned=OWNED,
     modes=affine_modes,
 ):
     """Everything that is built once: interfaces, subdomain operators, coarse factor.
 
-    d is a number (N/m), or None for alpha times the mean diagonal of the neighbours' stiffness
-    (`diagonal`: dof by dof). `owned`: see `macro_nodes`. modes: `affine_modes` or `rigid_modes`.
+    d is a number (N/m), or None for alpha (default `FRACTION`) times the mean of the neighbours' stiffness: its
+    mean diagonal, its diagonal, its block, or its Schur complement (`direction`). `owned`: see `macro_nodes`.
+    modes: `affine_modes` or `rigid_modes`.
     """
     b, e_d = kinematics(scene)
     latin = SimpleNamespace(scene=scene, e_d=e_d, free=~scene.fixed.ravel())
@@ -197,7 +205,7 @@ def build(
         for pair in micro_pairs(parts, weak, latin.primal[node], variant, corners):
             latin.micro[pair].append(node)
     latin.sides = [interface_side(latin, pair) for pair, nodes in latin.micro.items() if nodes]
-    directions(latin.sides, d, alpha, diagonal)
+    directions(latin, d, alpha or FRACTION[direction], direction)
     latin.n_z = number_macro(latin, owned)
     latin.n_macro = sum(side.r.shape[1] for side in latin.sides)
     latin.n_coarse = number_primal(latin)
@@ -226,12 +234,26 @@ def interface_side(latin, pair):
     return side
 
 
-def directions(sides, d, alpha, diagonal):
-    """The search direction d of every interface dof, (27); a spring must be there whatever the links."""
-    for side in sides:
-        mean = side.mean.mean() or np.concatenate([other.mean for other in sides]).mean() or 1.0
-        tuned = np.maximum(side.mean, FLOOR * mean) if diagonal else np.full(len(side.dofs), mean)
-        side.d = alpha * tuned if d is None else np.full(len(side.dofs), float(d))
+def directions(latin, d, alpha, direction):
+    """The search direction of every interface, a matrix `d` (27); a spring must be there whatever the links."""
+    for side in latin.sides:
+        mean = side.mean.mean() or np.concatenate([other.mean for other in latin.sides]).mean() or 1.0
+        if d is not None:
+            side.d = d * np.eye(len(side.dofs))
+        elif direction == "scalar":
+            side.d = alpha * mean * np.eye(len(side.dofs))
+        elif direction == "diagonal":
+            side.d = alpha * np.diag(np.maximum(side.mean, FLOOR * mean))
+        else:
+            both = [seen(latin.parts[i], at, direction) for i, at in zip(side.pair, side.local)]
+            side.d = alpha * (both[0] + both[1]) / 2
+
+
+def seen(part, at, direction):
+    """Stiffness of a subdomain, on an elastic foundation, at some of its dofs: its block or its Schur complement."""
+    diagonal = part.stiffness.diagonal()
+    k = part.stiffness + FOUNDATION * np.diag(np.maximum(diagonal, FLOOR * diagonal.mean()))
+    return np.linalg.inv(np.linalg.inv(k)[np.ix_(at, at)]) if direction == "schur" else k[np.ix_(at, at)]
 
 
 def number_macro(latin, owned):
@@ -245,7 +267,7 @@ def number_macro(latin, owned):
             modes = modes.reshape(-1, latin.scene.dim, modes.shape[1])[rows].reshape(-1, modes.shape[1])
             dofs = (np.array(nodes)[:, None] * latin.scene.dim + np.arange(latin.scene.dim)).ravel()
             visible = np.isin(side.dofs // latin.scene.dim, macro_nodes(latin, side.pair, owned))
-            side.r = macro_basis(modes[latin.free[dofs]], side.d, visible)
+            side.r = orthonormal(macro_basis(modes[latin.free[dofs]], side.d.diagonal(), visible), side.d)
         n, m = side.r.shape
         side.z = [slice(n_z, n_z + n), slice(n_z + n, n_z + 2 * n)]
         side.macro = np.arange(n_macro, n_macro + m)
@@ -304,11 +326,11 @@ def condense(part, sides):
     k = part.stiffness.copy()
     for side, which in sides:
         at = side.local[which]
-        k[at, at] += side.d
+        k[np.ix_(at, at)] += side.d
     a = np.zeros((sum(len(side.macro) for side, _ in sides), n))
     row = 0
     for side, which in sides:
-        a[row : row + len(side.macro), side.local[which]] = (side.d[:, None] * side.r).T
+        a[row : row + len(side.macro), side.local[which]] = (side.d @ side.r).T
         row += len(side.macro)
     is_primal = np.isin(part.dofs, list(part.coarse_of_dof))
     part.r, part.c = np.flatnonzero(~is_primal), np.flatnonzero(is_primal)
@@ -377,8 +399,8 @@ def local_stage(latin, x, u):
     for side in latin.sides:
         sent = []
         for i, at, z in zip(side.pair, side.local, side.z):
-            y = 2 * side.d * u[i][at] - x[z]
-            sent.append(y - side.d * (side.r @ (side.r.T @ y)))
+            y = 2 * side.d @ u[i][at] - x[z]
+            sent.append(y - side.d @ (side.r @ (side.r.T @ y)))
         new[side.z[0]], new[side.z[1]] = sent[1], sent[0]
     links = latin.nonsmooth
     k, ke0 = scene.stiffness[links], (scene.stiffness * scene.prestrain)[links]
@@ -408,7 +430,7 @@ def indicator(latin, x, new, u):
     """Distance between the two stages, relative to the energy of the elongations that carry tension."""
     k, dx = latin.scene.stiffness.copy(), new - x
     distance = np.sum(dx[latin.n_z :] ** 2 / (4 * k[latin.nonsmooth]))
-    distance += sum(np.sum(dx[z] ** 2 / (4 * side.d)) for side in latin.sides for z in side.z)
+    distance += sum(dx[z] @ np.linalg.solve(4 * side.d, dx[z]) for side in latin.sides for z in side.z)
     k[latin.nonsmooth[new[latin.n_z :] != (k * latin.scene.prestrain)[latin.nonsmooth]]] = 0.0  # slack
     energy = np.sum(k * elongations(latin, u) ** 2)
     return np.sqrt(distance / energy) if energy else np.sqrt(distance)

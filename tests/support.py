@@ -130,8 +130,8 @@ def oracle_options(options):
     ours = {"variant": options.get("variant", "corner"), "corners": options.get("corners", "free")}
     ours["promote"] = options.get("promote", True)
     ours["d"] = options.get("direction_scalar")
-    ours["alpha"] = options.get("direction_fraction", 0.08)
-    ours["diagonal"] = options.get("direction", "diagonal") == "diagonal"
+    ours["alpha"] = options.get("direction_fraction")
+    ours["direction"] = options.get("direction", "diagonal")
     return ours
 
 

@@ -226,7 +226,7 @@ CASES = {
     # options
     "variant": (r"cornr .*none macro corner", lambda: solve(square(), snes_latin_variant="cornr")),
     "corners": (r"fre .*free published", lambda: solve(square(), snes_latin_corners="fre")),
-    "direction": (r"block .*scalar diagonal", lambda: solve(square(), snes_latin_direction="block")),
+    "direction": (r"full .*scalar diagonal block schur", lambda: solve(square(), snes_latin_direction="full")),
     "stop": (r"soon .*indicator residual reference", lambda: solve(square(), snes_latin_stop="soon")),
     "subdomains": (
         r"Cannot make 9 subdomains of 8 links: .* at most",
@@ -242,7 +242,7 @@ CASES = {
         lambda: solve(square(), snes_latin_direction_scalar=-1),
     ),
     "direction_nan": (r"_scalar is nan.*positive", lambda: solve(square(), snes_latin_direction_scalar="nan")),
-    "fraction_zero": (r"_fraction is 0.*positive", lambda: solve(square(), snes_latin_direction_fraction=0)),
+    "fraction": (r"_fraction is -0.5.*positive", lambda: solve(square(), snes_latin_direction_fraction=-0.5)),
     "outer": (
         r"Unable to find requested SNES type picard",
         lambda: solve(square(), snes_latin_outer_snes_type="picard"),

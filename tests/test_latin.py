@@ -72,13 +72,15 @@ def test_iterates_are_the_oracles(name, variant, corners):
         {"direction": "diagonal"},
         {"direction": "scalar", "direction_fraction": 0.3},
         {"direction": "diagonal", "direction_fraction": 0.02},
+        {"direction": "block"},
+        {"direction": "schur"},
         {"direction_scalar": 3e6},
     ],
 )
 @pytest.mark.parametrize("variant", VARIANTS)
 @pytest.mark.parametrize("name", ["regular", "irregular", "settled"])
 def test_iterates_for_every_direction(name, variant, options):
-    """Scalar, diagonal or given: the third and the eighth iterate are the oracle's."""
+    """A number, a diagonal, a matrix or given: the third and the eighth iterate are the oracle's."""
     scene, options = SCENES[name](), {"variant": variant, **options}
     theirs = oracle.latin_history(scene, ITERATIONS, **oracle_options(options)).iterates
     for k in (3, 8):

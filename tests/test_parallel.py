@@ -71,6 +71,9 @@ def measure(comm, names=SCENES):
             found[f"{name}, {variant}"] = latin_case(scene, comm, variant=variant, **options, **ITERATIONS)
         if name in ("grid", "irregular"):
             found[f"{name}, plain"] = latin_case(scene, comm, corners="published", max_it=6, stol=0, **PLAIN)
+        if name in ("irregular", "lattice"):
+            for direction in ("block", "schur"):
+                found[f"{name}, {direction}"] = latin_case(scene, comm, direction=direction, **ITERATIONS)
         if name in ("grid", "lattice", "three links"):  # elsewhere conjugate gradients feel the rounding
             found[f"{name}, krylov"] = krylov_case(scene, comm)
     return found

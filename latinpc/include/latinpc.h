@@ -43,8 +43,10 @@ PETSC_EXTERN const char *const LatinModesTypes[];
 
 /* The micro search direction d of the interfaces */
 typedef enum {
-  LATIN_DIRECTION_SCALAR,  /* one number an interface */
-  LATIN_DIRECTION_DIAGONAL /* one number a degree of freedom of an interface */
+  LATIN_DIRECTION_SCALAR,   /* one number an interface */
+  LATIN_DIRECTION_DIAGONAL, /* one number a degree of freedom of an interface */
+  LATIN_DIRECTION_BLOCK,    /* a matrix an interface: the stiffness of the links there */
+  LATIN_DIRECTION_SCHUR     /* a matrix an interface: the stiffness of the subdomains there */
 } LatinDirectionType;
 PETSC_EXTERN const char *const LatinDirectionTypes[];
 

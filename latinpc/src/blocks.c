@@ -34,7 +34,8 @@ static PetscErrorCode LatinStreamAdd_Private(LatinStream *stream, const void *da
   PetscFunctionReturn(0);
 }
 
-static PetscErrorCode LatinStreamSubdomain_Private(Latin latin, PetscInt s, LatinStream *stream)
+/* bases: with the search directions and the macro bases, which an earlier stage has not made yet */
+static PetscErrorCode LatinStreamSubdomain_Private(Latin latin, PetscInt s, PetscBool bases, LatinStream *stream)
 {
   LatinSubstructure *sub   = &latin->sub;
   LatinInterfaces   *inter = &latin->inter;
@@ -47,7 +48,7 @@ static PetscErrorCode LatinStreamSubdomain_Private(Latin latin, PetscInt s, Lati
   stream->used = 0;
   PetscCall(LatinStreamAdd_Private(stream, head, sizeof(head)));
   for (PetscInt i = 0; i < dim * nodes; i++) {
-    const unsigned char flags = (unsigned char)((sub->fixed[dim * top + i] ? 1 : 0) | (latin->linear.primal_index[dim * top + i] >= 0 ? 2 : 0) | (inter->share_offset[top + i / dim + 1] > inter->share_offset[top + i / dim] ? 4 : 0));
+    const unsigned char flags = (unsigned char)((sub->fixed[dim * top + i] ? 1 : 0) | (inter->component[top + i / dim] >= 0 ? 2 : 0) | (inter->share_offset[top + i / dim + 1] > inter->share_offset[top + i / dim] ? 4 : 0));
 
     PetscCall(LatinStreamAdd_Private(stream, &flags, 1));
   }
@@ -60,7 +61,7 @@ static PetscErrorCode LatinStreamSubdomain_Private(Latin latin, PetscInt s, Lati
   PetscCall(LatinStreamAdd_Private(stream, sub->direction + dim * first, (size_t)(dim * links) * sizeof(PetscReal)));
   for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++) {
     const LatinInterface *face     = &inter->interface[f];
-    const PetscInt        sizes[2] = {face->side_last - face->side_first, face->modes};
+    const PetscInt        sizes[2] = {face->side_last - face->side_first, bases ? face->modes : 0};
 
     PetscCall(LatinStreamAdd_Private(stream, sizes, sizeof(sizes)));
     for (PetscInt k = face->side_first; k < face->side_last; k++) {
@@ -68,6 +69,8 @@ static PetscErrorCode LatinStreamSubdomain_Private(Latin latin, PetscInt s, Lati
 
       PetscCall(LatinStreamAdd_Private(stream, &dof, sizeof(dof)));
     }
+    if (!bases) continue;
+    PetscCall(LatinStreamAdd_Private(stream, &face->factor_first, sizeof(face->factor_first)));
     PetscCall(LatinStreamAdd_Private(stream, latin->macro.d + face->side_first, (size_t)sizes[0] * sizeof(PetscReal)));
     PetscCall(LatinStreamAdd_Private(stream, latin->macro.basis + face->basis_first, (size_t)(sizes[0] * face->modes) * sizeof(PetscReal)));
   }
@@ -96,7 +99,7 @@ static int LatinKeyCompare(const void *pa, const void *pb)
 }
 
 /* pattern[s]: the first subdomain equal to s */
-static PetscErrorCode LatinBlocksCompare_Private(Latin latin, PetscInt pattern[])
+PetscErrorCode LatinBlocksCompare_Private(Latin latin, PetscBool bases, PetscInt pattern[])
 {
   const PetscInt n = latin->sub.n;
   LatinStream    a, b;
@@ -107,7 +110,7 @@ static PetscErrorCode LatinBlocksCompare_Private(Latin latin, PetscInt pattern[]
   PetscCall(PetscMemzero(&b, sizeof(b)));
   PetscCall(PetscMalloc1(n, &key));
   for (PetscInt s = 0; s < n; s++) {
-    PetscCall(LatinStreamSubdomain_Private(latin, s, &a));
+    PetscCall(LatinStreamSubdomain_Private(latin, s, bases, &a));
     key[s].hash = a.hash;
     key[s].sub  = s;
     pattern[s]  = s;
@@ -116,11 +119,11 @@ static PetscErrorCode LatinBlocksCompare_Private(Latin latin, PetscInt pattern[]
   for (PetscInt i = 0; i < n;) {
     PetscInt j = i + 1;
 
-    if (j < n && key[j].hash == key[i].hash) PetscCall(LatinStreamSubdomain_Private(latin, key[i].sub, &a));
+    if (j < n && key[j].hash == key[i].hash) PetscCall(LatinStreamSubdomain_Private(latin, key[i].sub, bases, &a));
     for (; j < n && key[j].hash == key[i].hash; j++) {
       PetscBool same;
 
-      PetscCall(LatinStreamSubdomain_Private(latin, key[j].sub, &b));
+      PetscCall(LatinStreamSubdomain_Private(latin, key[j].sub, bases, &b));
       if (a.used != b.used) continue; /* a different subdomain with the same hash stays on its own */
       PetscCall(PetscMemcmp(a.bytes, b.bytes, a.used, &same));
       if (same) pattern[key[j].sub] = key[i].sub;
@@ -151,7 +154,7 @@ PetscErrorCode LatinBlocksSetUp(Latin latin)
 
   PetscFunctionBegin;
   PetscCall(PetscMalloc1(sub->n, &blocks->pattern));
-  PetscCall(LatinBlocksCompare_Private(latin, blocks->pattern));
+  PetscCall(LatinBlocksCompare_Private(latin, PETSC_TRUE, blocks->pattern));
   PetscCall(PetscCalloc3(sub->n, &count, sub->n, &index, sub->n + 1, &next));
   for (PetscInt s = 0; s < sub->n; s++) count[blocks->pattern[s]]++;
   for (PetscInt s = 0; s < sub->n; s++) {

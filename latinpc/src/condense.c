@@ -15,6 +15,17 @@
 
 #define LATIN_CONDENSE_COLUMNS 16 /* right-hand sides solved together: bounds the work space to that many copies of U */
 
+/* D R e_j on one interface: the forces of a unit macro force, a row of A. Behind them in work, R e_j. */
+static PetscErrorCode LatinCondenseDual_Private(Latin latin, const LatinInterface *face, PetscInt j, PetscReal work[])
+{
+  const PetscInt rows = face->side_last - face->side_first;
+
+  PetscFunctionBegin;
+  for (PetscInt r = 0; r < rows; r++) work[rows + r] = LatinMacroRow(&latin->macro, face, face->side_first + r)[j];
+  PetscCall(LatinDirectionApply(latin, face, work + rows, work));
+  PetscFunctionReturn(0);
+}
+
 /* Columns first..last of [A_r^t, K_rC] for all patterns of a batch at once: its matrix is block diagonal */
 static PetscErrorCode LatinCondenseColumns_Private(Latin latin, const LatinBatch *batch, PetscInt first, PetscInt last, PetscScalar b[])
 {
@@ -31,9 +42,11 @@ static PetscErrorCode LatinCondenseColumns_Private(Latin latin, const LatinBatch
       const LatinInterface *face = &inter->interface[f];
       const PetscInt        at   = face->local_first - latin->coarse.offset[s];
 
-      for (PetscInt j = PetscMax(first, at); j < PetscMin(last, at + face->modes); j++)
+      for (PetscInt j = PetscMax(first, at); j < PetscMin(last, at + face->modes); j++) {
+        PetscCall(LatinCondenseDual_Private(latin, face, j - at, latin->direction_work));
         for (PetscInt k = face->side_first; k < face->side_last; k++)
-          if (linear->primal_index[inter->side_dof[k]] < 0) b[(size_t)(inter->side_dof[k] + shift) + n * (size_t)(j - first)] += latin->macro.d[k] * LatinMacroRow(&latin->macro, face, k)[j - at];
+          if (linear->primal_index[inter->side_dof[k]] < 0) b[(size_t)(inter->side_dof[k] + shift) + n * (size_t)(j - first)] += latin->direction_work[k - face->side_first];
+      }
     }
     for (PetscInt c = linear->rc_first[s]; c < linear->rc_last[s]; c++) {
       const PetscInt j = macros + linear->rc_col[c];
@@ -89,7 +102,7 @@ static PetscErrorCode LatinCondenseSolve_Private(Latin latin, PetscInt which, KS
 }
 
 /* T (macros x macros) and N (macros x primals) of one subdomain, from [V_m, V_C] in phi */
-static void LatinCondenseMacro_Private(Latin latin, PetscInt s, const PetscScalar phi[], PetscScalar T[], PetscScalar N[])
+static PetscErrorCode LatinCondenseMacro_Private(Latin latin, PetscInt s, const PetscScalar phi[], PetscScalar T[], PetscScalar N[])
 {
   LatinInterfaces *inter  = &latin->inter;
   LatinLinear     *linear = &latin->linear;
@@ -97,24 +110,27 @@ static void LatinCondenseMacro_Private(Latin latin, PetscInt s, const PetscScala
   const PetscInt   macros = latin->coarse.macro_count[s], columns = latin->coarse.offset[s + 1] - latin->coarse.offset[s];
   const size_t     rows = (size_t)(dim * (latin->sub.node_offset[s + 1] - latin->sub.node_offset[s]));
 
+  PetscFunctionBegin;
   for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++) {
     const LatinInterface *face = &inter->interface[f];
     const PetscInt        at   = face->local_first - latin->coarse.offset[s];
 
-    for (PetscInt k = face->side_first; k < face->side_last; k++) {
-      const PetscInt   dof = inter->side_dof[k], primal = linear->primal_index[dof];
-      const PetscReal *row = LatinMacroRow(&latin->macro, face, k), d = latin->macro.d[k];
+    for (PetscInt i = 0; i < face->modes; i++) {
+      PetscCall(LatinCondenseDual_Private(latin, face, i, latin->direction_work));
+      for (PetscInt k = face->side_first; k < face->side_last; k++) {
+        const PetscInt  dof = inter->side_dof[k], primal = linear->primal_index[dof];
+        const PetscReal a = latin->direction_work[k - face->side_first];
 
-      for (PetscInt i = 0; i < face->modes; i++) {
         if (primal >= 0) {
-          N[at + i + macros * primal] += d * row[i];
+          N[at + i + macros * primal] += a;
           continue;
         }
-        for (PetscInt j = 0; j < macros; j++) T[at + i + macros * j] += d * row[i] * phi[(size_t)(dof - top) + rows * (size_t)j];
-        for (PetscInt j = macros; j < columns; j++) N[at + i + macros * (j - macros)] -= d * row[i] * phi[(size_t)(dof - top) + rows * (size_t)j];
+        for (PetscInt j = 0; j < macros; j++) T[at + i + macros * j] += a * phi[(size_t)(dof - top) + rows * (size_t)j];
+        for (PetscInt j = macros; j < columns; j++) N[at + i + macros * (j - macros)] -= a * phi[(size_t)(dof - top) + rows * (size_t)j];
       }
     }
   }
+  PetscFunctionReturn(0);
 }
 
 /* H and Phi of one subdomain; K_CC stands in H already */
@@ -136,7 +152,7 @@ static PetscErrorCode LatinCondenseSubdomain_Private(Latin latin, PetscInt s, Pe
   rows = (size_t)br;
   PetscCall(PetscArrayzero(T, macros * macros));
   PetscCall(PetscArrayzero(N, macros * primals));
-  LatinCondenseMacro_Private(latin, s, phi, T, N);
+  PetscCall(LatinCondenseMacro_Private(latin, s, phi, T, N));
   /* - K_Cr V_C */
   for (PetscInt p = linear->rc_first[s]; p < linear->rc_last[s]; p++)
     for (PetscInt j = 0; j < primals; j++) H[macros + linear->rc_col[p] + m * (macros + j)] -= linear->rc_value[p] * phi[(size_t)linear->rc_row[p] + rows * (size_t)(macros + j)];

@@ -1,66 +1,314 @@
 #include "latinimpl.h"
 
 /*
-   The micro search direction d of the interfaces, one positive number a side degree of freedom, the same on both
-   sides. Self-tuned: a fraction of the stiffness that the two subdomains show at the interface (the diagonal of
-   B^t k B), averaged over the interface for `scalar`. Section 6 explains why a stiffness of the subdomain is the right
-   scale; the fraction is a property of the iteration, not of the units.
+   The micro search direction D of the interfaces, the same on both sides: a positive number a side degree of freedom,
+   or a symmetric positive definite matrix. Self-tuned: a fraction of the mean stiffness that the two subdomains show
+   at the interface, see stiffness.c. Section 6 explains why a stiffness of the subdomain is the right scale; the
+   fraction is a property of the iteration, not of the units.
+
+     scalar    the mean over the interface of the diagonal of B^t k B
+     diagonal  that diagonal
+     block     its block on the interface
+     schur     its Schur complement on the interface
+
+   A matrix is stored as its Cholesky factor, D = L L^t, once for equal ones: D x, x^t D^-1 x and R^t D R = 1 all
+   follow from it. The other stages know no more of a direction than the functions of this file.
 */
 
-static PetscErrorCode LatinDirectionDiagonal_Private(Latin latin, PetscReal diagonal[])
+#define LATIN_DIRECTION_FLOOR 0.1 /* least diagonal direction of an interface, relative to its mean */
+
+/* What is given, or the default of the type: least iterations over many structures, regular and irregular */
+PetscReal LatinDirectionFraction(Latin latin)
 {
-  LatinSubstructure *sub = &latin->sub;
-  const PetscInt     dim = latin->links->dim;
+  const PetscReal fraction[] = {0.08, 0.08, 0.25, 1.0};
+
+  return latin->direction_fraction > 0.0 ? latin->direction_fraction : fraction[latin->direction];
+}
+
+static PetscErrorCode LatinDirectionDiagonal_Private(Latin latin, PetscReal fraction)
+{
+  LatinInterfaces *inter = &latin->inter;
+  PetscReal       *diagonal, *mine, *mate, sum[2] = {0.0, 0.0}, fallback;
 
   PetscFunctionBegin;
-  PetscCall(PetscArrayzero(diagonal, dim * sub->copies));
-  for (PetscInt l = 0; l < sub->links; l++)
-    for (PetscInt c = 0; c < dim; c++) {
-      const PetscReal v = sub->stiffness[l] * PetscSqr(sub->direction[dim * l + c]);
+  PetscCall(PetscMalloc3(latin->links->dim * latin->sub.copies, &diagonal, inter->sides, &mine, inter->sides, &mate));
+  PetscCall(LatinStiffnessDiagonal_Private(latin, diagonal));
+  for (PetscInt k = 0; k < inter->sides; k++) mine[k] = diagonal[inter->side_dof[k]];
+  PetscCall(LatinSFBcast_Private(inter->mate_sf, 1, MPIU_REAL, mine, mate));
+  for (PetscInt k = 0; k < inter->sides; k++) sum[0] += 0.5 * (mine[k] + mate[k]);
+  sum[1] = inter->sides;
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)latin)));
+  fallback = sum[0] > 0.0 ? sum[0] / sum[1] : 1.0;
+  for (PetscInt f = 0; f < inter->count; f++) {
+    const LatinInterface *face = &inter->interface[f];
+    PetscReal             mean = 0.0;
 
-      diagonal[dim * sub->ends[2 * l] + c] += v;
-      diagonal[dim * sub->ends[2 * l + 1] + c] += v;
+    /* the sums run over the same numbers in the same order on both sides: the results are the same to the bit */
+    for (PetscInt k = face->side_first; k < face->side_last; k++) mean += 0.5 * (mine[k] + mate[k]);
+    if (face->side_last > face->side_first) mean /= face->side_last - face->side_first;
+    if (!(mean > 0.0)) mean = fallback; /* no link of the two subdomains pulls in these directions */
+    for (PetscInt k = face->side_first; k < face->side_last; k++) {
+      /* a dof that hardly any link reaches must not lose its spring: K_E stays regular thanks to it */
+      const PetscReal own = PetscMax(0.5 * (mine[k] + mate[k]), LATIN_DIRECTION_FLOOR * mean);
+
+      latin->macro.d[k] = fraction * (latin->direction == LATIN_DIRECTION_SCALAR ? mean : own);
     }
+  }
+  PetscCall(PetscFree3(diagonal, mine, mate));
+  PetscFunctionReturn(0);
+}
+
+/* ---- matrices ---- */
+
+/* Lower Cholesky factor in place, upper part zero. Plain loops: equal matrices give equal bits wherever they lie in memory. */
+static PetscBool LatinCholesky(PetscInt n, PetscReal A[])
+{
+  for (PetscInt j = 0; j < n; j++) {
+    for (PetscInt i = 0; i < j; i++) A[i + n * j] = 0.0;
+    if (!(A[j + n * j] > 0.0) || PetscIsInfOrNanReal(A[j + n * j])) return PETSC_FALSE;
+    A[j + n * j] = PetscSqrtReal(A[j + n * j]);
+    for (PetscInt i = j + 1; i < n; i++) A[i + n * j] /= A[j + n * j];
+    for (PetscInt k = j + 1; k < n; k++)
+      for (PetscInt i = k; i < n; i++) A[i + n * k] -= A[i + n * j] * A[k + n * j];
+  }
+  return PETSC_TRUE;
+}
+
+typedef struct {
+  PetscInt64 hash;
+  PetscInt   face;
+} LatinFaceKey;
+
+static int LatinFaceKeyCompare(const void *pa, const void *pb)
+{
+  const LatinFaceKey *a = (const LatinFaceKey *)pa, *b = (const LatinFaceKey *)pb;
+
+  if (a->hash != b->hash) return a->hash < b->hash ? -1 : 1;
+  return a->face < b->face ? -1 : (a->face > b->face ? 1 : 0);
+}
+
+/* Factors the matrices D + first[f], each different one once */
+static PetscErrorCode LatinDirectionFactor_Private(Latin latin, const PetscReal D[], const size_t first[], PetscBool *bad)
+{
+  LatinInterfaces *inter = &latin->inter;
+  LatinFaceKey    *key;
+  PetscInt         used = 0;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMalloc1(inter->count, &key));
+  for (PetscInt f = 0; f < inter->count; f++) {
+    uint64_t hash = 1469598103934665603u; /* FNV-1a */
+
+    for (size_t i = first[f]; i < first[f + 1]; i++) {
+      uint64_t word;
+
+      PetscCall(PetscMemcpy(&word, D + i, sizeof(word)));
+      hash = (hash ^ word) * 1099511628211u;
+      hash ^= hash >> 29;
+    }
+    key[f].hash = (PetscInt64)(hash >> 1);
+    key[f].face = f;
+  }
+  qsort(key, (size_t)inter->count, sizeof(*key), LatinFaceKeyCompare);
+  for (PetscInt i = 0; i < inter->count; i++) {
+    const PetscInt f    = key[i].face;
+    PetscBool      same = PETSC_FALSE;
+
+    inter->interface[f].factor_first = -1;
+    if (first[f + 1] == first[f]) continue;
+    for (PetscInt j = i - 1; j >= 0 && key[j].hash == key[i].hash && !same; j--) {
+      const PetscInt g = key[j].face;
+
+      if (first[g + 1] - first[g] == first[f + 1] - first[f]) PetscCall(PetscMemcmp(D + first[f], D + first[g], (first[f + 1] - first[f]) * sizeof(*D), &same));
+      if (same) inter->interface[f].factor_first = inter->interface[g].factor_first;
+    }
+    if (same) continue;
+    inter->interface[f].factor_first = used;
+    used += (PetscInt)(first[f + 1] - first[f]);
+  }
+  PetscCall(PetscMalloc1(used + 1, &latin->macro.factor)); /* not NULL on a rank without interfaces either */
+  used = 0;
+  for (PetscInt i = 0; i < inter->count; i++) {
+    const PetscInt f = key[i].face, rows = inter->interface[f].side_last - inter->interface[f].side_first;
+
+    if (inter->interface[f].factor_first != used || !rows) continue;
+    PetscCall(PetscMemcpy(latin->macro.factor + used, D + first[f], (first[f + 1] - first[f]) * sizeof(*D)));
+    if (!LatinCholesky(rows, latin->macro.factor + used)) *bad = PETSC_TRUE;
+    used += rows * rows;
+  }
+  PetscCall(PetscFree(key));
+  PetscFunctionReturn(0);
+}
+
+/* The mean of the two sides' matrices, exchanged column by column */
+static PetscErrorCode LatinDirectionMatrix_Private(Latin latin, PetscReal fraction)
+{
+  LatinInterfaces *inter = &latin->inter;
+  size_t          *from, *first;
+  PetscReal       *S, *D, *mine, *mate;
+  PetscInt         widest = 0;
+  PetscBool        bad    = PETSC_FALSE;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMalloc2(inter->count, &from, inter->count + 1, &first));
+  PetscCall(LatinStiffnessFaces_Private(latin, latin->direction, from, &S));
+  first[0] = 0;
+  for (PetscInt f = 0; f < inter->count; f++) {
+    const PetscInt rows = inter->interface[f].side_last - inter->interface[f].side_first;
+
+    first[f + 1] = first[f] + (size_t)rows * (size_t)rows;
+    widest       = PetscMax(widest, rows);
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &widest, 1, MPIU_INT, MPI_MAX, PetscObjectComm((PetscObject)latin)));
+  PetscCall(PetscMalloc1(first[inter->count], &D));
+  PetscCall(PetscCalloc2(inter->sides, &mine, inter->sides, &mate));
+  for (PetscInt j = 0; j < widest; j++) {
+    for (PetscInt f = 0; f < inter->count; f++) {
+      const LatinInterface *face = &inter->interface[f];
+      const PetscInt        rows = face->side_last - face->side_first;
+
+      if (j < rows) PetscCall(PetscArraycpy(mine + face->side_first, S + from[f] + rows * j, rows));
+    }
+    PetscCall(LatinSFBcast_Private(inter->mate_sf, 1, MPIU_REAL, mine, mate));
+    for (PetscInt f = 0; f < inter->count; f++) {
+      const LatinInterface *face = &inter->interface[f];
+      const PetscInt        rows = face->side_last - face->side_first;
+
+      if (j >= rows) continue;
+      for (PetscInt r = 0; r < rows; r++) D[first[f] + (size_t)(r + rows * j)] = fraction * 0.5 * (mine[face->side_first + r] + mate[face->side_first + r]);
+      latin->macro.d[face->side_first + j] = D[first[f] + (size_t)(j + rows * j)];
+    }
+  }
+  PetscCall(PetscFree2(mine, mate));
+  PetscCall(PetscFree(S));
+  PetscCall(LatinDirectionFactor_Private(latin, D, first, &bad));
+  PetscCall(PetscFree(D));
+  PetscCall(PetscFree2(from, first));
+  LatinAgree(PetscObjectComm((PetscObject)latin), bad, PETSC_ERR_MAT_CH_ZRPVT, "The search direction %s of an interface is not positive definite to rounding; choose another -%sdirection, e.g. diagonal", LatinDirectionTypes[latin->direction],
+             ((PetscObject)latin)->prefix ? ((PetscObject)latin)->prefix : "");
   PetscFunctionReturn(0);
 }
 
 PetscErrorCode LatinDirectionSetUp(Latin latin)
 {
-  LatinSubstructure *sub   = &latin->sub;
-  LatinInterfaces   *inter = &latin->inter;
-  PetscReal         *diagonal, *mine, *mate, sum[2] = {0.0, 0.0}, fallback;
+  LatinInterfaces *inter   = &latin->inter;
+  PetscInt         longest = 0;
 
   PetscFunctionBegin;
   PetscCall(PetscLogEventBegin(LATIN_Direction, latin, 0, 0, 0));
+  for (PetscInt f = 0; f < inter->count; f++) {
+    longest                          = PetscMax(longest, inter->interface[f].side_last - inter->interface[f].side_first);
+    inter->interface[f].factor_first = -1;
+  }
   PetscCall(PetscMalloc1(inter->sides, &latin->macro.d));
+  PetscCall(PetscMalloc1(2 * longest, &latin->direction_work));
   if (latin->direction_scalar > 0.0) {
     for (PetscInt k = 0; k < inter->sides; k++) latin->macro.d[k] = latin->direction_scalar;
-  } else {
-    PetscCall(PetscMalloc3(latin->links->dim * sub->copies, &diagonal, inter->sides, &mine, inter->sides, &mate));
-    PetscCall(LatinDirectionDiagonal_Private(latin, diagonal));
-    for (PetscInt k = 0; k < inter->sides; k++) mine[k] = diagonal[inter->side_dof[k]];
-    PetscCall(LatinSFBcast_Private(inter->mate_sf, 1, MPIU_REAL, mine, mate));
-    for (PetscInt k = 0; k < inter->sides; k++) sum[0] += 0.5 * (mine[k] + mate[k]);
-    sum[1] = inter->sides;
-    PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)latin)));
-    fallback = sum[0] > 0.0 ? sum[0] / sum[1] : 1.0;
-    for (PetscInt f = 0; f < inter->count; f++) {
-      const LatinInterface *face = &inter->interface[f];
-      PetscReal             mean = 0.0;
-
-      /* the sums run over the same numbers in the same order on both sides: the results are the same to the bit */
-      for (PetscInt k = face->side_first; k < face->side_last; k++) mean += 0.5 * (mine[k] + mate[k]);
-      if (face->side_last > face->side_first) mean /= face->side_last - face->side_first;
-      if (!(mean > 0.0)) mean = fallback; /* no link of the two subdomains pulls in these directions */
-      for (PetscInt k = face->side_first; k < face->side_last; k++) {
-        /* a dof that hardly any link reaches must not lose its spring: K_E stays regular thanks to it */
-        const PetscReal own = PetscMax(0.5 * (mine[k] + mate[k]), 0.1 * mean);
-
-        latin->macro.d[k] = latin->direction_fraction * (latin->direction == LATIN_DIRECTION_DIAGONAL ? own : mean);
-      }
-    }
-    PetscCall(PetscFree3(diagonal, mine, mate));
-  }
+  } else if (latin->direction == LATIN_DIRECTION_SCALAR || latin->direction == LATIN_DIRECTION_DIAGONAL) PetscCall(LatinDirectionDiagonal_Private(latin, LatinDirectionFraction(latin)));
+  else PetscCall(LatinDirectionMatrix_Private(latin, LatinDirectionFraction(latin)));
   PetscCall(PetscLogEventEnd(LATIN_Direction, latin, 0, 0, 0));
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode LatinDirectionReset(Latin latin)
+{
+  PetscFunctionBegin;
+  PetscCall(PetscFree(latin->macro.d));
+  PetscCall(PetscFree(latin->macro.factor));
+  PetscCall(PetscFree(latin->direction_work));
+  PetscFunctionReturn(0);
+}
+
+/* ---- what the other stages do with a direction: arguments are vectors on the side dofs of one interface ---- */
+
+/* y = D x */
+PetscErrorCode LatinDirectionApply(Latin latin, const LatinInterface *face, const PetscReal x[], PetscReal y[])
+{
+  const PetscInt     rows = face->side_last - face->side_first;
+  const PetscReal   *d    = latin->macro.d + face->side_first;
+  const PetscBLASInt inc  = 1;
+  PetscBLASInt       n;
+
+  PetscFunctionBegin;
+  if (face->factor_first < 0) {
+    for (PetscInt r = 0; r < rows; r++) y[r] = d[r] * x[r];
+    PetscFunctionReturn(0);
+  }
+  PetscCall(PetscBLASIntCast(rows, &n));
+  PetscCall(PetscArraycpy(y, x, rows));
+  PetscCallBLAS("BLAStrmv", BLAStrmv_("L", "T", "N", &n, latin->macro.factor + face->factor_first, &n, y, &inc));
+  PetscCallBLAS("BLAStrmv", BLAStrmv_("L", "N", "N", &n, latin->macro.factor + face->factor_first, &n, y, &inc));
+  PetscFunctionReturn(0);
+}
+
+/* sum += (a - b)^t D^-1 (a - b) / 4: with a - b = 2 D v, the energy v^t D v */
+PetscErrorCode LatinDirectionEnergy(Latin latin, const LatinInterface *face, const PetscReal a[], const PetscReal b[], PetscReal *sum)
+{
+  const PetscInt     rows = face->side_last - face->side_first;
+  const PetscReal   *d    = latin->macro.d + face->side_first;
+  const PetscScalar  one  = 1.0;
+  const PetscBLASInt inc  = 1;
+  PetscReal         *v    = latin->direction_work;
+  PetscBLASInt       n;
+
+  PetscFunctionBegin;
+  if (face->factor_first < 0) {
+    for (PetscInt r = 0; r < rows; r++) *sum += (a[r] - b[r]) * (a[r] - b[r]) / (4.0 * d[r]);
+    PetscFunctionReturn(0);
+  }
+  PetscCall(PetscBLASIntCast(rows, &n));
+  for (PetscInt r = 0; r < rows; r++) v[r] = a[r] - b[r];
+  PetscCallBLAS("BLAStrsm", BLAStrsm_("L", "L", "N", "N", &n, &inc, &one, latin->macro.factor + face->factor_first, &n, v, &n));
+  for (PetscInt r = 0; r < rows; r++) *sum += 0.25 * v[r] * v[r];
+  PetscFunctionReturn(0);
+}
+
+/* Springs that a diagonal direction puts on the copies, part of K_E (28) */
+PetscErrorCode LatinDirectionSprings_Private(Latin latin, PetscReal spring[])
+{
+  LatinInterfaces *inter = &latin->inter;
+
+  PetscFunctionBegin;
+  PetscCall(PetscArrayzero(spring, latin->links->dim * latin->sub.copies));
+  for (PetscInt f = 0; f < inter->count; f++)
+    if (inter->interface[f].factor_first < 0)
+      for (PetscInt k = inter->interface[f].side_first; k < inter->interface[f].side_last; k++) spring[inter->side_dof[k]] += latin->macro.d[k];
+  PetscFunctionReturn(0);
+}
+
+/* Row r of the matrix of an interface: what the springs of a matrix direction put in K_E */
+void LatinDirectionRow(Latin latin, const LatinInterface *face, PetscInt r, PetscReal row[])
+{
+  const PetscInt   n = face->side_last - face->side_first;
+  const PetscReal *L = latin->macro.factor + face->factor_first;
+
+  for (PetscInt q = 0; q < n; q++) {
+    row[q] = 0.0;
+    for (PetscInt k = 0; k <= PetscMin(q, r); k++) row[q] += L[r + n * k] * L[q + n * k];
+  }
+}
+
+/* Makes the columns of R, orthonormal in the diagonal of a matrix direction, orthonormal in the matrix, with the same span */
+PetscErrorCode LatinDirectionNormalise(Latin latin, const LatinInterface *face, PetscInt modes, PetscReal R[])
+{
+  const PetscInt     rows = face->side_last - face->side_first;
+  const PetscScalar  one = 1.0, zero = 0.0;
+  const PetscBLASInt inc = 1;
+  PetscReal         *W, *G;
+  PetscBLASInt       n, m;
+
+  PetscFunctionBegin;
+  if (face->factor_first < 0 || !modes) PetscFunctionReturn(0);
+  PetscCall(PetscBLASIntCast(rows, &n));
+  PetscCall(PetscBLASIntCast(modes, &m));
+  PetscCall(PetscMalloc2(rows * modes, &W, modes * modes, &G));
+  for (PetscInt pass = 0; pass < 2; pass++) { /* twice: orthonormal to rounding though the first Gram matrix be ill-conditioned */
+    PetscCall(PetscArraycpy(W, R, rows * modes));
+    for (PetscInt j = 0; j < modes; j++) PetscCallBLAS("BLAStrmv", BLAStrmv_("L", "T", "N", &n, latin->macro.factor + face->factor_first, &n, W + rows * j, &inc));
+    PetscCallBLAS("BLASgemm", BLASgemm_("T", "N", &m, &m, &n, &one, W, &n, W, &n, &zero, G, &m));
+    PetscCheck(LatinCholesky(modes, G), PETSC_COMM_SELF, PETSC_ERR_PLIB, "The macro modes of an interface are dependent in its search direction");
+    PetscCallBLAS("BLAStrsm", BLAStrsm_("R", "L", "T", "N", &n, &m, &one, G, &m, R, &n));
+  }
+  PetscCall(PetscFree2(W, G));
   PetscFunctionReturn(0);
 }

@@ -7,7 +7,7 @@
 
 const char *const        LatinVariants[]       = {"none", "macro", "corner", "LatinVariant", "LATIN_VARIANT_", NULL};
 const char *const        LatinModesTypes[]     = {"affine", "rigid", "LatinModesType", "LATIN_MODES_", NULL};
-const char *const        LatinDirectionTypes[] = {"scalar", "diagonal", "LatinDirectionType", "LATIN_DIRECTION_", NULL};
+const char *const        LatinDirectionTypes[] = {"scalar", "diagonal", "block", "schur", "LatinDirectionType", "LATIN_DIRECTION_", NULL};
 const char *const        LatinStopTypes[]      = {"indicator", "residual", "reference", "error", "LatinStopType", "LATIN_STOP_", NULL};
 const char *const        LatinErrorNorms[]     = {"l2", "energy", "LatinErrorNorm", "LATIN_NORM_", NULL};
 static const char *const LatinCornerTypes[]    = {"free", "published", "LatinCornerType", "LATIN_CORNER_", NULL};
@@ -28,7 +28,6 @@ PetscErrorCode LatinCreate_Private(MPI_Comm comm, Latin *newlatin)
   latin->promote             = PETSC_TRUE;
   latin->links_per_subdomain = 256;
   latin->direction           = LATIN_DIRECTION_DIAGONAL;
-  latin->direction_fraction  = 0.08;
   latin->coarse_groups       = 3;
   *newlatin                  = latin;
   PetscFunctionReturn(0);
@@ -62,7 +61,7 @@ PetscErrorCode LatinSetFromOptions_Private(Latin latin, PetscOptionItems *PetscO
   PetscCall(PetscOptionsRangeInt(LATIN_OPTION("subdomain_links"), "Links per subdomain when no number of subdomains is given", "LatinLinksSetSubdomains", latin->links_per_subdomain, &latin->links_per_subdomain, NULL, 1, PETSC_MAX_INT));
   PetscCall(PetscOptionsEnum(LATIN_OPTION("direction"), "Micro search direction of the interfaces", "LatinDirectionType", LatinDirectionTypes, (PetscEnum)latin->direction, (PetscEnum *)&latin->direction, NULL));
   PetscCall(PetscOptionsReal(LATIN_OPTION("direction_scalar"), "Value of the scalar search direction d (force/length), 0 = self-tuned", "None", latin->direction_scalar, &latin->direction_scalar, NULL));
-  PetscCall(PetscOptionsReal(LATIN_OPTION("direction_fraction"), "Self-tuned direction as a fraction of the interface stiffness", "None", latin->direction_fraction, &latin->direction_fraction, NULL));
+  PetscCall(PetscOptionsReal(LATIN_OPTION("direction_fraction"), "Self-tuned direction as a fraction of the interface stiffness, 0 = the default of the type", "None", latin->direction_fraction, &latin->direction_fraction, NULL));
   PetscCall(PetscOptionsEList(LATIN_OPTION("corners"), "Micro springs on corners: dropped (free), or kept as in (28) (published)", "None", LatinCornerTypes, 2, LatinCornerTypes[corners], &corners, NULL));
   PetscCall(PetscOptionsBool(LATIN_OPTION("promote"), "Make every node of three or more subdomains a corner (variant corner)", "None", latin->promote, &latin->promote, NULL));
   PetscCall(
@@ -75,8 +74,8 @@ PetscErrorCode LatinSetFromOptions_Private(Latin latin, PetscOptionItems *PetscO
     latin->stale = PETSC_TRUE;
   PetscCheck(latin->direction_scalar >= 0.0 && !PetscIsInfOrNanReal(latin->direction_scalar), PetscObjectComm((PetscObject)latin), PETSC_ERR_ARG_OUTOFRANGE, "%s is %g; the search direction is a positive stiffness (0 = self-tuned)",
              LATIN_OPTION("direction_scalar"), (double)latin->direction_scalar);
-  PetscCheck(latin->direction_fraction > 0.0 && !PetscIsInfOrNanReal(latin->direction_fraction), PetscObjectComm((PetscObject)latin), PETSC_ERR_ARG_OUTOFRANGE, "%s is %g; it is a positive number", LATIN_OPTION("direction_fraction"),
-             (double)latin->direction_fraction);
+  PetscCheck(latin->direction_fraction >= 0.0 && !PetscIsInfOrNanReal(latin->direction_fraction), PetscObjectComm((PetscObject)latin), PETSC_ERR_ARG_OUTOFRANGE, "%s is %g; it is a positive number (0 = the default of the type)",
+             LATIN_OPTION("direction_fraction"), (double)latin->direction_fraction);
 #undef LATIN_OPTION
   PetscFunctionReturn(0);
 }
@@ -127,6 +126,7 @@ PetscErrorCode LatinReset_Private(Latin latin)
   PetscCall(LatinCoarseReset(latin));
   PetscCall(LatinLinearReset(latin));
   PetscCall(LatinMacroReset(latin));
+  PetscCall(LatinDirectionReset(latin));
   PetscCall(LatinInterfaceReset(latin));
   PetscCall(LatinSubstructureReset(latin));
   PetscCall(PetscFree(latin->outgoing));
@@ -159,7 +159,7 @@ PetscErrorCode LatinView_Private(Latin latin, PetscViewer viewer)
   PetscCall(PetscViewerASCIIPrintf(viewer, "variant %s, %s macro fields%s%s\n", LatinVariants[latin->variant], LatinModesTypes[latin->modes], latin->published ? ", micro springs on corners" : "",
                                    latin->promote && latin->variant == LATIN_VARIANT_CORNER ? ", nodes of three or more subdomains are corners" : ""));
   if (latin->direction_scalar > 0.0) PetscCall(PetscViewerASCIIPrintf(viewer, "search direction: scalar, d = %g given\n", (double)latin->direction_scalar));
-  else PetscCall(PetscViewerASCIIPrintf(viewer, "search direction: %s, self-tuned to %g of the interface stiffness\n", LatinDirectionTypes[latin->direction], (double)latin->direction_fraction));
+  else PetscCall(PetscViewerASCIIPrintf(viewer, "search direction: %s, self-tuned to %g of the interface stiffness\n", LatinDirectionTypes[latin->direction], (double)LatinDirectionFraction(latin)));
   if (!latin->set_up) PetscFunctionReturn(0);
   PetscCall(LatinGetStatistics(latin, &stats));
   PetscCall(PetscObjectView((PetscObject)latin->links, viewer));

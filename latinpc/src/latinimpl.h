@@ -150,6 +150,7 @@ typedef struct {
   PetscBool strong;
   PetscInt  side_first, side_last; /* its degrees of freedom among the side dofs */
   PetscInt  modes;                 /* macro modes kept */
+  PetscInt  factor_first;          /* where the factor of its search direction starts, -1: the direction is diagonal */
   PetscInt  basis_first;           /* where its rows of R start in the macro bases */
   PetscInt  coarse_first;          /* global number of the first one in the coarse problem */
   PetscInt  local_first;           /* position of the first one among the coarse dofs of the subdomains here */
@@ -179,8 +180,9 @@ typedef struct {
 
 /* ---- search direction and macro bases (direction.c, macro.c) ---- */
 typedef struct {
-  PetscReal *d;     /* [sides] micro search direction, force/length */
-  PetscReal *basis; /* R of each interface from basis_first on, [side dofs of the interface][modes], with R^t d R = 1 */
+  PetscReal *d;      /* [sides] micro search direction, force/length; of a matrix, its diagonal */
+  PetscReal *factor; /* matrix directions: L of D = L L^t, column-major; equal ones are stored once; NULL if there is none */
+  PetscReal *basis;  /* R of each interface from basis_first on, [side dofs of the interface][modes], with R^t d R = 1 */
 } LatinMacro;
 
 /* The row of R at a side dof of the interface */
@@ -222,6 +224,16 @@ typedef struct {
   PetscInt  **ci, **cj; /* rows of K */
   PetscReal **ca;
 } LatinBlockSolver;
+
+/* ---- rows of the subdomains' stiffness (graph.c) ---- */
+typedef struct {
+  PetscInt  *offset, *list;           /* links at each copy */
+  PetscInt  *neighbour;               /* work: copies joined to one copy, itself included */
+  PetscReal *block;                   /* work: their dim x dim blocks */
+  PetscInt  *slot;                    /* [copies] work: position among the neighbours, -1 */
+  PetscInt  *face_offset, *face_list; /* interfaces with a matrix for a search direction at each copy; NULL if there is none */
+  PetscReal *row;                     /* work: a row of such a matrix */
+} LatinGraph;
 
 /* ---- linear stage (linear.c, condense.c): operators of the subdomains ---- */
 typedef struct {
@@ -313,7 +325,7 @@ struct _p_Latin {
   PetscInt           links_per_subdomain;
   LatinDirectionType direction;
   PetscReal          direction_scalar;   /* 0 = self-tuned */
-  PetscReal          direction_fraction; /* of the stiffness seen at the interface, when self-tuned */
+  PetscReal          direction_fraction; /* of the stiffness seen at the interface, when self-tuned; 0 = the default of the type */
   PetscInt           coarse_groups;      /* width of the groups of nested.c in elements, 1 = none */
   PetscBool          tangent;            /* operators from the links' tangent stiffness of the last Jacobian */
   LatinSubstructure  sub;
@@ -325,11 +337,12 @@ struct _p_Latin {
   PetscBool          set_up;
   PetscBool          failed; /* an inner solver failed in the last linear stage */
   PetscObjectState   load_state, prestrain_state, links_state;
-  PetscReal         *outgoing;  /* [sides] work: the data that the mates receive */
-  PetscReal          indicator; /* of the last application, relative */
-  PetscReal          distance;  /* the same, not divided: square root of an energy */
-  PetscReal          noise;     /* what rounding alone leaves of it */
-  PetscBool          stale;     /* options have changed since the set-up */
+  PetscReal         *outgoing;       /* [sides] work: the data that the mates receive */
+  PetscReal         *direction_work; /* work: two vectors on the largest interface */
+  PetscReal          indicator;      /* of the last application, relative */
+  PetscReal          distance;       /* the same, not divided: square root of an energy */
+  PetscReal          noise;          /* what rounding alone leaves of it */
+  PetscBool          stale;          /* options have changed since the set-up */
 };
 
 PETSC_INTERN PetscErrorCode LatinCreate_Private(MPI_Comm, Latin *);
@@ -349,6 +362,18 @@ PETSC_INTERN PetscErrorCode LatinInterfaceReset(Latin);
 PETSC_INTERN PetscErrorCode LatinInterfaceExchange_Private(Latin, PetscInt table[]);
 PETSC_INTERN PetscErrorCode LatinInterfaceFrame_Private(PetscInt dim, PetscInt n, const PetscInt copies[], const PetscReal x[], const PetscBool fixed[], LatinFrame *);
 PETSC_INTERN PetscErrorCode LatinDirectionSetUp(Latin);
+PETSC_INTERN PetscErrorCode LatinDirectionReset(Latin);
+PETSC_INTERN PetscReal      LatinDirectionFraction(Latin);
+PETSC_INTERN PetscErrorCode LatinDirectionApply(Latin, const LatinInterface *, const PetscReal x[], PetscReal y[]);
+PETSC_INTERN PetscErrorCode LatinDirectionEnergy(Latin, const LatinInterface *, const PetscReal a[], const PetscReal b[], PetscReal *sum);
+PETSC_INTERN PetscErrorCode LatinDirectionNormalise(Latin, const LatinInterface *, PetscInt modes, PetscReal R[]);
+PETSC_INTERN PetscErrorCode LatinDirectionSprings_Private(Latin, PetscReal spring[]);
+PETSC_INTERN void           LatinDirectionRow(Latin, const LatinInterface *, PetscInt r, PetscReal row[]);
+PETSC_INTERN PetscErrorCode LatinStiffnessDiagonal_Private(Latin, PetscReal diagonal[]);
+PETSC_INTERN PetscErrorCode LatinStiffnessFaces_Private(Latin, LatinDirectionType, size_t first[], PetscReal **S);
+PETSC_INTERN PetscErrorCode LatinGraphCreate_Private(Latin, LatinGraph *);
+PETSC_INTERN PetscErrorCode LatinGraphRow_Private(Latin, LatinGraph *, PetscInt i, const PetscReal spring[], PetscInt *count);
+PETSC_INTERN PetscErrorCode LatinGraphDestroy_Private(LatinGraph *);
 PETSC_INTERN PetscErrorCode LatinMacroSetUp(Latin);
 PETSC_INTERN PetscErrorCode LatinMacroReset(Latin);
 PETSC_INTERN PetscErrorCode LatinLinearSetUp(Latin);
@@ -360,6 +385,7 @@ PETSC_INTERN PetscErrorCode LatinDirectSolver_Private(PC, Mat, MatSolverType pre
 PETSC_INTERN PetscErrorCode LatinFactor_Private(KSP, Mat, MatSolverType, LatinFactorStatus *, Vec *soft);
 PETSC_INTERN PetscErrorCode LatinFactorAgree_Private(Latin, const LatinFactorStatus *, Vec soft, const LatinBatch *, const char name[]);
 PETSC_INTERN PetscErrorCode LatinBlocksSetUp(Latin);
+PETSC_INTERN PetscErrorCode LatinBlocksCompare_Private(Latin, PetscBool bases, PetscInt pattern[]);
 PETSC_INTERN PetscErrorCode LatinBlocksReset(Latin);
 PETSC_INTERN PetscErrorCode LatinBlockSolverCreate(Latin, LatinBlockSolver *);
 PETSC_INTERN PetscErrorCode LatinBlockSolverSetUp(Latin, LatinBlockSolver *, const char name[]);

@@ -5,87 +5,6 @@
    whole stage (42)-(52) for given forces.
 */
 
-/* Diagonal springs of the search direction */
-static PetscErrorCode LatinLinearSprings_Private(Latin latin, PetscReal spring[])
-{
-  PetscFunctionBegin;
-  PetscCall(PetscArrayzero(spring, latin->links->dim * latin->sub.copies));
-  for (PetscInt k = 0; k < latin->inter.sides; k++) spring[latin->inter.side_dof[k]] += latin->macro.d[k];
-  PetscFunctionReturn(0);
-}
-
-typedef struct {
-  PetscInt  *offset, *list; /* links at each copy */
-  PetscInt  *neighbour;     /* work: copies joined to one copy, itself included */
-  PetscReal *block;         /* work: their dim x dim blocks */
-  PetscInt  *slot;          /* [copies] work: position among the neighbours, -1 */
-} LatinGraph;
-
-static PetscErrorCode LatinGraphCreate_Private(Latin latin, LatinGraph *graph)
-{
-  LatinSubstructure *sub    = &latin->sub;
-  PetscInt           widest = 0;
-
-  PetscFunctionBegin;
-  PetscCall(PetscCalloc1(sub->copies + 2, &graph->offset));
-  PetscCall(PetscMalloc1(2 * sub->links, &graph->list));
-  for (PetscInt i = 0; i < 2 * sub->links; i++) graph->offset[sub->ends[i] + 2]++;
-  for (PetscInt i = 0; i < sub->copies; i++) {
-    widest = PetscMax(widest, graph->offset[i + 2]);
-    graph->offset[i + 2] += graph->offset[i + 1];
-  }
-  for (PetscInt i = 0; i < 2 * sub->links; i++) graph->list[graph->offset[sub->ends[i] + 1]++] = i / 2;
-  PetscCall(PetscMalloc3(widest + 1, &graph->neighbour, 9 * (widest + 1), &graph->block, sub->copies, &graph->slot));
-  for (PetscInt i = 0; i < sub->copies; i++) graph->slot[i] = -1;
-  PetscFunctionReturn(0);
-}
-
-static PetscErrorCode LatinGraphDestroy_Private(LatinGraph *graph)
-{
-  PetscFunctionBegin;
-  PetscCall(PetscFree(graph->offset));
-  PetscCall(PetscFree(graph->list));
-  PetscCall(PetscFree3(graph->neighbour, graph->block, graph->slot));
-  PetscFunctionReturn(0);
-}
-
-/* Block row i of K_E: neighbours in increasing order and their blocks */
-static PetscErrorCode LatinGraphRow_Private(Latin latin, LatinGraph *graph, PetscInt i, const PetscReal spring[], PetscInt *count)
-{
-  LatinSubstructure *sub = &latin->sub;
-  const PetscInt     dim = latin->links->dim, dd = dim * dim;
-  PetscInt           n = 0;
-
-  PetscFunctionBegin;
-  graph->neighbour[n++] = i;
-  for (PetscInt p = graph->offset[i]; p < graph->offset[i + 1]; p++) {
-    const PetscInt l = graph->list[p], j = sub->ends[2 * l] == i ? sub->ends[2 * l + 1] : sub->ends[2 * l];
-
-    if (graph->slot[j] < 0) {
-      graph->slot[j]        = 0;
-      graph->neighbour[n++] = j;
-    }
-  }
-  PetscCall(PetscSortInt(n, graph->neighbour));
-  for (PetscInt p = 0; p < n; p++) graph->slot[graph->neighbour[p]] = p;
-  PetscCall(PetscArrayzero(graph->block, dd * n));
-  for (PetscInt p = graph->offset[i]; p < graph->offset[i + 1]; p++) {
-    const PetscInt   l = graph->list[p], j = sub->ends[2 * l] == i ? sub->ends[2 * l + 1] : sub->ends[2 * l];
-    const PetscReal *v = sub->direction + dim * l, k = sub->stiffness[l];
-    PetscReal       *own = graph->block + dd * graph->slot[i], *other = graph->block + dd * graph->slot[j];
-
-    for (PetscInt c = 0; c < dim; c++)
-      for (PetscInt b = 0; b < dim; b++) {
-        own[c * dim + b] += k * v[c] * v[b];
-        other[c * dim + b] -= k * v[c] * v[b];
-      }
-  }
-  for (PetscInt c = 0; c < dim; c++) graph->block[dd * graph->slot[i] + c * dim + c] += spring[dim * i + c];
-  for (PetscInt p = 0; p < n; p++) graph->slot[graph->neighbour[p]] = -1;
-  *count = n;
-  PetscFunctionReturn(0);
-}
-
 /*
    The rows of one batch's matrix. One pass counts, the next fills: rows on free dofs that are not primal, their
    coupling with the primal dofs, and the primal block, which starts the homogenised stiffness H.
@@ -190,7 +109,7 @@ PetscErrorCode LatinLinearSetUp(Latin latin)
   PetscCall(LatinLinearOffsets_Private(latin));
   PetscCall(PetscMalloc5(n, &linear->g, n, &linear->U, n, &linear->g0, linear->widest, &linear->lambda, n, &linear->spring));
   PetscCall(PetscArrayzero(linear->U, n));
-  PetscCall(LatinLinearSprings_Private(latin, linear->spring));
+  PetscCall(LatinDirectionSprings_Private(latin, linear->spring));
   PetscCall(LatinGraphCreate_Private(latin, &graph));
   PetscCall(LatinBlockSolverCreate(latin, solver));
   for (PetscInt b = 0; b < linear->blocks.n; b++) {
@@ -287,13 +206,17 @@ static PetscErrorCode LatinLinearRelocalise_Private(Latin latin, PetscInt s)
       const LatinInterface *face = &inter->interface[f];
       const PetscReal      *lf   = lambda + face->local_first - coarse->offset[s];
 
-      for (PetscInt k = face->side_first; k < face->side_last; k++) {
-        const PetscReal *row = LatinMacroRow(&latin->macro, face, k);
-        PetscReal        v   = 0.0;
+      const PetscInt rows = face->side_last - face->side_first;
+      PetscReal     *v = latin->direction_work, *force = latin->direction_work + rows;
 
-        for (PetscInt j = 0; j < face->modes; j++) v += row[j] * lf[j];
-        linear->g[inter->side_dof[k]] += latin->macro.d[k] * v;
+      for (PetscInt r = 0; r < rows; r++) {
+        const PetscReal *row = LatinMacroRow(&latin->macro, face, face->side_first + r);
+
+        v[r] = 0.0;
+        for (PetscInt j = 0; j < face->modes; j++) v[r] += row[j] * lf[j];
       }
+      PetscCall(LatinDirectionApply(latin, face, v, force));
+      for (PetscInt r = 0; r < rows; r++) linear->g[inter->side_dof[face->side_first + r]] += force[r];
     }
   }
   for (PetscInt p = linear->rc_first[s]; p < linear->rc_last[s]; p++) g[linear->rc_row[p]] -= linear->rc_value[p] * uc[linear->rc_col[p]];

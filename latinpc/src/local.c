@@ -61,8 +61,10 @@ PetscErrorCode LatinLocalStage_Private(Latin latin, const PetscReal z[], PetscRe
       PetscReal        micro = U[inter->side_dof[k]];
 
       for (PetscInt j = 0; j < face->modes; j++) micro -= row[j] * u[j];
-      latin->outgoing[k] = 2.0 * macro->d[k] * micro - z[k];
+      latin->direction_work[k - face->side_first] = micro;
     }
+    PetscCall(LatinDirectionApply(latin, face, latin->direction_work, latin->outgoing + face->side_first));
+    for (PetscInt k = face->side_first; k < face->side_last; k++) latin->outgoing[k] = 2.0 * latin->outgoing[k] - z[k];
   }
   PetscCall(PetscSFBcastBegin(inter->mate_sf, MPIU_REAL, latin->outgoing, Gz, MPI_REPLACE));
   for (PetscInt l = 0, i = 0; l < sub->links; l++) {
@@ -82,7 +84,7 @@ PetscErrorCode LatinLocalStage_Private(Latin latin, const PetscReal z[], PetscRe
     }
   }
   PetscCall(PetscSFBcastEnd(inter->mate_sf, MPIU_REAL, latin->outgoing, Gz, MPI_REPLACE));
-  for (PetscInt k = 0; k < inter->sides; k++) sum[0] += (Gz[k] - z[k]) * (Gz[k] - z[k]) / (4.0 * macro->d[k]);
+  for (PetscInt f = 0; f < inter->count; f++) PetscCall(LatinDirectionEnergy(latin, &inter->interface[f], Gz + inter->interface[f].side_first, z + inter->interface[f].side_first, &sum[0]));
   sum[3] = latin->failed ? 1.0 : 0.0; /* a local solver that failed on one rank has failed on all */
   PetscCall(MPIU_Allreduce(sum, total, 4, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)latin)));
   latin->failed    = (PetscBool)(total[3] > 0.0);

@@ -123,6 +123,7 @@ static PetscErrorCode LatinMacroBasis_Private(Latin latin, LatinInterface *face,
   LatinCombine_Private(rows, fields, kept, F, V, one, M);
   for (PetscInt k = 0; k < kept; k++)
     for (PetscInt r = 0; r < rows; r++) M[r + rows * k] /= PetscSqrtReal(latin->macro.d[face->side_first + r]);
+  PetscCall(LatinDirectionNormalise(latin, face, kept, M));
   face->modes = kept;
   PetscFunctionReturn(0);
 }
@@ -246,7 +247,6 @@ PetscErrorCode LatinMacroSetUp(Latin latin)
 PetscErrorCode LatinMacroReset(Latin latin)
 {
   PetscFunctionBegin;
-  PetscCall(PetscFree(latin->macro.d));
   PetscCall(PetscFree(latin->macro.basis));
   PetscFunctionReturn(0);
 }

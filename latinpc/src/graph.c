@@ -1,0 +1,131 @@
+#include "latinimpl.h"
+
+/* Which nodes of a subdomain are joined, by links or by the springs of a search direction, and the rows of its stiffness. */
+
+/* The interfaces with a matrix for a search direction at each copy: their springs join nodes; adds to the most neighbours of a node */
+static PetscErrorCode LatinGraphFaces_Private(Latin latin, LatinGraph *graph, PetscInt *widest)
+{
+  LatinInterfaces *inter = &latin->inter;
+  const PetscInt   dim = latin->links->dim, copies = latin->sub.copies;
+  PetscInt         longest = 0, most = 0, last = -1;
+
+  PetscFunctionBegin;
+  graph->face_offset = graph->face_list = NULL;
+  graph->row                            = NULL;
+  if (!latin->macro.factor) PetscFunctionReturn(0);
+  PetscCall(PetscCalloc1(copies + 2, &graph->face_offset));
+  for (PetscInt pass = 0; pass < 2; pass++) {
+    for (PetscInt f = 0; f < inter->count; f++) {
+      const LatinInterface *face = &inter->interface[f];
+
+      if (face->factor_first < 0) continue;
+      longest = PetscMax(longest, face->side_last - face->side_first);
+      last    = -1;
+      for (PetscInt k = face->side_first; k < face->side_last; k++) {
+        const PetscInt i = inter->side_dof[k] / dim;
+
+        if (i == last) continue;
+        last = i;
+        if (pass) graph->face_list[graph->face_offset[i + 1]++] = f;
+        else graph->face_offset[i + 2]++;
+      }
+    }
+    if (pass) break;
+    for (PetscInt i = 0; i < copies; i++) {
+      most = PetscMax(most, graph->face_offset[i + 2]);
+      graph->face_offset[i + 2] += graph->face_offset[i + 1];
+    }
+    PetscCall(PetscMalloc2(graph->face_offset[copies + 1], &graph->face_list, longest, &graph->row));
+  }
+  *widest += most * longest;
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode LatinGraphCreate_Private(Latin latin, LatinGraph *graph)
+{
+  LatinSubstructure *sub    = &latin->sub;
+  PetscInt           widest = 0;
+
+  PetscFunctionBegin;
+  PetscCall(PetscCalloc1(sub->copies + 2, &graph->offset));
+  PetscCall(PetscMalloc1(2 * sub->links, &graph->list));
+  for (PetscInt i = 0; i < 2 * sub->links; i++) graph->offset[sub->ends[i] + 2]++;
+  for (PetscInt i = 0; i < sub->copies; i++) {
+    widest = PetscMax(widest, graph->offset[i + 2]);
+    graph->offset[i + 2] += graph->offset[i + 1];
+  }
+  for (PetscInt i = 0; i < 2 * sub->links; i++) graph->list[graph->offset[sub->ends[i] + 1]++] = i / 2;
+  PetscCall(LatinGraphFaces_Private(latin, graph, &widest));
+  PetscCall(PetscMalloc3(widest + 1, &graph->neighbour, 9 * (widest + 1), &graph->block, sub->copies, &graph->slot));
+  for (PetscInt i = 0; i < sub->copies; i++) graph->slot[i] = -1;
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode LatinGraphDestroy_Private(LatinGraph *graph)
+{
+  PetscFunctionBegin;
+  PetscCall(PetscFree(graph->offset));
+  PetscCall(PetscFree(graph->list));
+  PetscCall(PetscFree(graph->face_offset));
+  PetscCall(PetscFree2(graph->face_list, graph->row));
+  PetscCall(PetscFree3(graph->neighbour, graph->block, graph->slot));
+  PetscFunctionReturn(0);
+}
+
+/* Block row i of B^t k B with the given diagonal springs, and of the matrix directions: neighbours in increasing order and their blocks */
+PetscErrorCode LatinGraphRow_Private(Latin latin, LatinGraph *graph, PetscInt i, const PetscReal spring[], PetscInt *count)
+{
+  LatinSubstructure *sub   = &latin->sub;
+  LatinInterfaces   *inter = &latin->inter;
+  const PetscInt     dim = latin->links->dim, dd = dim * dim;
+  PetscInt           n = 0;
+
+  PetscFunctionBegin;
+  graph->neighbour[n++] = i;
+  for (PetscInt p = graph->offset[i]; p < graph->offset[i + 1]; p++) {
+    const PetscInt l = graph->list[p], j = sub->ends[2 * l] == i ? sub->ends[2 * l + 1] : sub->ends[2 * l];
+
+    if (graph->slot[j] < 0) {
+      graph->slot[j]        = 0;
+      graph->neighbour[n++] = j;
+    }
+  }
+  for (PetscInt p = graph->face_offset ? graph->face_offset[i] : 0; graph->face_offset && p < graph->face_offset[i + 1]; p++) {
+    const LatinInterface *face = &inter->interface[graph->face_list[p]];
+
+    for (PetscInt k = face->side_first; k < face->side_last; k++) {
+      const PetscInt j = inter->side_dof[k] / dim;
+
+      if (graph->slot[j] >= 0) continue;
+      graph->slot[j]        = 0;
+      graph->neighbour[n++] = j;
+    }
+  }
+  PetscCall(PetscSortInt(n, graph->neighbour));
+  for (PetscInt p = 0; p < n; p++) graph->slot[graph->neighbour[p]] = p;
+  PetscCall(PetscArrayzero(graph->block, dd * n));
+  for (PetscInt p = graph->offset[i]; p < graph->offset[i + 1]; p++) {
+    const PetscInt   l = graph->list[p], j = sub->ends[2 * l] == i ? sub->ends[2 * l + 1] : sub->ends[2 * l];
+    const PetscReal *v = sub->direction + dim * l, k = sub->stiffness[l];
+    PetscReal       *own = graph->block + dd * graph->slot[i], *other = graph->block + dd * graph->slot[j];
+
+    for (PetscInt c = 0; c < dim; c++)
+      for (PetscInt b = 0; b < dim; b++) {
+        own[c * dim + b] += k * v[c] * v[b];
+        other[c * dim + b] -= k * v[c] * v[b];
+      }
+  }
+  for (PetscInt c = 0; c < dim; c++) graph->block[dd * graph->slot[i] + c * dim + c] += spring[dim * i + c];
+  for (PetscInt p = graph->face_offset ? graph->face_offset[i] : 0; graph->face_offset && p < graph->face_offset[i + 1]; p++) {
+    const LatinInterface *face = &inter->interface[graph->face_list[p]];
+
+    for (PetscInt k = face->side_first; k < face->side_last; k++) {
+      if (inter->side_dof[k] / dim != i) continue;
+      LatinDirectionRow(latin, face, k - face->side_first, graph->row);
+      for (PetscInt q = face->side_first; q < face->side_last; q++) graph->block[dd * graph->slot[inter->side_dof[q] / dim] + (inter->side_dof[k] % dim) * dim + inter->side_dof[q] % dim] += graph->row[q - face->side_first];
+    }
+  }
+  for (PetscInt p = 0; p < n; p++) graph->slot[graph->neighbour[p]] = -1;
+  *count = n;
+  PetscFunctionReturn(0);
+}
