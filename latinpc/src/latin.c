@@ -27,6 +27,7 @@ PetscErrorCode LatinCreate_Private(MPI_Comm comm, Latin *newlatin)
   latin->variant             = LATIN_VARIANT_CORNER;
   latin->promote             = PETSC_TRUE;
   latin->links_per_subdomain = 256;
+  latin->repair              = PETSC_TRUE;
   latin->direction           = LATIN_DIRECTION_DIAGONAL;
   latin->coarse_groups       = 3;
   *newlatin                  = latin;
@@ -59,6 +60,7 @@ PetscErrorCode LatinSetFromOptions_Private(Latin latin, PetscOptionItems *PetscO
   PetscCall(PetscOptionsEnum(LATIN_OPTION("modes"), "Macro fields of the strong interfaces (section 3.2)", "LatinModesType", LatinModesTypes, (PetscEnum)latin->modes, (PetscEnum *)&latin->modes, NULL));
   PetscCall(PetscOptionsRangeInt(LATIN_OPTION("subdomains"), "Number of subdomains, 0 = from the links per subdomain", "LatinLinksSetSubdomains", latin->subdomains, &latin->subdomains, NULL, 0, PETSC_MAX_INT));
   PetscCall(PetscOptionsRangeInt(LATIN_OPTION("subdomain_links"), "Links per subdomain when no number of subdomains is given", "LatinLinksSetSubdomains", latin->links_per_subdomain, &latin->links_per_subdomain, NULL, 1, PETSC_MAX_INT));
+  PetscCall(PetscOptionsBool(LATIN_OPTION("partition_repair"), "Move links between the subdomains that METIS has made until fewer nodes dangle", "None", latin->repair, &latin->repair, NULL));
   PetscCall(PetscOptionsEnum(LATIN_OPTION("direction"), "Micro search direction of the interfaces", "LatinDirectionType", LatinDirectionTypes, (PetscEnum)latin->direction, (PetscEnum *)&latin->direction, NULL));
   PetscCall(PetscOptionsReal(LATIN_OPTION("direction_scalar"), "Value of the scalar search direction d (force/length), 0 = self-tuned", "None", latin->direction_scalar, &latin->direction_scalar, NULL));
   PetscCall(PetscOptionsReal(LATIN_OPTION("direction_fraction"), "Self-tuned direction as a fraction of the interface stiffness, 0 = the default of the type", "None", latin->direction_fraction, &latin->direction_fraction, NULL));
@@ -69,8 +71,8 @@ PetscErrorCode LatinSetFromOptions_Private(Latin latin, PetscOptionItems *PetscO
   PetscOptionsHeadEnd();
   latin->published = (PetscBool)(corners == 1);
   if (before.variant != latin->variant || before.modes != latin->modes || before.published != latin->published || before.promote != latin->promote || before.subdomains != latin->subdomains ||
-      before.links_per_subdomain != latin->links_per_subdomain || before.direction != latin->direction || before.direction_scalar != latin->direction_scalar || before.direction_fraction != latin->direction_fraction ||
-      before.coarse_groups != latin->coarse_groups)
+      before.links_per_subdomain != latin->links_per_subdomain || before.repair != latin->repair || before.direction != latin->direction || before.direction_scalar != latin->direction_scalar ||
+      before.direction_fraction != latin->direction_fraction || before.coarse_groups != latin->coarse_groups)
     latin->stale = PETSC_TRUE;
   PetscCheck(latin->direction_scalar >= 0.0 && !PetscIsInfOrNanReal(latin->direction_scalar), PetscObjectComm((PetscObject)latin), PETSC_ERR_ARG_OUTOFRANGE, "%s is %g; the search direction is a positive stiffness (0 = self-tuned)",
              LATIN_OPTION("direction_scalar"), (double)latin->direction_scalar);

@@ -109,6 +109,18 @@ typedef struct {
   PetscInt    *send_order;                                          /* [links->links_local] */
 } LatinSubstructure;
 
+/* ---- partitions (partition.c, metis.c, repair.c): links to share out, all on one rank ---- */
+typedef struct {
+  PetscInt   dim, nodes, links, parts;
+  PetscInt  *ends;    /* [links][2] */
+  PetscReal *x;       /* [nodes][dim] */
+  PetscBool *fixed;   /* [nodes][dim] */
+  PetscBool  corners; /* nodes of three or more subdomains have one displacement, a coarse unknown */
+} LatinCut;
+PETSC_INTERN PetscErrorCode LatinIncidence_Private(const LatinCut *, PetscInt *offset[], PetscInt *incident[]);
+PETSC_INTERN PetscErrorCode LatinMetis_Private(LatinCut *, PetscInt part[], PetscBool *failed, int *status, PetscBool *overflow);
+PETSC_INTERN PetscErrorCode LatinRepair_Private(const LatinCut *, PetscInt part[]);
+
 /* The rank of a subdomain */
 static inline PetscMPIInt LatinSubdomainRank(const LatinSubstructure *sub, PetscMPIInt size, PetscInt s)
 {
@@ -323,6 +335,7 @@ struct _p_Latin {
   PetscBool          promote;    /* every node of three or more subdomains is a corner */
   PetscInt           subdomains; /* asked for, 0 = from links_per_subdomain */
   PetscInt           links_per_subdomain;
+  PetscBool          repair; /* the partition of METIS */
   LatinDirectionType direction;
   PetscReal          direction_scalar;   /* 0 = self-tuned */
   PetscReal          direction_fraction; /* of the stiffness seen at the interface, when self-tuned; 0 = the default of the type */

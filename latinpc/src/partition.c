@@ -1,126 +1,83 @@
 #include "latinimpl.h"
-#include <metis.h>
-
-#define METIS_SMALL_PART 16 /* links per subdomain */
 
 /*
-   Which subdomain each link belongs to: the caller's partition, a DMLabel, or METIS on the dual graph of the links
-   (vertices: links; edges: pairs of links with a common node).
+   Which subdomain each link belongs to: the caller's partition, a DMLabel, or METIS (metis.c), whose cuts are repaired
+   (repair.c).
 */
 
-/* The links' dual graph from the end nodes of all links; coincident links share two nodes but one edge */
-static PetscErrorCode LatinDualGraph_Private(PetscInt nodes, PetscInt n, const PetscInt ends[], idx_t **xadj, idx_t **adjncy, PetscBool *overflow)
+/* What each rank has of a whole array on rank 0, where the arrays are not NULL; free with PetscFree2(counts, starts) */
+static PetscErrorCode LatinPieces_Private(MPI_Comm comm, PetscInt n, PetscMPIInt *count, PetscMPIInt *counts[], PetscMPIInt *starts[])
 {
-  PetscInt  *offset, *incident, *seen;
-  PetscInt64 edges = 0;
-  idx_t     *xa, *adj = NULL;
+  PetscMPIInt rank, size;
 
   PetscFunctionBegin;
-  PetscCall(PetscCalloc1(nodes + 2, &offset));
-  PetscCall(PetscMalloc2(2 * n, &incident, n, &seen));
-  for (PetscInt i = 0; i < 2 * n; i++) offset[ends[i] + 2]++;
-  for (PetscInt i = 0; i < nodes; i++) offset[i + 2] += offset[i + 1];
-  for (PetscInt i = 0; i < 2 * n; i++) incident[offset[ends[i] + 1]++] = i / 2;
-  PetscCall(PetscMalloc1(n + 1, &xa));
-  *overflow = PETSC_FALSE;
-  for (PetscInt pass = 0; pass < 2; pass++) {
-    for (PetscInt i = 0; i < n; i++) seen[i] = -1;
-    edges = 0;
-    for (PetscInt l = 0; l < n; l++) {
-      xa[l]   = (idx_t)edges;
-      seen[l] = l;
-      for (PetscInt s = 0; s < 2; s++) {
-        const PetscInt v = ends[2 * l + s];
-
-        for (PetscInt j = offset[v]; j < offset[v + 1]; j++) {
-          const PetscInt m = incident[j];
-
-          if (seen[m] == l) continue;
-          seen[m] = l;
-          if (pass) adj[edges] = (idx_t)m;
-          edges++;
-        }
-      }
-    }
-    xa[n] = (idx_t)edges;
-    if ((PetscInt64)(idx_t)edges != edges) {
-      *overflow = PETSC_TRUE;
-      break;
-    }
-    if (!pass) PetscCall(PetscMalloc1((size_t)PetscMax(edges, 1), &adj));
-  }
-  PetscCall(PetscFree(offset));
-  PetscCall(PetscFree2(incident, seen));
-  *xadj   = xa;
-  *adjncy = adj;
+  PetscCallMPI(MPI_Comm_rank(comm, &rank));
+  PetscCallMPI(MPI_Comm_size(comm, &size));
+  PetscCall(PetscMPIIntCast(n, count));
+  *counts = *starts = NULL;
+  if (!rank) PetscCall(PetscCalloc2(size, counts, size, starts));
+  PetscCallMPI(MPI_Gather(count, 1, MPI_INT, *counts, 1, MPI_INT, 0, comm));
+  for (PetscMPIInt r = 1; r < size && !rank; r++) (*starts)[r] = (*starts)[r - 1] + (*counts)[r - 1];
   PetscFunctionReturn(0);
 }
 
-/* METIS is sequential: rank 0 partitions all links and hands the parts back; parts that METIS leaves empty are closed up */
+static PetscErrorCode LatinGather_Private(MPI_Comm comm, PetscInt n, MPI_Datatype type, const void *mine, void *all)
+{
+  PetscMPIInt count, *counts, *starts;
+
+  PetscFunctionBegin;
+  PetscCall(LatinPieces_Private(comm, n, &count, &counts, &starts));
+  PetscCallMPI(MPI_Gatherv(mine, count, type, all, counts, starts, type, 0, comm));
+  PetscCall(PetscFree2(counts, starts));
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode LatinScatter_Private(MPI_Comm comm, PetscInt n, MPI_Datatype type, const void *all, void *mine)
+{
+  PetscMPIInt count, *counts, *starts;
+
+  PetscFunctionBegin;
+  PetscCall(LatinPieces_Private(comm, n, &count, &counts, &starts));
+  PetscCallMPI(MPI_Scatterv(all, counts, starts, type, mine, count, type, 0, comm));
+  PetscCall(PetscFree2(counts, starts));
+  PetscFunctionReturn(0);
+}
+
+/* METIS is sequential: rank 0 partitions all links and hands the parts back */
 static PetscErrorCode LatinPartitionMetis_Private(Latin latin, PetscInt parts)
 {
   LatinLinks         links = latin->links;
   LatinSubstructure *sub   = &latin->sub;
   MPI_Comm           comm  = PetscObjectComm((PetscObject)latin);
-  PetscMPIInt        rank, size, *counts = NULL, *displs = NULL, mine;
-  PetscInt          *all = NULL, *part = NULL, total = links->links_global, used = 0;
-  int                status   = METIS_OK;
-  PetscBool          overflow = PETSC_FALSE;
+  LatinCut           cut   = {.dim = links->dim, .nodes = links->nodes_global, .links = links->links_global, .parts = parts};
+  PetscMPIInt        rank;
+  PetscInt          *part     = NULL;
+  const PetscReal    largest  = (PetscReal)PetscMax(2 * cut.links, cut.dim * cut.nodes);
+  int                status   = 0;
+  PetscBool          overflow = PETSC_FALSE, failed = PETSC_FALSE;
 
   PetscFunctionBegin;
   PetscCallMPI(MPI_Comm_rank(comm, &rank));
-  PetscCallMPI(MPI_Comm_size(comm, &size));
-  LatinAgree(comm, (PetscReal)total * 2 > (PetscReal)PETSC_MPI_INT_MAX, PETSC_ERR_SUP, "METIS on one rank cannot take %" PetscInt_FMT " links: give a partition with LatinLinksSetSubdomains()", total);
-  PetscCall(PetscMPIIntCast(2 * links->links_local, &mine));
+  LatinAgree(comm, largest > (PetscReal)PETSC_MPI_INT_MAX, PETSC_ERR_SUP, "METIS on one rank cannot take %" PetscInt_FMT " links: give a partition with LatinLinksSetSubdomains()", cut.links);
   if (!rank) {
-    PetscCall(PetscMalloc2(size, &counts, size, &displs));
-    PetscCall(PetscMalloc2(2 * total, &all, total, &part));
+    PetscCall(PetscMalloc3(2 * cut.links, &cut.ends, cut.dim * cut.nodes, &cut.x, cut.dim * cut.nodes, &cut.fixed));
+    PetscCall(PetscMalloc1(cut.links, &part));
   }
-  PetscCallMPI(MPI_Gather(&mine, 1, MPI_INT, counts, 1, MPI_INT, 0, comm));
+  PetscCall(LatinGather_Private(comm, 2 * links->links_local, MPIU_INT, links->nodes, cut.ends));
+  PetscCall(LatinGather_Private(comm, cut.dim * links->nodes_local, MPIU_REAL, links->x, cut.x));
+  PetscCall(LatinGather_Private(comm, cut.dim * links->nodes_local, MPIU_BOOL, links->fixed, cut.fixed));
   if (!rank) {
-    displs[0] = 0;
-    for (PetscMPIInt r = 1; r < size; r++) displs[r] = displs[r - 1] + counts[r - 1];
-  }
-  PetscCallMPI(MPI_Gatherv(links->nodes, mine, MPIU_INT, all, counts, displs, MPIU_INT, 0, comm));
-  if (!rank) {
-    idx_t *xadj = NULL, *adjncy = NULL, *mpart, options[METIS_NOPTIONS], nvtxs = (idx_t)total, ncon = 1, nparts = (idx_t)parts, cut;
-
-    PetscCall(LatinDualGraph_Private(links->nodes_global, total, all, &xadj, &adjncy, &overflow));
-    if (!overflow) {
-      PetscInt *newnumber;
-
-      PetscCall(PetscMalloc1(total, &mpart));
-      METIS_SetDefaultOptions(options);
-      options[METIS_OPTION_SEED]      = 1; /* the same partition at every run */
-      options[METIS_OPTION_NUMBERING] = 0;
-      /* k-way refinement leaves parts empty when they are to be small; bisection does not */
-      if (total < METIS_SMALL_PART * parts) status = METIS_PartGraphRecursive(&nvtxs, &ncon, xadj, adjncy, NULL, NULL, NULL, &nparts, NULL, NULL, options, &cut, mpart);
-      else status = METIS_PartGraphKway(&nvtxs, &ncon, xadj, adjncy, NULL, NULL, NULL, &nparts, NULL, NULL, options, &cut, mpart);
-      if (status == METIS_OK) {
-        PetscCall(PetscMalloc1(parts, &newnumber));
-        for (PetscInt p = 0; p < parts; p++) newnumber[p] = -1;
-        for (PetscInt l = 0; l < total; l++) newnumber[mpart[l]] = 0;
-        for (PetscInt p = 0; p < parts; p++)
-          if (newnumber[p] == 0) newnumber[p] = used++;
-        for (PetscInt l = 0; l < total; l++) part[l] = newnumber[mpart[l]];
-        PetscCall(PetscFree(newnumber));
-      }
-      PetscCall(PetscFree(mpart));
-    }
-    PetscCall(PetscFree(xadj));
-    PetscCall(PetscFree(adjncy));
-    for (PetscMPIInt r = 0; r < size; r++) {
-      counts[r] /= 2;
-      displs[r] /= 2;
-    }
+    cut.corners = (PetscBool)(latin->promote && latin->variant == LATIN_VARIANT_CORNER);
+    PetscCall(LatinMetis_Private(&cut, part, &failed, &status, &overflow));
+    if (!overflow && !failed && latin->repair) PetscCall(LatinRepair_Private(&cut, part));
   }
   LatinAgree(comm, overflow, PETSC_ERR_SUP, "The links' dual graph has more edges than this METIS can number: give a partition with LatinLinksSetSubdomains()");
-  LatinAgree(comm, status != METIS_OK, PETSC_ERR_LIB, "METIS could not partition %" PetscInt_FMT " links into %" PetscInt_FMT " subdomains (METIS status %d)", total, parts, status);
-  PetscCallMPI(MPI_Bcast(&used, 1, MPIU_INT, 0, comm));
-  PetscCallMPI(MPI_Scatterv(part, counts, displs, MPIU_INT, sub->of_link, mine / 2, MPIU_INT, 0, comm));
-  sub->count = used;
-  PetscCall(PetscFree2(counts, displs));
-  PetscCall(PetscFree2(all, part));
+  LatinAgree(comm, failed, PETSC_ERR_LIB, "METIS could not partition %" PetscInt_FMT " links into %" PetscInt_FMT " subdomains (METIS status %d)", cut.links, parts, status);
+  sub->count = cut.parts;
+  PetscCallMPI(MPI_Bcast(&sub->count, 1, MPIU_INT, 0, comm));
+  PetscCall(LatinScatter_Private(comm, links->links_local, MPIU_INT, part, sub->of_link));
+  PetscCall(PetscFree3(cut.ends, cut.x, cut.fixed));
+  PetscCall(PetscFree(part));
   PetscFunctionReturn(0);
 }
 

@@ -1,0 +1,158 @@
+"""The partition that METIS makes, and its repair: its cost counted independently, its bounds, the ranks."""
+
+from collections import Counter
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from support import chain, grid, latin, lattice, network
+
+import latinpc
+from latinpc.peers.reference import by_newton
+
+BALANCE = 0.25
+SOFT = 1e-2
+
+SCENES = {
+    "grid": lambda: grid(modules=12),
+    "truss": lambda: grid("truss", modules=12),
+    "network": lambda: network(nodes=300),
+    "lattice": lambda: lattice(nx=24, ny=12),
+}
+
+
+def partition(scene, **options):
+    """Subdomain of every link, as the solver makes it."""
+    with latin(replace(scene, subdomain=None), **options) as run:
+        run.snes.setUp()
+        return latinpc.subdomain_of_links(run.snes)
+
+
+def incident(scene):
+    """Links at each node."""
+    return [np.flatnonzero((scene.links == v).any(axis=1)) for v in range(len(scene.nodes))]
+
+
+def held(scene, node, links):
+    """Free directions in which these links hold a node."""
+    n = scene.directions[links][:, ~scene.fixed[node]]
+    return np.sum(np.linalg.svd(n, compute_uv=False) ** 2 > SOFT) if n.size else 0
+
+
+def cost(scene, subdomain, node, links, corners):
+    """1 for a second subdomain, and 1 for each direction that a subdomain misses; corners are held."""
+    parts = np.unique(subdomain[links])
+    if len(parts) < 2:
+        return 0
+    if len(parts) > 2 and corners:
+        return 1
+    whole = held(scene, node, links)
+    return len(parts) - 1 + sum(whole - held(scene, node, links[subdomain[links] == p]) for p in parts)
+
+
+def total(scene, subdomain, corners=True):
+    """Cost of a partition."""
+    return sum(cost(scene, subdomain, v, at, corners) for v, at in enumerate(incident(scene)))
+
+
+@pytest.mark.parametrize("variant", ["corner", "macro"])
+@pytest.mark.parametrize("name", SCENES)
+def test_repair_lowers_the_cost(name, variant):
+    """Counted in numpy, nodes dangle less, and no subdomain leaves the bounds of its size."""
+    scene = SCENES[name]()
+    before = partition(scene, subdomains=9, variant=variant, partition_repair=False)
+    after = partition(scene, subdomains=9, variant=variant)
+    corners = variant == "corner"
+    assert total(scene, after, corners) < total(scene, before, corners)
+    mean = len(scene.links) / 9
+    old, new = np.bincount(before), np.bincount(after)
+    assert len(new) == len(old) == 9
+    assert new.max() <= max(old.max(), (1 + BALANCE) * mean)
+    assert new.min() >= min(old.min(), (1 - BALANCE) * mean)
+
+
+@pytest.mark.parametrize("name", ["truss", "lattice"])
+def test_repair_ends_where_no_link_gains_by_moving(name):
+    """A link that goes over to a neighbour of its subdomain does not lower the cost, or the sizes forbid it."""
+    scene = SCENES[name]()
+    found = partition(scene, subdomains=9)
+    at, sizes, mean = incident(scene), np.bincount(found), len(scene.links) / 9
+    for link, ends in enumerate(scene.links):
+        here = found[link]
+        for there in {int(found[other]) for v in ends for other in at[v]} - {int(here)}:
+            if sizes[there] + 1 > (1 + BALANCE) * mean or sizes[here] - 1 < (1 - BALANCE) * mean:
+                continue
+            moved = found.copy()
+            moved[link] = there
+            now = sum(cost(scene, found, v, at[v], True) for v in ends)
+            assert sum(cost(scene, moved, v, at[v], True) for v in ends) >= now, (link, there)
+
+
+def test_metis_spares_nodes_whatever_their_links():
+    """Interfaces of METIS have few nodes: of the order of those of square blocks."""
+    scene = grid("truss", modules=12)
+
+    def shared(subdomain):
+        pairs = {(int(v), int(p)) for ends, p in zip(scene.links, subdomain) for v in ends}
+        return sum(n > 1 for n in Counter(v for v, _ in pairs).values())
+
+    assert shared(partition(scene, subdomains=9, partition_repair=False)) <= 2 * shared(scene.subdomain)
+
+
+def test_a_chain_keeps_its_cuts():
+    """In one dimension nothing dangles: one interface node between neighbours, which no repair can spare."""
+    assert total(chain(), partition(chain(), subdomains=4)) == 3
+
+
+@pytest.mark.parametrize("nodes", [60, 120])
+def test_tiny_subdomains_are_not_emptied(nodes):
+    """One, two or three links a subdomain: the repair takes no last link."""
+    scene = network(nodes=nodes)
+    for size in (1, 2, 3, 5):
+        parts = -(-len(scene.links) // size)
+        found = partition(scene, subdomains=parts)
+        assert np.bincount(found).min() > 0
+        assert found.max() + 1 <= parts
+
+
+def test_repair_spares_iterations():
+    """On a grid whose modules METIS cuts, from another solution by Newton's method."""
+    scene = replace(grid("truss", modules=16, subdomains=16), subdomain=None)
+    reference, _ = by_newton(scene, 1e-6)
+    counts = []
+    for repair in (False, True):
+        with latin(scene, subdomains=16, partition_repair=repair, stop="reference", stol=1e-4) as run:
+            given, u = run.links.create_vec(), run.links.create_vec()
+            run.links.set_displacements(reference, given)
+            latinpc.set_reference(run.snes, given)
+            run.snes.solve(None, u)
+            counts.append(run.snes.getIterationNumber())
+    assert counts[1] < counts[0]
+
+
+PROGRAM = """
+import sys
+import numpy as np
+import petsc4py
+petsc4py.init(["p", "-skip_petscrc", "-snes_type", "latin", "-snes_latin_subdomains", "7"])
+import latinpc
+from latinpc.scenes import make
+from mpi4py import MPI
+links = latinpc.Links.from_scene(make("network", nodes=300, seed=5))
+snes = links.create_snes()
+snes.setFromOptions()
+snes.setUp()
+found = latinpc.subdomain_of_links(snes)
+if not MPI.COMM_WORLD.rank:
+    np.savetxt(sys.argv[1], found, fmt="%d")
+"""
+
+
+def test_ranks_do_not_change_the_partition(mpirun, tmp_path):
+    """Bit by bit the same on 1, 2 and 4 ranks, and at a second run."""
+    found = []
+    for run, ranks in enumerate((1, 1, 2, 4)):
+        mpirun(ranks, PROGRAM, tmp_path / f"{run}.txt")
+        found.append(np.loadtxt(tmp_path / f"{run}.txt", dtype=int))
+    assert found[0].max() == 6
+    assert all(np.array_equal(found[0], other) for other in found[1:])
