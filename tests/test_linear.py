@@ -9,6 +9,8 @@ from petsc4py import PETSc
 from support import PLAIN, VARIANTS, far, grid, irregular, latin, lattice, network, oracle_options, settled, solve
 
 import latinpc
+from latinpc.scenes import make
+from latinpc.solve import reference_solution
 
 
 def operators(model, i):
@@ -206,3 +208,24 @@ def test_solver_that_gives_up_is_reported(limit):
         assert "local solver" in latinpc.error_message(error)
     else:
         assert result.reason == PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE
+
+
+# ---- rounding, inexact solvers ---------------------------------------------------------------
+def test_rounding_does_not_pile_up():
+    """Each linear stage solves for a change: what the coarse operator rounds is small with the last one."""
+    scene = make("tensegrity-grid", modules=24)
+    links = latinpc.Links.from_scene(scene, comm=PETSc.COMM_SELF)
+    reference = links.displacements(reference_solution(links))
+    run = solve(scene, stol=1e-13, max_it=100, _reference=reference)
+    assert run.reason > 0
+    assert run.history.error_l2[-1] < 3e-12
+
+
+@pytest.mark.parametrize("make_scene", [grid, network])
+def test_a_rough_coarse_solver_is_enough(make_scene):
+    """Two digits of the coarse problem a stage: the displacements are exact all the same, after as many stages."""
+    scene, rough = make_scene(), {"coarse_ksp_type": "cg", "coarse_pc_type": "jacobi", "coarse_ksp_rtol": 1e-2}
+    exact, inexact = (solve(scene, stol=1e-11, **options) for options in ({}, rough))
+    assert inexact.reason > 0
+    assert far(inexact.u, oracle.newton(scene)) < 1e-9
+    assert inexact.iterations <= exact.iterations + 4

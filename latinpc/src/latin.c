@@ -204,8 +204,8 @@ PetscErrorCode LatinCreateState_Private(Latin latin, Vec *z)
 }
 
 /*
-   The state of the prestressed configuration: no interface datum, every nonsmooth link as a taut one. For given
-   displacements u (may be NULL) the state that the local stage would make of them.
+   The state of the prestressed configuration: no interface datum, every nonsmooth link as a taut one, and no
+   displacement but the prescribed ones.
 */
 PetscErrorCode LatinInitialState_Private(Latin latin, Vec z)
 {
@@ -213,6 +213,8 @@ PetscErrorCode LatinInitialState_Private(Latin latin, Vec z)
   PetscScalar       *a;
 
   PetscFunctionBegin;
+  PetscCall(PetscArraycpy(latin->linear.U, sub->prescribed, latin->links->dim * sub->copies));
+  PetscCall(PetscArrayzero(latin->linear.pull, latin->inter.sides));
   PetscCall(VecGetArrayWrite(z, &a));
   for (PetscInt k = 0; k < latin->inter.sides; k++) a[k] = 0.0;
   for (PetscInt i = 0; i < sub->nonsmooth; i++) a[latin->inter.sides + i] = sub->stiffness[sub->nonsmooth_link[i]] * sub->prestrain[sub->nonsmooth_link[i]];
@@ -220,7 +222,10 @@ PetscErrorCode LatinInitialState_Private(Latin latin, Vec z)
   PetscFunctionReturn(0);
 }
 
-/* Gz = G(z): linear stage, local stage. Leaves the displacements of the subdomains in linear.U, and the indicator. */
+/*
+   Gz = G(z): linear stage, local stage. Leaves the displacements of the subdomains in linear.U, and the indicator. The
+   displacements before only set where the linear stage starts from.
+*/
 PetscErrorCode LatinApply_Private(Latin latin, Vec z, Vec Gz)
 {
   const PetscScalar *a;
@@ -231,6 +236,7 @@ PetscErrorCode LatinApply_Private(Latin latin, Vec z, Vec Gz)
   PetscCall(VecGetArrayWrite(Gz, &b));
   PetscCall(LatinGatherForces_Private(latin, a));
   PetscCall(LatinLinearApply(latin));
+  for (PetscInt i = 0; i < latin->links->dim * latin->sub.copies; i++) latin->linear.U[i] += latin->linear.g[i];
   PetscCall(LatinLocalStage_Private(latin, a, b));
   PetscCall(VecRestoreArrayRead(z, &a));
   PetscCall(VecRestoreArrayWrite(Gz, &b));

@@ -261,8 +261,10 @@ typedef struct {
   size_t    *h_offset, *phi_offset; /* [subdomains] into H and Phi */
   PetscReal *H;                     /* homogenised stiffness (51), column-major */
   PetscReal *Phi;                   /* displacements for unit coarse displacements, (dim * nodes) x coarse, column-major */
-  PetscReal *g, *U;                 /* [copies * dim] forces and displacements */
-  PetscReal *g0;                    /* [copies * dim] the part of g that no iteration changes */
+  PetscReal *g;                     /* [copies * dim] forces of a linear stage, then the displacements that they cause */
+  PetscReal *U;                     /* [copies * dim] displacements, the sum of those of all linear stages */
+  PetscReal *pull;                  /* [sides] forces of the search direction, D times the micro part of U */
+  PetscReal *load;                  /* [copies * dim] F, shared among the copies of a node */
   PetscReal *spring;                /* [copies * dim] springs of the search direction, part of K */
   PetscReal *lambda;                /* work: macro forces of one subdomain */
   PetscInt   widest;                /* most coarse dofs of a subdomain here */
@@ -312,7 +314,7 @@ typedef struct {
   PetscInt      *offset;      /* [subdomains + 1] coarse dofs of each subdomain: macro modes, then primal dofs */
   PetscInt      *macro_count; /* [subdomains] how many of them are macro modes */
   PetscInt      *global;      /* [offset[n]] their global numbers */
-  PetscReal     *q, *u;       /* [offset[n]] condensed forces, coarse displacements, subdomain by subdomain */
+  PetscReal     *q, *u;       /* [offset[n]] condensed forces and coarse displacements of one linear stage, subdomain by subdomain */
 } LatinCoarse;
 
 /* ---- error of the displacements (estimate.c) ---- */

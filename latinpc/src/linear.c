@@ -107,8 +107,7 @@ PetscErrorCode LatinLinearSetUp(Latin latin)
   PetscCall(PetscLogEventBegin(LATIN_Linear, latin, 0, 0, 0));
   PetscCall(LatinBlocksSetUp(latin));
   PetscCall(LatinLinearOffsets_Private(latin));
-  PetscCall(PetscMalloc5(n, &linear->g, n, &linear->U, n, &linear->g0, linear->widest, &linear->lambda, n, &linear->spring));
-  PetscCall(PetscArrayzero(linear->U, n));
+  PetscCall(PetscMalloc6(n, &linear->g, n, &linear->U, latin->inter.sides, &linear->pull, n, &linear->load, linear->widest, &linear->lambda, n, &linear->spring));
   PetscCall(LatinDirectionSprings_Private(latin, linear->spring));
   PetscCall(LatinGraphCreate_Private(latin, &graph));
   PetscCall(LatinBlockSolverCreate(latin, solver));
@@ -133,10 +132,7 @@ PetscErrorCode LatinLinearSetUp(Latin latin)
   PetscFunctionReturn(0);
 }
 
-/*
-   The part of the forces that no iteration changes: loads, shared among the copies of a node, and the tensions that
-   smooth links and prescribed displacements cause. A preconditioner has none of them.
-*/
+/* The loads, shared among the copies of a node */
 PetscErrorCode LatinLinearSetLoads(Latin latin, Vec load)
 {
   LatinSubstructure *sub    = &latin->sub;
@@ -144,21 +140,9 @@ PetscErrorCode LatinLinearSetLoads(Latin latin, Vec load)
   const PetscInt     dim    = latin->links->dim;
 
   PetscFunctionBegin;
-  PetscCall(PetscArrayzero(linear->g0, dim * sub->copies));
-  if (latin->tangent) PetscFunctionReturn(0);
-  PetscCall(LatinDistribute_Private(latin, load, linear->g0));
-  for (PetscInt i = 0; i < dim * sub->copies; i++) linear->g0[i] = sub->fixed[i] ? 0.0 : linear->g0[i] / sub->multiplicity[i / dim];
-  for (PetscInt l = 0; l < sub->links; l++) {
-    const PetscReal *n = sub->direction + dim * l, k = sub->stiffness[l];
-    const PetscInt   a = dim * sub->ends[2 * l], b = dim * sub->ends[2 * l + 1];
-    PetscReal        t = LatinLaws[sub->law[l]].smooth ? k * sub->prestrain[l] : 0.0;
-
-    for (PetscInt c = 0; c < dim; c++) t += k * n[c] * (sub->prescribed[b + c] - sub->prescribed[a + c]);
-    for (PetscInt c = 0; c < dim; c++) {
-      linear->g0[a + c] += t * n[c];
-      linear->g0[b + c] -= t * n[c];
-    }
-  }
+  PetscCall(PetscArrayzero(linear->load, dim * sub->copies));
+  PetscCall(LatinDistribute_Private(latin, load, linear->load));
+  for (PetscInt i = 0; i < dim * sub->copies; i++) linear->load[i] /= sub->multiplicity[i / dim];
   PetscFunctionReturn(0);
 }
 
@@ -225,8 +209,9 @@ static PetscErrorCode LatinLinearRelocalise_Private(Latin latin, PetscInt s)
 }
 
 /*
-   The linear stage for the forces g: displacements U of all copies and coarse displacements u. In order: condensed
-   forces, coarse problem (52), relocalisation (42) with the macro forces lambda on the strong interfaces.
+   The linear stage for the forces g, in whose place it leaves the displacements of all copies, zero where they are
+   prescribed; coarse.u are the coarse displacements. In order: condensed forces, coarse problem (52), relocalisation
+   (42) with the macro forces lambda on the strong interfaces.
 */
 PetscErrorCode LatinLinearApply(Latin latin)
 {
@@ -243,8 +228,8 @@ PetscErrorCode LatinLinearApply(Latin latin)
   for (PetscInt s = 0; s < sub->n; s++) PetscCall(LatinLinearRelocalise_Private(latin, s));
   /* identity rows: prescribed and primal displacements pass through */
   for (PetscInt i = 0; i < latin->links->dim * sub->copies; i++)
-    if (sub->fixed[i]) linear->g[i] = latin->tangent ? 0.0 : sub->prescribed[i];
-  PetscCall(LatinBlockSolve(latin, &linear->solver, linear->g, linear->U));
+    if (sub->fixed[i]) linear->g[i] = 0.0;
+  PetscCall(LatinBlockSolve(latin, &linear->solver, linear->g, linear->g));
   PetscCall(PetscLogEventEnd(LATIN_Linear, latin, 0, 0, 0));
   PetscFunctionReturn(0);
 }
@@ -263,7 +248,7 @@ PetscErrorCode LatinLinearReset(Latin latin)
   PetscCall(PetscFree(linear->primal_index));
   PetscCall(PetscFree(linear->H));
   PetscCall(PetscFree(linear->Phi));
-  PetscCall(PetscFree5(linear->g, linear->U, linear->g0, linear->lambda, linear->spring));
+  PetscCall(PetscFree6(linear->g, linear->U, linear->pull, linear->load, linear->lambda, linear->spring));
   PetscCall(PetscMemzero(linear, sizeof(*linear)));
   PetscFunctionReturn(0);
 }

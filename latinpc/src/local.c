@@ -15,7 +15,43 @@
 
 #define LATIN_NOISE 1e-14 /* relative to the energy of the structure, prestress included: below it nothing can be told apart */
 
-/* g = F - B^t s + C^t z: the forces of the linear stage for the state z */
+/*
+   The forces D (1 - R R^t D) U of the search direction on one side of an interface, from the micro part of the
+   displacements alone. The macro part is taken from this side: it is the coarse displacement but for rounding, which
+   would add up in z without an end.
+*/
+static PetscErrorCode LatinPull_Private(Latin latin, const LatinInterface *face)
+{
+  const PetscInt rows = face->side_last - face->side_first;
+  PetscReal     *v = latin->direction_work, *pull = latin->linear.pull + face->side_first;
+
+  PetscFunctionBegin;
+  for (PetscInt r = 0; r < rows; r++) v[r] = latin->linear.U[latin->inter.side_dof[face->side_first + r]];
+  if (face->modes) {
+    PetscReal *w = latin->linear.lambda;
+
+    PetscCall(LatinDirectionApply(latin, face, v, pull));
+    for (PetscInt j = 0; j < face->modes; j++) w[j] = 0.0;
+    for (PetscInt r = 0; r < rows; r++) {
+      const PetscReal *row = LatinMacroRow(&latin->macro, face, face->side_first + r);
+
+      for (PetscInt j = 0; j < face->modes; j++) w[j] += row[j] * pull[r];
+    }
+    for (PetscInt r = 0; r < rows; r++) {
+      const PetscReal *row = LatinMacroRow(&latin->macro, face, face->side_first + r);
+
+      for (PetscInt j = 0; j < face->modes; j++) v[r] -= row[j] * w[j];
+    }
+  }
+  PetscCall(LatinDirectionApply(latin, face, v, pull));
+  PetscFunctionReturn(0);
+}
+
+/*
+   g = F - B^t (s + l e) + C^t (z - D U): what the displacements of the last linear stage leave unbalanced in the state
+   z, with the tensions and the interface forces of (26) and (27). The linear stage then solves for the change of the
+   displacements, and what it rounds, or leaves to an inexact solver, is small with that change.
+*/
 PetscErrorCode LatinGatherForces_Private(Latin latin, const PetscReal z[])
 {
   LatinSubstructure *sub    = &latin->sub;
@@ -26,18 +62,19 @@ PetscErrorCode LatinGatherForces_Private(Latin latin, const PetscReal z[])
   PetscReal         *g      = linear->g;
 
   PetscFunctionBegin;
-  PetscCall(PetscArraycpy(g, linear->g0, dim * sub->copies));
-  for (PetscInt i = 0; i < sub->nonsmooth; i++) {
-    const PetscInt   l = sub->nonsmooth_link[i];
-    const PetscReal *n = sub->direction + dim * l, s = state[i];
+  PetscCall(PetscArraycpy(g, linear->load, dim * sub->copies));
+  for (PetscInt l = 0, i = 0; l < sub->links; l++) {
+    const PetscReal  s  = i < sub->nonsmooth && sub->nonsmooth_link[i] == l ? state[i++] : sub->stiffness[l] * sub->prestrain[l];
+    const PetscReal  t  = s + sub->stiffness[l] * LatinElongation(sub, dim, l, linear->U);
+    const PetscReal *n  = sub->direction + dim * l;
     PetscReal       *ga = g + dim * sub->ends[2 * l], *gb = g + dim * sub->ends[2 * l + 1];
 
     for (PetscInt c = 0; c < dim; c++) {
-      ga[c] += s * n[c];
-      gb[c] -= s * n[c];
+      ga[c] += t * n[c];
+      gb[c] -= t * n[c];
     }
   }
-  for (PetscInt k = 0; k < inter->sides; k++) g[inter->side_dof[k]] += z[k];
+  for (PetscInt k = 0; k < inter->sides; k++) g[inter->side_dof[k]] += z[k] - linear->pull[k];
   PetscFunctionReturn(0);
 }
 
@@ -45,27 +82,14 @@ PetscErrorCode LatinLocalStage_Private(Latin latin, const PetscReal z[], PetscRe
 {
   LatinSubstructure *sub    = &latin->sub;
   LatinInterfaces   *inter  = &latin->inter;
-  LatinMacro        *macro  = &latin->macro;
   const PetscInt     dim    = latin->links->dim;
   const PetscReal   *U      = latin->linear.U;
   PetscReal          sum[4] = {0.0, 0.0, 0.0, 0.0}, total[4];
 
   PetscFunctionBegin;
   PetscCall(PetscLogEventBegin(LATIN_Local, latin, 0, 0, 0));
-  for (PetscInt f = 0; f < inter->count; f++) {
-    const LatinInterface *face = &inter->interface[f];
-    const PetscReal      *u    = latin->coarse.u + face->local_first;
-
-    for (PetscInt k = face->side_first; k < face->side_last; k++) {
-      const PetscReal *row   = LatinMacroRow(macro, face, k);
-      PetscReal        micro = U[inter->side_dof[k]];
-
-      for (PetscInt j = 0; j < face->modes; j++) micro -= row[j] * u[j];
-      latin->direction_work[k - face->side_first] = micro;
-    }
-    PetscCall(LatinDirectionApply(latin, face, latin->direction_work, latin->outgoing + face->side_first));
-    for (PetscInt k = face->side_first; k < face->side_last; k++) latin->outgoing[k] = 2.0 * latin->outgoing[k] - z[k];
-  }
+  for (PetscInt f = 0; f < inter->count; f++) PetscCall(LatinPull_Private(latin, &inter->interface[f]));
+  for (PetscInt k = 0; k < inter->sides; k++) latin->outgoing[k] = 2.0 * latin->linear.pull[k] - z[k];
   PetscCall(PetscSFBcastBegin(inter->mate_sf, MPIU_REAL, latin->outgoing, Gz, MPI_REPLACE));
   for (PetscInt l = 0, i = 0; l < sub->links; l++) {
     const PetscReal k = sub->stiffness[l], e0 = sub->prestrain[l], e = LatinElongation(sub, dim, l, U);

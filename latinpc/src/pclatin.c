@@ -218,7 +218,7 @@ static PetscErrorCode PCApply_Latin(PC pc, Vec x, Vec y)
   PetscCall(LatinDistribute_Private(latin, data->work, data->f));
   for (PetscInt i = 0; i < n; i++) latin->linear.g[i] = data->inner[i / dim] || latin->sub.fixed[i] ? 0.0 : data->weight[i] * data->f[i];
   PetscCall(LatinLinearApply(latin));
-  for (PetscInt i = 0; i < n; i++) data->v[i] = data->inner[i / dim] || latin->sub.fixed[i] ? 0.0 : data->weight[i] * latin->linear.U[i];
+  for (PetscInt i = 0; i < n; i++) data->v[i] = data->inner[i / dim] || latin->sub.fixed[i] ? 0.0 : data->weight[i] * latin->linear.g[i];
   PetscCall(PCLatinSum_Private(latin, data->v, data->work));
   /* interiors in equilibrium with the given forces and these displacements */
   PetscCall(LatinDistribute_Private(latin, data->work, data->v));
