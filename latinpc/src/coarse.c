@@ -112,7 +112,7 @@ PetscErrorCode LatinCoarseNumber(Latin latin)
 }
 
 /* Assembles sum_E c_E^t H_E c_E over the elements; a row has at most as many entries as the elements of its dof have dofs */
-static PetscErrorCode LatinCoarseAssemble_Private(Latin latin)
+static PetscErrorCode LatinCoarseAssemble_Private(Latin latin, PetscBool half)
 {
   LatinCoarse         *coarse = &latin->coarse;
   const LatinElements *top    = &coarse->top;
@@ -132,10 +132,10 @@ static PetscErrorCode LatinCoarseAssemble_Private(Latin latin)
   }
   PetscCall(MatCreate(comm, &coarse->A));
   PetscCall(MatSetSizes(coarse->A, n, n, coarse->top_size, coarse->top_size));
-  PetscCall(MatSetType(coarse->A, MATAIJ));
-  PetscCall(MatSeqAIJSetPreallocation(coarse->A, 0, bound));
-  PetscCall(MatMPIAIJSetPreallocation(coarse->A, 0, bound, 0, outside));
+  PetscCall(MatSetType(coarse->A, half ? MATSBAIJ : MATAIJ));
+  PetscCall(MatXAIJSetPreallocation(coarse->A, 1, bound, outside, bound, outside));
   PetscCall(MatSetOption(coarse->A, MAT_ROW_ORIENTED, PETSC_FALSE));
+  if (half) PetscCall(MatSetOption(coarse->A, MAT_IGNORE_LOWER_TRIANGULAR, PETSC_TRUE));
   PetscCall(PetscFree3(width, bound, outside));
   for (PetscInt s = 0; s < top->n; s++) {
     const PetscInt  m   = top->offset[s + 1] - top->offset[s];
@@ -150,20 +150,33 @@ static PetscErrorCode LatinCoarseAssemble_Private(Latin latin)
   PetscFunctionReturn(0);
 }
 
-/* An iterative coarse solver wants the sparse matrix of the subdomains: groups are for direct ones */
-static PetscErrorCode LatinCoarseGroups_Private(Latin latin, PetscInt *width)
+/*
+   What the coarse solver that the options choose can use: groups, which fill the matrix, are for direct solvers, and
+   half of a symmetric matrix for Cholesky alone.
+*/
+static PetscErrorCode LatinCoarseMatrix_Private(Latin latin, PetscInt *width, PetscBool *half)
 {
   const char *prefix, *options[] = {"-coarse_pc_type", "-coarse_ksp_type"};
   char        value[64];
   PetscBool   set, direct = PETSC_TRUE;
+  Mat         A;
 
   PetscFunctionBegin;
+  *half = PETSC_TRUE;
   PetscCall(PetscObjectGetOptionsPrefix((PetscObject)latin, &prefix));
   for (PetscInt i = 0; i < 2; i++) {
     PetscCall(PetscOptionsGetString(((PetscObject)latin)->options, prefix, options[i], value, sizeof(value), &set));
-    if (set && strcmp(value, PCCHOLESKY) && strcmp(value, PCLU) && strcmp(value, PCREDUNDANT) && strcmp(value, KSPPREONLY)) direct = PETSC_FALSE;
+    if (!set || !strcmp(value, PCCHOLESKY) || !strcmp(value, KSPPREONLY)) continue;
+    *half = PETSC_FALSE;
+    if (strcmp(value, PCLU) && strcmp(value, PCREDUNDANT)) direct = PETSC_FALSE;
   }
   *width = direct ? latin->coarse_groups : 1;
+  if (*half) { /* without a package for it on these ranks, every rank solves the whole */
+    PetscCall(MatCreate(PetscObjectComm((PetscObject)latin), &A));
+    PetscCall(MatSetType(A, MATSBAIJ));
+    PetscCall(LatinDirectSolverAvailable_Private(A, MATSOLVERMUMPS, NULL, half));
+    PetscCall(MatDestroy(&A));
+  }
   PetscFunctionReturn(0);
 }
 
@@ -175,14 +188,15 @@ PetscErrorCode LatinCoarseSetUp(Latin latin)
   Vec               soft   = NULL;
   const char       *prefix;
   PetscInt          width = 1;
+  PetscBool         half  = PETSC_FALSE;
   PC                pc;
 
   PetscFunctionBegin;
   if (!coarse->macro_global && !coarse->primal_global) PetscFunctionReturn(0); /* no interface: one subdomain, or disconnected ones */
   PetscCall(PetscLogEventBegin(LATIN_Coarse, latin, 0, 0, 0));
-  PetscCall(LatinCoarseGroups_Private(latin, &width));
+  PetscCall(LatinCoarseMatrix_Private(latin, &width, &half));
   PetscCall(LatinNestSetUp(latin, width));
-  PetscCall(LatinCoarseAssemble_Private(latin));
+  PetscCall(LatinCoarseAssemble_Private(latin, half));
   PetscCall(LatinNestFinish(latin));
   PetscCall(MatCreateVecs(coarse->A, &coarse->sol, &coarse->rhs));
   if (!coarse->ksp) {

@@ -9,31 +9,37 @@
 
 #define LATIN_MECHANISM 1e-14 /* stiffness of a displacement, relative to the diagonal, that only rounding makes nonzero */
 
+/* The first package with a Cholesky factorisation of A: the preferred one, or another (NULL: none) */
+PetscErrorCode LatinDirectSolverAvailable_Private(Mat A, MatSolverType preferred, MatSolverType *package, PetscBool *found)
+{
+  const MatSolverType candidates[] = {preferred, MATSOLVERMUMPS, MATSOLVERCHOLMOD, MATSOLVERPETSC};
+
+  PetscFunctionBegin;
+  *found = PETSC_FALSE;
+  for (PetscInt i = 0; i < 4 && !*found; i++) {
+    PetscCall(MatGetFactorAvailable(A, candidates[i], MAT_FACTOR_CHOLESKY, found));
+    if (package) *package = *found ? candidates[i] : NULL;
+  }
+  PetscFunctionReturn(0);
+}
+
 /* Cholesky with the preferred package; where PETSc lacks it, another one, with a notice */
 PetscErrorCode LatinDirectSolver_Private(PC pc, Mat A, MatSolverType preferred)
 {
-  const MatSolverType candidates[] = {preferred, MATSOLVERMUMPS, MATSOLVERCHOLMOD, MATSOLVERPETSC};
-  static PetscBool    told         = PETSC_FALSE;
-  PetscMPIInt         rank;
-  PetscBool           found = PETSC_FALSE;
+  static PetscBool told    = PETSC_FALSE;
+  MatSolverType    package = NULL;
+  PetscMPIInt      rank;
+  PetscBool        found = PETSC_FALSE;
 
   PetscFunctionBegin;
   PetscCallMPI(MPI_Comm_rank(PETSC_COMM_WORLD, &rank));
   PetscCall(PCSetType(pc, PCCHOLESKY));
-  for (PetscInt i = 0; i < 4 && !found; i++) {
-    PetscCall(MatGetFactorAvailable(A, candidates[i], MAT_FACTOR_CHOLESKY, &found));
-    if (!found) continue;
-    PetscCall(PCFactorSetMatSolverType(pc, candidates[i]));
-    if (i && !told && !rank) {
-      PetscCall(PetscFPrintf(PETSC_COMM_SELF, PETSC_STDERR, "latin: this PETSc has no %s; using %s instead, which may be slower\n", preferred, candidates[i]));
-      told = PETSC_TRUE;
-    }
-  }
-  if (!found) { /* a parallel matrix and no parallel direct solver: every rank solves the whole */
-    PetscCall(PCSetType(pc, PCREDUNDANT));
-    if (!told && !rank) PetscCall(PetscFPrintf(PETSC_COMM_SELF, PETSC_STDERR, "latin: this PETSc has no parallel direct solver; every rank factors the whole coarse problem\n"));
-    told = PETSC_TRUE;
-  }
+  PetscCall(LatinDirectSolverAvailable_Private(A, preferred, &package, &found));
+  if (found) PetscCall(PCFactorSetMatSolverType(pc, package));
+  else PetscCall(PCSetType(pc, PCREDUNDANT)); /* a parallel matrix and no parallel direct solver */
+  if (!told && !rank && !found) PetscCall(PetscFPrintf(PETSC_COMM_SELF, PETSC_STDERR, "latin: this PETSc has no parallel direct solver; every rank factors the whole coarse problem\n"));
+  if (!told && !rank && found && strcmp(package, preferred)) PetscCall(PetscFPrintf(PETSC_COMM_SELF, PETSC_STDERR, "latin: this PETSc has no %s; using %s instead, which may be slower\n", preferred, package));
+  if (!found || strcmp(package, preferred)) told = PETSC_TRUE;
   PetscFunctionReturn(0);
 }
 
