@@ -38,6 +38,9 @@ cdef extern from "latinpc.h":
         PetscInt strong_macro_dofs
         PetscInt weak_dofs
         PetscInt coarse_size, coarse_levels
+        PetscInt local_macro_dofs
+        PetscInt floppy_subdomains
+        PetscInt local_modes_max
         PetscInt micro_sides
         PetscInt state_size
         PetscReal direction_min

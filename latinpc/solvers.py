@@ -57,8 +57,9 @@ def statistics(solver):
     -------
     dict
         ``subdomains``, ``strong_interfaces``, ``weak_interfaces``, ``strong_macro_dofs``, ``weak_dofs``,
-        ``coarse_size``, ``coarse_levels``, ``micro_sides``, ``state_size``, and the search direction
-        (N/m) as ``direction_min``, ``direction_mean``, ``direction_max`` (of a matrix, its diagonal).
+        ``coarse_size``, ``coarse_levels``, ``local_macro_dofs``, ``floppy_subdomains``, ``local_modes_max``,
+        ``micro_sides``, ``state_size``, and the search direction (N/m) as ``direction_min``, ``direction_mean``,
+        ``direction_max`` (of a matrix, its diagonal).
     """
     return dict(_latin.statistics(solver))
 

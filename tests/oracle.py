@@ -19,6 +19,7 @@ FLOOR = 0.1  # least diagonal search direction of an interface, or stiffness of 
 FOUNDATION = 0.005  # part of its diagonal added to the stiffness of a subdomain for a matrix direction
 FRACTION = {"scalar": 0.08, "diagonal": 0.08, "block": 0.25, "schur": 1.0}  # self-tuned direction
 VISIBLE = 1e-3  # share of a macro mode that must lie on the nodes that serve its interface
+LOCAL = 0.1  # share of a local low-energy field that must be outside the macro basis
 OWNED = True  # do nodes of more than two subdomains serve an interface, see `macro_nodes`
 
 
@@ -155,8 +156,10 @@ def micro_pairs(parts, weak, groups, variant, corners):
 
 
 # ---- macro bases -------------------------------------------------------------------------------
-def macro_basis(modes, d, serving):
+def macro_basis(modes, d, serving, local):
     """R with R^t D R = 1: the affine fields that are visible on the serving dofs.
+
+    `local`: low-energy fields, weighted by sqrt(d), that complete them.
 
     Fields that live on the other dofs alone may coincide on two interfaces of a subdomain; without them the
     rows A of a subdomain are independent by construction. Orthonormal fields first, so that the result does
@@ -164,6 +167,9 @@ def macro_basis(modes, d, serving):
     """
     u, s, _ = np.linalg.svd(np.sqrt(d)[:, None] * modes, full_matrices=False)
     fields = u[:, s > RANK * s[0]]
+    if local.shape[1]:
+        u, s, _ = np.linalg.svd(local - fields @ (fields.T @ local), full_matrices=False)
+        fields = np.hstack([fields, u[:, s > LOCAL]])
     _, visible, v = np.linalg.svd(fields[serving], full_matrices=False)
     return fields @ v[visible > VISIBLE].T / np.sqrt(d)[:, None]
 
@@ -171,6 +177,33 @@ def macro_basis(modes, d, serving):
 def orthonormal(r, d):
     """Columns of the same span with R^t D R = 1."""
     return la.solve_triangular(la.cholesky(r.T @ d @ r, lower=True), r.T, lower=True).T if r.size else r
+
+
+def local_modes(latin, threshold):
+    """Fields of both sides of every interface: S v = lambda diag(d) v, S the stiffness of a subdomain at its interfaces
+    with its primal dofs held, lambda < threshold; only where a node alone has such a motion.
+    """
+    dim = latin.scene.dim
+    for i, part in enumerate(latin.parts):
+        sides = [(side, side.pair.index(i)) for side in latin.sides if i in side.pair]
+        spring = np.zeros(len(part.dofs))
+        for side, which in sides:
+            np.add.at(spring, side.local[which], side.d.diagonal())
+        held = np.isin(part.dofs // dim, [n for n, g in latin.primal.items() if any(i in group for group in g)])
+        b, r = np.flatnonzero(~held & (spring > 0)), np.flatnonzero(~held & (spring == 0))
+        k, q = part.stiffness, np.sqrt(spring[b])
+        nodes = [b[part.dofs[b] // dim == node] for node in np.unique(part.dofs[b] // dim)]
+        if all(la.eigvalsh(k[np.ix_(n, n)], np.diag(spring[n]))[0] >= threshold for n in nodes):
+            continue
+        s = k[np.ix_(b, b)] - k[np.ix_(b, r)] @ np.linalg.pinv(k[np.ix_(r, r)], 1e-10, True) @ k[np.ix_(r, b)]
+        values, vectors = la.eigh(s / np.outer(q, q))
+        modes = np.zeros((len(part.dofs), np.count_nonzero(values < threshold)))
+        modes[b] = vectors[:, : modes.shape[1]] / q[:, None]
+        for side, which in sides:
+            u, size, _ = np.linalg.svd(
+                np.sqrt(side.d.diagonal())[:, None] * modes[side.local[which]], full_matrices=False
+            )
+            side.fields = np.hstack([side.fields, (u * size)[:, size > LOCAL]])
 
 
 # ---- set-up ------------------------------------------------------------------------------------
@@ -184,12 +217,13 @@ def build(
     direction="diagonal",
     owned=OWNED,
     modes=affine_modes,
+    local=0.0,
 ):
     """Everything that is built once: interfaces, subdomain operators, coarse factor.
 
     d is a number (N/m), or None for alpha (default `FRACTION`) times the mean of the neighbours' stiffness: its
     mean diagonal, its diagonal, its block, or its Schur complement (`direction`). `owned`: see `macro_nodes`.
-    modes: `affine_modes` or `rigid_modes`.
+    modes: `affine_modes` or `rigid_modes`. local: the threshold of `local_modes`.
     """
     b, e_d = kinematics(scene)
     latin = SimpleNamespace(scene=scene, e_d=e_d, free=~scene.fixed.ravel())
@@ -206,6 +240,8 @@ def build(
             latin.micro[pair].append(node)
     latin.sides = [interface_side(latin, pair) for pair, nodes in latin.micro.items() if nodes]
     directions(latin, d, alpha or FRACTION[direction], direction)
+    if local:
+        local_modes(latin, local)
     latin.n_z = number_macro(latin, owned)
     latin.n_macro = sum(side.r.shape[1] for side in latin.sides)
     latin.n_coarse = number_primal(latin)
@@ -230,6 +266,7 @@ def interface_side(latin, pair):
     """The micro dofs of an interface, and the diagonal of B^t k B there, mean of both sides."""
     side = SimpleNamespace(pair=pair, dofs=free_dofs(latin, latin.micro[pair]))
     side.local = [np.searchsorted(latin.parts[i].dofs, side.dofs) for i in pair]
+    side.fields = np.zeros((len(side.dofs), 0))
     side.mean = sum(latin.parts[i].stiffness.diagonal()[at] for i, at in zip(pair, side.local)) / 2
     return side
 
@@ -267,7 +304,8 @@ def number_macro(latin, owned):
             modes = modes.reshape(-1, latin.scene.dim, modes.shape[1])[rows].reshape(-1, modes.shape[1])
             dofs = (np.array(nodes)[:, None] * latin.scene.dim + np.arange(latin.scene.dim)).ravel()
             visible = np.isin(side.dofs // latin.scene.dim, macro_nodes(latin, side.pair, owned))
-            side.r = orthonormal(macro_basis(modes[latin.free[dofs]], side.d.diagonal(), visible), side.d)
+            fields = macro_basis(modes[latin.free[dofs]], side.d.diagonal(), visible, side.fields)
+            side.r = orthonormal(fields, side.d)
         n, m = side.r.shape
         side.z = [slice(n_z, n_z + n), slice(n_z + n, n_z + 2 * n)]
         side.macro = np.arange(n_macro, n_macro + m)

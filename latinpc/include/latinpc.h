@@ -79,6 +79,8 @@ typedef struct {
   PetscInt  strong_macro_dofs;                            /* unknowns of the coarse problem on strong interfaces */
   PetscInt  weak_dofs;                                    /* unknowns of the coarse problem on weak interfaces or corners */
   PetscInt  coarse_size, coarse_levels;                   /* rows of the matrix that the coarse KSP solves, and levels of groups condensed before */
+  PetscInt  local_macro_dofs;                             /* of the former, those of local low-energy fields */
+  PetscInt  floppy_subdomains, local_modes_max;           /* subdomains with such fields, the most in one of them */
   PetscInt  micro_sides;                                  /* nodes of interface sides that carry micro quantities */
   PetscInt  state_size;                                   /* length of the fixed-point unknown z */
   PetscReal direction_min, direction_mean, direction_max; /* search direction d, force/length */

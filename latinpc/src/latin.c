@@ -30,6 +30,7 @@ PetscErrorCode LatinCreate_Private(MPI_Comm comm, Latin *newlatin)
   latin->repair              = PETSC_TRUE;
   latin->direction           = LATIN_DIRECTION_DIAGONAL;
   latin->coarse_groups       = 3;
+  latin->local_max           = 64;
   *newlatin                  = latin;
   PetscFunctionReturn(0);
 }
@@ -58,6 +59,8 @@ PetscErrorCode LatinSetFromOptions_Private(Latin latin, PetscOptionItems *PetscO
   PetscOptionsHeadBegin(PetscOptionsObject, "LATIN domain decomposition options");
   PetscCall(PetscOptionsEnum(LATIN_OPTION("variant"), "What the coarse problem makes of weak interfaces (section 4)", "LatinVariant", LatinVariants, (PetscEnum)latin->variant, (PetscEnum *)&latin->variant, NULL));
   PetscCall(PetscOptionsEnum(LATIN_OPTION("modes"), "Macro fields of the strong interfaces (section 3.2)", "LatinModesType", LatinModesTypes, (PetscEnum)latin->modes, (PetscEnum *)&latin->modes, NULL));
+  PetscCall(PetscOptionsReal(LATIN_OPTION("modes_local"), "Local low-energy fields are macro, too: eigenvalues below this, relative to d, 0 = none", "None", latin->local_threshold, &latin->local_threshold, NULL));
+  PetscCall(PetscOptionsRangeInt(LATIN_OPTION("modes_local_max"), "Most low-energy fields of a subdomain", "None", latin->local_max, &latin->local_max, NULL, 1, PETSC_MAX_INT));
   PetscCall(PetscOptionsRangeInt(LATIN_OPTION("subdomains"), "Number of subdomains, 0 = from the links per subdomain", "LatinLinksSetSubdomains", latin->subdomains, &latin->subdomains, NULL, 0, PETSC_MAX_INT));
   PetscCall(PetscOptionsRangeInt(LATIN_OPTION("subdomain_links"), "Links per subdomain when no number of subdomains is given", "LatinLinksSetSubdomains", latin->links_per_subdomain, &latin->links_per_subdomain, NULL, 1, PETSC_MAX_INT));
   PetscCall(PetscOptionsBool(LATIN_OPTION("partition_repair"), "Move links between the subdomains that METIS has made until fewer nodes dangle", "None", latin->repair, &latin->repair, NULL));
@@ -72,12 +75,16 @@ PetscErrorCode LatinSetFromOptions_Private(Latin latin, PetscOptionItems *PetscO
   latin->published = (PetscBool)(corners == 1);
   if (before.variant != latin->variant || before.modes != latin->modes || before.published != latin->published || before.promote != latin->promote || before.subdomains != latin->subdomains ||
       before.links_per_subdomain != latin->links_per_subdomain || before.repair != latin->repair || before.direction != latin->direction || before.direction_scalar != latin->direction_scalar ||
-      before.direction_fraction != latin->direction_fraction || before.coarse_groups != latin->coarse_groups)
+      before.direction_fraction != latin->direction_fraction || before.coarse_groups != latin->coarse_groups || before.local_threshold != latin->local_threshold || before.local_max != latin->local_max)
     latin->stale = PETSC_TRUE;
   PetscCheck(latin->direction_scalar >= 0.0 && !PetscIsInfOrNanReal(latin->direction_scalar), PetscObjectComm((PetscObject)latin), PETSC_ERR_ARG_OUTOFRANGE, "%s is %g; the search direction is a positive stiffness (0 = self-tuned)",
              LATIN_OPTION("direction_scalar"), (double)latin->direction_scalar);
   PetscCheck(latin->direction_fraction >= 0.0 && !PetscIsInfOrNanReal(latin->direction_fraction), PetscObjectComm((PetscObject)latin), PETSC_ERR_ARG_OUTOFRANGE, "%s is %g; it is a positive number (0 = the default of the type)",
              LATIN_OPTION("direction_fraction"), (double)latin->direction_fraction);
+  PetscCheck(latin->local_threshold >= 0.0 && !PetscIsInfOrNanReal(latin->local_threshold), PetscObjectComm((PetscObject)latin), PETSC_ERR_ARG_OUTOFRANGE, "%s is %g; it is a positive number (0 = no local fields)", LATIN_OPTION("modes_local"),
+             (double)latin->local_threshold);
+  PetscCheck(latin->local_threshold == 0.0 || latin->variant == LATIN_VARIANT_CORNER, PetscObjectComm((PetscObject)latin), PETSC_ERR_SUP, "%s wants %s corner: elsewhere the local fields of interfaces that share nodes slow the iteration down",
+             LATIN_OPTION("modes_local"), LATIN_OPTION("variant"));
 #undef LATIN_OPTION
   PetscFunctionReturn(0);
 }
@@ -102,6 +109,7 @@ PetscErrorCode LatinSetUp_Private(Latin latin)
     PetscCall(LatinSubstructureSetUp(latin));
     PetscCall(LatinInterfaceSetUp(latin));
     PetscCall(LatinDirectionSetUp(latin));
+    PetscCall(LatinFloppySetUp(latin));
     PetscCall(LatinMacroSetUp(latin));
     PetscCall(LatinCoarseNumber(latin));
     PetscCall(LatinLinearSetUp(latin));
@@ -129,6 +137,7 @@ PetscErrorCode LatinReset_Private(Latin latin)
   PetscCall(LatinLinearReset(latin));
   PetscCall(LatinMacroReset(latin));
   PetscCall(LatinDirectionReset(latin));
+  PetscCall(LatinFloppyReset(latin));
   PetscCall(LatinInterfaceReset(latin));
   PetscCall(LatinSubstructureReset(latin));
   PetscCall(PetscFree(latin->outgoing));
@@ -168,6 +177,10 @@ PetscErrorCode LatinView_Private(Latin latin, PetscViewer viewer)
   PetscCall(PetscViewerASCIIPrintf(viewer, "subdomains: %" PetscInt_FMT "; interfaces: %" PetscInt_FMT " strong, %" PetscInt_FMT " weak\n", stats.subdomains, stats.strong_interfaces, stats.weak_interfaces));
   PetscCall(PetscViewerASCIIPrintf(viewer, "search direction values: min %g, mean %g, max %g\n", (double)stats.direction_min, (double)stats.direction_mean, (double)stats.direction_max));
   PetscCall(PetscViewerASCIIPrintf(viewer, "coarse problem: %" PetscInt_FMT " macro displacements, %" PetscInt_FMT " primal ones; fixed-point unknown: %" PetscInt_FMT " numbers\n", stats.strong_macro_dofs, stats.weak_dofs, stats.state_size));
+  if (latin->local_threshold > 0.0) {
+    PetscCall(PetscViewerASCIIPrintf(viewer, "local low-energy fields below %g: %" PetscInt_FMT " floppy subdomains, at most %" PetscInt_FMT " modes in one, %" PetscInt_FMT " of the macro displacements\n", (double)latin->local_threshold,
+                                     stats.floppy_subdomains, stats.local_modes_max, stats.local_macro_dofs));
+  }
   {
     PetscViewer sub;
     PetscMPIInt rank;

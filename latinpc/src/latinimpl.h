@@ -20,7 +20,7 @@
 #endif
 
 PETSC_INTERN PetscClassId  LATIN_CLASSID, LATIN_LINKS_CLASSID;
-PETSC_INTERN PetscLogEvent LATIN_SetUp, LATIN_Substructure, LATIN_Interface, LATIN_Direction, LATIN_Macro, LATIN_Linear, LATIN_Coarse, LATIN_Local, LATIN_Condense;
+PETSC_INTERN PetscLogEvent LATIN_SetUp, LATIN_Substructure, LATIN_Interface, LATIN_Direction, LATIN_Macro, LATIN_Floppy, LATIN_Linear, LATIN_Coarse, LATIN_Local, LATIN_Condense;
 
 /* ---- errors and communication that every rank reaches (collective.c) ---- */
 PETSC_INTERN PetscErrorCode LatinAgree_Private(MPI_Comm, PetscBool bad, PetscErrorCode code, const char message[]);
@@ -203,6 +203,14 @@ static inline const PetscReal *LatinMacroRow(const LatinMacro *macro, const Lati
   return macro->basis + face->basis_first + (side - face->side_first) * face->modes;
 }
 
+/* ---- local low-energy fields (floppy.c) ---- */
+typedef struct {
+  PetscInt     *modes; /* [subdomains] low-energy modes found */
+  PetscInt     *count; /* [interface sides] fields of both subdomains there */
+  PetscScalar **field; /* [interface sides][count] columns, rows weighted by sqrt(d) */
+  PetscInt      macro; /* macro modes that they have added, over all ranks */
+} LatinFloppy;
+
 /* ---- solvers of the subdomains (blocks.c) ---- */
 /*
    Subdomains whose operators are equal to the bit share one: a batch of one pattern and many members. All the others
@@ -342,10 +350,13 @@ struct _p_Latin {
   PetscReal          direction_scalar;   /* 0 = self-tuned */
   PetscReal          direction_fraction; /* of the stiffness seen at the interface, when self-tuned; 0 = the default of the type */
   PetscInt           coarse_groups;      /* width of the groups of nested.c in elements, 1 = none */
+  PetscReal          local_threshold;    /* of the eigenvalues of local fields, 0 = none */
+  PetscInt           local_max;          /* most of them a subdomain */
   PetscBool          tangent;            /* operators from the links' tangent stiffness of the last Jacobian */
   LatinSubstructure  sub;
   LatinInterfaces    inter;
   LatinMacro         macro;
+  LatinFloppy        floppy;
   LatinLinear        linear;
   LatinCoarse        coarse;
   PetscInt           applications; /* linear stages done since the last reset of the counter */
@@ -391,6 +402,12 @@ PETSC_INTERN PetscErrorCode LatinGraphRow_Private(Latin, LatinGraph *, PetscInt 
 PETSC_INTERN PetscErrorCode LatinGraphDestroy_Private(LatinGraph *);
 PETSC_INTERN PetscErrorCode LatinMacroSetUp(Latin);
 PETSC_INTERN PetscErrorCode LatinMacroReset(Latin);
+PETSC_INTERN PetscErrorCode LatinSVD_Private(PetscInt rows, PetscInt modes, const PetscScalar A[], PetscReal s[], PetscScalar V[]);
+PETSC_INTERN void           LatinCombine_Private(PetscInt rows, PetscInt modes, PetscInt n, const PetscScalar A[], const PetscScalar V[], const PetscReal scale[], PetscScalar out[]);
+PETSC_INTERN PetscErrorCode LatinFloppySetUp(Latin);
+PETSC_INTERN PetscErrorCode LatinFloppyExtend(Latin, PetscInt f, PetscInt rows, PetscInt *fields, PetscScalar F[]);
+PETSC_INTERN PetscErrorCode LatinFloppyStatistics_Private(Latin, PetscInt *subdomains, PetscInt *most);
+PETSC_INTERN PetscErrorCode LatinFloppyReset(Latin);
 PETSC_INTERN PetscErrorCode LatinLinearSetUp(Latin);
 PETSC_INTERN PetscErrorCode LatinCondenseSetUp(Latin);
 PETSC_INTERN PetscErrorCode LatinLinearSetLoads(Latin, Vec load);

@@ -59,15 +59,17 @@ static PetscErrorCode LatinMacroModes_Private(Latin latin, const LatinInterface 
 }
 
 /* Right singular vectors (columns of V, modes x modes) and singular values, decreasing, of A (rows x modes), by way of its QR factor */
-static PetscErrorCode LatinSVD_Private(PetscInt rows, PetscInt modes, const PetscScalar A[], PetscReal s[], PetscScalar V[])
+PetscErrorCode LatinSVD_Private(PetscInt rows, PetscInt modes, const PetscScalar A[], PetscReal s[], PetscScalar V[])
 {
-  PetscScalar *a, tau[LATIN_MAX_MODES], vt[LATIN_MAX_MODES * LATIN_MAX_MODES], work[64 * LATIN_MAX_MODES], dummy;
-  PetscBLASInt m, n, ld, one = 1, lwork = 64 * LATIN_MAX_MODES, info;
+  PetscScalar *a, *tau, *vt, *work, dummy;
+  PetscBLASInt m, n, ld, one = 1, lwork, info;
 
   PetscFunctionBegin;
   PetscCall(PetscBLASIntCast(modes, &n));
   PetscCall(PetscBLASIntCast(PetscMax(rows, modes), &m)); /* padded with zero rows: square at least, whatever the number of nodes */
   ld = m;
+  PetscCall(PetscBLASIntCast(64 * modes, &lwork));
+  PetscCall(PetscMalloc3(modes, &tau, modes * modes, &vt, lwork, &work));
   PetscCall(PetscCalloc1((size_t)m * (size_t)n, &a));
   for (PetscInt j = 0; j < modes; j++) PetscCall(PetscArraycpy(a + (size_t)m * (size_t)j, A + (size_t)rows * (size_t)j, rows));
   PetscCallBLAS("LAPACKgeqrf", LAPACKgeqrf_(&m, &n, a, &ld, tau, work, &lwork, &info));
@@ -79,11 +81,12 @@ static PetscErrorCode LatinSVD_Private(PetscInt rows, PetscInt modes, const Pets
   for (PetscInt k = 0; k < modes; k++)
     for (PetscInt j = 0; j < modes; j++) V[j + modes * k] = vt[k + modes * j];
   PetscCall(PetscFree(a));
+  PetscCall(PetscFree3(tau, vt, work));
   PetscFunctionReturn(0);
 }
 
 /* out (rows x n) = A (rows x modes) times the first n columns of V (modes x modes), each divided by its scale */
-static void LatinCombine_Private(PetscInt rows, PetscInt modes, PetscInt n, const PetscScalar A[], const PetscScalar V[], const PetscReal scale[], PetscScalar out[])
+void LatinCombine_Private(PetscInt rows, PetscInt modes, PetscInt n, const PetscScalar A[], const PetscScalar V[], const PetscReal scale[], PetscScalar out[])
 {
   for (PetscInt k = 0; k < n; k++) {
     for (PetscInt r = 0; r < rows; r++) out[r + rows * k] = 0.0;
@@ -92,39 +95,51 @@ static void LatinCombine_Private(PetscInt rows, PetscInt modes, PetscInt n, cons
   }
 }
 
+/* Columns that an interface may need */
+static inline PetscInt LatinMacroWidth(Latin latin, PetscInt f)
+{
+  return LATIN_MAX_MODES + (latin->floppy.count ? latin->floppy.count[f] : 0);
+}
+
 /*
    The basis of one interface, column by column in M. First the fields that its side dofs can tell apart, orthonormal in
-   d; then, of these, the combinations whose part on the serving nodes does not vanish (singular values are cosines,
+   d, completed by local low-energy fields where there are any (floppy.c); then, of these, the combinations whose part on the serving nodes does not vanish (singular values are cosines,
    between 0 and 1). Orthogonal combinations of an orthonormal basis are orthonormal: the result does not depend on how
    modes are scaled.
 */
-static PetscErrorCode LatinMacroBasis_Private(Latin latin, LatinInterface *face, PetscScalar M[], PetscScalar F[])
+static PetscErrorCode LatinMacroBasis_Private(Latin latin, PetscInt f, PetscScalar M[], PetscScalar F[])
 {
   LatinInterfaces *inter = &latin->inter;
-  const PetscInt   rows  = face->side_last - face->side_first;
-  PetscScalar      V[LATIN_MAX_MODES * LATIN_MAX_MODES];
-  PetscReal        s[LATIN_MAX_MODES], one[LATIN_MAX_MODES];
+  LatinInterface  *face  = &inter->interface[f];
+  const PetscInt   rows = face->side_last - face->side_first, wide = LatinMacroWidth(latin, f);
+  PetscScalar     *V;
+  PetscReal       *s, *one;
   PetscInt         modes = 0, fields = 0, kept = 0, serving = 0;
 
   PetscFunctionBegin;
-  for (PetscInt k = 0; k < LATIN_MAX_MODES; k++) one[k] = 1.0;
-  face->modes = 0;
+  PetscCall(PetscMalloc3(wide * wide, &V, wide, &s, wide, &one));
+  for (PetscInt k = 0; k < wide; k++) one[k] = 1.0;
   PetscCall(LatinMacroModes_Private(latin, face, &modes, M));
   PetscCall(LatinSVD_Private(rows, modes, M, s, V));
   while (fields < modes && s[fields] > LATIN_MODE_RANK * s[0]) fields++;
   LatinCombine_Private(rows, modes, fields, M, V, s, F);
+  modes = fields;
+  PetscCall(LatinFloppyExtend(latin, f, rows, &fields, F));
   for (PetscInt r = 0; r < rows; r++) serving += inter->serves[face->side_first + r] ? 1 : 0;
-  if (!serving || !fields) PetscFunctionReturn(0);
-  for (PetscInt j = 0; j < fields; j++)
-    for (PetscInt r = 0, k = 0; r < rows; r++)
-      if (inter->serves[face->side_first + r]) M[k++ + serving * j] = F[r + rows * j];
-  PetscCall(LatinSVD_Private(serving, fields, M, s, V));
-  while (kept < fields && s[kept] > LATIN_MODE_VISIBLE) kept++;
-  LatinCombine_Private(rows, fields, kept, F, V, one, M);
-  for (PetscInt k = 0; k < kept; k++)
-    for (PetscInt r = 0; r < rows; r++) M[r + rows * k] /= PetscSqrtReal(latin->macro.d[face->side_first + r]);
-  PetscCall(LatinDirectionNormalise(latin, face, kept, M));
+  if (serving && fields) {
+    for (PetscInt j = 0; j < fields; j++)
+      for (PetscInt r = 0, k = 0; r < rows; r++)
+        if (inter->serves[face->side_first + r]) M[k++ + serving * j] = F[r + rows * j];
+    PetscCall(LatinSVD_Private(serving, fields, M, s, V));
+    while (kept < fields && s[kept] > LATIN_MODE_VISIBLE) kept++;
+    LatinCombine_Private(rows, fields, kept, F, V, one, M);
+    for (PetscInt k = 0; k < kept; k++)
+      for (PetscInt r = 0; r < rows; r++) M[r + rows * k] /= PetscSqrtReal(latin->macro.d[face->side_first + r]);
+    PetscCall(LatinDirectionNormalise(latin, face, kept, M));
+  }
+  PetscCall(PetscFree3(V, s, one));
   face->modes = kept;
+  latin->floppy.macro += PetscMax(kept - modes, 0);
   PetscFunctionReturn(0);
 }
 
@@ -210,24 +225,27 @@ static PetscErrorCode LatinMacroRows_Private(Latin latin, const PetscScalar buil
 PetscErrorCode LatinMacroSetUp(Latin latin)
 {
   LatinInterfaces *inter = &latin->inter;
-  PetscInt         rows = 0, next = 0, total = 0;
-  size_t           used = 0, room = 0;
+  PetscInt         next  = 0, total[2];
+  size_t           used = 0, room = 0, widest = 0;
   PetscScalar     *M, *F, *built;
 
   PetscFunctionBegin;
   PetscCall(PetscLogEventBegin(LATIN_Macro, latin, 0, 0, 0));
   for (PetscInt f = 0; f < inter->count; f++) {
-    rows = PetscMax(rows, inter->interface[f].side_last - inter->interface[f].side_first);
-    if (LatinMacroBuilds(latin, &inter->interface[f])) room += (size_t)(inter->interface[f].side_last - inter->interface[f].side_first);
+    const size_t size = (size_t)((inter->interface[f].side_last - inter->interface[f].side_first) * LatinMacroWidth(latin, f));
+
+    widest = PetscMax(widest, size);
+    if (LatinMacroBuilds(latin, &inter->interface[f])) room += size;
   }
-  PetscCall(PetscMalloc1(room * LATIN_MAX_MODES, &built));
-  PetscCall(PetscMalloc2(rows * LATIN_MAX_MODES, &M, rows * LATIN_MAX_MODES, &F));
+  PetscCall(PetscMalloc1(room, &built));
+  PetscCall(PetscMalloc2(widest, &M, widest, &F));
+  latin->floppy.macro = 0;
   for (PetscInt f = 0; f < inter->count; f++) {
     LatinInterface *face = &inter->interface[f];
 
     face->modes = 0;
     if (!LatinMacroBuilds(latin, face)) continue;
-    PetscCall(LatinMacroBasis_Private(latin, face, M, F));
+    PetscCall(LatinMacroBasis_Private(latin, f, M, F));
     PetscCall(PetscArraycpy(built + used, M, (face->side_last - face->side_first) * face->modes));
     used += (size_t)((face->side_last - face->side_first) * face->modes);
     face->coarse_first = next;
@@ -237,9 +255,12 @@ PetscErrorCode LatinMacroSetUp(Latin latin)
   PetscCall(LatinMacroNumber_Private(latin));
   PetscCall(LatinMacroRows_Private(latin, built));
   PetscCall(PetscFree(built));
-  PetscCall(MPIU_Allreduce(&next, &total, 1, MPIU_INT, MPI_SUM, PetscObjectComm((PetscObject)latin)));
+  total[0] = next;
+  total[1] = latin->floppy.macro;
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, total, 2, MPIU_INT, MPI_SUM, PetscObjectComm((PetscObject)latin)));
   latin->coarse.macro_local  = next;
-  latin->coarse.macro_global = total;
+  latin->coarse.macro_global = total[0];
+  latin->floppy.macro        = total[1];
   PetscCall(PetscLogEventEnd(LATIN_Macro, latin, 0, 0, 0));
   PetscFunctionReturn(0);
 }

@@ -322,6 +322,7 @@ PetscErrorCode PCLatinGetLatin(PC pc, Latin *latin)
 
   Options Database Keys:
 + -pc_latin_variant <none,macro,corner>        - coarse treatment of weak interfaces
+. -pc_latin_modes_local <0>                    - local low-energy fields of floppy subdomains, eigenvalues below this
 . -pc_latin_subdomains <n>                     - number of subdomains
 . -pc_latin_weights <stiffness,multiplicity>   - how residuals are shared among the copies of a node
 . -pc_latin_direction_fraction <0.001>         - springs that keep the local problems regular

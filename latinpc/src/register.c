@@ -10,7 +10,7 @@
 */
 
 PetscClassId  LATIN_CLASSID, LATIN_LINKS_CLASSID;
-PetscLogEvent LATIN_SetUp, LATIN_Substructure, LATIN_Interface, LATIN_Direction, LATIN_Macro, LATIN_Linear, LATIN_Coarse, LATIN_Local, LATIN_Condense;
+PetscLogEvent LATIN_SetUp, LATIN_Substructure, LATIN_Interface, LATIN_Direction, LATIN_Macro, LATIN_Floppy, LATIN_Linear, LATIN_Coarse, LATIN_Local, LATIN_Condense;
 
 PETSC_EXTERN PetscErrorCode SNESCreate_Latin(SNES);
 PETSC_EXTERN PetscErrorCode PCCreate_Latin(PC);
@@ -43,6 +43,7 @@ PetscErrorCode LatinInitializePackage(void)
   PetscCall(PetscLogEventRegister("LatinSubstruct", LATIN_CLASSID, &LATIN_Substructure));
   PetscCall(PetscLogEventRegister("LatinInterface", LATIN_CLASSID, &LATIN_Interface));
   PetscCall(PetscLogEventRegister("LatinDirection", LATIN_CLASSID, &LATIN_Direction));
+  PetscCall(PetscLogEventRegister("LatinFloppy", LATIN_CLASSID, &LATIN_Floppy));
   PetscCall(PetscLogEventRegister("LatinMacro", LATIN_CLASSID, &LATIN_Macro));
   PetscCall(PetscLogEventRegister("LatinLinear", LATIN_CLASSID, &LATIN_Linear));
   PetscCall(PetscLogEventRegister("LatinCondense", LATIN_CLASSID, &LATIN_Condense));

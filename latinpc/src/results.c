@@ -46,9 +46,11 @@ PetscErrorCode LatinGetStatistics(Latin latin, LatinStatistics *stats)
   stats->coarse_levels     = latin->coarse.levels;
   stats->micro_sides       = latin->inter.side_nodes_global;
   stats->state_size        = n;
-  stats->direction_min     = sum[1] > 0.0 ? low : 0.0;
-  stats->direction_max     = high;
-  stats->direction_mean    = sum[1] > 0.0 ? sum[0] / sum[1] : 0.0;
+  stats->local_macro_dofs  = latin->floppy.macro;
+  PetscCall(LatinFloppyStatistics_Private(latin, &stats->floppy_subdomains, &stats->local_modes_max));
+  stats->direction_min  = sum[1] > 0.0 ? low : 0.0;
+  stats->direction_max  = high;
+  stats->direction_mean = sum[1] > 0.0 ? sum[0] / sum[1] : 0.0;
   PetscFunctionReturn(0);
 }
 

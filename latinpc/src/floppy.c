@@ -1,0 +1,387 @@
+#include "latinimpl.h"
+
+/*
+   Local low-energy fields, beyond the article. A partition that cuts through modules leaves subdomains that are floppy:
+   they have motions that cost next to no energy though their corners are held, and that the affine fields of their
+   interfaces do not contain. Only the search direction d resists such a motion, and the iteration is slow in it. So it
+   becomes macro. For each floppy subdomain, with S_E the stiffness seen at its interfaces when its primal dofs are held,
+
+     S_E v = lambda d v,  lambda below a threshold,
+
+   as in GenEO; the springs of d are part of K_E, so what is computed are the large eigenvalues 1 / (1 + lambda) of the
+   compliance d^1/2 (S_E + d)^-1 d^1/2 = d^1/2 C K_E^-1 C^t d^1/2. It exists whatever the mechanisms. The fields of both
+   sides are cut by interface and complete the macro basis of that interface (LatinFloppyExtend()).
+
+   A test without eigenproblem finds the floppy subdomains: a dangling node, whose own links resist some motion of it
+   alone by less than the threshold. This motion is an upper bound of the least eigenvalue.
+*/
+
+#define LATIN_FLOPPY_SIZE 0.1 /* a field is kept when this part of its norm, or more, is outside the macro basis */
+
+/* K + springs at one node, or nothing: is there a motion of this node alone that costs less than threshold x springs? */
+static PetscBool LatinFloppyNode(PetscInt dim, const PetscReal stiffness[], const PetscReal spring[], const PetscBool fixed[], PetscReal threshold)
+{
+  PetscReal a[9];
+
+  for (PetscInt c = 0; c < dim; c++) {
+    for (PetscInt b = 0; b < dim; b++) a[c * dim + b] = fixed[c] || fixed[b] ? 0.0 : stiffness[c * dim + b];
+    a[c * dim + c] = fixed[c] ? 1.0 : a[c * dim + c] - threshold * spring[c];
+  }
+  /* Cholesky's pivots */
+  for (PetscInt c = 0; c < dim; c++) {
+    if (!(a[c * dim + c] > 0.0)) return PETSC_TRUE;
+    for (PetscInt r = c + 1; r < dim; r++)
+      for (PetscInt b = c + 1; b <= r; b++) a[r * dim + b] -= a[r * dim + c] * a[b * dim + c] / a[c * dim + c];
+  }
+  return PETSC_FALSE;
+}
+
+/* floppy[s]: has the subdomain a dangling node? */
+static PetscErrorCode LatinFloppyTest_Private(Latin latin, const PetscReal spring[], PetscBool floppy[])
+{
+  LatinSubstructure *sub   = &latin->sub;
+  LatinInterfaces   *inter = &latin->inter;
+  const PetscInt     dim = latin->links->dim, dd = dim * dim;
+  PetscReal         *stiffness;
+
+  PetscFunctionBegin;
+  PetscCall(PetscCalloc1(dd * sub->copies, &stiffness));
+  for (PetscInt l = 0; l < sub->links; l++)
+    for (PetscInt c = 0; c < dim; c++)
+      for (PetscInt b = 0; b < dim; b++) {
+        const PetscReal v = sub->stiffness[l] * sub->direction[dim * l + c] * sub->direction[dim * l + b];
+
+        stiffness[dd * sub->ends[2 * l] + c * dim + b] += v;
+        stiffness[dd * sub->ends[2 * l + 1] + c * dim + b] += v;
+      }
+  for (PetscInt s = 0; s < sub->n; s++) {
+    floppy[s] = PETSC_FALSE;
+    for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++)
+      for (PetscInt k = inter->interface[f].side_first; k < inter->interface[f].side_last && !floppy[s]; k++) {
+        const PetscInt i = inter->side_dof[k] / dim;
+
+        if (inter->component[i] < 0) floppy[s] = LatinFloppyNode(dim, stiffness + dd * i, spring + dim * i, sub->fixed + dim * i, latin->local_threshold);
+      }
+  }
+  PetscCall(PetscFree(stiffness));
+  PetscFunctionReturn(0);
+}
+
+/* K_E of one subdomain, primal and prescribed dofs held, factored; *ksp stays NULL when it has a mechanism, which the set-up of the linear stage reports */
+static PetscErrorCode LatinFloppyFactor_Private(Latin latin, PetscInt s, const PetscReal spring[], KSP *ksp)
+{
+  LatinSubstructure *sub    = &latin->sub;
+  LatinFactorStatus  status = {0, PC_NOERROR, PETSC_FALSE};
+  const PetscInt     dim = latin->links->dim, top = sub->node_offset[s], n = dim * (sub->node_offset[s + 1] - top);
+  Mat                K;
+  Vec                soft = NULL;
+  PC                 pc;
+  PetscInt          *width;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMalloc1(n, &width));
+  for (PetscInt i = 0; i < n; i++) width[i] = dim;
+  for (PetscInt l = 2 * sub->link_offset[s]; l < 2 * sub->link_offset[s + 1]; l++)
+    for (PetscInt c = 0; c < dim; c++) width[dim * (sub->ends[l] - top) + c] += dim;
+  PetscCall(MatCreateSeqAIJ(PETSC_COMM_SELF, n, n, 0, width, &K));
+  PetscCall(PetscFree(width));
+  for (PetscInt i = 0; i < n; i++) {
+    const PetscBool   held  = (PetscBool)(sub->fixed[dim * top + i] || latin->inter.component[top + i / dim] >= 0);
+    const PetscScalar value = held ? 1.0 : spring[dim * top + i];
+
+    PetscCall(MatSetValue(K, i, i, value, ADD_VALUES));
+  }
+  for (PetscInt l = sub->link_offset[s]; l < sub->link_offset[s + 1]; l++) {
+    const PetscReal *v = sub->direction + dim * l;
+    PetscInt         row[6];
+    PetscScalar      block[36];
+
+    for (PetscInt a = 0; a < 2 * dim; a++) {
+      const PetscInt i = sub->ends[2 * l + a / dim];
+
+      row[a] = sub->fixed[dim * i + a % dim] || latin->inter.component[i] >= 0 ? -1 : dim * (i - top) + a % dim; /* negative rows are left out */
+      for (PetscInt b = 0; b < 2 * dim; b++) block[a * 2 * dim + b] = (a / dim == b / dim ? 1.0 : -1.0) * sub->stiffness[l] * v[a % dim] * v[b % dim];
+    }
+    PetscCall(MatSetValues(K, 2 * dim, row, 2 * dim, row, block, ADD_VALUES));
+  }
+  PetscCall(MatAssemblyBegin(K, MAT_FINAL_ASSEMBLY));
+  PetscCall(MatAssemblyEnd(K, MAT_FINAL_ASSEMBLY));
+  PetscCall(MatSetOption(K, MAT_SYMMETRIC, PETSC_TRUE));
+  PetscCall(MatSetOption(K, MAT_SPD, PETSC_TRUE));
+  PetscCall(KSPCreate(PETSC_COMM_SELF, ksp));
+  PetscCall(KSPSetType(*ksp, KSPPREONLY));
+  PetscCall(KSPGetPC(*ksp, &pc));
+  PetscCall(LatinDirectSolver_Private(pc, K, MATSOLVERCHOLMOD));
+  PetscCall(KSPSetOperators(*ksp, K, K));
+  PetscCall(LatinFactor_Private(*ksp, K, MATSOLVERCHOLMOD, &status, &soft));
+  PetscCall(VecDestroy(&soft));
+  PetscCall(MatDestroy(&K));
+  if (status.ierr || status.failed || status.mechanism) PetscCall(KSPDestroy(ksp));
+  PetscFunctionReturn(0);
+}
+
+/* G = d^1/2 C K_E^-1 C^t d^1/2 at n interface dofs (rows of the subdomain), column by column */
+static PetscErrorCode LatinFloppyCompliance_Private(KSP ksp, PetscInt n, const PetscInt dof[], const PetscReal weight[], PetscScalar G[])
+{
+  const PetscInt width = 64; /* columns solved together: bounds the work space */
+  PetscInt       rows;
+  Mat            K, B, X;
+
+  PetscFunctionBegin;
+  PetscCall(KSPGetOperators(ksp, &K, NULL));
+  PetscCall(MatGetSize(K, &rows, NULL));
+  for (PetscInt first = 0; first < n; first += width) {
+    const PetscInt     columns = PetscMin(width, n - first);
+    const PetscScalar *x;
+    PetscScalar       *b;
+
+    PetscCall(MatCreateSeqDense(PETSC_COMM_SELF, rows, columns, NULL, &B));
+    PetscCall(MatCreateSeqDense(PETSC_COMM_SELF, rows, columns, NULL, &X));
+    PetscCall(MatDenseGetArrayWrite(B, &b));
+    PetscCall(PetscArrayzero(b, rows * columns));
+    for (PetscInt j = 0; j < columns; j++) b[dof[first + j] + rows * j] = weight[first + j];
+    PetscCall(MatDenseRestoreArrayWrite(B, &b));
+    PetscCall(MatAssemblyBegin(B, MAT_FINAL_ASSEMBLY));
+    PetscCall(MatAssemblyEnd(B, MAT_FINAL_ASSEMBLY));
+    PetscCall(MatAssemblyBegin(X, MAT_FINAL_ASSEMBLY));
+    PetscCall(MatAssemblyEnd(X, MAT_FINAL_ASSEMBLY));
+    PetscCall(KSPMatSolve(ksp, B, X));
+    PetscCall(MatDenseGetArrayRead(X, &x));
+    for (PetscInt j = 0; j < columns; j++)
+      for (PetscInt i = 0; i < n; i++) G[i + (size_t)n * (size_t)(first + j)] = weight[i] * x[dof[i] + rows * j];
+    PetscCall(MatDenseRestoreArrayRead(X, &x));
+    PetscCall(MatDestroy(&B));
+    PetscCall(MatDestroy(&X));
+  }
+  PetscFunctionReturn(0);
+}
+
+/* Eigenvectors of G (destroyed) for the eigenvalues 1 / (1 + lambda), lambda < threshold: columns of V (n x n), the last *modes wanted */
+static PetscErrorCode LatinFloppyEigen_Private(PetscInt n, PetscReal threshold, PetscScalar G[], PetscScalar V[], PetscInt *modes)
+{
+  const PetscReal low = 1.0 / (1.0 + threshold), high = 2.0, tolerance = 0.0;
+  PetscBLASInt    bn, lwork, found = 0, unused = 0, info, *iwork, *fail;
+  PetscScalar    *work;
+  PetscReal      *w;
+
+  PetscFunctionBegin;
+  PetscCall(PetscBLASIntCast(n, &bn));
+  PetscCall(PetscBLASIntCast(40 * n, &lwork));
+  PetscCall(PetscMalloc4(lwork, &work, n, &w, 5 * n, &iwork, n, &fail));
+  PetscCallBLAS("LAPACKsyevx", LAPACKsyevx_("V", "V", "L", &bn, G, &bn, &low, &high, &unused, &unused, &tolerance, &found, w, V, &bn, work, &lwork, iwork, fail, &info));
+  PetscCheck(!info, PETSC_COMM_SELF, PETSC_ERR_LIB, "LAPACK syevx found no local modes of a subdomain (info %d); try without them", (int)info);
+  PetscCall(PetscFree4(work, w, iwork, fail));
+  *modes = found;
+  PetscFunctionReturn(0);
+}
+
+/* The fields of one side of an interface: the modes (n rows, position of each dof) cut, weighted by sqrt(d); those that are small there, or dependent, are left out */
+static PetscErrorCode LatinFloppyCut_Private(Latin latin, PetscInt f, PetscInt n, PetscInt modes, const PetscScalar mode[], const PetscInt position[], const PetscReal weight[])
+{
+  const LatinInterface *face   = &latin->inter.interface[f];
+  LatinFloppy          *floppy = &latin->floppy;
+  const PetscInt        rows = face->side_last - face->side_first, top = latin->links->dim * latin->sub.node_offset[face->sub];
+  PetscInt              count = 0;
+  PetscReal            *scale;
+  PetscScalar          *C, *right;
+
+  PetscFunctionBegin;
+  if (!face->strong || !rows || !modes) PetscFunctionReturn(0);
+  PetscCall(PetscMalloc3(modes * modes, &right, modes, &scale, rows * modes, &C));
+  for (PetscInt j = 0; j < modes; j++)
+    for (PetscInt r = 0; r < rows; r++) {
+      const PetscInt p = position[latin->inter.side_dof[face->side_first + r] - top];
+
+      C[r + rows * j] = p < 0 ? 0.0 : mode[p + (size_t)n * (size_t)j] * PetscSqrtReal(latin->macro.d[face->side_first + r]) / weight[p];
+    }
+  PetscCall(LatinSVD_Private(rows, modes, C, scale, right));
+  while (count < PetscMin(modes, rows) && scale[count] > LATIN_FLOPPY_SIZE) count++;
+  for (PetscInt j = 0; j < count; j++) scale[j] = 1.0; /* the columns keep their size */
+  PetscCall(PetscMalloc1(rows * count, &floppy->field[f]));
+  LatinCombine_Private(rows, modes, count, C, right, scale, floppy->field[f]);
+  floppy->count[f] = count;
+  PetscCall(PetscFree3(right, scale, C));
+  PetscFunctionReturn(0);
+}
+
+/* The low-energy modes of a subdomain, cut by interface */
+static PetscErrorCode LatinFloppySubdomain_Private(Latin latin, PetscInt s, const PetscReal spring[])
+{
+  LatinInterfaces *inter = &latin->inter;
+  const PetscInt   dim = latin->links->dim, top = dim * latin->sub.node_offset[s], rows = dim * latin->sub.node_offset[s + 1] - top;
+  PetscInt        *dof, *position, n = 0, modes = 0, kept;
+  PetscReal       *weight;
+  PetscScalar     *G, *V;
+  KSP              ksp = NULL;
+
+  PetscFunctionBegin;
+  PetscCall(LatinFloppyFactor_Private(latin, s, spring, &ksp));
+  if (!ksp) PetscFunctionReturn(0);
+  PetscCall(PetscMalloc3(rows, &dof, rows, &position, rows, &weight));
+  for (PetscInt i = 0; i < rows; i++) {
+    position[i] = -1;
+    if (spring[top + i] == 0.0 || inter->component[(top + i) / dim] >= 0) continue;
+    position[i] = n;
+    weight[n]   = PetscSqrtReal(spring[top + i]);
+    dof[n++]    = i;
+  }
+  PetscCall(PetscMalloc2((size_t)n * (size_t)n, &G, (size_t)n * (size_t)n, &V));
+  PetscCall(LatinFloppyCompliance_Private(ksp, n, dof, weight, G));
+  PetscCall(LatinFloppyEigen_Private(n, latin->local_threshold, G, V, &modes));
+  kept                   = PetscMin(modes, latin->local_max);
+  latin->floppy.modes[s] = kept;
+  for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++) PetscCall(LatinFloppyCut_Private(latin, f, n, kept, V + (size_t)n * (size_t)(modes - kept), position, weight));
+  PetscCall(PetscFree2(G, V));
+  PetscCall(PetscFree3(dof, position, weight));
+  PetscCall(KSPDestroy(&ksp));
+  PetscFunctionReturn(0);
+}
+
+/* Both sides of each interface get the fields of both, those of the lower subdomain first: they build the same basis, whichever of them does */
+static PetscErrorCode LatinFloppyExchange_Private(Latin latin)
+{
+  LatinInterfaces *inter  = &latin->inter;
+  LatinFloppy     *floppy = &latin->floppy;
+  PetscInt        *mine, *mate, widest = 0;
+  PetscScalar     *out, *in;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMalloc4(inter->sides, &mine, inter->sides, &mate, inter->sides, &out, inter->sides, &in));
+  for (PetscInt f = 0; f < inter->count; f++) {
+    widest = PetscMax(widest, floppy->count[f]);
+    for (PetscInt k = inter->interface[f].side_first; k < inter->interface[f].side_last; k++) mine[k] = floppy->count[f];
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &widest, 1, MPIU_INT, MPI_MAX, PetscObjectComm((PetscObject)latin)));
+  if (widest) PetscCall(LatinSFBcast_Private(inter->mate_sf, 1, MPIU_INT, mine, mate));
+  for (PetscInt f = 0; f < inter->count && widest; f++) {
+    const LatinInterface *face = &inter->interface[f];
+    const PetscInt        rows = face->side_last - face->side_first;
+    PetscScalar          *field;
+
+    if (!rows || !(floppy->count[f] + mate[face->side_first])) continue;
+    PetscCall(PetscMalloc1(rows * (floppy->count[f] + mate[face->side_first]), &field));
+    PetscCall(PetscArraycpy(field + (latin->sub.first + face->sub < face->neighbour ? 0 : rows * mate[face->side_first]), floppy->field[f], rows * floppy->count[f]));
+    PetscCall(PetscFree(floppy->field[f]));
+    floppy->field[f] = field;
+    floppy->count[f] += mate[face->side_first];
+  }
+  for (PetscInt j = 0; j < widest; j++) {
+    for (PetscInt pass = 0; pass < 2; pass++) {
+      for (PetscInt f = 0; f < inter->count; f++) {
+        const LatinInterface *face  = &inter->interface[f];
+        const PetscInt        rows  = face->side_last - face->side_first;
+        const PetscBool       lower = (PetscBool)(latin->sub.first + face->sub < face->neighbour);
+
+        if (!pass && rows && j < mine[face->side_first]) PetscCall(PetscArraycpy(out + face->side_first, floppy->field[f] + rows * ((lower ? 0 : mate[face->side_first]) + j), rows));
+        if (pass && rows && j < mate[face->side_first]) PetscCall(PetscArraycpy(floppy->field[f] + rows * ((lower ? mine[face->side_first] : 0) + j), in + face->side_first, rows));
+      }
+      if (!pass) PetscCall(LatinSFBcast_Private(inter->mate_sf, 1, MPIU_SCALAR, out, in));
+    }
+  }
+  PetscCall(PetscFree4(mine, mate, out, in));
+  PetscFunctionReturn(0);
+}
+
+/* Subdomains that equal another one take its fields */
+static PetscErrorCode LatinFloppyCopy_Private(Latin latin, PetscInt from, PetscInt to)
+{
+  LatinInterfaces *inter  = &latin->inter;
+  LatinFloppy     *floppy = &latin->floppy;
+
+  PetscFunctionBegin;
+  floppy->modes[to] = floppy->modes[from];
+  for (PetscInt f = inter->offset[from], g = inter->offset[to]; f < inter->offset[from + 1]; f++, g++) {
+    const PetscInt n = floppy->count[f] * (inter->interface[f].side_last - inter->interface[f].side_first);
+
+    floppy->count[g] = floppy->count[f];
+    if (!n) continue;
+    PetscCall(PetscMalloc1(n, &floppy->field[g]));
+    PetscCall(PetscArraycpy(floppy->field[g], floppy->field[f], n));
+  }
+  PetscFunctionReturn(0);
+}
+
+/* The local fields of every interface here, for LatinMacroSetUp(). Collective on latin */
+PetscErrorCode LatinFloppySetUp(Latin latin)
+{
+  LatinSubstructure *sub    = &latin->sub;
+  LatinInterfaces   *inter  = &latin->inter;
+  LatinFloppy       *floppy = &latin->floppy;
+  PetscReal         *spring;
+  PetscInt          *pattern;
+  PetscBool         *is, any = PETSC_FALSE;
+
+  PetscFunctionBegin;
+  if (latin->local_threshold == 0.0) PetscFunctionReturn(0);
+  PetscCall(PetscLogEventBegin(LATIN_Floppy, latin, 0, 0, 0));
+  PetscCall(PetscCalloc3(inter->count, &floppy->count, inter->count, &floppy->field, sub->n, &floppy->modes));
+  PetscCall(PetscMalloc3(latin->links->dim * sub->copies, &spring, sub->n, &pattern, sub->n, &is));
+  PetscCall(PetscArrayzero(spring, latin->links->dim * sub->copies));
+  for (PetscInt k = 0; k < inter->sides; k++) spring[inter->side_dof[k]] += latin->macro.d[k];
+  PetscCall(LatinFloppyTest_Private(latin, spring, is));
+  for (PetscInt s = 0; s < sub->n; s++) any = (PetscBool)(any || is[s]);
+  if (any) PetscCall(LatinBlocksCompare_Private(latin, PETSC_TRUE, pattern));
+  for (PetscInt s = 0; s < sub->n; s++) {
+    if (!is[s]) continue;
+    if (pattern[s] == s) PetscCall(LatinFloppySubdomain_Private(latin, s, spring));
+    else PetscCall(LatinFloppyCopy_Private(latin, pattern[s], s));
+  }
+  PetscCall(PetscFree3(spring, pattern, is));
+  PetscCall(LatinFloppyExchange_Private(latin));
+  PetscCall(PetscLogEventEnd(LATIN_Floppy, latin, 0, 0, 0));
+  PetscFunctionReturn(0);
+}
+
+/*
+   Completes the orthonormal columns of F (rows x *fields, weighted by sqrt(d)), the fields of interface f, by its local
+   fields: what of them is orthogonal to F, the large singular vectors.
+*/
+PetscErrorCode LatinFloppyExtend(Latin latin, PetscInt f, PetscInt rows, PetscInt *fields, PetscScalar F[])
+{
+  const PetscInt count = latin->local_threshold > 0.0 ? latin->floppy.count[f] : 0, m = *fields;
+  PetscInt       kept = 0;
+  PetscReal     *scale;
+  PetscScalar   *C, *right;
+
+  PetscFunctionBegin;
+  if (!count) PetscFunctionReturn(0);
+  PetscCall(PetscMalloc3(count * count, &right, count, &scale, rows * count, &C));
+  PetscCall(PetscArraycpy(C, latin->floppy.field[f], rows * count));
+  for (PetscInt twice = 0; twice < 2; twice++)
+    for (PetscInt j = 0; j < count; j++)
+      for (PetscInt i = 0; i < m; i++) {
+        PetscScalar dot = 0.0;
+
+        for (PetscInt r = 0; r < rows; r++) dot += F[r + rows * i] * C[r + rows * j];
+        for (PetscInt r = 0; r < rows; r++) C[r + rows * j] -= F[r + rows * i] * dot;
+      }
+  PetscCall(LatinSVD_Private(rows, count, C, scale, right));
+  while (kept < PetscMin(count, rows - m) && scale[kept] > LATIN_FLOPPY_SIZE) kept++;
+  LatinCombine_Private(rows, count, kept, C, right, scale, F + rows * m);
+  *fields += kept;
+  PetscCall(PetscFree3(right, scale, C));
+  PetscFunctionReturn(0);
+}
+
+/* Sizes: floppy subdomains, the most modes of one of them. Collective on latin */
+PetscErrorCode LatinFloppyStatistics_Private(Latin latin, PetscInt *subdomains, PetscInt *most)
+{
+  PetscInt n = 0, largest = 0;
+
+  PetscFunctionBegin;
+  for (PetscInt s = 0; s < latin->sub.n && latin->floppy.modes; s++) {
+    n += latin->floppy.modes[s] > 0 ? 1 : 0;
+    largest = PetscMax(largest, latin->floppy.modes[s]);
+  }
+  PetscCall(MPIU_Allreduce(&n, subdomains, 1, MPIU_INT, MPI_SUM, PetscObjectComm((PetscObject)latin)));
+  PetscCall(MPIU_Allreduce(&largest, most, 1, MPIU_INT, MPI_MAX, PetscObjectComm((PetscObject)latin)));
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode LatinFloppyReset(Latin latin)
+{
+  PetscFunctionBegin;
+  for (PetscInt f = 0; f < latin->inter.count && latin->floppy.field; f++) PetscCall(PetscFree(latin->floppy.field[f]));
+  PetscCall(PetscFree3(latin->floppy.count, latin->floppy.field, latin->floppy.modes));
+  PetscFunctionReturn(0);
+}
