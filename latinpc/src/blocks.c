@@ -70,7 +70,7 @@ static PetscErrorCode LatinStreamSubdomain_Private(Latin latin, PetscInt s, Pets
       PetscCall(LatinStreamAdd_Private(stream, &dof, sizeof(dof)));
     }
     if (!bases) continue;
-    PetscCall(LatinStreamAdd_Private(stream, &face->factor_first, sizeof(face->factor_first)));
+    PetscCall(LatinStreamAdd_Private(stream, &face->matrix_first, sizeof(face->matrix_first)));
     PetscCall(LatinStreamAdd_Private(stream, latin->macro.d + face->side_first, (size_t)sizes[0] * sizeof(PetscReal)));
     PetscCall(LatinStreamAdd_Private(stream, latin->macro.basis + face->basis_first, (size_t)(sizes[0] * face->modes) * sizeof(PetscReal)));
   }

@@ -11,8 +11,7 @@
      block     its block on the interface
      schur     its Schur complement on the interface
 
-   A matrix is stored as its Cholesky factor, D = L L^t, once for equal ones: D x, x^t D^-1 x and R^t D R = 1 all
-   follow from it. The other stages know no more of a direction than the functions of this file.
+   A matrix is stored once for equal ones, with its Cholesky factor, D = L L^t. The other stages know no more of a direction than the functions of this file.
 */
 
 #define LATIN_DIRECTION_FLOOR 0.1 /* least diagonal direction of an interface, relative to its mean */
@@ -114,27 +113,26 @@ static PetscErrorCode LatinDirectionFactor_Private(Latin latin, const PetscReal 
     const PetscInt f    = key[i].face;
     PetscBool      same = PETSC_FALSE;
 
-    inter->interface[f].factor_first = -1;
+    inter->interface[f].matrix_first = -1;
     if (first[f + 1] == first[f]) continue;
     for (PetscInt j = i - 1; j >= 0 && key[j].hash == key[i].hash && !same; j--) {
       const PetscInt g = key[j].face;
 
       if (first[g + 1] - first[g] == first[f + 1] - first[f]) PetscCall(PetscMemcmp(D + first[f], D + first[g], (first[f + 1] - first[f]) * sizeof(*D), &same));
-      if (same) inter->interface[f].factor_first = inter->interface[g].factor_first;
+      if (same) inter->interface[f].matrix_first = inter->interface[g].matrix_first;
     }
     if (same) continue;
-    inter->interface[f].factor_first = used;
-    used += (PetscInt)(first[f + 1] - first[f]);
+    inter->interface[f].matrix_first = used;
+    used += 2 * (PetscInt)(first[f + 1] - first[f]);
   }
-  PetscCall(PetscMalloc1(used + 1, &latin->macro.factor)); /* not NULL on a rank without interfaces either */
+  PetscCall(PetscMalloc1(used + 1, &latin->macro.matrix)); /* not NULL on a rank without interfaces either */
   used = 0;
   for (PetscInt i = 0; i < inter->count; i++) {
     const PetscInt f = key[i].face, rows = inter->interface[f].side_last - inter->interface[f].side_first;
 
-    if (inter->interface[f].factor_first != used || !rows) continue;
-    PetscCall(PetscMemcpy(latin->macro.factor + used, D + first[f], (first[f + 1] - first[f]) * sizeof(*D)));
-    if (!LatinCholesky(rows, latin->macro.factor + used)) *bad = PETSC_TRUE;
-    used += rows * rows;
+    if (inter->interface[f].matrix_first != used || !rows) continue;
+    for (PetscInt copy = 0; copy < 2; copy++, used += rows * rows) PetscCall(PetscMemcpy(latin->macro.matrix + used, D + first[f], (first[f + 1] - first[f]) * sizeof(*D)));
+    if (!LatinCholesky(rows, latin->macro.matrix + used - rows * rows)) *bad = PETSC_TRUE;
   }
   PetscCall(PetscFree(key));
   PetscFunctionReturn(0);
@@ -198,7 +196,7 @@ PetscErrorCode LatinDirectionSetUp(Latin latin)
   PetscCall(PetscLogEventBegin(LATIN_Direction, latin, 0, 0, 0));
   for (PetscInt f = 0; f < inter->count; f++) {
     longest                          = PetscMax(longest, inter->interface[f].side_last - inter->interface[f].side_first);
-    inter->interface[f].factor_first = -1;
+    inter->interface[f].matrix_first = -1;
   }
   PetscCall(PetscMalloc1(inter->sides, &latin->macro.d));
   PetscCall(PetscMalloc1(2 * longest, &latin->direction_work));
@@ -214,7 +212,7 @@ PetscErrorCode LatinDirectionReset(Latin latin)
 {
   PetscFunctionBegin;
   PetscCall(PetscFree(latin->macro.d));
-  PetscCall(PetscFree(latin->macro.factor));
+  PetscCall(PetscFree(latin->macro.matrix));
   PetscCall(PetscFree(latin->direction_work));
   PetscFunctionReturn(0);
 }
@@ -226,40 +224,40 @@ PetscErrorCode LatinDirectionApply(Latin latin, const LatinInterface *face, cons
 {
   const PetscInt     rows = face->side_last - face->side_first;
   const PetscReal   *d    = latin->macro.d + face->side_first;
-  const PetscBLASInt inc  = 1;
+  const PetscScalar  one = 1.0, zero = 0.0;
+  const PetscBLASInt inc = 1;
   PetscBLASInt       n;
 
   PetscFunctionBegin;
-  if (face->factor_first < 0) {
+  if (face->matrix_first < 0) {
     for (PetscInt r = 0; r < rows; r++) y[r] = d[r] * x[r];
     PetscFunctionReturn(0);
   }
   PetscCall(PetscBLASIntCast(rows, &n));
-  PetscCall(PetscArraycpy(y, x, rows));
-  PetscCallBLAS("BLAStrmv", BLAStrmv_("L", "T", "N", &n, latin->macro.factor + face->factor_first, &n, y, &inc));
-  PetscCallBLAS("BLAStrmv", BLAStrmv_("L", "N", "N", &n, latin->macro.factor + face->factor_first, &n, y, &inc));
+  PetscCallBLAS("BLASgemv", BLASgemv_("N", &n, &n, &one, latin->macro.matrix + face->matrix_first, &n, x, &inc, &zero, y, &inc));
   PetscFunctionReturn(0);
 }
 
 /* sum += (a - b)^t D^-1 (a - b) / 4: with a - b = 2 D v, the energy v^t D v */
 PetscErrorCode LatinDirectionEnergy(Latin latin, const LatinInterface *face, const PetscReal a[], const PetscReal b[], PetscReal *sum)
 {
-  const PetscInt     rows = face->side_last - face->side_first;
-  const PetscReal   *d    = latin->macro.d + face->side_first;
-  const PetscScalar  one  = 1.0;
-  const PetscBLASInt inc  = 1;
-  PetscReal         *v    = latin->direction_work;
-  PetscBLASInt       n;
+  const PetscInt   rows = face->side_last - face->side_first;
+  const PetscReal *d    = latin->macro.d + face->side_first, *L;
+  PetscReal       *v    = latin->direction_work;
 
   PetscFunctionBegin;
-  if (face->factor_first < 0) {
+  if (face->matrix_first < 0) {
     for (PetscInt r = 0; r < rows; r++) *sum += (a[r] - b[r]) * (a[r] - b[r]) / (4.0 * d[r]);
     PetscFunctionReturn(0);
   }
-  PetscCall(PetscBLASIntCast(rows, &n));
+  L = latin->macro.matrix + face->matrix_first + rows * rows;
   for (PetscInt r = 0; r < rows; r++) v[r] = a[r] - b[r];
-  PetscCallBLAS("BLAStrsm", BLAStrsm_("L", "L", "N", "N", &n, &inc, &one, latin->macro.factor + face->factor_first, &n, v, &n));
-  for (PetscInt r = 0; r < rows; r++) *sum += 0.25 * v[r] * v[r];
+  for (PetscInt k = 0; k < rows; k++, L += rows) { /* forward substitution; a call of BLAS would cost more than it */
+    const PetscReal w = v[k] / L[k];
+
+    for (PetscInt r = k + 1; r < rows; r++) v[r] -= L[r] * w;
+    *sum += 0.25 * w * w;
+  }
   PetscFunctionReturn(0);
 }
 
@@ -271,21 +269,15 @@ PetscErrorCode LatinDirectionSprings_Private(Latin latin, PetscReal spring[])
   PetscFunctionBegin;
   PetscCall(PetscArrayzero(spring, latin->links->dim * latin->sub.copies));
   for (PetscInt f = 0; f < inter->count; f++)
-    if (inter->interface[f].factor_first < 0)
+    if (inter->interface[f].matrix_first < 0)
       for (PetscInt k = inter->interface[f].side_first; k < inter->interface[f].side_last; k++) spring[inter->side_dof[k]] += latin->macro.d[k];
   PetscFunctionReturn(0);
 }
 
-/* Row r of the matrix of an interface: what the springs of a matrix direction put in K_E */
-void LatinDirectionRow(Latin latin, const LatinInterface *face, PetscInt r, PetscReal row[])
+/* Row r of the matrix of an interface, contiguous for it is symmetric: what the springs of a matrix direction put in K_E */
+void LatinDirectionRow(Latin latin, const LatinInterface *face, PetscInt r, const PetscReal *row[])
 {
-  const PetscInt   n = face->side_last - face->side_first;
-  const PetscReal *L = latin->macro.factor + face->factor_first;
-
-  for (PetscInt q = 0; q < n; q++) {
-    row[q] = 0.0;
-    for (PetscInt k = 0; k <= PetscMin(q, r); k++) row[q] += L[r + n * k] * L[q + n * k];
-  }
+  *row = latin->macro.matrix + face->matrix_first + r * (face->side_last - face->side_first);
 }
 
 /* Makes the columns of R, orthonormal in the diagonal of a matrix direction, orthonormal in the matrix, with the same span */
@@ -298,13 +290,13 @@ PetscErrorCode LatinDirectionNormalise(Latin latin, const LatinInterface *face, 
   PetscBLASInt       n, m;
 
   PetscFunctionBegin;
-  if (face->factor_first < 0 || !modes) PetscFunctionReturn(0);
+  if (face->matrix_first < 0 || !modes) PetscFunctionReturn(0);
   PetscCall(PetscBLASIntCast(rows, &n));
   PetscCall(PetscBLASIntCast(modes, &m));
   PetscCall(PetscMalloc2(rows * modes, &W, modes * modes, &G));
   for (PetscInt pass = 0; pass < 2; pass++) { /* twice: orthonormal to rounding though the first Gram matrix be ill-conditioned */
     PetscCall(PetscArraycpy(W, R, rows * modes));
-    for (PetscInt j = 0; j < modes; j++) PetscCallBLAS("BLAStrmv", BLAStrmv_("L", "T", "N", &n, latin->macro.factor + face->factor_first, &n, W + rows * j, &inc));
+    for (PetscInt j = 0; j < modes; j++) PetscCallBLAS("BLAStrmv", BLAStrmv_("L", "T", "N", &n, latin->macro.matrix + face->matrix_first + rows * rows, &n, W + rows * j, &inc));
     PetscCallBLAS("BLASgemm", BLASgemm_("T", "N", &m, &m, &n, &one, W, &n, W, &n, &zero, G, &m));
     PetscCheck(LatinCholesky(modes, G), PETSC_COMM_SELF, PETSC_ERR_PLIB, "The macro modes of an interface are dependent in its search direction");
     PetscCallBLAS("BLAStrsm", BLAStrsm_("R", "L", "T", "N", &n, &m, &one, G, &m, R, &n));

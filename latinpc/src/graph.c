@@ -11,14 +11,13 @@ static PetscErrorCode LatinGraphFaces_Private(Latin latin, LatinGraph *graph, Pe
 
   PetscFunctionBegin;
   graph->face_offset = graph->face_list = NULL;
-  graph->row                            = NULL;
-  if (!latin->macro.factor) PetscFunctionReturn(0);
+  if (!latin->macro.matrix) PetscFunctionReturn(0);
   PetscCall(PetscCalloc1(copies + 2, &graph->face_offset));
   for (PetscInt pass = 0; pass < 2; pass++) {
     for (PetscInt f = 0; f < inter->count; f++) {
       const LatinInterface *face = &inter->interface[f];
 
-      if (face->factor_first < 0) continue;
+      if (face->matrix_first < 0) continue;
       longest = PetscMax(longest, face->side_last - face->side_first);
       last    = -1;
       for (PetscInt k = face->side_first; k < face->side_last; k++) {
@@ -35,7 +34,7 @@ static PetscErrorCode LatinGraphFaces_Private(Latin latin, LatinGraph *graph, Pe
       most = PetscMax(most, graph->face_offset[i + 2]);
       graph->face_offset[i + 2] += graph->face_offset[i + 1];
     }
-    PetscCall(PetscMalloc2(graph->face_offset[copies + 1], &graph->face_list, longest, &graph->row));
+    PetscCall(PetscMalloc1(graph->face_offset[copies + 1], &graph->face_list));
   }
   *widest += most * longest;
   PetscFunctionReturn(0);
@@ -67,7 +66,7 @@ PetscErrorCode LatinGraphDestroy_Private(LatinGraph *graph)
   PetscCall(PetscFree(graph->offset));
   PetscCall(PetscFree(graph->list));
   PetscCall(PetscFree(graph->face_offset));
-  PetscCall(PetscFree2(graph->face_list, graph->row));
+  PetscCall(PetscFree(graph->face_list));
   PetscCall(PetscFree3(graph->neighbour, graph->block, graph->slot));
   PetscFunctionReturn(0);
 }
@@ -120,9 +119,11 @@ PetscErrorCode LatinGraphRow_Private(Latin latin, LatinGraph *graph, PetscInt i,
     const LatinInterface *face = &inter->interface[graph->face_list[p]];
 
     for (PetscInt k = face->side_first; k < face->side_last; k++) {
+      const PetscReal *row;
+
       if (inter->side_dof[k] / dim != i) continue;
-      LatinDirectionRow(latin, face, k - face->side_first, graph->row);
-      for (PetscInt q = face->side_first; q < face->side_last; q++) graph->block[dd * graph->slot[inter->side_dof[q] / dim] + (inter->side_dof[k] % dim) * dim + inter->side_dof[q] % dim] += graph->row[q - face->side_first];
+      LatinDirectionRow(latin, face, k - face->side_first, &row);
+      for (PetscInt q = face->side_first; q < face->side_last; q++) graph->block[dd * graph->slot[inter->side_dof[q] / dim] + (inter->side_dof[k] % dim) * dim + inter->side_dof[q] % dim] += row[q - face->side_first];
     }
   }
   for (PetscInt p = 0; p < n; p++) graph->slot[graph->neighbour[p]] = -1;

@@ -162,7 +162,7 @@ typedef struct {
   PetscBool strong;
   PetscInt  side_first, side_last; /* its degrees of freedom among the side dofs */
   PetscInt  modes;                 /* macro modes kept */
-  PetscInt  factor_first;          /* where the factor of its search direction starts, -1: the direction is diagonal */
+  PetscInt  matrix_first;          /* where the matrix of its search direction starts, -1: the direction is diagonal */
   PetscInt  basis_first;           /* where its rows of R start in the macro bases */
   PetscInt  coarse_first;          /* global number of the first one in the coarse problem */
   PetscInt  local_first;           /* position of the first one among the coarse dofs of the subdomains here */
@@ -193,7 +193,7 @@ typedef struct {
 /* ---- search direction and macro bases (direction.c, macro.c) ---- */
 typedef struct {
   PetscReal *d;      /* [sides] micro search direction, force/length; of a matrix, its diagonal */
-  PetscReal *factor; /* matrix directions: L of D = L L^t, column-major; equal ones are stored once; NULL if there is none */
+  PetscReal *matrix; /* matrix directions: D, and behind it L of D = L L^t, column-major; equal ones are stored once; NULL if there is none */
   PetscReal *basis;  /* R of each interface from basis_first on, [side dofs of the interface][modes], with R^t d R = 1 */
 } LatinMacro;
 
@@ -252,7 +252,6 @@ typedef struct {
   PetscReal *block;                   /* work: their dim x dim blocks */
   PetscInt  *slot;                    /* [copies] work: position among the neighbours, -1 */
   PetscInt  *face_offset, *face_list; /* interfaces with a matrix for a search direction at each copy; NULL if there is none */
-  PetscReal *row;                     /* work: a row of such a matrix */
 } LatinGraph;
 
 /* ---- linear stage (linear.c, condense.c): operators of the subdomains ---- */
@@ -394,7 +393,7 @@ PETSC_INTERN PetscErrorCode LatinDirectionApply(Latin, const LatinInterface *, c
 PETSC_INTERN PetscErrorCode LatinDirectionEnergy(Latin, const LatinInterface *, const PetscReal a[], const PetscReal b[], PetscReal *sum);
 PETSC_INTERN PetscErrorCode LatinDirectionNormalise(Latin, const LatinInterface *, PetscInt modes, PetscReal R[]);
 PETSC_INTERN PetscErrorCode LatinDirectionSprings_Private(Latin, PetscReal spring[]);
-PETSC_INTERN void           LatinDirectionRow(Latin, const LatinInterface *, PetscInt r, PetscReal row[]);
+PETSC_INTERN void           LatinDirectionRow(Latin, const LatinInterface *, PetscInt r, const PetscReal *row[]);
 PETSC_INTERN PetscErrorCode LatinStiffnessDiagonal_Private(Latin, PetscReal diagonal[]);
 PETSC_INTERN PetscErrorCode LatinStiffnessFaces_Private(Latin, LatinDirectionType, size_t first[], PetscReal **S);
 PETSC_INTERN PetscErrorCode LatinGraphCreate_Private(Latin, LatinGraph *);

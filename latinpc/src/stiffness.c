@@ -84,7 +84,7 @@ static PetscErrorCode LatinStiffnessBlock_Private(Latin latin, LatinGraph *graph
       for (PetscInt b = 0; b < dim; b++) {
         const PetscInt k = at[dim * graph->neighbour[q] + b];
 
-        if (k >= 0) S[r + rows * k] = graph->block[dim * dim * q + (dof % dim) * dim + b];
+        if (k >= r) S[r + rows * k] = S[k + rows * r] = graph->block[dim * dim * q + (dof % dim) * dim + b];
       }
   }
   for (PetscInt r = 0; r < rows; r++) at[inter->side_dof[face->side_first + r]] = -1;
