@@ -48,18 +48,18 @@ COUNTED = {
 }
 
 
-def count(name):
-    """Return the linear stages that the default of SNES latin needs, for each accuracy of a scene."""
+def count(name, options=None):
+    """Return the linear stages that SNES latin needs, by default or with other options, per accuracy of a scene."""
     from latinpc.peers import run
     from latinpc.peers.reference import by_newton
     from latinpc.scenes import make
 
-    scene_name, options, accuracies = COUNTED[name]
-    scene = make(scene_name, **options)
+    scene_name, size, accuracies = COUNTED[name]
+    scene = make(scene_name, **size)
     # METIS: as many subdomains as the regular grid would have
-    more = {"snes_latin_subdomains": 36} if options.get("partition") == "metis" else {}
+    more = {"snes_latin_subdomains": 36} if size.get("partition") == "metis" else {}
     reference, _ = by_newton(scene, min(accuracies))
-    outcome = run.solve("latin", scene, None, more, reference=reference, accuracy=min(accuracies))
+    outcome = run.solve("latin", scene, None, more | (options or {}), reference=reference, accuracy=min(accuracies))
     found = {}
     for accuracy in accuracies:
         reached = [i for i, (_, error) in enumerate(outcome.history, 1) if error <= accuracy]

@@ -16,7 +16,7 @@ import scipy.sparse.linalg as spla
 
 RANK = 1e-6  # relative size below which a direction does not count
 FLOOR = 0.1  # least diagonal search direction of an interface, or stiffness of a foundation, relative to its mean
-FOUNDATION = 0.005  # part of its diagonal added to the stiffness of a subdomain for a matrix direction
+FOUNDATION = 0.01  # part of its diagonal added to the stiffness of a subdomain for a matrix direction
 FRACTION = {"scalar": 0.08, "diagonal": 0.08, "block": 0.25, "schur": 1.0}  # self-tuned direction
 VISIBLE = 1e-3  # share of a macro mode that must lie on the nodes that serve its interface
 LOCAL = 0.1  # share of a local low-energy field that must be outside the macro basis

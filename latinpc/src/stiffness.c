@@ -10,9 +10,9 @@
    links on an elastic foundation. Their eigenvalues relative to that diagonal are bounded from below by construction.
 */
 
-#define LATIN_STIFFNESS_FLOOR   0.005 /* stiffness of the foundation, relative to the diagonal of B^t k B */
-#define LATIN_STIFFNESS_LEAST   0.1   /* least diagonal entry, relative to the mean of the subdomain: for dofs that hardly any link reaches */
-#define LATIN_STIFFNESS_COLUMNS 16    /* right-hand sides solved together: bounds the work space to that many copies of U */
+#define LATIN_STIFFNESS_FLOOR   0.01 /* stiffness of the foundation, relative to the diagonal of B^t k B */
+#define LATIN_STIFFNESS_LEAST   0.1  /* least diagonal entry, relative to the mean of the subdomain: for dofs that hardly any link reaches */
+#define LATIN_STIFFNESS_COLUMNS 16   /* right-hand sides solved together: bounds the work space to that many copies of U */
 
 /* The diagonal of B^t k B */
 PetscErrorCode LatinStiffnessDiagonal_Private(Latin latin, PetscReal diagonal[])
