@@ -11,6 +11,7 @@ from latinpc.links import Links, Sizes
 from latinpc.scenes.scene import Law
 from latinpc.solvers import (
     coarse_ksp,
+    energy_bound,
     error_message,
     history,
     local_ksp,
@@ -31,6 +32,7 @@ __all__ = [
     "Links",
     "Sizes",
     "coarse_ksp",
+    "energy_bound",
     "error_message",
     "get_include",
     "get_library",

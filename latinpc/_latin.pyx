@@ -72,6 +72,7 @@ cdef extern from "latinpc.h":
     PetscErrorCode SNESLatinSetReference(PetscSNES, PetscVec)
     PetscErrorCode SNESLatinGetHistory(PetscSNES, PetscInt *, const PetscReal **, const PetscReal **, const PetscReal **)
     PetscErrorCode SNESLatinGetEstimates(PetscSNES, PetscInt *, const PetscReal **, PetscReal *)
+    PetscErrorCode LatinGetEnergyBound(PetscSNES, PetscReal *, PetscReal *)
     PetscErrorCode SNESLatinGetOuter(PetscSNES, PetscSNES *)
     PetscErrorCode PCLatinGetLatin(PetscPC, Latin *)
     PetscErrorCode PCLatinSetLinks(PetscPC, LatinLinks)
@@ -342,6 +343,13 @@ def estimates(SNES snes not None):
     cdef PetscReal least = 0
     CHKERR(SNESLatinGetEstimates(snes.snes, &n, &estimate, &least))
     return copy(estimate, n), least
+
+
+def energy_bound(SNES snes not None):
+    """Return the bound of the error in the energy norm, and of the relative error."""
+    cdef PetscReal bound = 0, relative = 0
+    CHKERR(LatinGetEnergyBound(snes.snes, &bound, &relative))
+    return bound, relative
 
 
 def pcshell_set_latin(PC pc not None):

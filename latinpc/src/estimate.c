@@ -9,18 +9,22 @@
 
    So the largest ratio among the last iterates, times the present distance, estimates the present error:
    max_j |U_j - U_k| / distance_j * distance_k. The window must be longer than the slowest fields take to show: the later
-   half of the iterates, as long as they are not too many. A factor calibrated on one set of structures (benchmarks/effectivity.py) and tested on another makes it safe.
+   half of the iterates, as long as they are not too many. A factor calibrated on one set of structures
+   (benchmarks/effectivity.py) and tested on another makes it safe. A field that creeps without showing in the distance
+   of the stages, as links about to slacken do, is caught by extrapolation [A. C. Aitken]: steps that shrink by a rate q
+   sum up to q / (1 - q) times the last one.
 
    Distances are those of random projections of the displacements, a few hundred numbers instead of millions: each
    degree of freedom is added to one number of the sketch, with a random sign, which keeps distances to
-   sqrt(1 / (2 ROWS)) [P. Drineas, R. Kannan, M. W. Mahoney: count sketch]. Number and sign follow from the place of the
+   sqrt(1 / (2 ROWS)) [M. Charikar, K. Chen, M. Farach-Colton: count sketch]. Number and sign follow from the place of the
    degree of freedom in its subdomain, so that they do not depend on the number of ranks.
 */
 
 #define LATIN_ESTIMATE_ROWS   256
 #define LATIN_ESTIMATE_WINDOW 32
 #define LATIN_ESTIMATE_SHORT  4    /* at least so many earlier iterates, where there are */
-#define LATIN_ESTIMATE_LEAST  1e4  /* rounding on a well conditioned structure, in units of eps */
+#define LATIN_ESTIMATE_STEP   4    /* iterates between those that are extrapolated */
+#define LATIN_ESTIMATE_RATE   0.98 /* no rate above it is believed */
 #define LATIN_ESTIMATE_EARLY  10.0 /* more caution at the first iterates, which have a short past */
 
 static const PetscReal LatinEstimateSafety[] = {1.8, 4.0}; /* l2 norm, energy norm */
@@ -80,11 +84,7 @@ static void LatinEstimateSketch(Latin latin, PetscBool energy, PetscReal sketch[
   }
 }
 
-/*
-   What rounding leaves: factors whose entries are wrong by eps change a displacement field by eps times the ratio of
-   what its ends' displacements would store if each link held them alone, and what it stores. That is the condition
-   number seen by this field.
-*/
+/* What rounding leaves of the present displacements */
 static PetscErrorCode LatinEstimateFloor_Private(Latin latin, LatinEstimate *estimate)
 {
   const LatinSubstructure *sub    = &latin->sub;
@@ -105,8 +105,24 @@ static PetscErrorCode LatinEstimateFloor_Private(Latin latin, LatinEstimate *est
     sum[1] += sub->stiffness[l] * (b - a) * (b - a);
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)latin)));
-  estimate->floor = PETSC_MACHINE_EPSILON * (LATIN_ESTIMATE_LEAST + (sum[1] > 0.0 ? 2.0 * sum[0] / sum[1] : 0.0));
+  estimate->floor = LatinRounding(sum[0], sum[1]);
   PetscFunctionReturn(0);
+}
+
+/* The sketch of iterate k, and the distance of its stages behind it */
+static inline PetscReal *LatinEstimateRow(LatinEstimate *estimate, PetscInt k)
+{
+  return estimate->sketch + (k % (LATIN_ESTIMATE_WINDOW + 1)) * (LATIN_ESTIMATE_ROWS + 1);
+}
+
+/* |U_j - U_k| */
+static PetscReal LatinEstimateFar(LatinEstimate *estimate, PetscInt j, PetscInt k)
+{
+  const PetscReal *a = LatinEstimateRow(estimate, j), *b = LatinEstimateRow(estimate, k);
+  PetscReal        sum = 0.0;
+
+  for (PetscInt i = 0; i < LATIN_ESTIMATE_ROWS; i++) sum += PetscSqr(a[i] - b[i]);
+  return PetscSqrtReal(sum);
 }
 
 /*
@@ -117,7 +133,7 @@ PetscErrorCode LatinEstimateUpdate_Private(Latin latin, PetscReal target, LatinE
 {
   const PetscInt k = estimate->count++, width = LATIN_ESTIMATE_ROWS + 1;
   const PetscInt first = PetscMax(PetscMax(0, k - LATIN_ESTIMATE_WINDOW), PetscMin(k / 2, k - LATIN_ESTIMATE_SHORT));
-  PetscReal     *mine  = estimate->sketch + (k % (LATIN_ESTIMATE_WINDOW + 1)) * width;
+  PetscReal     *mine  = LatinEstimateRow(estimate, k);
   PetscReal      worst = 0.0, norm;
 
   PetscFunctionBegin;
@@ -126,13 +142,17 @@ PetscErrorCode LatinEstimateUpdate_Private(Latin latin, PetscReal target, LatinE
   norm                      = PetscSqrtReal(mine[LATIN_ESTIMATE_ROWS]);
   mine[LATIN_ESTIMATE_ROWS] = latin->distance;
   for (PetscInt j = first; j < k; j++) {
-    const PetscReal *other = estimate->sketch + (j % (LATIN_ESTIMATE_WINDOW + 1)) * width;
-    PetscReal        sum   = 0.0;
+    const PetscReal then = LatinEstimateRow(estimate, j)[LATIN_ESTIMATE_ROWS];
 
-    for (PetscInt i = 0; i < LATIN_ESTIMATE_ROWS; i++) sum += PetscSqr(mine[i] - other[i]);
-    if (other[LATIN_ESTIMATE_ROWS] > 0.0) worst = PetscMax(worst, PetscSqrtReal(sum) / other[LATIN_ESTIMATE_ROWS]);
+    if (then > 0.0) worst = PetscMax(worst, LatinEstimateFar(estimate, j, k) / then);
   }
   estimate->value = LatinEstimateSafety[estimate->energy] * (1.0 + LATIN_ESTIMATE_EARLY / (k + 1)) * worst * latin->distance;
+  if (k >= 2 * LATIN_ESTIMATE_STEP) {
+    const PetscReal before = LatinEstimateFar(estimate, k - 2 * LATIN_ESTIMATE_STEP, k - LATIN_ESTIMATE_STEP), last = LatinEstimateFar(estimate, k - LATIN_ESTIMATE_STEP, k);
+    const PetscReal rate = before > 0.0 ? PetscMin(last / before, LATIN_ESTIMATE_RATE) : 0.0;
+
+    estimate->value = PetscMax(estimate->value, last * rate / (1.0 - rate));
+  }
   if (norm > 0.0) estimate->value /= norm;
   if (k < 2) estimate->value = 1.0;
   else if (k == 2 || estimate->value <= PetscMax(target, estimate->floor)) PetscCall(LatinEstimateFloor_Private(latin, estimate));
