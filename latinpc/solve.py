@@ -23,11 +23,11 @@ from .scenes.scene import Law, Scene
 #: Options of our own, after ``-snes_latin_`` or ``-pc_latin_``; the last ones are prefixes of inner solvers.
 OPTIONS = (
     "variant", "modes", "subdomains", "subdomain_links", "partition_repair", "direction", "direction_scalar",
-    "direction_fraction", "corners", "promote", "monitor", "stop", "error", "error_norm", "warm_start", "modes_local",
-    "modes_local_max",
+    "direction_fraction", "corners", "promote", "monitor", "stop", "error", "error_norm", "warm_start", "polish",
+    "modes_local", "modes_local_max",
 )  # fmt: skip
 PC_OPTIONS = ("weights",)  # of PC latin alone
-INNER_PREFIXES = ("local_", "interior_", "coarse_", "outer_")
+INNER_PREFIXES = ("local_", "interior_", "coarse_", "outer_", "polish_")
 
 REFERENCE_ACCURACY = 1e-9  # relative residual above which a reference is refused
 

@@ -54,6 +54,8 @@ METHODS = {
     "latin": Method("the default of SNES latin", "latin", {"snes_type": "latin"}),
     "latin-macro": Method("weak interfaces macro, section 4.2", "latin",
                           {"snes_type": "latin", "snes_latin_variant": "macro"}),
+    "latin-newton": Method("SNES latin, then Newton's method with its operators", "latin",
+                           {"snes_type": "latin", "snes_latin_polish": True}),
     "newton-cholmod": Method("Newton, CHOLMOD with nested dissection", "newton", {
         **_DIRECT, "pc_factor_mat_solver_type": "cholmod", "pc_factor_mat_ordering_type": "nd",
     }, "suitesparse"),

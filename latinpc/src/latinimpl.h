@@ -14,6 +14,7 @@
 #include <petscblaslapack.h>
 #include <petscdmplex.h>
 #include <petscsf.h>
+#include <petscsnes.h>
 
 #if defined(PETSC_USE_COMPLEX)
   #error "latinpc needs a PETSc with real scalars: structures have real displacements"
@@ -380,6 +381,26 @@ struct _p_Latin {
   PetscReal          noise;          /* what rounding alone leaves of it */
   PetscBool          stale;          /* options have changed since the set-up */
 };
+
+/* ---- Newton's method after the iteration (polish.c) ---- */
+typedef struct {
+  PetscBool  on;               /* asked for */
+  PetscReal  start;            /* indicator from which on */
+  SNES       newton;           /* NULL before the first time */
+  LatinLinks links;            /* borrowed */
+  Vec        reference;        /* borrowed: stop on the error against it, or NULL */
+  PetscReal  target, residual; /* relative error of the displacements, norm of the residual to stop at */
+  PetscReal  rtol;             /* of a linear solve while links change */
+  PetscReal  error, energy;    /* estimated or measured error of the last step */
+  PetscBool  linear;           /* no link can become slack */
+  PetscInt   steps, stages;    /* of the last polish: Newton steps, linear stages */
+} LatinPolish;
+PETSC_INTERN PetscErrorCode LatinPolishCreate_Private(SNES, Latin, LatinPolish *);
+PETSC_INTERN PetscErrorCode LatinPolishSolve_Private(SNES, Latin, LatinPolish *, Vec u, SNESConvergedReason *);
+PETSC_INTERN PetscErrorCode PCLatinShare_Private(PC, Latin);
+PETSC_INTERN PetscErrorCode LatinLinksSetTangent_Private(LatinLinks, Vec u);
+PETSC_INTERN PetscErrorCode LatinLinksMultTangent_Private(LatinLinks, Vec x, Vec y);
+PETSC_INTERN PetscErrorCode LatinLinksCountChanges_Private(LatinLinks, Vec u, PetscInt *);
 
 PETSC_INTERN PetscErrorCode LatinCreate_Private(MPI_Comm, Latin *);
 PETSC_INTERN PetscErrorCode LatinSetLinks_Private(Latin, LatinLinks);

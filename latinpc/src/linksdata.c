@@ -327,6 +327,80 @@ PetscErrorCode LatinLinksComputeJacobian(LatinLinks links, Vec u, Mat J)
   PetscFunctionReturn(0);
 }
 
+/* The tangent stiffness of each link at u, without a matrix */
+PetscErrorCode LatinLinksSetTangent_Private(LatinLinks links, Vec u)
+{
+  Vec                ul;
+  const PetscScalar *a;
+
+  PetscFunctionBegin;
+  if (!links->tangent) PetscCall(PetscMalloc1(links->links_local, &links->tangent));
+  PetscCall(DMGetLocalVector(links->dm, &ul));
+  PetscCall(LatinLinksGetLocal_Private(links, u, ul));
+  PetscCall(VecGetArrayRead(ul, &a));
+  for (PetscInt l = 0; l < links->links_local; l++) links->tangent[l] = LatinLaws[links->law[l]].tangent(links->stiffness[l], LatinLinksElongation(links, l, a) + links->prestrain[l]);
+  PetscCall(VecRestoreArrayRead(ul, &a));
+  PetscCall(DMRestoreLocalVector(links->dm, &ul));
+  PetscFunctionReturn(0);
+}
+
+/* y = B^t k_t B x, with the tangent stiffnesses k_t of the last Jacobian */
+PetscErrorCode LatinLinksMultTangent_Private(LatinLinks links, Vec x, Vec y)
+{
+  const PetscInt     dim = links->dim;
+  Vec                xl, yl;
+  const PetscScalar *a;
+  PetscScalar       *f;
+
+  PetscFunctionBegin;
+  PetscCall(DMGetLocalVector(links->dm, &xl));
+  PetscCall(DMGetLocalVector(links->dm, &yl));
+  PetscCall(VecZeroEntries(xl)); /* no change where prescribed */
+  PetscCall(VecZeroEntries(yl));
+  PetscCall(DMGlobalToLocalBegin(links->dm, x, INSERT_VALUES, xl));
+  PetscCall(DMGlobalToLocalEnd(links->dm, x, INSERT_VALUES, xl));
+  PetscCall(VecGetArrayRead(xl, &a));
+  PetscCall(VecGetArray(yl, &f));
+  for (PetscInt l = 0; l < links->links_local; l++) {
+    const PetscReal  t  = links->tangent[l] * LatinLinksElongation(links, l, a);
+    const PetscReal *n  = links->direction + dim * l;
+    PetscScalar     *fa = f + dim * links->ends[2 * l], *fb = f + dim * links->ends[2 * l + 1];
+
+    for (PetscInt c = 0; c < dim; c++) {
+      fa[c] -= t * n[c];
+      fb[c] += t * n[c];
+    }
+  }
+  PetscCall(VecRestoreArrayRead(xl, &a));
+  PetscCall(VecRestoreArray(yl, &f));
+  PetscCall(VecZeroEntries(y));
+  PetscCall(DMLocalToGlobalBegin(links->dm, yl, ADD_VALUES, y));
+  PetscCall(DMLocalToGlobalEnd(links->dm, yl, ADD_VALUES, y));
+  PetscCall(DMRestoreLocalVector(links->dm, &xl));
+  PetscCall(DMRestoreLocalVector(links->dm, &yl));
+  PetscCall(PetscLogFlops(links->links_local * (5.0 * dim + 1.0)));
+  PetscFunctionReturn(0);
+}
+
+/* How many links have another tangent stiffness at u than in the last Jacobian */
+PetscErrorCode LatinLinksCountChanges_Private(LatinLinks links, Vec u, PetscInt *changes)
+{
+  Vec                ul;
+  const PetscScalar *a;
+  PetscInt           n = 0;
+
+  PetscFunctionBegin;
+  PetscCall(DMGetLocalVector(links->dm, &ul));
+  PetscCall(LatinLinksGetLocal_Private(links, u, ul));
+  PetscCall(VecGetArrayRead(ul, &a));
+  for (PetscInt l = 0; l < links->links_local; l++)
+    if (LatinLaws[links->law[l]].tangent(links->stiffness[l], LatinLinksElongation(links, l, a) + links->prestrain[l]) != links->tangent[l]) n++;
+  PetscCall(VecRestoreArrayRead(ul, &a));
+  PetscCall(DMRestoreLocalVector(links->dm, &ul));
+  PetscCall(MPIU_Allreduce(&n, changes, 1, MPIU_INT, MPI_SUM, PetscObjectComm((PetscObject)links)));
+  PetscFunctionReturn(0);
+}
+
 static PetscErrorCode LatinLinksFunction_SNES(SNES snes, Vec u, Vec r, void *ctx)
 {
   (void)snes;

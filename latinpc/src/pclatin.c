@@ -14,7 +14,8 @@ static const char *const LatinWeightsTypes[] = {"stiffness", "multiplicity", "La
 
 typedef struct {
   Latin            latin;
-  LatinLinks       links; /* given by PCLatinSetLinks(), or NULL */
+  LatinLinks       links;  /* given by PCLatinSetLinks(), or NULL */
+  PetscBool        shared; /* latin is that of a SNES latin, which builds it and has the options */
   LatinWeightsType weights;
   PetscReal       *weight;            /* [copies * dim] partition of unity */
   PetscBool       *inner;             /* [copies] the node belongs to one subdomain */
@@ -139,7 +140,7 @@ static PetscErrorCode PCReset_Latin(PC pc)
   PC_Latin *data = (PC_Latin *)pc->data;
 
   PetscFunctionBegin;
-  if (data->latin) PetscCall(LatinReset_Private(data->latin));
+  if (data->latin && !data->shared) PetscCall(LatinReset_Private(data->latin));
   PetscCall(LatinBlockSolverDestroy(&data->interior));
   PetscCall(VecDestroy(&data->work));
   PetscCall(PetscFree(data->inner));
@@ -172,19 +173,23 @@ static PetscErrorCode PCSetUp_Latin(PC pc)
   PetscInt    n;
 
   PetscFunctionBegin;
-  PetscCall(PCLatinFindLinks_Private(pc, &links));
+  if (data->shared && data->weight) PetscFunctionReturn(0);
+  if (data->shared) links = data->latin->links;
+  else PetscCall(PCLatinFindLinks_Private(pc, &links));
   PetscCall(PCReset_Latin(pc));
-  PetscCall(LatinSetLinks_Private(data->latin, links));
-  PetscCall(PCGetOptionsPrefix(pc, &prefix));
-  PetscCall(PetscObjectSetOptionsPrefix((PetscObject)data->latin, prefix));
-  PetscCall(PetscObjectAppendOptionsPrefix((PetscObject)data->latin, "pc_latin_"));
-  PetscCall(LatinSetUp_Private(data->latin));
+  if (!data->shared) {
+    PetscCall(LatinSetLinks_Private(data->latin, links));
+    PetscCall(PCGetOptionsPrefix(pc, &prefix));
+    PetscCall(PetscObjectSetOptionsPrefix((PetscObject)data->latin, prefix));
+    PetscCall(PetscObjectAppendOptionsPrefix((PetscObject)data->latin, "pc_latin_"));
+    PetscCall(LatinSetUp_Private(data->latin));
+  }
   n = links->dim * data->latin->sub.copies;
   PetscCall(PetscMalloc5(n, &data->weight, n, &data->b, n, &data->v, n, &data->f, n, &data->force));
   PetscCall(PetscMalloc1(data->latin->sub.copies, &data->inner));
   PetscCall(VecDuplicate(links->load, &data->work));
   PetscCall(PCLatinWeights_Private(pc));
-  PetscCall(PCLatinInterior_Private(pc));
+  if (!data->shared) PetscCall(PCLatinInterior_Private(pc));
   PetscFunctionReturn(0);
 }
 
@@ -197,6 +202,27 @@ static PetscErrorCode PCLatinInteriorSolve_Private(PC pc, const PetscReal f[])
   PetscFunctionBegin;
   for (PetscInt i = 0; i < n; i++) data->b[i] = data->inner[i / dim] && !data->latin->sub.fixed[i] ? f[i] : 0.0;
   PetscCall(LatinBlockSolve(data->latin, &data->interior, data->b, data->v));
+  PetscFunctionReturn(0);
+}
+
+/*
+   With the operators of a SNES latin, on which slack links are taut, no elimination of the interiors is exact: the
+   linear stage alone, weighted before and after, takes a few more iterations of half the cost.
+*/
+static PetscErrorCode PCApply_Latin_Shared(PC pc, Vec x, Vec y)
+{
+  PC_Latin      *data  = (PC_Latin *)pc->data;
+  Latin          latin = data->latin;
+  const PetscInt n     = latin->links->dim * latin->sub.copies;
+
+  PetscFunctionBegin;
+  PetscCall(PetscArrayzero(data->f, n));
+  PetscCall(LatinDistribute_Private(latin, x, data->f));
+  for (PetscInt i = 0; i < n; i++) latin->linear.g[i] = data->weight[i] * data->f[i];
+  PetscCall(LatinLinearApply(latin));
+  for (PetscInt i = 0; i < n; i++) data->v[i] = data->weight[i] * latin->linear.g[i];
+  PetscCall(PCLatinSum_Private(latin, data->v, y));
+  if (latin->failed) pc->failedreason = PC_SUBPC_ERROR;
   PetscFunctionReturn(0);
 }
 
@@ -238,12 +264,12 @@ static PetscErrorCode PCSetFromOptions_Latin(PC pc, PetscOptionItems *PetscOptio
   PC_Latin *data = (PC_Latin *)pc->data;
 
   PetscFunctionBegin;
-  PetscCall(LatinSetFromOptions_Private(data->latin, PetscOptionsObject, "pc"));
+  if (!data->shared) PetscCall(LatinSetFromOptions_Private(data->latin, PetscOptionsObject, "pc"));
   if (data->latin->stale) pc->setupcalled = 0; /* built again at the next PCSetUp() */
   PetscOptionsHeadBegin(PetscOptionsObject, "PC latin options");
   PetscCall(PetscOptionsEnum("-pc_latin_weights", "Weights of the copies of a node", "None", LatinWeightsTypes, (PetscEnum)data->weights, (PetscEnum *)&data->weights, NULL));
   PetscOptionsHeadEnd();
-  PetscCall(PetscObjectSetOptions((PetscObject)data->latin, ((PetscObject)pc)->options));
+  if (!data->shared) PetscCall(PetscObjectSetOptions((PetscObject)data->latin, ((PetscObject)pc)->options));
   PetscFunctionReturn(0);
 }
 
@@ -269,6 +295,21 @@ static PetscErrorCode PCDestroy_Latin(PC pc)
   PetscCall(LatinDestroy_Private(&data->latin));
   PetscCall(LatinLinksDestroy(&data->links));
   PetscCall(PetscFree(pc->data));
+  PetscFunctionReturn(0);
+}
+
+/* Makes a PC latin of the decomposition of a SNES latin, whose operators have all links taut. Collective on pc */
+PetscErrorCode PCLatinShare_Private(PC pc, Latin latin)
+{
+  PC_Latin *data = (PC_Latin *)pc->data;
+
+  PetscFunctionBegin;
+  PetscCall(PetscObjectReference((PetscObject)latin));
+  PetscCall(LatinDestroy_Private(&data->latin));
+  data->latin             = latin;
+  data->shared            = PETSC_TRUE;
+  pc->ops->apply          = PCApply_Latin_Shared;
+  pc->ops->applytranspose = PCApply_Latin_Shared;
   PetscFunctionReturn(0);
 }
 

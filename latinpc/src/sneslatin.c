@@ -25,6 +25,8 @@ typedef struct {
   PetscReal        *indicator, *error_l2, *error_energy, *estimates; /* [history_size] per linear stage; [done] filled */
   PetscReal         first_distance, first_residual, residual;
   PetscInt          tested; /* linear stages that the convergence test has seen */
+  LatinPolish       polish;
+  PetscBool         handed; /* the iteration has ended for the polish */
   PetscViewer       monitor;
   PetscViewerFormat monitor_format;
 } SNES_Latin;
@@ -119,6 +121,7 @@ static PetscErrorCode SNESLatinConverged_Private(SNES outer, PetscInt it, PetscR
       PetscCall(PetscInfo(snes, "The error asked for, %g, is below what rounding leaves on this structure, about %g\n", (double)data->target, (double)data->estimate.floor));
     }
   } else if (norm <= snes->stol || latin->distance <= latin->noise) *reason = SNES_CONVERGED_SNORM_RELATIVE;
+  if (!*reason && data->handed && latin->indicator <= data->polish.start) *reason = SNES_CONVERGED_ITS;
   if (!*reason && snes->divtol > 0.0 && latin->distance > snes->divtol * data->first_distance) *reason = SNES_DIVERGED_DTOL;
   if (!*reason && latin->applications >= snes->max_its) *reason = SNES_DIVERGED_MAX_IT;
   PetscFunctionReturn(0);
@@ -215,14 +218,18 @@ static PetscErrorCode SNESSetFromOptions_Latin(SNES snes, PetscOptionItems *Pets
   PetscCall(PetscOptionsEnum("-snes_latin_error_norm", "Norm of that error", "LatinErrorNorm", LatinErrorNorms, (PetscEnum)norm, (PetscEnum *)&norm, NULL));
   data->estimate.energy = (PetscBool)(norm == LATIN_NORM_ENERGY);
   PetscCall(PetscOptionsBool("-snes_latin_warm_start", "Start from the state of the last solve on this object", "None", data->warm, &data->warm, NULL));
+  PetscCall(PetscOptionsBool("-snes_latin_polish", "End by Newton's method, preconditioned by the same operators", "None", data->polish.on, &data->polish.on, NULL));
+  PetscCall(PetscOptionsReal("-snes_latin_polish_start", "Indicator from which on Newton's method takes over", "None", data->polish.start, &data->polish.start, NULL));
   PetscCall(PetscOptionsViewer("-snes_latin_monitor", "Monitor the indicator, and the residual or errors where they are computed", "None", &data->monitor, &data->monitor_format, &set));
   PetscOptionsHeadEnd();
+  PetscCheck(data->polish.start > 0.0 && !PetscIsInfOrNanReal(data->polish.start), PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_OUTOFRANGE, "-snes_latin_polish_start is %g; it is a positive number", (double)data->polish.start);
   if (set && data->monitor) PetscCall(SNESMonitorSet(snes, SNESLatinMonitor_Private, NULL, NULL));
   PetscCall(SNESGetOptionsPrefix(snes, &prefix));
   PetscCall(PetscObjectSetOptions((PetscObject)data->latin, ((PetscObject)snes)->options));
   PetscCall(PetscObjectSetOptionsPrefix((PetscObject)data->latin, prefix));
   PetscCall(PetscObjectAppendOptionsPrefix((PetscObject)data->latin, "snes_latin_"));
   PetscCall(SNESLatinCreateOuter_Private(snes));
+  if (data->polish.on) PetscCall(LatinPolishCreate_Private(snes, data->latin, &data->polish));
   PetscFunctionReturn(0);
 }
 
@@ -233,6 +240,8 @@ static PetscErrorCode SNESLatinResetState_Private(SNES snes)
 
   PetscFunctionBegin;
   PetscCall(SNESDestroy(&data->outer));
+  PetscCall(SNESDestroy(&data->polish.newton));
+  data->polish.links = NULL;
   PetscCall(VecDestroy(&data->z));
   PetscCall(PetscFree(data->reference_copy));
   data->has_state = PETSC_FALSE;
@@ -324,6 +333,39 @@ static PetscErrorCode SNESLatinPrepare_Private(SNES snes)
   PetscFunctionReturn(0);
 }
 
+/* Newton's method from here on; where it fails the iteration goes on from where it was */
+static PetscErrorCode SNESLatinPolish_Private(SNES snes)
+{
+  SNES_Latin         *data   = (SNES_Latin *)snes->data;
+  LatinPolish        *polish = &data->polish;
+  SNESConvergedReason reason;
+
+  PetscFunctionBegin;
+  polish->target    = data->stop == LATIN_STOP_ERROR ? data->target : snes->stol;
+  polish->residual  = data->stop == LATIN_STOP_RESIDUAL ? PetscMax(snes->abstol, snes->rtol * data->first_residual) : 0.0;
+  polish->reference = data->stop == LATIN_STOP_REFERENCE ? data->reference : NULL;
+  if (data->stop == LATIN_STOP_RESIDUAL) polish->target = 0.0;
+  PetscCall(LatinAverage_Private(data->latin, snes->vec_sol));
+  PetscCall(LatinPolishSolve_Private(snes, data->latin, polish, snes->vec_sol, &reason));
+  if (reason > 0) {
+    snes->reason = reason;
+    PetscCall(SNESComputeFunction(snes, snes->vec_sol, snes->vec_func));
+    PetscCall(VecNorm(snes->vec_func, NORM_2, &data->residual));
+    snes->iter = data->latin->applications + polish->stages;
+    snes->norm = data->stop == LATIN_STOP_RESIDUAL ? data->residual : polish->error;
+    PetscCall(SNESLogConvergenceHistory(snes, snes->norm, polish->stages));
+    PetscCall(SNESMonitor(snes, snes->iter, snes->norm));
+    PetscFunctionReturn(0);
+  }
+  PetscCall(PetscInfo(snes, "the polish ended with %s: back to the iteration\n", SNESConvergedReasons[reason]));
+  data->latin->failed = PETSC_FALSE;
+  data->handed        = PETSC_FALSE;
+  polish->steps       = 0;
+  PetscCall(SNESSolve(data->outer, NULL, data->z));
+  PetscCall(SNESGetConvergedReason(data->outer, &snes->reason));
+  PetscFunctionReturn(0);
+}
+
 static PetscErrorCode SNESSolve_Latin(SNES snes)
 {
   SNES_Latin *data  = (SNES_Latin *)snes->data;
@@ -354,12 +396,16 @@ static PetscErrorCode SNESSolve_Latin(SNES snes)
   if (!data->warm || !data->has_state) PetscCall(LatinInitialState_Private(latin, data->z));
   PetscCall(SNESSetConvergenceTest(data->outer, SNESLatinConverged_Private, snes, NULL));
   PetscCall(SNESSetTolerances(data->outer, 0.0, 0.0, 0.0, snes->max_its, PETSC_MAX_INT));
+  data->handed = data->polish.on;
   PetscCall(SNESSolve(data->outer, NULL, data->z));
   PetscCall(SNESGetConvergedReason(data->outer, &snes->reason));
+  data->polish.steps = data->polish.stages = 0;
+  if (data->handed && snes->reason == SNES_CONVERGED_ITS) PetscCall(SNESLatinPolish_Private(snes));
   data->has_state = (PetscBool)(snes->reason > 0);
   if (latin->failed) snes->reason = SNES_DIVERGED_LINEAR_SOLVE;
-  snes->iter = latin->applications;
-  PetscCall(SNESLatinResidual_Private(snes));
+  snes->iter       = latin->applications + data->polish.stages;
+  snes->linear_its = data->polish.stages;
+  if (!data->polish.steps) PetscCall(SNESLatinResidual_Private(snes));
   if (PetscIsInfOrNanReal(data->residual)) snes->reason = SNES_DIVERGED_FNORM_NAN;
   PetscFunctionReturn(0);
 }
@@ -405,6 +451,12 @@ static PetscErrorCode SNESView_Latin(SNES snes, PetscViewer viewer)
     PetscCall(PetscViewerASCIIPrintf(viewer, "fixed-point solver:\n"));
     PetscCall(PetscViewerASCIIPushTab(viewer));
     PetscCall(SNESView(data->outer, viewer));
+    PetscCall(PetscViewerASCIIPopTab(viewer));
+  }
+  if (data->polish.on && data->polish.newton) {
+    PetscCall(PetscViewerASCIIPrintf(viewer, "polish from indicator %g on, last solve %" PetscInt_FMT " steps and %" PetscInt_FMT " linear stages:\n", (double)data->polish.start, data->polish.steps, data->polish.stages));
+    PetscCall(PetscViewerASCIIPushTab(viewer));
+    PetscCall(SNESView(data->polish.newton, viewer));
     PetscCall(PetscViewerASCIIPopTab(viewer));
   }
   PetscFunctionReturn(0);
@@ -544,6 +596,7 @@ PetscErrorCode SNESLatinGetOuter(SNES snes, SNES *outer)
 . -snes_latin_error <1e-4>                          - estimated error to stop at
 . -snes_latin_monitor                               - prints the indicator of each iteration
 . -snes_latin_outer_snes_type <anderson,nrichardson> - acceleration, or the plain iteration
+. -snes_latin_polish                                - ends by Newton's method, prefix -snes_latin_polish_
 . -snes_latin_local_                                - prefix of the KSP of the subdomains
 - -snes_latin_coarse_                               - prefix of the KSP of the coarse problem
 
@@ -578,6 +631,7 @@ PETSC_EXTERN PetscErrorCode SNESCreate_Latin(SNES snes)
     snes->max_its = 1000;
     snes->stol    = 1e-5;
   }
+  data->polish.start = 1e-4;
   PetscCall(LatinCreate_Private(PetscObjectComm((PetscObject)snes), &data->latin));
   PetscFunctionReturn(0);
 }

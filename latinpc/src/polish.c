@@ -1,0 +1,159 @@
+#include "latinimpl.h"
+#include <petsc/private/snesimpl.h>
+
+/*
+   Polish: Newton's method from the displacements of SNES latin on, once its indicator is small. The taut links of these
+   displacements are nearly those of the solution, and a step of Newton's method is exact for given taut links: what is
+   left is mostly one linear problem, which conjugate gradients solve in fewer linear stages than the fixed-point
+   iteration. The preconditioner is PC latin on the operators that SNES latin has built already.
+
+   A solve goes no further than its step deserves: while links still change between taut and slack, two digits (-ksp_rtol
+   of the inner KSP); once none has changed, all that are missing.
+*/
+
+#define LATIN_POLISH_RTOL   1e-2 /* of a linear solve whose step changes the taut links */
+#define LATIN_POLISH_SAFETY 0.3  /* the last solve aims at this part of the target */
+#define LATIN_POLISH_LEAST  1e-9 /* least tolerance of a linear solve: below, rounding */
+
+/*
+   The error left after a step is the part of it that the linear solver has left over when no link has changed, and
+   the step itself otherwise. With PC latin the natural norm of CG is that of the energy, about.
+*/
+static PetscErrorCode LatinPolishConverged_Private(SNES newton, PetscInt it, PetscReal xnorm, PetscReal snorm, PetscReal fnorm, SNESConvergedReason *reason, void *ctx)
+{
+  LatinPolish *polish = (LatinPolish *)ctx;
+  PetscReal    before = polish->error, rtol;
+  PetscInt     changes, most;
+  Vec          u;
+  KSP          ksp;
+
+  PetscFunctionBegin;
+  *reason = SNES_CONVERGED_ITERATING;
+  if (PetscIsInfOrNanReal(fnorm) || PetscIsInfOrNanReal(snorm)) {
+    *reason = SNES_DIVERGED_FNORM_NAN;
+    PetscFunctionReturn(0);
+  }
+  PetscCall(SNESGetKSP(newton, &ksp));
+  PetscCall(SNESGetSolution(newton, &u));
+  PetscCall(SNESGetTolerances(newton, NULL, NULL, NULL, &most, NULL));
+  PetscCall(KSPGetTolerances(ksp, &rtol, NULL, NULL, NULL));
+  if (!it) changes = polish->linear ? 0 : 1;
+  else {
+    PetscCall(LatinLinksCountChanges_Private(polish->links, u, &changes));
+    polish->error = xnorm > 0.0 ? snorm / xnorm : 0.0;
+    if (!changes) polish->error *= rtol;
+    if (polish->reference) PetscCall(LatinLinksComputeErrors(polish->links, u, polish->reference, &polish->error, &polish->energy));
+  }
+  if (fnorm <= polish->residual) *reason = SNES_CONVERGED_FNORM_RELATIVE;
+  else if (it && polish->error <= polish->target) *reason = SNES_CONVERGED_SNORM_RELATIVE;
+  else if (it > 1 && !changes && polish->error > 0.5 * before && rtol < polish->rtol) *reason = SNES_CONVERGED_SNORM_RELATIVE; /* rounding: a step that was to bring digits has brought none */
+  else if (it && polish->error > 1e3 * PetscMax(1.0, polish->start)) *reason = SNES_DIVERGED_DTOL;
+  else if (it >= most) *reason = SNES_DIVERGED_MAX_IT;
+  rtol = changes ? polish->rtol : PetscMin(polish->rtol, PetscMax(LATIN_POLISH_LEAST, LATIN_POLISH_SAFETY * polish->target / polish->error));
+  PetscCall(KSPSetTolerances(ksp, rtol, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
+  PetscCall(PetscInfo(newton, "step %" PetscInt_FMT ": %" PetscInt_FMT " links have changed, estimated error %g, next linear tolerance %g\n", it, changes, (double)polish->error, (double)rtol));
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode LatinPolishMult_Private(Mat A, Vec x, Vec y)
+{
+  LatinPolish *polish;
+
+  PetscFunctionBegin;
+  PetscCall(MatShellGetContext(A, &polish));
+  PetscCall(LatinLinksMultTangent_Private(polish->links, x, y));
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode LatinPolishJacobian_Private(SNES newton, Vec u, Mat A, Mat P, void *ctx)
+{
+  PetscFunctionBegin;
+  (void)newton;
+  (void)P;
+  PetscCall(LatinLinksSetTangent_Private(((LatinPolish *)ctx)->links, u));
+  PetscCall(PetscObjectStateIncrease((PetscObject)A));
+  PetscFunctionReturn(0);
+}
+
+/* The structure's residual and, for PC latin, which needs no entries, its tangent stiffness as an operator */
+static PetscErrorCode LatinPolishAttach_Private(LatinPolish *polish)
+{
+  PetscBool latin;
+  PetscInt  n;
+  KSP       ksp;
+  PC        pc;
+  Mat       A;
+
+  PetscFunctionBegin;
+  PetscCall(LatinLinksAttachSNES(polish->links, polish->newton));
+  PetscCall(SNESGetKSP(polish->newton, &ksp));
+  PetscCall(KSPGetPC(ksp, &pc));
+  PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCLATIN, &latin));
+  if (!latin) PetscFunctionReturn(0);
+  PetscCall(VecGetLocalSize(polish->links->load, &n));
+  PetscCall(MatCreateShell(PetscObjectComm((PetscObject)polish->newton), n, n, PETSC_DETERMINE, PETSC_DETERMINE, polish, &A));
+  PetscCall(MatShellSetOperation(A, MATOP_MULT, (void (*)(void))LatinPolishMult_Private));
+  PetscCall(MatSetOption(A, MAT_SYMMETRIC, PETSC_TRUE));
+  PetscCall(SNESSetJacobian(polish->newton, A, A, LatinPolishJacobian_Private, polish));
+  PetscCall(MatDestroy(&A));
+  PetscFunctionReturn(0);
+}
+
+/* The inner SNES: prefix -snes_latin_polish_; full steps, as they end in a few iterations, and CG with PC latin. Collective on snes */
+PetscErrorCode LatinPolishCreate_Private(SNES snes, Latin latin, LatinPolish *polish)
+{
+  SNESLineSearch search;
+  const char    *prefix;
+  KSP            ksp;
+  PC             pc;
+  PetscBool      cg;
+
+  PetscFunctionBegin;
+  if (polish->newton) PetscFunctionReturn(0);
+  PetscCall(SNESCreate(PetscObjectComm((PetscObject)snes), &polish->newton));
+  PetscCall(PetscObjectIncrementTabLevel((PetscObject)polish->newton, (PetscObject)snes, 1));
+  PetscCall(SNESGetOptionsPrefix(snes, &prefix));
+  PetscCall(SNESSetOptionsPrefix(polish->newton, prefix));
+  PetscCall(SNESAppendOptionsPrefix(polish->newton, "snes_latin_polish_"));
+  PetscCall(PetscObjectSetOptions((PetscObject)polish->newton, ((PetscObject)snes)->options));
+  PetscCall(SNESSetType(polish->newton, SNESNEWTONLS));
+  PetscCall(SNESGetLineSearch(polish->newton, &search));
+  PetscCall(SNESLineSearchSetType(search, SNESLINESEARCHBASIC));
+  PetscCall(SNESGetKSP(polish->newton, &ksp));
+  PetscCall(KSPSetType(ksp, KSPCG));
+  PetscCall(KSPSetNormType(ksp, KSP_NORM_NATURAL));
+  PetscCall(KSPSetTolerances(ksp, LATIN_POLISH_RTOL, PETSC_DEFAULT, PETSC_DEFAULT, 2000));
+  PetscCall(KSPGetPC(ksp, &pc));
+  PetscCall(PCSetType(pc, PCLATIN));
+  PetscCall(PCLatinShare_Private(pc, latin));
+  PetscCall(SNESSetFromOptions(polish->newton));
+  PetscCall(PetscObjectTypeCompare((PetscObject)ksp, KSPCG, &cg));
+  if (!cg) PetscCall(KSPSetNormType(ksp, KSP_NORM_DEFAULT));
+  PetscCall(SNESSetConvergenceTest(polish->newton, LatinPolishConverged_Private, polish, NULL));
+  PetscCall(KSPGetTolerances(ksp, &polish->rtol, NULL, NULL, NULL));
+  PetscFunctionReturn(0);
+}
+
+/* From the displacements u to those of the solution. u is worthless when the reason is negative. Collective on snes */
+PetscErrorCode LatinPolishSolve_Private(SNES snes, Latin latin, LatinPolish *polish, Vec u, SNESConvergedReason *reason)
+{
+  PetscInt nonsmooth = latin->sub.nonsmooth;
+  KSP      ksp;
+
+  PetscFunctionBegin;
+  PetscCall(LatinPolishCreate_Private(snes, latin, polish));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &nonsmooth, 1, MPIU_INT, MPI_SUM, PetscObjectComm((PetscObject)snes)));
+  if (polish->links != latin->links) {
+    polish->links = latin->links;
+    PetscCall(LatinPolishAttach_Private(polish));
+  }
+  polish->linear = (PetscBool)!nonsmooth;
+  polish->error  = latin->indicator;
+  PetscCall(SNESGetKSP(polish->newton, &ksp));
+  PetscCall(KSPSetTolerances(ksp, polish->rtol, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
+  PetscCall(SNESSolve(polish->newton, snes->vec_rhs, u));
+  PetscCall(SNESGetConvergedReason(polish->newton, reason));
+  PetscCall(SNESGetIterationNumber(polish->newton, &polish->steps));
+  PetscCall(SNESGetLinearSolveIterations(polish->newton, &polish->stages));
+  PetscFunctionReturn(0);
+}
