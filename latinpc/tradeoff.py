@@ -95,8 +95,8 @@ def knobs_of(scene, names=None):
         if modules:
             knobs[size] = tuple(choice for choice in KNOBS[size] if modules % choice.block == 0)
         elif scene.subdomain is None:
-            sizes = (256, 64, 128, 512, 1024)
-            knobs[size] = tuple(_latin(f"{count} links", subdomain_links=count) for count in sizes)
+            sizes = (64, 128, 256, 512, 1024)
+            knobs[size] = (DEFAULT, *(_latin(f"{count} links", subdomain_links=count) for count in sizes))
         else:
             del knobs[size]
     return knobs

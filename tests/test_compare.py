@@ -196,7 +196,8 @@ def test_knobs_of_other_scenes():
     scene = make("network", nodes=100)
     assert scene.subdomain is None
     choices = tradeoff.knobs_of(scene, ["subdomain size"])["subdomain size"]
-    assert choices[0].options == {"snes_latin_subdomain_links": 256}
+    assert choices[0] == tradeoff.DEFAULT
+    assert choices[1].options == {"snes_latin_subdomain_links": 64}
     assert "subdomain size" not in tradeoff.knobs_of(chain())
 
 

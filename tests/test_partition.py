@@ -1,10 +1,12 @@
 """The partition that METIS makes, and its repair: its cost counted independently, its bounds, the ranks."""
 
+import re
 from collections import Counter
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from petsc4py import PETSc
 from support import chain, grid, latin, lattice, network
 
 import latinpc
@@ -130,11 +132,51 @@ def test_repair_spares_iterations():
     assert counts[1] < counts[0]
 
 
+def balance(run):
+    """Largest over mean that the view tells: links, degrees of freedom, ranks."""
+    viewer = PETSc.Viewer().createASCII(str(run.folder / "view.txt"), comm=PETSc.COMM_SELF)
+    run.snes.view(viewer)
+    viewer.destroy()
+    text = (run.folder / "view.txt").read_text()
+    line = re.search(r"largest over mean: subdomains (\S+) in links, (\S+) in degrees of freedom; ranks (\S+) ", text)
+    return [float(value) for value in line.groups()]
+
+
+def test_the_view_tells_the_imbalance(tmp_path):
+    """Counted from the partition itself."""
+    scene = network(nodes=300)
+    with latin(replace(scene, subdomain=None), subdomains=9) as run:
+        run.folder = tmp_path
+        run.snes.setUp()
+        found = latinpc.subdomain_of_links(run.snes)
+        told = balance(run)
+    links = np.bincount(found)
+    dofs = np.array([np.count_nonzero(~scene.fixed[np.unique(scene.links[found == p])]) for p in range(9)])
+    assert told == [pytest.approx(x.max() / x.mean(), abs=6e-3) for x in (links, dofs)] + [1.0]
+
+
+@pytest.mark.parametrize(
+    ("scene", "low", "high"),
+    [
+        (lambda: grid(modules=16, partition="metis"), 300, 512),
+        (lambda: network(nodes=2000), 512, 1024),
+        (lambda: lattice(nx=64, ny=32), 512, 1024),
+    ],
+)
+def test_default_size_follows_the_structure(scene, low, high):
+    """The subdomains that cost least: see size.c. The unit of length does not matter."""
+    scene = replace(scene(), subdomain=None)
+    found = partition(scene)
+    assert low <= len(found) / (found.max() + 1) <= high
+    assert partition(replace(scene, nodes=1000 * scene.nodes)).max() == found.max()
+    assert partition(scene, subdomain_links=256).max() + 1 == -(-len(found) // 256)
+
+
 PROGRAM = """
 import sys
 import numpy as np
 import petsc4py
-petsc4py.init(["p", "-skip_petscrc", "-snes_type", "latin", "-snes_latin_subdomains", "7"])
+petsc4py.init(["p", "-skip_petscrc", "-snes_type", "latin", *sys.argv[2:]])
 import latinpc
 from latinpc.scenes import make
 from mpi4py import MPI
@@ -152,7 +194,32 @@ def test_ranks_do_not_change_the_partition(mpirun, tmp_path):
     """Bit by bit the same on 1, 2 and 4 ranks, and at a second run."""
     found = []
     for run, ranks in enumerate((1, 1, 2, 4)):
-        mpirun(ranks, PROGRAM, tmp_path / f"{run}.txt")
+        mpirun(ranks, PROGRAM, tmp_path / f"{run}.txt", "-snes_latin_subdomains", 7)
         found.append(np.loadtxt(tmp_path / f"{run}.txt", dtype=int))
     assert found[0].max() == 6
     assert all(np.array_equal(found[0], other) for other in found[1:])
+
+
+def test_ranks_share_the_cost(mpirun, tmp_path):
+    """Large and small subdomains, in this order: two ranks get like costs, not like numbers."""
+    program = """
+import sys
+import numpy as np
+import petsc4py
+petsc4py.init(["p", "-skip_petscrc", "-snes_type", "latin"])
+import latinpc
+from dataclasses import replace
+from latinpc.scenes import make
+from mpi4py import MPI
+scene = make("lattice", nx=32, ny=8, partition="metis")
+x = scene.nodes[scene.links].mean(axis=1)[:, 0]
+cuts = np.quantile(x, [0.25, 0.5, 0.6, 0.7, 0.8, 0.9])
+links = latinpc.Links.from_scene(replace(scene, subdomain=np.searchsorted(cuts, x)))
+snes = links.create_snes()
+snes.setFromOptions()
+snes.setUp()
+print("subdomains", latinpc.subdomains(snes), flush=True)
+"""
+    told = mpirun(2, program).stdout
+    assert "subdomains (2, 0)" in told
+    assert "subdomains (5, 2)" in told

@@ -84,12 +84,6 @@ def test_number_of_subdomains_from_their_size(size, parts):
     assert (np.bincount(found) > 0).all()
 
 
-def test_default_size_is_256_links():
-    """Without a word about subdomains there is one for every 256 links."""
-    scene = without(grid("truss", modules=8, subdomains=4))
-    assert partition(scene).max() + 1 == len(scene.links) / 256
-
-
 def test_given_partition_is_kept():
     """Numbers, order and emptiness are the caller's business; the solver does not touch them."""
     scene = irregular()
@@ -141,7 +135,7 @@ def test_label_that_forgets_a_link_is_refused():
         ({"subdomains": 25}, without(chain()), "Cannot make 25 subdomains of 24 links"),
         ({"subdomains": 3}, chain(), "has 4 subdomains, not the 3 asked for"),
         ({"subdomains": -1}, without(chain()), "-1"),
-        ({"subdomain_links": 0}, without(chain()), "0"),
+        ({"subdomain_links": -1}, without(chain()), "-1"),
     ],
 )
 def test_impossible_partitions_are_refused(options, scene, message):

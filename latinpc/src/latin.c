@@ -24,14 +24,13 @@ PetscErrorCode LatinCreate_Private(MPI_Comm comm, Latin *newlatin)
   PetscFunctionBegin;
   PetscCall(LatinInitializePackage());
   PetscCall(PetscHeaderCreate(latin, LATIN_CLASSID, "Latin", "LATIN domain decomposition", "Latin", comm, LatinDestroy_Object, LatinView_Private));
-  latin->variant             = LATIN_VARIANT_CORNER;
-  latin->promote             = PETSC_TRUE;
-  latin->links_per_subdomain = 256;
-  latin->repair              = PETSC_TRUE;
-  latin->direction           = LATIN_DIRECTION_DIAGONAL;
-  latin->coarse_groups       = 3;
-  latin->local_max           = 64;
-  *newlatin                  = latin;
+  latin->variant       = LATIN_VARIANT_CORNER;
+  latin->promote       = PETSC_TRUE;
+  latin->repair        = PETSC_TRUE;
+  latin->direction     = LATIN_DIRECTION_DIAGONAL;
+  latin->coarse_groups = 3;
+  latin->local_max     = 64;
+  *newlatin            = latin;
   PetscFunctionReturn(0);
 }
 
@@ -62,7 +61,8 @@ PetscErrorCode LatinSetFromOptions_Private(Latin latin, PetscOptionItems *PetscO
   PetscCall(PetscOptionsReal(LATIN_OPTION("modes_local"), "Local low-energy fields are macro, too: eigenvalues below this, relative to d, 0 = none", "None", latin->local_threshold, &latin->local_threshold, NULL));
   PetscCall(PetscOptionsRangeInt(LATIN_OPTION("modes_local_max"), "Most low-energy fields of a subdomain", "None", latin->local_max, &latin->local_max, NULL, 1, PETSC_MAX_INT));
   PetscCall(PetscOptionsRangeInt(LATIN_OPTION("subdomains"), "Number of subdomains, 0 = from the links per subdomain", "LatinLinksSetSubdomains", latin->subdomains, &latin->subdomains, NULL, 0, PETSC_MAX_INT));
-  PetscCall(PetscOptionsRangeInt(LATIN_OPTION("subdomain_links"), "Links per subdomain when no number of subdomains is given", "LatinLinksSetSubdomains", latin->links_per_subdomain, &latin->links_per_subdomain, NULL, 1, PETSC_MAX_INT));
+  PetscCall(
+    PetscOptionsRangeInt(LATIN_OPTION("subdomain_links"), "Links per subdomain when no number of subdomains is given, 0 = what costs least", "LatinLinksSetSubdomains", latin->links_per_subdomain, &latin->links_per_subdomain, NULL, 0, PETSC_MAX_INT));
   PetscCall(PetscOptionsBool(LATIN_OPTION("partition_repair"), "Move links between the subdomains that METIS has made until fewer nodes dangle", "None", latin->repair, &latin->repair, NULL));
   PetscCall(PetscOptionsEnum(LATIN_OPTION("direction"), "Micro search direction of the interfaces", "LatinDirectionType", LatinDirectionTypes, (PetscEnum)latin->direction, (PetscEnum *)&latin->direction, NULL));
   PetscCall(PetscOptionsReal(LATIN_OPTION("direction_scalar"), "Value of the scalar search direction d (force/length), 0 = self-tuned", "None", latin->direction_scalar, &latin->direction_scalar, NULL));
@@ -162,6 +162,7 @@ PetscErrorCode LatinDestroy_Private(Latin *latin)
 PetscErrorCode LatinView_Private(Latin latin, PetscViewer viewer)
 {
   LatinStatistics stats;
+  PetscReal       links, dofs, ranks;
   PetscBool       ascii;
 
   PetscFunctionBegin;
@@ -175,6 +176,8 @@ PetscErrorCode LatinView_Private(Latin latin, PetscViewer viewer)
   PetscCall(LatinGetStatistics(latin, &stats));
   PetscCall(PetscObjectView((PetscObject)latin->links, viewer));
   PetscCall(PetscViewerASCIIPrintf(viewer, "subdomains: %" PetscInt_FMT "; interfaces: %" PetscInt_FMT " strong, %" PetscInt_FMT " weak\n", stats.subdomains, stats.strong_interfaces, stats.weak_interfaces));
+  PetscCall(LatinSubstructureBalance_Private(latin, &links, &dofs, &ranks));
+  PetscCall(PetscViewerASCIIPrintf(viewer, "largest over mean: subdomains %.2f in links, %.2f in degrees of freedom; ranks %.2f in cost\n", (double)links, (double)dofs, (double)ranks));
   PetscCall(PetscViewerASCIIPrintf(viewer, "search direction values: min %g, mean %g, max %g\n", (double)stats.direction_min, (double)stats.direction_mean, (double)stats.direction_max));
   PetscCall(PetscViewerASCIIPrintf(viewer, "coarse problem: %" PetscInt_FMT " macro displacements, %" PetscInt_FMT " primal ones; fixed-point unknown: %" PetscInt_FMT " numbers\n", stats.strong_macro_dofs, stats.weak_dofs, stats.state_size));
   if (latin->local_threshold > 0.0) {

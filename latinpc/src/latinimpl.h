@@ -110,7 +110,7 @@ typedef struct {
   PetscInt    *send_order;                                          /* [links->links_local] */
 } LatinSubstructure;
 
-/* ---- partitions (partition.c, metis.c, repair.c): links to share out, all on one rank ---- */
+/* ---- partitions (partition.c, size.c, metis.c, repair.c): links to share out, all on one rank ---- */
 typedef struct {
   PetscInt   dim, nodes, links, parts;
   PetscInt  *ends;    /* [links][2] */
@@ -120,6 +120,7 @@ typedef struct {
 } LatinCut;
 PETSC_INTERN PetscErrorCode LatinIncidence_Private(const LatinCut *, PetscInt *offset[], PetscInt *incident[]);
 PETSC_INTERN PetscErrorCode LatinMetis_Private(LatinCut *, PetscInt part[], PetscBool *failed, int *status, PetscBool *overflow);
+PETSC_INTERN PetscErrorCode LatinSubdomainCount_Private(const LatinCut *, PetscInt *parts);
 PETSC_INTERN PetscErrorCode LatinRepair_Private(const LatinCut *, PetscInt part[]);
 
 /* The rank of a subdomain */
@@ -352,11 +353,11 @@ struct _p_Latin {
   LatinLinks         links;
   LatinVariant       variant;
   LatinModesType     modes;
-  PetscBool          published;  /* keep micro springs on primal dofs, as (28) does */
-  PetscBool          promote;    /* every node of three or more subdomains is a corner */
-  PetscInt           subdomains; /* asked for, 0 = from links_per_subdomain */
-  PetscInt           links_per_subdomain;
-  PetscBool          repair; /* the partition of METIS */
+  PetscBool          published;           /* keep micro springs on primal dofs, as (28) does */
+  PetscBool          promote;             /* every node of three or more subdomains is a corner */
+  PetscInt           subdomains;          /* asked for, 0 = from links_per_subdomain */
+  PetscInt           links_per_subdomain; /* 0 = what costs least */
+  PetscBool          repair;              /* the partition of METIS */
   LatinDirectionType direction;
   PetscReal          direction_scalar;   /* 0 = self-tuned */
   PetscReal          direction_fraction; /* of the stiffness seen at the interface, when self-tuned; 0 = the default of the type */
@@ -413,6 +414,7 @@ PETSC_INTERN PetscErrorCode LatinDestroy_Private(Latin *);
 PETSC_INTERN PetscErrorCode LatinSubstructureSetUp(Latin);
 PETSC_INTERN PetscErrorCode LatinSubstructureRefresh(Latin);
 PETSC_INTERN PetscErrorCode LatinSubstructureReset(Latin);
+PETSC_INTERN PetscErrorCode LatinSubstructureBalance_Private(Latin, PetscReal *links, PetscReal *dofs, PetscReal *ranks);
 PETSC_INTERN PetscErrorCode LatinPartition_Private(Latin);
 PETSC_INTERN PetscErrorCode LatinInterfaceSetUp(Latin);
 PETSC_INTERN PetscErrorCode LatinInterfaceReset(Latin);

@@ -79,7 +79,12 @@ PetscErrorCode LatinMetis_Private(LatinCut *cut, PetscInt part[], PetscBool *fai
   PetscInt      *number, used = 0;
 
   PetscFunctionBegin;
-  *status = METIS_OK;
+  *status   = METIS_OK;
+  *overflow = *failed = PETSC_FALSE;
+  if (cut->parts == 1) {
+    PetscCall(PetscArrayzero(part, cut->links));
+    PetscFunctionReturn(0);
+  }
   PetscCall(LatinDualGraph_Private(cut, &graph, overflow));
   if (!*overflow) {
     PetscCall(PetscMalloc1(cut->links, &found));

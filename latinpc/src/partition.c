@@ -43,7 +43,7 @@ static PetscErrorCode LatinScatter_Private(MPI_Comm comm, PetscInt n, MPI_Dataty
   PetscFunctionReturn(0);
 }
 
-/* METIS is sequential: rank 0 partitions all links and hands the parts back */
+/* METIS is sequential: rank 0 partitions all links and hands the parts back. 0 parts: as many as cost least */
 static PetscErrorCode LatinPartitionMetis_Private(Latin latin, PetscInt parts)
 {
   LatinLinks         links = latin->links;
@@ -67,6 +67,7 @@ static PetscErrorCode LatinPartitionMetis_Private(Latin latin, PetscInt parts)
   PetscCall(LatinGather_Private(comm, cut.dim * links->nodes_local, MPIU_REAL, links->x, cut.x));
   PetscCall(LatinGather_Private(comm, cut.dim * links->nodes_local, MPIU_BOOL, links->fixed, cut.fixed));
   if (!rank) {
+    if (!cut.parts) PetscCall(LatinSubdomainCount_Private(&cut, &cut.parts));
     cut.corners = (PetscBool)(latin->promote && latin->variant == LATIN_VARIANT_CORNER);
     PetscCall(LatinMetis_Private(&cut, part, &failed, &status, &overflow));
     if (!overflow && !failed && latin->repair) PetscCall(LatinRepair_Private(&cut, part));
@@ -135,12 +136,13 @@ PetscErrorCode LatinPartition_Private(Latin latin)
   } else if (label) {
     PetscCall(LatinPartitionLabel_Private(latin, label));
   } else {
-    PetscInt parts = latin->subdomains ? latin->subdomains : (links->links_global + latin->links_per_subdomain - 1) / latin->links_per_subdomain;
+    PetscInt parts = latin->subdomains;
+
+    if (!parts && latin->links_per_subdomain) parts = (links->links_global + latin->links_per_subdomain - 1) / latin->links_per_subdomain;
 
     given      = PETSC_FALSE;
     sub->count = parts;
-    if (parts == 1) PetscCall(PetscArrayzero(sub->of_link, links->links_local));
-    else if (parts == links->links_global) {
+    if (parts == links->links_global) {
       for (PetscInt l = 0; l < links->links_local; l++) sub->of_link[l] = links->links_start + l;
     } else PetscCall(LatinPartitionMetis_Private(latin, parts));
   }

@@ -5,6 +5,69 @@
    Subdomains go to the ranks in blocks of consecutive numbers; links and node data follow them.
 */
 
+#define LATIN_FACTOR_POWER 1.5 /* entries of the factor of a subdomain grow about so with its links, see size.c */
+
+/* Blocks of like cost: a subdomain goes where the middle of its own part of the whole cost falls */
+static PetscErrorCode LatinSubstructureDeal_Private(Latin latin)
+{
+  LatinSubstructure *sub  = &latin->sub;
+  MPI_Comm           comm = PetscObjectComm((PetscObject)latin);
+  PetscMPIInt        size, rank, last = 0;
+  PetscInt          *links;
+  PetscReal          whole = 0.0, sum = 0.0;
+
+  PetscFunctionBegin;
+  PetscCallMPI(MPI_Comm_size(comm, &size));
+  PetscCallMPI(MPI_Comm_rank(comm, &rank));
+  PetscCall(PetscCalloc1(sub->count, &links));
+  for (PetscInt l = 0; l < latin->links->links_local; l++) links[sub->of_link[l]]++;
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, links, (PetscMPIInt)sub->count, MPIU_INT, MPI_SUM, comm));
+  for (PetscInt s = 0; s < sub->count; s++) whole += PetscPowReal((PetscReal)links[s], LATIN_FACTOR_POWER);
+  PetscCall(PetscCalloc1(size + 1, &sub->rank_first));
+  for (PetscInt s = 0; s < sub->count; s++) {
+    const PetscReal cost = PetscPowReal((PetscReal)links[s], LATIN_FACTOR_POWER);
+
+    while (last < size - 1 && (sum + 0.5 * cost) * size > whole * (1.0 + PETSC_SMALL) * (last + 1)) sub->rank_first[++last] = s;
+    sum += cost;
+  }
+  while (last < size) sub->rank_first[++last] = sub->count;
+  PetscCall(PetscFree(links));
+  sub->first = sub->rank_first[rank];
+  sub->n     = sub->rank_first[rank + 1] - sub->first;
+  PetscFunctionReturn(0);
+}
+
+/* Largest subdomain over the mean, in links and in free degrees of freedom; and the largest rank, in cost as above */
+PetscErrorCode LatinSubstructureBalance_Private(Latin latin, PetscReal *links, PetscReal *dofs, PetscReal *ranks)
+{
+  LatinSubstructure *sub    = &latin->sub;
+  MPI_Comm           comm   = PetscObjectComm((PetscObject)latin);
+  const PetscInt     dim    = latin->links->dim;
+  PetscReal          sum[3] = {0.0, 0.0, 0.0}, most[3] = {0.0, 0.0, 0.0};
+  PetscMPIInt        size;
+
+  PetscFunctionBegin;
+  PetscCallMPI(MPI_Comm_size(comm, &size));
+  for (PetscInt s = 0; s < sub->n; s++) {
+    const PetscReal n = (PetscReal)(sub->link_offset[s + 1] - sub->link_offset[s]);
+    PetscInt        m = 0;
+
+    for (PetscInt i = dim * sub->node_offset[s]; i < dim * sub->node_offset[s + 1]; i++) m += sub->fixed[i] ? 0 : 1;
+    sum[0] += n;
+    sum[1] += m;
+    sum[2] += PetscPowReal(n, LATIN_FACTOR_POWER);
+    most[0] = PetscMax(most[0], n);
+    most[1] = PetscMax(most[1], (PetscReal)m);
+  }
+  most[2] = sum[2];
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 3, MPIU_REAL, MPIU_SUM, comm));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, most, 3, MPIU_REAL, MPIU_MAX, comm));
+  *links = sum[0] > 0.0 ? most[0] * sub->count / sum[0] : 1.0;
+  *dofs  = sum[1] > 0.0 ? most[1] * sub->count / sum[1] : 1.0;
+  *ranks = sum[2] > 0.0 ? most[2] * size / sum[2] : 1.0;
+  PetscFunctionReturn(0);
+}
+
 /* Brings one item of `bytes` bytes per link from the caller's order to the subdomains' order */
 static PetscErrorCode LatinMigrate_Private(Latin latin, size_t bytes, const void *source, void *target)
 {
@@ -31,41 +94,18 @@ static PetscErrorCode LatinSubstructurePlan_Private(Latin latin)
   LatinSubstructure *sub  = &latin->sub;
   MPI_Comm           comm = PetscObjectComm((PetscObject)latin);
   const PetscInt     n    = latin->links->links_local;
-  PetscMPIInt        size, rank;
+  PetscMPIInt        size;
   PetscInt          *next, *arrived, *identity;
-  PetscLayout        map;
 
   PetscFunctionBegin;
   PetscCallMPI(MPI_Comm_size(comm, &size));
-  PetscCallMPI(MPI_Comm_rank(comm, &rank));
-  PetscCall(PetscLayoutCreateFromSizes(comm, PETSC_DECIDE, sub->count, 1, &map));
-  PetscCall(PetscMalloc1(size + 1, &sub->rank_first));
-  {
-    const PetscInt *ranges;
-
-    PetscCall(PetscLayoutGetRanges(map, &ranges));
-    PetscCall(PetscArraycpy(sub->rank_first, ranges, size + 1));
-  }
-  sub->first = sub->rank_first[rank];
-  sub->n     = sub->rank_first[rank + 1] - sub->first;
   PetscCall(PetscCalloc4(size, &sub->send_count, size, &sub->send_offset, size, &sub->recv_count, size, &sub->recv_offset));
   PetscCall(PetscMalloc1(n, &sub->send_order));
   PetscCall(PetscMalloc1(size + 1, &next));
-  for (PetscInt l = 0; l < n; l++) {
-    PetscMPIInt owner;
-
-    PetscCall(PetscLayoutFindOwner(map, sub->of_link[l], &owner));
-    sub->send_count[owner]++;
-  }
+  for (PetscInt l = 0; l < n; l++) sub->send_count[LatinSubdomainRank(sub, size, sub->of_link[l])]++;
   for (PetscMPIInt r = 1; r < size; r++) sub->send_offset[r] = sub->send_offset[r - 1] + sub->send_count[r - 1];
   for (PetscMPIInt r = 0; r < size; r++) next[r] = sub->send_offset[r];
-  for (PetscInt l = 0; l < n; l++) {
-    PetscMPIInt owner;
-
-    PetscCall(PetscLayoutFindOwner(map, sub->of_link[l], &owner));
-    sub->send_order[next[owner]++] = l;
-  }
-  PetscCall(PetscLayoutDestroy(&map));
+  for (PetscInt l = 0; l < n; l++) sub->send_order[next[LatinSubdomainRank(sub, size, sub->of_link[l])]++] = l;
   PetscCallMPI(MPI_Alltoall(sub->send_count, 1, MPI_INT, sub->recv_count, 1, MPI_INT, comm));
   sub->links = sub->recv_count[0];
   for (PetscMPIInt r = 1; r < size; r++) {
@@ -189,6 +229,7 @@ PetscErrorCode LatinSubstructureSetUp(Latin latin)
   PetscFunctionBegin;
   PetscCall(PetscLogEventBegin(LATIN_Substructure, latin, 0, 0, 0));
   PetscCall(LatinPartition_Private(latin));
+  PetscCall(LatinSubstructureDeal_Private(latin));
   PetscCall(LatinSubstructurePlan_Private(latin));
   PetscCall(LatinSubstructureCopies_Private(latin));
   PetscCall(LatinSubstructureNodeData_Private(latin));
