@@ -19,7 +19,7 @@ import effectivity  # noqa: E402
 
 RESULTS = HERE / "results"
 COMMAND = [sys.executable, "-c", "from latinpc.cli import main; main()"]
-PRESETS = {"fast": ("latin", 1e-2), "balanced": ("latin", 1e-4), "accurate": ("newton-latin", 1e-8)}
+PRESETS = {"fast": ("latin", 1e-2), "balanced": ("latin", 1e-4), "accurate": ("latin-newton", 1e-8)}
 
 LARGE = "latin,newton-cholmod,newton-mumps,newton-gamg,newton-latin"
 GRID = ["tensegrity-grid", "--modules"]

@@ -23,7 +23,8 @@ from .scenes.scene import Law, Scene
 #: Options of our own, after ``-snes_latin_`` or ``-pc_latin_``; the last ones are prefixes of inner solvers.
 OPTIONS = (
     "variant", "modes", "subdomains", "subdomain_links", "partition_repair", "direction", "direction_scalar",
-    "direction_fraction", "corners", "promote", "monitor", "stop", "error", "error_norm", "warm_start", "polish",
+    "direction_fraction", "corners", "promote", "monitor", "stop", "error", "error_norm", "warm_start",
+    "warm_extrapolate", "polish",
     "modes_local", "modes_local_max",
 )  # fmt: skip
 PC_OPTIONS = ("weights",)  # of PC latin alone

@@ -19,6 +19,9 @@ typedef struct {
   LatinEstimate     estimate;
   PetscBool         warm; /* start from the state of the last solve */
   PetscBool         has_state;
+  PetscBool         extrapolate; /* a warm start goes on as the last two solves did */
+  Vec               z_before;    /* where the solve before the last one ended, NULL or not yet filled */
+  PetscBool         has_before;
   Vec               reference; /* displacements to compare with, or NULL */
   PetscReal        *reference_copy;
   PetscInt          history_size, done;
@@ -218,6 +221,7 @@ static PetscErrorCode SNESSetFromOptions_Latin(SNES snes, PetscOptionItems *Pets
   PetscCall(PetscOptionsEnum("-snes_latin_error_norm", "Norm of that error", "LatinErrorNorm", LatinErrorNorms, (PetscEnum)norm, (PetscEnum *)&norm, NULL));
   data->estimate.energy = (PetscBool)(norm == LATIN_NORM_ENERGY);
   PetscCall(PetscOptionsBool("-snes_latin_warm_start", "Start from the state of the last solve on this object", "None", data->warm, &data->warm, NULL));
+  PetscCall(PetscOptionsBool("-snes_latin_warm_extrapolate", "A warm start goes on as the last two solves did: for loads that grow in equal steps", "None", data->extrapolate, &data->extrapolate, NULL));
   PetscCall(PetscOptionsBool("-snes_latin_polish", "End by Newton's method, preconditioned by the same operators", "None", data->polish.on, &data->polish.on, NULL));
   PetscCall(PetscOptionsReal("-snes_latin_polish_start", "Indicator from which on Newton's method takes over", "None", data->polish.start, &data->polish.start, NULL));
   PetscCall(PetscOptionsViewer("-snes_latin_monitor", "Monitor the indicator, and the residual or errors where they are computed", "None", &data->monitor, &data->monitor_format, &set));
@@ -243,6 +247,8 @@ static PetscErrorCode SNESLatinResetState_Private(SNES snes)
   PetscCall(SNESDestroy(&data->polish.newton));
   data->polish.links = NULL;
   PetscCall(VecDestroy(&data->z));
+  PetscCall(VecDestroy(&data->z_before));
+  data->has_before = PETSC_FALSE;
   PetscCall(PetscFree(data->reference_copy));
   data->has_state = PETSC_FALSE;
   PetscFunctionReturn(0);
@@ -333,6 +339,30 @@ static PetscErrorCode SNESLatinPrepare_Private(SNES snes)
   PetscFunctionReturn(0);
 }
 
+/* The state to start from: the prestressed configuration, that of the last solve, or one step further in the same direction */
+static PetscErrorCode SNESLatinStart_Private(SNES snes)
+{
+  SNES_Latin *data = (SNES_Latin *)snes->data;
+  PetscBool   further;
+
+  PetscFunctionBegin;
+  if (!data->warm || !data->has_state) {
+    PetscCall(LatinInitialState_Private(data->latin, data->z));
+    data->has_before = PETSC_FALSE;
+    PetscFunctionReturn(0);
+  }
+  if (!data->extrapolate) PetscFunctionReturn(0);
+  further = data->has_before;
+  if (!data->z_before) PetscCall(VecDuplicate(data->z, &data->z_before));
+  if (further) { /* 2 z - z_before, and z_before takes the place of z */
+    PetscCall(VecAYPX(data->z_before, -1.0, data->z));
+    PetscCall(VecAXPY(data->z, 1.0, data->z_before));
+    PetscCall(VecAYPX(data->z_before, -1.0, data->z));
+  } else PetscCall(VecCopy(data->z, data->z_before));
+  data->has_before = PETSC_TRUE;
+  PetscFunctionReturn(0);
+}
+
 /* Newton's method from here on; where it fails the iteration goes on from where it was */
 static PetscErrorCode SNESLatinPolish_Private(SNES snes)
 {
@@ -393,7 +423,7 @@ static PetscErrorCode SNESSolve_Latin(SNES snes)
     snes->norm = data->first_residual;
     PetscCall(SNESLogConvergenceHistory(snes, snes->norm, 0));
   }
-  if (!data->warm || !data->has_state) PetscCall(LatinInitialState_Private(latin, data->z));
+  PetscCall(SNESLatinStart_Private(snes));
   PetscCall(SNESSetConvergenceTest(data->outer, SNESLatinConverged_Private, snes, NULL));
   PetscCall(SNESSetTolerances(data->outer, 0.0, 0.0, 0.0, snes->max_its, PETSC_MAX_INT));
   data->handed = data->polish.on;

@@ -1,0 +1,77 @@
+"""What a second solve on the same object builds again: nothing, unless the structure itself has changed."""
+
+import oracle
+import pytest
+from petsc4py import PETSc
+from support import far, grid, irregular, latin
+
+EVENTS = ("LatinSetUp", "LatinSubstruct", "LatinInterface", "LatinMacro", "MatCholFctrNum", "MatCholFctrSym")
+WARM = {"cold": {}, "warm": {"warm_start": True}, "extrapolated": {"warm_start": True, "warm_extrapolate": True}}
+
+
+def counts():
+    """How often each event of a set-up has happened; LatinMacro and its like happen in no other place."""
+    return [PETSc.Log.Event(name).getPerfInfo()["count"] for name in EVENTS]
+
+
+@pytest.fixture(autouse=True)
+def log():
+    PETSc.Log.begin()
+
+
+@pytest.mark.parametrize("polish", [False, True])
+@pytest.mark.parametrize("make", [grid, irregular])
+def test_new_loads_and_prestrains_build_nothing(make, polish):
+    """A second solve, another load, another prestrain, an increment: no set-up, no factorisation."""
+    scene = make()
+    with latin(scene, stol=1e-9, max_it=1000, polish=polish) as run:
+        before = counts()
+        u = run.links.create_vec()
+        run.snes.solve(None, u)
+        built = counts()
+        assert all(b > a for a, b in zip(before, built))
+        for load, prestrain in ((1, 1), (0.5, 1), (0.6, 1), (0.6, 0.8)):
+            run.links.set_load(load * scene.load)
+            run.links.set_prestrain(prestrain * scene.prestrain)
+            run.snes.solve(None, u)
+            assert run.snes.getConvergedReason() > 0
+            assert counts() == built
+
+
+def ramp(scene, how, steps=8):
+    """Iterations of each step of a load that grows, and the last displacements."""
+    with latin(scene, stol=1e-6, max_it=1000, **WARM[how]) as run:
+        u, iterations = run.links.create_vec(), []
+        for step in range(steps):
+            run.links.set_load((0.5 + 0.5 * step / (steps - 1)) * scene.load)
+            run.snes.solve(None, u)
+            assert run.snes.getConvergedReason() > 0
+            iterations.append(run.snes.getIterationNumber())
+        return iterations, run.links.displacements(u)
+
+
+@pytest.mark.parametrize("make", [grid, irregular])
+def test_a_warm_start_saves_iterations(make):
+    """Each way to start ends in the same place, and the nearer start takes fewer iterations."""
+    scene = make()
+    found = {how: ramp(scene, how) for how in WARM}
+    exact = oracle.newton(scene)
+    for how, (iterations, u) in found.items():
+        assert far(u, exact) < 1e-4, how
+        assert len(iterations) == 8
+    cold, warm, extrapolated = (sum(found[how][0][2:]) for how in ("cold", "warm", "extrapolated"))
+    assert warm < cold
+    assert extrapolated <= warm
+
+
+def test_extrapolation_without_a_warm_start_does_nothing():
+    """The option belongs to the warm start."""
+    scene = grid()
+    iterations = []
+    for options in ({}, {"warm_extrapolate": True}):
+        with latin(scene, **options) as run:
+            u = run.links.create_vec()
+            for _ in range(3):
+                run.snes.solve(None, u)
+            iterations.append(run.snes.getIterationNumber())
+    assert iterations[0] == iterations[1]
