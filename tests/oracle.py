@@ -179,11 +179,12 @@ def orthonormal(r, d):
     return la.solve_triangular(la.cholesky(r.T @ d @ r, lower=True), r.T, lower=True).T if r.size else r
 
 
-def local_modes(latin, threshold):
+def local_modes(latin, threshold, taut=None):
     """Fields of both sides of every interface: S v = lambda diag(d) v, S the stiffness of a subdomain at its interfaces
-    with its primal dofs held, lambda < threshold; only where a node alone has such a motion.
+    with its primal dofs held, lambda < threshold; only where a node alone has such a motion. Links that are not
+    `taut` (m,) do not count.
     """
-    dim = latin.scene.dim
+    dim, stiffness = latin.scene.dim, latin.scene.stiffness * np.where(True if taut is None else taut, 1.0, 1e-6)
     for i, part in enumerate(latin.parts):
         sides = [(side, side.pair.index(i)) for side in latin.sides if i in side.pair]
         spring = np.zeros(len(part.dofs))
@@ -191,7 +192,7 @@ def local_modes(latin, threshold):
             np.add.at(spring, side.local[which], side.d.diagonal())
         held = np.isin(part.dofs // dim, [n for n, g in latin.primal.items() if any(i in group for group in g)])
         b, r = np.flatnonzero(~held & (spring > 0)), np.flatnonzero(~held & (spring == 0))
-        k, q = part.stiffness, np.sqrt(spring[b])
+        k, q = part.b.T @ (stiffness[part.links][:, None] * part.b), np.sqrt(spring[b])
         nodes = [b[part.dofs[b] // dim == node] for node in np.unique(part.dofs[b] // dim)]
         if all(la.eigvalsh(k[np.ix_(n, n)], np.diag(spring[n]))[0] >= threshold for n in nodes):
             continue
@@ -218,12 +219,13 @@ def build(
     owned=OWNED,
     modes=affine_modes,
     local=0.0,
+    taut=None,
 ):
     """Everything that is built once: interfaces, subdomain operators, coarse factor.
 
     d is a number (N/m), or None for alpha (default `FRACTION`) times the mean of the neighbours' stiffness: its
     mean diagonal, its diagonal, its block, or its Schur complement (`direction`). `owned`: see `macro_nodes`.
-    modes: `affine_modes` or `rigid_modes`. local: the threshold of `local_modes`.
+    modes: `affine_modes` or `rigid_modes`. local, taut: see `local_modes`.
     """
     b, e_d = kinematics(scene)
     latin = SimpleNamespace(scene=scene, e_d=e_d, free=~scene.fixed.ravel())
@@ -241,7 +243,7 @@ def build(
     latin.sides = [interface_side(latin, pair) for pair, nodes in latin.micro.items() if nodes]
     directions(latin, d, alpha or FRACTION[direction], direction)
     if local:
-        local_modes(latin, local)
+        local_modes(latin, local, taut)
     latin.n_z = number_macro(latin, owned)
     latin.n_macro = sum(side.r.shape[1] for side in latin.sides)
     latin.n_coarse = number_primal(latin)

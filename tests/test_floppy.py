@@ -46,11 +46,56 @@ def test_other_directions(direction):
     assert np.allclose(ours.history.indicator, theirs.indicator, rtol=1e-7)
 
 
+@pytest.mark.parametrize("name", ["tensegrity", "network"])
+def test_slack_links_do_not_count(name):
+    """One stage with the macro basis of old tells which links are slack; then the method starts anew."""
+    scene = SCENES[name]()
+    first = oracle.build(scene)
+    u = oracle.linear_stage(first, oracle.start(first))
+    taut = (scene.law == 0) | (oracle.tension(scene, oracle.elongations(first, u)) != 0)
+    assert not taut.all()
+    theirs = oracle.latin_history(scene, 5, local=THRESHOLD, taut=taut)
+    ours = solve(scene, modes_local=THRESHOLD, modes_local_slack=1, max_it=6, **PLAIN)
+    assert ours.statistics["strong_macro_dofs"] == theirs.latin.n_macro > first.n_macro
+    assert len(ours.history.indicator) == 6
+    assert np.allclose(ours.history.indicator[1:], theirs.indicator, rtol=1e-6)
+
+
+def test_without_slack_links_there_is_nothing_to_wait_for():
+    """Bars alone: no stage is spent."""
+    a, b = (solve(irregular("truss"), modes_local=THRESHOLD, modes_local_slack=k, max_it=3) for k in (0, 1))
+    assert np.array_equal(a.history.indicator, b.history.indicator)
+
+
+def test_slack_links_save_iterations():
+    """They loosen the subdomains, and the fields know it."""
+    scene = make("tensegrity-grid", modules=16, partition="metis")
+    how = {"subdomains": 16, "stop": "reference", "stol": 1e-4, "_reference": oracle.newton(scene), "modes_local": 1}
+    assert solve(scene, modes_local_slack=1, **how).iterations <= 0.8 * solve(scene, **how).iterations
+
+
+def test_a_second_solve_keeps_the_fields():
+    """New loads, and loads given as the right-hand side: no new set-up, the right displacements."""
+    scene = irregular()
+    with latin(scene, modes_local=THRESHOLD, modes_local_slack=2, stol=1e-9, warm_start="true") as run:
+        u, b = run.links.create_vec(), run.links.create_vec()
+        run.links.set_displacements(scene.load, b)  # as much again
+        run.snes.solve(b, u)
+        assert far(run.links.displacements(u), oracle.newton(replace(scene, load=2 * scene.load))) < 1e-6
+        sizes = latinpc.statistics(run.snes)
+        run.links.set_load(1.1 * scene.load)
+        run.snes.solve(None, u)
+        assert run.snes.reason > 0
+        assert far(run.links.displacements(u), oracle.newton(replace(scene, load=1.1 * scene.load))) < 1e-6
+        assert latinpc.statistics(run.snes) == sizes
+
+
+@pytest.mark.parametrize("slack", [0, 1])
 @pytest.mark.parametrize("name", SCENES)
-def test_the_solution_stays(name):
+def test_the_solution_stays(name, slack):
     """The fields change the way to the solution, not the solution."""
     scene = SCENES[name]()
-    ours = solve(scene, modes_local=THRESHOLD, stol=1e-9)
+    ours = solve(scene, modes_local=THRESHOLD, modes_local_slack=slack, stol=1e-9)
     assert ours.reason > 0
     assert far(ours.u, oracle.newton(scene)) < 1e-6
 
@@ -135,7 +180,7 @@ from support import irregular, solve
 import latinpc
 
 scene = irregular()
-found = solve(scene, _links=latinpc.Links.from_scene(scene), modes_local=0.1, max_it=8)
+found = solve(scene, _links=latinpc.Links.from_scene(scene), modes_local=0.1, modes_local_slack=sys.argv[2], max_it=8)
 s = found.statistics
 if PETSc.COMM_WORLD.rank == 0:
     print(s["local_macro_dofs"], s["floppy_subdomains"], s["local_modes_max"], s["strong_macro_dofs"])
@@ -143,9 +188,10 @@ if PETSc.COMM_WORLD.rank == 0:
 """
 
 
-def test_ranks_do_not_matter(mpirun):
+@pytest.mark.parametrize("slack", [0, 1])
+def test_ranks_do_not_matter(mpirun, slack):
     """One rank, two and four: the same fields, the same iterates to rounding."""
-    found = [mpirun(n, RANKS, Path(__file__).parent).stdout.split() for n in (1, 2, 4)]
+    found = [mpirun(n, RANKS, Path(__file__).parent, slack).stdout.split() for n in (1, 2, 4)]
     assert int(found[0][0]) > 0
     for other in found[1:]:
         assert other[:4] == found[0][:4]
@@ -170,6 +216,7 @@ def test_view_tells(tmp_path):
     [
         ({"modes_local": -1}, "it is a positive number"),
         ({"modes_local": 0.1, "variant": "macro"}, "wants -snes_latin_variant corner"),
+        ({"modes_local_slack": 1}, "give their threshold with -snes_latin_modes_local"),
         ({"modes_local": 0.1, "modes_local_max": 0}, "less than allowed bound 1"),
     ],
 )

@@ -14,9 +14,18 @@
 
    A test without eigenproblem finds the floppy subdomains: a dangling node, whose own links resist some motion of it
    alone by less than the threshold. This motion is an upper bound of the least eigenvalue.
+
+   Slack links loosen the subdomains further. Some linear stages from the initial state tell most of them
+   (`local_slack`, see LatinAdapt_Private()); S_E is then the stiffness without them.
 */
 
-#define LATIN_FLOPPY_SIZE 0.1 /* a field is kept when this part of its norm, or more, is outside the macro basis */
+#define LATIN_FLOPPY_SIZE  0.1  /* a field is kept when this part of its norm, or more, is outside the macro basis */
+#define LATIN_FLOPPY_SLACK 1e-6 /* what remains of the stiffness of a slack link, so that no mechanism comes of it */
+
+static inline PetscReal LatinFloppyStiffness(Latin latin, PetscInt l)
+{
+  return latin->sub.stiffness[l] * (latin->floppy.known && latin->floppy.slack[l] ? LATIN_FLOPPY_SLACK : 1.0);
+}
 
 /* K + springs at one node, or nothing: is there a motion of this node alone that costs less than threshold x springs? */
 static PetscBool LatinFloppyNode(PetscInt dim, const PetscReal stiffness[], const PetscReal spring[], const PetscBool fixed[], PetscReal threshold)
@@ -49,7 +58,7 @@ static PetscErrorCode LatinFloppyTest_Private(Latin latin, const PetscReal sprin
   for (PetscInt l = 0; l < sub->links; l++)
     for (PetscInt c = 0; c < dim; c++)
       for (PetscInt b = 0; b < dim; b++) {
-        const PetscReal v = sub->stiffness[l] * sub->direction[dim * l + c] * sub->direction[dim * l + b];
+        const PetscReal v = LatinFloppyStiffness(latin, l) * sub->direction[dim * l + c] * sub->direction[dim * l + b];
 
         stiffness[dd * sub->ends[2 * l] + c * dim + b] += v;
         stiffness[dd * sub->ends[2 * l + 1] + c * dim + b] += v;
@@ -100,7 +109,7 @@ static PetscErrorCode LatinFloppyFactor_Private(Latin latin, PetscInt s, const P
       const PetscInt i = sub->ends[2 * l + a / dim];
 
       row[a] = sub->fixed[dim * i + a % dim] || latin->inter.component[i] >= 0 ? -1 : dim * (i - top) + a % dim; /* negative rows are left out */
-      for (PetscInt b = 0; b < 2 * dim; b++) block[a * 2 * dim + b] = (a / dim == b / dim ? 1.0 : -1.0) * sub->stiffness[l] * v[a % dim] * v[b % dim];
+      for (PetscInt b = 0; b < 2 * dim; b++) block[a * 2 * dim + b] = (a / dim == b / dim ? 1.0 : -1.0) * LatinFloppyStiffness(latin, l) * v[a % dim] * v[b % dim];
     }
     PetscCall(MatSetValues(K, 2 * dim, row, 2 * dim, row, block, ADD_VALUES));
   }
@@ -301,6 +310,22 @@ static PetscErrorCode LatinFloppyCopy_Private(Latin latin, PetscInt from, PetscI
   PetscFunctionReturn(0);
 }
 
+/* Have equal subdomains the same slack links, too? */
+static PetscBool LatinFloppySame(Latin latin, PetscInt r, PetscInt s)
+{
+  const PetscInt *offset = latin->sub.link_offset;
+
+  for (PetscInt l = 0; latin->floppy.known && l < offset[s + 1] - offset[s]; l++)
+    if (latin->floppy.slack[offset[r] + l] != latin->floppy.slack[offset[s] + l]) return PETSC_FALSE;
+  return PETSC_TRUE;
+}
+
+/* Will the fields wait for the slack links? */
+PetscBool LatinFloppyWaits(Latin latin)
+{
+  return (PetscBool)(latin->local_threshold > 0.0 && latin->local_slack && latin->sub.nonsmooth_global && !latin->floppy.known);
+}
+
 /* The local fields of every interface here, for LatinMacroSetUp(). Collective on latin */
 PetscErrorCode LatinFloppySetUp(Latin latin)
 {
@@ -312,7 +337,7 @@ PetscErrorCode LatinFloppySetUp(Latin latin)
   PetscBool         *is, any = PETSC_FALSE;
 
   PetscFunctionBegin;
-  if (latin->local_threshold == 0.0) PetscFunctionReturn(0);
+  if (latin->local_threshold == 0.0 || LatinFloppyWaits(latin)) PetscFunctionReturn(0);
   PetscCall(PetscLogEventBegin(LATIN_Floppy, latin, 0, 0, 0));
   PetscCall(PetscCalloc3(inter->count, &floppy->count, inter->count, &floppy->field, sub->n, &floppy->modes));
   PetscCall(PetscMalloc3(latin->links->dim * sub->copies, &spring, sub->n, &pattern, sub->n, &is));
@@ -323,7 +348,7 @@ PetscErrorCode LatinFloppySetUp(Latin latin)
   if (any) PetscCall(LatinBlocksCompare_Private(latin, PETSC_TRUE, pattern));
   for (PetscInt s = 0; s < sub->n; s++) {
     if (!is[s]) continue;
-    if (pattern[s] == s) PetscCall(LatinFloppySubdomain_Private(latin, s, spring));
+    if (pattern[s] == s || !LatinFloppySame(latin, pattern[s], s)) PetscCall(LatinFloppySubdomain_Private(latin, s, spring));
     else PetscCall(LatinFloppyCopy_Private(latin, pattern[s], s));
   }
   PetscCall(PetscFree3(spring, pattern, is));
@@ -338,7 +363,7 @@ PetscErrorCode LatinFloppySetUp(Latin latin)
 */
 PetscErrorCode LatinFloppyExtend(Latin latin, PetscInt f, PetscInt rows, PetscInt *fields, PetscScalar F[])
 {
-  const PetscInt count = latin->local_threshold > 0.0 ? latin->floppy.count[f] : 0, m = *fields;
+  const PetscInt count = latin->floppy.count ? latin->floppy.count[f] : 0, m = *fields;
   PetscInt       kept = 0;
   PetscReal     *scale;
   PetscScalar   *C, *right;
@@ -378,6 +403,23 @@ PetscErrorCode LatinFloppyStatistics_Private(Latin latin, PetscInt *subdomains, 
   PetscFunctionReturn(0);
 }
 
+/* Notes which links the displacements of the last linear stage leave slack, for fields that are to be computed anew */
+PetscErrorCode LatinFloppySlack(Latin latin)
+{
+  LatinSubstructure *sub = &latin->sub;
+
+  PetscFunctionBegin;
+  if (!latin->floppy.known) PetscCall(PetscCalloc1(sub->links, &latin->floppy.slack));
+  latin->floppy.known = PETSC_TRUE;
+  for (PetscInt i = 0; i < sub->nonsmooth; i++) {
+    const PetscInt l = sub->nonsmooth_link[i];
+
+    latin->floppy.slack[l] = (PetscBool)(LatinLaws[sub->law[l]].tangent(sub->stiffness[l], LatinElongation(sub, latin->links->dim, l, latin->linear.U) + sub->prestrain[l]) == 0.0);
+  }
+  PetscFunctionReturn(0);
+}
+
+/* The fields; which links are slack is kept until the structure is new */
 PetscErrorCode LatinFloppyReset(Latin latin)
 {
   PetscFunctionBegin;

@@ -60,6 +60,7 @@ PetscErrorCode LatinSetFromOptions_Private(Latin latin, PetscOptionItems *PetscO
   PetscCall(PetscOptionsEnum(LATIN_OPTION("modes"), "Macro fields of the strong interfaces (section 3.2)", "LatinModesType", LatinModesTypes, (PetscEnum)latin->modes, (PetscEnum *)&latin->modes, NULL));
   PetscCall(PetscOptionsReal(LATIN_OPTION("modes_local"), "Local low-energy fields are macro, too: eigenvalues below this, relative to d, 0 = none", "None", latin->local_threshold, &latin->local_threshold, NULL));
   PetscCall(PetscOptionsRangeInt(LATIN_OPTION("modes_local_max"), "Most low-energy fields of a subdomain", "None", latin->local_max, &latin->local_max, NULL, 1, PETSC_MAX_INT));
+  if (isnes) PetscCall(PetscOptionsRangeInt(LATIN_OPTION("modes_local_slack"), "Linear stages that tell which links are slack and left out of the energies, 0 = none are", "None", latin->local_slack, &latin->local_slack, NULL, 0, PETSC_MAX_INT));
   PetscCall(PetscOptionsRangeInt(LATIN_OPTION("subdomains"), "Number of subdomains, 0 = from the links per subdomain", "LatinLinksSetSubdomains", latin->subdomains, &latin->subdomains, NULL, 0, PETSC_MAX_INT));
   PetscCall(
     PetscOptionsRangeInt(LATIN_OPTION("subdomain_links"), "Links per subdomain when no number of subdomains is given, 0 = what costs least", "LatinLinksSetSubdomains", latin->links_per_subdomain, &latin->links_per_subdomain, NULL, 0, PETSC_MAX_INT));
@@ -75,7 +76,7 @@ PetscErrorCode LatinSetFromOptions_Private(Latin latin, PetscOptionItems *PetscO
   latin->published = (PetscBool)(corners == 1);
   if (before.variant != latin->variant || before.modes != latin->modes || before.published != latin->published || before.promote != latin->promote || before.subdomains != latin->subdomains ||
       before.links_per_subdomain != latin->links_per_subdomain || before.repair != latin->repair || before.direction != latin->direction || before.direction_scalar != latin->direction_scalar ||
-      before.direction_fraction != latin->direction_fraction || before.coarse_groups != latin->coarse_groups || before.local_threshold != latin->local_threshold || before.local_max != latin->local_max)
+      before.direction_fraction != latin->direction_fraction || before.coarse_groups != latin->coarse_groups || before.local_threshold != latin->local_threshold || before.local_max != latin->local_max || before.local_slack != latin->local_slack)
     latin->stale = PETSC_TRUE;
   PetscCheck(latin->direction_scalar >= 0.0 && !PetscIsInfOrNanReal(latin->direction_scalar), PetscObjectComm((PetscObject)latin), PETSC_ERR_ARG_OUTOFRANGE, "%s is %g; the search direction is a positive stiffness (0 = self-tuned)",
              LATIN_OPTION("direction_scalar"), (double)latin->direction_scalar);
@@ -85,7 +86,45 @@ PetscErrorCode LatinSetFromOptions_Private(Latin latin, PetscOptionItems *PetscO
              (double)latin->local_threshold);
   PetscCheck(latin->local_threshold == 0.0 || latin->variant == LATIN_VARIANT_CORNER, PetscObjectComm((PetscObject)latin), PETSC_ERR_SUP, "%s wants %s corner: elsewhere the local fields of interfaces that share nodes slow the iteration down",
              LATIN_OPTION("modes_local"), LATIN_OPTION("variant"));
+  PetscCheck(!latin->local_slack || latin->local_threshold > 0.0, PetscObjectComm((PetscObject)latin), PETSC_ERR_ARG_WRONG, "%s wants local fields: give their threshold with %s", LATIN_OPTION("modes_local_slack"), LATIN_OPTION("modes_local"));
 #undef LATIN_OPTION
+  PetscFunctionReturn(0);
+}
+
+/* Macro bases, and all that follows from them */
+static PetscErrorCode LatinSetUpStage_Private(Latin latin)
+{
+  PetscFunctionBegin;
+  PetscCall(LatinFloppySetUp(latin));
+  PetscCall(LatinMacroSetUp(latin));
+  PetscCall(LatinCoarseNumber(latin));
+  PetscCall(LatinLinearSetUp(latin));
+  PetscCall(LatinCondenseSetUp(latin));
+  PetscCall(LatinCoarseSetUp(latin));
+  PetscFunctionReturn(0);
+}
+
+/* Macro bases that know which links are slack after the last linear stage. Keeps the loads; states of before do not fit. Collective on latin */
+PetscErrorCode LatinAdapt_Private(Latin latin)
+{
+  const PetscInt n = latin->links->dim * latin->sub.copies;
+  PetscReal     *load;
+
+  PetscFunctionBegin;
+  PetscCall(PetscLogEventBegin(LATIN_SetUp, latin, 0, 0, 0));
+  PetscCall(LatinFloppySlack(latin));
+  PetscCall(PetscMalloc1(n, &load));
+  PetscCall(PetscArraycpy(load, latin->linear.load, n));
+  PetscCall(LatinCoarseReset(latin));
+  PetscCall(LatinLinearReset(latin));
+  PetscCall(LatinMacroReset(latin));
+  PetscCall(LatinFloppyReset(latin));
+  latin->set_up = PETSC_FALSE;
+  PetscCall(LatinSetUpStage_Private(latin));
+  PetscCall(PetscArraycpy(latin->linear.load, load, n));
+  PetscCall(PetscFree(load));
+  latin->set_up = PETSC_TRUE;
+  PetscCall(PetscLogEventEnd(LATIN_SetUp, latin, 0, 0, 0));
   PetscFunctionReturn(0);
 }
 
@@ -109,12 +148,7 @@ PetscErrorCode LatinSetUp_Private(Latin latin)
     PetscCall(LatinSubstructureSetUp(latin));
     PetscCall(LatinInterfaceSetUp(latin));
     PetscCall(LatinDirectionSetUp(latin));
-    PetscCall(LatinFloppySetUp(latin));
-    PetscCall(LatinMacroSetUp(latin));
-    PetscCall(LatinCoarseNumber(latin));
-    PetscCall(LatinLinearSetUp(latin));
-    PetscCall(LatinCondenseSetUp(latin));
-    PetscCall(LatinCoarseSetUp(latin));
+    PetscCall(LatinSetUpStage_Private(latin));
     PetscCall(PetscMalloc1(latin->inter.sides, &latin->outgoing));
     PetscCall(LatinLinearSetLoads(latin, links->load));
     PetscCall(PetscLogEventEnd(LATIN_SetUp, latin, 0, 0, 0));
@@ -138,6 +172,8 @@ PetscErrorCode LatinReset_Private(Latin latin)
   PetscCall(LatinMacroReset(latin));
   PetscCall(LatinDirectionReset(latin));
   PetscCall(LatinFloppyReset(latin));
+  PetscCall(PetscFree(latin->floppy.slack));
+  latin->floppy.known = PETSC_FALSE;
   PetscCall(LatinInterfaceReset(latin));
   PetscCall(LatinSubstructureReset(latin));
   PetscCall(PetscFree(latin->outgoing));
@@ -180,7 +216,8 @@ PetscErrorCode LatinView_Private(Latin latin, PetscViewer viewer)
   PetscCall(PetscViewerASCIIPrintf(viewer, "largest over mean: subdomains %.2f in links, %.2f in degrees of freedom; ranks %.2f in cost\n", (double)links, (double)dofs, (double)ranks));
   PetscCall(PetscViewerASCIIPrintf(viewer, "search direction values: min %g, mean %g, max %g\n", (double)stats.direction_min, (double)stats.direction_mean, (double)stats.direction_max));
   PetscCall(PetscViewerASCIIPrintf(viewer, "coarse problem: %" PetscInt_FMT " macro displacements, %" PetscInt_FMT " primal ones; fixed-point unknown: %" PetscInt_FMT " numbers\n", stats.strong_macro_dofs, stats.weak_dofs, stats.state_size));
-  if (latin->local_threshold > 0.0) {
+  if (LatinFloppyWaits(latin)) PetscCall(PetscViewerASCIIPrintf(viewer, "local low-energy fields below %g: to come, when the first solve tells which links are slack\n", (double)latin->local_threshold));
+  else if (latin->local_threshold > 0.0) {
     PetscCall(PetscViewerASCIIPrintf(viewer, "local low-energy fields below %g: %" PetscInt_FMT " floppy subdomains, at most %" PetscInt_FMT " modes in one, %" PetscInt_FMT " of the macro displacements\n", (double)latin->local_threshold,
                                      stats.floppy_subdomains, stats.local_modes_max, stats.local_macro_dofs));
   }

@@ -104,6 +104,7 @@ typedef struct {
   PetscInt    *global_dof;                                          /* [copies][dim] */
   PetscSF      node_sf;                                             /* caller's nodes -> copies */
   PetscSF      dof_sf;                                              /* DM global vector -> free components of copies */
+  PetscInt     nonsmooth_global;                                    /* links with a state, over all ranks */
   PetscInt     nonsmooth;                                           /* links with a state, here */
   PetscInt    *nonsmooth_link;                                      /* [nonsmooth] */
   PetscMPIInt *send_count, *send_offset, *recv_count, *recv_offset; /* migration of link data, in links */
@@ -211,6 +212,8 @@ typedef struct {
   PetscInt     *count; /* [interface sides] fields of both subdomains there */
   PetscScalar **field; /* [interface sides][count] columns, rows weighted by sqrt(d) */
   PetscInt      macro; /* macro modes that they have added, over all ranks */
+  PetscBool     known; /* is it known which links are slack? */
+  PetscBool    *slack; /* [links] left out of the stiffness */
 } LatinFloppy;
 
 /* ---- solvers of the subdomains (blocks.c) ---- */
@@ -364,6 +367,7 @@ struct _p_Latin {
   PetscInt           coarse_groups;      /* width of the groups of nested.c in elements, 1 = none */
   PetscReal          local_threshold;    /* of the eigenvalues of local fields, 0 = none */
   PetscInt           local_max;          /* most of them a subdomain */
+  PetscInt           local_slack;        /* linear stages that tell which links are slack, 0 = taut as they are */
   PetscBool          tangent;            /* operators from the links' tangent stiffness of the last Jacobian */
   LatinSubstructure  sub;
   LatinInterfaces    inter;
@@ -407,6 +411,7 @@ PETSC_INTERN PetscErrorCode LatinCreate_Private(MPI_Comm, Latin *);
 PETSC_INTERN PetscErrorCode LatinSetLinks_Private(Latin, LatinLinks);
 PETSC_INTERN PetscErrorCode LatinSetFromOptions_Private(Latin, PetscOptionItems *, const char family[]);
 PETSC_INTERN PetscErrorCode LatinSetUp_Private(Latin);
+PETSC_INTERN PetscErrorCode LatinAdapt_Private(Latin);
 PETSC_INTERN PetscErrorCode LatinReset_Private(Latin);
 PETSC_INTERN PetscErrorCode LatinView_Private(Latin, PetscViewer);
 PETSC_INTERN PetscErrorCode LatinDestroy_Private(Latin *);
@@ -440,6 +445,8 @@ PETSC_INTERN void           LatinCombine_Private(PetscInt rows, PetscInt modes, 
 PETSC_INTERN PetscErrorCode LatinFloppySetUp(Latin);
 PETSC_INTERN PetscErrorCode LatinFloppyExtend(Latin, PetscInt f, PetscInt rows, PetscInt *fields, PetscScalar F[]);
 PETSC_INTERN PetscErrorCode LatinFloppyStatistics_Private(Latin, PetscInt *subdomains, PetscInt *most);
+PETSC_INTERN PetscBool      LatinFloppyWaits(Latin);
+PETSC_INTERN PetscErrorCode LatinFloppySlack(Latin);
 PETSC_INTERN PetscErrorCode LatinFloppyReset(Latin);
 PETSC_INTERN PetscErrorCode LatinLinearSetUp(Latin);
 PETSC_INTERN PetscErrorCode LatinCondenseSetUp(Latin);

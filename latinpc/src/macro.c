@@ -269,5 +269,6 @@ PetscErrorCode LatinMacroReset(Latin latin)
 {
   PetscFunctionBegin;
   PetscCall(PetscFree(latin->macro.basis));
+  for (PetscInt f = 0; f < latin->inter.count; f++) latin->inter.interface[f].modes = 0;
   PetscFunctionReturn(0);
 }

@@ -396,6 +396,25 @@ static PetscErrorCode SNESLatinPolish_Private(SNES snes)
   PetscFunctionReturn(0);
 }
 
+/* Some stages of the plain iteration tell which links are slack: then low-energy fields without them, and a new start */
+static PetscErrorCode SNESLatinAdapt_Private(SNES snes)
+{
+  SNES_Latin *data = (SNES_Latin *)snes->data;
+  Vec         F;
+
+  PetscFunctionBegin;
+  PetscCall(SNESGetFunction(data->outer, &F, NULL, NULL));
+  PetscCall(LatinInitialState_Private(data->latin, data->z));
+  for (PetscInt k = 0; k < PetscMin(data->latin->local_slack, snes->max_its - 1); k++) {
+    PetscCall(SNESLatinFixedPoint_Private(data->outer, data->z, F, snes));
+    PetscCall(VecAXPY(data->z, -1.0, F));
+  }
+  PetscCall(LatinAdapt_Private(data->latin));
+  if (data->stop == LATIN_STOP_ERROR) PetscCall(LatinEstimateStart_Private(&data->estimate));
+  data->has_state = PETSC_FALSE;
+  PetscFunctionReturn(0);
+}
+
 static PetscErrorCode SNESSolve_Latin(SNES snes)
 {
   SNES_Latin *data  = (SNES_Latin *)snes->data;
@@ -423,6 +442,7 @@ static PetscErrorCode SNESSolve_Latin(SNES snes)
     snes->norm = data->first_residual;
     PetscCall(SNESLogConvergenceHistory(snes, snes->norm, 0));
   }
+  if (LatinFloppyWaits(latin)) PetscCall(SNESLatinAdapt_Private(snes));
   PetscCall(SNESLatinStart_Private(snes));
   PetscCall(SNESSetConvergenceTest(data->outer, SNESLatinConverged_Private, snes, NULL));
   PetscCall(SNESSetTolerances(data->outer, 0.0, 0.0, 0.0, snes->max_its, PETSC_MAX_INT));
@@ -621,6 +641,7 @@ PetscErrorCode SNESLatinGetOuter(SNES snes, SNES *outer)
   Options Database Keys:
 + -snes_latin_variant <none,macro,corner>           - coarse treatment of weak interfaces
 . -snes_latin_subdomains <n>                        - number of subdomains
+. -snes_latin_modes_local <0>                       - local low-energy fields of floppy subdomains, eigenvalues below this
 . -snes_latin_direction <scalar,diagonal>           - micro search direction
 . -snes_latin_stop <indicator,residual,reference,error> - what is watched for convergence
 . -snes_latin_error <1e-4>                          - estimated error to stop at

@@ -242,6 +242,7 @@ PetscErrorCode LatinSubstructureSetUp(Latin latin)
   sub->nonsmooth = 0;
   for (PetscInt l = 0; l < sub->links && !latin->tangent; l++)
     if (!LatinLaws[sub->law[l]].smooth && LatinSubstructureMoves(latin, l)) sub->nonsmooth_link[sub->nonsmooth++] = l;
+  PetscCall(MPIU_Allreduce(&sub->nonsmooth, &sub->nonsmooth_global, 1, MPIU_INT, MPI_SUM, PetscObjectComm((PetscObject)latin)));
   PetscCall(PetscLogEventEnd(LATIN_Substructure, latin, 0, 0, 0));
   PetscFunctionReturn(0);
 }
