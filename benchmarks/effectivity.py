@@ -10,6 +10,7 @@ import numpy as np
 
 CALIBRATION = {"seed": 1, "cases": 160}
 TEST = {"seed": 3, "cases": 240}
+BOUNDED = {"seed": 7, "cases": 60}
 TARGETS = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
 NORMS = ("l2", "energy")
 QUANTILES = (0.0, 0.05, 0.5, 0.95, 1.0)
@@ -89,6 +90,40 @@ def measure(seed, case):
     return record
 
 
+def bounds(chosen):
+    """Return the energy bound over the true error for the cases of a set, all links made bars, at three accuracies."""
+    from dataclasses import replace
+
+    import latinpc
+    from latinpc.peers.reference import by_newton
+    from latinpc.scenes import Law, make
+    from latinpc.solve import default_options
+
+    ratios = []
+    for case in range(chosen["cases"]):
+        name, made, options = draw(np.random.default_rng([chosen["seed"], case]))
+        scene = make(name, **made)
+        scene = replace(scene, law=np.full(len(scene.links), Law.BAR))
+        links = latinpc.Links.from_scene(scene)
+        solution, u = links.create_vec(), links.create_vec()
+        true = by_newton(scene, 1e-9)[0]
+        links.set_displacements(true, solution)
+        first, second = scene.links.T
+        direction = scene.nodes[second] - scene.nodes[first]
+        direction /= np.linalg.norm(direction, axis=1)[:, None]
+        size = np.sqrt(scene.stiffness @ np.sum(direction * (true[second] - true[first]), axis=1) ** 2)
+        for tolerance in (1e-1, 1e-3, 1e-6):
+            with default_options({**options, "snes_type": "latin", "snes_stol": tolerance, "snes_max_it": 60}):
+                snes = links.create_snes()
+                snes.setFromOptions()
+                snes.solve(None, u)
+            error = links.errors(u, solution)[1]
+            if error > 1e-8:  # below, rounding has its share in the bound
+                ratios.append(latinpc.energy_bound(snes)[0] / (error * size))
+            snes.destroy()
+    return ratios
+
+
 def group(record):
     """Return what the tables tell apart: acceleration and partition."""
     plain = record["options"].get("snes_latin_outer_snes_type") == "nrichardson"
@@ -160,4 +195,5 @@ def document(chosen=TEST, progress=sys.stderr):
         records.append(measure(chosen["seed"], case))
         print(f"\r{case + 1} of {chosen['cases']}", end="", file=progress, flush=True)
     print(file=progress)
-    return {"set": chosen, "calibration": CALIBRATION, "max_it": MAX_IT, **summarise(records)}
+    bound = {"set": BOUNDED, "effectivity": quantiles(bounds(BOUNDED))}
+    return {"set": chosen, "calibration": CALIBRATION, "max_it": MAX_IT, "bound": bound, **summarise(records)}

@@ -45,6 +45,8 @@ def effectivities(document):
         for row in document["effectivity"]
         for what in ("indicator", "estimate")
     ]
+    bound = [f"{value:.3g}" for value in document["bound"]["effectivity"]]
+    rows.append(["energy, bars only", str(document["bound"]["set"]["cases"]), "bound", *bound])
     return markdown(["norm of the error, cases", "number", "measure", *labels], rows)
 
 

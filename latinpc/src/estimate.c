@@ -21,6 +21,8 @@
 */
 
 #define LATIN_ESTIMATE_ROWS   256
+#define LATIN_ESTIMATE_BITS   9 /* of an entry: its row, of 2^8, and its sign */
+#define LATIN_ESTIMATE_SHARE  6 /* entries that share 64 bits */
 #define LATIN_ESTIMATE_WINDOW 32
 #define LATIN_ESTIMATE_SHORT  4    /* at least so many earlier iterates, where there are */
 #define LATIN_ESTIMATE_STEP   4    /* iterates between those that are extrapolated */
@@ -29,10 +31,10 @@
 
 static const PetscReal LatinEstimateSafety[] = {1.8, 4.0}; /* l2 norm, energy norm */
 
-/* Random bits of an entry of a subdomain: the finaliser of MurmurHash3 */
-static inline PetscInt64 LatinEstimateBits(PetscInt subdomain, PetscInt entry)
+/* Random bits of some entries of a subdomain: the finaliser of MurmurHash3 */
+static inline PetscInt64 LatinEstimateBits(PetscInt subdomain, PetscInt entries)
 {
-  unsigned long long h = ((unsigned long long)subdomain << 32) ^ (unsigned long long)entry;
+  unsigned long long h = ((unsigned long long)subdomain << 32) ^ (unsigned long long)entries;
 
   h ^= h >> 33;
   h *= 0xff51afd7ed558ccdULL;
@@ -40,11 +42,6 @@ static inline PetscInt64 LatinEstimateBits(PetscInt subdomain, PetscInt entry)
   h *= 0xc4ceb9fe1a85ec53ULL;
   h ^= h >> 33;
   return (PetscInt64)(h >> 1);
-}
-
-static inline void LatinEstimateAdd(PetscReal sketch[], PetscInt64 bits, PetscReal value)
-{
-  sketch[(bits >> 1) % LATIN_ESTIMATE_ROWS] += bits & 1 ? value : -value;
 }
 
 PetscErrorCode LatinEstimateStart_Private(LatinEstimate *estimate)
@@ -67,21 +64,27 @@ PetscErrorCode LatinEstimateDestroy_Private(LatinEstimate *estimate)
 /* This rank's part of the sketch of the displacements, and of their squared norm behind it */
 static void LatinEstimateSketch(Latin latin, PetscBool energy, PetscReal sketch[])
 {
-  const LatinSubstructure *sub = &latin->sub;
-  const PetscInt           dim = latin->links->dim;
-  const PetscReal         *U   = latin->linear.U;
+  const LatinSubstructure *sub    = &latin->sub;
+  const PetscInt           dim    = latin->links->dim;
+  const PetscReal         *U      = latin->linear.U;
+  PetscReal                square = 0.0;
 
-  for (PetscInt i = 0; i <= LATIN_ESTIMATE_ROWS; i++) sketch[i] = 0.0;
+  for (PetscInt i = 0; i < LATIN_ESTIMATE_ROWS; i++) sketch[i] = 0.0;
   for (PetscInt s = 0; s < sub->n; s++) {
     const PetscInt first = energy ? sub->link_offset[s] : dim * sub->node_offset[s], last = energy ? sub->link_offset[s + 1] : dim * sub->node_offset[s + 1];
 
-    for (PetscInt i = first; i < last; i++) {
-      const PetscReal v = energy ? PetscSqrtReal(sub->stiffness[i]) * LatinElongation(sub, dim, i, U) : U[i];
+    for (PetscInt i = first; i < last;) {
+      PetscInt64 bits = LatinEstimateBits(sub->first + s, (i - first) / LATIN_ESTIMATE_SHARE);
 
-      LatinEstimateAdd(sketch, LatinEstimateBits(sub->first + s, i - first), v);
-      sketch[LATIN_ESTIMATE_ROWS] += v * v;
+      for (PetscInt c = 0; c < LATIN_ESTIMATE_SHARE && i < last; c++, i++, bits >>= LATIN_ESTIMATE_BITS) {
+        const PetscReal v = energy ? PetscSqrtReal(sub->stiffness[i]) * LatinElongation(sub, dim, i, U) : U[i];
+
+        sketch[(bits >> 1) % LATIN_ESTIMATE_ROWS] += bits & 1 ? v : -v;
+        square += v * v;
+      }
     }
   }
+  sketch[LATIN_ESTIMATE_ROWS] = square;
 }
 
 /* What rounding leaves of the present displacements */
@@ -137,6 +140,7 @@ PetscErrorCode LatinEstimateUpdate_Private(Latin latin, PetscReal target, LatinE
   PetscReal      worst = 0.0, norm;
 
   PetscFunctionBegin;
+  PetscCall(PetscLogEventBegin(LATIN_Estimate, latin, 0, 0, 0));
   LatinEstimateSketch(latin, estimate->energy, estimate->part);
   PetscCall(MPIU_Allreduce(estimate->part, mine, width, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)latin)));
   norm                      = PetscSqrtReal(mine[LATIN_ESTIMATE_ROWS]);
@@ -162,5 +166,6 @@ PetscErrorCode LatinEstimateUpdate_Private(Latin latin, PetscReal target, LatinE
   }
   estimate->rounding = (PetscBool)(estimate->floor > target && estimate->value <= estimate->floor);
   estimate->value    = PetscMax(estimate->value, estimate->floor);
+  PetscCall(PetscLogEventEnd(LATIN_Estimate, latin, 0, 0, 0));
   PetscFunctionReturn(0);
 }

@@ -21,7 +21,7 @@
 #endif
 
 PETSC_INTERN PetscClassId  LATIN_CLASSID, LATIN_LINKS_CLASSID;
-PETSC_INTERN PetscLogEvent LATIN_SetUp, LATIN_Substructure, LATIN_Interface, LATIN_Direction, LATIN_Macro, LATIN_Floppy, LATIN_Linear, LATIN_Coarse, LATIN_Local, LATIN_Condense;
+PETSC_INTERN PetscLogEvent LATIN_SetUp, LATIN_Substructure, LATIN_Interface, LATIN_Direction, LATIN_Macro, LATIN_Floppy, LATIN_Linear, LATIN_Coarse, LATIN_Local, LATIN_Condense, LATIN_Estimate;
 
 /* ---- errors and communication that every rank reaches (collective.c) ---- */
 PETSC_INTERN PetscErrorCode LatinAgree_Private(MPI_Comm, PetscBool bad, PetscErrorCode code, const char message[]);

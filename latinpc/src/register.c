@@ -10,7 +10,7 @@
 */
 
 PetscClassId  LATIN_CLASSID, LATIN_LINKS_CLASSID;
-PetscLogEvent LATIN_SetUp, LATIN_Substructure, LATIN_Interface, LATIN_Direction, LATIN_Macro, LATIN_Floppy, LATIN_Linear, LATIN_Coarse, LATIN_Local, LATIN_Condense;
+PetscLogEvent LATIN_SetUp, LATIN_Substructure, LATIN_Interface, LATIN_Direction, LATIN_Macro, LATIN_Floppy, LATIN_Linear, LATIN_Coarse, LATIN_Local, LATIN_Condense, LATIN_Estimate;
 
 PETSC_EXTERN PetscErrorCode SNESCreate_Latin(SNES);
 PETSC_EXTERN PetscErrorCode PCCreate_Latin(PC);
@@ -47,6 +47,7 @@ PetscErrorCode LatinInitializePackage(void)
   PetscCall(PetscLogEventRegister("LatinMacro", LATIN_CLASSID, &LATIN_Macro));
   PetscCall(PetscLogEventRegister("LatinLinear", LATIN_CLASSID, &LATIN_Linear));
   PetscCall(PetscLogEventRegister("LatinCondense", LATIN_CLASSID, &LATIN_Condense));
+  PetscCall(PetscLogEventRegister("LatinEstimate", LATIN_CLASSID, &LATIN_Estimate));
   PetscCall(PetscLogEventRegister("LatinCoarse", LATIN_CLASSID, &LATIN_Coarse));
   PetscCall(PetscLogEventRegister("LatinLocal", LATIN_CLASSID, &LATIN_Local));
   PetscCall(SNESRegister(SNESLATIN, SNESCreate_Latin));
