@@ -171,12 +171,12 @@ def _solve(scene, links, snes, reference, notices, before_solve):
     norm = r.norm()
     tensions = links.tensions(u)
     past = {key: np.array(values) for key, values in latinpc.history(snes).items()} if is_latin else {}
+    if len(past.get("estimate", ())) and snes.getConvergedReason() == PETSc.SNES.ConvergedReason.DIVERGED_INNER:
+        least = latinpc.rounding_floor(snes)
+        notices.append(f"the error asked for is below what rounding leaves on this structure, about {least:.0e}")
     core = snes if is_latin else pc if pc_is_latin else None
     statistics = latinpc.statistics(core) if core is not None else {}
     ksponly = snes.getType() == "ksponly"
-    if is_latin and snes.getConvergedReason() == PETSc.SNES.ConvergedReason.DIVERGED_INNER:
-        least = latinpc.rounding_floor(snes)
-        notices.append(f"the error asked for is below what rounding leaves on this structure, about {least:.0e}")
     linear_iterations = snes.getLinearSolveIterations()
     if ksponly and (scene.law != Law.BAR).any():
         notices.append("ksponly makes one linear step: cables and struts that become slack are not followed")
