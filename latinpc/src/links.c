@@ -100,6 +100,38 @@ static PetscErrorCode LatinLinksComputeDirections_Private(LatinLinks links)
   PetscFunctionReturn(0);
 }
 
+/* The DM and where its vertices find their nodes; nodes without link are no vertices */
+static PetscErrorCode LatinLinksCreateMesh_Private(LatinLinks links, MPI_Comm comm)
+{
+  PetscBool  *used, whole = PETSC_TRUE;
+  PetscMPIInt size;
+
+  PetscFunctionBegin;
+  PetscCallMPI(MPI_Comm_size(comm, &size));
+  PetscCall(PetscCalloc1(links->nodes_local, &used));
+  for (PetscInt i = 0; i < 2 * links->links_local && size == 1; i++) used[links->nodes[i]] = PETSC_TRUE;
+  for (PetscInt i = 0; i < links->nodes_local && whole; i++) whole = used[i];
+  PetscCall(PetscFree(used));
+  if (size > 1 || !whole) {
+    PetscCall(DMPlexCreateFromCellListParallelPetsc(comm, 1, links->links_local, links->nodes_local, links->nodes_global, 2, PETSC_FALSE, links->nodes, links->dim, links->x, &links->vertex_sf, NULL, &links->dm));
+    PetscFunctionReturn(0);
+  }
+  /* one rank, and every node is a vertex: no search */
+  PetscCall(DMPlexCreateFromCellListPetsc(comm, 1, links->links_local, links->nodes_local, 2, PETSC_FALSE, links->nodes, links->dim, links->x, &links->dm));
+  PetscCall(PetscSFCreate(comm, &links->vertex_sf));
+  {
+    PetscSFNode *remote;
+
+    PetscCall(PetscMalloc1(links->nodes_local, &remote));
+    for (PetscInt i = 0; i < links->nodes_local; i++) {
+      remote[i].rank  = 0;
+      remote[i].index = i;
+    }
+    PetscCall(PetscSFSetGraph(links->vertex_sf, links->nodes_local, links->nodes_local, NULL, PETSC_OWN_POINTER, remote, PETSC_OWN_POINTER));
+  }
+  PetscFunctionReturn(0);
+}
+
 /*@C
   LatinLinksCreate - Creates a structure of nodes joined by links.
 
@@ -165,7 +197,7 @@ PetscErrorCode LatinLinksCreate(MPI_Comm comm, PetscInt dim, PetscInt nodes_loca
   PetscCall(PetscArraycpy(l->x, coordinates, nodes_local * dim));
   PetscCall(PetscArraycpy(l->nodes, link_nodes, 2 * links_local));
 
-  PetscCall(DMPlexCreateFromCellListParallelPetsc(comm, 1, links_local, nodes_local, l->nodes_global, 2, PETSC_FALSE, l->nodes, dim, l->x, &l->vertex_sf, NULL, &l->dm));
+  PetscCall(LatinLinksCreateMesh_Private(l, comm));
   PetscCall(PetscObjectSetName((PetscObject)l->dm, "structure"));
   PetscCall(DMGetCoordinateDM(l->dm, &cdm));
   (void)cdm;
