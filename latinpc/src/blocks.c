@@ -12,7 +12,7 @@
 
 /* Everything that the operators of a subdomain depend on, as one stream of bytes: hashed, or compared with another's */
 typedef struct {
-  PetscInt64     hash;
+  uint64_t       hash;
   unsigned char *bytes;
   size_t         used, size;
 } LatinStream;
@@ -42,7 +42,6 @@ static PetscErrorCode LatinStreamSubdomain_Private(Latin latin, PetscInt s, Pets
   const PetscInt     dim = latin->links->dim, top = sub->node_offset[s], nodes = sub->node_offset[s + 1] - top;
   const PetscInt     first = sub->link_offset[s], links = sub->link_offset[s + 1] - first, faces = inter->offset[s + 1] - inter->offset[s];
   PetscInt           head[3] = {nodes, links, faces};
-  uint64_t           hash    = 1469598103934665603u; /* FNV-1a */
 
   PetscFunctionBegin;
   stream->used = 0;
@@ -74,28 +73,8 @@ static PetscErrorCode LatinStreamSubdomain_Private(Latin latin, PetscInt s, Pets
     PetscCall(LatinStreamAdd_Private(stream, latin->macro.d + face->side_first, (size_t)sizes[0] * sizeof(PetscReal)));
     PetscCall(LatinStreamAdd_Private(stream, latin->macro.basis + face->basis_first, (size_t)(sizes[0] * face->modes) * sizeof(PetscReal)));
   }
-  for (size_t i = 0; i + 8 <= stream->used; i += 8) {
-    uint64_t word;
-
-    PetscCall(PetscMemcpy(&word, stream->bytes + i, 8));
-    hash = (hash ^ word) * 1099511628211u;
-    hash ^= hash >> 29;
-  }
-  stream->hash = (PetscInt64)(hash >> 1);
+  stream->hash = LatinHash(stream->used, stream->bytes);
   PetscFunctionReturn(0);
-}
-
-typedef struct {
-  PetscInt64 hash;
-  PetscInt   sub;
-} LatinKey;
-
-static int LatinKeyCompare(const void *pa, const void *pb)
-{
-  const LatinKey *a = (const LatinKey *)pa, *b = (const LatinKey *)pb;
-
-  if (a->hash != b->hash) return a->hash < b->hash ? -1 : 1;
-  return a->sub < b->sub ? -1 : (a->sub > b->sub ? 1 : 0);
 }
 
 /* pattern[s]: the first subdomain equal to s */
@@ -111,22 +90,22 @@ PetscErrorCode LatinBlocksCompare_Private(Latin latin, PetscBool bases, PetscInt
   PetscCall(PetscMalloc1(n, &key));
   for (PetscInt s = 0; s < n; s++) {
     PetscCall(LatinStreamSubdomain_Private(latin, s, bases, &a));
-    key[s].hash = a.hash;
-    key[s].sub  = s;
-    pattern[s]  = s;
+    key[s].hash   = a.hash;
+    key[s].number = s;
+    pattern[s]    = s;
   }
   qsort(key, (size_t)n, sizeof(*key), LatinKeyCompare);
   for (PetscInt i = 0; i < n;) {
     PetscInt j = i + 1;
 
-    if (j < n && key[j].hash == key[i].hash) PetscCall(LatinStreamSubdomain_Private(latin, key[i].sub, bases, &a));
+    if (j < n && key[j].hash == key[i].hash) PetscCall(LatinStreamSubdomain_Private(latin, key[i].number, bases, &a));
     for (; j < n && key[j].hash == key[i].hash; j++) {
       PetscBool same;
 
-      PetscCall(LatinStreamSubdomain_Private(latin, key[j].sub, bases, &b));
+      PetscCall(LatinStreamSubdomain_Private(latin, key[j].number, bases, &b));
       if (a.used != b.used) continue; /* a different subdomain with the same hash stays on its own */
       PetscCall(PetscMemcmp(a.bytes, b.bytes, a.used, &same));
-      if (same) pattern[key[j].sub] = key[i].sub;
+      if (same) pattern[key[j].number] = key[i].number;
     }
     i = j;
   }
@@ -155,11 +134,6 @@ PetscErrorCode LatinBlocksSetUp(Latin latin)
   PetscFunctionBegin;
   PetscCall(PetscMalloc1(sub->n, &blocks->pattern));
   PetscCall(LatinBlocksCompare_Private(latin, PETSC_TRUE, blocks->pattern));
-  for (PetscInt s = 0; s < sub->n; s++) { /* equal bases are read in one place, where they stay in cache */
-    const PetscInt first = latin->inter.offset[s], other = latin->inter.offset[blocks->pattern[s]];
-
-    for (PetscInt f = first; f < latin->inter.offset[s + 1]; f++) latin->inter.interface[f].basis_first = latin->inter.interface[f + other - first].basis_first;
-  }
   PetscCall(PetscCalloc3(sub->n, &count, sub->n, &index, sub->n + 1, &next));
   for (PetscInt s = 0; s < sub->n; s++) count[blocks->pattern[s]]++;
   for (PetscInt s = 0; s < sub->n; s++) {

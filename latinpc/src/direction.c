@@ -73,68 +73,38 @@ static PetscBool LatinCholesky(PetscInt n, PetscReal A[])
   return PETSC_TRUE;
 }
 
-typedef struct {
-  PetscInt64 hash;
-  PetscInt   face;
-} LatinFaceKey;
-
-static int LatinFaceKeyCompare(const void *pa, const void *pb)
-{
-  const LatinFaceKey *a = (const LatinFaceKey *)pa, *b = (const LatinFaceKey *)pb;
-
-  if (a->hash != b->hash) return a->hash < b->hash ? -1 : 1;
-  return a->face < b->face ? -1 : (a->face > b->face ? 1 : 0);
-}
-
 /* Factors the matrices D + first[f], each different one once */
 static PetscErrorCode LatinDirectionFactor_Private(Latin latin, const PetscReal D[], const size_t first[], PetscBool *bad)
 {
   LatinInterfaces *inter = &latin->inter;
-  LatinFaceKey    *key;
-  PetscInt         used = 0;
+  PetscInt        *pattern, used = 0;
+  size_t          *bytes;
 
   PetscFunctionBegin;
-  PetscCall(PetscMalloc1(inter->count, &key));
+  PetscCall(PetscMalloc2(inter->count, &pattern, inter->count + 1, &bytes));
+  for (PetscInt f = 0; f <= inter->count; f++) bytes[f] = first[f] * sizeof(*D);
+  PetscCall(LatinFindEqual(inter->count, bytes, D, pattern));
   for (PetscInt f = 0; f < inter->count; f++) {
-    uint64_t hash = 1469598103934665603u; /* FNV-1a */
+    LatinInterface *face = &inter->interface[f];
 
-    for (size_t i = first[f]; i < first[f + 1]; i++) {
-      uint64_t word;
-
-      PetscCall(PetscMemcpy(&word, D + i, sizeof(word)));
-      hash = (hash ^ word) * 1099511628211u;
-      hash ^= hash >> 29;
+    if (first[f + 1] == first[f]) face->matrix_first = -1;
+    else if (pattern[f] != f) face->matrix_first = inter->interface[pattern[f]].matrix_first;
+    else {
+      face->matrix_first = used;
+      used += 2 * (PetscInt)(first[f + 1] - first[f]);
     }
-    key[f].hash = (PetscInt64)(hash >> 1);
-    key[f].face = f;
-  }
-  qsort(key, (size_t)inter->count, sizeof(*key), LatinFaceKeyCompare);
-  for (PetscInt i = 0; i < inter->count; i++) {
-    const PetscInt f    = key[i].face;
-    PetscBool      same = PETSC_FALSE;
-
-    inter->interface[f].matrix_first = -1;
-    if (first[f + 1] == first[f]) continue;
-    for (PetscInt j = i - 1; j >= 0 && key[j].hash == key[i].hash && !same; j--) {
-      const PetscInt g = key[j].face;
-
-      if (first[g + 1] - first[g] == first[f + 1] - first[f]) PetscCall(PetscMemcmp(D + first[f], D + first[g], (first[f + 1] - first[f]) * sizeof(*D), &same));
-      if (same) inter->interface[f].matrix_first = inter->interface[g].matrix_first;
-    }
-    if (same) continue;
-    inter->interface[f].matrix_first = used;
-    used += 2 * (PetscInt)(first[f + 1] - first[f]);
   }
   PetscCall(PetscMalloc1(used + 1, &latin->macro.matrix)); /* not NULL on a rank without interfaces either */
-  used = 0;
-  for (PetscInt i = 0; i < inter->count; i++) {
-    const PetscInt f = key[i].face, rows = inter->interface[f].side_last - inter->interface[f].side_first;
+  for (PetscInt f = 0; f < inter->count; f++) {
+    const LatinInterface *face   = &inter->interface[f];
+    const PetscInt        rows   = face->side_last - face->side_first;
+    PetscReal            *matrix = latin->macro.matrix + PetscMax(face->matrix_first, 0);
 
-    if (inter->interface[f].matrix_first != used || !rows) continue;
-    for (PetscInt copy = 0; copy < 2; copy++, used += rows * rows) PetscCall(PetscMemcpy(latin->macro.matrix + used, D + first[f], (first[f + 1] - first[f]) * sizeof(*D)));
-    if (!LatinCholesky(rows, latin->macro.matrix + used - rows * rows)) *bad = PETSC_TRUE;
+    if (face->matrix_first < 0 || pattern[f] != f) continue;
+    for (PetscInt copy = 0; copy < 2; copy++) PetscCall(PetscArraycpy(matrix + copy * rows * rows, D + first[f], rows * rows));
+    if (!LatinCholesky(rows, matrix + rows * rows)) *bad = PETSC_TRUE;
   }
-  PetscCall(PetscFree(key));
+  PetscCall(PetscFree2(pattern, bytes));
   PetscFunctionReturn(0);
 }
 

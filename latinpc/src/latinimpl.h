@@ -36,6 +36,15 @@ PETSC_INTERN PetscErrorCode LatinSFReduce_Private(PetscSF, PetscInt n, MPI_Datat
     PetscCall(LatinAgree_Private(comm, (PetscBool)(bad), code, latin_message_)); \
   } while (0)
 
+/* ---- equal things (equal.c) ---- */
+typedef struct {
+  uint64_t hash;
+  PetscInt number;
+} LatinKey;
+PETSC_INTERN uint64_t       LatinHash(size_t n, const void *);
+PETSC_INTERN int            LatinKeyCompare(const void *, const void *); /* for qsort(): by hash, then by number */
+PETSC_INTERN PetscErrorCode LatinFindEqual(PetscInt n, const size_t first[], const void *data, PetscInt pattern[]);
+
 /* ---- constitutive laws (laws.c) ---- */
 typedef struct {
   const char *name;

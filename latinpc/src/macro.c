@@ -219,6 +219,39 @@ static PetscErrorCode LatinMacroRows_Private(Latin latin, const PetscScalar buil
 }
 
 /*
+   pattern[f]: the first of the interfaces whose basis is built here that has the same one as f. A basis depends on the
+   weighted fields, on D and on the nodes that serve; one with local fields is compared with none.
+*/
+static PetscErrorCode LatinMacroCompare_Private(Latin latin, PetscInt pattern[])
+{
+  LatinInterfaces *inter = &latin->inter;
+  PetscReal       *data;
+  size_t          *first, room = 0, n = 0;
+
+  PetscFunctionBegin;
+  for (PetscInt f = 0; f < inter->count; f++)
+    if (LatinMacroBuilds(latin, &inter->interface[f])) room += (size_t)((inter->interface[f].side_last - inter->interface[f].side_first) * (LATIN_MAX_MODES + 1) + 3);
+  PetscCall(PetscMalloc2(inter->count + 1, &first, room, &data));
+  for (PetscInt f = 0; f < inter->count; f++) {
+    const LatinInterface *face  = &inter->interface[f];
+    PetscInt              modes = 0;
+
+    first[f] = n * sizeof(*data);
+    if (!LatinMacroBuilds(latin, face)) continue;
+    PetscCall(LatinMacroModes_Private(latin, face, &modes, data + n));
+    n += (size_t)((face->side_last - face->side_first) * modes);
+    data[n++] = modes;
+    data[n++] = face->matrix_first;
+    data[n++] = latin->floppy.count && latin->floppy.count[f] ? f : -1;
+    for (PetscInt k = face->side_first; k < face->side_last; k++) data[n++] = inter->serves[k] ? latin->macro.d[k] : -latin->macro.d[k];
+  }
+  first[inter->count] = n * sizeof(*data);
+  PetscCall(LatinFindEqual(inter->count, first, data, pattern));
+  PetscCall(PetscFree2(first, data));
+  PetscFunctionReturn(0);
+}
+
+/*
    The side of the lower subdomain builds the basis and numbers its modes; the other side receives both, so that they
    agree to the bit even where principal axes are not unique.
 */
@@ -227,6 +260,7 @@ PetscErrorCode LatinMacroSetUp(Latin latin)
   LatinInterfaces *inter = &latin->inter;
   PetscInt         next  = 0, total[2];
   size_t           used = 0, room = 0, widest = 0;
+  PetscInt        *pattern;
   PetscScalar     *M, *F, *built;
 
   PetscFunctionBegin;
@@ -239,19 +273,29 @@ PetscErrorCode LatinMacroSetUp(Latin latin)
   }
   PetscCall(PetscMalloc1(room, &built));
   PetscCall(PetscMalloc2(widest, &M, widest, &F));
+  PetscCall(PetscMalloc1(inter->count, &pattern));
+  PetscCall(LatinMacroCompare_Private(latin, pattern));
   latin->floppy.macro = 0;
   for (PetscInt f = 0; f < inter->count; f++) {
     LatinInterface *face = &inter->interface[f];
 
     face->modes = 0;
     if (!LatinMacroBuilds(latin, face)) continue;
-    PetscCall(LatinMacroBasis_Private(latin, f, M, F));
-    PetscCall(PetscArraycpy(built + used, M, (face->side_last - face->side_first) * face->modes));
+    if (pattern[f] == f) {
+      PetscCall(LatinMacroBasis_Private(latin, f, M, F));
+      PetscCall(PetscArraycpy(built + used, M, (face->side_last - face->side_first) * face->modes));
+      face->basis_first = (PetscInt)used; /* for those equal to it */
+    } else {
+      face->modes       = inter->interface[pattern[f]].modes;
+      face->basis_first = inter->interface[pattern[f]].basis_first;
+      PetscCall(PetscArraycpy(built + used, built + face->basis_first, (face->side_last - face->side_first) * face->modes));
+    }
     used += (size_t)((face->side_last - face->side_first) * face->modes);
     face->coarse_first = next;
     next += face->modes;
   }
   PetscCall(PetscFree2(M, F));
+  PetscCall(PetscFree(pattern));
   PetscCall(LatinMacroNumber_Private(latin));
   PetscCall(LatinMacroRows_Private(latin, built));
   PetscCall(PetscFree(built));

@@ -17,19 +17,6 @@
 #define LATIN_NEST_INTERIOR 1536  /* largest dense factor: a sparse one of a larger group does less work */
 #define LATIN_NEST_PIVOT    1e-11 /* below it, relative to the diagonal, a mechanism is suspected: the coarse solver will tell */
 
-typedef struct {
-  uint64_t key;
-  PetscInt number;
-} LatinNestKey;
-
-static int LatinNestKeyCompare(const void *pa, const void *pb)
-{
-  const LatinNestKey *a = (const LatinNestKey *)pa, *b = (const LatinNestKey *)pb;
-
-  if (a->key != b->key) return a->key < b->key ? -1 : 1;
-  return a->number < b->number ? -1 : (a->number > b->number ? 1 : 0);
-}
-
 static int LatinRealCompare(const void *pa, const void *pb)
 {
   const PetscReal a = *(const PetscReal *)pa, b = *(const PetscReal *)pb;
@@ -96,13 +83,13 @@ static PetscErrorCode LatinNestFinest_Private(Latin latin, LatinElements *fine, 
 static PetscErrorCode LatinNestGroup_Private(LatinNestLevel *level, PetscInt width)
 {
   const LatinElements *fine = &level->fine;
-  LatinNestKey        *key;
+  LatinKey            *key;
   PetscReal           *extent;
 
   PetscFunctionBegin;
   PetscCall(PetscMalloc2(fine->n, &key, fine->n, &extent));
   for (PetscInt s = 0; s < fine->n; s++) {
-    key[s].key    = 0;
+    key[s].hash   = 0;
     key[s].number = s;
   }
   for (PetscInt c = 0; c < 3; c++) {
@@ -116,13 +103,13 @@ static PetscErrorCode LatinNestGroup_Private(LatinNestLevel *level, PetscInt wid
     qsort(extent, (size_t)fine->n, sizeof(*extent), LatinRealCompare);
     cell = (PetscReal)width * extent[fine->n / 2];
     if (!(cell > 1e-5 * (high - low))) cell = 1e-5 * (high - low); /* elements without extent; 100,000 cells are enough for any structure */
-    for (PetscInt s = 0; s < fine->n; s++) key[s].key = (key[s].key << 20) + (cell > 0.0 ? (uint64_t)((fine->box[6 * s + c] - low) / cell + 1e-3) : 0);
+    for (PetscInt s = 0; s < fine->n; s++) key[s].hash = (key[s].hash << 20) + (cell > 0.0 ? (uint64_t)((fine->box[6 * s + c] - low) / cell + 1e-3) : 0);
   }
-  qsort(key, (size_t)fine->n, sizeof(*key), LatinNestKeyCompare);
+  qsort(key, (size_t)fine->n, sizeof(*key), LatinKeyCompare);
   level->groups = 0;
   PetscCall(PetscMalloc3(fine->n + 1, &level->first, fine->n, &level->member, fine->n, &level->interior));
   for (PetscInt s = 0; s < fine->n; s++) {
-    if (!s || key[s].key != key[s - 1].key) level->first[level->groups++] = s;
+    if (!s || key[s].hash != key[s - 1].hash) level->first[level->groups++] = s;
     level->member[s] = key[s].number;
   }
   level->first[level->groups] = fine->n;
@@ -187,50 +174,29 @@ static PetscErrorCode LatinNestNumber_Private(LatinNestLevel *level, PetscInt do
   PetscFunctionReturn(0);
 }
 
-static PetscBool LatinNestEqual(const LatinNestLevel *level, PetscInt a, PetscInt b)
-{
-  const LatinElements *fine = &level->fine;
-  const PetscInt       n    = level->first[a + 1] - level->first[a];
-
-  if (n != level->first[b + 1] - level->first[b] || level->interior[a] != level->interior[b]) return PETSC_FALSE;
-  for (PetscInt m = 0; m < n; m++) {
-    const PetscInt s = level->member[level->first[a] + m], t = level->member[level->first[b] + m];
-
-    if (fine->pattern[s] != fine->pattern[t]) return PETSC_FALSE; /* equal patterns have as many dofs */
-    for (PetscInt i = 0; i < fine->offset[s + 1] - fine->offset[s]; i++)
-      if (level->slot[fine->offset[s] + i] != level->slot[fine->offset[t] + i]) return PETSC_FALSE;
-  }
-  return PETSC_TRUE;
-}
-
 /* Groups of equal members in equal arrangement, sorted by pattern */
 static PetscErrorCode LatinNestCompare_Private(LatinNestLevel *level)
 {
   const LatinElements *fine = &level->fine;
-  LatinNestKey        *key;
-  PetscInt            *count;
+  PetscInt            *data, *count, n = 0;
+  size_t              *first;
 
   PetscFunctionBegin;
-  PetscCall(PetscMalloc1(level->groups, &key));
+  PetscCall(PetscMalloc2(level->groups + 1, &first, 2 * fine->n + fine->offset[fine->n] + level->groups, &data));
   for (PetscInt g = 0; g < level->groups; g++) {
-    uint64_t hash = 1469598103934665603u; /* FNV-1a */
-
+    first[g]  = (size_t)n * sizeof(*data);
+    data[n++] = level->interior[g];
     for (PetscInt m = level->first[g]; m < level->first[g + 1]; m++) {
       const PetscInt s = level->member[m];
 
-      hash = (hash ^ (uint64_t)fine->pattern[s]) * 1099511628211u;
-      for (PetscInt i = fine->offset[s]; i < fine->offset[s + 1]; i++) hash = (hash ^ (uint64_t)level->slot[i]) * 1099511628211u;
+      data[n++] = fine->pattern[s];
+      data[n++] = fine->offset[s + 1] - fine->offset[s];
+      for (PetscInt i = fine->offset[s]; i < fine->offset[s + 1]; i++) data[n++] = level->slot[i];
     }
-    key[g].key               = hash;
-    key[g].number            = g;
-    level->coarse.pattern[g] = g;
   }
-  qsort(key, (size_t)level->groups, sizeof(*key), LatinNestKeyCompare);
-  for (PetscInt i = 1, first = 0; i < level->groups; i++) {
-    if (key[i].key != key[first].key) first = i;
-    else if (LatinNestEqual(level, key[first].number, key[i].number)) level->coarse.pattern[key[i].number] = key[first].number;
-  }
-  PetscCall(PetscFree(key));
+  first[level->groups] = (size_t)n * sizeof(*data);
+  PetscCall(LatinFindEqual(level->groups, first, data, level->coarse.pattern));
+  PetscCall(PetscFree2(first, data));
   level->patterns = 0;
   PetscCall(PetscCalloc1(level->groups, &count));
   for (PetscInt g = 0; g < level->groups; g++) level->patterns += count[level->coarse.pattern[g]]++ ? 0 : 1;

@@ -1,0 +1,57 @@
+#include "latinimpl.h"
+
+/*
+   What is equal to the bit need be computed once: a structure made of repeated modules has few different interfaces,
+   subdomains and groups of them.
+*/
+
+uint64_t LatinHash(size_t n, const void *data)
+{
+  const unsigned char *bytes = (const unsigned char *)data;
+  uint64_t             hash  = 1469598103934665603u; /* FNV-1a, word by word */
+
+  for (size_t i = 0; i + sizeof(uint64_t) <= n; i += sizeof(uint64_t)) {
+    uint64_t word;
+
+    memcpy(&word, bytes + i, sizeof(word));
+    hash = (hash ^ word) * 1099511628211u;
+    hash ^= hash >> 29;
+  }
+  for (size_t i = n - n % sizeof(uint64_t); i < n; i++) hash = (hash ^ bytes[i]) * 1099511628211u;
+  return hash;
+}
+
+int LatinKeyCompare(const void *pa, const void *pb)
+{
+  const LatinKey *a = (const LatinKey *)pa, *b = (const LatinKey *)pb;
+
+  if (a->hash != b->hash) return a->hash < b->hash ? -1 : 1;
+  return a->number < b->number ? -1 : (a->number > b->number ? 1 : 0);
+}
+
+/* pattern[i]: the first of n records equal to record i, which is the bytes first[i] to first[i + 1] of data */
+PetscErrorCode LatinFindEqual(PetscInt n, const size_t first[], const void *data, PetscInt pattern[])
+{
+  const char *bytes = (const char *)data;
+  LatinKey   *key;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMalloc1(n, &key));
+  for (PetscInt i = 0; i < n; i++) {
+    key[i].hash   = LatinHash(first[i + 1] - first[i], bytes + first[i]);
+    key[i].number = i;
+    pattern[i]    = i;
+  }
+  qsort(key, (size_t)n, sizeof(*key), LatinKeyCompare);
+  for (PetscInt i = 1; i < n; i++) {
+    const PetscInt b = key[i].number;
+
+    for (PetscInt j = i - 1; j >= 0 && key[j].hash == key[i].hash && pattern[b] == b; j--) {
+      const PetscInt a = pattern[key[j].number]; /* different records with one hash stay apart */
+
+      if (first[a + 1] - first[a] == first[b + 1] - first[b] && !memcmp(bytes + first[a], bytes + first[b], first[b + 1] - first[b])) pattern[b] = a;
+    }
+  }
+  PetscCall(PetscFree(key));
+  PetscFunctionReturn(0);
+}
