@@ -134,6 +134,11 @@ PetscErrorCode LatinBlocksSetUp(Latin latin)
   PetscFunctionBegin;
   PetscCall(PetscMalloc1(sub->n, &blocks->pattern));
   PetscCall(LatinBlocksCompare_Private(latin, PETSC_TRUE, blocks->pattern));
+  for (PetscInt s = 0; s < sub->n; s++) { /* equal bases are read in one place, where they stay in cache */
+    const PetscInt first = latin->inter.offset[s], other = latin->inter.offset[blocks->pattern[s]];
+
+    for (PetscInt f = first; f < latin->inter.offset[s + 1]; f++) latin->inter.interface[f].basis_first = latin->inter.interface[f + other - first].basis_first;
+  }
   PetscCall(PetscCalloc3(sub->n, &count, sub->n, &index, sub->n + 1, &next));
   for (PetscInt s = 0; s < sub->n; s++) count[blocks->pattern[s]]++;
   for (PetscInt s = 0; s < sub->n; s++) {
