@@ -54,10 +54,8 @@ KNOBS = {
     "methods": tuple(Choice(name, name) for name in METHODS if name not in ("latin-macro", "newton-bddc")),
     "variant": (DEFAULT, _latin("macro", variant="macro"), _latin("none", variant="none"),
                 _latin("corners published", corners="published"), _latin("rigid macro fields", modes="rigid")),
-    "direction": (DEFAULT, _latin("diagonal / 2", direction_fraction=0.04),
-                  _latin("diagonal × 2", direction_fraction=0.16), _latin("scalar", direction="scalar"),
-                  _latin("scalar / 4", direction="scalar", direction_fraction=0.02),
-                  _latin("block", direction="block"), _latin("schur", direction="schur")),
+    "direction": (DEFAULT, _latin("schur / 2", direction_fraction=0.5), _latin("schur × 2", direction_fraction=2),
+                  *(_latin(name, direction=name) for name in ("block", "diagonal", "scalar"))),
     "acceleration": (
         DEFAULT,
         *(Choice(f"anderson {m}", options={_OUTER: "anderson", _DEPTH: m}) for m in (5, 20, 30)),

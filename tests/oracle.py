@@ -215,7 +215,7 @@ def build(
     promote=True,
     d=None,
     alpha=None,
-    direction="diagonal",
+    direction="schur",
     owned=OWNED,
     modes=affine_modes,
     local=0.0,

@@ -131,7 +131,7 @@ def oracle_options(options):
     ours["promote"] = options.get("promote", True)
     ours["d"] = options.get("direction_scalar")
     ours["alpha"] = options.get("direction_fraction")
-    ours["direction"] = options.get("direction", "diagonal")
+    ours["direction"] = options.get("direction", "schur")
     return ours
 
 

@@ -97,6 +97,7 @@ from support import grid
 snes = (links := latinpc.Links.from_scene(grid("tensegrity", modules=32, subdomains=256))).create_snes()
 PETSc.Options().setValue("snes_max_it", 6)
 PETSc.Options().setValue("snes_stol", 0)
+PETSc.Options().setValue("snes_latin_coarse_groups", 2)
 snes.setFromOptions()
 u = links.create_vec()
 snes.solve(None, u)

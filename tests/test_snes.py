@@ -244,7 +244,7 @@ def test_options_read_again_rebuild():
             assert far(run.links.displacements(u), solve(scene, max_it=4, stol=0, **options, **PLAIN).u) < 1e-9
             with default_options({"snes_latin_variant": "corner", "snes_latin_corners": "free"}):
                 run.snes.setFromOptions()
-            with default_options({"snes_latin_direction": "diagonal", "snes_latin_direction_scalar": 0}):
+            with default_options({"snes_latin_direction": "schur", "snes_latin_direction_scalar": 0}):
                 run.snes.setFromOptions()
 
 

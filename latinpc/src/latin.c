@@ -27,7 +27,7 @@ PetscErrorCode LatinCreate_Private(MPI_Comm comm, Latin *newlatin)
   latin->variant       = LATIN_VARIANT_CORNER;
   latin->promote       = PETSC_TRUE;
   latin->repair        = PETSC_TRUE;
-  latin->direction     = LATIN_DIRECTION_DIAGONAL;
+  latin->direction     = LATIN_DIRECTION_SCHUR;
   latin->coarse_groups = 3;
   latin->local_max     = 64;
   *newlatin            = latin;
