@@ -471,8 +471,11 @@ def indicator(latin, x, new, u):
     k, dx = latin.scene.stiffness.copy(), new - x
     distance = np.sum(dx[latin.n_z :] ** 2 / (4 * k[latin.nonsmooth]))
     distance += sum(dx[z] @ np.linalg.solve(4 * side.d, dx[z]) for side in latin.sides for z in side.z)
-    k[latin.nonsmooth[new[latin.n_z :] != (k * latin.scene.prestrain)[latin.nonsmooth]]] = 0.0  # slack
-    energy = np.sum(k * elongations(latin, u) ** 2)
+    e = np.abs(elongations(latin, u))
+    taut, nonsmooth = e.copy(), latin.nonsmooth
+    taut[nonsmooth] = np.minimum(e, np.abs(elongations(latin, u) + latin.scene.prestrain))[nonsmooth]
+    taut[nonsmooth[new[latin.n_z :] != (k * latin.scene.prestrain)[nonsmooth]]] = 0.0  # slack
+    energy = np.sum(k * e * taut)
     return np.sqrt(distance / energy) if energy else np.sqrt(distance)
 
 

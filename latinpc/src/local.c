@@ -86,19 +86,18 @@ static inline void LatinLinkStage(const Latin latin, const PetscInt dim, const P
 
     for (PetscInt l = sub->link_offset[s]; l < sub->link_offset[s + 1]; l++) {
       const PetscReal k = sub->stiffness[l + other], e0 = sub->prestrain[l], e = LatinElongation(sub, dim, l + other, U);
-      PetscBool       active = PETSC_TRUE;
+      PetscReal       taut = PetscAbsReal(e);
 
       if (i < sub->nonsmooth && sub->nonsmooth_link[i] == l) {
         const PetscReal old = state[i], new = LatinLaws[sub->law[l]].local(k, e0, old + 2.0 * k * e);
 
         next[i++] = new;
         distance += (new - old) * (new - old) / (4.0 * k);
-        active = (PetscBool)(new == k *e0); /* a slack link stores no energy, however far its ends move apart */
-      }
-      if (active) {
-        energy += k * e * e;
-        noise += k * (e + e0) * (e + e0);
-      }
+        /* a slack link stores no energy, however far its ends move apart; less and less counts as it slackens, so that rounding decides nothing */
+        taut = new == k *e0 ? PetscMin(taut, PetscAbsReal(e + e0)) : 0.0;
+        noise += taut > 0.0 ? k * (e + e0) * (e + e0) : 0.0;
+      } else noise += k * (e + e0) * (e + e0);
+      energy += k * PetscAbsReal(e) * taut;
     }
   }
   sum[0] += distance;
