@@ -79,12 +79,12 @@ SCENES = {
 @pytest.mark.parametrize("variant", VARIANTS)
 @pytest.mark.parametrize("name", SCENES)
 def test_symmetric_and_positive_definite(name, variant, weights):
-    """What conjugate gradients ask for; weights that sum to one show in a least eigenvalue near one."""
+    """What conjugate gradients ask for; the least eigenvalue is one, as weights sum to one, less what springs take."""
     for corners in ("free", "published"):
         system = preconditioned(SCENES[name](), variant=variant, weights=weights, corners=corners)
         eigenvalues, asymmetry = preconditioned_spectrum(system)
         assert asymmetry < 1e-10
-        assert 0.8 < eigenvalues[0] < 1.0 + 1e-8
+        assert 0.4 < eigenvalues[0] < 1.0 + 1e-8
         if name in ("grid", "lattice"):
             assert eigenvalues[-1] < 20.0
 

@@ -366,7 +366,7 @@ PetscErrorCode PCLatinGetLatin(PC pc, Latin *latin)
 . -pc_latin_modes_local <0>                    - local low-energy fields of floppy subdomains, eigenvalues below this
 . -pc_latin_subdomains <n>                     - number of subdomains
 . -pc_latin_weights <stiffness,multiplicity>   - how residuals are shared among the copies of a node
-. -pc_latin_direction_fraction <0.001>         - springs that keep the local problems regular
+. -pc_latin_direction <schur>                  - springs that keep the local problems regular
 . -pc_latin_local_, -pc_latin_interior_        - prefixes of the KSPs of the subdomains
 - -pc_latin_coarse_                            - prefix of the KSP of the coarse problem
 
@@ -390,8 +390,7 @@ PETSC_EXTERN PetscErrorCode PCCreate_Latin(PC pc)
   pc->ops->view           = PCView_Latin;
   PetscCall(LatinCreate_Private(PetscObjectComm((PetscObject)pc), &data->latin));
   data->latin->tangent            = PETSC_TRUE;
-  data->latin->direction          = LATIN_DIRECTION_SCALAR;
-  data->latin->direction_fraction = 1e-3;
+  data->latin->direction_fraction = 0.1; /* the springs only keep the local operators regular */
   PetscFunctionReturn(0);
 }
 
