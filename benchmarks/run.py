@@ -21,7 +21,7 @@ RESULTS = HERE / "results"
 COMMAND = [sys.executable, "-c", "from latinpc.cli import main; main()"]
 PRESETS = {"fast": ("latin", 1e-2), "balanced": ("latin", 1e-4), "accurate": ("latin-newton", 1e-8)}
 
-LARGE = "latin,newton-cholmod,newton-mumps,newton-gamg,newton-latin"
+LARGE = "latin,latin-rigid,newton-cholmod,newton-mumps,newton-gamg,newton-latin"
 GRID = ["tensegrity-grid", "--modules"]
 SHORT = {
     "compare-48": ["compare", *GRID, "48", "--repeat", "5"],
@@ -33,8 +33,8 @@ FULL = {
     "compare-200": ["compare", *GRID, "200", "--methods", LARGE, "--repeat", "3"],
     "presets-200": 200,
     "effectivity": None,
-    "compare-400": ["compare", *GRID, "400", "--methods", "latin,newton-cholmod,newton-mumps", "--repeat", "1",
-                    "--timeout", "1800"],
+    "compare-400": ["compare", *GRID, "400", "--methods", "latin,latin-rigid,newton-cholmod,newton-mumps",
+                    "--repeat", "1", "--timeout", "1800"],
 }  # fmt: skip
 
 #: Scenes whose iterations are counted, with the accuracies.

@@ -49,9 +49,12 @@ def _latin(label, **options):
 
 DEFAULT = Choice("default")
 
+#: Methods that are choices of a knob already, or that say nothing on one rank.
+APART = ("latin-macro", "latin-rigid", "newton-bddc")
+
 #: The knobs: each is a panel of the picture. Every one begins with the default.
 KNOBS = {
-    "methods": tuple(Choice(name, name) for name in METHODS if name not in ("latin-macro", "newton-bddc")),
+    "methods": tuple(Choice(name, name) for name in METHODS if name not in APART),
     "variant": (DEFAULT, _latin("macro", variant="macro"), _latin("none", variant="none"),
                 _latin("corners published", corners="published"), _latin("rigid macro fields", modes="rigid")),
     "direction": (DEFAULT, _latin("schur / 2", direction_fraction=0.5), _latin("schur × 2", direction_fraction=2),

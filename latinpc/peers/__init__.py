@@ -56,6 +56,9 @@ METHODS = {
                           {"snes_type": "latin", "snes_latin_variant": "macro"}),
     "latin-newton": Method("SNES latin, then Newton's method with its operators", "latin",
                            {"snes_type": "latin", "snes_latin_polish": True}),
+    "latin-rigid": Method("rigid macro fields and CHOLMOD for the coarse problem, options/large.opts", "latin", {
+        "snes_type": "latin", "snes_latin_modes": "rigid", "snes_latin_coarse_pc_factor_mat_solver_type": "cholmod",
+    }, "suitesparse"),
     "newton-cholmod": Method("Newton, CHOLMOD with nested dissection", "newton", {
         **_DIRECT, "pc_factor_mat_solver_type": "cholmod", "pc_factor_mat_ordering_type": "nd",
     }, "suitesparse"),

@@ -3,7 +3,7 @@
 /*
    Repair of a partition. METIS sees a graph, not a structure: it leaves nodes dangling in a subdomain, on links that
    hold them in fewer directions than all the node's links do. Each missing direction is an internal mechanism of the
-   subdomain, and mechanisms make the iteration slow. Greedy cure: links move between the subdomains of one of their
+   subdomain, and mechanisms make the iteration slow. Links move between the subdomains of one of their
    nodes as long as the sum over the nodes of
 
      a node of one subdomain   0
