@@ -32,9 +32,27 @@ def tabulate(name, document):
         accuracies = ["1e-02", "1e-03", "1e-04", "1e-08"]
         rows = [[scene, *(str(found.get(a, "")) for a in accuracies)] for scene, found in document.items()]
         return markdown(["scene", *(a.replace("-0", "-") for a in accuracies)], rows)
+    if name.startswith("iteration"):
+        return iteration(document)
+    if name == "directions":
+        scenes = list(next(iter(document.values())))
+        rows = [[direction, *(" / ".join(str(n or "-") for n in found[scene].values()) for scene in scenes)]
+                for direction, found in document.items()]  # fmt: skip
+        return markdown(["direction, fraction", *scenes], rows)
     if name == "effectivity":
         return effectivities(document) + "\n\n" + stops(document)
     return cheapest(document)
+
+
+def iteration(document):
+    """Return the table of where an iteration spends its time, and of the bound."""
+    scenes = list(document.values())
+    rows = [[label, *(f"{one['milliseconds'][label]:.1f} ms" for one in scenes)] for label in scenes[0]["milliseconds"]]
+    rows += [[f"bytes: {part}", *(quantity(one["bytes"][part], "B") for one in scenes)] for part in scenes[0]["bytes"]]
+    rows.append(["triad", *(quantity(one["bandwidth"], "B") + "/s" for one in scenes)])
+    rows.append(["bound", *(f"{one['bound']:.1f} ms" for one in scenes)])
+    rows.append(["all / bound", *(f"{one['ratio']:.1f}" for one in scenes)])
+    return markdown(["", *document], rows)
 
 
 def effectivities(document):

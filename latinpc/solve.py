@@ -345,7 +345,10 @@ def _newton(links, u, search, shift):
         ksp = snes.getKSP()
         ksp.setType("preonly")
         ksp.getPC().setType("cholesky")
-        ksp.getPC().setFactorSolverType(direct_solver(comm)[0])
+        package = direct_solver(comm)[0]
+        ksp.getPC().setFactorSolverType(package)
+        if package == "cholmod":  # its own ordering fills structures of a hundred thousand links too much
+            ksp.getPC().setFactorOrdering("nd")
         if shift:
             _shift(links, snes, shift)
         # a step that makes links slack may raise the residual by orders before the next ones end it
