@@ -10,7 +10,8 @@ from support import PLAIN, VARIANTS, chain, far, grid, irregular, latin, lattice
 
 import latinpc
 
-ZERO = 1e-9
+ZERO = 1e-9  # singular values
+SOFT = 1e-12  # eigenvalues: a soft motion costs the square of little
 
 
 def stiffnesses(scene, **options):
@@ -30,7 +31,7 @@ def spectrum(h):
 
 def nullity(h):
     """Dimension of the kernel."""
-    return np.count_nonzero(spectrum(h) < ZERO)
+    return np.count_nonzero(spectrum(h) < SOFT)
 
 
 def is_floating(scene, i):

@@ -124,6 +124,36 @@ static PetscErrorCode LatinBatchCreate_Private(LatinBatch *batch, PetscInt patte
   PetscFunctionReturn(0);
 }
 
+/* Bases of equal subdomains are kept once: they are read in one place, where they stay in cache */
+static PetscErrorCode LatinBlocksShareBases_Private(Latin latin)
+{
+  LatinInterfaces *inter   = &latin->inter;
+  const PetscInt  *pattern = latin->linear.blocks.pattern;
+  PetscInt         total   = 0;
+  PetscReal       *basis;
+
+  PetscFunctionBegin;
+  for (PetscInt f = 0; f < inter->count; f++)
+    if (pattern[inter->interface[f].sub] == inter->interface[f].sub) total += (inter->interface[f].side_last - inter->interface[f].side_first) * inter->interface[f].modes;
+  PetscCall(PetscMalloc1(total, &basis));
+  total = 0;
+  for (PetscInt f = 0; f < inter->count; f++) {
+    LatinInterface *face = &inter->interface[f];
+    const PetscInt  size = (face->side_last - face->side_first) * face->modes, own = inter->offset[face->sub], other = inter->offset[pattern[face->sub]];
+
+    if (own != other) {
+      face->basis_first = inter->interface[f + other - own].basis_first; /* the pattern is the first subdomain of its kind */
+      continue;
+    }
+    PetscCall(PetscArraycpy(basis + total, latin->macro.basis + face->basis_first, size));
+    face->basis_first = total;
+    total += size;
+  }
+  PetscCall(PetscFree(latin->macro.basis));
+  latin->macro.basis = basis;
+  PetscFunctionReturn(0);
+}
+
 /* One batch for each operator that several subdomains share, and one for all the others */
 PetscErrorCode LatinBlocksSetUp(Latin latin)
 {
@@ -134,11 +164,7 @@ PetscErrorCode LatinBlocksSetUp(Latin latin)
   PetscFunctionBegin;
   PetscCall(PetscMalloc1(sub->n, &blocks->pattern));
   PetscCall(LatinBlocksCompare_Private(latin, PETSC_TRUE, blocks->pattern));
-  for (PetscInt s = 0; s < sub->n; s++) { /* equal bases are read in one place, where they stay in cache */
-    const PetscInt first = latin->inter.offset[s], other = latin->inter.offset[blocks->pattern[s]];
-
-    for (PetscInt f = first; f < latin->inter.offset[s + 1]; f++) latin->inter.interface[f].basis_first = latin->inter.interface[f + other - first].basis_first;
-  }
+  PetscCall(LatinBlocksShareBases_Private(latin));
   PetscCall(PetscCalloc3(sub->n, &count, sub->n, &index, sub->n + 1, &next));
   for (PetscInt s = 0; s < sub->n; s++) count[blocks->pattern[s]]++;
   for (PetscInt s = 0; s < sub->n; s++) {

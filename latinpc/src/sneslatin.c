@@ -450,12 +450,16 @@ static PetscErrorCode SNESSolve_Latin(SNES snes)
   PetscCall(SNESSolve(data->outer, NULL, data->z));
   PetscCall(SNESGetConvergedReason(data->outer, &snes->reason));
   data->polish.steps = data->polish.stages = 0;
+  data->residual                           = 0.0;
   if (data->handed && snes->reason == SNES_CONVERGED_ITS) PetscCall(SNESLatinPolish_Private(snes));
   data->has_state = (PetscBool)(snes->reason > 0);
   if (latin->failed) snes->reason = SNES_DIVERGED_LINEAR_SOLVE;
   snes->iter       = latin->applications + data->polish.stages;
   snes->linear_its = data->polish.stages;
-  if (!data->polish.steps) PetscCall(SNESLatinResidual_Private(snes));
+  if (!data->polish.steps) {
+    if (snes->alwayscomputesfinalresidual || data->stop == LATIN_STOP_RESIDUAL) PetscCall(SNESLatinResidual_Private(snes));
+    else PetscCall(LatinAverage_Private(latin, snes->vec_sol));
+  }
   if (PetscIsInfOrNanReal(data->residual)) snes->reason = SNES_DIVERGED_FNORM_NAN;
   PetscFunctionReturn(0);
 }
@@ -677,7 +681,7 @@ PETSC_EXTERN PetscErrorCode SNESCreate_Latin(SNES snes)
 
   data->target = 1e-4;
 
-  snes->alwayscomputesfinalresidual = PETSC_TRUE;
+  snes->alwayscomputesfinalresidual = PETSC_FALSE; /* a pass over the links; SNESSetAlwaysComputesFinalResidual() asks for it */
   if (!snes->tolerancesset) {
     snes->max_its = 1000;
     snes->stol    = 1e-5;
