@@ -200,3 +200,14 @@ def test_impossible_directions_are_refused(options, message):
     with pytest.raises(PETSc.Error) as caught:
         statistics(lattice(), **options)
     assert message in latinpc.error_message(caught.value)
+
+
+@pytest.mark.parametrize("direction", DIRECTIONS)
+def test_rows_of_the_operators_are_sorted(direction):
+    """PETSc's formats want each column once, in increasing order: any local solver then works."""
+    with latin(network(), direction=direction) as run:
+        run.snes.setUp()
+        first, columns, _ = latinpc.local_ksp(run.snes).getOperators()[0].getValuesCSR()
+        steps = np.diff(columns)
+        steps[first[1:-1] - 1] = 1  # from one row to the next
+        assert steps.min() > 0

@@ -223,9 +223,9 @@ def test_rounding_does_not_pile_up():
 
 @pytest.mark.parametrize("make_scene", [grid, network])
 def test_a_rough_coarse_solver_is_enough(make_scene):
-    """Two digits of the coarse problem a stage: the displacements are exact all the same, after as many stages."""
+    """Two digits of the coarse problem a stage: the displacements are exact all the same, after hardly more stages."""
     scene, rough = make_scene(), {"coarse_ksp_type": "cg", "coarse_pc_type": "jacobi", "coarse_ksp_rtol": 1e-2}
     exact, inexact = (solve(scene, stol=1e-11, **options) for options in ({}, rough))
     assert inexact.reason > 0
     assert far(inexact.u, oracle.newton(scene)) < 1e-9
-    assert inexact.iterations <= exact.iterations + 4
+    assert inexact.iterations <= 1.25 * exact.iterations

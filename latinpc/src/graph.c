@@ -81,6 +81,7 @@ PetscErrorCode LatinGraphRow_Private(Latin latin, LatinGraph *graph, PetscInt i,
 
   PetscFunctionBegin;
   graph->neighbour[n++] = i;
+  graph->slot[i]        = 0;
   for (PetscInt p = graph->offset[i]; p < graph->offset[i + 1]; p++) {
     const PetscInt l = graph->list[p], j = sub->ends[2 * l] == i ? sub->ends[2 * l + 1] : sub->ends[2 * l];
 
