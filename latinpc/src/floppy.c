@@ -17,6 +17,9 @@
 
    Slack links loosen the subdomains further. Some linear stages from the initial state tell most of them
    (`local_slack`, see LatinAdapt_Private()); S_E is then the stiffness without them.
+
+   The eigenproblem is solved densely. What is wanted is a sixth of an interface's dofs or more, most of it one multiple
+   eigenvalue: block Lanczos then builds a basis of three times as many vectors, and took 1.7 times as long at 3,726 dofs.
 */
 
 #define LATIN_FLOPPY_SIZE  0.1  /* a field is kept when this part of its norm, or more, is outside the macro basis */

@@ -497,4 +497,30 @@ PETSC_INTERN PetscErrorCode LatinEstimateDestroy_Private(LatinEstimate *);
 PETSC_INTERN PetscErrorCode LatinAverage_Private(Latin, Vec u);
 PETSC_INTERN PetscErrorCode LatinDistribute_Private(Latin, Vec u, PetscReal copy[]);
 
+/* ---- SNES latin (sneslatin.c, snesresults.c) ---- */
+typedef struct {
+  Latin             latin;
+  SNES              outer; /* solves z - G(z) = 0 */
+  Vec               z;
+  LatinStopType     stop;
+  PetscReal         target; /* estimated error to stop at */
+  LatinEstimate     estimate;
+  PetscBool         warm; /* start from the state of the last solve */
+  PetscBool         has_state;
+  PetscBool         extrapolate; /* a warm start goes on as the last two solves did */
+  Vec               z_before;    /* where the solve before the last one ended, NULL or not yet filled */
+  PetscBool         has_before;
+  Vec               reference; /* displacements to compare with, or NULL */
+  PetscReal        *reference_copy;
+  PetscInt          history_size, done;
+  PetscReal        *indicator, *error_l2, *error_energy, *estimates; /* [history_size] per linear stage; [done] filled */
+  PetscReal         first_distance, first_residual, residual;
+  PetscInt          tested; /* linear stages that the convergence test has seen */
+  LatinPolish       polish;
+  PetscBool         handed; /* the iteration has ended for the polish */
+  PetscViewer       monitor;
+  PetscViewerFormat monitor_format;
+} SNES_Latin;
+PETSC_INTERN PetscErrorCode SNESLatinCreateOuter_Private(SNES);
+
 #endif

@@ -10,30 +10,6 @@
 
 #define LATIN_HISTORY 1000000 /* linear stages whose indicator and errors are kept */
 
-typedef struct {
-  Latin             latin;
-  SNES              outer; /* solves z - G(z) = 0 */
-  Vec               z;
-  LatinStopType     stop;
-  PetscReal         target; /* estimated error to stop at */
-  LatinEstimate     estimate;
-  PetscBool         warm; /* start from the state of the last solve */
-  PetscBool         has_state;
-  PetscBool         extrapolate; /* a warm start goes on as the last two solves did */
-  Vec               z_before;    /* where the solve before the last one ended, NULL or not yet filled */
-  PetscBool         has_before;
-  Vec               reference; /* displacements to compare with, or NULL */
-  PetscReal        *reference_copy;
-  PetscInt          history_size, done;
-  PetscReal        *indicator, *error_l2, *error_energy, *estimates; /* [history_size] per linear stage; [done] filled */
-  PetscReal         first_distance, first_residual, residual;
-  PetscInt          tested; /* linear stages that the convergence test has seen */
-  LatinPolish       polish;
-  PetscBool         handed; /* the iteration has ended for the polish */
-  PetscViewer       monitor;
-  PetscViewerFormat monitor_format;
-} SNES_Latin;
-
 static const char citation[] = "@article{AlartDureisseix2008,\n"
                                "  author  = {Pierre Alart and David Dureisseix},\n"
                                "  title   = {A scalable multiscale {LATIN} method adapted to nonsmooth discrete media},\n"
@@ -157,7 +133,7 @@ static PetscErrorCode SNESLatinMonitor_Private(SNES snes, PetscInt it, PetscReal
    full step that is the article's iteration. PETSc has no setter for the depth, only an option, so the default goes
    in through an options database of our own; the user's is not touched.
 */
-static PetscErrorCode SNESLatinCreateOuter_Private(SNES snes)
+PetscErrorCode SNESLatinCreateOuter_Private(SNES snes)
 {
   SNES_Latin      *data = (SNES_Latin *)snes->data;
   const char      *prefix;
@@ -513,128 +489,6 @@ static PetscErrorCode SNESView_Latin(SNES snes, PetscViewer viewer)
     PetscCall(SNESView(data->polish.newton, viewer));
     PetscCall(PetscViewerASCIIPopTab(viewer));
   }
-  PetscFunctionReturn(0);
-}
-
-static PetscErrorCode SNESLatinCheck_Private(SNES snes)
-{
-  PetscBool is;
-
-  PetscFunctionBegin;
-  PetscValidHeaderSpecific(snes, SNES_CLASSID, 1);
-  PetscCall(PetscObjectTypeCompare((PetscObject)snes, SNESLATIN, &is));
-  PetscCheck(is, PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_WRONG, "The SNES is of type %s, not latin", ((PetscObject)snes)->type_name ? ((PetscObject)snes)->type_name : "(not set)");
-  PetscFunctionReturn(0);
-}
-
-/*@C
-  SNESLatinGetLatin - The decomposition behind a SNES of type latin, for `LatinGetStatistics()` and its like.
-
-  Not collective; the reference is borrowed
-
-  Level: intermediate
-@*/
-PetscErrorCode SNESLatinGetLatin(SNES snes, Latin *latin)
-{
-  PetscFunctionBegin;
-  PetscCall(SNESLatinCheck_Private(snes));
-  *latin = ((SNES_Latin *)snes->data)->latin;
-  PetscFunctionReturn(0);
-}
-
-/*@C
-  SNESLatinSetReference - Gives a displacement against which the error of every iterate is measured.
-
-  Collective on snes
-
-  Input Parameters:
-+ snes      - of type latin
-- reference - a DM global vector, or NULL for none
-
-  Level: intermediate
-
-.seealso: `SNESLatinGetHistory()`
-@*/
-PetscErrorCode SNESLatinSetReference(SNES snes, Vec reference)
-{
-  SNES_Latin *data;
-
-  PetscFunctionBegin;
-  PetscCall(SNESLatinCheck_Private(snes));
-  data = (SNES_Latin *)snes->data;
-  if (reference) PetscCall(PetscObjectReference((PetscObject)reference));
-  PetscCall(VecDestroy(&data->reference));
-  data->reference = reference;
-  PetscFunctionReturn(0);
-}
-
-/*@C
-  SNESLatinGetHistory - Indicator and errors of the last solve, one number per linear stage.
-
-  Not collective; the arrays are borrowed
-
-  Output Parameters:
-+ n            - number of linear stages
-. indicator    - relative distance of the two stages
-. error_l2     - relative l2 error of the displacements of all subdomains, NULL without reference
-- error_energy - relative energy error, NULL without reference
-
-  Level: intermediate
-@*/
-PetscErrorCode SNESLatinGetHistory(SNES snes, PetscInt *n, const PetscReal *indicator[], const PetscReal *error_l2[], const PetscReal *error_energy[])
-{
-  SNES_Latin *data;
-
-  PetscFunctionBegin;
-  PetscCall(SNESLatinCheck_Private(snes));
-  data = (SNES_Latin *)snes->data;
-  if (n) *n = data->done;
-  if (indicator) *indicator = data->indicator;
-  if (error_l2) *error_l2 = data->reference ? data->error_l2 : NULL;
-  if (error_energy) *error_energy = data->reference ? data->error_energy : NULL;
-  PetscFunctionReturn(0);
-}
-
-/*@C
-  SNESLatinGetEstimates - Estimated errors of the last solve, one number per linear stage, and what rounding leaves.
-
-  Not collective; the array is borrowed
-
-  Output Parameters:
-+ n        - number of linear stages
-. estimate - relative error in the norm of `-snes_latin_error_norm`, NULL without `-snes_latin_stop error`
-- floor    - the smallest error that rounding allows on this structure, an estimate, too; 0 when unknown
-
-  Level: intermediate
-
-.seealso: `SNESLatinGetHistory()`
-@*/
-PetscErrorCode SNESLatinGetEstimates(SNES snes, PetscInt *n, const PetscReal *estimate[], PetscReal *floor)
-{
-  SNES_Latin *data;
-
-  PetscFunctionBegin;
-  PetscCall(SNESLatinCheck_Private(snes));
-  data = (SNES_Latin *)snes->data;
-  if (n) *n = data->done;
-  if (estimate) *estimate = data->stop == LATIN_STOP_ERROR ? data->estimates : NULL;
-  if (floor) *floor = data->estimate.floor;
-  PetscFunctionReturn(0);
-}
-
-/*@C
-  SNESLatinGetOuter - The inner SNES that iterates on the fixed-point map.
-
-  Collective on snes when called first; the reference is borrowed
-
-  Level: advanced
-@*/
-PetscErrorCode SNESLatinGetOuter(SNES snes, SNES *outer)
-{
-  PetscFunctionBegin;
-  PetscCall(SNESLatinCheck_Private(snes));
-  PetscCall(SNESLatinCreateOuter_Private(snes));
-  *outer = ((SNES_Latin *)snes->data)->outer;
   PetscFunctionReturn(0);
 }
 

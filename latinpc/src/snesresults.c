@@ -1,0 +1,126 @@
+#include "latinimpl.h"
+#include <petsc/private/snesimpl.h>
+
+/* What the users of SNES latin ask of it and tell it, besides options */
+
+static PetscErrorCode SNESLatinCheck_Private(SNES snes)
+{
+  PetscBool is;
+
+  PetscFunctionBegin;
+  PetscValidHeaderSpecific(snes, SNES_CLASSID, 1);
+  PetscCall(PetscObjectTypeCompare((PetscObject)snes, SNESLATIN, &is));
+  PetscCheck(is, PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_WRONG, "The SNES is of type %s, not latin", ((PetscObject)snes)->type_name ? ((PetscObject)snes)->type_name : "(not set)");
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  SNESLatinGetLatin - The decomposition behind a SNES of type latin, for `LatinGetStatistics()` and its like.
+
+  Not collective; the reference is borrowed
+
+  Level: intermediate
+@*/
+PetscErrorCode SNESLatinGetLatin(SNES snes, Latin *latin)
+{
+  PetscFunctionBegin;
+  PetscCall(SNESLatinCheck_Private(snes));
+  *latin = ((SNES_Latin *)snes->data)->latin;
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  SNESLatinSetReference - Gives a displacement against which the error of every iterate is measured.
+
+  Collective on snes
+
+  Input Parameters:
++ snes      - of type latin
+- reference - a DM global vector, or NULL for none
+
+  Level: intermediate
+
+.seealso: `SNESLatinGetHistory()`
+@*/
+PetscErrorCode SNESLatinSetReference(SNES snes, Vec reference)
+{
+  SNES_Latin *data;
+
+  PetscFunctionBegin;
+  PetscCall(SNESLatinCheck_Private(snes));
+  data = (SNES_Latin *)snes->data;
+  if (reference) PetscCall(PetscObjectReference((PetscObject)reference));
+  PetscCall(VecDestroy(&data->reference));
+  data->reference = reference;
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  SNESLatinGetHistory - Indicator and errors of the last solve, one number per linear stage.
+
+  Not collective; the arrays are borrowed
+
+  Output Parameters:
++ n            - number of linear stages
+. indicator    - relative distance of the two stages
+. error_l2     - relative l2 error of the displacements of all subdomains, NULL without reference
+- error_energy - relative energy error, NULL without reference
+
+  Level: intermediate
+@*/
+PetscErrorCode SNESLatinGetHistory(SNES snes, PetscInt *n, const PetscReal *indicator[], const PetscReal *error_l2[], const PetscReal *error_energy[])
+{
+  SNES_Latin *data;
+
+  PetscFunctionBegin;
+  PetscCall(SNESLatinCheck_Private(snes));
+  data = (SNES_Latin *)snes->data;
+  if (n) *n = data->done;
+  if (indicator) *indicator = data->indicator;
+  if (error_l2) *error_l2 = data->reference ? data->error_l2 : NULL;
+  if (error_energy) *error_energy = data->reference ? data->error_energy : NULL;
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  SNESLatinGetEstimates - Estimated errors of the last solve, one number per linear stage, and what rounding leaves.
+
+  Not collective; the array is borrowed
+
+  Output Parameters:
++ n        - number of linear stages
+. estimate - relative error in the norm of `-snes_latin_error_norm`, NULL without `-snes_latin_stop error`
+- floor    - the smallest error that rounding allows on this structure, an estimate, too; 0 when unknown
+
+  Level: intermediate
+
+.seealso: `SNESLatinGetHistory()`
+@*/
+PetscErrorCode SNESLatinGetEstimates(SNES snes, PetscInt *n, const PetscReal *estimate[], PetscReal *floor)
+{
+  SNES_Latin *data;
+
+  PetscFunctionBegin;
+  PetscCall(SNESLatinCheck_Private(snes));
+  data = (SNES_Latin *)snes->data;
+  if (n) *n = data->done;
+  if (estimate) *estimate = data->stop == LATIN_STOP_ERROR ? data->estimates : NULL;
+  if (floor) *floor = data->estimate.floor;
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  SNESLatinGetOuter - The inner SNES that iterates on the fixed-point map.
+
+  Collective on snes when called first; the reference is borrowed
+
+  Level: advanced
+@*/
+PetscErrorCode SNESLatinGetOuter(SNES snes, SNES *outer)
+{
+  PetscFunctionBegin;
+  PetscCall(SNESLatinCheck_Private(snes));
+  PetscCall(SNESLatinCreateOuter_Private(snes));
+  *outer = ((SNES_Latin *)snes->data)->outer;
+  PetscFunctionReturn(0);
+}
