@@ -91,7 +91,7 @@ def test_a_second_solve_keeps_the_fields():
         assert latinpc.statistics(run.snes) == sizes
 
 
-@pytest.mark.parametrize("slack", [0, 1])
+@pytest.mark.parametrize("slack", [pytest.param(0, marks=pytest.mark.slow), 1])
 @pytest.mark.parametrize("name", SCENES)
 def test_the_solution_stays(name, slack):
     """The fields change the way to the solution, not the solution."""
@@ -196,7 +196,7 @@ if PETSc.COMM_WORLD.rank == 0:
 """
 
 
-@pytest.mark.parametrize("slack", [0, 1])
+@pytest.mark.parametrize("slack", [pytest.param(0, marks=pytest.mark.slow), 1])
 def test_ranks_do_not_matter(mpirun, slack):
     """One rank, two and four: the same fields, the same iterates to rounding."""
     found = [mpirun(n, RANKS, Path(__file__).parent, slack).stdout.split() for n in (1, 2, 4)]

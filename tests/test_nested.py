@@ -107,7 +107,7 @@ if PETSc.COMM_WORLD.rank == 0:
 """
 
 
-@pytest.mark.parametrize("ranks", [2, 4])
+@pytest.mark.parametrize("ranks", [2, pytest.param(4, marks=pytest.mark.slow)])
 def test_on_several_ranks(mpirun, ranks):
     """Groups stay on their rank; displacements are those of one rank."""
     import json
