@@ -91,6 +91,7 @@ $(VENV)/.bench: $(VENV)/.tools
 
 bench: env $(VENV)/.bench
 	$(BIN)/python benchmarks/run.py $(if $(filter full,$(BENCH)),--full)
+	$(if $(filter full,$(BENCH)),$(BIN)/python benchmarks/directions.py && $(BIN)/python benchmarks/iteration.py)
 	$(BIN)/python benchmarks/plot.py
 
 format: env

@@ -58,7 +58,6 @@ def measure(scene, repeat=3):
     snes.setFromOptions()
     u = links.create_vec()
     snes.solve(None, u)
-    stage = PETSc.Log.Stage("iterations")
     best = None
     for k in range(repeat):
         stage = PETSc.Log.Stage(f"iterations {k}")

@@ -261,12 +261,8 @@ PetscErrorCode LatinBlockSolverSetUp(Latin latin, LatinBlockSolver *solver, cons
     PetscCall(MatCreateSeqAIJWithArrays(PETSC_COMM_SELF, rows, rows, solver->ci[i], solver->cj[i], solver->ca[i], &solver->K[i]));
     PetscCall(MatSetOption(solver->K[i], MAT_SYMMETRIC, PETSC_TRUE));
     PetscCall(MatSetOption(solver->K[i], MAT_SPD, PETSC_TRUE));
-    PetscCall(MatCreateSeqDense(PETSC_COMM_SELF, rows, columns, NULL, &solver->B[i]));
-    PetscCall(MatCreateSeqDense(PETSC_COMM_SELF, rows, columns, NULL, &solver->X[i]));
-    for (PetscInt k = 0; k < 2; k++) {
-      PetscCall(MatAssemblyBegin(k ? solver->X[i] : solver->B[i], MAT_FINAL_ASSEMBLY));
-      PetscCall(MatAssemblyEnd(k ? solver->X[i] : solver->B[i], MAT_FINAL_ASSEMBLY));
-    }
+    PetscCall(LatinDenseCreate_Private(rows, columns, &solver->B[i]));
+    PetscCall(LatinDenseCreate_Private(rows, columns, &solver->X[i]));
     if (batch->members == 1) {
       PetscCall(MatDenseGetArray(solver->B[i], &b));
       PetscCall(MatDenseGetArray(solver->X[i], &x));

@@ -187,7 +187,7 @@ PetscErrorCode LatinCoarseSetUp(Latin latin)
   LatinFactorStatus status = {0, PC_NOERROR, PETSC_FALSE};
   Vec               soft   = NULL;
   const char       *prefix;
-  PetscInt          width = 1;
+  PetscInt          width = 1, rows;
   PetscBool         half  = PETSC_FALSE;
   PC                pc;
 
@@ -212,8 +212,11 @@ PetscErrorCode LatinCoarseSetUp(Latin latin)
     PetscCall(KSPSetOperators(coarse->ksp, coarse->A, coarse->A));
     PetscCall(KSPSetFromOptions(coarse->ksp));
   } else PetscCall(KSPSetOperators(coarse->ksp, coarse->A, coarse->A));
-  PetscCall(LatinFactor_Private(coarse->ksp, coarse->A, MATSOLVERMUMPS, &status, &soft));
-  PetscCall(LatinFactorAgree_Private(latin, &status, soft, NULL, "coarse"));
+  PetscCall(MatGetSize(coarse->A, &rows, NULL));
+  if (rows) { /* disconnected structures may be condensed entirely, each a group */
+    PetscCall(LatinFactor_Private(coarse->ksp, coarse->A, MATSOLVERMUMPS, &status, &soft));
+    PetscCall(LatinFactorAgree_Private(latin, &status, soft, NULL, "coarse"));
+  }
   PetscCall(PetscLogEventEnd(LATIN_Coarse, latin, 0, 0, 0));
   PetscFunctionReturn(0);
 }
@@ -225,6 +228,7 @@ PetscErrorCode LatinCoarseSolve(Latin latin)
   LatinCoarse       *coarse = &latin->coarse;
   PetscScalar       *b;
   const PetscScalar *x;
+  PetscInt           rows;
 
   PetscFunctionBegin;
   if (!coarse->A) PetscFunctionReturn(0);
@@ -234,9 +238,12 @@ PetscErrorCode LatinCoarseSolve(Latin latin)
   PetscCall(VecGetArray(coarse->rhs, &b));
   PetscCall(LatinSFReduce_Private(coarse->top_sf, 1, MPIU_SCALAR, coarse->top.q, b, MPI_SUM));
   PetscCall(VecRestoreArray(coarse->rhs, &b));
-  PetscCall(KSPSolve(coarse->ksp, coarse->rhs, coarse->sol));
-  PetscCall(KSPGetConvergedReason(coarse->ksp, &reason));
-  if (reason < 0) latin->failed = PETSC_TRUE;
+  PetscCall(VecGetSize(coarse->rhs, &rows));
+  if (rows) {
+    PetscCall(KSPSolve(coarse->ksp, coarse->rhs, coarse->sol));
+    PetscCall(KSPGetConvergedReason(coarse->ksp, &reason));
+    if (reason < 0) latin->failed = PETSC_TRUE;
+  }
   PetscCall(VecGetArrayRead(coarse->sol, &x));
   PetscCall(LatinSFBcast_Private(coarse->top_sf, 1, MPIU_SCALAR, x, coarse->top.u));
   PetscCall(VecRestoreArrayRead(coarse->sol, &x));

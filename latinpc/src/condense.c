@@ -72,20 +72,13 @@ static PetscErrorCode LatinCondenseSolve_Private(Latin latin, PetscInt which, KS
     Mat                B, X;
     PetscScalar       *b;
     const PetscScalar *x;
-    KSPConvergedReason reason;
 
-    PetscCall(MatCreateSeqDense(PETSC_COMM_SELF, n, last - first, NULL, &B));
-    PetscCall(MatCreateSeqDense(PETSC_COMM_SELF, n, last - first, NULL, &X));
+    PetscCall(LatinDenseCreate_Private(n, last - first, &B));
+    PetscCall(LatinDenseCreate_Private(n, last - first, &X));
     PetscCall(MatDenseGetArrayWrite(B, &b));
     PetscCall(LatinCondenseColumns_Private(latin, batch, first, last, b));
     PetscCall(MatDenseRestoreArrayWrite(B, &b));
-    PetscCall(MatAssemblyBegin(B, MAT_FINAL_ASSEMBLY));
-    PetscCall(MatAssemblyEnd(B, MAT_FINAL_ASSEMBLY));
-    PetscCall(MatAssemblyBegin(X, MAT_FINAL_ASSEMBLY));
-    PetscCall(MatAssemblyEnd(X, MAT_FINAL_ASSEMBLY));
-    PetscCall(KSPMatSolve(linear->solver.ksp[which], B, X));
-    PetscCall(KSPGetConvergedReason(linear->solver.ksp[which], &reason));
-    if (reason < 0) *failed = reason;
+    PetscCall(LatinDenseSolve_Private(linear->solver.ksp[which], B, X, failed));
     PetscCall(MatDenseGetArrayRead(X, &x));
     for (PetscInt p = 0; p < batch->patterns; p++) {
       const PetscInt s    = batch->sub[p];

@@ -43,6 +43,28 @@ PetscErrorCode LatinDirectSolver_Private(PC pc, Mat A, MatSolverType preferred)
   PetscFunctionReturn(0);
 }
 
+/* A dense matrix for right-hand sides or solutions, ready for KSPMatSolve() */
+PetscErrorCode LatinDenseCreate_Private(PetscInt rows, PetscInt columns, Mat *M)
+{
+  PetscFunctionBegin;
+  PetscCall(MatCreateSeqDense(PETSC_COMM_SELF, rows, columns, NULL, M));
+  PetscCall(MatAssemblyBegin(*M, MAT_FINAL_ASSEMBLY));
+  PetscCall(MatAssemblyEnd(*M, MAT_FINAL_ASSEMBLY));
+  PetscFunctionReturn(0);
+}
+
+/* Solves for all columns of B; a reason that is negative is left in *failed, others are not */
+PetscErrorCode LatinDenseSolve_Private(KSP ksp, Mat B, Mat X, KSPConvergedReason *failed)
+{
+  KSPConvergedReason reason;
+
+  PetscFunctionBegin;
+  PetscCall(KSPMatSolve(ksp, B, X));
+  PetscCall(KSPGetConvergedReason(ksp, &reason));
+  if (reason < 0) *failed = reason;
+  PetscFunctionReturn(0);
+}
+
 /*
    Inverse iteration for the softest displacement of A relative to its diagonal, by solves with ksp.
    Returns its relative stiffness and leaves the displacement in v. Collective on A.

@@ -133,7 +133,7 @@ static PetscErrorCode LatinFloppyFactor_Private(Latin latin, PetscInt s, const P
 }
 
 /* G = d^1/2 C K_E^-1 C^t d^1/2 at n interface dofs (rows of the subdomain), column by column */
-static PetscErrorCode LatinFloppyCompliance_Private(KSP ksp, PetscInt n, const PetscInt dof[], const PetscReal weight[], PetscScalar G[])
+static PetscErrorCode LatinFloppyCompliance_Private(KSP ksp, PetscInt n, const PetscInt dof[], const PetscReal weight[], PetscScalar G[], KSPConvergedReason *failed)
 {
   const PetscInt width = 64; /* columns solved together: bounds the work space */
   PetscInt       rows;
@@ -147,17 +147,13 @@ static PetscErrorCode LatinFloppyCompliance_Private(KSP ksp, PetscInt n, const P
     const PetscScalar *x;
     PetscScalar       *b;
 
-    PetscCall(MatCreateSeqDense(PETSC_COMM_SELF, rows, columns, NULL, &B));
-    PetscCall(MatCreateSeqDense(PETSC_COMM_SELF, rows, columns, NULL, &X));
+    PetscCall(LatinDenseCreate_Private(rows, columns, &B));
+    PetscCall(LatinDenseCreate_Private(rows, columns, &X));
     PetscCall(MatDenseGetArrayWrite(B, &b));
     PetscCall(PetscArrayzero(b, rows * columns));
     for (PetscInt j = 0; j < columns; j++) b[dof[first + j] + rows * j] = weight[first + j];
     PetscCall(MatDenseRestoreArrayWrite(B, &b));
-    PetscCall(MatAssemblyBegin(B, MAT_FINAL_ASSEMBLY));
-    PetscCall(MatAssemblyEnd(B, MAT_FINAL_ASSEMBLY));
-    PetscCall(MatAssemblyBegin(X, MAT_FINAL_ASSEMBLY));
-    PetscCall(MatAssemblyEnd(X, MAT_FINAL_ASSEMBLY));
-    PetscCall(KSPMatSolve(ksp, B, X));
+    PetscCall(LatinDenseSolve_Private(ksp, B, X, failed));
     PetscCall(MatDenseGetArrayRead(X, &x));
     for (PetscInt j = 0; j < columns; j++)
       for (PetscInt i = 0; i < n; i++) G[i + (size_t)n * (size_t)(first + j)] = weight[i] * x[dof[i] + rows * j];
@@ -169,7 +165,7 @@ static PetscErrorCode LatinFloppyCompliance_Private(KSP ksp, PetscInt n, const P
 }
 
 /* Eigenvectors of G (destroyed) for the eigenvalues 1 / (1 + lambda), lambda < threshold: columns of V (n x n), the last *modes wanted */
-static PetscErrorCode LatinFloppyEigen_Private(PetscInt n, PetscReal threshold, PetscScalar G[], PetscScalar V[], PetscInt *modes)
+static PetscErrorCode LatinFloppyEigen_Private(PetscInt n, PetscReal threshold, PetscScalar G[], PetscScalar V[], PetscInt *modes, PetscBool *bad)
 {
   const PetscReal low = 1.0 / (1.0 + threshold), high = 2.0, tolerance = 0.0;
   PetscBLASInt    bn, lwork, found = 0, unused = 0, info, *iwork, *fail;
@@ -181,9 +177,9 @@ static PetscErrorCode LatinFloppyEigen_Private(PetscInt n, PetscReal threshold, 
   PetscCall(PetscBLASIntCast(40 * n, &lwork));
   PetscCall(PetscMalloc4(lwork, &work, n, &w, 5 * n, &iwork, n, &fail));
   PetscCallBLAS("LAPACKsyevx", LAPACKsyevx_("V", "V", "L", &bn, G, &bn, &low, &high, &unused, &unused, &tolerance, &found, w, V, &bn, work, &lwork, iwork, fail, &info));
-  PetscCheck(!info, PETSC_COMM_SELF, PETSC_ERR_LIB, "LAPACK syevx found no local modes of a subdomain (info %d); try without them", (int)info);
+  if (info) *bad = PETSC_TRUE;
   PetscCall(PetscFree4(work, w, iwork, fail));
-  *modes = found;
+  *modes = info ? 0 : found;
   PetscFunctionReturn(0);
 }
 
@@ -217,14 +213,15 @@ static PetscErrorCode LatinFloppyCut_Private(Latin latin, PetscInt f, PetscInt n
 }
 
 /* The low-energy modes of a subdomain, cut by interface */
-static PetscErrorCode LatinFloppySubdomain_Private(Latin latin, PetscInt s, const PetscReal spring[])
+static PetscErrorCode LatinFloppySubdomain_Private(Latin latin, PetscInt s, const PetscReal spring[], PetscBool *bad)
 {
-  LatinInterfaces *inter = &latin->inter;
-  const PetscInt   dim = latin->links->dim, top = dim * latin->sub.node_offset[s], rows = dim * latin->sub.node_offset[s + 1] - top;
-  PetscInt        *dof, *position, n = 0, modes = 0, kept;
-  PetscReal       *weight;
-  PetscScalar     *G, *V;
-  KSP              ksp = NULL;
+  LatinInterfaces   *inter = &latin->inter;
+  const PetscInt     dim = latin->links->dim, top = dim * latin->sub.node_offset[s], rows = dim * latin->sub.node_offset[s + 1] - top;
+  PetscInt          *dof, *position, n = 0, modes = 0, kept;
+  PetscReal         *weight;
+  PetscScalar       *G, *V;
+  KSP                ksp    = NULL;
+  KSPConvergedReason failed = KSP_CONVERGED_ITERATING;
 
   PetscFunctionBegin;
   PetscCall(LatinFloppyFactor_Private(latin, s, spring, &ksp));
@@ -238,8 +235,9 @@ static PetscErrorCode LatinFloppySubdomain_Private(Latin latin, PetscInt s, cons
     dof[n++]    = i;
   }
   PetscCall(PetscMalloc2((size_t)n * (size_t)n, &G, (size_t)n * (size_t)n, &V));
-  PetscCall(LatinFloppyCompliance_Private(ksp, n, dof, weight, G));
-  PetscCall(LatinFloppyEigen_Private(n, latin->local_threshold, G, V, &modes));
+  PetscCall(LatinFloppyCompliance_Private(ksp, n, dof, weight, G, &failed));
+  if (failed) *bad = PETSC_TRUE;
+  else PetscCall(LatinFloppyEigen_Private(n, latin->local_threshold, G, V, &modes, bad));
   kept                   = PetscMin(modes, latin->local_max);
   latin->floppy.modes[s] = kept;
   for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++) PetscCall(LatinFloppyCut_Private(latin, f, n, kept, V + (size_t)n * (size_t)(modes - kept), position, weight));
@@ -337,7 +335,7 @@ PetscErrorCode LatinFloppySetUp(Latin latin)
   LatinFloppy       *floppy = &latin->floppy;
   PetscReal         *spring;
   PetscInt          *pattern;
-  PetscBool         *is, any = PETSC_FALSE;
+  PetscBool         *is, any = PETSC_FALSE, bad = PETSC_FALSE;
 
   PetscFunctionBegin;
   if (latin->local_threshold == 0.0 || LatinFloppyWaits(latin)) PetscFunctionReturn(0);
@@ -351,10 +349,11 @@ PetscErrorCode LatinFloppySetUp(Latin latin)
   if (any) PetscCall(LatinBlocksCompare_Private(latin, PETSC_TRUE, pattern));
   for (PetscInt s = 0; s < sub->n; s++) {
     if (!is[s]) continue;
-    if (pattern[s] == s || !LatinFloppySame(latin, pattern[s], s)) PetscCall(LatinFloppySubdomain_Private(latin, s, spring));
+    if (pattern[s] == s || !LatinFloppySame(latin, pattern[s], s)) PetscCall(LatinFloppySubdomain_Private(latin, s, spring, &bad));
     else PetscCall(LatinFloppyCopy_Private(latin, pattern[s], s));
   }
   PetscCall(PetscFree3(spring, pattern, is));
+  LatinAgree(PetscObjectComm((PetscObject)latin), bad, PETSC_ERR_CONV_FAILED, "The local low-energy fields of a subdomain could not be computed; leave them out with -%smodes_local 0", ((PetscObject)latin)->prefix ? ((PetscObject)latin)->prefix : "");
   PetscCall(LatinFloppyExchange_Private(latin));
   PetscCall(PetscLogEventEnd(LATIN_Floppy, latin, 0, 0, 0));
   PetscFunctionReturn(0);

@@ -463,6 +463,8 @@ PETSC_INTERN PetscErrorCode LatinLinearSetLoads(Latin, Vec load);
 PETSC_INTERN PetscErrorCode LatinLinearReset(Latin);
 PETSC_INTERN PetscErrorCode LatinLinearApply(Latin);
 PETSC_INTERN PetscErrorCode LatinDirectSolverAvailable_Private(Mat, MatSolverType, MatSolverType *, PetscBool *);
+PETSC_INTERN PetscErrorCode LatinDenseCreate_Private(PetscInt, PetscInt, Mat *);
+PETSC_INTERN PetscErrorCode LatinDenseSolve_Private(KSP, Mat B, Mat X, KSPConvergedReason *failed);
 PETSC_INTERN PetscErrorCode LatinDirectSolver_Private(PC, Mat, MatSolverType preferred);
 PETSC_INTERN PetscErrorCode LatinFactor_Private(KSP, Mat, MatSolverType, LatinFactorStatus *, Vec *soft);
 PETSC_INTERN PetscErrorCode LatinFactorAgree_Private(Latin, const LatinFactorStatus *, Vec soft, const LatinBatch *, const char name[]);

@@ -167,7 +167,7 @@ static PetscErrorCode LatinStiffnessCondense_Private(Latin latin, LatinGraph *gr
   Mat                K;
   KSP                ksp;
   PC                 pc;
-  KSPConvergedReason reason;
+  KSPConvergedReason failed = KSP_CONVERGED_ITERATING;
 
   PetscFunctionBegin;
   PetscCall(PetscMalloc3(patterns + 1, &row, patterns, &count, patterns + 1, &start));
@@ -203,20 +203,15 @@ static PetscErrorCode LatinStiffnessCondense_Private(Latin latin, LatinGraph *gr
     PetscScalar       *b;
     const PetscScalar *x;
 
-    PetscCall(MatCreateSeqDense(PETSC_COMM_SELF, row[patterns], to - from, NULL, &B));
-    PetscCall(MatCreateSeqDense(PETSC_COMM_SELF, row[patterns], to - from, NULL, &X));
+    PetscCall(LatinDenseCreate_Private(row[patterns], to - from, &B));
+    PetscCall(LatinDenseCreate_Private(row[patterns], to - from, &X));
     PetscCall(MatDenseGetArrayWrite(B, &b));
     PetscCall(PetscMemzero(b, n * (size_t)(to - from) * sizeof(*b)));
     for (PetscInt p = 0; p < patterns; p++)
       for (PetscInt j = from; j < PetscMin(to, count[p]); j++) b[(size_t)(row[p] + dofs[inter->interface[inter->offset[list[p]]].side_first + j] - dim * sub->node_offset[list[p]]) + n * (size_t)(j - from)] = 1.0;
     PetscCall(MatDenseRestoreArrayWrite(B, &b));
-    PetscCall(MatAssemblyBegin(B, MAT_FINAL_ASSEMBLY));
-    PetscCall(MatAssemblyEnd(B, MAT_FINAL_ASSEMBLY));
-    PetscCall(MatAssemblyBegin(X, MAT_FINAL_ASSEMBLY));
-    PetscCall(MatAssemblyEnd(X, MAT_FINAL_ASSEMBLY));
-    PetscCall(KSPMatSolve(ksp, B, X));
-    PetscCall(KSPGetConvergedReason(ksp, &reason));
-    if (reason < 0) *bad = PETSC_TRUE;
+    PetscCall(LatinDenseSolve_Private(ksp, B, X, &failed));
+    if (failed) *bad = PETSC_TRUE;
     PetscCall(MatDenseGetArrayRead(X, &x));
     for (PetscInt p = 0; p < patterns; p++) {
       const PetscInt side = inter->interface[inter->offset[list[p]]].side_first;
