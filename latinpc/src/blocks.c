@@ -10,14 +10,7 @@
 
 /* ---- which subdomains are equal ---- */
 
-/* Everything that the operators of a subdomain depend on, as one stream of bytes: hashed, or compared with another's */
-typedef struct {
-  uint64_t       hash;
-  unsigned char *bytes;
-  size_t         used, size;
-} LatinStream;
-
-static PetscErrorCode LatinStreamAdd_Private(LatinStream *stream, const void *data, size_t n)
+PetscErrorCode LatinStreamAdd_Private(LatinStream *stream, const void *data, size_t n)
 {
   PetscFunctionBegin;
   if (stream->used + n > stream->size) {
@@ -39,32 +32,25 @@ static PetscErrorCode LatinStreamSubdomain_Private(Latin latin, PetscInt s, Pets
 {
   LatinSubstructure *sub   = &latin->sub;
   LatinInterfaces   *inter = &latin->inter;
-  const PetscInt     dim = latin->links->dim, top = sub->node_offset[s], nodes = sub->node_offset[s + 1] - top;
-  const PetscInt     first = sub->link_offset[s], links = sub->link_offset[s + 1] - first, faces = inter->offset[s + 1] - inter->offset[s];
-  PetscInt           head[3] = {nodes, links, faces};
+  const PetscInt     bs = latin->sub.bs, top = sub->node_offset[s], nodes = sub->node_offset[s + 1] - top;
+  PetscInt           head[2] = {nodes, inter->offset[s + 1] - inter->offset[s]};
 
   PetscFunctionBegin;
   stream->used = 0;
   PetscCall(LatinStreamAdd_Private(stream, head, sizeof(head)));
-  for (PetscInt i = 0; i < dim * nodes; i++) {
-    const unsigned char flags = (unsigned char)((sub->fixed[dim * top + i] ? 1 : 0) | (inter->component[top + i / dim] >= 0 ? 2 : 0) | (inter->share_offset[top + i / dim + 1] > inter->share_offset[top + i / dim] ? 4 : 0));
+  for (PetscInt i = 0; i < bs * nodes; i++) {
+    const unsigned char flags = (unsigned char)((sub->fixed[bs * top + i] ? 1 : 0) | (inter->component[top + i / bs] >= 0 ? 2 : 0) | (inter->share_offset[top + i / bs + 1] > inter->share_offset[top + i / bs] ? 4 : 0));
 
     PetscCall(LatinStreamAdd_Private(stream, &flags, 1));
   }
-  for (PetscInt l = first; l < first + links; l++) {
-    const PetscInt ends[2] = {sub->ends[2 * l] - top, sub->ends[2 * l + 1] - top};
-
-    PetscCall(LatinStreamAdd_Private(stream, ends, sizeof(ends)));
-  }
-  PetscCall(LatinStreamAdd_Private(stream, sub->stiffness + first, (size_t)links * sizeof(PetscReal)));
-  PetscCall(LatinStreamAdd_Private(stream, sub->direction + dim * first, (size_t)(dim * links) * sizeof(PetscReal)));
+  PetscCall(LatinOperatorStream_Private(latin, s, stream));
   for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++) {
     const LatinInterface *face     = &inter->interface[f];
     const PetscInt        sizes[2] = {face->side_last - face->side_first, bases ? face->modes : 0};
 
     PetscCall(LatinStreamAdd_Private(stream, sizes, sizeof(sizes)));
     for (PetscInt k = face->side_first; k < face->side_last; k++) {
-      const PetscInt dof = inter->side_dof[k] - dim * top;
+      const PetscInt dof = inter->side_dof[k] - bs * top;
 
       PetscCall(LatinStreamAdd_Private(stream, &dof, sizeof(dof)));
     }
@@ -187,7 +173,7 @@ PetscErrorCode LatinBlocksSetUp(Latin latin)
     LatinBatch *batch = &blocks->batch[b];
 
     batch->row[0] = 0;
-    for (PetscInt p = 0; p < batch->patterns; p++) batch->row[p + 1] = batch->row[p] + latin->links->dim * (sub->node_offset[batch->sub[p] + 1] - sub->node_offset[batch->sub[p]]);
+    for (PetscInt p = 0; p < batch->patterns; p++) batch->row[p + 1] = batch->row[p] + latin->sub.bs * (sub->node_offset[batch->sub[p] + 1] - sub->node_offset[batch->sub[p]]);
   }
   PetscCall(PetscFree3(count, index, next));
   PetscCall(PetscInfo(latin, "%" PetscInt_FMT " subdomains here, %" PetscInt_FMT " different operators\n", sub->n, groups + alone));
@@ -293,7 +279,7 @@ PetscErrorCode LatinBlockSolverSetUp(Latin latin, LatinBlockSolver *solver, cons
 PetscErrorCode LatinBlockSolve(Latin latin, LatinBlockSolver *solver, const PetscReal g[], PetscReal U[])
 {
   LatinSubstructure *sub = &latin->sub;
-  const PetscInt     dim = latin->links->dim;
+  const PetscInt     bs  = latin->sub.bs;
 
   PetscFunctionBegin;
   for (PetscInt i = 0; i < solver->n; i++) {
@@ -308,7 +294,7 @@ PetscErrorCode LatinBlockSolve(Latin latin, LatinBlockSolver *solver, const Pets
 
       PetscCall(MatDenseGetArray(solver->B[i], &b));
       for (PetscInt m = first; m < last; m++)
-        for (PetscInt p = 0; p < batch->patterns; p++) PetscCall(PetscArraycpy(b + (size_t)rows * (size_t)(m - first) + batch->row[p], g + dim * sub->node_offset[batch->sub[p + m]], batch->row[p + 1] - batch->row[p]));
+        for (PetscInt p = 0; p < batch->patterns; p++) PetscCall(PetscArraycpy(b + (size_t)rows * (size_t)(m - first) + batch->row[p], g + bs * sub->node_offset[batch->sub[p + m]], batch->row[p + 1] - batch->row[p]));
       PetscCall(MatDenseRestoreArray(solver->B[i], &b));
       if (batch->members == 1) {
         PetscCall(PetscObjectStateIncrease((PetscObject)solver->b[i]));
@@ -318,7 +304,7 @@ PetscErrorCode LatinBlockSolve(Latin latin, LatinBlockSolver *solver, const Pets
       if (reason < 0) latin->failed = PETSC_TRUE;
       PetscCall(MatDenseGetArrayRead(solver->X[i], &x));
       for (PetscInt m = first; m < last; m++)
-        for (PetscInt p = 0; p < batch->patterns; p++) PetscCall(PetscArraycpy(U + dim * sub->node_offset[batch->sub[p + m]], x + (size_t)rows * (size_t)(m - first) + batch->row[p], batch->row[p + 1] - batch->row[p]));
+        for (PetscInt p = 0; p < batch->patterns; p++) PetscCall(PetscArraycpy(U + bs * sub->node_offset[batch->sub[p + m]], x + (size_t)rows * (size_t)(m - first) + batch->row[p], batch->row[p + 1] - batch->row[p]));
       PetscCall(MatDenseRestoreArrayRead(solver->X[i], &x));
     }
   }

@@ -11,7 +11,7 @@ static PetscErrorCode LatinCoarseNumberPrimal_Private(Latin latin, PetscInt tabl
 {
   LatinSubstructure *sub   = &latin->sub;
   LatinInterfaces   *inter = &latin->inter;
-  const PetscInt     dim   = latin->links->dim;
+  const PetscInt     bs    = latin->sub.bs;
 
   PetscFunctionBegin;
   latin->coarse.primal_local = 0;
@@ -20,7 +20,7 @@ static PetscErrorCode LatinCoarseNumberPrimal_Private(Latin latin, PetscInt tabl
 
     if (inter->component[i] < 0 || inter->component[i] != p) continue;
     table[inter->table_offset[i] + p * m + p] = 1 + latin->coarse.primal_local;
-    for (PetscInt c = 0; c < dim; c++) latin->coarse.primal_local += sub->fixed[dim * i + c] ? 0 : 1;
+    for (PetscInt c = 0; c < bs; c++) latin->coarse.primal_local += sub->fixed[bs * i + c] ? 0 : 1;
   }
   PetscCall(LatinInterfaceExchange_Private(latin, table));
   PetscFunctionReturn(0);
@@ -34,7 +34,7 @@ PetscErrorCode LatinCoarseNumber(Latin latin)
   LatinLinear       *linear = &latin->linear;
   LatinCoarse       *coarse = &latin->coarse;
   MPI_Comm           comm   = PetscObjectComm((PetscObject)latin);
-  const PetscInt     dim    = latin->links->dim;
+  const PetscInt     bs     = latin->sub.bs;
   PetscInt          *table, count = 0, primal = 0, mine[2];
   PetscMPIInt        size;
   PetscLayout        map;
@@ -57,11 +57,11 @@ PetscErrorCode LatinCoarseNumber(Latin latin)
     PetscCallMPI(MPI_Allgather(&coarse->macro_local, 1, MPIU_INT, macros, 1, MPIU_INT, comm));
 
     PetscCall(PetscMalloc1(sub->n + 1, &linear->primal_offset));
-    PetscCall(PetscMalloc1(dim * sub->copies, &linear->primal_index));
+    PetscCall(PetscMalloc1(bs * sub->copies, &linear->primal_index));
     PetscCall(PetscMalloc1(sub->n + 1, &coarse->offset));
     PetscCall(PetscMalloc1(sub->n, &coarse->macro_count));
-    for (PetscInt i = 0; i < dim * sub->copies; i++) {
-      linear->primal_index[i] = inter->component[i / dim] >= 0 && !sub->fixed[i] ? 0 : -1;
+    for (PetscInt i = 0; i < bs * sub->copies; i++) {
+      linear->primal_index[i] = inter->component[i / bs] >= 0 && !sub->fixed[i] ? 0 : -1;
       if (!linear->primal_index[i]) primal++;
     }
     for (PetscInt f = 0; f < inter->count; f++) count += inter->interface[f].modes;
@@ -89,11 +89,11 @@ PetscErrorCode LatinCoarseNumber(Latin latin)
         if (leader < 0) continue;
         owner = LatinSubdomainRank(sub, size, inter->share_list[inter->share_offset[i] + leader]);
         next  = coarse->rank_start[owner] + macros[owner] + table[inter->table_offset[i] + leader * m + leader] - 1;
-        for (PetscInt c = 0; c < dim; c++) {
-          if (sub->fixed[dim * i + c]) continue;
-          linear->primal_index[dim * i + c] = primal - linear->primal_offset[s];
-          linear->primal_dof[primal++]      = dim * i + c;
-          coarse->global[count++]           = next++;
+        for (PetscInt c = 0; c < bs; c++) {
+          if (sub->fixed[bs * i + c]) continue;
+          linear->primal_index[bs * i + c] = primal - linear->primal_offset[s];
+          linear->primal_dof[primal++]     = bs * i + c;
+          coarse->global[count++]          = next++;
         }
       }
       linear->widest = PetscMax(linear->widest, count - coarse->offset[s]);

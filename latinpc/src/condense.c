@@ -36,7 +36,7 @@ static PetscErrorCode LatinCondenseColumns_Private(Latin latin, const LatinBatch
   PetscFunctionBegin;
   PetscCall(PetscMemzero(b, n * (size_t)(last - first) * sizeof(*b)));
   for (PetscInt p = 0; p < batch->patterns; p++) {
-    const PetscInt s = batch->sub[p], macros = latin->coarse.macro_count[s], shift = batch->row[p] - latin->links->dim * latin->sub.node_offset[s];
+    const PetscInt s = batch->sub[p], macros = latin->coarse.macro_count[s], shift = batch->row[p] - latin->sub.bs * latin->sub.node_offset[s];
 
     for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++) {
       const LatinInterface *face = &inter->interface[f];
@@ -99,9 +99,9 @@ static PetscErrorCode LatinCondenseMacro_Private(Latin latin, PetscInt s, const 
 {
   LatinInterfaces *inter  = &latin->inter;
   LatinLinear     *linear = &latin->linear;
-  const PetscInt   dim = latin->links->dim, top = dim * latin->sub.node_offset[s];
+  const PetscInt   bs = latin->sub.bs, top = bs * latin->sub.node_offset[s];
   const PetscInt   macros = latin->coarse.macro_count[s], columns = latin->coarse.offset[s + 1] - latin->coarse.offset[s];
-  const size_t     rows = (size_t)(dim * (latin->sub.node_offset[s + 1] - latin->sub.node_offset[s]));
+  const size_t     rows = (size_t)(bs * (latin->sub.node_offset[s + 1] - latin->sub.node_offset[s]));
 
   PetscFunctionBegin;
   for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++) {
@@ -130,7 +130,7 @@ static PetscErrorCode LatinCondenseMacro_Private(Latin latin, PetscInt s, const 
 static PetscErrorCode LatinCondenseSubdomain_Private(Latin latin, PetscInt s, PetscScalar T[], PetscScalar N[], PetscScalar TN[], PetscScalar work[], PetscBool *singular)
 {
   LatinLinear      *linear = &latin->linear;
-  const PetscInt    dim = latin->links->dim, m = latin->coarse.offset[s + 1] - latin->coarse.offset[s];
+  const PetscInt    bs = latin->sub.bs, m = latin->coarse.offset[s + 1] - latin->coarse.offset[s];
   const PetscInt    macros = latin->coarse.macro_count[s], primals = m - macros;
   PetscScalar      *H = linear->H + linear->h_offset[s], *phi = linear->Phi + linear->phi_offset[s];
   const PetscScalar one = 1.0, zero = 0.0, minus = -1.0;
@@ -141,7 +141,7 @@ static PetscErrorCode LatinCondenseSubdomain_Private(Latin latin, PetscInt s, Pe
   PetscCall(PetscBLASIntCast(macros, &bm));
   PetscCall(PetscBLASIntCast(primals, &bp));
   PetscCall(PetscBLASIntCast(m, &bl));
-  PetscCall(PetscBLASIntCast(dim * (latin->sub.node_offset[s + 1] - latin->sub.node_offset[s]), &br));
+  PetscCall(PetscBLASIntCast(bs * (latin->sub.node_offset[s + 1] - latin->sub.node_offset[s]), &br));
   rows = (size_t)br;
   PetscCall(PetscArrayzero(T, macros * macros));
   PetscCall(PetscArrayzero(N, macros * primals));
@@ -189,7 +189,7 @@ PetscErrorCode LatinCondenseSetUp(Latin latin)
   for (PetscInt b = 0; b < linear->blocks.n; b++) PetscCall(LatinCondenseSolve_Private(latin, b, &failed));
   LatinAgree(PetscObjectComm((PetscObject)latin), failed, PETSC_ERR_CONV_FAILED, "A local solver gave up while the subdomains were condensed (%s); change its options, which start with -%slocal_", KSPConvergedReasons[failed],
              ((PetscObject)latin)->prefix ? ((PetscObject)latin)->prefix : "");
-  for (PetscInt s = 0; s < sub->n; s++) rows = PetscMax(rows, latin->links->dim * (sub->node_offset[s + 1] - sub->node_offset[s]));
+  for (PetscInt s = 0; s < sub->n; s++) rows = PetscMax(rows, latin->sub.bs * (sub->node_offset[s + 1] - sub->node_offset[s]));
   PetscCall(PetscMalloc4(w * w, &T, w * w, &N, w * w, &TN, rows * w, &work));
   for (PetscInt s = 0; s < sub->n; s++) {
     PetscBool singular = PETSC_FALSE;

@@ -30,8 +30,8 @@ static PetscErrorCode LatinDirectionDiagonal_Private(Latin latin, PetscReal frac
   PetscReal       *diagonal, *mine, *mate, sum[2] = {0.0, 0.0}, fallback;
 
   PetscFunctionBegin;
-  PetscCall(PetscMalloc3(latin->links->dim * latin->sub.copies, &diagonal, inter->sides, &mine, inter->sides, &mate));
-  PetscCall(LatinStiffnessDiagonal_Private(latin, diagonal));
+  PetscCall(PetscMalloc3(latin->sub.bs * latin->sub.copies, &diagonal, inter->sides, &mine, inter->sides, &mate));
+  PetscCall(LatinOperatorDiagonal(latin, diagonal));
   for (PetscInt k = 0; k < inter->sides; k++) mine[k] = diagonal[inter->side_dof[k]];
   PetscCall(LatinSFBcast_Private(inter->mate_sf, 1, MPIU_REAL, mine, mate));
   for (PetscInt k = 0; k < inter->sides; k++) sum[0] += 0.5 * (mine[k] + mate[k]);
@@ -237,7 +237,7 @@ PetscErrorCode LatinDirectionSprings_Private(Latin latin, PetscReal spring[])
   LatinInterfaces *inter = &latin->inter;
 
   PetscFunctionBegin;
-  PetscCall(PetscArrayzero(spring, latin->links->dim * latin->sub.copies));
+  PetscCall(PetscArrayzero(spring, latin->sub.bs * latin->sub.copies));
   for (PetscInt f = 0; f < inter->count; f++)
     if (inter->interface[f].matrix_first < 0)
       for (PetscInt k = inter->interface[f].side_first; k < inter->interface[f].side_last; k++) spring[inter->side_dof[k]] += latin->macro.d[k];

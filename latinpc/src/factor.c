@@ -109,19 +109,19 @@ static PetscErrorCode LatinSoftest_Private(KSP ksp, Mat A, Vec v, PetscReal *sti
 static PetscErrorCode LatinMechanismField_Private(Latin latin, Vec v, const LatinBatch *batch, PetscReal field[])
 {
   LatinSubstructure *sub = &latin->sub;
-  const PetscInt     dim = latin->links->dim;
+  const PetscInt     bs  = latin->sub.bs;
   const PetscScalar *a;
 
   PetscFunctionBegin;
-  PetscCall(PetscArrayzero(field, dim * sub->copies));
+  PetscCall(PetscArrayzero(field, bs * sub->copies));
   if (batch) {
     PetscCall(VecGetArrayRead(v, &a));
-    for (PetscInt p = 0; p < batch->patterns; p++) PetscCall(PetscArraycpy(field + dim * sub->node_offset[batch->sub[p]], a + batch->row[p], batch->row[p + 1] - batch->row[p]));
+    for (PetscInt p = 0; p < batch->patterns; p++) PetscCall(PetscArraycpy(field + bs * sub->node_offset[batch->sub[p]], a + batch->row[p], batch->row[p + 1] - batch->row[p]));
     PetscCall(VecRestoreArrayRead(v, &a));
   } else {
     PetscCall(LatinCoarseExpand_Private(latin, v));
     for (PetscInt s = 0; s < sub->n; s++) {
-      const PetscInt   rows = dim * (sub->node_offset[s + 1] - sub->node_offset[s]), first = dim * sub->node_offset[s];
+      const PetscInt   rows = bs * (sub->node_offset[s + 1] - sub->node_offset[s]), first = bs * sub->node_offset[s];
       const PetscReal *u = latin->coarse.u + latin->coarse.offset[s], *phi = latin->linear.Phi + latin->linear.phi_offset[s];
 
       for (PetscInt r = 0; r < rows; r++) {
@@ -139,21 +139,21 @@ static PetscErrorCode LatinMechanismField_Private(Latin latin, Vec v, const Lati
 static PetscErrorCode LatinMechanismReport_Private(Latin latin, const PetscReal field[], PetscBool here)
 {
   LatinSubstructure *sub        = &latin->sub;
-  const PetscInt     dim        = latin->links->dim;
+  const PetscInt     bs         = latin->sub.bs;
   PetscReal          largest    = 0.0, all;
   char               names[256] = "";
   PetscInt           list[64], named = 0;
   size_t             used = 0;
 
   PetscFunctionBegin;
-  for (PetscInt i = 0; here && i < dim * sub->copies; i++)
+  for (PetscInt i = 0; here && i < bs * sub->copies; i++)
     if (!sub->fixed[i] && !PetscIsInfOrNanReal(field[i])) largest = PetscMax(largest, PetscAbsReal(field[i]));
   PetscCall(MPIU_Allreduce(&largest, &all, 1, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)latin)));
   for (PetscInt i = 0; here && i < sub->copies && named < 64; i++) {
     PetscReal size = 0.0;
 
-    for (PetscInt c = 0; c < dim; c++)
-      if (!sub->fixed[dim * i + c]) size = PetscMax(size, PetscAbsReal(field[dim * i + c]));
+    for (PetscInt c = 0; c < bs; c++)
+      if (!sub->fixed[bs * i + c]) size = PetscMax(size, PetscAbsReal(field[bs * i + c]));
     if (size >= 0.5 * all && size > 0.0) list[named++] = sub->node[i];
   }
   PetscCall(PetscSortRemoveDupsInt(&named, list));
@@ -242,7 +242,7 @@ PetscErrorCode LatinFactorAgree_Private(Latin latin, const LatinFactorStatus *st
              (int)status->failed, ((PetscObject)latin)->prefix ? ((PetscObject)latin)->prefix : "", name);
   PetscCallMPI(MPI_Allreduce(&mine, &any, 1, MPI_INT, MPI_MAX, comm));
   if (!any) PetscFunctionReturn(0);
-  PetscCall(PetscMalloc1(latin->links->dim * latin->sub.copies, &field));
+  PetscCall(PetscMalloc1(latin->sub.bs * latin->sub.copies, &field));
   if (soft) PetscCall(LatinMechanismField_Private(latin, soft, batch, field));
   ierr = LatinMechanismReport_Private(latin, field, (PetscBool)(soft != NULL));
   PetscCall(VecDestroy(&soft));

@@ -25,97 +25,90 @@
 #define LATIN_FLOPPY_SIZE  0.1  /* a field is kept when this part of its norm, or more, is outside the macro basis */
 #define LATIN_FLOPPY_SLACK 1e-6 /* what remains of the stiffness of a slack link, so that no mechanism comes of it */
 
-static inline PetscReal LatinFloppyStiffness(Latin latin, PetscInt l)
-{
-  return latin->sub.stiffness[l] * (latin->floppy.known && latin->floppy.slack[l] ? LATIN_FLOPPY_SLACK : 1.0);
-}
-
 /* K + springs at one node, or nothing: is there a motion of this node alone that costs less than threshold x springs? */
-static PetscBool LatinFloppyNode(PetscInt dim, const PetscReal stiffness[], const PetscReal spring[], const PetscBool fixed[], PetscReal threshold)
+static PetscBool LatinFloppyNode(PetscInt bs, const PetscReal stiffness[], const PetscReal spring[], const PetscBool fixed[], PetscReal threshold)
 {
   PetscReal a[9];
 
-  for (PetscInt c = 0; c < dim; c++) {
-    for (PetscInt b = 0; b < dim; b++) a[c * dim + b] = fixed[c] || fixed[b] ? 0.0 : stiffness[c * dim + b];
-    a[c * dim + c] = fixed[c] ? 1.0 : a[c * dim + c] - threshold * spring[c];
+  for (PetscInt c = 0; c < bs; c++) {
+    for (PetscInt b = 0; b < bs; b++) a[c * bs + b] = fixed[c] || fixed[b] ? 0.0 : stiffness[c * bs + b];
+    a[c * bs + c] = fixed[c] ? 1.0 : a[c * bs + c] - threshold * spring[c];
   }
   /* Cholesky's pivots */
-  for (PetscInt c = 0; c < dim; c++) {
-    if (!(a[c * dim + c] > 0.0)) return PETSC_TRUE;
-    for (PetscInt r = c + 1; r < dim; r++)
-      for (PetscInt b = c + 1; b <= r; b++) a[r * dim + b] -= a[r * dim + c] * a[b * dim + c] / a[c * dim + c];
+  for (PetscInt c = 0; c < bs; c++) {
+    if (!(a[c * bs + c] > 0.0)) return PETSC_TRUE;
+    for (PetscInt r = c + 1; r < bs; r++)
+      for (PetscInt b = c + 1; b <= r; b++) a[r * bs + b] -= a[r * bs + c] * a[b * bs + c] / a[c * bs + c];
   }
   return PETSC_FALSE;
 }
 
+/* Primal and prescribed dofs are held */
+static inline PetscBool LatinFloppyHeld(Latin latin, PetscInt dof)
+{
+  return (PetscBool)(latin->sub.fixed[dof] || latin->inter.component[dof / latin->sub.bs] >= 0);
+}
+
 /* floppy[s]: has the subdomain a dangling node? */
-static PetscErrorCode LatinFloppyTest_Private(Latin latin, const PetscReal spring[], PetscBool floppy[])
+static PetscErrorCode LatinFloppyTest_Private(Latin latin, LatinGraph *graph, const PetscReal spring[], PetscBool floppy[])
 {
   LatinSubstructure *sub   = &latin->sub;
   LatinInterfaces   *inter = &latin->inter;
-  const PetscInt     dim = latin->links->dim, dd = dim * dim;
-  PetscReal         *stiffness;
+  const PetscInt     bs    = sub->bs;
+  PetscReal         *none;
 
   PetscFunctionBegin;
-  PetscCall(PetscCalloc1(dd * sub->copies, &stiffness));
-  for (PetscInt l = 0; l < sub->links; l++)
-    for (PetscInt c = 0; c < dim; c++)
-      for (PetscInt b = 0; b < dim; b++) {
-        const PetscReal v = LatinFloppyStiffness(latin, l) * sub->direction[dim * l + c] * sub->direction[dim * l + b];
-
-        stiffness[dd * sub->ends[2 * l] + c * dim + b] += v;
-        stiffness[dd * sub->ends[2 * l + 1] + c * dim + b] += v;
-      }
+  PetscCall(PetscCalloc1(bs * sub->copies, &none));
   for (PetscInt s = 0; s < sub->n; s++) {
     floppy[s] = PETSC_FALSE;
     for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++)
       for (PetscInt k = inter->interface[f].side_first; k < inter->interface[f].side_last && !floppy[s]; k++) {
-        const PetscInt i = inter->side_dof[k] / dim;
+        const PetscInt i = inter->side_dof[k] / bs;
+        PetscInt       n = 0, own;
 
-        if (inter->component[i] < 0) floppy[s] = LatinFloppyNode(dim, stiffness + dd * i, spring + dim * i, sub->fixed + dim * i, latin->local_threshold);
+        if (inter->component[i] >= 0 || (k > inter->interface[f].side_first && inter->side_dof[k - 1] / bs == i)) continue;
+        PetscCall(LatinGraphRow_Private(latin, graph, i, none, &n));
+        PetscCall(PetscFindInt(i, n, graph->neighbour, &own));
+        floppy[s] = LatinFloppyNode(bs, graph->block + bs * bs * own, spring + bs * i, sub->fixed + bs * i, latin->local_threshold);
       }
   }
-  PetscCall(PetscFree(stiffness));
+  PetscCall(PetscFree(none));
   PetscFunctionReturn(0);
 }
 
 /* K_E of one subdomain, primal and prescribed dofs held, factored; *ksp stays NULL when it has a mechanism, which the set-up of the linear stage reports */
-static PetscErrorCode LatinFloppyFactor_Private(Latin latin, PetscInt s, const PetscReal spring[], KSP *ksp)
+static PetscErrorCode LatinFloppyFactor_Private(Latin latin, LatinGraph *graph, PetscInt s, const PetscReal spring[], KSP *ksp)
 {
   LatinSubstructure *sub    = &latin->sub;
   LatinFactorStatus  status = {0, PC_NOERROR, PETSC_FALSE};
-  const PetscInt     dim = latin->links->dim, top = sub->node_offset[s], n = dim * (sub->node_offset[s + 1] - top);
+  const PetscInt     bs = sub->bs, top = sub->node_offset[s], nodes = sub->node_offset[s + 1] - top;
   Mat                K;
   Vec                soft = NULL;
   PC                 pc;
-  PetscInt          *width;
+  PetscInt          *width, n = 0;
 
   PetscFunctionBegin;
-  PetscCall(PetscMalloc1(n, &width));
-  for (PetscInt i = 0; i < n; i++) width[i] = dim;
-  for (PetscInt l = 2 * sub->link_offset[s]; l < 2 * sub->link_offset[s + 1]; l++)
-    for (PetscInt c = 0; c < dim; c++) width[dim * (sub->ends[l] - top) + c] += dim;
-  PetscCall(MatCreateSeqAIJ(PETSC_COMM_SELF, n, n, 0, width, &K));
-  PetscCall(PetscFree(width));
-  for (PetscInt i = 0; i < n; i++) {
-    const PetscBool   held  = (PetscBool)(sub->fixed[dim * top + i] || latin->inter.component[top + i / dim] >= 0);
-    const PetscScalar value = held ? 1.0 : spring[dim * top + i];
+  PetscCall(PetscMalloc1(bs * nodes, &width));
+  for (PetscInt pass = 0; pass < 2; pass++) {
+    for (PetscInt i = 0; i < nodes; i++) {
+      PetscCall(LatinGraphRow_Private(latin, graph, top + i, spring, &n));
+      for (PetscInt c = 0; c < bs; c++) {
+        const PetscInt row = bs * i + c;
 
-    PetscCall(MatSetValue(K, i, i, value, ADD_VALUES));
-  }
-  for (PetscInt l = sub->link_offset[s]; l < sub->link_offset[s + 1]; l++) {
-    const PetscReal *v = sub->direction + dim * l;
-    PetscInt         row[6];
-    PetscScalar      block[36];
+        if (!pass) width[row] = bs * n;
+        if (pass && LatinFloppyHeld(latin, bs * top + row)) PetscCall(MatSetValue(K, row, row, 1.0, INSERT_VALUES));
+        if (!pass || LatinFloppyHeld(latin, bs * top + row)) continue;
+        for (PetscInt q = 0; q < n; q++)
+          for (PetscInt b = 0; b < bs; b++) {
+            const PetscInt col = bs * (graph->neighbour[q] - top) + b;
 
-    for (PetscInt a = 0; a < 2 * dim; a++) {
-      const PetscInt i = sub->ends[2 * l + a / dim];
-
-      row[a] = sub->fixed[dim * i + a % dim] || latin->inter.component[i] >= 0 ? -1 : dim * (i - top) + a % dim; /* negative rows are left out */
-      for (PetscInt b = 0; b < 2 * dim; b++) block[a * 2 * dim + b] = (a / dim == b / dim ? 1.0 : -1.0) * LatinFloppyStiffness(latin, l) * v[a % dim] * v[b % dim];
+            if (!LatinFloppyHeld(latin, bs * top + col)) PetscCall(MatSetValue(K, row, col, graph->block[bs * bs * q + c * bs + b], INSERT_VALUES));
+          }
+      }
     }
-    PetscCall(MatSetValues(K, 2 * dim, row, 2 * dim, row, block, ADD_VALUES));
+    if (!pass) PetscCall(MatCreateSeqAIJ(PETSC_COMM_SELF, bs * nodes, bs * nodes, 0, width, &K));
   }
+  PetscCall(PetscFree(width));
   PetscCall(MatAssemblyBegin(K, MAT_FINAL_ASSEMBLY));
   PetscCall(MatAssemblyEnd(K, MAT_FINAL_ASSEMBLY));
   PetscCall(MatSetOption(K, MAT_SYMMETRIC, PETSC_TRUE));
@@ -188,7 +181,7 @@ static PetscErrorCode LatinFloppyCut_Private(Latin latin, PetscInt f, PetscInt n
 {
   const LatinInterface *face   = &latin->inter.interface[f];
   LatinFloppy          *floppy = &latin->floppy;
-  const PetscInt        rows = face->side_last - face->side_first, top = latin->links->dim * latin->sub.node_offset[face->sub];
+  const PetscInt        rows = face->side_last - face->side_first, top = latin->sub.bs * latin->sub.node_offset[face->sub];
   PetscInt              count = 0;
   PetscReal            *scale;
   PetscScalar          *C, *right;
@@ -213,10 +206,10 @@ static PetscErrorCode LatinFloppyCut_Private(Latin latin, PetscInt f, PetscInt n
 }
 
 /* The low-energy modes of a subdomain, cut by interface */
-static PetscErrorCode LatinFloppySubdomain_Private(Latin latin, PetscInt s, const PetscReal spring[], PetscBool *bad)
+static PetscErrorCode LatinFloppySubdomain_Private(Latin latin, LatinGraph *graph, PetscInt s, const PetscReal spring[], PetscBool *bad)
 {
   LatinInterfaces   *inter = &latin->inter;
-  const PetscInt     dim = latin->links->dim, top = dim * latin->sub.node_offset[s], rows = dim * latin->sub.node_offset[s + 1] - top;
+  const PetscInt     bs = latin->sub.bs, top = bs * latin->sub.node_offset[s], rows = bs * latin->sub.node_offset[s + 1] - top;
   PetscInt          *dof, *position, n = 0, modes = 0, kept;
   PetscReal         *weight;
   PetscScalar       *G, *V;
@@ -224,12 +217,12 @@ static PetscErrorCode LatinFloppySubdomain_Private(Latin latin, PetscInt s, cons
   KSPConvergedReason failed = KSP_CONVERGED_ITERATING;
 
   PetscFunctionBegin;
-  PetscCall(LatinFloppyFactor_Private(latin, s, spring, &ksp));
+  PetscCall(LatinFloppyFactor_Private(latin, graph, s, spring, &ksp));
   if (!ksp) PetscFunctionReturn(0);
   PetscCall(PetscMalloc3(rows, &dof, rows, &position, rows, &weight));
   for (PetscInt i = 0; i < rows; i++) {
     position[i] = -1;
-    if (spring[top + i] == 0.0 || inter->component[(top + i) / dim] >= 0) continue;
+    if (spring[top + i] == 0.0 || inter->component[(top + i) / bs] >= 0) continue;
     position[i] = n;
     weight[n]   = PetscSqrtReal(spring[top + i]);
     dof[n++]    = i;
@@ -311,20 +304,23 @@ static PetscErrorCode LatinFloppyCopy_Private(Latin latin, PetscInt from, PetscI
   PetscFunctionReturn(0);
 }
 
-/* Have equal subdomains the same slack links, too? */
-static PetscBool LatinFloppySame(Latin latin, PetscInt r, PetscInt s)
-{
-  const PetscInt *offset = latin->sub.link_offset;
-
-  for (PetscInt l = 0; latin->floppy.known && l < offset[s + 1] - offset[s]; l++)
-    if (latin->floppy.slack[offset[r] + l] != latin->floppy.slack[offset[s] + l]) return PETSC_FALSE;
-  return PETSC_TRUE;
-}
-
 /* Will the fields wait for the slack links? */
 PetscBool LatinFloppyWaits(Latin latin)
 {
   return (PetscBool)(latin->local_threshold > 0.0 && latin->local_slack && latin->sub.nonsmooth_global && !latin->floppy.known);
+}
+
+/* Stiffnesses without the links that are known to be slack; the taut ones are handed back */
+static PetscErrorCode LatinFloppyLoosen_Private(Latin latin, PetscReal *taut[])
+{
+  LatinSubstructure *sub = &latin->sub;
+
+  PetscFunctionBegin;
+  *taut = sub->stiffness;
+  if (!latin->floppy.known) PetscFunctionReturn(0);
+  PetscCall(PetscMalloc1(sub->links, &sub->stiffness));
+  for (PetscInt l = 0; l < sub->links; l++) sub->stiffness[l] = (*taut)[l] * (latin->floppy.slack[l] ? LATIN_FLOPPY_SLACK : 1.0);
+  PetscFunctionReturn(0);
 }
 
 /* The local fields of every interface here, for LatinMacroSetUp(). Collective on latin */
@@ -333,25 +329,31 @@ PetscErrorCode LatinFloppySetUp(Latin latin)
   LatinSubstructure *sub    = &latin->sub;
   LatinInterfaces   *inter  = &latin->inter;
   LatinFloppy       *floppy = &latin->floppy;
-  PetscReal         *spring;
+  PetscReal         *spring, *taut = NULL;
   PetscInt          *pattern;
   PetscBool         *is, any = PETSC_FALSE, bad = PETSC_FALSE;
+  LatinGraph         graph;
 
   PetscFunctionBegin;
   if (latin->local_threshold == 0.0 || LatinFloppyWaits(latin)) PetscFunctionReturn(0);
   PetscCall(PetscLogEventBegin(LATIN_Floppy, latin, 0, 0, 0));
   PetscCall(PetscCalloc3(inter->count, &floppy->count, inter->count, &floppy->field, sub->n, &floppy->modes));
-  PetscCall(PetscMalloc3(latin->links->dim * sub->copies, &spring, sub->n, &pattern, sub->n, &is));
-  PetscCall(PetscArrayzero(spring, latin->links->dim * sub->copies));
+  PetscCall(PetscMalloc3(sub->bs * sub->copies, &spring, sub->n, &pattern, sub->n, &is));
+  PetscCall(PetscArrayzero(spring, sub->bs * sub->copies));
   for (PetscInt k = 0; k < inter->sides; k++) spring[inter->side_dof[k]] += latin->macro.d[k];
-  PetscCall(LatinFloppyTest_Private(latin, spring, is));
+  PetscCall(LatinFloppyLoosen_Private(latin, &taut));
+  PetscCall(LatinGraphCreate_Private(latin, PETSC_FALSE, &graph));
+  PetscCall(LatinFloppyTest_Private(latin, &graph, spring, is));
   for (PetscInt s = 0; s < sub->n; s++) any = (PetscBool)(any || is[s]);
   if (any) PetscCall(LatinBlocksCompare_Private(latin, PETSC_TRUE, pattern));
   for (PetscInt s = 0; s < sub->n; s++) {
     if (!is[s]) continue;
-    if (pattern[s] == s || !LatinFloppySame(latin, pattern[s], s)) PetscCall(LatinFloppySubdomain_Private(latin, s, spring, &bad));
+    if (pattern[s] == s) PetscCall(LatinFloppySubdomain_Private(latin, &graph, s, spring, &bad));
     else PetscCall(LatinFloppyCopy_Private(latin, pattern[s], s));
   }
+  PetscCall(LatinGraphDestroy_Private(&graph));
+  if (taut != sub->stiffness) PetscCall(PetscFree(sub->stiffness));
+  sub->stiffness = taut;
   PetscCall(PetscFree3(spring, pattern, is));
   LatinAgree(PetscObjectComm((PetscObject)latin), bad, PETSC_ERR_CONV_FAILED, "The local low-energy fields of a subdomain could not be computed; leave them out with -%smodes_local 0", ((PetscObject)latin)->prefix ? ((PetscObject)latin)->prefix : "");
   PetscCall(LatinFloppyExchange_Private(latin));
@@ -416,7 +418,7 @@ PetscErrorCode LatinFloppySlack(Latin latin)
   for (PetscInt i = 0; i < sub->nonsmooth; i++) {
     const PetscInt l = sub->nonsmooth_link[i];
 
-    latin->floppy.slack[l] = (PetscBool)(LatinLaws[sub->law[l]].tangent(sub->stiffness[l], LatinElongation(sub, latin->links->dim, l, latin->linear.U) + sub->prestrain[l]) == 0.0);
+    latin->floppy.slack[l] = (PetscBool)(LatinLaws[sub->law[l]].tangent(sub->stiffness[l], LatinElongation(sub, sub->bs, l, latin->linear.U) + sub->prestrain[l]) == 0.0);
   }
   PetscFunctionReturn(0);
 }

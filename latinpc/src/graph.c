@@ -6,11 +6,10 @@
 static PetscErrorCode LatinGraphFaces_Private(Latin latin, LatinGraph *graph, PetscInt *widest)
 {
   LatinInterfaces *inter = &latin->inter;
-  const PetscInt   dim = latin->links->dim, copies = latin->sub.copies;
+  const PetscInt   bs = latin->sub.bs, copies = latin->sub.copies;
   PetscInt         longest = 0, most = 0, last = -1;
 
   PetscFunctionBegin;
-  graph->face_offset = graph->face_list = NULL;
   if (!latin->macro.matrix) PetscFunctionReturn(0);
   PetscCall(PetscCalloc1(copies + 2, &graph->face_offset));
   for (PetscInt pass = 0; pass < 2; pass++) {
@@ -21,7 +20,7 @@ static PetscErrorCode LatinGraphFaces_Private(Latin latin, LatinGraph *graph, Pe
       longest = PetscMax(longest, face->side_last - face->side_first);
       last    = -1;
       for (PetscInt k = face->side_first; k < face->side_last; k++) {
-        const PetscInt i = inter->side_dof[k] / dim;
+        const PetscInt i = inter->side_dof[k] / bs;
 
         if (i == last) continue;
         last = i;
@@ -40,22 +39,17 @@ static PetscErrorCode LatinGraphFaces_Private(Latin latin, LatinGraph *graph, Pe
   PetscFunctionReturn(0);
 }
 
-PetscErrorCode LatinGraphCreate_Private(Latin latin, LatinGraph *graph)
+/* with_faces: rows have the springs of matrix directions, too */
+PetscErrorCode LatinGraphCreate_Private(Latin latin, PetscBool with_faces, LatinGraph *graph)
 {
   LatinSubstructure *sub    = &latin->sub;
-  PetscInt           widest = 0;
+  PetscInt           widest = 1;
 
   PetscFunctionBegin;
-  PetscCall(PetscCalloc1(sub->copies + 2, &graph->offset));
-  PetscCall(PetscMalloc1(2 * sub->links, &graph->list));
-  for (PetscInt i = 0; i < 2 * sub->links; i++) graph->offset[sub->ends[i] + 2]++;
-  for (PetscInt i = 0; i < sub->copies; i++) {
-    widest = PetscMax(widest, graph->offset[i + 2]);
-    graph->offset[i + 2] += graph->offset[i + 1];
-  }
-  for (PetscInt i = 0; i < 2 * sub->links; i++) graph->list[graph->offset[sub->ends[i] + 1]++] = i / 2;
-  PetscCall(LatinGraphFaces_Private(latin, graph, &widest));
-  PetscCall(PetscMalloc3(widest + 1, &graph->neighbour, 9 * (widest + 1), &graph->block, sub->copies, &graph->slot));
+  PetscCall(LatinOperatorRowsCreate_Private(latin, graph, &widest));
+  graph->face_offset = graph->face_list = NULL;
+  if (with_faces) PetscCall(LatinGraphFaces_Private(latin, graph, &widest));
+  PetscCall(PetscMalloc3(widest, &graph->neighbour, sub->bs * sub->bs * widest, &graph->block, sub->copies, &graph->slot));
   for (PetscInt i = 0; i < sub->copies; i++) graph->slot[i] = -1;
   PetscFunctionReturn(0);
 }
@@ -63,38 +57,29 @@ PetscErrorCode LatinGraphCreate_Private(Latin latin, LatinGraph *graph)
 PetscErrorCode LatinGraphDestroy_Private(LatinGraph *graph)
 {
   PetscFunctionBegin;
-  PetscCall(PetscFree(graph->offset));
-  PetscCall(PetscFree(graph->list));
+  PetscCall(LatinOperatorRowsDestroy_Private(graph));
   PetscCall(PetscFree(graph->face_offset));
   PetscCall(PetscFree(graph->face_list));
   PetscCall(PetscFree3(graph->neighbour, graph->block, graph->slot));
   PetscFunctionReturn(0);
 }
 
-/* Block row i of B^t k B with the given diagonal springs, and of the matrix directions: neighbours in increasing order and their blocks */
+/* Block row i of the operator with the given diagonal springs, and of the matrix directions: neighbours in increasing order and their blocks */
 PetscErrorCode LatinGraphRow_Private(Latin latin, LatinGraph *graph, PetscInt i, const PetscReal spring[], PetscInt *count)
 {
-  LatinSubstructure *sub   = &latin->sub;
-  LatinInterfaces   *inter = &latin->inter;
-  const PetscInt     dim = latin->links->dim, dd = dim * dim;
-  PetscInt           n = 0;
+  LatinInterfaces *inter = &latin->inter;
+  const PetscInt   bs = latin->sub.bs, dd = bs * bs;
+  PetscInt         n = 0;
 
   PetscFunctionBegin;
   graph->neighbour[n++] = i;
   graph->slot[i]        = 0;
-  for (PetscInt p = graph->offset[i]; p < graph->offset[i + 1]; p++) {
-    const PetscInt l = graph->list[p], j = sub->ends[2 * l] == i ? sub->ends[2 * l + 1] : sub->ends[2 * l];
-
-    if (graph->slot[j] < 0) {
-      graph->slot[j]        = 0;
-      graph->neighbour[n++] = j;
-    }
-  }
+  LatinOperatorRowJoin(latin, graph, i, &n);
   for (PetscInt p = graph->face_offset ? graph->face_offset[i] : 0; graph->face_offset && p < graph->face_offset[i + 1]; p++) {
     const LatinInterface *face = &inter->interface[graph->face_list[p]];
 
     for (PetscInt k = face->side_first; k < face->side_last; k++) {
-      const PetscInt j = inter->side_dof[k] / dim;
+      const PetscInt j = inter->side_dof[k] / bs;
 
       if (graph->slot[j] >= 0) continue;
       graph->slot[j]        = 0;
@@ -104,27 +89,17 @@ PetscErrorCode LatinGraphRow_Private(Latin latin, LatinGraph *graph, PetscInt i,
   PetscCall(PetscSortInt(n, graph->neighbour));
   for (PetscInt p = 0; p < n; p++) graph->slot[graph->neighbour[p]] = p;
   PetscCall(PetscArrayzero(graph->block, dd * n));
-  for (PetscInt p = graph->offset[i]; p < graph->offset[i + 1]; p++) {
-    const PetscInt   l = graph->list[p], j = sub->ends[2 * l] == i ? sub->ends[2 * l + 1] : sub->ends[2 * l];
-    const PetscReal *v = sub->direction + dim * l, k = sub->stiffness[l];
-    PetscReal       *own = graph->block + dd * graph->slot[i], *other = graph->block + dd * graph->slot[j];
-
-    for (PetscInt c = 0; c < dim; c++)
-      for (PetscInt b = 0; b < dim; b++) {
-        own[c * dim + b] += k * v[c] * v[b];
-        other[c * dim + b] -= k * v[c] * v[b];
-      }
-  }
-  for (PetscInt c = 0; c < dim; c++) graph->block[dd * graph->slot[i] + c * dim + c] += spring[dim * i + c];
+  LatinOperatorRowAdd(latin, graph, i);
+  for (PetscInt c = 0; c < bs; c++) graph->block[dd * graph->slot[i] + c * bs + c] += spring[bs * i + c];
   for (PetscInt p = graph->face_offset ? graph->face_offset[i] : 0; graph->face_offset && p < graph->face_offset[i + 1]; p++) {
     const LatinInterface *face = &inter->interface[graph->face_list[p]];
 
     for (PetscInt k = face->side_first; k < face->side_last; k++) {
       const PetscReal *row;
 
-      if (inter->side_dof[k] / dim != i) continue;
+      if (inter->side_dof[k] / bs != i) continue;
       LatinDirectionRow(latin, face, k - face->side_first, &row);
-      for (PetscInt q = face->side_first; q < face->side_last; q++) graph->block[dd * graph->slot[inter->side_dof[q] / dim] + (inter->side_dof[k] % dim) * dim + inter->side_dof[q] % dim] += row[q - face->side_first];
+      for (PetscInt q = face->side_first; q < face->side_last; q++) graph->block[dd * graph->slot[inter->side_dof[q] / bs] + (inter->side_dof[k] % bs) * bs + inter->side_dof[q] % bs] += row[q - face->side_first];
     }
   }
   for (PetscInt p = 0; p < n; p++) graph->slot[graph->neighbour[p]] = -1;

@@ -14,7 +14,7 @@ static PetscErrorCode LatinInterfaceShares_Private(Latin latin)
   LatinSubstructure *sub   = &latin->sub;
   LatinInterfaces   *inter = &latin->inter;
   MPI_Comm           comm  = PetscObjectComm((PetscObject)latin);
-  const PetscInt     dim = latin->links->dim, roots = latin->links->nodes_local;
+  const PetscInt     roots = sub->nodes_local;
   const PetscInt    *degree;
   const PetscSFNode *where;
   PetscSFNode       *remote;
@@ -41,11 +41,8 @@ static PetscErrorCode LatinInterfaceShares_Private(Latin latin)
 
   PetscCall(PetscMalloc2(sub->copies + 1, &inter->share_offset, sub->copies + 1, &inter->table_offset));
   for (PetscInt i = 0; i < sub->copies; i++) {
-    PetscBool freed = PETSC_FALSE;
-    PetscInt  m     = sub->multiplicity[i];
+    const PetscInt m = sub->multiplicity[i] > 1 && LatinNodeFree(sub, i) ? sub->multiplicity[i] : 0;
 
-    for (PetscInt c = 0; c < dim; c++) freed = (PetscBool)(freed || !sub->fixed[dim * i + c]);
-    if (m < 2 || !freed) m = 0;
     inter->share_offset[i] = entries;
     inter->table_offset[i] = tables;
     entries += m;
@@ -107,21 +104,20 @@ PetscErrorCode LatinInterfaceExchange_Private(Latin latin, PetscInt table[])
    component. It is strong when its nodes can carry the affine fields of section 3.2, that is when they span dim - 1
    directions. Differences of coordinates are scaled by the size: neither units nor the origin matter.
 */
-PetscErrorCode LatinInterfaceFrame_Private(PetscInt dim, PetscInt n, const PetscInt copies[], const PetscReal x[], const PetscBool fixed[], LatinFrame *frame)
+PetscErrorCode LatinInterfaceFrame_Private(const LatinSubstructure *sub, PetscInt n, const PetscInt copies[], LatinFrame *frame)
 {
-  PetscReal    largest = 0.0;
-  PetscScalar  a[9], w[3], work[32];
-  PetscBLASInt bn, lwork = 32, info;
-  PetscInt     used = 0;
+  const PetscInt dim     = sub->dim;
+  PetscReal      largest = 0.0;
+  PetscScalar    a[9], w[3], work[32];
+  PetscBLASInt   bn, lwork = 32, info;
+  PetscInt       used = 0;
 
   PetscFunctionBegin;
   PetscCall(PetscMemzero(frame, sizeof(*frame)));
   for (PetscInt i = 0; i < n; i++) {
-    const PetscReal *xi    = x + dim * copies[i];
-    PetscBool        freed = PETSC_FALSE;
+    const PetscReal *xi = sub->x + dim * copies[i];
 
-    for (PetscInt c = 0; c < dim; c++) freed = (PetscBool)(freed || !fixed[dim * copies[i] + c]);
-    if (!freed) continue;
+    if (!LatinNodeFree(sub, copies[i])) continue;
     for (PetscInt c = 0; c < dim; c++) {
       if (!used) frame->origin[c] = xi[c];
       frame->centre[c] += xi[c] - frame->origin[c];
@@ -131,7 +127,7 @@ PetscErrorCode LatinInterfaceFrame_Private(PetscInt dim, PetscInt n, const Petsc
   }
   for (PetscInt c = 0; c < dim; c++) frame->centre[c] /= PetscMax(used, 1);
   for (PetscInt i = 0; i < n; i++)
-    for (PetscInt c = 0; c < dim; c++) frame->size = PetscMax(frame->size, PetscAbsReal((x[dim * copies[i] + c] - frame->origin[c]) - frame->centre[c]));
+    for (PetscInt c = 0; c < dim; c++) frame->size = PetscMax(frame->size, PetscAbsReal((sub->x[dim * copies[i] + c] - frame->origin[c]) - frame->centre[c]));
   if (frame->size <= 16 * PETSC_MACHINE_EPSILON * largest) frame->size = 0.0; /* one point, to rounding */
   frame->plane = PETSC_TRUE;
   if (dim == 1 || frame->size == 0.0) {
@@ -142,7 +138,7 @@ PetscErrorCode LatinInterfaceFrame_Private(PetscInt dim, PetscInt n, const Petsc
   for (PetscInt i = 0; i < n; i++) {
     PetscReal r[3] = {0.0, 0.0, 0.0};
 
-    for (PetscInt c = 0; c < dim; c++) r[c] = ((x[dim * copies[i] + c] - frame->origin[c]) - frame->centre[c]) / frame->size;
+    for (PetscInt c = 0; c < dim; c++) r[c] = ((sub->x[dim * copies[i] + c] - frame->origin[c]) - frame->centre[c]) / frame->size;
     for (PetscInt c = 0; c < dim; c++)
       for (PetscInt b = 0; b < dim; b++) a[c * dim + b] += r[c] * r[b];
   }
@@ -175,7 +171,6 @@ static PetscErrorCode LatinInterfaceList_Private(Latin latin)
 {
   LatinSubstructure *sub   = &latin->sub;
   LatinInterfaces   *inter = &latin->inter;
-  const PetscInt     dim   = latin->links->dim;
   LatinPair         *pair;
   PetscInt           total = 0, count = 0, counts[2] = {0, 0};
 
@@ -219,7 +214,7 @@ static PetscErrorCode LatinInterfaceList_Private(Latin latin)
         p++;
       }
       face->node_last = p;
-      PetscCall(LatinInterfaceFrame_Private(dim, face->node_last - face->node_first, inter->node_list + face->node_first, sub->x, sub->fixed, &frame));
+      PetscCall(LatinInterfaceFrame_Private(sub, face->node_last - face->node_first, inter->node_list + face->node_first, &frame));
       face->strong = frame.strong;
       if (sub->first + s < face->neighbour) counts[face->strong ? 0 : 1]++;
     }
@@ -292,7 +287,7 @@ static PetscErrorCode LatinInterfaceSides_Private(Latin latin)
 {
   LatinSubstructure *sub   = &latin->sub;
   LatinInterfaces   *inter = &latin->inter;
-  const PetscInt     dim = latin->links->dim, tables = inter->table_offset[sub->copies];
+  const PetscInt     bs = latin->sub.bs, tables = inter->table_offset[sub->copies];
   PetscInt          *table, *primal, *strong, largest = 1, capacity = 0, side_nodes = 0;
 
   PetscFunctionBegin;
@@ -307,7 +302,7 @@ static PetscErrorCode LatinInterfaceSides_Private(Latin latin)
       PetscCall(PetscFindInt(face->neighbour, m, inter->share_list + inter->share_offset[i], &j));
       table[inter->table_offset[i] + inter->position[i] * m + j] = face->strong ? PAIR_STRONG : PAIR_WEAK;
       largest                                                    = PetscMax(largest, m);
-      capacity += dim;
+      capacity += bs;
     }
   }
   PetscCall(LatinInterfaceExchange_Private(latin, table));
@@ -348,8 +343,8 @@ static PetscErrorCode LatinInterfaceSides_Private(Latin latin)
       LatinNodeComponents(m, t, PAIR_STRONG, strong);
       if (!LatinNodeMicro_Private(latin->published, m, t, primal, strong, inter->position[i], j)) continue;
       side_nodes++;
-      for (PetscInt c = 0; c < dim; c++)
-        if (!sub->fixed[dim * i + c]) inter->side_dof[inter->sides++] = dim * i + c;
+      for (PetscInt c = 0; c < bs; c++)
+        if (!sub->fixed[bs * i + c]) inter->side_dof[inter->sides++] = bs * i + c;
     }
     face->side_last = inter->sides;
   }
@@ -369,7 +364,7 @@ static PetscErrorCode LatinInterfaceServing_Private(Latin latin)
 {
   LatinSubstructure *sub   = &latin->sub;
   LatinInterfaces   *inter = &latin->inter;
-  const PetscInt     dim   = latin->links->dim;
+  const PetscInt     bs    = latin->sub.bs;
   PetscInt          *table;
 
   PetscFunctionBegin;
@@ -381,9 +376,9 @@ static PetscErrorCode LatinInterfaceServing_Private(Latin latin)
       PetscInt              nodes = 0;
 
       for (PetscInt k = face->side_first; k < face->side_last; k++)
-        if (k == face->side_first || inter->side_dof[k] / dim != inter->side_dof[k - 1] / dim) nodes++;
+        if (k == face->side_first || inter->side_dof[k] / bs != inter->side_dof[k - 1] / bs) nodes++;
       for (PetscInt k = face->side_first; k < face->side_last; k++) {
-        const PetscInt i = inter->side_dof[k] / dim, m = inter->share_offset[i + 1] - inter->share_offset[i];
+        const PetscInt i = inter->side_dof[k] / bs, m = inter->share_offset[i + 1] - inter->share_offset[i];
         PetscInt      *t = table + inter->table_offset[i], other, low = -1, high = -1;
 
         PetscCall(PetscFindInt(face->neighbour, m, inter->share_list + inter->share_offset[i], &other));
@@ -411,7 +406,7 @@ static PetscErrorCode LatinInterfaceMates_Private(Latin latin)
 {
   LatinSubstructure *sub   = &latin->sub;
   LatinInterfaces   *inter = &latin->inter;
-  const PetscInt     dim   = latin->links->dim;
+  const PetscInt     bs    = latin->sub.bs;
   MPI_Comm           comm  = PetscObjectComm((PetscObject)latin);
   PetscInt          *table;
   PetscSFNode       *remote;
@@ -427,12 +422,12 @@ static PetscErrorCode LatinInterfaceMates_Private(Latin latin)
       const PetscMPIInt     owner = LatinSubdomainRank(sub, size, face->neighbour);
 
       for (PetscInt k = face->side_first; k < face->side_last;) {
-        const PetscInt i = inter->side_dof[k] / dim, m = inter->share_offset[i + 1] - inter->share_offset[i];
+        const PetscInt i = inter->side_dof[k] / bs, m = inter->share_offset[i + 1] - inter->share_offset[i];
         PetscInt      *t = table + inter->table_offset[i], j, first = k;
 
         PetscCall(PetscFindInt(face->neighbour, m, inter->share_list + inter->share_offset[i], &j));
         if (!pass) t[inter->position[i] * m + j] = k + 1;
-        for (; k < face->side_last && inter->side_dof[k] / dim == i; k++) {
+        for (; k < face->side_last && inter->side_dof[k] / bs == i; k++) {
           if (!pass) continue;
           remote[k].rank  = owner;
           remote[k].index = t[j * m + inter->position[i]] - 1 + k - first;

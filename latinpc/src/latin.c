@@ -107,7 +107,7 @@ static PetscErrorCode LatinSetUpStage_Private(Latin latin)
 /* Macro bases that know which links are slack after the last linear stage. Keeps the loads; states of before do not fit. Collective on latin */
 PetscErrorCode LatinAdapt_Private(Latin latin)
 {
-  const PetscInt n = latin->links->dim * latin->sub.copies;
+  const PetscInt n = latin->sub.bs * latin->sub.copies;
   PetscReal     *load;
 
   PetscFunctionBegin;
@@ -266,7 +266,7 @@ PetscErrorCode LatinInitialState_Private(Latin latin, Vec z)
   PetscScalar       *a;
 
   PetscFunctionBegin;
-  PetscCall(PetscArraycpy(latin->linear.U, sub->prescribed, latin->links->dim * sub->copies));
+  PetscCall(PetscArraycpy(latin->linear.U, sub->prescribed, latin->sub.bs * sub->copies));
   PetscCall(PetscArrayzero(latin->linear.pull, latin->inter.sides));
   PetscCall(VecGetArrayWrite(z, &a));
   for (PetscInt k = 0; k < latin->inter.sides; k++) a[k] = 0.0;
@@ -289,7 +289,7 @@ PetscErrorCode LatinApply_Private(Latin latin, Vec z, Vec Gz)
   PetscCall(VecGetArrayWrite(Gz, &b));
   PetscCall(LatinGatherForces_Private(latin, a));
   PetscCall(LatinLinearApply(latin));
-  for (PetscInt i = 0; i < latin->links->dim * latin->sub.copies; i++) latin->linear.U[i] += latin->linear.g[i];
+  for (PetscInt i = 0; i < latin->sub.bs * latin->sub.copies; i++) latin->linear.U[i] += latin->linear.g[i];
   PetscCall(LatinLocalStage_Private(latin, a, b));
   PetscCall(VecRestoreArrayRead(z, &a));
   PetscCall(VecRestoreArrayWrite(Gz, &b));
@@ -301,12 +301,12 @@ PetscErrorCode LatinApply_Private(Latin latin, Vec z, Vec Gz)
 PetscErrorCode LatinAverage_Private(Latin latin, Vec u)
 {
   LatinSubstructure *sub = &latin->sub;
-  const PetscInt     dim = latin->links->dim;
+  const PetscInt     bs  = sub->bs;
   PetscReal         *w   = latin->linear.g; /* free as work space between linear stages */
   PetscScalar       *a;
 
   PetscFunctionBegin;
-  for (PetscInt i = 0; i < dim * sub->copies; i++) w[i] = latin->linear.U[i] / sub->multiplicity[i / dim];
+  for (PetscInt i = 0; i < bs * sub->copies; i++) w[i] = latin->linear.U[i] / sub->multiplicity[i / bs];
   PetscCall(VecZeroEntries(u));
   PetscCall(VecGetArray(u, &a));
   PetscCall(LatinSFReduce_Private(sub->dof_sf, 1, MPIU_SCALAR, w, a, MPI_SUM));

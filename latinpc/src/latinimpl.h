@@ -4,7 +4,8 @@
 
    Layout shared by all stages: every subdomain has its own copy of its nodes. The copies here are numbered
    subdomain by subdomain, and within a subdomain by increasing global node number. Displacement component c
-   of copy i is the entry dim * i + c of every "copy array" (U, g, ...), prescribed components included.
+   of copy i is the entry bs * i + c of every "copy array" (U, g, ...), prescribed components included: the block size
+   bs counts the components of a node, dim its coordinates; links have as many of both.
 */
 #ifndef LATINIMPL_H
 #define LATINIMPL_H
@@ -92,6 +93,9 @@ PETSC_INTERN PetscErrorCode LatinLinksGetLocal_Private(LatinLinks, Vec, Vec);
 
 /* ---- substructuring (substructure.c): the links of each subdomain, and its copies of the nodes ---- */
 typedef struct {
+  PetscInt     dim, bs;         /* coordinates and components of a node */
+  PetscInt     fields;          /* kinds of components, each with macro fields of its own; as many as coordinates: a displacement */
+  PetscInt     nodes_local;     /* nodes that this rank numbers, roots of node_sf */
   PetscInt     count, n, first; /* subdomains: all, here, number of the first one here */
   PetscInt    *rank_first;      /* [ranks + 1] first subdomain of each rank */
   PetscInt    *of_link;         /* [links->links_local] subdomain of the caller's links */
@@ -107,10 +111,10 @@ typedef struct {
   PetscInt     copies;                                              /* copies of nodes here */
   PetscInt    *node;                                                /* [copies] global node number */
   PetscReal   *x;                                                   /* [copies][dim] coordinates */
-  PetscBool   *fixed;                                               /* [copies][dim] */
-  PetscReal   *prescribed;                                          /* [copies][dim] */
+  PetscBool   *fixed;                                               /* [copies][bs] */
+  PetscReal   *prescribed;                                          /* [copies][bs] */
   PetscInt    *multiplicity;                                        /* [copies] number of subdomains at the node */
-  PetscInt    *global_dof;                                          /* [copies][dim] */
+  PetscInt    *global_dof;                                          /* [copies][bs] */
   PetscSF      node_sf;                                             /* caller's nodes -> copies */
   PetscSF      dof_sf;                                              /* DM global vector -> free components of copies */
   PetscInt     nonsmooth_global;                                    /* links with a state, over all ranks */
@@ -145,6 +149,20 @@ static inline PetscMPIInt LatinSubdomainRank(const LatinSubstructure *sub, Petsc
     else high = middle - 1;
   }
   return low;
+}
+
+/* Has a node a free component? */
+static inline PetscBool LatinNodeFree(const LatinSubstructure *sub, PetscInt i)
+{
+  for (PetscInt c = 0; c < sub->bs; c++)
+    if (!sub->fixed[sub->bs * i + c]) return PETSC_TRUE;
+  return PETSC_FALSE;
+}
+
+/* The field of an entry of the copy arrays */
+static inline PetscInt LatinField(const LatinSubstructure *sub, PetscInt dof)
+{
+  return dof % sub->bs;
 }
 
 /* Elongation of a link under the displacements of the copies, a row of B */
@@ -242,6 +260,13 @@ typedef struct {
   PetscInt   *pattern; /* [subdomains] the subdomain that represents it */
 } LatinBlocks;
 
+/* Everything that the operators of a subdomain depend on, as one stream of bytes: hashed, or compared with another's */
+typedef struct {
+  uint64_t       hash;
+  unsigned char *bytes;
+  size_t         used, size;
+} LatinStream;
+
 /* How a factorisation ended on this rank */
 typedef struct {
   PetscErrorCode ierr;
@@ -263,7 +288,7 @@ typedef struct {
 typedef struct {
   PetscInt  *offset, *list;           /* links at each copy */
   PetscInt  *neighbour;               /* work: copies joined to one copy, itself included */
-  PetscReal *block;                   /* work: their dim x dim blocks */
+  PetscReal *block;                   /* work: their bs x bs blocks */
   PetscInt  *slot;                    /* [copies] work: position among the neighbours, -1 */
   PetscInt  *face_offset, *face_list; /* interfaces with a matrix for a search direction at each copy; NULL if there is none */
 } LatinGraph;
@@ -274,19 +299,19 @@ typedef struct {
   LatinBlockSolver solver;
   PetscInt        *primal_offset; /* [subdomains + 1] primal dofs of each subdomain */
   PetscInt        *primal_dof;    /* entries of the copy arrays */
-  PetscInt        *primal_index;  /* [copies * dim] position in its subdomain's primal list, -1 if not primal */
+  PetscInt        *primal_index;  /* [copies * bs] position in its subdomain's primal list, -1 if not primal */
   /* the following are stored once for each pattern, and found by subdomain */
   PetscInt  *rc_first, *rc_last; /* [subdomains] coupling of the other dofs with the primal ones */
   PetscInt  *rc_row, *rc_col;    /* row from the subdomain's first one, position in its primal list */
   PetscReal *rc_value;
   size_t    *h_offset, *phi_offset; /* [subdomains] into H and Phi */
   PetscReal *H;                     /* homogenised stiffness (51), column-major */
-  PetscReal *Phi;                   /* displacements for unit coarse displacements, (dim * nodes) x coarse, column-major */
-  PetscReal *g;                     /* [copies * dim] forces of a linear stage, then the displacements that they cause */
-  PetscReal *U;                     /* [copies * dim] displacements, the sum of those of all linear stages */
+  PetscReal *Phi;                   /* displacements for unit coarse displacements, (bs * nodes) x coarse, column-major */
+  PetscReal *g;                     /* [copies * bs] forces of a linear stage, then the displacements that they cause */
+  PetscReal *U;                     /* [copies * bs] displacements, the sum of those of all linear stages */
   PetscReal *pull;                  /* [sides] forces of the search direction, D times the micro part of U */
-  PetscReal *load;                  /* [copies * dim] F, shared among the copies of a node */
-  PetscReal *spring;                /* [copies * dim] springs of the search direction, part of K */
+  PetscReal *load;                  /* [copies * bs] F, shared among the copies of a node */
+  PetscReal *spring;                /* [copies * bs] springs of the search direction, part of K */
   PetscReal *lambda;                /* work: macro forces of one subdomain */
   PetscInt   widest;                /* most coarse dofs of a subdomain here */
 } LatinLinear;
@@ -433,7 +458,7 @@ PETSC_INTERN PetscErrorCode LatinPartition_Private(Latin);
 PETSC_INTERN PetscErrorCode LatinInterfaceSetUp(Latin);
 PETSC_INTERN PetscErrorCode LatinInterfaceReset(Latin);
 PETSC_INTERN PetscErrorCode LatinInterfaceExchange_Private(Latin, PetscInt table[]);
-PETSC_INTERN PetscErrorCode LatinInterfaceFrame_Private(PetscInt dim, PetscInt n, const PetscInt copies[], const PetscReal x[], const PetscBool fixed[], LatinFrame *);
+PETSC_INTERN PetscErrorCode LatinInterfaceFrame_Private(const LatinSubstructure *, PetscInt n, const PetscInt copies[], LatinFrame *);
 PETSC_INTERN PetscErrorCode LatinDirectionSetUp(Latin);
 PETSC_INTERN PetscErrorCode LatinDirectionReset(Latin);
 PETSC_INTERN PetscReal      LatinDirectionFraction(Latin);
@@ -442,11 +467,17 @@ PETSC_INTERN PetscErrorCode LatinDirectionEnergy(Latin, const LatinInterface *, 
 PETSC_INTERN PetscErrorCode LatinDirectionNormalise(Latin, const LatinInterface *, PetscInt modes, PetscReal R[]);
 PETSC_INTERN PetscErrorCode LatinDirectionSprings_Private(Latin, PetscReal spring[]);
 PETSC_INTERN void           LatinDirectionRow(Latin, const LatinInterface *, PetscInt r, const PetscReal *row[]);
-PETSC_INTERN PetscErrorCode LatinStiffnessDiagonal_Private(Latin, PetscReal diagonal[]);
 PETSC_INTERN PetscErrorCode LatinStiffnessFaces_Private(Latin, LatinDirectionType, size_t first[], PetscReal **S);
-PETSC_INTERN PetscErrorCode LatinGraphCreate_Private(Latin, LatinGraph *);
+PETSC_INTERN PetscErrorCode LatinGraphCreate_Private(Latin, PetscBool with_faces, LatinGraph *);
 PETSC_INTERN PetscErrorCode LatinGraphRow_Private(Latin, LatinGraph *, PetscInt i, const PetscReal spring[], PetscInt *count);
 PETSC_INTERN PetscErrorCode LatinGraphDestroy_Private(LatinGraph *);
+PETSC_INTERN PetscErrorCode LatinOperatorMult(Latin, const PetscReal v[], PetscReal f[]);
+PETSC_INTERN PetscErrorCode LatinOperatorDiagonal(Latin, PetscReal diagonal[]);
+PETSC_INTERN PetscErrorCode LatinOperatorRowsCreate_Private(Latin, LatinGraph *, PetscInt *widest);
+PETSC_INTERN PetscErrorCode LatinOperatorRowsDestroy_Private(LatinGraph *);
+PETSC_INTERN void           LatinOperatorRowJoin(Latin, LatinGraph *, PetscInt i, PetscInt *n);
+PETSC_INTERN void           LatinOperatorRowAdd(Latin, LatinGraph *, PetscInt i);
+PETSC_INTERN PetscErrorCode LatinOperatorStream_Private(Latin, PetscInt s, LatinStream *);
 PETSC_INTERN PetscErrorCode LatinMacroSetUp(Latin);
 PETSC_INTERN PetscErrorCode LatinMacroReset(Latin);
 PETSC_INTERN PetscErrorCode LatinSVD_Private(PetscInt rows, PetscInt modes, const PetscScalar A[], PetscReal s[], PetscScalar V[]);
@@ -468,6 +499,7 @@ PETSC_INTERN PetscErrorCode LatinDenseSolve_Private(KSP, Mat B, Mat X, KSPConver
 PETSC_INTERN PetscErrorCode LatinDirectSolver_Private(PC, Mat, MatSolverType preferred);
 PETSC_INTERN PetscErrorCode LatinFactor_Private(KSP, Mat, MatSolverType, LatinFactorStatus *, Vec *soft);
 PETSC_INTERN PetscErrorCode LatinFactorAgree_Private(Latin, const LatinFactorStatus *, Vec soft, const LatinBatch *, const char name[]);
+PETSC_INTERN PetscErrorCode LatinStreamAdd_Private(LatinStream *, const void *data, size_t);
 PETSC_INTERN PetscErrorCode LatinBlocksSetUp(Latin);
 PETSC_INTERN PetscErrorCode LatinBlocksCompare_Private(Latin, PetscBool bases, PetscInt pattern[]);
 PETSC_INTERN PetscErrorCode LatinBlocksReset(Latin);

@@ -14,20 +14,20 @@ static PetscErrorCode LatinLinearRows_Private(Latin latin, LatinGraph *graph, co
   LatinSubstructure *sub    = &latin->sub;
   LatinLinear       *linear = &latin->linear;
   const PetscBool    fill   = (PetscBool)(cj != NULL);
-  const PetscInt     dim    = latin->links->dim;
+  const PetscInt     bs     = latin->sub.bs;
   PetscInt           nz = 0, rc = *couplings, n = 0;
 
   PetscFunctionBegin;
   for (PetscInt p = 0; p < batch->patterns; p++) {
     const PetscInt s = batch->sub[p], m = latin->coarse.offset[s + 1] - latin->coarse.offset[s], macros = latin->coarse.macro_count[s];
-    const PetscInt top = dim * sub->node_offset[s], shift = batch->row[p] - top;
+    const PetscInt top = bs * sub->node_offset[s], shift = batch->row[p] - top;
     PetscReal     *H = linear->H + linear->h_offset[s];
 
     linear->rc_first[s] = rc;
     for (PetscInt i = sub->node_offset[s]; i < sub->node_offset[s + 1]; i++) {
       PetscCall(LatinGraphRow_Private(latin, graph, i, linear->spring, &n));
-      for (PetscInt c = 0; c < dim; c++) {
-        const PetscInt row = dim * i + c, primal = linear->primal_index[row];
+      for (PetscInt c = 0; c < bs; c++) {
+        const PetscInt row = bs * i + c, primal = linear->primal_index[row];
 
         ci[row + shift] = nz;
         if (sub->fixed[row] || primal >= 0) {
@@ -39,9 +39,9 @@ static PetscErrorCode LatinLinearRows_Private(Latin latin, LatinGraph *graph, co
           if (sub->fixed[row] || !fill) continue;
         }
         for (PetscInt q = 0; q < n; q++)
-          for (PetscInt b = 0; b < dim; b++) {
-            const PetscInt  col   = dim * graph->neighbour[q] + b;
-            const PetscReal value = graph->block[dim * dim * q + c * dim + b];
+          for (PetscInt b = 0; b < bs; b++) {
+            const PetscInt  col   = bs * graph->neighbour[q] + b;
+            const PetscReal value = graph->block[bs * bs * q + c * bs + b];
 
             if (sub->fixed[col] || (value == 0.0 && row != col)) continue;
             if (primal >= 0) {
@@ -80,7 +80,7 @@ static PetscErrorCode LatinLinearOffsets_Private(Latin latin)
   PetscFunctionBegin;
   PetscCall(PetscMalloc4(sub->n, &linear->rc_first, sub->n, &linear->rc_last, sub->n, &linear->h_offset, sub->n, &linear->phi_offset));
   for (PetscInt s = 0; s < sub->n; s++) {
-    const size_t   m = (size_t)(latin->coarse.offset[s + 1] - latin->coarse.offset[s]), rows = (size_t)(latin->links->dim * (sub->node_offset[s + 1] - sub->node_offset[s]));
+    const size_t   m = (size_t)(latin->coarse.offset[s + 1] - latin->coarse.offset[s]), rows = (size_t)(latin->sub.bs * (sub->node_offset[s + 1] - sub->node_offset[s]));
     const PetscInt r = linear->blocks.pattern[s];
 
     linear->h_offset[s]   = r == s ? h : linear->h_offset[r];
@@ -99,7 +99,7 @@ PetscErrorCode LatinLinearSetUp(Latin latin)
   LatinSubstructure *sub       = &latin->sub;
   LatinLinear       *linear    = &latin->linear;
   LatinBlockSolver  *solver    = &linear->solver;
-  const PetscInt     n         = latin->links->dim * sub->copies;
+  const PetscInt     n         = latin->sub.bs * sub->copies;
   PetscInt           couplings = 0;
   LatinGraph         graph;
 
@@ -109,7 +109,7 @@ PetscErrorCode LatinLinearSetUp(Latin latin)
   PetscCall(LatinLinearOffsets_Private(latin));
   PetscCall(PetscMalloc6(n, &linear->g, n, &linear->U, latin->inter.sides, &linear->pull, n, &linear->load, linear->widest, &linear->lambda, n, &linear->spring));
   PetscCall(LatinDirectionSprings_Private(latin, linear->spring));
-  PetscCall(LatinGraphCreate_Private(latin, &graph));
+  PetscCall(LatinGraphCreate_Private(latin, PETSC_TRUE, &graph));
   PetscCall(LatinBlockSolverCreate(latin, solver));
   for (PetscInt b = 0; b < linear->blocks.n; b++) {
     const LatinBatch *batch = &linear->blocks.batch[b];
@@ -137,12 +137,12 @@ PetscErrorCode LatinLinearSetLoads(Latin latin, Vec load)
 {
   LatinSubstructure *sub    = &latin->sub;
   LatinLinear       *linear = &latin->linear;
-  const PetscInt     dim    = latin->links->dim;
+  const PetscInt     bs     = latin->sub.bs;
 
   PetscFunctionBegin;
-  PetscCall(PetscArrayzero(linear->load, dim * sub->copies));
+  PetscCall(PetscArrayzero(linear->load, bs * sub->copies));
   PetscCall(LatinDistribute_Private(latin, load, linear->load));
-  for (PetscInt i = 0; i < dim * sub->copies; i++) linear->load[i] /= sub->multiplicity[i / dim];
+  for (PetscInt i = 0; i < bs * sub->copies; i++) linear->load[i] /= sub->multiplicity[i / bs];
   PetscFunctionReturn(0);
 }
 
@@ -158,10 +158,10 @@ static PetscErrorCode LatinLinearCondense_Private(Latin latin, PetscInt s)
   PetscBLASInt       rows, cols;
 
   PetscFunctionBegin;
-  PetscCall(PetscBLASIntCast(latin->links->dim * (sub->node_offset[s + 1] - sub->node_offset[s]), &rows));
+  PetscCall(PetscBLASIntCast(latin->sub.bs * (sub->node_offset[s + 1] - sub->node_offset[s]), &rows));
   PetscCall(PetscBLASIntCast(coarse->offset[s + 1] - coarse->offset[s], &cols));
   if (!cols) PetscFunctionReturn(0);
-  PetscCallBLAS("BLASgemv", BLASgemv_("T", &rows, &cols, &one, linear->Phi + linear->phi_offset[s], &rows, linear->g + latin->links->dim * sub->node_offset[s], &inc, &zero, q, &inc));
+  PetscCallBLAS("BLASgemv", BLASgemv_("T", &rows, &cols, &one, linear->Phi + linear->phi_offset[s], &rows, linear->g + latin->sub.bs * sub->node_offset[s], &inc, &zero, q, &inc));
   for (PetscInt p = linear->primal_offset[s]; p < linear->primal_offset[s + 1]; p++) q[coarse->macro_count[s] + p - linear->primal_offset[s]] += linear->g[linear->primal_dof[p]];
   PetscFunctionReturn(0);
 }
@@ -174,7 +174,7 @@ static PetscErrorCode LatinLinearRelocalise_Private(Latin latin, PetscInt s)
   LatinLinear       *linear = &latin->linear;
   LatinCoarse       *coarse = &latin->coarse;
   const PetscReal   *u = coarse->u + coarse->offset[s], *q = coarse->q + coarse->offset[s], *uc = u + coarse->macro_count[s];
-  PetscReal         *g = linear->g + latin->links->dim * sub->node_offset[s], *lambda = linear->lambda;
+  PetscReal         *g = linear->g + latin->sub.bs * sub->node_offset[s], *lambda = linear->lambda;
   const PetscScalar  one = 1.0, zero = 0.0;
   const PetscBLASInt inc = 1;
   PetscBLASInt       macros, cols;
@@ -227,7 +227,7 @@ PetscErrorCode LatinLinearApply(Latin latin)
   PetscCall(PetscLogEventBegin(LATIN_Linear, latin, 0, 0, 0));
   for (PetscInt s = 0; s < sub->n; s++) PetscCall(LatinLinearRelocalise_Private(latin, s));
   /* identity rows: prescribed and primal displacements pass through */
-  for (PetscInt i = 0; i < latin->links->dim * sub->copies; i++)
+  for (PetscInt i = 0; i < latin->sub.bs * sub->copies; i++)
     if (sub->fixed[i]) linear->g[i] = 0.0;
   PetscCall(LatinBlockSolve(latin, &linear->solver, linear->g, linear->g));
   PetscCall(PetscLogEventEnd(LATIN_Linear, latin, 0, 0, 0));

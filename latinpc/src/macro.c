@@ -10,50 +10,68 @@
    LatinInterfaceServing_Private().
 */
 
-#define LATIN_MAX_MODES    11   /* 3 components x (1, xi, eta), section 3.2, and two rotations out of the plane */
 #define LATIN_MODE_RANK    1e-6 /* singular values below this fraction of the largest are dependent modes */
 #define LATIN_MODE_VISIBLE 1e-3 /* a mode is kept when this part of its norm, or more, lies on the nodes that serve the interface */
+
+/* Most modes of LatinMacroModes_Private(); in 3D 9 fields and 2 rotations */
+static inline PetscInt LatinMacroModesMost(Latin latin)
+{
+  const LatinSubstructure *sub = &latin->sub;
+
+  return sub->fields * PetscMax(sub->dim, 1) + PetscMax(sub->fields, sub->dim);
+}
+
+/* Columns that an interface may need */
+static inline PetscInt LatinMacroWidth(Latin latin, PetscInt f)
+{
+  return LatinMacroModesMost(latin) + (latin->floppy.count ? latin->floppy.count[f] : 0);
+}
 
 /*
    Modes at the side dofs of an interface, weighted row-wise by sqrt(d): M[row + rows * mode].
      affine  the fields of section 3.2, components x (1, xi, eta); where the nodes are not in one plane these do not
              contain the rotations about its axes: zeta e_xi and zeta e_eta complete them, or a floating subdomain
-             could not move rigidly without micro energy
+             could not move rigidly without micro energy. Fields that are no displacement do not rotate: zeta itself
+             completes them.
      rigid   translations and rotations only: a smaller coarse problem
 */
 static PetscErrorCode LatinMacroModes_Private(Latin latin, const LatinInterface *face, PetscInt *modes, PetscScalar M[])
 {
   LatinSubstructure *sub   = &latin->sub;
   LatinInterfaces   *inter = &latin->inter;
-  const PetscInt     dim = latin->links->dim, rows = face->side_last - face->side_first;
+  const PetscInt     dim = sub->dim, rows = face->side_last - face->side_first, each = PetscMax(dim, 1);
+  const PetscBool    vector = (PetscBool)(sub->fields == dim);
   LatinFrame         frame;
+  PetscInt           planar;
 
   PetscFunctionBegin;
-  PetscCall(LatinInterfaceFrame_Private(dim, face->node_last - face->node_first, inter->node_list + face->node_first, sub->x, sub->fixed, &frame));
-  if (latin->modes == LATIN_MODES_RIGID) *modes = dim + dim * (dim - 1) / 2;
-  else *modes = dim * dim + (frame.plane ? 0 : dim - 1);
+  PetscCall(LatinInterfaceFrame_Private(sub, face->node_last - face->node_first, inter->node_list + face->node_first, &frame));
+  planar = sub->fields * each;
+  if (latin->modes == LATIN_MODES_RIGID) *modes = sub->fields + (vector ? dim * (dim - 1) / 2 : 0);
+  else *modes = planar + (frame.plane ? 0 : (vector ? dim - 1 : sub->fields));
   PetscCall(PetscArrayzero(M, rows * *modes));
   for (PetscInt r = 0; r < rows; r++) {
-    const PetscInt   dof = inter->side_dof[face->side_first + r], i = dof / dim, c = dof % dim;
+    const PetscInt   dof = inter->side_dof[face->side_first + r], c = LatinField(sub, dof);
     const PetscReal  w     = PetscSqrtReal(latin->macro.d[face->side_first + r]);
-    const PetscReal *x     = sub->x + dim * i;
+    const PetscReal *x     = sub->x + dim * (dof / sub->bs);
     PetscReal        xi[3] = {0.0, 0.0, 0.0};
 
     for (PetscInt k = 0; k < dim; k++)
       for (PetscInt b = 0; b < dim; b++) xi[k] += frame.axes[k][b] * (((x[b] - frame.origin[b]) - frame.centre[b]) / frame.size);
     if (latin->modes == LATIN_MODES_RIGID) {
-      PetscInt mode = dim;
+      PetscInt mode = sub->fields;
 
       M[r + rows * c] = w;
-      for (PetscInt a = 0; a < dim; a++)
+      for (PetscInt a = 0; a < dim && vector; a++)
         for (PetscInt b = a + 1; b < dim; b++) M[r + rows * mode++] = w * (xi[a] * frame.axes[b][c] - xi[b] * frame.axes[a][c]);
       continue;
     }
-    M[r + rows * (dim * c)] = w;
+    M[r + rows * (each * c)] = w;
     for (PetscInt k = 0; k < dim - 1; k++) {
-      M[r + rows * (dim * c + 1 + k)] = w * xi[k];
-      if (!frame.plane) M[r + rows * (dim * dim + k)] = w * xi[dim - 1] * frame.axes[k][c];
+      M[r + rows * (each * c + 1 + k)] = w * xi[k];
+      if (vector && !frame.plane) M[r + rows * (planar + k)] = w * xi[dim - 1] * frame.axes[k][c];
     }
+    if (!vector && !frame.plane) M[r + rows * (planar + c)] = w * xi[dim - 1];
   }
   PetscFunctionReturn(0);
 }
@@ -93,12 +111,6 @@ void LatinCombine_Private(PetscInt rows, PetscInt modes, PetscInt n, const Petsc
     for (PetscInt j = 0; j < modes; j++)
       for (PetscInt r = 0; r < rows; r++) out[r + rows * k] += A[r + rows * j] * V[j + modes * k] / scale[k];
   }
-}
-
-/* Columns that an interface may need */
-static inline PetscInt LatinMacroWidth(Latin latin, PetscInt f)
-{
-  return LATIN_MAX_MODES + (latin->floppy.count ? latin->floppy.count[f] : 0);
 }
 
 /*
@@ -230,7 +242,7 @@ static PetscErrorCode LatinMacroCompare_Private(Latin latin, PetscInt pattern[])
 
   PetscFunctionBegin;
   for (PetscInt f = 0; f < inter->count; f++)
-    if (LatinMacroBuilds(latin, &inter->interface[f])) room += (size_t)((inter->interface[f].side_last - inter->interface[f].side_first) * (LATIN_MAX_MODES + 1) + 3);
+    if (LatinMacroBuilds(latin, &inter->interface[f])) room += (size_t)((inter->interface[f].side_last - inter->interface[f].side_first) * (LatinMacroModesMost(latin) + 1) + 3);
   PetscCall(PetscMalloc2(inter->count + 1, &first, room, &data));
   for (PetscInt f = 0; f < inter->count; f++) {
     const LatinInterface *face  = &inter->interface[f];

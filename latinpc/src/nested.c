@@ -29,7 +29,7 @@ static PetscErrorCode LatinNestFinest_Private(Latin latin, LatinElements *fine, 
 {
   LatinSubstructure *sub    = &latin->sub;
   LatinCoarse       *coarse = &latin->coarse;
-  const PetscInt     dim = latin->links->dim, entries = coarse->offset[sub->n], own = coarse->macro_local + coarse->primal_local;
+  const PetscInt     dim = sub->dim, entries = coarse->offset[sub->n], own = coarse->macro_local + coarse->primal_local;
   PetscInt          *ghost, ghosts = 0, *all, *root, *here, start;
   PetscMPIInt        rank;
 

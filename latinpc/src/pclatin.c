@@ -17,35 +17,12 @@ typedef struct {
   LatinLinks       links;  /* given by PCLatinSetLinks(), or NULL */
   PetscBool        shared; /* latin is that of a SNES latin, which builds it and has the options */
   LatinWeightsType weights;
-  PetscReal       *weight;            /* [copies * dim] partition of unity */
+  PetscReal       *weight;            /* [copies * bs] partition of unity */
   PetscBool       *inner;             /* [copies] the node belongs to one subdomain */
   LatinBlockSolver interior;          /* stiffness of the interiors, identity elsewhere */
-  PetscReal       *b, *v, *f, *force; /* [copies * dim] work */
+  PetscReal       *b, *v, *f, *force; /* [copies * bs] work */
   Vec              work;              /* DM global vector */
 } PC_Latin;
-
-/* f = B^t k B v, subdomain by subdomain */
-static PetscErrorCode PCLatinStiffness_Private(Latin latin, const PetscReal v[], PetscReal f[])
-{
-  LatinSubstructure *sub = &latin->sub;
-  const PetscInt     dim = latin->links->dim;
-
-  PetscFunctionBegin;
-  PetscCall(PetscArrayzero(f, dim * sub->copies));
-  for (PetscInt l = 0; l < sub->links; l++) {
-    const PetscReal *n = sub->direction + dim * l;
-    const PetscInt   a = dim * sub->ends[2 * l], b = dim * sub->ends[2 * l + 1];
-    PetscReal        t = 0.0;
-
-    for (PetscInt c = 0; c < dim; c++) t += n[c] * (v[b + c] - v[a + c]);
-    t *= sub->stiffness[l];
-    for (PetscInt c = 0; c < dim; c++) {
-      f[a + c] -= t * n[c];
-      f[b + c] += t * n[c];
-    }
-  }
-  PetscFunctionReturn(0);
-}
 
 /* Adds the copies' values up in a DM global vector */
 static PetscErrorCode PCLatinSum_Private(Latin latin, const PetscReal copy[], Vec u)
@@ -60,36 +37,29 @@ static PetscErrorCode PCLatinSum_Private(Latin latin, const PetscReal copy[], Ve
   PetscFunctionReturn(0);
 }
 
-/* The part of each copy in its node: equal parts, or in proportion to the stiffness (diagonal of B^t k B) */
+/* The part of each copy in its node: equal parts, or in proportion to the stiffness (diagonal of its operator) */
 static PetscErrorCode PCLatinWeights_Private(PC pc)
 {
   PC_Latin          *data  = (PC_Latin *)pc->data;
   Latin              latin = data->latin;
   LatinSubstructure *sub   = &latin->sub;
-  const PetscInt     dim   = latin->links->dim;
+  const PetscInt     bs    = latin->sub.bs;
 
   PetscFunctionBegin;
-  for (PetscInt i = 0; i < dim * sub->copies; i++) data->b[i] = 1.0;
+  for (PetscInt i = 0; i < bs * sub->copies; i++) data->b[i] = 1.0;
   if (data->weights == WEIGHTS_STIFFNESS) {
     PetscReal largest = 0.0;
 
-    PetscCall(PetscArrayzero(data->b, dim * sub->copies));
-    for (PetscInt l = 0; l < sub->links; l++)
-      for (PetscInt c = 0; c < dim; c++) {
-        const PetscReal k = sub->stiffness[l] * PetscSqr(sub->direction[dim * l + c]);
-
-        data->b[dim * sub->ends[2 * l] + c] += k;
-        data->b[dim * sub->ends[2 * l + 1] + c] += k;
-        largest = PetscMax(largest, k);
-      }
+    PetscCall(LatinOperatorDiagonal(latin, data->b));
+    for (PetscInt i = 0; i < bs * sub->copies; i++) largest = PetscMax(largest, data->b[i]);
     PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &largest, 1, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)pc)));
     /* a copy without stiffness keeps a part of its node, or nobody would move it where no copy has any */
-    for (PetscInt i = 0; i < dim * sub->copies; i++) data->b[i] += 1e-12 * (largest > 0.0 ? largest : 1.0);
+    for (PetscInt i = 0; i < bs * sub->copies; i++) data->b[i] += 1e-12 * (largest > 0.0 ? largest : 1.0);
   }
   PetscCall(PCLatinSum_Private(latin, data->b, data->work));
-  PetscCall(PetscArrayzero(data->f, dim * sub->copies));
+  PetscCall(PetscArrayzero(data->f, bs * sub->copies));
   PetscCall(LatinDistribute_Private(latin, data->work, data->f));
-  for (PetscInt i = 0; i < dim * sub->copies; i++) data->weight[i] = sub->fixed[i] ? 0.0 : data->b[i] / data->f[i];
+  for (PetscInt i = 0; i < bs * sub->copies; i++) data->weight[i] = sub->fixed[i] ? 0.0 : data->b[i] / data->f[i];
   for (PetscInt i = 0; i < sub->copies; i++) data->inner[i] = (PetscBool)(latin->inter.share_offset[i] == latin->inter.share_offset[i + 1]);
   PetscFunctionReturn(0);
 }
@@ -100,7 +70,7 @@ static PetscErrorCode PCLatinInterior_Private(PC pc)
   PC_Latin         *data  = (PC_Latin *)pc->data;
   Latin             latin = data->latin;
   LatinBlockSolver *whole = &latin->linear.solver, *interior = &data->interior;
-  const PetscInt    dim = latin->links->dim;
+  const PetscInt    bs = latin->sub.bs;
 
   PetscFunctionBegin;
   PetscCall(LatinBlockSolverCreate(latin, interior));
@@ -113,17 +83,17 @@ static PetscErrorCode PCLatinInterior_Private(PC pc)
     PetscCall(PetscMalloc1(whole->ci[i][n], &interior->cj[i]));
     PetscCall(PetscMalloc1(whole->ci[i][n], &interior->ca[i]));
     for (PetscInt p = 0; p < batch->patterns; p++) {
-      const PetscInt shift = dim * latin->sub.node_offset[batch->sub[p]] - batch->row[p];
+      const PetscInt shift = bs * latin->sub.node_offset[batch->sub[p]] - batch->row[p];
 
       for (PetscInt row = batch->row[p]; row < batch->row[p + 1]; row++) {
         interior->ci[i][row] = nz;
-        if (!data->inner[(row + shift) / dim]) {
+        if (!data->inner[(row + shift) / bs]) {
           interior->cj[i][nz]   = row;
           interior->ca[i][nz++] = 1.0;
           continue;
         }
         for (PetscInt k = whole->ci[i][row]; k < whole->ci[i][row + 1]; k++) {
-          if (!data->inner[(whole->cj[i][k] + shift) / dim]) continue;
+          if (!data->inner[(whole->cj[i][k] + shift) / bs]) continue;
           interior->cj[i][nz]   = whole->cj[i][k];
           interior->ca[i][nz++] = whole->ca[i][k];
         }
@@ -184,7 +154,7 @@ static PetscErrorCode PCSetUp_Latin(PC pc)
     PetscCall(PetscObjectAppendOptionsPrefix((PetscObject)data->latin, "pc_latin_"));
     PetscCall(LatinSetUp_Private(data->latin));
   }
-  n = links->dim * data->latin->sub.copies;
+  n = data->latin->sub.bs * data->latin->sub.copies;
   PetscCall(PetscMalloc5(n, &data->weight, n, &data->b, n, &data->v, n, &data->f, n, &data->force));
   PetscCall(PetscMalloc1(data->latin->sub.copies, &data->inner));
   PetscCall(VecDuplicate(links->load, &data->work));
@@ -197,10 +167,10 @@ static PetscErrorCode PCSetUp_Latin(PC pc)
 static PetscErrorCode PCLatinInteriorSolve_Private(PC pc, const PetscReal f[])
 {
   PC_Latin      *data = (PC_Latin *)pc->data;
-  const PetscInt dim = data->latin->links->dim, n = dim * data->latin->sub.copies;
+  const PetscInt bs = data->latin->sub.bs, n = bs * data->latin->sub.copies;
 
   PetscFunctionBegin;
-  for (PetscInt i = 0; i < n; i++) data->b[i] = data->inner[i / dim] && !data->latin->sub.fixed[i] ? f[i] : 0.0;
+  for (PetscInt i = 0; i < n; i++) data->b[i] = data->inner[i / bs] && !data->latin->sub.fixed[i] ? f[i] : 0.0;
   PetscCall(LatinBlockSolve(data->latin, &data->interior, data->b, data->v));
   PetscFunctionReturn(0);
 }
@@ -213,7 +183,7 @@ static PetscErrorCode PCApply_Latin_Shared(PC pc, Vec x, Vec y)
 {
   PC_Latin      *data  = (PC_Latin *)pc->data;
   Latin          latin = data->latin;
-  const PetscInt n     = latin->links->dim * latin->sub.copies;
+  const PetscInt n     = latin->sub.bs * latin->sub.copies;
 
   PetscFunctionBegin;
   PetscCall(PetscArrayzero(data->f, n));
@@ -230,27 +200,27 @@ static PetscErrorCode PCApply_Latin(PC pc, Vec x, Vec y)
 {
   PC_Latin      *data  = (PC_Latin *)pc->data;
   Latin          latin = data->latin;
-  const PetscInt dim = latin->links->dim, n = dim * latin->sub.copies;
+  const PetscInt bs = latin->sub.bs, n = bs * latin->sub.copies;
 
   PetscFunctionBegin;
   /* forces left on the interfaces once the interiors are in equilibrium */
   PetscCall(PetscArrayzero(data->force, n));
   PetscCall(LatinDistribute_Private(latin, x, data->force));
   PetscCall(PCLatinInteriorSolve_Private(pc, data->force));
-  PetscCall(PCLatinStiffness_Private(latin, data->v, data->f));
+  PetscCall(LatinOperatorMult(latin, data->v, data->f));
   PetscCall(PCLatinSum_Private(latin, data->f, data->work));
   PetscCall(VecAYPX(data->work, -1.0, x));
   /* linear stage for the weighted forces, weighted mean of its displacements */
   PetscCall(LatinDistribute_Private(latin, data->work, data->f));
-  for (PetscInt i = 0; i < n; i++) latin->linear.g[i] = data->inner[i / dim] || latin->sub.fixed[i] ? 0.0 : data->weight[i] * data->f[i];
+  for (PetscInt i = 0; i < n; i++) latin->linear.g[i] = data->inner[i / bs] || latin->sub.fixed[i] ? 0.0 : data->weight[i] * data->f[i];
   PetscCall(LatinLinearApply(latin));
-  for (PetscInt i = 0; i < n; i++) data->v[i] = data->inner[i / dim] || latin->sub.fixed[i] ? 0.0 : data->weight[i] * latin->linear.g[i];
+  for (PetscInt i = 0; i < n; i++) data->v[i] = data->inner[i / bs] || latin->sub.fixed[i] ? 0.0 : data->weight[i] * latin->linear.g[i];
   PetscCall(PCLatinSum_Private(latin, data->v, data->work));
   /* interiors in equilibrium with the given forces and these displacements */
   PetscCall(LatinDistribute_Private(latin, data->work, data->v));
   for (PetscInt i = 0; i < n; i++)
-    if (data->inner[i / dim]) data->v[i] = 0.0;
-  PetscCall(PCLatinStiffness_Private(latin, data->v, data->f));
+    if (data->inner[i / bs]) data->v[i] = 0.0;
+  PetscCall(LatinOperatorMult(latin, data->v, data->f));
   for (PetscInt i = 0; i < n; i++) data->f[i] = data->force[i] - data->f[i];
   PetscCall(PCLatinInteriorSolve_Private(pc, data->f));
   PetscCall(PCLatinSum_Private(latin, data->v, y));

@@ -92,8 +92,8 @@ PetscErrorCode LatinGetSubdomainIS(Latin latin, PetscInt i, IS *is)
 
   PetscFunctionBegin;
   PetscCall(LatinCheckSubdomain_Private(latin, i));
-  first = latin->links->dim * sub->node_offset[i];
-  last  = latin->links->dim * sub->node_offset[i + 1];
+  first = latin->sub.bs * sub->node_offset[i];
+  last  = latin->sub.bs * sub->node_offset[i + 1];
   PetscCall(PetscMalloc1(last - first, &list));
   for (PetscInt k = first; k < last; k++)
     if (!sub->fixed[k]) list[n++] = sub->global_dof[k];

@@ -14,34 +14,16 @@
 #define LATIN_STIFFNESS_LEAST   0.1  /* least diagonal entry, relative to the mean of the subdomain: for dofs that hardly any link reaches */
 #define LATIN_STIFFNESS_COLUMNS 16   /* right-hand sides solved together: bounds the work space to that many copies of U */
 
-/* The diagonal of B^t k B */
-PetscErrorCode LatinStiffnessDiagonal_Private(Latin latin, PetscReal diagonal[])
-{
-  LatinSubstructure *sub = &latin->sub;
-  const PetscInt     dim = latin->links->dim;
-
-  PetscFunctionBegin;
-  PetscCall(PetscArrayzero(diagonal, dim * sub->copies));
-  for (PetscInt l = 0; l < sub->links; l++)
-    for (PetscInt c = 0; c < dim; c++) {
-      const PetscReal v = sub->stiffness[l] * PetscSqr(sub->direction[dim * l + c]);
-
-      diagonal[dim * sub->ends[2 * l] + c] += v;
-      diagonal[dim * sub->ends[2 * l + 1] + c] += v;
-    }
-  PetscFunctionReturn(0);
-}
-
 /* The foundation of the subdomains. Collective on latin. */
 static PetscErrorCode LatinStiffnessFoundation_Private(Latin latin, PetscReal spring[])
 {
   LatinSubstructure *sub    = &latin->sub;
-  const PetscInt     dim    = latin->links->dim;
+  const PetscInt     bs     = latin->sub.bs;
   PetscReal          sum[2] = {0.0, 0.0}, fallback;
 
   PetscFunctionBegin;
-  PetscCall(LatinStiffnessDiagonal_Private(latin, spring));
-  for (PetscInt i = 0; i < dim * sub->copies; i++)
+  PetscCall(LatinOperatorDiagonal(latin, spring));
+  for (PetscInt i = 0; i < bs * sub->copies; i++)
     if (!sub->fixed[i]) {
       sum[0] += spring[i];
       sum[1] += 1.0;
@@ -49,7 +31,7 @@ static PetscErrorCode LatinStiffnessFoundation_Private(Latin latin, PetscReal sp
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)latin)));
   fallback = sum[0] > 0.0 ? sum[0] / sum[1] : 1.0;
   for (PetscInt s = 0; s < sub->n; s++) {
-    const PetscInt first = dim * sub->node_offset[s], last = dim * sub->node_offset[s + 1];
+    const PetscInt first = bs * sub->node_offset[s], last = bs * sub->node_offset[s + 1];
     PetscReal      mean = 0.0;
     PetscInt       n    = 0;
 
@@ -69,7 +51,7 @@ static PetscErrorCode LatinStiffnessFoundation_Private(Latin latin, PetscReal sp
 static PetscErrorCode LatinStiffnessBlock_Private(Latin latin, LatinGraph *graph, const LatinInterface *face, const PetscReal spring[], PetscInt at[], PetscReal S[])
 {
   LatinInterfaces *inter = &latin->inter;
-  const PetscInt   dim = latin->links->dim, rows = face->side_last - face->side_first;
+  const PetscInt   bs = latin->sub.bs, rows = face->side_last - face->side_first;
   PetscInt         n = 0, last = -1;
 
   PetscFunctionBegin;
@@ -78,13 +60,13 @@ static PetscErrorCode LatinStiffnessBlock_Private(Latin latin, LatinGraph *graph
   for (PetscInt r = 0; r < rows; r++) {
     const PetscInt dof = inter->side_dof[face->side_first + r];
 
-    if (dof / dim != last) PetscCall(LatinGraphRow_Private(latin, graph, dof / dim, spring, &n));
-    last = dof / dim;
+    if (dof / bs != last) PetscCall(LatinGraphRow_Private(latin, graph, dof / bs, spring, &n));
+    last = dof / bs;
     for (PetscInt q = 0; q < n; q++)
-      for (PetscInt b = 0; b < dim; b++) {
-        const PetscInt k = at[dim * graph->neighbour[q] + b];
+      for (PetscInt b = 0; b < bs; b++) {
+        const PetscInt k = at[bs * graph->neighbour[q] + b];
 
-        if (k >= r) S[r + rows * k] = S[k + rows * r] = graph->block[dim * dim * q + (dof % dim) * dim + b];
+        if (k >= r) S[r + rows * k] = S[k + rows * r] = graph->block[bs * bs * q + (dof % bs) * bs + b];
       }
   }
   for (PetscInt r = 0; r < rows; r++) at[inter->side_dof[face->side_first + r]] = -1;
@@ -95,26 +77,26 @@ static PetscErrorCode LatinStiffnessBlock_Private(Latin latin, LatinGraph *graph
 static PetscErrorCode LatinStiffnessMatrix_Private(Latin latin, LatinGraph *graph, PetscInt patterns, const PetscInt list[], const PetscInt row[], const PetscReal spring[], PetscInt *ci, PetscInt **cj, PetscReal **ca)
 {
   LatinSubstructure *sub = &latin->sub;
-  const PetscInt     dim = latin->links->dim;
+  const PetscInt     bs  = latin->sub.bs;
 
   PetscFunctionBegin;
   for (PetscInt pass = 0; pass < 2; pass++) {
     PetscInt nz = 0, n = 0;
 
     for (PetscInt p = 0; p < patterns; p++) {
-      const PetscInt top = dim * sub->node_offset[list[p]];
+      const PetscInt top = bs * sub->node_offset[list[p]];
 
-      for (PetscInt dof = top; dof < dim * sub->node_offset[list[p] + 1]; dof++) {
-        if (dof % dim == 0) PetscCall(LatinGraphRow_Private(latin, graph, dof / dim, spring, &n));
+      for (PetscInt dof = top; dof < bs * sub->node_offset[list[p] + 1]; dof++) {
+        if (dof % bs == 0) PetscCall(LatinGraphRow_Private(latin, graph, dof / bs, spring, &n));
         ci[row[p] + dof - top] = nz;
         for (PetscInt q = 0; q < n; q++)
-          for (PetscInt b = 0; b < dim; b++) {
-            const PetscInt col = dim * graph->neighbour[q] + b;
+          for (PetscInt b = 0; b < bs; b++) {
+            const PetscInt col = bs * graph->neighbour[q] + b;
 
             if (col != dof && (sub->fixed[dof] || sub->fixed[col])) continue;
             if (pass) {
               (*cj)[nz] = row[p] + col - top;
-              (*ca)[nz] = graph->block[dim * dim * q + (dof % dim) * dim + b];
+              (*ca)[nz] = graph->block[bs * bs * q + (dof % bs) * bs + b];
             }
             nz++;
           }
@@ -160,7 +142,7 @@ static PetscErrorCode LatinStiffnessCondense_Private(Latin latin, LatinGraph *gr
 {
   LatinSubstructure *sub    = &latin->sub;
   LatinInterfaces   *inter  = &latin->inter;
-  const PetscInt     dim    = latin->links->dim;
+  const PetscInt     bs     = latin->sub.bs;
   PetscInt           widest = 0, *row, *ci, *cj, *count, *dofs;
   size_t            *start;
   PetscReal         *ca, *F;
@@ -177,7 +159,7 @@ static PetscErrorCode LatinStiffnessCondense_Private(Latin latin, LatinGraph *gr
   for (PetscInt p = 0; p < patterns; p++) {
     const PetscInt side = inter->interface[inter->offset[list[p]]].side_first, end = inter->interface[inter->offset[list[p] + 1] - 1].side_last;
 
-    row[p + 1] = row[p] + dim * (sub->node_offset[list[p] + 1] - sub->node_offset[list[p]]);
+    row[p + 1] = row[p] + bs * (sub->node_offset[list[p] + 1] - sub->node_offset[list[p]]);
     count[p]   = end - side;
     PetscCall(PetscArraycpy(dofs + side, inter->side_dof + side, end - side));
     PetscCall(PetscSortRemoveDupsInt(&count[p], dofs + side));
@@ -208,7 +190,7 @@ static PetscErrorCode LatinStiffnessCondense_Private(Latin latin, LatinGraph *gr
     PetscCall(MatDenseGetArrayWrite(B, &b));
     PetscCall(PetscMemzero(b, n * (size_t)(to - from) * sizeof(*b)));
     for (PetscInt p = 0; p < patterns; p++)
-      for (PetscInt j = from; j < PetscMin(to, count[p]); j++) b[(size_t)(row[p] + dofs[inter->interface[inter->offset[list[p]]].side_first + j] - dim * sub->node_offset[list[p]]) + n * (size_t)(j - from)] = 1.0;
+      for (PetscInt j = from; j < PetscMin(to, count[p]); j++) b[(size_t)(row[p] + dofs[inter->interface[inter->offset[list[p]]].side_first + j] - bs * sub->node_offset[list[p]]) + n * (size_t)(j - from)] = 1.0;
     PetscCall(MatDenseRestoreArrayWrite(B, &b));
     PetscCall(LatinDenseSolve_Private(ksp, B, X, &failed));
     if (failed) *bad = PETSC_TRUE;
@@ -217,7 +199,7 @@ static PetscErrorCode LatinStiffnessCondense_Private(Latin latin, LatinGraph *gr
       const PetscInt side = inter->interface[inter->offset[list[p]]].side_first;
 
       for (PetscInt j = from; j < PetscMin(to, count[p]); j++)
-        for (PetscInt i = 0; i < count[p]; i++) F[start[p] + (size_t)i + (size_t)count[p] * (size_t)j] = x[(size_t)(row[p] + dofs[side + i] - dim * sub->node_offset[list[p]]) + n * (size_t)(j - from)];
+        for (PetscInt i = 0; i < count[p]; i++) F[start[p] + (size_t)i + (size_t)count[p] * (size_t)j] = x[(size_t)(row[p] + dofs[side + i] - bs * sub->node_offset[list[p]]) + n * (size_t)(j - from)];
     }
     PetscCall(MatDenseRestoreArrayRead(X, &x));
     PetscCall(MatDestroy(&B));
@@ -242,7 +224,7 @@ PetscErrorCode LatinStiffnessFaces_Private(Latin latin, LatinDirectionType type,
 {
   LatinSubstructure *sub   = &latin->sub;
   LatinInterfaces   *inter = &latin->inter;
-  const PetscInt     dim = latin->links->dim, n = dim * sub->copies;
+  const PetscInt     bs = latin->sub.bs, n = bs * sub->copies;
   PetscInt          *pattern, *list, *at, patterns = 0;
   PetscReal         *spring;
   PetscBool          bad  = PETSC_FALSE;
@@ -264,7 +246,7 @@ PetscErrorCode LatinStiffnessFaces_Private(Latin latin, LatinDirectionType type,
   }
   PetscCall(PetscMalloc1(used, S));
   PetscCall(LatinStiffnessFoundation_Private(latin, spring));
-  PetscCall(LatinGraphCreate_Private(latin, &graph));
+  PetscCall(LatinGraphCreate_Private(latin, PETSC_TRUE, &graph));
   if (type == LATIN_DIRECTION_SCHUR) {
     if (patterns) PetscCall(LatinStiffnessCondense_Private(latin, &graph, patterns, list, spring, at, first, *S, &bad));
   } else {

@@ -228,6 +228,8 @@ PetscErrorCode LatinSubstructureSetUp(Latin latin)
 
   PetscFunctionBegin;
   PetscCall(PetscLogEventBegin(LATIN_Substructure, latin, 0, 0, 0));
+  sub->dim = sub->bs = sub->fields = links->dim;
+  sub->nodes_local                 = links->nodes_local;
   PetscCall(LatinPartition_Private(latin));
   PetscCall(LatinSubstructureDeal_Private(latin));
   PetscCall(LatinSubstructurePlan_Private(latin));

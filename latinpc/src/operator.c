@@ -1,0 +1,126 @@
+#include "latinimpl.h"
+
+/*
+   The operators of the subdomains without springs, B^t k B of the links. The other stages see them through this file
+   alone: a product, the diagonal, the rows (by way of graph.c), and what tells equal ones.
+*/
+
+/* f = K v, subdomain by subdomain */
+PetscErrorCode LatinOperatorMult(Latin latin, const PetscReal v[], PetscReal f[])
+{
+  LatinSubstructure *sub = &latin->sub;
+  const PetscInt     bs  = sub->bs;
+
+  PetscFunctionBegin;
+  PetscCall(PetscArrayzero(f, bs * sub->copies));
+  for (PetscInt l = 0; l < sub->links; l++) {
+    const PetscReal *n = sub->direction + bs * l;
+    const PetscInt   a = bs * sub->ends[2 * l], b = bs * sub->ends[2 * l + 1];
+    PetscReal        t = 0.0;
+
+    for (PetscInt c = 0; c < bs; c++) t += n[c] * (v[b + c] - v[a + c]);
+    t *= sub->stiffness[l];
+    for (PetscInt c = 0; c < bs; c++) {
+      f[a + c] -= t * n[c];
+      f[b + c] += t * n[c];
+    }
+  }
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode LatinOperatorDiagonal(Latin latin, PetscReal diagonal[])
+{
+  LatinSubstructure *sub = &latin->sub;
+  const PetscInt     bs  = sub->bs;
+
+  PetscFunctionBegin;
+  PetscCall(PetscArrayzero(diagonal, bs * sub->copies));
+  for (PetscInt l = 0; l < sub->links; l++)
+    for (PetscInt c = 0; c < bs; c++) {
+      const PetscReal v = sub->stiffness[l] * PetscSqr(sub->direction[bs * l + c]);
+
+      diagonal[bs * sub->ends[2 * l] + c] += v;
+      diagonal[bs * sub->ends[2 * l + 1] + c] += v;
+    }
+  PetscFunctionReturn(0);
+}
+
+/* ---- rows: each copy's neighbours, then the blocks that join it to them ---- */
+
+/* Adds the most neighbours that a copy can have */
+PetscErrorCode LatinOperatorRowsCreate_Private(Latin latin, LatinGraph *graph, PetscInt *widest)
+{
+  LatinSubstructure *sub  = &latin->sub;
+  PetscInt           most = 0;
+
+  PetscFunctionBegin;
+  PetscCall(PetscCalloc1(sub->copies + 2, &graph->offset));
+  PetscCall(PetscMalloc1(2 * sub->links, &graph->list));
+  for (PetscInt i = 0; i < 2 * sub->links; i++) graph->offset[sub->ends[i] + 2]++;
+  for (PetscInt i = 0; i < sub->copies; i++) {
+    most = PetscMax(most, graph->offset[i + 2]);
+    graph->offset[i + 2] += graph->offset[i + 1];
+  }
+  for (PetscInt i = 0; i < 2 * sub->links; i++) graph->list[graph->offset[sub->ends[i] + 1]++] = i / 2;
+  *widest += most;
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode LatinOperatorRowsDestroy_Private(LatinGraph *graph)
+{
+  PetscFunctionBegin;
+  PetscCall(PetscFree(graph->offset));
+  PetscCall(PetscFree(graph->list));
+  PetscFunctionReturn(0);
+}
+
+/* Appends the neighbours of copy i that have no slot yet to the n that are there */
+void LatinOperatorRowJoin(Latin latin, LatinGraph *graph, PetscInt i, PetscInt *n)
+{
+  const LatinSubstructure *sub = &latin->sub;
+
+  for (PetscInt p = graph->offset[i]; p < graph->offset[i + 1]; p++) {
+    const PetscInt l = graph->list[p], j = sub->ends[2 * l] == i ? sub->ends[2 * l + 1] : sub->ends[2 * l];
+
+    if (graph->slot[j] >= 0) continue;
+    graph->slot[j]           = 0;
+    graph->neighbour[(*n)++] = j;
+  }
+}
+
+/* Adds the blocks of row i, each in the slot of its neighbour */
+void LatinOperatorRowAdd(Latin latin, LatinGraph *graph, PetscInt i)
+{
+  const LatinSubstructure *sub = &latin->sub;
+  const PetscInt           bs = sub->bs, bb = bs * bs;
+
+  for (PetscInt p = graph->offset[i]; p < graph->offset[i + 1]; p++) {
+    const PetscInt   l = graph->list[p], j = sub->ends[2 * l] == i ? sub->ends[2 * l + 1] : sub->ends[2 * l];
+    const PetscReal *v = sub->direction + bs * l, k = sub->stiffness[l];
+    PetscReal       *own = graph->block + bb * graph->slot[i], *other = graph->block + bb * graph->slot[j];
+
+    for (PetscInt c = 0; c < bs; c++)
+      for (PetscInt b = 0; b < bs; b++) {
+        own[c * bs + b] += k * v[c] * v[b];
+        other[c * bs + b] -= k * v[c] * v[b];
+      }
+  }
+}
+
+/* Everything that the operator of a subdomain depends on: equal streams, equal operators */
+PetscErrorCode LatinOperatorStream_Private(Latin latin, PetscInt s, LatinStream *stream)
+{
+  LatinSubstructure *sub = &latin->sub;
+  const PetscInt     bs = sub->bs, top = sub->node_offset[s], first = sub->link_offset[s], links = sub->link_offset[s + 1] - first;
+
+  PetscFunctionBegin;
+  PetscCall(LatinStreamAdd_Private(stream, &links, sizeof(links)));
+  for (PetscInt l = first; l < first + links; l++) {
+    const PetscInt ends[2] = {sub->ends[2 * l] - top, sub->ends[2 * l + 1] - top};
+
+    PetscCall(LatinStreamAdd_Private(stream, ends, sizeof(ends)));
+  }
+  PetscCall(LatinStreamAdd_Private(stream, sub->stiffness + first, (size_t)links * sizeof(PetscReal)));
+  PetscCall(LatinStreamAdd_Private(stream, sub->direction + bs * first, (size_t)(bs * links) * sizeof(PetscReal)));
+  PetscFunctionReturn(0);
+}
