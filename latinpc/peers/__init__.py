@@ -42,7 +42,7 @@ class Method:
 # that makes links slack may raise the residual by orders before the next ones bring it down.
 _NEWTON = {
     "snes_type": "newtonls",
-    "snes_linesearch_type": "basic",
+    "snes_linesearch_type": "none",
     "snes_divergence_tolerance": -1,
     "snes_max_it": 100,
 }

@@ -46,7 +46,7 @@ PetscErrorCode LatinSetLinks_Private(Latin latin, LatinLinks links)
 }
 
 /* family is "snes" or "pc": the options of the method are -<prefix><family>_latin_... */
-PetscErrorCode LatinSetFromOptions_Private(Latin latin, PetscOptionItems *PetscOptionsObject, const char family[])
+PetscErrorCode LatinSetFromOptions_Private(Latin latin, LatinOptionItems PetscOptionsObject, const char family[])
 {
   const struct _p_Latin before  = *latin;
   PetscBool             isnes   = PETSC_FALSE;

@@ -10,6 +10,7 @@
 #ifndef LATINIMPL_H
 #define LATINIMPL_H
 
+#include "compat.h"
 #include "latinpc.h"
 #include <petsc/private/petscimpl.h>
 #include <petscblaslapack.h>
@@ -443,7 +444,7 @@ PETSC_INTERN PetscErrorCode LatinLinksCountChanges_Private(LatinLinks, Vec u, Pe
 
 PETSC_INTERN PetscErrorCode LatinCreate_Private(MPI_Comm, Latin *);
 PETSC_INTERN PetscErrorCode LatinSetLinks_Private(Latin, LatinLinks);
-PETSC_INTERN PetscErrorCode LatinSetFromOptions_Private(Latin, PetscOptionItems *, const char family[]);
+PETSC_INTERN PetscErrorCode LatinSetFromOptions_Private(Latin, LatinOptionItems, const char family[]);
 PETSC_INTERN PetscErrorCode LatinSetUp_Private(Latin);
 PETSC_INTERN PetscErrorCode LatinAdapt_Private(Latin);
 PETSC_INTERN PetscErrorCode LatinReset_Private(Latin);

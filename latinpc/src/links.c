@@ -164,7 +164,7 @@ PetscErrorCode LatinLinksCreate(MPI_Comm comm, PetscInt dim, PetscInt nodes_loca
   DM         cdm;
 
   PetscFunctionBegin;
-  PetscValidPointer(newlinks, 8);
+  PetscAssertPointer(newlinks, 8);
   PetscCall(LatinInitializePackage());
   LatinAgree(comm, dim < 1 || dim > 3, PETSC_ERR_ARG_OUTOFRANGE, "A structure has 1, 2 or 3 dimensions, not %" PetscInt_FMT, dim);
   in[0] = nodes_local;

@@ -104,7 +104,7 @@ PetscErrorCode LatinLinksSetUp(LatinLinks links)
   if (!links->vertices) vstart = 0;
   PetscCall(PetscMalloc2(dim * links->vertices, &vfixed, dim * links->vertices, &vdof));
   PetscCall(PetscMalloc1(dim * links->vertices, &links->vertex_prescribed));
-  PetscCall(LatinSFBcast_Private(links->vertex_sf, dim, MPIU_BOOL, links->fixed, vfixed));
+  PetscCall(LatinSFBcast_Private(links->vertex_sf, dim, LATIN_MPI_BOOL, links->fixed, vfixed));
   PetscCall(LatinSFBcast_Private(links->vertex_sf, dim, MPIU_REAL, links->prescribed, links->vertex_prescribed));
   PetscCall(LatinLinksCreateSection_Private(links, vfixed, vstart));
 

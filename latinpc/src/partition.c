@@ -65,7 +65,7 @@ static PetscErrorCode LatinPartitionMetis_Private(Latin latin, PetscInt parts)
   }
   PetscCall(LatinGather_Private(comm, 2 * links->links_local, MPIU_INT, links->nodes, cut.ends));
   PetscCall(LatinGather_Private(comm, cut.dim * links->nodes_local, MPIU_REAL, links->x, cut.x));
-  PetscCall(LatinGather_Private(comm, cut.dim * links->nodes_local, MPIU_BOOL, links->fixed, cut.fixed));
+  PetscCall(LatinGather_Private(comm, cut.dim * links->nodes_local, LATIN_MPI_BOOL, links->fixed, cut.fixed));
   if (!rank) {
     if (!cut.parts) PetscCall(LatinSubdomainCount_Private(&cut, &cut.parts));
     cut.corners = (PetscBool)(latin->promote && latin->variant == LATIN_VARIANT_CORNER);

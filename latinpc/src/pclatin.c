@@ -229,7 +229,7 @@ static PetscErrorCode PCApply_Latin(PC pc, Vec x, Vec y)
   PetscFunctionReturn(0);
 }
 
-static PetscErrorCode PCSetFromOptions_Latin(PC pc, PetscOptionItems *PetscOptionsObject)
+static PetscErrorCode PCSetFromOptions_Latin(PC pc, LatinOptionItems PetscOptionsObject)
 {
   PC_Latin *data = (PC_Latin *)pc->data;
 

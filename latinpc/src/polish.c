@@ -30,7 +30,7 @@ static PetscErrorCode LatinPolishConverged_Private(SNES newton, PetscInt it, Pet
   PetscFunctionBegin;
   *reason = SNES_CONVERGED_ITERATING;
   if (PetscIsInfOrNanReal(fnorm) || PetscIsInfOrNanReal(snorm)) {
-    *reason = SNES_DIVERGED_FNORM_NAN;
+    *reason = SNES_DIVERGED_FUNCTION_NANORINF;
     PetscFunctionReturn(0);
   }
   PetscCall(SNESGetKSP(newton, &ksp));
@@ -118,7 +118,7 @@ PetscErrorCode LatinPolishCreate_Private(SNES snes, Latin latin, LatinPolish *po
   PetscCall(PetscObjectSetOptions((PetscObject)polish->newton, ((PetscObject)snes)->options));
   PetscCall(SNESSetType(polish->newton, SNESNEWTONLS));
   PetscCall(SNESGetLineSearch(polish->newton, &search));
-  PetscCall(SNESLineSearchSetType(search, SNESLINESEARCHBASIC));
+  PetscCall(SNESLineSearchSetType(search, SNESLINESEARCHNONE));
   PetscCall(SNESGetKSP(polish->newton, &ksp));
   PetscCall(KSPSetType(ksp, KSPCG));
   PetscCall(KSPSetNormType(ksp, KSP_NORM_NATURAL));

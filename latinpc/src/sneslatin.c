@@ -87,7 +87,7 @@ static PetscErrorCode SNESLatinConverged_Private(SNES outer, PetscInt it, PetscR
   PetscCall(SNESLogConvergenceHistory(snes, norm, 0));
   PetscCall(SNESMonitor(snes, snes->iter, norm));
 
-  if (PetscIsInfOrNanReal(norm) || PetscIsInfOrNanReal(fnorm)) *reason = SNES_DIVERGED_FNORM_NAN;
+  if (PetscIsInfOrNanReal(norm) || PetscIsInfOrNanReal(fnorm)) *reason = SNES_DIVERGED_FUNCTION_NANORINF;
   else if (latin->failed) *reason = SNES_DIVERGED_LINEAR_SOLVE;
   else if (data->stop == LATIN_STOP_RESIDUAL) {
     if (norm <= snes->abstol) *reason = SNES_CONVERGED_FNORM_ABS;
@@ -135,13 +135,12 @@ static PetscErrorCode SNESLatinMonitor_Private(SNES snes, PetscInt it, PetscReal
 */
 PetscErrorCode SNESLatinCreateOuter_Private(SNES snes)
 {
-  SNES_Latin      *data = (SNES_Latin *)snes->data;
-  const char      *prefix;
-  char             type[64];
-  PetscBool        set;
-  PetscOptions     options = ((PetscObject)snes)->options, defaults;
-  PetscOptionItems items;
-  SNESLineSearch   search;
+  SNES_Latin    *data = (SNES_Latin *)snes->data;
+  const char    *prefix;
+  char           type[64];
+  PetscBool      set;
+  PetscOptions   options = ((PetscObject)snes)->options, defaults;
+  SNESLineSearch search;
 
   PetscFunctionBegin;
   if (data->outer) PetscFunctionReturn(0);
@@ -157,19 +156,18 @@ PetscErrorCode SNESLatinCreateOuter_Private(SNES snes)
   PetscCall(PetscStrcmp(type, SNESNRICHARDSON, &set));
   if (set) {
     PetscCall(SNESGetLineSearch(data->outer, &search));
-    PetscCall(SNESLineSearchSetType(search, SNESLINESEARCHBASIC));
+    PetscCall(SNESLineSearchSetType(search, SNESLINESEARCHNONE));
   }
   PetscCall(PetscStrcmp(type, SNESANDERSON, &set));
   if (set) {
     /* the type's own options only, and none of them printed: SNESSetFromOptions() would mark all as printed for -help */
-    PetscCall(PetscMemzero(&items, sizeof(items)));
     PetscCall(PetscOptionsCreate(&defaults));
     PetscCall(PetscOptionsSetValue(defaults, "-latin_defaults_snes_anderson_m", "10"));
-    items.options = defaults;
-    items.count   = 1;
-    PetscCall(PetscOptionsBegin_Private(&items, PetscObjectComm((PetscObject)snes), "latin_defaults_", "LATIN defaults", NULL));
-    PetscCall((*data->outer->ops->setfromoptions)(data->outer, &items));
-    PetscCall(PetscOptionsEnd_Private(&items));
+    PetscCall(PetscOptionsPush(defaults));
+    PetscOptionsBegin(PetscObjectComm((PetscObject)snes), "latin_defaults_", "LATIN defaults", NULL);
+    PetscCall((*data->outer->ops->setfromoptions)(data->outer, PetscOptionsObject));
+    PetscOptionsEnd();
+    PetscCall(PetscOptionsPop());
     PetscCall(PetscOptionsDestroy(&defaults));
   }
   PetscCall(PetscObjectSetOptions((PetscObject)data->outer, options));
@@ -177,7 +175,7 @@ PetscErrorCode SNESLatinCreateOuter_Private(SNES snes)
   PetscFunctionReturn(0);
 }
 
-static PetscErrorCode SNESSetFromOptions_Latin(SNES snes, PetscOptionItems *PetscOptionsObject)
+static PetscErrorCode SNESSetFromOptions_Latin(SNES snes, LatinOptionItems PetscOptionsObject)
 {
   SNES_Latin    *data = (SNES_Latin *)snes->data;
   const char    *prefix;
@@ -436,7 +434,7 @@ static PetscErrorCode SNESSolve_Latin(SNES snes)
     if (snes->alwayscomputesfinalresidual || data->stop == LATIN_STOP_RESIDUAL) PetscCall(SNESLatinResidual_Private(snes));
     else PetscCall(LatinAverage_Private(latin, snes->vec_sol));
   }
-  if (PetscIsInfOrNanReal(data->residual)) snes->reason = SNES_DIVERGED_FNORM_NAN;
+  if (PetscIsInfOrNanReal(data->residual)) snes->reason = SNES_DIVERGED_FUNCTION_NANORINF;
   PetscFunctionReturn(0);
 }
 
@@ -536,10 +534,8 @@ PETSC_EXTERN PetscErrorCode SNESCreate_Latin(SNES snes)
   data->target = 1e-4;
 
   snes->alwayscomputesfinalresidual = PETSC_FALSE; /* a pass over the links; SNESSetAlwaysComputesFinalResidual() asks for it */
-  if (!snes->tolerancesset) {
-    snes->max_its = 1000;
-    snes->stol    = 1e-5;
-  }
+  PetscObjectParameterSetDefault(snes, max_its, 1000);
+  PetscObjectParameterSetDefault(snes, stol, 1e-5);
   data->polish.start = 1e-4;
   PetscCall(LatinCreate_Private(PetscObjectComm((PetscObject)snes), &data->latin));
   PetscFunctionReturn(0);

@@ -179,7 +179,7 @@ static PetscErrorCode LatinSubstructureNodeData_Private(Latin latin)
   PetscCall(PetscLayoutDestroy(&map));
   PetscCall(PetscMalloc5(dim * n, &sub->x, dim * n, &sub->fixed, dim * n, &sub->prescribed, n, &sub->multiplicity, dim * n, &sub->global_dof));
   PetscCall(LatinSFBcast_Private(sub->node_sf, dim, MPIU_REAL, links->x, sub->x));
-  PetscCall(LatinSFBcast_Private(sub->node_sf, dim, MPIU_BOOL, links->fixed, sub->fixed));
+  PetscCall(LatinSFBcast_Private(sub->node_sf, dim, LATIN_MPI_BOOL, links->fixed, sub->fixed));
   PetscCall(LatinSFBcast_Private(sub->node_sf, dim, MPIU_REAL, links->prescribed, sub->prescribed));
   PetscCall(LatinSFBcast_Private(sub->node_sf, dim, MPIU_INT, links->global_dof, sub->global_dof));
   PetscCall(PetscSFComputeDegreeBegin(sub->node_sf, &degree));

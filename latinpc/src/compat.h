@@ -1,0 +1,42 @@
+/*
+   What changed in PETSc's interface between 3.18 and the newest release. The sources are written for the newest PETSc;
+   here an earlier one is given the names that it lacks, so that no other file looks at the version.
+*/
+#ifndef LATINCOMPAT_H
+#define LATINCOMPAT_H
+
+#include <petscsnes.h>
+
+/* 3.20 */
+#if PETSC_VERSION_LT(3, 20, 0)
+  #define PetscAssertPointer(pointer, argument) PetscValidPointer(pointer, argument)
+#endif
+
+/* 3.22: a type's own default gives way to what the user has set */
+#if PETSC_VERSION_LT(3, 22, 0)
+  #define PetscObjectParameterSetDefault(snes, name, value) \
+    do { \
+      if (!(snes)->tolerancesset) (snes)->name = (value); \
+    } while (0)
+#endif
+
+/* 3.23: a pointer itself */
+#if PETSC_VERSION_LT(3, 23, 0)
+typedef PetscOptionItems *LatinOptionItems;
+#else
+typedef PetscOptionItems LatinOptionItems;
+#endif
+
+/* 3.24: PetscBool was an enumeration, and is a C bool */
+#if PETSC_VERSION_LT(3, 24, 0)
+  #define LATIN_MPI_BOOL MPIU_BOOL
+#else
+  #define LATIN_MPI_BOOL MPI_C_BOOL
+#endif
+
+/* 3.25 */
+#if PETSC_VERSION_LT(3, 25, 0)
+  #define SNES_DIVERGED_FUNCTION_NANORINF SNES_DIVERGED_FNORM_NAN
+#endif
+
+#endif
