@@ -7,7 +7,7 @@ from pathlib import Path
 
 __version__ = "0.1.0"
 
-from latinpc.links import Links, Sizes
+from latinpc.links import Links, Sizes, register_law, register_table
 from latinpc.scenes.scene import Law
 from latinpc.solvers import (
     coarse_ksp,
@@ -42,6 +42,8 @@ __all__ = [
     "node_classes",
     "outer_snes",
     "pcshell_set_latin",
+    "register_law",
+    "register_table",
     "rounding_floor",
     "set_reference",
     "statistics",

@@ -49,8 +49,21 @@ cdef extern from "latinpc.h":
 
     PetscErrorCode LatinInitializePackage()
 
+    ctypedef struct LatinLawFunctions:  # functions of C, known here by their addresses only
+        void *tension
+        void *tangent
+        void *energy
+        void *local
+        void *ctx
+
+    PetscErrorCode LatinLawRegister(const char *, const LatinLawFunctions *, PetscInt *)
+    PetscErrorCode LatinLawRegisterTable(const char *, PetscInt, const PetscReal *, const PetscReal *, PetscInt *)
+    PetscErrorCode LatinLawGetName(PetscInt, const char **)
+
     PetscErrorCode LatinLinksCreate(MPI_Comm, PetscInt, PetscInt, PetscInt, const PetscReal *, PetscInt, const PetscInt *, LatinLinks *)
     PetscErrorCode LatinLinksSetLaws(LatinLinks, const PetscInt *, const PetscReal *, const PetscReal *)
+    PetscErrorCode LatinLinksSetDirections(LatinLinks, const PetscReal *)
+    PetscErrorCode LatinLinksSetFriction(LatinLinks, const PetscReal *)
     PetscErrorCode LatinLinksSetSupports(LatinLinks, const PetscBool *, const PetscReal *)
     PetscErrorCode LatinLinksSetLoads(LatinLinks, const PetscReal *)
     PetscErrorCode LatinLinksSetPrestrain(LatinLinks, const PetscReal *)
@@ -142,6 +155,39 @@ def initialize_package():
     CHKERR(LatinInitializePackage())
 
 
+# ---- laws -----------------------------------------------------------------------------------------------
+
+def register_law(name, tension, tangent, energy, local, context):
+    """Register a law from the addresses of C functions, 0 for none; return its number."""
+    cdef LatinLawFunctions functions
+    cdef PetscInt law = -1
+    functions.tension = <void *><size_t>tension
+    functions.tangent = <void *><size_t>tangent
+    functions.energy = <void *><size_t>energy
+    functions.local = <void *><size_t>local
+    functions.ctx = <void *><size_t>context
+    CHKERR(LatinLawRegister(name.encode(), &functions, &law))
+    return law
+
+
+def register_table(name, strain, tension):
+    """Register a piecewise linear law; return its number."""
+    cdef PetscInt law = -1
+    CHKERR(LatinLawRegisterTable(name.encode(), len(strain), reals(strain), reals(tension), &law))
+    return law
+
+
+def law_names():
+    """Return the names of all laws, in the order of their numbers."""
+    cdef const char *name = NULL
+    names = []
+    while True:
+        CHKERR(LatinLawGetName(len(names), &name))
+        if name == NULL:
+            return names
+        names.append(name.decode())
+
+
 # ---- structures -----------------------------------------------------------------------------------------
 
 cdef class LinksHandle:
@@ -166,6 +212,14 @@ cdef class LinksHandle:
     def set_laws(self, law, stiffness, prestrain):
         """Give every link of this rank its law, stiffness and prestrain."""
         CHKERR(LatinLinksSetLaws(self.handle, integers(law), reals(stiffness), reals(prestrain)))
+
+    def set_directions(self, direction):
+        """Give links of this rank a direction of their own, zero where it is that of their nodes."""
+        CHKERR(LatinLinksSetDirections(self.handle, reals(direction)))
+
+    def set_friction(self, friction):
+        """Give every link of this rank its coefficient of friction."""
+        CHKERR(LatinLinksSetFriction(self.handle, reals(friction)))
 
     def set_supports(self, fixed, prescribed):
         """Clamp degrees of freedom of this rank's nodes; ``fixed`` holds integers of PetscBool's size."""

@@ -6,6 +6,7 @@ ranks of the communicator. Whatever comes back is in the caller's own numbering,
 
 from __future__ import annotations
 
+import ctypes
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +20,9 @@ except ImportError as error:
         "run `pip install .` with the petsc4py that is to be used."
     ) from error
 
-__all__ = ["Links", "Sizes"]
+from latinpc.scenes.scene import Law
+
+__all__ = ["Links", "Sizes", "register_law", "register_table"]
 
 
 def _check_petsc():
@@ -49,6 +52,79 @@ class Sizes(NamedTuple):
     free_dofs: int
 
 
+def register_table(strain, tension, name="table"):
+    """Make a piecewise linear law from points; not collective, in the same order on every rank.
+
+    Parameters
+    ----------
+    strain : (n,) array_like of float
+        Increasing values of e + e0 (m), two or more.
+    tension : (n,) array_like of float
+        The tensions there (N), nowhere decreasing. The first and the last segment go on beyond the points.
+    name : str, optional
+        For messages.
+
+    Returns
+    -------
+    int
+        For the `law` of `Links`; the same for the same points. A link of stiffness 0 has these tensions, one of
+        another stiffness has them in proportion: the stiffness is the slope where the law is steepest.
+
+    Examples
+    --------
+    A bar that yields at 10 N in tension and in compression (loaded once: what yields comes back the same way):
+
+    >>> import latinpc
+    >>> yields = latinpc.register_table([-2e-3, -1e-3, 1e-3, 2e-3], [-10, -10, 10, 10])
+    """
+    strain, tension = (_native(np.asarray(values, dtype=np.float64).ravel()) for values in (strain, tension))
+    if len(strain) != len(tension):
+        raise ValueError(f"a law needs as many tensions as strains, not {len(tension)} for {len(strain)}")
+    return _latin.register_table(name, strain, tension)
+
+
+def register_law(name, tension, tangent, energy, local=None, context=None):
+    """Make a law of functions in C, which the iteration calls; not collective, in the same order on every rank.
+
+    Parameters
+    ----------
+    name : str
+        For messages.
+    tension, tangent, energy : int or object
+        Addresses of ``double f(double k, double x, void *context)`` with x = e + e0: the tension, nowhere decreasing
+        and hardly steeper than k; an element of its generalised derivative; a potential of it. An address is an
+        integer, a function of ctypes, or what has an attribute ``address``, as a cfunc of numba.
+    local : int or object, optional
+        Of ``double f(double k, double e0, double y, void *context)``: tau - k e where tau + k e = y and the law holds.
+        Solved for by Newton's method when not given.
+    context : int, optional
+        Address handed on to the functions.
+
+    Returns
+    -------
+    int
+        For the `law` of `Links`.
+
+    Notes
+    -----
+    The functions must live as long as the structures that use them. A law in Python is no choice: it would be called
+    for each link in each iteration. Give its points to `register_table`, as many as its curvature asks for.
+    """
+    return _latin.register_law(
+        name, *(_address(function) for function in (tension, tangent, energy, local)), context or 0
+    )
+
+
+def _address(function):
+    if function is None or isinstance(function, int):
+        return function or 0
+    if hasattr(function, "address"):
+        return function.address
+    if isinstance(function, ctypes._CFuncPtr):
+        return ctypes.cast(function, ctypes.c_void_p).value
+    raise TypeError(f"a law is made of C functions, given by their addresses, not of {type(function).__name__}")
+
+
 class _Slices:
     """Which nodes and links of the caller's arrays this rank has handed to the library.
 
@@ -56,13 +132,16 @@ class _Slices:
     caller gives a partition, so that a subdomain starts on the rank that will own it.
     """
 
-    def __init__(self, comm, nodes, links, subdomain):
+    def __init__(self, comm, nodes, law, subdomain):
+        links = len(law)
         self.comm = comm.tompi4py()
         self.nodes = nodes
         self.links = links
         self.node_start, self.node_end = self._block(nodes)
         if subdomain is None:
-            self.my_links = np.arange(*self._block(links))
+            starts = np.append(np.flatnonzero(law != Law.TANGENT), links)  # parts of a contact stay on one rank
+            first, last = starts[np.searchsorted(starts, self._block(links))]
+            self.my_links = np.arange(first, last)
         else:
             first, last = self._block(int(subdomain.max()) + 1)
             self.my_links = np.flatnonzero((subdomain >= first) & (subdomain < last))
@@ -97,11 +176,13 @@ class Links:
         The two nodes of each link, counted from 0.
     law : (m,) array_like of int, or int
         `latinpc.scenes.Law`: 0 bar, tau = k (e + e0); 1 cable, tau = k max(e + e0, 0); 2 strut,
-        tau = k min(e + e0, 0); equations (2), (4), (5).
+        tau = k min(e + e0, 0); 3 inextensible cable; 4 contact; 5, 6 parts of a contact with friction; equations
+        (2) to (5). Or what `register_table` and `register_law` return.
     stiffness : (m,) array_like of float, or float
-        k (N/m), positive.
+        k (N/m), positive. Of a rigid law (3 to 6) it is the search parameter, which decides how fast the iteration
+        converges and not to what; 0 leaves it to the solver. 0 for the own stiffness of a table.
     prestrain : (m,) array_like of float, or float, optional
-        e0 (m), zero by default; the self-stress is k e0.
+        e0 (m), zero by default; the self-stress is k e0. Of a contact, the gap.
     fixed : (n, dim) array_like of bool, optional
         Components whose displacement is prescribed. None by default.
     prescribed : (n, dim) array_like of float, optional
@@ -110,6 +191,12 @@ class Links:
         External nodal forces F (N), zero by default.
     subdomain : (m,) array_like of int, optional
         Subdomain of each link, counted from 0 without gaps. Without it the solver makes a partition.
+    direction : (m, dim) array_like of float, optional
+        Directions of links other than from their first to their second node, zero where it is that: normals of
+        contacts between nodes at one place, tangential parts of contacts, the transverse stiffness of taut cables.
+    friction : (m,) array_like of float, or float, optional
+        Coefficients of friction, read at links of law 5. Such a contact is `dim` consecutive links of the same nodes:
+        law 5 along its normal, then law 6 along directions at right angles.
     comm : petsc4py or mpi4py communicator, optional
         PETSc's default communicator when not given.
 
@@ -144,6 +231,8 @@ class Links:
         prescribed=None,
         load=None,
         subdomain=None,
+        direction=None,
+        friction=None,
         comm=None,
     ):
         nodes = np.asarray(nodes, dtype=np.float64)
@@ -163,11 +252,21 @@ class Links:
         )
         _refuse(links[:, 0] == links[:, 1], "link", "joins a node to itself", links)
         length = np.linalg.norm(nodes[links[:, 1]] - nodes[links[:, 0]], axis=1)
-        _refuse(length == 0, "link", "has no length: its two nodes are at one place", links)
+        if direction is not None:
+            direction = _shaped("direction", direction, (self._count, nodes.shape[1]), np.float64, "a row per link")
+            _refuse(~np.isfinite(direction).all(axis=1), "link", "has a direction that is not finite", direction)
+            length = np.where(direction.any(axis=1), 1.0, length)
+        _refuse(length == 0, "link", "has no length: its two nodes are at one place and no direction is given", links)
         law = self._link_array("law", _integers("law", law), np.int64)
-        _refuse((law < 0) | (law > 2), "link", "has an unknown law (0 bar, 1 cable, 2 strut)", law)
+        names = _latin.law_names()
+        known = ", ".join(f"{number} {name}" for number, name in enumerate(names))
+        _refuse((law < 0) | (law >= len(names)), "link", f"has an unknown law ({known})", law)
         stiffness = self._link_array("stiffness", stiffness)
-        _refuse(~((stiffness > 0) & np.isfinite(stiffness)), "link", "needs a positive stiffness", stiffness)
+        wrong = ~((stiffness > 0) & np.isfinite(stiffness)) & ~((stiffness == 0) & (law > Law.STRUT))
+        _refuse(wrong, "link", "needs a positive stiffness", stiffness)
+        if friction is not None:
+            friction = self._link_array("friction", friction)
+            _refuse(~((friction >= 0) & np.isfinite(friction)), "link", "has a friction that is negative", friction)
         prestrain = self._prestrain(0.0 if prestrain is None else prestrain)
         fixed = np.zeros(self._shape, bool) if fixed is None else self._node_array("fixed", fixed, bool)
         prescribed = self._node_array("prescribed", 0.0 if prescribed is None else prescribed)
@@ -181,13 +280,17 @@ class Links:
         subdomain = None if subdomain is None else self._subdomain(subdomain)
 
         self.comm = _comm(comm)
-        self._slices = _Slices(self.comm, len(nodes), len(links), subdomain)
+        self._slices = _Slices(self.comm, len(nodes), law, subdomain)
         self._handle = handle = _latin.LinksHandle()
         mine = self._slices.my_links
         handle.create(self.comm, len(nodes), self._my_nodes(nodes), _native(links[mine], PETSc.IntType))
         handle.set_laws(
             _native(law[mine], PETSc.IntType), _native(stiffness[mine]), _native(np.asarray(prestrain)[mine])
         )
+        if direction is not None:
+            handle.set_directions(_native(direction[mine]))
+        if friction is not None:
+            handle.set_friction(_native(friction[mine]))
         handle.set_supports(self._my_nodes(fixed, _BOOL), self._my_nodes(prescribed))
         handle.set_loads(self._my_nodes(load))
         if subdomain is not None:
@@ -211,8 +314,11 @@ class Links:
         -------
         Links
         """
-        names = ("nodes", "links", "law", "stiffness", "prestrain", "fixed", "prescribed", "load", "subdomain")
-        return cls(**{name: getattr(scene, name) for name in names}, comm=comm)
+        names = ("nodes", "links", "stiffness", "prestrain", "fixed", "prescribed", "load", "subdomain", "direction")
+        tables = [register_table(*table) for table in scene.tables]
+        law = np.append(np.array(Law), tables)[scene.law] if tables else scene.law
+        given = {name: getattr(scene, name) for name in names}
+        return cls(**given, law=law, friction=scene.friction, comm=comm)
 
     def __repr__(self):
         s = self.sizes
@@ -352,7 +458,7 @@ class Links:
         return s.gather_nodes(mine)
 
     def tensions(self, u):
-        """Return the tension of every link by its law; collective.
+        """Return the tension of every link by its law, of rigid ones that of the last solve; collective.
 
         Parameters
         ----------

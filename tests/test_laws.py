@@ -9,6 +9,7 @@ import latinpc
 from latinpc.scenes import Law, Scene
 
 K, E0 = 2000.0, 0.25
+ELASTIC = (Law.BAR, Law.CABLE, Law.STRUT)
 
 
 def link(law, prestrain=E0):
@@ -52,7 +53,7 @@ def test_tension_is_that_of_the_law(law, taut):
         assert tension == (K * strain if carries else 0.0)
 
 
-@pytest.mark.parametrize("law", Law)
+@pytest.mark.parametrize("law", ELASTIC)
 def test_energy_is_a_convex_potential_of_the_tension(law):
     """The tension is the slope of the energy, and no chord of the energy lies below its curve."""
     links, step = link(law), 1e-6
@@ -72,7 +73,7 @@ def test_strut_is_the_mirror_image_of_a_cable():
         assert strut.energy(at(strut, -e)) == cable.energy(at(cable, e))
 
 
-@pytest.mark.parametrize("law", Law)
+@pytest.mark.parametrize("law", ELASTIC)
 def test_tangent_is_a_slope_of_the_law(law):
     """The Jacobian has the stiffness of a taut link, none of a slack one, one of the two at the kink."""
     links = link(law)

@@ -211,7 +211,7 @@ REFUSED = [
     ({"nodes": np.where(NODES > 1, np.nan, NODES)}, r"node 2 .*5 .*not finite"),
     ({"nodes": np.zeros_like(NODES)}, "no length"),
     ({"nodes": np.zeros((6, 4))}, "dim 1, 2 or 3"),
-    ({"law": 3}, "unknown law"),
+    ({"law": 99}, "unknown law"),
     ({"law": [0, 1]}, r"law must have the shape \(10,\)"),
     ({"stiffness": 0}, "needs a positive stiffness"),
     ({"stiffness": -1}, "and 5 more needs a positive stiffness"),

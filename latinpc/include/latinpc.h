@@ -20,11 +20,24 @@
 
 /* Constitutive laws of a link, table `laws.c` */
 typedef enum {
-  LATIN_LAW_BAR,   /* tau = k (e + e0)              (2)      */
-  LATIN_LAW_CABLE, /* tau = k max(e + e0, 0)        (4), (5) */
-  LATIN_LAW_STRUT  /* tau = k min(e + e0, 0), the mirror image of a cable */
+  LATIN_LAW_BAR,          /* tau = k (e + e0)              (2)      */
+  LATIN_LAW_CABLE,        /* tau = k max(e + e0, 0)        (4), (5) */
+  LATIN_LAW_STRUT,        /* tau = k min(e + e0, 0), the mirror image of a cable; an elastic contact with gap e0 */
+  LATIN_LAW_INEXTENSIBLE, /* 0 <= -(e + e0), tau >= 0, one of them zero (3) */
+  LATIN_LAW_CONTACT,      /* 0 <= e + e0, tau <= 0, one of them zero: rigid contact with gap e0 */
+  LATIN_LAW_FRICTION,     /* the same with Coulomb friction: the normal part, before dim - 1 tangential ones */
+  LATIN_LAW_TANGENT       /* tangential part of the contact before it: |tau_t| <= mu |tau_n|, against the slip */
 } LatinLawType;
 PETSC_EXTERN const char *const LatinLawTypes[];
+
+/* A law of the user's own, elastic: k is the stiffness that the link was given, x = e + e0 */
+typedef struct {
+  PetscReal (*tension)(PetscReal k, PetscReal x, void *ctx);             /* tau, nowhere decreasing */
+  PetscReal (*tangent)(PetscReal k, PetscReal x, void *ctx);             /* an element of the generalised derivative */
+  PetscReal (*energy)(PetscReal k, PetscReal x, void *ctx);              /* the potential whose derivative is the tension */
+  PetscReal (*local)(PetscReal k, PetscReal e0, PetscReal y, void *ctx); /* tau - k e where tau + k e = y, or NULL */
+  void *ctx;
+} LatinLawFunctions;
 
 /* What the coarse problem makes of the weak interfaces, section 4 of the article */
 typedef enum {
@@ -88,9 +101,16 @@ typedef struct {
 
 PETSC_EXTERN PetscErrorCode LatinInitializePackage(void);
 
+/* ---- laws ---- */
+PETSC_EXTERN PetscErrorCode LatinLawRegister(const char name[], const LatinLawFunctions *, PetscInt *law);
+PETSC_EXTERN PetscErrorCode LatinLawRegisterTable(const char name[], PetscInt n, const PetscReal strain[], const PetscReal tension[], PetscInt *law);
+PETSC_EXTERN PetscErrorCode LatinLawGetName(PetscInt law, const char *name[]);
+
 /* ---- structures ---- */
 PETSC_EXTERN PetscErrorCode LatinLinksCreate(MPI_Comm, PetscInt dim, PetscInt nodes_local, PetscInt nodes_global, const PetscReal coordinates[], PetscInt links_local, const PetscInt link_nodes[], LatinLinks *);
 PETSC_EXTERN PetscErrorCode LatinLinksSetLaws(LatinLinks, const PetscInt law[], const PetscReal stiffness[], const PetscReal prestrain[]);
+PETSC_EXTERN PetscErrorCode LatinLinksSetDirections(LatinLinks, const PetscReal direction[]);
+PETSC_EXTERN PetscErrorCode LatinLinksSetFriction(LatinLinks, const PetscReal coefficient[]);
 PETSC_EXTERN PetscErrorCode LatinLinksSetSupports(LatinLinks, const PetscBool fixed[], const PetscReal prescribed[]);
 PETSC_EXTERN PetscErrorCode LatinLinksSetLoads(LatinLinks, const PetscReal force[]);
 PETSC_EXTERN PetscErrorCode LatinLinksSetPrestrain(LatinLinks, const PetscReal prestrain[]);

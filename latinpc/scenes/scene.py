@@ -9,11 +9,28 @@ import numpy as np
 
 
 class Law(IntEnum):
-    """Constitutive law of a link, eqs. (2) to (5); numbers are those of ``LatinLawType``."""
+    """Constitutive law of a link, eqs. (2) to (5); numbers are those of ``LatinLawType``.
+
+    Larger numbers are the piecewise linear laws of a `Scene`, and the laws that the user registers.
+    """
 
     BAR = 0  #: tau = k (e + e0)
     CABLE = 1  #: tau = k max(e + e0, 0)
-    STRUT = 2  #: tau = k min(e + e0, 0)
+    STRUT = 2  #: tau = k min(e + e0, 0); an elastic contact with gap e0
+    INEXTENSIBLE = 3  #: 0 <= -(e + e0), tau >= 0, one of them zero
+    CONTACT = 4  #: 0 <= e + e0, tau <= 0, one of them zero: a rigid contact with gap e0
+    FRICTION = 5  #: the same with Coulomb friction: the normal part, before dim - 1 tangential ones
+    TANGENT = 6  #: tangential part of the contact before it
+
+    @property
+    def plural(self) -> str:
+        """What several links of the law are called."""
+        names = {"INEXTENSIBLE": "inextensible cables", "FRICTION": "contacts with friction"}
+        return names.get(self.name, self.name.lower() + "s")
+
+
+#: Laws whose tension is no function of the strain: their stiffness is a search parameter, 0 leaves it to the solver.
+RIGID = (Law.INEXTENSIBLE, Law.CONTACT, Law.FRICTION, Law.TANGENT)
 
 
 @dataclass(repr=False)
@@ -29,9 +46,10 @@ class Scene:
     links : (m, 2) array of int
         The two nodes of each link, counted from 0.
     law : (m,) array of int
-        A `Law` per link.
+        A `Law` per link; ``len(Law) + i`` is the i-th of `tables`.
     stiffness : (m,) array of float
-        k (N/m), positive.
+        k (N/m), positive. Of a rigid law the search parameter, 0 where the solver is to choose it; 0 also for a
+        law of `tables` as it is.
     prestrain : (m,) array of float, optional
         e0 (m); the self-stress is k e0. Zero by default.
     fixed : (n, dim) array of bool, optional
@@ -42,6 +60,12 @@ class Scene:
         External nodal forces (N). Zero by default.
     subdomain : (m,) array of int or None
         A subdomain per link, counted from 0 without gaps; None leaves the choice to the solver.
+    direction : (m, dim) array of float, optional
+        Directions of links other than from their first to their second node, zero elsewhere. None by default.
+    friction : (m,) array of float, optional
+        Coefficients of friction, read at links of law FRICTION.
+    tables : sequence of (strain, tension), optional
+        Piecewise linear laws: increasing e + e0 (m) and the tensions there (N).
     metadata : dict
         What the generator was asked for and chose; fit for JSON.
 
@@ -61,6 +85,9 @@ class Scene:
     prescribed: np.ndarray | None = None
     load: np.ndarray | None = None
     subdomain: np.ndarray | None = None
+    direction: np.ndarray | None = None
+    friction: np.ndarray | None = None
+    tables: tuple = ()
     metadata: dict = field(default_factory=dict)
 
     def __post_init__(self):
@@ -80,6 +107,11 @@ class Scene:
         self.load = _shaped("load", np.zeros(n) if self.load is None else self.load, n, np.float64)
         if self.subdomain is not None:
             self.subdomain = _shaped("subdomain", _integers("subdomain", self.subdomain), m)
+        if self.direction is not None:
+            self.direction = _shaped("direction", self.direction, (len(self.links), self.dim), np.float64)
+        if self.friction is not None:
+            self.friction = _shaped("friction", self.friction, m, np.float64)
+        self.tables = tuple(tuple(np.asarray(part, dtype=float) for part in table) for table in self.tables)
         self.validate()
 
     def validate(self) -> None:
@@ -88,9 +120,12 @@ class Scene:
             _refuse(~np.isfinite(getattr(self, name)), name, "is not a finite number")
         _refuse((self.links < 0) | (self.links >= len(self.nodes)), "links", "names a node that does not exist")
         _refuse(self.links[:, 0] == self.links[:, 1], "links", "joins a node to itself")
-        _refuse(self.lengths == 0.0, "links", "joins two nodes at the same place")
-        _refuse(~np.isin(self.law, list(Law)), "law", f"is none of {[f'{law.name}={law.value}' for law in Law]}")
-        _refuse(self.stiffness <= 0.0, "stiffness", "is not positive")
+        at_one_place = self.lengths == 0.0 if self.direction is None else ~np.any(self.vectors, axis=1)
+        _refuse(at_one_place, "links", "joins two nodes at the same place")
+        known = [f"{law.name}={law.value}" for law in Law] + [f"{len(Law) + i}" for i in range(len(self.tables))]
+        _refuse((self.law < 0) | (self.law >= len(known)), "law", f"is none of {known}")
+        free = np.isin(self.law, RIGID) | (self.law >= len(Law))
+        _refuse((self.stiffness < 0.0) | ((self.stiffness == 0.0) & ~free), "stiffness", "is not positive")
         _refuse((self.prescribed != 0.0) & ~self.fixed, "prescribed", "is not zero where the node is free")
         if self.subdomain is not None and len(self.links):
             _refuse(self.subdomain < 0, "subdomain", "is negative")
@@ -111,7 +146,16 @@ class Scene:
     @property
     def directions(self) -> np.ndarray:
         """Unit vector of each link, from its first node to its second."""
-        return (self.nodes[self.links[:, 1]] - self.nodes[self.links[:, 0]]) / self.lengths[:, None]
+        vectors = self.vectors
+        return vectors / np.linalg.norm(vectors, axis=1)[:, None]
+
+    @property
+    def vectors(self) -> np.ndarray:
+        """From the first node of each link to its second (m), or the direction that it was given."""
+        vectors = self.nodes[self.links[:, 1]] - self.nodes[self.links[:, 0]]
+        if self.direction is None:
+            return vectors
+        return np.where(np.any(self.direction, axis=1)[:, None], self.direction, vectors)
 
     @property
     def n_subdomains(self) -> int | None:
@@ -119,7 +163,7 @@ class Scene:
         return None if self.subdomain is None else int(self.subdomain.max()) + 1
 
     def __repr__(self) -> str:
-        laws = ", ".join(f"{np.count_nonzero(self.law == law)} {law.name.lower()}s" for law in Law if law in self.law)
+        laws = ", ".join(f"{np.count_nonzero(self.law == law)} {law.plural}" for law in Law if law in self.law)
         parts = "no given partition" if self.subdomain is None else f"{self.n_subdomains} subdomains"
         return (
             f"Scene({self.name!r}: {len(self.nodes)} nodes in {self.dim}D, {laws}, "

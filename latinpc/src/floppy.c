@@ -416,9 +416,11 @@ PetscErrorCode LatinFloppySlack(Latin latin)
   if (!latin->floppy.known) PetscCall(PetscCalloc1(sub->links, &latin->floppy.slack));
   latin->floppy.known = PETSC_TRUE;
   for (PetscInt i = 0; i < sub->nonsmooth; i++) {
-    const PetscInt l = sub->nonsmooth_link[i];
+    const PetscInt  l   = sub->nonsmooth_link[i];
+    const LatinLaw *law = &LatinLaws[sub->law[l]];
 
-    latin->floppy.slack[l] = (PetscBool)(LatinLaws[sub->law[l]].tangent(sub->stiffness[l], LatinElongation(sub, sub->bs, l, latin->linear.U) + sub->prestrain[l]) == 0.0);
+    if (law->rigid) latin->floppy.slack[l] = (PetscBool)(sub->tension[i] == 0.0);
+    else latin->floppy.slack[l] = (PetscBool)(law->tangent(sub->stiffness[l], LatinElongation(sub, sub->bs, l, latin->linear.U) + sub->prestrain[l], law->ctx) == 0.0);
   }
   PetscFunctionReturn(0);
 }

@@ -257,8 +257,8 @@ PetscErrorCode LatinCreateState_Private(Latin latin, Vec *z)
 }
 
 /*
-   The state of the prestressed configuration: no interface datum, every nonsmooth link as a taut one, and no
-   displacement but the prescribed ones.
+   The state of the prestressed configuration: no interface datum, every nonsmooth link as a taut one, rigid ones without
+   tension, and no displacement but the prescribed ones.
 */
 PetscErrorCode LatinInitialState_Private(Latin latin, Vec z)
 {
@@ -270,7 +270,14 @@ PetscErrorCode LatinInitialState_Private(Latin latin, Vec z)
   PetscCall(PetscArrayzero(latin->linear.pull, latin->inter.sides));
   PetscCall(VecGetArrayWrite(z, &a));
   for (PetscInt k = 0; k < latin->inter.sides; k++) a[k] = 0.0;
-  for (PetscInt i = 0; i < sub->nonsmooth; i++) a[latin->inter.sides + i] = sub->stiffness[sub->nonsmooth_link[i]] * sub->prestrain[sub->nonsmooth_link[i]];
+  for (PetscInt i = 0; i < sub->nonsmooth; i++) {
+    const PetscInt  l   = sub->nonsmooth_link[i];
+    const LatinLaw *law = &LatinLaws[sub->law[l]];
+
+    if (sub->law[l] <= LATIN_LAW_STRUT) a[latin->inter.sides + i] = sub->stiffness[l] * sub->prestrain[l];
+    else a[latin->inter.sides + i] = law->rigid ? 0.0 : law->tension(sub->stiffness[l], sub->prestrain[l], law->ctx);
+  }
+  if (latin->links && latin->links->multiplier) PetscCall(PetscArrayzero(latin->links->multiplier, latin->links->links_local));
   PetscCall(VecRestoreArrayWrite(z, &a));
   PetscFunctionReturn(0);
 }

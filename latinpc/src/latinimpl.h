@@ -50,14 +50,21 @@ PETSC_INTERN PetscErrorCode LatinFindEqual(PetscInt n, const size_t first[], con
 /* ---- constitutive laws (laws.c) ---- */
 typedef struct {
   const char *name;
-  PetscBool   smooth;                                         /* a linear law carries no state */
-  PetscReal (*tension)(PetscReal k, PetscReal x);             /* tau for the strain x = e + e0 */
-  PetscReal (*tangent)(PetscReal k, PetscReal x);             /* an element of the generalised derivative */
-  PetscReal (*energy)(PetscReal k, PetscReal x);              /* the convex potential whose derivative is the tension */
-  PetscReal (*local)(PetscReal k, PetscReal e0, PetscReal y); /* local stage with l = k: y = tau + l e gives tau_hat - l e_hat */
+  const char *cure;                                                      /* what to take for a rigid law where a stiffness is needed */
+  PetscBool   smooth;                                                    /* a linear law carries no state */
+  PetscBool   rigid;                                                     /* the tension is no function of the strain: no tension, tangent, energy */
+  PetscReal   stiffness;                                                 /* its own, where a link is given none; 0: it has none */
+  PetscReal (*tension)(PetscReal k, PetscReal x, void *ctx);             /* tau for the strain x = e + e0 */
+  PetscReal (*tangent)(PetscReal k, PetscReal x, void *ctx);             /* an element of the generalised derivative */
+  PetscReal (*energy)(PetscReal k, PetscReal x, void *ctx);              /* the convex potential whose derivative is the tension */
+  PetscReal (*local)(PetscReal l, PetscReal e0, PetscReal y, void *ctx); /* local stage: y = tau + l e gives tau_hat - l e_hat; NULL: from the tension */
+  void *ctx;
 } LatinLaw;
-PETSC_INTERN const LatinLaw LatinLaws[];
-PETSC_INTERN const PetscInt LatinLawCount;
+#define LATIN_LAWS_MAX 64
+PETSC_INTERN LatinLaw       LatinLaws[];
+PETSC_INTERN PetscInt       LatinLawCount;
+PETSC_INTERN PetscReal      LatinLawLocal(PetscInt law, PetscReal l, PetscReal e0, PetscReal y);
+PETSC_INTERN PetscErrorCode LatinLawsFinalize_Private(void);
 
 /* ---- structures (links.c, linksdata.c) ---- */
 struct _p_LatinLinks {
@@ -76,6 +83,11 @@ struct _p_LatinLinks {
   PetscReal *stiffness, *prestrain; /* [links_local] k, e0 */
   PetscReal *direction;             /* [links_local][dim] unit vector from the first to the second node: a row of B is (-n, n) */
   PetscReal *tangent;               /* [links_local] tangent stiffness of the last Jacobian, NULL before */
+  PetscReal *friction;              /* [links_local] coefficient, read at the normal part of a contact; NULL if none was given */
+  PetscReal *multiplier;            /* [links_local] tensions of the rigid links, of the last solve; NULL if no link is rigid */
+  PetscBool *tuned;                 /* [links_local] the search parameter of a rigid link is ours; NULL if no link is rigid */
+  PetscInt   rigid_law;             /* law of one of the rigid links of any rank, -1: there is none */
+  PetscBool  general, rubs;         /* has laws beyond bars, cables and struts; has contacts with friction, on any rank */
   PetscInt  *subdomain;             /* [links_local] the caller's partition, NULL if none */
   PetscInt   subdomain_count;
   /* the DM and its work space */
@@ -89,6 +101,23 @@ struct _p_LatinLinks {
   PetscObjectState load_state, prestrain_state; /* counted up at each change, so that a solver sees what to rebuild */
 };
 PETSC_INTERN PetscErrorCode LatinLinksLoadVec_Private(LatinLinks);
+PETSC_INTERN PetscBool      LatinUnitVector(PetscInt dim, const PetscReal v[], PetscReal unit[]);
+PETSC_INTERN PetscErrorCode LatinLinksSetUpRigid_Private(LatinLinks);
+PETSC_INTERN PetscErrorCode LatinLinksCheckRigid_Private(LatinLinks, const char what[]);
+PETSC_INTERN PetscErrorCode LatinLinksCheckContacts_Private(LatinLinks, const PetscInt law[]);
+static inline PetscReal     LatinLinksTangent(const LatinLinks links, PetscInt l, PetscReal x)
+{
+  const LatinLaw *law = &LatinLaws[links->law[l]];
+
+  return law->tangent(links->stiffness[l], x, law->ctx);
+}
+/* The tension of a link of the caller: rigid links keep that of the last solve */
+static inline PetscReal LatinLinksTension(const LatinLinks links, PetscInt l, PetscReal x)
+{
+  const LatinLaw *law = &LatinLaws[links->law[l]];
+
+  return law->rigid ? links->multiplier[l] : law->tension(links->stiffness[l], x, law->ctx);
+}
 PETSC_INTERN PetscErrorCode LatinLinksFromDM_Private(DM, LatinLinks *);
 PETSC_INTERN PetscErrorCode LatinLinksGetLocal_Private(LatinLinks, Vec, Vec);
 
@@ -108,6 +137,8 @@ typedef struct {
   PetscReal   *stiffness;                                           /* [links] k, which is also the ascent direction l */
   PetscReal   *prestrain;                                           /* [links] */
   PetscInt    *law;                                                 /* [links] */
+  PetscReal   *friction;                                            /* [links] coefficient, at the normal part of a contact; NULL if nothing rubs */
+  PetscReal   *tension;                                             /* [nonsmooth] tau_hat of the last local stage; NULL if no link is rigid */
   PetscInt    *node_offset;                                         /* [n + 1] */
   PetscInt     copies;                                              /* copies of nodes here */
   PetscInt    *node;                                                /* [copies] global node number */
@@ -128,10 +159,11 @@ typedef struct {
 /* ---- partitions (partition.c, size.c, metis.c, repair.c): links to share out, all on one rank ---- */
 typedef struct {
   PetscInt   dim, nodes, links, parts;
-  PetscInt  *ends;    /* [links][2] */
-  PetscReal *x;       /* [nodes][dim] */
-  PetscBool *fixed;   /* [nodes][dim] */
-  PetscBool  corners; /* nodes of three or more subdomains have one displacement, a coarse unknown */
+  PetscInt  *ends;      /* [links][2] */
+  PetscReal *x;         /* [nodes][dim] */
+  PetscReal *direction; /* [links][dim] */
+  PetscBool *fixed;     /* [nodes][dim] */
+  PetscBool  corners;   /* nodes of three or more subdomains have one displacement, a coarse unknown */
 } LatinCut;
 PETSC_INTERN PetscErrorCode LatinIncidence_Private(const LatinCut *, PetscInt *offset[], PetscInt *incident[]);
 PETSC_INTERN PetscErrorCode LatinMetis_Private(LatinCut *, PetscInt part[], PetscBool *failed, int *status, PetscBool *overflow);
@@ -454,6 +486,7 @@ PETSC_INTERN PetscErrorCode LatinDestroy_Private(Latin *);
 PETSC_INTERN PetscErrorCode LatinSubstructureSetUp(Latin);
 PETSC_INTERN PetscErrorCode LatinSubstructureRefresh(Latin);
 PETSC_INTERN PetscErrorCode LatinSubstructureReset(Latin);
+PETSC_INTERN PetscErrorCode LatinSubstructureReturn_Private(Latin);
 PETSC_INTERN PetscErrorCode LatinSubstructureBalance_Private(Latin, PetscReal *links, PetscReal *dofs, PetscReal *ranks);
 PETSC_INTERN PetscErrorCode LatinPartition_Private(Latin);
 PETSC_INTERN PetscErrorCode LatinInterfaceSetUp(Latin);
@@ -524,6 +557,7 @@ PETSC_INTERN PetscErrorCode LatinCreateState_Private(Latin, Vec *);
 PETSC_INTERN PetscErrorCode LatinInitialState_Private(Latin, Vec);
 PETSC_INTERN PetscErrorCode LatinApply_Private(Latin, Vec z, Vec Gz);
 PETSC_INTERN PetscErrorCode LatinGatherForces_Private(Latin, const PetscReal z[]);
+PETSC_INTERN void           LatinLinkStageGeneral(Latin, const PetscReal state[], PetscReal next[], PetscReal sum[3]);
 PETSC_INTERN PetscErrorCode LatinLocalStage_Private(Latin, const PetscReal z[], PetscReal Gz[]);
 PETSC_INTERN PetscErrorCode LatinErrors_Private(Latin, const PetscReal reference[], PetscReal *l2, PetscReal *energy);
 PETSC_INTERN PetscErrorCode LatinEstimateStart_Private(LatinEstimate *);

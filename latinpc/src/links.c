@@ -41,6 +41,9 @@ PetscErrorCode LatinLinksDestroy(LatinLinks *links)
   PetscCall(PetscFree(l->global_dof));
   PetscCall(PetscFree5(l->nodes, l->law, l->stiffness, l->prestrain, l->direction));
   PetscCall(PetscFree(l->tangent));
+  PetscCall(PetscFree(l->friction));
+  PetscCall(PetscFree(l->multiplier));
+  PetscCall(PetscFree(l->tuned));
   PetscCall(PetscFree(l->subdomain));
   PetscCall(PetscFree(l->ends));
   PetscCall(PetscFree(l->vertex_prescribed));
@@ -67,36 +70,36 @@ PetscErrorCode LatinLinksReference(LatinLinks links)
   PetscFunctionReturn(0);
 }
 
-/* Unit vectors of the links and their checks; the coordinates of the end nodes come through the DM's vertices */
+/* False, and nothing is written, for a vector without length. Scaled, so that no unit of length overflows or underflows */
+PetscBool LatinUnitVector(PetscInt dim, const PetscReal v[], PetscReal unit[])
+{
+  PetscReal scale = 0.0, length = 0.0;
+
+  for (PetscInt c = 0; c < dim; c++) scale = PetscMax(scale, PetscAbsReal(v[c]));
+  if (!(scale > 0.0)) return PETSC_FALSE;
+  for (PetscInt c = 0; c < dim; c++) length += PetscSqr(v[c] / scale);
+  length = PetscSqrtReal(length);
+  for (PetscInt c = 0; c < dim; c++) unit[c] = v[c] / scale / length;
+  return PETSC_TRUE;
+}
+
+/* Unit vectors of the links, zero for nodes at one place; the coordinates of the end nodes come through the DM's vertices */
 static PetscErrorCode LatinLinksComputeDirections_Private(LatinLinks links)
 {
   const PetscInt dim = links->dim;
   PetscReal     *vx;
-  PetscInt       bad = -1;
 
   PetscFunctionBegin;
   PetscCall(PetscMalloc1(links->vertices * dim, &vx));
   PetscCall(LatinSFBcast_Private(links->vertex_sf, dim, MPIU_REAL, links->x, vx));
   for (PetscInt l = 0; l < links->links_local; l++) {
     const PetscReal *xa = vx + dim * links->ends[2 * l], *xb = vx + dim * links->ends[2 * l + 1];
-    PetscReal       *n = links->direction + dim * l, scale = 0.0, length = 0.0;
+    PetscReal        v[3] = {0.0, 0.0, 0.0};
 
-    /* scaled, so that no unit of length overflows or underflows */
-    for (PetscInt c = 0; c < dim; c++) {
-      n[c]  = xb[c] - xa[c];
-      scale = PetscMax(scale, PetscAbsReal(n[c]));
-    }
-    if (!(scale > 0.0)) {
-      if (bad < 0) bad = l;
-      continue;
-    }
-    for (PetscInt c = 0; c < dim; c++) length += PetscSqr(n[c] / scale);
-    length = PetscSqrtReal(length);
-    for (PetscInt c = 0; c < dim; c++) n[c] = n[c] / scale / length;
+    for (PetscInt c = 0; c < dim; c++) v[c] = xb[c] - xa[c];
+    (void)LatinUnitVector(dim, v, links->direction + dim * l);
   }
   PetscCall(PetscFree(vx));
-  LatinAgree(PetscObjectComm((PetscObject)links), bad >= 0, PETSC_ERR_ARG_WRONG, "Link %" PetscInt_FMT " has no length: its nodes %" PetscInt_FMT " and %" PetscInt_FMT " lie at the same point; merge the nodes or remove the link",
-             links->links_start + bad, links->nodes[2 * bad], links->nodes[2 * bad + 1]);
   PetscFunctionReturn(0);
 }
 
@@ -153,9 +156,9 @@ static PetscErrorCode LatinLinksCreateMesh_Private(LatinLinks links, MPI_Comm co
 
   Notes:
   Raises `PETSC_ERR_ARG_OUTOFRANGE` for a link whose node does not exist and `PETSC_ERR_ARG_WRONG` for a link that
-  joins a node to itself or has no length, on every rank.
+  joins a node to itself, on every rank. A link whose nodes lie at the same point needs `LatinLinksSetDirections()`.
 
-.seealso: `LatinLinksSetLaws()`, `LatinLinksSetSupports()`, `LatinLinksSetLoads()`, `LatinLinksSetUp()`
+.seealso: `LatinLinksSetLaws()`, `LatinLinksSetDirections()`, `LatinLinksSetSupports()`, `LatinLinksSetLoads()`, `LatinLinksSetUp()`
 @*/
 PetscErrorCode LatinLinksCreate(MPI_Comm comm, PetscInt dim, PetscInt nodes_local, PetscInt nodes_global, const PetscReal coordinates[], PetscInt links_local, const PetscInt link_nodes[], LatinLinks *newlinks)
 {
@@ -192,6 +195,7 @@ PetscErrorCode LatinLinksCreate(MPI_Comm comm, PetscInt dim, PetscInt nodes_loca
   l->links_global = out[1];
   l->nodes_start  = start[0] - nodes_local;
   l->links_start  = start[1] - links_local;
+  l->rigid_law    = -1;
   PetscCall(PetscCalloc4(nodes_local * dim, &l->x, nodes_local * dim, &l->prescribed, nodes_local * dim, &l->force, nodes_local * dim, &l->fixed));
   PetscCall(PetscCalloc5(2 * links_local, &l->nodes, links_local, &l->law, links_local, &l->stiffness, links_local, &l->prestrain, dim * links_local, &l->direction));
   PetscCall(PetscArraycpy(l->x, coordinates, nodes_local * dim));
@@ -218,37 +222,59 @@ PetscErrorCode LatinLinksCreate(MPI_Comm comm, PetscInt dim, PetscInt nodes_loca
 }
 
 /*@C
-  LatinLinksSetLaws - Gives each link of this rank its constitutive law (2), (4).
+  LatinLinksSetLaws - Gives each link of this rank its constitutive law (2), (3), (4).
 
   Collective on links
 
   Input Parameters:
 + links     - the structure
-. law       - [links_local] a `LatinLawType` each
-. stiffness - [links_local] k, force/length, positive
-- prestrain - [links_local] e0, a length, or NULL for none; k e0 is the tension in the prestressed configuration
+. law       - [links_local] a `LatinLawType` each, or what `LatinLawRegister()` and `LatinLawRegisterTable()` gave
+. stiffness - [links_local] k, force/length, positive; of a rigid law the search parameter l, 0: self-tuned; 0 for the own
+  stiffness of a table
+- prestrain - [links_local] e0, a length, or NULL for none; k e0 is the tension in the prestressed configuration, and of
+  a contact e0 is the gap
 
   Level: beginner
+
+.seealso: `LatinLinksSetFriction()`, `LatinLinksSetDirections()`, `LatinLawRegister()`
 @*/
 PetscErrorCode LatinLinksSetLaws(LatinLinks links, const PetscInt law[], const PetscReal stiffness[], const PetscReal prestrain[])
 {
   MPI_Comm comm;
-  PetscInt badlaw = -1, badk = -1;
+  PetscInt badlaw = -1, badk = -1, kinds[3] = {-1, 0, 0};
+  char     list[256] = "0 (bar)";
+  size_t   length;
 
   PetscFunctionBegin;
   PetscValidHeaderSpecific(links, LATIN_LINKS_CLASSID, 1);
   comm = PetscObjectComm((PetscObject)links);
   for (PetscInt l = 0; l < links->links_local; l++) {
-    if (badlaw < 0 && (law[l] < 0 || law[l] >= LatinLawCount)) badlaw = l;
-    if (badk < 0 && (!(stiffness[l] > 0.0) || PetscIsInfOrNanReal(stiffness[l]))) badk = l;
+    const PetscBool known = (PetscBool)(law[l] >= 0 && law[l] < LatinLawCount);
+
+    if (badlaw < 0 && !known) badlaw = l;
+    if (badk < 0 && (PetscIsInfOrNanReal(stiffness[l]) || (!(stiffness[l] > 0.0) && !(stiffness[l] == 0.0 && known && (LatinLaws[law[l]].rigid || LatinLaws[law[l]].stiffness > 0.0))))) badk = l;
+    if (!known) continue;
+    if (LatinLaws[law[l]].rigid) kinds[0] = PetscMax(kinds[0], LATIN_LAWS_MAX - law[l]); /* the first in the table speaks for all */
+    if (law[l] > LATIN_LAW_STRUT) kinds[1] = 1;
+    if (law[l] == LATIN_LAW_FRICTION || law[l] == LATIN_LAW_TANGENT) kinds[2] = 1;
   }
-  LatinAgree(comm, badlaw >= 0, PETSC_ERR_ARG_OUTOFRANGE, "Link %" PetscInt_FMT " has law %" PetscInt_FMT "; the laws are 0 (bar), 1 (cable), 2 (strut)", links->links_start + badlaw, law[badlaw]);
+  for (PetscInt i = 1; i < LatinLawCount && badlaw >= 0; i++) {
+    PetscCall(PetscStrlen(list, &length));
+    PetscCall(PetscSNPrintf(list + length, sizeof(list) - length, ", %" PetscInt_FMT " (%s)", i, LatinLaws[i].name));
+  }
+  LatinAgree(comm, badlaw >= 0, PETSC_ERR_ARG_OUTOFRANGE, "Link %" PetscInt_FMT " has law %" PetscInt_FMT "; the laws are %s", links->links_start + badlaw, law[badlaw], list);
   LatinAgree(comm, badk >= 0, PETSC_ERR_ARG_OUTOFRANGE, "Link %" PetscInt_FMT " has stiffness %g; a stiffness is a positive finite number of force/length", links->links_start + badk, (double)stiffness[badk]);
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, kinds, 3, MPIU_INT, MPI_MAX, comm));
+  links->rigid_law = kinds[0] < 0 ? -1 : LATIN_LAWS_MAX - kinds[0];
+  links->general   = (PetscBool)(kinds[1] > 0);
+  links->rubs      = (PetscBool)(kinds[2] > 0);
+  if (links->rubs) PetscCall(LatinLinksCheckContacts_Private(links, law));
   PetscCall(PetscArraycpy(links->law, law, links->links_local));
-  PetscCall(PetscArraycpy(links->stiffness, stiffness, links->links_local));
+  for (PetscInt l = 0; l < links->links_local; l++) links->stiffness[l] = stiffness[l] > 0.0 ? stiffness[l] : LatinLaws[law[l]].stiffness;
   PetscCall(PetscFree(links->tangent));
   PetscCall(PetscObjectStateIncrease((PetscObject)links));
   PetscCall(LatinLinksSetPrestrain(links, prestrain));
+  if (links->set_up) PetscCall(LatinLinksSetUpRigid_Private(links));
   PetscFunctionReturn(0);
 }
 

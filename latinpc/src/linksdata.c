@@ -98,8 +98,18 @@ PetscErrorCode LatinLinksSetUp(LatinLinks links)
   dim = links->dim;
   n   = links->nodes_local * dim;
   for (PetscInt l = 0; l < links->links_local && bad < 0; l++)
-    if (!(links->stiffness[l] > 0.0)) bad = l;
+    if (!(links->stiffness[l] > 0.0) && !LatinLaws[links->law[l]].rigid) bad = l;
   LatinAgree(PetscObjectComm((PetscObject)links), bad >= 0, PETSC_ERR_ORDER, "Link %" PetscInt_FMT " has no stiffness: call LatinLinksSetLaws() before LatinLinksSetUp()", links->links_start + bad);
+  bad = -1;
+  for (PetscInt l = 0; l < links->links_local && bad < 0; l++) {
+    PetscReal unit[3];
+
+    if (!LatinUnitVector(dim, links->direction + dim * l, unit)) bad = l;
+  }
+  LatinAgree(PetscObjectComm((PetscObject)links), bad >= 0, PETSC_ERR_ARG_WRONG,
+             "Link %" PetscInt_FMT " has no length: its nodes %" PetscInt_FMT " and %" PetscInt_FMT " lie at the same point; merge the nodes, remove the link, or, for a contact, give its direction with LatinLinksSetDirections()",
+             links->links_start + bad, links->nodes[2 * bad], links->nodes[2 * bad + 1]);
+  PetscCall(LatinLinksSetUpRigid_Private(links));
   PetscCall(DMPlexGetDepthStratum(links->dm, 0, &vstart, &vend));
   if (!links->vertices) vstart = 0;
   PetscCall(PetscMalloc2(dim * links->vertices, &vfixed, dim * links->vertices, &vdof));
@@ -222,6 +232,9 @@ static inline PetscReal LatinLinksElongation(LatinLinks links, PetscInt l, const
 . r - unbalance, a DM global vector
 
   Level: intermediate
+
+  Note:
+  Tensions of links of a rigid law are no function of the displacements: they are those of the last solve by SNES latin.
 @*/
 PetscErrorCode LatinLinksComputeResidual(LatinLinks links, Vec u, Vec r)
 {
@@ -241,7 +254,7 @@ PetscErrorCode LatinLinksComputeResidual(LatinLinks links, Vec u, Vec r)
   PetscCall(VecGetArray(rl, &f));
   for (PetscInt l = 0; l < links->links_local; l++) {
     const PetscReal  x  = LatinLinksElongation(links, l, a) + links->prestrain[l];
-    const PetscReal  t  = LatinLaws[links->law[l]].tension(links->stiffness[l], x);
+    const PetscReal  t  = LatinLinksTension(links, l, x);
     const PetscReal *n  = links->direction + dim * l;
     PetscScalar     *fa = f + dim * links->ends[2 * l], *fb = f + dim * links->ends[2 * l + 1];
 
@@ -286,6 +299,7 @@ PetscErrorCode LatinLinksComputeJacobian(LatinLinks links, Vec u, Mat J)
 
   PetscFunctionBegin;
   PetscCall(LatinLinksCheckVec_Private(links, u));
+  PetscCall(LatinLinksCheckRigid_Private(links, "The tangent stiffness, that is Newton's method,"));
   PetscCall(MatGetLocalToGlobalMapping(J, &map, NULL));
   PetscCall(MatGetSize(J, &n, NULL));
   PetscCall(VecGetSize(links->load, &m));
@@ -298,7 +312,7 @@ PetscErrorCode LatinLinksComputeJacobian(LatinLinks links, Vec u, Mat J)
   PetscCall(VecGetArrayRead(ul, &a));
   for (PetscInt l = 0; l < links->links_local; l++) {
     const PetscReal  x = LatinLinksElongation(links, l, a) + links->prestrain[l];
-    const PetscReal  k = LatinLaws[links->law[l]].tangent(links->stiffness[l], x);
+    const PetscReal  k = LatinLinksTangent(links, l, x);
     const PetscReal *n = links->direction + dim * l;
     PetscInt         row[6];
     PetscScalar      block[36];
@@ -338,7 +352,7 @@ PetscErrorCode LatinLinksSetTangent_Private(LatinLinks links, Vec u)
   PetscCall(DMGetLocalVector(links->dm, &ul));
   PetscCall(LatinLinksGetLocal_Private(links, u, ul));
   PetscCall(VecGetArrayRead(ul, &a));
-  for (PetscInt l = 0; l < links->links_local; l++) links->tangent[l] = LatinLaws[links->law[l]].tangent(links->stiffness[l], LatinLinksElongation(links, l, a) + links->prestrain[l]);
+  for (PetscInt l = 0; l < links->links_local; l++) links->tangent[l] = LatinLinksTangent(links, l, LatinLinksElongation(links, l, a) + links->prestrain[l]);
   PetscCall(VecRestoreArrayRead(ul, &a));
   PetscCall(DMRestoreLocalVector(links->dm, &ul));
   PetscFunctionReturn(0);
@@ -394,7 +408,7 @@ PetscErrorCode LatinLinksCountChanges_Private(LatinLinks links, Vec u, PetscInt 
   PetscCall(LatinLinksGetLocal_Private(links, u, ul));
   PetscCall(VecGetArrayRead(ul, &a));
   for (PetscInt l = 0; l < links->links_local; l++)
-    if (LatinLaws[links->law[l]].tangent(links->stiffness[l], LatinLinksElongation(links, l, a) + links->prestrain[l]) != links->tangent[l]) n++;
+    if (LatinLinksTangent(links, l, LatinLinksElongation(links, l, a) + links->prestrain[l]) != links->tangent[l]) n++;
   PetscCall(VecRestoreArrayRead(ul, &a));
   PetscCall(DMRestoreLocalVector(links->dm, &ul));
   PetscCall(MPIU_Allreduce(&n, changes, 1, MPIU_INT, MPI_SUM, PetscObjectComm((PetscObject)links)));
@@ -403,8 +417,16 @@ PetscErrorCode LatinLinksCountChanges_Private(LatinLinks links, Vec u, PetscInt 
 
 static PetscErrorCode LatinLinksFunction_SNES(SNES snes, Vec u, Vec r, void *ctx)
 {
-  (void)snes;
-  return LatinLinksComputeResidual((LatinLinks)ctx, u, r);
+  LatinLinks links = (LatinLinks)ctx;
+  PetscBool  islatin;
+
+  PetscFunctionBegin;
+  if (links->rigid_law >= 0) { /* the residual that only SNES latin makes small */
+    PetscCall(PetscObjectTypeCompare((PetscObject)snes, SNESLATIN, &islatin));
+    if (!islatin) PetscCall(LatinLinksCheckRigid_Private(links, ((PetscObject)snes)->type_name ? ((PetscObject)snes)->type_name : "SNES"));
+  }
+  PetscCall(LatinLinksComputeResidual(links, u, r));
+  PetscFunctionReturn(0);
 }
 
 static PetscErrorCode LatinLinksJacobian_SNES(SNES snes, Vec u, Mat J, Mat P, void *ctx)
@@ -454,6 +476,9 @@ PetscErrorCode LatinLinksAttachSNES(LatinLinks links, SNES snes)
   Collective on links
 
   Level: intermediate
+
+  Note:
+  Links of a rigid law store none.
 @*/
 PetscErrorCode LatinLinksComputeEnergy(LatinLinks links, Vec u, PetscReal *energy)
 {
@@ -467,7 +492,11 @@ PetscErrorCode LatinLinksComputeEnergy(LatinLinks links, Vec u, PetscReal *energ
   PetscCall(DMGetLocalVector(links->dm, &ul));
   PetscCall(LatinLinksGetLocal_Private(links, u, ul));
   PetscCall(VecGetArrayRead(ul, &a));
-  for (PetscInt l = 0; l < links->links_local; l++) sum += LatinLaws[links->law[l]].energy(links->stiffness[l], LatinLinksElongation(links, l, a) + links->prestrain[l]);
+  for (PetscInt l = 0; l < links->links_local; l++) {
+    const LatinLaw *law = &LatinLaws[links->law[l]];
+
+    if (!law->rigid) sum += law->energy(links->stiffness[l], LatinLinksElongation(links, l, a) + links->prestrain[l], law->ctx);
+  }
   PetscCall(VecRestoreArrayRead(ul, &a));
   PetscCall(DMRestoreLocalVector(links->dm, &ul));
   PetscCall(MPIU_Allreduce(&sum, &total, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)links)));
@@ -608,7 +637,7 @@ PetscErrorCode LatinLinksSetDisplacements(LatinLinks links, const PetscReal disp
 - u     - displacements, a DM global vector
 
   Output Parameter:
-. tension - [links_local], a force, positive in traction
+. tension - [links_local], a force, positive in traction; of links of a rigid law that of the last solve by SNES latin
 
   Level: beginner
 @*/
@@ -622,7 +651,7 @@ PetscErrorCode LatinLinksGetTensions(LatinLinks links, Vec u, PetscReal tension[
   PetscCall(DMGetLocalVector(links->dm, &ul));
   PetscCall(LatinLinksGetLocal_Private(links, u, ul));
   PetscCall(VecGetArrayRead(ul, &a));
-  for (PetscInt l = 0; l < links->links_local; l++) tension[l] = LatinLaws[links->law[l]].tension(links->stiffness[l], LatinLinksElongation(links, l, a) + links->prestrain[l]);
+  for (PetscInt l = 0; l < links->links_local; l++) tension[l] = LatinLinksTension(links, l, LatinLinksElongation(links, l, a) + links->prestrain[l]);
   PetscCall(VecRestoreArrayRead(ul, &a));
   PetscCall(DMRestoreLocalVector(links->dm, &ul));
   PetscFunctionReturn(0);

@@ -89,7 +89,7 @@ static inline void LatinLinkStage(const Latin latin, const PetscInt dim, const P
       PetscReal       taut = PetscAbsReal(e);
 
       if (i < sub->nonsmooth && sub->nonsmooth_link[i] == l) {
-        const PetscReal old = state[i], new = LatinLaws[sub->law[l]].local(k, e0, old + 2.0 * k * e);
+        const PetscReal old = state[i], new = LatinLaws[sub->law[l]].local(k, e0, old + 2.0 * k * e, NULL);
 
         next[i++] = new;
         distance += (new - old) * (new - old) / (4.0 * k);
@@ -134,7 +134,8 @@ PetscErrorCode LatinLocalStage_Private(Latin latin, const PetscReal z[], PetscRe
   for (PetscInt f = 0; f < inter->count; f++) PetscCall(LatinPull_Private(latin, &inter->interface[f]));
   for (PetscInt k = 0; k < inter->sides; k++) latin->outgoing[k] = 2.0 * latin->linear.pull[k] - z[k];
   PetscCall(PetscSFBcastBegin(inter->mate_sf, MPIU_REAL, latin->outgoing, Gz, MPI_REPLACE));
-  if (latin->links->dim == 3) LatinLinkStage(latin, 3, z + inter->sides, Gz + inter->sides, sum);
+  if (latin->links->general) LatinLinkStageGeneral(latin, z + inter->sides, Gz + inter->sides, sum);
+  else if (latin->links->dim == 3) LatinLinkStage(latin, 3, z + inter->sides, Gz + inter->sides, sum);
   else if (latin->links->dim == 2) LatinLinkStage(latin, 2, z + inter->sides, Gz + inter->sides, sum);
   else LatinLinkStage(latin, 1, z + inter->sides, Gz + inter->sides, sum);
   PetscCall(PetscSFBcastEnd(inter->mate_sf, MPIU_REAL, latin->outgoing, Gz, MPI_REPLACE));

@@ -52,7 +52,7 @@ static PetscErrorCode LatinPartitionMetis_Private(Latin latin, PetscInt parts)
   LatinCut           cut   = {.dim = links->dim, .nodes = links->nodes_global, .links = links->links_global, .parts = parts};
   PetscMPIInt        rank;
   PetscInt          *part     = NULL;
-  const PetscReal    largest  = (PetscReal)PetscMax(2 * cut.links, cut.dim * cut.nodes);
+  const PetscReal    largest  = (PetscReal)PetscMax(PetscMax(2, cut.dim) * cut.links, cut.dim * cut.nodes);
   int                status   = 0;
   PetscBool          overflow = PETSC_FALSE, failed = PETSC_FALSE;
 
@@ -60,11 +60,12 @@ static PetscErrorCode LatinPartitionMetis_Private(Latin latin, PetscInt parts)
   PetscCallMPI(MPI_Comm_rank(comm, &rank));
   LatinAgree(comm, largest > (PetscReal)PETSC_MPI_INT_MAX, PETSC_ERR_SUP, "METIS on one rank cannot take %" PetscInt_FMT " links: give a partition with LatinLinksSetSubdomains()", cut.links);
   if (!rank) {
-    PetscCall(PetscMalloc3(2 * cut.links, &cut.ends, cut.dim * cut.nodes, &cut.x, cut.dim * cut.nodes, &cut.fixed));
+    PetscCall(PetscMalloc4(2 * cut.links, &cut.ends, cut.dim * cut.nodes, &cut.x, cut.dim * cut.links, &cut.direction, cut.dim * cut.nodes, &cut.fixed));
     PetscCall(PetscMalloc1(cut.links, &part));
   }
   PetscCall(LatinGather_Private(comm, 2 * links->links_local, MPIU_INT, links->nodes, cut.ends));
   PetscCall(LatinGather_Private(comm, cut.dim * links->nodes_local, MPIU_REAL, links->x, cut.x));
+  PetscCall(LatinGather_Private(comm, cut.dim * links->links_local, MPIU_REAL, links->direction, cut.direction));
   PetscCall(LatinGather_Private(comm, cut.dim * links->nodes_local, LATIN_MPI_BOOL, links->fixed, cut.fixed));
   if (!rank) {
     if (!cut.parts) PetscCall(LatinSubdomainCount_Private(&cut, &cut.parts));
@@ -77,7 +78,7 @@ static PetscErrorCode LatinPartitionMetis_Private(Latin latin, PetscInt parts)
   sub->count = cut.parts;
   PetscCallMPI(MPI_Bcast(&sub->count, 1, MPIU_INT, 0, comm));
   PetscCall(LatinScatter_Private(comm, links->links_local, MPIU_INT, part, sub->of_link));
-  PetscCall(PetscFree3(cut.ends, cut.x, cut.fixed));
+  PetscCall(PetscFree4(cut.ends, cut.x, cut.direction, cut.fixed));
   PetscCall(PetscFree(part));
   PetscFunctionReturn(0);
 }
@@ -118,6 +119,32 @@ static PetscErrorCode LatinPartitionLabel_Private(Latin latin, DMLabel label)
   PetscFunctionReturn(0);
 }
 
+/* The parts of a contact with friction stay together: they go where its normal part is. Collective on latin */
+static PetscErrorCode LatinPartitionContacts_Private(Latin latin, PetscBool given)
+{
+  LatinLinks         links = latin->links;
+  LatinSubstructure *sub   = &latin->sub;
+  MPI_Comm           comm  = PetscObjectComm((PetscObject)latin);
+  PetscInt          *number, used = 0, cut = -1;
+
+  PetscFunctionBegin;
+  for (PetscInt l = 0; l < links->links_local; l++) {
+    if (links->law[l] != LATIN_LAW_TANGENT || sub->of_link[l] == sub->of_link[l - 1]) continue;
+    if (cut < 0) cut = l;
+    sub->of_link[l] = sub->of_link[l - 1];
+  }
+  LatinAgree(comm, given && cut >= 0, PETSC_ERR_ARG_WRONG, "The given partition cuts the contact with friction that link %" PetscInt_FMT " is part of: put all its links into one subdomain", links->links_start + cut);
+  if (given) PetscFunctionReturn(0);
+  PetscCall(PetscCalloc1(sub->count, &number));
+  for (PetscInt l = 0; l < links->links_local; l++) number[sub->of_link[l]] = 1;
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, number, (PetscMPIInt)sub->count, MPIU_INT, MPI_MAX, comm));
+  for (PetscInt s = 0; s < sub->count; s++) number[s] = number[s] ? used++ : -1; /* some may have lost all their links */
+  for (PetscInt l = 0; l < links->links_local; l++) sub->of_link[l] = number[sub->of_link[l]];
+  sub->count = used;
+  PetscCall(PetscFree(number));
+  PetscFunctionReturn(0);
+}
+
 PetscErrorCode LatinPartition_Private(Latin latin)
 {
   LatinLinks         links = latin->links;
@@ -150,5 +177,6 @@ PetscErrorCode LatinPartition_Private(Latin latin)
     LatinAgree(comm, latin->subdomains && latin->subdomains != sub->count, PETSC_ERR_ARG_INCOMP, "The given partition has %" PetscInt_FMT " subdomains, not the %" PetscInt_FMT " asked for: leave out one of the two", sub->count, latin->subdomains);
     PetscCall(LatinPartitionCheck_Private(latin));
   }
+  if (links->rubs) PetscCall(LatinPartitionContacts_Private(latin, given));
   PetscFunctionReturn(0);
 }

@@ -22,6 +22,7 @@ static PetscErrorCode LatinFinalizePackage(void)
 {
   PetscFunctionBegin;
   initialized = PETSC_FALSE;
+  PetscCall(LatinLawsFinalize_Private());
   PetscFunctionReturn(0);
 }
 

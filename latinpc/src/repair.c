@@ -20,7 +20,6 @@
 typedef struct {
   const LatinCut *cut;
   PetscInt       *part;
-  PetscReal      *direction;         /* [links][dim] */
   PetscInt       *offset, *incident; /* links at each node */
   PetscInt       *size, least, most; /* links of each subdomain, and bounds */
   PetscInt       *queue, head, waiting;
@@ -73,7 +72,7 @@ static PetscInt LatinRepairHeld(const LatinRepair *repair, PetscInt v, PetscInt 
 
   for (PetscInt j = repair->offset[v]; j < repair->offset[v + 1]; j++) {
     const PetscInt   l = repair->incident[j];
-    const PetscReal *n = repair->direction + dim * l;
+    const PetscReal *n = cut->direction + dim * l;
 
     if (part >= 0 && repair->part[l] != part) continue;
     for (PetscInt c = 0; c < dim; c++)
@@ -204,7 +203,6 @@ static void LatinRepairNode(LatinRepair *repair, PetscInt v, PetscInt parts[], P
 PetscErrorCode LatinRepair_Private(const LatinCut *cut, PetscInt part[])
 {
   LatinRepair     repair = {.cut = cut, .part = part};
-  const PetscInt  dim    = cut->dim;
   const PetscReal mean   = (PetscReal)cut->links / (PetscReal)cut->parts;
   PetscInt       *best, *parts, widest = 1;
 
@@ -215,22 +213,12 @@ PetscErrorCode LatinRepair_Private(const LatinCut *cut, PetscInt part[])
   for (PetscInt l = 0; l < cut->links; l++) repair.size[part[l]]++;
   repair.least = PetscMax(1, (PetscInt)PetscCeilReal((1.0 - LATIN_REPAIR_BALANCE) * mean));
   repair.most  = (PetscInt)((1.0 + LATIN_REPAIR_BALANCE) * mean);
-  PetscCall(PetscMalloc1(dim * cut->links, &repair.direction));
-  for (PetscInt l = 0; l < cut->links; l++) {
-    const PetscReal *a = cut->x + dim * cut->ends[2 * l], *b = cut->x + dim * cut->ends[2 * l + 1];
-    PetscReal        length = 0.0;
-
-    for (PetscInt c = 0; c < dim; c++) length += PetscSqr(b[c] - a[c]);
-    length = PetscSqrtReal(length);
-    for (PetscInt c = 0; c < dim; c++) repair.direction[dim * l + c] = (b[c] - a[c]) / length;
-  }
   PetscCall(PetscCalloc3(cut->nodes, &repair.queue, cut->nodes, &repair.queued, cut->nodes, &repair.seen));
   PetscCall(PetscMalloc5(widest + 1, &repair.touched, widest, &repair.move, widest, &repair.here, widest, &best, widest, &parts));
   for (PetscInt v = 0; v < cut->nodes; v++) LatinRepairPush(&repair, v);
   while (repair.waiting) LatinRepairNode(&repair, LatinRepairPop(&repair), parts, best);
   PetscCall(PetscFree5(repair.touched, repair.move, repair.here, best, parts));
   PetscCall(PetscFree3(repair.queue, repair.queued, repair.seen));
-  PetscCall(PetscFree(repair.direction));
   PetscCall(PetscFree(repair.size));
   PetscCall(PetscFree2(repair.offset, repair.incident));
   PetscFunctionReturn(0);

@@ -51,6 +51,7 @@ static PetscErrorCode SNESLatinResidual_Private(SNES snes)
 
   PetscFunctionBegin;
   PetscCall(LatinAverage_Private(data->latin, snes->vec_sol));
+  PetscCall(LatinSubstructureReturn_Private(data->latin));
   PetscCall(SNESComputeFunction(snes, snes->vec_sol, snes->vec_func));
   PetscCall(VecNorm(snes->vec_func, NORM_2, &data->residual));
   PetscFunctionReturn(0);
@@ -296,6 +297,7 @@ static PetscErrorCode SNESLatinPrepare_Private(SNES snes)
     data->history_size = PetscMin(snes->max_its, LATIN_HISTORY);
     PetscCall(PetscMalloc4(data->history_size, &data->indicator, data->history_size, &data->error_l2, data->history_size, &data->error_energy, data->history_size, &data->estimates));
   }
+  if (data->polish.on) PetscCall(LatinLinksCheckRigid_Private(latin->links, "The polish of SNES latin, which is Newton's method,"));
   PetscCheck(data->stop != LATIN_STOP_REFERENCE || data->reference, PetscObjectComm((PetscObject)snes), PETSC_ERR_ORDER, "-snes_latin_stop reference needs a displacement to compare with: call SNESLatinSetReference()");
   if (data->reference) {
     PetscInt n, m;
@@ -410,6 +412,7 @@ static PetscErrorCode SNESSolve_Latin(SNES snes)
   snes->reason = SNES_CONVERGED_ITERATING;
   snes->iter   = 0;
   if (data->stop == LATIN_STOP_RESIDUAL) {
+    if (latin->links->multiplier) PetscCall(PetscArrayzero(latin->links->multiplier, latin->links->links_local));
     PetscCall(VecZeroEntries(snes->vec_sol)); /* where the method starts, whatever the caller's vector holds */
     PetscCall(SNESComputeFunction(snes, snes->vec_sol, snes->vec_func));
     PetscCall(VecNorm(snes->vec_func, NORM_2, &data->first_residual));
@@ -432,7 +435,10 @@ static PetscErrorCode SNESSolve_Latin(SNES snes)
   snes->linear_its = data->polish.stages;
   if (!data->polish.steps) {
     if (snes->alwayscomputesfinalresidual || data->stop == LATIN_STOP_RESIDUAL) PetscCall(SNESLatinResidual_Private(snes));
-    else PetscCall(LatinAverage_Private(latin, snes->vec_sol));
+    else {
+      PetscCall(LatinAverage_Private(latin, snes->vec_sol));
+      PetscCall(LatinSubstructureReturn_Private(latin));
+    }
   }
   if (PetscIsInfOrNanReal(data->residual)) snes->reason = SNES_DIVERGED_FUNCTION_NANORINF;
   PetscFunctionReturn(0);

@@ -199,6 +199,23 @@ static PetscErrorCode LatinSubstructureNodeData_Private(Latin latin)
   PetscFunctionReturn(0);
 }
 
+/* The tensions of the rigid links of the last local stage, to the caller's links. Collective on latin */
+PetscErrorCode LatinSubstructureReturn_Private(Latin latin)
+{
+  LatinSubstructure *sub   = &latin->sub;
+  LatinLinks         links = latin->links;
+  PetscReal         *out, *in;
+
+  PetscFunctionBegin;
+  if (!links->multiplier) PetscFunctionReturn(0);
+  PetscCall(PetscCalloc2(links->links_local, &out, sub->links, &in));
+  for (PetscInt i = 0; i < sub->nonsmooth; i++) in[sub->link_source[sub->nonsmooth_link[i]]] = sub->tension[i];
+  PetscCallMPI(MPI_Alltoallv(in, sub->recv_count, sub->recv_offset, MPIU_REAL, out, sub->send_count, sub->send_offset, MPIU_REAL, PetscObjectComm((PetscObject)latin)));
+  for (PetscInt i = 0; i < links->links_local; i++) links->multiplier[sub->send_order[i]] = out[i];
+  PetscCall(PetscFree2(out, in));
+  PetscFunctionReturn(0);
+}
+
 /* Link data that may change without a new partition: prestrains, and tangent stiffnesses for a preconditioner */
 PetscErrorCode LatinSubstructureRefresh(Latin latin)
 {
@@ -239,11 +256,16 @@ PetscErrorCode LatinSubstructureSetUp(Latin latin)
   PetscCall(LatinMigrate_Private(latin, (size_t)links->dim * sizeof(PetscReal), links->direction, sub->direction));
   PetscCall(LatinMigrate_Private(latin, sizeof(PetscInt), links->law, sub->law));
   PetscCall(LatinSubstructureRefresh(latin));
+  if (links->rubs) {
+    PetscCall(PetscMalloc1(sub->links, &sub->friction));
+    PetscCall(LatinMigrate_Private(latin, sizeof(PetscReal), links->friction, sub->friction));
+  }
   /* a preconditioner works on the tangent, where no link has a state */
   PetscCall(PetscMalloc1(latin->tangent ? 0 : sub->links, &sub->nonsmooth_link));
   sub->nonsmooth = 0;
   for (PetscInt l = 0; l < sub->links && !latin->tangent; l++)
     if (!LatinLaws[sub->law[l]].smooth && LatinSubstructureMoves(latin, l)) sub->nonsmooth_link[sub->nonsmooth++] = l;
+  if (links->rigid_law >= 0) PetscCall(PetscCalloc1(sub->nonsmooth, &sub->tension));
   PetscCall(MPIU_Allreduce(&sub->nonsmooth, &sub->nonsmooth_global, 1, MPIU_INT, MPI_SUM, PetscObjectComm((PetscObject)latin)));
   PetscCall(PetscLogEventEnd(LATIN_Substructure, latin, 0, 0, 0));
   PetscFunctionReturn(0);
@@ -265,6 +287,8 @@ PetscErrorCode LatinSubstructureReset(Latin latin)
   PetscCall(PetscFree5(sub->x, sub->fixed, sub->prescribed, sub->multiplicity, sub->global_dof));
   PetscCall(PetscFree4(sub->direction, sub->stiffness, sub->prestrain, sub->law));
   PetscCall(PetscFree(sub->nonsmooth_link));
+  PetscCall(PetscFree(sub->friction));
+  PetscCall(PetscFree(sub->tension));
   PetscCall(PetscSFDestroy(&sub->node_sf));
   PetscCall(PetscSFDestroy(&sub->dof_sf));
   PetscCall(PetscMemzero(sub, sizeof(*sub)));
