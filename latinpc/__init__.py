@@ -1,6 +1,6 @@
 """Multiscale LATIN domain decomposition for structures of links, as PETSc solver types.
 
-Importing this package registers the SNES type ``latin`` and the PC type ``latin`` with petsc4py's PETSc.
+Importing this package registers the SNES, KSP and PC types ``latin`` with petsc4py's PETSc.
 """
 
 from pathlib import Path
@@ -17,6 +17,7 @@ from latinpc.solvers import (
     local_ksp,
     macro_stiffness,
     node_classes,
+    outer_ksp,
     outer_snes,
     pcshell_set_latin,
     rounding_floor,
@@ -40,6 +41,7 @@ __all__ = [
     "local_ksp",
     "macro_stiffness",
     "node_classes",
+    "outer_ksp",
     "outer_snes",
     "pcshell_set_latin",
     "register_law",

@@ -87,6 +87,9 @@ cdef extern from "latinpc.h":
     PetscErrorCode SNESLatinGetEstimates(PetscSNES, PetscInt *, const PetscReal **, PetscReal *)
     PetscErrorCode LatinGetEnergyBound(PetscSNES, PetscReal *, PetscReal *)
     PetscErrorCode SNESLatinGetOuter(PetscSNES, PetscSNES *)
+    PetscErrorCode KSPLatinGetLatin(PetscKSP, Latin *)
+    PetscErrorCode KSPLatinSetLinks(PetscKSP, LatinLinks)
+    PetscErrorCode KSPLatinGetOuter(PetscKSP, PetscKSP *)
     PetscErrorCode PCLatinGetLatin(PetscPC, Latin *)
     PetscErrorCode PCLatinSetLinks(PetscPC, LatinLinks)
     PetscErrorCode PCShellSetLatin(PetscPC)
@@ -255,6 +258,10 @@ cdef class LinksHandle:
         """Give a PC of type latin the structure."""
         CHKERR(PCLatinSetLinks(pc.pc, self.handle))
 
+    def set_ksp(self, KSP ksp not None):
+        """Give a KSP of type latin the structure."""
+        CHKERR(KSPLatinSetLinks(ksp.ksp, self.handle))
+
     def sizes(self):
         """Return dimension, nodes, links and free degrees of freedom of the whole structure."""
         cdef PetscInt dim = 0, nodes = 0, links = 0, free_dofs = 0
@@ -297,14 +304,16 @@ cdef class LinksHandle:
 # ---- solvers --------------------------------------------------------------------------------------------
 
 cdef Latin core(Object solver) except NULL:
-    """Return the method inside a SNES or a PC of type latin."""
+    """Return the method inside a SNES, KSP or PC of type latin."""
     cdef Latin latin = NULL
     if isinstance(solver, PETSc.SNES):
         CHKERR(SNESLatinGetLatin((<SNES>solver).snes, &latin))
+    elif isinstance(solver, PETSc.KSP):
+        CHKERR(KSPLatinGetLatin((<KSP>solver).ksp, &latin))
     elif isinstance(solver, PETSc.PC):
         CHKERR(PCLatinGetLatin((<PC>solver).pc, &latin))
     else:
-        raise TypeError(f"expected a petsc4py SNES or PC of type latin, got {type(solver).__name__}")
+        raise TypeError(f"expected a petsc4py SNES, KSP or PC of type latin, got {type(solver).__name__}")
     return latin
 
 
@@ -365,6 +374,13 @@ def outer_snes(SNES snes not None):
     cdef PetscSNES outer = NULL
     CHKERR(SNESLatinGetOuter(snes.snes, &outer))
     return keep(PETSc.SNES(), outer)
+
+
+def outer_ksp(KSP ksp not None):
+    """Return the KSP that solves for the interface data."""
+    cdef PetscKSP outer = NULL
+    CHKERR(KSPLatinGetOuter(ksp.ksp, &outer))
+    return keep(PETSc.KSP(), outer)
 
 
 def set_reference(SNES snes not None, Vec reference):

@@ -337,16 +337,18 @@ class Links:
         return Sizes(*self._handle.sizes())
 
     def attach(self, solver):
-        """Give a SNES the DM, the residual and the Jacobian; give a PC of type latin the structure.
+        """Give a SNES the DM, the residual and the Jacobian; give a KSP or PC of type latin the structure.
 
         Collective. A SNES may be of any type: ``newtonls`` solves the same structure as ``latin``.
 
         Parameters
         ----------
-        solver : petsc4py.PETSc.SNES or petsc4py.PETSc.PC
+        solver : petsc4py.PETSc.SNES, petsc4py.PETSc.KSP or petsc4py.PETSc.PC
         """
         if isinstance(solver, PETSc.PC):
             self._handle.set_pc(solver)
+        elif isinstance(solver, PETSc.KSP):
+            self._handle.set_ksp(solver)
         else:
             self._handle.attach(solver)
         solver.setAttr("latinpc_slices", self._slices)

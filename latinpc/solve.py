@@ -20,7 +20,7 @@ from .io import slack
 from .links import Links
 from .scenes.scene import Law, Scene
 
-#: Options of our own, after ``-snes_latin_`` or ``-pc_latin_``; the last ones are prefixes of inner solvers.
+#: Options of our own, after ``-snes_latin_``, ``-ksp_latin_``, ``-pc_latin_``; the last are prefixes of inner solvers.
 OPTIONS = (
     "variant", "modes", "subdomains", "subdomain_links", "partition_repair", "direction", "direction_scalar",
     "direction_fraction", "corners", "promote", "monitor", "stop", "error", "error_norm", "warm_start",
@@ -76,7 +76,7 @@ def unknown_options():
     """Return a sentence for each option that bears our prefix and that nobody reads."""
     sentences = []
     for name in PETSc.Options().getAll():
-        for prefix in ("snes_latin_", "pc_latin_"):
+        for prefix in ("snes_latin_", "ksp_latin_", "pc_latin_"):
             start = name.find(prefix)  # after the user's own prefix, if any
             key = name[start + len(prefix) :]
             if start >= 0 and key not in OPTIONS + PC_OPTIONS and not key.startswith(INNER_PREFIXES):
@@ -125,7 +125,7 @@ def solve(scene, options=None, *, subdomains=None, reference=None, links=None, c
     links = Links.from_scene(scene, comm) if links is None else links
     settings = dict(options or {})
     if subdomains is not None:
-        settings |= {"snes_latin_subdomains": subdomains, "pc_latin_subdomains": subdomains}
+        settings |= {f"{family}_latin_subdomains": subdomains for family in ("snes", "ksp", "pc")}
     notices = unknown_options()
     errors_against = None
     if isinstance(reference, PETSc.Vec):
@@ -145,10 +145,11 @@ def solve(scene, options=None, *, subdomains=None, reference=None, links=None, c
 def _solve(scene, links, snes, reference, notices, before_solve):
     comm = links.comm.tompi4py()
     is_latin = snes.getType() == "latin"
-    pc = snes.getKSP().getPC()
-    pc_is_latin = not is_latin and pc.getType() == "latin"
-    if pc_is_latin:
-        links.attach(pc)
+    ksp = snes.getKSP()
+    pc = ksp.getPC()
+    linear = next((solver for solver in (ksp, pc) if not is_latin and solver.getType() == "latin"), None)
+    if linear is not None:
+        links.attach(linear)
     if is_latin and reference is not None:
         latinpc.set_reference(snes, reference)
     u, r = links.create_vec(), links.create_vec()
@@ -174,7 +175,7 @@ def _solve(scene, links, snes, reference, notices, before_solve):
     if len(past.get("estimate", ())) and snes.getConvergedReason() == PETSc.SNES.ConvergedReason.DIVERGED_INNER:
         least = latinpc.rounding_floor(snes)
         notices.append(f"the error asked for is below what rounding leaves on this structure, about {least:.0e}")
-    core = snes if is_latin else pc if pc_is_latin else None
+    core = snes if is_latin else linear
     statistics = latinpc.statistics(core) if core is not None else {}
     ksponly = snes.getType() == "ksponly"
     linear_iterations = snes.getLinearSolveIterations()
@@ -189,7 +190,7 @@ def _solve(scene, links, snes, reference, notices, before_solve):
         "free_dofs": sizes.free_dofs,
         "links": sizes.links,
         "ranks": comm.size,
-        "solver": snes.getType() + (f" + {snes.getKSP().getType()} + {pc.getType()}" if not is_latin else ""),
+        "solver": snes.getType() + (f" + {ksp.getType()} + {pc.getType()}" if not is_latin else ""),
         **{
             key: statistics.get(key)
             for key in ("subdomains", "strong_interfaces", "weak_interfaces", "strong_macro_dofs", "weak_dofs")

@@ -1,4 +1,4 @@
-"""What a SNES or a PC of type latin tells: size of the decomposition, history, inner solvers, subdomains.
+"""What a SNES, a KSP or a PC of type latin tells: size of the decomposition, history, inner solvers, subdomains.
 
 Functions marked *Collective* must be called by all ranks of the solver. Arrays are in the caller's own numbering,
 whole, the same on every rank.
@@ -22,6 +22,7 @@ __all__ = [
     "local_ksp",
     "macro_stiffness",
     "node_classes",
+    "outer_ksp",
     "outer_snes",
     "pcshell_set_latin",
     "rounding_floor",
@@ -36,7 +37,7 @@ __all__ = [
 def _slices_of(solver):
     """Find the caller's numbering, where the C library finds the structure: solver, its DM, that of its matrix."""
     places = [solver, solver.getDM()]
-    if isinstance(solver, PETSc.PC):
+    if isinstance(solver, (PETSc.KSP, PETSc.PC)):
         matrix = solver.getOperators()[1]
         places += [matrix.getDM()] if matrix else []
     for place in places:
@@ -51,7 +52,7 @@ def statistics(solver):
 
     Parameters
     ----------
-    solver : petsc4py.PETSc.SNES or petsc4py.PETSc.PC
+    solver : petsc4py.PETSc.SNES, petsc4py.PETSc.KSP or petsc4py.PETSc.PC
         Of type latin.
 
     Returns
@@ -137,7 +138,7 @@ def subdomains(solver):
 
     Parameters
     ----------
-    solver : petsc4py.PETSc.SNES or petsc4py.PETSc.PC
+    solver : petsc4py.PETSc.SNES, petsc4py.PETSc.KSP or petsc4py.PETSc.PC
         Of type latin, set up.
 
     Returns
@@ -152,7 +153,7 @@ def subdomain_is(solver, i):
 
     Parameters
     ----------
-    solver : petsc4py.PETSc.SNES or petsc4py.PETSc.PC
+    solver : petsc4py.PETSc.SNES, petsc4py.PETSc.KSP or petsc4py.PETSc.PC
         Of type latin, set up.
     i : int
         Number of the subdomain on this rank, from 0.
@@ -170,7 +171,7 @@ def macro_stiffness(solver, i):
 
     Parameters
     ----------
-    solver : petsc4py.PETSc.SNES or petsc4py.PETSc.PC
+    solver : petsc4py.PETSc.SNES, petsc4py.PETSc.KSP or petsc4py.PETSc.PC
         Of type latin, set up.
     i : int
         Number of the subdomain on this rank, from 0.
@@ -188,7 +189,7 @@ def subdomain_of_links(solver):
 
     Parameters
     ----------
-    solver : petsc4py.PETSc.SNES or petsc4py.PETSc.PC
+    solver : petsc4py.PETSc.SNES, petsc4py.PETSc.KSP or petsc4py.PETSc.PC
         Of type latin, set up, with a `Links` attached.
 
     Returns
@@ -207,7 +208,7 @@ def node_classes(solver):
 
     Parameters
     ----------
-    solver : petsc4py.PETSc.SNES or petsc4py.PETSc.PC
+    solver : petsc4py.PETSc.SNES, petsc4py.PETSc.KSP or petsc4py.PETSc.PC
         Of type latin, set up, with a `Links` attached.
 
     Returns
@@ -229,7 +230,7 @@ def local_ksp(solver, i=0):
 
     Parameters
     ----------
-    solver : petsc4py.PETSc.SNES or petsc4py.PETSc.PC
+    solver : petsc4py.PETSc.SNES, petsc4py.PETSc.KSP or petsc4py.PETSc.PC
         Of type latin.
     i : int
         Number of the subdomain on this rank.
@@ -247,7 +248,7 @@ def coarse_ksp(solver):
 
     Parameters
     ----------
-    solver : petsc4py.PETSc.SNES or petsc4py.PETSc.PC
+    solver : petsc4py.PETSc.SNES, petsc4py.PETSc.KSP or petsc4py.PETSc.PC
         Of type latin.
 
     Returns
@@ -256,6 +257,23 @@ def coarse_ksp(solver):
         Options prefix ``latin_coarse_`` behind that of the solver.
     """
     return _latin.coarse_ksp(solver)
+
+
+def outer_ksp(ksp):
+    """Return the KSP that solves for the interface data; not collective.
+
+    Parameters
+    ----------
+    ksp : petsc4py.PETSc.KSP
+        Of type latin.
+
+    Returns
+    -------
+    petsc4py.PETSc.KSP
+        ``richardson`` is the article's iteration, ``gmres`` its acceleration, ``minres`` works on the symmetric form.
+        After ``ksp.setUp()`` its operator acts on the interface data.
+    """
+    return _latin.outer_ksp(ksp)
 
 
 def outer_snes(snes):

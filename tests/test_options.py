@@ -17,8 +17,10 @@ HELP_OF = {
     "snes": ["tensegrity-grid", "--modules", "6", "--subdomains", "9", "-help"],
     "pc": ["truss-grid", "--modules", "6", "--subdomains", "9", "-snes_type", "ksponly", "-ksp_type", "cg",
            "-pc_type", "latin", "-help"],
+    "ksp": ["truss-grid", "--modules", "6", "--subdomains", "9", "-snes_type", "ksponly",
+            "-ksp_type", "latin", "-help"],
 }  # fmt: skip
-ROW = re.compile(r"^\| `-((?:snes|pc)_\w+?)(\*?)` \|([^|]*)\|([^|]*)\|", re.MULTILINE)
+ROW = re.compile(r"^\| `-((?:snes|ksp|pc)_\w+?)(\*?)` \|([^|]*)\|([^|]*)\|", re.MULTILINE)
 LINE = re.compile(r"^ +-(\w+):? ?(?:<(?:now )?(.*?) : .*?>)?:? ?(.*)$")
 
 
@@ -64,7 +66,9 @@ def test_every_key_of_ours_is_in_the_readme(described):
 
 def test_help_lists_no_key_that_nobody_should_set(described):
     printed = described[-1]
-    assert not [key for key in printed if "latin_" in key and not key.startswith(("snes_latin_", "pc_latin_"))]
+    assert not [
+        key for key in printed if "latin_" in key and not key.startswith(("snes_latin_", "ksp_latin_", "pc_latin_"))
+    ]
 
 
 def test_every_key_of_the_readme_is_in_help(described):
@@ -87,7 +91,11 @@ def test_defaults_and_choices_are_those_of_help(described):
 
 def test_command_line_knows_the_same_options():
     inner = tuple(solve.INNER_PREFIXES)
-    for family, known in (("snes", set(solve.OPTIONS)), ("pc", set(solve.OPTIONS + solve.PC_OPTIONS))):
+    for family, known in (
+        ("snes", set(solve.OPTIONS)),
+        ("ksp", set(solve.OPTIONS)),
+        ("pc", set(solve.OPTIONS + solve.PC_OPTIONS)),
+    ):
         table, prefixes = rows(family)
         keys = {key.split("_latin_")[1] for key in table if "_latin_" in key}
         ours = {key for key in keys if not key.startswith(inner)}

@@ -16,6 +16,7 @@
 
 /* The names under which the solver types are registered */
 #define SNESLATIN "latin"
+#define KSPLATIN  "latin"
 #define PCLATIN   "latin"
 
 /* Constitutive laws of a link, table `laws.c` */
@@ -136,6 +137,9 @@ PETSC_EXTERN PetscErrorCode SNESLatinGetHistory(SNES, PetscInt *, const PetscRea
 PETSC_EXTERN PetscErrorCode SNESLatinGetEstimates(SNES, PetscInt *, const PetscReal *estimate[], PetscReal *floor);
 PETSC_EXTERN PetscErrorCode SNESLatinGetOuter(SNES, SNES *);
 PETSC_EXTERN PetscErrorCode LatinGetEnergyBound(SNES, PetscReal *bound, PetscReal *relative);
+PETSC_EXTERN PetscErrorCode KSPLatinGetLatin(KSP, Latin *);
+PETSC_EXTERN PetscErrorCode KSPLatinSetLinks(KSP, LatinLinks);
+PETSC_EXTERN PetscErrorCode KSPLatinGetOuter(KSP, KSP *);
 PETSC_EXTERN PetscErrorCode PCLatinGetLatin(PC, Latin *);
 PETSC_EXTERN PetscErrorCode PCLatinSetLinks(PC, LatinLinks);
 PETSC_EXTERN PetscErrorCode PCShellSetLatin(PC);

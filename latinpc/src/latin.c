@@ -45,16 +45,17 @@ PetscErrorCode LatinSetLinks_Private(Latin latin, LatinLinks links)
   PetscFunctionReturn(0);
 }
 
-/* family is "snes" or "pc": the options of the method are -<prefix><family>_latin_... */
+/* family is "snes", "ksp" or "pc": the options of the method are -<prefix><family>_latin_... */
 PetscErrorCode LatinSetFromOptions_Private(Latin latin, LatinOptionItems PetscOptionsObject, const char family[])
 {
-  const struct _p_Latin before  = *latin;
-  PetscBool             isnes   = PETSC_FALSE;
+  const struct _p_Latin before = *latin;
+  PetscBool             isnes = PETSC_FALSE, isksp = PETSC_FALSE;
   PetscInt              corners = latin->published ? 1 : 0;
 
   PetscFunctionBegin;
   PetscCall(PetscStrcmp(family, "snes", &isnes));
-#define LATIN_OPTION(name) (isnes ? "-snes_latin_" name : "-pc_latin_" name)
+  PetscCall(PetscStrcmp(family, "ksp", &isksp));
+#define LATIN_OPTION(name) (isnes ? "-snes_latin_" name : isksp ? "-ksp_latin_" name : "-pc_latin_" name)
   PetscOptionsHeadBegin(PetscOptionsObject, "LATIN domain decomposition options");
   PetscCall(PetscOptionsEnum(LATIN_OPTION("variant"), "What the coarse problem makes of weak interfaces (section 4)", "LatinVariant", LatinVariants, (PetscEnum)latin->variant, (PetscEnum *)&latin->variant, NULL));
   PetscCall(PetscOptionsEnum(LATIN_OPTION("modes"), "Macro fields of the strong interfaces (section 3.2)", "LatinModesType", LatinModesTypes, (PetscEnum)latin->modes, (PetscEnum *)&latin->modes, NULL));

@@ -14,6 +14,7 @@ PetscLogEvent LATIN_SetUp, LATIN_Substructure, LATIN_Interface, LATIN_Direction,
 
 PETSC_EXTERN PetscErrorCode SNESCreate_Latin(SNES);
 PETSC_EXTERN PetscErrorCode PCCreate_Latin(PC);
+PETSC_EXTERN PetscErrorCode KSPCreate_Latin(KSP);
 PETSC_EXTERN PetscErrorCode PetscDLLibraryRegister_latinpc(void);
 
 static PetscBool initialized = PETSC_FALSE;
@@ -27,7 +28,7 @@ static PetscErrorCode LatinFinalizePackage(void)
 }
 
 /*@C
-  LatinInitializePackage - Registers the SNES and PC types latin, their classes and log events. May be called again.
+  LatinInitializePackage - Registers the SNES, KSP and PC types latin, their classes and log events. May be called again.
 
   Not collective; after PetscInitialize()
 
@@ -53,6 +54,7 @@ PetscErrorCode LatinInitializePackage(void)
   PetscCall(PetscLogEventRegister("LatinLocal", LATIN_CLASSID, &LATIN_Local));
   PetscCall(SNESRegister(SNESLATIN, SNESCreate_Latin));
   PetscCall(PCRegister(PCLATIN, PCCreate_Latin));
+  PetscCall(KSPRegister(KSPLATIN, KSPCreate_Latin));
   PetscCall(PetscRegisterFinalize(LatinFinalizePackage));
   PetscFunctionReturn(0);
 }

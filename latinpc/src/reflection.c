@@ -1,0 +1,165 @@
+#include "latinimpl.h"
+
+/*
+   The linear iteration as an operator on the interface data alone. Without a link that has a state, linear stage and
+   local stage are affine in the data z = F_hat + D U_hat of the interface sides, and the iteration is the composition
+   of two maps:
+
+   R   = 2 D P X P^t - 1  from the data of a side to D U - F there: (26) and the linear stage (42)-(52), X from
+                        interface forces to displacements, P = 1 - R R^t D the micro part;
+   Pi                   what leaves a side is what its mate receives: the local stage (23).
+
+   In the variables y = L^-1 z with D = L L^t, whose Euclidean norm is the energy norm of z, R is symmetric with
+   eigenvalues in [-1, 1], for the springs D are part of the operators behind X, and Pi is symmetric and orthogonal. So
+   1 - Pi R is what the article's iteration solves with by successive substitution, and Pi - R, with the same solutions,
+   is symmetric: indefinite as a saddle point, for its blocks on the data that are equal on both sides, and opposite,
+   are 1 - R >= 0 and -(1 + R) <= 0.
+*/
+
+/* y = L^t x or L x on one interface, in place */
+static PetscErrorCode LatinReflectionFactor_Private(Latin latin, const LatinInterface *face, PetscBool transposed, PetscReal x[])
+{
+  const PetscInt     rows = face->side_last - face->side_first;
+  const PetscReal   *d    = latin->macro.d + face->side_first;
+  const PetscBLASInt inc  = 1;
+  PetscBLASInt       n;
+
+  PetscFunctionBegin;
+  if (face->matrix_first < 0) {
+    for (PetscInt r = 0; r < rows; r++) x[r] *= PetscSqrtReal(d[r]);
+    PetscFunctionReturn(0);
+  }
+  PetscCall(PetscBLASIntCast(rows, &n));
+  if (n) PetscCallBLAS("BLAStrmv", BLAStrmv_("L", transposed ? "T" : "N", "N", &n, latin->macro.matrix + face->matrix_first + rows * rows, &n, x, &inc));
+  PetscFunctionReturn(0);
+}
+
+/* z = (1 - D R R^t) z on one interface: no macro part */
+static PetscErrorCode LatinReflectionProject_Private(Latin latin, const LatinInterface *face, PetscReal z[])
+{
+  const PetscInt rows = face->side_last - face->side_first;
+  PetscReal     *w = latin->linear.lambda, *v = latin->direction_work, *force = latin->direction_work + rows;
+
+  PetscFunctionBegin;
+  for (PetscInt j = 0; j < face->modes; j++) w[j] = 0.0;
+  for (PetscInt r = 0; r < rows; r++) {
+    const PetscReal *row = LatinMacroRow(&latin->macro, face, face->side_first + r);
+
+    for (PetscInt j = 0; j < face->modes; j++) w[j] += row[j] * z[r];
+  }
+  for (PetscInt r = 0; r < rows; r++) {
+    const PetscReal *row = LatinMacroRow(&latin->macro, face, face->side_first + r);
+
+    v[r] = 0.0;
+    for (PetscInt j = 0; j < face->modes; j++) v[r] += row[j] * w[j];
+  }
+  PetscCall(LatinDirectionApply(latin, face, v, force));
+  for (PetscInt r = 0; r < rows; r++) z[r] -= force[r];
+  PetscFunctionReturn(0);
+}
+
+/*
+   The displacements U of all copies for the loads (if they count) and the data y (if not NULL): one linear stage. Data
+   that the iteration makes have no macro part but by rounding, which breaks the symmetry that minres relies on: it is
+   taken out.
+*/
+static PetscErrorCode LatinReflectionStage_Private(Latin latin, PetscBool loaded, const PetscReal y[])
+{
+  LatinInterfaces *inter  = &latin->inter;
+  LatinLinear     *linear = &latin->linear;
+  const PetscInt   n      = latin->sub.bs * latin->sub.copies;
+
+  PetscFunctionBegin;
+  if (loaded) PetscCall(PetscArraycpy(linear->g, linear->load, n));
+  else PetscCall(PetscArrayzero(linear->g, n));
+  for (PetscInt f = 0; y && f < inter->count; f++) {
+    const LatinInterface *face = &inter->interface[f];
+    PetscReal            *z    = latin->outgoing + face->side_first;
+
+    PetscCall(PetscArraycpy(z, y + face->side_first, face->side_last - face->side_first));
+    PetscCall(LatinReflectionFactor_Private(latin, face, PETSC_FALSE, z));
+    if (face->modes) PetscCall(LatinReflectionProject_Private(latin, face, z));
+    for (PetscInt k = face->side_first; k < face->side_last; k++) linear->g[inter->side_dof[k]] += latin->outgoing[k];
+  }
+  PetscCall(LatinLinearApply(latin));
+  PetscCall(PetscArraycpy(linear->U, linear->g, n));
+  latin->applications++;
+  PetscFunctionReturn(0);
+}
+
+/* micro = L^t P U on one interface */
+static PetscErrorCode LatinReflectionMicro_Private(Latin latin, const LatinInterface *face, PetscReal micro[])
+{
+  const PetscInt rows = face->side_last - face->side_first;
+  PetscReal     *w = latin->linear.lambda, *force = latin->direction_work;
+
+  PetscFunctionBegin;
+  for (PetscInt r = 0; r < rows; r++) micro[r] = latin->linear.U[latin->inter.side_dof[face->side_first + r]];
+  if (face->modes) {
+    PetscCall(LatinDirectionApply(latin, face, micro, force));
+    for (PetscInt j = 0; j < face->modes; j++) w[j] = 0.0;
+    for (PetscInt r = 0; r < rows; r++) {
+      const PetscReal *row = LatinMacroRow(&latin->macro, face, face->side_first + r);
+
+      for (PetscInt j = 0; j < face->modes; j++) w[j] += row[j] * force[r];
+    }
+    for (PetscInt r = 0; r < rows; r++) {
+      const PetscReal *row = LatinMacroRow(&latin->macro, face, face->side_first + r);
+
+      for (PetscInt j = 0; j < face->modes; j++) micro[r] -= row[j] * w[j];
+    }
+  }
+  PetscCall(LatinReflectionFactor_Private(latin, face, PETSC_TRUE, micro));
+  PetscFunctionReturn(0);
+}
+
+/* What rounding leaves of interface data: 1e-14 of the energy norm of the first displacements. Collective on latin */
+static PetscErrorCode LatinReflectionNoise_Private(Latin latin)
+{
+  PetscReal energy = 0.0;
+
+  PetscFunctionBegin;
+  for (PetscInt i = 0; i < latin->sub.bs * latin->sub.copies; i++) energy += latin->linear.load[i] * latin->linear.U[i];
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &energy, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)latin)));
+  latin->noise = 1e-14 * PetscSqrtReal(PetscMax(energy, 0.0));
+  PetscFunctionReturn(0);
+}
+
+/*
+   out = (1 - Pi R) y for data y without loads, or, y being NULL, the right-hand side that the loads make of it;
+   symmetric: the same times Pi. Collective on latin.
+*/
+PetscErrorCode LatinReflectionApply_Private(Latin latin, const PetscReal y[], PetscBool symmetric, PetscReal out[])
+{
+  LatinInterfaces *inter = &latin->inter;
+  PetscReal       *mine  = latin->outgoing;
+
+  PetscFunctionBegin;
+  PetscCall(LatinReflectionStage_Private(latin, (PetscBool)!y, y));
+  if (!y) PetscCall(LatinReflectionNoise_Private(latin));
+  PetscCall(PetscLogEventBegin(LATIN_Local, latin, 0, 0, 0));
+  for (PetscInt f = 0; f < inter->count; f++) PetscCall(LatinReflectionMicro_Private(latin, &inter->interface[f], mine + inter->interface[f].side_first));
+  if (!y) {
+    for (PetscInt k = 0; k < inter->sides; k++) mine[k] *= 2.0;
+    if (symmetric) PetscCall(PetscArraycpy(out, mine, inter->sides));
+    else PetscCall(LatinSFBcast_Private(inter->mate_sf, 1, MPIU_REAL, mine, out));
+  } else if (symmetric) {
+    PetscCall(LatinSFBcast_Private(inter->mate_sf, 1, MPIU_REAL, y, out));
+    for (PetscInt k = 0; k < inter->sides; k++) out[k] += y[k] - 2.0 * mine[k];
+  } else {
+    for (PetscInt k = 0; k < inter->sides; k++) mine[k] = 2.0 * mine[k] - y[k];
+    PetscCall(LatinSFBcast_Private(inter->mate_sf, 1, MPIU_REAL, mine, out));
+    for (PetscInt k = 0; k < inter->sides; k++) out[k] = y[k] - out[k];
+  }
+  PetscCall(PetscLogEventEnd(LATIN_Local, latin, 0, 0, 0));
+  PetscFunctionReturn(0);
+}
+
+/* u = mean displacement of the copies for the loads and the data y. Collective on latin */
+PetscErrorCode LatinReflectionSolution_Private(Latin latin, const PetscReal y[], Vec u)
+{
+  PetscFunctionBegin;
+  PetscCall(LatinReflectionStage_Private(latin, PETSC_TRUE, y));
+  PetscCall(LatinAverage_Private(latin, u));
+  PetscFunctionReturn(0);
+}

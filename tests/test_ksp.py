@@ -1,0 +1,395 @@
+"""KSP latin: the iteration on interface data for linear operators, plain, accelerated, and in its symmetric form."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import oracle
+import pytest
+from petsc4py import PETSc
+from support import PLAIN, VARIANTS, chain, far, grid, irregular, lattice, network, solve
+from test_pc import bars
+
+import latinpc
+from latinpc.scenes import make
+from latinpc.solve import default_options
+
+OUTER = ("gmres", "richardson", "minres", "symmlq", "bcgs")
+SCENES = {
+    "grid": lambda: grid("truss"),
+    "irregular": lambda: irregular("truss"),
+    "network": lambda: bars(network()),
+    "lattice": lambda: bars(lattice()),
+}
+
+
+def linear_system(scene, rtol=1e-11, **options):
+    """Structure, tangent stiffness, load vector and KSP latin; options without `-ksp_latin_`."""
+    links = latinpc.Links.from_scene(scene, comm=PETSc.COMM_SELF)
+    matrix, u, b = links.dm.createMatrix(), links.create_vec(), links.create_vec()
+    links.jacobian(u, matrix)
+    links.residual(u, b)
+    b.scale(-1.0)
+    ksp = PETSc.KSP().create(comm=PETSc.COMM_SELF)
+    ksp.setOperators(matrix)
+    ksp.setType("latin")
+    links.attach(ksp)
+    ksp.setTolerances(rtol=rtol, max_it=1000)
+    with default_options({f"ksp_latin_{key}": value for key, value in options.items()}):
+        ksp.setFromOptions()
+        ksp.setUp()
+    return SimpleNamespace(links=links, matrix=matrix, b=b, ksp=ksp)
+
+
+def solved(system, guess=None):
+    """Solution of the system, and what a direct solver finds."""
+    x, exact = (system.links.create_vec() for _ in range(2))
+    if guess is not None:
+        guess.copy(x)
+        system.ksp.setInitialGuessNonzero(True)
+    system.ksp.solve(system.b, x)
+    direct = PETSc.KSP().create(comm=PETSc.COMM_SELF)
+    direct.setOperators(system.matrix)
+    direct.setType("preonly")
+    direct.getPC().setType("cholesky")
+    direct.getPC().setFactorSolverType("cholmod")
+    direct.solve(system.b, exact)
+    return x, exact
+
+
+def interface_operator(system, form="plain"):
+    """Operator on the interface data as a matrix, column by column."""
+    outer = latinpc.outer_ksp(system.ksp)
+    outer.setType({"plain": "gmres", "symmetric": "minres"}[form])
+    system.ksp.setTolerances(max_it=1)
+    system.ksp.solve(system.b, system.links.create_vec())  # takes note of the type
+    operator = outer.getOperators()[0]
+    x, y = operator.createVecs()
+    columns = np.zeros((x.getSize(),) * 2)
+    for j in range(len(columns)):
+        x.set(0.0)
+        x.setValue(j, 1.0)
+        x.assemble()
+        operator.mult(x, y)
+        columns[:, j] = y.getArray()
+    return columns
+
+
+# ---- the operator ----------------------------------------------------------------------------
+@pytest.mark.parametrize("direction", ["scalar", "diagonal", "schur"])
+@pytest.mark.parametrize("variant", VARIANTS)
+@pytest.mark.parametrize("name", ["grid", "lattice", "irregular"])
+def test_two_reflections(name, variant, direction):
+    """In the energy norm of the direction 1 - A is a contraction, and the mates' exchange makes A symmetric."""
+    system = linear_system(SCENES[name](), variant=variant, direction=direction, corners="published")
+    plain, symmetric = (interface_operator(system, form) for form in ("plain", "symmetric"))
+    assert abs(plain.T @ plain - symmetric.T @ symmetric).max() < 1e-10  # the exchange keeps lengths
+    assert abs(symmetric - symmetric.T).max() < 1e-10
+    values = np.linalg.eigvalsh(symmetric)
+    assert values[0] > -2.0 - 1e-10 and values[-1] < 2.0 + 1e-10
+    if (name, variant) != ("lattice", "corner"):  # there nothing is left to the interfaces
+        assert values[0] < -0.1 and values[-1] > 0.1  # a saddle point: no conjugate gradients
+    assert np.linalg.norm(plain - np.eye(len(plain)), 2) < 1.0 + 1e-10
+
+
+@pytest.mark.parametrize("variant", VARIANTS)
+def test_solution_is_the_fixed_point(variant):
+    """At the solution an iteration changes nothing."""
+    system = linear_system(grid("truss"), variant=variant, rtol=1e-12)
+    solved(system)
+    outer = latinpc.outer_ksp(system.ksp)
+    residual = outer.getRhs().duplicate()
+    outer.getOperators()[0].mult(outer.getSolution(), residual)
+    residual.axpy(-1.0, outer.getRhs())
+    assert outer.getRhs().norm() == pytest.approx(1.0)
+    assert residual.norm() < 1e-11
+
+
+# ---- solutions -------------------------------------------------------------------------------
+@pytest.mark.parametrize(("name", "variant", "outer"), [
+    (name, variant, outer)
+    for name in SCENES for variant in VARIANTS for outer in OUTER
+    # elsewhere the plain iteration is slow
+    if outer != "richardson" or (name in ("grid", "irregular") and variant != "none")
+])  # fmt: skip
+def test_agrees_with_a_direct_solver(name, variant, outer):
+    system = linear_system(SCENES[name](), variant=variant, outer_ksp_type=outer)
+    x, exact = solved(system)
+    assert system.ksp.getConvergedReason() > 0
+    assert (x - exact).norm() < 1e-9 * exact.norm()
+
+
+def test_richardson_is_the_iteration_of_snes_latin():
+    """The same displacements after the same number of linear stages, of which one makes the right-hand side."""
+    scene = grid("truss")
+    for stages in (1, 2, 5, 9):
+        plain = solve(scene, max_it=stages, stol=0.0, **PLAIN)
+        system = linear_system(scene, outer_ksp_type="richardson")
+        system.ksp.setTolerances(rtol=0.0, max_it=stages - 1)
+        x, _ = solved(system)
+        assert system.ksp.getIterationNumber() == stages - 1
+        assert far(system.links.displacements(x), plain.u) < 1e-12
+
+
+@pytest.mark.parametrize(("subdomains", "published", "free"), [(9, 22, 13), (16, 22, 14), (36, 24, 15)])
+def test_richardson_counts_of_the_truss(subdomains, published, free):
+    """The article's linear table: stages to a displacement error of 1e-4, as SNES latin counts them."""
+    scene = make("truss-grid", modules=4 * round(subdomains**0.5), subdomains=subdomains)
+    for corners, expected in (("published", published), ("free", free)):
+        options = {"direction_scalar": 7e6, "corners": corners, "outer_ksp_type": "richardson"}
+        system = linear_system(scene, **options)
+        _, exact = solved(system)
+        errors = []
+        system.ksp.setMonitor(
+            lambda ksp, *_, to=errors, u=exact: to.append((ksp.buildSolution() - u).norm() / u.norm())
+        )
+        solved(system)
+        stages = 1 + int(np.argmax(np.array(errors) <= 1e-4))
+        assert abs(stages - expected) <= 1  # here one displacement a node counts, there one a copy
+
+
+@pytest.mark.parametrize("subdomains", [16, 64, 144])
+def test_accelerated_counts_do_not_grow(subdomains):
+    """Truss, interface residual 1e-8: fewer iterations than conjugate gradients with PC latin, at every size."""
+    scene = make("truss-grid", modules=4 * round(subdomains**0.5), subdomains=subdomains)
+    system = linear_system(scene, rtol=1e-8)
+    x, exact = solved(system)
+    assert system.ksp.getIterationNumber() <= 20
+    assert (x - exact).norm() < 1e-8 * exact.norm()
+
+
+def test_symmetric_form_is_half_as_fast():
+    """Eigenvalues around +1 and -1 instead of around 1: no gain but memory, so gmres is the default."""
+    counts = {}
+    for outer in ("gmres", "minres"):
+        system = linear_system(make("truss-grid", modules=16, subdomains=16), outer_ksp_type=outer)
+        solved(system)
+        counts[outer] = system.ksp.getIterationNumber()
+    assert 1.5 * counts["gmres"] < counts["minres"] < 3 * counts["gmres"]
+
+
+@pytest.mark.parametrize("make_scene", [grid, irregular])
+def test_tangents_of_slack_cables(make_scene):
+    """Behind Newton's method the operators follow the tangent from step to step."""
+    scene = make_scene()
+    links = latinpc.Links.from_scene(scene, comm=PETSc.COMM_SELF)
+    with default_options({"snes_type": "newtonls", "ksp_type": "latin", "ksp_rtol": 1e-10, "snes_rtol": 1e-10}):
+        snes = links.create_snes()
+        snes.setFromOptions()
+        u = links.create_vec()
+        snes.solve(None, u)
+    assert snes.getConvergedReason() > 0 and snes.getIterationNumber() > 1
+    assert far(links.displacements(u), oracle.newton(scene)) < 1e-8
+
+
+@pytest.mark.parametrize("scene", [chain(), replace(grid("truss"), subdomain=None)], ids=["chain", "one subdomain"])
+def test_nothing_to_iterate(scene):
+    """In one dimension the coarse problem does it all, and a single subdomain is solved at once."""
+    system = linear_system(scene, subdomains=0 if scene.subdomain is not None else 1)
+    x, exact = solved(system)
+    assert system.ksp.getConvergedReason() > 0 and system.ksp.getIterationNumber() <= 1
+    assert (x - exact).norm() < 1e-11 * exact.norm()
+
+
+# ---- what a user of a KSP may rely on --------------------------------------------------------
+@pytest.mark.parametrize("norm", [PETSc.KSP.NormType.PRECONDITIONED, PETSc.KSP.NormType.UNPRECONDITIONED])
+def test_initial_guess(norm):
+    """The solution as a guess needs no iteration, a near one fewer than zero, a far one leads there as well."""
+    system = linear_system(grid("truss"), rtol=1e-8)
+    system.ksp.setNormType(norm)
+    x, exact = solved(system)
+    zero = system.ksp.getIterationNumber()
+    again, _ = solved(system, guess=exact)
+    assert system.ksp.getIterationNumber() == 0 and system.ksp.getConvergedReason() > 0
+    assert (again - exact).norm() < 1e-11 * exact.norm()
+    solved(system, guess=x * (1 + 1e-5))
+    assert 0 < system.ksp.getIterationNumber() < zero
+    far_off = exact.duplicate()
+    far_off.setRandom()
+    again, _ = solved(system, guess=far_off * exact.norm())
+    assert (again - exact).norm() < 1e-6 * exact.norm()
+
+
+def test_norms_are_what_they_say():
+    """Unpreconditioned is |b - A x| of the displacements, relative to |b|; preconditioned that of the interfaces."""
+    system = linear_system(grid("truss"), rtol=1e-8)
+    seen = []
+
+    def monitor(ksp, _it, norm):
+        x = ksp.buildSolution()
+        seen.append((norm, (system.b - system.matrix * x).norm()))
+
+    system.ksp.setMonitor(monitor)
+    system.ksp.setConvergenceHistory()
+    system.ksp.setNormType(PETSc.KSP.NormType.UNPRECONDITIONED)
+    x, _ = solved(system)
+    norms, true = np.array(seen).T
+    assert norms == pytest.approx(true)
+    assert system.ksp.getConvergenceHistory() == pytest.approx(norms)
+    assert len(norms) == system.ksp.getIterationNumber() + 1
+    assert norms[-1] <= 1e-8 * system.b.norm() < norms[-2]
+    assert (system.b - system.matrix * x).norm() == pytest.approx(norms[-1])
+    seen.clear()
+    system.ksp.setNormType(PETSc.KSP.NormType.PRECONDITIONED)
+    solved(system)
+    norms, true = np.array(seen).T
+    assert norms[-1] <= 1e-8 * norms[0] < norms[-2]
+    assert norms != pytest.approx(true)
+
+
+def test_restarts_are_counted_once():
+    """A short memory takes longer, and every iteration is monitored once."""
+    system = linear_system(grid("truss"), outer_ksp_gmres_restart=4)
+    system.ksp.setConvergenceHistory()
+    x, exact = solved(system)
+    assert len(system.ksp.getConvergenceHistory()) == system.ksp.getIterationNumber() + 1
+    assert (x - exact).norm() < 1e-9 * exact.norm()
+
+
+@pytest.mark.parametrize("outer", OUTER)
+def test_iterations_do_not_depend_on_units(outer):
+    """kN and mm, or loads of a feather: the same iterations."""
+    scene, counts = grid("truss"), []
+    for force, length, load in ((1.0, 1.0, 1.0), (1e-3, 1e3, 1.0), (1.0, 1.0, 1e-12)):
+        stiffness = scene.stiffness * force / length
+        scaled = replace(scene, nodes=scene.nodes * length, load=scene.load * force, stiffness=stiffness)
+        system = linear_system(replace(scaled, prestrain=np.zeros_like(stiffness)), outer_ksp_type=outer)
+        system.b.scale(load)
+        x, exact = solved(system)
+        assert (x - exact).norm() < 1e-9 * exact.norm()
+        counts.append(system.ksp.getIterationNumber())
+    assert max(counts) - min(counts) <= 1
+
+
+def test_operators_are_built_again_only_for_another_matrix():
+    """A second right-hand side finds everything there; another tangent, or another option, does not."""
+    scene = grid()
+    system = linear_system(scene)
+    first, _ = solved(system)
+    PETSc.Log.begin()
+    event = PETSc.Log.Event("LatinSetUp")
+    before = event.getPerfInfo()["count"]
+    system.b.scale(2.0)
+    second, _ = solved(system)
+    assert (second - 2.0 * first).norm() < 1e-9 * second.norm()
+    system.ksp.setOperators(system.matrix)
+    solved(system)
+    assert event.getPerfInfo()["count"] == before
+    u = system.links.create_vec()
+    system.links.set_displacements(np.where(scene.fixed, 0.0, oracle.newton(scene)), u)
+    system.links.jacobian(u, system.matrix)
+    system.ksp.setOperators(system.matrix)
+    x, exact = solved(system)
+    assert event.getPerfInfo()["count"] == before + 1
+    assert (x - exact).norm() < 1e-8 * exact.norm()
+    with default_options({"ksp_latin_variant": "macro"}):
+        system.ksp.setFromOptions()
+    x, exact = solved(system)
+    assert event.getPerfInfo()["count"] == before + 2
+    assert latinpc.statistics(system.ksp)["weak_dofs"] == 0 or (x - exact).norm() < 1e-8 * exact.norm()
+
+
+PROGRAM = """
+import sys
+import petsc4py
+petsc4py.init(sys.argv)
+from petsc4py import PETSc
+import numpy as np
+import latinpc
+from latinpc.scenes import make
+
+links = latinpc.Links.from_scene(make("truss-grid", modules=8, subdomains=16))
+snes = links.create_snes()
+snes.setType("ksponly")
+ksp = snes.getKSP()
+ksp.setType("latin")
+ksp.setTolerances(rtol=1e-11)
+snes.setFromOptions()
+u = links.create_vec()
+snes.solve(None, u)
+assert snes.getConvergedReason() > 0
+whole, statistics = links.displacements(u), latinpc.statistics(ksp)
+if PETSc.COMM_WORLD.rank == 0:
+    np.save(sys.argv[1], whole)
+    print(ksp.getIterationNumber(), statistics["subdomains"], statistics["state_size"])
+"""
+
+
+@pytest.mark.parametrize("outer", ["gmres", "minres", "richardson"])
+def test_any_number_of_ranks(mpirun, tmp_path, outer):
+    """The same iterations and displacements, and more ranks than some have subdomains."""
+    found, told = [], []
+    for ranks in (1, 2, 5):
+        file = tmp_path / f"u{ranks}.npy"
+        told.append(mpirun(ranks, PROGRAM, file, "-ksp_latin_outer_ksp_type", outer).stdout.split())
+        found.append(np.load(file))
+    assert told[0][1:] == told[1][1:] == told[2][1:]
+    assert max(int(one[0]) for one in told) - min(int(one[0]) for one in told) <= (2 if outer == "minres" else 0)
+    assert far(found[1], found[0]) < 1e-9 and far(found[2], found[0]) < 1e-9
+
+
+def test_view_says_what_it_is(mpirun, tmp_path):
+    words = "-ksp_latin_variant macro -ksp_latin_outer_ksp_type bcgs -ksp_view -options_left -ksp_monitor_true_residual"
+    out = mpirun(2, PROGRAM, tmp_path / "u.npy", *words.split()).stdout
+    wanted = (
+        "type: latin",
+        "variant macro",
+        "subdomains: 16",
+        "solver of the interface data",
+        "type: bcgs",
+        "coarse solver",
+    )
+    assert [text for text in wanted if text not in out] == []
+    assert "There are no unused options" in out and "true resid norm" in out
+
+
+# ---- misuse ----------------------------------------------------------------------------------
+def message(action):
+    with pytest.raises(PETSc.Error) as caught:
+        action()
+    return latinpc.error_message(caught.value)
+
+
+def test_no_structure():
+    matrix = PETSc.Mat().createAIJ(4, comm=PETSc.COMM_SELF)
+    matrix.setUp()
+    matrix.assemble()
+    ksp = PETSc.KSP().create(comm=PETSc.COMM_SELF)
+    ksp.setType("latin")
+    ksp.setOperators(matrix)
+    assert "-ksp_type latin has no structure to work on: call KSPLatinSetLinks()" in message(ksp.setUp)
+
+
+def test_another_matrix():
+    """What is not the structure's tangent would be solved wrongly, so it is refused."""
+    system = linear_system(grid("truss"))
+    system.matrix.shift(1e3)
+    system.ksp.setOperators(system.matrix)
+    assert "is not the tangent stiffness" in message(system.ksp.setUp)
+
+
+def test_no_tangent_yet():
+    links = latinpc.Links.from_scene(grid("truss"), comm=PETSc.COMM_SELF)
+    ksp = PETSc.KSP().create(comm=PETSc.COMM_SELF)
+    ksp.setType("latin")
+    ksp.setOperators(links.dm.createMatrix())
+    assert "is not the tangent stiffness" in message(ksp.setUp)
+
+
+def test_conjugate_gradients_on_the_interfaces():
+    system = linear_system(grid("truss"), outer_ksp_type="cg")
+    told = message(lambda: system.ksp.solve(system.b, system.links.create_vec()))
+    assert "symmetric but indefinite" in told and "-ksp_latin_outer_ksp_type minres" in told
+
+
+def test_a_preconditioner_has_no_place():
+    ksp = PETSc.KSP().create(comm=PETSc.COMM_SELF)
+    ksp.setType("latin")
+    with default_options({"pc_type": "gamg"}):
+        assert "-ksp_type latin takes no preconditioner, but -pc_type is gamg" in message(ksp.setFromOptions)
+
+
+def test_not_of_the_type():
+    ksp = PETSc.KSP().create(comm=PETSc.COMM_SELF)
+    ksp.setType("cg")
+    assert "not of type latin" in message(lambda: latinpc.outer_ksp(ksp))
