@@ -127,6 +127,12 @@ def rigid_modes(scene, nodes):
     return np.column_stack([np.tile(axes, (len(nodes), 1))] + [spin.ravel() for spin in spins])
 
 
+def no_modes(scene, nodes):
+    """No macro field on an interface, (len * dim, 0); None if it is weak."""
+    modes = affine_modes(scene, nodes)
+    return modes if modes is None else modes[:, :0]
+
+
 def components(members, edges):
     """Connected components of at least two members."""
     label = {member: member for member in members}
@@ -166,7 +172,7 @@ def macro_basis(modes, d, serving, local):
     not depend on how the modes are scaled.
     """
     u, s, _ = np.linalg.svd(np.sqrt(d)[:, None] * modes, full_matrices=False)
-    fields = u[:, s > RANK * s[0]]
+    fields = u[:, s > RANK * s[:1]]
     if local.shape[1]:
         u, s, _ = np.linalg.svd(local - fields @ (fields.T @ local), full_matrices=False)
         fields = np.hstack([fields, u[:, s > LOCAL]])
@@ -225,7 +231,7 @@ def build(
 
     d is a number (N/m), or None for alpha (default `FRACTION`) times the mean of the neighbours' stiffness: its
     mean diagonal, its diagonal, its block, or its Schur complement (`direction`). `owned`: see `macro_nodes`.
-    modes: `affine_modes` or `rigid_modes`. local, taut: see `local_modes`.
+    modes: `affine_modes`, `rigid_modes` or `no_modes`. local, taut: see `local_modes`.
     """
     b, e_d = kinematics(scene)
     latin = SimpleNamespace(scene=scene, e_d=e_d, free=~scene.fixed.ravel())
@@ -303,7 +309,8 @@ def number_macro(latin, owned):
         side.r = np.zeros((len(side.dofs), 0))
         if modes is not None:  # strong
             rows = np.searchsorted(latin.shared[side.pair], nodes)
-            modes = modes.reshape(-1, latin.scene.dim, modes.shape[1])[rows].reshape(-1, modes.shape[1])
+            size, width = latin.scene.dim, modes.shape[1]
+            modes = modes.reshape(len(modes) // size, size * width)[rows].reshape(len(rows) * size, width)
             dofs = (np.array(nodes)[:, None] * latin.scene.dim + np.arange(latin.scene.dim)).ravel()
             visible = np.isin(side.dofs // latin.scene.dim, macro_nodes(latin, side.pair, owned))
             fields = macro_basis(modes[latin.free[dofs]], side.d.diagonal(), visible, side.fields)

@@ -1,4 +1,4 @@
-"""Macro fields of the strong interfaces: affine (section 3.2) or rigid."""
+"""Macro fields of the strong interfaces: affine (section 3.2), rigid, or none."""
 
 import numpy as np
 import oracle
@@ -39,14 +39,19 @@ def database():
         options.delValue(key)
 
 
+@pytest.mark.parametrize("variant", ["none", "macro", "corner"])
+@pytest.mark.parametrize("modes", ["rigid", "none"])
 @pytest.mark.parametrize("name", SCENES)
-def test_rigid_iterates_are_the_oracles(name, database):
-    """Plain iterations with rigid macro fields agree with the oracle to rounding."""
+def test_iterates_are_the_oracles(name, modes, variant, database):
+    """Plain iterations with rigid macro fields, or none, agree with the oracle to rounding."""
     scene = SCENES[name]()
     more = {} if scene.subdomain is not None else {"latin_subdomains": 5}
-    snes, u = solve(scene, database, latin_modes="rigid", max_it=5, latin_outer_snes_type="nrichardson", **more)
+    more |= {"latin_modes": modes, "latin_variant": variant}
+    snes, u = solve(scene, database, max_it=5, latin_outer_snes_type="nrichardson", **more)
     scene.subdomain = latinpc.subdomain_of_links(snes)
-    history = oracle.latin_history(scene, 5, modes=oracle.rigid_modes)
+    history = oracle.latin_history(
+        scene, 5, modes=getattr(oracle, f"{modes}_modes".replace("none", "no")), variant=variant
+    )
     assert np.allclose(latinpc.history(snes)["indicator"], history.indicator, rtol=1e-9)
     assert np.abs(u - history.iterates[-1].reshape(u.shape)).max() < 1e-10 * np.abs(u).max()
 

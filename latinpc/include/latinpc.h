@@ -51,7 +51,8 @@ PETSC_EXTERN const char *const LatinVariants[];
 /* The macro fields of a strong interface, section 3.2 */
 typedef enum {
   LATIN_MODES_AFFINE, /* translations, rotations, stretchings and shearing */
-  LATIN_MODES_RIGID   /* translations and rotations */
+  LATIN_MODES_RIGID,  /* translations and rotations */
+  LATIN_MODES_NONE    /* no macro field: with corners, the coarse problem of FETI-DP, section 4.3 */
 } LatinModesType;
 PETSC_EXTERN const char *const LatinModesTypes[];
 

@@ -6,7 +6,7 @@
 */
 
 const char *const        LatinVariants[]       = {"none", "macro", "corner", "LatinVariant", "LATIN_VARIANT_", NULL};
-const char *const        LatinModesTypes[]     = {"affine", "rigid", "LatinModesType", "LATIN_MODES_", NULL};
+const char *const        LatinModesTypes[]     = {"affine", "rigid", "none", "LatinModesType", "LATIN_MODES_", NULL};
 const char *const        LatinDirectionTypes[] = {"scalar", "diagonal", "block", "schur", "LatinDirectionType", "LATIN_DIRECTION_", NULL};
 const char *const        LatinStopTypes[]      = {"indicator", "residual", "reference", "error", "LatinStopType", "LATIN_STOP_", NULL};
 const char *const        LatinErrorNorms[]     = {"l2", "energy", "LatinErrorNorm", "LATIN_NORM_", NULL};

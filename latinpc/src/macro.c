@@ -34,6 +34,7 @@ static inline PetscInt LatinMacroWidth(Latin latin, PetscInt f)
              could not move rigidly without micro energy. Fields that are no displacement do not rotate: zeta itself
              completes them.
      rigid   translations and rotations only: a smaller coarse problem
+     none    no field: what is left of the coarse problem is that of FETI-DP, section 4.3
 */
 static PetscErrorCode LatinMacroModes_Private(Latin latin, const LatinInterface *face, PetscInt *modes, PetscScalar M[])
 {
@@ -45,6 +46,8 @@ static PetscErrorCode LatinMacroModes_Private(Latin latin, const LatinInterface 
   PetscInt           planar;
 
   PetscFunctionBegin;
+  *modes = 0;
+  if (latin->modes == LATIN_MODES_NONE) PetscFunctionReturn(0);
   PetscCall(LatinInterfaceFrame_Private(sub, face->node_last - face->node_first, inter->node_list + face->node_first, &frame));
   planar = sub->fields * each;
   if (latin->modes == LATIN_MODES_RIGID) *modes = sub->fields + (vector ? dim * (dim - 1) / 2 : 0);
@@ -132,7 +135,7 @@ static PetscErrorCode LatinMacroBasis_Private(Latin latin, PetscInt f, PetscScal
   PetscCall(PetscMalloc3(wide * wide, &V, wide, &s, wide, &one));
   for (PetscInt k = 0; k < wide; k++) one[k] = 1.0;
   PetscCall(LatinMacroModes_Private(latin, face, &modes, M));
-  PetscCall(LatinSVD_Private(rows, modes, M, s, V));
+  if (modes) PetscCall(LatinSVD_Private(rows, modes, M, s, V));
   while (fields < modes && s[fields] > LATIN_MODE_RANK * s[0]) fields++;
   LatinCombine_Private(rows, modes, fields, M, V, s, F);
   modes = fields;
