@@ -20,6 +20,26 @@ PetscErrorCode LatinAgree_Private(MPI_Comm comm, PetscBool bad, PetscErrorCode c
   SETERRQ(comm, code, "%s", text);
 }
 
+PetscErrorCode LatinAgreeError_Private(MPI_Comm comm, PetscErrorCode mine)
+{
+  PetscMPIInt rank, size, first, code = (PetscMPIInt)mine;
+  char        text[512] = "", *message = NULL;
+
+  PetscFunctionBegin;
+  PetscCallMPI(MPI_Comm_rank(comm, &rank));
+  PetscCallMPI(MPI_Comm_size(comm, &size));
+  first = mine ? rank : size;
+  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &first, 1, MPI_INT, MPI_MIN, comm));
+  if (first == size) PetscFunctionReturn(0);
+  if (mine) {
+    PetscCall(PetscErrorMessage(mine, NULL, (void *)&message)); /* char *, const or not, by version */
+    if (message) PetscCall(PetscStrncpy(text, message, sizeof(text)));
+  }
+  PetscCallMPI(MPI_Bcast(&code, 1, MPI_INT, first, comm));
+  PetscCallMPI(MPI_Bcast(text, (PetscMPIInt)sizeof(text), MPI_CHAR, first, comm));
+  SETERRQ(comm, (PetscErrorCode)code, "%s", text);
+}
+
 /* n units a point; PetscSF wants the basic type itself where n is 1 */
 static PetscErrorCode LatinType_Private(PetscInt n, MPI_Datatype unit, MPI_Datatype *type)
 {

@@ -212,6 +212,7 @@ PetscErrorCode LatinFactor_Private(KSP ksp, Mat A, MatSolverType preferred, Lati
   PetscCall(PetscPushErrorHandler(PetscReturnErrorHandler, NULL));
   status->ierr = KSPSetUp(ksp);
   PetscCall(PetscPopErrorHandler());
+  (void)LatinWatchWait_Private(PetscObjectComm((PetscObject)A), status->ierr); /* others may still be at work on a parallel matrix */
   if (!status->ierr) PetscCall(PCGetFailedReason(pc, &status->failed));
   status->mechanism = (PetscBool)(status->ierr == PETSC_ERR_MAT_CH_ZRPVT || status->ierr == PETSC_ERR_MAT_LU_ZRPVT || status->failed == PC_FACTOR_STRUCT_ZEROPIVOT || status->failed == PC_FACTOR_NUMERIC_ZEROPIVOT ||
                                   (status->failed != PC_NOERROR && direct));

@@ -24,6 +24,7 @@ PetscErrorCode LatinCreate_Private(MPI_Comm comm, Latin *newlatin)
   PetscFunctionBegin;
   PetscCall(LatinInitializePackage());
   PetscCall(PetscHeaderCreate(latin, LATIN_CLASSID, "Latin", "LATIN domain decomposition", "Latin", comm, LatinDestroy_Object, LatinView_Private));
+  PetscCall(LatinWatchCreate_Private(PetscObjectComm((PetscObject)latin)));
   latin->variant       = LATIN_VARIANT_CORNER;
   latin->promote       = PETSC_TRUE;
   latin->repair        = PETSC_TRUE;

@@ -38,6 +38,28 @@ PETSC_INTERN PetscErrorCode LatinSFReduce_Private(PetscSF, PetscInt n, MPI_Datat
     PetscCall(LatinAgree_Private(comm, (PetscBool)(bad), code, latin_message_)); \
   } while (0)
 
+/* Runs what each rank does by itself; an error of any rank becomes one of all, with its message. Collective on comm */
+PETSC_INTERN PetscErrorCode LatinAgreeError_Private(MPI_Comm, PetscErrorCode mine);
+#define LatinEach(comm, ...) \
+  do { \
+    const PetscErrorCode latin_ierr_ = __VA_ARGS__; \
+    PetscCall(LatinAgreeError_Private(comm, latin_ierr_)); \
+  } while (0)
+
+/* Runs a collective call; an error that has not struck every rank of comm ends the program (watch.c) */
+PETSC_INTERN PetscErrorCode LatinWatchCreate_Private(MPI_Comm);
+PETSC_INTERN PetscErrorCode LatinWatchWait_Private(MPI_Comm, PetscErrorCode);
+PETSC_INTERN void           LatinWatchBegin_Private(void);
+PETSC_INTERN PetscErrorCode LatinWatchEnd_Private(MPI_Comm, PetscErrorCode);
+#define LatinWatch(comm, ...) \
+  do { \
+    PetscErrorCode latin_ierr_; \
+    LatinWatchBegin_Private(); \
+    latin_ierr_ = __VA_ARGS__; \
+    latin_ierr_ = LatinWatchEnd_Private(comm, latin_ierr_); \
+    PetscCall(latin_ierr_); \
+  } while (0)
+
 /* ---- equal things (equal.c) ---- */
 typedef struct {
   uint64_t hash;

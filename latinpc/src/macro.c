@@ -266,27 +266,23 @@ static PetscErrorCode LatinMacroCompare_Private(Latin latin, PetscInt pattern[])
   PetscFunctionReturn(0);
 }
 
-/*
-   The side of the lower subdomain builds the basis and numbers its modes; the other side receives both, so that they
-   agree to the bit even where principal axes are not unique.
-*/
-PetscErrorCode LatinMacroSetUp(Latin latin)
+/* The bases of the sides that build them, column by column, one after the other, in *built; numbered from 0 on this rank */
+static PetscErrorCode LatinMacroBuild_Private(Latin latin, PetscScalar *built[], PetscInt *modes)
 {
   LatinInterfaces *inter = &latin->inter;
-  PetscInt         next  = 0, total[2];
+  PetscInt         next  = 0;
   size_t           used = 0, room = 0, widest = 0;
   PetscInt        *pattern;
-  PetscScalar     *M, *F, *built;
+  PetscScalar     *M, *F;
 
   PetscFunctionBegin;
-  PetscCall(PetscLogEventBegin(LATIN_Macro, latin, 0, 0, 0));
   for (PetscInt f = 0; f < inter->count; f++) {
     const size_t size = (size_t)((inter->interface[f].side_last - inter->interface[f].side_first) * LatinMacroWidth(latin, f));
 
     widest = PetscMax(widest, size);
     if (LatinMacroBuilds(latin, &inter->interface[f])) room += size;
   }
-  PetscCall(PetscMalloc1(room, &built));
+  PetscCall(PetscMalloc1(room, built));
   PetscCall(PetscMalloc2(widest, &M, widest, &F));
   PetscCall(PetscMalloc1(inter->count, &pattern));
   PetscCall(LatinMacroCompare_Private(latin, pattern));
@@ -298,12 +294,12 @@ PetscErrorCode LatinMacroSetUp(Latin latin)
     if (!LatinMacroBuilds(latin, face)) continue;
     if (pattern[f] == f) {
       PetscCall(LatinMacroBasis_Private(latin, f, M, F));
-      PetscCall(PetscArraycpy(built + used, M, (face->side_last - face->side_first) * face->modes));
+      PetscCall(PetscArraycpy(*built + used, M, (face->side_last - face->side_first) * face->modes));
       face->basis_first = (PetscInt)used; /* for those equal to it */
     } else {
       face->modes       = inter->interface[pattern[f]].modes;
       face->basis_first = inter->interface[pattern[f]].basis_first;
-      PetscCall(PetscArraycpy(built + used, built + face->basis_first, (face->side_last - face->side_first) * face->modes));
+      PetscCall(PetscArraycpy(*built + used, *built + face->basis_first, (face->side_last - face->side_first) * face->modes));
     }
     used += (size_t)((face->side_last - face->side_first) * face->modes);
     face->coarse_first = next;
@@ -311,13 +307,29 @@ PetscErrorCode LatinMacroSetUp(Latin latin)
   }
   PetscCall(PetscFree2(M, F));
   PetscCall(PetscFree(pattern));
+  *modes = next;
+  PetscFunctionReturn(0);
+}
+
+/*
+   The side of the lower subdomain builds the basis and numbers its modes; the other side receives both, so that they
+   agree to the bit even where principal axes are not unique.
+*/
+PetscErrorCode LatinMacroSetUp(Latin latin)
+{
+  PetscInt     modes = 0, total[2];
+  PetscScalar *built = NULL;
+
+  PetscFunctionBegin;
+  PetscCall(PetscLogEventBegin(LATIN_Macro, latin, 0, 0, 0));
+  LatinEach(PetscObjectComm((PetscObject)latin), LatinMacroBuild_Private(latin, &built, &modes));
   PetscCall(LatinMacroNumber_Private(latin));
   PetscCall(LatinMacroRows_Private(latin, built));
   PetscCall(PetscFree(built));
-  total[0] = next;
+  total[0] = modes;
   total[1] = latin->floppy.macro;
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, total, 2, MPIU_INT, MPI_SUM, PetscObjectComm((PetscObject)latin)));
-  latin->coarse.macro_local  = next;
+  latin->coarse.macro_local  = modes;
   latin->coarse.macro_global = total[0];
   latin->floppy.macro        = total[1];
   PetscCall(PetscLogEventEnd(LATIN_Macro, latin, 0, 0, 0));

@@ -74,7 +74,7 @@ static PetscErrorCode LatinPartitionMetis_Private(Latin latin, PetscInt parts)
     if (!overflow && !failed && latin->repair) PetscCall(LatinRepair_Private(&cut, part));
   }
   LatinAgree(comm, overflow, PETSC_ERR_SUP, "The links' dual graph has more edges than this METIS can number: give a partition with LatinLinksSetSubdomains()");
-  LatinAgree(comm, failed, PETSC_ERR_LIB, "METIS could not partition %" PetscInt_FMT " links into %" PetscInt_FMT " subdomains (METIS status %d)", cut.links, parts, status);
+  LatinAgree(comm, failed, PETSC_ERR_LIB, "METIS could not partition %" PetscInt_FMT " links into %" PetscInt_FMT " subdomains (METIS status %d)", cut.links, cut.parts, status);
   sub->count = cut.parts;
   PetscCallMPI(MPI_Bcast(&sub->count, 1, MPIU_INT, 0, comm));
   PetscCall(LatinScatter_Private(comm, links->links_local, MPIU_INT, part, sub->of_link));

@@ -229,6 +229,20 @@ static PetscErrorCode PCApply_Latin(PC pc, Vec x, Vec y)
   PetscFunctionReturn(0);
 }
 
+static PetscErrorCode PCSetUp_Latin_Watched(PC pc)
+{
+  PetscFunctionBegin;
+  LatinWatch(PetscObjectComm((PetscObject)pc), PCSetUp_Latin(pc));
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode PCApply_Latin_Watched(PC pc, Vec x, Vec y)
+{
+  PetscFunctionBegin;
+  LatinWatch(PetscObjectComm((PetscObject)pc), PCApply_Latin(pc, x, y));
+  PetscFunctionReturn(0);
+}
+
 static PetscErrorCode PCSetFromOptions_Latin(PC pc, LatinOptionItems PetscOptionsObject)
 {
   PC_Latin *data = (PC_Latin *)pc->data;
@@ -351,9 +365,9 @@ PETSC_EXTERN PetscErrorCode PCCreate_Latin(PC pc)
   PetscFunctionBegin;
   PetscCall(PetscNew(&data));
   pc->data                = (void *)data;
-  pc->ops->setup          = PCSetUp_Latin;
-  pc->ops->apply          = PCApply_Latin;
-  pc->ops->applytranspose = PCApply_Latin;
+  pc->ops->setup          = PCSetUp_Latin_Watched;
+  pc->ops->apply          = PCApply_Latin_Watched;
+  pc->ops->applytranspose = PCApply_Latin_Watched;
   pc->ops->reset          = PCReset_Latin;
   pc->ops->destroy        = PCDestroy_Latin;
   pc->ops->setfromoptions = PCSetFromOptions_Latin;

@@ -444,6 +444,20 @@ static PetscErrorCode SNESSolve_Latin(SNES snes)
   PetscFunctionReturn(0);
 }
 
+static PetscErrorCode SNESSetUp_Latin_Watched(SNES snes)
+{
+  PetscFunctionBegin;
+  LatinWatch(PetscObjectComm((PetscObject)snes), SNESSetUp_Latin(snes));
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode SNESSolve_Latin_Watched(SNES snes)
+{
+  PetscFunctionBegin;
+  LatinWatch(PetscObjectComm((PetscObject)snes), SNESSolve_Latin(snes));
+  PetscFunctionReturn(0);
+}
+
 static PetscErrorCode SNESReset_Latin(SNES snes)
 {
   SNES_Latin *data = (SNES_Latin *)snes->data;
@@ -528,8 +542,8 @@ PETSC_EXTERN PetscErrorCode SNESCreate_Latin(SNES snes)
   PetscFunctionBegin;
   PetscCall(PetscNew(&data));
   snes->data                = (void *)data;
-  snes->ops->setup          = SNESSetUp_Latin;
-  snes->ops->solve          = SNESSolve_Latin;
+  snes->ops->setup          = SNESSetUp_Latin_Watched;
+  snes->ops->solve          = SNESSolve_Latin_Watched;
   snes->ops->reset          = SNESReset_Latin;
   snes->ops->destroy        = SNESDestroy_Latin;
   snes->ops->setfromoptions = SNESSetFromOptions_Latin;

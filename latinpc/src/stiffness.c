@@ -248,7 +248,7 @@ PetscErrorCode LatinStiffnessFaces_Private(Latin latin, LatinDirectionType type,
   PetscCall(LatinStiffnessFoundation_Private(latin, spring));
   PetscCall(LatinGraphCreate_Private(latin, PETSC_TRUE, &graph));
   if (type == LATIN_DIRECTION_SCHUR) {
-    if (patterns) PetscCall(LatinStiffnessCondense_Private(latin, &graph, patterns, list, spring, at, first, *S, &bad));
+    LatinEach(PetscObjectComm((PetscObject)latin), patterns ? LatinStiffnessCondense_Private(latin, &graph, patterns, list, spring, at, first, *S, &bad) : 0);
   } else {
     for (PetscInt p = 0; p < patterns; p++)
       for (PetscInt f = inter->offset[list[p]]; f < inter->offset[list[p] + 1]; f++) PetscCall(LatinStiffnessBlock_Private(latin, &graph, &inter->interface[f], spring, at, *S + first[f]));
