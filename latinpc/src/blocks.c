@@ -6,8 +6,6 @@
    arithmetic. Subdomains without equal go into one block diagonal matrix.
 */
 
-#define LATIN_BLOCK_COLUMNS 64 /* members solved together: right-hand sides stay in cache */
-
 /* ---- which subdomains are equal ---- */
 
 PetscErrorCode LatinStreamAdd_Private(LatinStream *stream, const void *data, size_t n)
@@ -110,6 +108,18 @@ static PetscErrorCode LatinBatchCreate_Private(LatinBatch *batch, PetscInt patte
   PetscFunctionReturn(0);
 }
 
+/* Have the links of two equal subdomains the same laws and states in the same places? */
+static PetscBool LatinBlocksAlike(const LatinSubstructure *sub, PetscInt a, PetscInt b)
+{
+  const PetscInt shift = sub->link_offset[b] - sub->link_offset[a], state = sub->state_first[b] - sub->state_first[a];
+
+  for (PetscInt l = sub->link_offset[a]; l < sub->link_offset[a + 1]; l++) {
+    if (sub->state[l] < 0 && sub->state[l + shift] < 0) continue;
+    if (sub->state[l] + state != sub->state[l + shift] || sub->law[l] != sub->law[l + shift]) return PETSC_FALSE;
+  }
+  return PETSC_TRUE;
+}
+
 /* Bases of equal subdomains are kept once: they are read in one place, where they stay in cache */
 static PetscErrorCode LatinBlocksShareBases_Private(Latin latin)
 {
@@ -172,6 +182,8 @@ PetscErrorCode LatinBlocksSetUp(Latin latin)
   for (PetscInt b = 0; b < blocks->n; b++) {
     LatinBatch *batch = &blocks->batch[b];
 
+    batch->alike = (PetscBool)(batch->patterns == 1);
+    for (PetscInt m = 1; m < batch->members && batch->alike; m++) batch->alike = LatinBlocksAlike(sub, batch->sub[0], batch->sub[m]);
     batch->row[0] = 0;
     for (PetscInt p = 0; p < batch->patterns; p++) batch->row[p + 1] = batch->row[p] + latin->sub.bs * (sub->node_offset[batch->sub[p] + 1] - sub->node_offset[batch->sub[p]]);
   }
@@ -275,38 +287,42 @@ PetscErrorCode LatinBlockSolverSetUp(Latin latin, LatinBlockSolver *solver, cons
   PetscFunctionReturn(0);
 }
 
-/* U = K^-1 g for the copy arrays of all subdomains here */
-PetscErrorCode LatinBlockSolve(Latin latin, LatinBlockSolver *solver, const PetscReal g[], PetscReal U[])
+/* U = K^-1 g for the copy arrays of the subdomains of one batch */
+PetscErrorCode LatinBlockSolveBatch_Private(Latin latin, LatinBlockSolver *solver, PetscInt i, const PetscReal g[], PetscReal U[])
 {
-  LatinSubstructure *sub = &latin->sub;
-  const PetscInt     bs  = latin->sub.bs;
+  LatinSubstructure *sub   = &latin->sub;
+  const LatinBatch  *batch = &latin->linear.blocks.batch[i];
+  const PetscInt     bs = latin->sub.bs, rows = batch->row[batch->patterns], columns = PetscMin(batch->members, LATIN_BLOCK_COLUMNS);
+  PetscScalar       *b;
+  const PetscScalar *x;
+  KSPConvergedReason reason;
 
   PetscFunctionBegin;
-  for (PetscInt i = 0; i < solver->n; i++) {
-    const LatinBatch  *batch = &latin->linear.blocks.batch[i];
-    const PetscInt     rows = batch->row[batch->patterns], columns = PetscMin(batch->members, LATIN_BLOCK_COLUMNS);
-    PetscScalar       *b;
-    const PetscScalar *x;
-    KSPConvergedReason reason;
+  for (PetscInt first = 0; first < batch->members; first += columns) {
+    const PetscInt last = PetscMin(first + columns, batch->members);
 
-    for (PetscInt first = 0; first < batch->members; first += columns) {
-      const PetscInt last = PetscMin(first + columns, batch->members);
-
-      PetscCall(MatDenseGetArray(solver->B[i], &b));
-      for (PetscInt m = first; m < last; m++)
-        for (PetscInt p = 0; p < batch->patterns; p++) PetscCall(PetscArraycpy(b + (size_t)rows * (size_t)(m - first) + batch->row[p], g + bs * sub->node_offset[batch->sub[p + m]], batch->row[p + 1] - batch->row[p]));
-      PetscCall(MatDenseRestoreArray(solver->B[i], &b));
-      if (batch->members == 1) {
-        PetscCall(PetscObjectStateIncrease((PetscObject)solver->b[i]));
-        PetscCall(KSPSolve(solver->ksp[i], solver->b[i], solver->x[i]));
-      } else PetscCall(KSPMatSolve(solver->ksp[i], solver->B[i], solver->X[i]));
-      PetscCall(KSPGetConvergedReason(solver->ksp[i], &reason));
-      if (reason < 0) latin->failed = PETSC_TRUE;
-      PetscCall(MatDenseGetArrayRead(solver->X[i], &x));
-      for (PetscInt m = first; m < last; m++)
-        for (PetscInt p = 0; p < batch->patterns; p++) PetscCall(PetscArraycpy(U + bs * sub->node_offset[batch->sub[p + m]], x + (size_t)rows * (size_t)(m - first) + batch->row[p], batch->row[p + 1] - batch->row[p]));
-      PetscCall(MatDenseRestoreArrayRead(solver->X[i], &x));
-    }
+    PetscCall(MatDenseGetArray(solver->B[i], &b));
+    for (PetscInt m = first; m < last; m++)
+      for (PetscInt p = 0; p < batch->patterns; p++) PetscCall(PetscArraycpy(b + (size_t)rows * (size_t)(m - first) + batch->row[p], g + bs * sub->node_offset[batch->sub[p + m]], batch->row[p + 1] - batch->row[p]));
+    PetscCall(MatDenseRestoreArray(solver->B[i], &b));
+    if (batch->members == 1) {
+      PetscCall(PetscObjectStateIncrease((PetscObject)solver->b[i]));
+      PetscCall(KSPSolve(solver->ksp[i], solver->b[i], solver->x[i]));
+    } else PetscCall(KSPMatSolve(solver->ksp[i], solver->B[i], solver->X[i]));
+    PetscCall(KSPGetConvergedReason(solver->ksp[i], &reason));
+    if (reason < 0) latin->failed = PETSC_TRUE;
+    PetscCall(MatDenseGetArrayRead(solver->X[i], &x));
+    for (PetscInt m = first; m < last; m++)
+      for (PetscInt p = 0; p < batch->patterns; p++) PetscCall(PetscArraycpy(U + bs * sub->node_offset[batch->sub[p + m]], x + (size_t)rows * (size_t)(m - first) + batch->row[p], batch->row[p + 1] - batch->row[p]));
+    PetscCall(MatDenseRestoreArrayRead(solver->X[i], &x));
   }
+  PetscFunctionReturn(0);
+}
+
+/* The same for all subdomains here */
+PetscErrorCode LatinBlockSolve(Latin latin, LatinBlockSolver *solver, const PetscReal g[], PetscReal U[])
+{
+  PetscFunctionBegin;
+  for (PetscInt i = 0; i < solver->n; i++) PetscCall(LatinBlockSolveBatch_Private(latin, solver, i, g, U));
   PetscFunctionReturn(0);
 }

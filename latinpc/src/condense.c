@@ -7,13 +7,17 @@
      V_m = K_rr^-1 A_r^t,  V_C = K_rr^-1 K_rC,  T = A_r V_m,  N = A_C - A_r V_C,
      H   = [ T^-1 - 1        -T^-1 N                        ]
            [ -N^t T^-1       K_CC - K_Cr V_C + N^t T^-1 N   ]
-     Phi = [ V_m T^-1        -V_C - V_m T^-1 N              ]
+     Phi = [ V_m T^-1        -V_C - V_m T^-1 N              ]  on r,  (0, 1) on C
 
    The springs of the macro displacement are in K but not in the method (the micro part alone has a search direction):
    with R^t d R = 1 their energy is |A U|^2 / 2, whence the identity taken from T^-1, as in (29).
 */
 
 #define LATIN_CONDENSE_COLUMNS 16 /* right-hand sides solved together: bounds the work space to that many copies of U */
+
+#define LATIN_INVERSE_ROWS   512 /* largest dense inverse */
+#define LATIN_INVERSE_RUN    8   /* fewest subdomains of neighbouring numbers, on average */
+#define LATIN_INVERSE_STAGES 8   /* the columns of an inverse are no more than the right-hand sides of so many linear stages */
 
 /* D R e_j on one interface: the forces of a unit macro force, a row of A. Behind them in work, R e_j. */
 static PetscErrorCode LatinCondenseDual_Private(Latin latin, const LatinInterface *face, PetscInt j, PetscReal work[])
@@ -126,8 +130,11 @@ static PetscErrorCode LatinCondenseMacro_Private(Latin latin, PetscInt s, const 
   PetscFunctionReturn(0);
 }
 
-/* H and Phi of one subdomain; K_CC stands in H already */
-static PetscErrorCode LatinCondenseSubdomain_Private(Latin latin, PetscInt s, PetscScalar T[], PetscScalar N[], PetscScalar TN[], PetscScalar work[], PetscBool *singular)
+/*
+   H and Phi of one subdomain; K_CC stands in H already. `inverse`, K_rr^-1 or NULL, becomes K_rr^-1 - V_m T^-1 V_m^t: the
+   displacements for unit forces while the coarse displacements are zero.
+*/
+static PetscErrorCode LatinCondenseSubdomain_Private(Latin latin, PetscInt s, PetscScalar T[], PetscScalar N[], PetscScalar TN[], PetscScalar work[], PetscScalar inverse[], PetscBool *singular)
 {
   LatinLinear      *linear = &latin->linear;
   const PetscInt    bs = latin->sub.bs, m = latin->coarse.offset[s + 1] - latin->coarse.offset[s];
@@ -167,11 +174,49 @@ static PetscErrorCode LatinCondenseSubdomain_Private(Latin latin, PetscInt s, Pe
       PetscCallBLAS("BLASgemm", BLASgemm_("N", "N", &br, &bp, &bm, &minus, phi, &br, TN, &bm, &one, phi + rows * (size_t)macros, &br));
     }
     PetscCallBLAS("BLASgemm", BLASgemm_("N", "N", &br, &bm, &bm, &one, phi, &br, T, &bm, &zero, work, &br));
+    if (inverse) PetscCallBLAS("BLASgemm", BLASgemm_("N", "T", &br, &br, &bm, &minus, work, &br, phi, &br, &one, inverse, &br));
     PetscCall(PetscArraycpy(phi, work, rows * (size_t)macros));
   }
+  for (PetscInt p = latin->linear.primal_offset[s]; p < latin->linear.primal_offset[s + 1]; p++) phi[(size_t)(linear->primal_dof[p] - bs * latin->sub.node_offset[s]) + rows * (size_t)(macros + p - linear->primal_offset[s])] = 1.0;
   /* symmetric to the bit, whatever the rounding above */
   for (PetscInt j = 0; j < m; j++)
     for (PetscInt i = 0; i < j; i++) H[i + m * j] = H[j + m * i] = 0.5 * (H[i + m * j] + H[j + m * i]);
+  PetscFunctionReturn(0);
+}
+
+/*
+   K_rr^-1 of a batch of many equal subdomains with neighbouring numbers, by the local solver: products with it, of many
+   columns in place, are quicker than substitutions. Not where the solver is not direct, or rows are too many or members
+   too few for the columns of the inverse to pay. Prescribed and primal rows and columns are zero.
+*/
+static PetscErrorCode LatinCondenseInverse_Private(Latin latin, PetscInt which, KSPConvergedReason *failed)
+{
+  LatinLinear       *linear = &latin->linear;
+  const LatinBatch  *batch  = &linear->blocks.batch[which];
+  const PetscInt     n = batch->row[batch->patterns], first = latin->sub.bs * latin->sub.node_offset[batch->sub[0]];
+  PetscInt           runs = 1;
+  PetscBool          direct;
+  Mat                B, X;
+  PetscScalar       *b;
+  const PetscScalar *x;
+
+  PetscFunctionBegin;
+  for (PetscInt m = 1; m < batch->members; m++) runs += batch->sub[m] != batch->sub[m - 1] + 1 ? 1 : 0;
+  PetscCall(PetscObjectTypeCompare((PetscObject)linear->solver.ksp[which], KSPPREONLY, &direct));
+  if (!direct || batch->patterns > 1 || n > LATIN_INVERSE_ROWS || batch->members < LATIN_INVERSE_RUN * runs || batch->members * LATIN_INVERSE_STAGES < n) PetscFunctionReturn(0);
+  PetscCall(LatinDenseCreate_Private(n, n, &B));
+  PetscCall(LatinDenseCreate_Private(n, n, &X));
+  PetscCall(MatDenseGetArrayWrite(B, &b));
+  PetscCall(PetscArrayzero(b, n * n));
+  for (PetscInt i = 0; i < n; i++) b[i + n * i] = latin->sub.fixed[first + i] || linear->primal_index[first + i] >= 0 ? 0.0 : 1.0;
+  PetscCall(MatDenseRestoreArrayWrite(B, &b));
+  PetscCall(LatinDenseSolve_Private(linear->solver.ksp[which], B, X, failed));
+  PetscCall(PetscMalloc1(n * n, &linear->inverse[which]));
+  PetscCall(MatDenseGetArrayRead(X, &x));
+  PetscCall(PetscArraycpy(linear->inverse[which], x, n * n));
+  PetscCall(MatDenseRestoreArrayRead(X, &x));
+  PetscCall(MatDestroy(&B));
+  PetscCall(MatDestroy(&X));
   PetscFunctionReturn(0);
 }
 
@@ -186,18 +231,23 @@ PetscErrorCode LatinCondenseSetUp(Latin latin)
 
   PetscFunctionBegin;
   PetscCall(PetscLogEventBegin(LATIN_Condense, latin, 0, 0, 0));
-  for (PetscInt b = 0; b < linear->blocks.n; b++) PetscCall(LatinCondenseSolve_Private(latin, b, &failed));
+  PetscCall(PetscCalloc1(linear->blocks.n, &linear->inverse));
+  for (PetscInt b = 0; b < linear->blocks.n; b++) {
+    PetscCall(LatinCondenseSolve_Private(latin, b, &failed));
+    PetscCall(LatinCondenseInverse_Private(latin, b, &failed));
+  }
   LatinAgree(PetscObjectComm((PetscObject)latin), failed, PETSC_ERR_CONV_FAILED, "A local solver gave up while the subdomains were condensed (%s); change its options, which start with -%slocal_", KSPConvergedReasons[failed],
              ((PetscObject)latin)->prefix ? ((PetscObject)latin)->prefix : "");
   for (PetscInt s = 0; s < sub->n; s++) rows = PetscMax(rows, latin->sub.bs * (sub->node_offset[s + 1] - sub->node_offset[s]));
   PetscCall(PetscMalloc4(w * w, &T, w * w, &N, w * w, &TN, rows * w, &work));
-  for (PetscInt s = 0; s < sub->n; s++) {
-    PetscBool singular = PETSC_FALSE;
+  for (PetscInt b = 0; b < linear->blocks.n; b++)
+    for (PetscInt p = 0; p < linear->blocks.batch[b].patterns; p++) {
+      const PetscInt s        = linear->blocks.batch[b].sub[p];
+      PetscBool      singular = PETSC_FALSE;
 
-    if (linear->blocks.pattern[s] != s) continue;
-    PetscCall(LatinCondenseSubdomain_Private(latin, s, T, N, TN, work, &singular));
-    if (singular && bad < 0) bad = s;
-  }
+      PetscCall(LatinCondenseSubdomain_Private(latin, s, T, N, TN, work, linear->inverse[b], &singular));
+      if (singular && (bad < 0 || s < bad)) bad = s;
+    }
   PetscCall(PetscFree4(T, N, TN, work));
   PetscCall(PetscLogEventEnd(LATIN_Condense, latin, 0, 0, 0));
   LatinAgree(PetscObjectComm((PetscObject)latin), bad >= 0, PETSC_ERR_PLIB, "The macro constraints of subdomain %" PetscInt_FMT " are dependent to rounding; change the partition, or try variant none", sub->first + bad);

@@ -297,8 +297,7 @@ PetscErrorCode LatinApply_Private(Latin latin, Vec z, Vec Gz)
   PetscCall(VecGetArrayRead(z, &a));
   PetscCall(VecGetArrayWrite(Gz, &b));
   PetscCall(LatinGatherForces_Private(latin, a));
-  PetscCall(LatinLinearApply(latin));
-  for (PetscInt i = 0; i < latin->sub.bs * latin->sub.copies; i++) latin->linear.U[i] += latin->linear.g[i];
+  PetscCall(LatinLinearApply(latin, latin->linear.U));
   PetscCall(LatinLocalStage_Private(latin, a, b));
   PetscCall(VecRestoreArrayRead(z, &a));
   PetscCall(VecRestoreArrayWrite(Gz, &b));

@@ -174,6 +174,8 @@ typedef struct {
   PetscInt     nonsmooth_global;                                    /* links with a state, over all ranks */
   PetscInt     nonsmooth;                                           /* links with a state, here */
   PetscInt    *nonsmooth_link;                                      /* [nonsmooth] */
+  PetscInt    *state;                                               /* [links] number of the link's state here, -1: none */
+  PetscInt    *state_first;                                         /* [n + 1] first state of each subdomain */
   PetscMPIInt *send_count, *send_offset, *recv_count, *recv_offset; /* migration of link data, in links */
   PetscInt    *send_order;                                          /* [links->links_local] */
 } LatinSubstructure;
@@ -307,6 +309,7 @@ typedef struct {
   PetscInt  patterns, members; /* one of them is 1 */
   PetscInt *sub;               /* [patterns * members] subdomains; the first one of each pattern represents it */
   PetscInt *row;               /* [patterns + 1] first row of each pattern in the matrix */
+  PetscBool alike;             /* one pattern, and the links of all members have the same laws and the same order of states */
 } LatinBatch;
 
 typedef struct {
@@ -349,6 +352,9 @@ typedef struct {
 } LatinGraph;
 
 /* ---- linear stage (linear.c, condense.c): operators of the subdomains ---- */
+#define LATIN_LANES         8  /* equal subdomains whose links are swept together */
+#define LATIN_BLOCK_COLUMNS 64 /* equal subdomains solved together: right-hand sides stay in cache */
+
 typedef struct {
   LatinBlocks      blocks;
   LatinBlockSolver solver;
@@ -356,19 +362,21 @@ typedef struct {
   PetscInt        *primal_dof;    /* entries of the copy arrays */
   PetscInt        *primal_index;  /* [copies * bs] position in its subdomain's primal list, -1 if not primal */
   /* the following are stored once for each pattern, and found by subdomain */
-  PetscInt  *rc_first, *rc_last; /* [subdomains] coupling of the other dofs with the primal ones */
-  PetscInt  *rc_row, *rc_col;    /* row from the subdomain's first one, position in its primal list */
-  PetscReal *rc_value;
-  size_t    *h_offset, *phi_offset; /* [subdomains] into H and Phi */
-  PetscReal *H;                     /* homogenised stiffness (51), column-major */
-  PetscReal *Phi;                   /* displacements for unit coarse displacements, (bs * nodes) x coarse, column-major */
-  PetscReal *g;                     /* [copies * bs] forces of a linear stage, then the displacements that they cause */
-  PetscReal *U;                     /* [copies * bs] displacements, the sum of those of all linear stages */
-  PetscReal *pull;                  /* [sides] forces of the search direction, D times the micro part of U */
-  PetscReal *load;                  /* [copies * bs] F, shared among the copies of a node */
-  PetscReal *spring;                /* [copies * bs] springs of the search direction, part of K */
-  PetscReal *lambda;                /* work: macro forces of one subdomain */
-  PetscInt   widest;                /* most coarse dofs of a subdomain here */
+  PetscInt   *rc_first, *rc_last; /* [subdomains] coupling of the other dofs with the primal ones */
+  PetscInt   *rc_row, *rc_col;    /* row from the subdomain's first one, position in its primal list */
+  PetscReal  *rc_value;
+  size_t     *h_offset, *phi_offset; /* [subdomains] into H and Phi */
+  PetscReal  *H;                     /* homogenised stiffness (51), column-major */
+  PetscReal  *Phi;                   /* displacements for unit coarse displacements, (bs * nodes) x coarse, column-major */
+  PetscReal **inverse;               /* [batches] displacements for unit forces with the coarse ones held, dense; NULL: from the solver */
+  PetscReal  *g;                     /* [copies * bs] forces of a linear stage, work space after it */
+  PetscReal  *U;                     /* [copies * bs] displacements, the sum of those of all linear stages */
+  PetscReal  *pull;                  /* [sides] forces of the search direction, D times the micro part of U */
+  PetscReal  *load;                  /* [copies * bs] F, shared among the copies of a node */
+  PetscReal  *spring;                /* [copies * bs] springs of the search direction, part of K */
+  PetscReal  *lambda;                /* work: macro forces of one subdomain */
+  PetscReal  *tile;                  /* work: displacements and forces of LATIN_LANES equal subdomains, see sweep.c */
+  PetscInt    widest;                /* most coarse dofs of a subdomain here */
 } LatinLinear;
 
 /* ---- nested condensation of the coarse problem (nested.c) ---- */
@@ -548,7 +556,7 @@ PETSC_INTERN PetscErrorCode LatinLinearSetUp(Latin);
 PETSC_INTERN PetscErrorCode LatinCondenseSetUp(Latin);
 PETSC_INTERN PetscErrorCode LatinLinearSetLoads(Latin, Vec load);
 PETSC_INTERN PetscErrorCode LatinLinearReset(Latin);
-PETSC_INTERN PetscErrorCode LatinLinearApply(Latin);
+PETSC_INTERN PetscErrorCode LatinLinearApply(Latin, PetscReal U[]);
 PETSC_INTERN PetscErrorCode LatinDirectSolverAvailable_Private(Mat, MatSolverType, MatSolverType *, PetscBool *);
 PETSC_INTERN PetscErrorCode LatinDenseCreate_Private(PetscInt, PetscInt, Mat *);
 PETSC_INTERN PetscErrorCode LatinDenseSolve_Private(KSP, Mat B, Mat X, KSPConvergedReason *failed);
@@ -562,6 +570,7 @@ PETSC_INTERN PetscErrorCode LatinBlocksReset(Latin);
 PETSC_INTERN PetscErrorCode LatinBlockSolverCreate(Latin, LatinBlockSolver *);
 PETSC_INTERN PetscErrorCode LatinBlockSolverSetUp(Latin, LatinBlockSolver *, const char name[]);
 PETSC_INTERN PetscErrorCode LatinBlockSolve(Latin, LatinBlockSolver *, const PetscReal g[], PetscReal U[]);
+PETSC_INTERN PetscErrorCode LatinBlockSolveBatch_Private(Latin, LatinBlockSolver *, PetscInt batch, const PetscReal g[], PetscReal U[]);
 PETSC_INTERN PetscErrorCode LatinBlockSolverDestroy(LatinBlockSolver *);
 PETSC_INTERN PetscErrorCode LatinCoarseNumber(Latin);
 PETSC_INTERN PetscErrorCode LatinCoarseSetUp(Latin);
@@ -580,6 +589,8 @@ PETSC_INTERN PetscErrorCode LatinInitialState_Private(Latin, Vec);
 PETSC_INTERN PetscErrorCode LatinApply_Private(Latin, Vec z, Vec Gz);
 PETSC_INTERN PetscErrorCode LatinGatherForces_Private(Latin, const PetscReal z[]);
 PETSC_INTERN void           LatinLinkStageGeneral(Latin, const PetscReal state[], PetscReal next[], PetscReal sum[3]);
+PETSC_INTERN void           LatinSweepForces(Latin, const PetscReal z[]);
+PETSC_INTERN void           LatinSweepStage(Latin, const PetscReal z[], PetscReal next[], PetscReal sum[3]);
 PETSC_INTERN PetscErrorCode LatinLocalStage_Private(Latin, const PetscReal z[], PetscReal Gz[]);
 PETSC_INTERN PetscErrorCode LatinErrors_Private(Latin, const PetscReal reference[], PetscReal *l2, PetscReal *energy);
 PETSC_INTERN PetscErrorCode LatinEstimateStart_Private(LatinEstimate *);

@@ -100,7 +100,7 @@ PetscErrorCode LatinLinearSetUp(Latin latin)
   LatinLinear       *linear    = &latin->linear;
   LatinBlockSolver  *solver    = &linear->solver;
   const PetscInt     n         = latin->sub.bs * sub->copies;
-  PetscInt           couplings = 0;
+  PetscInt           couplings = 0, most = 0;
   LatinGraph         graph;
 
   PetscFunctionBegin;
@@ -108,6 +108,8 @@ PetscErrorCode LatinLinearSetUp(Latin latin)
   PetscCall(LatinBlocksSetUp(latin));
   PetscCall(LatinLinearOffsets_Private(latin));
   PetscCall(PetscMalloc6(n, &linear->g, n, &linear->U, latin->inter.sides, &linear->pull, n, &linear->load, linear->widest, &linear->lambda, n, &linear->spring));
+  for (PetscInt s = 0; s < sub->n; s++) most = PetscMax(most, sub->node_offset[s + 1] - sub->node_offset[s]);
+  PetscCall(PetscMalloc1(2 * LATIN_LANES * sub->bs * most, &linear->tile));
   PetscCall(LatinDirectionSprings_Private(latin, linear->spring));
   PetscCall(LatinGraphCreate_Private(latin, PETSC_TRUE, &graph));
   PetscCall(LatinBlockSolverCreate(latin, solver));
@@ -146,23 +148,37 @@ PetscErrorCode LatinLinearSetLoads(Latin latin, Vec load)
   PetscFunctionReturn(0);
 }
 
-/* Forces on the coarse dofs of one subdomain: Phi^t g, and g itself on primal dofs */
-static PetscErrorCode LatinLinearCondense_Private(Latin latin, PetscInt s)
+/* How many subdomains of a batch follow each other from member m on: their data are columns of one array */
+static PetscInt LatinLinearRun(const LatinBatch *batch, PetscInt m)
+{
+  PetscInt n = 1;
+
+  while (batch->patterns == 1 && n < LATIN_BLOCK_COLUMNS && m + n < batch->members && batch->sub[m + n] == batch->sub[m] + n) n++;
+  return n;
+}
+
+/* Forces on the coarse dofs of the subdomains of a batch: q = Phi^t g */
+static PetscErrorCode LatinLinearCondense_Private(Latin latin, const LatinBatch *batch)
 {
   LatinSubstructure *sub    = &latin->sub;
   LatinLinear       *linear = &latin->linear;
   LatinCoarse       *coarse = &latin->coarse;
-  PetscReal         *q      = coarse->q + coarse->offset[s];
   const PetscScalar  one = 1.0, zero = 0.0;
-  const PetscBLASInt inc = 1;
-  PetscBLASInt       rows, cols;
+  PetscBLASInt       rows, cols, run, inc = 1;
 
   PetscFunctionBegin;
-  PetscCall(PetscBLASIntCast(latin->sub.bs * (sub->node_offset[s + 1] - sub->node_offset[s]), &rows));
-  PetscCall(PetscBLASIntCast(coarse->offset[s + 1] - coarse->offset[s], &cols));
-  if (!cols) PetscFunctionReturn(0);
-  PetscCallBLAS("BLASgemv", BLASgemv_("T", &rows, &cols, &one, linear->Phi + linear->phi_offset[s], &rows, linear->g + latin->sub.bs * sub->node_offset[s], &inc, &zero, q, &inc));
-  for (PetscInt p = linear->primal_offset[s]; p < linear->primal_offset[s + 1]; p++) q[coarse->macro_count[s] + p - linear->primal_offset[s]] += linear->g[linear->primal_dof[p]];
+  for (PetscInt m = 0; m < batch->patterns * batch->members; m += (PetscInt)run) {
+    const PetscInt   s   = batch->sub[m];
+    const PetscReal *Phi = linear->Phi + linear->phi_offset[s], *g = linear->g + sub->bs * sub->node_offset[s];
+    PetscReal       *q = coarse->q + coarse->offset[s];
+
+    PetscCall(PetscBLASIntCast(LatinLinearRun(batch, m), &run));
+    PetscCall(PetscBLASIntCast(sub->bs * (sub->node_offset[s + 1] - sub->node_offset[s]), &rows));
+    PetscCall(PetscBLASIntCast(coarse->offset[s + 1] - coarse->offset[s], &cols));
+    if (!cols) continue;
+    if (run == 1) PetscCallBLAS("BLASgemv", BLASgemv_("T", &rows, &cols, &one, Phi, &rows, g, &inc, &zero, q, &inc));
+    else PetscCallBLAS("BLASgemm", BLASgemm_("T", "N", &cols, &run, &rows, &one, Phi, &rows, g, &rows, &zero, q, &cols));
+  }
   PetscFunctionReturn(0);
 }
 
@@ -208,28 +224,69 @@ static PetscErrorCode LatinLinearRelocalise_Private(Latin latin, PetscInt s)
   PetscFunctionReturn(0);
 }
 
-/*
-   The linear stage for the forces g, in whose place it leaves the displacements of all copies, zero where they are
-   prescribed; coarse.u are the coarse displacements. In order: condensed forces, coarse problem (52), relocalisation
-   (42) with the macro forces lambda on the strong interfaces.
-*/
-PetscErrorCode LatinLinearApply(Latin latin)
+/* Relocalisation and local solves in one, with a dense inverse: U += inverse g + Phi u */
+static PetscErrorCode LatinLinearDense_Private(Latin latin, const LatinBatch *batch, const PetscReal inverse[], PetscReal U[])
 {
   LatinSubstructure *sub    = &latin->sub;
   LatinLinear       *linear = &latin->linear;
+  LatinCoarse       *coarse = &latin->coarse;
+  const PetscScalar  one    = 1.0;
+  PetscBLASInt       rows, cols, run;
+
+  PetscFunctionBegin;
+  for (PetscInt m = 0; m < batch->members; m += (PetscInt)run) {
+    const PetscInt s = batch->sub[m], first = sub->bs * sub->node_offset[s];
+
+    PetscCall(PetscBLASIntCast(LatinLinearRun(batch, m), &run));
+    PetscCall(PetscBLASIntCast(batch->row[1], &rows));
+    PetscCall(PetscBLASIntCast(coarse->offset[s + 1] - coarse->offset[s], &cols));
+    PetscCallBLAS("BLASgemm", BLASgemm_("N", "N", &rows, &run, &rows, &one, inverse, &rows, linear->g + first, &rows, &one, U + first, &rows));
+    if (cols) PetscCallBLAS("BLASgemm", BLASgemm_("N", "N", &rows, &run, &cols, &one, linear->Phi + linear->phi_offset[s], &rows, coarse->u + coarse->offset[s], &cols, &one, U + first, &rows));
+  }
+  PetscFunctionReturn(0);
+}
+
+/* The same by the solver of the batch, in place of the forces */
+static PetscErrorCode LatinLinearSolve_Private(Latin latin, PetscInt which, PetscReal U[])
+{
+  LatinSubstructure *sub    = &latin->sub;
+  LatinLinear       *linear = &latin->linear;
+  const LatinBatch  *batch  = &linear->blocks.batch[which];
+  const PetscInt     n      = batch->patterns * batch->members;
+
+  PetscFunctionBegin;
+  for (PetscInt m = 0; m < n; m++) {
+    PetscCall(LatinLinearRelocalise_Private(latin, batch->sub[m]));
+    /* identity rows: prescribed and primal displacements pass through */
+    for (PetscInt i = sub->bs * sub->node_offset[batch->sub[m]]; i < sub->bs * sub->node_offset[batch->sub[m] + 1]; i++)
+      if (sub->fixed[i]) linear->g[i] = 0.0;
+  }
+  PetscCall(LatinBlockSolveBatch_Private(latin, &linear->solver, which, linear->g, linear->g));
+  for (PetscInt m = 0; m < n; m++)
+    for (PetscInt i = sub->bs * sub->node_offset[batch->sub[m]]; i < sub->bs * sub->node_offset[batch->sub[m] + 1]; i++) U[i] += linear->g[i];
+  PetscFunctionReturn(0);
+}
+
+/*
+   The linear stage for the forces g, which it overwrites: adds to U the displacements of all copies, zero where they are
+   prescribed; coarse.u are the coarse displacements. In order: condensed forces, coarse problem (52), relocalisation
+   (42) with the macro forces lambda on the strong interfaces.
+*/
+PetscErrorCode LatinLinearApply(Latin latin, PetscReal U[])
+{
+  LatinLinear *linear = &latin->linear;
 
   PetscFunctionBegin;
   latin->failed = PETSC_FALSE;
   PetscCall(PetscLogEventBegin(LATIN_Condense, latin, 0, 0, 0));
-  for (PetscInt s = 0; s < sub->n; s++) PetscCall(LatinLinearCondense_Private(latin, s));
+  for (PetscInt b = 0; b < linear->blocks.n; b++) PetscCall(LatinLinearCondense_Private(latin, &linear->blocks.batch[b]));
   PetscCall(PetscLogEventEnd(LATIN_Condense, latin, 0, 0, 0));
   PetscCall(LatinCoarseSolve(latin));
   PetscCall(PetscLogEventBegin(LATIN_Linear, latin, 0, 0, 0));
-  for (PetscInt s = 0; s < sub->n; s++) PetscCall(LatinLinearRelocalise_Private(latin, s));
-  /* identity rows: prescribed and primal displacements pass through */
-  for (PetscInt i = 0; i < latin->sub.bs * sub->copies; i++)
-    if (sub->fixed[i]) linear->g[i] = 0.0;
-  PetscCall(LatinBlockSolve(latin, &linear->solver, linear->g, linear->g));
+  for (PetscInt b = 0; b < linear->blocks.n; b++) {
+    if (linear->inverse[b]) PetscCall(LatinLinearDense_Private(latin, &linear->blocks.batch[b], linear->inverse[b], U));
+    else PetscCall(LatinLinearSolve_Private(latin, b, U));
+  }
   PetscCall(PetscLogEventEnd(LATIN_Linear, latin, 0, 0, 0));
   PetscFunctionReturn(0);
 }
@@ -239,6 +296,8 @@ PetscErrorCode LatinLinearReset(Latin latin)
   LatinLinear *linear = &latin->linear;
 
   PetscFunctionBegin;
+  for (PetscInt b = 0; b < linear->blocks.n && linear->inverse; b++) PetscCall(PetscFree(linear->inverse[b]));
+  PetscCall(PetscFree(linear->inverse));
   PetscCall(LatinBlockSolverDestroy(&linear->solver));
   PetscCall(LatinBlocksReset(latin));
   PetscCall(PetscFree3(linear->rc_row, linear->rc_col, linear->rc_value));
@@ -248,6 +307,7 @@ PetscErrorCode LatinLinearReset(Latin latin)
   PetscCall(PetscFree(linear->primal_index));
   PetscCall(PetscFree(linear->H));
   PetscCall(PetscFree(linear->Phi));
+  PetscCall(PetscFree(linear->tile));
   PetscCall(PetscFree6(linear->g, linear->U, linear->pull, linear->load, linear->lambda, linear->spring));
   PetscCall(PetscMemzero(linear, sizeof(*linear)));
   PetscFunctionReturn(0);

@@ -48,64 +48,6 @@ static PetscErrorCode LatinPull_Private(Latin latin, const LatinInterface *face)
 }
 
 /*
-   Link data of a subdomain are read where the first one equal to it keeps them (blocks.c): they then stay in cache, and
-   an iteration reads little more than the states. To be called with a constant dim, so that loops over it unroll.
-*/
-static inline void LatinLinkForces(const Latin latin, const PetscInt dim, const PetscReal state[])
-{
-  const LatinSubstructure *sub = &latin->sub;
-
-  for (PetscInt s = 0, i = 0; s < sub->n; s++) {
-    const PetscInt   r = latin->linear.blocks.pattern[s], other = sub->link_offset[r] - sub->link_offset[s], shift = dim * (sub->node_offset[s] - sub->node_offset[r]);
-    const PetscReal *U = latin->linear.U + shift;
-    PetscReal       *g = latin->linear.g + shift;
-
-    for (PetscInt l = sub->link_offset[s]; l < sub->link_offset[s + 1]; l++) {
-      const PetscInt  p = l + other;
-      const PetscReal k = sub->stiffness[p], mixed = i < sub->nonsmooth && sub->nonsmooth_link[i] == l ? state[i++] : k * sub->prestrain[l];
-      const PetscReal t = mixed + k * LatinElongation(sub, dim, p, U), *n = sub->direction + dim * p;
-      PetscReal      *ga = g + dim * sub->ends[2 * p], *gb = g + dim * sub->ends[2 * p + 1];
-
-      for (PetscInt c = 0; c < dim; c++) {
-        ga[c] += t * n[c];
-        gb[c] -= t * n[c];
-      }
-    }
-  }
-}
-
-/* The laws along the ascent direction; sum: squares of the distance, and of the elongations that carry tension without and with prestrain */
-static inline void LatinLinkStage(const Latin latin, const PetscInt dim, const PetscReal state[], PetscReal next[], PetscReal sum[3])
-{
-  const LatinSubstructure *sub      = &latin->sub;
-  PetscReal                distance = 0.0, energy = 0.0, noise = 0.0;
-
-  for (PetscInt s = 0, i = 0; s < sub->n; s++) {
-    const PetscInt   r = latin->linear.blocks.pattern[s], other = sub->link_offset[r] - sub->link_offset[s];
-    const PetscReal *U = latin->linear.U + dim * (sub->node_offset[s] - sub->node_offset[r]);
-
-    for (PetscInt l = sub->link_offset[s]; l < sub->link_offset[s + 1]; l++) {
-      const PetscReal k = sub->stiffness[l + other], e0 = sub->prestrain[l], e = LatinElongation(sub, dim, l + other, U);
-      PetscReal       taut = PetscAbsReal(e);
-
-      if (i < sub->nonsmooth && sub->nonsmooth_link[i] == l) {
-        const PetscReal old = state[i], new = LatinLaws[sub->law[l]].local(k, e0, old + 2.0 * k * e, NULL);
-
-        next[i++] = new;
-        distance += (new - old) * (new - old) / (4.0 * k);
-        /* a slack link stores no energy, however far its ends move apart; less and less counts as it slackens, so that rounding decides nothing */
-        taut = new == k *e0 ? PetscMin(taut, PetscAbsReal(e + e0)) : 0.0;
-        noise += taut > 0.0 ? k * (e + e0) * (e + e0) : 0.0;
-      } else noise += k * (e + e0) * (e + e0);
-      energy += k * PetscAbsReal(e) * taut;
-    }
-  }
-  sum[0] += distance;
-  sum[1] += energy;
-  sum[2] += noise;
-}
-
-/*
    g = F - B^t (s + l e) + C^t (z - D U): what the displacements of the last linear stage leave unbalanced in the state
    z, with the tensions and the interface forces of (26) and (27). The linear stage then solves for the change of the
    displacements, and what it rounds, or leaves to an inexact solver, is small with that change.
@@ -117,9 +59,7 @@ PetscErrorCode LatinGatherForces_Private(Latin latin, const PetscReal z[])
 
   PetscFunctionBegin;
   PetscCall(PetscArraycpy(g, latin->linear.load, latin->links->dim * latin->sub.copies));
-  if (latin->links->dim == 3) LatinLinkForces(latin, 3, z + inter->sides);
-  else if (latin->links->dim == 2) LatinLinkForces(latin, 2, z + inter->sides);
-  else LatinLinkForces(latin, 1, z + inter->sides);
+  LatinSweepForces(latin, z + inter->sides);
   for (PetscInt k = 0; k < inter->sides; k++) g[inter->side_dof[k]] += z[k] - latin->linear.pull[k];
   PetscFunctionReturn(0);
 }
@@ -135,9 +75,7 @@ PetscErrorCode LatinLocalStage_Private(Latin latin, const PetscReal z[], PetscRe
   for (PetscInt k = 0; k < inter->sides; k++) latin->outgoing[k] = 2.0 * latin->linear.pull[k] - z[k];
   PetscCall(PetscSFBcastBegin(inter->mate_sf, MPIU_REAL, latin->outgoing, Gz, MPI_REPLACE));
   if (latin->links->general) LatinLinkStageGeneral(latin, z + inter->sides, Gz + inter->sides, sum);
-  else if (latin->links->dim == 3) LatinLinkStage(latin, 3, z + inter->sides, Gz + inter->sides, sum);
-  else if (latin->links->dim == 2) LatinLinkStage(latin, 2, z + inter->sides, Gz + inter->sides, sum);
-  else LatinLinkStage(latin, 1, z + inter->sides, Gz + inter->sides, sum);
+  else LatinSweepStage(latin, z + inter->sides, Gz + inter->sides, sum);
   PetscCall(PetscSFBcastEnd(inter->mate_sf, MPIU_REAL, latin->outgoing, Gz, MPI_REPLACE));
   for (PetscInt f = 0; f < inter->count; f++) PetscCall(LatinDirectionEnergy(latin, &inter->interface[f], Gz + inter->interface[f].side_first, z + inter->interface[f].side_first, &sum[0]));
   sum[3] = latin->failed ? 1.0 : 0.0; /* a local solver that failed on one rank has failed on all */

@@ -189,8 +189,9 @@ static PetscErrorCode PCApply_Latin_Shared(PC pc, Vec x, Vec y)
   PetscCall(PetscArrayzero(data->f, n));
   PetscCall(LatinDistribute_Private(latin, x, data->f));
   for (PetscInt i = 0; i < n; i++) latin->linear.g[i] = data->weight[i] * data->f[i];
-  PetscCall(LatinLinearApply(latin));
-  for (PetscInt i = 0; i < n; i++) data->v[i] = data->weight[i] * latin->linear.g[i];
+  PetscCall(PetscArrayzero(data->v, n));
+  PetscCall(LatinLinearApply(latin, data->v));
+  for (PetscInt i = 0; i < n; i++) data->v[i] = data->weight[i] * data->v[i];
   PetscCall(PCLatinSum_Private(latin, data->v, y));
   if (latin->failed) pc->failedreason = PC_SUBPC_ERROR;
   PetscFunctionReturn(0);
@@ -213,8 +214,9 @@ static PetscErrorCode PCApply_Latin(PC pc, Vec x, Vec y)
   /* linear stage for the weighted forces, weighted mean of its displacements */
   PetscCall(LatinDistribute_Private(latin, data->work, data->f));
   for (PetscInt i = 0; i < n; i++) latin->linear.g[i] = data->inner[i / bs] || latin->sub.fixed[i] ? 0.0 : data->weight[i] * data->f[i];
-  PetscCall(LatinLinearApply(latin));
-  for (PetscInt i = 0; i < n; i++) data->v[i] = data->inner[i / bs] || latin->sub.fixed[i] ? 0.0 : data->weight[i] * latin->linear.g[i];
+  PetscCall(PetscArrayzero(data->v, n));
+  PetscCall(LatinLinearApply(latin, data->v));
+  for (PetscInt i = 0; i < n; i++) data->v[i] = data->inner[i / bs] || latin->sub.fixed[i] ? 0.0 : data->weight[i] * data->v[i];
   PetscCall(PCLatinSum_Private(latin, data->v, data->work));
   /* interiors in equilibrium with the given forces and these displacements */
   PetscCall(LatinDistribute_Private(latin, data->work, data->v));

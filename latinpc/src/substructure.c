@@ -261,10 +261,16 @@ PetscErrorCode LatinSubstructureSetUp(Latin latin)
     PetscCall(LatinMigrate_Private(latin, sizeof(PetscReal), links->friction, sub->friction));
   }
   /* a preconditioner works on the tangent, where no link has a state */
-  PetscCall(PetscMalloc1(latin->tangent ? 0 : sub->links, &sub->nonsmooth_link));
+  PetscCall(PetscMalloc3(latin->tangent ? 0 : sub->links, &sub->nonsmooth_link, sub->links, &sub->state, sub->n + 1, &sub->state_first));
   sub->nonsmooth = 0;
-  for (PetscInt l = 0; l < sub->links && !latin->tangent; l++)
-    if (!LatinLaws[sub->law[l]].smooth && LatinSubstructureMoves(latin, l)) sub->nonsmooth_link[sub->nonsmooth++] = l;
+  for (PetscInt s = 0; s < sub->n; s++) {
+    sub->state_first[s] = sub->nonsmooth;
+    for (PetscInt l = sub->link_offset[s]; l < sub->link_offset[s + 1]; l++) {
+      sub->state[l] = !latin->tangent && !LatinLaws[sub->law[l]].smooth && LatinSubstructureMoves(latin, l) ? sub->nonsmooth : -1;
+      if (sub->state[l] >= 0) sub->nonsmooth_link[sub->nonsmooth++] = l;
+    }
+  }
+  sub->state_first[sub->n] = sub->nonsmooth;
   if (links->rigid_law >= 0) PetscCall(PetscCalloc1(sub->nonsmooth, &sub->tension));
   PetscCall(MPIU_Allreduce(&sub->nonsmooth, &sub->nonsmooth_global, 1, MPIU_INT, MPI_SUM, PetscObjectComm((PetscObject)latin)));
   PetscCall(PetscLogEventEnd(LATIN_Substructure, latin, 0, 0, 0));
@@ -286,7 +292,7 @@ PetscErrorCode LatinSubstructureReset(Latin latin)
   PetscCall(PetscFree2(sub->node, sub->ends));
   PetscCall(PetscFree5(sub->x, sub->fixed, sub->prescribed, sub->multiplicity, sub->global_dof));
   PetscCall(PetscFree4(sub->direction, sub->stiffness, sub->prestrain, sub->law));
-  PetscCall(PetscFree(sub->nonsmooth_link));
+  PetscCall(PetscFree3(sub->nonsmooth_link, sub->state, sub->state_first));
   PetscCall(PetscFree(sub->friction));
   PetscCall(PetscFree(sub->tension));
   PetscCall(PetscSFDestroy(&sub->node_sf));
