@@ -150,6 +150,15 @@ static PetscErrorCode LatinBlocksShareBases_Private(Latin latin)
   PetscFunctionReturn(0);
 }
 
+/* How many subdomains of a batch follow each other from member m on, at most LATIN_BLOCK_COLUMNS: their data are columns of one array */
+PetscInt LatinBatchRun(const LatinBatch *batch, PetscInt m)
+{
+  PetscInt n = 1;
+
+  while (batch->patterns == 1 && n < LATIN_BLOCK_COLUMNS && m + n < batch->members && batch->sub[m + n] == batch->sub[m] + n) n++;
+  return n;
+}
+
 /* One batch for each operator that several subdomains share, and one for all the others */
 PetscErrorCode LatinBlocksSetUp(Latin latin)
 {

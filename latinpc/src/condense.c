@@ -19,17 +19,6 @@
 #define LATIN_INVERSE_RUN    8   /* fewest subdomains of neighbouring numbers, on average */
 #define LATIN_INVERSE_STAGES 8   /* the columns of an inverse are no more than the right-hand sides of so many linear stages */
 
-/* D R e_j on one interface: the forces of a unit macro force, a row of A. Behind them in work, R e_j. */
-static PetscErrorCode LatinCondenseDual_Private(Latin latin, const LatinInterface *face, PetscInt j, PetscReal work[])
-{
-  const PetscInt rows = face->side_last - face->side_first;
-
-  PetscFunctionBegin;
-  for (PetscInt r = 0; r < rows; r++) work[rows + r] = LatinMacroRow(&latin->macro, face, face->side_first + r)[j];
-  PetscCall(LatinDirectionApply(latin, face, work + rows, work));
-  PetscFunctionReturn(0);
-}
-
 /* Columns first..last of [A_r^t, K_rC] for all patterns of a batch at once: its matrix is block diagonal */
 static PetscErrorCode LatinCondenseColumns_Private(Latin latin, const LatinBatch *batch, PetscInt first, PetscInt last, PetscScalar b[])
 {
@@ -47,9 +36,8 @@ static PetscErrorCode LatinCondenseColumns_Private(Latin latin, const LatinBatch
       const PetscInt        at   = face->local_first - latin->coarse.offset[s];
 
       for (PetscInt j = PetscMax(first, at); j < PetscMin(last, at + face->modes); j++) {
-        PetscCall(LatinCondenseDual_Private(latin, face, j - at, latin->direction_work));
         for (PetscInt k = face->side_first; k < face->side_last; k++)
-          if (linear->primal_index[inter->side_dof[k]] < 0) b[(size_t)(inter->side_dof[k] + shift) + n * (size_t)(j - first)] += latin->direction_work[k - face->side_first];
+          if (linear->primal_index[inter->side_dof[k]] < 0) b[(size_t)(inter->side_dof[k] + shift) + n * (size_t)(j - first)] += LatinMacroDualRow(&latin->macro, face, k)[j - at];
       }
     }
     for (PetscInt c = linear->rc_first[s]; c < linear->rc_last[s]; c++) {
@@ -113,10 +101,9 @@ static PetscErrorCode LatinCondenseMacro_Private(Latin latin, PetscInt s, const 
     const PetscInt        at   = face->local_first - latin->coarse.offset[s];
 
     for (PetscInt i = 0; i < face->modes; i++) {
-      PetscCall(LatinCondenseDual_Private(latin, face, i, latin->direction_work));
       for (PetscInt k = face->side_first; k < face->side_last; k++) {
         const PetscInt  dof = inter->side_dof[k], primal = linear->primal_index[dof];
-        const PetscReal a = latin->direction_work[k - face->side_first];
+        const PetscReal a = LatinMacroDualRow(&latin->macro, face, k)[i];
 
         if (primal >= 0) {
           N[at + i + macros * primal] += a;

@@ -11,7 +11,8 @@
      block     its block on the interface
      schur     its Schur complement on the interface
 
-   A matrix is stored once for equal ones, with its Cholesky factor, D = L L^t. The other stages know no more of a direction than the functions of this file.
+   A matrix is stored once for equal ones, with its Cholesky factor, D = L L^t, and the inverse of that.
+   The other stages know no more of a direction than the functions of this file.
 */
 
 #define LATIN_DIRECTION_FLOOR 0.1 /* least diagonal direction of an interface, relative to its mean */
@@ -73,6 +74,20 @@ static PetscBool LatinCholesky(PetscInt n, PetscReal A[])
   return PETSC_TRUE;
 }
 
+/* The inverse M of a lower triangular matrix L, upper part zero */
+static void LatinInvert(PetscInt n, const PetscReal L[], PetscReal M[])
+{
+  for (PetscInt j = 0; j < n; j++) {
+    PetscReal *v = M + n * j;
+
+    for (PetscInt i = 0; i < n; i++) v[i] = i == j ? 1.0 : 0.0;
+    for (PetscInt k = j; k < n; k++) {
+      v[k] /= L[k + n * k];
+      for (PetscInt i = k + 1; i < n; i++) v[i] -= L[i + n * k] * v[k];
+    }
+  }
+}
+
 /* Factors the matrices D + first[f], each different one once */
 static PetscErrorCode LatinDirectionFactor_Private(Latin latin, const PetscReal D[], const size_t first[], PetscBool *bad)
 {
@@ -91,7 +106,7 @@ static PetscErrorCode LatinDirectionFactor_Private(Latin latin, const PetscReal 
     else if (pattern[f] != f) face->matrix_first = inter->interface[pattern[f]].matrix_first;
     else {
       face->matrix_first = used;
-      used += 2 * (PetscInt)(first[f + 1] - first[f]);
+      used += 3 * (PetscInt)(first[f + 1] - first[f]);
     }
   }
   PetscCall(PetscMalloc1(used + 1, &latin->macro.matrix)); /* not NULL on a rank without interfaces either */
@@ -103,6 +118,7 @@ static PetscErrorCode LatinDirectionFactor_Private(Latin latin, const PetscReal 
     if (face->matrix_first < 0 || pattern[f] != f) continue;
     for (PetscInt copy = 0; copy < 2; copy++) PetscCall(PetscArraycpy(matrix + copy * rows * rows, D + first[f], rows * rows));
     if (!LatinCholesky(rows, matrix + rows * rows)) *bad = PETSC_TRUE;
+    else LatinInvert(rows, matrix + rows * rows, matrix + 2 * rows * rows);
   }
   PetscCall(PetscFree2(pattern, bytes));
   PetscFunctionReturn(0);
@@ -169,7 +185,7 @@ PetscErrorCode LatinDirectionSetUp(Latin latin)
     inter->interface[f].matrix_first = -1;
   }
   PetscCall(PetscMalloc1(inter->sides, &latin->macro.d));
-  PetscCall(PetscMalloc1(2 * longest, &latin->direction_work));
+  PetscCall(PetscMalloc1(2 * LATIN_BLOCK_COLUMNS * longest, &latin->direction_work));
   if (latin->direction_scalar > 0.0) {
     for (PetscInt k = 0; k < inter->sides; k++) latin->macro.d[k] = latin->direction_scalar;
   } else if (latin->direction == LATIN_DIRECTION_SCALAR || latin->direction == LATIN_DIRECTION_DIAGONAL) PetscCall(LatinDirectionDiagonal_Private(latin, LatinDirectionFraction(latin)));
@@ -187,47 +203,62 @@ PetscErrorCode LatinDirectionReset(Latin latin)
   PetscFunctionReturn(0);
 }
 
-/* ---- what the other stages do with a direction: arguments are vectors on the side dofs of one interface ---- */
+/* ---- what the other stages do with a direction: arguments are n vectors on the side dofs of one interface, ld apart ---- */
 
-/* y = D x */
-PetscErrorCode LatinDirectionApply(Latin latin, const LatinInterface *face, const PetscReal x[], PetscReal y[])
+/* Y = A X with a square matrix; a call of BLAS would cost more than one short product */
+static PetscErrorCode LatinMultiply_Private(PetscInt rows, PetscInt n, const PetscReal A[], const PetscReal x[], PetscInt ldx, PetscReal y[], PetscInt ldy)
 {
-  const PetscInt     rows = face->side_last - face->side_first;
-  const PetscReal   *d    = latin->macro.d + face->side_first;
-  const PetscScalar  one = 1.0, zero = 0.0;
-  const PetscBLASInt inc = 1;
-  PetscBLASInt       n;
+  const PetscScalar one = 1.0, zero = 0.0;
+  PetscBLASInt      br, bn, bx, by;
 
   PetscFunctionBegin;
-  if (face->matrix_first < 0) {
-    for (PetscInt r = 0; r < rows; r++) y[r] = d[r] * x[r];
+  if (n == 1 && rows < 64) {
+    for (PetscInt r = 0; r < rows; r++) y[r] = 0.0;
+    for (PetscInt k = 0; k < rows; k++)
+      for (PetscInt r = 0; r < rows; r++) y[r] += A[r + rows * k] * x[k];
     PetscFunctionReturn(0);
   }
-  PetscCall(PetscBLASIntCast(rows, &n));
-  PetscCallBLAS("BLASgemv", BLASgemv_("N", &n, &n, &one, latin->macro.matrix + face->matrix_first, &n, x, &inc, &zero, y, &inc));
+  PetscCall(PetscBLASIntCast(rows, &br));
+  PetscCall(PetscBLASIntCast(n, &bn));
+  PetscCall(PetscBLASIntCast(ldx, &bx));
+  PetscCall(PetscBLASIntCast(ldy, &by));
+  if (rows) PetscCallBLAS("BLASgemm", BLASgemm_("N", "N", &br, &bn, &br, &one, A, &br, x, &bx, &zero, y, &by));
   PetscFunctionReturn(0);
 }
 
-/* sum += (a - b)^t D^-1 (a - b) / 4: with a - b = 2 D v, the energy v^t D v */
-PetscErrorCode LatinDirectionEnergy(Latin latin, const LatinInterface *face, const PetscReal a[], const PetscReal b[], PetscReal *sum)
+/* Y = D X */
+PetscErrorCode LatinDirectionApply(Latin latin, const LatinInterface *face, PetscInt n, const PetscReal x[], PetscInt ldx, PetscReal y[], PetscInt ldy)
 {
   const PetscInt   rows = face->side_last - face->side_first;
-  const PetscReal *d    = latin->macro.d + face->side_first, *L;
-  PetscReal       *v    = latin->direction_work;
+  const PetscReal *d    = latin->macro.d + face->side_first;
+
+  PetscFunctionBegin;
+  if (face->matrix_first >= 0) PetscCall(LatinMultiply_Private(rows, n, latin->macro.matrix + face->matrix_first, x, ldx, y, ldy));
+  else {
+    for (PetscInt k = 0; k < n; k++)
+      for (PetscInt r = 0; r < rows; r++) y[ldy * k + r] = d[r] * x[ldx * k + r];
+  }
+  PetscFunctionReturn(0);
+}
+
+/* sum += (a - b)^t D^-1 (a - b) / 4 of all columns: with a - b = 2 D v, the energy v^t D v */
+PetscErrorCode LatinDirectionEnergy(Latin latin, const LatinInterface *face, PetscInt n, const PetscReal a[], const PetscReal b[], PetscInt ld, PetscReal *sum)
+{
+  const PetscInt   rows = face->side_last - face->side_first;
+  const PetscReal *d    = latin->macro.d + face->side_first;
+  PetscReal       *v = latin->direction_work, *w = v + rows * n, energy = 0.0;
 
   PetscFunctionBegin;
   if (face->matrix_first < 0) {
-    for (PetscInt r = 0; r < rows; r++) *sum += (a[r] - b[r]) * (a[r] - b[r]) / (4.0 * d[r]);
-    PetscFunctionReturn(0);
+    for (PetscInt k = 0; k < n; k++)
+      for (PetscInt r = 0; r < rows; r++) energy += PetscSqr(a[ld * k + r] - b[ld * k + r]) / d[r];
+  } else {
+    for (PetscInt k = 0; k < n; k++)
+      for (PetscInt r = 0; r < rows; r++) v[rows * k + r] = a[ld * k + r] - b[ld * k + r];
+    PetscCall(LatinMultiply_Private(rows, n, latin->macro.matrix + face->matrix_first + 2 * rows * rows, v, rows, w, rows));
+    for (PetscInt r = 0; r < rows * n; r++) energy += w[r] * w[r];
   }
-  L = latin->macro.matrix + face->matrix_first + rows * rows;
-  for (PetscInt r = 0; r < rows; r++) v[r] = a[r] - b[r];
-  for (PetscInt k = 0; k < rows; k++, L += rows) { /* forward substitution; a call of BLAS would cost more than it */
-    const PetscReal w = v[k] / L[k];
-
-    for (PetscInt r = k + 1; r < rows; r++) v[r] -= L[r] * w;
-    *sum += 0.25 * w * w;
-  }
+  *sum += 0.25 * energy;
   PetscFunctionReturn(0);
 }
 

@@ -280,14 +280,15 @@ typedef struct {
 /* ---- search direction and macro bases (direction.c, macro.c) ---- */
 typedef struct {
   PetscReal *d;      /* [sides] micro search direction, force/length; of a matrix, its diagonal */
-  PetscReal *matrix; /* matrix directions: D, and behind it L of D = L L^t, column-major; equal ones are stored once; NULL if there is none */
-  PetscReal *basis;  /* R of each interface from basis_first on, [side dofs of the interface][modes], with R^t d R = 1 */
+  PetscReal *matrix; /* matrix directions: D, L of D = L L^t, L^-1, column-major; equal ones are stored once; NULL if there is none */
+  PetscReal *basis;  /* R of each interface from basis_first on, [side dofs of the interface][modes], with R^t D R = 1 */
+  PetscReal *dual;   /* D R, in the same places */
 } LatinMacro;
 
-/* The row of R at a side dof of the interface */
-static inline const PetscReal *LatinMacroRow(const LatinMacro *macro, const LatinInterface *face, PetscInt side)
+/* The row of D R at a side dof of the interface: what unit macro forces do there */
+static inline const PetscReal *LatinMacroDualRow(const LatinMacro *macro, const LatinInterface *face, PetscInt side)
 {
-  return macro->basis + face->basis_first + (side - face->side_first) * face->modes;
+  return macro->dual + face->basis_first + (side - face->side_first) * face->modes;
 }
 
 /* ---- local low-energy fields (floppy.c) ---- */
@@ -477,7 +478,7 @@ struct _p_Latin {
   PetscBool          failed; /* an inner solver failed in the last linear stage */
   PetscObjectState   load_state, prestrain_state, links_state;
   PetscReal         *outgoing;       /* [sides] work: the data that the mates receive */
-  PetscReal         *direction_work; /* work: two vectors on the largest interface */
+  PetscReal         *direction_work; /* work: two blocks of LATIN_BLOCK_COLUMNS vectors on the largest interface */
   PetscReal          indicator;      /* of the last application, relative */
   PetscReal          distance;       /* the same, not divided: square root of an energy */
   PetscReal          noise;          /* what rounding alone leaves of it */
@@ -526,8 +527,8 @@ PETSC_INTERN PetscErrorCode LatinInterfaceFrame_Private(const LatinSubstructure 
 PETSC_INTERN PetscErrorCode LatinDirectionSetUp(Latin);
 PETSC_INTERN PetscErrorCode LatinDirectionReset(Latin);
 PETSC_INTERN PetscReal      LatinDirectionFraction(Latin);
-PETSC_INTERN PetscErrorCode LatinDirectionApply(Latin, const LatinInterface *, const PetscReal x[], PetscReal y[]);
-PETSC_INTERN PetscErrorCode LatinDirectionEnergy(Latin, const LatinInterface *, const PetscReal a[], const PetscReal b[], PetscReal *sum);
+PETSC_INTERN PetscErrorCode LatinDirectionApply(Latin, const LatinInterface *, PetscInt n, const PetscReal x[], PetscInt ldx, PetscReal y[], PetscInt ldy);
+PETSC_INTERN PetscErrorCode LatinDirectionEnergy(Latin, const LatinInterface *, PetscInt n, const PetscReal a[], const PetscReal b[], PetscInt ld, PetscReal *sum);
 PETSC_INTERN PetscErrorCode LatinDirectionNormalise(Latin, const LatinInterface *, PetscInt modes, PetscReal R[]);
 PETSC_INTERN PetscErrorCode LatinDirectionSprings_Private(Latin, PetscReal spring[]);
 PETSC_INTERN void           LatinDirectionRow(Latin, const LatinInterface *, PetscInt r, const PetscReal *row[]);
@@ -543,6 +544,7 @@ PETSC_INTERN void           LatinOperatorRowJoin(Latin, LatinGraph *, PetscInt i
 PETSC_INTERN void           LatinOperatorRowAdd(Latin, LatinGraph *, PetscInt i);
 PETSC_INTERN PetscErrorCode LatinOperatorStream_Private(Latin, PetscInt s, LatinStream *);
 PETSC_INTERN PetscErrorCode LatinMacroSetUp(Latin);
+PETSC_INTERN PetscErrorCode LatinMacroDual_Private(Latin);
 PETSC_INTERN PetscErrorCode LatinMacroReset(Latin);
 PETSC_INTERN PetscErrorCode LatinSVD_Private(PetscInt rows, PetscInt modes, const PetscScalar A[], PetscReal s[], PetscScalar V[]);
 PETSC_INTERN void           LatinCombine_Private(PetscInt rows, PetscInt modes, PetscInt n, const PetscScalar A[], const PetscScalar V[], const PetscReal scale[], PetscScalar out[]);
@@ -564,6 +566,7 @@ PETSC_INTERN PetscErrorCode LatinDirectSolver_Private(PC, Mat, MatSolverType pre
 PETSC_INTERN PetscErrorCode LatinFactor_Private(KSP, Mat, MatSolverType, LatinFactorStatus *, Vec *soft);
 PETSC_INTERN PetscErrorCode LatinFactorAgree_Private(Latin, const LatinFactorStatus *, Vec soft, const LatinBatch *, const char name[]);
 PETSC_INTERN PetscErrorCode LatinStreamAdd_Private(LatinStream *, const void *data, size_t);
+PETSC_INTERN PetscInt       LatinBatchRun(const LatinBatch *, PetscInt m);
 PETSC_INTERN PetscErrorCode LatinBlocksSetUp(Latin);
 PETSC_INTERN PetscErrorCode LatinBlocksCompare_Private(Latin, PetscBool bases, PetscInt pattern[]);
 PETSC_INTERN PetscErrorCode LatinBlocksReset(Latin);

@@ -106,6 +106,7 @@ PetscErrorCode LatinLinearSetUp(Latin latin)
   PetscFunctionBegin;
   PetscCall(PetscLogEventBegin(LATIN_Linear, latin, 0, 0, 0));
   PetscCall(LatinBlocksSetUp(latin));
+  PetscCall(LatinMacroDual_Private(latin));
   PetscCall(LatinLinearOffsets_Private(latin));
   PetscCall(PetscMalloc6(n, &linear->g, n, &linear->U, latin->inter.sides, &linear->pull, n, &linear->load, linear->widest, &linear->lambda, n, &linear->spring));
   for (PetscInt s = 0; s < sub->n; s++) most = PetscMax(most, sub->node_offset[s + 1] - sub->node_offset[s]);
@@ -148,15 +149,6 @@ PetscErrorCode LatinLinearSetLoads(Latin latin, Vec load)
   PetscFunctionReturn(0);
 }
 
-/* How many subdomains of a batch follow each other from member m on: their data are columns of one array */
-static PetscInt LatinLinearRun(const LatinBatch *batch, PetscInt m)
-{
-  PetscInt n = 1;
-
-  while (batch->patterns == 1 && n < LATIN_BLOCK_COLUMNS && m + n < batch->members && batch->sub[m + n] == batch->sub[m] + n) n++;
-  return n;
-}
-
 /* Forces on the coarse dofs of the subdomains of a batch: q = Phi^t g */
 static PetscErrorCode LatinLinearCondense_Private(Latin latin, const LatinBatch *batch)
 {
@@ -172,7 +164,7 @@ static PetscErrorCode LatinLinearCondense_Private(Latin latin, const LatinBatch 
     const PetscReal *Phi = linear->Phi + linear->phi_offset[s], *g = linear->g + sub->bs * sub->node_offset[s];
     PetscReal       *q = coarse->q + coarse->offset[s];
 
-    PetscCall(PetscBLASIntCast(LatinLinearRun(batch, m), &run));
+    PetscCall(PetscBLASIntCast(LatinBatchRun(batch, m), &run));
     PetscCall(PetscBLASIntCast(sub->bs * (sub->node_offset[s + 1] - sub->node_offset[s]), &rows));
     PetscCall(PetscBLASIntCast(coarse->offset[s + 1] - coarse->offset[s], &cols));
     if (!cols) continue;
@@ -206,17 +198,13 @@ static PetscErrorCode LatinLinearRelocalise_Private(Latin latin, PetscInt s)
       const LatinInterface *face = &inter->interface[f];
       const PetscReal      *lf   = lambda + face->local_first - coarse->offset[s];
 
-      const PetscInt rows = face->side_last - face->side_first;
-      PetscReal     *v = latin->direction_work, *force = latin->direction_work + rows;
+      for (PetscInt k = face->side_first; k < face->side_last; k++) {
+        const PetscReal *row   = LatinMacroDualRow(&latin->macro, face, k);
+        PetscReal        force = 0.0;
 
-      for (PetscInt r = 0; r < rows; r++) {
-        const PetscReal *row = LatinMacroRow(&latin->macro, face, face->side_first + r);
-
-        v[r] = 0.0;
-        for (PetscInt j = 0; j < face->modes; j++) v[r] += row[j] * lf[j];
+        for (PetscInt j = 0; j < face->modes; j++) force += row[j] * lf[j];
+        linear->g[inter->side_dof[k]] += force;
       }
-      PetscCall(LatinDirectionApply(latin, face, v, force));
-      for (PetscInt r = 0; r < rows; r++) linear->g[inter->side_dof[face->side_first + r]] += force[r];
     }
   }
   for (PetscInt p = linear->rc_first[s]; p < linear->rc_last[s]; p++) g[linear->rc_row[p]] -= linear->rc_value[p] * uc[linear->rc_col[p]];
@@ -237,7 +225,7 @@ static PetscErrorCode LatinLinearDense_Private(Latin latin, const LatinBatch *ba
   for (PetscInt m = 0; m < batch->members; m += (PetscInt)run) {
     const PetscInt s = batch->sub[m], first = sub->bs * sub->node_offset[s];
 
-    PetscCall(PetscBLASIntCast(LatinLinearRun(batch, m), &run));
+    PetscCall(PetscBLASIntCast(LatinBatchRun(batch, m), &run));
     PetscCall(PetscBLASIntCast(batch->row[1], &rows));
     PetscCall(PetscBLASIntCast(coarse->offset[s + 1] - coarse->offset[s], &cols));
     PetscCallBLAS("BLASgemm", BLASgemm_("N", "N", &rows, &run, &rows, &one, inverse, &rows, linear->g + first, &rows, &one, U + first, &rows));

@@ -16,34 +16,66 @@
 #define LATIN_NOISE 1e-14 /* relative to the energy of the structure, prestress included: below it nothing can be told apart */
 
 /*
-   The forces D (1 - R R^t D) U of the search direction on one side of an interface, from the micro part of the
-   displacements alone. The macro part is taken from this side: it is the coarse displacement but for rounding, which
-   would add up in z without an end.
+   The forces D (1 - R R^t D) U of the search direction on one side of an interface and of those equal to it in the n
+   subdomains that follow, `apart` entries further each: from the micro part of the displacements alone. The macro part
+   is taken from this side: it is the coarse displacement but for rounding, which would add up in z without an end.
 */
-static PetscErrorCode LatinPull_Private(Latin latin, const LatinInterface *face)
+static PetscErrorCode LatinPull_Private(Latin latin, const LatinInterface *face, PetscInt n, PetscInt apart)
 {
-  const PetscInt rows = face->side_last - face->side_first;
-  PetscReal     *v = latin->direction_work, *pull = latin->linear.pull + face->side_first;
+  const PetscInt    rows = face->side_last - face->side_first, modes = face->modes;
+  const PetscInt   *dof   = latin->inter.side_dof + face->side_first;
+  const PetscReal  *basis = latin->macro.basis + face->basis_first, *dual = latin->macro.dual + face->basis_first;
+  const PetscScalar one = 1.0, zero = 0.0, minus = -1.0;
+  PetscReal        *v = latin->direction_work, *w = v + rows * n, *pull = latin->linear.pull + face->side_first;
 
   PetscFunctionBegin;
-  for (PetscInt r = 0; r < rows; r++) v[r] = latin->linear.U[latin->inter.side_dof[face->side_first + r]];
-  if (face->modes) {
-    PetscReal *w = latin->linear.lambda;
+  for (PetscInt k = 0; k < n; k++)
+    for (PetscInt r = 0; r < rows; r++) v[rows * k + r] = latin->linear.U[dof[apart * k + r]];
+  if (modes && n == 1) {
+    for (PetscInt j = 0; j < modes; j++) w[j] = 0.0;
+    for (PetscInt r = 0; r < rows; r++)
+      for (PetscInt j = 0; j < modes; j++) w[j] += dual[modes * r + j] * v[r];
+    for (PetscInt r = 0; r < rows; r++)
+      for (PetscInt j = 0; j < modes; j++) v[r] -= basis[modes * r + j] * w[j];
+  } else if (modes) {
+    PetscBLASInt br, bm, bn;
 
-    PetscCall(LatinDirectionApply(latin, face, v, pull));
-    for (PetscInt j = 0; j < face->modes; j++) w[j] = 0.0;
-    for (PetscInt r = 0; r < rows; r++) {
-      const PetscReal *row = LatinMacroRow(&latin->macro, face, face->side_first + r);
+    PetscCall(PetscBLASIntCast(rows, &br));
+    PetscCall(PetscBLASIntCast(modes, &bm));
+    PetscCall(PetscBLASIntCast(n, &bn));
+    PetscCallBLAS("BLASgemm", BLASgemm_("N", "N", &bm, &bn, &br, &one, dual, &bm, v, &br, &zero, w, &bm));
+    PetscCallBLAS("BLASgemm", BLASgemm_("T", "N", &br, &bn, &bm, &minus, basis, &bm, w, &bm, &one, v, &br));
+  }
+  PetscCall(LatinDirectionApply(latin, face, n, v, rows, pull, apart));
+  PetscFunctionReturn(0);
+}
 
-      for (PetscInt j = 0; j < face->modes; j++) w[j] += row[j] * pull[r];
-    }
-    for (PetscInt r = 0; r < rows; r++) {
-      const PetscReal *row = LatinMacroRow(&latin->macro, face, face->side_first + r);
+/*
+   The interfaces of all subdomains here, equal subdomains that follow each other together. Without next: the forces of
+   the search direction; with next: adds the squares of the distance of z and next to sum.
+*/
+static PetscErrorCode LatinSweepFaces_Private(Latin latin, const PetscReal z[], const PetscReal next[], PetscReal *sum)
+{
+  LatinInterfaces *inter = &latin->inter;
 
-      for (PetscInt j = 0; j < face->modes; j++) v[r] -= row[j] * w[j];
+  PetscFunctionBegin;
+  for (PetscInt b = 0; b < latin->linear.blocks.n; b++) {
+    const LatinBatch *batch = &latin->linear.blocks.batch[b];
+    PetscInt          n     = 1;
+
+    for (PetscInt m = 0; m < batch->patterns * batch->members; m += n) {
+      const PetscInt first = inter->offset[batch->sub[m]], last = inter->offset[batch->sub[m] + 1];
+      const PetscInt apart = first < last ? inter->interface[last - 1].side_last - inter->interface[first].side_first : 0;
+
+      n = LatinBatchRun(batch, m);
+      for (PetscInt f = first; f < last; f++) {
+        const LatinInterface *face = &inter->interface[f];
+
+        if (next) PetscCall(LatinDirectionEnergy(latin, face, n, next + face->side_first, z + face->side_first, apart, sum));
+        else PetscCall(LatinPull_Private(latin, face, n, apart));
+      }
     }
   }
-  PetscCall(LatinDirectionApply(latin, face, v, pull));
   PetscFunctionReturn(0);
 }
 
@@ -71,13 +103,13 @@ PetscErrorCode LatinLocalStage_Private(Latin latin, const PetscReal z[], PetscRe
 
   PetscFunctionBegin;
   PetscCall(PetscLogEventBegin(LATIN_Local, latin, 0, 0, 0));
-  for (PetscInt f = 0; f < inter->count; f++) PetscCall(LatinPull_Private(latin, &inter->interface[f]));
+  PetscCall(LatinSweepFaces_Private(latin, z, NULL, NULL));
   for (PetscInt k = 0; k < inter->sides; k++) latin->outgoing[k] = 2.0 * latin->linear.pull[k] - z[k];
   PetscCall(PetscSFBcastBegin(inter->mate_sf, MPIU_REAL, latin->outgoing, Gz, MPI_REPLACE));
   if (latin->links->general) LatinLinkStageGeneral(latin, z + inter->sides, Gz + inter->sides, sum);
   else LatinSweepStage(latin, z + inter->sides, Gz + inter->sides, sum);
   PetscCall(PetscSFBcastEnd(inter->mate_sf, MPIU_REAL, latin->outgoing, Gz, MPI_REPLACE));
-  for (PetscInt f = 0; f < inter->count; f++) PetscCall(LatinDirectionEnergy(latin, &inter->interface[f], Gz + inter->interface[f].side_first, z + inter->interface[f].side_first, &sum[0]));
+  PetscCall(LatinSweepFaces_Private(latin, z, Gz, &sum[0]));
   sum[3] = latin->failed ? 1.0 : 0.0; /* a local solver that failed on one rank has failed on all */
   PetscCall(MPIU_Allreduce(sum, total, 4, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)latin)));
   latin->failed    = (PetscBool)(total[3] > 0.0);

@@ -336,10 +336,43 @@ PetscErrorCode LatinMacroSetUp(Latin latin)
   PetscFunctionReturn(0);
 }
 
+/* D R of the interfaces of the subdomains that represent others, once those share their bases */
+PetscErrorCode LatinMacroDual_Private(Latin latin)
+{
+  LatinInterfaces *inter = &latin->inter;
+  LatinMacro      *macro = &latin->macro;
+  PetscInt         size = 0, longest = 0;
+  PetscReal       *column;
+
+  PetscFunctionBegin;
+  for (PetscInt f = 0; f < inter->count; f++) {
+    const LatinInterface *face = &inter->interface[f];
+
+    size    = PetscMax(size, face->basis_first + (face->side_last - face->side_first) * face->modes);
+    longest = PetscMax(longest, face->side_last - face->side_first);
+  }
+  PetscCall(PetscMalloc1(size, &macro->dual));
+  PetscCall(PetscMalloc1(2 * longest, &column));
+  for (PetscInt f = 0; f < inter->count; f++) {
+    const LatinInterface *face = &inter->interface[f];
+    const PetscInt        rows = face->side_last - face->side_first;
+
+    if (latin->linear.blocks.pattern[face->sub] != face->sub) continue;
+    for (PetscInt j = 0; j < face->modes; j++) {
+      for (PetscInt r = 0; r < rows; r++) column[r] = macro->basis[face->basis_first + r * face->modes + j];
+      PetscCall(LatinDirectionApply(latin, face, 1, column, rows, column + rows, rows));
+      for (PetscInt r = 0; r < rows; r++) macro->dual[face->basis_first + r * face->modes + j] = column[rows + r];
+    }
+  }
+  PetscCall(PetscFree(column));
+  PetscFunctionReturn(0);
+}
+
 PetscErrorCode LatinMacroReset(Latin latin)
 {
   PetscFunctionBegin;
   PetscCall(PetscFree(latin->macro.basis));
+  PetscCall(PetscFree(latin->macro.dual));
   for (PetscInt f = 0; f < latin->inter.count; f++) latin->inter.interface[f].modes = 0;
   PetscFunctionReturn(0);
 }
