@@ -8,7 +8,8 @@
 
 /* ---- which subdomains are equal ---- */
 
-PetscErrorCode LatinStreamAdd_Private(LatinStream *stream, const void *data, size_t n)
+/* Room for n more bytes at the end of the stream */
+PetscErrorCode LatinStreamRoom_Private(LatinStream *stream, size_t n, unsigned char **room)
 {
   PetscFunctionBegin;
   if (stream->used + n > stream->size) {
@@ -20,42 +21,69 @@ PetscErrorCode LatinStreamAdd_Private(LatinStream *stream, const void *data, siz
     PetscCall(PetscFree(stream->bytes));
     stream->bytes = larger;
   }
-  PetscCall(PetscMemcpy(stream->bytes + stream->used, data, n));
+  *room = stream->bytes + stream->used;
   stream->used += n;
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode LatinStreamAdd_Private(LatinStream *stream, const void *data, size_t n)
+{
+  unsigned char *room = NULL;
+
+  PetscFunctionBegin;
+  PetscCall(LatinStreamRoom_Private(stream, n, &room));
+  PetscCall(PetscMemcpy(room, data, n));
+  PetscFunctionReturn(0);
+}
+
+/* The operator, and where the subdomain is held and touches others */
+static PetscErrorCode LatinStreamOperator_Private(Latin latin, PetscInt s, LatinStream *stream)
+{
+  LatinSubstructure *sub   = &latin->sub;
+  LatinInterfaces   *inter = &latin->inter;
+  const PetscInt     bs = latin->sub.bs, top = sub->node_offset[s], nodes = sub->node_offset[s + 1] - top;
+  unsigned char     *room = NULL;
+
+  PetscFunctionBegin;
+  PetscCall(LatinStreamAdd_Private(stream, &nodes, sizeof(nodes)));
+  PetscCall(LatinStreamRoom_Private(stream, (size_t)((bs + 1) * nodes), &room));
+  for (PetscInt i = top; i < top + nodes; i++) {
+    *room++ = (unsigned char)((inter->component[i] >= 0 ? 1 : 0) | (inter->share_offset[i + 1] > inter->share_offset[i] ? 2 : 0));
+    for (PetscInt c = 0; c < bs; c++) *room++ = sub->fixed[bs * i + c] ? 1 : 0;
+  }
+  PetscCall(LatinOperatorStream_Private(latin, s, stream));
+  for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++) {
+    const LatinInterface *face = &inter->interface[f];
+    const PetscInt        rows = face->side_last - face->side_first;
+
+    PetscCall(LatinStreamAdd_Private(stream, &rows, sizeof(rows)));
+    PetscCall(LatinStreamRoom_Private(stream, (size_t)rows * sizeof(rows), &room));
+    for (PetscInt k = face->side_first; k < face->side_last; k++, room += sizeof(rows)) {
+      const PetscInt dof = inter->side_dof[k] - bs * top;
+
+      memcpy(room, &dof, sizeof(dof));
+    }
+  }
   PetscFunctionReturn(0);
 }
 
 /* bases: with the search directions and the macro bases, which an earlier stage has not made yet */
 static PetscErrorCode LatinStreamSubdomain_Private(Latin latin, PetscInt s, PetscBool bases, LatinStream *stream)
 {
-  LatinSubstructure *sub   = &latin->sub;
-  LatinInterfaces   *inter = &latin->inter;
-  const PetscInt     bs = latin->sub.bs, top = sub->node_offset[s], nodes = sub->node_offset[s + 1] - top;
-  PetscInt           head[2] = {nodes, inter->offset[s + 1] - inter->offset[s]};
+  LatinInterfaces *inter = &latin->inter;
 
   PetscFunctionBegin;
   stream->used = 0;
-  PetscCall(LatinStreamAdd_Private(stream, head, sizeof(head)));
-  for (PetscInt i = 0; i < bs * nodes; i++) {
-    const unsigned char flags = (unsigned char)((sub->fixed[bs * top + i] ? 1 : 0) | (inter->component[top + i / bs] >= 0 ? 2 : 0) | (inter->share_offset[top + i / bs + 1] > inter->share_offset[top + i / bs] ? 4 : 0));
+  if (bases && latin->macro.like) PetscCall(LatinStreamAdd_Private(stream, &latin->macro.like[s], sizeof(*latin->macro.like)));
+  else PetscCall(LatinStreamOperator_Private(latin, s, stream));
+  for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1] && bases; f++) {
+    const LatinInterface *face    = &inter->interface[f];
+    const PetscInt        rows    = face->side_last - face->side_first;
+    const PetscInt        head[2] = {face->modes, face->matrix_first};
 
-    PetscCall(LatinStreamAdd_Private(stream, &flags, 1));
-  }
-  PetscCall(LatinOperatorStream_Private(latin, s, stream));
-  for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++) {
-    const LatinInterface *face     = &inter->interface[f];
-    const PetscInt        sizes[2] = {face->side_last - face->side_first, bases ? face->modes : 0};
-
-    PetscCall(LatinStreamAdd_Private(stream, sizes, sizeof(sizes)));
-    for (PetscInt k = face->side_first; k < face->side_last; k++) {
-      const PetscInt dof = inter->side_dof[k] - bs * top;
-
-      PetscCall(LatinStreamAdd_Private(stream, &dof, sizeof(dof)));
-    }
-    if (!bases) continue;
-    PetscCall(LatinStreamAdd_Private(stream, &face->matrix_first, sizeof(face->matrix_first)));
-    PetscCall(LatinStreamAdd_Private(stream, latin->macro.d + face->side_first, (size_t)sizes[0] * sizeof(PetscReal)));
-    PetscCall(LatinStreamAdd_Private(stream, latin->macro.basis + face->basis_first, (size_t)(sizes[0] * face->modes) * sizeof(PetscReal)));
+    PetscCall(LatinStreamAdd_Private(stream, head, sizeof(head)));
+    PetscCall(LatinStreamAdd_Private(stream, latin->macro.d + face->side_first, (size_t)rows * sizeof(PetscReal)));
+    PetscCall(LatinStreamAdd_Private(stream, latin->macro.basis + face->basis_first, (size_t)(rows * face->modes) * sizeof(PetscReal)));
   }
   stream->hash = LatinHash(stream->used, stream->bytes);
   PetscFunctionReturn(0);

@@ -111,38 +111,54 @@ PetscErrorCode LatinCoarseNumber(Latin latin)
   PetscFunctionReturn(0);
 }
 
-/* Assembles sum_E c_E^t H_E c_E over the elements; a row has at most as many entries as the elements of its dof have dofs */
+/*
+   Assembles sum_E c_E^t H_E c_E over the elements, of a symmetric matrix (half) the upper part. A row has at most as many
+   entries as the elements of its dof have dofs, in half a matrix those of higher numbers. Entries come in the order of
+   their columns: each row then grows at its end.
+*/
 static PetscErrorCode LatinCoarseAssemble_Private(Latin latin, PetscBool half)
 {
   LatinCoarse         *coarse = &latin->coarse;
   const LatinElements *top    = &coarse->top;
   MPI_Comm             comm   = PetscObjectComm((PetscObject)latin);
   const PetscInt       n      = coarse->top_local;
-  PetscInt            *width, *bound, *outside;
+  PetscInt            *width, *bound, *outside, *order, *column, widest = 0;
+  PetscScalar         *value;
 
   PetscFunctionBegin;
-  PetscCall(PetscMalloc3(top->offset[top->n], &width, n, &bound, n, &outside));
+  for (PetscInt s = 0; s < top->n; s++) widest = PetscMax(widest, top->offset[s + 1] - top->offset[s]);
+  PetscCall(PetscMalloc6(top->offset[top->n], &width, top->offset[top->n], &order, n, &bound, n, &outside, widest, &column, widest, &value));
   PetscCall(PetscArrayzero(bound, n));
-  for (PetscInt s = 0; s < top->n; s++)
-    for (PetscInt i = top->offset[s]; i < top->offset[s + 1]; i++) width[i] = top->offset[s + 1] - top->offset[s];
+  for (PetscInt s = 0; s < top->n; s++) {
+    const PetscInt m = top->offset[s + 1] - top->offset[s], *row = coarse->top_global + top->offset[s];
+    PetscInt      *by = order + top->offset[s];
+
+    for (PetscInt i = 0; i < m; i++) by[i] = i;
+    PetscCall(PetscSortIntWithPermutation(m, row, by));
+    for (PetscInt i = 0; i < m; i++) width[top->offset[s] + by[i]] = half ? m - i : m;
+  }
   PetscCall(LatinSFReduce_Private(coarse->top_sf, 1, MPIU_INT, width, bound, MPI_SUM));
   for (PetscInt i = 0; i < n; i++) {
     outside[i] = PetscMin(bound[i], coarse->top_size - n);
-    bound[i]   = PetscMin(bound[i], n);
+    bound[i]   = PetscMin(bound[i], half ? n - i : n);
   }
   PetscCall(MatCreate(comm, &coarse->A));
   PetscCall(MatSetSizes(coarse->A, n, n, coarse->top_size, coarse->top_size));
   PetscCall(MatSetType(coarse->A, half ? MATSBAIJ : MATAIJ));
   PetscCall(MatXAIJSetPreallocation(coarse->A, 1, bound, outside, bound, outside));
-  PetscCall(MatSetOption(coarse->A, MAT_ROW_ORIENTED, PETSC_FALSE));
-  if (half) PetscCall(MatSetOption(coarse->A, MAT_IGNORE_LOWER_TRIANGULAR, PETSC_TRUE));
-  PetscCall(PetscFree3(width, bound, outside));
   for (PetscInt s = 0; s < top->n; s++) {
-    const PetscInt  m   = top->offset[s + 1] - top->offset[s];
-    const PetscInt *row = coarse->top_global + top->offset[s];
+    const PetscInt   m = top->offset[s + 1] - top->offset[s], *row = coarse->top_global + top->offset[s], *by = order + top->offset[s];
+    const PetscReal *H = top->H + top->h_offset[s];
 
-    PetscCall(MatSetValues(coarse->A, m, row, m, row, top->H + top->h_offset[s], ADD_VALUES));
+    for (PetscInt i = 0; i < m; i++) column[i] = row[by[i]];
+    for (PetscInt i = 0; i < m; i++) {
+      const PetscInt first = half ? i : 0;
+
+      for (PetscInt j = first; j < m; j++) value[j] = H[by[j] + m * by[i]]; /* symmetric to the bit */
+      PetscCall(MatSetValues(coarse->A, 1, column + i, m - first, column + first, value + first, ADD_VALUES));
+    }
   }
+  PetscCall(PetscFree6(width, order, bound, outside, column, value));
   PetscCall(MatAssemblyBegin(coarse->A, MAT_FINAL_ASSEMBLY));
   PetscCall(MatAssemblyEnd(coarse->A, MAT_FINAL_ASSEMBLY));
   PetscCall(MatSetOption(coarse->A, MAT_SYMMETRIC, PETSC_TRUE));

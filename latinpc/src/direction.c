@@ -199,6 +199,7 @@ PetscErrorCode LatinDirectionReset(Latin latin)
   PetscFunctionBegin;
   PetscCall(PetscFree(latin->macro.d));
   PetscCall(PetscFree(latin->macro.matrix));
+  PetscCall(PetscFree(latin->macro.like));
   PetscCall(PetscFree(latin->direction_work));
   PetscFunctionReturn(0);
 }

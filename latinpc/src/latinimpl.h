@@ -283,6 +283,7 @@ typedef struct {
   PetscReal *matrix; /* matrix directions: D, L of D = L L^t, L^-1, column-major; equal ones are stored once; NULL if there is none */
   PetscReal *basis;  /* R of each interface from basis_first on, [side dofs of the interface][modes], with R^t D R = 1 */
   PetscReal *dual;   /* D R, in the same places */
+  PetscInt  *like;   /* [subdomains] the first one with an equal operator and equal sides; NULL: not compared */
 } LatinMacro;
 
 /* The row of D R at a side dof of the interface: what unit macro forces do there */
@@ -565,6 +566,7 @@ PETSC_INTERN PetscErrorCode LatinDenseSolve_Private(KSP, Mat B, Mat X, KSPConver
 PETSC_INTERN PetscErrorCode LatinDirectSolver_Private(PC, Mat, MatSolverType preferred);
 PETSC_INTERN PetscErrorCode LatinFactor_Private(KSP, Mat, MatSolverType, LatinFactorStatus *, Vec *soft);
 PETSC_INTERN PetscErrorCode LatinFactorAgree_Private(Latin, const LatinFactorStatus *, Vec soft, const LatinBatch *, const char name[]);
+PETSC_INTERN PetscErrorCode LatinStreamRoom_Private(LatinStream *, size_t, unsigned char **);
 PETSC_INTERN PetscErrorCode LatinStreamAdd_Private(LatinStream *, const void *data, size_t);
 PETSC_INTERN PetscInt       LatinBatchRun(const LatinBatch *, PetscInt m);
 PETSC_INTERN PetscErrorCode LatinBlocksSetUp(Latin);

@@ -90,7 +90,6 @@ PetscErrorCode LatinGatherForces_Private(Latin latin, const PetscReal z[])
   PetscReal       *g     = latin->linear.g;
 
   PetscFunctionBegin;
-  PetscCall(PetscArraycpy(g, latin->linear.load, latin->links->dim * latin->sub.copies));
   LatinSweepForces(latin, z + inter->sides);
   for (PetscInt k = 0; k < inter->sides; k++) g[inter->side_dof[k]] += z[k] - latin->linear.pull[k];
   PetscFunctionReturn(0);

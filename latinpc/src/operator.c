@@ -112,13 +112,15 @@ PetscErrorCode LatinOperatorStream_Private(Latin latin, PetscInt s, LatinStream 
 {
   LatinSubstructure *sub = &latin->sub;
   const PetscInt     bs = sub->bs, top = sub->node_offset[s], first = sub->link_offset[s], links = sub->link_offset[s + 1] - first;
+  unsigned char     *room = NULL;
 
   PetscFunctionBegin;
   PetscCall(LatinStreamAdd_Private(stream, &links, sizeof(links)));
-  for (PetscInt l = first; l < first + links; l++) {
-    const PetscInt ends[2] = {sub->ends[2 * l] - top, sub->ends[2 * l + 1] - top};
+  PetscCall(LatinStreamRoom_Private(stream, (size_t)(2 * links) * sizeof(PetscInt), &room));
+  for (PetscInt i = 2 * first; i < 2 * (first + links); i++, room += sizeof(PetscInt)) {
+    const PetscInt end = sub->ends[i] - top;
 
-    PetscCall(LatinStreamAdd_Private(stream, ends, sizeof(ends)));
+    memcpy(room, &end, sizeof(end));
   }
   PetscCall(LatinStreamAdd_Private(stream, sub->stiffness + first, (size_t)links * sizeof(PetscReal)));
   PetscCall(LatinStreamAdd_Private(stream, sub->direction + bs * first, (size_t)(bs * links) * sizeof(PetscReal)));

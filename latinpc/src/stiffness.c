@@ -232,8 +232,11 @@ PetscErrorCode LatinStiffnessFaces_Private(Latin latin, LatinDirectionType type,
   LatinGraph         graph;
 
   PetscFunctionBegin;
-  PetscCall(PetscMalloc4(sub->n, &pattern, sub->n, &list, n, &at, n, &spring));
-  PetscCall(LatinBlocksCompare_Private(latin, PETSC_FALSE, pattern));
+  PetscCall(PetscMalloc3(sub->n, &list, n, &at, n, &spring));
+  PetscCall(PetscFree(latin->macro.like));
+  PetscCall(PetscMalloc1(sub->n, &latin->macro.like));
+  PetscCall(LatinBlocksCompare_Private(latin, PETSC_FALSE, latin->macro.like));
+  pattern = latin->macro.like;
   for (PetscInt i = 0; i < n; i++) at[i] = -1;
   for (PetscInt s = 0; s < sub->n; s++) {
     if (pattern[s] == s && inter->offset[s + 1] > inter->offset[s]) list[patterns++] = s;
@@ -254,7 +257,7 @@ PetscErrorCode LatinStiffnessFaces_Private(Latin latin, LatinDirectionType type,
       for (PetscInt f = inter->offset[list[p]]; f < inter->offset[list[p] + 1]; f++) PetscCall(LatinStiffnessBlock_Private(latin, &graph, &inter->interface[f], spring, at, *S + first[f]));
   }
   PetscCall(LatinGraphDestroy_Private(&graph));
-  PetscCall(PetscFree4(pattern, list, at, spring));
+  PetscCall(PetscFree3(list, at, spring));
   LatinAgree(PetscObjectComm((PetscObject)latin), bad, PETSC_ERR_CONV_FAILED, "The stiffness of a subdomain on its interfaces could not be computed; choose another -%sdirection, e.g. diagonal",
              ((PetscObject)latin)->prefix ? ((PetscObject)latin)->prefix : "");
   PetscFunctionReturn(0);

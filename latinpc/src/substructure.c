@@ -68,22 +68,43 @@ PetscErrorCode LatinSubstructureBalance_Private(Latin latin, PetscReal *links, P
   PetscFunctionReturn(0);
 }
 
+/* to[i] = from[index[i]], items of `bytes` bytes, mostly numbers or vectors of them */
+static void LatinPermute(PetscInt n, size_t bytes, const PetscInt index[], const void *from, void *to)
+{
+  const size_t width = bytes / sizeof(PetscReal);
+
+  if (bytes == sizeof(PetscInt)) {
+    for (PetscInt i = 0; i < n; i++) ((PetscInt *)to)[i] = ((const PetscInt *)from)[index[i]];
+  } else if (bytes == width * sizeof(PetscReal) && width <= 3) {
+    for (PetscInt i = 0; i < n; i++)
+      for (size_t c = 0; c < width; c++) ((PetscReal *)to)[width * (size_t)i + c] = ((const PetscReal *)from)[width * (size_t)index[i] + c];
+  } else {
+    for (PetscInt i = 0; i < n; i++) memcpy((char *)to + bytes * (size_t)i, (const char *)from + bytes * (size_t)index[i], bytes);
+  }
+}
+
 /* Brings one item of `bytes` bytes per link from the caller's order to the subdomains' order */
 static PetscErrorCode LatinMigrate_Private(Latin latin, size_t bytes, const void *source, void *target)
 {
   LatinSubstructure *sub = &latin->sub;
   const PetscInt     n   = latin->links->links_local;
+  PetscMPIInt        size;
   MPI_Datatype       type;
   char              *out, *in;
 
   PetscFunctionBegin;
+  PetscCallMPI(MPI_Comm_size(PetscObjectComm((PetscObject)latin), &size));
+  if (size == 1) { /* links are sent in the caller's order */
+    LatinPermute(n, bytes, sub->link_source, source, target);
+    PetscFunctionReturn(0);
+  }
   PetscCall(PetscMalloc2(bytes * (size_t)n, &out, bytes * (size_t)sub->links, &in));
-  for (PetscInt i = 0; i < n; i++) PetscCall(PetscMemcpy(out + bytes * (size_t)i, (const char *)source + bytes * (size_t)sub->send_order[i], bytes));
+  LatinPermute(n, bytes, sub->send_order, source, out);
   PetscCallMPI(MPI_Type_contiguous((PetscMPIInt)bytes, MPI_BYTE, &type));
   PetscCallMPI(MPI_Type_commit(&type));
   PetscCallMPI(MPI_Alltoallv(out, sub->send_count, sub->send_offset, type, in, sub->recv_count, sub->recv_offset, type, PetscObjectComm((PetscObject)latin)));
   PetscCallMPI(MPI_Type_free(&type));
-  for (PetscInt l = 0; l < sub->links; l++) PetscCall(PetscMemcpy((char *)target + bytes * (size_t)l, in + bytes * (size_t)sub->link_source[l], bytes));
+  LatinPermute(sub->links, bytes, sub->link_source, in, target);
   PetscCall(PetscFree2(out, in));
   PetscFunctionReturn(0);
 }
@@ -135,7 +156,9 @@ static PetscErrorCode LatinSubstructureCopies_Private(Latin latin)
   PetscInt          *nodes, *list, total = 0;
 
   PetscFunctionBegin;
-  PetscCall(PetscMalloc2(2 * sub->links, &nodes, 2 * sub->links, &list));
+  PetscCall(PetscMalloc1(2 * sub->links, &sub->ends));
+  PetscCall(PetscMalloc1(2 * sub->links, &list));
+  nodes = sub->ends; /* numbers of the nodes at first */
   PetscCall(LatinMigrate_Private(latin, 2 * sizeof(PetscInt), links->nodes, nodes));
   PetscCall(PetscMalloc1(sub->n + 1, &sub->node_offset));
   sub->node_offset[0] = 0;
@@ -154,10 +177,9 @@ static PetscErrorCode LatinSubstructureCopies_Private(Latin latin)
     sub->node_offset[s + 1] = total;
   }
   sub->copies = total;
-  PetscCall(PetscMalloc2(total, &sub->node, 2 * sub->links, &sub->ends));
+  PetscCall(PetscMalloc1(total, &sub->node));
   PetscCall(PetscArraycpy(sub->node, list, total));
-  PetscCall(PetscArraycpy(sub->ends, nodes, 2 * sub->links));
-  PetscCall(PetscFree2(nodes, list));
+  PetscCall(PetscFree(list));
   PetscFunctionReturn(0);
 }
 
@@ -289,7 +311,8 @@ PetscErrorCode LatinSubstructureReset(Latin latin)
   PetscCall(PetscFree(sub->link_source));
   PetscCall(PetscFree(sub->link_offset));
   PetscCall(PetscFree(sub->node_offset));
-  PetscCall(PetscFree2(sub->node, sub->ends));
+  PetscCall(PetscFree(sub->node));
+  PetscCall(PetscFree(sub->ends));
   PetscCall(PetscFree5(sub->x, sub->fixed, sub->prescribed, sub->multiplicity, sub->global_dof));
   PetscCall(PetscFree4(sub->direction, sub->stiffness, sub->prestrain, sub->law));
   PetscCall(PetscFree3(sub->nonsmooth_link, sub->state, sub->state_first));

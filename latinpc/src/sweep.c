@@ -13,7 +13,7 @@
 #else
   #define LATIN_CLONES
 #endif
-#define LATIN_SIMD _Pragma("omp simd")
+#define LATIN_FOR_LANES(w) _Pragma("omp simd") for (PetscInt w = 0; w < lanes; w++)
 #if defined(__GNUC__)
   #define LATIN_INLINE static inline __attribute__((always_inline))
 #else
@@ -23,23 +23,24 @@
 /* The links of equal subdomains: what they share, and where each has its own */
 typedef struct {
   PetscInt         links, rows;
-  const PetscInt  *ends;      /* [links][2] copies, */
-  PetscInt         first;     /* counted from this one */
-  const PetscReal *direction; /* [links][dim] */
-  const PetscReal *stiffness; /* [links] */
-  const PetscInt  *law, *state;
-  const PetscReal *prestrain[LATIN_LANES], *z[LATIN_LANES];
-  const PetscReal *U; /* tile */
+  const PetscInt  *ends;                                    /* [links][2] copies */
+  PetscInt         first;                                   /* the first copy */
+  const PetscReal *direction, *stiffness;                   /* [links][dim], [links] */
+  const PetscInt  *law, *state;                             /* [links] those of the first subdomain; what follows is shifted */
+  const PetscReal *prestrain[LATIN_LANES], *z[LATIN_LANES]; /* [links]; states, to be read at state[l] */
+  const PetscReal *U;                                       /* tile of displacements */
 } LatinTile;
 
 LATIN_INLINE void LatinTileRead(const PetscInt lanes, PetscInt rows, const PetscReal *const from[], PetscReal tile[])
 {
-  for (PetscInt r = 0; r < rows; r++) LATIN_SIMD for (PetscInt w = 0; w < lanes; w++) tile[lanes * r + w] = from[w][r];
+  for (PetscInt r = 0; r < rows; r++)
+    LATIN_FOR_LANES (w) tile[lanes * r + w] = from[w][r];
 }
 
 LATIN_INLINE void LatinTileWrite(const PetscInt lanes, PetscInt rows, const PetscReal tile[], PetscReal *const to[])
 {
-  for (PetscInt r = 0; r < rows; r++) LATIN_SIMD for (PetscInt w = 0; w < lanes; w++) to[w][r] = tile[lanes * r + w];
+  for (PetscInt r = 0; r < rows; r++)
+    LATIN_FOR_LANES (w) to[w][r] = tile[lanes * r + w];
 }
 
 LATIN_INLINE LatinTile LatinTileOpen(const Latin latin, const PetscInt dim, const PetscInt lanes, const PetscInt member[], const PetscReal z[])
@@ -64,7 +65,7 @@ LATIN_INLINE LatinTile LatinTileOpen(const Latin latin, const PetscInt dim, cons
   else {
     const PetscReal *from[LATIN_LANES];
 
-    LATIN_SIMD for (PetscInt w = 0; w < lanes; w++) from[w] = latin->linear.U + dim * sub->node_offset[member[w]];
+    for (PetscInt w = 0; w < lanes; w++) from[w] = latin->linear.U + dim * sub->node_offset[member[w]];
     LatinTileRead(lanes, tile.rows, from, latin->linear.tile);
     tile.U = latin->linear.tile;
   }
@@ -76,31 +77,38 @@ LATIN_INLINE void LatinTileElongation(const LatinTile *tile, const PetscInt dim,
 {
   const PetscReal *n = tile->direction + dim * l, *a = tile->U + dim * lanes * (tile->ends[2 * l] - tile->first), *b = tile->U + dim * lanes * (tile->ends[2 * l + 1] - tile->first);
 
-  LATIN_SIMD for (PetscInt w = 0; w < lanes; w++) e[w] = 0.0;
-  for (PetscInt c = 0; c < dim; c++) LATIN_SIMD for (PetscInt w = 0; w < lanes; w++) e[w] += n[c] * (b[lanes * c + w] - a[lanes * c + w]);
+  LATIN_FOR_LANES (w) e[w] = 0.0;
+  for (PetscInt c = 0; c < dim; c++)
+    LATIN_FOR_LANES (w) e[w] += n[c] * (b[lanes * c + w] - a[lanes * c + w]);
 }
 
-/* g -= B^t (s + l e): the tensions (26) of the links, s = k e0 where a link has no state */
+/* g = F - B^t (s + l e), with the tensions (26) of the links: s = k e0 where a link has no state */
 LATIN_INLINE void LatinTileForces(const Latin latin, const PetscInt dim, const PetscInt lanes, const PetscInt member[], const PetscReal z[])
 {
-  const LatinTile tile = LatinTileOpen(latin, dim, lanes, member, z);
-  PetscReal      *to[LATIN_LANES], *g = latin->linear.tile + lanes * tile.rows;
+  const LatinTile  tile = LatinTileOpen(latin, dim, lanes, member, z);
+  const PetscReal *load[LATIN_LANES];
+  PetscReal       *to[LATIN_LANES], *g = latin->linear.tile + lanes * tile.rows;
 
-  for (PetscInt w = 0; w < lanes; w++) to[w] = latin->linear.g + dim * latin->sub.node_offset[member[w]];
+  for (PetscInt w = 0; w < lanes; w++) {
+    load[w] = latin->linear.load + dim * latin->sub.node_offset[member[w]];
+    to[w]   = latin->linear.g + dim * latin->sub.node_offset[member[w]];
+  }
   if (lanes == 1) g = to[0];
-  else LatinTileRead(lanes, tile.rows, (const PetscReal *const *)to, g);
+  LatinTileRead(lanes, tile.rows, load, g);
   for (PetscInt l = 0; l < tile.links; l++) {
     const PetscReal k = tile.stiffness[l], *n = tile.direction + dim * l;
     PetscReal      *a = g + dim * lanes * (tile.ends[2 * l] - tile.first), *b = g + dim * lanes * (tile.ends[2 * l + 1] - tile.first);
     PetscReal       e[LATIN_LANES], t[LATIN_LANES];
 
     LatinTileElongation(&tile, dim, lanes, l, e);
-    if (tile.state[l] >= 0) LATIN_SIMD for (PetscInt w = 0; w < lanes; w++) t[w] = tile.z[w][tile.state[l]];
-    else LATIN_SIMD for (PetscInt w = 0; w < lanes; w++) t[w] = k * tile.prestrain[w][l];
-    LATIN_SIMD for (PetscInt w = 0; w < lanes; w++) t[w] += k * e[w];
+    if (tile.state[l] >= 0)
+      LATIN_FOR_LANES (w) t[w] = tile.z[w][tile.state[l]];
+    else
+      LATIN_FOR_LANES (w) t[w] = k * tile.prestrain[w][l];
+    LATIN_FOR_LANES (w) t[w] += k * e[w];
     for (PetscInt c = 0; c < dim; c++) {
-      LATIN_SIMD for (PetscInt w = 0; w < lanes; w++) a[lanes * c + w] += t[w] * n[c];
-      LATIN_SIMD for (PetscInt w = 0; w < lanes; w++) b[lanes * c + w] -= t[w] * n[c];
+      LATIN_FOR_LANES (w) a[lanes * c + w] += t[w] * n[c];
+      LATIN_FOR_LANES (w) b[lanes * c + w] -= t[w] * n[c];
     }
   }
   if (lanes > 1) LatinTileWrite(lanes, tile.rows, g, to);
@@ -108,7 +116,7 @@ LATIN_INLINE void LatinTileForces(const Latin latin, const PetscInt dim, const P
 
 /*
    The laws along the ascent direction; sum: squares of the distance, and of the elongations that carry tension without
-   and with prestrain. Cables and struts are written out, other laws asked for.
+   and with prestrain. Only bars, cables and struts; for other laws see contact.c.
 */
 LATIN_INLINE void LatinTileStage(const Latin latin, const PetscInt dim, const PetscInt lanes, const PetscInt member[], const PetscReal z[], PetscReal next[], PetscReal sum[3])
 {
@@ -117,33 +125,27 @@ LATIN_INLINE void LatinTileStage(const Latin latin, const PetscInt dim, const Pe
 
   for (PetscInt w = 0; w < lanes; w++) to[w] = next + (tile.z[w] - z);
   for (PetscInt l = 0; l < tile.links; l++) {
-    const PetscReal k = tile.stiffness[l];
-    const PetscInt  i = tile.state[l];
+    const PetscReal k    = tile.stiffness[l];
+    const PetscReal sign = tile.law[l] == LATIN_LAW_STRUT ? -1.0 : 1.0;
+    const PetscInt  i    = tile.state[l];
     PetscReal       e[LATIN_LANES], e0[LATIN_LANES], old[LATIN_LANES], new[LATIN_LANES];
 
     LatinTileElongation(&tile, dim, lanes, l, e);
-    LATIN_SIMD for (PetscInt w = 0; w < lanes; w++) e0[w] = tile.prestrain[w][l];
+    LATIN_FOR_LANES (w) e0[w] = tile.prestrain[w][l];
     if (i < 0) {
-      LATIN_SIMD for (PetscInt w = 0; w < lanes; w++)
-      {
+      LATIN_FOR_LANES (w) {
         energy[w] += k * e[w] * e[w];
         noise[w] += k * (e[w] + e0[w]) * (e[w] + e0[w]);
       }
       continue;
     }
-    LATIN_SIMD for (PetscInt w = 0; w < lanes; w++) old[w] = tile.z[w][i];
-    if (tile.law[l] == LATIN_LAW_CABLE || tile.law[l] == LATIN_LAW_STRUT) {
-      const PetscReal sign = tile.law[l] == LATIN_LAW_CABLE ? 1.0 : -1.0;
+    LATIN_FOR_LANES (w) old[w] = tile.z[w][i];
+    LATIN_FOR_LANES (w) {
+      const PetscReal y = old[w] + 2.0 * k * e[w], taut = k * e0[w];
 
-      LATIN_SIMD for (PetscInt w = 0; w < lanes; w++)
-      {
-        const PetscReal y = old[w] + 2.0 * k * e[w], taut = k * e0[w];
-
-        new[w] = sign *(y + taut) > 0.0 ? taut : -y;
-      }
-    } else LATIN_SIMD for (PetscInt w = 0; w < lanes; w++) new[w] = LatinLaws[tile.law[l]].local(k, e0[w], old[w] + 2.0 * k * e[w]);
-    LATIN_SIMD for (PetscInt w = 0; w < lanes; w++)
-    {
+      new[w] = sign *(y + taut) > 0.0 ? taut : -y;
+    }
+    LATIN_FOR_LANES (w) {
       /* a slack link stores no energy, however far its ends move apart; less and less counts as it slackens, so that rounding decides nothing */
       const PetscReal whole = PetscAbsReal(e[w]), strain = PetscAbsReal(e[w] + e0[w]), taut = new[w] == k *e0[w] ? (strain < whole ? strain : whole) : 0.0;
 
@@ -151,7 +153,7 @@ LATIN_INLINE void LatinTileStage(const Latin latin, const PetscInt dim, const Pe
       energy[w] += k * whole * taut;
       noise[w] += taut > 0.0 ? k * strain * strain : 0.0;
     }
-    LATIN_SIMD for (PetscInt w = 0; w < lanes; w++) to[w][i] = new[w];
+    LATIN_FOR_LANES (w) to[w][i] = new[w];
   }
   for (PetscInt w = 0; w < lanes; w++) {
     sum[0] += distance[w];
@@ -178,7 +180,7 @@ LATIN_INLINE void LatinSweep(const Latin latin, const PetscInt dim, const PetscR
   }
 }
 
-/* g -= B^t (s + l e) in all subdomains here, with the states z of the links and the displacements linear.U */
+/* linear.g = F - B^t (s + l e) in all subdomains here, with the states z of the links and the displacements linear.U */
 LATIN_CLONES void LatinSweepForces(const Latin latin, const PetscReal z[])
 {
   if (latin->links->dim == 3) LatinSweep(latin, 3, z, NULL, NULL);
