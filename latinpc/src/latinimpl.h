@@ -286,7 +286,13 @@ typedef struct {
   PetscInt  *like;   /* [subdomains] the first one with an equal operator and equal sides; NULL: not compared */
 } LatinMacro;
 
-/* The row of D R at a side dof of the interface: what unit macro forces do there */
+/* The row of R at a side dof of the interface */
+static inline const PetscReal *LatinMacroRow(const LatinMacro *macro, const LatinInterface *face, PetscInt side)
+{
+  return macro->basis + face->basis_first + (side - face->side_first) * face->modes;
+}
+
+/* The row of D R there: what unit macro forces do */
 static inline const PetscReal *LatinMacroDualRow(const LatinMacro *macro, const LatinInterface *face, PetscInt side)
 {
   return macro->dual + face->basis_first + (side - face->side_first) * face->modes;

@@ -38,7 +38,7 @@ static PetscErrorCode LatinReflectionFactor_Private(Latin latin, const LatinInte
 static PetscErrorCode LatinReflectionProject_Private(Latin latin, const LatinInterface *face, PetscReal z[])
 {
   const PetscInt rows = face->side_last - face->side_first;
-  PetscReal     *w = latin->linear.lambda, *v = latin->direction_work, *force = latin->direction_work + rows;
+  PetscReal     *w    = latin->linear.lambda;
 
   PetscFunctionBegin;
   for (PetscInt j = 0; j < face->modes; j++) w[j] = 0.0;
@@ -48,13 +48,10 @@ static PetscErrorCode LatinReflectionProject_Private(Latin latin, const LatinInt
     for (PetscInt j = 0; j < face->modes; j++) w[j] += row[j] * z[r];
   }
   for (PetscInt r = 0; r < rows; r++) {
-    const PetscReal *row = LatinMacroRow(&latin->macro, face, face->side_first + r);
+    const PetscReal *row = LatinMacroDualRow(&latin->macro, face, face->side_first + r);
 
-    v[r] = 0.0;
-    for (PetscInt j = 0; j < face->modes; j++) v[r] += row[j] * w[j];
+    for (PetscInt j = 0; j < face->modes; j++) z[r] -= row[j] * w[j];
   }
-  PetscCall(LatinDirectionApply(latin, face, v, force));
-  for (PetscInt r = 0; r < rows; r++) z[r] -= force[r];
   PetscFunctionReturn(0);
 }
 
@@ -81,8 +78,8 @@ static PetscErrorCode LatinReflectionStage_Private(Latin latin, PetscBool loaded
     if (face->modes) PetscCall(LatinReflectionProject_Private(latin, face, z));
     for (PetscInt k = face->side_first; k < face->side_last; k++) linear->g[inter->side_dof[k]] += latin->outgoing[k];
   }
-  PetscCall(LatinLinearApply(latin));
-  PetscCall(PetscArraycpy(linear->U, linear->g, n));
+  PetscCall(PetscArrayzero(linear->U, n));
+  PetscCall(LatinLinearApply(latin, linear->U));
   latin->applications++;
   PetscFunctionReturn(0);
 }
@@ -91,17 +88,16 @@ static PetscErrorCode LatinReflectionStage_Private(Latin latin, PetscBool loaded
 static PetscErrorCode LatinReflectionMicro_Private(Latin latin, const LatinInterface *face, PetscReal micro[])
 {
   const PetscInt rows = face->side_last - face->side_first;
-  PetscReal     *w = latin->linear.lambda, *force = latin->direction_work;
+  PetscReal     *w    = latin->linear.lambda;
 
   PetscFunctionBegin;
   for (PetscInt r = 0; r < rows; r++) micro[r] = latin->linear.U[latin->inter.side_dof[face->side_first + r]];
   if (face->modes) {
-    PetscCall(LatinDirectionApply(latin, face, micro, force));
     for (PetscInt j = 0; j < face->modes; j++) w[j] = 0.0;
     for (PetscInt r = 0; r < rows; r++) {
-      const PetscReal *row = LatinMacroRow(&latin->macro, face, face->side_first + r);
+      const PetscReal *row = LatinMacroDualRow(&latin->macro, face, face->side_first + r);
 
-      for (PetscInt j = 0; j < face->modes; j++) w[j] += row[j] * force[r];
+      for (PetscInt j = 0; j < face->modes; j++) w[j] += row[j] * micro[r];
     }
     for (PetscInt r = 0; r < rows; r++) {
       const PetscReal *row = LatinMacroRow(&latin->macro, face, face->side_first + r);
