@@ -17,12 +17,16 @@
 
 #define LATIN_DIRECTION_FLOOR 0.1 /* least diagonal direction of an interface, relative to its mean */
 
-/* What is given, or the default of the type: least iterations over many structures, regular and irregular */
+/*
+   What is given, or the default of the type: least iterations over many structures, regular and irregular. In a
+   preconditioner the springs only keep the subdomains' operators regular; those of a matrix seldom have mechanisms.
+*/
 PetscReal LatinDirectionFraction(Latin latin)
 {
   const PetscReal fraction[] = {0.08, 0.08, 0.25, 1.0};
 
-  return latin->direction_fraction > 0.0 ? latin->direction_fraction : fraction[latin->direction];
+  if (latin->direction_fraction > 0.0) return latin->direction_fraction;
+  return latin->matrix ? 0.01 : (latin->tangent ? 0.1 : fraction[latin->direction]);
 }
 
 static PetscErrorCode LatinDirectionDiagonal_Private(Latin latin, PetscReal fraction)

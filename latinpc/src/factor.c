@@ -161,6 +161,8 @@ static PetscErrorCode LatinMechanismReport_Private(Latin latin, const PetscReal 
     PetscCall(PetscSNPrintf(names + used, sizeof(names) - used, "%s%" PetscInt_FMT, i ? ", " : "", list[i]));
     PetscCall(PetscStrlen(names, &used));
   }
+  LatinAgree(PetscObjectComm((PetscObject)latin), named > 0 && latin->matrix, PETSC_ERR_MAT_CH_ZRPVT,
+             "The matrix is singular, or not positive definite. Unknowns of the field that shows it: %s%s. Prescribe more unknowns, or give the kernel with MatSetNullSpace()", names, named > 8 ? " and others" : "");
   LatinAgree(PetscObjectComm((PetscObject)latin), named > 0, PETSC_ERR_MAT_CH_ZRPVT,
              "The structure has a mechanism: it can move without any link changing its length. Nodes that move (counted from 0): %s%s. Prescribe displacements there or add links", names, named > 8 ? " and others" : "");
   SETERRQ(PetscObjectComm((PetscObject)latin), PETSC_ERR_MAT_CH_ZRPVT, "The structure has a mechanism: it can move without any link changing its length. Prescribe more displacements or add links");
@@ -183,6 +185,7 @@ static PetscErrorCode LatinSoftestShifted_Private(Mat A, MatSolverType preferred
   PetscCall(VecScale(d, 1e-8));
   PetscCall(MatDiagonalSet(shifted, d, ADD_VALUES));
   PetscCall(KSPCreate(PetscObjectComm((PetscObject)A), &ksp));
+  PetscCall(KSPSetOptionsPrefix(ksp, "set_up_")); /* options without prefix are for others */
   PetscCall(KSPSetType(ksp, KSPPREONLY));
   PetscCall(KSPGetPC(ksp, &pc));
   PetscCall(LatinDirectSolver_Private(pc, shifted, preferred));

@@ -114,6 +114,7 @@ static PetscErrorCode LatinFloppyFactor_Private(Latin latin, LatinGraph *graph, 
   PetscCall(MatSetOption(K, MAT_SYMMETRIC, PETSC_TRUE));
   PetscCall(MatSetOption(K, MAT_SPD, PETSC_TRUE));
   PetscCall(KSPCreate(PETSC_COMM_SELF, ksp));
+  PetscCall(KSPSetOptionsPrefix(*ksp, "set_up_")); /* options without prefix are for others */
   PetscCall(KSPSetType(*ksp, KSPPREONLY));
   PetscCall(KSPGetPC(*ksp, &pc));
   PetscCall(LatinDirectSolver_Private(pc, K, MATSOLVERCHOLMOD));

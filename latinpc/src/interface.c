@@ -102,7 +102,7 @@ PetscErrorCode LatinInterfaceExchange_Private(Latin latin, PetscInt table[])
 /*
    The frame of an interface: centre, size and principal axes, from the nodes with a free
    component. It is strong when its nodes can carry the affine fields of section 3.2, that is when they span dim - 1
-   directions. Differences of coordinates are scaled by the size: neither units nor the origin matter.
+   directions; of nodes without coordinates, several are enough. Differences of coordinates are scaled by the size: neither units nor the origin matter.
 */
 PetscErrorCode LatinInterfaceFrame_Private(const LatinSubstructure *sub, PetscInt n, const PetscInt copies[], LatinFrame *frame)
 {
@@ -130,8 +130,8 @@ PetscErrorCode LatinInterfaceFrame_Private(const LatinSubstructure *sub, PetscIn
     for (PetscInt c = 0; c < dim; c++) frame->size = PetscMax(frame->size, PetscAbsReal((sub->x[dim * copies[i] + c] - frame->origin[c]) - frame->centre[c]));
   if (frame->size <= 16 * PETSC_MACHINE_EPSILON * largest) frame->size = 0.0; /* one point, to rounding */
   frame->plane = PETSC_TRUE;
-  if (dim == 1 || frame->size == 0.0) {
-    frame->strong = (PetscBool)(dim == 1 && used > 0);
+  if (dim < 2 || frame->size == 0.0) {
+    frame->strong = (PetscBool)(dim == 1 ? used > 0 : dim == 0 && used > sub->fields);
     PetscFunctionReturn(0);
   }
   for (PetscInt c = 0; c < dim * dim; c++) a[c] = 0.0;

@@ -41,8 +41,21 @@ PetscErrorCode LatinSetLinks_Private(Latin latin, LatinLinks links)
   if (links == latin->links) PetscFunctionReturn(0);
   PetscCall(PetscObjectReference((PetscObject)links));
   PetscCall(LatinReset_Private(latin));
+  PetscCall(MatDestroy(&latin->matrix));
   PetscCall(LatinLinksDestroy(&latin->links));
   latin->links = links;
+  PetscFunctionReturn(0);
+}
+
+/* A MATIS instead of links, whatever has been known before is forgotten */
+PetscErrorCode LatinSetMatrix_Private(Latin latin, Mat A)
+{
+  PetscFunctionBegin;
+  PetscCall(PetscObjectReference((PetscObject)A));
+  PetscCall(LatinReset_Private(latin));
+  PetscCall(LatinLinksDestroy(&latin->links));
+  PetscCall(MatDestroy(&latin->matrix));
+  latin->matrix = A;
   PetscFunctionReturn(0);
 }
 
@@ -130,6 +143,24 @@ PetscErrorCode LatinAdapt_Private(Latin latin)
   PetscFunctionReturn(0);
 }
 
+/* Builds everything for a matrix that has changed; one that has not is not handed to this. Collective on latin */
+static PetscErrorCode LatinSetUpMatrix_Private(Latin latin)
+{
+  PetscFunctionBegin;
+  LatinAgree(PetscObjectComm((PetscObject)latin), latin->subdomains || latin->links_per_subdomain, PETSC_ERR_ARG_INCOMP, "The subdomains of a MATIS are its local matrices: leave out -%ssubdomains and -%ssubdomain_links",
+             ((PetscObject)latin)->prefix ? ((PetscObject)latin)->prefix : "", ((PetscObject)latin)->prefix ? ((PetscObject)latin)->prefix : "");
+  PetscCall(PetscLogEventBegin(LATIN_SetUp, latin, 0, 0, 0));
+  PetscCall(LatinReset_Private(latin));
+  PetscCall(LatinSubstructureSetUp_Matrix(latin));
+  PetscCall(LatinInterfaceSetUp(latin));
+  PetscCall(LatinDirectionSetUp(latin));
+  PetscCall(LatinSetUpStage_Private(latin));
+  PetscCall(PetscLogEventEnd(LATIN_SetUp, latin, 0, 0, 0));
+  latin->set_up = PETSC_TRUE;
+  latin->stale  = PETSC_FALSE;
+  PetscFunctionReturn(0);
+}
+
 /*
    Builds what has changed since the last call: everything for new links or laws, right-hand sides for new loads and
    prestrains.
@@ -140,6 +171,10 @@ PetscErrorCode LatinSetUp_Private(Latin latin)
   PetscObjectState state;
 
   PetscFunctionBegin;
+  if (latin->matrix) {
+    PetscCall(LatinSetUpMatrix_Private(latin));
+    PetscFunctionReturn(0);
+  }
   PetscCheck(links, PetscObjectComm((PetscObject)latin), PETSC_ERR_ORDER, "Type latin has no structure to work on: build one with LatinLinksCreate() and call LatinLinksAttachSNES() (or PCLatinSetLinks(), or set its DM on the solver)");
   PetscCheck(links->set_up, PetscObjectComm((PetscObject)latin), PETSC_ERR_ORDER, "The structure is not set up: call LatinLinksSetUp()");
   PetscCall(PetscObjectStateGet((PetscObject)links, &state));
@@ -193,6 +228,8 @@ PetscErrorCode LatinDestroy_Private(Latin *latin)
   }
   PetscCall(LatinReset_Private(*latin));
   PetscCall(LatinLinksDestroy(&(*latin)->links));
+  PetscCall(MatDestroy(&(*latin)->matrix));
+  PetscCall(LatinUnknownsReset_Private(&(*latin)->known));
   PetscCall(PetscHeaderDestroy(latin));
   PetscFunctionReturn(0);
 }
@@ -212,10 +249,19 @@ PetscErrorCode LatinView_Private(Latin latin, PetscViewer viewer)
   else PetscCall(PetscViewerASCIIPrintf(viewer, "search direction: %s, self-tuned to %g of the interface stiffness\n", LatinDirectionTypes[latin->direction], (double)LatinDirectionFraction(latin)));
   if (!latin->set_up) PetscFunctionReturn(0);
   PetscCall(LatinGetStatistics(latin, &stats));
-  PetscCall(PetscObjectView((PetscObject)latin->links, viewer));
+  if (latin->links) PetscCall(PetscObjectView((PetscObject)latin->links, viewer));
+  else {
+    PetscInt rows;
+
+    PetscCall(MatGetSize(latin->matrix, &rows, NULL));
+    PetscCall(PetscViewerASCIIPrintf(viewer, "matrix: %" PetscInt_FMT " unknowns in %" PetscInt_FMT " fields, ", rows, latin->sub.fields));
+    if (latin->sub.dim) PetscCall(PetscViewerASCIIPrintf(viewer, "coordinates in %" PetscInt_FMT "D, ", latin->sub.dim));
+    else PetscCall(PetscViewerASCIIPrintf(viewer, "no coordinates, "));
+    PetscCall(PetscViewerASCIIPrintf(viewer, "%" PetscInt_FMT " near null vectors\n", latin->sub.nears));
+  }
   PetscCall(PetscViewerASCIIPrintf(viewer, "subdomains: %" PetscInt_FMT "; interfaces: %" PetscInt_FMT " strong, %" PetscInt_FMT " weak\n", stats.subdomains, stats.strong_interfaces, stats.weak_interfaces));
   PetscCall(LatinSubstructureBalance_Private(latin, &links, &dofs, &ranks));
-  PetscCall(PetscViewerASCIIPrintf(viewer, "largest over mean: subdomains %.2f in links, %.2f in degrees of freedom; ranks %.2f in cost\n", (double)links, (double)dofs, (double)ranks));
+  PetscCall(PetscViewerASCIIPrintf(viewer, "largest over mean: subdomains %.2f in %s, %.2f in degrees of freedom; ranks %.2f in cost\n", (double)links, latin->links ? "links" : "entries", (double)dofs, (double)ranks));
   PetscCall(PetscViewerASCIIPrintf(viewer, "search direction values: min %g, mean %g, max %g\n", (double)stats.direction_min, (double)stats.direction_mean, (double)stats.direction_max));
   PetscCall(PetscViewerASCIIPrintf(viewer, "coarse problem: %" PetscInt_FMT " macro displacements, %" PetscInt_FMT " primal ones; fixed-point unknown: %" PetscInt_FMT " numbers\n", stats.strong_macro_dofs, stats.weak_dofs, stats.state_size));
   if (LatinFloppyWaits(latin)) PetscCall(PetscViewerASCIIPrintf(viewer, "local low-energy fields below %g: to come, when the first solve tells which links are slack\n", (double)latin->local_threshold));

@@ -145,9 +145,12 @@ PETSC_INTERN PetscErrorCode LatinLinksGetLocal_Private(LatinLinks, Vec, Vec);
 
 /* ---- substructuring (substructure.c): the links of each subdomain, and its copies of the nodes ---- */
 typedef struct {
-  PetscInt     dim, bs;         /* coordinates and components of a node */
-  PetscInt     fields;          /* kinds of components, each with macro fields of its own; as many as coordinates: a displacement */
-  PetscInt     nodes_local;     /* nodes that this rank numbers, roots of node_sf */
+  PetscInt     dim, bs;     /* coordinates and components of a node */
+  PetscInt     fields;      /* kinds of components, each with macro fields of its own; as many as coordinates: a displacement */
+  PetscInt     nodes_local; /* nodes that this rank numbers, roots of node_sf */
+  PetscInt    *field;       /* [copies * bs] NULL: the components of a node are the fields */
+  PetscInt     nears;       /* fields near to the kernel that are known, [nears][copies * bs] */
+  PetscReal   *near;
   PetscInt     count, n, first; /* subdomains: all, here, number of the first one here */
   PetscInt    *rank_first;      /* [ranks + 1] first subdomain of each rank */
   PetscInt    *of_link;         /* [links->links_local] subdomain of the caller's links */
@@ -178,7 +181,23 @@ typedef struct {
   PetscInt    *state_first;                                         /* [n + 1] first state of each subdomain */
   PetscMPIInt *send_count, *send_offset, *recv_count, *recv_offset; /* migration of link data, in links */
   PetscInt    *send_order;                                          /* [links->links_local] */
+  /* substructures of a matrix (matis.c) have no links, and one component a node */
+  PetscInt  *ki, *kj; /* [copies + 1], [ki[copies]] rows of the operators, NULL: B^t k B */
+  PetscReal *ka;
+  PetscInt   loose_count, *loose; /* unknowns of this rank's part of a vector that are in no subdomain */
+  PetscReal *loose_inverse;       /* what the preconditioner makes of them */
 } LatinSubstructure;
+
+/* ---- what is known of the unknowns of a matrix (unknowns.c): of this rank's part of a vector ---- */
+typedef struct {
+  PetscInt   dim, fields, nears, kernels;
+  PetscReal *x;      /* [rows][dim] */
+  PetscInt  *field;  /* [rows] */
+  PetscReal *near;   /* [nears][rows] fields near to the kernel: the near null space, or the kernel itself */
+  PetscReal *kernel; /* [kernels][rows] of a singular matrix */
+} LatinUnknowns;
+PETSC_INTERN PetscErrorCode LatinUnknownsSetUp_Private(Mat, DM, PetscInt dim, PetscInt nodes, const PetscReal x[], LatinUnknowns *);
+PETSC_INTERN PetscErrorCode LatinUnknownsReset_Private(LatinUnknowns *);
 
 /* ---- partitions (partition.c, size.c, metis.c, repair.c): links to share out, all on one rank ---- */
 typedef struct {
@@ -219,7 +238,7 @@ static inline PetscBool LatinNodeFree(const LatinSubstructure *sub, PetscInt i)
 /* The field of an entry of the copy arrays */
 static inline PetscInt LatinField(const LatinSubstructure *sub, PetscInt dof)
 {
-  return dof % sub->bs;
+  return sub->field ? sub->field[dof] : dof % sub->bs;
 }
 
 /* Elongation of a link under the displacements of the copies, a row of B */
@@ -473,6 +492,8 @@ struct _p_Latin {
   PetscReal          local_threshold;    /* of the eigenvalues of local fields, 0 = none */
   PetscInt           local_max;          /* most of them a subdomain */
   PetscInt           local_slack;        /* linear stages that tell which links are slack, 0 = taut as they are */
+  Mat                matrix;             /* a MATIS instead of links, or NULL */
+  LatinUnknowns      known;              /* of its unknowns */
   PetscBool          tangent;            /* operators from the links' tangent stiffness of the last Jacobian */
   LatinSubstructure  sub;
   LatinInterfaces    inter;
@@ -515,6 +536,7 @@ PETSC_INTERN PetscErrorCode LatinLinksCountChanges_Private(LatinLinks, Vec u, Pe
 PETSC_INTERN PetscErrorCode LatinCreate_Private(MPI_Comm, Latin *);
 PETSC_INTERN PetscErrorCode LatinSetLinks_Private(Latin, LatinLinks);
 PETSC_INTERN PetscErrorCode LatinSetFromOptions_Private(Latin, LatinOptionItems, const char family[]);
+PETSC_INTERN PetscErrorCode LatinSetMatrix_Private(Latin, Mat);
 PETSC_INTERN PetscErrorCode LatinSetUp_Private(Latin);
 PETSC_INTERN PetscErrorCode LatinAdapt_Private(Latin);
 PETSC_INTERN PetscErrorCode LatinReset_Private(Latin);
@@ -522,6 +544,7 @@ PETSC_INTERN PetscErrorCode LatinView_Private(Latin, PetscViewer);
 PETSC_INTERN PetscErrorCode LatinDestroy_Private(Latin *);
 
 PETSC_INTERN PetscErrorCode LatinSubstructureSetUp(Latin);
+PETSC_INTERN PetscErrorCode LatinSubstructureSetUp_Matrix(Latin);
 PETSC_INTERN PetscErrorCode LatinSubstructureRefresh(Latin);
 PETSC_INTERN PetscErrorCode LatinSubstructureReset(Latin);
 PETSC_INTERN PetscErrorCode LatinSubstructureReturn_Private(Latin);

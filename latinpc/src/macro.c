@@ -18,7 +18,7 @@ static inline PetscInt LatinMacroModesMost(Latin latin)
 {
   const LatinSubstructure *sub = &latin->sub;
 
-  return sub->fields * PetscMax(sub->dim, 1) + PetscMax(sub->fields, sub->dim);
+  return sub->fields * PetscMax(sub->dim, 1) + PetscMax(sub->fields, sub->dim) + sub->nears;
 }
 
 /* Columns that an interface may need */
@@ -35,6 +35,7 @@ static inline PetscInt LatinMacroWidth(Latin latin, PetscInt f)
              completes them.
      rigid   translations and rotations only: a smaller coarse problem
      none    no field: what is left of the coarse problem is that of FETI-DP, section 4.3
+   Behind them, the near null space of a matrix that has one; it takes the place of the rigid fields.
 */
 static PetscErrorCode LatinMacroModes_Private(Latin latin, const LatinInterface *face, PetscInt *modes, PetscScalar M[])
 {
@@ -42,6 +43,7 @@ static PetscErrorCode LatinMacroModes_Private(Latin latin, const LatinInterface 
   LatinInterfaces   *inter = &latin->inter;
   const PetscInt     dim = sub->dim, rows = face->side_last - face->side_first, each = PetscMax(dim, 1);
   const PetscBool    vector = (PetscBool)(sub->fields == dim);
+  const PetscReal   *near   = sub->near;
   LatinFrame         frame;
   PetscInt           planar;
 
@@ -50,7 +52,8 @@ static PetscErrorCode LatinMacroModes_Private(Latin latin, const LatinInterface 
   if (latin->modes == LATIN_MODES_NONE) PetscFunctionReturn(0);
   PetscCall(LatinInterfaceFrame_Private(sub, face->node_last - face->node_first, inter->node_list + face->node_first, &frame));
   planar = sub->fields * each;
-  if (latin->modes == LATIN_MODES_RIGID) *modes = sub->fields + (vector ? dim * (dim - 1) / 2 : 0);
+  if (latin->modes == LATIN_MODES_RIGID && sub->nears) *modes = 0;
+  else if (latin->modes == LATIN_MODES_RIGID) *modes = sub->fields + (vector ? dim * (dim - 1) / 2 : 0);
   else *modes = planar + (frame.plane ? 0 : (vector ? dim - 1 : sub->fields));
   PetscCall(PetscArrayzero(M, rows * *modes));
   for (PetscInt r = 0; r < rows; r++) {
@@ -61,6 +64,7 @@ static PetscErrorCode LatinMacroModes_Private(Latin latin, const LatinInterface 
 
     for (PetscInt k = 0; k < dim; k++)
       for (PetscInt b = 0; b < dim; b++) xi[k] += frame.axes[k][b] * (((x[b] - frame.origin[b]) - frame.centre[b]) / frame.size);
+    if (!*modes) continue;
     if (latin->modes == LATIN_MODES_RIGID) {
       PetscInt mode = sub->fields;
 
@@ -75,6 +79,14 @@ static PetscErrorCode LatinMacroModes_Private(Latin latin, const LatinInterface 
       if (vector && !frame.plane) M[r + rows * (planar + k)] = w * xi[dim - 1] * frame.axes[k][c];
     }
     if (!vector && !frame.plane) M[r + rows * (planar + c)] = w * xi[dim - 1];
+  }
+  for (PetscInt k = 0; k < sub->nears; k++) {
+    PetscReal largest = 0.0;
+
+    for (PetscInt r = 0; r < rows; r++) largest = PetscMax(largest, PetscAbsReal(near[inter->side_dof[face->side_first + r]]));
+    for (PetscInt r = 0; r < rows && largest > 0.0; r++) M[r + rows * *modes] = PetscSqrtReal(latin->macro.d[face->side_first + r]) * near[inter->side_dof[face->side_first + r]] / largest;
+    *modes += largest > 0.0 ? 1 : 0;
+    near += sub->bs * sub->copies;
   }
   PetscFunctionReturn(0);
 }

@@ -1,8 +1,9 @@
 #include "latinimpl.h"
 
 /*
-   The operators of the subdomains without springs, B^t k B of the links. The other stages see them through this file
-   alone: a product, the diagonal, the rows (by way of graph.c), and what tells equal ones.
+   The operators of the subdomains without springs: B^t k B of the links, or the rows that a matrix gives (matis.c).
+   The other stages see them through this file alone: a product, the diagonal, the rows (by way of graph.c), and what
+   tells equal ones.
 */
 
 /* f = K v, subdomain by subdomain */
@@ -13,6 +14,8 @@ PetscErrorCode LatinOperatorMult(Latin latin, const PetscReal v[], PetscReal f[]
 
   PetscFunctionBegin;
   PetscCall(PetscArrayzero(f, bs * sub->copies));
+  for (PetscInt i = 0; i < sub->copies && sub->ki; i++)
+    for (PetscInt k = sub->ki[i]; k < sub->ki[i + 1]; k++) f[i] += sub->ka[k] * v[sub->kj[k]];
   for (PetscInt l = 0; l < sub->links; l++) {
     const PetscReal *n = sub->direction + bs * l;
     const PetscInt   a = bs * sub->ends[2 * l], b = bs * sub->ends[2 * l + 1];
@@ -35,6 +38,9 @@ PetscErrorCode LatinOperatorDiagonal(Latin latin, PetscReal diagonal[])
 
   PetscFunctionBegin;
   PetscCall(PetscArrayzero(diagonal, bs * sub->copies));
+  for (PetscInt i = 0; i < sub->copies && sub->ki; i++)
+    for (PetscInt k = sub->ki[i]; k < sub->ki[i + 1]; k++)
+      if (sub->kj[k] == i) diagonal[i] = sub->ka[k];
   for (PetscInt l = 0; l < sub->links; l++)
     for (PetscInt c = 0; c < bs; c++) {
       const PetscReal v = sub->stiffness[l] * PetscSqr(sub->direction[bs * l + c]);
@@ -58,7 +64,7 @@ PetscErrorCode LatinOperatorRowsCreate_Private(Latin latin, LatinGraph *graph, P
   PetscCall(PetscMalloc1(2 * sub->links, &graph->list));
   for (PetscInt i = 0; i < 2 * sub->links; i++) graph->offset[sub->ends[i] + 2]++;
   for (PetscInt i = 0; i < sub->copies; i++) {
-    most = PetscMax(most, graph->offset[i + 2]);
+    most = PetscMax(most, graph->offset[i + 2] + (sub->ki ? sub->ki[i + 1] - sub->ki[i] : 0));
     graph->offset[i + 2] += graph->offset[i + 1];
   }
   for (PetscInt i = 0; i < 2 * sub->links; i++) graph->list[graph->offset[sub->ends[i] + 1]++] = i / 2;
@@ -86,6 +92,11 @@ void LatinOperatorRowJoin(Latin latin, LatinGraph *graph, PetscInt i, PetscInt *
     graph->slot[j]           = 0;
     graph->neighbour[(*n)++] = j;
   }
+  for (PetscInt k = sub->ki ? sub->ki[i] : 0; sub->ki && k < sub->ki[i + 1]; k++) {
+    if (graph->slot[sub->kj[k]] >= 0) continue;
+    graph->slot[sub->kj[k]]  = 0;
+    graph->neighbour[(*n)++] = sub->kj[k];
+  }
 }
 
 /* Adds the blocks of row i, each in the slot of its neighbour */
@@ -105,16 +116,31 @@ void LatinOperatorRowAdd(Latin latin, LatinGraph *graph, PetscInt i)
         other[c * bs + b] -= k * v[c] * v[b];
       }
   }
+  for (PetscInt k = sub->ki ? sub->ki[i] : 0; sub->ki && k < sub->ki[i + 1]; k++) graph->block[graph->slot[sub->kj[k]]] += sub->ka[k];
 }
 
 /* Everything that the operator of a subdomain depends on: equal streams, equal operators */
 PetscErrorCode LatinOperatorStream_Private(Latin latin, PetscInt s, LatinStream *stream)
 {
   LatinSubstructure *sub = &latin->sub;
-  const PetscInt     bs = sub->bs, top = sub->node_offset[s], first = sub->link_offset[s], links = sub->link_offset[s + 1] - first;
+  const PetscInt     bs = sub->bs, top = sub->node_offset[s], first = sub->ki ? 0 : sub->link_offset[s], links = sub->ki ? 0 : sub->link_offset[s + 1] - first;
   unsigned char     *room = NULL;
 
   PetscFunctionBegin;
+  if (sub->ki) {
+    for (PetscInt i = top; i < sub->node_offset[s + 1]; i++) {
+      const PetscInt n = sub->ki[i + 1] - sub->ki[i];
+
+      PetscCall(LatinStreamAdd_Private(stream, &n, sizeof(n)));
+      for (PetscInt k = sub->ki[i]; k < sub->ki[i + 1]; k++) {
+        const PetscInt j = sub->kj[k] - top;
+
+        PetscCall(LatinStreamAdd_Private(stream, &j, sizeof(j)));
+      }
+      PetscCall(LatinStreamAdd_Private(stream, sub->ka + sub->ki[i], (size_t)n * sizeof(*sub->ka)));
+    }
+    PetscFunctionReturn(0);
+  }
   PetscCall(LatinStreamAdd_Private(stream, &links, sizeof(links)));
   PetscCall(LatinStreamRoom_Private(stream, (size_t)(2 * links) * sizeof(PetscInt), &room));
   for (PetscInt i = 2 * first; i < 2 * (first + links); i++, room += sizeof(PetscInt)) {

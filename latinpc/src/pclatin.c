@@ -3,7 +3,7 @@
 
 /*
    PC latin: one linear stage from the zero state as a symmetric positive definite preconditioner, for the structure's
-   tangent stiffness matrix. Residuals go to the subdomains, and displacements come back, with the same weights; the
+   tangent stiffness matrix, or for a MATIS. Residuals go to the subdomains, and displacements come back, with the same weights; the
    interiors of the subdomains are eliminated exactly before and after, so that only interface errors remain. The form
    is that of balancing domain decomposition by constraints; the springs of the LATIN search direction make the local
    problems regular where a subdomain has mechanisms of its own.
@@ -17,8 +17,10 @@ typedef struct {
   LatinLinks       links;  /* given by PCLatinSetLinks(), or NULL */
   PetscBool        shared; /* latin is that of a SNES latin, which builds it and has the options */
   LatinWeightsType weights;
-  PetscReal       *weight;            /* [copies * bs] partition of unity */
-  PetscBool       *inner;             /* [copies] the node belongs to one subdomain */
+  PetscReal       *weight;     /* [copies * bs] partition of unity */
+  PetscBool       *inner;      /* [copies] the node belongs to one subdomain */
+  PetscInt         dim, nodes; /* coordinates given by PCSetCoordinates(), dim 0: none */
+  PetscReal       *x;
   LatinBlockSolver interior;          /* stiffness of the interiors, identity elsewhere */
   PetscReal       *b, *v, *f, *force; /* [copies * bs] work */
   Vec              work;              /* DM global vector */
@@ -118,10 +120,11 @@ static PetscErrorCode PCReset_Latin(PC pc)
   PetscFunctionReturn(0);
 }
 
-/* The structure: given, or known to the DM of the preconditioner or of its matrix */
+/* The structure: given, or known to the DM of the preconditioner or of its matrix; NULL for a MATIS without one */
 static PetscErrorCode PCLatinFindLinks_Private(PC pc, LatinLinks *links)
 {
   PC_Latin *data = (PC_Latin *)pc->data;
+  PetscBool matis;
   DM        dm;
 
   PetscFunctionBegin;
@@ -131,33 +134,49 @@ static PetscErrorCode PCLatinFindLinks_Private(PC pc, LatinLinks *links)
     PetscCall(MatGetDM(pc->pmat, &dm));
     PetscCall(LatinLinksFromDM_Private(dm, links));
   }
-  PetscCheck(*links, PetscObjectComm((PetscObject)pc), PETSC_ERR_ORDER, "-pc_type latin has no structure to work on: call PCLatinSetLinks(), or build the matrix from the DM of a structure (LatinLinksCreate(), LatinLinksAttachSNES())");
+  PetscCall(PetscObjectTypeCompare((PetscObject)pc->pmat, MATIS, &matis));
+  PetscCheck(*links || matis, PetscObjectComm((PetscObject)pc), PETSC_ERR_ORDER,
+             "-pc_type latin has no structure to work on: call PCLatinSetLinks(), or build the matrix from the DM of a structure (LatinLinksCreate(), LatinLinksAttachSNES()); or assemble it as a MATIS (-dm_mat_type is, -mat_type is)");
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode PCLatinSetUpLatin_Private(PC pc)
+{
+  PC_Latin   *data = (PC_Latin *)pc->data;
+  LatinLinks  links;
+  const char *prefix;
+  DM          dm = pc->dm;
+
+  PetscFunctionBegin;
+  PetscCall(PCLatinFindLinks_Private(pc, &links));
+  PetscCall(PCReset_Latin(pc));
+  if (links) PetscCall(LatinSetLinks_Private(data->latin, links));
+  else {
+    PetscCall(LatinSetMatrix_Private(data->latin, pc->pmat));
+    if (!dm) PetscCall(MatGetDM(pc->pmat, &dm));
+    PetscCall(LatinUnknownsSetUp_Private(pc->pmat, dm, data->dim, data->nodes, data->x, &data->latin->known));
+  }
+  PetscCall(PCGetOptionsPrefix(pc, &prefix));
+  PetscCall(PetscObjectSetOptionsPrefix((PetscObject)data->latin, prefix));
+  PetscCall(PetscObjectAppendOptionsPrefix((PetscObject)data->latin, "pc_latin_"));
+  PetscCall(LatinSetUp_Private(data->latin));
   PetscFunctionReturn(0);
 }
 
 static PetscErrorCode PCSetUp_Latin(PC pc)
 {
-  PC_Latin   *data = (PC_Latin *)pc->data;
-  LatinLinks  links;
-  const char *prefix;
-  PetscInt    n;
+  PC_Latin *data = (PC_Latin *)pc->data;
+  PetscInt  n;
 
   PetscFunctionBegin;
   if (data->shared && data->weight) PetscFunctionReturn(0);
-  if (data->shared) links = data->latin->links;
-  else PetscCall(PCLatinFindLinks_Private(pc, &links));
-  PetscCall(PCReset_Latin(pc));
-  if (!data->shared) {
-    PetscCall(LatinSetLinks_Private(data->latin, links));
-    PetscCall(PCGetOptionsPrefix(pc, &prefix));
-    PetscCall(PetscObjectSetOptionsPrefix((PetscObject)data->latin, prefix));
-    PetscCall(PetscObjectAppendOptionsPrefix((PetscObject)data->latin, "pc_latin_"));
-    PetscCall(LatinSetUp_Private(data->latin));
-  }
+  if (data->shared) PetscCall(PCReset_Latin(pc));
+  else PetscCall(PCLatinSetUpLatin_Private(pc));
   n = data->latin->sub.bs * data->latin->sub.copies;
   PetscCall(PetscMalloc5(n, &data->weight, n, &data->b, n, &data->v, n, &data->f, n, &data->force));
   PetscCall(PetscMalloc1(data->latin->sub.copies, &data->inner));
-  PetscCall(VecDuplicate(links->load, &data->work));
+  if (data->latin->links) PetscCall(VecDuplicate(data->latin->links->load, &data->work));
+  else PetscCall(MatCreateVecs(pc->pmat, &data->work, NULL));
   PetscCall(PCLatinWeights_Private(pc));
   if (!data->shared) PetscCall(PCLatinInterior_Private(pc));
   PetscFunctionReturn(0);
@@ -197,6 +216,22 @@ static PetscErrorCode PCApply_Latin_Shared(PC pc, Vec x, Vec y)
   PetscFunctionReturn(0);
 }
 
+/* The unknowns of a matrix that are in no subdomain */
+static PetscErrorCode PCLatinLoose_Private(Latin latin, Vec x, Vec y)
+{
+  const LatinSubstructure *sub = &latin->sub;
+  const PetscScalar       *a;
+  PetscScalar             *b;
+
+  PetscFunctionBegin;
+  PetscCall(VecGetArrayRead(x, &a));
+  PetscCall(VecGetArray(y, &b));
+  for (PetscInt k = 0; k < sub->loose_count; k++) b[sub->loose[k]] = sub->loose_inverse[k] * a[sub->loose[k]];
+  PetscCall(VecRestoreArray(y, &b));
+  PetscCall(VecRestoreArrayRead(x, &a));
+  PetscFunctionReturn(0);
+}
+
 static PetscErrorCode PCApply_Latin(PC pc, Vec x, Vec y)
 {
   PC_Latin      *data  = (PC_Latin *)pc->data;
@@ -227,6 +262,7 @@ static PetscErrorCode PCApply_Latin(PC pc, Vec x, Vec y)
   PetscCall(PCLatinInteriorSolve_Private(pc, data->f));
   PetscCall(PCLatinSum_Private(latin, data->v, y));
   PetscCall(VecAXPY(y, 1.0, data->work));
+  PetscCall(PCLatinLoose_Private(latin, x, y));
   if (latin->failed) pc->failedreason = PC_SUBPC_ERROR;
   PetscFunctionReturn(0);
 }
@@ -280,7 +316,25 @@ static PetscErrorCode PCDestroy_Latin(PC pc)
   PetscCall(PCReset_Latin(pc));
   PetscCall(LatinDestroy_Private(&data->latin));
   PetscCall(LatinLinksDestroy(&data->links));
+  PetscCall(PetscFree(data->x));
+  PetscCall(PetscObjectComposeFunction((PetscObject)pc, "PCSetCoordinates_C", NULL));
   PetscCall(PetscFree(pc->data));
+  PetscFunctionReturn(0);
+}
+
+/* Coordinates of the nodes of a matrix that comes without a structure */
+static PetscErrorCode PCSetCoordinates_Latin(PC pc, PetscInt dim, PetscInt nodes, PetscReal x[])
+{
+  PC_Latin *data = (PC_Latin *)pc->data;
+
+  PetscFunctionBegin;
+  PetscCheck(dim >= 1 && dim <= 3, PetscObjectComm((PetscObject)pc), PETSC_ERR_ARG_OUTOFRANGE, "Nodes have 1, 2 or 3 coordinates, not %" PetscInt_FMT, dim);
+  PetscCall(PetscFree(data->x));
+  PetscCall(PetscMalloc1(dim * nodes, &data->x));
+  PetscCall(PetscArraycpy(data->x, x, dim * nodes));
+  data->dim       = dim;
+  data->nodes     = nodes;
+  pc->setupcalled = 0;
   PetscFunctionReturn(0);
 }
 
@@ -374,9 +428,9 @@ PETSC_EXTERN PetscErrorCode PCCreate_Latin(PC pc)
   pc->ops->destroy        = PCDestroy_Latin;
   pc->ops->setfromoptions = PCSetFromOptions_Latin;
   pc->ops->view           = PCView_Latin;
+  PetscCall(PetscObjectComposeFunction((PetscObject)pc, "PCSetCoordinates_C", PCSetCoordinates_Latin));
   PetscCall(LatinCreate_Private(PetscObjectComm((PetscObject)pc), &data->latin));
-  data->latin->tangent            = PETSC_TRUE;
-  data->latin->direction_fraction = 0.1; /* the springs only keep the local operators regular */
+  data->latin->tangent = PETSC_TRUE;
   PetscFunctionReturn(0);
 }
 

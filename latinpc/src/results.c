@@ -113,12 +113,13 @@ PetscErrorCode LatinGetSubdomainOfLinks(Latin latin, PetscInt subdomain[])
 {
   PetscFunctionBegin;
   PetscCall(LatinCheckSetUp_Private(latin));
+  PetscCheck(latin->links, PetscObjectComm((PetscObject)latin), PETSC_ERR_ARG_WRONG, "The decomposition is that of a matrix: it has no links");
   PetscCall(PetscArraycpy(subdomain, latin->sub.of_link, latin->links->links_local));
   PetscFunctionReturn(0);
 }
 
 /*@C
-  LatinGetNodeClasses - For each node that this rank gave: 0 inside a subdomain, 1 on strong interfaces only,
+  LatinGetNodeClasses - For each node that this rank gave, or each row of a matrix here: 0 inside a subdomain, 1 on strong interfaces only,
   2 on a weak interface, 3 primal (a corner, or a macro weak interface).
 
   Collective on latin
@@ -129,7 +130,7 @@ PetscErrorCode LatinGetNodeClasses(Latin latin, PetscInt node_class[])
 {
   PetscFunctionBegin;
   PetscCall(LatinCheckSetUp_Private(latin));
-  PetscCall(PetscArrayzero(node_class, latin->links->nodes_local));
+  PetscCall(PetscArrayzero(node_class, latin->sub.nodes_local));
   PetscCall(LatinSFReduce_Private(latin->sub.node_sf, 1, MPIU_INT, latin->inter.node_class, node_class, MPI_MAX));
   PetscFunctionReturn(0);
 }

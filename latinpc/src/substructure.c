@@ -37,22 +37,22 @@ static PetscErrorCode LatinSubstructureDeal_Private(Latin latin)
   PetscFunctionReturn(0);
 }
 
-/* Largest subdomain over the mean, in links and in free degrees of freedom; and the largest rank, in cost as above */
+/* Largest subdomain over the mean, in links (entries of a matrix) and in free degrees of freedom; and the largest rank, in cost as above */
 PetscErrorCode LatinSubstructureBalance_Private(Latin latin, PetscReal *links, PetscReal *dofs, PetscReal *ranks)
 {
   LatinSubstructure *sub    = &latin->sub;
   MPI_Comm           comm   = PetscObjectComm((PetscObject)latin);
-  const PetscInt     dim    = latin->links->dim;
+  const PetscInt     bs     = sub->bs;
   PetscReal          sum[3] = {0.0, 0.0, 0.0}, most[3] = {0.0, 0.0, 0.0};
   PetscMPIInt        size;
 
   PetscFunctionBegin;
   PetscCallMPI(MPI_Comm_size(comm, &size));
   for (PetscInt s = 0; s < sub->n; s++) {
-    const PetscReal n = (PetscReal)(sub->link_offset[s + 1] - sub->link_offset[s]);
+    const PetscReal n = (PetscReal)(sub->ki ? sub->ki[sub->node_offset[s + 1]] - sub->ki[sub->node_offset[s]] : sub->link_offset[s + 1] - sub->link_offset[s]);
     PetscInt        m = 0;
 
-    for (PetscInt i = dim * sub->node_offset[s]; i < dim * sub->node_offset[s + 1]; i++) m += sub->fixed[i] ? 0 : 1;
+    for (PetscInt i = bs * sub->node_offset[s]; i < bs * sub->node_offset[s + 1]; i++) m += sub->fixed[i] ? 0 : 1;
     sum[0] += n;
     sum[1] += m;
     sum[2] += PetscPowReal(n, LATIN_FACTOR_POWER);
@@ -318,6 +318,10 @@ PetscErrorCode LatinSubstructureReset(Latin latin)
   PetscCall(PetscFree3(sub->nonsmooth_link, sub->state, sub->state_first));
   PetscCall(PetscFree(sub->friction));
   PetscCall(PetscFree(sub->tension));
+  PetscCall(PetscFree2(sub->field, sub->near));
+  PetscCall(PetscFree(sub->ki));
+  PetscCall(PetscFree2(sub->kj, sub->ka));
+  PetscCall(PetscFree2(sub->loose, sub->loose_inverse));
   PetscCall(PetscSFDestroy(&sub->node_sf));
   PetscCall(PetscSFDestroy(&sub->dof_sf));
   PetscCall(PetscMemzero(sub, sizeof(*sub)));

@@ -1,0 +1,174 @@
+"""PC latin on a MATIS, whatever program has made it: finite elements or links, one local matrix a rank."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+PROGRAM = Path(__file__).with_name("matis_program.py")
+MECHANISM_FREE = ("poisson", "elasticity")
+
+
+@pytest.fixture
+def matis(mpirun):
+    """Run the program on some ranks and give what it prints: ``matis(4, ["-ksp_view"], dim=3)``."""
+
+    def launch(ranks, options=(), check=True, **how):
+        words = [word for key, value in how.items() for word in argument(key, value)]
+        result = mpirun(ranks, PROGRAM, *words, *options, check=check)
+        return json.loads(result.stdout.splitlines()[-1]) if check else result
+
+    return launch
+
+
+def argument(key, value):
+    """Write one argument of the program."""
+    name = "--" + key.replace("_", "-")
+    return [name] if value is True else [name, str(value)]
+
+
+def converged(result, most):
+    """Assert that conjugate gradients have converged in at most so many iterations, to what was asked for."""
+    assert result["reason"] > 0
+    assert result["iterations"] <= most
+    assert result["residual"] < 1e-6
+
+
+@pytest.mark.parametrize(
+    ("problem", "dim", "blocks", "cells", "most"),
+    [
+        ("poisson", 2, "2,2", 8, 6),
+        ("poisson", 3, "2,2,1", 4, 7),
+        ("elasticity", 2, "2,2", 8, 8),
+        ("elasticity", 3, "2,1,2", 4, 9),
+    ],
+)
+def test_symmetric_positive_definite_and_exact_in_the_mean(matis, problem, dim, blocks, cells, most):
+    """What conjugate gradients ask for; eigenvalues from one, less what the springs take, to a small number."""
+    result = matis(4, problem=problem, dim=dim, blocks=blocks, cells=cells, spectrum=True)
+    converged(result, most)
+    assert result["asymmetry"] < 1e-11
+    assert 0.95 < result["least"] < 1.0 + 1e-8
+    assert result["largest"] < 3.0
+
+
+@pytest.mark.parametrize("variant", ["none", "macro", "corner"])
+def test_links_and_their_matrix_give_one_preconditioner(matis, variant):
+    """A structure, one subdomain a rank: the local matrices make the same preconditioner as the links, to rounding."""
+    options = ["-pc_latin_direction_fraction", "0.1", "-pc_latin_variant", variant]
+    for dirichlet in ("eliminated", "zeroed") if variant == "corner" else ("scaled",):
+        result = matis(4, options, problem="truss", blocks=4, dirichlet=dirichlet, links=True)
+        assert result["reason"] > 0
+        assert result["apart"] < 1e-10
+
+
+@pytest.mark.slow
+@pytest.mark.slow
+def test_truss_grid(matis):
+    """Subdomains with mechanisms of their own, on which PCBDDC fails."""
+    converged(matis(16, problem="truss", blocks=16, cells=16, dirichlet="eliminated"), 28)
+
+
+@pytest.mark.parametrize("dirichlet", ["zeroed", "scaled", "eliminated"])
+def test_boundary_conditions_as_applications_leave_them(matis, dirichlet):
+    """Rows and columns zeroed, with any diagonal that the ranks share, or left out of the maps."""
+    for problem in MECHANISM_FREE:
+        converged(matis(4, ["-ksp_norm_type", "natural"], problem=problem, dirichlet=dirichlet), 8)
+
+
+@pytest.mark.parametrize("problem", MECHANISM_FREE)
+def test_singular_matrix_with_its_kernel(matis, problem):
+    """No boundary condition at all: the kernel is given, on several ranks and on one."""
+    few = matis(4, problem=problem, dirichlet="none")
+    converged(few, 8)
+    converged(matis(1, problem=problem, dirichlet="none", blocks="1,1"), 2)
+
+
+def test_singular_matrix_without_its_kernel(matis):
+    """The message says what to do, on every rank."""
+    result = matis(4, check=False, dirichlet="no")
+    assert result.returncode
+    assert result.stderr.count("MatSetNullSpace") == 4
+
+
+@pytest.mark.parametrize(
+    ("ranks", "how"),
+    [
+        (1, {"blocks": "1,1"}),  # one subdomain
+        pytest.param(16, {"cells": 4, "blocks": "4,4"}, marks=pytest.mark.slow),  # one cell a subdomain
+        (4, {"cells": 2, "blocks": "2,2"}),
+        pytest.param(8, {"cells": 2, "blocks": "2,2,2", "dim": 3, "problem": "elasticity"}, marks=pytest.mark.slow),
+        (6, {"problem": "elasticity"}),  # two ranks have nothing
+        (4, {"blocks": "4,1", "cells": 5}),  # slivers
+        (4, {"problem": "elasticity", "blocks": "1,4"}),
+    ],
+)
+def test_extreme_decompositions(matis, ranks, how):
+    """One rank, as many as cells, more than blocks; slivers."""
+    converged(matis(ranks, **how), 12)
+
+
+def test_what_is_known_of_the_unknowns(matis):
+    """Coordinates and near null space serve; without them more iterations, and it converges all the same."""
+    how = {"problem": "elasticity", "cells": 12}
+    coordinates = matis(4, **how)
+    near = matis(4, coordinates=0, near=True, **how)
+    nothing = matis(4, coordinates=0, **how)
+    for result in (coordinates, near, nothing):
+        converged(result, 14)
+    assert coordinates["iterations"] <= near["iterations"] <= nothing["iterations"]
+    assert nothing["coarse"] < near["coarse"] < coordinates["coarse"]
+    assert matis(4, scalar_map=True, **how)["coarse"] == coordinates["coarse"]
+    assert matis(4, ["-pc_latin_modes", "rigid"], near=True, **how)["coarse"] == near["coarse"]
+
+
+@pytest.mark.parametrize("local_type", ["sbaij", "baij"])
+def test_types_of_local_matrices(matis, local_type):
+    """Blocked and symmetric local matrices are the same matrix."""
+    aij, other = (matis(4, problem="elasticity", local_type=kind) for kind in ("aij", local_type))
+    assert aij["iterations"] == other["iterations"]
+    assert aij["coarse"] == other["coarse"]
+
+
+@pytest.mark.parametrize("direction", ["scalar", "diagonal", "block", "schur"])
+def test_directions(matis, direction):
+    """Springs of every kind."""
+    converged(matis(4, ["-pc_latin_direction", direction], problem="elasticity"), 8)
+
+
+@pytest.mark.parametrize(
+    "options", [["modes_local", "1"], ["weights", "multiplicity"], ["coarse_pc_type", "lu"], ["modes", "rigid"]]
+)
+def test_options(matis, options):
+    """Options of the preconditioner of links are those of a matrix."""
+    converged(matis(4, ["-pc_latin_" + options[0], options[1]], problem="elasticity"), 8)
+
+
+def test_asymmetric_matrix_is_refused(matis):
+    """On every rank, though one alone has the entry."""
+    result = matis(3, check=False, asymmetric=True, blocks="3,1")
+    assert result.returncode
+    assert result.stderr.count("is not symmetric") == 3
+    assert result.stderr.count("MatZeroRowsColumns") == 3
+
+
+def test_number_of_subdomains_is_not_ours(matis):
+    """The local matrices are the subdomains."""
+    result = matis(2, ["-pc_latin_subdomains", "7"], check=False, blocks="2,1")
+    assert result.returncode
+    assert "leave out -pc_latin_subdomains" in result.stderr
+
+
+def test_view(matis):
+    """-ksp_view says that a matrix is behind it, and what is known of it."""
+    result = matis(2, ["-ksp_view", "-options_left"], check=False, blocks="2,1", problem="elasticity")
+    assert not result.returncode
+    for text in (
+        "type: latin",
+        "162 unknowns in 2 fields",
+        "coordinates in 2D",
+        "0 near null vectors",
+        "subdomains: 2",
+    ):
+        assert text in result.stdout
+    assert "There are no unused options" in result.stdout
