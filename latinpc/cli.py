@@ -29,7 +29,7 @@ import latinpc
 
 from . import io
 from .scenes import SCENES, make
-from .scenes.scene import Law
+from .scenes.scene import UNILATERAL, Law
 
 NOT_CONVERGED, BAD_INPUT = 1, 2
 GATHERING_SECONDS = 10.0  # how long a rank that failed waits for the others to fail too
@@ -209,7 +209,7 @@ def summary(result):
     """Return the lines of (label, text) that tell what was solved and how it went."""
     scene, report = result.scene, result.report
     laws = ", ".join(
-        f"{count:,} {law.name.lower()}{'s' if count != 1 else ''}"
+        f"{count:,} {law.plural if count != 1 else law.name.lower()}"
         for law in Law
         if (count := int(np.count_nonzero(scene.law == law)))
     )
@@ -250,8 +250,10 @@ def _mechanics(scene, result):
     lines = [("displacement", f"largest {quantity(size[node], 'm')} at ({place}) m: ({vector}) mm")]
     low, high = result.tensions.min(), result.tensions.max()
     text = f"from {quantity(low, 'N')} to {quantity(high, 'N')} (compression negative)"
-    if (scene.law != Law.BAR).any():
-        text += f"; {100 * result.report['slack_fraction']:.3g} % of the cables and struts slack"
+    if np.isin(scene.law, UNILATERAL).any():
+        share = f"{100 * result.report['slack_fraction']:.3g} %"
+        touch = np.isin(scene.law, (Law.CONTACT, Law.FRICTION)).any()
+        text += f"; {share} of the contacts open" if touch else f"; {share} of the cables and struts slack"
     return [*lines, ("tension", text)]
 
 

@@ -399,14 +399,13 @@ def elongations(scene, displacements):
 
 
 def slack(scene, tensions):
-    """Tell which links are slack: cables and struts that carry nothing, shape (m,) of bool.
+    """Tell which links are slack: cables, struts and contacts that carry nothing, shape (m,) of bool.
 
     A tension of rounding size counts as nothing: its scale is that of the largest tension.
     """
     threshold = 1e-12 * np.abs(tensions).max(initial=0.0)
-    law = np.asarray(scene.law)
-    cable = (law == Law.CABLE) & (tensions <= threshold)
-    return cable | ((law == Law.STRUT) & (tensions >= -threshold))
+    cable = np.isin(scene.law, (Law.CABLE, Law.INEXTENSIBLE)) & (tensions <= threshold)
+    return cable | (np.isin(scene.law, (Law.STRUT, Law.CONTACT, Law.FRICTION)) & (tensions >= -threshold))
 
 
 # ---- VTU out ---------------------------------------------------------------------------------

@@ -4,6 +4,8 @@ Compression is drawn in warm colours and tension in cool ones, in bars and cable
 cables thin, and slack cables and struts stand out in a colour of their own.
 """
 
+from dataclasses import replace
+
 import matplotlib
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -164,6 +166,16 @@ def draw_structure(scene, displacements, tensions, subdomain=None, path="structu
     amplification : float, optional
         Of the displacements; by default a round number that makes them visible.
     """
+    tensions = np.asarray(tensions, dtype=float)
+    seen = _along(scene)
+    if not seen.all():  # what acts across the line between its nodes is no line to draw
+        names = ("links", "law", "stiffness", "prestrain", "direction", "friction", "subdomain")
+        given = {name: getattr(scene, name)[seen] for name in names if getattr(scene, name) is not None}
+        if scene.subdomain is not None:
+            given["subdomain"] = None
+        scene = replace(scene, **given)
+        tensions = tensions[seen]
+        subdomain = None if subdomain is None else np.asarray(subdomain)[seen]
     nodes, moved = _plane_points(scene.nodes), _plane_points(np.asarray(displacements, dtype=float))
     if scene.dim == 1:
         moved[:, 1] = 0.0
@@ -184,7 +196,7 @@ def draw_structure(scene, displacements, tensions, subdomain=None, path="structu
     if few:
         _draw(axes, nodes[scene.links], [GHOST_COLOUR], 0.5, zorder=1)
         _draw_supports(axes, scene, shape)
-    _draw_forces(figure, axes, scene, shape[scene.links], np.asarray(tensions, dtype=float))
+    _draw_forces(figure, axes, scene, shape[scene.links], tensions)
     if subdomain is not None and np.max(subdomain) > 0:
         _draw_subdomains(figure, nodes[scene.links], np.asarray(subdomain), three)
     divisor, unit = scaled(largest, "m")
@@ -213,6 +225,15 @@ def _axes_2d(figure, rectangle, points):
     return axes
 
 
+def _along(scene):
+    """Tell which links act along the line between their nodes, or between nodes at one place."""
+    if scene.direction is None:
+        return np.ones(len(scene.links), bool)
+    line = scene.nodes[scene.links[:, 1]] - scene.nodes[scene.links[:, 0]]
+    along = np.abs(np.einsum("ij,ij->i", line, scene.directions))
+    return (scene.law != Law.TANGENT) & (along >= 0.5 * np.linalg.norm(line, axis=1))
+
+
 def _draw_supports(axes, scene, shape):
     held = shape[scene.fixed.any(axis=1)]
     style = {"color": "#333333", "s": 18, "marker": "^", "linewidths": 0}
@@ -237,6 +258,8 @@ def _draw_forces(figure, axes, scene, segments, tensions):
     thin = float(np.clip(45.0 / np.sqrt(len(tensions)), 0.28, 1.3))
     widths = np.where(bar, 2.0 * thin, thin)
     widths[loose] = 1.25 * thin
+    touch = np.isin(scene.law, (Law.CONTACT, Law.FRICTION))  # chains of force: as wide as they are strong
+    widths[touch] = 6.0 * thin * push[touch] / max(push.max(), 1e-300)
     dashed = len(tensions) <= MANY_LINKS
     styles = [(0, (2.0, 1.6)) if dashed and free else (0, None) for free in loose]
     order = np.argsort(loose, kind="stable")  # slack links last: on top where depth does not decide
@@ -250,13 +273,20 @@ def _draw_forces(figure, axes, scene, segments, tensions):
     keys = []
     if bar.any():
         keys.append(Line2D([], [], color="#555555", linewidth=2.6, label="bar"))
-    for law, name in ((Law.CABLE, "cable"), (Law.STRUT, "strut")):
+    for law, name in (
+        (Law.CABLE, "cable"),
+        (Law.STRUT, "strut"),
+        (Law.INEXTENSIBLE, "inextensible cable"),
+    ):
         chosen = scene.law == law
         if chosen.any():
             keys.append(Line2D([], [], color="#555555", linewidth=1.1, label=name))
             share = 100.0 * loose[chosen].mean()
-            text = f"slack {name} ({share:.3g} %)"
+            text = f"slack {name.removeprefix('inextensible ')} ({share:.3g} %)"
             keys.append(Line2D([], [], color=SLACK_COLOUR, linewidth=1.6, linestyle=(0, (2.0, 1.6)), label=text))
+    if touch.any():
+        text = f"contact, wide as its force\n({100.0 * loose[touch].mean():.3g} % are open)"
+        keys.append(Line2D([], [], color="#555555", linewidth=3.0, label=text))
     figure.legend(handles=keys, loc="upper left", bbox_to_anchor=(0.82, 0.47), fontsize=9, frameon=False)
 
 

@@ -18,7 +18,7 @@ import latinpc
 
 from .io import slack
 from .links import Links
-from .scenes.scene import Law, Scene
+from .scenes.scene import RIGID, UNILATERAL, Law, Scene
 
 #: Options of our own, after ``-snes_latin_``, ``-ksp_latin_``, ``-pc_latin_``; the last are prefixes of inner solvers.
 OPTIONS = (
@@ -131,6 +131,12 @@ def solve(scene, options=None, *, subdomains=None, reference=None, links=None, c
     if isinstance(reference, PETSc.Vec):
         errors_against = reference
     elif reference:
+        rigid = [law for law in RIGID if (scene.law == law).any()]
+        if rigid:
+            raise ValueError(
+                f"no reference: Newton's method has none for the rigid law {rigid[0].name.lower()}; leave it out, or"
+                " give displacements to compare with"
+            )
         notices += filter(None, direct_solver(links.comm)[1:])
         errors_against = reference_solution(links)
     with default_options(settings):
@@ -230,8 +236,8 @@ def _last(values):
 
 
 def _slack_fraction(scene, tensions):
-    nonsmooth = np.count_nonzero(scene.law != Law.BAR)
-    return np.count_nonzero(slack(scene, tensions)) / nonsmooth if nonsmooth else 0.0
+    unilateral = np.count_nonzero(np.isin(scene.law, UNILATERAL))
+    return np.count_nonzero(slack(scene, tensions)) / unilateral if unilateral else 0.0
 
 
 def _name(reasons, value):

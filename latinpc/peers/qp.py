@@ -10,8 +10,9 @@ where e = B u + e_d. With one more unknown v for each cable or strut, its taut e
     subject to v >= e + e0 in a cable, v <= e + e0 in a strut:
 
 at the minimum v = max(e + e0, 0), or min(e + e0, 0). (The form with a slack s >= 0 of each cable, k/2 (e + e0 + s)^2,
-takes PIQP as long and Clarabel longer.) Lengths are divided by a typical elongation and energies by its square times
-the largest stiffness, for neither method likes 1e7 N/m.
+takes PIQP as long and Clarabel longer.) Inextensible cables and contacts store nothing: they are the constraints
+e + e0 <= 0 and e + e0 >= 0 alone, and their tensions are the multipliers. Lengths are divided by a typical elongation
+and energies by its square times the largest stiffness, for neither method likes 1e7 N/m.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import sparse
 
-from latinpc.scenes.scene import Law
+from latinpc.scenes.scene import RIGID, Law
 
 
 @dataclass
@@ -34,6 +35,7 @@ class Program:
     h: np.ndarray
     free: np.ndarray  #: (n, dim) bool
     length: float  #: m
+    force: float  #: N, unit of the multipliers
 
     def displacements(self, scene, x):
         """Return the displacement of every node (m)."""
@@ -71,17 +73,22 @@ def program(scene):
     """
     B, e_d = kinematics(scene)
     offset = scene.prestrain + e_d  # m
-    k = scene.stiffness / scene.stiffness.max()
-    force = scene.load[~scene.fixed] / scene.stiffness.max()  # m
+    rigid = np.isin(scene.law, RIGID)
+    if np.isin(scene.law, (Law.FRICTION, Law.TANGENT)).any() or (scene.law >= len(Law)).any():
+        raise ValueError(f"scene {scene.name!r} is no quadratic program: it has friction, or laws from tables")
+    largest = scene.stiffness[~rigid].max() if not rigid.all() else np.abs(scene.load).max() / scene.lengths.mean()
+    k = scene.stiffness / largest
+    force = scene.load[~scene.fixed] / largest  # m
     length = max(np.abs(offset).max(), np.abs(force).max(initial=0.0)) or 1.0
     offset, force = offset / length, force / length
     bar = scene.law == Law.BAR
-    sign = sparse.diags(np.where(scene.law[~bar] == Law.STRUT, -1.0, 1.0))
+    sign = sparse.diags(np.where(np.isin(scene.law[~bar], (Law.STRUT, Law.CONTACT)), -1.0, 1.0))
+    taut = sparse.eye(sign.shape[0], format="csc")[:, ~rigid[~bar]]  # v of the links that have one
     B_b, k_b = B[bar], k[bar]
-    P = sparse.block_diag([B_b.T @ sparse.diags(k_b) @ B_b, sparse.diags(k[~bar])], format="csc")
-    c = np.concatenate([B_b.T @ (k_b * offset[bar]) - force, np.zeros(sign.shape[0])])
-    G = sparse.hstack([sign @ B[~bar], -sign], format="csc")
-    return Program(P, c, G, -(sign @ offset[~bar]), ~scene.fixed, length)
+    P = sparse.block_diag([B_b.T @ sparse.diags(k_b) @ B_b, sparse.diags(k[~bar & ~rigid])], format="csc")
+    c = np.concatenate([B_b.T @ (k_b * offset[bar]) - force, np.zeros(taut.shape[1])])
+    G = sparse.hstack([sign @ B[~bar], -sign @ taut], format="csc")
+    return Program(P, c, G, -(sign @ offset[~bar]), ~scene.fixed, length, length * largest)
 
 
 class Piqp:

@@ -5,8 +5,13 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable
 
+from .arch import arch
+from .chain import chain
+from .hung_truss import hung_truss
 from .lattice import lattice
+from .net import net
 from .network import network
+from .packing import packing
 from .scene import Law, Scene
 from .tensegrity_grid import tensegrity_grid, truss_grid
 
@@ -16,6 +21,11 @@ SCENES: dict[str, Callable[..., Scene]] = {
     "truss-grid": truss_grid,
     "network": network,
     "lattice": lattice,
+    "hung-truss": hung_truss,
+    "chain": chain,
+    "net": net,
+    "arch": arch,
+    "packing": packing,
 }
 
 
@@ -43,4 +53,18 @@ def make(name: str, **options) -> Scene:
     return SCENES[name](**options)
 
 
-__all__ = ["SCENES", "Law", "Scene", "lattice", "make", "network", "tensegrity_grid", "truss_grid"]
+__all__ = [
+    "SCENES",
+    "Law",
+    "Scene",
+    "arch",
+    "chain",
+    "hung_truss",
+    "lattice",
+    "make",
+    "net",
+    "network",
+    "packing",
+    "tensegrity_grid",
+    "truss_grid",
+]

@@ -32,6 +32,9 @@ class Law(IntEnum):
 #: Laws whose tension is no function of the strain: their stiffness is a search parameter, 0 leaves it to the solver.
 RIGID = (Law.INEXTENSIBLE, Law.CONTACT, Law.FRICTION, Law.TANGENT)
 
+#: Laws of links that may carry nothing.
+UNILATERAL = (Law.CABLE, Law.STRUT, Law.INEXTENSIBLE, Law.CONTACT, Law.FRICTION)
+
 
 @dataclass(repr=False)
 class Scene:

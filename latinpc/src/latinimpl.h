@@ -640,7 +640,8 @@ PETSC_INTERN PetscErrorCode LatinReflectionSolution_Private(Latin, const PetscRe
 /* ---- SNES latin (sneslatin.c, snesresults.c) ---- */
 typedef struct {
   Latin             latin;
-  SNES              outer; /* solves z - G(z) = 0 */
+  SNES              outer;       /* solves z - G(z) = 0 */
+  PetscBool         outer_rigid; /* with the defaults for structures with rigid laws */
   Vec               z;
   LatinStopType     stop;
   PetscReal         target; /* estimated error to stop at */

@@ -6,6 +6,9 @@
    of the displacements: the structure keeps those of the last solve.
 */
 
+#define LATIN_RIGID_SMALL 1e-3 /* displacements beside the spacing of the nodes, where no gap tells */
+#define LATIN_RIGID_RUBS  0.1  /* grains with friction slip by more than their gaps */
+
 /* The parts of a contact with friction follow each other, on one rank, with the same end nodes */
 PetscErrorCode LatinLinksCheckContacts_Private(LatinLinks links, const PetscInt law[])
 {
@@ -52,14 +55,16 @@ static PetscErrorCode LatinLinksCheckFrames_Private(LatinLinks links)
   PetscFunctionReturn(0);
 }
 
-/* One number for all elastic links, for rigid ones that have no elastic neighbour; without any, loads over gaps. Collective */
+/* One number for all elastic links, for rigid ones that have no elastic neighbour; without any, the mean load of a loaded node over the mean gap. Collective */
 static PetscErrorCode LatinLinksScale_Private(LatinLinks links, PetscReal *scale)
 {
-  PetscReal sum[6] = {0.0, 0.0, 0.0, 0.0, 0.0, 0.0};
+  const PetscInt dim    = links->dim;
+  PetscReal      sum[6] = {0.0, 0.0, 0.0, 0.0, 0.0, 0.0}, box[6], size = 0.0;
 
   PetscFunctionBegin;
   for (PetscInt l = 0; l < links->links_local; l++) {
     if (links->tuned[l]) {
+      if (links->law[l] == LATIN_LAW_TANGENT) continue; /* its normal part has the gap */
       sum[2] += PetscAbsReal(links->prestrain[l]);
       sum[3] += 1.0;
     } else {
@@ -67,13 +72,23 @@ static PetscErrorCode LatinLinksScale_Private(LatinLinks links, PetscReal *scale
       sum[1] += 1.0;
     }
   }
-  for (PetscInt i = 0; i < links->dim * links->nodes_local; i++) {
+  for (PetscInt c = 0; c < 6; c++) box[c] = PETSC_MIN_REAL;
+  for (PetscInt i = 0; i < dim * links->nodes_local; i++) {
+    box[i % dim]     = PetscMax(box[i % dim], links->x[i]);
+    box[3 + i % dim] = PetscMax(box[3 + i % dim], -links->x[i]);
     sum[4] += links->fixed[i] ? 0.0 : PetscAbsReal(links->force[i]);
-    sum[5] += links->fixed[i] ? 0.0 : 1.0;
+    sum[5] += links->fixed[i] || links->force[i] == 0.0 ? 0.0 : 1.0;
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 6, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)links)));
-  /* without any elastic link and without gaps, tensions do not depend on l */
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, box, 6, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)links)));
+  for (PetscInt c = 0; c < dim; c++) size = PetscMax(size, box[c] + box[3 + c]);
+  /* without any elastic link and without gaps, tensions do not depend on l: so that displacements are small beside the spacing of the nodes */
+  if (!(sum[2] > 0.0)) {
+    sum[2] = LATIN_RIGID_SMALL * size / PetscPowReal((PetscReal)links->nodes_global, 1.0 / dim);
+    sum[3] = 1.0;
+  }
   *scale = sum[1] > 0.0 ? sum[0] / sum[1] : sum[2] > 0.0 && sum[4] > 0.0 ? sum[4] / sum[5] / (sum[2] / sum[3]) : 1.0;
+  if (links->rubs && !(sum[1] > 0.0)) *scale *= LATIN_RIGID_RUBS;
   PetscFunctionReturn(0);
 }
 

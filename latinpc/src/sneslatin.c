@@ -129,9 +129,19 @@ static PetscErrorCode SNESLatinMonitor_Private(SNES snes, PetscInt it, PetscReal
   PetscFunctionReturn(0);
 }
 
+/* The structure of a SNES: attached, or behind its DM; NULL if there is none */
+static PetscErrorCode SNESLatinFindLinks_Private(SNES snes, LatinLinks *links)
+{
+  PetscFunctionBegin;
+  PetscCall(PetscObjectQuery((PetscObject)snes, "LatinLinks", (PetscObject *)links));
+  if (!*links) PetscCall(LatinLinksFromDM_Private(snes->dm, links));
+  PetscFunctionReturn(0);
+}
+
 /*
-   The inner SNES and its defaults, which the user's options override: Anderson of depth 10, and for nrichardson the
-   full step that is the article's iteration. PETSc has no setter for the depth, only an option, so the default goes
+   The inner SNES and its defaults, which the user's options override: Anderson of depth 10, for structures with rigid
+   laws with restarts, for it is slowed down there by differences from before links changed between taut and slack; and
+   for nrichardson the full step that is the article's iteration. PETSc has no setter for the depth, only an option, so the default goes
    in through an options database of our own; the user's is not touched.
 */
 PetscErrorCode SNESLatinCreateOuter_Private(SNES snes)
@@ -142,9 +152,12 @@ PetscErrorCode SNESLatinCreateOuter_Private(SNES snes)
   PetscBool      set;
   PetscOptions   options = ((PetscObject)snes)->options, defaults;
   SNESLineSearch search;
+  LatinLinks     links;
 
   PetscFunctionBegin;
   if (data->outer) PetscFunctionReturn(0);
+  PetscCall(SNESLatinFindLinks_Private(snes, &links));
+  data->outer_rigid = (PetscBool)(links && links->rigid_law >= 0);
   PetscCall(SNESCreate(PetscObjectComm((PetscObject)snes), &data->outer));
   PetscCall(PetscObjectIncrementTabLevel((PetscObject)data->outer, (PetscObject)snes, 1));
   PetscCall(SNESGetOptionsPrefix(snes, &prefix));
@@ -164,6 +177,10 @@ PetscErrorCode SNESLatinCreateOuter_Private(SNES snes)
     /* the type's own options only, and none of them printed: SNESSetFromOptions() would mark all as printed for -help */
     PetscCall(PetscOptionsCreate(&defaults));
     PetscCall(PetscOptionsSetValue(defaults, "-latin_defaults_snes_anderson_m", "10"));
+    if (data->outer_rigid) {
+      PetscCall(PetscOptionsSetValue(defaults, "-latin_defaults_snes_anderson_restart_type", "periodic"));
+      PetscCall(PetscOptionsSetValue(defaults, "-latin_defaults_snes_anderson_restart", "30"));
+    }
     PetscCall(PetscOptionsPush(defaults));
     PetscOptionsBegin(PetscObjectComm((PetscObject)snes), "latin_defaults_", "LATIN defaults", NULL);
     PetscCall((*data->outer->ops->setfromoptions)(data->outer, PetscOptionsObject));
@@ -246,6 +263,7 @@ static PetscErrorCode SNESLatinSetUpState_Private(SNES snes)
     built = (PetscBool)(state == latin->links_state && !latin->stale);
   }
   if (!built && data->z) PetscCall(SNESLatinResetState_Private(snes));
+  if (!data->z && data->outer_rigid != (latin->links->rigid_law >= 0)) PetscCall(SNESDestroy(&data->outer)); /* made before the structure was known */
   PetscCall(SNESLatinCreateOuter_Private(snes));
   PetscCall(LatinSetUp_Private(latin));
   if (!data->z) {
@@ -268,8 +286,7 @@ static PetscErrorCode SNESSetUp_Latin(SNES snes)
   LatinLinks  links;
 
   PetscFunctionBegin;
-  PetscCall(PetscObjectQuery((PetscObject)snes, "LatinLinks", (PetscObject *)&links));
-  if (!links) PetscCall(LatinLinksFromDM_Private(snes->dm, &links));
+  PetscCall(SNESLatinFindLinks_Private(snes, &links));
   PetscCheck(links, PetscObjectComm((PetscObject)snes), PETSC_ERR_ORDER,
              "-snes_type latin has no structure to work on: build one with LatinLinksCreate() and give it to this SNES with LatinLinksAttachSNES() (in Python, latinpc.Links(...).attach(snes))");
   PetscCall(LatinSetLinks_Private(data->latin, links));
