@@ -1,6 +1,6 @@
 """Multiscale LATIN domain decomposition for structures of links, as PETSc solver types.
 
-Importing this package registers the SNES, KSP and PC types ``latin`` with petsc4py's PETSc.
+Importing this package registers the TS, SNES, KSP and PC types ``latin`` with petsc4py's PETSc.
 """
 
 from pathlib import Path
@@ -23,6 +23,7 @@ from latinpc.solvers import (
     rounding_floor,
     set_reference,
     statistics,
+    step_tensions,
     subdomain_is,
     subdomain_of_links,
     subdomains,
@@ -49,6 +50,7 @@ __all__ = [
     "rounding_floor",
     "set_reference",
     "statistics",
+    "step_tensions",
     "subdomain_is",
     "subdomain_of_links",
     "subdomains",

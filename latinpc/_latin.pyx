@@ -5,8 +5,8 @@ Arrays are those of this rank, contiguous, of PETSc's types; `latinpc.links` mak
 """
 
 from cpython.exc cimport PyErr_Occurred
-from petsc4py.PETSc cimport DM, IS, KSP, Mat, PC, SNES, Object, Vec
-from petsc4py.PETSc cimport PetscDM, PetscIS, PetscKSP, PetscMat, PetscObject, PetscPC, PetscSNES, PetscVec
+from petsc4py.PETSc cimport DM, IS, KSP, Mat, PC, SNES, TS, Object, Vec
+from petsc4py.PETSc cimport PetscDM, PetscIS, PetscKSP, PetscMat, PetscObject, PetscPC, PetscSNES, PetscTS, PetscVec
 from petsc4py.PETSc cimport MPI_Comm, GetComm, GetCommDefault
 
 import numpy as np
@@ -67,14 +67,17 @@ cdef extern from "latinpc.h":
     PetscErrorCode LatinLinksSetSupports(LatinLinks, const PetscBool *, const PetscReal *)
     PetscErrorCode LatinLinksSetLoads(LatinLinks, const PetscReal *)
     PetscErrorCode LatinLinksSetPrestrain(LatinLinks, const PetscReal *)
+    PetscErrorCode LatinLinksSetMass(LatinLinks, const PetscReal *)
     PetscErrorCode LatinLinksSetSubdomains(LatinLinks, const PetscInt *)
     PetscErrorCode LatinLinksSetUp(LatinLinks)
     PetscErrorCode LatinLinksGetDM(LatinLinks, PetscDM *)
     PetscErrorCode LatinLinksAttachSNES(LatinLinks, PetscSNES)
+    PetscErrorCode LatinLinksAttachTS(LatinLinks, PetscTS)
     PetscErrorCode LatinLinksGetSizes(LatinLinks, PetscInt *, PetscInt *, PetscInt *, PetscInt *)
     PetscErrorCode LatinLinksComputeResidual(LatinLinks, PetscVec, PetscVec)
     PetscErrorCode LatinLinksComputeJacobian(LatinLinks, PetscVec, PetscMat)
     PetscErrorCode LatinLinksComputeEnergy(LatinLinks, PetscVec, PetscReal *)
+    PetscErrorCode LatinLinksComputeKineticEnergy(LatinLinks, PetscVec, PetscReal *)
     PetscErrorCode LatinLinksComputeErrors(LatinLinks, PetscVec, PetscVec, PetscReal *, PetscReal *)
     PetscErrorCode LatinLinksGetDisplacements(LatinLinks, PetscVec, PetscReal *)
     PetscErrorCode LatinLinksGetTensions(LatinLinks, PetscVec, PetscReal *)
@@ -90,6 +93,7 @@ cdef extern from "latinpc.h":
     PetscErrorCode KSPLatinGetLatin(PetscKSP, Latin *)
     PetscErrorCode KSPLatinSetLinks(PetscKSP, LatinLinks)
     PetscErrorCode KSPLatinGetOuter(PetscKSP, PetscKSP *)
+    PetscErrorCode TSLatinGetTensions(PetscTS, PetscReal *)
     PetscErrorCode PCLatinGetLatin(PetscPC, Latin *)
     PetscErrorCode PCLatinSetLinks(PetscPC, LatinLinks)
     PetscErrorCode PCShellSetLatin(PetscPC)
@@ -236,6 +240,10 @@ cdef class LinksHandle:
         """Change the prestrain of this rank's links."""
         CHKERR(LatinLinksSetPrestrain(self.handle, reals(prestrain)))
 
+    def set_mass(self, mass):
+        """Give this rank's nodes their masses."""
+        CHKERR(LatinLinksSetMass(self.handle, reals(mass)))
+
     def set_subdomains(self, subdomain):
         """Say to which subdomain each link of this rank belongs."""
         CHKERR(LatinLinksSetSubdomains(self.handle, integers(subdomain)))
@@ -253,6 +261,10 @@ cdef class LinksHandle:
     def attach(self, SNES snes not None):
         """Give a SNES the DM, the residual and the Jacobian of the structure."""
         CHKERR(LatinLinksAttachSNES(self.handle, snes.snes))
+
+    def attach_ts(self, TS ts not None):
+        """Give a TS the DM and the motion of the structure."""
+        CHKERR(LatinLinksAttachTS(self.handle, ts.ts))
 
     def set_pc(self, PC pc not None):
         """Give a PC of type latin the structure."""
@@ -280,6 +292,12 @@ cdef class LinksHandle:
         """Compute the potential energy."""
         cdef PetscReal energy = 0
         CHKERR(LatinLinksComputeEnergy(self.handle, u.vec, &energy))
+        return energy
+
+    def kinetic_energy(self, Vec v not None):
+        """Compute the kinetic energy."""
+        cdef PetscReal energy = 0
+        CHKERR(LatinLinksComputeKineticEnergy(self.handle, v.vec, &energy))
         return energy
 
     def errors(self, Vec u not None, Vec reference not None):
@@ -381,6 +399,11 @@ def outer_ksp(KSP ksp not None):
     cdef PetscKSP outer = NULL
     CHKERR(KSPLatinGetOuter(ksp.ksp, &outer))
     return keep(PETSc.KSP(), outer)
+
+
+def step_tensions(TS ts not None, out):
+    """Write the mean tensions of this rank's links during the last step into ``out``."""
+    CHKERR(TSLatinGetTensions(ts.ts, <PetscReal *>reals(out)))
 
 
 def set_reference(SNES snes not None, Vec reference):

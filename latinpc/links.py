@@ -197,6 +197,8 @@ class Links:
     friction : (m,) array_like of float, or float, optional
         Coefficients of friction, read at links of law 5. Such a contact is `dim` consecutive links of the same nodes:
         law 5 along its normal, then law 6 along directions at right angles.
+    mass : (n,) array_like of float, or float, optional
+        Lumped masses of the nodes (kg), for dynamics only.
     comm : petsc4py or mpi4py communicator, optional
         PETSc's default communicator when not given.
 
@@ -233,6 +235,7 @@ class Links:
         subdomain=None,
         direction=None,
         friction=None,
+        mass=None,
         comm=None,
     ):
         nodes = np.asarray(nodes, dtype=np.float64)
@@ -296,6 +299,8 @@ class Links:
         if subdomain is not None:
             handle.set_subdomains(_native(subdomain[mine], PETSc.IntType))
         handle.setup()
+        if mass is not None:
+            self.set_mass(mass)
         # solvers know the DM, not this object: they find the caller's numbering there
         self.dm.setAttr("latinpc_slices", self._slices)
 
@@ -315,6 +320,7 @@ class Links:
         Links
         """
         names = ("nodes", "links", "stiffness", "prestrain", "fixed", "prescribed", "load", "subdomain", "direction")
+        names += ("mass",)
         tables = [register_table(*table) for table in scene.tables]
         law = np.append(np.array(Law), tables)[scene.law] if tables else scene.law
         given = {name: getattr(scene, name) for name in names}
@@ -337,18 +343,21 @@ class Links:
         return Sizes(*self._handle.sizes())
 
     def attach(self, solver):
-        """Give a SNES the DM, the residual and the Jacobian; give a KSP or PC of type latin the structure.
+        """Give a SNES the DM, the residual and the Jacobian; a KSP or PC of type latin the structure; a TS the motion.
 
-        Collective. A SNES may be of any type: ``newtonls`` solves the same structure as ``latin``.
+        Collective. A SNES may be of any type: ``newtonls`` solves the same structure as ``latin``. A TS may be of
+        type ``latin``, or of those of PETSc's types that take equations of second order, such as ``alpha2``.
 
         Parameters
         ----------
-        solver : petsc4py.PETSc.SNES, petsc4py.PETSc.KSP or petsc4py.PETSc.PC
+        solver : petsc4py.PETSc.SNES, petsc4py.PETSc.KSP, petsc4py.PETSc.PC or petsc4py.PETSc.TS
         """
         if isinstance(solver, PETSc.PC):
             self._handle.set_pc(solver)
         elif isinstance(solver, PETSc.KSP):
             self._handle.set_ksp(solver)
+        elif isinstance(solver, PETSc.TS):
+            self._handle.attach_ts(solver)
         else:
             self._handle.attach(solver)
         solver.setAttr("latinpc_slices", self._slices)
@@ -370,6 +379,27 @@ class Links:
         self.attach(snes)
         snes.setType("latin")
         return snes
+
+    def create_ts(self, u=None, v=None, comm=None):
+        """Make a TS with the structure attached, its options not yet read; collective.
+
+        Parameters
+        ----------
+        u, v : petsc4py.PETSc.Vec, optional
+            Displacement (m) and velocity (m/s) to start from, which move with the steps; zero when not given.
+        comm : petsc4py or mpi4py communicator, optional
+            That of the structure when not given.
+
+        Returns
+        -------
+        petsc4py.PETSc.TS
+            Of type latin; ``setFromOptions`` may change it. ``ts.getSolution2()`` returns ``u`` and ``v``.
+        """
+        ts = PETSc.TS().create(self.comm if comm is None else _comm(comm))
+        self.attach(ts)
+        ts.setType("latin")
+        ts.setSolution2(self.create_vec() if u is None else u, self.create_vec() if v is None else v)
+        return ts
 
     def create_vec(self):
         """Make a displacement of the free degrees of freedom (m), zero; collective.
@@ -421,6 +451,20 @@ class Links:
         float
         """
         return self._handle.energy(u)
+
+    def kinetic_energy(self, v):
+        """Compute the kinetic energy 1/2 v^t M v of the free degrees of freedom (J); collective.
+
+        Parameters
+        ----------
+        v : petsc4py.PETSc.Vec
+            Velocity (m/s).
+
+        Returns
+        -------
+        float
+        """
+        return self._handle.kinetic_energy(v)
 
     def errors(self, u, reference):
         """Compare two displacements; collective.
@@ -507,6 +551,18 @@ class Links:
             The same on every rank (m).
         """
         self._handle.set_prestrain(_native(self._prestrain(prestrain)[self._slices.my_links]))
+
+    def set_mass(self, mass):
+        """Give the nodes their masses, or change them; collective.
+
+        Parameters
+        ----------
+        mass : (n,) array_like of float, or float
+            Lumped masses (kg), not negative, the same on every rank.
+        """
+        mass = _shaped("mass", mass, self._shape[:1], np.float64, "a value per node")
+        _refuse(~((mass >= 0) & np.isfinite(mass)), "node", "has a mass that is negative or not finite", mass)
+        self._handle.set_mass(self._my_nodes(mass))
 
     def set_subdomains(self, subdomain):
         """Change the partition of the links, before a solver is set up; collective.

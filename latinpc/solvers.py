@@ -28,6 +28,7 @@ __all__ = [
     "rounding_floor",
     "set_reference",
     "statistics",
+    "step_tensions",
     "subdomain_is",
     "subdomain_of_links",
     "subdomains",
@@ -131,6 +132,25 @@ def set_reference(snes, reference):
         Displacement of the free degrees of freedom (m).
     """
     _latin.set_reference(snes, reference)
+
+
+def step_tensions(ts):
+    """Return the mean tension of every link during the last time step, impulse over length of the step; collective.
+
+    Parameters
+    ----------
+    ts : petsc4py.PETSc.TS
+        Of type latin, after a step, with a `Links` attached.
+
+    Returns
+    -------
+    (m,) array of float
+        In the caller's numbering, the same on every rank (N), positive in tension.
+    """
+    slices = _slices_of(ts)
+    mine = np.zeros(len(slices.my_links))
+    _latin.step_tensions(ts, mine)
+    return slices.gather_links(mine)
 
 
 def subdomains(solver):

@@ -63,6 +63,9 @@ def test_appended_library_registers_all_types(mpirun, compile_c, ranks):
         snes = mpirun(1, compile_c("plain_snes.c"), *append).stdout
         listed = next(line for line in snes.splitlines() if "-snes_type" in line)
         assert "latin" in listed
+        ts = mpirun(1, compile_c("plain_ts.c"), *append).stdout
+        listed = next(line for line in ts.splitlines() if "-ts_type" in line)
+        assert "latin" in listed
 
 
 def test_appended_library_is_not_in_the_way(mpirun, compile_c):
@@ -87,6 +90,13 @@ def test_appended_ksp_says_what_it_needs(mpirun, compile_c):
     result = mpirun(1, compile_c("plain_ksp.c"), "-dll_append", LIBRARY, "-ksp_type", "latin", check=False)
     assert result.returncode
     assert "-ksp_type latin has no structure" in result.stderr
+    assert "Unknown type" not in result.stderr
+
+
+def test_appended_ts_says_what_it_needs(mpirun, compile_c):
+    result = mpirun(1, compile_c("plain_ts.c"), "-dll_append", LIBRARY, "-ts_type", "latin", check=False)
+    assert result.returncode
+    assert "-ts_type latin has no structure" in result.stderr
     assert "Unknown type" not in result.stderr
 
 

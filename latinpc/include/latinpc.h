@@ -8,7 +8,7 @@
 #ifndef LATINPC_H
 #define LATINPC_H
 
-#include <petscsnes.h>
+#include <petscts.h>
 
 #define LATINPC_VERSION_MAJOR    0
 #define LATINPC_VERSION_MINOR    1
@@ -18,6 +18,7 @@
 #define SNESLATIN "latin"
 #define KSPLATIN  "latin"
 #define PCLATIN   "latin"
+#define TSLATIN   "latin"
 
 /* Constitutive laws of a link, table `laws.c` */
 typedef enum {
@@ -115,15 +116,18 @@ PETSC_EXTERN PetscErrorCode LatinLinksSetDirections(LatinLinks, const PetscReal 
 PETSC_EXTERN PetscErrorCode LatinLinksSetFriction(LatinLinks, const PetscReal coefficient[]);
 PETSC_EXTERN PetscErrorCode LatinLinksSetSupports(LatinLinks, const PetscBool fixed[], const PetscReal prescribed[]);
 PETSC_EXTERN PetscErrorCode LatinLinksSetLoads(LatinLinks, const PetscReal force[]);
+PETSC_EXTERN PetscErrorCode LatinLinksSetMass(LatinLinks, const PetscReal mass[]);
 PETSC_EXTERN PetscErrorCode LatinLinksSetPrestrain(LatinLinks, const PetscReal prestrain[]);
 PETSC_EXTERN PetscErrorCode LatinLinksSetSubdomains(LatinLinks, const PetscInt subdomain[]);
 PETSC_EXTERN PetscErrorCode LatinLinksSetUp(LatinLinks);
 PETSC_EXTERN PetscErrorCode LatinLinksGetDM(LatinLinks, DM *);
 PETSC_EXTERN PetscErrorCode LatinLinksAttachSNES(LatinLinks, SNES);
+PETSC_EXTERN PetscErrorCode LatinLinksAttachTS(LatinLinks, TS);
 PETSC_EXTERN PetscErrorCode LatinLinksGetSizes(LatinLinks, PetscInt *dim, PetscInt *nodes, PetscInt *links, PetscInt *free_dofs);
 PETSC_EXTERN PetscErrorCode LatinLinksComputeResidual(LatinLinks, Vec u, Vec r);
 PETSC_EXTERN PetscErrorCode LatinLinksComputeJacobian(LatinLinks, Vec u, Mat J);
 PETSC_EXTERN PetscErrorCode LatinLinksComputeEnergy(LatinLinks, Vec u, PetscReal *energy);
+PETSC_EXTERN PetscErrorCode LatinLinksComputeKineticEnergy(LatinLinks, Vec v, PetscReal *energy);
 PETSC_EXTERN PetscErrorCode LatinLinksComputeErrors(LatinLinks, Vec u, Vec reference, PetscReal *l2, PetscReal *energy);
 PETSC_EXTERN PetscErrorCode LatinLinksGetDisplacements(LatinLinks, Vec u, PetscReal displacement[]);
 PETSC_EXTERN PetscErrorCode LatinLinksGetTensions(LatinLinks, Vec u, PetscReal tension[]);
@@ -134,6 +138,7 @@ PETSC_EXTERN PetscErrorCode LatinLinksDestroy(LatinLinks *);
 /* ---- solvers ---- */
 PETSC_EXTERN PetscErrorCode SNESLatinGetLatin(SNES, Latin *);
 PETSC_EXTERN PetscErrorCode SNESLatinSetReference(SNES, Vec);
+PETSC_EXTERN PetscErrorCode SNESLatinSetWarmStart(SNES, PetscBool warm, PetscBool extrapolate);
 PETSC_EXTERN PetscErrorCode SNESLatinGetHistory(SNES, PetscInt *, const PetscReal *indicator[], const PetscReal *error_l2[], const PetscReal *error_energy[]);
 PETSC_EXTERN PetscErrorCode SNESLatinGetEstimates(SNES, PetscInt *, const PetscReal *estimate[], PetscReal *floor);
 PETSC_EXTERN PetscErrorCode SNESLatinGetOuter(SNES, SNES *);
@@ -141,6 +146,7 @@ PETSC_EXTERN PetscErrorCode LatinGetEnergyBound(SNES, PetscReal *bound, PetscRea
 PETSC_EXTERN PetscErrorCode KSPLatinGetLatin(KSP, Latin *);
 PETSC_EXTERN PetscErrorCode KSPLatinSetLinks(KSP, LatinLinks);
 PETSC_EXTERN PetscErrorCode KSPLatinGetOuter(KSP, KSP *);
+PETSC_EXTERN PetscErrorCode TSLatinGetTensions(TS, PetscReal tension[]);
 PETSC_EXTERN PetscErrorCode PCLatinGetLatin(PC, Latin *);
 PETSC_EXTERN PetscErrorCode PCLatinSetLinks(PC, LatinLinks);
 PETSC_EXTERN PetscErrorCode PCShellSetLatin(PC);

@@ -69,6 +69,12 @@ class Scene:
         Coefficients of friction, read at links of law FRICTION.
     tables : sequence of (strain, tension), optional
         Piecewise linear laws: increasing e + e0 (m) and the tensions there (N).
+    mass : (n,) array of float or None
+        Lumped masses of the nodes (kg), for dynamics; None in statics.
+    velocity : (n, dim) array of float or None
+        Velocity at the start (m/s), zero where fixed; None: at rest.
+    time_step : float or None
+        A step that resolves what happens (s).
     metadata : dict
         What the generator was asked for and chose; fit for JSON.
 
@@ -91,6 +97,9 @@ class Scene:
     direction: np.ndarray | None = None
     friction: np.ndarray | None = None
     tables: tuple = ()
+    mass: np.ndarray | None = None
+    velocity: np.ndarray | None = None
+    time_step: float | None = None
     metadata: dict = field(default_factory=dict)
 
     def __post_init__(self):
@@ -115,6 +124,10 @@ class Scene:
         if self.friction is not None:
             self.friction = _shaped("friction", self.friction, m, np.float64)
         self.tables = tuple(tuple(np.asarray(part, dtype=float) for part in table) for table in self.tables)
+        if self.mass is not None:
+            self.mass = _shaped("mass", self.mass, n[:1], float)
+        if self.velocity is not None:
+            self.velocity = _shaped("velocity", self.velocity, n, float)
         self.validate()
 
     def validate(self) -> None:
@@ -130,6 +143,13 @@ class Scene:
         free = np.isin(self.law, RIGID) | (self.law >= len(Law))
         _refuse((self.stiffness < 0.0) | ((self.stiffness == 0.0) & ~free), "stiffness", "is not positive")
         _refuse((self.prescribed != 0.0) & ~self.fixed, "prescribed", "is not zero where the node is free")
+        if self.mass is not None:
+            _refuse(~((self.mass >= 0.0) & np.isfinite(self.mass)), "mass", "is negative or not finite")
+        if self.velocity is not None:
+            _refuse(~np.isfinite(self.velocity), "velocity", "is not a finite number")
+            _refuse((self.velocity != 0.0) & self.fixed, "velocity", "is not zero where the node is held")
+        if self.time_step is not None and not 0.0 < self.time_step < np.inf:
+            raise ValueError(f"time_step is {self.time_step}; it is a positive time")
         if self.subdomain is not None and len(self.links):
             _refuse(self.subdomain < 0, "subdomain", "is negative")
             empty = np.flatnonzero(np.bincount(self.subdomain) == 0)

@@ -121,10 +121,18 @@ struct _p_LatinLinks {
   Vec              load;              /* F at free dofs, DM global vector */
   PetscBool        set_up;
   PetscObjectState load_state, prestrain_state; /* counted up at each change, so that a solver sees what to rebuild */
+  /* dynamics (inertia.c), NULL in statics */
+  PetscReal       *mass;       /* [nodes_local] */
+  Vec              inertia;    /* M at free dofs */
+  LatinLinks       base;       /* the structure that this one is a time step of */
+  PetscObjectState base_state; /* its state when it was last looked at */
+  Vec              ground;     /* springs between the nodes and the ground, at free dofs: M / h^2 of a time step */
+  PetscReal        shift;      /* this 1 / h^2 */
 };
 PETSC_INTERN PetscErrorCode LatinLinksLoadVec_Private(LatinLinks);
 PETSC_INTERN PetscBool      LatinUnitVector(PetscInt dim, const PetscReal v[], PetscReal unit[]);
 PETSC_INTERN PetscErrorCode LatinLinksSetUpRigid_Private(LatinLinks);
+PETSC_INTERN PetscErrorCode LatinLinksTune_Private(LatinLinks);
 PETSC_INTERN PetscErrorCode LatinLinksCheckRigid_Private(LatinLinks, const char what[]);
 PETSC_INTERN PetscErrorCode LatinLinksCheckContacts_Private(LatinLinks, const PetscInt law[]);
 static inline PetscReal     LatinLinksTangent(const LatinLinks links, PetscInt l, PetscReal x)
@@ -140,6 +148,17 @@ static inline PetscReal LatinLinksTension(const LatinLinks links, PetscInt l, Pe
 
   return law->rigid ? links->multiplier[l] : law->tension(links->stiffness[l], x, law->ctx);
 }
+PETSC_INTERN PetscErrorCode LatinLinksNodalVec_Private(LatinLinks, const PetscReal values[], Vec);
+PETSC_INTERN PetscErrorCode LatinLinksKnowDM_Private(LatinLinks);
+PETSC_INTERN PetscErrorCode LatinLinksElongations_Private(LatinLinks, Vec u, PetscReal e[]);
+PETSC_INTERN PetscErrorCode LatinLinksCountActive_Private(LatinLinks, Vec u, PetscInt *active, PetscInt *unilateral);
+PETSC_INTERN PetscErrorCode LatinLinksInertia_Private(LatinLinks);
+PETSC_INTERN PetscErrorCode LatinLinksAddGround_Private(LatinLinks, Vec u, Vec r);
+PETSC_INTERN PetscErrorCode LatinLinksGroundEnergy_Private(LatinLinks, Vec u, PetscReal *energy);
+PETSC_INTERN PetscErrorCode LatinStepCreate_Private(LatinLinks base, LatinLinks *step);
+PETSC_INTERN PetscErrorCode LatinStepDestroy_Private(LatinLinks step);
+PETSC_INTERN PetscErrorCode LatinStepStart_Private(LatinLinks step, PetscReal h, Vec u, Vec v);
+PETSC_INTERN PetscErrorCode LatinStepShift_Private(LatinLinks step, PetscReal shift);
 PETSC_INTERN PetscErrorCode LatinLinksFromDM_Private(DM, LatinLinks *);
 PETSC_INTERN PetscErrorCode LatinLinksGetLocal_Private(LatinLinks, Vec, Vec);
 
@@ -171,6 +190,7 @@ typedef struct {
   PetscBool   *fixed;                                               /* [copies][bs] */
   PetscReal   *prescribed;                                          /* [copies][bs] */
   PetscInt    *multiplicity;                                        /* [copies] number of subdomains at the node */
+  PetscReal   *ground;                                              /* [copies][bs] springs to the ground, shared among the copies of a node; NULL if there are none */
   PetscInt    *global_dof;                                          /* [copies][bs] */
   PetscSF      node_sf;                                             /* caller's nodes -> copies */
   PetscSF      dof_sf;                                              /* DM global vector -> free components of copies */

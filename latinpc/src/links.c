@@ -37,7 +37,14 @@ PetscErrorCode LatinLinksDestroy(LatinLinks *links)
     *links = NULL;
     PetscFunctionReturn(0);
   }
+  if (l->base) {
+    PetscCall(LatinStepDestroy_Private(l));
+    PetscCall(PetscHeaderDestroy(links));
+    PetscFunctionReturn(0);
+  }
   PetscCall(PetscFree4(l->x, l->prescribed, l->force, l->fixed));
+  PetscCall(PetscFree(l->mass));
+  PetscCall(VecDestroy(&l->inertia));
   PetscCall(PetscFree(l->global_dof));
   PetscCall(PetscFree5(l->nodes, l->law, l->stiffness, l->prestrain, l->direction));
   PetscCall(PetscFree(l->tangent));

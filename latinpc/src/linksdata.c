@@ -27,16 +27,22 @@ static PetscErrorCode LatinLinksCheckVec_Private(LatinLinks links, Vec u)
   PetscFunctionReturn(0);
 }
 
-/* F at the free degrees of freedom, as a DM global vector; each node's owner in the caller's numbering knows its entries */
+/* Values of this rank's nodes, [nodes_local][dim], at the free degrees of freedom of a DM global vector; each node's owner in the caller's numbering knows its entries */
+PetscErrorCode LatinLinksNodalVec_Private(LatinLinks links, const PetscReal values[], Vec v)
+{
+  PetscFunctionBegin;
+  PetscCall(VecSetOption(v, VEC_IGNORE_NEGATIVE_INDICES, PETSC_TRUE));
+  PetscCall(VecSetValues(v, links->nodes_local * links->dim, links->global_dof, values, INSERT_VALUES));
+  PetscCall(VecAssemblyBegin(v));
+  PetscCall(VecAssemblyEnd(v));
+  PetscFunctionReturn(0);
+}
+
+/* F at the free degrees of freedom */
 PetscErrorCode LatinLinksLoadVec_Private(LatinLinks links)
 {
-  const PetscInt n = links->nodes_local * links->dim;
-
   PetscFunctionBegin;
-  PetscCall(VecSetOption(links->load, VEC_IGNORE_NEGATIVE_INDICES, PETSC_TRUE));
-  PetscCall(VecSetValues(links->load, n, links->global_dof, links->force, INSERT_VALUES));
-  PetscCall(VecAssemblyBegin(links->load));
-  PetscCall(VecAssemblyEnd(links->load));
+  PetscCall(LatinLinksNodalVec_Private(links, links->force, links->load));
   PetscFunctionReturn(0);
 }
 
@@ -86,11 +92,10 @@ static PetscErrorCode LatinLinksCreateSection_Private(LatinLinks links, const Pe
 @*/
 PetscErrorCode LatinLinksSetUp(LatinLinks links)
 {
-  PetscInt       dim, n, vstart, vend, bad = -1;
-  PetscBool     *vfixed;
-  PetscInt      *vdof;
-  PetscSection   global;
-  PetscContainer container;
+  PetscInt     dim, n, vstart, vend, bad = -1;
+  PetscBool   *vfixed;
+  PetscInt    *vdof;
+  PetscSection global;
 
   PetscFunctionBegin;
   PetscValidHeaderSpecific(links, LATIN_LINKS_CLASSID, 1);
@@ -138,13 +143,21 @@ PetscErrorCode LatinLinksSetUp(LatinLinks links)
              bad % dim);
   PetscCall(DMCreateGlobalVector(links->dm, &links->load));
   PetscCall(LatinLinksLoadVec_Private(links));
+  PetscCall(LatinLinksKnowDM_Private(links));
+  links->set_up = PETSC_TRUE;
+  PetscFunctionReturn(0);
+}
 
-  /* the DM knows the structure without owning it: the structure owns the DM */
+/* The DM knows the structure without owning it: the structure owns the DM */
+PetscErrorCode LatinLinksKnowDM_Private(LatinLinks links)
+{
+  PetscContainer container;
+
+  PetscFunctionBegin;
   PetscCall(PetscContainerCreate(PetscObjectComm((PetscObject)links), &container));
   PetscCall(PetscContainerSetPointer(container, links));
   PetscCall(PetscObjectCompose((PetscObject)links->dm, "LatinLinks", (PetscObject)container));
   PetscCall(PetscContainerDestroy(&container));
-  links->set_up = PETSC_TRUE;
   PetscFunctionReturn(0);
 }
 
@@ -219,6 +232,23 @@ static inline PetscReal LatinLinksElongation(LatinLinks links, PetscInt l, const
   return e;
 }
 
+/* Elongations of the links of this rank */
+PetscErrorCode LatinLinksElongations_Private(LatinLinks links, Vec u, PetscReal e[])
+{
+  Vec                ul;
+  const PetscScalar *a;
+
+  PetscFunctionBegin;
+  PetscCall(LatinLinksCheckVec_Private(links, u));
+  PetscCall(DMGetLocalVector(links->dm, &ul));
+  PetscCall(LatinLinksGetLocal_Private(links, u, ul));
+  PetscCall(VecGetArrayRead(ul, &a));
+  for (PetscInt l = 0; l < links->links_local; l++) e[l] = LatinLinksElongation(links, l, a);
+  PetscCall(VecRestoreArrayRead(ul, &a));
+  PetscCall(DMRestoreLocalVector(links->dm, &ul));
+  PetscFunctionReturn(0);
+}
+
 /*@C
   LatinLinksComputeResidual - The nodal unbalance B^t tau - F at the free degrees of freedom, (1).
 
@@ -267,6 +297,7 @@ PetscErrorCode LatinLinksComputeResidual(LatinLinks links, Vec u, Vec r)
   PetscCall(VecRestoreArray(rl, &f));
   PetscCall(VecCopy(links->load, r));
   PetscCall(VecScale(r, -1.0));
+  if (links->ground) PetscCall(LatinLinksAddGround_Private(links, u, r));
   PetscCall(DMLocalToGlobalBegin(links->dm, rl, ADD_VALUES, r));
   PetscCall(DMLocalToGlobalEnd(links->dm, rl, ADD_VALUES, r));
   PetscCall(DMRestoreLocalVector(links->dm, &ul));
@@ -336,6 +367,7 @@ PetscErrorCode LatinLinksComputeJacobian(LatinLinks links, Vec u, Mat J)
   PetscCall(DMRestoreLocalVector(links->dm, &ul));
   PetscCall(MatAssemblyBegin(J, MAT_FINAL_ASSEMBLY));
   PetscCall(MatAssemblyEnd(J, MAT_FINAL_ASSEMBLY));
+  if (links->ground) PetscCall(MatDiagonalSet(J, links->ground, ADD_VALUES));
   PetscCall(MatSetOption(J, MAT_SYMMETRIC, PETSC_TRUE));
   PetscCall(MatSetOption(J, MAT_SYMMETRY_ETERNAL, PETSC_TRUE));
   PetscFunctionReturn(0);
@@ -388,6 +420,7 @@ PetscErrorCode LatinLinksMultTangent_Private(LatinLinks links, Vec x, Vec y)
   PetscCall(VecRestoreArrayRead(xl, &a));
   PetscCall(VecRestoreArray(yl, &f));
   PetscCall(VecZeroEntries(y));
+  if (links->ground) PetscCall(LatinLinksAddGround_Private(links, x, y));
   PetscCall(DMLocalToGlobalBegin(links->dm, yl, ADD_VALUES, y));
   PetscCall(DMLocalToGlobalEnd(links->dm, yl, ADD_VALUES, y));
   PetscCall(DMRestoreLocalVector(links->dm, &xl));
@@ -412,6 +445,30 @@ PetscErrorCode LatinLinksCountChanges_Private(LatinLinks links, Vec u, PetscInt 
   PetscCall(VecRestoreArrayRead(ul, &a));
   PetscCall(DMRestoreLocalVector(links->dm, &ul));
   PetscCall(MPIU_Allreduce(&n, changes, 1, MPIU_INT, MPI_SUM, PetscObjectComm((PetscObject)links)));
+  PetscFunctionReturn(0);
+}
+
+/* How many links can be slack, and how many of them bear something */
+PetscErrorCode LatinLinksCountActive_Private(LatinLinks links, Vec u, PetscInt *active, PetscInt *unilateral)
+{
+  Vec                ul;
+  const PetscScalar *a;
+  PetscInt           n[2] = {0, 0};
+
+  PetscFunctionBegin;
+  PetscCall(DMGetLocalVector(links->dm, &ul));
+  PetscCall(LatinLinksGetLocal_Private(links, u, ul));
+  PetscCall(VecGetArrayRead(ul, &a));
+  for (PetscInt l = 0; l < links->links_local; l++)
+    if (!LatinLaws[links->law[l]].smooth) {
+      n[1]++;
+      if (LatinLinksTension(links, l, LatinLinksElongation(links, l, a) + links->prestrain[l]) != 0.0) n[0]++;
+    }
+  PetscCall(VecRestoreArrayRead(ul, &a));
+  PetscCall(DMRestoreLocalVector(links->dm, &ul));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, n, 2, MPIU_INT, MPI_SUM, PetscObjectComm((PetscObject)links)));
+  *active     = n[0];
+  *unilateral = n[1];
   PetscFunctionReturn(0);
 }
 
@@ -502,6 +559,10 @@ PetscErrorCode LatinLinksComputeEnergy(LatinLinks links, Vec u, PetscReal *energ
   PetscCall(MPIU_Allreduce(&sum, &total, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)links)));
   PetscCall(VecDot(links->load, u, &work));
   *energy = total - work;
+  if (links->ground) {
+    PetscCall(LatinLinksGroundEnergy_Private(links, u, &sum));
+    *energy += sum;
+  }
   PetscFunctionReturn(0);
 }
 

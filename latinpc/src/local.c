@@ -80,7 +80,7 @@ static PetscErrorCode LatinSweepFaces_Private(Latin latin, const PetscReal z[], 
 }
 
 /*
-   g = F - B^t (s + l e) + C^t (z - D U): what the displacements of the last linear stage leave unbalanced in the state
+   g = F - B^t (s + l e) - G U + C^t (z - D U), G the springs to the ground if there are any: what the displacements of the last linear stage leave unbalanced in the state
    z, with the tensions and the interface forces of (26) and (27). The linear stage then solves for the change of the
    displacements, and what it rounds, or leaves to an inexact solver, is small with that change.
 */
@@ -92,6 +92,7 @@ PetscErrorCode LatinGatherForces_Private(Latin latin, const PetscReal z[])
   PetscFunctionBegin;
   LatinSweepForces(latin, z + inter->sides);
   for (PetscInt k = 0; k < inter->sides; k++) g[inter->side_dof[k]] += z[k] - latin->linear.pull[k];
+  for (PetscInt i = 0; latin->sub.ground && i < latin->links->dim * latin->sub.copies; i++) g[i] -= latin->sub.ground[i] * latin->linear.U[i];
   PetscFunctionReturn(0);
 }
 
@@ -109,6 +110,7 @@ PetscErrorCode LatinLocalStage_Private(Latin latin, const PetscReal z[], PetscRe
   else LatinSweepStage(latin, z + inter->sides, Gz + inter->sides, sum);
   PetscCall(PetscSFBcastEnd(inter->mate_sf, MPIU_REAL, latin->outgoing, Gz, MPI_REPLACE));
   PetscCall(LatinSweepFaces_Private(latin, z, Gz, &sum[0]));
+  for (PetscInt i = 0; latin->sub.ground && i < latin->links->dim * latin->sub.copies; i++) sum[1] += latin->sub.ground[i] * latin->linear.U[i] * latin->linear.U[i];
   sum[3] = latin->failed ? 1.0 : 0.0; /* a local solver that failed on one rank has failed on all */
   PetscCall(MPIU_Allreduce(sum, total, 4, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)latin)));
   latin->failed    = (PetscBool)(total[3] > 0.0);

@@ -1,9 +1,9 @@
 #include "latinimpl.h"
 
 /*
-   The operators of the subdomains without springs: B^t k B of the links, or the rows that a matrix gives (matis.c).
-   The other stages see them through this file alone: a product, the diagonal, the rows (by way of graph.c), and what
-   tells equal ones.
+   The operators of the subdomains without springs of the search direction: B^t k B of the links, and of the springs to
+   the ground if there are any; or the rows that a matrix gives (matis.c). The other stages see them through this file
+   alone: a product, the diagonal, the rows (by way of graph.c), and what tells equal ones.
 */
 
 /* f = K v, subdomain by subdomain */
@@ -13,7 +13,7 @@ PetscErrorCode LatinOperatorMult(Latin latin, const PetscReal v[], PetscReal f[]
   const PetscInt     bs  = sub->bs;
 
   PetscFunctionBegin;
-  PetscCall(PetscArrayzero(f, bs * sub->copies));
+  for (PetscInt i = 0; i < bs * sub->copies; i++) f[i] = sub->ground ? sub->ground[i] * v[i] : 0.0;
   for (PetscInt i = 0; i < sub->copies && sub->ki; i++)
     for (PetscInt k = sub->ki[i]; k < sub->ki[i + 1]; k++) f[i] += sub->ka[k] * v[sub->kj[k]];
   for (PetscInt l = 0; l < sub->links; l++) {
@@ -37,7 +37,7 @@ PetscErrorCode LatinOperatorDiagonal(Latin latin, PetscReal diagonal[])
   const PetscInt     bs  = sub->bs;
 
   PetscFunctionBegin;
-  PetscCall(PetscArrayzero(diagonal, bs * sub->copies));
+  for (PetscInt i = 0; i < bs * sub->copies; i++) diagonal[i] = sub->ground ? sub->ground[i] : 0.0;
   for (PetscInt i = 0; i < sub->copies && sub->ki; i++)
     for (PetscInt k = sub->ki[i]; k < sub->ki[i + 1]; k++)
       if (sub->kj[k] == i) diagonal[i] = sub->ka[k];
@@ -105,6 +105,7 @@ void LatinOperatorRowAdd(Latin latin, LatinGraph *graph, PetscInt i)
   const LatinSubstructure *sub = &latin->sub;
   const PetscInt           bs = sub->bs, bb = bs * bs;
 
+  for (PetscInt c = 0; sub->ground && c < bs; c++) graph->block[bb * graph->slot[i] + c * bs + c] += sub->ground[bs * i + c];
   for (PetscInt p = graph->offset[i]; p < graph->offset[i + 1]; p++) {
     const PetscInt   l = graph->list[p], j = sub->ends[2 * l] == i ? sub->ends[2 * l + 1] : sub->ends[2 * l];
     const PetscReal *v = sub->direction + bs * l, k = sub->stiffness[l];
@@ -148,6 +149,7 @@ PetscErrorCode LatinOperatorStream_Private(Latin latin, PetscInt s, LatinStream 
 
     memcpy(room, &end, sizeof(end));
   }
+  if (sub->ground) PetscCall(LatinStreamAdd_Private(stream, sub->ground + bs * top, (size_t)(bs * (sub->node_offset[s + 1] - top)) * sizeof(PetscReal)));
   PetscCall(LatinStreamAdd_Private(stream, sub->stiffness + first, (size_t)links * sizeof(PetscReal)));
   PetscCall(LatinStreamAdd_Private(stream, sub->direction + bs * first, (size_t)(bs * links) * sizeof(PetscReal)));
   PetscFunctionReturn(0);

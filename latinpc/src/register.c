@@ -1,6 +1,7 @@
 #define _GNU_SOURCE /* dladdr */
 #include "latinimpl.h"
 #include <petsc/private/snesimpl.h>
+#include <petscts.h>
 #include <dlfcn.h>
 #include <stdio.h>
 #include <string.h>
@@ -15,6 +16,7 @@ PetscLogEvent LATIN_SetUp, LATIN_Substructure, LATIN_Interface, LATIN_Direction,
 PETSC_EXTERN PetscErrorCode SNESCreate_Latin(SNES);
 PETSC_EXTERN PetscErrorCode PCCreate_Latin(PC);
 PETSC_EXTERN PetscErrorCode KSPCreate_Latin(KSP);
+PETSC_EXTERN PetscErrorCode TSCreate_Latin(TS);
 PETSC_EXTERN PetscErrorCode PetscDLLibraryRegister_latinpc(void);
 
 static PetscBool initialized = PETSC_FALSE;
@@ -28,7 +30,7 @@ static PetscErrorCode LatinFinalizePackage(void)
 }
 
 /*@C
-  LatinInitializePackage - Registers the SNES, KSP and PC types latin, their classes and log events. May be called again.
+  LatinInitializePackage - Registers the TS, SNES, KSP and PC types latin, their classes and log events. May be called again.
 
   Not collective; after PetscInitialize()
 
@@ -55,6 +57,7 @@ PetscErrorCode LatinInitializePackage(void)
   PetscCall(SNESRegister(SNESLATIN, SNESCreate_Latin));
   PetscCall(PCRegister(PCLATIN, PCCreate_Latin));
   PetscCall(KSPRegister(KSPLATIN, KSPCreate_Latin));
+  PetscCall(TSRegister(TSLATIN, TSCreate_Latin));
   PetscCall(PetscRegisterFinalize(LatinFinalizePackage));
   PetscFunctionReturn(0);
 }

@@ -92,16 +92,37 @@ static PetscErrorCode LatinLinksScale_Private(LatinLinks links, PetscReal *scale
   PetscFunctionReturn(0);
 }
 
-/*
-   Search parameters where the caller gave none: the mean stiffness of the elastic links at the two nodes. Rounded to a
-   power of two, so that equal subdomains have equal ones to the bit, on any number of ranks.
-*/
-static PetscErrorCode LatinLinksTune_Private(LatinLinks links)
+/* The springs to the ground of the vertices here, 0 for a vertex that is held */
+static PetscErrorCode LatinLinksVertexGround_Private(LatinLinks links, PetscReal ground[])
 {
-  PetscReal scale, *node, *vertex;
+  Vec                local;
+  const PetscScalar *g;
+
+  PetscFunctionBegin;
+  PetscCall(DMGetLocalVector(links->dm, &local));
+  PetscCall(VecZeroEntries(local));
+  PetscCall(DMGlobalToLocalBegin(links->dm, links->ground, INSERT_VALUES, local));
+  PetscCall(DMGlobalToLocalEnd(links->dm, links->ground, INSERT_VALUES, local));
+  PetscCall(VecGetArrayRead(local, &g));
+  for (PetscInt i = 0; i < links->dim * links->vertices; i++) ground[i / links->dim] = PetscMax(ground[i / links->dim], g[i]);
+  PetscCall(VecRestoreArrayRead(local, &g));
+  PetscCall(DMRestoreLocalVector(links->dm, &local));
+  PetscFunctionReturn(0);
+}
+
+/*
+   Search parameters where the caller gave none: the mean stiffness of the elastic links at the two nodes, and in a time
+   step what the masses of the two nodes oppose to a change of their distance. Rounded to a power of two, so that equal
+   subdomains have equal ones to the bit, on any number of ranks. Collective on links
+*/
+PetscErrorCode LatinLinksTune_Private(LatinLinks links)
+{
+  PetscReal scale, *node, *vertex, *ground;
 
   PetscFunctionBegin;
   PetscCall(LatinLinksScale_Private(links, &scale));
+  PetscCall(PetscCalloc1(links->vertices, &ground));
+  if (links->ground) PetscCall(LatinLinksVertexGround_Private(links, ground));
   PetscCall(PetscCalloc2(2 * links->nodes_local, &node, 2 * links->vertices, &vertex));
   for (PetscInt i = 0; i < 2 * links->links_local; i++) {
     if (links->tuned[i / 2]) continue;
@@ -112,9 +133,14 @@ static PetscErrorCode LatinLinksTune_Private(LatinLinks links)
   PetscCall(LatinSFBcast_Private(links->vertex_sf, 2, MPIU_REAL, node, vertex));
   for (PetscInt l = 0; l < links->links_local; l++) {
     const PetscReal *a = vertex + 2 * links->ends[2 * l], *b = vertex + 2 * links->ends[2 * l + 1];
+    const PetscReal  ga = ground[links->ends[2 * l]], gb = ground[links->ends[2 * l + 1]];
+    const PetscReal  inertia = ga > 0.0 && gb > 0.0 ? ga * gb / (ga + gb) : ga + gb, elastic = a[1] + b[1] > 0.0 ? (a[0] + b[0]) / (a[1] + b[1]) : 0.0;
 
-    if (links->tuned[l]) links->stiffness[l] = PetscPowReal(2.0, PetscFloorReal(0.5 + PetscLog2Real(a[1] + b[1] > 0.0 ? (a[0] + b[0]) / (a[1] + b[1]) : scale)));
+    if (links->tuned[l]) links->stiffness[l] = PetscPowReal(2.0, PetscFloorReal(0.5 + PetscLog2Real(inertia + elastic > 0.0 ? inertia + elastic : scale)));
+    /* one search parameter for all parts of a contact */
+    if (links->law[l] == LATIN_LAW_TANGENT) links->stiffness[l] = links->stiffness[l - 1];
   }
+  PetscCall(PetscFree(ground));
   PetscCall(PetscFree2(node, vertex));
   PetscFunctionReturn(0);
 }
@@ -133,9 +159,6 @@ PetscErrorCode LatinLinksSetUpRigid_Private(LatinLinks links)
   PetscCall(PetscMalloc1(n, &links->tuned));
   for (PetscInt l = 0; l < n; l++) links->tuned[l] = (PetscBool)(LatinLaws[links->law[l]].rigid && !(links->stiffness[l] > 0.0));
   PetscCall(LatinLinksTune_Private(links));
-  /* one search parameter for all parts of a contact */
-  for (PetscInt l = 0; l < n; l++)
-    if (links->law[l] == LATIN_LAW_TANGENT) links->stiffness[l] = links->stiffness[l - 1];
   PetscFunctionReturn(0);
 }
 

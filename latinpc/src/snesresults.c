@@ -56,6 +56,34 @@ PetscErrorCode SNESLatinSetReference(SNES snes, Vec reference)
 }
 
 /*@C
+  SNESLatinSetWarmStart - Whether a solve starts from the state of the last one with this SNES.
+
+  Logically collective on snes
+
+  Input Parameters:
++ snes        - of type latin
+. warm        - start from the state where the last solve converged
+- extrapolate - go on as the last two solves did
+
+  Options Database Keys:
++ -snes_latin_warm_start <false>       - the first
+- -snes_latin_warm_extrapolate <false> - the second
+
+  Level: intermediate
+@*/
+PetscErrorCode SNESLatinSetWarmStart(SNES snes, PetscBool warm, PetscBool extrapolate)
+{
+  SNES_Latin *data;
+
+  PetscFunctionBegin;
+  PetscCall(SNESLatinCheck_Private(snes));
+  data              = (SNES_Latin *)snes->data;
+  data->warm        = warm;
+  data->extrapolate = extrapolate;
+  PetscFunctionReturn(0);
+}
+
+/*@C
   SNESLatinGetHistory - Indicator and errors of the last solve, one number per linear stage.
 
   Not collective; the arrays are borrowed

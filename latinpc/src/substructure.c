@@ -218,6 +218,11 @@ static PetscErrorCode LatinSubstructureNodeData_Private(Latin latin)
   PetscCall(PetscSFCreate(comm, &sub->dof_sf));
   PetscCall(PetscSFSetGraphLayout(sub->dof_sf, map, m, local, PETSC_COPY_VALUES, remote));
   PetscCall(PetscFree2(remote, local));
+  if (links->ground) {
+    PetscCall(PetscCalloc1(dim * n, &sub->ground));
+    PetscCall(LatinDistribute_Private(latin, links->ground, sub->ground));
+    for (PetscInt i = 0; i < dim * n; i++) sub->ground[i] /= sub->multiplicity[i / dim];
+  }
   PetscFunctionReturn(0);
 }
 
@@ -238,17 +243,6 @@ PetscErrorCode LatinSubstructureReturn_Private(Latin latin)
   PetscFunctionReturn(0);
 }
 
-/* Link data that may change without a new partition: prestrains, and tangent stiffnesses for a preconditioner */
-PetscErrorCode LatinSubstructureRefresh(Latin latin)
-{
-  LatinLinks links = latin->links;
-
-  PetscFunctionBegin;
-  PetscCall(LatinMigrate_Private(latin, sizeof(PetscReal), latin->tangent && links->tangent ? links->tangent : links->stiffness, latin->sub.stiffness));
-  PetscCall(LatinMigrate_Private(latin, sizeof(PetscReal), links->prestrain, latin->sub.prestrain));
-  PetscFunctionReturn(0);
-}
-
 /* A link between wholly prescribed nodes acts on no unknown; a state of its own would only make noise */
 static PetscBool LatinSubstructureMoves(Latin latin, PetscInt l)
 {
@@ -258,6 +252,21 @@ static PetscBool LatinSubstructureMoves(Latin latin, PetscInt l)
     for (PetscInt c = 0; c < dim; c++)
       if (!latin->sub.fixed[dim * latin->sub.ends[2 * l + s] + c]) return PETSC_TRUE;
   return PETSC_FALSE;
+}
+
+/* Link data that may change without a new partition: prestrains, and tangent stiffnesses for a preconditioner */
+PetscErrorCode LatinSubstructureRefresh(Latin latin)
+{
+  LatinLinks links = latin->links;
+
+  PetscFunctionBegin;
+  PetscCall(LatinMigrate_Private(latin, sizeof(PetscReal), latin->tangent && links->tangent ? links->tangent : links->stiffness, latin->sub.stiffness));
+  PetscCall(LatinMigrate_Private(latin, sizeof(PetscReal), links->prestrain, latin->sub.prestrain));
+  /* gaps of rigid links may be infinite; those that no unknown moves must leave no infinite force */
+  if (links->rigid_law >= 0)
+    for (PetscInt l = 0; l < latin->sub.links; l++)
+      if (LatinLaws[latin->sub.law[l]].rigid && !LatinSubstructureMoves(latin, l)) latin->sub.prestrain[l] = 0.0;
+  PetscFunctionReturn(0);
 }
 
 PetscErrorCode LatinSubstructureSetUp(Latin latin)
@@ -314,6 +323,7 @@ PetscErrorCode LatinSubstructureReset(Latin latin)
   PetscCall(PetscFree(sub->node));
   PetscCall(PetscFree(sub->ends));
   PetscCall(PetscFree5(sub->x, sub->fixed, sub->prescribed, sub->multiplicity, sub->global_dof));
+  PetscCall(PetscFree(sub->ground));
   PetscCall(PetscFree4(sub->direction, sub->stiffness, sub->prestrain, sub->law));
   PetscCall(PetscFree3(sub->nonsmooth_link, sub->state, sub->state_first));
   PetscCall(PetscFree(sub->friction));

@@ -1,0 +1,244 @@
+"""Shocks: inextensible cables and rigid contacts in motion, condition (10), against hand computations and LCPs."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import oracle
+import pytest
+from petsc4py import PETSc
+from scipy.optimize import nnls
+from support import grid
+from test_dynamics import EXACT, NEWTON, counts, floating, heavy, message, motion, one_mass
+
+from latinpc.scenes import Law, Scene
+
+G = 9.81
+
+
+def column(masses, gaps, velocity, held=False, stiffness=0.0):
+    """Balls above each other in one dimension, rigid contacts between neighbours; the lowest one is a table if held."""
+    n = len(masses)
+    fixed = np.zeros((n, 1), bool)
+    fixed[0] = held
+    return Scene(
+        name="column",
+        nodes=np.arange(float(n))[:, None],
+        links=np.column_stack([np.arange(n - 1), np.arange(1, n)]),
+        law=np.full(n - 1, Law.CONTACT),
+        stiffness=np.full(n - 1, stiffness),
+        prestrain=np.broadcast_to(gaps, n - 1),
+        fixed=fixed,
+        mass=masses,
+        velocity=np.where(fixed, 0.0, np.reshape(velocity, (-1, 1))),
+    )
+
+
+def hanging_chain(links=8, mass=1.0, slack=0.02, law=Law.INEXTENSIBLE, parts=2):
+    """Masses on cables between two supports at one height, in the plane, all cables a little slack: they fall."""
+    n = links + 1
+    x = np.linspace(0.0, 1.0, n)
+    nodes = np.column_stack([x, -0.8 * x * (1 - x)])
+    fixed = np.zeros((n, 2), bool)
+    fixed[[0, -1]] = True
+    load = np.zeros((n, 2))
+    load[1:-1, 1] = -G * mass
+    return Scene(
+        name="hanging chain",
+        nodes=nodes,
+        links=np.column_stack([np.arange(links), np.arange(1, n)]),
+        law=np.full(links, law),
+        stiffness=np.full(links, 0.0 if law == Law.INEXTENSIBLE else 1e6),
+        prestrain=np.full(links, -slack),
+        fixed=fixed,
+        load=load,
+        mass=np.full(n, mass),
+        subdomain=np.arange(links) * parts // links,
+    )
+
+
+# ---- by hand ------------------------------------------------------------------------------
+
+
+def test_a_ball_falls_on_a_table_and_stays():
+    """Free fall, then the contact takes the whole velocity in one step: an inelastic shock."""
+    gap, h, m = 0.02, 1e-3, 3.0
+    scene = replace(column([0.0, m], gap, [0.0, 0.0], held=True), load=np.array([[0.0], [-m * G]]))
+    u = v = 0.0
+    with motion(scene, h, **EXACT) as it:
+        for _ in range(100):
+            it.step()
+            free = v - h * G
+            new = free if u + gap > 0.0 else max(free, 0.0)
+            impulse = m * (new - free)
+            u, v = u + h * new, new
+            assert it.u[1, 0] == pytest.approx(u, abs=1e-12)
+            assert it.v[1, 0] == pytest.approx(v, abs=1e-10)
+            assert h * it.tensions[0] == pytest.approx(-impulse, abs=1e-10)
+    assert v == 0.0
+
+
+def test_a_slack_inextensible_cable_stops_a_mass():
+    """The mirror image: the cable becomes taut and takes the velocity away from it."""
+    scene = replace(one_mass(velocity=2.0), law=np.array([Law.INEXTENSIBLE]), prestrain=np.array([-0.05]))
+    scene = replace(scene, stiffness=np.zeros(1))
+    with motion(scene, 1e-2, **EXACT) as it:
+        speeds = [it.step().v[1, 0] for _ in range(6)]
+        assert np.allclose(speeds, [2.0, 2.0, 2.0, 0.0, 0.0, 0.0], atol=1e-10)
+
+
+@pytest.mark.parametrize("masses", [(1.0, 1.0), (1.0, 30.0), (1e-3, 1e3)])
+def test_two_balls_meet_inelastically(masses):
+    """Momentum is kept, the common velocity is that of the centre, and the energy of the relative motion is lost."""
+    a, b = masses
+    with motion(column(masses, 0.01, [3.0, -1.0]), 1e-3, **EXACT) as it:
+        before = it.energy
+        it.step(10)
+        assert np.allclose(it.v[:, 0], (3 * a - b) / (a + b), rtol=1e-9)
+        assert before - it.energy == pytest.approx(0.5 * a * b / (a + b) * 16.0, rel=1e-7)
+
+
+def test_a_ball_pushes_a_row():
+    """Newton's cradle without restitution: after many shocks all move together."""
+    n = 6
+    with motion(column(np.ones(n), 0.01, np.r_[1.0, np.zeros(n - 1)]), 2e-3, **EXACT) as it:
+        energies = [it.step().energy for _ in range(120)]
+        assert np.allclose(it.v, 1 / n, atol=1e-8)
+        assert (np.diff(energies) <= 1e-12).all()
+
+
+def test_a_block_slides_and_stops():
+    """Coulomb friction: deceleration mu g until it stands still, and it stays."""
+    mu, h, v0 = 0.3, 1e-3, 1.0
+    scene = Scene(
+        name="block", nodes=[[0.0, 0.0], [0.0, 0.0]], links=[[0, 1], [0, 1]], law=[Law.FRICTION, Law.TANGENT],
+        stiffness=[0.0, 0.0], direction=[[0.0, 1.0], [1.0, 0.0]], friction=[mu, 0.0],
+        fixed=[[True, True], [False, False]], load=[[0.0, 0.0], [0.0, -2.0 * G]], mass=[0.0, 2.0],
+        velocity=[[0.0, 0.0], [v0, 0.0]],
+    )  # fmt: skip
+    with motion(scene, h, **EXACT) as it:
+        for k in range(1, 401):
+            it.step()
+            assert it.v[1, 0] == pytest.approx(max(v0 - k * h * mu * G, 0.0), abs=1e-9)
+            normal, tangent = it.tensions
+            assert abs(tangent) <= mu * abs(normal) * (1 + 1e-9)
+        assert it.v[1, 0] == pytest.approx(0.0, abs=1e-12)
+
+
+# ---- complementarity ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("bars", [True, False])
+def test_a_step_is_the_complementarity_problem_16(bars):
+    """Inextensible cables, with bars (16), (17) or alone: K_b is singular, the Delassus operator decides."""
+    scene = heavy(floating(grid(modules=2, subdomains=4)), mass=20.0, speed=1.0)
+    law = np.where(scene.law == Law.CABLE, Law.INEXTENSIBLE, scene.law)
+    law = law if bars else np.full(len(law), Law.INEXTENSIBLE)
+    scene = replace(scene, law=law, prestrain=np.where(law == Law.BAR, scene.prestrain, 0.0))
+    scene = replace(scene, stiffness=np.where(law == Law.BAR, scene.stiffness, 0.0))
+    h, rigid = 1e-3, law == Law.INEXTENSIBLE
+    b, _ = oracle.kinematics(replace(scene, law=np.zeros_like(law), stiffness=np.ones(len(law))))
+    b = b.toarray()
+    w = b @ (b / np.repeat(scene.mass, scene.dim)).T
+    eta = -b @ scene.velocity.ravel()
+    hat_w, hat_f = w[np.ix_(rigid, rigid)], -eta[rigid]
+    if bars:
+        bar = ~rigid
+        corrected = w[np.ix_(bar, bar)] + np.diag(1.0 / scene.stiffness[bar]) / h**2
+        inverse = np.linalg.inv(corrected)
+        hat_w = hat_w - w[np.ix_(rigid, bar)] @ inverse @ w[np.ix_(bar, rigid)]
+        hat_f = hat_f + w[np.ix_(rigid, bar)] @ inverse @ (eta[bar] - scene.prestrain[bar] / h)
+    # eta+ = W pi - F >= 0: the impulses may not be unique where W is singular, the velocities are
+    value, vector = np.linalg.eigh(hat_w)
+    keep = value > 1e-10 * value.max()
+    root = (vector[:, keep] * np.sqrt(value[keep])).T
+    pi, _ = nnls(root, (vector[:, keep] / np.sqrt(value[keep])).T @ hat_f, maxiter=100000)
+    eta_plus = hat_w @ pi - hat_f
+    assert eta_plus.min() > -1e-8 and 0 < np.count_nonzero(pi) < len(pi)
+    with motion(scene, h, **EXACT) as it:
+        it.step()
+        found = -(b @ it.v.ravel())[rigid]
+        assert np.abs(found - eta_plus).max() < 1e-6 * np.abs(eta).max()
+        assert it.tensions[rigid].min() >= 0.0
+        assert abs(h * it.tensions[rigid] @ found) < 1e-6 * np.abs(pi).sum() * np.abs(found).max()
+
+
+# ---- invariants ------------------------------------------------------------------------------
+
+
+def test_penetration_vanishes_with_the_step():
+    """A contact closes at most h times the velocity too late, and not further with time."""
+    worst = []
+    for h in (4e-3, 2e-3, 1e-3, 5e-4):
+        with motion(hanging_chain(), h, snes_stol=1e-10, snes_max_it=5000) as it:
+            b, e_d = oracle.kinematics(replace(it.scene, law=np.zeros(8, int), stiffness=np.ones(8)))
+            past = []
+            while it.ts.getTime() < 0.6:
+                it.step()
+                past.append((b @ it.u.ravel() + e_d + it.scene.prestrain).max())
+            worst.append(max(past))
+            assert max(past[-len(past) // 4 :]) <= worst[-1]
+    order = np.log2(worst[0] / worst[-1]) / 3
+    assert order > 0.8, (worst, order)
+
+
+def test_energy_never_grows_through_shocks_and_momentum_is_kept():
+    """Inelastic shocks dissipate; free structures keep their momentum to rounding whatever the stop."""
+    scene = heavy(floating(grid(modules=4, subdomains=4)), mass=20.0, speed=1.0)
+    law = np.where(scene.law == Law.CABLE, Law.INEXTENSIBLE, scene.law)
+    scene = replace(scene, law=law, prestrain=np.where(law == Law.BAR, 0.0, -1e-4))
+    scene = replace(scene, stiffness=np.where(law == Law.BAR, scene.stiffness, 0.0))
+    with motion(scene, 1e-3, snes_stol=1e-8, snes_max_it=5000) as it:
+        momentum = (scene.mass[:, None] * it.v).sum(axis=0)
+        energies = [it.energy] + [it.step().energy for _ in range(10)]
+        assert (np.diff(energies) <= 1e-6 * energies[0]).all()
+        assert energies[-1] < 0.9 * energies[0]
+        after = (scene.mass[:, None] * it.v).sum(axis=0)
+        assert np.abs(after - momentum).max() < 1e-11 * np.abs(scene.mass[:, None] * it.v).sum()
+
+
+def test_shocks_build_nothing_again():
+    """Links that close and open change no operator."""
+    PETSc.Log.begin()
+    with motion(hanging_chain(), 2e-3) as it:
+        it.step()
+        built = counts()
+        active = set()
+        for _ in range(200):
+            it.step()
+            active.add(np.count_nonzero(it.tensions))
+        assert counts() == built
+        assert len(active) > 2
+
+
+RANKS = """
+import json, sys
+import petsc4py; petsc4py.init(sys.argv)
+from mpi4py import MPI
+from petsc4py import PETSc
+sys.path.insert(0, {tests!r})
+from test_shocks import hanging_chain, motion
+with motion(hanging_chain(links=12, parts=4), 2e-3, comm=PETSc.COMM_WORLD, snes_stol=1e-10, snes_max_it=5000) as it:
+    found = [[it.step().iterations, it.u.tolist(), it.tensions.tolist()] for _ in range(60)]
+if MPI.COMM_WORLD.rank == 0:
+    print(json.dumps(found[-1]))
+"""
+
+
+def test_the_number_of_ranks_does_not_matter(mpirun):
+    """One, two and four ranks go through the same shocks."""
+    from conftest import ROOT
+
+    found = [json.loads(mpirun(ranks, RANKS.format(tests=str(ROOT / "tests"))).stdout) for ranks in (1, 2, 4)]
+    for other in found[1:]:
+        for a, b in zip(found[0][1:], other[1:]):
+            assert np.abs(np.array(a) - np.array(b)).max() < 1e-6 * np.abs(a).max()
+
+
+def test_integrators_that_cannot_say_so():
+    """Newton's method and PETSc's own integrators need a stiffness."""
+    scene = column([0.0, 1.0], 0.01, [0.0, 0.0], held=True)
+    with motion(scene, 1e-3, **NEWTON) as it:
+        assert "rigid law contact" in message(it.step)
+    with motion(scene, 1e-3, **(NEWTON | {"ts_type": "alpha2"})) as it:
+        assert "-ts_type latin" in message(it.step)
