@@ -26,7 +26,8 @@ PetscReal LatinDirectionFraction(Latin latin)
   const PetscReal fraction[] = {0.08, 0.08, 0.25, 1.0};
 
   if (latin->direction_fraction > 0.0) return latin->direction_fraction;
-  return latin->matrix ? 0.01 : (latin->tangent ? 0.1 : fraction[latin->direction]);
+  if (latin->preconditions) return latin->matrix ? 0.01 : 0.1;
+  return fraction[latin->direction];
 }
 
 static PetscErrorCode LatinDirectionDiagonal_Private(Latin latin, PetscReal fraction)

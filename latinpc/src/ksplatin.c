@@ -30,6 +30,7 @@ typedef struct {
   PetscReal        scale;     /* what b has been divided by: the interface residual of the initial guess */
   PetscReal        rhs_norm;  /* what a relative tolerance refers to, 0: to the first residual */
   Vec              guess;     /* initial guess, NULL for zero */
+  Vec              load;      /* the right-hand side, or the residual of the guess */
   Vec              work[2];   /* of displacements and forces */
   PetscBool        iterating;
   PetscInt         logged; /* iterations that monitors have seen */
@@ -56,7 +57,7 @@ static PetscErrorCode KSPLatinMult_Private(Mat A, Vec x, Vec y)
   PetscFunctionReturn(0);
 }
 
-/* x = guess + displacements for the loads and the data y, which belong to the load divided by scale */
+/* x = guess + displacements for the load and the data y, which belong to the load divided by scale */
 static PetscErrorCode KSPLatinDisplacements_Private(KSP ksp, Vec y, Vec x)
 {
   KSP_Latin   *data = (KSP_Latin *)ksp->data;
@@ -67,6 +68,7 @@ static PetscErrorCode KSPLatinDisplacements_Private(KSP ksp, Vec y, Vec x)
   PetscCall(LatinReflectionSolution_Private(data->latin, a, x));
   PetscCall(VecRestoreArrayRead(y, (const PetscScalar **)&a));
   PetscCall(VecScale(x, data->scale));
+  PetscCall(LatinLoose_Private(data->latin, data->load, x));
   if (data->guess) PetscCall(VecAXPY(x, 1.0, data->guess));
   PetscFunctionReturn(0);
 }
@@ -141,11 +143,54 @@ static PetscErrorCode KSPLatinConverged_Private(KSP outer, PetscInt it, PetscRea
 
 /* ---- set-up ---- */
 
-/* The structure: given, or known to the DM of the solver or of its matrix */
+/* Coordinates of the unknowns of a MATIS, given to the PC of the solver as they would be to a PC latin, and kept there */
+static PetscErrorCode KSPLatinSetCoordinates_Private(PC pc, PetscInt dim, PetscInt nodes, PetscReal x[])
+{
+  Vec          v;
+  PetscScalar *a;
+
+  PetscFunctionBegin;
+  PetscCheck(dim >= 1 && dim <= 3, PetscObjectComm((PetscObject)pc), PETSC_ERR_ARG_OUTOFRANGE, "Nodes have 1, 2 or 3 coordinates, not %" PetscInt_FMT, dim);
+  PetscCall(VecCreate(PetscObjectComm((PetscObject)pc), &v));
+  PetscCall(VecSetSizes(v, dim * nodes, PETSC_DETERMINE));
+  PetscCall(VecSetBlockSize(v, dim));
+  PetscCall(VecSetType(v, VECSTANDARD));
+  PetscCall(VecGetArrayWrite(v, &a));
+  PetscCall(PetscArraycpy(a, x, dim * nodes));
+  PetscCall(VecRestoreArrayWrite(v, &a));
+  PetscCall(PetscObjectCompose((PetscObject)pc, "LatinCoordinates", (PetscObject)v));
+  PetscCall(VecDestroy(&v));
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode KSPLatinSetMatrix_Private(KSP ksp, Mat P)
+{
+  KSP_Latin         *data = (KSP_Latin *)ksp->data;
+  DM                 dm   = ksp->dm;
+  Vec                v;
+  PetscInt           dim = 0, n = 0;
+  const PetscScalar *x = NULL;
+
+  PetscFunctionBegin;
+  if (!dm) PetscCall(MatGetDM(P, &dm));
+  PetscCall(LatinSetMatrix_Private(data->latin, P));
+  PetscCall(PetscObjectQuery((PetscObject)ksp->pc, "LatinCoordinates", (PetscObject *)&v));
+  if (v) {
+    PetscCall(VecGetBlockSize(v, &dim));
+    PetscCall(VecGetLocalSize(v, &n));
+    PetscCall(VecGetArrayRead(v, &x));
+  }
+  PetscCall(LatinUnknownsSetUp_Private(P, dm, dim, dim ? n / dim : 0, x, &data->latin->known));
+  if (v) PetscCall(VecRestoreArrayRead(v, &x));
+  PetscFunctionReturn(0);
+}
+
+/* The structure: given, or known to the DM of the solver or of its matrix; NULL for a MATIS without one */
 static PetscErrorCode KSPLatinFindLinks_Private(KSP ksp, Mat P, LatinLinks *links)
 {
-  KSP_Latin *data = (KSP_Latin *)ksp->data;
-  DM         dm   = NULL;
+  KSP_Latin *data  = (KSP_Latin *)ksp->data;
+  DM         dm    = NULL;
+  PetscBool  matis = PETSC_FALSE;
 
   PetscFunctionBegin;
   *links = data->links;
@@ -153,14 +198,16 @@ static PetscErrorCode KSPLatinFindLinks_Private(KSP ksp, Mat P, LatinLinks *link
   if (!*links && P) {
     PetscCall(MatGetDM(P, &dm));
     PetscCall(LatinLinksFromDM_Private(dm, links));
+    PetscCall(PetscObjectTypeCompare((PetscObject)P, MATIS, &matis));
   }
-  PetscCheck(*links, PetscObjectComm((PetscObject)ksp), PETSC_ERR_ORDER, "-ksp_type latin has no structure to work on: call KSPLatinSetLinks(), or build the matrix from the DM of a structure (LatinLinksCreate(), LatinLinksAttachSNES())");
+  PetscCheck(*links || matis, PetscObjectComm((PetscObject)ksp), PETSC_ERR_ORDER,
+             "-ksp_type latin has no structure to work on: call KSPLatinSetLinks(), or build the matrix from the DM of a structure (LatinLinksCreate(), LatinLinksAttachSNES()); or assemble it as a MATIS (-dm_mat_type is, -mat_type is)");
   PetscFunctionReturn(0);
 }
 
 /*
    A preconditioner may be that of another matrix; this solver never looks at the entries of its matrix, so they must be
-   those of the operators of the subdomains: compared on a vector.
+   those of the operators of the subdomains: compared on a vector, unless they come from it.
 */
 static PetscErrorCode KSPLatinCheckMatrix_Private(KSP ksp, Mat A)
 {
@@ -171,6 +218,7 @@ static PetscErrorCode KSPLatinCheckMatrix_Private(KSP ksp, Mat A)
   PetscScalar   *a;
 
   PetscFunctionBegin;
+  if (A == latin->matrix) PetscFunctionReturn(0);
   PetscCall(VecSetRandom(data->work[0], NULL));
   PetscCall(MatMult(A, data->work[0], data->work[1]));
   PetscCall(VecNorm(data->work[1], NORM_2, &norm));
@@ -182,9 +230,8 @@ static PetscErrorCode KSPLatinCheckMatrix_Private(KSP ksp, Mat A)
   PetscCall(LatinSFReduce_Private(latin->sub.dof_sf, 1, MPIU_SCALAR, f, a, MPI_SUM));
   PetscCall(VecRestoreArray(data->work[1], &a));
   PetscCall(VecNorm(data->work[1], NORM_2, &difference));
-  PetscCheck(difference <= 1e-8 * norm, PetscObjectComm((PetscObject)ksp), PETSC_ERR_ARG_INCOMP,
-             "The matrix of -ksp_type latin is not the tangent stiffness that its structure has computed last (LatinLinksComputeJacobian()): they differ by %g, relative. Another matrix can be solved with -ksp_type cg -pc_type latin",
-             norm > 0.0 ? (double)(difference / norm) : (double)difference);
+  PetscCheck(difference <= 1e-8 * norm, PetscObjectComm((PetscObject)ksp), PETSC_ERR_ARG_INCOMP, "The matrix of -ksp_type latin is not %s: they differ by %g, relative. Another matrix can be solved with -ksp_type cg -pc_type latin",
+             latin->links ? "the tangent stiffness that its structure has computed last (LatinLinksComputeJacobian())" : "the MATIS that it is set up from", norm > 0.0 ? (double)(difference / norm) : (double)difference);
   PetscFunctionReturn(0);
 }
 
@@ -198,6 +245,7 @@ static PetscErrorCode KSPLatinResetState_Private(KSP ksp)
   PetscCall(VecDestroy(&data->b));
   PetscCall(VecDestroy(&data->y));
   PetscCall(VecDestroy(&data->guess));
+  PetscCall(VecDestroy(&data->load));
   for (PetscInt i = 0; i < 2; i++) PetscCall(VecDestroy(&data->work[i]));
   data->matrix = 0;
   PetscFunctionReturn(0);
@@ -216,13 +264,14 @@ static PetscErrorCode KSPSetUp_Latin(KSP ksp)
   PetscCall(PetscCitationsRegister(citation, &cited));
   PetscCall(KSPGetOperators(ksp, &A, &P));
   PetscCall(KSPLatinFindLinks_Private(ksp, P, &links));
-  PetscCall(PetscObjectGetId((PetscObject)A, &id));
-  PetscCall(PetscObjectStateGet((PetscObject)A, &state));
+  PetscCall(PetscObjectGetId((PetscObject)P, &id));
+  PetscCall(PetscObjectStateGet((PetscObject)P, &state));
   if (data->A && links == data->latin->links && !data->latin->stale && id == data->matrix && state == data->matrix_state) PetscFunctionReturn(0);
   PetscCall(KSPLatinResetState_Private(ksp));
   PetscCall(LatinReset_Private(data->latin));
-  PetscCall(LatinSetLinks_Private(data->latin, links));
-  for (PetscInt i = 0; i < 2; i++) PetscCall(VecDuplicate(links->load, &data->work[i]));
+  if (links) PetscCall(LatinSetLinks_Private(data->latin, links));
+  else PetscCall(KSPLatinSetMatrix_Private(ksp, P));
+  PetscCall(MatCreateVecs(P, &data->work[0], &data->work[1]));
   PetscCall(KSPGetOptionsPrefix(ksp, &prefix));
   PetscCall(PetscObjectSetOptionsPrefix((PetscObject)data->latin, prefix));
   PetscCall(PetscObjectAppendOptionsPrefix((PetscObject)data->latin, "ksp_latin_"));
@@ -257,9 +306,10 @@ static PetscErrorCode KSPLatinLoad_Private(KSP ksp, Vec load, PetscReal *norm)
 
 static PetscErrorCode KSPSolve_Latin(KSP ksp)
 {
-  KSP_Latin *data = (KSP_Latin *)ksp->data;
-  Vec        load = ksp->vec_rhs;
-  PetscBool  definite;
+  KSP_Latin   *data = (KSP_Latin *)ksp->data;
+  PetscBool    definite;
+  MatNullSpace kernel;
+  Mat          A;
 
   PetscFunctionBegin;
   PetscCall(PetscObjectTypeCompareAny((PetscObject)data->outer, &data->symmetric, KSPMINRES, KSPSYMMLQ, ""));
@@ -267,21 +317,23 @@ static PetscErrorCode KSPSolve_Latin(KSP ksp)
   PetscCheck(!definite, PetscObjectComm((PetscObject)ksp), PETSC_ERR_SUP,
              "The interface operator of KSP latin is symmetric but indefinite: instead of conjugate gradients take -ksp_latin_outer_ksp_type minres, or gmres, or conjugate gradients for the displacements with -ksp_type cg -pc_type latin");
   PetscCall(MatSetOption(data->A, MAT_SYMMETRIC, data->symmetric));
+  PetscCall(KSPGetOperators(ksp, &A, NULL));
   PetscCall(VecDestroy(&data->guess));
+  PetscCall(VecDestroy(&data->load));
   data->rhs_norm = 0.0;
   if (ksp->normtype == KSP_NORM_UNPRECONDITIONED) PetscCall(VecNorm(ksp->vec_rhs, NORM_2, &data->rhs_norm));
-  if (!ksp->guess_zero) {
-    Mat A;
-
+  if (ksp->guess_zero) {
+    PetscCall(PetscObjectReference((PetscObject)ksp->vec_rhs));
+    data->load = ksp->vec_rhs;
+  } else {
     PetscCall(VecDuplicate(ksp->vec_sol, &data->guess));
     PetscCall(VecCopy(ksp->vec_sol, data->guess));
-    if (ksp->normtype == KSP_NORM_PRECONDITIONED) PetscCall(KSPLatinLoad_Private(ksp, load, &data->rhs_norm));
-    PetscCall(KSPGetOperators(ksp, &A, NULL));
-    load = data->work[0];
-    PetscCall(MatMult(A, data->guess, load));
-    PetscCall(VecAYPX(load, -1.0, ksp->vec_rhs));
+    if (ksp->normtype == KSP_NORM_PRECONDITIONED) PetscCall(KSPLatinLoad_Private(ksp, ksp->vec_rhs, &data->rhs_norm));
+    PetscCall(VecDuplicate(ksp->vec_rhs, &data->load));
+    PetscCall(MatMult(A, data->guess, data->load));
+    PetscCall(VecAYPX(data->load, -1.0, ksp->vec_rhs));
   }
-  PetscCall(KSPLatinLoad_Private(ksp, load, &data->scale));
+  PetscCall(KSPLatinLoad_Private(ksp, data->load, &data->scale));
   if (data->scale <= data->latin->noise) { /* the first linear stage has found it all */
     PetscCall(VecZeroEntries(data->b));
     data->scale = 1.0;
@@ -301,6 +353,8 @@ static PetscErrorCode KSPSolve_Latin(KSP ksp)
   PetscCall(KSPGetIterationNumber(data->outer, &ksp->its));
   PetscCall(KSPGetConvergedReason(data->outer, &ksp->reason));
   PetscCall(KSPLatinDisplacements_Private(ksp, data->y, ksp->vec_sol));
+  PetscCall(MatGetNullSpace(A, &kernel));
+  if (kernel) PetscCall(MatNullSpaceRemove(kernel, ksp->vec_sol));
   PetscFunctionReturn(0);
 }
 
@@ -342,6 +396,7 @@ static PetscErrorCode KSPDestroy_Latin(KSP ksp)
   KSP_Latin *data = (KSP_Latin *)ksp->data;
 
   PetscFunctionBegin;
+  if (ksp->pc) PetscCall(PetscObjectComposeFunction((PetscObject)ksp->pc, "PCSetCoordinates_C", NULL));
   PetscCall(KSPReset_Latin(ksp));
   PetscCall(KSPDestroy(&data->outer));
   PetscCall(LatinDestroy_Private(&data->latin));
@@ -458,7 +513,8 @@ PetscErrorCode KSPLatinGetOuter(KSP ksp, KSP *outer)
   interface residual, the distance of two iterates in the energy norm of the search direction; with
   KSP_NORM_UNPRECONDITIONED that of b - A x, which costs one linear stage and one product more an iteration.
 
-  The PC of this KSP is none, and its matrix must be the tangent stiffness of the structure.
+  The matrix is the tangent stiffness of a structure, or a `MATIS`. The PC of this KSP is none; `PCSetCoordinates()` on it
+  tells where the unknowns of a `MATIS` are.
 
 .seealso: `KSPLatinSetLinks()`, `KSPLatinGetLatin()`, `KSPLatinGetOuter()`, `PCLATIN`, `SNESLATIN`
 M*/
@@ -484,6 +540,7 @@ PETSC_EXTERN PetscErrorCode KSPCreate_Latin(KSP ksp)
   PetscCall(KSPSetSupportedNorm(ksp, KSP_NORM_NONE, PC_LEFT, 1));
   PetscCall(KSPGetPC(ksp, &pc));
   PetscCall(PCSetType(pc, PCNONE));
+  PetscCall(PetscObjectComposeFunction((PetscObject)pc, "PCSetCoordinates_C", KSPLatinSetCoordinates_Private));
   PetscCall(LatinCreate_Private(PetscObjectComm((PetscObject)ksp), &data->latin));
   data->latin->tangent = PETSC_TRUE;
   PetscCall(KSPCreate(PetscObjectComm((PetscObject)ksp), &data->outer));

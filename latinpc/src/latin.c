@@ -155,6 +155,7 @@ static PetscErrorCode LatinSetUpMatrix_Private(Latin latin)
   PetscCall(LatinInterfaceSetUp(latin));
   PetscCall(LatinDirectionSetUp(latin));
   PetscCall(LatinSetUpStage_Private(latin));
+  PetscCall(PetscMalloc1(latin->inter.sides, &latin->outgoing));
   PetscCall(PetscLogEventEnd(LATIN_SetUp, latin, 0, 0, 0));
   latin->set_up = PETSC_TRUE;
   latin->stale  = PETSC_FALSE;

@@ -515,6 +515,7 @@ struct _p_Latin {
   Mat                matrix;             /* a MATIS instead of links, or NULL */
   LatinUnknowns      known;              /* of its unknowns */
   PetscBool          tangent;            /* operators from the links' tangent stiffness of the last Jacobian */
+  PetscBool          preconditions;      /* one linear stage from zero, in which springs only keep operators regular */
   LatinSubstructure  sub;
   LatinInterfaces    inter;
   LatinMacro         macro;
@@ -557,6 +558,7 @@ PETSC_INTERN PetscErrorCode LatinCreate_Private(MPI_Comm, Latin *);
 PETSC_INTERN PetscErrorCode LatinSetLinks_Private(Latin, LatinLinks);
 PETSC_INTERN PetscErrorCode LatinSetFromOptions_Private(Latin, LatinOptionItems, const char family[]);
 PETSC_INTERN PetscErrorCode LatinSetMatrix_Private(Latin, Mat);
+PETSC_INTERN PetscErrorCode LatinLoose_Private(Latin, Vec x, Vec y);
 PETSC_INTERN PetscErrorCode LatinSetUp_Private(Latin);
 PETSC_INTERN PetscErrorCode LatinAdapt_Private(Latin);
 PETSC_INTERN PetscErrorCode LatinReset_Private(Latin);

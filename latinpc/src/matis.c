@@ -348,3 +348,19 @@ PetscErrorCode LatinSubstructureSetUp_Matrix(Latin latin)
   PetscCall(PetscLogEventEnd(LATIN_Substructure, latin, 0, 0, 0));
   PetscFunctionReturn(0);
 }
+
+/* y at the unknowns of a matrix that are in no subdomain, for the right-hand side x */
+PetscErrorCode LatinLoose_Private(Latin latin, Vec x, Vec y)
+{
+  const LatinSubstructure *sub = &latin->sub;
+  const PetscScalar       *a;
+  PetscScalar             *b;
+
+  PetscFunctionBegin;
+  PetscCall(VecGetArrayRead(x, &a));
+  PetscCall(VecGetArray(y, &b));
+  for (PetscInt k = 0; k < sub->loose_count; k++) b[sub->loose[k]] = sub->loose_inverse[k] * a[sub->loose[k]];
+  PetscCall(VecRestoreArray(y, &b));
+  PetscCall(VecRestoreArrayRead(x, &a));
+  PetscFunctionReturn(0);
+}

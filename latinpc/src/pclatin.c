@@ -216,22 +216,6 @@ static PetscErrorCode PCApply_Latin_Shared(PC pc, Vec x, Vec y)
   PetscFunctionReturn(0);
 }
 
-/* The unknowns of a matrix that are in no subdomain */
-static PetscErrorCode PCLatinLoose_Private(Latin latin, Vec x, Vec y)
-{
-  const LatinSubstructure *sub = &latin->sub;
-  const PetscScalar       *a;
-  PetscScalar             *b;
-
-  PetscFunctionBegin;
-  PetscCall(VecGetArrayRead(x, &a));
-  PetscCall(VecGetArray(y, &b));
-  for (PetscInt k = 0; k < sub->loose_count; k++) b[sub->loose[k]] = sub->loose_inverse[k] * a[sub->loose[k]];
-  PetscCall(VecRestoreArray(y, &b));
-  PetscCall(VecRestoreArrayRead(x, &a));
-  PetscFunctionReturn(0);
-}
-
 static PetscErrorCode PCApply_Latin(PC pc, Vec x, Vec y)
 {
   PC_Latin      *data  = (PC_Latin *)pc->data;
@@ -262,7 +246,7 @@ static PetscErrorCode PCApply_Latin(PC pc, Vec x, Vec y)
   PetscCall(PCLatinInteriorSolve_Private(pc, data->f));
   PetscCall(PCLatinSum_Private(latin, data->v, y));
   PetscCall(VecAXPY(y, 1.0, data->work));
-  PetscCall(PCLatinLoose_Private(latin, x, y));
+  PetscCall(LatinLoose_Private(latin, x, y));
   if (latin->failed) pc->failedreason = PC_SUBPC_ERROR;
   PetscFunctionReturn(0);
 }
@@ -430,7 +414,8 @@ PETSC_EXTERN PetscErrorCode PCCreate_Latin(PC pc)
   pc->ops->view           = PCView_Latin;
   PetscCall(PetscObjectComposeFunction((PetscObject)pc, "PCSetCoordinates_C", PCSetCoordinates_Latin));
   PetscCall(LatinCreate_Private(PetscObjectComm((PetscObject)pc), &data->latin));
-  data->latin->tangent = PETSC_TRUE;
+  data->latin->tangent       = PETSC_TRUE;
+  data->latin->preconditions = PETSC_TRUE;
   PetscFunctionReturn(0);
 }
 

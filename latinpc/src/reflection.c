@@ -151,7 +151,7 @@ PetscErrorCode LatinReflectionApply_Private(Latin latin, const PetscReal y[], Pe
   PetscFunctionReturn(0);
 }
 
-/* u = mean displacement of the copies for the loads and the data y. Collective on latin */
+/* u = mean displacement of the copies for the loads and the data y; zero for unknowns of no subdomain. Collective on latin */
 PetscErrorCode LatinReflectionSolution_Private(Latin latin, const PetscReal y[], Vec u)
 {
   PetscFunctionBegin;

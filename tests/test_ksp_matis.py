@@ -1,0 +1,120 @@
+"""KSP latin on a MATIS: the solutions of a direct solver, beside FETI-DP and conjugate gradients with PC latin."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+PROGRAM = f"""
+import argparse
+import json
+import sys
+
+import petsc4py
+
+petsc4py.init([sys.argv[0], "-skip_petscrc", *sys.argv[2:]])
+sys.path.insert(0, {str(Path(__file__).parent)!r})
+import numpy as np
+from matis_program import Grid, matis, near_null
+from petsc4py import PETSc
+
+import latinpc
+
+chosen = dict(problem="poisson", dim=2, cells=8, blocks="2,2", dirichlet="zeroed", jump="none", contrast=1e6,
+              local_type="aij", scalar_map=False, asymmetric=False, coordinates=True)
+args = argparse.Namespace(**dict(chosen, **json.loads(sys.argv[1])))
+problem = Grid(args)
+a, x, free = matis(problem, args, PETSc.COMM_WORLD)
+if args.dirichlet == "none":
+    a.setNullSpace(near_null(a, x, free, problem))
+b, u = a.createVecs()
+first, last = b.getOwnershipRange()
+b.setArray(np.sin(1.0 + 7.3 * np.arange(first, last)))
+if args.dirichlet == "none":
+    a.getNullSpace().remove(b)
+
+
+def solve(**how):
+    ksp = PETSc.KSP().create()
+    ksp.setOperators(a)
+    ksp.setType(how["ksp"])
+    if "pc" in how:
+        ksp.getPC().setType(how["pc"])
+    if "latin" in how.values() and args.coordinates:
+        ksp.getPC().setCoordinates(x[:: problem.bs] if len(x) % problem.bs == 0 else x)
+    ksp.setTolerances(rtol=1e-10, max_it=500)
+    ksp.setFromOptions()
+    v = b.duplicate()
+    ksp.solve(b, v)
+    return ksp, v
+
+
+ksp, u = solve(ksp="latin")
+_, cg = solve(ksp="cg", pc="latin")
+found = dict(reason=ksp.getConvergedReason(), iterations=ksp.getIterationNumber(), cg=(u - cg).norm() / u.norm(),
+             subdomains=latinpc.statistics(ksp)["subdomains"], residual=(b - a * u).norm() / b.norm())
+if args.problem == "poisson" and args.dirichlet != "none":
+    fetidp, v = solve(ksp="fetidp")
+    found.update(fetidp=(u - v).norm() / u.norm(), fetidp_iterations=fetidp.getIterationNumber())
+PETSc.Sys.Print(json.dumps(found))
+"""
+
+
+@pytest.fixture
+def solved(mpirun):
+    def run(ranks, *words, **args):
+        lines = mpirun(ranks, PROGRAM, json.dumps(args), *words).stdout.splitlines()
+        return json.loads(next(line for line in lines if line.startswith("{")))
+
+    return run
+
+
+@pytest.mark.parametrize(("ranks", "blocks"), [(2, "2,1"), (4, "2,2"), (8, "4,2")])
+@pytest.mark.parametrize("problem", ["poisson", "elasticity"])
+def test_plane(solved, problem, ranks, blocks):
+    """Few iterations, and the others' solution."""
+    found = solved(ranks, problem=problem, blocks=blocks, cells=12)
+    assert found["reason"] > 0 and found["subdomains"] == ranks
+    assert found["iterations"] <= 16
+    assert found["residual"] < 1e-8 and found["cg"] < 1e-7
+    if problem == "poisson":
+        assert found["fetidp"] < 1e-3 and found["iterations"] <= 2 * found["fetidp_iterations"]
+
+
+@pytest.mark.parametrize("dirichlet", ["zeroed", "scaled", "eliminated", "none"])
+@pytest.mark.parametrize("problem", ["poisson", "elasticity"])
+def test_supports_as_applications_leave_them(solved, problem, dirichlet):
+    """Rows of boundary conditions, none of them, and a kernel that the matrix knows."""
+    found = solved(4, problem=problem, dirichlet=dirichlet)
+    assert found["reason"] > 0 and found["residual"] < 1e-8 and found["cg"] < 1e-7
+
+
+def test_cubes(solved):
+    found = solved(4, problem="elasticity", dim=3, cells=4, blocks="2,2,1")
+    assert found["reason"] > 0 and found["residual"] < 1e-8 and found["cg"] < 1e-7
+
+
+@pytest.mark.parametrize("words", ["-ksp_latin_outer_ksp_type minres", "-ksp_norm_type unpreconditioned",
+                                   "-ksp_latin_modes none", "-ksp_latin_variant macro"])  # fmt: skip
+def test_options(solved, words):
+    found = solved(4, *words.split(), problem="elasticity")
+    assert found["reason"] > 0 and found["residual"] < 1e-8 and found["cg"] < 1e-7
+
+
+def test_coordinates_are_those_of_the_preconditioner(solved):
+    """PCSetCoordinates() on the PC of the solver serves the macro fields."""
+    with_them, without = (solved(4, problem="elasticity", cells=16, coordinates=given) for given in (True, False))
+    assert with_them["residual"] < 1e-8 and without["residual"] < 1e-8
+    assert with_them["iterations"] < without["iterations"]
+
+
+@pytest.mark.parametrize(("jump", "most"), [("across", 24), ("inside", 40)])
+def test_jumps(solved, jump, most):
+    """Coefficients that jump by a million."""
+    found = solved(4, jump=jump, cells=16, dirichlet="eliminated")
+    assert found["reason"] > 0 and found["iterations"] <= most
+
+
+def test_not_symmetric(mpirun):
+    result = mpirun(2, PROGRAM, json.dumps({"asymmetric": True, "blocks": "2,1"}), check=False)
+    assert result.returncode and "is not symmetric" in result.stderr
