@@ -10,8 +10,9 @@ from __future__ import annotations
 import os
 import statistics
 
-from .peers import DEFAULT, METHODS
+from .peers import DEFAULT, LINEAR, METHODS
 from .peers.launch import Bench, Failed
+from .scenes.scene import Law
 
 #: Keys of a row, in this order.
 KEYS = (
@@ -19,6 +20,7 @@ KEYS = (
     "converged", "reason",
 )  # fmt: skip
 _MEDIANS = KEYS[1:7]
+OURS = ("latin", "ksp-latin")  # what the others are compared with
 BUSY = 1.1  # wall over processor time from which the table says so
 TIGHTER = 0.5  # when the errors of the timed run and of the calibration differ by a hair
 
@@ -28,7 +30,7 @@ NOTE = (
 )
 
 
-def compare(scene, methods=DEFAULT, accuracy=1e-4, repeat=3, ranks=1, timeout=600.0, reference="auto",
+def compare(scene, methods=None, accuracy=1e-4, repeat=3, ranks=1, timeout=600.0, reference="auto",
             user_options=(), progress=None):  # fmt: skip
     """Solve a scene by several methods.
 
@@ -36,7 +38,7 @@ def compare(scene, methods=DEFAULT, accuracy=1e-4, repeat=3, ranks=1, timeout=60
     ----------
     scene : Scene
     methods : sequence of str
-        Names of `latinpc.peers.METHODS`.
+        Names of `latinpc.peers.METHODS`; by default `latinpc.peers.LINEAR` for a scene of bars, `DEFAULT` for others.
     accuracy : float
         Relative l2 error of the displacements to reach.
     repeat : int
@@ -58,7 +60,13 @@ def compare(scene, methods=DEFAULT, accuracy=1e-4, repeat=3, ranks=1, timeout=60
         scene, scene_options, free_dofs, links, accuracy, repeat, ranks, reference, cores, versions, rows, runs.
         A row has the keys of `KEYS`; a run more of them. What a method that failed does not give is None.
     """
-    methods = check_methods(methods)
+    bars = not (scene.law != Law.BAR).any()
+    methods = check_methods(methods or (LINEAR if bars else DEFAULT))
+    wrong = [name for name in methods if METHODS[name].kind == "linear"]
+    if wrong and not bars:
+        raise ValueError(
+            f"{wrong[0]} solves structures of bars alone, and {scene.name} has other links: take truss-grid"
+        )
     if not 0 < accuracy < 1:
         raise ValueError(f"--accuracy {accuracy:g}: a relative error, between 0 and 1")
     if repeat < 1 or ranks < 1:
@@ -145,7 +153,7 @@ def _row(name, runs, failure, accuracy, ranks):
         row[key] = statistics.median(values) if values else None
     row["iterations"] = int(row["iterations"])
     row["reason"] = failure or runs[-1]["reason"]
-    if name == "newton-bddc" and ranks == 1:
+    if name in ("newton-bddc", "cg-bddc", "fetidp") and ranks == 1:
         row["reason"] += ", but one subdomain a rank: on one rank BDDC is a direct solver"
     below = row["error_l2"] is not None and row["error_l2"] <= accuracy
     row["converged"] = failure is None and all(run["converged"] for run in runs) and below
@@ -158,12 +166,13 @@ def _row(name, runs, failure, accuracy, ranks):
 
 
 def layout(document):
-    """Return the header and the rows of a table, as text; ratios are to latin."""
+    """Return the header and the rows of a table, as text; ratios are to latin, or to ksp-latin."""
     from .cli import quantity
 
     rows = document["rows"]
-    latin = next((row for row in rows if row["method"] == "latin" and row["converged"]), None)
-    header = ["method", "set-up", "solve", "total", "x latin", "memory", "x latin", "iterations"]
+    latin = next((row for row in rows if row["method"] in OURS and row["converged"]), None)
+    times = f"x {latin['method'] if latin else OURS[0]}"
+    header = ["method", "set-up", "solve", "total", times, "memory", times, "iterations"]
     header += ["error l2", "energy", "reason"]
     table = []
     for row in rows:

@@ -9,8 +9,8 @@ from __future__ import annotations
 import statistics
 from dataclasses import dataclass, field, replace
 
+from . import peers
 from .compare import describe
-from .peers import METHODS
 from .peers.launch import Bench, Failed
 from .scenes import make
 
@@ -54,7 +54,7 @@ APART = ("latin-macro", "latin-rigid", "newton-bddc")
 
 #: The knobs: each is a panel of the picture. Every one begins with the default.
 KNOBS = {
-    "methods": tuple(Choice(name, name) for name in METHODS if name not in APART),
+    "methods": tuple(Choice(name, name) for name in peers.DEFAULT if name not in APART),
     "variant": (DEFAULT, _latin("macro", variant="macro"), _latin("none", variant="none"),
                 _latin("corners published", corners="published"), _latin("rigid macro fields", modes="rigid")),
     "direction": (DEFAULT, _latin("schur / 2", direction_fraction=0.5), _latin("schur × 2", direction_fraction=2),

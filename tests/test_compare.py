@@ -7,11 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from conftest import ROOT
+from petsc4py import PETSc
 from support import chain, grid, settled
 from test_cli import latinpc
 
 from latinpc import Links, compare, tradeoff
-from latinpc.peers import DEFAULT, METHODS, arrays, qp, run
+from latinpc.peers import DEFAULT, LINEAR, METHODS, arrays, qp, run
 from latinpc.peers.launch import Bench, Failed
 from latinpc.peers.reference import by_latin, by_newton
 from latinpc.scenes import Law, make
@@ -253,3 +254,37 @@ def test_presets_are_described():
     for name, accuracy in (("fast", "1e-2"), ("balanced", "1e-4"), ("accurate", "1e-8")):
         text = (ROOT / "options" / f"{name}.opts").read_text()
         assert accuracy in text and "latinpc solve" in text
+
+
+# ---- linear structures -----------------------------------------------------------------------
+LINEAR_HERE = [name for name in LINEAR if METHODS[name].package != "hypre" or PETSc.Sys.hasExternalPackage("hypre")]
+
+
+@pytest.mark.parametrize("name", LINEAR_HERE)
+def test_linear_methods_stop_at_the_accuracy(name):
+    """Calibrated, then timed: the first iterate below the accuracy, and the same displacements."""
+    scene = grid("truss")
+    reference, _ = by_newton(scene, 1e-6)
+    (tolerance,) = run.calibrate(name, scene, [1e-6], reference)
+    outcome = run.solve(name, scene, tolerance)
+    error = arrays.errors(scene, outcome.displacements, reference)[0]
+    assert outcome.converged and error <= 1e-6
+    if (METHODS[name].options["ksp_type"] == "cg" and METHODS[name].matrix != "is") or name == "ksp-latin":
+        assert error > 1e-12 and outcome.iterations > 1
+
+
+def test_linear_methods_want_bars():
+    with pytest.raises(ValueError, match="structures of bars alone"):
+        compare.compare(grid(), ["ksp-latin"])
+    with pytest.raises(ValueError, match="structures of bars alone"):
+        run.solve("cg-latin", grid(), 1e-6)
+
+
+def test_linear_scene_side_by_side_on_two_ranks():
+    """By default the methods for scenes of bars; ratios are to KSP latin."""
+    document = compare.compare(grid("truss"), ("ksp-latin", "cg-latin", "fetidp"), repeat=1, ranks=2)
+    rows = {row["method"]: row for row in document["rows"]}
+    assert rows["ksp-latin"]["converged"] and rows["cg-latin"]["converged"]
+    assert rows["ksp-latin"]["error_l2"] <= 1e-4 and rows["ksp-latin"]["iterations"] > 1
+    header, table = compare.layout(document)
+    assert "x ksp-latin" in header and table[0][header.index("x ksp-latin")] == "1.0"

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-__all__ = ["DEFAULT", "METHODS", "Method"]
+__all__ = ["DEFAULT", "LINEAR", "METHODS", "Method"]
 
 
 @dataclass(frozen=True)
@@ -18,8 +18,9 @@ class Method:
     ----------
     about : str
         What it is, in one line.
-    kind : {'latin', 'newton', 'qp'}
-        SNES latin, Newton's method of PETSc, or an interior point method on the quadratic program.
+    kind : {'latin', 'newton', 'qp', 'linear'}
+        SNES latin, Newton's method of PETSc, an interior point method on the quadratic program, or a KSP on the
+        stiffness of a structure of bars.
     options : dict
         PETSc options without the leading dash; the best ones known for structures with slackening cables.
     package : str
@@ -49,6 +50,7 @@ _NEWTON = {
 _DIRECT = {**_NEWTON, "ksp_type": "preonly", "pc_type": "cholesky"}
 # The tangent changes with the active set, so a rough linear solution serves until it has settled
 _CG = {**_NEWTON, "ksp_type": "cg", "ksp_rtol": 1e-2, "ksp_max_it": 3000}
+_BDDC = {"pc_bddc_use_change_of_basis": 1, "pc_bddc_use_edges": 1, "pc_bddc_use_faces": 1}
 
 METHODS = {
     "latin": Method("the default of SNES latin", "latin", {"snes_type": "latin"}),
@@ -81,7 +83,31 @@ METHODS = {
     }),
     "piqp": Method("PIQP on the quadratic program", "qp", package="piqp"),
     "clarabel": Method("Clarabel on the quadratic program", "qp", package="clarabel"),
+    "ksp-latin": Method("KSP latin", "linear", {"ksp_type": "latin"}),
+    "cg-latin": Method("conjugate gradients, PC latin", "linear", {"ksp_type": "cg", "pc_type": "latin"}),
+    "cg-bddc": Method("conjugate gradients, BDDC with one subdomain a rank", "linear", {
+        "ksp_type": "cg", "pc_type": "bddc", **_BDDC,
+    }, rigid=True, matrix="is"),
+    "fetidp": Method("FETI-DP with one subdomain a rank", "linear", {
+        "ksp_type": "fetidp", "fetidp_ksp_type": "cg", **{f"fetidp_bddc_{key}": _BDDC[key] for key in _BDDC},
+    }, rigid=True, matrix="is"),
+    "cg-gamg": Method("conjugate gradients, GAMG with rigid modes", "linear", {
+        "ksp_type": "cg", "pc_type": "gamg", "pc_gamg_threshold": 0.02,
+    }, rigid=True),
+    "cg-hypre": Method("conjugate gradients, BoomerAMG", "linear", {
+        "ksp_type": "cg", "pc_type": "hypre", "pc_hypre_type": "boomeramg",
+        "pc_hypre_boomeramg_strong_threshold": 0.7, "pc_hypre_boomeramg_coarsen_type": "HMIS",
+        "pc_hypre_boomeramg_interp_type": "ext+i", "pc_hypre_boomeramg_P_max": 4,
+    }, "hypre"),
+    "mumps": Method("MUMPS with METIS", "linear", {
+        "ksp_type": "preonly", "pc_type": "cholesky", "pc_factor_mat_solver_type": "mumps", "mat_mumps_icntl_7": 5,
+    }, "mumps"),
+    "cholmod": Method("CHOLMOD with nested dissection", "linear", {
+        "ksp_type": "preonly", "pc_type": "cholesky", "pc_factor_mat_solver_type": "cholmod",
+        "pc_factor_mat_ordering_type": "nd",
+    }, "suitesparse"),
 }  # fmt: skip
 
-#: What `latinpc compare` runs when it is not told.
-DEFAULT = tuple(METHODS)
+#: What `latinpc compare` runs when it is not told: on scenes with cables or struts, and on those of bars alone.
+LINEAR = tuple(name for name, method in METHODS.items() if method.kind == "linear")
+DEFAULT = tuple(name for name in METHODS if name not in LINEAR)

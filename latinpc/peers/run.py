@@ -19,7 +19,7 @@ import latinpc
 from latinpc.links import Links
 from latinpc.solve import _reason, default_options
 
-from . import METHODS
+from . import METHODS, linear
 from .arrays import errors
 
 #: Tolerances of the interior point methods, tried in this order: they have no iterates to look at.
@@ -85,7 +85,7 @@ def solve(name, scene, tolerance, options=None, comm=None, reference=None, accur
     scene : Scene
     tolerance : float or None
         Stop: of the indicator (latin), of the residual over the first one (Newton), of the program (piqp,
-        clarabel). None with an accuracy.
+        clarabel), of the norm that a KSP watches. None with an accuracy.
     options : dict, optional
         More PETSc options, which replace those of the method.
     comm : communicator, optional
@@ -106,6 +106,11 @@ def solve(name, scene, tolerance, options=None, comm=None, reference=None, accur
         raise RuntimeError("CHOLMOD factors on one rank only")
     if method.kind == "latin":
         settings |= {"snes_stol": tolerance} if tolerance else {"snes_latin_stop": "reference", "snes_stol": accuracy}
+    if method.kind == "linear":
+        with default_options(settings):
+            found = linear.solve(method, scene, tolerance, comm, reference, _tell_rigid_modes)
+        memory = PETSc.COMM_WORLD.tompi4py().allreduce(peak_memory())
+        return Outcome(**found, peak_memory_bytes=memory, linear_iterations=found["iterations"])
     with default_options(settings):
         return _solve_snes(method, scene, tolerance, comm, reference, accuracy)
 
