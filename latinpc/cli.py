@@ -330,10 +330,15 @@ def _open_scene(name, options):
 
 def _prepare(scene, json_file, output, picture, options):
     """Open the scene and refuse results that could not be written, before any work is done; on one rank."""
-    for path, suffixes in ((json_file, None), (output, (".vtu",)), (picture, (".png", ".pdf", ".svg"))):
+    moves = options.pop("steps", None) is not None
+    kinds = ((".pvd", ".vtu"), (".gif", ".png", ".pdf", ".svg")) if moves else ((".vtu",), (".png", ".pdf", ".svg"))
+    for path, suffixes in ((json_file, None), *zip((output, picture), kinds)):
         if path is not None:
             io.check_writable(path, suffixes)
-    return _open_scene(scene, options)
+    scene = _open_scene(scene, options)
+    if scene.velocity is not None and not moves:
+        raise ValueError(f"{scene.name} moves: say for how many steps with --steps")
+    return scene
 
 
 def write_json(path, report):
@@ -351,12 +356,22 @@ def write_json(path, report):
 @_scene_options
 @click.option("--reference", is_flag=True, help="Compute a reference by Newton's method, and the errors.")
 @click.option("--json", "json_file", metavar="FILE", help="Write the report; '-' prints it alone.")
-@click.option("--output", metavar="FILE.vtu", help="Write displacements and tensions for ParaView.")
-@click.option("--picture", metavar="FILE.png", help="Draw the deformed structure.")
+@click.option("--output", metavar="FILE", help="Write for ParaView: a .vtu file, of a motion also a .pvd.")
+@click.option(
+    "--picture", metavar="FILE", help="Draw the deformed structure: .png, .pdf or .svg, of a motion also .gif."
+)
 @click.option("--quiet", is_flag=True, help="Print nothing but notices.")
+@click.option(
+    "--steps", type=int, metavar="N", help="Make N time steps with -ts_type latin; the scene must have masses."
+)
+@click.option("--step", type=float, metavar="H", help="Length of a step (s); by default what the scene suggests.")
+@click.option("--every", type=int, metavar="N", help="Write a state each N steps; by default a hundred of them.")
+@click.option("--node-mass", type=float, metavar="M", help="Mass of each node (kg), for a scene that has none.")
 @click.pass_obj
-def solve_command(comm, scene, reference, json_file, output, picture, quiet, **options):
-    """Solve a scene or a Gmsh file, by default with -snes_type latin.
+def solve_command(
+    comm, scene, reference, json_file, output, picture, quiet, steps, step, every, node_mass, **options
+):  # fmt: skip
+    """Solve a scene or a Gmsh file, by default with -snes_type latin; with --steps, move it with -ts_type latin.
 
     Options with a single dash go to PETSc, for instance -snes_monitor -snes_latin_variant macro.
     """
@@ -364,11 +379,20 @@ def solve_command(comm, scene, reference, json_file, output, picture, quiet, **o
 
     alone = json_file == "-"
     quiet = quiet or alone
-    scene = on_root(comm, _prepare, scene, None if alone else json_file, output, picture, options)
+    for value, name in ((step, "step"), (every, "every"), (node_mass, "node-mass")):
+        if value is not None and steps is None:
+            raise ValueError(f"--{name} is for a motion: say for how many steps with --steps")
+    if reference and steps is not None:
+        raise ValueError("--reference is for statics; compare motions with -snes_type newtonls")
+    scene = on_root(comm, _prepare, scene, None if alone else json_file, output, picture, options | {"steps": steps})
     count = options.get("subdomains") if scene.subdomain is None else None
     if count is not None and not 1 <= count <= len(scene.links):
         raise ValueError(f"--subdomains {count}: there are {len(scene.links)} links, at least one for each subdomain")
     monitored = any("monitor" in name for name in PETSc.Options().getAll())
+    if steps is not None:
+        with _progress(comm, quiet or monitored) as say:
+            result = _move(scene, steps, step, count, node_mass, every, say, output, picture)
+        return _report(comm, result, _write_motion, _summary_of_motion, json_file, output, picture, quiet)
     with _progress(comm, quiet or monitored) as say:
         if say is not None:
             say(f"{scene.name}: setting up")
@@ -380,17 +404,85 @@ def solve_command(comm, scene, reference, json_file, output, picture, quiet, **o
                 lambda _, iteration, norm: say(f"{scene.name}: iteration {iteration}, {norm:.2e}")
             ),
         )  # fmt: skip
-    on_root(comm, _write, result, json_file, output, picture)
+    return _report(comm, result, _write, summary, json_file, output, picture, quiet)
+
+
+def _report(comm, result, write, summary, json_file, output, picture, quiet):
+    """Write the files asked for, print, and return the exit code."""
+    on_root(comm, write, result, json_file, output, picture)
     if comm.rank == 0:
         for notice in result.notices:
             print(f"latinpc: {notice}", file=sys.stderr)
         if not quiet:
             lines = summary(result)
             written = [str(path) for path in (json_file, output, picture) if path is not None]
-            _lines(_console(), scene.name, lines + ([("written", ", ".join(written))] if written else []))
+            _lines(_console(), result.scene.name, lines + ([("written", ", ".join(written))] if written else []))
         if not result.converged:
             print(f"latinpc: not converged: {result.report['reason']}", file=sys.stderr)
     return 0 if result.converged else NOT_CONVERGED
+
+
+def _move(scene, steps, step, count, node_mass, every, say, output, picture):
+    from .motion import move
+
+    films = any(str(path).lower().endswith((".pvd", ".gif")) for path in (output, picture) if path is not None)
+    return move(
+        scene,
+        steps,
+        step,
+        subdomains=count,
+        mass=node_mass,
+        every=every if films else 0,
+        each_step=None if say is None else lambda k, t: say(f"{scene.name}: step {k} of {steps}, {t:.4g} s"),
+    )
+
+
+def _summary_of_motion(result):
+    """Return the lines of (label, text) that tell what moved and how it went."""
+    scene, report, last = result.scene, result.report, result.frames[-1]
+    lines = [("structure", f"{len(scene.nodes):,} nodes, {report['links']:,} links in {scene.dim}D")]
+    ranks = f"{report['ranks']} rank{'s' if report['ranks'] > 1 else ''}"
+    lines.append(("unknowns", f"{report['free_dofs']:,} free of {report['dofs']:,}, on {ranks}"))
+    if report["subdomains"]:
+        lines.append(("decomposition", f"{report['subdomains']:,} subdomains"))
+    lines.append(("motion", f"{report['steps']} steps of {quantity(report['step'], 's')}, {report['reason']}"))
+    if report["iterations"]:
+        most = max(report["iterations"])
+        lines.append(
+            ("solver", f"{report['solver']}: {report['iterations_mean']:.1f} iterations a step, at most {most}")
+        )
+    kinetic, potential = report["kinetic_energy"], report["potential_energy"]
+    if kinetic and None not in (kinetic[-1], potential[-1]):
+        text = [quantity(a + b, "J") for a, b in ((kinetic[0], potential[0]), (kinetic[-1], potential[-1]))]
+        lines.append(("energy", f"{text[0]} at the start, {text[1]} at the end"))
+    size = np.linalg.norm(last.displacements, axis=1)
+    if np.isfinite(size).all():
+        lines.append(("displacement", f"at the end, at most {quantity(size.max(), 'm')}"))
+    if report["active"]:
+        lines.append(("active links", f"{report['active'][-1]:,} at the end, at most {max(report['active']):,}"))
+    per_step = report["seconds"] / max(report["steps"], 1)
+    memory = quantity(report["peak_memory_bytes"], "B")
+    lines.append(("time", f"{quantity(report['seconds'], 's')}, {quantity(per_step, 's')} a step; memory {memory}"))
+    return lines
+
+
+def _write_motion(result, json_file, output, picture):
+    """Write the files asked for; on one rank. What was reached is kept when a step does not converge."""
+    last = result.frames[-1]
+    if json_file is not None:
+        write_json(json_file, result.report)
+    if output is not None and str(output).lower().endswith(".pvd"):
+        io.write_pvd(output, result)
+    elif output is not None:
+        arrays = (last.displacements, last.tensions, result.subdomain, result.node_class, last.velocities)
+        io.write_vtu(output, result.scene, *arrays)
+    if picture is not None:
+        from .pictures import draw_motion, draw_structure
+
+        if str(picture).lower().endswith(".gif"):
+            draw_motion(result, picture)
+        else:
+            draw_structure(result.scene, last.displacements, last.tensions, result.subdomain, picture)
 
 
 def _write(result, json_file, output, picture):

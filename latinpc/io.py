@@ -29,7 +29,15 @@ Every line of the mesh is one link. In the TOML file, SI units throughout::
     box = [[0, 0, 0], [8, 2, 0]]
     force = [0.0, 0.0, -5e3]
 
-Loads add up; a node may belong to several groups. Nodes that no link touches are left out.
+    [masses.deck]                        # for motions: kg on each node
+    mass = 50.0
+    [masses.chords]                      # or kg/m along each line, half of it to either end
+    line = 12.0
+
+    [velocities.deck]
+    velocity = [0.0, 0.0, -1.0]          # m/s of each node at the start
+
+Loads and masses add up; a node may belong to several groups. Nodes that no link touches are left out.
 """
 
 import contextlib
@@ -49,7 +57,9 @@ AXES = "xyz"
 LAW_KEYS = ("law", "EA", "stiffness", "prestrain", "strain", "tension")
 SUPPORT_KEYS = ("fix", "displacement", "box")
 LOAD_KEYS = ("force", "box")
-TOP_KEYS = ("title", "dim", "laws", "supports", "loads")
+MASS_KEYS = ("mass", "line", "box")
+VELOCITY_KEYS = ("velocity", "box")
+TOP_KEYS = ("title", "dim", "laws", "supports", "loads", "masses", "velocities")
 
 
 # ---- writing whole files or none -------------------------------------------------------------
@@ -153,6 +163,8 @@ def read_scene(path, description=None):
         prescribed=prescribed,
         load=_loads(settings, nodes, node_groups, description),
         subdomain=None,
+        mass=_masses(settings, nodes, links.reshape(-1, 2), line_groups, node_groups, description),
+        velocity=_velocities(settings, nodes, node_groups, fixed, description),
         metadata={"file": path.name, "nodes_without_link": int(len(points) - len(used))},
     )
 
@@ -176,6 +188,7 @@ def _read_description(path, description):
         except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
             raise ValueError(f"{description}: not a TOML file: {error}") from None
     tables = {"laws": LAW_KEYS, "supports": SUPPORT_KEYS, "loads": LOAD_KEYS}
+    tables |= {"masses": MASS_KEYS, "velocities": VELOCITY_KEYS}
     for key, value in settings.items():
         if key not in TOP_KEYS:
             raise ValueError(f"{description}: unknown key '{key}'{_nearest(key, TOP_KEYS)}")
@@ -373,7 +386,7 @@ def _supports(settings, nodes, node_groups, description):
                 raise ValueError(f"{where}: a node has another displacement along {AXES[axis]} in another group")
             fixed[chosen, axis] = True
             prescribed[chosen, axis] = value[axis]
-    if not fixed.any():
+    if not fixed.any() and not settings.get("masses"):
         raise ValueError(f"{description}: nothing is held; write [supports.NAME] with fix = [...]")
     return fixed, prescribed
 
@@ -387,6 +400,42 @@ def _loads(settings, nodes, node_groups, description):
             raise ValueError(f"{where}: key 'force' is missing; give force = [fx, ..] in N on each node")
         load[chosen] += _vector(entries["force"], nodes.shape[1], f"{where}: force")
     return load
+
+
+def _masses(settings, nodes, links, line_groups, node_groups, description):
+    """Return the masses of the nodes (kg), None without any."""
+    if not settings.get("masses"):
+        return None
+    mass = np.zeros(len(nodes))
+    for group, entries in settings["masses"].items():
+        where = f"{description}: [masses.{group}]"
+        key = _one_of(entries, ("mass", "line"), where)
+        if key is None:
+            raise ValueError(f"{where}: no mass; give mass (kg on each node) or line (kg/m along each line)")
+        value = _number(entries[key], f"{where}: {key}", positive=True)
+        if key == "mass":
+            mass[_nodes_of(group, entries, nodes, node_groups, where)] += value
+            continue
+        if group not in line_groups or "box" in entries:
+            raise ValueError(f"{where}: 'line' is for a physical group of lines{_nearest(group, line_groups)}")
+        ends = links[line_groups[group]]
+        length = np.linalg.norm(nodes[ends[:, 1]] - nodes[ends[:, 0]], axis=1)
+        mass += np.bincount(ends.ravel(), np.repeat(value * length / 2.0, 2), len(nodes))
+    return mass
+
+
+def _velocities(settings, nodes, node_groups, fixed, description):
+    """Return the velocities at the start (m/s), zero where held, None without any."""
+    if not settings.get("velocities"):
+        return None
+    velocity = np.zeros(nodes.shape)
+    for group, entries in settings["velocities"].items():
+        where = f"{description}: [velocities.{group}]"
+        chosen = _nodes_of(group, entries, nodes, node_groups, where)
+        if "velocity" not in entries:
+            raise ValueError(f"{where}: key 'velocity' is missing; give velocity = [vx, ..] in m/s of each node")
+        velocity[chosen] = _vector(entries["velocity"], nodes.shape[1], f"{where}: velocity")
+    return np.where(fixed, 0.0, velocity)
 
 
 # ---- derived fields --------------------------------------------------------------------------
@@ -411,7 +460,7 @@ def slack(scene, tensions):
 # ---- VTU out ---------------------------------------------------------------------------------
 
 
-def write_vtu(path, scene, displacements, tensions, subdomain=None, node_class=None):
+def write_vtu(path, scene, displacements, tensions, subdomain=None, node_class=None, velocities=None):
     """Write a solved structure for ParaView.
 
     Not collective: call it on one rank, with whole arrays in the scene's numbering.
@@ -429,6 +478,8 @@ def write_vtu(path, scene, displacements, tensions, subdomain=None, node_class=N
         Subdomain of each link; -1 where not given.
     node_class : (n,) array of int, optional
         0 interior, 1 strong interface, 2 weak interface, 3 corner; -1 where not given.
+    velocities : (n, dim) array, optional
+        In m/s.
     """
     n, m = len(scene.nodes), len(scene.links)
 
@@ -448,6 +499,7 @@ def write_vtu(path, scene, displacements, tensions, subdomain=None, node_class=N
             "load": in_space(scene.load),
             "fixed": in_space(scene.fixed),
             "interface_class": whole_numbers(node_class, n),
+            **({} if velocities is None else {"velocity": in_space(velocities)}),
         },
         cell_data={
             "tension": [np.asarray(tensions, dtype=float)],
@@ -459,3 +511,31 @@ def write_vtu(path, scene, displacements, tensions, subdomain=None, node_class=N
     )
     with atomic(path) as temporary:
         meshio.vtu.write(temporary, mesh)
+
+
+def write_pvd(path, motion):
+    """Write a motion for ParaView: a file for each frame, in a folder of the same name, and an index with the times.
+
+    Not collective: call it on one rank.
+
+    Parameters
+    ----------
+    path : str or path-like
+        A ``.pvd`` file; it is replaced only once all is written.
+    motion : latinpc.motion.Motion
+        With its frames.
+    """
+    path = pathlib.Path(path)
+    folder = path.with_suffix("")
+    folder.mkdir(exist_ok=True)
+    entries = []
+    for frame in motion.frames:
+        name = f"{folder.name}/{frame.step:06d}.vtu"
+        arrays = (frame.displacements, frame.tensions, motion.subdomain, motion.node_class, frame.velocities)
+        write_vtu(path.parent / name, motion.scene, *arrays)
+        entries.append(f'    <DataSet timestep="{frame.time!r}" part="0" file="{name}"/>\n')
+    with atomic(path) as temporary:
+        pathlib.Path(temporary).write_text(
+            '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">\n'
+            f"  <Collection>\n{''.join(entries)}  </Collection>\n</VTKFile>\n"
+        )

@@ -358,6 +358,7 @@ class Links:
             self._handle.set_ksp(solver)
         elif isinstance(solver, PETSc.TS):
             self._handle.attach_ts(solver)
+            solver.getDM().setAttr("latinpc_slices", self._slices)  # where the SNES of the steps is asked
         else:
             self._handle.attach(solver)
         solver.setAttr("latinpc_slices", self._slices)

@@ -17,6 +17,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d import proj3d
 from mpl_toolkits.mplot3d.art3d import Line3DCollection
+from PIL import Image
 
 from .io import atomic, slack
 from .scenes.scene import Law
@@ -26,6 +27,7 @@ TENSION = LinearSegmentedColormap.from_list("tension", ["#9ecae1", "#4a98c9", "#
 SLACK_COLOUR = "#c800a1"
 GHOST_COLOUR = (0.75, 0.75, 0.75, 0.8)
 MANY_LINKS = 4000  # beyond, the undeformed shape and the supports only blur the picture
+FEW_NODES = 600  # up to here, the nodes of a motion are drawn as dots
 SUFFIXES = (".png", ".pdf", ".svg")
 
 
@@ -208,6 +210,52 @@ def draw_structure(scene, displacements, tensions, subdomain=None, path="structu
         fontsize=10, ha="right",
     )  # fmt: skip
     _save(figure, path)
+
+
+def draw_motion(motion, path, amplification=1.0, seconds=0.06):
+    """Draw the frames of a motion as an animation, seen from one place and coloured on one scale.
+
+    Parameters
+    ----------
+    motion : latinpc.motion.Motion
+    path : str or path-like
+        A ``.gif`` file, replaced only once it is complete.
+    amplification : float
+        Of the displacements.
+    seconds : float
+        That each frame is shown for.
+    """
+    scene = motion.scene
+    shapes = [_plane_points(scene.nodes + amplification * frame.displacements) for frame in motion.frames]
+    push = max(max(np.max(-frame.tensions), 0.0) for frame in motion.frames)
+    pull = max(max(np.max(frame.tensions), 0.0) for frame in motion.frames)
+    points = np.vstack(shapes)
+    thin = float(np.clip(45.0 / np.sqrt(len(scene.links)), 0.28, 1.3))
+    drawn = ~np.isin(scene.law, (Law.CONTACT, Law.FRICTION, Law.TANGENT))  # what touches is no line
+    images = []
+    for frame, shape in zip(motion.frames, shapes):
+        figure = _figure(6.4, 4.8)
+        figure.set_dpi(100)
+        if shape.shape[1] == 3:
+            axes = _axes_3d(figure, [0.0, 0.0, 1.0, 0.93], points)
+        else:
+            axes = _axes_2d(figure, [0.1, 0.08, 0.86, 0.83], points)
+        force = frame.tensions
+        colours = np.where(
+            (force < 0)[:, None],
+            COMPRESSION(np.maximum(-force, 0.0) / max(push, 1e-300)),
+            TENSION(np.maximum(force, 0.0) / max(pull, 1e-300)),
+        )
+        colours[slack(scene, force)] = matplotlib.colors.to_rgba(SLACK_COLOUR)
+        widths = np.where(scene.law == Law.BAR, 2.0 * thin, thin)
+        _draw(axes, shape[scene.links][drawn], colours[drawn], widths[drawn])
+        if len(shape) <= FEW_NODES:
+            axes.plot(*shape.T, "o", color="#333333", markersize=2.5)
+        figure.text(0.02, 0.95, f"{scene.name}   t = {frame.time:.4g} s", fontsize=10)
+        figure.canvas.draw()
+        images.append(Image.fromarray(np.asarray(figure.canvas.buffer_rgba())[..., :3]).quantize(128))
+    with atomic(path) as temporary:
+        images[0].save(temporary, save_all=True, append_images=images[1:], duration=int(1000 * seconds), loop=0)
 
 
 def _axes_2d(figure, rectangle, points):

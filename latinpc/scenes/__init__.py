@@ -8,6 +8,7 @@ from collections.abc import Callable
 from .arch import arch
 from .chain import chain
 from .hung_truss import hung_truss
+from .impact import bouncing_chain, impact_grid, impact_tower
 from .lattice import lattice
 from .net import net
 from .network import network
@@ -26,6 +27,9 @@ SCENES: dict[str, Callable[..., Scene]] = {
     "net": net,
     "arch": arch,
     "packing": packing,
+    "impact-grid": impact_grid,
+    "impact-tower": impact_tower,
+    "bouncing-chain": bouncing_chain,
 }
 
 
@@ -58,8 +62,11 @@ __all__ = [
     "Law",
     "Scene",
     "arch",
+    "bouncing_chain",
     "chain",
     "hung_truss",
+    "impact_grid",
+    "impact_tower",
     "lattice",
     "make",
     "net",

@@ -1,0 +1,186 @@
+"""Scenes in motion, their files and pictures, and `latinpc solve --steps`."""
+
+import json
+import xml.etree.ElementTree as ET
+from dataclasses import replace
+
+import meshio
+import numpy as np
+import oracle
+import pytest
+from PIL import Image
+from test_cli import latinpc, said
+from test_dynamics import EXACT, motion
+from test_io import MSH, TOML
+
+from latinpc import io
+from latinpc.motion import move
+from latinpc.scenes import Law, make
+
+SMALL = {
+    "impact-grid": {"modules": 8, "subdomains": 4},
+    "impact-tower": {"levels": 6, "subdomains": 3},
+    "bouncing-chain": {"links": 8, "subdomains": 2},
+}
+
+
+@pytest.mark.parametrize("name", SMALL)
+def test_scenes_start_balanced_and_hold_together(name):
+    """The self-stress is balanced; with the masses, every motion has inertia or stiffness."""
+    scene = make(name, **SMALL[name])
+    b, _ = oracle.kinematics(replace(scene, law=np.zeros_like(scene.law), stiffness=np.maximum(scene.stiffness, 1.0)))
+    elastic = ~np.isin(scene.law, (Law.CONTACT, Law.STRUT))
+    self_stress = np.where(elastic, scene.stiffness * scene.prestrain, 0.0)
+    unbalance = (b.T @ self_stress)[~scene.fixed.ravel()]
+    assert np.abs(unbalance).max() <= 1e-9 * max(np.abs(self_stress).max(), 1.0)
+    assert (self_stress[scene.law == Law.CABLE] > 0).all()
+    assert (scene.mass[~scene.fixed.all(axis=1)] > 0).all()
+    assert json.loads(json.dumps(scene.metadata)) == scene.metadata
+
+
+@pytest.mark.parametrize("name", ["impact-grid", "impact-tower"])
+@pytest.mark.parametrize("contact", ["rigid", "elastic"])
+def test_a_blow_is_felt_and_loses_energy(name, contact):
+    """The mass flies, hits, and slows down; energy decreases all the way, the structure rings."""
+    scene = make(name, **SMALL[name], contact=contact)
+    with motion(scene, scene.time_step, snes_stol=1e-8, snes_max_it=3000) as it:
+        energy, speeds = [it.energy], []
+        for _ in range(40):
+            it.step()
+            energy.append(it.energy)
+            speeds.append(it.v[-1, 2])
+        assert (np.diff(energy) <= 1e-6 * energy[0]).all()
+        assert speeds[0] == pytest.approx(-5.0) and speeds[-1] > -4.9
+        assert np.abs(it.u[:-1]).max() > 1e-3
+
+
+def test_the_chain_bounces():
+    """It falls freely, no bar under force, lands when gravity says, and goes up again as a whole."""
+    scene = make("bouncing-chain", **SMALL["bouncing-chain"])
+    with motion(scene, 1e-3, **EXACT) as it:
+        landing = int(np.sqrt(2 * 0.5 / 9.81) / 1e-3)
+        it.step(landing - 2)
+        assert np.abs(it.tensions).max() < 1e-6
+        momentum, energy = [], []
+        for _ in range(150):
+            it.step()
+            momentum.append((scene.mass[:, None] * it.v)[:, 1].sum())
+            energy.append(it.energy)
+        assert min(momentum) < 0 < max(momentum)
+        assert (np.diff(energy) <= 1e-9 * abs(energy[0])).all()
+        assert it.u[:, 1].min() > -0.5 - 1e-2  # the table is not passed by more than a step of the fall
+
+
+def test_move_reports_what_happened():
+    """Counts, energies and frames; the options decide what solves a step."""
+    scene = make("impact-grid", **SMALL["impact-grid"], contact="elastic")
+    result = move(scene, 12, every=5)
+    report = result.report
+    assert result.converged and report["reason"] == "CONVERGED_ITS" and report["steps"] == 12
+    assert report["time"] == pytest.approx(12 * scene.time_step)
+    assert len(report["iterations"]) == len(report["active"]) == 12
+    assert len(report["kinetic_energy"]) == len(report["potential_energy"]) == 13
+    assert [frame.step for frame in result.frames] == [0, 5, 10, 12]
+    assert report["kinetic_energy"][0] == pytest.approx(0.5 * 200 * 25)
+    newton = {"snes_type": "newtonls", "ksp_type": "preonly", "pc_type": "cholesky", "snes_rtol": 1e-10}
+    other = move(scene, 12, options=newton, every=0)
+    assert other.report["solver"] == "latin + newtonls + cholesky" and len(other.frames) == 1
+    a, b = result.frames[-1].velocities, other.frames[-1].velocities
+    assert np.abs(a - b).max() < 1e-3 * np.abs(b).max()
+
+
+def test_move_refuses_what_cannot_move():
+    """No masses, no length of a step, no steps."""
+    grid = make("tensegrity-grid", modules=4)
+    for arguments, words in (
+        ((grid, 3), "no masses"),
+        ((grid, 3, None, None), "no masses"),
+        ((replace(grid, mass=np.ones(len(grid.nodes))), 3), "--step"),
+        ((make("bouncing-chain"), 0), "at least one step"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            move(*arguments)
+
+
+# ---- the command line ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_command_moves_and_writes_everything(tmp_path, ranks):
+    files = ["--json", "r.json", "--output", "r.pvd", "--picture", "r.gif", "--every", 2]
+    scene = ["impact-tower", "--levels", 6, "--subdomains", 3, "--steps", 5]
+    result = latinpc("solve", *scene, *files, cwd=tmp_path, ranks=ranks)
+    for word in ("impact-tower", "5 steps of 200 µs", "iterations a step", "energy", "active links", "r.gif"):
+        assert result.stdout.count(word) == 1, word
+    report = json.loads((tmp_path / "r.json").read_text())
+    assert report["converged"] and report["ranks"] == ranks and len(report["iterations"]) == 5
+    sets = ET.parse(tmp_path / "r.pvd").getroot().findall("Collection/DataSet")
+    assert [float(entry.get("timestep")) for entry in sets] == pytest.approx([0.0, 4e-4, 8e-4, 1e-3])
+    mesh = meshio.read(tmp_path / sets[-1].get("file"))
+    assert mesh.point_data["velocity"][:, 2].min() == pytest.approx(-5.0, rel=1e-3)
+    assert set(mesh.cell_data) >= {"tension", "slack"} and "displacement" in mesh.point_data
+    assert Image.open(tmp_path / "r.gif").n_frames == 4
+
+
+def test_command_moves_a_scene_of_statics(tmp_path):
+    arguments = ["lattice", "--nx", 8, "--ny", 4, "--steps", 3, "--step", 1e-3, "--node-mass", 10]
+    result = latinpc("solve", *arguments, "--output", tmp_path / "end.vtu", "-ts_latin_monitor")
+    assert "velocity" in meshio.read(tmp_path / "end.vtu").point_data
+    assert result.stdout.count("energy: kinetic") == 4
+
+
+def test_command_refuses(tmp_path):
+    for arguments, words in (
+        (["lattice", "--steps", 3], "no masses"),
+        (["lattice", "--steps", 3, "--node-mass", 1], "--step"),
+        (["impact-tower"], "--steps"),
+        (["lattice", "--step", 1e-3], "--steps"),
+        (["lattice", "--picture", tmp_path / "a.gif"], ".gif"),
+        (["bouncing-chain", "--steps", 3, "--reference"], "statics"),
+    ):
+        assert words in said(latinpc("solve", *arguments, code=2))[0]
+
+
+MOVING = """
+[masses.top]
+mass = 5.0
+[masses.bars]
+line = 2.0
+[velocities.top]
+velocity = [0.0, -1.5]
+"""
+
+
+def read(tmp_path, text):
+    (tmp_path / "a.msh").write_text(MSH)
+    (tmp_path / "a.toml").write_text(text)
+    return io.read_scene(tmp_path / "a.msh")
+
+
+def test_masses_and_velocities_of_a_file(tmp_path):
+    """Masses of nodes and of lines add up; a structure with masses need not be held."""
+    scene = read(tmp_path, TOML + MOVING)
+    assert np.allclose(np.sort(scene.mass), [4.0, 5.0, 14.0])  # bars of 4 m and 5 m, 2 kg/m
+    assert np.allclose(scene.velocity[scene.mass == 14.0], [0.0, -1.5]) and np.abs(scene.velocity).sum() == 1.5
+    free = read(tmp_path, TOML.replace('[supports.feet]\nfix = ["x", "y"]\ndisplacement = [0.0, -0.01]\n', "") + MOVING)
+    assert not free.fixed.any()
+    assert read(tmp_path, TOML).mass is None
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("[masses.top]\n", "no mass"),
+        ("[masses.top]\nmass = -1.0\n", "positive"),
+        ("[masses.top]\nline = 1.0\n", "group of lines"),
+        ("[masses.top]\nmass = 1.0\nline = 1.0\n", "only one of"),
+        ("[masses.tip]\nmass = 1.0\n", "top"),
+        ("[masses.top]\nweight = 1.0\n", "unknown key"),
+        ("[velocities.top]\nspeed = 1.0\n", "unknown key"),
+        ("[velocities.top]\n", "velocity = "),
+        ("[velocities.top]\nvelocity = [1.0]\n", "list of 2"),
+    ],
+)
+def test_masses_that_are_wrong_are_told(tmp_path, text, words):
+    with pytest.raises(ValueError, match=words):
+        read(tmp_path, TOML + text)
