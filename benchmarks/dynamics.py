@@ -100,7 +100,7 @@ def main():
     parser.add_argument("--stop", type=float, default=5e-5, help="-snes_stol of SNES latin")
     given = parser.parse_args()
     scene = make("impact-grid", modules=given.modules, contact="elastic")
-    print("| step | steps | iterations, most | step error, most | slack at the end | latin | Newton, CHOLMOD | |")
+    print("| step | steps | iterations, most | step error, most | slack at the end | latin | Newton, CHOLMOD | ratio |")
     print("| --- | --- | --- | --- | --- | --- | --- | --- |")
     rows = []
     for h in map(float, given.step.split(",")):

@@ -13,7 +13,7 @@ import latinpc
 
 from .io import slack
 from .links import Links
-from .scenes.scene import Law, Scene
+from .scenes.scene import UNILATERAL, Scene
 from .solve import default_options, plain, unknown_options, versions
 
 FRAMES = 100  # states kept of a motion, at most, unless told otherwise
@@ -118,7 +118,7 @@ def _move(scene, links, ts, steps, step, every, each_step):
     u, v = ts.getSolution2()
     past = {"iterations": [], "kinetic_energy": [], "potential_energy": [], "active": []}
     frames, clock = [], {"work": 0.0}
-    unilateral = ~np.isin(scene.law, (Law.BAR, Law.TANGENT))
+    unilateral = np.isin(scene.law, UNILATERAL)
 
     def state(number, t, x):
         tensions = latinpc.step_tensions(ts) if ts.getType() == "latin" and number else links.tensions(x)

@@ -176,15 +176,6 @@ def test_a_ball_falls_on_a_bar():
     assert touched and v > 0.0  # it has bounced
 
 
-def catenary(chain_length, span):
-    """Sag parameter a of 2 a sinh(span / 2 a) = length."""
-    low, high = 1e-3 * span, 1e3 * span
-    for _ in range(200):
-        a = 0.5 * (low + high)
-        low, high = (a, high) if 2 * a * np.sinh(min(span / (2 * a), 700.0)) > chain_length else (low, a)
-    return a
-
-
 def test_a_structure_comes_to_rest_where_statics_has_it():
     """Large steps damp the motion: it ends in the static solution of the same SNES type."""
     scene = heavy(lattice(), speed=0.1)

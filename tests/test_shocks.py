@@ -11,7 +11,7 @@ from scipy.optimize import nnls
 from support import grid
 from test_dynamics import EXACT, NEWTON, counts, floating, heavy, message, motion, one_mass
 
-from latinpc.scenes import Law, Scene
+from latinpc.scenes import Law, Scene, make
 
 G = 9.81
 
@@ -123,6 +123,20 @@ def test_a_block_slides_and_stops():
             normal, tangent = it.tensions
             assert abs(tangent) <= mu * abs(normal) * (1 + 1e-9)
         assert it.v[1, 0] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_a_chain_settles_to_the_catenary():
+    """Thrown about, a chain of inextensible links comes to rest in the tensions of the closed form."""
+    scene = make("chain", links=16)
+    rng = np.random.default_rng(0)
+    thrown = np.where(scene.fixed, 0.0, rng.normal(scale=0.05, size=scene.nodes.shape))
+    scene = replace(scene, mass=np.full(len(scene.nodes), 1.0 / 9.81 / 16), velocity=thrown)
+    with motion(scene, 0.1, snes_stol=1e-9, snes_max_it=5000) as it:
+        it.step(60)
+        closed = np.array(scene.metadata["tensions"])
+        found = it.tensions[scene.law == Law.INEXTENSIBLE]
+        assert np.abs(found - closed).max() < 1e-3 * closed.max()
+        assert np.abs(it.v).max() < 1e-4
 
 
 # ---- complementarity ------------------------------------------------------------------------------
