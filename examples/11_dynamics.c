@@ -4,7 +4,7 @@
      mpicc examples/11_dynamics.c -o 11_dynamics $(pkg-config --cflags --libs PETSc) -Ilatinpc/include -Llatinpc -llatinpc -Wl,-rpath,$PWD/latinpc -lm
      ./11_dynamics
      ./11_dynamics -ts_latin_monitor -weights 3
-     mpirun -n 2 ./11_dynamics -weights 20 -snes_latin_subdomains 4 -snes_stol 1e-8
+     mpirun -n 2 ./11_dynamics -weights 8 -snes_latin_subdomains 2 -snes_stol 1e-7
 
    A hook, ropes and weights in a row below it, along one coordinate; every rope is slack by 2 cm. The weights fall freely
    until a rope is taut; the shock takes their velocity away, and in the end all hang still. Each rope is then taut, and
@@ -63,8 +63,8 @@ int main(int argc, char **argv)
   PetscCall(LatinLinksAttachTS(ropes, ts));
   PetscCall(TSSetType(ts, TSLATIN));
   PetscCall(TS2SetSolution(ts, u, v)); /* at rest */
-  PetscCall(TSSetTimeStep(ts, 2e-3));
-  PetscCall(TSSetMaxSteps(ts, 500));
+  PetscCall(TSSetTimeStep(ts, 5e-3));
+  PetscCall(TSSetMaxSteps(ts, 100));
   PetscCall(TSSetFromOptions(ts));
   PetscCall(TSSolve(ts, u));
 

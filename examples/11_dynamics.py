@@ -1,13 +1,13 @@
 """A trampoline: a mass falls on a net of cables and bounces. Every step is solved with the operators of the first one.
 
     python examples/11_dynamics.py
-    mpirun -n 2 python examples/11_dynamics.py -side 16 -snes_latin_subdomains 8
+    mpirun -n 2 python examples/11_dynamics.py -side 10 -snes_latin_subdomains 4
     python examples/11_dynamics.py -ts_latin_monitor
     python examples/11_dynamics.py -contact elastic -snes_type newtonls -pc_type cholesky
 
 The masses are lumped in the nodes. TS latin is the implicit Euler scheme in velocities and impulses of the article's
-section 2.2: a rigid contact closes in a shock, in which the mass and the node that it meets lose the velocity of their
-centre's neighbourhood, and which takes energy; an elastic one is a strut. Energy never grows.
+section 2.2: a rigid contact closes in a shock, after which the mass and the node that it meets have one velocity; that
+takes energy. An elastic contact is a strut. Energy never grows.
 """
 
 import sys
