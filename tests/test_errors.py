@@ -275,8 +275,8 @@ CASES = {
     "wrong_snes": (r"The SNES is of type newtonls, not latin", lambda: latinpc.history(bare(PETSc.SNES, "newtonls"))),
     "wrong_pc": (r"The PC is not of type latin", lambda: latinpc.statistics(bare(PETSc.PC, "jacobi"))),
     "wrong_object": (
-        r"expected a petsc4py SNES or PC of type latin, got KSP",
-        lambda: latinpc.statistics(PETSc.KSP().create()),
+        r"expected a petsc4py SNES, KSP or PC of type latin, got Vec",
+        lambda: latinpc.statistics(PETSc.Vec().create()),
     ),
     "no_object": (r"got str", lambda: latinpc.statistics("latin")),
     "not_a_shell": (
