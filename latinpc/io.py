@@ -10,7 +10,7 @@ Every line of the mesh is one link. In the TOML file, SI units throughout::
     dim = 3                              # optional; a flat mesh is 2D, a mesh along x is 1D
 
     [laws.chords]                        # physical group of curves
-    law = "bar"                          # bar | cable | strut
+    law = "bar"                          # bar | cable | strut | inextensible | contact | friction | table
     EA = 2.1e8                           # N, stiffness EA / length;  or: stiffness = 1e7 (N/m)
 
     [laws.bracing]
@@ -18,6 +18,17 @@ Every line of the mesh is one link. In the TOML file, SI units throughout::
     EA = 2.3e7
     tension = 5e3                        # N, before loading;  or: prestrain = 1e-3 (m),
                                          # the elongation e0;  or: strain = 1e-4
+    [laws.hangers]
+    law = "inextensible"                 # rigid laws have no EA; stiffness is then the search parameter, optional
+    [laws.bearings]
+    law = "friction"                     # contact with Coulomb friction; law = "contact": without
+    coefficient = 0.3
+    gap = 1e-3                           # m, optional
+    normal = [0.0, 1.0, 0.0]             # optional; by default along the line
+    [laws.dampers]
+    law = "table"                        # piecewise linear: pairs of e + e0 (m) and tension (N)
+    table = [[-0.1, -5e3], [0.0, 0.0], [0.1, 5e3], [0.2, 5e3]]
+
     [supports.abutments]                 # physical group of points or curves
     fix = ["x", "y", "z"]
     displacement = [0.0, 0.0, -0.01]     # m, optional
@@ -51,10 +62,16 @@ import tomllib
 import meshio
 import numpy as np
 
-from .scenes.scene import Law, Scene
+from .scenes.scene import RIGID, Law, Scene
 
 AXES = "xyz"
-LAW_KEYS = ("law", "EA", "stiffness", "prestrain", "strain", "tension")
+LAW_KEYS = ("law", "EA", "stiffness", "prestrain", "strain", "tension", "gap", "coefficient", "normal", "table")
+ONLY_FOR = {
+    "gap": ("contact", "friction"),
+    "coefficient": ("friction",),
+    "normal": ("contact", "friction"),
+    "table": ("table",),
+}
 SUPPORT_KEYS = ("fix", "displacement", "box")
 LOAD_KEYS = ("force", "box")
 MASS_KEYS = ("mass", "line", "box")
@@ -143,7 +160,8 @@ def read_scene(path, description=None):
     settings = _read_description(path, description)
     points, lines, line_groups, node_groups = _read_mesh(path)
     dim = _dimension(settings, points[lines.ravel()], description, path)
-    law, stiffness, prestrain = _laws(settings, points[:, :dim], lines, line_groups, description, path)
+    laws = _laws(settings, points[:, :dim], lines, line_groups, description, path)
+    lines = lines[laws.pop("line")]
 
     used, links = np.unique(lines.ravel(), return_inverse=True)
     number = np.full(len(points), -1)
@@ -156,9 +174,7 @@ def read_scene(path, description=None):
         name=str(settings.get("title", path.stem)),
         nodes=np.ascontiguousarray(nodes),
         links=links.reshape(-1, 2).astype(np.int64),
-        law=law,
-        stiffness=stiffness,
-        prestrain=prestrain,
+        **laws,
         fixed=fixed,
         prescribed=prescribed,
         load=_loads(settings, nodes, node_groups, description),
@@ -287,7 +303,7 @@ def _vector(value, dim, where):
 
 
 def _laws(settings, points, lines, line_groups, description, path):
-    """Return law, stiffness (N/m) and prestrain (m) of each line, every line having exactly one law."""
+    """Return what a Scene is told of the links, and the line of each: a contact with friction makes several links."""
     length = np.linalg.norm(points[lines[:, 1]] - points[lines[:, 0]], axis=1)
     null = np.flatnonzero(length <= 1e-12 * max(np.ptp(points, axis=0).max(), 1e-300))
     if len(null):
@@ -297,7 +313,8 @@ def _laws(settings, points, lines, line_groups, description, path):
             " (counted in the order of the file); remove them, or merge the points in Gmsh (Coherence)"
         )
     law = np.full(len(lines), -1)
-    stiffness, prestrain = np.zeros(len(lines)), np.zeros(len(lines))
+    stiffness, prestrain, friction = np.zeros(len(lines)), np.zeros(len(lines)), np.zeros(len(lines))
+    direction, tables = np.zeros(points[lines[:, 0]].shape), []
     for group, entries in settings["laws"].items():
         where = f"{description}: [laws.{group}]"
         if group not in line_groups:
@@ -305,19 +322,68 @@ def _laws(settings, points, lines, line_groups, description, path):
         chosen = line_groups[group]
         if (law[chosen] >= 0).any():
             raise ValueError(f"{where}: some of its lines have a law already; keep one law for a line")
-        kinds = [kind.name.lower() for kind in Law]
+        kinds = [kind.name.lower() for kind in Law if kind != Law.TANGENT] + ["table"]
         kind = entries.get("law")
         if kind not in kinds:
             said = "key 'law' is missing" if kind is None else f"unknown law {kind!r}"
             raise ValueError(f"{where}: {said}; use {', '.join(kinds)}")
-        law[chosen] = Law[kind.upper()]
-        stiffness[chosen] = _stiffness(entries, length[chosen], where)
+        for key, laws in ONLY_FOR.items():
+            if key in entries and kind not in laws:
+                raise ValueError(f"{where}: {key} is of no use to the law {kind}, only to {' and '.join(laws)}")
+        law[chosen] = len(Law) + len(tables) if kind == "table" else Law[kind.upper()]
+        if kind == "table":
+            tables.append(_table(entries, where))
+        free = kind == "table" or Law[kind.upper()] in RIGID
+        stiffness[chosen] = _stiffness(entries, length[chosen], where, free)
         prestrain[chosen] = _prestrain(entries, length[chosen], stiffness[chosen], where)
+        if kind == "friction":
+            friction[chosen] = _number(entries.get("coefficient"), f"{where}: coefficient")
+            if friction[chosen[0]] < 0:
+                raise ValueError(f"{where}: coefficient must not be negative, as {entries['coefficient']} is")
+        if "normal" in entries:
+            direction[chosen] = _vector(entries["normal"], points.shape[1], f"{where}: normal")
+            if not direction[chosen[0]].any():
+                raise ValueError(f"{where}: normal has no length; leave it out for the direction of the line")
     if (law < 0).any():
         without = [name for name, chosen in line_groups.items() if (law[chosen] < 0).any()]
         cure = f"write [laws.{without[0]}]" if without else "put every curve in a physical group in Gmsh"
         raise ValueError(f"{description}: {(law < 0).sum()} lines of {path.name} have no law; {cure}")
-    return law, stiffness, prestrain
+    return _contacts(points, lines, law, stiffness, prestrain, direction, friction) | {"tables": tuple(tables)}
+
+
+def _contacts(points, lines, law, stiffness, prestrain, direction, friction):
+    """Give each contact with friction its tangential links, along directions at right angles to the normal."""
+    dim = points.shape[1]
+    rows = np.where(law == Law.FRICTION, dim, 1)
+    line = np.repeat(np.arange(len(law)), rows)
+    first = np.append(True, line[1:] != line[:-1])
+    law, direction, friction = law[line], direction[line], friction[line]
+    for link in np.flatnonzero((law == Law.FRICTION) & first):
+        normal = direction[link]
+        if not normal.any():
+            normal = np.subtract(*points[lines[line[link]]][::-1])
+        frame = np.linalg.qr(np.column_stack([normal, np.eye(dim)]))[
+            0
+        ].T  # the normal first, perhaps with its sign turned
+        direction[link : link + dim] = [normal, *frame[1:dim]]
+        law[link + 1 : link + dim] = Law.TANGENT
+    told = {"law": law, "stiffness": stiffness[line], "prestrain": np.where(first, prestrain[line], 0.0), "line": line}
+    if direction.any():
+        told["direction"] = direction
+    if (law == Law.FRICTION).any():
+        told["friction"] = friction
+    return told
+
+
+def _table(entries, where):
+    """Return strains and tensions of a piecewise linear law."""
+    table = entries.get("table")
+    if not isinstance(table, list) or len(table) < 2:
+        raise ValueError(f"{where}: table must be a list of two or more pairs [e + e0 (m), tension (N)], not {table!r}")
+    strain, tension = np.array([_vector(pair, 2, f"{where}: table") for pair in table]).T
+    if (np.diff(strain) <= 0).any() or (np.diff(tension) < 0).any() or tension[0] == tension[-1]:
+        raise ValueError(f"{where}: the strains of the table must increase, and the tensions must not decrease")
+    return strain, tension
 
 
 def _one_of(entries, keys, where):
@@ -327,8 +393,12 @@ def _one_of(entries, keys, where):
     return given[0] if given else None
 
 
-def _stiffness(entries, length, where):
+def _stiffness(entries, length, where, free):
     key = _one_of(entries, ("EA", "stiffness"), where)
+    if key is None and free:
+        return np.zeros(len(length))
+    if free and key == "EA":
+        raise ValueError(f"{where}: the law {entries['law']} takes no EA; leave it out, or give stiffness (N/m)")
     if key is None:
         raise ValueError(f"{where}: no stiffness; give EA (N) or stiffness (N/m)")
     value = _number(entries[key], f"{where}: {key}", positive=True)
@@ -336,11 +406,15 @@ def _stiffness(entries, length, where):
 
 
 def _prestrain(entries, length, stiffness, where):
-    key = _one_of(entries, ("prestrain", "strain", "tension"), where)
+    key = _one_of(entries, ("prestrain", "strain", "tension", "gap"), where)
     if key is None:
         return np.zeros(len(length))
     value = _number(entries[key], f"{where}: {key}")
-    return {"prestrain": value + 0 * length, "strain": value * length, "tension": value / stiffness}[key]
+    if key == "tension":
+        if entries["law"] not in ("bar", "cable", "strut"):
+            raise ValueError(f"{where}: the law {entries['law']} takes no tension before loading; give prestrain (m)")
+        return value / stiffness
+    return value * length if key == "strain" else value + 0 * length
 
 
 def _nodes_of(group, entries, nodes, node_groups, where):

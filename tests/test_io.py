@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from conftest import ROOT
 
+import latinpc
 from latinpc import io
 from latinpc.scenes.scene import Law, Scene
 
@@ -151,7 +152,51 @@ def test_boxes_hold_their_border(pair):
     assert io.read_scene(pair(toml=toml)).load.tolist() == [[0, 0], [10, 0], [11, -2]]  # loads add up
 
 
+CABLE = 'law = "cable"\nstiffness = 7.0\ntension = 14.0'
+
+
+def test_rigid_laws_ask_for_no_stiffness(pair):
+    """Law inextensible with the search parameter left to the solver; a gap of a contact."""
+    scene = io.read_scene(pair(old=CABLE, new='law = "inextensible"'))
+    assert (scene.law[2], scene.stiffness[2], scene.prestrain[2]) == (Law.INEXTENSIBLE, 0.0, 0.0)
+    scene = io.read_scene(pair(old=CABLE, new='law = "contact"\ngap = 0.02\nnormal = [0.0, 2.0]'))
+    assert (scene.law[2], scene.prestrain[2]) == (Law.CONTACT, 0.02)
+    assert scene.directions[2].tolist() == [0.0, 1.0]
+
+
+def test_contact_with_friction_becomes_a_group(pair):
+    """One line, two links in the plane: normal along the line and a tangent at right angles, which solve."""
+    toml = TOML.replace(CABLE, 'law = "friction"\ncoefficient = 0.4\ngap = 0.01').replace('["x", "y"]', '["y"]')
+    toml = toml.replace("[0.0, -0.01]", "[0.0, 0.0]") + '[supports.side]\nbox = [[0, 0], [0, 0]]\nfix = ["x"]\n'
+    scene = io.read_scene(pair(toml=toml.replace("force = [1.0, -2.0]", "force = [0.0, 0.0]")))
+    assert scene.law.tolist() == [Law.BAR, Law.BAR, Law.FRICTION, Law.TANGENT]
+    assert scene.links[2].tolist() == scene.links[3].tolist()
+    assert scene.prestrain[2:].tolist() == [0.01, 0.0]
+    assert scene.friction[2] == 0.4
+    assert abs(scene.directions[2] @ scene.directions[3]) < 1e-15
+    latinpc.Links.from_scene(scene)
+
+
+def test_tables_go_with_the_scene(pair):
+    """A piecewise linear law: its number in the scene, its points beside it, its tensions in the structure."""
+    scene = io.read_scene(pair(old=CABLE, new='law = "table"\ntable = [[-1.0, 0.0], [0.0, 0.0], [1.0, 50.0]]'))
+    assert scene.law[2] == len(Law)
+    assert np.array(scene.tables).tolist() == [[[-1.0, 0.0, 1.0], [0.0, 0.0, 50.0]]]
+    links = latinpc.Links.from_scene(scene)
+    u = links.create_vec()
+    assert links.tensions(u)[2] == 0.0
+
+
 BAD = [
+    (CABLE, 'law = "inextensible"\nEA = 3.0', ["laws.cable", "inextensible takes no EA"]),
+    (CABLE, 'law = "inextensible"\ngap = 3.0', ["gap is of no use", "contact and friction"]),
+    (CABLE, 'law = "contact"\ntension = 3.0', ["takes no tension before loading"]),
+    (CABLE, 'law = "contact"\ncoefficient = 0.3', ["coefficient is of no use to the law contact"]),
+    (CABLE, 'law = "friction"', ["coefficient must be a finite number"]),
+    (CABLE, 'law = "friction"\ncoefficient = -1', ["coefficient must not be negative"]),
+    (CABLE, 'law = "friction"\ncoefficient = 0.1\nnormal = [0, 0]', ["normal has no length"]),
+    (CABLE, 'law = "table"', ["table must be a list", "pairs"]),
+    (CABLE, 'law = "table"\ntable = [[0, 0], [1, -1]]', ["tensions must not decrease"]),
     ("[laws.bars]", "[laws.beams]", ["laws.beams", "do you mean 'bars'", "frame.toml"]),
     ("[laws.cable]", "[law.cable]", ["unknown key 'law'", "do you mean 'laws'"]),
     ("EA = 100.0", "AE = 100.0", ["laws.bars", "unknown key 'AE'", "do you mean 'EA'"]),
