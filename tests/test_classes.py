@@ -5,8 +5,12 @@ in the net and the chain; in a granulate of rigid grains the tensions, for gaps 
 the loads, but not the displacements of grains that bear nothing; with friction neither, so the law itself is checked.
 """
 
+import re
+import sys
+
 import numpy as np
 import pytest
+from conftest import ROOT, run
 from lcp import lemke, linear_program, program
 from scipy import sparse
 from scipy.sparse.linalg import spsolve
@@ -304,3 +308,32 @@ def test_large_packings_agree():
     assert one.reason > 0
     assert other.reason > 0
     assert apart(one.tensions, other.tensions) < 1e-4
+
+
+# ---- the pages ---------------------------------------------------------------------------------
+PAGES = sorted((ROOT / "examples" / "classes").glob("*.md"))
+LINES = [line for page in PAGES for line in page.read_text().splitlines() if line.startswith("latinpc ")]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("line", LINES)
+def test_commands_of_the_pages(line, tmp_path):
+    """Every command of the pages on the problem classes converges, and draws the picture that it names."""
+    words = line.replace("options/", f"{ROOT}/options/").split()[1:]
+    done = run(
+        [sys.executable, "-c", "from latinpc.cli import main; main()", *words],
+        cwd=tmp_path,
+        env={"PYTHONPATH": str(ROOT)},
+    )
+    assert "CONVERGED" in done.stdout
+    for picture in (word for word in words if word.endswith(".png")):
+        assert (tmp_path / picture).stat().st_size > 0
+        assert (ROOT / "examples" / "classes" / picture).exists()
+
+
+def test_pages_show_their_pictures():
+    """Each page exists, and so does every picture that it shows."""
+    assert len(PAGES) >= 5
+    for page in PAGES:
+        for picture in re.findall(r"!\[.*?\]\((.*?)\)", page.read_text()):
+            assert (page.parent / picture).exists(), f"{page.name}: {picture}"

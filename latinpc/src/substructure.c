@@ -234,7 +234,7 @@ PetscErrorCode LatinSubstructureReturn_Private(Latin latin)
   PetscReal         *out, *in;
 
   PetscFunctionBegin;
-  if (!links->multiplier) PetscFunctionReturn(0);
+  if (links->rigid_law < 0) PetscFunctionReturn(0);
   PetscCall(PetscCalloc2(links->links_local, &out, sub->links, &in));
   for (PetscInt i = 0; i < sub->nonsmooth; i++) in[sub->link_source[sub->nonsmooth_link[i]]] = sub->tension[i];
   PetscCallMPI(MPI_Alltoallv(in, sub->recv_count, sub->recv_offset, MPIU_REAL, out, sub->send_count, sub->send_offset, MPIU_REAL, PetscObjectComm((PetscObject)latin)));

@@ -1,0 +1,148 @@
+"""Nets and granulates: iterations against the number of subdomains, with and without coarse spaces; what helps.
+
+python benchmarks/granular.py              writes benchmarks/results/granular.json and prints the tables
+python benchmarks/granular.py large        a net of 1e5 cables and packings of 1e5 contacts, too: ten minutes
+"""
+
+import json
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+import numpy as np
+import run
+
+from latinpc.scenes import make
+from latinpc.scenes.scene import RIGID, UNILATERAL
+from latinpc.solve import solve
+
+STOP = {"snes_stol": 1e-4, "snes_max_it": 6000}
+#: Scenes, and the numbers of subdomains that cut them.
+CASES = {
+    "net, inextensible": ("net", {"side": 48}, (1, 4, 9, 16, 36, 64, 144)),
+    "discs, rigid": ("packing", {"side": 48}, (1, 4, 9, 16, 36, 64, 144)),
+    "discs, elastic": ("packing", {"side": 48, "law": "elastic"}, (1, 4, 9, 16, 36, 64, 144)),
+    "discs, friction": ("packing", {"side": 24, "law": "friction"}, (1, 4, 9, 16, 36)),
+    "spheres, rigid": ("packing", {"dim": 3, "side": 14}, (1, 8, 27, 64)),
+    "tensegrity, for comparison": ("tensegrity-grid", {"modules": 24}, (1, 4, 9, 16, 36, 64, 144)),
+}
+COARSE = {
+    "corners and affine fields": {},
+    "corners and rigid motions": {"modes": "rigid"},
+    "corners alone": {"modes": "none"},
+    "affine fields alone": {"variant": "none"},
+    "none": {"modes": "none", "variant": "none"},
+}
+ANDERSON = "outer_snes_anderson_"
+HELP = {
+    "default": {},
+    "no restart": {ANDERSON + "restart_type": "none"},
+    "depth 5": {ANDERSON + "m": 5},
+    "depth 20": {ANDERSON + "m": 20},
+    "depth 30": {ANDERSON + "m": 30},
+    "mixed with 0.5": {ANDERSON + "beta": 0.5},
+    "plain, damped by 0.5": {"outer_snes_type": "nrichardson", "outer_snes_linesearch_damping": 0.5},
+    "direction diagonal": {"direction": "diagonal"},
+    "direction scalar": {"direction": "scalar"},
+    "fraction 1/4": {"direction_fraction": 0.25},
+    "fraction 4": {"direction_fraction": 4.0},
+    "search parameter / 8": 1 / 8,
+    "search parameter / 4": 1 / 4,
+    "search parameter / 2": 1 / 2,
+    "search parameter x 2": 2.0,
+    "search parameter x 4": 4.0,
+    "search parameter x 8": 8.0,
+}
+LARGE = {
+    "net of 100,800 cables": ("net", {"side": 225}),
+    "100,282 rigid discs": ("packing", {"side": 184}),
+    "discs, the same with friction": ("packing", {"side": 184, "law": "friction"}),
+    "100,282 elastic discs": ("packing", {"side": 184, "law": "elastic"}),
+    "rigid spheres": ("packing", {"side": 34, "dim": 3}),
+}
+SHOWN = ("contacts", "free_dofs", "subdomains", "iterations", "setup_seconds", "solve_seconds", "peak_memory_bytes",
+         "residual")  # fmt: skip
+
+
+def count(scene, **options):
+    """Iterations to the indicator, None where it is not reached."""
+    given = {"snes_" + key if key.startswith("stol") else "snes_latin_" + key: value for key, value in options.items()}
+    report = solve(scene, {**STOP, **given}).report
+    return report["iterations"] if report["converged"] else None
+
+
+def tuned(scene):
+    """Search parameter of the rigid links, as the solver chooses it: mean load over mean gap, or neighbours."""
+    rigid = np.isin(scene.law, RIGID)
+    if (~rigid).any():
+        return scene.stiffness[~rigid].mean()
+    loads = np.abs(scene.load[~scene.fixed])
+    return loads[loads > 0].mean() / scene.prestrain[scene.prestrain > 0].mean() * (0.1 if 5 in scene.law else 1.0)
+
+
+def table(title, rows, columns, cell):
+    print(f"\n| {title} |", " | ".join(map(str, columns)), "|\n|", " --- |" * (len(columns) + 1), sep="")
+    found = {}
+    for row in rows:
+        found[row] = {str(column): cell(row, column) for column in columns}
+        print(f"| {row} |", " | ".join(str(value or "–") for value in found[row].values()), "|", flush=True)
+    return found
+
+
+def subdomains():
+    """Each scene: coarse spaces against numbers of subdomains."""
+    found = {}
+    for name, (scene, options, numbers) in CASES.items():
+        scenes = {n: make(scene, **options, subdomains=n) for n in numbers}
+        found[name] = table(name, COARSE, numbers, lambda row, n: count(scenes[n], **COARSE[row]))  # noqa: B023
+    return found
+
+
+def helps():
+    """What changes the iterations of one decomposition."""
+    names = [name for name in CASES if "comparison" not in name]
+    scenes = {name: make(CASES[name][0], **CASES[name][1], subdomains=CASES[name][2][3]) for name in names}
+
+    def cell(row, name):
+        scene, change = scenes[name], HELP[row]
+        if isinstance(change, dict):
+            return count(scene, **change)
+        rigid = np.isin(scene.law, RIGID)
+        if not rigid.any():
+            return None
+        before = scene.stiffness.copy()
+        scene.stiffness = np.where(rigid, change * tuned(scene), before)
+        try:
+            return count(scene)
+        finally:
+            scene.stiffness = before
+
+    return table("iterations to 1e-4", HELP, names, cell)
+
+
+def large():
+    """One hundred thousand links: run to completion, with figures."""
+    found = {}
+    print("\n| structure |", " | ".join(SHOWN), "| reason |\n|" + " --- |" * (len(SHOWN) + 2))
+    for name, (scene, options) in LARGE.items():
+        made = make(scene, **options)
+        report = solve(made, {**STOP, "snes_max_it": 20000}).report
+        report |= {"contacts": int(np.isin(made.law, UNILATERAL).sum())}
+        found[name] = {key: report[key] for key in (*SHOWN, "reason", "slack_fraction")}
+        cells = [f"{report[key]:.3g}" if isinstance(report[key], float) else f"{report[key]:,}" for key in SHOWN]
+        print(f"| {name} |", " | ".join(cells), f"| {report['reason']} |", flush=True)
+    return found
+
+
+def main():
+    path = run.RESULTS / "granular.json"
+    found = json.loads(path.read_text()) if path.exists() else {}
+    found |= {"subdomains": subdomains(), "helps": helps()}
+    if "large" in sys.argv[1:]:
+        found["large"] = large()
+    path.write_text(json.dumps(found, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()
