@@ -232,6 +232,24 @@ def test_search_parameter_changes_the_way_and_not_the_end():
     assert tuned.iterations <= 2 * best
 
 
+@pytest.mark.parametrize(
+    ("name", "how"),
+    [("packing", {"side": 8, "subdomains": 4}), ("packing", {"side": 5, "law": "friction"}), ("net", {"side": 6}),
+     ("packing", {"side": 6, "law": "friction", "disorder": 0.0})],
+)  # fmt: skip
+def test_units_and_origin_do_not_matter(name, how):
+    """In mm and kN, far from the origin: as many iterations, and the same forces."""
+    from latinpc.scenes import make
+
+    here, there = make(name, **how), make(name, **how)
+    there.nodes = (there.nodes + 4096.0) * 1024.0  # exact in binary
+    there.prestrain, there.load, there.stiffness = there.prestrain * 1024, there.load / 1024, there.stiffness / 1024**2
+    one, other = (solve(scene, stol=1e-6, max_it=2000) for scene in (here, there))
+    assert one.reason > 0
+    assert abs(one.iterations - other.iterations) <= 0.05 * one.iterations
+    assert other.tensions * 1024 == pytest.approx(one.tensions, abs=1e-4 * np.abs(one.tensions).max())
+
+
 def test_parts_of_a_contact_share_their_search_parameter():
     """What is given for the tangential parts does not matter: that of the normal part holds for all."""
     scene = spring([Law.FRICTION, Law.TANGENT], [0.0, 0.0], dim=2, load=[10.0, -30.0], direction=np.eye(2)[::-1],

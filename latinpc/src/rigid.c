@@ -136,7 +136,7 @@ PetscErrorCode LatinLinksTune_Private(LatinLinks links)
     const PetscReal  ga = ground[links->ends[2 * l]], gb = ground[links->ends[2 * l + 1]];
     const PetscReal  inertia = ga > 0.0 && gb > 0.0 ? ga * gb / (ga + gb) : ga + gb, elastic = a[1] + b[1] > 0.0 ? (a[0] + b[0]) / (a[1] + b[1]) : 0.0;
 
-    if (links->tuned[l]) links->stiffness[l] = PetscPowReal(2.0, PetscFloorReal(0.5 + PetscLog2Real(inertia + elastic > 0.0 ? inertia + elastic : scale)));
+    if (links->tuned[l]) links->stiffness[l] = inertia + elastic > 0.0 ? PetscPowReal(2.0, PetscFloorReal(0.5 + PetscLog2Real(inertia + elastic))) : scale;
     /* one search parameter for all parts of a contact */
     if (links->law[l] == LATIN_LAW_TANGENT) links->stiffness[l] = links->stiffness[l - 1];
   }
