@@ -1,7 +1,8 @@
 """Nets and granulates: iterations against the number of subdomains, with and without coarse spaces; what helps.
 
-python benchmarks/granular.py              writes benchmarks/results/granular.json and prints the tables
-python benchmarks/granular.py large        a net of 1e5 cables and packings of 1e5 contacts, too: ten minutes
+python benchmarks/granular.py                  writes results/granular.json and the tables of granular.md
+python benchmarks/granular.py large            a net of 1e5 cables and packings of 1e5 contacts: half an hour
+python benchmarks/granular.py subdomains helps
 """
 
 import json
@@ -39,20 +40,20 @@ HELP = {
     "default": {},
     "no restart": {ANDERSON + "restart_type": "none"},
     "depth 5": {ANDERSON + "m": 5},
-    "depth 20": {ANDERSON + "m": 20},
     "depth 30": {ANDERSON + "m": 30},
     "mixed with 0.5": {ANDERSON + "beta": 0.5},
-    "plain, damped by 0.5": {"outer_snes_type": "nrichardson", "outer_snes_linesearch_damping": 0.5},
+    "plain, damped by 0.5": {
+        "outer_snes_type": "nrichardson",
+        "outer_snes_linesearch_type": "basic",
+        "outer_snes_linesearch_damping": 0.5,
+    },
     "direction diagonal": {"direction": "diagonal"},
-    "direction scalar": {"direction": "scalar"},
-    "fraction 1/4": {"direction_fraction": 0.25},
-    "fraction 4": {"direction_fraction": 4.0},
-    "search parameter / 8": 1 / 8,
-    "search parameter / 4": 1 / 4,
-    "search parameter / 2": 1 / 2,
+    "direction / 4": {"direction_fraction": 0.25},
+    "direction x 4": {"direction_fraction": 4.0},
+    "search parameter / 4": 0.25,
+    "search parameter / 2": 0.5,
     "search parameter x 2": 2.0,
     "search parameter x 4": 4.0,
-    "search parameter x 8": 8.0,
 }
 LARGE = {
     "net of 100,800 cables": ("net", {"side": 225}),
@@ -82,11 +83,11 @@ def tuned(scene):
 
 
 def table(title, rows, columns, cell):
-    print(f"\n| {title} |", " | ".join(map(str, columns)), "|\n|", " --- |" * (len(columns) + 1), sep="")
+    """Fill a table cell by cell, telling each row as it is done."""
     found = {}
     for row in rows:
         found[row] = {str(column): cell(row, column) for column in columns}
-        print(f"| {row} |", " | ".join(str(value or "–") for value in found[row].values()), "|", flush=True)
+        print(title, row, *found[row].values(), flush=True)
     return found
 
 
@@ -124,24 +125,60 @@ def helps():
 def large():
     """One hundred thousand links: run to completion, with figures."""
     found = {}
-    print("\n| structure |", " | ".join(SHOWN), "| reason |\n|" + " --- |" * (len(SHOWN) + 2))
     for name, (scene, options) in LARGE.items():
         made = make(scene, **options)
         report = solve(made, {**STOP, "snes_max_it": 20000}).report
-        report |= {"contacts": int(np.isin(made.law, UNILATERAL).sum())}
-        found[name] = {key: report[key] for key in (*SHOWN, "reason", "slack_fraction")}
-        cells = [f"{report[key]:.3g}" if isinstance(report[key], float) else f"{report[key]:,}" for key in SHOWN]
-        print(f"| {name} |", " | ".join(cells), f"| {report['reason']} |", flush=True)
+        report["contacts"] = int(np.isin(made.law, UNILATERAL).sum())
+        found[name] = {key: report[key] for key in SHOWN}
+        print(name, *found[name].values(), flush=True)
     return found
+
+
+def lines(title, rows):
+    """Return the lines of a table of the page."""
+    columns = list(next(iter(rows.values())))
+    yield f"| {title} | {' | '.join(columns)} |"
+    yield "| --- |" + " ---: |" * len(columns)
+    for row, cells in rows.items():
+        yield f"| {row} | {' | '.join(shown(key, value) for key, value in cells.items())} |"
+
+
+def shown(key, value):
+    if value is None:
+        return "–"
+    if key.endswith("bytes"):
+        return f"{value / 1e6:.0f} MB"
+    if isinstance(value, float):
+        return f"{value:.1e}" if key == "residual" else f"{value:.3g} s"
+    return f"{value:,}" if isinstance(value, int) else str(value)
+
+
+def write(found):
+    """Put the tables into the page, between their marks."""
+    page = Path(__file__).with_name("granular.md")
+    text = page.read_text()
+    blocks = {"subdomains": [line for name, rows in found["subdomains"].items() for line in (*lines(name, rows), "")]}
+    blocks |= {
+        key: list(lines(title, found[key]))
+        for key, title in (("helps", "change"), ("large", "structure"))
+        if key in found
+    }
+    for key, block in blocks.items():
+        if f"<!-- {key} -->" not in text:
+            continue
+        before, _, rest = text.partition(f"<!-- {key} -->\n")
+        text = "\n".join([before + f"<!-- {key} -->", *block, rest[rest.index("<!-- end -->") :]])
+    page.write_text(text)
 
 
 def main():
     path = run.RESULTS / "granular.json"
     found = json.loads(path.read_text()) if path.exists() else {}
-    found |= {"subdomains": subdomains(), "helps": helps()}
-    if "large" in sys.argv[1:]:
-        found["large"] = large()
-    path.write_text(json.dumps(found, indent=1) + "\n")
+    parts = {"subdomains": subdomains, "helps": helps, "large": large}
+    for name in sys.argv[1:] or ("subdomains", "helps"):
+        found[name] = parts[name]()
+        path.write_text(json.dumps(found, indent=1) + "\n")
+    write(found)
 
 
 if __name__ == "__main__":
