@@ -14,19 +14,18 @@
      tangent    tau_t = r_t where |r_t| <= mu |tau_n|: it sticks, x_t = 0; else mu |tau_n| r_t / |r_t|: it slips, x_t along
                 r_t, so that friction opposes the slip
 */
-static void LatinContactLocal(PetscInt dim, PetscReal l, PetscReal mu, const PetscReal e0[], const PetscReal y[], PetscReal s[])
+static void LatinContactLocal(PetscInt dim, PetscReal l, PetscReal mu, const PetscReal e0[], const PetscReal y[], PetscReal tension[])
 {
   const PetscReal normal = y[0] + l * e0[0];
   PetscReal       size = 0.0, least, scale = 0.0;
 
-  s[0] = LatinLaws[LATIN_LAW_FRICTION].local(l, e0[0], y[0], NULL);
+  tension[0] = PetscMin(normal, 0.0);
   for (PetscInt c = 1; c < dim; c++) size += PetscSqr(y[c] + l * e0[c]);
   size  = PetscSqrtReal(size);
-  least = normal < 0.0 ? -mu * normal : 0.0;
+  least = -mu * tension[0];
   if (size <= least) scale = 1.0;
   else if (least > 0.0) scale = least / size;
-  /* s = tau_hat - l e_hat = 2 tau_hat - y */
-  for (PetscInt c = 1; c < dim; c++) s[c] = 2.0 * scale * (y[c] + l * e0[c]) - y[c];
+  for (PetscInt c = 1; c < dim; c++) tension[c] = scale * (y[c] + l * e0[c]);
 }
 
 /*
@@ -46,7 +45,7 @@ void LatinLinkStageGeneral(Latin latin, const PetscReal state[], PetscReal next[
     for (PetscInt l = sub->link_offset[s]; l < sub->link_offset[s + 1];) {
       const PetscInt  parts = sub->law[l] == LATIN_LAW_FRICTION ? dim : 1;
       const PetscReal k     = sub->stiffness[l + other];
-      PetscReal       e[3]  = {0.0, 0.0, 0.0}, y[3];
+      PetscReal       e[3] = {0.0, 0.0, 0.0}, y[3], tension[3] = {0.0, 0.0, 0.0};
 
       for (PetscInt c = 0; c < parts; c++) e[c] = LatinElongation(sub, dim, l + other + c, U);
       if (i >= sub->nonsmooth || sub->nonsmooth_link[i] != l) {
@@ -58,15 +57,20 @@ void LatinLinkStageGeneral(Latin latin, const PetscReal state[], PetscReal next[
         continue;
       }
       for (PetscInt c = 0; c < parts; c++) y[c] = state[i + c] + 2.0 * k * e[c];
-      if (sub->law[l] == LATIN_LAW_FRICTION) LatinContactLocal(dim, k, sub->friction[l], sub->prestrain + l, y, next + i);
-      else next[i] = LatinLawLocal(sub->law[l], k, sub->prestrain[l], y[0]);
+      if (sub->law[l] == LATIN_LAW_FRICTION) {
+        LatinContactLocal(dim, k, sub->friction[l], sub->prestrain + l, y, tension);
+        for (PetscInt c = 0; c < dim; c++) next[i + c] = 2.0 * tension[c] - y[c]; /* tau_hat - l e_hat */
+      } else {
+        next[i]    = LatinLawLocal(sub->law[l], k, sub->prestrain[l], y[0]);
+        tension[0] = 0.5 * (y[0] + next[i]);
+      }
       for (PetscInt c = 0; c < parts; c++, i++) {
-        const PetscReal tension = 0.5 * (y[c] + next[i]);
+        const PetscReal carried = PetscSqr(tension[c]) / k;
 
-        if (sub->tension) sub->tension[i] = tension;
+        if (sub->tension) sub->tension[i] = tension[c];
         sum[0] += PetscSqr(next[i] - state[i]) / (4.0 * k);
-        sum[1] += LatinLaws[sub->law[l]].rigid ? tension * tension / k : PetscAbsReal(e[c]) * PetscMin(k * PetscAbsReal(e[c]), PetscAbsReal(tension));
-        sum[2] += tension * tension / k;
+        sum[1] += LatinLaws[sub->law[l]].rigid ? carried : PetscAbsReal(e[c]) * PetscMin(k * PetscAbsReal(e[c]), PetscAbsReal(tension[c]));
+        sum[2] += carried;
       }
       l += parts;
     }
