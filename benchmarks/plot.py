@@ -45,9 +45,13 @@ def tabulate(name, document):
 
 
 def iteration(document):
-    """Return the table of where an iteration spends its time, and of the bound."""
+    """Return the table of where a set-up and an iteration spend their time, and of the bound."""
     scenes = list(document.values())
-    rows = [[label, *(f"{one['milliseconds'][label]:.1f} ms" for one in scenes)] for label in scenes[0]["milliseconds"]]
+    rows = [[f"set-up: {label}", *(f"{one['setup'][label]:.0f} ms" for one in scenes)]
+            for label in scenes[0].get("setup", {})]  # fmt: skip
+    rows += [
+        [label, *(f"{one['milliseconds'][label]:.1f} ms" for one in scenes)] for label in scenes[0]["milliseconds"]
+    ]
     rows += [[f"bytes: {part}", *(quantity(one["bytes"][part], "B") for one in scenes)] for part in scenes[0]["bytes"]]
     rows.append(["triad", *(quantity(one["bandwidth"], "B") + "/s" for one in scenes)])
     rows.append(["bound", *(f"{one['bound']:.1f} ms" for one in scenes)])
