@@ -87,6 +87,16 @@ def test_iterates_for_every_direction(name, variant, options):
         assert far(solve(scene, max_it=k, stol=0, **options, **PLAIN).u, theirs[k - 1]) < ROUNDING
 
 
+def test_iterates_of_many_equal_subdomains():
+    """Equal subdomains swept and solved together, or, where the solver is not direct, only swept together."""
+    scene = make("tensegrity-grid", modules=40)
+    theirs = oracle.latin_history(scene, 3)
+    for options in ({}, {"local_ksp_type": "cg", "local_ksp_rtol": 1e-13}):
+        mine = solve(scene, max_it=3, stol=0, **options, **PLAIN)
+        assert far(mine.u, theirs.iterates[-1]) < 10 * ROUNDING  # more of it: ten times the nodes
+        assert np.allclose(mine.history.indicator, theirs.indicator, rtol=10 * ROUNDING)
+
+
 @pytest.mark.parametrize("variant", VARIANTS)
 @pytest.mark.parametrize("name", SCENES)
 def test_acceleration_ends_where_the_plain_iteration_does(name, variant):
