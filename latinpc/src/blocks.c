@@ -3,7 +3,7 @@
 /*
    Solvers of the subdomains. A structure made of repeated modules gives many subdomains the same operator, to the bit:
    it is then factored and condensed once, and solved for all of them together, which turns memory traffic into
-   arithmetic. Subdomains without equal go into one block diagonal matrix.
+   arithmetic. Subdomains without equal go into block diagonal matrices, some of like size in each.
 */
 
 /* ---- which subdomains are equal ---- */
@@ -187,29 +187,38 @@ PetscInt LatinBatchRun(const LatinBatch *batch, PetscInt m)
   return n;
 }
 
-/* One batch for each operator that several subdomains share, and one for all the others */
+/*
+   One batch for each operator that several subdomains share; the others in batches of at most LATIN_BLOCK_PATTERNS, sorted
+   by coarse dofs: those of a batch are condensed with as many right-hand sides as the largest of them needs.
+*/
 PetscErrorCode LatinBlocksSetUp(Latin latin)
 {
   LatinSubstructure *sub    = &latin->sub;
   LatinBlocks       *blocks = &latin->linear.blocks;
-  PetscInt          *count, *index, *next, alone = 0, groups = 0;
+  PetscInt          *count, *index, *next, *list, *width, alone = 0, groups = 0;
 
   PetscFunctionBegin;
   PetscCall(PetscMalloc1(sub->n, &blocks->pattern));
   PetscCall(LatinBlocksCompare_Private(latin, PETSC_TRUE, blocks->pattern));
   PetscCall(LatinBlocksShareBases_Private(latin));
-  PetscCall(PetscCalloc3(sub->n, &count, sub->n, &index, sub->n + 1, &next));
+  PetscCall(PetscCalloc5(sub->n, &count, sub->n, &index, sub->n + 1, &next, sub->n, &list, sub->n, &width));
   for (PetscInt s = 0; s < sub->n; s++) count[blocks->pattern[s]]++;
   for (PetscInt s = 0; s < sub->n; s++) {
     if (count[s] > 1) index[s] = groups++;
-    else alone += count[s];
+    else if (count[s]) {
+      width[alone]  = latin->coarse.offset[s + 1] - latin->coarse.offset[s];
+      list[alone++] = s;
+    }
   }
-  blocks->n = groups + (alone ? 1 : 0);
+  PetscCall(PetscSortIntWithArray(alone, width, list));
+  blocks->n = groups + (alone + LATIN_BLOCK_PATTERNS - 1) / LATIN_BLOCK_PATTERNS;
   PetscCall(PetscCalloc1(blocks->n, &blocks->batch));
-  if (alone) PetscCall(LatinBatchCreate_Private(&blocks->batch[groups], alone, 1));
-  for (PetscInt s = 0; s < sub->n; s++) {
+  for (PetscInt s = 0; s < sub->n; s++)
     if (count[s] > 1) PetscCall(LatinBatchCreate_Private(&blocks->batch[index[s]], 1, count[s]));
-    else index[s] = groups;
+  for (PetscInt b = groups, last, i = 0; b < blocks->n; b++) {
+    last = (PetscInt)((PetscInt64)alone * (b - groups + 1) / (blocks->n - groups));
+    PetscCall(LatinBatchCreate_Private(&blocks->batch[b], last - i, 1));
+    for (; i < last; i++) index[list[i]] = b;
   }
   for (PetscInt s = 0; s < sub->n; s++) {
     const PetscInt b = index[blocks->pattern[s]];
@@ -224,7 +233,7 @@ PetscErrorCode LatinBlocksSetUp(Latin latin)
     batch->row[0] = 0;
     for (PetscInt p = 0; p < batch->patterns; p++) batch->row[p + 1] = batch->row[p] + latin->sub.bs * (sub->node_offset[batch->sub[p] + 1] - sub->node_offset[batch->sub[p]]);
   }
-  PetscCall(PetscFree3(count, index, next));
+  PetscCall(PetscFree5(count, index, next, list, width));
   PetscCall(PetscInfo(latin, "%" PetscInt_FMT " subdomains here, %" PetscInt_FMT " different operators\n", sub->n, groups + alone));
   PetscFunctionReturn(0);
 }

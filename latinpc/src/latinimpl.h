@@ -349,8 +349,8 @@ typedef struct {
 
 /* ---- solvers of the subdomains (blocks.c) ---- */
 /*
-   Subdomains whose operators are equal to the bit share one: a batch of one pattern and many members. All the others
-   form a batch of many patterns and one member each, a block diagonal matrix.
+   Subdomains whose operators are equal to the bit share one: a batch of one pattern and many members. The others form
+   batches of many patterns and one member each, block diagonal matrices.
 */
 typedef struct {
   PetscInt  patterns, members; /* one of them is 1 */
@@ -399,8 +399,9 @@ typedef struct {
 } LatinGraph;
 
 /* ---- linear stage (linear.c, condense.c): operators of the subdomains ---- */
-#define LATIN_LANES         8  /* equal subdomains whose links are swept together */
-#define LATIN_BLOCK_COLUMNS 64 /* equal subdomains solved together: right-hand sides stay in cache */
+#define LATIN_LANES          8  /* equal subdomains whose links are swept together */
+#define LATIN_BLOCK_COLUMNS  64 /* equal subdomains solved together: right-hand sides stay in cache */
+#define LATIN_BLOCK_PATTERNS 64 /* different subdomains in one matrix: no more of them than condensation likes */
 
 typedef struct {
   LatinBlocks      blocks;

@@ -217,6 +217,21 @@ static PetscErrorCode LatinStiffnessCondense_Private(Latin latin, LatinGraph *gr
   PetscFunctionReturn(0);
 }
 
+/* All of them, those of like size together: the right-hand sides are as many as the largest of a matrix needs */
+static PetscErrorCode LatinStiffnessCondenseAll_Private(Latin latin, LatinGraph *graph, PetscInt patterns, PetscInt list[], const PetscReal spring[], PetscInt at[], const size_t first[], PetscReal S[], PetscBool *bad)
+{
+  LatinInterfaces *inter = &latin->inter;
+  PetscInt        *width;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMalloc1(patterns, &width));
+  for (PetscInt p = 0; p < patterns; p++) width[p] = inter->interface[inter->offset[list[p] + 1] - 1].side_last - inter->interface[inter->offset[list[p]]].side_first;
+  PetscCall(PetscSortIntWithArray(patterns, width, list));
+  PetscCall(PetscFree(width));
+  for (PetscInt p = 0; p < patterns && !*bad; p += LATIN_BLOCK_PATTERNS) PetscCall(LatinStiffnessCondense_Private(latin, graph, PetscMin(LATIN_BLOCK_PATTERNS, patterns - p), list + p, spring, at, first, S, bad));
+  PetscFunctionReturn(0);
+}
+
 /*
    The matrix of each interface side, its own subdomain's part: S + first[f], column-major, once for equal subdomains.
    The caller frees S. Collective on latin.
@@ -252,7 +267,7 @@ PetscErrorCode LatinStiffnessFaces_Private(Latin latin, LatinDirectionType type,
   PetscCall(LatinStiffnessFoundation_Private(latin, spring));
   PetscCall(LatinGraphCreate_Private(latin, PETSC_TRUE, &graph));
   if (type == LATIN_DIRECTION_SCHUR) {
-    LatinEach(PetscObjectComm((PetscObject)latin), patterns ? LatinStiffnessCondense_Private(latin, &graph, patterns, list, spring, at, first, *S, &bad) : 0);
+    LatinEach(PetscObjectComm((PetscObject)latin), LatinStiffnessCondenseAll_Private(latin, &graph, patterns, list, spring, at, first, *S, &bad));
   } else {
     for (PetscInt p = 0; p < patterns; p++)
       for (PetscInt f = inter->offset[list[p]]; f < inter->offset[list[p] + 1]; f++) PetscCall(LatinStiffnessBlock_Private(latin, &graph, &inter->interface[f], spring, at, *S + first[f]));
