@@ -180,17 +180,12 @@ static PetscErrorCode LatinDirectionMatrix_Private(Latin latin, PetscReal fracti
 
 PetscErrorCode LatinDirectionSetUp(Latin latin)
 {
-  LatinInterfaces *inter   = &latin->inter;
-  PetscInt         longest = 0;
+  LatinInterfaces *inter = &latin->inter;
 
   PetscFunctionBegin;
   PetscCall(PetscLogEventBegin(LATIN_Direction, latin, 0, 0, 0));
-  for (PetscInt f = 0; f < inter->count; f++) {
-    longest                          = PetscMax(longest, inter->interface[f].side_last - inter->interface[f].side_first);
-    inter->interface[f].matrix_first = -1;
-  }
+  for (PetscInt f = 0; f < inter->count; f++) inter->interface[f].matrix_first = -1;
   PetscCall(PetscMalloc1(inter->sides, &latin->macro.d));
-  PetscCall(PetscMalloc1(2 * LATIN_BLOCK_COLUMNS * longest, &latin->direction_work));
   if (latin->direction_scalar > 0.0) {
     for (PetscInt k = 0; k < inter->sides; k++) latin->macro.d[k] = latin->direction_scalar;
   } else if (latin->direction == LATIN_DIRECTION_SCALAR || latin->direction == LATIN_DIRECTION_DIAGONAL) PetscCall(LatinDirectionDiagonal_Private(latin, LatinDirectionFraction(latin)));
@@ -205,7 +200,6 @@ PetscErrorCode LatinDirectionReset(Latin latin)
   PetscCall(PetscFree(latin->macro.d));
   PetscCall(PetscFree(latin->macro.matrix));
   PetscCall(PetscFree(latin->macro.like));
-  PetscCall(PetscFree(latin->direction_work));
   PetscFunctionReturn(0);
 }
 

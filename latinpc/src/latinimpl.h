@@ -528,7 +528,7 @@ struct _p_Latin {
   PetscBool          failed; /* an inner solver failed in the last linear stage */
   PetscObjectState   load_state, prestrain_state, links_state;
   PetscReal         *outgoing;       /* [sides] work: the data that the mates receive */
-  PetscReal         *direction_work; /* work: two blocks of LATIN_BLOCK_COLUMNS vectors on the largest interface */
+  PetscReal         *direction_work; /* work: two blocks of vectors on an interface, one for each subdomain that is treated together */
   PetscReal          indicator;      /* of the last application, relative */
   PetscReal          distance;       /* the same, not divided: square root of an energy */
   PetscReal          noise;          /* what rounding alone leaves of it */

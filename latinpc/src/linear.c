@@ -94,13 +94,32 @@ static PetscErrorCode LatinLinearOffsets_Private(Latin latin)
   PetscFunctionReturn(0);
 }
 
+/* Work space for equal subdomains that are treated together */
+static PetscErrorCode LatinLinearWork_Private(Latin latin)
+{
+  LatinInterfaces *inter = &latin->inter;
+  PetscInt         tile = 0, sides = 0;
+
+  PetscFunctionBegin;
+  for (PetscInt b = 0; b < latin->linear.blocks.n; b++) {
+    const LatinBatch *batch = &latin->linear.blocks.batch[b];
+
+    if (batch->members >= LATIN_LANES) tile = PetscMax(tile, batch->row[1]);
+    for (PetscInt p = 0; p < batch->patterns; p++)
+      for (PetscInt f = inter->offset[batch->sub[p]]; f < inter->offset[batch->sub[p] + 1]; f++) sides = PetscMax(sides, PetscMin(batch->members, LATIN_BLOCK_COLUMNS) * (inter->interface[f].side_last - inter->interface[f].side_first));
+  }
+  PetscCall(PetscMalloc1(2 * LATIN_LANES * tile, &latin->linear.tile));
+  PetscCall(PetscMalloc1(2 * sides, &latin->direction_work));
+  PetscFunctionReturn(0);
+}
+
 PetscErrorCode LatinLinearSetUp(Latin latin)
 {
   LatinSubstructure *sub       = &latin->sub;
   LatinLinear       *linear    = &latin->linear;
   LatinBlockSolver  *solver    = &linear->solver;
   const PetscInt     n         = latin->sub.bs * sub->copies;
-  PetscInt           couplings = 0, most = 0;
+  PetscInt           couplings = 0;
   LatinGraph         graph;
 
   PetscFunctionBegin;
@@ -109,8 +128,7 @@ PetscErrorCode LatinLinearSetUp(Latin latin)
   PetscCall(LatinMacroDual_Private(latin));
   PetscCall(LatinLinearOffsets_Private(latin));
   PetscCall(PetscMalloc6(n, &linear->g, n, &linear->U, latin->inter.sides, &linear->pull, n, &linear->load, linear->widest, &linear->lambda, n, &linear->spring));
-  for (PetscInt s = 0; s < sub->n; s++) most = PetscMax(most, sub->node_offset[s + 1] - sub->node_offset[s]);
-  PetscCall(PetscMalloc1(2 * LATIN_LANES * sub->bs * most, &linear->tile));
+  PetscCall(LatinLinearWork_Private(latin));
   PetscCall(LatinDirectionSprings_Private(latin, linear->spring));
   PetscCall(LatinGraphCreate_Private(latin, PETSC_TRUE, &graph));
   PetscCall(LatinBlockSolverCreate(latin, solver));
@@ -296,6 +314,7 @@ PetscErrorCode LatinLinearReset(Latin latin)
   PetscCall(PetscFree(linear->H));
   PetscCall(PetscFree(linear->Phi));
   PetscCall(PetscFree(linear->tile));
+  PetscCall(PetscFree(latin->direction_work));
   PetscCall(PetscFree6(linear->g, linear->U, linear->pull, linear->load, linear->lambda, linear->spring));
   PetscCall(PetscMemzero(linear, sizeof(*linear)));
   PetscFunctionReturn(0);

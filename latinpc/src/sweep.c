@@ -87,13 +87,13 @@ LATIN_INLINE void LatinTileForces(const Latin latin, const PetscInt dim, const P
 {
   const LatinTile  tile = LatinTileOpen(latin, dim, lanes, member, z);
   const PetscReal *load[LATIN_LANES];
-  PetscReal       *to[LATIN_LANES], *g = latin->linear.tile + lanes * tile.rows;
+  PetscReal       *to[LATIN_LANES], *g;
 
   for (PetscInt w = 0; w < lanes; w++) {
     load[w] = latin->linear.load + dim * latin->sub.node_offset[member[w]];
     to[w]   = latin->linear.g + dim * latin->sub.node_offset[member[w]];
   }
-  if (lanes == 1) g = to[0];
+  g = lanes == 1 ? to[0] : latin->linear.tile + lanes * tile.rows;
   LatinTileRead(lanes, tile.rows, load, g);
   for (PetscInt l = 0; l < tile.links; l++) {
     const PetscReal k = tile.stiffness[l], *n = tile.direction + dim * l;
