@@ -450,6 +450,16 @@ def test_the_monitor_tells_energies_iterations_and_active_links(tmp_path):
         assert int(words[words.index("iterations") + 1]) == it.iterations
 
 
+def test_the_plain_iteration_moves_when_damped():
+    """As README says."""
+    scene = heavy(grid(modules=4, subdomains=4), mass=20.0)
+    plain = {"snes_latin_outer_snes_type": "nrichardson", "snes_latin_outer_snes_linesearch_damping": 0.8}
+    u, v = euler(scene, np.zeros(scene.nodes.shape), scene.velocity, 1e-3, 4)
+    with motion(scene, 1e-3, **(EXACT | plain)) as it:
+        it.step(4)
+        assert np.abs(it.v - v).max() < 1e-7 * np.abs(v).max()
+
+
 def test_a_step_that_fails_says_so_or_is_made_shorter():
     """As PETSc's types do: an error by default, steps of a quarter of the length when failures are allowed."""
     scene = heavy(grid(modules=4, subdomains=4), mass=20.0, speed=10.0)

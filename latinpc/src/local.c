@@ -80,9 +80,10 @@ static PetscErrorCode LatinSweepFaces_Private(Latin latin, const PetscReal z[], 
 }
 
 /*
-   g = F - B^t (s + l e) - G U + C^t (z - D U), G the springs to the ground if there are any: what the displacements of the last linear stage leave unbalanced in the state
-   z, with the tensions and the interface forces of (26) and (27). The linear stage then solves for the change of the
-   displacements, and what it rounds, or leaves to an inexact solver, is small with that change.
+   g = F - B^t (s + l e) - G U + C^t (z - D U), G the springs to the ground if there are any: what the displacements of
+   the last linear stage leave unbalanced in the state z, with the tensions and the interface forces of (26) and (27).
+   The linear stage then solves for the change of the displacements, and what it rounds, or leaves to an inexact solver,
+   is small with that change.
 */
 PetscErrorCode LatinGatherForces_Private(Latin latin, const PetscReal z[])
 {
