@@ -87,6 +87,7 @@ cdef extern from "latinpc.h":
     PetscErrorCode SNESLatinGetLatin(PetscSNES, Latin *)
     PetscErrorCode SNESLatinSetReference(PetscSNES, PetscVec)
     PetscErrorCode SNESLatinGetHistory(PetscSNES, PetscInt *, const PetscReal **, const PetscReal **, const PetscReal **)
+    PetscErrorCode SNESLatinGetLooseNodes(PetscSNES, PetscInt *, PetscInt *, const PetscInt **)
     PetscErrorCode SNESLatinGetEstimates(PetscSNES, PetscInt *, const PetscReal **, PetscReal *)
     PetscErrorCode LatinGetEnergyBound(PetscSNES, PetscReal *, PetscReal *)
     PetscErrorCode SNESLatinGetOuter(PetscSNES, PetscSNES *)
@@ -436,6 +437,14 @@ def estimates(SNES snes not None):
     cdef PetscReal least = 0
     CHKERR(SNESLatinGetEstimates(snes.snes, &n, &estimate, &least))
     return copy(estimate, n), least
+
+
+def loose_nodes(SNES snes not None):
+    """Return how many nodes the loads move without end, and some of them."""
+    cdef PetscInt count = 0, listed = 0, i
+    cdef const PetscInt *node = NULL
+    CHKERR(SNESLatinGetLooseNodes(snes.snes, &count, &listed, &node))
+    return count, [node[i] for i in range(listed)]
 
 
 def energy_bound(SNES snes not None):

@@ -124,6 +124,7 @@ def table(number, subdomains=None, *, outer="richardson", corners="free", direct
         "snes_latin_stop": "reference",
         "snes_stol": STOP,
         "snes_max_it": MAX_ITERATIONS,
+        "snes_latin_rescue": 0,
     }
     factors = DIRECTION_FACTORS if number == 7 else (1.0,)
     rows = []

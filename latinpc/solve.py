@@ -25,10 +25,10 @@ OPTIONS = (
     "variant", "modes", "subdomains", "subdomain_links", "partition_repair", "direction", "direction_scalar",
     "direction_fraction", "corners", "promote", "monitor", "stop", "error", "error_norm", "warm_start",
     "warm_extrapolate", "polish",
-    "modes_local", "modes_local_max", "modes_local_slack",
+    "modes_local", "modes_local_max", "modes_local_slack", "rescue",
 )  # fmt: skip
 PC_OPTIONS = ("weights",)  # of PC latin alone
-INNER_PREFIXES = ("local_", "interior_", "coarse_", "outer_", "polish_")
+INNER_PREFIXES = ("local_", "interior_", "coarse_", "outer_", "polish_", "rescue_")
 
 REFERENCE_ACCURACY = 1e-9  # relative residual above which a reference is refused
 
@@ -181,6 +181,10 @@ def _solve(scene, links, snes, reference, notices, before_solve):
     if len(past.get("estimate", ())) and snes.getConvergedReason() == PETSc.SNES.ConvergedReason.DIVERGED_INNER:
         least = latinpc.rounding_floor(snes)
         notices.append(f"the error asked for is below what rounding leaves on this structure, about {least:.0e}")
+    loose, names = latinpc.loose_nodes(snes) if is_latin else (0, [])
+    if loose:
+        text = ", ".join(map(str, names)) + (" and others" if loose > len(names) else "")
+        notices.append(f"no equilibrium: slack links no longer hold nodes {text}, which the loads move without end")
     core = snes if is_latin else linear
     statistics = latinpc.statistics(core) if core is not None else {}
     ksponly = snes.getType() == "ksponly"

@@ -101,6 +101,24 @@ def rounding_floor(snes):
     return _latin.estimates(snes)[1]
 
 
+def loose_nodes(snes):
+    """Return the nodes that the loads move without end, as slack links hold them no longer; not collective.
+
+    Parameters
+    ----------
+    snes : petsc4py.PETSc.SNES
+        Of type latin, after a solve that ended with ``DIVERGED_DTOL``.
+
+    Returns
+    -------
+    count : int
+        How many they are; 0 when the structure has an equilibrium, or nothing is known.
+    nodes : list of int
+        Eight of them at most, in the caller's numbering.
+    """
+    return _latin.loose_nodes(snes)
+
+
 def energy_bound(snes):
     """Return an upper bound of the error of a solution in the energy norm, for linear structures; collective.
 

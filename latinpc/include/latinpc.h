@@ -141,6 +141,7 @@ PETSC_EXTERN PetscErrorCode SNESLatinSetReference(SNES, Vec);
 PETSC_EXTERN PetscErrorCode SNESLatinSetWarmStart(SNES, PetscBool warm, PetscBool extrapolate);
 PETSC_EXTERN PetscErrorCode SNESLatinGetHistory(SNES, PetscInt *, const PetscReal *indicator[], const PetscReal *error_l2[], const PetscReal *error_energy[]);
 PETSC_EXTERN PetscErrorCode SNESLatinGetEstimates(SNES, PetscInt *, const PetscReal *estimate[], PetscReal *floor);
+PETSC_EXTERN PetscErrorCode SNESLatinGetLooseNodes(SNES, PetscInt *count, PetscInt *listed, const PetscInt *node[]);
 PETSC_EXTERN PetscErrorCode SNESLatinGetOuter(SNES, SNES *);
 PETSC_EXTERN PetscErrorCode LatinGetEnergyBound(SNES, PetscReal *bound, PetscReal *relative);
 PETSC_EXTERN PetscErrorCode KSPLatinGetLatin(KSP, Latin *);

@@ -12,6 +12,11 @@
   #define PetscAssertPointer(pointer, argument) PetscValidPointer(pointer, argument)
 #endif
 
+/* 3.21 */
+#if PETSC_VERSION_LT(3, 21, 0)
+  #define SNESLineSearchShellSetApply(search, apply, ctx) SNESLineSearchShellSetUserFunc(search, apply, ctx)
+#endif
+
 /* 3.22: a type's own default gives way to what the user has set */
 #if PETSC_VERSION_LT(3, 22, 0)
   #define PetscObjectParameterSetDefault(snes, name, value) \

@@ -141,6 +141,17 @@ static inline PetscReal     LatinLinksTangent(const LatinLinks links, PetscInt l
 
   return law->tangent(links->stiffness[l], x, law->ctx);
 }
+/* A row of B: the elongation of link l under the vertex displacements a */
+static inline PetscReal LatinLinksElongation(LatinLinks links, PetscInt l, const PetscScalar a[])
+{
+  const PetscInt     dim = links->dim;
+  const PetscReal   *n   = links->direction + dim * l;
+  const PetscScalar *ua = a + dim * links->ends[2 * l], *ub = a + dim * links->ends[2 * l + 1];
+  PetscReal          e = 0.0;
+
+  for (PetscInt c = 0; c < dim; c++) e += n[c] * (ub[c] - ua[c]);
+  return e;
+}
 /* The tension of a link of the caller: rigid links keep that of the last solve */
 static inline PetscReal LatinLinksTension(const LatinLinks links, PetscInt l, PetscReal x)
 {
@@ -160,6 +171,7 @@ PETSC_INTERN PetscErrorCode LatinStepDestroy_Private(LatinLinks step);
 PETSC_INTERN PetscErrorCode LatinStepStart_Private(LatinLinks step, PetscReal h, Vec u, Vec v);
 PETSC_INTERN PetscErrorCode LatinStepShift_Private(LatinLinks step, PetscReal shift);
 PETSC_INTERN PetscErrorCode LatinLinksFromDM_Private(DM, LatinLinks *);
+PETSC_INTERN PetscErrorCode LatinLinksCheckVec_Private(LatinLinks, Vec);
 PETSC_INTERN PetscErrorCode LatinLinksGetLocal_Private(LatinLinks, Vec, Vec);
 
 /* ---- substructuring (substructure.c): the links of each subdomain, and its copies of the nodes ---- */
@@ -538,22 +550,28 @@ struct _p_Latin {
 /* ---- Newton's method after the iteration (polish.c) ---- */
 typedef struct {
   PetscBool  on;               /* asked for */
+  PetscBool  own;              /* a preconditioner of its own, on the tangent */
   PetscReal  start;            /* indicator from which on */
   SNES       newton;           /* NULL before the first time */
   LatinLinks links;            /* borrowed */
   Vec        reference;        /* borrowed: stop on the error against it, or NULL */
   PetscReal  target, residual; /* relative error of the displacements, norm of the residual to stop at */
   PetscReal  rtol;             /* of a linear solve while links change */
+  PetscReal  floor;            /* least tangent stiffness of a link */
   PetscReal  error, energy;    /* estimated or measured error of the last step */
   PetscBool  linear;           /* no link can become slack */
+  PetscInt   changes;          /* links that the last step has changed */
   PetscInt   steps, stages;    /* of the last polish: Newton steps, linear stages */
 } LatinPolish;
 PETSC_INTERN PetscErrorCode LatinPolishCreate_Private(SNES, Latin, LatinPolish *);
 PETSC_INTERN PetscErrorCode LatinPolishSolve_Private(SNES, Latin, LatinPolish *, Vec u, SNESConvergedReason *);
 PETSC_INTERN PetscErrorCode PCLatinShare_Private(PC, Latin);
-PETSC_INTERN PetscErrorCode LatinLinksSetTangent_Private(LatinLinks, Vec u);
+PETSC_INTERN PetscErrorCode PCLatinFollow_Private(PC, Latin);
+PETSC_INTERN PetscErrorCode LatinLinksSetTangent_Private(LatinLinks, Vec u, PetscReal floor);
 PETSC_INTERN PetscErrorCode LatinLinksMultTangent_Private(LatinLinks, Vec x, Vec y);
-PETSC_INTERN PetscErrorCode LatinLinksCountChanges_Private(LatinLinks, Vec u, PetscInt *);
+PETSC_INTERN PetscErrorCode LatinLinksCountChanges_Private(LatinLinks, Vec u, PetscReal floor, PetscInt *);
+PETSC_INTERN PetscErrorCode LatinLinksSearch_Private(LatinLinks, Vec u, Vec step, Vec more, PetscReal *length);
+PETSC_INTERN PetscErrorCode LatinLinksStiffnessRange_Private(LatinLinks, PetscReal *least, PetscReal *most);
 
 PETSC_INTERN PetscErrorCode LatinCreate_Private(MPI_Comm, Latin *);
 PETSC_INTERN PetscErrorCode LatinSetLinks_Private(Latin, LatinLinks);
@@ -660,6 +678,23 @@ PETSC_INTERN PetscErrorCode LatinDistribute_Private(Latin, Vec u, PetscReal copy
 PETSC_INTERN PetscErrorCode LatinReflectionApply_Private(Latin, const PetscReal y[], PetscBool symmetric, PetscReal out[]);
 PETSC_INTERN PetscErrorCode LatinReflectionSolution_Private(Latin, const PetscReal y[], Vec u);
 
+/* ---- Newton's method where the iteration stalls (rescue.c) ---- */
+#define LATIN_LOOSE 8 /* nodes named when slack links leave a mechanism */
+typedef struct {
+  LatinPolish newton;
+  PetscInt    stages;            /* most linear stages that may still be to come, 0 = no rescue */
+  PetscInt    seen;              /* linear stages of this solve */
+  PetscReal   least[3];          /* least measure of this window of stages and of the last two */
+  PetscBool   able;              /* wanted, and the laws allow it */
+  PetscBool   contrast;          /* stiffnesses too different for an estimate of the error to be trusted */
+  PetscBool   called;            /* in this solve */
+  PetscInt    loose;             /* nodes that the load of the last solve moves without end, on all ranks */
+  PetscInt    node[LATIN_LOOSE]; /* some of them, global numbers */
+} LatinRescue;
+PETSC_INTERN PetscErrorCode LatinRescueStart_Private(LatinRescue *, LatinLinks);
+PETSC_INTERN PetscBool      LatinRescueStalled(LatinRescue *, PetscReal measure, PetscReal target);
+PETSC_INTERN PetscErrorCode LatinRescueLoose_Private(LatinRescue *);
+
 /* ---- SNES latin (sneslatin.c, snesresults.c) ---- */
 typedef struct {
   Latin             latin;
@@ -681,6 +716,8 @@ typedef struct {
   PetscReal         first_distance, first_residual, residual;
   PetscInt          tested; /* linear stages that the convergence test has seen */
   LatinPolish       polish;
+  LatinRescue       rescue;
+  LatinPolish      *ended;  /* what has ended the last solve, NULL: the iteration */
   PetscBool         handed; /* the iteration has ended for the polish */
   PetscViewer       monitor;
   PetscViewerFormat monitor_format;

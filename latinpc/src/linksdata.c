@@ -14,7 +14,7 @@ static PetscErrorCode LatinLinksCheckSetUp_Private(LatinLinks links)
 }
 
 /* A displacement must be a vector of the structure's DM: its entries are addressed directly */
-static PetscErrorCode LatinLinksCheckVec_Private(LatinLinks links, Vec u)
+PetscErrorCode LatinLinksCheckVec_Private(LatinLinks links, Vec u)
 {
   PetscInt n, m;
 
@@ -220,35 +220,6 @@ PetscErrorCode LatinLinksGetLocal_Private(LatinLinks links, Vec u, Vec local)
   PetscFunctionReturn(0);
 }
 
-/* A row of B: the elongation of link l under the vertex displacements a */
-static inline PetscReal LatinLinksElongation(LatinLinks links, PetscInt l, const PetscScalar a[])
-{
-  const PetscInt     dim = links->dim;
-  const PetscReal   *n   = links->direction + dim * l;
-  const PetscScalar *ua = a + dim * links->ends[2 * l], *ub = a + dim * links->ends[2 * l + 1];
-  PetscReal          e = 0.0;
-
-  for (PetscInt c = 0; c < dim; c++) e += n[c] * (ub[c] - ua[c]);
-  return e;
-}
-
-/* Elongations of the links of this rank */
-PetscErrorCode LatinLinksElongations_Private(LatinLinks links, Vec u, PetscReal e[])
-{
-  Vec                ul;
-  const PetscScalar *a;
-
-  PetscFunctionBegin;
-  PetscCall(LatinLinksCheckVec_Private(links, u));
-  PetscCall(DMGetLocalVector(links->dm, &ul));
-  PetscCall(LatinLinksGetLocal_Private(links, u, ul));
-  PetscCall(VecGetArrayRead(ul, &a));
-  for (PetscInt l = 0; l < links->links_local; l++) e[l] = LatinLinksElongation(links, l, a);
-  PetscCall(VecRestoreArrayRead(ul, &a));
-  PetscCall(DMRestoreLocalVector(links->dm, &ul));
-  PetscFunctionReturn(0);
-}
-
 /*@C
   LatinLinksComputeResidual - The nodal unbalance B^t tau - F at the free degrees of freedom, (1).
 
@@ -370,105 +341,6 @@ PetscErrorCode LatinLinksComputeJacobian(LatinLinks links, Vec u, Mat J)
   if (links->ground) PetscCall(MatDiagonalSet(J, links->ground, ADD_VALUES));
   PetscCall(MatSetOption(J, MAT_SYMMETRIC, PETSC_TRUE));
   PetscCall(MatSetOption(J, MAT_SYMMETRY_ETERNAL, PETSC_TRUE));
-  PetscFunctionReturn(0);
-}
-
-/* The tangent stiffness of each link at u, without a matrix */
-PetscErrorCode LatinLinksSetTangent_Private(LatinLinks links, Vec u)
-{
-  Vec                ul;
-  const PetscScalar *a;
-
-  PetscFunctionBegin;
-  if (!links->tangent) PetscCall(PetscMalloc1(links->links_local, &links->tangent));
-  PetscCall(DMGetLocalVector(links->dm, &ul));
-  PetscCall(LatinLinksGetLocal_Private(links, u, ul));
-  PetscCall(VecGetArrayRead(ul, &a));
-  for (PetscInt l = 0; l < links->links_local; l++) links->tangent[l] = LatinLinksTangent(links, l, LatinLinksElongation(links, l, a) + links->prestrain[l]);
-  PetscCall(VecRestoreArrayRead(ul, &a));
-  PetscCall(DMRestoreLocalVector(links->dm, &ul));
-  PetscFunctionReturn(0);
-}
-
-/* y = B^t k_t B x, with the tangent stiffnesses k_t of the last Jacobian */
-PetscErrorCode LatinLinksMultTangent_Private(LatinLinks links, Vec x, Vec y)
-{
-  const PetscInt     dim = links->dim;
-  Vec                xl, yl;
-  const PetscScalar *a;
-  PetscScalar       *f;
-
-  PetscFunctionBegin;
-  PetscCall(DMGetLocalVector(links->dm, &xl));
-  PetscCall(DMGetLocalVector(links->dm, &yl));
-  PetscCall(VecZeroEntries(xl)); /* no change where prescribed */
-  PetscCall(VecZeroEntries(yl));
-  PetscCall(DMGlobalToLocalBegin(links->dm, x, INSERT_VALUES, xl));
-  PetscCall(DMGlobalToLocalEnd(links->dm, x, INSERT_VALUES, xl));
-  PetscCall(VecGetArrayRead(xl, &a));
-  PetscCall(VecGetArray(yl, &f));
-  for (PetscInt l = 0; l < links->links_local; l++) {
-    const PetscReal  t  = links->tangent[l] * LatinLinksElongation(links, l, a);
-    const PetscReal *n  = links->direction + dim * l;
-    PetscScalar     *fa = f + dim * links->ends[2 * l], *fb = f + dim * links->ends[2 * l + 1];
-
-    for (PetscInt c = 0; c < dim; c++) {
-      fa[c] -= t * n[c];
-      fb[c] += t * n[c];
-    }
-  }
-  PetscCall(VecRestoreArrayRead(xl, &a));
-  PetscCall(VecRestoreArray(yl, &f));
-  PetscCall(VecZeroEntries(y));
-  if (links->ground) PetscCall(LatinLinksAddGround_Private(links, x, y));
-  PetscCall(DMLocalToGlobalBegin(links->dm, yl, ADD_VALUES, y));
-  PetscCall(DMLocalToGlobalEnd(links->dm, yl, ADD_VALUES, y));
-  PetscCall(DMRestoreLocalVector(links->dm, &xl));
-  PetscCall(DMRestoreLocalVector(links->dm, &yl));
-  PetscCall(PetscLogFlops(links->links_local * (5.0 * dim + 1.0)));
-  PetscFunctionReturn(0);
-}
-
-/* How many links have another tangent stiffness at u than in the last Jacobian */
-PetscErrorCode LatinLinksCountChanges_Private(LatinLinks links, Vec u, PetscInt *changes)
-{
-  Vec                ul;
-  const PetscScalar *a;
-  PetscInt           n = 0;
-
-  PetscFunctionBegin;
-  PetscCall(DMGetLocalVector(links->dm, &ul));
-  PetscCall(LatinLinksGetLocal_Private(links, u, ul));
-  PetscCall(VecGetArrayRead(ul, &a));
-  for (PetscInt l = 0; l < links->links_local; l++)
-    if (LatinLinksTangent(links, l, LatinLinksElongation(links, l, a) + links->prestrain[l]) != links->tangent[l]) n++;
-  PetscCall(VecRestoreArrayRead(ul, &a));
-  PetscCall(DMRestoreLocalVector(links->dm, &ul));
-  PetscCall(MPIU_Allreduce(&n, changes, 1, MPIU_INT, MPI_SUM, PetscObjectComm((PetscObject)links)));
-  PetscFunctionReturn(0);
-}
-
-/* How many links can be slack, and how many of them bear something */
-PetscErrorCode LatinLinksCountActive_Private(LatinLinks links, Vec u, PetscInt *active, PetscInt *unilateral)
-{
-  Vec                ul;
-  const PetscScalar *a;
-  PetscInt           n[2] = {0, 0};
-
-  PetscFunctionBegin;
-  PetscCall(DMGetLocalVector(links->dm, &ul));
-  PetscCall(LatinLinksGetLocal_Private(links, u, ul));
-  PetscCall(VecGetArrayRead(ul, &a));
-  for (PetscInt l = 0; l < links->links_local; l++)
-    if (!LatinLaws[links->law[l]].smooth) {
-      n[1]++;
-      if (LatinLinksTension(links, l, LatinLinksElongation(links, l, a) + links->prestrain[l]) != 0.0) n[0]++;
-    }
-  PetscCall(VecRestoreArrayRead(ul, &a));
-  PetscCall(DMRestoreLocalVector(links->dm, &ul));
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, n, 2, MPIU_INT, MPI_SUM, PetscObjectComm((PetscObject)links)));
-  *active     = n[0];
-  *unilateral = n[1];
   PetscFunctionReturn(0);
 }
 

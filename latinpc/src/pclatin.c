@@ -322,6 +322,24 @@ static PetscErrorCode PCSetCoordinates_Latin(PC pc, PetscInt dim, PetscInt nodes
   PetscFunctionReturn(0);
 }
 
+/* Gives a PC latin of its own the choices of a SNES latin: subdomains, coarse space, search direction. Collective on pc */
+PetscErrorCode PCLatinFollow_Private(PC pc, Latin latin)
+{
+  Latin own = ((PC_Latin *)pc->data)->latin;
+
+  PetscFunctionBegin;
+  own->variant             = latin->variant;
+  own->modes               = latin->modes;
+  own->promote             = latin->promote;
+  own->subdomains          = latin->sub.count ? latin->sub.count : latin->subdomains;
+  own->links_per_subdomain = latin->links_per_subdomain;
+  own->repair              = latin->repair;
+  own->direction           = latin->direction;
+  PetscCall(LatinSetLinks_Private(own, latin->links));
+  PetscCall(PCLatinSetLinks(pc, latin->links));
+  PetscFunctionReturn(0);
+}
+
 /* Makes a PC latin of the decomposition of a SNES latin, whose operators have all links taut. Collective on pc */
 PetscErrorCode PCLatinShare_Private(PC pc, Latin latin)
 {

@@ -2,10 +2,16 @@
 #include <petsc/private/snesimpl.h>
 
 /*
+   Newton's method after the iteration of SNES latin, for two ends.
+
    Polish: Newton's method from the displacements of SNES latin on, once its indicator is small. The taut links of these
    displacements are nearly those of the solution, and a step of Newton's method is exact for given taut links: what is
    left is mostly one linear problem, which conjugate gradients solve in fewer linear stages than the fixed-point
    iteration. The preconditioner is PC latin on the operators that SNES latin has built already.
+
+   Rescue (rescue.c): where the iteration stalls, because a slack link is far stiffer or softer than what surrounds it,
+   Newton's method takes over with a PC latin of its own on the tangent stiffness, built anew when links have changed.
+   The energy is convex, and a search for its least along each step makes the method converge from anywhere.
 
    A solve goes no further than its step deserves: while links still change between taut and slack, two digits (-ksp_rtol
    of the inner KSP); once none has changed, all that are missing.
@@ -14,6 +20,9 @@
 #define LATIN_POLISH_RTOL   1e-2 /* of a linear solve whose step changes the taut links */
 #define LATIN_POLISH_SAFETY 0.3  /* the last solve aims at this part of the target */
 #define LATIN_POLISH_LEAST  1e-9 /* least tolerance of a linear solve: below, rounding */
+#define LATIN_RESCUE_RTOL   1e-9 /* forces of stiff links must not hide those of soft ones; and a solve costs less than its preconditioner */
+#define LATIN_RESCUE_FLOOR  1e-8 /* what a slack link keeps of the least stiffness, so that no mechanism ends the search */
+#define LATIN_RESCUE_FULL   12   /* steps that are taken whole: they end soon if they end at all */
 
 /*
    The error left after a step is the part of it that the linear solver has left over when no link has changed, and
@@ -21,11 +30,12 @@
 */
 static PetscErrorCode LatinPolishConverged_Private(SNES newton, PetscInt it, PetscReal xnorm, PetscReal snorm, PetscReal fnorm, SNESConvergedReason *reason, void *ctx)
 {
-  LatinPolish *polish = (LatinPolish *)ctx;
-  PetscReal    before = polish->error, rtol;
-  PetscInt     changes, most;
-  Vec          u;
-  KSP          ksp;
+  LatinPolish   *polish = (LatinPolish *)ctx;
+  PetscReal      before = polish->error, lambda = 1.0, rtol;
+  PetscInt       changes, most;
+  Vec            u;
+  KSP            ksp;
+  SNESLineSearch search;
 
   PetscFunctionBegin;
   *reason = SNES_CONVERGED_ITERATING;
@@ -39,17 +49,21 @@ static PetscErrorCode LatinPolishConverged_Private(SNES newton, PetscInt it, Pet
   PetscCall(KSPGetTolerances(ksp, &rtol, NULL, NULL, NULL));
   if (!it) changes = polish->linear ? 0 : 1;
   else {
-    PetscCall(LatinLinksCountChanges_Private(polish->links, u, &changes));
+    PetscCall(LatinLinksCountChanges_Private(polish->links, u, polish->floor, &changes));
+    PetscCall(SNESGetLineSearch(newton, &search));
+    PetscCall(SNESLineSearchGetLambda(search, &lambda));
+    if (PetscAbsReal(lambda - 1.0) > LATIN_POLISH_RTOL) changes = PetscMax(changes, 1); /* not the whole step, for links have changed on the way */
     polish->error = xnorm > 0.0 ? snorm / xnorm : 0.0;
-    if (!changes) polish->error *= rtol;
+    if (!changes && !polish->own) polish->error *= rtol; /* where forces differ by orders, only a step that moves nothing proves anything */
     if (polish->reference) PetscCall(LatinLinksComputeErrors(polish->links, u, polish->reference, &polish->error, &polish->energy));
   }
+  polish->changes = changes;
   if (fnorm <= polish->residual) *reason = SNES_CONVERGED_FNORM_RELATIVE;
   else if (it && polish->error <= polish->target) *reason = SNES_CONVERGED_SNORM_RELATIVE;
   else if (it > 1 && !changes && polish->error > 0.5 * before && rtol < polish->rtol) *reason = SNES_CONVERGED_SNORM_RELATIVE; /* rounding: a step that was to bring digits has brought none */
-  else if (it && polish->error > 1e3 * PetscMax(1.0, polish->start)) *reason = SNES_DIVERGED_DTOL;
+  else if (it && !polish->own && polish->error > 1e3 * PetscMax(1.0, polish->start)) *reason = SNES_DIVERGED_DTOL;
   else if (it >= most) *reason = SNES_DIVERGED_MAX_IT;
-  rtol = changes ? polish->rtol : PetscMin(polish->rtol, PetscMax(LATIN_POLISH_LEAST, LATIN_POLISH_SAFETY * polish->target / polish->error));
+  rtol = changes || polish->own ? polish->rtol : PetscMin(polish->rtol, PetscMax(LATIN_POLISH_LEAST, LATIN_POLISH_SAFETY * polish->target / polish->error));
   PetscCall(KSPSetTolerances(ksp, rtol, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
   PetscCall(PetscInfo(newton, "step %" PetscInt_FMT ": %" PetscInt_FMT " links have changed, estimated error %g, next linear tolerance %g\n", it, changes, (double)polish->error, (double)rtol));
   PetscFunctionReturn(0);
@@ -67,10 +81,13 @@ static PetscErrorCode LatinPolishMult_Private(Mat A, Vec x, Vec y)
 
 static PetscErrorCode LatinPolishJacobian_Private(SNES newton, Vec u, Mat A, Mat P, void *ctx)
 {
+  PetscInt done;
+
   PetscFunctionBegin;
-  (void)newton;
   (void)P;
-  PetscCall(LatinLinksSetTangent_Private(((LatinPolish *)ctx)->links, u));
+  PetscCall(SNESGetIterationNumber(newton, &done));
+  if (done && !((LatinPolish *)ctx)->changes) PetscFunctionReturn(0); /* the same operator, and preconditioner */
+  PetscCall(LatinLinksSetTangent_Private(((LatinPolish *)ctx)->links, u, ((LatinPolish *)ctx)->floor));
   PetscCall(PetscObjectStateIncrease((PetscObject)A));
   PetscFunctionReturn(0);
 }
@@ -99,7 +116,30 @@ static PetscErrorCode LatinPolishAttach_Private(LatinPolish *polish)
   PetscFunctionReturn(0);
 }
 
-/* The inner SNES: prefix -snes_latin_polish_; full steps, as they end in a few iterations, and CG with PC latin. Collective on snes */
+/* Whole steps at first; when they have not ended, links change to and fro, and only the least energy along each step leads on */
+static PetscErrorCode LatinRescueSearch_Private(SNESLineSearch search, void *ctx)
+{
+  LatinPolish *polish = (LatinPolish *)ctx;
+  PetscReal    length = 1.0;
+  PetscInt     done;
+  SNES         newton;
+  Vec          u, f, step;
+
+  PetscFunctionBegin;
+  PetscCall(SNESLineSearchGetSNES(search, &newton));
+  PetscCall(SNESLineSearchSetReason(search, SNES_LINESEARCH_SUCCEEDED));
+  PetscCall(SNESLineSearchGetVecs(search, &u, &f, &step, NULL, NULL));
+  PetscCall(SNESGetIterationNumber(newton, &done));
+  if (done >= LATIN_RESCUE_FULL) PetscCall(LatinLinksSearch_Private(polish->links, u, step, newton->vec_rhs, &length));
+  PetscCall(VecAXPY(u, -length, step));
+  PetscCall(VecScale(step, length)); /* the norm of the step is that of what was taken */
+  PetscCall(SNESLineSearchSetLambda(search, length));
+  PetscCall(SNESComputeFunction(newton, u, f));
+  PetscCall(SNESLineSearchComputeNorms(search));
+  PetscFunctionReturn(0);
+}
+
+/* The inner SNES, prefix -snes_latin_polish_ or -snes_latin_rescue_: full steps, as they end in a few iterations, or a search; CG with PC latin. Collective on snes */
 PetscErrorCode LatinPolishCreate_Private(SNES snes, Latin latin, LatinPolish *polish)
 {
   SNESLineSearch search;
@@ -114,18 +154,20 @@ PetscErrorCode LatinPolishCreate_Private(SNES snes, Latin latin, LatinPolish *po
   PetscCall(PetscObjectIncrementTabLevel((PetscObject)polish->newton, (PetscObject)snes, 1));
   PetscCall(SNESGetOptionsPrefix(snes, &prefix));
   PetscCall(SNESSetOptionsPrefix(polish->newton, prefix));
-  PetscCall(SNESAppendOptionsPrefix(polish->newton, "snes_latin_polish_"));
+  PetscCall(SNESAppendOptionsPrefix(polish->newton, polish->own ? "snes_latin_rescue_" : "snes_latin_polish_"));
   PetscCall(PetscObjectSetOptions((PetscObject)polish->newton, ((PetscObject)snes)->options));
   PetscCall(SNESSetType(polish->newton, SNESNEWTONLS));
   PetscCall(SNESGetLineSearch(polish->newton, &search));
-  PetscCall(SNESLineSearchSetType(search, SNESLINESEARCHNONE));
+  PetscCall(SNESLineSearchSetType(search, polish->own ? SNESLINESEARCHSHELL : SNESLINESEARCHNONE));
+  if (polish->own) PetscCall(SNESLineSearchShellSetApply(search, LatinRescueSearch_Private, polish));
   PetscCall(SNESGetKSP(polish->newton, &ksp));
   PetscCall(KSPSetType(ksp, KSPCG));
   PetscCall(KSPSetNormType(ksp, KSP_NORM_NATURAL));
-  PetscCall(KSPSetTolerances(ksp, LATIN_POLISH_RTOL, PETSC_DEFAULT, PETSC_DEFAULT, 2000));
+  PetscCall(KSPSetTolerances(ksp, polish->own ? LATIN_RESCUE_RTOL : LATIN_POLISH_RTOL, PETSC_DEFAULT, polish->own ? PETSC_MAX_REAL : PETSC_DEFAULT, 2000));
   PetscCall(KSPGetPC(ksp, &pc));
   PetscCall(PCSetType(pc, PCLATIN));
-  PetscCall(PCLatinShare_Private(pc, latin));
+  if (polish->own) PetscCall(PCLatinFollow_Private(pc, latin));
+  else PetscCall(PCLatinShare_Private(pc, latin));
   PetscCall(SNESSetFromOptions(polish->newton));
   PetscCall(PetscObjectTypeCompare((PetscObject)ksp, KSPCG, &cg));
   if (!cg) PetscCall(KSPSetNormType(ksp, KSP_NORM_DEFAULT));
@@ -137,11 +179,14 @@ PetscErrorCode LatinPolishCreate_Private(SNES snes, Latin latin, LatinPolish *po
 /* From the displacements u to those of the solution. u is worthless when the reason is negative. Collective on snes */
 PetscErrorCode LatinPolishSolve_Private(SNES snes, Latin latin, LatinPolish *polish, Vec u, SNESConvergedReason *reason)
 {
-  PetscInt nonsmooth = latin->sub.nonsmooth;
-  KSP      ksp;
+  PetscInt  nonsmooth = latin->sub.nonsmooth;
+  PetscReal least;
+  KSP       ksp;
 
   PetscFunctionBegin;
   PetscCall(LatinPolishCreate_Private(snes, latin, polish));
+  PetscCall(LatinLinksStiffnessRange_Private(latin->links, &least, NULL));
+  polish->floor = polish->own ? LATIN_RESCUE_FLOOR * least : 0.0;
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &nonsmooth, 1, MPIU_INT, MPI_SUM, PetscObjectComm((PetscObject)snes)));
   if (polish->links != latin->links) {
     polish->links = latin->links;

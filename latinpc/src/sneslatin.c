@@ -57,6 +57,17 @@ static PetscErrorCode SNESLatinResidual_Private(SNES snes)
   PetscFunctionReturn(0);
 }
 
+/* Is it time for Newton's method: no progress, a divergence, or a convergence that proves nothing? */
+static PetscBool SNESLatinStalls_Private(SNES_Latin *data, PetscReal norm, PetscReal stol, PetscReal rtol, SNESConvergedReason reason)
+{
+  const PetscReal target  = data->stop == LATIN_STOP_ERROR ? data->target : data->stop == LATIN_STOP_RESIDUAL ? rtol * data->first_residual : stol;
+  const PetscBool stalled = LatinRescueStalled(&data->rescue, norm, target);
+
+  if (!data->rescue.able || data->rescue.called || !(target > 0.0)) return PETSC_FALSE;
+  if (reason > 0) return data->rescue.contrast;
+  return reason < 0 ? (PetscBool)(reason != SNES_DIVERGED_LINEAR_SOLVE) : stalled;
+}
+
 /*
    The convergence test of the inner SNES decides for both. The reasons keep the meaning of PETSc's manual: the
    indicator is the relative length of the step that the next iteration would make (SNORM), the residual stop is on
@@ -103,6 +114,10 @@ static PetscErrorCode SNESLatinConverged_Private(SNES outer, PetscInt it, PetscR
   } else if (norm <= snes->stol || latin->distance <= latin->noise) *reason = SNES_CONVERGED_SNORM_RELATIVE;
   if (!*reason && data->handed && latin->indicator <= data->polish.start) *reason = SNES_CONVERGED_ITS;
   if (!*reason && snes->divtol > 0.0 && latin->distance > snes->divtol * data->first_distance) *reason = SNES_DIVERGED_DTOL;
+  if (SNESLatinStalls_Private(data, norm, snes->stol, snes->rtol, *reason)) {
+    data->rescue.called = PETSC_TRUE;
+    *reason             = SNES_CONVERGED_ITS;
+  }
   if (!*reason && latin->applications >= snes->max_its) *reason = SNES_DIVERGED_MAX_IT;
   PetscFunctionReturn(0);
 }
@@ -216,6 +231,7 @@ static PetscErrorCode SNESSetFromOptions_Latin(SNES snes, LatinOptionItems Petsc
   PetscCall(PetscOptionsBool("-snes_latin_warm_extrapolate", "A warm start goes on as the last two solves did: for loads that grow in equal steps", "None", data->extrapolate, &data->extrapolate, NULL));
   PetscCall(PetscOptionsBool("-snes_latin_polish", "End by Newton's method, preconditioned by the same operators", "None", data->polish.on, &data->polish.on, NULL));
   PetscCall(PetscOptionsReal("-snes_latin_polish_start", "Indicator from which on Newton's method takes over", "None", data->polish.start, &data->polish.start, NULL));
+  PetscCall(PetscOptionsBoundedInt("-snes_latin_rescue", "Linear stages still to come from which on Newton's method takes over, 0 = never", "None", data->rescue.stages, &data->rescue.stages, NULL, 0));
   PetscCall(PetscOptionsViewer("-snes_latin_monitor", "Monitor the indicator, and the residual or errors where they are computed", "None", &data->monitor, &data->monitor_format, &set));
   PetscOptionsHeadEnd();
   PetscCheck(data->polish.start > 0.0 && !PetscIsInfOrNanReal(data->polish.start), PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_OUTOFRANGE, "-snes_latin_polish_start is %g; it is a positive number", (double)data->polish.start);
@@ -237,7 +253,8 @@ static PetscErrorCode SNESLatinResetState_Private(SNES snes)
   PetscFunctionBegin;
   PetscCall(SNESDestroy(&data->outer));
   PetscCall(SNESDestroy(&data->polish.newton));
-  data->polish.links = NULL;
+  PetscCall(SNESDestroy(&data->rescue.newton.newton));
+  data->polish.links = data->rescue.newton.links = NULL;
   PetscCall(VecDestroy(&data->z));
   PetscCall(VecDestroy(&data->z_before));
   data->has_before = PETSC_FALSE;
@@ -357,10 +374,9 @@ static PetscErrorCode SNESLatinStart_Private(SNES snes)
 }
 
 /* Newton's method from here on; where it fails the iteration goes on from where it was */
-static PetscErrorCode SNESLatinPolish_Private(SNES snes)
+static PetscErrorCode SNESLatinPolish_Private(SNES snes, LatinPolish *polish)
 {
-  SNES_Latin         *data   = (SNES_Latin *)snes->data;
-  LatinPolish        *polish = &data->polish;
+  SNES_Latin         *data = (SNES_Latin *)snes->data;
   SNESConvergedReason reason;
 
   PetscFunctionBegin;
@@ -368,8 +384,17 @@ static PetscErrorCode SNESLatinPolish_Private(SNES snes)
   polish->residual  = data->stop == LATIN_STOP_RESIDUAL ? PetscMax(snes->abstol, snes->rtol * data->first_residual) : 0.0;
   polish->reference = data->stop == LATIN_STOP_REFERENCE ? data->reference : NULL;
   if (data->stop == LATIN_STOP_RESIDUAL) polish->target = 0.0;
-  PetscCall(LatinAverage_Private(data->latin, snes->vec_sol));
+  if (PetscIsInfOrNanReal(data->latin->distance) || (snes->divtol > 0.0 && data->latin->distance > snes->divtol * data->first_distance)) PetscCall(VecZeroEntries(snes->vec_sol));
+  else PetscCall(LatinAverage_Private(data->latin, snes->vec_sol));
   PetscCall(LatinPolishSolve_Private(snes, data->latin, polish, snes->vec_sol, &reason));
+  if (polish->own) {
+    PetscCall(LatinRescueLoose_Private(&data->rescue));
+    if (data->rescue.loose) {
+      snes->reason = SNES_DIVERGED_DTOL;
+      PetscFunctionReturn(0);
+    }
+  }
+  data->ended = polish;
   if (reason > 0) {
     snes->reason = reason;
     PetscCall(SNESComputeFunction(snes, snes->vec_sol, snes->vec_func));
@@ -380,7 +405,8 @@ static PetscErrorCode SNESLatinPolish_Private(SNES snes)
     PetscCall(SNESMonitor(snes, snes->iter, snes->norm));
     PetscFunctionReturn(0);
   }
-  PetscCall(PetscInfo(snes, "the polish ended with %s: back to the iteration\n", SNESConvergedReasons[reason]));
+  PetscCall(PetscInfo(snes, "Newton's method ended with %s: back to the iteration\n", SNESConvergedReasons[reason]));
+  data->ended         = NULL;
   data->latin->failed = PETSC_FALSE;
   data->handed        = PETSC_FALSE;
   polish->steps       = 0;
@@ -440,17 +466,18 @@ static PetscErrorCode SNESSolve_Latin(SNES snes)
   PetscCall(SNESLatinStart_Private(snes));
   PetscCall(SNESSetConvergenceTest(data->outer, SNESLatinConverged_Private, snes, NULL));
   PetscCall(SNESSetTolerances(data->outer, 0.0, 0.0, 0.0, snes->max_its, PETSC_MAX_INT));
-  data->handed = data->polish.on;
+  data->handed   = data->polish.on;
+  data->ended    = NULL;
+  data->residual = 0.0;
+  PetscCall(LatinRescueStart_Private(&data->rescue, latin->links));
   PetscCall(SNESSolve(data->outer, NULL, data->z));
   PetscCall(SNESGetConvergedReason(data->outer, &snes->reason));
-  data->polish.steps = data->polish.stages = 0;
-  data->residual                           = 0.0;
-  if (data->handed && snes->reason == SNES_CONVERGED_ITS) PetscCall(SNESLatinPolish_Private(snes));
+  if (snes->reason == SNES_CONVERGED_ITS) PetscCall(SNESLatinPolish_Private(snes, data->rescue.called ? &data->rescue.newton : &data->polish));
   data->has_state = (PetscBool)(snes->reason > 0);
   if (latin->failed) snes->reason = SNES_DIVERGED_LINEAR_SOLVE;
-  snes->iter       = latin->applications + data->polish.stages;
-  snes->linear_its = data->polish.stages;
-  if (!data->polish.steps) {
+  snes->linear_its = data->ended ? data->ended->stages : 0;
+  snes->iter       = latin->applications + snes->linear_its;
+  if (!data->ended && !data->rescue.loose) {
     if (snes->alwayscomputesfinalresidual || data->stop == LATIN_STOP_RESIDUAL) PetscCall(SNESLatinResidual_Private(snes));
     else {
       PetscCall(LatinAverage_Private(latin, snes->vec_sol));
@@ -518,6 +545,12 @@ static PetscErrorCode SNESView_Latin(SNES snes, PetscViewer viewer)
     PetscCall(SNESView(data->outer, viewer));
     PetscCall(PetscViewerASCIIPopTab(viewer));
   }
+  if (data->rescue.called && data->rescue.newton.newton) {
+    PetscCall(PetscViewerASCIIPrintf(viewer, "the iteration stalled: rescue by Newton's method, %" PetscInt_FMT " steps and %" PetscInt_FMT " linear stages:\n", data->rescue.newton.steps, data->rescue.newton.stages));
+    PetscCall(PetscViewerASCIIPushTab(viewer));
+    PetscCall(SNESView(data->rescue.newton.newton, viewer));
+    PetscCall(PetscViewerASCIIPopTab(viewer));
+  }
   if (data->polish.on && data->polish.newton) {
     PetscCall(PetscViewerASCIIPrintf(viewer, "polish from indicator %g on, last solve %" PetscInt_FMT " steps and %" PetscInt_FMT " linear stages:\n", (double)data->polish.start, data->polish.steps, data->polish.stages));
     PetscCall(PetscViewerASCIIPushTab(viewer));
@@ -541,6 +574,7 @@ static PetscErrorCode SNESView_Latin(SNES snes, PetscViewer viewer)
 . -snes_latin_monitor                               - prints the indicator of each iteration
 . -snes_latin_outer_snes_type <anderson,nrichardson> - acceleration, or the plain iteration
 . -snes_latin_polish                                - ends by Newton's method, prefix -snes_latin_polish_
+. -snes_latin_rescue <300>                           - Newton's method takes over where so many linear stages are still to come
 . -snes_latin_local_                                - prefix of the KSP of the subdomains
 - -snes_latin_coarse_                               - prefix of the KSP of the coarse problem
 
@@ -573,7 +607,9 @@ PETSC_EXTERN PetscErrorCode SNESCreate_Latin(SNES snes)
   snes->alwayscomputesfinalresidual = PETSC_FALSE; /* a pass over the links; SNESSetAlwaysComputesFinalResidual() asks for it */
   PetscObjectParameterSetDefault(snes, max_its, 1000);
   PetscObjectParameterSetDefault(snes, stol, 1e-5);
-  data->polish.start = 1e-4;
+  data->polish.start      = 1e-4;
+  data->rescue.stages     = 300;
+  data->rescue.newton.own = PETSC_TRUE;
   PetscCall(LatinCreate_Private(PetscObjectComm((PetscObject)snes), &data->latin));
   PetscFunctionReturn(0);
 }

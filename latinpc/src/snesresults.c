@@ -138,6 +138,36 @@ PetscErrorCode SNESLatinGetEstimates(SNES snes, PetscInt *n, const PetscReal *es
 }
 
 /*@C
+  SNESLatinGetLooseNodes - The nodes that the loads of the last solve move without end, because slack links hold them no longer.
+
+  Not collective; the array is borrowed
+
+  Output Parameters:
++ count  - how many they are; 0 when the structure has an equilibrium, or nothing is known
+. listed - how many of them are listed, at most 8
+- node   - global numbers
+
+  Level: intermediate
+
+  Note:
+  Known after a solve that ended with `SNES_DIVERGED_DTOL` once Newton's method had taken over (`-snes_latin_rescue`).
+
+.seealso: `SNESLatinGetHistory()`
+@*/
+PetscErrorCode SNESLatinGetLooseNodes(SNES snes, PetscInt *count, PetscInt *listed, const PetscInt *node[])
+{
+  LatinRescue *rescue;
+
+  PetscFunctionBegin;
+  PetscCall(SNESLatinCheck_Private(snes));
+  rescue = &((SNES_Latin *)snes->data)->rescue;
+  if (count) *count = rescue->loose;
+  if (listed) *listed = PetscMin(rescue->loose, LATIN_LOOSE);
+  if (node) *node = rescue->node;
+  PetscFunctionReturn(0);
+}
+
+/*@C
   SNESLatinGetOuter - The inner SNES that iterates on the fixed-point map.
 
   Collective on snes when called first; the reference is borrowed

@@ -1,0 +1,135 @@
+"""Where the iteration stalls Newton's method takes over; without an equilibrium the nodes that fly away are named."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import oracle
+import pytest
+from petsc4py import PETSc
+from support import far, grid, irregular, latin, solve, unbalance
+
+import latinpc
+from latinpc.scenes import Law, Scene, make
+
+REASON = PETSc.SNES.ConvergedReason
+
+
+def contrast(factor, across=False):
+    """Make a network of which some links are `factor` times as stiff, the self-stress kept."""
+    scene = make("network", nodes=100)
+    if across:
+        middle = scene.nodes[scene.links].mean(axis=1)[:, 0]
+        chosen = middle > np.median(scene.nodes[:, 0])
+    else:
+        chosen = np.random.default_rng(3).random(len(scene.links)) < 0.3
+    stiffness = np.where(chosen, factor * scene.stiffness, scene.stiffness)
+    return replace(scene, stiffness=stiffness, prestrain=scene.prestrain * scene.stiffness / stiffness)
+
+
+@pytest.mark.parametrize("factor", [1e4, 1e8, 1e-4, 1e-8])
+@pytest.mark.parametrize("across", [False, True])
+def test_contrasts_between_links(across, factor):
+    """Stiff or soft links, inside subdomains or in half of them: every node is in balance, every law is met."""
+    scene = contrast(factor, across)
+    result = solve(scene, subdomains=8, stol=1e-8, max_it=1000)
+    assert result.reason > 0
+    assert unbalance(scene, result.u) < 1e-6
+    assert result.iterations < 300
+
+
+def test_the_iteration_alone_stalls():
+    """What is rescued needs it: without, the same structure is far from its solution after 500 linear stages."""
+    scene = contrast(1e6)
+    rescued = solve(scene, subdomains=8, stol=1e-8)
+    alone = solve(scene, subdomains=8, stol=1e-8, rescue=0, max_it=500)
+    assert alone.reason == REASON.DIVERGED_MAX_IT
+    assert rescued.reason > 0
+    assert far(alone.u, rescued.u) > 1e-2
+
+
+@pytest.mark.parametrize("make_scene", [grid, irregular])
+def test_is_not_called_where_the_iteration_converges(make_scene):
+    """Scenes of like stiffnesses: the same iterates with and without, bit for bit, and nothing is built for it."""
+    scene = make_scene()
+    runs = [solve(scene, stol=1e-7, rescue=stages) for stages in (300, 0)]
+    assert runs[0].iterations == runs[1].iterations == len(runs[0].history.indicator)
+    assert (runs[0].u == runs[1].u).all()
+
+
+def test_a_slow_iteration_is_handed_over():
+    """A search direction far off the mark: the plain iteration would need thousands of stages."""
+    scene = grid()
+    off = {"direction": "scalar", "direction_fraction": 1e4, "outer_snes_type": "nrichardson", "stol": 1e-8}
+    result = solve(scene, max_it=3000, **off)
+    assert result.reason > 0
+    assert result.iterations < 300
+    assert far(result.u, oracle.newton(scene)) < 1e-7
+
+
+def hung(force, nodes=3):
+    """Make nodes that hang under two cables each, the last one pushed by a force."""
+    anchors = [[x, 1.0] for k in range(nodes) for x in (10.0 * k - 1.0, 10.0 * k + 1.0)]
+    points = anchors + [[10.0 * k, 0.0] for k in range(nodes)]
+    links = [[2 * k + s, 2 * nodes + k] for k in range(nodes) for s in (0, 1)]
+    load = np.zeros((3 * nodes, 2))
+    load[2 * nodes :, 1] = -1.0
+    load[-1, 1] = force
+    return Scene(
+        name="hung", nodes=points, links=links, law=[Law.CABLE] * len(links), stiffness=np.full(len(links), 1e3),
+        fixed=[[True, True]] * len(anchors) + [[False, False]] * nodes, load=load, subdomain=np.arange(len(links)) % 2,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("force", [1e-3, 1.0, 1e4])
+def test_nodes_that_fly_away_are_named(force):
+    """Pushed up, a node has no equilibrium: the reason says so, and the node is named."""
+    with latin(hung(force), stol=1e-8) as run:
+        run.snes.solve(None, run.links.create_vec())
+        assert run.snes.getConvergedReason() == REASON.DIVERGED_DTOL
+        assert latinpc.loose_nodes(run.snes) == (1, [8])
+    with latin(hung(-force), stol=1e-8) as run:
+        run.snes.solve(None, run.links.create_vec())
+        assert run.snes.getConvergedReason() > 0
+        assert latinpc.loose_nodes(run.snes) == (0, [])
+
+
+PROGRAM = f"""
+import sys
+sys.path.insert(0, {str(Path(__file__).parent)!r})
+import numpy as np
+import petsc4py
+petsc4py.init(sys.argv)
+from petsc4py import PETSc
+import latinpc
+from test_rescue import contrast, hung
+for name, scene in (("contrast", contrast(1e6)), ("hung", hung(1.0))):
+    PETSc.Options()["snes_latin_subdomains"] = 8 if name == "contrast" else 2
+    links = latinpc.Links.from_scene(scene)
+    snes = links.create_snes()
+    snes.setTolerances(stol=1e-8)
+    snes.setFromOptions()
+    u = links.create_vec()
+    snes.solve(None, u)
+    found = links.displacements(u)
+    if links.comm.rank == 0:
+        np.save(sys.argv[1] + "-" + name + ".npy", found)
+    assert (snes.getConvergedReason() > 0) == (name == "contrast")
+    assert latinpc.loose_nodes(snes) == ((0, []) if name == "contrast" else (1, [8]))
+"""
+
+
+def test_two_ranks(mpirun, tmp_path):
+    """The number of ranks changes nothing but rounding, and every rank knows the nodes."""
+    found = []
+    for ranks in (1, 2):
+        mpirun(ranks, PROGRAM, tmp_path / f"u{ranks}")
+        found.append(np.load(tmp_path / f"u{ranks}-contrast.npy"))
+    assert far(found[0], found[1]) < 1e-9
+
+
+def test_misuse():
+    """A negative number of stages is refused."""
+    with pytest.raises(PETSc.Error) as caught:
+        solve(grid(), rescue=-1)
+    assert "less than allowed bound 0" in latinpc.error_message(caught.value)
