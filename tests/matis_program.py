@@ -57,6 +57,8 @@ class Grid:
         blocks = np.array([int(n) for n in args.blocks.split(",")])
         place = cells * blocks // shape
         self.part = np.ravel_multi_index(place.T, blocks)
+        if getattr(args, "colours", False):  # blocks that touch nowhere: as many parts of the local matrix
+            self.part = np.ravel_multi_index((place % 2).T, [2] * args.dim)
         corners = np.array(list(itertools.product((0, 1), repeat=args.dim)))
         self.connect = np.ravel_multi_index((cells[:, None] + corners).transpose(2, 0, 1), shape + 1)
         self.scale = np.ones(len(cells))
@@ -201,6 +203,7 @@ def main():
     parser.add_argument("--local-type", default="aij")
     parser.add_argument("--coordinates", type=int, default=1)
     parser.add_argument("--scalar-map", action="store_true", help="a local-to-global map without blocks")
+    parser.add_argument("--colours", action="store_true", help="every rank has all blocks of one colour")
     parser.add_argument("--near", action="store_true")
     parser.add_argument("--asymmetric", action="store_true")
     parser.add_argument("--spectrum", action="store_true")

@@ -55,9 +55,10 @@ def test_symmetric_positive_definite_and_exact_in_the_mean(matis, problem, dim, 
 @pytest.mark.parametrize("variant", ["none", "macro", "corner"])
 def test_links_and_their_matrix_give_one_preconditioner(matis, variant):
     """A structure, one subdomain a rank: the local matrices make the same preconditioner as the links, to rounding."""
-    options = ["-pc_latin_direction_fraction", "0.1", "-pc_latin_variant", variant]
-    for dirichlet in ("eliminated", "zeroed") if variant == "corner" else ("scaled",):
-        result = matis(4, options, problem="truss", blocks=4, dirichlet=dirichlet, links=True)
+    options = ["-pc_latin_direction_fraction", "0.1", "-pc_latin_variant", variant, "-pc_latin_weights"]
+    cases = [("eliminated", "stiffness"), ("zeroed", "schur")] if variant == "corner" else [("scaled", "stiffness")]
+    for dirichlet, weights in cases:
+        result = matis(4, [*options, weights], problem="truss", blocks=4, dirichlet=dirichlet, links=True)
         assert result["reason"] > 0
         assert result["apart"] < 1e-10
 
@@ -120,6 +121,59 @@ def test_what_is_known_of_the_unknowns(matis):
     assert nothing["coarse"] < near["coarse"] < coordinates["coarse"]
     assert matis(4, scalar_map=True, **how)["coarse"] == coordinates["coarse"]
     assert matis(4, ["-pc_latin_modes", "rigid"], near=True, **how)["coarse"] == near["coarse"]
+
+
+@pytest.mark.parametrize("problem", MECHANISM_FREE)
+def test_local_matrices_that_fall_into_parts(matis, problem):
+    """Every rank has four blocks that touch nowhere: sixteen subdomains, some equal to the bit."""
+    result = matis(4, problem=problem, cells=12, blocks="4,4", colours=True)
+    converged(result, 8)
+    assert result["subdomains"] == 16
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("problem", "dim", "few", "many"), [("poisson", 2, 3, 22), ("elasticity", 2, 3, 22), ("poisson", 3, 2, 8)]
+)
+def test_iterations_do_not_grow_with_the_number_of_subdomains(matis, problem, dim, few, many):
+    """From 8 or 9 subdomains to about 500, of equal size."""
+    counts = []
+    for blocks in (few, many):
+        how = {"cells": 4 * blocks, "blocks": ",".join([str(blocks)] * dim), "dim": dim, "colours": True}
+        result = matis(2**dim, ["-ksp_norm_type", "natural"], problem=problem, **how)
+        converged(result, 12)
+        counts.append(result["iterations"])
+    assert counts[1] <= 1.15 * counts[0] + 1
+
+
+@pytest.mark.parametrize("jump", ["inside", "across", "random"])
+def test_coefficients_that_jump_by_a_million(matis, jump):
+    """Between subdomains, through their interfaces, and from cell to cell: no more than twice the iterations."""
+    how = {"problem": "elasticity", "cells": 12}
+    smooth, rough = (matis(4, ["-ksp_norm_type", "natural"], jump=j, **how) for j in ("none", jump))
+    converged(smooth, 6)
+    assert rough["reason"] > 0
+    assert rough["iterations"] <= 2 * smooth["iterations"]
+    none = matis(4, ["-ksp_norm_type", "natural", "-pc_latin_modes_local", "0"], jump=jump, **how)
+    assert none["coarse"] == smooth["coarse"] <= rough["coarse"]
+    assert jump != "random" or none["iterations"] > rough["iterations"]
+
+
+def test_weights_from_schur_complements(matis):
+    """The mean that costs least energy: spectrum closer to one than with the diagonal's weights."""
+    schur, stiffness = (
+        matis(4, ["-pc_latin_weights", weights], problem="elasticity", spectrum=True)
+        for weights in ("schur", "stiffness")
+    )
+    assert schur["largest"] < stiffness["largest"]
+    assert schur["asymmetry"] < 1e-11
+
+
+def test_weights_from_schur_complements_want_corners(matis):
+    """Elsewhere a node may lie on several interfaces; the message says which options are in the way."""
+    result = matis(2, ["-pc_latin_weights", "schur", "-pc_latin_variant", "none"], check=False, blocks="2,1")
+    assert result.returncode
+    assert "choose weights stiffness" in result.stderr
 
 
 @pytest.mark.parametrize("local_type", ["sbaij", "baij"])

@@ -139,8 +139,11 @@ static PetscErrorCode LatinBatchCreate_Private(LatinBatch *batch, PetscInt patte
 /* Have the links of two equal subdomains the same laws and states in the same places? */
 static PetscBool LatinBlocksAlike(const LatinSubstructure *sub, PetscInt a, PetscInt b)
 {
-  const PetscInt shift = sub->link_offset[b] - sub->link_offset[a], state = sub->state_first[b] - sub->state_first[a];
+  PetscInt shift, state;
 
+  if (sub->ki) return PETSC_TRUE; /* a matrix has no links */
+  shift = sub->link_offset[b] - sub->link_offset[a];
+  state = sub->state_first[b] - sub->state_first[a];
   for (PetscInt l = sub->link_offset[a]; l < sub->link_offset[a + 1]; l++) {
     if (sub->state[l] < 0 && sub->state[l + shift] < 0) continue;
     if (sub->state[l] + state != sub->state[l + shift] || sub->law[l] != sub->law[l + shift]) return PETSC_FALSE;

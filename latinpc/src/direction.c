@@ -26,8 +26,14 @@ PetscReal LatinDirectionFraction(Latin latin)
   const PetscReal fraction[] = {0.08, 0.08, 0.25, 1.0};
 
   if (latin->direction_fraction > 0.0) return latin->direction_fraction;
-  if (latin->preconditions) return latin->matrix ? 0.01 : 0.1;
+  if (latin->preconditions) return latin->matrix ? 0.001 : 0.1;
   return fraction[latin->direction];
+}
+
+/* The stiffness of two springs in a row, doubled: a mean in which the softer one counts */
+static inline PetscReal LatinHarmonic(PetscReal a, PetscReal b)
+{
+  return a > 0.0 && b > 0.0 ? 2.0 * a / (1.0 + a / b) : 0.0;
 }
 
 static PetscErrorCode LatinDirectionDiagonal_Private(Latin latin, PetscReal fraction)
@@ -56,7 +62,8 @@ static PetscErrorCode LatinDirectionDiagonal_Private(Latin latin, PetscReal frac
       /* a dof that hardly any link reaches must not lose its spring: K_E stays regular thanks to it */
       const PetscReal own = PetscMax(0.5 * (mine[k] + mate[k]), LATIN_DIRECTION_FLOOR * mean);
 
-      latin->macro.d[k] = fraction * (latin->direction == LATIN_DIRECTION_SCALAR ? mean : own);
+      latin->macro.d[k]    = fraction * (latin->direction == LATIN_DIRECTION_SCALAR ? mean : own);
+      latin->macro.soft[k] = LatinHarmonic(mine[k], mate[k]);
     }
   }
   PetscCall(PetscFree3(diagonal, mine, mate));
@@ -165,11 +172,17 @@ static PetscErrorCode LatinDirectionMatrix_Private(Latin latin, PetscReal fracti
 
       if (j >= rows) continue;
       for (PetscInt r = 0; r < rows; r++) D[first[f] + (size_t)(r + rows * j)] = fraction * 0.5 * (mine[face->side_first + r] + mate[face->side_first + r]);
-      latin->macro.d[face->side_first + j] = D[first[f] + (size_t)(j + rows * j)];
+      latin->macro.d[face->side_first + j]    = D[first[f] + (size_t)(j + rows * j)];
+      latin->macro.soft[face->side_first + j] = LatinHarmonic(mine[face->side_first + j], mate[face->side_first + j]);
     }
   }
   PetscCall(PetscFree2(mine, mate));
-  PetscCall(PetscFree(S));
+  if (latin->share) {
+    PetscCall(PetscMalloc1(inter->count, &latin->macro.own_first));
+    PetscCall(PetscArraycpy(latin->macro.own_first, from, inter->count));
+    latin->macro.own  = S;
+    latin->macro.mean = 0.5 * fraction;
+  } else PetscCall(PetscFree(S));
   PetscCall(LatinDirectionFactor_Private(latin, D, first, &bad));
   PetscCall(PetscFree(D));
   PetscCall(PetscFree2(from, first));
@@ -186,8 +199,9 @@ PetscErrorCode LatinDirectionSetUp(Latin latin)
   PetscCall(PetscLogEventBegin(LATIN_Direction, latin, 0, 0, 0));
   for (PetscInt f = 0; f < inter->count; f++) inter->interface[f].matrix_first = -1;
   PetscCall(PetscMalloc1(inter->sides, &latin->macro.d));
+  PetscCall(PetscMalloc1(inter->sides, &latin->macro.soft));
   if (latin->direction_scalar > 0.0) {
-    for (PetscInt k = 0; k < inter->sides; k++) latin->macro.d[k] = latin->direction_scalar;
+    for (PetscInt k = 0; k < inter->sides; k++) latin->macro.d[k] = latin->macro.soft[k] = latin->direction_scalar;
   } else if (latin->direction == LATIN_DIRECTION_SCALAR || latin->direction == LATIN_DIRECTION_DIAGONAL) PetscCall(LatinDirectionDiagonal_Private(latin, LatinDirectionFraction(latin)));
   else PetscCall(LatinDirectionMatrix_Private(latin, LatinDirectionFraction(latin)));
   PetscCall(PetscLogEventEnd(LATIN_Direction, latin, 0, 0, 0));
@@ -198,7 +212,10 @@ PetscErrorCode LatinDirectionReset(Latin latin)
 {
   PetscFunctionBegin;
   PetscCall(PetscFree(latin->macro.d));
+  PetscCall(PetscFree(latin->macro.soft));
   PetscCall(PetscFree(latin->macro.matrix));
+  PetscCall(PetscFree(latin->macro.own));
+  PetscCall(PetscFree(latin->macro.own_first));
   PetscCall(PetscFree(latin->macro.like));
   PetscFunctionReturn(0);
 }
@@ -279,6 +296,35 @@ PetscErrorCode LatinDirectionSprings_Private(Latin latin, PetscReal spring[])
 void LatinDirectionRow(Latin latin, const LatinInterface *face, PetscInt r, const PetscReal *row[])
 {
   *row = latin->macro.matrix + face->matrix_first + r * (face->side_last - face->side_first);
+}
+
+/*
+   The part W x of displacements x, or W^t x of forces, that this side of interface f has in it: W = (S + S')^-1 S from
+   the stiffnesses of both sides, so that W + W' = 1. Of all means it is the one that costs least energy. Work space: twice the dofs of the interface.
+*/
+PetscErrorCode LatinDirectionShare(Latin latin, PetscInt f, PetscBool forces, PetscReal x[], PetscReal work[])
+{
+  const LatinInterface *face = &latin->inter.interface[f];
+  const PetscInt        rows = face->side_last - face->side_first;
+  const PetscReal      *S = latin->macro.own + latin->macro.own_first[f], *M = latin->macro.matrix + face->matrix_first + 2 * rows * rows;
+  PetscReal            *y = work, *z = work + rows;
+  const PetscScalar     one = 1.0, zero = 0.0, mean = latin->macro.mean;
+  const PetscBLASInt    inc = 1;
+  PetscBLASInt          n;
+
+  PetscFunctionBegin;
+  if (!rows) PetscFunctionReturn(0);
+  PetscCall(PetscBLASIntCast(rows, &n));
+  if (!forces) {
+    PetscCallBLAS("BLASgemv", BLASgemv_("N", &n, &n, &one, S, &n, x, &inc, &zero, y, &inc));
+    PetscCall(PetscArraycpy(x, y, rows));
+  }
+  /* D^-1 = M^t M, where D = L L^t and M = L^-1 */
+  PetscCallBLAS("BLASgemv", BLASgemv_("N", &n, &n, &one, M, &n, x, &inc, &zero, y, &inc));
+  PetscCallBLAS("BLASgemv", BLASgemv_("T", &n, &n, &mean, M, &n, y, &inc, &zero, z, &inc));
+  if (forces) PetscCallBLAS("BLASgemv", BLASgemv_("N", &n, &n, &one, S, &n, z, &inc, &zero, x, &inc));
+  else PetscCall(PetscArraycpy(x, z, rows));
+  PetscFunctionReturn(0);
 }
 
 /* Makes the columns of R, orthonormal in the diagonal of a matrix direction, orthonormal in the matrix, with the same span */

@@ -18,12 +18,26 @@
    Slack links loosen the subdomains further. Some linear stages from the initial state tell most of them
    (`local_slack`, see LatinAdapt_Private()); S_E is then the stiffness without them.
 
+   The subdomains of a matrix have such motions where its coefficients jump: a stiff part that reaches an interface
+   through soft ones. There the springs are half the stiffness that both sides show, the softer one counting most,
+   whatever d is: a subdomain that is softer than its neighbour as a whole is not floppy for that. Unless the threshold
+   is given, only subdomains are looked at whose coefficients jump next to an interface.
+
    The eigenproblem is solved densely. What is wanted is a sixth of an interface's dofs or more, most of it one multiple
    eigenvalue: block Lanczos then builds a basis of three times as many vectors, and took 1.7 times as long at 3,726 dofs.
 */
 
 #define LATIN_FLOPPY_SIZE  0.1  /* a field is kept when this part of its norm, or more, is outside the macro basis */
+#define LATIN_FLOPPY_JUMP  30.0 /* coefficients jump where the diagonal of the operator does so, from an unknown to its neighbours of the same field */
+#define LATIN_FLOPPY_SOFT  0.5  /* springs of the subdomains of a matrix, relative to the stiffness at the interface */
 #define LATIN_FLOPPY_SLACK 1e-6 /* what remains of the stiffness of a slack link, so that no mechanism comes of it */
+
+/* The threshold: given; for a preconditioner of a matrix, when nothing is said, one that makes up for jumps of its coefficients */
+PetscReal LatinFloppyThreshold(Latin latin)
+{
+  if (!latin->matrix || !latin->preconditions || latin->local_given) return latin->local_threshold;
+  return latin->variant == LATIN_VARIANT_CORNER && latin->modes != LATIN_MODES_NONE ? 1.0 : 0.0;
+}
 
 /* K + springs at one node, or nothing: is there a motion of this node alone that costs less than threshold x springs? */
 static PetscBool LatinFloppyNode(PetscInt bs, const PetscReal stiffness[], const PetscReal spring[], const PetscBool fixed[], PetscReal threshold)
@@ -41,6 +55,33 @@ static PetscBool LatinFloppyNode(PetscInt bs, const PetscReal stiffness[], const
       for (PetscInt b = c + 1; b <= r; b++) a[r * bs + b] -= a[r * bs + c] * a[b * bs + c] / a[c * bs + c];
   }
   return PETSC_FALSE;
+}
+
+/* floppy[s]: do the coefficients of the matrix jump next to an interface of the subdomain? */
+static PetscErrorCode LatinFloppyJumps_Private(Latin latin, PetscBool floppy[])
+{
+  LatinSubstructure *sub   = &latin->sub;
+  LatinInterfaces   *inter = &latin->inter;
+  PetscReal         *diagonal;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMalloc1(sub->copies, &diagonal));
+  PetscCall(LatinOperatorDiagonal(latin, diagonal));
+  for (PetscInt f = 0; f < inter->count; f++) {
+    const LatinInterface *face = &inter->interface[f];
+
+    for (PetscInt k = face->side_first; k < face->side_last; k++) {
+      const PetscInt i = inter->side_dof[k];
+
+      for (PetscInt p = sub->ki[i]; p < sub->ki[i + 1]; p++) {
+        const PetscInt j = sub->kj[p];
+
+        if (sub->field[i] == sub->field[j] && PetscMax(diagonal[i], diagonal[j]) > LATIN_FLOPPY_JUMP * PetscMin(diagonal[i], diagonal[j])) floppy[face->sub] = PETSC_TRUE;
+      }
+    }
+  }
+  PetscCall(PetscFree(diagonal));
+  PetscFunctionReturn(0);
 }
 
 /* Primal and prescribed dofs are held */
@@ -69,7 +110,7 @@ static PetscErrorCode LatinFloppyTest_Private(Latin latin, LatinGraph *graph, co
         if (inter->component[i] >= 0 || (k > inter->interface[f].side_first && inter->side_dof[k - 1] / bs == i)) continue;
         PetscCall(LatinGraphRow_Private(latin, graph, i, none, &n));
         PetscCall(PetscFindInt(i, n, graph->neighbour, &own));
-        floppy[s] = LatinFloppyNode(bs, graph->block + bs * bs * own, spring + bs * i, sub->fixed + bs * i, latin->local_threshold);
+        floppy[s] = LatinFloppyNode(bs, graph->block + bs * bs * own, spring + bs * i, sub->fixed + bs * i, LatinFloppyThreshold(latin));
       }
   }
   PetscCall(PetscFree(none));
@@ -177,6 +218,25 @@ static PetscErrorCode LatinFloppyEigen_Private(PetscInt n, PetscReal threshold, 
   PetscFunctionReturn(0);
 }
 
+/* Where the springs are not d: columns keep the norm that the modes have there in the springs */
+static void LatinFloppyRescale(Latin latin, PetscInt f, PetscInt n, PetscInt modes, const PetscScalar mode[], const PetscInt position[], PetscScalar C[])
+{
+  const LatinInterface *face = &latin->inter.interface[f];
+  const PetscInt        rows = face->side_last - face->side_first, top = latin->sub.bs * latin->sub.node_offset[face->sub];
+
+  for (PetscInt j = 0; j < modes; j++) {
+    PetscReal in_springs = 0.0, in_d = 0.0;
+
+    for (PetscInt r = 0; r < rows; r++) {
+      const PetscInt p = position[latin->inter.side_dof[face->side_first + r] - top];
+
+      in_springs += p < 0 ? 0.0 : PetscSqr(mode[p + (size_t)n * (size_t)j]);
+      in_d += PetscSqr(C[r + rows * j]);
+    }
+    for (PetscInt r = 0; r < rows && in_d > 0.0; r++) C[r + rows * j] *= PetscSqrtReal(in_springs / in_d);
+  }
+}
+
 /* The fields of one side of an interface: the modes (n rows, position of each dof) cut, weighted by sqrt(d); those that are small there, or dependent, are left out */
 static PetscErrorCode LatinFloppyCut_Private(Latin latin, PetscInt f, PetscInt n, PetscInt modes, const PetscScalar mode[], const PetscInt position[], const PetscReal weight[])
 {
@@ -196,6 +256,7 @@ static PetscErrorCode LatinFloppyCut_Private(Latin latin, PetscInt f, PetscInt n
 
       C[r + rows * j] = p < 0 ? 0.0 : mode[p + (size_t)n * (size_t)j] * PetscSqrtReal(latin->macro.d[face->side_first + r]) / weight[p];
     }
+  if (latin->matrix) LatinFloppyRescale(latin, f, n, modes, mode, position, C);
   PetscCall(LatinSVD_Private(rows, modes, C, scale, right));
   while (count < PetscMin(modes, rows) && scale[count] > LATIN_FLOPPY_SIZE) count++;
   for (PetscInt j = 0; j < count; j++) scale[j] = 1.0; /* the columns keep their size */
@@ -231,7 +292,7 @@ static PetscErrorCode LatinFloppySubdomain_Private(Latin latin, LatinGraph *grap
   PetscCall(PetscMalloc2((size_t)n * (size_t)n, &G, (size_t)n * (size_t)n, &V));
   PetscCall(LatinFloppyCompliance_Private(ksp, n, dof, weight, G, &failed));
   if (failed) *bad = PETSC_TRUE;
-  else PetscCall(LatinFloppyEigen_Private(n, latin->local_threshold, G, V, &modes, bad));
+  else PetscCall(LatinFloppyEigen_Private(n, LatinFloppyThreshold(latin), G, V, &modes, bad));
   kept                   = PetscMin(modes, latin->local_max);
   latin->floppy.modes[s] = kept;
   for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++) PetscCall(LatinFloppyCut_Private(latin, f, n, kept, V + (size_t)n * (size_t)(modes - kept), position, weight));
@@ -308,7 +369,7 @@ static PetscErrorCode LatinFloppyCopy_Private(Latin latin, PetscInt from, PetscI
 /* Will the fields wait for the slack links? */
 PetscBool LatinFloppyWaits(Latin latin)
 {
-  return (PetscBool)(latin->local_threshold > 0.0 && latin->local_slack && latin->sub.nonsmooth_global && !latin->floppy.known);
+  return (PetscBool)(LatinFloppyThreshold(latin) > 0.0 && latin->local_slack && latin->sub.nonsmooth_global && !latin->floppy.known);
 }
 
 /* Stiffnesses without the links that are known to be slack; the taut ones are handed back */
@@ -336,15 +397,17 @@ PetscErrorCode LatinFloppySetUp(Latin latin)
   LatinGraph         graph;
 
   PetscFunctionBegin;
-  if (latin->local_threshold == 0.0 || LatinFloppyWaits(latin)) PetscFunctionReturn(0);
+  if (LatinFloppyThreshold(latin) == 0.0 || LatinFloppyWaits(latin)) PetscFunctionReturn(0);
   PetscCall(PetscLogEventBegin(LATIN_Floppy, latin, 0, 0, 0));
   PetscCall(PetscCalloc3(inter->count, &floppy->count, inter->count, &floppy->field, sub->n, &floppy->modes));
   PetscCall(PetscMalloc3(sub->bs * sub->copies, &spring, sub->n, &pattern, sub->n, &is));
   PetscCall(PetscArrayzero(spring, sub->bs * sub->copies));
-  for (PetscInt k = 0; k < inter->sides; k++) spring[inter->side_dof[k]] += latin->macro.d[k];
+  for (PetscInt k = 0; k < inter->sides; k++) spring[inter->side_dof[k]] += latin->matrix ? LATIN_FLOPPY_SOFT * latin->macro.soft[k] : latin->macro.d[k];
   PetscCall(LatinFloppyLoosen_Private(latin, &taut));
   PetscCall(LatinGraphCreate_Private(latin, PETSC_FALSE, &graph));
-  PetscCall(LatinFloppyTest_Private(latin, &graph, spring, is));
+  for (PetscInt s = 0; s < sub->n; s++) is[s] = (PetscBool)(latin->matrix && latin->local_given);
+  if (!latin->matrix) PetscCall(LatinFloppyTest_Private(latin, &graph, spring, is));
+  else if (!latin->local_given) PetscCall(LatinFloppyJumps_Private(latin, is));
   for (PetscInt s = 0; s < sub->n; s++) any = (PetscBool)(any || is[s]);
   if (any) PetscCall(LatinBlocksCompare_Private(latin, PETSC_TRUE, pattern));
   for (PetscInt s = 0; s < sub->n; s++) {

@@ -65,6 +65,7 @@ PetscErrorCode LatinSetFromOptions_Private(Latin latin, LatinOptionItems PetscOp
   const struct _p_Latin before = *latin;
   PetscBool             isnes = PETSC_FALSE, isksp = PETSC_FALSE;
   PetscInt              corners = latin->published ? 1 : 0;
+  PetscBool             local   = PETSC_FALSE;
 
   PetscFunctionBegin;
   PetscCall(PetscStrcmp(family, "snes", &isnes));
@@ -73,7 +74,7 @@ PetscErrorCode LatinSetFromOptions_Private(Latin latin, LatinOptionItems PetscOp
   PetscOptionsHeadBegin(PetscOptionsObject, "LATIN domain decomposition options");
   PetscCall(PetscOptionsEnum(LATIN_OPTION("variant"), "What the coarse problem makes of weak interfaces (section 4)", "LatinVariant", LatinVariants, (PetscEnum)latin->variant, (PetscEnum *)&latin->variant, NULL));
   PetscCall(PetscOptionsEnum(LATIN_OPTION("modes"), "Macro fields of the strong interfaces (section 3.2)", "LatinModesType", LatinModesTypes, (PetscEnum)latin->modes, (PetscEnum *)&latin->modes, NULL));
-  PetscCall(PetscOptionsReal(LATIN_OPTION("modes_local"), "Local low-energy fields are macro, too: eigenvalues below this, relative to d, 0 = none", "None", latin->local_threshold, &latin->local_threshold, NULL));
+  PetscCall(PetscOptionsReal(LATIN_OPTION("modes_local"), "Local low-energy fields are macro, too: eigenvalues below this, relative to d, 0 = none", "None", latin->local_threshold, &latin->local_threshold, &local));
   PetscCall(PetscOptionsRangeInt(LATIN_OPTION("modes_local_max"), "Most low-energy fields of a subdomain", "None", latin->local_max, &latin->local_max, NULL, 1, PETSC_MAX_INT));
   if (isnes) PetscCall(PetscOptionsRangeInt(LATIN_OPTION("modes_local_slack"), "Linear stages that tell which links are slack and left out of the energies, 0 = none are", "None", latin->local_slack, &latin->local_slack, NULL, 0, PETSC_MAX_INT));
   PetscCall(PetscOptionsRangeInt(LATIN_OPTION("subdomains"), "Number of subdomains, 0 = from the links per subdomain", "LatinLinksSetSubdomains", latin->subdomains, &latin->subdomains, NULL, 0, PETSC_MAX_INT));
@@ -89,6 +90,7 @@ PetscErrorCode LatinSetFromOptions_Private(Latin latin, LatinOptionItems PetscOp
     PetscOptionsRangeInt(LATIN_OPTION("coarse_groups"), "Repeated groups of so many subdomains a side are condensed before the coarse problem is factored, level by level; 1: none", "None", latin->coarse_groups, &latin->coarse_groups, NULL, 1, 64));
   PetscOptionsHeadEnd();
   latin->published = (PetscBool)(corners == 1);
+  if (local) latin->local_given = PETSC_TRUE;
   if (before.variant != latin->variant || before.modes != latin->modes || before.published != latin->published || before.promote != latin->promote || before.subdomains != latin->subdomains ||
       before.links_per_subdomain != latin->links_per_subdomain || before.repair != latin->repair || before.direction != latin->direction || before.direction_scalar != latin->direction_scalar ||
       before.direction_fraction != latin->direction_fraction || before.coarse_groups != latin->coarse_groups || before.local_threshold != latin->local_threshold || before.local_max != latin->local_max || before.local_slack != latin->local_slack)
@@ -265,9 +267,9 @@ PetscErrorCode LatinView_Private(Latin latin, PetscViewer viewer)
   PetscCall(PetscViewerASCIIPrintf(viewer, "largest over mean: subdomains %.2f in %s, %.2f in degrees of freedom; ranks %.2f in cost\n", (double)links, latin->links ? "links" : "entries", (double)dofs, (double)ranks));
   PetscCall(PetscViewerASCIIPrintf(viewer, "search direction values: min %g, mean %g, max %g\n", (double)stats.direction_min, (double)stats.direction_mean, (double)stats.direction_max));
   PetscCall(PetscViewerASCIIPrintf(viewer, "coarse problem: %" PetscInt_FMT " macro displacements, %" PetscInt_FMT " primal ones; fixed-point unknown: %" PetscInt_FMT " numbers\n", stats.strong_macro_dofs, stats.weak_dofs, stats.state_size));
-  if (LatinFloppyWaits(latin)) PetscCall(PetscViewerASCIIPrintf(viewer, "local low-energy fields below %g: to come, when the first solve tells which links are slack\n", (double)latin->local_threshold));
-  else if (latin->local_threshold > 0.0) {
-    PetscCall(PetscViewerASCIIPrintf(viewer, "local low-energy fields below %g: %" PetscInt_FMT " floppy subdomains, at most %" PetscInt_FMT " modes in one, %" PetscInt_FMT " of the macro displacements\n", (double)latin->local_threshold,
+  if (LatinFloppyWaits(latin)) PetscCall(PetscViewerASCIIPrintf(viewer, "local low-energy fields below %g: to come, when the first solve tells which links are slack\n", (double)LatinFloppyThreshold(latin)));
+  else if (LatinFloppyThreshold(latin) > 0.0) {
+    PetscCall(PetscViewerASCIIPrintf(viewer, "local low-energy fields below %g: %" PetscInt_FMT " floppy subdomains, at most %" PetscInt_FMT " modes in one, %" PetscInt_FMT " of the macro displacements\n", (double)LatinFloppyThreshold(latin),
                                      stats.floppy_subdomains, stats.local_modes_max, stats.local_macro_dofs));
   }
   {

@@ -331,10 +331,14 @@ typedef struct {
 /* ---- search direction and macro bases (direction.c, macro.c) ---- */
 typedef struct {
   PetscReal *d;      /* [sides] micro search direction, force/length; of a matrix, its diagonal */
+  PetscReal *soft;   /* [sides] stiffness of both subdomains there, the softer one counting most */
   PetscReal *matrix; /* matrix directions: D, L of D = L L^t, L^-1, column-major; equal ones are stored once; NULL if there is none */
   PetscReal *basis;  /* R of each interface from basis_first on, [side dofs of the interface][modes], with R^t D R = 1 */
   PetscReal *dual;   /* D R, in the same places */
-  PetscInt  *like;   /* [subdomains] the first one with an equal operator and equal sides; NULL: not compared */
+  PetscReal *own;    /* stiffness S of the subdomains themselves on each interface, column-major; NULL: not kept */
+  size_t    *own_first;
+  PetscReal  mean; /* D is so many times the sum of both sides' S */
+  PetscInt  *like; /* [subdomains] the first one with an equal operator and equal sides; NULL: not compared */
 } LatinMacro;
 
 /* The row of R at a side dof of the interface */
@@ -523,10 +527,12 @@ struct _p_Latin {
   PetscReal          direction_fraction; /* of the stiffness seen at the interface, when self-tuned; 0 = the default of the type */
   PetscInt           coarse_groups;      /* width of the groups of nested.c in elements, 1 = none */
   PetscReal          local_threshold;    /* of the eigenvalues of local fields, 0 = none */
+  PetscBool          local_given;        /* the threshold has been given */
   PetscInt           local_max;          /* most of them a subdomain */
   PetscInt           local_slack;        /* linear stages that tell which links are slack, 0 = taut as they are */
   Mat                matrix;             /* a MATIS instead of links, or NULL */
   LatinUnknowns      known;              /* of its unknowns */
+  PetscBool          share;              /* keep what LatinDirectionShare() needs */
   PetscBool          tangent;            /* operators from the links' tangent stiffness of the last Jacobian */
   PetscBool          preconditions;      /* one linear stage from zero, in which springs only keep operators regular */
   LatinSubstructure  sub;
@@ -600,6 +606,7 @@ PETSC_INTERN PetscErrorCode LatinDirectionReset(Latin);
 PETSC_INTERN PetscReal      LatinDirectionFraction(Latin);
 PETSC_INTERN PetscErrorCode LatinDirectionApply(Latin, const LatinInterface *, PetscInt n, const PetscReal x[], PetscInt ldx, PetscReal y[], PetscInt ldy);
 PETSC_INTERN PetscErrorCode LatinDirectionEnergy(Latin, const LatinInterface *, PetscInt n, const PetscReal a[], const PetscReal b[], PetscInt ld, PetscReal *sum);
+PETSC_INTERN PetscErrorCode LatinDirectionShare(Latin, PetscInt f, PetscBool forces, PetscReal x[], PetscReal work[]);
 PETSC_INTERN PetscErrorCode LatinDirectionNormalise(Latin, const LatinInterface *, PetscInt modes, PetscReal R[]);
 PETSC_INTERN PetscErrorCode LatinDirectionSprings_Private(Latin, PetscReal spring[]);
 PETSC_INTERN void           LatinDirectionRow(Latin, const LatinInterface *, PetscInt r, const PetscReal *row[]);
@@ -622,6 +629,7 @@ PETSC_INTERN void           LatinCombine_Private(PetscInt rows, PetscInt modes, 
 PETSC_INTERN PetscErrorCode LatinFloppySetUp(Latin);
 PETSC_INTERN PetscErrorCode LatinFloppyExtend(Latin, PetscInt f, PetscInt rows, PetscInt *fields, PetscScalar F[]);
 PETSC_INTERN PetscErrorCode LatinFloppyStatistics_Private(Latin, PetscInt *subdomains, PetscInt *most);
+PETSC_INTERN PetscReal      LatinFloppyThreshold(Latin);
 PETSC_INTERN PetscBool      LatinFloppyWaits(Latin);
 PETSC_INTERN PetscErrorCode LatinFloppySlack(Latin);
 PETSC_INTERN PetscErrorCode LatinFloppyReset(Latin);

@@ -9,17 +9,19 @@
    problems regular where a subdomain has mechanisms of its own.
 */
 
-typedef enum { WEIGHTS_STIFFNESS, WEIGHTS_MULTIPLICITY } LatinWeightsType;
-static const char *const LatinWeightsTypes[] = {"stiffness", "multiplicity", "LatinWeightsType", "WEIGHTS_", NULL};
+typedef enum { WEIGHTS_STIFFNESS, WEIGHTS_MULTIPLICITY, WEIGHTS_SCHUR } LatinWeightsType;
+static const char *const LatinWeightsTypes[] = {"stiffness", "multiplicity", "schur", "LatinWeightsType", "WEIGHTS_", NULL};
 
 typedef struct {
   Latin            latin;
   LatinLinks       links;  /* given by PCLatinSetLinks(), or NULL */
   PetscBool        shared; /* latin is that of a SNES latin, which builds it and has the options */
   LatinWeightsType weights;
-  PetscReal       *weight;     /* [copies * bs] partition of unity */
-  PetscBool       *inner;      /* [copies] the node belongs to one subdomain */
-  PetscInt         dim, nodes; /* coordinates given by PCSetCoordinates(), dim 0: none */
+  PetscBool        weights_given; /* by an option, not by default */
+  PetscReal       *weight;        /* [copies * bs] partition of unity */
+  PetscReal       *side;          /* [3 * sides] work */
+  PetscBool       *inner;         /* [copies] the node belongs to one subdomain */
+  PetscInt         dim, nodes;    /* coordinates given by PCSetCoordinates(), dim 0: none */
   PetscReal       *x;
   LatinBlockSolver interior;          /* stiffness of the interiors, identity elsewhere */
   PetscReal       *b, *v, *f, *force; /* [copies * bs] work */
@@ -39,7 +41,7 @@ static PetscErrorCode PCLatinSum_Private(Latin latin, const PetscReal copy[], Ve
   PetscFunctionReturn(0);
 }
 
-/* The part of each copy in its node: equal parts, or in proportion to the stiffness (diagonal of its operator) */
+/* The part of each copy in its node: equal parts, or in proportion to the stiffness (diagonal of its operator); weights from Schur complements are of corners so */
 static PetscErrorCode PCLatinWeights_Private(PC pc)
 {
   PC_Latin          *data  = (PC_Latin *)pc->data;
@@ -49,7 +51,7 @@ static PetscErrorCode PCLatinWeights_Private(PC pc)
 
   PetscFunctionBegin;
   for (PetscInt i = 0; i < bs * sub->copies; i++) data->b[i] = 1.0;
-  if (data->weights == WEIGHTS_STIFFNESS) {
+  if (data->weights != WEIGHTS_MULTIPLICITY) {
     PetscReal largest = 0.0;
 
     PetscCall(LatinOperatorDiagonal(latin, data->b));
@@ -117,6 +119,7 @@ static PetscErrorCode PCReset_Latin(PC pc)
   PetscCall(VecDestroy(&data->work));
   PetscCall(PetscFree(data->inner));
   PetscCall(PetscFree5(data->weight, data->b, data->v, data->f, data->force));
+  PetscCall(PetscFree(data->side));
   PetscFunctionReturn(0);
 }
 
@@ -140,6 +143,24 @@ static PetscErrorCode PCLatinFindLinks_Private(PC pc, LatinLinks *links)
   PetscFunctionReturn(0);
 }
 
+/* Weights from the Schur complements want one interface a side dof, and a direction that has both sides' complements */
+static PetscErrorCode PCLatinShares_Private(PC pc)
+{
+  PC_Latin       *data  = (PC_Latin *)pc->data;
+  Latin           latin = data->latin;
+  const PetscBool fit   = (PetscBool)(latin->variant == LATIN_VARIANT_CORNER && latin->promote && !latin->published && latin->direction == LATIN_DIRECTION_SCHUR && latin->direction_scalar == 0.0);
+  const char     *prefix;
+
+  PetscFunctionBegin;
+  PetscCall(PCGetOptionsPrefix(pc, &prefix));
+  prefix = prefix ? prefix : "";
+  if (!data->weights_given) data->weights = latin->matrix && fit ? WEIGHTS_SCHUR : WEIGHTS_STIFFNESS;
+  PetscCheck(data->weights != WEIGHTS_SCHUR || fit, PetscObjectComm((PetscObject)pc), PETSC_ERR_SUP,
+             "-%spc_latin_weights schur wants variant corner, promoted corners without springs, and -%spc_latin_direction schur: leave those options alone, or choose weights stiffness", prefix, prefix);
+  latin->share = (PetscBool)(data->weights == WEIGHTS_SCHUR);
+  PetscFunctionReturn(0);
+}
+
 static PetscErrorCode PCLatinSetUpLatin_Private(PC pc)
 {
   PC_Latin   *data = (PC_Latin *)pc->data;
@@ -159,6 +180,7 @@ static PetscErrorCode PCLatinSetUpLatin_Private(PC pc)
   PetscCall(PCGetOptionsPrefix(pc, &prefix));
   PetscCall(PetscObjectSetOptionsPrefix((PetscObject)data->latin, prefix));
   PetscCall(PetscObjectAppendOptionsPrefix((PetscObject)data->latin, "pc_latin_"));
+  PetscCall(PCLatinShares_Private(pc));
   PetscCall(LatinSetUp_Private(data->latin));
   PetscFunctionReturn(0);
 }
@@ -175,6 +197,7 @@ static PetscErrorCode PCSetUp_Latin(PC pc)
   n = data->latin->sub.bs * data->latin->sub.copies;
   PetscCall(PetscMalloc5(n, &data->weight, n, &data->b, n, &data->v, n, &data->f, n, &data->force));
   PetscCall(PetscMalloc1(data->latin->sub.copies, &data->inner));
+  PetscCall(PetscMalloc1(3 * data->latin->inter.sides, &data->side));
   if (data->latin->links) PetscCall(VecDuplicate(data->latin->links->load, &data->work));
   else PetscCall(MatCreateVecs(pc->pmat, &data->work, NULL));
   PetscCall(PCLatinWeights_Private(pc));
@@ -216,6 +239,26 @@ static PetscErrorCode PCApply_Latin_Shared(PC pc, Vec x, Vec y)
   PetscFunctionReturn(0);
 }
 
+/* Each copy's part of forces, or of displacements; nothing inside subdomains */
+static PetscErrorCode PCLatinWeigh_Private(PC pc, PetscBool forces, const PetscReal whole[], PetscReal part[])
+{
+  PC_Latin        *data  = (PC_Latin *)pc->data;
+  Latin            latin = data->latin;
+  LatinInterfaces *inter = &latin->inter;
+  const PetscInt   bs    = latin->sub.bs;
+
+  PetscFunctionBegin;
+  for (PetscInt i = 0; i < bs * latin->sub.copies; i++) part[i] = data->inner[i / bs] || latin->sub.fixed[i] ? 0.0 : data->weight[i] * whole[i];
+  for (PetscInt f = 0; f < inter->count && data->weights == WEIGHTS_SCHUR; f++) {
+    const LatinInterface *face = &inter->interface[f];
+
+    for (PetscInt k = face->side_first; k < face->side_last; k++) data->side[k - face->side_first] = whole[inter->side_dof[k]];
+    PetscCall(LatinDirectionShare(latin, f, forces, data->side, data->side + inter->sides));
+    for (PetscInt k = face->side_first; k < face->side_last; k++) part[inter->side_dof[k]] = data->side[k - face->side_first];
+  }
+  PetscFunctionReturn(0);
+}
+
 static PetscErrorCode PCApply_Latin(PC pc, Vec x, Vec y)
 {
   PC_Latin      *data  = (PC_Latin *)pc->data;
@@ -232,11 +275,11 @@ static PetscErrorCode PCApply_Latin(PC pc, Vec x, Vec y)
   PetscCall(VecAYPX(data->work, -1.0, x));
   /* linear stage for the weighted forces, weighted mean of its displacements */
   PetscCall(LatinDistribute_Private(latin, data->work, data->f));
-  for (PetscInt i = 0; i < n; i++) latin->linear.g[i] = data->inner[i / bs] || latin->sub.fixed[i] ? 0.0 : data->weight[i] * data->f[i];
+  PetscCall(PCLatinWeigh_Private(pc, PETSC_TRUE, data->f, latin->linear.g));
   PetscCall(PetscArrayzero(data->v, n));
   PetscCall(LatinLinearApply(latin, data->v));
-  for (PetscInt i = 0; i < n; i++) data->v[i] = data->inner[i / bs] || latin->sub.fixed[i] ? 0.0 : data->weight[i] * data->v[i];
-  PetscCall(PCLatinSum_Private(latin, data->v, data->work));
+  PetscCall(PCLatinWeigh_Private(pc, PETSC_FALSE, data->v, data->f));
+  PetscCall(PCLatinSum_Private(latin, data->f, data->work));
   /* interiors in equilibrium with the given forces and these displacements */
   PetscCall(LatinDistribute_Private(latin, data->work, data->v));
   for (PetscInt i = 0; i < n; i++)
@@ -267,14 +310,16 @@ static PetscErrorCode PCApply_Latin_Watched(PC pc, Vec x, Vec y)
 
 static PetscErrorCode PCSetFromOptions_Latin(PC pc, LatinOptionItems PetscOptionsObject)
 {
-  PC_Latin *data = (PC_Latin *)pc->data;
+  PC_Latin *data  = (PC_Latin *)pc->data;
+  PetscBool given = PETSC_FALSE;
 
   PetscFunctionBegin;
   if (!data->shared) PetscCall(LatinSetFromOptions_Private(data->latin, PetscOptionsObject, "pc"));
   if (data->latin->stale) pc->setupcalled = 0; /* built again at the next PCSetUp() */
   PetscOptionsHeadBegin(PetscOptionsObject, "PC latin options");
-  PetscCall(PetscOptionsEnum("-pc_latin_weights", "Weights of the copies of a node", "None", LatinWeightsTypes, (PetscEnum)data->weights, (PetscEnum *)&data->weights, NULL));
+  PetscCall(PetscOptionsEnum("-pc_latin_weights", "Weights of the copies of a node", "None", LatinWeightsTypes, (PetscEnum)data->weights, (PetscEnum *)&data->weights, &given));
   PetscOptionsHeadEnd();
+  if (given) data->weights_given = PETSC_TRUE;
   if (!data->shared) PetscCall(PetscObjectSetOptions((PetscObject)data->latin, ((PetscObject)pc)->options));
   PetscFunctionReturn(0);
 }
@@ -407,7 +452,7 @@ PetscErrorCode PCLatinGetLatin(PC pc, Latin *latin)
 + -pc_latin_variant <none,macro,corner>        - coarse treatment of weak interfaces
 . -pc_latin_modes_local <0>                    - local low-energy fields of floppy subdomains, eigenvalues below this
 . -pc_latin_subdomains <n>                     - number of subdomains
-. -pc_latin_weights <stiffness,multiplicity>   - how residuals are shared among the copies of a node
+. -pc_latin_weights <stiffness,multiplicity,schur> - how residuals are shared among the copies of a node
 . -pc_latin_direction <schur>                  - springs that keep the local problems regular
 . -pc_latin_local_, -pc_latin_interior_        - prefixes of the KSPs of the subdomains
 - -pc_latin_coarse_                            - prefix of the KSP of the coarse problem

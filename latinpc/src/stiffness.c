@@ -10,9 +10,10 @@
    links on an elastic foundation. Their eigenvalues relative to that diagonal are bounded from below by construction.
 */
 
-#define LATIN_STIFFNESS_FLOOR   0.01 /* stiffness of the foundation, relative to the diagonal of B^t k B */
-#define LATIN_STIFFNESS_LEAST   0.1  /* least diagonal entry, relative to the mean of the subdomain: for dofs that hardly any link reaches */
-#define LATIN_STIFFNESS_COLUMNS 16   /* right-hand sides solved together: bounds the work space to that many copies of U */
+#define LATIN_STIFFNESS_FLOOR   0.01  /* stiffness of the foundation, relative to the diagonal of B^t k B */
+#define LATIN_STIFFNESS_LEAST   0.1   /* least diagonal entry, relative to the mean of the subdomain: for dofs that hardly any link reaches */
+#define LATIN_STIFFNESS_TINY    1e-10 /* the same for matrices, whose coefficients may jump: no dof of theirs dangles */
+#define LATIN_STIFFNESS_COLUMNS 16    /* right-hand sides solved together: bounds the work space to that many copies of U */
 
 /* The foundation of the subdomains. Collective on latin. */
 static PetscErrorCode LatinStiffnessFoundation_Private(Latin latin, PetscReal spring[])
@@ -42,7 +43,7 @@ static PetscErrorCode LatinStiffnessFoundation_Private(Latin latin, PetscReal sp
       }
     mean /= PetscMax(n, 1);
     if (!(mean > 0.0)) mean = fallback; /* all links of the subdomain are slack */
-    for (PetscInt i = first; i < last; i++) spring[i] = LATIN_STIFFNESS_FLOOR * PetscMax(spring[i], LATIN_STIFFNESS_LEAST * mean);
+    for (PetscInt i = first; i < last; i++) spring[i] = LATIN_STIFFNESS_FLOOR * PetscMax(spring[i], (latin->matrix ? LATIN_STIFFNESS_TINY : LATIN_STIFFNESS_LEAST) * mean);
   }
   PetscFunctionReturn(0);
 }
