@@ -4,7 +4,7 @@ import json
 import re
 from pathlib import Path
 
-from latinpc import compare
+from latinpc import compare, extremes
 from latinpc.cli import quantity
 from latinpc.figures import bars, diagrams, distributions
 
@@ -34,6 +34,8 @@ def tabulate(name, document):
         return markdown(["scene", *(a.replace("-0", "-") for a in accuracies)], rows)
     if name.startswith("iteration"):
         return iteration(document)
+    if name == "extremes":
+        return markdown(*extremes.by_group(document))
     if name == "directions":
         scenes = list(next(iter(document.values())))
         rows = [[direction, *(" / ".join(str(n or "-") for n in found[scene].values()) for scene in scenes)]

@@ -28,6 +28,7 @@ SHORT = {
     "tradeoff-48": ["tradeoff", *GRID, "48", "--repeat", "3"],
     "presets-48": 48,
     "counts": None,
+    "extremes": ["extremes"],
 }
 FULL = {
     "compare-200": ["compare", *GRID, "200", "--methods", LARGE, "--repeat", "3"],

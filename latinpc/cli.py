@@ -1,4 +1,4 @@
-"""The command line: ``latinpc scenes | solve | paper | compare | tradeoff | info``.
+"""The command line: ``latinpc scenes | solve | paper | compare | tradeoff | extremes | info``.
 
 A double dash is ours; a single dash is PETSc's and goes to its options database untouched. Under ``mpirun``
 only rank 0 prints and writes. Exit codes: 0 converged, 1 not converged, 2 bad input.

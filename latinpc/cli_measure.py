@@ -1,4 +1,4 @@
-"""The commands that measure: ``latinpc compare`` and ``latinpc tradeoff``."""
+"""The commands that measure: ``latinpc compare``, ``latinpc tradeoff`` and ``latinpc extremes``."""
 
 from __future__ import annotations
 
@@ -130,3 +130,37 @@ def tradeoff(comm, scene, knobs, accuracies, repeat, timeout, json_file, picture
         title = f"{document['scene']}: {document['free_dofs']:,} free dofs, time to a relative l2 error, with set-up"
         _print(title, measure.layout(document))
     return 0
+
+
+@commands.command()
+@click.option("--group", "groups", multiple=True, metavar="NAME", help="Only the cases of this group; may be repeated.")
+@click.option("--json", "json_file", metavar="FILE", help="Write the outcomes; '-' prints them alone.")
+@click.pass_obj
+def extremes(comm, groups, json_file):
+    """Drive the solver to its extremes, and tell what was right, refused or wrong.
+
+    Stiffness contrasts, search directions, loads, prestress, units, origins, partitions, chains, ranks: each case in a
+    process of its own, its error against a solution in exact arithmetic where that is possible.
+    """
+    from . import extremes as catalogue
+
+    if comm.size > 1:
+        raise ValueError("this command starts its own processes: run it without mpirun")
+    chosen = catalogue.cases()
+    known = list(dict.fromkeys(case.group for case in chosen))
+    for group in groups:
+        if group not in known:
+            raise ValueError(f"--group {group}: choose from {', '.join(known)}")
+    if json_file is not None and json_file != "-":
+        io.check_writable(json_file, None)
+    chosen = [case for case in chosen if not groups or case.group in groups]
+    with _progress(comm, json_file == "-") as say:
+        document = catalogue.run_all(chosen, say)
+    if json_file is not None:
+        write_json(json_file, document)
+    if json_file != "-":
+        counts = ", ".join(f"{count} {verdict}" for verdict, count in document["counts"].items() if count)
+        title = f"{len(chosen)} cases, to a relative l2 error of {document['accuracy']:g}"
+        share = f"of the cases with a solution {100 * (document['converged'] or 0):.0f} % are right"
+        _print(title, catalogue.layout(document), f"{counts}; {share}")
+    return NOT_CONVERGED if any(document["counts"][verdict] for verdict in catalogue.BAD) else 0

@@ -22,6 +22,7 @@
 #define LATIN_POLISH_LEAST  1e-9 /* least tolerance of a linear solve: below, rounding */
 #define LATIN_RESCUE_RTOL   1e-9 /* forces of stiff links must not hide those of soft ones; and a solve costs less than its preconditioner */
 #define LATIN_RESCUE_FLOOR  1e-8 /* what a slack link keeps of the least stiffness, so that no mechanism ends the search */
+#define LATIN_RESCUE_STEPS  200  /* most steps */
 #define LATIN_RESCUE_FULL   12   /* steps that are taken whole: they end soon if they end at all */
 
 /*
@@ -157,6 +158,7 @@ PetscErrorCode LatinPolishCreate_Private(SNES snes, Latin latin, LatinPolish *po
   PetscCall(SNESAppendOptionsPrefix(polish->newton, polish->own ? "snes_latin_rescue_" : "snes_latin_polish_"));
   PetscCall(PetscObjectSetOptions((PetscObject)polish->newton, ((PetscObject)snes)->options));
   PetscCall(SNESSetType(polish->newton, SNESNEWTONLS));
+  if (polish->own) PetscCall(SNESSetTolerances(polish->newton, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT, LATIN_RESCUE_STEPS, PETSC_DEFAULT));
   PetscCall(SNESGetLineSearch(polish->newton, &search));
   PetscCall(SNESLineSearchSetType(search, polish->own ? SNESLINESEARCHSHELL : SNESLINESEARCHNONE));
   if (polish->own) PetscCall(SNESLineSearchShellSetApply(search, LatinRescueSearch_Private, polish));

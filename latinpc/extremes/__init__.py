@@ -1,0 +1,193 @@
+"""Numerical stability at the extremes: a catalogue of cases with their expected outcomes, run by ``latinpc extremes``.
+
+`catalogue` makes the cases, `exact` the solutions that no rounding touches, and `latinpc.extremes.worker` runs one case
+in a process of its own. A case is
+
+right
+    when it converged and the true error is within `SLACK` times what was asked,
+refused
+    when it did not converge, or ended in an error, and the reason says why,
+wrong
+    when it claims convergence with another displacement, or with one that is not finite,
+silent
+    when it was refused without a cause, or though a solution was expected,
+hang, crash
+    when the process did not end, or ended by a signal.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import pathlib
+import subprocess
+import sys
+import tempfile
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from latinpc.peers.arrays import errors, save_scene
+from latinpc.peers.launch import THREADS
+
+from .catalogue import ACCURACY, Case, cases
+
+__all__ = ["ACCURACY", "BAD", "SLACK", "Case", "Outcome", "by_group", "cases", "layout", "run", "run_all"]
+
+SLACK = 3.0  #: times the accuracy asked for, as `-snes_latin_stop error` promises
+TIMEOUT = 300.0  # s, for one case
+EXACT_DOFS = 500  # up to so many the reference is exact, beyond it is Newton's method
+NOTHING = 16 * np.finfo(float).eps  # of the prestrains
+BAD = ("wrong", "silent", "hang", "crash")
+
+
+@dataclass
+class Outcome:
+    """What became of a case; fit for JSON."""
+
+    group: str
+    name: str
+    verdict: str
+    reason: str
+    error: float | None = None  #: relative l2 error of the displacements
+    iterations: int | None = None
+    seconds: float | None = None
+    expected: str = "right"
+    reference: str = ""
+
+
+def run(case):
+    """Run a case in a process of its own and judge it.
+
+    Parameters
+    ----------
+    case : Case
+
+    Returns
+    -------
+    Outcome
+    """
+    scene = case.make()
+    with tempfile.TemporaryDirectory(prefix="latinpc-") as folder:
+        folder = pathlib.Path(folder)
+        save_scene(folder / "scene.npz", scene)
+        task = {"scene": str(folder / "scene.npz"), "options": case.options, "answer": str(folder / "answer.json"),
+                "displacements": str(folder / "u.npy")}  # fmt: skip
+        (folder / "task.json").write_text(json.dumps(task))
+        command = [sys.executable, "-m", "latinpc.extremes.worker", str(folder / "task.json")]
+        if case.ranks > 1:
+            command = ["mpirun", "-n", str(case.ranks), *command]
+        environment = {**os.environ, **THREADS, "OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
+                       "OMPI_MCA_rmaps_base_oversubscribe": "1"}  # fmt: skip
+        try:
+            process = subprocess.run(command, env=environment, timeout=TIMEOUT, capture_output=True, check=False)
+        except subprocess.TimeoutExpired:
+            return _outcome(case, "hang", f"not over after {TIMEOUT:g} s")
+        answer = folder / "answer.json"
+        if process.returncode < 0 or not answer.exists():
+            tail = process.stderr.decode(errors="replace").strip().splitlines()[-1:]
+            return _outcome(case, "crash", f"exit code {process.returncode}: {' '.join(tail)}")
+        found = json.loads(answer.read_text())
+        displacements = np.load(task["displacements"]) if found.get("solved") else None
+    return _judge(case, scene, found, displacements)
+
+
+def _outcome(case, verdict, reason, **more):
+    return Outcome(case.group, case.name, verdict, reason, expected=case.expected, **more)
+
+
+def _judge(case, scene, found, displacements):
+    """Compare with the truth; what is not solved must say why."""
+    if found.get("error"):
+        return _outcome(case, _refusal(case, found["error"]), found["error"])
+    told = {"iterations": found["iterations"], "seconds": found["seconds"]}
+    reason = "; ".join([found["reason"], *found["notices"]])
+    if not found["converged"]:
+        return _outcome(case, _refusal(case, reason), reason, **told)
+    if not np.isfinite(displacements).all():
+        return _outcome(case, "wrong", f"{reason}, with displacements that are not finite", **told)
+    reference, kind = _reference(case, scene, displacements)
+    if reference is None:
+        return _outcome(case, "wrong" if case.expected == "refused" else "right", f"{reason}; {kind}", **told)
+    error = errors(scene, displacements, reference)[0]
+    # displacements that the rounding of the prestrains alone would make are zero
+    nothing = np.linalg.norm(displacements - reference) <= NOTHING * np.linalg.norm(scene.prestrain)
+    right = (error <= SLACK * ACCURACY or nothing) and case.expected != "refused"
+    return _outcome(case, "right" if right else "wrong", reason, error=error, reference=kind, **told)
+
+
+def _refusal(case, reason):
+    """Tell a refusal that is expected and names its cause from one that says nothing."""
+    names = "no equilibrium", "mechanism", "rounding", "has no link", "as many subdomains", "no free", "precision"
+    return "refused" if case.expected != "right" and any(name in reason for name in names) else "silent"
+
+
+def _reference(case, scene, displacements):
+    """Return the true displacements and what they are: a closed form, exact arithmetic, or Newton's method."""
+    if case.solution is not None:
+        return case.solution(scene), "closed form"
+    if (~scene.fixed).sum() <= EXACT_DOFS:
+        from .exact import solve_exactly
+
+        exact = solve_exactly(scene, displacements)
+        return (exact, "exact") if exact is not None else (None, "no exact solution found")
+    from latinpc.peers.reference import by_newton
+
+    return by_newton(scene, ACCURACY)[0], "Newton"
+
+
+def run_all(chosen, progress=None):
+    """Run cases one after the other.
+
+    Parameters
+    ----------
+    chosen : sequence of Case
+    progress : callable, optional
+        Called with a sentence.
+
+    Returns
+    -------
+    dict
+        accuracy, cases (as `Outcome`), counts by verdict, and `converged`: the share of solvable cases that is right.
+    """
+    outcomes = []
+    for number, case in enumerate(chosen, 1):
+        if progress is not None:
+            progress(f"{number} of {len(chosen)}: {case.group}, {case.name}")
+        outcomes.append(run(case))
+    verdicts = [outcome.verdict for outcome in outcomes]
+    solvable = [outcome for outcome in outcomes if outcome.expected == "right"]
+    right = sum(outcome.verdict == "right" for outcome in solvable)
+    return {
+        "accuracy": ACCURACY,
+        "counts": {verdict: verdicts.count(verdict) for verdict in ("right", "refused", *BAD)},
+        "converged": right / len(solvable) if solvable else None,
+        "cases": [asdict(outcome) for outcome in outcomes],
+    }
+
+
+def layout(document):
+    """Return the header and the rows of a table, as text."""
+    header = ["group", "case", "verdict", "error", "iterations", "seconds", "reason"]
+    rows = []
+    for case in document["cases"]:
+        error = "-" if case["error"] is None else f"{case['error']:.0e}"
+        seconds = "-" if case["seconds"] is None else f"{case['seconds']:.2f}"
+        iterations = "-" if case["iterations"] is None else str(case["iterations"])
+        rows.append([case["group"], case["name"], case["verdict"], error, iterations, seconds, case["reason"]])
+    return header, rows
+
+
+def by_group(document):
+    """Return the header and the rows of a table with a line for each group, as text."""
+    header = ["group", "cases", "right", "refused", "bad", "largest error", "most iterations"]
+    rows = []
+    for group in dict.fromkeys(case["group"] for case in document["cases"]):
+        mine = [case for case in document["cases"] if case["group"] == group]
+        error = max((case["error"] for case in mine if case["error"] is not None), default=None)
+        counts = [sum(case["verdict"] in verdicts for case in mine) for verdicts in (("right",), ("refused",), BAD)]
+        iterations = max((case["iterations"] for case in mine if case["iterations"] is not None), default=None)
+        rows.append(
+            [group, *map(str, (len(mine), *counts)), "-" if error is None else f"{error:.0e}", str(iterations or "-")]
+        )
+    return header, rows

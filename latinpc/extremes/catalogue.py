@@ -1,0 +1,255 @@
+"""The cases: each is one thing driven to its extreme, with the outcome that is expected."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from latinpc.scenes import Law, Scene, make
+
+ACCURACY = 1e-6  #: relative l2 error of the displacements that every case asks for
+SUBDOMAINS = 8
+
+
+@dataclass(frozen=True)
+class Case:
+    """A scene at an extreme.
+
+    Parameters
+    ----------
+    group, name : str
+    make : callable
+        Returns the Scene.
+    expected : {'right', 'refused', 'either'}
+        What is right: a solution, a refusal that names its cause, or whichever of them the case allows.
+    options : dict
+        PETSc options beside the stop on an error of `ACCURACY`.
+    ranks : int
+    solution : callable, optional
+        From the scene to its displacements in closed form.
+    """
+
+    group: str
+    name: str
+    make: Callable[[], Scene]
+    expected: str = "right"
+    options: dict = field(default_factory=dict)
+    ranks: int = 1
+    solution: Callable | None = None
+
+
+def _options(**more):
+    return {"snes_latin_stop": "error", "snes_latin_error": ACCURACY, "snes_latin_subdomains": SUBDOMAINS, **more}
+
+
+# ---- structures ------------------------------------------------------------------------------
+
+
+def network(law=None, **changes):
+    """Make 216 unknowns in 3D, bars and prestressed cables; `law` makes all links alike."""
+    scene = make("network", nodes=100)
+    if law is not None:
+        changes["law"] = np.full(len(scene.links), law)
+    return replace(scene, **changes)
+
+
+def grid(**options):
+    """Make the article's grid of 4 x 4 modules, 165 unknowns, as METIS cuts it."""
+    return make("tensegrity-grid", modules=4, partition="metis", **options)
+
+
+def contrast(factor, across, law=None):
+    """Make some links `factor` times as stiff, at random or in half of the structure; self-stress is kept."""
+    scene = network(law)
+    middle = scene.nodes[scene.links].mean(axis=1)[:, 0]
+    chosen = middle > np.median(middle) if across else np.random.default_rng(3).random(len(middle)) < 0.3
+    stiffness = np.where(chosen, factor * scene.stiffness, scene.stiffness)
+    return replace(scene, stiffness=stiffness, prestrain=scene.prestrain * scene.stiffness / stiffness)
+
+
+def chain(count):
+    """Make bars in a row, held at one end, pulled at the other: as ill-conditioned as its square is large."""
+    nodes = np.arange(count + 1.0)[:, None]
+    fixed, load = np.zeros((count + 1, 1), bool), np.zeros((count + 1, 1))
+    fixed[0], load[-1] = True, 1.0
+    links = np.column_stack([np.arange(count), np.arange(1, count + 1)])
+    return Scene(name="chain", nodes=nodes, links=links, law=np.zeros(count, int), stiffness=np.full(count, 1e3),
+                 fixed=fixed, load=load)  # fmt: skip
+
+
+def chain_solution(scene):
+    """Each bar bears the force: displacements grow by F / k from bar to bar."""
+    return np.concatenate([[0.0], np.cumsum(1.0 / scene.stiffness)])[:, None]
+
+
+def star(count):
+    """Make one node held by many prestressed cables from all around, pulled sideways."""
+    angle = 2 * np.pi * np.arange(count) / count
+    nodes = np.vstack([np.zeros(2), np.column_stack([np.cos(angle), np.sin(angle)])])
+    links = np.column_stack([np.zeros(count, int), np.arange(1, count + 1)])
+    fixed, load = np.ones((count + 1, 2), bool), np.zeros((count + 1, 2))
+    fixed[0], load[0] = False, [1.0, 0.3]
+    return Scene(name="star", nodes=nodes, links=links, law=np.full(count, Law.CABLE), stiffness=np.full(count, 1e3),
+                 prestrain=np.full(count, 1e-5), fixed=fixed, load=load)  # fmt: skip
+
+
+def complete(count):
+    """Make a bar or a cable between any two of some random nodes in 3D."""
+    rng = np.random.default_rng(1)
+    nodes = rng.random((count, 3))
+    links = np.column_stack(np.triu_indices(count, 1))
+    fixed = np.zeros((count, 3), bool)
+    fixed[:4] = True
+    law = np.where(rng.random(len(links)) < 0.5, Law.CABLE, Law.BAR)
+    return Scene(name="complete", nodes=nodes, links=links, law=law, stiffness=np.full(len(links), 1e3),
+                 prestrain=np.full(len(links), 1e-4), fixed=fixed,
+                 load=np.where(fixed, 0.0, rng.normal(size=(count, 3))))  # fmt: skip
+
+
+def two_apart(held):
+    """Make two networks that nothing joins, the second one held or not."""
+    one = network()
+    far = one.nodes + [100.0, 0.0, 0.0]
+    fixed = np.vstack([one.fixed, one.fixed if held else np.zeros_like(one.fixed)])
+    stack = {name: np.concatenate([getattr(one, name)] * 2) for name in ("law", "stiffness", "prestrain", "load")}
+    links = np.vstack([one.links, one.links + len(one.nodes)])
+    return Scene(name="two", nodes=np.vstack([one.nodes, far]), links=links, fixed=fixed, **stack)  # fmt: skip
+
+
+def close_nodes(distance):
+    """Make a network with one node doubled at a small distance, links of constant EA: the short one is very stiff."""
+    scene = network(Law.BAR)
+    node = int(np.flatnonzero(~scene.fixed.any(axis=1))[0])
+    size = np.ptp(scene.nodes, axis=0).max()
+    beside = scene.nodes[node] + [distance * size, 0.0, 0.0]
+    links, twin = scene.links.copy(), len(scene.nodes)
+    ends = np.flatnonzero((links == node).any(axis=1))
+    extra = links[ends].copy()  # the twin has links of its own to all the neighbours
+    extra[extra == node] = twin
+    stiffness = np.concatenate([scene.stiffness, scene.stiffness[ends], [1e7 / (distance * size)]])
+    count = len(ends) + 1
+    return Scene(
+        name="close", nodes=np.vstack([scene.nodes, beside]), links=np.vstack([links, extra, [[node, twin]]]),
+        law=np.zeros(len(stiffness), int), stiffness=stiffness,
+        prestrain=np.concatenate([scene.prestrain, np.zeros(count)]),
+        fixed=np.vstack([scene.fixed, [[False] * 3]]), load=np.vstack([scene.load, scene.load[node]]),
+    )  # fmt: skip
+
+
+def hung(force):
+    """Make a node under two cables, pushed up by a force: no equilibrium."""
+    return Scene(name="hung", nodes=[[-1.0, 1.0], [1.0, 1.0], [0.0, 0.0]], links=[[0, 2], [1, 2]], law=[1, 1],
+                 stiffness=[1e3, 1e3], prestrain=[1e-3, 1e-3], fixed=[[1, 1], [1, 1], [0, 0]],
+                 load=[[0, 0], [0, 0], [0, force]])  # fmt: skip
+
+
+def in_units(length, force):
+    """Make the article's grid in other units."""
+    scene = grid()
+    return replace(scene, nodes=scene.nodes * length, stiffness=scene.stiffness * force / length,
+                   prestrain=scene.prestrain * length, load=scene.load * force)  # fmt: skip
+
+
+# ---- the catalogue ---------------------------------------------------------------------------
+
+
+def cases():
+    """Return all cases, group by group."""
+    return [*_stiffness(), *_directions(), *_loads(), *_geometry(), *_partitions(), *_topology(), *_ranks()]
+
+
+def _stiffness():
+    for law, what in ((Law.BAR, "bars"), (None, "cables")):
+        for across, where in ((False, "between links"), (True, "in one half")):
+            for power in (2, -2, 4, -4, 8, -8, 12, -12, 14, -14):
+                # 1e14 leaves two digits of the soft links next to stiff ones: a refusal is right too
+                yield Case("stiffness", f"{what}, contrast 1e{power} {where}",
+                           lambda power=power, across=across, law=law: contrast(10.0**power, across, law),
+                           "right" if abs(power) < 14 else "either", _options())  # fmt: skip
+
+
+def _directions():
+    for power in (2, -2, 4, -4, 6, -6, 8, -8):
+        yield Case("direction", f"1e{power} times the self-tuned one", grid,
+                   options=_options(snes_latin_direction_fraction=10.0**power))  # fmt: skip
+
+
+def _loads():
+    for make_scene, what in ((grid, "grid"), (network, "network")):
+        for power in (-14, -8, -4, 2, 4, 8, 14):
+
+            def loaded(power=power, make_scene=make_scene):
+                scene = make_scene()
+                return replace(scene, load=scene.load * 10.0**power)
+
+            # large loads leave so many cables slack that there may be no equilibrium
+            yield Case("load", f"{what}, 1e{power} times the nominal", loaded, "right" if power < 0 else "either",
+                       _options())  # fmt: skip
+    for factor in (2, 5, 10, 20):
+        yield Case("load", f"grid, {factor} times the nominal", lambda factor=factor: (
+            replace(grid(), load=grid().load * factor)), "either", _options())  # fmt: skip
+    for factor in (0.0, 1e-6, 1e3, 1e6):
+        yield Case("prestress", f"network, {factor:g} times the nominal", lambda factor=factor: (
+            network(prestrain=factor * network().prestrain)), "right" if factor else "either", _options())  # fmt: skip
+    yield Case("slack", "no cable", lambda: grid(slack=0.0), options=_options())
+    yield Case("slack", "a quarter of the cables", lambda: grid(slack=0.25), options=_options())
+    yield Case("slack", "all cables", lambda: network(
+        prestrain=np.where(network().law == Law.CABLE, -1.0, 0.0)), "either", _options())  # fmt: skip
+    yield Case("slack", "a node flies away", lambda: hung(1.0), "refused", _options(snes_latin_subdomains=2))
+    yield Case("slack", "a node barely held", lambda: hung(-1e-9), options=_options(snes_latin_subdomains=2))
+    yield Case("load", "none", lambda: network(load=0.0 * network().load), options=_options())
+    yield Case("load", "none, no prestress", lambda: network(
+        load=0.0 * network().load, prestrain=0.0 * network().prestrain), options=_options())  # fmt: skip
+
+
+def _geometry():
+    for length, force, what in ((1e3, 1e-3, "mm and kN"), (1e3, 1.0, "mm and N"), (1e-6, 1e6, "1e-6 and 1e6"),
+                                (1e9, 1e-9, "1e9 and 1e-9"), (1e-9, 1e9, "1e-9 and 1e9")):  # fmt: skip
+        yield Case("units", what, lambda length=length, force=force: in_units(length, force), options=_options())
+    for shift in (1e4, 1e8, 1e12):
+        yield Case("origin", f"{shift:g} m away", lambda shift=shift: replace(grid(), nodes=grid().nodes + shift),
+                   "right" if shift < 1e12 else "either", _options())  # fmt: skip
+    for distance in (1e-3, 1e-6, 1e-9, 1e-12):
+        yield Case("close nodes", f"{distance:g} of the size", lambda distance=distance: close_nodes(distance),
+                   options=_options())  # fmt: skip
+
+
+def _partitions():
+    links = len(network().links)
+    yield Case("partition", "one subdomain", network, options=_options(snes_latin_subdomains=1))
+    yield Case(
+        "partition",
+        "one link a subdomain",
+        lambda: network(subdomain=np.arange(links)),
+        options=_options(snes_latin_subdomains=links),
+    )
+    yield Case("partition", "bars, one link a subdomain", lambda: network(Law.BAR, subdomain=np.arange(links)),
+               options=_options(snes_latin_subdomains=links))  # fmt: skip
+    yield Case("partition", "links dealt at random", lambda: network(
+        subdomain=np.random.default_rng(0).permutation(np.arange(links) % 8)), options=_options())  # fmt: skip
+    yield Case("partition", "more subdomains than links", network, "refused", _options(snes_latin_subdomains=links + 1))
+    yield Case("partition", "2,000 subdomains, 4,800 links", lambda: make("lattice", nx=40, ny=30, partition="metis"),
+               options=_options(snes_latin_subdomains=2000))  # fmt: skip
+
+
+def _topology():
+    for count in (10**3, 10**5, 10**6):
+        yield Case("chain", f"{count:,} bars", lambda count=count: chain(count), options=_options(
+            snes_latin_subdomains=max(8, count // 1000)), solution=chain_solution)  # fmt: skip
+    yield Case("star", "500 cables at one node", lambda: star(500), options=_options())
+    yield Case("complete graph", "30 nodes", lambda: complete(30), options=_options())
+    yield Case("disconnected", "both held", lambda: two_apart(True), options=_options())
+    yield Case("disconnected", "one not held", lambda: two_apart(False), "refused", _options())
+    free = np.zeros_like(network().fixed)
+    yield Case("supports", "none", lambda: network(fixed=free), "refused", _options())
+    yield Case("supports", "all nodes prescribed", lambda: network(
+        fixed=np.ones_like(network().fixed), load=0 * network().load), options=_options())  # fmt: skip
+
+
+def _ranks():
+    for ranks in (2, 4, 8, 16):
+        yield Case("ranks", f"{ranks}, 8 subdomains", network, options=_options(), ranks=ranks)
+    yield Case("ranks", "6, two links", lambda: hung(-1.0), options=_options(snes_latin_subdomains=2), ranks=6)
+    yield Case("ranks", "4, one subdomain", network, options=_options(snes_latin_subdomains=1), ranks=4)

@@ -1,0 +1,76 @@
+"""The catalogue of extremes: how its judge judges, some of its cases quickly, all of them slowly."""
+
+import json
+
+import numpy as np
+import oracle
+import pytest
+from support import far, lattice, network
+
+from latinpc import extremes
+from latinpc.extremes.catalogue import Case, chain, hung
+from latinpc.extremes.catalogue import network as small
+from latinpc.extremes.exact import solve_exactly
+from latinpc.scenes import Law
+
+CASES = extremes.cases()
+
+
+@pytest.mark.parametrize("make", [network, lattice])
+def test_exact_solution_is_that_of_newton(make):
+    """Ball arithmetic and the oracle agree to the oracle's rounding, cables slack and taut."""
+    scene = make()
+    assert far(solve_exactly(scene), oracle.newton(scene)) < 1e-9
+
+
+def test_exact_solution_of_a_chain():
+    """A closed form, to the last bits."""
+    assert np.allclose(solve_exactly(chain(50)), np.arange(51)[:, None] / 1e3, rtol=2.3e-16, atol=0)
+
+
+def test_no_exact_solution_where_there_is_none():
+    assert solve_exactly(hung(1.0)) is None
+
+
+def judged(found, displacements, expected="right", scene=None):
+    case = Case("test", "test", lambda: scene, expected)
+    told = {"iterations": 1, "seconds": 0.0, "notices": [], "reason": "told", "converged": True, **found}
+    return extremes._judge(case, scene, told, displacements).verdict
+
+
+def test_the_judge():
+    """What claims convergence with another displacement is wrong; what refuses must say why."""
+    scene = small(Law.BAR)
+    true = solve_exactly(scene)
+    assert judged({}, true, scene=scene) == "right"
+    assert judged({}, true * (1 + 1e-4), scene=scene) == "wrong"
+    assert judged({}, np.full_like(true, np.nan), scene=scene) == "wrong"
+    assert judged({}, true, "refused", scene=scene) == "wrong"
+    assert judged({"converged": False}, true, "either", scene=scene) == "silent"
+    assert judged({"converged": False, "notices": ["no equilibrium: ..."]}, true, "either", scene=scene) == "refused"
+    assert judged({"converged": False, "notices": ["no equilibrium: ..."]}, true, "right", scene=scene) == "silent"
+    assert judged({"error": "The structure has a mechanism"}, None, "refused", scene=scene) == "refused"
+    assert judged({"error": "Out of memory"}, None, "refused", scene=scene) == "silent"
+
+
+QUICK = (
+    "cables, contrast 1e8 between links", "cables, contrast 1e-8 in one half", "1e6 times the self-tuned one",
+    "a node flies away", "1e-12 of the size", "one link a subdomain", "one not held", "16, 8 subdomains",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("case", [case for case in CASES if case.name in QUICK], ids=lambda case: case.name)
+def test_some_cases(case):
+    """A right answer, or a refusal that names its cause where one is expected."""
+    outcome = extremes.run(case)
+    assert outcome.verdict == ("refused" if case.expected == "refused" else "right"), outcome
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1800)
+def test_the_whole_catalogue():
+    """No wrong answer, no hang, no crash; 95 % of the cases that have a solution reach the accuracy."""
+    document = extremes.run_all(CASES)
+    told = json.dumps([case for case in document["cases"] if case["verdict"] in extremes.BAD], indent=1)
+    assert not any(document["counts"][verdict] for verdict in ("wrong", "hang", "crash")), told
+    assert document["converged"] >= 0.95, told
