@@ -5,20 +5,36 @@
 #   make build         compile what has changed
 #   make demo          the tensegrity grid of 144 subdomains: summary, picture and VTU in demo/
 #   make test          the quick tests; `make test-all` adds the slow ones
+#   make test PETSC=latest|debug|int64   the same with the newest PETSC instead of Debian's: built once, and kept
 #   make bench         the benchmarks, their tables and figures; BENCH=full adds the large ones
 #   make format-check  clang-format and ruff, as CI runs them; `make format` applies them
 #   make lint          ruff's rules
-#   make clean         remove what was built; `make distclean` removes .venv too
+#   make clean         remove what was built; `make distclean` removes .venv* too
 
 SHELL       := /bin/bash
 PYTHON      ?= /usr/bin/python3
 PYTEST_ARGS ?=
+PETSC       ?= debian
 PACKAGES    := petsc-dev python3-petsc4py python3-mpi4py python3-numpy python3-scipy python3-venv python3-dev \
                libmetis-dev cython3 cmake ninja-build gcc libc6-dev pkg-config openmpi-bin libopenblas0-serial
 
-VENV    := .venv
+ifeq ($(PETSC),debian)
+VENV  := .venv
+BUILD := build/make
+else ifeq ($(filter $(PETSC),latest debug int64),)
+$(error PETSC=$(PETSC): it is debian, latest, debug or int64)
+else
+# The libraries of another PETSc are installed into a virtual environment of their own, not beside the sources; PETSc
+# itself is kept outside the tree, for the next clone
+VENV     := .venv-$(PETSC)
+BUILD    := build/$(PETSC)
+PACKAGES += g++ gfortran libblas-dev liblapack-dev libscalapack-mpi-dev libmumps-dev libsuitesparse-dev \
+            libmetis-dev libptscotch-dev libhdf5-mpi-dev
+PETSC_PREFIX := $(or $(XDG_CACHE_HOME),$(HOME)/.cache)/latinpc/petsc-$(shell sed -n 's/^ *"petsc==\(.*\)",/\1/p' pyproject.toml)-$(PETSC)
+endif
 BIN     := $(VENV)/bin
-BUILD   := build/make
+extra    = $(shell $(BIN)/python -c "import tomllib; \
+             print(*tomllib.load(open('pyproject.toml', 'rb'))['project']['optional-dependencies']['$(1)'])")
 C_FILES := $(wildcard latinpc/src/*.[ch] latinpc/include/*.h tests/*.c examples/*.c)
 
 # Debian's petsc4py goes with Debian's PETSc, whatever else the shell points to
@@ -57,10 +73,13 @@ $(VENV)/.system: Makefile
 	@[ -e $(BIN)/python ] || $(PYTHON) -m venv --system-site-packages $(VENV)
 	@touch $@
 
-$(VENV)/.tools: $(VENV)/.system pyproject.toml
+$(VENV)/.dev: $(VENV)/.system pyproject.toml
 	@echo "Installing the Python tools pinned in pyproject.toml"
-	@$(BIN)/python -m pip install -q --disable-pip-version-check $$($(BIN)/python -c \
-	  "import tomllib; print(*tomllib.load(open('pyproject.toml', 'rb'))['project']['optional-dependencies']['dev'])")
+	@$(BIN)/python -m pip install -q --disable-pip-version-check $(call extra,dev)
+	@touch $@
+
+ifeq ($(PETSC),debian)
+$(VENV)/.tools: $(VENV)/.dev
 	@LATINPC_INPLACE=true $(BIN)/python -m pip install -q --disable-pip-version-check --no-build-isolation --no-deps -e .
 	@touch $@
 
@@ -71,6 +90,17 @@ $(BUILD)/build.ninja: latinpc/CMakeLists.txt $(VENV)/.tools
 
 build: $(BUILD)/build.ninja
 	@flock $(VENV)/.lock cmake --build $(BUILD)
+else
+$(VENV)/.tools: $(VENV)/.dev .ci/petsc
+	@$(BIN)/python -m pip install -q --disable-pip-version-check $(filter-out petsc==% petsc4py==%,$(call extra,petsc))
+	@.ci/petsc $(PETSC) $(PETSC_PREFIX) $(abspath $(BIN)/python)
+	@$(BIN)/python -m pip install -q --disable-pip-version-check --no-deps --force-reinstall $(PETSC_PREFIX)/wheels/*.whl
+	@touch $@
+
+build: $(VENV)/.tools
+	@$(BIN)/python -m pip install -q --disable-pip-version-check --no-build-isolation --no-deps --force-reinstall . \
+	  -C build-dir=$(BUILD) -C cmake.define.LATINPC_WERROR=ON
+endif
 
 demo: env
 	@mkdir -p demo
@@ -78,15 +108,14 @@ demo: env
 	  --output demo/tensegrity-grid.vtu --picture demo/tensegrity-grid.png --json demo/tensegrity-grid.json
 
 test: env
-	$(BIN)/python -m pytest -m "not slow" $(PYTEST_ARGS)
+	$(BIN)/pytest -m "not slow" $(PYTEST_ARGS)
 
 test-all: env
-	$(BIN)/python -m pytest $(PYTEST_ARGS)
+	$(BIN)/pytest $(PYTEST_ARGS)
 
 $(VENV)/.bench: $(VENV)/.tools
 	@echo "Installing the interior point methods pinned in pyproject.toml"
-	@$(BIN)/python -m pip install -q --disable-pip-version-check $$($(BIN)/python -c \
-	  "import tomllib; print(*tomllib.load(open('pyproject.toml', 'rb'))['project']['optional-dependencies']['bench'])")
+	@$(BIN)/python -m pip install -q --disable-pip-version-check $(call extra,bench)
 	@touch $@
 
 bench: env $(VENV)/.bench
@@ -111,4 +140,4 @@ clean:
 	find latinpc tests examples -name __pycache__ -prune -exec rm -rf {} +
 
 distclean: clean
-	rm -rf $(VENV)
+	rm -rf .venv .venv-*

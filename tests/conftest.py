@@ -1,6 +1,7 @@
 """What every test shares: one PETSc without stray options, and a way to run programs under MPI."""
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -27,6 +28,11 @@ import pytest  # noqa: E402
 from petsc4py import PETSc  # noqa: E402
 
 ROOT = Path(__file__).resolve().parent.parent
+CONFIG = petsc4py.get_config()
+PETSC_FOLDERS = [Path(CONFIG["PETSC_DIR"], CONFIG["PETSC_ARCH"]), Path(CONFIG["PETSC_DIR"])]
+# a PETSc with its own checks can also list what a program has allocated and not freed
+MALLOC_DUMP = "PETSC_USE_DEBUG 1" in (PETSC_FOLDERS[0] / "include" / "petscconf.h").read_text()
+LEAK = re.compile(r"^\[\d+\]Total space allocated .*", re.MULTILINE)
 
 
 def run(command, timeout=120, check=True, cwd=None, env=None):
@@ -42,7 +48,7 @@ def run(command, timeout=120, check=True, cwd=None, env=None):
         stderr=subprocess.PIPE,
         text=True,
         cwd=cwd,
-        env={**os.environ, **(env or {})},
+        env={**os.environ, **({"PETSC_OPTIONS": "-malloc_dump"} if MALLOC_DUMP else {}), **(env or {})},
         start_new_session=True,
     )
     try:
@@ -54,6 +60,8 @@ def run(command, timeout=120, check=True, cwd=None, env=None):
     result = subprocess.CompletedProcess(command, process.returncode, out, err)
     if check and result.returncode:
         pytest.fail(f"{' '.join(command)}: exit code {result.returncode}\n{out}\n{err}")
+    if check and MALLOC_DUMP and LEAK.search(out):
+        pytest.fail(f"{' '.join(command)}: memory left\n{out}\n{err}")
     return result
 
 
@@ -102,9 +110,7 @@ def options():
 def compile_c(tmp_path_factory):
     """Compile a C program of tests/ that knows nothing of latinpc; returns the executable."""
     folder = tmp_path_factory.mktemp("c")
-    config = petsc4py.get_config()
-    search = [Path(config["PETSC_DIR"], config["PETSC_ARCH"]), Path(config["PETSC_DIR"])]
-    pkgconfig = os.pathsep.join(str(path / "lib" / "pkgconfig") for path in search)
+    pkgconfig = os.pathsep.join(str(path / "lib" / "pkgconfig") for path in PETSC_FOLDERS)
     flags = run(["pkg-config", "--cflags", "--libs", "PETSc"], env={"PKG_CONFIG_PATH": pkgconfig}).stdout.split()
     folders = [word[2:] for word in flags if word.startswith("-L")]
 

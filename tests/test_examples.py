@@ -7,9 +7,10 @@ import shutil
 import sys
 from pathlib import Path
 
-import petsc4py
 import pytest
-from conftest import ROOT, run
+from conftest import PETSC_FOLDERS, ROOT, run
+
+import latinpc
 
 EXAMPLES = ROOT / "examples"
 SOURCES = sorted(path for path in EXAMPLES.iterdir() if path.suffix in (".py", ".c", ".F90"))
@@ -46,18 +47,17 @@ def folder_of(tmp_path_factory):
     def make(source):
         if source not in folders:
             folders[source] = tmp_path_factory.mktemp(source.name)
-            for name in ("examples", "latinpc", "options"):
+            for name in ("examples", "options"):
                 (folders[source] / name).symlink_to(ROOT / name)
+            (folders[source] / "latinpc").symlink_to(latinpc.__path__[0])  # in the tree or installed
         return folders[source]
 
     return make
 
 
 def environment():
-    config = petsc4py.get_config()
-    search = [Path(config["PETSC_DIR"], config["PETSC_ARCH"]), Path(config["PETSC_DIR"])]
     return {
-        "PKG_CONFIG_PATH": os.pathsep.join(str(path / "lib" / "pkgconfig") for path in search),
+        "PKG_CONFIG_PATH": os.pathsep.join(str(path / "lib" / "pkgconfig") for path in PETSC_FOLDERS),
         "PATH": os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]]),
     }
 
@@ -72,7 +72,7 @@ def compile_once(line, folder):
         return
     if not shutil.which(words[0]):
         pytest.skip(f"{words[0]} is not installed")
-    if words[0] == "mpif90" and not list(Path(petsc4py.get_config()["PETSC_DIR"]).glob("**/petscsnes.mod")):
+    if words[0] == "mpif90" and not list(PETSC_FOLDERS[1].glob("**/petscsnes.mod")):
         pytest.skip("this PETSc has no Fortran modules")
     shell(line, folder)
 
