@@ -6,6 +6,7 @@
 #   make demo          the tensegrity grid of 144 subdomains: summary, picture and VTU in demo/
 #   make test          the quick tests; `make test-all` adds the slow ones
 #   make test PETSC=latest|debug|int64   the same with the newest PETSC instead of Debian's: built once, and kept
+#   make test SANITIZE=1   the same with AddressSanitizer and UBSan in our library
 #   make bench         the benchmarks, their tables and figures; BENCH=full adds the large ones
 #   make format-check  clang-format and ruff, as CI runs them; `make format` applies them
 #   make lint          ruff's rules
@@ -18,19 +19,22 @@ PETSC       ?= debian
 PACKAGES    := petsc-dev python3-petsc4py python3-mpi4py python3-numpy python3-scipy python3-venv python3-dev \
                libmetis-dev cython3 cmake ninja-build gcc libc6-dev pkg-config openmpi-bin libopenblas0-serial
 
-ifeq ($(PETSC),debian)
-VENV  := .venv
-BUILD := build/make
-else ifeq ($(filter $(PETSC),latest debug int64),)
+ifeq ($(filter $(PETSC),debian latest debug int64),)
 $(error PETSC=$(PETSC): it is debian, latest, debug or int64)
-else
-# The libraries of another PETSc are installed into a virtual environment of their own, not beside the sources; PETSc
-# itself is kept outside the tree, for the next clone
-VENV     := .venv-$(PETSC)
-BUILD    := build/$(PETSC)
+endif
+# The libraries of other kinds are installed into a virtual environment of their own, not beside the sources; the PETSc
+# that they need is kept outside the tree, for the next clone
+KIND    := $(PETSC)$(if $(SANITIZE),-sanitize)
+VENV    := .venv$(patsubst %,-%,$(filter-out debian,$(KIND)))
+BUILD   := build/$(patsubst debian,make,$(KIND))
+ifneq ($(PETSC),debian)
 PACKAGES += g++ gfortran libblas-dev liblapack-dev libscalapack-mpi-dev libmumps-dev libsuitesparse-dev \
-            libmetis-dev libptscotch-dev libhdf5-mpi-dev
+            libptscotch-dev libhdf5-mpi-dev
 PETSC_PREFIX := $(or $(XDG_CACHE_HOME),$(HOME)/.cache)/latinpc/petsc-$(shell sed -n 's/^ *"petsc==\(.*\)",/\1/p' pyproject.toml)-$(PETSC)
+endif
+ifneq ($(SANITIZE),)
+# Python, MPI and PETSc keep memory to the end, so that lists of leaks are left to PETSC=debug
+PYTEST_ENV = env LD_PRELOAD=$$(gcc -print-file-name=libasan.so) ASAN_OPTIONS=detect_leaks=0 UBSAN_OPTIONS=halt_on_error=1
 endif
 BIN     := $(VENV)/bin
 extra    = $(shell $(BIN)/python -c "import tomllib; \
@@ -78,7 +82,7 @@ $(VENV)/.dev: $(VENV)/.system pyproject.toml
 	@$(BIN)/python -m pip install -q --disable-pip-version-check $(call extra,dev)
 	@touch $@
 
-ifeq ($(PETSC),debian)
+ifeq ($(KIND),debian)
 $(VENV)/.tools: $(VENV)/.dev
 	@LATINPC_INPLACE=true $(BIN)/python -m pip install -q --disable-pip-version-check --no-build-isolation --no-deps -e .
 	@touch $@
@@ -92,14 +96,16 @@ build: $(BUILD)/build.ninja
 	@flock $(VENV)/.lock cmake --build $(BUILD)
 else
 $(VENV)/.tools: $(VENV)/.dev .ci/petsc
+ifneq ($(PETSC),debian)
 	@$(BIN)/python -m pip install -q --disable-pip-version-check $(filter-out petsc==% petsc4py==%,$(call extra,petsc))
 	@.ci/petsc $(PETSC) $(PETSC_PREFIX) $(abspath $(BIN)/python)
 	@$(BIN)/python -m pip install -q --disable-pip-version-check --no-deps --force-reinstall $(PETSC_PREFIX)/wheels/*.whl
+endif
 	@touch $@
 
 build: $(VENV)/.tools
 	@$(BIN)/python -m pip install -q --disable-pip-version-check --no-build-isolation --no-deps --force-reinstall . \
-	  -C build-dir=$(BUILD) -C cmake.define.LATINPC_WERROR=ON
+	  --config-settings=build-dir=$(BUILD) --config-settings=cmake.define.$(if $(SANITIZE),LATINPC_SANITIZE,LATINPC_WERROR)=ON
 endif
 
 demo: env
@@ -108,10 +114,10 @@ demo: env
 	  --output demo/tensegrity-grid.vtu --picture demo/tensegrity-grid.png --json demo/tensegrity-grid.json
 
 test: env
-	$(BIN)/pytest -m "not slow" $(PYTEST_ARGS)
+	$(PYTEST_ENV) $(BIN)/pytest -m "not slow" $(PYTEST_ARGS)
 
 test-all: env
-	$(BIN)/pytest $(PYTEST_ARGS)
+	$(PYTEST_ENV) $(BIN)/pytest $(PYTEST_ARGS)
 
 $(VENV)/.bench: $(VENV)/.tools
 	@echo "Installing the interior point methods pinned in pyproject.toml"

@@ -35,6 +35,15 @@ MALLOC_DUMP = "PETSC_USE_DEBUG 1" in (PETSC_FOLDERS[0] / "include" / "petscconf.
 LEAK = re.compile(r"^\[\d+\]Total space allocated .*", re.MULTILINE)
 
 
+def environment(LD_PRELOAD=None, **changes):
+    """Our environment with changes; the sanitizers' library, where there is one, goes before others."""
+    if LD_PRELOAD:
+        changes["LD_PRELOAD"] = ":".join(filter(None, (os.environ.get("LD_PRELOAD"), LD_PRELOAD)))
+    if MALLOC_DUMP:
+        changes.setdefault("PETSC_OPTIONS", "-malloc_dump")
+    return {**os.environ, **changes}
+
+
 def run(command, timeout=120, check=True, cwd=None, env=None):
     """Run a program with its own process group, and leave nothing behind when it hangs.
 
@@ -48,7 +57,7 @@ def run(command, timeout=120, check=True, cwd=None, env=None):
         stderr=subprocess.PIPE,
         text=True,
         cwd=cwd,
-        env={**os.environ, **({"PETSC_OPTIONS": "-malloc_dump"} if MALLOC_DUMP else {}), **(env or {})},
+        env=environment(**(env or {})),
         start_new_session=True,
     )
     try:
