@@ -57,7 +57,7 @@ static PetscErrorCode LatinUnknownsElements_Private(DM dm, PetscInt rows, LatinU
   PetscCall(DMCreateGlobalVector(dm, &v));
   PetscCall(VecGetLocalSize(v, &nl));
   fit = (PetscBool)(nl == rows);
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &fit, 1, MPIU_BOOL, MPI_LAND, PetscObjectComm((PetscObject)dm)));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &fit, 1, LATIN_MPI_BOOL, MPI_LAND, PetscObjectComm((PetscObject)dm)));
   if (fit) {
     PetscCall(DMGetCoordinateDim(dm, &known->dim));
     PetscCall(PetscMalloc3(nf, &functions, nf, &contexts, nf, &number));
