@@ -35,7 +35,7 @@ module latinpc
     integer(c_int) function LatinLinksSetSupports(links, fixed, prescribed) bind(C, name="LatinLinksSetSupports")
       import
       type(c_ptr), value :: links
-      integer(c_int) :: fixed(*)  ! PetscBool
+      PetscBool :: fixed(*)
       PetscReal :: prescribed(*)
     end function
     integer(c_int) function LatinLinksSetLoads(links, force) bind(C, name="LatinLinksSetLoads")
@@ -69,10 +69,10 @@ program net
 #include <petsc/finclude/petscsnes.h>
   use latinpc
   implicit none
-  PetscInt, parameter :: cable = 1, law(3) = cable, ends(6) = [0, 3, 1, 3, 2, 3]
+  PetscInt, parameter :: dim = 2, all = 4, cable = 1, law(3) = cable, ends(6) = [0, 3, 1, 3, 2, 3]
   PetscReal, parameter :: x(8) = [-1, 1, 1, 1, 0, -1, 0, 0], stiffness(3) = 1d4, none(8) = 0
   PetscReal, parameter :: force(8) = [0, 0, 0, 0, 0, 0, 0, -10]
-  integer(c_int), parameter :: fixed(8) = [1, 1, 1, 1, 1, 1, 0, 0]
+  PetscBool, parameter :: fixed(8) = [.true., .true., .true., .true., .true., .true., .false., .false.]
   PetscReal :: displacement(8)
   PetscInt :: nodes, links
   PetscMPIInt :: rank
@@ -86,7 +86,7 @@ program net
   nodes = merge(4, 0, rank == 0)  ! the first rank gives the whole net
   links = merge(3, 0, rank == 0)
   call check(LatinInitializePackage())
-  call check(LatinLinksCreate(comm_world, 2_c_int, nodes, 4_c_int, x, links, ends, structure))
+  call check(LatinLinksCreate(comm_world, dim, nodes, all, x, links, ends, structure))
   call check(LatinLinksSetLaws(structure, law, stiffness, none))
   call check(LatinLinksSetSupports(structure, fixed, none))
   call check(LatinLinksSetLoads(structure, force))

@@ -35,7 +35,7 @@ snes.solve(None, u)
 PETSc.Sys.Print(f"SNES ksponly: {ksp.getIterationNumber()} iterations with {ksp.getPC().getType()}")
 
 # a KSP of one's own: K v = -r(0)
-K, v, b = truss.dm.createMatrix(), truss.create_vec(), truss.create_vec()
+K, v, b = truss.dm.createMat(), truss.create_vec(), truss.create_vec()
 truss.jacobian(v, K)
 truss.residual(v, b)
 b.scale(-1)

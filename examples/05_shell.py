@@ -19,7 +19,7 @@ import latinpc
 from latinpc.scenes import make
 
 truss = latinpc.Links.from_scene(make("truss-grid", modules=12, partition="metis"))
-K, u, b = truss.dm.createMatrix(), truss.create_vec(), truss.create_vec()
+K, u, b = truss.dm.createMat(), truss.create_vec(), truss.create_vec()
 truss.jacobian(u, K)
 truss.residual(u, b)
 b.scale(-1)

@@ -58,7 +58,7 @@ assert (latinpc.subdomain_of_links(by_array) == latinpc.subdomain_of_links(by_la
 
 # the same subdomains for -pc_type asm: free degrees of freedom of each subdomain of this rank, as PETSc index sets
 ksp = PETSc.KSP().create(links.comm)
-K, u, b = dm.createMatrix(), links.create_vec(), links.create_vec()
+K, u, b = dm.createMat(), links.create_vec(), links.create_vec()
 links.jacobian(u, K)
 links.residual(u, b)
 b.scale(-1)

@@ -409,7 +409,7 @@ class Links:
         -------
         petsc4py.PETSc.Vec
         """
-        u = self.dm.createGlobalVector()
+        u = self.dm.createGlobalVec()
         u.set(0)
         return u
 
@@ -435,7 +435,7 @@ class Links:
         u : petsc4py.PETSc.Vec
             Displacement (m).
         J : petsc4py.PETSc.Mat
-            Made by ``dm.createMatrix()``; overwritten.
+            Made by ``dm.createMat()``; overwritten.
         """
         self._handle.jacobian(u, J)
 

@@ -373,7 +373,7 @@ def _newton(links, u, search, shift):
 
 def _shift(links, snes, fraction):
     """Add that fraction of the mean diagonal to the tangent: mechanisms of slack links get a little stiffness."""
-    matrix = links.dm.createMatrix()
+    matrix = links.dm.createMat()
     matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
 
     def jacobian(snes, u, J, P):

@@ -354,7 +354,8 @@ def error_message(error):
     str
     """
     if isinstance(error, PETSc.Error):
-        for line in reversed(error._traceback_ or []):
-            if not re.search(r"\w\(\) (at|line) ", line):
-                return line.strip()
+        for line in reversed(str(error).splitlines()[1:]):
+            said = re.sub(r"^\[ *\d+\] ", "", line)
+            if not re.search(r"\w\(\) (at|line) ", said):
+                return said.strip()
     return str(error)

@@ -242,7 +242,7 @@ def main():
     if args.links:
         links = latinpc.Links.from_scene(problem.scene, comm=comm)
         other, f, v = links.create_vec(), links.create_vec(), links.create_vec()
-        jacobian = links.dm.createMatrix()
+        jacobian = links.dm.createMat()
         links.jacobian(other, jacobian)
         by_links = PETSc.PC().create(comm)
         by_links.setOperators(jacobian)

@@ -153,7 +153,7 @@ def pc_on_foreign_matrix():
 
 def pc_on_dead_structure():
     links = square()
-    K, u, pc = links.dm.createMatrix(), links.create_vec(), bare(PETSc.PC, "latin")
+    K, u, pc = links.dm.createMat(), links.create_vec(), bare(PETSc.PC, "latin")
     links.jacobian(u, K)
     pc.setOperators(K)
     del links

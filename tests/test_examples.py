@@ -59,6 +59,7 @@ def environment():
     return {
         "PKG_CONFIG_PATH": os.pathsep.join(str(path / "lib" / "pkgconfig") for path in PETSC_FOLDERS),
         "PATH": os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]]),
+        "LD_LIBRARY_PATH": os.pathsep.join(str(path / "lib") for path in PETSC_FOLDERS),
     }
 
 

@@ -26,7 +26,7 @@ SCENES = {
 def linear_system(scene, rtol=1e-11, **options):
     """Structure, tangent stiffness, load vector and KSP latin; options without `-ksp_latin_`."""
     links = latinpc.Links.from_scene(scene, comm=PETSc.COMM_SELF)
-    matrix, u, b = links.dm.createMatrix(), links.create_vec(), links.create_vec()
+    matrix, u, b = links.dm.createMat(), links.create_vec(), links.create_vec()
     links.jacobian(u, matrix)
     links.residual(u, b)
     b.scale(-1.0)
@@ -372,7 +372,7 @@ def test_no_tangent_yet():
     links = latinpc.Links.from_scene(grid("truss"), comm=PETSc.COMM_SELF)
     ksp = PETSc.KSP().create(comm=PETSc.COMM_SELF)
     ksp.setType("latin")
-    ksp.setOperators(links.dm.createMatrix())
+    ksp.setOperators(links.dm.createMat())
     assert "is not the tangent stiffness" in message(ksp.setUp)
 
 

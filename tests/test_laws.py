@@ -77,7 +77,7 @@ def test_strut_is_the_mirror_image_of_a_cable():
 def test_tangent_is_a_slope_of_the_law(law):
     """The Jacobian has the stiffness of a taut link, none of a slack one, one of the two at the kink."""
     links = link(law)
-    jacobian = links.dm.createMatrix()
+    jacobian = links.dm.createMat()
     for strain in (-0.5, 0.5):
         links.jacobian(at(links, strain - E0), jacobian)
         carries = law == Law.BAR or (strain > 0) == (law == Law.CABLE)

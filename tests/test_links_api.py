@@ -85,7 +85,7 @@ def test_residual_is_the_gradient_of_the_energy_and_jacobian_that_of_the_residua
     u, r, s, direction = (links.create_vec() for _ in range(4))
     links.set_displacements(displacement(), u)
     links.set_displacements(displacement(1), direction)
-    jacobian = links.dm.createMatrix()
+    jacobian = links.dm.createMat()
     links.residual(u, r)
     links.jacobian(u, jacobian)
     step = 1e-6

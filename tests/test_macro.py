@@ -133,7 +133,7 @@ def test_preconditioner_has_the_same_stiffnesses():
     pc = PETSc.PC().create(comm=PETSc.COMM_SELF)
     pc.setType("latin")
     links.attach(pc)
-    jacobian = links.dm.createMatrix()
+    jacobian = links.dm.createMat()
     links.jacobian(links.create_vec(), jacobian)
     pc.setOperators(jacobian)
     pc.setUp()

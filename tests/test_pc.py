@@ -24,7 +24,7 @@ def bars(scene):
 def preconditioned(scene, pc_type="latin", **options):
     """Structure, tangent stiffness, load vector and preconditioner; options without `-pc_latin_`."""
     links = latinpc.Links.from_scene(scene, comm=PETSc.COMM_SELF)
-    matrix, u, b = links.dm.createMatrix(), links.create_vec(), links.create_vec()
+    matrix, u, b = links.dm.createMat(), links.create_vec(), links.create_vec()
     links.jacobian(u, matrix)
     links.residual(u, b)
     b.scale(-1.0)

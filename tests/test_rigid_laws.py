@@ -106,7 +106,7 @@ def test_table_is_followed_between_and_beyond_its_points():
     law = latinpc.register_table(*POINTS.T)
     assert latinpc.register_table(*POINTS.T) == law
     link = latinpc.Links([[0.0], [1.0]], [[0, 1]], law, 0.0, fixed=[[1], [0]], comm=PETSc.COMM_SELF)
-    u, jacobian = link.create_vec(), link.dm.createMatrix()
+    u, jacobian = link.create_vec(), link.dm.createMat()
 
     def at(call, x):
         u.set(x)

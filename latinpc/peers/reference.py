@@ -71,7 +71,7 @@ def _factor(links, solver):
     ksp.getPC().setType("cholesky")
     ksp.getPC().setFactorSolverType(solver)
     ksp.setErrorIfNotConverged(True)
-    J = links.dm.createMatrix()
+    J = links.dm.createMat()
     J.setOption(PETSc.Mat.Option.SPD, True)
     ksp.setOperators(J)
     return ksp, J

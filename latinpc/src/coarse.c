@@ -189,7 +189,9 @@ static PetscErrorCode LatinCoarseMatrix_Private(Latin latin, PetscInt *width, Pe
   *width = direct ? latin->coarse_groups : 1;
   if (*half) { /* without a package for it on these ranks, every rank solves the whole */
     PetscCall(MatCreate(PetscObjectComm((PetscObject)latin), &A));
+    PetscCall(MatSetSizes(A, 1, 1, PETSC_DETERMINE, PETSC_DETERMINE));
     PetscCall(MatSetType(A, MATSBAIJ));
+    PetscCall(MatSetUp(A)); /* later versions of PETSc ask for it */
     PetscCall(LatinDirectSolverAvailable_Private(A, MATSOLVERMUMPS, NULL, half));
     PetscCall(MatDestroy(&A));
   }

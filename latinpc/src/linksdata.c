@@ -76,6 +76,7 @@ static PetscErrorCode LatinLinksCreateSection_Private(LatinLinks links, const Pe
     PetscCall(PetscSectionSetFieldConstraintIndices(section, vstart + v, 0, list));
   }
   PetscCall(DMSetLocalSection(links->dm, section));
+  PetscCall(DMCreateDS(links->dm)); /* SNES asks for one in later versions of PETSc */
   PetscCall(PetscSectionDestroy(&section));
   PetscFunctionReturn(0);
 }

@@ -1,0 +1,86 @@
+"""The same again: the same bits, and no more memory."""
+
+import re
+
+import pytest
+
+BITS = """
+import hashlib
+import sys
+import petsc4py
+petsc4py.init(sys.argv)
+from petsc4py import PETSc
+import latinpc
+from latinpc.scenes import make
+
+links = latinpc.Links.from_scene(make("network", nodes=300, subdomains=9))
+snes = links.create_snes()
+snes.setFromOptions()
+u = links.create_vec()
+snes.solve(None, u)
+whole = links.displacements(u).tobytes() + latinpc.history(snes)["indicator"].tobytes()
+PETSc.Sys.Print(snes.getIterationNumber(), hashlib.sha256(whole).hexdigest())
+"""
+
+LIVES = """
+import sys
+import petsc4py
+petsc4py.init(sys.argv)
+from petsc4py import PETSc
+import latinpc
+from latinpc.scenes import make
+
+links = latinpc.Links.from_scene(make("tensegrity-grid", modules=4, subdomains=4))
+u, b = links.create_vec(), links.create_vec()
+b.set(1.0)
+A = links.dm.createMat()
+links.jacobian(u, A)
+
+
+def live():
+    snes = links.create_snes()
+    snes.setFromOptions()
+    snes.setUp()
+    snes.solve(None, u)
+    snes.reset()
+    snes.setUp()
+    snes.destroy()
+    for outer, inner in (("cg", "latin"), ("latin", "none")):
+        ksp = PETSc.KSP().create()
+        ksp.setType(outer)
+        ksp.getPC().setType(inner)
+        ksp.setOperators(A)
+        ksp.setUp()
+        ksp.solve(b, u)
+        ksp.reset()
+        ksp.destroy()
+
+
+def pages():
+    with open("/proc/self/statm") as file:
+        return int(file.read().split()[1])
+
+
+for life in range(1001):
+    if life in (200, 600, 1000):
+        print("pages", life, pages(), flush=True)
+    live()
+"""
+
+
+@pytest.mark.parametrize("ranks", [1, 3])
+def test_the_same_input_gives_the_same_bits(mpirun, ranks):
+    first, second = (mpirun(ranks, BITS).stdout for _ in range(2))
+    assert first == second and first
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_a_thousand_lives_leave_nothing_behind(mpirun, ranks):
+    result = mpirun(ranks, LIVES, timeout=280)
+    pages = {life: [int(n) for n in re.findall(rf"pages {life} (\d+)", result.stdout)] for life in (200, 600, 1000)}
+    assert all(len(counts) == ranks for counts in pages.values())
+    # 400 lives: a leak of a kilobyte each would be 100 pages
+    for count in range(ranks):
+        growth = sorted(pages[1000])[count] - sorted(pages[600])[count]
+        assert growth < 100, pages
