@@ -5,6 +5,7 @@ Arrays are those of this rank, contiguous, of PETSc's types; `latinpc.links` mak
 """
 
 from cpython.exc cimport PyErr_Occurred
+from cpython.pycapsule cimport PyCapsule_GetName, PyCapsule_GetPointer
 from petsc4py.PETSc cimport DM, IS, KSP, Mat, PC, SNES, TS, Object, Vec
 from petsc4py.PETSc cimport PetscDM, PetscIS, PetscKSP, PetscMat, PetscObject, PetscPC, PetscSNES, PetscTS, PetscVec
 from petsc4py.PETSc cimport MPI_Comm, GetComm, GetCommDefault
@@ -109,13 +110,20 @@ cdef extern from "latinpc.h":
     PetscErrorCode LatinGetMacroStiffness(Latin, PetscInt, PetscMat *)
 
 
+# petsc4py's own function, which gives the exception PETSc's messages: its C header and its .pxd exclude each other
+ctypedef int (*SetError)(PetscErrorCode)
+cdef object capsule = PETSc.__pyx_capi__["PyPetscError_Set"]
+cdef SetError set_error = <SetError>PyCapsule_GetPointer(capsule, PyCapsule_GetName(capsule))
+
+
 cdef inline int CHKERR(PetscErrorCode ierr) except -1:
     """Raise what a C call reports: a Python exception of a callback as it is, else PETSc.Error."""
     if ierr == 0:
         return 0
     if PyErr_Occurred() != NULL:
         return -1
-    raise PETSc.Error(ierr)
+    set_error(ierr)
+    return -1
 
 
 cdef object own(Object wrapper, void *handle):
