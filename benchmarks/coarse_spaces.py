@@ -63,7 +63,7 @@ class System:
 
     def __init__(self, scene):
         self.links = latinpc.Links.from_scene(scene)
-        self.matrix, u, self.b = self.links.dm.createMatrix(), self.links.create_vec(), self.links.create_vec()
+        self.matrix, u, self.b = self.links.dm.createMat(), self.links.create_vec(), self.links.create_vec()
         self.links.jacobian(u, self.matrix)
         self.links.residual(u, self.b)
         self.b.scale(-1.0)

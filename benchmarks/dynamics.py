@@ -26,7 +26,7 @@ from latinpc.scenes import make  # noqa: E402
 from latinpc.solve import default_options, versions  # noqa: E402
 
 NEWTON = {
-    "snes_type": "newtonls", "snes_linesearch_type": "basic", "snes_rtol": 1e-12, "snes_stol": 1e-4, "snes_max_it": 50,
+    "snes_type": "newtonls", "snes_linesearch_type": "none", "snes_rtol": 1e-12, "snes_stol": 1e-4, "snes_max_it": 50,
     "ksp_type": "preonly", "pc_type": "cholesky", "pc_factor_mat_solver_type": "cholmod",
     "pc_factor_mat_ordering_type": "nd",
 }  # fmt: skip

@@ -47,7 +47,7 @@ def solve(method, scene, tolerance, comm, reference, near_null_space):
     cpu, start = time.process_time(), time.perf_counter()
     links = Links.from_scene(scene, comm)
     links.dm.setMatType(method.matrix)
-    matrix, u, b = links.dm.createMatrix(), links.create_vec(), links.create_vec()
+    matrix, u, b = links.dm.createMat(), links.create_vec(), links.create_vec()
     links.jacobian(u, matrix)
     links.residual(u, b)
     b.scale(-1.0)
