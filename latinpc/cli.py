@@ -30,6 +30,7 @@ import latinpc
 from . import io
 from .scenes import SCENES, make
 from .scenes.scene import UNILATERAL, Law
+from .solvers import has_package
 
 NOT_CONVERGED, BAD_INPUT = 1, 2
 GATHERING_SECONDS = 10.0  # how long a rank that failed waits for the others to fail too
@@ -603,7 +604,7 @@ def info(comm):
     version, vendor = versions(), MPI.get_vendor()
     library = latinpc.get_library()
     packages = {"MUMPS": "mumps", "CHOLMOD": "suitesparse", "hypre": "hypre", "SuperLU_DIST": "superlu_dist"}
-    here = {name: PETSc.Sys.hasExternalPackage(package) for name, package in packages.items()}
+    here = {name: has_package(package) for name, package in packages.items()}
     config = __import__("petsc4py").get_config()
     lines = [
         ("latinpc", version["latinpc"]),

@@ -19,6 +19,7 @@ import latinpc
 from .io import slack
 from .links import Links
 from .scenes.scene import RIGID, UNILATERAL, Law, Scene
+from .solvers import has_package
 
 #: Options of our own, after ``-snes_latin_``, ``-ksp_latin_``, ``-pc_latin_``; the last are prefixes of inner solvers.
 OPTIONS = (
@@ -296,9 +297,9 @@ def direct_solver(comm):
         Its name for ``-pc_factor_mat_solver_type``, and a notice when it is second best.
     """
     wanted, package = ("cholmod", "suitesparse") if comm.size == 1 else ("mumps", "mumps")
-    if PETSc.Sys.hasExternalPackage(package):
+    if has_package(package):
         return wanted, None
-    if PETSc.Sys.hasExternalPackage("mumps"):
+    if has_package("mumps"):
         return "mumps", "this PETSc has no CHOLMOD: MUMPS factors the reference"
     return "petsc", "this PETSc has neither CHOLMOD nor MUMPS: its own Cholesky factors the reference"
 

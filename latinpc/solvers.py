@@ -341,6 +341,12 @@ def pcshell_set_latin(pc):
     _latin.pcshell_set_latin(pc)
 
 
+def has_package(name):
+    """Tell whether this PETSc has an external package; not collective."""
+    # earlier versions of PETSc name SuiteSparse as a whole, later ones its parts
+    return PETSc.Sys.hasExternalPackage(name) or (name == "suitesparse" and PETSc.Sys.hasExternalPackage("cholmod"))
+
+
 def error_message(error):
     """Return the sentence of an error that PETSc reports, without its list of C functions; not collective.
 

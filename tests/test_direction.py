@@ -190,7 +190,10 @@ def test_the_tuned_direction_lies_in_the_valley():
     ("options", "message"),
     [
         ({"direction_scalar": -1.0}, "-snes_latin_direction_scalar is -1"),
-        ({"direction_scalar": "inf"}, "-snes_latin_direction_scalar is"),
+        (
+            {"direction_scalar": "inf"},
+            "-snes_latin_direction_scalar is|value inf",
+        ),  # later versions refuse it themselves
         ({"direction_fraction": -0.1}, "-snes_latin_direction_fraction is -0.1"),
         ({"direction": "matrix"}, "matrix"),
     ],
@@ -199,7 +202,7 @@ def test_impossible_directions_are_refused(options, message):
     """The message names the option and what it was given."""
     with pytest.raises(PETSc.Error) as caught:
         statistics(lattice(), **options)
-    assert message in latinpc.error_message(caught.value)
+    assert re.search(message, latinpc.error_message(caught.value))
 
 
 @pytest.mark.parametrize("direction", DIRECTIONS)

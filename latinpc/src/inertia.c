@@ -199,6 +199,7 @@ PetscErrorCode LatinStepCreate_Private(LatinLinks base, LatinLinks *newstep)
   PetscCall(DMClone(base->dm, &step->dm));
   PetscCall(DMGetLocalSection(base->dm, &section));
   PetscCall(DMSetLocalSection(step->dm, section));
+  PetscCall(DMCreateDS(step->dm));
   PetscCall(VecDuplicate(base->load, &step->load));
   PetscCall(VecDuplicate(base->load, &step->ground));
   PetscCall(PetscCalloc3(base->links_local, &step->prestrain, base->dim * base->nodes_local, &step->prescribed, base->dim * base->vertices, &step->vertex_prescribed));
