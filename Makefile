@@ -120,7 +120,7 @@ test-all: env
 	$(PYTEST_ENV) $(BIN)/pytest $(PYTEST_ARGS)
 
 $(VENV)/.bench: $(VENV)/.tools
-	@echo "Installing the interior point methods pinned in pyproject.toml"
+	@echo "Installing another interior point method pinned in pyproject.toml"
 	@$(BIN)/python -m pip install -q --disable-pip-version-check $(call extra,bench)
 	@touch $@
 

@@ -1,10 +1,10 @@
 /*
    Elasticity in 3D in the manner of PETSc's tutorials: a DMDA whose matrix is a MATIS, and no word of latinpc.
 
-     mpicc examples/08_elasticity.c -o 08_elasticity $(pkg-config --cflags --libs PETSc) -lm
-     mpirun -n 2 ./08_elasticity -dll_append latinpc/liblatinpc.so -pc_type latin -ksp_converged_reason
-     mpirun -n 8 ./08_elasticity -cells 6 -stiff 1e6 -dll_append latinpc/liblatinpc.so -pc_type latin -ksp_view
-     mpirun -n 2 ./08_elasticity -pc_type bddc
+     mpicc examples/09_elasticity.c -o 09_elasticity $(pkg-config --cflags --libs PETSc) -lm
+     mpirun -n 2 ./09_elasticity -dll_append latinpc/liblatinpc.so -pc_type latin -ksp_converged_reason
+     mpirun -n 8 ./09_elasticity -cells 6 -stiff 1e6 -dll_append latinpc/liblatinpc.so -pc_type latin -ksp_view
+     mpirun -n 2 ./09_elasticity -pc_type bddc
 
    A cube of trilinear elements is held on its face x = 0 and bears its own weight; the elements of every third layer
    are `-stiff` times as stiff as the others. Each rank's local matrix is that of its own elements; PC latin takes the
