@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from contextlib import contextmanager
 from dataclasses import replace
 from types import SimpleNamespace
@@ -146,3 +147,18 @@ def unbalance(scene, u):
     tau = oracle.tension(scene, b @ np.where(scene.fixed, 0.0, u).ravel() + e_d)
     r = (b.T @ tau).reshape(u.shape) - scene.load
     return np.abs(np.where(scene.fixed, 0.0, r)).max() / (abs(b).T @ abs(tau)).max()
+
+
+_STAGES = itertools.count()
+
+
+@contextmanager
+def logged():
+    """Count events in a stage of its own: PETSc counts no event again in a stage where an error has cut it short."""
+    PETSc.Log.begin()
+    stage = PETSc.Log.Stage(f"test {next(_STAGES)}")
+    stage.push()
+    try:
+        yield
+    finally:
+        stage.pop()

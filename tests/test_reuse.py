@@ -3,7 +3,7 @@
 import oracle
 import pytest
 from petsc4py import PETSc
-from support import far, grid, irregular, latin
+from support import far, grid, irregular, latin, logged
 
 EVENTS = ("LatinSetUp", "LatinSubstruct", "LatinInterface", "LatinMacro", "MatCholFctrNum", "MatCholFctrSym")
 WARM = {"cold": {}, "warm": {"warm_start": True}, "extrapolated": {"warm_start": True, "warm_extrapolate": True}}
@@ -16,7 +16,8 @@ def counts():
 
 @pytest.fixture(autouse=True)
 def log():
-    PETSc.Log.begin()
+    with logged():
+        yield
 
 
 @pytest.mark.parametrize("polish", [False, True])

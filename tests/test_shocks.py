@@ -6,9 +6,8 @@ from dataclasses import replace
 import numpy as np
 import oracle
 import pytest
-from petsc4py import PETSc
 from scipy.optimize import nnls
-from support import grid
+from support import grid, logged
 from test_dynamics import EXACT, NEWTON, counts, floating, heavy, message, motion, one_mass
 
 from latinpc.scenes import Law, Scene, make
@@ -213,8 +212,7 @@ def test_energy_never_grows_through_shocks_and_momentum_is_kept():
 
 def test_shocks_build_nothing_again():
     """Links that close and open change no operator."""
-    PETSc.Log.begin()
-    with motion(hanging_chain(), 2e-3) as it:
+    with logged(), motion(hanging_chain(), 2e-3) as it:
         it.step()
         built = counts()
         active = set()

@@ -65,6 +65,7 @@ static PetscBool SNESLatinStalls_Private(SNES_Latin *data, PetscReal norm, Petsc
 
   if (!data->rescue.able || data->rescue.called || !(target > 0.0)) return PETSC_FALSE;
   if (reason > 0) return data->rescue.contrast;
+  if (reason == SNES_DIVERGED_INNER) return data->rescue.contrast; /* rounding, which Newton's method meets too unless stiffnesses are its cause */
   return reason < 0 ? (PetscBool)(reason != SNES_DIVERGED_LINEAR_SOLVE) : stalled;
 }
 
