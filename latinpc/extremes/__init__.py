@@ -113,6 +113,8 @@ def _judge(case, scene, found, displacements):
     # displacements that the rounding of the prestrains alone would make are zero
     nothing = np.linalg.norm(displacements - reference) <= NOTHING * np.linalg.norm(scene.prestrain)
     right = (error <= SLACK * ACCURACY or nothing) and case.expected != "refused"
+    if nothing:
+        error, kind = None, "nothing moves but by rounding"
     return _outcome(case, "right" if right else "wrong", reason, error=error, reference=kind, **told)
 
 
