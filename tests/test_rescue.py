@@ -94,6 +94,23 @@ def test_nodes_that_fly_away_are_named(force):
         assert latinpc.loose_nodes(run.snes) == (0, [])
 
 
+def test_no_convergence_without_proof():
+    """Where stiffnesses differ by orders and Newton's method may not finish, convergence is not claimed."""
+    scene = contrast(1e12, across=True)
+    result = solve(scene, subdomains=8, stop="error", error=1e-6, rescue_snes_max_it=1, max_it=1000)
+    assert result.reason < 0
+
+
+def test_a_polish_that_fails_before_a_rescue():
+    """The iteration goes on after a polish that may take no step, stalls, and is rescued: no convergence in between."""
+    scene = contrast(1e4)
+    result = solve(
+        scene, subdomains=8, stol=1e-9, polish=True, polish_start=1.0, polish_snes_max_it=1, polish_ksp_rtol=0.9
+    )
+    assert result.reason > 0
+    assert unbalance(scene, result.u) < 1e-6
+
+
 PROGRAM = f"""
 import sys
 sys.path.insert(0, {str(Path(__file__).parent)!r})

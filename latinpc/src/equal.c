@@ -42,14 +42,14 @@ PetscErrorCode LatinFindEqual(PetscInt n, const size_t first[], const void *data
     key[i].number = i;
     pattern[i]    = i;
   }
-  qsort(key, (size_t)n, sizeof(*key), LatinKeyCompare);
+  if (n > 1) qsort(key, (size_t)n, sizeof(*key), LatinKeyCompare);
   for (PetscInt i = 1; i < n; i++) {
     const PetscInt b = key[i].number;
 
     for (PetscInt j = i - 1; j >= 0 && key[j].hash == key[i].hash && pattern[b] == b; j--) {
       const PetscInt a = pattern[key[j].number]; /* different records with one hash stay apart */
 
-      if (first[a + 1] - first[a] == first[b + 1] - first[b] && !memcmp(bytes + first[a], bytes + first[b], first[b + 1] - first[b])) pattern[b] = a;
+      if (first[a + 1] - first[a] == first[b + 1] - first[b] && (first[b + 1] == first[b] || !memcmp(bytes + first[a], bytes + first[b], first[b + 1] - first[b]))) pattern[b] = a;
     }
   }
   PetscCall(PetscFree(key));

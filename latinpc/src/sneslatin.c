@@ -413,6 +413,10 @@ static PetscErrorCode SNESLatinPolish_Private(SNES snes, LatinPolish *polish)
   polish->steps       = 0;
   PetscCall(SNESSolve(data->outer, NULL, data->z));
   PetscCall(SNESGetConvergedReason(data->outer, &snes->reason));
+  if (polish->own && data->rescue.contrast && snes->reason > 0) {
+    snes->reason = SNES_DIVERGED_INNER; /* what Newton's method was to confirm it has not */
+    PetscCall(PetscInfo(snes, "Stiffnesses that differ so much leave the convergence of the iteration without proof\n"));
+  }
   PetscFunctionReturn(0);
 }
 
@@ -473,7 +477,8 @@ static PetscErrorCode SNESSolve_Latin(SNES snes)
   PetscCall(LatinRescueStart_Private(&data->rescue, latin->links));
   PetscCall(SNESSolve(data->outer, NULL, data->z));
   PetscCall(SNESGetConvergedReason(data->outer, &snes->reason));
-  if (snes->reason == SNES_CONVERGED_ITS) PetscCall(SNESLatinPolish_Private(snes, data->rescue.called ? &data->rescue.newton : &data->polish));
+  /* at most twice: a polish that fails may leave an iteration that stalls */
+  while (snes->reason == SNES_CONVERGED_ITS) PetscCall(SNESLatinPolish_Private(snes, data->rescue.called ? &data->rescue.newton : &data->polish));
   data->has_state = (PetscBool)(snes->reason > 0);
   if (latin->failed) snes->reason = SNES_DIVERGED_LINEAR_SOLVE;
   snes->linear_its = data->ended ? data->ended->stages : 0;

@@ -139,9 +139,8 @@ PetscErrorCode LatinLinksCountActive_Private(LatinLinks links, Vec u, PetscInt *
 
 /*
    The length t in (0, 1] at which the energy along u - t step is least, and 1 when it falls all the way; `more` is a load
-   beside that of the structure, or NULL. The derivative
-   of the energy is monotone and piecewise linear in t, so that a secant that never leaves its bracket ends soon.
-   Collective on links.
+   beside that of the structure, or NULL. The derivative of the energy is monotone and piecewise linear in t, so that a
+   secant that never leaves its bracket ends soon. Collective on links.
 */
 PetscErrorCode LatinLinksSearch_Private(LatinLinks links, Vec u, Vec step, Vec more, PetscReal *length)
 {
