@@ -15,6 +15,8 @@
 SHELL       := /bin/bash
 PYTHON      ?= /usr/bin/python3
 PYTEST_ARGS ?=
+# files of tests are shared out to two processes: tests of several ranks fill more cores by themselves
+PARALLEL    ?= -n 2 --dist loadfile
 PETSC       ?= debian
 PACKAGES    := petsc-dev python3-petsc4py python3-mpi4py python3-numpy python3-scipy python3-venv python3-dev \
                libmetis-dev cython3 cmake ninja-build gcc libc6-dev pkg-config openmpi-bin libopenblas0-serial
@@ -114,10 +116,10 @@ demo: env
 	  --output demo/tensegrity-grid.vtu --picture demo/tensegrity-grid.png --json demo/tensegrity-grid.json
 
 test: env
-	$(PYTEST_ENV) $(BIN)/pytest -m "not slow" $(PYTEST_ARGS)
+	$(PYTEST_ENV) $(BIN)/pytest -m "not slow" $(PARALLEL) $(PYTEST_ARGS)
 
 test-all: env
-	$(PYTEST_ENV) $(BIN)/pytest $(PYTEST_ARGS)
+	$(PYTEST_ENV) $(BIN)/pytest $(PARALLEL) $(PYTEST_ARGS)
 
 $(VENV)/.bench: $(VENV)/.tools
 	@echo "Installing another interior point method pinned in pyproject.toml"

@@ -16,6 +16,10 @@ ENVIRONMENT = {
     "OPENBLAS_NUM_THREADS": "1",
     "MPLBACKEND": "Agg",
 }
+# a worker of pytest-xdist is born of a process that has started MPI: what that one was told is not for this one
+if os.environ.pop("PYTEST_XDIST_WORKER", None):
+    for name in [name for name in os.environ if name.startswith(("OMPI_", "PMIX_", "ORTE_", "OPAL_"))]:
+        del os.environ[name]
 os.environ.update(ENVIRONMENT)
 # neither the options of pytest nor those of the person who runs the tests are PETSc's business
 os.environ.pop("PETSC_OPTIONS", None)

@@ -254,17 +254,7 @@ PetscErrorCode LatinLinksComputeResidual(LatinLinks links, Vec u, Vec r)
   PetscCall(VecZeroEntries(rl));
   PetscCall(VecGetArrayRead(ul, &a));
   PetscCall(VecGetArray(rl, &f));
-  for (PetscInt l = 0; l < links->links_local; l++) {
-    const PetscReal  x  = LatinLinksElongation(links, l, a) + links->prestrain[l];
-    const PetscReal  t  = LatinLinksTension(links, l, x);
-    const PetscReal *n  = links->direction + dim * l;
-    PetscScalar     *fa = f + dim * links->ends[2 * l], *fb = f + dim * links->ends[2 * l + 1];
-
-    for (PetscInt c = 0; c < dim; c++) {
-      fa[c] -= t * n[c];
-      fb[c] += t * n[c];
-    }
-  }
+  for (PetscInt l = 0; l < links->links_local; l++) LatinLinksAddForce(links, l, LatinLinksTension(links, l, LatinLinksElongation(links, l, a) + links->prestrain[l]), f);
   PetscCall(VecRestoreArrayRead(ul, &a));
   PetscCall(VecRestoreArray(rl, &f));
   PetscCall(VecCopy(links->load, r));

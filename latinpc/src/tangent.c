@@ -55,16 +55,7 @@ PetscErrorCode LatinLinksMultTangent_Private(LatinLinks links, Vec x, Vec y)
   PetscCall(DMGlobalToLocalEnd(links->dm, x, INSERT_VALUES, xl));
   PetscCall(VecGetArrayRead(xl, &a));
   PetscCall(VecGetArray(yl, &f));
-  for (PetscInt l = 0; l < links->links_local; l++) {
-    const PetscReal  t  = links->tangent[l] * LatinLinksElongation(links, l, a);
-    const PetscReal *n  = links->direction + dim * l;
-    PetscScalar     *fa = f + dim * links->ends[2 * l], *fb = f + dim * links->ends[2 * l + 1];
-
-    for (PetscInt c = 0; c < dim; c++) {
-      fa[c] -= t * n[c];
-      fb[c] += t * n[c];
-    }
-  }
+  for (PetscInt l = 0; l < links->links_local; l++) LatinLinksAddForce(links, l, links->tangent[l] * LatinLinksElongation(links, l, a), f);
   PetscCall(VecRestoreArrayRead(xl, &a));
   PetscCall(VecRestoreArray(yl, &f));
   PetscCall(VecZeroEntries(y));
