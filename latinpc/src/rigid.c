@@ -117,7 +117,7 @@ static PetscErrorCode LatinLinksVertexGround_Private(LatinLinks links, PetscReal
 */
 PetscErrorCode LatinLinksTune_Private(LatinLinks links)
 {
-  PetscReal scale, *node, *vertex, *ground;
+  PetscReal scale = 0.0, *node, *vertex, *ground;
 
   PetscFunctionBegin;
   PetscCall(LatinLinksScale_Private(links, &scale));
