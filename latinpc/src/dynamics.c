@@ -149,6 +149,20 @@ static PetscErrorCode TSStep_Latin(TS ts)
   PetscFunctionReturn(0);
 }
 
+static PetscErrorCode TSSetUp_Latin_Watched(TS ts)
+{
+  PetscFunctionBegin;
+  LatinWatch(PetscObjectComm((PetscObject)ts), TSSetUp_Latin(ts));
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode TSStep_Latin_Watched(TS ts)
+{
+  PetscFunctionBegin;
+  LatinWatch(PetscObjectComm((PetscObject)ts), TSStep_Latin(ts));
+  PetscFunctionReturn(0);
+}
+
 /* The velocity is constant during a step */
 static PetscErrorCode TSInterpolate_Latin(TS ts, PetscReal t, Vec u)
 {
@@ -290,8 +304,8 @@ PETSC_EXTERN PetscErrorCode TSCreate_Latin(TS ts)
   PetscFunctionBegin;
   PetscCall(PetscNew(&data));
   ts->data                = (void *)data;
-  ts->ops->setup          = TSSetUp_Latin;
-  ts->ops->step           = TSStep_Latin;
+  ts->ops->setup          = TSSetUp_Latin_Watched;
+  ts->ops->step           = TSStep_Latin_Watched;
   ts->ops->interpolate    = TSInterpolate_Latin;
   ts->ops->reset          = TSReset_Latin;
   ts->ops->destroy        = TSDestroy_Latin;

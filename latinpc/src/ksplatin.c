@@ -358,6 +358,20 @@ static PetscErrorCode KSPSolve_Latin(KSP ksp)
   PetscFunctionReturn(0);
 }
 
+static PetscErrorCode KSPSetUp_Latin_Watched(KSP ksp)
+{
+  PetscFunctionBegin;
+  LatinWatch(PetscObjectComm((PetscObject)ksp), KSPSetUp_Latin(ksp));
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode KSPSolve_Latin_Watched(KSP ksp)
+{
+  PetscFunctionBegin;
+  LatinWatch(PetscObjectComm((PetscObject)ksp), KSPSolve_Latin(ksp));
+  PetscFunctionReturn(0);
+}
+
 /* ---- the object ---- */
 
 static PetscErrorCode KSPSetFromOptions_Latin(KSP ksp, LatinOptionItems PetscOptionsObject)
@@ -526,8 +540,8 @@ PETSC_EXTERN PetscErrorCode KSPCreate_Latin(KSP ksp)
   PetscFunctionBegin;
   PetscCall(PetscNew(&data));
   ksp->data                = (void *)data;
-  ksp->ops->setup          = KSPSetUp_Latin;
-  ksp->ops->solve          = KSPSolve_Latin;
+  ksp->ops->setup          = KSPSetUp_Latin_Watched;
+  ksp->ops->solve          = KSPSolve_Latin_Watched;
   ksp->ops->reset          = KSPReset_Latin;
   ksp->ops->destroy        = KSPDestroy_Latin;
   ksp->ops->setfromoptions = KSPSetFromOptions_Latin;

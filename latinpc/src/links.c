@@ -142,6 +142,38 @@ static PetscErrorCode LatinLinksCreateMesh_Private(LatinLinks links, MPI_Comm co
   PetscFunctionReturn(0);
 }
 
+/* The arrays and the mesh of a new structure of known sizes */
+static PetscErrorCode LatinLinksFill_Private(LatinLinks l, MPI_Comm comm, const PetscReal coordinates[], const PetscInt link_nodes[])
+{
+  const PetscInt n = l->nodes_local * l->dim, m = l->links_local;
+  PetscInt       vstart, vend;
+  DM             cdm;
+
+  PetscFunctionBegin;
+  PetscCall(PetscCalloc4(n, &l->x, n, &l->prescribed, n, &l->force, n, &l->fixed));
+  PetscCall(PetscCalloc5(2 * m, &l->nodes, m, &l->law, m, &l->stiffness, m, &l->prestrain, l->dim * m, &l->direction));
+  PetscCall(PetscArraycpy(l->x, coordinates, n));
+  PetscCall(PetscArraycpy(l->nodes, link_nodes, 2 * m));
+
+  PetscCall(LatinLinksCreateMesh_Private(l, comm));
+  PetscCall(PetscObjectSetName((PetscObject)l->dm, "structure"));
+  PetscCall(DMGetCoordinateDM(l->dm, &cdm));
+  (void)cdm;
+  PetscCall(DMPlexGetDepthStratum(l->dm, 0, &vstart, &vend));
+  if (!m) vstart = vend = 0;
+  l->vertices = vend - vstart;
+  PetscCall(PetscMalloc1(2 * m, &l->ends));
+  for (PetscInt i = 0; i < m; i++) {
+    const PetscInt *cone;
+
+    PetscCall(DMPlexGetCone(l->dm, i, &cone));
+    l->ends[2 * i]     = cone[0] - vstart;
+    l->ends[2 * i + 1] = cone[1] - vstart;
+  }
+  PetscCall(LatinLinksComputeDirections_Private(l));
+  PetscFunctionReturn(0);
+}
+
 /*@C
   LatinLinksCreate - Creates a structure of nodes joined by links.
 
@@ -170,8 +202,7 @@ static PetscErrorCode LatinLinksCreateMesh_Private(LatinLinks links, MPI_Comm co
 PetscErrorCode LatinLinksCreate(MPI_Comm comm, PetscInt dim, PetscInt nodes_local, PetscInt nodes_global, const PetscReal coordinates[], PetscInt links_local, const PetscInt link_nodes[], LatinLinks *newlinks)
 {
   LatinLinks l;
-  PetscInt   in[2], out[2], start[2], bad = -1, notfinite = -1, self = -1, vstart, vend;
-  DM         cdm;
+  PetscInt   in[2], out[2], start[2], bad = -1, notfinite = -1, self = -1;
 
   PetscFunctionBegin;
   PetscAssertPointer(newlinks, 8);
@@ -203,27 +234,8 @@ PetscErrorCode LatinLinksCreate(MPI_Comm comm, PetscInt dim, PetscInt nodes_loca
   l->nodes_start  = start[0] - nodes_local;
   l->links_start  = start[1] - links_local;
   l->rigid_law    = -1;
-  PetscCall(PetscCalloc4(nodes_local * dim, &l->x, nodes_local * dim, &l->prescribed, nodes_local * dim, &l->force, nodes_local * dim, &l->fixed));
-  PetscCall(PetscCalloc5(2 * links_local, &l->nodes, links_local, &l->law, links_local, &l->stiffness, links_local, &l->prestrain, dim * links_local, &l->direction));
-  PetscCall(PetscArraycpy(l->x, coordinates, nodes_local * dim));
-  PetscCall(PetscArraycpy(l->nodes, link_nodes, 2 * links_local));
-
-  PetscCall(LatinLinksCreateMesh_Private(l, comm));
-  PetscCall(PetscObjectSetName((PetscObject)l->dm, "structure"));
-  PetscCall(DMGetCoordinateDM(l->dm, &cdm));
-  (void)cdm;
-  PetscCall(DMPlexGetDepthStratum(l->dm, 0, &vstart, &vend));
-  if (!links_local) vstart = vend = 0;
-  l->vertices = vend - vstart;
-  PetscCall(PetscMalloc1(2 * links_local, &l->ends));
-  for (PetscInt i = 0; i < links_local; i++) {
-    const PetscInt *cone;
-
-    PetscCall(DMPlexGetCone(l->dm, i, &cone));
-    l->ends[2 * i]     = cone[0] - vstart;
-    l->ends[2 * i + 1] = cone[1] - vstart;
-  }
-  PetscCall(LatinLinksComputeDirections_Private(l));
+  PetscCall(LatinWatchCreate_Private(PetscObjectComm((PetscObject)l)));
+  LatinWatch(PetscObjectComm((PetscObject)l), LatinLinksFill_Private(l, comm, coordinates, link_nodes));
   *newlinks = l;
   PetscFunctionReturn(0);
 }

@@ -1,8 +1,7 @@
 #include "latinimpl.h"
 
 /*
-   What a structure computes: nodal unbalance (1), its derivative, energy, tensions, and the way between the DM's
-   vectors and the caller's numbering.
+   What a structure gives a solver: its DM, nodal unbalance (1) and the derivative of it.
 */
 
 static PetscErrorCode LatinLinksCheckSetUp_Private(LatinLinks links)
@@ -81,17 +80,7 @@ static PetscErrorCode LatinLinksCreateSection_Private(LatinLinks links, const Pe
   PetscFunctionReturn(0);
 }
 
-/*@C
-  LatinLinksSetUp - Prepares the DM of a structure once laws, supports and loads are given.
-
-  Collective on links
-
-  Level: beginner
-
-  Note:
-  Raises `PETSC_ERR_ARG_WRONGSTATE` for a node with a free displacement that no link reaches, on every rank.
-@*/
-PetscErrorCode LatinLinksSetUp(LatinLinks links)
+static PetscErrorCode LatinLinksSetUp_Private(LatinLinks links)
 {
   PetscInt     dim, n, vstart, vend, bad = -1;
   PetscBool   *vfixed;
@@ -99,8 +88,6 @@ PetscErrorCode LatinLinksSetUp(LatinLinks links)
   PetscSection global;
 
   PetscFunctionBegin;
-  PetscValidHeaderSpecific(links, LATIN_LINKS_CLASSID, 1);
-  if (links->set_up) PetscFunctionReturn(0);
   dim = links->dim;
   n   = links->nodes_local * dim;
   for (PetscInt l = 0; l < links->links_local && bad < 0; l++)
@@ -145,6 +132,25 @@ PetscErrorCode LatinLinksSetUp(LatinLinks links)
   PetscCall(DMCreateGlobalVector(links->dm, &links->load));
   PetscCall(LatinLinksLoadVec_Private(links));
   PetscCall(LatinLinksKnowDM_Private(links));
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  LatinLinksSetUp - Prepares the DM of a structure once laws, supports and loads are given.
+
+  Collective on links
+
+  Level: beginner
+
+  Note:
+  Raises `PETSC_ERR_ARG_WRONGSTATE` for a node with a free displacement that no link reaches, on every rank.
+@*/
+PetscErrorCode LatinLinksSetUp(LatinLinks links)
+{
+  PetscFunctionBegin;
+  PetscValidHeaderSpecific(links, LATIN_LINKS_CLASSID, 1);
+  if (links->set_up) PetscFunctionReturn(0);
+  LatinWatch(PetscObjectComm((PetscObject)links), LatinLinksSetUp_Private(links));
   links->set_up = PETSC_TRUE;
   PetscFunctionReturn(0);
 }
@@ -221,24 +227,7 @@ PetscErrorCode LatinLinksGetLocal_Private(LatinLinks links, Vec u, Vec local)
   PetscFunctionReturn(0);
 }
 
-/*@C
-  LatinLinksComputeResidual - The nodal unbalance B^t tau - F at the free degrees of freedom, (1).
-
-  Collective on links
-
-  Input Parameters:
-+ links - the structure
-- u     - displacements, a DM global vector
-
-  Output Parameter:
-. r - unbalance, a DM global vector
-
-  Level: intermediate
-
-  Note:
-  Tensions of links of a rigid law are no function of the displacements: they are those of the last solve by SNES latin.
-@*/
-PetscErrorCode LatinLinksComputeResidual(LatinLinks links, Vec u, Vec r)
+static PetscErrorCode LatinLinksComputeResidual_Private(LatinLinks links, Vec u, Vec r)
 {
   Vec                ul, rl;
   const PetscScalar *a;
@@ -246,7 +235,6 @@ PetscErrorCode LatinLinksComputeResidual(LatinLinks links, Vec u, Vec r)
   PetscInt           dim;
 
   PetscFunctionBegin;
-  PetscCall(LatinLinksCheckVec_Private(links, u));
   dim = links->dim;
   PetscCall(DMGetLocalVector(links->dm, &ul));
   PetscCall(DMGetLocalVector(links->dm, &rl));
@@ -269,7 +257,7 @@ PetscErrorCode LatinLinksComputeResidual(LatinLinks links, Vec u, Vec r)
 }
 
 /*@C
-  LatinLinksComputeJacobian - The generalised derivative B^t k_t B of the unbalance, k_t the tangent stiffness of each link.
+  LatinLinksComputeResidual - The nodal unbalance B^t tau - F at the free degrees of freedom, (1).
 
   Collective on links
 
@@ -278,11 +266,22 @@ PetscErrorCode LatinLinksComputeResidual(LatinLinks links, Vec u, Vec r)
 - u     - displacements, a DM global vector
 
   Output Parameter:
-. J - a matrix from `DMCreateMatrix()`: AIJ, or MATIS after -dm_mat_type is
+. r - unbalance, a DM global vector
 
   Level: intermediate
+
+  Note:
+  Tensions of links of a rigid law are no function of the displacements: they are those of the last solve by SNES latin.
 @*/
-PetscErrorCode LatinLinksComputeJacobian(LatinLinks links, Vec u, Mat J)
+PetscErrorCode LatinLinksComputeResidual(LatinLinks links, Vec u, Vec r)
+{
+  PetscFunctionBegin;
+  PetscCall(LatinLinksCheckVec_Private(links, u));
+  LatinWatch(PetscObjectComm((PetscObject)links), LatinLinksComputeResidual_Private(links, u, r));
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode LatinLinksComputeJacobian_Private(LatinLinks links, Vec u, Mat J)
 {
   ISLocalToGlobalMapping map;
   PetscInt               n, m;
@@ -291,7 +290,6 @@ PetscErrorCode LatinLinksComputeJacobian(LatinLinks links, Vec u, Mat J)
   PetscInt               dim;
 
   PetscFunctionBegin;
-  PetscCall(LatinLinksCheckVec_Private(links, u));
   PetscCall(LatinLinksCheckRigid_Private(links, "The tangent stiffness, that is Newton's method,"));
   PetscCall(MatGetLocalToGlobalMapping(J, &map, NULL));
   PetscCall(MatGetSize(J, &n, NULL));
@@ -332,6 +330,28 @@ PetscErrorCode LatinLinksComputeJacobian(LatinLinks links, Vec u, Mat J)
   if (links->ground) PetscCall(MatDiagonalSet(J, links->ground, ADD_VALUES));
   PetscCall(MatSetOption(J, MAT_SYMMETRIC, PETSC_TRUE));
   PetscCall(MatSetOption(J, MAT_SYMMETRY_ETERNAL, PETSC_TRUE));
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  LatinLinksComputeJacobian - The generalised derivative B^t k_t B of the unbalance, k_t the tangent stiffness of each link.
+
+  Collective on links
+
+  Input Parameters:
++ links - the structure
+- u     - displacements, a DM global vector
+
+  Output Parameter:
+. J - a matrix from `DMCreateMatrix()`: AIJ, or MATIS after -dm_mat_type is
+
+  Level: intermediate
+@*/
+PetscErrorCode LatinLinksComputeJacobian(LatinLinks links, Vec u, Mat J)
+{
+  PetscFunctionBegin;
+  PetscCall(LatinLinksCheckVec_Private(links, u));
+  LatinWatch(PetscObjectComm((PetscObject)links), LatinLinksComputeJacobian_Private(links, u, J));
   PetscFunctionReturn(0);
 }
 
@@ -387,196 +407,5 @@ PetscErrorCode LatinLinksAttachSNES(LatinLinks links, SNES snes)
   PetscCall(SNESSetJacobian(snes, NULL, NULL, LatinLinksJacobian_SNES, links));
   PetscCall(SNESSetObjective(snes, LatinLinksObjective_SNES, links));
   PetscCall(PetscObjectCompose((PetscObject)snes, "LatinLinks", (PetscObject)links));
-  PetscFunctionReturn(0);
-}
-
-/*@C
-  LatinLinksComputeEnergy - The potential energy: strain energy of the links less the work of the loads.
-
-  Collective on links
-
-  Level: intermediate
-
-  Note:
-  Links of a rigid law store none.
-@*/
-PetscErrorCode LatinLinksComputeEnergy(LatinLinks links, Vec u, PetscReal *energy)
-{
-  Vec                ul;
-  const PetscScalar *a;
-  PetscReal          sum = 0.0, total;
-  PetscScalar        work;
-
-  PetscFunctionBegin;
-  PetscCall(LatinLinksCheckVec_Private(links, u));
-  PetscCall(DMGetLocalVector(links->dm, &ul));
-  PetscCall(LatinLinksGetLocal_Private(links, u, ul));
-  PetscCall(VecGetArrayRead(ul, &a));
-  for (PetscInt l = 0; l < links->links_local; l++) {
-    const LatinLaw *law = &LatinLaws[links->law[l]];
-
-    if (!law->rigid) sum += law->energy(links->stiffness[l], LatinLinksElongation(links, l, a) + links->prestrain[l], law->ctx);
-  }
-  PetscCall(VecRestoreArrayRead(ul, &a));
-  PetscCall(DMRestoreLocalVector(links->dm, &ul));
-  PetscCall(MPIU_Allreduce(&sum, &total, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)links)));
-  PetscCall(VecDot(links->load, u, &work));
-  *energy = total - work;
-  if (links->ground) {
-    PetscCall(LatinLinksGroundEnergy_Private(links, u, &sum));
-    *energy += sum;
-  }
-  PetscFunctionReturn(0);
-}
-
-/*@C
-  LatinLinksComputeErrors - Relative distance of two displacement fields.
-
-  Collective on links
-
-  Input Parameters:
-+ links     - the structure
-. u         - displacements
-- reference - displacements to compare with
-
-  Output Parameters:
-+ l2     - |u - reference| / |reference|
-- energy - the same in the norm sqrt(sum of k e^2) of the elongations, all links counted as taut
-
-  Level: intermediate
-
-  Note:
-  For a zero reference the distances are absolute.
-@*/
-PetscErrorCode LatinLinksComputeErrors(LatinLinks links, Vec u, Vec reference, PetscReal *l2, PetscReal *energy)
-{
-  Vec                ul, vl, d;
-  const PetscScalar *a, *b;
-  PetscReal          sum[2] = {0.0, 0.0}, total[2], dn, rn;
-
-  PetscFunctionBegin;
-  PetscCall(LatinLinksCheckVec_Private(links, u));
-  PetscCall(LatinLinksCheckVec_Private(links, reference));
-  PetscCall(VecDuplicate(u, &d));
-  PetscCall(VecWAXPY(d, -1.0, reference, u));
-  PetscCall(VecNorm(d, NORM_2, &dn));
-  PetscCall(VecNorm(reference, NORM_2, &rn));
-  PetscCall(VecDestroy(&d));
-  *l2 = rn > 0.0 ? dn / rn : dn;
-  PetscCall(DMGetLocalVector(links->dm, &ul));
-  PetscCall(DMGetLocalVector(links->dm, &vl));
-  PetscCall(LatinLinksGetLocal_Private(links, u, ul));
-  PetscCall(LatinLinksGetLocal_Private(links, reference, vl));
-  PetscCall(VecGetArrayRead(ul, &a));
-  PetscCall(VecGetArrayRead(vl, &b));
-  for (PetscInt l = 0; l < links->links_local; l++) {
-    const PetscReal e = LatinLinksElongation(links, l, a), r = LatinLinksElongation(links, l, b);
-
-    sum[0] += links->stiffness[l] * PetscSqr(e - r);
-    sum[1] += links->stiffness[l] * PetscSqr(r);
-  }
-  PetscCall(VecRestoreArrayRead(ul, &a));
-  PetscCall(VecRestoreArrayRead(vl, &b));
-  PetscCall(DMRestoreLocalVector(links->dm, &ul));
-  PetscCall(DMRestoreLocalVector(links->dm, &vl));
-  PetscCall(MPIU_Allreduce(sum, total, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)links)));
-  *energy = PetscSqrtReal(total[1] > 0.0 ? total[0] / total[1] : total[0]);
-  PetscFunctionReturn(0);
-}
-
-/*@C
-  LatinLinksGetDisplacements - Displacements of this rank's nodes in the caller's numbering, prescribed ones included.
-
-  Collective on links
-
-  Input Parameters:
-+ links - the structure
-- u     - displacements, a DM global vector
-
-  Output Parameter:
-. displacement - [nodes_local][dim], a length
-
-  Level: beginner
-@*/
-PetscErrorCode LatinLinksGetDisplacements(LatinLinks links, Vec u, PetscReal displacement[])
-{
-  const PetscInt     n = links->nodes_local * links->dim;
-  PetscSF            sf;
-  PetscInt          *remote, *local, m = 0;
-  PetscLayout        map;
-  const PetscScalar *a;
-
-  PetscFunctionBegin;
-  PetscCall(LatinLinksCheckVec_Private(links, u));
-  PetscCall(PetscArraycpy(displacement, links->prescribed, n));
-  PetscCall(PetscMalloc2(n, &remote, n, &local));
-  for (PetscInt i = 0; i < n; i++)
-    if (links->global_dof[i] >= 0) {
-      remote[m]  = links->global_dof[i];
-      local[m++] = i;
-    }
-  PetscCall(VecGetLayout(u, &map));
-  PetscCall(PetscSFCreate(PetscObjectComm((PetscObject)links), &sf));
-  PetscCall(PetscSFSetGraphLayout(sf, map, m, local, PETSC_COPY_VALUES, remote));
-  PetscCall(VecGetArrayRead(u, &a));
-  PetscCall(LatinSFBcast_Private(sf, 1, MPIU_SCALAR, a, displacement));
-  PetscCall(VecRestoreArrayRead(u, &a));
-  PetscCall(PetscSFDestroy(&sf));
-  PetscCall(PetscFree2(remote, local));
-  PetscFunctionReturn(0);
-}
-
-/*@C
-  LatinLinksSetDisplacements - Fills a DM global vector from displacements in the caller's numbering.
-
-  Collective on links
-
-  Input Parameters:
-+ links        - the structure
-- displacement - [nodes_local][dim], ignored where prescribed
-
-  Output Parameter:
-. u - a DM global vector
-
-  Level: intermediate
-@*/
-PetscErrorCode LatinLinksSetDisplacements(LatinLinks links, const PetscReal displacement[], Vec u)
-{
-  PetscFunctionBegin;
-  PetscCall(LatinLinksCheckVec_Private(links, u));
-  PetscCall(VecSetOption(u, VEC_IGNORE_NEGATIVE_INDICES, PETSC_TRUE));
-  PetscCall(VecSetValues(u, links->nodes_local * links->dim, links->global_dof, displacement, INSERT_VALUES));
-  PetscCall(VecAssemblyBegin(u));
-  PetscCall(VecAssemblyEnd(u));
-  PetscFunctionReturn(0);
-}
-
-/*@C
-  LatinLinksGetTensions - Tensions of this rank's links under given displacements, in the caller's numbering.
-
-  Collective on links
-
-  Input Parameters:
-+ links - the structure
-- u     - displacements, a DM global vector
-
-  Output Parameter:
-. tension - [links_local], a force, positive in traction; of links of a rigid law that of the last solve by SNES latin
-
-  Level: beginner
-@*/
-PetscErrorCode LatinLinksGetTensions(LatinLinks links, Vec u, PetscReal tension[])
-{
-  Vec                ul;
-  const PetscScalar *a;
-
-  PetscFunctionBegin;
-  PetscCall(LatinLinksCheckVec_Private(links, u));
-  PetscCall(DMGetLocalVector(links->dm, &ul));
-  PetscCall(LatinLinksGetLocal_Private(links, u, ul));
-  PetscCall(VecGetArrayRead(ul, &a));
-  for (PetscInt l = 0; l < links->links_local; l++) tension[l] = LatinLinksTension(links, l, LatinLinksElongation(links, l, a) + links->prestrain[l]);
-  PetscCall(VecRestoreArrayRead(ul, &a));
-  PetscCall(DMRestoreLocalVector(links->dm, &ul));
   PetscFunctionReturn(0);
 }
