@@ -15,18 +15,73 @@ from petsc4py import PETSc
 import latinpc
 from latinpc.scenes import make
 
+door, at = sys.argv[1], int(sys.argv[2])
 fail_from = ctypes.CDLL(None).FailFrom
 fail_from.argtypes, fail_from.restype = [ctypes.c_long], ctypes.c_long
-scene = make("tensegrity-grid", modules=8, subdomains=4)
+bars = door in ("pc", "ksp", "matis")
+scene = make("impact-grid" if door == "ts" else "truss-grid" if bars else "tensegrity-grid", modules=8, subdomains=4)
 if "metis" in sys.argv:
     scene.subdomain = None
-links = latinpc.Links.from_scene(scene)
-snes = links.create_snes()
-snes.setFromOptions()
-u = links.create_vec()
-fail_from(int(sys.argv[1]))
-try:
+
+
+def linear(links, u):
+    if door == "matis":
+        links.dm.setMatType("is")
+    A, b = links.dm.createMat(), u.duplicate()
+    links.jacobian(u, A)
+    b.set(1.0)
+    if door == "matis":
+        A.compose("__PETSc_dm", None)  # it knows of no structure
+    ksp = PETSc.KSP().create()
+    ksp.setType("latin" if door == "ksp" else "cg")
+    ksp.getPC().setType("none" if door == "ksp" else "latin")
+    ksp.setOperators(A)
+    ksp.setFromOptions()
+    y = u.duplicate()  # PETSc's own vectors are there before the failure
+    fail_from(at)
+    if door == "ksp":
+        ksp.setUp()
+        ksp.solve(b, u)
+    else:
+        ksp.getPC().setUp()
+        ksp.getPC().apply(b, y)
+
+
+def motion(links):
+    ts = links.create_ts()
+    u, v = ts.getSolution2()
+    ts.setTimeStep(1e-3)
+    ts.setMaxSteps(3)
+    ts.setFromOptions()
+    ts.setUp()
+    fail_from(at)
+    ts.solve(u)
+
+
+def static(links, u):
+    snes = links.create_snes()
+    snes.setFromOptions()
+    if door == "snes":
+        fail_from(at)
     snes.solve(None, u)
+
+
+try:
+    if door == "links":
+        fail_from(at)
+    links = latinpc.Links.from_scene(scene)
+    u = links.create_vec()
+    if bars:
+        linear(links, u)
+    elif door == "ts":
+        motion(links)
+    elif door == "results":
+        J = links.dm.createMat()
+        fail_from(at)
+        links.jacobian(u, J)
+        links.energy(u), links.errors(u, u), links.tensions(u), links.displacements(u)
+    elif door == "snes":
+        static(links, u)
     print(f"solved after {fail_from(0)} allocations\\n", end="", flush=True)
 except PETSc.Error as error:
     print(f"error {error.ierr}: {latinpc.error_message(error)}\\n", end="", flush=True)
@@ -46,23 +101,27 @@ def solve(program, compile_c):
     """Solve on two ranks, of which `rank` fails alone: in what is named, or at that allocation."""
     shim = compile_c("fail_alone.c", "-shared", "-fPIC", "-lmetis", "-ldl")
 
-    def launch(rank, what="", at=0, ranks=2):
+    def launch(rank, what="", at=0, door="snes"):
         env = {"LD_PRELOAD": str(shim), "LATINPC_FAIL_RANK": str(rank), "LATINPC_FAIL": what}
-        return run(["mpirun", "-n", ranks, sys.executable, program, at, what], env=env, check=False, timeout=60)
+        return run(["mpirun", "-n", 2, sys.executable, program, door, at, what], env=env, check=False, timeout=120)
 
     return launch
 
 
 @pytest.mark.parametrize(
-    ("what", "rank", "message"),
+    ("what", "rank", "door", "message"),
     [
-        ("metis", 0, "METIS could not partition 1024 links into"),
-        ("gesvd", 1, "LAPACK gesvd failed on the modes of an interface"),
-        ("local", 1, "a local factorisation fails"),
+        ("metis", 0, "snes", "METIS could not partition 1024 links into"),
+        ("gesvd", 1, "snes", "LAPACK gesvd failed on the modes of an interface"),
+        ("local", 1, "snes", "a local factorisation fails"),
+        ("local", 1, "ksp", "a local factorisation fails"),
+        ("local", 0, "matis", "a local factorisation fails"),
+        pytest.param("local", 0, "pc", "a local factorisation fails", marks=pytest.mark.slow),
+        pytest.param("local", 1, "ts", "a local factorisation fails", marks=pytest.mark.slow),
     ],
 )
-def test_every_rank_raises_what_one_has_met(solve, what, rank, message):
-    result = solve(rank, what)
+def test_every_rank_raises_what_one_has_met(solve, what, rank, door, message):
+    result = solve(rank, what, door=door)
     said = re.findall(r"^error (\d+): (.*)$", result.stdout, re.MULTILINE)
     assert [int(code) for code, _ in said] == 2 * [LIBRARY], result.stdout + result.stderr
     assert all(message in sentence for _, sentence in said)
@@ -73,18 +132,23 @@ def ended(result):
     return result.returncode != 0 and "latin: an error of one rank, and the others wait for it" in result.stderr
 
 
-def test_a_failure_inside_a_collective_call_ends_the_program(solve):
-    result = solve(1, "coarse")
+@pytest.mark.parametrize(
+    "door", ["snes", *(pytest.param(door, marks=pytest.mark.slow) for door in ("pc", "ksp", "matis", "ts"))]
+)
+def test_a_failure_inside_a_collective_call_ends_the_program(solve, door):
+    result = solve(1, "coarse", door=door)
     assert ended(result)
     assert "the coarse factorisation fails" in result.stderr
 
 
 @pytest.mark.slow
-def test_memory_that_runs_out_on_one_rank_is_no_deadlock(solve):
-    solved = solve(1, at=10**9)
-    count = max(int(n) for n in re.findall(r"solved after (\d+) allocations", solved.stdout))
-    assert count > 1000
+@pytest.mark.parametrize("door", ["links", "results", "snes", "pc", "ksp", "matis", "ts"])
+@pytest.mark.parametrize("rank", [0, 1])
+def test_memory_that_runs_out_on_one_rank_is_no_deadlock(solve, door, rank):
+    solved = solve(rank, at=10**9, door=door)
+    counts = [int(n) for n in re.findall(r"solved after (\d+) allocations", solved.stdout)]
+    assert len(counts) == 2 and max(counts) > 100, solved.stdout + solved.stderr
     for part in (0.0, 0.02, 0.1, 0.3, 0.5, 0.7, 0.9, 0.98):
-        result = solve(1, at=1 + int(part * count))
+        result = solve(rank, at=1 + int(part * max(counts)), door=door)
         said = re.findall(r"^error (\d+)", result.stdout, re.MULTILINE)
         assert ended(result) or said == 2 * [str(MEMORY)], (part, result.stdout, result.stderr)
