@@ -470,6 +470,7 @@ PETSC_INTERN PetscErrorCode PCLatinShare_Private(PC, Latin);
 PETSC_INTERN PetscErrorCode PCLatinFollow_Private(PC, Latin);
 PETSC_INTERN PetscErrorCode LatinLinksSetTangent_Private(LatinLinks, Vec u, PetscReal floor);
 PETSC_INTERN PetscErrorCode LatinLinksMultTangent_Private(LatinLinks, Vec x, Vec y);
+PETSC_INTERN PetscErrorCode LatinLinksResistFar_Private(LatinLinks, Vec step, PetscReal *resisted);
 PETSC_INTERN PetscErrorCode LatinLinksCountChanges_Private(LatinLinks, Vec u, PetscReal floor, PetscInt *);
 PETSC_INTERN PetscErrorCode LatinLinksSearch_Private(LatinLinks, Vec u, Vec step, Vec more, PetscReal *length);
 PETSC_INTERN PetscErrorCode LatinLinksStiffnessRange_Private(LatinLinks, PetscReal *least, PetscReal *most);

@@ -51,7 +51,8 @@ PetscBool LatinRescueStalled(LatinRescue *rescue, PetscReal measure, PetscReal t
 }
 
 /*
-   The nodes that the last step of Newton's method moves though no taut link resists, and that the loads push on.
+   The nodes that the last step of Newton's method moves though no link resists, however far they go, and that the loads
+   push on: then the energy has no least value. Links that will resist once a gap has closed are no mechanism.
    Collective on the structure.
 */
 PetscErrorCode LatinRescueLoose_Private(LatinRescue *rescue)
@@ -61,7 +62,8 @@ PetscErrorCode LatinRescueLoose_Private(LatinRescue *rescue)
   const PetscInt dim   = links->dim;
   PetscInt       mine[LATIN_LOOSE], found = 0, *all, count = 0;
   PetscReal     *move, most, length, least;
-  PetscScalar    stored, pushed, left;
+  PetscReal      resisted;
+  PetscScalar    pushed, left;
   PetscMPIInt    ranks;
   Vec            step, work, r;
 
@@ -73,16 +75,15 @@ PetscErrorCode LatinRescueLoose_Private(LatinRescue *rescue)
   PetscCall(VecNorm(step, NORM_2, &length));
   if (!(most > 0.0) || PetscIsInfOrNanReal(length)) PetscFunctionReturn(0);
   PetscCall(LatinLinksStiffnessRange_Private(links, &least, NULL));
+  PetscCall(LatinLinksResistFar_Private(links, step, &resisted));
   PetscCall(VecDuplicate(step, &work));
-  PetscCall(LatinLinksMultTangent_Private(links, step, work));
-  PetscCall(VecDot(step, work, &stored));
   PetscCall(VecCopy(links->load, work));
   if (rescue->newton.newton->vec_rhs) PetscCall(VecAXPY(work, 1.0, rescue->newton.newton->vec_rhs));
   PetscCall(SNESGetFunction(rescue->newton.newton, &r, NULL, NULL));
   PetscCall(VecDot(work, step, &pushed));
   PetscCall(VecDot(r, step, &left));
   PetscCall(VecDestroy(&work));
-  if (PetscRealPart(stored) > LATIN_RESCUE_LOOSE * least * length * length || PetscAbsScalar(left) <= LATIN_RESCUE_LEFT * PetscAbsScalar(pushed)) PetscFunctionReturn(0);
+  if (resisted > LATIN_RESCUE_LOOSE * least * length * length || PetscAbsScalar(left) <= LATIN_RESCUE_LEFT * PetscAbsScalar(pushed)) PetscFunctionReturn(0);
   PetscCall(PetscMalloc1(dim * links->nodes_local, &move));
   PetscCall(LatinLinksGetDisplacements(links, step, move));
   for (PetscInt i = 0; i < links->nodes_local; i++) {

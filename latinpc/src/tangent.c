@@ -2,6 +2,7 @@
 
 /* What solvers need of the links at a displacement when no matrix is assembled: elongations, tangents, the search along a step */
 
+#define LATIN_FAR              1e30 /* a strain beyond every gap */
 #define LATIN_SEARCH_MOST      80   /* trial lengths */
 #define LATIN_SEARCH_TOLERANCE 1e-3 /* slope at the end, relative to the first one */
 
@@ -65,6 +66,41 @@ PetscErrorCode LatinLinksMultTangent_Private(LatinLinks links, Vec x, Vec y)
   PetscCall(DMRestoreLocalVector(links->dm, &xl));
   PetscCall(DMRestoreLocalVector(links->dm, &yl));
   PetscCall(PetscLogFlops(links->links_local * (5.0 * dim + 1.0)));
+  PetscFunctionReturn(0);
+}
+
+/* Twice the energy per square of the length t that u - t step stores for t without end: that of links far out. Collective on links */
+PetscErrorCode LatinLinksResistFar_Private(LatinLinks links, Vec step, PetscReal *resisted)
+{
+  Vec                sl;
+  const PetscScalar *b;
+  PetscReal          sum  = 0.0;
+  PetscScalar        held = 0.0;
+
+  PetscFunctionBegin;
+  PetscCall(DMGetLocalVector(links->dm, &sl));
+  PetscCall(VecZeroEntries(sl)); /* no change where prescribed */
+  PetscCall(DMGlobalToLocalBegin(links->dm, step, INSERT_VALUES, sl));
+  PetscCall(DMGlobalToLocalEnd(links->dm, step, INSERT_VALUES, sl));
+  PetscCall(VecGetArrayRead(sl, &b));
+  for (PetscInt l = 0; l < links->links_local; l++) {
+    const PetscReal d = -LatinLinksElongation(links, l, b);
+
+    sum += LatinLinksTangent(links, l, d > 0.0 ? LATIN_FAR : -LATIN_FAR) * d * d;
+  }
+  PetscCall(VecRestoreArrayRead(sl, &b));
+  PetscCall(DMRestoreLocalVector(links->dm, &sl));
+  PetscCall(MPIU_Allreduce(&sum, resisted, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)links)));
+  if (links->ground) {
+    Vec gu;
+
+    PetscCall(DMGetGlobalVector(links->dm, &gu));
+    PetscCall(VecZeroEntries(gu));
+    PetscCall(LatinLinksAddGround_Private(links, step, gu));
+    PetscCall(VecDot(gu, step, &held));
+    PetscCall(DMRestoreGlobalVector(links->dm, &gu));
+  }
+  *resisted += PetscRealPart(held);
   PetscFunctionReturn(0);
 }
 
