@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 from scipy import sparse
 from scipy.optimize import linprog
@@ -34,7 +36,10 @@ def lemke(M, q, steps=5000):
         ratio[column > 1e-11] = tableau[column > 1e-11, -1] / column[column > 1e-11]
         if not np.isfinite(ratio).any():
             raise RuntimeError("the complementarity problem has no solution")
-        row = int(np.argmin(ratio))
+        tied = np.flatnonzero(ratio <= ratio.min() * (1 + 1e-12) + 1e-15)
+        if len(tied) > 1:  # the least row in lexicographic order: no cycles where many contacts close at once
+            tied = tied[np.lexsort(np.round(tableau[tied, :n] / column[tied, None], 9).T[::-1])]
+        row = int(tied[0])
     raise RuntimeError("too many pivots")
 
 
@@ -85,3 +90,54 @@ def linear_program(scene):
     whole = scene.prescribed.copy()
     whole[~scene.fixed] = found.x * scale
     return whole, found.ineqlin.marginals * np.abs(force).max()
+
+
+def tensegrity(scene):
+    """Which links are cables, their corrected lengths and tensions: (18), (19)."""
+    B, _ = kinematics(scene)
+    cable, k = scene.law == Law.CABLE, scene.stiffness
+    K = (B.T @ sparse.diags(k) @ B).toarray()
+    Bc, kc = B[cable].toarray(), k[cable]
+    tau0 = (k * scene.prestrain)[cable]
+    A = np.diag(kc) - kc[:, None] * (Bc @ np.linalg.solve(K, Bc.T)) * kc  # (19)
+    scale, force = kc.max(), np.abs(tau0).max()
+    d = -kc * (Bc @ np.linalg.solve(K, scene.load[~scene.fixed])) - tau0  # the right side of (18)
+    length, tension = lemke(A / scale, -d / force)
+    return cable, length * force / scale, tension * force
+
+
+def step(scene, h):
+    """One step of length h from the scene's velocities and no displacement: (16), (17), with extensible cables (20)."""
+    B, e_d = kinematics(scene)
+    B, free = B.toarray(), ~scene.fixed
+    mass = np.broadcast_to(scene.mass[:, None], scene.nodes.shape)[free]
+    sign = np.where(np.isin(scene.law, (Law.STRUT, Law.CONTACT)), -1.0, 1.0)  # contacts push where cables pull
+    bar, rigid = scene.law == Law.BAR, np.isin(scene.law, (Law.INEXTENSIBLE, Law.CONTACT))
+    B, strain = sign[:, None] * B, sign * (e_d + scene.prestrain)
+    unilateral = ~bar & ~(rigid & (strain < 0.0))  # (10): a rigid link that is slack bears nothing
+    W = B @ (B / mass).T
+    soft = np.zeros(len(bar))
+    soft[~rigid] = 1.0 / (h * h * scene.stiffness[~rigid])
+    start = h * (B @ (scene.load[free] / mass)) - (-B @ scene.velocity[free])  # h F - eta-
+    strain = np.where(rigid, 0.0, strain) / h
+    c, b = np.flatnonzero(unilateral), np.flatnonzero(bar)
+    tilde, right = W[np.ix_(c, c)] + np.diag(soft[c]), start[c] + strain[c]
+    if len(b):
+        inverse = np.linalg.inv(W[np.ix_(b, b)] + np.diag(soft[b]))
+        tilde = tilde - W[np.ix_(c, b)] @ inverse @ W[np.ix_(b, c)]
+        right = right - W[np.ix_(c, b)] @ inverse @ (start[b] + strain[b])
+    pi, _ = lemke(tilde / tilde.max(), -right / np.abs(right).max(), steps=20000)
+    pi *= np.abs(right).max() / tilde.max()
+    whole = np.zeros(len(bar))
+    whole[c] = pi
+    if len(b):
+        whole[b] = inverse @ (start[b] + strain[b] - W[np.ix_(b, c)] @ pi)
+    velocity = scene.velocity[free] + (h * scene.load[free] - B.T @ whole) / mass
+    value = np.linalg.eigvalsh(tilde)
+    return SimpleNamespace(
+        velocity=velocity,
+        impulse=sign[c] * pi,
+        unilateral=c,
+        regular=value[0] > 1e-10 * value[-1],
+        rate=tilde @ pi - right,
+    )

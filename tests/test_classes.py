@@ -11,7 +11,7 @@ import sys
 import numpy as np
 import pytest
 from conftest import ROOT, run
-from lcp import lemke, linear_program, program
+from lcp import lemke, linear_program, program, tensegrity
 from scipy import sparse
 from scipy.sparse.linalg import spsolve
 from support import solve
@@ -20,6 +20,9 @@ import latinpc
 from latinpc.peers.qp import kinematics
 from latinpc.scenes import Law, make
 from latinpc.solve import reference_solution
+
+sys.path.insert(0, str(ROOT / "benchmarks"))
+from classes import rows, table
 
 EXACT = {"stol": 1e-12, "max_it": 20000}
 AGREE = 1e-8
@@ -73,24 +76,27 @@ def test_truss_on_inextensible_cables(load, taut):
 def test_tensegrity_as_complementarity_problem():
     """(18), (19): corrected elongations and tensions of the cables by Lemke's method, displacements by the QP."""
     scene = make("tensegrity-grid", modules=3, subdomains=9, slack=0.15)
-    B, _ = kinematics(scene)
-    cable = scene.law == Law.CABLE
-    k = scene.stiffness
-    K = (B.T @ sparse.diags(k) @ B).toarray()
-    Bc, kc = B[cable].toarray(), k[cable]
-    tau0 = (k * scene.prestrain)[cable]
-    A = np.diag(kc) - kc[:, None] * (Bc @ np.linalg.solve(K, Bc.T)) * kc  # (19)
-    scale, force = kc.max(), np.abs(tau0).max()
-    d = -kc * (Bc @ np.linalg.solve(K, scene.load[~scene.fixed])) - tau0  # the right side of (18)
-    length, tension = lemke(A / scale, -d / force)
+    cable, length, tension = tensegrity(scene)
     assert 0 < np.count_nonzero(length) < len(length) / 2
     found = solve(scene, **EXACT)
     assert found.reason > 0
-    assert apart(found.tensions[cable], tension * force) < AGREE
-    corrected = found.tensions[cable] / kc - strain(scene, found.u)[cable]
-    assert apart(corrected, length * force / scale) < AGREE
+    assert apart(found.tensions[cable], tension) < AGREE
+    corrected = (found.tensions / scene.stiffness - strain(scene, found.u))[cable]
+    assert apart(corrected, length) < AGREE
     u, _ = program(scene)
     assert apart(found.u, u) < AGREE
+
+
+# ---- all of them, in a table -----------------------------------------------------------------
+def test_every_class_of_the_table_agrees_with_its_reference():
+    """(13) to (20): the rows of the page agree to 1e-8 in what is unique, and the page has these rows."""
+    found = list(rows())
+    for row in found:
+        assert max(row.unique.values()) < AGREE, row
+    page = (ROOT / "examples" / "classes" / "README.md").read_text()
+    lines = page.split("<!-- rows -->\n")[1].split("\n<!-- end -->")[0].splitlines()
+    assert [line.rsplit("|", 2)[0] for line in lines] == [line.rsplit("|", 2)[0] for line in table(found)]
+    assert {"(13)", "(14)", "(15)", "(16), (17)", "(16), W", "(18), (19)", "(20)"} <= {row.equations for row in found}
 
 
 # ---- nets ------------------------------------------------------------------------------------

@@ -150,3 +150,9 @@ def test_misuse():
     with pytest.raises(PETSc.Error) as caught:
         solve(grid(), rescue=-1)
     assert "less than allowed bound 0" in latinpc.error_message(caught.value)
+
+
+def test_gaps_that_will_close_are_no_mechanism():
+    """Grains between open gaps fall without resistance at first: the iteration is to find where they stop."""
+    result = solve(make("packing", side=24, law="elastic", subdomains=4), stol=1e-4, rescue=30)
+    assert result.reason > 0

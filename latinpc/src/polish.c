@@ -22,6 +22,7 @@
 #define LATIN_POLISH_LEAST  1e-9 /* least tolerance of a linear solve: below, rounding */
 #define LATIN_RESCUE_RTOL   1e-9 /* forces of stiff links must not hide those of soft ones; and a solve costs less than its preconditioner */
 #define LATIN_RESCUE_FLOOR  1e-8 /* what a slack link keeps of the least stiffness, so that no mechanism ends the search */
+#define LATIN_RESCUE_LINEAR 500  /* most iterations of a solve: more, and it is no rescue */
 #define LATIN_RESCUE_STEPS  200  /* most steps */
 #define LATIN_RESCUE_FULL   12   /* steps that are taken whole: they end soon if they end at all */
 
@@ -165,7 +166,7 @@ PetscErrorCode LatinPolishCreate_Private(SNES snes, Latin latin, LatinPolish *po
   PetscCall(SNESGetKSP(polish->newton, &ksp));
   PetscCall(KSPSetType(ksp, KSPCG));
   PetscCall(KSPSetNormType(ksp, KSP_NORM_NATURAL));
-  PetscCall(KSPSetTolerances(ksp, polish->own ? LATIN_RESCUE_RTOL : LATIN_POLISH_RTOL, PETSC_DEFAULT, polish->own ? PETSC_MAX_REAL : PETSC_DEFAULT, 2000));
+  PetscCall(KSPSetTolerances(ksp, polish->own ? LATIN_RESCUE_RTOL : LATIN_POLISH_RTOL, PETSC_DEFAULT, polish->own ? PETSC_MAX_REAL : PETSC_DEFAULT, polish->own ? LATIN_RESCUE_LINEAR : 2000));
   PetscCall(KSPGetPC(ksp, &pc));
   PetscCall(PCSetType(pc, PCLATIN));
   if (polish->own) PetscCall(PCLatinFollow_Private(pc, latin));
