@@ -51,6 +51,8 @@ export OMPI_ALLOW_RUN_AS_ROOT             := 1
 export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM     := 1
 export OMPI_MCA_rmaps_base_oversubscribe  := 1
 export OMPI_MCA_hwloc_base_binding_policy := none
+# ranks that wait let others work: programs of several ranks run side by side
+export OMPI_MCA_mpi_yield_when_idle       := 1
 export OMP_NUM_THREADS                    := 1
 export OPENBLAS_NUM_THREADS               := 1
 

@@ -112,6 +112,14 @@ def gap_in_c():
 # ---- structures and objects that do not fit -------------------------------------------------------------
 
 
+def held_softly():
+    """A network, half of whose links are softer than the others by more than the digits of a number."""
+    scene = make("network", nodes=60)
+    scene.stiffness = np.where(np.arange(len(scene.links)) % 2, 1e4, 1e-11)
+    scene.law[:] = latinpc.Law.BAR
+    return latinpc.Links.from_scene(scene)
+
+
 def hinged_plates():
     """A held plate and a triangle that share one node; each is a subdomain."""
     return latinpc.Links(
@@ -222,6 +230,10 @@ CASES = {
     "not_held": (MECHANISM + r"\d", lambda: solve(square(fixed=None, prescribed=None))),
     "held_at_one_node": (MECHANISM + r".*4", lambda: solve(square(fixed=FIXED & (np.arange(5) < 1)[:, None]))),
     "mechanism_inside": (MECHANISM + r"45\.", lambda: solve(lattice_with_a_dangling_node(), snes_latin_subdomains=4)),
+    "mechanism_by_rounding": (
+        r"or only such links as rounding hides: .* factor of 1e\+15 \(from 1e-11 to 10000\.\)",
+        lambda: solve(held_softly()),
+    ),
     "mechanism_between": (MECHANISM + r"4, 5\.", lambda: solve(hinged_plates())),
     # options
     "variant": (r"cornr.*none macro corner", lambda: solve(square(), snes_latin_variant="cornr")),

@@ -135,13 +135,25 @@ static PetscErrorCode LatinMechanismField_Private(Latin latin, Vec v, const Lati
   PetscFunctionReturn(0);
 }
 
+/* Soft links count as none beside links that are stiffer by more than the digits of a number: what to add to the message */
+static PetscErrorCode LatinMechanismDoubt_Private(Latin latin, char doubt[], size_t size)
+{
+  PetscReal least = 1.0, most = 1.0;
+
+  PetscFunctionBegin;
+  if (latin->links) PetscCall(LatinLinksStiffnessRange_Private(latin->links, &least, &most));
+  doubt[0] = '\0';
+  if (LATIN_MECHANISM * most > 1e-3 * least) PetscCall(PetscSNPrintf(doubt, size, ", or only such links as rounding hides: stiffnesses differ by a factor of %.0e (from %g to %g)", (double)(most / least), (double)least, (double)most));
+  PetscFunctionReturn(0);
+}
+
 /* Ends in an error that names some of the nodes that a mechanism moves most; field may be NULL on ranks that have none */
 static PetscErrorCode LatinMechanismReport_Private(Latin latin, const PetscReal field[], PetscBool here)
 {
   LatinSubstructure *sub        = &latin->sub;
   const PetscInt     bs         = latin->sub.bs;
   PetscReal          largest    = 0.0, all;
-  char               names[256] = "";
+  char               names[256] = "", doubt[256];
   PetscInt           list[64], named = 0;
   size_t             used = 0;
 
@@ -163,9 +175,10 @@ static PetscErrorCode LatinMechanismReport_Private(Latin latin, const PetscReal 
   }
   LatinAgree(PetscObjectComm((PetscObject)latin), named > 0 && latin->matrix, PETSC_ERR_MAT_CH_ZRPVT,
              "The matrix is singular, or not positive definite. Unknowns of the field that shows it: %s%s. Prescribe more unknowns, or give the kernel with MatSetNullSpace()", names, named > 8 ? " and others" : "");
+  PetscCall(LatinMechanismDoubt_Private(latin, doubt, sizeof(doubt)));
   LatinAgree(PetscObjectComm((PetscObject)latin), named > 0, PETSC_ERR_MAT_CH_ZRPVT,
-             "The structure has a mechanism: it can move without any link changing its length. Nodes that move (counted from 0): %s%s. Prescribe displacements there or add links", names, named > 8 ? " and others" : "");
-  SETERRQ(PetscObjectComm((PetscObject)latin), PETSC_ERR_MAT_CH_ZRPVT, "The structure has a mechanism: it can move without any link changing its length. Prescribe more displacements or add links");
+             "The structure has a mechanism: it can move without any link changing its length%s. Nodes that move (counted from 0): %s%s. Prescribe displacements there or add links", doubt, names, named > 8 ? " and others" : "");
+  SETERRQ(PetscObjectComm((PetscObject)latin), PETSC_ERR_MAT_CH_ZRPVT, "The structure has a mechanism: it can move without any link changing its length%s. Prescribe more displacements or add links", doubt);
 }
 
 /* A slightly stiffened copy of a matrix that could not be factored, to find the displacement that costs nothing */

@@ -185,26 +185,6 @@ static PetscErrorCode KSPLatinSetMatrix_Private(KSP ksp, Mat P)
   PetscFunctionReturn(0);
 }
 
-/* The structure: given, or known to the DM of the solver or of its matrix; NULL for a MATIS without one */
-static PetscErrorCode KSPLatinFindLinks_Private(KSP ksp, Mat P, LatinLinks *links)
-{
-  KSP_Latin *data  = (KSP_Latin *)ksp->data;
-  DM         dm    = NULL;
-  PetscBool  matis = PETSC_FALSE;
-
-  PetscFunctionBegin;
-  *links = data->links;
-  if (!*links) PetscCall(LatinLinksFromDM_Private(ksp->dm, links));
-  if (!*links && P) {
-    PetscCall(MatGetDM(P, &dm));
-    PetscCall(LatinLinksFromDM_Private(dm, links));
-    PetscCall(PetscObjectTypeCompare((PetscObject)P, MATIS, &matis));
-  }
-  PetscCheck(*links || matis, PetscObjectComm((PetscObject)ksp), PETSC_ERR_ORDER,
-             "-ksp_type latin has no structure to work on: call KSPLatinSetLinks(), or build the matrix from the DM of a structure (LatinLinksCreate(), LatinLinksAttachSNES()); or assemble it as a MATIS (-dm_mat_type is, -mat_type is)");
-  PetscFunctionReturn(0);
-}
-
 /*
    A preconditioner may be that of another matrix; this solver never looks at the entries of its matrix, so they must be
    those of the operators of the subdomains: compared on a vector, unless they come from it.
@@ -263,7 +243,7 @@ static PetscErrorCode KSPSetUp_Latin(KSP ksp)
   PetscFunctionBegin;
   PetscCall(PetscCitationsRegister(citation, &cited));
   PetscCall(KSPGetOperators(ksp, &A, &P));
-  PetscCall(KSPLatinFindLinks_Private(ksp, P, &links));
+  PetscCall(LatinFindLinks_Private((PetscObject)ksp, "ksp", data->links, ksp->dm, P, &links));
   PetscCall(PetscObjectGetId((PetscObject)P, &id));
   PetscCall(PetscObjectStateGet((PetscObject)P, &state));
   if (data->A && links == data->latin->links && !data->latin->stale && id == data->matrix && state == data->matrix_state) PetscFunctionReturn(0);

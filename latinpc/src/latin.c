@@ -47,6 +47,29 @@ PetscErrorCode LatinSetLinks_Private(Latin latin, LatinLinks links)
   PetscFunctionReturn(0);
 }
 
+/*
+   The structure that a PC or a KSP (family "pc", "ksp") works on: given to it, or known to its DM or to that of its
+   matrix A, which may be NULL; NULL for a MATIS without one. Collective on solver.
+*/
+PetscErrorCode LatinFindLinks_Private(PetscObject solver, const char family[], LatinLinks given, DM dm, Mat A, LatinLinks *links)
+{
+  PetscBool matis = PETSC_FALSE, isksp;
+
+  PetscFunctionBegin;
+  *links = given;
+  if (!*links) PetscCall(LatinLinksFromDM_Private(dm, links));
+  if (!*links && A) {
+    PetscCall(MatGetDM(A, &dm));
+    PetscCall(LatinLinksFromDM_Private(dm, links));
+    PetscCall(PetscObjectTypeCompare((PetscObject)A, MATIS, &matis));
+  }
+  PetscCall(PetscStrcmp(family, "ksp", &isksp));
+  PetscCheck(*links || matis, PetscObjectComm(solver), PETSC_ERR_ORDER,
+             "-%s_type latin has no structure to work on: call %sLatinSetLinks(), or build the matrix from the DM of a structure (LatinLinksCreate(), LatinLinksAttachSNES()); or assemble it as a MATIS (-dm_mat_type is, -mat_type is)", family,
+             isksp ? "KSP" : "PC");
+  PetscFunctionReturn(0);
+}
+
 /* A MATIS instead of links, whatever has been known before is forgotten */
 PetscErrorCode LatinSetMatrix_Private(Latin latin, Mat A)
 {

@@ -478,6 +478,7 @@ PETSC_INTERN PetscErrorCode LatinLinksStiffnessRange_Private(LatinLinks, PetscRe
 PETSC_INTERN PetscErrorCode LatinCreate_Private(MPI_Comm, Latin *);
 PETSC_INTERN PetscErrorCode LatinSetLinks_Private(Latin, LatinLinks);
 PETSC_INTERN PetscErrorCode LatinSetFromOptions_Private(Latin, LatinOptionItems, const char family[]);
+PETSC_INTERN PetscErrorCode LatinFindLinks_Private(PetscObject, const char[], LatinLinks, DM, Mat, LatinLinks *);
 PETSC_INTERN PetscErrorCode LatinSetMatrix_Private(Latin, Mat);
 PETSC_INTERN PetscErrorCode LatinLoose_Private(Latin, Vec x, Vec y);
 PETSC_INTERN PetscErrorCode LatinSetUp_Private(Latin);

@@ -123,26 +123,6 @@ static PetscErrorCode PCReset_Latin(PC pc)
   PetscFunctionReturn(0);
 }
 
-/* The structure: given, or known to the DM of the preconditioner or of its matrix; NULL for a MATIS without one */
-static PetscErrorCode PCLatinFindLinks_Private(PC pc, LatinLinks *links)
-{
-  PC_Latin *data = (PC_Latin *)pc->data;
-  PetscBool matis;
-  DM        dm;
-
-  PetscFunctionBegin;
-  *links = data->links;
-  if (!*links) PetscCall(LatinLinksFromDM_Private(pc->dm, links));
-  if (!*links && pc->pmat) {
-    PetscCall(MatGetDM(pc->pmat, &dm));
-    PetscCall(LatinLinksFromDM_Private(dm, links));
-  }
-  PetscCall(PetscObjectTypeCompare((PetscObject)pc->pmat, MATIS, &matis));
-  PetscCheck(*links || matis, PetscObjectComm((PetscObject)pc), PETSC_ERR_ORDER,
-             "-pc_type latin has no structure to work on: call PCLatinSetLinks(), or build the matrix from the DM of a structure (LatinLinksCreate(), LatinLinksAttachSNES()); or assemble it as a MATIS (-dm_mat_type is, -mat_type is)");
-  PetscFunctionReturn(0);
-}
-
 /* Weights from the Schur complements want one interface a side dof, and a direction that has both sides' complements */
 static PetscErrorCode PCLatinShares_Private(PC pc)
 {
@@ -169,7 +149,7 @@ static PetscErrorCode PCLatinSetUpLatin_Private(PC pc)
   DM          dm = pc->dm;
 
   PetscFunctionBegin;
-  PetscCall(PCLatinFindLinks_Private(pc, &links));
+  PetscCall(LatinFindLinks_Private((PetscObject)pc, "pc", data->links, pc->dm, pc->pmat, &links));
   PetscCall(PCReset_Latin(pc));
   if (links) PetscCall(LatinSetLinks_Private(data->latin, links));
   else {
