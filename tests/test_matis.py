@@ -55,7 +55,8 @@ def test_symmetric_positive_definite_and_exact_in_the_mean(matis, problem, dim, 
 @pytest.mark.parametrize("variant", ["none", "macro", "corner"])
 def test_links_and_their_matrix_give_one_preconditioner(matis, variant):
     """A structure, one subdomain a rank: the local matrices make the same preconditioner as the links, to rounding."""
-    options = ["-pc_latin_direction_fraction", "0.1", "-pc_latin_variant", variant, "-pc_latin_weights"]
+    options = ["-pc_latin_direction_fraction", "0.1", "-pc_latin_variant", variant]
+    options += ["-pc_latin_direction", "schur", "-pc_latin_weights"]
     cases = [("eliminated", "stiffness"), ("zeroed", "schur")] if variant == "corner" else [("scaled", "stiffness")]
     for dirichlet, weights in cases:
         result = matis(4, [*options, weights], problem="truss", blocks=4, dirichlet=dirichlet, links=True)
@@ -182,6 +183,15 @@ def test_types_of_local_matrices(matis, local_type):
     aij, other = (matis(4, problem="elasticity", local_type=kind) for kind in ("aij", local_type))
     assert aij["iterations"] == other["iterations"]
     assert aij["coarse"] == other["coarse"]
+
+
+@pytest.mark.parametrize(("jump", "cells", "whole"), [("none", 12, 0), ("inside", 12, 4), ("none", 4, 4)])
+def test_schur_complements_where_they_pay(matis, jump, cells, whole):
+    """On the interfaces of subdomains where coefficients jump, and on small ones; diagonal directions elsewhere."""
+    how = {"problem": "poisson", "dim": 3, "blocks": "2,2,1", "cells": cells, "jump": jump}
+    result = matis(4, ["-ksp_norm_type", "natural", "-ksp_view"], check=False, **how)
+    assert f"a Schur complement on {whole} interfaces, diagonal on the others" in result.stdout
+    converged(json.loads(result.stdout.splitlines()[-1]), 8)
 
 
 @pytest.mark.parametrize("direction", ["scalar", "diagonal", "block", "schur"])

@@ -62,7 +62,8 @@ typedef enum {
   LATIN_DIRECTION_SCALAR,   /* one number an interface */
   LATIN_DIRECTION_DIAGONAL, /* one number a degree of freedom of an interface */
   LATIN_DIRECTION_BLOCK,    /* a matrix an interface: the stiffness of the links there */
-  LATIN_DIRECTION_SCHUR     /* a matrix an interface: the stiffness of the subdomains there */
+  LATIN_DIRECTION_SCHUR,    /* a matrix an interface: the stiffness of the subdomains there */
+  LATIN_DIRECTION_AUTO      /* diagonal, and schur where the coefficients of a matrix jump; of links, schur */
 } LatinDirectionType;
 PETSC_EXTERN const char *const LatinDirectionTypes[];
 

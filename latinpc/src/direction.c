@@ -10,12 +10,22 @@
      diagonal  that diagonal
      block     its block on the interface
      schur     its Schur complement on the interface
+     auto      of a preconditioner of a matrix: schur on interfaces so small that it costs nothing, and on those of
+               subdomains where the coefficients jump (jumps.c), for that is where it saves iterations; diagonal on
+               the others. Elsewhere schur
 
    A matrix is stored once for equal ones, with its Cholesky factor, D = L L^t, and the inverse of that.
    The other stages know no more of a direction than the functions of this file.
 */
 
 #define LATIN_DIRECTION_FLOOR 0.1 /* least diagonal direction of an interface, relative to its mean */
+#define LATIN_DIRECTION_SMALL 48  /* degrees of freedom of an interface whose Schur complement costs nothing */
+
+/* The type; auto is left for what preconditions a matrix only */
+LatinDirectionType LatinDirectionKind(Latin latin)
+{
+  return latin->direction == LATIN_DIRECTION_AUTO && !(latin->matrix && latin->preconditions) ? LATIN_DIRECTION_SCHUR : latin->direction;
+}
 
 /*
    What is given, or the default of the type: least iterations over many structures, regular and irregular. In a
@@ -23,7 +33,7 @@
 */
 PetscReal LatinDirectionFraction(Latin latin)
 {
-  const PetscReal fraction[] = {0.08, 0.08, 0.25, 1.0};
+  const PetscReal fraction[] = {0.08, 0.08, 0.25, 1.0, 1.0};
 
   if (latin->direction_fraction > 0.0) return latin->direction_fraction;
   if (latin->preconditions) return latin->matrix ? 0.001 : 0.1;
@@ -136,47 +146,67 @@ static PetscErrorCode LatinDirectionFactor_Private(Latin latin, const PetscReal 
   PetscFunctionReturn(0);
 }
 
-/* The mean of the two sides' matrices, exchanged column by column */
-static PetscErrorCode LatinDirectionMatrix_Private(Latin latin, PetscReal fraction)
+#define LATIN_DIRECTION_COLUMNS 16 /* exchanged together */
+
+/* D + first[f], the mean of the two sides' matrices S + from[f], exchanged by some columns at a time; and what of them is kept in vectors */
+static PetscErrorCode LatinDirectionMean_Private(Latin latin, PetscReal fraction, const PetscReal S[], const size_t from[], const size_t first[], PetscReal D[])
 {
-  LatinInterfaces *inter = &latin->inter;
-  size_t          *from, *first;
-  PetscReal       *S, *D, *mine, *mate;
-  PetscInt         widest = 0;
-  PetscBool        bad    = PETSC_FALSE;
+  const PetscInt   columns = LATIN_DIRECTION_COLUMNS;
+  LatinInterfaces *inter   = &latin->inter;
+  PetscInt         widest  = 0;
+  PetscReal       *mine, *mate;
 
   PetscFunctionBegin;
-  PetscCall(PetscMalloc2(inter->count, &from, inter->count + 1, &first));
-  PetscCall(LatinStiffnessFaces_Private(latin, latin->direction, from, &S));
-  first[0] = 0;
-  for (PetscInt f = 0; f < inter->count; f++) {
-    const PetscInt rows = inter->interface[f].side_last - inter->interface[f].side_first;
-
-    first[f + 1] = first[f] + (size_t)rows * (size_t)rows;
-    widest       = PetscMax(widest, rows);
-  }
+  for (PetscInt f = 0; f < inter->count; f++)
+    if (first[f + 1] > first[f]) widest = PetscMax(widest, inter->interface[f].side_last - inter->interface[f].side_first);
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &widest, 1, MPIU_INT, MPI_MAX, PetscObjectComm((PetscObject)latin)));
-  PetscCall(PetscMalloc1(first[inter->count], &D));
-  PetscCall(PetscCalloc2(inter->sides, &mine, inter->sides, &mate));
-  for (PetscInt j = 0; j < widest; j++) {
+  PetscCall(PetscCalloc2(columns * inter->sides, &mine, columns * inter->sides, &mate));
+  for (PetscInt j = 0; j < widest; j += columns) {
     for (PetscInt f = 0; f < inter->count; f++) {
       const LatinInterface *face = &inter->interface[f];
       const PetscInt        rows = face->side_last - face->side_first;
 
-      if (j < rows) PetscCall(PetscArraycpy(mine + face->side_first, S + from[f] + rows * j, rows));
+      for (PetscInt c = j; c < PetscMin(j + columns, rows) && first[f + 1] > first[f]; c++)
+        for (PetscInt r = 0; r < rows; r++) mine[columns * (face->side_first + r) + c - j] = S[from[f] + (size_t)r + (size_t)rows * (size_t)c];
     }
-    PetscCall(LatinSFBcast_Private(inter->mate_sf, 1, MPIU_REAL, mine, mate));
+    PetscCall(LatinSFBcast_Private(inter->mate_sf, columns, MPIU_REAL, mine, mate));
     for (PetscInt f = 0; f < inter->count; f++) {
       const LatinInterface *face = &inter->interface[f];
       const PetscInt        rows = face->side_last - face->side_first;
 
-      if (j >= rows) continue;
-      for (PetscInt r = 0; r < rows; r++) D[first[f] + (size_t)(r + rows * j)] = fraction * 0.5 * (mine[face->side_first + r] + mate[face->side_first + r]);
-      latin->macro.d[face->side_first + j]    = D[first[f] + (size_t)(j + rows * j)];
-      latin->macro.soft[face->side_first + j] = LatinHarmonic(mine[face->side_first + j], mate[face->side_first + j]);
+      for (PetscInt c = j; c < PetscMin(j + columns, rows) && first[f + 1] > first[f]; c++) {
+        const PetscReal *a = mine + columns * face->side_first + c - j, *b = mate + columns * face->side_first + c - j;
+        PetscReal       *column = D + first[f] + (size_t)rows * (size_t)c;
+
+        for (PetscInt r = 0; r < rows; r++) column[r] = fraction * 0.5 * (a[columns * r] + b[columns * r]);
+        latin->macro.d[face->side_first + c]    = column[c];
+        latin->macro.soft[face->side_first + c] = LatinHarmonic(a[columns * c], b[columns * c]);
+      }
     }
   }
   PetscCall(PetscFree2(mine, mate));
+  PetscFunctionReturn(0);
+}
+
+/* The interfaces with whole[f] */
+static PetscErrorCode LatinDirectionMatrix_Private(Latin latin, PetscReal fraction, const PetscBool whole[])
+{
+  LatinInterfaces *inter = &latin->inter;
+  size_t          *from, *first;
+  PetscReal       *S, *D;
+  PetscBool        bad = PETSC_FALSE;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMalloc2(inter->count, &from, inter->count + 1, &first));
+  PetscCall(LatinStiffnessFaces_Private(latin, whole, from, &S));
+  first[0] = 0;
+  for (PetscInt f = 0; f < inter->count; f++) {
+    const size_t rows = (size_t)(inter->interface[f].side_last - inter->interface[f].side_first);
+
+    first[f + 1] = first[f] + (whole[f] ? rows * rows : 0);
+  }
+  PetscCall(PetscMalloc1(first[inter->count], &D));
+  PetscCall(LatinDirectionMean_Private(latin, fraction, S, from, first, D));
   if (latin->share) {
     PetscCall(PetscMalloc1(inter->count, &latin->macro.own_first));
     PetscCall(PetscArraycpy(latin->macro.own_first, from, inter->count));
@@ -193,17 +223,34 @@ static PetscErrorCode LatinDirectionMatrix_Private(Latin latin, PetscReal fracti
 
 PetscErrorCode LatinDirectionSetUp(Latin latin)
 {
-  LatinInterfaces *inter = &latin->inter;
+  const LatinDirectionType kind     = LatinDirectionKind(latin);
+  const PetscReal          fraction = LatinDirectionFraction(latin);
+  LatinInterfaces         *inter    = &latin->inter;
+  PetscBool               *whole;
 
   PetscFunctionBegin;
   PetscCall(PetscLogEventBegin(LATIN_Direction, latin, 0, 0, 0));
-  for (PetscInt f = 0; f < inter->count; f++) inter->interface[f].matrix_first = -1;
+  PetscCall(PetscMalloc1(inter->count, &whole));
+  for (PetscInt f = 0; f < inter->count; f++) {
+    inter->interface[f].matrix_first = -1;
+    whole[f]                         = (PetscBool)(latin->direction_scalar == 0.0 && (kind == LATIN_DIRECTION_BLOCK || kind == LATIN_DIRECTION_SCHUR));
+  }
   PetscCall(PetscMalloc1(inter->sides, &latin->macro.d));
   PetscCall(PetscMalloc1(inter->sides, &latin->macro.soft));
   if (latin->direction_scalar > 0.0) {
     for (PetscInt k = 0; k < inter->sides; k++) latin->macro.d[k] = latin->macro.soft[k] = latin->direction_scalar;
-  } else if (latin->direction == LATIN_DIRECTION_SCALAR || latin->direction == LATIN_DIRECTION_DIAGONAL) PetscCall(LatinDirectionDiagonal_Private(latin, LatinDirectionFraction(latin)));
-  else PetscCall(LatinDirectionMatrix_Private(latin, LatinDirectionFraction(latin)));
+  } else if (kind != LATIN_DIRECTION_BLOCK && kind != LATIN_DIRECTION_SCHUR) PetscCall(LatinDirectionDiagonal_Private(latin, fraction));
+  if (kind == LATIN_DIRECTION_AUTO && latin->direction_scalar == 0.0) PetscCall(LatinJumpsFaces_Private(latin, whole));
+  latin->macro.whole = 0;
+  for (PetscInt f = 0; f < inter->count; f++) {
+    const PetscInt rows = inter->interface[f].side_last - inter->interface[f].side_first;
+
+    if (kind == LATIN_DIRECTION_AUTO && latin->direction_scalar == 0.0 && rows && rows <= LATIN_DIRECTION_SMALL) whole[f] = PETSC_TRUE;
+    latin->macro.whole += whole[f] && latin->sub.first + inter->interface[f].sub < inter->interface[f].neighbour ? 1 : 0;
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &latin->macro.whole, 1, MPIU_INT, MPI_SUM, PetscObjectComm((PetscObject)latin)));
+  if (latin->macro.whole) PetscCall(LatinDirectionMatrix_Private(latin, fraction, whole));
+  PetscCall(PetscFree(whole));
   PetscCall(PetscLogEventEnd(LATIN_Direction, latin, 0, 0, 0));
   PetscFunctionReturn(0);
 }

@@ -28,7 +28,6 @@
 */
 
 #define LATIN_FLOPPY_SIZE  0.1  /* a field is kept when this part of its norm, or more, is outside the macro basis */
-#define LATIN_FLOPPY_JUMP  30.0 /* coefficients jump where the diagonal of the operator does so, from an unknown to its neighbours of the same field */
 #define LATIN_FLOPPY_SOFT  0.5  /* springs of the subdomains of a matrix, relative to the stiffness at the interface */
 #define LATIN_FLOPPY_SLACK 1e-6 /* what remains of the stiffness of a slack link, so that no mechanism comes of it */
 
@@ -55,33 +54,6 @@ static PetscBool LatinFloppyNode(PetscInt bs, const PetscReal stiffness[], const
       for (PetscInt b = c + 1; b <= r; b++) a[r * bs + b] -= a[r * bs + c] * a[b * bs + c] / a[c * bs + c];
   }
   return PETSC_FALSE;
-}
-
-/* floppy[s]: do the coefficients of the matrix jump next to an interface of the subdomain? */
-static PetscErrorCode LatinFloppyJumps_Private(Latin latin, PetscBool floppy[])
-{
-  LatinSubstructure *sub   = &latin->sub;
-  LatinInterfaces   *inter = &latin->inter;
-  PetscReal         *diagonal;
-
-  PetscFunctionBegin;
-  PetscCall(PetscMalloc1(sub->copies, &diagonal));
-  PetscCall(LatinOperatorDiagonal(latin, diagonal));
-  for (PetscInt f = 0; f < inter->count; f++) {
-    const LatinInterface *face = &inter->interface[f];
-
-    for (PetscInt k = face->side_first; k < face->side_last; k++) {
-      const PetscInt i = inter->side_dof[k];
-
-      for (PetscInt p = sub->ki[i]; p < sub->ki[i + 1]; p++) {
-        const PetscInt j = sub->kj[p];
-
-        if (sub->field[i] == sub->field[j] && PetscMax(diagonal[i], diagonal[j]) > LATIN_FLOPPY_JUMP * PetscMin(diagonal[i], diagonal[j])) floppy[face->sub] = PETSC_TRUE;
-      }
-    }
-  }
-  PetscCall(PetscFree(diagonal));
-  PetscFunctionReturn(0);
 }
 
 /* Primal and prescribed dofs are held */
@@ -407,7 +379,7 @@ PetscErrorCode LatinFloppySetUp(Latin latin)
   PetscCall(LatinGraphCreate_Private(latin, PETSC_FALSE, &graph));
   for (PetscInt s = 0; s < sub->n; s++) is[s] = (PetscBool)(latin->matrix && latin->local_given);
   if (!latin->matrix) PetscCall(LatinFloppyTest_Private(latin, &graph, spring, is));
-  else if (!latin->local_given) PetscCall(LatinFloppyJumps_Private(latin, is));
+  else if (!latin->local_given) PetscCall(LatinJumps_Private(latin, is));
   for (PetscInt s = 0; s < sub->n; s++) any = (PetscBool)(any || is[s]);
   if (any) PetscCall(LatinBlocksCompare_Private(latin, PETSC_TRUE, pattern));
   for (PetscInt s = 0; s < sub->n; s++) {

@@ -7,7 +7,7 @@
 
 const char *const        LatinVariants[]       = {"none", "macro", "corner", "LatinVariant", "LATIN_VARIANT_", NULL};
 const char *const        LatinModesTypes[]     = {"affine", "rigid", "none", "LatinModesType", "LATIN_MODES_", NULL};
-const char *const        LatinDirectionTypes[] = {"scalar", "diagonal", "block", "schur", "LatinDirectionType", "LATIN_DIRECTION_", NULL};
+const char *const        LatinDirectionTypes[] = {"scalar", "diagonal", "block", "schur", "auto", "LatinDirectionType", "LATIN_DIRECTION_", NULL};
 const char *const        LatinStopTypes[]      = {"indicator", "residual", "reference", "error", "LatinStopType", "LATIN_STOP_", NULL};
 const char *const        LatinErrorNorms[]     = {"l2", "energy", "LatinErrorNorm", "LATIN_NORM_", NULL};
 static const char *const LatinCornerTypes[]    = {"free", "published", "LatinCornerType", "LATIN_CORNER_", NULL};
@@ -274,6 +274,7 @@ PetscErrorCode LatinView_Private(Latin latin, PetscViewer viewer)
   if (latin->direction_scalar > 0.0) PetscCall(PetscViewerASCIIPrintf(viewer, "search direction: scalar, d = %g given\n", (double)latin->direction_scalar));
   else PetscCall(PetscViewerASCIIPrintf(viewer, "search direction: %s, self-tuned to %g of the interface stiffness\n", LatinDirectionTypes[latin->direction], (double)LatinDirectionFraction(latin)));
   if (!latin->set_up) PetscFunctionReturn(0);
+  if (LatinDirectionKind(latin) == LATIN_DIRECTION_AUTO) PetscCall(PetscViewerASCIIPrintf(viewer, "search direction: a Schur complement on %" PetscInt_FMT " interfaces, diagonal on the others\n", latin->macro.whole));
   PetscCall(LatinGetStatistics(latin, &stats));
   if (latin->links) PetscCall(PetscObjectView((PetscObject)latin->links, viewer));
   else {

@@ -232,8 +232,9 @@ typedef struct {
   PetscReal *dual;   /* D R, in the same places */
   PetscReal *own;    /* stiffness S of the subdomains themselves on each interface, column-major; NULL: not kept */
   size_t    *own_first;
-  PetscReal  mean; /* D is so many times the sum of both sides' S */
-  PetscInt  *like; /* [subdomains] the first one with an equal operator and equal sides; NULL: not compared */
+  PetscReal  mean;  /* D is so many times the sum of both sides' S */
+  PetscInt   whole; /* interfaces whose search direction is a matrix, over all ranks */
+  PetscInt  *like;  /* [subdomains] the first one with an equal operator and equal sides; NULL: not compared */
 } LatinMacro;
 
 /* The row of R at a side dof of the interface */
@@ -475,6 +476,8 @@ PETSC_INTERN PetscErrorCode LatinLinksCountChanges_Private(LatinLinks, Vec u, Pe
 PETSC_INTERN PetscErrorCode LatinLinksSearch_Private(LatinLinks, Vec u, Vec step, Vec more, PetscReal *length);
 PETSC_INTERN PetscErrorCode LatinLinksStiffnessRange_Private(LatinLinks, PetscReal *least, PetscReal *most);
 
+PETSC_INTERN LatinDirectionType LatinDirectionKind(Latin);
+
 PETSC_INTERN PetscErrorCode LatinCreate_Private(MPI_Comm, Latin *);
 PETSC_INTERN PetscErrorCode LatinSetLinks_Private(Latin, LatinLinks);
 PETSC_INTERN PetscErrorCode LatinSetFromOptions_Private(Latin, LatinOptionItems, const char family[]);
@@ -507,7 +510,9 @@ PETSC_INTERN PetscErrorCode LatinDirectionShare(Latin, PetscInt f, PetscBool for
 PETSC_INTERN PetscErrorCode LatinDirectionNormalise(Latin, const LatinInterface *, PetscInt modes, PetscReal R[]);
 PETSC_INTERN PetscErrorCode LatinDirectionSprings_Private(Latin, PetscReal spring[]);
 PETSC_INTERN void           LatinDirectionRow(Latin, const LatinInterface *, PetscInt r, const PetscReal *row[]);
-PETSC_INTERN PetscErrorCode LatinStiffnessFaces_Private(Latin, LatinDirectionType, size_t first[], PetscReal **S);
+PETSC_INTERN PetscErrorCode LatinStiffnessFaces_Private(Latin, const PetscBool whole[], size_t first[], PetscReal **S);
+PETSC_INTERN PetscErrorCode LatinJumps_Private(Latin, PetscBool rough[]);
+PETSC_INTERN PetscErrorCode LatinJumpsFaces_Private(Latin, PetscBool whole[]);
 PETSC_INTERN PetscErrorCode LatinGraphCreate_Private(Latin, PetscBool with_faces, LatinGraph *);
 PETSC_INTERN PetscErrorCode LatinGraphRow_Private(Latin, LatinGraph *, PetscInt i, const PetscReal spring[], PetscInt *count);
 PETSC_INTERN PetscErrorCode LatinGraphDestroy_Private(LatinGraph *);

@@ -41,7 +41,7 @@ static PetscErrorCode PCLatinSum_Private(Latin latin, const PetscReal copy[], Ve
   PetscFunctionReturn(0);
 }
 
-/* The part of each copy in its node: equal parts, or in proportion to the stiffness (diagonal of its operator); weights from Schur complements are of corners so */
+/* The part of each copy in its node: equal parts, or in proportion to the stiffness (diagonal of its operator); weights from Schur complements are so of corners, and of interfaces whose search direction is diagonal */
 static PetscErrorCode PCLatinWeights_Private(PC pc)
 {
   PC_Latin          *data  = (PC_Latin *)pc->data;
@@ -128,7 +128,8 @@ static PetscErrorCode PCLatinShares_Private(PC pc)
 {
   PC_Latin       *data  = (PC_Latin *)pc->data;
   Latin           latin = data->latin;
-  const PetscBool fit   = (PetscBool)(latin->variant == LATIN_VARIANT_CORNER && latin->promote && !latin->published && latin->direction == LATIN_DIRECTION_SCHUR && latin->direction_scalar == 0.0);
+  const PetscBool schur = (PetscBool)(latin->direction_scalar == 0.0 && (latin->direction == LATIN_DIRECTION_SCHUR || latin->direction == LATIN_DIRECTION_AUTO));
+  const PetscBool fit   = (PetscBool)(latin->variant == LATIN_VARIANT_CORNER && latin->promote && !latin->published && schur);
   const char     *prefix;
 
   PetscFunctionBegin;
@@ -232,6 +233,7 @@ static PetscErrorCode PCLatinWeigh_Private(PC pc, PetscBool forces, const PetscR
   for (PetscInt f = 0; f < inter->count && data->weights == WEIGHTS_SCHUR; f++) {
     const LatinInterface *face = &inter->interface[f];
 
+    if (face->matrix_first < 0) continue;
     for (PetscInt k = face->side_first; k < face->side_last; k++) data->side[k - face->side_first] = whole[inter->side_dof[k]];
     PetscCall(LatinDirectionShare(latin, f, forces, data->side, data->side + inter->sides));
     for (PetscInt k = face->side_first; k < face->side_last; k++) part[inter->side_dof[k]] = data->side[k - face->side_first];
@@ -433,7 +435,7 @@ PetscErrorCode PCLatinGetLatin(PC pc, Latin *latin)
 . -pc_latin_modes_local <0>                    - local low-energy fields of floppy subdomains, eigenvalues below this
 . -pc_latin_subdomains <n>                     - number of subdomains
 . -pc_latin_weights <stiffness,multiplicity,schur> - how residuals are shared among the copies of a node
-. -pc_latin_direction <schur>                  - springs that keep the local problems regular
+. -pc_latin_direction <auto>                   - springs that keep the local problems regular
 . -pc_latin_local_, -pc_latin_interior_        - prefixes of the KSPs of the subdomains
 - -pc_latin_coarse_                            - prefix of the KSP of the coarse problem
 
@@ -459,6 +461,7 @@ PETSC_EXTERN PetscErrorCode PCCreate_Latin(PC pc)
   PetscCall(LatinCreate_Private(PetscObjectComm((PetscObject)pc), &data->latin));
   data->latin->tangent       = PETSC_TRUE;
   data->latin->preconditions = PETSC_TRUE;
+  data->latin->direction     = LATIN_DIRECTION_AUTO;
   PetscFunctionReturn(0);
 }
 

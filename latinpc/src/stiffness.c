@@ -234,40 +234,42 @@ static PetscErrorCode LatinStiffnessCondenseAll_Private(Latin latin, LatinGraph 
 }
 
 /*
-   The matrix of each interface side, its own subdomain's part: S + first[f], column-major, once for equal subdomains.
-   The caller frees S. Collective on latin.
+   The matrix of each interface side with whole[f], its own subdomain's part: S + first[f], column-major, once for equal
+   subdomains. The caller frees S. Collective on latin.
 */
-PetscErrorCode LatinStiffnessFaces_Private(Latin latin, LatinDirectionType type, size_t first[], PetscReal **S)
+PetscErrorCode LatinStiffnessFaces_Private(Latin latin, const PetscBool whole[], size_t first[], PetscReal **S)
 {
   LatinSubstructure *sub   = &latin->sub;
   LatinInterfaces   *inter = &latin->inter;
   const PetscInt     bs = latin->sub.bs, n = bs * sub->copies;
   PetscInt          *pattern, *list, *at, patterns = 0;
   PetscReal         *spring;
-  PetscBool          bad  = PETSC_FALSE;
+  PetscBool         *wanted, bad = PETSC_FALSE;
   size_t             used = 0;
   LatinGraph         graph;
 
   PetscFunctionBegin;
   PetscCall(PetscMalloc3(sub->n, &list, n, &at, n, &spring));
+  PetscCall(PetscCalloc1(sub->n, &wanted));
   PetscCall(PetscFree(latin->macro.like));
   PetscCall(PetscMalloc1(sub->n, &latin->macro.like));
   PetscCall(LatinBlocksCompare_Private(latin, PETSC_FALSE, latin->macro.like));
   pattern = latin->macro.like;
   for (PetscInt i = 0; i < n; i++) at[i] = -1;
+  for (PetscInt f = 0; f < inter->count; f++) wanted[pattern[inter->interface[f].sub]] = (PetscBool)(wanted[pattern[inter->interface[f].sub]] || whole[f]);
   for (PetscInt s = 0; s < sub->n; s++) {
-    if (pattern[s] == s && inter->offset[s + 1] > inter->offset[s]) list[patterns++] = s;
+    if (pattern[s] == s && wanted[s]) list[patterns++] = s;
     for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++) {
       const size_t rows = (size_t)(inter->interface[f].side_last - inter->interface[f].side_first);
 
       first[f] = pattern[s] == s ? used : first[inter->offset[pattern[s]] + f - inter->offset[s]];
-      if (pattern[s] == s) used += rows * rows;
+      if (pattern[s] == s && wanted[s]) used += rows * rows;
     }
   }
   PetscCall(PetscMalloc1(used, S));
   PetscCall(LatinStiffnessFoundation_Private(latin, spring));
   PetscCall(LatinGraphCreate_Private(latin, PETSC_TRUE, &graph));
-  if (type == LATIN_DIRECTION_SCHUR) {
+  if (LatinDirectionKind(latin) != LATIN_DIRECTION_BLOCK) {
     LatinEach(PetscObjectComm((PetscObject)latin), LatinStiffnessCondenseAll_Private(latin, &graph, patterns, list, spring, at, first, *S, &bad));
   } else {
     for (PetscInt p = 0; p < patterns; p++)
@@ -275,6 +277,7 @@ PetscErrorCode LatinStiffnessFaces_Private(Latin latin, LatinDirectionType type,
   }
   PetscCall(LatinGraphDestroy_Private(&graph));
   PetscCall(PetscFree3(list, at, spring));
+  PetscCall(PetscFree(wanted));
   LatinAgree(PetscObjectComm((PetscObject)latin), bad, PETSC_ERR_CONV_FAILED, "The stiffness of a subdomain on its interfaces could not be computed; choose another -%sdirection, e.g. diagonal",
              ((PetscObject)latin)->prefix ? ((PetscObject)latin)->prefix : "");
   PetscFunctionReturn(0);
