@@ -23,6 +23,7 @@ cdef extern from *:
     PetscErrorCode PetscInitialized(PetscBool *)
     PetscErrorCode PetscFinalized(PetscBool *)
     PetscErrorCode PetscObjectReference(PetscObject)
+    PetscErrorCode PetscFree(void *)
 
 cdef extern from "latinpc.h":
     int LATINPC_VERSION_MAJOR, LATINPC_VERSION_MINOR, LATINPC_VERSION_SUBMINOR
@@ -90,6 +91,8 @@ cdef extern from "latinpc.h":
     PetscErrorCode SNESLatinGetHistory(PetscSNES, PetscInt *, const PetscReal **, const PetscReal **, const PetscReal **)
     PetscErrorCode SNESLatinGetLooseNodes(PetscSNES, PetscInt *, PetscInt *, const PetscInt **)
     PetscErrorCode SNESLatinGetEstimates(PetscSNES, PetscInt *, const PetscReal **, PetscReal *)
+    PetscErrorCode LatinStateSave(PetscObject, PetscVec, const char *, PetscInt, const char *)
+    PetscErrorCode LatinStateLoad(PetscObject, PetscVec, const char *, PetscInt *, char **)
     PetscErrorCode LatinGetEnergyBound(PetscSNES, PetscReal *, PetscReal *)
     PetscErrorCode SNESLatinGetOuter(PetscSNES, PetscSNES *)
     PetscErrorCode KSPLatinGetLatin(PetscKSP, Latin *)
@@ -460,6 +463,22 @@ def energy_bound(SNES snes not None):
     cdef PetscReal bound = 0, relative = 0
     CHKERR(LatinGetEnergyBound(snes.snes, &bound, &relative))
     return bound, relative
+
+
+def save_state(Object solver not None, Vec u, path, note):
+    """Write the state of a SNES or a TS."""
+    CHKERR(LatinStateSave(solver.obj[0], u.vec if u is not None else NULL, path, len(note), note))
+
+
+def load_state(Object solver not None, Vec u, path):
+    """Read the state of a SNES or a TS; return the note."""
+    cdef PetscInt n = 0
+    cdef char *note = NULL
+    CHKERR(LatinStateLoad(solver.obj[0], u.vec if u is not None else NULL, path, &n, &note))
+    try:
+        return note[:n]
+    finally:
+        PetscFree(note)
 
 
 def pcshell_set_latin(PC pc not None):

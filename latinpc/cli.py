@@ -28,6 +28,7 @@ from rich.table import Table
 import latinpc
 
 from . import io
+from .checkpoint import Interrupted, Keeper
 from .scenes import SCENES, make
 from .scenes.scene import UNILATERAL, Law
 from .solvers import has_package
@@ -155,6 +156,9 @@ def _run(comm, ours, petsc):
         return BAD_INPUT
     except (click.Abort, KeyboardInterrupt):
         return 130
+    except Interrupted as error:
+        print(f"latinpc: {error}", file=sys.stderr)
+        return error.code
     except Exception as error:
         expected = isinstance(error, (ValueError, OSError, RuntimeError, MemoryError, PETSc.Error))
         text = _sentence(error)
@@ -368,9 +372,14 @@ def write_json(path, report):
 @click.option("--step", type=float, metavar="H", help="Length of a step (s); by default what the scene suggests.")
 @click.option("--every", type=int, metavar="N", help="Write a state each N steps; by default a hundred of them.")
 @click.option("--node-mass", type=float, metavar="M", help="Mass of each node (kg), for a scene that has none.")
+@click.option("--increments", type=int, metavar="N", help="Let the loads grow in N equal increments.")
+@click.option("--checkpoint", metavar="FILE", help="Keep the state after increments or time steps, to go on from.")
+@click.option("--checkpoint-every", type=int, metavar="N", help="Write it after each N of them (default 1).")
+@click.option("--restart", metavar="FILE", help="Go on from a state, with the options and ranks that it had.")
 @click.pass_obj
 def solve_command(
-    comm, scene, reference, json_file, output, picture, quiet, steps, step, every, node_mass, **options
+    comm, scene, reference, json_file, output, picture, quiet, steps, step, every, node_mass, increments, checkpoint,
+    checkpoint_every, restart, **options
 ):  # fmt: skip
     """Solve a scene or a Gmsh file, by default with -snes_type latin; with --steps, move it with -ts_type latin.
 
@@ -385,6 +394,7 @@ def solve_command(
             raise ValueError(f"--{name} is for a motion: say for how many steps with --steps")
     if reference and steps is not None:
         raise ValueError("--reference is for statics; compare motions with -snes_type newtonls")
+    keeper = _keeper(comm, steps, increments, checkpoint, checkpoint_every, restart)
     scene = on_root(comm, _prepare, scene, None if alone else json_file, output, picture, options | {"steps": steps})
     count = options.get("subdomains") if scene.subdomain is None else None
     if count is not None and not 1 <= count <= len(scene.links):
@@ -392,7 +402,7 @@ def solve_command(
     monitored = any("monitor" in name for name in PETSc.Options().getAll())
     if steps is not None:
         with _progress(comm, quiet or monitored) as say:
-            result = _move(scene, steps, step, count, node_mass, every, say, output, picture)
+            result = _move(scene, steps, step, count, node_mass, every, say, output, picture, keeper)
         return _report(comm, result, _write_motion, _summary_of_motion, json_file, output, picture, quiet)
     with _progress(comm, quiet or monitored) as say:
         if say is not None:
@@ -401,11 +411,26 @@ def solve_command(
             scene,
             subdomains=count,
             reference=reference,
+            increments=1 if increments is None else increments,
+            keeper=keeper,
             before_solve=None if say is None else lambda snes: snes.setMonitor(
                 lambda _, iteration, norm: say(f"{scene.name}: iteration {iteration}, {norm:.2e}")
             ),
         )  # fmt: skip
     return _report(comm, result, _write, summary, json_file, output, picture, quiet)
+
+
+def _keeper(comm, steps, increments, checkpoint, every, restart):
+    """Return what keeps the states of a run, after a look at its options."""
+    if increments is not None and steps is not None:
+        raise ValueError("--increments is for statics: a motion goes by --steps")
+    if (checkpoint or restart) and steps is None and increments is None:
+        raise ValueError("a state is kept between load increments or time steps: ask for --increments or --steps")
+    if every is not None and checkpoint is None:
+        raise ValueError("--checkpoint-every needs the name of a file: --checkpoint FILE")
+    if checkpoint is not None:
+        on_root(comm, io.check_writable, checkpoint)
+    return Keeper(comm, checkpoint, 1 if every is None else every, restart)
 
 
 def _report(comm, result, write, summary, json_file, output, picture, quiet):
@@ -423,7 +448,7 @@ def _report(comm, result, write, summary, json_file, output, picture, quiet):
     return 0 if result.converged else NOT_CONVERGED
 
 
-def _move(scene, steps, step, count, node_mass, every, say, output, picture):
+def _move(scene, steps, step, count, node_mass, every, say, output, picture, keeper):
     from .motion import move
 
     films = any(str(path).lower().endswith((".pvd", ".gif")) for path in (output, picture) if path is not None)
@@ -434,6 +459,7 @@ def _move(scene, steps, step, count, node_mass, every, say, output, picture):
         subdomains=count,
         mass=node_mass,
         every=every if films else 0,
+        keeper=keeper,
         each_step=None if say is None else lambda k, t: say(f"{scene.name}: step {k} of {steps}, {t:.4g} s"),
     )
 

@@ -11,6 +11,7 @@ from petsc4py import PETSc
 
 import latinpc
 
+from .checkpoint import Keeper
 from .io import slack
 from .links import Links
 from .scenes.scene import UNILATERAL, Scene
@@ -47,7 +48,10 @@ class Motion:
         return self.report["converged"]
 
 
-def move(scene, steps, step=None, options=None, *, subdomains=None, mass=None, every=None, comm=None, each_step=None):
+def move(
+    scene, steps, step=None, options=None, *, subdomains=None, mass=None, every=None, comm=None, each_step=None,
+    keeper=None,
+):  # fmt: skip
     """Make time steps with the TS that the options name, `latin` by default; collective.
 
     Parameters
@@ -69,6 +73,8 @@ def move(scene, steps, step=None, options=None, *, subdomains=None, mass=None, e
     comm : communicator, optional
     each_step : callable, optional
         Called after each step with its number and its time.
+    keeper : Keeper, optional
+        Keeps the state between steps; frames are kept from the restart on.
 
     Returns
     -------
@@ -94,10 +100,11 @@ def move(scene, steps, step=None, options=None, *, subdomains=None, mass=None, e
     if steps < 1 or not 0.0 < step < np.inf:
         raise ValueError(f"a motion is at least one step of a positive length, not {steps} of {step} s")
     every = max(-(-steps // FRAMES), 1) if every is None else every
-    settings = dict(options or {})
+    links = Links.from_scene(scene, comm)
+    keeper = keeper or Keeper(links.comm.tompi4py())
+    settings = keeper.options | dict(options or {})
     if subdomains is not None:
         settings |= {"snes_latin_subdomains": subdomains, "pc_latin_subdomains": subdomains}
-    links = Links.from_scene(scene, comm)
     v = links.create_vec()
     if scene.velocity is not None:
         links.set_displacements(scene.velocity, v)
@@ -108,15 +115,16 @@ def move(scene, steps, step=None, options=None, *, subdomains=None, mass=None, e
             ts.setMaxSteps(steps)
             ts.setErrorIfStepFails(False)
             ts.setFromOptions()
-            return _move(scene, links, ts, steps, step, every, each_step)
+            return _move(scene, links, ts, steps, step, every, each_step, keeper)
         finally:
             ts.destroy()
 
 
-def _move(scene, links, ts, steps, step, every, each_step):
+def _move(scene, links, ts, steps, step, every, each_step, keeper):
     comm, snes = links.comm.tompi4py(), ts.getSNES()
     u, v = ts.getSolution2()
     past = {"iterations": [], "kinetic_energy": [], "potential_energy": [], "active": []}
+    keeper.about(scene, length_of_a_step=step)
     frames, clock = [], {"work": 0.0}
     unilateral = np.isin(scene.law, UNILATERAL)
 
@@ -125,7 +133,7 @@ def _move(scene, links, ts, steps, step, every, each_step):
         velocities = np.where(scene.fixed, 0.0, links.displacements(v))
         return Frame(number, t, links.displacements(x), velocities, tensions)
 
-    def monitor(ts, number, t, x):
+    def record(number, t, x):
         start = time.perf_counter()
         if number == 1:
             clock["first"] = start
@@ -142,10 +150,25 @@ def _move(scene, links, ts, steps, step, every, each_step):
             each_step(number, t)
         clock["work"] += time.perf_counter() - start
 
-    ts.setMonitor(monitor)
+    def after_step(ts):
+        number = ts.getStepNumber()
+        if number == len(past["iterations"]):  # the step has failed
+            return
+        record(number, ts.getTime(), u)
+        if keeper.step(ts, number, past):
+            ts.setConvergedReason(PETSc.TS.ConvergedReason.CONVERGED_USER)
+
+    ts.setPostStep(after_step)
+    done, kept = keeper.resume(ts)
+    past |= kept
+    if not done:
+        record(0, ts.getTime(), u)
+    clock["work"] = 0.0
     comm.barrier()
     start = time.perf_counter()
-    ts.solve(u)
+    with keeper.watching(snes):
+        ts.solve(u)
+    keeper.check()
     comm.barrier()
     duration = time.perf_counter() - start - clock["work"]
     if not frames or frames[-1].step != ts.getStepNumber():

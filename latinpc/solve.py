@@ -16,6 +16,7 @@ from petsc4py import PETSc
 
 import latinpc
 
+from .checkpoint import Keeper
 from .io import slack
 from .links import Links
 from .scenes.scene import RIGID, UNILATERAL, Law, Scene
@@ -90,7 +91,10 @@ def unknown_options():
 # ---- the solve -------------------------------------------------------------------------------
 
 
-def solve(scene, options=None, *, subdomains=None, reference=None, links=None, comm=None, before_solve=None):
+def solve(
+    scene, options=None, *, subdomains=None, reference=None, links=None, comm=None, before_solve=None, increments=1,
+    keeper=None,
+):  # fmt: skip
     """Solve a scene with the SNES that the options name, `latin` by default; collective.
 
     Parameters
@@ -108,13 +112,19 @@ def solve(scene, options=None, *, subdomains=None, reference=None, links=None, c
     comm : communicator, optional
     before_solve : callable, optional
         Called with the SNES after its set-up.
+    increments : int
+        The loads grow in so many equal increments, each solve from where the last ones lead to; prestrains and
+        prescribed displacements are whole from the first one on.
+    keeper : Keeper, optional
+        Keeps the state between increments.
 
     Returns
     -------
     Result
         Its report has the keys scene, scene_options, dofs, free_dofs, links, ranks, subdomains,
-        strong_interfaces, weak_interfaces, strong_macro_dofs, weak_dofs, iterations, linear_iterations,
-        converged, reason, indicator, residual, residual_norm, slack_fraction, estimated_error, error_l2, error_energy,
+        strong_interfaces, weak_interfaces, strong_macro_dofs, weak_dofs, increments (iterations of each), iterations,
+        linear_iterations, converged, reason, indicator, residual, residual_norm, slack_fraction, estimated_error,
+        error_l2, error_energy,
         direction, solver, setup_seconds, solve_seconds, peak_memory_bytes, versions, options. What does not apply is
         None.
 
@@ -123,8 +133,13 @@ def solve(scene, options=None, *, subdomains=None, reference=None, links=None, c
     ValueError, petsc4py.PETSc.Error
         On every rank. A solve that does not converge is no error: see ``report["reason"]``.
     """
+    if increments < 1:
+        raise ValueError(f"the loads grow in at least one increment, not {increments}")
     links = Links.from_scene(scene, comm) if links is None else links
-    settings = dict(options or {})
+    keeper = keeper or Keeper(links.comm.tompi4py())
+    settings = keeper.options | dict(options or {})
+    if increments > 1:
+        settings = {"snes_latin_warm_start": True, "snes_latin_warm_extrapolate": True} | settings
     if subdomains is not None:
         settings |= {f"{family}_latin_subdomains": subdomains for family in ("snes", "ksp", "pc")}
     notices = unknown_options()
@@ -144,12 +159,12 @@ def solve(scene, options=None, *, subdomains=None, reference=None, links=None, c
         snes = links.create_snes()
         try:
             snes.setFromOptions()
-            return _solve(scene, links, snes, errors_against, notices, before_solve)
+            return _solve(scene, links, snes, errors_against, notices, before_solve, increments, keeper)
         finally:
             snes.destroy()
 
 
-def _solve(scene, links, snes, reference, notices, before_solve):
+def _solve(scene, links, snes, reference, notices, before_solve, increments, keeper):
     comm = links.comm.tompi4py()
     is_latin = snes.getType() == "latin"
     ksp = snes.getKSP()
@@ -157,7 +172,7 @@ def _solve(scene, links, snes, reference, notices, before_solve):
     linear = next((solver for solver in (ksp, pc) if not is_latin and solver.getType() == "latin"), None)
     if linear is not None:
         links.attach(linear)
-    if is_latin and reference is not None:
+    if is_latin and reference is not None and increments == 1:
         latinpc.set_reference(snes, reference)
     u, r = links.create_vec(), links.create_vec()
     links.residual(u, r)
@@ -171,7 +186,8 @@ def _solve(scene, links, snes, reference, notices, before_solve):
     if before_solve is not None:
         before_solve(snes)
     start = time.perf_counter()
-    snes.solve(None, u)
+    with keeper.watching(snes):
+        counts = _ramp(scene, links, snes, u, increments, keeper)
     comm.barrier()
     duration = time.perf_counter() - start
 
@@ -189,7 +205,6 @@ def _solve(scene, links, snes, reference, notices, before_solve):
     core = snes if is_latin else linear
     statistics = latinpc.statistics(core) if core is not None else {}
     ksponly = snes.getType() == "ksponly"
-    linear_iterations = snes.getLinearSolveIterations()
     if ksponly and (scene.law != Law.BAR).any():
         notices.append("ksponly makes one linear step: cables and struts that become slack are not followed")
     error_l2, error_energy = links.errors(u, reference) if reference is not None else (None, None)
@@ -207,8 +222,9 @@ def _solve(scene, links, snes, reference, notices, before_solve):
             for key in ("subdomains", "strong_interfaces", "weak_interfaces", "strong_macro_dofs", "weak_dofs")
         },
         "direction": statistics.get("direction_mean"),
-        "iterations": linear_iterations if ksponly else snes.getIterationNumber(),
-        "linear_iterations": linear_iterations,
+        "increments": counts["linear" if ksponly else "steps"],
+        "iterations": sum(counts["linear" if ksponly else "steps"]),
+        "linear_iterations": sum(counts["linear"]),
         "converged": snes.getConvergedReason() > 0,
         "reason": _reason(snes),
         "indicator": _last(past.get("indicator")),
@@ -234,6 +250,25 @@ def _solve(scene, links, snes, reference, notices, before_solve):
         history=past,
         notices=notices,
     )
+
+
+def _ramp(scene, links, snes, u, increments, keeper):
+    """Solve under loads that grow in equal increments; return the iterations of each."""
+    keeper.about(scene, number_of_increments=increments)
+    done, counts = keeper.resume(snes, u)
+    counts = counts or {"steps": [], "linear": []}
+    for k in range(done + 1, increments + 1):
+        if increments > 1:
+            links.set_load(scene.load * (k / increments))
+        snes.solve(None, u)
+        counts["steps"].append(snes.getIterationNumber())
+        counts["linear"].append(snes.getLinearSolveIterations())
+        if snes.getConvergedReason() <= 0:
+            break
+        if k < increments:  # the last one is the result
+            keeper.step(snes, k, counts, u)
+            keeper.check()
+    return counts
 
 
 def _last(values):

@@ -6,6 +6,7 @@ whole, the same on every rank.
 
 from __future__ import annotations
 
+import os
 import re
 
 import numpy as np
@@ -19,6 +20,7 @@ __all__ = [
     "energy_bound",
     "error_message",
     "history",
+    "load_state",
     "local_ksp",
     "macro_stiffness",
     "node_classes",
@@ -26,6 +28,7 @@ __all__ = [
     "outer_snes",
     "pcshell_set_latin",
     "rounding_floor",
+    "save_state",
     "set_reference",
     "statistics",
     "step_tensions",
@@ -328,6 +331,57 @@ def outer_snes(snes):
         ``nrichardson`` is the article's iteration, ``anderson`` its acceleration.
     """
     return _latin.outer_snes(snes)
+
+
+def save_state(solver, path, u=None, note=b""):
+    """Write what a solver needs to go on to the bit in another run; collective.
+
+    The file is of PETSc's binary format. It takes the place of an older one in one step, once it is whole and on the
+    disk, so that a run that is killed leaves the one or the other.
+
+    Parameters
+    ----------
+    solver : petsc4py.PETSc.SNES or petsc4py.PETSc.TS
+        A SNES, of type latin or another one, after a solve; or a TS of type latin, after a step.
+    path : str or path-like
+    u : petsc4py.PETSc.Vec, optional
+        Solution of the SNES; a TS knows its own.
+    note : bytes, optional
+        What the caller wants to find again, for instance the number of the load step; from rank 0.
+
+    Raises
+    ------
+    petsc4py.PETSc.Error
+        On every rank, when there is nothing to save or the file cannot be written.
+    """
+    _latin.save_state(solver, u, os.fsencode(path), bytes(note))
+
+
+def load_state(solver, path, u=None):
+    """Read what `save_state` has written, for the same structure, options and number of ranks; collective.
+
+    The next solve of a SNES latin that starts warm (``-snes_latin_warm_start``), or the next step of the TS, goes on
+    from there. Loads, prestrains and prescribed displacements are the caller's.
+
+    Parameters
+    ----------
+    solver : petsc4py.PETSc.SNES or petsc4py.PETSc.TS
+        With its structure, after ``setFromOptions``.
+    path : str or path-like
+    u : petsc4py.PETSc.Vec, optional
+        Solution of the SNES, overwritten.
+
+    Returns
+    -------
+    bytes
+        The note.
+
+    Raises
+    ------
+    petsc4py.PETSc.Error
+        On every rank, when the file is not whole, or is of another structure, partition, number of ranks or version.
+    """
+    return _latin.load_state(solver, u, os.fsencode(path))
 
 
 def pcshell_set_latin(pc):

@@ -144,6 +144,8 @@ PETSC_EXTERN PetscErrorCode SNESLatinGetHistory(SNES, PetscInt *, const PetscRea
 PETSC_EXTERN PetscErrorCode SNESLatinGetEstimates(SNES, PetscInt *, const PetscReal *estimate[], PetscReal *floor);
 PETSC_EXTERN PetscErrorCode SNESLatinGetLooseNodes(SNES, PetscInt *count, PetscInt *listed, const PetscInt *node[]);
 PETSC_EXTERN PetscErrorCode SNESLatinGetOuter(SNES, SNES *);
+PETSC_EXTERN PetscErrorCode LatinStateSave(PetscObject solver, Vec u, const char file[], PetscInt n, const char note[]);
+PETSC_EXTERN PetscErrorCode LatinStateLoad(PetscObject solver, Vec u, const char file[], PetscInt *n, char *note[]);
 PETSC_EXTERN PetscErrorCode LatinGetEnergyBound(SNES, PetscReal *bound, PetscReal *relative);
 PETSC_EXTERN PetscErrorCode KSPLatinGetLatin(KSP, Latin *);
 PETSC_EXTERN PetscErrorCode KSPLatinSetLinks(KSP, LatinLinks);

@@ -111,6 +111,92 @@ PetscErrorCode LatinCoarseNumber(Latin latin)
   PetscFunctionReturn(0);
 }
 
+/* A row of an element's operator as a record: row, length, columns, values; returns how long that is. record may be NULL */
+static PetscInt LatinCoarseRecord(const LatinCoarse *coarse, PetscInt s, PetscInt i, PetscBool half, const PetscInt by[], PetscScalar record[])
+{
+  const LatinElements *top = &coarse->top;
+  const PetscInt       m = top->offset[s + 1] - top->offset[s], first = half ? i : 0, n = m - first, *row = coarse->top_global + top->offset[s];
+  const PetscReal     *H = top->H + top->h_offset[s];
+
+  if (!record) return 2 + 2 * n;
+  record[0] = row[by[i]];
+  record[1] = n;
+  for (PetscInt j = 0; j < n; j++) {
+    record[2 + j]     = row[by[first + j]];
+    record[2 + n + j] = H[by[first + j] + m * by[i]]; /* symmetric to the bit */
+  }
+  return 2 + 2 * n;
+}
+
+static PetscErrorCode LatinCoarseAdd_Private(Mat A, const PetscScalar record[], PetscInt column[], PetscInt *length)
+{
+  const PetscInt row = (PetscInt)PetscRealPart(record[0]), n = (PetscInt)PetscRealPart(record[1]);
+
+  PetscFunctionBegin;
+  for (PetscInt j = 0; j < n; j++) column[j] = (PetscInt)PetscRealPart(record[2 + j]);
+  PetscCall(MatSetValues(A, 1, &row, n, column, record + 2 + n, ADD_VALUES));
+  *length = 2 + 2 * n;
+  PetscFunctionReturn(0);
+}
+
+/*
+   Adds the elements' operators to A: rows of this rank, then those that other ranks send, in the order of the ranks.
+   PETSc's own assembly adds what arrives first, so that sums of three and more are not the same bits twice.
+*/
+static PetscErrorCode LatinCoarseFill_Private(Latin latin, PetscBool half, const PetscInt order[], PetscInt widest)
+{
+  LatinCoarse         *coarse = &latin->coarse;
+  const LatinElements *top    = &coarse->top;
+  MPI_Comm             comm   = PetscObjectComm((PetscObject)latin);
+  PetscMPIInt          rank, size, owner, *sends, *receives, *from, *to;
+  PetscScalar         *out, *in, *record;
+  PetscInt            *column, *next, length;
+  PetscLayout          map;
+
+  PetscFunctionBegin;
+  PetscCallMPI(MPI_Comm_rank(comm, &rank));
+  PetscCallMPI(MPI_Comm_size(comm, &size));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &widest, 1, MPIU_INT, MPI_MAX, comm));
+  PetscCall(MatGetLayouts(coarse->A, &map, NULL));
+  PetscCall(PetscCalloc5(size, &next, size, &sends, size, &receives, size + 1, &from, size + 1, &to));
+  PetscCall(PetscMalloc2(widest, &column, 2 + 2 * widest, &record));
+  for (PetscInt s = 0; s < top->n && size > 1; s++) {
+    for (PetscInt i = 0; i < top->offset[s + 1] - top->offset[s]; i++) {
+      const PetscInt *by = order + top->offset[s];
+
+      PetscCall(PetscLayoutFindOwner(map, coarse->top_global[top->offset[s] + by[i]], &owner));
+      if (owner != rank) next[owner] += LatinCoarseRecord(coarse, s, i, half, by, NULL);
+    }
+  }
+  for (PetscMPIInt r = 0; r < size; r++) PetscCall(PetscMPIIntCast(next[r], &sends[r]));
+  PetscCallMPI(MPI_Alltoall(sends, 1, MPI_INT, receives, 1, MPI_INT, comm));
+  for (PetscMPIInt r = 0; r < size; r++) {
+    next[r] = to[r];
+    PetscCall(PetscMPIIntCast((PetscInt)to[r] + sends[r], &to[r + 1]));
+    PetscCall(PetscMPIIntCast((PetscInt)from[r] + receives[r], &from[r + 1]));
+  }
+  PetscCall(PetscMalloc2(to[size], &out, from[size], &in));
+  for (PetscInt s = 0; s < top->n; s++) {
+    for (PetscInt i = 0; i < top->offset[s + 1] - top->offset[s]; i++) {
+      const PetscInt *by = order + top->offset[s];
+
+      PetscCall(PetscLayoutFindOwner(map, coarse->top_global[top->offset[s] + by[i]], &owner));
+      if (owner != rank) {
+        next[owner] += LatinCoarseRecord(coarse, s, i, half, by, out + next[owner]);
+        continue;
+      }
+      (void)LatinCoarseRecord(coarse, s, i, half, by, record);
+      PetscCall(LatinCoarseAdd_Private(coarse->A, record, column, &length));
+    }
+  }
+  PetscCallMPI(MPI_Alltoallv(out, sends, to, MPIU_SCALAR, in, receives, from, MPIU_SCALAR, comm));
+  for (PetscMPIInt k = 0; k < from[size]; k += (PetscMPIInt)length) PetscCall(LatinCoarseAdd_Private(coarse->A, in + k, column, &length));
+  PetscCall(PetscFree2(out, in));
+  PetscCall(PetscFree2(column, record));
+  PetscCall(PetscFree5(next, sends, receives, from, to));
+  PetscFunctionReturn(0);
+}
+
 /*
    Assembles sum_E c_E^t H_E c_E over the elements, of a symmetric matrix (half) the upper part. A row has at most as many
    entries as the elements of its dof have dofs, in half a matrix those of higher numbers. Entries come in the order of
@@ -122,12 +208,11 @@ static PetscErrorCode LatinCoarseAssemble_Private(Latin latin, PetscBool half)
   const LatinElements *top    = &coarse->top;
   MPI_Comm             comm   = PetscObjectComm((PetscObject)latin);
   const PetscInt       n      = coarse->top_local;
-  PetscInt            *width, *bound, *outside, *order, *column, widest = 0;
-  PetscScalar         *value;
+  PetscInt            *width, *bound, *outside, *order, widest = 0;
 
   PetscFunctionBegin;
   for (PetscInt s = 0; s < top->n; s++) widest = PetscMax(widest, top->offset[s + 1] - top->offset[s]);
-  PetscCall(PetscMalloc6(top->offset[top->n], &width, top->offset[top->n], &order, n, &bound, n, &outside, widest, &column, widest, &value));
+  PetscCall(PetscMalloc4(top->offset[top->n], &width, top->offset[top->n], &order, n, &bound, n, &outside));
   PetscCall(PetscArrayzero(bound, n));
   for (PetscInt s = 0; s < top->n; s++) {
     const PetscInt m = top->offset[s + 1] - top->offset[s], *row = coarse->top_global + top->offset[s];
@@ -146,19 +231,9 @@ static PetscErrorCode LatinCoarseAssemble_Private(Latin latin, PetscBool half)
   PetscCall(MatSetSizes(coarse->A, n, n, coarse->top_size, coarse->top_size));
   PetscCall(MatSetType(coarse->A, half ? MATSBAIJ : MATAIJ));
   PetscCall(MatXAIJSetPreallocation(coarse->A, 1, bound, outside, bound, outside));
-  for (PetscInt s = 0; s < top->n; s++) {
-    const PetscInt   m = top->offset[s + 1] - top->offset[s], *row = coarse->top_global + top->offset[s], *by = order + top->offset[s];
-    const PetscReal *H = top->H + top->h_offset[s];
-
-    for (PetscInt i = 0; i < m; i++) column[i] = row[by[i]];
-    for (PetscInt i = 0; i < m; i++) {
-      const PetscInt first = half ? i : 0;
-
-      for (PetscInt j = first; j < m; j++) value[j] = H[by[j] + m * by[i]]; /* symmetric to the bit */
-      PetscCall(MatSetValues(coarse->A, 1, column + i, m - first, column + first, value + first, ADD_VALUES));
-    }
-  }
-  PetscCall(PetscFree6(width, order, bound, outside, column, value));
+  PetscCall(MatSetOption(coarse->A, MAT_NO_OFF_PROC_ENTRIES, PETSC_TRUE));
+  PetscCall(LatinCoarseFill_Private(latin, half, order, widest));
+  PetscCall(PetscFree4(width, order, bound, outside));
   PetscCall(MatAssemblyBegin(coarse->A, MAT_FINAL_ASSEMBLY));
   PetscCall(MatAssemblyEnd(coarse->A, MAT_FINAL_ASSEMBLY));
   PetscCall(MatSetOption(coarse->A, MAT_SYMMETRIC, PETSC_TRUE));
@@ -198,6 +273,27 @@ static PetscErrorCode LatinCoarseMatrix_Private(Latin latin, PetscInt *width, Pe
   PetscFunctionReturn(0);
 }
 
+/* Where every rank solves the whole, which gives the same bits twice, it is by the factorisation of one rank. Collective on ksp */
+static PetscErrorCode LatinCoarseRedundant_Private(KSP ksp)
+{
+  PetscBool redundant;
+  PC        pc, whole;
+  KSP       inner;
+  Mat       A;
+
+  PetscFunctionBegin;
+  PetscCall(KSPGetPC(ksp, &pc));
+  PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCREDUNDANT, &redundant));
+  if (!redundant) PetscFunctionReturn(0);
+  PetscCall(PCRedundantGetKSP(pc, &inner));
+  PetscCall(KSPGetPC(inner, &whole));
+  PetscCall(MatCreateSeqAIJ(PETSC_COMM_SELF, 1, 1, 1, NULL, &A));
+  PetscCall(LatinDirectSolver_Private(whole, A, MATSOLVERMUMPS));
+  PetscCall(MatDestroy(&A));
+  PetscCall(KSPSetFromOptions(inner));
+  PetscFunctionReturn(0);
+}
+
 PetscErrorCode LatinCoarseSetUp(Latin latin)
 {
   LatinCoarse      *coarse = &latin->coarse;
@@ -229,6 +325,7 @@ PetscErrorCode LatinCoarseSetUp(Latin latin)
     PetscCall(LatinDirectSolver_Private(pc, coarse->A, MATSOLVERMUMPS));
     PetscCall(KSPSetOperators(coarse->ksp, coarse->A, coarse->A));
     PetscCall(KSPSetFromOptions(coarse->ksp));
+    PetscCall(LatinCoarseRedundant_Private(coarse->ksp));
   } else PetscCall(KSPSetOperators(coarse->ksp, coarse->A, coarse->A));
   PetscCall(MatGetSize(coarse->A, &rows, NULL));
   if (rows) { /* disconnected structures may be condensed entirely, each a group */

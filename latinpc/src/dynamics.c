@@ -7,15 +7,6 @@
    length of the step does. No mathematics of the method here.
 */
 
-typedef struct {
-  LatinLinks        step;    /* borrowed: the structure as a time step sees it */
-  Vec               w;       /* h v+ */
-  PetscBool         started; /* w is that of a step done */
-  PetscInt          iterations;
-  PetscViewer       monitor;
-  PetscViewerFormat monitor_format;
-} TS_Latin;
-
 /* M a + B^t tau - F, for PETSc's own integrators of second order */
 static PetscErrorCode LatinLinksFunction_TS(TS ts, PetscReal t, Vec u, Vec v, Vec a, Vec F, void *ctx)
 {

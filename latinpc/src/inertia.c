@@ -281,6 +281,15 @@ PetscErrorCode LatinStepStart_Private(LatinLinks step, PetscReal h, Vec u, Vec v
   PetscFunctionReturn(0);
 }
 
+/* The operators of steps of which 1 / h^2 is known, before the first one; 0: it is not. Collective on step */
+PetscErrorCode LatinStepLength_Private(LatinLinks step, PetscReal shift)
+{
+  PetscFunctionBegin;
+  PetscCall(LatinStepRefresh_Private(step));
+  if (shift > 0.0) PetscCall(LatinStepGround_Private(step, shift));
+  PetscFunctionReturn(0);
+}
+
 /* The base itself, its displacements the unknown, on springs shift M: what other integrators linearise. Collective on step */
 PetscErrorCode LatinStepShift_Private(LatinLinks step, PetscReal shift)
 {

@@ -144,7 +144,7 @@ static PetscErrorCode LatinSetUpStage_Private(Latin latin)
   PetscFunctionReturn(0);
 }
 
-/* Macro bases that know which links are slack after the last linear stage. Keeps the loads; states of before do not fit. Collective on latin */
+/* Macro bases that know which links are slack (LatinFloppySlack()). Keeps the loads; states of before do not fit. Collective on latin */
 PetscErrorCode LatinAdapt_Private(Latin latin)
 {
   const PetscInt n = latin->sub.bs * latin->sub.copies;
@@ -152,7 +152,6 @@ PetscErrorCode LatinAdapt_Private(Latin latin)
 
   PetscFunctionBegin;
   PetscCall(PetscLogEventBegin(LATIN_SetUp, latin, 0, 0, 0));
-  PetscCall(LatinFloppySlack(latin));
   PetscCall(PetscMalloc1(n, &load));
   PetscCall(PetscArraycpy(load, latin->linear.load, n));
   PetscCall(LatinCoarseReset(latin));

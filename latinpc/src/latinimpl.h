@@ -633,5 +633,16 @@ typedef struct {
   PetscViewerFormat monitor_format;
 } SNES_Latin;
 PETSC_INTERN PetscErrorCode SNESLatinCreateOuter_Private(SNES);
+PETSC_INTERN PetscErrorCode SNESLatinFindLinks_Private(SNES, LatinLinks *);
+
+/* ---- TS latin (dynamics.c) ---- */
+typedef struct {
+  LatinLinks        step;    /* borrowed: the structure as a time step sees it */
+  Vec               w;       /* h v+ */
+  PetscBool         started; /* w is that of a step done */
+  PetscInt          iterations;
+  PetscViewer       monitor;
+  PetscViewerFormat monitor_format;
+} TS_Latin;
 
 #endif

@@ -123,6 +123,7 @@ PETSC_INTERN PetscErrorCode LatinStepCreate_Private(LatinLinks base, LatinLinks 
 PETSC_INTERN PetscErrorCode LatinStepDestroy_Private(LatinLinks step);
 PETSC_INTERN PetscErrorCode LatinStepStart_Private(LatinLinks step, PetscReal h, Vec u, Vec v);
 PETSC_INTERN PetscErrorCode LatinStepShift_Private(LatinLinks step, PetscReal shift);
+PETSC_INTERN PetscErrorCode LatinStepLength_Private(LatinLinks step, PetscReal shift);
 PETSC_INTERN PetscErrorCode LatinLinksFromDM_Private(DM, LatinLinks *);
 PETSC_INTERN PetscErrorCode LatinLinksCheckVec_Private(LatinLinks, Vec);
 PETSC_INTERN PetscErrorCode LatinLinksGetLocal_Private(LatinLinks, Vec, Vec);

@@ -146,7 +146,7 @@ static PetscErrorCode SNESLatinMonitor_Private(SNES snes, PetscInt it, PetscReal
 }
 
 /* The structure of a SNES: attached, or behind its DM; NULL if there is none */
-static PetscErrorCode SNESLatinFindLinks_Private(SNES snes, LatinLinks *links)
+PetscErrorCode SNESLatinFindLinks_Private(SNES snes, LatinLinks *links)
 {
   PetscFunctionBegin;
   PetscCall(PetscObjectQuery((PetscObject)snes, "LatinLinks", (PetscObject *)links));
@@ -433,6 +433,7 @@ static PetscErrorCode SNESLatinAdapt_Private(SNES snes)
     PetscCall(SNESLatinFixedPoint_Private(data->outer, data->z, F, snes));
     PetscCall(VecAXPY(data->z, -1.0, F));
   }
+  PetscCall(LatinFloppySlack(data->latin));
   PetscCall(LatinAdapt_Private(data->latin));
   if (data->stop == LATIN_STOP_ERROR) PetscCall(LatinEstimateStart_Private(&data->estimate));
   data->has_state = PETSC_FALSE;

@@ -1,0 +1,321 @@
+"""States of solvers and of long runs: what goes on from one is equal to the bit to what was never interrupted."""
+
+import json
+import os
+import random
+import re
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import environment, run
+from petsc4py import PETSc
+from support import grid, irregular, lattice
+
+import latinpc
+from latinpc.scenes import make
+from latinpc.solve import default_options
+
+WARM = {"snes_latin_warm_start": True, "snes_latin_warm_extrapolate": True}
+SLACK = {"snes_latin_modes_local": 1, "snes_latin_modes_local_slack": 1, "snes_latin_direction": "diagonal"}
+RAMPS = {
+    "grid": (grid, {}),
+    "polish": (irregular, {"snes_latin_polish": True, "snes_stol": 1e-8}),
+    "error": (irregular, {"snes_latin_stop": "error"}),
+    "slack": (irregular, SLACK),
+    "plain": (grid, {"snes_latin_outer_snes_type": "nrichardson", "snes_latin_variant": "macro"}),
+    "newton": (grid, {"snes_type": "newtonls", "pc_type": "cholesky"}),
+    "one subdomain": (lambda: grid(subdomains=1), {}),
+    "rigid": (lambda: make("net", side=8), {"snes_stol": 1e-3}),
+}
+
+
+def shaken():
+    """Make a lattice that its loads set in motion."""
+    scene = lattice()
+    return replace(scene, mass=np.full(len(scene.nodes), 10.0), time_step=1e-3)
+
+
+MOTIONS = {
+    "grid": (lambda: make("impact-grid", modules=8), {}),
+    "contacts": (lambda: make("bouncing-chain"), {}),
+    "newton": (shaken, {"snes_type": "newtonls", "pc_type": "cholesky"}),
+}
+
+
+def ramp(scene, options, first, last, path=None, comm=PETSc.COMM_SELF, end=5):
+    """Load increments first to last of five, from the state in a file and to it; what is found."""
+    with default_options(WARM | options):
+        links = latinpc.Links.from_scene(scene, comm=comm)
+        snes, u, counts = links.create_snes(), links.create_vec(), []
+        snes.setFromOptions()
+        if first > 1:
+            counts = json.loads(latinpc.load_state(snes, path, u))
+        for k in range(first, last + 1):
+            links.set_load(scene.load * (k / end))
+            snes.solve(None, u)
+            counts.append(snes.getIterationNumber())
+        if last < end:
+            latinpc.save_state(snes, path, u, json.dumps(counts).encode())
+        return links.displacements(u), links.tensions(u), counts
+
+
+def motion(scene, options, first, last, path, end=12):
+    """Time steps first to last."""
+    with default_options(options):
+        links = latinpc.Links.from_scene(scene, comm=PETSc.COMM_SELF)
+        v = links.create_vec()
+        if scene.velocity is not None:
+            links.set_displacements(scene.velocity, v)
+        ts = links.create_ts(v=v)
+        ts.setTimeStep(scene.time_step)
+        ts.setFromOptions()
+        if first > 1:
+            assert latinpc.load_state(ts, path) == b""
+        ts.setMaxSteps(last)
+        u, v = ts.getSolution2()
+        ts.solve(u)
+        assert ts.getStepNumber() == last
+        if last < end:
+            latinpc.save_state(ts, path)
+        return links.displacements(u), links.displacements(v), latinpc.step_tensions(ts), ts.getTime()
+
+
+def same(a, b):
+    """Equal to the bit, whatever it is."""
+    return all(np.array_equal(x, y) for x, y in zip(a, b, strict=True))
+
+
+@pytest.mark.parametrize("name", RAMPS)
+def test_a_ramp_goes_on_to_the_bit(name, tmp_path):
+    make_scene, options = RAMPS[name]
+    path, scene = tmp_path / "state", make_scene()
+    whole = ramp(scene, options, 1, 5)
+    for stop in (1, 3):
+        ramp(scene, options, 1, stop, path)
+        assert same(ramp(scene, options, stop + 1, 5, path), whole), stop
+    assert os.listdir(tmp_path) == ["state"]
+
+
+@pytest.mark.parametrize("name", MOTIONS)
+def test_a_motion_goes_on_to_the_bit(name, tmp_path):
+    make_scene, options = MOTIONS[name]
+    path, scene = tmp_path / "state", make_scene()
+    whole = motion(scene, options, 1, 12, path)
+    for stop in (1, 7):
+        motion(scene, options, 1, stop, path)
+        assert same(motion(scene, options, stop + 1, 12, path), whole), stop
+
+
+PARALLEL = """
+import sys
+import petsc4py
+petsc4py.init(sys.argv[:1] + ["-skip_petscrc"])
+from petsc4py import PETSc
+sys.path.insert(0, sys.argv[1])
+import latinpc
+from test_state import RAMPS, ramp, same
+
+world, path = PETSc.COMM_WORLD, sys.argv[2]
+for name in ("grid", "polish", "slack", "rigid"):
+    scene, options = RAMPS[name][0](), RAMPS[name][1] | {"snes_latin_coarse_pc_type": "redundant"}
+    whole = ramp(scene, options, 1, 5, comm=world)
+    ramp(scene, options, 1, 2, path, world)
+    assert same(ramp(scene, options, 3, 5, path, world), whole), name
+for wrong in (lambda: ramp(RAMPS["grid"][0](), options, 3, 5, path, world),
+              lambda: ramp(scene, options, 1, 1, path + "/nowhere", world)):
+    try:
+        wrong()
+        raise SystemExit("no error")
+    except PETSc.Error as error:
+        print(f"{latinpc.error_message(error)}\\n", end="", flush=True)
+"""
+
+
+def test_two_ranks_go_on_to_the_bit_and_fail_together(mpirun, tmp_path):
+    path = tmp_path / "state"
+    said = mpirun(2, PARALLEL, Path(__file__).parent, path).stdout.splitlines()
+    assert sum("is of another structure" in line for line in said) == 2
+    assert len(said) == 4
+    with pytest.raises(PETSc.Error) as error:  # the last state was of two ranks
+        ramp(RAMPS["rigid"][0](), {}, 3, 5, path)
+    assert "is of 2 ranks, and these are 1: run on 2" in latinpc.error_message(error.value)
+
+
+def refused(call, *arguments):
+    """Return the message of the error that a call ends with."""
+    with pytest.raises(PETSc.Error) as error:
+        call(*arguments)
+    return latinpc.error_message(error.value)
+
+
+def test_wrong_files_are_refused_by_name(tmp_path):
+    path, scene = tmp_path / "state", grid()
+    ramp(scene, {}, 1, 2, path)
+    good = path.read_bytes()
+
+    def go_on(content, options=None, other=scene):
+        path.write_bytes(content)
+        return refused(ramp, other, options or {}, 3, 5, path)
+
+    assert "is not whole" in go_on(good[:-1])
+    assert "is not whole" in go_on(good[:100])
+    assert "is not whole" in go_on(good + b" ")
+    assert "is no state of latinpc" in go_on(b"")
+    assert "is no state of latinpc" in go_on(os.urandom(5000))
+    assert "has been damaged" in go_on(good[:5000] + bytes([good[5000] ^ 1]) + good[5001:])
+    assert "format 99" in go_on(good.replace(b"latinpc state 1", b"latinpc state 99", 1))
+    assert "integers of 9 bytes" in go_on(
+        good.replace(b"integers %d" % np.dtype(PETSc.IntType).itemsize, b"integers 9", 1)
+    )
+    assert "is of 4 ranks" in go_on(good.replace(b"ranks 1", b"ranks 4", 1))
+    assert "is that of a motion" in go_on(good.replace(b"motion 0", b"motion 1", 1))
+    assert "is of another structure" in go_on(good, other=grid("truss"))
+    assert "is of another structure" in go_on(good, {"snes_latin_direction": "scalar"})
+    assert "is of another structure" in go_on(good, {"snes_type": "newtonls"})
+    reals = good[good.index(b"reals ") : good.index(b"\nnote")]
+    for size in (b"-1", b"999999999999"):
+        other = good.replace(reals, b"reals " + size, 1)
+        assert re.search("is not whole|is of another structure", go_on(other[: len(good)].ljust(len(good), b"\0")))
+    path.unlink()
+    assert "No such file" in refused(ramp, scene, {}, 3, 5, path)
+
+
+def test_misuse_is_refused(tmp_path):
+    links = latinpc.Links.from_scene(grid(), comm=PETSc.COMM_SELF)
+    snes = links.create_snes()
+    assert "There is no state yet" in refused(latinpc.save_state, snes, tmp_path / "s", links.create_vec())
+    assert "give the vector" in refused(latinpc.save_state, snes, tmp_path / "s")
+    assert "not that of a KSP" in refused(latinpc.save_state, snes.getKSP(), tmp_path / "s")
+    moving = make("impact-grid", modules=8)
+    ts = latinpc.Links.from_scene(moving, comm=PETSc.COMM_SELF).create_ts()
+    ts.setType("alpha2")
+    assert "use -ts_type latin" in refused(latinpc.save_state, ts, tmp_path / "s")
+
+
+def test_a_state_that_cannot_be_written_leaves_the_older_one(tmp_path):
+    path, scene = tmp_path / "state", grid()
+    ramp(scene, {}, 1, 2, path)
+    good = path.read_bytes()
+    (tmp_path / "state.part").mkdir()  # where the new one would be written
+    assert refused(ramp, scene, {}, 1, 3, path)
+    assert path.read_bytes() == good
+
+
+# ---- the command line ------------------------------------------------------------------------
+
+LONG = {
+    "ramp": ["tensegrity-grid", "--modules", 8, "--subdomains", 4, "--increments", 60],
+    "motion": ["impact-grid", "--modules", 8, "--steps", 200],
+}
+NEVER_THE_SAME = ("seconds", "first_step_seconds", "setup_seconds", "solve_seconds", "peak_memory_bytes")
+
+
+def launch(*words, ranks=1):
+    words = [sys.executable, "-c", "from latinpc.cli import main; main()", "solve", *map(str, words)]
+    return (["mpirun", "-n", str(ranks)] if ranks > 1 else []) + words
+
+
+def result(folder, words, name, ranks=1):
+    """Displacements and tensions as written, and the report without what no two runs have in common."""
+    run([*launch(*words, "--quiet", "--output", f"{name}.vtu", "--json", f"{name}.json", ranks=ranks)], cwd=folder)
+    report = json.loads((folder / f"{name}.json").read_text())
+    return (folder / f"{name}.vtu").read_bytes(), {k: v for k, v in report.items() if k not in NEVER_THE_SAME}
+
+
+def begin(folder, words, ranks=1):
+    """Start a run that keeps its state; wait for the first one."""
+    words = launch(*words, "--quiet", "--checkpoint", "state", ranks=ranks)
+    before = (folder / "state").stat().st_mtime_ns if (folder / "state").exists() else 0
+    process = subprocess.Popen(
+        words, cwd=folder, env=environment(), stderr=subprocess.PIPE, text=True, start_new_session=True
+    )
+    deadline = time.monotonic() + 60
+    while not (folder / "state").exists() or (folder / "state").stat().st_mtime_ns == before:
+        assert time.monotonic() < deadline
+        if process.poll() is not None:
+            break
+        time.sleep(0.001)
+    return process
+
+
+def killed(folder, words, times, ranks, seed):
+    """Kill a run at random moments, go on each time, and return its result."""
+    rng, restart = random.Random(seed), []
+    for _ in range(times):
+        process = begin(folder, [*words, *restart], ranks)
+        time.sleep(rng.random() * 0.3)
+        os.killpg(process.pid, signal.SIGKILL)
+        process.communicate()
+        restart = ["--restart", "state"]
+    return result(folder, [*words, *restart], "pieces", ranks)
+
+
+@pytest.mark.parametrize("kind", ["motion", pytest.param("ramp", marks=pytest.mark.slow)])
+def test_a_run_that_is_killed_goes_on_to_the_bit(kind, tmp_path):
+    assert killed(tmp_path, LONG[kind], 2, 1, 0) == result(tmp_path, LONG[kind], "whole")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("kind", LONG)
+def test_a_run_that_is_killed_often_goes_on_to_the_bit(kind, ranks, tmp_path):
+    whole = result(tmp_path, LONG[kind], "whole", ranks)
+    for seed in range(4):
+        (tmp_path / "state").unlink(missing_ok=True)
+        assert killed(tmp_path, LONG[kind], 5, ranks, seed) == whole, seed
+
+
+@pytest.mark.parametrize(
+    ("number", "code"), [pytest.param(signal.SIGINT, 130, marks=pytest.mark.slow), (signal.SIGTERM, 143)]
+)
+def test_an_interrupted_run_says_where_its_state_is(number, code, tmp_path):
+    process = begin(tmp_path, LONG["motion"])
+    process.send_signal(number)
+    said = process.communicate(timeout=60)[1]
+    assert process.returncode == code, said
+    assert "go on with --restart state" in said
+    assert result(tmp_path, [*LONG["motion"], "--restart", "state"], "end")[1]["steps"] == 200
+
+
+def test_a_run_on_two_ranks_says_where_its_state_is(tmp_path):
+    process = begin(tmp_path, LONG["motion"], 2)
+    process.send_signal(signal.SIGTERM)
+    said = process.communicate(timeout=60)[1]
+    assert process.returncode
+    assert "go on with --restart state" in said
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["lattice", "--checkpoint", "s"], "ask for --increments or --steps"),
+        (["lattice", "--restart", "s"], "ask for --increments or --steps"),
+        (["lattice", "--increments", 2, "--steps", 2], "--increments is for statics"),
+        (["lattice", "--increments", 2, "--checkpoint-every", 2], "needs the name of a file"),
+        (["lattice", "--increments", 2, "--checkpoint", "s", "--checkpoint-every", 0], "at least 1, not 0"),
+        (["lattice", "--increments", 0], "at least one increment"),
+        (["lattice", "--increments", 2, "--checkpoint", "nowhere/s"], "does not exist"),
+        (["lattice", "--increments", 2, "--restart", "nothing"], "No such file"),
+        (["lattice", "--increments", 3, "--restart", "state"], "number of increments differs"),
+        (["lattice", "--nx", 12, "--increments", 2, "--restart", "state"], "another structure"),
+    ],
+)
+def test_misuse_on_the_command_line(words, sentence, tmp_path, capsys, monkeypatch):
+    from latinpc.cli import main
+
+    def call(words):
+        with pytest.raises(SystemExit) as end:
+            main(["solve", *map(str, words), "--quiet"])
+        return end.value.code
+
+    monkeypatch.chdir(tmp_path)
+    if "state" in words:
+        assert call(["lattice", "--increments", 2, "--checkpoint", "state"]) == 0
+    assert call(words) == 2
+    assert sentence in " ".join(capsys.readouterr().err.split())
