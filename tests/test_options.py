@@ -1,4 +1,4 @@
-"""The README's option tables, `-help` and the files in options/ say the same."""
+"""The tables of options/README.md, `-help` and the files in options/ say the same; the README's commands run."""
 
 import os
 import re
@@ -12,6 +12,7 @@ from conftest import ROOT, run
 from latinpc import solve
 
 README = (ROOT / "README.md").read_text()
+OPTIONS = (ROOT / "options" / "README.md").read_text()
 COMMAND = [Path(sys.executable).parent / "latinpc", "solve"]
 HELP_OF = {
     "snes": ["tensegrity-grid", "--modules", "6", "--subdomains", "9", "-help"],
@@ -26,21 +27,21 @@ LINE = re.compile(r"^ +-(\w+):? ?(?:<(?:now )?(.*?) : .*?>)?:? ?(.*)$")
 
 
 def rows(family):
-    """Rows of the README's tables: key -> (values, default); and the inner prefixes."""
+    """Rows of the tables: key -> (values, default); and the inner prefixes."""
     table, prefixes = {}, []
-    for key, star, values, default in ROW.findall(README):
+    for key, star, values, default in ROW.findall(OPTIONS):
         if key.startswith(family + "_"):
             if star:
                 prefixes.append(key)
             else:
-                assert key not in table, f"-{key} stands twice in the README"
+                assert key not in table, f"-{key} stands twice in options/README.md"
                 table[key] = (re.findall(r"`([^`]+)`", values), default.strip().strip("`"))
     return table, prefixes
 
 
 @pytest.fixture(scope="module", params=HELP_OF)
 def described(request):
-    """For a family of options: README's rows and prefixes, and what -help prints: key -> (default, rest)."""
+    """For a family of options: rows and prefixes of the tables, and what -help prints: key -> (default, rest)."""
     family = request.param
     printed = {}
     for line in run([*COMMAND, *HELP_OF[family]]).stdout.splitlines():
@@ -51,7 +52,7 @@ def described(request):
 
 
 def same(written, printed):
-    """Compare a default of the README with that of -help, as numbers where they are."""
+    """Compare a default of the tables with that of -help, as numbers where they are."""
     try:
         return float(written) == float(printed)
     except ValueError:
@@ -86,7 +87,7 @@ def test_defaults_and_choices_are_those_of_help(described):
     for key, (values, default) in table.items():
         told, rest = printed[key]
         if told is not None:
-            assert same(default, told), f"-{key}: README {default}, -help {told}"
+            assert same(default, told), f"-{key}: table {default}, -help {told}"
         choices = re.search(r"\(choose one of\) (.*) \(\w+\)$", rest)
         if choices:
             assert values == choices[1].split(), key
@@ -114,13 +115,19 @@ def test_options_file_is_used_to_the_last_line(path):
         result = run([*COMMAND, *shlex.split(line), "-options_left"], cwd=ROOT)
         assert "There are no unused options" in result.stdout
         assert "unknown option" not in result.stderr
-    assert f"options/{path.name}" in README
+    assert f"options/{path.name}" in OPTIONS
 
 
-def test_readme_names_what_exists():
-    for target in re.findall(r"\]\(([^)#:]+)\)", README):
-        assert (ROOT / target).exists(), target
-    for path in re.findall(r"`((?:options|examples|latinpc)/[\w./]+)`", README):
+@pytest.mark.parametrize("page", sorted(ROOT.glob("[!.]*/**/*.md")) + [ROOT / "README.md"], ids=lambda page: page.name)
+def test_pages_name_what_exists(page):
+    text = page.read_text()
+    for target, section in re.findall(r"\]\(([^)#:]*)#?([^)#:]*)\)", text):
+        there = page.parent / target if target else page
+        assert there.exists(), target
+        if section and there.suffix == ".md":
+            titles = re.findall(r"^#+ (.*)$", there.read_text(), re.MULTILINE)
+            assert section in {re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in titles}, section
+    for path in re.findall(r"`((?:options|examples|latinpc|benchmarks)/[\w./]+)`", text):
         assert (ROOT / path).exists() or path.endswith(".so"), path
 
 
@@ -160,10 +167,7 @@ def test_equation_map_names_functions_of_the_file():
             assert re.search(rf"^[\w ]+\*?\b{function}\(.*\)\n{{", source, re.MULTILINE), f"{file}: {function}"
 
 
-def test_the_table_of_the_ts_is_that_of_help():
+def test_steps_start_warm():
     printed = run([*COMMAND, "impact-tower", "--levels", "2", "--steps", "1", "-help"]).stdout
-    ours = {match[1] for match in map(LINE.match, printed.splitlines()) if match and match[1].startswith("ts_latin_")}
-    assert ours == set(re.findall(r"^\| `-(ts_latin_\w+)` \|", README, re.MULTILINE)) != set()
-    assert re.search(
-        r"-snes_latin_warm_extrapolate: <(now )?true", printed, re.IGNORECASE
-    )  # default of the SNES of a TS
+    for key in ("warm_start", "warm_extrapolate"):
+        assert re.search(rf"-snes_latin_{key}: <(now )?true", printed, re.IGNORECASE), key
