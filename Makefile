@@ -7,6 +7,7 @@
 #   make test          the quick tests; `make test-all` adds the slow ones
 #   make test PETSC=latest|debug|int64   the same with the newest PETSC instead of Debian's: built once, and kept
 #   make test SANITIZE=1   the same with AddressSanitizer and UBSan in our library
+#   make coverage      the quick tests; which lines of C and Python they run, in build/coverage
 #   make bench         the benchmarks, their tables and figures; BENCH=full adds the large ones
 #   make format-check  clang-format and ruff, as CI runs them; `make format` applies them
 #   make lint          ruff's rules
@@ -26,7 +27,7 @@ $(error PETSC=$(PETSC): it is debian, latest, debug or int64)
 endif
 # The libraries of other kinds are installed into a virtual environment of their own, not beside the sources; the PETSc
 # that they need is kept outside the tree, for the next clone
-KIND    := $(PETSC)$(if $(SANITIZE),-sanitize)
+KIND    := $(PETSC)$(if $(SANITIZE),-sanitize)$(if $(COVERAGE),-coverage)
 VENV    := .venv$(patsubst %,-%,$(filter-out debian,$(KIND)))
 BUILD   := build/$(patsubst debian,make,$(KIND))
 ifneq ($(PETSC),debian)
@@ -56,7 +57,7 @@ export OMPI_MCA_mpi_yield_when_idle       := 1
 export OMP_NUM_THREADS                    := 1
 export OPENBLAS_NUM_THREADS               := 1
 
-.PHONY: env build demo test test-all bench format format-check lint clean distclean
+.PHONY: env build demo test test-all coverage bench format format-check lint clean distclean
 .DEFAULT_GOAL := env
 # the stamps are made one after the other
 .NOTPARALLEL:
@@ -109,7 +110,7 @@ endif
 
 build: $(VENV)/.tools
 	@$(BIN)/python -m pip install -q --disable-pip-version-check --no-build-isolation --no-deps --force-reinstall . \
-	  --config-settings=build-dir=$(BUILD) --config-settings=cmake.define.$(if $(SANITIZE),LATINPC_SANITIZE,LATINPC_WERROR)=ON
+	  --config-settings=build-dir=$(BUILD) --config-settings=cmake.define.$(if $(SANITIZE),LATINPC_SANITIZE,$(if $(COVERAGE),LATINPC_COVERAGE,LATINPC_WERROR))=ON
 endif
 
 demo: env
@@ -122,6 +123,18 @@ test: env
 
 test-all: env
 	$(PYTEST_ENV) $(BIN)/pytest $(PARALLEL) $(PYTEST_ARGS)
+
+ifeq ($(COVERAGE),)
+coverage:
+	@$(MAKE) --no-print-directory coverage COVERAGE=1
+else
+coverage: env
+	@$(BIN)/python -m pip install -q --disable-pip-version-check $(call extra,coverage)
+	@find $(BUILD) -name "*.gcda" -delete; rm -f .coverage .coverage.*; mkdir -p build/coverage
+	-$(BIN)/coverage run -m pytest -m "not slow" $(PARALLEL) $(PYTEST_ARGS)
+	@$(BIN)/coverage combine -q; $(BIN)/coverage html -q -d build/coverage/python; $(BIN)/coverage report --skip-covered
+	@$(BIN)/gcovr --root . --filter latinpc/src --txt --html-details build/coverage/c.html $(BUILD)
+endif
 
 $(VENV)/.bench: $(VENV)/.tools
 	@echo "Installing another interior point method pinned in pyproject.toml"
