@@ -18,7 +18,7 @@ sys.path.insert(0, str(HERE))
 import effectivity  # noqa: E402
 
 RESULTS = HERE / "results"
-COMMAND = [sys.executable, "-c", "from latinpc.cli import main; main()"]
+COMMAND = [sys.executable, "-P", "-c", "from latinpc.cli import main; main()"]
 PRESETS = {"fast": ("latin", 1e-2), "balanced": ("latin", 1e-4), "accurate": ("latin-newton", 1e-8)}
 
 LARGE = "latin,latin-rigid,newton-cholmod,newton-mumps,newton-gamg,newton-latin"

@@ -322,7 +322,7 @@ def test_commands_of_the_pages(line, tmp_path):
     """Every command of the pages on the problem classes converges, and draws the picture that it names."""
     words = line.replace("options/", f"{ROOT}/options/").split()[1:]
     done = run(
-        [sys.executable, "-c", "from latinpc.cli import main; main()", *words],
+        [sys.executable, "-P", "-c", "from latinpc.cli import main; main()", *words],
         cwd=tmp_path,
         env={"PYTHONPATH": str(ROOT)},
     )

@@ -26,7 +26,7 @@ TOWER = str(ROOT / "examples" / "tower.msh")
 def latinpc(*arguments, ranks=1, code=0, **how):
     """Run the command and check its exit code."""
     script = Path(sys.executable).with_name("latinpc")
-    command = [script] if script.exists() else [sys.executable, "-c", "from latinpc.cli import main; main()"]
+    command = [script] if script.exists() else [sys.executable, "-P", "-c", "from latinpc.cli import main; main()"]
     if ranks > 1:
         command = ["mpirun", "-n", ranks, *command]
     result = run([*command, *arguments], check=False, **how)

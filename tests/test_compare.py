@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from conftest import ROOT
-from petsc4py import PETSc
 from support import chain, grid, settled
 from test_cli import latinpc
 
@@ -16,9 +15,11 @@ from latinpc.peers import DEFAULT, LINEAR, METHODS, arrays, qp, run
 from latinpc.peers.launch import Bench, Failed
 from latinpc.peers.reference import by_latin, by_newton
 from latinpc.scenes import Law, make
+from latinpc.solvers import has_package
 
 INTERIOR = [name for name in ("piqp", "clarabel") if importlib.util.find_spec(name)]
-HERE = [name for name in DEFAULT if METHODS[name].kind != "qp"] + INTERIOR
+THERE = [name for name in METHODS if not METHODS[name].package or has_package(METHODS[name].package)]
+HERE = [name for name in DEFAULT if METHODS[name].kind != "qp" and name in THERE] + INTERIOR
 interior = pytest.mark.parametrize("name", [
     pytest.param(name, marks=pytest.mark.skipif(name not in INTERIOR, reason=f"{name} is absent: make bench"))
     for name in ("piqp", "clarabel")
@@ -257,10 +258,7 @@ def test_presets_are_described():
 
 
 # ---- linear structures -----------------------------------------------------------------------
-LINEAR_HERE = [name for name in LINEAR if METHODS[name].package != "hypre" or PETSc.Sys.hasExternalPackage("hypre")]
-
-
-@pytest.mark.parametrize("name", LINEAR_HERE)
+@pytest.mark.parametrize("name", [name for name in LINEAR if name in THERE])
 def test_linear_methods_stop_at_the_accuracy(name):
     """Calibrated, then timed: the first iterate below the accuracy, and the same displacements."""
     scene = grid("truss")

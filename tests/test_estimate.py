@@ -16,7 +16,7 @@ from latinpc.peers.reference import by_newton
 from latinpc.scenes import make
 
 REASON = PETSc.SNES.ConvergedReason
-COMMAND = [sys.executable, "-c", "from latinpc.cli import main; main()"]
+COMMAND = [sys.executable, "-P", "-c", "from latinpc.cli import main; main()"]
 STOP = {"stop": "error"}
 
 

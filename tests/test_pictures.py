@@ -83,11 +83,11 @@ def grid():
 
 def test_article_figures_are_quick(grid, tmp_path, drawn):
     scene, u, tension = grid
-    start = time.perf_counter()
+    start = time.process_time()
     pictures.draw_figure_8(scene, u, tmp_path / "fig8.png")
     pictures.draw_figure_9(scene, tension, tmp_path / "fig9.png")
     pictures.draw_structure(scene, u, tension, scene.subdomain, tmp_path / "grid.png")
-    assert time.perf_counter() - start < 20.0
+    assert time.process_time() - start < 20.0
     assert "Vertical displacement (m)" in drawn[0] and "drawn × 2" in drawn[0]
     assert "Compression in bars (kN)" in drawn[1] and "Tension in cables (kN)" in drawn[1]
     assert "of the cables slack" in drawn[1]

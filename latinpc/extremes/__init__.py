@@ -74,7 +74,7 @@ def run(case):
         task = {"scene": str(folder / "scene.npz"), "options": case.options, "answer": str(folder / "answer.json"),
                 "displacements": str(folder / "u.npy")}  # fmt: skip
         (folder / "task.json").write_text(json.dumps(task))
-        command = [sys.executable, "-m", "latinpc.extremes.worker", str(folder / "task.json")]
+        command = [sys.executable, "-P", "-m", "latinpc.extremes.worker", str(folder / "task.json")]
         if case.ranks > 1:
             command = ["mpirun", "-n", str(case.ranks), *command]
         environment = {**os.environ, **THREADS, "OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",

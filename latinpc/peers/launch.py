@@ -99,7 +99,7 @@ class Bench:
         task = {"user_options": self.user_options, "scene": self.scene, **task}
         task |= {"reference": self.reference, "answer": str(answer)}
         file.write_text(json.dumps(task), encoding="utf-8")
-        command = [sys.executable, "-m", "latinpc.peers.worker", str(file)]
+        command = [sys.executable, "-P", "-m", "latinpc.peers.worker", str(file)]
         if ranks > 1:
             command = ["mpirun", "-n", str(ranks), *command]
         said = _run(command, self.timeout)
