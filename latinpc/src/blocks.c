@@ -300,10 +300,12 @@ PetscErrorCode LatinBlockSolverSetUp(Latin latin, LatinBlockSolver *solver, cons
 
   PetscFunctionBegin;
   PetscCall(PetscObjectGetOptionsPrefix((PetscObject)latin, &prefix));
+  solver->direct = PETSC_TRUE;
   for (PetscInt i = 0; i < solver->n && !status.ierr && !status.failed && !status.mechanism; i++) {
     const LatinBatch *batch = &latin->linear.blocks.batch[i];
     const PetscInt    rows = batch->row[batch->patterns], columns = PetscMin(batch->members, LATIN_BLOCK_COLUMNS);
     PetscScalar      *b, *x;
+    PetscBool         direct;
 
     PetscCall(MatCreateSeqAIJWithArrays(PETSC_COMM_SELF, rows, rows, solver->ci[i], solver->cj[i], solver->ca[i], &solver->K[i]));
     PetscCall(MatSetOption(solver->K[i], MAT_SYMMETRIC, PETSC_TRUE));
@@ -329,8 +331,12 @@ PetscErrorCode LatinBlockSolverSetUp(Latin latin, LatinBlockSolver *solver, cons
     PetscCall(LatinDirectSolver_Private(pc, solver->K[i], MATSOLVERCHOLMOD));
     PetscCall(KSPSetOperators(solver->ksp[i], solver->K[i], solver->K[i]));
     PetscCall(KSPSetFromOptions(solver->ksp[i]));
+    PetscCall(LatinSolverDefaults_Private(latin, solver->ksp[i], name, &direct));
+    if (!direct) PetscCall(LatinLevelBatch_Private(latin, batch, solver->K[i]));
     PetscCall(LatinFactor_Private(solver->ksp[i], solver->K[i], MATSOLVERCHOLMOD, &status, &soft));
     failed = i;
+    PetscCall(LatinSolverDirect_Private(solver->ksp[i], &solver->direct));
+    if (!solver->direct && latin->preconditions && !status.ierr && !status.failed && !status.mechanism && !i) PetscCall(LatinSolverTest_Private(solver->ksp[i], solver->K[i], &latin->inexact));
   }
   PetscCall(LatinFactorAgree_Private(latin, &status, soft, solver->n ? &latin->linear.blocks.batch[failed] : NULL, name));
   PetscFunctionReturn(0);

@@ -241,27 +241,32 @@ static PetscErrorCode LatinCoarseAssemble_Private(Latin latin, PetscBool half)
   PetscFunctionReturn(0);
 }
 
+/* What the coarse solver that the options choose can use */
+typedef enum { SOLVER_DIRECT, SOLVER_ITERATIVE, SOLVER_SUBASSEMBLED, SOLVER_LATIN } LatinCoarseSolver;
+
 /*
-   What the coarse solver that the options choose can use: groups, which fill the matrix, are for direct solvers, and
-   half of a symmetric matrix for Cholesky alone.
+   Groups that repeat are condensed for direct solvers, for they fill the matrix, and are the subdomains of a solver of
+   type latin; BDDC and FETI-DP want the part of each rank by itself; half of a symmetric matrix is for Cholesky alone.
 */
-static PetscErrorCode LatinCoarseMatrix_Private(Latin latin, PetscInt *width, PetscBool *half)
+static PetscErrorCode LatinCoarseChoose_Private(Latin latin, LatinCoarseSolver *solver, PetscBool *half)
 {
   const char *prefix, *options[] = {"-coarse_pc_type", "-coarse_ksp_type"};
   char        value[64];
-  PetscBool   set, direct = PETSC_TRUE;
+  PetscBool   set;
   Mat         A;
 
   PetscFunctionBegin;
-  *half = PETSC_TRUE;
+  *half   = PETSC_TRUE;
+  *solver = SOLVER_DIRECT;
   PetscCall(PetscObjectGetOptionsPrefix((PetscObject)latin, &prefix));
   for (PetscInt i = 0; i < 2; i++) {
     PetscCall(PetscOptionsGetString(((PetscObject)latin)->options, prefix, options[i], value, sizeof(value), &set));
     if (!set || !strcmp(value, PCCHOLESKY) || !strcmp(value, KSPPREONLY)) continue;
     *half = PETSC_FALSE;
-    if (strcmp(value, PCLU) && strcmp(value, PCREDUNDANT)) direct = PETSC_FALSE;
+    if (!i && !strcmp(value, PCLATIN)) *solver = SOLVER_LATIN;
+    else if (!strcmp(value, PCBDDC) || !strcmp(value, KSPFETIDP)) *solver = SOLVER_SUBASSEMBLED;
+    else if (strcmp(value, PCLU) && strcmp(value, PCREDUNDANT) && *solver == SOLVER_DIRECT) *solver = SOLVER_ITERATIVE;
   }
-  *width = direct ? latin->coarse_groups : 1;
   if (*half) { /* without a package for it on these ranks, every rank solves the whole */
     PetscCall(MatCreate(PetscObjectComm((PetscObject)latin), &A));
     PetscCall(MatSetSizes(A, 1, 1, PETSC_DETERMINE, PETSC_DETERMINE));
@@ -294,43 +299,60 @@ static PetscErrorCode LatinCoarseRedundant_Private(KSP ksp)
   PetscFunctionReturn(0);
 }
 
+/* The solver: a factorisation, if the options choose nothing else */
+static PetscErrorCode LatinCoarseSolver_Private(Latin latin, LatinCoarseSolver solver)
+{
+  LatinCoarse         *coarse = &latin->coarse;
+  const LatinUnknowns *known  = &coarse->above.known;
+  const char          *prefix;
+  PetscBool            direct, bddc;
+  PC                   pc;
+
+  PetscFunctionBegin;
+  PetscCall(KSPCreate(PetscObjectComm((PetscObject)latin), &coarse->ksp));
+  PetscCall(PetscObjectIncrementTabLevel((PetscObject)coarse->ksp, (PetscObject)latin, 1));
+  PetscCall(PetscObjectSetOptions((PetscObject)coarse->ksp, ((PetscObject)latin)->options));
+  PetscCall(PetscObjectGetOptionsPrefix((PetscObject)latin, &prefix));
+  PetscCall(KSPSetOptionsPrefix(coarse->ksp, prefix));
+  PetscCall(KSPAppendOptionsPrefix(coarse->ksp, "coarse_"));
+  PetscCall(KSPSetType(coarse->ksp, KSPPREONLY));
+  PetscCall(KSPGetPC(coarse->ksp, &pc));
+  if (solver != SOLVER_SUBASSEMBLED) PetscCall(LatinDirectSolver_Private(pc, coarse->A, MATSOLVERMUMPS));
+  PetscCall(KSPSetOperators(coarse->ksp, coarse->A, coarse->A));
+  PetscCall(KSPSetFromOptions(coarse->ksp));
+  PetscCall(LatinCoarseRedundant_Private(coarse->ksp));
+  PetscCall(LatinSolverDefaults_Private(latin, coarse->ksp, "coarse", &direct));
+  PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCBDDC, &bddc)); /* multigrid would forget the near null space */
+  if (bddc && known->dim) PetscCall(PCSetCoordinates(pc, known->dim, coarse->top_local, known->x));
+  PetscFunctionReturn(0);
+}
+
 PetscErrorCode LatinCoarseSetUp(Latin latin)
 {
   LatinCoarse      *coarse = &latin->coarse;
-  MPI_Comm          comm   = PetscObjectComm((PetscObject)latin);
   LatinFactorStatus status = {0, PC_NOERROR, PETSC_FALSE};
+  LatinCoarseSolver solver = SOLVER_DIRECT;
   Vec               soft   = NULL;
-  const char       *prefix;
-  PetscInt          width = 1, rows;
-  PetscBool         half  = PETSC_FALSE;
-  PC                pc;
+  PetscInt          rows;
+  PetscBool         half = PETSC_FALSE;
 
   PetscFunctionBegin;
   if (!coarse->macro_global && !coarse->primal_global) PetscFunctionReturn(0); /* no interface: one subdomain, or disconnected ones */
   PetscCall(PetscLogEventBegin(LATIN_Coarse, latin, 0, 0, 0));
-  PetscCall(LatinCoarseMatrix_Private(latin, &width, &half));
-  PetscCall(LatinNestSetUp(latin, width));
-  PetscCall(LatinCoarseAssemble_Private(latin, half));
+  PetscCall(LatinCoarseChoose_Private(latin, &solver, &half));
+  PetscCall(LatinNestSetUp(latin, solver == SOLVER_DIRECT || solver == SOLVER_LATIN ? latin->coarse_groups : 1, (PetscBool)(solver != SOLVER_LATIN)));
+  if (solver == SOLVER_SUBASSEMBLED) PetscCall(LatinLevelSubassemble_Private(latin, &coarse->A));
+  else PetscCall(LatinCoarseAssemble_Private(latin, half));
+  if (solver != SOLVER_DIRECT) PetscCall(LatinLevelSetUp_Private(latin, coarse->A));
+  if (solver == SOLVER_LATIN) PetscCall(LatinLevelElements_Private(latin, coarse->A));
   PetscCall(LatinNestFinish(latin));
   PetscCall(MatCreateVecs(coarse->A, &coarse->sol, &coarse->rhs));
-  if (!coarse->ksp) {
-    PetscCall(KSPCreate(comm, &coarse->ksp));
-    PetscCall(PetscObjectIncrementTabLevel((PetscObject)coarse->ksp, (PetscObject)latin, 1));
-    PetscCall(PetscObjectSetOptions((PetscObject)coarse->ksp, ((PetscObject)latin)->options));
-    PetscCall(PetscObjectGetOptionsPrefix((PetscObject)latin, &prefix));
-    PetscCall(KSPSetOptionsPrefix(coarse->ksp, prefix));
-    PetscCall(KSPAppendOptionsPrefix(coarse->ksp, "coarse_"));
-    PetscCall(KSPSetType(coarse->ksp, KSPPREONLY));
-    PetscCall(KSPGetPC(coarse->ksp, &pc));
-    PetscCall(LatinDirectSolver_Private(pc, coarse->A, MATSOLVERMUMPS));
-    PetscCall(KSPSetOperators(coarse->ksp, coarse->A, coarse->A));
-    PetscCall(KSPSetFromOptions(coarse->ksp));
-    PetscCall(LatinCoarseRedundant_Private(coarse->ksp));
-  } else PetscCall(KSPSetOperators(coarse->ksp, coarse->A, coarse->A));
+  PetscCall(LatinCoarseSolver_Private(latin, solver));
   PetscCall(MatGetSize(coarse->A, &rows, NULL));
   if (rows) { /* disconnected structures may be condensed entirely, each a group */
     PetscCall(LatinFactor_Private(coarse->ksp, coarse->A, MATSOLVERMUMPS, &status, &soft));
     PetscCall(LatinFactorAgree_Private(latin, &status, soft, NULL, "coarse"));
+    if (solver != SOLVER_DIRECT && latin->preconditions) PetscCall(LatinSolverTest_Private(coarse->ksp, coarse->A, &latin->inexact));
   }
   PetscCall(PetscLogEventEnd(LATIN_Coarse, latin, 0, 0, 0));
   PetscFunctionReturn(0);
@@ -391,6 +413,7 @@ PetscErrorCode LatinCoarseReset(Latin latin)
   PetscCall(LatinNestReset(latin));
   PetscCall(KSPDestroy(&coarse->ksp));
   PetscCall(MatDestroy(&coarse->A));
+  PetscCall(LatinLevelReset_Private(&coarse->above));
   PetscCall(VecDestroy(&coarse->rhs));
   PetscCall(VecDestroy(&coarse->sol));
   PetscCall(PetscSFDestroy(&coarse->sf));

@@ -56,8 +56,11 @@ static PetscErrorCode LatinCondenseSolve_Private(Latin latin, PetscInt which, KS
   const LatinBatch *batch  = &linear->blocks.batch[which];
   const PetscInt    n      = batch->row[batch->patterns];
   PetscInt          widest = 0;
+  KSP               ksp    = linear->solver.ksp[which];
 
   PetscFunctionBegin;
+  if (linear->solver.direct) PetscCall(PetscObjectReference((PetscObject)ksp));
+  else PetscCall(LatinSolverAccurate_Private(latin, linear->solver.ksp[which], &ksp));
   for (PetscInt p = 0; p < batch->patterns; p++) widest = PetscMax(widest, latin->coarse.offset[batch->sub[p] + 1] - latin->coarse.offset[batch->sub[p]]);
   for (PetscInt first = 0; first < widest; first += LATIN_CONDENSE_COLUMNS) {
     const PetscInt     last = PetscMin(first + LATIN_CONDENSE_COLUMNS, widest);
@@ -70,7 +73,7 @@ static PetscErrorCode LatinCondenseSolve_Private(Latin latin, PetscInt which, KS
     PetscCall(MatDenseGetArrayWrite(B, &b));
     PetscCall(LatinCondenseColumns_Private(latin, batch, first, last, b));
     PetscCall(MatDenseRestoreArrayWrite(B, &b));
-    PetscCall(LatinDenseSolve_Private(linear->solver.ksp[which], B, X, failed));
+    PetscCall(LatinDenseSolve_Private(ksp, B, X, failed));
     PetscCall(MatDenseGetArrayRead(X, &x));
     for (PetscInt p = 0; p < batch->patterns; p++) {
       const PetscInt s    = batch->sub[p];
@@ -83,6 +86,7 @@ static PetscErrorCode LatinCondenseSolve_Private(Latin latin, PetscInt which, KS
     PetscCall(MatDestroy(&B));
     PetscCall(MatDestroy(&X));
   }
+  PetscCall(KSPDestroy(&ksp));
   PetscFunctionReturn(0);
 }
 
@@ -182,15 +186,13 @@ static PetscErrorCode LatinCondenseInverse_Private(Latin latin, PetscInt which, 
   const LatinBatch  *batch  = &linear->blocks.batch[which];
   const PetscInt     n = batch->row[batch->patterns], first = latin->sub.bs * latin->sub.node_offset[batch->sub[0]];
   PetscInt           runs = 1;
-  PetscBool          direct;
   Mat                B, X;
   PetscScalar       *b;
   const PetscScalar *x;
 
   PetscFunctionBegin;
   for (PetscInt m = 1; m < batch->members; m++) runs += batch->sub[m] != batch->sub[m - 1] + 1 ? 1 : 0;
-  PetscCall(PetscObjectTypeCompare((PetscObject)linear->solver.ksp[which], KSPPREONLY, &direct));
-  if (!direct || batch->patterns > 1 || n > LATIN_INVERSE_ROWS || batch->members < LATIN_INVERSE_RUN * runs || batch->members * LATIN_INVERSE_STAGES < n) PetscFunctionReturn(0);
+  if (!linear->solver.direct || batch->patterns > 1 || n > LATIN_INVERSE_ROWS || batch->members < LATIN_INVERSE_RUN * runs || batch->members * LATIN_INVERSE_STAGES < n) PetscFunctionReturn(0);
   PetscCall(LatinDenseCreate_Private(n, n, &B));
   PetscCall(LatinDenseCreate_Private(n, n, &X));
   PetscCall(MatDenseGetArrayWrite(B, &b));

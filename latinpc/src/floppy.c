@@ -34,7 +34,7 @@
 /* The threshold: given; for a preconditioner of a matrix, when nothing is said, one that makes up for jumps of its coefficients */
 PetscReal LatinFloppyThreshold(Latin latin)
 {
-  if (!latin->matrix || !latin->preconditions || latin->local_given) return latin->local_threshold;
+  if (!latin->matrix || !latin->preconditions || latin->local_given || latin->known.trace) return latin->local_threshold;
   return latin->variant == LATIN_VARIANT_CORNER && latin->modes != LATIN_MODES_NONE ? 1.0 : 0.0;
 }
 

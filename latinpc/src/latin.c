@@ -53,7 +53,8 @@ PetscErrorCode LatinSetLinks_Private(Latin latin, LatinLinks links)
 */
 PetscErrorCode LatinFindLinks_Private(PetscObject solver, const char family[], LatinLinks given, DM dm, Mat A, LatinLinks *links)
 {
-  PetscBool matis = PETSC_FALSE, isksp;
+  PetscBool   matis = PETSC_FALSE, isksp;
+  LatinLevel *level = NULL;
 
   PetscFunctionBegin;
   *links = given;
@@ -62,9 +63,10 @@ PetscErrorCode LatinFindLinks_Private(PetscObject solver, const char family[], L
     PetscCall(MatGetDM(A, &dm));
     PetscCall(LatinLinksFromDM_Private(dm, links));
     PetscCall(PetscObjectTypeCompare((PetscObject)A, MATIS, &matis));
+    PetscCall(LatinLevelOf_Private(A, &level));
   }
   PetscCall(PetscStrcmp(family, "ksp", &isksp));
-  PetscCheck(*links || matis, PetscObjectComm(solver), PETSC_ERR_ORDER,
+  PetscCheck(*links || matis || level, PetscObjectComm(solver), PETSC_ERR_ORDER,
              "-%s_type latin has no structure to work on: call %sLatinSetLinks(), or build the matrix from the DM of a structure (LatinLinksCreate(), LatinLinksAttachSNES()); or assemble it as a MATIS (-dm_mat_type is, -mat_type is)", family,
              isksp ? "KSP" : "PC");
   PetscFunctionReturn(0);
@@ -239,6 +241,7 @@ PetscErrorCode LatinReset_Private(Latin latin)
   PetscCall(LatinInterfaceReset(latin));
   PetscCall(LatinSubstructureReset(latin));
   PetscCall(PetscFree(latin->outgoing));
+  PetscCall(PetscMemzero(&latin->inexact, sizeof(latin->inexact)));
   latin->set_up = PETSC_FALSE;
   PetscFunctionReturn(0);
 }

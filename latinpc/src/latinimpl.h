@@ -69,12 +69,27 @@ PETSC_INTERN uint64_t       LatinHash(size_t n, const void *);
 PETSC_INTERN int            LatinKeyCompare(const void *, const void *); /* for qsort(): by hash, then by number */
 PETSC_INTERN PetscErrorCode LatinFindEqual(PetscInt n, const size_t first[], const void *data, PetscInt pattern[]);
 
+/* Sets of numbers that are joined, each known by its least member */
+static inline PetscInt LatinRoot(PetscInt parent[], PetscInt i)
+{
+  while (parent[i] != i) i = parent[i] = parent[parent[i]];
+  return i;
+}
+
+static inline void LatinJoin(PetscInt parent[], PetscInt i, PetscInt j)
+{
+  const PetscInt a = LatinRoot(parent, i), b = LatinRoot(parent, j);
+
+  parent[PetscMax(a, b)] = PetscMin(a, b);
+}
+
 /* ---- substructuring (substructure.c): the links of each subdomain, and its copies of the nodes ---- */
 typedef struct {
   PetscInt     dim, bs;     /* coordinates and components of a node */
   PetscInt     fields;      /* kinds of components, each with macro fields of its own; as many as coordinates: a displacement */
   PetscInt     nodes_local; /* nodes that this rank numbers, roots of node_sf */
   PetscInt    *field;       /* [copies * bs] NULL: the components of a node are the fields */
+  PetscReal   *trace;       /* [copies * bs][fields][1 + dim] as in LatinUnknowns; NULL: of a node */
   PetscInt     nears;       /* fields near to the kernel that are known, [nears][copies * bs] */
   PetscReal   *near;
   PetscInt     count, n, first; /* subdomains: all, here, number of the first one here */
@@ -122,6 +137,11 @@ typedef struct {
   PetscInt  *field;  /* [rows] */
   PetscReal *near;   /* [nears][rows] fields near to the kernel: the near null space, or the kernel itself */
   PetscReal *kernel; /* [kernels][rows] of a singular matrix */
+  /*
+     [rows][fields][1 + dim] of the unknowns of a coarse problem, which belong to no field: what a unit translation of a
+     field, and each of its unit gradients around x, make of the unknown. NULL: 1 and 0 for the unknown's own field.
+  */
+  PetscReal *trace;
 } LatinUnknowns;
 PETSC_INTERN PetscErrorCode LatinUnknownsSetUp_Private(Mat, DM, PetscInt dim, PetscInt nodes, const PetscReal x[], LatinUnknowns *);
 PETSC_INTERN PetscErrorCode LatinUnknownsReset_Private(LatinUnknowns *);
@@ -291,9 +311,19 @@ typedef struct {
   PetscBool      mechanism;
 } LatinFactorStatus;
 
+/* ---- approximate solvers (inexact.c) ---- */
+#define LATIN_INEXACT_RTOL     1e-10 /* of an iterative solver where it is taken to be exact */
+#define LATIN_INEXACT_HARMLESS 1e-4  /* asymmetry or variation of a preconditioner that Krylov methods bear */
+
+/* How far solvers are from a symmetric and from a linear operator, 0 for direct ones */
+typedef struct {
+  PetscReal asymmetry, variation;
+} LatinInexact;
+
 /* One matrix and KSP a batch; rows are the copy arrays' entries of the patterns */
 typedef struct {
   PetscInt    n;
+  PetscBool   direct;    /* all of them are factorisations */
   Mat        *K, *B, *X; /* operator; right-hand sides and solutions of some members, dense */
   KSP        *ksp;
   Vec        *b, *x;    /* the same for a batch of one member */
@@ -365,6 +395,15 @@ typedef struct {
   PetscReal    *L, *v, *work;             /* factors L and Z of each pattern; forces on interior dofs */
 } LatinNestLevel;
 
+/* ---- the coarse problem as a matrix that has a decomposition of its own (multilevel.c) ---- */
+typedef struct {
+  LatinUnknowns known;
+  Mat           K;      /* groups of subdomains here, block diagonal; NULL unless the coarse solver is of type latin */
+  PetscInt     *global; /* [rows of K] row of the coarse matrix */
+  PetscInt     *part;   /* [rows of K] connected part of a group */
+  PetscInt      parts;
+} LatinLevel;
+
 /* ---- coarse problem (coarse.c), (30) and (52) ---- */
 typedef struct {
   Mat            A;
@@ -372,7 +411,9 @@ typedef struct {
   Vec            rhs, sol;
   PetscInt       levels; /* of nested condensation */
   LatinNestLevel level[LATIN_NEST_LEVELS];
-  LatinElements  top;                       /* elements of A: subdomains, or groups of them */
+  LatinElements  top;   /* elements of A: subdomains, or groups of them */
+  LatinNestLevel group; /* groups that a coarse solver of type latin takes for subdomains */
+  LatinLevel     above;
   PetscInt       top_local, top_size;       /* rows of A: of this rank, all */
   PetscInt      *top_global;                /* [top.offset[top.n]] rows of A */
   PetscSF        top_sf;                    /* coarse vector -> dofs of the elements here */
@@ -439,7 +480,8 @@ struct _p_Latin {
   LatinCoarse        coarse;
   PetscInt           applications; /* linear stages done since the last reset of the counter */
   PetscBool          set_up;
-  PetscBool          failed; /* an inner solver failed in the last linear stage */
+  LatinInexact       inexact; /* of the inner solvers of a preconditioner, on this rank */
+  PetscBool          failed;  /* an inner solver failed in the last linear stage */
   PetscObjectState   load_state, prestrain_state, links_state;
   PetscReal         *outgoing;       /* [sides] work: the data that the mates receive */
   PetscReal         *direction_work; /* work: two blocks of vectors on an interface, one for each subdomain that is treated together */
@@ -556,13 +598,25 @@ PETSC_INTERN PetscErrorCode LatinBlockSolverCreate(Latin, LatinBlockSolver *);
 PETSC_INTERN PetscErrorCode LatinBlockSolverSetUp(Latin, LatinBlockSolver *, const char name[]);
 PETSC_INTERN PetscErrorCode LatinBlockSolve(Latin, LatinBlockSolver *, const PetscReal g[], PetscReal U[]);
 PETSC_INTERN PetscErrorCode LatinBlockSolveBatch_Private(Latin, LatinBlockSolver *, PetscInt batch, const PetscReal g[], PetscReal U[]);
+PETSC_INTERN PetscErrorCode LatinSolverDirect_Private(KSP, PetscBool *);
+PETSC_INTERN PetscErrorCode LatinSolverDefaults_Private(Latin, KSP, const char name[], PetscBool *direct);
+PETSC_INTERN PetscErrorCode LatinSolverAccurate_Private(Latin, KSP, KSP *accurate);
+PETSC_INTERN PetscErrorCode LatinSolverTest_Private(KSP, Mat, LatinInexact *);
+PETSC_INTERN PetscErrorCode LatinInexactCheck_Private(Latin, KSP, const LatinInexact *);
+PETSC_INTERN PetscErrorCode LatinInexactSolve_Private(Latin, PetscInt batch, PetscReal U[]);
 PETSC_INTERN PetscErrorCode LatinBlockSolverDestroy(LatinBlockSolver *);
 PETSC_INTERN PetscErrorCode LatinCoarseNumber(Latin);
 PETSC_INTERN PetscErrorCode LatinCoarseSetUp(Latin);
 PETSC_INTERN PetscErrorCode LatinCoarseReset(Latin);
 PETSC_INTERN PetscErrorCode LatinCoarseSolve(Latin);
 PETSC_INTERN PetscErrorCode LatinCoarseExpand_Private(Latin, Vec);
-PETSC_INTERN PetscErrorCode LatinNestSetUp(Latin, PetscInt);
+PETSC_INTERN PetscErrorCode LatinNestSetUp(Latin, PetscInt width, PetscBool condense);
+PETSC_INTERN PetscErrorCode LatinLevelSubassemble_Private(Latin, Mat *);
+PETSC_INTERN PetscErrorCode LatinLevelSetUp_Private(Latin, Mat);
+PETSC_INTERN PetscErrorCode LatinLevelBatch_Private(Latin, const LatinBatch *, Mat);
+PETSC_INTERN PetscErrorCode LatinLevelElements_Private(Latin, Mat);
+PETSC_INTERN PetscErrorCode LatinLevelOf_Private(Mat, LatinLevel **);
+PETSC_INTERN PetscErrorCode LatinLevelReset_Private(LatinLevel *);
 PETSC_INTERN PetscErrorCode LatinNestFinish(Latin);
 PETSC_INTERN PetscErrorCode LatinNestReset(Latin);
 PETSC_INTERN PetscErrorCode LatinNestDown(Latin);

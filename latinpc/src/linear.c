@@ -290,7 +290,8 @@ PetscErrorCode LatinLinearApply(Latin latin, PetscReal U[])
   PetscCall(LatinCoarseSolve(latin));
   PetscCall(PetscLogEventBegin(LATIN_Linear, latin, 0, 0, 0));
   for (PetscInt b = 0; b < linear->blocks.n; b++) {
-    if (linear->inverse[b]) PetscCall(LatinLinearDense_Private(latin, &linear->blocks.batch[b], linear->inverse[b], U));
+    if (!linear->solver.direct) PetscCall(LatinInexactSolve_Private(latin, b, U));
+    else if (linear->inverse[b]) PetscCall(LatinLinearDense_Private(latin, &linear->blocks.batch[b], linear->inverse[b], U));
     else PetscCall(LatinLinearSolve_Private(latin, b, U));
   }
   PetscCall(PetscLogEventEnd(LATIN_Linear, latin, 0, 0, 0));

@@ -18,16 +18,40 @@ typedef struct {
   PetscInt           rows;
   const PetscInt    *i, *j, *global;
   const PetscScalar *a;
+  const PetscInt    *part; /* [rows] groups of a coarse matrix, which are its subdomains; NULL: the connected parts are */
+  PetscInt           parts;
 } LatinLocalMatrix;
+
+static PetscErrorCode LatinLocalMatrixRows_Private(LatinLocalMatrix *local)
+{
+  PetscBool done;
+
+  PetscFunctionBegin;
+  PetscCall(MatGetRowIJ(local->K, 0, PETSC_FALSE, PETSC_FALSE, &local->rows, &local->i, &local->j, &done));
+  PetscCheck(done, PETSC_COMM_SELF, PETSC_ERR_PLIB, "The rows of a local matrix cannot be read");
+  PetscCall(MatSeqAIJGetArrayRead(local->K, &local->a));
+  PetscFunctionReturn(0);
+}
 
 static PetscErrorCode LatinLocalMatrixGet_Private(Mat A, LatinLocalMatrix *local)
 {
   ISLocalToGlobalMapping rows, cols;
-  PetscBool              aij, done, same;
-  PetscInt               n;
+  PetscBool              aij, same;
+  LatinLevel            *level;
   Mat                    K;
 
   PetscFunctionBegin;
+  local->part = NULL;
+  PetscCall(LatinLevelOf_Private(A, &level));
+  if (level) {
+    PetscCall(PetscObjectReference((PetscObject)level->K));
+    local->K      = level->K;
+    local->part   = level->part;
+    local->parts  = level->parts;
+    local->global = level->global;
+    PetscCall(LatinLocalMatrixRows_Private(local));
+    PetscFunctionReturn(0);
+  }
   PetscCall(MatISGetLocalToGlobalMapping(A, &rows, &cols));
   same = (PetscBool)(rows == cols);
   LatinAgree(PetscObjectComm((PetscObject)A), !same, PETSC_ERR_SUP, "The rows and columns of the MATIS have different local-to-global maps: -pc_type latin is for symmetric matrices");
@@ -37,11 +61,8 @@ static PetscErrorCode LatinLocalMatrixGet_Private(Mat A, LatinLocalMatrix *local
   else PetscCall(MatConvert(K, MATSEQAIJ, MAT_INITIAL_MATRIX, &local->K));
   if (aij) local->K = K;
   PetscCall(MatISRestoreLocalMat(A, &K));
-  PetscCall(MatGetRowIJ(local->K, 0, PETSC_FALSE, PETSC_FALSE, &n, &local->i, &local->j, &done));
-  PetscCheck(done, PETSC_COMM_SELF, PETSC_ERR_PLIB, "The rows of a local matrix cannot be read");
-  PetscCall(MatSeqAIJGetArrayRead(local->K, &local->a));
+  PetscCall(LatinLocalMatrixRows_Private(local));
   PetscCall(ISLocalToGlobalMappingGetIndices(rows, &local->global));
-  local->rows = n;
   PetscFunctionReturn(0);
 }
 
@@ -52,8 +73,10 @@ static PetscErrorCode LatinLocalMatrixRestore_Private(Mat A, LatinLocalMatrix *l
   PetscBool              done;
 
   PetscFunctionBegin;
-  PetscCall(MatISGetLocalToGlobalMapping(A, &rows, NULL));
-  PetscCall(ISLocalToGlobalMappingRestoreIndices(rows, &local->global));
+  if (!local->part) {
+    PetscCall(MatISGetLocalToGlobalMapping(A, &rows, NULL));
+    PetscCall(ISLocalToGlobalMappingRestoreIndices(rows, &local->global));
+  }
   PetscCall(MatSeqAIJRestoreArrayRead(local->K, &local->a));
   PetscCall(MatRestoreRowIJ(local->K, 0, PETSC_FALSE, PETSC_FALSE, &n, &local->i, &local->j, &done));
   PetscCall(MatDestroy(&local->K));
@@ -132,19 +155,6 @@ static PetscErrorCode LatinMatrixUnknowns_Private(Latin latin, const LatinLocalM
   PetscFunctionReturn(0);
 }
 
-static inline PetscInt LatinRoot(PetscInt parent[], PetscInt i)
-{
-  while (parent[i] != i) i = parent[i] = parent[parent[i]];
-  return i;
-}
-
-static inline void LatinJoin(PetscInt parent[], PetscInt i, PetscInt j)
-{
-  const PetscInt a = LatinRoot(parent, i), b = LatinRoot(parent, j);
-
-  parent[PetscMax(a, b)] = PetscMin(a, b);
-}
-
 /*
    The connected parts of the local matrix, part[row] (-1 without copy), in the order of their first rows. Unknowns of one
    block are together; one that is alone, a spring to the ground, goes with the first part.
@@ -155,6 +165,11 @@ static PetscErrorCode LatinMatrixParts_Private(Latin latin, const LatinLocalMatr
   PetscBool alone = PETSC_FALSE;
 
   PetscFunctionBegin;
+  if (local->part) {
+    latin->sub.n = local->parts;
+    for (PetscInt r = 0; r < local->rows; r++) part[r] = kept[r] ? local->part[r] : -1;
+    PetscFunctionReturn(0);
+  }
   PetscCall(MatGetBlockSize(latin->matrix, &bs));
   PetscCall(PetscMalloc3(local->rows, &parent, local->rows, &size, local->rows, &block));
   for (PetscInt r = 0; r < local->rows; r++) {
@@ -237,7 +252,8 @@ static PetscErrorCode LatinMatrixData_Private(Latin latin)
 {
   LatinSubstructure   *sub   = &latin->sub;
   const LatinUnknowns *known = &latin->known;
-  const PetscInt       n     = sub->copies;
+  const PetscInt       n = sub->copies, each = sub->fields * (1 + sub->dim);
+  PetscReal           *trace = NULL;
   PetscLayout          map;
   const PetscInt      *degree;
 
@@ -248,11 +264,15 @@ static PetscErrorCode LatinMatrixData_Private(Latin latin)
   PetscCall(PetscObjectReference((PetscObject)sub->node_sf));
   sub->dof_sf = sub->node_sf;
   PetscCall(PetscMalloc5(sub->dim * n, &sub->x, n, &sub->fixed, n, &sub->prescribed, n, &sub->multiplicity, n, &sub->global_dof));
-  PetscCall(PetscMalloc2(n, &sub->field, known->nears * n, &sub->near));
+  PetscCall(PetscMalloc3(n, &sub->field, known->nears * n, &sub->near, known->trace ? each * n : 0, &trace));
   PetscCall(PetscArrayzero(sub->fixed, n));
   PetscCall(PetscArrayzero(sub->prescribed, n));
   PetscCall(PetscArraycpy(sub->global_dof, sub->node, n));
   if (sub->dim) PetscCall(LatinSFBcast_Private(sub->node_sf, sub->dim, MPIU_REAL, known->x, sub->x));
+  if (known->trace) {
+    PetscCall(LatinSFBcast_Private(sub->node_sf, each, MPIU_REAL, known->trace, trace));
+    sub->trace = trace;
+  }
   PetscCall(LatinSFBcast_Private(sub->node_sf, 1, MPIU_INT, known->field, sub->field));
   for (PetscInt k = 0; k < known->nears; k++) PetscCall(LatinSFBcast_Private(sub->node_sf, 1, MPIU_REAL, known->near + sub->nodes_local * k, sub->near + n * k));
   PetscCall(PetscSFComputeDegreeBegin(sub->node_sf, &degree));

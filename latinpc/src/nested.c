@@ -360,8 +360,11 @@ static PetscErrorCode LatinNestTop_Private(Latin latin, const LatinElements *fin
   PetscFunctionReturn(0);
 }
 
-/* Sets coarse.top, the elements of the coarse problem that the coarse KSP solves; width 1: the subdomains themselves. Collective */
-PetscErrorCode LatinNestSetUp(Latin latin, PetscInt width)
+/*
+   Sets coarse.top, the elements of the coarse problem that the coarse KSP solves; width 1: the subdomains themselves. Or
+   does not condense, but leaves the groups of the first level in coarse.group. Collective
+*/
+PetscErrorCode LatinNestSetUp(Latin latin, PetscInt width, PetscBool condense)
 {
   LatinCoarse  *coarse  = &latin->coarse;
   PetscBool    *outside = NULL, kept = PETSC_TRUE;
@@ -371,7 +374,7 @@ PetscErrorCode LatinNestSetUp(Latin latin, PetscInt width)
   PetscFunctionBegin;
   PetscCall(LatinNestFinest_Private(latin, &finest, &dofs, &outside));
   coarse->top = finest;
-  while (width > 1 && kept && coarse->levels < LATIN_NEST_LEVELS) {
+  while (condense && width > 1 && kept && coarse->levels < LATIN_NEST_LEVELS) {
     LatinNestLevel *level = &coarse->level[coarse->levels];
 
     PetscCall(LatinNestLevelSetUp_Private(level, &coarse->top, width, dofs, outside, &kept));
@@ -379,6 +382,11 @@ PetscErrorCode LatinNestSetUp(Latin latin, PetscInt width)
     coarse->levels++;
     coarse->top = level->coarse;
     PetscCall(PetscInfo(latin, "nested condensation, level %" PetscInt_FMT ": %" PetscInt_FMT " groups, %" PetscInt_FMT " different\n", coarse->levels, level->groups, level->patterns));
+  }
+  if (!condense) {
+    coarse->group.fine = finest;
+    PetscCall(LatinNestGroup_Private(&coarse->group, width));
+    PetscCall(LatinNestNumber_Private(&coarse->group, dofs, outside));
   }
   PetscCall(LatinNestTop_Private(latin, &finest, dofs));
   PetscCall(PetscFree(outside));
@@ -406,6 +414,7 @@ PetscErrorCode LatinNestReset(Latin latin)
   PetscFunctionBegin;
   for (PetscInt k = 0; k < coarse->levels; k++) PetscCall(LatinNestLevelReset_Private(&coarse->level[k]));
   coarse->levels = 0;
+  PetscCall(LatinNestLevelReset_Private(&coarse->group));
   PetscCall(PetscFree(coarse->top_global));
   PetscCall(PetscSFDestroy(&coarse->top_sf));
   PetscFunctionReturn(0);

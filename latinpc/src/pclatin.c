@@ -23,6 +23,7 @@ typedef struct {
   PetscBool       *inner;         /* [copies] the node belongs to one subdomain */
   PetscInt         dim, nodes;    /* coordinates given by PCSetCoordinates(), dim 0: none */
   PetscReal       *x;
+  LatinInexact     inexact;           /* of the inner solvers, on all ranks */
   LatinBlockSolver interior;          /* stiffness of the interiors, identity elsewhere */
   PetscReal       *b, *v, *f, *force; /* [copies * bs] work */
   Vec              work;              /* DM global vector */
@@ -183,6 +184,17 @@ static PetscErrorCode PCSetUp_Latin(PC pc)
   else PetscCall(MatCreateVecs(pc->pmat, &data->work, NULL));
   PetscCall(PCLatinWeights_Private(pc));
   if (!data->shared) PetscCall(PCLatinInterior_Private(pc));
+  data->inexact = data->latin->inexact;
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &data->inexact, 2, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)pc)));
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode PCPreSolve_Latin(PC pc, KSP ksp, Vec b, Vec x)
+{
+  PC_Latin *data = (PC_Latin *)pc->data;
+
+  PetscFunctionBegin;
+  PetscCall(LatinInexactCheck_Private(data->latin, ksp, &data->inexact));
   PetscFunctionReturn(0);
 }
 
@@ -220,7 +232,7 @@ static PetscErrorCode PCApply_Latin_Shared(PC pc, Vec x, Vec y)
   PetscFunctionReturn(0);
 }
 
-/* Each copy's part of forces, or of displacements; nothing inside subdomains */
+/* Each copy's part of forces, or of displacements; inside subdomains the whole, or nothing where the interiors are solved exactly */
 static PetscErrorCode PCLatinWeigh_Private(PC pc, PetscBool forces, const PetscReal whole[], PetscReal part[])
 {
   PC_Latin        *data  = (PC_Latin *)pc->data;
@@ -229,7 +241,7 @@ static PetscErrorCode PCLatinWeigh_Private(PC pc, PetscBool forces, const PetscR
   const PetscInt   bs    = latin->sub.bs;
 
   PetscFunctionBegin;
-  for (PetscInt i = 0; i < bs * latin->sub.copies; i++) part[i] = data->inner[i / bs] || latin->sub.fixed[i] ? 0.0 : data->weight[i] * whole[i];
+  for (PetscInt i = 0; i < bs * latin->sub.copies; i++) part[i] = (data->inner[i / bs] && data->interior.direct) || latin->sub.fixed[i] ? 0.0 : data->weight[i] * whole[i];
   for (PetscInt f = 0; f < inter->count && data->weights == WEIGHTS_SCHUR; f++) {
     const LatinInterface *face = &inter->interface[f];
 
@@ -241,6 +253,10 @@ static PetscErrorCode PCLatinWeigh_Private(PC pc, PetscBool forces, const PetscR
   PetscFunctionReturn(0);
 }
 
+/*
+   With B the solver of the interiors, W the weights and L the linear stage: B + (1 - B K) W L W^t (1 - K B), which is
+   symmetric positive definite if B is, approximate or not. Where B is exact what W and L make of the interiors cancels.
+*/
 static PetscErrorCode PCApply_Latin(PC pc, Vec x, Vec y)
 {
   PC_Latin      *data  = (PC_Latin *)pc->data;
@@ -265,7 +281,7 @@ static PetscErrorCode PCApply_Latin(PC pc, Vec x, Vec y)
   /* interiors in equilibrium with the given forces and these displacements */
   PetscCall(LatinDistribute_Private(latin, data->work, data->v));
   for (PetscInt i = 0; i < n; i++)
-    if (data->inner[i / bs]) data->v[i] = 0.0;
+    if (data->inner[i / bs] && data->interior.direct) data->v[i] = 0.0;
   PetscCall(LatinOperatorMult(latin, data->v, data->f));
   for (PetscInt i = 0; i < n; i++) data->f[i] = data->force[i] - data->f[i];
   PetscCall(PCLatinInteriorSolve_Private(pc, data->f));
@@ -453,6 +469,7 @@ PETSC_EXTERN PetscErrorCode PCCreate_Latin(PC pc)
   pc->ops->setup          = PCSetUp_Latin_Watched;
   pc->ops->apply          = PCApply_Latin_Watched;
   pc->ops->applytranspose = PCApply_Latin_Watched;
+  pc->ops->presolve       = PCPreSolve_Latin;
   pc->ops->reset          = PCReset_Latin;
   pc->ops->destroy        = PCDestroy_Latin;
   pc->ops->setfromoptions = PCSetFromOptions_Latin;

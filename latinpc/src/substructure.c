@@ -328,7 +328,7 @@ PetscErrorCode LatinSubstructureReset(Latin latin)
   PetscCall(PetscFree3(sub->nonsmooth_link, sub->state, sub->state_first));
   PetscCall(PetscFree(sub->friction));
   PetscCall(PetscFree(sub->tension));
-  PetscCall(PetscFree2(sub->field, sub->near));
+  PetscCall(PetscFree3(sub->field, sub->near, sub->trace));
   PetscCall(PetscFree(sub->ki));
   PetscCall(PetscFree2(sub->kj, sub->ka));
   PetscCall(PetscFree2(sub->loose, sub->loose_inverse));

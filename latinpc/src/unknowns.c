@@ -14,6 +14,7 @@ PetscErrorCode LatinUnknownsReset_Private(LatinUnknowns *known)
   PetscCall(PetscFree(known->field));
   PetscCall(PetscFree(known->near));
   PetscCall(PetscFree(known->kernel));
+  PetscCall(PetscFree(known->trace));
   PetscCall(PetscMemzero(known, sizeof(*known)));
   PetscFunctionReturn(0);
 }
@@ -142,6 +143,23 @@ static PetscErrorCode LatinUnknownsSpace_Private(MatNullSpace space, PetscInt ro
   PetscFunctionReturn(0);
 }
 
+/* A copy of what the level below knows of its coarse unknowns */
+static PetscErrorCode LatinUnknownsCopy_Private(const LatinUnknowns *from, PetscInt rows, LatinUnknowns *known)
+{
+  const PetscInt each = from->fields * (1 + from->dim);
+
+  PetscFunctionBegin;
+  *known = *from;
+  PetscCall(PetscMalloc1(from->dim * rows + 1, &known->x));
+  PetscCall(PetscArraycpy(known->x, from->x, from->dim * rows));
+  PetscCall(PetscMalloc1(each * rows + 1, &known->trace));
+  PetscCall(PetscArraycpy(known->trace, from->trace, each * rows));
+  PetscCall(PetscMalloc1(from->nears * rows + 1, &known->near));
+  PetscCall(PetscArraycpy(known->near, from->near, from->nears * rows));
+  PetscCall(PetscCalloc1(rows + 1, &known->field));
+  PetscFunctionReturn(0);
+}
+
 /*
    Gathers what is known: coordinates given to the preconditioner, [nodes][dim] (NULL: none), or those of the DM; fields
    of the finite elements of the DM, or components of a block. Collective on A.
@@ -151,10 +169,16 @@ PetscErrorCode LatinUnknownsSetUp_Private(Mat A, DM dm, PetscInt dim, PetscInt n
   PetscInt     rows, each;
   MatNullSpace near, kernel;
   PetscBool    plex = PETSC_FALSE;
+  LatinLevel  *level;
 
   PetscFunctionBegin;
   PetscCall(LatinUnknownsReset_Private(known));
   PetscCall(MatGetLocalSize(A, &rows, NULL));
+  PetscCall(LatinLevelOf_Private(A, &level));
+  if (level) {
+    PetscCall(LatinUnknownsCopy_Private(&level->known, rows, known));
+    PetscFunctionReturn(0);
+  }
   PetscCall(MatGetBlockSize(A, &known->fields));
   if (dm) PetscCall(PetscObjectTypeCompare((PetscObject)dm, DMPLEX, &plex));
   if (plex) PetscCall(LatinUnknownsElements_Private(dm, rows, known));
