@@ -52,6 +52,14 @@ def test_self_tuned_direction(make, variant, direction):
     assert values(make(), **options) == pytest.approx(expected(make(), **options), rel=1e-12)
 
 
+@pytest.mark.slow
+def test_large_schur_complements():
+    """Subdomains with 128 side dofs and more are condensed by a partial factorisation, to the same matrices."""
+    scene = lattice(nx=32, ny=96, subdomains=3)
+    options = {"direction": "schur", "direction_fraction": 0.3}
+    assert values(scene, **options) == pytest.approx(expected(scene, **options), rel=1e-12)
+
+
 def test_fraction_scales_the_direction():
     """Twice the fraction is twice the direction, everywhere."""
     once, twice = (values(network(), direction_fraction=alpha) for alpha in (0.1, 0.2))

@@ -223,6 +223,17 @@ def test_number_of_subdomains_is_not_ours(matis):
     assert "leave out -pc_latin_subdomains" in result.stderr
 
 
+@pytest.mark.parametrize("options", [[], ["cholesky"], ["mumps"]])
+def test_coarse_solver(matis, options):
+    """Every rank factors a small coarse problem; one word of the options makes it a parallel factor."""
+    words = {"cholesky": ["-pc_latin_coarse_pc_type", "cholesky"]}
+    words["mumps"] = ["-pc_latin_coarse_pc_factor_mat_solver_type", "mumps"]
+    result = matis(4, ["-ksp_view", "-options_left", *(words[options[0]] if options else [])], check=False)
+    assert ("type: redundant" in result.stdout) == (not options)
+    assert "There are no unused options" in result.stdout
+    converged(json.loads(next(line for line in result.stdout.splitlines() if line.startswith("{"))), 8)
+
+
 def test_view(matis):
     """-ksp_view says that a matrix is behind it, and what is known of it."""
     result = matis(2, ["-ksp_view", "-options_left"], check=False, blocks="2,1", problem="elasticity")

@@ -19,6 +19,7 @@
 */
 
 #define LATIN_DIRECTION_FLOOR 0.1 /* least diagonal direction of an interface, relative to its mean */
+#define LATIN_DIRECTION_LARGE 128 /* those whose matrix LAPACK factors */
 #define LATIN_DIRECTION_SMALL 48  /* degrees of freedom of an interface whose Schur complement costs nothing */
 
 /* The type; auto is left for what preconditions a matrix only */
@@ -110,6 +111,24 @@ static void LatinInvert(PetscInt n, const PetscReal L[], PetscReal M[])
   }
 }
 
+/* The same two of a large matrix, whose place in memory matters less than blocks that fit the cache */
+static PetscErrorCode LatinFactorLarge_Private(PetscInt rows, PetscReal L[], PetscReal M[], PetscBool *bad)
+{
+  const PetscScalar one = 1.0;
+  PetscBLASInt      n, info = 0;
+
+  PetscFunctionBegin;
+  PetscCall(PetscBLASIntCast(rows, &n));
+  for (PetscInt j = 0; j < rows; j++)
+    for (PetscInt i = 0; i < j; i++) L[i + rows * j] = 0.0;
+  PetscCallBLAS("LAPACKpotrf", LAPACKpotrf_("L", &n, L, &n, &info));
+  PetscCall(PetscArrayzero(M, rows * rows));
+  for (PetscInt j = 0; j < rows; j++) M[j + rows * j] = 1.0;
+  if (!info) PetscCallBLAS("BLAStrsm", BLAStrsm_("L", "L", "N", "N", &n, &n, &one, L, &n, M, &n));
+  if (info) *bad = PETSC_TRUE;
+  PetscFunctionReturn(0);
+}
+
 /* Factors the matrices D + first[f], each different one once */
 static PetscErrorCode LatinDirectionFactor_Private(Latin latin, const PetscReal D[], const size_t first[], PetscBool *bad)
 {
@@ -139,7 +158,8 @@ static PetscErrorCode LatinDirectionFactor_Private(Latin latin, const PetscReal 
 
     if (face->matrix_first < 0 || pattern[f] != f) continue;
     for (PetscInt copy = 0; copy < 2; copy++) PetscCall(PetscArraycpy(matrix + copy * rows * rows, D + first[f], rows * rows));
-    if (!LatinCholesky(rows, matrix + rows * rows)) *bad = PETSC_TRUE;
+    if (rows > LATIN_DIRECTION_LARGE) PetscCall(LatinFactorLarge_Private(rows, matrix + rows * rows, matrix + 2 * rows * rows, bad));
+    else if (!LatinCholesky(rows, matrix + rows * rows)) *bad = PETSC_TRUE;
     else LatinInvert(rows, matrix + rows * rows, matrix + 2 * rows * rows);
   }
   PetscCall(PetscFree2(pattern, bytes));

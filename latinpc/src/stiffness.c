@@ -13,6 +13,7 @@
 #define LATIN_STIFFNESS_FLOOR   0.01  /* stiffness of the foundation, relative to the diagonal of B^t k B */
 #define LATIN_STIFFNESS_LEAST   0.1   /* least diagonal entry, relative to the mean of the subdomain: for dofs that hardly any link reaches */
 #define LATIN_STIFFNESS_TINY    1e-10 /* the same for matrices, whose coefficients may jump: no dof of theirs dangles */
+#define LATIN_STIFFNESS_PARTIAL 128   /* fewest side dofs of a subdomain that pay for a factor of its own */
 #define LATIN_STIFFNESS_COLUMNS 16    /* right-hand sides solved together: bounds the work space to that many copies of U */
 
 /* The foundation of the subdomains. Collective on latin. */
@@ -218,16 +219,78 @@ static PetscErrorCode LatinStiffnessCondense_Private(Latin latin, LatinGraph *gr
   PetscFunctionReturn(0);
 }
 
-/* All of them, those of like size together: the right-hand sides are as many as the largest of a matrix needs */
+/*
+   The same for one subdomain with large interfaces: its inside is eliminated by a partial factorisation, which costs less
+   than as many right-hand sides; the rest is dense.
+*/
+static PetscErrorCode LatinStiffnessPartial_Private(Latin latin, LatinGraph *graph, PetscInt s, const PetscReal spring[], PetscInt at[], const size_t first[], PetscReal S[], PetscBool *bad)
+{
+  LatinInterfaces *inter = &latin->inter;
+  const PetscInt   top = latin->sub.bs * latin->sub.node_offset[s], side = inter->interface[inter->offset[s]].side_first;
+  PetscInt         row[2] = {0, latin->sub.bs * latin->sub.node_offset[s + 1] - top}, gamma = inter->interface[inter->offset[s + 1] - 1].side_last - side;
+  PetscInt        *dofs, *ci, *cj;
+  PetscReal       *ca;
+  PetscBLASInt     n, info = 0;
+  Mat              K, factor, dense;
+  MatFactorInfo    how;
+  PetscScalar     *F;
+  IS               is;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMalloc2(gamma, &dofs, row[1] + 1, &ci));
+  PetscCall(PetscArraycpy(dofs, inter->side_dof + side, gamma));
+  PetscCall(PetscSortRemoveDupsInt(&gamma, dofs));
+  for (PetscInt i = 0; i < gamma; i++) {
+    at[dofs[i]] = i;
+    dofs[i] -= top;
+  }
+  PetscCall(LatinStiffnessMatrix_Private(latin, graph, 1, &s, row, spring, ci, &cj, &ca));
+  PetscCall(MatCreateSeqAIJWithArrays(PETSC_COMM_SELF, row[1], row[1], ci, cj, ca, &K));
+  PetscCall(MatSetOption(K, MAT_SYMMETRIC, PETSC_TRUE));
+  PetscCall(MatSetOption(K, MAT_SPD, PETSC_TRUE));
+  PetscCall(MatGetFactor(K, MATSOLVERMUMPS, MAT_FACTOR_CHOLESKY, &factor));
+  PetscCall(ISCreateGeneral(PETSC_COMM_SELF, gamma, dofs, PETSC_USE_POINTER, &is));
+  PetscCall(MatFactorSetSchurIS(factor, is));
+  PetscCall(MatFactorInfoInitialize(&how));
+  PetscCall(MatCholeskyFactorSymbolic(factor, K, NULL, &how));
+  PetscCall(MatCholeskyFactorNumeric(factor, K, &how));
+  PetscCall(MatFactorCreateSchurComplement(factor, &dense, NULL));
+  PetscCall(MatDestroy(&factor));
+  PetscCall(PetscBLASIntCast(gamma, &n));
+  PetscCall(MatDenseGetArray(dense, &F));
+  PetscCallBLAS("LAPACKpotrf", LAPACKpotrf_("L", &n, F, &n, &info));
+  if (!info) PetscCallBLAS("LAPACKpotri", LAPACKpotri_("L", &n, F, &n, &info));
+  if (info) *bad = PETSC_TRUE;
+  for (PetscInt j = 0; j < gamma; j++)
+    for (PetscInt i = 0; i < j; i++) F[i + (size_t)gamma * (size_t)j] = F[j + (size_t)gamma * (size_t)i];
+  if (!*bad) PetscCall(LatinStiffnessSchur_Private(latin, s, gamma, F, at, first, S, bad));
+  PetscCall(MatDenseRestoreArray(dense, &F));
+  PetscCall(MatDestroy(&dense));
+  PetscCall(MatDestroy(&K));
+  PetscCall(ISDestroy(&is));
+  PetscCall(PetscFree2(cj, ca));
+  PetscCall(PetscFree2(dofs, ci));
+  PetscFunctionReturn(0);
+}
+
+/* All of them. Without a subdomain's own factor those of like size together: the right-hand sides are as many as the largest of a matrix needs */
 static PetscErrorCode LatinStiffnessCondenseAll_Private(Latin latin, LatinGraph *graph, PetscInt patterns, PetscInt list[], const PetscReal spring[], PetscInt at[], const size_t first[], PetscReal S[], PetscBool *bad)
 {
   LatinInterfaces *inter = &latin->inter;
-  PetscInt        *width;
+  PetscInt        *width, many;
+  PetscBool        partial;
+  Mat              one;
 
   PetscFunctionBegin;
+  PetscCall(MatCreateSeqAIJ(PETSC_COMM_SELF, 1, 1, 1, NULL, &one));
+  PetscCall(MatGetFactorAvailable(one, MATSOLVERMUMPS, MAT_FACTOR_CHOLESKY, &partial));
+  PetscCall(MatDestroy(&one));
   PetscCall(PetscMalloc1(patterns, &width));
   for (PetscInt p = 0; p < patterns; p++) width[p] = inter->interface[inter->offset[list[p] + 1] - 1].side_last - inter->interface[inter->offset[list[p]]].side_first;
   PetscCall(PetscSortIntWithArray(patterns, width, list));
+  for (many = patterns; partial && many > 0 && width[many - 1] >= LATIN_STIFFNESS_PARTIAL;) many--;
+  for (PetscInt p = many; p < patterns && !*bad; p++) PetscCall(LatinStiffnessPartial_Private(latin, graph, list[p], spring, at, first, S, bad));
+  patterns = many;
   PetscCall(PetscFree(width));
   for (PetscInt p = 0; p < patterns && !*bad; p += LATIN_BLOCK_PATTERNS) PetscCall(LatinStiffnessCondense_Private(latin, graph, PetscMin(LATIN_BLOCK_PATTERNS, patterns - p), list + p, spring, at, first, S, bad));
   PetscFunctionReturn(0);
