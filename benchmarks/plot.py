@@ -6,7 +6,7 @@ from pathlib import Path
 
 from latinpc import compare, extremes
 from latinpc.cli import quantity
-from latinpc.figures import bars, diagrams, distributions
+from latinpc.figures import bars, diagrams, distributions, slackening
 
 HERE = Path(__file__).resolve().parent
 
@@ -36,6 +36,8 @@ def tabulate(name, document):
         return iteration(document)
     if name == "extremes":
         return markdown(*extremes.by_group(document))
+    if name == "slack":
+        return slack(document)
     if name == "directions":
         scenes = list(next(iter(document.values())))
         rows = [[direction, *(" / ".join(str(n or "-") for n in found[scene].values()) for scene in scenes)]
@@ -59,6 +61,19 @@ def iteration(document):
     rows.append(["bound", *(f"{one['bound']:.1f} ms" for one in scenes)])
     rows.append(["all / bound", *(f"{one['ratio']:.1f}" for one in scenes)])
     return markdown(["", *document], rows)
+
+
+def slack(document):
+    """Return the table of linear stages as cables slacken."""
+    keys = list(document["rows"][0]["stages"])
+    rows = []
+    for row in document["rows"]:
+        own, share = row["default"], row["slack"]
+        told = "refused: no equilibrium" if own["reason"] < 0 else f"{own['stages']}, {own['error_l2']:.0e}"
+        stages = [str(row["stages"].get(key) or f"> {document['most']}") if row["stages"] else "" for key in keys]
+        slack_cables = "" if share is None else f"{100 * share:.1f} %"
+        rows.append([row["scene"], f"{row['factor']:g}", slack_cables, *stages, told])
+    return markdown(["structure", "load factor", "slack", *keys, "by itself: stages, error"], rows)
 
 
 def effectivities(document):
@@ -118,6 +133,8 @@ def main():
             bars(document, HERE / "figures" / f"{name}.png")
         if name.startswith("tradeoff"):
             diagrams(document, HERE / "figures" / f"{name}.png")
+        if name == "slack":
+            slackening(document, HERE / "figures" / f"{name}.png")
         if name == "effectivity":
             distributions(document, HERE / "figures" / f"{name}.png")
         block = f"<!-- {name} -->\n{tabulate(name, document)}\n<!-- end -->"

@@ -1,4 +1,4 @@
-"""Diagrams of measurements: bars for `latinpc compare`, work against precision for `latinpc tradeoff`."""
+"""Diagrams of measurements: bars for `latinpc compare`, work against precision for `latinpc tradeoff`, and others."""
 
 from __future__ import annotations
 
@@ -175,4 +175,36 @@ def distributions(document, path):
     )
     axes.legend(fontsize=8, frameon=False)
     _plain(axes)
+    _save(figure, path)
+
+
+def slackening(document, path):
+    """Draw benchmarks/slack.py's linear stages over the share of slack cables, a panel for each structure.
+
+    Parameters
+    ----------
+    document : dict
+    path : path
+        Its suffix chooses the format.
+    """
+    scenes = list(dict.fromkeys(row["scene"] for row in document["rows"]))
+    figure = _figure(4.0 * len(scenes), 3.6)
+    panels = figure.subplots(1, len(scenes), sharey=True, gridspec_kw={"wspace": 0.08, "bottom": 0.16})
+    for axes, scene in zip(np.atleast_1d(panels), scenes):
+        rows = [row for row in document["rows"] if row["scene"] == scene and row["slack"] is not None]
+        share = [100 * row["slack"] for row in rows]
+        for i, key in enumerate(rows[0]["stages"]):
+            variant, outer = key.split(", ")
+            stages = [row["stages"][key] or np.nan for row in rows]
+            line = "-" if outer == "anderson" else ":"
+            axes.plot(share, stages, line, marker=MARKERS[i // 2], markersize=4, color=COLOURS[i // 2], label=key)
+        by_itself = [row["default"]["stages"] for row in rows]
+        axes.plot(share, by_itself, "x", color=COLOURS[6], markersize=5, label="default stop, with the rescue")
+        axes.set_yscale("log")
+        axes.set_title(scene, fontsize=9)
+        axes.set_xlabel("slack cables (%)", fontsize=8)
+        _plain(axes)
+    panels = np.atleast_1d(panels)
+    panels[len(scenes) // 2].legend(fontsize=7, frameon=False, loc="upper left")
+    panels[0].set_ylabel(f"linear stages to an l2 error of {document['accuracy']:.0e}".replace("e-0", "e-"), fontsize=8)
     _save(figure, path)
