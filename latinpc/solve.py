@@ -27,7 +27,7 @@ OPTIONS = (
     "variant", "modes", "subdomains", "subdomain_links", "partition_repair", "direction", "direction_scalar",
     "direction_fraction", "corners", "promote", "monitor", "stop", "error", "error_norm", "warm_start",
     "warm_extrapolate", "polish",
-    "modes_local", "modes_local_max", "modes_local_slack", "rescue",
+    "modes_local", "modes_local_max", "modes_local_slack", "rescue", "balance",
 )  # fmt: skip
 PC_OPTIONS = ("weights",)  # of PC latin alone
 INNER_PREFIXES = ("local_", "interior_", "coarse_", "outer_", "polish_", "rescue_")

@@ -1,12 +1,14 @@
 """Time stepping: the scheme of section 2.2 against closed forms, its invariants, and what a step builds again."""
 
 import json
+import re
 from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
 import oracle
 import pytest
+from conftest import ROOT
 from petsc4py import PETSc
 from scipy.optimize import nnls
 from support import chain, grid, irregular, lattice, logged, network
@@ -386,14 +388,23 @@ else:
 
 def test_statics_takes_no_memory_for_dynamics(mpirun):
     """Masses cost one number a node, and only motions cost more: PETSc's own count of bytes."""
-    found = {}
+    found, who = {}, {}
     for kind in ("static", "masses", "moving"):
-        out = mpirun(1, MEMORY, "-kind", kind, "-malloc_debug", "-memory_view", timeout=200).stdout
-        lines = [line for line in out.splitlines() if "Maximum" in line and "PetscMalloc()ed" in line]
-        found[kind] = float(lines[0].split("total")[1].split()[0])
+        out = mpirun(1, MEMORY, "-kind", kind, "-malloc_debug", "-memory_view", "-malloc_view", timeout=200).stdout
+        found[kind] = int(re.search(r"Maximum memory PetscMalloc\(\)ed (\d+)", out)[1])
+        who[kind] = set(re.findall(r"^\[0\] \d+ \d+ (\w+)\(\)", out, re.M))
     nodes = 3 * 16 * 16 + 4 * 16 + 1
     assert found["masses"] - found["static"] <= 8 * nodes + 1024
     assert found["moving"] > found["masses"]
+    # of the functions for motions, contacts, friction and laws of the user's, none takes memory in statics of trusses
+    beyond = set()
+    for name in ("inertia", "dynamics", "contact", "rigid", "lawregister", "balance"):
+        source = (ROOT / "latinpc" / "src" / f"{name}.c").read_text()
+        beyond |= set(re.findall(r"^[a-zA-Z][\w ]*[ *](\w+)\(", source, re.M))
+    assert "LatinLinksCreate" in who["static"] and "LatinLinksSetMass" in beyond
+    assert not who["static"] & beyond
+    assert who["masses"] & beyond == {"LatinLinksSetMass"}
+    assert len(who["moving"] & beyond) > 1
 
 
 # ---- ranks ------------------------------------------------------------------------------
@@ -418,7 +429,6 @@ if MPI.COMM_WORLD.rank == 0:
 
 def test_the_number_of_ranks_does_not_matter(mpirun):
     """One, two and four ranks make the same steps with the same iterations."""
-    from conftest import ROOT
     from test_parallel import PATIENT
 
     source = RANKS.format(tests=str(ROOT / "tests"))

@@ -31,6 +31,7 @@ PetscErrorCode LatinCreate_Private(MPI_Comm comm, Latin *newlatin)
   latin->direction     = LATIN_DIRECTION_SCHUR;
   latin->coarse_groups = 3;
   latin->local_max     = 64;
+  latin->scale         = 1.0;
   *newlatin            = latin;
   PetscFunctionReturn(0);
 }
@@ -243,6 +244,7 @@ PetscErrorCode LatinReset_Private(Latin latin)
   PetscCall(PetscFree(latin->outgoing));
   PetscCall(PetscMemzero(&latin->inexact, sizeof(latin->inexact)));
   latin->set_up = PETSC_FALSE;
+  latin->scale  = 1.0;
   PetscFunctionReturn(0);
 }
 
@@ -389,7 +391,7 @@ PetscErrorCode LatinAverage_Private(Latin latin, Vec u)
   PetscScalar       *a;
 
   PetscFunctionBegin;
-  for (PetscInt i = 0; i < bs * sub->copies; i++) w[i] = latin->linear.U[i] / sub->multiplicity[i / bs];
+  for (PetscInt i = 0; i < bs * sub->copies; i++) w[i] = latin->linear.U[i] / (latin->scale * sub->multiplicity[i / bs]);
   PetscCall(VecZeroEntries(u));
   PetscCall(VecGetArray(u, &a));
   PetscCall(LatinSFReduce_Private(sub->dof_sf, 1, MPIU_SCALAR, w, a, MPI_SUM));

@@ -478,6 +478,7 @@ struct _p_Latin {
   LatinFloppy        floppy;
   LatinLinear        linear;
   LatinCoarse        coarse;
+  PetscReal          scale;        /* displacements and gaps of the subdomains over those of the structure, 1 but for rigid links (balance.c) */
   PetscInt           applications; /* linear stages done since the last reset of the counter */
   PetscBool          set_up;
   LatinInexact       inexact; /* of the inner solvers of a preconditioner, on this rank */
@@ -659,6 +660,23 @@ PETSC_INTERN PetscErrorCode LatinRescueStart_Private(LatinRescue *, LatinLinks);
 PETSC_INTERN PetscBool      LatinRescueStalled(LatinRescue *, PetscReal measure, PetscReal target);
 PETSC_INTERN PetscErrorCode LatinRescueLoose_Private(LatinRescue *);
 
+/* ---- the search parameter of contacts with friction where the iteration stalls (balance.c) ---- */
+#define LATIN_BALANCE_PAST 4 /* windows of linear stages that tell a stall */
+typedef struct {
+  PetscBool  on, able;                      /* wanted; and no link has a stiffness of its own */
+  PetscInt   seen, window;                  /* linear stages with this parameter; from one look to the next */
+  PetscReal  least[LATIN_BALANCE_PAST + 1]; /* least measure of this window and of the last ones */
+  PetscReal  sum[2];                        /* squares of the changes of tensions and elongations in this window, here */
+  PetscReal *tension, *stretch;             /* [size] of the last local stage: tau_hat, l e_hat */
+  PetscInt   size;
+  PetscReal  factor; /* of the parameter wanted next, 1: it stays */
+} LatinBalance;
+PETSC_INTERN PetscErrorCode LatinBalanceStart_Private(Latin, PetscBool warm, LatinBalance *);
+PETSC_INTERN PetscErrorCode LatinBalanceObserve_Private(Latin, Vec Gz, LatinBalance *);
+PETSC_INTERN PetscErrorCode LatinBalanceDue_Private(Latin, PetscReal measure, LatinBalance *, PetscBool *due);
+PETSC_INTERN PetscErrorCode LatinBalanceChange_Private(Latin, Vec z, Vec F, LatinBalance *);
+PETSC_INTERN PetscErrorCode LatinBalanceDestroy_Private(LatinBalance *);
+
 /* ---- SNES latin (sneslatin.c, snesresults.c) ---- */
 typedef struct {
   Latin             latin;
@@ -681,6 +699,7 @@ typedef struct {
   PetscInt          tested; /* linear stages that the convergence test has seen */
   LatinPolish       polish;
   LatinRescue       rescue;
+  LatinBalance      balance;
   LatinPolish      *ended;  /* what has ended the last solve, NULL: the iteration */
   PetscBool         handed; /* the iteration has ended for the polish */
   PetscViewer       monitor;

@@ -132,13 +132,13 @@ PetscErrorCode LatinErrors_Private(Latin latin, const PetscReal reference[], Pet
 
   PetscFunctionBegin;
   for (PetscInt i = 0; i < dim * sub->copies; i++) {
-    sum[0] += PetscSqr(U[i] - reference[i]);
+    sum[0] += PetscSqr(U[i] / latin->scale - reference[i]);
     sum[1] += PetscSqr(reference[i]);
   }
   for (PetscInt l = 0; l < sub->links; l++) {
     const PetscReal r = LatinElongation(sub, dim, l, reference);
 
-    sum[2] += sub->stiffness[l] * PetscSqr(LatinElongation(sub, dim, l, U) - r);
+    sum[2] += sub->stiffness[l] * PetscSqr(LatinElongation(sub, dim, l, U) / latin->scale - r);
     sum[3] += sub->stiffness[l] * PetscSqr(r);
   }
   PetscCall(MPIU_Allreduce(sum, total, 4, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)latin)));

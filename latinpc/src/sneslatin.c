@@ -31,6 +31,7 @@ static PetscErrorCode SNESLatinFixedPoint_Private(SNES outer, Vec z, Vec F, void
 
   PetscFunctionBegin;
   PetscCall(LatinApply_Private(latin, z, F));
+  PetscCall(LatinBalanceObserve_Private(latin, F, &data->balance));
   PetscCall(VecAYPX(F, -1.0, z));
   if (latin->failed) PetscCall(SNESSetFunctionDomainError(outer));
   if (data->stop == LATIN_STOP_ERROR) PetscCall(LatinEstimateUpdate_Private(latin, data->target, &data->estimate));
@@ -120,6 +121,12 @@ static PetscErrorCode SNESLatinConverged_Private(SNES outer, PetscInt it, PetscR
     *reason             = SNES_CONVERGED_ITS;
   }
   if (!*reason && latin->applications >= snes->max_its) *reason = SNES_DIVERGED_MAX_IT;
+  if (!*reason) {
+    PetscBool due;
+
+    PetscCall(LatinBalanceDue_Private(latin, norm, &data->balance, &due));
+    if (due) *reason = SNES_CONVERGED_ITS;
+  }
   PetscFunctionReturn(0);
 }
 
@@ -233,6 +240,7 @@ static PetscErrorCode SNESSetFromOptions_Latin(SNES snes, LatinOptionItems Petsc
   PetscCall(PetscOptionsBool("-snes_latin_polish", "End by Newton's method, preconditioned by the same operators", "None", data->polish.on, &data->polish.on, NULL));
   PetscCall(PetscOptionsReal("-snes_latin_polish_start", "Indicator from which on Newton's method takes over", "None", data->polish.start, &data->polish.start, NULL));
   PetscCall(PetscOptionsBoundedInt("-snes_latin_rescue", "Linear stages still to come from which on Newton's method takes over, 0 = never", "None", data->rescue.stages, &data->rescue.stages, NULL, 0));
+  PetscCall(PetscOptionsBool("-snes_latin_balance", "Where contacts with friction stall, change their search parameter", "None", data->balance.on, &data->balance.on, NULL));
   PetscCall(PetscOptionsViewer("-snes_latin_monitor", "Monitor the indicator, and the residual or errors where they are computed", "None", &data->monitor, &data->monitor_format, &set));
   PetscOptionsHeadEnd();
   PetscCheck(data->polish.start > 0.0 && !PetscIsInfOrNanReal(data->polish.start), PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_OUTOFRANGE, "-snes_latin_polish_start is %g; it is a positive number", (double)data->polish.start);
@@ -420,6 +428,23 @@ static PetscErrorCode SNESLatinPolish_Private(SNES snes, LatinPolish *polish)
   PetscFunctionReturn(0);
 }
 
+/* Contacts with friction have stalled: the iteration goes on with another search parameter */
+static PetscErrorCode SNESLatinBalance_Private(SNES snes)
+{
+  SNES_Latin *data = (SNES_Latin *)snes->data;
+  Vec         F;
+
+  PetscFunctionBegin;
+  PetscCall(SNESGetFunction(data->outer, &F, NULL, NULL));
+  PetscCall(SNESLatinFixedPoint_Private(data->outer, data->z, F, snes)); /* the inner SNES may have been elsewhere */
+  PetscCall(LatinBalanceChange_Private(data->latin, data->z, F, &data->balance));
+  if (data->stop == LATIN_STOP_ERROR) PetscCall(LatinEstimateStart_Private(&data->estimate));
+  data->has_before = PETSC_FALSE;
+  PetscCall(SNESSolve(data->outer, NULL, data->z));
+  PetscCall(SNESGetConvergedReason(data->outer, &snes->reason));
+  PetscFunctionReturn(0);
+}
+
 /* Some stages of the plain iteration tell which links are slack: then low-energy fields without them, and a new start */
 static PetscErrorCode SNESLatinAdapt_Private(SNES snes)
 {
@@ -469,6 +494,7 @@ static PetscErrorCode SNESSolve_Latin(SNES snes)
     PetscCall(SNESLogConvergenceHistory(snes, snes->norm, 0));
   }
   if (LatinFloppyWaits(latin)) PetscCall(SNESLatinAdapt_Private(snes));
+  PetscCall(LatinBalanceStart_Private(latin, (PetscBool)(data->warm && data->has_state), &data->balance));
   PetscCall(SNESLatinStart_Private(snes));
   PetscCall(SNESSetConvergenceTest(data->outer, SNESLatinConverged_Private, snes, NULL));
   PetscCall(SNESSetTolerances(data->outer, 0.0, 0.0, 0.0, snes->max_its, PETSC_MAX_INT));
@@ -479,7 +505,10 @@ static PetscErrorCode SNESSolve_Latin(SNES snes)
   PetscCall(SNESSolve(data->outer, NULL, data->z));
   PetscCall(SNESGetConvergedReason(data->outer, &snes->reason));
   /* at most twice: a polish that fails may leave an iteration that stalls */
-  while (snes->reason == SNES_CONVERGED_ITS) PetscCall(SNESLatinPolish_Private(snes, data->rescue.called ? &data->rescue.newton : &data->polish));
+  while (snes->reason == SNES_CONVERGED_ITS) {
+    if (data->balance.factor != 1.0) PetscCall(SNESLatinBalance_Private(snes));
+    else PetscCall(SNESLatinPolish_Private(snes, data->rescue.called ? &data->rescue.newton : &data->polish));
+  }
   data->has_state = (PetscBool)(snes->reason > 0);
   if (latin->failed) snes->reason = SNES_DIVERGED_LINEAR_SOLVE;
   snes->linear_its = data->ended ? data->ended->stages : 0;
@@ -529,6 +558,7 @@ static PetscErrorCode SNESDestroy_Latin(SNES snes)
   PetscCall(SNESDestroy(&data->outer));
   PetscCall(VecDestroy(&data->reference));
   PetscCall(LatinEstimateDestroy_Private(&data->estimate));
+  PetscCall(LatinBalanceDestroy_Private(&data->balance));
   PetscCall(PetscViewerDestroy(&data->monitor));
   PetscCall(PetscFree4(data->indicator, data->error_l2, data->error_energy, data->estimates));
   PetscCall(PetscFree(snes->data));
@@ -582,6 +612,7 @@ static PetscErrorCode SNESView_Latin(SNES snes, PetscViewer viewer)
 . -snes_latin_outer_snes_type <anderson,nrichardson> - acceleration, or the plain iteration
 . -snes_latin_polish                                - ends by Newton's method, prefix -snes_latin_polish_
 . -snes_latin_rescue <300>                           - Newton's method takes over where so many linear stages are still to come
+. -snes_latin_balance                               - changes the search parameter of contacts with friction that stall
 . -snes_latin_local_                                - prefix of the KSP of the subdomains
 - -snes_latin_coarse_                               - prefix of the KSP of the coarse problem
 
@@ -617,6 +648,8 @@ PETSC_EXTERN PetscErrorCode SNESCreate_Latin(SNES snes)
   data->polish.start      = 1e-4;
   data->rescue.stages     = 300;
   data->rescue.newton.own = PETSC_TRUE;
+  data->balance.on        = PETSC_TRUE;
+  data->balance.factor    = 1.0;
   PetscCall(LatinCreate_Private(PetscObjectComm((PetscObject)snes), &data->latin));
   PetscFunctionReturn(0);
 }

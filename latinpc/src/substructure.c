@@ -266,6 +266,7 @@ PetscErrorCode LatinSubstructureRefresh(Latin latin)
   if (links->rigid_law >= 0)
     for (PetscInt l = 0; l < latin->sub.links; l++)
       if (LatinLaws[latin->sub.law[l]].rigid && !LatinSubstructureMoves(latin, l)) latin->sub.prestrain[l] = 0.0;
+  for (PetscInt l = 0; latin->scale != 1.0 && l < latin->sub.links; l++) latin->sub.prestrain[l] *= latin->scale;
   PetscFunctionReturn(0);
 }
 
