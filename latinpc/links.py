@@ -107,8 +107,10 @@ def register_law(name, tension, tangent, energy, local=None, context=None):
 
     Notes
     -----
-    The functions must live as long as the structures that use them. A law in Python is no choice: it would be called
-    for each link in each iteration. Give its points to `register_table`, as many as its curvature asks for.
+    The functions must live as long as the structures that use them. A law in Python is wrapped by ctypes:
+    ``ctypes.CFUNCTYPE(c_double, c_double, c_double, c_void_p)(lambda k, x, context: ...)``. It is called for each link
+    in each iteration, which is slow: compile it by numba.cfunc, or give its points to `register_table`, as many as
+    its curvature asks for.
     """
     return _latin.register_law(
         name, *(_address(function) for function in (tension, tangent, energy, local)), context or 0
@@ -122,7 +124,10 @@ def _address(function):
         return function.address
     if isinstance(function, ctypes._CFuncPtr):
         return ctypes.cast(function, ctypes.c_void_p).value
-    raise TypeError(f"a law is made of C functions, given by their addresses, not of {type(function).__name__}")
+    raise TypeError(
+        f"a law is made of C functions, given by their addresses, not of {type(function).__name__}: wrap a function of "
+        "Python by ctypes.CFUNCTYPE, or compile it by numba.cfunc"
+    )
 
 
 class _Slices:

@@ -345,7 +345,33 @@ def test_tables_are_checked(strain, tension, words):
     assert words in refused(lambda: latinpc.register_table(strain, tension))
 
 
-def test_a_python_function_is_no_law():
+def test_law_in_python(hardening):
+    """The same functions in Python, wrapped by ctypes, give the same displacements as those in C."""
+    kind = ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_double, ctypes.c_double, ctypes.c_void_p)
+    python = [
+        kind(lambda k, x, c: k * (x + 30.0 * x**3)),
+        kind(lambda k, x, c: k * (1 + 90.0 * x**2)),
+        kind(lambda k, x, c: k * (x**2 / 2 + 30.0 * x**4 / 4)),
+    ]
+    factor = ctypes.c_double(30.0)
+    c = [getattr(hardening, name) for name in ("tension", "tangent", "energy")]
+    laws = latinpc.register_law("python", *python), latinpc.register_law("c", *c, context=ctypes.addressof(factor))
+    found = []
+    for law in laws:
+        links = latinpc.Links(
+            [[0.0], [1.0], [2.0]], [[0, 1], [1, 2]], [law, 0], 1000.0, prestrain=0.02, fixed=[[1], [0], [1]],
+            load=[[0], [900.0], [0]], comm=PETSc.COMM_SELF,
+        )  # fmt: skip
+        u, snes = links.create_vec(), links.create_snes()
+        snes.setTolerances(stol=1e-14)
+        snes.solve(None, u)
+        assert snes.getConvergedReason() > 0
+        found.append(links.displacements(u)[1, 0])
+    assert found[0] == pytest.approx(found[1], rel=1e-12)
+    assert found[0] > 0.1
+
+
+def test_a_python_function_alone_is_no_law():
     """A Python function has no address; the message says what does."""
     with pytest.raises(TypeError, match="addresses"):
         latinpc.register_law("python", lambda k, x, c: k * x, 0, 0)
