@@ -412,8 +412,8 @@ PetscErrorCode LatinCoarseReset(Latin latin)
   PetscFunctionBegin;
   PetscCall(LatinNestReset(latin));
   PetscCall(KSPDestroy(&coarse->ksp));
+  PetscCall(LatinLevelReset_Private(&coarse->above, coarse->A));
   PetscCall(MatDestroy(&coarse->A));
-  PetscCall(LatinLevelReset_Private(&coarse->above));
   PetscCall(VecDestroy(&coarse->rhs));
   PetscCall(VecDestroy(&coarse->sol));
   PetscCall(PetscSFDestroy(&coarse->sf));

@@ -617,7 +617,7 @@ PETSC_INTERN PetscErrorCode LatinLevelSetUp_Private(Latin, Mat);
 PETSC_INTERN PetscErrorCode LatinLevelBatch_Private(Latin, const LatinBatch *, Mat);
 PETSC_INTERN PetscErrorCode LatinLevelElements_Private(Latin, Mat);
 PETSC_INTERN PetscErrorCode LatinLevelOf_Private(Mat, LatinLevel **);
-PETSC_INTERN PetscErrorCode LatinLevelReset_Private(LatinLevel *);
+PETSC_INTERN PetscErrorCode LatinLevelReset_Private(LatinLevel *, Mat);
 PETSC_INTERN PetscErrorCode LatinNestFinish(Latin);
 PETSC_INTERN PetscErrorCode LatinNestReset(Latin);
 PETSC_INTERN PetscErrorCode LatinNestDown(Latin);

@@ -352,9 +352,11 @@ PetscErrorCode LatinLevelOf_Private(Mat A, LatinLevel **level)
   PetscFunctionReturn(0);
 }
 
-PetscErrorCode LatinLevelReset_Private(LatinLevel *level)
+/* A is the coarse matrix, or NULL: whoever keeps it longer finds no groups on it */
+PetscErrorCode LatinLevelReset_Private(LatinLevel *level, Mat A)
 {
   PetscFunctionBegin;
+  if (A) PetscCall(PetscObjectCompose((PetscObject)A, LatinLevelName, NULL));
   PetscCall(LatinUnknownsReset_Private(&level->known));
   PetscCall(MatDestroy(&level->K));
   PetscCall(PetscFree2(level->global, level->part));

@@ -453,9 +453,13 @@ PetscErrorCode PCLatinGetLatin(PC pc, Latin *latin)
 . -pc_latin_weights <stiffness,multiplicity,schur> - how residuals are shared among the copies of a node
 . -pc_latin_direction <auto>                   - springs that keep the local problems regular
 . -pc_latin_local_, -pc_latin_interior_        - prefixes of the KSPs of the subdomains
-- -pc_latin_coarse_                            - prefix of the KSP of the coarse problem
+- -pc_latin_coarse_                            - prefix of the KSP of the coarse problem, for example -pc_latin_coarse_pc_type latin
 
   Level: beginner
+
+  Note:
+  Approximate solvers that are applied once leave it linear, symmetric and positive definite if they are so; inner
+  iterations do not, and want a flexible method such as `KSPFCG` or `KSPFGMRES`.
 
 .seealso: `SNESLATIN`, `PCLatinSetLinks()`, `PCShellSetLatin()`
 M*/
