@@ -28,6 +28,8 @@
 #define LATIN_ESTIMATE_STEP   4    /* iterates between those that are extrapolated */
 #define LATIN_ESTIMATE_RATE   0.98 /* no rate above it is believed */
 #define LATIN_ESTIMATE_EARLY  10.0 /* more caution at the first iterates, which have a short past */
+#define LATIN_ESTIMATE_DOUBT  10.0 /* on structures of all kinds at most 0.06 of the target when it has been met */
+#define LATIN_ESTIMATE_NOISE  64.0 /* times the machine's, of the forces that meet at a node */
 
 static const PetscReal LatinEstimateSafety[] = {1.8, 4.0}; /* l2 norm, energy norm */
 
@@ -167,5 +169,107 @@ PetscErrorCode LatinEstimateUpdate_Private(Latin latin, PetscReal target, LatinE
   estimate->rounding = (PetscBool)(estimate->floor > target && estimate->value <= estimate->floor);
   estimate->value    = PetscMax(estimate->value, estimate->floor);
   PetscCall(PetscLogEventEnd(LATIN_Estimate, latin, 0, 0, 0));
+  PetscFunctionReturn(0);
+}
+
+/*
+   What the row sums of |B|^t k |B| are, at least the row sums of the tangent stiffness whichever links are slack, and what
+   rounding leaves of the unbalance. Collective on links
+*/
+static PetscErrorCode LatinEstimateRows_Private(LatinLinks links, Vec u, Vec rows, Vec noise, PetscReal *energy)
+{
+  const PetscInt     dim = links->dim;
+  PetscReal          sum = 0.0;
+  Vec                local, stiff, forces;
+  const PetscScalar *a;
+  PetscScalar       *s, *t;
+
+  PetscFunctionBegin;
+  PetscCall(DMGetLocalVector(links->dm, &local));
+  PetscCall(DMGetLocalVector(links->dm, &stiff));
+  PetscCall(DMGetLocalVector(links->dm, &forces));
+  PetscCall(LatinLinksGetLocal_Private(links, u, local));
+  PetscCall(VecZeroEntries(stiff));
+  PetscCall(VecZeroEntries(forces));
+  PetscCall(VecGetArrayRead(local, &a));
+  PetscCall(VecGetArray(stiff, &s));
+  PetscCall(VecGetArray(forces, &t));
+  for (PetscInt l = 0; l < links->links_local; l++) {
+    const PetscReal *n = links->direction + dim * l, k = links->stiffness[l] > 0.0 ? links->stiffness[l] : LatinLaws[links->law[l]].stiffness;
+    PetscReal        all = 0.0, most = PetscAbsReal(links->prestrain[l]), e = 0.0;
+
+    for (PetscInt c = 0; c < dim; c++) {
+      const PetscReal ua = PetscRealPart(a[dim * links->ends[2 * l] + c]), ub = PetscRealPart(a[dim * links->ends[2 * l + 1] + c]);
+
+      all += PetscAbsReal(n[c]);
+      most += PetscAbsReal(n[c]) * (PetscAbsReal(ua) + PetscAbsReal(ub));
+      e += n[c] * (ub - ua);
+    }
+    sum += k * e * e;
+    for (PetscInt end = 0; end < 2; end++)
+      for (PetscInt c = 0; c < dim; c++) {
+        s[dim * links->ends[2 * l + end] + c] += 2.0 * k * PetscAbsReal(n[c]) * all;
+        t[dim * links->ends[2 * l + end] + c] += k * PetscAbsReal(n[c]) * most;
+      }
+  }
+  PetscCall(VecRestoreArray(forces, &t));
+  PetscCall(VecRestoreArray(stiff, &s));
+  PetscCall(VecRestoreArrayRead(local, &a));
+  PetscCall(VecZeroEntries(rows));
+  PetscCall(VecZeroEntries(noise));
+  PetscCall(DMLocalToGlobalBegin(links->dm, stiff, ADD_VALUES, rows));
+  PetscCall(DMLocalToGlobalEnd(links->dm, stiff, ADD_VALUES, rows));
+  PetscCall(DMLocalToGlobalBegin(links->dm, forces, ADD_VALUES, noise));
+  PetscCall(DMLocalToGlobalEnd(links->dm, forces, ADD_VALUES, noise));
+  if (links->ground) PetscCall(VecAXPY(rows, 1.0, links->ground));
+  PetscCall(DMRestoreLocalVector(links->dm, &forces));
+  PetscCall(DMRestoreLocalVector(links->dm, &stiff));
+  PetscCall(DMRestoreLocalVector(links->dm, &local));
+  PetscCall(MPIU_Allreduce(&sum, energy, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)links)));
+  PetscFunctionReturn(0);
+}
+
+/*
+   The estimate compares iterates: displacements that rest while the state of a slack link creeps look like those of a
+   solution. So a small one is held against the unbalance r of the displacements u: with row sums D of the stiffness, which
+   is D at most, an energy error is at least that of D^-1 r, and so is about an l2 one. Collective on latin
+*/
+PetscErrorCode LatinEstimateDoubt_Private(Latin latin, PetscReal target, Vec u, Vec r, LatinEstimate *estimate)
+{
+  LatinLinks         links = latin->links;
+  const PetscScalar *f, *d, *t, *v;
+  PetscReal          sum[2] = {0.0, 0.0}, energy, least;
+  PetscInt           n;
+  Vec                rows, noise;
+
+  PetscFunctionBegin;
+  PetscCall(DMGetGlobalVector(links->dm, &rows));
+  PetscCall(DMGetGlobalVector(links->dm, &noise));
+  PetscCall(LatinEstimateRows_Private(links, u, rows, noise, &energy));
+  PetscCall(VecGetLocalSize(r, &n));
+  PetscCall(VecGetArrayRead(r, &f));
+  PetscCall(VecGetArrayRead(u, &v));
+  PetscCall(VecGetArrayRead(rows, &d));
+  PetscCall(VecGetArrayRead(noise, &t));
+  for (PetscInt i = 0; i < n; i++) {
+    const PetscReal left = PetscMax(0.0, PetscAbsScalar(f[i]) - LATIN_ESTIMATE_NOISE * PETSC_MACHINE_EPSILON * PetscRealPart(t[i])), stiff = PetscRealPart(d[i]);
+
+    if (stiff > 0.0) sum[0] += estimate->energy ? left * left / stiff : PetscSqr(left / stiff);
+    sum[1] += PetscSqr(PetscRealPart(v[i]));
+  }
+  PetscCall(VecRestoreArrayRead(noise, &t));
+  PetscCall(VecRestoreArrayRead(rows, &d));
+  PetscCall(VecRestoreArrayRead(u, &v));
+  PetscCall(VecRestoreArrayRead(r, &f));
+  PetscCall(DMRestoreGlobalVector(links->dm, &noise));
+  PetscCall(DMRestoreGlobalVector(links->dm, &rows));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)latin)));
+  if (estimate->energy) sum[1] = energy;
+  least = sum[1] > 0.0 ? PetscSqrtReal(sum[0] / sum[1]) : 0.0;
+  least *= LATIN_ESTIMATE_DOUBT;
+  if (least > target) {
+    estimate->value    = PetscMax(estimate->value, least);
+    estimate->rounding = PETSC_FALSE;
+  }
   PetscFunctionReturn(0);
 }

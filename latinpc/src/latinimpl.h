@@ -635,6 +635,7 @@ PETSC_INTERN PetscErrorCode LatinLocalStage_Private(Latin, const PetscReal z[], 
 PETSC_INTERN PetscErrorCode LatinErrors_Private(Latin, const PetscReal reference[], PetscReal *l2, PetscReal *energy);
 PETSC_INTERN PetscErrorCode LatinEstimateStart_Private(LatinEstimate *);
 PETSC_INTERN PetscErrorCode LatinEstimateUpdate_Private(Latin, PetscReal target, LatinEstimate *);
+PETSC_INTERN PetscErrorCode LatinEstimateDoubt_Private(Latin, PetscReal target, Vec u, Vec r, LatinEstimate *);
 PETSC_INTERN PetscErrorCode LatinEstimateDestroy_Private(LatinEstimate *);
 PETSC_INTERN PetscErrorCode LatinAverage_Private(Latin, Vec u);
 PETSC_INTERN PetscErrorCode LatinDistribute_Private(Latin, Vec u, PetscReal copy[]);

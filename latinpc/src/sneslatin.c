@@ -95,7 +95,14 @@ static PetscErrorCode SNESLatinConverged_Private(SNES outer, PetscInt it, PetscR
     PetscCall(SNESLatinResidual_Private(snes));
     norm = data->residual;
   } else if (data->stop == LATIN_STOP_REFERENCE && data->done) norm = data->error_l2[data->done - 1];
-  else if (data->stop == LATIN_STOP_ERROR) norm = data->estimate.value;
+  else if (data->stop == LATIN_STOP_ERROR) {
+    if ((data->estimate.value <= data->target || data->estimate.rounding) && latin->links->rigid_law < 0) { /* tensions of rigid links are no function of displacements */
+      PetscCall(SNESLatinResidual_Private(snes));
+      PetscCall(LatinEstimateDoubt_Private(latin, data->target, snes->vec_sol, snes->vec_func, &data->estimate));
+      if (data->done) data->estimates[data->done - 1] = data->estimate.value;
+    }
+    norm = data->estimate.value;
+  }
   snes->iter = latin->applications;
   snes->norm = norm;
   PetscCall(SNESLogConvergenceHistory(snes, norm, 0));
