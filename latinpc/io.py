@@ -55,6 +55,7 @@ import contextlib
 import difflib
 import os
 import pathlib
+import resource
 import shutil
 import tempfile
 import tomllib
@@ -65,6 +66,7 @@ import numpy as np
 from .scenes.scene import RIGID, Law, Scene
 
 AXES = "xyz"
+ROOM, ROOM_PER_BYTE = 2**28, 200  # bytes that a mesh may take, beside and for each of those of its file
 LAW_KEYS = ("law", "EA", "stiffness", "prestrain", "strain", "tension", "gap", "coefficient", "normal", "table")
 ONLY_FOR = {
     "gap": ("contact", "friction"),
@@ -201,7 +203,10 @@ def _read_description(path, description):
     with open(description, "rb") as file:
         try:
             settings = tomllib.load(file)
-        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        except (
+            ValueError,
+            RecursionError,
+        ) as error:  # TOMLDecodeError is a ValueError, as are numbers too long to read
             raise ValueError(f"{description}: not a TOML file: {error}") from None
     tables = {"laws": LAW_KEYS, "supports": SUPPORT_KEYS, "loads": LOAD_KEYS}
     tables |= {"masses": MASS_KEYS, "velocities": VELOCITY_KEYS}
@@ -222,10 +227,29 @@ def _read_description(path, description):
     return settings
 
 
+@contextlib.contextmanager
+def _bounded(size):
+    """Let the memory of this process grow by so many bytes at most, for readers that believe what a file announces."""
+    before = resource.getrlimit(resource.RLIMIT_AS)
+    try:
+        with open("/proc/self/statm") as file:
+            limit = int(file.read().split()[0]) * resource.getpagesize() + size
+    except OSError:  # not Linux
+        limit = resource.RLIM_INFINITY
+    if before[1] != resource.RLIM_INFINITY:
+        limit = before[1] if limit == resource.RLIM_INFINITY else min(limit, before[1])
+    resource.setrlimit(resource.RLIMIT_AS, (limit, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, before)
+
+
 def _read_mesh(path):
     """Return points (n, 3), lines (m, 2), and the physical groups of lines and of nodes."""
     try:
-        mesh = meshio.gmsh.read(path)
+        with _bounded(ROOM + ROOM_PER_BYTE * path.stat().st_size):
+            mesh = meshio.gmsh.read(path)
     except Exception as error:  # meshio raises whatever its parser trips over
         reason = str(error) or type(error).__name__
         raise ValueError(
@@ -244,6 +268,8 @@ def _read_mesh(path):
     physical = mesh.cell_data.get("gmsh:physical")
     for index, block in enumerate(mesh.cells):
         cells = np.asarray(block.data, dtype=np.int64)
+        if cells.size and cells.shape[1:] != ((1,) if block.type == "vertex" else (2,)):
+            raise ValueError(f"{path}: a {block.type} has {cells.shape[-1]} nodes; save the mesh again")
         if cells.size and (cells.min() < 0 or cells.max() >= len(mesh.points)):
             raise ValueError(f"{path}: a {block.type} names a node that does not exist; save the mesh again")
         dim = 0 if block.type == "vertex" else 1
@@ -281,7 +307,7 @@ def _dimension(settings, points, description, path):
     varies = [axis for axis in range(3) if extent[axis] > 1e-12 * max(extent.max(), 1e-300)]
     found = max(varies, default=0) + 1
     dim = settings.get("dim", found)
-    if dim not in (1, 2, 3):
+    if isinstance(dim, bool) or not isinstance(dim, int) or dim not in (1, 2, 3):
         raise ValueError(f"{description}: dim = {dim!r}; it must be 1, 2 or 3")
     if dim < found:
         raise ValueError(f"{description}: dim = {dim}, but the coordinate {AXES[found - 1]} varies in {path.name}")

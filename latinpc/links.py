@@ -243,7 +243,7 @@ class Links:
         mass=None,
         comm=None,
     ):
-        nodes = np.asarray(nodes, dtype=np.float64)
+        nodes = _real("nodes", nodes, np.float64)
         if nodes.ndim != 2 or nodes.shape[1] not in (1, 2, 3) or len(nodes) == 0:
             raise ValueError(f"nodes must be an (n, dim) array with dim 1, 2 or 3, not of shape {nodes.shape}")
         links = _integers("links", links)
@@ -616,6 +616,14 @@ def _native(values, dtype=np.float64):
     return np.require(values, dtype=dtype, requirements=["C", "A"])
 
 
+def _real(name, values, dtype):
+    """Make an array; numpy itself drops imaginary parts."""
+    values = np.asarray(values)
+    if np.iscomplexobj(values):
+        raise ValueError(f"{name} must be real numbers, not complex ones")
+    return values.astype(dtype, copy=False)
+
+
 def _integers(name, values):
     values = np.asarray(values)
     if not np.issubdtype(values.dtype, np.integer):
@@ -626,7 +634,7 @@ def _integers(name, values):
 
 
 def _shaped(name, values, shape, dtype, meaning):
-    values = np.asarray(values, dtype=dtype)
+    values = _real(name, values, dtype)
     if values.ndim and values.shape != shape:
         raise ValueError(f"{name} must have the shape {shape}, {meaning}, not {values.shape}")
     return np.broadcast_to(values, shape)
