@@ -626,6 +626,8 @@ def _real(name, values, dtype):
 
 def _integers(name, values):
     values = np.asarray(values)
+    if np.iscomplexobj(values):
+        raise ValueError(f"{name} must be integers, not complex numbers")
     if not np.issubdtype(values.dtype, np.integer):
         if values.size and not (values == np.floor(values)).all():
             raise ValueError(f"{name} must be integers, not {values.dtype}")
