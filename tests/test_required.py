@@ -63,6 +63,8 @@ def measured(name, path):
         viewer = PETSc.Viewer().createASCII(str(path), comm=PETSc.COMM_SELF)
         PETSc.Log.view(viewer)
         viewer.destroy()
+        for _ in range(2):  # the view has left all stages: the main one, and one for `logged` to leave
+            PETSc.Log.Stage("Main Stage").push()
         history, sizes = latinpc.history(run.snes), latinpc.statistics(run.snes)
         coarse = bool(latinpc.coarse_ksp(run.snes))
     objects = dict(re.findall(r"^ +(\S.*?) +(\d+) +\d+\D*$", path.read_text().split("Event Stage")[-1], re.MULTILINE))
