@@ -134,7 +134,8 @@ def test_local_matrices_that_fall_into_parts(matis, problem):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("problem", "dim", "few", "many"), [("poisson", 2, 3, 22), ("elasticity", 2, 3, 22), ("poisson", 3, 2, 8)]
+    ("problem", "dim", "few", "many"),
+    [("poisson", 2, 3, 22), ("elasticity", 2, 3, 22), ("poisson", 3, 2, 8), ("elasticity", 3, 2, 8)],
 )
 def test_iterations_do_not_grow_with_the_number_of_subdomains(matis, problem, dim, few, many):
     """From 8 or 9 subdomains to about 500, of equal size."""

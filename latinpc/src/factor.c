@@ -8,6 +8,8 @@
 */
 
 #define LATIN_REDUNDANT 1500  /* most rows of a parallel matrix that every rank factors by itself: a parallel factor of so few is all messages */
+#define LATIN_ROOM      100   /* work space of MUMPS beyond its own estimate, in percent */
+#define LATIN_ROOM_MOST 6400  /* where it gives up */
 #define LATIN_MECHANISM 1e-14 /* stiffness of a displacement, relative to the diagonal, that only rounding makes nonzero */
 
 /* The first package with a Cholesky factorisation of A: the preferred one, or another (NULL: none) */
@@ -227,6 +229,7 @@ static PetscErrorCode LatinSoftestShifted_Private(Mat A, MatSolverType preferred
   KSP       ksp;
   PC        pc;
   PetscReal stiffness;
+  PetscBool half, found;
 
   PetscFunctionBegin;
   PetscCall(MatDuplicate(A, MAT_COPY_VALUES, &shifted));
@@ -240,12 +243,45 @@ static PetscErrorCode LatinSoftestShifted_Private(Mat A, MatSolverType preferred
   PetscCall(KSPSetType(ksp, KSPPREONLY));
   PetscCall(KSPGetPC(ksp, &pc));
   PetscCall(LatinDirectSolver_Private(pc, shifted, preferred));
-  PetscCall(PCSetType(pc, PCLU)); /* the copy may still be indefinite by rounding */
+  /* the copy may still be indefinite by rounding */
+  PetscCall(PetscObjectTypeCompareAny((PetscObject)shifted, &half, MATSEQSBAIJ, MATMPISBAIJ, ""));
+  PetscCall(PCSetType(pc, half ? PCCHOLESKY : PCLU));
+  PetscCall(MatSetOption(shifted, MAT_SPD, PETSC_FALSE));
+  PetscCall(MatGetFactorAvailable(shifted, MATSOLVERMUMPS, MAT_FACTOR_CHOLESKY, &found));
+  if (half && found) PetscCall(PCFactorSetMatSolverType(pc, MATSOLVERMUMPS));
   PetscCall(KSPSetOperators(ksp, shifted, shifted));
   PetscCall(LatinSoftest_Private(ksp, shifted, v, &stiffness));
   PetscCall(KSPDestroy(&ksp));
   PetscCall(VecDestroy(&d));
   PetscCall(MatDestroy(&shifted));
+  PetscFunctionReturn(0);
+}
+
+/* Factors; the work space that a parallel factor by MUMPS takes is not known beforehand, and grows until it is enough. Collective on A */
+static PetscErrorCode LatinFactorTry_Private(KSP ksp, PC pc, Mat A, LatinFactorStatus *status)
+{
+  PetscMPIInt size;
+  PetscBool   direct;
+  Mat         factor = NULL;
+
+  PetscFunctionBegin;
+  PetscCallMPI(MPI_Comm_size(PetscObjectComm((PetscObject)A), &size));
+  PetscCall(PetscObjectTypeCompareAny((PetscObject)pc, &direct, PCCHOLESKY, PCLU, ""));
+  for (PetscInt room = LATIN_ROOM; room <= LATIN_ROOM_MOST; room *= 4) {
+    if (direct && size > 1) {
+      PetscCall(PCFactorSetUpMatSolverType(pc));
+      PetscCall(PCFactorGetMatrix(pc, &factor));
+      PetscTryMethod(factor, "MatMumpsSetIcntl_C", (Mat, PetscInt, PetscInt), (factor, 14, room));
+    }
+    PetscCall(PetscPushErrorHandler(PetscReturnErrorHandler, NULL));
+    status->ierr = KSPSetUp(ksp);
+    PetscCall(PetscPopErrorHandler());
+    (void)LatinWatchWait_Private(PetscObjectComm((PetscObject)A), status->ierr); /* others may still be at work on a parallel matrix */
+    if (!status->ierr) PetscCall(PCGetFailedReason(pc, &status->failed));
+    if (status->failed != PC_FACTOR_OUTMEMORY || !direct || size == 1) break;
+    PetscCall(PCReset(pc));
+    PetscCall(KSPSetOperators(ksp, A, A));
+  }
   PetscFunctionReturn(0);
 }
 
@@ -263,13 +299,9 @@ PetscErrorCode LatinFactor_Private(KSP ksp, Mat A, MatSolverType preferred, Lati
   PetscFunctionBegin;
   PetscCall(KSPGetPC(ksp, &pc));
   PetscCall(PetscObjectTypeCompareAny((PetscObject)pc, &direct, PCCHOLESKY, PCLU, PCREDUNDANT, ""));
-  PetscCall(PetscPushErrorHandler(PetscReturnErrorHandler, NULL));
-  status->ierr = KSPSetUp(ksp);
-  PetscCall(PetscPopErrorHandler());
-  (void)LatinWatchWait_Private(PetscObjectComm((PetscObject)A), status->ierr); /* others may still be at work on a parallel matrix */
-  if (!status->ierr) PetscCall(PCGetFailedReason(pc, &status->failed));
+  PetscCall(LatinFactorTry_Private(ksp, pc, A, status));
   status->mechanism = (PetscBool)(status->ierr == PETSC_ERR_MAT_CH_ZRPVT || status->ierr == PETSC_ERR_MAT_LU_ZRPVT || status->failed == PC_FACTOR_STRUCT_ZEROPIVOT || status->failed == PC_FACTOR_NUMERIC_ZEROPIVOT ||
-                                  (status->failed != PC_NOERROR && direct));
+                                  (status->failed != PC_NOERROR && status->failed != PC_FACTOR_OUTMEMORY && direct));
   if ((status->ierr || status->failed) && !status->mechanism) PetscFunctionReturn(0);
   PetscCall(MatCreateVecs(A, &v, NULL));
   if (status->mechanism) PetscCall(LatinSoftestShifted_Private(A, preferred, v));
