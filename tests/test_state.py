@@ -258,7 +258,8 @@ def killed(folder, words, times, ranks, seed):
     return result(folder, [*words, *restart], "pieces", ranks)
 
 
-@pytest.mark.parametrize("kind", ["motion", pytest.param("ramp", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", LONG)
 def test_a_run_that_is_killed_goes_on_to_the_bit(kind, tmp_path):
     assert killed(tmp_path, LONG[kind], 2, 1, 0) == result(tmp_path, LONG[kind], "whole")
 
@@ -287,6 +288,7 @@ def test_an_interrupted_run_says_where_its_state_is(number, code, tmp_path):
     assert result(tmp_path, [*LONG["motion"], "--restart", "state"], "end")[1]["steps"] == 200
 
 
+@pytest.mark.slow  # mpirun leaves its ranks a second to say it, which a busy machine may not give them
 def test_a_run_on_two_ranks_says_where_its_state_is(tmp_path):
     process = begin(tmp_path, LONG["motion"], 2)
     process.send_signal(signal.SIGTERM)
