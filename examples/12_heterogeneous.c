@@ -76,10 +76,15 @@ static PetscErrorCode Solve(const char prefix[], Mat A, Mat whole, Vec b, Vec u,
 int main(int argc, char **argv)
 {
   /* bilinear functions on a square of any size; corners as DMDAGetElements() has them */
-  const PetscScalar  K[4][4] = {{4, -1, -2, -1}, {-1, 4, -1, -2}, {-2, -1, 4, -1}, {-1, -2, -1, 4}};
+  const PetscScalar K[4][4] = {
+    {4,  -1, -2, -1},
+    {-1, 4,  -1, -2},
+    {-2, -1, 4,  -1},
+    {-1, -2, -1, 4 }
+  };
   PetscInt           cells = 32, elements, corners, n = 0, m, start, *held;
   const PetscInt    *element;
-  PetscEnum          pattern = (PetscEnum)0;
+  PetscEnum          pattern  = (PetscEnum)0;
   PetscReal          contrast = 1e6, flow[2], other[2];
   PetscScalar        scaled[4][4];
   const PetscScalar *x;
