@@ -106,7 +106,7 @@ PetscErrorCode LatinBlocksCompare_Private(Latin latin, PetscBool bases, PetscInt
     key[s].number = s;
     pattern[s]    = s;
   }
-  qsort(key, (size_t)n, sizeof(*key), LatinKeyCompare);
+  if (n > 1) qsort(key, (size_t)n, sizeof(*key), LatinKeyCompare);
   for (PetscInt i = 0; i < n;) {
     PetscInt j = i + 1;
 

@@ -193,7 +193,7 @@ static PetscErrorCode LatinInterfaceList_Private(Latin latin)
         pair[total].neighbour = inter->share_list[j];
         pair[total++].copy    = i;
       }
-    qsort(pair + begin, (size_t)(total - begin), sizeof(*pair), LatinPairCompare);
+    if (total > begin) qsort(pair + begin, (size_t)(total - begin), sizeof(*pair), LatinPairCompare);
     inter->offset[s] = count;
     for (PetscInt p = begin; p < total; p++)
       if (p == begin || pair[p].neighbour != pair[p - 1].neighbour) count++;
