@@ -174,38 +174,12 @@ static PetscErrorCode LatinLinksFill_Private(LatinLinks l, MPI_Comm comm, const 
   PetscFunctionReturn(0);
 }
 
-/*@C
-  LatinLinksCreate - Creates a structure of nodes joined by links.
-
-  Collective on comm
-
-  Input Parameters:
-+ comm         - the communicator
-. dim          - number of displacement components of a node: 1, 2 or 3
-. nodes_local  - number of nodes given by this rank; the ranks' nodes are numbered one after the other
-. nodes_global - number of all nodes, or `PETSC_DETERMINE`
-. coordinates  - [nodes_local][dim], a length
-. links_local  - number of links given by this rank
-- link_nodes   - [links_local][2] numbers of the end nodes, counted from 0 over all ranks
-
-  Output Parameter:
-. newlinks - the structure
-
-  Level: beginner
-
-  Notes:
-  Raises `PETSC_ERR_ARG_OUTOFRANGE` for a link whose node does not exist and `PETSC_ERR_ARG_WRONG` for a link that
-  joins a node to itself, on every rank. A link whose nodes lie at the same point needs `LatinLinksSetDirections()`.
-
-.seealso: `LatinLinksSetLaws()`, `LatinLinksSetDirections()`, `LatinLinksSetSupports()`, `LatinLinksSetLoads()`, `LatinLinksSetUp()`
-@*/
-PetscErrorCode LatinLinksCreate(MPI_Comm comm, PetscInt dim, PetscInt nodes_local, PetscInt nodes_global, const PetscReal coordinates[], PetscInt links_local, const PetscInt link_nodes[], LatinLinks *newlinks)
+static PetscErrorCode LatinLinksCreate_Private(MPI_Comm comm, PetscInt dim, PetscInt nodes_local, PetscInt nodes_global, const PetscReal coordinates[], PetscInt links_local, const PetscInt link_nodes[], LatinLinks *newlinks)
 {
   LatinLinks l;
   PetscInt   in[2], out[2], start[2], bad = -1, notfinite = -1, self = -1;
 
   PetscFunctionBegin;
-  PetscAssertPointer(newlinks, 8);
   PetscCall(LatinInitializePackage());
   LatinAgree(comm, dim < 1 || dim > 3, PETSC_ERR_ARG_OUTOFRANGE, "A structure has 1, 2 or 3 dimensions, not %" PetscInt_FMT, dim);
   in[0] = nodes_local;
@@ -235,8 +209,42 @@ PetscErrorCode LatinLinksCreate(MPI_Comm comm, PetscInt dim, PetscInt nodes_loca
   l->links_start  = start[1] - links_local;
   l->rigid_law    = -1;
   PetscCall(LatinWatchCreate_Private(PetscObjectComm((PetscObject)l)));
-  LatinWatch(PetscObjectComm((PetscObject)l), LatinLinksFill_Private(l, comm, coordinates, link_nodes));
+  PetscCall(LatinLinksFill_Private(l, comm, coordinates, link_nodes));
   *newlinks = l;
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  LatinLinksCreate - Creates a structure of nodes joined by links.
+
+  Collective on comm
+
+  Input Parameters:
++ comm         - the communicator
+. dim          - number of displacement components of a node: 1, 2 or 3
+. nodes_local  - number of nodes given by this rank; the ranks' nodes are numbered one after the other
+. nodes_global - number of all nodes, or `PETSC_DETERMINE`
+. coordinates  - [nodes_local][dim], a length
+. links_local  - number of links given by this rank
+- link_nodes   - [links_local][2] numbers of the end nodes, counted from 0 over all ranks
+
+  Output Parameter:
+. newlinks - the structure
+
+  Level: beginner
+
+  Notes:
+  Raises `PETSC_ERR_ARG_OUTOFRANGE` for a link whose node does not exist and `PETSC_ERR_ARG_WRONG` for a link that
+  joins a node to itself, on every rank. A link whose nodes lie at the same point needs `LatinLinksSetDirections()`.
+
+.seealso: `LatinLinksSetLaws()`, `LatinLinksSetDirections()`, `LatinLinksSetSupports()`, `LatinLinksSetLoads()`, `LatinLinksSetUp()`
+@*/
+PetscErrorCode LatinLinksCreate(MPI_Comm comm, PetscInt dim, PetscInt nodes_local, PetscInt nodes_global, const PetscReal coordinates[], PetscInt links_local, const PetscInt link_nodes[], LatinLinks *newlinks)
+{
+  PetscFunctionBegin;
+  PetscAssertPointer(newlinks, 8);
+  PetscCall(LatinWatchCreate_Private(comm));
+  LatinWatch(comm, LatinLinksCreate_Private(comm, dim, nodes_local, nodes_global, coordinates, links_local, link_nodes, newlinks));
   PetscFunctionReturn(0);
 }
 
