@@ -319,6 +319,7 @@ PetscErrorCode LatinLevelElements_Private(Latin latin, Mat A)
         count[row] += fine->offset[s + 1] - fine->offset[s];
       }
     }
+  for (PetscInt i = 0; i < rows; i++) count[i] = PetscMin(count[i], rows); /* elements share columns */
   above->parts = 0;
   for (PetscInt i = 0; i < rows; i++) above->part[i] = LatinRoot(parent, i) == i ? above->parts++ : above->part[parent[i]];
   PetscCall(MatCreateSeqAIJ(PETSC_COMM_SELF, rows, rows, 0, count, &above->K));
