@@ -8,15 +8,15 @@
 
 /*
    What a run needs to go on to the bit where another one has ended: the displacements, for a motion the velocities and
-   the time, and of SNES latin what a warm start takes up: the fixed-point unknowns of the last two solves, the
-   displacements and forces that linear stages add to, the tensions of rigid links. Everything else is computed anew
-   from the structure and the options.
+   the time and the strains that the last step started from, and of SNES latin what a warm start takes up: the
+   fixed-point unknowns of the last two solves, the displacements and forces that linear stages add to, the tensions of
+   rigid links. Everything else is computed anew from the structure and the options.
 
    The file is of PETSc's binary format, after a head of plain text: the numbers of each rank one after the other as a
    Vec, then the bytes of the caller's note. It takes the place of an older one in one step, when all of it is on the disk.
 */
 
-#define LATIN_STATE_FORMAT 1
+#define LATIN_STATE_FORMAT 2
 #define LATIN_STATE_HEAD   512
 #define LATIN_STATE_MAGIC  "latinpc state"
 
@@ -129,6 +129,7 @@ static PetscErrorCode LatinPackTS_Private(LatinPack *pack, TS ts)
   PetscFunctionBegin;
   PetscCall(LatinPackVec_Private(pack, ts->vec_dot));
   PetscCall(LatinPackVec_Private(pack, data->w));
+  PetscCall(LatinPackReals_Private(pack, data->step->links_local, data->step->prestrain)); /* tensions are those of the step */
   PetscCall(LatinPackBool_Private(pack, &data->started));
   PetscCall(LatinPackReals_Private(pack, 1, &ts->ptime));
   PetscCall(LatinPackReals_Private(pack, 1, &ts->time_step));
