@@ -81,6 +81,7 @@ static PetscErrorCode TSLatinFind_Private(TS ts, SNES *snes)
   if (((PetscObject)*snes)->type_name) PetscFunctionReturn(0);
   PetscCall(SNESSetType(*snes, SNESLATIN));
   PetscCall(SNESLatinSetWarmStart(*snes, PETSC_TRUE, PETSC_TRUE));
+  PetscCall(SNESSetDivergenceTolerance(*snes, -1.0)); /* a step has a solution, and a good start is no measure of what is far */
   PetscFunctionReturn(0);
 }
 
@@ -284,7 +285,7 @@ PetscErrorCode TSLatinGetTensions(TS ts, PetscReal tension[])
   The structure comes from `LatinLinksAttachTS()`, displacements and velocities from `TS2SetSolution()` (at rest when
   there are none). Of first order: the scheme damps what is faster than a step, and lets velocities jump. Nothing is
   built or factored after the first step as long as the length of the step stays. With masses a structure need not be
-  held.
+  held, and every step has a solution: SNES latin is given no divergence tolerance unless an option does.
 
 .seealso: `LatinLinksSetMass()`, `SNESLATIN`
 M*/

@@ -109,6 +109,10 @@ static PetscErrorCode LatinEstimateFloor_Private(Latin latin, LatinEstimate *est
     sum[0] += sub->stiffness[l] * (a * a + b * b);
     sum[1] += sub->stiffness[l] * (b - a) * (b - a);
   }
+  for (PetscInt i = 0; sub->ground && i < dim * sub->copies; i++) { /* in a motion masses hold what no link does */
+    sum[0] += sub->ground[i] * U[i] * U[i];
+    sum[1] += sub->ground[i] * U[i] * U[i];
+  }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)latin)));
   estimate->floor = LatinRounding(sum[0], sum[1]);
   PetscFunctionReturn(0);
@@ -196,7 +200,7 @@ static PetscErrorCode LatinEstimateRows_Private(LatinLinks links, Vec u, Vec row
   PetscCall(VecGetArray(forces, &t));
   for (PetscInt l = 0; l < links->links_local; l++) {
     const PetscReal *n = links->direction + dim * l, k = links->stiffness[l] > 0.0 ? links->stiffness[l] : LatinLaws[links->law[l]].stiffness;
-    PetscReal        all = 0.0, most = PetscAbsReal(links->prestrain[l]), e = 0.0;
+    PetscReal        all = 0.0, most = PetscAbsReal(links->prestrain[l]), e = 0.0, force;
 
     for (PetscInt c = 0; c < dim; c++) {
       const PetscReal ua = PetscRealPart(a[dim * links->ends[2 * l] + c]), ub = PetscRealPart(a[dim * links->ends[2 * l + 1] + c]);
@@ -206,10 +210,11 @@ static PetscErrorCode LatinEstimateRows_Private(LatinLinks links, Vec u, Vec row
       e += n[c] * (ub - ua);
     }
     sum += k * e * e;
+    force = k * most + (LatinLaws[links->law[l]].rigid ? PetscAbsReal(links->multiplier[l]) : 0.0);
     for (PetscInt end = 0; end < 2; end++)
       for (PetscInt c = 0; c < dim; c++) {
         s[dim * links->ends[2 * l + end] + c] += 2.0 * k * PetscAbsReal(n[c]) * all;
-        t[dim * links->ends[2 * l + end] + c] += k * PetscAbsReal(n[c]) * most;
+        t[dim * links->ends[2 * l + end] + c] += PetscAbsReal(n[c]) * force;
       }
   }
   PetscCall(VecRestoreArray(forces, &t));
@@ -238,7 +243,7 @@ PetscErrorCode LatinEstimateDoubt_Private(Latin latin, PetscReal target, Vec u, 
 {
   LatinLinks         links = latin->links;
   const PetscScalar *f, *d, *t, *v;
-  PetscReal          sum[2] = {0.0, 0.0}, energy, least;
+  PetscReal          sum[2] = {0.0, 0.0}, energy, least, drift = 0.0;
   PetscInt           n;
   Vec                rows, noise;
 
@@ -261,12 +266,14 @@ PetscErrorCode LatinEstimateDoubt_Private(Latin latin, PetscReal target, Vec u, 
   PetscCall(VecRestoreArrayRead(rows, &d));
   PetscCall(VecRestoreArrayRead(u, &v));
   PetscCall(VecRestoreArrayRead(r, &f));
+  if (links->ground && !estimate->energy) PetscCall(LatinDrift_Private(links, r, noise, &drift));
   PetscCall(DMRestoreGlobalVector(links->dm, &noise));
   PetscCall(DMRestoreGlobalVector(links->dm, &rows));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)latin)));
   if (estimate->energy) sum[1] = energy;
   least = sum[1] > 0.0 ? PetscSqrtReal(sum[0] / sum[1]) : 0.0;
   least *= LATIN_ESTIMATE_DOUBT;
+  if (sum[1] > 0.0) least = PetscMax(least, LatinEstimateSafety[0] * drift / PetscSqrtReal(sum[1]));
   if (least > target) {
     estimate->value    = PetscMax(estimate->value, least);
     estimate->rounding = PETSC_FALSE;

@@ -96,7 +96,7 @@ static PetscErrorCode SNESLatinConverged_Private(SNES outer, PetscInt it, PetscR
     norm = data->residual;
   } else if (data->stop == LATIN_STOP_REFERENCE && data->done) norm = data->error_l2[data->done - 1];
   else if (data->stop == LATIN_STOP_ERROR) {
-    if ((data->estimate.value <= data->target || data->estimate.rounding) && latin->links->rigid_law < 0) { /* tensions of rigid links are no function of displacements */
+    if (data->estimate.value <= data->target || data->estimate.rounding) {
       PetscCall(SNESLatinResidual_Private(snes));
       PetscCall(LatinEstimateDoubt_Private(latin, data->target, snes->vec_sol, snes->vec_func, &data->estimate));
       if (data->done) data->estimates[data->done - 1] = data->estimate.value;
