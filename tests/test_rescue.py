@@ -7,6 +7,7 @@ import numpy as np
 import oracle
 import pytest
 from petsc4py import PETSc
+from random_structures import Draw
 from support import far, grid, irregular, latin, solve, unbalance
 
 import latinpc
@@ -99,6 +100,47 @@ def test_no_convergence_without_proof():
     scene = contrast(1e12, across=True)
     result = solve(scene, subdomains=8, stop="error", error=1e-6, rescue_snes_max_it=1, max_it=1000)
     assert result.reason < 0
+
+
+NO_EQUILIBRIUM = {
+    "a rescue rests far away": (
+        Draw(dim=3, nodes=11, extra=20, parts=3, cut="random", slack=0.0, skeleton=False, settled=True,
+             prestrained=True, length=-2, force=-1, seed=64352),
+        {"variant": "corner", "direction": "block", "promote": False},
+    ),
+    "an acceleration leaps": (
+        Draw(dim=1, nodes=11, extra=9, parts=4, cut="blocks", slack=0.3, skeleton=False, settled=False,
+             prestrained=False, rails=True, length=2, force=0, seed=159),
+        {"variant": "macro", "direction": "schur", "modes": "rigid", "promote": False, "outer_snes_type": "ngmres"},
+    ),
+    "parts part": (
+        Draw(dim=3, nodes=9, extra=0, parts=5, cut="random", slack=1.0, skeleton=False, settled=True,
+             prestrained=False, rails=False, length=0, force=-3, seed=182),
+        {"variant": "macro", "direction": "block", "modes": "rigid", "promote": False,
+         "outer_snes_type": "nrichardson"},
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("rescue", [300, 0])
+@pytest.mark.parametrize("case", NO_EQUILIBRIUM)
+def test_displacements_beyond_measure_are_no_solution(case, rescue):
+    """A step that is small beside the way that nodes have drifted ends no solve: the loads still work on them."""
+    draw, chosen = NO_EQUILIBRIUM[case]
+    result = solve(draw.scene(), stop="error", error=1e-7, max_it=3000, rescue=rescue, **chosen)
+    assert result.reason < 0
+
+
+@pytest.mark.parametrize("stol", [1e-2, 1e-8])
+@pytest.mark.parametrize("load", [1e8, 1e14])
+def test_large_displacements_may_be_a_solution(load, stol):
+    """A load of any size on a structure that holds it: the displacements are larger than it, and are found."""
+    scene = irregular()
+    scene = replace(scene, load=load * scene.load, prestrain=load * scene.prestrain)
+    result = solve(scene, stol=stol)
+    assert np.abs(result.u).max() > np.linalg.norm(np.ptp(scene.nodes, axis=0))
+    assert result.reason > 0
+    assert far(result.u, oracle.newton(scene)) < 3.0 * stol
 
 
 def test_a_polish_that_fails_before_a_rescue():

@@ -638,6 +638,8 @@ PETSC_INTERN PetscErrorCode LatinEstimateUpdate_Private(Latin, PetscReal target,
 PETSC_INTERN PetscErrorCode LatinEstimateDoubt_Private(Latin, PetscReal target, Vec u, Vec r, LatinEstimate *);
 PETSC_INTERN PetscErrorCode LatinEstimateDestroy_Private(LatinEstimate *);
 PETSC_INTERN PetscErrorCode LatinDrift_Private(LatinLinks, Vec r, Vec noise, PetscReal *drift);
+PETSC_INTERN PetscErrorCode LatinProofIsDue_Private(Latin, PetscBool *);
+PETSC_INTERN PetscErrorCode LatinProofBalances_Private(LatinLinks, Vec u, Vec more, Vec r, PetscBool *);
 PETSC_INTERN PetscErrorCode LatinAverage_Private(Latin, Vec u);
 PETSC_INTERN PetscErrorCode LatinDistribute_Private(Latin, Vec u, PetscReal copy[]);
 

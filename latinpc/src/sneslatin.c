@@ -58,6 +58,22 @@ static PetscErrorCode SNESLatinResidual_Private(SNES snes)
   PetscFunctionReturn(0);
 }
 
+/* Displacements larger than the structure are a solution if forces balance. To be called where the iteration has converged */
+static PetscErrorCode SNESLatinProve_Private(SNES snes, SNESConvergedReason *reason)
+{
+  SNES_Latin *data = (SNES_Latin *)snes->data;
+  PetscBool   due, balances;
+
+  PetscFunctionBegin;
+  if (data->latin->links->rigid_law >= 0 || data->latin->links->rubs) PetscFunctionReturn(0); /* their forces are no function of displacements */
+  PetscCall(LatinProofIsDue_Private(data->latin, &due));
+  if (!due) PetscFunctionReturn(0);
+  PetscCall(SNESLatinResidual_Private(snes));
+  PetscCall(LatinProofBalances_Private(data->latin->links, snes->vec_sol, snes->vec_rhs, snes->vec_func, &balances));
+  if (!balances) *reason = SNES_DIVERGED_DTOL;
+  PetscFunctionReturn(0);
+}
+
 /* Is it time for Newton's method: no progress, a divergence, or a convergence that proves nothing? */
 static PetscBool SNESLatinStalls_Private(SNES_Latin *data, PetscReal norm, PetscReal stol, PetscReal rtol, SNESConvergedReason reason)
 {
@@ -123,6 +139,7 @@ static PetscErrorCode SNESLatinConverged_Private(SNES outer, PetscInt it, PetscR
   } else if (norm <= snes->stol || latin->distance <= latin->noise) *reason = SNES_CONVERGED_SNORM_RELATIVE;
   if (!*reason && data->handed && latin->indicator <= data->polish.start) *reason = SNES_CONVERGED_ITS;
   if (!*reason && snes->divtol > 0.0 && latin->distance > snes->divtol * data->first_distance) *reason = SNES_DIVERGED_DTOL;
+  if (*reason > 0 && *reason != SNES_CONVERGED_ITS) PetscCall(SNESLatinProve_Private(snes, reason));
   if (SNESLatinStalls_Private(data, norm, snes->stol, snes->rtol, *reason)) {
     data->rescue.called = PETSC_TRUE;
     *reason             = SNES_CONVERGED_ITS;
@@ -394,6 +411,7 @@ static PetscErrorCode SNESLatinPolish_Private(SNES snes, LatinPolish *polish)
 {
   SNES_Latin         *data = (SNES_Latin *)snes->data;
   SNESConvergedReason reason;
+  PetscBool           balances;
 
   PetscFunctionBegin;
   polish->target    = data->stop == LATIN_STOP_ERROR ? data->target : snes->stol;
@@ -417,6 +435,8 @@ static PetscErrorCode SNESLatinPolish_Private(SNES snes, LatinPolish *polish)
     PetscCall(VecNorm(snes->vec_func, NORM_2, &data->residual));
     snes->iter = data->latin->applications + polish->stages;
     snes->norm = data->stop == LATIN_STOP_RESIDUAL ? data->residual : polish->error;
+    PetscCall(LatinProofBalances_Private(data->latin->links, snes->vec_sol, snes->vec_rhs, snes->vec_func, &balances));
+    if (!balances) snes->reason = SNES_DIVERGED_DTOL;
     PetscCall(SNESLogConvergenceHistory(snes, snes->norm, polish->stages));
     PetscCall(SNESMonitor(snes, snes->iter, snes->norm));
     PetscFunctionReturn(0);
