@@ -7,7 +7,8 @@ from pathlib import Path
 
 __version__ = "0.1.0"
 
-from latinpc.links import Links, Sizes, register_law, register_table
+from latinpc.laws import register_law, register_table
+from latinpc.links import Links, Sizes
 from latinpc.scenes.scene import Law
 from latinpc.solvers import (
     coarse_ksp,

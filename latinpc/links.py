@@ -6,41 +6,20 @@ ranks of the communicator. Whatever comes back is in the caller's own numbering,
 
 from __future__ import annotations
 
-import ctypes
 from typing import NamedTuple
 
 import numpy as np
 from petsc4py import PETSc
 
-try:
-    from latinpc import _latin
-except ImportError as error:
-    raise ImportError(
-        f"the compiled part of latinpc cannot be loaded ({error}). In a source tree run `make build`; elsewhere "
-        "run `pip install .` with the petsc4py that is to be used."
-    ) from error
-
+from latinpc.arrays import Slices, integers, native, real, refuse, shaped
+from latinpc.laws import register_table
+from latinpc.library import _latin
 from latinpc.scenes.scene import Law
 
-__all__ = ["Links", "Sizes", "register_law", "register_table"]
+__all__ = ["Links", "Sizes"]
 
-
-def _check_petsc():
-    """Refuse a PETSc that is not the one that latinpc was built with."""
-    built, found = _latin.PETSC_VERSION, PETSc.Sys.getVersion()
-    cure = "build latinpc again with this petsc4py (`make build`, or `pip install --force-reinstall .`)"
-    if built[:2] != tuple(found[:2]):
-        text = [".".join(map(str, version)) for version in (built, found)]
-        raise ImportError(f"latinpc was built with PETSc {text[0]}, petsc4py brings PETSc {text[1]}: {cure}")
-    if not _latin.initialized():
-        raise ImportError(f"latinpc is linked with another PETSc library than petsc4py: {cure}")
-
-
-_check_petsc()
-_latin.initialize_package()
 
 _BOOL = np.dtype(f"i{_latin.BOOL_SIZE}")
-_MAX_NAMED = 5
 
 
 class Sizes(NamedTuple):
@@ -50,122 +29,6 @@ class Sizes(NamedTuple):
     nodes: int
     links: int
     free_dofs: int
-
-
-def register_table(strain, tension, name="table"):
-    """Make a piecewise linear law from points; not collective, in the same order on every rank.
-
-    Parameters
-    ----------
-    strain : (n,) array_like of float
-        Increasing values of e + e0 (m), two or more.
-    tension : (n,) array_like of float
-        The tensions there (N), nowhere decreasing. The first and the last segment go on beyond the points.
-    name : str, optional
-        For messages.
-
-    Returns
-    -------
-    int
-        For the `law` of `Links`; the same for the same points. A link of stiffness 0 has these tensions, one of
-        another stiffness has them in proportion: the stiffness is the slope where the law is steepest.
-
-    Examples
-    --------
-    A bar that yields at 10 N in tension and in compression (loaded once: what yields comes back the same way):
-
-    >>> import latinpc
-    >>> yields = latinpc.register_table([-2e-3, -1e-3, 1e-3, 2e-3], [-10, -10, 10, 10])
-    """
-    strain, tension = (_native(np.asarray(values, dtype=np.float64).ravel()) for values in (strain, tension))
-    if len(strain) != len(tension):
-        raise ValueError(f"a law needs as many tensions as strains, not {len(tension)} for {len(strain)}")
-    return _latin.register_table(name, strain, tension)
-
-
-def register_law(name, tension, tangent, energy, local=None, context=None):
-    """Make a law of functions in C, which the iteration calls; not collective, in the same order on every rank.
-
-    Parameters
-    ----------
-    name : str
-        For messages.
-    tension, tangent, energy : int or object
-        Addresses of ``double f(double k, double x, void *context)`` with x = e + e0: the tension, nowhere decreasing
-        and hardly steeper than k; an element of its generalised derivative; a potential of it. An address is an
-        integer, a function of ctypes, or what has an attribute ``address``, as a cfunc of numba.
-    local : int or object, optional
-        Of ``double f(double k, double e0, double y, void *context)``: tau - k e where tau + k e = y and the law holds.
-        Solved for by Newton's method when not given.
-    context : int, optional
-        Address handed on to the functions.
-
-    Returns
-    -------
-    int
-        For the `law` of `Links`.
-
-    Notes
-    -----
-    The functions must live as long as the structures that use them. A law in Python is wrapped by ctypes:
-    ``ctypes.CFUNCTYPE(c_double, c_double, c_double, c_void_p)(lambda k, x, context: ...)``. It is called for each link
-    in each iteration, which is slow: compile it by numba.cfunc, or give its points to `register_table`, as many as
-    its curvature asks for.
-    """
-    return _latin.register_law(
-        name, *(_address(function) for function in (tension, tangent, energy, local)), context or 0
-    )
-
-
-def _address(function):
-    if function is None or isinstance(function, int):
-        return function or 0
-    if hasattr(function, "address"):
-        return function.address
-    if isinstance(function, ctypes._CFuncPtr):
-        return ctypes.cast(function, ctypes.c_void_p).value
-    raise TypeError(
-        f"a law is made of C functions, given by their addresses, not of {type(function).__name__}: wrap a function of "
-        "Python by ctypes.CFUNCTYPE, or compile it by numba.cfunc"
-    )
-
-
-class _Slices:
-    """Which nodes and links of the caller's arrays this rank has handed to the library.
-
-    Nodes go in consecutive blocks. Links go in consecutive blocks too, or in blocks of subdomains when the
-    caller gives a partition, so that a subdomain starts on the rank that will own it.
-    """
-
-    def __init__(self, comm, nodes, law, subdomain):
-        links = len(law)
-        self.comm = comm.tompi4py()
-        self.nodes = nodes
-        self.links = links
-        self.node_start, self.node_end = self._block(nodes)
-        if subdomain is None:
-            starts = np.append(np.flatnonzero(law != Law.TANGENT), links)  # parts of a contact stay on one rank
-            first, last = starts[np.searchsorted(starts, self._block(links))]
-            self.my_links = np.arange(first, last)
-        else:
-            first, last = self._block(int(subdomain.max()) + 1)
-            self.my_links = np.flatnonzero((subdomain >= first) & (subdomain < last))
-
-    def _block(self, n):
-        """Split n entries as PetscSplitOwnership does."""
-        size, rank = self.comm.size, self.comm.rank
-        return tuple(n // size * r + min(r, n % size) for r in (rank, rank + 1))
-
-    def gather_nodes(self, mine):
-        """Assemble a nodal array; collective."""
-        return np.concatenate(self.comm.allgather(mine), axis=0)
-
-    def gather_links(self, mine):
-        """Assemble an array over the links; collective."""
-        whole = np.empty((self.links, *mine.shape[1:]), dtype=mine.dtype)
-        for where, values in self.comm.allgather((self.my_links, mine)):
-            whole[where] = values
-        return whole
 
 
 class Links:
@@ -243,42 +106,42 @@ class Links:
         mass=None,
         comm=None,
     ):
-        nodes = _real("nodes", nodes, np.float64)
+        nodes = real("nodes", nodes, np.float64)
         if nodes.ndim != 2 or nodes.shape[1] not in (1, 2, 3) or len(nodes) == 0:
             raise ValueError(f"nodes must be an (n, dim) array with dim 1, 2 or 3, not of shape {nodes.shape}")
-        links = _integers("links", links)
+        links = integers("links", links)
         if links.ndim != 2 or links.shape[1] != 2 or len(links) == 0:
             raise ValueError(f"links must be an (m, 2) array of node numbers, not of shape {links.shape}")
         self._shape = nodes.shape
         self._count = len(links)
-        _refuse(~np.isfinite(nodes).all(axis=1), "node", "has a coordinate that is not finite", nodes)
-        _refuse(
+        refuse(~np.isfinite(nodes).all(axis=1), "node", "has a coordinate that is not finite", nodes)
+        refuse(
             ((links < 0) | (links >= len(nodes))).any(axis=1),
             "link",
             f"joins a node that does not exist (nodes are numbered from 0 to {len(nodes) - 1})",
             links,
         )
-        _refuse(links[:, 0] == links[:, 1], "link", "joins a node to itself", links)
+        refuse(links[:, 0] == links[:, 1], "link", "joins a node to itself", links)
         length = np.linalg.norm(nodes[links[:, 1]] - nodes[links[:, 0]], axis=1)
         if direction is not None:
-            direction = _shaped("direction", direction, (self._count, nodes.shape[1]), np.float64, "a row per link")
-            _refuse(~np.isfinite(direction).all(axis=1), "link", "has a direction that is not finite", direction)
+            direction = shaped("direction", direction, (self._count, nodes.shape[1]), np.float64, "a row per link")
+            refuse(~np.isfinite(direction).all(axis=1), "link", "has a direction that is not finite", direction)
             length = np.where(direction.any(axis=1), 1.0, length)
-        _refuse(length == 0, "link", "has no length: its two nodes are at one place and no direction is given", links)
-        law = self._link_array("law", _integers("law", law), np.int64)
+        refuse(length == 0, "link", "has no length: its two nodes are at one place and no direction is given", links)
+        law = self._link_array("law", integers("law", law), np.int64)
         names = _latin.law_names()
         known = ", ".join(f"{number} {name}" for number, name in enumerate(names))
-        _refuse((law < 0) | (law >= len(names)), "link", f"has an unknown law ({known})", law)
+        refuse((law < 0) | (law >= len(names)), "link", f"has an unknown law ({known})", law)
         stiffness = self._link_array("stiffness", stiffness)
         wrong = ~((stiffness > 0) & np.isfinite(stiffness)) & ~((stiffness == 0) & (law > Law.STRUT))
-        _refuse(wrong, "link", "needs a positive stiffness", stiffness)
+        refuse(wrong, "link", "needs a positive stiffness", stiffness)
         if friction is not None:
             friction = self._link_array("friction", friction)
-            _refuse(~((friction >= 0) & np.isfinite(friction)), "link", "has a friction that is negative", friction)
+            refuse(~((friction >= 0) & np.isfinite(friction)), "link", "has a friction that is negative", friction)
         prestrain = self._prestrain(0.0 if prestrain is None else prestrain)
         fixed = np.zeros(self._shape, bool) if fixed is None else self._node_array("fixed", fixed, bool)
         prescribed = self._node_array("prescribed", 0.0 if prescribed is None else prescribed)
-        _refuse(
+        refuse(
             ((prescribed != 0) & ~fixed).any(axis=1),
             "node",
             "has a prescribed displacement in a direction that is not fixed",
@@ -288,21 +151,19 @@ class Links:
         subdomain = None if subdomain is None else self._subdomain(subdomain)
 
         self.comm = _comm(comm)
-        self._slices = _Slices(self.comm, len(nodes), law, subdomain)
+        self._slices = Slices(self.comm, len(nodes), law, subdomain)
         self._handle = handle = _latin.LinksHandle()
         mine = self._slices.my_links
-        handle.create(self.comm, len(nodes), self._my_nodes(nodes), _native(links[mine], PETSc.IntType))
-        handle.set_laws(
-            _native(law[mine], PETSc.IntType), _native(stiffness[mine]), _native(np.asarray(prestrain)[mine])
-        )
+        handle.create(self.comm, len(nodes), self._my_nodes(nodes), native(links[mine], PETSc.IntType))
+        handle.set_laws(native(law[mine], PETSc.IntType), native(stiffness[mine]), native(np.asarray(prestrain)[mine]))
         if direction is not None:
-            handle.set_directions(_native(direction[mine]))
+            handle.set_directions(native(direction[mine]))
         if friction is not None:
-            handle.set_friction(_native(friction[mine]))
+            handle.set_friction(native(friction[mine]))
         handle.set_supports(self._my_nodes(fixed, _BOOL), self._my_nodes(prescribed))
         handle.set_loads(self._my_nodes(load))
         if subdomain is not None:
-            handle.set_subdomains(_native(subdomain[mine], PETSc.IntType))
+            handle.set_subdomains(native(subdomain[mine], PETSc.IntType))
         handle.setup()
         if mass is not None:
             self.set_mass(mass)
@@ -556,7 +417,7 @@ class Links:
         prestrain : (m,) array_like of float, or float
             The same on every rank (m).
         """
-        self._handle.set_prestrain(_native(self._prestrain(prestrain)[self._slices.my_links]))
+        self._handle.set_prestrain(native(self._prestrain(prestrain)[self._slices.my_links]))
 
     def set_mass(self, mass):
         """Give the nodes their masses, or change them; collective.
@@ -566,8 +427,8 @@ class Links:
         mass : (n,) array_like of float, or float
             Lumped masses (kg), not negative, the same on every rank.
         """
-        mass = _shaped("mass", mass, self._shape[:1], np.float64, "a value per node")
-        _refuse(~((mass >= 0) & np.isfinite(mass)), "node", "has a mass that is negative or not finite", mass)
+        mass = shaped("mass", mass, self._shape[:1], np.float64, "a value per node")
+        refuse(~((mass >= 0) & np.isfinite(mass)), "node", "has a mass that is negative or not finite", mass)
         self._handle.set_mass(self._my_nodes(mass))
 
     def set_subdomains(self, subdomain):
@@ -578,27 +439,27 @@ class Links:
         subdomain : (m,) array_like of int
             The same on every rank, counted from 0 without gaps.
         """
-        self._handle.set_subdomains(_native(self._subdomain(subdomain)[self._slices.my_links], PETSc.IntType))
+        self._handle.set_subdomains(native(self._subdomain(subdomain)[self._slices.my_links], PETSc.IntType))
 
     # ---- shapes -----------------------------------------------------------------------------------------
 
     def _link_array(self, name, values, dtype=np.float64):
-        return _shaped(name, values, (self._count,), dtype, "a value per link")
+        return shaped(name, values, (self._count,), dtype, "a value per link")
 
     def _node_array(self, name, values, dtype=np.float64):
-        values = _shaped(name, values, self._shape, dtype, "a row per node, a column per direction")
+        values = shaped(name, values, self._shape, dtype, "a row per node, a column per direction")
         if dtype is not bool:
-            _refuse(~np.isfinite(values).all(axis=1), "node", f"has a {name} that is not finite", values)
+            refuse(~np.isfinite(values).all(axis=1), "node", f"has a {name} that is not finite", values)
         return values
 
     def _prestrain(self, values):
         values = self._link_array("prestrain", values)
-        _refuse(~np.isfinite(values), "link", "has a prestrain that is not finite", values)
+        refuse(~np.isfinite(values), "link", "has a prestrain that is not finite", values)
         return values
 
     def _subdomain(self, values):
-        values = self._link_array("subdomain", _integers("subdomain", values), np.int64)
-        _refuse(values < 0, "link", "has a negative subdomain", values)
+        values = self._link_array("subdomain", integers("subdomain", values), np.int64)
+        refuse(values < 0, "link", "has a negative subdomain", values)
         count = int(values.max()) + 1
         if count > self._count:
             raise ValueError(f"{count} subdomains for {self._count} links: at most one a link")
@@ -608,48 +469,7 @@ class Links:
         return values
 
     def _my_nodes(self, values, dtype=np.float64):
-        return _native(values[self._slices.node_start : self._slices.node_end], dtype)
-
-
-def _native(values, dtype=np.float64):
-    """Make an array that C reads as it is."""
-    return np.require(values, dtype=dtype, requirements=["C", "A"])
-
-
-def _real(name, values, dtype):
-    """Make an array; numpy itself drops imaginary parts."""
-    values = np.asarray(values)
-    if np.iscomplexobj(values):
-        raise ValueError(f"{name} must be real numbers, not complex ones")
-    return values.astype(dtype, copy=False)
-
-
-def _integers(name, values):
-    values = np.asarray(values)
-    if np.iscomplexobj(values):
-        raise ValueError(f"{name} must be integers, not complex numbers")
-    if not np.issubdtype(values.dtype, np.integer):
-        if values.size and not (values == np.floor(values)).all():
-            raise ValueError(f"{name} must be integers, not {values.dtype}")
-        values = values.astype(np.int64)
-    return values
-
-
-def _shaped(name, values, shape, dtype, meaning):
-    values = _real(name, values, dtype)
-    if values.ndim and values.shape != shape:
-        raise ValueError(f"{name} must have the shape {shape}, {meaning}, not {values.shape}")
-    return np.broadcast_to(values, shape)
-
-
-def _refuse(wrong, what, why, values):
-    """Raise a ValueError that names the first culprits."""
-    culprits = np.flatnonzero(wrong)
-    if not culprits.size:
-        return
-    named = ", ".join(f"{i} ({np.array2string(values[i])})" for i in culprits[:_MAX_NAMED])
-    more = f" and {culprits.size - _MAX_NAMED} more" if culprits.size > _MAX_NAMED else ""
-    raise ValueError(f"{what} {named}{more} {why}")
+        return native(values[self._slices.node_start : self._slices.node_end], dtype)
 
 
 def _comm(comm):

@@ -13,7 +13,7 @@ import numpy as np
 from petsc4py import PETSc
 
 # through links, which checks the compiled part and registers the types
-from latinpc.links import _latin
+from latinpc.library import _latin
 
 __all__ = [
     "coarse_ksp",

@@ -1,4 +1,4 @@
-#include "latinimpl.h"
+#include "sneslatinimpl.h"
 
 /*
    The search parameter l of contacts with friction, changed where the iteration stalls. It weighs tensions against gaps:

@@ -1,4 +1,4 @@
-#include "latinimpl.h"
+#include "sneslatinimpl.h"
 
 /*
    An upper bound of the energy error of any displacement u of a linear structure, on demand. The error e = u* - u is

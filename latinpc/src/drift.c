@@ -1,4 +1,4 @@
-#include "latinimpl.h"
+#include "sneslatinimpl.h"
 
 #define LATIN_DRIFT_NOISE 64.0 /* times the machine's, of the forces that meet at the nodes */
 

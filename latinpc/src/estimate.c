@@ -1,4 +1,4 @@
-#include "latinimpl.h"
+#include "sneslatinimpl.h"
 
 /*
    An estimate of the error of the displacements while the true ones are not known. Two facts carry it:

@@ -127,5 +127,11 @@ PETSC_INTERN PetscErrorCode LatinStepLength_Private(LatinLinks step, PetscReal s
 PETSC_INTERN PetscErrorCode LatinLinksFromDM_Private(DM, LatinLinks *);
 PETSC_INTERN PetscErrorCode LatinLinksCheckVec_Private(LatinLinks, Vec);
 PETSC_INTERN PetscErrorCode LatinLinksGetLocal_Private(LatinLinks, Vec, Vec);
+PETSC_INTERN PetscErrorCode LatinLinksSetTangent_Private(LatinLinks, Vec u, PetscReal floor);
+PETSC_INTERN PetscErrorCode LatinLinksMultTangent_Private(LatinLinks, Vec x, Vec y);
+PETSC_INTERN PetscErrorCode LatinLinksResistFar_Private(LatinLinks, Vec step, PetscReal *resisted);
+PETSC_INTERN PetscErrorCode LatinLinksCountChanges_Private(LatinLinks, Vec u, PetscReal floor, PetscInt *);
+PETSC_INTERN PetscErrorCode LatinLinksSearch_Private(LatinLinks, Vec u, Vec step, Vec more, PetscReal *length);
+PETSC_INTERN PetscErrorCode LatinLinksStiffnessRange_Private(LatinLinks, PetscReal *least, PetscReal *most);
 
 #endif

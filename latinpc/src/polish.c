@@ -1,4 +1,4 @@
-#include "latinimpl.h"
+#include "sneslatinimpl.h"
 #include <petsc/private/snesimpl.h>
 
 /*

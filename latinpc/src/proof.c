@@ -1,4 +1,4 @@
-#include "latinimpl.h"
+#include "sneslatinimpl.h"
 
 /*
    What holds of a solution and not of displacements that drift away. A structure without equilibrium goes on for ever, and

@@ -1,0 +1,90 @@
+"""Arrays as callers give them: checked, so that a message names what does not fit, and shared out to the ranks."""
+
+import numpy as np
+
+from latinpc.scenes.scene import Law
+
+__all__ = ["Slices", "integers", "native", "real", "refuse", "shaped"]
+
+_MAX_NAMED = 5
+
+
+class Slices:
+    """Which nodes and links of the caller's arrays this rank has handed to the library.
+
+    Nodes go in consecutive blocks. Links go in consecutive blocks too, or in blocks of subdomains when the
+    caller gives a partition, so that a subdomain starts on the rank that will own it.
+    """
+
+    def __init__(self, comm, nodes, law, subdomain):
+        links = len(law)
+        self.comm = comm.tompi4py()
+        self.nodes = nodes
+        self.links = links
+        self.node_start, self.node_end = self._block(nodes)
+        if subdomain is None:
+            starts = np.append(np.flatnonzero(law != Law.TANGENT), links)  # parts of a contact stay on one rank
+            first, last = starts[np.searchsorted(starts, self._block(links))]
+            self.my_links = np.arange(first, last)
+        else:
+            first, last = self._block(int(subdomain.max()) + 1)
+            self.my_links = np.flatnonzero((subdomain >= first) & (subdomain < last))
+
+    def _block(self, n):
+        """Split n entries as PetscSplitOwnership does."""
+        size, rank = self.comm.size, self.comm.rank
+        return tuple(n // size * r + min(r, n % size) for r in (rank, rank + 1))
+
+    def gather_nodes(self, mine):
+        """Assemble a nodal array; collective."""
+        return np.concatenate(self.comm.allgather(mine), axis=0)
+
+    def gather_links(self, mine):
+        """Assemble an array over the links; collective."""
+        whole = np.empty((self.links, *mine.shape[1:]), dtype=mine.dtype)
+        for where, values in self.comm.allgather((self.my_links, mine)):
+            whole[where] = values
+        return whole
+
+
+def native(values, dtype=np.float64):
+    """Make an array that C reads as it is."""
+    return np.require(values, dtype=dtype, requirements=["C", "A"])
+
+
+def real(name, values, dtype):
+    """Make an array; numpy itself drops imaginary parts."""
+    values = np.asarray(values)
+    if np.iscomplexobj(values):
+        raise ValueError(f"{name} must be real numbers, not complex ones")
+    return values.astype(dtype, copy=False)
+
+
+def integers(name, values):
+    """Make an array of integers of numbers that are such, whatever their type."""
+    values = np.asarray(values)
+    if np.iscomplexobj(values):
+        raise ValueError(f"{name} must be integers, not complex numbers")
+    if not np.issubdtype(values.dtype, np.integer):
+        if values.size and not (values == np.floor(values)).all():
+            raise ValueError(f"{name} must be integers, not {values.dtype}")
+        values = values.astype(np.int64)
+    return values
+
+
+def shaped(name, values, shape, dtype, meaning):
+    """Make an array of a shape, of one for all or of what has it already."""
+    values = real(name, values, dtype)
+    if values.ndim and values.shape != shape:
+        raise ValueError(f"{name} must have the shape {shape}, {meaning}, not {values.shape}")
+    return np.broadcast_to(values, shape)
+
+
+def refuse(wrong, what, why, values):
+    """Raise a ValueError that names the first culprits."""
+    culprits = np.flatnonzero(wrong)
+    if not culprits.size:
+        return
+    named = ", ".join(f"{i} ({np.array2string(values[i])})" for i in culprits[:_MAX_NAMED])
+    more = f" and {culprits.size - _MAX_NAMED} more" if culprits.size > _MAX_NAMED else ""
+    raise ValueError(f"{what} {named}{more} {why}")
