@@ -1,13 +1,18 @@
 """Only what the scene requires: what a structure, or an option, does not use is not built."""
 
 import re
+from contextlib import contextmanager
 from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import oracle
 import pytest
+from conftest import ROOT
 from petsc4py import PETSc
-from support import chain, grid, irregular, latin, lattice, logged
+from support import SNES_OWN, chain, grid, irregular, latin, lattice, logged
+from test_dynamics import heavy, motion
 
 import latinpc
 from latinpc.scenes import Law, make
@@ -28,7 +33,13 @@ SCENES = {
     "polish": (grid, {"polish": True}, ("coarse", "links", "Newton", "second method")),
     "reference": (grid, {}, ("coarse", "links", "errors")),
     "rescue, many": (lambda: stiff(grid()), {"max_it": 3000}, ("coarse", "links", "Newton", "second method")),
+    "friction, many": (lambda: make("packing", law="friction"), {"max_it": 3000}, ("coarse", "links")),
+    "bars, motion": (lambda: heavy(bars(lattice())), {}, ("coarse", "motion")),
+    "cables, motion, one subdomain": (lambda: heavy(grid(subdomains=1), mass=20.0), {}, ("links", "motion")),
+    "cables, motion": (lambda: heavy(grid(), mass=20.0), {}, ("coarse", "links", "motion")),
+    "contacts, motion": (lambda: make("bouncing-chain"), {}, ("coarse", "links", "motion")),
 }
+STEP = 1e-4
 
 
 def bars(scene):
@@ -47,17 +58,30 @@ def stiff(scene):
     return replace(scene, stiffness=np.where(np.arange(len(scene.links)) % 97 == 5, 1e8, 1.0) * scene.stiffness)
 
 
+@contextmanager
+def solver(scene, options):
+    """Give the SNES of a structure, or of its motion, and what solves once, or makes two steps."""
+    if scene.mass is None:
+        with latin(scene, **options) as run:
+            u = run.links.create_vec()
+            yield SimpleNamespace(snes=run.snes, links=run.links, go=lambda: run.snes.solve(None, u))
+        return
+    options = {("snes_" if key in SNES_OWN else "snes_latin_") + key: value for key, value in options.items()}
+    with motion(scene, scene.time_step or STEP, **options) as run:
+        yield SimpleNamespace(snes=run.ts.getSNES(), links=run.links, go=lambda: run.step(2))
+
+
 def measured(name, path):
     """Solve in a stage of its own and tell what has been built."""
     make_scene, options, _ = SCENES[name]
     scene = make_scene()
     reference = oracle.newton(scene) if name == "reference" else None
-    with logged(), latin(scene, **options) as run:
+    with logged(), solver(scene, options) as run:
         if reference is not None:
             given = run.links.create_vec()
             run.links.set_displacements(reference, given)
             latinpc.set_reference(run.snes, given)
-        run.snes.solve(None, run.links.create_vec())
+        run.go()
         assert run.snes.getConvergedReason() > 0
         events = {e: PETSc.Log.Event(f"Latin{e}").getPerfInfo()["count"] for e in ("Floppy", "Coarse", "Estimate")}
         viewer = PETSc.Viewer().createASCII(str(path), comm=PETSc.COMM_SELF)
@@ -78,14 +102,18 @@ def measured(name, path):
         "errors": len(history["error_l2"]) > 0,
         "Newton": int(objects["SNES"]) > 2,  # beside SNES latin and the one that iterates
         "second method": int(objects["Latin"]) > 1,
+        "motion": int(objects["LatinLinks"]) > 1,  # a step is a structure of its own
     }
     return tuple(part for part, there in parts.items() if there), sizes, scene
 
 
 def state_of_bars(scene, options):
     """Size of the state when all links are bars: that of the interfaces."""
-    with logged(), latin(bars(scene), **options) as run:
-        run.snes.setUp()
+    with logged(), solver(bars(scene), options) as run:
+        if scene.mass is None:
+            run.snes.setUp()
+        else:
+            run.go()
         return latinpc.statistics(run.snes)["state_size"]
 
 
@@ -96,3 +124,59 @@ def test_only_what_is_required_is_built(name, tmp_path):
     if sizes["subdomains"] == 1:
         assert sizes["state_size"] <= np.count_nonzero(scene.law != Law.BAR)
         assert sizes["micro_sides"] == sizes["coarse_size"] == 0
+
+
+# ---- memory ------------------------------------------------------------------------------
+
+MEMORY = """
+import sys
+import petsc4py
+petsc4py.init(sys.argv)
+sys.path.insert(0, sys.argv[1])
+from test_required import SCENES, solver
+make_scene, options, _ = SCENES[sys.argv[2]]
+with solver(make_scene(), options) as run:
+    run.go()
+"""
+# the files, or functions in them, that take memory for a part
+PARTS = {
+    "coarse": ["direction", "stiffness", "nested"],
+    "estimate": ["estimate"],
+    "local fields": ["floppy"],
+    "Newton": ["tangent"],
+    "second method": ["pclatin"],
+    "rigid links": ["rigid: LatinLinksSetUpRigid_Private"],
+    "friction": ["rigid: LatinLinksSetFriction"],
+    "motion": ["inertia", "dynamics"],
+    "laws of the user's": ["lawregister"],
+    "levels": ["multilevel"],
+    "friction that stalls": ["balance"],
+}
+BEYOND = {
+    "rigid cables, many": ["rigid links"],
+    "friction, many": ["rigid links", "friction"],
+    "contacts, motion": ["rigid links"],
+}
+SHOWN_ELSEWHERE = ("links", "errors")  # parts of the state and of the history, which every scene has
+QUICK = ("bars, 2D, many", "friction, many", "contacts, motion")
+
+
+def functions(where):
+    """Return the functions that a file of C defines, or the one that is named: `file: function`."""
+    file, _, one = where.partition(": ")
+    source = (ROOT / "latinpc" / "src" / f"{file}.c").read_text()
+    defined = set(re.findall(r"^[a-zA-Z][\w ]*[ *](\w+)\(", source, re.M)) - {"LatinInitializePackage"}
+    assert not one or one in defined
+    return {one} if one else defined
+
+
+@pytest.mark.parametrize(
+    "name", [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in SCENES]
+)
+def test_what_is_not_required_takes_no_memory(mpirun, name):
+    """PETSc's own log of bytes by function: none of a part that the scene does not use, some of each that it does."""
+    out = mpirun(1, MEMORY, Path(__file__).parent, name, "-malloc_debug", "-malloc_view", timeout=300).stdout
+    took = set(re.findall(r"^\[0\] \d+ \d+ (\w+)\(\)", out, re.M))
+    assert any(function.startswith("LatinLinks") for function in took)
+    used = {part for part, files in PARTS.items() if took & set().union(*map(functions, files))}
+    assert used == {*SCENES[name][2], *BEYOND.get(name, [])} - set(SHOWN_ELSEWHERE)
