@@ -17,6 +17,12 @@ from test_dynamics import heavy, motion
 import latinpc
 from latinpc.scenes import Law, make
 
+
+def grains():
+    """Discs with friction, pressed together."""
+    return make("packing", law="friction", side=8, subdomains=4)
+
+
 # name: scene, options, parts that it builds
 SCENES = {
     "bars, 2D, one subdomain": (lambda: bars(whole(lattice())), {}, ()),
@@ -33,7 +39,8 @@ SCENES = {
     "polish": (grid, {"polish": True}, ("coarse", "links", "Newton", "second method")),
     "reference": (grid, {}, ("coarse", "links", "errors")),
     "rescue, many": (lambda: stiff(grid()), {"max_it": 3000}, ("coarse", "links", "Newton", "second method")),
-    "friction, many": (lambda: make("packing", law="friction"), {"max_it": 3000}, ("coarse", "links")),
+    "friction, many": (grains, {"stol": 0.1}, ("coarse", "links")),
+    "friction, search parameter as it is": (grains, {"stol": 0.1, "balance": False}, ("coarse", "links")),
     "bars, motion": (lambda: heavy(bars(lattice())), {}, ("coarse", "motion")),
     "cables, motion, one subdomain": (lambda: heavy(grid(subdomains=1), mass=20.0), {}, ("links", "motion")),
     "cables, motion": (lambda: heavy(grid(), mass=20.0), {}, ("coarse", "links", "motion")),
@@ -150,11 +157,12 @@ PARTS = {
     "motion": ["inertia", "dynamics"],
     "laws of the user's": ["lawregister"],
     "levels": ["multilevel"],
-    "friction that stalls": ["balance"],
+    "search parameter": ["balance"],
 }
 BEYOND = {
     "rigid cables, many": ["rigid links"],
-    "friction, many": ["rigid links", "friction"],
+    "friction, many": ["rigid links", "friction", "search parameter"],
+    "friction, search parameter as it is": ["rigid links", "friction"],
     "contacts, motion": ["rigid links"],
 }
 SHOWN_ELSEWHERE = ("links", "errors")  # parts of the state and of the history, which every scene has
