@@ -47,7 +47,7 @@ PetscErrorCode SNESLatinResidual_Private(SNES snes)
 static PetscErrorCode SNESLatinProve_Private(SNES snes, SNESConvergedReason *reason)
 {
   SNES_Latin *data = (SNES_Latin *)snes->data;
-  PetscBool   due, balances;
+  PetscBool   due = PETSC_FALSE, balances = PETSC_TRUE;
 
   PetscFunctionBegin;
   PetscCall(LatinProofIsDue_Private(data->latin, &due));

@@ -20,8 +20,8 @@ static PetscErrorCode LatinProofWork_Private(LatinLinks links, Vec u, Vec more, 
 {
   Vec                ul, vl, loads;
   const PetscScalar *a, *b;
-  PetscScalar        left, pushed;
-  PetscReal          sum[2] = {0.0, 0.0}, size, all; /* work of the tensions, and of each by itself */
+  PetscScalar        left = 0.0, pushed = 0.0;
+  PetscReal          sum[2] = {0.0, 0.0}, size = 0.0, all; /* work of the tensions, and of each by itself */
 
   PetscFunctionBegin;
   PetscCall(DMGetLocalVector(links->dm, &ul));
@@ -61,7 +61,7 @@ static PetscErrorCode LatinProofWork_Private(LatinLinks links, Vec u, Vec more, 
 /* Do the displacements u, with the unbalance r, belong to an equilibrium? `more` is a load beside that of the structure, or NULL. Collective on links */
 PetscErrorCode LatinProofBalances_Private(LatinLinks links, Vec u, Vec more, Vec r, PetscBool *balances)
 {
-  PetscReal part;
+  PetscReal part = 0.0;
 
   PetscFunctionBegin;
   PetscCall(LatinProofWork_Private(links, u, more, r, &part));

@@ -224,7 +224,7 @@ static PetscErrorCode SNESLatinPolish_Private(SNES snes, LatinPolish *polish)
 {
   SNES_Latin         *data = (SNES_Latin *)snes->data;
   SNESConvergedReason reason;
-  PetscBool           balances;
+  PetscBool           balances = PETSC_TRUE;
 
   PetscFunctionBegin;
   polish->target    = data->stop == LATIN_STOP_ERROR ? data->target : snes->stol;
