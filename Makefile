@@ -37,7 +37,10 @@ PETSC_PREFIX := $(or $(XDG_CACHE_HOME),$(HOME)/.cache)/latinpc/petsc-$(shell sed
 endif
 ifneq ($(SANITIZE),)
 # Python, MPI and PETSc keep memory to the end, so that lists of leaks are left to PETSC=debug
-PYTEST_ENV = env LD_PRELOAD=$$(gcc -print-file-name=libasan.so) ASAN_OPTIONS=detect_leaks=0 UBSAN_OPTIONS=halt_on_error=1
+PYTEST_ENV  = env LD_PRELOAD=$$(gcc -print-file-name=libasan.so) ASAN_OPTIONS=detect_leaks=0 \
+              UBSAN_OPTIONS=halt_on_error=1:print_stacktrace=1
+# a report ends the process: it goes to the terminal, not to a file of pytest's that ends with it
+PYTEST_KIND = --capture=sys
 endif
 BIN     := $(VENV)/bin
 extra    = $(shell $(BIN)/python -c "import tomllib; \
@@ -119,10 +122,10 @@ demo: env
 	  --output demo/tensegrity-grid.vtu --picture demo/tensegrity-grid.png --json demo/tensegrity-grid.json
 
 test: env
-	$(PYTEST_ENV) $(BIN)/pytest -m "not slow" $(PARALLEL) $(PYTEST_ARGS)
+	$(PYTEST_ENV) $(BIN)/pytest $(PYTEST_KIND) -m "not slow" $(PARALLEL) $(PYTEST_ARGS)
 
 test-all: env
-	$(PYTEST_ENV) $(BIN)/pytest $(PARALLEL) $(PYTEST_ARGS)
+	$(PYTEST_ENV) $(BIN)/pytest $(PYTEST_KIND) $(PARALLEL) $(PYTEST_ARGS)
 
 ifeq ($(COVERAGE),)
 coverage:
@@ -131,7 +134,7 @@ else
 coverage: env
 	@$(BIN)/python -m pip install -q --disable-pip-version-check $(call extra,coverage)
 	@find $(BUILD) -name "*.gcda" -delete; rm -f .coverage .coverage.*; mkdir -p build/coverage
-	-$(BIN)/coverage run -m pytest -m "not slow" $(PARALLEL) $(PYTEST_ARGS)
+	-$(BIN)/coverage run $(BIN)/pytest -m "not slow" $(PARALLEL) $(PYTEST_ARGS)
 	@$(BIN)/coverage combine -q; $(BIN)/coverage html -q -d build/coverage/python; $(BIN)/coverage report --skip-covered
 	@$(BIN)/gcovr --root . --filter latinpc/src --txt --html-details build/coverage/c.html $(BUILD)
 endif

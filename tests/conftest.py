@@ -17,6 +17,10 @@ ENVIRONMENT = {
     "OPENBLAS_NUM_THREADS": "1",
     "MPLBACKEND": "Agg",
 }
+# AddressSanitizer has to begin before the libraries of PETSc do, or the end of a program waits forever for a lock of
+# libp11-kit's: it does where it is part of the program
+if "libasan" in os.environ.get("LD_PRELOAD", ""):
+    ENVIRONMENT |= {"OMPI_CC": "gcc -fsanitize=address", "OMPI_FC": "gfortran -fsanitize=address"}
 # a worker of pytest-xdist is born of a process that has started MPI: what that one was told is not for this one
 if os.environ.pop("PYTEST_XDIST_WORKER", None):
     for name in [name for name in os.environ if name.startswith(("OMPI_", "PMIX_", "ORTE_", "OPAL_"))]:
@@ -38,6 +42,8 @@ PETSC_FOLDERS = [Path(CONFIG["PETSC_DIR"], CONFIG["PETSC_ARCH"]), Path(CONFIG["P
 # a PETSc with its own checks can also list what a program has allocated and not freed
 MALLOC_DUMP = "PETSC_USE_DEBUG 1" in (PETSC_FOLDERS[0] / "include" / "petscconf.h").read_text()
 LEAK = re.compile(r"^\[\d+\]Total space allocated .*", re.MULTILINE)
+# what AddressSanitizer and UBSan write: a test that expects an error must not take theirs for it
+SANITIZER = re.compile(r"ERROR: AddressSanitizer|: runtime error: ")
 
 
 def environment(LD_PRELOAD=None, **changes):
@@ -68,10 +74,16 @@ def run(command, timeout=120, check=True, cwd=None, env=None):
     try:
         out, err = process.communicate(timeout=timeout)
     except subprocess.TimeoutExpired:
-        os.killpg(process.pid, signal.SIGKILL)
-        out, err = process.communicate()
+        os.killpg(process.pid, signal.SIGTERM)  # mpirun ends its ranks, which are in groups of their own
+        try:
+            out, err = process.communicate(timeout=10)
+        except subprocess.TimeoutExpired:
+            os.killpg(process.pid, signal.SIGKILL)
+            out, err = process.communicate()
         pytest.fail(f"{' '.join(command)}: not over after {timeout} s\n{out}\n{err}")
     result = subprocess.CompletedProcess(command, process.returncode, out, err)
+    if SANITIZER.search(err):
+        pytest.fail(f"{' '.join(command)}: reported by a sanitizer\n{out}\n{err}")
     if check and result.returncode:
         pytest.fail(f"{' '.join(command)}: exit code {result.returncode}\n{out}\n{err}")
     if check and MALLOC_DUMP and LEAK.search(out):
