@@ -131,6 +131,8 @@ ifeq ($(COVERAGE),)
 coverage:
 	@$(MAKE) --no-print-directory coverage COVERAGE=1
 else
+# one process: a worker of pytest-xdist that takes long to end is killed, and its counts of C lines are lost
+coverage: PARALLEL :=
 coverage: env
 	@$(BIN)/python -m pip install -q --disable-pip-version-check $(call extra,coverage)
 	@find $(BUILD) -name "*.gcda" -delete; rm -f .coverage .coverage.*; mkdir -p build/coverage

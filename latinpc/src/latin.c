@@ -282,13 +282,12 @@ PetscErrorCode LatinView_Private(Latin latin, PetscViewer viewer)
   PetscCall(LatinGetStatistics(latin, &stats));
   if (latin->links) PetscCall(PetscObjectView((PetscObject)latin->links, viewer));
   else {
+    char     where[32] = "no coordinates";
     PetscInt rows;
 
     PetscCall(MatGetSize(latin->matrix, &rows, NULL));
-    PetscCall(PetscViewerASCIIPrintf(viewer, "matrix: %" PetscInt_FMT " unknowns in %" PetscInt_FMT " fields, ", rows, latin->sub.fields));
-    if (latin->sub.dim) PetscCall(PetscViewerASCIIPrintf(viewer, "coordinates in %" PetscInt_FMT "D, ", latin->sub.dim));
-    else PetscCall(PetscViewerASCIIPrintf(viewer, "no coordinates, "));
-    PetscCall(PetscViewerASCIIPrintf(viewer, "%" PetscInt_FMT " near null vectors\n", latin->sub.nears));
+    if (latin->sub.dim) PetscCall(PetscSNPrintf(where, sizeof(where), "coordinates in %" PetscInt_FMT "D", latin->sub.dim));
+    PetscCall(PetscViewerASCIIPrintf(viewer, "matrix: %" PetscInt_FMT " unknowns in %" PetscInt_FMT " fields, %s, %" PetscInt_FMT " near null vectors\n", rows, latin->sub.fields, where, latin->sub.nears));
   }
   PetscCall(PetscViewerASCIIPrintf(viewer, "subdomains: %" PetscInt_FMT "; interfaces: %" PetscInt_FMT " strong, %" PetscInt_FMT " weak\n", stats.subdomains, stats.strong_interfaces, stats.weak_interfaces));
   PetscCall(LatinSubstructureBalance_Private(latin, &links, &dofs, &ranks));
