@@ -25,6 +25,11 @@
     } while (0)
 #endif
 
+/* 3.22: no bound has a name, and -1 is no longer it */
+#if PETSC_VERSION_LT(3, 22, 0)
+  #define PETSC_UNLIMITED (-1)
+#endif
+
 /* 3.23: a pointer itself */
 #if PETSC_VERSION_LT(3, 23, 0)
 typedef PetscOptionItems *LatinOptionItems;

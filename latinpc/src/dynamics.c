@@ -81,7 +81,7 @@ static PetscErrorCode TSLatinFind_Private(TS ts, SNES *snes)
   if (((PetscObject)*snes)->type_name) PetscFunctionReturn(0);
   PetscCall(SNESSetType(*snes, SNESLATIN));
   PetscCall(SNESLatinSetWarmStart(*snes, PETSC_TRUE, PETSC_TRUE));
-  PetscCall(SNESSetDivergenceTolerance(*snes, -1.0)); /* a step has a solution, and a good start is no measure of what is far */
+  PetscCall(SNESSetDivergenceTolerance(*snes, PETSC_UNLIMITED)); /* a step has a solution, and a good start is no measure of what is far */
   PetscFunctionReturn(0);
 }
 
