@@ -300,7 +300,7 @@ static PetscErrorCode LatinCoarseRedundant_Private(KSP ksp)
 }
 
 /* The solver: a factorisation, if the options choose nothing else */
-static PetscErrorCode LatinCoarseSolver_Private(Latin latin, LatinCoarseSolver solver)
+static PetscErrorCode LatinCoarseSolver_Private(Latin latin, LatinCoarseSolver solver, MatSolverType preferred)
 {
   LatinCoarse         *coarse = &latin->coarse;
   const LatinUnknowns *known  = &coarse->above.known;
@@ -309,7 +309,7 @@ static PetscErrorCode LatinCoarseSolver_Private(Latin latin, LatinCoarseSolver s
   PC                   pc;
 
   PetscFunctionBegin;
-  PetscCall(KSPCreate(PetscObjectComm((PetscObject)latin), &coarse->ksp));
+  PetscCall(KSPCreate(PetscObjectComm((PetscObject)coarse->A), &coarse->ksp));
   PetscCall(PetscObjectIncrementTabLevel((PetscObject)coarse->ksp, (PetscObject)latin, 1));
   PetscCall(PetscObjectSetOptions((PetscObject)coarse->ksp, ((PetscObject)latin)->options));
   PetscCall(PetscObjectGetOptionsPrefix((PetscObject)latin, &prefix));
@@ -317,7 +317,7 @@ static PetscErrorCode LatinCoarseSolver_Private(Latin latin, LatinCoarseSolver s
   PetscCall(KSPAppendOptionsPrefix(coarse->ksp, "coarse_"));
   PetscCall(KSPSetType(coarse->ksp, KSPPREONLY));
   PetscCall(KSPGetPC(coarse->ksp, &pc));
-  if (solver != SOLVER_SUBASSEMBLED) PetscCall(LatinDirectSolver_Private(pc, coarse->A, MATSOLVERMUMPS));
+  if (solver != SOLVER_SUBASSEMBLED) PetscCall(LatinDirectSolver_Private(pc, coarse->A, preferred));
   PetscCall(KSPSetOperators(coarse->ksp, coarse->A, coarse->A));
   PetscCall(KSPSetFromOptions(coarse->ksp));
   PetscCall(LatinCoarseRedundant_Private(coarse->ksp));
@@ -329,32 +329,51 @@ static PetscErrorCode LatinCoarseSolver_Private(Latin latin, LatinCoarseSolver s
 
 PetscErrorCode LatinCoarseSetUp(Latin latin)
 {
-  LatinCoarse      *coarse = &latin->coarse;
-  LatinFactorStatus status = {0, PC_NOERROR, PETSC_FALSE};
-  LatinCoarseSolver solver = SOLVER_DIRECT;
-  Vec               soft   = NULL;
+  LatinCoarse      *coarse    = &latin->coarse;
+  LatinFactorStatus status    = {0, PC_NOERROR, PETSC_FALSE};
+  LatinCoarseSolver solver    = SOLVER_DIRECT;
+  MatSolverType     preferred = MATSOLVERMUMPS;
+  Vec               soft      = NULL;
   PetscInt          rows;
-  PetscBool         half = PETSC_FALSE;
+  PetscBool         half = PETSC_FALSE, whole = PETSC_FALSE;
 
   PetscFunctionBegin;
   if (!coarse->macro_global && !coarse->primal_global) PetscFunctionReturn(0); /* no interface: one subdomain, or disconnected ones */
   PetscCall(PetscLogEventBegin(LATIN_Coarse, latin, 0, 0, 0));
   PetscCall(LatinCoarseChoose_Private(latin, &solver, &half));
   PetscCall(LatinNestSetUp(latin, solver == SOLVER_DIRECT || solver == SOLVER_LATIN ? latin->coarse_groups : 1, (PetscBool)(solver != SOLVER_LATIN)));
+  if (solver == SOLVER_DIRECT) PetscCall(LatinWholeWanted_Private(latin, &whole));
   if (solver == SOLVER_SUBASSEMBLED) PetscCall(LatinLevelSubassemble_Private(latin, &coarse->A));
+  else if (whole) PetscCall(LatinWholeAssemble_Private(latin));
   else PetscCall(LatinCoarseAssemble_Private(latin, half));
   if (solver != SOLVER_DIRECT) PetscCall(LatinLevelSetUp_Private(latin, coarse->A));
   if (solver == SOLVER_LATIN) PetscCall(LatinLevelElements_Private(latin, coarse->A));
   PetscCall(LatinNestFinish(latin));
   PetscCall(MatCreateVecs(coarse->A, &coarse->sol, &coarse->rhs));
-  PetscCall(LatinCoarseSolver_Private(latin, solver));
+  if (whole) preferred = LatinWholePackage(latin);
+  PetscCall(LatinCoarseSolver_Private(latin, solver, preferred));
   PetscCall(MatGetSize(coarse->A, &rows, NULL));
   if (rows) { /* disconnected structures may be condensed entirely, each a group */
-    PetscCall(LatinFactor_Private(coarse->ksp, coarse->A, MATSOLVERMUMPS, &status, &soft));
+    PetscCall(LatinFactor_Private(coarse->ksp, coarse->A, preferred, &status, &soft));
     PetscCall(LatinFactorAgree_Private(latin, &status, soft, NULL, "coarse"));
     if (solver != SOLVER_DIRECT && latin->preconditions) PetscCall(LatinSolverTest_Private(coarse->ksp, coarse->A, &latin->inexact));
   }
   PetscCall(PetscLogEventEnd(LATIN_Coarse, latin, 0, 0, 0));
+  PetscFunctionReturn(0);
+}
+
+/* The displacements of the elements here, of a vector of the coarse problem */
+static PetscErrorCode LatinCoarseDistribute_Private(Latin latin, Vec v)
+{
+  LatinCoarse       *coarse = &latin->coarse;
+  const PetscScalar *x;
+
+  PetscFunctionBegin;
+  PetscCall(VecGetArrayRead(v, &x));
+  if (coarse->whole) {
+    for (PetscInt i = 0; i < coarse->top.offset[coarse->top.n]; i++) coarse->top.u[i] = x[coarse->top_global[i]];
+  } else PetscCall(LatinSFBcast_Private(coarse->top_sf, 1, MPIU_SCALAR, x, coarse->top.u));
+  PetscCall(VecRestoreArrayRead(v, &x));
   PetscFunctionReturn(0);
 }
 
@@ -364,7 +383,6 @@ PetscErrorCode LatinCoarseSolve(Latin latin)
   KSPConvergedReason reason;
   LatinCoarse       *coarse = &latin->coarse;
   PetscScalar       *b;
-  const PetscScalar *x;
   PetscInt           rows;
 
   PetscFunctionBegin;
@@ -373,7 +391,8 @@ PetscErrorCode LatinCoarseSolve(Latin latin)
   PetscCall(LatinNestDown(latin));
   PetscCall(VecZeroEntries(coarse->rhs));
   PetscCall(VecGetArray(coarse->rhs, &b));
-  PetscCall(LatinSFReduce_Private(coarse->top_sf, 1, MPIU_SCALAR, coarse->top.q, b, MPI_SUM));
+  if (coarse->whole) PetscCall(LatinWholeForces_Private(latin, b));
+  else PetscCall(LatinSFReduce_Private(coarse->top_sf, 1, MPIU_SCALAR, coarse->top.q, b, MPI_SUM));
   PetscCall(VecRestoreArray(coarse->rhs, &b));
   PetscCall(VecGetSize(coarse->rhs, &rows));
   if (rows) {
@@ -381,9 +400,7 @@ PetscErrorCode LatinCoarseSolve(Latin latin)
     PetscCall(KSPGetConvergedReason(coarse->ksp, &reason));
     if (reason < 0) latin->failed = PETSC_TRUE;
   }
-  PetscCall(VecGetArrayRead(coarse->sol, &x));
-  PetscCall(LatinSFBcast_Private(coarse->top_sf, 1, MPIU_SCALAR, x, coarse->top.u));
-  PetscCall(VecRestoreArrayRead(coarse->sol, &x));
+  PetscCall(LatinCoarseDistribute_Private(latin, coarse->sol));
   PetscCall(LatinNestUp(latin));
   PetscCall(PetscLogEventEnd(LATIN_Coarse, latin, 0, 0, 0));
   PetscFunctionReturn(0);
@@ -392,15 +409,10 @@ PetscErrorCode LatinCoarseSolve(Latin latin)
 /* The coarse displacements u of the subdomains for a vector of the coarse problem, without any other force */
 PetscErrorCode LatinCoarseExpand_Private(Latin latin, Vec v)
 {
-  LatinCoarse       *coarse = &latin->coarse;
-  const PetscScalar *x;
-
   PetscFunctionBegin;
-  PetscCall(PetscArrayzero(coarse->q, coarse->offset[latin->sub.n]));
+  PetscCall(PetscArrayzero(latin->coarse.q, latin->coarse.offset[latin->sub.n]));
   PetscCall(LatinNestDown(latin));
-  PetscCall(VecGetArrayRead(v, &x));
-  PetscCall(LatinSFBcast_Private(coarse->top_sf, 1, MPIU_SCALAR, x, coarse->top.u));
-  PetscCall(VecRestoreArrayRead(v, &x));
+  PetscCall(LatinCoarseDistribute_Private(latin, v));
   PetscCall(LatinNestUp(latin));
   PetscFunctionReturn(0);
 }
@@ -414,6 +426,7 @@ PetscErrorCode LatinCoarseReset(Latin latin)
   PetscCall(KSPDestroy(&coarse->ksp));
   PetscCall(LatinLevelReset_Private(&coarse->above, coarse->A));
   PetscCall(MatDestroy(&coarse->A));
+  PetscCall(LatinWholeReset(latin));
   PetscCall(VecDestroy(&coarse->rhs));
   PetscCall(VecDestroy(&coarse->sol));
   PetscCall(PetscSFDestroy(&coarse->sf));

@@ -10,9 +10,9 @@
      diagonal  that diagonal
      block     its block on the interface
      schur     its Schur complement on the interface
-     auto      of a preconditioner of a matrix: schur on interfaces so small that it costs nothing, and on those of
-               subdomains where the coefficients jump (jumps.c), for that is where it saves iterations; diagonal on
-               the others. Elsewhere schur
+     auto      of a preconditioner of a matrix: schur on the interfaces of subdomains that have small ones only, where
+               it costs next to nothing, and on those of subdomains where the coefficients jump (jumps.c), for that is
+               where it saves iterations; diagonal on the others. Elsewhere schur
 
    A matrix is stored once for equal ones, with its Cholesky factor, D = L L^t, and the inverse of that.
    The other stages know no more of a direction than the functions of this file.
@@ -241,6 +241,36 @@ static PetscErrorCode LatinDirectionMatrix_Private(Latin latin, PetscReal fracti
   PetscFunctionReturn(0);
 }
 
+/*
+   whole[f] of type auto: interfaces of subdomains where coefficients jump, or of two subdomains all of whose interfaces
+   are small. A subdomain with matrices on some of its interfaces alone pays for them without saving an iteration.
+   Collective on latin.
+*/
+static PetscErrorCode LatinDirectionAuto_Private(Latin latin, PetscBool whole[])
+{
+  LatinInterfaces *inter = &latin->inter;
+  PetscInt        *mine, *mate;
+
+  PetscFunctionBegin;
+  PetscCall(LatinJumpsFaces_Private(latin, whole));
+  PetscCall(PetscMalloc2(inter->sides, &mine, inter->sides, &mate));
+  for (PetscInt s = 0; s < latin->sub.n; s++) {
+    PetscInt largest = 0;
+
+    for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++) largest = PetscMax(largest, inter->interface[f].side_last - inter->interface[f].side_first);
+    for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++)
+      for (PetscInt k = inter->interface[f].side_first; k < inter->interface[f].side_last; k++) mine[k] = largest <= LATIN_DIRECTION_SMALL ? 1 : 0;
+  }
+  PetscCall(LatinSFBcast_Private(inter->mate_sf, 1, MPIU_INT, mine, mate));
+  for (PetscInt f = 0; f < inter->count; f++) {
+    const LatinInterface *face = &inter->interface[f];
+
+    if (face->side_last > face->side_first && mine[face->side_first] && mate[face->side_first]) whole[f] = PETSC_TRUE;
+  }
+  PetscCall(PetscFree2(mine, mate));
+  PetscFunctionReturn(0);
+}
+
 PetscErrorCode LatinDirectionSetUp(Latin latin)
 {
   const LatinDirectionType kind     = LatinDirectionKind(latin);
@@ -260,14 +290,9 @@ PetscErrorCode LatinDirectionSetUp(Latin latin)
   if (latin->direction_scalar > 0.0) {
     for (PetscInt k = 0; k < inter->sides; k++) latin->macro.d[k] = latin->macro.soft[k] = latin->direction_scalar;
   } else if (kind != LATIN_DIRECTION_BLOCK && kind != LATIN_DIRECTION_SCHUR) PetscCall(LatinDirectionDiagonal_Private(latin, fraction));
-  if (kind == LATIN_DIRECTION_AUTO && latin->direction_scalar == 0.0) PetscCall(LatinJumpsFaces_Private(latin, whole));
+  if (kind == LATIN_DIRECTION_AUTO && latin->direction_scalar == 0.0) PetscCall(LatinDirectionAuto_Private(latin, whole));
   latin->macro.whole = 0;
-  for (PetscInt f = 0; f < inter->count; f++) {
-    const PetscInt rows = inter->interface[f].side_last - inter->interface[f].side_first;
-
-    if (kind == LATIN_DIRECTION_AUTO && latin->direction_scalar == 0.0 && rows && rows <= LATIN_DIRECTION_SMALL) whole[f] = PETSC_TRUE;
-    latin->macro.whole += whole[f] && latin->sub.first + inter->interface[f].sub < inter->interface[f].neighbour ? 1 : 0;
-  }
+  for (PetscInt f = 0; f < inter->count; f++) { latin->macro.whole += whole[f] && latin->sub.first + inter->interface[f].sub < inter->interface[f].neighbour ? 1 : 0; }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &latin->macro.whole, 1, MPIU_INT, MPI_SUM, PetscObjectComm((PetscObject)latin)));
   if (latin->macro.whole) PetscCall(LatinDirectionMatrix_Private(latin, fraction, whole));
   PetscCall(PetscFree(whole));

@@ -318,7 +318,15 @@ PetscErrorCode LatinView_Private(Latin latin, PetscViewer viewer)
     if (stats.coarse_levels) PetscCall(PetscViewerASCIIPrintf(viewer, "coarse solver, %" PetscInt_FMT " displacements left by %" PetscInt_FMT " levels of repeated groups:\n", stats.coarse_size, stats.coarse_levels));
     else PetscCall(PetscViewerASCIIPrintf(viewer, "coarse solver:\n"));
     PetscCall(PetscViewerASCIIPushTab(viewer));
-    PetscCall(KSPView(latin->coarse.ksp, viewer));
+    if (latin->coarse.whole) {
+      PetscViewer sub;
+
+      PetscCall(PetscViewerASCIIPrintf(viewer, "each rank solves the whole, the first one with:\n"));
+      PetscCall(PetscViewerGetSubViewer(viewer, PETSC_COMM_SELF, &sub));
+      if (!latin->coarse.whole_rank) PetscCall(KSPView(latin->coarse.ksp, sub));
+      PetscCall(PetscViewerRestoreSubViewer(viewer, PETSC_COMM_SELF, &sub));
+      PetscCall(PetscViewerFlush(viewer));
+    } else PetscCall(KSPView(latin->coarse.ksp, viewer));
     PetscCall(PetscViewerASCIIPopTab(viewer));
   }
   PetscFunctionReturn(0);

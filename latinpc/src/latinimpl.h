@@ -420,6 +420,13 @@ typedef struct {
   PetscSF        sf;                        /* all coarse dofs -> coarse dofs of the subdomains here */
   PetscInt       macro_local, primal_local; /* numbered by this rank: macro modes, then primal displacements */
   PetscInt       macro_global, primal_global;
+  PetscBool      whole; /* A, rhs and sol are the whole of it on each rank (whole.c) */
+  PetscMPIInt    whole_rank;
+  PetscMPIInt   *whole_count, *whole_first; /* [ranks], [ranks + 1] dofs of the elements of each rank */
+  PetscInt      *whole_row;                 /* [whole_first[ranks]] rows of A */
+  PetscScalar   *whole_q;                   /* [whole_first[ranks]] work: forces of all elements */
+  PetscInt      *whole_i, *whole_j;         /* A by rows, NULL: dense */
+  PetscScalar   *whole_a;
   PetscInt      *rank_start;  /* [ranks + 1] global number of each rank's first one */
   PetscInt      *offset;      /* [subdomains + 1] coarse dofs of each subdomain: macro modes, then primal dofs */
   PetscInt      *macro_count; /* [subdomains] how many of them are macro modes */
@@ -562,6 +569,11 @@ PETSC_INTERN PetscErrorCode LatinCoarseSetUp(Latin);
 PETSC_INTERN PetscErrorCode LatinCoarseReset(Latin);
 PETSC_INTERN PetscErrorCode LatinCoarseSolve(Latin);
 PETSC_INTERN PetscErrorCode LatinCoarseExpand_Private(Latin, Vec);
+PETSC_INTERN PetscErrorCode LatinWholeWanted_Private(Latin, PetscBool *);
+PETSC_INTERN PetscErrorCode LatinWholeAssemble_Private(Latin);
+PETSC_INTERN MatSolverType  LatinWholePackage(Latin);
+PETSC_INTERN PetscErrorCode LatinWholeForces_Private(Latin, PetscScalar b[]);
+PETSC_INTERN PetscErrorCode LatinWholeReset(Latin);
 PETSC_INTERN PetscErrorCode LatinNestSetUp(Latin, PetscInt width, PetscBool condense);
 PETSC_INTERN PetscErrorCode LatinLevelSubassemble_Private(Latin, Mat *);
 PETSC_INTERN PetscErrorCode LatinLevelSetUp_Private(Latin, Mat);
