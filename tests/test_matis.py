@@ -224,6 +224,20 @@ def test_number_of_subdomains_is_not_ours(matis):
     assert "leave out -pc_latin_subdomains" in result.stderr
 
 
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("problem", ["poisson", "elasticity"])
+def test_condensed(matis, problem, dim):
+    """With the same springs and weights, condensed subdomains are the same preconditioner; without them, as good a one."""
+    same = ["-pc_latin_direction_scalar", "0.1", "-pc_latin_weights", "multiplicity"]
+    args = dict(problem=problem, dim=dim, cells=6 if dim == 2 else 4, blocks=",".join("2" * dim), spectrum=True)
+    ranks = 2**dim
+    one, two, alone = (matis(ranks, words, **args) for words in (same, [*same, "-pc_latin_condense", "0"], []))
+    for key in ("iterations", "least", "largest"):
+        assert one[key] == pytest.approx(two[key], rel=1e-8)
+    assert one["asymmetry"] < 1e-12
+    assert alone["iterations"] <= two["iterations"]
+
+
 @pytest.mark.parametrize("options", [[], ["cholesky"], ["mumps"]])
 def test_coarse_solver(matis, options):
     """Every rank factors a small coarse problem; one word of the options makes it a parallel factor."""

@@ -97,6 +97,10 @@ PetscErrorCode LatinBlocksCompare_Private(Latin latin, PetscBool bases, PetscInt
   LatinKey      *key;
 
   PetscFunctionBegin;
+  if (n == 1) {
+    pattern[0] = 0;
+    PetscFunctionReturn(0);
+  }
   PetscCall(PetscMemzero(&a, sizeof(a)));
   PetscCall(PetscMemzero(&b, sizeof(b)));
   PetscCall(PetscMalloc1(n, &key));
@@ -289,14 +293,30 @@ PetscErrorCode LatinBlockSolverDestroy(LatinBlockSolver *solver)
   PetscFunctionReturn(0);
 }
 
+/* The matrix of a subdomain that has been condensed on its interfaces: hardly an entry of it is zero */
+static PetscErrorCode LatinBlockDense_Private(PetscInt n, const PetscInt ci[], const PetscInt cj[], const PetscReal ca[], Mat *K)
+{
+  PetscScalar *a;
+
+  PetscFunctionBegin;
+  PetscCall(LatinDenseCreate_Private(n, n, K));
+  PetscCall(MatDenseGetArrayWrite(*K, &a));
+  PetscCall(PetscArrayzero(a, n * n));
+  for (PetscInt r = 0; r < n; r++)
+    for (PetscInt k = ci[r]; k < ci[r + 1]; k++) a[cj[k] + n * r] = ca[k]; /* symmetric */
+  PetscCall(MatDenseRestoreArrayWrite(*K, &a));
+  PetscFunctionReturn(0);
+}
+
 /* Matrices, factors and work space; name is "local" or "interior", the prefix of the options. Collective on latin */
 PetscErrorCode LatinBlockSolverSetUp(Latin latin, LatinBlockSolver *solver, const char name[])
 {
-  LatinFactorStatus status = {0, PC_NOERROR, PETSC_FALSE};
-  Vec               soft   = NULL;
-  PetscInt          failed = 0;
-  const char       *prefix;
-  PC                pc;
+  const MatSolverType package = latin->interior ? MATSOLVERPETSC : MATSOLVERCHOLMOD;
+  LatinFactorStatus   status  = {0, PC_NOERROR, PETSC_FALSE};
+  Vec                 soft    = NULL;
+  PetscInt            failed  = 0;
+  const char         *prefix;
+  PC                  pc;
 
   PetscFunctionBegin;
   PetscCall(PetscObjectGetOptionsPrefix((PetscObject)latin, &prefix));
@@ -307,7 +327,8 @@ PetscErrorCode LatinBlockSolverSetUp(Latin latin, LatinBlockSolver *solver, cons
     PetscScalar      *b, *x;
     PetscBool         direct;
 
-    PetscCall(MatCreateSeqAIJWithArrays(PETSC_COMM_SELF, rows, rows, solver->ci[i], solver->cj[i], solver->ca[i], &solver->K[i]));
+    if (latin->interior) PetscCall(LatinBlockDense_Private(rows, solver->ci[i], solver->cj[i], solver->ca[i], &solver->K[i]));
+    else PetscCall(MatCreateSeqAIJWithArrays(PETSC_COMM_SELF, rows, rows, solver->ci[i], solver->cj[i], solver->ca[i], &solver->K[i]));
     PetscCall(MatSetOption(solver->K[i], MAT_SYMMETRIC, PETSC_TRUE));
     PetscCall(MatSetOption(solver->K[i], MAT_SPD, PETSC_TRUE));
     PetscCall(LatinDenseCreate_Private(rows, columns, &solver->B[i]));
@@ -328,12 +349,12 @@ PetscErrorCode LatinBlockSolverSetUp(Latin latin, LatinBlockSolver *solver, cons
     PetscCall(KSPAppendOptionsPrefix(solver->ksp[i], "_"));
     PetscCall(KSPSetType(solver->ksp[i], KSPPREONLY));
     PetscCall(KSPGetPC(solver->ksp[i], &pc));
-    PetscCall(LatinDirectSolver_Private(pc, solver->K[i], MATSOLVERCHOLMOD));
+    PetscCall(LatinDirectSolver_Private(pc, solver->K[i], package));
     PetscCall(KSPSetOperators(solver->ksp[i], solver->K[i], solver->K[i]));
     PetscCall(KSPSetFromOptions(solver->ksp[i]));
     PetscCall(LatinSolverDefaults_Private(latin, solver->ksp[i], name, &direct));
     if (!direct) PetscCall(LatinLevelBatch_Private(latin, batch, solver->K[i]));
-    PetscCall(LatinFactor_Private(solver->ksp[i], solver->K[i], MATSOLVERCHOLMOD, &status, &soft));
+    PetscCall(LatinFactor_Private(solver->ksp[i], solver->K[i], package, &status, &soft));
     failed = i;
     PetscCall(LatinSolverDirect_Private(solver->ksp[i], &solver->direct));
     if (!solver->direct && latin->preconditions && !status.ierr && !status.failed && !status.mechanism && !i) PetscCall(LatinSolverTest_Private(solver->ksp[i], solver->K[i], &latin->inexact));

@@ -243,7 +243,7 @@ static PetscErrorCode LatinDirectionMatrix_Private(Latin latin, PetscReal fracti
 
 /*
    whole[f] of type auto: interfaces of subdomains where coefficients jump, or of two subdomains all of whose interfaces
-   are small. A subdomain with matrices on some of its interfaces alone pays for them without saving an iteration.
+   are small, or which have been condensed on them. A subdomain with matrices on some of its interfaces alone pays for them without saving an iteration.
    Collective on latin.
 */
 static PetscErrorCode LatinDirectionAuto_Private(Latin latin, PetscBool whole[])
@@ -259,7 +259,7 @@ static PetscErrorCode LatinDirectionAuto_Private(Latin latin, PetscBool whole[])
 
     for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++) largest = PetscMax(largest, inter->interface[f].side_last - inter->interface[f].side_first);
     for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++)
-      for (PetscInt k = inter->interface[f].side_first; k < inter->interface[f].side_last; k++) mine[k] = largest <= LATIN_DIRECTION_SMALL ? 1 : 0;
+      for (PetscInt k = inter->interface[f].side_first; k < inter->interface[f].side_last; k++) mine[k] = latin->interior || largest <= LATIN_DIRECTION_SMALL ? 1 : 0;
   }
   PetscCall(LatinSFBcast_Private(inter->mate_sf, 1, MPIU_INT, mine, mate));
   for (PetscInt f = 0; f < inter->count; f++) {

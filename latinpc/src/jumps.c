@@ -8,31 +8,45 @@
 
 #define LATIN_JUMP 30.0 /* of the diagonal of the operator, from an unknown to its neighbours of the same field */
 
-/* rough[s]: do the coefficients of the matrix jump next to an interface of the subdomain? */
-PetscErrorCode LatinJumps_Private(Latin latin, PetscBool rough[])
+/* rough[i]: do the coefficients of the matrix jump next to copy i? */
+PetscErrorCode LatinJumpsCopies_Private(Latin latin, PetscBool rough[])
 {
-  LatinSubstructure *sub   = &latin->sub;
-  LatinInterfaces   *inter = &latin->inter;
+  LatinSubstructure *sub = &latin->sub;
   PetscReal         *diagonal;
 
   PetscFunctionBegin;
   PetscCall(PetscMalloc1(sub->copies, &diagonal));
   PetscCall(LatinOperatorDiagonal(latin, diagonal));
+  for (PetscInt i = 0; i < sub->copies; i++) {
+    rough[i] = PETSC_FALSE;
+    for (PetscInt p = sub->ki[i]; p < sub->ki[i + 1]; p++) {
+      const PetscInt j = sub->kj[p];
+
+      if (sub->field[i] == sub->field[j] && PetscMax(diagonal[i], diagonal[j]) > LATIN_JUMP * PetscMin(diagonal[i], diagonal[j])) rough[i] = PETSC_TRUE;
+    }
+  }
+  PetscCall(PetscFree(diagonal));
+  PetscFunctionReturn(0);
+}
+
+/* rough[s]: do they jump next to an interface of the subdomain? */
+PetscErrorCode LatinJumps_Private(Latin latin, PetscBool rough[])
+{
+  LatinSubstructure *sub   = &latin->sub;
+  LatinInterfaces   *inter = &latin->inter;
+  PetscBool         *at;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMalloc1(sub->copies, &at));
+  if (!latin->interior) PetscCall(LatinJumpsCopies_Private(latin, at));
+  for (PetscInt i = 0; i < sub->copies && latin->interior; i++) at[i] = LatinInteriorRough(latin, i);
   for (PetscInt s = 0; s < sub->n; s++) rough[s] = PETSC_FALSE;
   for (PetscInt f = 0; f < inter->count; f++) {
     const LatinInterface *face = &inter->interface[f];
 
-    for (PetscInt k = face->side_first; k < face->side_last && !rough[face->sub]; k++) {
-      const PetscInt i = inter->side_dof[k];
-
-      for (PetscInt p = sub->ki[i]; p < sub->ki[i + 1]; p++) {
-        const PetscInt j = sub->kj[p];
-
-        if (sub->field[i] == sub->field[j] && PetscMax(diagonal[i], diagonal[j]) > LATIN_JUMP * PetscMin(diagonal[i], diagonal[j])) rough[face->sub] = PETSC_TRUE;
-      }
-    }
+    for (PetscInt k = face->side_first; k < face->side_last && !rough[face->sub]; k++) rough[face->sub] = at[inter->side_dof[k]];
   }
-  PetscCall(PetscFree(diagonal));
+  PetscCall(PetscFree(at));
   PetscFunctionReturn(0);
 }
 

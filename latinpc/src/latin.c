@@ -28,6 +28,7 @@ PetscErrorCode LatinCreate_Private(MPI_Comm comm, Latin *newlatin)
   latin->variant       = LATIN_VARIANT_CORNER;
   latin->promote       = PETSC_TRUE;
   latin->repair        = PETSC_TRUE;
+  latin->condense      = PETSC_TRUE;
   latin->direction     = LATIN_DIRECTION_SCHUR;
   latin->coarse_groups = 3;
   latin->local_max     = 64;
@@ -179,6 +180,7 @@ static PetscErrorCode LatinSetUpMatrix_Private(Latin latin)
   PetscCall(PetscLogEventBegin(LATIN_SetUp, latin, 0, 0, 0));
   PetscCall(LatinReset_Private(latin));
   PetscCall(LatinSubstructureSetUp_Matrix(latin));
+  PetscCall(LatinInteriorSetUp(latin));
   PetscCall(LatinInterfaceSetUp(latin));
   PetscCall(LatinDirectionSetUp(latin));
   PetscCall(LatinSetUpStage_Private(latin));
@@ -240,6 +242,7 @@ PetscErrorCode LatinReset_Private(Latin latin)
   PetscCall(PetscFree(latin->floppy.slack));
   latin->floppy.known = PETSC_FALSE;
   PetscCall(LatinInterfaceReset(latin));
+  PetscCall(LatinInteriorReset(latin));
   PetscCall(LatinSubstructureReset(latin));
   PetscCall(PetscFree(latin->outgoing));
   PetscCall(PetscMemzero(&latin->inexact, sizeof(latin->inexact)));

@@ -434,6 +434,8 @@ typedef struct {
   PetscReal     *q, *u;       /* [offset[n]] condensed forces and coarse displacements of one linear stage, subdomain by subdomain */
 } LatinCoarse;
 
+typedef struct _n_LatinInterior *LatinInterior; /* the inside of the subdomain here (interior.c) */
+
 struct _p_Latin {
   PETSCHEADER(int);
   LatinLinks         links;
@@ -456,6 +458,8 @@ struct _p_Latin {
   LatinUnknowns      known;              /* of its unknowns */
   PetscBool          share;              /* keep what LatinDirectionShare() needs */
   PetscBool          tangent;            /* operators from the links' tangent stiffness of the last Jacobian */
+  PetscBool          condense;           /* the insides of subdomains may be eliminated first */
+  LatinInterior      interior;           /* what has been eliminated here, NULL: nothing */
   PetscBool          preconditions;      /* one linear stage from zero, in which springs only keep operators regular */
   LatinSubstructure  sub;
   LatinInterfaces    inter;
@@ -569,6 +573,13 @@ PETSC_INTERN PetscErrorCode LatinCoarseSetUp(Latin);
 PETSC_INTERN PetscErrorCode LatinCoarseReset(Latin);
 PETSC_INTERN PetscErrorCode LatinCoarseSolve(Latin);
 PETSC_INTERN PetscErrorCode LatinCoarseExpand_Private(Latin, Vec);
+PETSC_INTERN PetscErrorCode LatinOptionsMention_Private(Latin, const char part[], const char except[], PetscBool *);
+PETSC_INTERN PetscErrorCode LatinInteriorSetUp(Latin);
+PETSC_INTERN PetscErrorCode LatinInteriorReset(Latin);
+PETSC_INTERN PetscBool      LatinInteriorRough(Latin, PetscInt copy);
+PETSC_INTERN PetscErrorCode LatinInteriorForces(Latin, Vec forces, PetscReal f[]);
+PETSC_INTERN PetscErrorCode LatinInteriorExtend(Latin, const PetscReal v[], Vec u);
+PETSC_INTERN PetscErrorCode LatinJumpsCopies_Private(Latin, PetscBool rough[]);
 PETSC_INTERN PetscErrorCode LatinWholeWanted_Private(Latin, PetscBool *);
 PETSC_INTERN PetscErrorCode LatinWholeAssemble_Private(Latin);
 PETSC_INTERN MatSolverType  LatinWholePackage(Latin);

@@ -79,6 +79,7 @@ static PetscErrorCode PCLatinInterior_Private(PC pc)
 
   PetscFunctionBegin;
   PetscCall(LatinBlockSolverCreate(latin, interior));
+  if (latin->interior) interior->n = 0; /* eliminated already */
   for (PetscInt i = 0; i < interior->n; i++) {
     const LatinBatch *batch = &latin->linear.blocks.batch[i];
     const PetscInt    n     = batch->row[batch->patterns];
@@ -267,8 +268,11 @@ static PetscErrorCode PCApply_Latin(PC pc, Vec x, Vec y)
   /* forces left on the interfaces once the interiors are in equilibrium */
   PetscCall(PetscArrayzero(data->force, n));
   PetscCall(LatinDistribute_Private(latin, x, data->force));
-  PetscCall(PCLatinInteriorSolve_Private(pc, data->force));
-  PetscCall(LatinOperatorMult(latin, data->v, data->f));
+  if (latin->interior) PetscCall(LatinInteriorForces(latin, x, data->f));
+  else {
+    PetscCall(PCLatinInteriorSolve_Private(pc, data->force));
+    PetscCall(LatinOperatorMult(latin, data->v, data->f));
+  }
   PetscCall(PCLatinSum_Private(latin, data->f, data->work));
   PetscCall(VecAYPX(data->work, -1.0, x));
   /* linear stage for the weighted forces, weighted mean of its displacements */
@@ -280,11 +284,16 @@ static PetscErrorCode PCApply_Latin(PC pc, Vec x, Vec y)
   PetscCall(PCLatinSum_Private(latin, data->f, data->work));
   /* interiors in equilibrium with the given forces and these displacements */
   PetscCall(LatinDistribute_Private(latin, data->work, data->v));
-  for (PetscInt i = 0; i < n; i++)
-    if (data->inner[i / bs] && data->interior.direct) data->v[i] = 0.0;
-  PetscCall(LatinOperatorMult(latin, data->v, data->f));
-  for (PetscInt i = 0; i < n; i++) data->f[i] = data->force[i] - data->f[i];
-  PetscCall(PCLatinInteriorSolve_Private(pc, data->f));
+  if (latin->interior) {
+    PetscCall(LatinInteriorExtend(latin, data->v, data->work));
+    PetscCall(PetscArrayzero(data->v, n));
+  } else {
+    for (PetscInt i = 0; i < n; i++)
+      if (data->inner[i / bs] && data->interior.direct) data->v[i] = 0.0;
+    PetscCall(LatinOperatorMult(latin, data->v, data->f));
+    for (PetscInt i = 0; i < n; i++) data->f[i] = data->force[i] - data->f[i];
+    PetscCall(PCLatinInteriorSolve_Private(pc, data->f));
+  }
   PetscCall(PCLatinSum_Private(latin, data->v, y));
   PetscCall(VecAXPY(y, 1.0, data->work));
   PetscCall(LatinLoose_Private(latin, x, y));
@@ -316,6 +325,12 @@ static PetscErrorCode PCSetFromOptions_Latin(PC pc, LatinOptionItems PetscOption
   if (data->latin->stale) pc->setupcalled = 0; /* built again at the next PCSetUp() */
   PetscOptionsHeadBegin(PetscOptionsObject, "PC latin options");
   PetscCall(PetscOptionsEnum("-pc_latin_weights", "Weights of the copies of a node", "None", LatinWeightsTypes, (PetscEnum)data->weights, (PetscEnum *)&data->weights, &given));
+  if (!data->shared) {
+    const PetscBool before = data->latin->condense;
+
+    PetscCall(PetscOptionsBool("-pc_latin_condense", "Eliminate the inside of a subdomain first, where that pays; then one factor serves it", "None", before, &data->latin->condense, NULL));
+    if (before != data->latin->condense) pc->setupcalled = 0;
+  }
   PetscOptionsHeadEnd();
   if (given) data->weights_given = PETSC_TRUE;
   if (!data->shared) PetscCall(PetscObjectSetOptions((PetscObject)data->latin, ((PetscObject)pc)->options));

@@ -11,6 +11,7 @@
 */
 
 #define LATIN_STIFFNESS_FLOOR   0.01  /* stiffness of the foundation, relative to the diagonal of B^t k B */
+#define LATIN_STIFFNESS_DENSE   0.05  /* the same of a subdomain that has been condensed: only its interfaces rest on it */
 #define LATIN_STIFFNESS_LEAST   0.1   /* least diagonal entry, relative to the mean of the subdomain: for dofs that hardly any link reaches */
 #define LATIN_STIFFNESS_TINY    1e-10 /* the same for matrices, whose coefficients may jump: no dof of theirs dangles */
 #define LATIN_STIFFNESS_PARTIAL 128   /* fewest side dofs of a subdomain that pay for a factor of its own */
@@ -21,6 +22,7 @@ static PetscErrorCode LatinStiffnessFoundation_Private(Latin latin, PetscReal sp
 {
   LatinSubstructure *sub    = &latin->sub;
   const PetscInt     bs     = latin->sub.bs;
+  const PetscReal    floor  = latin->interior ? LATIN_STIFFNESS_DENSE : LATIN_STIFFNESS_FLOOR;
   PetscReal          sum[2] = {0.0, 0.0}, fallback;
 
   PetscFunctionBegin;
@@ -44,7 +46,7 @@ static PetscErrorCode LatinStiffnessFoundation_Private(Latin latin, PetscReal sp
       }
     mean /= PetscMax(n, 1);
     if (!(mean > 0.0)) mean = fallback; /* all links of the subdomain are slack */
-    for (PetscInt i = first; i < last; i++) spring[i] = LATIN_STIFFNESS_FLOOR * PetscMax(spring[i], (latin->matrix ? LATIN_STIFFNESS_TINY : LATIN_STIFFNESS_LEAST) * mean);
+    for (PetscInt i = first; i < last; i++) spring[i] = floor * PetscMax(spring[i], (latin->matrix ? LATIN_STIFFNESS_TINY : LATIN_STIFFNESS_LEAST) * mean);
   }
   PetscFunctionReturn(0);
 }
@@ -273,6 +275,31 @@ static PetscErrorCode LatinStiffnessPartial_Private(Latin latin, LatinGraph *gra
   PetscFunctionReturn(0);
 }
 
+/* The same for a subdomain that has been condensed on its interfaces (interior.c): its operator is dense */
+static PetscErrorCode LatinStiffnessDense_Private(Latin latin, const PetscReal spring[], PetscInt at[], const size_t first[], PetscReal S[], PetscBool *bad)
+{
+  const PetscInt width = latin->sub.copies;
+  PetscBLASInt   n, info = 0;
+  PetscReal     *F;
+
+  PetscFunctionBegin;
+  PetscCall(PetscBLASIntCast(width, &n));
+  PetscCall(PetscMalloc1(width * width, &F));
+  PetscCall(PetscArraycpy(F, latin->sub.ka, width * width));
+  for (PetscInt i = 0; i < width; i++) {
+    F[i + width * i] += spring[i];
+    at[i] = i;
+  }
+  PetscCallBLAS("LAPACKpotrf", LAPACKpotrf_("L", &n, F, &n, &info));
+  if (!info) PetscCallBLAS("LAPACKpotri", LAPACKpotri_("L", &n, F, &n, &info));
+  if (info) *bad = PETSC_TRUE;
+  for (PetscInt j = 0; j < width; j++)
+    for (PetscInt i = 0; i < j; i++) F[i + width * j] = F[j + width * i];
+  if (!*bad) PetscCall(LatinStiffnessSchur_Private(latin, 0, width, F, at, first, S, bad));
+  PetscCall(PetscFree(F));
+  PetscFunctionReturn(0);
+}
+
 /* All of them. Without a subdomain's own factor those of like size together: the right-hand sides are as many as the largest of a matrix needs */
 static PetscErrorCode LatinStiffnessCondenseAll_Private(Latin latin, LatinGraph *graph, PetscInt patterns, PetscInt list[], const PetscReal spring[], PetscInt at[], const size_t first[], PetscReal S[], PetscBool *bad)
 {
@@ -282,6 +309,10 @@ static PetscErrorCode LatinStiffnessCondenseAll_Private(Latin latin, LatinGraph 
   Mat              one;
 
   PetscFunctionBegin;
+  if (latin->interior) {
+    if (patterns) PetscCall(LatinStiffnessDense_Private(latin, spring, at, first, S, bad));
+    PetscFunctionReturn(0);
+  }
   PetscCall(MatCreateSeqAIJ(PETSC_COMM_SELF, 1, 1, 1, NULL, &one));
   PetscCall(MatGetFactorAvailable(one, MATSOLVERMUMPS, MAT_FACTOR_CHOLESKY, &partial));
   PetscCall(MatDestroy(&one));

@@ -10,8 +10,8 @@
 #define LATIN_WHOLE_DENSE 160  /* most rows of a dense matrix: a sparse one costs more in overhead than it saves */
 #define LATIN_WHOLE_FULL  2    /* and of a larger one that has half of its entries */
 
-/* Have the options anything to say of the coarse solver? Then it is one of all ranks */
-static PetscErrorCode LatinWholeOptions_Private(Latin latin, PetscBool *any)
+/* Do the options say anything of a solver, "coarse_" for example, but what starts with `except`? */
+PetscErrorCode LatinOptionsMention_Private(Latin latin, const char part[], const char except[], PetscBool *any)
 {
   const char *prefix, *at;
   char       *all, name[256];
@@ -19,12 +19,12 @@ static PetscErrorCode LatinWholeOptions_Private(Latin latin, PetscBool *any)
 
   PetscFunctionBegin;
   PetscCall(PetscObjectGetOptionsPrefix((PetscObject)latin, &prefix));
-  PetscCall(PetscSNPrintf(name, sizeof(name), "-%scoarse_", prefix ? prefix : ""));
+  PetscCall(PetscSNPrintf(name, sizeof(name), "-%s%s", prefix ? prefix : "", part));
   PetscCall(PetscStrlen(name, &length));
   PetscCall(PetscOptionsGetAll(((PetscObject)latin)->options, &all));
   *any = PETSC_FALSE;
   for (at = strstr(all, name); at; at = strstr(at + length, name))
-    if (strncmp(at + length, "groups ", 7)) *any = PETSC_TRUE;
+    if (!except || strncmp(at + length, except, strlen(except))) *any = PETSC_TRUE;
   PetscCall(PetscFree(all));
   PetscFunctionReturn(0);
 }
@@ -42,7 +42,7 @@ PetscErrorCode LatinWholeWanted_Private(Latin latin, PetscBool *wanted)
   *wanted = PETSC_FALSE;
   PetscCallMPI(MPI_Comm_size(comm, &size));
   if (size == 1 || !coarse->top_size || coarse->top_size > LATIN_WHOLE) PetscFunctionReturn(0);
-  PetscCall(LatinWholeOptions_Private(latin, wanted));
+  PetscCall(LatinOptionsMention_Private(latin, "coarse_", "groups", wanted));
   work[0] = *wanted ? 1 : 0;
   work[1] = 0;
   for (PetscInt s = 0; s < top->n; s++) work[1] += (PetscInt64)PetscSqr(top->offset[s + 1] - top->offset[s]);
