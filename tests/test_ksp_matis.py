@@ -118,3 +118,12 @@ def test_jumps(solved, jump, most):
 def test_not_symmetric(mpirun):
     result = mpirun(2, PROGRAM, json.dumps({"asymmetric": True, "blocks": "2,1"}), check=False)
     assert result.returncode and "is not symmetric" in result.stderr
+
+
+@pytest.mark.parametrize("problem", ["poisson", "elasticity"])
+@pytest.mark.parametrize("jump", ["inside", "across", "random"])
+def test_jumps_take_at_most_twice_the_iterations(solved, problem, jump):
+    """Coefficients that jump by a million inside and across subdomains: at most twice the iterations."""
+    smooth, rough = (solved(4, problem=problem, cells=16, jump=name) for name in ("none", jump))
+    assert rough["reason"] > 0 and rough["cg"] < 1e-4
+    assert rough["iterations"] <= 2 * smooth["iterations"]

@@ -227,7 +227,7 @@ def test_number_of_subdomains_is_not_ours(matis):
 @pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize("problem", ["poisson", "elasticity"])
 def test_condensed(matis, problem, dim):
-    """With the same springs and weights, condensed subdomains are the same preconditioner; without them, as good a one."""
+    """With the same springs and weights, condensed subdomains are the same preconditioner; by itself, as good a one."""
     same = ["-pc_latin_direction_scalar", "0.1", "-pc_latin_weights", "multiplicity"]
     args = dict(problem=problem, dim=dim, cells=6 if dim == 2 else 4, blocks=",".join("2" * dim), spectrum=True)
     ranks = 2**dim

@@ -27,15 +27,17 @@
    eigenvalue: block Lanczos then builds a basis of three times as many vectors, and took 1.7 times as long at 3,726 dofs.
 */
 
-#define LATIN_FLOPPY_SIZE  0.1  /* a field is kept when this part of its norm, or more, is outside the macro basis */
-#define LATIN_FLOPPY_SOFT  0.5  /* springs of the subdomains of a matrix, relative to the stiffness at the interface */
-#define LATIN_FLOPPY_SLACK 1e-6 /* what remains of the stiffness of a slack link, so that no mechanism comes of it */
+#define LATIN_FLOPPY_SIZE      0.1  /* a field is kept when this part of its norm, or more, is outside the macro basis */
+#define LATIN_FLOPPY_SOFT      0.5  /* springs of the subdomains of a matrix, relative to the stiffness at the interface */
+#define LATIN_FLOPPY_ITERATION 1.3  /* threshold of KSP latin, for a matrix whose coefficients jump */
+#define LATIN_FLOPPY_SLACK     1e-6 /* what remains of the stiffness of a slack link, so that no mechanism comes of it */
 
-/* The threshold: given; for a preconditioner of a matrix, when nothing is said, one that makes up for jumps of its coefficients */
+/* The threshold: given; of a matrix, when nothing is said, one that makes up for jumps of its coefficients */
 PetscReal LatinFloppyThreshold(Latin latin)
 {
-  if (!latin->matrix || !latin->preconditions || latin->local_given || latin->known.trace) return latin->local_threshold;
-  return latin->variant == LATIN_VARIANT_CORNER && latin->modes != LATIN_MODES_NONE ? 1.0 : 0.0;
+  if (!latin->matrix || latin->local_given || latin->known.trace) return latin->local_threshold;
+  if (latin->variant != LATIN_VARIANT_CORNER || latin->modes == LATIN_MODES_NONE) return 0.0;
+  return latin->preconditions ? 1.0 : LATIN_FLOPPY_ITERATION;
 }
 
 /* K + springs at one node, or nothing: is there a motion of this node alone that costs less than threshold x springs? */
