@@ -186,9 +186,9 @@ def test_types_of_local_matrices(matis, local_type):
     assert aij["coarse"] == other["coarse"]
 
 
-@pytest.mark.parametrize(("jump", "cells", "whole"), [("none", 12, 0), ("inside", 12, 4), ("none", 4, 4)])
+@pytest.mark.parametrize(("jump", "cells", "whole"), [("none", 16, 0), ("inside", 16, 4), ("none", 4, 4)])
 def test_schur_complements_where_they_pay(matis, jump, cells, whole):
-    """On the interfaces of subdomains where coefficients jump, and on small ones; diagonal directions elsewhere."""
+    """On the interfaces of subdomains where coefficients jump, and of small ones; diagonal directions elsewhere."""
     how = {"problem": "poisson", "dim": 3, "blocks": "2,2,1", "cells": cells, "jump": jump}
     result = matis(4, ["-ksp_norm_type", "natural", "-ksp_view"], check=False, **how)
     assert f"a Schur complement on {whole} interfaces, diagonal on the others" in result.stdout
