@@ -29,7 +29,7 @@ OPTIONS = (
     "warm_extrapolate", "polish",
     "modes_local", "modes_local_max", "modes_local_slack", "rescue", "balance",
 )  # fmt: skip
-PC_OPTIONS = ("weights",)  # of PC latin alone
+PC_OPTIONS = ("weights", "condense")  # of PC latin alone
 INNER_PREFIXES = ("local_", "interior_", "coarse_", "outer_", "polish_", "rescue_")
 
 REFERENCE_ACCURACY = 1e-9  # relative residual above which a reference is refused
