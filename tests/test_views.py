@@ -1,0 +1,67 @@
+"""What solvers tell of themselves and hand out."""
+
+import numpy as np
+import pytest
+from petsc4py import PETSc
+
+import latinpc
+from latinpc.scenes import make
+
+
+def shown(solver, folder):
+    """What a solver prints when it is viewed."""
+    viewer = PETSc.Viewer().createASCII(str(folder / "view"), comm=PETSc.COMM_SELF)
+    solver.view(viewer)
+    viewer.destroy()
+    return (folder / "view").read_text()
+
+
+@pytest.fixture
+def weights():
+    """A chain that hangs and swings."""
+    nodes = np.array([[0.0, 0.0], [1.0, 0.0], [2.0, 0.0], [3.0, 0.0]])
+    held = np.array([[1, 1], [0, 0], [0, 0], [1, 1]], bool)
+    load = np.array([[0.0, 0.0], [1.0, -1.0], [0.5, -2.0], [0.0, 0.0]])
+    links = np.array([[0, 1], [1, 2], [2, 3], [0, 2], [1, 3]])
+    nodes[1, 1] = nodes[2, 1] = -0.5
+    return latinpc.Links(
+        nodes, links, law=latinpc.Law.BAR, stiffness=100.0, fixed=held, load=load, mass=2.0, comm=PETSc.COMM_SELF
+    )
+
+
+def test_motions_tell_their_scheme_and_what_is_between_two_steps(weights, tmp_path):
+    ts = weights.create_ts()
+    u, v = ts.getSolution2()
+    ts.setTimeStep(1e-2)
+    ts.setMaxSteps(3)
+    ts.setExactFinalTime(PETSc.TS.ExactFinalTime.STEPOVER)
+    ts.solve(u)
+    assert "implicit Euler in velocities and impulses" in shown(ts, tmp_path)
+    assert "5 links" in shown(ts, tmp_path)
+    between = u.duplicate()
+    ts.interpolate(ts.getTime() - 4e-3, between)
+    assert v.norm() > 0
+    assert np.allclose(between.array, u.array - 4e-3 * v.array, rtol=1e-12, atol=1e-15)
+
+
+def test_the_inner_iteration_can_be_had_before_the_solve():
+    links = latinpc.Links.from_scene(make("truss-grid", modules=4, subdomains=4), comm=PETSc.COMM_SELF)
+    snes = links.create_snes()
+    outer = latinpc.outer_snes(snes)
+    assert outer.getType() == "anderson" and outer.getOptionsPrefix().endswith("snes_latin_outer_")
+    outer.setType("nrichardson")
+    snes.solve(None, links.create_vec())
+    assert latinpc.outer_snes(snes).handle == outer.handle
+    assert outer.getType() == "nrichardson" and snes.reason > 0
+
+
+def test_a_shell_shows_what_is_in_it(tmp_path):
+    links = latinpc.Links.from_scene(make("truss-grid", modules=4, subdomains=4), comm=PETSc.COMM_SELF)
+    matrix, u = links.dm.createMat(), links.create_vec()
+    links.jacobian(u, matrix)
+    pc = PETSc.PC().create(PETSc.COMM_SELF)
+    pc.setType("shell")
+    pc.setOperators(matrix)
+    latinpc.pcshell_set_latin(pc)
+    pc.setUp()
+    assert "variant corner" in shown(pc, tmp_path)
