@@ -294,7 +294,7 @@ def test_large_nets_agree():
     found = solve(scene, _links=links, stol=1e-6, max_it=6000)
     assert found.reason > 0
     assert apart(found.tensions, links.tensions(reference_solution(links))) < 1e-2
-    one, other = (solve(make("net", side=24, partition=way), stol=1e-6, max_it=6000) for way in ("regular", "metis"))
+    one, other = (solve(make("net", side=24, partition=way), stol=1e-9, max_it=6000) for way in ("regular", "metis"))
     assert one.reason > 0
     assert other.reason > 0
     assert apart(one.tensions, other.tensions) < 1e-4
