@@ -145,6 +145,80 @@ def hung(force):
                  load=[[0, 0], [0, 0], [0, force]])  # fmt: skip
 
 
+def hinged(count):
+    """Make triangles in a row, each hung from two anchors, that share one node with the next: a subdomain each."""
+    x = np.arange(count + 1.0)
+    low, top = np.column_stack([x, 0 * x]), np.column_stack([x[:-1] + 0.5, 0 * x[:-1] + 0.8])
+    anchors = np.vstack([top + [-0.3, 1.0], top + [0.3, 1.0]])
+    i = np.arange(count)
+    above = count + 1 + i
+    ends = [(i, i + 1), (i, above), (i + 1, above), (above, above + count), (above, above + 2 * count)]
+    links = np.vstack([np.column_stack(pair) for pair in ends])
+    nodes = np.vstack([low, top, anchors])
+    fixed = np.zeros(nodes.shape, bool)
+    fixed[0] = fixed[-2 * count :] = True
+    weight = np.random.default_rng(2).uniform(-1.5, [0.0, -0.5], nodes.shape)  # downwards, and a wind
+    load = np.where(fixed, 0.0, weight)
+    law = np.repeat([Law.BAR, Law.BAR, Law.BAR, Law.CABLE, Law.CABLE], count)
+    return Scene(name="hinged", nodes=nodes, links=links, law=law, stiffness=np.full(len(links), 1e3),
+                 prestrain=np.where(law == Law.CABLE, 1e-2, 0.0), fixed=fixed, load=load,
+                 subdomain=np.tile(i, 5))  # fmt: skip
+
+
+def slackened(share):
+    """Make a network with a share of the cables, chosen at random, too long to be reached by any load."""
+    scene = network()
+    cables = np.flatnonzero(scene.law == Law.CABLE)
+    chosen = np.random.default_rng(4).permutation(cables)[: round(share * len(cables))]
+    scene.prestrain[chosen] = -1.0
+    return scene
+
+
+def girder(uplift, cells=12, height=2):
+    """Make a girder of bars hung from a cable at each upper node; an uplift of 1 turns it about the first cable."""
+    y, x = (axis.ravel() for axis in np.meshgrid(np.arange(height + 1), np.arange(cells + 1), indexing="ij"))
+    number = np.arange(len(x)).reshape(height + 1, cells + 1)
+    pairs = ((number[:, :-1], number[:, 1:]), (number[:-1], number[1:]), (number[:-1, :-1], number[1:, 1:]),
+             (number[:-1, 1:], number[1:, :-1]))  # fmt: skip
+    bars = np.vstack([np.stack(pair, axis=2).reshape(-1, 2) for pair in pairs])
+    upper = number[-1]
+    nodes = np.vstack([np.column_stack([x, y]), np.column_stack([x[upper], y[upper] + 8])]).astype(float)
+    links = np.vstack([bars, np.column_stack([upper, len(x) + np.arange(len(upper))])])
+    cable = np.arange(len(links)) >= len(bars)
+    fixed = np.zeros(nodes.shape, bool)
+    fixed[0, 0] = True
+    fixed[len(x) :] = True
+    load = np.zeros(nodes.shape)
+    load[: len(x), 1] = -1e4
+    up = np.where(np.arange(len(nodes)) < len(x), 0.5 + nodes[:, 0] / cells, 0.0)
+    load[:, 1] += uplift * up * (1e4 * x.sum()) / (up[: len(x)] @ x)  # moments about the first cable
+    length = np.linalg.norm(nodes[links[:, 1]] - nodes[links[:, 0]], axis=1)
+    return Scene(name="girder", nodes=nodes, links=links, law=np.where(cable, Law.CABLE, Law.BAR),
+                 stiffness=6.5e7 / length, fixed=fixed, load=load)  # fmt: skip
+
+
+MIXED = (
+    "nodes in mm", "a component in mm", "loads in kN",
+    "prestrains in mm", "stiffnesses in kN/mm", "one half in kN and mm",
+)  # fmt: skip
+
+
+def mixed(what):
+    """Make the network with a part of its data in other units than newtons and metres."""
+    scene = network()
+    half = scene.nodes[scene.links].mean(axis=1)[:, 0] > np.median(scene.nodes[:, 0])
+    units = np.where(half, [[1e-6], [1e3]], 1.0)
+    changes = {
+        "nodes in mm": {"nodes": 1e3 * scene.nodes},
+        "a component in mm": {"nodes": scene.nodes * [1.0, 1.0, 1e3]},
+        "loads in kN": {"load": 1e-3 * scene.load},
+        "prestrains in mm": {"prestrain": 1e3 * scene.prestrain},
+        "stiffnesses in kN/mm": {"stiffness": 1e-6 * scene.stiffness},
+        "one half in kN and mm": {"stiffness": scene.stiffness * units[0], "prestrain": scene.prestrain * units[1]},
+    }
+    return replace(scene, **changes[what])
+
+
 def in_units(length, force):
     """Make the article's grid in other units."""
     scene = grid()
@@ -168,6 +242,19 @@ def _stiffness():
                 yield Case("stiffness", f"{what}, contrast 1e{power} {where}",
                            lambda power=power, across=across, law=law: contrast(10.0**power, across, law),
                            "right" if abs(power) < 14 else "either", _options())  # fmt: skip
+    for power in (4, 8, 12, 14):
+        yield Case("stiffness", f"contrast 1e{power} between subdomains", lambda power=power: by_subdomain(10.0**power),
+                   "right" if power < 14 else "either", _options())  # fmt: skip
+
+
+def by_subdomain(factor):
+    """Make every other subdomain `factor` times as stiff, cables with the same self-stress."""
+    scene = network()
+    place = scene.nodes[scene.links].mean(axis=1)[:, 0]
+    part = np.searchsorted(np.quantile(place, np.arange(1, SUBDOMAINS) / SUBDOMAINS), place)
+    stiffness = np.where(part % 2, factor * scene.stiffness, scene.stiffness)
+    prestrain = scene.prestrain * scene.stiffness / stiffness
+    return replace(scene, stiffness=stiffness, prestrain=prestrain, subdomain=part)
 
 
 def blocks():
@@ -200,6 +287,12 @@ def _loads():
             network(prestrain=factor * network().prestrain)), "right" if factor else "either", _options())  # fmt: skip
     yield Case("slack", "no cable", lambda: grid(slack=0.0), options=_options())
     yield Case("slack", "a quarter of the cables", lambda: grid(slack=0.25), options=_options())
+    for share in (0.5, 0.99):
+        yield Case("slack", f"{100 * share:g} % of the cables, whatever the load", lambda share=share: slackened(share),
+                   "either", _options())  # fmt: skip
+    for uplift in (0.5, 0.9, 0.99, 1 - 1e-6, 1 + 1e-6, 1.01, 2.0):
+        yield Case("slack", f"{uplift:.7g} of the load that turns a girder over", lambda uplift=uplift: girder(uplift),
+                   "right" if uplift < 1.0 else "refused", _options())  # fmt: skip
     yield Case("slack", "all cables", lambda: network(
         prestrain=np.where(network().law == Law.CABLE, -1.0, 0.0)), "either", _options())  # fmt: skip
     yield Case("slack", "a node flies away", lambda: hung(1.0), "refused", _options(snes_latin_subdomains=2))
@@ -213,10 +306,13 @@ def _geometry():
     for length, force, what in ((1e3, 1e-3, "mm and kN"), (1e3, 1.0, "mm and N"), (1e-6, 1e6, "1e-6 and 1e6"),
                                 (1e9, 1e-9, "1e9 and 1e-9"), (1e-9, 1e9, "1e-9 and 1e9")):  # fmt: skip
         yield Case("units", what, lambda length=length, force=force: in_units(length, force), options=_options())
+    for what in MIXED:  # wrong data may leave no equilibrium
+        yield Case("units", f"{what}, all else in N and m", lambda what=what: mixed(what),
+                   "right" if what in MIXED[:3] else "either", _options())  # fmt: skip
     for shift in (1e4, 1e8, 1e12):
         yield Case("origin", f"{shift:g} m away", lambda shift=shift: replace(grid(), nodes=grid().nodes + shift),
                    "right" if shift < 1e12 else "either", _options())  # fmt: skip
-    for distance in (1e-3, 1e-6, 1e-9, 1e-12):
+    for distance in (1e-3, 1e-6, 1e-9, 1e-12, 1e-14):
         yield Case("close nodes", f"{distance:g} of the size", lambda distance=distance: close_nodes(distance),
                    options=_options())  # fmt: skip
 
@@ -232,6 +328,7 @@ def _partitions():
     )
     yield Case("partition", "bars, one link a subdomain", lambda: network(Law.BAR, subdomain=np.arange(links)),
                options=_options(snes_latin_subdomains=links))  # fmt: skip
+    yield Case("partition", "interfaces of one node", lambda: hinged(24), options=_options(snes_latin_subdomains=24))
     yield Case("partition", "links dealt at random", lambda: network(
         subdomain=np.random.default_rng(0).permutation(np.arange(links) % 8)), options=_options())  # fmt: skip
     yield Case("partition", "more subdomains than links", network, "refused", _options(snes_latin_subdomains=links + 1))
