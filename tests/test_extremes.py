@@ -57,7 +57,7 @@ QUICK = (
     "cables, contrast 1e8 between links", "cables, contrast 1e-8 in one half", "1e6 times the self-tuned one",
     "a node flies away", "0.999999 of the load that turns a girder over", "interfaces of one node",
     "1.000001 of the load that turns a girder over", "one half in kN and mm, all else in N and m", "1e-12 of the size",
-    "one link a subdomain", "one not held", "16, 8 subdomains",
+    "one link a subdomain", "one not held", "16, 8 subdomains", "contrast 1e12 between subdomains",
 )  # fmt: skip
 
 

@@ -24,6 +24,7 @@
 #define LATIN_RESCUE_FLOOR  1e-8 /* what a slack link keeps of the least stiffness, so that no mechanism ends the search */
 #define LATIN_RESCUE_LINEAR 500  /* most iterations of a solve: more, and it is no rescue */
 #define LATIN_RESCUE_STEPS  200  /* most steps */
+#define LATIN_RESCUE_STILL  10   /* a search that stands still may meet rounding, or a link that is just taut: then it does so again and again */
 #define LATIN_RESCUE_FULL   12   /* steps that are taken whole: they end soon if they end at all */
 
 /*
@@ -49,19 +50,22 @@ static PetscErrorCode LatinPolishConverged_Private(SNES newton, PetscInt it, Pet
   PetscCall(SNESGetSolution(newton, &u));
   PetscCall(SNESGetTolerances(newton, NULL, NULL, NULL, &most, NULL));
   PetscCall(KSPGetTolerances(ksp, &rtol, NULL, NULL, NULL));
-  if (!it) changes = polish->linear ? 0 : 1;
-  else {
+  if (!it) {
+    changes       = polish->linear ? 0 : 1;
+    polish->still = 0;
+  } else {
     PetscCall(LatinLinksCountChanges_Private(polish->links, u, polish->floor, &changes));
     PetscCall(SNESGetLineSearch(newton, &search));
     PetscCall(SNESLineSearchGetLambda(search, &lambda));
     if (PetscAbsReal(lambda - 1.0) > LATIN_POLISH_RTOL) changes = PetscMax(changes, 1); /* not the whole step, for links have changed on the way */
     polish->error = xnorm > 0.0 ? snorm / xnorm : 0.0;
+    polish->still = lambda < 1.0 - LATIN_POLISH_RTOL && polish->error <= polish->target ? polish->still + 1 : 0;
     if (!changes && !polish->own) polish->error *= rtol; /* where forces differ by orders, only a step that moves nothing proves anything */
     if (polish->reference) PetscCall(LatinLinksComputeErrors(polish->links, u, polish->reference, &polish->error, &polish->energy));
   }
   polish->changes = changes;
   if (fnorm <= polish->residual) *reason = SNES_CONVERGED_FNORM_RELATIVE;
-  else if (it && polish->error <= polish->target) *reason = SNES_CONVERGED_SNORM_RELATIVE;
+  else if (it && polish->error <= polish->target && (!polish->still || polish->still > LATIN_RESCUE_STILL)) *reason = SNES_CONVERGED_SNORM_RELATIVE;
   else if (it > 1 && !changes && polish->error > 0.5 * before && rtol < polish->rtol) *reason = SNES_CONVERGED_SNORM_RELATIVE; /* rounding: a step that was to bring digits has brought none */
   else if (it && !polish->own && polish->error > 1e3 * PetscMax(1.0, polish->start)) *reason = SNES_DIVERGED_DTOL;
   else if (it >= most) *reason = SNES_DIVERGED_MAX_IT;

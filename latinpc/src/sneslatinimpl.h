@@ -53,6 +53,7 @@ typedef struct {
   PetscBool  linear;           /* no link can become slack */
   PetscInt   changes;          /* links that the last step has changed */
   PetscInt   steps, stages;    /* of the last polish: Newton steps, linear stages */
+  PetscInt   still;            /* steps in a row whose search has stood still */
 } LatinPolish;
 PETSC_INTERN PetscErrorCode LatinPolishCreate_Private(SNES, Latin, LatinPolish *);
 PETSC_INTERN PetscErrorCode LatinPolishSolve_Private(SNES, Latin, LatinPolish *, Vec u, SNESConvergedReason *);
