@@ -36,8 +36,9 @@ PACKAGES += g++ gfortran libblas-dev liblapack-dev libscalapack-mpi-dev libmumps
 PETSC_PREFIX := $(or $(XDG_CACHE_HOME),$(HOME)/.cache)/latinpc/petsc-$(shell sed -n 's/^ *"petsc==\(.*\)",/\1/p' pyproject.toml)-$(PETSC)
 endif
 ifneq ($(SANITIZE),)
-# Python, MPI and PETSc keep memory to the end, so that lists of leaks are left to PETSC=debug
-PYTEST_ENV  = env LD_PRELOAD=$$(gcc -print-file-name=libasan.so) ASAN_OPTIONS=detect_leaks=0 \
+# Python, MPI and PETSc keep memory to the end, so that lists of leaks are left to PETSC=debug; an allocation beyond the
+# limit of memory fails as it does without AddressSanitizer
+PYTEST_ENV  = env LD_PRELOAD=$$(gcc -print-file-name=libasan.so) ASAN_OPTIONS=detect_leaks=0:allocator_may_return_null=1 \
               UBSAN_OPTIONS=halt_on_error=1:print_stacktrace=1
 # a report ends the process: it goes to the terminal, not to a file of pytest's that ends with it
 PYTEST_KIND = --capture=sys
