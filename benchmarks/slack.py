@@ -9,6 +9,7 @@ Linear stages until the relative l2 error stays below 1e-4, without the rescue; 
 
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,9 +19,10 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 from run import RESULTS
 
 from latinpc import Links
+from latinpc.extremes import catalogue
 from latinpc.peers import run
 from latinpc.peers.reference import by_newton
-from latinpc.scenes import Law, Scene, make
+from latinpc.scenes import Law, make
 from latinpc.solve import default_options
 
 ACCURACY, MOST = 1e-4, 1000
@@ -31,28 +33,11 @@ OUTER = {"anderson": {}, "plain": {"snes_latin_outer_snes_type": "nrichardson"}}
 
 def girder(cells=64, height=4, block=4):
     """Return a girder of bars hung from a cable at each upper node, and the uplift that ends its balance (N)."""
-    y, x = (axis.ravel() for axis in np.meshgrid(np.arange(height + 1), np.arange(cells + 1), indexing="ij"))
-    number = np.arange(len(x)).reshape(height + 1, cells + 1)
-    pairs = ((number[:, :-1], number[:, 1:]), (number[:-1], number[1:]), (number[:-1, :-1], number[1:, 1:]),
-             (number[:-1, 1:], number[1:, :-1]))  # fmt: skip
-    bars = np.vstack([np.stack(pair, axis=2).reshape(-1, 2) for pair in pairs])
-    upper = number[-1]
-    nodes = np.vstack([np.column_stack([x, y]), np.column_stack([x[upper], y[upper] + 8])]).astype(float)
-    links = np.vstack([bars, np.column_stack([upper, len(x) + np.arange(len(upper))])])
-    cable = np.arange(len(links)) >= len(bars)
-    fixed = np.zeros(nodes.shape, bool)
-    fixed[0, 0] = True
-    fixed[len(x) :] = True
-    weight, uplift = np.zeros(nodes.shape), np.zeros(nodes.shape)
-    weight[: len(x), 1] = -1e4
-    uplift[: len(x), 1] = 0.5 + x / cells
-    uplift *= (weight[: len(x), 1] @ x) / -(uplift[: len(x), 1] @ x)  # moments about the first cable
-    length = np.linalg.norm(nodes[links[:, 1]] - nodes[links[:, 0]], axis=1)
-    stretched = np.where(cable, np.random.default_rng(0).uniform(0.0, 2e-3, len(links)), 0.0)
-    part = np.minimum(nodes[links].min(axis=1)[:, 0] // block, cells // block - 1).astype(int)
-    scene = Scene(name="girder", nodes=nodes, links=links, law=np.where(cable, Law.CABLE, Law.BAR),
-                  stiffness=6.5e7 / length, prestrain=stretched, fixed=fixed, load=weight, subdomain=part)  # fmt: skip
-    return scene, uplift
+    scene, relieved = (catalogue.girder(uplift, cells, height) for uplift in (0.0, 1.0))
+    cable = scene.law == Law.CABLE
+    stretched = np.where(cable, np.random.default_rng(0).uniform(0.0, 2e-3, len(cable)), 0.0)
+    part = np.minimum(scene.nodes[scene.links].min(axis=1)[:, 0] // block, cells // block - 1).astype(int)
+    return replace(scene, prestrain=stretched, subdomain=part), relieved.load - scene.load
 
 
 def cases():
