@@ -25,6 +25,7 @@
 #define LATIN_RESCUE_LINEAR 500  /* most iterations of a solve: more, and it is no rescue */
 #define LATIN_RESCUE_STEPS  200  /* most steps */
 #define LATIN_RESCUE_STILL  10   /* a search that stands still may meet rounding, or a link that is just taut: then it does so again and again */
+#define LATIN_RESCUE_KICK   3    /* then a whole step is taken, to search from elsewhere: not where rounding of stiff links hides how the energy of soft ones falls */
 #define LATIN_RESCUE_FULL   12   /* steps that are taken whole: they end soon if they end at all */
 
 /*
@@ -59,8 +60,10 @@ static PetscErrorCode LatinPolishConverged_Private(SNES newton, PetscInt it, Pet
     PetscCall(SNESLineSearchGetLambda(search, &lambda));
     if (PetscAbsReal(lambda - 1.0) > LATIN_POLISH_RTOL) changes = PetscMax(changes, 1); /* not the whole step, for links have changed on the way */
     polish->error = xnorm > 0.0 ? snorm / xnorm : 0.0;
-    polish->still = lambda < 1.0 - LATIN_POLISH_RTOL && polish->error <= polish->target ? polish->still + 1 : 0;
-    if (!changes && !polish->own) polish->error *= rtol; /* where forces differ by orders, only a step that moves nothing proves anything */
+    if (lambda < 1.0 - LATIN_POLISH_RTOL && polish->error <= polish->target) polish->still++;
+    else if (polish->still != LATIN_RESCUE_KICK) polish->still = 0;
+    else polish->still = polish->error <= polish->target ? 0 : LATIN_RESCUE_KICK + 1; /* from there on no more of them until the search moves */
+    if (!changes && !polish->own) polish->error *= rtol;                              /* where forces differ by orders, only a step that moves nothing proves anything */
     if (polish->reference) PetscCall(LatinLinksComputeErrors(polish->links, u, polish->reference, &polish->error, &polish->energy));
   }
   polish->changes = changes;
@@ -136,7 +139,7 @@ static PetscErrorCode LatinRescueSearch_Private(SNESLineSearch search, void *ctx
   PetscCall(SNESLineSearchSetReason(search, SNES_LINESEARCH_SUCCEEDED));
   PetscCall(SNESLineSearchGetVecs(search, &u, &f, &step, NULL, NULL));
   PetscCall(SNESGetIterationNumber(newton, &done));
-  if (done >= LATIN_RESCUE_FULL) PetscCall(LatinLinksSearch_Private(polish->links, u, step, newton->vec_rhs, &length));
+  if (done >= LATIN_RESCUE_FULL && polish->still != LATIN_RESCUE_KICK) PetscCall(LatinLinksSearch_Private(polish->links, u, step, newton->vec_rhs, &length));
   PetscCall(VecAXPY(u, -length, step));
   PetscCall(VecScale(step, length)); /* the norm of the step is that of what was taken */
   PetscCall(SNESLineSearchSetLambda(search, length));

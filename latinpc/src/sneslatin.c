@@ -250,6 +250,15 @@ static PetscErrorCode SNESLatinPolish_Private(SNES snes, LatinPolish *polish)
     snes->norm = data->stop == LATIN_STOP_RESIDUAL ? data->residual : polish->error;
     PetscCall(LatinProofBalances_Private(data->latin->links, snes->vec_sol, snes->vec_rhs, snes->vec_func, &balances));
     if (!balances) snes->reason = SNES_DIVERGED_DTOL;
+    if (polish->own && polish->still && polish->target > 0.0) { /* a search that stands still: at a solution, or where rounding hides the way on */
+      LatinEstimate doubt = {.energy = data->estimate.energy};
+
+      PetscCall(LatinEstimateDoubt_Private(data->latin, polish->target, snes->vec_sol, snes->vec_func, &doubt));
+      if (doubt.value > polish->target) {
+        snes->reason = SNES_DIVERGED_LINE_SEARCH;
+        PetscCall(PetscInfo(snes, "The search of Newton's method stands still where the unbalance tells of an error of %g at least\n", (double)doubt.value));
+      }
+    }
     PetscCall(SNESLogConvergenceHistory(snes, snes->norm, polish->stages));
     PetscCall(SNESMonitor(snes, snes->iter, snes->norm));
     PetscFunctionReturn(0);
