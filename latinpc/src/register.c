@@ -29,10 +29,61 @@ static PetscErrorCode LatinFinalizePackage(void)
   PetscFunctionReturn(0);
 }
 
+/* What makes two PETSc unlike each other for a library that is compiled for one of them */
+typedef struct {
+  int           major, minor, release;
+  size_t        integer; /* bytes of a PetscInt */
+  PetscDataType real, scalar;
+} LatinPetsc;
+
+static PetscErrorCode LatinPetscDescribe(const LatinPetsc *petsc, char text[], size_t n)
+{
+  PetscFunctionBegin;
+  PetscCall(PetscSNPrintf(text, n, "PETSc %d.%d%s with PetscInt of %d bits, PetscReal %s and PetscScalar %s", petsc->major, petsc->minor, petsc->release ? "" : " in development", 8 * (int)petsc->integer, PetscDataTypes[petsc->real],
+                          PetscDataTypes[petsc->scalar]));
+  PetscFunctionReturn(0);
+}
+
+/*
+   The functions that we call are those of the PETSc that the program has brought, whichever it is: the loader goes by
+   names, and they are the same in all of them. So that one is asked what it is, in ways that do not depend on the
+   answer: a PetscInt may have four bytes or eight, a PetscBool one or four.
+*/
+static PetscErrorCode LatinCheckPetsc(void)
+{
+  const LatinPetsc built = {PETSC_VERSION_MAJOR, PETSC_VERSION_MINOR, PETSC_VERSION_RELEASE, sizeof(PetscInt), PETSC_REAL, PETSC_SCALAR};
+  LatinPetsc       found = {0, 0, 0, 0, PETSC_DATATYPE_UNKNOWN, PETSC_DATATYPE_UNKNOWN};
+  char             ours[128], its[128];
+  union
+  {
+    PetscInt integer;
+    int32_t  narrow;
+    int64_t  wide;
+  } major = {.wide = 0}, minor = {.wide = 0}, release = {.wide = 0};
+  union
+  {
+    PetscBool yes;
+    int32_t   wide;
+  } known = {.wide = 0};
+
+  PetscFunctionBegin;
+  PetscCall(PetscDataTypeGetSize(PETSC_INT, &found.integer));
+  PetscCall(PetscDataTypeFromString("real", &found.real, &known.yes));
+  PetscCall(PetscDataTypeFromString("scalar", &found.scalar, &known.yes));
+  PetscCall(PetscGetVersionNumber(&major.integer, &minor.integer, NULL, &release.integer));
+  found.major   = found.integer == 4 ? (int)major.narrow : (int)major.wide;
+  found.minor   = found.integer == 4 ? (int)minor.narrow : (int)minor.wide;
+  found.release = found.integer == 4 ? (int)release.narrow : (int)release.wide;
+  if (found.major == built.major && found.minor == built.minor && found.release == built.release && found.integer == built.integer && found.real == built.real && found.scalar == built.scalar) PetscFunctionReturn(0);
+  PetscCall(LatinPetscDescribe(&built, ours, sizeof(ours)));
+  PetscCall(LatinPetscDescribe(&found, its, sizeof(its)));
+  SETERRQ(PETSC_COMM_SELF, PETSC_ERR_LIB, "liblatinpc was compiled for %s, but runs with %s: build it again with the PETSc of this program (pip install --no-build-isolation --force-reinstall . where petsc4py uses that PETSc)", ours, its);
+}
+
 /*@C
   LatinInitializePackage - Registers the TS, SNES, KSP and PC types latin, their classes and log events. May be called again.
 
-  Not collective; after PetscInitialize()
+  Not collective; after PetscInitialize(). Fails where the PETSc that runs is unlike the one that this was compiled for
 
   Level: beginner
 @*/
@@ -40,6 +91,7 @@ PetscErrorCode LatinInitializePackage(void)
 {
   PetscFunctionBegin;
   if (initialized) PetscFunctionReturn(0);
+  PetscCall(LatinCheckPetsc());
   initialized = PETSC_TRUE;
   PetscCall(PetscClassIdRegister("Latin", &LATIN_CLASSID));
   PetscCall(PetscClassIdRegister("LatinLinks", &LATIN_LINKS_CLASSID));
