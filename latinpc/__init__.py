@@ -12,6 +12,7 @@ from latinpc.links import Links, Sizes
 from latinpc.scenes.scene import Law
 from latinpc.solvers import (
     coarse_ksp,
+    digits,
     energy_bound,
     error_message,
     history,
@@ -38,6 +39,7 @@ __all__ = [
     "Links",
     "Sizes",
     "coarse_ksp",
+    "digits",
     "energy_bound",
     "error_message",
     "get_include",

@@ -94,6 +94,7 @@ cdef extern from "latinpc.h":
     PetscErrorCode LatinStateSave(PetscObject, PetscVec, const char *, PetscInt, const char *)
     PetscErrorCode LatinStateLoad(PetscObject, PetscVec, const char *, PetscInt *, char **)
     PetscErrorCode LatinGetEnergyBound(PetscSNES, PetscReal *, PetscReal *)
+    PetscErrorCode LatinGetDigits(PetscSNES, PetscReal *, PetscReal *, PetscReal *, PetscReal *)
     PetscErrorCode SNESLatinGetOuter(PetscSNES, PetscSNES *)
     PetscErrorCode KSPLatinGetLatin(PetscKSP, Latin *)
     PetscErrorCode KSPLatinSetLinks(PetscKSP, LatinLinks)
@@ -463,6 +464,13 @@ def energy_bound(SNES snes not None):
     cdef PetscReal bound = 0, relative = 0
     CHKERR(LatinGetEnergyBound(snes.snes, &bound, &relative))
     return bound, relative
+
+
+def digits(SNES snes not None):
+    """Return what the unbalance, and what the rounding of arithmetic, coordinates and other data move."""
+    cdef PetscReal unbalance = 0, rounding = 0, places = 0, values = 0
+    CHKERR(LatinGetDigits(snes.snes, &unbalance, &rounding, &places, &values))
+    return {"unbalance": unbalance, "rounding": rounding, "places": places, "values": values}
 
 
 def save_state(Object solver not None, Vec u, path, note):

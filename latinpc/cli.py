@@ -34,6 +34,8 @@ from .scenes.scene import UNILATERAL, Law
 from .solvers import has_package
 
 NOT_CONVERGED, BAD_INPUT = 1, 2
+#: What `latinpc.digits` tells, in the words of the summary
+DIGITS = {"unbalance": "unbalance", "rounding": "rounding", "places": "that of coordinates", "values": "of other data"}
 GATHERING_SECONDS = 10.0  # how long a rank that failed waits for the others to fail too
 
 
@@ -238,11 +240,20 @@ def summary(result):
     if report["error_l2"] is not None:
         energy = f", {report['error_energy']:.1e} (energy)" if report["error_energy"] is not None else ""
         lines.append(("error", f"{report['error_l2']:.1e} (l2){energy} against Newton's method"))
+    if report["digits"] is not None:
+        lines.append(("digits", _digits(report["digits"])))
     lines += _mechanics(scene, result)
     memory = quantity(report["peak_memory_bytes"], "B")
     seconds = [quantity(report[key], "s") for key in ("setup_seconds", "solve_seconds")]
     lines.append(("time", f"set-up {seconds[0]}, solve {seconds[1]}; memory {memory}"))
     return lines
+
+
+def _digits(lost):
+    """Tell how many digits of the displacements there are, and what limits them."""
+    moved = np.sqrt(sum(part**2 for part in lost.values()))
+    known = f"{max(0.0, -np.log10(max(moved, np.finfo(float).eps / 2))):.1f}" if np.isfinite(moved) else "none"
+    return f"{known}: " + ", ".join(f"{text} {lost[key]:.0e}" for key, text in DIGITS.items())
 
 
 def _mechanics(scene, result):
@@ -360,6 +371,7 @@ def write_json(path, report):
 @click.argument("scene", metavar="SCENE|FILE.msh")
 @_scene_options
 @click.option("--reference", is_flag=True, help="Compute a reference by Newton's method, and the errors.")
+@click.option("--digits", is_flag=True, help="Tell how many digits of the displacements are right, and why.")
 @click.option("--json", "json_file", metavar="FILE", help="Write the report; '-' prints it alone.")
 @click.option("--output", metavar="FILE", help="Write for ParaView: a .vtu file, of a motion also a .pvd.")
 @click.option(
@@ -378,8 +390,8 @@ def write_json(path, report):
 @click.option("--restart", metavar="FILE", help="Go on from a state, with the options and ranks that it had.")
 @click.pass_obj
 def solve_command(
-    comm, scene, reference, json_file, output, picture, quiet, steps, step, every, node_mass, increments, checkpoint,
-    checkpoint_every, restart, **options
+    comm, scene, reference, digits, json_file, output, picture, quiet, steps, step, every, node_mass, increments,
+    checkpoint, checkpoint_every, restart, **options
 ):  # fmt: skip
     """Solve a scene or a Gmsh file, by default with -snes_type latin; with --steps, move it with -ts_type latin.
 
@@ -394,6 +406,8 @@ def solve_command(
             raise ValueError(f"--{name} is for a motion: say for how many steps with --steps")
     if reference and steps is not None:
         raise ValueError("--reference is for statics; compare motions with -snes_type newtonls")
+    if digits and steps is not None:
+        raise ValueError("--digits is for statics: leave out --steps")
     keeper = _keeper(comm, steps, increments, checkpoint, checkpoint_every, restart)
     scene = on_root(comm, _prepare, scene, None if alone else json_file, output, picture, options | {"steps": steps})
     count = options.get("subdomains") if scene.subdomain is None else None
@@ -411,6 +425,7 @@ def solve_command(
             scene,
             subdomains=count,
             reference=reference,
+            digits=digits,
             increments=1 if increments is None else increments,
             keeper=keeper,
             before_solve=None if say is None else lambda snes: snes.setMonitor(

@@ -92,8 +92,8 @@ def unknown_options():
 
 
 def solve(
-    scene, options=None, *, subdomains=None, reference=None, links=None, comm=None, before_solve=None, increments=1,
-    keeper=None,
+    scene, options=None, *, subdomains=None, reference=None, digits=False, links=None, comm=None, before_solve=None,
+    increments=1, keeper=None,
 ):  # fmt: skip
     """Solve a scene with the SNES that the options name, `latin` by default; collective.
 
@@ -107,6 +107,8 @@ def solve(
         How many subdomains METIS makes when the scene brings no partition.
     reference : bool or Vec, optional
         True computes a reference by Newton's method; a Vec is one. Gives the errors.
+    digits : bool
+        Ask `latinpc.digits` how many digits of the solution there are.
     links : Links, optional
         Of this scene, so that a series of solves shares one.
     comm : communicator, optional
@@ -124,7 +126,7 @@ def solve(
         Its report has the keys scene, scene_options, dofs, free_dofs, links, ranks, subdomains,
         strong_interfaces, weak_interfaces, strong_macro_dofs, weak_dofs, increments (iterations of each), iterations,
         linear_iterations, converged, reason, indicator, residual, residual_norm, slack_fraction, estimated_error,
-        error_l2, error_energy,
+        error_l2, error_energy, digits,
         direction, solver, setup_seconds, solve_seconds, peak_memory_bytes, versions, options. What does not apply is
         None.
 
@@ -159,12 +161,12 @@ def solve(
         snes = links.create_snes()
         try:
             snes.setFromOptions()
-            return _solve(scene, links, snes, errors_against, notices, before_solve, increments, keeper)
+            return _solve(scene, links, snes, errors_against, notices, before_solve, increments, keeper, digits)
         finally:
             snes.destroy()
 
 
-def _solve(scene, links, snes, reference, notices, before_solve, increments, keeper):
+def _solve(scene, links, snes, reference, notices, before_solve, increments, keeper, digits):
     comm = links.comm.tompi4py()
     is_latin = snes.getType() == "latin"
     ksp = snes.getKSP()
@@ -231,9 +233,10 @@ def _solve(scene, links, snes, reference, notices, before_solve, increments, kee
         "residual": norm / initial if initial > 0 else norm,
         "residual_norm": norm,
         "slack_fraction": _slack_fraction(scene, tensions),
-        "estimated_error": _last(past.get("estimate")),
+        "estimated_error": snes.getFunctionNorm() if len(past.get("estimate", ())) else None,
         "error_l2": error_l2,
         "error_energy": error_energy,
+        "digits": latinpc.digits(snes) if digits and snes.getConvergedReason() > 0 else None,
         "setup_seconds": setup,
         "solve_seconds": duration,
         "peak_memory_bytes": comm.allreduce(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024),

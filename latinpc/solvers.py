@@ -17,6 +17,7 @@ from latinpc.library import _latin
 
 __all__ = [
     "coarse_ksp",
+    "digits",
     "energy_bound",
     "error_message",
     "history",
@@ -140,6 +141,27 @@ def energy_bound(snes):
         Of the same over that of e*; infinite while the error may be as large as the solution.
     """
     return _latin.energy_bound(snes)
+
+
+def digits(snes):
+    """Return how far a solution is from equilibrium, and what the rounding of numbers makes of it; collective.
+
+    It costs the set-up of a PC latin and ten linear solves to four digits (PETSc prefix ``-latin_digits_``).
+
+    Parameters
+    ----------
+    snes : petsc4py.PETSc.SNES
+        Of any type, after a solve, with a `Links` without rigid laws attached.
+
+    Returns
+    -------
+    dict of float
+        Changes of the free displacements, relative in the l2 norm: by the forces left without balance as
+        ``unbalance``; by the rounding of displacements, elongations and tensions as ``rounding``, the least error of
+        any solver in this precision; by that of the coordinates as ``places``; by that of stiffnesses, prestrains and
+        loads as ``values``. The last three are root mean squares over random roundings.
+    """
+    return _latin.digits(snes)
 
 
 def set_reference(snes, reference):

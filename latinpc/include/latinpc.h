@@ -147,6 +147,7 @@ PETSC_EXTERN PetscErrorCode SNESLatinGetOuter(SNES, SNES *);
 PETSC_EXTERN PetscErrorCode LatinStateSave(PetscObject solver, Vec u, const char file[], PetscInt n, const char note[]);
 PETSC_EXTERN PetscErrorCode LatinStateLoad(PetscObject solver, Vec u, const char file[], PetscInt *n, char *note[]);
 PETSC_EXTERN PetscErrorCode LatinGetEnergyBound(SNES, PetscReal *bound, PetscReal *relative);
+PETSC_EXTERN PetscErrorCode LatinGetDigits(SNES, PetscReal *unbalance, PetscReal *rounding, PetscReal *places, PetscReal *values);
 PETSC_EXTERN PetscErrorCode KSPLatinGetLatin(KSP, Latin *);
 PETSC_EXTERN PetscErrorCode KSPLatinSetLinks(KSP, LatinLinks);
 PETSC_EXTERN PetscErrorCode KSPLatinGetOuter(KSP, KSP *);

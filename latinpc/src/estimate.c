@@ -90,7 +90,7 @@ static void LatinEstimateSketch(Latin latin, PetscBool energy, PetscReal sketch[
 }
 
 /* What rounding leaves of the present displacements */
-static PetscErrorCode LatinEstimateFloor_Private(Latin latin, LatinEstimate *estimate)
+PetscErrorCode LatinEstimateFloor_Private(Latin latin, LatinEstimate *estimate)
 {
   const LatinSubstructure *sub    = &latin->sub;
   const PetscInt           dim    = latin->links->dim;

@@ -70,6 +70,16 @@ static PetscBool SNESLatinStalls_Private(SNES_Latin *data, PetscReal norm, Petsc
   return reason < 0 ? (PetscBool)(reason != SNES_DIVERGED_LINEAR_SOLVE) : stalled;
 }
 
+/* Has the iteration ended by rounding, not because what was asked for is reached? Newton's method has digits left */
+static PetscBool SNESLatinRests_Private(const SNES_Latin *data, SNESConvergedReason reason)
+{
+  const PetscBool rests = (PetscBool)(data->latin->distance <= data->latin->noise);
+
+  if (data->stop == LATIN_STOP_ERROR) return (PetscBool)(data->estimate.rounding && !data->estimate.energy && reason == SNES_DIVERGED_INNER);
+  if (data->stop == LATIN_STOP_RESIDUAL) return (PetscBool)(rests && reason == SNES_CONVERGED_SNORM_RELATIVE);
+  return (PetscBool)(rests && reason > 0 && data->stop == LATIN_STOP_INDICATOR);
+}
+
 /*
    The convergence test of the inner SNES decides for both. The reasons keep the meaning of PETSc's manual: the
    indicator is the relative length of the step that the next iteration would make (SNORM), the residual stop is on
@@ -121,6 +131,7 @@ PetscErrorCode SNESLatinConverged_Private(SNES outer, PetscInt it, PetscReal xno
       PetscCall(PetscInfo(snes, "The error asked for, %g, is below what rounding leaves on this structure, about %g\n", (double)data->target, (double)data->estimate.floor));
     }
   } else if (norm <= snes->stol || latin->distance <= latin->noise) *reason = SNES_CONVERGED_SNORM_RELATIVE;
+  if (data->handed && SNESLatinRests_Private(data, *reason)) *reason = SNES_CONVERGED_ITS;
   if (!*reason && data->handed && latin->indicator <= data->polish.start) *reason = SNES_CONVERGED_ITS;
   if (!*reason && snes->divtol > 0.0 && latin->distance > snes->divtol * data->first_distance) *reason = SNES_DIVERGED_DTOL;
   if (*reason > 0 && *reason != SNES_CONVERGED_ITS) PetscCall(SNESLatinProve_Private(snes, reason));

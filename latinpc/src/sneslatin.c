@@ -8,7 +8,8 @@
    the stages that it calls.
 */
 
-#define LATIN_HISTORY 1000000 /* linear stages whose indicator and errors are kept */
+#define LATIN_HISTORY       1000000 /* linear stages whose indicator and errors are kept */
+#define LATIN_DIGITS_SAFETY 2.0     /* on errors that are known to their order of magnitude */
 
 static const char citation[] = "@article{AlartDureisseix2008,\n"
                                "  author  = {Pierre Alart and David Dureisseix},\n"
@@ -219,6 +220,24 @@ static PetscErrorCode SNESLatinStart_Private(SNES snes)
   PetscFunctionReturn(0);
 }
 
+/* An error asked for that may be below what rounding leaves: has Newton's method reached it, as far as this precision tells? */
+static PetscErrorCode SNESLatinProveDigits_Private(SNES snes, const LatinPolish *polish)
+{
+  SNES_Latin *data = (SNES_Latin *)snes->data;
+  PetscReal   unbalance, rounding;
+
+  PetscFunctionBegin;
+  PetscCall(LatinEstimateFloor_Private(data->latin, &data->estimate));
+  if (data->estimate.floor <= data->target || data->estimate.energy) PetscFunctionReturn(0);
+  PetscCall(LatinGetDigits(snes, &unbalance, &rounding, NULL, NULL));
+  data->estimate.floor = LATIN_DIGITS_SAFETY * PetscMax(unbalance, rounding);
+  snes->norm           = PetscMax(polish->error, data->estimate.floor);
+  if (snes->norm <= data->target) PetscFunctionReturn(0);
+  snes->reason = SNES_DIVERGED_INNER;
+  PetscCall(PetscInfo(snes, "The error asked for, %g, is below what rounding leaves on this structure, about %g\n", (double)data->target, (double)snes->norm));
+  PetscFunctionReturn(0);
+}
+
 /* Newton's method from here on; where it fails the iteration goes on from where it was */
 static PetscErrorCode SNESLatinPolish_Private(SNES snes, LatinPolish *polish)
 {
@@ -259,6 +278,7 @@ static PetscErrorCode SNESLatinPolish_Private(SNES snes, LatinPolish *polish)
         PetscCall(PetscInfo(snes, "The search of Newton's method stands still where the unbalance tells of an error of %g at least\n", (double)doubt.value));
       }
     }
+    if (data->stop == LATIN_STOP_ERROR) PetscCall(SNESLatinProveDigits_Private(snes, polish));
     PetscCall(SNESLogConvergenceHistory(snes, snes->norm, polish->stages));
     PetscCall(SNESMonitor(snes, snes->iter, snes->norm));
     PetscFunctionReturn(0);

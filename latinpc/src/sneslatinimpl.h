@@ -29,6 +29,7 @@ typedef struct {
   PetscBool  rounding; /* the floor has been reached, above the target */
 } LatinEstimate;
 PETSC_INTERN PetscErrorCode LatinEstimateStart_Private(LatinEstimate *);
+PETSC_INTERN PetscErrorCode LatinEstimateFloor_Private(Latin, LatinEstimate *);
 PETSC_INTERN PetscErrorCode LatinEstimateUpdate_Private(Latin, PetscReal target, LatinEstimate *);
 PETSC_INTERN PetscErrorCode LatinEstimateDoubt_Private(Latin, PetscReal target, Vec u, Vec r, LatinEstimate *);
 PETSC_INTERN PetscErrorCode LatinEstimateDestroy_Private(LatinEstimate *);

@@ -1,0 +1,238 @@
+#include "latinimpl.h"
+
+/*
+   How many digits of a solution there are, and what has taken the others, on demand.
+
+   Near a solution u, with the tangent stiffness K of the links there, a small force r moves it by K^-1 r. So
+
+     unbalance  r = F - B^t tau(u) tells how far u is from the equilibrium of the structure as it is stored;
+     rounding   an elongation n (u_b - u_a) is a difference of rounded numbers, wrong by eps (|n u_a| + |n u_b|), and its
+                tension by eps of itself: what any solver in this precision must expect;
+     places     coordinates are rounded, so that the direction of a link is known to eps |x| / length only: far from the
+                origin, or between close nodes, that is little;
+     values     the same of stiffnesses, prestrains and loads: what is lost before a solver begins.
+
+   The last three are sums over links of independent roundings. Their root mean square is found from a few random ones:
+   with r a sum of terms of random sign, the expected square of K^-1 r is the sum of the squares [C. S. Kenney, A. J. Laub,
+   SIAM J. Sci. Comput. 15 (1994): small-sample statistical condition estimates]. Divided by eps it is the condition of
+   this solution, not of its worst right-hand side.
+*/
+
+#define LATIN_DIGITS_SAMPLES 3
+#define LATIN_DIGITS_FLOOR   1e-8 /* what a slack link keeps of the least stiffness, so that no mechanism ends the solves */
+#define LATIN_DIGITS_UNIT    (0.5 * PETSC_MACHINE_EPSILON)
+
+typedef enum { LATIN_DIGITS_ROUNDING, LATIN_DIGITS_PLACES, LATIN_DIGITS_VALUES, LATIN_DIGITS_KINDS } LatinDigitsKind;
+
+/* The structure around a solution */
+typedef struct {
+  LatinLinks links;
+  Vec        u;
+  KSP        ksp;
+  PetscReal *x; /* [vertices][dim] coordinates */
+} LatinAround;
+
+/* 1 or -1 for a number of an entity of the whole structure, the same whatever the number of ranks: the finaliser of MurmurHash3 */
+static PetscReal LatinDigitsSign(PetscInt entity, PetscInt number)
+{
+  uint64_t h = ((uint64_t)entity << 8) ^ (uint64_t)number;
+
+  h ^= h >> 33;
+  h *= 0xff51afd7ed558ccdULL;
+  h ^= h >> 33;
+  h *= 0xc4ceb9fe1a85ec53ULL;
+  h ^= h >> 33;
+  return h & 1 ? 1.0 : -1.0;
+}
+
+/* Forces of nodes that random roundings of one kind make of nothing. Collective on links */
+static PetscErrorCode LatinDigitsForces_Private(const LatinAround *around, LatinDigitsKind kind, PetscInt sample, Vec r)
+{
+  LatinLinks         links = around->links;
+  const PetscInt     dim = links->dim, first = 16 * sample;
+  Vec                ul, rl;
+  const PetscScalar *a;
+  PetscScalar       *f, *load;
+  PetscInt           n, start;
+
+  PetscFunctionBegin;
+  PetscCall(DMGetLocalVector(links->dm, &ul));
+  PetscCall(DMGetLocalVector(links->dm, &rl));
+  PetscCall(LatinLinksGetLocal_Private(links, around->u, ul));
+  PetscCall(VecZeroEntries(rl));
+  PetscCall(VecGetArrayRead(ul, &a));
+  PetscCall(VecGetArray(rl, &f));
+  for (PetscInt l = 0; l < links->links_local; l++) {
+    const PetscInt   link = links->links_start + l, *end = links->ends + 2 * l;
+    const PetscReal  e = LatinLinksElongation(links, l, a), e0 = links->prestrain[l], tau = LatinLinksTension(links, l, e + e0), k = links->tangent[l];
+    const PetscReal *n = links->direction + dim * l;
+
+    if (kind == LATIN_DIGITS_ROUNDING) {
+      PetscReal most = PetscAbsReal(e0);
+
+      for (PetscInt c = 0; c < dim; c++) most += PetscAbsReal(n[c]) * (PetscAbsScalar(a[dim * end[0] + c]) + PetscAbsScalar(a[dim * end[1] + c]));
+      LatinLinksAddForce(links, l, LATIN_DIGITS_UNIT * LatinDigitsSign(link, first) * (k * most + PetscAbsReal(tau)), f);
+    } else if (kind == LATIN_DIGITS_VALUES) LatinLinksAddForce(links, l, LATIN_DIGITS_UNIT * (LatinDigitsSign(link, first) * tau + LatinDigitsSign(link, first + 1) * k * e0), f);
+    else {
+      const PetscReal *xa = around->x + dim * end[0], *xb = around->x + dim * end[1];
+      PetscReal        turn[3] = {0.0, 0.0, 0.0}, length = 0.0, along = 0.0, stretch = 0.0;
+
+      for (PetscInt c = 0; c < dim; c++) {
+        turn[c] = LATIN_DIGITS_UNIT * (LatinDigitsSign(link, first + 2 * c) * xa[c] + LatinDigitsSign(link, first + 2 * c + 1) * xb[c]);
+        length += PetscSqr(xb[c] - xa[c]);
+        along += n[c] * turn[c];
+      }
+      length = PetscSqrtReal(length);
+      for (PetscInt c = 0; c < dim; c++) { /* across the link only: its stiffness and its rest length are given, not those of its coordinates */
+        turn[c] = (turn[c] - along * n[c]) / length;
+        stretch += turn[c] * PetscRealPart(a[dim * end[1] + c] - a[dim * end[0] + c]);
+      }
+      LatinLinksAddForce(links, l, k * stretch, f);
+      for (PetscInt c = 0; c < dim; c++) {
+        f[dim * end[0] + c] -= tau * turn[c];
+        f[dim * end[1] + c] += tau * turn[c];
+      }
+    }
+  }
+  PetscCall(VecRestoreArray(rl, &f));
+  PetscCall(VecRestoreArrayRead(ul, &a));
+  PetscCall(VecZeroEntries(r));
+  PetscCall(DMLocalToGlobalBegin(links->dm, rl, ADD_VALUES, r));
+  PetscCall(DMLocalToGlobalEnd(links->dm, rl, ADD_VALUES, r));
+  PetscCall(DMRestoreLocalVector(links->dm, &rl));
+  PetscCall(DMRestoreLocalVector(links->dm, &ul));
+  if (kind != LATIN_DIGITS_VALUES) PetscFunctionReturn(0);
+  PetscCall(VecGetOwnershipRange(r, &start, NULL));
+  PetscCall(VecGetLocalSize(r, &n));
+  PetscCall(VecGetArray(r, &f));
+  PetscCall(VecGetArrayRead(links->load, (const PetscScalar **)&load));
+  for (PetscInt i = 0; i < n; i++) f[i] += LATIN_DIGITS_UNIT * LatinDigitsSign(start + i, first + 2) * load[i];
+  PetscCall(VecRestoreArrayRead(links->load, (const PetscScalar **)&load));
+  PetscCall(VecRestoreArray(r, &f));
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode LatinDigitsMult_Private(Mat A, Vec x, Vec y)
+{
+  LatinLinks links;
+
+  PetscFunctionBegin;
+  PetscCall(MatShellGetContext(A, &links));
+  PetscCall(LatinLinksMultTangent_Private(links, x, y));
+  PetscFunctionReturn(0);
+}
+
+/* CG with PC latin on the tangent stiffness at the solution; slack links keep a little. Collective on snes */
+static PetscErrorCode LatinDigitsCreate_Private(SNES snes, LatinAround *around)
+{
+  LatinLinks links = around->links;
+  MPI_Comm   comm  = PetscObjectComm((PetscObject)snes);
+  PetscReal  least;
+  PetscInt   n;
+  PC         pc;
+  Mat        A;
+
+  PetscFunctionBegin;
+  PetscCall(LatinLinksStiffnessRange_Private(links, &least, NULL));
+  PetscCall(LatinLinksSetTangent_Private(links, around->u, LATIN_DIGITS_FLOOR * least));
+  PetscCall(VecGetLocalSize(around->u, &n));
+  PetscCall(MatCreateShell(comm, n, n, PETSC_DETERMINE, PETSC_DETERMINE, links, &A));
+  PetscCall(MatShellSetOperation(A, MATOP_MULT, (void (*)(void))LatinDigitsMult_Private));
+  PetscCall(MatSetOption(A, MAT_SYMMETRIC, PETSC_TRUE));
+  PetscCall(KSPCreate(comm, &around->ksp));
+  PetscCall(PetscObjectSetOptions((PetscObject)around->ksp, ((PetscObject)snes)->options));
+  PetscCall(KSPSetOptionsPrefix(around->ksp, "latin_digits_"));
+  PetscCall(KSPSetType(around->ksp, KSPCG));
+  PetscCall(KSPSetNormType(around->ksp, KSP_NORM_NATURAL));
+  PetscCall(KSPSetTolerances(around->ksp, 1e-4, 0.0, PETSC_MAX_REAL, 1000)); /* an order of magnitude is wanted; forces of stiff links must not hide those of soft ones */
+  PetscCall(KSPSetOperators(around->ksp, A, A));
+  PetscCall(KSPGetPC(around->ksp, &pc));
+  PetscCall(PCSetType(pc, PCLATIN));
+  PetscCall(PCLatinSetLinks(pc, links));
+  PetscCall(KSPSetFromOptions(around->ksp));
+  PetscCall(MatDestroy(&A));
+  if (!around->x) PetscCall(PetscMalloc1(links->dim * links->vertices, &around->x));
+  PetscCall(LatinSFBcast_Private(links->vertex_sf, links->dim, MPIU_REAL, links->x, around->x));
+  PetscFunctionReturn(0);
+}
+
+/* |K^-1 r|, relative to that of the solution; r is overwritten */
+static PetscErrorCode LatinDigitsMove_Private(const LatinAround *around, Vec r, Vec moved, PetscReal *part)
+{
+  KSPConvergedReason reason;
+  PetscReal          norm, size;
+
+  PetscFunctionBegin;
+  PetscCall(KSPSolve(around->ksp, r, moved));
+  PetscCall(KSPGetConvergedReason(around->ksp, &reason));
+  PetscCheck(reason > 0, PetscObjectComm((PetscObject)around->ksp), PETSC_ERR_NOT_CONVERGED, "The digits of the solution are not known: conjugate gradients on its tangent stiffness end with %s; see -latin_digits_ksp_monitor",
+             KSPConvergedReasons[reason]);
+  PetscCall(VecNorm(moved, NORM_2, &norm));
+  PetscCall(VecNorm(around->u, NORM_2, &size));
+  *part = size > 0.0 ? norm / size : norm > 0.0 ? PETSC_INFINITY : 0.0;
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  LatinGetDigits - How far a solution is from equilibrium, and what the rounding of numbers makes of it.
+
+  Collective on snes
+
+  Input Parameter:
+. snes - of any type, after a solve; its DM is that of a structure without rigid links
+
+  Output Parameters:
++ unbalance - what the forces that are left without balance move
+. rounding  - what the rounding of displacements, elongations and tensions moves: least error of any solver in this precision
+. places    - the same of the rounding of coordinates
+- values    - the same of stiffnesses, prestrains and loads
+
+  Level: intermediate
+
+  Notes:
+  All are relative, in the l2 norm of the free displacements; the last three are root mean squares over random roundings.
+  Divided by the unit roundoff, 1.1e-16, they are condition numbers of this solution. Each may be NULL.
+
+  It costs the set-up of a `PCLATIN` and ten linear solves, options prefix `-latin_digits_`.
+
+.seealso: `LatinGetEnergyBound()`, `SNESLatinGetEstimates()`
+@*/
+PetscErrorCode LatinGetDigits(SNES snes, PetscReal *unbalance, PetscReal *rounding, PetscReal *places, PetscReal *values)
+{
+  LatinAround around                    = {NULL};
+  PetscReal  *found[LATIN_DIGITS_KINDS] = {rounding, places, values};
+  PetscReal   one;
+  DM          dm;
+  Vec         r, moved;
+
+  PetscFunctionBegin;
+  PetscValidHeaderSpecific(snes, SNES_CLASSID, 1);
+  PetscCall(SNESGetDM(snes, &dm));
+  PetscCall(LatinLinksFromDM_Private(dm, &around.links));
+  PetscCheck(around.links, PetscObjectComm((PetscObject)snes), PETSC_ERR_ORDER, "The digits of a solution need a structure: LatinLinksAttachSNES() comes first (in Python, latinpc.Links(...).attach(snes))");
+  PetscCall(LatinLinksCheckRigid_Private(around.links, "The digits of a solution, by its tangent stiffness,"));
+  PetscCall(SNESGetSolution(snes, &around.u));
+  PetscCheck(around.u, PetscObjectComm((PetscObject)snes), PETSC_ERR_ORDER, "The digits are those of a solution: call SNESSolve() first");
+  PetscCall(VecDuplicate(around.u, &r));
+  PetscCall(VecDuplicate(around.u, &moved));
+  PetscCall(LatinDigitsCreate_Private(snes, &around));
+  if (unbalance) {
+    PetscCall(SNESComputeFunction(snes, around.u, r));
+    PetscCall(LatinDigitsMove_Private(&around, r, moved, unbalance));
+  }
+  for (PetscInt kind = 0; kind < LATIN_DIGITS_KINDS; kind++) {
+    if (!found[kind]) continue;
+    *found[kind] = 0.0;
+    for (PetscInt sample = 0; sample < LATIN_DIGITS_SAMPLES; sample++) {
+      PetscCall(LatinDigitsForces_Private(&around, (LatinDigitsKind)kind, sample, r));
+      PetscCall(LatinDigitsMove_Private(&around, r, moved, &one));
+      *found[kind] += one * one / LATIN_DIGITS_SAMPLES;
+    }
+    *found[kind] = PetscSqrtReal(*found[kind]);
+  }
+  PetscCall(KSPDestroy(&around.ksp));
+  PetscCall(PetscFree(around.x));
+  PetscCall(VecDestroy(&moved));
+  PetscCall(VecDestroy(&r));
+  PetscFunctionReturn(0);
+}
