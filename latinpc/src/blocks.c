@@ -371,7 +371,6 @@ PetscErrorCode LatinBlockSolveBatch_Private(Latin latin, LatinBlockSolver *solve
   const PetscInt     bs = latin->sub.bs, rows = batch->row[batch->patterns], columns = PetscMin(batch->members, LATIN_BLOCK_COLUMNS);
   PetscScalar       *b;
   const PetscScalar *x;
-  KSPConvergedReason reason;
 
   PetscFunctionBegin;
   for (PetscInt first = 0; first < batch->members; first += columns) {
@@ -385,8 +384,7 @@ PetscErrorCode LatinBlockSolveBatch_Private(Latin latin, LatinBlockSolver *solve
       PetscCall(PetscObjectStateIncrease((PetscObject)solver->b[i]));
       PetscCall(KSPSolve(solver->ksp[i], solver->b[i], solver->x[i]));
     } else PetscCall(KSPMatSolve(solver->ksp[i], solver->B[i], solver->X[i]));
-    PetscCall(KSPGetConvergedReason(solver->ksp[i], &reason));
-    if (reason < 0) latin->failed = PETSC_TRUE;
+    PetscCall(LatinSolverNote_Private(latin, solver->ksp[i]));
     PetscCall(MatDenseGetArrayRead(solver->X[i], &x));
     for (PetscInt m = first; m < last; m++)
       for (PetscInt p = 0; p < batch->patterns; p++) PetscCall(PetscArraycpy(U + bs * sub->node_offset[batch->sub[p + m]], x + (size_t)rows * (size_t)(m - first) + batch->row[p], batch->row[p + 1] - batch->row[p]));

@@ -380,10 +380,9 @@ static PetscErrorCode LatinCoarseDistribute_Private(Latin latin, Vec v)
 /* From the condensed forces q of the subdomains to the coarse displacements u */
 PetscErrorCode LatinCoarseSolve(Latin latin)
 {
-  KSPConvergedReason reason;
-  LatinCoarse       *coarse = &latin->coarse;
-  PetscScalar       *b;
-  PetscInt           rows;
+  LatinCoarse *coarse = &latin->coarse;
+  PetscScalar *b;
+  PetscInt     rows;
 
   PetscFunctionBegin;
   if (!coarse->A) PetscFunctionReturn(0);
@@ -397,8 +396,7 @@ PetscErrorCode LatinCoarseSolve(Latin latin)
   PetscCall(VecGetSize(coarse->rhs, &rows));
   if (rows) {
     PetscCall(KSPSolve(coarse->ksp, coarse->rhs, coarse->sol));
-    PetscCall(KSPGetConvergedReason(coarse->ksp, &reason));
-    if (reason < 0) latin->failed = PETSC_TRUE;
+    PetscCall(LatinSolverNote_Private(latin, coarse->ksp));
   }
   PetscCall(LatinCoarseDistribute_Private(latin, coarse->sol));
   PetscCall(LatinNestUp(latin));

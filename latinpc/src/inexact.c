@@ -28,6 +28,20 @@ PetscErrorCode LatinSolverDirect_Private(KSP ksp, PetscBool *direct)
 }
 
 /*
+   Notes in latin->failed when a solve has failed. A preconditioner may ask for so many iterations and no more, as PETSc's
+   own do (KSPCheckSolve()); where linear stages are taken to be exact that is a failure, too.
+*/
+PetscErrorCode LatinSolverNote_Private(Latin latin, KSP ksp)
+{
+  KSPConvergedReason reason;
+
+  PetscFunctionBegin;
+  PetscCall(KSPGetConvergedReason(ksp, &reason));
+  if (reason < 0 && !(latin->preconditions && reason == KSP_DIVERGED_ITS)) latin->failed = PETSC_TRUE;
+  PetscFunctionReturn(0);
+}
+
+/*
    Defaults where the options have chosen a preconditioner that is not a factorisation: applied once for a PC latin, which
    it leaves linear, symmetric and positive definite if it is so itself; elsewhere conjugate gradients to a small
    residual, for an iteration that takes its linear stages to be exact. *direct: it is a factorisation. Before KSPSetUp().

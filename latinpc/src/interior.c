@@ -290,13 +290,11 @@ PetscBool LatinInteriorRough(Latin latin, PetscInt i)
 
 static PetscErrorCode LatinInteriorSolve_Private(Latin latin)
 {
-  LatinInterior      interior = latin->interior;
-  KSPConvergedReason reason;
+  LatinInterior interior = latin->interior;
 
   PetscFunctionBegin;
   PetscCall(KSPSolve(interior->ksp, interior->b, interior->x));
-  PetscCall(KSPGetConvergedReason(interior->ksp, &reason));
-  if (reason < 0) latin->failed = PETSC_TRUE;
+  PetscCall(LatinSolverNote_Private(latin, interior->ksp));
   PetscFunctionReturn(0);
 }
 

@@ -51,7 +51,7 @@ static PetscErrorCode KSPLatinMult_Private(Mat A, Vec x, Vec y)
   PetscCall(VecGetArrayRead(x, &a));
   PetscCall(VecGetArrayWrite(y, &b));
   PetscCall(LatinReflectionApply_Private(data->latin, a, data->symmetric, b));
-  if (data->latin->failed) b[0] = PETSC_INFINITY; /* seen by all ranks in the next norm; a rank that fails has interfaces */
+  if (data->latin->failed && data->latin->inter.sides) b[0] = INFINITY; /* seen by all ranks in the next norm, or at the end */
   PetscCall(VecRestoreArrayRead(x, &a));
   PetscCall(VecRestoreArrayWrite(y, &b));
   PetscFunctionReturn(0);
@@ -288,6 +288,7 @@ static PetscErrorCode KSPSolve_Latin(KSP ksp)
 {
   KSP_Latin   *data = (KSP_Latin *)ksp->data;
   PetscBool    definite;
+  PetscInt     failed;
   MatNullSpace kernel;
   Mat          A;
 
@@ -300,7 +301,8 @@ static PetscErrorCode KSPSolve_Latin(KSP ksp)
   PetscCall(KSPGetOperators(ksp, &A, NULL));
   PetscCall(VecDestroy(&data->guess));
   PetscCall(VecDestroy(&data->load));
-  data->rhs_norm = 0.0;
+  data->rhs_norm      = 0.0;
+  data->latin->failed = PETSC_FALSE;
   if (ksp->normtype == KSP_NORM_UNPRECONDITIONED) PetscCall(VecNorm(ksp->vec_rhs, NORM_2, &data->rhs_norm));
   if (ksp->guess_zero) {
     PetscCall(PetscObjectReference((PetscObject)ksp->vec_rhs));
@@ -333,6 +335,10 @@ static PetscErrorCode KSPSolve_Latin(KSP ksp)
   PetscCall(KSPGetIterationNumber(data->outer, &ksp->its));
   PetscCall(KSPGetConvergedReason(data->outer, &ksp->reason));
   PetscCall(KSPLatinDisplacements_Private(ksp, data->y, ksp->vec_sol));
+  failed = data->latin->failed ? 1 : 0; /* in the first stage or the last, which no norm has seen, or on a rank without interfaces */
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &failed, 1, MPIU_INT, MPI_MAX, PetscObjectComm((PetscObject)ksp)));
+  if (failed) ksp->reason = KSP_DIVERGED_PC_FAILED;
+  else if (ksp->reason > 0 && PetscIsInfOrNanReal(data->latin->noise)) ksp->reason = KSP_DIVERGED_NANORINF; /* the energy overflows: nothing has been compared with anything */
   PetscCall(MatGetNullSpace(A, &kernel));
   if (kernel) PetscCall(MatNullSpaceRemove(kernel, ksp->vec_sol));
   PetscFunctionReturn(0);
@@ -443,6 +449,7 @@ PetscErrorCode KSPLatinSetLinks(KSP ksp, LatinLinks links)
   PetscFunctionBegin;
   PetscCall(KSPLatinCheckType_Private(ksp));
   data = (KSP_Latin *)ksp->data;
+  if (links != data->links) ksp->setupstage = KSP_SETUP_NEW; /* built again at the next KSPSetUp() */
   PetscCall(LatinLinksReference(links));
   PetscCall(LatinLinksDestroy(&data->links));
   data->links = links;

@@ -381,6 +381,7 @@ PetscErrorCode LatinApply_Private(Latin latin, Vec z, Vec Gz)
   PetscScalar       *b;
 
   PetscFunctionBegin;
+  latin->failed = PETSC_FALSE;
   PetscCall(VecGetArrayRead(z, &a));
   PetscCall(VecGetArrayWrite(Gz, &b));
   PetscCall(LatinGatherForces_Private(latin, a));

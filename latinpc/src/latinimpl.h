@@ -17,6 +17,7 @@
 #include <petscdmplex.h>
 #include <petscsf.h>
 #include <petscsnes.h>
+#include <math.h> /* INFINITY: that of PETSc is a large number */
 
 #if defined(PETSC_USE_COMPLEX)
   #error "latinpc needs a PETSc with real scalars: structures have real displacements"
@@ -471,7 +472,7 @@ struct _p_Latin {
   PetscInt           applications; /* linear stages done since the last reset of the counter */
   PetscBool          set_up;
   LatinInexact       inexact; /* of the inner solvers of a preconditioner, on this rank */
-  PetscBool          failed;  /* an inner solver failed in the last linear stage */
+  PetscBool          failed;  /* an inner solver failed on this rank, in the last application of a SNES or a PC, or in this solve of a KSP */
   PetscObjectState   load_state, prestrain_state, links_state;
   PetscReal         *outgoing;       /* [sides] work: the data that the mates receive */
   PetscReal         *direction_work; /* work: two blocks of vectors on an interface, one for each subdomain that is treated together */
@@ -562,6 +563,7 @@ PETSC_INTERN PetscErrorCode LatinBlockSolverSetUp(Latin, LatinBlockSolver *, con
 PETSC_INTERN PetscErrorCode LatinBlockSolve(Latin, LatinBlockSolver *, const PetscReal g[], PetscReal U[]);
 PETSC_INTERN PetscErrorCode LatinBlockSolveBatch_Private(Latin, LatinBlockSolver *, PetscInt batch, const PetscReal g[], PetscReal U[]);
 PETSC_INTERN PetscErrorCode LatinSolverDirect_Private(KSP, PetscBool *);
+PETSC_INTERN PetscErrorCode LatinSolverNote_Private(Latin, KSP);
 PETSC_INTERN PetscErrorCode LatinSolverDefaults_Private(Latin, KSP, const char name[], PetscBool *direct);
 PETSC_INTERN PetscErrorCode LatinSolverAccurate_Private(Latin, KSP, KSP *accurate);
 PETSC_INTERN PetscErrorCode LatinSolverTest_Private(KSP, Mat, LatinInexact *);

@@ -283,7 +283,6 @@ PetscErrorCode LatinLinearApply(Latin latin, PetscReal U[])
   LatinLinear *linear = &latin->linear;
 
   PetscFunctionBegin;
-  latin->failed = PETSC_FALSE;
   PetscCall(PetscLogEventBegin(LATIN_Condense, latin, 0, 0, 0));
   for (PetscInt b = 0; b < linear->blocks.n; b++) PetscCall(LatinLinearCondense_Private(latin, &linear->blocks.batch[b]));
   PetscCall(PetscLogEventEnd(LATIN_Condense, latin, 0, 0, 0));

@@ -211,6 +211,16 @@ static PetscErrorCode PCLatinInteriorSolve_Private(PC pc, const PetscReal f[])
   PetscFunctionReturn(0);
 }
 
+/* What an inner solver that has failed on this rank leaves is no number: the next norm of a Krylov method tells all ranks, and its reason names the preconditioner */
+static void PCLatinFail(PC pc, PetscReal copy[])
+{
+  PC_Latin *data = (PC_Latin *)pc->data;
+
+  if (!data->latin->failed) return;
+  for (PetscInt i = 0; i < data->latin->sub.bs * data->latin->sub.copies; i++) copy[i] = INFINITY;
+  pc->failedreason = PC_SUBPC_ERROR;
+}
+
 /*
    With the operators of a SNES latin, on which slack links are taut, no elimination of the interiors is exact: the
    linear stage alone, weighted before and after, takes a few more iterations of half the cost.
@@ -222,14 +232,15 @@ static PetscErrorCode PCApply_Latin_Shared(PC pc, Vec x, Vec y)
   const PetscInt n     = latin->sub.bs * latin->sub.copies;
 
   PetscFunctionBegin;
+  latin->failed = PETSC_FALSE;
   PetscCall(PetscArrayzero(data->f, n));
   PetscCall(LatinDistribute_Private(latin, x, data->f));
   for (PetscInt i = 0; i < n; i++) latin->linear.g[i] = data->weight[i] * data->f[i];
   PetscCall(PetscArrayzero(data->v, n));
   PetscCall(LatinLinearApply(latin, data->v));
   for (PetscInt i = 0; i < n; i++) data->v[i] = data->weight[i] * data->v[i];
+  PCLatinFail(pc, data->v);
   PetscCall(PCLatinSum_Private(latin, data->v, y));
-  if (latin->failed) pc->failedreason = PC_SUBPC_ERROR;
   PetscFunctionReturn(0);
 }
 
@@ -265,6 +276,7 @@ static PetscErrorCode PCApply_Latin(PC pc, Vec x, Vec y)
   const PetscInt bs = latin->sub.bs, n = bs * latin->sub.copies;
 
   PetscFunctionBegin;
+  latin->failed = PETSC_FALSE;
   /* forces left on the interfaces once the interiors are in equilibrium */
   PetscCall(PetscArrayzero(data->force, n));
   PetscCall(LatinDistribute_Private(latin, x, data->force));
@@ -294,10 +306,10 @@ static PetscErrorCode PCApply_Latin(PC pc, Vec x, Vec y)
     for (PetscInt i = 0; i < n; i++) data->f[i] = data->force[i] - data->f[i];
     PetscCall(PCLatinInteriorSolve_Private(pc, data->f));
   }
+  PCLatinFail(pc, data->v);
   PetscCall(PCLatinSum_Private(latin, data->v, y));
   PetscCall(VecAXPY(y, 1.0, data->work));
   PetscCall(LatinLoose_Private(latin, x, y));
-  if (latin->failed) pc->failedreason = PC_SUBPC_ERROR;
   PetscFunctionReturn(0);
 }
 
@@ -433,6 +445,7 @@ PetscErrorCode PCLatinSetLinks(PC pc, LatinLinks links)
   PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCLATIN, &is));
   PetscCheck(is, PetscObjectComm((PetscObject)pc), PETSC_ERR_ARG_WRONG, "The PC is not of type latin: call PCSetType(pc, PCLATIN) first");
   data = (PC_Latin *)pc->data;
+  if (links != data->links) pc->setupcalled = 0; /* built again at the next PCSetUp() */
   PetscCall(LatinLinksReference(links));
   PetscCall(LatinLinksDestroy(&data->links));
   data->links = links;
