@@ -68,10 +68,11 @@ static PetscErrorCode LatinBoundIterate_Private(Mat K, PC pc, Vec r, PetscReal *
   PetscCall(VecDot(r, z, &rho));
   first  = rho;
   *upper = 0.0;
+  PetscCheck(!PetscIsInfOrNanScalar(rho), PetscObjectComm((PetscObject)r), PETSC_ERR_FP, "The displacements, or the loads, are not finite numbers: they have no energy bound");
   for (n = 0; rho > 0.0 && n < LATIN_BOUND_STEPS;) {
     PetscCall(MatMult(K, p, Kp));
     PetscCall(VecDot(p, Kp, &pKp));
-    if (!(pKp > 0.0)) break;
+    PetscCheck(pKp > 0.0, PetscObjectComm((PetscObject)r), PETSC_ERR_NOT_CONVERGED, "The energy bound needs a stiffness that is positive and finite, and meets the energy %g: a local solver failed, or the structure has a mechanism", (double)pKp);
     gamma[n] = rho / pKp;
     PetscCall(VecAXPY(r, -gamma[n], Kp));
     PetscCall(PCApply(pc, r, z));
@@ -174,7 +175,7 @@ PetscErrorCode LatinGetEnergyBound(SNES snes, PetscReal *bound, PetscReal *relat
   PetscCall(LatinBoundNorm_Private(links, u, &norm, &rounding));
   upper += rounding;
   if (bound) *bound = upper;
-  if (relative) *relative = upper < norm ? upper / (norm - upper) : upper > 0.0 ? PETSC_INFINITY : 0.0;
+  if (relative) *relative = upper < norm ? upper / (norm - upper) : upper > 0.0 ? INFINITY : 0.0;
   PetscCall(PCDestroy(&pc));
   PetscCall(MatDestroy(&K));
   PetscCall(VecDestroy(&r));

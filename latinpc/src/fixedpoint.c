@@ -155,28 +155,14 @@ PetscErrorCode SNESLatinConverged_Private(SNES outer, PetscInt it, PetscReal xno
    for nrichardson the full step that is the article's iteration. PETSc has no setter for the depth, only an option, so the default goes
    in through an options database of our own; the user's is not touched.
 */
-PetscErrorCode SNESLatinCreateOuter_Private(SNES snes)
+static PetscErrorCode SNESLatinOuterType_Private(SNES snes, const char type[])
 {
   SNES_Latin    *data = (SNES_Latin *)snes->data;
-  const char    *prefix;
-  char           type[64];
   PetscBool      set;
-  PetscOptions   options = ((PetscObject)snes)->options, defaults;
+  PetscOptions   defaults;
   SNESLineSearch search;
-  LatinLinks     links;
 
   PetscFunctionBegin;
-  if (data->outer) PetscFunctionReturn(0);
-  PetscCall(SNESLatinFindLinks_Private(snes, &links));
-  data->outer_rigid = (PetscBool)(links && links->rigid_law >= 0);
-  PetscCall(SNESCreate(PetscObjectComm((PetscObject)snes), &data->outer));
-  PetscCall(PetscObjectIncrementTabLevel((PetscObject)data->outer, (PetscObject)snes, 1));
-  PetscCall(SNESGetOptionsPrefix(snes, &prefix));
-  PetscCall(SNESSetOptionsPrefix(data->outer, prefix));
-  PetscCall(SNESAppendOptionsPrefix(data->outer, "snes_latin_outer_"));
-  PetscCall(SNESGetOptionsPrefix(data->outer, &prefix));
-  PetscCall(PetscOptionsGetString(options, prefix, "-snes_type", type, sizeof(type), &set));
-  if (!set) PetscCall(PetscStrcpy(type, SNESANDERSON));
   PetscCall(SNESSetType(data->outer, type));
   PetscCall(PetscStrcmp(type, SNESNRICHARDSON, &set));
   if (set) {
@@ -199,7 +185,44 @@ PetscErrorCode SNESLatinCreateOuter_Private(SNES snes)
     PetscCall(PetscOptionsPop());
     PetscCall(PetscOptionsDestroy(&defaults));
   }
+  PetscFunctionReturn(0);
+}
+
+/* Reads the options of the inner SNES, as often as those of snes are read; another type comes with its own defaults */
+PetscErrorCode SNESLatinOuterOptions_Private(SNES snes)
+{
+  SNES_Latin  *data    = (SNES_Latin *)snes->data;
+  PetscOptions options = ((PetscObject)snes)->options;
+  const char  *prefix;
+  char         type[64];
+  PetscBool    set, same;
+
+  PetscFunctionBegin;
+  PetscCall(SNESGetOptionsPrefix(data->outer, &prefix));
+  PetscCall(PetscOptionsGetString(options, prefix, "-snes_type", type, sizeof(type), &set));
+  if (!set) PetscCall(PetscStrncpy(type, ((PetscObject)data->outer)->type_name ? ((PetscObject)data->outer)->type_name : SNESANDERSON, sizeof(type)));
+  PetscCall(PetscObjectTypeCompare((PetscObject)data->outer, type, &same));
+  if (!same) PetscCall(SNESLatinOuterType_Private(snes, type));
   PetscCall(PetscObjectSetOptions((PetscObject)data->outer, options));
   PetscCall(SNESSetFromOptions(data->outer));
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode SNESLatinCreateOuter_Private(SNES snes)
+{
+  SNES_Latin *data = (SNES_Latin *)snes->data;
+  const char *prefix;
+  LatinLinks  links;
+
+  PetscFunctionBegin;
+  if (data->outer) PetscFunctionReturn(0);
+  PetscCall(SNESLatinFindLinks_Private(snes, &links));
+  data->outer_rigid = (PetscBool)(links && links->rigid_law >= 0);
+  PetscCall(SNESCreate(PetscObjectComm((PetscObject)snes), &data->outer));
+  PetscCall(PetscObjectIncrementTabLevel((PetscObject)data->outer, (PetscObject)snes, 1));
+  PetscCall(SNESGetOptionsPrefix(snes, &prefix));
+  PetscCall(SNESSetOptionsPrefix(data->outer, prefix));
+  PetscCall(SNESAppendOptionsPrefix(data->outer, "snes_latin_outer_"));
+  PetscCall(SNESLatinOuterOptions_Private(snes));
   PetscFunctionReturn(0);
 }

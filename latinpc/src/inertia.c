@@ -267,6 +267,8 @@ PetscErrorCode LatinStepStart_Private(LatinLinks step, PetscReal h, Vec u, Vec v
   PetscReal  flight = 0.0;
 
   PetscFunctionBegin;
+  PetscCheck(h > 0.0 && h * h > 0.0 && !PetscIsInfOrNanReal(1.0 / (h * h)), PetscObjectComm((PetscObject)step), PETSC_ERR_ARG_OUTOFRANGE,
+             "A time step has the length %g; it is a positive time of which 1 / h^2 is a number: give another one with -ts_dt", (double)h);
   PetscCall(LatinStepRefresh_Private(step));
   PetscCall(LatinStepGround_Private(step, 1.0 / (h * h)));
   PetscCall(VecPointwiseMult(step->load, base->inertia, v));

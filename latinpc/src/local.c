@@ -51,8 +51,8 @@ static PetscErrorCode LatinPull_Private(Latin latin, const LatinInterface *face,
 }
 
 /*
-   The interfaces of all subdomains here, equal subdomains that follow each other together. Without next: the forces of
-   the search direction; with next: adds the squares of the distance of z and next to sum.
+   The interfaces of all subdomains here, equal subdomains that follow each other together. Without sum: the forces of
+   the search direction; with sum: adds to it the squares of the distance of z and next.
 */
 static PetscErrorCode LatinSweepFaces_Private(Latin latin, const PetscReal z[], const PetscReal next[], PetscReal *sum)
 {
@@ -71,7 +71,7 @@ static PetscErrorCode LatinSweepFaces_Private(Latin latin, const PetscReal z[], 
       for (PetscInt f = first; f < last; f++) {
         const LatinInterface *face = &inter->interface[f];
 
-        if (next) PetscCall(LatinDirectionEnergy(latin, face, n, next + face->side_first, z + face->side_first, apart, sum));
+        if (sum) PetscCall(LatinDirectionEnergy(latin, face, n, next + face->side_first, z + face->side_first, apart, sum));
         else PetscCall(LatinPull_Private(latin, face, n, apart));
       }
     }
@@ -118,6 +118,8 @@ PetscErrorCode LatinLocalStage_Private(Latin latin, const PetscReal z[], PetscRe
   latin->noise     = LATIN_NOISE * PetscSqrtReal(PetscMax(total[1], total[2]));
   latin->distance  = PetscSqrtReal(total[0]);
   latin->indicator = total[1] > 0.0 ? PetscSqrtReal(total[0] / total[1]) : latin->distance;
+  /* where there is no interface no distance tells; and beside an energy that overflows any distance would seem small */
+  if (PetscIsInfOrNanReal(total[0]) || PetscIsInfOrNanReal(total[1])) latin->indicator = INFINITY;
   PetscCall(PetscLogEventEnd(LATIN_Local, latin, 0, 0, 0));
   PetscFunctionReturn(0);
 }

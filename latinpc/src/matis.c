@@ -83,7 +83,7 @@ static PetscErrorCode LatinLocalMatrixRestore_Private(Mat A, LatinLocalMatrix *l
   PetscFunctionReturn(0);
 }
 
-/* Ends in an error on every rank when the local matrix of any of them is not symmetric */
+/* Ends in an error on every rank when the local matrix of any of them is not symmetric, or not of finite numbers */
 static PetscErrorCode LatinLocalMatrixSymmetric_Private(Mat A, const LatinLocalMatrix *local)
 {
   PetscReal *largest, value[2] = {0.0, 0.0};
@@ -93,6 +93,13 @@ static PetscErrorCode LatinLocalMatrixSymmetric_Private(Mat A, const LatinLocalM
   PetscFunctionBegin;
   PetscCall(MatIsSymmetricKnown(A, &known, &symmetric));
   LatinAgree(PetscObjectComm((PetscObject)A), known && !symmetric, PETSC_ERR_SUP, "The matrix is marked as not symmetric: -pc_type latin is for symmetric positive definite matrices");
+  for (PetscInt r = 0; r < local->rows && bad[0] < 0; r++)
+    for (PetscInt k = local->i[r]; k < local->i[r + 1] && bad[0] < 0; k++)
+      if (PetscIsInfOrNanScalar(local->a[k])) {
+        bad[0] = local->global[r];
+        bad[1] = local->global[local->j[k]];
+      }
+  LatinAgree(PetscObjectComm((PetscObject)A), bad[0] >= 0, PETSC_ERR_FP, "The matrix has an entry that is not a finite number, at row %" PetscInt_FMT ", column %" PetscInt_FMT, bad[0], bad[1]);
   PetscCall(PetscCalloc1(local->rows, &largest));
   for (PetscInt r = 0; r < local->rows; r++)
     for (PetscInt k = local->i[r]; k < local->i[r + 1]; k++) largest[r] = PetscMax(largest[r], PetscAbsScalar(local->a[k]));

@@ -87,7 +87,8 @@ static PetscErrorCode SNESSetFromOptions_Latin(SNES snes, LatinOptionItems Petsc
   PetscCall(PetscObjectSetOptions((PetscObject)data->latin, ((PetscObject)snes)->options));
   PetscCall(PetscObjectSetOptionsPrefix((PetscObject)data->latin, prefix));
   PetscCall(PetscObjectAppendOptionsPrefix((PetscObject)data->latin, "snes_latin_"));
-  PetscCall(SNESLatinCreateOuter_Private(snes));
+  if (data->outer) PetscCall(SNESLatinOuterOptions_Private(snes));
+  else PetscCall(SNESLatinCreateOuter_Private(snes));
   if (data->polish.on) PetscCall(LatinPolishCreate_Private(snes, data->latin, &data->polish));
   PetscFunctionReturn(0);
 }
@@ -173,6 +174,8 @@ static PetscErrorCode SNESLatinPrepare_Private(SNES snes)
   Latin       latin = data->latin;
 
   PetscFunctionBegin;
+  PetscCheck(!PetscIsInfOrNanReal(snes->stol) && !PetscIsInfOrNanReal(snes->rtol) && !PetscIsInfOrNanReal(snes->abstol) && !PetscIsNanReal(snes->divtol), PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_OUTOFRANGE,
+             "A tolerance is not a finite number: stol %g, rtol %g, atol %g, divergence tolerance %g; give others with -snes_stol and so on, or SNESSetTolerances()", (double)snes->stol, (double)snes->rtol, (double)snes->abstol, (double)snes->divtol);
   if (data->history_size < PetscMin(snes->max_its, LATIN_HISTORY)) {
     PetscCall(PetscFree4(data->indicator, data->error_l2, data->error_energy, data->estimates));
     data->history_size = PetscMin(snes->max_its, LATIN_HISTORY);
@@ -186,6 +189,7 @@ static PetscErrorCode SNESLatinPrepare_Private(SNES snes)
     PetscCall(VecGetSize(data->reference, &n));
     PetscCall(VecGetSize(latin->links->load, &m));
     PetscCheck(n == m, PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_SIZ, "The reference has %" PetscInt_FMT " entries, the structure %" PetscInt_FMT " free degrees of freedom", n, m);
+    PetscCall(LatinLinksCheckVec_Private(latin->links, data->reference));
     if (!data->reference_copy) PetscCall(PetscMalloc1(latin->links->dim * latin->sub.copies, &data->reference_copy));
     PetscCall(PetscArraycpy(data->reference_copy, latin->sub.prescribed, latin->links->dim * latin->sub.copies));
     PetscCall(LatinDistribute_Private(latin, data->reference, data->reference_copy));

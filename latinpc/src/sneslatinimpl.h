@@ -124,6 +124,7 @@ typedef struct {
   PetscViewerFormat monitor_format;
 } SNES_Latin;
 PETSC_INTERN PetscErrorCode SNESLatinCreateOuter_Private(SNES);
+PETSC_INTERN PetscErrorCode SNESLatinOuterOptions_Private(SNES);
 PETSC_INTERN PetscErrorCode SNESLatinFixedPoint_Private(SNES outer, Vec z, Vec F, void *);
 PETSC_INTERN PetscErrorCode SNESLatinResidual_Private(SNES);
 PETSC_INTERN PetscErrorCode SNESLatinConverged_Private(SNES outer, PetscInt it, PetscReal xnorm, PetscReal snorm, PetscReal fnorm, SNESConvergedReason *, void *);

@@ -235,6 +235,7 @@ static PetscErrorCode LatinStiffnessPartial_Private(Latin latin, LatinGraph *gra
   PetscBLASInt     n, info = 0;
   Mat              K, factor, dense;
   MatFactorInfo    how;
+  MatFactorError   failed;
   PetscScalar     *F;
   IS               is;
 
@@ -256,6 +257,8 @@ static PetscErrorCode LatinStiffnessPartial_Private(Latin latin, LatinGraph *gra
   PetscCall(MatFactorInfoInitialize(&how));
   PetscCall(MatCholeskyFactorSymbolic(factor, K, NULL, &how));
   PetscCall(MatCholeskyFactorNumeric(factor, K, &how));
+  PetscCall(MatFactorGetError(factor, &failed)); /* noted, not raised */
+  if (failed) *bad = PETSC_TRUE;
   PetscCall(MatFactorCreateSchurComplement(factor, &dense, NULL));
   PetscCall(MatDestroy(&factor));
   PetscCall(PetscBLASIntCast(gamma, &n));

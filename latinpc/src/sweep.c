@@ -162,6 +162,7 @@ LATIN_INLINE void LatinTileStage(const Latin latin, const PetscInt dim, const Pe
   }
 }
 
+/* The local stage where there is a sum, else the forces: z and next are NULL on a rank without interfaces and states, too */
 LATIN_INLINE void LatinSweep(const Latin latin, const PetscInt dim, const PetscReal z[], PetscReal next[], PetscReal sum[3])
 {
   for (PetscInt b = 0; b < latin->linear.blocks.n; b++) {
@@ -170,11 +171,11 @@ LATIN_INLINE void LatinSweep(const Latin latin, const PetscInt dim, const PetscR
     PetscInt          m     = 0;
 
     for (; batch->alike && m + LATIN_LANES <= n; m += LATIN_LANES) {
-      if (next) LatinTileStage(latin, dim, LATIN_LANES, batch->sub + m, z, next, sum);
+      if (sum) LatinTileStage(latin, dim, LATIN_LANES, batch->sub + m, z, next, sum);
       else LatinTileForces(latin, dim, LATIN_LANES, batch->sub + m, z);
     }
     for (; m < n; m++) {
-      if (next) LatinTileStage(latin, dim, 1, batch->sub + m, z, next, sum);
+      if (sum) LatinTileStage(latin, dim, 1, batch->sub + m, z, next, sum);
       else LatinTileForces(latin, dim, 1, batch->sub + m, z);
     }
   }

@@ -160,6 +160,15 @@ static PetscErrorCode LatinUnknownsCopy_Private(const LatinUnknowns *from, Petsc
   PetscFunctionReturn(0);
 }
 
+/* How many of n numbers are not finite */
+static PetscInt LatinNotFinite(PetscInt n, const PetscReal x[])
+{
+  PetscInt count = 0;
+
+  for (PetscInt i = 0; i < n && x; i++) count += PetscIsInfOrNanReal(x[i]) ? 1 : 0;
+  return count;
+}
+
 /*
    Gathers what is known: coordinates given to the preconditioner, [nodes][dim] (NULL: none), or those of the DM; fields
    of the finite elements of the DM, or components of a block. Collective on A.
@@ -202,5 +211,8 @@ PetscErrorCode LatinUnknownsSetUp_Private(Mat A, DM dm, PetscInt dim, PetscInt n
   PetscCall(LatinUnknownsSpace_Private(kernel, rows, &known->kernels, &known->kernel));
   PetscCall(MatGetNearNullSpace(A, &near));
   PetscCall(LatinUnknownsSpace_Private(near ? near : kernel, rows, &known->nears, &known->near));
+  LatinAgree(PetscObjectComm((PetscObject)A), LatinNotFinite(known->dim * rows, known->x) > 0, PETSC_ERR_FP, "The unknowns of the matrix have coordinates that are not finite numbers (PCSetCoordinates(), or the DM)");
+  LatinAgree(PetscObjectComm((PetscObject)A), LatinNotFinite(known->nears * rows, known->near) || LatinNotFinite(known->kernels * rows, known->kernel), PETSC_ERR_FP,
+             "A vector of the near null space, or of the null space, of the matrix has numbers that are not finite");
   PetscFunctionReturn(0);
 }
