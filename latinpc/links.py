@@ -213,6 +213,7 @@ class Links:
 
         Collective. A SNES may be of any type: ``newtonls`` solves the same structure as ``latin``. A TS may be of
         type ``latin``, or of those of PETSc's types that take equations of second order, such as ``alpha2``.
+        A SNES or a TS of another structure is reset: a TS then starts from rest, without displacement.
 
         Parameters
         ----------
@@ -223,7 +224,10 @@ class Links:
         elif isinstance(solver, PETSc.KSP):
             self._handle.set_ksp(solver)
         elif isinstance(solver, PETSc.TS):
+            had = solver.getSolution()
             self._handle.attach_ts(solver)
+            if had and not solver.getSolution():  # that of another structure
+                solver.setSolution2(self.create_vec(), self.create_vec())
             solver.getDM().setAttr("latinpc_slices", self._slices)  # where the SNES of the steps is asked
         else:
             self._handle.attach(solver)
@@ -447,8 +451,11 @@ class Links:
         return shaped(name, values, (self._count,), dtype, "a value per link")
 
     def _node_array(self, name, values, dtype=np.float64):
-        values = shaped(name, values, self._shape, dtype, "a row per node, a column per direction")
-        if dtype is not bool:
+        told = shaped(name, values, self._shape, None, "a row per node, a column per direction")
+        values = told.astype(dtype)
+        if dtype is bool:
+            refuse(~np.isin(told, (0, 1)).all(axis=1), "node", f"has a {name} that is neither true nor false", told)
+        else:
             refuse(~np.isfinite(values).all(axis=1), "node", f"has a {name} that is not finite", values)
         return values
 

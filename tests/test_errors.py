@@ -7,6 +7,7 @@ import json
 import re
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -102,6 +103,29 @@ def in_c(name=None, place=(), value=None, laws=True, nodes=5):
     return handle
 
 
+NOTHING = SimpleNamespace(ctypes=SimpleNamespace(data=0))  # NULL
+
+
+def too_many_in_c():
+    """More nodes than PETSc's integers number; no array of theirs is looked at."""
+    many = SimpleNamespace(shape=(np.iinfo(PETSc.IntType).max // 4 * 3, 2), ctypes=NOTHING.ctypes)
+    _latin.LinksHandle().create(PETSc.COMM_WORLD, -1, many, share(LINKS, PETSc.IntType))
+
+
+def subdomains_of_some():
+    """Ranks without links have no subdomains to give; ranks with links give them, or none does."""
+    comm = PETSc.COMM_WORLD
+    handle, first = _latin.LinksHandle(), comm.rank == 0
+    mine = [array if first else array[:0] for array in (NODES, LINKS.astype(PETSc.IntType), np.zeros(8, PETSc.IntType))]
+    handle.create(comm, -1, *mine[:2])
+    handle.set_subdomains(mine[2] if first else NOTHING)
+    if comm.size > 1:
+        whole = in_c()
+        with pytest.raises(PETSc.Error) as error:
+            whole.set_subdomains(share(np.repeat([0, 1], 4), PETSc.IntType) if first else NOTHING)
+        assert "Some ranks give their links subdomains and others give NULL" in str(error.value)
+
+
 def gap_in_c():
     handle, snes = in_c(), PETSc.SNES().create()
     handle.attach(snes)
@@ -175,6 +199,47 @@ def with_bounds():
     snes.solve(None, u)
 
 
+def star(count):
+    """Cables around one node, each a subdomain."""
+    angle = 2 * np.pi * np.arange(count) / count
+    nodes = np.vstack([[0, 0], np.column_stack([np.cos(angle), np.sin(angle)])])
+    links = np.column_stack([np.zeros(count, int), np.arange(1, count + 1)])
+    return latinpc.Links(nodes, links, 1, 1e3, 1e-3, fixed=(nodes != 0).any(axis=1)[:, None] * [1, 1],
+                         subdomain=np.arange(count))  # fmt: skip
+
+
+def step_of(length):
+    links = square(mass=1.0)
+    ts = links.create_ts()
+    ts.setTimeStep(length)
+    ts.setMaxSteps(1)
+    ts.solve(links.create_vec())
+
+
+def bound_of(value):
+    snes, u = solve(square(), snes_latin_subdomains=2)
+    u.set(value)
+    latinpc.energy_bound(snes)
+
+
+def matis(entry=None, coordinate=0.0, near=1.0):
+    """A matrix without a structure, and what is told of it, to PC latin."""
+    links, pc = square(), bare(PETSc.PC, "latin")
+    links.dm.setMatType("is")
+    A, u = links.dm.createMat(), links.create_vec()
+    links.jacobian(u, A)
+    A.compose("__PETSc_dm", None)
+    if entry is not None:
+        local = A.getISLocalMat()
+        local.setValue(0, 0, entry)
+        local.assemble()
+    u.set(near)
+    A.setNearNullSpace(PETSc.NullSpace().create(vectors=[u], comm=A.comm))
+    pc.setOperators(A)
+    pc.setCoordinates(np.full((A.getLocalSize()[0], 2), coordinate))
+    pc.setUp()
+
+
 def foreign_vec():
     return PETSc.Vec().createMPI(7)
 
@@ -202,6 +267,7 @@ CASES = {
     "half_a_node": (r"links must be integers", lambda: square(links=LINKS + 0.5)),
     "four_dimensions": (r"nodes must be an \(n, dim\) array with dim 1, 2 or 3", lambda: square(nodes=np.ones((5, 4)))),
     "short_load": (r"load must have the shape \(5, 2\), a row per node", lambda: square(load=LOAD[:4])),
+    "half_fixed": (r"node 0 .* neither true nor false", lambda: square(fixed=0.5 * FIXED)),
     "later_load_nan": (r"node 0 .* has a load that is not finite", lambda: square().set_load(LOAD * NAN)),
     "partition_gap": (r"subdomain 1 has no link; .* without gaps", lambda: square(subdomain=[0, 0, 0, 0, 2, 2, 2, 2])),
     "partition_beyond": (r"9 subdomains for 8 links", lambda: square(subdomain=[0, 1, 2, 3, 4, 5, 6, 8])),
@@ -219,6 +285,10 @@ CASES = {
     "c_load_nan": (r"Node 4 has a load that is not a finite number", lambda: in_c("load", (-1, 0), NAN)),
     "c_without_laws": (r"Link 0 has no stiffness: call LatinLinksSetLaws\(\)", lambda: in_c(laws=False)),
     "c_node_count": (r"The ranks give 5 nodes in all, not the 6 announced", lambda: in_c(nodes=6)),
+    "c_too_many": (
+        r"\d+ nodes and 8 links in 2D are more than PETSc's integers of \d\d bits can number",
+        too_many_in_c,
+    ),
     "c_partition_negative": (r"Link 7 is in subdomain -1; .* numbered from 0", lambda: in_c("subdomain", -1, -1)),
     "c_partition_beyond": (r"Link 7 is in subdomain 8; .* at most as many as links", lambda: in_c("subdomain", -1, 8)),
     "c_partition_gap": (r"Subdomain 1 of the given partition has no link; .* without gaps", gap_in_c),
@@ -266,6 +336,8 @@ CASES = {
         r"Setting up the local solver failed .*its options start with -snes_latin_local_",
         lambda: solve(square(), snes_latin_local_pc_factor_mat_solver_type="nobody"),
     ),
+    "tolerance_nan": (r"A tolerance is not a finite number: stol nan", lambda: solve(square(), snes_stol="nan")),
+    "tolerance_inf": (r"not a finite number: .* rtol inf", lambda: solve(square(), snes_rtol="inf")),
     "no_reference": (r"SNESLatinSetReference\(\)", lambda: solve(square(), snes_latin_stop="reference")),
     "must_converge": (
         r"has not converged|DIVERGED",
@@ -303,8 +375,21 @@ CASES = {
     "tension_size": (FOREIGN, lambda: square().tensions(foreign_vec())),
     "write_size": (FOREIGN, lambda: square().set_displacements(LOAD, foreign_vec())),
     "residual_size": (FOREIGN, lambda: square().residual(foreign_vec(), foreign_vec())),
+    "step_nan": (r"A time step has the length nan", lambda: step_of(NAN)),
+    "step_none": (r"A time step has the length 0", lambda: step_of(0.0)),
+    "step_back": (r"A time step has the length -0.001", lambda: step_of(-1e-3)),
+    "step_too_short": (r"length 1e-200; .* 1 / h\^2 is a number", lambda: step_of(1e-200)),
+    "bound_nan": (r"The displacements, or the loads, are not finite numbers", lambda: bound_of(NAN)),
+    "matrix_nan": (r"an entry that is not a finite number, at row \d, column \d", lambda: matis(entry=NAN)),
+    "matrix_infinite": (r"an entry that is not a finite number", lambda: matis(entry=INFINITE)),
+    "coordinates_nan": (r"coordinates that are not finite", lambda: matis(coordinate=NAN)),
+    "near_nan": (r"near null space, .* not finite", lambda: matis(near=NAN)),
     "foreign_jacobian": (r"DMCreateMatrix", lambda: square().jacobian(square().create_vec(), PETSc.Mat().createAIJ(7))),
 }
+
+
+if PETSc.IntType == np.int32:
+    CASES["meeting"] = (r"1700 subdomains meet at node 0, too many .* fewer", lambda: solve(star(1700)))
 
 
 def outcome(name):
@@ -344,6 +429,10 @@ def test_no_convergence_is_no_error():
     no_convergence_is_no_error()
 
 
+def test_subdomains_of_some():
+    subdomains_of_some()
+
+
 @pytest.mark.parametrize("name", CASES)
 def test_one_rank(name):
     check(name, outcome(name))
@@ -371,4 +460,5 @@ if __name__ == "__main__":
         outcomes[case] = outcome(case)
         the_process_goes_on()
     no_convergence_is_no_error()
+    subdomains_of_some()
     Path(sys.argv[1], f"{PETSc.COMM_WORLD.rank}.json").write_text(json.dumps(outcomes))

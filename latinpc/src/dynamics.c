@@ -42,7 +42,7 @@ static PetscErrorCode LatinLinksJacobian_TS(TS ts, PetscReal t, Vec u, Vec v, Ve
 /*@C
   LatinLinksAttachTS - Gives a TS the motion of a structure: M a + B^t tau = F.
 
-  Collective on ts; the TS keeps the structure alive
+  Collective on ts; the TS keeps the structure alive. Another structure in the place of one resets the TS
 
   Level: beginner
 
@@ -60,6 +60,9 @@ PetscErrorCode LatinLinksAttachTS(LatinLinks links, TS ts)
   PetscFunctionBegin;
   PetscValidHeaderSpecific(links, LATIN_LINKS_CLASSID, 1);
   PetscValidHeaderSpecific(ts, TS_CLASSID, 2);
+  PetscCall(PetscObjectQuery((PetscObject)ts, "LatinLinks", (PetscObject *)&step));
+  if (step && step->base == links) PetscFunctionReturn(0);
+  if (step) PetscCall(TSReset(ts)); /* it is set up for another structure, and its solution is that one's */
   PetscCall(LatinLinksInertia_Private(links));
   PetscCall(LatinStepCreate_Private(links, &step));
   PetscCall(TSSetDM(ts, step->dm));

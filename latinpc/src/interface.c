@@ -19,11 +19,19 @@ static PetscErrorCode LatinInterfaceShares_Private(Latin latin)
   const PetscSFNode *where;
   PetscSFNode       *remote;
   PetscSF            sf;
-  PetscInt          *mine, *all, *root, *leaf, entries = 0, tables = 0, gathered = 0, squares = 0;
+  PetscInt          *mine, *all, *root, *leaf, entries = 0, tables = 0, gathered = 0, squares = 0, most = 0;
+  PetscReal          sizes[2] = {0.0, 0.0}; /* of all tables of the roots, and of the copies, here */
 
   PetscFunctionBegin;
   PetscCall(PetscSFComputeDegreeBegin(sub->node_sf, &degree));
   PetscCall(PetscSFComputeDegreeEnd(sub->node_sf, &degree));
+  for (PetscInt i = 0; i < roots; i++) sizes[0] += PetscSqr((PetscReal)degree[i]);
+  for (PetscInt i = 0; i < sub->copies; i++) {
+    sizes[1] += PetscSqr((PetscReal)sub->multiplicity[i]);
+    if (sub->multiplicity[i] > sub->multiplicity[most]) most = i;
+  }
+  LatinAgree(comm, PetscMax(sizes[0], sizes[1]) > (PetscReal)PETSC_MAX_INT, PETSC_ERR_SUP, "%" PetscInt_FMT " subdomains meet at node %" PetscInt_FMT ", too many for a table of all pairs of them at each: make fewer subdomains",
+             sub->copies ? sub->multiplicity[most] : -1, sub->copies ? sub->node[most] : -1);
   PetscCall(PetscMalloc2(2 * roots, &root, 2 * sub->copies, &leaf));
   for (PetscInt i = 0; i < roots; i++) {
     root[2 * i]     = gathered;

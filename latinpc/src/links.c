@@ -178,10 +178,17 @@ static PetscErrorCode LatinLinksCreate_Private(MPI_Comm comm, PetscInt dim, Pets
 {
   LatinLinks l;
   PetscInt   in[2], out[2], start[2], bad = -1, notfinite = -1, self = -1;
+  PetscReal  counts[2];
 
   PetscFunctionBegin;
   PetscCall(LatinInitializePackage());
   LatinAgree(comm, dim < 1 || dim > 3, PETSC_ERR_ARG_OUTOFRANGE, "A structure has 1, 2 or 3 dimensions, not %" PetscInt_FMT, dim);
+  counts[0] = nodes_local;
+  counts[1] = links_local;
+  LatinAgree(comm, nodes_local < 0 || links_local < 0, PETSC_ERR_ARG_OUTOFRANGE, "A rank gives %" PetscInt_FMT " nodes and %" PetscInt_FMT " links; numbers of them are not negative", nodes_local, links_local);
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, counts, 2, MPIU_REAL, MPIU_SUM, comm)); /* sums of integers could overflow */
+  PetscCheck(dim * counts[0] <= (PetscReal)PETSC_MAX_INT && PetscMax(dim, 2) * counts[1] <= (PetscReal)PETSC_MAX_INT, comm, PETSC_ERR_ARG_OUTOFRANGE,
+             "%.0f nodes and %.0f links in %" PetscInt_FMT "D are more than PETSc's integers of %d bits can number: take a PETSc configured --with-64-bit-indices", (double)counts[0], (double)counts[1], dim, (int)(8 * sizeof(PetscInt)));
   in[0] = nodes_local;
   in[1] = links_local;
   PetscCall(MPIU_Allreduce(in, out, 2, MPIU_INT, MPI_SUM, comm));
@@ -395,7 +402,7 @@ PetscErrorCode LatinLinksSetLoads(LatinLinks links, const PetscReal force[])
 
   Input Parameters:
 + links     - the structure
-- subdomain - [links_local] number of each link's subdomain, counted from 0 without gaps over all ranks, or NULL for METIS
+- subdomain - [links_local] number of each link's subdomain, counted from 0 without gaps over all ranks, or on all ranks that have links NULL for METIS
 
   Level: intermediate
 
@@ -405,15 +412,18 @@ PetscErrorCode LatinLinksSetLoads(LatinLinks links, const PetscReal force[])
 PetscErrorCode LatinLinksSetSubdomains(LatinLinks links, const PetscInt subdomain[])
 {
   MPI_Comm comm;
-  PetscInt bad = -1, last = -1;
+  PetscInt bad = -1, last = -1, some[2] = {0, 0}; /* ranks that give subdomains, and that give none, to links that they have */
 
   PetscFunctionBegin;
   PetscValidHeaderSpecific(links, LATIN_LINKS_CLASSID, 1);
   comm = PetscObjectComm((PetscObject)links);
+  if (links->links_local) some[subdomain ? 0 : 1] = 1;
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, some, 2, MPIU_INT, MPI_MAX, comm));
+  PetscCheck(!some[0] || !some[1], comm, PETSC_ERR_ARG_NULL, "Some ranks give their links subdomains and others give NULL: all give them, or none does");
   PetscCall(PetscFree(links->subdomain));
   links->subdomain_count = 0;
   PetscCall(PetscObjectStateIncrease((PetscObject)links));
-  if (!subdomain) PetscFunctionReturn(0);
+  if (!some[0]) PetscFunctionReturn(0);
   for (PetscInt l = 0; l < links->links_local; l++) {
     if (bad < 0 && (subdomain[l] < 0 || subdomain[l] >= links->links_global)) bad = l;
     last = PetscMax(last, subdomain[l]);

@@ -15,13 +15,16 @@ static PetscErrorCode LatinLinksCheckSetUp_Private(LatinLinks links)
 /* A displacement must be a vector of the structure's DM: its entries are addressed directly */
 PetscErrorCode LatinLinksCheckVec_Private(LatinLinks links, Vec u)
 {
-  PetscInt n, m;
+  PetscInt n, m, all, whole;
 
   PetscFunctionBegin;
   PetscCall(LatinLinksCheckSetUp_Private(links));
+  PetscValidHeaderSpecific(u, VEC_CLASSID, 2);
   PetscCall(VecGetLocalSize(u, &n));
   PetscCall(VecGetLocalSize(links->load, &m));
-  LatinAgree(PetscObjectComm((PetscObject)links), n != m, PETSC_ERR_ARG_SIZ,
+  PetscCall(VecGetSize(u, &all));
+  PetscCall(VecGetSize(links->load, &whole));
+  LatinAgree(PetscObjectComm((PetscObject)links), n != m || all != whole, PETSC_ERR_ARG_SIZ,
              "The vector has %" PetscInt_FMT " entries on a rank where the structure has %" PetscInt_FMT " free degrees of freedom; make it with DMCreateGlobalVector() on the DM of the structure", n, m);
   PetscFunctionReturn(0);
 }
@@ -390,7 +393,7 @@ static PetscErrorCode LatinLinksObjective_SNES(SNES snes, Vec u, PetscReal *ener
 /*@C
   LatinLinksAttachSNES - Gives a SNES the DM, the residual, the Jacobian and the energy of a structure.
 
-  Collective on snes; the SNES keeps the structure alive
+  Collective on snes; the SNES keeps the structure alive. Another structure in the place of one resets the SNES
 
   Level: beginner
 
@@ -399,9 +402,13 @@ static PetscErrorCode LatinLinksObjective_SNES(SNES snes, Vec u, PetscReal *ener
 @*/
 PetscErrorCode LatinLinksAttachSNES(LatinLinks links, SNES snes)
 {
+  LatinLinks before;
+
   PetscFunctionBegin;
   PetscCall(LatinLinksCheckSetUp_Private(links));
   PetscValidHeaderSpecific(snes, SNES_CLASSID, 2);
+  PetscCall(PetscObjectQuery((PetscObject)snes, "LatinLinks", (PetscObject *)&before));
+  if (before && before != links) PetscCall(SNESReset(snes)); /* it is set up for another structure */
   PetscCall(SNESSetDM(snes, links->dm));
   PetscCall(SNESSetFunction(snes, NULL, LatinLinksFunction_SNES, links));
   PetscCall(SNESSetJacobian(snes, NULL, NULL, LatinLinksJacobian_SNES, links));

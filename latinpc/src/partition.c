@@ -52,7 +52,7 @@ static PetscErrorCode LatinPartitionMetis_Private(Latin latin, PetscInt parts)
   LatinCut           cut   = {.dim = links->dim, .nodes = links->nodes_global, .links = links->links_global, .parts = parts};
   PetscMPIInt        rank;
   PetscInt          *part     = NULL;
-  const PetscReal    largest  = (PetscReal)PetscMax(PetscMax(2, cut.dim) * cut.links, cut.dim * cut.nodes);
+  const PetscReal    largest  = PetscMax(PetscMax(2, cut.dim) * (PetscReal)cut.links, cut.dim * (PetscReal)cut.nodes);
   int                status   = 0;
   PetscBool          overflow = PETSC_FALSE, failed = PETSC_FALSE;
 
