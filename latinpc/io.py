@@ -57,6 +57,7 @@ import os
 import pathlib
 import resource
 import shutil
+import sys
 import tempfile
 import tomllib
 
@@ -315,7 +316,7 @@ def _dimension(settings, points, description, path):
 
 
 def _number(value, where, positive=False):
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not np.isfinite(value):
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not abs(value) <= sys.float_info.max:
         raise ValueError(f"{where} must be a finite number, not {value!r}")
     if positive and value <= 0:
         raise ValueError(f"{where} must be positive, not {value!r}")

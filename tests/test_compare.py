@@ -2,7 +2,7 @@
 
 import importlib.util
 import json
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -46,12 +46,25 @@ def scene(request):
 # ---- mechanics of the arrays -----------------------------------------------------------------
 
 
-def test_scene_on_disk_is_the_same(scene, tmp_path):
+def full(scene):
+    """The same scene with all that a scene may have."""
+    n, m = scene.nodes.shape, len(scene.links)
+    return replace(
+        scene, subdomain=np.arange(m) % 2, direction=np.ones((m, n[1])), friction=np.full(m, 0.3), mass=np.ones(n[0]),
+        velocity=np.where(scene.fixed, 0.0, 1.0), time_step=1e-3, law=np.where(np.arange(m) == 0, len(Law), scene.law),
+        tables=[([-1.0, 0.0, 2.0], [-3.0, 0.0, 4.0])],
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("change", [lambda scene: scene, full], ids=["as it is", "full"])
+def test_scene_on_disk_is_the_same(scene, change, tmp_path):
+    scene = change(scene)
     arrays.save_scene(tmp_path / "scene.npz", scene)
     read = arrays.load_scene(tmp_path / "scene.npz")
-    assert read.name == scene.name and read.metadata == scene.metadata
-    for name in (*arrays._ARRAYS, "subdomain"):
-        assert np.array_equal(getattr(read, name), getattr(scene, name))
+    for item in fields(scene):
+        was, found = getattr(scene, item.name), getattr(read, item.name)
+        assert (was is None) == (found is None), item.name
+        assert was is None or np.array_equal(was, found), item.name
 
 
 def test_errors_and_tensions_are_those_of_the_library(scene):

@@ -202,6 +202,7 @@ BAD = [
     ("EA = 100.0", "AE = 100.0", ["laws.bars", "unknown key 'AE'", "do you mean 'EA'"]),
     ("EA = 100.0", "EA = -1.0", ["laws.bars", "EA must be positive"]),
     ("EA = 100.0", "EA = nan", ["EA must be a finite number"]),
+    ("EA = 100.0", "EA = 1" + "0" * 400, ["EA must be a finite number"]),
     ("EA = 100.0", 'EA = "stiff"', ["EA must be a finite number"]),
     ("EA = 100.0", "", ["laws.bars", "no stiffness", "EA (N)"]),
     ("EA = 100.0", "EA = 100.0\nstiffness = 2.0", ["only one of EA, stiffness"]),

@@ -9,14 +9,15 @@ import numpy as np
 from latinpc.scenes.scene import Law, Scene
 
 _ARRAYS = ("nodes", "links", "law", "stiffness", "prestrain", "fixed", "prescribed", "load")
+_OPTIONAL = ("subdomain", "direction", "friction", "mass", "velocity")
 
 
 def save_scene(path, scene):
     """Write a scene to an uncompressed .npz file."""
     arrays = {name: getattr(scene, name) for name in _ARRAYS}
-    if scene.subdomain is not None:
-        arrays["subdomain"] = scene.subdomain
-    text = json.dumps({"name": scene.name, "metadata": scene.metadata})
+    arrays |= {name: getattr(scene, name) for name in _OPTIONAL if getattr(scene, name) is not None}
+    tables = [[part.tolist() for part in table] for table in scene.tables]
+    text = json.dumps({"name": scene.name, "metadata": scene.metadata, "time_step": scene.time_step, "tables": tables})
     np.savez(path, text=np.frombuffer(text.encode(), np.uint8), **arrays)
 
 
@@ -25,7 +26,7 @@ def load_scene(path):
     with np.load(path) as file:
         text = json.loads(bytes(file["text"]))
         arrays = {name: file[name] for name in file.files if name != "text"}
-    return Scene(name=text["name"], metadata=text["metadata"], **arrays)
+    return Scene(**text, **arrays)
 
 
 def elongations(scene, displacement):
