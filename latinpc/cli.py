@@ -385,7 +385,7 @@ def write_json(path, report):
 @click.option("--every", type=int, metavar="N", help="Write a state each N steps; by default a hundred of them.")
 @click.option("--node-mass", type=float, metavar="M", help="Mass of each node (kg), for a scene that has none.")
 @click.option("--increments", type=int, metavar="N", help="Let the loads grow in N equal increments.")
-@click.option("--checkpoint", metavar="FILE", help="Keep the state after increments or time steps, to go on from.")
+@click.option("--checkpoint", metavar="FILE", help="Keep the state after increments or steps; *.h5, *.hdf5: in HDF5.")
 @click.option("--checkpoint-every", type=int, metavar="N", help="Write it after each N of them (default 1).")
 @click.option("--restart", metavar="FILE", help="Go on from a state, with the options and ranks that it had.")
 @click.pass_obj

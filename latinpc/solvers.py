@@ -358,8 +358,8 @@ def outer_snes(snes):
 def save_state(solver, path, u=None, note=b""):
     """Write what a solver needs to go on to the bit in another run; collective.
 
-    The file is of PETSc's binary format. It takes the place of an older one in one step, once it is whole and on the
-    disk, so that a run that is killed leaves the one or the other.
+    The file is of PETSc's binary format, or of HDF5 when its name ends in ``.h5`` or ``.hdf5``. It takes the place of
+    an older one in one step, once it is whole and on the disk: a run that is killed leaves the one or the other.
 
     Parameters
     ----------
@@ -374,7 +374,8 @@ def save_state(solver, path, u=None, note=b""):
     Raises
     ------
     petsc4py.PETSc.Error
-        On every rank, when there is nothing to save or the file cannot be written.
+        On every rank, when there is nothing to save, the file cannot be written, or it would be of HDF5 and PETSc has
+        none.
     """
     _latin.save_state(solver, u, os.fsencode(path), bytes(note))
 

@@ -42,6 +42,20 @@ def shaken():
     return replace(scene, mass=np.full(len(scene.nodes), 10.0), time_step=1e-3)
 
 
+HDF5 = b"H5Fopen" in Path(latinpc.__file__).with_name("liblatinpc.so").read_bytes()
+FILES = ("state", "state.h5") if HDF5 else ("state",)  # PETSc's binary format, HDF5
+SUFFIX = ".h5" if HDF5 else ""
+
+
+def both(quick):
+    """Cases in both formats, those in HDF5 among the slow tests but for those named."""
+    return lambda names: [
+        pytest.param(name, file, marks=() if file == "state" or name in quick else pytest.mark.slow)
+        for name in names
+        for file in FILES
+    ]
+
+
 MOTIONS = {
     "grid": (lambda: make("impact-grid", modules=8), {}),
     "contacts": (lambda: make("bouncing-chain"), {}),
@@ -92,21 +106,21 @@ def same(a, b):
     return all(np.array_equal(x, y) for x, y in zip(a, b, strict=True))
 
 
-@pytest.mark.parametrize("name", RAMPS)
-def test_a_ramp_goes_on_to_the_bit(name, tmp_path):
+@pytest.mark.parametrize(("name", "file"), both(["grid"])(RAMPS))
+def test_a_ramp_goes_on_to_the_bit(name, file, tmp_path):
     make_scene, options = RAMPS[name]
-    path, scene = tmp_path / "state", make_scene()
+    path, scene = tmp_path / file, make_scene()
     whole = ramp(scene, options, 1, 5)
     for stop in (1, 3):
         ramp(scene, options, 1, stop, path)
         assert same(ramp(scene, options, stop + 1, 5, path), whole), stop
-    assert os.listdir(tmp_path) == ["state"]
+    assert os.listdir(tmp_path) == [file]
 
 
-@pytest.mark.parametrize("name", MOTIONS)
-def test_a_motion_goes_on_to_the_bit(name, tmp_path):
+@pytest.mark.parametrize(("name", "file"), both([])(MOTIONS))
+def test_a_motion_goes_on_to_the_bit(name, file, tmp_path):
     make_scene, options = MOTIONS[name]
-    path, scene = tmp_path / "state", make_scene()
+    path, scene = tmp_path / file, make_scene()
     whole = motion(scene, options, 1, 12, path)
     for stop in (1, 7, 12):  # from the last one on no step is left, and tensions are those of a step
         motion(scene, options, 1, stop, path, end=13)
@@ -122,8 +136,9 @@ sys.path.insert(0, sys.argv[1])
 import latinpc
 from test_state import RAMPS, ramp, same
 
-world, path = PETSc.COMM_WORLD, sys.argv[2]
-for name in ("grid", "polish", "slack", "rigid"):
+world, path, suffixes = PETSc.COMM_WORLD, sys.argv[2], sys.argv[3:]
+for name, suffix in zip(("grid", "polish", "slack", "rigid"), suffixes, strict=True):
+    path = sys.argv[2] + suffix
     scene, options = RAMPS[name][0](), RAMPS[name][1] | {"snes_latin_coarse_pc_type": "redundant"}
     whole = ramp(scene, options, 1, 5, comm=world)
     ramp(scene, options, 1, 2, path, world)
@@ -138,14 +153,70 @@ for wrong in (lambda: ramp(RAMPS["grid"][0](), options, 3, 5, path, world),
 """
 
 
-def test_two_ranks_go_on_to_the_bit_and_fail_together(mpirun, tmp_path):
+@pytest.mark.parametrize(
+    ("ranks", "suffixes"),
+    [
+        (2, ["", "", "", SUFFIX]),
+        pytest.param(2, [SUFFIX] * 4, marks=pytest.mark.slow),
+        pytest.param(3, [""] * 4, marks=pytest.mark.slow),
+        pytest.param(3, [SUFFIX] * 4, marks=pytest.mark.slow),
+    ],
+)
+def test_ranks_go_on_to_the_bit_and_fail_together(ranks, suffixes, mpirun, tmp_path):
     path = tmp_path / "state"
-    said = mpirun(2, PARALLEL, Path(__file__).parent, path).stdout.splitlines()
-    assert sum("is of another structure" in line for line in said) == 2
-    assert len(said) == 4
-    with pytest.raises(PETSc.Error) as error:  # the last state was of two ranks
-        ramp(RAMPS["rigid"][0](), {}, 3, 5, path)
-    assert "is of 2 ranks, and these are 1: run on 2" in latinpc.error_message(error.value)
+    said = mpirun(ranks, PARALLEL, Path(__file__).parent, path, *suffixes).stdout.splitlines()
+    assert sum("is of another structure" in line for line in said) == ranks
+    assert sum("cannot be written" in line for line in said) == ranks
+    with pytest.raises(PETSc.Error) as error:  # the last state was of some ranks
+        ramp(RAMPS["rigid"][0](), {}, 3, 5, tmp_path / f"state{suffixes[-1]}")
+    assert f"is of {ranks} ranks, and these are 1: run on {ranks}" in latinpc.error_message(error.value)
+
+
+EMPTY = """
+import sys
+import petsc4py
+petsc4py.init(sys.argv[:1] + ["-skip_petscrc"])
+from petsc4py import PETSc
+sys.path.insert(0, sys.argv[1])
+from support import chain
+from test_state import ramp, same
+
+scene, options = chain(links=3, parts=3), {"snes_latin_coarse_pc_type": "redundant"}
+whole = ramp(scene, options, 1, 5, comm=PETSc.COMM_WORLD)
+for path in sys.argv[2:]:
+    ramp(scene, options, 1, 2, path, PETSc.COMM_WORLD)
+    assert same(ramp(scene, options, 3, 5, path, PETSc.COMM_WORLD), whole), path
+"""
+
+
+@pytest.mark.slow
+def test_ranks_without_links_go_on_to_the_bit(mpirun, tmp_path):
+    mpirun(7, EMPTY, Path(__file__).parent, *(tmp_path / file for file in FILES))
+
+
+@pytest.mark.parametrize("file", FILES)
+def test_every_bit_is_kept(file, tmp_path):
+    path, rng, scene = tmp_path / file, np.random.default_rng(0), lattice()
+    links = latinpc.Links.from_scene(scene, comm=PETSc.COMM_SELF)
+    with default_options({"snes_type": "newtonls", "viewer_hdf5_sp_output": True}):  # not for states
+        snes = links.create_snes()
+        snes.setFromOptions()
+        u, v = links.create_vec(), links.create_vec()
+        bits = np.frombuffer(rng.bytes(8 * u.getSize()))  # not-a-numbers, too
+        u[:] = np.concatenate([[-0.0, 5e-324, -np.inf, np.nan], bits])[: u.getSize()]
+        for note in (b"", b"\0", bytes(range(256)) * 300 + b"\0\0"):
+            latinpc.save_state(snes, path, u, note)
+            assert latinpc.load_state(snes, path, v) == note
+            assert u.getArray().tobytes() == v.getArray().tobytes()
+    if file == "state.h5":  # anyone's PETSc reads it, and its name does not matter
+        plain = PETSc.Vec().createSeq(u.getSize())
+        plain.setName("displacement")
+        viewer = PETSc.Viewer().createHDF5(str(path), "r", comm=PETSc.COMM_SELF)
+        plain.load(viewer)
+        viewer.destroy()
+        assert plain.getArray().tobytes() == v.getArray().tobytes()
+        path.rename(tmp_path / "state")
+        assert latinpc.load_state(snes, tmp_path / "state", u) == note
 
 
 def refused(call, *arguments):
@@ -170,21 +241,57 @@ def test_wrong_files_are_refused_by_name(tmp_path):
     assert "is no state of latinpc" in go_on(b"")
     assert "is no state of latinpc" in go_on(os.urandom(5000))
     assert "has been damaged" in go_on(good[:5000] + bytes([good[5000] ^ 1]) + good[5001:])
-    assert "format 99" in go_on(good.replace(b"latinpc state 2", b"latinpc state 99", 1))
-    assert "integers of 9 bytes" in go_on(
-        good.replace(b"integers %d" % np.dtype(PETSc.IntType).itemsize, b"integers 9", 1)
-    )
+    assert "format 99" in go_on(good.replace(b"latinpc_state 3", b"latinpc_state 99", 1))
+    for kind, size in (b"integer", np.dtype(PETSc.IntType).itemsize), (b"real", np.dtype(PETSc.RealType).itemsize):
+        other = good.replace(kind + b"_bytes %d" % size, kind + b"_bytes 9", 1)
+        assert f"{kind.decode()}s of 9 bytes" in go_on(other)
     assert "is of 4 ranks" in go_on(good.replace(b"ranks 1", b"ranks 4", 1))
     assert "is that of a motion" in go_on(good.replace(b"motion 0", b"motion 1", 1))
     assert "is of another structure" in go_on(good, other=grid("truss"))
     assert "is of another structure" in go_on(good, {"snes_latin_direction": "scalar"})
     assert "is of another structure" in go_on(good, {"snes_type": "newtonls"})
-    reals = good[good.index(b"reals ") : good.index(b"\nnote")]
+    numbers = good[good.index(b"numbers ") : good.index(b"\nnote_bytes")]
     for size in (b"-1", b"999999999999"):
-        other = good.replace(reals, b"reals " + size, 1)
+        other = good.replace(numbers, b"numbers " + size, 1)
         assert re.search("is not whole|is of another structure", go_on(other[: len(good)].ljust(len(good), b"\0")))
     path.unlink()
     assert "No such file" in refused(ramp, scene, {}, 3, 5, path)
+
+
+@pytest.mark.skipif(HDF5, reason="with HDF5")
+def test_without_hdf5_another_name_is_asked_for(tmp_path):
+    assert "give a name that does not end in .h5 or .hdf5" in refused(ramp, grid(), {}, 1, 2, tmp_path / "state.h5")
+    (tmp_path / "state").write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(1000))
+    assert "is not whole" in refused(ramp, grid(), {}, 2, 3, tmp_path / "state")
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not HDF5, reason="without HDF5")
+def test_damaged_hdf5_is_refused_before_hdf5_sees_it(tmp_path):
+    path, scene = tmp_path / "state.h5", make("net", side=3)
+    links = latinpc.Links.from_scene(scene, comm=PETSc.COMM_SELF)
+    snes, u = links.create_snes(), links.create_vec()
+    snes.setFromOptions()
+    snes.solve(None, u)
+    latinpc.save_state(snes, path, u, b"some words")
+    good = path.read_bytes()
+    assert good[:8] == b"\x89HDF\r\n\x1a\n"
+
+    def load(content):
+        path.write_bytes(content)
+        return refused(latinpc.load_state, snes, path, u)
+
+    head = len(good) - 512
+    for k in (*range(8), *range(8, head, 61)):
+        found = load(good[:k] + bytes([good[k] ^ (1 << k % 8)]) + good[k + 1 :])
+        assert ("is no state of latinpc" if k < 8 else "has been damaged") in found, k
+    for k in range(0, len(good), 997):
+        assert "is not whole" in load(good[:k]) or k < 8, k
+    assert "is not whole" in load(good + b" ")
+    assert "is of 4 ranks" in load(good.replace(b"\nranks 1\n", b"\nranks 4\n"))
+    assert "has been damaged" in load(good.replace(b"\nstarted 0\n", b"\nstarted 1\n"))
+    path.write_bytes(good)
+    assert latinpc.load_state(snes, path, u) == b"some words"
 
 
 def test_misuse_is_refused(tmp_path):
@@ -199,13 +306,48 @@ def test_misuse_is_refused(tmp_path):
     assert "use -ts_type latin" in refused(latinpc.save_state, ts, tmp_path / "s")
 
 
-def test_a_state_that_cannot_be_written_leaves_the_older_one(tmp_path):
-    path, scene = tmp_path / "state", grid()
+@pytest.mark.parametrize("file", FILES)
+def test_a_state_that_cannot_be_written_leaves_the_older_one(file, tmp_path):
+    path, scene = tmp_path / file, grid()
     ramp(scene, {}, 1, 2, path)
     good = path.read_bytes()
-    (tmp_path / "state.part").mkdir()  # where the new one would be written
-    assert refused(ramp, scene, {}, 1, 3, path)
+    (tmp_path / f"{file}.part").mkdir()  # where the new one would be written
+    assert "(Is a directory)" in refused(ramp, scene, {}, 1, 3, path)
     assert path.read_bytes() == good
+
+
+FULL = """
+import os, resource, sys
+import petsc4py
+petsc4py.init(sys.argv[:1] + ["-skip_petscrc"])
+from pathlib import Path
+sys.path.insert(0, sys.argv[1])
+from support import grid
+from test_state import ramp, refused, same
+
+path, scene = Path(sys.argv[2]), grid()
+whole = ramp(scene, {}, 1, 5)
+ramp(scene, {}, 1, 2, path)
+good = path.read_bytes()
+for room in (0, 100, 600, len(good) // 2, len(good) - 600, len(good) - 1):
+    resource.setrlimit(resource.RLIMIT_FSIZE, (room, resource.RLIM_INFINITY))
+    said = refused(ramp, scene, {}, 1, 3, path)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
+    assert "cannot be written, an older one stays" in said, said
+    assert path.read_bytes() == good
+    assert os.listdir(path.parent) == [path.name]
+assert same(ramp(scene, {}, 3, 5, path), whole)
+ramp(scene, {}, 1, 4, path)
+assert same(ramp(scene, {}, 5, 5, path), whole)
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("file", FILES)
+def test_a_full_disk_loses_nothing(file, mpirun, tmp_path):
+    folder = tmp_path / "disk"
+    folder.mkdir()
+    assert mpirun(1, FULL, Path(__file__).parent, folder / file).stderr == ""
 
 
 # ---- the command line ------------------------------------------------------------------------
@@ -229,15 +371,16 @@ def result(folder, words, name, ranks=1):
     return (folder / f"{name}.vtu").read_bytes(), {k: v for k, v in report.items() if k not in NEVER_THE_SAME}
 
 
-def begin(folder, words, ranks=1):
+def begin(folder, words, ranks=1, file="state"):
     """Start a run that keeps its state; wait for the first one."""
-    words = launch(*words, "--quiet", "--checkpoint", "state", ranks=ranks)
-    before = (folder / "state").stat().st_mtime_ns if (folder / "state").exists() else 0
+    words = launch(*words, "--quiet", "--checkpoint", file, ranks=ranks)
+    state = folder / file
+    before = state.stat().st_mtime_ns if state.exists() else 0
     process = subprocess.Popen(
         words, cwd=folder, env=environment(), stderr=subprocess.PIPE, text=True, start_new_session=True
     )
     deadline = time.monotonic() + 60
-    while not (folder / "state").exists() or (folder / "state").stat().st_mtime_ns == before:
+    while not state.exists() or state.stat().st_mtime_ns == before:
         assert time.monotonic() < deadline
         if process.poll() is not None:
             break
@@ -245,16 +388,16 @@ def begin(folder, words, ranks=1):
     return process
 
 
-def killed(folder, words, times, ranks, seed):
+def killed(folder, words, times, ranks, seed, file="state"):
     """Kill a run at random moments, go on each time, and return its result."""
     rng, restart = random.Random(seed), []
     for _ in range(times):
-        process = begin(folder, [*words, *restart], ranks)
+        process = begin(folder, [*words, *restart], ranks, file)
         time.sleep(rng.random() * 0.3)
         with contextlib.suppress(ProcessLookupError):  # it has been quicker
             os.killpg(process.pid, signal.SIGKILL)
         process.communicate()
-        restart = ["--restart", "state"]
+        restart = ["--restart", file]
     return result(folder, [*words, *restart], "pieces", ranks)
 
 
@@ -265,15 +408,16 @@ def test_a_run_that_is_killed_goes_on_to_the_bit(kind, tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("file", FILES)
 @pytest.mark.parametrize("ranks", [1, 2])
 @pytest.mark.parametrize("kind", LONG)
-def test_a_run_that_is_killed_often_goes_on_to_the_bit(kind, ranks, tmp_path):
+def test_a_run_that_is_killed_often_goes_on_to_the_bit(kind, ranks, file, tmp_path):
     whole = result(
         tmp_path, [*LONG[kind], "--checkpoint", "whole.state"], "whole", ranks
     )  # with the options of such a run
     for seed in range(4):
-        (tmp_path / "state").unlink(missing_ok=True)
-        assert killed(tmp_path, LONG[kind], 5, ranks, seed) == whole, seed
+        (tmp_path / file).unlink(missing_ok=True)
+        assert killed(tmp_path, LONG[kind], 5, ranks, seed, file) == whole, seed
 
 
 @pytest.mark.parametrize(
