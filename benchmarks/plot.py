@@ -5,8 +5,8 @@ import re
 from pathlib import Path
 
 from latinpc import compare, extremes
-from latinpc.cli import quantity
 from latinpc.figures import bars, diagrams, distributions, slackening
+from latinpc.printing import quantity
 
 HERE = Path(__file__).resolve().parent
 

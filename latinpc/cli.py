@@ -21,21 +21,17 @@ import click
 import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
-from rich.console import Console
 from rich.markup import escape
-from rich.table import Table
 
 import latinpc
 
 from . import io
 from .checkpoint import Interrupted, Keeper
+from .printing import open_console, print_lines, print_table, progress, summary, summary_of_motion
 from .scenes import SCENES, make
-from .scenes.scene import UNILATERAL, Law
 from .solvers import has_package
 
 NOT_CONVERGED, BAD_INPUT = 1, 2
-#: What `latinpc.digits` tells, in the words of the summary
-DIGITS = {"unbalance": "unbalance", "rounding": "rounding", "places": "that of coordinates", "values": "of other data"}
 GATHERING_SECONDS = 10.0  # how long a rank that failed waits for the others to fail too
 
 
@@ -169,110 +165,6 @@ def _run(comm, ours, petsc):
         return BAD_INPUT
 
 
-# ---- printing --------------------------------------------------------------------------------
-
-
-def _console(stderr=False):
-    """Return a console that styles a terminal and leaves a pipe plain, with whole lines."""
-    stream = sys.stderr if stderr else sys.stdout
-    return Console(file=stream, highlight=False, soft_wrap=not stream.isatty())
-
-
-def _lines(console, title, pairs):
-    """Print a title and aligned lines of (label, text), folded on a terminal only."""
-    console.print(f"[bold]{escape(title)}[/bold]")
-    if not console.is_terminal:
-        for label, text in pairs:
-            console.print(escape(f"  {label:<15}{text}"))
-        return
-    grid = Table.grid(padding=(0, 1))
-    for label, text in pairs:
-        grid.add_row(f" [cyan]{label:<14}[/cyan]", escape(text))
-    console.print(grid)
-
-
-@contextlib.contextmanager
-def _progress(comm, quiet):
-    """Yield a function that shows a sentence while the work lasts: on a terminal only, on rank 0."""
-    console = _console(stderr=True)
-    if quiet or comm.rank or not console.is_terminal:
-        yield None
-        return
-    with console.status("") as status:
-        yield lambda text: status.update(escape(text))
-
-
-def quantity(value, unit, digits=3):
-    """Return a number with its unit, scaled to be readable; '0 N' for nothing."""
-    from .pictures import scaled
-
-    if value is None or not np.isfinite(value):
-        return "not known"
-    divisor, scaled_unit = scaled(abs(value), unit) if abs(value) >= 1e-12 else (1.0, unit)
-    return f"{value / divisor if abs(value) >= 1e-12 else 0.0:.{digits}g} {scaled_unit}"
-
-
-def summary(result):
-    """Return the lines of (label, text) that tell what was solved and how it went."""
-    scene, report = result.scene, result.report
-    laws = ", ".join(
-        f"{count:,} {law.plural if count != 1 else law.name.lower()}"
-        for law in Law
-        if (count := int(np.count_nonzero(scene.law == law)))
-    )
-    lines = [("structure", f"{len(scene.nodes):,} nodes, {report['links']:,} links ({laws}) in {scene.dim}D")]
-    ranks = f"{report['ranks']} rank{'s' if report['ranks'] > 1 else ''}"
-    lines.append(("unknowns", f"{report['free_dofs']:,} free of {report['dofs']:,}, on {ranks}"))
-    if report["subdomains"]:
-        lines.append(
-            (
-                "decomposition",
-                f"{report['subdomains']:,} subdomains, {report['strong_interfaces']:,} strong and"
-                f" {report['weak_interfaces']:,} weak interfaces; coarse problem"
-                f" {report['strong_macro_dofs']:,} + {report['weak_dofs']:,}",
-            )
-        )
-    measured = "".join(f", {name} {report[name]:.1e}" for name in ("indicator", "residual") if report[name] is not None)
-    lines.append(("solver", f"{report['solver']}: {report['iterations']} iterations, {report['reason']}{measured}"))
-    if report["estimated_error"] is not None:
-        norm = report["options"].get("snes_latin_error_norm", "l2")
-        lines.append(("accuracy", f"estimated error {report['estimated_error']:.1e} ({norm})"))
-    if report["error_l2"] is not None:
-        energy = f", {report['error_energy']:.1e} (energy)" if report["error_energy"] is not None else ""
-        lines.append(("error", f"{report['error_l2']:.1e} (l2){energy} against Newton's method"))
-    if report["digits"] is not None:
-        lines.append(("digits", _digits(report["digits"])))
-    lines += _mechanics(scene, result)
-    memory = quantity(report["peak_memory_bytes"], "B")
-    seconds = [quantity(report[key], "s") for key in ("setup_seconds", "solve_seconds")]
-    lines.append(("time", f"set-up {seconds[0]}, solve {seconds[1]}; memory {memory}"))
-    return lines
-
-
-def _digits(lost):
-    """Tell how many digits of the displacements there are, and what limits them."""
-    moved = np.sqrt(sum(part**2 for part in lost.values()))
-    known = f"{max(0.0, -np.log10(max(moved, np.finfo(float).eps / 2))):.1f}" if np.isfinite(moved) else "none"
-    return f"{known}: " + ", ".join(f"{text} {lost[key]:.0e}" for key, text in DIGITS.items())
-
-
-def _mechanics(scene, result):
-    size = np.linalg.norm(result.displacements, axis=1)
-    if not (np.isfinite(size).all() and np.isfinite(result.tensions).all()):
-        return [("displacement", "the last iterate is not finite")]
-    node = int(size.argmax())
-    place = ", ".join(f"{value:.4g}" for value in scene.nodes[node])
-    vector = ", ".join(f"{value:.3g}" for value in result.displacements[node] * 1e3)
-    lines = [("displacement", f"largest {quantity(size[node], 'm')} at ({place}) m: ({vector}) mm")]
-    low, high = result.tensions.min(), result.tensions.max()
-    text = f"from {quantity(low, 'N')} to {quantity(high, 'N')} (compression negative)"
-    if np.isin(scene.law, UNILATERAL).any():
-        share = f"{100 * result.report['slack_fraction']:.3g} %"
-        touch = np.isin(scene.law, (Law.CONTACT, Law.FRICTION)).any()
-        text += f"; {share} of the contacts open" if touch else f"; {share} of the cables and struts slack"
-    return [*lines, ("tension", text)]
-
-
 # ---- commands --------------------------------------------------------------------------------
 
 
@@ -315,7 +207,7 @@ def _scene_options(command):
 @click.pass_obj
 def scenes(comm):
     """List the scenes and their options."""
-    console, known = _console(), {}
+    console, known = open_console(), {}
     for name, generator in SCENES.items():
         console.print(f"[bold]{name}[/bold]  {escape(inspect.getdoc(generator).splitlines()[0])}")
         for parameter, _, default, text in _parameters(generator):
@@ -415,10 +307,10 @@ def solve_command(
         raise ValueError(f"--subdomains {count}: there are {len(scene.links)} links, at least one for each subdomain")
     monitored = any("monitor" in name for name in PETSc.Options().getAll())
     if steps is not None:
-        with _progress(comm, quiet or monitored) as say:
+        with progress(comm, quiet or monitored) as say:
             result = _move(scene, steps, step, count, node_mass, every, say, output, picture, keeper)
-        return _report(comm, result, _write_motion, _summary_of_motion, json_file, output, picture, quiet)
-    with _progress(comm, quiet or monitored) as say:
+        return _report(comm, result, _write_motion, summary_of_motion, json_file, output, picture, quiet)
+    with progress(comm, quiet or monitored) as say:
         if say is not None:
             say(f"{scene.name}: setting up")
         result = solve(
@@ -457,7 +349,9 @@ def _report(comm, result, write, summary, json_file, output, picture, quiet):
         if not quiet:
             lines = summary(result)
             written = [str(path) for path in (json_file, output, picture) if path is not None]
-            _lines(_console(), result.scene.name, lines + ([("written", ", ".join(written))] if written else []))
+            print_lines(
+                open_console(), result.scene.name, lines + ([("written", ", ".join(written))] if written else [])
+            )
         if not result.converged:
             print(f"latinpc: not converged: {result.report['reason']}", file=sys.stderr)
     return 0 if result.converged else NOT_CONVERGED
@@ -477,35 +371,6 @@ def _move(scene, steps, step, count, node_mass, every, say, output, picture, kee
         keeper=keeper,
         each_step=None if say is None else lambda k, t: say(f"{scene.name}: step {k} of {steps}, {t:.4g} s"),
     )
-
-
-def _summary_of_motion(result):
-    """Return the lines of (label, text) that tell what moved and how it went."""
-    scene, report, last = result.scene, result.report, result.frames[-1]
-    lines = [("structure", f"{len(scene.nodes):,} nodes, {report['links']:,} links in {scene.dim}D")]
-    ranks = f"{report['ranks']} rank{'s' if report['ranks'] > 1 else ''}"
-    lines.append(("unknowns", f"{report['free_dofs']:,} free of {report['dofs']:,}, on {ranks}"))
-    if report["subdomains"]:
-        lines.append(("decomposition", f"{report['subdomains']:,} subdomains"))
-    lines.append(("motion", f"{report['steps']} steps of {quantity(report['step'], 's')}, {report['reason']}"))
-    if report["iterations"]:
-        most = max(report["iterations"])
-        lines.append(
-            ("solver", f"{report['solver']}: {report['iterations_mean']:.1f} iterations a step, at most {most}")
-        )
-    kinetic, potential = report["kinetic_energy"], report["potential_energy"]
-    if kinetic and None not in (kinetic[-1], potential[-1]):
-        text = [quantity(a + b, "J") for a, b in ((kinetic[0], potential[0]), (kinetic[-1], potential[-1]))]
-        lines.append(("energy", f"{text[0]} at the start, {text[1]} at the end"))
-    size = np.linalg.norm(last.displacements, axis=1)
-    if np.isfinite(size).all():
-        lines.append(("displacement", f"at the end, at most {quantity(size.max(), 'm')}"))
-    if report["active"]:
-        lines.append(("active links", f"{report['active'][-1]:,} at the end, at most {max(report['active']):,}"))
-    per_step = report["seconds"] / max(report["steps"], 1)
-    memory = quantity(report["peak_memory_bytes"], "B")
-    lines.append(("time", f"{quantity(report['seconds'], 's')}, {quantity(per_step, 's')} a step; memory {memory}"))
-    return lines
 
 
 def _write_motion(result, json_file, output, picture):
@@ -581,12 +446,14 @@ def paper(comm, what, subdomains, json_file, picture, outer, corners, direction)
             on_root(comm, io.check_writable, path, suffixes)
     if is_figure:
         return _figure(comm, int(what[3:]), subdomains, json_file, picture)
-    with _progress(comm, alone) as say:
+    with progress(comm, alone) as say:
         result = article.table(int(what), subdomains, outer=outer, corners=corners, direction=direction, progress=say)
     if json_file is not None:
         on_root(comm, write_json, json_file, result)
     if comm.rank == 0 and not alone:
-        _print_table(article.layout(result), f"Table {what}. {article.CAPTIONS[int(what)]}")
+        print_table(
+            f"Table {what}. {article.CAPTIONS[int(what)]}", article.layout(result), left=(0, 1), bold=(1, "ours")
+        )
         if what != "3":
             print(article.NOTE)
     missed = [row for row in result.get("rows", []) if None in row["iterations"].values()]
@@ -595,29 +462,10 @@ def paper(comm, what, subdomains, json_file, picture, outer, corners, direction)
     return NOT_CONVERGED if missed or not result.get("same", True) else 0
 
 
-def _print_table(content, title):
-    header, rows = content
-    console = _console()
-    console.print(f"[bold]{escape(title)}[/bold]")
-    if console.is_terminal:
-        table = Table(*header)
-        for column in table.columns[2:]:
-            column.justify = "right"
-        for row in rows:
-            table.add_row(*(escape(cell) for cell in row), style="bold" if row[1] == "ours" else None)
-        console.print(table)
-        return
-    widths = [max(len(row[column]) for row in (header, *rows)) for column in range(len(header))]
-    for row in (header, *rows):
-        cells = [cell.ljust(width) if column < 2 else cell.rjust(width)
-                 for column, (cell, width) in enumerate(zip(row, widths))]  # fmt: skip
-        console.print(escape("  ".join(cells).rstrip()))
-
-
 def _figure(comm, number, subdomains, json_file, picture):
     from . import paper as article
 
-    with _progress(comm, json_file == "-") as say:
+    with progress(comm, json_file == "-") as say:
         result = article.figure(number, subdomains=(subdomains or (144,))[0], progress=say)
 
     def draw():
@@ -632,7 +480,7 @@ def _figure(comm, number, subdomains, json_file, picture):
 
     on_root(comm, draw)
     if comm.rank == 0 and json_file != "-":
-        _lines(_console(), f"Figure {number}", [*summary(result), ("written", str(picture))])
+        print_lines(open_console(), f"Figure {number}", [*summary(result), ("written", str(picture))])
     return 0 if result.converged else NOT_CONVERGED
 
 
@@ -659,7 +507,7 @@ def info(comm):
         ("library", library if os.path.exists(library) else f"{library} (missing: run make build)"),
         ("in programs", f"./program -dll_append {library} -snes_type latin"),
     ]
-    _lines(_console(), "latinpc info", lines)
+    print_lines(open_console(), "latinpc info", lines)
 
 
 from . import cli_measure  # noqa: E402, F401  more commands, which need what stands above

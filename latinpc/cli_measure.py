@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import click
 from petsc4py import PETSc
-from rich.table import Table
 
 from . import io
-from .cli import NOT_CONVERGED, _console, _open_scene, _progress, _scene_options, commands, escape, write_json
+from .cli import NOT_CONVERGED, _open_scene, _scene_options, commands, write_json
+from .printing import print_table, progress
+
+LOOKS = {"left": (0, -1), "bold": (0, "latin")}  # of tables with words in the first and the last column
 
 
 class _Words(click.ParamType):
@@ -35,28 +37,6 @@ def _ready(comm, scene, json_file, picture, options):
     return _open_scene(scene, options)
 
 
-def _print(title, content, note=None):
-    header, rows = content
-    console = _console()
-    console.print(f"[bold]{escape(title)}[/bold]")
-    if console.is_terminal:
-        table = Table(*header)
-        for column in table.columns[1:-1]:
-            column.justify = "right"
-        for row in rows:
-            table.add_row(*map(escape, row), style="bold" if row[0] == "latin" else None)
-        console.print(table)
-    else:
-        widths = [max(len(row[column]) for row in (header, *rows)) for column in range(len(header))]
-        last = len(header) - 1
-        for row in (header, *rows):
-            cells = [cell.ljust(width) if column in (0, last) else cell.rjust(width)
-                     for column, (cell, width) in enumerate(zip(row, widths))]  # fmt: skip
-            console.print(escape("  ".join(cells).rstrip()))
-    if note:
-        console.print(escape(note))
-
-
 @commands.command()
 @click.argument("scene", metavar="SCENE|FILE.msh")
 @_scene_options
@@ -80,7 +60,7 @@ def compare(comm, scene, methods, accuracy, repeat, ranks, timeout, against, jso
     from . import compare as peers
 
     scene = _ready(comm, scene, json_file, picture, options)
-    with _progress(comm, json_file == "-") as say:
+    with progress(comm, json_file == "-") as say:
         document = peers.compare(
             scene, methods, accuracy, repeat, ranks, timeout, against,
             list(PETSc.Options().getAll().items()), say,
@@ -93,7 +73,7 @@ def compare(comm, scene, methods, accuracy, repeat, ranks, timeout, against, jso
         bars(document, picture)
     if json_file != "-":
         title = f"{document['scene']}: {document['free_dofs']:,} free dofs, to a relative l2 error of {accuracy:g}"
-        _print(title, peers.layout(document), document["note"] + peers.against(document))
+        print_table(title, peers.layout(document), **LOOKS, note=document["note"] + peers.against(document))
     return 0 if all(row["converged"] for row in document["rows"] if row["method"] in peers.OURS) else NOT_CONVERGED
 
 
@@ -115,7 +95,7 @@ def tradeoff(comm, scene, knobs, accuracies, repeat, timeout, json_file, picture
     accuracies = accuracies or measure.ACCURACIES
     if not all(0 < accuracy < 1 for accuracy in accuracies) or repeat < 1:
         raise ValueError("--accuracies lie between 0 and 1, and --repeat is at least 1")
-    with _progress(comm, json_file == "-") as say:
+    with progress(comm, json_file == "-") as say:
         document = measure.tradeoff(
             scene, knobs, sorted(accuracies, reverse=True), repeat, timeout,
             list(PETSc.Options().getAll().items()), say,
@@ -128,7 +108,7 @@ def tradeoff(comm, scene, knobs, accuracies, repeat, timeout, json_file, picture
         diagrams(document, picture)
     if json_file != "-":
         title = f"{document['scene']}: {document['free_dofs']:,} free dofs, time to a relative l2 error, with set-up"
-        _print(title, measure.layout(document))
+        print_table(title, measure.layout(document), **LOOKS)
     return 0
 
 
@@ -154,13 +134,15 @@ def extremes(comm, groups, json_file):
     if json_file is not None and json_file != "-":
         io.check_writable(json_file, None)
     chosen = [case for case in chosen if not groups or case.group in groups]
-    with _progress(comm, json_file == "-") as say:
+    with progress(comm, json_file == "-") as say:
         document = catalogue.run_all(chosen, say)
     if json_file is not None:
         write_json(json_file, document)
     if json_file != "-":
         counts = ", ".join(f"{count} {verdict}" for verdict, count in document["counts"].items() if count)
-        title = f"{len(chosen)} cases, to a relative l2 error of {document['accuracy']:g}"
+        title = (
+            f"{len(chosen)} case{'s' if len(chosen) > 1 else ''}, to a relative l2 error of {document['accuracy']:g}"
+        )
         share = f"of the cases with a solution {100 * (document['converged'] or 0):.0f} % are right"
-        _print(title, catalogue.layout(document), f"{counts}; {share}")
+        print_table(title, catalogue.layout(document), left=(0, 1, 2, -1), note=f"{counts}; {share}")
     return NOT_CONVERGED if any(document["counts"][verdict] for verdict in catalogue.BAD) else 0

@@ -203,7 +203,7 @@ def mark_front(curves):
 
 def layout(document):
     """Return the header and the rows of a table, as text: the quickest choice for each accuracy and knob."""
-    from .cli import quantity
+    from .printing import quantity
 
     header, rows = ["knob", "choice", "memory", *(f"{accuracy:.0e}" for accuracy in document["accuracies"])], []
     for curve in document["curves"]:
