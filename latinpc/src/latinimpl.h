@@ -49,6 +49,7 @@ PETSC_INTERN PetscErrorCode LatinAgreeError_Private(MPI_Comm, PetscErrorCode min
 
 /* Runs a collective call; an error that has not struck every rank of comm ends the program (watch.c) */
 PETSC_INTERN PetscErrorCode LatinWatchCreate_Private(MPI_Comm);
+PETSC_INTERN PetscErrorCode LatinWatchFinalize_Private(void);
 PETSC_INTERN PetscErrorCode LatinWatchWait_Private(MPI_Comm, PetscErrorCode);
 PETSC_INTERN void           LatinWatchBegin_Private(void);
 PETSC_INTERN PetscErrorCode LatinWatchEnd_Private(MPI_Comm, PetscErrorCode);

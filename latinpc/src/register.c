@@ -26,6 +26,7 @@ static PetscErrorCode LatinFinalizePackage(void)
   PetscFunctionBegin;
   initialized = PETSC_FALSE;
   PetscCall(LatinLawsFinalize_Private());
+  PetscCall(LatinWatchFinalize_Private());
   PetscFunctionReturn(0);
 }
 

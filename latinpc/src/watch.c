@@ -40,6 +40,14 @@ PetscErrorCode LatinWatchCreate_Private(MPI_Comm comm)
   PetscFunctionReturn(0);
 }
 
+/* The key goes once the last communicator that it is on does */
+PetscErrorCode LatinWatchFinalize_Private(void)
+{
+  PetscFunctionBegin;
+  if (key != MPI_KEYVAL_INVALID) PetscCallMPI(MPI_Comm_free_keyval(&key));
+  PetscFunctionReturn(0);
+}
+
 /* Returns the error, none or one that has struck all ranks of comm; another ends the program */
 PetscErrorCode LatinWatchWait_Private(MPI_Comm comm, PetscErrorCode ierr)
 {
