@@ -7,6 +7,8 @@
 #   make test          the quick tests; `make test-all` adds the slow ones
 #   make test PETSC=latest|debug|int64   the same with the newest PETSC instead of Debian's: built once, and kept
 #   make test SANITIZE=1   the same with AddressSanitizer and UBSan in our library
+#   make test VALGRIND=1   the same under valgrind, which takes hours: VALGRIND=first runs one case of each test, and
+#                      PYTEST_ARGS=tests/test_snes.py those of a file
 #   make coverage      the quick tests; which lines of C and Python they run, in build/coverage
 #   make bench         the benchmarks, their tables and figures; BENCH=full adds the large ones
 #   make format-check  clang-format and ruff, as CI runs them; `make format` applies them
@@ -27,7 +29,7 @@ $(error PETSC=$(PETSC): it is debian, latest, debug or int64)
 endif
 # The libraries of other kinds are installed into a virtual environment of their own, not beside the sources; the PETSc
 # that they need is kept outside the tree, for the next clone
-KIND    := $(PETSC)$(if $(SANITIZE),-sanitize)$(if $(COVERAGE),-coverage)
+KIND    := $(PETSC)$(if $(SANITIZE),-sanitize)$(if $(VALGRIND),-valgrind)$(if $(COVERAGE),-coverage)
 VENV    := .venv$(patsubst %,-%,$(filter-out debian,$(KIND)))
 BUILD   := build/$(patsubst debian,make,$(KIND))
 ifneq ($(PETSC),debian)
@@ -42,6 +44,19 @@ PYTEST_ENV  = env LD_PRELOAD=$$(gcc -print-file-name=libasan.so) ASAN_OPTIONS=de
               UBSAN_OPTIONS=halt_on_error=1:print_stacktrace=1
 # a report ends the process: it goes to the terminal, not to a file of pytest's that ends with it
 PYTEST_KIND = --capture=sys
+endif
+ifneq ($(VALGRIND),)
+PACKAGES += valgrind
+VALGRIND_LOGS = $(abspath $(BUILD))/logs
+# compilers and Open MPI's daemon are left alone; mpirun is not, or its ranks would be, too. Long stacks lead from
+# libraries of PETSc's back to the lines of ours that have called them
+PYTEST_ENV  = rm -rf $(VALGRIND_LOGS); mkdir -p $(VALGRIND_LOGS); \
+              env VALGRIND_LOGS=$(VALGRIND_LOGS) HWLOC_COMPONENTS=-x86 LATINPC_EXAMPLES=3 \
+              valgrind -q --trace-children=yes --trace-children-skip='*/mpicc,*/mpif90,*/pkg-config,*/orted' \
+              --num-callers=30 --fullpath-after= --keep-debuginfo=yes --leak-check=full --show-leak-kinds=definite \
+              --suppressions=$(abspath tests/valgrind.supp) --log-file=%q{VALGRIND_LOGS}/%p.log
+PYTEST_KIND = --timeout=18000
+PYTEST_THEN = ; code=$$?; $(BIN)/python tests/valgrind_reports.py $(VALGRIND_LOGS) && exit $$code
 endif
 BIN     := $(VENV)/bin
 extra    = $(shell $(BIN)/python -c "import tomllib; \
@@ -114,7 +129,7 @@ endif
 
 build: $(VENV)/.tools
 	@$(BIN)/python -m pip install -q --disable-pip-version-check --no-build-isolation --no-deps --force-reinstall . \
-	  --config-settings=build-dir=$(BUILD) --config-settings=cmake.define.$(if $(SANITIZE),LATINPC_SANITIZE,$(if $(COVERAGE),LATINPC_COVERAGE,LATINPC_WERROR))=ON
+	  --config-settings=build-dir=$(BUILD) $(if $(VALGRIND),--config-settings=install.strip=false) --config-settings=cmake.define.LATINPC_$(or $(if $(SANITIZE),SANITIZE),$(if $(VALGRIND),VALGRIND),$(if $(COVERAGE),COVERAGE),WERROR)=ON
 endif
 
 demo: env
@@ -123,10 +138,10 @@ demo: env
 	  --output demo/tensegrity-grid.vtu --picture demo/tensegrity-grid.png --json demo/tensegrity-grid.json
 
 test: env
-	$(PYTEST_ENV) $(BIN)/pytest $(PYTEST_KIND) -m "not slow" $(PARALLEL) $(PYTEST_ARGS)
+	$(PYTEST_ENV) $(BIN)/pytest $(PYTEST_KIND) -m "not slow" $(PARALLEL) $(PYTEST_ARGS) $(PYTEST_THEN)
 
 test-all: env
-	$(PYTEST_ENV) $(BIN)/pytest $(PYTEST_KIND) $(PARALLEL) $(PYTEST_ARGS)
+	$(PYTEST_ENV) $(BIN)/pytest $(PYTEST_KIND) $(PARALLEL) $(PYTEST_ARGS) $(PYTEST_THEN)
 
 ifeq ($(COVERAGE),)
 coverage:

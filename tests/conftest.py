@@ -5,6 +5,7 @@ import re
 import signal
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 ENVIRONMENT = {
@@ -21,6 +22,9 @@ ENVIRONMENT = {
 # libp11-kit's: it does where it is part of the program
 if "libasan" in os.environ.get("LD_PRELOAD", ""):
     ENVIRONMENT |= {"OMPI_CC": "gcc -fsanitize=address", "OMPI_FC": "gfortran -fsanitize=address"}
+# under valgrind each process writes a log into this folder
+LOGS = os.environ.get("VALGRIND_LOGS")
+PATIENCE = 60 if LOGS else 1  # as many times slower
 # a worker of pytest-xdist is born of a process that has started MPI: what that one was told is not for this one
 if os.environ.pop("PYTEST_XDIST_WORKER", None):
     for name in [name for name in os.environ if name.startswith(("OMPI_", "PMIX_", "ORTE_", "OPAL_"))]:
@@ -35,6 +39,7 @@ petsc4py.init([sys.argv[0], "-skip_petscrc"])
 
 import pytest  # noqa: E402
 from petsc4py import PETSc  # noqa: E402
+from valgrind_reports import reports, reports_below  # noqa: E402
 
 ROOT = Path(__file__).resolve().parent.parent
 CONFIG = petsc4py.get_config()
@@ -64,6 +69,9 @@ def run(command, timeout=120, check=True, cwd=None, env=None):
     Returns a subprocess.CompletedProcess with text in stdout and stderr.
     """
     command = [str(word) for word in command]
+    env = environment(**(env or {}))
+    if LOGS:
+        env["VALGRIND_LOGS"] = tempfile.mkdtemp(dir=LOGS)
     process = subprocess.Popen(
         command,
         stdin=subprocess.DEVNULL,
@@ -71,11 +79,11 @@ def run(command, timeout=120, check=True, cwd=None, env=None):
         stderr=subprocess.PIPE,
         text=True,
         cwd=cwd,
-        env=environment(**(env or {})),
+        env=env,
         start_new_session=True,
     )
     try:
-        out, err = process.communicate(timeout=timeout)
+        out, err = process.communicate(timeout=timeout * PATIENCE)
     except subprocess.TimeoutExpired:
         os.killpg(process.pid, signal.SIGTERM)  # mpirun ends its ranks, which are in groups of their own
         try:
@@ -87,11 +95,35 @@ def run(command, timeout=120, check=True, cwd=None, env=None):
     result = subprocess.CompletedProcess(command, process.returncode, out, err)
     if SANITIZER.search(err):
         pytest.fail(f"{' '.join(command)}: reported by a sanitizer\n{out}\n{err}")
+    if LOGS and (found := reports_below(env["VALGRIND_LOGS"])):
+        pytest.fail("\n\n".join([f"{' '.join(command)}: reported by valgrind", *found]))
     if check and result.returncode:
         pytest.fail(f"{' '.join(command)}: exit code {result.returncode}\n{out}\n{err}")
     if check and MALLOC_DUMP and LEAK.search(out):
         pytest.fail(f"{' '.join(command)}: memory left\n{out}\n{err}")
     return result
+
+
+if LOGS:
+
+    @pytest.hookimpl(trylast=True)
+    def pytest_collection_modifyitems(config, items):
+        """With VALGRIND=first, keep the first case of each test."""
+        if os.environ.get("VALGRIND") != "first":
+            return
+        seen = set()
+        first = [item for item in items if not (item.function in seen or seen.add(item.function))]
+        config.hook.pytest_deselected(items=[item for item in items if item not in first])
+        items[:] = first
+
+    @pytest.fixture(autouse=True)
+    def valgrind():
+        """Fail the test during which valgrind reports on our library in pytest's own process."""
+        log = Path(LOGS, f"{os.getpid()}.log")
+        end = log.stat().st_size
+        yield
+        if found := reports(log, end)[0]:
+            pytest.fail("\n\n".join(["reported by valgrind", *found]))
 
 
 @pytest.fixture
