@@ -208,15 +208,71 @@ def test_every_bit_is_kept(file, tmp_path):
             latinpc.save_state(snes, path, u, note)
             assert latinpc.load_state(snes, path, v) == note
             assert u.getArray().tobytes() == v.getArray().tobytes()
-    if file == "state.h5":  # anyone's PETSc reads it, and its name does not matter
-        plain = PETSc.Vec().createSeq(u.getSize())
-        plain.setName("displacement")
-        viewer = PETSc.Viewer().createHDF5(str(path), "r", comm=PETSc.COMM_SELF)
-        plain.load(viewer)
-        viewer.destroy()
-        assert plain.getArray().tobytes() == v.getArray().tobytes()
+    if file == "state.h5":  # its name does not matter when it is read
         path.rename(tmp_path / "state")
         assert latinpc.load_state(snes, tmp_path / "state", u) == note
+
+
+@pytest.mark.skipif(not HDF5, reason="without HDF5")
+def test_hdf5_shows_nodes_and_links_to_every_petsc(tmp_path):
+    path, scene = tmp_path / "motion.hdf5", make("impact-grid", modules=8)
+    with default_options({}):
+        links = latinpc.Links.from_scene(scene, comm=PETSc.COMM_SELF)
+        v = links.create_vec()
+        links.set_displacements(scene.velocity, v)
+        ts = links.create_ts(v=v)
+        ts.setTimeStep(scene.time_step)
+        ts.setMaxSteps(2)
+        ts.setFromOptions()
+        u, v = ts.getSolution2()
+        ts.solve(u)
+        latinpc.save_state(ts, path, note=b"words")
+    viewer = PETSc.Viewer().createHDF5(str(path), "r", comm=PETSc.COMM_SELF)
+
+    def read(name, value):
+        value.setName(name)
+        value.load(viewer)
+        return value.getIndices() if isinstance(value, PETSc.IS) else value.getArray()
+
+    def vec():
+        return PETSc.Vec().create(PETSc.COMM_SELF)
+
+    shape = scene.nodes.shape
+    assert np.array_equal(read("displacement", vec()), u.getArray())
+    assert np.array_equal(read("/nodes/coordinates", vec()).reshape(shape), scene.nodes)
+    assert np.array_equal(read("/nodes/displacement", vec()).reshape(shape), links.displacements(u))
+    velocity = np.where(scene.fixed, 0.0, links.displacements(v))
+    assert np.array_equal(read("/nodes/velocity", vec()).reshape(shape), velocity)
+    assert np.array_equal(read("/links/tension", vec()), latinpc.step_tensions(ts))
+    assert np.array_equal(read("/links/nodes", PETSc.IS().create(PETSc.COMM_SELF)).reshape(-1, 2), scene.links)
+    viewer.destroy()
+
+
+H5PY = """
+import json, sys
+import h5py
+
+with h5py.File(sys.argv[1]) as file:
+    what = dict(file.attrs)
+    assert what["ranks"] == 1 and what["motion"] == 0 and len(what["structure"]) == 16, what
+    assert len(json.loads(file["note"][()])) == 2  # iterations of two increments
+    nodes, links = int(sys.argv[2]), int(sys.argv[3])
+    assert file["links/nodes"].shape == (links, 2) and file["links/nodes"].dtype.kind == "i"
+    assert file["nodes/displacement"].shape == file["nodes/coordinates"].shape == (nodes, 3)
+    assert file["rigid_tension"].shape == (links,) and file["rigid_tension"].dtype == float
+with h5py.File(sys.argv[1], "a") as file:
+    file["displacement"][0] = 1.0
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not HDF5, reason="without HDF5")
+def test_h5py_reads_a_state_and_what_it_changes_is_refused(mpirun, tmp_path):
+    pytest.importorskip("h5py")
+    path, scene = tmp_path / "state.h5", make("net", side=8)
+    ramp(scene, {}, 1, 2, path)
+    mpirun(1, H5PY, path, len(scene.nodes), len(scene.links))
+    assert "has been changed" in refused(ramp, scene, {}, 3, 5, path)
 
 
 def refused(call, *arguments):

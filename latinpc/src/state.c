@@ -10,13 +10,17 @@
 */
 
 /* Where the next n numbers of this rank are, NULL while they are counted */
-static PetscErrorCode LatinPackPart_Private(LatinPack *pack, const char name[], PetscInt n, PetscReal **mine)
+static PetscErrorCode LatinPackPart_Private(LatinPack *pack, const char name[], PetscInt n, PetscInt width, PetscReal **mine)
 {
+  LatinPart *part = &pack->part[pack->parts++];
+
   PetscFunctionBegin;
-  PetscAssert(pack->parts < LATIN_STATE_PARTS, PETSC_COMM_SELF, PETSC_ERR_PLIB, "More parts than LATIN_STATE_PARTS");
-  *mine                     = pack->data ? pack->data + pack->n : NULL;
-  pack->name[pack->parts]   = name;
-  pack->size[pack->parts++] = n;
+  PetscAssert(pack->parts <= LATIN_STATE_PARTS, PETSC_COMM_SELF, PETSC_ERR_PLIB, "More parts than LATIN_STATE_PARTS");
+  *mine         = pack->data ? pack->data + pack->n : NULL;
+  part->name    = name;
+  part->n       = n;
+  part->width   = width;
+  part->integer = PETSC_FALSE;
   pack->n += n;
   PetscFunctionReturn(0);
 }
@@ -26,7 +30,7 @@ static PetscErrorCode LatinPackReals_Private(LatinPack *pack, const char name[],
   PetscReal *mine;
 
   PetscFunctionBegin;
-  PetscCall(LatinPackPart_Private(pack, name, n, &mine));
+  PetscCall(LatinPackPart_Private(pack, name, n, 1, &mine));
   if (mine && pack->load) PetscCall(PetscArraycpy(x, mine, n));
   else if (mine) PetscCall(PetscArraycpy(mine, x, n));
   PetscFunctionReturn(0);
@@ -60,7 +64,7 @@ static PetscErrorCode LatinPackFloppy_Private(LatinPack *pack, Latin latin, Lati
 
   PetscFunctionBegin;
   if (!latin->local_slack) PetscFunctionReturn(0);
-  PetscCall(LatinPackPart_Private(pack, "slack", latin->sub.links, &mine));
+  PetscCall(LatinPackPart_Private(pack, "slack", latin->sub.links, 1, &mine));
   if (!mine) PetscFunctionReturn(0);
   if (!pack->load) {
     head->slack_known = floppy->known;
@@ -136,6 +140,33 @@ static PetscErrorCode LatinPack_Private(LatinPack *pack, LatinStateOf *of, Latin
   PetscFunctionReturn(0);
 }
 
+/* What those look for who open a state in HDF5, in the caller's numbering; it is not read. Collective */
+static PetscErrorCode LatinPackShow_Private(LatinPack *show, LatinStateOf *of)
+{
+  const LatinLinks links = of->links;
+  const TS_Latin  *data  = of->ts ? (TS_Latin *)of->ts->data : NULL;
+  const PetscInt   n = links->nodes_local * links->dim, m = links->links_local;
+  PetscReal       *mine;
+
+  PetscFunctionBegin;
+  show->n = show->parts = 0;
+  PetscCall(LatinPackPart_Private(show, "/nodes/coordinates", n, links->dim, &mine));
+  if (mine) PetscCall(PetscArraycpy(mine, links->x, n));
+  PetscCall(LatinPackPart_Private(show, "/nodes/displacement", n, links->dim, &mine));
+  if (mine) PetscCall(LatinLinksGetDisplacements(links, of->u, mine));
+  if (of->ts) {
+    PetscCall(LatinPackPart_Private(show, "/nodes/velocity", n, links->dim, &mine));
+    if (mine) PetscCall(LatinLinksGetDisplacements(links, of->ts->vec_dot, mine));
+    for (PetscInt i = 0; mine && i < n; i++) mine[i] = links->fixed[i] ? 0.0 : mine[i];
+  }
+  PetscCall(LatinPackPart_Private(show, "/links/tension", m, 1, &mine));
+  if (mine) PetscCall(LatinLinksGetTensions(data ? data->step : links, data ? data->w : of->u, mine));
+  PetscCall(LatinPackPart_Private(show, "/links/nodes", 2 * m, 2, &mine));
+  for (PetscInt i = 0; mine && i < 2 * m; i++) mine[i] = (PetscReal)links->nodes[i];
+  show->part[show->parts - 1].integer = PETSC_TRUE;
+  PetscFunctionReturn(0);
+}
+
 /* The structure without loads and prestrains, which may change from one solve to the next; its partition, its interfaces and the search direction. Collective */
 static PetscErrorCode LatinStateStructure_Private(LatinStateOf *of, uint64_t *all)
 {
@@ -202,13 +233,14 @@ static PetscErrorCode LatinStateSave_Private(PetscObject solver, Vec u, const ch
   LatinStateHead head;
   PetscMPIInt    ranks;
   LatinStateOf   of;
-  LatinPack      pack = {.data = NULL, .load = PETSC_FALSE};
+  LatinPack      pack = {.data = NULL, .load = PETSC_FALSE}, show = pack;
 
   PetscFunctionBegin;
   PetscCallMPI(MPI_Comm_size(comm, &ranks));
   PetscCall(LatinStateOf_Private(solver, u, &of));
   PetscCheck(!of.latin || ((SNES_Latin *)of.snes->data)->z, comm, PETSC_ERR_ORDER, "There is no state yet: solve, or make a step, before");
   PetscCall(PetscMemzero(&head, sizeof(head)));
+  PetscCall(LatinStateFormat_Private(comm, file, &head));
   PetscCall(LatinStateStructure_Private(&of, &head.structure));
   head.ranks      = (long)ranks;
   head.motion     = of.ts ? 1 : 0;
@@ -217,7 +249,13 @@ static PetscErrorCode LatinStateSave_Private(PetscObject solver, Vec u, const ch
   PetscCall(LatinPack_Private(&pack, &of, &head));
   PetscCall(PetscMalloc1(pack.n + 1, &pack.data)); /* never NULL */
   PetscCall(LatinPack_Private(&pack, &of, &head));
-  PetscCall(LatinStateWrite_Private(comm, file, &head, &pack, (char *)note));
+  if (head.hdf5) {
+    PetscCall(LatinPackShow_Private(&show, &of));
+    PetscCall(PetscMalloc1(show.n + 1, &show.data));
+    PetscCall(LatinPackShow_Private(&show, &of));
+  }
+  PetscCall(LatinStateWrite_Private(comm, file, &head, &pack, &show, (char *)note));
+  PetscCall(PetscFree(show.data));
   PetscCall(PetscFree(pack.data));
   PetscFunctionReturn(0);
 }

@@ -134,49 +134,84 @@ static const LatinStateFormat binary = {LatinBinaryOpen_Private, LatinBinaryNote
 
 /* ---- a viewer, the same way for both formats and both directions ---- */
 
-/* The numbers of all ranks, one rank after the other; the first one has the viewer. Collective on comm */
-static PetscErrorCode LatinStatePart_Private(MPI_Comm comm, PetscViewer viewer, const char name[], PetscInt n, PetscReal mine[], PetscBool load)
+static PetscErrorCode LatinStateView_Private(Vec whole, const LatinPart *part, PetscViewer viewer)
 {
-  Vec        part, whole;
+  const PetscScalar *a;
+  PetscInt          *number, n;
+  IS                 is;
+
+  PetscFunctionBegin;
+  if (!part->integer) {
+    PetscCall(VecView(whole, viewer));
+    PetscFunctionReturn(0);
+  }
+  PetscCall(VecGetLocalSize(whole, &n));
+  PetscCall(PetscMalloc1(n, &number));
+  PetscCall(VecGetArrayRead(whole, &a));
+  for (PetscInt i = 0; i < n; i++) number[i] = (PetscInt)a[i];
+  PetscCall(VecRestoreArrayRead(whole, &a));
+  PetscCall(ISCreateGeneral(PETSC_COMM_SELF, n, number, PETSC_OWN_POINTER, &is));
+  PetscCall(ISSetBlockSize(is, part->width));
+  PetscCall(PetscObjectSetName((PetscObject)is, part->name));
+  PetscCall(ISView(is, viewer));
+  PetscCall(ISDestroy(&is));
+  PetscFunctionReturn(0);
+}
+
+/* The numbers of all ranks, one rank after the other; the first one has the viewer. Collective on comm */
+static PetscErrorCode LatinStatePart_Private(MPI_Comm comm, PetscViewer viewer, const LatinPart *part, PetscReal mine[], PetscBool load)
+{
+  Vec        each, whole;
   VecScatter gather;
 
   PetscFunctionBegin;
-  PetscCall(VecCreateMPIWithArray(comm, 1, n, PETSC_DETERMINE, mine, &part));
-  PetscCall(VecScatterCreateToZero(part, &gather, &whole));
-  PetscCall(PetscObjectSetName((PetscObject)whole, name));
+  PetscCall(VecCreateMPIWithArray(comm, part->width, part->n, PETSC_DETERMINE, mine, &each));
+  PetscCall(VecScatterCreateToZero(each, &gather, &whole));
+  PetscCall(VecSetBlockSize(whole, part->width));
+  PetscCall(PetscObjectSetName((PetscObject)whole, part->name));
   if (load) {
     LatinEach(comm, viewer ? VecLoad(whole, viewer) : (PetscErrorCode)0);
-    PetscCall(VecScatterBegin(gather, whole, part, INSERT_VALUES, SCATTER_REVERSE));
-    PetscCall(VecScatterEnd(gather, whole, part, INSERT_VALUES, SCATTER_REVERSE));
+    PetscCall(VecScatterBegin(gather, whole, each, INSERT_VALUES, SCATTER_REVERSE));
+    PetscCall(VecScatterEnd(gather, whole, each, INSERT_VALUES, SCATTER_REVERSE));
   } else {
-    PetscCall(VecScatterBegin(gather, part, whole, INSERT_VALUES, SCATTER_FORWARD));
-    PetscCall(VecScatterEnd(gather, part, whole, INSERT_VALUES, SCATTER_FORWARD));
-    LatinEach(comm, viewer ? VecView(whole, viewer) : (PetscErrorCode)0);
+    PetscCall(VecScatterBegin(gather, each, whole, INSERT_VALUES, SCATTER_FORWARD));
+    PetscCall(VecScatterEnd(gather, each, whole, INSERT_VALUES, SCATTER_FORWARD));
+    LatinEach(comm, viewer ? LatinStateView_Private(whole, part, viewer) : (PetscErrorCode)0);
   }
   PetscCall(VecScatterDestroy(&gather));
   PetscCall(VecDestroy(&whole));
-  PetscCall(VecDestroy(&part));
+  PetscCall(VecDestroy(&each));
   PetscFunctionReturn(0);
 }
 
 /* Collective on comm */
-static PetscErrorCode LatinStateTransfer_Private(MPI_Comm comm, const char file[], const LatinStateHead *head, LatinPack *pack, char note[])
+static PetscErrorCode LatinStateParts_Private(MPI_Comm comm, PetscViewer viewer, const LatinPack *pack)
+{
+  PetscInt done = 0;
+
+  PetscFunctionBegin;
+  for (PetscInt k = 0; k < pack->parts; k++) {
+    PetscCall(LatinStatePart_Private(comm, viewer, &pack->part[k], pack->data + done, pack->load));
+    done += pack->part[k].n;
+  }
+  PetscFunctionReturn(0);
+}
+
+/* Collective on comm */
+static PetscErrorCode LatinStateTransfer_Private(MPI_Comm comm, const char file[], const LatinStateHead *head, const LatinPack *state, const LatinPack *show, char note[])
 {
   const LatinStateFormat *format = head->hdf5 ? LatinStateHDF5 : &binary;
   PetscViewer             viewer = NULL;
   PetscMPIInt             rank;
   PetscErrorCode          ierr, last = (PetscErrorCode)0;
-  PetscInt                done = 0;
 
   PetscFunctionBegin;
   PetscCallMPI(MPI_Comm_rank(comm, &rank));
-  ierr = LatinAgreeError_Private(comm, rank ? (PetscErrorCode)0 : format->open(file, head, pack->load, &viewer));
-  for (PetscInt k = 0; !ierr && k < pack->parts; k++) {
-    ierr = LatinStatePart_Private(comm, viewer, pack->name[k], pack->size[k], pack->data + done, pack->load);
-    done += pack->size[k];
-  }
-  if (!ierr && viewer) ierr = format->note(viewer, pack->load, (PetscInt)head->note_bytes, note);
-  if (viewer) last = format->close(&viewer, ierr || pack->load ? NULL : file);
+  ierr = LatinAgreeError_Private(comm, rank ? (PetscErrorCode)0 : format->open(file, head, state->load, &viewer));
+  if (!ierr) ierr = LatinStateParts_Private(comm, viewer, state);
+  if (!ierr && show) ierr = LatinStateParts_Private(comm, viewer, show);
+  if (!ierr && viewer) ierr = format->note(viewer, state->load, (PetscInt)head->note_bytes, note);
+  if (viewer) last = format->close(&viewer, ierr || state->load ? NULL : file);
   PetscCall(LatinAgreeError_Private(comm, ierr ? ierr : last));
   PetscFunctionReturn(0);
 }
@@ -225,19 +260,21 @@ static PetscErrorCode LatinStateTouch_Private(const char temporary[])
   PetscFunctionReturn(0);
 }
 
-static PetscErrorCode LatinStateIsHDF5_Private(const char file[], long *hdf5)
+/* The format that the name of a file asks for. Collective on comm */
+PetscErrorCode LatinStateFormat_Private(MPI_Comm comm, const char file[], LatinStateHead *head)
 {
   PetscBool is[2];
 
   PetscFunctionBegin;
   PetscCall(PetscStrendswith(file, ".h5", &is[0]));
   PetscCall(PetscStrendswith(file, ".hdf5", &is[1]));
-  *hdf5 = is[0] || is[1];
+  head->hdf5 = is[0] || is[1];
+  PetscCheck(!head->hdf5 || LatinStateHDF5, comm, PETSC_ERR_SUP, "The state %s would be of HDF5, which this PETSc is without: give a name that does not end in .h5 or .hdf5", file);
   PetscFunctionReturn(0);
 }
 
 /* Fills in what the head says of the file. Collective on comm */
-PetscErrorCode LatinStateWrite_Private(MPI_Comm comm, const char file[], LatinStateHead *head, LatinPack *pack, char note[])
+PetscErrorCode LatinStateWrite_Private(MPI_Comm comm, const char file[], LatinStateHead *head, LatinPack *state, LatinPack *show, char note[])
 {
   char           temporary[PETSC_MAX_PATH_LEN + 8], *message = NULL; /* a name cut short might be that of the file */
   PetscInt       total;
@@ -246,16 +283,14 @@ PetscErrorCode LatinStateWrite_Private(MPI_Comm comm, const char file[], LatinSt
 
   PetscFunctionBegin;
   PetscCallMPI(MPI_Comm_rank(comm, &rank));
-  PetscCall(MPIU_Allreduce(&pack->n, &total, 1, MPIU_INT, MPI_SUM, comm));
+  PetscCall(MPIU_Allreduce(&state->n, &total, 1, MPIU_INT, MPI_SUM, comm));
   head->format        = LATIN_STATE_FORMAT;
   head->integer_bytes = (long)sizeof(PetscInt);
   head->real_bytes    = (long)sizeof(PetscReal);
   head->numbers       = (long)total;
-  PetscCall(LatinStateIsHDF5_Private(file, &head->hdf5));
-  PetscCheck(!head->hdf5 || LatinStateHDF5, comm, PETSC_ERR_SUP, "The state %s would be of HDF5, which this PETSc is without: give a name that does not end in .h5 or .hdf5", file);
   PetscCall(PetscSNPrintf(temporary, sizeof(temporary), "%s.part", file));
   ierr = LatinAgreeError_Private(comm, rank ? (PetscErrorCode)0 : LatinStateTouch_Private(temporary));
-  if (!ierr) ierr = LatinStateTransfer_Private(comm, temporary, head, pack, note);
+  if (!ierr) ierr = LatinStateTransfer_Private(comm, temporary, head, state, show, note);
   if (!ierr && !rank) ierr = LatinStateSeal_Private(temporary, file, head);
   if (ierr) PetscCall(PetscErrorMessage(ierr, NULL, (void *)&message)); /* char *, const or not, by version */
   if (ierr && !rank) (void)unlink(temporary);
@@ -334,7 +369,7 @@ PetscErrorCode LatinStateRead_Private(MPI_Comm comm, const char file[], LatinSta
   PetscFunctionBegin;
   PetscCallMPI(MPI_Comm_rank(comm, &rank));
   LatinEach(comm, rank ? (PetscErrorCode)0 : LatinStateCheck_Private(file, head));
-  PetscCall(LatinStateTransfer_Private(comm, file, head, pack, note));
+  PetscCall(LatinStateTransfer_Private(comm, file, head, pack, NULL, note));
   PetscCallMPI(MPI_Bcast(note, (PetscMPIInt)head->note_bytes, MPI_CHAR, 0, comm));
   PetscFunctionReturn(0);
 }

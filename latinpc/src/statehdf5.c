@@ -80,7 +80,10 @@ static PetscErrorCode LatinHDF5Open_Private(const char file[], const LatinStateH
   (void)H5Pclose(access);
   PetscCheck(id >= 0, PETSC_COMM_SELF, PETSC_ERR_LIB, "HDF5 cannot open it");
   ((PetscViewer_HDF5 *)(*viewer)->data)->file_id = id;
-  if (!load) PetscCall(LatinHDF5Attributes_Private(*viewer, head));
+  if (load) PetscFunctionReturn(0);
+  PetscCall(LatinHDF5Attributes_Private(*viewer, head));
+  PetscCall(PetscViewerHDF5WriteGroup(*viewer, "/nodes"));
+  PetscCall(PetscViewerHDF5WriteGroup(*viewer, "/links"));
   PetscFunctionReturn(0);
 }
 

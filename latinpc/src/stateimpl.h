@@ -29,12 +29,16 @@ PETSC_INTERN const LatinStateLine LatinStateLines[];
 /* The numbers of this rank, counted, gathered or handed out, always in the same order; all ranks have the same parts */
 #define LATIN_STATE_PARTS 16
 typedef struct {
-  PetscReal  *data; /* NULL: count */
-  PetscInt    n;
-  PetscBool   load;
-  PetscInt    parts;
-  const char *name[LATIN_STATE_PARTS];
-  PetscInt    size[LATIN_STATE_PARTS]; /* on this rank */
+  const char *name;
+  PetscInt    n, width; /* numbers on this rank, numbers in a row */
+  PetscBool   integer;  /* they are to be written as what they are; such parts are not read */
+} LatinPart;
+typedef struct {
+  PetscReal *data; /* NULL: count */
+  PetscInt   n;
+  PetscBool  load;
+  PetscInt   parts;
+  LatinPart  part[LATIN_STATE_PARTS];
 } LatinPack;
 
 /* A format, of one rank: its viewer for the parts, the caller's note, and the end, where the file is NULL after an error or a load */
@@ -53,7 +57,8 @@ static inline void LatinStateHash(uint64_t *hash, size_t n, const void *data)
   *hash = LatinHash(sizeof(both), both);
 }
 
-PETSC_INTERN PetscErrorCode LatinStateWrite_Private(MPI_Comm, const char file[], LatinStateHead *, LatinPack *, char note[]);
+PETSC_INTERN PetscErrorCode LatinStateFormat_Private(MPI_Comm, const char file[], LatinStateHead *);
+PETSC_INTERN PetscErrorCode LatinStateWrite_Private(MPI_Comm, const char file[], LatinStateHead *, LatinPack *state, LatinPack *show, char note[]);
 PETSC_INTERN PetscErrorCode LatinStateReadHead_Private(MPI_Comm, const char file[], LatinStateHead *);
 PETSC_INTERN PetscErrorCode LatinStateRead_Private(MPI_Comm, const char file[], LatinStateHead *, LatinPack *, char note[]);
 
