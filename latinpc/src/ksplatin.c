@@ -50,7 +50,7 @@ static PetscErrorCode KSPLatinMult_Private(Mat A, Vec x, Vec y)
   data = (KSP_Latin *)ksp->data;
   PetscCall(VecGetArrayRead(x, &a));
   PetscCall(VecGetArrayWrite(y, &b));
-  PetscCall(LatinReflectionApply_Private(data->latin, a, data->symmetric, b));
+  PetscCall(LatinReflectionApply_Private(data->latin, PETSC_FALSE, a, data->symmetric, b));
   if (data->latin->failed && data->latin->inter.sides) b[0] = INFINITY; /* seen by all ranks in the next norm, or at the end */
   PetscCall(VecRestoreArrayRead(x, &a));
   PetscCall(VecRestoreArrayWrite(y, &b));
@@ -278,7 +278,7 @@ static PetscErrorCode KSPLatinLoad_Private(KSP ksp, Vec load, PetscReal *norm)
   PetscFunctionBegin;
   PetscCall(LatinLinearSetLoads(data->latin, load));
   PetscCall(VecGetArrayWrite(data->b, &b));
-  PetscCall(LatinReflectionApply_Private(data->latin, NULL, data->symmetric, b));
+  PetscCall(LatinReflectionApply_Private(data->latin, PETSC_TRUE, NULL, data->symmetric, b));
   PetscCall(VecRestoreArrayWrite(data->b, &b));
   PetscCall(VecNorm(data->b, NORM_2, norm));
   PetscFunctionReturn(0);

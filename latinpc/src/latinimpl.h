@@ -614,7 +614,7 @@ PETSC_INTERN PetscErrorCode LatinAverage_Private(Latin, Vec u);
 PETSC_INTERN PetscErrorCode LatinDistribute_Private(Latin, Vec u, PetscReal copy[]);
 
 /* The linear iteration on the data of the interfaces alone (reflection.c); y in variables whose norm is the energy norm */
-PETSC_INTERN PetscErrorCode LatinReflectionApply_Private(Latin, const PetscReal y[], PetscBool symmetric, PetscReal out[]);
+PETSC_INTERN PetscErrorCode LatinReflectionApply_Private(Latin, PetscBool loaded, const PetscReal y[], PetscBool symmetric, PetscReal out[]);
 PETSC_INTERN PetscErrorCode LatinReflectionSolution_Private(Latin, const PetscReal y[], Vec u);
 
 #endif

@@ -18,7 +18,8 @@ typedef struct {
   PetscInt           rows;
   const PetscInt    *i, *j, *global;
   const PetscScalar *a;
-  const PetscInt    *part; /* [rows] groups of a coarse matrix, which are its subdomains; NULL: the connected parts are */
+  PetscBool          grouped; /* the subdomains are groups of a coarse matrix; else the connected parts */
+  const PetscInt    *part;    /* [rows] those groups */
   PetscInt           parts;
 } LatinLocalMatrix;
 
@@ -43,6 +44,7 @@ static PetscErrorCode LatinLocalMatrixGet_Private(Mat A, LatinLocalMatrix *local
   PetscFunctionBegin;
   local->part = NULL;
   PetscCall(LatinLevelOf_Private(A, &level));
+  local->grouped = (PetscBool)(level != NULL);
   if (level) {
     PetscCall(PetscObjectReference((PetscObject)level->K));
     local->K      = level->K;
@@ -73,7 +75,7 @@ static PetscErrorCode LatinLocalMatrixRestore_Private(Mat A, LatinLocalMatrix *l
   PetscBool              done;
 
   PetscFunctionBegin;
-  if (!local->part) {
+  if (!local->grouped) {
     PetscCall(MatISGetLocalToGlobalMapping(A, &rows, NULL));
     PetscCall(ISLocalToGlobalMappingRestoreIndices(rows, &local->global));
   }
@@ -172,7 +174,7 @@ static PetscErrorCode LatinMatrixParts_Private(Latin latin, const LatinLocalMatr
   PetscBool alone = PETSC_FALSE;
 
   PetscFunctionBegin;
-  if (local->part) {
+  if (local->grouped) {
     latin->sub.n = local->parts;
     for (PetscInt r = 0; r < local->rows; r++) part[r] = kept[r] ? local->part[r] : -1;
     PetscFunctionReturn(0);

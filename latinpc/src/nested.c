@@ -100,12 +100,13 @@ static PetscErrorCode LatinNestGroup_Private(LatinNestLevel *level, PetscInt wid
       low       = PetscMin(low, fine->box[6 * s + c]);
       high      = PetscMax(high, fine->box[6 * s + c]);
     }
+    if (!fine->n) break; /* a rank without subdomains */
     qsort(extent, (size_t)fine->n, sizeof(*extent), LatinRealCompare);
     cell = (PetscReal)width * extent[fine->n / 2];
     if (!(cell > 1e-5 * (high - low))) cell = 1e-5 * (high - low); /* elements without extent; 100,000 cells are enough for any structure */
     for (PetscInt s = 0; s < fine->n; s++) key[s].hash = (key[s].hash << 20) + (cell > 0.0 ? (uint64_t)((fine->box[6 * s + c] - low) / cell + 1e-3) : 0);
   }
-  qsort(key, (size_t)fine->n, sizeof(*key), LatinKeyCompare);
+  if (fine->n) qsort(key, (size_t)fine->n, sizeof(*key), LatinKeyCompare);
   level->groups = 0;
   PetscCall(PetscMalloc3(fine->n + 1, &level->first, fine->n, &level->member, fine->n, &level->interior));
   for (PetscInt s = 0; s < fine->n; s++) {

@@ -21,6 +21,7 @@ typedef struct {
   PetscReal       *weight;        /* [copies * bs] partition of unity */
   PetscReal       *side;          /* [3 * sides] work */
   PetscBool       *inner;         /* [copies] the node belongs to one subdomain */
+  PetscBool        built;         /* these are there, though a rank without subdomains has none */
   PetscInt         dim, nodes;    /* coordinates given by PCSetCoordinates(), dim 0: none */
   PetscReal       *x;
   LatinInexact     inexact;           /* of the inner solvers, on all ranks */
@@ -122,6 +123,7 @@ static PetscErrorCode PCReset_Latin(PC pc)
   PetscCall(PetscFree(data->inner));
   PetscCall(PetscFree5(data->weight, data->b, data->v, data->f, data->force));
   PetscCall(PetscFree(data->side));
+  data->built = PETSC_FALSE;
   PetscFunctionReturn(0);
 }
 
@@ -174,7 +176,7 @@ static PetscErrorCode PCSetUp_Latin(PC pc)
   PetscInt  n;
 
   PetscFunctionBegin;
-  if (data->shared && data->weight) PetscFunctionReturn(0);
+  if (data->shared && data->built) PetscFunctionReturn(0);
   if (data->shared) PetscCall(PCReset_Latin(pc));
   else PetscCall(PCLatinSetUpLatin_Private(pc));
   n = data->latin->sub.bs * data->latin->sub.copies;
@@ -187,6 +189,7 @@ static PetscErrorCode PCSetUp_Latin(PC pc)
   if (!data->shared) PetscCall(PCLatinInterior_Private(pc));
   data->inexact = data->latin->inexact;
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &data->inexact, 2, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)pc)));
+  data->built = PETSC_TRUE;
   PetscFunctionReturn(0);
 }
 

@@ -122,20 +122,20 @@ static PetscErrorCode LatinReflectionNoise_Private(Latin latin)
 }
 
 /*
-   out = (1 - Pi R) y for data y without loads, or, y being NULL, the right-hand side that the loads make of it;
-   symmetric: the same times Pi. Collective on latin.
+   out = (1 - Pi R) y for data y without loads, or, loaded, the right-hand side that the loads make of it without data;
+   symmetric: the same times Pi. A rank without interfaces has no y (NULL) either way. Collective on latin.
 */
-PetscErrorCode LatinReflectionApply_Private(Latin latin, const PetscReal y[], PetscBool symmetric, PetscReal out[])
+PetscErrorCode LatinReflectionApply_Private(Latin latin, PetscBool loaded, const PetscReal y[], PetscBool symmetric, PetscReal out[])
 {
   LatinInterfaces *inter = &latin->inter;
   PetscReal       *mine  = latin->outgoing;
 
   PetscFunctionBegin;
-  PetscCall(LatinReflectionStage_Private(latin, (PetscBool)!y, y));
-  if (!y) PetscCall(LatinReflectionNoise_Private(latin));
+  PetscCall(LatinReflectionStage_Private(latin, loaded, loaded ? NULL : y));
+  if (loaded) PetscCall(LatinReflectionNoise_Private(latin));
   PetscCall(PetscLogEventBegin(LATIN_Local, latin, 0, 0, 0));
   for (PetscInt f = 0; f < inter->count; f++) PetscCall(LatinReflectionMicro_Private(latin, &inter->interface[f], mine + inter->interface[f].side_first));
-  if (!y) {
+  if (loaded) {
     for (PetscInt k = 0; k < inter->sides; k++) mine[k] *= 2.0;
     if (symmetric) PetscCall(PetscArraycpy(out, mine, inter->sides));
     else PetscCall(LatinSFBcast_Private(inter->mate_sf, 1, MPIU_REAL, mine, out));
