@@ -75,6 +75,22 @@ def test_pc_latin_fails_with_its_inner_solvers(part):
     assert linear(PLATE, ksp_type="fgmres", pc_type="latin", **options)[0] == [FAILED]
 
 
+def test_a_matrix_without_interfaces_has_no_local_fields():
+    links = structure(WHOLE)
+    links.dm.setMatType("is")
+    J, b, x = links.dm.createMat(), links.create_vec(), links.create_vec()
+    links.jacobian(x, J)
+    J.compose("__PETSc_dm", None)
+    b.set(1.0)
+    with default_options({"ksp_type": "cg", "pc_type": "latin", "pc_latin_modes_local": 1}):
+        ksp = PETSc.KSP().create(PETSc.COMM_SELF)
+        ksp.setOperators(J)
+        ksp.setFromOptions()
+        ksp.solve(b, x)
+    assert ksp.getConvergedReason() > 0
+    assert ksp.getIterationNumber() == 1
+
+
 def test_inner_iterations_that_are_few_on_purpose_are_no_failure():
     inner = {"ksp_type": "cg", "pc_type": "jacobi", "ksp_max_it": 3}
     options = {f"pc_latin_local_{key}": inner[key] for key in inner}

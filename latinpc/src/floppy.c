@@ -266,7 +266,7 @@ static PetscErrorCode LatinFloppySubdomain_Private(Latin latin, LatinGraph *grap
   PetscCall(PetscMalloc2((size_t)n * (size_t)n, &G, (size_t)n * (size_t)n, &V));
   PetscCall(LatinFloppyCompliance_Private(ksp, n, dof, weight, G, &failed));
   if (failed) *bad = PETSC_TRUE;
-  else PetscCall(LatinFloppyEigen_Private(n, LatinFloppyThreshold(latin), G, V, &modes, bad));
+  else if (n) PetscCall(LatinFloppyEigen_Private(n, LatinFloppyThreshold(latin), G, V, &modes, bad));
   kept                   = PetscMin(modes, latin->local_max);
   latin->floppy.modes[s] = kept;
   for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++) PetscCall(LatinFloppyCut_Private(latin, f, n, kept, V + (size_t)n * (size_t)(modes - kept), position, weight));
