@@ -338,6 +338,20 @@ CASES = {
     ),
     "tolerance_nan": (r"A tolerance is not a finite number: stol nan", lambda: solve(square(), snes_stol="nan")),
     "tolerance_inf": (r"not a finite number: .* rtol inf", lambda: solve(square(), snes_rtol="inf")),
+    "norm_of_what": (
+        r"_error_norm .* add -snes_latin_stop error",
+        lambda: solve(square(), snes_latin_error_norm="energy"),
+    ),
+    "extrapolated": (r"add -snes_latin_warm_start", lambda: solve(square(), snes_latin_warm_extrapolate=True)),
+    "polish_of_what": (r"add -snes_latin_polish", lambda: solve(square(), snes_latin_polish_start=1e-2)),
+    "two_sizes": (
+        r"_subdomains and -snes_latin_subdomain_links both .* leave out one",
+        lambda: solve(square(), snes_latin_subdomains=2, snes_latin_subdomain_links=3),
+    ),
+    "two_directions": (
+        r"_direction_fraction is of a self-tuned .* leave out one",
+        lambda: solve(square(), snes_latin_direction_fraction=0.1, snes_latin_direction_scalar=10.0),
+    ),
     "no_reference": (r"SNESLatinSetReference\(\)", lambda: solve(square(), snes_latin_stop="reference")),
     "must_converge": (
         r"has not converged|DIVERGED",

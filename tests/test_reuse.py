@@ -63,16 +63,3 @@ def test_a_warm_start_saves_iterations(make):
     cold, warm, extrapolated = (sum(found[how][0][2:]) for how in ("cold", "warm", "extrapolated"))
     assert warm < cold
     assert extrapolated <= warm
-
-
-def test_extrapolation_without_a_warm_start_does_nothing():
-    """The option belongs to the warm start."""
-    scene = grid()
-    iterations = []
-    for options in ({}, {"warm_extrapolate": True}):
-        with latin(scene, **options) as run:
-            u = run.links.create_vec()
-            for _ in range(3):
-                run.snes.solve(None, u)
-            iterations.append(run.snes.getIterationNumber())
-    assert iterations[0] == iterations[1]

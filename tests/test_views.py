@@ -6,6 +6,7 @@ from petsc4py import PETSc
 
 import latinpc
 from latinpc.scenes import make
+from latinpc.solve import default_options
 
 
 def shown(solver, folder):
@@ -65,3 +66,40 @@ def test_a_shell_shows_what_is_in_it(tmp_path):
     latinpc.pcshell_set_latin(pc)
     pc.setUp()
     assert "variant corner" in shown(pc, tmp_path)
+
+
+SHOWN = {
+    "stop": ("error", "estimated error below 0.0001"),
+    "error_norm": ("energy", "in the norm energy"),
+    "warm_start": (True, "starts from the state of the last solve"),
+    "warm_extrapolate": (True, "goes on as the last two did"),
+    "rescue": (0, "no rescue by Newton's method"),
+    "balance": (False, "contacts that stall keep their search parameter"),
+    "subdomain_links": (40, "subdomains of 40 links"),
+    "partition_repair": (False, "the partition of METIS as it is"),
+    "coarse_groups": (1, "no groups of subdomains are condensed"),
+    "modes_local": (0.5, "local low-energy fields below 0.5"),
+    "modes_local_max": (7, "at most 7 local fields a subdomain"),
+}
+
+
+def test_views_tell_what_options_have_changed(tmp_path):
+    links = latinpc.Links.from_scene(make("truss-grid", modules=4, partition="metis"), comm=PETSc.COMM_SELF)
+    snes = links.create_snes()
+    snes.setUp()
+    before = shown(snes, tmp_path)
+    with default_options({f"snes_latin_{name}": value for name, (value, _) in SHOWN.items()}):
+        snes.setFromOptions()
+    snes.solve(None, links.create_vec())
+    after = shown(snes, tmp_path)
+    for name, (_, text) in SHOWN.items():
+        assert text in after and text not in before, name
+
+
+def test_a_preconditioner_tells_that_insides_stay(tmp_path):
+    pc = PETSc.PC().create(PETSc.COMM_SELF)
+    pc.setType("latin")
+    assert "not eliminated first" not in shown(pc, tmp_path)
+    with default_options({"pc_latin_condense": False}):
+        pc.setFromOptions()
+    assert "the insides of subdomains are not eliminated first" in shown(pc, tmp_path)

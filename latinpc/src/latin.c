@@ -12,6 +12,9 @@ const char *const        LatinStopTypes[]      = {"indicator", "residual", "refe
 const char *const        LatinErrorNorms[]     = {"l2", "energy", "LatinErrorNorm", "LATIN_NORM_", NULL};
 static const char *const LatinCornerTypes[]    = {"free", "published", "LatinCornerType", "LATIN_CORNER_", NULL};
 
+#define LATIN_GROUPS    3  /* width of the groups of nested.c, unless an option says otherwise */
+#define LATIN_LOCAL_MAX 64 /* most local fields of a subdomain, likewise */
+
 static PetscErrorCode LatinDestroy_Object(Latin *latin)
 {
   return LatinDestroy_Private(latin);
@@ -30,8 +33,8 @@ PetscErrorCode LatinCreate_Private(MPI_Comm comm, Latin *newlatin)
   latin->repair        = PETSC_TRUE;
   latin->condense      = PETSC_TRUE;
   latin->direction     = LATIN_DIRECTION_SCHUR;
-  latin->coarse_groups = 3;
-  latin->local_max     = 64;
+  latin->coarse_groups = LATIN_GROUPS;
+  latin->local_max     = LATIN_LOCAL_MAX;
   latin->scale         = 1.0;
   *newlatin            = latin;
   PetscFunctionReturn(0);
@@ -92,7 +95,7 @@ PetscErrorCode LatinSetFromOptions_Private(Latin latin, LatinOptionItems PetscOp
   const struct _p_Latin before = *latin;
   PetscBool             isnes = PETSC_FALSE, isksp = PETSC_FALSE;
   PetscInt              corners = latin->published ? 1 : 0;
-  PetscBool             local   = PETSC_FALSE;
+  PetscBool             local = PETSC_FALSE, count = PETSC_FALSE, size = PETSC_FALSE, fraction = PETSC_FALSE;
 
   PetscFunctionBegin;
   PetscCall(PetscStrcmp(family, "snes", &isnes));
@@ -104,13 +107,13 @@ PetscErrorCode LatinSetFromOptions_Private(Latin latin, LatinOptionItems PetscOp
   PetscCall(PetscOptionsReal(LATIN_OPTION("modes_local"), "Local low-energy fields are macro, too: eigenvalues below this, relative to d, 0 = none", "None", latin->local_threshold, &latin->local_threshold, &local));
   PetscCall(PetscOptionsRangeInt(LATIN_OPTION("modes_local_max"), "Most low-energy fields of a subdomain", "None", latin->local_max, &latin->local_max, NULL, 1, PETSC_MAX_INT));
   if (isnes) PetscCall(PetscOptionsRangeInt(LATIN_OPTION("modes_local_slack"), "Linear stages that tell which links are slack and left out of the energies, 0 = none are", "None", latin->local_slack, &latin->local_slack, NULL, 0, PETSC_MAX_INT));
-  PetscCall(PetscOptionsRangeInt(LATIN_OPTION("subdomains"), "Number of subdomains, 0 = from the links per subdomain", "LatinLinksSetSubdomains", latin->subdomains, &latin->subdomains, NULL, 0, PETSC_MAX_INT));
-  PetscCall(
-    PetscOptionsRangeInt(LATIN_OPTION("subdomain_links"), "Links per subdomain when no number of subdomains is given, 0 = what costs least", "LatinLinksSetSubdomains", latin->links_per_subdomain, &latin->links_per_subdomain, NULL, 0, PETSC_MAX_INT));
+  PetscCall(PetscOptionsRangeInt(LATIN_OPTION("subdomains"), "Number of subdomains, 0 = from the links per subdomain", "LatinLinksSetSubdomains", latin->subdomains, &latin->subdomains, &count, 0, PETSC_MAX_INT));
+  PetscCall(PetscOptionsRangeInt(LATIN_OPTION("subdomain_links"), "Links per subdomain when no number of subdomains is given, 0 = what costs least", "LatinLinksSetSubdomains", latin->links_per_subdomain, &latin->links_per_subdomain, &size, 0,
+                                 PETSC_MAX_INT));
   PetscCall(PetscOptionsBool(LATIN_OPTION("partition_repair"), "Move links between the subdomains that METIS has made until fewer nodes dangle", "None", latin->repair, &latin->repair, NULL));
   PetscCall(PetscOptionsEnum(LATIN_OPTION("direction"), "Micro search direction of the interfaces", "LatinDirectionType", LatinDirectionTypes, (PetscEnum)latin->direction, (PetscEnum *)&latin->direction, NULL));
   PetscCall(PetscOptionsReal(LATIN_OPTION("direction_scalar"), "Value of the scalar search direction d (force/length), 0 = self-tuned", "None", latin->direction_scalar, &latin->direction_scalar, NULL));
-  PetscCall(PetscOptionsReal(LATIN_OPTION("direction_fraction"), "Self-tuned direction as a fraction of the interface stiffness, 0 = the default of the type", "None", latin->direction_fraction, &latin->direction_fraction, NULL));
+  PetscCall(PetscOptionsReal(LATIN_OPTION("direction_fraction"), "Self-tuned direction as a fraction of the interface stiffness, 0 = the default of the type", "None", latin->direction_fraction, &latin->direction_fraction, &fraction));
   PetscCall(PetscOptionsEList(LATIN_OPTION("corners"), "Micro springs on corners: dropped (free), or kept as in (28) (published)", "None", LatinCornerTypes, 2, LatinCornerTypes[corners], &corners, NULL));
   PetscCall(PetscOptionsBool(LATIN_OPTION("promote"), "Make every node of three or more subdomains a corner (variant corner)", "None", latin->promote, &latin->promote, NULL));
   PetscCall(
@@ -122,6 +125,10 @@ PetscErrorCode LatinSetFromOptions_Private(Latin latin, LatinOptionItems PetscOp
       before.links_per_subdomain != latin->links_per_subdomain || before.repair != latin->repair || before.direction != latin->direction || before.direction_scalar != latin->direction_scalar ||
       before.direction_fraction != latin->direction_fraction || before.coarse_groups != latin->coarse_groups || before.local_threshold != latin->local_threshold || before.local_max != latin->local_max || before.local_slack != latin->local_slack)
     latin->stale = PETSC_TRUE;
+  PetscCheck(!count || !size || !latin->subdomains || !latin->links_per_subdomain, PetscObjectComm((PetscObject)latin), PETSC_ERR_ARG_INCOMP, "%s and %s both tell how many subdomains there are: leave out one of the two", LATIN_OPTION("subdomains"),
+             LATIN_OPTION("subdomain_links"));
+  PetscCheck(!fraction || !(latin->direction_fraction > 0.0) || !(latin->direction_scalar > 0.0), PetscObjectComm((PetscObject)latin), PETSC_ERR_ARG_INCOMP, "%s is of a self-tuned direction, but %s gives it: leave out one of the two",
+             LATIN_OPTION("direction_fraction"), LATIN_OPTION("direction_scalar"));
   PetscCheck(latin->direction_scalar >= 0.0 && !PetscIsInfOrNanReal(latin->direction_scalar), PetscObjectComm((PetscObject)latin), PETSC_ERR_ARG_OUTOFRANGE, "%s is %g; the search direction is a positive stiffness (0 = self-tuned)",
              LATIN_OPTION("direction_scalar"), (double)latin->direction_scalar);
   PetscCheck(latin->direction_fraction >= 0.0 && !PetscIsInfOrNanReal(latin->direction_fraction), PetscObjectComm((PetscObject)latin), PETSC_ERR_ARG_OUTOFRANGE, "%s is %g; it is a positive number (0 = the default of the type)",
@@ -278,6 +285,11 @@ PetscErrorCode LatinView_Private(Latin latin, PetscViewer viewer)
   if (!ascii) PetscFunctionReturn(0);
   PetscCall(PetscViewerASCIIPrintf(viewer, "variant %s, %s macro fields%s%s\n", LatinVariants[latin->variant], LatinModesTypes[latin->modes], latin->published ? ", micro springs on corners" : "",
                                    latin->promote && latin->variant == LATIN_VARIANT_CORNER ? ", nodes of three or more subdomains are corners" : ""));
+  if (latin->links_per_subdomain && !latin->subdomains) PetscCall(PetscViewerASCIIPrintf(viewer, "subdomains of %" PetscInt_FMT " links\n", latin->links_per_subdomain));
+  if (!latin->repair) PetscCall(PetscViewerASCIIPrintf(viewer, "the partition of METIS as it is\n"));
+  if (latin->coarse_groups == 1) PetscCall(PetscViewerASCIIPrintf(viewer, "no groups of subdomains are condensed\n"));
+  else if (latin->coarse_groups != LATIN_GROUPS) PetscCall(PetscViewerASCIIPrintf(viewer, "groups of %" PetscInt_FMT " subdomains a side\n", latin->coarse_groups));
+  if (LatinFloppyThreshold(latin) > 0.0 && latin->local_max != LATIN_LOCAL_MAX) PetscCall(PetscViewerASCIIPrintf(viewer, "at most %" PetscInt_FMT " local fields a subdomain\n", latin->local_max));
   if (latin->direction_scalar > 0.0) PetscCall(PetscViewerASCIIPrintf(viewer, "search direction: scalar, d = %g given\n", (double)latin->direction_scalar));
   else PetscCall(PetscViewerASCIIPrintf(viewer, "search direction: %s, self-tuned to %g of the interface stiffness\n", LatinDirectionTypes[latin->direction], (double)LatinDirectionFraction(latin)));
   if (!latin->set_up) PetscFunctionReturn(0);

@@ -361,6 +361,7 @@ static PetscErrorCode PCView_Latin(PC pc, PetscViewer viewer)
   PetscCall(PetscObjectTypeCompare((PetscObject)viewer, PETSCVIEWERASCII, &ascii));
   if (!ascii) PetscFunctionReturn(0);
   PetscCall(PetscViewerASCIIPrintf(viewer, "weights of the copies of a node: %s\n", LatinWeightsTypes[data->weights]));
+  if (!data->latin->condense) PetscCall(PetscViewerASCIIPrintf(viewer, "the insides of subdomains are not eliminated first\n"));
   PetscCall(LatinView_Private(data->latin, viewer));
   PetscFunctionReturn(0);
 }

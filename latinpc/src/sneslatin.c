@@ -9,6 +9,7 @@
 */
 
 #define LATIN_HISTORY       1000000 /* linear stages whose indicator and errors are kept */
+#define LATIN_RESCUE_STAGES 300     /* linear stages still to come that call for a rescue, unless an option says otherwise */
 #define LATIN_DIGITS_SAFETY 2.0     /* on errors that are known to their order of magnitude */
 
 static const char citation[] = "@article{AlartDureisseix2008,\n"
@@ -71,12 +72,16 @@ static PetscErrorCode SNESSetFromOptions_Latin(SNES snes, LatinOptionItems Petsc
              LatinStopTypes[data->stop]);
   PetscCheck(data->target > 0.0 && data->target < 1.0, PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_OUTOFRANGE, "-snes_latin_error is a relative error between 0 and 1, for example 1e-4, not %g", (double)data->target);
   norm = data->estimate.energy ? LATIN_NORM_ENERGY : LATIN_NORM_L2;
-  PetscCall(PetscOptionsEnum("-snes_latin_error_norm", "Norm of that error", "LatinErrorNorm", LatinErrorNorms, (PetscEnum)norm, (PetscEnum *)&norm, NULL));
+  PetscCall(PetscOptionsEnum("-snes_latin_error_norm", "Norm of that error", "LatinErrorNorm", LatinErrorNorms, (PetscEnum)norm, (PetscEnum *)&norm, &set));
+  PetscCheck(!set || data->stop == LATIN_STOP_ERROR, PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_WRONGSTATE, "-snes_latin_error_norm is the norm of -snes_latin_stop error, but the stop is %s: add -snes_latin_stop error",
+             LatinStopTypes[data->stop]);
   data->estimate.energy = (PetscBool)(norm == LATIN_NORM_ENERGY);
   PetscCall(PetscOptionsBool("-snes_latin_warm_start", "Start from the state of the last solve on this object", "None", data->warm, &data->warm, NULL));
-  PetscCall(PetscOptionsBool("-snes_latin_warm_extrapolate", "A warm start goes on as the last two solves did: for loads that grow in equal steps", "None", data->extrapolate, &data->extrapolate, NULL));
+  PetscCall(PetscOptionsBool("-snes_latin_warm_extrapolate", "A warm start goes on as the last two solves did: for loads that grow in equal steps", "None", data->extrapolate, &data->extrapolate, &set));
+  PetscCheck(!set || !data->extrapolate || data->warm, PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_WRONGSTATE, "-snes_latin_warm_extrapolate is about warm starts: add -snes_latin_warm_start");
   PetscCall(PetscOptionsBool("-snes_latin_polish", "End by Newton's method, preconditioned by the same operators", "None", data->polish.on, &data->polish.on, NULL));
-  PetscCall(PetscOptionsReal("-snes_latin_polish_start", "Indicator from which on Newton's method takes over", "None", data->polish.start, &data->polish.start, NULL));
+  PetscCall(PetscOptionsReal("-snes_latin_polish_start", "Indicator from which on Newton's method takes over", "None", data->polish.start, &data->polish.start, &set));
+  PetscCheck(!set || data->polish.on, PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_WRONGSTATE, "-snes_latin_polish_start tells when the polish begins: add -snes_latin_polish");
   PetscCall(PetscOptionsBoundedInt("-snes_latin_rescue", "Linear stages still to come from which on Newton's method takes over, 0 = never", "None", data->rescue.stages, &data->rescue.stages, NULL, 0));
   PetscCall(PetscOptionsBool("-snes_latin_balance", "Where contacts with friction stall, change their search parameter", "None", data->balance.on, &data->balance.on, NULL));
   PetscCall(PetscOptionsViewer("-snes_latin_monitor", "Monitor the indicator, and the residual or errors where they are computed", "None", &data->monitor, &data->monitor_format, &set));
@@ -447,6 +452,11 @@ static PetscErrorCode SNESView_Latin(SNES snes, PetscViewer viewer)
   PetscCall(PetscObjectTypeCompare((PetscObject)viewer, PETSCVIEWERASCII, &ascii));
   if (!ascii) PetscFunctionReturn(0);
   PetscCall(PetscViewerASCIIPrintf(viewer, "stop on the %s\n", LatinStopTypes[data->stop]));
+  if (data->stop == LATIN_STOP_ERROR) PetscCall(PetscViewerASCIIPrintf(viewer, "estimated error below %g in the norm %s\n", (double)data->target, LatinErrorNorms[data->estimate.energy]));
+  if (data->warm) PetscCall(PetscViewerASCIIPrintf(viewer, "starts from the state of the last solve%s\n", data->extrapolate ? ", and goes on as the last two did" : ""));
+  if (!data->rescue.stages) PetscCall(PetscViewerASCIIPrintf(viewer, "no rescue by Newton's method\n"));
+  else if (data->rescue.stages != LATIN_RESCUE_STAGES) PetscCall(PetscViewerASCIIPrintf(viewer, "rescue by Newton's method from %" PetscInt_FMT " linear stages still to come on\n", data->rescue.stages));
+  if (!data->balance.on) PetscCall(PetscViewerASCIIPrintf(viewer, "contacts that stall keep their search parameter\n"));
   if (data->done) PetscCall(PetscViewerASCIIPrintf(viewer, "last solve: %" PetscInt_FMT " linear stages, indicator %g, norm of the nodal unbalance %g\n", data->latin->applications, (double)data->indicator[data->done - 1], (double)data->residual));
   PetscCall(LatinView_Private(data->latin, viewer));
   if (data->outer) {
@@ -519,7 +529,7 @@ PETSC_EXTERN PetscErrorCode SNESCreate_Latin(SNES snes)
   PetscObjectParameterSetDefault(snes, max_its, 1000);
   PetscObjectParameterSetDefault(snes, stol, 1e-5);
   data->polish.start      = 1e-4;
-  data->rescue.stages     = 300;
+  data->rescue.stages     = LATIN_RESCUE_STAGES;
   data->rescue.newton.own = PETSC_TRUE;
   data->balance.on        = PETSC_TRUE;
   data->balance.factor    = 1.0;
