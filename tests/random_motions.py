@@ -125,8 +125,11 @@ def kinematics(scene):
     return b.reshape(len(scene.links), -1)
 
 
-def step_errors(scene, h, u, v, new_u, new_v, tension):
-    """Return by how much a step from (u, v) misses each condition, relative to the forces and displacements in it."""
+def step_errors(scene, h, u, v, new_u, new_v, tension, accuracy=0.0):
+    """Return by how much a step from (u, v) misses each condition, relative to the forces and displacements in it.
+
+    Links and masses make unbalance of displacements that are wrong by `accuracy`, relative: so much is none.
+    """
     b, free = kinematics(scene), ~scene.fixed.ravel()
     m = np.repeat(scene.mass, scene.dim)
     change = m * (new_v - v).ravel() / h
@@ -137,9 +140,10 @@ def step_errors(scene, h, u, v, new_u, new_v, tension):
     flown = np.where(free & (m > 0), h * v.ravel() + h * h * scene.load.ravel() / np.where(m > 0, m, 1.0), 0.0)
     far = max(abs(flown).max(), abs(w).max(), 1e-300)
     x = b @ u.ravel() + scene.prestrain
-    balance = (change + inner - scene.load.ravel())[free]
+    rows = abs(b).T @ (scene.stiffness * abs(b).sum(axis=1)) + m / h**2
+    balance = np.maximum(abs(change + inner - scene.load.ravel()) - accuracy * np.linalg.norm(w) * rows, 0.0)[free]
     return {
-        "balance": abs(balance).max(initial=0.0) / force,
+        "balance": balance.max(initial=0.0) / force,
         "displacement": abs(new_u - u - h * np.where(scene.fixed, 0.0, new_v)).max() / max(abs(u).max(), far),
         **{name: value for name, value in _laws(scene, x, rate, tension, CLOSED * abs(flown).max(), force, far)},
     }

@@ -22,7 +22,7 @@ from test_properties import ALIKE, EXAMPLES
 SHARE = {"elastic": 0.15, "shocks": 0.1, "friction": 0.1}
 ACCURACY, SLACK = 1e-8, 10.0  # error asked for; times that is right
 REST = 1e-6  # of what moved before: what is left of a motion that has died away is rounding
-BALANCE, LAWS = 1e-3, 1e-6  # relative to the forces, where stiffnesses and masses differ by 1e6; of a rigid link
+BALANCE, LAWS = 1e-4, 1e-6  # relative to the forces; of a rigid link
 STEPS = 3
 
 
@@ -51,7 +51,7 @@ def move(scene, chosen, steps=STEPS, comm=None):
 def check_step(scene, one, size):
     """Conditions that every step meets, whatever its structure is made of."""
     h, mass = scene.time_step, scene.mass[:, None]
-    for name, missed in step_errors(scene, h, one.u, one.v, one.new_u, one.new_v, one.t).items():
+    for name, missed in step_errors(scene, h, one.u, one.v, one.new_u, one.new_v, one.t, ACCURACY).items():
         assert missed <= (BALANCE if name == "balance" else LAWS), (name, missed)
     jump = 0.5 * (mass * (one.new_v - one.v) ** 2).sum()
     assert one.new_energy <= one.energy - jump + LAWS * (size + jump)
@@ -198,15 +198,17 @@ if PETSc.COMM_WORLD.rank == 0:
 """
 
 
+@pytest.mark.timeout(1800)
 @pytest.mark.parametrize(("ranks", "count"), [(2, 8), pytest.param(3, 500, marks=pytest.mark.slow)])
 def test_random_motions_do_not_know_the_ranks(mpirun, ranks, count):
-    assert json.loads(mpirun(ranks, RANKS, Path(__file__).parent, count, timeout=600).stdout) < 1e-6
+    assert json.loads(mpirun(ranks, RANKS, Path(__file__).parent, count, timeout=1500).stdout) < 1e-6
 
 
 FREE = Draw(dim=1, nodes=7, extra=18, parts=3, cut="random", skeleton=False, rails=True, length=-2, force=3, seed=96)
 FLYING = Draw(dim=1, nodes=1, extra=5, parts=5, cut="random", rails=True, length=-3, force=-2, seed=299)
 RESTING = Draw(dim=2, nodes=5, extra=2, parts=4, slack=1.0, skeleton=False, length=-2, seed=216)
 STRAYING = Draw(dim=2, nodes=2, extra=15, parts=4, slack=1.0, skeleton=False, rails=True, length=2, seed=1198)
+LEAVING = Draw(dim=1, nodes=2, extra=0, parts=1, cut="blocks", skeleton=False)
 FOUND = {
     "what masses alone hold is no mechanism to the rounding": (Throw(FREE, held=False, step=2, seed=96), {}),
     "a structure out of place as a whole": (
@@ -215,6 +217,11 @@ FOUND = {
     ),
     "displacements that rest while a contact creeps": (
         Throw(RESTING, held=False, rigid=3, speed=-2, step=-2, seed=216),
+        {},
+    ),
+    "a contact that pushes what has left it": (Throw(LEAVING, held=False, rigid=1, step=2), {}),
+    "an open contact whose gap made the unbalance look like rounding": (
+        Throw(replace(LEAVING, nodes=1), held=False, rigid=1, rubs=2),
         {},
     ),
     "an iteration that strays and comes back": (

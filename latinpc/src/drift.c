@@ -42,12 +42,75 @@ static PetscErrorCode LatinDriftStiffness_Private(LatinLinks links, PetscInt com
 }
 
 /*
+   |G u + B^t k B u| at most, of the links that bear something at u and would do so at an error of `target`, relative: a link
+   whose slackness is within that error may hold nothing. Collective on links
+*/
+static PetscErrorCode LatinDriftAlong_Private(LatinLinks links, Vec u, PetscReal target, Vec stiff)
+{
+  const PetscInt     dim = links->dim;
+  Vec                local, forces;
+  const PetscScalar *a;
+  PetscScalar       *f;
+
+  PetscFunctionBegin;
+  PetscCall(DMGetLocalVector(links->dm, &local));
+  PetscCall(DMGetLocalVector(links->dm, &forces));
+  PetscCall(LatinLinksGetLocal_Private(links, u, local));
+  PetscCall(VecZeroEntries(forces));
+  PetscCall(VecGetArrayRead(local, &a));
+  PetscCall(VecGetArray(forces, &f));
+  for (PetscInt l = 0; l < links->links_local; l++) {
+    const PetscReal *n = links->direction + dim * l, e = LatinLinksElongation(links, l, a), x = e + links->prestrain[l];
+    const PetscInt  *to  = links->ends + 2 * l;
+    const LatinLaw  *law = &LatinLaws[links->law[l]];
+    PetscReal        k = links->stiffness[l] > 0.0 ? links->stiffness[l] : law->stiffness, most = PetscAbsReal(links->prestrain[l]);
+
+    for (PetscInt c = 0; c < dim; c++) most += PetscAbsReal(n[c]) * (PetscAbsScalar(a[dim * to[0] + c]) + PetscAbsScalar(a[dim * to[1] + c]));
+    if (!law->rigid) k = PetscMin(LatinLinksTangent(links, l, x - target * most), LatinLinksTangent(links, l, x + target * most));
+    for (PetscInt i = 0; i < 2 * dim; i++) f[dim * to[i / dim] + i % dim] += k * PetscAbsReal(n[i % dim] * e);
+  }
+  PetscCall(VecRestoreArray(forces, &f));
+  PetscCall(VecRestoreArrayRead(local, &a));
+  PetscCall(VecPointwiseMult(stiff, links->ground, u));
+  PetscCall(VecAbs(stiff));
+  PetscCall(DMLocalToGlobalBegin(links->dm, forces, ADD_VALUES, stiff));
+  PetscCall(DMLocalToGlobalEnd(links->dm, forces, ADD_VALUES, stiff));
+  PetscCall(DMRestoreLocalVector(links->dm, &forces));
+  PetscCall(DMRestoreLocalVector(links->dm, &local));
+  PetscFunctionReturn(0);
+}
+
+/* |t.r| / |K t| for one displacement t, less what rounding makes of it, where that is more than *drift. Collective on t */
+static PetscErrorCode LatinDriftUpdate_Private(Vec t, Vec stiff, Vec r, Vec noise, PetscReal *drift)
+{
+  const PetscScalar *a, *b;
+  PetscScalar        left;
+  PetscReal          held, rounding = 0.0;
+  PetscInt           n;
+
+  PetscFunctionBegin;
+  PetscCall(VecNorm(stiff, NORM_2, &held));
+  PetscCall(VecDot(t, r, &left));
+  PetscCall(VecGetLocalSize(t, &n));
+  PetscCall(VecGetArrayRead(t, &a));
+  PetscCall(VecGetArrayRead(noise, &b));
+  for (PetscInt i = 0; i < n; i++) rounding += PetscAbsScalar(a[i]) * PetscRealPart(b[i]);
+  PetscCall(VecRestoreArrayRead(noise, &b));
+  PetscCall(VecRestoreArrayRead(t, &a));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &rounding, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)t)));
+  if (held > 0.0) *drift = PetscMax(*drift, (PetscAbsScalar(left) - LATIN_DRIFT_NOISE * PETSC_MACHINE_EPSILON * rounding) / held);
+  PetscFunctionReturn(0);
+}
+
+/*
    How far a structure in motion is out of place as a whole, at least, where its nodes are left with the unbalance r. Masses
    alone may hold it, and M / h^2 is soft beside links: such an error hardly shows in the distance of the two stages, nor in
    the unbalance of a node held against the stiffness there. With the translation t of all free displacements of one component
-   t.r = t.K e for the error e, so that |e| >= |t.r| / |K t|. Links that hold t make that small. Collective on links
+   t.r = t.K e for the error e, so that |e| >= |t.r| / |K t|. Links that hold t make that small. The same with the
+   displacements u themselves for t: parts that fly, while a contact which they have left still pushes a little.
+   Collective on links
 */
-PetscErrorCode LatinDrift_Private(LatinLinks links, Vec r, Vec noise, PetscReal *drift)
+PetscErrorCode LatinDrift_Private(LatinLinks links, PetscReal target, Vec u, Vec r, Vec noise, PetscReal *drift)
 {
   Vec t, stiff;
 
@@ -56,16 +119,73 @@ PetscErrorCode LatinDrift_Private(LatinLinks links, Vec r, Vec noise, PetscReal 
   PetscCall(DMGetGlobalVector(links->dm, &t));
   PetscCall(DMGetGlobalVector(links->dm, &stiff));
   for (PetscInt c = 0; c < links->dim; c++) {
-    PetscScalar left, rounding;
-    PetscReal   held;
-
     PetscCall(LatinDriftStiffness_Private(links, c, t, stiff));
-    PetscCall(VecNorm(stiff, NORM_2, &held));
-    PetscCall(VecDot(t, r, &left));
-    PetscCall(VecDot(t, noise, &rounding));
-    if (held > 0.0) *drift = PetscMax(*drift, (PetscAbsScalar(left) - LATIN_DRIFT_NOISE * PETSC_MACHINE_EPSILON * PetscRealPart(rounding)) / held);
+    PetscCall(LatinDriftUpdate_Private(t, stiff, r, noise, drift));
   }
+  PetscCall(LatinDriftAlong_Private(links, u, target, stiff));
+  PetscCall(LatinDriftUpdate_Private(u, stiff, r, noise, drift));
   PetscCall(DMRestoreGlobalVector(links->dm, &stiff));
   PetscCall(DMRestoreGlobalVector(links->dm, &t));
+  PetscFunctionReturn(0);
+}
+
+/*
+   How far the tensions of rigid links are from balance, relative to them: displacements that hardly move tell nothing of
+   them. An error of the displacements of `target`, relative, explains as much of the unbalance r as elastic links and masses
+   make of it; the rest is theirs. Collective on links
+*/
+PetscErrorCode LatinDriftTensions_Private(LatinLinks links, PetscReal target, Vec u, Vec r, Vec noise, PetscReal *missed)
+{
+  const PetscInt     dim = links->dim;
+  Vec                explained, borne, local[2];
+  const PetscScalar *f, *t, *d, *b;
+  PetscScalar       *g[2];
+  PetscReal          sum[2] = {0.0, 0.0}, size;
+  PetscInt           n;
+
+  PetscFunctionBegin;
+  for (PetscInt i = 0; i < 2; i++) {
+    PetscCall(DMGetLocalVector(links->dm, &local[i]));
+    PetscCall(VecZeroEntries(local[i]));
+    PetscCall(VecGetArray(local[i], &g[i]));
+  }
+  for (PetscInt l = 0; l < links->links_local; l++) {
+    const PetscReal *n     = links->direction + dim * l;
+    const PetscBool  rigid = LatinLaws[links->law[l]].rigid;
+    PetscReal        all   = 0.0;
+
+    for (PetscInt c = 0; c < dim; c++) all += PetscAbsReal(n[c]);
+    for (PetscInt i = 0; i < 2 * dim; i++) g[rigid][dim * links->ends[2 * l + i / dim] + i % dim] += PetscAbsReal(n[i % dim]) * (rigid ? PetscAbsReal(links->multiplier[l]) : 2.0 * links->stiffness[l] * all);
+  }
+  PetscCall(DMGetGlobalVector(links->dm, &explained));
+  PetscCall(DMGetGlobalVector(links->dm, &borne));
+  for (PetscInt i = 0; i < 2; i++) {
+    PetscCall(VecRestoreArray(local[i], &g[i]));
+    PetscCall(VecZeroEntries(i ? borne : explained));
+    PetscCall(DMLocalToGlobalBegin(links->dm, local[i], ADD_VALUES, i ? borne : explained));
+    PetscCall(DMLocalToGlobalEnd(links->dm, local[i], ADD_VALUES, i ? borne : explained));
+    PetscCall(DMRestoreLocalVector(links->dm, &local[i]));
+  }
+  if (links->ground) PetscCall(VecAXPY(explained, 1.0, links->ground));
+  PetscCall(VecNorm(u, NORM_2, &size));
+  PetscCall(VecGetLocalSize(r, &n));
+  PetscCall(VecGetArrayRead(r, &f));
+  PetscCall(VecGetArrayRead(noise, &t));
+  PetscCall(VecGetArrayRead(explained, &d));
+  PetscCall(VecGetArrayRead(borne, &b));
+  for (PetscInt i = 0; i < n; i++) {
+    const PetscReal left = PetscAbsScalar(f[i]) - LATIN_DRIFT_NOISE * PETSC_MACHINE_EPSILON * PetscRealPart(t[i]) - target * size * PetscRealPart(d[i]);
+
+    if (PetscRealPart(b[i]) > 0.0) sum[0] += PetscSqr(PetscMax(left, 0.0));
+    sum[1] += PetscSqr(PetscRealPart(b[i]));
+  }
+  PetscCall(VecRestoreArrayRead(borne, &b));
+  PetscCall(VecRestoreArrayRead(explained, &d));
+  PetscCall(VecRestoreArrayRead(noise, &t));
+  PetscCall(VecRestoreArrayRead(r, &f));
+  PetscCall(DMRestoreGlobalVector(links->dm, &borne));
+  PetscCall(DMRestoreGlobalVector(links->dm, &explained));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)links)));
+  *missed = sum[1] > 0.0 ? PetscSqrtReal(sum[0] / sum[1]) : 0.0;
   PetscFunctionReturn(0);
 }

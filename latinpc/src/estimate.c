@@ -20,16 +20,17 @@
    degree of freedom in its subdomain, so that they do not depend on the number of ranks.
 */
 
-#define LATIN_ESTIMATE_ROWS   256
-#define LATIN_ESTIMATE_BITS   9 /* of an entry: its row, of 2^8, and its sign */
-#define LATIN_ESTIMATE_SHARE  6 /* entries that share 64 bits */
-#define LATIN_ESTIMATE_WINDOW 32
-#define LATIN_ESTIMATE_SHORT  4    /* at least so many earlier iterates, where there are */
-#define LATIN_ESTIMATE_STEP   4    /* iterates between those that are extrapolated */
-#define LATIN_ESTIMATE_RATE   0.98 /* no rate above it is believed */
-#define LATIN_ESTIMATE_EARLY  10.0 /* more caution at the first iterates, which have a short past */
-#define LATIN_ESTIMATE_DOUBT  10.0 /* on structures of all kinds at most 0.06 of the target when it has been met */
-#define LATIN_ESTIMATE_NOISE  64.0 /* times the machine's, of the forces that meet at a node */
+#define LATIN_ESTIMATE_ROWS    256
+#define LATIN_ESTIMATE_BITS    9 /* of an entry: its row, of 2^8, and its sign */
+#define LATIN_ESTIMATE_SHARE   6 /* entries that share 64 bits */
+#define LATIN_ESTIMATE_WINDOW  32
+#define LATIN_ESTIMATE_SHORT   4    /* at least so many earlier iterates, where there are */
+#define LATIN_ESTIMATE_STEP    4    /* iterates between those that are extrapolated */
+#define LATIN_ESTIMATE_RATE    0.98 /* no rate above it is believed */
+#define LATIN_ESTIMATE_EARLY   10.0 /* more caution at the first iterates, which have a short past */
+#define LATIN_ESTIMATE_DOUBT   10.0 /* on structures of all kinds at most 0.06 of the target when it has been met */
+#define LATIN_ESTIMATE_TENSION 0.01 /* tensions of rigid links may be so much less accurate than displacements */
+#define LATIN_ESTIMATE_NOISE   64.0 /* times the machine's, of the forces that meet at a node */
 
 static const PetscReal LatinEstimateSafety[] = {1.8, 4.0}; /* l2 norm, energy norm */
 
@@ -200,8 +201,9 @@ static PetscErrorCode LatinEstimateRows_Private(LatinLinks links, Vec u, Vec row
   PetscCall(VecGetArray(forces, &t));
   for (PetscInt l = 0; l < links->links_local; l++) {
     const PetscReal *n = links->direction + dim * l, k = links->stiffness[l] > 0.0 ? links->stiffness[l] : LatinLaws[links->law[l]].stiffness;
-    PetscReal        all = 0.0, most = PetscAbsReal(links->prestrain[l]), e = 0.0, force;
+    PetscReal        all = 0.0, most, e = 0.0, force;
 
+    most = LatinLaws[links->law[l]].rigid ? 0.0 : PetscAbsReal(links->prestrain[l]); /* the gap of a contact makes no force, and is without end where it takes no part in a step */
     for (PetscInt c = 0; c < dim; c++) {
       const PetscReal ua = PetscRealPart(a[dim * links->ends[2 * l] + c]), ub = PetscRealPart(a[dim * links->ends[2 * l + 1] + c]);
 
@@ -243,7 +245,7 @@ PetscErrorCode LatinEstimateDoubt_Private(Latin latin, PetscReal target, Vec u, 
 {
   LatinLinks         links = latin->links;
   const PetscScalar *f, *d, *t, *v;
-  PetscReal          sum[2] = {0.0, 0.0}, energy, least, drift = 0.0;
+  PetscReal          sum[2] = {0.0, 0.0}, energy, least, drift = 0.0, missed = 0.0;
   PetscInt           n;
   Vec                rows, noise;
 
@@ -266,7 +268,8 @@ PetscErrorCode LatinEstimateDoubt_Private(Latin latin, PetscReal target, Vec u, 
   PetscCall(VecRestoreArrayRead(rows, &d));
   PetscCall(VecRestoreArrayRead(u, &v));
   PetscCall(VecRestoreArrayRead(r, &f));
-  if (links->ground && !estimate->energy) PetscCall(LatinDrift_Private(links, r, noise, &drift));
+  if (links->ground && !estimate->energy) PetscCall(LatinDrift_Private(links, target, u, r, noise, &drift));
+  if (links->rigid_law >= 0) PetscCall(LatinDriftTensions_Private(links, target, u, r, noise, &missed));
   PetscCall(DMRestoreGlobalVector(links->dm, &noise));
   PetscCall(DMRestoreGlobalVector(links->dm, &rows));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)latin)));
@@ -274,6 +277,7 @@ PetscErrorCode LatinEstimateDoubt_Private(Latin latin, PetscReal target, Vec u, 
   least = sum[1] > 0.0 ? PetscSqrtReal(sum[0] / sum[1]) : 0.0;
   least *= LATIN_ESTIMATE_DOUBT;
   if (sum[1] > 0.0) least = PetscMax(least, LatinEstimateSafety[0] * drift / PetscSqrtReal(sum[1]));
+  least = PetscMax(least, LATIN_ESTIMATE_TENSION * missed);
   if (least > target) {
     estimate->value    = PetscMax(estimate->value, least);
     estimate->rounding = PETSC_FALSE;

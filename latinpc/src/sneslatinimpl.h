@@ -33,7 +33,8 @@ PETSC_INTERN PetscErrorCode LatinEstimateFloor_Private(Latin, LatinEstimate *);
 PETSC_INTERN PetscErrorCode LatinEstimateUpdate_Private(Latin, PetscReal target, LatinEstimate *);
 PETSC_INTERN PetscErrorCode LatinEstimateDoubt_Private(Latin, PetscReal target, Vec u, Vec r, LatinEstimate *);
 PETSC_INTERN PetscErrorCode LatinEstimateDestroy_Private(LatinEstimate *);
-PETSC_INTERN PetscErrorCode LatinDrift_Private(LatinLinks, Vec r, Vec noise, PetscReal *drift);
+PETSC_INTERN PetscErrorCode LatinDriftTensions_Private(LatinLinks, PetscReal target, Vec u, Vec r, Vec noise, PetscReal *missed);
+PETSC_INTERN PetscErrorCode LatinDrift_Private(LatinLinks, PetscReal target, Vec u, Vec r, Vec noise, PetscReal *drift);
 
 /* ---- what holds of a solution and not of a drift (proof.c) ---- */
 PETSC_INTERN PetscErrorCode LatinProofIsDue_Private(Latin, PetscBool *);
