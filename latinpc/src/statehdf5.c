@@ -9,8 +9,8 @@
    States in HDF5: what all ranks have in common as attributes, each part and the note as a dataset.
 
    PETSc's viewer is given a file in memory, and the bytes go to and from the disk here. HDF5 cannot give up a file that
-   it fails to write: the program would crash at its end, long after the error of a full disk. Nor does it keep sums, so
-   that damaged bytes may crash it, too: it is shown none before statefile.c has found their sum right.
+   it fails to write: the program would crash at its end, long after the error of a full disk. Nor does HDF5 keep sums: of
+   damaged bytes it makes other numbers, so that it is shown none before statefile.c has found their sum right.
 */
 
 #if defined(LATIN_HDF5)
