@@ -89,7 +89,8 @@ cdef extern from "latinpc.h":
     PetscErrorCode SNESLatinGetLatin(PetscSNES, Latin *)
     PetscErrorCode SNESLatinSetReference(PetscSNES, PetscVec)
     PetscErrorCode SNESLatinGetHistory(PetscSNES, PetscInt *, const PetscReal **, const PetscReal **, const PetscReal **)
-    PetscErrorCode SNESLatinGetLooseNodes(PetscSNES, PetscInt *, PetscInt *, const PetscInt **)
+    PetscErrorCode SNESLatinGetLooseNodes(PetscSNES, PetscInt *, PetscInt *, const PetscInt **, PetscReal *)
+    PetscErrorCode SNESLatinGetJammedLinks(PetscSNES, PetscInt *, PetscInt *, const PetscInt **)
     PetscErrorCode SNESLatinGetEstimates(PetscSNES, PetscInt *, const PetscReal **, PetscReal *)
     PetscErrorCode LatinStateSave(PetscObject, PetscVec, const char *, PetscInt, const char *)
     PetscErrorCode LatinStateLoad(PetscObject, PetscVec, const char *, PetscInt *, char **)
@@ -452,11 +453,20 @@ def estimates(SNES snes not None):
 
 
 def loose_nodes(SNES snes not None):
-    """Return how many nodes the loads move without end, and some of them."""
+    """Return how many nodes nothing holds, some of them, and how far they are from a support."""
     cdef PetscInt count = 0, listed = 0, i
     cdef const PetscInt *node = NULL
-    CHKERR(SNESLatinGetLooseNodes(snes.snes, &count, &listed, &node))
-    return count, [node[i] for i in range(listed)]
+    cdef PetscReal way = 0
+    CHKERR(SNESLatinGetLooseNodes(snes.snes, &count, &listed, &node, &way))
+    return count, [node[i] for i in range(listed)], way if way < 1e300 else float("inf")
+
+
+def jammed_links(SNES snes not None):
+    """Return how many rigid links no displacement meets together, and some of them."""
+    cdef PetscInt count = 0, listed = 0, i
+    cdef const PetscInt *link = NULL
+    CHKERR(SNESLatinGetJammedLinks(snes.snes, &count, &listed, &link))
+    return count, [link[i] for i in range(listed)]
 
 
 def energy_bound(SNES snes not None):

@@ -18,6 +18,7 @@ import latinpc
 
 from .checkpoint import Keeper
 from .io import slack
+from .library import _latin
 from .links import Links
 from .scenes.scene import RIGID, UNILATERAL, Law, Scene
 from .solvers import has_package
@@ -200,10 +201,7 @@ def _solve(scene, links, snes, reference, notices, before_solve, increments, kee
     if len(past.get("estimate", ())) and snes.getConvergedReason() == PETSc.SNES.ConvergedReason.DIVERGED_INNER:
         least = latinpc.rounding_floor(snes)
         notices.append(f"the error asked for is below what rounding leaves on this structure, about {least:.0e}")
-    loose, names = latinpc.loose_nodes(snes) if is_latin else (0, [])
-    if loose:
-        text = ", ".join(map(str, names)) + (" and others" if loose > len(names) else "")
-        notices.append(f"no equilibrium: slack links no longer hold nodes {text}, which the loads move without end")
+    notices += _causes(snes) if is_latin else []
     core = snes if is_latin else linear
     statistics = latinpc.statistics(core) if core is not None else {}
     ksponly = snes.getType() == "ksponly"
@@ -272,6 +270,24 @@ def _ramp(scene, links, snes, u, increments, keeper):
             keeper.step(snes, k, counts, u)
             keeper.check()
     return counts
+
+
+def _causes(snes):
+    """Return sentences on why a solve has not converged, where links tell."""
+    (jammed, links), (loose, nodes, way) = _latin.jammed_links(snes), _latin.loose_nodes(snes)
+
+    def listed(count, numbers):
+        return ", ".join(map(str, numbers)) + (" and others" if count > len(numbers) else "")
+
+    if jammed:
+        return [f"no equilibrium: no displacement meets the gaps of the rigid links {listed(jammed, links)} together"]
+    if loose and np.isinf(way):
+        text = "slack links no longer hold nodes"
+        return [f"no equilibrium: {text} {listed(loose, nodes)}, which the loads move without end"]
+    if loose:
+        text = "their loads are small beside the stiffness of the links that are to stop them"
+        return [f"nothing holds nodes {listed(loose, nodes)} yet: {text}, or there is no equilibrium"]
+    return []
 
 
 def _last(values):

@@ -106,12 +106,14 @@ def rounding_floor(snes):
 
 
 def loose_nodes(snes):
-    """Return the nodes that the loads move without end, as slack links hold them no longer; not collective.
+    """Return the nodes that nothing holds where a solve has not converged; not collective.
+
+    The loads move them without end, or slowly to a support where they are small.
 
     Parameters
     ----------
     snes : petsc4py.PETSc.SNES
-        Of type latin, after a solve that ended with ``DIVERGED_DTOL``.
+        Of type latin, after a solve that has not converged.
 
     Returns
     -------
@@ -120,7 +122,25 @@ def loose_nodes(snes):
     nodes : list of int
         Eight of them at most, in the caller's numbering.
     """
-    return _latin.loose_nodes(snes)
+    return _latin.loose_nodes(snes)[:2]
+
+
+def jammed_links(snes):
+    """Return the rigid links whose gaps no displacement meets together, where a solve has not converged; not collective.
+
+    Parameters
+    ----------
+    snes : petsc4py.PETSc.SNES
+        Of type latin, after a solve that has not converged.
+
+    Returns
+    -------
+    count : int
+        How many they are; 0 when there are displacements that meet all, or nothing is known.
+    links : list of int
+        Eight of them at most, in the caller's numbering.
+    """
+    return _latin.jammed_links(snes)
 
 
 def energy_bound(snes):

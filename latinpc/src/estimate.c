@@ -245,9 +245,10 @@ PetscErrorCode LatinEstimateDoubt_Private(Latin latin, PetscReal target, Vec u, 
 {
   LatinLinks         links = latin->links;
   const PetscScalar *f, *d, *t, *v;
-  PetscReal          sum[2] = {0.0, 0.0}, energy, least, drift = 0.0, missed = 0.0;
+  PetscReal          sum[2] = {0.0, 0.0}, energy, least, drift = 0.0, missed = 0.0, size;
   PetscInt           n;
   Vec                rows, noise;
+  LatinHeld          held;
 
   PetscFunctionBegin;
   PetscCall(DMGetGlobalVector(links->dm, &rows));
@@ -273,14 +274,20 @@ PetscErrorCode LatinEstimateDoubt_Private(Latin latin, PetscReal target, Vec u, 
   PetscCall(DMRestoreGlobalVector(links->dm, &noise));
   PetscCall(DMRestoreGlobalVector(links->dm, &rows));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)latin)));
+  size = PetscSqrtReal(sum[1]);
   if (estimate->energy) sum[1] = energy;
   least = sum[1] > 0.0 ? PetscSqrtReal(sum[0] / sum[1]) : 0.0;
   least *= LATIN_ESTIMATE_DOUBT;
   if (sum[1] > 0.0) least = PetscMax(least, LatinEstimateSafety[0] * drift / PetscSqrtReal(sum[1]));
   least = PetscMax(least, LATIN_ESTIMATE_TENSION * missed);
+  PetscCall(LatinHeld_Private(links, u, r, &held));
+  held.missed = PetscMax(held.missed / PETSC_SQRT2, held.way);
+  if (held.missed > 0.0) held.missed = held.missed < size ? held.missed / size : 1.0;
+  least = PetscMax(least, held.missed);
   if (least > target) {
     estimate->value    = PetscMax(estimate->value, least);
-    estimate->rounding = PETSC_FALSE;
+    estimate->rounding = (PetscBool)(held.missed > target && latin->distance <= latin->noise); /* what is missed is hidden by the rounding of a state that rests */
+    if (estimate->rounding) estimate->floor = estimate->value;
   }
   PetscFunctionReturn(0);
 }

@@ -70,24 +70,36 @@ PetscErrorCode LatinProofBalances_Private(LatinLinks links, Vec u, Vec more, Vec
   PetscFunctionReturn(0);
 }
 
-/* Are displacements larger than the structure and than what is prescribed? The theory is of small ones, so that few solutions need a proof. Collective on latin */
-PetscErrorCode LatinProofIsDue_Private(Latin latin, PetscBool *due)
+/* The size of a structure: the diagonal of the box around its nodes. Collective on links */
+PetscErrorCode LatinLinksSize_Private(LatinLinks links, PetscReal *size)
 {
-  const LatinLinks links = latin->links;
-  const PetscInt   dim   = links->dim;
-  PetscReal        most[8], size = 0.0; /* -lowest and highest coordinates, prescribed displacement, displacement */
+  const PetscInt dim = links->dim;
+  PetscReal      most[6], sum = 0.0; /* -lowest and highest coordinates */
 
   PetscFunctionBegin;
   for (PetscInt k = 0; k < 6; k++) most[k] = -PETSC_MAX_REAL;
-  most[6] = most[7] = 0.0;
   for (PetscInt i = 0; i < dim * links->nodes_local; i++) {
     most[2 * (i % dim)]     = PetscMax(most[2 * (i % dim)], -links->x[i]);
     most[2 * (i % dim) + 1] = PetscMax(most[2 * (i % dim) + 1], links->x[i]);
-    if (links->fixed[i]) most[6] = PetscMax(most[6], PetscAbsReal(links->prescribed[i]));
   }
-  for (PetscInt i = 0; i < latin->sub.bs * latin->sub.copies; i++) most[7] = PetscMax(most[7], PetscAbsReal(latin->linear.U[i]) / latin->scale);
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, most, 8, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)latin)));
-  for (PetscInt c = 0; c < dim; c++) size += PetscSqr(most[2 * c] + most[2 * c + 1]);
-  *due = (PetscBool)(most[7] > PetscMax(PetscSqrtReal(size), most[6]));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, most, 6, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)links)));
+  for (PetscInt c = 0; c < dim; c++) sum += PetscSqr(most[2 * c] + most[2 * c + 1]);
+  *size = PetscSqrtReal(sum);
+  PetscFunctionReturn(0);
+}
+
+/* Are displacements larger than the structure and than what is prescribed? The theory is of small ones, so that few solutions need a proof. Collective on latin */
+PetscErrorCode LatinProofIsDue_Private(Latin latin, PetscBool *due)
+{
+  const LatinLinks links   = latin->links;
+  PetscReal        most[2] = {0.0, 0.0}, size; /* prescribed displacement, displacement */
+
+  PetscFunctionBegin;
+  for (PetscInt i = 0; i < links->dim * links->nodes_local; i++)
+    if (links->fixed[i]) most[0] = PetscMax(most[0], PetscAbsReal(links->prescribed[i]));
+  for (PetscInt i = 0; i < latin->sub.bs * latin->sub.copies; i++) most[1] = PetscMax(most[1], PetscAbsReal(latin->linear.U[i]) / latin->scale);
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, most, 2, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)latin)));
+  PetscCall(LatinLinksSize_Private(links, &size));
+  *due = (PetscBool)(most[1] > PetscMax(size, most[0]));
   PetscFunctionReturn(0);
 }

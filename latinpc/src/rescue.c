@@ -60,11 +60,10 @@ PetscErrorCode LatinRescueLoose_Private(LatinRescue *rescue)
   LatinLinks     links = rescue->newton.links;
   MPI_Comm       comm  = PetscObjectComm((PetscObject)links);
   const PetscInt dim   = links->dim;
-  PetscInt       mine[LATIN_LOOSE], found = 0, *all, count = 0;
+  PetscInt       mine[LATIN_LOOSE], found = 0, count = 0;
   PetscReal     *move, most, length, least;
   PetscReal      resisted;
   PetscScalar    pushed, left;
-  PetscMPIInt    ranks;
   Vec            step, work, r;
 
   PetscFunctionBegin;
@@ -96,12 +95,7 @@ PetscErrorCode LatinRescueLoose_Private(LatinRescue *rescue)
   }
   PetscCall(PetscFree(move));
   for (PetscInt i = found; i < LATIN_LOOSE; i++) mine[i] = PETSC_MAX_INT;
-  PetscCallMPI(MPI_Comm_size(comm, &ranks));
-  PetscCall(PetscMalloc1(LATIN_LOOSE * ranks, &all));
-  PetscCallMPI(MPI_Allgather(mine, LATIN_LOOSE, MPIU_INT, all, LATIN_LOOSE, MPIU_INT, comm));
-  PetscCall(PetscSortInt(LATIN_LOOSE * ranks, all));
-  PetscCall(PetscArraycpy(rescue->node, all, LATIN_LOOSE));
-  PetscCall(PetscFree(all));
+  PetscCall(LatinListFirst_Private(comm, LATIN_LOOSE, mine, rescue->node));
   PetscCall(MPIU_Allreduce(&count, &rescue->loose, 1, MPIU_INT, MPI_SUM, comm));
   PetscFunctionReturn(0);
 }

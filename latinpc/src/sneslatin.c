@@ -343,6 +343,32 @@ static PetscErrorCode SNESLatinAdapt_Private(SNES snes)
   PetscFunctionReturn(0);
 }
 
+/* A solve that has not converged: what links tell of the cause */
+static PetscErrorCode SNESLatinBlame_Private(SNES snes)
+{
+  SNES_Latin *data = (SNES_Latin *)snes->data;
+  Vec         F;
+
+  PetscFunctionBegin;
+  data->held.nodes = data->held.links = 0;
+  if (snes->reason > 0 || snes->reason == SNES_DIVERGED_FUNCTION_NANORINF || data->latin->failed) PetscFunctionReturn(0);
+  if (data->rescue.loose) {
+    data->held.nodes = data->rescue.loose;
+    data->held.way   = PETSC_INFINITY;
+    PetscCall(PetscArraycpy(data->held.node, data->rescue.node, LATIN_LOOSE));
+  } else {
+    PetscCall(LatinHeld_Private(data->latin->links, snes->vec_sol, snes->vec_func, &data->held));
+    PetscCall(SNESGetFunction(data->outer, &F, NULL, NULL));
+    PetscCall(LatinHeldJammed_Private(data->latin, data->z, F, &data->held));
+    if (data->held.links) data->held.nodes = 0;
+    if (data->held.hidden && !data->held.nodes && !data->held.links) {
+      snes->reason         = SNES_DIVERGED_INNER;
+      data->estimate.floor = 1.0;
+    }
+  }
+  PetscFunctionReturn(0);
+}
+
 static PetscErrorCode SNESSolve_Latin(SNES snes)
 {
   SNES_Latin *data  = (SNES_Latin *)snes->data;
@@ -392,13 +418,14 @@ static PetscErrorCode SNESSolve_Latin(SNES snes)
   snes->linear_its = data->ended ? data->ended->stages : 0;
   snes->iter       = latin->applications + snes->linear_its;
   if (!data->ended && !data->rescue.loose) {
-    if (snes->alwayscomputesfinalresidual || data->stop == LATIN_STOP_RESIDUAL) PetscCall(SNESLatinResidual_Private(snes));
+    if (snes->alwayscomputesfinalresidual || data->stop == LATIN_STOP_RESIDUAL || (snes->reason < 0 && !latin->failed)) PetscCall(SNESLatinResidual_Private(snes));
     else {
       PetscCall(LatinAverage_Private(latin, snes->vec_sol));
       PetscCall(LatinSubstructureReturn_Private(latin));
     }
   }
   if (PetscIsInfOrNanReal(data->residual)) snes->reason = SNES_DIVERGED_FUNCTION_NANORINF;
+  PetscCall(SNESLatinBlame_Private(snes));
   PetscFunctionReturn(0);
 }
 

@@ -37,8 +37,23 @@ PETSC_INTERN PetscErrorCode LatinDriftTensions_Private(LatinLinks, PetscReal tar
 PETSC_INTERN PetscErrorCode LatinDrift_Private(LatinLinks, PetscReal target, Vec u, Vec r, Vec noise, PetscReal *drift);
 
 /* ---- what holds of a solution and not of a drift (proof.c) ---- */
+PETSC_INTERN PetscErrorCode LatinLinksSize_Private(LatinLinks, PetscReal *size);
 PETSC_INTERN PetscErrorCode LatinProofIsDue_Private(Latin, PetscBool *);
 PETSC_INTERN PetscErrorCode LatinProofBalances_Private(LatinLinks, Vec u, Vec more, Vec r, PetscBool *);
+
+/* ---- what displacements that rest leave undone (held.c) ---- */
+#define LATIN_LOOSE 8 /* nodes, or links, that are named */
+typedef struct {
+  PetscReal missed;            /* the greatest distance by which a rigid link misses its gap */
+  PetscReal way;               /* how far nodes that nothing holds have to go to a support */
+  PetscInt  nodes;             /* how many they are, on all ranks */
+  PetscInt  node[LATIN_LOOSE]; /* some of them, global numbers */
+  PetscInt  hidden;            /* nodes whose loads are less than the rounding of the forces there */
+  PetscInt  links;             /* rigid links that no displacement meets together */
+  PetscInt  link[LATIN_LOOSE];
+} LatinHeld;
+PETSC_INTERN PetscErrorCode LatinHeld_Private(LatinLinks, Vec u, Vec r, LatinHeld *);
+PETSC_INTERN PetscErrorCode LatinHeldJammed_Private(Latin, Vec z, Vec work, LatinHeld *);
 
 /* ---- Newton's method after the iteration (polish.c) ---- */
 typedef struct {
@@ -63,7 +78,6 @@ PETSC_INTERN PetscErrorCode PCLatinShare_Private(PC, Latin);
 PETSC_INTERN PetscErrorCode PCLatinFollow_Private(PC, Latin);
 
 /* ---- Newton's method where the iteration stalls (rescue.c) ---- */
-#define LATIN_LOOSE 8 /* nodes named when slack links leave a mechanism */
 typedef struct {
   LatinPolish newton;
   PetscInt    stages;            /* most linear stages that may still be to come, 0 = no rescue */
@@ -118,6 +132,7 @@ typedef struct {
   PetscInt          tested; /* linear stages that the convergence test has seen */
   LatinPolish       polish;
   LatinRescue       rescue;
+  LatinHeld         held; /* why the last solve has not come to an end, where links tell */
   LatinBalance      balance;
   LatinPolish      *ended;  /* what has ended the last solve, NULL: the iteration */
   PetscBool         handed; /* the iteration has ended for the polish */

@@ -138,32 +138,65 @@ PetscErrorCode SNESLatinGetEstimates(SNES snes, PetscInt *n, const PetscReal *es
 }
 
 /*@C
-  SNESLatinGetLooseNodes - The nodes that the loads of the last solve move without end, because slack links hold them no longer.
+  SNESLatinGetLooseNodes - The nodes that nothing holds where the last solve has not converged: loads move them, and no link resists.
 
   Not collective; the array is borrowed
 
   Output Parameters:
-+ count  - how many they are; 0 when the structure has an equilibrium, or nothing is known
++ count  - how many they are; 0 when the solve has converged, or nothing is known
 . listed - how many of them are listed, at most 8
-- node   - global numbers
+. node   - global numbers
+- way    - how far they are from links that would stop them, a length; infinite: loads move them without end
 
   Level: intermediate
 
   Note:
-  Known after a solve that ended with `SNES_DIVERGED_DTOL` once Newton's method had taken over (`-snes_latin_rescue`).
+  Nodes on their way to a support take long where their loads are small beside the stiffness of slack links, or beside the
+  search parameter of rigid ones.
 
-.seealso: `SNESLatinGetHistory()`
+.seealso: `SNESLatinGetHistory()`, `SNESLatinGetJammedLinks()`
 @*/
-PetscErrorCode SNESLatinGetLooseNodes(SNES snes, PetscInt *count, PetscInt *listed, const PetscInt *node[])
+PetscErrorCode SNESLatinGetLooseNodes(SNES snes, PetscInt *count, PetscInt *listed, const PetscInt *node[], PetscReal *way)
 {
-  LatinRescue *rescue;
+  LatinHeld *held;
 
   PetscFunctionBegin;
   PetscCall(SNESLatinCheck_Private(snes));
-  rescue = &((SNES_Latin *)snes->data)->rescue;
-  if (count) *count = rescue->loose;
-  if (listed) *listed = PetscMin(rescue->loose, LATIN_LOOSE);
-  if (node) *node = rescue->node;
+  held = &((SNES_Latin *)snes->data)->held;
+  if (count) *count = held->nodes;
+  if (listed) *listed = PetscMin(held->nodes, LATIN_LOOSE);
+  if (node) *node = held->node;
+  if (way) *way = held->nodes ? held->way : 0.0;
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  SNESLatinGetJammedLinks - The rigid links whose gaps no displacement meets together, where the last solve has not converged.
+
+  Not collective; the array is borrowed
+
+  Output Parameters:
++ count  - how many they are; 0 when the solve has converged, or nothing is known
+. listed - how many of them are listed, at most 8
+- link   - global numbers
+
+  Level: intermediate
+
+  Note:
+  Inextensible cables that are too short, contacts without room: their tensions grow for ever, towards a self-stress.
+
+.seealso: `SNESLatinGetLooseNodes()`
+@*/
+PetscErrorCode SNESLatinGetJammedLinks(SNES snes, PetscInt *count, PetscInt *listed, const PetscInt *link[])
+{
+  LatinHeld *held;
+
+  PetscFunctionBegin;
+  PetscCall(SNESLatinCheck_Private(snes));
+  held = &((SNES_Latin *)snes->data)->held;
+  if (count) *count = held->links;
+  if (listed) *listed = PetscMin(held->links, LATIN_LOOSE);
+  if (link) *link = held->link;
   PetscFunctionReturn(0);
 }
 
