@@ -201,7 +201,7 @@ def _solve(scene, links, snes, reference, notices, before_solve, increments, kee
     if len(past.get("estimate", ())) and snes.getConvergedReason() == PETSc.SNES.ConvergedReason.DIVERGED_INNER:
         least = latinpc.rounding_floor(snes)
         notices.append(f"the error asked for is below what rounding leaves on this structure, about {least:.0e}")
-    notices += _causes(snes) if is_latin else []
+    notices += _causes(snes, scene) if is_latin and snes.getConvergedReason() < 0 else []
     core = snes if is_latin else linear
     statistics = latinpc.statistics(core) if core is not None else {}
     ksponly = snes.getType() == "ksponly"
@@ -272,7 +272,7 @@ def _ramp(scene, links, snes, u, increments, keeper):
     return counts
 
 
-def _causes(snes):
+def _causes(snes, scene):
     """Return sentences on why a solve has not converged, where links tell."""
     (jammed, links), (loose, nodes, way) = _latin.jammed_links(snes), _latin.loose_nodes(snes)
 
@@ -287,6 +287,8 @@ def _causes(snes):
     if loose:
         text = "their loads are small beside the stiffness of the links that are to stop them"
         return [f"nothing holds nodes {listed(loose, nodes)} yet: {text}, or there is no equilibrium"]
+    if (scene.law == Law.FRICTION).any():
+        return ["contacts with friction: no equilibrium is certain, nor that the iteration finds one"]
     return []
 
 

@@ -126,7 +126,7 @@ def loose_nodes(snes):
 
 
 def jammed_links(snes):
-    """Return the rigid links whose gaps no displacement meets together, where a solve has not converged; not collective.
+    """Return rigid links whose gaps no displacement meets together, where a solve has not converged; not collective.
 
     Parameters
     ----------

@@ -1,14 +1,14 @@
 """Numerical stability at the extremes: a catalogue of cases with their expected outcomes, run by ``latinpc extremes``.
 
-`catalogue` makes the cases, `exact` the solutions that no rounding touches, and `latinpc.extremes.worker` runs one case
-in a process of its own. A case is
+`catalogue` and `rigid` make the cases, `exact` the solutions that no rounding touches, `conditions` tells what
+solutions meet that are not unique, and `latinpc.extremes.worker` runs one case in a process of its own. A case is
 
 right
-    when it converged and the true error is within `SLACK` times what was asked,
+    when it converged and the true error of what is unique is within `SLACK` times what was asked,
 refused
     when it did not converge, or ended in an error, and the reason says why,
 wrong
-    when it claims convergence with another displacement, or with one that is not finite,
+    when it claims convergence with another solution, or with one that is not finite,
 silent
     when it was refused without a cause, or though a solution was expected,
 hang, crash
@@ -30,7 +30,9 @@ import numpy as np
 from latinpc.peers.arrays import errors, save_scene
 from latinpc.peers.launch import THREADS
 
-from .catalogue import ACCURACY, Case, cases
+from . import catalogue, rigid
+from .case import ACCURACY, Case
+from .conditions import closing, missed, shortening
 
 __all__ = ["ACCURACY", "BAD", "SLACK", "Case", "Outcome", "by_group", "cases", "layout", "run", "run_all"]
 
@@ -56,6 +58,11 @@ class Outcome:
     reference: str = ""
 
 
+def cases():
+    """Return all cases, group by group."""
+    return [*catalogue.cases(), *rigid.cases()]
+
+
 def run(case):
     """Run a case in a process of its own and judge it.
 
@@ -72,7 +79,7 @@ def run(case):
         folder = pathlib.Path(folder)
         save_scene(folder / "scene.npz", scene)
         task = {"scene": str(folder / "scene.npz"), "options": case.options, "answer": str(folder / "answer.json"),
-                "displacements": str(folder / "u.npy")}  # fmt: skip
+                "solution": str(folder / "solution.npz")}  # fmt: skip
         (folder / "task.json").write_text(json.dumps(task))
         command = [sys.executable, "-P", "-m", "latinpc.extremes.worker", str(folder / "task.json")]
         if case.ranks > 1:
@@ -88,15 +95,15 @@ def run(case):
             tail = process.stderr.decode(errors="replace").strip().splitlines()[-1:]
             return _outcome(case, "crash", f"exit code {process.returncode}: {' '.join(tail)}")
         found = json.loads(answer.read_text())
-        displacements = np.load(task["displacements"]) if found.get("solved") else None
-    return _judge(case, scene, found, displacements)
+        u, tensions = np.load(task["solution"]).values() if found.get("solved") else (None, None)
+    return _judge(case, scene, found, u, tensions)
 
 
 def _outcome(case, verdict, reason, **more):
     return Outcome(case.group, case.name, verdict, reason, expected=case.expected, **more)
 
 
-def _judge(case, scene, found, displacements):
+def _judge(case, scene, found, u, tensions=None):
     """Compare with the truth; what is not solved must say why."""
     if found.get("error"):
         return _outcome(case, _refusal(case, found["error"]), found["error"])
@@ -104,14 +111,25 @@ def _judge(case, scene, found, displacements):
     reason = "; ".join([found["reason"], *found["notices"]])
     if not found["converged"]:
         return _outcome(case, _refusal(case, reason), reason, **told)
-    if not np.isfinite(displacements).all():
+    if not np.isfinite(u).all():
         return _outcome(case, "wrong", f"{reason}, with displacements that are not finite", **told)
-    reference, kind = _reference(case, scene, displacements)
+    if case.unique != "displacements":
+        measure = {"elongations": shortening, "closed": closing}.get(case.unique, missed)
+        error, kind = measure(scene, u, tensions), "conditions" if measure is missed else case.unique
+        if case.solution is not None:
+            known, kind = case.solution(scene), f"{case.unique}, {kind}"
+            error = max(error, np.linalg.norm(tensions - known) / np.linalg.norm(known))
+        right = error <= SLACK * ACCURACY and case.expected != "refused"
+        return _outcome(case, "right" if right else "wrong", reason, error=error, reference=kind, **told)
+    reference, kind = _reference(case, scene, u, tensions)
     if reference is None:
         return _outcome(case, "wrong" if case.expected == "refused" else "right", f"{reason}; {kind}", **told)
-    error = errors(scene, displacements, reference)[0]
-    # displacements that the rounding of the prestrains alone would make are zero
-    nothing = np.linalg.norm(displacements - reference) <= NOTHING * np.linalg.norm(scene.prestrain)
+    error = errors(scene, u, reference)[0]
+    # displacements that the rounding of the prestrains alone would make are zero; where nothing moves, of coordinates
+    least = NOTHING * np.linalg.norm(scene.prestrain)
+    if not reference.any():
+        least = max(least, NOTHING * np.ptp(scene.nodes) * np.sqrt(u.size))
+    nothing = np.linalg.norm(u - reference) <= least
     right = (error <= SLACK * ACCURACY or nothing) and case.expected != "refused"
     if nothing:
         error, kind = None, "nothing moves but by rounding"
@@ -124,14 +142,14 @@ def _refusal(case, reason):
     return "refused" if case.expected != "right" and any(name in reason for name in names) else "silent"
 
 
-def _reference(case, scene, displacements):
+def _reference(case, scene, u, tensions):
     """Return the true displacements and what they are: a closed form, exact arithmetic, or Newton's method."""
     if case.solution is not None:
         return case.solution(scene), "closed form"
     if (~scene.fixed).sum() <= EXACT_DOFS:
         from .exact import solve_exactly
 
-        exact = solve_exactly(scene, displacements)
+        exact = solve_exactly(scene, u, tensions)
         return (exact, "exact") if exact is not None else (None, "no exact solution found")
     from latinpc.peers.reference import by_newton
 

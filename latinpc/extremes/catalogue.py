@@ -2,47 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 
 from latinpc.scenes import Law, Scene, make
 
-ACCURACY = 1e-6  #: relative l2 error of the displacements that every case asks for
-SUBDOMAINS = 8
-
-
-@dataclass(frozen=True)
-class Case:
-    """A scene at an extreme.
-
-    Parameters
-    ----------
-    group, name : str
-    make : callable
-        Returns the Scene.
-    expected : {'right', 'refused', 'either'}
-        What is right: a solution, a refusal that names its cause, or whichever of them the case allows.
-    options : dict
-        PETSc options beside the stop on an error of `ACCURACY`.
-    ranks : int
-    solution : callable, optional
-        From the scene to its displacements in closed form.
-    """
-
-    group: str
-    name: str
-    make: Callable[[], Scene]
-    expected: str = "right"
-    options: dict = field(default_factory=dict)
-    ranks: int = 1
-    solution: Callable | None = None
-
-
-def _options(**more):
-    return {"snes_latin_stop": "error", "snes_latin_error": ACCURACY, "snes_latin_subdomains": SUBDOMAINS, **more}
-
+from .case import SUBDOMAINS, Case
+from .case import options as _options
 
 # ---- structures ------------------------------------------------------------------------------
 

@@ -37,7 +37,7 @@ def main():
             "seconds": time.perf_counter() - start,
         }
         if root:
-            np.save(task["displacements"], result.displacements)
+            np.savez(task["solution"], u=result.displacements, tensions=result.tensions)
     except Exception as error:
         text = latinpc.error_message(error) if isinstance(error, PETSc.Error) else str(error)
         answer = {"error": " ".join(text.split()) or type(error).__name__}

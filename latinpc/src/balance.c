@@ -10,12 +10,19 @@
    another unit of length. So nothing is built again. Displacements, gaps and prescribed displacements of the subdomains
    are latin->scale times those of the structure, l stays what it is, and the state is written anew for the same tensions
    and elongations. Factors are powers of two, which round nothing, and are the same on any number of ranks.
+
+   Beside elastic links l should be the stiffness that the structure shows to its rigid links. That of the neighbours, which
+   rigid.c takes, may be far from it where stiffnesses differ much. The linear stages tell it: from one to the next the
+   tensions of the rigid links change by what this stiffness makes of the changes of their elongations. Where it is far
+   from l, and the iteration has not come to an end soon, all is built again with another l, and the solve starts anew.
 */
 
 #define LATIN_BALANCE_WINDOW 30   /* linear stages at first, as many as between two restarts of Anderson's acceleration */
 #define LATIN_BALANCE_GAIN   0.5  /* an indicator that has not fallen by this since the last but so many windows stalls */
 #define LATIN_BALANCE_MOST   4.0  /* largest change at once */
 #define LATIN_BALANCE_FAR    16.0 /* no further than this from where it started */
+#define LATIN_BALANCE_OFF    8.0  /* by so much a search parameter may differ from the stiffness that the structure shows */
+#define LATIN_BALANCE_AGAIN  3    /* times that the operators are made anew */
 
 static void LatinRescale(Latin latin, PetscReal factor)
 {
@@ -41,53 +48,87 @@ static void LatinBalanceClear(LatinBalance *balance)
 /* Before the first linear stage of a solve, which goes on from the state of the last one if `warm`. Collective on latin */
 PetscErrorCode LatinBalanceStart_Private(Latin latin, PetscBool warm, LatinBalance *balance)
 {
-  PetscInt able = (PetscInt)(balance->on && latin->links->rubs && !latin->links->ground);
+  const LatinLinks links = latin->links;
+  PetscInt         kinds = 0; /* of links here: elastic, rigid with a search parameter of ours */
 
   PetscFunctionBegin;
   LatinBalanceClear(balance);
   balance->window = LATIN_BALANCE_WINDOW;
+  balance->able = balance->tunes = PETSC_FALSE;
   if (!warm) LatinRescale(latin, 1.0 / latin->scale);
-  for (PetscInt l = 0; able && l < latin->links->links_local; l++) able = (PetscInt)LatinLaws[latin->links->law[l]].rigid;
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &able, 1, MPIU_INT, MPI_MIN, PetscObjectComm((PetscObject)latin)));
-  balance->able = (PetscBool)able;
-  if (!able || balance->size == latin->sub.nonsmooth) PetscFunctionReturn(0);
+  if (!balance->on || links->rigid_law < 0 || links->ground) PetscFunctionReturn(0);
+  for (PetscInt l = 0; l < links->links_local; l++) {
+    if (!LatinLaws[links->law[l]].rigid) kinds |= 1;
+    else if (links->tuned[l]) kinds |= 2;
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &kinds, 1, MPIU_INT, MPI_BOR, PetscObjectComm((PetscObject)latin)));
+  balance->able  = (PetscBool)(links->rubs && !(kinds & 1));
+  balance->tunes = (PetscBool)(kinds == 3 && balance->tuned < LATIN_BALANCE_AGAIN);
+  if (!(balance->able || balance->tunes) || balance->size == latin->sub.nonsmooth) PetscFunctionReturn(0);
   PetscCall(PetscFree2(balance->tension, balance->stretch));
   PetscCall(PetscMalloc2(latin->sub.nonsmooth, &balance->tension, latin->sub.nonsmooth, &balance->stretch));
   balance->size = latin->sub.nonsmooth;
   PetscFunctionReturn(0);
 }
 
-/* After a local stage, with its data Gz: how much tensions and l e_hat = tau_hat - Gz have changed, beside the distance of the stages */
-PetscErrorCode LatinBalanceObserve_Private(Latin latin, Vec Gz, LatinBalance *balance)
+/*
+   After the two stages from z to Gz: how much tensions and l times elongations have changed, beside the distance of the
+   stages. Those of the local stage, tau_hat and tau_hat - Gz; where other links have a stiffness those of the linear stage,
+   of which tau + l e is 2 tau_hat - Gz, and tau - l e is z
+*/
+PetscErrorCode LatinBalanceObserve_Private(Latin latin, Vec z, Vec Gz, LatinBalance *balance)
 {
   const LatinSubstructure *sub   = &latin->sub;
   const PetscReal          scale = PetscSqr(latin->distance);
-  const PetscScalar       *g;
+  const PetscScalar       *a, *g;
 
   PetscFunctionBegin;
-  if (!balance->able || !(scale > 0.0)) PetscFunctionReturn(0);
+  if (!(balance->able || balance->tunes) || !(scale > 0.0)) PetscFunctionReturn(0);
+  PetscCall(VecGetArrayRead(z, &a));
   PetscCall(VecGetArrayRead(Gz, &g));
   for (PetscInt i = 0; i < sub->nonsmooth; i++) {
-    const PetscReal l = sub->stiffness[sub->nonsmooth_link[i]], stretch = sub->tension[i] - g[latin->inter.sides + i];
+    const PetscInt  at = latin->inter.sides + i;
+    const PetscReal l = sub->stiffness[sub->nonsmooth_link[i]], y = 2.0 * sub->tension[i] - g[at];
+    const PetscReal tension = balance->able ? sub->tension[i] : 0.5 * (y + a[at]), stretch = balance->able ? sub->tension[i] - g[at] : 0.5 * (y - a[at]);
 
+    if (!LatinLaws[sub->law[sub->nonsmooth_link[i]]].rigid) continue;
     if (balance->seen) {
-      balance->sum[0] += PetscSqr(sub->tension[i] - balance->tension[i]) / (l * scale);
+      balance->sum[0] += PetscSqr(tension - balance->tension[i]) / (l * scale);
       balance->sum[1] += PetscSqr(stretch - balance->stretch[i]) / (l * scale);
     }
-    balance->tension[i] = sub->tension[i];
+    balance->tension[i] = tension;
     balance->stretch[i] = stretch;
   }
   PetscCall(VecRestoreArrayRead(Gz, &g));
+  PetscCall(VecRestoreArrayRead(z, &a));
+  PetscFunctionReturn(0);
+}
+
+/* The stiffness that the structure shows to its rigid links, beside l */
+static PetscErrorCode LatinBalanceShown_Private(Latin latin, PetscBool diverges, LatinBalance *balance, PetscBool *due)
+{
+  PetscReal sum[2], shown;
+
+  PetscFunctionBegin;
+  if (++balance->seen < balance->window && !diverges) PetscFunctionReturn(0);
+  PetscCall(MPIU_Allreduce(balance->sum, sum, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)latin)));
+  balance->tunes = PETSC_FALSE;
+  if (!(sum[0] > 0.0 && sum[1] > 0.0)) PetscFunctionReturn(0);
+  shown = PetscSqrtReal(sum[0] / sum[1]);
+  if (shown < LATIN_BALANCE_OFF && shown > 1.0 / LATIN_BALANCE_OFF) PetscFunctionReturn(0);
+  balance->factor = PetscPowReal(2.0, PetscFloorReal(0.5 + PetscLog2Real(shown)));
+  *due            = PETSC_TRUE;
   PetscFunctionReturn(0);
 }
 
 /* Is it time for another parameter? To be called once a stage with what the stop is on; the factor is kept. Collective on latin */
-PetscErrorCode LatinBalanceDue_Private(Latin latin, PetscReal measure, LatinBalance *balance, PetscBool *due)
+PetscErrorCode LatinBalanceDue_Private(Latin latin, PetscReal measure, PetscBool diverges, LatinBalance *balance, PetscBool *due)
 {
   PetscReal sum[2], *least = balance->least, now, before;
 
   PetscFunctionBegin;
   *due = PETSC_FALSE;
+  if (balance->tunes) PetscCall(LatinBalanceShown_Private(latin, diverges, balance, due));
   if (!balance->able) PetscFunctionReturn(0);
   least[0] = PetscMin(least[0], measure);
   if (++balance->seen % balance->window) PetscFunctionReturn(0);
@@ -133,6 +174,18 @@ PetscErrorCode LatinBalanceChange_Private(Latin latin, Vec z, Vec F, LatinBalanc
   PetscCall(PetscInfo(latin, "The iteration stalls: the search parameter of rigid links is %g times that of the start\n", (double)latin->scale));
   LatinBalanceClear(balance);
   balance->window += balance->window / 2; /* an indicator in another unit takes its time */
+  PetscFunctionReturn(0);
+}
+
+/* Search parameters that are ours, times the factor, for all that is to be built again. Collective on links */
+PetscErrorCode LatinBalanceTune_Private(LatinLinks links, LatinBalance *balance)
+{
+  PetscFunctionBegin;
+  for (PetscInt l = 0; l < links->links_local; l++)
+    if (links->tuned[l]) links->stiffness[l] *= balance->factor;
+  PetscCall(PetscObjectStateIncrease((PetscObject)links));
+  PetscCall(PetscInfo(links, "The structure shows its rigid links %g times the stiffness that their search parameter has: it becomes that\n", (double)balance->factor));
+  balance->tuned++;
   PetscFunctionReturn(0);
 }
 

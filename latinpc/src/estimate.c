@@ -286,7 +286,7 @@ PetscErrorCode LatinEstimateDoubt_Private(Latin latin, PetscReal target, Vec u, 
   least = PetscMax(least, held.missed);
   if (least > target) {
     estimate->value    = PetscMax(estimate->value, least);
-    estimate->rounding = (PetscBool)(held.missed > target && latin->distance <= latin->noise); /* what is missed is hidden by the rounding of a state that rests */
+    estimate->rounding = (PetscBool)(held.missed > target && (latin->distance <= latin->noise || held.hidden)); /* rounding hides it: the state rests, or the forces tell nothing */
     if (estimate->rounding) estimate->floor = estimate->value;
   }
   PetscFunctionReturn(0);

@@ -16,7 +16,7 @@ PetscErrorCode SNESLatinFixedPoint_Private(SNES outer, Vec z, Vec F, void *ctx)
 
   PetscFunctionBegin;
   PetscCall(LatinApply_Private(latin, z, F));
-  PetscCall(LatinBalanceObserve_Private(latin, F, &data->balance));
+  PetscCall(LatinBalanceObserve_Private(latin, z, F, &data->balance));
   PetscCall(VecAYPX(F, -1.0, z));
   if (latin->failed) PetscCall(SNESSetFunctionDomainError(outer));
   if (data->stop == LATIN_STOP_ERROR) PetscCall(LatinEstimateUpdate_Private(latin, data->target, &data->estimate));
@@ -140,10 +140,10 @@ PetscErrorCode SNESLatinConverged_Private(SNES outer, PetscInt it, PetscReal xno
     *reason             = SNES_CONVERGED_ITS;
   }
   if (!*reason && latin->applications >= snes->max_its) *reason = SNES_DIVERGED_MAX_IT;
-  if (!*reason) {
+  if (!*reason || *reason == SNES_DIVERGED_DTOL) {
     PetscBool due;
 
-    PetscCall(LatinBalanceDue_Private(latin, norm, &data->balance, &due));
+    PetscCall(LatinBalanceDue_Private(latin, norm, (PetscBool)(*reason == SNES_DIVERGED_DTOL), &data->balance, &due));
     if (due) *reason = SNES_CONVERGED_ITS;
   }
   PetscFunctionReturn(0);

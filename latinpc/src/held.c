@@ -17,7 +17,7 @@
 #define LATIN_HELD_GAP    4.0  /* times the machine's, of the displacements and the gap of a link */
 #define LATIN_HELD_NONE   1e3  /* times the machine's, of tau / l: displacements of links without gaps that are none */
 #define LATIN_HELD_POINT  64.0 /* times the machine's, of the size: so is what coordinates do not tell */
-#define LATIN_HELD_STAGES 100  /* of the plain iteration, after which tensions that grow without end show it */
+#define LATIN_HELD_STAGES 100  /* of the damped iteration, after which tensions that grow without end show it */
 #define LATIN_HELD_FAR    10.0 /* times the displacements: so far no displacement meets links that are jammed */
 
 /* By how much a rigid link misses its gap */
@@ -127,8 +127,8 @@ static PetscErrorCode LatinHeldNodes_Private(LatinLinks links, Vec u, Vec r, Lat
     for (PetscInt c = 0; c < dim; c++) load += links->fixed[dim * i + c] ? 0.0 : PetscSqr(links->force[dim * i + c]);
     if (most[2 * i + 1] > 0.0 || most[2 * i] <= LATIN_HELD_UNHELD * (node[3 * i] + PetscSqrtReal(load))) continue;
     if (most[2 * i] <= LATIN_HELD_NOISE * PETSC_MACHINE_EPSILON * node[3 * i + 1]) {
-      if (load > 0.0) count[2]++;
-      continue;
+      if (!(load > 0.0)) continue;
+      count[2]++;
     }
     if (count[0] < LATIN_LOOSE) mine[count[0]] = links->nodes_start + i;
     count[0]++;
@@ -200,7 +200,7 @@ PetscErrorCode LatinHeld_Private(LatinLinks links, Vec u, Vec r, LatinHeld *held
 
 /*
    Rigid links that no displacement meets together. Their tensions grow for ever, by the same self-stress dtau from one stage
-   of the plain iteration to the next: B^t dtau = 0, while dtau . x = dtau . (e0 + B u) is not positive for any admissible
+   of the damped iteration to the next: B^t dtau = 0, while dtau . x = dtau . (e0 + B u) is not positive for any admissible
    strains x [J. Farkas]. Where dtau . e0 is, by more than B^t dtau can make up for on displacements ten times as large as u,
    there are none. `dtau` has the links of this rank. Collective on links
 */
@@ -253,7 +253,7 @@ static PetscErrorCode LatinHeldFarkas_Private(LatinLinks links, Vec u, const Pet
   PetscFunctionReturn(0);
 }
 
-/* Plain stages from the start tell whether rigid links are jammed; z and work are of the length of a state. Displacements in the subdomains are lost, tensions of links stay. Collective on latin */
+/* Damped stages from the start tell whether rigid links are jammed; z and work are of the length of a state. Displacements in the subdomains are lost, tensions of links stay. Collective on latin */
 PetscErrorCode LatinHeldJammed_Private(Latin latin, Vec z, Vec work, LatinHeld *held)
 {
   LatinLinks     links        = latin->links;
@@ -273,7 +273,7 @@ PetscErrorCode LatinHeldJammed_Private(Latin latin, Vec z, Vec work, LatinHeld *
       PetscCall(PetscArraycpy(dtau, links->multiplier, links->links_local));
     }
     PetscCall(LatinApply_Private(latin, z, work));
-    PetscCall(VecCopy(work, z));
+    PetscCall(VecAXPBY(z, 0.5, 0.5, work)); /* damped, or tensions would only swing */
   }
   PetscCall(DMGetGlobalVector(links->dm, &u));
   PetscCall(LatinAverage_Private(latin, u));

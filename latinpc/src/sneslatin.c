@@ -83,7 +83,7 @@ static PetscErrorCode SNESSetFromOptions_Latin(SNES snes, LatinOptionItems Petsc
   PetscCall(PetscOptionsReal("-snes_latin_polish_start", "Indicator from which on Newton's method takes over", "None", data->polish.start, &data->polish.start, &set));
   PetscCheck(!set || data->polish.on, PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_WRONGSTATE, "-snes_latin_polish_start tells when the polish begins: add -snes_latin_polish");
   PetscCall(PetscOptionsBoundedInt("-snes_latin_rescue", "Linear stages still to come from which on Newton's method takes over, 0 = never", "None", data->rescue.stages, &data->rescue.stages, NULL, 0));
-  PetscCall(PetscOptionsBool("-snes_latin_balance", "Where contacts with friction stall, change their search parameter", "None", data->balance.on, &data->balance.on, NULL));
+  PetscCall(PetscOptionsBool("-snes_latin_balance", "Where contacts with friction stall, or rigid links beside elastic ones, change their search parameter", "None", data->balance.on, &data->balance.on, NULL));
   PetscCall(PetscOptionsViewer("-snes_latin_monitor", "Monitor the indicator, and the residual or errors where they are computed", "None", &data->monitor, &data->monitor_format, &set));
   PetscOptionsHeadEnd();
   PetscCheck(data->polish.start > 0.0 && !PetscIsInfOrNanReal(data->polish.start), PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_OUTOFRANGE, "-snes_latin_polish_start is %g; it is a positive number", (double)data->polish.start);
@@ -247,6 +247,36 @@ static PetscErrorCode SNESLatinProveDigits_Private(SNES snes, const LatinPolish 
   PetscFunctionReturn(0);
 }
 
+/* F(x) = b: more load */
+static PetscErrorCode SNESLatinLoad_Private(SNES snes)
+{
+  Latin latin = ((SNES_Latin *)snes->data)->latin;
+  Vec   load;
+
+  PetscFunctionBegin;
+  if (!snes->vec_rhs) PetscFunctionReturn(0);
+  PetscCall(VecDuplicate(latin->links->load, &load));
+  PetscCall(VecWAXPY(load, 1.0, snes->vec_rhs, latin->links->load));
+  PetscCall(LatinLinearSetLoads(latin, load));
+  PetscCall(VecDestroy(&load));
+  latin->load_state = -1;
+  PetscFunctionReturn(0);
+}
+
+/* The iteration, from the state to start from */
+static PetscErrorCode SNESLatinIterate_Private(SNES snes)
+{
+  SNES_Latin *data = (SNES_Latin *)snes->data;
+
+  PetscFunctionBegin;
+  PetscCall(SNESLatinStart_Private(snes));
+  PetscCall(SNESSetConvergenceTest(data->outer, SNESLatinConverged_Private, snes, NULL));
+  PetscCall(SNESSetTolerances(data->outer, 0.0, 0.0, 0.0, snes->max_its, PETSC_MAX_INT));
+  PetscCall(SNESSolve(data->outer, NULL, data->z));
+  PetscCall(SNESGetConvergedReason(data->outer, &snes->reason));
+  PetscFunctionReturn(0);
+}
+
 /* Newton's method from here on; where it fails the iteration goes on from where it was */
 static PetscErrorCode SNESLatinPolish_Private(SNES snes, LatinPolish *polish)
 {
@@ -323,6 +353,22 @@ static PetscErrorCode SNESLatinBalance_Private(SNES snes)
   PetscFunctionReturn(0);
 }
 
+/* Rigid links with another search parameter beside elastic ones: all is built again, and the solve starts anew */
+static PetscErrorCode SNESLatinTune_Private(SNES snes)
+{
+  SNES_Latin *data = (SNES_Latin *)snes->data;
+
+  PetscFunctionBegin;
+  PetscCall(LatinBalanceTune_Private(data->latin->links, &data->balance));
+  PetscCall(SNESLatinSetUpState_Private(snes));
+  PetscCall(SNESLatinLoad_Private(snes));
+  if (data->stop == LATIN_STOP_ERROR) PetscCall(LatinEstimateStart_Private(&data->estimate));
+  data->first_distance = -1.0;
+  PetscCall(LatinBalanceStart_Private(data->latin, PETSC_FALSE, &data->balance));
+  PetscCall(SNESLatinIterate_Private(snes));
+  PetscFunctionReturn(0);
+}
+
 /* Some stages of the plain iteration tell which links are slack: then low-energy fields without them, and a new start */
 static PetscErrorCode SNESLatinAdapt_Private(SNES snes)
 {
@@ -347,6 +393,7 @@ static PetscErrorCode SNESLatinAdapt_Private(SNES snes)
 static PetscErrorCode SNESLatinBlame_Private(SNES snes)
 {
   SNES_Latin *data = (SNES_Latin *)snes->data;
+  PetscReal   size;
   Vec         F;
 
   PetscFunctionBegin;
@@ -358,10 +405,12 @@ static PetscErrorCode SNESLatinBlame_Private(SNES snes)
     PetscCall(PetscArraycpy(data->held.node, data->rescue.node, LATIN_LOOSE));
   } else {
     PetscCall(LatinHeld_Private(data->latin->links, snes->vec_sol, snes->vec_func, &data->held));
+    PetscCall(LatinLinksSize_Private(data->latin->links, &size));
+    data->held.way = PetscMin(data->held.way, size); /* an iterate that diverges proves nothing */
     PetscCall(SNESGetFunction(data->outer, &F, NULL, NULL));
     PetscCall(LatinHeldJammed_Private(data->latin, data->z, F, &data->held));
     if (data->held.links) data->held.nodes = 0;
-    if (data->held.hidden && !data->held.nodes && !data->held.links) {
+    if (data->held.hidden && !data->held.links) {
       snes->reason         = SNES_DIVERGED_INNER;
       data->estimate.floor = 1.0;
     }
@@ -373,19 +422,12 @@ static PetscErrorCode SNESSolve_Latin(SNES snes)
 {
   SNES_Latin *data  = (SNES_Latin *)snes->data;
   Latin       latin = data->latin;
-  Vec         load;
 
   PetscFunctionBegin;
   PetscCheck(!snes->xl && !snes->xu && !snes->ops->computevariablebounds, PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_WRONGSTATE, "SNES latin does not take bounds on the unknowns: unilateral behaviour is in the laws of the links");
   PetscCall(PetscCitationsRegister(citation, &cited));
   PetscCall(SNESLatinSetUpState_Private(snes)); /* the structure may have changed since SNESSetUp() */
-  if (snes->vec_rhs) {                          /* F(x) = b: more load */
-    PetscCall(VecDuplicate(latin->links->load, &load));
-    PetscCall(VecWAXPY(load, 1.0, snes->vec_rhs, latin->links->load));
-    PetscCall(LatinLinearSetLoads(latin, load));
-    PetscCall(VecDestroy(&load));
-    latin->load_state = -1;
-  }
+  PetscCall(SNESLatinLoad_Private(snes));
   PetscCall(SNESLatinPrepare_Private(snes));
   snes->reason = SNES_CONVERGED_ITERATING;
   snes->iter   = 0;
@@ -398,19 +440,17 @@ static PetscErrorCode SNESSolve_Latin(SNES snes)
     PetscCall(SNESLogConvergenceHistory(snes, snes->norm, 0));
   }
   if (LatinFloppyWaits(latin)) PetscCall(SNESLatinAdapt_Private(snes));
+  data->balance.tuned = 0;
   PetscCall(LatinBalanceStart_Private(latin, (PetscBool)(data->warm && data->has_state), &data->balance));
-  PetscCall(SNESLatinStart_Private(snes));
-  PetscCall(SNESSetConvergenceTest(data->outer, SNESLatinConverged_Private, snes, NULL));
-  PetscCall(SNESSetTolerances(data->outer, 0.0, 0.0, 0.0, snes->max_its, PETSC_MAX_INT));
   data->handed   = data->polish.on;
   data->ended    = NULL;
   data->residual = 0.0;
   PetscCall(LatinRescueStart_Private(&data->rescue, latin->links));
-  PetscCall(SNESSolve(data->outer, NULL, data->z));
-  PetscCall(SNESGetConvergedReason(data->outer, &snes->reason));
+  PetscCall(SNESLatinIterate_Private(snes));
   /* at most twice: a polish that fails may leave an iteration that stalls */
   while (snes->reason == SNES_CONVERGED_ITS) {
-    if (data->balance.factor != 1.0) PetscCall(SNESLatinBalance_Private(snes));
+    if (data->balance.factor != 1.0 && !data->balance.able) PetscCall(SNESLatinTune_Private(snes));
+    else if (data->balance.factor != 1.0) PetscCall(SNESLatinBalance_Private(snes));
     else PetscCall(SNESLatinPolish_Private(snes, data->rescue.called ? &data->rescue.newton : &data->polish));
   }
   data->has_state = (PetscBool)(snes->reason > 0);
@@ -522,7 +562,7 @@ static PetscErrorCode SNESView_Latin(SNES snes, PetscViewer viewer)
 . -snes_latin_outer_snes_type <anderson,nrichardson> - acceleration, or the plain iteration
 . -snes_latin_polish                                - ends by Newton's method, prefix -snes_latin_polish_
 . -snes_latin_rescue <300>                           - Newton's method takes over where so many linear stages are still to come
-. -snes_latin_balance                               - changes the search parameter of contacts with friction that stall
+. -snes_latin_balance                               - changes the search parameter of rigid links that stall
 . -snes_latin_local_                                - prefix of the KSP of the subdomains
 - -snes_latin_coarse_                               - prefix of the KSP of the coarse problem
 

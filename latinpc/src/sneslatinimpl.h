@@ -97,6 +97,8 @@ PETSC_INTERN PetscErrorCode LatinRescueLoose_Private(LatinRescue *);
 #define LATIN_BALANCE_PAST 4 /* windows of linear stages that tell a stall */
 typedef struct {
   PetscBool  on, able;                      /* wanted; and no link has a stiffness of its own */
+  PetscBool  tunes;                         /* links beside rigid ones do: these are to have the stiffness that those show */
+  PetscInt   tuned;                         /* times that they were given it in this solve */
   PetscInt   seen, window;                  /* linear stages with this parameter; from one look to the next */
   PetscReal  least[LATIN_BALANCE_PAST + 1]; /* least measure of this window and of the last ones */
   PetscReal  sum[2];                        /* squares of the changes of tensions and elongations in this window, here */
@@ -105,8 +107,9 @@ typedef struct {
   PetscReal  factor; /* of the parameter wanted next, 1: it stays */
 } LatinBalance;
 PETSC_INTERN PetscErrorCode LatinBalanceStart_Private(Latin, PetscBool warm, LatinBalance *);
-PETSC_INTERN PetscErrorCode LatinBalanceObserve_Private(Latin, Vec Gz, LatinBalance *);
-PETSC_INTERN PetscErrorCode LatinBalanceDue_Private(Latin, PetscReal measure, LatinBalance *, PetscBool *due);
+PETSC_INTERN PetscErrorCode LatinBalanceObserve_Private(Latin, Vec z, Vec Gz, LatinBalance *);
+PETSC_INTERN PetscErrorCode LatinBalanceDue_Private(Latin, PetscReal measure, PetscBool diverges, LatinBalance *, PetscBool *due);
+PETSC_INTERN PetscErrorCode LatinBalanceTune_Private(LatinLinks, LatinBalance *);
 PETSC_INTERN PetscErrorCode LatinBalanceChange_Private(Latin, Vec z, Vec F, LatinBalance *);
 PETSC_INTERN PetscErrorCode LatinBalanceDestroy_Private(LatinBalance *);
 

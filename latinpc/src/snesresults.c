@@ -146,7 +146,7 @@ PetscErrorCode SNESLatinGetEstimates(SNES snes, PetscInt *n, const PetscReal *es
 + count  - how many they are; 0 when the solve has converged, or nothing is known
 . listed - how many of them are listed, at most 8
 . node   - global numbers
-- way    - how far they are from links that would stop them, a length; infinite: loads move them without end
+- way    - how far they are from links that would stop them, a length; infinite: Newton's method has shown that loads move them without end
 
   Level: intermediate
 
