@@ -119,7 +119,8 @@ from latinpc.solve import default_options
 from latinpc.scenes import Law
 
 told = []
-for scene in (rigid.stiffened(1e8, False), rigid.between(-1e-3, 1.0, 20), rigid.row(Law.CONTACT, np.full(8, 0.01), -1.0)):
+flies = rigid.row(Law.CONTACT, np.full(8, 0.01), -1.0)
+for scene in (rigid.stiffened(1e8, False), rigid.between(-1e-3, 1.0, 20), flies):
     links = latinpc.Links.from_scene(scene)
     with default_options({{"snes_latin_stop": "error", "snes_latin_error": 1e-6, "snes_latin_subdomains": 4}}):
         snes = links.create_snes()
