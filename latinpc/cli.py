@@ -337,6 +337,10 @@ def _keeper(comm, steps, increments, checkpoint, every, restart):
         raise ValueError("--checkpoint-every needs the name of a file: --checkpoint FILE")
     if checkpoint is not None:
         on_root(comm, io.check_writable, checkpoint)
+        if str(checkpoint).lower().endswith((".h5", ".hdf5")) and not has_package("hdf5"):
+            raise ValueError(
+                f"--checkpoint {checkpoint}: this PETSc has no HDF5; another name makes a file in PETSc's own format"
+            )
     return Keeper(comm, checkpoint, 1 if every is None else every, restart)
 
 

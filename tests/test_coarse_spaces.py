@@ -18,8 +18,9 @@ BOTH, CORNERS, MACRO = "both, 4.4", "corners only: FETI-DP's", "macro only, 4.1"
 def test_iterations_do_not_grow(name):
     kept = KEPT["spaces"][name]["16"]
     for space, found in benchmark.spaces(name, 16).items():
-        assert found["coarse"] == kept[space]["coarse"] or name.endswith("metis")
-        for solver in ("ksp", "cg"):  # another METIS cuts in other places
+        # another METIS cuts in other places
+        assert abs(found["coarse"] - kept[space]["coarse"]) <= (0.15 * found["coarse"] if name.endswith("metis") else 0)
+        for solver in ("ksp", "cg"):
             slack = 5 if name.endswith("metis") else 1
             assert found[solver] <= 1.1 * kept[space][solver] + slack, (space, solver)
 

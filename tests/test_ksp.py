@@ -286,7 +286,7 @@ def test_operators_are_built_again_only_for_another_matrix():
             system.ksp.setFromOptions()
         x, exact = solved(system)
         assert event.getPerfInfo()["count"] == before + 2
-        assert latinpc.statistics(system.ksp)["weak_dofs"] == 0 or (x - exact).norm() < 1e-8 * exact.norm()
+        assert (x - exact).norm() < 1e-8 * exact.norm()
 
 
 PROGRAM = """
