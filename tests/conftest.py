@@ -39,7 +39,7 @@ petsc4py.init([sys.argv[0], "-skip_petscrc"])
 
 import pytest  # noqa: E402
 from petsc4py import PETSc  # noqa: E402
-from valgrind_reports import reports, reports_below  # noqa: E402
+from valgrind_reports import reports, reports_in  # noqa: E402
 
 ROOT = Path(__file__).resolve().parent.parent
 CONFIG = petsc4py.get_config()
@@ -95,7 +95,7 @@ def run(command, timeout=120, check=True, cwd=None, env=None):
     result = subprocess.CompletedProcess(command, process.returncode, out, err)
     if SANITIZER.search(err):
         pytest.fail(f"{' '.join(command)}: reported by a sanitizer\n{out}\n{err}")
-    if LOGS and (found := reports_below(env["VALGRIND_LOGS"])):
+    if LOGS and (found := reports_in(env["VALGRIND_LOGS"], leaks=result.returncode == 0)):
         pytest.fail("\n\n".join([f"{' '.join(command)}: reported by valgrind", *found]))
     if check and result.returncode:
         pytest.fail(f"{' '.join(command)}: exit code {result.returncode}\n{out}\n{err}")

@@ -1,6 +1,6 @@
 """Which of valgrind's reports count: `make test VALGRIND=1` would be clean, too, if none did."""
 
-from valgrind_reports import reports, reports_below
+from valgrind_reports import reports, reports_in
 
 LOG = """\
 ==7== Invalid read of size 8
@@ -29,10 +29,11 @@ LOG = """\
 def test_reports_on_our_code_count(tmp_path):
     log = tmp_path / "7.log"
     log.write_text(LOG)
-    found, end = reports(log)
+    found, end = reports(log, leaks=True)
     assert [report.split()[0] for report in found] == ["Conditional", "8"]
     assert "dgemm_" in found[0] and "plain_snes" in found[1]
-    assert reports(log, end) == ([], end)
+    assert reports(log, end, leaks=True) == ([], end)
     log.write_text(LOG + LOG)
-    assert reports(log, end)[0] == found
-    assert len(reports_below(tmp_path)) == 4
+    assert reports(log, end, leaks=True)[0] == found
+    assert reports(log, end)[0] == found[:1]
+    assert len(reports_in(tmp_path, leaks=True)) == 4
