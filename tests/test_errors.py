@@ -234,6 +234,7 @@ def matis(entry=None, coordinate=0.0, near=1.0):
         local.setValue(0, 0, entry)
         local.assemble()
     u.set(near)
+    u.normalize()
     A.setNearNullSpace(PETSc.NullSpace().create(vectors=[u], comm=A.comm))
     pc.setOperators(A)
     pc.setCoordinates(np.full((A.getLocalSize()[0], 2), coordinate))
@@ -247,6 +248,7 @@ def foreign_vec():
 MECHANISM = r"The structure has a mechanism: .* Nodes that move \(counted from 0\): "
 TOO_EARLY = r"The decomposition does not exist yet: call SNESSetUp\(\) or PCSetUp\(\) first"
 FOREIGN = r"The vector has \d entries on a rank where the structure has \d free degrees of freedom"
+# behind a bar: what a newer PETSc, or one with its own checks (make test PETSC=debug), finds before we do
 CASES = {
     # what Python refuses, the whole arrays at hand
     "node_beyond": (r"link 2 .* a node that does not exist \(.* from 0 to 4\)", lambda: spoiled("links", (2, 1), 5)),
@@ -336,8 +338,11 @@ CASES = {
         r"Setting up the local solver failed .*its options start with -snes_latin_local_",
         lambda: solve(square(), snes_latin_local_pc_factor_mat_solver_type="nobody"),
     ),
-    "tolerance_nan": (r"A tolerance is not a finite number: stol nan", lambda: solve(square(), snes_stol="nan")),
-    "tolerance_inf": (r"not a finite number: .* rtol inf", lambda: solve(square(), snes_rtol="inf")),
+    "tolerance_nan": (
+        r"not a finite number: stol nan|set value nan",
+        lambda: solve(square(), snes_stol="nan"),
+    ),
+    "tolerance_inf": (r"not a finite number: .* rtol inf|set value inf", lambda: solve(square(), snes_rtol="inf")),
     "norm_of_what": (
         r"_error_norm .* add -snes_latin_stop error",
         lambda: solve(square(), snes_latin_error_norm="energy"),
@@ -393,11 +398,11 @@ CASES = {
     "step_none": (r"A time step has the length 0", lambda: step_of(0.0)),
     "step_back": (r"A time step has the length -0.001", lambda: step_of(-1e-3)),
     "step_too_short": (r"length 1e-200; .* 1 / h\^2 is a number", lambda: step_of(1e-200)),
-    "bound_nan": (r"The displacements, or the loads, are not finite numbers", lambda: bound_of(NAN)),
+    "bound_nan": (r"The displacements, or the loads, are not finite numbers|is not-a-number", lambda: bound_of(NAN)),
     "matrix_nan": (r"an entry that is not a finite number, at row \d, column \d", lambda: matis(entry=NAN)),
     "matrix_infinite": (r"an entry that is not a finite number", lambda: matis(entry=INFINITE)),
     "coordinates_nan": (r"coordinates that are not finite", lambda: matis(coordinate=NAN)),
-    "near_nan": (r"near null space, .* not finite", lambda: matis(near=NAN)),
+    "near_nan": (r"near null space, .* not finite|norm of 1.0, it is nan", lambda: matis(near=NAN)),
     "foreign_jacobian": (r"DMCreateMatrix", lambda: square().jacobian(square().create_vec(), PETSc.Mat().createAIJ(7))),
 }
 
