@@ -5,7 +5,7 @@
 #   make build         compile what has changed
 #   make demo          the tensegrity grid of 144 subdomains: summary, picture and VTU in demo/
 #   make test          the quick tests; `make test-all` adds the slow ones
-#   make test PETSC=latest|debug|int64   the same with the newest PETSC instead of Debian's: built once, and kept
+#   make test PETSC=latest|debug|int64|single   the same with the newest PETSC instead of Debian's: built once, and kept
 #   make test SANITIZE=1   the same with AddressSanitizer and UBSan in our library
 #   make test VALGRIND=1   the same under valgrind, which takes hours: VALGRIND=first runs one case of each test, and
 #                      PYTEST_ARGS=tests/test_snes.py those of a file
@@ -17,15 +17,17 @@
 
 SHELL       := /bin/bash
 PYTHON      ?= /usr/bin/python3
-PYTEST_ARGS ?=
+PYTEST_ARGS ?= $(if $(filter single,$(PETSC)),$(SINGLE))
+# most tests hold results against references to ten digits: in single precision there are these
+SINGLE      := $(addprefix tests/test_,single.py doors.py which_petsc.py)
 # files of tests are shared out to two processes: tests of several ranks fill more cores by themselves
 PARALLEL    ?= -n 2 --dist loadfile
 PETSC       ?= debian
 PACKAGES    := petsc-dev python3-petsc4py python3-mpi4py python3-numpy python3-scipy python3-venv python3-dev \
                libmetis-dev cython3 cmake ninja-build gcc libc6-dev pkg-config openmpi-bin libopenblas0-serial
 
-ifeq ($(filter $(PETSC),debian latest debug int64),)
-$(error PETSC=$(PETSC): it is debian, latest, debug or int64)
+ifeq ($(filter $(PETSC),debian latest debug int64 single),)
+$(error PETSC=$(PETSC): it is debian, latest, debug, int64 or single)
 endif
 # The libraries of other kinds are installed into a virtual environment of their own, not beside the sources; the PETSc
 # that they need is kept outside the tree, for the next clone

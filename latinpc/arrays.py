@@ -1,11 +1,13 @@
 """Arrays as callers give them: checked, so that a message names what does not fit, and shared out to the ranks."""
 
 import numpy as np
+from petsc4py import PETSc
 
 from latinpc.scenes.scene import Law
 
-__all__ = ["Slices", "integers", "native", "real", "refuse", "shaped"]
+__all__ = ["REAL", "Slices", "integers", "native", "real", "refuse", "shaped"]
 
+REAL = np.dtype(PETSc.RealType)
 _MAX_NAMED = 5
 
 
@@ -47,7 +49,7 @@ class Slices:
         return whole
 
 
-def native(values, dtype=np.float64):
+def native(values, dtype=REAL):
     """Make an array that C reads as it is."""
     return np.require(values, dtype=dtype, requirements=["C", "A"])
 

@@ -4,7 +4,7 @@ import ctypes
 
 import numpy as np
 
-from latinpc.arrays import native
+from latinpc.arrays import REAL, native
 from latinpc.library import _latin
 
 __all__ = ["register_law", "register_table"]
@@ -35,7 +35,7 @@ def register_table(strain, tension, name="table"):
     >>> import latinpc
     >>> yields = latinpc.register_table([-2e-3, -1e-3, 1e-3, 2e-3], [-10, -10, 10, 10])
     """
-    strain, tension = (native(np.asarray(values, dtype=np.float64).ravel()) for values in (strain, tension))
+    strain, tension = (native(np.asarray(values, dtype=REAL).ravel()) for values in (strain, tension))
     if len(strain) != len(tension):
         raise ValueError(f"a law needs as many tensions as strains, not {len(tension)} for {len(strain)}")
     return _latin.register_table(name, strain, tension)
@@ -70,6 +70,8 @@ def register_law(name, tension, tangent, energy, local=None, context=None):
     in each iteration, which is slow: compile it by numba.cfunc, or give its points to `register_table`, as many as
     its curvature asks for.
     """
+    if REAL.itemsize != 8:
+        raise ValueError(f"a law of functions computes in double precision, this PETSc in {REAL}: take register_table")
     return _latin.register_law(
         name, *(_address(function) for function in (tension, tangent, energy, local)), context or 0
     )

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from petsc4py import PETSc
 
-from latinpc.arrays import Slices, integers, native, real, refuse, shaped
+from latinpc.arrays import REAL, Slices, integers, native, real, refuse, shaped
 from latinpc.laws import register_table
 from latinpc.library import _latin
 from latinpc.scenes.scene import Law
@@ -106,7 +106,7 @@ class Links:
         mass=None,
         comm=None,
     ):
-        nodes = real("nodes", nodes, np.float64)
+        nodes = real("nodes", nodes, REAL)
         if nodes.ndim != 2 or nodes.shape[1] not in (1, 2, 3) or len(nodes) == 0:
             raise ValueError(f"nodes must be an (n, dim) array with dim 1, 2 or 3, not of shape {nodes.shape}")
         links = integers("links", links)
@@ -124,7 +124,7 @@ class Links:
         refuse(links[:, 0] == links[:, 1], "link", "joins a node to itself", links)
         length = np.linalg.norm(nodes[links[:, 1]] - nodes[links[:, 0]], axis=1)
         if direction is not None:
-            direction = shaped("direction", direction, (self._count, nodes.shape[1]), np.float64, "a row per link")
+            direction = shaped("direction", direction, (self._count, nodes.shape[1]), REAL, "a row per link")
             refuse(~np.isfinite(direction).all(axis=1), "link", "has a direction that is not finite", direction)
             length = np.where(direction.any(axis=1), 1.0, length)
         refuse(length == 0, "link", "has no length: its two nodes are at one place and no direction is given", links)
@@ -370,7 +370,7 @@ class Links:
             The same on every rank (m).
         """
         s = self._slices
-        mine = np.zeros((s.node_end - s.node_start, self._shape[1]))
+        mine = np.zeros((s.node_end - s.node_start, self._shape[1]), dtype=REAL)
         self._handle.displacements(u, mine)
         return s.gather_nodes(mine)
 
@@ -387,7 +387,7 @@ class Links:
         (m,) array of float
             The same on every rank (N), positive in tension.
         """
-        mine = np.zeros(len(self._slices.my_links))
+        mine = np.zeros(len(self._slices.my_links), dtype=REAL)
         self._handle.tensions(u, mine)
         return self._slices.gather_links(mine)
 
@@ -431,7 +431,7 @@ class Links:
         mass : (n,) array_like of float, or float
             Lumped masses (kg), not negative, the same on every rank.
         """
-        mass = shaped("mass", mass, self._shape[:1], np.float64, "a value per node")
+        mass = shaped("mass", mass, self._shape[:1], REAL, "a value per node")
         refuse(~((mass >= 0) & np.isfinite(mass)), "node", "has a mass that is negative or not finite", mass)
         self._handle.set_mass(self._my_nodes(mass))
 
@@ -447,10 +447,10 @@ class Links:
 
     # ---- shapes -----------------------------------------------------------------------------------------
 
-    def _link_array(self, name, values, dtype=np.float64):
+    def _link_array(self, name, values, dtype=REAL):
         return shaped(name, values, (self._count,), dtype, "a value per link")
 
-    def _node_array(self, name, values, dtype=np.float64):
+    def _node_array(self, name, values, dtype=REAL):
         told = shaped(name, values, self._shape, None, "a row per node, a column per direction")
         values = told.astype(dtype)
         if dtype is bool:
@@ -475,7 +475,7 @@ class Links:
             raise ValueError(f"subdomain {empty[0]} has no link; subdomains are numbered from 0 without gaps")
         return values
 
-    def _my_nodes(self, values, dtype=np.float64):
+    def _my_nodes(self, values, dtype=REAL):
         return native(values[self._slices.node_start : self._slices.node_end], dtype)
 
 

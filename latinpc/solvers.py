@@ -211,7 +211,7 @@ def step_tensions(ts):
         In the caller's numbering, the same on every rank (N), positive in tension.
     """
     slices = _slices_of(ts)
-    mine = np.zeros(len(slices.my_links))
+    mine = np.zeros(len(slices.my_links), dtype=PETSc.RealType)
     _latin.step_tensions(ts, mine)
     return slices.gather_links(mine)
 

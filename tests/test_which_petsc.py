@@ -2,6 +2,7 @@
 
 import sys
 
+import numpy as np
 import pytest
 from conftest import ROOT, run
 from petsc4py import PETSc
@@ -12,7 +13,7 @@ LIBRARY = latinpc.get_library()
 KINDS = {
     "int64": "PetscInt of 64 bits",
     "single": "PetscReal FLOAT and PetscScalar FLOAT",
-    "complex": "PetscReal DOUBLE and PetscScalar COMPLEX",
+    "complex": "PetscScalar COMPLEX",
     "newer": f"PETSc {PETSc.Sys.getVersion()[0]}.{PETSc.Sys.getVersion()[1] + 1} with",
     "development": "in development with",
 }
@@ -40,7 +41,9 @@ def test_appended_where_indices_have_64_bits(mpirun, compile_c):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("ranks", [1, 2])
-@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "int64"])
+@pytest.mark.parametrize(
+    "kind", [kind for kind in KINDS if kind != "int64" and (kind != "single" or PETSc.RealType is not np.float32)]
+)
 def test_appended_to_another_petsc(mpirun, compile_c, kind, ranks):
     refused(
         mpirun(ranks, compile_c("plain_ksp.c"), "-dll_append", LIBRARY, check=False, env=other(compile_c, kind)), kind
@@ -54,10 +57,10 @@ def test_imported_with_another_petsc(mpirun, compile_c, ranks):
 try:
     import latinpc
 except Exception as error:
-    print("refused", "build it again" in str(error), "PetscScalar COMPLEX" in str(error))
+    print("refused" if "build it again" in str(error) and "PetscScalar COMPLEX" in str(error) else error)
 """
     result = mpirun(ranks, program, env=other(compile_c, "complex"))
-    assert result.stdout.splitlines() == ["refused True True"] * ranks
+    assert result.stdout.count("refused") == ranks  # their lines may run into each other
 
 
 @pytest.mark.slow
@@ -76,10 +79,10 @@ def test_numbers_that_the_build_refuses(tmp_path):
         f"def get_config(): return {{'PETSC_DIR': '{tmp_path / 'petsc'}', 'PETSC_ARCH': ''}}\n"
     )
     command = ["cmake", "-S", ROOT / "latinpc", "-B", tmp_path / "build", f"-DPython_EXECUTABLE={sys.executable}"]
-    for numbers in ("REAL_SINGLE", "REAL___FLOAT128", "REAL___FP16", "COMPLEX"):
+    for numbers in ("REAL___FLOAT128", "REAL___FP16", "COMPLEX"):
         double = "#define PETSC_USE_REAL_DOUBLE 1\n" if numbers == "COMPLEX" else ""
         (headers / "petscconf.h").write_text(f"{double}#define PETSC_USE_{numbers} 1\n")
         result = run(command, check=False, env={"PYTHONPATH": str(package.parent)})
         assert result.returncode
-        assert "needs a PETSc of real numbers in double precision" in result.stderr
+        assert "needs a PETSc of real numbers in double or single precision" in result.stderr
         assert f"PETSC_USE_{numbers}" in result.stderr

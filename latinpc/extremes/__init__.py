@@ -26,6 +26,7 @@ import tempfile
 from dataclasses import asdict, dataclass
 
 import numpy as np
+from petsc4py import PETSc
 
 from latinpc.peers.arrays import errors, save_scene
 from latinpc.peers.launch import THREADS
@@ -39,7 +40,7 @@ __all__ = ["ACCURACY", "BAD", "SLACK", "Case", "Outcome", "by_group", "cases", "
 SLACK = 3.0  #: times the accuracy asked for, as `-snes_latin_stop error` promises
 TIMEOUT = 300.0  # s, for one case
 EXACT_DOFS = 500  # up to so many the reference is exact, beyond it is Newton's method
-NOTHING = 16 * np.finfo(float).eps  # of the prestrains
+NOTHING = 16 * np.finfo(PETSc.RealType).eps  # of the prestrains
 BAD = ("wrong", "silent", "hang", "crash")
 
 

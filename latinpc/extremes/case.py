@@ -5,9 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
+import numpy as np
+from petsc4py import PETSc
+
 from latinpc.scenes import Scene
 
-ACCURACY = 1e-6  #: relative l2 error of the displacements that every case asks for
+DIGITS = 3 if np.finfo(PETSc.RealType).eps > 1e-10 else 6
+ACCURACY = 10.0**-DIGITS  #: relative l2 error of the displacements that every case asks for
 SUBDOMAINS = 8
 
 

@@ -148,8 +148,8 @@ PetscErrorCode LatinGetEnergyBound(SNES snes, PetscReal *bound, PetscReal *relat
   Vec        u, r;
   Mat        K;
   PC         pc;
-  PetscBool  bars = PETSC_TRUE;
-  PetscReal  upper, norm = 0.0, rounding = 0.0;
+  PetscBool  bars  = PETSC_TRUE;
+  PetscReal  upper = 0.0, norm = 0.0, rounding = 0.0;
 
   PetscFunctionBegin;
   PetscValidHeaderSpecific(snes, SNES_CLASSID, 1);

@@ -19,7 +19,7 @@
 */
 
 #define LATIN_DIGITS_SAMPLES 3
-#define LATIN_DIGITS_FLOOR   1e-8 /* what a slack link keeps of the least stiffness, so that no mechanism ends the solves */
+#define LATIN_DIGITS_FLOOR   LatinByPrecision(1e-8, 1e-5) /* what a slack link keeps of the least stiffness, so that no mechanism ends the solves */
 #define LATIN_DIGITS_UNIT    (0.5 * PETSC_MACHINE_EPSILON)
 
 typedef enum { LATIN_DIGITS_ROUNDING, LATIN_DIGITS_PLACES, LATIN_DIGITS_VALUES, LATIN_DIGITS_KINDS } LatinDigitsKind;

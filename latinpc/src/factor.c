@@ -7,10 +7,10 @@
    singular when the structure has one that reaches the interfaces.
 */
 
-#define LATIN_REDUNDANT 1500  /* most rows of a parallel matrix that every rank factors by itself: a parallel factor of so few is all messages */
-#define LATIN_ROOM      100   /* work space of MUMPS beyond its own estimate, in percent */
-#define LATIN_ROOM_MOST 6400  /* where it gives up */
-#define LATIN_MECHANISM 1e-14 /* stiffness of a displacement, relative to the diagonal, that only rounding makes nonzero */
+#define LATIN_REDUNDANT 1500                          /* most rows of a parallel matrix that every rank factors by itself: a parallel factor of so few is all messages */
+#define LATIN_ROOM      100                           /* work space of MUMPS beyond its own estimate, in percent */
+#define LATIN_ROOM_MOST 6400                          /* where it gives up */
+#define LATIN_MECHANISM LatinByPrecision(1e-14, 5e-6) /* stiffness of a displacement, relative to the diagonal, that only rounding makes nonzero */
 
 /* The first package with a Cholesky factorisation of A: the preferred one, or another (NULL: none) */
 PetscErrorCode LatinDirectSolverAvailable_Private(Mat A, MatSolverType preferred, MatSolverType *package, PetscBool *found)
@@ -236,7 +236,7 @@ static PetscErrorCode LatinSoftestShifted_Private(Mat A, MatSolverType preferred
   PetscCall(VecDuplicate(v, &d));
   PetscCall(MatGetDiagonal(A, d));
   PetscCall(VecAbs(d));
-  PetscCall(VecScale(d, 1e-8));
+  PetscCall(VecScale(d, LatinByPrecision(1e-8, 1e-4)));
   PetscCall(MatDiagonalSet(shifted, d, ADD_VALUES));
   PetscCall(KSPCreate(PetscObjectComm((PetscObject)A), &ksp));
   PetscCall(KSPSetOptionsPrefix(ksp, "set_up_")); /* options without prefix are for others */

@@ -27,10 +27,10 @@
    eigenvalue: block Lanczos then builds a basis of three times as many vectors, and took 1.7 times as long at 3,726 dofs.
 */
 
-#define LATIN_FLOPPY_SIZE      0.1  /* a field is kept when this part of its norm, or more, is outside the macro basis */
-#define LATIN_FLOPPY_SOFT      0.5  /* springs of the subdomains of a matrix, relative to the stiffness at the interface */
-#define LATIN_FLOPPY_ITERATION 1.3  /* threshold of KSP latin, for a matrix whose coefficients jump */
-#define LATIN_FLOPPY_SLACK     1e-6 /* what remains of the stiffness of a slack link, so that no mechanism comes of it */
+#define LATIN_FLOPPY_SIZE      0.1                          /* a field is kept when this part of its norm, or more, is outside the macro basis */
+#define LATIN_FLOPPY_SOFT      0.5                          /* springs of the subdomains of a matrix, relative to the stiffness at the interface */
+#define LATIN_FLOPPY_ITERATION 1.3                          /* threshold of KSP latin, for a matrix whose coefficients jump */
+#define LATIN_FLOPPY_SLACK     LatinByPrecision(1e-6, 1e-3) /* what remains of the stiffness of a slack link, so that no mechanism comes of it */
 
 /* The threshold: given; of a matrix, when nothing is said, one that makes up for jumps of its coefficients */
 PetscReal LatinFloppyThreshold(Latin latin)

@@ -16,9 +16,9 @@
    count from a small part of the free flight of the step on.
 */
 
-#define LATIN_STEP_SAME   1e-8           /* relative: lengths of steps that differ by rounding are one length */
-#define LATIN_STEP_FAR    PETSC_MAX_REAL /* the gap of a link that bears nothing during a step */
-#define LATIN_STEP_CLOSED 1e-4           /* relative to the free flight of a step: smaller gaps are closed */
+#define LATIN_STEP_SAME   LatinByPrecision(1e-8, 1e-5) /* relative: lengths of steps that differ by rounding are one length */
+#define LATIN_STEP_FAR    PETSC_MAX_REAL               /* the gap of a link that bears nothing during a step */
+#define LATIN_STEP_CLOSED 1e-4                         /* relative to the free flight of a step: smaller gaps are closed */
 
 /*@C
   LatinLinksSetMass - Gives the nodes of this rank their masses, for dynamics.

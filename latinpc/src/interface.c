@@ -6,6 +6,8 @@
    micro quantities at a node. The variants differ in LatinNodePrimal_Private() and nowhere else.
 */
 
+#define LATIN_FRAME_FLAT LatinByPrecision(1e-12, 1e-5) /* squares of extents, of an interface in a plane or on a line */
+
 enum { PAIR_STRONG = 1, PAIR_WEAK = 2 };
 
 /* The subdomains at each shared node, increasing, known to every copy of the node; nodes without free component are not shared */
@@ -156,8 +158,8 @@ PetscErrorCode LatinInterfaceFrame_Private(const LatinSubstructure *sub, PetscIn
   for (PetscInt k = 0; k < dim; k++)
     for (PetscInt c = 0; c < dim; c++) frame->axes[k][c] = a[(dim - 1 - k) * dim + c];
   /* w holds squares of the extents, increasing */
-  frame->plane  = (PetscBool) !(w[0] > 1e-12 * w[dim - 1]);
-  frame->strong = (PetscBool)(dim == 2 || w[1] > 1e-12 * w[2]);
+  frame->plane  = (PetscBool) !(w[0] > LATIN_FRAME_FLAT * w[dim - 1]);
+  frame->strong = (PetscBool)(dim == 2 || w[1] > LATIN_FRAME_FLAT * w[2]);
   PetscFunctionReturn(0);
 }
 

@@ -23,6 +23,13 @@
   #error "latinpc needs a PETSc with real scalars: structures have real displacements"
 #endif
 
+/* A number that stands for rounding, in double and in single precision */
+#if defined(PETSC_USE_REAL_SINGLE)
+  #define LatinByPrecision(in_double, in_single) in_single
+#else
+  #define LatinByPrecision(in_double, in_single) in_double
+#endif
+
 PETSC_INTERN PetscClassId  LATIN_CLASSID, LATIN_LINKS_CLASSID;
 PETSC_INTERN PetscLogEvent LATIN_SetUp, LATIN_Substructure, LATIN_Interface, LATIN_Direction, LATIN_Macro, LATIN_Floppy, LATIN_Linear, LATIN_Coarse, LATIN_Local, LATIN_Condense, LATIN_Estimate;
 
@@ -315,8 +322,8 @@ typedef struct {
 } LatinFactorStatus;
 
 /* ---- approximate solvers (inexact.c) ---- */
-#define LATIN_INEXACT_RTOL     1e-10 /* of an iterative solver where it is taken to be exact */
-#define LATIN_INEXACT_HARMLESS 1e-4  /* asymmetry or variation of a preconditioner that Krylov methods bear */
+#define LATIN_INEXACT_RTOL     LatinByPrecision(1e-10, 1e-5) /* of an iterative solver where it is taken to be exact */
+#define LATIN_INEXACT_HARMLESS 1e-4                          /* asymmetry or variation of a preconditioner that Krylov methods bear */
 
 /* How far solvers are from a symmetric and from a linear operator, 0 for direct ones */
 typedef struct {

@@ -10,8 +10,8 @@
    LatinInterfaceServing_Private().
 */
 
-#define LATIN_MODE_RANK    1e-6 /* singular values below this fraction of the largest are dependent modes */
-#define LATIN_MODE_VISIBLE 1e-3 /* a mode is kept when this part of its norm, or more, lies on the nodes that serve the interface */
+#define LATIN_MODE_RANK    LatinByPrecision(1e-6, 1e-4) /* singular values below this fraction of the largest are dependent modes */
+#define LATIN_MODE_VISIBLE 1e-3                         /* a mode is kept when this part of its norm, or more, lies on the nodes that serve the interface */
 
 /* Most modes of LatinMacroModes_Private(); in 3D 9 fields and 2 rotations */
 static inline PetscInt LatinMacroModesMost(Latin latin)

@@ -10,7 +10,7 @@
    copy of it.
 */
 
-#define LATIN_MATRIX_ASYMMETRY 1e-8 /* of two entries, relative to the largest ones of their rows */
+#define LATIN_MATRIX_ASYMMETRY LatinByPrecision(1e-8, 1e-4) /* of two entries, relative to the largest ones of their rows */
 
 /* The local matrix, by rows, and where its rows are in the global numbering */
 typedef struct {
@@ -324,7 +324,7 @@ static PetscErrorCode LatinMatrixHold_Private(Latin latin)
         at         = i;
         mine.value = PetscAbsReal(v[rows * j + i]);
       }
-    PetscCallMPI(MPI_Allreduce(&mine, &best, 1, MPI_DOUBLE_INT, MPI_MAXLOC, comm));
+    PetscCallMPI(MPI_Allreduce(&mine, &best, 1, LatinByPrecision(MPI_DOUBLE_INT, MPI_FLOAT_INT), MPI_MAXLOC, comm));
     if (!(best.value > 0.0)) continue; /* depends on those before */
     if (rank == best.rank) held[at] = 1;
     for (PetscInt k = j; k < n && rank == best.rank; k++) pivot[k] = v[rows * k + at];

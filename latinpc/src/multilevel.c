@@ -14,7 +14,7 @@
 
 static const char LatinLevelName[] = "LatinLevel";
 
-#define LATIN_LEVEL_RANK 1e-8 /* part of a field that is not that of others, at least */
+#define LATIN_LEVEL_RANK LatinByPrecision(1e-8, 1e-4) /* part of a field that is not that of others, at least */
 
 /* What a coarse solver sees of one coarse unknown of a subdomain: its place, its trace, the known fields */
 typedef struct {

@@ -13,9 +13,9 @@
      down: v = L^-1 q_i, and the forces on b are q_b - Z^t v;   up: u_i = L^-t (v - Z u_b).
 */
 
-#define LATIN_NEST_COLUMNS  64    /* groups solved together: right-hand sides stay in cache */
-#define LATIN_NEST_INTERIOR 1536  /* largest dense factor: a sparse one of a larger group does less work */
-#define LATIN_NEST_PIVOT    1e-11 /* below it, relative to the diagonal, a mechanism is suspected: the coarse solver will tell */
+#define LATIN_NEST_COLUMNS  64                            /* groups solved together: right-hand sides stay in cache */
+#define LATIN_NEST_INTERIOR 1536                          /* largest dense factor: a sparse one of a larger group does less work */
+#define LATIN_NEST_PIVOT    LatinByPrecision(1e-11, 1e-5) /* below it, relative to the diagonal, a mechanism is suspected: the coarse solver will tell */
 
 static int LatinRealCompare(const void *pa, const void *pb)
 {

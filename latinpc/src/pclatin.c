@@ -60,7 +60,7 @@ static PetscErrorCode PCLatinWeights_Private(PC pc)
     for (PetscInt i = 0; i < bs * sub->copies; i++) largest = PetscMax(largest, data->b[i]);
     PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &largest, 1, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)pc)));
     /* a copy without stiffness keeps a part of its node, or nobody would move it where no copy has any */
-    for (PetscInt i = 0; i < bs * sub->copies; i++) data->b[i] += 1e-12 * (largest > 0.0 ? largest : 1.0);
+    for (PetscInt i = 0; i < bs * sub->copies; i++) data->b[i] += LatinByPrecision(1e-12, 1e-5) * (largest > 0.0 ? largest : 1.0);
   }
   PetscCall(PCLatinSum_Private(latin, data->b, data->work));
   PetscCall(PetscArrayzero(data->f, bs * sub->copies));

@@ -17,16 +17,16 @@
    of the inner KSP); once none has changed, all that are missing.
 */
 
-#define LATIN_POLISH_RTOL   1e-2 /* of a linear solve whose step changes the taut links */
-#define LATIN_POLISH_SAFETY 0.3  /* the last solve aims at this part of the target */
-#define LATIN_POLISH_LEAST  1e-9 /* least tolerance of a linear solve: below, rounding */
-#define LATIN_RESCUE_RTOL   1e-9 /* forces of stiff links must not hide those of soft ones; and a solve costs less than its preconditioner */
-#define LATIN_RESCUE_FLOOR  1e-8 /* what a slack link keeps of the least stiffness, so that no mechanism ends the search */
-#define LATIN_RESCUE_LINEAR 500  /* most iterations of a solve: more, and it is no rescue */
-#define LATIN_RESCUE_STEPS  200  /* most steps */
-#define LATIN_RESCUE_STILL  10   /* a search that stands still may meet rounding, or a link that is just taut: then it does so again and again */
-#define LATIN_RESCUE_KICK   3    /* then a whole step is taken, to search from elsewhere: not where rounding of stiff links hides how the energy of soft ones falls */
-#define LATIN_RESCUE_FULL   12   /* steps that are taken whole: they end soon if they end at all */
+#define LATIN_POLISH_RTOL   1e-2                         /* of a linear solve whose step changes the taut links */
+#define LATIN_POLISH_SAFETY 0.3                          /* the last solve aims at this part of the target */
+#define LATIN_POLISH_LEAST  LatinByPrecision(1e-9, 1e-5) /* least tolerance of a linear solve: below, rounding */
+#define LATIN_RESCUE_RTOL   LatinByPrecision(1e-9, 1e-5) /* forces of stiff links must not hide those of soft ones; and a solve costs less than its preconditioner */
+#define LATIN_RESCUE_FLOOR  LatinByPrecision(1e-8, 1e-5) /* what a slack link keeps of the least stiffness, so that no mechanism ends the search */
+#define LATIN_RESCUE_LINEAR 500                          /* most iterations of a solve: more, and it is no rescue */
+#define LATIN_RESCUE_STEPS  200                          /* most steps */
+#define LATIN_RESCUE_STILL  10                           /* a search that stands still may meet rounding, or a link that is just taut: then it does so again and again */
+#define LATIN_RESCUE_KICK   3                            /* then a whole step is taken, to search from elsewhere: not where rounding of stiff links hides how the energy of soft ones falls */
+#define LATIN_RESCUE_FULL   12                           /* steps that are taken whole: they end soon if they end at all */
 
 /*
    The error left after a step is the part of it that the linear solver has left over when no link has changed, and
@@ -58,7 +58,7 @@ static PetscErrorCode LatinPolishConverged_Private(SNES newton, PetscInt it, Pet
     PetscCall(LatinLinksCountChanges_Private(polish->links, u, polish->floor, &changes));
     PetscCall(SNESGetLineSearch(newton, &search));
     PetscCall(SNESLineSearchGetLambda(search, &lambda));
-    if (PetscAbsReal(lambda - 1.0) > LATIN_POLISH_RTOL) changes = PetscMax(changes, 1); /* not the whole step, for links have changed on the way */
+    if (PetscAbsReal((PetscReal)(lambda - 1.0)) > LATIN_POLISH_RTOL) changes = PetscMax(changes, 1); /* not the whole step, for links have changed on the way */
     polish->error = xnorm > 0.0 ? snorm / xnorm : 0.0;
     if (lambda < 1.0 - LATIN_POLISH_RTOL && polish->error <= polish->target) polish->still++;
     else if (polish->still != LATIN_RESCUE_KICK) polish->still = 0;

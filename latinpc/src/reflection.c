@@ -109,7 +109,7 @@ static PetscErrorCode LatinReflectionMicro_Private(Latin latin, const LatinInter
   PetscFunctionReturn(0);
 }
 
-/* What rounding leaves of interface data: 1e-14 of the energy norm of the first displacements. Collective on latin */
+/* What rounding leaves of interface data, of the energy norm of the first displacements. Collective on latin */
 static PetscErrorCode LatinReflectionNoise_Private(Latin latin)
 {
   PetscReal energy = 0.0;
@@ -117,7 +117,7 @@ static PetscErrorCode LatinReflectionNoise_Private(Latin latin)
   PetscFunctionBegin;
   for (PetscInt i = 0; i < latin->sub.bs * latin->sub.copies; i++) energy += latin->linear.load[i] * latin->linear.U[i];
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &energy, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)latin)));
-  latin->noise = 1e-14 * PetscSqrtReal(PetscMax(energy, 0.0));
+  latin->noise = LatinByPrecision(1e-14, 5e-6) * PetscSqrtReal(PetscMax(energy, 0.0));
   PetscFunctionReturn(0);
 }
 

@@ -10,10 +10,10 @@
    slack links out of its operator.
 */
 
-#define LATIN_RESCUE_WINDOW   20   /* linear stages over which progress is measured */
-#define LATIN_RESCUE_CONTRAST 1e6  /* ratio of stiffnesses from which on a displacement that does not move proves nothing */
-#define LATIN_RESCUE_LEFT     0.1  /* part of the loads that tensions do not balance along a mechanism */
-#define LATIN_RESCUE_LOOSE    1e-7 /* stiffness of a mechanism, relative to that of the softest link */
+#define LATIN_RESCUE_WINDOW   20                           /* linear stages over which progress is measured */
+#define LATIN_RESCUE_CONTRAST 1e6                          /* ratio of stiffnesses from which on a displacement that does not move proves nothing */
+#define LATIN_RESCUE_LEFT     0.1                          /* part of the loads that tensions do not balance along a mechanism */
+#define LATIN_RESCUE_LOOSE    LatinByPrecision(1e-7, 1e-4) /* stiffness of a mechanism, relative to that of the softest link */
 
 /* Before the first linear stage of a solve. Collective on links */
 PetscErrorCode LatinRescueStart_Private(LatinRescue *rescue, LatinLinks links)

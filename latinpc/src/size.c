@@ -82,7 +82,7 @@ static PetscReal LatinWorkOf(const LatinWork *work, PetscBool solid, PetscReal l
 PetscErrorCode LatinSubdomainCount_Private(const LatinCut *cut, PetscInt *parts)
 {
   PetscReal        best = PETSC_MAX_REAL, size = LATIN_SIZE_LEAST;
-  PetscInt         wide;
+  PetscInt         wide = 0;
   PetscBool        solid;
   const LatinWork *work;
 

@@ -10,12 +10,12 @@
    links on an elastic foundation. Their eigenvalues relative to that diagonal are bounded from below by construction.
 */
 
-#define LATIN_STIFFNESS_FLOOR   0.01  /* stiffness of the foundation, relative to the diagonal of B^t k B */
-#define LATIN_STIFFNESS_DENSE   0.05  /* the same of a subdomain that has been condensed: only its interfaces rest on it */
-#define LATIN_STIFFNESS_LEAST   0.1   /* least diagonal entry, relative to the mean of the subdomain: for dofs that hardly any link reaches */
-#define LATIN_STIFFNESS_TINY    1e-10 /* the same for matrices, whose coefficients may jump: no dof of theirs dangles */
-#define LATIN_STIFFNESS_PARTIAL 128   /* fewest side dofs of a subdomain that pay for a factor of its own */
-#define LATIN_STIFFNESS_COLUMNS 16    /* right-hand sides solved together: bounds the work space to that many copies of U */
+#define LATIN_STIFFNESS_FLOOR   0.01                          /* stiffness of the foundation, relative to the diagonal of B^t k B */
+#define LATIN_STIFFNESS_DENSE   0.05                          /* the same of a subdomain that has been condensed: only its interfaces rest on it */
+#define LATIN_STIFFNESS_LEAST   0.1                           /* least diagonal entry, relative to the mean of the subdomain: for dofs that hardly any link reaches */
+#define LATIN_STIFFNESS_TINY    LatinByPrecision(1e-10, 1e-5) /* the same for matrices, whose coefficients may jump: no dof of theirs dangles */
+#define LATIN_STIFFNESS_PARTIAL 128                           /* fewest side dofs of a subdomain that pay for a factor of its own */
+#define LATIN_STIFFNESS_COLUMNS 16                            /* right-hand sides solved together: bounds the work space to that many copies of U */
 
 /* The foundation of the subdomains. Collective on latin. */
 static PetscErrorCode LatinStiffnessFoundation_Private(Latin latin, PetscReal spring[])
