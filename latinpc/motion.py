@@ -208,5 +208,18 @@ def _move(scene, links, ts, steps, step, every, each_step, keeper):
         frames=frames,
         subdomain=latinpc.subdomain_of_links(snes) if is_latin else scene.subdomain,
         node_class=latinpc.node_classes(snes) if is_latin else None,
-        notices=unknown_options(),
+        notices=unknown_options() + ([] if reason > 0 else _causes(ts, snes)),
     )
+
+
+def _causes(ts, snes):
+    """Return a sentence on why a step has not been made."""
+    names = PETSc.SNES.ConvergedReason
+    why = next(
+        (name for name in dir(names) if name.isupper() and getattr(names, name) == snes.getConvergedReason()), ""
+    )
+    text = f"step {ts.getStepNumber() + 1} has not converged: {why}"
+    if snes.getType() == "latin" and snes.getConvergedReason() == names.DIVERGED_INNER:
+        least = latinpc.rounding_floor(snes)
+        text += f", the error asked for is below what rounding leaves of this step, about {least:.0e}"
+    return [text]

@@ -1,6 +1,7 @@
 """The catalogue of extremes: how its judge judges, some of its cases quickly, all of them slowly."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import oracle
@@ -8,12 +9,13 @@ import pytest
 from support import far, lattice, network
 
 from latinpc import extremes
-from latinpc.extremes import rigid
+from latinpc.extremes import motions, rigid
 from latinpc.extremes.catalogue import Case, chain, hung
 from latinpc.extremes.catalogue import network as small
 from latinpc.extremes.conditions import missed
 from latinpc.extremes.exact import solve_exactly
-from latinpc.scenes import Law
+from latinpc.extremes.steps import motion_error
+from latinpc.scenes import Law, Scene
 
 CASES = extremes.cases()
 
@@ -65,6 +67,28 @@ def test_exact_solution_of_rigid_links():
         )
     scene = rigid.against(Law.CONTACT, 5e-4, copies=3)
     assert solve_exactly(scene)[1, 0] == -5e-4
+
+
+def test_exact_step_of_a_motion():
+    """Implicit Euler on one mass by hand, an inelastic shock, and an open contact, which bears nothing."""
+    u, v = np.zeros((2, 1)), np.array([[0.0], [3.0]])
+    scene = Scene(name="mass", nodes=[[0.0], [1.0]], links=[[0, 1]], law=[Law.BAR], stiffness=[50.0], mass=[0.0, 2.0],
+                  fixed=[[True], [False]], load=[[0.0], [4.0]], time_step=0.1)  # fmt: skip
+    after = np.array([[0.0], [(2.0 * 3.0 + 0.1 * 4.0) / (2.0 + 0.1**2 * 50.0)]])
+    tension = 50.0 * 0.1 * after[1]
+    at_start, moved = np.array([u, u + 0.1 * after]), np.array([v, after])
+    case = Case("test", "test", lambda: scene, steps=1)
+    assert motion_error(case, scene, at_start, moved, np.array([0.0 * tension, tension]))[0] < 1e-15
+    assert (
+        motion_error(case, scene, at_start, np.array([v, 1.01 * after]), np.array([0.0 * tension, tension]))[0] > 1e-3
+    )
+    balls = motions.balls([1.0, 3.0], 0.0, [1.0, 0.0])
+    together = np.array([balls.velocity, np.full((2, 1), 0.25)])
+    assert motion_error(case, balls, 0.0 * together, together, np.array([[0.0], [-1.0]]))[0] < 1e-15
+    apart = replace(balls, prestrain=np.array([0.1]))
+    on = np.array([balls.velocity, balls.velocity])
+    assert motion_error(case, apart, 0.0 * on, on, np.zeros((2, 1)))[0] < 1e-15
+    assert motion_error(case, apart, 0.0 * together, together, np.zeros((2, 1)))[0] > 0.1
 
 
 def test_what_is_not_unique_is_held_against_its_conditions():

@@ -1,7 +1,8 @@
 """Numerical stability at the extremes: a catalogue of cases with their expected outcomes, run by ``latinpc extremes``.
 
-`catalogue` and `rigid` make the cases, `exact` the solutions that no rounding touches, `conditions` tells what
-solutions meet that are not unique, and `latinpc.extremes.worker` runs one case in a process of its own. A case is
+`catalogue`, `rigid` and `motions` make the cases, `exact` the solutions that no rounding touches, `steps` those of a
+step of a motion, `conditions` tells what solutions meet that are not unique, and `latinpc.extremes.worker` runs one
+case in a process of its own. A case is
 
 right
     when it converged and the true error of what is unique is within `SLACK` times what was asked,
@@ -31,9 +32,10 @@ from petsc4py import PETSc
 from latinpc.peers.arrays import errors, save_scene
 from latinpc.peers.launch import THREADS
 
-from . import catalogue, rigid
+from . import catalogue, motions, rigid
 from .case import ACCURACY, Case
 from .conditions import closing, missed, shortening
+from .steps import motion_error
 
 __all__ = ["ACCURACY", "BAD", "SLACK", "Case", "Outcome", "by_group", "cases", "layout", "run", "run_all"]
 
@@ -61,7 +63,7 @@ class Outcome:
 
 def cases():
     """Return all cases, group by group."""
-    return [*catalogue.cases(), *rigid.cases()]
+    return [*catalogue.cases(), *rigid.cases(), *motions.cases()]
 
 
 def run(case):
@@ -79,8 +81,8 @@ def run(case):
     with tempfile.TemporaryDirectory(prefix="latinpc-") as folder:
         folder = pathlib.Path(folder)
         save_scene(folder / "scene.npz", scene)
-        task = {"scene": str(folder / "scene.npz"), "options": case.options, "answer": str(folder / "answer.json"),
-                "solution": str(folder / "solution.npz")}  # fmt: skip
+        task = {"scene": str(folder / "scene.npz"), "options": case.options, "steps": case.steps,
+                "answer": str(folder / "answer.json"), "solution": str(folder / "solution.npz")}  # fmt: skip
         (folder / "task.json").write_text(json.dumps(task))
         command = [sys.executable, "-P", "-m", "latinpc.extremes.worker", str(folder / "task.json")]
         if case.ranks > 1:
@@ -96,15 +98,15 @@ def run(case):
             tail = process.stderr.decode(errors="replace").strip().splitlines()[-1:]
             return _outcome(case, "crash", f"exit code {process.returncode}: {' '.join(tail)}")
         found = json.loads(answer.read_text())
-        u, tensions = np.load(task["solution"]).values() if found.get("solved") else (None, None)
-    return _judge(case, scene, found, u, tensions)
+        solution = dict(np.load(task["solution"])) if found.get("solved") else {"u": None}
+    return _judge(case, scene, found, **solution)
 
 
 def _outcome(case, verdict, reason, **more):
     return Outcome(case.group, case.name, verdict, reason, expected=case.expected, **more)
 
 
-def _judge(case, scene, found, u, tensions=None):
+def _judge(case, scene, found, u, tensions=None, v=None):
     """Compare with the truth; what is not solved must say why."""
     if found.get("error"):
         return _outcome(case, _refusal(case, found["error"]), found["error"])
@@ -114,6 +116,10 @@ def _judge(case, scene, found, u, tensions=None):
         return _outcome(case, _refusal(case, reason), reason, **told)
     if not np.isfinite(u).all():
         return _outcome(case, "wrong", f"{reason}, with displacements that are not finite", **told)
+    if case.steps:
+        error, kind = motion_error(case, scene, u, v, tensions)
+        right = error <= SLACK * ACCURACY and case.expected != "refused"
+        return _outcome(case, "right" if right else "wrong", reason, error=error, reference=kind, **told)
     if case.unique != "displacements":
         measure = {"elongations": shortening, "closed": closing}.get(case.unique, missed)
         error, kind = measure(scene, u, tensions), "conditions" if measure is missed else case.unique

@@ -44,6 +44,7 @@ class Case:
     ranks: int = 1
     solution: Callable | None = None
     unique: str = "displacements"
+    steps: int = 0
 
 
 def options(**more):

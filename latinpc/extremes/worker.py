@@ -15,6 +15,7 @@ import numpy as np  # noqa: E402
 from petsc4py import PETSc  # noqa: E402
 
 import latinpc  # noqa: E402
+from latinpc.motion import move  # noqa: E402
 from latinpc.peers.arrays import load_scene  # noqa: E402
 from latinpc.solve import solve  # noqa: E402
 
@@ -27,23 +28,41 @@ def main():
     root = PETSc.COMM_WORLD.rank == 0
     try:
         start = time.perf_counter()
-        result = solve(load_scene(task["scene"]), task["options"])
-        answer = {
-            "solved": True,
-            "converged": bool(result.converged),
-            "reason": result.report["reason"],
-            "iterations": int(result.report["iterations"]),
-            "notices": list(result.notices),
-            "seconds": time.perf_counter() - start,
-        }
+        answer, arrays = _moved(task) if task["steps"] else _solved(task)
+        answer |= {"solved": True, "seconds": time.perf_counter() - start}
         if root:
-            np.savez(task["solution"], u=result.displacements, tensions=result.tensions)
+            np.savez(task["solution"], **arrays)
     except Exception as error:
         text = latinpc.error_message(error) if isinstance(error, PETSc.Error) else str(error)
         answer = {"error": " ".join(text.split()) or type(error).__name__}
     if root:
         with open(task["answer"], "w", encoding="utf-8") as file:
             json.dump(answer, file)
+
+
+def _solved(task):
+    result = solve(load_scene(task["scene"]), task["options"])
+    answer = {
+        "converged": bool(result.converged),
+        "reason": result.report["reason"],
+        "iterations": int(result.report["iterations"]),
+        "notices": list(result.notices),
+    }
+    return answer, {"u": result.displacements, "tensions": result.tensions}
+
+
+def _moved(task):
+    motion = move(load_scene(task["scene"]), task["steps"], options=task["options"], every=1)
+    answer = {
+        "converged": bool(motion.converged),
+        "reason": motion.report["reason"],
+        "iterations": max(motion.report["iterations"], default=0),
+        "notices": list(motion.notices),
+    }
+    frames = motion.frames
+    return answer, {"u": np.array([frame.displacements for frame in frames]),
+                    "v": np.array([frame.velocities for frame in frames]),
+                    "tensions": np.array([frame.tensions for frame in frames])}  # fmt: skip
 
 
 if __name__ == "__main__":
