@@ -2,81 +2,72 @@
 
 #define LATIN_DRIFT_NOISE 64.0 /* times the machine's, of the forces that meet at the nodes */
 
-/* The vector t of all free displacements of one component, and |G t + B^t k B t| at most, whichever links are slack. Collective on links */
-static PetscErrorCode LatinDriftStiffness_Private(LatinLinks links, PetscInt component, Vec t, Vec stiff)
+/* All free displacements of one component, 1 each. Collective on links */
+static PetscErrorCode LatinDriftTranslation_Private(LatinLinks links, PetscInt component, Vec t)
 {
-  const PetscInt     dim = links->dim;
-  Vec                moved, forces;
-  const PetscScalar *a;
-  PetscScalar       *f;
+  Vec          moved;
+  PetscScalar *a;
 
   PetscFunctionBegin;
   PetscCall(DMGetLocalVector(links->dm, &moved));
-  PetscCall(DMGetLocalVector(links->dm, &forces));
-  PetscCall(VecGetArrayWrite(moved, &f));
-  for (PetscInt i = 0; i < dim * links->vertices; i++) f[i] = i % dim == component ? 1.0 : 0.0;
-  PetscCall(VecRestoreArrayWrite(moved, &f));
+  PetscCall(VecGetArrayWrite(moved, &a));
+  for (PetscInt i = 0; i < links->dim * links->vertices; i++) a[i] = i % links->dim == component ? 1.0 : 0.0;
+  PetscCall(VecRestoreArrayWrite(moved, &a));
   PetscCall(DMLocalToGlobalBegin(links->dm, moved, INSERT_VALUES, t));
   PetscCall(DMLocalToGlobalEnd(links->dm, moved, INSERT_VALUES, t));
-  PetscCall(VecZeroEntries(moved)); /* what is held stays */
-  PetscCall(DMGlobalToLocalBegin(links->dm, t, INSERT_VALUES, moved));
-  PetscCall(DMGlobalToLocalEnd(links->dm, t, INSERT_VALUES, moved));
-  PetscCall(VecZeroEntries(forces));
-  PetscCall(VecGetArrayRead(moved, &a));
-  PetscCall(VecGetArray(forces, &f));
-  for (PetscInt l = 0; l < links->links_local; l++) {
-    const PetscReal *n = links->direction + dim * l, k = links->stiffness[l] > 0.0 ? links->stiffness[l] : LatinLaws[links->law[l]].stiffness;
-    const PetscInt  *to = links->ends + 2 * l;
-    const PetscReal  e  = n[component] * PetscRealPart(a[dim * to[1] + component] - a[dim * to[0] + component]);
-
-    for (PetscInt i = 0; i < 2 * dim && e != 0.0; i++) f[dim * to[i / dim] + i % dim] += k * PetscAbsReal(n[i % dim] * e);
-  }
-  PetscCall(VecRestoreArray(forces, &f));
-  PetscCall(VecRestoreArrayRead(moved, &a));
-  PetscCall(VecPointwiseMult(stiff, links->ground, t));
-  PetscCall(DMLocalToGlobalBegin(links->dm, forces, ADD_VALUES, stiff));
-  PetscCall(DMLocalToGlobalEnd(links->dm, forces, ADD_VALUES, stiff));
-  PetscCall(DMRestoreLocalVector(links->dm, &forces));
   PetscCall(DMRestoreLocalVector(links->dm, &moved));
   PetscFunctionReturn(0);
 }
 
 /*
-   |G u + B^t k B u| at most, of the links that bear something at u and would do so at an error of `target`, relative: a link
-   whose slackness is within that error may hold nothing. Collective on links
+   |G t + B^t k B t| at most, whichever links are slack; or, with displacements u, of those that bear something there and
+   would do so at an error of `target`, relative: a link whose slackness is within that error may hold nothing.
+   Collective on links
 */
-static PetscErrorCode LatinDriftAlong_Private(LatinLinks links, Vec u, PetscReal target, Vec stiff)
+static PetscErrorCode LatinDriftStiffness_Private(LatinLinks links, Vec t, Vec u, PetscReal target, Vec stiff)
 {
   const PetscInt     dim = links->dim;
-  Vec                local, forces;
-  const PetscScalar *a;
+  Vec                moved, local, forces;
+  const PetscScalar *m, *a = NULL;
   PetscScalar       *f;
 
   PetscFunctionBegin;
+  PetscCall(DMGetLocalVector(links->dm, &moved));
   PetscCall(DMGetLocalVector(links->dm, &local));
   PetscCall(DMGetLocalVector(links->dm, &forces));
-  PetscCall(LatinLinksGetLocal_Private(links, u, local));
+  PetscCall(VecZeroEntries(moved)); /* what is held stays */
+  PetscCall(DMGlobalToLocalBegin(links->dm, t, INSERT_VALUES, moved));
+  PetscCall(DMGlobalToLocalEnd(links->dm, t, INSERT_VALUES, moved));
+  if (u) PetscCall(LatinLinksGetLocal_Private(links, u, local));
   PetscCall(VecZeroEntries(forces));
+  PetscCall(VecGetArrayRead(moved, &m));
   PetscCall(VecGetArrayRead(local, &a));
   PetscCall(VecGetArray(forces, &f));
   for (PetscInt l = 0; l < links->links_local; l++) {
-    const PetscReal *n = links->direction + dim * l, e = LatinLinksElongation(links, l, a), x = e + links->prestrain[l];
+    const PetscReal *n = links->direction + dim * l, e = PetscAbsReal(LatinLinksElongation(links, l, m));
     const PetscInt  *to  = links->ends + 2 * l;
     const LatinLaw  *law = &LatinLaws[links->law[l]];
-    PetscReal        k = links->stiffness[l] > 0.0 ? links->stiffness[l] : law->stiffness, most = PetscAbsReal(links->prestrain[l]);
+    PetscReal        k   = links->stiffness[l] > 0.0 ? links->stiffness[l] : law->stiffness;
 
-    for (PetscInt c = 0; c < dim; c++) most += PetscAbsReal(n[c]) * (PetscAbsScalar(a[dim * to[0] + c]) + PetscAbsScalar(a[dim * to[1] + c]));
-    if (!law->rigid) k = PetscMin(LatinLinksTangent(links, l, x - target * most), LatinLinksTangent(links, l, x + target * most));
-    for (PetscInt i = 0; i < 2 * dim; i++) f[dim * to[i / dim] + i % dim] += k * PetscAbsReal(n[i % dim] * e);
+    if (u && !law->rigid) {
+      const PetscReal x    = LatinLinksElongation(links, l, a) + links->prestrain[l];
+      PetscReal       most = PetscAbsReal(links->prestrain[l]);
+
+      for (PetscInt c = 0; c < dim; c++) most += PetscAbsReal(n[c]) * (PetscAbsScalar(a[dim * to[0] + c]) + PetscAbsScalar(a[dim * to[1] + c]));
+      k = PetscMin(LatinLinksTangent(links, l, x - target * most), LatinLinksTangent(links, l, x + target * most));
+    }
+    for (PetscInt i = 0; i < 2 * dim; i++) f[dim * to[i / dim] + i % dim] += k * PetscAbsReal(n[i % dim]) * e;
   }
   PetscCall(VecRestoreArray(forces, &f));
   PetscCall(VecRestoreArrayRead(local, &a));
-  PetscCall(VecPointwiseMult(stiff, links->ground, u));
+  PetscCall(VecRestoreArrayRead(moved, &m));
+  PetscCall(VecPointwiseMult(stiff, links->ground, t));
   PetscCall(VecAbs(stiff));
   PetscCall(DMLocalToGlobalBegin(links->dm, forces, ADD_VALUES, stiff));
   PetscCall(DMLocalToGlobalEnd(links->dm, forces, ADD_VALUES, stiff));
   PetscCall(DMRestoreLocalVector(links->dm, &forces));
   PetscCall(DMRestoreLocalVector(links->dm, &local));
+  PetscCall(DMRestoreLocalVector(links->dm, &moved));
   PetscFunctionReturn(0);
 }
 
@@ -119,10 +110,11 @@ PetscErrorCode LatinDrift_Private(LatinLinks links, PetscReal target, Vec u, Vec
   PetscCall(DMGetGlobalVector(links->dm, &t));
   PetscCall(DMGetGlobalVector(links->dm, &stiff));
   for (PetscInt c = 0; c < links->dim; c++) {
-    PetscCall(LatinDriftStiffness_Private(links, c, t, stiff));
+    PetscCall(LatinDriftTranslation_Private(links, c, t));
+    PetscCall(LatinDriftStiffness_Private(links, t, NULL, 0.0, stiff));
     PetscCall(LatinDriftUpdate_Private(t, stiff, r, noise, drift));
   }
-  PetscCall(LatinDriftAlong_Private(links, u, target, stiff));
+  PetscCall(LatinDriftStiffness_Private(links, u, u, target, stiff));
   PetscCall(LatinDriftUpdate_Private(u, stiff, r, noise, drift));
   PetscCall(DMRestoreGlobalVector(links->dm, &stiff));
   PetscCall(DMRestoreGlobalVector(links->dm, &t));
