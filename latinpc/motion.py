@@ -17,6 +17,7 @@ from .links import Links
 from .scenes.scene import UNILATERAL, Scene
 from .solve import default_options, plain, unknown_options, versions
 
+CONTRAST = 1e3  # of masses, from which on it may be why a step does not converge
 FRAMES = 100  # states kept of a motion, at most, unless told otherwise
 
 
@@ -208,12 +209,12 @@ def _move(scene, links, ts, steps, step, every, each_step, keeper):
         frames=frames,
         subdomain=latinpc.subdomain_of_links(snes) if is_latin else scene.subdomain,
         node_class=latinpc.node_classes(snes) if is_latin else None,
-        notices=unknown_options() + ([] if reason > 0 else _causes(ts, snes)),
+        notices=unknown_options() + ([] if reason > 0 else _causes(ts, snes, scene.mass)),
     )
 
 
-def _causes(ts, snes):
-    """Return a sentence on why a step has not been made."""
+def _causes(ts, snes, mass):
+    """Return a sentence on why a step has not been made, where links or masses tell."""
     names = PETSc.SNES.ConvergedReason
     why = next(
         (name for name in dir(names) if name.isupper() and getattr(names, name) == snes.getConvergedReason()), ""
@@ -222,4 +223,10 @@ def _causes(ts, snes):
     if snes.getType() == "latin" and snes.getConvergedReason() == names.DIVERGED_INNER:
         least = latinpc.rounding_floor(snes)
         text += f", the error asked for is below what rounding leaves of this step, about {least:.0e}"
+    heavy = mass[mass > 0.0]
+    if snes.getConvergedReason() == names.DIVERGED_MAX_IT and len(heavy) and heavy.max() > CONTRAST * heavy.min():
+        text += (
+            f"; masses differ by a factor of {heavy.max() / heavy.min():.0e}: light nodes come slowly to rest on"
+            " the contacts between heavy ones"
+        )
     return [text]

@@ -145,7 +145,10 @@ def _judge(case, scene, found, u, tensions=None, v=None):
 
 def _refusal(case, reason):
     """Tell a refusal that is expected and names its cause from one that says nothing."""
-    names = "no equilibrium", "mechanism", "rounding", "has no link", "as many subdomains", "no free", "precision"
+    names = (
+        "no equilibrium", "mechanism", "rounding", "has no link", "as many subdomains", "no free", "precision",
+        "masses differ",
+    )  # fmt: skip
     return "refused" if case.expected != "right" and any(name in reason for name in names) else "silent"
 
 
