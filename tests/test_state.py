@@ -19,6 +19,7 @@ from petsc4py import PETSc
 from support import grid, irregular, lattice
 
 import latinpc
+from latinpc.extremes.rigid import stiffened
 from latinpc.scenes import make
 from latinpc.solve import default_options
 
@@ -33,6 +34,10 @@ RAMPS = {
     "newton": (grid, {"snes_type": "newtonls", "pc_type": "cholesky"}),
     "one subdomain": (lambda: grid(subdomains=1), {}),
     "rigid": (lambda: make("net", side=8), {"snes_stol": 1e-3}),
+    "tuned": (
+        lambda: stiffened(1e4, False),
+        {"snes_latin_subdomains": 8},
+    ),  # other search parameters
 }
 
 

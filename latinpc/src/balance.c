@@ -21,7 +21,7 @@
 #define LATIN_BALANCE_GAIN   0.5  /* an indicator that has not fallen by this since the last but so many windows stalls */
 #define LATIN_BALANCE_MOST   4.0  /* largest change at once */
 #define LATIN_BALANCE_FAR    16.0 /* no further than this from where it started */
-#define LATIN_BALANCE_OFF    8.0  /* by so much a search parameter may differ from the stiffness that the structure shows */
+#define LATIN_BALANCE_OFF    32.0 /* by so much a search parameter may differ from the stiffness that the structure shows */
 #define LATIN_BALANCE_AGAIN  3    /* times that the operators are made anew */
 
 static void LatinRescale(Latin latin, PetscReal factor)
@@ -178,14 +178,14 @@ PetscErrorCode LatinBalanceChange_Private(Latin latin, Vec z, Vec F, LatinBalanc
 }
 
 /* Search parameters that are ours, times the factor, for all that is to be built again. Collective on links */
-PetscErrorCode LatinBalanceTune_Private(LatinLinks links, LatinBalance *balance)
+PetscErrorCode LatinBalanceTune_Private(LatinLinks links, PetscReal factor)
 {
   PetscFunctionBegin;
   for (PetscInt l = 0; l < links->links_local; l++)
-    if (links->tuned[l]) links->stiffness[l] *= balance->factor;
+    if (links->tuned[l]) links->stiffness[l] *= factor;
+  links->tuning *= factor;
   PetscCall(PetscObjectStateIncrease((PetscObject)links));
-  PetscCall(PetscInfo(links, "The structure shows its rigid links %g times the stiffness that their search parameter has: it becomes that\n", (double)balance->factor));
-  balance->tuned++;
+  PetscCall(PetscInfo(links, "The search parameter of rigid links becomes %g times what it was, as the structure has shown\n", (double)factor));
   PetscFunctionReturn(0);
 }
 

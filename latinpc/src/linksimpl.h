@@ -49,6 +49,7 @@ struct _p_LatinLinks {
   PetscReal *friction;              /* [links_local] coefficient, read at the normal part of a contact; NULL if none was given */
   PetscReal *multiplier;            /* [links_local] tensions of the rigid links, of the last solve; NULL if no link is rigid */
   PetscBool *tuned;                 /* [links_local] the search parameter of a rigid link is ours; NULL if no link is rigid */
+  PetscReal  tuning;                /* times what rigid.c has chosen, as the structure has shown it (balance.c) */
   PetscInt   rigid_law;             /* law of one of the rigid links of any rank, -1: there is none */
   PetscBool  general, rubs;         /* has laws beyond bars, cables and struts; has contacts with friction, on any rank */
   PetscInt  *subdomain;             /* [links_local] the caller's partition, NULL if none */

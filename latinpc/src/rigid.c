@@ -120,6 +120,7 @@ PetscErrorCode LatinLinksTune_Private(LatinLinks links)
   PetscReal scale = 0.0, *node, *vertex, *ground;
 
   PetscFunctionBegin;
+  links->tuning = 1.0;
   PetscCall(LatinLinksScale_Private(links, &scale));
   PetscCall(PetscCalloc1(links->vertices, &ground));
   if (links->ground) PetscCall(LatinLinksVertexGround_Private(links, ground));

@@ -359,7 +359,8 @@ static PetscErrorCode SNESLatinTune_Private(SNES snes)
   SNES_Latin *data = (SNES_Latin *)snes->data;
 
   PetscFunctionBegin;
-  PetscCall(LatinBalanceTune_Private(data->latin->links, &data->balance));
+  PetscCall(LatinBalanceTune_Private(data->latin->links, data->balance.factor));
+  data->balance.tuned++;
   PetscCall(SNESLatinSetUpState_Private(snes));
   PetscCall(SNESLatinLoad_Private(snes));
   if (data->stop == LATIN_STOP_ERROR) PetscCall(LatinEstimateStart_Private(&data->estimate));

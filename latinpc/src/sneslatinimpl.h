@@ -109,7 +109,7 @@ typedef struct {
 PETSC_INTERN PetscErrorCode LatinBalanceStart_Private(Latin, PetscBool warm, LatinBalance *);
 PETSC_INTERN PetscErrorCode LatinBalanceObserve_Private(Latin, Vec z, Vec Gz, LatinBalance *);
 PETSC_INTERN PetscErrorCode LatinBalanceDue_Private(Latin, PetscReal measure, PetscBool diverges, LatinBalance *, PetscBool *due);
-PETSC_INTERN PetscErrorCode LatinBalanceTune_Private(LatinLinks, LatinBalance *);
+PETSC_INTERN PetscErrorCode LatinBalanceTune_Private(LatinLinks, PetscReal factor);
 PETSC_INTERN PetscErrorCode LatinBalanceChange_Private(Latin, Vec z, Vec F, LatinBalance *);
 PETSC_INTERN PetscErrorCode LatinBalanceDestroy_Private(LatinBalance *);
 

@@ -242,6 +242,7 @@ static PetscErrorCode LatinStateSave_Private(PetscObject solver, Vec u, const ch
   PetscCall(PetscMemzero(&head, sizeof(head)));
   PetscCall(LatinStateFormat_Private(comm, file, &head));
   PetscCall(LatinStateStructure_Private(&of, &head.structure));
+  if (of.links) head.tuning = (double)of.links->tuning;
   head.ranks      = (long)ranks;
   head.motion     = of.ts ? 1 : 0;
   head.shift      = of.ts ? (double)((TS_Latin *)of.ts->data)->step->shift : 0.0;
@@ -257,6 +258,16 @@ static PetscErrorCode LatinStateSave_Private(PetscObject solver, Vec u, const ch
   PetscCall(LatinStateWrite_Private(comm, file, &head, &pack, &show, (char *)note));
   PetscCall(PetscFree(show.data));
   PetscCall(PetscFree(pack.data));
+  PetscFunctionReturn(0);
+}
+
+/* The search parameters of rigid links that the solves before have found, before anything is built with others. Collective on the SNES */
+static PetscErrorCode LatinStateTune_Private(const LatinStateOf *of, PetscReal tuning)
+{
+  LatinLinks links = of->links;
+
+  PetscFunctionBegin;
+  if (links && links->rigid_law >= 0 && tuning > 0.0 && tuning != links->tuning) PetscCall(LatinBalanceTune_Private(links, tuning / links->tuning));
   PetscFunctionReturn(0);
 }
 
@@ -277,6 +288,7 @@ static PetscErrorCode LatinStateLoad_Private(PetscObject solver, Vec u, const ch
   PetscCheck(head.ranks == (long)ranks, comm, PETSC_ERR_FILE_UNEXPECTED, "The state %s is of %ld ranks, and these are %d: run on %ld", file, head.ranks, (int)ranks, head.ranks);
   PetscCheck(head.motion == (of.ts ? 1 : 0), comm, PETSC_ERR_FILE_UNEXPECTED, "The state %s is that of %s", file, head.motion ? "a motion: give the number of time steps" : "a solve, not of a motion: leave out the time steps");
   if (of.ts) PetscCall(LatinStepLength_Private(((TS_Latin *)of.ts->data)->step, (PetscReal)head.shift));
+  PetscCall(LatinStateTune_Private(&of, (PetscReal)head.tuning));
   PetscCall(SNESSetUp(of.snes));
   PetscCall(LatinPack_Private(&pack, &of, &head));
   PetscCall(LatinStateStructure_Private(&of, &structure));

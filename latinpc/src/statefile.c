@@ -30,6 +30,7 @@ const LatinStateLine LatinStateLines[] = {
   LATIN_LINE(REAL, time),
   LATIN_LINE(REAL, time_step),
   LATIN_LINE(REAL, shift),
+  LATIN_LINE(REAL, tuning),
   LATIN_LINE(INTEGER, steps),
   LATIN_LINE(INTEGER, started),
   LATIN_LINE(INTEGER, solutions),

@@ -12,6 +12,7 @@ typedef struct {
   uint64_t structure;
   long     numbers, note_bytes;
   double   time, time_step, shift; /* 1 / h^2 of a motion */
+  double   tuning;                 /* of the search parameters of rigid links */
   long     steps, started, solutions, slack_known;
   long     bytes; /* of the file */
   uint64_t sum;   /* of its bytes */
