@@ -55,7 +55,7 @@ def test_a_load_that_is_no_number_has_no_solution_without_interfaces_either(stop
                 run.snes.solve(more, u)
             return
         run.snes.solve(more, u)
-        assert run.snes.getConvergedReason() == PETSc.SNES.ConvergedReason.DIVERGED_FNORM_NAN
+        assert run.snes.getConvergedReason() == -4  # DIVERGED_FUNCTION_NANORINF; its name in Python changes
 
 
 @pytest.mark.parametrize("scene", [WHOLE, PLATE], ids=["one subdomain", "four"])

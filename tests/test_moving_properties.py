@@ -219,7 +219,7 @@ FOUND = {
         Throw(RESTING, held=False, rigid=3, speed=-2, step=-2, seed=216),
         {},
     ),
-    "a contact that pushes what has left it": (Throw(LEAVING, held=False, rigid=1, step=2), {}),
+    "a contact that pushes what has left it": (Throw(LEAVING, held=False, rigid=1, step=2), {}, 1),
     "an open contact whose gap made the unbalance look like rounding": (
         Throw(replace(LEAVING, nodes=1), held=False, rigid=1, rubs=2),
         {},

@@ -22,6 +22,7 @@
 #define LATIN_BALANCE_MOST   4.0  /* largest change at once */
 #define LATIN_BALANCE_FAR    16.0 /* no further than this from where it started */
 #define LATIN_BALANCE_OFF    32.0 /* by so much a search parameter may differ from the stiffness that the structure shows */
+#define LATIN_BALANCE_NEAR   1e3  /* times the stiffnesses of elastic links: no search parameter beyond */
 #define LATIN_BALANCE_AGAIN  3    /* times that the operators are made anew */
 
 static void LatinRescale(Latin latin, PetscReal factor)
@@ -104,6 +105,24 @@ PetscErrorCode LatinBalanceObserve_Private(Latin latin, Vec z, Vec Gz, LatinBala
   PetscFunctionReturn(0);
 }
 
+/* A factor of the search parameters that leaves them near the stiffnesses of elastic links: tensions that grow without end show any. Collective on links */
+static PetscErrorCode LatinBalanceBound_Private(LatinLinks links, PetscReal *factor)
+{
+  PetscReal range[4] = {-PETSC_MAX_REAL, 0.0, -PETSC_MAX_REAL, 0.0}; /* -least and most of elastic links, and of those parameters */
+
+  PetscFunctionBegin;
+  for (PetscInt l = 0; l < links->links_local; l++) {
+    PetscReal *of = range + (links->tuned[l] ? 2 : 0);
+
+    of[0] = PetscMax(of[0], -links->stiffness[l]);
+    of[1] = PetscMax(of[1], links->stiffness[l]);
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, range, 4, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)links)));
+  while (*factor * range[3] > LATIN_BALANCE_NEAR * range[1]) *factor *= 0.5;
+  while (-*factor * range[2] * LATIN_BALANCE_NEAR < -range[0]) *factor *= 2.0;
+  PetscFunctionReturn(0);
+}
+
 /* The stiffness that the structure shows to its rigid links, beside l */
 static PetscErrorCode LatinBalanceShown_Private(Latin latin, PetscBool diverges, LatinBalance *balance, PetscBool *due)
 {
@@ -117,7 +136,8 @@ static PetscErrorCode LatinBalanceShown_Private(Latin latin, PetscBool diverges,
   shown = PetscSqrtReal(sum[0] / sum[1]);
   if (shown < LATIN_BALANCE_OFF && shown > 1.0 / LATIN_BALANCE_OFF) PetscFunctionReturn(0);
   balance->factor = PetscPowReal(2.0, PetscFloorReal(0.5 + PetscLog2Real(shown)));
-  *due            = PETSC_TRUE;
+  PetscCall(LatinBalanceBound_Private(latin->links, &balance->factor));
+  *due = (PetscBool)(balance->factor != 1.0);
   PetscFunctionReturn(0);
 }
 
