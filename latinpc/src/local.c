@@ -13,7 +13,7 @@
    the energy of the elongations that carry tension, which neither rigid motions nor slack links blow up.
 */
 
-#define LATIN_NOISE LatinByPrecision(1e-14, 5e-6) /* relative to the energy of the structure, prestress included: below it nothing can be told apart */
+#define LATIN_NOISE LatinByPrecision(1e-14, 3e-7) /* relative to the energy of the structure, prestress included: below it nothing can be told apart */
 
 /*
    The forces D (1 - R R^t D) U of the search direction on one side of an interface and of those equal to it in the n
