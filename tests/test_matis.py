@@ -224,7 +224,7 @@ def test_number_of_subdomains_is_not_ours(matis):
     assert "leave out -pc_latin_subdomains" in result.stderr
 
 
-@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("dim", [2, pytest.param(3, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("problem", ["poisson", "elasticity"])
 def test_condensed(matis, problem, dim):
     """With the same springs and weights, condensed subdomains are the same preconditioner; by itself, as good a one."""
