@@ -458,7 +458,7 @@ def loose_nodes(SNES snes not None):
     cdef const PetscInt *node = NULL
     cdef PetscReal way = 0
     CHKERR(SNESLatinGetLooseNodes(snes.snes, &count, &listed, &node, &way))
-    return count, [node[i] for i in range(listed)], way if way < 1e300 else float("inf")
+    return count, [node[i] for i in range(listed)], way
 
 
 def jammed_links(SNES snes not None):

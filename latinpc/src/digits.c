@@ -32,17 +32,10 @@ typedef struct {
   PetscReal *x; /* [vertices][dim] coordinates */
 } LatinAround;
 
-/* 1 or -1 for a number of an entity of the whole structure, the same whatever the number of ranks: the finaliser of MurmurHash3 */
-static PetscReal LatinDigitsSign(PetscInt entity, PetscInt number)
+/* 1 or -1 for a number of an entity of the whole structure, the same whatever the number of ranks */
+static inline PetscReal LatinDigitsSign(PetscInt entity, PetscInt number)
 {
-  uint64_t h = ((uint64_t)entity << 8) ^ (uint64_t)number;
-
-  h ^= h >> 33;
-  h *= 0xff51afd7ed558ccdULL;
-  h ^= h >> 33;
-  h *= 0xc4ceb9fe1a85ec53ULL;
-  h ^= h >> 33;
-  return h & 1 ? 1.0 : -1.0;
+  return LatinMix(((uint64_t)entity << 8) ^ (uint64_t)number) & 1 ? 1.0 : -1.0;
 }
 
 /* Forces of nodes that random roundings of one kind make of nothing. Collective on links */
@@ -51,8 +44,8 @@ static PetscErrorCode LatinDigitsForces_Private(const LatinAround *around, Latin
   LatinLinks         links = around->links;
   const PetscInt     dim = links->dim, first = 16 * sample;
   Vec                ul, rl;
-  const PetscScalar *a;
-  PetscScalar       *f, *load;
+  const PetscScalar *a, *load;
+  PetscScalar       *f;
   PetscInt           n, start;
 
   PetscFunctionBegin;
@@ -105,9 +98,9 @@ static PetscErrorCode LatinDigitsForces_Private(const LatinAround *around, Latin
   PetscCall(VecGetOwnershipRange(r, &start, NULL));
   PetscCall(VecGetLocalSize(r, &n));
   PetscCall(VecGetArray(r, &f));
-  PetscCall(VecGetArrayRead(links->load, (const PetscScalar **)&load));
+  PetscCall(VecGetArrayRead(links->load, &load));
   for (PetscInt i = 0; i < n; i++) f[i] += LATIN_DIGITS_UNIT * LatinDigitsSign(start + i, first + 2) * load[i];
-  PetscCall(VecRestoreArrayRead(links->load, (const PetscScalar **)&load));
+  PetscCall(VecRestoreArrayRead(links->load, &load));
   PetscCall(VecRestoreArray(r, &f));
   PetscFunctionReturn(0);
 }
@@ -169,7 +162,7 @@ static PetscErrorCode LatinDigitsMove_Private(const LatinAround *around, Vec r, 
              KSPConvergedReasons[reason]);
   PetscCall(VecNorm(moved, NORM_2, &norm));
   PetscCall(VecNorm(around->u, NORM_2, &size));
-  *part = size > 0.0 ? norm / size : norm > 0.0 ? PETSC_INFINITY : 0.0;
+  *part = size > 0.0 ? norm / size : norm > 0.0 ? INFINITY : 0.0;
   PetscFunctionReturn(0);
 }
 

@@ -34,17 +34,10 @@
 
 static const PetscReal LatinEstimateSafety[] = {1.8, 4.0}; /* l2 norm, energy norm */
 
-/* Random bits of some entries of a subdomain: the finaliser of MurmurHash3 */
+/* Random bits of some entries of a subdomain */
 static inline PetscInt64 LatinEstimateBits(PetscInt subdomain, PetscInt entries)
 {
-  unsigned long long h = ((unsigned long long)subdomain << 32) ^ (unsigned long long)entries;
-
-  h ^= h >> 33;
-  h *= 0xff51afd7ed558ccdULL;
-  h ^= h >> 33;
-  h *= 0xc4ceb9fe1a85ec53ULL;
-  h ^= h >> 33;
-  return (PetscInt64)(h >> 1);
+  return (PetscInt64)(LatinMix(((uint64_t)subdomain << 32) ^ (uint64_t)entries) >> 1);
 }
 
 PetscErrorCode LatinEstimateStart_Private(LatinEstimate *estimate)

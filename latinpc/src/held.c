@@ -142,7 +142,7 @@ static PetscErrorCode LatinHeldNodes_Private(LatinLinks links, Vec u, Vec r, Lat
   PetscCall(MPIU_Allreduce(&way2, &held->way, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)links)));
   held->nodes  = count[0];
   held->hidden = count[2];
-  held->way    = count[1] ? PETSC_INFINITY : PetscSqrtReal(held->way);
+  held->way    = count[1] ? INFINITY : PetscSqrtReal(held->way);
   PetscFunctionReturn(0);
 }
 

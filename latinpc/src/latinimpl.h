@@ -75,7 +75,15 @@ typedef struct {
   uint64_t hash;
   PetscInt number;
 } LatinKey;
-PETSC_INTERN uint64_t       LatinHash(size_t n, const void *);
+PETSC_INTERN uint64_t  LatinHash(size_t n, const void *);
+static inline uint64_t LatinMix(uint64_t h) /* bits that look random: the finaliser of MurmurHash3 */
+{
+  h ^= h >> 33;
+  h *= 0xff51afd7ed558ccdULL;
+  h ^= h >> 33;
+  h *= 0xc4ceb9fe1a85ec53ULL;
+  return h ^ (h >> 33);
+}
 PETSC_INTERN int            LatinKeyCompare(const void *, const void *); /* for qsort(): by hash, then by number */
 PETSC_INTERN PetscErrorCode LatinFindEqual(PetscInt n, const size_t first[], const void *data, PetscInt pattern[]);
 

@@ -402,7 +402,7 @@ static PetscErrorCode SNESLatinBlame_Private(SNES snes)
   if (snes->reason > 0 || snes->reason == SNES_DIVERGED_FUNCTION_NANORINF || data->latin->failed) PetscFunctionReturn(0);
   if (data->rescue.loose) {
     data->held.nodes = data->rescue.loose;
-    data->held.way   = PETSC_INFINITY;
+    data->held.way   = INFINITY;
     PetscCall(PetscArraycpy(data->held.node, data->rescue.node, LATIN_LOOSE));
   } else {
     PetscCall(LatinHeld_Private(data->latin->links, snes->vec_sol, snes->vec_func, &data->held));
