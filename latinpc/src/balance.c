@@ -112,13 +112,11 @@ static PetscErrorCode LatinBalanceBound_Private(LatinLinks links, PetscReal *fac
 
   PetscFunctionBegin;
   for (PetscInt l = 0; l < links->links_local; l++) {
-    const LatinLaw *law = &LatinLaws[links->law[l]];
-    const PetscReal k   = links->stiffness[l] > 0.0 ? links->stiffness[l] : law->stiffness;
-    PetscReal      *of  = range + (links->tuned[l] ? 2 : 0);
+    PetscReal *of = range + (links->tuned[l] ? 2 : 0);
 
-    if (law->rigid && !links->tuned[l]) continue; /* the user's parameter */
-    of[0] = PetscMax(of[0], -k);
-    of[1] = PetscMax(of[1], k);
+    if (LatinLaws[links->law[l]].rigid && !links->tuned[l]) continue; /* the user's parameter */
+    of[0] = PetscMax(of[0], -links->stiffness[l]);
+    of[1] = PetscMax(of[1], links->stiffness[l]);
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, range, 4, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)links)));
   while (*factor * range[3] > LATIN_BALANCE_NEAR * range[1]) *factor *= 0.5;

@@ -45,11 +45,10 @@ static PetscErrorCode LatinDriftStiffness_Private(LatinLinks links, Vec t, Vec u
   PetscCall(VecGetArray(forces, &f));
   for (PetscInt l = 0; l < links->links_local; l++) {
     const PetscReal *n = links->direction + dim * l, e = PetscAbsReal(LatinLinksElongation(links, l, m));
-    const PetscInt  *to  = links->ends + 2 * l;
-    const LatinLaw  *law = &LatinLaws[links->law[l]];
-    PetscReal        k   = links->stiffness[l] > 0.0 ? links->stiffness[l] : law->stiffness;
+    const PetscInt  *to = links->ends + 2 * l;
+    PetscReal        k  = links->stiffness[l];
 
-    if (u && !law->rigid) {
+    if (u && !LatinLaws[links->law[l]].rigid) {
       const PetscReal x    = LatinLinksElongation(links, l, a) + links->prestrain[l];
       PetscReal       most = PetscAbsReal(links->prestrain[l]);
 

@@ -193,7 +193,7 @@ static PetscErrorCode LatinEstimateRows_Private(LatinLinks links, Vec u, Vec row
   PetscCall(VecGetArray(stiff, &s));
   PetscCall(VecGetArray(forces, &t));
   for (PetscInt l = 0; l < links->links_local; l++) {
-    const PetscReal *n = links->direction + dim * l, k = links->stiffness[l] > 0.0 ? links->stiffness[l] : LatinLaws[links->law[l]].stiffness;
+    const PetscReal *n = links->direction + dim * l, k = links->stiffness[l];
     PetscReal        all = 0.0, most, e = 0.0, force;
 
     most = LatinLaws[links->law[l]].rigid ? 0.0 : PetscAbsReal(links->prestrain[l]); /* the gap of a contact makes no force, and is without end where it takes no part in a step */

@@ -42,7 +42,7 @@ static PetscReal LatinHeldMissed(LatinLinks links, PetscInt l, PetscReal x, Pets
 static PetscReal LatinHeldResists(LatinLinks links, PetscInt l, PetscReal x, PetscReal rate, PetscReal push)
 {
   const PetscInt  law = links->law[l];
-  const PetscReal k   = links->stiffness[l] > 0.0 ? links->stiffness[l] : LatinLaws[law].stiffness;
+  const PetscReal k   = links->stiffness[l];
   PetscReal       closing;
 
   if (law == LATIN_LAW_TANGENT) return links->multiplier[l] != 0.0 ? k * rate * rate / push : 0.0;
@@ -62,7 +62,7 @@ static void LatinHeldVertices(LatinLinks links, const PetscScalar a[], const Pet
   const PetscInt dim = links->dim;
 
   for (PetscInt l = 0; l < links->links_local; l++) {
-    const PetscReal *n = links->direction + dim * l, k = links->stiffness[l] > 0.0 ? links->stiffness[l] : LatinLaws[links->law[l]].stiffness;
+    const PetscReal *n = links->direction + dim * l, k = links->stiffness[l];
     const PetscReal  x = LatinLinksElongation(links, l, a) + links->prestrain[l], tension = PetscAbsReal(LatinLinksTension(links, l, x));
     PetscReal        most = PetscAbsReal(links->prestrain[l]);
 
