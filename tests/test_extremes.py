@@ -9,7 +9,7 @@ import pytest
 from support import far, lattice, network
 
 from latinpc import extremes
-from latinpc.extremes import motions, rigid
+from latinpc.extremes import matrices, motions, rigid
 from latinpc.extremes.catalogue import Case, chain, hung
 from latinpc.extremes.catalogue import network as small
 from latinpc.extremes.conditions import missed
@@ -105,12 +105,33 @@ def test_what_is_not_unique_is_held_against_its_conditions():
     assert missed(block, u, np.array([spring, push, -0.3 * push])) > 0.1
 
 
+def test_exact_solution_of_a_matrix():
+    """Rigid motions cost no energy; what is a little off, by how much; digits that the entries do not have are told."""
+    elements = matrices.square(matrices.ELASTICITY, blocks=2)
+    x, y = elements.nodes.T
+    turned = np.where(np.arange(len(x)) % 2, x, -y) + 3.0
+    assert sum(abs(turned[cell] @ k @ turned[cell]) for cell, k in zip(elements.cells, elements.stiffness)) < 1e-12
+    free, whole = ~elements.held, np.zeros((len(x), len(x)))
+    for cell, k in zip(elements.cells, elements.stiffness):
+        whole[np.ix_(cell, cell)] += k
+    u = np.zeros(len(x))
+    u[free] = np.linalg.solve(whole[np.ix_(free, free)], elements.load[free])
+    error, rounding = elements.errors(u)
+    assert error < 1e-13 and 1e-17 < rounding < 1e-13
+    assert elements.errors(1.001 * u)[0] == pytest.approx(1e-3, rel=1e-9)
+    assert elements.errors(0.0 * u)[0] == pytest.approx(1.0)
+    assert matrices.square(load=0.0).errors(np.zeros(81)) == (0.0, 0.0)
+    assert matrices.square(load=0.0).errors(np.ones(81))[0] == 1.0
+    assert matrices.square(tensor=(1e-12, 1.0)).errors(np.zeros(81))[1] > 1e-5
+
+
 QUICK = (
     "contrast 1e8 between bars beside them", "20 without room, load 1", "contact, load of 1e12",
     "cables, contrast 1e8 between links", "cables, contrast 1e-8 in one half", "1e6 times the self-tuned one",
     "a node flies away", "0.999999 of the load that turns a girder over", "interfaces of one node",
     "1.000001 of the load that turns a girder over", "one half in kN and mm, all else in N and m", "1e-12 of the size",
     "one link a subdomain", "one not held", "16, 8 subdomains", "contrast 1e12 between subdomains",
+    "Poisson's ratio 0.49999999",
 )  # fmt: skip
 
 

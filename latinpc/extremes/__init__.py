@@ -1,11 +1,12 @@
 """Numerical stability at the extremes: a catalogue of cases with their expected outcomes, run by ``latinpc extremes``.
 
-`catalogue`, `rigid` and `motions` make the cases, `exact` the solutions that no rounding touches, `steps` those of a
-step of a motion, `conditions` tells what solutions meet that are not unique, and `latinpc.extremes.worker` runs one
-case in a process of its own. A case is
+`catalogue`, `rigid`, `motions` and `matrices` make the cases, `exact` the solutions that no rounding touches, `steps`
+those of a step of a motion, `conditions` tells what solutions meet that are not unique, and `latinpc.extremes.worker`
+runs one case in a process of its own. A case is
 
 right
-    when it converged and the true error of what is unique is within `SLACK` times what was asked,
+    when it converged and the true error of what is unique is within `SLACK` times what was asked, or, of a matrix
+    whose entries are not so accurate, `SLACK` times what their rounding moves,
 refused
     when it did not converge, or ended in an error, and the reason says why,
 wrong
@@ -32,7 +33,7 @@ from petsc4py import PETSc
 from latinpc.peers.arrays import errors, save_scene
 from latinpc.peers.launch import THREADS
 
-from . import catalogue, motions, rigid
+from . import catalogue, matrices, motions, rigid
 from .case import ACCURACY, Case
 from .conditions import closing, missed, shortening
 from .steps import motion_error
@@ -63,7 +64,7 @@ class Outcome:
 
 def cases():
     """Return all cases, group by group."""
-    return [*catalogue.cases(), *rigid.cases(), *motions.cases()]
+    return [*catalogue.cases(), *rigid.cases(), *motions.cases(), *matrices.cases()]
 
 
 def run(case):
@@ -80,8 +81,12 @@ def run(case):
     scene = case.make()
     with tempfile.TemporaryDirectory(prefix="latinpc-") as folder:
         folder = pathlib.Path(folder)
-        save_scene(folder / "scene.npz", scene)
-        task = {"scene": str(folder / "scene.npz"), "options": case.options, "steps": case.steps,
+        kind = "matrix" if isinstance(scene, matrices.Elements) else "motion" if case.steps else "statics"
+        if kind == "matrix":
+            scene.save(folder / "scene.npz")
+        else:
+            save_scene(folder / "scene.npz", scene)
+        task = {"scene": str(folder / "scene.npz"), "options": case.options, "kind": kind, "steps": case.steps,
                 "answer": str(folder / "answer.json"), "solution": str(folder / "solution.npz")}  # fmt: skip
         (folder / "task.json").write_text(json.dumps(task))
         command = [sys.executable, "-P", "-m", "latinpc.extremes.worker", str(folder / "task.json")]
@@ -116,6 +121,12 @@ def _judge(case, scene, found, u, tensions=None, v=None):
         return _outcome(case, _refusal(case, reason), reason, **told)
     if not np.isfinite(u).all():
         return _outcome(case, "wrong", f"{reason}, with displacements that are not finite", **told)
+    if isinstance(scene, matrices.Elements):
+        error, rounding = scene.errors(u)
+        hidden = f"; rounding of the entries moves {rounding:.0e}" if rounding > ACCURACY else ""
+        right = error <= SLACK * max(ACCURACY, rounding)
+        return _outcome(case, "right" if right else "wrong", reason + hidden, error=error,
+                        reference="exact, energy norm", **told)  # fmt: skip
     if case.steps:
         error, kind = motion_error(case, scene, u, v, tensions)
         right = error <= SLACK * ACCURACY and case.expected != "refused"

@@ -23,11 +23,11 @@ class Case:
     ----------
     group, name : str
     make : callable
-        Returns the Scene.
+        Returns the Scene, or the `matrices.Elements` of a linear problem.
     expected : {'right', 'refused', 'either'}
         What is right: a solution, a refusal that names its cause, or whichever of them the case allows.
     options : dict
-        PETSc options beside the stop on an error of `ACCURACY`.
+        PETSc options beside the stop on an error of `ACCURACY`; those of a matrix are all here.
     ranks : int
     solution : callable, optional
         From the scene to what is unique, in closed form or by another method.

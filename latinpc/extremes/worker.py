@@ -19,6 +19,8 @@ from latinpc.motion import move  # noqa: E402
 from latinpc.peers.arrays import load_scene  # noqa: E402
 from latinpc.solve import solve  # noqa: E402
 
+from .matrices import Elements  # noqa: E402
+
 
 def main():
     """Read the task, solve, write the answer: how it ended, or the sentence of its error."""
@@ -28,7 +30,8 @@ def main():
     root = PETSc.COMM_WORLD.rank == 0
     try:
         start = time.perf_counter()
-        answer, arrays = _moved(task) if task["steps"] else _solved(task)
+        way = {"statics": _solved, "motion": _moved, "matrix": _matrix}[task["kind"]]
+        answer, arrays = way(task)
         answer |= {"solved": True, "seconds": time.perf_counter() - start}
         if root:
             np.savez(task["solution"], **arrays)
@@ -63,6 +66,31 @@ def _moved(task):
     return answer, {"u": np.array([frame.displacements for frame in frames]),
                     "v": np.array([frame.velocities for frame in frames]),
                     "tensions": np.array([frame.tensions for frame in frames])}  # fmt: skip
+
+
+def _matrix(task):
+    elements = Elements.load_from(task["scene"])
+    matrix = elements.matis(PETSc.COMM_WORLD)
+    database = PETSc.Options()
+    for name, value in task["options"].items():
+        database[name] = value
+    ksp = PETSc.KSP().create(PETSc.COMM_WORLD)
+    ksp.setOperators(matrix)
+    ksp.setFromOptions()
+    x, b = matrix.createVecs()
+    b.setArray(elements.load[slice(*b.getOwnershipRange())])
+    ksp.solve(b, x)
+    scatter, whole = PETSc.Scatter.toZero(x)
+    scatter.scatter(x, whole)
+    reason = ksp.getConvergedReason()
+    names = {code: name for name, code in vars(PETSc.KSP.ConvergedReason).items() if isinstance(code, int)}
+    answer = {
+        "converged": reason > 0,
+        "reason": names.get(reason, str(reason)),
+        "iterations": ksp.getIterationNumber(),
+        "notices": [],
+    }
+    return answer, {"u": whole.getArray()}
 
 
 if __name__ == "__main__":
