@@ -291,6 +291,7 @@ def test_linear_methods_want_bars():
         run.solve("cg-latin", grid(), 1e-6)
 
 
+@pytest.mark.slow
 def test_linear_scene_side_by_side_on_two_ranks():
     """By default the methods for scenes of bars; ratios are to KSP latin."""
     document = compare.compare(grid("truss"), ("ksp-latin", "cg-latin", "fetidp"), repeat=1, ranks=2)
