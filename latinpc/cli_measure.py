@@ -119,8 +119,9 @@ def tradeoff(comm, scene, knobs, accuracies, repeat, timeout, json_file, picture
 def extremes(comm, groups, json_file):
     """Drive the solver to its extremes, and tell what was right, refused or wrong.
 
-    Stiffness contrasts, search directions, loads, prestress, units, origins, partitions, chains, ranks: each case in a
-    process of its own, its error against a solution in exact arithmetic where that is possible.
+    Stiffness contrasts, search directions, loads, prestress, units, origins, partitions, chains, ranks, rigid links,
+    motions, matrices of finite elements: each case in a process of its own, its error against a solution in exact
+    arithmetic where that is possible.
     """
     from . import extremes as catalogue
 
