@@ -62,7 +62,9 @@ def static(links, u):
     snes = links.create_snes()
     snes.setFromOptions()
     if door == "snes":
-        fail_from(at)
+        fail_from(10**9)
+        u.duplicate()
+        fail_from(at + fail_from(0))  # SNESSolve() duplicates u before anything is ours
     snes.solve(None, u)
 
 
