@@ -136,8 +136,8 @@ if PETSc.COMM_WORLD.rank == 0:
 
 @pytest.mark.slow
 def test_ranks_tell_the_same(mpirun):
-    """One, two and five ranks: reasons, names, and the displacements of what has converged."""
+    """One, two and five ranks: reasons, names, and the displacements of what has converged, to what was asked for."""
     found = [json.loads(mpirun(n, PROGRAM.format(tests=str(ROOT / "tests"))).stdout) for n in (1, 2, 5)]
     for other in found[1:]:
         assert [one[:3] for one in other] == [one[:3] for one in found[0]]
-        assert far(np.array(other[0][3]), np.array(found[0][0][3])) < 1e-9
+        assert far(np.array(other[0][3]), np.array(found[0][0][3])) < 2e-6
