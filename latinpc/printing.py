@@ -133,7 +133,7 @@ def _digits(lost):
     """Tell how many digits of the displacements there are, and what limits them."""
     lost = {key: np.inf if part is None else part for key, part in lost.items()}  # nothing moves to compare with
     moved = np.sqrt(sum(part**2 for part in lost.values()))
-    known = f"{max(0.0, -np.log10(max(moved, np.finfo(float).eps / 2))):.1f}" if np.isfinite(moved) else "none"
+    known = f"{-np.log10(max(moved, np.finfo(float).eps / 2)):.1f}" if moved < 1.0 else "none"
     return f"{known}: " + ", ".join(f"{text} {lost[key]:.0e}" for key, text in DIGITS.items())
 
 

@@ -11,6 +11,7 @@ from petsc4py import PETSc
 from support import chain, far, grid, irregular, latin, lattice, network, on_rails, settled
 
 import latinpc
+from latinpc import cli
 from latinpc.extremes.catalogue import close_nodes
 from latinpc.scenes import Law
 
@@ -169,6 +170,20 @@ with latin(irregular(), links, stol=1e-7) as run:
         mpirun(ranks, program, tmp_path / f"{ranks}.json")
         found.append(json.loads((tmp_path / f"{ranks}.json").read_text()))
     assert found[0] == pytest.approx(found[1], rel=1e-3)
+
+
+# ---- what is told ----------------------------------------------------------------------------
+def test_the_command_tells_digits(capsys):
+    words = ["solve", "tensegrity-grid", "--modules", "4", "--digits"]
+    with pytest.raises(SystemExit, match="0"):
+        cli.main(words)
+    told = next(line for line in capsys.readouterr().out.splitlines() if "digits" in line)
+    number = float(told.split()[1].rstrip(":"))
+    parts = [float(part.split()[-1]) for part in told.split(":")[1].split(",")]
+    assert number == pytest.approx(-np.log10(np.linalg.norm(parts)), abs=0.1)
+    with pytest.raises(SystemExit, match="0"):
+        cli.main([*words, "--load", "0"])  # nothing moves but by rounding
+    assert " none: unbalance" in capsys.readouterr().out
 
 
 # ---- misuse ----------------------------------------------------------------------------------

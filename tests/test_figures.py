@@ -78,6 +78,18 @@ def test_what_has_not_converged_is_told_by_the_exit_code(monkeypatch, capsys):
     assert json.loads(capsys.readouterr().out) == document
 
 
+def test_defaults_that_reach_nothing_are_told_by_the_exit_code(monkeypatch, capsys):
+    document = kept("tradeoff-48")
+    monkeypatch.setattr(tradeoff, "tradeoff", lambda *others: document)
+    failed = next(curve for curve in document["curves"] if curve["label"] != "default" and curve["points"])
+    failed |= {"points": [], "reason": "too late"}
+    assert run("tradeoff", *GRID) == 0  # a choice may fail
+    failed = next(curve for curve in document["curves"] if curve["label"] == "default")
+    failed |= {"points": [], "reason": "DIVERGED_MAX_IT"}
+    assert run("tradeoff", *GRID) == cli.NOT_CONVERGED
+    assert "DIVERGED_MAX_IT" in capsys.readouterr().out
+
+
 def test_extremes_are_told_by_group_and_by_the_exit_code(monkeypatch, tmp_path, capsys):
     document, chosen = kept("extremes"), []
     monkeypatch.setattr(extremes, "run_all", lambda cases, say: chosen.append(cases) or document)
