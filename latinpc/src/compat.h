@@ -49,4 +49,10 @@ typedef PetscOptionItems LatinOptionItems;
   #define SNES_DIVERGED_FUNCTION_NANORINF SNES_DIVERGED_FNORM_NAN
 #endif
 
+/* 3.26 */
+#if PETSC_VERSION_LT(3, 26, 0)
+  #define KSPOrthogonalizationSetCGSRefinementType(ksp, type) KSPGMRESSetCGSRefinementType(ksp, type)
+  #define KSP_ORTHOGONALIZATION_CGS_REFINE_IFNEEDED           KSP_GMRES_CGS_REFINE_IFNEEDED
+#endif
+
 #endif

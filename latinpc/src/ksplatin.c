@@ -548,8 +548,8 @@ PETSC_EXTERN PetscErrorCode KSPCreate_Latin(KSP ksp)
   PetscCall(KSPCreate(PetscObjectComm((PetscObject)ksp), &data->outer));
   PetscCall(PetscObjectIncrementTabLevel((PetscObject)data->outer, (PetscObject)ksp, 1));
   PetscCall(KSPSetType(data->outer, KSPGMRES));
-  PetscCall(KSPGMRESSetRestart(data->outer, 100));                                     /* interface vectors are short */
-  PetscCall(KSPGMRESSetCGSRefinementType(data->outer, KSP_GMRES_CGS_REFINE_IFNEEDED)); /* or vectors of matrices whose coefficients jump are orthogonal no longer, and the residual stands still */
+  PetscCall(KSPGMRESSetRestart(data->outer, 100));                                                             /* interface vectors are short */
+  PetscCall(KSPOrthogonalizationSetCGSRefinementType(data->outer, KSP_ORTHOGONALIZATION_CGS_REFINE_IFNEEDED)); /* or vectors of matrices whose coefficients jump are orthogonal no longer, and the residual stands still */
   PetscCall(KSPGetPC(data->outer, &pc));
   PetscCall(PCSetType(pc, PCNONE));
   PetscCall(KSPSetConvergenceTest(data->outer, KSPLatinConverged_Private, ksp, NULL));
