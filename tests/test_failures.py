@@ -64,7 +64,8 @@ def static(links, u):
     if door == "snes":
         fail_from(10**9)
         u.duplicate()
-        fail_from(at + fail_from(0))  # SNESSolve() duplicates u before anything is ours
+        own = fail_from(0)  # SNESSolve() duplicates u before anything is ours
+        fail_from(at and own + at)
     snes.solve(None, u)
 
 

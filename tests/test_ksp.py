@@ -75,6 +75,17 @@ def interface_operator(system, form="plain"):
     return columns
 
 
+def test_the_solution_can_be_built_during_and_after_a_solve():
+    """Monitors build that of an iterate; afterwards there is the last one, and its residual."""
+    system, seen = linear_system(grid("truss")), []
+    system.ksp.setMonitor(lambda ksp, it, norm: seen.append(ksp.buildSolution().norm()))
+    x = solved(system)[0]
+    found = system.ksp.buildSolution()
+    assert np.array_equal(found.array, x.array)
+    assert system.ksp.buildResidual().norm() < 1e-9 * system.b.norm()
+    assert seen[-1] == pytest.approx(x.norm(), rel=1e-9) and seen[0] != pytest.approx(x.norm(), rel=1e-6)
+
+
 # ---- the operator ----------------------------------------------------------------------------
 @pytest.mark.parametrize("direction", ["scalar", "diagonal", "schur"])
 @pytest.mark.parametrize("variant", VARIANTS)

@@ -1,8 +1,11 @@
 """What solvers tell of themselves and hand out."""
 
+import re
+
 import numpy as np
 import pytest
 from petsc4py import PETSc
+from test_rescue import contrast
 
 import latinpc
 from latinpc.scenes import make
@@ -103,3 +106,24 @@ def test_a_preconditioner_tells_that_insides_stay(tmp_path):
     with default_options({"pc_latin_condense": False}):
         pc.setFromOptions()
     assert "the insides of subdomains are not eliminated first" in shown(pc, tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("factor", "options", "told"),
+    [
+        (1.0, {"polish": 1}, r"polish from indicator \S+ on, last solve"),
+        (1e6, {}, "stalled: rescue by Newton's method,"),
+    ],
+)
+def test_newtons_method_behind_the_iteration_is_shown(factor, options, told, tmp_path):
+    """How many steps and linear stages the polish or the rescue of the last solve took, and its solver."""
+    links = latinpc.Links.from_scene(contrast(factor), comm=PETSc.COMM_SELF)
+    snes = links.create_snes()
+    snes.setTolerances(stol=1e-8)
+    with default_options({f"snes_latin_{key}": value for key, value in {"subdomains": 8, **options}.items()}):
+        snes.setFromOptions()
+    told += r" [1-9]\d* steps and [1-9]\d* linear stages:\n.*type: newtonls"
+    assert not re.search(told, shown(snes, tmp_path), re.DOTALL)
+    snes.solve(None, links.create_vec())
+    assert snes.reason > 0
+    assert re.search(told, shown(snes, tmp_path), re.DOTALL)
