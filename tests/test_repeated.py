@@ -71,7 +71,7 @@ def pages():
 
 for life in range(1001):
     if life in (200, 600, 1000):
-        print("pages", life, pages(), flush=True)
+        print(f"pages {life} {pages()}\\n", end="", flush=True)  # in one piece
     live()
 """
 

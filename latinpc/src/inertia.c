@@ -51,7 +51,7 @@ PetscErrorCode LatinLinksSetMass(LatinLinks links, const PetscReal mass[])
   LatinAgree(PetscObjectComm((PetscObject)links), bad >= 0, PETSC_ERR_ARG_OUTOFRANGE, "Node %" PetscInt_FMT " has mass %g; a mass is a finite number, not negative", links->nodes_start + bad, (double)mass[bad]);
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &sum, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)links)));
   LatinAgree(PetscObjectComm((PetscObject)links), !(sum > 0.0), PETSC_ERR_ARG_OUTOFRANGE, "No node has a mass: nothing resists acceleration");
-  if (!links->mass) PetscCall(PetscMalloc1(links->nodes_local, &links->mass));
+  if (!links->mass) PetscCall(PetscMalloc1(links->nodes_local + 1, &links->mass)); /* never NULL where there are masses */
   PetscCall(PetscArraycpy(links->mass, mass, links->nodes_local));
   PetscCall(VecDestroy(&links->inertia));
   PetscCall(PetscObjectStateIncrease((PetscObject)links));
