@@ -19,7 +19,8 @@ door, at = sys.argv[1], int(sys.argv[2])
 fail_from = ctypes.CDLL(None).FailFrom
 fail_from.argtypes, fail_from.restype = [ctypes.c_long], ctypes.c_long
 bars = door in ("pc", "ksp", "matis")
-scene = make("impact-grid" if door == "ts" else "truss-grid" if bars else "tensegrity-grid", modules=8, subdomains=4)
+moves = door in ("attach", "ts")
+scene = make("impact-grid" if moves else "truss-grid" if bars else "tensegrity-grid", modules=8, subdomains=4)
 if "metis" in sys.argv:
     scene.subdomain = None
 
@@ -48,6 +49,10 @@ def linear(links, u):
 
 
 def motion(links):
+    if door == "attach":
+        ts = PETSc.TS().create()
+        fail_from(at)
+        return links.attach(ts)
     ts = links.create_ts()
     u, v = ts.getSolution2()
     ts.setTimeStep(1e-3)
@@ -67,6 +72,10 @@ def static(links, u):
         own = fail_from(0)  # SNESSolve() duplicates u before anything is ours
         fail_from(at and own + at)
     snes.solve(None, u)
+    if door == "digits":
+        u.duplicate(), u.duplicate()
+        fail_from(at)
+        latinpc.digits(snes)
 
 
 try:
@@ -77,14 +86,14 @@ try:
     u = links.create_vec()
     if bars:
         linear(links, u)
-    elif door == "ts":
+    elif moves:
         motion(links)
     elif door == "results":
         J = links.dm.createMat()
         fail_from(at)
         links.jacobian(u, J)
         links.energy(u), links.errors(u, u), links.tensions(u), links.displacements(u)
-    elif door == "snes":
+    elif door in ("snes", "digits"):
         static(links, u)
     print(f"solved after {count or fail_from(0)} allocations\\n", end="", flush=True)
 except PETSc.Error as error:
@@ -149,7 +158,7 @@ def test_a_failure_inside_a_collective_call_ends_the_program(solve, door):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("door", ["links", "results", "snes", "pc", "ksp", "matis", "ts"])
+@pytest.mark.parametrize("door", ["links", "results", "snes", "digits", "pc", "ksp", "matis", "attach", "ts"])
 @pytest.mark.parametrize("rank", [0, 1])
 def test_memory_that_runs_out_on_one_rank_is_no_deadlock(solve, door, rank):
     solved = solve(rank, at=10**9, door=door)

@@ -121,27 +121,7 @@ static PetscErrorCode LatinBoundNorm_Private(LatinLinks links, Vec u, PetscReal 
   PetscFunctionReturn(0);
 }
 
-/*@C
-  LatinGetEnergyBound - An upper bound of the error of a solution in the energy norm, for linear structures.
-
-  Collective on snes
-
-  Input Parameter:
-. snes - of any type, after a solve; its DM is that of a structure of bars only
-
-  Output Parameters:
-+ bound    - of |u* - u|, the square root of the sum of k (e* - e)^2 over all links; may be NULL
-- relative - of the same over |u*|; may be NULL
-
-  Level: intermediate
-
-  Note:
-  It costs the set-up of a `PCLATIN` and some ten linear stages. The relative bound is infinite while the error may be
-  as large as the solution.
-
-.seealso: `SNESLatinGetEstimates()`, `LatinLinksComputeErrors()`
-@*/
-PetscErrorCode LatinGetEnergyBound(SNES snes, PetscReal *bound, PetscReal *relative)
+static PetscErrorCode LatinGetEnergyBound_Private(SNES snes, PetscReal *bound, PetscReal *relative)
 {
   LatinLinks links;
   DM         dm;
@@ -152,7 +132,6 @@ PetscErrorCode LatinGetEnergyBound(SNES snes, PetscReal *bound, PetscReal *relat
   PetscReal  upper = 0.0, norm = 0.0, rounding = 0.0;
 
   PetscFunctionBegin;
-  PetscValidHeaderSpecific(snes, SNES_CLASSID, 1);
   PetscCall(SNESGetDM(snes, &dm));
   PetscCall(LatinLinksFromDM_Private(dm, &links));
   PetscCheck(links, PetscObjectComm((PetscObject)snes), PETSC_ERR_ORDER, "The energy bound needs a structure: LatinLinksAttachSNES() comes first (in Python, latinpc.Links(...).attach(snes))");
@@ -179,5 +158,33 @@ PetscErrorCode LatinGetEnergyBound(SNES snes, PetscReal *bound, PetscReal *relat
   PetscCall(PCDestroy(&pc));
   PetscCall(MatDestroy(&K));
   PetscCall(VecDestroy(&r));
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  LatinGetEnergyBound - An upper bound of the error of a solution in the energy norm, for linear structures.
+
+  Collective on snes
+
+  Input Parameter:
+. snes - of any type, after a solve; its DM is that of a structure of bars only
+
+  Output Parameters:
++ bound    - of |u* - u|, the square root of the sum of k (e* - e)^2 over all links; may be NULL
+- relative - of the same over |u*|; may be NULL
+
+  Level: intermediate
+
+  Note:
+  It costs the set-up of a `PCLATIN` and some ten linear stages. The relative bound is infinite while the error may be
+  as large as the solution.
+
+.seealso: `SNESLatinGetEstimates()`, `LatinLinksComputeErrors()`
+@*/
+PetscErrorCode LatinGetEnergyBound(SNES snes, PetscReal *bound, PetscReal *relative)
+{
+  PetscFunctionBegin;
+  PetscValidHeaderSpecific(snes, SNES_CLASSID, 1);
+  LatinWatch(PetscObjectComm((PetscObject)snes), LatinGetEnergyBound_Private(snes, bound, relative));
   PetscFunctionReturn(0);
 }

@@ -166,40 +166,14 @@ static PetscErrorCode LatinDigitsMove_Private(const LatinAround *around, Vec r, 
   PetscFunctionReturn(0);
 }
 
-/*@C
-  LatinGetDigits - How far a solution is from equilibrium, and what the rounding of numbers makes of it.
-
-  Collective on snes
-
-  Input Parameter:
-. snes - of any type, after a solve; its DM is that of a structure without rigid links
-
-  Output Parameters:
-+ unbalance - what the forces that are left without balance move
-. rounding  - what the rounding of displacements, elongations and tensions moves: least error of any solver in this precision
-. places    - the same of the rounding of coordinates
-- values    - the same of stiffnesses, prestrains and loads
-
-  Level: intermediate
-
-  Notes:
-  All are relative, in the l2 norm of the free displacements; the last three are root mean squares over random roundings.
-  Divided by the unit roundoff, 1.1e-16, they are condition numbers of this solution. Each may be NULL.
-
-  It costs the set-up of a `PCLATIN` and ten linear solves, options prefix `-latin_digits_`.
-
-.seealso: `LatinGetEnergyBound()`, `SNESLatinGetEstimates()`
-@*/
-PetscErrorCode LatinGetDigits(SNES snes, PetscReal *unbalance, PetscReal *rounding, PetscReal *places, PetscReal *values)
+static PetscErrorCode LatinGetDigits_Private(SNES snes, PetscReal *unbalance, PetscReal *const found[LATIN_DIGITS_KINDS])
 {
-  LatinAround around                    = {NULL};
-  PetscReal  *found[LATIN_DIGITS_KINDS] = {rounding, places, values};
+  LatinAround around = {NULL};
   PetscReal   one;
   DM          dm;
   Vec         r, moved;
 
   PetscFunctionBegin;
-  PetscValidHeaderSpecific(snes, SNES_CLASSID, 1);
   PetscCall(SNESGetDM(snes, &dm));
   PetscCall(LatinLinksFromDM_Private(dm, &around.links));
   PetscCheck(around.links, PetscObjectComm((PetscObject)snes), PETSC_ERR_ORDER, "The digits of a solution need a structure: LatinLinksAttachSNES() comes first (in Python, latinpc.Links(...).attach(snes))");
@@ -227,5 +201,39 @@ PetscErrorCode LatinGetDigits(SNES snes, PetscReal *unbalance, PetscReal *roundi
   PetscCall(PetscFree(around.x));
   PetscCall(VecDestroy(&moved));
   PetscCall(VecDestroy(&r));
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  LatinGetDigits - How far a solution is from equilibrium, and what the rounding of numbers makes of it.
+
+  Collective on snes
+
+  Input Parameter:
+. snes - of any type, after a solve; its DM is that of a structure without rigid links
+
+  Output Parameters:
++ unbalance - what the forces that are left without balance move
+. rounding  - what the rounding of displacements, elongations and tensions moves: least error of any solver in this precision
+. places    - the same of the rounding of coordinates
+- values    - the same of stiffnesses, prestrains and loads
+
+  Level: intermediate
+
+  Notes:
+  All are relative, in the l2 norm of the free displacements; the last three are root mean squares over random roundings.
+  Divided by the unit roundoff, 1.1e-16, they are condition numbers of this solution. Each may be NULL.
+
+  It costs the set-up of a `PCLATIN` and ten linear solves, options prefix `-latin_digits_`.
+
+.seealso: `LatinGetEnergyBound()`, `SNESLatinGetEstimates()`
+@*/
+PetscErrorCode LatinGetDigits(SNES snes, PetscReal *unbalance, PetscReal *rounding, PetscReal *places, PetscReal *values)
+{
+  PetscReal *const found[LATIN_DIGITS_KINDS] = {rounding, places, values};
+
+  PetscFunctionBegin;
+  PetscValidHeaderSpecific(snes, SNES_CLASSID, 1);
+  LatinWatch(PetscObjectComm((PetscObject)snes), LatinGetDigits_Private(snes, unbalance, found));
   PetscFunctionReturn(0);
 }

@@ -39,6 +39,24 @@ static PetscErrorCode LatinLinksJacobian_TS(TS ts, PetscReal t, Vec u, Vec v, Ve
   PetscFunctionReturn(0);
 }
 
+static PetscErrorCode LatinLinksAttachTS_Private(LatinLinks links, TS ts)
+{
+  LatinLinks step;
+
+  PetscFunctionBegin;
+  PetscCall(PetscObjectQuery((PetscObject)ts, "LatinLinks", (PetscObject *)&step));
+  if (step && step->base == links) PetscFunctionReturn(0);
+  if (step) PetscCall(TSReset(ts)); /* it is set up for another structure, and its solution is that one's */
+  PetscCall(LatinLinksInertia_Private(links));
+  PetscCall(LatinStepCreate_Private(links, &step));
+  PetscCall(TSSetDM(ts, step->dm));
+  PetscCall(TSSetI2Function(ts, NULL, LatinLinksFunction_TS, step));
+  PetscCall(TSSetI2Jacobian(ts, NULL, NULL, LatinLinksJacobian_TS, step));
+  PetscCall(PetscObjectCompose((PetscObject)ts, "LatinLinks", (PetscObject)step));
+  PetscCall(PetscObjectDereference((PetscObject)step));
+  PetscFunctionReturn(0);
+}
+
 /*@C
   LatinLinksAttachTS - Gives a TS the motion of a structure: M a + B^t tau = F.
 
@@ -55,21 +73,10 @@ static PetscErrorCode LatinLinksJacobian_TS(TS ts, PetscReal t, Vec u, Vec v, Ve
 @*/
 PetscErrorCode LatinLinksAttachTS(LatinLinks links, TS ts)
 {
-  LatinLinks step;
-
   PetscFunctionBegin;
   PetscValidHeaderSpecific(links, LATIN_LINKS_CLASSID, 1);
   PetscValidHeaderSpecific(ts, TS_CLASSID, 2);
-  PetscCall(PetscObjectQuery((PetscObject)ts, "LatinLinks", (PetscObject *)&step));
-  if (step && step->base == links) PetscFunctionReturn(0);
-  if (step) PetscCall(TSReset(ts)); /* it is set up for another structure, and its solution is that one's */
-  PetscCall(LatinLinksInertia_Private(links));
-  PetscCall(LatinStepCreate_Private(links, &step));
-  PetscCall(TSSetDM(ts, step->dm));
-  PetscCall(TSSetI2Function(ts, NULL, LatinLinksFunction_TS, step));
-  PetscCall(TSSetI2Jacobian(ts, NULL, NULL, LatinLinksJacobian_TS, step));
-  PetscCall(PetscObjectCompose((PetscObject)ts, "LatinLinks", (PetscObject)step));
-  PetscCall(PetscObjectDereference((PetscObject)step));
+  LatinWatch(PetscObjectComm((PetscObject)links), LatinLinksAttachTS_Private(links, ts));
   PetscFunctionReturn(0);
 }
 
