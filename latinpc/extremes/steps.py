@@ -5,16 +5,19 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from petsc4py import PETSc
 
 from latinpc.peers.arrays import elongations
 from latinpc.scenes.scene import Law
 
+from .case import ACCURACY
 from .conditions import missed
 from .exact import solve_exactly
 
 CLOSED = 1e-4  # of the free flight of a step: smaller gaps are closed, as TS latin has it
-NOTHING = 16 * np.finfo(float).eps  # of the strains: less is their rounding
-REST = 1e-6  # of what moved before, or would without links: less is rest
+EPSILON = float(np.finfo(PETSc.RealType).eps)
+NOTHING = 16 * EPSILON  # of the strains: less is their rounding
+REST = max(1e-6, EPSILON / ACCURACY)  # of what moved before, or would without links: less is rest, or its rounding
 
 
 def as_statics(scene, u, v):
@@ -77,7 +80,8 @@ def motion_error(case, scene, u, v, tensions):
     """
     if case.solution is not None:
         known = case.solution(scene)
-        return max(_far(found, exact, scene.velocity) for found, exact in zip(v[1:], known)), "closed form"
+        moved = (scene.velocity, _flight(scene))
+        return max(_far(found, exact, *moved) for found, exact in zip(v[1:], known)), "closed form"
     worst, kinds = 0.0, set()
     for k in range(case.steps):
         error, kind = _step_error(scene, u[k], v[k], v[k + 1], tensions[k + 1])
@@ -93,6 +97,12 @@ def _far(found, known, *before):
     return float(far / size) if size > 0 else float(far)
 
 
+def _flight(scene):
+    """Return what loads add to velocities in a step where no links are."""
+    heavy = scene.mass[:, None] > 0
+    return np.divide(scene.load * scene.time_step, scene.mass[:, None], where=heavy, out=np.zeros(scene.load.shape))
+
+
 def _step_error(scene, u, v, found, tensions):
     h = scene.time_step
     statics, kept = as_statics(scene, u, v)
@@ -104,5 +114,4 @@ def _step_error(scene, u, v, found, tensions):
         return missed(statics, w, bears), "conditions"
     if np.linalg.norm(found - exact[:-1] / h) * h <= NOTHING * np.linalg.norm(statics.prestrain):
         return 0.0, "nothing moves but by rounding"
-    flight = np.divide(statics.load[:-1] * h, scene.mass[:, None], where=scene.mass[:, None] > 0, out=np.zeros(u.shape))
-    return _far(found, exact[:-1] / h, v, u / h, flight), "exact"
+    return _far(found, exact[:-1] / h, v, u / h, v + _flight(scene)), "exact"
