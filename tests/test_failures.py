@@ -117,7 +117,11 @@ def solve(program, compile_c):
     def launch(rank, what="", *options, at=0, door="snes"):
         env = {"LD_PRELOAD": str(shim), "LATINPC_FAIL_RANK": str(rank), "LATINPC_FAIL": what}
         return run(
-            ["mpirun", "-n", 2, sys.executable, program, door, at, what, *options], env=env, check=False, timeout=120
+            ["mpirun", "-n", 2, sys.executable, program, door, at, what, *options],
+            env=env,
+            check=False,
+            timeout=120,
+            leaks=False,
         )
 
     return launch

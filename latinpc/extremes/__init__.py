@@ -25,7 +25,7 @@ import pathlib
 import subprocess
 import sys
 import tempfile
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields, replace
 
 import numpy as np
 from petsc4py import PETSc
@@ -85,6 +85,7 @@ def run(case):
         if kind == "matrix":
             scene.save(folder / "scene.npz")
         else:
+            scene = _in_this_precision(scene)
             save_scene(folder / "scene.npz", scene)
         task = {"scene": str(folder / "scene.npz"), "options": case.options, "kind": kind, "steps": case.steps,
                 "answer": str(folder / "answer.json"), "solution": str(folder / "solution.npz")}  # fmt: skip
@@ -105,6 +106,13 @@ def run(case):
         found = json.loads(answer.read_text())
         solution = dict(np.load(task["solution"])) if found.get("solved") else {"u": None}
     return _judge(case, scene, found, **solution)
+
+
+def _in_this_precision(scene):
+    """Return the scene as the solver will have it: in single precision its numbers are others."""
+    told = {field.name: getattr(scene, field.name) for field in fields(scene)}
+    told = {name: value for name, value in told.items() if isinstance(value, np.ndarray) and value.dtype.kind == "f"}
+    return replace(scene, **{name: value.astype(PETSc.RealType).astype(float) for name, value in told.items()})
 
 
 def _outcome(case, verdict, reason, **more):

@@ -181,6 +181,8 @@ static PetscErrorCode SNESLatinPrepare_Private(SNES snes)
   PetscFunctionBegin;
   PetscCheck(!PetscIsInfOrNanReal(snes->stol) && !PetscIsInfOrNanReal(snes->rtol) && !PetscIsInfOrNanReal(snes->abstol) && !PetscIsNanReal(snes->divtol), PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_OUTOFRANGE,
              "A tolerance is not a finite number: stol %g, rtol %g, atol %g, divergence tolerance %g; give others with -snes_stol and so on, or SNESSetTolerances()", (double)snes->stol, (double)snes->rtol, (double)snes->abstol, (double)snes->divtol);
+  PetscCheck(data->stop != LATIN_STOP_ERROR || latin->links->rigid_law < 0 || LatinByPrecision(PETSC_TRUE, PETSC_FALSE), PetscObjectComm((PetscObject)snes), PETSC_ERR_SUP,
+             "-snes_latin_stop error does not know the error of structures with links of the rigid law %s in single precision: take the stop indicator (-snes_stol), or a PETSc in double precision", LatinLaws[latin->links->rigid_law].name);
   if (data->history_size < PetscMin(snes->max_its, LATIN_HISTORY)) {
     PetscCall(PetscFree4(data->indicator, data->error_l2, data->error_energy, data->estimates));
     data->history_size = PetscMin(snes->max_its, LATIN_HISTORY);
