@@ -85,7 +85,10 @@ def run(case):
         if kind == "matrix":
             scene.save(folder / "scene.npz")
         else:
-            scene = _in_this_precision(scene)
+            try:
+                scene = _in_this_precision(scene)
+            except ValueError as error:  # nodes that are one in single precision
+                return _outcome(case, _refusal(case, str(error)), str(error))
             save_scene(folder / "scene.npz", scene)
         task = {"scene": str(folder / "scene.npz"), "options": case.options, "kind": kind, "steps": case.steps,
                 "answer": str(folder / "answer.json"), "solution": str(folder / "solution.npz")}  # fmt: skip
