@@ -78,7 +78,7 @@ def _matrix(task):
     ksp.setOperators(matrix)
     ksp.setFromOptions()
     x, b = matrix.createVecs()
-    b.setArray(elements.load[slice(*b.getOwnershipRange())])
+    b.setArray(elements.load[slice(*b.getOwnershipRange())].astype(PETSc.ScalarType))
     ksp.solve(b, x)
     scatter, whole = PETSc.Scatter.toZero(x)
     scatter.scatter(x, whole)
