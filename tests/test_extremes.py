@@ -125,6 +125,17 @@ def test_exact_solution_of_a_matrix():
     assert matrices.square(tensor=(1e-12, 1.0)).errors(np.zeros(81))[1] > 1e-5
 
 
+@pytest.mark.parametrize(("error", "rounding", "verdict"), [
+    (1e-7, 1e-9, "right"), (1e-4, 1e-9, "wrong"), (1e-4, 1e-4, "right"), (1e-2, 1e-4, "wrong"),
+    (0.2, 0.5, "wrong"), (np.inf, np.inf, "wrong"),
+])  # fmt: skip
+def test_the_judge_of_matrices(error, rounding, verdict, monkeypatch):
+    """Rounding of the entries excuses no more than it moves, and nothing where no digit is left."""
+    elements = matrices.square()
+    monkeypatch.setattr(matrices.Elements, "errors", lambda self, x: (error, rounding))
+    assert judged({}, np.zeros(81), scene=elements) == verdict
+
+
 QUICK = (
     "contrast 1e8 between bars beside them", "20 without room, load 1", "contact, load of 1e12",
     "cables, contrast 1e8 between links", "cables, contrast 1e-8 in one half", "1e6 times the self-tuned one",
