@@ -12,7 +12,7 @@
 #   make coverage      the quick tests; which lines of C and Python they run, in build/coverage
 #   make bench         the benchmarks, their tables and figures; BENCH=full adds the large ones
 #   make format-check  clang-format and ruff, as CI runs them; `make format` applies them
-#   make lint          ruff's rules
+#   make lint          ruff's rules, and the order of folders (.ci/floors.py)
 #   make clean         remove what was built; `make distclean` removes .venv* too
 
 SHELL       := /bin/bash
@@ -63,7 +63,9 @@ endif
 BIN     := $(VENV)/bin
 extra    = $(shell $(BIN)/python -c "import tomllib; \
              print(*tomllib.load(open('pyproject.toml', 'rb'))['project']['optional-dependencies']['$(1)'])")
-C_FILES := $(wildcard latinpc/src/*.[ch] latinpc/include/*.h tests/*.c examples/*.c)
+# what .ci/floors.py checks: c, python
+FLOORS  := c python
+C_FILES := $(wildcard latinpc/src/*.[ch] latinpc/src/*/*.[ch] latinpc/include/*.h tests/*.c examples/*.c)
 
 # Debian's petsc4py goes with Debian's PETSc, whatever else the shell points to
 unexport PETSC_DIR PETSC_ARCH PYTHONPATH PYTHONHOME PETSC_OPTIONS
@@ -180,6 +182,7 @@ format-check: env
 
 lint: env
 	$(BIN)/ruff check
+	$(BIN)/python .ci/floors.py $(FLOORS)
 
 clean:
 	rm -rf build demo latinpc/*.so .pytest_cache .ruff_cache .hypothesis

@@ -22,9 +22,9 @@ import lcp  # noqa: E402
 from petsc4py import PETSc  # noqa: E402
 
 import latinpc  # noqa: E402
-from latinpc.peers.qp import kinematics  # noqa: E402
+from latinpc.bench.peers.qp import kinematics  # noqa: E402
+from latinpc.runs.options import default_options  # noqa: E402
 from latinpc.scenes import Law, make  # noqa: E402
-from latinpc.solve import default_options  # noqa: E402
 
 EXACT = {"snes_stol": 1e-12, "snes_max_it": 30000}
 AGREE = 1e-8
@@ -57,28 +57,28 @@ def words(scene, options):
 def static(name, **options):
     """Solve a scene to rounding: the command that does so, scene, displacements and tensions."""
     scene = make(name, **options)
-    links = latinpc.Links.from_scene(scene, comm=PETSc.COMM_SELF)
+    structure = latinpc.Structure.from_scene(scene, comm=PETSc.COMM_SELF)
     with default_options(EXACT):
-        snes = links.create_snes()
+        snes = structure.create_snes()
         snes.setFromOptions()
-        u = links.create_vec()
+        u = structure.create_vec()
         snes.solve(None, u)
         assert snes.getConvergedReason() > 0, name
     return (
         f"`{words(name, options)} -snes_stol 1e-12 -snes_max_it 30000`",
         scene,
-        links.displacements(u),
-        links.tensions(u),
+        structure.displacements(u),
+        latinpc.tensions(snes),
     )
 
 
 def steps(scene, h, n=1, **options):
     """Make n time steps from the scene's velocities: displacements, velocities and mean tensions of the last step."""
-    links = latinpc.Links.from_scene(scene, comm=PETSc.COMM_SELF)
-    u, v = links.create_vec(), links.create_vec()
-    links.set_displacements(scene.velocity, v)
+    structure = latinpc.Structure.from_scene(scene, comm=PETSc.COMM_SELF)
+    u, v = structure.create_vec(), structure.create_vec()
+    structure.set_displacements(scene.velocity, v)
     with default_options(EXACT | options):
-        ts = links.create_ts(u, v)
+        ts = structure.create_ts(u, v)
         ts.setTimeStep(h)
         ts.setMaxSteps(n)
         ts.setFromOptions()
@@ -86,7 +86,7 @@ def steps(scene, h, n=1, **options):
             ts.step()
     still = np.where(scene.fixed, 0.0, 1.0)
     tension = latinpc.step_tensions(ts) if ts.getType() == "latin" else None
-    return still * links.displacements(u), still * links.displacements(v), tension
+    return still * structure.displacements(u), still * structure.displacements(v), tension
 
 
 def thrown(scene, mass=20.0, speed=1.0, **changes):
@@ -109,7 +109,7 @@ def truss():
     command, scene, u, _ = static("truss-grid", modules=6, subdomains=9)
     B, e_d = kinematics(scene)
     k = sparse.diags(scene.stiffness)
-    known = spsolve((B.T @ k @ B).tocsc(), scene.load[~scene.fixed] - B.T @ (k @ (e_d + scene.prestrain)))
+    known = spsolve((B.T @ k @ B).tocsc(), scene.load[~scene.fixed] - B.T @ (k @ (e_d + scene.initial_elongation)))
     return Row("(13)", "truss", command, "sparse LU", {"displacements": apart(u[~scene.fixed], known)})
 
 
@@ -150,7 +150,7 @@ def tensegrity():
     command, scene, u, tension = static("tensegrity-grid", modules=3, subdomains=9, slack=0.15)
     cable, length, known = lcp.tensegrity(scene)
     B, e_d = kinematics(scene)
-    corrected = tension[cable] / scene.stiffness[cable] - (B @ u[~scene.fixed] + e_d + scene.prestrain)[cable]
+    corrected = tension[cable] / scene.stiffness[cable] - (B @ u[~scene.fixed] + e_d + scene.initial_elongation)[cable]
     unique = {"corrected lengths": apart(corrected, length), "tensions": apart(tension[cable], known)}
     return Row("(18), (19)", "tensegrity", command, "Lemke", unique)
 
@@ -166,7 +166,7 @@ def smooth_motion():
     omega = np.sqrt(np.maximum(omega2, 0.0))
     # prestress is balanced: with q = 0 at rest, z = q' + i omega q obeys z+ (1 - i omega h) = z
     rest = -np.linalg.solve(
-        (B.T @ sparse.diags(scene.stiffness) @ B).toarray(), B.T @ (scene.stiffness * scene.prestrain)
+        (B.T @ sparse.diags(scene.stiffness) @ B).toarray(), B.T @ (scene.stiffness * scene.initial_elongation)
     )
     z = modes.T @ (mass * scene.velocity[free]) - 1j * omega * (modes.T @ (mass * rest))
     z = z / (1.0 - 1j * omega * h) ** n
@@ -194,7 +194,10 @@ def inextensible(scene, bars=True):
     law = np.where((scene.law == Law.CABLE) | (not bars), Law.INEXTENSIBLE, scene.law)
     bar = law == Law.BAR
     return replace(
-        scene, law=law, prestrain=np.where(bar, scene.prestrain, 0.0), stiffness=np.where(bar, scene.stiffness, 0.0)
+        scene,
+        law=law,
+        initial_elongation=np.where(bar, scene.initial_elongation, 0.0),
+        stiffness=np.where(bar, scene.stiffness, 0.0),
     )
 
 

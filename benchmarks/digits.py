@@ -8,23 +8,23 @@ norm, against solutions in exact arithmetic or in closed form; the last three co
 
 from dataclasses import replace
 
-from latinpc import Links, digits
-from latinpc.extremes import catalogue
-from latinpc.extremes.exact import solve_exactly
-from latinpc.peers.arrays import errors
+from latinpc import Structure, digits
+from latinpc.bench.extremes import catalogue
+from latinpc.bench.extremes.exact import solve_exactly
+from latinpc.runs.options import default_options
 from latinpc.scenes import Law
-from latinpc.solve import default_options
+from latinpc.scenes.mechanics import errors
 
 REFINED = {
     f"snes_latin_{where}_ksp_{key}": value
     for where in ("local", "coarse")
     for key, value in (("type", "richardson"), ("max_it", 3), ("norm_type", "none"))
 }
-ALONE = {"snes_latin_rescue": 0}
+ALONE = {"snes_latin_newton": "never"}
 WAYS = {
     "iteration alone": ALONE,
     "local, coarse solves refined": ALONE | REFINED,
-    "polished": ALONE | {"snes_latin_polish": True},
+    "finished by Newton": {"snes_latin_newton": "always"},
     "by default": {},
     "Newton, CHOLMOD": {
         "snes_type": "newtonls", "snes_linesearch_type": "basic", "ksp_type": "preonly", "pc_type": "cholesky",
@@ -60,16 +60,16 @@ def main():
     print(f"| structure | {' | '.join(WAYS)} | rounding | coordinates | other data |")
     print("| --- |" + " ---: |" * (len(WAYS) + 3))
     for name, scene in scenes():
-        links = Links.from_scene(scene)
+        structure = Structure.from_scene(scene)
         exact, row, told = None, [], {}
         parts = max(catalogue.SUBDOMAINS, len(scene.links) // 1000)
         for way, options in WAYS.items():
             common = {"snes_latin_subdomains": parts, "snes_stol": 1e-15, "snes_max_it": 300}
             with default_options(common | options):
-                snes, u = links.create_snes(), links.create_vec()
+                snes, u = structure.create_snes(), structure.create_vec()
                 snes.setFromOptions()
                 snes.solve(None, u)
-                found = links.displacements(u)
+                found = structure.displacements(u)
                 if way == "by default":
                     told = digits(snes)
                 snes.destroy()

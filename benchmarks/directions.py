@@ -12,7 +12,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 import run
 
 #: The default fraction of each type.
-FRACTION = {"scalar": 0.08, "diagonal": 0.08, "block": 0.25, "schur": 1.0}
+FRACTION = {"diagonal": 0.08, "block": 0.25, "schur": 1.0}
 FACTORS = (1 / 8, 1 / 4, 1 / 2, 1 / 1.4, 1, 1.4, 2, 4, 8)
 SCENES = ("tensegrity-grid 12", "tensegrity-grid 24", "tensegrity-grid 48", "truss-grid 24", "tensegrity-grid 24 metis",
           "truss-grid 24 metis", "network 1000", "lattice 64 x 32")  # fmt: skip
@@ -23,7 +23,7 @@ def main():
     print("| direction | fraction |", " | ".join(SCENES), "|")
     for direction, default in FRACTION.items():
         for factor in FACTORS:
-            options = {"snes_latin_direction": direction, "snes_latin_direction_fraction": factor * default}
+            options = {"snes_latin_direction": direction, "snes_latin_direction_value": factor * default}
             counts = {name: run.count(name, {**options, "snes_max_it": 200}) for name in SCENES}
             found[f"{direction} {factor * default:.3g}"] = counts
             cells = (" / ".join(str(value or "–") for value in counts[name].values()) for name in SCENES)

@@ -22,8 +22,9 @@ petsc4py.init(["dynamics"])
 from petsc4py import PETSc  # noqa: E402
 
 import latinpc  # noqa: E402
+from latinpc.runs.options import default_options  # noqa: E402
+from latinpc.runs.report import versions  # noqa: E402
 from latinpc.scenes import make  # noqa: E402
-from latinpc.solve import default_options, versions  # noqa: E402
 
 NEWTON = {
     "snes_type": "newtonls", "snes_linesearch_type": "none", "snes_rtol": 1e-12, "snes_stol": 1e-4, "snes_max_it": 50,
@@ -33,11 +34,11 @@ NEWTON = {
 EVENTS = ("LatinSetUp", "MatCholFctrNum")
 
 
-def stepper(links, h, options):
+def stepper(structure, h, options):
     """Make a TS with its own displacements and velocities."""
-    u, v = links.create_vec(), links.create_vec()
+    u, v = structure.create_vec(), structure.create_vec()
     with default_options(options):
-        ts = links.create_ts(u, v)
+        ts = structure.create_ts(u, v)
         ts.setTimeStep(h)
         ts.setMaxSteps(10**9)
         ts.setFromOptions()
@@ -57,10 +58,10 @@ def timed_step(ts):
 
 def run(scene, h, steps, every, stop):
     """Move the scene; returns one row of the table."""
-    links = latinpc.Links.from_scene(scene, comm=PETSc.COMM_SELF)
-    ts, u, v = stepper(links, h, {"snes_stol": stop})
-    newton, nu, nv = stepper(links, h, NEWTON)
-    links.set_displacements(scene.velocity, v)
+    structure = latinpc.Structure.from_scene(scene, comm=PETSc.COMM_SELF)
+    ts, u, v = stepper(structure, h, {"snes_stol": stop})
+    newton, nu, nv = stepper(structure, h, NEWTON)
+    structure.set_displacements(scene.velocity, v)
     iterations, seconds, errors, newton_steps, newton_seconds = [], [], [], [], []
     PETSc.Log.begin()
     for k in range(steps):
@@ -81,7 +82,7 @@ def run(scene, h, steps, every, stop):
                 assert counts() == before, "something was built again"
             nv.axpy(-1.0, v)
             errors.append(nv.norm() / v.norm())
-    slack = np.mean(links.tensions(u)[scene.law == latinpc.Law.CABLE] == 0.0)
+    slack = np.mean(structure.tensions(u)[scene.law == latinpc.Law.CABLE] == 0.0)
     return {
         "step": h, "steps": steps, "stop": stop, "iterations_mean": float(np.mean(iterations[1:])),
         "iterations_max": int(max(iterations)), "error_mean": float(np.mean(errors)), "error_max": float(max(errors)),

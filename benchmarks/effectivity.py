@@ -13,6 +13,7 @@ TEST = {"seed": 3, "cases": 240}
 BOUNDED = {"seed": 7, "cases": 60}
 TARGETS = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
 NORMS = ("l2", "energy")
+STOPS = {"l2": "error", "energy": "energy"}
 QUANTILES = (0.0, 0.05, 0.5, 0.95, 1.0)
 MAX_IT = 200
 SLACK = (0.0, 0.05, 0.09, 0.15, 0.25)
@@ -47,11 +48,12 @@ def draw(rng):
     options["snes_latin_variant"] = str(rng.choice(["none", "macro", "corner"], p=[0.25, 0.25, 0.5]))
     if rng.random() < 0.3:
         options["snes_latin_direction"] = "scalar"
-    options["snes_latin_direction_fraction"] = float(rng.choice([0.02, 0.04, 0.08, 0.16], p=[0.1, 0.2, 0.5, 0.2]))
+    else:
+        options["snes_latin_direction_value"] = float(rng.choice([0.02, 0.04, 0.08, 0.16], p=[0.1, 0.2, 0.5, 0.2]))
     if rng.random() < 0.2:
         options["snes_latin_modes"] = "rigid"
-    if rng.random() < 0.1:
-        options["snes_latin_corners"] = "published"
+    if options["snes_latin_variant"] == "corner" and rng.random() < 0.2:
+        options["snes_latin_variant"] = "published"
     outer = rng.random()
     if outer < 0.3:
         options["snes_latin_outer_snes_type"] = "nrichardson"
@@ -65,9 +67,9 @@ def draw(rng):
 def measure(seed, case):
     """Solve one case of a set, one time for each norm; None where the structure has no reference."""
     import latinpc
-    from latinpc.peers.reference import by_newton
+    from latinpc.bench.peers.reference import by_newton
+    from latinpc.runs.solve import solve
     from latinpc.scenes import make
-    from latinpc.solve import solve
 
     name, made, options = draw(np.random.default_rng([seed, case]))
     try:
@@ -75,13 +77,13 @@ def measure(seed, case):
         reference, about = by_newton(scene, TARGETS[-1])
     except (RuntimeError, ValueError) as error:
         return {"case": case, "scene": name, "made": made, "skipped": str(error)}
-    links = latinpc.Links.from_scene(scene)
-    given = links.create_vec()
-    links.set_displacements(reference, given)
+    structure = latinpc.Structure.from_scene(scene)
+    given = structure.create_vec()
+    structure.set_displacements(reference, given)
     record = {"case": case, "scene": name, "made": made, "options": options, "reference": about["accuracy"]}
     for norm in NORMS:
-        stop = {"snes_latin_stop": "error", "snes_latin_error": 0.1 * TARGETS[-1], "snes_latin_error_norm": norm}
-        history = solve(scene, {"snes_max_it": MAX_IT, **options, **stop}, reference=given, links=links).history
+        stop = {"snes_latin_stop": STOPS[norm], "snes_latin_error": 0.1 * TARGETS[-1]}
+        history = solve(scene, {"snes_max_it": MAX_IT, **options, **stop}, reference=given, structure=structure).history
         record[norm] = {
             "error": history[f"error_{norm}"],
             "estimate": history["estimate"],
@@ -95,29 +97,29 @@ def bounds(chosen):
     from dataclasses import replace
 
     import latinpc
-    from latinpc.peers.reference import by_newton
+    from latinpc.bench.peers.reference import by_newton
+    from latinpc.runs.options import default_options
     from latinpc.scenes import Law, make
-    from latinpc.solve import default_options
 
     ratios = []
     for case in range(chosen["cases"]):
         name, made, options = draw(np.random.default_rng([chosen["seed"], case]))
         scene = make(name, **made)
         scene = replace(scene, law=np.full(len(scene.links), Law.BAR))
-        links = latinpc.Links.from_scene(scene)
-        solution, u = links.create_vec(), links.create_vec()
+        structure = latinpc.Structure.from_scene(scene)
+        solution, u = structure.create_vec(), structure.create_vec()
         true = by_newton(scene, 1e-9)[0]
-        links.set_displacements(true, solution)
+        structure.set_displacements(true, solution)
         first, second = scene.links.T
         direction = scene.nodes[second] - scene.nodes[first]
         direction /= np.linalg.norm(direction, axis=1)[:, None]
         size = np.sqrt(scene.stiffness @ np.sum(direction * (true[second] - true[first]), axis=1) ** 2)
         for tolerance in (1e-1, 1e-3, 1e-6):
             with default_options({**options, "snes_type": "latin", "snes_stol": tolerance, "snes_max_it": 60}):
-                snes = links.create_snes()
+                snes = structure.create_snes()
                 snes.setFromOptions()
                 snes.solve(None, u)
-            error = links.errors(u, solution)[1]
+            error = structure.errors(u, solution)[1]
             if error > 1e-8:  # below, rounding has its share in the bound
                 ratios.append(latinpc.energy_bound(snes)[0] / (error * size))
             snes.destroy()

@@ -21,7 +21,7 @@ from petsc4py import PETSc  # noqa: E402
 import latinpc  # noqa: E402
 from latinpc.scenes import make  # noqa: E402
 
-LINK = {dim: 2 * 4 + 8 * dim + 8 + 8 + 4 for dim in (1, 2, 3)}  # ends, direction, stiffness, prestrain, law
+LINK = {dim: 2 * 4 + 8 * dim + 8 + 8 + 4 for dim in (1, 2, 3)}  # ends, direction, stiffness, initial_elongation, law
 EVENTS = {
     "LatinLocal": "local stage", "LatinCondense": "condensed forces", "LatinCoarse": "coarse problem",
     "LatinLinear": "relocalisation, local solves", "SNESFunctionEval": "all of G(z)", "SNESSolve": "all",
@@ -29,7 +29,7 @@ EVENTS = {
 
 
 SETUP = {
-    "LatinSubstruct": "subdomains", "LatinInterface": "interfaces", "LatinDirection": "search directions",
+    "LatinSubdomains": "subdomains", "LatinInterface": "interfaces", "LatinDirection": "search directions",
     "LatinMacro": "macro bases", "LatinLinear": "local operators", "LatinCondense": "condensation",
     "LatinCoarse": "coarse problem", "LatinSetUp": "all of the method", "SNESSetUp": "all, with the outer vectors",
 }  # fmt: skip
@@ -63,9 +63,9 @@ def profile_setup(scene, repeat=3):
         stage = PETSc.Log.Stage(f"set-up {k}")
         stage.push()
         start = time.perf_counter()
-        links = latinpc.Links.from_scene(scene, comm=PETSc.COMM_SELF)
+        structure = latinpc.Structure.from_scene(scene, comm=PETSc.COMM_SELF)
         found = {"links, DMPLEX": 1e3 * (time.perf_counter() - start)}
-        snes = links.create_snes()
+        snes = structure.create_snes()
         snes.setFromOptions()
         snes.setUp()
         stage.pop()
@@ -80,11 +80,11 @@ def measure(scene, repeat=3):
     """Return the profile of one scene: milliseconds of the set-up and of an iteration by event, and the bound."""
     PETSc.Log.begin()
     setup = profile_setup(scene, repeat)
-    links = latinpc.Links.from_scene(scene, comm=PETSc.COMM_SELF)
+    structure = latinpc.Structure.from_scene(scene, comm=PETSc.COMM_SELF)
     PETSc.Options().setValue("snes_stol", 1e-4)
-    snes = links.create_snes()
+    snes = structure.create_snes()
     snes.setFromOptions()
-    u = links.create_vec()
+    u = structure.create_vec()
     snes.solve(None, u)
     best = None
     for k in range(repeat):

@@ -4,9 +4,9 @@ import json
 import re
 from pathlib import Path
 
-from latinpc import compare, extremes
-from latinpc.figures import bars, diagrams, distributions, slackening
-from latinpc.printing import quantity
+from latinpc.bench import compare, extremes
+from latinpc.bench.figures import bars, diagrams, distributions, slackening
+from latinpc.files.units import quantity
 
 HERE = Path(__file__).resolve().parent
 

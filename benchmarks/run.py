@@ -19,7 +19,7 @@ import effectivity  # noqa: E402
 
 RESULTS = HERE / "results"
 COMMAND = [sys.executable, "-P", "-c", "from latinpc.cli import main; main()"]
-PRESETS = {"fast": ("latin", 1e-2), "balanced": ("latin", 1e-4), "accurate": ("latin-newton", 1e-8)}
+PRESETS = {"fast": ("latin", 1e-2), "balanced": ("latin", 1e-4), "accurate": ("latin", 1e-8)}
 
 LARGE = "latin,latin-rigid,newton-cholmod,newton-mumps,newton-gamg,newton-latin"
 GRID = ["tensegrity-grid", "--modules"]
@@ -51,8 +51,8 @@ COUNTED = {
 
 def count(name, options=None):
     """Return the linear stages that SNES latin needs, by default or with other options, per accuracy of a scene."""
-    from latinpc.peers import run
-    from latinpc.peers.reference import by_newton
+    from latinpc.bench.peers import run
+    from latinpc.bench.peers.reference import by_newton
     from latinpc.scenes import make
 
     scene_name, size, accuracies = COUNTED[name]

@@ -4,7 +4,7 @@ python benchmarks/slack.py      writes benchmarks/results/slack.json and the fig
 
 Two structures whose slack share only grows to a limit, however large the loads, and a girder hung from cables that an
 uplift relieves: when the resultant of its loads reaches the first cable, at the factor 1, nothing balances it any more.
-Linear stages until the relative l2 error stays below 1e-4, without the rescue; then what SNES latin does by itself.
+Linear stages until the relative l2 error stays below 1e-4, without Newton's method; then what SNES latin does itself.
 """
 
 import json
@@ -18,12 +18,12 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 from run import RESULTS
 
-from latinpc import Links
-from latinpc.extremes import catalogue
-from latinpc.peers import run
-from latinpc.peers.reference import by_newton
+from latinpc import Structure
+from latinpc.bench.extremes import catalogue
+from latinpc.bench.peers import run
+from latinpc.bench.peers.reference import by_newton
+from latinpc.runs.options import default_options
 from latinpc.scenes import Law, make
-from latinpc.solve import default_options
 
 ACCURACY, MOST = 1e-4, 1000
 GROWING = (0.3, 0.7, 1.0, 1.5, 2.0, 3.0, 5.0, 10.0, 100.0, 1e4)
@@ -37,7 +37,7 @@ def girder(cells=64, height=4, block=4):
     cable = scene.law == Law.CABLE
     stretched = np.where(cable, np.random.default_rng(0).uniform(0.0, 2e-3, len(cable)), 0.0)
     part = np.minimum(scene.nodes[scene.links].min(axis=1)[:, 0] // block, cells // block - 1).astype(int)
-    return replace(scene, prestrain=stretched, subdomain=part), relieved.load - scene.load
+    return replace(scene, initial_elongation=stretched, subdomain=part), relieved.load - scene.load
 
 
 def cases():
@@ -58,13 +58,13 @@ def slack_share(scene, u):
     a, b = scene.links.T
     along = scene.nodes[b] - scene.nodes[a]
     along /= np.linalg.norm(along, axis=1)[:, None]
-    strain = np.einsum("ij,ij->i", u[b] - u[a], along) + scene.prestrain
+    strain = np.einsum("ij,ij->i", u[b] - u[a], along) + scene.initial_elongation
     return float(np.mean(strain[scene.law == Law.CABLE] <= 0.0))
 
 
 def stages(scene, reference, options):
     """Return the linear stages after which the error stays below the accuracy, or None."""
-    bare = {"snes_latin_rescue": 0, "snes_max_it": MOST, "snes_divergence_tolerance": -1}
+    bare = {"snes_latin_newton": "never", "snes_max_it": MOST, "snes_divergence_tolerance": -1}
     outcome = run.solve("latin", scene, None, bare | options, reference=reference, accuracy=ACCURACY)
     below = [i for i, (_, error) in enumerate(outcome.history, 1) if error <= ACCURACY]
     return below[0] if below else None
@@ -72,14 +72,14 @@ def stages(scene, reference, options):
 
 def by_itself(scene, reference):
     """Return what SNES latin says with its defaults, and its error."""
-    links = Links.from_scene(scene)
-    snes, u = links.create_snes(), links.create_vec()
+    structure = Structure.from_scene(scene)
+    snes, u = structure.create_snes(), structure.create_vec()
     with default_options({}):
         snes.setFromOptions()
     snes.solve(None, u)
     error = None
     if reference is not None:
-        error = float(np.linalg.norm(links.displacements(u) - reference) / np.linalg.norm(reference))
+        error = float(np.linalg.norm(structure.displacements(u) - reference) / np.linalg.norm(reference))
     return {"stages": snes.getIterationNumber(), "reason": int(snes.reason), "error_l2": error}
 
 

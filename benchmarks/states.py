@@ -19,8 +19,8 @@ petsc4py.init(sys.argv[:1])
 from petsc4py import PETSc  # noqa: E402
 
 import latinpc  # noqa: E402
+from latinpc.runs.options import default_options  # noqa: E402
 from latinpc.scenes import make  # noqa: E402
-from latinpc.solve import default_options  # noqa: E402
 
 FILES = ("state", "state.h5")
 ROUNDS = 9
@@ -29,10 +29,10 @@ ROUNDS = 9
 def measure(modules, folder):
     """Seconds of writes and reads and bytes of both formats, after a few iterations on the grid."""
     comm = PETSc.COMM_WORLD.tompi4py()
-    links = latinpc.Links.from_scene(make("tensegrity-grid", modules=modules))
+    structure = latinpc.Structure.from_scene(make("tensegrity-grid", modules=modules))
     found = {file: {"write": [], "read": []} for file in FILES}
     with default_options({"snes_max_it": 3}):
-        snes, u = links.create_snes(), links.create_vec()
+        snes, u = structure.create_snes(), structure.create_vec()
         snes.setFromOptions()
         snes.solve(None, u)
         for _ in range(ROUNDS):

@@ -18,7 +18,7 @@ module latinpc
     integer(c_int) function LatinInitializePackage() bind(C, name="LatinInitializePackage")
       import
     end function
-    integer(c_int) function LatinLinksCreate(comm, dim, nodes_local, nodes, x, links_local, ends, links) bind(C, name="LatinLinksCreate")
+    integer(c_int) function LatinStructureCreate(comm, dim, nodes_local, nodes, x, links_local, ends, links) bind(C, name="LatinStructureCreate")
       import
       type(c_ptr), value :: comm
       PetscInt, value :: dim, nodes_local, nodes, links_local
@@ -26,39 +26,39 @@ module latinpc
       PetscInt :: ends(*)
       type(c_ptr) :: links
     end function
-    integer(c_int) function LatinLinksSetLaws(links, law, stiffness, prestrain) bind(C, name="LatinLinksSetLaws")
+    integer(c_int) function LatinStructureSetLaws(links, law, stiffness, initial_elongation) bind(C, name="LatinStructureSetLaws")
       import
       type(c_ptr), value :: links
       PetscInt :: law(*)
-      PetscReal :: stiffness(*), prestrain(*)
+      PetscReal :: stiffness(*), initial_elongation(*)
     end function
-    integer(c_int) function LatinLinksSetSupports(links, fixed, prescribed) bind(C, name="LatinLinksSetSupports")
+    integer(c_int) function LatinStructureSetSupports(links, fixed, prescribed) bind(C, name="LatinStructureSetSupports")
       import
       type(c_ptr), value :: links
       PetscBool :: fixed(*)
       PetscReal :: prescribed(*)
     end function
-    integer(c_int) function LatinLinksSetLoads(links, force) bind(C, name="LatinLinksSetLoads")
+    integer(c_int) function LatinStructureSetLoads(links, force) bind(C, name="LatinStructureSetLoads")
       import
       type(c_ptr), value :: links
       PetscReal :: force(*)
     end function
-    integer(c_int) function LatinLinksSetUp(links) bind(C, name="LatinLinksSetUp")
+    integer(c_int) function LatinStructureSetUp(links) bind(C, name="LatinStructureSetUp")
       import
       type(c_ptr), value :: links
     end function
-    integer(c_int) function LatinLinksAttachSNES(links, snes) bind(C, name="LatinLinksAttachSNES")
+    integer(c_int) function LatinStructureAttachSNES(links, snes) bind(C, name="LatinStructureAttachSNES")
       import
       type(c_ptr), value :: links
       PetscFortranAddr, value :: snes
     end function
-    integer(c_int) function LatinLinksGetDisplacements(links, u, displacement) bind(C, name="LatinLinksGetDisplacements")
+    integer(c_int) function LatinStructureGetDisplacements(links, u, displacement) bind(C, name="LatinStructureGetDisplacements")
       import
       type(c_ptr), value :: links
       PetscFortranAddr, value :: u
       PetscReal :: displacement(*)
     end function
-    integer(c_int) function LatinLinksDestroy(links) bind(C, name="LatinLinksDestroy")
+    integer(c_int) function LatinStructureDestroy(links) bind(C, name="LatinStructureDestroy")
       import
       type(c_ptr) :: links
     end function
@@ -86,25 +86,25 @@ program net
   nodes = merge(4, 0, rank == 0)  ! the first rank gives the whole net
   links = merge(3, 0, rank == 0)
   call check(LatinInitializePackage())
-  call check(LatinLinksCreate(comm_world, dim, nodes, all, x, links, ends, structure))
-  call check(LatinLinksSetLaws(structure, law, stiffness, none))
-  call check(LatinLinksSetSupports(structure, fixed, none))
-  call check(LatinLinksSetLoads(structure, force))
-  call check(LatinLinksSetUp(structure))
+  call check(LatinStructureCreate(comm_world, dim, nodes, all, x, links, ends, structure))
+  call check(LatinStructureSetLaws(structure, law, stiffness, none))
+  call check(LatinStructureSetSupports(structure, fixed, none))
+  call check(LatinStructureSetLoads(structure, force))
+  call check(LatinStructureSetUp(structure))
 
   PetscCallA(SNESCreate(PETSC_COMM_WORLD, solver, ierr))
-  call check(LatinLinksAttachSNES(structure, solver%v))
+  call check(LatinStructureAttachSNES(structure, solver%v))
   PetscCallA(SNESSetType(solver, "latin", ierr))
   PetscCallA(SNESSetFromOptions(solver, ierr))
   PetscCallA(SNESSolve(solver, PETSC_NULL_VEC, PETSC_NULL_VEC, ierr))
   PetscCallA(SNESGetSolution(solver, u, ierr))
-  call check(LatinLinksGetDisplacements(structure, u%v, displacement))
+  call check(LatinStructureGetDisplacements(structure, u%v, displacement))
   if (rank == 0) then
     print "(a, f0.4, a)", "the weight sinks by ", -1e3 * displacement(8), " mm"
     if (abs(displacement(8) + 1d-3) >= 1d-7) error stop
   end if
   PetscCallA(SNESDestroy(solver, ierr))
-  call check(LatinLinksDestroy(structure))
+  call check(LatinStructureDestroy(structure))
   PetscCallA(PetscFinalize(ierr))
 
 contains

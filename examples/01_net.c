@@ -26,7 +26,7 @@ int main(int argc, char **argv)
   PetscReal       displacement[8], tension[3];
   PetscInt        iterations, wrong = 0;
   PetscMPIInt     rank;
-  LatinLinks      net;
+  LatinStructure  net;
   SNES            snes;
   DM              dm;
   Vec             u;
@@ -36,22 +36,22 @@ int main(int argc, char **argv)
   PetscCallMPI(MPI_Comm_rank(PETSC_COMM_WORLD, &rank));
 
   /* the first rank gives all nodes and links, the others none: the solver shares them out */
-  PetscCall(LatinLinksCreate(PETSC_COMM_WORLD, 2, rank ? 0 : 4, 4, nodes, rank ? 0 : 3, ends, &net));
-  PetscCall(LatinLinksSetLaws(net, law, stiffness, NULL));
-  PetscCall(LatinLinksSetSupports(net, fixed, NULL));
-  PetscCall(LatinLinksSetLoads(net, force));
-  PetscCall(LatinLinksSetUp(net));
+  PetscCall(LatinStructureCreate(PETSC_COMM_WORLD, 2, rank ? 0 : 4, 4, nodes, rank ? 0 : 3, ends, &net));
+  PetscCall(LatinStructureSetLaws(net, law, stiffness, NULL));
+  PetscCall(LatinStructureSetSupports(net, fixed, NULL));
+  PetscCall(LatinStructureSetLoads(net, force));
+  PetscCall(LatinStructureSetUp(net));
 
   PetscCall(SNESCreate(PETSC_COMM_WORLD, &snes));
-  PetscCall(LatinLinksAttachSNES(net, snes));
+  PetscCall(LatinStructureAttachSNES(net, snes));
   PetscCall(SNESSetType(snes, SNESLATIN));
   PetscCall(SNESSetFromOptions(snes));
-  PetscCall(LatinLinksGetDM(net, &dm));
+  PetscCall(LatinStructureGetDM(net, &dm));
   PetscCall(DMCreateGlobalVector(dm, &u));
   PetscCall(SNESSolve(snes, NULL, u));
 
-  PetscCall(LatinLinksGetDisplacements(net, u, displacement)); /* each rank gets back what it gave */
-  PetscCall(LatinLinksGetTensions(net, u, tension));
+  PetscCall(LatinStructureGetDisplacements(net, u, displacement)); /* each rank gets back what it gave */
+  PetscCall(SNESLatinGetTensions(snes, tension));
   PetscCall(SNESGetIterationNumber(snes, &iterations));
   if (!rank) {
     PetscCall(PetscPrintf(PETSC_COMM_SELF, "the weight sinks by %.4f mm\n", -1e3 * displacement[7]));
@@ -60,7 +60,7 @@ int main(int argc, char **argv)
   }
   PetscCall(VecDestroy(&u));
   PetscCall(SNESDestroy(&snes));
-  PetscCall(LatinLinksDestroy(&net));
+  PetscCall(LatinStructureDestroy(&net));
   PetscCall(PetscFinalize());
   return wrong;
 }

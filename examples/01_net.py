@@ -21,7 +21,7 @@ from petsc4py import PETSc
 
 import latinpc
 
-net = latinpc.Links(
+net = latinpc.Structure(
     nodes=[[-1, 1], [1, 1], [0, -1], [0, 0]],
     links=[[0, 3], [1, 3], [2, 3]],
     law=latinpc.Law.CABLE,
@@ -34,7 +34,7 @@ snes.setFromOptions()
 u = net.create_vec()
 snes.solve(None, u)
 
-displacement, tension = net.displacements(u), net.tensions(u)  # the whole arrays, on every rank
+displacement, tension = net.displacements(u), latinpc.tensions(snes)  # the whole arrays, on every rank
 PETSc.Sys.Print(f"the weight moves by {np.round(1e3 * displacement[3], 4) + 0} mm")
 PETSc.Sys.Print(f"tensions {np.round(tension, 2)} N after {snes.getIterationNumber()} iterations")
 assert abs(displacement[3, 1] + 1e-3) < 1e-7

@@ -2,7 +2,7 @@
 
     python examples/02_variants.py
     mpirun -n 2 python examples/02_variants.py -modules 16 -slack 0.05
-    python examples/02_variants.py -snes_latin_outer_snes_type nrichardson -snes_latin_direction_fraction 0.5
+    python examples/02_variants.py -snes_latin_outer_snes_type nrichardson -snes_latin_direction_value 0.5
     python examples/02_variants.py -options_file options/article.opts
 
 The variants differ in what the coarse problem makes of weak interfaces, those that a few nodes make: nothing
@@ -24,7 +24,7 @@ from latinpc.scenes import make
 
 options = PETSc.Options()
 scene = make("tensegrity-grid", modules=options.getInt("modules", 12), slack=options.getReal("slack", 0.09))
-grid = latinpc.Links.from_scene(scene)
+grid = latinpc.Structure.from_scene(scene)
 PETSc.Sys.Print(grid)
 
 found = {}

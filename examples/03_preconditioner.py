@@ -20,7 +20,7 @@ from petsc4py import PETSc
 import latinpc
 from latinpc.scenes import make
 
-truss = latinpc.Links.from_scene(make("truss-grid", modules=16))
+truss = latinpc.Structure.from_scene(make("truss-grid", modules=16))
 
 # behind a SNES, as the options -snes_type ksponly -ksp_type cg -ksp_rtol 1e-8 -pc_type latin would have it
 snes = truss.create_snes()

@@ -21,7 +21,7 @@ from latinpc.scenes import make
 
 MIDDLE = 4  # of 3 x 3 subdomains
 
-grid = latinpc.Links.from_scene(make("tensegrity-grid", modules=12))
+grid = latinpc.Structure.from_scene(make("tensegrity-grid", modules=12))
 snes = grid.create_snes()
 snes.setFromOptions()
 snes.setUp()

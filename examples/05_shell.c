@@ -20,7 +20,7 @@ int main(int argc, char **argv)
   PetscInt       *ends, *law, bays = 100, first, last, nodes, links = 0, iterations, wrong = 0;
   PetscBool      *fixed;
   PetscMPIInt     rank, size;
-  LatinLinks      truss;
+  LatinStructure  truss;
   DM              dm;
   Mat             K;
   Vec             u, b;
@@ -63,19 +63,19 @@ int main(int argc, char **argv)
     if (i < bays) expected += PetscSqr(moment) + PetscSqr(moment - 1.0) + 2.0;
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &expected, 1, MPIU_REAL, MPIU_SUM, PETSC_COMM_WORLD));
-  PetscCall(LatinLinksCreate(PETSC_COMM_WORLD, 2, nodes, PETSC_DETERMINE, x, links, ends, &truss));
-  PetscCall(LatinLinksSetLaws(truss, law, k, NULL));
-  PetscCall(LatinLinksSetSupports(truss, fixed, NULL));
-  PetscCall(LatinLinksSetLoads(truss, load));
-  PetscCall(LatinLinksSetUp(truss));
+  PetscCall(LatinStructureCreate(PETSC_COMM_WORLD, 2, nodes, PETSC_DETERMINE, x, links, ends, &truss));
+  PetscCall(LatinStructureSetLaws(truss, law, k, NULL));
+  PetscCall(LatinStructureSetSupports(truss, fixed, NULL));
+  PetscCall(LatinStructureSetLoads(truss, load));
+  PetscCall(LatinStructureSetUp(truss));
 
   /* K u = b with b = - r(0) */
-  PetscCall(LatinLinksGetDM(truss, &dm));
+  PetscCall(LatinStructureGetDM(truss, &dm));
   PetscCall(DMCreateMatrix(dm, &K));
   PetscCall(DMCreateGlobalVector(dm, &u));
   PetscCall(VecDuplicate(u, &b));
-  PetscCall(LatinLinksComputeJacobian(truss, u, K));
-  PetscCall(LatinLinksComputeResidual(truss, u, b));
+  PetscCall(LatinStructureComputeJacobian(truss, u, K));
+  PetscCall(LatinStructureComputeResidual(truss, u, b));
   PetscCall(VecScale(b, -1.0));
   PetscCall(KSPCreate(PETSC_COMM_WORLD, &ksp));
   PetscCall(KSPSetOperators(ksp, K, K));
@@ -89,7 +89,7 @@ int main(int argc, char **argv)
   PetscCall(KSPGetIterationNumber(ksp, &iterations));
 
   PetscCall(PetscMalloc1(2 * nodes, &displacement));
-  PetscCall(LatinLinksGetDisplacements(truss, u, displacement)); /* of this rank's nodes */
+  PetscCall(LatinStructureGetDisplacements(truss, u, displacement)); /* of this rank's nodes */
   if (rank == size - 1) {
     expected *= force / stiffness;
     deflection = -displacement[2 * nodes - 3];
@@ -102,7 +102,7 @@ int main(int argc, char **argv)
   PetscCall(MatDestroy(&K));
   PetscCall(VecDestroy(&u));
   PetscCall(VecDestroy(&b));
-  PetscCall(LatinLinksDestroy(&truss));
+  PetscCall(LatinStructureDestroy(&truss));
   PetscCall(PetscFinalize());
   return wrong;
 }

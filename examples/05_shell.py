@@ -3,7 +3,7 @@
     python examples/05_shell.py
     mpirun -n 2 python examples/05_shell.py -pc_latin_subdomains 24 -ksp_monitor
 
-Some codes know no preconditioner but one they set up themselves. A PC of type shell does the same as -pc_type latin
+Some codes use no preconditioner but one they set up themselves. A PC of type shell does the same as -pc_type latin
 and reads the same options. In C: PCSetType(pc, PCSHELL); PCShellSetLatin(pc).
 """
 
@@ -18,7 +18,7 @@ from petsc4py import PETSc
 import latinpc
 from latinpc.scenes import make
 
-truss = latinpc.Links.from_scene(make("truss-grid", modules=12, partition="metis"))
+truss = latinpc.Structure.from_scene(make("truss-grid", modules=12, partition="metis"))
 K, u, b = truss.dm.createMat(), truss.create_vec(), truss.create_vec()
 truss.jacobian(u, K)
 truss.residual(u, b)

@@ -4,9 +4,9 @@
     mpirun -n 2 python examples/07_partition.py
 
 Without a word METIS shares out the links. Here the cantilever is cut across its length instead, in two ways: with
-an array, one number per link in the caller's order; and with a DMLabel "subdomain" on the links' DMPLEX, from the
-place of each cell, as a program would that works on the DM. The index sets of the subdomains then serve another
-preconditioner, PETSc's additive Schwarz method, on the same subdomains.
+`latinpc.set_partition` for one solver, and with an array for all solvers on the structure, a number per link in the
+caller's order. The index sets of the subdomains then go to another preconditioner, PETSc's additive Schwarz method, on
+the same subdomains.
 """
 
 import sys
@@ -30,43 +30,38 @@ def slice_of(x):
     return np.minimum((x / length * PARTS).astype(int), PARTS - 1)
 
 
-def solve(links):
-    snes = links.create_snes()
+def solve(structure, subdomain=None):
+    snes = structure.create_snes()
     snes.setFromOptions()
-    u = links.create_vec()
+    if subdomain is not None:
+        latinpc.set_partition(snes, subdomain)
+    u = structure.create_vec()
     snes.solve(None, u)
     PETSc.Sys.Print(
         f"{latinpc.statistics(snes)['subdomains']} subdomains, {snes.getIterationNumber()} iterations, "
-        f"the end sinks by {-1e3 * links.displacements(u)[:, 1].min():.4f} mm"
+        f"the end sinks by {-1e3 * structure.displacements(u)[:, 1].min():.4f} mm"
     )
     return snes
 
 
 middle = scene.nodes[scene.links].mean(axis=1)[:, 0]
+structure = latinpc.Structure.from_scene(scene)
+of_solver = solve(structure, slice_of(middle))
 scene.subdomain = slice_of(middle)
-by_array = solve(latinpc.Links.from_scene(scene))
-
-scene.subdomain = None
-links = latinpc.Links.from_scene(scene)
-dm = links.dm
-dm.createLabel("subdomain")
-for cell in range(*dm.getHeightStratum(0)):  # the links that this rank keeps
-    centre = dm.computeCellGeometryFVM(cell)[1]
-    dm.setLabelValue("subdomain", cell, slice_of(centre[0]))
-by_label = solve(links)
-assert (latinpc.subdomain_of_links(by_array) == latinpc.subdomain_of_links(by_label)).all()
+of_structure = solve(latinpc.Structure.from_scene(scene))
+assert (latinpc.subdomain_of_links(of_solver) == latinpc.subdomain_of_links(of_structure)).all()
 
 # the same subdomains for -pc_type asm: free degrees of freedom of each subdomain of this rank, as PETSc index sets
-ksp = PETSc.KSP().create(links.comm)
-K, u, b = dm.createMat(), links.create_vec(), links.create_vec()
-links.jacobian(u, K)
-links.residual(u, b)
+ksp = PETSc.KSP().create(structure.comm)
+K, u, b = structure.dm.createMat(), structure.create_vec(), structure.create_vec()
+structure.jacobian(u, K)
+structure.residual(u, b)
 b.scale(-1)
 ksp.setOperators(K)
 ksp.setType("cg")
 ksp.setTolerances(rtol=1e-8)
-count, _ = latinpc.subdomains(by_label)
-sets = [latinpc.subdomain_is(by_label, i) for i in range(count)]
+count, _ = latinpc.subdomains(of_solver)
+sets = [latinpc.subdomain_is(of_solver, i) for i in range(count)]
 ksp.getPC().setType("asm")
 ksp.getPC().setASMType(PETSc.PC.ASMType.BASIC)
 ksp.getPC().setASMOverlap(0)  # beyond the nodes that the subdomains share

@@ -34,14 +34,14 @@ int main(int argc, char **argv)
   const PetscReal   nodes[]     = {0, 1};
   const PetscInt    ends[]      = {0, 1, 0, 1};
   const PetscReal   stiffness[] = {10, 0}; /* N/m; 0: the solver's choice */
-  const PetscReal   prestrain[] = {0, -0.2};
+  const PetscReal   e0[]        = {0, -0.2};
   const PetscBool   fixed[]     = {PETSC_TRUE, PETSC_FALSE};
   const PetscReal   force[]     = {0, 50}; /* N, downwards as the only axis */
   PetscReal         a           = 0.1, displacement[2], carried[2];
   LatinLawFunctions band        = {.tension = tension, .tangent = tangent, .energy = energy, .ctx = &a}; /* its local stage is solved for */
   PetscInt          law[2], wrong = 0;
   PetscMPIInt       rank;
-  LatinLinks        pair;
+  LatinStructure    pair;
   SNES              snes;
   DM                dm;
   Vec               u;
@@ -50,29 +50,29 @@ int main(int argc, char **argv)
   PetscCallMPI(MPI_Comm_rank(PETSC_COMM_WORLD, &rank));
   PetscCall(LatinLawRegister("band", &band, &law[0])); /* on every rank */
   law[1] = LATIN_LAW_INEXTENSIBLE;
-  PetscCall(LatinLinksCreate(PETSC_COMM_WORLD, 1, rank ? 0 : 2, 2, nodes, rank ? 0 : 2, ends, &pair));
-  PetscCall(LatinLinksSetLaws(pair, law, stiffness, prestrain));
-  PetscCall(LatinLinksSetSupports(pair, fixed, NULL));
-  PetscCall(LatinLinksSetLoads(pair, force));
-  PetscCall(LatinLinksSetUp(pair));
+  PetscCall(LatinStructureCreate(PETSC_COMM_WORLD, 1, rank ? 0 : 2, 2, nodes, rank ? 0 : 2, ends, &pair));
+  PetscCall(LatinStructureSetLaws(pair, law, stiffness, e0));
+  PetscCall(LatinStructureSetSupports(pair, fixed, NULL));
+  PetscCall(LatinStructureSetLoads(pair, force));
+  PetscCall(LatinStructureSetUp(pair));
 
   PetscCall(SNESCreate(PETSC_COMM_WORLD, &snes));
-  PetscCall(LatinLinksAttachSNES(pair, snes));
+  PetscCall(LatinStructureAttachSNES(pair, snes));
   PetscCall(SNESSetType(snes, SNESLATIN));
   PetscCall(SNESSetTolerances(snes, PETSC_DEFAULT, PETSC_DEFAULT, 1e-12, PETSC_DEFAULT, PETSC_DEFAULT));
   PetscCall(SNESSetFromOptions(snes));
-  PetscCall(LatinLinksGetDM(pair, &dm));
+  PetscCall(LatinStructureGetDM(pair, &dm));
   PetscCall(DMCreateGlobalVector(dm, &u));
   PetscCall(SNESSolve(snes, NULL, u));
-  PetscCall(LatinLinksGetDisplacements(pair, u, displacement));
-  PetscCall(LatinLinksGetTensions(pair, u, carried));
+  PetscCall(LatinStructureGetDisplacements(pair, u, displacement));
+  PetscCall(SNESLatinGetTensions(snes, carried));
   if (!rank) {
     PetscCall(PetscPrintf(PETSC_COMM_SELF, "the weight sinks by %.4f m; the band carries %.3f N, the cable %.3f N\n", displacement[1], carried[0], carried[1]));
     wrong = PetscAbsReal(displacement[1] - 0.2) < 1e-9 && PetscAbsReal(carried[1] - 40.0) < 1e-6 ? 0 : 1;
   }
   PetscCall(VecDestroy(&u));
   PetscCall(SNESDestroy(&snes));
-  PetscCall(LatinLinksDestroy(&pair));
+  PetscCall(LatinStructureDestroy(&pair));
   PetscCall(PetscFinalize());
   return wrong;
 }

@@ -24,12 +24,12 @@ import latinpc
 from latinpc import Law
 
 rope = latinpc.register_table(
-    strain=[-1.0, 2e-3, 3e-3, 4e-3, 5e-3],  # m
+    elongation=[-1.0, 2e-3, 3e-3, 4e-3, 5e-3],  # m
     tension=[0.0, 0.0, 2.0, 8.0, 20.0],  # N
     name="rope",
 )
 floor, block, wall = range(3)
-scene = latinpc.Links(
+scene = latinpc.Structure(
     nodes=[[0, 0], [0, 0], [-1, 0]],
     links=[[floor, block], [floor, block], [wall, block]],
     law=[Law.FRICTION, Law.TANGENT, rope],
@@ -45,7 +45,7 @@ snes.setFromOptions()
 u = scene.create_vec()
 snes.solve(None, u)
 
-moved, (normal, tangent, pull) = scene.displacements(u)[block], scene.tensions(u)
+moved, (normal, tangent, pull) = scene.displacements(u)[block], latinpc.tensions(snes)
 PETSc.Sys.Print(f"the block slides by {1e3 * moved[0]:.3f} mm and sinks by {abs(1e3 * moved[1]):.3f} mm")
 PETSc.Sys.Print(f"the floor bears {-normal:.3f} N and rubs with {abs(tangent):.3f} N, the rope carries {pull:.3f} N")
 assert abs(moved[0] - 3.5e-3) < 1e-9

@@ -16,11 +16,11 @@
 int main(int argc, char **argv)
 {
   const PetscReal gravity = 9.81, slack = 0.02; /* m/s2, m */
-  PetscReal      *x, *load, *mass, *k, *prestrain, *tension, worst = 0.0;
+  PetscReal      *x, *load, *mass, *k, *e0, *tension, worst = 0.0;
   PetscInt       *ends, *law, weights = 5, first, last, nodes, links, wrong;
   PetscBool      *fixed;
   PetscMPIInt     rank, size;
-  LatinLinks      ropes;
+  LatinStructure  ropes;
   DM              dm;
   Vec             u, v;
   TS              ts;
@@ -37,7 +37,7 @@ int main(int argc, char **argv)
   nodes = last - first;
   links = 0;
   PetscCall(PetscCalloc5(nodes, &x, nodes, &load, nodes, &mass, nodes, &fixed, nodes, &k));
-  PetscCall(PetscCalloc4(2 * nodes, &ends, nodes, &law, nodes, &prestrain, nodes, &tension));
+  PetscCall(PetscCalloc4(2 * nodes, &ends, nodes, &law, nodes, &e0, nodes, &tension));
   for (PetscInt i = first; i < last; i++) {
     x[i - first]     = i;
     fixed[i - first] = i ? PETSC_FALSE : PETSC_TRUE;
@@ -47,20 +47,20 @@ int main(int argc, char **argv)
     ends[2 * links]     = i - 1;
     ends[2 * links + 1] = i;
     law[links]          = LATIN_LAW_INEXTENSIBLE;
-    prestrain[links++]  = -slack;
+    e0[links++]         = -slack;
   }
-  PetscCall(LatinLinksCreate(PETSC_COMM_WORLD, 1, nodes, PETSC_DETERMINE, x, links, ends, &ropes));
-  PetscCall(LatinLinksSetLaws(ropes, law, k, prestrain)); /* no stiffness: the search parameter is left to the library */
-  PetscCall(LatinLinksSetSupports(ropes, fixed, NULL));
-  PetscCall(LatinLinksSetLoads(ropes, load));
-  PetscCall(LatinLinksSetMass(ropes, mass));
-  PetscCall(LatinLinksSetUp(ropes));
+  PetscCall(LatinStructureCreate(PETSC_COMM_WORLD, 1, nodes, PETSC_DETERMINE, x, links, ends, &ropes));
+  PetscCall(LatinStructureSetLaws(ropes, law, k, e0)); /* no stiffness: the search parameter is left to the library */
+  PetscCall(LatinStructureSetSupports(ropes, fixed, NULL));
+  PetscCall(LatinStructureSetLoads(ropes, load));
+  PetscCall(LatinStructureSetMass(ropes, mass));
+  PetscCall(LatinStructureSetUp(ropes));
 
-  PetscCall(LatinLinksGetDM(ropes, &dm));
+  PetscCall(LatinStructureGetDM(ropes, &dm));
   PetscCall(DMCreateGlobalVector(dm, &u));
   PetscCall(VecDuplicate(u, &v));
   PetscCall(TSCreate(PETSC_COMM_WORLD, &ts));
-  PetscCall(LatinLinksAttachTS(ropes, ts));
+  PetscCall(LatinStructureAttachTS(ropes, ts));
   PetscCall(TSSetType(ts, TSLATIN));
   PetscCall(TS2SetSolution(ts, u, v)); /* at rest */
   PetscCall(TSSetTimeStep(ts, 5e-3));
@@ -74,12 +74,12 @@ int main(int argc, char **argv)
   wrong = worst < 1e-3 ? 0 : 1;
   PetscCall(PetscPrintf(PETSC_COMM_WORLD, "the ropes bear the weights below them, relative error %.0e\n", (double)worst));
 
-  PetscCall(PetscFree4(ends, law, prestrain, tension));
+  PetscCall(PetscFree4(ends, law, e0, tension));
   PetscCall(PetscFree5(x, load, mass, fixed, k));
   PetscCall(TSDestroy(&ts));
   PetscCall(VecDestroy(&u));
   PetscCall(VecDestroy(&v));
-  PetscCall(LatinLinksDestroy(&ropes));
+  PetscCall(LatinStructureDestroy(&ropes));
   PetscCall(PetscFinalize());
   return wrong ? 1 : 0;
 }

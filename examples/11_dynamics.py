@@ -7,7 +7,7 @@
 
 The masses are lumped in the nodes. TS latin is the implicit Euler scheme in velocities and impulses of the article's
 section 2.2: a rigid contact closes in a shock, after which the mass and the node that it meets have one velocity; that
-takes energy. An elastic contact is a strut. Energy never grows.
+takes energy. An elastic contact is a compression-only link. Energy never grows.
 """
 
 import sys
@@ -42,14 +42,14 @@ rim = (x == 0) | (x == 1) | (y == 0) | (y == 1)
 tension, length = 2e3, 4.0 / side
 links = np.vstack([across, across, [[middle, ball]]])
 m = len(across)
-law = np.r_[np.full(m, Law.CABLE), np.full(m, Law.BAR), Law.STRUT if elastic else Law.CONTACT]
+law = np.r_[np.full(m, Law.CABLE), np.full(m, Law.BAR), Law.COMPRESSION_ONLY if elastic else Law.CONTACT]
 stiffness = np.r_[np.full(m, 5e5 / length), np.full(m, tension / length), 1e6 if elastic else 0.0]
-prestrain = np.r_[np.full(m, tension * length / 5e5), np.zeros(m), gap]
+initial_elongation = np.r_[np.full(m, tension * length / 5e5), np.zeros(m), gap]
 direction = np.vstack([np.zeros((m, 3)), np.tile([0.0, 0.0, 1.0], (m + 1, 1))])
 masses = np.append(np.full(n * n, 0.5), mass)
 
-net = latinpc.Links(
-    nodes, links, law, stiffness, prestrain, fixed=np.append(rim, False)[:, None] & np.ones(3, bool),
+net = latinpc.Structure(
+    nodes, links, law, stiffness, initial_elongation, fixed=np.append(rim, False)[:, None] & np.ones(3, bool),
     load=-gravity * masses[:, None] * [0, 0, 1], direction=direction, mass=masses,
 )  # fmt: skip
 u, v = net.create_vec(), net.create_vec()

@@ -7,19 +7,30 @@ from pathlib import Path
 
 __version__ = "0.1.0"
 
-from latinpc.laws import register_law, register_table
-from latinpc.links import Links, Sizes
-from latinpc.scenes.scene import Law
+from latinpc import scenes
+from latinpc.laws import Law
+from latinpc.settings import (
+    set_direction,
+    set_error,
+    set_modes,
+    set_newton,
+    set_partition,
+    set_reference,
+    set_stop,
+    set_subdomains,
+    set_variant,
+    set_warm_start,
+)
 from latinpc.solvers import (
     coarse_ksp,
     digits,
     energy_bound,
     error_message,
+    estimated_error,
     history,
     jammed_links,
     load_state,
     local_ksp,
-    loose_nodes,
     macro_stiffness,
     node_classes,
     outer_ksp,
@@ -27,29 +38,32 @@ from latinpc.solvers import (
     pcshell_set_latin,
     rounding_floor,
     save_state,
-    set_reference,
     statistics,
     step_tensions,
     subdomain_is,
     subdomain_of_links,
     subdomains,
+    tensions,
+    unsupported_nodes,
 )
+from latinpc.structure import Sizes, Structure
+from latinpc.userlaws import register_law, register_table
 
 __all__ = [
     "Law",
-    "Links",
     "Sizes",
+    "Structure",
     "coarse_ksp",
     "digits",
     "energy_bound",
     "error_message",
+    "estimated_error",
     "get_include",
     "get_library",
     "history",
     "jammed_links",
     "load_state",
     "local_ksp",
-    "loose_nodes",
     "macro_stiffness",
     "node_classes",
     "outer_ksp",
@@ -59,12 +73,24 @@ __all__ = [
     "register_table",
     "rounding_floor",
     "save_state",
+    "scenes",
+    "set_direction",
+    "set_error",
+    "set_modes",
+    "set_newton",
+    "set_partition",
     "set_reference",
+    "set_stop",
+    "set_subdomains",
+    "set_variant",
+    "set_warm_start",
     "statistics",
     "step_tensions",
     "subdomain_is",
     "subdomain_of_links",
     "subdomains",
+    "tensions",
+    "unsupported_nodes",
 ]
 
 

@@ -1,7 +1,7 @@
 # cython: language_level=3, embedsignature=True
 """Glue between petsc4py and liblatinpc: one call of the C library a function, every error code checked.
 
-Arrays are those of this rank, contiguous, of PETSc's types; `latinpc.links` makes them so.
+Arrays are those of this rank, contiguous, of PETSc's types; `latinpc.structure` makes them so.
 """
 
 from cpython.exc cimport PyErr_Occurred
@@ -28,8 +28,8 @@ cdef extern from *:
 cdef extern from "latinpc.h":
     int LATINPC_VERSION_MAJOR, LATINPC_VERSION_MINOR, LATINPC_VERSION_SUBMINOR
 
-    struct _p_LatinLinks
-    ctypedef _p_LatinLinks *LatinLinks
+    struct _p_LatinStructure
+    ctypedef _p_LatinStructure *LatinStructure
     struct _p_Latin
     ctypedef _p_Latin *Latin
 
@@ -41,7 +41,7 @@ cdef extern from "latinpc.h":
         PetscInt weak_dofs
         PetscInt coarse_size, coarse_levels
         PetscInt local_macro_dofs
-        PetscInt floppy_subdomains
+        PetscInt low_energy_subdomains
         PetscInt local_modes_max
         PetscInt micro_sides
         PetscInt state_size
@@ -62,49 +62,65 @@ cdef extern from "latinpc.h":
     PetscErrorCode LatinLawRegisterTable(const char *, PetscInt, const PetscReal *, const PetscReal *, PetscInt *)
     PetscErrorCode LatinLawGetName(PetscInt, const char **)
 
-    PetscErrorCode LatinLinksCreate(MPI_Comm, PetscInt, PetscInt, PetscInt, const PetscReal *, PetscInt, const PetscInt *, LatinLinks *)
-    PetscErrorCode LatinLinksSetLaws(LatinLinks, const PetscInt *, const PetscReal *, const PetscReal *)
-    PetscErrorCode LatinLinksSetDirections(LatinLinks, const PetscReal *)
-    PetscErrorCode LatinLinksSetFriction(LatinLinks, const PetscReal *)
-    PetscErrorCode LatinLinksSetSupports(LatinLinks, const PetscBool *, const PetscReal *)
-    PetscErrorCode LatinLinksSetLoads(LatinLinks, const PetscReal *)
-    PetscErrorCode LatinLinksSetPrestrain(LatinLinks, const PetscReal *)
-    PetscErrorCode LatinLinksSetMass(LatinLinks, const PetscReal *)
-    PetscErrorCode LatinLinksSetSubdomains(LatinLinks, const PetscInt *)
-    PetscErrorCode LatinLinksSetUp(LatinLinks)
-    PetscErrorCode LatinLinksGetDM(LatinLinks, PetscDM *)
-    PetscErrorCode LatinLinksAttachSNES(LatinLinks, PetscSNES)
-    PetscErrorCode LatinLinksAttachTS(LatinLinks, PetscTS)
-    PetscErrorCode LatinLinksGetSizes(LatinLinks, PetscInt *, PetscInt *, PetscInt *, PetscInt *)
-    PetscErrorCode LatinLinksComputeResidual(LatinLinks, PetscVec, PetscVec)
-    PetscErrorCode LatinLinksComputeJacobian(LatinLinks, PetscVec, PetscMat)
-    PetscErrorCode LatinLinksComputeEnergy(LatinLinks, PetscVec, PetscReal *)
-    PetscErrorCode LatinLinksComputeKineticEnergy(LatinLinks, PetscVec, PetscReal *)
-    PetscErrorCode LatinLinksComputeErrors(LatinLinks, PetscVec, PetscVec, PetscReal *, PetscReal *)
-    PetscErrorCode LatinLinksGetDisplacements(LatinLinks, PetscVec, PetscReal *)
-    PetscErrorCode LatinLinksGetTensions(LatinLinks, PetscVec, PetscReal *)
-    PetscErrorCode LatinLinksSetDisplacements(LatinLinks, const PetscReal *, PetscVec)
-    PetscErrorCode LatinLinksDestroy(LatinLinks *)
+    PetscErrorCode LatinStructureCreate(MPI_Comm, PetscInt, PetscInt, PetscInt, const PetscReal *, PetscInt, const PetscInt *, LatinStructure *)
+    PetscErrorCode LatinStructureSetLaws(LatinStructure, const PetscInt *, const PetscReal *, const PetscReal *)
+    PetscErrorCode LatinStructureSetDirections(LatinStructure, const PetscReal *)
+    PetscErrorCode LatinStructureSetFriction(LatinStructure, const PetscReal *)
+    PetscErrorCode LatinStructureSetSupports(LatinStructure, const PetscBool *, const PetscReal *)
+    PetscErrorCode LatinStructureSetLoads(LatinStructure, const PetscReal *)
+    PetscErrorCode LatinStructureSetInitialElongations(LatinStructure, const PetscReal *)
+    PetscErrorCode LatinStructureSetPrestress(LatinStructure, const PetscReal *)
+    PetscErrorCode LatinStructureSetMass(LatinStructure, const PetscReal *)
+    PetscErrorCode LatinStructureSetUp(LatinStructure)
+    PetscErrorCode LatinStructureGetDM(LatinStructure, PetscDM *)
+    PetscErrorCode LatinStructureAttachSNES(LatinStructure, PetscSNES)
+    PetscErrorCode LatinStructureAttachTS(LatinStructure, PetscTS)
+    PetscErrorCode LatinStructureGetSizes(LatinStructure, PetscInt *, PetscInt *, PetscInt *, PetscInt *)
+    PetscErrorCode LatinStructureComputeResidual(LatinStructure, PetscVec, PetscVec)
+    PetscErrorCode LatinStructureComputeJacobian(LatinStructure, PetscVec, PetscMat)
+    PetscErrorCode LatinStructureComputeEnergy(LatinStructure, PetscVec, PetscReal *)
+    PetscErrorCode LatinStructureComputeKineticEnergy(LatinStructure, PetscVec, PetscReal *)
+    PetscErrorCode LatinStructureComputeErrors(LatinStructure, PetscVec, PetscVec, PetscReal *, PetscReal *)
+    PetscErrorCode LatinStructureGetDisplacements(LatinStructure, PetscVec, PetscReal *)
+    PetscErrorCode LatinStructureGetTensions(LatinStructure, PetscVec, PetscReal *)
+    PetscErrorCode LatinStructureSetDisplacements(LatinStructure, const PetscReal *, PetscVec)
+    PetscErrorCode LatinStructureDestroy(LatinStructure *)
 
     PetscErrorCode SNESLatinGetLatin(PetscSNES, Latin *)
+    ctypedef enum LatinStopType:
+        pass
+    ctypedef enum LatinWarmStart:
+        pass
+    ctypedef enum LatinNewtonType:
+        pass
+    PetscErrorCode SNESLatinSetStop(PetscSNES, LatinStopType)
+    PetscErrorCode SNESLatinSetError(PetscSNES, PetscReal)
+    PetscErrorCode SNESLatinSetNewton(PetscSNES, LatinNewtonType)
     PetscErrorCode SNESLatinSetReference(PetscSNES, PetscVec)
+    PetscErrorCode SNESLatinSetWarmStart(PetscSNES, LatinWarmStart)
     PetscErrorCode SNESLatinGetHistory(PetscSNES, PetscInt *, const PetscReal **, const PetscReal **, const PetscReal **)
-    PetscErrorCode SNESLatinGetLooseNodes(PetscSNES, PetscInt *, PetscInt *, const PetscInt **, PetscReal *)
+    PetscErrorCode SNESLatinGetUnsupportedNodes(PetscSNES, PetscInt *, PetscInt *, const PetscInt **, PetscReal *)
     PetscErrorCode SNESLatinGetJammedLinks(PetscSNES, PetscInt *, PetscInt *, const PetscInt **)
-    PetscErrorCode SNESLatinGetEstimates(PetscSNES, PetscInt *, const PetscReal **, PetscReal *)
+    PetscErrorCode SNESLatinGetEstimates(PetscSNES, PetscInt *, const PetscReal **, PetscReal *, PetscReal *)
     PetscErrorCode LatinStateSave(PetscObject, PetscVec, const char *, PetscInt, const char *)
     PetscErrorCode LatinStateLoad(PetscObject, PetscVec, const char *, PetscInt *, char **)
     PetscErrorCode LatinGetEnergyBound(PetscSNES, PetscReal *, PetscReal *)
     PetscErrorCode LatinGetDigits(PetscSNES, PetscReal *, PetscReal *, PetscReal *, PetscReal *)
+    PetscErrorCode SNESLatinGetTensions(PetscSNES, PetscReal *)
     PetscErrorCode SNESLatinGetOuter(PetscSNES, PetscSNES *)
     PetscErrorCode KSPLatinGetLatin(PetscKSP, Latin *)
-    PetscErrorCode KSPLatinSetLinks(PetscKSP, LatinLinks)
+    PetscErrorCode LatinStructureAttachKSP(LatinStructure, PetscKSP)
     PetscErrorCode KSPLatinGetOuter(PetscKSP, PetscKSP *)
     PetscErrorCode TSLatinGetTensions(PetscTS, PetscReal *)
     PetscErrorCode PCLatinGetLatin(PetscPC, Latin *)
-    PetscErrorCode PCLatinSetLinks(PetscPC, LatinLinks)
+    PetscErrorCode LatinStructureAttachPC(LatinStructure, PetscPC)
     PetscErrorCode PCShellSetLatin(PetscPC)
 
+    PetscErrorCode LatinSetPartition(Latin, PetscInt, const PetscInt *)
+    PetscErrorCode LatinSetSubdomains(Latin, PetscInt)
+    PetscErrorCode LatinSetVariant(Latin, int)
+    PetscErrorCode LatinSetModes(Latin, int, PetscReal)
+    PetscErrorCode LatinSetDirection(Latin, int, PetscReal)
     PetscErrorCode LatinGetLocalKSP(Latin, PetscInt, PetscKSP *)
     PetscErrorCode LatinGetCoarseKSP(Latin, PetscKSP *)
     PetscErrorCode LatinGetStatistics(Latin, LatinStatistics *)
@@ -191,10 +207,10 @@ def register_law(name, tension, tangent, energy, local, context):
     return law
 
 
-def register_table(name, strain, tension):
+def register_table(name, elongation, tension):
     """Register a piecewise linear law; return its number."""
     cdef PetscInt law = -1
-    CHKERR(LatinLawRegisterTable(name.encode(), len(strain), reals(strain), reals(tension), &law))
+    CHKERR(LatinLawRegisterTable(name.encode(), len(elongation), reals(elongation), reals(tension), &law))
     return law
 
 
@@ -211,10 +227,10 @@ def law_names():
 
 # ---- structures -----------------------------------------------------------------------------------------
 
-cdef class LinksHandle:
-    """Owner of a C ``LatinLinks``."""
+cdef class StructureHandle:
+    """Owner of a C ``LatinStructure``."""
 
-    cdef LatinLinks handle
+    cdef LatinStructure handle
 
     def __cinit__(self):
         self.handle = NULL
@@ -223,114 +239,114 @@ cdef class LinksHandle:
         cdef PetscBool over = 0
         PetscFinalized(&over)
         if self.handle != NULL and not over:
-            LatinLinksDestroy(&self.handle)
+            LatinStructureDestroy(&self.handle)
 
     def create(self, comm, nodes_global, coordinates, links):
         """Make the structure from this rank's nodes ``(n, dim)`` and links ``(m, 2)``."""
-        CHKERR(LatinLinksCreate(GetComm(comm, GetCommDefault()), coordinates.shape[1], coordinates.shape[0],
+        CHKERR(LatinStructureCreate(GetComm(comm, GetCommDefault()), coordinates.shape[1], coordinates.shape[0],
                                 nodes_global, reals(coordinates), links.shape[0], integers(links), &self.handle))
 
-    def set_laws(self, law, stiffness, prestrain):
-        """Give every link of this rank its law, stiffness and prestrain."""
-        CHKERR(LatinLinksSetLaws(self.handle, integers(law), reals(stiffness), reals(prestrain)))
+    def set_laws(self, law, stiffness, initial_elongation):
+        """Give every link of this rank its law, stiffness and initial_elongation."""
+        CHKERR(LatinStructureSetLaws(self.handle, integers(law), reals(stiffness), reals(initial_elongation)))
 
     def set_directions(self, direction):
         """Give links of this rank a direction of their own, zero where it is that of their nodes."""
-        CHKERR(LatinLinksSetDirections(self.handle, reals(direction)))
+        CHKERR(LatinStructureSetDirections(self.handle, reals(direction)))
 
     def set_friction(self, friction):
         """Give every link of this rank its coefficient of friction."""
-        CHKERR(LatinLinksSetFriction(self.handle, reals(friction)))
+        CHKERR(LatinStructureSetFriction(self.handle, reals(friction)))
 
     def set_supports(self, fixed, prescribed):
         """Clamp degrees of freedom of this rank's nodes; ``fixed`` holds integers of PetscBool's size."""
-        CHKERR(LatinLinksSetSupports(self.handle, <const PetscBool *><size_t>fixed.ctypes.data, reals(prescribed)))
+        CHKERR(LatinStructureSetSupports(self.handle, <const PetscBool *><size_t>fixed.ctypes.data, reals(prescribed)))
 
     def set_loads(self, force):
         """Load this rank's nodes."""
-        CHKERR(LatinLinksSetLoads(self.handle, reals(force)))
+        CHKERR(LatinStructureSetLoads(self.handle, reals(force)))
 
-    def set_prestrain(self, prestrain):
-        """Change the prestrain of this rank's links."""
-        CHKERR(LatinLinksSetPrestrain(self.handle, reals(prestrain)))
+    def set_initial_elongation(self, initial_elongation):
+        """Change the initial_elongation of this rank's links."""
+        CHKERR(LatinStructureSetInitialElongations(self.handle, reals(initial_elongation)))
+
+    def set_prestress(self, prestress):
+        """Give this rank's links tensions in place of initial elongations."""
+        CHKERR(LatinStructureSetPrestress(self.handle, reals(prestress)))
 
     def set_mass(self, mass):
         """Give this rank's nodes their masses."""
-        CHKERR(LatinLinksSetMass(self.handle, reals(mass)))
-
-    def set_subdomains(self, subdomain):
-        """Say to which subdomain each link of this rank belongs."""
-        CHKERR(LatinLinksSetSubdomains(self.handle, integers(subdomain)))
+        CHKERR(LatinStructureSetMass(self.handle, reals(mass)))
 
     def setup(self):
         """Distribute the structure and number its unknowns."""
-        CHKERR(LatinLinksSetUp(self.handle))
+        CHKERR(LatinStructureSetUp(self.handle))
 
     def dm(self):
         """Return the DMPLEX of the structure."""
         cdef PetscDM dm = NULL
-        CHKERR(LatinLinksGetDM(self.handle, &dm))
+        CHKERR(LatinStructureGetDM(self.handle, &dm))
         return keep(PETSc.DMPlex(), dm)
 
     def attach(self, SNES snes not None):
         """Give a SNES the DM, the residual and the Jacobian of the structure."""
-        CHKERR(LatinLinksAttachSNES(self.handle, snes.snes))
+        CHKERR(LatinStructureAttachSNES(self.handle, snes.snes))
 
     def attach_ts(self, TS ts not None):
         """Give a TS the DM and the motion of the structure."""
-        CHKERR(LatinLinksAttachTS(self.handle, ts.ts))
+        CHKERR(LatinStructureAttachTS(self.handle, ts.ts))
 
     def set_pc(self, PC pc not None):
         """Give a PC of type latin the structure."""
-        CHKERR(PCLatinSetLinks(pc.pc, self.handle))
+        CHKERR(LatinStructureAttachPC(self.handle, pc.pc))
 
     def set_ksp(self, KSP ksp not None):
         """Give a KSP of type latin the structure."""
-        CHKERR(KSPLatinSetLinks(ksp.ksp, self.handle))
+        CHKERR(LatinStructureAttachKSP(self.handle, ksp.ksp))
 
     def sizes(self):
         """Return dimension, nodes, links and free degrees of freedom of the whole structure."""
         cdef PetscInt dim = 0, nodes = 0, links = 0, free_dofs = 0
-        CHKERR(LatinLinksGetSizes(self.handle, &dim, &nodes, &links, &free_dofs))
+        CHKERR(LatinStructureGetSizes(self.handle, &dim, &nodes, &links, &free_dofs))
         return dim, nodes, links, free_dofs
 
     def residual(self, Vec u not None, Vec r not None):
         """Compute the nodal unbalance."""
-        CHKERR(LatinLinksComputeResidual(self.handle, u.vec, r.vec))
+        CHKERR(LatinStructureComputeResidual(self.handle, u.vec, r.vec))
 
     def jacobian(self, Vec u not None, Mat J not None):
         """Compute the tangent stiffness."""
-        CHKERR(LatinLinksComputeJacobian(self.handle, u.vec, J.mat))
+        CHKERR(LatinStructureComputeJacobian(self.handle, u.vec, J.mat))
 
     def energy(self, Vec u not None):
         """Compute the potential energy."""
         cdef PetscReal energy = 0
-        CHKERR(LatinLinksComputeEnergy(self.handle, u.vec, &energy))
+        CHKERR(LatinStructureComputeEnergy(self.handle, u.vec, &energy))
         return energy
 
     def kinetic_energy(self, Vec v not None):
         """Compute the kinetic energy."""
         cdef PetscReal energy = 0
-        CHKERR(LatinLinksComputeKineticEnergy(self.handle, v.vec, &energy))
+        CHKERR(LatinStructureComputeKineticEnergy(self.handle, v.vec, &energy))
         return energy
 
     def errors(self, Vec u not None, Vec reference not None):
         """Compute the relative l2 and energy errors."""
         cdef PetscReal l2 = 0, energy = 0
-        CHKERR(LatinLinksComputeErrors(self.handle, u.vec, reference.vec, &l2, &energy))
+        CHKERR(LatinStructureComputeErrors(self.handle, u.vec, reference.vec, &l2, &energy))
         return l2, energy
 
     def displacements(self, Vec u not None, out):
         """Write the displacements of this rank's nodes into ``out``."""
-        CHKERR(LatinLinksGetDisplacements(self.handle, u.vec, <PetscReal *>reals(out)))
+        CHKERR(LatinStructureGetDisplacements(self.handle, u.vec, <PetscReal *>reals(out)))
 
     def tensions(self, Vec u not None, out):
         """Write the tensions of this rank's links into ``out``."""
-        CHKERR(LatinLinksGetTensions(self.handle, u.vec, <PetscReal *>reals(out)))
+        CHKERR(LatinStructureGetTensions(self.handle, u.vec, <PetscReal *>reals(out)))
 
     def set_displacements(self, displacement, Vec u not None):
         """Write the displacements of this rank's nodes into the free unknowns of ``u``."""
-        CHKERR(LatinLinksSetDisplacements(self.handle, reals(displacement), u.vec))
+        CHKERR(LatinStructureSetDisplacements(self.handle, reals(displacement), u.vec))
 
 
 # ---- solvers --------------------------------------------------------------------------------------------
@@ -347,6 +363,31 @@ cdef Latin core(Object solver) except NULL:
     else:
         raise TypeError(f"expected a petsc4py SNES, KSP or PC of type latin, got {type(solver).__name__}")
     return latin
+
+
+def set_partition(Object solver not None, subdomain):
+    """Give every link of this rank its subdomain."""
+    CHKERR(LatinSetPartition(core(solver), len(subdomain), integers(subdomain)))
+
+
+def set_subdomains(Object solver not None, PetscInt subdomains):
+    """Choose the number of subdomains."""
+    CHKERR(LatinSetSubdomains(core(solver), subdomains))
+
+
+def set_variant(Object solver not None, int variant):
+    """Choose the coarse treatment of weak interfaces."""
+    CHKERR(LatinSetVariant(core(solver), variant))
+
+
+def set_modes(Object solver not None, int modes, PetscReal threshold):
+    """Choose the macro fields of strong interfaces and the threshold of local ones."""
+    CHKERR(LatinSetModes(core(solver), modes, threshold))
+
+
+def set_direction(Object solver not None, int direction, PetscReal value):
+    """Choose the search direction of the interfaces."""
+    CHKERR(LatinSetDirection(core(solver), direction, value))
 
 
 def statistics(Object solver not None):
@@ -415,9 +456,34 @@ def outer_ksp(KSP ksp not None):
     return keep(PETSc.KSP(), outer)
 
 
+def tensions(SNES snes not None, out):
+    """Write the tensions of this rank's links at the solution into ``out``."""
+    CHKERR(SNESLatinGetTensions(snes.snes, <PetscReal *>reals(out)))
+
+
 def step_tensions(TS ts not None, out):
     """Write the mean tensions of this rank's links during the last step into ``out``."""
     CHKERR(TSLatinGetTensions(ts.ts, <PetscReal *>reals(out)))
+
+
+def set_stop(SNES snes not None, int stop):
+    """Set what must become small."""
+    CHKERR(SNESLatinSetStop(snes.snes, <LatinStopType>stop))
+
+
+def set_estimated_error(SNES snes not None, PetscReal error):
+    """Set the estimated error to stop at."""
+    CHKERR(SNESLatinSetError(snes.snes, error))
+
+
+def set_warm_start(SNES snes not None, int warm):
+    """Set where a solve starts."""
+    CHKERR(SNESLatinSetWarmStart(snes.snes, <LatinWarmStart>warm))
+
+
+def set_newton(SNES snes not None, int newton):
+    """Set when Newton's method takes over."""
+    CHKERR(SNESLatinSetNewton(snes.snes, <LatinNewtonType>newton))
 
 
 def set_reference(SNES snes not None, Vec reference):
@@ -444,20 +510,20 @@ def history(SNES snes not None):
 
 
 def estimates(SNES snes not None):
-    """Return the estimated error per iteration, empty where not estimated, and what rounding leaves."""
+    """Return the estimated error per iteration, empty where not estimated, that of the solution, and what rounding leaves."""
     cdef PetscInt n = 0
     cdef const PetscReal *estimate = NULL
-    cdef PetscReal least = 0
-    CHKERR(SNESLatinGetEstimates(snes.snes, &n, &estimate, &least))
-    return copy(estimate, n), least
+    cdef PetscReal last = 0, least = 0
+    CHKERR(SNESLatinGetEstimates(snes.snes, &n, &estimate, &last, &least))
+    return copy(estimate, n), last, least
 
 
-def loose_nodes(SNES snes not None):
+def unsupported_nodes(SNES snes not None):
     """Return how many nodes nothing holds, some of them, and how far they are from a support."""
     cdef PetscInt count = 0, listed = 0, i
     cdef const PetscInt *node = NULL
     cdef PetscReal way = 0
-    CHKERR(SNESLatinGetLooseNodes(snes.snes, &count, &listed, &node, &way))
+    CHKERR(SNESLatinGetUnsupportedNodes(snes.snes, &count, &listed, &node, &way))
     return count, [node[i] for i in range(listed)], way
 
 

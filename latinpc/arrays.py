@@ -1,11 +1,11 @@
-"""Arrays as callers give them: checked, so that a message names what does not fit, and shared out to the ranks."""
+"""Check the arrays of the caller, and distribute them over the ranks."""
 
 import numpy as np
 from petsc4py import PETSc
 
-from latinpc.scenes.scene import Law
+from latinpc.laws import Law
 
-__all__ = ["REAL", "Slices", "integers", "native", "real", "refuse", "shaped"]
+__all__ = ["REAL", "Slices", "integers", "native", "partition", "real", "refuse", "shaped", "slices_of"]
 
 REAL = np.dtype(PETSc.RealType)
 _MAX_NAMED = 5
@@ -82,6 +82,19 @@ def shaped(name, values, shape, dtype, meaning):
     return np.broadcast_to(values, shape)
 
 
+def partition(name, values, links):
+    """Make an array of the subdomain of each link, numbered from 0 without gaps."""
+    values = shaped(name, integers(name, values), (links,), np.int64, "a value per link")
+    refuse(values < 0, "link", "has a negative subdomain", values)
+    count = int(values.max()) + 1
+    if count > links:
+        raise ValueError(f"{count} subdomains for {links} links: at most one a link")
+    empty = np.flatnonzero(np.bincount(values, minlength=count) == 0)
+    if empty.size:
+        raise ValueError(f"subdomain {empty[0]} has no link; subdomains are numbered from 0 without gaps")
+    return values
+
+
 def refuse(wrong, what, why, values):
     """Raise a ValueError that names the first culprits."""
     culprits = np.flatnonzero(wrong)
@@ -90,3 +103,16 @@ def refuse(wrong, what, why, values):
     named = ", ".join(f"{i} ({np.array2string(values[i])})" for i in culprits[:_MAX_NAMED])
     more = f" and {culprits.size - _MAX_NAMED} more" if culprits.size > _MAX_NAMED else ""
     raise ValueError(f"{what} {named}{more} {why}")
+
+
+def slices_of(solver):
+    """Find the caller's numbering, where the C library finds the structure: solver, its DM, that of its matrix."""
+    places = [solver, solver.getDM()]
+    if isinstance(solver, (PETSc.KSP, PETSc.PC)):
+        matrix = solver.getOperators()[1]
+        places += [matrix.getDM()] if matrix else []
+    for place in places:
+        slices = place.getAttr("latinpc_slices") if place else None
+        if slices is not None:
+            return slices
+    raise ValueError("the solver works on a matrix, not on links: attach a latinpc.Structure to it first")

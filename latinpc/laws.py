@@ -1,90 +1,82 @@
-"""Laws of links beyond those that come with latinpc: points of a curve, or functions in C."""
+"""The constitutive laws of links, by number and by name."""
 
-import ctypes
+from __future__ import annotations
+
+import difflib
+from enum import IntEnum
 
 import numpy as np
 
-from latinpc.arrays import REAL, native
-from latinpc.library import _latin
-
-__all__ = ["register_law", "register_table"]
+__all__ = ["RIGID", "UNILATERAL", "Law", "law_numbers"]
 
 
-def register_table(strain, tension, name="table"):
-    """Make a piecewise linear law from points; not collective, in the same order on every rank.
+class Law(IntEnum):
+    """Constitutive law of a link, eqs. (2) to (5); numbers are those of ``LatinLawType``.
+
+    Larger numbers are the piecewise linear laws of a `Scene`, and the laws that the user registers.
+    """
+
+    BAR = 0  #: tau = k (e + e0)
+    CABLE = 1  #: tau = k max(e + e0, 0)
+    COMPRESSION_ONLY = 2  #: tau = k min(e + e0, 0); an elastic contact with gap e0
+    INEXTENSIBLE = 3  #: 0 <= -(e + e0), tau >= 0, one of them zero
+    CONTACT = 4  #: 0 <= e + e0, tau <= 0, one of them zero: a rigid contact with gap e0
+    FRICTION = 5  #: the same with Coulomb friction: the normal part, before dim - 1 tangential ones
+    TANGENT = 6  #: tangential part of the contact before it
+
+    @property
+    def plural(self) -> str:
+        """Name of several links of the law."""
+        names = {
+            "COMPRESSION_ONLY": "compression-only links",
+            "INEXTENSIBLE": "inextensible cables",
+            "FRICTION": "contacts with friction",
+        }
+        return names.get(self.name, self.name.lower() + "s")
+
+
+#: Laws whose tension is no function of the elongation: their stiffness is a search parameter, 0: automatic.
+RIGID = (Law.INEXTENSIBLE, Law.CONTACT, Law.FRICTION, Law.TANGENT)
+
+#: Laws of links that may carry nothing.
+UNILATERAL = (Law.CABLE, Law.COMPRESSION_ONLY, Law.INEXTENSIBLE, Law.CONTACT, Law.FRICTION)
+
+
+def law_numbers(law):
+    """Replace names of laws by their numbers; not collective.
 
     Parameters
     ----------
-    strain : (n,) array_like of float
-        Increasing values of e + e0 (m), two or more.
-    tension : (n,) array_like of float
-        The tensions there (N), nowhere decreasing. The first and the last segment go on beyond the points.
-    name : str, optional
-        For messages.
+    law : array_like of str or int
+        Names of `Law` in any case, such as ``"cable"`` or ``"compression_only"``. Numbers are returned as they are.
 
     Returns
     -------
-    int
-        For the `law` of `Links`; the same for the same points. A link of stiffness 0 has these tensions, one of
-        another stiffness has them in proportion: the stiffness is the slope where the law is steepest.
+    array
+        Of the same shape; of int where names were given.
+
+    Raises
+    ------
+    ValueError
+        For an unknown name.
 
     Examples
     --------
-    A bar that yields at 10 N in tension and in compression (loaded once: what yields comes back the same way):
-
-    >>> import latinpc
-    >>> yields = latinpc.register_table([-2e-3, -1e-3, 1e-3, 2e-3], [-10, -10, 10, 10])
+    >>> law_numbers(["bar", "cable"])
+    array([0, 1])
     """
-    strain, tension = (native(np.asarray(values, dtype=REAL).ravel()) for values in (strain, tension))
-    if len(strain) != len(tension):
-        raise ValueError(f"a law needs as many tensions as strains, not {len(tension)} for {len(strain)}")
-    return _latin.register_table(name, strain, tension)
+    law = np.asarray(law)
+    if law.dtype.kind != "U":
+        return law
+    names, index = np.unique(law, return_inverse=True)
+    return np.array([_number(str(name)) for name in names], dtype=int)[index].reshape(law.shape)
 
 
-def register_law(name, tension, tangent, energy, local=None, context=None):
-    """Make a law of functions in C, which the iteration calls; not collective, in the same order on every rank.
-
-    Parameters
-    ----------
-    name : str
-        For messages.
-    tension, tangent, energy : int or object
-        Addresses of ``double f(double k, double x, void *context)`` with x = e + e0: the tension, nowhere decreasing
-        and hardly steeper than k; an element of its generalised derivative; a potential of it. An address is an
-        integer, a function of ctypes, or what has an attribute ``address``, as a cfunc of numba.
-    local : int or object, optional
-        Of ``double f(double k, double e0, double y, void *context)``: tau - k e where tau + k e = y and the law holds.
-        Solved for by Newton's method when not given.
-    context : int, optional
-        Address handed on to the functions.
-
-    Returns
-    -------
-    int
-        For the `law` of `Links`.
-
-    Notes
-    -----
-    The functions must live as long as the structures that use them. A law in Python is wrapped by ctypes:
-    ``ctypes.CFUNCTYPE(c_double, c_double, c_double, c_void_p)(lambda k, x, context: ...)``. It is called for each link
-    in each iteration, which is slow: compile it by numba.cfunc, or give its points to `register_table`, as many as
-    its curvature asks for.
-    """
-    if REAL.itemsize != 8:
-        raise ValueError(f"a law of functions computes in double precision, this PETSc in {REAL}: take register_table")
-    return _latin.register_law(
-        name, *(_address(function) for function in (tension, tangent, energy, local)), context or 0
-    )
-
-
-def _address(function):
-    if function is None or isinstance(function, int):
-        return function or 0
-    if hasattr(function, "address"):
-        return function.address
-    if isinstance(function, ctypes._CFuncPtr):
-        return ctypes.cast(function, ctypes.c_void_p).value
-    raise TypeError(
-        f"a law is made of C functions, given by their addresses, not of {type(function).__name__}: wrap a function of "
-        "Python by ctypes.CFUNCTYPE, or compile it by numba.cfunc"
-    )
+def _number(name):
+    key = name.strip().upper().replace("-", "_").replace(" ", "_")
+    if key in Law.__members__:
+        return Law[key]
+    near = difflib.get_close_matches(key, Law.__members__, n=1, cutoff=0.5)
+    known = ", ".join(law.name.lower() for law in Law)
+    cure = f"do you mean {near[0].lower()!r}?" if near else f"choose from {known}"
+    raise ValueError(f"unknown law {name!r}: {cure}")

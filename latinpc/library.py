@@ -1,4 +1,4 @@
-"""The compiled part: found, built with the PETSc that petsc4py brings, and initialised."""
+"""Load the compiled part, check that its PETSc is that of petsc4py, and initialise it."""
 
 from petsc4py import PETSc
 

@@ -1,7 +1,7 @@
-"""What a SNES, a KSP or a PC of type latin tells: size of the decomposition, history, inner solvers, subdomains.
+"""Diagnostics of a SNES, KSP or PC of type latin: decomposition, history, inner solvers, subdomains, states.
 
-Functions marked *Collective* must be called by all ranks of the solver. Arrays are in the caller's own numbering,
-whole, the same on every rank.
+All ranks of the solver call what is marked *collective*. Arrays are whole, in the caller's own numbering, the same on
+every rank.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import re
 import numpy as np
 from petsc4py import PETSc
 
-# through links, which checks the compiled part and registers the types
+from latinpc.arrays import slices_of
 from latinpc.library import _latin
 
 __all__ = [
@@ -20,6 +20,7 @@ __all__ = [
     "digits",
     "energy_bound",
     "error_message",
+    "estimated_error",
     "history",
     "load_state",
     "local_ksp",
@@ -30,26 +31,13 @@ __all__ = [
     "pcshell_set_latin",
     "rounding_floor",
     "save_state",
-    "set_reference",
     "statistics",
     "step_tensions",
     "subdomain_is",
     "subdomain_of_links",
     "subdomains",
+    "tensions",
 ]
-
-
-def _slices_of(solver):
-    """Find the caller's numbering, where the C library finds the structure: solver, its DM, that of its matrix."""
-    places = [solver, solver.getDM()]
-    if isinstance(solver, (PETSc.KSP, PETSc.PC)):
-        matrix = solver.getOperators()[1]
-        places += [matrix.getDM()] if matrix else []
-    for place in places:
-        slices = place.getAttr("latinpc_slices") if place else None
-        if slices is not None:
-            return slices
-    raise ValueError("the solver works on a matrix, not on links: attach a latinpc.Links to it first")
 
 
 def statistics(solver):
@@ -64,7 +52,7 @@ def statistics(solver):
     -------
     dict
         ``subdomains``, ``strong_interfaces``, ``weak_interfaces``, ``strong_macro_dofs``, ``weak_dofs``,
-        ``coarse_size``, ``coarse_levels``, ``local_macro_dofs``, ``floppy_subdomains``, ``local_modes_max``,
+        ``coarse_size``, ``coarse_levels``, ``local_macro_dofs``, ``low_energy_subdomains``, ``local_modes_max``,
         ``micro_sides``, ``state_size``, and the search direction (N/m) as ``direction_min``, ``direction_mean``,
         ``direction_max`` (of a matrix, its diagonal).
     """
@@ -72,7 +60,7 @@ def statistics(solver):
 
 
 def history(snes):
-    """Return what the iteration has measured; not collective.
+    """Return the measures of each iteration; not collective.
 
     Parameters
     ----------
@@ -102,13 +90,29 @@ def rounding_floor(snes):
     float
         0 where it is not known.
     """
+    return _latin.estimates(snes)[2]
+
+
+def estimated_error(snes):
+    """Return the estimated relative error of the solution, in the norm of the stop; not collective.
+
+    Parameters
+    ----------
+    snes : petsc4py.PETSc.SNES
+        Of type latin, after a solve with ``-snes_latin_stop error``.
+
+    Returns
+    -------
+    float
+        0 with another stop.
+    """
     return _latin.estimates(snes)[1]
 
 
-def loose_nodes(snes):
-    """Return the nodes that nothing holds where a solve has not converged; not collective.
+def unsupported_nodes(snes):
+    """Return the nodes that slack links no longer hold, after a solve without convergence; not collective.
 
-    The loads move them without end, or slowly to a support where they are small.
+    The loads move them without end or, where they are small, slowly to a support.
 
     Parameters
     ----------
@@ -118,15 +122,15 @@ def loose_nodes(snes):
     Returns
     -------
     count : int
-        How many they are; 0 when the structure has an equilibrium, or nothing is known.
+        Number of nodes; 0 when the structure has an equilibrium or the cause is not known.
     nodes : list of int
-        Eight of them at most, in the caller's numbering.
+        At most eight of them, in the caller's numbering.
     """
-    return _latin.loose_nodes(snes)[:2]
+    return _latin.unsupported_nodes(snes)[:2]
 
 
 def jammed_links(snes):
-    """Return rigid links whose gaps no displacement meets together, where a solve has not converged; not collective.
+    """Return rigid links with incompatible gaps, after a solve without convergence; not collective.
 
     Parameters
     ----------
@@ -136,9 +140,9 @@ def jammed_links(snes):
     Returns
     -------
     count : int
-        How many they are; 0 when there are displacements that meet all, or nothing is known.
+        Number of links; 0 when the gaps are compatible or the cause is not known.
     links : list of int
-        Eight of them at most, in the caller's numbering.
+        At most eight of them, in the caller's numbering.
     """
     return _latin.jammed_links(snes)
 
@@ -151,7 +155,7 @@ def energy_bound(snes):
     Parameters
     ----------
     snes : petsc4py.PETSc.SNES
-        Of any type, after a solve, with a `Links` of bars only attached.
+        Of any type, after a solve, with a `Structure` of bars only attached.
 
     Returns
     -------
@@ -164,37 +168,43 @@ def energy_bound(snes):
 
 
 def digits(snes):
-    """Return how far a solution is from equilibrium, and what the rounding of numbers makes of it; collective.
+    """Return how far a solution is from equilibrium, and its sensitivity to rounding; collective.
 
     It costs the set-up of a PC latin and ten linear solves to four digits (PETSc prefix ``-latin_digits_``).
 
     Parameters
     ----------
     snes : petsc4py.PETSc.SNES
-        Of any type, after a solve, with a `Links` without rigid laws attached.
+        Of any type, after a solve, with a `Structure` without rigid laws attached.
 
     Returns
     -------
     dict of float
         Changes of the free displacements, relative in the l2 norm: by the forces left without balance as
         ``unbalance``; by the rounding of displacements, elongations and tensions as ``rounding``, the least error of
-        any solver in this precision; by that of the coordinates as ``places``; by that of stiffnesses, prestrains and
-        loads as ``values``. The last three are root mean squares over random roundings.
+        any solver in this precision; by that of the coordinates as ``places``; by that of stiffnesses, initial
+        elongations and loads as ``values``. The last three are root mean squares over random roundings.
     """
     return _latin.digits(snes)
 
 
-def set_reference(snes, reference):
-    """Give the displacement that ``-snes_latin_stop reference`` and the history measure against; collective.
+def tensions(snes):
+    """Return the tension of every link at the solution, of rigid ones as the solve has found it; collective.
 
     Parameters
     ----------
     snes : petsc4py.PETSc.SNES
-        Of type latin.
-    reference : petsc4py.PETSc.Vec or None
-        Displacement of the free degrees of freedom (m).
+        After a solve, with a `Structure` attached; of type latin where links are rigid.
+
+    Returns
+    -------
+    (m,) array of float
+        In the caller's numbering, the same on every rank (N), positive in tension.
     """
-    _latin.set_reference(snes, reference)
+    slices = slices_of(snes)
+    mine = np.zeros(len(slices.my_links), dtype=PETSc.RealType)
+    _latin.tensions(snes, mine)
+    return slices.gather_links(mine)
 
 
 def step_tensions(ts):
@@ -203,14 +213,15 @@ def step_tensions(ts):
     Parameters
     ----------
     ts : petsc4py.PETSc.TS
-        Of type latin, after a step, with a `Links` attached.
+        Of type latin, with a `Structure` attached. Before the first step the tensions are those at the start, where
+        rigid links bear nothing.
 
     Returns
     -------
     (m,) array of float
         In the caller's numbering, the same on every rank (N), positive in tension.
     """
-    slices = _slices_of(ts)
+    slices = slices_of(ts)
     mine = np.zeros(len(slices.my_links), dtype=PETSc.RealType)
     _latin.step_tensions(ts, mine)
     return slices.gather_links(mine)
@@ -273,14 +284,14 @@ def subdomain_of_links(solver):
     Parameters
     ----------
     solver : petsc4py.PETSc.SNES, petsc4py.PETSc.KSP or petsc4py.PETSc.PC
-        Of type latin, set up, with a `Links` attached.
+        Of type latin, set up, with a `Structure` attached.
 
     Returns
     -------
     (m,) array of int
         In the caller's numbering, the same on every rank.
     """
-    slices = _slices_of(solver)
+    slices = slices_of(solver)
     mine = np.zeros(len(slices.my_links), dtype=PETSc.IntType)
     _latin.subdomain_of_links(solver, mine)
     return slices.gather_links(mine)
@@ -292,7 +303,7 @@ def node_classes(solver):
     Parameters
     ----------
     solver : petsc4py.PETSc.SNES, petsc4py.PETSc.KSP or petsc4py.PETSc.PC
-        Of type latin, set up, with a `Links` attached.
+        Of type latin, set up, with a `Structure` attached.
 
     Returns
     -------
@@ -300,7 +311,7 @@ def node_classes(solver):
         0 interior, 1 on a strong interface, 2 on a weak interface, 3 corner; in the caller's numbering, the
         same on every rank.
     """
-    slices = _slices_of(solver)
+    slices = slices_of(solver)
     mine = np.zeros(slices.node_end - slices.node_start, dtype=PETSc.IntType)
     _latin.node_classes(solver, mine)
     return slices.gather_nodes(mine)
@@ -376,10 +387,10 @@ def outer_snes(snes):
 
 
 def save_state(solver, path, u=None, note=b""):
-    """Write what a solver needs to go on to the bit in another run; collective.
+    """Save the state of a solver, from which another run continues bit by bit; collective.
 
-    The file is of PETSc's binary format, or of HDF5 when its name ends in ``.h5`` or ``.hdf5``. It takes the place of
-    an older one in one step, once it is whole and on the disk: a run that is killed leaves the one or the other.
+    The file is of PETSc's binary format, or of HDF5 when its name ends in ``.h5`` or ``.hdf5``. It replaces
+    an older one in one step, once it is complete on the disk: a killed run leaves one or the other.
 
     Parameters
     ----------
@@ -387,9 +398,9 @@ def save_state(solver, path, u=None, note=b""):
         A SNES, of type latin or another one, after a solve; or a TS of type latin, after a step.
     path : str or path-like
     u : petsc4py.PETSc.Vec, optional
-        Solution of the SNES; a TS knows its own.
+        Solution of the SNES; not for a TS, which has its own.
     note : bytes, optional
-        What the caller wants to find again, for instance the number of the load step; from rank 0.
+        Data of the caller, for instance the number of the load step; from rank 0.
 
     Raises
     ------
@@ -403,8 +414,8 @@ def save_state(solver, path, u=None, note=b""):
 def load_state(solver, path, u=None):
     """Read what `save_state` has written, for the same structure, options and number of ranks; collective.
 
-    The next solve of a SNES latin that starts warm (``-snes_latin_warm_start``), or the next step of the TS, goes on
-    from there. Loads, prestrains and prescribed displacements are the caller's.
+    The next solve of a SNES latin that starts warm (``-snes_latin_warm_start``), or the next step of the TS, continues
+    from there. Loads, initial elongations and prescribed displacements are the caller's.
 
     Parameters
     ----------
@@ -439,7 +450,7 @@ def pcshell_set_latin(pc):
 
 
 def has_package(name):
-    """Tell whether this PETSc has an external package; not collective."""
+    """Return whether this PETSc has an external package; not collective."""
     # earlier versions of PETSc name SuiteSparse as a whole, later ones its parts
     return PETSc.Sys.hasExternalPackage(name) or (name == "suitesparse" and PETSc.Sys.hasExternalPackage("cholmod"))
 

@@ -9,7 +9,7 @@ from scipy import sparse
 from scipy.optimize import linprog
 from scipy.sparse.linalg import splu
 
-from latinpc.peers.qp import Clarabel, kinematics
+from latinpc.bench.peers.qp import Clarabel, kinematics
 from latinpc.scenes import Law
 
 
@@ -50,8 +50,8 @@ def program(scene):
     assert "Solved" in status, status
     B, e_d = kinematics(scene)
     u = x[: B.shape[1]] * solver.program.length
-    strain = B @ u + e_d + scene.prestrain
-    sign = np.where(np.isin(scene.law, (Law.STRUT, Law.CONTACT)), -1.0, 1.0)
+    strain = B @ u + e_d + scene.initial_elongation
+    sign = np.where(np.isin(scene.law, (Law.COMPRESSION_ONLY, Law.CONTACT)), -1.0, 1.0)
     rigid = np.isin(scene.law, (Law.INEXTENSIBLE, Law.CONTACT))
     multiplier = np.zeros(len(sign))
     multiplier[scene.law != Law.BAR] = np.array(solver.solver.solve().z) * solver.program.force
@@ -62,12 +62,12 @@ def program(scene):
         k = np.where(taut, scene.stiffness, 0.0)
         k[rigid] = 0.0
         K, A = B.T @ sparse.diags(k) @ B, B[active]
-        right = scene.load[~scene.fixed] - B.T @ (k * (e_d + scene.prestrain))
+        right = scene.load[~scene.fixed] - B.T @ (k * (e_d + scene.initial_elongation))
         kkt = sparse.bmat([[K, A.T], [A, None]], format="csc")
-        found = splu(kkt).solve(np.concatenate([right, -(e_d + scene.prestrain)[active]]))
-        u, tension = found[: B.shape[1]], k * (B @ found[: B.shape[1]] + e_d + scene.prestrain)
+        found = splu(kkt).solve(np.concatenate([right, -(e_d + scene.initial_elongation)[active]]))
+        u, tension = found[: B.shape[1]], k * (B @ found[: B.shape[1]] + e_d + scene.initial_elongation)
         tension[active] = found[B.shape[1] :]
-        strain = B @ u + e_d + scene.prestrain
+        strain = B @ u + e_d + scene.initial_elongation
         multiplier = np.where(rigid, sign * tension, multiplier)
         multiplier[rigid & (sign * strain > small)] = 1.0
         if (sign[active] * tension[active] >= 0).all() and (sign * strain)[rigid].max(initial=0.0) <= small:
@@ -81,9 +81,9 @@ def linear_program(scene):
     """Displacements and tensions where nothing is elastic: min -F.u under e + e0 >= 0, by the simplex method."""
     B, e_d = kinematics(scene)
     force = scene.load[~scene.fixed]
-    scale = np.abs(scene.prestrain).max() or 1.0
+    scale = np.abs(scene.initial_elongation).max() or 1.0
     found = linprog(
-        -force / np.abs(force).max(), A_ub=-B, b_ub=(scene.prestrain + e_d) / scale, bounds=(None, None),
+        -force / np.abs(force).max(), A_ub=-B, b_ub=(scene.initial_elongation + e_d) / scale, bounds=(None, None),
         method="highs-ds", options={"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10},
     )  # fmt: skip
     assert found.status == 0, found.message
@@ -98,7 +98,7 @@ def tensegrity(scene):
     cable, k = scene.law == Law.CABLE, scene.stiffness
     K = (B.T @ sparse.diags(k) @ B).toarray()
     Bc, kc = B[cable].toarray(), k[cable]
-    tau0 = (k * scene.prestrain)[cable]
+    tau0 = (k * scene.initial_elongation)[cable]
     A = np.diag(kc) - kc[:, None] * (Bc @ np.linalg.solve(K, Bc.T)) * kc  # (19)
     scale, force = kc.max(), np.abs(tau0).max()
     d = -kc * (Bc @ np.linalg.solve(K, scene.load[~scene.fixed])) - tau0  # the right side of (18)
@@ -111,9 +111,11 @@ def step(scene, h):
     B, e_d = kinematics(scene)
     B, free = B.toarray(), ~scene.fixed
     mass = np.broadcast_to(scene.mass[:, None], scene.nodes.shape)[free]
-    sign = np.where(np.isin(scene.law, (Law.STRUT, Law.CONTACT)), -1.0, 1.0)  # contacts push where cables pull
+    sign = np.where(
+        np.isin(scene.law, (Law.COMPRESSION_ONLY, Law.CONTACT)), -1.0, 1.0
+    )  # contacts push where cables pull
     bar, rigid = scene.law == Law.BAR, np.isin(scene.law, (Law.INEXTENSIBLE, Law.CONTACT))
-    B, strain = sign[:, None] * B, sign * (e_d + scene.prestrain)
+    B, strain = sign[:, None] * B, sign * (e_d + scene.initial_elongation)
     unilateral = ~bar & ~(rigid & (strain < 0.0))  # (10): a rigid link that is slack bears nothing
     W = B @ (B / mass).T
     soft = np.zeros(len(bar))

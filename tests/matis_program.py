@@ -61,6 +61,13 @@ class Grid:
             self.part = np.ravel_multi_index((place % 2).T, [2] * args.dim)
         corners = np.array(list(itertools.product((0, 1), repeat=args.dim)))
         self.connect = np.ravel_multi_index((cells[:, None] + corners).transpose(2, 0, 1), shape + 1)
+        self.counts = None
+        if args.owned:
+            owner = np.full(len(self.nodes), self.part.max())
+            np.minimum.at(owner, self.connect, self.part[:, None])
+            order = np.argsort(owner, kind="stable")
+            self.nodes, self.connect = self.nodes[order], np.argsort(order)[self.connect]
+            self.counts = np.bincount(owner) * self.bs
         self.scale = np.ones(len(cells))
         if args.jump == "across":
             self.scale = np.where(place.sum(axis=1) % 2, args.contrast, 1.0)
@@ -129,6 +136,8 @@ def matis(problem, args, comm):
     if args.asymmetric and rank == comm.getSize() - 1:
         k[0, 1] *= 1.5
     first, last = n // bs * rank // comm.getSize() * bs, n // bs * (rank + 1) // comm.getSize() * bs
+    if args.owned:
+        first, last = problem.counts[:rank].sum(), problem.counts[: rank + 1].sum()
     blocked = args.dirichlet != "eliminated" and not args.scalar_map
     lgmap = PETSc.LGMap().create(
         (numbers[::bs] // bs if blocked else numbers).astype(PETSc.IntType), bsize=bs if blocked else 1, comm=comm
@@ -190,6 +199,12 @@ def explicit(pc, a):
     return float(values[0]), float(values[-1]), float(abs(m - m.T).max() / abs(m).max())
 
 
+def set_value(pc, value):
+    """Give the search direction of the options another fraction of the interface stiffness."""
+    if value:
+        latinpc.set_direction(pc, PETSc.Options().getString("pc_latin_direction"), value)
+
+
 def main():
     """Build, solve, print."""
     parser = argparse.ArgumentParser()
@@ -204,9 +219,11 @@ def main():
     parser.add_argument("--coordinates", type=int, default=1)
     parser.add_argument("--scalar-map", action="store_true", help="a local-to-global map without blocks")
     parser.add_argument("--colours", action="store_true", help="every rank has all blocks of one colour")
+    parser.add_argument("--owned", action="store_true", help="what is inside a block belongs to its rank")
     parser.add_argument("--near", action="store_true")
     parser.add_argument("--asymmetric", action="store_true")
     parser.add_argument("--spectrum", action="store_true")
+    parser.add_argument("--value", type=float, default=0.0, help="fraction of the search direction")
     parser.add_argument("--links", action="store_true", help="compare with the preconditioner of the links")
     args, _ = parser.parse_known_args()
     comm = PETSc.COMM_WORLD
@@ -225,6 +242,7 @@ def main():
     if args.coordinates:
         pc.setCoordinates(x[:: problem.bs] if len(x) % problem.bs == 0 else x)
     ksp.setFromOptions()
+    set_value(pc, args.value)
     b, u = a.createVecs()
     first, last = b.getOwnershipRange()
     b.setArray(np.sin(1.0 + 7.3 * np.arange(first, last)))
@@ -240,19 +258,20 @@ def main():
     if args.spectrum:
         result["least"], result["largest"], result["asymmetry"] = explicit(pc, a)
     if args.links:
-        links = latinpc.Links.from_scene(problem.scene, comm=comm)
-        other, f, v = links.create_vec(), links.create_vec(), links.create_vec()
-        jacobian = links.dm.createMat()
-        links.jacobian(other, jacobian)
+        structure = latinpc.Structure.from_scene(problem.scene, comm=comm)
+        other, f, v = structure.create_vec(), structure.create_vec(), structure.create_vec()
+        jacobian = structure.dm.createMat()
+        structure.jacobian(other, jacobian)
         by_links = PETSc.PC().create(comm)
         by_links.setOperators(jacobian)
         by_links.setType("latin")
-        links.attach(by_links)
+        structure.attach(by_links)
         by_links.setFromOptions()
+        set_value(by_links, args.value)
         given = np.where(problem.held, 0.0, np.sin(np.arange(len(problem.held))))
-        links.set_displacements(given.reshape(problem.nodes.shape), f)
+        structure.set_displacements(given.reshape(problem.nodes.shape), f)
         by_links.apply(f, v)
-        theirs = links.displacements(v).ravel()[~problem.held]
+        theirs = structure.displacements(v).ravel()[~problem.held]
         b.setArray(given[free[first:last]])
         pc.apply(b, u)
         scatter, whole = PETSc.Scatter.toAll(u)

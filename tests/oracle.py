@@ -36,7 +36,7 @@ def kinematics(scene):
 
 def tension(scene, e):
     """Laws (2), (4) and their mirror image."""
-    t = scene.stiffness * (e + scene.prestrain)
+    t = scene.stiffness * (e + scene.initial_elongation)
     return np.where(scene.law == 1, np.maximum(t, 0.0), np.where(scene.law == 2, np.minimum(t, 0.0), t))
 
 
@@ -60,7 +60,7 @@ def newton(scene, rtol=1e-12, max_it=200):
 
     u, r = np.zeros(len(free)), residual(np.zeros(len(free)))
     floor = 1e-10 * k.mean()  # where slack links leave a mechanism the step stays finite
-    scale = np.linalg.norm(load) + np.linalg.norm(abs(b).T @ abs(k * (scene.prestrain + e_d)))
+    scale = np.linalg.norm(load) + np.linalg.norm(abs(b).T @ abs(k * (scene.initial_elongation + e_d)))
     for _ in range(max_it):
         if np.linalg.norm(r) <= rtol * scale:
             break
@@ -127,12 +127,6 @@ def rigid_modes(scene, nodes):
     return np.column_stack([np.tile(axes, (len(nodes), 1))] + [spin.ravel() for spin in spins])
 
 
-def no_modes(scene, nodes):
-    """No macro field on an interface, (len * dim, 0); None if it is weak."""
-    modes = affine_modes(scene, nodes)
-    return modes if modes is None else modes[:, :0]
-
-
 def components(members, edges):
     """Connected components of at least two members."""
     label = {member: member for member in members}
@@ -143,17 +137,17 @@ def components(members, edges):
     return [group for group in groups if len(group) > 1]
 
 
-def primal_groups(parts, weak, variant, promote):
-    """Subdomains among which the node has one displacement: sections 4.2 (macro) and 4.4 (corner)."""
-    if variant == "corner" and (weak or (promote and len(parts) > 2)):
+def primal_groups(parts, weak, variant):
+    """Subdomains among which the node has one displacement: sections 4.2 (macro) and 4.4 (corner, published)."""
+    if variant in ("corner", "published") and (weak or len(parts) > 2):
         return [parts]
     return components(parts, weak) if variant == "macro" else []
 
 
-def micro_pairs(parts, weak, groups, variant, corners):
+def micro_pairs(parts, weak, groups, variant):
     """Pairs of subdomains that exchange micro quantities at the node."""
     pairs = [pair for pair in combinations(parts, 2) if pair not in weak]
-    if corners == "free":  # one displacement needs no springs
+    if variant != "published":  # one displacement needs no springs
         pairs = [pair for pair in pairs if not any(set(pair) <= set(group) for group in groups)]
     if variant == "none":  # weak pairs implied by the strong ones are dropped, section 4
         joined = components(parts, [pair for pair in combinations(parts, 2) if pair not in weak])
@@ -185,12 +179,11 @@ def orthonormal(r, d):
     return la.solve_triangular(la.cholesky(r.T @ d @ r, lower=True), r.T, lower=True).T if r.size else r
 
 
-def local_modes(latin, threshold, taut=None):
+def local_modes(latin, threshold):
     """Fields of both sides of every interface: S v = lambda diag(d) v, S the stiffness of a subdomain at its interfaces
-    with its primal dofs held, lambda < threshold; only where a node alone has such a motion. Links that are not
-    `taut` (m,) do not count.
+    with its primal dofs held, lambda < threshold; only where a node alone has such a motion.
     """
-    dim, stiffness = latin.scene.dim, latin.scene.stiffness * np.where(True if taut is None else taut, 1.0, 1e-6)
+    dim = latin.scene.dim
     for i, part in enumerate(latin.parts):
         sides = [(side, side.pair.index(i)) for side in latin.sides if i in side.pair]
         spring = np.zeros(len(part.dofs))
@@ -198,7 +191,7 @@ def local_modes(latin, threshold, taut=None):
             np.add.at(spring, side.local[which], side.d.diagonal())
         held = np.isin(part.dofs // dim, [n for n, g in latin.primal.items() if any(i in group for group in g)])
         b, r = np.flatnonzero(~held & (spring > 0)), np.flatnonzero(~held & (spring == 0))
-        k, q = part.b.T @ (stiffness[part.links][:, None] * part.b), np.sqrt(spring[b])
+        k, q = part.stiffness, np.sqrt(spring[b])
         nodes = [b[part.dofs[b] // dim == node] for node in np.unique(part.dofs[b] // dim)]
         if all(la.eigvalsh(k[np.ix_(n, n)], np.diag(spring[n]))[0] >= threshold for n in nodes):
             continue
@@ -214,24 +207,12 @@ def local_modes(latin, threshold, taut=None):
 
 
 # ---- set-up ------------------------------------------------------------------------------------
-def build(
-    scene,
-    variant="corner",
-    corners="free",
-    promote=True,
-    d=None,
-    alpha=None,
-    direction="schur",
-    owned=OWNED,
-    modes=affine_modes,
-    local=0.0,
-    taut=None,
-):
+def build(scene, variant="corner", direction="schur", value=0.0, owned=OWNED, modes=affine_modes, local=0.0):
     """Everything that is built once: interfaces, subdomain operators, coarse factor.
 
-    d is a number (N/m), or None for alpha (default `FRACTION`) times the mean of the neighbours' stiffness: its
-    mean diagonal, its diagonal, its block, or its Schur complement (`direction`). `owned`: see `macro_nodes`.
-    modes: `affine_modes`, `rigid_modes` or `no_modes`. local, taut: see `local_modes`.
+    direction: a fraction of the mean of the neighbours' stiffness: its mean diagonal, its diagonal, its block, or its
+    Schur complement. value: d of the scalar direction (N/m), of the others the fraction (0: `FRACTION`). `owned`: see
+    `macro_nodes`. modes: `affine_modes` or `rigid_modes`. local: see `local_modes`.
     """
     b, e_d = kinematics(scene)
     latin = SimpleNamespace(scene=scene, e_d=e_d, free=~scene.fixed.ravel())
@@ -243,13 +224,13 @@ def build(
     for node in sorted({node for nodes in latin.shared.values() for node in nodes}):
         parts = latin.touching[node]
         weak = [pair for pair in combinations(parts, 2) if latin.modes[pair] is None]
-        latin.primal[node] = primal_groups(parts, weak, variant, promote)
-        for pair in micro_pairs(parts, weak, latin.primal[node], variant, corners):
+        latin.primal[node] = primal_groups(parts, weak, variant)
+        for pair in micro_pairs(parts, weak, latin.primal[node], variant):
             latin.micro[pair].append(node)
     latin.sides = [interface_side(latin, pair) for pair, nodes in latin.micro.items() if nodes]
-    directions(latin, d, alpha or FRACTION[direction], direction)
+    directions(latin, direction, value)
     if local:
-        local_modes(latin, local, taut)
+        local_modes(latin, local)
     latin.n_z = number_macro(latin, owned)
     latin.n_macro = sum(side.r.shape[1] for side in latin.sides)
     latin.n_coarse = number_primal(latin)
@@ -279,14 +260,13 @@ def interface_side(latin, pair):
     return side
 
 
-def directions(latin, d, alpha, direction):
+def directions(latin, direction, value):
     """The search direction of every interface, a matrix `d` (27); a spring must be there whatever the links."""
+    alpha = value or FRACTION[direction]
     for side in latin.sides:
         mean = side.mean.mean() or np.concatenate([other.mean for other in latin.sides]).mean() or 1.0
-        if d is not None:
-            side.d = d * np.eye(len(side.dofs))
-        elif direction == "scalar":
-            side.d = alpha * mean * np.eye(len(side.dofs))
+        if direction == "scalar":
+            side.d = (value or alpha * mean) * np.eye(len(side.dofs))
         elif direction == "diagonal":
             side.d = alpha * np.diag(np.maximum(side.mean, FLOOR * mean))
         else:
@@ -413,13 +393,13 @@ def assemble(latin):
 def start(latin):
     """z = 0 and s = k e0."""
     links = latin.nonsmooth
-    return np.concatenate([np.zeros(latin.n_z), (latin.scene.stiffness * latin.scene.prestrain)[links]])
+    return np.concatenate([np.zeros(latin.n_z), (latin.scene.stiffness * latin.scene.initial_elongation)[links]])
 
 
 def linear_stage(latin, x):
     """Displacements of every subdomain, (26) to (30) and (42) to (52)."""
     scene = latin.scene
-    s = scene.stiffness * scene.prestrain
+    s = scene.stiffness * scene.initial_elongation
     s[latin.nonsmooth] = x[latin.n_z :]
     forces = [p.load - p.b.T @ (s + scene.stiffness * latin.e_d)[p.links] for p in latin.parts]
     for side in latin.sides:
@@ -450,7 +430,7 @@ def local_stage(latin, x, u):
             sent.append(y - side.d @ (side.r @ (side.r.T @ y)))
         new[side.z[0]], new[side.z[1]] = sent[1], sent[0]
     links = latin.nonsmooth
-    k, ke0 = scene.stiffness[links], (scene.stiffness * scene.prestrain)[links]
+    k, ke0 = scene.stiffness[links], (scene.stiffness * scene.initial_elongation)[links]
     y = x[latin.n_z :] + 2 * k * elongations(latin, u)[links]
     taut = np.where(scene.law[links] == 1, y + ke0 > 0, y + ke0 < 0)
     new[latin.n_z :] = np.where(taut, ke0, -y)
@@ -480,8 +460,8 @@ def indicator(latin, x, new, u):
     distance += sum(dx[z] @ np.linalg.solve(4 * side.d, dx[z]) for side in latin.sides for z in side.z)
     e = np.abs(elongations(latin, u))
     taut, nonsmooth = e.copy(), latin.nonsmooth
-    taut[nonsmooth] = np.minimum(e, np.abs(elongations(latin, u) + latin.scene.prestrain))[nonsmooth]
-    taut[nonsmooth[new[latin.n_z :] != (k * latin.scene.prestrain)[nonsmooth]]] = 0.0  # slack
+    taut[nonsmooth] = np.minimum(e, np.abs(elongations(latin, u) + latin.scene.initial_elongation))[nonsmooth]
+    taut[nonsmooth[new[latin.n_z :] != (k * latin.scene.initial_elongation)[nonsmooth]]] = 0.0  # slack
     energy = np.sum(k * e * taut)
     return np.sqrt(distance / energy) if energy else np.sqrt(distance)
 

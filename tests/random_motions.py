@@ -23,7 +23,7 @@ class Throw:
     rigid: int = 0  #: inextensible cables and contacts between any two nodes
     rubs: int = 0  #: contacts with friction
     massless: bool = False  #: some nodes have no mass
-    speed: int = 0  #: power of ten, beside the prestrains
+    speed: int = 0  #: power of ten, beside the initial elongations
     step: int = 0  #: power of ten, beside the slowest of the periods that a spring and a mass make
     seed: int = 0
 
@@ -69,7 +69,7 @@ def with_links(scene, rng, laws, e0, mu=0.0):
         links=np.vstack([scene.links, ends]),
         law=np.append(scene.law, laws),
         stiffness=np.append(scene.stiffness, np.zeros(parts)),
-        prestrain=np.append(scene.prestrain, [e0] + [0.0] * (parts - 1)),
+        initial_elongation=np.append(scene.initial_elongation, [e0] + [0.0] * (parts - 1)),
         subdomain=np.append(scene.subdomain, [rng.integers(scene.n_subdomains)] * parts),
         direction=np.vstack([known["direction"], frame]),
         friction=np.append(known["friction"], [mu] * parts),
@@ -107,7 +107,7 @@ def as_statics(scene, h, u, v):
         links=np.vstack([scene.links, np.column_stack([np.full(springs, n), np.repeat(heavy, dim)])]),
         law=np.append(scene.law, np.full(springs, Law.BAR)),
         stiffness=np.append(scene.stiffness, mass / h**2),
-        prestrain=np.append(scene.prestrain + kinematics(scene) @ u.ravel(), np.zeros(springs)),
+        initial_elongation=np.append(scene.initial_elongation + kinematics(scene) @ u.ravel(), np.zeros(springs)),
         direction=np.vstack([scene.directions, axes]),
         fixed=np.vstack([scene.fixed, np.ones((1, dim), bool)]),
         prescribed=np.vstack([held, held[:1]]),
@@ -139,7 +139,7 @@ def step_errors(scene, h, u, v, new_u, new_v, tension, accuracy=0.0):
     force = max(force, NOTHING * (abs(b).T @ (scene.stiffness * (abs(b) @ abs(u.ravel())))).max())
     flown = np.where(free & (m > 0), h * v.ravel() + h * h * scene.load.ravel() / np.where(m > 0, m, 1.0), 0.0)
     far = max(abs(flown).max(), abs(w).max(), 1e-300)
-    x = b @ u.ravel() + scene.prestrain
+    x = b @ u.ravel() + scene.initial_elongation
     rows = abs(b).T @ (scene.stiffness * abs(b).sum(axis=1)) + m / h**2
     balance = np.maximum(abs(change + inner - scene.load.ravel()) - accuracy * np.linalg.norm(w) * rows, 0.0)[free]
     return {
@@ -151,11 +151,11 @@ def step_errors(scene, h, u, v, new_u, new_v, tension, accuracy=0.0):
 
 def _laws(scene, x, rate, tension, closed, force, far):
     """How far tensions are from what the laws say of the strains x before, and their changes in the step."""
-    soft = np.isin(scene.law, (Law.BAR, Law.CABLE, Law.STRUT))
+    soft = np.isin(scene.law, (Law.BAR, Law.CABLE, Law.COMPRESSION_ONLY))
     if soft.any():
         stretched = scene.stiffness * (x + rate)
         known = np.where(scene.law == Law.CABLE, np.maximum(stretched, 0.0), stretched)
-        known = np.where(scene.law == Law.STRUT, np.minimum(stretched, 0.0), known)
+        known = np.where(scene.law == Law.COMPRESSION_ONLY, np.minimum(stretched, 0.0), known)
         yield "elastic laws", abs(known - tension)[soft].max() / max(abs(stretched)[soft].max(), force)
     sign = np.where(scene.law == Law.INEXTENSIBLE, 1.0, -1.0)
     normal = np.flatnonzero(np.isin(scene.law, (Law.INEXTENSIBLE, Law.CONTACT, Law.FRICTION)))

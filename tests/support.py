@@ -12,10 +12,11 @@ import oracle
 from petsc4py import PETSc
 
 import latinpc
+from latinpc.runs.options import default_options
 from latinpc.scenes import Law, Scene, make
-from latinpc.solve import default_options
 
 VARIANTS = ("none", "macro", "corner")
+ALL_VARIANTS = (*VARIANTS, "published")
 PLAIN = {"outer_snes_type": "nrichardson"}
 ROUNDING = 1e-10
 SNES_OWN = ("max_it", "stol", "rtol", "atol", "divergence_tolerance", "monitor", "view")
@@ -53,7 +54,7 @@ def chain(links=24, parts=4, law=Law.BAR, stiffness=1000.0, load=1.5):
         links=np.column_stack([np.arange(links), np.arange(1, n)]),
         law=np.full(links, law),
         stiffness=stiffness * (1.0 + np.arange(links) % 3),
-        prestrain=np.full(links, 0.01),
+        initial_elongation=np.full(links, 0.01),
         fixed=fixed,
         prescribed=np.where(np.arange(n) == links, 0.2, 0.0)[:, None],
         load=np.where(fixed, 0.0, load),
@@ -88,34 +89,34 @@ def on_rails(scene, share=0.15, seed=0):
 
 # ---- the solver ------------------------------------------------------------------------------
 @contextmanager
-def latin(scene, _links=None, **options):
+def latin(scene, _structure=None, **options):
     """Give a SNES latin with these options, `-snes_latin_` left out: ``latin(scene, variant="macro", max_it=3)``."""
-    links = _links or latinpc.Links.from_scene(scene, comm=PETSc.COMM_SELF)
+    structure = _structure or latinpc.Structure.from_scene(scene, comm=PETSc.COMM_SELF)
     with default_options({("snes_" if key in SNES_OWN else "snes_latin_") + key: v for key, v in options.items()}):
-        snes = links.create_snes()
+        snes = structure.create_snes()
         snes.setFromOptions()
         try:
-            yield SimpleNamespace(snes=snes, links=links)
+            yield SimpleNamespace(snes=snes, structure=structure)
         finally:
             snes.destroy()
 
 
-def solve(scene, _reference=None, _links=None, **options):
+def solve(scene, _reference=None, _structure=None, **options):
     """Run SNES latin: displacements (n, dim), reason, iterations, history, statistics and tensions."""
-    with latin(scene, _links, **options) as run:
+    with latin(scene, _structure, **options) as run:
         if _reference is not None:
-            given = run.links.create_vec()
-            run.links.set_displacements(_reference, given)
+            given = run.structure.create_vec()
+            run.structure.set_displacements(_reference, given)
             latinpc.set_reference(run.snes, given)
-        u = run.links.create_vec()
+        u = run.structure.create_vec()
         run.snes.solve(None, u)
         return SimpleNamespace(
-            u=run.links.displacements(u),
+            u=run.structure.displacements(u),
             reason=run.snes.getConvergedReason(),
             iterations=run.snes.getIterationNumber(),
             history=SimpleNamespace(**latinpc.history(run.snes)),
             statistics=latinpc.statistics(run.snes),
-            tensions=run.links.tensions(u),
+            tensions=latinpc.tensions(run.snes),
         )
 
 
@@ -128,11 +129,9 @@ def statistics(scene, **options):
 
 def oracle_options(options):
     """Options of the oracle for those of the solver."""
-    ours = {"variant": options.get("variant", "corner"), "corners": options.get("corners", "free")}
-    ours["promote"] = options.get("promote", True)
-    ours["d"] = options.get("direction_scalar")
-    ours["alpha"] = options.get("direction_fraction")
-    ours["direction"] = options.get("direction", "schur")
+    ours = {"variant": "corner", "direction": "schur", "direction_value": 0.0}
+    ours |= {key: options[key] for key in ours if key in options}
+    ours["value"] = ours.pop("direction_value")
     return ours
 
 

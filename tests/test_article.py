@@ -10,9 +10,9 @@ from petsc4py import PETSc
 from support import VARIANTS, solve, statistics
 
 import latinpc
-from latinpc import paper
+from latinpc.bench import paper
+from latinpc.runs.reference import reference_solution
 from latinpc.scenes import make
-from latinpc.solve import reference_solution
 
 QUICK = (9, 16, 36)
 SIZES = [QUICK, pytest.param(paper.SUBDOMAINS, marks=pytest.mark.slow)]
@@ -40,7 +40,7 @@ def test_table_3(subdomains):
 @pytest.mark.parametrize("sizes", SIZES)
 def test_table_4_as_published(sizes):
     """Truss, springs on the corners: at most 31 iterations to 1e-4 at every size, both variants."""
-    rows = paper.table(4, sizes, corners="published")["rows"]
+    rows = paper.table(4, sizes, published=True)["rows"]
     assert len(rows) == 2 * len(sizes)
     assert all(row["settled"]["1e-4"] <= 31 for row in rows)
 
@@ -56,7 +56,7 @@ def test_table_4_with_free_corners(sizes):
 @pytest.mark.parametrize("sizes", SIZES)
 def test_table_6_as_published(sizes):
     """Tensegrity, springs on the corners: within 5 % of what the slow implementation has counted."""
-    for row in paper.table(6, sizes, corners="published")["rows"]:
+    for row in paper.table(6, sizes, published=True)["rows"]:
         expected = TENSEGRITY[row["variant"]][row["subdomains"]]
         assert (row["iterations"]["1e-3"], row["iterations"]["1e-4"]) == pytest.approx(expected, rel=0.05)
         assert row["slack"] == pytest.approx(0.09, abs=0.006)
@@ -73,7 +73,7 @@ def test_table_6_with_free_corners(sizes):
 @pytest.mark.parametrize("subdomains", [16, pytest.param(144, marks=pytest.mark.slow)])
 def test_table_7_is_a_valley(subdomains):
     """Iterations fall with the direction down to a half or a quarter of the guess, then rise."""
-    rows = paper.table(7, (subdomains,), corners="published")["rows"]
+    rows = paper.table(7, (subdomains,), published=True)["rows"]
     for accuracy in ("1e-3", "1e-4"):
         counts = [row["settled"][accuracy] for row in rows]
         bottom = counts.index(min(counts))
@@ -93,12 +93,12 @@ def test_acceleration_at_every_size(sizes):
 # ---- irregular partitions --------------------------------------------------------------------
 def counts_to(scene, parts, accuracy=1e-3):
     """Iterations of the three variants on a partition by METIS, to an l2 error; all must get there."""
-    links = latinpc.Links.from_scene(replace(scene, subdomain=None), comm=PETSc.COMM_SELF)
-    whole = links.displacements(reference_solution(links))
+    structure = latinpc.Structure.from_scene(replace(scene, subdomain=None), comm=PETSc.COMM_SELF)
+    whole = structure.displacements(reference_solution(structure))
     found = []
     for variant in VARIANTS:
         options = {"variant": variant, "subdomains": parts, "stop": "reference", "stol": accuracy, "max_it": 1000}
-        result = solve(scene, _reference=whole, _links=links, **options)
+        result = solve(scene, _reference=whole, _structure=structure, **options)
         assert result.reason == PETSc.SNES.ConvergedReason.CONVERGED_SNORM_RELATIVE, (variant, result.reason)
         assert result.statistics["subdomains"] == parts
         found.append(result.iterations)

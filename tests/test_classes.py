@@ -17,9 +17,9 @@ from scipy.sparse.linalg import spsolve
 from support import solve
 
 import latinpc
-from latinpc.peers.qp import kinematics
+from latinpc.bench.peers.qp import kinematics
+from latinpc.runs.reference import reference_solution
 from latinpc.scenes import Law, make
-from latinpc.solve import reference_solution
 
 sys.path.insert(0, str(ROOT / "benchmarks"))
 from classes import rows, table
@@ -40,9 +40,9 @@ def balance(scene, tensions):
 
 
 def strain(scene, u):
-    """Elongation and prestrain, e + e0 (m)."""
+    """Elongation and initial_elongation, e + e0 (m)."""
     B, e_d = kinematics(scene)
-    return B @ u[~scene.fixed] + e_d + scene.prestrain
+    return B @ u[~scene.fixed] + e_d + scene.initial_elongation
 
 
 # ---- (13) ------------------------------------------------------------------------------------
@@ -53,7 +53,7 @@ def test_truss(name):
     scene.law[:] = Law.BAR
     B, e_d = kinematics(scene)
     k = sparse.diags(scene.stiffness)
-    u = spsolve((B.T @ k @ B).tocsc(), scene.load[~scene.fixed] - B.T @ (k @ (e_d + scene.prestrain)))
+    u = spsolve((B.T @ k @ B).tocsc(), scene.load[~scene.fixed] - B.T @ (k @ (e_d + scene.initial_elongation)))
     found = solve(scene, **EXACT)
     assert found.reason > 0
     assert apart(found.u[~scene.fixed], u) < AGREE
@@ -186,7 +186,7 @@ def program_of_struts(scene):
     """Tensions of elastic contacts: those that touch by Lemke's method, then linear algebra for these."""
     B, e_d = kinematics(scene)
     B, k, force = B.toarray(), scene.stiffness[0], scene.load[~scene.fixed]
-    rest = scene.prestrain + e_d
+    rest = scene.initial_elongation + e_d
     soft = 1e-9 * k  # a foundation that does not show holds grains that touch nothing
     tension, _ = lemke((B @ B.T + 1e-9 * np.eye(len(B))), (B @ force + soft * rest) / np.abs(force).max())
     touch = tension > 0
@@ -290,10 +290,10 @@ def test_arch_that_is_too_thin_falls():
 def test_large_nets_agree():
     """1,100 cables, elastic: SNES latin and Newton's method; inextensible: blocks and METIS."""
     scene = make("net", side=24, law="cable")
-    links = latinpc.Links.from_scene(scene)
-    found = solve(scene, _links=links, stol=1e-6, max_it=6000)
+    structure = latinpc.Structure.from_scene(scene)
+    found = solve(scene, _structure=structure, stol=1e-6, max_it=6000)
     assert found.reason > 0
-    assert apart(found.tensions, links.tensions(reference_solution(links))) < 1e-2
+    assert apart(found.tensions, structure.tensions(reference_solution(structure))) < 1e-2
     one, other = (solve(make("net", side=24, partition=way), stol=1e-9, max_it=6000) for way in ("regular", "metis"))
     assert one.reason > 0
     assert other.reason > 0

@@ -9,10 +9,11 @@ import meshio
 import numpy as np
 import pytest
 from conftest import ROOT, run
-from test_io import MSH, TOML
+from test_files import MSH, TOML
 
 from latinpc import cli
-from latinpc.solve import INNER_PREFIXES, OPTIONS
+from latinpc.cli.arguments import split_arguments
+from latinpc.runs.options import INNER_PREFIXES, OPTIONS
 
 KEYS = [
     "scene", "dofs", "links", "ranks", "subdomains", "strong_interfaces", "weak_interfaces",
@@ -45,7 +46,7 @@ def said(result):
 
 def test_single_dash_is_petscs_and_double_dash_ours():
     line = "solve grid --load -3.5 -snes_rtol 1e-8 -snes_monitor --json r.json -a -1e-3 -b .5 -c -d x"
-    ours, petsc = cli.split_arguments(line.split())
+    ours, petsc = split_arguments(line.split())
     assert ours == ["solve", "grid", "--load", "-3.5", "--json", "r.json"]
     assert petsc == [
         ("snes_rtol", "1e-8"), ("snes_monitor", None), ("a", "-1e-3"), ("b", ".5"), ("c", None), ("d", "x"),
@@ -205,7 +206,7 @@ def fails(options):
 
 if MPI.COMM_WORLD.rank == 1:
     cli.insert_petsc_options = fails
-cli.GATHERING_SECONDS = 0.5
+cli.ranks.GATHERING_SECONDS = 0.5
 cli.main(["solve", sys.argv[1], "--subdomains", "2"])
 """
     result = mpirun(2, script, TOWER, check=False, timeout=30)

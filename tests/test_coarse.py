@@ -5,6 +5,7 @@ import oracle
 import pytest
 from petsc4py import PETSc
 from support import (
+    ALL_VARIANTS,
     PLAIN,
     VARIANTS,
     chain,
@@ -40,12 +41,11 @@ def matrix(scene, **options):
         return a.convert("dense", PETSc.Mat()).getDenseArray().copy()
 
 
-@pytest.mark.parametrize("corners", ["free", "published"])
-@pytest.mark.parametrize("variant", VARIANTS)
+@pytest.mark.parametrize("variant", ALL_VARIANTS)
 @pytest.mark.parametrize("make", [grid, irregular, network, lattice, chain])
-def test_coarse_matrix(make, variant, corners):
+def test_coarse_matrix(make, variant):
     """Symmetric, positive definite, with the eigenvalues of the oracle's: bases differ by a rotation only."""
-    scene, options = make(), {"variant": variant, "corners": corners}
+    scene, options = make(), {"variant": variant}
     a, theirs = matrix(scene, **options), assembled(oracle.build(scene, **oracle_options(options)))
     assert abs(a - a.T).max() < 1e-12 * abs(a).max()
     scale = abs(theirs).max()
@@ -95,10 +95,10 @@ def test_no_coarse_problem_without_interface():
     scene = settled(lattice(subdomains=32))
     scene.subdomain[:] = 0
     with latin(scene, stol=1e-12) as run:
-        u = run.links.create_vec()
+        u = run.structure.create_vec()
         run.snes.solve(None, u)
         assert not latinpc.coarse_ksp(run.snes)
-        assert run.links.displacements(u) == pytest.approx(oracle.newton(scene), rel=1e-9)
+        assert run.structure.displacements(u) == pytest.approx(oracle.newton(scene), rel=1e-9)
 
 
 @pytest.mark.parametrize("variant", VARIANTS)

@@ -10,11 +10,13 @@ from conftest import ROOT
 from support import chain, grid, settled
 from test_cli import latinpc
 
-from latinpc import Links, compare, tradeoff
-from latinpc.peers import DEFAULT, LINEAR, METHODS, arrays, qp, run
-from latinpc.peers.launch import Bench, Failed
-from latinpc.peers.reference import by_latin, by_newton
-from latinpc.scenes import Law, make
+from latinpc import Structure
+from latinpc.bench import compare, tradeoff
+from latinpc.bench.peers import DEFAULT, LINEAR, METHODS, qp, run
+from latinpc.bench.peers.launch import Bench, Failed
+from latinpc.bench.peers.reference import by_latin, by_newton
+from latinpc.files import npz
+from latinpc.scenes import Law, make, mechanics
 from latinpc.solvers import has_package
 
 INTERIOR = [name for name in ("piqp", "clarabel") if importlib.util.find_spec(name)]
@@ -29,9 +31,9 @@ interior = pytest.mark.parametrize("name", [
 def struts():
     """A chain of which the struts part where it is pulled, held by bars; supports that move."""
     scene = chain(links=9, parts=3)
-    law = np.where(np.arange(9) % 3 == 0, Law.STRUT, Law.BAR)
+    law = np.where(np.arange(9) % 3 == 0, Law.COMPRESSION_ONLY, Law.BAR)
     twice = np.vstack([scene.links, scene.links])  # a bar beside each, so that nothing is a mechanism
-    both = {name: np.tile(getattr(scene, name), 2) for name in ("stiffness", "prestrain", "subdomain")}
+    both = {name: np.tile(getattr(scene, name), 2) for name in ("stiffness", "initial_elongation", "subdomain")}
     return replace(scene, links=twice, law=np.concatenate([law, np.full(9, Law.BAR)]), **both)
 
 
@@ -59,8 +61,8 @@ def full(scene):
 @pytest.mark.parametrize("change", [lambda scene: scene, full], ids=["as it is", "full"])
 def test_scene_on_disk_is_the_same(scene, change, tmp_path):
     scene = change(scene)
-    arrays.save_scene(tmp_path / "scene.npz", scene)
-    read = arrays.load_scene(tmp_path / "scene.npz")
+    npz.save_scene(tmp_path / "scene.npz", scene)
+    read = npz.load_scene(tmp_path / "scene.npz")
     for item in fields(scene):
         was, found = getattr(scene, item.name), getattr(read, item.name)
         assert (was is None) == (found is None), item.name
@@ -68,25 +70,27 @@ def test_scene_on_disk_is_the_same(scene, change, tmp_path):
 
 
 def test_errors_and_tensions_are_those_of_the_library(scene):
-    links = Links.from_scene(scene)
-    u, v = links.create_vec(), links.create_vec()
+    structure = Structure.from_scene(scene)
+    u, v = structure.create_vec(), structure.create_vec()
     u.setRandom()
     u.scale(1e-3)
     v.setRandom()
     v.scale(2e-3)
-    a, b = links.displacements(u), links.displacements(v)
-    assert arrays.errors(scene, a, b)[0] == pytest.approx(links.errors(u, v)[0])
-    assert arrays.tensions(scene, a) == pytest.approx(links.tensions(u), abs=1e-9 * np.abs(links.tensions(u)).max())
+    a, b = structure.displacements(u), structure.displacements(v)
+    assert mechanics.errors(scene, a, b)[0] == pytest.approx(structure.errors(u, v)[0])
+    assert mechanics.tensions(scene, a) == pytest.approx(
+        structure.tensions(u), abs=1e-9 * np.abs(structure.tensions(u)).max()
+    )
     if not scene.prescribed.any():
-        assert arrays.errors(scene, a, b)[1] == pytest.approx(links.errors(u, v)[1])
-    assert arrays.errors(scene, a * np.nan, b) == (np.inf, np.inf)
+        assert mechanics.errors(scene, a, b)[1] == pytest.approx(structure.errors(u, v)[1])
+    assert mechanics.errors(scene, a * np.nan, b) == (np.inf, np.inf)
 
 
 def test_references_agree(scene):
     a, about = by_newton(scene, 1e-8)
     assert about["accuracy"] <= 1e-10
     b, about = by_latin(scene, 1e-4)
-    assert arrays.errors(scene, b, a)[0] <= 1e-6 and about["method"] == "latin"
+    assert mechanics.errors(scene, b, a)[0] <= 1e-6 and about["method"] == "latin"
 
 
 # ---- the quadratic program -------------------------------------------------------------------
@@ -97,8 +101,8 @@ def test_the_program_has_the_solution_of_newton(scene, name):
     reference, _ = by_newton(scene, 1e-8)
     outcome = run.solve(name, scene, 1e-10)
     assert outcome.converged, outcome.reason
-    assert arrays.errors(scene, outcome.displacements, reference)[0] < 1e-6
-    tau, expected = (arrays.tensions(scene, u) for u in (outcome.displacements, reference))
+    assert mechanics.errors(scene, outcome.displacements, reference)[0] < 1e-6
+    tau, expected = (mechanics.tensions(scene, u) for u in (outcome.displacements, reference))
     assert np.abs(tau - expected).max() <= 1e-5 * np.abs(expected).max()
 
 
@@ -107,19 +111,19 @@ def test_the_program_has_the_energy_of_the_structure():
     pytest.importorskip("scipy")
     scene = settled(struts())
     problem = qp.program(scene)
-    links = Links.from_scene(scene)
+    structure = Structure.from_scene(scene)
     B, e_d = qp.kinematics(scene)
-    u = links.create_vec()
+    u = structure.create_vec()
     values = []
     for seed in range(3):
         displacement = scene.prescribed.copy()
         displacement[problem.free] = np.random.default_rng(seed).uniform(-1e-2, 1e-2, problem.free.sum())
-        links.set_displacements(displacement, u)
-        taut = arrays.tensions(scene, displacement) / scene.stiffness
+        structure.set_displacements(displacement, u)
+        taut = mechanics.tensions(scene, displacement) / scene.stiffness
         x = np.concatenate([displacement[problem.free], taut[scene.law != Law.BAR]]) / problem.length
         assert (problem.G @ x <= problem.h + 1e-12).all()
         unit = scene.stiffness.max() * problem.length**2
-        values.append(links.energy(u) - (0.5 * x @ (problem.P @ x) + problem.c @ x) * unit)
+        values.append(structure.energy(u) - (0.5 * x @ (problem.P @ x) + problem.c @ x) * unit)
     assert values == pytest.approx([values[0]] * 3, rel=1e-9, abs=1e-12)
 
 
@@ -143,7 +147,7 @@ def test_calibrated_runs_reach_their_accuracy(name):
     outcomes = [run.solve(name, scene, tolerance) for tolerance in tolerances]
     for accuracy, outcome in zip(accuracies, outcomes):
         assert outcome.converged, outcome.reason
-        assert arrays.errors(scene, outcome.displacements, reference)[0] <= 1.5 * accuracy
+        assert mechanics.errors(scene, outcome.displacements, reference)[0] <= 1.5 * accuracy
         assert outcome.peak_memory_bytes > 1e7
     assert outcomes[0].iterations <= outcomes[1].iterations
 
@@ -212,7 +216,7 @@ def test_knobs_of_other_scenes():
     assert scene.subdomain is None
     choices = tradeoff.knobs_of(scene, ["subdomain size"])["subdomain size"]
     assert choices[0] == tradeoff.DEFAULT
-    assert choices[1].options == {"snes_latin_subdomain_links": 64}
+    assert choices[1].options == {"snes_latin_subdomains": -(-len(scene.links) // 64)}
     assert "subdomain size" not in tradeoff.knobs_of(chain())
 
 
@@ -278,7 +282,7 @@ def test_linear_methods_stop_at_the_accuracy(name):
     reference, _ = by_newton(scene, 1e-6)
     (tolerance,) = run.calibrate(name, scene, [1e-6], reference)
     outcome = run.solve(name, scene, tolerance)
-    error = arrays.errors(scene, outcome.displacements, reference)[0]
+    error = mechanics.errors(scene, outcome.displacements, reference)[0]
     assert outcome.converged and error <= 1e-6
     if (METHODS[name].options["ksp_type"] == "cg" and METHODS[name].matrix != "is") or name == "ksp-latin":
         assert error > 1e-12 and outcome.iterations > 1

@@ -17,7 +17,7 @@ from petsc4py import PETSc
 sys.path.insert(0, sys.argv[1])
 import latinpc
 from latinpc.scenes import make
-from latinpc.solve import default_options
+from latinpc.runs.options import default_options
 from support import grid, irregular, lattice, network
 
 CASES = {
@@ -25,7 +25,7 @@ CASES = {
     "irregular": (irregular, {}),
     "metis": (lambda: make("lattice", nx=12, ny=6, partition="metis"), {"subdomains": 7, "modes_local": 0.5}),
     "network": (network, {"variant": "macro", "stop": "error"}),
-    "polish": (irregular, {"polish": True}),
+    "newton": (irregular, {"newton": "always"}),
     "rigid": (lambda: make("net", side=8), {}),
 }
 world = PETSc.COMM_WORLD.tompi4py()
@@ -34,10 +34,10 @@ order = random.Random(world.rank)  # ranks are late in another order each time
 
 def bits(scene, options):
     with default_options({f"snes_latin_{key}": value for key, value in options.items()}):
-        links = latinpc.Links.from_scene(scene)
-        snes = links.create_snes()
+        structure = latinpc.Structure.from_scene(scene)
+        snes = structure.create_snes()
         snes.setFromOptions()
-        u = links.create_vec()
+        u = structure.create_vec()
         late = order.random() * 0.002
         snes.setMonitor(lambda *_: time.sleep(late))
         time.sleep(late)

@@ -127,7 +127,7 @@ import numpy as np
 import latinpc
 
 n = 24
-chain = latinpc.Links(
+chain = latinpc.Structure(
     nodes=np.arange(n + 1.0)[:, None], links=np.column_stack([np.arange(n), np.arange(1, n + 1)]), law=0,
     stiffness=1.0, fixed=np.isin(np.arange(n + 1), [0, n])[:, None], load=np.ones((n + 1, 1)),
     subdomain=np.arange(n) // 6,

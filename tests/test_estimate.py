@@ -12,12 +12,13 @@ from petsc4py import PETSc
 from support import PLAIN, VARIANTS, chain, far, grid, irregular, lattice, network, solve
 
 import latinpc
-from latinpc.peers.reference import by_newton
+from latinpc.bench.peers.reference import by_newton
 from latinpc.scenes import make
 
 REASON = PETSc.SNES.ConvergedReason
 COMMAND = [sys.executable, "-P", "-c", "from latinpc.cli import main; main()"]
 STOP = {"stop": "error"}
+STOPS = {"l2": "error", "energy": "energy"}
 
 
 def slow_global_field():
@@ -36,7 +37,7 @@ def test_stop_meets_the_error(name, variant, norm):
     """The true error is below the target where the iteration stops, and the estimate is the one that stopped it."""
     scene = SCENES[name]()
     target = 1e-4
-    result = solve(scene, oracle.newton(scene), variant=variant, error=target, error_norm=norm, **STOP)
+    result = solve(scene, oracle.newton(scene), variant=variant, error=target, stop=STOPS[norm])
     estimate = result.history.estimate
     assert result.reason == REASON.CONVERGED_SNORM_RELATIVE
     assert len(estimate) == result.iterations
@@ -68,8 +69,8 @@ def test_without_the_stop_there_is_no_estimate():
 
 def test_estimate_starts_afresh_with_each_solve():
     """A second solve on the same object from the same start makes the same estimates."""
-    links = latinpc.Links.from_scene(grid(), comm=PETSc.COMM_SELF)
-    first, second = (solve(grid(), _links=links, **STOP).history.estimate for _ in range(2))
+    structure = latinpc.Structure.from_scene(grid(), comm=PETSc.COMM_SELF)
+    first, second = (solve(grid(), _structure=structure, **STOP).history.estimate for _ in range(2))
     assert (first == second).all()
 
 
@@ -82,13 +83,13 @@ def test_units_do_not_matter():
         **{
             **scene.__dict__,
             "stiffness": scene.stiffness * 1e-6,
-            "prestrain": scene.prestrain * 1e3,
+            "initial_elongation": scene.initial_elongation * 1e3,
             "nodes": scene.nodes * 1e3,
             "load": scene.load * 1e-3,
         }
     )
     for norm in ("l2", "energy"):
-        estimates = [solve(s, error_norm=norm, **STOP, **PLAIN).history.estimate for s in (scene, scaled)]
+        estimates = [solve(s, stop=STOPS[norm], **PLAIN).history.estimate for s in (scene, scaled)]
         assert estimates[0] == pytest.approx(estimates[1], rel=1e-6)
 
 
@@ -99,11 +100,11 @@ def test_ranks_do_not_matter(mpirun, tmp_path):
         sys.path.insert(0, {tests!r})
         import latinpc
         from support import irregular, latin
-        norm, file = sys.argv[1:3]
-        links = latinpc.Links.from_scene(irregular())
-        with latin(irregular(), links, stop="error", error_norm=norm, outer_snes_type="nrichardson") as run:
-            run.snes.solve(None, links.create_vec())
-            if links.comm.rank == 0:
+        stop, file = sys.argv[1:3]
+        structure = latinpc.Structure.from_scene(irregular())
+        with latin(irregular(), structure, stop=stop, outer_snes_type="nrichardson") as run:
+            run.snes.solve(None, structure.create_vec())
+            if structure.comm.rank == 0:
                 json.dump(latinpc.history(run.snes)["estimate"].tolist(), open(file, "w"))
         """
     program = "\n".join(line[8:] for line in program.splitlines()).format(tests=sys.path[0])
@@ -111,7 +112,7 @@ def test_ranks_do_not_matter(mpirun, tmp_path):
         found = []
         for ranks in (1, 3):
             file = tmp_path / f"{norm}{ranks}.json"
-            mpirun(ranks, program, norm, file)
+            mpirun(ranks, program, STOPS[norm], file)
             found.append(json.loads(file.read_text()))
         assert found[0] == pytest.approx(found[1], rel=1e-6)
 
@@ -166,4 +167,4 @@ def test_command_line_tells_the_estimate():
 def test_command_line_tells_that_rounding_is_in_the_way():
     result = told("solve tensegrity-grid --modules 8 -snes_latin_stop error -snes_latin_error 1e-15")
     assert result.returncode == 1
-    assert "below what rounding leaves" in result.stderr
+    assert "below the rounding error" in result.stderr

@@ -8,13 +8,13 @@ import oracle
 import pytest
 from support import far, lattice, network
 
-from latinpc import extremes
-from latinpc.extremes import matrices, motions, rigid
-from latinpc.extremes.catalogue import Case, chain, hung
-from latinpc.extremes.catalogue import network as small
-from latinpc.extremes.conditions import missed
-from latinpc.extremes.exact import solve_exactly
-from latinpc.extremes.steps import motion_error
+from latinpc.bench import extremes
+from latinpc.bench.extremes import matrices, motions, rigid
+from latinpc.bench.extremes.catalogue import Case, chain, hung
+from latinpc.bench.extremes.catalogue import network as small
+from latinpc.bench.extremes.conditions import missed
+from latinpc.bench.extremes.exact import solve_exactly
+from latinpc.bench.extremes.steps import motion_error
 from latinpc.scenes import Law, Scene
 
 CASES = extremes.cases()
@@ -85,7 +85,7 @@ def test_exact_step_of_a_motion():
     balls = motions.balls([1.0, 3.0], 0.0, [1.0, 0.0])
     together = np.array([balls.velocity, np.full((2, 1), 0.25)])
     assert motion_error(case, balls, 0.0 * together, together, np.array([[0.0], [-1.0]]))[0] < 1e-15
-    apart = replace(balls, prestrain=np.array([0.1]))
+    apart = replace(balls, initial_elongation=np.array([0.1]))
     on = np.array([balls.velocity, balls.velocity])
     assert motion_error(case, apart, 0.0 * on, on, np.zeros((2, 1)))[0] < 1e-15
     assert motion_error(case, apart, 0.0 * together, together, np.zeros((2, 1)))[0] > 0.1

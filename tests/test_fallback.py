@@ -10,10 +10,10 @@ from petsc4py import PETSc
 import latinpc
 from latinpc.scenes import make
 
-links = latinpc.Links.from_scene(make("tensegrity-grid", modules=8, subdomains=4))
-snes = links.create_snes()
+structure = latinpc.Structure.from_scene(make("tensegrity-grid", modules=8, subdomains=4))
+snes = structure.create_snes()
 snes.setFromOptions()
-u = links.create_vec()
+u = structure.create_vec()
 snes.solve(None, u)
 PETSc.Sys.Print(snes.reason, snes.getIterationNumber(), f"{u.norm():.9e}")
 """

@@ -6,7 +6,9 @@ import pytest
 from conftest import ROOT
 from test_pictures import drawn  # noqa: F401
 
-from latinpc import cli, compare, extremes, figures, tradeoff
+from latinpc import cli
+from latinpc.bench import compare, extremes, figures, tradeoff
+from latinpc.cli import ranks
 
 GRID = ["tensegrity-grid", "--modules", "8", "--subdomains", "4"]
 
@@ -72,9 +74,9 @@ def test_what_has_not_converged_is_told_by_the_exit_code(monkeypatch, capsys):
     document = kept("compare-48")
     document["rows"][0] |= {"converged": False, "reason": "DIVERGED_MAX_IT"}
     monkeypatch.setattr(compare, "compare", lambda *others: document)
-    assert run("compare", *GRID) == cli.NOT_CONVERGED
+    assert run("compare", *GRID) == ranks.NOT_CONVERGED
     assert "not converged: DIVERGED_MAX_IT" in capsys.readouterr().out
-    assert run("compare", *GRID, "--json", "-") == cli.NOT_CONVERGED
+    assert run("compare", *GRID, "--json", "-") == ranks.NOT_CONVERGED
     assert json.loads(capsys.readouterr().out) == document
 
 
@@ -86,7 +88,7 @@ def test_defaults_that_reach_nothing_are_told_by_the_exit_code(monkeypatch, caps
     assert run("tradeoff", *GRID) == 0  # a choice may fail
     failed = next(curve for curve in document["curves"] if curve["label"] == "default")
     failed |= {"points": [], "reason": "DIVERGED_MAX_IT"}
-    assert run("tradeoff", *GRID) == cli.NOT_CONVERGED
+    assert run("tradeoff", *GRID) == ranks.NOT_CONVERGED
     assert "DIVERGED_MAX_IT" in capsys.readouterr().out
 
 
@@ -102,7 +104,7 @@ def test_extremes_are_told_by_group_and_by_the_exit_code(monkeypatch, tmp_path, 
     _, table = extremes.by_group(document)
     assert sum(int(row[1]) for row in table) == len(document["cases"])
     document["counts"]["wrong"] = 1
-    assert run("extremes") == cli.NOT_CONVERGED
+    assert run("extremes") == ranks.NOT_CONVERGED
     assert len(chosen[1]) == len(extremes.cases())
 
 

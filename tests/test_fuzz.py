@@ -16,10 +16,10 @@ import numpy as np
 import pytest
 from conftest import ROOT
 from petsc4py import PETSc
-from test_io import MSH, MSH_4, TOML
+from test_files import MSH, MSH_4, TOML
 
 import latinpc
-from latinpc import io
+from latinpc.files.gmsh import read_scene
 from latinpc.scenes.scene import Scene
 
 MANY = int(os.environ.get("LATINPC_FUZZ", "25000"))
@@ -103,7 +103,7 @@ def read(folder, mesh, description):
     (folder / "a.msh").write_text(mesh, errors="surrogatepass")
     (folder / "a.toml").write_text(description, errors="surrogatepass")
     try:
-        scene = io.read_scene(folder / "a.msh")
+        scene = read_scene(folder / "a.msh")
     except EXPECTED as error:
         assert str(error), (mesh, description)
         return False
@@ -170,7 +170,7 @@ def fuzz_arrays(rng, count, folder):
             "stiffness": random_.uniform(0.1, 2, m),
             "fixed": random_.random((n, dim)) < 0.5,
             "load": random_.normal(size=(n, dim)),
-            "prestrain": random_.normal(size=m),
+            "initial_elongation": random_.normal(size=m),
         }
         for _ in range(rng.randrange(3)):
             name = rng.choice(sorted(given))
@@ -196,9 +196,9 @@ def fuzz_arrays(rng, count, folder):
                     array = rng.choice((None, "cable", 7, [], {}, [[1, 2], [3]], np.zeros((0, 3))))
             given[name] = array
         try:
-            links = latinpc.Links(given.pop("nodes"), given.pop("links"), comm=PETSc.COMM_SELF, **given)
+            structure = latinpc.Structure(given.pop("nodes"), given.pop("links"), comm=PETSc.COMM_SELF, **given)
             good += 1
-            assert links.sizes.links == len(links.tensions(links.create_vec()))
+            assert structure.sizes.links == len(structure.tensions(structure.create_vec()))
         except (*EXPECTED, TypeError) as error:
             assert str(error)
         except PETSc.Error as error:

@@ -9,7 +9,7 @@ from petsc4py import PETSc
 from support import chain, far, latin, lattice, solve
 
 import latinpc
-from latinpc.solve import default_options
+from latinpc.runs.options import default_options
 
 PLATE = lattice(4, 4, subdomains=4)
 WHOLE = replace(PLATE, subdomain=np.zeros(len(PLATE.links), int))
@@ -18,7 +18,7 @@ MOVING = {"mass": np.ones(len(PLATE.nodes))}
 
 
 def structure(scene):
-    return latinpc.Links.from_scene(scene, PETSc.COMM_SELF)
+    return latinpc.Structure.from_scene(scene, PETSc.COMM_SELF)
 
 
 def linear(scene, value=None, solves=1, **options):
@@ -48,7 +48,7 @@ def linear(scene, value=None, solves=1, **options):
 @pytest.mark.parametrize("value", [np.nan, np.inf])
 def test_a_load_that_is_no_number_has_no_solution_without_interfaces_either(stop, value):
     with latin(chain(parts=1), stop=stop) as run:
-        u, more = run.links.create_vec(), run.links.create_vec()
+        u, more = run.structure.create_vec(), run.structure.create_vec()
         more[0] = value
         if CHECKS:
             with pytest.raises(PETSc.Error, match="not-a-number"):
@@ -158,12 +158,12 @@ def test_a_linear_solver_that_gets_another_structure_is_set_up_again(kind):
 
 def test_options_of_the_inner_snes_are_read_again():
     with latin(PLATE) as run:
-        run.snes.solve(None, run.links.create_vec())
+        run.snes.solve(None, run.structure.create_vec())
         with default_options({"snes_latin_outer_snes_type": "nrichardson"}):
             run.snes.setFromOptions()
         assert latinpc.outer_snes(run.snes).getType() == "nrichardson"
-        u = run.links.create_vec()
+        u = run.structure.create_vec()
         run.snes.solve(None, u)
         plain = solve(PLATE, outer_snes_type="nrichardson")
         assert run.snes.getIterationNumber() == plain.iterations
-        assert np.array_equal(run.links.displacements(u), plain.u)
+        assert np.array_equal(run.structure.displacements(u), plain.u)

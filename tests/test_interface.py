@@ -159,7 +159,7 @@ def test_weak_interfaces_that_nothing_implies_stay():
         three,
         links=three.links[keep],
         subdomain=three.subdomain[keep],
-        **{name: getattr(three, name)[keep] for name in ("law", "stiffness", "prestrain")},
+        **{name: getattr(three, name)[keep] for name in ("law", "stiffness", "initial_elongation")},
     )
     found = statistics(scene, variant="none")
     assert (found["strong_interfaces"], found["weak_interfaces"]) == (1, 1)
@@ -167,11 +167,10 @@ def test_weak_interfaces_that_nothing_implies_stay():
     assert statistics(scene, variant="corner")["micro_sides"] == 2 * 3
 
 
-@pytest.mark.parametrize("corners", ["free", "published"])
-def test_springs_on_corners_are_dropped_or_kept(corners):
+def test_springs_on_corners_are_dropped_or_kept():
     """As published the strong interfaces keep their springs at the cross-points, by default they do not."""
-    free, other = (statistics(grid(), corners=c)["micro_sides"] for c in ("free", corners))
-    assert other - free == (0 if corners == "free" else 2 * 4 * 4)
+    free, published = (statistics(grid(), variant=variant)["micro_sides"] for variant in ("corner", "published"))
+    assert published - free == 2 * 4 * 4
 
 
 @pytest.mark.parametrize("make", [grid, irregular, network, lattice, chain])
@@ -189,14 +188,13 @@ def test_classes_of_nodes(make, variant):
         assert np.array_equal(latinpc.node_classes(run.snes), expected)
 
 
-@pytest.mark.parametrize("promote", [True, False])
-def test_promotion_makes_corners_of_nodes_of_three_subdomains(promote):
-    """With it no node of three or more subdomains carries micro quantities; the regular grid has none to promote."""
+def test_nodes_of_three_subdomains_are_corners():
+    """No node of three or more subdomains carries micro quantities, though all its interfaces may be strong."""
     scene = irregular()
-    meeting = np.array([len(parts) for parts in oracle.node_subdomains(scene)])
-    with latin(scene, promote=promote) as run:
+    model = oracle.build(scene)
+    weak = {node for pair, nodes in model.shared.items() if model.modes[pair] is None for node in nodes}
+    three = [n for n, parts in enumerate(model.touching) if len(parts) > 2 and not scene.fixed[n].all()]
+    with latin(scene) as run:
         run.snes.setUp()
-        free = ~scene.fixed.all(axis=1)
-        is_corner = latinpc.node_classes(run.snes) == 3
-    assert is_corner[free & (meeting > 2)].all() == promote
-    assert statistics(grid(), promote=promote) == statistics(grid())
+        assert (latinpc.node_classes(run.snes)[three] == 3).all()
+    assert not weak.issuperset(three)

@@ -23,7 +23,7 @@ from latinpc.scenes import make
 
 LENGTH, FORCE = 1e3, 1e-3
 TOGETHER = {"stol": 1e-9, "max_it": 3000}
-LINK_DATA = ("law", "stiffness", "prestrain")
+LINK_DATA = ("law", "stiffness", "initial_elongation")
 NODE_DATA = ("fixed", "prescribed", "load")
 
 
@@ -63,7 +63,7 @@ def test_units(name, variant):
         nodes=scene.nodes * LENGTH,
         stiffness=scene.stiffness * FORCE / LENGTH,
         load=scene.load * FORCE,
-        prestrain=scene.prestrain * LENGTH,
+        initial_elongation=scene.initial_elongation * LENGTH,
         prescribed=scene.prescribed * LENGTH,
     )
     same(scene, other, lambda u: u / LENGTH, variant=variant)
@@ -157,9 +157,9 @@ def test_superposition_of_a_truss(name):
     """Bars only: the displacement under two loads is the sum of the two, at every iteration."""
     scene = SCENES[name]()
     bars = replace(scene, law=np.zeros_like(scene.law))
-    rng, zero = np.random.default_rng(6), np.zeros_like(scene.prestrain)
+    rng, zero = np.random.default_rng(6), np.zeros_like(scene.initial_elongation)
     loads = [np.where(scene.fixed, 0.0, rng.normal(size=scene.nodes.shape)) for _ in range(2)]
-    still = {"prescribed": np.zeros_like(scene.nodes), "prestrain": zero}
+    still = {"prescribed": np.zeros_like(scene.nodes), "initial_elongation": zero}
     cases = [replace(bars, load=load, **still) for load in (*loads, loads[0] + loads[1])]
     for k in (1, 4):
         first, second, both = (solve(case, max_it=k, stol=0, **PLAIN).u for case in cases)
@@ -184,7 +184,7 @@ def test_supports_carry_the_loads(name):
 def test_maxwell_betti(name):
     """The work of one load on the displacements of another is the same the other way round."""
     scene = SCENES[name]()
-    still = {"prescribed": np.zeros_like(scene.nodes), "prestrain": np.zeros_like(scene.prestrain)}
+    still = {"prescribed": np.zeros_like(scene.nodes), "initial_elongation": np.zeros_like(scene.initial_elongation)}
     bars = replace(scene, law=np.zeros_like(scene.law), **still)
     rng = np.random.default_rng(8)
     loads = [np.where(scene.fixed, 0.0, rng.normal(size=scene.nodes.shape)) for _ in range(2)]

@@ -7,12 +7,12 @@ import numpy as np
 import oracle
 import pytest
 from petsc4py import PETSc
-from support import PLAIN, VARIANTS, chain, far, grid, irregular, lattice, logged, network, solve
+from support import ALL_VARIANTS, PLAIN, VARIANTS, chain, far, grid, irregular, lattice, logged, network, solve
 from test_pc import bars
 
 import latinpc
+from latinpc.runs.options import default_options
 from latinpc.scenes import make
-from latinpc.solve import default_options
 
 OUTER = ("gmres", "richardson", "minres", "symmlq", "bcgs")
 SCENES = {
@@ -23,27 +23,28 @@ SCENES = {
 }
 
 
-def linear_system(scene, rtol=1e-11, **options):
+def linear_system(scene, rtol=1e-11, variant="corner", **options):
     """Structure, tangent stiffness, load vector and KSP latin; options without `-ksp_latin_`."""
-    links = latinpc.Links.from_scene(scene, comm=PETSc.COMM_SELF)
-    matrix, u, b = links.dm.createMat(), links.create_vec(), links.create_vec()
-    links.jacobian(u, matrix)
-    links.residual(u, b)
+    structure = latinpc.Structure.from_scene(scene, comm=PETSc.COMM_SELF)
+    matrix, u, b = structure.dm.createMat(), structure.create_vec(), structure.create_vec()
+    structure.jacobian(u, matrix)
+    structure.residual(u, b)
     b.scale(-1.0)
     ksp = PETSc.KSP().create(comm=PETSc.COMM_SELF)
     ksp.setOperators(matrix)
     ksp.setType("latin")
-    links.attach(ksp)
+    structure.attach(ksp)
+    latinpc.set_variant(ksp, variant)
     ksp.setTolerances(rtol=rtol, max_it=1000)
     with default_options({f"ksp_latin_{key}": value for key, value in options.items()}):
         ksp.setFromOptions()
         ksp.setUp()
-    return SimpleNamespace(links=links, matrix=matrix, b=b, ksp=ksp)
+    return SimpleNamespace(structure=structure, matrix=matrix, b=b, ksp=ksp)
 
 
 def solved(system, guess=None):
     """Solution of the system, and what a direct solver finds."""
-    x, exact = (system.links.create_vec() for _ in range(2))
+    x, exact = (system.structure.create_vec() for _ in range(2))
     if guess is not None:
         guess.copy(x)
         system.ksp.setInitialGuessNonzero(True)
@@ -62,7 +63,7 @@ def interface_operator(system, form="plain"):
     outer = latinpc.outer_ksp(system.ksp)
     outer.setType({"plain": "gmres", "symmetric": "minres"}[form])
     system.ksp.setTolerances(max_it=1)
-    system.ksp.solve(system.b, system.links.create_vec())  # takes note of the type
+    system.ksp.solve(system.b, system.structure.create_vec())  # takes note of the type
     operator = outer.getOperators()[0]
     x, y = operator.createVecs()
     columns = np.zeros((x.getSize(),) * 2)
@@ -88,17 +89,17 @@ def test_the_solution_can_be_built_during_and_after_a_solve():
 
 # ---- the operator ----------------------------------------------------------------------------
 @pytest.mark.parametrize("direction", ["scalar", "diagonal", "schur"])
-@pytest.mark.parametrize("variant", VARIANTS)
+@pytest.mark.parametrize("variant", ALL_VARIANTS)
 @pytest.mark.parametrize("name", ["grid", "lattice", "irregular"])
 def test_two_reflections(name, variant, direction):
     """In the energy norm of the direction 1 - A is a contraction, and the mates' exchange makes A symmetric."""
-    system = linear_system(SCENES[name](), variant=variant, direction=direction, corners="published")
+    system = linear_system(SCENES[name](), variant=variant, direction=direction)
     plain, symmetric = (interface_operator(system, form) for form in ("plain", "symmetric"))
     assert abs(plain.T @ plain - symmetric.T @ symmetric).max() < 1e-10  # the exchange keeps lengths
     assert abs(symmetric - symmetric.T).max() < 1e-10
     values = np.linalg.eigvalsh(symmetric)
     assert values[0] > -2.0 - 1e-10 and values[-1] < 2.0 + 1e-10
-    if (name, variant) != ("lattice", "corner"):  # there nothing is left to the interfaces
+    if name != "lattice" or variant not in ("corner", "published"):  # there nothing is left to the interfaces
         assert values[0] < -0.1 and values[-1] > 0.1  # a saddle point: no conjugate gradients
     assert np.linalg.norm(plain - np.eye(len(plain)), 2) < 1.0 + 1e-10
 
@@ -139,16 +140,16 @@ def test_richardson_is_the_iteration_of_snes_latin():
         system.ksp.setTolerances(rtol=0.0, max_it=stages - 1)
         x, _ = solved(system)
         assert system.ksp.getIterationNumber() == stages - 1
-        assert far(system.links.displacements(x), plain.u) < 1e-12
+        assert far(system.structure.displacements(x), plain.u) < 1e-12
 
 
 @pytest.mark.parametrize(("subdomains", "published", "free"), [(9, 22, 13), (16, 22, 14), (36, 24, 15)])
 def test_richardson_counts_of_the_truss(subdomains, published, free):
     """The article's linear table: stages to a displacement error of 1e-4, as SNES latin counts them."""
     scene = make("truss-grid", modules=4 * round(subdomains**0.5), subdomains=subdomains)
-    for corners, expected in (("published", published), ("free", free)):
-        options = {"direction_scalar": 7e6, "corners": corners, "outer_ksp_type": "richardson"}
-        system = linear_system(scene, **options)
+    for variant, expected in (("published", published), ("corner", free)):
+        system = linear_system(scene, variant=variant, outer_ksp_type="richardson")
+        latinpc.set_direction(system.ksp, "scalar", 7e6)
         _, exact = solved(system)
         errors = []
         system.ksp.setMonitor(
@@ -183,14 +184,14 @@ def test_symmetric_form_is_half_as_fast():
 def test_tangents_of_slack_cables(make_scene):
     """Behind Newton's method the operators follow the tangent from step to step."""
     scene = make_scene()
-    links = latinpc.Links.from_scene(scene, comm=PETSc.COMM_SELF)
+    structure = latinpc.Structure.from_scene(scene, comm=PETSc.COMM_SELF)
     with default_options({"snes_type": "newtonls", "ksp_type": "latin", "ksp_rtol": 1e-10, "snes_rtol": 1e-10}):
-        snes = links.create_snes()
+        snes = structure.create_snes()
         snes.setFromOptions()
-        u = links.create_vec()
+        u = structure.create_vec()
         snes.solve(None, u)
     assert snes.getConvergedReason() > 0 and snes.getIterationNumber() > 1
-    assert far(links.displacements(u), oracle.newton(scene)) < 1e-8
+    assert far(structure.displacements(u), oracle.newton(scene)) < 1e-8
 
 
 @pytest.mark.parametrize("scene", [chain(), replace(grid("truss"), subdomain=None)], ids=["chain", "one subdomain"])
@@ -264,7 +265,7 @@ def test_iterations_do_not_depend_on_units(outer):
     for force, length, load in ((1.0, 1.0, 1.0), (1e-3, 1e3, 1.0), (1.0, 1.0, 1e-12)):
         stiffness = scene.stiffness * force / length
         scaled = replace(scene, nodes=scene.nodes * length, load=scene.load * force, stiffness=stiffness)
-        system = linear_system(replace(scaled, prestrain=np.zeros_like(stiffness)), outer_ksp_type=outer)
+        system = linear_system(replace(scaled, initial_elongation=np.zeros_like(stiffness)), outer_ksp_type=outer)
         system.b.scale(load)
         x, exact = solved(system)
         assert (x - exact).norm() < 1e-9 * exact.norm()
@@ -286,14 +287,14 @@ def test_operators_are_built_again_only_for_another_matrix():
         system.ksp.setOperators(system.matrix)
         solved(system)
         assert event.getPerfInfo()["count"] == before
-        u = system.links.create_vec()
-        system.links.set_displacements(np.where(scene.fixed, 0.0, oracle.newton(scene)), u)
-        system.links.jacobian(u, system.matrix)
+        u = system.structure.create_vec()
+        system.structure.set_displacements(np.where(scene.fixed, 0.0, oracle.newton(scene)), u)
+        system.structure.jacobian(u, system.matrix)
         system.ksp.setOperators(system.matrix)
         x, exact = solved(system)
         assert event.getPerfInfo()["count"] == before + 1
         assert (x - exact).norm() < 1e-8 * exact.norm()
-        with default_options({"ksp_latin_variant": "macro"}):
+        with default_options({"ksp_latin_modes": "rigid"}):
             system.ksp.setFromOptions()
         x, exact = solved(system)
         assert event.getPerfInfo()["count"] == before + 2
@@ -309,17 +310,17 @@ import numpy as np
 import latinpc
 from latinpc.scenes import make
 
-links = latinpc.Links.from_scene(make("truss-grid", modules=8, subdomains=16))
-snes = links.create_snes()
+structure = latinpc.Structure.from_scene(make("truss-grid", modules=8, subdomains=16))
+snes = structure.create_snes()
 snes.setType("ksponly")
 ksp = snes.getKSP()
 ksp.setType("latin")
 ksp.setTolerances(rtol=1e-11)
 snes.setFromOptions()
-u = links.create_vec()
+u = structure.create_vec()
 snes.solve(None, u)
 assert snes.getConvergedReason() > 0
-whole, statistics = links.displacements(u), latinpc.statistics(ksp)
+whole, statistics = structure.displacements(u), latinpc.statistics(ksp)
 if PETSc.COMM_WORLD.rank == 0:
     np.save(sys.argv[1], whole)
     print(ksp.getIterationNumber(), statistics["subdomains"], statistics["state_size"])
@@ -340,11 +341,11 @@ def test_any_number_of_ranks(mpirun, tmp_path, outer):
 
 
 def test_view_says_what_it_is(mpirun, tmp_path):
-    words = "-ksp_latin_variant macro -ksp_latin_outer_ksp_type bcgs -ksp_view -options_left -ksp_monitor_true_residual"
+    words = "-ksp_latin_modes rigid -ksp_latin_outer_ksp_type bcgs -ksp_view -options_left -ksp_monitor_true_residual"
     out = mpirun(2, PROGRAM, tmp_path / "u.npy", *words.split()).stdout
     wanted = (
         "type: latin",
-        "variant macro",
+        "variant corner, rigid macro fields",
         "subdomains: 16",
         "solver of the interface data",
         "type: bcgs",
@@ -368,7 +369,7 @@ def test_no_structure():
     ksp = PETSc.KSP().create(comm=PETSc.COMM_SELF)
     ksp.setType("latin")
     ksp.setOperators(matrix)
-    assert "-ksp_type latin has no structure to work on: call KSPLatinSetLinks()" in message(ksp.setUp)
+    assert "-ksp_type latin has no structure to work on: call LatinStructureAttachKSP()" in message(ksp.setUp)
 
 
 def test_another_matrix():
@@ -380,16 +381,16 @@ def test_another_matrix():
 
 
 def test_no_tangent_yet():
-    links = latinpc.Links.from_scene(grid("truss"), comm=PETSc.COMM_SELF)
+    structure = latinpc.Structure.from_scene(grid("truss"), comm=PETSc.COMM_SELF)
     ksp = PETSc.KSP().create(comm=PETSc.COMM_SELF)
     ksp.setType("latin")
-    ksp.setOperators(links.dm.createMat())
+    ksp.setOperators(structure.dm.createMat())
     assert "is not the tangent stiffness" in message(ksp.setUp)
 
 
 def test_conjugate_gradients_on_the_interfaces():
     system = linear_system(grid("truss"), outer_ksp_type="cg")
-    told = message(lambda: system.ksp.solve(system.b, system.links.create_vec()))
+    told = message(lambda: system.ksp.solve(system.b, system.structure.create_vec()))
     assert "symmetric but indefinite" in told and "-ksp_latin_outer_ksp_type minres" in told
 
 

@@ -21,7 +21,7 @@ from petsc4py import PETSc
 import latinpc
 
 chosen = dict(problem="poisson", dim=2, cells=8, blocks="2,2", dirichlet="zeroed", jump="none", contrast=1e6,
-              local_type="aij", scalar_map=False, asymmetric=False, coordinates=True)
+              local_type="aij", scalar_map=False, asymmetric=False, coordinates=True, owned=False)
 args = argparse.Namespace(**dict(chosen, **json.loads(sys.argv[1])))
 problem = Grid(args)
 a, x, free = matis(problem, args, PETSc.COMM_WORLD)
@@ -100,7 +100,7 @@ def test_cubes(solved):
 
 
 @pytest.mark.parametrize("words", ["-ksp_latin_outer_ksp_type minres", "-ksp_norm_type unpreconditioned",
-                                   "-ksp_latin_modes none", "-ksp_latin_variant macro"])  # fmt: skip
+                                   "-ksp_latin_modes rigid", "-ksp_latin_direction block"])  # fmt: skip
 def test_options(solved, words):
     found = solved(4, *words.split(), problem="elasticity")
     assert found["reason"] > 0 and found["residual"] < 1e-8 and found["cg"] < 1e-7

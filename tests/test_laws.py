@@ -1,4 +1,4 @@
-"""Laws of links: bars, cables and struts as (2), (4) and (5) have them, alone and in a structure."""
+"""Laws of links: bars, cables and compression-only links as (2), (4) and (5) have them, alone and in a structure."""
 
 import numpy as np
 import pytest
@@ -9,24 +9,30 @@ import latinpc
 from latinpc.scenes import Law, Scene
 
 K, E0 = 2000.0, 0.25
-ELASTIC = (Law.BAR, Law.CABLE, Law.STRUT)
+ELASTIC = (Law.BAR, Law.CABLE, Law.COMPRESSION_ONLY)
 
 
-def link(law, prestrain=E0):
+def link(law, initial_elongation=E0):
     """One link from a fixed node to a free one, along a line."""
-    return latinpc.Links(
-        [[0.0], [1.0]], [[0, 1]], int(law), K, prestrain=prestrain, fixed=[[1], [0]], comm=PETSc.COMM_SELF
+    return latinpc.Structure(
+        [[0.0], [1.0]],
+        [[0, 1]],
+        int(law),
+        K,
+        initial_elongation=initial_elongation,
+        fixed=[[1], [0]],
+        comm=PETSc.COMM_SELF,
     )
 
 
-def at(links, elongation):
+def at(structure, elongation):
     """Displacement that lengthens the link so much."""
-    u = links.create_vec()
+    u = structure.create_vec()
     u.set(elongation)
     return u
 
 
-def between(law, load, stiffness=(1000.0, 4000.0), prestrain=0.01):
+def between(law, load, stiffness=(1000.0, 4000.0), initial_elongation=0.01):
     """A node pulled to the right between two links that end in fixed nodes."""
     return Scene(
         name="between",
@@ -34,7 +40,7 @@ def between(law, load, stiffness=(1000.0, 4000.0), prestrain=0.01):
         links=[[0, 1], [1, 2]],
         law=[int(law)] * 2,
         stiffness=np.array(stiffness),
-        prestrain=np.full(2, prestrain) * (-1 if law == Law.STRUT else 1),
+        initial_elongation=np.full(2, initial_elongation) * (-1 if law == Law.COMPRESSION_ONLY else 1),
         fixed=[[True], [False], [True]],
         load=[[0.0], [load], [0.0]],
         subdomain=[0, 1],
@@ -43,31 +49,31 @@ def between(law, load, stiffness=(1000.0, 4000.0), prestrain=0.01):
 
 @pytest.mark.parametrize(
     ("law", "taut"),
-    [(Law.BAR, (True, True, True)), (Law.CABLE, (True, False, False)), (Law.STRUT, (False, False, True))],
+    [(Law.BAR, (True, True, True)), (Law.CABLE, (True, False, False)), (Law.COMPRESSION_ONLY, (False, False, True))],
 )
 def test_tension_is_that_of_the_law(law, taut):
     """Taut: k (e + e0); slack: zero to the bit, also at the very end of being taut."""
-    links = link(law)
+    structure = link(law)
     for carries, strain in zip(taut, (0.5, 0.0, -0.5)):
-        tension = links.tensions(at(links, strain - E0))
+        tension = structure.tensions(at(structure, strain - E0))
         assert tension == (K * strain if carries else 0.0)
 
 
 @pytest.mark.parametrize("law", ELASTIC)
 def test_energy_is_a_convex_potential_of_the_tension(law):
     """The tension is the slope of the energy, and no chord of the energy lies below its curve."""
-    links, step = link(law), 1e-6
+    structure, step = link(law), 1e-6
     for e in np.linspace(-1.0, 1.0, 9) + 0.01:
-        slope = (links.energy(at(links, e + step)) - links.energy(at(links, e - step))) / (2 * step)
-        assert slope == pytest.approx(links.tensions(at(links, e))[0], rel=1e-6, abs=1e-6)
+        slope = (structure.energy(at(structure, e + step)) - structure.energy(at(structure, e - step))) / (2 * step)
+        assert slope == pytest.approx(structure.tensions(at(structure, e))[0], rel=1e-6, abs=1e-6)
     for a, b in np.random.default_rng(0).uniform(-1, 1, (30, 2)):
-        chord = (links.energy(at(links, a)) + links.energy(at(links, b))) / 2
-        assert links.energy(at(links, (a + b) / 2)) <= chord + 1e-12 * K
+        chord = (structure.energy(at(structure, a)) + structure.energy(at(structure, b))) / 2
+        assert structure.energy(at(structure, (a + b) / 2)) <= chord + 1e-12 * K
 
 
 def test_strut_is_the_mirror_image_of_a_cable():
-    """Opposite elongation and prestrain give the opposite tension and the same energy."""
-    cable, strut = link(Law.CABLE), link(Law.STRUT, -E0)
+    """Opposite elongation and initial_elongation give the opposite tension and the same energy."""
+    cable, strut = link(Law.CABLE), link(Law.COMPRESSION_ONLY, -E0)
     for e in (-0.7, -E0, 0.0, 0.3):
         assert strut.tensions(at(strut, -e)) == -cable.tensions(at(cable, e))
         assert strut.energy(at(strut, -e)) == cable.energy(at(cable, e))
@@ -76,13 +82,13 @@ def test_strut_is_the_mirror_image_of_a_cable():
 @pytest.mark.parametrize("law", ELASTIC)
 def test_tangent_is_a_slope_of_the_law(law):
     """The Jacobian has the stiffness of a taut link, none of a slack one, one of the two at the kink."""
-    links = link(law)
-    jacobian = links.dm.createMat()
+    structure = link(law)
+    jacobian = structure.dm.createMat()
     for strain in (-0.5, 0.5):
-        links.jacobian(at(links, strain - E0), jacobian)
+        structure.jacobian(at(structure, strain - E0), jacobian)
         carries = law == Law.BAR or (strain > 0) == (law == Law.CABLE)
         assert jacobian.getValue(0, 0) == (K if carries else 0.0)
-    links.jacobian(at(links, -E0), jacobian)
+    structure.jacobian(at(structure, -E0), jacobian)
     assert jacobian.getValue(0, 0) in (0.0, K)
 
 
@@ -102,7 +108,9 @@ def test_node_between_two_cables(load):
 def test_node_between_two_struts_mirrors_that_between_cables():
     """The mirrored structure under the opposite load moves the opposite way, with opposite tensions."""
     for load in (-60.0, 5.0, 500.0):
-        cables, struts = (solve(between(law, f), stol=1e-14) for law, f in ((Law.CABLE, load), (Law.STRUT, -load)))
+        cables, struts = (
+            solve(between(law, f), stol=1e-14) for law, f in ((Law.CABLE, load), (Law.COMPRESSION_ONLY, -load))
+        )
         assert struts.u == pytest.approx(-cables.u, rel=1e-12)
         assert struts.tensions == pytest.approx(-cables.tensions, rel=1e-12)
 
@@ -112,15 +120,15 @@ def test_bars_carry_no_state():
     scene = between(Law.BAR, 7.0)
     scene.subdomain[:] = 0
     with latin(scene) as run:
-        u = run.links.create_vec()
+        u = run.structure.create_vec()
         run.snes.solve(None, u)
         assert latinpc.statistics(run.snes)["state_size"] == 0
         assert run.snes.getIterationNumber() == 1
         assert run.snes.getConvergedReason() > 0
-        assert run.links.displacements(u)[1, 0] == pytest.approx((7.0 + 30.0) / 5000.0, rel=1e-13)
+        assert run.structure.displacements(u)[1, 0] == pytest.approx((7.0 + 30.0) / 5000.0, rel=1e-13)
 
 
-def test_prestrain_out_of_reach_of_the_load_makes_cables_bars():
+def test_initial_elongation_out_of_reach_of_the_load_makes_cables_bars():
     """Cables that stay taut give the very iterates of bars."""
     bars, cables = (solve(between(law, 5.0), max_it=3, stol=0) for law in (Law.BAR, Law.CABLE))
     assert cables.u == pytest.approx(bars.u, rel=1e-13)

@@ -6,11 +6,23 @@ import numpy as np
 import oracle
 import pytest
 from petsc4py import PETSc
-from support import PLAIN, VARIANTS, far, grid, irregular, latin, lattice, network, oracle_options, settled, solve
+from support import (
+    ALL_VARIANTS,
+    PLAIN,
+    far,
+    grid,
+    irregular,
+    latin,
+    lattice,
+    network,
+    oracle_options,
+    settled,
+    solve,
+)
 
 import latinpc
+from latinpc.runs.reference import reference_solution
 from latinpc.scenes import make
-from latinpc.solve import reference_solution
 
 
 def operators(model, i):
@@ -27,7 +39,7 @@ def operators(model, i):
 
 def forces(model, x):
     """Forces g on the subdomains for the state x."""
-    s = model.scene.stiffness * model.scene.prestrain
+    s = model.scene.stiffness * model.scene.initial_elongation
     s[model.nonsmooth] = x[model.n_z :]
     s = s + model.scene.stiffness * model.e_d
     g = [part.load - part.b.T @ s[part.links] for part in model.parts]
@@ -80,12 +92,11 @@ SMALL = {
 
 
 @pytest.mark.parametrize("direction", ["diagonal", "schur"])
-@pytest.mark.parametrize("corners", ["free", "published"])
-@pytest.mark.parametrize("variant", VARIANTS)
+@pytest.mark.parametrize("variant", ALL_VARIANTS)
 @pytest.mark.parametrize("name", SMALL)
-def test_linear_stage_is_a_constrained_minimum(name, variant, corners, direction):
+def test_linear_stage_is_a_constrained_minimum(name, variant, direction):
     """Least energy with micro springs, macro displacements and corners common: the solver and the oracle meet it."""
-    scene, options = SMALL[name](), {"variant": variant, "corners": corners, "direction": direction}
+    scene, options = SMALL[name](), {"variant": variant, "direction": direction}
     model = oracle.build(scene, **oracle_options(options))
     first = oracle.average(model, minimum(model, oracle.start(model)))
     assert far(solve(scene, max_it=1, **options).u, first) < 1e-9
@@ -98,12 +109,11 @@ def test_linear_stage_is_a_constrained_minimum(name, variant, corners, direction
 
 
 @pytest.mark.parametrize("direction", ["diagonal", "block", "schur"])
-@pytest.mark.parametrize("corners", ["free", "published"])
-@pytest.mark.parametrize("variant", VARIANTS)
-def test_matrix_of_the_subdomains(variant, corners, direction):
+@pytest.mark.parametrize("variant", ALL_VARIANTS)
+def test_matrix_of_the_subdomains(variant, direction):
     """Block diagonal, K_E with its springs, the identity where displacements are prescribed or coarse."""
     scene = settled(irregular(modules=4, parts=4))
-    options = {"variant": variant, "corners": corners, "direction": direction}
+    options = {"variant": variant, "direction": direction}
     model = oracle.build(scene, **oracle_options(options))
     blocks = []
     for i, part in enumerate(model.parts):
@@ -182,17 +192,17 @@ scene = support.grid()
 with support.latin(scene) as run:
     run.snes.setUp()
     count()
-    u = run.links.create_vec()
+    u = run.structure.create_vec()
     run.snes.solve(None, u)
-    run.links.set_load(2 * scene.load)
-    run.links.set_prestrain(1.1 * scene.prestrain)
+    run.structure.set_load(2 * scene.load)
+    run.structure.set_initial_elongation(1.1 * scene.initial_elongation)
     run.snes.solve(None, u)
     count()
 """
 
 
 def test_operators_are_factored_once(mpirun):
-    """Iterations, new loads and new prestrains only solve: one set-up, and no factorisation after it."""
+    """Iterations, new loads and new initial elongations only solve: one set-up, and no factorisation after it."""
     after_setup, at_the_end = mpirun(1, COUNT, Path(__file__).parent).stdout.splitlines()
     assert after_setup == at_the_end
     assert after_setup.split()[0] == "1"
@@ -214,8 +224,8 @@ def test_solver_that_gives_up_is_reported(limit):
 def test_rounding_does_not_pile_up():
     """Each linear stage solves for a change: what the coarse operator rounds is small with the last one."""
     scene = make("tensegrity-grid", modules=24)
-    links = latinpc.Links.from_scene(scene, comm=PETSc.COMM_SELF)
-    reference = links.displacements(reference_solution(links))
+    structure = latinpc.Structure.from_scene(scene, comm=PETSc.COMM_SELF)
+    reference = structure.displacements(reference_solution(structure))
     run = solve(scene, stol=1e-13, max_it=100, _reference=reference)
     assert run.reason > 0
     assert run.history.error_l2[-1] < 3e-12

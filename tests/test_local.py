@@ -20,8 +20,10 @@ SCENES = {
 
 def struts(scene):
     """The mirror image: struts for cables, everything the other way round."""
-    law = np.where(scene.law == Law.CABLE, Law.STRUT, scene.law)
-    return replace(scene, law=law, prestrain=-scene.prestrain, load=-scene.load, prescribed=-scene.prescribed)
+    law = np.where(scene.law == Law.CABLE, Law.COMPRESSION_ONLY, scene.law)
+    return replace(
+        scene, law=law, initial_elongation=-scene.initial_elongation, load=-scene.load, prescribed=-scene.prescribed
+    )
 
 
 @pytest.mark.parametrize("variant", VARIANTS)
@@ -66,7 +68,7 @@ def test_struts_mirror_cables(name):
 def test_cables_that_stay_taut_are_bars():
     """Under a self-stress that the load cannot use up the cables make the iterates of bars."""
     scene = grid()  # whose self-stress is balanced inside modules, so that no iterate slackens anything either
-    strong = replace(scene, prestrain=100.0 * scene.prestrain)
+    strong = replace(scene, initial_elongation=100.0 * scene.initial_elongation)
     for k in (1, 3, 6):
         cables = solve(strong, max_it=k, stol=0, **PLAIN)
         bars = solve(replace(strong, law=np.zeros_like(scene.law)), max_it=k, stol=0, **PLAIN)
@@ -114,9 +116,9 @@ def test_two_slack_cables_side_by_side():
     scene = lattice()
     double = np.flatnonzero((scene.law == Law.CABLE) & (solve(scene, stol=1e-8).tensions == 0.0))
     assert len(double)
-    parts = {name: getattr(scene, name) for name in ("links", "law", "stiffness", "prestrain", "subdomain")}
+    parts = {name: getattr(scene, name) for name in ("links", "law", "stiffness", "initial_elongation", "subdomain")}
     parts = {name: np.concatenate([values, values[double]]) for name, values in parts.items()}
-    parts["prestrain"][len(scene.links) :] *= 0.5
+    parts["initial_elongation"][len(scene.links) :] *= 0.5
     twice = replace(scene, **parts)
     reference = oracle.newton(twice)
     for options in ({}, {**PLAIN, "outer_snes_linesearch_damping": 0.7}):

@@ -11,10 +11,10 @@ import pytest
 from PIL import Image
 from test_cli import latinpc, said
 from test_dynamics import EXACT, motion
-from test_io import MSH, TOML
+from test_files import MSH, TOML
 
-from latinpc import io
-from latinpc.motion import move
+from latinpc.files.gmsh import read_scene
+from latinpc.runs.motion import move
 from latinpc.scenes import Law, make
 
 SMALL = {
@@ -29,8 +29,8 @@ def test_scenes_start_balanced_and_hold_together(name):
     """The self-stress is balanced; with the masses, every motion has inertia or stiffness."""
     scene = make(name, **SMALL[name])
     b, _ = oracle.kinematics(replace(scene, law=np.zeros_like(scene.law), stiffness=np.maximum(scene.stiffness, 1.0)))
-    elastic = ~np.isin(scene.law, (Law.CONTACT, Law.STRUT))
-    self_stress = np.where(elastic, scene.stiffness * scene.prestrain, 0.0)
+    elastic = ~np.isin(scene.law, (Law.CONTACT, Law.COMPRESSION_ONLY))
+    self_stress = np.where(elastic, scene.stiffness * scene.initial_elongation, 0.0)
     unbalance = (b.T @ self_stress)[~scene.fixed.ravel()]
     assert np.abs(unbalance).max() <= 1e-9 * max(np.abs(self_stress).max(), 1.0)
     assert (self_stress[scene.law == Law.CABLE] > 0).all()
@@ -154,7 +154,7 @@ velocity = [0.0, -1.5]
 def read(tmp_path, text):
     (tmp_path / "a.msh").write_text(MSH)
     (tmp_path / "a.toml").write_text(text)
-    return io.read_scene(tmp_path / "a.msh")
+    return read_scene(tmp_path / "a.msh")
 
 
 def test_masses_and_velocities_of_a_file(tmp_path):

@@ -5,11 +5,11 @@ import json
 import numpy as np
 import pytest
 
-from latinpc import paper
+from latinpc.bench import paper
 
 #: Iterations to 1e-4 at 9 and 16 subdomains, d = 7.0e6 N/m, measured with the slow implementation of the method
-TRUSS = {"published": {"macro": (20, 22), "corner": (22, 22)}, "free": {"macro": (20, 22), "corner": (13, 14)}}
-TENSEGRITY_9 = {"published": {"macro": (35, 49), "corner": (35, 49)}, "free": {"corner": (23, 31)}}
+TRUSS = {True: {"macro": (20, 22), "corner": (22, 22)}, False: {"macro": (20, 22), "corner": (13, 14)}}
+TENSEGRITY_9 = {True: {"macro": (35, 49), "corner": (35, 49)}, False: {"corner": (23, 31)}}
 
 
 def counts(result, variant, accuracy):
@@ -25,12 +25,12 @@ def test_table_3_is_the_articles():
     assert {len(row) for row in rows} == {len(header)}
 
 
-@pytest.mark.parametrize("corners", ["published", "free"])
-def test_table_4_plain(corners):
-    result = paper.table(4, (9, 16), corners=corners)
-    for variant, expected in TRUSS[corners].items():
+@pytest.mark.parametrize("published", [True, False])
+def test_table_4_plain(published):
+    result = paper.table(4, (9, 16), published=published)
+    for variant, expected in TRUSS[published].items():
         assert counts(result, variant, "1e-4") == pytest.approx(expected, abs=1)
-    assert all(row["slack"] == 0 and row["direction_scalar"] == pytest.approx(7e6) for row in result["rows"])
+    assert all(row["slack"] == 0 and row["direction"] == pytest.approx(7e6) for row in result["rows"])
 
 
 def test_table_5_modified_module():
@@ -38,10 +38,10 @@ def test_table_5_modified_module():
     assert all(row["iterations"]["1e-4"] <= 34 for row in result["rows"])  # the article's row
 
 
-@pytest.mark.parametrize("corners", ["published", "free"])
-def test_table_6_plain(corners):
-    result = paper.table(6, (9,), corners=corners)
-    for variant, expected in TENSEGRITY_9[corners].items():
+@pytest.mark.parametrize("published", [True, False])
+def test_table_6_plain(published):
+    result = paper.table(6, (9,), published=published)
+    for variant, expected in TENSEGRITY_9[published].items():
         (row,) = (row for row in result["rows"] if row["variant"] == variant)
         assert [row["iterations"]["1e-3"], row["iterations"]["1e-4"]] == pytest.approx(expected, rel=0.05)
         assert row["slack"] == pytest.approx(0.09, abs=0.006)
@@ -54,14 +54,14 @@ def test_table_6_accelerated():
 
 
 def test_table_7_is_a_valley():
-    result = paper.table(7, (16,), corners="published")
+    result = paper.table(7, (16,), published=True)
     for accuracy in ("1e-3", "1e-4"):
         counts = [row["settled"][accuracy] for row in result["rows"]]
         bottom = counts.index(min(counts))
         assert bottom in (2, 3)  # a half to a quarter of the guess
         assert counts[: bottom + 1] == sorted(counts[: bottom + 1], reverse=True)
         assert counts[bottom:] == sorted(counts[bottom:])
-    assert [row["direction_scalar"] for row in result["rows"]] == pytest.approx(
+    assert [row["direction"] for row in result["rows"]] == pytest.approx(
         [factor * 7e6 for factor in paper.DIRECTION_FACTORS]
     )
     header, rows = paper.layout(result)

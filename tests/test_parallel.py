@@ -11,8 +11,8 @@ from petsc4py import PETSc
 from support import PLAIN, VARIANTS, chain, grid, irregular, latin, lattice, network, settled
 
 import latinpc
+from latinpc.runs.options import default_options
 from latinpc.scenes import Law
-from latinpc.solve import default_options
 
 SCENES = {
     "grid": grid,
@@ -30,9 +30,9 @@ ITERATIONS = {"stol": 1e-7, "max_it": 2000}
 
 def latin_case(scene, comm, **options):
     """What SNES latin finds, counted and measured."""
-    links = latinpc.Links.from_scene(scene, comm=comm)
-    with latin(scene, links, **options) as run:
-        u = links.create_vec()
+    structure = latinpc.Structure.from_scene(scene, comm=comm)
+    with latin(scene, structure, **options) as run:
+        u = structure.create_vec()
         run.snes.solve(None, u)
         return {
             "iterations": run.snes.getIterationNumber(),
@@ -42,8 +42,8 @@ def latin_case(scene, comm, **options):
             "residual": run.snes.getFunctionNorm(),
             "partition": latinpc.subdomain_of_links(run.snes).tolist(),
             "classes": latinpc.node_classes(run.snes).tolist(),
-            "u": links.displacements(u).tolist(),
-            "tensions": links.tensions(u).tolist(),
+            "u": structure.displacements(u).tolist(),
+            "tensions": latinpc.tensions(run.snes).tolist(),
         }
 
 
@@ -56,18 +56,18 @@ KRYLOV = {
 
 def krylov_case(scene, comm, what="krylov"):
     """What one Newton step with conjugate gradients and PC latin finds, or with KSP latin."""
-    links = latinpc.Links.from_scene(scene, comm=comm)
+    structure = latinpc.Structure.from_scene(scene, comm=comm)
     with default_options({"snes_type": "ksponly", "ksp_rtol": 1e-6, **KRYLOV[what]}):
-        snes = links.create_snes()
+        snes = structure.create_snes()
         snes.setFromOptions()
-        u = links.create_vec()
+        u = structure.create_vec()
         snes.solve(None, u)
     if what == "levels":  # the groups are those of each rank
         return {"reason": int(snes.getConvergedReason())}
     return {
         "iterations": snes.getLinearSolveIterations(),
         "reason": int(snes.getConvergedReason()),
-        "u": links.displacements(u).tolist(),
+        "u": structure.displacements(u).tolist(),
     }
 
 
@@ -80,7 +80,7 @@ def measure(comm, names=SCENES):
         for variant in VARIANTS if name in ("grid", "metis") else ("corner",):
             found[f"{name}, {variant}"] = latin_case(scene, comm, variant=variant, **options, **ITERATIONS)
         if name in ("grid", "irregular"):
-            found[f"{name}, plain"] = latin_case(scene, comm, corners="published", max_it=6, stol=0, **PLAIN)
+            found[f"{name}, plain"] = latin_case(scene, comm, variant="published", max_it=6, stol=0, **PLAIN)
         if name in ("irregular", "lattice"):
             for direction in ("block", "schur"):
                 found[f"{name}, {direction}"] = latin_case(scene, comm, direction=direction, **ITERATIONS)
@@ -88,8 +88,8 @@ def measure(comm, names=SCENES):
             found[f"{name}, krylov"] = krylov_case(scene, comm)
         if name == "four blocks":
             found |= {f"{name}, {what}": krylov_case(scene, comm, what) for what in KRYLOV}
-            found[f"{name}, polish"] = latin_case(scene, comm, polish=True, polish_start=0.5, **ITERATIONS)
-            del found[f"{name}, polish"]["iterations"]  # conjugate gradients feel the rounding
+            found[f"{name}, newton"] = latin_case(scene, comm, newton="always", **ITERATIONS)
+            del found[f"{name}, newton"]["iterations"]  # conjugate gradients feel the rounding
     return found
 
 
@@ -134,7 +134,7 @@ def test_ranks_do_not_matter(mpirun, alone, ranks):
         for key in ("u", "tensions"):
             if key in mine:
                 a, b = np.array(mine[key]), np.array(theirs[key])
-                rounding = 1e-8 if "krylov" in name or "polish" in name else 1e-10
+                rounding = 1e-8 if "krylov" in name or "newton" in name else 1e-10
                 assert abs(a - b).max() < rounding * abs(b).max(), (name, key)
 
 
@@ -153,12 +153,12 @@ sys.path.insert(0, sys.argv[1])
 import latinpc
 import support
 
-links = latinpc.Links.from_scene(support.grid(), comm=PETSc.COMM_WORLD)
+structure = latinpc.Structure.from_scene(support.grid(), comm=PETSc.COMM_WORLD)
 weak = {"coarse_ksp_type": "cg", "coarse_pc_type": "jacobi", "coarse_ksp_max_it": 3, "coarse_ksp_rtol": 1e-12}
 reasons = []
 for options in (weak, {"max_it": 3, "stol": 0}):
-    with support.latin(None, links, **options) as run:
-        run.snes.solve(None, links.create_vec())
+    with support.latin(None, structure, **options) as run:
+        run.snes.solve(None, structure.create_vec())
         reasons.append(int(run.snes.getConvergedReason()))
 reasons = PETSc.COMM_WORLD.tompi4py().gather(reasons)
 if reasons:
@@ -174,8 +174,8 @@ def test_ranks_agree_on_failure(mpirun):
 
 def test_communicator_of_the_structure():
     """A structure on one rank is that rank's alone, whatever else runs."""
-    links = latinpc.Links.from_scene(lattice(), comm=MPI.COMM_SELF)
-    with latin(None, links) as run:
+    structure = latinpc.Structure.from_scene(lattice(), comm=MPI.COMM_SELF)
+    with latin(None, structure) as run:
         run.snes.setUp()
         assert run.snes.getComm().getSize() == 1
         assert latinpc.coarse_ksp(run.snes).getComm().getSize() == 1

@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from latinpc import pictures
+from latinpc.bench import paper_figures
+from latinpc.files import pictures
+from latinpc.files.units import scaled
 from latinpc.scenes import make
 from latinpc.scenes.scene import Law, Scene
 
@@ -49,7 +51,7 @@ def test_any_dimension(tmp_path, drawn, dim, suffix):
     moved = 0.01 * np.ones((4, dim))
     pictures.draw_structure(scene, moved, np.array([-2e3, 0.0, -1.0]), np.array([0, 0, 1]), path)
     assert path.stat().st_size > 1000
-    assert "slack cable (100 %)" in drawn[0] and "slack strut (0 %)" in drawn[0]
+    assert "slack cable (100 %)" in drawn[0] and "slack compression-only link (0 %)" in drawn[0]
     assert "Compression (kN)" in drawn[0] and "2 subdomains" in drawn[0]
     assert "Tension" not in drawn[0]  # nothing is in tension
 
@@ -62,9 +64,9 @@ def test_nothing_moves_and_nothing_is_loaded(tmp_path, drawn):
 
 
 def test_scales():
-    assert pictures.scaled(2500.0, "N") == (1e3, "kN")
-    assert pictures.scaled(0.02, "m") == (1e-3, "mm")
-    assert pictures.scaled(0.0, "m") == (1.0, "m")
+    assert scaled(2500.0, "N") == (1e3, "kN")
+    assert scaled(0.02, "m") == (1e-3, "mm")
+    assert scaled(0.0, "m") == (1.0, "m")
     for value, rounded in ((7.3, 5.0), (2.0, 2.0), (0.19, 0.1), (1234.0, 1000.0)):
         assert pictures.round_factor(value) == pytest.approx(rounded)
 
@@ -84,8 +86,8 @@ def grid():
 def test_article_figures_are_quick(grid, tmp_path, drawn):
     scene, u, tension = grid
     start = time.process_time()
-    pictures.draw_figure_8(scene, u, tmp_path / "fig8.png")
-    pictures.draw_figure_9(scene, tension, tmp_path / "fig9.png")
+    paper_figures.draw_figure_8(scene, u, tmp_path / "fig8.png")
+    paper_figures.draw_figure_9(scene, tension, tmp_path / "fig9.png")
     pictures.draw_structure(scene, u, tension, scene.subdomain, tmp_path / "grid.png")
     assert time.process_time() - start < 20.0
     assert "Vertical displacement (m)" in drawn[0] and "drawn × 2" in drawn[0]

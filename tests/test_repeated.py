@@ -13,12 +13,12 @@ from petsc4py import PETSc
 import latinpc
 from latinpc.scenes import make
 
-links = latinpc.Links.from_scene(make("network", nodes=300, subdomains=9))
-snes = links.create_snes()
+structure = latinpc.Structure.from_scene(make("network", nodes=300, subdomains=9))
+snes = structure.create_snes()
 snes.setFromOptions()
-u = links.create_vec()
+u = structure.create_vec()
 snes.solve(None, u)
-whole = links.displacements(u).tobytes() + latinpc.history(snes)["indicator"].tobytes()
+whole = structure.displacements(u).tobytes() + latinpc.history(snes)["indicator"].tobytes()
 PETSc.Sys.Print(snes.getIterationNumber(), hashlib.sha256(whole).hexdigest())
 """
 
@@ -30,16 +30,16 @@ from petsc4py import PETSc
 import latinpc
 from latinpc.scenes import make
 
-links = latinpc.Links.from_scene(make("tensegrity-grid", modules=4, subdomains=4))
-u, b = links.create_vec(), links.create_vec()
+structure = latinpc.Structure.from_scene(make("tensegrity-grid", modules=4, subdomains=4))
+u, b = structure.create_vec(), structure.create_vec()
 b.set(1.0)
-A = links.dm.createMat()
-links.jacobian(u, A)
-moving = latinpc.Links.from_scene(make("impact-grid", modules=4, subdomains=4))
+A = structure.dm.createMat()
+structure.jacobian(u, A)
+moving = latinpc.Structure.from_scene(make("impact-grid", modules=4, subdomains=4))
 
 
 def live():
-    snes = links.create_snes()
+    snes = structure.create_snes()
     snes.setFromOptions()
     snes.setUp()
     snes.solve(None, u)

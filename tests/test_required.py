@@ -36,11 +36,10 @@ SCENES = {
     "rigid cables, many": (lambda: make("net", side=8, subdomains=4), {}, ("coarse", "links")),
     "stop on the error": (grid, {"stop": "error"}, ("coarse", "links", "estimate")),
     "local fields": (irregular, {"modes_local": 1}, ("coarse", "links", "local fields")),
-    "polish": (grid, {"polish": True}, ("coarse", "links", "Newton", "second method")),
+    "Newton at the end": (grid, {"newton": "always"}, ("coarse", "links", "Newton", "second method")),
     "reference": (grid, {}, ("coarse", "links", "errors")),
-    "rescue, many": (lambda: stiff(grid()), {"max_it": 3000}, ("coarse", "links", "Newton", "second method")),
+    "Newton, many": (lambda: stiff(grid()), {"max_it": 3000}, ("coarse", "links", "Newton", "second method")),
     "friction, many": (grains, {"stol": 0.1}, ("coarse", "links")),
-    "friction, search parameter as it is": (grains, {"stol": 0.1, "balance": False}, ("coarse", "links")),
     "bars, motion": (lambda: heavy(bars(lattice())), {}, ("coarse", "motion")),
     "cables, motion, one subdomain": (lambda: heavy(grid(subdomains=1), mass=20.0), {}, ("links", "motion")),
     "cables, motion": (lambda: heavy(grid(), mass=20.0), {}, ("coarse", "links", "motion")),
@@ -70,12 +69,12 @@ def solver(scene, options):
     """Give the SNES of a structure, or of its motion, and what solves once, or makes two steps."""
     if scene.mass is None:
         with latin(scene, **options) as run:
-            u = run.links.create_vec()
-            yield SimpleNamespace(snes=run.snes, links=run.links, go=lambda: run.snes.solve(None, u))
+            u = run.structure.create_vec()
+            yield SimpleNamespace(snes=run.snes, structure=run.structure, go=lambda: run.snes.solve(None, u))
         return
     options = {("snes_" if key in SNES_OWN else "snes_latin_") + key: value for key, value in options.items()}
     with motion(scene, scene.time_step or STEP, **options) as run:
-        yield SimpleNamespace(snes=run.ts.getSNES(), links=run.links, go=lambda: run.step(2))
+        yield SimpleNamespace(snes=run.ts.getSNES(), structure=run.structure, go=lambda: run.step(2))
 
 
 def measured(name, path):
@@ -85,12 +84,12 @@ def measured(name, path):
     reference = oracle.newton(scene) if name == "reference" else None
     with logged(), solver(scene, options) as run:
         if reference is not None:
-            given = run.links.create_vec()
-            run.links.set_displacements(reference, given)
+            given = run.structure.create_vec()
+            run.structure.set_displacements(reference, given)
             latinpc.set_reference(run.snes, given)
         run.go()
         assert run.snes.getConvergedReason() > 0
-        events = {e: PETSc.Log.Event(f"Latin{e}").getPerfInfo()["count"] for e in ("Floppy", "Coarse", "Estimate")}
+        events = {e: PETSc.Log.Event(f"Latin{e}").getPerfInfo()["count"] for e in ("Spectral", "Coarse", "Estimate")}
         viewer = PETSc.Viewer().createASCII(str(path), comm=PETSc.COMM_SELF)
         PETSc.Log.view(viewer)
         viewer.destroy()
@@ -105,11 +104,11 @@ def measured(name, path):
         "coarse": coarse,
         "links": sizes["state_size"] > state_of_bars(scene, options),
         "estimate": events["Estimate"] > 0,
-        "local fields": events["Floppy"] > 0,
+        "local fields": events["Spectral"] > 0,
         "errors": len(history["error_l2"]) > 0,
         "Newton": int(objects["SNES"]) > 2,  # beside SNES latin and the one that iterates
         "second method": int(objects["Latin"]) > 1,
-        "motion": int(objects["LatinLinks"]) > 1,  # a step is a structure of its own
+        "motion": int(objects["LatinStructure"]) > 1,  # a step is a structure of its own
     }
     return tuple(part for part, there in parts.items() if there), sizes, scene
 
@@ -147,17 +146,16 @@ with solver(make_scene(), options) as run:
 """
 # the files, or functions in them, that take memory for a part
 PARTS = {
-    "coarse": ["direction", "stiffness", "nested"],
-    "estimate": ["estimate"],
-    "local fields": ["floppy"],
-    "Newton": ["tangent"],
-    "second method": ["pclatin"],
-    "rigid links": ["rigid: LatinLinksSetUpRigid_Private"],
-    "friction": ["rigid: LatinLinksSetFriction"],
-    "motion": ["inertia", "dynamics"],
-    "laws of the user's": ["lawregister"],
-    "levels": ["multilevel"],
-    "search parameter": ["balance"],
+    "coarse": ["interfaces/searchdirection", "interfaces/interfacestiffness", "coarse/groups"],
+    "estimate": ["error/estimate"],
+    "local fields": ["interfaces/spectralmodes"],
+    "second method": ["pc/pclatin"],
+    "rigid links": ["structure/rigidlaws: LatinStructureStiffness_Private"],
+    "friction": ["structure/structure: LatinStructureSetFriction"],
+    "motion": ["structure/timestep", "ts/tslatin"],
+    "laws of the user's": ["structure/userlaws"],
+    "levels": ["coarse/levels"],
+    "search parameter": ["snes/searchparameter"],
 }
 BEYOND = {
     "rigid cables, many": ["rigid links", "search parameter"],
@@ -165,7 +163,7 @@ BEYOND = {
     "friction, search parameter as it is": ["rigid links", "friction"],
     "contacts, motion": ["rigid links"],
 }
-SHOWN_ELSEWHERE = ("links", "errors")  # parts of the state and of the history, which every scene has
+SHOWN_ELSEWHERE = ("links", "errors", "Newton")  # in the state, the history, and by objects of PETSc
 QUICK = ("bars, 2D, many", "friction, many", "contacts, motion")
 
 
@@ -186,6 +184,6 @@ def test_what_is_not_required_takes_no_memory(mpirun, name):
     """PETSc's own log of bytes by function: none of a part that the scene does not use, some of each that it does."""
     out = mpirun(1, MEMORY, Path(__file__).parent, name, "-malloc_debug", "-malloc_view", timeout=300).stdout
     took = set(re.findall(r"^\[0\] \d+ \d+ (\w+)\(\)", out, re.M))
-    assert any(function.startswith("LatinLinks") for function in took)
+    assert any(function.startswith("LatinStructure") for function in took)
     used = {part for part, files in PARTS.items() if took & set().union(*map(functions, files))}
     assert used == {*SCENES[name][2], *BEYOND.get(name, [])} - set(SHOWN_ELSEWHERE)

@@ -24,7 +24,7 @@ def spring(law, rest=None, *, k=1000.0, dim=1, load=0.0, search=0.0, direction=N
         links=links,
         law=[Law.BAR] * dim + list(np.atleast_1d(law)),
         stiffness=[k] * dim + [search] * rows,
-        prestrain=np.append(np.zeros(dim), np.zeros(rows) if rest is None else rest),
+        initial_elongation=np.append(np.zeros(dim), np.zeros(rows) if rest is None else rest),
         fixed=np.arange(2 + dim)[:, None] != np.full(dim, 1),
         load=np.eye(2 + dim)[1][:, None] * np.atleast_1d(load),
         direction=None if direction is None else np.vstack([np.zeros((dim, dim)), direction]),
@@ -105,7 +105,7 @@ def test_table_is_followed_between_and_beyond_its_points():
     """The tension of a table is numpy's interpolation, goes on beyond the ends, and is the slope of a convex energy."""
     law = latinpc.register_table(*POINTS.T)
     assert latinpc.register_table(*POINTS.T) == law
-    link = latinpc.Links([[0.0], [1.0]], [[0, 1]], law, 0.0, fixed=[[1], [0]], comm=PETSc.COMM_SELF)
+    link = latinpc.Structure([[0.0], [1.0]], [[0, 1]], law, 0.0, fixed=[[1], [0]], comm=PETSc.COMM_SELF)
     u, jacobian = link.create_vec(), link.dm.createMat()
 
     def at(call, x):
@@ -123,7 +123,7 @@ def test_table_is_followed_between_and_beyond_its_points():
         link.jacobian(u, jacobian)
         tangent = (at(link.tensions, x + 1e-6)[0] - at(link.tensions, x - 1e-6)[0]) / 2e-6
         assert jacobian.getValue(0, 0) == pytest.approx(tangent, rel=1e-6, abs=1e-6)
-    scaled = latinpc.Links([[0.0], [1.0]], [[0, 1]], law, 500.0, fixed=[[1], [0]], comm=PETSc.COMM_SELF)
+    scaled = latinpc.Structure([[0.0], [1.0]], [[0, 1]], law, 500.0, fixed=[[1], [0]], comm=PETSc.COMM_SELF)
     u.set(0.1)
     assert scaled.tensions(u)[0] == pytest.approx(np.interp(0.1, *POINTS.T) * 500.0 / 2000.0)
 
@@ -174,20 +174,20 @@ def test_law_of_the_users_own(hardening):
     )
     nodes, held = [[0.0], [1.0], [2.0]], [[1], [0], [1]]
     for load in (-150.0, 0.0, 40.0, 900.0):
-        links = latinpc.Links(
-            nodes, [[0, 1], [1, 2]], [law, 0], 1000.0, prestrain=0.02, fixed=held, load=[[0], [load], [0]],
+        structure = latinpc.Structure(
+            nodes, [[0, 1], [1, 2]], [law, 0], 1000.0, initial_elongation=0.02, fixed=held, load=[[0], [load], [0]],
             comm=PETSc.COMM_SELF,
         )  # fmt: skip
         roots = np.roots([1000.0 * 30.0, 0.0, 2000.0, -(load + 1000.0 * 2 * 0.02)])  # in x = u + 0.02
         expected = roots[np.abs(roots.imag) < 1e-9].real[0] - 0.02
-        u = links.create_vec()
+        u = structure.create_vec()
         for kind in ("latin", "newtonls"):
-            snes = links.create_snes()
+            snes = structure.create_snes()
             snes.setType(kind)
             snes.setTolerances(rtol=1e-14, atol=1e-14, stol=1e-14)
             u.set(0.0)
             snes.solve(None, u)
-            assert links.displacements(u)[1, 0] == pytest.approx(expected, rel=1e-9, abs=1e-12)
+            assert structure.displacements(u)[1, 0] == pytest.approx(expected, rel=1e-9, abs=1e-12)
 
 
 def test_law_with_a_local_stage_of_its_own(hardening):
@@ -197,11 +197,11 @@ def test_law_with_a_local_stage_of_its_own(hardening):
     law = latinpc.register_law("mine", h.tension, h.tangent, h.energy, local=address)
     mine, bar = (solve(spring(Law.BAR, 0.1, k=1000.0, search=700.0, load=30.0)) for _ in range(2))
     scene = spring(Law.BAR, 0.1, k=1000.0, search=700.0, load=30.0)
-    links = latinpc.Links(
-        scene.nodes, scene.links, [0, law], scene.stiffness, scene.prestrain, scene.fixed, load=scene.load,
+    structure = latinpc.Structure(
+        scene.nodes, scene.links, [0, law], scene.stiffness, scene.initial_elongation, scene.fixed, load=scene.load,
         comm=PETSc.COMM_SELF,
     )  # fmt: skip
-    mine = solve(scene, _links=links, stol=1e-14)
+    mine = solve(scene, _structure=structure, stol=1e-14)
     assert mine.u == pytest.approx(bar.u, rel=1e-12)
 
 
@@ -243,7 +243,11 @@ def test_units_and_origin_do_not_matter(name, how):
 
     here, there = make(name, **how), make(name, **how)
     there.nodes = (there.nodes + 4096.0) * 1024.0  # exact in binary
-    there.prestrain, there.load, there.stiffness = there.prestrain * 1024, there.load / 1024, there.stiffness / 1024**2
+    there.initial_elongation, there.load, there.stiffness = (
+        there.initial_elongation * 1024,
+        there.load / 1024,
+        there.stiffness / 1024**2,
+    )
     one, other = (solve(scene, stol=1e-6, max_it=2000) for scene in (here, there))
     assert one.reason > 0
     assert abs(one.iterations - other.iterations) <= 0.05 * one.iterations
@@ -275,15 +279,15 @@ def test_newton_refuses_rigid_laws_by_name(kind):
     """Every other SNES says which law it cannot do, and what to do instead."""
     with latin(spring(Law.INEXTENSIBLE, 0.0, load=1.0)) as run:
         run.snes.setType(kind)
-        words = refused(lambda: run.snes.solve(None, run.links.create_vec()))
+        words = refused(lambda: run.snes.solve(None, run.structure.create_vec()))
     assert "inextensible" in words and "-snes_type latin" in words and "cable" in words
 
 
-def test_polish_refuses_rigid_laws():
+def test_newton_always_refuses_rigid_laws():
     """So does Newton's method at the end of SNES latin, before any work."""
-    with latin(spring(Law.CONTACT, 0.0, load=1.0), polish=True) as run:
-        words = refused(lambda: run.snes.solve(None, run.links.create_vec()))
-    assert "polish" in words
+    with latin(spring(Law.CONTACT, 0.0, load=1.0), newton="always") as run:
+        words = refused(lambda: run.snes.solve(None, run.structure.create_vec()))
+    assert "newton always" in words
     assert "contact" in words
 
 
@@ -291,7 +295,7 @@ def contact_with(**changes):
     """One contact with friction, spoiled."""
     given = {"nodes": [[0.0, 0.0], [0.0, 0.0]], "links": [[0, 1], [0, 1]], "law": [5, 6], "stiffness": 0.0,
              "fixed": [[1, 1], [0, 0]], "direction": [[0.0, 1.0], [1.0, 0.0]], "friction": 0.3} | changes  # fmt: skip
-    return latinpc.Links(**given, comm=PETSc.COMM_SELF)
+    return latinpc.Structure(**given, comm=PETSc.COMM_SELF)
 
 
 @pytest.mark.parametrize(
@@ -311,8 +315,8 @@ def test_contacts_must_be_whole(changes, words):
 
 def test_contacts_are_not_cut_by_a_partition():
     """A partition given by the user that separates the parts is refused; METIS never makes one."""
-    links = contact_with(subdomain=[0, 1])
-    assert "cuts the contact" in refused(lambda: links.create_snes().solve(None, links.create_vec()))
+    structure = contact_with(subdomain=[0, 1])
+    assert "cuts the contact" in refused(lambda: structure.create_snes().solve(None, structure.create_vec()))
 
 
 @pytest.mark.parametrize(
@@ -358,15 +362,15 @@ def test_law_in_python(hardening):
     laws = latinpc.register_law("python", *python), latinpc.register_law("c", *c, context=ctypes.addressof(factor))
     found = []
     for law in laws:
-        links = latinpc.Links(
-            [[0.0], [1.0], [2.0]], [[0, 1], [1, 2]], [law, 0], 1000.0, prestrain=0.02, fixed=[[1], [0], [1]],
+        structure = latinpc.Structure(
+            [[0.0], [1.0], [2.0]], [[0, 1], [1, 2]], [law, 0], 1000.0, initial_elongation=0.02, fixed=[[1], [0], [1]],
             load=[[0], [900.0], [0]], comm=PETSc.COMM_SELF,
         )  # fmt: skip
-        u, snes = links.create_vec(), links.create_snes()
+        u, snes = structure.create_vec(), structure.create_snes()
         snes.setTolerances(stol=1e-14)
         snes.solve(None, u)
         assert snes.getConvergedReason() > 0
-        found.append(links.displacements(u)[1, 0])
+        found.append(structure.displacements(u)[1, 0])
     assert found[0] == pytest.approx(found[1], rel=1e-12)
     assert found[0] > 0.1
 
@@ -382,11 +386,11 @@ def test_memory_of_elastic_structures():
     words = "no rigid law: no tensions kept, whatever the displacement"
     scene = spring(Law.CABLE, 0.1, search=500.0, load=3.0)
     with latin(scene) as run:
-        u = run.links.create_vec()
-        before = run.links.tensions(u)
+        u = run.structure.create_vec()
+        before = run.structure.tensions(u)
         run.snes.solve(None, u)
         u.set(0.0)
-        assert (run.links.tensions(u) == before).all(), words
+        assert (run.structure.tensions(u) == before).all(), words
 
 
 PARALLEL = """
@@ -409,15 +413,15 @@ fixed = np.ones(nodes.shape, bool)
 fixed[1 : n + 1] = False
 load = np.where(fixed, 0, rng.uniform(-80, 80, nodes.shape))
 gap = np.where(law == Law.FRICTION, 0.02, 0.0)
-structure = latinpc.Links(nodes, links, law, np.where(law == 0, 1e3, 0), gap, fixed, load=load, direction=direction,
+structure = latinpc.Structure(nodes, links, law, np.where(law == 0, 1e3, 0), gap, fixed, load=load, direction=direction,
                           friction=0.3)
 snes = structure.create_snes()
 snes.setFromOptions()
 u = structure.create_vec()
 snes.solve(None, u)
-tau = structure.tensions(u)
+tau = latinpc.tensions(snes)
 r = u.duplicate()
-structure.residual(u, r)
+snes.computeFunction(u, r)
 part = latinpc.subdomain_of_links(snes)
 norm = r.norm()
 if PETSc.COMM_WORLD.rank == 0:

@@ -47,7 +47,7 @@ def slack(scene, displacement):
 @pytest.mark.parametrize("name", SCENES)
 def test_deterministic_and_fit_for_json(name):
     one, two = make(name, **SMALL[name]), make(name, **SMALL[name])
-    for array in ("nodes", "links", "law", "stiffness", "prestrain", "fixed", "load"):
+    for array in ("nodes", "links", "law", "stiffness", "initial_elongation", "fixed", "load"):
         np.testing.assert_array_equal(getattr(one, array), getattr(two, array))
     assert json.loads(json.dumps(one.metadata)) == one.metadata
     assert f"{len(one.nodes)} nodes" in repr(one)
@@ -57,7 +57,7 @@ def test_deterministic_and_fit_for_json(name):
 def test_self_stress_is_balanced_and_cables_start_taut(name):
     scene = make(name, **SMALL[name])
     b, _ = oracle.kinematics(scene)
-    self_stress = scene.stiffness * scene.prestrain
+    self_stress = scene.stiffness * scene.initial_elongation
     unbalance = (b.T @ self_stress)[~scene.fixed.ravel()]
     assert np.abs(unbalance).max() < 1e-9 * np.abs(self_stress).max()
     assert np.all(self_stress[scene.law == Law.CABLE] > 0.0)

@@ -26,7 +26,7 @@ def column(masses, gaps, velocity, held=False, stiffness=0.0):
         links=np.column_stack([np.arange(n - 1), np.arange(1, n)]),
         law=np.full(n - 1, Law.CONTACT),
         stiffness=np.full(n - 1, stiffness),
-        prestrain=np.broadcast_to(gaps, n - 1),
+        initial_elongation=np.broadcast_to(gaps, n - 1),
         fixed=fixed,
         mass=masses,
         velocity=np.where(fixed, 0.0, np.reshape(velocity, (-1, 1))),
@@ -48,7 +48,7 @@ def hanging_chain(links=8, mass=1.0, slack=0.02, law=Law.INEXTENSIBLE, parts=2):
         links=np.column_stack([np.arange(links), np.arange(1, n)]),
         law=np.full(links, law),
         stiffness=np.full(links, 0.0 if law == Law.INEXTENSIBLE else 1e6),
-        prestrain=np.full(links, -slack),
+        initial_elongation=np.full(links, -slack),
         fixed=fixed,
         load=load,
         mass=np.full(n, mass),
@@ -79,7 +79,7 @@ def test_a_ball_falls_on_a_table_and_stays():
 
 def test_a_slack_inextensible_cable_stops_a_mass():
     """The mirror image: the cable becomes taut and takes the velocity away from it."""
-    scene = replace(one_mass(velocity=2.0), law=np.array([Law.INEXTENSIBLE]), prestrain=np.array([-0.05]))
+    scene = replace(one_mass(velocity=2.0), law=np.array([Law.INEXTENSIBLE]), initial_elongation=np.array([-0.05]))
     scene = replace(scene, stiffness=np.zeros(1))
     with motion(scene, 1e-2, **EXACT) as it:
         speeds = [it.step().v[1, 0] for _ in range(6)]
@@ -147,7 +147,7 @@ def test_a_step_is_the_complementarity_problem_16(bars):
     scene = heavy(floating(grid(modules=2, subdomains=4)), mass=20.0, speed=1.0)
     law = np.where(scene.law == Law.CABLE, Law.INEXTENSIBLE, scene.law)
     law = law if bars else np.full(len(law), Law.INEXTENSIBLE)
-    scene = replace(scene, law=law, prestrain=np.where(law == Law.BAR, scene.prestrain, 0.0))
+    scene = replace(scene, law=law, initial_elongation=np.where(law == Law.BAR, scene.initial_elongation, 0.0))
     scene = replace(scene, stiffness=np.where(law == Law.BAR, scene.stiffness, 0.0))
     h, rigid = 1e-3, law == Law.INEXTENSIBLE
     known = step(scene, h)
@@ -174,7 +174,7 @@ def test_penetration_vanishes_with_the_step():
             past = []
             while it.ts.getTime() < 0.6:
                 it.step()
-                past.append((b @ it.u.ravel() + e_d + it.scene.prestrain).max())
+                past.append((b @ it.u.ravel() + e_d + it.scene.initial_elongation).max())
             worst.append(max(past))
             assert max(past[len(past) // 2 :]) <= (1 + 1e-7) * max(
                 past[: len(past) // 2]
@@ -187,7 +187,7 @@ def test_energy_never_grows_through_shocks_and_momentum_is_kept():
     """Inelastic shocks dissipate; free structures keep their momentum to rounding whatever the stop."""
     scene = heavy(floating(grid(modules=4, subdomains=4)), mass=20.0, speed=1.0)
     law = np.where(scene.law == Law.CABLE, Law.INEXTENSIBLE, scene.law)
-    scene = replace(scene, law=law, prestrain=np.where(law == Law.BAR, 0.0, -1e-4))
+    scene = replace(scene, law=law, initial_elongation=np.where(law == Law.BAR, 0.0, -1e-4))
     scene = replace(scene, stiffness=np.where(law == Law.BAR, scene.stiffness, 0.0))
     with motion(scene, 1e-3, snes_stol=1e-8, snes_max_it=5000) as it:
         momentum = (scene.mass[:, None] * it.v).sum(axis=0)

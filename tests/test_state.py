@@ -19,17 +19,16 @@ from petsc4py import PETSc
 from support import grid, irregular, lattice
 
 import latinpc
-from latinpc.extremes.rigid import stiffened
+from latinpc.bench.extremes.rigid import stiffened
+from latinpc.runs.options import default_options
 from latinpc.scenes import make
-from latinpc.solve import default_options
 
-WARM = {"snes_latin_warm_start": True, "snes_latin_warm_extrapolate": True}
-SLACK = {"snes_latin_modes_local": 1, "snes_latin_modes_local_slack": 1, "snes_latin_direction": "diagonal"}
+WARM = {"snes_latin_warm_start": "extrapolate"}
 RAMPS = {
     "grid": (grid, {}),
-    "polish": (irregular, {"snes_latin_polish": True, "snes_stol": 1e-8}),
+    "newton, at the end": (irregular, {"snes_latin_newton": "always", "snes_stol": 1e-8}),
     "error": (irregular, {"snes_latin_stop": "error"}),
-    "slack": (irregular, SLACK),
+    "floppy": (irregular, {"snes_latin_modes_local": 1, "snes_latin_direction": "diagonal"}),
     "plain": (grid, {"snes_latin_outer_snes_type": "nrichardson", "snes_latin_variant": "macro"}),
     "newton": (grid, {"snes_type": "newtonls", "pc_type": "cholesky"}),
     "one subdomain": (lambda: grid(subdomains=1), {}),
@@ -71,28 +70,28 @@ MOTIONS = {
 def ramp(scene, options, first, last, path=None, comm=PETSc.COMM_SELF, end=5):
     """Load increments first to last of five, from the state in a file and to it; what is found."""
     with default_options(WARM | options):
-        links = latinpc.Links.from_scene(scene, comm=comm)
-        snes, u, counts = links.create_snes(), links.create_vec(), []
+        structure = latinpc.Structure.from_scene(scene, comm=comm)
+        snes, u, counts = structure.create_snes(), structure.create_vec(), []
         snes.setFromOptions()
         if first > 1:
             counts = json.loads(latinpc.load_state(snes, path, u))
         for k in range(first, last + 1):
-            links.set_load(scene.load * (k / end))
+            structure.set_load(scene.load * (k / end))
             snes.solve(None, u)
             counts.append(snes.getIterationNumber())
         if last < end:
             latinpc.save_state(snes, path, u, json.dumps(counts).encode())
-        return links.displacements(u), links.tensions(u), counts
+        return structure.displacements(u), latinpc.tensions(snes), counts
 
 
 def motion(scene, options, first, last, path, end=12):
     """Time steps first to last."""
     with default_options(options):
-        links = latinpc.Links.from_scene(scene, comm=PETSc.COMM_SELF)
-        v = links.create_vec()
+        structure = latinpc.Structure.from_scene(scene, comm=PETSc.COMM_SELF)
+        v = structure.create_vec()
         if scene.velocity is not None:
-            links.set_displacements(scene.velocity, v)
-        ts = links.create_ts(v=v)
+            structure.set_displacements(scene.velocity, v)
+        ts = structure.create_ts(v=v)
         ts.setTimeStep(scene.time_step)
         ts.setFromOptions()
         if first > 1:
@@ -103,7 +102,7 @@ def motion(scene, options, first, last, path, end=12):
         assert ts.getStepNumber() == last
         if last < end:
             latinpc.save_state(ts, path)
-        return links.displacements(u), links.displacements(v), latinpc.step_tensions(ts), ts.getTime()
+        return structure.displacements(u), structure.displacements(v), latinpc.step_tensions(ts), ts.getTime()
 
 
 def same(a, b):
@@ -142,7 +141,7 @@ import latinpc
 from test_state import RAMPS, ramp, same
 
 world, path, suffixes = PETSc.COMM_WORLD, sys.argv[2], sys.argv[3:]
-for name, suffix in zip(("grid", "polish", "slack", "rigid"), suffixes, strict=True):
+for name, suffix in zip(("grid", "newton, at the end", "floppy", "rigid"), suffixes, strict=True):
     path = sys.argv[2] + suffix
     scene, options = RAMPS[name][0](), RAMPS[name][1] | {"snes_latin_coarse_pc_type": "redundant"}
     whole = ramp(scene, options, 1, 5, comm=world)
@@ -202,11 +201,11 @@ def test_ranks_without_links_go_on_to_the_bit(mpirun, tmp_path):
 @pytest.mark.parametrize("file", FILES)
 def test_every_bit_is_kept(file, tmp_path):
     path, rng, scene = tmp_path / file, np.random.default_rng(0), lattice()
-    links = latinpc.Links.from_scene(scene, comm=PETSc.COMM_SELF)
+    structure = latinpc.Structure.from_scene(scene, comm=PETSc.COMM_SELF)
     with default_options({"snes_type": "newtonls", "viewer_hdf5_sp_output": True}):  # not for states
-        snes = links.create_snes()
+        snes = structure.create_snes()
         snes.setFromOptions()
-        u, v = links.create_vec(), links.create_vec()
+        u, v = structure.create_vec(), structure.create_vec()
         bits = np.frombuffer(rng.bytes(8 * u.getSize()))  # not-a-numbers, too
         u[:] = np.concatenate([[-0.0, 5e-324, -np.inf, np.nan], bits])[: u.getSize()]
         for note in (b"", b"\0", bytes(range(256)) * 300 + b"\0\0"):
@@ -222,10 +221,10 @@ def test_every_bit_is_kept(file, tmp_path):
 def test_hdf5_shows_nodes_and_links_to_every_petsc(tmp_path):
     path, scene = tmp_path / "motion.hdf5", make("impact-grid", modules=8)
     with default_options({}):
-        links = latinpc.Links.from_scene(scene, comm=PETSc.COMM_SELF)
-        v = links.create_vec()
-        links.set_displacements(scene.velocity, v)
-        ts = links.create_ts(v=v)
+        structure = latinpc.Structure.from_scene(scene, comm=PETSc.COMM_SELF)
+        v = structure.create_vec()
+        structure.set_displacements(scene.velocity, v)
+        ts = structure.create_ts(v=v)
         ts.setTimeStep(scene.time_step)
         ts.setMaxSteps(2)
         ts.setFromOptions()
@@ -245,8 +244,8 @@ def test_hdf5_shows_nodes_and_links_to_every_petsc(tmp_path):
     shape = scene.nodes.shape
     assert np.array_equal(read("displacement", vec()), u.getArray())
     assert np.array_equal(read("/nodes/coordinates", vec()).reshape(shape), scene.nodes)
-    assert np.array_equal(read("/nodes/displacement", vec()).reshape(shape), links.displacements(u))
-    velocity = np.where(scene.fixed, 0.0, links.displacements(v))
+    assert np.array_equal(read("/nodes/displacement", vec()).reshape(shape), structure.displacements(u))
+    velocity = np.where(scene.fixed, 0.0, structure.displacements(v))
     assert np.array_equal(read("/nodes/velocity", vec()).reshape(shape), velocity)
     assert np.array_equal(read("/links/tension", vec()), latinpc.step_tensions(ts))
     assert np.array_equal(read("/links/nodes", PETSc.IS().create(PETSc.COMM_SELF)).reshape(-1, 2), scene.links)
@@ -330,8 +329,8 @@ def test_without_hdf5_another_name_is_asked_for(tmp_path):
 @pytest.mark.skipif(not HDF5, reason="without HDF5")
 def test_damaged_hdf5_is_refused_before_hdf5_sees_it(tmp_path):
     path, scene = tmp_path / "state.h5", make("net", side=3)
-    links = latinpc.Links.from_scene(scene, comm=PETSc.COMM_SELF)
-    snes, u = links.create_snes(), links.create_vec()
+    structure = latinpc.Structure.from_scene(scene, comm=PETSc.COMM_SELF)
+    snes, u = structure.create_snes(), structure.create_vec()
     snes.setFromOptions()
     snes.solve(None, u)
     latinpc.save_state(snes, path, u, b"some words")
@@ -356,13 +355,13 @@ def test_damaged_hdf5_is_refused_before_hdf5_sees_it(tmp_path):
 
 
 def test_misuse_is_refused(tmp_path):
-    links = latinpc.Links.from_scene(grid(), comm=PETSc.COMM_SELF)
-    snes = links.create_snes()
-    assert "There is no state yet" in refused(latinpc.save_state, snes, tmp_path / "s", links.create_vec())
+    structure = latinpc.Structure.from_scene(grid(), comm=PETSc.COMM_SELF)
+    snes = structure.create_snes()
+    assert "There is no state yet" in refused(latinpc.save_state, snes, tmp_path / "s", structure.create_vec())
     assert "give the vector" in refused(latinpc.save_state, snes, tmp_path / "s")
     assert "not that of a KSP" in refused(latinpc.save_state, snes.getKSP(), tmp_path / "s")
     moving = make("impact-grid", modules=8)
-    ts = latinpc.Links.from_scene(moving, comm=PETSc.COMM_SELF).create_ts()
+    ts = latinpc.Structure.from_scene(moving, comm=PETSc.COMM_SELF).create_ts()
     ts.setType("alpha2")
     assert "use -ts_type latin" in refused(latinpc.save_state, ts, tmp_path / "s")
 
@@ -489,7 +488,7 @@ def test_an_interrupted_run_says_where_its_state_is(number, code, tmp_path):
     process.send_signal(number)
     said = process.communicate(timeout=60)[1]
     assert process.returncode == code, said
-    assert "go on with --restart state" in said
+    assert "continue with --restart state" in said
     assert result(tmp_path, [*LONG["motion"], "--restart", "state"], "end")[1]["steps"] == 200
 
 
@@ -499,14 +498,14 @@ def test_a_run_on_two_ranks_says_where_its_state_is(tmp_path):
     process.send_signal(signal.SIGTERM)
     said = process.communicate(timeout=60)[1]
     assert process.returncode
-    assert "go on with --restart state" in said
+    assert "continue with --restart state" in said
 
 
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        (["lattice", "--checkpoint", "s"], "ask for --increments or --steps"),
-        (["lattice", "--restart", "s"], "ask for --increments or --steps"),
+        (["lattice", "--checkpoint", "s"], "need --increments or --steps"),
+        (["lattice", "--restart", "s"], "need --increments or --steps"),
         (["lattice", "--increments", 2, "--steps", 2], "--increments is for statics"),
         (["lattice", "--increments", 2, "--checkpoint-every", 2], "needs the name of a file"),
         (["lattice", "--increments", 2, "--checkpoint", "s", "--checkpoint-every", 0], "at least 1, not 0"),

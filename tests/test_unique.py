@@ -14,7 +14,7 @@ def ends(name, stol=1e-11, **options):
     """Two solutions of one problem, reached on two ways: another partition, another search parameter."""
     scene = make(name, **options)
     rigid = np.isin(scene.law, (Law.INEXTENSIBLE, Law.CONTACT, Law.FRICTION, Law.TANGENT))
-    size = np.abs(scene.load).max() / (np.abs(scene.prestrain).max() or 1e-3)
+    size = np.abs(scene.load).max() / (np.abs(scene.initial_elongation).max() or 1e-3)
     other = replace(scene, stiffness=np.where(rigid, size / 2, scene.stiffness), subdomain=0 * scene.subdomain)
     found = [solve(each, stol=stol, max_it=30000) for each in (scene, other)]
     assert all(one.reason > 0 for one in found)
@@ -82,7 +82,7 @@ def test_hanging_net_is_a_cylinder_over_the_catenary():
         links=np.vstack([chain.links + n * row for row in range(rows)] + [ties]),
         law=np.append(np.tile(chain.law, rows), np.full(len(ties), Law.INEXTENSIBLE)),
         stiffness=np.append(np.tile(chain.stiffness, rows), np.zeros(len(ties))),
-        prestrain=np.append(np.tile(chain.prestrain, rows), np.zeros(len(ties))),
+        initial_elongation=np.append(np.tile(chain.initial_elongation, rows), np.zeros(len(ties))),
         fixed=fixed,
         prescribed=np.zeros(nodes.shape),
         load=np.vstack([np.column_stack([chain.load, np.zeros(n)]) for _ in range(rows)]),

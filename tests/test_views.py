@@ -5,11 +5,11 @@ import re
 import numpy as np
 import pytest
 from petsc4py import PETSc
-from test_rescue import contrast
+from test_newton import contrast
 
 import latinpc
+from latinpc.runs.options import default_options
 from latinpc.scenes import make
-from latinpc.solve import default_options
 
 
 def shown(solver, folder):
@@ -28,7 +28,7 @@ def weights():
     load = np.array([[0.0, 0.0], [1.0, -1.0], [0.5, -2.0], [0.0, 0.0]])
     links = np.array([[0, 1], [1, 2], [2, 3], [0, 2], [1, 3]])
     nodes[1, 1] = nodes[2, 1] = -0.5
-    return latinpc.Links(
+    return latinpc.Structure(
         nodes, links, law=latinpc.Law.BAR, stiffness=100.0, fixed=held, load=load, mass=2.0, comm=PETSc.COMM_SELF
     )
 
@@ -49,20 +49,20 @@ def test_motions_tell_their_scheme_and_what_is_between_two_steps(weights, tmp_pa
 
 
 def test_the_inner_iteration_can_be_had_before_the_solve():
-    links = latinpc.Links.from_scene(make("truss-grid", modules=4, subdomains=4), comm=PETSc.COMM_SELF)
-    snes = links.create_snes()
+    structure = latinpc.Structure.from_scene(make("truss-grid", modules=4, subdomains=4), comm=PETSc.COMM_SELF)
+    snes = structure.create_snes()
     outer = latinpc.outer_snes(snes)
     assert outer.getType() == "anderson" and outer.getOptionsPrefix().endswith("snes_latin_outer_")
     outer.setType("nrichardson")
-    snes.solve(None, links.create_vec())
+    snes.solve(None, structure.create_vec())
     assert latinpc.outer_snes(snes).handle == outer.handle
     assert outer.getType() == "nrichardson" and snes.reason > 0
 
 
 def test_a_shell_shows_what_is_in_it(tmp_path):
-    links = latinpc.Links.from_scene(make("truss-grid", modules=4, subdomains=4), comm=PETSc.COMM_SELF)
-    matrix, u = links.dm.createMat(), links.create_vec()
-    links.jacobian(u, matrix)
+    structure = latinpc.Structure.from_scene(make("truss-grid", modules=4, subdomains=4), comm=PETSc.COMM_SELF)
+    matrix, u = structure.dm.createMat(), structure.create_vec()
+    structure.jacobian(u, matrix)
     pc = PETSc.PC().create(PETSc.COMM_SELF)
     pc.setType("shell")
     pc.setOperators(matrix)
@@ -72,58 +72,42 @@ def test_a_shell_shows_what_is_in_it(tmp_path):
 
 
 SHOWN = {
-    "stop": ("error", "estimated error below 0.0001"),
-    "error_norm": ("energy", "in the norm energy"),
-    "warm_start": (True, "starts from the state of the last solve"),
-    "warm_extrapolate": (True, "goes on as the last two did"),
-    "rescue": (0, "no rescue by Newton's method"),
-    "balance": (False, "contacts that stall keep their search parameter"),
-    "subdomain_links": (40, "subdomains of 40 links"),
-    "partition_repair": (False, "the partition of METIS as it is"),
-    "coarse_groups": (1, "no groups of subdomains are condensed"),
+    "stop": ("energy", "estimated error below 0.0001 in the energy norm"),
+    "warm_start": ("extrapolate", "warm start: extrapolate"),
+    "newton": ("never", "Newton's method: never"),
     "modes_local": (0.5, "local low-energy fields below 0.5"),
-    "modes_local_max": (7, "at most 7 local fields a subdomain"),
 }
 
 
 def test_views_tell_what_options_have_changed(tmp_path):
-    links = latinpc.Links.from_scene(make("truss-grid", modules=4, partition="metis"), comm=PETSc.COMM_SELF)
-    snes = links.create_snes()
+    structure = latinpc.Structure.from_scene(make("truss-grid", modules=4, partition="metis"), comm=PETSc.COMM_SELF)
+    snes = structure.create_snes()
     snes.setUp()
     before = shown(snes, tmp_path)
     with default_options({f"snes_latin_{name}": value for name, (value, _) in SHOWN.items()}):
         snes.setFromOptions()
-    snes.solve(None, links.create_vec())
+    snes.solve(None, structure.create_vec())
     after = shown(snes, tmp_path)
     for name, (_, text) in SHOWN.items():
         assert text in after and text not in before, name
 
 
-def test_a_preconditioner_tells_that_insides_stay(tmp_path):
-    pc = PETSc.PC().create(PETSc.COMM_SELF)
-    pc.setType("latin")
-    assert "not eliminated first" not in shown(pc, tmp_path)
-    with default_options({"pc_latin_condense": False}):
-        pc.setFromOptions()
-    assert "the insides of subdomains are not eliminated first" in shown(pc, tmp_path)
-
-
 @pytest.mark.parametrize(
     ("factor", "options", "told"),
     [
-        (1.0, {"polish": 1}, r"polish from indicator \S+ on, last solve"),
-        (1e6, {}, "stalled: rescue by Newton's method,"),
+        (1.0, {"newton": "always"}, "Newton's method to finish, last solve"),
+        (1e6, {}, "Newton's method where the iteration stalled, last solve"),
     ],
 )
 def test_newtons_method_behind_the_iteration_is_shown(factor, options, told, tmp_path):
-    """How many steps and linear stages the polish or the rescue of the last solve took, and its solver."""
-    links = latinpc.Links.from_scene(contrast(factor), comm=PETSc.COMM_SELF)
-    snes = links.create_snes()
+    """How many steps and linear stages it took in the last solve, and its solver."""
+    structure = latinpc.Structure.from_scene(contrast(factor), comm=PETSc.COMM_SELF)
+    snes = structure.create_snes()
     snes.setTolerances(stol=1e-8)
     with default_options({f"snes_latin_{key}": value for key, value in {"subdomains": 8, **options}.items()}):
         snes.setFromOptions()
     told += r" [1-9]\d* steps and [1-9]\d* linear stages:\n.*type: newtonls"
     assert not re.search(told, shown(snes, tmp_path), re.DOTALL)
-    snes.solve(None, links.create_vec())
+    snes.solve(None, structure.create_vec())
     assert snes.reason > 0
     assert re.search(told, shown(snes, tmp_path), re.DOTALL)

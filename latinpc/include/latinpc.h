@@ -20,15 +20,15 @@
 #define PCLATIN   "latin"
 #define TSLATIN   "latin"
 
-/* Constitutive laws of a link, table `laws.c` */
+/* Constitutive laws of a link, table `structure/laws.c` */
 typedef enum {
-  LATIN_LAW_BAR,          /* tau = k (e + e0)              (2)      */
-  LATIN_LAW_CABLE,        /* tau = k max(e + e0, 0)        (4), (5) */
-  LATIN_LAW_STRUT,        /* tau = k min(e + e0, 0), the mirror image of a cable; an elastic contact with gap e0 */
-  LATIN_LAW_INEXTENSIBLE, /* 0 <= -(e + e0), tau >= 0, one of them zero (3) */
-  LATIN_LAW_CONTACT,      /* 0 <= e + e0, tau <= 0, one of them zero: rigid contact with gap e0 */
-  LATIN_LAW_FRICTION,     /* the same with Coulomb friction: the normal part, before dim - 1 tangential ones */
-  LATIN_LAW_TANGENT       /* tangential part of the contact before it: |tau_t| <= mu |tau_n|, against the slip */
+  LATIN_LAW_BAR,              /* tau = k (e + e0)              (2)      */
+  LATIN_LAW_CABLE,            /* tau = k max(e + e0, 0)        (4), (5) */
+  LATIN_LAW_COMPRESSION_ONLY, /* tau = k min(e + e0, 0), the mirror image of a cable; an elastic contact with gap e0 */
+  LATIN_LAW_INEXTENSIBLE,     /* 0 <= -(e + e0), tau >= 0, one of them zero (3) */
+  LATIN_LAW_CONTACT,          /* 0 <= e + e0, tau <= 0, one of them zero: rigid contact with gap e0 */
+  LATIN_LAW_FRICTION,         /* the same with Coulomb friction: the normal part, before dim - 1 tangential ones */
+  LATIN_LAW_TANGENT           /* tangential part of the contact before it: |tau_t| <= mu |tau_n|, against the slip */
 } LatinLawType;
 PETSC_EXTERN const char *const LatinLawTypes[];
 
@@ -43,17 +43,17 @@ typedef struct {
 
 /* What the coarse problem makes of the weak interfaces, section 4 of the article */
 typedef enum {
-  LATIN_VARIANT_NONE,  /* 4.1: micro quantities only               */
-  LATIN_VARIANT_MACRO, /* 4.2: the whole displacement is macro     */
-  LATIN_VARIANT_CORNER /* 4.4: one displacement per node, section 5 */
+  LATIN_VARIANT_NONE,     /* 4.1: micro quantities only               */
+  LATIN_VARIANT_MACRO,    /* 4.2: the whole displacement is macro     */
+  LATIN_VARIANT_CORNER,   /* 4.4: one displacement per node, section 5 */
+  LATIN_VARIANT_PUBLISHED /* the same with the micro springs of (28) on corners, as the article has them */
 } LatinVariant;
 PETSC_EXTERN const char *const LatinVariants[];
 
 /* The macro fields of a strong interface, section 3.2 */
 typedef enum {
   LATIN_MODES_AFFINE, /* translations, rotations, stretchings and shearing */
-  LATIN_MODES_RIGID,  /* translations and rotations */
-  LATIN_MODES_NONE    /* no macro field: with corners, the coarse problem of FETI-DP, section 4.3 */
+  LATIN_MODES_RIGID   /* translations and rotations */
 } LatinModesType;
 PETSC_EXTERN const char *const LatinModesTypes[];
 
@@ -72,20 +72,30 @@ typedef enum {
   LATIN_STOP_INDICATOR, /* distance between the two stages, relative, against -snes_stol */
   LATIN_STOP_RESIDUAL,  /* norm of the nodal unbalance (1), against -snes_rtol and -snes_atol */
   LATIN_STOP_REFERENCE, /* relative l2 error against a given displacement, against -snes_stol */
-  LATIN_STOP_ERROR      /* estimated error of the displacements, relative, against -snes_latin_error */
+  LATIN_STOP_ERROR,     /* estimated error of the displacements of all subdomains, relative, against -snes_latin_error */
+  LATIN_STOP_ENERGY     /* the same in the energy norm of the links, all taut */
 } LatinStopType;
 PETSC_EXTERN const char *const LatinStopTypes[];
 
-/* The norm of an estimated error */
+/* Where a solve of SNES latin starts after one that has converged */
 typedef enum {
-  LATIN_NORM_L2,    /* of the displacements of all subdomains */
-  LATIN_NORM_ENERGY /* of the energy of their links, all taut */
-} LatinErrorNorm;
-PETSC_EXTERN const char *const LatinErrorNorms[];
+  LATIN_WARM_START_NONE,       /* from the displacements in the solution vector */
+  LATIN_WARM_START_LAST,       /* from the state of the last solve */
+  LATIN_WARM_START_EXTRAPOLATE /* from the states of the last two, extrapolated */
+} LatinWarmStart;
+PETSC_EXTERN const char *const LatinWarmStarts[];
+
+/* When Newton's method takes over from the iteration of SNES latin */
+typedef enum {
+  LATIN_NEWTON_AUTO,   /* where it stalls or diverges */
+  LATIN_NEWTON_ALWAYS, /* also to finish every solve */
+  LATIN_NEWTON_NEVER
+} LatinNewtonType;
+PETSC_EXTERN const char *const LatinNewtonTypes[];
 
 /* A structure: nodes joined by links, with laws, supports and loads (section 2.1) */
-typedef struct _p_LatinLinks *LatinLinks;
-/* The method: substructures, interfaces, operators of the two stages (sections 3 to 5) */
+typedef struct _p_LatinStructure *LatinStructure;
+/* The method: subdomains, interfaces, operators of the two stages (sections 3 to 5) */
 typedef struct _p_Latin *Latin;
 
 /* Size of the decomposition, as in Table 3 */
@@ -97,7 +107,7 @@ typedef struct {
   PetscInt  weak_dofs;                                    /* unknowns of the coarse problem on weak interfaces or corners */
   PetscInt  coarse_size, coarse_levels;                   /* rows of the matrix that the coarse KSP solves, and levels of groups condensed before */
   PetscInt  local_macro_dofs;                             /* of the former, those of local low-energy fields */
-  PetscInt  floppy_subdomains, local_modes_max;           /* subdomains with such fields, the most in one of them */
+  PetscInt  low_energy_subdomains, local_modes_max;       /* subdomains with such fields, the most in one of them */
   PetscInt  micro_sides;                                  /* nodes of interface sides that carry micro quantities */
   PetscInt  state_size;                                   /* length of the fixed-point unknown z */
   PetscReal direction_min, direction_mean, direction_max; /* search direction d, force/length */
@@ -107,59 +117,69 @@ PETSC_EXTERN PetscErrorCode LatinInitializePackage(void);
 
 /* ---- laws ---- */
 PETSC_EXTERN PetscErrorCode LatinLawRegister(const char name[], const LatinLawFunctions *, PetscInt *law);
-PETSC_EXTERN PetscErrorCode LatinLawRegisterTable(const char name[], PetscInt n, const PetscReal strain[], const PetscReal tension[], PetscInt *law);
+PETSC_EXTERN PetscErrorCode LatinLawRegisterTable(const char name[], PetscInt n, const PetscReal elongation[], const PetscReal tension[], PetscInt *law);
 PETSC_EXTERN PetscErrorCode LatinLawGetName(PetscInt law, const char *name[]);
 
 /* ---- structures ---- */
-PETSC_EXTERN PetscErrorCode LatinLinksCreate(MPI_Comm, PetscInt dim, PetscInt nodes_local, PetscInt nodes_global, const PetscReal coordinates[], PetscInt links_local, const PetscInt link_nodes[], LatinLinks *);
-PETSC_EXTERN PetscErrorCode LatinLinksSetLaws(LatinLinks, const PetscInt law[], const PetscReal stiffness[], const PetscReal prestrain[]);
-PETSC_EXTERN PetscErrorCode LatinLinksSetDirections(LatinLinks, const PetscReal direction[]);
-PETSC_EXTERN PetscErrorCode LatinLinksSetFriction(LatinLinks, const PetscReal coefficient[]);
-PETSC_EXTERN PetscErrorCode LatinLinksSetSupports(LatinLinks, const PetscBool fixed[], const PetscReal prescribed[]);
-PETSC_EXTERN PetscErrorCode LatinLinksSetLoads(LatinLinks, const PetscReal force[]);
-PETSC_EXTERN PetscErrorCode LatinLinksSetMass(LatinLinks, const PetscReal mass[]);
-PETSC_EXTERN PetscErrorCode LatinLinksSetPrestrain(LatinLinks, const PetscReal prestrain[]);
-PETSC_EXTERN PetscErrorCode LatinLinksSetSubdomains(LatinLinks, const PetscInt subdomain[]);
-PETSC_EXTERN PetscErrorCode LatinLinksSetUp(LatinLinks);
-PETSC_EXTERN PetscErrorCode LatinLinksGetDM(LatinLinks, DM *);
-PETSC_EXTERN PetscErrorCode LatinLinksAttachSNES(LatinLinks, SNES);
-PETSC_EXTERN PetscErrorCode LatinLinksAttachTS(LatinLinks, TS);
-PETSC_EXTERN PetscErrorCode LatinLinksGetSizes(LatinLinks, PetscInt *dim, PetscInt *nodes, PetscInt *links, PetscInt *free_dofs);
-PETSC_EXTERN PetscErrorCode LatinLinksComputeResidual(LatinLinks, Vec u, Vec r);
-PETSC_EXTERN PetscErrorCode LatinLinksComputeJacobian(LatinLinks, Vec u, Mat J);
-PETSC_EXTERN PetscErrorCode LatinLinksComputeEnergy(LatinLinks, Vec u, PetscReal *energy);
-PETSC_EXTERN PetscErrorCode LatinLinksComputeKineticEnergy(LatinLinks, Vec v, PetscReal *energy);
-PETSC_EXTERN PetscErrorCode LatinLinksComputeErrors(LatinLinks, Vec u, Vec reference, PetscReal *l2, PetscReal *energy);
-PETSC_EXTERN PetscErrorCode LatinLinksGetDisplacements(LatinLinks, Vec u, PetscReal displacement[]);
-PETSC_EXTERN PetscErrorCode LatinLinksGetTensions(LatinLinks, Vec u, PetscReal tension[]);
-PETSC_EXTERN PetscErrorCode LatinLinksSetDisplacements(LatinLinks, const PetscReal displacement[], Vec u);
-PETSC_EXTERN PetscErrorCode LatinLinksReference(LatinLinks);
-PETSC_EXTERN PetscErrorCode LatinLinksDestroy(LatinLinks *);
+PETSC_EXTERN PetscErrorCode LatinStructureCreate(MPI_Comm, PetscInt dim, PetscInt nodes_local, PetscInt nodes_global, const PetscReal coordinates[], PetscInt links_local, const PetscInt link_nodes[], LatinStructure *);
+PETSC_EXTERN PetscErrorCode LatinStructureSetLaws(LatinStructure, const PetscInt law[], const PetscReal stiffness[], const PetscReal e0[]);
+PETSC_EXTERN PetscErrorCode LatinStructureSetDirections(LatinStructure, const PetscReal direction[]);
+PETSC_EXTERN PetscErrorCode LatinStructureSetFriction(LatinStructure, const PetscReal coefficient[]);
+PETSC_EXTERN PetscErrorCode LatinStructureSetSupports(LatinStructure, const PetscBool fixed[], const PetscReal prescribed[]);
+PETSC_EXTERN PetscErrorCode LatinStructureSetLoads(LatinStructure, const PetscReal force[]);
+PETSC_EXTERN PetscErrorCode LatinStructureSetMass(LatinStructure, const PetscReal mass[]);
+PETSC_EXTERN PetscErrorCode LatinStructureSetInitialElongations(LatinStructure, const PetscReal e0[]);
+PETSC_EXTERN PetscErrorCode LatinStructureSetPrestress(LatinStructure, const PetscReal prestress[]);
+PETSC_EXTERN PetscErrorCode LatinStructureSetUp(LatinStructure);
+PETSC_EXTERN PetscErrorCode LatinStructureGetDM(LatinStructure, DM *);
+PETSC_EXTERN PetscErrorCode LatinStructureAttachSNES(LatinStructure, SNES);
+PETSC_EXTERN PetscErrorCode LatinStructureAttachTS(LatinStructure, TS);
+PETSC_EXTERN PetscErrorCode LatinStructureGetSizes(LatinStructure, PetscInt *dim, PetscInt *nodes, PetscInt *links, PetscInt *free_dofs);
+PETSC_EXTERN PetscErrorCode LatinStructureComputeResidual(LatinStructure, Vec u, Vec r);
+PETSC_EXTERN PetscErrorCode LatinStructureComputeJacobian(LatinStructure, Vec u, Mat J);
+PETSC_EXTERN PetscErrorCode LatinStructureComputeEnergy(LatinStructure, Vec u, PetscReal *energy);
+PETSC_EXTERN PetscErrorCode LatinStructureComputeKineticEnergy(LatinStructure, Vec v, PetscReal *energy);
+PETSC_EXTERN PetscErrorCode LatinStructureComputeErrors(LatinStructure, Vec u, Vec reference, PetscReal *l2, PetscReal *energy);
+PETSC_EXTERN PetscErrorCode LatinStructureGetDisplacements(LatinStructure, Vec u, PetscReal displacement[]);
+PETSC_EXTERN PetscErrorCode LatinStructureGetTensions(LatinStructure, Vec u, PetscReal tension[]);
+PETSC_EXTERN PetscErrorCode LatinStructureSetDisplacements(LatinStructure, const PetscReal displacement[], Vec u);
+PETSC_EXTERN PetscErrorCode LatinStructureReference(LatinStructure);
+PETSC_EXTERN PetscErrorCode LatinStructureDestroy(LatinStructure *);
 
 /* ---- solvers ---- */
 PETSC_EXTERN PetscErrorCode SNESLatinGetLatin(SNES, Latin *);
+PETSC_EXTERN PetscErrorCode SNESLatinSetStop(SNES, LatinStopType);
+PETSC_EXTERN PetscErrorCode SNESLatinSetError(SNES, PetscReal error);
+PETSC_EXTERN PetscErrorCode SNESLatinSetNewton(SNES, LatinNewtonType);
 PETSC_EXTERN PetscErrorCode SNESLatinSetReference(SNES, Vec);
-PETSC_EXTERN PetscErrorCode SNESLatinSetWarmStart(SNES, PetscBool warm, PetscBool extrapolate);
+PETSC_EXTERN PetscErrorCode SNESLatinSetWarmStart(SNES, LatinWarmStart);
 PETSC_EXTERN PetscErrorCode SNESLatinGetHistory(SNES, PetscInt *, const PetscReal *indicator[], const PetscReal *error_l2[], const PetscReal *error_energy[]);
-PETSC_EXTERN PetscErrorCode SNESLatinGetEstimates(SNES, PetscInt *, const PetscReal *estimate[], PetscReal *floor);
-PETSC_EXTERN PetscErrorCode SNESLatinGetLooseNodes(SNES, PetscInt *count, PetscInt *listed, const PetscInt *node[], PetscReal *way);
+PETSC_EXTERN PetscErrorCode SNESLatinGetEstimates(SNES, PetscInt *, const PetscReal *estimate[], PetscReal *last, PetscReal *floor);
+PETSC_EXTERN PetscErrorCode SNESLatinGetUnsupportedNodes(SNES, PetscInt *count, PetscInt *listed, const PetscInt *node[], PetscReal *distance);
 PETSC_EXTERN PetscErrorCode SNESLatinGetJammedLinks(SNES, PetscInt *count, PetscInt *listed, const PetscInt *link[]);
+PETSC_EXTERN PetscErrorCode SNESLatinGetTensions(SNES, PetscReal tension[]);
 PETSC_EXTERN PetscErrorCode SNESLatinGetOuter(SNES, SNES *);
 PETSC_EXTERN PetscErrorCode LatinStateSave(PetscObject solver, Vec u, const char file[], PetscInt n, const char note[]);
 PETSC_EXTERN PetscErrorCode LatinStateLoad(PetscObject solver, Vec u, const char file[], PetscInt *n, char *note[]);
 PETSC_EXTERN PetscErrorCode LatinGetEnergyBound(SNES, PetscReal *bound, PetscReal *relative);
 PETSC_EXTERN PetscErrorCode LatinGetDigits(SNES, PetscReal *unbalance, PetscReal *rounding, PetscReal *places, PetscReal *values);
 PETSC_EXTERN PetscErrorCode KSPLatinGetLatin(KSP, Latin *);
-PETSC_EXTERN PetscErrorCode KSPLatinSetLinks(KSP, LatinLinks);
+PETSC_EXTERN PetscErrorCode LatinStructureAttachKSP(LatinStructure, KSP);
 PETSC_EXTERN PetscErrorCode KSPLatinGetOuter(KSP, KSP *);
 PETSC_EXTERN PetscErrorCode TSLatinGetTensions(TS, PetscReal tension[]);
 PETSC_EXTERN PetscErrorCode PCLatinGetLatin(PC, Latin *);
-PETSC_EXTERN PetscErrorCode PCLatinSetLinks(PC, LatinLinks);
+PETSC_EXTERN PetscErrorCode LatinStructureAttachPC(LatinStructure, PC);
 PETSC_EXTERN PetscErrorCode PCShellSetLatin(PC);
 
+PETSC_EXTERN PetscErrorCode LatinSetSubdomains(Latin, PetscInt);
+PETSC_EXTERN PetscErrorCode LatinSetPartition(Latin, PetscInt links, const PetscInt subdomain[]);
+PETSC_EXTERN PetscErrorCode LatinSetVariant(Latin, LatinVariant);
+PETSC_EXTERN PetscErrorCode LatinSetModes(Latin, LatinModesType, PetscReal threshold);
+PETSC_EXTERN PetscErrorCode LatinSetDirection(Latin, LatinDirectionType, PetscReal value);
 PETSC_EXTERN PetscErrorCode LatinGetLocalKSP(Latin, PetscInt i, KSP *);
 PETSC_EXTERN PetscErrorCode LatinGetCoarseKSP(Latin, KSP *);
-PETSC_EXTERN PetscErrorCode LatinGetStatistics(Latin, LatinStatistics *);
+PETSC_EXTERN PetscErrorCode LatinGetStatisticsOfSize(Latin, size_t, LatinStatistics *);
+#define LatinGetStatistics(latin, statistics) LatinGetStatisticsOfSize(latin, sizeof(*(statistics)), statistics)
 PETSC_EXTERN PetscErrorCode LatinGetSubdomains(Latin, PetscInt *n_local, PetscInt *first);
 PETSC_EXTERN PetscErrorCode LatinGetSubdomainIS(Latin, PetscInt i, IS *);
 PETSC_EXTERN PetscErrorCode LatinGetSubdomainOfLinks(Latin, PetscInt subdomain[]);

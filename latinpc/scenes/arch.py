@@ -30,9 +30,9 @@ def arch(
     blocks : int
         Number of blocks.
     thickness : float
-        Over the radius.
+        Thickness over the radius.
     friction : float
-        Coefficient.
+        Coefficient of friction.
     push : float
         Sideways force on all nodes, over the weight.
     crown : float

@@ -25,7 +25,7 @@ def chain(links: int = 64, length: float = 1.5, upside_down: bool = False, pull:
     length : float
         Length of the chain over the span, more than 1.
     upside_down : bool
-        The arch.
+        Turn the chain into an arch.
     pull : float
         Sideways force on the middle node, over the weight of the chain.
 

@@ -20,14 +20,16 @@ def hung_truss(nx: int = 32, ny: int = 4, cables: int = 7, load: float = 2.0e4, 
 
     Parameters
     ----------
-    nx, ny : int
-        Cells along the span and along the height.
+    nx : int
+        Cells along the span.
+    ny : int
+        Cells along the height.
     cables : int
-        Number of inextensible cables, at equal distances.
+        Number of inextensible cables.
     load : float
         Downward force on each node of the top (N).
     seed : int
-        Of the lengths of the cables.
+        Seed of the random numbers.
 
     Returns
     -------
@@ -72,7 +74,7 @@ def hung_truss(nx: int = 32, ny: int = 4, cables: int = 7, load: float = 2.0e4, 
         links=links,
         law=np.where(rigid, Law.INEXTENSIBLE, Law.BAR),
         stiffness=np.where(rigid, 0.0, EA / length),
-        prestrain=np.concatenate([np.zeros(len(bars)), -too_long]),
+        initial_elongation=np.concatenate([np.zeros(len(bars)), -too_long]),
         fixed=fixed,
         load=force,
         subdomain=part,

@@ -32,13 +32,13 @@ def impact_grid(
     subdomains : int, optional
         Number of subdomains; by default blocks of 4 x 4 modules.
     partition : {'regular', 'metis'}
-        Regular square blocks, or none given: the solver calls METIS.
+        Regular blocks, or METIS. With 'metis' the scene has no partition: the solver makes one.
     mass : float
         Falling mass (kg).
     speed : float
-        Its speed at the start, just above an upper node (m/s).
+        Initial speed of the mass (m/s), just above an upper node.
     contact : {'rigid', 'elastic'}
-        The shock is inelastic, or a strut of 1e7 N/m makes it a blow.
+        Contact with the mass. Rigid: an inelastic shock; elastic: a contact of 1e7 N/m.
 
     Returns
     -------
@@ -48,8 +48,8 @@ def impact_grid(
     upper = np.flatnonzero(grid.nodes[:, 2] > 0.0)
     middle = np.append(grid.nodes[:, :2].max(axis=0) / 2, grid.nodes[:, 2].max())
     target = upper[np.argmin(np.linalg.norm(grid.nodes[upper] - middle, axis=1))]
-    asked = {key: grid.metadata[key] for key in ("modules", "partition", "subdomains")}
-    return _hit("impact-grid", grid, [target], mass, speed, contact, asked)
+    chosen = {key: grid.metadata[key] for key in ("modules", "partition", "subdomains")}
+    return _hit("impact-grid", grid, [target], mass, speed, contact, chosen)
 
 
 def impact_tower(
@@ -69,9 +69,9 @@ def impact_tower(
     mass : float
         Falling mass (kg); it meets the three nodes at the top.
     speed : float
-        Its speed at the start (m/s).
+        Initial speed of the mass (m/s).
     contact : {'rigid', 'elastic'}
-        The shock is inelastic, or struts of 1e7 N/m make it a blow.
+        Contact with the mass. Rigid: an inelastic shock; elastic: contacts of 1e7 N/m.
 
     Returns
     -------
@@ -102,12 +102,12 @@ def impact_tower(
         links=links,
         law=law,
         stiffness=stiffness,
-        prestrain=np.tile(tension, levels) / stiffness,
+        initial_elongation=np.tile(tension, levels) / stiffness,
         fixed=np.repeat((level == 0)[:, None], 3, axis=1),
         subdomain=np.repeat(np.arange(levels) * subdomains // levels, len(prism)),
     )
-    asked = {"levels": int(levels), "subdomains": int(subdomains)}
-    return _hit("impact-tower", tower, np.arange(3 * levels, 3 * levels + 3), mass, speed, contact, asked)
+    chosen = {"levels": int(levels), "subdomains": int(subdomains)}
+    return _hit("impact-tower", tower, np.arange(3 * levels, 3 * levels + 3), mass, speed, contact, chosen)
 
 
 def bouncing_chain(links: int = 20, drop: float = 0.5, subdomains: int | None = None) -> Scene:
@@ -143,7 +143,7 @@ def bouncing_chain(links: int = 20, drop: float = 0.5, subdomains: int | None = 
         links=np.vstack([[[0, 1]], chain]),
         law=np.append(Law.CONTACT, np.full(links, Law.BAR)),
         stiffness=np.append(0.0, np.full(links, ea / piece)),
-        prestrain=np.append(drop, np.zeros(links)),
+        initial_elongation=np.append(drop, np.zeros(links)),
         fixed=fixed,
         load=np.column_stack([np.zeros(links + 2), -GRAVITY * masses]),
         subdomain=np.append(0, np.arange(links) * subdomains // links),
@@ -166,7 +166,7 @@ def _symmetric_self_stress(nodes, links, kinds):
     return tension * MAX_CABLE_TENSION / tension.max()
 
 
-def _hit(name, scene, targets, mass, speed, contact, asked):
+def _hit(name, scene, targets, mass, speed, contact, chosen):
     """Add the masses of the links, and a mass above some nodes that falls on them."""
     if contact not in ("rigid", "elastic"):
         raise ValueError(f"contact must be 'rigid' or 'elastic', not {contact!r}")
@@ -188,14 +188,14 @@ def _hit(name, scene, targets, mass, speed, contact, asked):
         name=name,
         nodes=np.vstack([scene.nodes, place]),
         links=np.vstack([scene.links, np.column_stack([targets, np.full(count, ball)])]),
-        law=np.append(scene.law, np.full(count, Law.STRUT if elastic else Law.CONTACT)),
+        law=np.append(scene.law, np.full(count, Law.COMPRESSION_ONLY if elastic else Law.CONTACT)),
         stiffness=np.append(scene.stiffness, np.full(count, ELASTIC_CONTACT if elastic else 0.0)),
-        prestrain=np.append(scene.prestrain, np.full(count, gap)),
+        initial_elongation=np.append(scene.initial_elongation, np.full(count, gap)),
         fixed=np.vstack([scene.fixed, [False] * 3]),
         subdomain=parts,
         direction=up,
         mass=np.append(masses, mass),
         velocity=np.vstack([still, [0.0, 0.0, -speed]]),
         time_step=2e-4,
-        metadata=asked | {"mass": float(mass), "speed": float(speed), "contact": contact},
+        metadata=chosen | {"mass": float(mass), "speed": float(speed), "contact": contact},
     )

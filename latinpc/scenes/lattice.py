@@ -31,19 +31,21 @@ def lattice(
 
     Parameters
     ----------
-    nx, ny : int
-        Cells along the span and along the height.
+    nx : int
+        Cells along the span.
+    ny : int
+        Cells along the height.
     subdomains : int, optional
-        Number of subdomains; by default square blocks of 4 x 4 cells. With 'metis' it is only recorded.
+        Number of subdomains. By default blocks of 4 x 4 cells.
     partition : {'regular', 'metis'}
-        Regular blocks, or none given: the solver calls METIS.
+        Regular blocks, or METIS. With 'metis' the scene has no partition: the solver makes one.
     slack : float
-        Wanted share of slack cables, 0 to 0.3; it sets the load from the tensions of the linear
-        structure. What is obtained differs by a few per cent of the cables.
+        Share of slack cables, 0 to 0.3. It sets the load from the tensions of the linear structure, and is met within
+        a few per cent of the cables.
     load : float, optional
-        Downward force (N) on each node of the free end; overrides `slack`.
+        Downward force on each node of the free end (N). Overrides `slack`.
     seed : int
-        Of the random self-stress.
+        Seed of the random numbers.
 
     Returns
     -------
@@ -60,23 +62,10 @@ def lattice(
         block = _block_size(nx, ny, subdomains)
         subdomains = (nx // block) * (ny // block)
         parts = _blocks(nx, ny, block)
-    y, x = (axis.ravel() for axis in np.meshgrid(np.arange(ny + 1), np.arange(nx + 1), indexing="ij"))
-    nodes = np.column_stack([x, y]) * CELL
-    number = np.arange(len(x)).reshape(ny + 1, nx + 1)
-    corners = [number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]]  # counter-clockwise
-    along_x = np.stack([number[:, :-1], number[:, 1:]], axis=2).reshape(-1, 2)
-    along_y = np.stack([number[:-1], number[1:]], axis=2).reshape(-1, 2)
-    crossed = np.stack([corners[0], corners[2], corners[1], corners[3]], axis=2).reshape(-1, 2)
-    links = np.vstack([along_x, along_y, crossed])
-    is_cable = np.arange(len(links)) >= len(along_x) + len(along_y)
-
-    cable = MAX_CABLE_TENSION * np.random.default_rng(seed).uniform(0.1, 1.0, (ny, nx))
-    tension_x, tension_y = np.zeros((ny + 1, nx)), np.zeros((ny, nx + 1))
-    for shift in (0, 1):  # an edge bears the self-stress of the cells on its two sides
-        tension_x[shift : ny + shift] -= cable / np.sqrt(2.0)
-        tension_y[:, shift : nx + shift] -= cable / np.sqrt(2.0)
-    tension = np.concatenate([tension_x.ravel(), tension_y.ravel(), np.repeat(cable.ravel(), 2)])
-
+    nodes, links, bars = _cells(nx, ny)
+    is_cable = np.arange(len(links)) >= bars
+    tension = _self_stress(nx, ny, seed)
+    x = nodes[:, 0] / CELL
     direction = nodes[links[:, 1]] - nodes[links[:, 0]]
     length = np.linalg.norm(direction, axis=1)
     stiffness = np.where(is_cable, EA_CABLE, EA_BAR) / length
@@ -92,7 +81,7 @@ def lattice(
         links=links,
         law=np.where(is_cable, Law.CABLE, Law.BAR),
         stiffness=stiffness,
-        prestrain=tension / stiffness,
+        initial_elongation=tension / stiffness,
         fixed=fixed,
         load=load * force,
         subdomain=parts,
@@ -106,6 +95,27 @@ def lattice(
             "load_per_node": float(load),
         },
     )
+
+
+def _cells(nx, ny):
+    """Nodes, links, and how many of the links are bars: these come first, along x, then along y."""
+    y, x = (axis.ravel() for axis in np.meshgrid(np.arange(ny + 1), np.arange(nx + 1), indexing="ij"))
+    number = np.arange(len(x)).reshape(ny + 1, nx + 1)
+    corners = [number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]]  # counter-clockwise
+    along_x = np.stack([number[:, :-1], number[:, 1:]], axis=2).reshape(-1, 2)
+    along_y = np.stack([number[:-1], number[1:]], axis=2).reshape(-1, 2)
+    crossed = np.stack([corners[0], corners[2], corners[1], corners[3]], axis=2).reshape(-1, 2)
+    return np.column_stack([x, y]) * CELL, np.vstack([along_x, along_y, crossed]), len(along_x) + len(along_y)
+
+
+def _self_stress(nx, ny, seed):
+    """Tensions of all links (N) in self-stress: random from cell to cell."""
+    cable = MAX_CABLE_TENSION * np.random.default_rng(seed).uniform(0.1, 1.0, (ny, nx))
+    tension_x, tension_y = np.zeros((ny + 1, nx)), np.zeros((ny, nx + 1))
+    for shift in (0, 1):  # an edge bears the self-stress of the cells on its two sides
+        tension_x[shift : ny + shift] -= cable / np.sqrt(2.0)
+        tension_y[:, shift : nx + shift] -= cable / np.sqrt(2.0)
+    return np.concatenate([tension_x.ravel(), tension_y.ravel(), np.repeat(cable.ravel(), 2)])
 
 
 def _block_size(nx, ny, subdomains):

@@ -1,4 +1,4 @@
-"""A fishing net that hangs from its rim: inextensible or elastic cables, and the stiffness that their tension gives."""
+"""A fishing net hung at its rim: inextensible or elastic cables, with their geometric stiffness."""
 
 from __future__ import annotations
 
@@ -38,11 +38,12 @@ def net(
     current : float
         Force along x on each node, over the weight of a node.
     catch : float
-        Downward force on each node of the middle, a quarter of the side wide, over the weight of a node.
+        Downward force on each node of the catch, over the weight of a node. The catch is a square in the middle, a
+        quarter of the side wide.
     subdomains : int, optional
-        Number of subdomains, a square; by default blocks of 8 x 8 meshes.
+        Number of subdomains. A square; by default blocks of 8 x 8 meshes.
     partition : {'regular', 'metis'}
-        Regular blocks, or none given: the solver calls METIS.
+        Regular blocks, or METIS. With 'metis' the scene has no partition: the solver makes one.
 
     Returns
     -------
@@ -62,15 +63,10 @@ def net(
     tension = DENSITY * length
     elastic = law == "cable"
     stiffness = np.column_stack([EA / length if elastic else 0.0 * length, *[np.full(len(cables), DENSITY)] * 2])
-    prestrain = np.zeros_like(stiffness)
+    initial_elongation = np.zeros_like(stiffness)
     if elastic:
-        prestrain[:, 0] = tension / stiffness[:, 0]
-    load = np.zeros_like(nodes)
-    load[:, 2] = -weight
-    load[:, 0] = current * weight
-    middle = (np.abs(nodes[:, :2] - side * MESH / 2) <= side * MESH / 8).all(axis=1)
-    load[middle, 2] -= catch * weight
-    load[rim] = 0.0
+        initial_elongation[:, 0] = tension / stiffness[:, 0]
+    load = _load(nodes, rim, side, weight, current, catch)
     parts = None
     if partition == "regular":
         count = max(1, side // BLOCK) if subdomains is None else round(subdomains**0.5)
@@ -86,7 +82,7 @@ def net(
         links=np.repeat(cables, 3, axis=0),
         law=np.tile([Law.CABLE if elastic else Law.INEXTENSIBLE, Law.BAR, Law.BAR], len(cables)),
         stiffness=stiffness.ravel(),
-        prestrain=prestrain.ravel(),
+        initial_elongation=initial_elongation.ravel(),
         fixed=np.repeat(rim[:, None], 3, axis=1),
         load=load,
         subdomain=parts,
@@ -129,6 +125,17 @@ def _hang(nodes, rim, side):
     weight = SAG * side * MESH / -height.min()
     nodes[~rim, 2] = weight * height.ravel()
     return weight
+
+
+def _load(nodes, rim, side, weight, current, catch):
+    """Return the forces on the nodes (N): weight, current along x, and the catch in the middle."""
+    load = np.zeros_like(nodes)
+    load[:, 2] = -weight
+    load[:, 0] = current * weight
+    middle = (np.abs(nodes[:, :2] - side * MESH / 2) <= side * MESH / 8).all(axis=1)
+    load[middle, 2] -= catch * weight
+    load[rim] = 0.0
+    return load
 
 
 def _frames(along):

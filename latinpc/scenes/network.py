@@ -33,20 +33,20 @@ def network(
     Parameters
     ----------
     nodes : int
-        Wanted number of nodes; a box of the nearest size is made.
+        Number of nodes, nearly. The generator makes a box of the nearest size.
     neighbours : int
-        Links reach from each node to that many nearest neighbours (6 at the least).
+        Nearest neighbours that each node is linked to, at least 6.
     seed : int
-        Of numpy's PCG64 generator.
+        Seed of the random numbers.
     supports : {1, 2}
-        Clamped layers: the lowest, or the lowest and the highest.
+        Clamped layers, 1 for the lowest, 2 for the lowest and the highest.
     slack : float
-        Wanted share of slack cables, 0 to 0.3; it sets the load from the tensions of the linear
-        structure. What is obtained differs by a few per cent of the cables.
+        Share of slack cables, 0 to 0.3. It sets the load from the tensions of the linear structure, and is met within
+        a few per cent of the cables.
     load : float, optional
-        Norm (N) of the force on a free node, downwards with a random part; overrides `slack`.
+        Force on each free node (N). Downwards with a random part; overrides `slack`.
     subdomains : int, optional
-        Only recorded in the metadata: the solver partitions by METIS.
+        Number of subdomains. METIS makes them, in the solver.
 
     Returns
     -------
@@ -84,7 +84,7 @@ def network(
         links=links,
         law=np.where(is_cable, Law.CABLE, Law.BAR),
         stiffness=stiffness,
-        prestrain=tension / stiffness,
+        initial_elongation=tension / stiffness,
         fixed=fixed,
         load=load * force,
         metadata={

@@ -39,19 +39,19 @@ def packing(
     side : int
         Grains along a side.
     dim : {2, 3}
-        Discs or spheres.
+        Dimension, 2 for discs, 3 for spheres.
     law : {'contact', 'friction', 'elastic'}
-        Rigid contacts, rigid contacts with Coulomb friction, or elastic ones.
+        Law of the contacts. Rigid, rigid with Coulomb friction, or elastic.
     disorder : float
         Mean gap over the diameter. With 0 all contacts touch, nothing moves, and the tensions are not unique.
     friction : float
-        Coefficient, for law 'friction'.
+        Coefficient of friction. For the law 'friction'.
     subdomains : int, optional
         Number of subdomains; by default blocks of 16 grains a side in the plane, 6 in space.
     partition : {'regular', 'metis'}
-        Blocks of grains, or none given: the solver calls METIS.
+        Regular blocks, or METIS. With 'metis' the scene has no partition: the solver makes one.
     seed : int
-        Of the gaps.
+        Seed of the random numbers.
 
     Returns
     -------
@@ -67,15 +67,7 @@ def packing(
         raise ValueError(f"partition must be 'regular' or 'metis', not {partition!r}")
     if not 0.0 <= disorder <= 0.1:
         raise ValueError(f"disorder must lie between 0 and 0.1, not {disorder}: gaps are small beside grains")
-    place, nodes, steps = _discs(side) if dim == 2 else _spheres(side)
-    pairs, kind = _neighbours(place, steps)
-    walls = (place.min(axis=0) == place).any(axis=1) | (place.max(axis=0) == place)[:, : dim - 1].any(axis=1)
-    top = (place[:, -1] == place[:, -1].max()) & ~walls
-    inner = ~walls[pairs].all(axis=1)  # two grains of a wall do not press each other
-    pairs, kind = pairs[inner], kind[inner]
-    used, pairs = np.unique(pairs, return_inverse=True)
-    pairs = pairs.reshape(-1, 2)
-    nodes, walls, top, place = nodes[used], walls[used], top[used], place[used]
+    nodes, pairs, walls, top, frames = _grains(side, dim)
     gap = np.random.default_rng(seed).uniform(0.0, 2.0 * disorder * GRAIN, len(pairs))
     load = np.zeros_like(nodes)
     load[top, -1] = -PRESSURE
@@ -84,16 +76,20 @@ def packing(
         parts = _blocks(nodes[pairs[:, 0]], side, dim, subdomains)
         subdomains = int(parts.max()) + 1
     rows = dim if law == "friction" else 1
-    frames = np.array([_frame(step) for step in steps])[kind][:, :rows]
+    frames = frames[:, :rows]
     elastic = law == "elastic"
-    laws = {"contact": [Law.CONTACT], "elastic": [Law.STRUT], "friction": [Law.FRICTION] + [Law.TANGENT] * (dim - 1)}
+    laws = {
+        "contact": [Law.CONTACT],
+        "elastic": [Law.COMPRESSION_ONLY],
+        "friction": [Law.FRICTION] + [Law.TANGENT] * (dim - 1),
+    }
     return Scene(
         name="packing",
         nodes=nodes,
         links=np.repeat(pairs, rows, axis=0),
         law=np.tile(laws[law], len(pairs)),
         stiffness=np.full(len(pairs) * rows, STIFFNESS if elastic else 0.0),
-        prestrain=(gap[:, None] * np.eye(1, rows)).ravel(),
+        initial_elongation=(gap[:, None] * np.eye(1, rows)).ravel(),
         fixed=np.repeat(walls[:, None], dim, axis=1),
         load=load,
         subdomain=None if parts is None else np.repeat(parts, rows),
@@ -111,6 +107,31 @@ def packing(
             "subdomains": subdomains,
         },
     )
+
+
+def _grains(side, dim):
+    """Return the grains and the contacts.
+
+    Returns
+    -------
+    nodes : (n, dim) array
+        Centres (m).
+    pairs : (m, 2) array of int
+        Grains of each contact.
+    walls, top : (n,) array of bool
+        Grains of the box, which are held, and grains under pressure.
+    frames : (m, dim, dim) array
+        Normal and tangential unit vectors of each contact, as rows.
+    """
+    place, nodes, steps = _discs(side) if dim == 2 else _spheres(side)
+    pairs, kind = _neighbours(place, steps)
+    walls = (place.min(axis=0) == place).any(axis=1) | (place.max(axis=0) == place)[:, : dim - 1].any(axis=1)
+    top = (place[:, -1] == place[:, -1].max()) & ~walls
+    inner = ~walls[pairs].all(axis=1)  # two grains of a wall do not press each other
+    pairs, kind = pairs[inner], kind[inner]
+    used, pairs = np.unique(pairs, return_inverse=True)
+    frames = np.array([_frame(step) for step in steps])[kind]
+    return nodes[used], pairs.reshape(-1, 2), walls[used], top[used], frames
 
 
 def _exact(value):

@@ -3,37 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from enum import IntEnum
 
 import numpy as np
 
-
-class Law(IntEnum):
-    """Constitutive law of a link, eqs. (2) to (5); numbers are those of ``LatinLawType``.
-
-    Larger numbers are the piecewise linear laws of a `Scene`, and the laws that the user registers.
-    """
-
-    BAR = 0  #: tau = k (e + e0)
-    CABLE = 1  #: tau = k max(e + e0, 0)
-    STRUT = 2  #: tau = k min(e + e0, 0); an elastic contact with gap e0
-    INEXTENSIBLE = 3  #: 0 <= -(e + e0), tau >= 0, one of them zero
-    CONTACT = 4  #: 0 <= e + e0, tau <= 0, one of them zero: a rigid contact with gap e0
-    FRICTION = 5  #: the same with Coulomb friction: the normal part, before dim - 1 tangential ones
-    TANGENT = 6  #: tangential part of the contact before it
-
-    @property
-    def plural(self) -> str:
-        """What several links of the law are called."""
-        names = {"INEXTENSIBLE": "inextensible cables", "FRICTION": "contacts with friction"}
-        return names.get(self.name, self.name.lower() + "s")
-
-
-#: Laws whose tension is no function of the strain: their stiffness is a search parameter, 0 leaves it to the solver.
-RIGID = (Law.INEXTENSIBLE, Law.CONTACT, Law.FRICTION, Law.TANGENT)
-
-#: Laws of links that may carry nothing.
-UNILATERAL = (Law.CABLE, Law.STRUT, Law.INEXTENSIBLE, Law.CONTACT, Law.FRICTION)
+from latinpc.laws import RIGID, Law, law_numbers
 
 
 @dataclass(repr=False)
@@ -48,12 +21,12 @@ class Scene:
         Coordinates (m), dim = 1, 2 or 3.
     links : (m, 2) array of int
         The two nodes of each link, counted from 0.
-    law : (m,) array of int
-        A `Law` per link; ``len(Law) + i`` is the i-th of `tables`.
+    law : (m,) array of int or str, or one for all links
+        A `Law` per link, or its name; ``len(Law) + i`` is the i-th of `tables`.
     stiffness : (m,) array of float
         k (N/m), positive. Of a rigid law the search parameter, 0 where the solver is to choose it; 0 also for a
         law of `tables` as it is.
-    prestrain : (m,) array of float, optional
+    initial_elongation : (m,) array of float, optional
         e0 (m); the self-stress is k e0. Zero by default.
     fixed : (n, dim) array of bool, optional
         Components whose displacement is prescribed. None by default.
@@ -67,7 +40,7 @@ class Scene:
         Directions of links other than from their first to their second node, zero elsewhere. None by default.
     friction : (m,) array of float, optional
         Coefficients of friction, read at links of law FRICTION.
-    tables : sequence of (strain, tension), optional
+    tables : sequence of (elongation, tension), optional
         Piecewise linear laws: increasing e + e0 (m) and the tensions there (N).
     mass : (n,) array of float or None
         Lumped masses of the nodes (kg), for dynamics; None in statics.
@@ -76,7 +49,7 @@ class Scene:
     time_step : float or None
         A step that resolves what happens (s).
     metadata : dict
-        What the generator was asked for and chose; fit for JSON.
+        Options and choices of the generator; fit for JSON.
 
     Raises
     ------
@@ -89,7 +62,7 @@ class Scene:
     links: np.ndarray
     law: np.ndarray
     stiffness: np.ndarray
-    prestrain: np.ndarray | None = None
+    initial_elongation: np.ndarray | None = None
     fixed: np.ndarray | None = None
     prescribed: np.ndarray | None = None
     load: np.ndarray | None = None
@@ -110,9 +83,12 @@ class Scene:
         if self.links.ndim != 2 or self.links.shape[1] != 2:
             raise ValueError(f"links must be an (m, 2) array of node numbers, not {self.links.shape}")
         n, m = self.nodes.shape, (len(self.links),)
-        self.law = _shaped("law", _integers("law", self.law), m)
+        law = law_numbers(self.law)
+        self.law = _shaped("law", _integers("law", law if law.ndim else np.full(m, law)), m)
         self.stiffness = _shaped("stiffness", self.stiffness, m, np.float64)
-        self.prestrain = _shaped("prestrain", np.zeros(m) if self.prestrain is None else self.prestrain, m, float)
+        self.initial_elongation = _shaped(
+            "initial_elongation", np.zeros(m) if self.initial_elongation is None else self.initial_elongation, m, float
+        )
         self.fixed = _shaped("fixed", np.zeros(n, bool) if self.fixed is None else self.fixed, n, bool)
         given = np.zeros(n) if self.prescribed is None else self.prescribed
         self.prescribed = _shaped("prescribed", given, n, np.float64)
@@ -132,7 +108,7 @@ class Scene:
 
     def validate(self) -> None:
         """Check the values; see the class for what is raised."""
-        for name in ("nodes", "stiffness", "prestrain", "prescribed", "load"):
+        for name in ("nodes", "stiffness", "initial_elongation", "prescribed", "load"):
             _refuse(~np.isfinite(getattr(self, name)), name, "is not a finite number")
         _refuse((self.links < 0) | (self.links >= len(self.nodes)), "links", "names a node that does not exist")
         _refuse(self.links[:, 0] == self.links[:, 1], "links", "joins a node to itself")

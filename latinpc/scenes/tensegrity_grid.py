@@ -61,16 +61,16 @@ def tensegrity_grid(
     subdomains : int, optional
         Number of subdomains; by default blocks of 4 x 4 modules.
     partition : {'regular', 'metis'}
-        Regular square blocks, or none given: the solver calls METIS.
+        Regular blocks, or METIS. With 'metis' the scene has no partition: the solver makes one.
     module : {'initial', 'modified'}
-        The modified module (Figure 7, right) has no internal mechanism: it adds the second bracing
-        set and both diagonals of the lower square as bars.
+        Module of the article. The modified one (Figure 7, right) has no internal mechanism: it adds the second
+        bracing set and both diagonals of the lower square as bars.
     slack : float
-        Wanted share of slack cables, from 0 to 0.25; it sets the load. Held within about 0.5 % of the
-        cables (1.5 % from 0.02 to 0.04) for 12 modules and more of the initial kind; the modified
-        module receives the same load, and slackens less.
+        Share of slack cables, 0 to 0.25. It sets the load, and is met within about 0.5 % of the cables (1.5 % from
+        0.02 to 0.04) for 12 modules and more of the initial kind. The modified module receives the same load, and
+        slackens less.
     load : float, optional
-        Downward force per free node (N); overrides `slack`.
+        Downward force on each free node (N). Overrides `slack`.
 
     Returns
     -------
@@ -118,8 +118,8 @@ def _grid(name, modules, subdomains, partition, module, slack, load):
     x = nodes[corners[0]]
     length = np.linalg.norm(x[pattern[:, 1]] - x[pattern[:, 0]], axis=1)
     stiffness = np.where(is_cable, EA_CABLE, EA_BAR) / length
-    prestrain = np.zeros(len(pattern))
-    prestrain[:16] = _self_stress(x) / stiffness[:16]
+    initial_elongation = np.zeros(len(pattern))
+    initial_elongation[:16] = _self_stress(x) / stiffness[:16]
     law = np.where(is_cable & (name == "tensegrity-grid"), Law.CABLE, Law.BAR)
     clamped = (nodes[:, 2] == 0.0) & ((nodes[:, 0] == 0.0) | (nodes[:, 0] == modules * SIDE))
     force = np.zeros_like(nodes)
@@ -134,7 +134,7 @@ def _grid(name, modules, subdomains, partition, module, slack, load):
         links=links,
         law=np.tile(law, modules**2),
         stiffness=np.tile(stiffness, modules**2),
-        prestrain=np.tile(prestrain, modules**2),
+        initial_elongation=np.tile(initial_elongation, modules**2),
         fixed=np.repeat(clamped[:, None], 3, axis=1),
         load=force,
         subdomain=parts,

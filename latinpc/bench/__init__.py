@@ -1,0 +1,1 @@
+"""Measurements: tables of the article, comparisons with other solvers, the robustness suite."""

@@ -1,0 +1,117 @@
+"""A step of a motion as a static structure, section 2.2, and its solution in ball arithmetic."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from petsc4py import PETSc
+
+from latinpc.laws import Law
+from latinpc.scenes.mechanics import elongations
+
+from .case import ACCURACY
+from .conditions import missed
+from .exact import solve_exactly
+
+CLOSED = 1e-4  # of the free flight of a step: smaller gaps are closed, as TS latin has it
+EPSILON = float(np.finfo(PETSc.RealType).eps)
+NOTHING = 16 * EPSILON  # of the strains: less is their rounding
+REST = max(1e-6, EPSILON / ACCURACY)  # of what moved before, or would without links: less is rest, or its rounding
+
+
+def as_statics(scene, u, v):
+    """Make the structure whose displacements are h v+ in the step of length h from displacements u and velocities v.
+
+    Nodes stand on springs M / h^2, links start from their present strains; rigid ones that are open bear nothing,
+    others must not close further, condition (10).
+
+    Parameters
+    ----------
+    scene : Scene
+        With masses; h is its `time_step`.
+    u, v : (n, dim) array
+        Displacements (m) and velocities (m/s).
+
+    Returns
+    -------
+    Scene
+    kept : (m,) array of bool
+        Its links come from these, before the springs.
+    """
+    h, (n, dim) = scene.time_step, scene.nodes.shape
+    heavy = np.flatnonzero(scene.mass > 0)
+    free = ~scene.fixed & (scene.mass > 0)[:, None]
+    force = np.where(scene.fixed, 0.0, scene.load + scene.mass[:, None] * v / h)
+    flight = np.abs(force * h**2 / np.where(free, scene.mass[:, None], np.inf)).max(initial=0.0)
+    x = elongations(scene, u) + scene.initial_elongation
+    rigid = np.isin(scene.law, (Law.INEXTENSIBLE, Law.CONTACT))
+    kept = ~(rigid & (np.where(scene.law == Law.INEXTENSIBLE, -x, x) > CLOSED * flight))
+    springs = np.column_stack([np.full(dim * len(heavy), n), np.repeat(heavy, dim)])
+    statics = replace(
+        scene,
+        nodes=np.vstack([scene.nodes, scene.nodes[:1]]),  # the ground
+        links=np.vstack([scene.links[kept], springs]),
+        law=np.append(scene.law[kept], np.full(len(springs), Law.BAR)),
+        stiffness=np.append(scene.stiffness[kept], np.repeat(scene.mass[heavy], dim) / h**2),
+        initial_elongation=np.append(np.where(rigid, 0.0, x)[kept], np.zeros(len(springs))),
+        direction=np.vstack([scene.directions[kept], np.tile(np.eye(dim), (len(heavy), 1))]),
+        fixed=np.vstack([scene.fixed, np.ones((1, dim), bool)]),
+        prescribed=None,
+        load=np.vstack([force, np.zeros((1, dim))]),
+        subdomain=None, mass=None, velocity=None, friction=None,
+    )  # fmt: skip
+    return statics, kept
+
+
+def motion_error(case, scene, u, v, tensions):
+    """Return the relative l2 error of the velocities after the worst step, and the kind of reference.
+
+    Parameters
+    ----------
+    case : Case
+    scene : Scene
+    u, v, tensions : (steps + 1, n, dim) and (steps + 1, m) arrays
+        At the start and after each step.
+
+    Returns
+    -------
+    float, str
+    """
+    if case.solution is not None:
+        known = case.solution(scene)
+        moved = (scene.velocity, _flight(scene))
+        return max(_far(found, exact, *moved) for found, exact in zip(v[1:], known)), "closed form"
+    worst, kinds = 0.0, set()
+    for k in range(case.steps):
+        error, kind = _step_error(scene, u[k], v[k], v[k + 1], tensions[k + 1])
+        worst = max(worst, error)
+        kinds.add(kind)
+    return worst, ", ".join(sorted(kinds))
+
+
+def _far(found, known, *before):
+    """Return how far velocities are from the true ones, beside these, or what is left of those before a rest."""
+    size = max(np.linalg.norm(known), *(REST * np.linalg.norm(x) for x in before))
+    far = np.linalg.norm(found - known)
+    return float(far / size) if size > 0 else float(far)
+
+
+def _flight(scene):
+    """Return what loads add to velocities in a step where no links are."""
+    heavy = scene.mass[:, None] > 0
+    return np.divide(scene.load * scene.time_step, scene.mass[:, None], where=heavy, out=np.zeros(scene.load.shape))
+
+
+def _step_error(scene, u, v, found, tensions):
+    h = scene.time_step
+    statics, kept = as_statics(scene, u, v)
+    w = h * np.vstack([found, 0.0 * found[:1]])
+    springs = statics.stiffness[np.count_nonzero(kept) :]
+    bears = np.append(tensions[kept], springs * elongations(statics, w)[np.count_nonzero(kept) :])
+    exact = solve_exactly(statics, w, bears)
+    if exact is None:  # more links bear than determine their tensions
+        return missed(statics, w, bears), "conditions"
+    if np.linalg.norm(found - exact[:-1] / h) * h <= NOTHING * np.linalg.norm(statics.initial_elongation):
+        return 0.0, "nothing moves but by rounding"
+    return _far(found, exact[:-1] / h, v, u / h, v + _flight(scene)), "exact"

@@ -1,0 +1,73 @@
+"""The command line: ``latinpc solve | scenes | paper | compare | tradeoff | extremes | info``.
+
+Options with two dashes are ours. Options with one dash are PETSc's and go to its options database untouched. Under
+``mpirun`` only rank 0 prints and writes. Exit codes: 0 converged, 1 not converged, 2 bad input.
+"""
+
+from __future__ import annotations
+
+import signal
+import sys
+import traceback
+
+import click
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import latinpc
+from latinpc.runs.checkpoint import Interrupted
+
+from .arguments import insert_petsc_options, split_arguments
+from .info import info
+from .measure import compare, extremes, tradeoff
+from .paper import paper
+from .ranks import BAD_INPUT, gather_or_abort, printing_on, sentence
+from .scenes import scenes
+from .solve import solve_command
+
+
+@click.group(context_settings={"help_option_names": ["--help"]})
+@click.version_option(latinpc.__version__, prog_name="latinpc")
+def commands():
+    """Solve structures of bars, cables and contacts by the multiscale LATIN method.
+
+    Options with two dashes belong to latinpc. Options with one dash belong to PETSc, for instance -snes_monitor,
+    -snes_type newtonls or -snes_latin_variant macro; -help lists them.
+    """
+
+
+for _command in (solve_command, scenes, paper, compare, tradeoff, extremes, info):
+    commands.add_command(_command)
+
+
+def main(arguments=None):
+    """Run the command line and exit with its code; collective."""
+    signal.signal(signal.SIGPIPE, signal.SIG_DFL)  # `| head` ends us quietly, not by PETSc's handler
+    ours, petsc = split_arguments(sys.argv[1:] if arguments is None else list(arguments))
+    comm = MPI.COMM_WORLD.Dup()  # of our own, so that waiting after an error meets no other message
+    with printing_on(comm.rank == 0):
+        code = _run(comm, ours, petsc)
+        sys.stdout.flush()
+    sys.exit(code)
+
+
+def _run(comm, ours, petsc):
+    try:
+        insert_petsc_options(petsc)
+        return commands.main(args=ours, prog_name="latinpc", standalone_mode=False, obj=comm) or 0
+    except click.ClickException as error:
+        error.show()
+        if isinstance(error, click.MissingParameter) and any(value for _, value in petsc):
+            click.echo("A word after a PETSc option is its value: put SCENE before the options.", err=True)
+        return BAD_INPUT
+    except (click.Abort, KeyboardInterrupt):
+        return 130
+    except Interrupted as error:
+        print(f"latinpc: {error}", file=sys.stderr)
+        return error.code
+    except Exception as error:
+        expected = isinstance(error, (ValueError, OSError, RuntimeError, MemoryError, PETSc.Error))
+        text = sentence(error)
+        print(f"latinpc: {text}" if expected else traceback.format_exc(), file=sys.stderr)
+        gather_or_abort(comm, text)
+        return BAD_INPUT

@@ -1,0 +1,79 @@
+"""Separate PETSc's options from ours, and read lists."""
+
+from __future__ import annotations
+
+import pathlib
+
+import click
+from petsc4py import PETSc
+
+
+def is_petsc_option(token):
+    """Return whether a word is a PETSc option: a dash and a letter, not two dashes, not a negative number."""
+    return len(token) > 1 and token[0] == "-" and token[1].isalpha()
+
+
+def split_arguments(arguments):
+    """Separate our arguments from PETSc's.
+
+    As in PETSc, the word after an option is its value unless it is an option itself.
+
+    Returns
+    -------
+    ours : list of str
+    petsc : list of (str, str or None)
+        Name without the dash, and value.
+    """
+    ours, petsc, position = [], [], 0
+    while position < len(arguments):
+        token = arguments[position]
+        position += 1
+        if not is_petsc_option(token):
+            ours.append(token)
+            continue
+        value = None
+        if position < len(arguments):
+            following = arguments[position]
+            if not is_petsc_option(following) and not following.startswith("--"):
+                value = following
+                position += 1
+        petsc.append((token[1:], value))
+    return ours, petsc
+
+
+def insert_petsc_options(options):
+    """Put options into PETSc's database; PETSc is initialised already, so logging starts here."""
+    database = PETSc.Options()
+    for name, value in options:
+        if name == "options_file":
+            if not value or not pathlib.Path(value).is_file():
+                raise FileNotFoundError(f"-options_file {value or ''}: no such file")
+            database.insertString(f"-options_file {value}")
+        else:
+            database.setValue(name, value)
+    if any(name.startswith("log_view") for name, _ in options):
+        PETSc.Log.begin()
+
+
+class List(click.ParamType):
+    """A comma-separated list, such as 9,16,25.
+
+    Parameters
+    ----------
+    kind : type
+        Of the items.
+    example : str
+        For messages.
+    """
+
+    name = "list"
+
+    def __init__(self, kind, example):
+        self.kind, self.example = kind, example
+
+    def convert(self, value, param, ctx):
+        """Return a tuple of items."""
+        try:
+            return tuple(self.kind(word.strip()) for word in value.split(",") if word.strip())
+        except ValueError:
+            self.fail(f"{value!r} is not a list such as {self.example}", param, ctx)

@@ -1,0 +1,206 @@
+"""``latinpc solve``: solve or move a scene, write the results, print a summary."""
+
+from __future__ import annotations
+
+import sys
+
+import click
+import numpy as np
+from petsc4py import PETSc
+
+from latinpc.files.atomic import check_writable
+from latinpc.files.vtk import write_pvd, write_vtu
+from latinpc.runs.checkpoint import Keeper
+from latinpc.runs.motion import move
+from latinpc.runs.solve import solve
+from latinpc.solvers import has_package, outer_snes
+
+from .printing import open_console, print_lines, progress, write_json
+from .ranks import NOT_CONVERGED, on_root
+from .scenes import SceneCommand, open_scene, scene_options
+from .summary import summary, summary_of_motion
+
+#: Options of a run, not of the scene
+RUN = (
+    "reference", "digits", "steps", "step", "every", "node_mass", "increments", "checkpoint", "checkpoint_every",
+    "restart",
+)  # fmt: skip
+
+
+@click.command("solve", cls=SceneCommand)
+@click.argument("scene", metavar="SCENE|FILE.msh")
+@scene_options
+@click.option("--reference", is_flag=True, help="Report errors against a solution by Newton's method.")
+@click.option("--digits", is_flag=True, help="Report how many digits are accurate, and what limits them.")
+@click.option("--json", "json_file", metavar="FILE", help="Write the report; '-' prints it and nothing else.")
+@click.option("--output", metavar="FILE", help="Write results for ParaView: .vtu, or .pvd for a motion.")
+@click.option("--picture", metavar="FILE", help="Draw the deformed structure: .png, .pdf, .svg, or .gif for a motion.")
+@click.option("--quiet", is_flag=True, help="Print only notices and errors.")
+@click.option("--steps", type=int, metavar="N", help="Make N time steps (-ts_type latin). The scene needs masses.")
+@click.option("--step", type=float, metavar="H", help="Time step (s). Default: that of the scene.")
+@click.option("--every", type=int, metavar="N", help="Write every Nth state of a motion. Default: about 100 in all.")
+@click.option("--node-mass", type=float, metavar="M", help="Mass of each node (kg), in place of the scene's.")
+@click.option("--increments", type=int, metavar="N", help="Apply the loads in N equal increments.")
+@click.option("--checkpoint", metavar="FILE", help="Save the state after increments or steps (.h5, .hdf5: HDF5).")
+@click.option("--checkpoint-every", type=int, metavar="N", help="Save every Nth of them. Default: 1.")
+@click.option("--restart", metavar="FILE", help="Continue from a saved state, with the same options and ranks.")
+@click.pass_obj
+def solve_command(comm, scene, json_file, output, picture, quiet, **options):
+    """Solve a scene or a Gmsh file.
+
+    The solver is -snes_type latin; with --steps it is -ts_type latin. Options with a single dash go to PETSc, for
+    instance -snes_monitor -snes_latin_variant macro.
+    """
+    alone = json_file == "-"
+    quiet = quiet or alone
+    run = {name: options.pop(name) for name in RUN}
+    _check(**run)
+    moves = run["steps"] is not None
+    keeper = _keeper(comm, run)
+    scene = on_root(comm, _prepare, scene, moves, None if alone else json_file, output, picture, options)
+    count = options.get("subdomains") if scene.subdomain is None else None
+    if count is not None and not 1 <= count <= len(scene.links):
+        raise ValueError(f"--subdomains {count}: there are {len(scene.links)} links, at least one for each subdomain")
+    monitored = any("monitor" in name for name in PETSc.Options().getAll())
+    with progress(comm, quiet or monitored) as say:
+        if moves:
+            result = _move(scene, count, run, say, (output, picture), keeper)
+        else:
+            result = _solve(scene, count, run, say, keeper)
+    return _report(comm, result, json_file, output, picture, quiet)
+
+
+def _check(reference, digits, steps, step, every, node_mass, increments, checkpoint, checkpoint_every, restart):
+    """Refuse options that do not go together."""
+    for value, name in ((step, "step"), (every, "every"), (node_mass, "node-mass")):
+        if value is not None and steps is None:
+            raise ValueError(f"--{name} is for a motion: give the number of steps with --steps")
+    if steps is not None:
+        if reference:
+            raise ValueError("--reference is for statics; compare motions with -snes_type newtonls")
+        if digits:
+            raise ValueError("--digits is for statics: leave out --steps")
+        if increments is not None:
+            raise ValueError("--increments is for statics: leave out --steps")
+    elif (checkpoint or restart) and increments is None:
+        raise ValueError("--checkpoint and --restart need --increments or --steps: states are saved between them")
+    if checkpoint_every is not None and checkpoint is None:
+        raise ValueError("--checkpoint-every needs the name of a file: --checkpoint FILE")
+
+
+def _keeper(comm, run):
+    """Return what saves the states of a run; collective."""
+    checkpoint, every = run["checkpoint"], run["checkpoint_every"]
+    if checkpoint is not None:
+        on_root(comm, check_writable, checkpoint)
+        if str(checkpoint).lower().endswith((".h5", ".hdf5")) and not has_package("hdf5"):
+            raise ValueError(
+                f"--checkpoint {checkpoint}: this PETSc has no HDF5; use another suffix for PETSc's format"
+            )
+    return Keeper(comm, checkpoint, 1 if every is None else every, run["restart"])
+
+
+def _prepare(scene, moves, json_file, output, picture, options):
+    """Open the scene, and refuse results that could not be written before any work is done; on one rank."""
+    kinds = ((".pvd", ".vtu"), (".gif", ".png", ".pdf", ".svg")) if moves else ((".vtu",), (".png", ".pdf", ".svg"))
+    for path, suffixes in ((json_file, None), *zip((output, picture), kinds)):
+        if path is not None:
+            check_writable(path, suffixes)
+    scene = open_scene(scene, options)
+    if scene.velocity is not None and not moves:
+        raise ValueError(f"{scene.name} moves: give the number of time steps with --steps")
+    return scene
+
+
+def _solve(scene, subdomains, run, say, keeper):
+    """Solve; show the iterations; collective."""
+    if say is not None:
+        say(f"{scene.name}: setting up")
+
+    def monitor(_, iteration, norm):
+        say(f"{scene.name}: iteration {iteration}, {norm:.2e}")
+
+    return solve(
+        scene,
+        subdomains=subdomains,
+        reference=run["reference"],
+        digits=run["digits"],
+        increments=1 if run["increments"] is None else run["increments"],
+        keeper=keeper,
+        before_solve=None if say is None else lambda snes: _iterating(snes).setMonitor(monitor),
+    )
+
+
+def _iterating(snes):
+    """Return what iterates: SNES latin itself would compute a residual for its monitors."""
+    return outer_snes(snes) if snes.getType() == "latin" else snes
+
+
+def _move(scene, subdomains, run, say, files, keeper):
+    """Make the time steps; show them; collective."""
+    films = any(str(path).lower().endswith((".pvd", ".gif")) for path in files if path is not None)
+
+    def monitor(step, time):
+        say(f"{scene.name}: step {step} of {run['steps']}, {time:.4g} s")
+
+    return move(
+        scene,
+        run["steps"],
+        run["step"],
+        subdomains=subdomains,
+        mass=run["node_mass"],
+        every=run["every"] if films else 0,
+        keeper=keeper,
+        each_step=None if say is None else monitor,
+    )
+
+
+def _report(comm, result, json_file, output, picture, quiet):
+    """Write the files, print, and return the exit code; collective."""
+    moves = hasattr(result, "frames")
+    on_root(comm, _write_motion if moves else _write, result, json_file, output, picture)
+    if comm.rank == 0:
+        for notice in result.notices:
+            print(f"latinpc: {notice}", file=sys.stderr)
+        if not quiet:
+            lines = summary_of_motion(result) if moves else summary(result)
+            written = [str(path) for path in (json_file, output, picture) if path is not None]
+            lines += [("written", ", ".join(written))] if written else []
+            print_lines(open_console(), result.scene.name, lines)
+        if not result.converged:
+            print(f"latinpc: not converged: {result.report['reason']}", file=sys.stderr)
+    return 0 if result.converged else NOT_CONVERGED
+
+
+def _write_motion(result, json_file, output, picture):
+    """Write the files; on one rank. When a step does not converge, the states before it are written."""
+    last = result.frames[-1]
+    if json_file is not None:
+        write_json(json_file, result.report)
+    if output is not None and str(output).lower().endswith(".pvd"):
+        write_pvd(output, result)
+    elif output is not None:
+        arrays = (last.displacements, last.tensions, result.subdomain, result.node_class, last.velocities)
+        write_vtu(output, result.scene, *arrays)
+    if picture is not None:
+        from latinpc.files.pictures import draw_motion, draw_structure
+
+        if str(picture).lower().endswith(".gif"):
+            draw_motion(result, picture)
+        else:
+            draw_structure(result.scene, last.displacements, last.tensions, result.subdomain, picture)
+
+
+def _write(result, json_file, output, picture):
+    """Write the files; on one rank. Without convergence the last iterate is written."""
+    if json_file is not None:
+        write_json(json_file, result.report)
+    if output is not None:
+        write_vtu(output, result.scene, result.displacements, result.tensions, result.subdomain, result.node_class)
+    if picture is not None:
+        from latinpc.files.pictures import draw_structure
+
+        if np.isfinite(result.displacements).all() and np.isfinite(result.tensions).all():
+            draw_structure(result.scene, result.displacements, result.tensions, result.subdomain, picture)
+        else:
+            result.notices.append(f"{picture} is not drawn: the last iterate is not finite")

@@ -1,0 +1,104 @@
+"""Summaries of solves and motions, as lines of (label, text)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from latinpc.files.units import quantity
+from latinpc.laws import UNILATERAL, Law
+
+#: Parts of `latinpc.digits`, in the words of the summary
+DIGITS = {"unbalance": "unbalance", "rounding": "rounding", "places": "coordinates", "values": "other data"}
+
+
+def summary(result):
+    """Return the summary of a solve, as lines of (label, text)."""
+    scene, report = result.scene, result.report
+    laws = ", ".join(
+        f"{count:,} {law.plural if count != 1 else law.name.lower()}"
+        for law in Law
+        if (count := int(np.count_nonzero(scene.law == law)))
+    )
+    lines = [("structure", f"{len(scene.nodes):,} nodes, {report['links']:,} links ({laws}) in {scene.dim}D")]
+    ranks = f"{report['ranks']} rank{'s' if report['ranks'] > 1 else ''}"
+    lines.append(("unknowns", f"{report['free_dofs']:,} free of {report['dofs']:,}, on {ranks}"))
+    if report["subdomains"]:
+        lines.append(
+            (
+                "decomposition",
+                f"{report['subdomains']:,} subdomains, {report['strong_interfaces']:,} strong and"
+                f" {report['weak_interfaces']:,} weak interfaces; coarse problem"
+                f" {report['strong_macro_dofs']:,} + {report['weak_dofs']:,}",
+            )
+        )
+    measured = "".join(f", {name} {report[name]:.1e}" for name in ("indicator", "residual") if report[name] is not None)
+    lines.append(("solver", f"{report['solver']}: {report['iterations']} iterations, {report['reason']}{measured}"))
+    if report["estimated_error"] is not None:
+        norm = "energy" if report["options"].get("snes_latin_stop") == "energy" else "l2"
+        lines.append(("accuracy", f"estimated error {report['estimated_error']:.1e} ({norm})"))
+    if report["error_l2"] is not None:
+        energy = f", {report['error_energy']:.1e} (energy)" if report["error_energy"] is not None else ""
+        lines.append(("error", f"{report['error_l2']:.1e} (l2){energy} against Newton's method"))
+    if report["digits"] is not None:
+        lines.append(("digits", _digits(report["digits"])))
+    lines += _mechanics(scene, result)
+    memory = quantity(report["peak_memory_bytes"], "B")
+    seconds = [quantity(report[key], "s") for key in ("setup_seconds", "solve_seconds")]
+    lines.append(("time", f"set-up {seconds[0]}, solve {seconds[1]}; memory {memory}"))
+    return lines
+
+
+def _digits(lost):
+    """Return how many digits of the displacements are accurate, and what limits them."""
+    lost = {key: np.inf if part is None else part for key, part in lost.items()}  # nothing moves to compare with
+    moved = np.sqrt(sum(part**2 for part in lost.values()))
+    known = f"{-np.log10(max(moved, np.finfo(float).eps / 2)):.1f}" if moved < 1.0 else "none"
+    return f"{known}: " + ", ".join(f"{text} {lost[key]:.0e}" for key, text in DIGITS.items())
+
+
+def _mechanics(scene, result):
+    size = np.linalg.norm(result.displacements, axis=1)
+    if not (np.isfinite(size).all() and np.isfinite(result.tensions).all()):
+        return [("displacement", "the last iterate is not finite")]
+    node = int(size.argmax())
+    place = ", ".join(f"{value:.4g}" for value in scene.nodes[node])
+    vector = ", ".join(f"{value:.3g}" for value in result.displacements[node] * 1e3)
+    lines = [("displacement", f"largest {quantity(size[node], 'm')} at ({place}) m: ({vector}) mm")]
+    low, high = result.tensions.min(), result.tensions.max()
+    text = f"from {quantity(low, 'N')} to {quantity(high, 'N')} (compression negative)"
+    if np.isin(scene.law, UNILATERAL).any():
+        share = f"{100 * result.report['slack_fraction']:.3g} %"
+        touch = np.isin(scene.law, (Law.CONTACT, Law.FRICTION)).any()
+        text += (
+            f"; {share} of the contacts open" if touch else f"; {share} of the cables and compression-only links slack"
+        )
+    return [*lines, ("tension", text)]
+
+
+def summary_of_motion(result):
+    """Return the summary of a motion, as lines of (label, text)."""
+    scene, report, last = result.scene, result.report, result.frames[-1]
+    lines = [("structure", f"{len(scene.nodes):,} nodes, {report['links']:,} links in {scene.dim}D")]
+    ranks = f"{report['ranks']} rank{'s' if report['ranks'] > 1 else ''}"
+    lines.append(("unknowns", f"{report['free_dofs']:,} free of {report['dofs']:,}, on {ranks}"))
+    if report["subdomains"]:
+        lines.append(("decomposition", f"{report['subdomains']:,} subdomains"))
+    lines.append(("motion", f"{report['steps']} steps of {quantity(report['step'], 's')}, {report['reason']}"))
+    if report["iterations"]:
+        most = max(report["iterations"])
+        lines.append(
+            ("solver", f"{report['solver']}: {report['iterations_mean']:.1f} iterations a step, at most {most}")
+        )
+    kinetic, potential = report["kinetic_energy"], report["potential_energy"]
+    if kinetic and None not in (kinetic[-1], potential[-1]):
+        text = [quantity(a + b, "J") for a, b in ((kinetic[0], potential[0]), (kinetic[-1], potential[-1]))]
+        lines.append(("energy", f"{text[0]} at the start, {text[1]} at the end"))
+    size = np.linalg.norm(last.displacements, axis=1)
+    if np.isfinite(size).all():
+        lines.append(("displacement", f"at the end, at most {quantity(size.max(), 'm')}"))
+    if report["active"]:
+        lines.append(("active links", f"{report['active'][-1]:,} at the end, at most {max(report['active']):,}"))
+    per_step = report["seconds"] / max(report["steps"], 1)
+    memory = quantity(report["peak_memory_bytes"], "B")
+    lines.append(("time", f"{quantity(report['seconds'], 's')}, {quantity(per_step, 's')} a step; memory {memory}"))
+    return lines

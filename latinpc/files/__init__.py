@@ -1,0 +1,1 @@
+"""Structures read from Gmsh files, results written for ParaView, pictures."""

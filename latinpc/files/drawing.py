@@ -1,0 +1,137 @@
+"""Draw links in two and three dimensions: figures, axes, colours."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.cm import ScalarMappable
+from matplotlib.collections import LineCollection
+from matplotlib.colors import LinearSegmentedColormap, Normalize
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+from mpl_toolkits.mplot3d import proj3d
+from mpl_toolkits.mplot3d.art3d import Line3DCollection
+
+from .atomic import atomic
+
+COMPRESSION = LinearSegmentedColormap.from_list("compression", ["#fdbb84", "#fc8d59", "#d7301f", "#67000d"])
+TENSION = LinearSegmentedColormap.from_list("tension", ["#9ecae1", "#4a98c9", "#1764ab", "#08306b"])
+
+
+def new_figure(width, height):
+    """Make a white figure; width and height in inches."""
+    figure = Figure(figsize=(width, height), dpi=150, facecolor="white")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def save(figure, path):
+    """Write a figure, whole or not at all; the suffix of the path chooses the format."""
+    with atomic(path) as temporary:
+        figure.savefig(temporary)
+
+
+def axes_2d(figure, rectangle, points):
+    """Return plane axes around points (n, 2), with one scale for both directions."""
+    axes = figure.add_axes(rectangle)
+    low, high = points.min(axis=0), points.max(axis=0)
+    margin = 0.04 * (high - low).max()
+    axes.set_xlim(low[0] - margin, high[0] + margin)
+    axes.set_ylim(low[1] - margin, high[1] + margin)
+    axes.set_aspect("equal")
+    axes.tick_params(labelsize=8)
+    axes.grid(color="#e8e8ec", linewidth=0.5)
+    axes.set_axisbelow(True)
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
+    return axes
+
+
+def axes_3d(figure, rectangle, points, elevation=22.0, azimuth=-58.0, aspect=None, fill=0.84):
+    """Return axes in perspective whose points fill that share of the rectangle, with pale panes."""
+    axes = figure.add_axes(rectangle, projection="3d", proj_type="persp", focal_length=0.55)
+    low, high = points.min(axis=0), points.max(axis=0)
+    extent = np.maximum(high - low, 0.04 * (high - low).max())
+    middle = (low + high) / 2
+    aspect = np.asarray(extent if aspect is None else aspect, dtype=float)
+    for axis, name in enumerate("xyz"):
+        getattr(axes, f"set_{name}lim")(middle[axis] - extent[axis] / 2, middle[axis] + extent[axis] / 2)
+        pane = getattr(axes, f"{name}axis")
+        pane.set_pane_color((0.975, 0.975, 0.985, 1.0))
+        pane._axinfo["grid"].update(color=(0.88, 0.88, 0.9, 1.0), linewidth=0.5)
+        pane.set_major_locator(MaxNLocator(int(np.clip(7 * aspect[axis] / aspect.max(), 1, 7))))
+    axes.view_init(elev=elevation, azim=azimuth)
+    axes.tick_params(labelsize=8, pad=1)
+    _fill(figure, axes, rectangle, np.array(list(np.ndindex(2, 2, 2))) * extent + middle - extent / 2, aspect, fill)
+    return axes
+
+
+def _fill(figure, axes, rectangle, corners, aspect, fill):
+    """Zoom and shift axes in perspective until the corners of their box fill the rectangle."""
+    left, bottom, width, height = rectangle
+    zoom = 1.0
+    for _ in range(3):  # perspective is not quite proportional to the zoom
+        axes.set_box_aspect(aspect, zoom=zoom)
+        seen = figure.transFigure.inverted().transform(_pixels(axes, corners))
+        size = np.ptp(seen, axis=0)
+        zoom *= fill * min(width / size[0], height / size[1])
+    axes.set_box_aspect(aspect, zoom=zoom)
+    shift = np.array([left + width / 2, bottom + height / 2]) - (seen.min(axis=0) + seen.max(axis=0)) / 2
+    axes.set_position([left + shift[0], bottom + shift[1], width, height])
+
+
+def draw_links(axes, segments, colours, widths, styles="solid", zorder=2):
+    """Add segments (m, 2, 2 or 3) to axes of either dimension."""
+    if segments.shape[2] == 3:
+        # one collection for all links, so that they hide each other according to their depth
+        lines = Line3DCollection(segments, colors=colours, linewidths=widths, linestyles=styles)
+        lines.set_clip_on(False)  # the axes' own square frame is smaller than the room they have
+        axes.add_collection3d(lines)
+    else:
+        lines = LineCollection(segments, colors=colours, linewidths=widths, linestyles=styles, zorder=zorder)
+        lines.set_capstyle("round")
+        axes.add_collection(lines)
+
+
+def colour_bar(figure, rectangle, colours, low, high, label):
+    """Add a colour bar from low to high at a rectangle of the figure."""
+    axes = figure.add_axes(rectangle)
+    bar = figure.colorbar(ScalarMappable(Normalize(low, high), colours), cax=axes)
+    bar.set_label(label, fontsize=9)
+    bar.ax.tick_params(labelsize=8)
+    bar.outline.set_linewidth(0.4)
+
+
+def plane_points(points):
+    """Return points as (n, 2) or (n, 3): a chain in one dimension is drawn along x."""
+    if points.shape[1] > 1:
+        return points
+    return np.column_stack([points[:, 0], np.zeros(len(points))])
+
+
+def label_axes(figure, axes, vertical="z (m)", gaps=(50.0, 50.0, 58.0)):
+    """Name the axes; in perspective along the edges that carry the ticks, that many points away from them."""
+    labels = ("x (m)", "y (m)", vertical)
+    if axes.name != "3d":
+        axes.set_xlabel(labels[0], fontsize=9)
+        axes.set_ylabel(labels[1], fontsize=9)
+        return
+    (x0, x1), (y0, y1), (z0, z1) = axes.get_xlim3d(), axes.get_ylim3d(), axes.get_zlim3d()
+    # seen from azimuths between -90 and 0 degrees, matplotlib puts the ticks on these three edges
+    edges = (((x0, y0, z0), (x1, y0, z0)), ((x1, y0, z0), (x1, y1, z0)), ((x1, y1, z0), (x1, y1, z1)))
+    middle = _pixels(axes, [((x0 + x1) / 2, (y0 + y1) / 2, (z0 + z1) / 2)])[0]
+    for label, edge, points in zip(labels, edges, gaps):
+        start, end = _pixels(axes, edge)
+        along = (end - start) / np.linalg.norm(end - start)
+        outward = np.array([along[1], -along[0]])
+        outward *= np.sign(outward @ ((start + end) / 2 - middle)) or 1.0
+        place = figure.transFigure.inverted().transform((start + end) / 2 + outward * points * figure.dpi / 72.0)
+        angle = np.degrees(np.arctan2(along[1], along[0]))
+        figure.text(*place, label, fontsize=9, ha="center", va="center", rotation=(angle + 90.0) % 180.0 - 90.0)
+
+
+def _pixels(axes, points):
+    """Return the place on the canvas of points in perspective."""
+    axes.apply_aspect()
+    x, y, _ = proj3d.proj_transform(*np.asarray(points, dtype=float).T, axes.get_proj())
+    return axes.transData.transform(np.column_stack([x, y]))

@@ -1,0 +1,131 @@
+"""Read the laws of the links from the TOML file beside a Gmsh file."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from latinpc.laws import RIGID, Law
+
+from .description import nearest, number, one_of, vector
+
+ONLY_FOR = {
+    "gap": ("contact", "friction"),
+    "coefficient": ("friction",),
+    "normal": ("contact", "friction"),
+    "table": ("table",),
+}
+
+
+def read_laws(settings, points, lines, line_groups, description, path):
+    """Return the arrays of the links for a Scene, and the line of each link.
+
+    A contact with friction is one line and several links.
+    """
+    length = np.linalg.norm(points[lines[:, 1]] - points[lines[:, 0]], axis=1)
+    null = np.flatnonzero(length <= 1e-12 * max(np.ptp(points, axis=0).max(), 1e-300))
+    if len(null):
+        a, b = lines[null[0]]
+        raise ValueError(
+            f"{path}: {len(null)} link(s) of zero length, the first between nodes {a + 1} and {b + 1}"
+            " (counted in the order of the file); remove them, or merge the points in Gmsh (Coherence)"
+        )
+    law = np.full(len(lines), -1)
+    stiffness, initial_elongation, friction = np.zeros(len(lines)), np.zeros(len(lines)), np.zeros(len(lines))
+    direction, tables = np.zeros(points[lines[:, 0]].shape), []
+    for group, entries in settings["laws"].items():
+        where = f"{description}: [laws.{group}]"
+        if group not in line_groups:
+            raise ValueError(f"{where}: no physical group of lines has this name{nearest(group, line_groups)}")
+        chosen = line_groups[group]
+        if (law[chosen] >= 0).any():
+            raise ValueError(f"{where}: some of its lines have a law already; keep one law for a line")
+        kinds = [kind.name.lower() for kind in Law if kind != Law.TANGENT] + ["table"]
+        kind = entries.get("law")
+        if kind not in kinds:
+            said = "key 'law' is missing" if kind is None else f"unknown law {kind!r}"
+            raise ValueError(f"{where}: {said}; use {', '.join(kinds)}")
+        for key, laws in ONLY_FOR.items():
+            if key in entries and kind not in laws:
+                raise ValueError(f"{where}: {key} is of no use to the law {kind}, only to {' and '.join(laws)}")
+        law[chosen] = len(Law) + len(tables) if kind == "table" else Law[kind.upper()]
+        if kind == "table":
+            tables.append(_table(entries, where))
+        free = kind == "table" or Law[kind.upper()] in RIGID
+        stiffness[chosen] = _stiffness(entries, length[chosen], where, free)
+        initial_elongation[chosen] = _initial_elongation(entries, length[chosen], stiffness[chosen], where)
+        if kind == "friction":
+            friction[chosen] = number(entries.get("coefficient"), f"{where}: coefficient")
+            if friction[chosen[0]] < 0:
+                raise ValueError(f"{where}: coefficient must not be negative, as {entries['coefficient']} is")
+        if "normal" in entries:
+            direction[chosen] = vector(entries["normal"], points.shape[1], f"{where}: normal")
+            if not direction[chosen[0]].any():
+                raise ValueError(f"{where}: normal has no length; leave it out for the direction of the line")
+    if (law < 0).any():
+        without = [name for name, chosen in line_groups.items() if (law[chosen] < 0).any()]
+        cure = f"write [laws.{without[0]}]" if without else "put every curve in a physical group in Gmsh"
+        raise ValueError(f"{description}: {(law < 0).sum()} lines of {path.name} have no law; {cure}")
+    return _contacts(points, lines, law, stiffness, initial_elongation, direction, friction) | {"tables": tuple(tables)}
+
+
+def _contacts(points, lines, law, stiffness, initial_elongation, direction, friction):
+    """Add the tangential links of contacts with friction, at right angles to the normal."""
+    dim = points.shape[1]
+    rows = np.where(law == Law.FRICTION, dim, 1)
+    line = np.repeat(np.arange(len(law)), rows)
+    first = np.append(True, line[1:] != line[:-1])
+    law, direction, friction = law[line], direction[line], friction[line]
+    for link in np.flatnonzero((law == Law.FRICTION) & first):
+        normal = direction[link]
+        if not normal.any():
+            normal = np.subtract(*points[lines[line[link]]][::-1])
+        # the normal first, perhaps with the opposite sign
+        frame = np.linalg.qr(np.column_stack([normal, np.eye(dim)]))[0].T
+        direction[link : link + dim] = [normal, *frame[1:dim]]
+        law[link + 1 : link + dim] = Law.TANGENT
+    arrays = {
+        "law": law,
+        "stiffness": stiffness[line],
+        "initial_elongation": np.where(first, initial_elongation[line], 0.0),
+        "line": line,
+    }
+    if direction.any():
+        arrays["direction"] = direction
+    if (law == Law.FRICTION).any():
+        arrays["friction"] = friction
+    return arrays
+
+
+def _table(entries, where):
+    """Return elongations and tensions of a piecewise linear law."""
+    table = entries.get("table")
+    if not isinstance(table, list) or len(table) < 2:
+        raise ValueError(f"{where}: table must be a list of two or more pairs [e + e0 (m), tension (N)], not {table!r}")
+    elongation, tension = np.array([vector(pair, 2, f"{where}: table") for pair in table]).T
+    if (np.diff(elongation) <= 0).any() or (np.diff(tension) < 0).any() or tension[0] == tension[-1]:
+        raise ValueError(f"{where}: the elongations of the table must increase, and the tensions must not decrease")
+    return elongation, tension
+
+
+def _stiffness(entries, length, where, free):
+    key = one_of(entries, ("EA", "stiffness"), where)
+    if key is None and free:
+        return np.zeros(len(length))
+    if free and key == "EA":
+        raise ValueError(f"{where}: the law {entries['law']} takes no EA; leave it out, or give stiffness (N/m)")
+    if key is None:
+        raise ValueError(f"{where}: no stiffness; give EA (N) or stiffness (N/m)")
+    value = number(entries[key], f"{where}: {key}", positive=True)
+    return value / length if key == "EA" else np.full(len(length), value)
+
+
+def _initial_elongation(entries, length, stiffness, where):
+    key = one_of(entries, ("initial_elongation", "strain", "prestress", "gap"), where)
+    if key is None:
+        return np.zeros(len(length))
+    value = number(entries[key], f"{where}: {key}")
+    if key == "prestress":
+        if entries["law"] not in ("bar", "cable", "compression_only"):
+            raise ValueError(f"{where}: the law {entries['law']} takes no prestress; give initial_elongation (m)")
+        return value / stiffness
+    return value * length if key == "strain" else value + 0 * length

@@ -1,0 +1,29 @@
+"""Write a scene to an .npz file, and read it again."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+
+from latinpc.scenes.scene import Scene
+
+_ARRAYS = ("nodes", "links", "law", "stiffness", "initial_elongation", "fixed", "prescribed", "load")
+_OPTIONAL = ("subdomain", "direction", "friction", "mass", "velocity")
+
+
+def save_scene(path, scene):
+    """Write a scene to an uncompressed .npz file."""
+    arrays = {name: getattr(scene, name) for name in _ARRAYS}
+    arrays |= {name: getattr(scene, name) for name in _OPTIONAL if getattr(scene, name) is not None}
+    tables = [[part.tolist() for part in table] for table in scene.tables]
+    text = json.dumps({"name": scene.name, "metadata": scene.metadata, "time_step": scene.time_step, "tables": tables})
+    np.savez(path, text=np.frombuffer(text.encode(), np.uint8), **arrays)
+
+
+def load_scene(path):
+    """Read what `save_scene` wrote."""
+    with np.load(path) as file:
+        text = json.loads(bytes(file["text"]))
+        arrays = {name: file[name] for name in file.files if name != "text"}
+    return Scene(**text, **arrays)

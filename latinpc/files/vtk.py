@@ -1,0 +1,93 @@
+"""Write results for ParaView: .vtu files, and .pvd files of motions."""
+
+from __future__ import annotations
+
+import pathlib
+
+import meshio
+import numpy as np
+
+from latinpc.scenes.mechanics import elongations, slack
+
+from .atomic import atomic
+
+
+def write_vtu(path, scene, displacements, tensions, subdomain=None, node_class=None, velocities=None):
+    """Write a solved structure for ParaView.
+
+    Not collective: call it on one rank, with whole arrays in the scene's numbering.
+
+    Parameters
+    ----------
+    path : str or path-like
+        A ``.vtu`` file; it is replaced only once it is completely written.
+    scene : Scene
+    displacements : (n, dim) array
+        In m.
+    tensions : (m,) array
+        In N.
+    subdomain : (m,) array of int, optional
+        Subdomain of each link; -1 where not given.
+    node_class : (n,) array of int, optional
+        0 interior, 1 strong interface, 2 weak interface, 3 corner; -1 where not given.
+    velocities : (n, dim) array, optional
+        In m/s.
+    """
+    n, m = len(scene.nodes), len(scene.links)
+
+    def in_space(array):
+        whole = np.zeros((n, 3))
+        whole[:, : np.shape(array)[1]] = array
+        return whole
+
+    def whole_numbers(array, size):
+        return np.full(size, -1, dtype=np.int64) if array is None else np.asarray(array, dtype=np.int64)
+
+    mesh = meshio.Mesh(
+        in_space(scene.nodes),
+        [("line", np.asarray(scene.links, dtype=np.int64))],
+        point_data={
+            "displacement": in_space(displacements),
+            "load": in_space(scene.load),
+            "fixed": in_space(scene.fixed),
+            "interface_class": whole_numbers(node_class, n),
+            **({} if velocities is None else {"velocity": in_space(velocities)}),
+        },
+        cell_data={
+            "tension": [np.asarray(tensions, dtype=float)],
+            "elongation": [elongations(scene, displacements)],
+            "slack": [slack(scene, tensions).astype(np.int64)],
+            "law": [whole_numbers(scene.law, m)],
+            "subdomain": [whole_numbers(subdomain, m)],
+        },
+    )
+    with atomic(path) as temporary:
+        meshio.vtu.write(temporary, mesh)
+
+
+def write_pvd(path, motion):
+    """Write a motion for ParaView: a file for each frame, in a folder of the same name, and an index with the times.
+
+    Not collective: call it on one rank.
+
+    Parameters
+    ----------
+    path : str or path-like
+        A ``.pvd`` file; it is replaced only once all is written.
+    motion : latinpc.runs.motion.Motion
+        With its frames.
+    """
+    path = pathlib.Path(path)
+    folder = path.with_suffix("")
+    folder.mkdir(exist_ok=True)
+    entries = []
+    for frame in motion.frames:
+        name = f"{folder.name}/{frame.step:06d}.vtu"
+        arrays = (frame.displacements, frame.tensions, motion.subdomain, motion.node_class, frame.velocities)
+        write_vtu(path.parent / name, motion.scene, *arrays)
+        entries.append(f'    <DataSet timestep="{frame.time!r}" part="0" file="{name}"/>\n')
+    with atomic(path) as temporary:
+        pathlib.Path(temporary).write_text(
+            '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">\n'
+            f"  <Collection>\n{''.join(entries)}  </Collection>\n</VTKFile>\n"
+        )

@@ -1,0 +1,1 @@
+"""Runs of scenes: solve, motion, checkpoint, and their reports."""

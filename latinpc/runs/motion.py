@@ -1,0 +1,238 @@
+"""Make time steps of a scene with masses: what ``latinpc solve SCENE --steps N`` and the benchmarks call."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from petsc4py import PETSc
+
+import latinpc
+from latinpc.laws import UNILATERAL
+from latinpc.scenes.mechanics import slack
+from latinpc.scenes.scene import Scene
+from latinpc.structure import Structure
+
+from .checkpoint import Keeper
+from .options import default_options, unknown_options
+from .report import DECOMPOSITION, environment, plain, problem, reason_name
+
+CONTRAST = 1e3  # of masses, above which a message on a step that fails names it
+FRAMES = 100  # states kept of a motion, at most, by default
+
+
+@dataclass
+class Frame:
+    """The state after a step; arrays are whole, in the scene's numbering."""
+
+    step: int
+    time: float  #: s
+    displacements: np.ndarray  #: (n, dim), m
+    velocities: np.ndarray  #: (n, dim), m/s
+    tensions: np.ndarray  #: (m,), N: impulses over the length of the step
+
+
+@dataclass
+class Motion:
+    """A scene that has moved; the same on every rank."""
+
+    scene: Scene
+    report: dict  #: JSON-able, with the keys that `move` lists
+    frames: list = field(default_factory=list)
+    subdomain: np.ndarray | None = None  #: (m,), as the solver has it
+    node_class: np.ndarray | None = None  #: (n,), 0 interior, 1 strong, 2 weak interface, 3 corner
+    notices: list = field(default_factory=list)  #: sentences the user should read
+
+    @property
+    def converged(self):
+        """Whether all steps have converged."""
+        return self.report["converged"]
+
+
+def move(
+    scene, steps, step=None, options=None, *, subdomains=None, mass=None, every=None, comm=None, each_step=None,
+    keeper=None,
+):  # fmt: skip
+    """Make time steps with the TS that the options name, `latin` by default; collective.
+
+    Parameters
+    ----------
+    scene : Scene
+        The same on every rank; it starts without displacement, with its velocities.
+    steps : int
+        Number of steps.
+    step : float, optional
+        Length of a step (s); that of the scene when not given.
+    options : dict, optional
+        PETSc options without the leading dash, used where the user has not set them.
+    subdomains : int, optional
+        Number of subdomains that METIS makes when the scene has no partition.
+    mass : float, optional
+        Of every node (kg), in place of the scene's.
+    every : int, optional
+        Keep every Nth state as a frame; 0 keeps the last one only. By default about a hundred in all.
+    comm : communicator, optional
+    each_step : callable, optional
+        Called after each step with its number and its time.
+    keeper : Keeper, optional
+        Saves the state between steps; after a restart, frames start there.
+
+    Returns
+    -------
+    Motion
+        Its report has the keys scene, scene_options, dofs, free_dofs, links, ranks, subdomains, strong_interfaces,
+        weak_interfaces, strong_macro_dofs, weak_dofs, solver, steps, step, time, converged, reason, iterations (of each
+        step), iterations_mean, kinetic_energy and potential_energy (at the start and after each step), active (links
+        that can be slack and are not, after each step), first_step_seconds (with the set-up), seconds,
+        peak_memory_bytes, versions, options. What does not apply is None.
+
+    Raises
+    ------
+    ValueError, petsc4py.PETSc.Error
+        On every rank. A step that does not converge is no error: see ``report["reason"]``.
+    """
+    if mass is not None:
+        scene = replace(scene, mass=np.full(len(scene.nodes), float(mass)))
+    if scene.mass is None:
+        raise ValueError(f"the scene {scene.name} has no masses: give every node one with --node-mass")
+    step = scene.time_step if step is None else step
+    if step is None:
+        raise ValueError(f"the scene {scene.name} has no time step: give it in seconds with --step")
+    if steps < 1 or not 0.0 < step < np.inf:
+        raise ValueError(f"a motion needs at least one step of positive length, not {steps} of {step} s")
+    every = max(-(-steps // FRAMES), 1) if every is None else every
+    structure = Structure.from_scene(scene, comm)
+    keeper = keeper or Keeper(structure.comm.tompi4py())
+    settings = keeper.options | dict(options or {})
+    if subdomains is not None:
+        settings |= {"snes_latin_subdomains": subdomains, "pc_latin_subdomains": subdomains}
+    v = structure.create_vec()
+    if scene.velocity is not None:
+        structure.set_displacements(scene.velocity, v)
+    with default_options(settings):
+        ts = structure.create_ts(v=v)
+        try:
+            ts.setTimeStep(step)
+            ts.setMaxSteps(steps)
+            ts.setErrorIfStepFails(False)
+            ts.setFromOptions()
+            return _move(_Recorder(scene, structure, ts, steps, every, each_step, keeper), step)
+        finally:
+            ts.destroy()
+
+
+class _Recorder:
+    """Records of a motion: energies, iterations and active links of each step, and the frames.
+
+    Parameters are those of `move`. Methods are collective.
+    """
+
+    def __init__(self, scene, structure, ts, steps, every, each_step, keeper):
+        self.scene, self.structure, self.ts, self.keeper = scene, structure, ts, keeper
+        self.past = {"iterations": [], "kinetic_energy": [], "potential_energy": [], "active": []}
+        self.frames = []
+        self.first_end = None  # clock after the first step
+        self.seconds = 0.0  # spent here, not on the motion
+        self._steps, self._every, self._each_step = steps, every, each_step
+        self._unilateral = np.isin(scene.law, UNILATERAL)
+
+    def _tensions(self, u):
+        return latinpc.step_tensions(self.ts) if self.ts.getType() == "latin" else self.structure.tensions(u)
+
+    def add_frame(self, number):
+        """Keep the state after a step."""
+        u, v = self.ts.getSolution2()
+        tensions = self._tensions(u)
+        velocities = np.where(self.scene.fixed, 0.0, self.structure.displacements(v))
+        self.frames.append(Frame(number, self.ts.getTime(), self.structure.displacements(u), velocities, tensions))
+
+    def record(self, number):
+        """Record a step, or the start as number 0."""
+        start = time.perf_counter()
+        if number == 1:
+            self.first_end = start
+        u, v = self.ts.getSolution2()
+        if number:
+            self.past["iterations"].append(self.ts.getSNES().getIterationNumber())
+        self.past["kinetic_energy"].append(self.structure.kinetic_energy(v))
+        self.past["potential_energy"].append(self.structure.energy(u))
+        if number and self._unilateral.any():
+            loose = slack(self.scene, self._tensions(u))
+            self.past["active"].append(int(np.count_nonzero(self._unilateral & ~loose)))
+        if number == self._steps or (self._every and number % self._every == 0):
+            self.add_frame(number)
+        if self._each_step is not None:
+            self._each_step(number, self.ts.getTime())
+        self.seconds += time.perf_counter() - start
+
+    def after_step(self, ts):
+        """Record a step and keep its state; for ``ts.setPostStep``."""
+        number = ts.getStepNumber()
+        if number == len(self.past["iterations"]):  # the step has failed
+            return
+        self.record(number)
+        if self.keeper.step(ts, number, self.past):
+            ts.setConvergedReason(PETSc.TS.ConvergedReason.CONVERGED_USER)
+
+
+def _move(recorder, step):
+    """Make the steps and report; collective."""
+    scene, structure, ts, keeper = recorder.scene, recorder.structure, recorder.ts, recorder.keeper
+    comm, snes = structure.comm.tompi4py(), ts.getSNES()
+    keeper.about(scene, length_of_a_step=step)
+    ts.setPostStep(recorder.after_step)
+    done, kept = keeper.resume(ts)
+    recorder.past |= kept
+    if not done:
+        recorder.record(0)
+    recorder.seconds = 0.0
+    comm.barrier()
+    start = time.perf_counter()
+    with keeper.watching(snes):
+        ts.solve(ts.getSolution2()[0])
+    keeper.check()
+    comm.barrier()
+    duration = time.perf_counter() - start - recorder.seconds
+    if not recorder.frames or recorder.frames[-1].step != ts.getStepNumber():
+        recorder.add_frame(ts.getStepNumber())
+    is_latin = snes.getType() == "latin"
+    statistics = latinpc.statistics(snes) if is_latin else {}
+    reason, iterations = ts.getConvergedReason(), recorder.past["iterations"]
+    report = {
+        **problem(scene, structure),
+        "solver": f"{ts.getType()} + {snes.getType()}" + ("" if is_latin else f" + {snes.getKSP().getPC().getType()}"),
+        **{key: statistics.get(key) for key in DECOMPOSITION},
+        "steps": ts.getStepNumber(),
+        "step": step,
+        "time": ts.getTime(),
+        "converged": reason > 0,
+        "reason": reason_name(PETSc.TS.ConvergedReason, reason),
+        **recorder.past,
+        "iterations_mean": float(np.mean(iterations)) if iterations else None,
+        "first_step_seconds": recorder.first_end - start if recorder.first_end is not None else None,
+        "seconds": duration,
+        **environment(comm),
+    }
+    return Motion(
+        scene=scene,
+        report=plain(report),
+        frames=recorder.frames,
+        subdomain=latinpc.subdomain_of_links(snes) if is_latin else scene.subdomain,
+        node_class=latinpc.node_classes(snes) if is_latin else None,
+        notices=unknown_options() + ([] if reason > 0 else _causes(ts, snes, scene.mass)),
+    )
+
+
+def _causes(ts, snes, mass):
+    """Return a sentence on why a step has not converged."""
+    names = PETSc.SNES.ConvergedReason
+    text = f"step {ts.getStepNumber() + 1} has not converged: {reason_name(names, snes.getConvergedReason())}"
+    if snes.getType() == "latin" and snes.getConvergedReason() == names.DIVERGED_INNER:
+        least = latinpc.rounding_floor(snes)
+        text += f", the requested error is below the rounding error of this step, about {least:.0e}"
+    heavy = mass[mass > 0.0]
+    if snes.getConvergedReason() == names.DIVERGED_MAX_IT and len(heavy) and heavy.max() > CONTRAST * heavy.min():
+        contrast = heavy.max() / heavy.min()
+        text += f"; masses differ by a factor of {contrast:.0e}: light nodes between heavy ones converge slowly"
+    return [text]

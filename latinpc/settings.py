@@ -1,0 +1,177 @@
+"""Settings of a SNES, KSP or PC of type latin, as its options make them.
+
+Every rank of the solver calls them with the same values. They count from the next set-up or solve on.
+"""
+
+from __future__ import annotations
+
+from petsc4py import PETSc
+
+from latinpc.arrays import native, partition, slices_of
+from latinpc.library import _latin
+
+__all__ = [
+    "set_direction",
+    "set_error",
+    "set_modes",
+    "set_newton",
+    "set_partition",
+    "set_reference",
+    "set_stop",
+    "set_subdomains",
+    "set_variant",
+    "set_warm_start",
+]
+
+VARIANTS = ("none", "macro", "corner", "published")
+MODES = ("affine", "rigid")
+DIRECTIONS = ("scalar", "diagonal", "block", "schur", "auto")
+STOPS = ("indicator", "residual", "reference", "error", "energy")
+NEWTONS = ("auto", "always", "never")
+WARM_STARTS = ("none", "last", "extrapolate")
+
+
+def _number(name, names, value):
+    """Find a choice among those of an option."""
+    if value not in names:
+        raise ValueError(f"{name} must be one of {', '.join(names)}, not {value!r}")
+    return names.index(value)
+
+
+def set_partition(solver, subdomain):
+    """Give every link its subdomain, in place of METIS; collective, before the set-up.
+
+    Parameters
+    ----------
+    solver : petsc4py.PETSc.SNES, petsc4py.PETSc.KSP or petsc4py.PETSc.PC
+        Of type latin, with a `Structure` attached. Of a TS, take ``ts.getSNES()``.
+    subdomain : (m,) array_like of int
+        The same on every rank, counted from 0 without gaps.
+    """
+    slices = slices_of(solver)
+    subdomain = partition("subdomain", subdomain, slices.links)
+    _latin.set_partition(solver, native(subdomain[slices.my_links], PETSc.IntType))
+
+
+def set_subdomains(solver, subdomains):
+    """Choose the number of subdomains, ``-snes_latin_subdomains``; not collective, before the set-up.
+
+    Parameters
+    ----------
+    solver : petsc4py.PETSc.SNES, petsc4py.PETSc.KSP or petsc4py.PETSc.PC
+        Of type latin.
+    subdomains : int
+        0: automatic.
+    """
+    _latin.set_subdomains(solver, subdomains)
+
+
+def set_variant(solver, variant):
+    """Choose the coarse treatment of weak interfaces, ``-snes_latin_variant``; not collective, before the set-up.
+
+    Parameters
+    ----------
+    solver : petsc4py.PETSc.SNES, petsc4py.PETSc.KSP or petsc4py.PETSc.PC
+        Of type latin.
+    variant : str
+        ``"none"``, ``"macro"``, ``"corner"`` or ``"published"``, section 4 of the article.
+    """
+    _latin.set_variant(solver, _number("variant", VARIANTS, variant))
+
+
+def set_modes(solver, modes, local=None):
+    """Choose the macro fields of strong interfaces, ``-snes_latin_modes``; not collective, before the set-up.
+
+    Parameters
+    ----------
+    solver : petsc4py.PETSc.SNES, petsc4py.PETSc.KSP or petsc4py.PETSc.PC
+        Of type latin.
+    modes : str
+        ``"affine"`` or ``"rigid"``.
+    local : float, optional
+        Threshold of local low-energy fields that are macro (``-snes_latin_modes_local``), 0: none. Automatic when not
+        given.
+    """
+    _latin.set_modes(solver, _number("modes", MODES, modes), PETSc.DEFAULT if local is None else local)
+
+
+def set_direction(solver, direction, value=0.0):
+    """Choose the search direction of the interfaces, ``-snes_latin_direction``; not collective, before the set-up.
+
+    Parameters
+    ----------
+    solver : petsc4py.PETSc.SNES, petsc4py.PETSc.KSP or petsc4py.PETSc.PC
+        Of type latin.
+    direction : str
+        ``"scalar"``, ``"diagonal"``, ``"block"``, ``"schur"`` or ``"auto"``.
+    value : float, optional
+        Of a scalar direction its stiffness d (N/m), of the others the fraction of the interface stiffness; 0:
+        automatic.
+    """
+    _latin.set_direction(solver, _number("direction", DIRECTIONS, direction), value)
+
+
+def set_stop(snes, stop):
+    """Set what must become small, as ``-snes_latin_stop``; logically collective.
+
+    Parameters
+    ----------
+    snes : petsc4py.PETSc.SNES
+        Of type latin.
+    stop : {"indicator", "residual", "reference", "error", "energy"}
+        A test given to ``snes.setConvergenceTest`` decides in its place.
+    """
+    _latin.set_stop(snes, _number("stop", STOPS, stop))
+
+
+def set_error(snes, error):
+    """Set the estimated error at which ``-snes_latin_stop error`` or ``energy`` ends a solve; logically collective.
+
+    Parameters
+    ----------
+    snes : petsc4py.PETSc.SNES
+        Of type latin.
+    error : float
+        Relative error of the displacements, between 0 and 1.
+    """
+    _latin.set_estimated_error(snes, error)
+
+
+def set_warm_start(snes, warm):
+    """Set where a solve starts, as ``-snes_latin_warm_start``; logically collective.
+
+    Parameters
+    ----------
+    snes : petsc4py.PETSc.SNES
+        Of type latin.
+    warm : {"none", "last", "extrapolate"}
+        From the displacements in the solution vector; from the state of the last solve; from those of the last two,
+        extrapolated, for loads that change in equal steps.
+    """
+    _latin.set_warm_start(snes, _number("warm", WARM_STARTS, warm))
+
+
+def set_newton(snes, newton):
+    """Set when Newton's method takes over from the iteration, as ``-snes_latin_newton``; logically collective.
+
+    Parameters
+    ----------
+    snes : petsc4py.PETSc.SNES
+        Of type latin.
+    newton : {"auto", "always", "never"}
+        Where the iteration stalls; also to finish every solve; not at all.
+    """
+    _latin.set_newton(snes, _number("newton", NEWTONS, newton))
+
+
+def set_reference(snes, reference):
+    """Give the displacement that ``-snes_latin_stop reference`` and the history measure against; collective.
+
+    Parameters
+    ----------
+    snes : petsc4py.PETSc.SNES
+        Of type latin.
+    reference : petsc4py.PETSc.Vec or None
+        Displacement of the free degrees of freedom (m).
+    """
+    _latin.set_reference(snes, reference)

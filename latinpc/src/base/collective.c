@@ -1,0 +1,96 @@
+#include "collective.h"
+
+/*
+   Errors found by one rank must end the call on all of them, or the others would wait in the next collective
+   call for ever. Every rank raises the message of the lowest rank that found something.
+*/
+PetscErrorCode LatinAgree_Private(MPI_Comm comm, PetscBool bad, PetscErrorCode code, const char message[])
+{
+  PetscMPIInt rank, size, mine, first;
+  char        text[512];
+
+  PetscFunctionBegin;
+  PetscCallMPI(MPI_Comm_rank(comm, &rank));
+  PetscCallMPI(MPI_Comm_size(comm, &size));
+  mine = bad ? rank : size;
+  PetscCallMPI(MPI_Allreduce(&mine, &first, 1, MPI_INT, MPI_MIN, comm));
+  if (first == size) PetscFunctionReturn(0);
+  PetscCall(PetscStrncpy(text, message, sizeof(text)));
+  PetscCallMPI(MPI_Bcast(text, (PetscMPIInt)sizeof(text), MPI_CHAR, first, comm));
+  SETERRQ(comm, code, "%s", text);
+}
+
+PetscErrorCode LatinAgreeError_Private(MPI_Comm comm, PetscErrorCode mine)
+{
+  PetscMPIInt rank, size, first, code = (PetscMPIInt)mine;
+  char        text[512] = "", *message = NULL;
+
+  PetscFunctionBegin;
+  PetscCallMPI(MPI_Comm_rank(comm, &rank));
+  PetscCallMPI(MPI_Comm_size(comm, &size));
+  first = mine ? rank : size;
+  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &first, 1, MPI_INT, MPI_MIN, comm));
+  if (first == size) PetscFunctionReturn(0);
+  if (mine) {
+    PetscCall(PetscErrorMessage(mine, NULL, (void *)&message)); /* char *, const or not, by version */
+    if (message) PetscCall(PetscStrncpy(text, message, sizeof(text)));
+  }
+  PetscCallMPI(MPI_Bcast(&code, 1, MPI_INT, first, comm));
+  PetscCallMPI(MPI_Bcast(text, (PetscMPIInt)sizeof(text), MPI_CHAR, first, comm));
+  SETERRQ(comm, (PetscErrorCode)code, "%s", text);
+}
+
+/* n units a point; PetscSF needs the basic type itself where n is 1 */
+static PetscErrorCode LatinType_Private(PetscInt n, MPI_Datatype unit, MPI_Datatype *type)
+{
+  PetscFunctionBegin;
+  *type = unit;
+  if (n > 1) {
+    PetscCallMPI(MPI_Type_contiguous((PetscMPIInt)n, unit, type));
+    PetscCallMPI(MPI_Type_commit(type));
+  }
+  PetscFunctionReturn(0);
+}
+
+/* Brings n units from each root to its leaves. Collective on sf */
+PetscErrorCode LatinSFBcast_Private(PetscSF sf, PetscInt n, MPI_Datatype unit, const void *root, void *leaf)
+{
+  MPI_Datatype type;
+
+  PetscFunctionBegin;
+  PetscCall(LatinType_Private(n, unit, &type));
+  PetscCall(PetscSFBcastBegin(sf, type, root, leaf, MPI_REPLACE));
+  PetscCall(PetscSFBcastEnd(sf, type, root, leaf, MPI_REPLACE));
+  if (n > 1) PetscCallMPI(MPI_Type_free(&type));
+  PetscFunctionReturn(0);
+}
+
+/* Combines n units of each leaf into its root. Collective on sf */
+PetscErrorCode LatinSFReduce_Private(PetscSF sf, PetscInt n, MPI_Datatype unit, const void *leaf, void *root, MPI_Op op)
+{
+  MPI_Datatype type;
+
+  PetscFunctionBegin;
+  PetscCall(LatinType_Private(n, unit, &type));
+  PetscCall(PetscSFReduceBegin(sf, type, leaf, root, op));
+  PetscCall(PetscSFReduceEnd(sf, type, leaf, root, op));
+  if (n > 1) PetscCallMPI(MPI_Type_free(&type));
+  PetscFunctionReturn(0);
+}
+
+/* The n least of n numbers of each rank, sorted. Collective on comm */
+PetscErrorCode LatinListFirst_Private(MPI_Comm comm, PetscInt n, const PetscInt mine[], PetscInt first[])
+{
+  PetscMPIInt ranks, each;
+  PetscInt   *all;
+
+  PetscFunctionBegin;
+  PetscCallMPI(MPI_Comm_size(comm, &ranks));
+  PetscCall(PetscMPIIntCast(n, &each));
+  PetscCall(PetscMalloc1(n * ranks, &all));
+  PetscCallMPI(MPI_Allgather(mine, each, MPIU_INT, all, each, MPIU_INT, comm));
+  PetscCall(PetscSortInt(n * ranks, all));
+  PetscCall(PetscArraycpy(first, all, n));
+  PetscCall(PetscFree(all));
+  PetscFunctionReturn(0);
+}

@@ -1,0 +1,95 @@
+#include "base/dense.h"
+
+/* False, and nothing is written, for a vector without length. Scaled, so that no unit of length overflows or underflows */
+PetscBool LatinUnitVector(PetscInt dim, const PetscReal v[], PetscReal unit[])
+{
+  PetscReal scale = 0.0, length = 0.0;
+
+  for (PetscInt c = 0; c < dim; c++) scale = PetscMax(scale, PetscAbsReal(v[c]));
+  if (!(scale > 0.0)) return PETSC_FALSE;
+  for (PetscInt c = 0; c < dim; c++) length += PetscSqr(v[c] / scale);
+  length = PetscSqrtReal(length);
+  for (PetscInt c = 0; c < dim; c++) unit[c] = v[c] / scale / length;
+  return PETSC_TRUE;
+}
+
+/* Right singular vectors (columns of V, modes x modes) and singular values, decreasing, of A (rows x modes), by way of its QR factor */
+PetscErrorCode LatinSVD_Private(PetscInt rows, PetscInt modes, const PetscScalar A[], PetscReal s[], PetscScalar V[])
+{
+  PetscScalar *a, *tau, *vt, *work, dummy;
+  PetscBLASInt m, n, ld, one = 1, lwork, info;
+
+  PetscFunctionBegin;
+  PetscCall(PetscBLASIntCast(modes, &n));
+  PetscCall(PetscBLASIntCast(PetscMax(rows, modes), &m)); /* padded with zero rows: square at least, whatever the number of nodes */
+  ld = m;
+  PetscCall(PetscBLASIntCast(64 * modes, &lwork));
+  PetscCall(PetscMalloc3(modes, &tau, modes * modes, &vt, lwork, &work));
+  PetscCall(PetscCalloc1((size_t)m * (size_t)n, &a));
+  for (PetscInt j = 0; j < modes; j++) PetscCall(PetscArraycpy(a + (size_t)m * (size_t)j, A + (size_t)rows * (size_t)j, rows));
+  PetscCallBLAS("LAPACKgeqrf", LAPACKgeqrf_(&m, &n, a, &ld, tau, work, &lwork, &info));
+  PetscCheck(!info, PETSC_COMM_SELF, PETSC_ERR_LIB, "LAPACK geqrf failed on the modes of an interface (info %d)", (int)info);
+  for (PetscInt j = 0; j < modes; j++)
+    for (PetscInt i = j + 1; i < modes; i++) a[i + ld * j] = 0.0;
+  PetscCallBLAS("LAPACKgesvd", LAPACKgesvd_("N", "A", &n, &n, a, &ld, s, &dummy, &one, vt, &n, work, &lwork, &info));
+  PetscCheck(!info, PETSC_COMM_SELF, PETSC_ERR_LIB, "LAPACK gesvd failed on the modes of an interface (info %d)", (int)info);
+  for (PetscInt k = 0; k < modes; k++)
+    for (PetscInt j = 0; j < modes; j++) V[j + modes * k] = vt[k + modes * j];
+  PetscCall(PetscFree(a));
+  PetscCall(PetscFree3(tau, vt, work));
+  PetscFunctionReturn(0);
+}
+
+/* out (rows x n) = A (rows x modes) times the first n columns of V (modes x modes), each divided by its scale */
+void LatinCombine_Private(PetscInt rows, PetscInt modes, PetscInt n, const PetscScalar A[], const PetscScalar V[], const PetscReal scale[], PetscScalar out[])
+{
+  for (PetscInt k = 0; k < n; k++) {
+    for (PetscInt r = 0; r < rows; r++) out[r + rows * k] = 0.0;
+    for (PetscInt j = 0; j < modes; j++)
+      for (PetscInt r = 0; r < rows; r++) out[r + rows * k] += A[r + rows * j] * V[j + modes * k] / scale[k];
+  }
+}
+
+/* Lower Cholesky factor in place, upper part zero. Plain loops: equal matrices give equal bits wherever they lie in memory. */
+PetscBool LatinCholesky(PetscInt n, PetscReal A[])
+{
+  for (PetscInt j = 0; j < n; j++) {
+    for (PetscInt i = 0; i < j; i++) A[i + n * j] = 0.0;
+    if (!(A[j + n * j] > 0.0) || PetscIsInfOrNanReal(A[j + n * j])) return PETSC_FALSE;
+    A[j + n * j] = PetscSqrtReal(A[j + n * j]);
+    for (PetscInt i = j + 1; i < n; i++) A[i + n * j] /= A[j + n * j];
+    for (PetscInt k = j + 1; k < n; k++)
+      for (PetscInt i = k; i < n; i++) A[i + n * k] -= A[i + n * j] * A[k + n * j];
+  }
+  return PETSC_TRUE;
+}
+
+/* The inverse M of a lower triangular matrix L, upper part zero */
+void LatinInvert(PetscInt n, const PetscReal L[], PetscReal M[])
+{
+  for (PetscInt j = 0; j < n; j++) {
+    PetscReal *v = M + n * j;
+
+    for (PetscInt i = 0; i < n; i++) v[i] = i == j ? 1.0 : 0.0;
+    for (PetscInt k = j; k < n; k++) {
+      v[k] /= L[k + n * k];
+      for (PetscInt i = k + 1; i < n; i++) v[i] -= L[i + n * k] * v[k];
+    }
+  }
+}
+
+/* The inverse of a symmetric positive definite matrix in place, from its lower half; *bad is set where it is not positive definite */
+PetscErrorCode LatinSPDInverse_Private(PetscInt n, PetscReal A[], PetscBool *bad)
+{
+  PetscBLASInt m, info = 0;
+
+  PetscFunctionBegin;
+  if (!n) PetscFunctionReturn(0);
+  PetscCall(PetscBLASIntCast(n, &m));
+  PetscCallBLAS("LAPACKpotrf", LAPACKpotrf_("L", &m, A, &m, &info));
+  if (!info) PetscCallBLAS("LAPACKpotri", LAPACKpotri_("L", &m, A, &m, &info));
+  if (info) *bad = PETSC_TRUE;
+  for (size_t j = 0; j < (size_t)n; j++)
+    for (size_t i = 0; i < j; i++) A[i + (size_t)n * j] = A[j + (size_t)n * i];
+  PetscFunctionReturn(0);
+}

@@ -1,0 +1,17 @@
+/*
+   Small vectors and dense matrices, column-major.
+*/
+#ifndef LATINDENSE_H
+#define LATINDENSE_H
+
+#include <petscsys.h>
+#include <petscblaslapack.h>
+
+PETSC_INTERN PetscBool      LatinUnitVector(PetscInt dim, const PetscReal v[], PetscReal unit[]);
+PETSC_INTERN PetscErrorCode LatinSVD_Private(PetscInt rows, PetscInt modes, const PetscScalar A[], PetscReal s[], PetscScalar V[]);
+PETSC_INTERN void           LatinCombine_Private(PetscInt rows, PetscInt modes, PetscInt n, const PetscScalar A[], const PetscScalar V[], const PetscReal scale[], PetscScalar out[]);
+PETSC_INTERN PetscBool      LatinCholesky(PetscInt n, PetscReal A[]);
+PETSC_INTERN void           LatinInvert(PetscInt n, const PetscReal L[], PetscReal M[]);
+PETSC_INTERN PetscErrorCode LatinSPDInverse_Private(PetscInt n, PetscReal A[], PetscBool *bad);
+
+#endif

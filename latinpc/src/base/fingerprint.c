@@ -1,0 +1,127 @@
+#include "fingerprint.h"
+#include <stdlib.h>
+#include <string.h>
+
+/*
+   What is equal to the bit need be computed once: a structure made of repeated modules has few different interfaces,
+   subdomains and groups of them.
+*/
+
+uint64_t LatinHash(size_t n, const void *data)
+{
+  const unsigned char *bytes = (const unsigned char *)data;
+  uint64_t             hash  = 1469598103934665603u; /* FNV-1a, word by word */
+
+  for (size_t i = 0; i + sizeof(uint64_t) <= n; i += sizeof(uint64_t)) {
+    uint64_t word;
+
+    memcpy(&word, bytes + i, sizeof(word));
+    hash = (hash ^ word) * 1099511628211u;
+    hash ^= hash >> 29;
+  }
+  for (size_t i = n - n % sizeof(uint64_t); i < n; i++) hash = (hash ^ bytes[i]) * 1099511628211u;
+  return hash;
+}
+
+int LatinKeyCompare(const void *pa, const void *pb)
+{
+  const LatinKey *a = (const LatinKey *)pa, *b = (const LatinKey *)pb;
+
+  if (a->hash != b->hash) return a->hash < b->hash ? -1 : 1;
+  return a->number < b->number ? -1 : (a->number > b->number ? 1 : 0);
+}
+
+/* pattern[i]: the first of n records equal to record i, which is the bytes first[i] to first[i + 1] of data */
+PetscErrorCode LatinFindEqual(PetscInt n, const size_t first[], const void *data, PetscInt pattern[])
+{
+  const char *bytes = (const char *)data;
+  LatinKey   *key;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMalloc1(n, &key));
+  for (PetscInt i = 0; i < n; i++) {
+    key[i].hash   = LatinHash(first[i + 1] - first[i], bytes + first[i]);
+    key[i].number = i;
+    pattern[i]    = i;
+  }
+  if (n > 1) qsort(key, (size_t)n, sizeof(*key), LatinKeyCompare);
+  for (PetscInt i = 1; i < n; i++) {
+    const PetscInt b = key[i].number;
+
+    for (PetscInt j = i - 1; j >= 0 && key[j].hash == key[i].hash && pattern[b] == b; j--) {
+      const PetscInt a = pattern[key[j].number]; /* different records with one hash stay apart */
+
+      if (first[a + 1] - first[a] == first[b + 1] - first[b] && (first[b + 1] == first[b] || !memcmp(bytes + first[a], bytes + first[b], first[b + 1] - first[b]))) pattern[b] = a;
+    }
+  }
+  PetscCall(PetscFree(key));
+  PetscFunctionReturn(0);
+}
+
+/* ---- streams ---- */
+
+/* Room for n more bytes at the end of the stream */
+PetscErrorCode LatinStreamRoom_Private(LatinStream *stream, size_t n, unsigned char **room)
+{
+  PetscFunctionBegin;
+  if (stream->used + n > stream->size) {
+    unsigned char *larger;
+
+    stream->size = 2 * (stream->used + n);
+    PetscCall(PetscMalloc1(stream->size, &larger));
+    if (stream->used) PetscCall(PetscMemcpy(larger, stream->bytes, stream->used));
+    PetscCall(PetscFree(stream->bytes));
+    stream->bytes = larger;
+  }
+  *room = stream->bytes + stream->used;
+  stream->used += n;
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode LatinStreamAdd_Private(LatinStream *stream, const void *data, size_t n)
+{
+  unsigned char *room = NULL;
+
+  PetscFunctionBegin;
+  PetscCall(LatinStreamRoom_Private(stream, n, &room));
+  PetscCall(PetscMemcpy(room, data, n));
+  PetscFunctionReturn(0);
+}
+
+/* pattern[i]: the first of n things whose stream equals that of i; make() writes the stream of one */
+PetscErrorCode LatinStreamCompare_Private(PetscInt n, PetscErrorCode (*make)(const void *ctx, PetscInt i, LatinStream *), const void *ctx, PetscInt pattern[])
+{
+  LatinStream a = {NULL, 0, 0}, b = {NULL, 0, 0};
+  LatinKey   *key;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMalloc1(n, &key));
+  for (PetscInt i = 0; i < n; i++) {
+    a.used = 0;
+    if (n > 1) PetscCall(make(ctx, i, &a));
+    key[i].hash   = LatinHash(a.used, a.bytes);
+    key[i].number = i;
+    pattern[i]    = i;
+  }
+  if (n > 1) qsort(key, (size_t)n, sizeof(*key), LatinKeyCompare);
+  for (PetscInt i = 0; i < n;) {
+    PetscInt j = i + 1;
+
+    a.used = 0;
+    if (j < n && key[j].hash == key[i].hash) PetscCall(make(ctx, key[i].number, &a));
+    for (; j < n && key[j].hash == key[i].hash; j++) {
+      PetscBool same;
+
+      b.used = 0;
+      PetscCall(make(ctx, key[j].number, &b));
+      if (a.used != b.used) continue; /* a different thing with the same hash stays on its own */
+      PetscCall(PetscMemcmp(a.bytes, b.bytes, a.used, &same));
+      if (same) pattern[key[j].number] = key[i].number;
+    }
+    i = j;
+  }
+  PetscCall(PetscFree(key));
+  PetscCall(PetscFree(a.bytes));
+  PetscCall(PetscFree(b.bytes));
+  PetscFunctionReturn(0);
+}

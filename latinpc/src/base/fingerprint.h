@@ -1,0 +1,51 @@
+/*
+   Equal things: records of equal bytes, and sets of numbers that are joined.
+*/
+#ifndef LATINFINGERPRINT_H
+#define LATINFINGERPRINT_H
+
+#include <petscsys.h>
+
+typedef struct {
+  uint64_t hash;
+  PetscInt number;
+} LatinKey;
+
+PETSC_INTERN uint64_t       LatinHash(size_t n, const void *);
+PETSC_INTERN int            LatinKeyCompare(const void *, const void *); /* for qsort(): by hash, then by number */
+PETSC_INTERN PetscErrorCode LatinFindEqual(PetscInt n, const size_t first[], const void *data, PetscInt pattern[]);
+
+/* Everything that a thing depends on, as one stream of bytes: hashed, or compared with another's */
+typedef struct {
+  unsigned char *bytes;
+  size_t         used, size;
+} LatinStream;
+PETSC_INTERN PetscErrorCode LatinStreamRoom_Private(LatinStream *, size_t, unsigned char **);
+PETSC_INTERN PetscErrorCode LatinStreamAdd_Private(LatinStream *, const void *data, size_t);
+PETSC_INTERN PetscErrorCode LatinStreamCompare_Private(PetscInt n, PetscErrorCode (*make)(const void *ctx, PetscInt i, LatinStream *), const void *ctx, PetscInt pattern[]);
+
+/* Bits that look random: the finaliser of MurmurHash3 */
+static inline uint64_t LatinMix(uint64_t h)
+{
+  h ^= h >> 33;
+  h *= 0xff51afd7ed558ccdULL;
+  h ^= h >> 33;
+  h *= 0xc4ceb9fe1a85ec53ULL;
+  return h ^ (h >> 33);
+}
+
+/* Sets of numbers that are joined, each known by its least member */
+static inline PetscInt LatinRoot(PetscInt parent[], PetscInt i)
+{
+  while (parent[i] != i) i = parent[i] = parent[parent[i]];
+  return i;
+}
+
+static inline void LatinJoin(PetscInt parent[], PetscInt i, PetscInt j)
+{
+  const PetscInt a = LatinRoot(parent, i), b = LatinRoot(parent, j);
+
+  parent[PetscMax(a, b)] = PetscMin(a, b);
+}
+
+#endif

@@ -1,0 +1,27 @@
+/*
+   What every room uses: the numbers of this precision, the classes and the log events that package.c registers.
+*/
+#ifndef LATINBASE_H
+#define LATINBASE_H
+
+#include <petscsys.h>
+
+#if defined(PETSC_USE_COMPLEX)
+  #error "latinpc needs a PETSc with real scalars: structures have real displacements"
+#endif
+
+/* A number that stands for rounding, in double and in single precision */
+#if defined(PETSC_USE_REAL_SINGLE)
+  #define LatinByPrecision(in_double, in_single) in_single
+#else
+  #define LatinByPrecision(in_double, in_single) in_double
+#endif
+
+PETSC_INTERN PetscClassId  LATIN_CLASSID, LATIN_STRUCTURE_CLASSID;
+PETSC_INTERN PetscLogEvent LATIN_SetUp, LATIN_Subdomains, LATIN_Interface, LATIN_Direction, LATIN_Macro, LATIN_Spectral, LATIN_Linear, LATIN_Coarse, LATIN_Local, LATIN_Condense, LATIN_Estimate;
+
+PETSC_INTERN PetscErrorCode LatinRegisterClasses_Private(void);
+/* The solver types, which register.c hands in when the library is loaded */
+PETSC_INTERN PetscErrorCode (*LatinTypesRegister_Private)(void);
+
+#endif

@@ -1,0 +1,96 @@
+#include "base/latinbase.h"
+
+/*
+   The classes and log events of the library, and the PETSc that it runs with. Every object of ours needs them, so they
+   lie below all of them; the solver types, which need the objects, are in register.c.
+*/
+
+PetscClassId  LATIN_CLASSID, LATIN_STRUCTURE_CLASSID;
+PetscLogEvent LATIN_SetUp, LATIN_Subdomains, LATIN_Interface, LATIN_Direction, LATIN_Macro, LATIN_Spectral, LATIN_Linear, LATIN_Coarse, LATIN_Local, LATIN_Condense, LATIN_Estimate;
+
+static PetscBool registered = PETSC_FALSE;
+
+PetscErrorCode (*LatinTypesRegister_Private)(void) = NULL;
+
+static PetscErrorCode LatinForgetClasses(void)
+{
+  PetscFunctionBegin;
+  registered = PETSC_FALSE;
+  PetscFunctionReturn(0);
+}
+
+/* What makes two PETSc unlike each other for a library that is compiled for one of them */
+typedef struct {
+  int           major, minor, release;
+  size_t        integer; /* bytes of a PetscInt */
+  PetscDataType real, scalar;
+} LatinPetsc;
+
+static PetscErrorCode LatinPetscDescribe(const LatinPetsc *petsc, char text[], size_t n)
+{
+  PetscFunctionBegin;
+  PetscCall(PetscSNPrintf(text, n, "PETSc %d.%d%s with PetscInt of %d bits, PetscReal %s and PetscScalar %s", petsc->major, petsc->minor, petsc->release ? "" : " in development", 8 * (int)petsc->integer, PetscDataTypes[petsc->real],
+                          PetscDataTypes[petsc->scalar]));
+  PetscFunctionReturn(0);
+}
+
+/*
+   The functions that we call are those of the PETSc that the program has brought, whichever it is: the loader goes by
+   names, and they are the same in all of them. So that one is asked what it is, in ways that do not depend on the
+   answer: a PetscInt may have four bytes or eight, a PetscBool one or four.
+*/
+static PetscErrorCode LatinCheckPetsc(void)
+{
+  const LatinPetsc built = {PETSC_VERSION_MAJOR, PETSC_VERSION_MINOR, PETSC_VERSION_RELEASE, sizeof(PetscInt), PETSC_REAL, PETSC_SCALAR};
+  LatinPetsc       found = {0, 0, 0, 0, PETSC_DATATYPE_UNKNOWN, PETSC_DATATYPE_UNKNOWN};
+  char             ours[128], its[128];
+  union
+  {
+    PetscInt integer;
+    int32_t  narrow;
+    int64_t  wide;
+  } major = {.wide = 0}, minor = {.wide = 0}, release = {.wide = 0};
+  union
+  {
+    PetscBool yes;
+    int32_t   wide;
+  } known = {.wide = 0};
+
+  PetscFunctionBegin;
+  PetscCall(PetscDataTypeGetSize(PETSC_INT, &found.integer));
+  PetscCall(PetscDataTypeFromString("real", &found.real, &known.yes));
+  PetscCall(PetscDataTypeFromString("scalar", &found.scalar, &known.yes));
+  PetscCall(PetscGetVersionNumber(&major.integer, &minor.integer, NULL, &release.integer));
+  found.major   = found.integer == 4 ? (int)major.narrow : (int)major.wide;
+  found.minor   = found.integer == 4 ? (int)minor.narrow : (int)minor.wide;
+  found.release = found.integer == 4 ? (int)release.narrow : (int)release.wide;
+  if (found.major == built.major && found.minor == built.minor && found.release == built.release && found.integer == built.integer && found.real == built.real && found.scalar == built.scalar) PetscFunctionReturn(0);
+  PetscCall(LatinPetscDescribe(&built, ours, sizeof(ours)));
+  PetscCall(LatinPetscDescribe(&found, its, sizeof(its)));
+  SETERRQ(PETSC_COMM_SELF, PETSC_ERR_LIB, "liblatinpc was compiled for %s, but runs with %s: build it again with the PETSc of this program (pip install --no-build-isolation --force-reinstall . where petsc4py uses that PETSc)", ours, its);
+}
+
+/* Registers them once. Not collective; fails where the PETSc that runs is unlike the one that this was compiled for */
+PetscErrorCode LatinRegisterClasses_Private(void)
+{
+  PetscFunctionBegin;
+  if (registered) PetscFunctionReturn(0);
+  PetscCall(LatinCheckPetsc());
+  registered = PETSC_TRUE;
+  PetscCall(PetscClassIdRegister("Latin", &LATIN_CLASSID));
+  PetscCall(PetscClassIdRegister("LatinStructure", &LATIN_STRUCTURE_CLASSID));
+  PetscCall(PetscLogEventRegister("LatinSetUp", LATIN_CLASSID, &LATIN_SetUp));
+  PetscCall(PetscLogEventRegister("LatinSubdomains", LATIN_CLASSID, &LATIN_Subdomains));
+  PetscCall(PetscLogEventRegister("LatinInterface", LATIN_CLASSID, &LATIN_Interface));
+  PetscCall(PetscLogEventRegister("LatinDirection", LATIN_CLASSID, &LATIN_Direction));
+  PetscCall(PetscLogEventRegister("LatinSpectral", LATIN_CLASSID, &LATIN_Spectral));
+  PetscCall(PetscLogEventRegister("LatinMacro", LATIN_CLASSID, &LATIN_Macro));
+  PetscCall(PetscLogEventRegister("LatinLinear", LATIN_CLASSID, &LATIN_Linear));
+  PetscCall(PetscLogEventRegister("LatinCondense", LATIN_CLASSID, &LATIN_Condense));
+  PetscCall(PetscLogEventRegister("LatinEstimate", LATIN_CLASSID, &LATIN_Estimate));
+  PetscCall(PetscLogEventRegister("LatinCoarse", LATIN_CLASSID, &LATIN_Coarse));
+  PetscCall(PetscLogEventRegister("LatinLocal", LATIN_CLASSID, &LATIN_Local));
+  PetscCall(PetscRegisterFinalize(LatinForgetClasses));
+  if (LatinTypesRegister_Private) PetscCall((*LatinTypesRegister_Private)());
+  PetscFunctionReturn(0);
+}

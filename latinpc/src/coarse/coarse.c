@@ -1,0 +1,172 @@
+#include "coarse/latincoarse.h"
+
+/*
+   The coarse problem (30), (52): continuity of the macro displacements and of the primal nodes, balance of the
+   corresponding forces (25), (39), (41). What the options choose for its solver decides on the form of its matrix.
+*/
+
+#define LATIN_GROUPS 3 /* subdomains a side of a group that is condensed; of 2, 3, 4, 6 the least set-up and memory */
+
+/* What the coarse solver that the options choose can use */
+typedef enum { SOLVER_DIRECT, SOLVER_ITERATIVE, SOLVER_SUBASSEMBLED, SOLVER_LATIN } LatinCoarseSolver;
+
+/*
+   Groups that repeat are condensed for direct solvers, for they fill the matrix, and are the subdomains of a solver of
+   type latin; BDDC and FETI-DP take the part of each rank by itself; half of a symmetric matrix is for Cholesky alone.
+*/
+static PetscErrorCode LatinCoarseChoose_Private(const LatinCoarse *coarse, LatinCoarseSolver *solver, PetscBool *half)
+{
+  MPI_Comm  comm = PetscObjectComm(coarse->sub->object);
+  PetscBool iterative, latin, subassembled, chosen;
+  Mat       A;
+
+  PetscFunctionBegin;
+  PetscCall(LatinSolverChosen_Private(comm, coarse->sub->object, "coarse", MATSOLVERMUMPS, &iterative, &latin, &subassembled, &chosen));
+  *solver = latin ? SOLVER_LATIN : subassembled ? SOLVER_SUBASSEMBLED : iterative ? SOLVER_ITERATIVE : SOLVER_DIRECT;
+  *half   = (PetscBool)!chosen;
+  if (!*half) PetscFunctionReturn(0);
+  /* without a package for it on these ranks, every rank solves the whole */
+  PetscCall(MatCreate(comm, &A));
+  PetscCall(MatSetSizes(A, 1, 1, PETSC_DETERMINE, PETSC_DETERMINE));
+  PetscCall(MatSetType(A, MATSBAIJ));
+  PetscCall(MatSetUp(A)); /* later versions of PETSc ask for it */
+  PetscCall(LatinDirectSolverAvailable_Private(A, MATSOLVERMUMPS, NULL, half));
+  PetscCall(MatDestroy(&A));
+  PetscFunctionReturn(0);
+}
+
+/* Where every rank solves the whole, which gives the same bits twice, it is by the factorisation of one rank. Collective on ksp */
+static PetscErrorCode LatinCoarseRedundant_Private(KSP ksp)
+{
+  PetscBool redundant;
+  PC        pc, whole;
+  KSP       inner;
+  Mat       A;
+
+  PetscFunctionBegin;
+  PetscCall(KSPGetPC(ksp, &pc));
+  PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCREDUNDANT, &redundant));
+  if (!redundant) PetscFunctionReturn(0);
+  PetscCall(PCRedundantGetKSP(pc, &inner));
+  PetscCall(KSPGetPC(inner, &whole));
+  PetscCall(MatCreateSeqAIJ(PETSC_COMM_SELF, 1, 1, 1, NULL, &A));
+  PetscCall(LatinDirectSolver_Private(whole, A, MATSOLVERMUMPS));
+  PetscCall(MatDestroy(&A));
+  PetscCall(KSPSetFromOptions(inner));
+  PetscFunctionReturn(0);
+}
+
+/* The solver: a factorisation, if the options choose nothing else */
+static PetscErrorCode LatinCoarseSolver_Private(LatinCoarse *coarse, LatinCoarseSolver solver)
+{
+  const LatinUnknowns *known = &coarse->above.known;
+  PetscBool            direct, bddc;
+  PC                   pc;
+
+  PetscFunctionBegin;
+  PetscCall(LatinSolverCreate_Private(PetscObjectComm((PetscObject)coarse->A), coarse->sub->object, "coarse", &coarse->ksp));
+  PetscCall(KSPGetPC(coarse->ksp, &pc));
+  if (solver != SOLVER_SUBASSEMBLED) PetscCall(LatinDirectSolver_Private(pc, coarse->A, MATSOLVERMUMPS));
+  PetscCall(KSPSetOperators(coarse->ksp, coarse->A, coarse->A));
+  PetscCall(KSPSetFromOptions(coarse->ksp));
+  PetscCall(LatinCoarseRedundant_Private(coarse->ksp));
+  PetscCall(LatinSolverDefaults_Private(coarse->ksp, coarse->sub->preconditions, &direct));
+  PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCBDDC, &bddc)); /* multigrid would forget the near null space */
+  if (bddc && known->dim) PetscCall(PCSetCoordinates(pc, known->dim, coarse->top_local, known->x));
+  PetscFunctionReturn(0);
+}
+
+/* The matrix from the homogenised stiffnesses, its solver and factors; coarse->status says how that ended. Collective on sub->object */
+PetscErrorCode LatinCoarseSetUp(LatinCoarse *coarse, const LatinHomogenised *stiffness)
+{
+  LatinCoarseSolver solver = SOLVER_DIRECT;
+  PetscInt          rows;
+  PetscBool         half = PETSC_FALSE;
+
+  PetscFunctionBegin;
+  if (!coarse->macro->modes_global && !coarse->primal_global) PetscFunctionReturn(0); /* no interface: one subdomain, or disconnected ones */
+  PetscCall(PetscLogEventBegin(LATIN_Coarse, coarse->sub->object, 0, 0, 0));
+  PetscCall(LatinCoarseChoose_Private(coarse, &solver, &half));
+  PetscCall(LatinGroupsSetUp(coarse, stiffness, solver == SOLVER_DIRECT || solver == SOLVER_LATIN ? LATIN_GROUPS : 1, (PetscBool)(solver != SOLVER_LATIN)));
+  if (solver == SOLVER_SUBASSEMBLED) PetscCall(LatinLevelSubassemble_Private(coarse, &coarse->A));
+  else PetscCall(LatinCoarseAssemble_Private(coarse, half));
+  if (solver != SOLVER_DIRECT) PetscCall(LatinLevelSetUp_Private(coarse, coarse->A));
+  if (solver == SOLVER_LATIN) PetscCall(LatinLevelElements_Private(coarse, coarse->A));
+  PetscCall(LatinGroupsFinish(coarse));
+  PetscCall(MatCreateVecs(coarse->A, &coarse->sol, &coarse->rhs));
+  PetscCall(LatinCoarseSolver_Private(coarse, solver));
+  PetscCall(MatGetSize(coarse->A, &rows, NULL));
+  if (rows) { /* disconnected structures may be condensed entirely, each a group */
+    PetscCall(LatinFactor_Private(coarse->ksp, coarse->A, MATSOLVERMUMPS, &coarse->status));
+    if (solver != SOLVER_DIRECT && coarse->sub->preconditions && !LatinFactorFailed(&coarse->status)) PetscCall(LatinSolverTest_Private(coarse->ksp, coarse->A, &coarse->inexact));
+  }
+  PetscCall(PetscLogEventEnd(LATIN_Coarse, coarse->sub->object, 0, 0, 0));
+  PetscFunctionReturn(0);
+}
+
+/* The displacements of the elements here, of a vector of the coarse problem */
+static PetscErrorCode LatinCoarseDistribute_Private(LatinCoarse *coarse, Vec v)
+{
+  const PetscScalar *x;
+
+  PetscFunctionBegin;
+  PetscCall(VecGetArrayRead(v, &x));
+  PetscCall(LatinSFBcast_Private(coarse->top_sf, 1, MPIU_SCALAR, x, coarse->top.u));
+  PetscCall(VecRestoreArrayRead(v, &x));
+  PetscFunctionReturn(0);
+}
+
+/* From the condensed forces q of the subdomains to the coarse displacements u */
+PetscErrorCode LatinCoarseSolve(LatinCoarse *coarse)
+{
+  PetscScalar *b;
+  PetscInt     rows;
+
+  PetscFunctionBegin;
+  if (!coarse->A) PetscFunctionReturn(0);
+  PetscCall(PetscLogEventBegin(LATIN_Coarse, coarse->sub->object, 0, 0, 0));
+  PetscCall(LatinGroupsDown(coarse));
+  PetscCall(VecZeroEntries(coarse->rhs));
+  PetscCall(VecGetArray(coarse->rhs, &b));
+  PetscCall(LatinSFReduce_Private(coarse->top_sf, 1, MPIU_SCALAR, coarse->top.q, b, MPI_SUM));
+  PetscCall(VecRestoreArray(coarse->rhs, &b));
+  PetscCall(VecGetSize(coarse->rhs, &rows));
+  if (rows) {
+    PetscCall(KSPSolve(coarse->ksp, coarse->rhs, coarse->sol));
+    PetscCall(LatinSolverNote_Private(coarse->ksp, coarse->sub->preconditions, &coarse->failed));
+  }
+  PetscCall(LatinCoarseDistribute_Private(coarse, coarse->sol));
+  PetscCall(LatinGroupsUp(coarse));
+  PetscCall(PetscLogEventEnd(LATIN_Coarse, coarse->sub->object, 0, 0, 0));
+  PetscFunctionReturn(0);
+}
+
+/* The coarse displacements u of the subdomains for a vector of the coarse problem, without any other force */
+PetscErrorCode LatinCoarseExpand_Private(LatinCoarse *coarse, Vec v)
+{
+  PetscFunctionBegin;
+  PetscCall(PetscArrayzero(coarse->q, coarse->offset[coarse->sub->n]));
+  PetscCall(LatinGroupsDown(coarse));
+  PetscCall(LatinCoarseDistribute_Private(coarse, v));
+  PetscCall(LatinGroupsUp(coarse));
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode LatinCoarseReset(LatinCoarse *coarse)
+{
+  PetscFunctionBegin;
+  PetscCall(LatinGroupsReset(coarse));
+  PetscCall(KSPDestroy(&coarse->ksp));
+  PetscCall(LatinLevelReset_Private(&coarse->above, coarse->A));
+  PetscCall(MatDestroy(&coarse->A));
+  PetscCall(VecDestroy(&coarse->rhs));
+  PetscCall(VecDestroy(&coarse->sol));
+  PetscCall(PetscSFDestroy(&coarse->sf));
+  PetscCall(PetscFree(coarse->rank_start));
+  PetscCall(PetscFree(coarse->offset));
+  PetscCall(PetscFree(coarse->macro_count));
+  PetscCall(PetscFree3(coarse->global, coarse->q, coarse->u));
+  PetscCall(VecDestroy(&coarse->status.mode));
+  PetscCall(PetscMemzero(&coarse->rank_start, sizeof(*coarse) - offsetof(LatinCoarse, rank_start)));
+  PetscFunctionReturn(0);
+}

@@ -1,0 +1,88 @@
+/*
+   The coarse problem (30), (52): numbers of its unknowns, condensation of repeated groups, matrix, solver, levels.
+*/
+#ifndef LATINCOARSE_H
+#define LATINCOARSE_H
+
+#include "interfaces/latininterfaces.h"
+
+/* ---- condensation of repeated groups of subdomains (coarse/groups.c) ---- */
+#define LATIN_GROUP_LEVELS 8
+
+/* Subdomains, or groups of them, seen from the coarse problem; equal ones share an operator */
+typedef struct {
+  PetscInt   n;
+  PetscInt  *offset;   /* [n + 1] coarse dofs of each element */
+  PetscInt  *dof;      /* [offset[n]] their numbers on this rank */
+  PetscInt  *pattern;  /* [n] the first element equal to each */
+  size_t    *h_offset; /* [n] into H */
+  PetscReal *H;        /* operators, column-major, one for each pattern */
+  PetscReal *box;      /* [n][2][3] lowest and highest coordinates */
+  PetscReal *q, *u;    /* [offset[n]] forces and displacements, element by element */
+} LatinElements;
+
+typedef struct {
+  LatinElements fine, coarse;             /* what the groups are made of; the groups */
+  PetscInt      groups, *first, *member;  /* [groups + 1], [fine.n] */
+  PetscInt     *interior;                 /* [groups] dofs that are eliminated */
+  PetscInt     *slot;                     /* [fine.offset[fine.n]] dof of the group: interior ones, then coarse.dof */
+  PetscInt      patterns, *pattern_first; /* [patterns + 1] into pattern_group */
+  PetscInt     *pattern_group;            /* [groups] by pattern */
+  size_t       *l_offset, *v_offset;      /* [patterns] into L, [patterns + 1] into v */
+  PetscReal    *L, *v, *work;             /* factors L and Z of each pattern; forces on interior dofs */
+} LatinGroupLevel;
+
+/* ---- coarse problem (coarse/numbering.c, coarse/assembly.c, coarse/coarse.c) ---- */
+typedef struct {
+  const LatinSubdomains *sub;
+  const LatinInterfaces *inter;
+  const LatinMacro      *macro;
+  /* numbers */
+  PetscInt  *rank_start;                  /* [ranks + 1] global number of each rank's first one */
+  PetscInt   primal_local, primal_global; /* primal displacements numbered by this rank, after its macro modes; all */
+  PetscInt  *offset;                      /* [subdomains + 1] coarse dofs of each subdomain: macro modes, then primal dofs */
+  PetscInt  *macro_count;                 /* [subdomains] how many of them are macro modes */
+  PetscInt  *global;                      /* [offset[n]] their global numbers */
+  PetscInt   widest;                      /* most coarse dofs of a subdomain here */
+  PetscSF    sf;                          /* all coarse dofs -> coarse dofs of the subdomains here */
+  PetscReal *q, *u;                       /* [offset[n]] condensed forces and coarse displacements of one linear stage, subdomain by subdomain */
+  /* matrix and solver */
+  Mat               A;
+  KSP               ksp;
+  Vec               rhs, sol;
+  PetscInt          levels; /* of condensed groups */
+  LatinGroupLevel   level[LATIN_GROUP_LEVELS];
+  LatinElements     top;   /* elements of A: subdomains, or groups of them */
+  LatinGroupLevel   group; /* groups that a coarse solver of type latin takes for subdomains */
+  LatinLevel        above;
+  PetscInt          top_local, top_size; /* rows of A: of this rank, all */
+  PetscInt         *top_global;          /* [top.offset[top.n]] rows of A */
+  PetscSF           top_sf;              /* coarse vector -> dofs of the elements here */
+  LatinFactorStatus status;              /* of the set-up */
+  LatinInexact      inexact;
+  PetscBool         failed; /* a solve failed since this was cleared */
+} LatinCoarse;
+
+/* The homogenised stiffnesses (51) of the subdomains, once for equal ones */
+typedef struct {
+  PetscInt  *pattern;  /* [subdomains] borrowed: the subdomain that represents it */
+  size_t    *h_offset; /* [subdomains] into H */
+  PetscReal *H;        /* column-major */
+} LatinHomogenised;
+
+PETSC_INTERN PetscErrorCode LatinCoarseNumber(LatinCoarse *);
+PETSC_INTERN PetscErrorCode LatinCoarseSetUp(LatinCoarse *, const LatinHomogenised *);
+PETSC_INTERN PetscErrorCode LatinCoarseSolve(LatinCoarse *);
+PETSC_INTERN PetscErrorCode LatinCoarseExpand_Private(LatinCoarse *, Vec);
+PETSC_INTERN PetscErrorCode LatinCoarseReset(LatinCoarse *);
+PETSC_INTERN PetscErrorCode LatinCoarseAssemble_Private(LatinCoarse *, PetscBool half);
+PETSC_INTERN PetscErrorCode LatinGroupsSetUp(LatinCoarse *, const LatinHomogenised *, PetscInt width, PetscBool condense);
+PETSC_INTERN PetscErrorCode LatinGroupsFinish(LatinCoarse *);
+PETSC_INTERN PetscErrorCode LatinGroupsReset(LatinCoarse *);
+PETSC_INTERN PetscErrorCode LatinGroupsDown(LatinCoarse *);
+PETSC_INTERN PetscErrorCode LatinGroupsUp(LatinCoarse *);
+PETSC_INTERN PetscErrorCode LatinLevelSetUp_Private(LatinCoarse *, Mat);
+PETSC_INTERN PetscErrorCode LatinLevelSubassemble_Private(const LatinCoarse *, Mat *);
+PETSC_INTERN PetscErrorCode LatinLevelElements_Private(LatinCoarse *, Mat);
+
+#endif

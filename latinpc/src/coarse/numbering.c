@@ -1,0 +1,108 @@
+#include "coarse/latincoarse.h"
+
+/*
+   Numbers of the coarse unknowns (24), (37), (38): the macro displacements of the strong interfaces, then the
+   displacements of the primal nodes. They are numbered by the rank that builds a macro basis, or that has the lowest
+   subdomain of a primal component.
+*/
+
+/* Numbers of the primal displacements: the lowest subdomain of a component gives them, the exchange table carries them */
+static PetscErrorCode LatinCoarseNumberPrimal_Private(LatinCoarse *coarse, PetscInt table[])
+{
+  const LatinSubdomains *sub   = coarse->sub;
+  const LatinInterfaces *inter = coarse->inter;
+  const PetscInt         bs    = coarse->sub->bs;
+
+  PetscFunctionBegin;
+  coarse->primal_local = 0;
+  for (PetscInt i = 0; i < sub->copies; i++) {
+    const PetscInt p = inter->position[i], m = inter->share_offset[i + 1] - inter->share_offset[i];
+
+    if (inter->component[i] < 0 || inter->component[i] != p) continue;
+    table[inter->table_offset[i] + p * m + p] = 1 + coarse->primal_local;
+    for (PetscInt c = 0; c < bs; c++) coarse->primal_local += sub->fixed[bs * i + c] ? 0 : 1;
+  }
+  PetscCall(LatinInterfaceExchange_Private(coarse->inter, table));
+  PetscFunctionReturn(0);
+}
+
+/* The coarse dofs of each subdomain: macro modes, interface by interface, then primal dofs */
+static PetscErrorCode LatinCoarseOffsets_Private(LatinCoarse *coarse)
+{
+  const LatinSubdomains *sub   = coarse->sub;
+  const LatinInterfaces *inter = coarse->inter;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMalloc1(sub->n + 1, &coarse->offset));
+  PetscCall(PetscMalloc1(sub->n, &coarse->macro_count));
+  coarse->offset[0] = 0;
+  coarse->widest    = 0;
+  for (PetscInt s = 0; s < sub->n; s++) {
+    coarse->macro_count[s] = 0;
+    for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++) coarse->macro_count[s] += coarse->macro->of[f].modes;
+    coarse->offset[s + 1] = coarse->offset[s] + coarse->macro_count[s] + inter->primal_offset[s + 1] - inter->primal_offset[s];
+    coarse->widest        = PetscMax(coarse->widest, coarse->offset[s + 1] - coarse->offset[s]);
+  }
+  PetscCall(PetscMalloc3(coarse->offset[sub->n], &coarse->global, coarse->offset[sub->n], &coarse->q, coarse->offset[sub->n], &coarse->u));
+  PetscFunctionReturn(0);
+}
+
+/* Their global numbers: macros[] of each rank come first among those of the rank, and table[] has those of the primal displacements */
+static void LatinCoarseGlobal(LatinCoarse *coarse, PetscMPIInt size, const PetscInt macros[], const PetscInt table[])
+{
+  const LatinSubdomains *sub   = coarse->sub;
+  const LatinInterfaces *inter = coarse->inter;
+  PetscInt               count = 0;
+
+  for (PetscInt s = 0; s < sub->n; s++) {
+    for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++) {
+      const PetscMPIInt owner = LatinSubdomainRank(sub, size, PetscMin(sub->first + s, inter->interface[f].neighbour));
+
+      for (PetscInt k = 0; k < coarse->macro->of[f].modes; k++) coarse->global[count++] = coarse->rank_start[owner] + coarse->macro->of[f].number + k;
+    }
+    for (PetscInt i = sub->node_offset[s]; i < sub->node_offset[s + 1]; i++) {
+      const PetscInt m = inter->share_offset[i + 1] - inter->share_offset[i], leader = inter->component[i];
+      PetscInt       next;
+      PetscMPIInt    owner;
+
+      if (leader < 0) continue;
+      owner = LatinSubdomainRank(sub, size, inter->share_list[inter->share_offset[i] + leader]);
+      next  = coarse->rank_start[owner] + macros[owner] + table[inter->table_offset[i] + leader * m + leader] - 1;
+      for (PetscInt c = 0; c < sub->bs; c++)
+        if (!sub->fixed[sub->bs * i + c]) coarse->global[count++] = next++;
+    }
+  }
+}
+
+/* The coarse dofs of each subdomain here and their global numbers. Collective on sub->object */
+PetscErrorCode LatinCoarseNumber(LatinCoarse *coarse)
+{
+  const LatinSubdomains *sub  = coarse->sub;
+  MPI_Comm               comm = PetscObjectComm(sub->object);
+  PetscInt              *table, *macros, mine;
+  PetscMPIInt            size;
+  PetscLayout            map;
+
+  PetscFunctionBegin;
+  PetscCallMPI(MPI_Comm_size(comm, &size));
+  PetscCall(PetscCalloc1(coarse->inter->table_offset[sub->copies], &table));
+  PetscCall(LatinCoarseNumberPrimal_Private(coarse, table));
+  PetscCall(PetscMalloc1(size + 1, &coarse->rank_start));
+  PetscCall(PetscMalloc1(size, &macros));
+  mine = coarse->macro->modes_local + coarse->primal_local;
+  PetscCallMPI(MPI_Allgather(&mine, 1, MPIU_INT, coarse->rank_start + 1, 1, MPIU_INT, comm));
+  PetscCallMPI(MPI_Allgather(&coarse->macro->modes_local, 1, MPIU_INT, macros, 1, MPIU_INT, comm));
+  coarse->rank_start[0] = 0;
+  for (PetscMPIInt r = 0; r < size; r++) coarse->rank_start[r + 1] += coarse->rank_start[r];
+  coarse->primal_global = coarse->rank_start[size] - coarse->macro->modes_global;
+  PetscCall(LatinCoarseOffsets_Private(coarse));
+  LatinCoarseGlobal(coarse, size, macros, table);
+  PetscCall(PetscFree(macros));
+  PetscCall(PetscFree(table));
+  PetscCall(PetscLayoutCreateFromSizes(comm, mine, PETSC_DETERMINE, 1, &map));
+  PetscCall(PetscSFCreate(comm, &coarse->sf));
+  PetscCall(PetscSFSetGraphLayout(coarse->sf, map, coarse->offset[sub->n], NULL, PETSC_COPY_VALUES, coarse->global));
+  PetscCall(PetscSFSetUp(coarse->sf));
+  PetscCall(PetscLayoutDestroy(&map));
+  PetscFunctionReturn(0);
+}

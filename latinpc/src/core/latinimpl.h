@@ -1,0 +1,47 @@
+/*
+   The method as one object: what is asked of each stage, the stages, and what has changed since they were set up.
+   Equation numbers are those of the article named in latinpc.h.
+*/
+#ifndef LATINIMPL_H
+#define LATINIMPL_H
+
+#include "partition/latinpartition.h"
+#include "stages/latinstages.h"
+
+struct _p_Latin {
+  PETSCHEADER(int);
+  LatinPartitionRequest partition;
+  LatinSubdomains       sub;
+  LatinInterior         interior; /* what has been eliminated here, NULL: nothing */
+  LatinInterfaces       inter;
+  LatinDirections       dir;
+  LatinSpectral         spectral;
+  LatinMacro            macro;
+  LatinCoarse           coarse;
+  LatinBatches          batches;
+  LatinLocalSolvers     solvers;
+  LatinLinear           linear;
+  PetscReal             tuning;       /* search parameters of rigid links that are chosen here are so many times those of structure/rigidlaws.c */
+  PetscObjectState      tuning_state; /* of the structure then */
+  PetscBool             set_up;
+  PetscBool             stale;                                 /* options have changed since the set-up */
+  PetscObjectState      load_state, e0_state, structure_state; /* of the structure when it was last looked at */
+};
+
+/* ---- core/latin.c ---- */
+PETSC_INTERN PetscErrorCode LatinCreate_Private(MPI_Comm, Latin *);
+PETSC_INTERN PetscErrorCode LatinSetStructure_Private(Latin, LatinStructure);
+PETSC_INTERN PetscErrorCode LatinFindStructure_Private(PetscObject, const char[], LatinStructure, DM, Mat, LatinStructure *);
+PETSC_INTERN PetscErrorCode LatinSetMatrix_Private(Latin, Mat);
+PETSC_INTERN PetscErrorCode LatinSetTangent_Private(Latin, Mat);
+PETSC_INTERN PetscErrorCode LatinSetUp_Private(Latin);
+PETSC_INTERN PetscErrorCode LatinReset_Private(Latin);
+PETSC_INTERN PetscErrorCode LatinDestroy_Private(Latin *);
+/* ---- core/options.c ---- */
+PETSC_INTERN PetscErrorCode LatinSetFromOptions_Private(Latin, LatinOptionItems, const char family[]);
+/* ---- core/view.c ---- */
+PETSC_INTERN PetscErrorCode LatinView_Private(Latin, PetscViewer);
+/* ---- core/mechanism.c ---- */
+PETSC_INTERN PetscErrorCode LatinFactorAgree_Private(Latin, LatinFactorStatus *, const LatinBatch *, const char name[]);
+
+#endif

@@ -1,0 +1,178 @@
+#include "core/latinimpl.h"
+
+/*
+   What is asked of the method: setters, and the options -<prefix><family>_latin_... that call them. A setter that changes
+   something makes the next set-up build everything anew.
+*/
+
+const char *const LatinVariants[]       = {"none", "macro", "corner", "published", "LatinVariant", "LATIN_VARIANT_", NULL};
+const char *const LatinModesTypes[]     = {"affine", "rigid", "LatinModesType", "LATIN_MODES_", NULL};
+const char *const LatinDirectionTypes[] = {"scalar", "diagonal", "block", "schur", "auto", "LatinDirectionType", "LATIN_DIRECTION_", NULL};
+
+/* Sets a member, and notes that it has changed */
+#define LatinChange(latin, member, value) \
+  do { \
+    if ((latin)->member != (value)) (latin)->stale = PETSC_TRUE; \
+    (latin)->member = (value); \
+  } while (0)
+
+/*@
+  LatinSetVariant - What the coarse problem makes of weak interfaces, section 4.
+
+  Logically collective on latin; before the set-up of the solver, or a new set-up follows
+
+  Options Database Key:
+. -snes_latin_variant <none,macro,corner,published> - or -pc_latin_variant
+
+  Level: intermediate
+@*/
+PetscErrorCode LatinSetVariant(Latin latin, LatinVariant variant)
+{
+  PetscFunctionBegin;
+  PetscValidHeaderSpecific(latin, LATIN_CLASSID, 1);
+  LatinChange(latin, inter.variant, variant);
+  PetscFunctionReturn(0);
+}
+
+/*@
+  LatinSetModes - The macro fields of strong interfaces, section 3.2, and the local ones below a threshold.
+
+  Logically collective on latin
+
+  Input Parameters:
++ latin     - the method
+. type      - affine fields, or rigid motions
+- threshold - local low-energy fields with eigenvalues below it, relative to the search direction, are macro; 0: none, PETSC_DEFAULT: automatic
+
+  Options Database Keys:
++ -snes_latin_modes <affine,rigid> - or -pc_latin_modes, -ksp_latin_modes
+- -snes_latin_modes_local <threshold> - or -pc_latin_modes_local, -ksp_latin_modes_local
+
+  Level: intermediate
+@*/
+PetscErrorCode LatinSetModes(Latin latin, LatinModesType type, PetscReal threshold)
+{
+  PetscFunctionBegin;
+  PetscValidHeaderSpecific(latin, LATIN_CLASSID, 1);
+  LatinChange(latin, macro.type, type);
+  LatinChange(latin, spectral.given, (PetscBool)(threshold != (PetscReal)PETSC_DEFAULT));
+  if (threshold == (PetscReal)PETSC_DEFAULT) threshold = 0.0;
+  PetscCheck(threshold >= 0.0 && !PetscIsInfOrNanReal(threshold), PetscObjectComm((PetscObject)latin), PETSC_ERR_ARG_OUTOFRANGE, "The threshold of local modes is %g; it is a positive number (0: none)", (double)threshold);
+  LatinChange(latin, spectral.threshold, threshold);
+  PetscFunctionReturn(0);
+}
+
+/*@
+  LatinSetDirection - The micro search direction of the interfaces (26), (27).
+
+  Logically collective on latin
+
+  Input Parameters:
++ latin - the method
+. type  - how much of the stiffness of the subdomains it contains
+- value - of a scalar direction its value d, force/length; of the others the fraction of the interface stiffness; 0: automatic
+
+  Options Database Keys:
++ -snes_latin_direction <scalar,diagonal,block,schur> - or -pc_latin_direction (auto besides), -ksp_latin_direction
+- -snes_latin_direction_value <value>
+
+  Level: intermediate
+@*/
+PetscErrorCode LatinSetDirection(Latin latin, LatinDirectionType type, PetscReal value)
+{
+  PetscFunctionBegin;
+  PetscValidHeaderSpecific(latin, LATIN_CLASSID, 1);
+  PetscCheck(value >= 0.0 && !PetscIsInfOrNanReal(value), PetscObjectComm((PetscObject)latin), PETSC_ERR_ARG_OUTOFRANGE, "The direction value is %g; it is a positive number (0: automatic)", (double)value);
+  LatinChange(latin, dir.type, type);
+  LatinChange(latin, dir.value, value);
+  PetscFunctionReturn(0);
+}
+
+/*@
+  LatinSetSubdomains - The number of subdomains of a structure.
+
+  Logically collective on latin
+
+  Input Parameters:
++ latin      - the method
+- subdomains - 0: automatic
+
+  Options Database Key:
+. -snes_latin_subdomains <n> - or -pc_latin_subdomains, -ksp_latin_subdomains
+
+  Level: beginner
+
+.seealso: `LatinSetPartition()`
+@*/
+PetscErrorCode LatinSetSubdomains(Latin latin, PetscInt subdomains)
+{
+  PetscFunctionBegin;
+  PetscValidHeaderSpecific(latin, LATIN_CLASSID, 1);
+  PetscCheck(subdomains >= 0, PetscObjectComm((PetscObject)latin), PETSC_ERR_ARG_OUTOFRANGE, "%" PetscInt_FMT " subdomains: the number is positive (0: automatic)", subdomains);
+  LatinChange(latin, partition.subdomains, subdomains);
+  PetscFunctionReturn(0);
+}
+
+/*@
+  LatinSetPartition - The subdomain of each link, in place of METIS.
+
+  Logically collective on latin
+
+  Input Parameters:
++ latin     - the method
+. links     - links of this rank
+- subdomain - [links] of each link in the caller's order, counted from 0 without gaps over all ranks; NULL: METIS
+
+  Level: intermediate
+
+  Note:
+  An `IS` of the same numbers, composed on the DM of the structure by `PetscObjectCompose()` under the name "subdomains", is the
+  partition of all solvers that are given none.
+
+.seealso: `LatinSetSubdomains()`
+@*/
+PetscErrorCode LatinSetPartition(Latin latin, PetscInt links, const PetscInt subdomain[])
+{
+  PetscFunctionBegin;
+  PetscValidHeaderSpecific(latin, LATIN_CLASSID, 1);
+  PetscCall(PetscFree(latin->partition.given));
+  latin->partition.links = 0;
+  latin->stale           = PETSC_TRUE;
+  if (!subdomain) PetscFunctionReturn(0);
+  PetscCall(PetscMalloc1(links + 1, &latin->partition.given)); /* not NULL on a rank without links either */
+  PetscCall(PetscArraycpy(latin->partition.given, subdomain, links));
+  latin->partition.links = links;
+  PetscFunctionReturn(0);
+}
+
+/* family is "snes", "ksp" or "pc": the options of the method are -<prefix><family>_latin_... */
+PetscErrorCode LatinSetFromOptions_Private(Latin latin, LatinOptionItems PetscOptionsObject, const char family[])
+{
+  LatinVariant       variant   = latin->inter.variant;
+  LatinModesType     modes     = latin->macro.type;
+  LatinDirectionType direction = latin->dir.type;
+  PetscReal          threshold = latin->spectral.given ? latin->spectral.threshold : PETSC_DEFAULT, value = latin->dir.value;
+  PetscInt           subdomains = latin->partition.subdomains;
+  PetscBool          isnes, isksp;
+
+  PetscFunctionBegin;
+  PetscCall(PetscStrcmp(family, "snes", &isnes));
+  PetscCall(PetscStrcmp(family, "ksp", &isksp));
+#define LATIN_OPTION(name) (isnes ? "-snes_latin_" name : isksp ? "-ksp_latin_" name : "-pc_latin_" name)
+  PetscOptionsHeadBegin(PetscOptionsObject, "LATIN domain decomposition options");
+  PetscCall(PetscOptionsRangeInt(LATIN_OPTION("subdomains"), "Number of subdomains, 0: automatic", "LatinSetSubdomains", subdomains, &subdomains, NULL, 0, PETSC_MAX_INT));
+  if (!isksp) PetscCall(PetscOptionsEnum(LATIN_OPTION("variant"), "Coarse treatment of weak interfaces (section 4)", "LatinSetVariant", LatinVariants, (PetscEnum)variant, (PetscEnum *)&variant, NULL));
+  PetscCall(PetscOptionsEnum(LATIN_OPTION("modes"), "Macro fields of strong interfaces (section 3.2)", "LatinSetModes", LatinModesTypes, (PetscEnum)modes, (PetscEnum *)&modes, NULL));
+  PetscCall(PetscOptionsReal(LATIN_OPTION("modes_local"), "Threshold of local low-energy fields that are macro, 0: none, -2: automatic", "LatinSetModes", threshold, &threshold, NULL));
+  PetscCall(PetscOptionsEnum(LATIN_OPTION("direction"), "Micro search direction of the interfaces", "LatinSetDirection", LatinDirectionTypes, (PetscEnum)direction, (PetscEnum *)&direction, NULL));
+  if (isnes) PetscCall(PetscOptionsReal(LATIN_OPTION("direction_value"), "Scalar direction (force/length), or fraction of the interface stiffness, 0: automatic", "LatinSetDirection", value, &value, NULL));
+  PetscOptionsHeadEnd();
+  PetscCheck(!(threshold > 0.0) || variant == LATIN_VARIANT_CORNER, PetscObjectComm((PetscObject)latin), PETSC_ERR_SUP, "%s needs %s corner: elsewhere the local fields of interfaces that share nodes slow the iteration down",
+             LATIN_OPTION("modes_local"), LATIN_OPTION("variant"));
+#undef LATIN_OPTION
+  PetscCall(LatinSetVariant(latin, variant));
+  PetscCall(LatinSetModes(latin, modes, threshold));
+  PetscCall(LatinSetDirection(latin, direction, value));
+  PetscCall(LatinSetSubdomains(latin, subdomains));
+  PetscFunctionReturn(0);
+}

@@ -1,0 +1,224 @@
+#include "core/latinimpl.h"
+
+/* What the decomposition lets a user see: sizes, subdomains, classes of nodes, homogenised stiffness, inner solvers. */
+
+static PetscErrorCode LatinCheckSetUp_Private(Latin latin)
+{
+  PetscFunctionBegin;
+  PetscValidHeaderSpecific(latin, LATIN_CLASSID, 1);
+  PetscCheck(latin->set_up, PetscObjectComm((PetscObject)latin), PETSC_ERR_ORDER, "The decomposition does not exist yet: call SNESSetUp() or PCSetUp() first");
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  LatinGetStatistics - Sizes of the decomposition, over all ranks.
+
+  Collective on latin
+
+  Synopsis:
+  PetscErrorCode LatinGetStatistics(Latin latin, LatinStatistics *statistics)
+
+  Note:
+  A macro that hands over the size of the struct of the caller's header: later versions append members, and a program that
+  was compiled before gets those that it has room for.
+
+  Level: intermediate
+@*/
+PetscErrorCode LatinGetStatisticsOfSize(Latin latin, size_t size, LatinStatistics *statistics)
+{
+  MPI_Comm        comm;
+  LatinStatistics all, *stats = &all;
+  PetscReal       low = PETSC_MAX_REAL, high = 0.0, sum[2] = {0.0, 0.0};
+  PetscInt        n;
+
+  PetscFunctionBegin;
+  PetscCall(LatinCheckSetUp_Private(latin));
+  comm = PetscObjectComm((PetscObject)latin);
+  for (PetscInt k = 0; k < latin->inter.sides; k++) {
+    low  = PetscMin(low, latin->dir.d[k]);
+    high = PetscMax(high, latin->dir.d[k]);
+    sum[0] += latin->dir.d[k];
+  }
+  sum[1] = latin->inter.sides;
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &low, 1, MPIU_REAL, MPIU_MIN, comm));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &high, 1, MPIU_REAL, MPIU_MAX, comm));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, comm));
+  n = latin->inter.sides + latin->sub.nonsmooth;
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &n, 1, MPIU_INT, MPI_SUM, comm));
+  stats->subdomains        = latin->sub.count;
+  stats->strong_interfaces = latin->inter.strong_global;
+  stats->weak_interfaces   = latin->inter.weak_global;
+  stats->strong_macro_dofs = latin->macro.modes_global;
+  stats->weak_dofs         = latin->coarse.primal_global;
+  stats->coarse_size       = latin->coarse.top_size;
+  stats->coarse_levels     = latin->coarse.levels;
+  stats->micro_sides       = latin->inter.side_nodes_global;
+  stats->state_size        = n;
+  stats->local_macro_dofs  = latin->macro.spectral_global;
+  PetscCall(LatinSpectralStatistics_Private(&latin->spectral, &stats->low_energy_subdomains, &stats->local_modes_max));
+  stats->direction_min  = sum[1] > 0.0 ? low : 0.0;
+  stats->direction_max  = high;
+  stats->direction_mean = sum[1] > 0.0 ? sum[0] / sum[1] : 0.0;
+  PetscCall(PetscMemzero(statistics, size));
+  PetscCall(PetscMemcpy(statistics, &all, PetscMin(size, sizeof(all))));
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  LatinGetSubdomains - Number of subdomains of this rank, and the global number of the first one.
+
+  Not collective
+
+  Level: intermediate
+@*/
+PetscErrorCode LatinGetSubdomains(Latin latin, PetscInt *n_local, PetscInt *first)
+{
+  PetscFunctionBegin;
+  PetscCall(LatinCheckSetUp_Private(latin));
+  if (n_local) *n_local = latin->sub.n;
+  if (first) *first = latin->sub.first;
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode LatinCheckSubdomain_Private(Latin latin, PetscInt i)
+{
+  PetscFunctionBegin;
+  PetscCall(LatinCheckSetUp_Private(latin));
+  PetscCheck(i >= 0 && i < latin->sub.n, PETSC_COMM_SELF, PETSC_ERR_ARG_OUTOFRANGE, "Subdomain %" PetscInt_FMT " of this rank does not exist: it has %" PetscInt_FMT, i, latin->sub.n);
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  LatinGetSubdomainIS - Free degrees of freedom of a subdomain of this rank, as entries of DM global vectors, increasing.
+
+  Not collective; the caller destroys the index set
+
+  Level: intermediate
+@*/
+PetscErrorCode LatinGetSubdomainIS(Latin latin, PetscInt i, IS *is)
+{
+  LatinSubdomains *sub = &latin->sub;
+  PetscInt        *list, n = 0, first, last;
+
+  PetscFunctionBegin;
+  PetscCall(LatinCheckSubdomain_Private(latin, i));
+  first = latin->sub.bs * sub->node_offset[i];
+  last  = latin->sub.bs * sub->node_offset[i + 1];
+  PetscCall(PetscMalloc1(last - first, &list));
+  for (PetscInt k = first; k < last; k++)
+    if (!sub->fixed[k]) list[n++] = sub->global_dof[k];
+  PetscCall(PetscSortInt(n, list));
+  PetscCall(ISCreateGeneral(PETSC_COMM_SELF, n, list, PETSC_OWN_POINTER, is));
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  LatinGetSubdomainOfLinks - The subdomain of each link that this rank gave, in the caller's order.
+
+  Not collective
+
+  Level: intermediate
+@*/
+PetscErrorCode LatinGetSubdomainOfLinks(Latin latin, PetscInt subdomain[])
+{
+  PetscFunctionBegin;
+  PetscCall(LatinCheckSetUp_Private(latin));
+  PetscCheck(latin->sub.structure, PetscObjectComm((PetscObject)latin), PETSC_ERR_ARG_WRONG, "The decomposition is that of a matrix: it has no links");
+  PetscCall(PetscArraycpy(subdomain, latin->sub.of_link, latin->sub.structure->links_local));
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  LatinGetNodeClasses - For each node that this rank gave, or each row of a matrix here: 0 inside a subdomain, 1 on strong interfaces only,
+  2 on a weak interface, 3 primal (a corner, or a macro weak interface).
+
+  Collective on latin
+
+  Level: intermediate
+@*/
+PetscErrorCode LatinGetNodeClasses(Latin latin, PetscInt node_class[])
+{
+  PetscFunctionBegin;
+  PetscCall(LatinCheckSetUp_Private(latin));
+  PetscCall(PetscArrayzero(node_class, latin->sub.nodes_local));
+  PetscCall(LatinSFReduce_Private(latin->sub.node_sf, 1, MPIU_INT, latin->inter.node_class, node_class, MPI_MAX));
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  LatinGetMacroStiffness - The homogenised stiffness (29), (51) of a subdomain of this rank, which relates its macro
+  and primal forces to its macro and primal displacements.
+
+  Not collective; the caller destroys the matrix
+
+  Input Parameters:
++ latin - the decomposition
+- i     - number of the subdomain on this rank
+
+  Output Parameter:
+. H - a dense matrix on this rank: macro modes of the strong interfaces first, then primal displacements
+
+  Level: intermediate
+
+  Note:
+  Symmetric and positive semidefinite. The kernel holds the rigid motions, and the mechanisms, of a floating subdomain.
+@*/
+PetscErrorCode LatinGetMacroStiffness(Latin latin, PetscInt i, Mat *H)
+{
+  PetscInt     m;
+  PetscScalar *a;
+
+  PetscFunctionBegin;
+  PetscCall(LatinCheckSubdomain_Private(latin, i));
+  m = latin->coarse.offset[i + 1] - latin->coarse.offset[i];
+  PetscCall(MatCreateSeqDense(PETSC_COMM_SELF, m, m, NULL, H));
+  PetscCall(MatDenseGetArrayWrite(*H, &a));
+  PetscCall(PetscArraycpy(a, latin->linear.stiffness.H + latin->linear.stiffness.h_offset[i], m * m));
+  PetscCall(MatDenseRestoreArrayWrite(*H, &a));
+  PetscCall(MatAssemblyBegin(*H, MAT_FINAL_ASSEMBLY));
+  PetscCall(MatAssemblyEnd(*H, MAT_FINAL_ASSEMBLY));
+  PetscCall(MatSetOption(*H, MAT_SYMMETRIC, PETSC_TRUE));
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  LatinGetLocalKSP - The solver of a subdomain of this rank. Equal subdomains share one, and those without equal are
+  the blocks of one block diagonal matrix.
+
+  Not collective; the reference is borrowed
+
+  Input Parameters:
++ latin - the decomposition
+- i     - number of the subdomain on this rank
+
+  Output Parameter:
+. ksp - its solver
+
+  Level: advanced
+@*/
+PetscErrorCode LatinGetLocalKSP(Latin latin, PetscInt i, KSP *ksp)
+{
+  const LatinBatches *batches = &latin->batches;
+
+  PetscFunctionBegin;
+  PetscCall(LatinCheckSubdomain_Private(latin, i));
+  for (PetscInt b = 0; b < batches->n; b++)
+    for (PetscInt k = 0; k < batches->batch[b].patterns * batches->batch[b].members; k++)
+      if (batches->batch[b].sub[k] == i) *ksp = latin->solvers.ksp[b];
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  LatinGetCoarseKSP - The solver of the coarse problem; NULL when there is no interface.
+
+  Not collective; the reference is borrowed
+
+  Level: advanced
+@*/
+PetscErrorCode LatinGetCoarseKSP(Latin latin, KSP *ksp)
+{
+  PetscFunctionBegin;
+  PetscCall(LatinCheckSetUp_Private(latin));
+  *ksp = latin->coarse.ksp;
+  PetscFunctionReturn(0);
+}

@@ -1,0 +1,343 @@
+#include "error/latinerror.h"
+
+/*
+   Are displacements an equilibrium? Iterates that rest prove little: a state may creep, that of a node whose load is small
+   beside the search directions of its slack links, or that of rigid links whose tensions grow without end; and a structure
+   without equilibrium moves more and more slowly beside the way that it has come. So displacements u are compared
+   with the forces r = F - B^t tau(u) that they leave without balance (error/nodalbalance.c):
+
+   - with the row sums D of the stiffness, which is D at most, an energy error is that of D^-1 r at least, an l2 error about;
+   - in a motion masses alone may hold the structure, and M / h^2 is soft beside links: for the translations t of all free
+     displacements, and for u, t.r = t.K e for the error e, so that |e| >= |t.r| / |K t|;
+   - tensions of rigid links miss what an error of the displacements does not explain by elastic links and masses;
+   - the ends of a rigid link that bears are apart by its gap: by what they miss it, u is wrong by 1 / sqrt(2) at least;
+   - a node where as much force is missing as there is has nothing that holds it. It moves until a link resists;
+   - at an equilibrium r.u = 0, while along a mechanism loads work and nothing resists. Their work is compared with that of
+     tensions and loads, so that neither units nor stiffnesses matter.
+*/
+
+#define LATIN_FORCE_NOISE   64.0                         /* times eps, of the forces that meet at a node: rounding of their sum */
+#define LATIN_FORCE_FACTOR  10.0                         /* on the first of the above; then, on structures of all kinds, it is 0.06 of the target at most where that has been met */
+#define LATIN_MOVED_FACTOR  1.8                          /* on the second, as on estimates of l2 errors */
+#define LATIN_TENSION_SHARE 0.01                         /* tensions of rigid links may be so much less accurate than displacements */
+#define LATIN_UNHELD        0.5                          /* of the forces at a node: a larger unbalance, and nothing holds it; of the largest of some numbers: so are those that count */
+#define LATIN_WORK_LEFT     0.5                          /* part of the work that tensions do not balance: near 0 at a solution of any accuracy, 1 in free fall */
+#define LATIN_WORK_CANCELS  0.03                         /* part of the works by themselves below which their sum counts as 0: that of a prestress */
+#define LATIN_GAP_NONE      1e3                          /* times eps, of tau / l: displacements of links without gaps that are none */
+#define LATIN_POINT         64.0                         /* times eps, of the size of the structure: less than coordinates show */
+#define LATIN_GAP_POINT     4.0                          /* the same of gaps and prescribed displacements */
+#define LATIN_SOFT          LatinByPrecision(1e-7, 1e-4) /* stiffness of a mechanism, relative to that of the softest link */
+#define LATIN_LOAD_LEFT     0.1                          /* part of the loads that tensions do not balance along a mechanism */
+#define LATIN_JAM_STAGES    100                          /* of the damped iteration, after which tensions that grow without end show it */
+#define LATIN_JAM_FAR       10.0                         /* times the displacements: so far no displacement meets links that are jammed */
+
+/* What nodes sum up to */
+typedef struct {
+  PetscReal error;                        /* squares of D^-1 r, in the norm of the estimate */
+  PetscReal work, pushed, loads;          /* r.u; works of loads and springs to the ground: their sum, and each by itself */
+  PetscReal tension, rigid;               /* squares of the forces that rigid links leave, and of theirs */
+  PetscReal moved[4], stiff[4], noise[4]; /* t.r, squares of K t, rounding of t.r: translations, then u */
+} LatinNodalSums;
+
+/* The size of a structure: the diagonal of the box around its nodes. Collective on structure */
+PetscErrorCode LatinStructureSize_Private(LatinStructure structure, PetscReal *size)
+{
+  const PetscInt dim = structure->dim;
+  PetscReal      most[6], sum = 0.0; /* -lowest and highest coordinates */
+
+  PetscFunctionBegin;
+  for (PetscInt k = 0; k < 6; k++) most[k] = -PETSC_MAX_REAL;
+  for (PetscInt i = 0; i < dim * structure->nodes_local; i++) {
+    most[2 * (i % dim)]     = PetscMax(most[2 * (i % dim)], -structure->x[i]);
+    most[2 * (i % dim) + 1] = PetscMax(most[2 * (i % dim) + 1], structure->x[i]);
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, most, 6, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)structure)));
+  for (PetscInt c = 0; c < dim; c++) sum += PetscSqr(most[2 * c] + most[2 * c + 1]);
+  *size = PetscSqrtReal(sum);
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode LatinPrescribed_Private(LatinStructure structure, PetscReal *most)
+{
+  PetscReal mine = 0.0;
+
+  PetscFunctionBegin;
+  for (PetscInt i = 0; i < structure->dim * structure->nodes_local; i++)
+    if (structure->fixed[i]) mine = PetscMax(mine, PetscAbsReal(structure->prescribed[i]));
+  PetscCall(MPIU_Allreduce(&mine, most, 1, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)structure)));
+  PetscFunctionReturn(0);
+}
+
+/* Are displacements larger than the structure and than what is prescribed? The theory is of small ones, so that few solutions need a proof. Collective on structure */
+PetscErrorCode LatinEquilibriumFar_Private(LatinStructure structure, Vec u, PetscBool *far)
+{
+  PetscReal size, prescribed, most;
+
+  PetscFunctionBegin;
+  PetscCall(LatinStructureSize_Private(structure, &size));
+  PetscCall(LatinPrescribed_Private(structure, &prescribed));
+  PetscCall(VecNorm(u, NORM_INFINITY, &most));
+  *far = (PetscBool)(most > PetscMax(size, prescribed));
+  PetscFunctionReturn(0);
+}
+
+/* Adds up numbers of nodes or links of this rank, of which at most LATIN_LISTED are in mine. Collective on comm */
+static PetscErrorCode LatinList_Private(MPI_Comm comm, PetscInt count, PetscInt mine[], PetscInt *total, PetscInt list[])
+{
+  PetscFunctionBegin;
+  for (PetscInt i = count; i < LATIN_LISTED; i++) mine[i] = PETSC_MAX_INT;
+  PetscCall(LatinListFirst_Private(comm, LATIN_LISTED, mine, list));
+  PetscCall(MPIU_Allreduce(&count, total, 1, MPIU_INT, MPI_SUM, comm));
+  PetscFunctionReturn(0);
+}
+
+/* Nodes that nothing holds, how far they move, and those of which rounding hides it; a node that no link would stop has no end. Collective */
+static PetscErrorCode LatinUnsupported_Private(const LatinNodalBalance *balance, LatinEquilibrium *found)
+{
+  const LatinStructure structure = balance->latin->sub.structure;
+  PetscReal            sum       = 0.0;
+  PetscInt             mine[LATIN_LISTED], count = 0, more[2] = {0, 0}; /* without end, hidden by rounding */
+
+  PetscFunctionBegin;
+  for (PetscInt i = 0; i < structure->nodes_local; i++) {
+    const LatinNode *at   = &balance->node[i];
+    PetscReal        push = 0.0, load = 0.0;
+    PetscBool        mass = PETSC_FALSE;
+
+    for (PetscInt c = 0; c < structure->dim; c++) {
+      push += PetscSqr(at->r[c]);
+      load += PetscSqr(at->load[c]);
+      if (at->ground[c] > 0.0) mass = PETSC_TRUE;
+    }
+    push = PetscSqrtReal(push);
+    if (mass || push <= LATIN_UNHELD * (at->tension + PetscSqrtReal(load))) continue;
+    if (push <= LATIN_FORCE_NOISE * PETSC_MACHINE_EPSILON * at->gaps) {
+      if (!(load > 0.0)) continue;
+      more[1]++;
+    }
+    if (count < LATIN_LISTED) mine[count] = structure->nodes_start + i;
+    count++;
+    if (at->resistance > 0.0) sum += PetscSqr(1.0 / at->resistance);
+    else more[0]++;
+  }
+  PetscCall(LatinList_Private(PetscObjectComm((PetscObject)structure), count, mine, &found->nodes, found->node));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, more, 2, MPIU_INT, MPI_SUM, PetscObjectComm((PetscObject)structure)));
+  PetscCall(MPIU_Allreduce(&sum, &found->distance, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
+  found->distance = more[0] ? INFINITY : PetscSqrtReal(found->distance);
+  found->hidden   = more[1];
+  PetscFunctionReturn(0);
+}
+
+/* One component c of a node; size: l2 norm of the displacements */
+static void LatinSumComponent(const LatinNode *at, PetscInt dim, PetscInt c, PetscReal target, PetscReal size, PetscBool energy, LatinNodalSums *sum)
+{
+  const PetscReal ground = at->ground[c], noise = LATIN_FORCE_NOISE * PETSC_MACHINE_EPSILON * at->rounding[c];
+  const PetscReal stiff = at->stiffness[c] + ground, left = PetscMax(0.0, PetscAbsReal(at->r[c]) - noise), pushed = (ground * at->u[c] - at->load[c]) * at->u[c];
+
+  if (stiff > 0.0) sum->error += energy ? left * left / stiff : PetscSqr(left / stiff);
+  sum->work += at->r[c] * at->u[c];
+  sum->pushed += pushed;
+  sum->loads += PetscAbsReal(pushed);
+  if (at->rigid[c] > 0.0) sum->tension += PetscSqr(PetscMax(0.0, PetscAbsReal(at->r[c]) - noise - target * size * (at->elastic[c] + ground)));
+  sum->rigid += PetscSqr(at->rigid[c]);
+  sum->moved[c] += at->r[c];
+  sum->noise[c] += noise;
+  for (PetscInt d = 0; d < dim; d++) sum->stiff[d] += PetscSqr(at->translation[3 * d + c] + (c == d ? ground : 0.0));
+  sum->moved[3] += at->r[c] * at->u[c];
+  sum->noise[3] += noise * PetscAbsReal(at->u[c]);
+  sum->stiff[3] += PetscSqr(at->tangent[c] + ground * PetscAbsReal(at->u[c]));
+}
+
+/* By how much rigid links miss their gaps; 0 where nothing moves but by rounding. Collective */
+static PetscErrorCode LatinGapError_Private(const LatinNodalBalance *balance, Vec u, PetscReal *missed)
+{
+  const LatinStructure structure = balance->latin->sub.structure;
+  PetscReal            size, prescribed, norm, most;
+  PetscBool            moves, gaps;
+
+  PetscFunctionBegin;
+  *missed = 0.0;
+  if (structure->rigid_law < 0) PetscFunctionReturn(0);
+  PetscCall(VecNorm(u, NORM_2, &norm));
+  PetscCall(VecNorm(u, NORM_INFINITY, &most));
+  PetscCall(LatinPrescribed_Private(structure, &prescribed));
+  PetscCall(LatinStructureSize_Private(structure, &size));
+  size *= PETSC_MACHINE_EPSILON;
+  moves = (PetscBool)(norm > LATIN_GAP_NONE * PETSC_MACHINE_EPSILON * PetscSqrtReal(balance->bearing_moves) && most > LATIN_POINT * size);
+  gaps  = (PetscBool)(PetscSqrtReal(balance->bearing_gaps) > LATIN_GAP_POINT * size || prescribed > LATIN_GAP_POINT * size);
+  if (moves || gaps) *missed = balance->gap;
+  PetscFunctionReturn(0);
+}
+
+/*
+   The verdict on displacements u that leave the forces r without balance: whether they are an equilibrium to a relative
+   error of `target`, in the energy or the l2 norm. `more` is a load beside that of the structure, or NULL; `rests`: the
+   state of the iteration moves no more but by rounding. Collective on structure
+*/
+PetscErrorCode LatinEquilibriumCheck_Private(Latin latin, Vec u, Vec r, Vec more, PetscReal target, PetscBool energy, PetscBool rests, LatinEquilibrium *found)
+{
+  const LatinStructure structure = latin->sub.structure;
+  const PetscInt       dim       = structure->dim;
+  PetscReal            size, missed, norm, works;
+  PetscBool            far;
+  LatinNodalSums       sum;
+  LatinNodalBalance    balance;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMemzero(found, sizeof(*found)));
+  PetscCall(PetscMemzero(&sum, sizeof(sum)));
+  PetscCall(VecNorm(u, NORM_2, &size));
+  PetscCall(LatinNodalBalanceCreate_Private(latin, u, r, more, target, &balance));
+  for (PetscInt i = 0; i < dim * structure->nodes_local; i++) LatinSumComponent(&balance.node[i / dim], dim, i % dim, target, size, energy, &sum);
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &sum, sizeof(sum) / sizeof(PetscReal), MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
+  PetscCall(LatinUnsupported_Private(&balance, found));
+  PetscCall(LatinGapError_Private(&balance, u, &missed));
+  PetscCall(LatinEquilibriumFar_Private(structure, u, &far));
+  PetscCall(LatinNodalBalanceDestroy_Private(&balance));
+
+  norm = energy ? PetscSqrtReal(balance.energy) : size;
+  if (norm > 0.0) found->error = LATIN_FORCE_FACTOR * PetscSqrtReal(sum.error) / norm;
+  for (PetscInt d = 0; d < 4 && structure->ground && !energy && norm > 0.0; d++)
+    if (sum.stiff[d] > 0.0) found->error = PetscMax(found->error, LATIN_MOVED_FACTOR * (PetscAbsReal(sum.moved[d]) - sum.noise[d]) / (PetscSqrtReal(sum.stiff[d]) * norm));
+  if (sum.rigid > 0.0) found->error = PetscMax(found->error, LATIN_TENSION_SHARE * PetscSqrtReal(sum.tension / sum.rigid));
+  missed = PetscMax(missed / PETSC_SQRT2, found->distance);
+  if (missed > 0.0) missed = missed < size ? missed / size : 1.0;
+  found->error = PetscMax(found->error, missed);
+
+  /* the work of the tensions is r.u less that of the loads */
+  works = PetscAbsReal(sum.work - sum.pushed) + PetscAbsReal(sum.pushed) + LATIN_WORK_CANCELS * (balance.work + sum.loads);
+  if (far && PetscAbsReal(sum.work) > LATIN_WORK_LEFT * works) {
+    found->verdict = LATIN_UNBOUNDED;
+    PetscCall(PetscInfo(structure, "Displacements larger than the structure leave %g of the work of tensions and loads without balance\n", (double)(PetscAbsReal(sum.work) / works)));
+  } else if (found->error <= target) found->verdict = LATIN_EQUILIBRIUM;
+  else found->verdict = missed > target && (rests || found->hidden) ? LATIN_BELOW_ROUNDING : LATIN_NOT_YET;
+  PetscFunctionReturn(0);
+}
+
+/*
+   A step of Newton's method along which no link resists, however far it goes, and along which the loads push: the energy
+   has no least value, and the verdict is LATIN_UNBOUNDED, with the nodes that move. Else *found stays. Links that will
+   resist once a gap has closed are no mechanism. r: what was without balance after the step. Collective on structure
+*/
+PetscErrorCode LatinEquilibriumMechanism_Private(LatinStructure structure, Vec step, Vec r, Vec more, LatinEquilibrium *found)
+{
+  const PetscInt dim = structure->dim;
+  PetscInt       mine[LATIN_LISTED], count = 0;
+  PetscReal     *move, most, length, least, resisted;
+  PetscScalar    pushed, other = 0.0, left;
+
+  PetscFunctionBegin;
+  PetscCall(VecNorm(step, NORM_INFINITY, &most));
+  PetscCall(VecNorm(step, NORM_2, &length));
+  if (!(most > 0.0) || PetscIsInfOrNanReal(length)) PetscFunctionReturn(0);
+  PetscCall(LatinStructureStiffnessRange_Private(structure, &least, NULL));
+  PetscCall(LatinStructureResistFar_Private(structure, step, &resisted));
+  PetscCall(VecDot(structure->load, step, &pushed));
+  if (more) PetscCall(VecDot(more, step, &other));
+  PetscCall(VecDot(r, step, &left));
+  if (resisted > LATIN_SOFT * least * length * length || PetscAbsScalar(left) <= LATIN_LOAD_LEFT * PetscAbsScalar(pushed + other)) PetscFunctionReturn(0);
+  PetscCall(PetscMalloc1(dim * structure->nodes_local, &move));
+  PetscCall(LatinStructureGetDisplacements(structure, step, move));
+  for (PetscInt i = 0; i < structure->nodes_local; i++) {
+    PetscReal size = 0.0;
+
+    for (PetscInt c = 0; c < dim; c++) size = PetscMax(size, structure->fixed[dim * i + c] ? 0.0 : PetscAbsReal(move[dim * i + c]));
+    if (size < LATIN_UNHELD * most) continue;
+    if (count < LATIN_LISTED) mine[count] = structure->nodes_start + i;
+    count++;
+  }
+  PetscCall(PetscFree(move));
+  PetscCall(LatinList_Private(PetscObjectComm((PetscObject)structure), count, mine, &found->nodes, found->node));
+  found->verdict  = LATIN_UNBOUNDED;
+  found->distance = INFINITY;
+  PetscFunctionReturn(0);
+}
+
+/*
+   Rigid links that no displacement meets together. Their tensions grow for ever, by the same self-stress dtau from one stage
+   of the damped iteration to the next: B^t dtau = 0, while dtau . x = dtau . (e0 + B u) is not positive for any admissible
+   strains x [J. Farkas]. Where dtau . e0 is, by more than B^t dtau can make up for on displacements ten times as large as u,
+   there are none. `dtau` has the links of this rank. Collective on structure
+*/
+static PetscErrorCode LatinFarkas_Private(LatinStructure structure, Vec u, const PetscReal dtau[], LatinEquilibrium *found)
+{
+  PetscReal          sum[2] = {0.0, 0.0}, most = 0.0, moved, left; /* the work on gaps and prescribed displacements, and of each by itself */
+  PetscInt           mine[LATIN_LISTED], count = 0;
+  Vec                given, local, forces;
+  const PetscScalar *a;
+  PetscScalar       *f;
+
+  PetscFunctionBegin;
+  PetscCall(DMGetGlobalVector(structure->dm, &forces));
+  PetscCall(DMGetLocalVector(structure->dm, &given));
+  PetscCall(DMGetLocalVector(structure->dm, &local));
+  PetscCall(VecZeroEntries(forces));
+  PetscCall(LatinStructureGetLocal_Private(structure, forces, given)); /* what is prescribed, and nothing else */
+  PetscCall(VecZeroEntries(local));
+  PetscCall(VecGetArrayRead(given, &a));
+  PetscCall(VecGetArray(local, &f));
+  for (PetscInt l = 0; l < structure->links_local; l++) {
+    const PetscReal work = dtau[l] * (LatinStructureElongation(structure, l, a) + structure->e0[l]);
+
+    sum[0] += work;
+    sum[1] += PetscAbsReal(work);
+    most = PetscMax(most, PetscAbsReal(dtau[l]));
+    LatinStructureAddForce(structure, l, dtau[l], f);
+  }
+  PetscCall(VecRestoreArray(local, &f));
+  PetscCall(VecRestoreArrayRead(given, &a));
+  PetscCall(DMLocalToGlobalBegin(structure->dm, local, ADD_VALUES, forces));
+  PetscCall(DMLocalToGlobalEnd(structure->dm, local, ADD_VALUES, forces));
+  PetscCall(VecNorm(forces, NORM_2, &left));
+  PetscCall(VecNorm(u, NORM_2, &moved));
+  PetscCall(DMRestoreLocalVector(structure->dm, &local));
+  PetscCall(DMRestoreLocalVector(structure->dm, &given));
+  PetscCall(DMRestoreGlobalVector(structure->dm, &forces));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &most, 1, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)structure)));
+  if (!(sum[0] > LATIN_JAM_FAR * left * moved + PETSC_SQRT_MACHINE_EPSILON * sum[1])) PetscFunctionReturn(0);
+  for (PetscInt l = 0; l < structure->links_local; l++) {
+    if (PetscAbsReal(dtau[l]) < LATIN_UNHELD * most) continue;
+    if (count < LATIN_LISTED) mine[count] = structure->links_start + l;
+    count++;
+  }
+  PetscCall(LatinList_Private(PetscObjectComm((PetscObject)structure), count, mine, &found->links, found->link));
+  if (found->links) found->verdict = LATIN_JAMMED;
+  PetscFunctionReturn(0);
+}
+
+/*
+   Damped stages from the start show whether rigid links are jammed: the verdict is LATIN_JAMMED then, else *found stays.
+   z and work are of the length of a state. Displacements in the subdomains are lost, tensions of links stay. Collective on latin
+*/
+PetscErrorCode LatinEquilibriumJammed_Private(Latin latin, Vec z, Vec work, LatinEquilibrium *found)
+{
+  LatinStructure structure    = latin->sub.structure;
+  const PetscInt applications = latin->linear.applications;
+  PetscReal     *before, *dtau;
+  Vec            u;
+
+  PetscFunctionBegin;
+  if (structure->rigid_law < 0 || structure->rubs || structure->ground) PetscFunctionReturn(0); /* rigid links of a time step have no gaps, or do not bear */
+  PetscCall(PetscMalloc2(structure->links_local, &before, structure->links_local, &dtau));
+  PetscCall(PetscArraycpy(before, latin->linear.rigid_tension, structure->links_local));
+  PetscCall(LatinInitialState_Private(&latin->linear, z));
+  for (PetscInt k = 0; k < LATIN_JAM_STAGES && !latin->linear.failed; k++) {
+    if (k == LATIN_JAM_STAGES - 1) {
+      PetscCall(LatinReturnTensions_Private(&latin->linear));
+      PetscCall(PetscArraycpy(dtau, latin->linear.rigid_tension, structure->links_local));
+    }
+    PetscCall(LatinApply_Private(&latin->linear, z, work));
+    PetscCall(VecAXPBY(z, 0.5, 0.5, work)); /* damped, or tensions would only swing */
+  }
+  PetscCall(DMGetGlobalVector(structure->dm, &u));
+  PetscCall(LatinAverage_Private(&latin->linear, u));
+  PetscCall(LatinReturnTensions_Private(&latin->linear));
+  for (PetscInt l = 0; l < structure->links_local; l++) dtau[l] = LatinLaws[structure->law[l]].rigid ? latin->linear.rigid_tension[l] - dtau[l] : 0.0;
+  if (!latin->linear.failed) PetscCall(LatinFarkas_Private(structure, u, dtau, found));
+  PetscCall(DMRestoreGlobalVector(structure->dm, &u));
+  PetscCall(PetscArraycpy(latin->linear.rigid_tension, before, structure->links_local));
+  PetscCall(PetscFree2(before, dtau));
+  latin->linear.applications = applications;
+  PetscFunctionReturn(0);
+}

@@ -1,0 +1,100 @@
+/*
+   What is known of the error of displacements: estimates, bounds, and whether they are an equilibrium. Floor 9: above the
+   core, below the solvers that ask for it.
+*/
+#ifndef LATINERROR_H
+#define LATINERROR_H
+
+#include "core/latinimpl.h"
+
+/*
+   What rounding leaves of a displacement field, relative, in the l2 and in the energy norm. Forces of nodes are wrong by
+   eps times what the links would bear if each end moved alone, at random; the field that they cause grows with the root
+   of the ratio of what the links would then store, sum of k (n u)^2, to what they store: the condition number that this
+   field sees. Measured: eps times 0.3 to 4 times the root on grids of 12 to 200 modules and on lattices.
+*/
+static inline PetscReal LatinRounding(PetscReal ends, PetscReal stored)
+{
+  return PETSC_MACHINE_EPSILON * (1e3 + (stored > 0.0 ? 8.0 * PetscSqrtReal(ends / stored) : 0.0));
+}
+
+/* ---- estimated error of the displacements (error/estimate.c) ---- */
+typedef struct {
+  PetscBool  energy;   /* of the energy norm, not of the l2 norm */
+  PetscInt   count;    /* iterates seen in this solve */
+  PetscReal *sketch;   /* [window][rows + 1] of the last iterates: projected displacements, distance of the stages */
+  PetscReal *part;     /* [rows + 1] work: what this rank adds */
+  PetscReal  value;    /* relative, of the last iterate */
+  PetscReal  floor;    /* what rounding leaves of it */
+  PetscBool  rounding; /* the floor has been reached, above the target */
+} LatinEstimate;
+PETSC_INTERN PetscErrorCode LatinEstimateStart_Private(LatinEstimate *);
+PETSC_INTERN PetscErrorCode LatinEstimateFloor_Private(Latin, LatinEstimate *);
+PETSC_INTERN PetscErrorCode LatinEstimateUpdate_Private(Latin, PetscReal target, LatinEstimate *);
+PETSC_INTERN PetscErrorCode LatinEstimateDestroy_Private(LatinEstimate *);
+
+/* ---- forces and their rounding at the nodes (error/nodalbalance.c) ---- */
+/* Sums over the links that meet at a node, of all ranks; reals only, since they travel as one message */
+typedef struct {
+  PetscReal vertices;       /* of the DM that the node is on its ranks */
+  PetscReal u[3], r[3];     /* free displacements, and the forces that they leave without balance */
+  PetscReal load[3];        /* loads */
+  PetscReal ground[3];      /* springs to the ground */
+  PetscReal stiffness[3];   /* row sums of |B|^t k |B|, at least those of the tangent stiffness */
+  PetscReal elastic[3];     /* the same of elastic links */
+  PetscReal rigid[3];       /* tensions of rigid links, |B|^t |tau| */
+  PetscReal rounding[3];    /* times eps: of the forces */
+  PetscReal translation[9]; /* |K t_c| for the translation t_c of all free displacements, at most; in motions */
+  PetscReal tangent[3];     /* |K u|, of links that certainly bear; in motions */
+  PetscReal tension;        /* sum of |tau| */
+  PetscReal gaps;           /* times eps: rounding of the tensions, gaps included */
+  PetscReal resistance;     /* 1 / displacement of the node at which its links hold the force without balance */
+} LatinNode;
+
+typedef struct {
+  Latin      latin;
+  LatinNode *node;                        /* [structure->nodes_local] */
+  PetscReal  energy;                      /* sum of k e^2 */
+  PetscReal  work;                        /* sum of |tau e|, prescribed displacements taken for zero */
+  PetscReal  gap;                         /* greatest distance by which a rigid link misses its gap */
+  PetscReal  bearing_gaps, bearing_moves; /* squares of the gaps of rigid links that bear, or should, and of their tau / l */
+} LatinNodalBalance;
+PETSC_INTERN PetscErrorCode LatinNodalBalanceCreate_Private(Latin, Vec u, Vec r, Vec more, PetscReal target, LatinNodalBalance *);
+PETSC_INTERN PetscErrorCode LatinNodalBalanceDestroy_Private(LatinNodalBalance *);
+
+/* ---- are displacements an equilibrium? (error/equilibrium.c) ---- */
+#define LATIN_LISTED 8 /* nodes, or links, that are named */
+typedef enum {
+  LATIN_EQUILIBRIUM,    /* as far as forces show */
+  LATIN_NOT_YET,        /* forces show an error above the target */
+  LATIN_BELOW_ROUNDING, /* the same, and rounding hides the way to the target */
+  LATIN_UNBOUNDED,      /* no equilibrium: loads move `nodes` without end, or it moves away as a mechanism (no node) */
+  LATIN_JAMMED          /* no equilibrium: no displacement meets the gaps of the rigid `links` together */
+} LatinVerdict;
+
+typedef struct {
+  LatinVerdict verdict;
+  PetscReal    error;              /* the displacements are wrong by this at least, relative */
+  PetscInt     nodes;              /* that nothing holds, on all ranks */
+  PetscInt     node[LATIN_LISTED]; /* some of them, global numbers */
+  PetscReal    distance;           /* that they move until a link holds them, a length */
+  PetscInt     hidden;             /* nodes whose loads are less than the rounding of the forces there */
+  PetscInt     links;              /* rigid links that are jammed, on all ranks */
+  PetscInt     link[LATIN_LISTED];
+} LatinEquilibrium;
+PETSC_INTERN PetscErrorCode LatinEquilibriumFar_Private(LatinStructure, Vec u, PetscBool *);
+PETSC_INTERN PetscErrorCode LatinEquilibriumCheck_Private(Latin, Vec u, Vec r, Vec more, PetscReal target, PetscBool energy, PetscBool rests, LatinEquilibrium *);
+PETSC_INTERN PetscErrorCode LatinEquilibriumMechanism_Private(LatinStructure, Vec step, Vec r, Vec more, LatinEquilibrium *);
+PETSC_INTERN PetscErrorCode LatinEquilibriumJammed_Private(Latin, Vec z, Vec work, LatinEquilibrium *);
+PETSC_INTERN PetscErrorCode LatinStructureSize_Private(LatinStructure, PetscReal *size);
+
+/* An estimate compares iterates: displacements that rest while a state creeps look like those of a solution. Forces show otherwise */
+static inline void LatinEstimateLearn(const LatinEquilibrium *found, PetscReal target, LatinEstimate *estimate)
+{
+  if (found->error <= target) return;
+  estimate->value    = PetscMax(estimate->value, found->error);
+  estimate->rounding = (PetscBool)(found->verdict == LATIN_BELOW_ROUNDING);
+  if (estimate->rounding) estimate->floor = estimate->value;
+}
+
+#endif

@@ -1,0 +1,202 @@
+#include "error/latinerror.h"
+
+/*
+   One pass over the links: what they bear at each node, how much of it is rounding, what the forces without balance meet
+   when they move a node, and by how much rigid links miss their gaps. error/equilibrium.c draws the conclusions.
+*/
+
+#define LATIN_GAP_NOISE 4.0 /* times eps, of the displacements and the gap of a link: rounding of its elongation */
+
+/* Free displacements and forces at the vertices of the DM here */
+enum { LATIN_AT_U, LATIN_AT_FREE, LATIN_AT_R, LATIN_AT_LOAD, LATIN_AT_GROUND, LATIN_AT };
+
+/* The vectors of a check at the vertices here; v may be NULL. Collective on structure */
+static PetscErrorCode LatinNodalLocal_Private(LatinStructure structure, Vec v, Vec local)
+{
+  PetscFunctionBegin;
+  PetscCall(VecZeroEntries(local));
+  if (!v) PetscFunctionReturn(0);
+  PetscCall(DMGlobalToLocalBegin(structure->dm, v, INSERT_VALUES, local));
+  PetscCall(DMGlobalToLocalEnd(structure->dm, v, INSERT_VALUES, local));
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode LatinNodalGet_Private(LatinStructure structure, Vec u, Vec r, Vec more, Vec local[])
+{
+  Vec work;
+
+  PetscFunctionBegin;
+  for (PetscInt i = 0; i < LATIN_AT; i++) PetscCall(DMGetLocalVector(structure->dm, &local[i]));
+  PetscCall(DMGetGlobalVector(structure->dm, &work));
+  PetscCall(LatinStructureGetLocal_Private(structure, u, local[LATIN_AT_U]));
+  PetscCall(VecSet(work, 1.0));
+  PetscCall(LatinNodalLocal_Private(structure, work, local[LATIN_AT_FREE]));
+  PetscCall(LatinNodalLocal_Private(structure, r, local[LATIN_AT_R]));
+  PetscCall(VecCopy(structure->load, work));
+  if (more) PetscCall(VecAXPY(work, 1.0, more));
+  PetscCall(LatinNodalLocal_Private(structure, work, local[LATIN_AT_LOAD]));
+  PetscCall(LatinNodalLocal_Private(structure, structure->ground, local[LATIN_AT_GROUND]));
+  PetscCall(DMRestoreGlobalVector(structure->dm, &work));
+  PetscFunctionReturn(0);
+}
+
+/* By how much a rigid link misses its gap; moved: what its ends move along it */
+static PetscReal LatinGapMissed(Latin latin, PetscInt l, PetscReal x, PetscReal moved)
+{
+  const LatinStructure structure = latin->sub.structure;
+  const PetscReal      tension = latin->linear.rigid_tension[l], noise = LATIN_GAP_NOISE * PETSC_MACHINE_EPSILON * (PetscAbsReal(structure->e0[l]) + moved);
+  PetscReal            missed = 0.0;
+
+  if (structure->law[l] == LATIN_LAW_TANGENT) {
+    PetscInt  normal = l;
+    PetscReal size   = 0.0;
+
+    while (structure->law[normal] == LATIN_LAW_TANGENT) normal--;
+    for (PetscInt c = normal + 1; c < normal + structure->dim; c++) size += PetscSqr(latin->linear.rigid_tension[c]);
+    if (PetscSqrtReal(size) < -0.999 * structure->friction[normal] * latin->linear.rigid_tension[normal]) missed = PetscAbsReal(x); /* it sticks */
+  } else if (tension != 0.0) missed = PetscAbsReal(x);
+  else missed = PetscMax(0.0, LatinLawSign(structure->law[l]) * x);
+  return PetscMax(0.0, missed - noise);
+}
+
+/* What a link opposes to a motion of one of its ends along which its strain x changes at this rate, a force each: 1 / displacement at which it holds the force `push` */
+static PetscReal LatinResistance(Latin latin, PetscInt l, PetscReal x, PetscReal rate, PetscReal push)
+{
+  const LatinStructure structure = latin->sub.structure;
+  const PetscInt       law       = structure->law[l];
+  const PetscReal      k = latin->sub.link_stiffness[l], sign = LatinLawSign(law);
+  PetscReal            closing;
+
+  if (law == LATIN_LAW_TANGENT) return latin->linear.rigid_tension[l] != 0.0 ? k * rate * rate / push : 0.0;
+  if (law > LATIN_LAW_TANGENT) return LatinStructureTangent(structure, l, x) * rate * rate / push;
+  if (law == LATIN_LAW_BAR) return k * rate * rate / push;
+  closing = PetscMax(0.0, sign * rate);
+  return sign * x < 0.0 ? closing / PetscAbsReal(x) : k * closing * closing / push;
+}
+
+/* What one link adds to its two nodes and to the sums; a: local vectors */
+static void LatinNodalAddLink(LatinNodalBalance *balance, PetscInt l, PetscScalar *const a[], PetscReal target, LatinNode vertex[])
+{
+  const Latin          latin     = balance->latin;
+  const LatinStructure structure = latin->sub.structure;
+  const PetscInt       dim = structure->dim, *to = structure->ends + 2 * l;
+  const PetscBool      rigid = LatinLaws[structure->law[l]].rigid;
+  const PetscReal     *n = structure->direction + dim * l, k = latin->sub.link_stiffness[l], e0 = PetscAbsReal(structure->e0[l]);
+  const PetscReal      e = LatinStructureElongation(structure, l, a[LATIN_AT_U]), x = e + structure->e0[l], tension = PetscAbsReal(LatinStructureTension(structure, latin->linear.rigid_tension, l, x));
+  PetscReal            all = 0.0, ends = 0.0, moves[4] = {0.0, 0.0, 0.0, 0.0}, certain = k; /* elongations by unit translations and by the free displacements */
+
+  for (PetscInt c = 0; c < dim; c++) {
+    const PetscScalar *u = a[LATIN_AT_U] + c, *open = a[LATIN_AT_FREE] + c;
+
+    all += PetscAbsReal(n[c]);
+    ends += PetscAbsReal(n[c]) * (PetscAbsScalar(u[dim * to[0]]) + PetscAbsScalar(u[dim * to[1]]));
+    moves[c] = n[c] * (open[dim * to[1]] - open[dim * to[0]]);
+    moves[3] += n[c] * (open[dim * to[1]] * u[dim * to[1]] - open[dim * to[0]] * u[dim * to[0]]);
+  }
+  if (!rigid) certain = PetscMin(LatinStructureTangent(structure, l, x - target * (e0 + ends)), LatinStructureTangent(structure, l, x + target * (e0 + ends)));
+  balance->energy += k * e * e;
+  balance->work += tension * PetscAbsReal(moves[3]);
+  if (rigid) {
+    const PetscReal missed = LatinGapMissed(latin, l, x, ends);
+
+    balance->gap = PetscMax(balance->gap, missed);
+    if (tension != 0.0 || missed != 0.0) {
+      balance->bearing_moves += PetscSqr(tension / k);
+      balance->bearing_gaps += PetscSqr(e0);
+    }
+  }
+  for (PetscInt i = 0; i < 2; i++) {
+    LatinNode         *at    = &vertex[to[i]];
+    const PetscScalar *r     = a[LATIN_AT_R] + dim * to[i];
+    PetscReal          along = 0.0, push = 0.0;
+
+    for (PetscInt c = 0; c < dim; c++) {
+      const PetscReal cosine = PetscAbsReal(n[c]);
+
+      at->stiffness[c] += 2.0 * k * cosine * all;
+      if (rigid) at->rigid[c] += cosine * tension;
+      else at->elastic[c] += 2.0 * k * cosine * all;
+      at->rounding[c] += cosine * (k * (ends + (rigid ? 0.0 : e0)) + (rigid ? tension : 0.0)); /* a gap makes no force, and is without end where a contact takes no part in a step */
+      for (PetscInt d = 0; d < dim; d++) at->translation[3 * d + c] += k * cosine * PetscAbsReal(moves[d]);
+      at->tangent[c] += certain * cosine * PetscAbsReal(moves[3]);
+      along -= (i ? n[c] : -n[c]) * PetscRealPart(r[c]);
+      push += PetscSqr(PetscRealPart(r[c]));
+    }
+    push = PetscSqrtReal(push);
+    at->tension += tension;
+    at->gaps += k * (ends + e0) + tension;
+    if (push > 0.0) at->resistance += LatinResistance(latin, l, x, along / push, push);
+  }
+}
+
+/* The nodes of this rank from the vertices of all ranks, each of which has the vectors of its node. Collective on structure */
+static PetscErrorCode LatinNodalGather_Private(LatinStructure structure, const LatinNode vertex[], LatinNode node[])
+{
+  PetscFunctionBegin;
+  PetscCall(LatinSFReduce_Private(structure->vertex_sf, sizeof(LatinNode) / sizeof(PetscReal), MPIU_REAL, vertex, node, MPI_SUM));
+  for (PetscInt i = 0; i < structure->nodes_local; i++)
+    for (PetscInt c = 0; c < 3 && node[i].vertices > 1.0; c++) {
+      node[i].u[c] /= node[i].vertices;
+      node[i].r[c] /= node[i].vertices;
+      node[i].load[c] /= node[i].vertices;
+      node[i].ground[c] /= node[i].vertices;
+    }
+  PetscFunctionReturn(0);
+}
+
+/*
+   The nodes of displacements u that leave the forces r without balance; `more` is a load beside that of the structure, or
+   NULL. A link is taken to bear in LatinNode.tangent if it does so at a relative error of `target`. Collective on structure
+*/
+PetscErrorCode LatinNodalBalanceCreate_Private(Latin latin, Vec u, Vec r, Vec more, PetscReal target, LatinNodalBalance *balance)
+{
+  const LatinStructure structure = latin->sub.structure;
+  const PetscInt       dim       = structure->dim;
+  PetscReal            sum[4];
+  PetscScalar         *a[LATIN_AT];
+  LatinNode           *vertex;
+  Vec                  local[LATIN_AT];
+
+  PetscFunctionBegin;
+  PetscCall(PetscMemzero(balance, sizeof(*balance)));
+  balance->latin = latin;
+  PetscCall(PetscCalloc1(structure->nodes_local, &balance->node));
+  PetscCall(PetscCalloc1(structure->vertices, &vertex));
+  PetscCall(LatinNodalGet_Private(structure, u, r, more, local));
+  for (PetscInt i = 0; i < LATIN_AT; i++) PetscCall(VecGetArray(local[i], &a[i]));
+  for (PetscInt l = 0; l < structure->links_local; l++) LatinNodalAddLink(balance, l, a, target, vertex);
+  for (PetscInt i = 0; i < dim * structure->vertices; i++) {
+    LatinNode     *at = &vertex[i / dim];
+    const PetscInt c  = i % dim;
+
+    at->vertices  = 1.0;
+    at->u[c]      = PetscRealPart(a[LATIN_AT_FREE][i] * a[LATIN_AT_U][i]);
+    at->r[c]      = PetscRealPart(a[LATIN_AT_R][i]);
+    at->load[c]   = PetscRealPart(a[LATIN_AT_LOAD][i]);
+    at->ground[c] = PetscRealPart(a[LATIN_AT_GROUND][i]);
+  }
+  for (PetscInt i = 0; i < LATIN_AT; i++) {
+    PetscCall(VecRestoreArray(local[i], &a[i]));
+    PetscCall(DMRestoreLocalVector(structure->dm, &local[i]));
+  }
+  PetscCall(LatinNodalGather_Private(structure, vertex, balance->node));
+  PetscCall(PetscFree(vertex));
+  sum[0] = balance->energy;
+  sum[1] = balance->work;
+  sum[2] = balance->bearing_gaps;
+  sum[3] = balance->bearing_moves;
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 4, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &balance->gap, 1, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)structure)));
+  balance->energy        = sum[0];
+  balance->work          = sum[1];
+  balance->bearing_gaps  = sum[2];
+  balance->bearing_moves = sum[3];
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode LatinNodalBalanceDestroy_Private(LatinNodalBalance *balance)
+{
+  PetscFunctionBegin;
+  PetscCall(PetscFree(balance->node));
+  PetscFunctionReturn(0);
+}

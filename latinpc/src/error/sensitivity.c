@@ -1,0 +1,237 @@
+#include "error/latinerror.h"
+
+/*
+   How many digits of a solution there are, and what has taken the others, on demand.
+
+   Near a solution u, with the tangent stiffness K of the links there, a small force r moves it by K^-1 r. So
+
+     unbalance  r = F - B^t tau(u) shows how far u is from the equilibrium of the structure as it is stored;
+     rounding   an elongation n (u_b - u_a) is a difference of rounded numbers, wrong by eps (|n u_a| + |n u_b|), and its
+                tension by eps of itself: what any solver in this precision must expect;
+     places     coordinates are rounded, so that the direction of a link is known to eps |x| / length only: far from the
+                origin, or between close nodes, that is little;
+     values     the same of stiffnesses, initial elongations and loads: what is lost before a solver begins.
+
+   The last three are sums over links of independent roundings. Their root mean square is found from a few random ones:
+   with r a sum of terms of random sign, the expected square of K^-1 r is the sum of the squares [C. S. Kenney, A. J. Laub,
+   SIAM J. Sci. Comput. 15 (1994): small-sample statistical condition estimates]. Divided by eps it is the condition of
+   this solution, not of its worst right-hand side.
+*/
+
+#define LATIN_DIGITS_SAMPLES 3
+#define LATIN_DIGITS_FLOOR   LatinByPrecision(1e-8, 1e-5) /* what a slack link keeps of the least stiffness, so that no mechanism ends the solves */
+#define LATIN_DIGITS_UNIT    (0.5 * PETSC_MACHINE_EPSILON)
+
+typedef enum { LATIN_DIGITS_ROUNDING, LATIN_DIGITS_PLACES, LATIN_DIGITS_VALUES, LATIN_DIGITS_KINDS } LatinDigitsKind;
+
+/* The structure around a solution */
+typedef struct {
+  LatinStructure structure;
+  Vec            u;
+  Vec            tangent; /* of the links, borrowed from the matrix */
+  KSP            ksp;
+  PetscReal     *x; /* [vertices][dim] coordinates */
+} LatinAround;
+
+/* 1 or -1 for a number of an entity of the whole structure, the same whatever the number of ranks */
+static inline PetscReal LatinDigitsSign(PetscInt entity, PetscInt number)
+{
+  return LatinMix(((uint64_t)entity << 8) ^ (uint64_t)number) & 1 ? 1.0 : -1.0;
+}
+
+/* What roundings of the coordinates turn link l by: the forces of its tension tau and of its tangent stiffness k */
+static void LatinDigitsTurn(const LatinAround *around, PetscInt l, PetscInt first, const PetscScalar a[], PetscReal tau, PetscReal k, PetscScalar f[])
+{
+  LatinStructure   structure = around->structure;
+  const PetscInt   dim = structure->dim, link = structure->links_start + l, *end = structure->ends + 2 * l;
+  const PetscReal *n = structure->direction + dim * l, *xa = around->x + dim * end[0], *xb = around->x + dim * end[1];
+  PetscReal        turn[3] = {0.0, 0.0, 0.0}, length = 0.0, along = 0.0, stretch = 0.0;
+
+  for (PetscInt c = 0; c < dim; c++) {
+    turn[c] = LATIN_DIGITS_UNIT * (LatinDigitsSign(link, first + 2 * c) * xa[c] + LatinDigitsSign(link, first + 2 * c + 1) * xb[c]);
+    length += PetscSqr(xb[c] - xa[c]);
+    along += n[c] * turn[c];
+  }
+  length = PetscSqrtReal(length);
+  for (PetscInt c = 0; c < dim; c++) { /* across the link only: its stiffness and its rest length are given, not those of its coordinates */
+    turn[c] = (turn[c] - along * n[c]) / length;
+    stretch += turn[c] * PetscRealPart(a[dim * end[1] + c] - a[dim * end[0] + c]);
+  }
+  LatinStructureAddForce(structure, l, k * stretch, f);
+  for (PetscInt c = 0; c < dim; c++) {
+    f[dim * end[0] + c] -= tau * turn[c];
+    f[dim * end[1] + c] += tau * turn[c];
+  }
+}
+
+/* Forces of nodes that random roundings of one kind make of nothing. Collective on structure */
+static PetscErrorCode LatinDigitsForces_Private(const LatinAround *around, LatinDigitsKind kind, PetscInt sample, Vec r)
+{
+  LatinStructure     structure = around->structure;
+  const PetscInt     dim = structure->dim, first = 16 * sample;
+  Vec                ul, rl;
+  const PetscScalar *a, *kt, *load;
+  PetscScalar       *f;
+  PetscInt           n, start;
+
+  PetscFunctionBegin;
+  PetscCall(DMGetLocalVector(structure->dm, &ul));
+  PetscCall(DMGetLocalVector(structure->dm, &rl));
+  PetscCall(LatinStructureGetLocal_Private(structure, around->u, ul));
+  PetscCall(VecZeroEntries(rl));
+  PetscCall(VecGetArrayRead(ul, &a));
+  PetscCall(VecGetArrayRead(around->tangent, &kt));
+  PetscCall(VecGetArray(rl, &f));
+  for (PetscInt l = 0; l < structure->links_local; l++) {
+    const PetscInt   link = structure->links_start + l, *end = structure->ends + 2 * l;
+    const PetscReal  e = LatinStructureElongation(structure, l, a), e0 = structure->e0[l], tau = LatinStructureTension(structure, NULL, l, e + e0), k = PetscRealPart(kt[l]);
+    const PetscReal *n = structure->direction + dim * l;
+
+    if (kind == LATIN_DIGITS_ROUNDING) {
+      PetscReal most = PetscAbsReal(e0);
+
+      for (PetscInt c = 0; c < dim; c++) most += PetscAbsReal(n[c]) * (PetscAbsScalar(a[dim * end[0] + c]) + PetscAbsScalar(a[dim * end[1] + c]));
+      LatinStructureAddForce(structure, l, LATIN_DIGITS_UNIT * LatinDigitsSign(link, first) * (k * most + PetscAbsReal(tau)), f);
+    } else if (kind == LATIN_DIGITS_VALUES) LatinStructureAddForce(structure, l, LATIN_DIGITS_UNIT * (LatinDigitsSign(link, first) * tau + LatinDigitsSign(link, first + 1) * k * e0), f);
+    else LatinDigitsTurn(around, l, first, a, tau, k, f);
+  }
+  PetscCall(VecRestoreArray(rl, &f));
+  PetscCall(VecRestoreArrayRead(around->tangent, &kt));
+  PetscCall(VecRestoreArrayRead(ul, &a));
+  PetscCall(VecZeroEntries(r));
+  PetscCall(DMLocalToGlobalBegin(structure->dm, rl, ADD_VALUES, r));
+  PetscCall(DMLocalToGlobalEnd(structure->dm, rl, ADD_VALUES, r));
+  PetscCall(DMRestoreLocalVector(structure->dm, &rl));
+  PetscCall(DMRestoreLocalVector(structure->dm, &ul));
+  if (kind != LATIN_DIGITS_VALUES) PetscFunctionReturn(0);
+  PetscCall(VecGetOwnershipRange(r, &start, NULL));
+  PetscCall(VecGetLocalSize(r, &n));
+  PetscCall(VecGetArray(r, &f));
+  PetscCall(VecGetArrayRead(structure->load, &load));
+  for (PetscInt i = 0; i < n; i++) f[i] += LATIN_DIGITS_UNIT * LatinDigitsSign(start + i, first + 2) * load[i];
+  PetscCall(VecRestoreArrayRead(structure->load, &load));
+  PetscCall(VecRestoreArray(r, &f));
+  PetscFunctionReturn(0);
+}
+
+/* CG with PC latin on the tangent stiffness at the solution; slack links keep a little. Collective on snes */
+static PetscErrorCode LatinDigitsCreate_Private(SNES snes, LatinAround *around)
+{
+  LatinStructure structure = around->structure;
+  MPI_Comm       comm      = PetscObjectComm((PetscObject)snes);
+  const char    *prefix;
+  PetscReal      least;
+  PC             pc;
+  Mat            A;
+
+  PetscFunctionBegin;
+  PetscCall(LatinStructureStiffnessRange_Private(structure, &least, NULL));
+  PetscCall(LatinTangentCreate_Private(structure, &A));
+  PetscCall(LatinTangentCompute_Private(structure, around->u, LATIN_DIGITS_FLOOR * least, A, &around->tangent));
+  PetscCall(KSPCreate(comm, &around->ksp));
+  PetscCall(PetscObjectSetOptions((PetscObject)around->ksp, ((PetscObject)snes)->options));
+  PetscCall(SNESGetOptionsPrefix(snes, &prefix));
+  PetscCall(KSPSetOptionsPrefix(around->ksp, prefix));
+  PetscCall(KSPAppendOptionsPrefix(around->ksp, "latin_digits_"));
+  PetscCall(KSPSetType(around->ksp, KSPCG));
+  PetscCall(KSPSetNormType(around->ksp, KSP_NORM_NATURAL));
+  PetscCall(KSPSetTolerances(around->ksp, 1e-4, 0.0, PETSC_MAX_REAL, 1000)); /* an order of magnitude is enough; forces of stiff links must not hide those of soft ones */
+  PetscCall(MatSetDM(A, structure->dm));                                     /* where PC latin finds the structure */
+  PetscCall(KSPSetOperators(around->ksp, A, A));
+  PetscCall(KSPGetPC(around->ksp, &pc));
+  PetscCall(PCSetType(pc, PCLATIN));
+  PetscCall(KSPSetFromOptions(around->ksp));
+  PetscCall(MatDestroy(&A));
+  if (!around->x) PetscCall(PetscMalloc1(structure->dim * structure->vertices, &around->x));
+  PetscCall(LatinSFBcast_Private(structure->vertex_sf, structure->dim, MPIU_REAL, structure->x, around->x));
+  PetscFunctionReturn(0);
+}
+
+/* |K^-1 r|, relative to that of the solution; r is overwritten */
+static PetscErrorCode LatinDigitsMove_Private(const LatinAround *around, Vec r, Vec moved, PetscReal *part)
+{
+  KSPConvergedReason reason;
+  PetscReal          norm, size;
+
+  PetscFunctionBegin;
+  PetscCall(KSPSolve(around->ksp, r, moved));
+  PetscCall(KSPGetConvergedReason(around->ksp, &reason));
+  PetscCheck(reason > 0, PetscObjectComm((PetscObject)around->ksp), PETSC_ERR_NOT_CONVERGED, "The digits of the solution are not known: conjugate gradients on its tangent stiffness end with %s; see -latin_digits_ksp_monitor",
+             KSPConvergedReasons[reason]);
+  PetscCall(VecNorm(moved, NORM_2, &norm));
+  PetscCall(VecNorm(around->u, NORM_2, &size));
+  *part = size > 0.0 ? norm / size : norm > 0.0 ? INFINITY : 0.0;
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode LatinGetDigits_Private(SNES snes, PetscReal *unbalance, PetscReal *const found[LATIN_DIGITS_KINDS])
+{
+  LatinAround around = {NULL};
+  PetscReal   one;
+  DM          dm;
+  Vec         r, moved;
+
+  PetscFunctionBegin;
+  PetscCall(SNESGetDM(snes, &dm));
+  PetscCall(LatinStructureFromDM_Private(dm, &around.structure));
+  PetscCheck(around.structure, PetscObjectComm((PetscObject)snes), PETSC_ERR_ORDER, "The digits of a solution need a structure: LatinStructureAttachSNES() comes first (in Python, latinpc.Structure(...).attach(snes))");
+  PetscCall(LatinStructureCheckRigid_Private(around.structure, "The digits of a solution, by its tangent stiffness,"));
+  PetscCall(SNESGetSolution(snes, &around.u));
+  PetscCheck(around.u, PetscObjectComm((PetscObject)snes), PETSC_ERR_ORDER, "The digits are those of a solution: call SNESSolve() first");
+  PetscCall(VecDuplicate(around.u, &r));
+  PetscCall(VecDuplicate(around.u, &moved));
+  PetscCall(LatinDigitsCreate_Private(snes, &around));
+  if (unbalance) {
+    PetscCall(SNESComputeFunction(snes, around.u, r));
+    PetscCall(LatinDigitsMove_Private(&around, r, moved, unbalance));
+  }
+  for (PetscInt kind = 0; kind < LATIN_DIGITS_KINDS; kind++) {
+    if (!found[kind]) continue;
+    *found[kind] = 0.0;
+    for (PetscInt sample = 0; sample < LATIN_DIGITS_SAMPLES; sample++) {
+      PetscCall(LatinDigitsForces_Private(&around, (LatinDigitsKind)kind, sample, r));
+      PetscCall(LatinDigitsMove_Private(&around, r, moved, &one));
+      *found[kind] += one * one / LATIN_DIGITS_SAMPLES;
+    }
+    *found[kind] = PetscSqrtReal(*found[kind]);
+  }
+  PetscCall(KSPDestroy(&around.ksp));
+  PetscCall(PetscFree(around.x));
+  PetscCall(VecDestroy(&moved));
+  PetscCall(VecDestroy(&r));
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  LatinGetDigits - How far a solution is from equilibrium, and what the rounding of numbers makes of it.
+
+  Collective on snes
+
+  Input Parameter:
+. snes - of any type, after a solve; its DM is that of a structure without rigid links
+
+  Output Parameters:
++ unbalance - what the forces that are left without balance move
+. rounding  - what the rounding of displacements, elongations and tensions moves: least error of any solver in this precision
+. places    - the same of the rounding of coordinates
+- values    - the same of stiffnesses, initial elongations and loads
+
+  Level: intermediate
+
+  Notes:
+  All are relative, in the l2 norm of the free displacements; the last three are root mean squares over random roundings.
+  Divided by the unit roundoff, 1.1e-16, they are condition numbers of this solution. Each may be NULL.
+
+  It costs the set-up of a `PCLATIN` and ten linear solves, options prefix `-latin_digits_`.
+
+.seealso: `LatinGetEnergyBound()`, `SNESLatinGetEstimates()`
+@*/
+PetscErrorCode LatinGetDigits(SNES snes, PetscReal *unbalance, PetscReal *rounding, PetscReal *places, PetscReal *values)
+{
+  PetscReal *const found[LATIN_DIGITS_KINDS] = {rounding, places, values};
+
+  PetscFunctionBegin;
+  PetscValidHeaderSpecific(snes, SNES_CLASSID, 1);
+  LatinWatch(PetscObjectComm((PetscObject)snes), LatinGetDigits_Private(snes, unbalance, found));
+  PetscFunctionReturn(0);
+}

@@ -1,0 +1,405 @@
+#include "interfaces/latininterfaces.h"
+
+/*
+   Interfaces: which subdomains meet at which nodes (section 3.1), which interfaces are strong or weak (section 4),
+   which nodes are primal, that is have one displacement for several subdomains, and which pairs of subdomains keep
+   micro quantities at a node. The variants differ in LatinNodePrimal_Private() and nowhere else.
+*/
+
+#define LATIN_FRAME_FLAT LatinByPrecision(1e-12, 1e-5) /* squares of extents, of an interface in a plane or on a line */
+
+enum { PAIR_STRONG = 1, PAIR_WEAK = 2 };
+
+/*
+   The frame of an interface: centre, size and principal axes, from the nodes with a free
+   component. It is strong when its nodes can carry the affine fields of section 3.2, that is when they span dim - 1
+   directions; of nodes without coordinates, several are enough. Differences of coordinates are scaled by the size: neither units nor the origin matter.
+*/
+PetscErrorCode LatinInterfaceFrame_Private(const LatinSubdomains *sub, PetscInt n, const PetscInt copies[], LatinFrame *frame)
+{
+  const PetscInt dim     = sub->dim;
+  PetscReal      largest = 0.0;
+  PetscScalar    a[9], w[3], work[32];
+  PetscBLASInt   bn, lwork = 32, info;
+  PetscInt       used = 0;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMemzero(frame, sizeof(*frame)));
+  for (PetscInt i = 0; i < n; i++) {
+    const PetscReal *xi = sub->x + dim * copies[i];
+
+    if (!LatinNodeFree(sub, copies[i])) continue;
+    for (PetscInt c = 0; c < dim; c++) {
+      if (!used) frame->origin[c] = xi[c];
+      frame->centre[c] += xi[c] - frame->origin[c];
+      largest = PetscMax(largest, PetscAbsReal(xi[c]));
+    }
+    used++;
+  }
+  for (PetscInt c = 0; c < dim; c++) frame->centre[c] /= PetscMax(used, 1);
+  for (PetscInt i = 0; i < n; i++)
+    for (PetscInt c = 0; c < dim; c++) frame->size = PetscMax(frame->size, PetscAbsReal((sub->x[dim * copies[i] + c] - frame->origin[c]) - frame->centre[c]));
+  if (frame->size <= 16 * PETSC_MACHINE_EPSILON * largest) frame->size = 0.0; /* one point, to rounding */
+  frame->plane = PETSC_TRUE;
+  if (dim < 2 || frame->size == 0.0) {
+    frame->strong = (PetscBool)(dim == 1 ? used > 0 : dim == 0 && used > sub->fields);
+    PetscFunctionReturn(0);
+  }
+  for (PetscInt c = 0; c < dim * dim; c++) a[c] = 0.0;
+  for (PetscInt i = 0; i < n; i++) {
+    PetscReal r[3] = {0.0, 0.0, 0.0};
+
+    for (PetscInt c = 0; c < dim; c++) r[c] = ((sub->x[dim * copies[i] + c] - frame->origin[c]) - frame->centre[c]) / frame->size;
+    for (PetscInt c = 0; c < dim; c++)
+      for (PetscInt b = 0; b < dim; b++) a[c * dim + b] += r[c] * r[b];
+  }
+  PetscCall(PetscBLASIntCast(dim, &bn));
+  PetscCallBLAS("LAPACKsyev", LAPACKsyev_("V", "U", &bn, a, &bn, w, work, &lwork, &info));
+  PetscCheck(!info, PETSC_COMM_SELF, PETSC_ERR_LIB, "LAPACK could not find the principal plane of an interface (info %d)", (int)info);
+  for (PetscInt k = 0; k < dim; k++)
+    for (PetscInt c = 0; c < dim; c++) frame->axes[k][c] = a[(dim - 1 - k) * dim + c];
+  /* w holds squares of the extents, increasing */
+  frame->plane  = (PetscBool) !(w[0] > LATIN_FRAME_FLAT * w[dim - 1]);
+  frame->strong = (PetscBool)(dim == 2 || w[1] > LATIN_FRAME_FLAT * w[2]);
+  PetscFunctionReturn(0);
+}
+
+typedef struct {
+  PetscInt neighbour, copy;
+} LatinPair;
+
+/* By neighbour, then by copy, that is by node number: both sides list their nodes in the same order */
+static int LatinPairCompare(const void *pa, const void *pb)
+{
+  const LatinPair *a = (const LatinPair *)pa, *b = (const LatinPair *)pb;
+
+  if (a->neighbour != b->neighbour) return a->neighbour < b->neighbour ? -1 : 1;
+  return a->copy < b->copy ? -1 : (a->copy > b->copy ? 1 : 0);
+}
+
+/* The interfaces of each subdomain, with their nodes, and whether they are strong */
+static PetscErrorCode LatinInterfaceList_Private(LatinInterfaces *inter)
+{
+  const LatinSubdomains *sub = inter->sub;
+  LatinPair             *pair;
+  PetscInt               total = 0, count = 0, counts[2] = {0, 0};
+
+  PetscFunctionBegin;
+  for (PetscInt i = 0; i < sub->copies; i++) {
+    const PetscInt m = inter->share_offset[i + 1] - inter->share_offset[i];
+
+    total += m ? m - 1 : 0;
+  }
+  PetscCall(PetscMalloc1(total, &pair));
+  PetscCall(PetscMalloc1(total, &inter->node_list));
+  PetscCall(PetscMalloc1(sub->n + 1, &inter->offset));
+  total = 0;
+  for (PetscInt s = 0; s < sub->n; s++) {
+    const PetscInt begin = total;
+
+    for (PetscInt i = sub->node_offset[s]; i < sub->node_offset[s + 1]; i++)
+      for (PetscInt j = inter->share_offset[i]; j < inter->share_offset[i + 1]; j++) {
+        if (inter->share_list[j] == sub->first + s) continue;
+        pair[total].neighbour = inter->share_list[j];
+        pair[total++].copy    = i;
+      }
+    if (total > begin) qsort(pair + begin, (size_t)(total - begin), sizeof(*pair), LatinPairCompare);
+    inter->offset[s] = count;
+    for (PetscInt p = begin; p < total; p++)
+      if (p == begin || pair[p].neighbour != pair[p - 1].neighbour) count++;
+  }
+  inter->offset[sub->n] = count;
+  inter->count          = count;
+  PetscCall(PetscCalloc1(count, &inter->interface));
+  for (PetscInt s = 0, p = 0; s < sub->n; s++)
+    for (PetscInt i = inter->offset[s]; i < inter->offset[s + 1]; i++) {
+      LatinInterface *face = &inter->interface[i];
+      LatinFrame      frame;
+
+      face->sub        = s;
+      face->neighbour  = pair[p].neighbour;
+      face->node_first = p;
+      while (p < total && pair[p].neighbour == face->neighbour && pair[p].copy < sub->node_offset[s + 1]) {
+        inter->node_list[p] = pair[p].copy;
+        p++;
+      }
+      face->node_last = p;
+      PetscCall(LatinInterfaceFrame_Private(sub, face->node_last - face->node_first, inter->node_list + face->node_first, &frame));
+      face->strong = frame.strong;
+      if (sub->first + s < face->neighbour) counts[face->strong ? 0 : 1]++;
+    }
+  PetscCall(PetscFree(pair));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, counts, 2, MPIU_INT, MPI_SUM, PetscObjectComm(inter->sub->object)));
+  inter->strong_global = counts[0];
+  inter->weak_global   = counts[1];
+  PetscFunctionReturn(0);
+}
+
+/* Connected components of m subdomains under the pairs of one class; component[j] is the lowest member of j's component */
+static void LatinNodeComponents(PetscInt m, const PetscInt table[], PetscInt pairs, PetscInt component[])
+{
+  PetscBool changed = PETSC_TRUE;
+
+  for (PetscInt j = 0; j < m; j++) component[j] = j;
+  while (changed) {
+    changed = PETSC_FALSE;
+    for (PetscInt i = 0; i < m; i++)
+      for (PetscInt j = 0; j < m; j++)
+        if (i != j && table[i * m + j] == pairs && component[j] < component[i]) {
+          component[i] = component[j];
+          changed      = PETSC_TRUE;
+        }
+  }
+}
+
+/*
+   The primal components of a node: sets of subdomains that share one displacement there, a coarse unknown.
+     none   no weak interface is glued (4.1)
+     macro  the whole displacement of a weak interface is macro (4.2); weak interfaces that meet at the node are merged
+     corner all subdomains of a node of a weak interface share one displacement (4.4), and those of every node of three or
+            more subdomains, which an irregular partition has without a weak interface; published: the same
+   primal[j] is the lowest member of j's component, -1 for none.
+*/
+static void LatinNodePrimal_Private(LatinVariant variant, PetscInt m, const PetscInt table[], PetscInt primal[])
+{
+  PetscBool weak = PETSC_FALSE;
+
+  for (PetscInt j = 0; j < m * m; j++) weak = (PetscBool)(weak || table[j] == PAIR_WEAK);
+  for (PetscInt j = 0; j < m; j++) primal[j] = -1;
+  if ((variant == LATIN_VARIANT_CORNER || variant == LATIN_VARIANT_PUBLISHED) && (weak || m > 2)) {
+    for (PetscInt j = 0; j < m; j++) primal[j] = 0;
+  } else if (weak && variant == LATIN_VARIANT_MACRO) {
+    LatinNodeComponents(m, table, PAIR_WEAK, primal);
+    for (PetscInt j = 0; j < m; j++) {
+      PetscInt size = 0;
+
+      for (PetscInt i = 0; i < m; i++) size += primal[i] == primal[j] ? 1 : 0;
+      if (size == 1) primal[j] = -1;
+    }
+  }
+}
+
+/*
+   Whether the subdomains at positions i and j keep micro quantities at the node. Inside a primal component the
+   displacement is continuous already (the article keeps the springs there: `published`). A weak pair whose subdomains
+   the strong pairs of the node connect is redundant and is dropped (4.1).
+*/
+static PetscBool LatinNodeMicro_Private(PetscBool published, PetscInt m, const PetscInt table[], const PetscInt primal[], const PetscInt strong[], PetscInt i, PetscInt j)
+{
+  const PetscBool glued = (PetscBool)(primal[i] >= 0 && primal[i] == primal[j]);
+
+  if (table[i * m + j] == PAIR_STRONG) return (PetscBool)(published || !glued);
+  return (PetscBool)(!glued && strong[i] != strong[j]);
+}
+
+/* The table of the pairs of subdomains at each node, strong or weak. Collective */
+static PetscErrorCode LatinInterfacePairs_Private(LatinInterfaces *inter, PetscInt **pairs)
+{
+  PetscInt *table;
+
+  PetscFunctionBegin;
+  PetscCall(PetscCalloc1(inter->table_offset[inter->sub->copies], &table));
+  for (PetscInt f = 0; f < inter->count; f++) {
+    const LatinInterface *face = &inter->interface[f];
+
+    for (PetscInt p = face->node_first; p < face->node_last; p++) {
+      const PetscInt i = inter->node_list[p], m = inter->share_offset[i + 1] - inter->share_offset[i];
+      PetscInt       j;
+
+      PetscCall(PetscFindInt(face->neighbour, m, inter->share_list + inter->share_offset[i], &j));
+      table[inter->table_offset[i] + inter->position[i] * m + j] = face->strong ? PAIR_STRONG : PAIR_WEAK;
+    }
+  }
+  PetscCall(LatinInterfaceExchange_Private(inter, table));
+  *pairs = table;
+  PetscFunctionReturn(0);
+}
+
+/* The class of each copy of a node, and its primal component; primal[] is work space */
+static PetscErrorCode LatinInterfaceClasses_Private(LatinInterfaces *inter, const PetscInt table[], PetscInt primal[])
+{
+  const LatinSubdomains *sub = inter->sub;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMalloc3(sub->copies, &inter->node_class, sub->copies, &inter->component, sub->copies, &inter->glued));
+  for (PetscInt i = 0; i < sub->copies; i++) {
+    const PetscInt  m = inter->share_offset[i + 1] - inter->share_offset[i];
+    const PetscInt *t = table + inter->table_offset[i];
+
+    inter->component[i]  = -1;
+    inter->glued[i]      = PETSC_FALSE;
+    inter->node_class[i] = m ? 1 : 0;
+    for (PetscInt j = 0; j < m * m; j++)
+      if (t[j] == PAIR_WEAK) inter->node_class[i] = 2;
+    if (m) {
+      LatinNodePrimal_Private(inter->variant, m, t, primal);
+      inter->component[i] = primal[inter->position[i]];
+      if (inter->component[i] >= 0) inter->node_class[i] = 3;
+      for (PetscInt j = 0; j < m; j++)
+        if (primal[j] >= 0) inter->glued[i] = PETSC_TRUE;
+    }
+  }
+  PetscFunctionReturn(0);
+}
+
+/* The sides: degrees of freedom of interfaces that carry micro quantities */
+static PetscErrorCode LatinInterfaceSides_Private(LatinInterfaces *inter)
+{
+  const LatinSubdomains *sub = inter->sub;
+  const PetscInt         bs  = inter->sub->bs;
+  PetscInt              *table, *primal, *strong, largest = 1, capacity = 0, side_nodes = 0;
+
+  PetscFunctionBegin;
+  PetscCall(LatinInterfacePairs_Private(inter, &table));
+  for (PetscInt i = 0; i < sub->copies; i++) largest = PetscMax(largest, inter->share_offset[i + 1] - inter->share_offset[i]);
+  for (PetscInt f = 0; f < inter->count; f++) capacity += bs * (inter->interface[f].node_last - inter->interface[f].node_first);
+  PetscCall(PetscMalloc2(largest, &primal, largest, &strong));
+  PetscCall(LatinInterfaceClasses_Private(inter, table, primal));
+  PetscCall(PetscMalloc1(capacity, &inter->side_dof));
+  inter->sides = 0;
+  for (PetscInt f = 0; f < inter->count; f++) {
+    LatinInterface *face = &inter->interface[f];
+
+    face->side_first = inter->sides;
+    for (PetscInt p = face->node_first; p < face->node_last; p++) {
+      const PetscInt  i = inter->node_list[p], m = inter->share_offset[i + 1] - inter->share_offset[i];
+      const PetscInt *t = table + inter->table_offset[i];
+      PetscInt        j;
+
+      PetscCall(PetscFindInt(face->neighbour, m, inter->share_list + inter->share_offset[i], &j));
+      LatinNodePrimal_Private(inter->variant, m, t, primal);
+      LatinNodeComponents(m, t, PAIR_STRONG, strong);
+      if (!LatinNodeMicro_Private((PetscBool)(inter->variant == LATIN_VARIANT_PUBLISHED), m, t, primal, strong, inter->position[i], j)) continue;
+      side_nodes++;
+      for (PetscInt c = 0; c < bs; c++)
+        if (!sub->fixed[bs * i + c]) inter->side_dof[inter->sides++] = bs * i + c;
+    }
+    face->side_last = inter->sides;
+  }
+  PetscCall(PetscFree2(primal, strong));
+  PetscCall(PetscFree(table));
+  PetscCall(MPIU_Allreduce(&side_nodes, &inter->side_nodes_global, 1, MPIU_INT, MPI_SUM, PetscObjectComm(inter->sub->object)));
+  PetscFunctionReturn(0);
+}
+
+/*
+   Which interface a node serves: its macro modes must be visible there, and no node serves two interfaces. A node of
+   two subdomains serves their interface; a node of more serves the thinnest of its strong interfaces; a primal node
+   none. Taking the interfaces of a subdomain from the thickest down shows that its macro constraints are independent:
+   the nodes that one serves are touched by thicker ones only.
+*/
+static PetscErrorCode LatinInterfaceServing_Private(LatinInterfaces *inter)
+{
+  const LatinSubdomains *sub = inter->sub;
+  const PetscInt         bs  = inter->sub->bs;
+  PetscInt              *table;
+
+  PetscFunctionBegin;
+  PetscCall(PetscCalloc1(inter->table_offset[sub->copies], &table));
+  PetscCall(PetscMalloc1(inter->sides, &inter->serves));
+  for (PetscInt pass = 0; pass < 2; pass++) {
+    for (PetscInt f = 0; f < inter->count; f++) {
+      const LatinInterface *face  = &inter->interface[f];
+      PetscInt              nodes = 0;
+
+      for (PetscInt k = face->side_first; k < face->side_last; k++)
+        if (k == face->side_first || inter->side_dof[k] / bs != inter->side_dof[k - 1] / bs) nodes++;
+      for (PetscInt k = face->side_first; k < face->side_last; k++) {
+        const PetscInt i = inter->side_dof[k] / bs, m = inter->share_offset[i + 1] - inter->share_offset[i];
+        PetscInt      *t = table + inter->table_offset[i], other, low = -1, high = -1;
+
+        PetscCall(PetscFindInt(face->neighbour, m, inter->share_list + inter->share_offset[i], &other));
+        if (!pass) {
+          t[inter->position[i] * m + other] = face->strong ? nodes : 0;
+          continue;
+        }
+        for (PetscInt a = 0; a < m; a++)
+          for (PetscInt b = a + 1; b < m; b++)
+            if (t[a * m + b] && (low < 0 || t[a * m + b] < t[low * m + high])) {
+              low  = a;
+              high = b;
+            }
+        inter->serves[k] = (PetscBool)(!inter->glued[i] && low == PetscMin(inter->position[i], other) && high == PetscMax(inter->position[i], other));
+      }
+    }
+    if (!pass) PetscCall(LatinInterfaceExchange_Private(inter, table));
+  }
+  PetscCall(PetscFree(table));
+  PetscFunctionReturn(0);
+}
+
+/* The mate of a side: the same component of the same node on the other side of the interface, perhaps on another rank */
+static PetscErrorCode LatinInterfaceMates_Private(LatinInterfaces *inter)
+{
+  const LatinSubdomains *sub  = inter->sub;
+  const PetscInt         bs   = inter->sub->bs;
+  MPI_Comm               comm = PetscObjectComm(inter->sub->object);
+  PetscInt              *table;
+  PetscSFNode           *remote;
+  PetscMPIInt            size;
+
+  PetscFunctionBegin;
+  PetscCallMPI(MPI_Comm_size(comm, &size));
+  PetscCall(PetscCalloc1(inter->table_offset[sub->copies], &table));
+  PetscCall(PetscMalloc1(inter->sides, &remote));
+  for (PetscInt pass = 0; pass < 2; pass++) {
+    for (PetscInt f = 0; f < inter->count; f++) {
+      const LatinInterface *face  = &inter->interface[f];
+      const PetscMPIInt     owner = LatinSubdomainRank(sub, size, face->neighbour);
+
+      for (PetscInt k = face->side_first; k < face->side_last;) {
+        const PetscInt i = inter->side_dof[k] / bs, m = inter->share_offset[i + 1] - inter->share_offset[i];
+        PetscInt      *t = table + inter->table_offset[i], j, first = k;
+
+        PetscCall(PetscFindInt(face->neighbour, m, inter->share_list + inter->share_offset[i], &j));
+        if (!pass) t[inter->position[i] * m + j] = k + 1;
+        for (; k < face->side_last && inter->side_dof[k] / bs == i; k++) {
+          if (!pass) continue;
+          remote[k].rank  = owner;
+          remote[k].index = t[j * m + inter->position[i]] - 1 + k - first;
+        }
+      }
+    }
+    if (!pass) PetscCall(LatinInterfaceExchange_Private(inter, table));
+  }
+  PetscCall(PetscFree(table));
+  PetscCall(PetscSFCreate(comm, &inter->mate_sf));
+  PetscCall(PetscSFSetGraph(inter->mate_sf, inter->sides, inter->sides, NULL, PETSC_OWN_POINTER, remote, PETSC_OWN_POINTER));
+  PetscCall(PetscSFSetUp(inter->mate_sf));
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode LatinInterfaceSetUp(LatinInterfaces *inter)
+{
+  PetscFunctionBegin;
+  PetscCall(PetscLogEventBegin(LATIN_Interface, inter->sub->object, 0, 0, 0));
+  PetscCall(LatinInterfaceShares_Private(inter));
+  PetscCall(LatinInterfaceList_Private(inter));
+  PetscCall(LatinInterfaceSides_Private(inter));
+  PetscCall(LatinInterfaceServing_Private(inter));
+  PetscCall(LatinInterfaceMates_Private(inter));
+  PetscCall(LatinInterfacePrimal_Private(inter));
+  PetscCall(PetscLogEventEnd(LATIN_Interface, inter->sub->object, 0, 0, 0));
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode LatinInterfaceReset(LatinInterfaces *inter)
+{
+  PetscFunctionBegin;
+  PetscCall(PetscFree(inter->interface));
+  PetscCall(PetscFree(inter->offset));
+  PetscCall(PetscFree(inter->node_list));
+  PetscCall(PetscFree2(inter->share_offset, inter->table_offset));
+  PetscCall(PetscFree(inter->share_list));
+  PetscCall(PetscFree(inter->position));
+  PetscCall(PetscFree3(inter->node_class, inter->component, inter->glued));
+  PetscCall(PetscFree(inter->side_dof));
+  PetscCall(PetscFree(inter->serves));
+  PetscCall(PetscSFDestroy(&inter->table_sf));
+  PetscCall(PetscSFDestroy(&inter->mate_sf));
+  PetscCall(PetscFree(inter->primal_offset));
+  PetscCall(PetscFree(inter->primal_index));
+  PetscCall(PetscFree(inter->primal_dof));
+  PetscCall(PetscMemzero(&inter->count, sizeof(*inter) - offsetof(LatinInterfaces, count)));
+  PetscFunctionReturn(0);
+}

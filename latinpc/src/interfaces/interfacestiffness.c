@@ -1,0 +1,280 @@
+#include "interfaces/latininterfaces.h"
+
+/*
+   What the subdomains oppose to displacements of one of their interfaces, the scale of a good search direction: the
+   diagonal of B^t k B; its block on the side dofs of the interface; or its Schur complement there, with everything
+   else of the subdomain free.
+
+   A subdomain may float, or have mechanisms of its own, and its Schur complement is then nearly singular where a
+   search direction needs springs most. So the matrices are those of B^t k B plus a small part of its diagonal: the
+   links on an elastic foundation. Their eigenvalues relative to that diagonal are bounded from below by construction.
+*/
+
+#define LATIN_STIFFNESS_FLOOR 0.01                          /* stiffness of the foundation, relative to the diagonal of B^t k B */
+#define LATIN_STIFFNESS_DENSE 0.05                          /* the same of a subdomain that has been condensed: only its interfaces rest on it */
+#define LATIN_STIFFNESS_LEAST 0.1                           /* least diagonal entry, relative to the mean of the subdomain: for dofs that hardly any link reaches */
+#define LATIN_STIFFNESS_TINY  LatinByPrecision(1e-10, 1e-5) /* the same for matrices, whose coefficients may jump: no dof of theirs dangles */
+#define LATIN_STIFFNESS_SMALL 128                           /* rows of a subdomain below which dense algebra is faster than a factor by MUMPS */
+
+/* The foundation of the subdomains. Collective on sub->object. */
+static PetscErrorCode LatinStiffnessFoundation_Private(LatinDirections *dir, PetscReal spring[])
+{
+  const LatinSubdomains *sub    = dir->sub;
+  const PetscInt         bs     = dir->sub->bs;
+  const PetscReal        floor  = LatinSubdomainsCondensed(dir->sub) ? LATIN_STIFFNESS_DENSE : LATIN_STIFFNESS_FLOOR;
+  PetscReal              sum[2] = {0.0, 0.0}, fallback;
+
+  PetscFunctionBegin;
+  PetscCall(LatinOperatorDiagonal(dir->sub, spring));
+  for (PetscInt i = 0; i < bs * sub->copies; i++)
+    if (!sub->fixed[i]) {
+      sum[0] += spring[i];
+      sum[1] += 1.0;
+    }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm(dir->sub->object)));
+  fallback = sum[0] > 0.0 ? sum[0] / sum[1] : 1.0;
+  for (PetscInt s = 0; s < sub->n; s++) {
+    const PetscInt first = bs * sub->node_offset[s], last = bs * sub->node_offset[s + 1];
+    PetscReal      mean = 0.0;
+    PetscInt       n    = 0;
+
+    for (PetscInt i = first; i < last; i++)
+      if (!sub->fixed[i]) {
+        mean += spring[i];
+        n++;
+      }
+    mean /= PetscMax(n, 1);
+    if (!(mean > 0.0)) mean = fallback; /* all links of the subdomain are slack */
+    for (PetscInt i = first; i < last; i++) spring[i] = floor * PetscMax(spring[i], (dir->sub->matrix ? LATIN_STIFFNESS_TINY : LATIN_STIFFNESS_LEAST) * mean);
+  }
+  PetscFunctionReturn(0);
+}
+
+/* The rows at the side dofs of one interface; at[dof] = -1 is work space */
+static PetscErrorCode LatinStiffnessBlock_Private(LatinDirections *dir, LatinRows *graph, const LatinInterface *face, const PetscReal spring[], PetscInt at[], PetscReal S[])
+{
+  const LatinInterfaces *inter = dir->inter;
+  const PetscInt         bs = dir->sub->bs, rows = face->side_last - face->side_first;
+  PetscInt               n = 0, last = -1;
+
+  PetscFunctionBegin;
+  PetscCall(PetscArrayzero(S, rows * rows));
+  for (PetscInt r = 0; r < rows; r++) at[inter->side_dof[face->side_first + r]] = r;
+  for (PetscInt r = 0; r < rows; r++) {
+    const PetscInt dof = inter->side_dof[face->side_first + r];
+
+    if (dof / bs != last) PetscCall(LatinRowsGet_Private(graph, dof / bs, spring, &n));
+    last = dof / bs;
+    for (PetscInt q = 0; q < n; q++)
+      for (PetscInt b = 0; b < bs; b++) {
+        const PetscInt k = at[bs * graph->neighbour[q] + b];
+
+        if (k >= r) S[r + rows * k] = S[k + rows * r] = graph->block[bs * bs * q + (dof % bs) * bs + b];
+      }
+  }
+  for (PetscInt r = 0; r < rows; r++) at[inter->side_dof[face->side_first + r]] = -1;
+  PetscFunctionReturn(0);
+}
+
+/* B^t k B and the foundation of subdomain s, by compressed rows; the caller frees cj and ca */
+static PetscErrorCode LatinStiffnessMatrix_Private(LatinDirections *dir, LatinRows *graph, PetscInt s, const PetscReal spring[], PetscInt *ci, PetscInt **cj, PetscReal **ca)
+{
+  const LatinSubdomains *sub = dir->sub;
+  const PetscInt         bs = dir->sub->bs, top = bs * sub->node_offset[s];
+
+  PetscFunctionBegin;
+  for (PetscInt pass = 0; pass < 2; pass++) {
+    PetscInt nz = 0, n = 0;
+
+    for (PetscInt dof = top; dof < bs * sub->node_offset[s + 1]; dof++) {
+      if (dof % bs == 0) PetscCall(LatinRowsGet_Private(graph, dof / bs, spring, &n));
+      ci[dof - top] = nz;
+      for (PetscInt q = 0; q < n; q++)
+        for (PetscInt b = 0; b < bs; b++) {
+          const PetscInt col = bs * graph->neighbour[q] + b;
+
+          if (col != dof && (sub->fixed[dof] || sub->fixed[col])) continue;
+          if (pass) {
+            (*cj)[nz] = col - top;
+            (*ca)[nz] = graph->block[bs * bs * q + (dof % bs) * bs + b];
+          }
+          nz++;
+        }
+    }
+    ci[bs * sub->node_offset[s + 1] - top] = nz;
+    if (!pass) PetscCall(PetscMalloc2(nz, cj, nz, ca));
+  }
+  PetscFunctionReturn(0);
+}
+
+/* Schur complements on the interfaces of one subdomain, from the inverse F of its matrix on all of them (gamma x gamma) */
+static PetscErrorCode LatinStiffnessSchur_Private(LatinDirections *dir, PetscInt s, PetscInt gamma, const PetscReal F[], const PetscInt at[], const size_t first[], PetscReal S[], PetscBool *bad)
+{
+  const LatinInterfaces *inter = dir->inter;
+
+  PetscFunctionBegin;
+  for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++) {
+    const LatinInterface *face = &inter->interface[f];
+    const PetscInt        rows = face->side_last - face->side_first;
+    PetscReal            *A    = S + first[f];
+
+    for (PetscInt j = 0; j < rows; j++)
+      for (PetscInt i = 0; i < rows; i++) {
+        const PetscInt a = at[inter->side_dof[face->side_first + i]], b = at[inter->side_dof[face->side_first + j]];
+
+        A[i + rows * j] = 0.5 * (F[a + gamma * b] + F[b + gamma * a]);
+      }
+    PetscCall(LatinSPDInverse_Private(rows, A, bad));
+  }
+  PetscFunctionReturn(0);
+}
+
+/* The same from the matrix of the subdomain, whose inside MUMPS eliminates by a partial factorisation; the rest is dense */
+static PetscErrorCode LatinStiffnessPartial_Private(LatinDirections *dir, LatinRows *graph, PetscInt s, const PetscReal spring[], PetscInt at[], const size_t first[], PetscReal S[], PetscBool *bad)
+{
+  const LatinInterfaces *inter = dir->inter;
+  const PetscInt         top = dir->sub->bs * dir->sub->node_offset[s], side = inter->interface[inter->offset[s]].side_first;
+  PetscInt               rows = dir->sub->bs * dir->sub->node_offset[s + 1] - top, gamma = inter->interface[inter->offset[s + 1] - 1].side_last - side;
+  PetscInt              *dofs, *ci, *cj;
+  PetscReal             *ca;
+  Mat                    K, factor, dense;
+  MatFactorInfo          how;
+  MatFactorError         failed;
+  PetscScalar           *F;
+  IS                     is;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMalloc2(gamma, &dofs, rows + 1, &ci));
+  PetscCall(PetscArraycpy(dofs, inter->side_dof + side, gamma));
+  PetscCall(PetscSortRemoveDupsInt(&gamma, dofs));
+  for (PetscInt i = 0; i < gamma; i++) {
+    at[dofs[i]] = i;
+    dofs[i] -= top;
+  }
+  PetscCall(LatinStiffnessMatrix_Private(dir, graph, s, spring, ci, &cj, &ca));
+  PetscCall(MatCreateSeqAIJWithArrays(PETSC_COMM_SELF, rows, rows, ci, cj, ca, &K));
+  PetscCall(MatSetOption(K, MAT_SYMMETRIC, PETSC_TRUE));
+  PetscCall(MatSetOption(K, MAT_SPD, PETSC_TRUE));
+  PetscCall(MatGetFactor(K, MATSOLVERMUMPS, MAT_FACTOR_CHOLESKY, &factor));
+  PetscCall(ISCreateGeneral(PETSC_COMM_SELF, gamma, dofs, PETSC_USE_POINTER, &is));
+  PetscCall(MatFactorSetSchurIS(factor, is));
+  PetscCall(MatFactorInfoInitialize(&how));
+  PetscCall(MatCholeskyFactorSymbolic(factor, K, NULL, &how));
+  PetscCall(MatCholeskyFactorNumeric(factor, K, &how));
+  PetscCall(MatFactorGetError(factor, &failed)); /* noted, not raised */
+  if (failed) *bad = PETSC_TRUE;
+  PetscCall(MatFactorCreateSchurComplement(factor, &dense, NULL));
+  PetscCall(MatDestroy(&factor));
+  PetscCall(MatDenseGetArray(dense, &F));
+  PetscCall(LatinSPDInverse_Private(gamma, F, bad));
+  if (!*bad) PetscCall(LatinStiffnessSchur_Private(dir, s, gamma, F, at, first, S, bad));
+  PetscCall(MatDenseRestoreArray(dense, &F));
+  PetscCall(MatDestroy(&dense));
+  PetscCall(MatDestroy(&K));
+  PetscCall(ISDestroy(&is));
+  PetscCall(PetscFree2(cj, ca));
+  PetscCall(PetscFree2(dofs, ci));
+  PetscFunctionReturn(0);
+}
+
+/*
+   The same by dense algebra: for a subdomain of few rows, where MUMPS takes longer to start than to eliminate, and for one that
+   has been condensed on its interfaces (localsolvers/staticcondensation.c), whose operator is dense
+*/
+static PetscErrorCode LatinStiffnessDense_Private(LatinDirections *dir, LatinRows *graph, PetscInt s, const PetscReal spring[], PetscInt at[], const size_t first[], PetscReal S[], PetscBool *bad)
+{
+  const LatinSubdomains *sub = dir->sub;
+  const PetscInt         bs = sub->bs, top = bs * sub->node_offset[s], rows = bs * sub->node_offset[s + 1] - top;
+  PetscInt               n = 0;
+  PetscReal             *F;
+
+  PetscFunctionBegin;
+  PetscCall(PetscCalloc1(rows * rows, &F));
+  if (LatinSubdomainsCondensed(sub)) PetscCall(PetscArraycpy(F, sub->ka, rows * rows));
+  for (PetscInt i = 0; i < rows; i++) {
+    at[top + i] = i;
+    if (LatinSubdomainsCondensed(sub)) {
+      F[i + rows * i] += spring[i];
+      continue;
+    }
+    if (i % bs == 0) PetscCall(LatinRowsGet_Private(graph, (top + i) / bs, spring, &n));
+    for (PetscInt q = 0; q < bs * n; q++) {
+      const PetscInt col = bs * graph->neighbour[q / bs] + q % bs;
+
+      if (col == top + i || !(sub->fixed[top + i] || sub->fixed[col])) F[i + rows * (col - top)] = graph->block[bs * bs * (q / bs) + (i % bs) * bs + q % bs];
+    }
+  }
+  PetscCall(LatinSPDInverse_Private(rows, F, bad));
+  if (!*bad) PetscCall(LatinStiffnessSchur_Private(dir, s, rows, F, at, first, S, bad));
+  PetscCall(PetscFree(F));
+  PetscFunctionReturn(0);
+}
+
+/* The Schur complements of the subdomains list[] */
+static PetscErrorCode LatinStiffnessCondense_Private(LatinDirections *dir, LatinRows *graph, PetscInt patterns, const PetscInt list[], const PetscReal spring[], PetscInt at[], const size_t first[], PetscReal S[], PetscBool *bad)
+{
+  const LatinSubdomains *sub = dir->sub;
+  PetscBool              partial;
+  Mat                    one;
+
+  PetscFunctionBegin;
+  PetscCall(MatCreateSeqAIJ(PETSC_COMM_SELF, 1, 1, 1, NULL, &one));
+  PetscCall(MatGetFactorAvailable(one, MATSOLVERMUMPS, MAT_FACTOR_CHOLESKY, &partial));
+  PetscCall(MatDestroy(&one));
+  for (PetscInt p = 0; p < patterns && !*bad; p++) {
+    const PetscInt s = list[p], rows = sub->bs * (sub->node_offset[s + 1] - sub->node_offset[s]);
+
+    if (LatinSubdomainsCondensed(sub) || !partial || rows < LATIN_STIFFNESS_SMALL) PetscCall(LatinStiffnessDense_Private(dir, graph, s, spring, at, first, S, bad));
+    else PetscCall(LatinStiffnessPartial_Private(dir, graph, s, spring, at, first, S, bad));
+  }
+  PetscFunctionReturn(0);
+}
+
+/*
+   The matrix of each interface side with matrices[f], its own subdomain's part, a block of B^t k B or a Schur complement: S + first[f], column-major, once for equal
+   subdomains. The caller frees S. Collective on sub->object.
+*/
+PetscErrorCode LatinStiffnessFaces_Private(LatinDirections *dir, PetscBool blocks, const PetscBool matrices[], size_t first[], PetscReal **S)
+{
+  const LatinSubdomains *sub   = dir->sub;
+  const LatinInterfaces *inter = dir->inter;
+  const PetscInt         bs = dir->sub->bs, n = bs * sub->copies;
+  PetscInt              *pattern, *list, *at, patterns = 0;
+  PetscReal             *spring;
+  PetscBool             *wanted, bad = PETSC_FALSE;
+  size_t                 used = 0;
+  LatinRows              graph;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMalloc3(sub->n, &list, n, &at, n, &spring));
+  PetscCall(PetscCalloc1(sub->n, &wanted));
+  PetscCall(PetscFree(dir->like));
+  PetscCall(PetscMalloc1(sub->n, &dir->like));
+  PetscCall(LatinRepeats_Private(dir->inter, NULL, NULL, dir->like));
+  pattern = dir->like;
+  for (PetscInt i = 0; i < n; i++) at[i] = -1;
+  for (PetscInt f = 0; f < inter->count; f++) wanted[pattern[inter->interface[f].sub]] = (PetscBool)(wanted[pattern[inter->interface[f].sub]] || matrices[f]);
+  for (PetscInt s = 0; s < sub->n; s++) {
+    if (pattern[s] == s && wanted[s]) list[patterns++] = s;
+    for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++) {
+      const size_t rows = (size_t)(inter->interface[f].side_last - inter->interface[f].side_first);
+
+      first[f] = pattern[s] == s ? used : first[inter->offset[pattern[s]] + f - inter->offset[s]];
+      if (pattern[s] == s && wanted[s]) used += rows * rows;
+    }
+  }
+  PetscCall(PetscMalloc1(used, S));
+  PetscCall(LatinStiffnessFoundation_Private(dir, spring));
+  PetscCall(LatinRowsCreate_Private(dir->sub, 0, &graph));
+  if (!blocks) {
+    LatinEach(PetscObjectComm(dir->sub->object), LatinStiffnessCondense_Private(dir, &graph, patterns, list, spring, at, first, *S, &bad));
+  } else {
+    for (PetscInt p = 0; p < patterns; p++)
+      for (PetscInt f = inter->offset[list[p]]; f < inter->offset[list[p] + 1]; f++) PetscCall(LatinStiffnessBlock_Private(dir, &graph, &inter->interface[f], spring, at, *S + first[f]));
+  }
+  PetscCall(LatinRowsDestroy_Private(&graph));
+  PetscCall(PetscFree3(list, at, spring));
+  PetscCall(PetscFree(wanted));
+  LatinAgree(PetscObjectComm(dir->sub->object), bad, PETSC_ERR_CONV_FAILED, "The stiffness of a subdomain on its interfaces could not be computed; choose another -%sdirection, e.g. diagonal", LatinPrefix(dir->sub));
+  PetscFunctionReturn(0);
+}

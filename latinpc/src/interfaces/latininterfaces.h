@@ -1,0 +1,166 @@
+/*
+   Interfaces (section 3.1), the micro search directions on them (26), (27), and their macro fields (section 3.2).
+*/
+#ifndef LATININTERFACES_H
+#define LATININTERFACES_H
+
+#include "localsolvers/latinlocalsolvers.h"
+
+/* ---- classes, primal nodes, sides and their mates (interfaces/interface.c) ---- */
+/* Where an interface lies; coordinates relative to one of its nodes, so that equal shapes give equal bits */
+typedef struct {
+  PetscReal origin[3], centre[3]; /* one node; the mean of all, from there */
+  PetscReal axes[3][3];           /* xi, eta, zeta: principal axes, by decreasing extent */
+  PetscReal size;
+  PetscBool strong;
+  PetscBool plane; /* all nodes have the same zeta (in 2D, eta) */
+} LatinFrame;
+
+typedef struct {
+  PetscInt  sub;                   /* subdomain here (local number) */
+  PetscInt  neighbour;             /* subdomain on the other side (global number) */
+  PetscInt  node_first, node_last; /* its copies: node_list[first..last) */
+  PetscBool strong;
+  PetscInt  side_first, side_last; /* its degrees of freedom among the side dofs */
+} LatinInterface;
+
+typedef struct {
+  const LatinSubdomains *sub;
+  LatinVariant           variant;
+  /* made by the set-up */
+  PetscInt        count;        /* interface sides here */
+  LatinInterface *interface;    /* [count] sorted by subdomain, then neighbour */
+  PetscInt       *offset;       /* [subdomains + 1] */
+  PetscInt       *node_list;    /* copies, interface by interface */
+  PetscInt       *share_offset; /* [copies + 1] into share_* */
+  PetscInt       *share_list;   /* subdomains at the node of the copy, increasing */
+  PetscInt       *node_class;   /* [copies] 0 interior, 1 strong, 2 weak, 3 primal */
+  PetscInt       *component;    /* [copies] position in share_list of the first subdomain of the copy's primal component, -1 if not primal */
+  PetscInt       *position;     /* [copies] position of the copy's own subdomain in share_list */
+  PetscBool      *glued;        /* [copies] the node has a primal component, this copy's or another one */
+  PetscInt        sides;        /* side degrees of freedom here */
+  PetscInt       *side_dof;     /* [sides] entry of the copy arrays */
+  PetscBool      *serves;       /* [sides] macro modes of the interface must be visible here */
+  PetscSF         mate_sf;      /* side dof -> its mate on the other side of the interface */
+  PetscInt        strong_global, weak_global, side_nodes_global;
+  /* a table of m x m integers for the m subdomains of a node: each copy fills its own row, and all copies get the whole */
+  PetscSF   table_sf;
+  PetscInt *table_offset; /* [copies + 1] into the tables of this rank's shared copies */
+  PetscInt  table_roots;
+  PetscInt *primal_offset; /* [subdomains + 1] primal dofs of each subdomain */
+  PetscInt *primal_dof;    /* entries of the copy arrays */
+  PetscInt *primal_index;  /* [copies * bs] position in its subdomain's primal list, -1 if not primal */
+} LatinInterfaces;
+PETSC_INTERN PetscErrorCode LatinInterfaceSetUp(LatinInterfaces *);
+PETSC_INTERN PetscErrorCode LatinInterfaceReset(LatinInterfaces *);
+PETSC_INTERN PetscErrorCode LatinInterfacePrimal_Private(LatinInterfaces *);
+PETSC_INTERN PetscErrorCode LatinInterfaceShares_Private(LatinInterfaces *);
+PETSC_INTERN PetscErrorCode LatinInterfaceExchange_Private(const LatinInterfaces *, PetscInt table[]);
+PETSC_INTERN PetscErrorCode LatinInterfaceFrame_Private(const LatinSubdomains *, PetscInt n, const PetscInt copies[], LatinFrame *);
+PETSC_INTERN PetscErrorCode LatinJumps_Private(const LatinInterfaces *, PetscBool jumps[]);
+PETSC_INTERN PetscErrorCode LatinJumpsFaces_Private(const LatinInterfaces *, PetscBool jumps[]);
+
+/* ---- search directions (interfaces/searchdirection.c, interfaces/interfacestiffness.c) ---- */
+typedef struct {
+  const LatinSubdomains *sub;
+  const LatinInterfaces *inter;
+  LatinDirectionType     type;  /* asked for */
+  PetscReal              value; /* scalar: d; others: the fraction of the stiffness seen at the interface; 0: self-tuned */
+  PetscBool              share; /* keep what LatinDirectionShare() needs */
+  /* made by the set-up */
+  PetscReal *d;            /* [sides] micro search direction, force/length; of a matrix, its diagonal */
+  PetscReal *harmonic;     /* [sides] stiffness of both subdomains there, the softer one counting most */
+  PetscInt  *matrix_first; /* [interface sides] where the matrix of each starts, -1: the direction is diagonal */
+  PetscReal *matrix;       /* matrix directions: D, L of D = L L^t, L^-1, column-major; equal ones are stored once; NULL if there is none */
+  PetscReal *own;          /* stiffness S of the subdomains themselves on each interface, column-major; NULL: not kept */
+  size_t    *own_first;
+  PetscReal  mean;     /* D is so many times the sum of both sides' S */
+  PetscInt   matrices; /* interfaces whose search direction is a matrix, over all ranks */
+  PetscInt  *like;     /* [subdomains] the first one with an equal operator and equal sides; NULL: not compared */
+} LatinDirections;
+PETSC_INTERN LatinDirectionType LatinDirectionKind(const LatinDirections *);
+PETSC_INTERN PetscReal          LatinDirectionFraction(const LatinDirections *);
+PETSC_INTERN PetscErrorCode     LatinDirectionSetUp(LatinDirections *);
+PETSC_INTERN PetscErrorCode     LatinDirectionReset(LatinDirections *);
+PETSC_INTERN PetscErrorCode     LatinDirectionApply(const LatinDirections *, PetscInt f, PetscInt n, const PetscReal x[], PetscInt ldx, PetscReal y[], PetscInt ldy);
+PETSC_INTERN PetscErrorCode     LatinDirectionEnergy(const LatinDirections *, PetscInt f, PetscInt n, const PetscReal a[], const PetscReal b[], PetscInt ld, PetscReal work[], PetscReal *sum);
+PETSC_INTERN PetscErrorCode     LatinDirectionShare(const LatinDirections *, PetscInt f, PetscBool forces, PetscReal x[], PetscReal work[]);
+PETSC_INTERN PetscErrorCode     LatinDirectionNormalise(const LatinDirections *, PetscInt f, PetscInt modes, PetscReal R[]);
+PETSC_INTERN PetscErrorCode     LatinDirectionSprings_Private(const LatinDirections *, PetscReal spring[]);
+PETSC_INTERN PetscErrorCode     LatinStiffnessFaces_Private(LatinDirections *, PetscBool blocks, const PetscBool matrices[], size_t first[], PetscReal **S);
+
+/* Row r of the matrix of an interface, contiguous for it is symmetric: what the springs of a matrix direction put in K_E */
+static inline const PetscReal *LatinDirectionRow(const LatinDirections *dir, PetscInt f, PetscInt r)
+{
+  return dir->matrix + dir->matrix_first[f] + r * (dir->inter->interface[f].side_last - dir->inter->interface[f].side_first);
+}
+
+/* Rows of the operators with the springs of matrix directions (interfaces/springrows.c) */
+typedef struct {
+  LatinRows rows;
+  PetscInt *face_offset, *face_list; /* interfaces with a matrix for a search direction at each copy; NULL if there is none */
+} LatinSpringRows;
+PETSC_INTERN PetscErrorCode LatinSpringRowsCreate_Private(const LatinDirections *, LatinSpringRows *);
+PETSC_INTERN PetscErrorCode LatinSpringRowsGet_Private(const LatinDirections *, LatinSpringRows *, PetscInt i, const PetscReal spring[], PetscInt *count);
+PETSC_INTERN PetscErrorCode LatinSpringRowsDestroy_Private(LatinSpringRows *);
+
+/* ---- local low-energy fields (interfaces/spectralmodes.c) ---- */
+typedef struct {
+  const LatinSubdomains *sub;
+  const LatinInterfaces *inter;
+  const LatinDirections *dir;
+  PetscReal              threshold; /* of the eigenvalues, 0: none */
+  PetscBool              given;     /* the threshold has been given */
+  PetscBool              without;   /* the variant has no such fields */
+  /* made by the set-up */
+  PetscInt     *modes; /* [subdomains] low-energy modes found */
+  PetscInt     *count; /* [interface sides] fields of both subdomains there */
+  PetscScalar **field; /* [interface sides][count] columns, rows weighted by sqrt(d) */
+} LatinSpectral;
+PETSC_INTERN PetscErrorCode LatinSpectralSetUp(LatinSpectral *);
+PETSC_INTERN PetscErrorCode LatinSpectralExtend(const LatinSpectral *, PetscInt f, PetscInt rows, PetscInt *fields, PetscScalar F[]);
+PETSC_INTERN PetscErrorCode LatinSpectralStatistics_Private(const LatinSpectral *, PetscInt *subdomains, PetscInt *most);
+PETSC_INTERN PetscReal      LatinSpectralThreshold(const LatinSpectral *);
+PETSC_INTERN PetscErrorCode LatinSpectralReset(LatinSpectral *);
+
+/* ---- macro bases (interfaces/macrobasis.c) ---- */
+typedef struct {
+  PetscInt modes;  /* macro modes kept */
+  PetscInt first;  /* where its rows of R start in the macro bases */
+  PetscInt number; /* of the first one among those of the rank that builds them */
+  PetscInt at;     /* position of the first one among the coarse dofs of its subdomain */
+} LatinFaceModes;
+
+typedef struct {
+  const LatinSubdomains *sub;
+  const LatinInterfaces *inter;
+  const LatinDirections *dir;
+  const LatinSpectral   *spectral;
+  LatinModesType         type;
+  /* made by the set-up */
+  LatinFaceModes *of;                        /* [interface sides] */
+  PetscReal      *basis;                     /* R of each interface, [side dofs of the interface][modes], with R^t D R = 1 */
+  PetscReal      *dual;                      /* D R, in the same places */
+  PetscInt        modes_local, modes_global; /* numbered by this rank, all */
+  PetscInt        spectral_global;           /* of all, those of local low-energy fields */
+} LatinMacro;
+PETSC_INTERN PetscErrorCode LatinMacroSetUp(LatinMacro *);
+PETSC_INTERN PetscErrorCode LatinMacroShare_Private(LatinMacro *, const PetscInt pattern[]);
+PETSC_INTERN PetscErrorCode LatinMacroReset(LatinMacro *);
+
+/* The row of R at a side dof of interface f */
+static inline const PetscReal *LatinMacroRow(const LatinMacro *macro, PetscInt f, PetscInt side)
+{
+  return macro->basis + macro->of[f].first + (side - macro->inter->interface[f].side_first) * macro->of[f].modes;
+}
+
+/* The row of D R there: what unit macro forces do */
+static inline const PetscReal *LatinMacroDualRow(const LatinMacro *macro, PetscInt f, PetscInt side)
+{
+  return macro->dual + macro->of[f].first + (side - macro->inter->interface[f].side_first) * macro->of[f].modes;
+}
+
+/* Which subdomains are equal (interfaces/repeats.c) */
+PETSC_INTERN PetscErrorCode LatinRepeats_Private(const LatinInterfaces *, const LatinDirections *, const LatinMacro *, PetscInt pattern[]);
+
+#endif

@@ -1,0 +1,414 @@
+#include "interfaces/latininterfaces.h"
+
+/*
+   The micro search direction D of the interfaces, the same on both sides: a positive number a side degree of freedom,
+   or a symmetric positive definite matrix. Self-tuned: a fraction of the mean stiffness that the two subdomains show
+   at the interface, see interfaces/interfacestiffness.c. Section 6 explains why a stiffness of the subdomain is the right scale; the
+   fraction is a property of the iteration, not of the units.
+
+     scalar    the mean over the interface of the diagonal of B^t k B
+     diagonal  that diagonal
+     block     its block on the interface
+     schur     its Schur complement on the interface
+     auto      of a preconditioner of a matrix: schur on the interfaces of subdomains that have small ones only, where
+               it costs next to nothing, and on those of subdomains where the coefficients jump (subdomains/coefficientjumps.c), for that is
+               where it saves iterations; diagonal on the others. Elsewhere schur
+
+   A matrix is stored once for equal ones, with its Cholesky factor, D = L L^t, and the inverse of that.
+   The other stages use nothing of a direction but the functions of this file.
+*/
+
+#define LATIN_DIRECTION_FLOOR 0.1 /* least diagonal direction of an interface, relative to its mean */
+#define LATIN_DIRECTION_LARGE 128 /* those whose matrix LAPACK factors */
+#define LATIN_DIRECTION_SMALL 48  /* degrees of freedom of an interface whose Schur complement costs nothing */
+
+/* The type; auto is left for what preconditions a matrix only */
+LatinDirectionType LatinDirectionKind(const LatinDirections *dir)
+{
+  return dir->type == LATIN_DIRECTION_AUTO && !(dir->sub->matrix && dir->sub->preconditions) ? LATIN_DIRECTION_SCHUR : dir->type;
+}
+
+/*
+   What is given, or the default of the type: least iterations over many structures, regular and irregular. In a
+   preconditioner the springs only keep the subdomains' operators regular; those of a matrix seldom have mechanisms.
+*/
+PetscReal LatinDirectionFraction(const LatinDirections *dir)
+{
+  const PetscReal fraction[] = {0.08, 0.08, 0.25, 1.0, 1.0};
+
+  if (dir->value > 0.0) return dir->value;
+  if (dir->sub->preconditions) return dir->sub->matrix ? 0.001 : 0.1;
+  return fraction[dir->type];
+}
+
+/* The stiffness of two springs in a row, doubled: a mean in which the softer one counts */
+static inline PetscReal LatinHarmonic(PetscReal a, PetscReal b)
+{
+  return a > 0.0 && b > 0.0 ? 2.0 * a / (1.0 + a / b) : 0.0;
+}
+
+static PetscErrorCode LatinDirectionDiagonal_Private(LatinDirections *dir, PetscReal fraction)
+{
+  const LatinInterfaces *inter = dir->inter;
+  PetscReal             *diagonal, *mine, *mate, sum[2] = {0.0, 0.0}, fallback;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMalloc3(dir->sub->bs * dir->sub->copies, &diagonal, inter->sides, &mine, inter->sides, &mate));
+  PetscCall(LatinOperatorDiagonal(dir->sub, diagonal));
+  for (PetscInt k = 0; k < inter->sides; k++) mine[k] = diagonal[inter->side_dof[k]];
+  PetscCall(LatinSFBcast_Private(inter->mate_sf, 1, MPIU_REAL, mine, mate));
+  for (PetscInt k = 0; k < inter->sides; k++) sum[0] += 0.5 * (mine[k] + mate[k]);
+  sum[1] = inter->sides;
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm(dir->sub->object)));
+  fallback = sum[0] > 0.0 ? sum[0] / sum[1] : 1.0;
+  for (PetscInt f = 0; f < inter->count; f++) {
+    const LatinInterface *face = &inter->interface[f];
+    PetscReal             mean = 0.0;
+
+    /* the sums run over the same numbers in the same order on both sides: the results are the same to the bit */
+    for (PetscInt k = face->side_first; k < face->side_last; k++) mean += 0.5 * (mine[k] + mate[k]);
+    if (face->side_last > face->side_first) mean /= face->side_last - face->side_first;
+    if (!(mean > 0.0)) mean = fallback; /* no link of the two subdomains pulls in these directions */
+    for (PetscInt k = face->side_first; k < face->side_last; k++) {
+      /* a dof that hardly any link reaches must not lose its spring: K_E stays regular thanks to it */
+      const PetscReal own = PetscMax(0.5 * (mine[k] + mate[k]), LATIN_DIRECTION_FLOOR * mean);
+
+      dir->d[k]        = fraction * (dir->type == LATIN_DIRECTION_SCALAR ? mean : own);
+      dir->harmonic[k] = LatinHarmonic(mine[k], mate[k]);
+    }
+  }
+  PetscCall(PetscFree3(diagonal, mine, mate));
+  PetscFunctionReturn(0);
+}
+
+/* ---- matrices ---- */
+
+/* The same two of a large matrix, whose place in memory matters less than blocks that fit the cache */
+static PetscErrorCode LatinFactorLarge_Private(PetscInt rows, PetscReal L[], PetscReal M[], PetscBool *bad)
+{
+  const PetscScalar one = 1.0;
+  PetscBLASInt      n, info = 0;
+
+  PetscFunctionBegin;
+  PetscCall(PetscBLASIntCast(rows, &n));
+  for (PetscInt j = 0; j < rows; j++)
+    for (PetscInt i = 0; i < j; i++) L[i + rows * j] = 0.0;
+  PetscCallBLAS("LAPACKpotrf", LAPACKpotrf_("L", &n, L, &n, &info));
+  PetscCall(PetscArrayzero(M, rows * rows));
+  for (PetscInt j = 0; j < rows; j++) M[j + rows * j] = 1.0;
+  if (!info) PetscCallBLAS("BLAStrsm", BLAStrsm_("L", "L", "N", "N", &n, &n, &one, L, &n, M, &n));
+  if (info) *bad = PETSC_TRUE;
+  PetscFunctionReturn(0);
+}
+
+/* Factors the matrices D + first[f], each different one once */
+static PetscErrorCode LatinDirectionFactor_Private(LatinDirections *dir, const PetscReal D[], const size_t first[], PetscBool *bad)
+{
+  const LatinInterfaces *inter = dir->inter;
+  PetscInt              *pattern, used = 0;
+  size_t                *bytes;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMalloc2(inter->count, &pattern, inter->count + 1, &bytes));
+  for (PetscInt f = 0; f <= inter->count; f++) bytes[f] = first[f] * sizeof(*D);
+  PetscCall(LatinFindEqual(inter->count, bytes, D, pattern));
+  for (PetscInt f = 0; f < inter->count; f++) {
+    if (first[f + 1] == first[f]) dir->matrix_first[f] = -1;
+    else if (pattern[f] != f) dir->matrix_first[f] = dir->matrix_first[pattern[f]];
+    else {
+      dir->matrix_first[f] = used;
+      used += 3 * (PetscInt)(first[f + 1] - first[f]);
+    }
+  }
+  PetscCall(PetscMalloc1(used + 1, &dir->matrix)); /* not NULL on a rank without interfaces either */
+  for (PetscInt f = 0; f < inter->count; f++) {
+    const LatinInterface *face   = &inter->interface[f];
+    const PetscInt        rows   = face->side_last - face->side_first;
+    PetscReal            *matrix = dir->matrix + PetscMax(dir->matrix_first[f], 0);
+
+    if (dir->matrix_first[f] < 0 || pattern[f] != f) continue;
+    for (PetscInt copy = 0; copy < 2; copy++) PetscCall(PetscArraycpy(matrix + copy * rows * rows, D + first[f], rows * rows));
+    if (rows > LATIN_DIRECTION_LARGE) PetscCall(LatinFactorLarge_Private(rows, matrix + rows * rows, matrix + 2 * rows * rows, bad));
+    else if (!LatinCholesky(rows, matrix + rows * rows)) *bad = PETSC_TRUE;
+    else LatinInvert(rows, matrix + rows * rows, matrix + 2 * rows * rows);
+  }
+  PetscCall(PetscFree2(pattern, bytes));
+  PetscFunctionReturn(0);
+}
+
+#define LATIN_DIRECTION_COLUMNS 16 /* exchanged together */
+
+/* D + first[f], the mean of the two sides' matrices S + from[f], exchanged by some columns at a time; and what of them is kept in vectors */
+static PetscErrorCode LatinDirectionMean_Private(LatinDirections *dir, PetscReal fraction, const PetscReal S[], const size_t from[], const size_t first[], PetscReal D[])
+{
+  const PetscInt         columns = LATIN_DIRECTION_COLUMNS;
+  const LatinInterfaces *inter   = dir->inter;
+  PetscInt               widest  = 0;
+  PetscReal             *mine, *mate;
+
+  PetscFunctionBegin;
+  for (PetscInt f = 0; f < inter->count; f++)
+    if (first[f + 1] > first[f]) widest = PetscMax(widest, inter->interface[f].side_last - inter->interface[f].side_first);
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &widest, 1, MPIU_INT, MPI_MAX, PetscObjectComm(dir->sub->object)));
+  PetscCall(PetscCalloc2(columns * inter->sides, &mine, columns * inter->sides, &mate));
+  for (PetscInt j = 0; j < widest; j += columns) {
+    for (PetscInt f = 0; f < inter->count; f++) {
+      const LatinInterface *face = &inter->interface[f];
+      const PetscInt        rows = face->side_last - face->side_first;
+
+      for (PetscInt c = j; c < PetscMin(j + columns, rows) && first[f + 1] > first[f]; c++)
+        for (PetscInt r = 0; r < rows; r++) mine[columns * (face->side_first + r) + c - j] = S[from[f] + (size_t)r + (size_t)rows * (size_t)c];
+    }
+    PetscCall(LatinSFBcast_Private(inter->mate_sf, columns, MPIU_REAL, mine, mate));
+    for (PetscInt f = 0; f < inter->count; f++) {
+      const LatinInterface *face = &inter->interface[f];
+      const PetscInt        rows = face->side_last - face->side_first;
+
+      for (PetscInt c = j; c < PetscMin(j + columns, rows) && first[f + 1] > first[f]; c++) {
+        const PetscReal *a = mine + columns * face->side_first + c - j, *b = mate + columns * face->side_first + c - j;
+        PetscReal       *column = D + first[f] + (size_t)rows * (size_t)c;
+
+        for (PetscInt r = 0; r < rows; r++) column[r] = fraction * 0.5 * (a[columns * r] + b[columns * r]);
+        dir->d[face->side_first + c]        = column[c];
+        dir->harmonic[face->side_first + c] = LatinHarmonic(a[columns * c], b[columns * c]);
+      }
+    }
+  }
+  PetscCall(PetscFree2(mine, mate));
+  PetscFunctionReturn(0);
+}
+
+/* The interfaces with matrices[f] */
+static PetscErrorCode LatinDirectionMatrix_Private(LatinDirections *dir, PetscReal fraction, const PetscBool matrices[])
+{
+  const LatinInterfaces *inter = dir->inter;
+  size_t                *from, *first;
+  PetscReal             *S, *D;
+  PetscBool              bad = PETSC_FALSE;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMalloc2(inter->count, &from, inter->count + 1, &first));
+  PetscCall(LatinStiffnessFaces_Private(dir, (PetscBool)(dir->type == LATIN_DIRECTION_BLOCK), matrices, from, &S));
+  first[0] = 0;
+  for (PetscInt f = 0; f < inter->count; f++) {
+    const size_t rows = (size_t)(inter->interface[f].side_last - inter->interface[f].side_first);
+
+    first[f + 1] = first[f] + (matrices[f] ? rows * rows : 0);
+  }
+  PetscCall(PetscMalloc1(first[inter->count], &D));
+  PetscCall(LatinDirectionMean_Private(dir, fraction, S, from, first, D));
+  if (dir->share) {
+    PetscCall(PetscMalloc1(inter->count, &dir->own_first));
+    PetscCall(PetscArraycpy(dir->own_first, from, inter->count));
+    dir->own  = S;
+    dir->mean = 0.5 * fraction;
+  } else PetscCall(PetscFree(S));
+  PetscCall(LatinDirectionFactor_Private(dir, D, first, &bad));
+  PetscCall(PetscFree(D));
+  PetscCall(PetscFree2(from, first));
+  LatinAgree(PetscObjectComm(dir->sub->object), bad, PETSC_ERR_MAT_CH_ZRPVT, "The search direction %s of an interface is not positive definite to rounding; choose another -%sdirection, e.g. diagonal", LatinDirectionTypes[dir->type],
+             LatinPrefix(dir->sub));
+  PetscFunctionReturn(0);
+}
+
+/*
+   matrices[f] of type auto: interfaces of subdomains where coefficients jump, or of two subdomains all of whose interfaces
+   are small, or which have been condensed on them. A subdomain with matrices on some of its interfaces alone pays for them without saving an iteration.
+   Collective on sub->object.
+*/
+static PetscErrorCode LatinDirectionAuto_Private(LatinDirections *dir, PetscBool matrices[])
+{
+  const LatinInterfaces *inter = dir->inter;
+  PetscInt              *mine, *mate;
+
+  PetscFunctionBegin;
+  PetscCall(LatinJumpsFaces_Private(dir->inter, matrices));
+  PetscCall(PetscMalloc2(inter->sides, &mine, inter->sides, &mate));
+  for (PetscInt s = 0; s < dir->sub->n; s++) {
+    PetscInt largest = 0;
+
+    for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++) largest = PetscMax(largest, inter->interface[f].side_last - inter->interface[f].side_first);
+    for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++)
+      for (PetscInt k = inter->interface[f].side_first; k < inter->interface[f].side_last; k++) mine[k] = LatinSubdomainsCondensed(dir->sub) || largest <= LATIN_DIRECTION_SMALL ? 1 : 0;
+  }
+  PetscCall(LatinSFBcast_Private(inter->mate_sf, 1, MPIU_INT, mine, mate));
+  for (PetscInt f = 0; f < inter->count; f++) {
+    const LatinInterface *face = &inter->interface[f];
+
+    if (face->side_last > face->side_first && mine[face->side_first] && mate[face->side_first]) matrices[f] = PETSC_TRUE;
+  }
+  PetscCall(PetscFree2(mine, mate));
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode LatinDirectionSetUp(LatinDirections *dir)
+{
+  const LatinDirectionType kind     = LatinDirectionKind(dir);
+  const PetscReal          fraction = LatinDirectionFraction(dir);
+  const LatinInterfaces   *inter    = dir->inter;
+  PetscBool               *matrices;
+
+  PetscFunctionBegin;
+  PetscCall(PetscLogEventBegin(LATIN_Direction, dir->sub->object, 0, 0, 0));
+  PetscCall(PetscMalloc1(inter->count, &matrices));
+  PetscCall(PetscMalloc1(inter->count, &dir->matrix_first));
+  for (PetscInt f = 0; f < inter->count; f++) {
+    dir->matrix_first[f] = -1;
+    matrices[f]          = (PetscBool)((kind == LATIN_DIRECTION_BLOCK || kind == LATIN_DIRECTION_SCHUR));
+  }
+  PetscCall(PetscMalloc1(inter->sides, &dir->d));
+  PetscCall(PetscMalloc1(inter->sides, &dir->harmonic));
+  if (kind == LATIN_DIRECTION_SCALAR && dir->value > 0.0) {
+    for (PetscInt k = 0; k < inter->sides; k++) dir->d[k] = dir->harmonic[k] = dir->value;
+  } else if (kind != LATIN_DIRECTION_BLOCK && kind != LATIN_DIRECTION_SCHUR) PetscCall(LatinDirectionDiagonal_Private(dir, fraction));
+  if (kind == LATIN_DIRECTION_AUTO) PetscCall(LatinDirectionAuto_Private(dir, matrices));
+  dir->matrices = 0;
+  for (PetscInt f = 0; f < inter->count; f++) { dir->matrices += matrices[f] && dir->sub->first + inter->interface[f].sub < inter->interface[f].neighbour ? 1 : 0; }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &dir->matrices, 1, MPIU_INT, MPI_SUM, PetscObjectComm(dir->sub->object)));
+  if (dir->matrices) PetscCall(LatinDirectionMatrix_Private(dir, fraction, matrices));
+  PetscCall(PetscFree(matrices));
+  PetscCall(PetscLogEventEnd(LATIN_Direction, dir->sub->object, 0, 0, 0));
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode LatinDirectionReset(LatinDirections *dir)
+{
+  PetscFunctionBegin;
+  PetscCall(PetscFree(dir->d));
+  PetscCall(PetscFree(dir->harmonic));
+  PetscCall(PetscFree(dir->matrix));
+  PetscCall(PetscFree(dir->matrix_first));
+  PetscCall(PetscFree(dir->own));
+  PetscCall(PetscFree(dir->own_first));
+  PetscCall(PetscFree(dir->like));
+  PetscFunctionReturn(0);
+}
+
+/* ---- what the other stages do with a direction: arguments are n vectors on the side dofs of one interface, ld apart ---- */
+
+/* Y = A X with a square matrix; a call of BLAS would cost more than one short product */
+static PetscErrorCode LatinMultiply_Private(PetscInt rows, PetscInt n, const PetscReal A[], const PetscReal x[], PetscInt ldx, PetscReal y[], PetscInt ldy)
+{
+  const PetscScalar one = 1.0, zero = 0.0;
+  PetscBLASInt      br, bn, bx, by;
+
+  PetscFunctionBegin;
+  if (n == 1 && rows < 64) {
+    for (PetscInt r = 0; r < rows; r++) y[r] = 0.0;
+    for (PetscInt k = 0; k < rows; k++)
+      for (PetscInt r = 0; r < rows; r++) y[r] += A[r + rows * k] * x[k];
+    PetscFunctionReturn(0);
+  }
+  PetscCall(PetscBLASIntCast(rows, &br));
+  PetscCall(PetscBLASIntCast(n, &bn));
+  PetscCall(PetscBLASIntCast(ldx, &bx));
+  PetscCall(PetscBLASIntCast(ldy, &by));
+  if (rows) PetscCallBLAS("BLASgemm", BLASgemm_("N", "N", &br, &bn, &br, &one, A, &br, x, &bx, &zero, y, &by));
+  PetscFunctionReturn(0);
+}
+
+/* Y = D X */
+PetscErrorCode LatinDirectionApply(const LatinDirections *dir, PetscInt f, PetscInt n, const PetscReal x[], PetscInt ldx, PetscReal y[], PetscInt ldy)
+{
+  const LatinInterface *face = &dir->inter->interface[f];
+  const PetscInt        rows = face->side_last - face->side_first;
+  const PetscReal      *d    = dir->d + face->side_first;
+
+  PetscFunctionBegin;
+  if (dir->matrix_first[f] >= 0) PetscCall(LatinMultiply_Private(rows, n, dir->matrix + dir->matrix_first[f], x, ldx, y, ldy));
+  else {
+    for (PetscInt k = 0; k < n; k++)
+      for (PetscInt r = 0; r < rows; r++) y[ldy * k + r] = d[r] * x[ldx * k + r];
+  }
+  PetscFunctionReturn(0);
+}
+
+/* sum += (a - b)^t D^-1 (a - b) / 4 of all columns: with a - b = 2 D v, the energy v^t D v */
+PetscErrorCode LatinDirectionEnergy(const LatinDirections *dir, PetscInt f, PetscInt n, const PetscReal a[], const PetscReal b[], PetscInt ld, PetscReal work[], PetscReal *sum)
+{
+  const LatinInterface *face = &dir->inter->interface[f];
+  const PetscInt        rows = face->side_last - face->side_first;
+  const PetscReal      *d    = dir->d + face->side_first;
+  PetscReal            *v = work, *w = v + rows * n, energy = 0.0;
+
+  PetscFunctionBegin;
+  if (dir->matrix_first[f] < 0) {
+    for (PetscInt k = 0; k < n; k++)
+      for (PetscInt r = 0; r < rows; r++) energy += PetscSqr(a[ld * k + r] - b[ld * k + r]) / d[r];
+  } else {
+    for (PetscInt k = 0; k < n; k++)
+      for (PetscInt r = 0; r < rows; r++) v[rows * k + r] = a[ld * k + r] - b[ld * k + r];
+    PetscCall(LatinMultiply_Private(rows, n, dir->matrix + dir->matrix_first[f] + 2 * rows * rows, v, rows, w, rows));
+    for (PetscInt r = 0; r < rows * n; r++) energy += w[r] * w[r];
+  }
+  *sum += 0.25 * energy;
+  PetscFunctionReturn(0);
+}
+
+/* Springs that a diagonal direction puts on the copies, part of K_E (28) */
+PetscErrorCode LatinDirectionSprings_Private(const LatinDirections *dir, PetscReal spring[])
+{
+  const LatinInterfaces *inter = dir->inter;
+
+  PetscFunctionBegin;
+  PetscCall(PetscArrayzero(spring, dir->sub->bs * dir->sub->copies));
+  for (PetscInt f = 0; f < inter->count; f++)
+    if (dir->matrix_first[f] < 0)
+      for (PetscInt k = inter->interface[f].side_first; k < inter->interface[f].side_last; k++) spring[inter->side_dof[k]] += dir->d[k];
+  PetscFunctionReturn(0);
+}
+
+/*
+   The part W x of displacements x, or W^t x of forces, that this side of interface f has in it: W = (S + S')^-1 S from
+   the stiffnesses of both sides, so that W + W' = 1. Of all means it is the one that costs least energy. Work space: twice the dofs of the interface.
+*/
+PetscErrorCode LatinDirectionShare(const LatinDirections *dir, PetscInt f, PetscBool forces, PetscReal x[], PetscReal work[])
+{
+  const LatinInterface *face = &dir->inter->interface[f];
+  const PetscInt        rows = face->side_last - face->side_first;
+  const PetscReal      *S = dir->own + dir->own_first[f], *M = dir->matrix + dir->matrix_first[f] + 2 * rows * rows;
+  PetscReal            *y = work, *z = work + rows;
+  const PetscScalar     one = 1.0, zero = 0.0, mean = dir->mean;
+  const PetscBLASInt    inc = 1;
+  PetscBLASInt          n;
+
+  PetscFunctionBegin;
+  if (!rows) PetscFunctionReturn(0);
+  PetscCall(PetscBLASIntCast(rows, &n));
+  if (!forces) {
+    PetscCallBLAS("BLASgemv", BLASgemv_("N", &n, &n, &one, S, &n, x, &inc, &zero, y, &inc));
+    PetscCall(PetscArraycpy(x, y, rows));
+  }
+  /* D^-1 = M^t M, where D = L L^t and M = L^-1 */
+  PetscCallBLAS("BLASgemv", BLASgemv_("N", &n, &n, &one, M, &n, x, &inc, &zero, y, &inc));
+  PetscCallBLAS("BLASgemv", BLASgemv_("T", &n, &n, &mean, M, &n, y, &inc, &zero, z, &inc));
+  if (forces) PetscCallBLAS("BLASgemv", BLASgemv_("N", &n, &n, &one, S, &n, z, &inc, &zero, x, &inc));
+  else PetscCall(PetscArraycpy(x, z, rows));
+  PetscFunctionReturn(0);
+}
+
+/* Makes the columns of R, orthonormal in the diagonal of a matrix direction, orthonormal in the matrix, with the same span */
+PetscErrorCode LatinDirectionNormalise(const LatinDirections *dir, PetscInt f, PetscInt modes, PetscReal R[])
+{
+  const LatinInterface *face = &dir->inter->interface[f];
+  const PetscInt        rows = face->side_last - face->side_first;
+  const PetscScalar     one = 1.0, zero = 0.0;
+  const PetscBLASInt    inc = 1;
+  PetscReal            *W, *G;
+  PetscBLASInt          n, m;
+
+  PetscFunctionBegin;
+  if (dir->matrix_first[f] < 0 || !modes) PetscFunctionReturn(0);
+  PetscCall(PetscBLASIntCast(rows, &n));
+  PetscCall(PetscBLASIntCast(modes, &m));
+  PetscCall(PetscMalloc2(rows * modes, &W, modes * modes, &G));
+  for (PetscInt pass = 0; pass < 2; pass++) { /* twice: orthonormal to rounding though the first Gram matrix be ill-conditioned */
+    PetscCall(PetscArraycpy(W, R, rows * modes));
+    for (PetscInt j = 0; j < modes; j++) PetscCallBLAS("BLAStrmv", BLAStrmv_("L", "T", "N", &n, dir->matrix + dir->matrix_first[f] + rows * rows, &n, W + rows * j, &inc));
+    PetscCallBLAS("BLASgemm", BLASgemm_("T", "N", &m, &m, &n, &one, W, &n, W, &n, &zero, G, &m));
+    PetscCheck(LatinCholesky(modes, G), PETSC_COMM_SELF, PETSC_ERR_PLIB, "The macro modes of an interface are dependent in its search direction");
+    PetscCallBLAS("BLAStrsm", BLAStrsm_("R", "L", "T", "N", &n, &m, &one, G, &m, R, &n));
+  }
+  PetscCall(PetscFree2(W, G));
+  PetscFunctionReturn(0);
+}

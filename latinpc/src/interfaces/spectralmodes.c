@@ -1,0 +1,424 @@
+#include "interfaces/latininterfaces.h"
+
+/*
+   Local low-energy fields, beyond the article. A partition that cuts through modules leaves subdomains with low-energy modes:
+   they have motions that cost next to no energy though their corners are held, and that the affine fields of their
+   interfaces do not contain. Only the search direction d resists such a motion, and the iteration is slow in it. So it
+   becomes macro. For each such subdomain, with S_E the stiffness seen at its interfaces when its primal dofs are held,
+
+     S_E v = lambda d v,  lambda below a threshold,
+
+   as in GenEO; the springs of d are part of K_E, so what is computed are the large eigenvalues 1 / (1 + lambda) of the
+   compliance d^1/2 (S_E + d)^-1 d^1/2 = d^1/2 C K_E^-1 C^t d^1/2. It exists whatever the mechanisms. The fields of both
+   sides are cut by interface and complete the macro basis of that interface (LatinSpectralExtend()).
+
+   A test without eigenproblem finds these subdomains: a dangling node, whose own links resist some motion of it
+   alone by less than the threshold. This motion is an upper bound of the least eigenvalue.
+
+   The subdomains of a matrix have such motions where its coefficients jump: a stiff part that reaches an interface
+   through soft ones. There the springs are half the stiffness that both sides show, the softer one counting most,
+   whatever d is: a subdomain that is softer than its neighbour as a whole has none for that. Unless the threshold
+   is given, only subdomains are looked at whose coefficients jump next to an interface.
+
+   The eigenproblem is solved densely. What is wanted is a sixth of an interface's dofs or more, most of it one multiple
+   eigenvalue: block Lanczos then builds a basis of three times as many vectors, and took 1.7 times as long at 3,726 dofs.
+*/
+
+#define LATIN_SPECTRAL_MOST      64  /* fields of a subdomain; 8 take as many iterations as a threshold a tenth as large */
+#define LATIN_SPECTRAL_SIZE      0.1 /* a field is kept when this part of its norm, or more, is outside the macro basis */
+#define LATIN_SPECTRAL_SOFT      0.5 /* springs of the subdomains of a matrix, relative to the stiffness at the interface */
+#define LATIN_SPECTRAL_ITERATION 1.3 /* threshold of KSP latin, for a matrix whose coefficients jump */
+
+/* The threshold: given; of a matrix, when nothing is said, one that makes up for jumps of its coefficients */
+PetscReal LatinSpectralThreshold(const LatinSpectral *spectral)
+{
+  if (!spectral->sub->matrix || spectral->given || spectral->sub->known.trace) return spectral->threshold;
+  if (spectral->without) return 0.0;
+  return spectral->sub->preconditions ? 1.0 : LATIN_SPECTRAL_ITERATION;
+}
+
+/* K + springs at one node, or nothing: is there a motion of this node alone that costs less than threshold x springs? */
+static PetscBool LatinSpectralNode(PetscInt bs, const PetscReal stiffness[], const PetscReal spring[], const PetscBool fixed[], PetscReal threshold)
+{
+  PetscReal a[9];
+
+  for (PetscInt c = 0; c < bs; c++) {
+    for (PetscInt b = 0; b < bs; b++) a[c * bs + b] = fixed[c] || fixed[b] ? 0.0 : stiffness[c * bs + b];
+    a[c * bs + c] = fixed[c] ? 1.0 : a[c * bs + c] - threshold * spring[c];
+  }
+  /* Cholesky's pivots */
+  for (PetscInt c = 0; c < bs; c++) {
+    if (!(a[c * bs + c] > 0.0)) return PETSC_TRUE;
+    for (PetscInt r = c + 1; r < bs; r++)
+      for (PetscInt b = c + 1; b <= r; b++) a[r * bs + b] -= a[r * bs + c] * a[b * bs + c] / a[c * bs + c];
+  }
+  return PETSC_FALSE;
+}
+
+/* Primal and prescribed dofs are held */
+static inline PetscBool LatinSpectralHeld(const LatinSpectral *spectral, PetscInt dof)
+{
+  return (PetscBool)(spectral->sub->fixed[dof] || spectral->inter->component[dof / spectral->sub->bs] >= 0);
+}
+
+/* dangling[s]: has the subdomain a dangling node? */
+static PetscErrorCode LatinSpectralTest_Private(LatinSpectral *spectral, LatinRows *graph, const PetscReal spring[], PetscBool dangling[])
+{
+  const LatinSubdomains *sub   = spectral->sub;
+  const LatinInterfaces *inter = spectral->inter;
+  const PetscInt         bs    = sub->bs;
+  PetscReal             *none;
+
+  PetscFunctionBegin;
+  PetscCall(PetscCalloc1(bs * sub->copies, &none));
+  for (PetscInt s = 0; s < sub->n; s++) {
+    dangling[s] = PETSC_FALSE;
+    for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++)
+      for (PetscInt k = inter->interface[f].side_first; k < inter->interface[f].side_last && !dangling[s]; k++) {
+        const PetscInt i = inter->side_dof[k] / bs;
+        PetscInt       n = 0, own;
+
+        if (inter->component[i] >= 0 || (k > inter->interface[f].side_first && inter->side_dof[k - 1] / bs == i)) continue;
+        PetscCall(LatinRowsGet_Private(graph, i, none, &n));
+        PetscCall(PetscFindInt(i, n, graph->neighbour, &own));
+        dangling[s] = LatinSpectralNode(bs, graph->block + bs * bs * own, spring + bs * i, sub->fixed + bs * i, LatinSpectralThreshold(spectral));
+      }
+  }
+  PetscCall(PetscFree(none));
+  PetscFunctionReturn(0);
+}
+
+/* K_E of one subdomain, primal and prescribed dofs held, factored; *ksp stays NULL when it has a mechanism, which the set-up of the linear stage reports */
+static PetscErrorCode LatinSpectralFactor_Private(LatinSpectral *spectral, LatinRows *graph, PetscInt s, const PetscReal spring[], KSP *ksp)
+{
+  const LatinSubdomains *sub    = spectral->sub;
+  LatinFactorStatus      status = {0, PC_NOERROR, PETSC_FALSE, NULL};
+  const PetscInt         bs = sub->bs, top = sub->node_offset[s], nodes = sub->node_offset[s + 1] - top;
+  Mat                    K;
+  PC                     pc;
+  PetscInt              *width, n = 0;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMalloc1(bs * nodes, &width));
+  for (PetscInt pass = 0; pass < 2; pass++) {
+    for (PetscInt i = 0; i < nodes; i++) {
+      PetscCall(LatinRowsGet_Private(graph, top + i, spring, &n));
+      for (PetscInt c = 0; c < bs; c++) {
+        const PetscInt row = bs * i + c;
+
+        if (!pass) width[row] = bs * n;
+        if (pass && LatinSpectralHeld(spectral, bs * top + row)) PetscCall(MatSetValue(K, row, row, 1.0, INSERT_VALUES));
+        if (!pass || LatinSpectralHeld(spectral, bs * top + row)) continue;
+        for (PetscInt q = 0; q < n; q++)
+          for (PetscInt b = 0; b < bs; b++) {
+            const PetscInt col = bs * (graph->neighbour[q] - top) + b;
+
+            if (!LatinSpectralHeld(spectral, bs * top + col)) PetscCall(MatSetValue(K, row, col, graph->block[bs * bs * q + c * bs + b], INSERT_VALUES));
+          }
+      }
+    }
+    if (!pass) PetscCall(MatCreateSeqAIJ(PETSC_COMM_SELF, bs * nodes, bs * nodes, 0, width, &K));
+  }
+  PetscCall(PetscFree(width));
+  PetscCall(MatAssemblyBegin(K, MAT_FINAL_ASSEMBLY));
+  PetscCall(MatAssemblyEnd(K, MAT_FINAL_ASSEMBLY));
+  PetscCall(MatSetOption(K, MAT_SYMMETRIC, PETSC_TRUE));
+  PetscCall(MatSetOption(K, MAT_SPD, PETSC_TRUE));
+  PetscCall(KSPCreate(PETSC_COMM_SELF, ksp));
+  PetscCall(KSPSetOptionsPrefix(*ksp, "set_up_")); /* options without prefix are for others */
+  PetscCall(KSPSetType(*ksp, KSPPREONLY));
+  PetscCall(KSPGetPC(*ksp, &pc));
+  PetscCall(LatinDirectSolver_Private(pc, K, MATSOLVERCHOLMOD));
+  PetscCall(KSPSetOperators(*ksp, K, K));
+  PetscCall(LatinFactor_Private(*ksp, K, MATSOLVERCHOLMOD, &status));
+  PetscCall(VecDestroy(&status.mode));
+  PetscCall(MatDestroy(&K));
+  if (LatinFactorFailed(&status)) PetscCall(KSPDestroy(ksp));
+  PetscFunctionReturn(0);
+}
+
+/* G = d^1/2 C K_E^-1 C^t d^1/2 at n interface dofs (rows of the subdomain), column by column */
+static PetscErrorCode LatinSpectralCompliance_Private(KSP ksp, PetscInt n, const PetscInt dof[], const PetscReal weight[], PetscScalar G[], KSPConvergedReason *failed)
+{
+  const PetscInt width = 64; /* columns solved together: bounds the work space */
+  PetscInt       rows;
+  Mat            K, B, X;
+
+  PetscFunctionBegin;
+  PetscCall(KSPGetOperators(ksp, &K, NULL));
+  PetscCall(MatGetSize(K, &rows, NULL));
+  for (PetscInt first = 0; first < n; first += width) {
+    const PetscInt     columns = PetscMin(width, n - first);
+    const PetscScalar *x;
+    PetscScalar       *b;
+
+    PetscCall(LatinDenseCreate_Private(rows, columns, &B));
+    PetscCall(LatinDenseCreate_Private(rows, columns, &X));
+    PetscCall(MatDenseGetArrayWrite(B, &b));
+    PetscCall(PetscArrayzero(b, rows * columns));
+    for (PetscInt j = 0; j < columns; j++) b[dof[first + j] + rows * j] = weight[first + j];
+    PetscCall(MatDenseRestoreArrayWrite(B, &b));
+    PetscCall(LatinDenseSolve_Private(ksp, B, X, failed));
+    PetscCall(MatDenseGetArrayRead(X, &x));
+    for (PetscInt j = 0; j < columns; j++)
+      for (PetscInt i = 0; i < n; i++) G[i + (size_t)n * (size_t)(first + j)] = weight[i] * x[dof[i] + rows * j];
+    PetscCall(MatDenseRestoreArrayRead(X, &x));
+    PetscCall(MatDestroy(&B));
+    PetscCall(MatDestroy(&X));
+  }
+  PetscFunctionReturn(0);
+}
+
+/* Eigenvectors of G (destroyed) for the eigenvalues 1 / (1 + lambda), lambda < threshold: columns of V (n x n), the last *modes wanted */
+static PetscErrorCode LatinSpectralEigen_Private(PetscInt n, PetscReal threshold, PetscScalar G[], PetscScalar V[], PetscInt *modes, PetscBool *bad)
+{
+  const PetscReal low = 1.0 / (1.0 + threshold), high = 2.0, tolerance = 0.0;
+  PetscBLASInt    bn, lwork, found = 0, unused = 0, info, *iwork, *fail;
+  PetscScalar    *work;
+  PetscReal      *w;
+
+  PetscFunctionBegin;
+  PetscCall(PetscBLASIntCast(n, &bn));
+  PetscCall(PetscBLASIntCast(40 * n, &lwork));
+  PetscCall(PetscMalloc4(lwork, &work, n, &w, 5 * n, &iwork, n, &fail));
+  PetscCallBLAS("LAPACKsyevx", LAPACKsyevx_("V", "V", "L", &bn, G, &bn, &low, &high, &unused, &unused, &tolerance, &found, w, V, &bn, work, &lwork, iwork, fail, &info));
+  if (info) *bad = PETSC_TRUE;
+  PetscCall(PetscFree4(work, w, iwork, fail));
+  *modes = info ? 0 : found;
+  PetscFunctionReturn(0);
+}
+
+/* Where the springs are not d: columns keep the norm that the modes have there in the springs */
+static void LatinSpectralRescale(LatinSpectral *spectral, PetscInt f, PetscInt n, PetscInt modes, const PetscScalar mode[], const PetscInt position[], PetscScalar C[])
+{
+  const LatinInterface *face = &spectral->inter->interface[f];
+  const PetscInt        rows = face->side_last - face->side_first, top = spectral->sub->bs * spectral->sub->node_offset[face->sub];
+
+  for (PetscInt j = 0; j < modes; j++) {
+    PetscReal in_springs = 0.0, in_d = 0.0;
+
+    for (PetscInt r = 0; r < rows; r++) {
+      const PetscInt p = position[spectral->inter->side_dof[face->side_first + r] - top];
+
+      in_springs += p < 0 ? 0.0 : PetscSqr(mode[p + (size_t)n * (size_t)j]);
+      in_d += PetscSqr(C[r + rows * j]);
+    }
+    for (PetscInt r = 0; r < rows && in_d > 0.0; r++) C[r + rows * j] *= PetscSqrtReal(in_springs / in_d);
+  }
+}
+
+/* The fields of one side of an interface: the modes (n rows, position of each dof) cut, weighted by sqrt(d); those that are small there, or dependent, are left out */
+static PetscErrorCode LatinSpectralCut_Private(LatinSpectral *spectral, PetscInt f, PetscInt n, PetscInt modes, const PetscScalar mode[], const PetscInt position[], const PetscReal weight[])
+{
+  const LatinInterface *face = &spectral->inter->interface[f];
+  const PetscInt        rows = face->side_last - face->side_first, top = spectral->sub->bs * spectral->sub->node_offset[face->sub];
+  PetscInt              count = 0;
+  PetscReal            *scale;
+  PetscScalar          *C, *right;
+
+  PetscFunctionBegin;
+  if (!face->strong || !rows || !modes) PetscFunctionReturn(0);
+  PetscCall(PetscMalloc3(modes * modes, &right, modes, &scale, rows * modes, &C));
+  for (PetscInt j = 0; j < modes; j++)
+    for (PetscInt r = 0; r < rows; r++) {
+      const PetscInt p = position[spectral->inter->side_dof[face->side_first + r] - top];
+
+      C[r + rows * j] = p < 0 ? 0.0 : mode[p + (size_t)n * (size_t)j] * PetscSqrtReal(spectral->dir->d[face->side_first + r]) / weight[p];
+    }
+  if (spectral->sub->matrix) LatinSpectralRescale(spectral, f, n, modes, mode, position, C);
+  PetscCall(LatinSVD_Private(rows, modes, C, scale, right));
+  while (count < PetscMin(modes, rows) && scale[count] > LATIN_SPECTRAL_SIZE) count++;
+  for (PetscInt j = 0; j < count; j++) scale[j] = 1.0; /* the columns keep their size */
+  PetscCall(PetscMalloc1(rows * count, &spectral->field[f]));
+  LatinCombine_Private(rows, modes, count, C, right, scale, spectral->field[f]);
+  spectral->count[f] = count;
+  PetscCall(PetscFree3(right, scale, C));
+  PetscFunctionReturn(0);
+}
+
+/* The low-energy modes of a subdomain, cut by interface */
+static PetscErrorCode LatinSpectralSubdomain_Private(LatinSpectral *spectral, LatinRows *graph, PetscInt s, const PetscReal spring[], PetscBool *bad)
+{
+  const LatinInterfaces *inter = spectral->inter;
+  const PetscInt         bs = spectral->sub->bs, top = bs * spectral->sub->node_offset[s], rows = bs * spectral->sub->node_offset[s + 1] - top;
+  PetscInt              *dof, *position, n = 0, modes = 0, kept;
+  PetscReal             *weight;
+  PetscScalar           *G, *V;
+  KSP                    ksp    = NULL;
+  KSPConvergedReason     failed = KSP_CONVERGED_ITERATING;
+
+  PetscFunctionBegin;
+  PetscCall(LatinSpectralFactor_Private(spectral, graph, s, spring, &ksp));
+  if (!ksp) PetscFunctionReturn(0);
+  PetscCall(PetscMalloc3(rows, &dof, rows, &position, rows, &weight));
+  for (PetscInt i = 0; i < rows; i++) {
+    position[i] = -1;
+    if (spring[top + i] == 0.0 || inter->component[(top + i) / bs] >= 0) continue;
+    position[i] = n;
+    weight[n]   = PetscSqrtReal(spring[top + i]);
+    dof[n++]    = i;
+  }
+  PetscCall(PetscMalloc2((size_t)n * (size_t)n, &G, (size_t)n * (size_t)n, &V));
+  PetscCall(LatinSpectralCompliance_Private(ksp, n, dof, weight, G, &failed));
+  if (failed) *bad = PETSC_TRUE;
+  else if (n) PetscCall(LatinSpectralEigen_Private(n, LatinSpectralThreshold(spectral), G, V, &modes, bad));
+  kept               = PetscMin(modes, LATIN_SPECTRAL_MOST);
+  spectral->modes[s] = kept;
+  for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++) PetscCall(LatinSpectralCut_Private(spectral, f, n, kept, V + (size_t)n * (size_t)(modes - kept), position, weight));
+  PetscCall(PetscFree2(G, V));
+  PetscCall(PetscFree3(dof, position, weight));
+  PetscCall(KSPDestroy(&ksp));
+  PetscFunctionReturn(0);
+}
+
+/* Both sides of each interface get the fields of both, those of the lower subdomain first: they build the same basis, whichever of them does */
+static PetscErrorCode LatinSpectralExchange_Private(LatinSpectral *spectral)
+{
+  const LatinInterfaces *inter = spectral->inter;
+  PetscInt              *mine, *mate, widest = 0;
+  PetscScalar           *out, *in;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMalloc4(inter->sides, &mine, inter->sides, &mate, inter->sides, &out, inter->sides, &in));
+  for (PetscInt f = 0; f < inter->count; f++) {
+    widest = PetscMax(widest, spectral->count[f]);
+    for (PetscInt k = inter->interface[f].side_first; k < inter->interface[f].side_last; k++) mine[k] = spectral->count[f];
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &widest, 1, MPIU_INT, MPI_MAX, PetscObjectComm(spectral->sub->object)));
+  if (widest) PetscCall(LatinSFBcast_Private(inter->mate_sf, 1, MPIU_INT, mine, mate));
+  for (PetscInt f = 0; f < inter->count && widest; f++) {
+    const LatinInterface *face = &inter->interface[f];
+    const PetscInt        rows = face->side_last - face->side_first;
+    PetscScalar          *field;
+
+    if (!rows || !(spectral->count[f] + mate[face->side_first])) continue;
+    PetscCall(PetscMalloc1(rows * (spectral->count[f] + mate[face->side_first]), &field));
+    PetscCall(PetscArraycpy(field + (spectral->sub->first + face->sub < face->neighbour ? 0 : rows * mate[face->side_first]), spectral->field[f], rows * spectral->count[f]));
+    PetscCall(PetscFree(spectral->field[f]));
+    spectral->field[f] = field;
+    spectral->count[f] += mate[face->side_first];
+  }
+  for (PetscInt j = 0; j < widest; j++) {
+    for (PetscInt pass = 0; pass < 2; pass++) {
+      for (PetscInt f = 0; f < inter->count; f++) {
+        const LatinInterface *face  = &inter->interface[f];
+        const PetscInt        rows  = face->side_last - face->side_first;
+        const PetscBool       lower = (PetscBool)(spectral->sub->first + face->sub < face->neighbour);
+
+        if (!pass && rows && j < mine[face->side_first]) PetscCall(PetscArraycpy(out + face->side_first, spectral->field[f] + rows * ((lower ? 0 : mate[face->side_first]) + j), rows));
+        if (pass && rows && j < mate[face->side_first]) PetscCall(PetscArraycpy(spectral->field[f] + rows * ((lower ? mine[face->side_first] : 0) + j), in + face->side_first, rows));
+      }
+      if (!pass) PetscCall(LatinSFBcast_Private(inter->mate_sf, 1, MPIU_SCALAR, out, in));
+    }
+  }
+  PetscCall(PetscFree4(mine, mate, out, in));
+  PetscFunctionReturn(0);
+}
+
+/* Subdomains that equal another one take its fields */
+static PetscErrorCode LatinSpectralCopy_Private(LatinSpectral *spectral, PetscInt from, PetscInt to)
+{
+  const LatinInterfaces *inter = spectral->inter;
+
+  PetscFunctionBegin;
+  spectral->modes[to] = spectral->modes[from];
+  for (PetscInt f = inter->offset[from], g = inter->offset[to]; f < inter->offset[from + 1]; f++, g++) {
+    const PetscInt n = spectral->count[f] * (inter->interface[f].side_last - inter->interface[f].side_first);
+
+    spectral->count[g] = spectral->count[f];
+    if (!n) continue;
+    PetscCall(PetscMalloc1(n, &spectral->field[g]));
+    PetscCall(PetscArraycpy(spectral->field[g], spectral->field[f], n));
+  }
+  PetscFunctionReturn(0);
+}
+
+/* The local fields of every interface here, for LatinMacroSetUp(). Collective on sub->object */
+PetscErrorCode LatinSpectralSetUp(LatinSpectral *spectral)
+{
+  const LatinSubdomains *sub   = spectral->sub;
+  const LatinInterfaces *inter = spectral->inter;
+  PetscReal             *spring;
+  PetscInt              *pattern;
+  PetscBool             *is, any = PETSC_FALSE, bad = PETSC_FALSE;
+  LatinRows              graph;
+
+  PetscFunctionBegin;
+  if (LatinSpectralThreshold(spectral) == 0.0) PetscFunctionReturn(0);
+  PetscCall(PetscLogEventBegin(LATIN_Spectral, spectral->sub->object, 0, 0, 0));
+  PetscCall(PetscCalloc3(inter->count, &spectral->count, inter->count, &spectral->field, sub->n, &spectral->modes));
+  PetscCall(PetscMalloc3(sub->bs * sub->copies, &spring, sub->n, &pattern, sub->n, &is));
+  PetscCall(PetscArrayzero(spring, sub->bs * sub->copies));
+  for (PetscInt k = 0; k < inter->sides; k++) spring[inter->side_dof[k]] += spectral->sub->matrix ? LATIN_SPECTRAL_SOFT * spectral->dir->harmonic[k] : spectral->dir->d[k];
+  PetscCall(LatinRowsCreate_Private(sub, 0, &graph));
+  for (PetscInt s = 0; s < sub->n; s++) is[s] = (PetscBool)(spectral->sub->matrix && spectral->given);
+  if (!spectral->sub->matrix) PetscCall(LatinSpectralTest_Private(spectral, &graph, spring, is));
+  else if (!spectral->given) PetscCall(LatinJumps_Private(spectral->inter, is));
+  for (PetscInt s = 0; s < sub->n; s++) any = (PetscBool)(any || is[s]);
+  if (any) PetscCall(LatinRepeats_Private(inter, spectral->dir, NULL, pattern));
+  for (PetscInt s = 0; s < sub->n; s++) {
+    if (!is[s]) continue;
+    if (pattern[s] == s) PetscCall(LatinSpectralSubdomain_Private(spectral, &graph, s, spring, &bad));
+    else PetscCall(LatinSpectralCopy_Private(spectral, pattern[s], s));
+  }
+  PetscCall(LatinRowsDestroy_Private(&graph));
+  PetscCall(PetscFree3(spring, pattern, is));
+  LatinAgree(PetscObjectComm(spectral->sub->object), bad, PETSC_ERR_CONV_FAILED, "The local low-energy fields of a subdomain could not be computed; leave them out with -%smodes_local 0", LatinPrefix(sub));
+  PetscCall(LatinSpectralExchange_Private(spectral));
+  PetscCall(PetscLogEventEnd(LATIN_Spectral, spectral->sub->object, 0, 0, 0));
+  PetscFunctionReturn(0);
+}
+
+/*
+   Completes the orthonormal columns of F (rows x *fields, weighted by sqrt(d)), the fields of interface f, by its local
+   fields: what of them is orthogonal to F, the large singular vectors.
+*/
+PetscErrorCode LatinSpectralExtend(const LatinSpectral *spectral, PetscInt f, PetscInt rows, PetscInt *fields, PetscScalar F[])
+{
+  const PetscInt count = spectral->count ? spectral->count[f] : 0, m = *fields;
+  PetscInt       kept = 0;
+  PetscReal     *scale;
+  PetscScalar   *C, *right;
+
+  PetscFunctionBegin;
+  if (!count) PetscFunctionReturn(0);
+  PetscCall(PetscMalloc3(count * count, &right, count, &scale, rows * count, &C));
+  PetscCall(PetscArraycpy(C, spectral->field[f], rows * count));
+  for (PetscInt twice = 0; twice < 2; twice++)
+    for (PetscInt j = 0; j < count; j++)
+      for (PetscInt i = 0; i < m; i++) {
+        PetscScalar dot = 0.0;
+
+        for (PetscInt r = 0; r < rows; r++) dot += F[r + rows * i] * C[r + rows * j];
+        for (PetscInt r = 0; r < rows; r++) C[r + rows * j] -= F[r + rows * i] * dot;
+      }
+  PetscCall(LatinSVD_Private(rows, count, C, scale, right));
+  while (kept < PetscMin(count, rows - m) && scale[kept] > LATIN_SPECTRAL_SIZE) kept++;
+  LatinCombine_Private(rows, count, kept, C, right, scale, F + rows * m);
+  *fields += kept;
+  PetscCall(PetscFree3(right, scale, C));
+  PetscFunctionReturn(0);
+}
+
+/* Sizes: subdomains with low-energy modes, the most modes of one of them. Collective on sub->object */
+PetscErrorCode LatinSpectralStatistics_Private(const LatinSpectral *spectral, PetscInt *subdomains, PetscInt *most)
+{
+  PetscInt n = 0, largest = 0;
+
+  PetscFunctionBegin;
+  for (PetscInt s = 0; s < spectral->sub->n && spectral->modes; s++) {
+    n += spectral->modes[s] > 0 ? 1 : 0;
+    largest = PetscMax(largest, spectral->modes[s]);
+  }
+  PetscCall(MPIU_Allreduce(&n, subdomains, 1, MPIU_INT, MPI_SUM, PetscObjectComm(spectral->sub->object)));
+  PetscCall(MPIU_Allreduce(&largest, most, 1, MPIU_INT, MPI_MAX, PetscObjectComm(spectral->sub->object)));
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode LatinSpectralReset(LatinSpectral *spectral)
+{
+  PetscFunctionBegin;
+  for (PetscInt f = 0; f < spectral->inter->count && spectral->field; f++) PetscCall(PetscFree(spectral->field[f]));
+  PetscCall(PetscFree3(spectral->count, spectral->field, spectral->modes));
+  PetscFunctionReturn(0);
+}

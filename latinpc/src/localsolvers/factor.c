@@ -1,0 +1,235 @@
+#include "localsolvers/latinlocalsolvers.h"
+
+/*
+   Direct solvers of the local and coarse problems, and how their factorisations end. A mechanism, a displacement that
+   costs nothing, is found whether it stops the factorisation or only shows in the factor.
+*/
+
+#define LATIN_REDUNDANT 1500 /* most rows of a parallel matrix that every rank factors by itself: a parallel factor of so few is all messages */
+#define LATIN_ROOM      100  /* work space of MUMPS beyond its own estimate, in percent */
+#define LATIN_ROOM_MOST 6400 /* where it gives up */
+
+/* The first package with a Cholesky factorisation of A: the preferred one, or another (NULL: none) */
+PetscErrorCode LatinDirectSolverAvailable_Private(Mat A, MatSolverType preferred, MatSolverType *package, PetscBool *found)
+{
+  const MatSolverType candidates[] = {preferred, MATSOLVERMUMPS, MATSOLVERCHOLMOD, MATSOLVERPETSC};
+
+  PetscFunctionBegin;
+  *found = PETSC_FALSE;
+  for (PetscInt i = 0; i < 4 && !*found; i++) {
+    PetscCall(MatGetFactorAvailable(A, candidates[i], MAT_FACTOR_CHOLESKY, found));
+    if (package) *package = *found ? candidates[i] : NULL;
+  }
+  PetscFunctionReturn(0);
+}
+
+/*
+   Is the matrix so small that every rank had better factor the whole of it? Then pc does so. A package that the options
+   name is for the matrix of all ranks. Collective on A
+*/
+static PetscErrorCode LatinDirectSolverRedundant_Private(PC pc, Mat A, PetscBool *done)
+{
+  MatSolverType package = NULL;
+  const char   *prefix;
+  KSP           ksp;
+  PC            own;
+  Mat           alone;
+  PetscMPIInt   size;
+  PetscInt      rows;
+  PetscBool     named, found = PETSC_FALSE;
+
+  PetscFunctionBegin;
+  *done = PETSC_FALSE;
+  PetscCallMPI(MPI_Comm_size(PetscObjectComm((PetscObject)A), &size));
+  PetscCall(MatGetSize(A, &rows, NULL));
+  PetscCall(PCGetOptionsPrefix(pc, &prefix));
+  PetscCall(PetscOptionsHasName(((PetscObject)pc)->options, prefix, "-pc_factor_mat_solver_type", &named));
+  if (size == 1 || rows > LATIN_REDUNDANT || named) PetscFunctionReturn(0);
+  PetscCall(MatCreateSeqAIJ(PETSC_COMM_SELF, 1, 1, 1, NULL, &alone));
+  PetscCall(LatinDirectSolverAvailable_Private(alone, MATSOLVERCHOLMOD, &package, &found));
+  PetscCall(MatDestroy(&alone));
+  if (!found) PetscFunctionReturn(0);
+  PetscCall(PCSetType(pc, PCREDUNDANT));
+  PetscCall(PCRedundantGetKSP(pc, &ksp));
+  PetscCall(KSPGetPC(ksp, &own));
+  PetscCall(PCSetType(own, PCCHOLESKY));
+  PetscCall(PCFactorSetMatSolverType(own, package));
+  *done = PETSC_TRUE;
+  PetscFunctionReturn(0);
+}
+
+/* Cholesky with the preferred package; where PETSc lacks it, another one, with a notice */
+PetscErrorCode LatinDirectSolver_Private(PC pc, Mat A, MatSolverType preferred)
+{
+  static PetscBool told    = PETSC_FALSE;
+  MatSolverType    package = NULL;
+  PetscMPIInt      rank;
+  PetscBool        found = PETSC_FALSE;
+
+  PetscFunctionBegin;
+  PetscCallMPI(MPI_Comm_rank(PETSC_COMM_WORLD, &rank));
+  PetscCall(LatinDirectSolverRedundant_Private(pc, A, &found));
+  if (found) PetscFunctionReturn(0);
+  PetscCall(PCSetType(pc, PCCHOLESKY));
+  PetscCall(LatinDirectSolverAvailable_Private(A, preferred, &package, &found));
+  if (found) PetscCall(PCFactorSetMatSolverType(pc, package));
+  else PetscCall(PCSetType(pc, PCREDUNDANT)); /* a parallel matrix and no parallel direct solver */
+  if (!told && !rank && !found) PetscCall(PetscFPrintf(PETSC_COMM_SELF, PETSC_STDERR, "latin: this PETSc has no parallel direct solver; every rank factors the whole coarse problem\n"));
+  if (!told && !rank && found && strcmp(package, preferred)) PetscCall(PetscFPrintf(PETSC_COMM_SELF, PETSC_STDERR, "latin: this PETSc has no %s; using %s instead, which may be slower\n", preferred, package));
+  if (!found || strcmp(package, preferred)) told = PETSC_TRUE;
+  PetscFunctionReturn(0);
+}
+
+/* A dense matrix for right-hand sides or solutions, ready for KSPMatSolve() */
+PetscErrorCode LatinDenseCreate_Private(PetscInt rows, PetscInt columns, Mat *M)
+{
+  PetscFunctionBegin;
+  PetscCall(MatCreateSeqDense(PETSC_COMM_SELF, rows, columns, NULL, M));
+  PetscCall(MatAssemblyBegin(*M, MAT_FINAL_ASSEMBLY));
+  PetscCall(MatAssemblyEnd(*M, MAT_FINAL_ASSEMBLY));
+  PetscFunctionReturn(0);
+}
+
+/* Solves for all columns of B; a reason that is negative is left in *failed, others are not */
+PetscErrorCode LatinDenseSolve_Private(KSP ksp, Mat B, Mat X, KSPConvergedReason *failed)
+{
+  KSPConvergedReason reason;
+
+  PetscFunctionBegin;
+  PetscCall(KSPMatSolve(ksp, B, X));
+  PetscCall(KSPGetConvergedReason(ksp, &reason));
+  if (reason < 0) *failed = reason;
+  PetscFunctionReturn(0);
+}
+
+/*
+   Inverse iteration for the softest displacement of A relative to its diagonal, by solves with ksp.
+   Returns its relative stiffness and leaves the displacement in v. Collective on A.
+*/
+static PetscErrorCode LatinSoftest_Private(KSP ksp, Mat A, Vec v, PetscReal *stiffness)
+{
+  Vec          d, b;
+  PetscScalar *a, top, bottom;
+  PetscInt     n, start;
+
+  PetscFunctionBegin;
+  PetscCall(VecDuplicate(v, &d));
+  PetscCall(VecDuplicate(v, &b));
+  PetscCall(MatGetDiagonal(A, d));
+  PetscCall(VecGetLocalSize(v, &n));
+  PetscCall(VecGetOwnershipRange(v, &start, NULL));
+  PetscCall(VecGetArray(v, &a));
+  for (PetscInt i = 0; i < n; i++) a[i] = PetscSinReal(1.0 + 12.9898 * (PetscReal)((start + i) % 100003)); /* any vector without symmetry */
+  PetscCall(VecRestoreArray(v, &a));
+  /* in displacements whose unit of energy is that of the diagonal, so that units and contrast do not matter */
+  PetscCall(VecSqrtAbs(d));
+  PetscCall(VecPointwiseDivide(v, v, d));
+  PetscCall(VecPointwiseMult(d, d, d));
+  *stiffness = 1.0;
+  for (PetscInt k = 0; k < 3; k++) {
+    PetscCall(VecPointwiseMult(b, d, v));
+    PetscCall(VecDot(b, v, &top));
+    if (!(top > 0.0)) break;
+    PetscCall(VecScale(b, 1.0 / PetscSqrtReal(top)));
+    PetscCall(KSPSolve(ksp, b, v));
+    PetscCall(VecDot(b, v, &top));
+    PetscCall(VecPointwiseMult(b, d, v));
+    PetscCall(VecDot(b, v, &bottom));
+    *stiffness = bottom > 0.0 && !PetscIsInfOrNanScalar(bottom) ? top / bottom : 0.0;
+  }
+  PetscCall(VecDestroy(&d));
+  PetscCall(VecDestroy(&b));
+  PetscFunctionReturn(0);
+}
+
+/* A slightly stiffened copy of a matrix that could not be factored, to find the displacement that costs nothing */
+static PetscErrorCode LatinSoftestShifted_Private(Mat A, MatSolverType preferred, Vec v)
+{
+  Mat       shifted;
+  Vec       d;
+  KSP       ksp;
+  PC        pc;
+  PetscReal stiffness;
+  PetscBool half, found;
+
+  PetscFunctionBegin;
+  PetscCall(MatDuplicate(A, MAT_COPY_VALUES, &shifted));
+  PetscCall(VecDuplicate(v, &d));
+  PetscCall(MatGetDiagonal(A, d));
+  PetscCall(VecAbs(d));
+  PetscCall(VecScale(d, LatinByPrecision(1e-8, 1e-4)));
+  PetscCall(MatDiagonalSet(shifted, d, ADD_VALUES));
+  PetscCall(KSPCreate(PetscObjectComm((PetscObject)A), &ksp));
+  PetscCall(KSPSetOptionsPrefix(ksp, "set_up_")); /* options without prefix are for others */
+  PetscCall(KSPSetType(ksp, KSPPREONLY));
+  PetscCall(KSPGetPC(ksp, &pc));
+  PetscCall(LatinDirectSolver_Private(pc, shifted, preferred));
+  /* the copy may still be indefinite by rounding */
+  PetscCall(PetscObjectTypeCompareAny((PetscObject)shifted, &half, MATSEQSBAIJ, MATMPISBAIJ, ""));
+  PetscCall(PCSetType(pc, half ? PCCHOLESKY : PCLU));
+  PetscCall(MatSetOption(shifted, MAT_SPD, PETSC_FALSE));
+  PetscCall(MatGetFactorAvailable(shifted, MATSOLVERMUMPS, MAT_FACTOR_CHOLESKY, &found));
+  if (half && found) PetscCall(PCFactorSetMatSolverType(pc, MATSOLVERMUMPS));
+  PetscCall(KSPSetOperators(ksp, shifted, shifted));
+  PetscCall(LatinSoftest_Private(ksp, shifted, v, &stiffness));
+  PetscCall(KSPDestroy(&ksp));
+  PetscCall(VecDestroy(&d));
+  PetscCall(MatDestroy(&shifted));
+  PetscFunctionReturn(0);
+}
+
+/* Factors; the work space that a parallel factor by MUMPS takes is not known beforehand, and grows until it is enough. Collective on A */
+static PetscErrorCode LatinFactorTry_Private(KSP ksp, PC pc, Mat A, LatinFactorStatus *status)
+{
+  PetscMPIInt size;
+  PetscBool   direct;
+  Mat         factor = NULL;
+
+  PetscFunctionBegin;
+  PetscCallMPI(MPI_Comm_size(PetscObjectComm((PetscObject)A), &size));
+  PetscCall(PetscObjectTypeCompareAny((PetscObject)pc, &direct, PCCHOLESKY, PCLU, ""));
+  for (PetscInt room = LATIN_ROOM; room <= LATIN_ROOM_MOST; room *= 4) {
+    if (direct && size > 1) {
+      PetscCall(PCFactorSetUpMatSolverType(pc));
+      PetscCall(PCFactorGetMatrix(pc, &factor));
+      PetscTryMethod(factor, "MatMumpsSetIcntl_C", (Mat, PetscInt, PetscInt), (factor, 14, room));
+    }
+    PetscCall(PetscPushErrorHandler(PetscReturnErrorHandler, NULL));
+    status->ierr = KSPSetUp(ksp);
+    PetscCall(PetscPopErrorHandler());
+    (void)LatinWatchWait_Private(PetscObjectComm((PetscObject)A), status->ierr); /* others may still be at work on a parallel matrix */
+    if (!status->ierr) PetscCall(PCGetFailedReason(pc, &status->failed));
+    if (status->failed != PC_FACTOR_OUTMEMORY || !direct || size == 1) break;
+    PetscCall(PCReset(pc));
+    PetscCall(KSPSetOperators(ksp, A, A));
+  }
+  PetscFunctionReturn(0);
+}
+
+/*
+   Factors A through its KSP. A failure is noted, not raised: other ranks may be waiting. A mechanism, whether it
+   stops the factorisation or only shows in the factor, leaves its displacement in status->mode. Collective on A.
+*/
+PetscErrorCode LatinFactor_Private(KSP ksp, Mat A, MatSolverType preferred, LatinFactorStatus *status)
+{
+  PC        pc;
+  PetscBool direct;
+  PetscReal stiffness = 1.0;
+  Vec       v;
+
+  PetscFunctionBegin;
+  PetscCall(KSPGetPC(ksp, &pc));
+  PetscCall(PetscObjectTypeCompareAny((PetscObject)pc, &direct, PCCHOLESKY, PCLU, PCREDUNDANT, ""));
+  PetscCall(LatinFactorTry_Private(ksp, pc, A, status));
+  status->mechanism = (PetscBool)(status->ierr == PETSC_ERR_MAT_CH_ZRPVT || status->ierr == PETSC_ERR_MAT_LU_ZRPVT || status->failed == PC_FACTOR_STRUCT_ZEROPIVOT || status->failed == PC_FACTOR_NUMERIC_ZEROPIVOT ||
+                                  (status->failed != PC_NOERROR && status->failed != PC_FACTOR_OUTMEMORY && direct));
+  if ((status->ierr || status->failed) && !status->mechanism) PetscFunctionReturn(0);
+  PetscCall(MatCreateVecs(A, &v, NULL));
+  if (status->mechanism) PetscCall(LatinSoftestShifted_Private(A, preferred, v));
+  else if (direct) PetscCall(LatinSoftest_Private(ksp, A, v, &stiffness));
+  PetscCall(PetscInfo(ksp, "softest displacement: %g of the diagonal\n", (double)stiffness));
+  if (stiffness < LATIN_MECHANISM) status->mechanism = PETSC_TRUE;
+  if (status->mechanism) status->mode = v;
+  else PetscCall(VecDestroy(&v));
+  PetscFunctionReturn(0);
+}

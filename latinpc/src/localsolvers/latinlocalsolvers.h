@@ -1,0 +1,110 @@
+/*
+   Solvers of the subdomains: which of them share a factor, factorisations and how they end, approximate solvers, the
+   elimination of a subdomain's inside.
+*/
+#ifndef LATINLOCALSOLVERS_H
+#define LATINLOCALSOLVERS_H
+
+#include "subdomains/latinsubdomains.h"
+
+/* ---- direct solvers (localsolvers/factor.c) ---- */
+#define LATIN_MECHANISM LatinByPrecision(1e-14, 5e-6) /* stiffness of a displacement, relative to the diagonal, that only rounding makes nonzero */
+
+/* How a factorisation ended on this rank */
+typedef struct {
+  PetscErrorCode ierr;
+  PCFailedReason failed;
+  PetscBool      mechanism;
+  Vec            mode; /* the displacement that costs nothing, where there is a mechanism */
+} LatinFactorStatus;
+PETSC_INTERN PetscErrorCode LatinDirectSolverAvailable_Private(Mat, MatSolverType, MatSolverType *, PetscBool *);
+PETSC_INTERN PetscErrorCode LatinDirectSolver_Private(PC, Mat, MatSolverType preferred);
+PETSC_INTERN PetscErrorCode LatinFactor_Private(KSP, Mat, MatSolverType, LatinFactorStatus *);
+PETSC_INTERN PetscErrorCode LatinDenseCreate_Private(PetscInt, PetscInt, Mat *);
+PETSC_INTERN PetscErrorCode LatinDenseSolve_Private(KSP, Mat B, Mat X, KSPConvergedReason *failed);
+static inline PetscBool     LatinFactorFailed(const LatinFactorStatus *status)
+{
+  return (PetscBool)(status->ierr || status->failed || status->mechanism);
+}
+
+/* ---- approximate solvers (localsolvers/approximate.c) ---- */
+#define LATIN_INEXACT_RTOL     LatinByPrecision(1e-10, 1e-5) /* of an iterative solver where it is taken to be exact */
+#define LATIN_INEXACT_HARMLESS 1e-4                          /* asymmetry or variation of a preconditioner that Krylov methods bear */
+
+/* How far solvers are from a symmetric and from a linear operator, 0 for direct ones */
+typedef struct {
+  PetscReal asymmetry, variation;
+} LatinInexact;
+PETSC_INTERN PetscErrorCode LatinSolverCreate_Private(MPI_Comm, PetscObject parent, const char name[], KSP *);
+PETSC_INTERN PetscErrorCode LatinSolverChosen_Private(MPI_Comm, PetscObject parent, const char name[], MatSolverType package, PetscBool *iterative, PetscBool *latin, PetscBool *subassembled, PetscBool *chosen);
+PETSC_INTERN PetscErrorCode LatinSolverDirect_Private(KSP, PetscBool *);
+PETSC_INTERN PetscErrorCode LatinSolverNote_Private(KSP, PetscBool preconditions, PetscBool *failed);
+PETSC_INTERN PetscErrorCode LatinSolverDefaults_Private(KSP, PetscBool preconditions, PetscBool *direct);
+PETSC_INTERN PetscErrorCode LatinSolverAccurate_Private(KSP, const LatinInexact *, KSP *accurate);
+PETSC_INTERN PetscErrorCode LatinSolverTest_Private(KSP, Mat, LatinInexact *);
+PETSC_INTERN PetscErrorCode LatinInexactCheck_Private(const char prefix[], KSP, const LatinInexact *);
+
+/* ---- batches of subdomains and their solvers (localsolvers/batches.c) ---- */
+#define LATIN_LANES          8  /* equal subdomains whose links are swept together */
+#define LATIN_BATCH_COLUMNS  64 /* equal subdomains solved together: right-hand sides stay in cache */
+#define LATIN_BATCH_PATTERNS 64 /* different subdomains in one matrix: no more of them than condensation likes */
+
+/*
+   Subdomains whose operators are equal to the bit share one: a batch of one pattern and many members. The others form
+   batches of many patterns and one member each, block diagonal matrices.
+*/
+typedef struct {
+  PetscInt  patterns, members; /* one of them is 1 */
+  PetscInt *sub;               /* [patterns * members] subdomains; the first one of each pattern represents it */
+  PetscInt *row;               /* [patterns + 1] first row of each pattern in the matrix */
+  PetscBool alike;             /* one pattern, and the links of all members have the same laws and the same order of states */
+} LatinBatch;
+
+typedef struct {
+  PetscInt    n;
+  LatinBatch *batch;
+  PetscInt   *pattern; /* [subdomains] the subdomain that represents it */
+} LatinBatches;
+PETSC_INTERN PetscErrorCode LatinBatchesSetUp(const LatinSubdomains *, PetscInt pattern[], const PetscInt width[], LatinBatches *);
+PETSC_INTERN PetscErrorCode LatinBatchesReset(LatinBatches *);
+PETSC_INTERN PetscInt       LatinBatchRun(const LatinBatch *, PetscInt m);
+
+/* One matrix and KSP a batch; rows are the copy arrays' entries of the patterns */
+typedef struct {
+  const LatinSubdomains *sub;
+  const LatinBatches    *batches;
+  PetscInt               n;
+  PetscBool              direct;    /* all of them are factorisations */
+  Mat                   *K, *B, *X; /* operator; right-hand sides and solutions of some members, dense */
+  KSP                   *ksp;
+  Vec                   *b, *x;    /* the same for a batch of one member */
+  PetscInt             **ci, **cj; /* rows of K */
+  PetscReal            **ca;
+  LatinFactorStatus      status; /* of the set-up on this rank */
+  PetscInt               last;   /* the last batch that was set up: where a failure is */
+  LatinInexact           inexact;
+  PetscBool              failed; /* a solve failed on this rank since this was cleared */
+} LatinLocalSolvers;
+PETSC_INTERN PetscErrorCode LatinLocalSolversCreate(const LatinSubdomains *, const LatinBatches *, LatinLocalSolvers *);
+PETSC_INTERN PetscErrorCode LatinLocalSolversSetUp(LatinLocalSolvers *, const char name[], const PetscInt held[]);
+PETSC_INTERN PetscErrorCode LatinLocalSolversDestroy(LatinLocalSolvers *);
+PETSC_INTERN PetscErrorCode LatinLocalSolve_Private(LatinLocalSolvers *, PetscInt batch, const PetscReal g[], PetscReal U[]);
+PETSC_INTERN PetscErrorCode LatinLocalSolveAll(LatinLocalSolvers *, const PetscReal g[], PetscReal U[]);
+
+/* ---- what is near to the kernel, for multigrid (localsolvers/nearnullspace.c) ---- */
+/* Numbers of one unknown: its place, its trace, the known fields */
+typedef struct {
+  PetscInt dim, fields, nears, width;
+} LatinTraceShape;
+PETSC_INTERN void           LatinTraceAdd(const LatinSubdomains *, const LatinTraceShape *, PetscInt dof, PetscReal weight, const PetscReal x[], PetscReal out[]);
+PETSC_INTERN PetscErrorCode LatinNearNullSpace_Private(const LatinUnknowns *, Mat);
+PETSC_INTERN PetscErrorCode LatinNearNullSpaceBatch_Private(const LatinSubdomains *, const PetscInt held[], const LatinBatch *, Mat);
+
+/* ---- the inside of the subdomain here (localsolvers/staticcondensation.c) ---- */
+typedef struct _n_LatinInterior *LatinInterior;
+PETSC_INTERN PetscErrorCode      LatinInteriorSetUp(LatinSubdomains *, LatinInterior *);
+PETSC_INTERN PetscErrorCode      LatinInteriorForces(LatinInterior, const LatinSubdomains *, Vec forces, PetscReal f[], PetscBool *failed);
+PETSC_INTERN PetscErrorCode      LatinInteriorExtend(LatinInterior, const PetscReal v[], Vec u, PetscBool *failed);
+PETSC_INTERN PetscErrorCode      LatinInteriorReset(LatinInterior *);
+
+#endif

@@ -1,0 +1,225 @@
+#include "partition/latinpartition.h"
+
+/*
+   Repair of a partition. METIS sees a graph, not a structure: it leaves nodes dangling in a subdomain, on links that
+   hold them in fewer directions than all the node's links do. Each missing direction is an internal mechanism of the
+   subdomain, and mechanisms make the iteration slow. Links move between the subdomains of one of their
+   nodes as long as the sum over the nodes of
+
+     a node of one subdomain   0
+     of two                    1 + directions missing in either of them
+     of three or more          1 if it is a corner: the coarse problem holds it; else as for two, 1 for each one more
+
+   falls. A move takes one link, or all the links of a subdomain at a node. It changes the cost of the nodes at its
+   links only, and lowers a whole number, so that a list of the nodes to look at again ends in near linear time.
+*/
+
+#define LATIN_REPAIR_SOFT    1e-2 /* less than that of the stiffness of one link of stiffness 1 is a direction missing */
+#define LATIN_REPAIR_BALANCE 0.25 /* how far subdomains may go from the mean number of links */
+
+typedef struct {
+  const LatinCut *cut;
+  PetscInt       *part;
+  PetscInt       *offset, *incident; /* links at each node */
+  PetscInt       *size, least, most; /* links of each subdomain, and bounds */
+  PetscInt       *queue, head, waiting;
+  PetscBool      *queued;
+  PetscInt       *seen, stamp; /* [nodes] nodes that a move touches */
+  PetscInt       *touched, *move, *here;
+} LatinRepair;
+
+/* The links at each node: incident[offset[v]..offset[v + 1]). Free with PetscFree2(offset, incident) */
+PetscErrorCode LatinIncidence_Private(const LatinCut *cut, PetscInt *offset[], PetscInt *incident[])
+{
+  PetscInt *o, *list;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMalloc2(cut->nodes + 2, &o, 2 * cut->links, &list));
+  PetscCall(PetscArrayzero(o, cut->nodes + 2));
+  for (PetscInt i = 0; i < 2 * cut->links; i++) o[cut->ends[i] + 2]++;
+  for (PetscInt v = 0; v < cut->nodes; v++) o[v + 2] += o[v + 1];
+  for (PetscInt i = 0; i < 2 * cut->links; i++) list[o[cut->ends[i] + 1]++] = i / 2;
+  *offset   = o;
+  *incident = list;
+  PetscFunctionReturn(0);
+}
+
+/* Rank of a symmetric positive semidefinite matrix of unit directions: Cholesky with the largest pivot first */
+static PetscInt LatinRepairRank(PetscInt dim, PetscReal a[3][3])
+{
+  PetscBool done[3] = {PETSC_FALSE, PETSC_FALSE, PETSC_FALSE};
+
+  for (PetscInt rank = 0; rank < dim; rank++) {
+    PetscInt p = -1;
+
+    for (PetscInt c = 0; c < dim; c++)
+      if (!done[c] && (p < 0 || a[c][c] > a[p][p])) p = c;
+    if (a[p][p] <= LATIN_REPAIR_SOFT) return rank;
+    done[p] = PETSC_TRUE;
+    for (PetscInt c = 0; c < dim; c++)
+      for (PetscInt b = 0; b < dim; b++)
+        if (!done[c] && !done[b]) a[c][b] -= a[c][p] * a[b][p] / a[p][p];
+  }
+  return dim;
+}
+
+/* Free directions that the links of one subdomain (all of them: part < 0) hold at a node */
+static PetscInt LatinRepairHeld(const LatinRepair *repair, PetscInt v, PetscInt part)
+{
+  const LatinCut *cut     = repair->cut;
+  const PetscInt  dim     = cut->dim;
+  PetscReal       a[3][3] = {{0.0}};
+
+  for (PetscInt j = repair->offset[v]; j < repair->offset[v + 1]; j++) {
+    const PetscInt   l = repair->incident[j];
+    const PetscReal *n = cut->direction + dim * l;
+
+    if (part >= 0 && repair->part[l] != part) continue;
+    for (PetscInt c = 0; c < dim; c++)
+      for (PetscInt b = 0; b < dim; b++)
+        if (!cut->fixed[dim * v + c] && !cut->fixed[dim * v + b]) a[c][b] += n[c] * n[b];
+  }
+  return LatinRepairRank(dim, a);
+}
+
+/* The subdomains at a node, in the order of its links */
+static PetscInt LatinRepairParts(const LatinRepair *repair, PetscInt v, PetscInt parts[])
+{
+  PetscInt n = 0;
+
+  for (PetscInt j = repair->offset[v]; j < repair->offset[v + 1]; j++) {
+    PetscInt i = 0;
+
+    while (i < n && parts[i] != repair->part[repair->incident[j]]) i++;
+    if (i == n) parts[n++] = repair->part[repair->incident[j]];
+  }
+  return n;
+}
+
+static PetscInt LatinRepairCost(const LatinRepair *repair, PetscInt v)
+{
+  PetscInt *parts = repair->here, n = LatinRepairParts(repair, v, parts), cost = n - 1, whole;
+
+  if (n == 1) return 0;
+  if (n > 2 && repair->cut->corners) return 1;
+  whole = LatinRepairHeld(repair, v, -1);
+  for (PetscInt i = 0; i < n; i++) cost += PetscMax(0, whole - LatinRepairHeld(repair, v, parts[i]));
+  return cost;
+}
+
+/* The end nodes of n links, each once */
+static PetscInt LatinRepairTouched(LatinRepair *repair, PetscInt n, const PetscInt move[])
+{
+  PetscInt count = 0;
+
+  repair->stamp++;
+  for (PetscInt i = 0; i < 2 * n; i++) {
+    const PetscInt v = repair->cut->ends[2 * move[i / 2] + i % 2];
+
+    if (repair->seen[v] == repair->stamp) continue;
+    repair->seen[v]          = repair->stamp;
+    repair->touched[count++] = v;
+  }
+  return count;
+}
+
+/* What the cost falls by when n links go over to another subdomain */
+static PetscInt LatinRepairGain(LatinRepair *repair, PetscInt n, const PetscInt move[], PetscInt to)
+{
+  const PetscInt from  = repair->part[move[0]];
+  const PetscInt count = LatinRepairTouched(repair, n, move);
+  PetscInt       gain  = 0;
+
+  if (repair->size[from] - n < repair->least || repair->size[to] + n > repair->most) return 0;
+  for (PetscInt i = 0; i < count; i++) gain += LatinRepairCost(repair, repair->touched[i]);
+  for (PetscInt i = 0; i < n; i++) repair->part[move[i]] = to;
+  for (PetscInt i = 0; i < count; i++) gain -= LatinRepairCost(repair, repair->touched[i]);
+  for (PetscInt i = 0; i < n; i++) repair->part[move[i]] = from;
+  return gain;
+}
+
+static void LatinRepairPush(LatinRepair *repair, PetscInt v)
+{
+  if (repair->queued[v]) return;
+  repair->queued[v]                                                      = PETSC_TRUE;
+  repair->queue[(repair->head + repair->waiting++) % repair->cut->nodes] = v;
+}
+
+static PetscInt LatinRepairPop(LatinRepair *repair)
+{
+  const PetscInt v = repair->queue[repair->head];
+
+  repair->head      = (repair->head + 1) % repair->cut->nodes;
+  repair->queued[v] = PETSC_FALSE;
+  repair->waiting--;
+  return v;
+}
+
+/* The best move at a node, if there is one: its links in best[], their number, and where to */
+static PetscInt LatinRepairBest(LatinRepair *repair, PetscInt v, const PetscInt parts[], PetscInt n, PetscInt best[], PetscInt *to)
+{
+  PetscInt most = 0, count = 0;
+
+  for (PetscInt i = 0; i < n; i++) {
+    PetscInt m = 0;
+
+    for (PetscInt j = repair->offset[v]; j < repair->offset[v + 1]; j++)
+      if (repair->part[repair->incident[j]] == parts[i]) repair->move[m++] = repair->incident[j];
+    for (PetscInt k = 0; k < n; k++)
+      for (PetscInt single = m > 1 ? -1 : 0; k != i && single < m; single++) {
+        const PetscInt *move = single < 0 ? repair->move : repair->move + single, size = single < 0 ? m : 1;
+        const PetscInt  gain = LatinRepairGain(repair, size, move, parts[k]);
+
+        if (gain <= most) continue;
+        most  = gain;
+        count = size;
+        *to   = parts[k];
+        for (PetscInt j = 0; j < size; j++) best[j] = move[j];
+      }
+  }
+  return count;
+}
+
+/* Does the best move at a node, if there is one, and puts the nodes around on the list again */
+static void LatinRepairNode(LatinRepair *repair, PetscInt v, PetscInt parts[], PetscInt best[])
+{
+  PetscInt n = LatinRepairParts(repair, v, parts), to = -1;
+
+  n = n > 1 ? LatinRepairBest(repair, v, parts, n, best, &to) : 0;
+  if (!n) return;
+  repair->size[repair->part[best[0]]] -= n;
+  repair->size[to] += n;
+  for (PetscInt i = 0; i < n; i++) repair->part[best[i]] = to;
+  n = LatinRepairTouched(repair, n, best);
+  for (PetscInt i = 0; i < n; i++) {
+    const PetscInt w = repair->touched[i];
+
+    for (PetscInt j = repair->offset[w]; j < repair->offset[w + 1]; j++)
+      for (PetscInt s = 0; s < 2; s++) LatinRepairPush(repair, repair->cut->ends[2 * repair->incident[j] + s]);
+  }
+}
+
+/* Moves links between the cut->parts subdomains of part[], on one rank; no subdomain becomes empty */
+PetscErrorCode LatinRepair_Private(const LatinCut *cut, PetscInt part[])
+{
+  LatinRepair     repair = {.cut = cut, .part = part};
+  const PetscReal mean   = (PetscReal)cut->links / (PetscReal)cut->parts;
+  PetscInt       *best, *parts, widest = 1;
+
+  PetscFunctionBegin;
+  PetscCall(LatinIncidence_Private(cut, &repair.offset, &repair.incident));
+  for (PetscInt v = 0; v < cut->nodes; v++) widest = PetscMax(widest, repair.offset[v + 1] - repair.offset[v]);
+  PetscCall(PetscCalloc1(cut->parts, &repair.size));
+  for (PetscInt l = 0; l < cut->links; l++) repair.size[part[l]]++;
+  repair.least = PetscMax(1, (PetscInt)PetscCeilReal((1.0 - LATIN_REPAIR_BALANCE) * mean));
+  repair.most  = (PetscInt)((1.0 + LATIN_REPAIR_BALANCE) * mean);
+  PetscCall(PetscCalloc3(cut->nodes, &repair.queue, cut->nodes, &repair.queued, cut->nodes, &repair.seen));
+  PetscCall(PetscMalloc5(widest + 1, &repair.touched, widest, &repair.move, widest, &repair.here, widest, &best, widest, &parts));
+  for (PetscInt v = 0; v < cut->nodes; v++) LatinRepairPush(&repair, v);
+  while (repair.waiting) LatinRepairNode(&repair, LatinRepairPop(&repair), parts, best);
+  PetscCall(PetscFree5(repair.touched, repair.move, repair.here, best, parts));
+  PetscCall(PetscFree3(repair.queue, repair.queued, repair.seen));
+  PetscCall(PetscFree(repair.size));
+  PetscCall(PetscFree2(repair.offset, repair.incident));
+  PetscFunctionReturn(0);
+}

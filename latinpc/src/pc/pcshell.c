@@ -1,0 +1,87 @@
+#include "pc/pclatinimpl.h"
+
+/* PC latin behind a PCSHELL, for programs that insist on one. */
+
+static PetscErrorCode PCShellLatinSetUp_Private(PC shell)
+{
+  PC          inner;
+  Mat         A, P;
+  DM          dm;
+  const char *prefix;
+
+  PetscFunctionBegin;
+  PetscCall(PCShellGetContext(shell, &inner));
+  PetscCall(PCGetOperators(shell, &A, &P));
+  PetscCall(PCSetOperators(inner, A, P));
+  PetscCall(PCGetDM(shell, &dm));
+  if (dm) PetscCall(PCSetDM(inner, dm));
+  PetscCall(PCGetOptionsPrefix(shell, &prefix));
+  PetscCall(PCSetOptionsPrefix(inner, prefix));
+  PetscCall(PCSetType(inner, PCLATIN));
+  /* not PCSetFromOptions(): -pc_type shell would turn the inner one into a shell as well */
+  PetscObjectOptionsBegin((PetscObject)inner);
+  PetscCall(PCSetFromOptions_Latin(inner, PetscOptionsObject));
+  PetscOptionsEnd();
+  PetscCall(PCSetUp(inner));
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode PCShellLatinApply_Private(PC shell, Vec x, Vec y)
+{
+  PC inner;
+
+  PetscFunctionBegin;
+  PetscCall(PCShellGetContext(shell, &inner));
+  PetscCall(PCApply(inner, x, y));
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode PCShellLatinView_Private(PC shell, PetscViewer viewer)
+{
+  PC inner;
+
+  PetscFunctionBegin;
+  PetscCall(PCShellGetContext(shell, &inner));
+  PetscCall(PCView(inner, viewer));
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode PCShellLatinDestroy_Private(PC shell)
+{
+  PC inner;
+
+  PetscFunctionBegin;
+  PetscCall(PCShellGetContext(shell, &inner));
+  PetscCall(PCDestroy(&inner));
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  PCShellSetLatin - Makes a preconditioner of type `PCSHELL` work as one of type latin, with the same options.
+
+  Collective on pc
+
+  Level: intermediate
+@*/
+PetscErrorCode PCShellSetLatin(PC pc)
+{
+  PC        inner;
+  PetscBool is;
+
+  PetscFunctionBegin;
+  PetscValidHeaderSpecific(pc, PC_CLASSID, 1);
+  PetscCall(LatinRegisterClasses_Private());
+  PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCSHELL, &is));
+  PetscCheck(is, PetscObjectComm((PetscObject)pc), PETSC_ERR_ARG_WRONG, "The PC is not of type shell: call PCSetType(pc, PCSHELL) first");
+  PetscCall(PCCreate(PetscObjectComm((PetscObject)pc), &inner));
+  PetscCall(PetscObjectIncrementTabLevel((PetscObject)inner, (PetscObject)pc, 1));
+  PetscCall(PCSetType(inner, PCLATIN));
+  PetscCall(PCShellSetContext(pc, inner));
+  PetscCall(PCShellSetName(pc, "latin"));
+  PetscCall(PCShellSetSetUp(pc, PCShellLatinSetUp_Private));
+  PetscCall(PCShellSetApply(pc, PCShellLatinApply_Private));
+  PetscCall(PCShellSetApplyTranspose(pc, PCShellLatinApply_Private));
+  PetscCall(PCShellSetView(pc, PCShellLatinView_Private));
+  PetscCall(PCShellSetDestroy(pc, PCShellLatinDestroy_Private));
+  PetscFunctionReturn(0);
+}

@@ -1,0 +1,70 @@
+#include "pc/pclatinimpl.h"
+
+/*
+   How the copies of a node share its force, and how their displacements are averaged: so that it costs least energy, by
+   the Schur complements of the two sides of an interface, where the search direction has them; elsewhere in proportion to
+   the diagonal of their operators.
+*/
+
+/* Schur complements take one interface a side dof, and a direction that has those of both sides */
+PetscBool PCLatinSchurWeights(const Latin latin)
+{
+  return (PetscBool)(latin->inter.variant == LATIN_VARIANT_CORNER && (latin->dir.type == LATIN_DIRECTION_SCHUR || latin->dir.type == LATIN_DIRECTION_AUTO));
+}
+
+/* Adds the copies' values up in a DM global vector */
+PetscErrorCode PCLatinSum_Private(Latin latin, const PetscReal copy[], Vec u)
+{
+  PetscScalar *a;
+
+  PetscFunctionBegin;
+  PetscCall(VecZeroEntries(u));
+  PetscCall(VecGetArray(u, &a));
+  PetscCall(LatinSFReduce_Private(latin->sub.dof_sf, 1, MPIU_SCALAR, copy, a, MPI_SUM));
+  PetscCall(VecRestoreArray(u, &a));
+  PetscFunctionReturn(0);
+}
+
+/* The part of each copy in its node, in proportion to the stiffness (diagonal of its operator) */
+PetscErrorCode PCLatinWeights_Private(PC pc)
+{
+  PC_Latin              *data    = (PC_Latin *)pc->data;
+  Latin                  latin   = data->latin;
+  const LatinSubdomains *sub     = &latin->sub;
+  const PetscInt         bs      = sub->bs;
+  PetscReal              largest = 0.0;
+
+  PetscFunctionBegin;
+  PetscCall(LatinOperatorDiagonal(sub, data->b));
+  for (PetscInt i = 0; i < bs * sub->copies; i++) largest = PetscMax(largest, data->b[i]);
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &largest, 1, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)pc)));
+  /* a copy without stiffness keeps a part of its node, or nobody would move it where no copy has any */
+  for (PetscInt i = 0; i < bs * sub->copies; i++) data->b[i] += LatinByPrecision(1e-12, 1e-5) * (largest > 0.0 ? largest : 1.0);
+  PetscCall(PCLatinSum_Private(latin, data->b, data->work));
+  PetscCall(PetscArrayzero(data->f, bs * sub->copies));
+  PetscCall(LatinDistribute_Private(sub, data->work, data->f));
+  for (PetscInt i = 0; i < bs * sub->copies; i++) data->weight[i] = sub->fixed[i] ? 0.0 : data->b[i] / data->f[i];
+  for (PetscInt i = 0; i < sub->copies; i++) data->inner[i] = (PetscBool)(latin->inter.share_offset[i] == latin->inter.share_offset[i + 1]);
+  PetscFunctionReturn(0);
+}
+
+/* Each copy's part of forces, or of displacements; inside subdomains the whole, or nothing where the interiors are solved exactly */
+PetscErrorCode PCLatinWeigh_Private(PC pc, PetscBool forces, const PetscReal whole[], PetscReal part[])
+{
+  PC_Latin              *data  = (PC_Latin *)pc->data;
+  Latin                  latin = data->latin;
+  const LatinInterfaces *inter = &latin->inter;
+  const PetscInt         bs    = latin->sub.bs;
+
+  PetscFunctionBegin;
+  for (PetscInt i = 0; i < bs * latin->sub.copies; i++) part[i] = (data->inner[i / bs] && data->interior.direct) || latin->sub.fixed[i] ? 0.0 : data->weight[i] * whole[i];
+  for (PetscInt f = 0; f < inter->count && latin->dir.share; f++) {
+    const LatinInterface *face = &inter->interface[f];
+
+    if (latin->dir.matrix_first[f] < 0) continue;
+    for (PetscInt k = face->side_first; k < face->side_last; k++) data->side[k - face->side_first] = whole[inter->side_dof[k]];
+    PetscCall(LatinDirectionShare(&latin->dir, f, forces, data->side, data->side + inter->sides));
+    for (PetscInt k = face->side_first; k < face->side_last; k++) part[inter->side_dof[k]] = data->side[k - face->side_first];
+  }
+  PetscFunctionReturn(0);
+}

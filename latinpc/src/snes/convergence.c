@@ -1,0 +1,279 @@
+#include "snes/sneslatinimpl.h"
+
+/*
+   What follows a linear stage of SNES latin: the measure that the stop is on, monitors and the user's own convergence test,
+   and the decision what happens next.
+*/
+
+#define LATIN_NEWTON_BEGIN 1e-4 /* indicator from which on Newton's method finishes the solve: the taut links are then nearly those of the solution */
+
+/* The mean displacements of the subdomains become the solution vector, and their nodal unbalance the function. Collective on snes */
+PetscErrorCode SNESLatinResidual_Private(SNES snes)
+{
+  SNES_Latin *data = (SNES_Latin *)snes->data;
+
+  PetscFunctionBegin;
+  if (data->current == data->latin->linear.applications) PetscFunctionReturn(0);
+  PetscCall(LatinAverage_Private(&data->latin->linear, snes->vec_sol));
+  PetscCall(LatinReturnTensions_Private(&data->latin->linear));
+  PetscCall(SNESComputeFunction(snes, snes->vec_sol, snes->vec_func));
+  PetscCall(VecNorm(snes->vec_func, NORM_2, &data->residual));
+  snes->norm    = data->residual;
+  data->current = data->latin->linear.applications;
+  PetscFunctionReturn(0);
+}
+
+/* The reason of PETSc for the end of a solve; SNES_CONVERGED_ITERATING where it goes on, and where another one has given it */
+SNESConvergedReason SNESLatinReason(LatinNext next)
+{
+  switch (next) {
+  case LATIN_NEXT_CONVERGED:
+    return SNES_CONVERGED_SNORM_RELATIVE; /* the indicator is the relative length of the step that the next iteration would make */
+  case LATIN_NEXT_CONVERGED_FNORM:
+    return SNES_CONVERGED_FNORM_RELATIVE;
+  case LATIN_NEXT_CONVERGED_FNORM_ABS:
+    return SNES_CONVERGED_FNORM_ABS;
+  case LATIN_NEXT_ROUNDING:
+    return SNES_DIVERGED_INNER; /* the inner solvers are not accurate enough for more */
+  case LATIN_NEXT_DIVERGED:
+    return SNES_DIVERGED_DTOL;
+  case LATIN_NEXT_LINE_SEARCH:
+    return SNES_DIVERGED_LINE_SEARCH;
+  case LATIN_NEXT_MAX_IT:
+    return SNES_DIVERGED_MAX_IT;
+  case LATIN_NEXT_FAILED:
+    return SNES_DIVERGED_LINEAR_SOLVE;
+  case LATIN_NEXT_NOT_FINITE:
+    return SNES_DIVERGED_FUNCTION_NANORINF;
+  default:
+    return SNES_CONVERGED_ITERATING;
+  }
+}
+
+/* Has the user a convergence test? It decides in the place of the stop */
+static PetscBool SNESLatinUserTest(SNES snes)
+{
+  return (PetscBool)(snes->ops->converged && snes->ops->converged != SNESConvergedDefault);
+}
+
+static void SNESLatinGiven(SNES snes, SNESConvergedReason reason)
+{
+  SNES_Latin *data = (SNES_Latin *)snes->data;
+
+  if (!reason) return;
+  snes->reason = reason;
+  data->next   = LATIN_NEXT_GIVEN;
+}
+
+/* Monitors, history and the user's test get the solution and the norm of the function; without them neither is computed. Collective on snes */
+PetscErrorCode SNESLatinWatch_Private(SNES snes, PetscInt it)
+{
+  SNES_Latin         *data   = (SNES_Latin *)snes->data;
+  const PetscBool     tests  = SNESLatinUserTest(snes);
+  SNESConvergedReason reason = SNES_CONVERGED_ITERATING;
+  PetscReal           xnorm, snorm = 0.0;
+
+  PetscFunctionBegin;
+  snes->iter = it;
+  if (!tests && !snes->numbermonitors && !snes->conv_hist) PetscFunctionReturn(0);
+  if (tests && it) PetscCall(VecCopy(snes->vec_sol, snes->vec_sol_update));
+  PetscCall(SNESLatinResidual_Private(snes));
+  PetscCall(SNESLogConvergenceHistory(snes, data->residual, 0));
+  PetscCall(SNESMonitor(snes, it, data->residual));
+  if (!tests) PetscFunctionReturn(0);
+  if (it) {
+    PetscCall(VecAYPX(snes->vec_sol_update, -1.0, snes->vec_sol));
+    PetscCall(VecNorm(snes->vec_sol_update, NORM_2, &snorm));
+  }
+  PetscCall(VecNorm(snes->vec_sol, NORM_2, &xnorm));
+  PetscCall((*snes->ops->converged)(snes, it, xnorm, snorm, data->residual, &reason, snes->cnvP));
+  SNESLatinGiven(snes, reason);
+  PetscFunctionReturn(0);
+}
+
+/* Before the first stage: the unbalance that others are relative to, where a monitor or a test needs it. Collective on snes */
+PetscErrorCode SNESLatinFirst_Private(SNES snes)
+{
+  SNES_Latin *data = (SNES_Latin *)snes->data;
+  PetscReal   size;
+
+  PetscFunctionBegin;
+  data->guess = PETSC_FALSE;
+  if (!data->warm || !data->has_state) {
+    PetscCall(VecNorm(snes->vec_sol, NORM_INFINITY, &size));
+    data->guess = (PetscBool)(size > 0.0);
+    if (PetscIsInfOrNanReal(size)) data->next = LATIN_NEXT_NOT_FINITE;
+  }
+  if (data->next || (data->stop != LATIN_STOP_RESIDUAL && !SNESLatinUserTest(snes) && !snes->numbermonitors && !snes->conv_hist)) PetscFunctionReturn(0);
+  if (data->latin->linear.rigid_tension) PetscCall(PetscArrayzero(data->latin->linear.rigid_tension, data->latin->sub.structure->links_local));
+  if (!data->guess) PetscCall(VecZeroEntries(snes->vec_sol));
+  PetscCall(SNESComputeFunction(snes, snes->vec_sol, snes->vec_func));
+  PetscCall(VecNorm(snes->vec_func, NORM_2, &data->residual));
+  data->current        = data->latin->linear.applications;
+  data->first_residual = snes->norm = data->residual;
+  PetscCall(SNESLatinWatch_Private(snes, 0));
+  if (data->next == LATIN_NEXT_CONTINUE && data->stop == LATIN_STOP_RESIDUAL && data->residual <= snes->abstol) data->next = LATIN_NEXT_CONVERGED_FNORM_ABS;
+  PetscFunctionReturn(0);
+}
+
+/* Prints the indicator, and residual or errors where they are computed */
+static PetscErrorCode SNESLatinMonitor_Private(SNES snes)
+{
+  SNES_Latin *data   = (SNES_Latin *)snes->data;
+  PetscViewer viewer = data->monitor;
+
+  PetscFunctionBegin;
+  if (!viewer) PetscFunctionReturn(0);
+  PetscCall(PetscViewerPushFormat(viewer, data->monitor_format));
+  PetscCall(PetscViewerASCIIAddTab(viewer, ((PetscObject)snes)->tablevel));
+  PetscCall(PetscViewerASCIIPrintf(viewer, "%3" PetscInt_FMT " LATIN indicator %12.6e", data->latin->linear.applications, (double)data->latin->linear.indicator));
+  PetscCall(PetscViewerASCIIUseTabs(viewer, PETSC_FALSE));
+  if (data->stop == LATIN_STOP_RESIDUAL) PetscCall(PetscViewerASCIIPrintf(viewer, "  residual %12.6e", (double)data->residual));
+  if (SNESLatinEstimates(data)) PetscCall(PetscViewerASCIIPrintf(viewer, "  estimated error %s %12.6e", data->estimate.energy ? "energy" : "l2", (double)data->estimate.value));
+  if (data->reference && data->done) PetscCall(PetscViewerASCIIPrintf(viewer, "  error l2 %12.6e  energy %12.6e", (double)data->error_l2[data->done - 1], (double)data->error_energy[data->done - 1]));
+  PetscCall(PetscViewerASCIIPrintf(viewer, "\n"));
+  PetscCall(PetscViewerASCIIUseTabs(viewer, PETSC_TRUE));
+  PetscCall(PetscViewerASCIISubtractTab(viewer, ((PetscObject)snes)->tablevel));
+  PetscCall(PetscViewerPopFormat(viewer));
+  PetscFunctionReturn(0);
+}
+
+/* What the stop is on, and the value to reach. A small estimated error is compared with the forces without balance. Collective on snes */
+static PetscErrorCode SNESLatinMeasure_Private(SNES snes, PetscReal *measure, PetscReal *target)
+{
+  SNES_Latin *data  = (SNES_Latin *)snes->data;
+  Latin       latin = data->latin;
+
+  PetscFunctionBegin;
+  *measure = latin->linear.indicator;
+  *target  = SNESLatinUserTest(snes) ? 0.0 : snes->stol;
+  if (data->stop == LATIN_STOP_RESIDUAL) {
+    PetscCall(SNESLatinResidual_Private(snes));
+    *measure = data->residual;
+    *target  = snes->rtol * data->first_residual;
+  } else if (data->stop == LATIN_STOP_REFERENCE && data->done) *measure = data->error_l2[data->done - 1];
+  else if (SNESLatinEstimates(data)) {
+    if (data->estimate.value <= data->target || data->estimate.rounding) {
+      PetscCall(SNESLatinResidual_Private(snes));
+      PetscCall(LatinEquilibriumCheck_Private(latin, snes->vec_sol, snes->vec_func, snes->vec_rhs, data->target, data->estimate.energy, (PetscBool)(latin->linear.distance <= latin->linear.noise), &data->found));
+      LatinEstimateLearn(&data->found, data->target, &data->estimate);
+      if (data->done) data->estimates[data->done - 1] = data->estimate.value;
+    }
+    *measure = data->estimate.value;
+    *target  = data->target;
+  }
+  PetscFunctionReturn(0);
+}
+
+/* Is what the stop is on reached, or nothing left that could change? */
+static LatinNext SNESLatinReached(SNES snes, PetscReal measure)
+{
+  SNES_Latin     *data  = (SNES_Latin *)snes->data;
+  const PetscBool rests = (PetscBool)(data->latin->linear.distance <= data->latin->linear.noise);
+
+  if (SNESLatinUserTest(snes)) return LATIN_NEXT_CONTINUE;
+  switch (data->stop) {
+  case LATIN_STOP_RESIDUAL:
+    if (measure <= snes->abstol) return LATIN_NEXT_CONVERGED_FNORM_ABS;
+    if (measure <= snes->rtol * data->first_residual) return LATIN_NEXT_CONVERGED_FNORM;
+    break;
+  case LATIN_STOP_ERROR:
+  case LATIN_STOP_ENERGY:
+    if (measure <= data->target) return LATIN_NEXT_CONVERGED;
+    return data->estimate.rounding ? LATIN_NEXT_ROUNDING : LATIN_NEXT_CONTINUE;
+  default:
+    if (measure <= snes->stol) return LATIN_NEXT_CONVERGED;
+  }
+  return rests ? LATIN_NEXT_CONVERGED : LATIN_NEXT_CONTINUE;
+}
+
+/* Does Newton's method finish the solve: near the solution, or where the iteration rests by rounding before what was asked for is reached? */
+static PetscBool SNESLatinFinishes(const SNES_Latin *data, LatinNext next)
+{
+  const PetscBool rests = (PetscBool)(data->latin->linear.distance <= data->latin->linear.noise);
+
+  if (!data->newton.finish) return PETSC_FALSE;
+  if (next == LATIN_NEXT_CONTINUE) return (PetscBool)(data->latin->linear.indicator <= LATIN_NEWTON_BEGIN);
+  if (next == LATIN_NEXT_ROUNDING) return (PetscBool)(data->estimate.rounding && !data->estimate.energy);
+  return (PetscBool)(next == LATIN_NEXT_CONVERGED && rests && !SNESLatinEstimates(data) && data->stop != LATIN_STOP_REFERENCE);
+}
+
+/* Does Newton's method take over: no progress, a divergence, or a convergence that proves nothing? */
+static PetscBool SNESLatinStalls(SNES_Latin *data, PetscReal measure, PetscReal target, LatinNext next)
+{
+  const PetscBool stalled = LatinNewtonStalled(&data->newton, measure, target);
+
+  if (!data->newton.stall || !(target > 0.0)) return PETSC_FALSE;
+  switch (next) {
+  case LATIN_NEXT_CONTINUE:
+    return stalled;
+  case LATIN_NEXT_DIVERGED:
+  case LATIN_NEXT_NOT_FINITE:
+    return PETSC_TRUE;
+  case LATIN_NEXT_FAILED:
+  case LATIN_NEXT_GIVEN:
+    return PETSC_FALSE;
+  default: /* rounding is in the way of Newton's method as well, unless stiffnesses are its cause */
+    return data->newton.contrast;
+  }
+}
+
+/* Displacements larger than the structure are a solution if forces balance. Collective on snes */
+static PetscErrorCode SNESLatinProve_Private(SNES snes, LatinNext *next)
+{
+  SNES_Latin *data = (SNES_Latin *)snes->data;
+  PetscBool   far;
+
+  PetscFunctionBegin;
+  PetscCall(SNESLatinResidual_Private(snes));
+  PetscCall(LatinEquilibriumFar_Private(data->latin->sub.structure, snes->vec_sol, &far));
+  if (!far) PetscFunctionReturn(0);
+  PetscCall(LatinEquilibriumCheck_Private(data->latin, snes->vec_sol, snes->vec_func, snes->vec_rhs, data->target, data->estimate.energy, PETSC_FALSE, &data->found));
+  if (data->found.verdict == LATIN_UNBOUNDED) *next = LATIN_NEXT_DIVERGED;
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode SNESLatinDecide_Private(SNES snes, PetscReal measure, PetscReal target, PetscReal fnorm, LatinNext *next)
+{
+  SNES_Latin *data  = (SNES_Latin *)snes->data;
+  Latin       latin = data->latin;
+
+  PetscFunctionBegin;
+  if (PetscIsInfOrNanReal(measure) || PetscIsInfOrNanReal(fnorm)) *next = LATIN_NEXT_NOT_FINITE;
+  else if (latin->linear.failed) *next = LATIN_NEXT_FAILED;
+  else if (*next == LATIN_NEXT_CONTINUE) *next = SNESLatinReached(snes, measure);
+  if (*next == LATIN_NEXT_ROUNDING) PetscCall(PetscInfo(snes, "The error asked for, %g, is below what rounding leaves on this structure, about %g\n", (double)data->target, (double)data->estimate.floor));
+  if (!SNESLatinUserTest(snes) && SNESLatinFinishes(data, *next)) *next = LATIN_NEXT_NEWTON_FINISH;
+  if (*next == LATIN_NEXT_CONTINUE && snes->divtol > 0.0 && latin->linear.distance > snes->divtol * data->first_distance) *next = LATIN_NEXT_DIVERGED;
+  if (LatinNextConverged(*next)) PetscCall(SNESLatinProve_Private(snes, next));
+  if (SNESLatinStalls(data, measure, target, *next)) *next = LATIN_NEXT_NEWTON_STALL;
+  if (*next == LATIN_NEXT_CONTINUE && latin->linear.applications >= snes->max_its) *next = LATIN_NEXT_MAX_IT;
+  if (*next == LATIN_NEXT_CONTINUE || *next == LATIN_NEXT_DIVERGED) PetscCall(LatinParameterDue_Private(latin, measure, (PetscBool)(*next == LATIN_NEXT_DIVERGED), &data->parameter, next));
+  PetscFunctionReturn(0);
+}
+
+/* The convergence test of the inner SNES: once for each linear stage, whatever the acceleration makes of it */
+PetscErrorCode SNESLatinConverged_Private(SNES outer, PetscInt it, PetscReal xnorm, PetscReal snorm, PetscReal fnorm, SNESConvergedReason *reason, void *ctx)
+{
+  SNES        snes  = (SNES)ctx;
+  SNES_Latin *data  = (SNES_Latin *)snes->data;
+  Latin       latin = data->latin;
+  PetscReal   measure, target;
+
+  PetscFunctionBegin;
+  *reason = SNES_CONVERGED_ITERATING;
+  if (data->tested == latin->linear.applications) PetscFunctionReturn(0);
+  data->tested = latin->linear.applications;
+  if (data->first_distance < 0.0) {
+    data->first_distance = latin->linear.distance;
+    if (data->guess && latin->linear.indicator > 0.0) data->first_distance = PetscMax(latin->linear.distance, latin->linear.distance / latin->linear.indicator); /* a good guess is no measure of what is far: the energy norm is */
+  }
+  PetscCall(SNESLatinMeasure_Private(snes, &measure, &target));
+  PetscCall(SNESLatinWatch_Private(snes, latin->linear.applications));
+  PetscCall(SNESLatinMonitor_Private(snes));
+  PetscCall(SNESLatinDecide_Private(snes, measure, target, fnorm, &data->next));
+  if (data->next == LATIN_NEXT_CONTINUE) PetscFunctionReturn(0);
+  *reason = SNESLatinReason(data->next);
+  if (!*reason) *reason = SNES_CONVERGED_ITS; /* the inner SNES stops; what for is in data->next */
+  PetscFunctionReturn(0);
+}

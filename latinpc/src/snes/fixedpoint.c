@@ -1,0 +1,237 @@
+#include "snes/sneslatinimpl.h"
+#include <petscdmshell.h>
+
+/*
+   The article's iteration as a fixed-point problem z = G(z), given to an inner SNES of the user's choice (prefix
+   -snes_latin_outer_): nrichardson is the plain iteration of section 3.3, anderson and others accelerate it. Its function
+   is z - G(z), for G itself see core/latin.c; its convergence test is in snes/convergence.c.
+*/
+
+/* F(z) = z - G(z), one linear and one local stage */
+PetscErrorCode SNESLatinFixedPoint_Private(SNES outer, Vec z, Vec F, void *ctx)
+{
+  SNES_Latin *data  = (SNES_Latin *)((SNES)ctx)->data;
+  Latin       latin = data->latin;
+  PetscInt    k;
+
+  PetscFunctionBegin;
+  PetscCall(LatinApply_Private(&latin->linear, z, F));
+  PetscCall(LatinParameterObserve_Private(latin, z, F, &data->parameter));
+  PetscCall(VecAYPX(F, -1.0, z));
+  if (latin->linear.failed) PetscCall(SNESSetFunctionDomainError(outer));
+  if (SNESLatinEstimates(data)) PetscCall(LatinEstimateUpdate_Private(latin, data->target, &data->estimate));
+  k = latin->linear.applications - 1;
+  if (k < data->history_size) {
+    data->indicator[k] = latin->linear.indicator;
+    data->estimates[k] = data->estimate.value;
+    if (data->reference) PetscCall(LatinErrors_Private(&latin->linear, data->reference_copy, &data->error_l2[k], &data->error_energy[k]));
+    data->done = k + 1;
+  }
+  PetscFunctionReturn(0);
+}
+
+/*
+   Defaults of our own for the type that the inner SNES has, once: Anderson of depth 10, for structures with rigid laws with
+   restarts, for it is slowed down there by differences from before links changed between taut and slack; and for nrichardson
+   the full step that is the article's iteration. PETSc has no setter for the depth, only an option, so the default goes in
+   through an options database of our own; the user's is not touched. *changed: the user's options are to be read again
+*/
+static PetscErrorCode SNESLatinOuterDefaults_Private(SNES snes, PetscBool *changed)
+{
+  SNES_Latin    *data = (SNES_Latin *)snes->data;
+  const char    *type = ((PetscObject)data->outer)->type_name;
+  LatinStructure structure;
+  PetscBool      same, rigid, is;
+  PetscOptions   defaults;
+  SNESLineSearch search;
+
+  PetscFunctionBegin;
+  PetscCall(SNESLatinFindStructure_Private(snes, &structure));
+  rigid = (PetscBool)(structure && structure->rigid_law >= 0);
+  PetscCall(PetscStrcmp(type, data->outer_type, &same));
+  *changed = (PetscBool)(!same || rigid != data->outer_rigid);
+  if (!*changed) PetscFunctionReturn(0);
+  PetscCall(PetscStrncpy(data->outer_type, type, sizeof(data->outer_type)));
+  data->outer_rigid = rigid;
+  PetscCall(PetscStrcmp(type, SNESNRICHARDSON, &is));
+  if (is) {
+    PetscCall(SNESGetLineSearch(data->outer, &search));
+    PetscCall(PetscObjectTypeCompareAny((PetscObject)search, &is, "l2", "secant", "")); /* PETSc's defaults, by version */
+    if (is) PetscCall(SNESLineSearchSetType(search, SNESLINESEARCHNONE));
+  }
+  PetscCall(PetscStrcmp(type, SNESANDERSON, &is));
+  if (!is) PetscFunctionReturn(0);
+  /* the type's own options only, and none of them printed: SNESSetFromOptions() would mark all as printed for -help */
+  PetscCall(PetscOptionsCreate(&defaults));
+  PetscCall(PetscOptionsSetValue(defaults, "-latin_defaults_snes_anderson_m", "10"));
+  PetscCall(PetscOptionsSetValue(defaults, "-latin_defaults_snes_anderson_restart_type", rigid ? "periodic" : "none"));
+  if (rigid) PetscCall(PetscOptionsSetValue(defaults, "-latin_defaults_snes_anderson_restart", "30"));
+  PetscCall(PetscOptionsPush(defaults));
+  PetscOptionsBegin(PetscObjectComm((PetscObject)snes), "latin_defaults_", "LATIN defaults", NULL);
+  PetscCall((*data->outer->ops->setfromoptions)(data->outer, PetscOptionsObject));
+  PetscOptionsEnd();
+  PetscCall(PetscOptionsPop());
+  PetscCall(PetscOptionsDestroy(&defaults));
+  PetscFunctionReturn(0);
+}
+
+/* Reads the options of the inner SNES, as often as those of snes are read; another type comes with its own defaults */
+PetscErrorCode SNESLatinOuterOptions_Private(SNES snes)
+{
+  SNES_Latin *data = (SNES_Latin *)snes->data;
+  const char *prefix;
+  PetscBool   changed;
+
+  PetscFunctionBegin;
+  PetscCall(SNESGetOptionsPrefix(snes, &prefix));
+  PetscCall(SNESSetOptionsPrefix(data->outer, prefix));
+  PetscCall(SNESAppendOptionsPrefix(data->outer, "snes_latin_outer_"));
+  PetscCall(PetscObjectSetOptions((PetscObject)data->outer, ((PetscObject)snes)->options));
+  if (!((PetscObject)data->outer)->type_name) PetscCall(SNESSetType(data->outer, SNESANDERSON));
+  PetscCall(SNESLatinOuterDefaults_Private(snes, &changed));
+  PetscCall(SNESSetFromOptions(data->outer));
+  PetscCall(SNESLatinOuterDefaults_Private(snes, &changed));
+  if (changed) PetscCall(SNESSetFromOptions(data->outer));
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode SNESLatinCreateOuter_Private(SNES snes)
+{
+  SNES_Latin *data = (SNES_Latin *)snes->data;
+
+  PetscFunctionBegin;
+  if (data->outer) PetscFunctionReturn(0);
+  PetscCall(SNESCreate(PetscObjectComm((PetscObject)snes), &data->outer));
+  PetscCall(PetscObjectIncrementTabLevel((PetscObject)data->outer, (PetscObject)snes, 1));
+  PetscCall(SNESLatinOuterOptions_Private(snes));
+  PetscFunctionReturn(0);
+}
+
+/* A state of another length is to come. The inner SNES stays the user's; its type is made anew, as not every one survives a SNESReset() (qn does not) */
+PetscErrorCode SNESLatinOuterReset_Private(SNES snes)
+{
+  SNES_Latin *data = (SNES_Latin *)snes->data;
+  char        type[64];
+
+  PetscFunctionBegin;
+  if (data->outer) {
+    PetscCall(SNESReset(data->outer));
+    PetscCall(PetscStrncpy(type, ((PetscObject)data->outer)->type_name, sizeof(type)));
+    PetscCall(SNESSetType(data->outer, SNESKSPONLY)); /* any other one */
+    PetscCall(SNESSetType(data->outer, type));
+    data->outer_type[0] = 0;
+  }
+  PetscFunctionReturn(0);
+}
+
+/* The inner SNES for states like data->z */
+PetscErrorCode SNESLatinOuterSetUp_Private(SNES snes)
+{
+  SNES_Latin *data = (SNES_Latin *)snes->data;
+  PetscBool   changed;
+  DM          shell;
+  Vec         F;
+
+  PetscFunctionBegin;
+  PetscCall(SNESLatinCreateOuter_Private(snes));
+  PetscCall(SNESLatinOuterDefaults_Private(snes, &changed)); /* somebody may have set the type */
+  if (changed) PetscCall(SNESSetFromOptions(data->outer));
+  if (data->outer->setupcalled) PetscFunctionReturn(0);
+  PetscCall(DMShellCreate(PetscObjectComm((PetscObject)snes), &shell)); /* where the inner SNES gets its work vectors from */
+  PetscCall(DMShellSetGlobalVector(shell, data->z));
+  PetscCall(SNESSetDM(data->outer, shell));
+  PetscCall(DMDestroy(&shell));
+  PetscCall(VecDuplicate(data->z, &F));
+  PetscCall(SNESSetFunction(data->outer, F, SNESLatinFixedPoint_Private, snes));
+  PetscCall(VecDestroy(&F));
+  PetscCall(SNESSetUp(data->outer));
+  PetscFunctionReturn(0);
+}
+
+/* The forces that subdomains exert on each other: what their copies of a node leave without balance, shared among its interfaces so that both sides are opposite */
+static PetscErrorCode SNESLatinInterfaceForces_Private(Latin latin, PetscReal F[])
+{
+  const LatinInterfaces *inter = &latin->inter;
+  const PetscReal       *g     = latin->linear.g;
+  PetscReal             *mate;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMalloc1(inter->sides, &mate));
+  for (PetscInt k = 0; k < inter->sides; k++) latin->linear.outgoing[k] = -g[inter->side_dof[k]];
+  PetscCall(LatinSFBcast_Private(inter->mate_sf, 1, MPIU_REAL, latin->linear.outgoing, mate));
+  for (PetscInt k = 0; k < inter->sides; k++) F[k] = (-g[inter->side_dof[k]] - mate[k]) / latin->sub.multiplicity[inter->side_dof[k] / latin->sub.bs];
+  PetscCall(PetscFree(mate));
+  for (PetscInt f = 0; f < inter->count; f++) { /* their micro part: (1 - D R R^t) F */
+    const LatinInterface *face = &inter->interface[f];
+
+    for (PetscInt j = 0; j < latin->macro.of[f].modes; j++) {
+      PetscReal macro = 0.0;
+
+      for (PetscInt k = face->side_first; k < face->side_last; k++) macro += LatinMacroRow(&latin->macro, f, k)[j] * F[k];
+      for (PetscInt k = face->side_first; k < face->side_last; k++) F[k] -= LatinMacroDualRow(&latin->macro, f, k)[j] * macro;
+    }
+  }
+  PetscFunctionReturn(0);
+}
+
+/*
+   The state of the displacements u: links bear what their laws make of u, rigid ones nothing, and interfaces what
+   subdomains then leave without balance. z is F_hat + d U_hat at a side, tau_hat - l e_hat at a link; that of a solution
+   is a fixed point. Collective on snes
+*/
+static PetscErrorCode SNESLatinGuess_Private(SNES snes, Vec u, Vec z)
+{
+  SNES_Latin      *data  = (SNES_Latin *)snes->data;
+  Latin            latin = data->latin;
+  LatinSubdomains *sub   = &latin->sub;
+  const PetscInt   sides = latin->inter.sides;
+  PetscScalar     *a, *b;
+  Vec              work;
+
+  PetscFunctionBegin;
+  PetscCall(VecDuplicate(z, &work));
+  PetscCall(LatinInitialState_Private(&latin->linear, z));
+  PetscCall(LatinDistribute_Private(&latin->sub, u, latin->linear.U));
+  PetscCall(VecGetArray(z, &a));
+  PetscCall(VecGetArray(work, &b));
+  for (PetscInt i = 0; i < sub->nonsmooth; i++) {
+    const PetscInt  l   = sub->nonsmooth_link[i];
+    const LatinLaw *law = &LatinLaws[sub->law[l]];
+    const PetscReal e   = LatinElongation(sub, sub->dim, l, latin->linear.U);
+
+    a[sides + i] = (law->rigid ? 0.0 : law->tension(sub->stiffness[l], e + sub->e0[l], law->ctx)) - sub->stiffness[l] * e;
+  }
+  PetscCall(LatinGatherForces_Private(&latin->linear, a));
+  PetscCall(SNESLatinInterfaceForces_Private(latin, a));
+  PetscCall(LatinLocalStage_Private(&latin->linear, a, b)); /* D times the micro part of U */
+  for (PetscInt k = 0; k < sides; k++) a[k] += latin->linear.pull[k];
+  PetscCall(VecRestoreArray(work, &b));
+  PetscCall(VecRestoreArray(z, &a));
+  PetscCall(VecDestroy(&work));
+  PetscFunctionReturn(0);
+}
+
+/* The state to start from: that of the last solve, or one step further in the same direction; that of the user's displacements; the prestressed configuration */
+PetscErrorCode SNESLatinStart_Private(SNES snes)
+{
+  SNES_Latin *data = (SNES_Latin *)snes->data;
+  PetscBool   further;
+
+  PetscFunctionBegin;
+  if (!data->warm || !data->has_state) {
+    if (data->guess) PetscCall(SNESLatinGuess_Private(snes, snes->vec_sol, data->z));
+    else PetscCall(LatinInitialState_Private(&data->latin->linear, data->z));
+    data->has_before = PETSC_FALSE;
+    PetscFunctionReturn(0);
+  }
+  if (data->warm == LATIN_WARM_START_LAST) PetscFunctionReturn(0);
+  further = data->has_before;
+  if (!data->z_before) PetscCall(VecDuplicate(data->z, &data->z_before));
+  if (further) { /* 2 z - z_before, and z_before takes the place of z */
+    PetscCall(VecAYPX(data->z_before, -1.0, data->z));
+    PetscCall(VecAXPY(data->z, 1.0, data->z_before));
+    PetscCall(VecAYPX(data->z_before, -1.0, data->z));
+  } else PetscCall(VecCopy(data->z, data->z_before));
+  data->has_before = PETSC_TRUE;
+  PetscFunctionReturn(0);
+}

@@ -1,0 +1,243 @@
+#include "snes/sneslatinimpl.h"
+
+/*
+   Newton's method after the iteration of SNES latin, by conjugate gradients with PC latin on the tangent stiffness.
+
+   Finish: from the displacements on at which the indicator is small. Their taut links are nearly those of the solution, and
+   a step is exact for given taut links: what is left is mostly one linear problem, which takes fewer linear stages than the
+   iteration. The preconditioner is made of the operators that SNES latin has built already, with all links taut.
+
+   Stall: a linear stage treats every link as a spring of its ascent direction l = k. A slack link that is much stiffer than
+   the structure around it, or a structure that only soft slack links hold, leaves displacements that hardly move from one
+   stage to the next: the iteration would need as many stages as the ratio of the stiffnesses. The preconditioner is built
+   from the tangent stiffness, which leaves slack links out, and anew when links have changed.
+
+   The energy is convex, and a search for its least along each step makes the method converge from anywhere. A linear solve
+   goes no further than its step deserves: while links still change between taut and slack, two digits (-ksp_rtol of the
+   inner KSP); once none has changed, all that are missing.
+*/
+
+#define LATIN_NEWTON_STAGES   300                          /* linear stages predicted: more, and the iteration stalls */
+#define LATIN_NEWTON_WINDOW   20                           /* linear stages over which progress is measured */
+#define LATIN_NEWTON_CONTRAST 1e6                          /* ratio of stiffnesses from which on a displacement that does not move proves nothing */
+#define LATIN_NEWTON_RTOL     1e-2                         /* of a linear solve whose step changes the taut links */
+#define LATIN_NEWTON_TIGHT    LatinByPrecision(1e-9, 1e-5) /* where stiffnesses differ: forces of stiff links must not hide those of soft ones; least tolerance: below, rounding */
+#define LATIN_NEWTON_SAFETY   0.3                          /* the last solve aims at this part of the target */
+#define LATIN_NEWTON_FLOOR    LatinByPrecision(1e-8, 1e-5) /* what a slack link keeps of the least stiffness, so that no mechanism ends the search */
+#define LATIN_NEWTON_LINEAR   500                          /* most iterations of a linear solve: more, and the method does not pay */
+#define LATIN_NEWTON_STEPS    200                          /* most steps */
+#define LATIN_NEWTON_FULL     12                           /* steps that are taken whole: they end soon if they end at all */
+#define LATIN_NEWTON_STILL    10                           /* a search that stands still may meet rounding, or a link that is just taut: then it does so again and again */
+#define LATIN_NEWTON_KICK     3                            /* then a whole step is taken, to search from elsewhere: not where rounding of stiff links hides how the energy of soft ones falls */
+
+/* Before the first linear stage of a solve. Collective on structure */
+PetscErrorCode LatinNewtonStart_Private(LatinNewton *newton, LatinStructure structure)
+{
+  PetscReal least, most;
+
+  PetscFunctionBegin;
+  if (newton->type == LATIN_NEWTON_ALWAYS) PetscCall(LatinStructureCheckRigid_Private(structure, "-snes_latin_newton always, Newton's method at the end of SNES latin,"));
+  newton->seen = newton->steps = newton->stages = 0;
+  for (PetscInt i = 0; i < 3; i++) newton->least[i] = PETSC_MAX_REAL;
+  PetscCall(LatinStructureStiffnessRange_Private(structure, &least, &most));
+  newton->finish   = (PetscBool)(newton->type == LATIN_NEWTON_ALWAYS);
+  newton->stall    = (PetscBool)(newton->type != LATIN_NEWTON_NEVER && structure->rigid_law < 0 && !structure->rubs); /* the method needs a tangent and an energy */
+  newton->contrast = (PetscBool)(most > LATIN_NEWTON_CONTRAST * least);
+  PetscFunctionReturn(0);
+}
+
+/*
+   Would the iteration need too many more linear stages, at the rate of the last two windows? To be called once a stage
+   with what the stop is on.
+*/
+PetscBool LatinNewtonStalled(LatinNewton *newton, PetscReal measure, PetscReal target)
+{
+  const PetscReal before = newton->least[2];
+  PetscReal       now;
+
+  newton->least[0] = PetscMin(newton->least[0], measure);
+  if (++newton->seen % LATIN_NEWTON_WINDOW) return PETSC_FALSE;
+  now              = PetscMin(newton->least[0], newton->least[1]);
+  newton->least[2] = newton->least[1];
+  newton->least[1] = newton->least[0];
+  newton->least[0] = PETSC_MAX_REAL;
+  if (!(before < PETSC_MAX_REAL) || !(target > 0.0)) return PETSC_FALSE;
+  return (PetscBool)(2 * LATIN_NEWTON_WINDOW * PetscLogReal(now / target) > LATIN_NEWTON_STAGES * PetscLogReal(before / now));
+}
+
+/*
+   The error left after a step is the part of it that the linear solver has left over when no link has changed, and
+   the step itself otherwise. With PC latin the natural norm of CG is that of the energy, about.
+*/
+static PetscErrorCode LatinNewtonConverged_Private(SNES snes, PetscInt it, PetscReal xnorm, PetscReal snorm, PetscReal fnorm, SNESConvergedReason *reason, void *ctx)
+{
+  LatinNewton   *newton = (LatinNewton *)ctx;
+  PetscReal      before = newton->error, lambda = 1.0, rtol, energy;
+  PetscInt       changes, most;
+  Vec            u;
+  KSP            ksp;
+  Mat            P;
+  SNESLineSearch search;
+
+  PetscFunctionBegin;
+  *reason = SNES_CONVERGED_ITERATING;
+  if (PetscIsInfOrNanReal(fnorm) || PetscIsInfOrNanReal(snorm)) {
+    *reason = SNES_DIVERGED_FUNCTION_NANORINF;
+    PetscFunctionReturn(0);
+  }
+  PetscCall(SNESGetKSP(snes, &ksp));
+  PetscCall(SNESGetSolution(snes, &u));
+  PetscCall(SNESGetTolerances(snes, NULL, NULL, NULL, &most, NULL));
+  PetscCall(KSPGetTolerances(ksp, &rtol, NULL, NULL, NULL));
+  if (!it) {
+    changes       = newton->linear ? 0 : 1;
+    newton->still = 0;
+  } else {
+    PetscCall(SNESGetJacobian(snes, NULL, &P, NULL, NULL));
+    PetscCall(LatinTangentChanges_Private(newton->structure, u, newton->floor, P, &changes));
+    PetscCall(SNESGetLineSearch(snes, &search));
+    PetscCall(SNESLineSearchGetLambda(search, &lambda));
+    if (PetscAbsReal((PetscReal)(lambda - 1.0)) > LATIN_NEWTON_RTOL) changes = PetscMax(changes, 1); /* not the whole step, for links have changed on the way */
+    newton->error = xnorm > 0.0 ? snorm / xnorm : 0.0;
+    if (lambda < 1.0 - LATIN_NEWTON_RTOL && newton->error <= newton->target) newton->still++;
+    else if (newton->still != LATIN_NEWTON_KICK) newton->still = 0;
+    else newton->still = newton->error <= newton->target ? 0 : LATIN_NEWTON_KICK + 1; /* from there on no more of them until the search moves */
+    if (!changes && !newton->tangent) newton->error *= rtol;                          /* where forces differ by orders, only a step that moves nothing proves anything */
+    if (newton->reference) PetscCall(LatinStructureComputeErrors(newton->structure, u, newton->reference, &newton->error, &energy));
+  }
+  newton->changes = changes;
+  if (fnorm <= newton->residual) *reason = SNES_CONVERGED_FNORM_RELATIVE;
+  else if (it && newton->error <= newton->target && (!newton->still || newton->still > LATIN_NEWTON_STILL)) *reason = SNES_CONVERGED_SNORM_RELATIVE;
+  else if (it > 1 && !changes && newton->error > 0.5 * before && rtol < newton->rtol) *reason = SNES_CONVERGED_SNORM_RELATIVE; /* rounding: a step that was to bring digits has brought none */
+  else if (it >= most) *reason = SNES_DIVERGED_MAX_IT;
+  rtol = changes || newton->tangent ? newton->rtol : PetscMin(newton->rtol, PetscMax(LATIN_NEWTON_TIGHT, LATIN_NEWTON_SAFETY * newton->target / newton->error));
+  PetscCall(KSPSetTolerances(ksp, rtol, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
+  PetscCall(PetscInfo(snes, "step %" PetscInt_FMT ": %" PetscInt_FMT " links have changed, estimated error %g, next linear tolerance %g\n", it, changes, (double)newton->error, (double)rtol));
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode LatinNewtonJacobian_Private(SNES snes, Vec u, Mat A, Mat P, void *ctx)
+{
+  LatinNewton *newton = (LatinNewton *)ctx;
+  PetscInt     done;
+  Vec          tangent;
+
+  PetscFunctionBegin;
+  (void)P;
+  PetscCall(SNESGetIterationNumber(snes, &done));
+  if (done && !newton->changes) PetscFunctionReturn(0); /* the same operator, and preconditioner */
+  PetscCall(LatinTangentCompute_Private(newton->structure, u, newton->floor, A, &tangent));
+  PetscFunctionReturn(0);
+}
+
+/* The structure's residual and, for PC latin, which needs no entries, its tangent stiffness as an operator */
+static PetscErrorCode LatinNewtonAttach_Private(LatinNewton *newton)
+{
+  PetscBool latin;
+  KSP       ksp;
+  PC        pc;
+  Mat       A;
+
+  PetscFunctionBegin;
+  PetscCall(LatinStructureAttachSNES(newton->structure, newton->snes));
+  PetscCall(SNESGetKSP(newton->snes, &ksp));
+  PetscCall(KSPGetPC(ksp, &pc));
+  PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCLATIN, &latin));
+  if (!latin) PetscFunctionReturn(0);
+  PetscCall(LatinTangentCreate_Private(newton->structure, &A));
+  PetscCall(SNESSetJacobian(newton->snes, A, A, LatinNewtonJacobian_Private, newton));
+  PetscCall(MatDestroy(&A));
+  PetscFunctionReturn(0);
+}
+
+/* Whole steps at first; when they have not ended, links change to and fro, and only the least energy along each step leads on */
+static PetscErrorCode LatinNewtonSearch_Private(SNESLineSearch search, void *ctx)
+{
+  LatinNewton *newton = (LatinNewton *)ctx;
+  PetscReal    length = 1.0;
+  PetscInt     done;
+  SNES         snes;
+  Vec          u, f, step;
+
+  PetscFunctionBegin;
+  PetscCall(SNESLineSearchGetSNES(search, &snes));
+  PetscCall(SNESLineSearchSetReason(search, SNES_LINESEARCH_SUCCEEDED));
+  PetscCall(SNESLineSearchGetVecs(search, &u, &f, &step, NULL, NULL));
+  PetscCall(SNESGetIterationNumber(snes, &done));
+  if (done >= LATIN_NEWTON_FULL && newton->still != LATIN_NEWTON_KICK) PetscCall(LatinStructureSearch_Private(newton->structure, u, step, snes->vec_rhs, &length));
+  PetscCall(VecAXPY(u, -length, step));
+  PetscCall(VecScale(step, length)); /* the norm of the step is that of what was taken */
+  PetscCall(SNESLineSearchSetLambda(search, length));
+  PetscCall(SNESComputeFunction(snes, u, f));
+  PetscCall(SNESLineSearchComputeNorms(search));
+  PetscFunctionReturn(0);
+}
+
+/* The inner SNES, prefix -snes_latin_newton_; `tangent`: with operators of its own. Collective on snes */
+PetscErrorCode LatinNewtonCreate_Private(SNES snes, Latin latin, PetscBool tangent, LatinNewton *newton)
+{
+  SNESLineSearch search;
+  const char    *prefix;
+  KSP            ksp;
+  PC             pc;
+  PetscBool      cg;
+
+  PetscFunctionBegin;
+  if (newton->tangent != tangent) {
+    PetscCall(SNESDestroy(&newton->snes));
+    newton->structure = NULL;
+  }
+  newton->tangent = tangent;
+  if (newton->snes) PetscFunctionReturn(0);
+  PetscCall(SNESCreate(PetscObjectComm((PetscObject)snes), &newton->snes));
+  PetscCall(PetscObjectIncrementTabLevel((PetscObject)newton->snes, (PetscObject)snes, 1));
+  PetscCall(SNESGetOptionsPrefix(snes, &prefix));
+  PetscCall(SNESSetOptionsPrefix(newton->snes, prefix));
+  PetscCall(SNESAppendOptionsPrefix(newton->snes, "snes_latin_newton_"));
+  PetscCall(PetscObjectSetOptions((PetscObject)newton->snes, ((PetscObject)snes)->options));
+  PetscCall(SNESSetType(newton->snes, SNESNEWTONLS));
+  PetscCall(SNESSetTolerances(newton->snes, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT, LATIN_NEWTON_STEPS, PETSC_DEFAULT));
+  PetscCall(SNESGetLineSearch(newton->snes, &search));
+  PetscCall(SNESLineSearchSetType(search, SNESLINESEARCHSHELL));
+  PetscCall(SNESLineSearchShellSetApply(search, LatinNewtonSearch_Private, newton));
+  PetscCall(SNESGetKSP(newton->snes, &ksp));
+  PetscCall(KSPSetType(ksp, KSPCG));
+  PetscCall(KSPSetNormType(ksp, KSP_NORM_NATURAL));
+  PetscCall(KSPSetTolerances(ksp, tangent ? LATIN_NEWTON_TIGHT : LATIN_NEWTON_RTOL, PETSC_DEFAULT, PETSC_MAX_REAL, LATIN_NEWTON_LINEAR));
+  PetscCall(KSPGetPC(ksp, &pc));
+  PetscCall(PCSetType(pc, PCLATIN));
+  if (tangent) PetscCall(PCLatinFollow_Private(pc, latin));
+  else PetscCall(PCLatinShare_Private(pc, latin));
+  PetscCall(SNESSetFromOptions(newton->snes));
+  PetscCall(PetscObjectTypeCompare((PetscObject)ksp, KSPCG, &cg));
+  if (!cg) PetscCall(KSPSetNormType(ksp, KSP_NORM_DEFAULT));
+  PetscCall(SNESSetConvergenceTest(newton->snes, LatinNewtonConverged_Private, newton, NULL));
+  PetscCall(KSPGetTolerances(ksp, &newton->rtol, NULL, NULL, NULL));
+  PetscFunctionReturn(0);
+}
+
+/* From the displacements u to those of the solution. u is worthless when the reason is negative. Collective on snes */
+PetscErrorCode LatinNewtonSolve_Private(SNES snes, Latin latin, LatinNewton *newton, Vec u, SNESConvergedReason *reason)
+{
+  PetscInt  nonsmooth = latin->sub.nonsmooth;
+  PetscReal least;
+  KSP       ksp;
+
+  PetscFunctionBegin;
+  PetscCall(LatinStructureStiffnessRange_Private(latin->sub.structure, &least, NULL));
+  newton->floor = newton->tangent ? LATIN_NEWTON_FLOOR * least : 0.0; /* without a stall no mechanism is near, and a step is exact */
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &nonsmooth, 1, MPIU_INT, MPI_SUM, PetscObjectComm((PetscObject)snes)));
+  if (newton->structure != latin->sub.structure) {
+    newton->structure = latin->sub.structure;
+    PetscCall(LatinNewtonAttach_Private(newton));
+  }
+  newton->linear = (PetscBool)!nonsmooth;
+  newton->error  = latin->linear.indicator;
+  PetscCall(SNESGetKSP(newton->snes, &ksp));
+  PetscCall(KSPSetTolerances(ksp, newton->rtol, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
+  PetscCall(SNESSolve(newton->snes, snes->vec_rhs, u));
+  PetscCall(SNESGetConvergedReason(newton->snes, reason));
+  PetscCall(SNESGetIterationNumber(newton->snes, &newton->steps));
+  PetscCall(SNESGetLinearSolveIterations(newton->snes, &newton->stages));
+  PetscFunctionReturn(0);
+}

@@ -1,0 +1,213 @@
+#include "snes/sneslatinimpl.h"
+
+/* What users set of SNES latin, by options or in code */
+
+const char *const LatinStopTypes[]   = {"indicator", "residual", "reference", "error", "energy", "LatinStopType", "LATIN_STOP_", NULL};
+const char *const LatinWarmStarts[]  = {"none", "last", "extrapolate", "LatinWarmStart", "LATIN_WARM_START_", NULL};
+const char *const LatinNewtonTypes[] = {"auto", "always", "never", "LatinNewtonType", "LATIN_NEWTON_", NULL};
+
+PetscErrorCode SNESLatinCheck_Private(SNES snes)
+{
+  PetscBool is;
+
+  PetscFunctionBegin;
+  PetscValidHeaderSpecific(snes, SNES_CLASSID, 1);
+  PetscCall(PetscObjectTypeCompare((PetscObject)snes, SNESLATIN, &is));
+  PetscCheck(is, PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_WRONG, "The SNES is of type %s, not latin", ((PetscObject)snes)->type_name ? ((PetscObject)snes)->type_name : "(not set)");
+  PetscFunctionReturn(0);
+}
+
+/* The prefix of the decomposition, from which those of the local and coarse solvers follow */
+PetscErrorCode SNESLatinPrefix_Private(SNES snes)
+{
+  SNES_Latin *data = (SNES_Latin *)snes->data;
+  const char *prefix;
+
+  PetscFunctionBegin;
+  PetscCall(SNESGetOptionsPrefix(snes, &prefix));
+  PetscCall(PetscObjectSetOptions((PetscObject)data->latin, ((PetscObject)snes)->options));
+  PetscCall(PetscObjectSetOptionsPrefix((PetscObject)data->latin, prefix));
+  PetscCall(PetscObjectAppendOptionsPrefix((PetscObject)data->latin, "snes_latin_"));
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode SNESSetFromOptions_Latin(SNES snes, LatinOptionItems PetscOptionsObject)
+{
+  SNES_Latin       *data  = (SNES_Latin *)snes->data;
+  LatinStopType     stop  = data->stop;
+  PetscReal         error = data->target;
+  PetscBool         set;
+  PetscViewer       viewer;
+  PetscViewerFormat format;
+
+  PetscFunctionBegin;
+  PetscCall(LatinSetFromOptions_Private(data->latin, PetscOptionsObject, "snes"));
+  PetscOptionsHeadBegin(PetscOptionsObject, "SNES latin options");
+  PetscCall(PetscOptionsEnum("-snes_latin_stop",
+                             "Stop on the LATIN indicator (-snes_stol), the residual (-snes_rtol, -snes_atol), the error against a reference (-snes_stol), or the estimated error of the displacements or of the energy (-snes_latin_error)",
+                             "SNESLatinSetStop", LatinStopTypes, (PetscEnum)stop, (PetscEnum *)&stop, NULL));
+  PetscCall(SNESLatinSetStop(snes, stop));
+  PetscCall(PetscOptionsReal("-snes_latin_error", "Estimated relative error to stop at, with -snes_latin_stop error or energy", "SNESLatinSetError", error, &error, &set));
+  PetscCheck(!set || SNESLatinEstimates(data), PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_WRONGSTATE, "-snes_latin_error belongs to -snes_latin_stop error or energy, but the stop is %s: add -snes_latin_stop error", LatinStopTypes[stop]);
+  PetscCall(SNESLatinSetError(snes, error));
+  PetscCall(PetscOptionsEnum("-snes_latin_warm_start", "Start from the state of the last solve on this object, or extrapolate from the last two", "SNESLatinSetWarmStart", LatinWarmStarts, (PetscEnum)data->warm, (PetscEnum *)&data->warm, NULL));
+  PetscCall(PetscOptionsEnum("-snes_latin_newton", "Newton's method: where the iteration stalls (auto), also to finish every solve (always), or not at all (never)", "SNESLatinSetNewton", LatinNewtonTypes, (PetscEnum)data->newton.type,
+                             (PetscEnum *)&data->newton.type, NULL));
+  PetscCall(PetscOptionsViewer("-snes_latin_monitor", "Monitor the indicator, and the residual or errors where they are computed", "None", &viewer, &format, &set));
+  PetscOptionsHeadEnd();
+  if (set) {
+    PetscCall(PetscViewerDestroy(&data->monitor));
+    data->monitor        = viewer;
+    data->monitor_format = format;
+  }
+  PetscCall(SNESLatinPrefix_Private(snes));
+  if (data->outer) PetscCall(SNESLatinOuterOptions_Private(snes));
+  else PetscCall(SNESLatinCreateOuter_Private(snes));
+  PetscCall(SNESDestroy(&data->newton.snes)); /* made anew with the options and the prefix of now */
+  data->newton.structure = NULL;
+  if (data->newton.type == LATIN_NEWTON_ALWAYS) PetscCall(LatinNewtonCreate_Private(snes, data->latin, PETSC_FALSE, &data->newton));
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  SNESLatinSetStop - What must become small.
+
+  Logically collective on snes
+
+  Input Parameters:
++ snes - of type latin
+- stop - `LATIN_STOP_INDICATOR`: the distance of the two stages of an iteration, relative, below the step tolerance of
+         `SNESSetTolerances()`; `LATIN_STOP_RESIDUAL`: the nodal unbalance, below its relative or absolute tolerance;
+         `LATIN_STOP_REFERENCE`: the error against `SNESLatinSetReference()`, below its step tolerance;
+         `LATIN_STOP_ERROR`, `LATIN_STOP_ENERGY`: the estimated error of the displacements, in the l2 norm or in the energy
+         norm, below that of `SNESLatinSetError()`
+
+  Options Database Key:
+. -snes_latin_stop <indicator,residual,reference,error,energy> - the stop
+
+  Level: beginner
+
+  Note:
+  A test given to `SNESSetConvergenceTest()` decides in the place of all of them.
+
+.seealso: `SNESLATIN`, `SNESLatinSetError()`, `SNESLatinSetReference()`
+@*/
+PetscErrorCode SNESLatinSetStop(SNES snes, LatinStopType stop)
+{
+  SNES_Latin *data;
+
+  PetscFunctionBegin;
+  PetscCall(SNESLatinCheck_Private(snes));
+  data                  = (SNES_Latin *)snes->data;
+  data->stop            = stop;
+  data->estimate.energy = (PetscBool)(stop == LATIN_STOP_ENERGY);
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  SNESLatinSetError - The estimated error at which `LATIN_STOP_ERROR` or `LATIN_STOP_ENERGY` ends a solve.
+
+  Logically collective on snes
+
+  Input Parameters:
++ snes  - of type latin
+- error - relative error of the displacements, between 0 and 1
+
+  Options Database Key:
+. -snes_latin_error <1e-4> - the error
+
+  Level: beginner
+
+.seealso: `SNESLATIN`, `SNESLatinSetStop()`, `SNESLatinGetEstimates()`
+@*/
+PetscErrorCode SNESLatinSetError(SNES snes, PetscReal error)
+{
+  PetscFunctionBegin;
+  PetscCall(SNESLatinCheck_Private(snes));
+  PetscCheck(error > 0.0 && error < 1.0, PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_OUTOFRANGE, "-snes_latin_error is a relative error between 0 and 1, for example 1e-4, not %g", (double)error);
+  ((SNES_Latin *)snes->data)->target = error;
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  SNESLatinSetNewton - When Newton's method takes over from the iteration.
+
+  Logically collective on snes
+
+  Input Parameters:
++ snes - of type latin
+- type - `LATIN_NEWTON_AUTO`: where the iteration stalls or diverges, and to confirm a solution where stiffnesses differ by
+         orders of magnitude; `LATIN_NEWTON_ALWAYS`: also to finish every solve, from near the solution;
+         `LATIN_NEWTON_NEVER`
+
+  Options Database Keys:
++ -snes_latin_newton <auto,always,never> - the choice
+- -snes_latin_newton_                    - prefix of its SNES
+
+  Level: intermediate
+
+  Note:
+  Where Newton's method fails the iteration goes on. It is for laws with a stiffness: rigid ones do without, and refuse
+  `LATIN_NEWTON_ALWAYS`.
+
+.seealso: `SNESLATIN`
+@*/
+PetscErrorCode SNESLatinSetNewton(SNES snes, LatinNewtonType type)
+{
+  PetscFunctionBegin;
+  PetscCall(SNESLatinCheck_Private(snes));
+  ((SNES_Latin *)snes->data)->newton.type = type;
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  SNESLatinSetReference - Gives a displacement against which the error of every iterate is measured.
+
+  Collective on snes
+
+  Input Parameters:
++ snes      - of type latin
+- reference - a DM global vector, or NULL for none
+
+  Level: intermediate
+
+.seealso: `SNESLatinGetHistory()`, `SNESLatinSetStop()`
+@*/
+PetscErrorCode SNESLatinSetReference(SNES snes, Vec reference)
+{
+  SNES_Latin *data;
+
+  PetscFunctionBegin;
+  PetscCall(SNESLatinCheck_Private(snes));
+  data = (SNES_Latin *)snes->data;
+  if (reference) PetscCall(PetscObjectReference((PetscObject)reference));
+  PetscCall(VecDestroy(&data->reference));
+  data->reference = reference;
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  SNESLatinSetWarmStart - Where a solve starts after one with this SNES that has converged.
+
+  Logically collective on snes
+
+  Input Parameters:
++ snes - of type latin
+- warm - `LATIN_WARM_START_NONE`: from the displacements in the solution vector; `LATIN_WARM_START_LAST`: from the state where the
+         last solve converged, whatever the solution vector holds; `LATIN_WARM_START_EXTRAPOLATE`: the states of the last two
+         solves extrapolated, for loads that change in equal steps
+
+  Options Database Key:
+. -snes_latin_warm_start <none,last,extrapolate> - the choice
+
+  Level: intermediate
+
+.seealso: `SNESLATIN`
+@*/
+PetscErrorCode SNESLatinSetWarmStart(SNES snes, LatinWarmStart warm)
+{
+  PetscFunctionBegin;
+  PetscCall(SNESLatinCheck_Private(snes));
+  ((SNES_Latin *)snes->data)->warm = warm;
+  PetscFunctionReturn(0);
+}

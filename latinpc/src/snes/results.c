@@ -1,0 +1,224 @@
+#include "snes/sneslatinimpl.h"
+
+/* What users learn of a SNES latin: its solvers, its history, why it has not converged, a view */
+
+/*@C
+  SNESLatinGetLatin - The decomposition behind a SNES of type latin, for `LatinGetStatistics()` and its like.
+
+  Not collective; the reference is borrowed
+
+  Level: intermediate
+@*/
+PetscErrorCode SNESLatinGetLatin(SNES snes, Latin *latin)
+{
+  PetscFunctionBegin;
+  PetscCall(SNESLatinCheck_Private(snes));
+  *latin = ((SNES_Latin *)snes->data)->latin;
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  SNESLatinGetHistory - Indicator and errors of the last solve, one number per linear stage.
+
+  Not collective; the arrays are borrowed
+
+  Output Parameters:
++ n            - number of linear stages
+. indicator    - relative distance of the two stages
+. error_l2     - relative l2 error of the displacements of all subdomains, NULL without reference
+- error_energy - relative energy error, NULL without reference
+
+  Level: intermediate
+@*/
+PetscErrorCode SNESLatinGetHistory(SNES snes, PetscInt *n, const PetscReal *indicator[], const PetscReal *error_l2[], const PetscReal *error_energy[])
+{
+  SNES_Latin *data;
+
+  PetscFunctionBegin;
+  PetscCall(SNESLatinCheck_Private(snes));
+  data = (SNES_Latin *)snes->data;
+  if (n) *n = data->done;
+  if (indicator) *indicator = data->indicator;
+  if (error_l2) *error_l2 = data->reference ? data->error_l2 : NULL;
+  if (error_energy) *error_energy = data->reference ? data->error_energy : NULL;
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  SNESLatinGetEstimates - Estimated errors of the last solve, and what rounding leaves.
+
+  Not collective; the array is borrowed
+
+  Output Parameters:
++ n        - number of linear stages
+. estimate - relative error after each of them, NULL without `LATIN_STOP_ERROR` or `LATIN_STOP_ENERGY`
+. last     - that of the solution, which Newton's method may have improved; 0 without them
+- floor    - the smallest error that rounding allows on this structure, an estimate; 0 when unknown
+
+  Level: intermediate
+
+.seealso: `SNESLatinGetHistory()`
+@*/
+PetscErrorCode SNESLatinGetEstimates(SNES snes, PetscInt *n, const PetscReal *estimate[], PetscReal *last, PetscReal *floor)
+{
+  SNES_Latin *data;
+  PetscBool   stop;
+
+  PetscFunctionBegin;
+  PetscCall(SNESLatinCheck_Private(snes));
+  data = (SNES_Latin *)snes->data;
+  stop = SNESLatinEstimates(data);
+  if (n) *n = data->done;
+  if (estimate) *estimate = stop ? data->estimates : NULL;
+  if (last) *last = stop ? data->estimate.value : 0.0;
+  if (floor) *floor = data->estimate.floor;
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  SNESLatinGetUnsupportedNodes - The nodes that nothing holds where the last solve has not converged: loads move them, and no link resists.
+
+  Not collective; the array is borrowed
+
+  Output Parameters:
++ count  - how many they are; 0 when the solve has converged, or nothing is known
+. listed - how many of them are listed, at most 8
+. node   - global numbers
+- distance - how far they are from links that would stop them, a length; infinite: Newton's method has shown that loads move them without end
+
+  Level: intermediate
+
+  Note:
+  Nodes on their way to a support take long where their loads are small beside the stiffness of slack links, or beside the
+  search parameter of rigid ones.
+
+.seealso: `SNESLatinGetHistory()`, `SNESLatinGetJammedLinks()`
+@*/
+PetscErrorCode SNESLatinGetUnsupportedNodes(SNES snes, PetscInt *count, PetscInt *listed, const PetscInt *node[], PetscReal *distance)
+{
+  LatinEquilibrium *found;
+
+  PetscFunctionBegin;
+  PetscCall(SNESLatinCheck_Private(snes));
+  found = &((SNES_Latin *)snes->data)->found;
+  if (count) *count = found->nodes;
+  if (listed) *listed = PetscMin(found->nodes, LATIN_LISTED);
+  if (node) *node = found->node;
+  if (distance) *distance = found->nodes ? found->distance : 0.0;
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  SNESLatinGetJammedLinks - The rigid links whose gaps no displacement meets together, where the last solve has not converged.
+
+  Not collective; the array is borrowed
+
+  Output Parameters:
++ count  - how many they are; 0 when the solve has converged, or nothing is known
+. listed - how many of them are listed, at most 8
+- link   - global numbers
+
+  Level: intermediate
+
+  Note:
+  Inextensible cables that are too short, contacts without room: their tensions grow for ever, towards a self-stress.
+
+.seealso: `SNESLatinGetUnsupportedNodes()`
+@*/
+PetscErrorCode SNESLatinGetJammedLinks(SNES snes, PetscInt *count, PetscInt *listed, const PetscInt *link[])
+{
+  LatinEquilibrium *found;
+
+  PetscFunctionBegin;
+  PetscCall(SNESLatinCheck_Private(snes));
+  found = &((SNES_Latin *)snes->data)->found;
+  if (count) *count = found->links;
+  if (listed) *listed = PetscMin(found->links, LATIN_LISTED);
+  if (link) *link = found->link;
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  SNESLatinGetTensions - Tensions of this rank's links at the solution of the last solve, in the caller's numbering.
+
+  Collective on snes
+
+  Output Parameter:
+. tension - [links_local], a force, positive in traction: of elastic links by their law at the displacements, of rigid ones those that the solve has found
+
+  Level: beginner
+
+  Note:
+  A SNES of another type has no rigid links, and gives what `LatinStructureGetTensions()` gives at its solution.
+
+.seealso: `LatinStructureGetTensions()`, `TSLatinGetTensions()`
+@*/
+PetscErrorCode SNESLatinGetTensions(SNES snes, PetscReal tension[])
+{
+  Vec            u;
+  LatinStructure structure;
+
+  PetscFunctionBegin;
+  PetscValidHeaderSpecific(snes, SNES_CLASSID, 1);
+  PetscCall(SNESGetSolution(snes, &u));
+  PetscCall(SNESLatinFindStructure_Private(snes, &structure));
+  PetscCheck(structure, PetscObjectComm((PetscObject)snes), PETSC_ERR_ORDER, "The solver has no structure: give it one with LatinStructureAttachSNES()");
+  PetscCheck(u, PetscObjectComm((PetscObject)snes), PETSC_ERR_ORDER, "There is no solution yet: call SNESSolve() before");
+  PetscCall(LatinSolverTensions_Private(snes, structure, u, tension));
+  PetscFunctionReturn(0);
+}
+
+/* For structure/attach.c, which finds it by its name */
+PetscErrorCode SNESLatinRigidTensions_Private(SNES snes, const PetscReal *rigid[])
+{
+  PetscFunctionBegin;
+  *rigid = ((SNES_Latin *)snes->data)->latin->linear.rigid_tension;
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  SNESLatinGetOuter - The inner SNES that iterates on the fixed-point map.
+
+  Collective on snes when called first; the reference is borrowed
+
+  Level: advanced
+@*/
+PetscErrorCode SNESLatinGetOuter(SNES snes, SNES *outer)
+{
+  PetscFunctionBegin;
+  PetscCall(SNESLatinCheck_Private(snes));
+  PetscCall(SNESLatinCreateOuter_Private(snes));
+  *outer = ((SNES_Latin *)snes->data)->outer;
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode SNESView_Latin(SNES snes, PetscViewer viewer)
+{
+  SNES_Latin  *data   = (SNES_Latin *)snes->data;
+  LatinNewton *newton = &data->newton;
+  PetscBool    ascii;
+
+  PetscFunctionBegin;
+  PetscCall(PetscObjectTypeCompare((PetscObject)viewer, PETSCVIEWERASCII, &ascii));
+  if (!ascii) PetscFunctionReturn(0);
+  PetscCall(PetscViewerASCIIPrintf(viewer, "stop on the %s\n", LatinStopTypes[data->stop]));
+  if (SNESLatinEstimates(data)) PetscCall(PetscViewerASCIIPrintf(viewer, "estimated error below %g in the %s norm\n", (double)data->target, data->estimate.energy ? "energy" : "l2"));
+  PetscCall(PetscViewerASCIIPrintf(viewer, "warm start: %s\n", LatinWarmStarts[data->warm]));
+  PetscCall(PetscViewerASCIIPrintf(viewer, "Newton's method: %s\n", LatinNewtonTypes[newton->type]));
+  if (data->done)
+    PetscCall(PetscViewerASCIIPrintf(viewer, "last solve: %" PetscInt_FMT " linear stages, indicator %g, norm of the nodal unbalance %g\n", data->latin->linear.applications, (double)data->indicator[data->done - 1], (double)data->residual));
+  PetscCall(LatinView_Private(data->latin, viewer));
+  if (data->outer) {
+    PetscCall(PetscViewerASCIIPrintf(viewer, "fixed-point solver:\n"));
+    PetscCall(PetscViewerASCIIPushTab(viewer));
+    PetscCall(SNESView(data->outer, viewer));
+    PetscCall(PetscViewerASCIIPopTab(viewer));
+  }
+  if (newton->snes && (newton->steps || newton->type == LATIN_NEWTON_ALWAYS)) {
+    PetscCall(PetscViewerASCIIPrintf(viewer, "Newton's method %s, last solve %" PetscInt_FMT " steps and %" PetscInt_FMT " linear stages:\n", newton->tangent ? "where the iteration stalled" : "to finish", newton->steps, newton->stages));
+    PetscCall(PetscViewerASCIIPushTab(viewer));
+    PetscCall(SNESView(newton->snes, viewer));
+    PetscCall(PetscViewerASCIIPopTab(viewer));
+  }
+  PetscFunctionReturn(0);
+}

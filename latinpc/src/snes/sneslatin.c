@@ -1,0 +1,460 @@
+#include "snes/sneslatinimpl.h"
+
+/*
+   SNES latin: set-up, and a solve from the state that it starts from to what ends it: the iteration (snes/fixedpoint.c), or
+   Newton's method after it (snes/newton.c). No mathematics of the method here: see core/latin.c and the stages that it calls.
+*/
+
+#define LATIN_HISTORY       1000000 /* linear stages whose indicator and errors are kept: 32 MB */
+#define LATIN_DIGITS_SAFETY 2.0     /* on errors that are known to their order of magnitude */
+#define LATIN_JAM_LEAST     100     /* linear stages that a solve may take: with fewer no more are spent on jammed links */
+
+static const char citation[] = "@article{AlartDureisseix2008,\n"
+                               "  author  = {Pierre Alart and David Dureisseix},\n"
+                               "  title   = {A scalable multiscale {LATIN} method adapted to nonsmooth discrete media},\n"
+                               "  journal = {Computer Methods in Applied Mechanics and Engineering},\n"
+                               "  volume  = {197},\n"
+                               "  number  = {5},\n"
+                               "  pages   = {319--331},\n"
+                               "  year    = {2008},\n"
+                               "  doi     = {10.1016/j.cma.2007.05.002}\n"
+                               "}\n";
+static PetscBool  cited      = PETSC_FALSE;
+
+/* What fits the structure as it was */
+static PetscErrorCode SNESLatinResetState_Private(SNES snes)
+{
+  SNES_Latin *data = (SNES_Latin *)snes->data;
+
+  PetscFunctionBegin;
+  PetscCall(SNESLatinOuterReset_Private(snes));
+  PetscCall(SNESDestroy(&data->newton.snes));
+  data->newton.structure = NULL;
+  PetscCall(VecDestroy(&data->z));
+  PetscCall(VecDestroy(&data->z_before));
+  PetscCall(PetscFree(data->reference_copy));
+  data->has_before = PETSC_FALSE;
+  data->has_state  = PETSC_FALSE;
+  PetscFunctionReturn(0);
+}
+
+/* Builds what has changed in the structure, and the fixed-point unknown when its length has */
+static PetscErrorCode SNESLatinSetUpState_Private(SNES snes)
+{
+  SNES_Latin *data  = (SNES_Latin *)snes->data;
+  Latin       latin = data->latin;
+
+  PetscFunctionBegin;
+  if (data->z) { /* new laws or a new partition take everything down */
+    PetscObjectState state;
+
+    PetscCall(PetscObjectStateGet((PetscObject)latin->sub.structure, &state));
+    if (!latin->set_up || state != latin->structure_state || latin->stale) PetscCall(SNESLatinResetState_Private(snes));
+  }
+  PetscCall(SNESLatinCreateOuter_Private(snes)); /* its options are the user's before anything is built */
+  PetscCall(LatinSetUp_Private(latin));
+  if (!data->z) PetscCall(LatinCreateState_Private(&latin->linear, &data->z));
+  PetscCall(SNESLatinOuterSetUp_Private(snes));
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode SNESSetUp_Latin(SNES snes)
+{
+  SNES_Latin    *data = (SNES_Latin *)snes->data;
+  LatinStructure structure;
+
+  PetscFunctionBegin;
+  PetscCall(SNESLatinFindStructure_Private(snes, &structure));
+  PetscCheck(structure, PetscObjectComm((PetscObject)snes), PETSC_ERR_ORDER,
+             "-snes_type latin has no structure to work on: build one with LatinStructureCreate() and give it to this SNES with LatinStructureAttachSNES() (in Python, latinpc.Structure(...).attach(snes))");
+  PetscCall(LatinSetStructure_Private(data->latin, structure));
+  PetscCall(SNESLatinPrefix_Private(snes));
+  PetscCall(SNESLatinSetUpState_Private(snes));
+  PetscFunctionReturn(0);
+}
+
+/* The reference, brought to the subdomains */
+static PetscErrorCode SNESLatinCopyReference_Private(SNES snes)
+{
+  SNES_Latin *data  = (SNES_Latin *)snes->data;
+  Latin       latin = data->latin;
+  PetscInt    n, m;
+
+  PetscFunctionBegin;
+  PetscCheck(data->stop != LATIN_STOP_REFERENCE || data->reference, PetscObjectComm((PetscObject)snes), PETSC_ERR_ORDER, "-snes_latin_stop reference needs a displacement to compare with: call SNESLatinSetReference()");
+  if (!data->reference) PetscFunctionReturn(0);
+  PetscCall(VecGetSize(data->reference, &n));
+  PetscCall(VecGetSize(latin->sub.structure->load, &m));
+  PetscCheck(n == m, PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_SIZ, "The reference has %" PetscInt_FMT " entries, the structure %" PetscInt_FMT " free degrees of freedom", n, m);
+  PetscCall(LatinStructureCheckVec_Private(latin->sub.structure, data->reference));
+  if (!data->reference_copy) PetscCall(PetscMalloc1(latin->sub.structure->dim * latin->sub.copies, &data->reference_copy));
+  PetscCall(PetscArraycpy(data->reference_copy, latin->sub.prescribed, latin->sub.structure->dim * latin->sub.copies));
+  PetscCall(LatinDistribute_Private(&latin->sub, data->reference, data->reference_copy));
+  PetscFunctionReturn(0);
+}
+
+/* Room for the history: nothing is allocated inside the iteration; and the counters of a solve */
+static PetscErrorCode SNESLatinPrepare_Private(SNES snes)
+{
+  SNES_Latin *data  = (SNES_Latin *)snes->data;
+  Latin       latin = data->latin;
+
+  PetscFunctionBegin;
+  PetscCheck(!PetscIsInfOrNanReal(snes->stol) && !PetscIsInfOrNanReal(snes->rtol) && !PetscIsInfOrNanReal(snes->abstol) && !PetscIsNanReal(snes->divtol), PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_OUTOFRANGE,
+             "A tolerance is not a finite number: stol %g, rtol %g, atol %g, divergence tolerance %g; give others with -snes_stol and so on, or SNESSetTolerances()", (double)snes->stol, (double)snes->rtol, (double)snes->abstol, (double)snes->divtol);
+  PetscCheck(!SNESLatinEstimates(data) || latin->sub.structure->rigid_law < 0 || LatinByPrecision(PETSC_TRUE, PETSC_FALSE), PetscObjectComm((PetscObject)snes), PETSC_ERR_SUP,
+             "-snes_latin_stop error does not estimate the error of structures with links of the rigid law %s in single precision: take the stop indicator (-snes_stol), or a PETSc in double precision",
+             LatinLaws[latin->sub.structure->rigid_law].name);
+  if (data->history_size < PetscMin(snes->max_its, LATIN_HISTORY)) {
+    PetscCall(PetscFree4(data->indicator, data->error_l2, data->error_energy, data->estimates));
+    data->history_size = PetscMin(snes->max_its, LATIN_HISTORY);
+    PetscCall(PetscMalloc4(data->history_size, &data->indicator, data->history_size, &data->error_l2, data->history_size, &data->error_energy, data->history_size, &data->estimates));
+  }
+  PetscCall(SNESLatinCopyReference_Private(snes));
+  if (SNESLatinEstimates(data)) PetscCall(LatinEstimateStart_Private(&data->estimate));
+  PetscCall(PetscMemzero(&data->found, sizeof(data->found)));
+  PetscCall(LatinNewtonStart_Private(&data->newton, latin->sub.structure));
+  data->parameter.rebuilt = 0;
+  PetscCall(LatinParameterStart_Private(latin, (PetscBool)(data->warm && data->has_state), &data->parameter));
+  data->done = data->tested = latin->linear.applications = 0;
+  data->current                                          = -1;
+  data->first_distance                                   = -1.0;
+  data->residual                                         = 0.0;
+  data->finished                                         = PETSC_FALSE;
+  data->next                                             = LATIN_NEXT_CONTINUE;
+  PetscFunctionReturn(0);
+}
+
+/* F(x) = b: more load */
+static PetscErrorCode SNESLatinLoad_Private(SNES snes)
+{
+  Latin latin = ((SNES_Latin *)snes->data)->latin;
+  Vec   load;
+
+  PetscFunctionBegin;
+  if (!snes->vec_rhs) PetscFunctionReturn(0);
+  PetscCall(VecDuplicate(latin->sub.structure->load, &load));
+  PetscCall(VecWAXPY(load, 1.0, snes->vec_rhs, latin->sub.structure->load));
+  PetscCall(LatinLinearSetLoads(&latin->linear, load));
+  PetscCall(VecDestroy(&load));
+  latin->load_state = -1;
+  PetscFunctionReturn(0);
+}
+
+/* The iteration, from the state z on. An inner SNES may end by itself */
+static PetscErrorCode SNESLatinIterate_Private(SNES snes)
+{
+  SNES_Latin         *data = (SNES_Latin *)snes->data;
+  SNESConvergedReason reason;
+
+  PetscFunctionBegin;
+  data->next = LATIN_NEXT_CONTINUE;
+  PetscCall(SNESSetConvergenceTest(data->outer, SNESLatinConverged_Private, snes, NULL));
+  PetscCall(SNESSetTolerances(data->outer, 0.0, 0.0, 0.0, snes->max_its, PETSC_MAX_INT));
+  PetscCall(SNESSolve(data->outer, NULL, data->z));
+  PetscCall(SNESGetConvergedReason(data->outer, &reason));
+  if (data->next != LATIN_NEXT_CONTINUE) PetscFunctionReturn(0);
+  data->next   = LATIN_NEXT_GIVEN;
+  snes->reason = reason;
+  PetscFunctionReturn(0);
+}
+
+/* An error asked for that may be below what rounding leaves: has Newton's method reached it, as far as this precision shows? */
+static PetscErrorCode SNESLatinProveDigits_Private(SNES snes)
+{
+  SNES_Latin *data = (SNES_Latin *)snes->data;
+  PetscReal   unbalance, rounding;
+
+  PetscFunctionBegin;
+  if (!SNESLatinEstimates(data)) PetscFunctionReturn(0);
+  PetscCall(LatinEstimateFloor_Private(data->latin, &data->estimate));
+  data->estimate.value = data->newton.error;
+  if (data->estimate.floor <= data->target || data->estimate.energy) PetscFunctionReturn(0);
+  PetscCall(LatinGetDigits(snes, &unbalance, &rounding, NULL, NULL));
+  data->estimate.floor = LATIN_DIGITS_SAFETY * PetscMax(unbalance, rounding);
+  data->estimate.value = PetscMax(data->newton.error, data->estimate.floor);
+  if (data->estimate.value <= data->target) PetscFunctionReturn(0);
+  data->next = LATIN_NEXT_ROUNDING;
+  PetscCall(PetscInfo(snes, "The error asked for, %g, is below what rounding leaves on this structure, about %g\n", (double)data->target, (double)data->estimate.value));
+  PetscFunctionReturn(0);
+}
+
+/* The displacements of Newton's method are the solution unless forces say otherwise */
+static PetscErrorCode SNESLatinFinished_Private(SNES snes, SNESConvergedReason reason)
+{
+  SNES_Latin  *data   = (SNES_Latin *)snes->data;
+  LatinNewton *newton = &data->newton;
+
+  PetscFunctionBegin;
+  data->finished = PETSC_TRUE;
+  data->next     = reason == SNES_CONVERGED_FNORM_RELATIVE ? LATIN_NEXT_CONVERGED_FNORM : LATIN_NEXT_CONVERGED;
+  PetscCall(SNESComputeFunction(snes, snes->vec_sol, snes->vec_func));
+  PetscCall(VecNorm(snes->vec_func, NORM_2, &data->residual));
+  snes->norm    = data->residual;
+  data->current = data->latin->linear.applications;
+  PetscCall(LatinEquilibriumCheck_Private(data->latin, snes->vec_sol, snes->vec_func, snes->vec_rhs, newton->target, data->estimate.energy, PETSC_FALSE, &data->found));
+  if (data->found.verdict == LATIN_UNBOUNDED) data->next = LATIN_NEXT_DIVERGED;
+  else if (newton->still && newton->target > 0.0 && data->found.error > newton->target) { /* a search that stands still: at a solution, or where rounding hides the way on */ data->next = LATIN_NEXT_LINE_SEARCH;
+    PetscCall(PetscInfo(snes, "The search of Newton's method stands still where the unbalance shows an error of %g at least\n", (double)data->found.error));
+  }
+  if (LatinNextConverged(data->next)) PetscCall(SNESLatinProveDigits_Private(snes));
+  PetscCall(SNESLatinWatch_Private(snes, data->latin->linear.applications + newton->stages));
+  PetscFunctionReturn(0);
+}
+
+/* Newton's method from here on; where it fails the iteration goes on from where it was */
+static PetscErrorCode SNESLatinNewton_Private(SNES snes, PetscBool stall)
+{
+  SNES_Latin         *data   = (SNES_Latin *)snes->data;
+  LatinNewton        *newton = &data->newton;
+  SNESConvergedReason reason;
+  Vec                 step, r;
+
+  PetscFunctionBegin;
+  if (stall) newton->stall = PETSC_FALSE;
+  newton->target    = SNESLatinEstimates(data) ? data->target : data->stop == LATIN_STOP_RESIDUAL ? 0.0 : snes->stol;
+  newton->residual  = data->stop == LATIN_STOP_RESIDUAL ? PetscMax(snes->abstol, snes->rtol * data->first_residual) : 0.0;
+  newton->reference = data->stop == LATIN_STOP_REFERENCE ? data->reference : NULL;
+  if (PetscIsInfOrNanReal(data->latin->linear.distance) || (snes->divtol > 0.0 && data->latin->linear.distance > snes->divtol * data->first_distance)) PetscCall(VecZeroEntries(snes->vec_sol));
+  else PetscCall(LatinAverage_Private(&data->latin->linear, snes->vec_sol));
+  PetscCall(LatinNewtonCreate_Private(snes, data->latin, stall, newton));
+  PetscCall(LatinNewtonSolve_Private(snes, data->latin, newton, snes->vec_sol, &reason));
+  PetscCall(PetscMemzero(&data->found, sizeof(data->found)));
+  PetscCall(SNESGetSolutionUpdate(newton->snes, &step));
+  PetscCall(SNESGetFunction(newton->snes, &r, NULL, NULL));
+  if (step) PetscCall(LatinEquilibriumMechanism_Private(data->latin->sub.structure, step, r, snes->vec_rhs, &data->found));
+  if (data->found.verdict == LATIN_UNBOUNDED) {
+    data->next = LATIN_NEXT_DIVERGED;
+    PetscFunctionReturn(0);
+  }
+  if (reason > 0) {
+    PetscCall(SNESLatinFinished_Private(snes, reason));
+    PetscFunctionReturn(0);
+  }
+  PetscCall(PetscInfo(snes, "Newton's method ended with %s: back to the iteration\n", SNESConvergedReasons[reason]));
+  newton->finish = data->latin->linear.failed = PETSC_FALSE;
+  newton->steps = newton->stages = 0;
+  data->current                  = -1;
+  PetscCall(SNESLatinIterate_Private(snes));
+  if (!stall || !newton->contrast || !LatinNextConverged(data->next)) PetscFunctionReturn(0);
+  data->next = LATIN_NEXT_ROUNDING; /* what Newton's method was to confirm it has not */
+  PetscCall(PetscInfo(snes, "Stiffnesses that differ so much leave the convergence of the iteration without proof\n"));
+  PetscFunctionReturn(0);
+}
+
+/* Contacts with friction have stalled: the iteration goes on with another search parameter */
+static PetscErrorCode SNESLatinRescale_Private(SNES snes)
+{
+  SNES_Latin *data = (SNES_Latin *)snes->data;
+  Vec         F;
+
+  PetscFunctionBegin;
+  PetscCall(SNESGetFunction(data->outer, &F, NULL, NULL));
+  PetscCall(SNESLatinFixedPoint_Private(data->outer, data->z, F, snes)); /* the inner SNES may have been elsewhere */
+  PetscCall(LatinParameterRescale_Private(data->latin, data->z, F, &data->parameter));
+  if (SNESLatinEstimates(data)) PetscCall(LatinEstimateStart_Private(&data->estimate));
+  data->has_before = PETSC_FALSE;
+  PetscCall(SNESLatinIterate_Private(snes));
+  PetscFunctionReturn(0);
+}
+
+/* Rigid links with another search parameter beside elastic ones: all is built again, and the solve starts anew */
+static PetscErrorCode SNESLatinRebuild_Private(SNES snes)
+{
+  SNES_Latin *data = (SNES_Latin *)snes->data;
+
+  PetscFunctionBegin;
+  PetscCall(LatinParameterTune_Private(data->latin, data->parameter.factor));
+  data->parameter.rebuilt++;
+  PetscCall(SNESLatinSetUpState_Private(snes));
+  PetscCall(SNESLatinLoad_Private(snes));
+  if (SNESLatinEstimates(data)) PetscCall(LatinEstimateStart_Private(&data->estimate));
+  data->first_distance = -1.0;
+  data->guess          = PETSC_FALSE;
+  PetscCall(LatinParameterStart_Private(data->latin, PETSC_FALSE, &data->parameter));
+  PetscCall(SNESLatinStart_Private(snes));
+  PetscCall(SNESLatinIterate_Private(snes));
+  PetscFunctionReturn(0);
+}
+
+/* Where a solve has not converged: unsupported nodes, jammed links */
+static PetscErrorCode SNESLatinDiagnose_Private(SNES snes)
+{
+  SNES_Latin       *data  = (SNES_Latin *)snes->data;
+  LatinEquilibrium *found = &data->found;
+  PetscReal         size;
+  Vec               F;
+
+  PetscFunctionBegin;
+  if (snes->reason > 0 || data->next == LATIN_NEXT_NOT_FINITE || data->latin->linear.failed) found->nodes = found->links = 0;
+  else if (!(found->verdict == LATIN_UNBOUNDED && found->nodes && found->distance == INFINITY)) {
+    PetscCall(LatinEquilibriumCheck_Private(data->latin, snes->vec_sol, snes->vec_func, snes->vec_rhs, data->target, data->estimate.energy, PETSC_FALSE, found));
+    PetscCall(LatinStructureSize_Private(data->latin->sub.structure, &size));
+    found->distance = PetscMin(found->distance, size); /* an iterate that diverges proves nothing */
+    PetscCall(SNESGetFunction(data->outer, &F, NULL, NULL));
+    if (snes->max_its >= LATIN_JAM_LEAST) PetscCall(LatinEquilibriumJammed_Private(data->latin, data->z, F, found));
+    if (found->links) found->nodes = 0;
+    else if (found->hidden) {
+      data->next           = LATIN_NEXT_ROUNDING;
+      data->estimate.floor = 1.0;
+    }
+  }
+  PetscFunctionReturn(0);
+}
+
+/* All that follows from the start, until an end */
+static PetscErrorCode SNESLatinRun_Private(SNES snes)
+{
+  SNES_Latin *data = (SNES_Latin *)snes->data;
+
+  PetscFunctionBegin;
+  PetscCall(SNESLatinFirst_Private(snes));
+  if (data->next != LATIN_NEXT_CONTINUE) PetscFunctionReturn(0);
+  PetscCall(SNESLatinStart_Private(snes));
+  PetscCall(SNESLatinIterate_Private(snes));
+  while (PETSC_TRUE) switch (data->next) {
+    case LATIN_NEXT_NEWTON_FINISH:
+      PetscCall(SNESLatinNewton_Private(snes, PETSC_FALSE));
+      break;
+    case LATIN_NEXT_NEWTON_STALL:
+      PetscCall(SNESLatinNewton_Private(snes, PETSC_TRUE));
+      break;
+    case LATIN_NEXT_RESCALE:
+      PetscCall(SNESLatinRescale_Private(snes));
+      break;
+    case LATIN_NEXT_REBUILD:
+      PetscCall(SNESLatinRebuild_Private(snes));
+      break;
+    default:
+      PetscFunctionReturn(0);
+    }
+}
+
+static PetscErrorCode SNESSolve_Latin(SNES snes)
+{
+  SNES_Latin *data  = (SNES_Latin *)snes->data;
+  Latin       latin = data->latin;
+
+  PetscFunctionBegin;
+  PetscCheck(!snes->xl && !snes->xu && !snes->ops->computevariablebounds, PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_WRONGSTATE, "SNES latin does not take bounds on the unknowns: unilateral behaviour is in the laws of the links");
+  PetscCall(PetscCitationsRegister(citation, &cited));
+  PetscCall(SNESLatinSetUpState_Private(snes)); /* the structure may have changed since SNESSetUp() */
+  PetscCall(SNESLatinLoad_Private(snes));
+  PetscCall(SNESLatinPrepare_Private(snes));
+  PetscCall(SNESLatinRun_Private(snes));
+  if (latin->linear.failed) data->next = LATIN_NEXT_FAILED;
+  snes->linear_its = data->newton.stages;
+  snes->iter       = latin->linear.applications + snes->linear_its;
+  if (data->current < 0 || !latin->linear.failed) PetscCall(SNESLatinResidual_Private(snes));
+  if (PetscIsInfOrNanReal(data->residual)) data->next = LATIN_NEXT_NOT_FINITE;
+  if (data->next != LATIN_NEXT_GIVEN) snes->reason = SNESLatinReason(data->next);
+  data->has_state = (PetscBool)(snes->reason > 0);
+  PetscCall(SNESLatinDiagnose_Private(snes));
+  if (data->next != LATIN_NEXT_GIVEN) snes->reason = SNESLatinReason(data->next);
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode SNESSetUp_Latin_Watched(SNES snes)
+{
+  PetscFunctionBegin;
+  LatinWatch(PetscObjectComm((PetscObject)snes), SNESSetUp_Latin(snes));
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode SNESSolve_Latin_Watched(SNES snes)
+{
+  PetscFunctionBegin;
+  LatinWatch(PetscObjectComm((PetscObject)snes), SNESSolve_Latin(snes));
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode SNESReset_Latin(SNES snes)
+{
+  SNES_Latin *data = (SNES_Latin *)snes->data;
+
+  PetscFunctionBegin;
+  if (data->latin) PetscCall(LatinReset_Private(data->latin));
+  PetscCall(SNESLatinResetState_Private(snes));
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode SNESDestroy_Latin(SNES snes)
+{
+  SNES_Latin *data = (SNES_Latin *)snes->data;
+
+  PetscFunctionBegin;
+  PetscCall(SNESReset_Latin(snes));
+  PetscCall(LatinDestroy_Private(&data->latin));
+  PetscCall(SNESDestroy(&data->outer));
+  PetscCall(VecDestroy(&data->reference));
+  PetscCall(LatinEstimateDestroy_Private(&data->estimate));
+  PetscCall(LatinParameterDestroy_Private(&data->parameter));
+  PetscCall(PetscViewerDestroy(&data->monitor));
+  PetscCall(PetscFree4(data->indicator, data->error_l2, data->error_energy, data->estimates));
+  PetscCall(PetscObjectComposeFunction((PetscObject)snes, "LatinRigidTensions_C", NULL));
+  PetscCall(PetscFree(snes->data));
+  PetscFunctionReturn(0);
+}
+
+/*MC
+  SNESLATIN - the scalable multiscale LATIN domain decomposition method for structures of links, of which some are
+  unilateral (cables that slacken, contacts that open)
+
+  Options Database Keys:
++ -snes_latin_variant <corner>                  - coarse treatment of weak interfaces: none, macro, corner, published
+. -snes_latin_subdomains <0>                    - number of subdomains, 0: automatic
+. -snes_latin_modes <affine>                    - macro fields of strong interfaces: affine, rigid
+. -snes_latin_modes_local                       - local low-energy fields of low-energy subdomains, eigenvalues below this
+. -snes_latin_direction <schur>                 - micro search direction: scalar, diagonal, block, schur, auto
+. -snes_latin_stop <indicator>                  - what must become small: indicator, residual, reference, error, energy
+. -snes_latin_error <0.0001>                    - estimated error to stop at
+. -snes_latin_warm_start <none>                 - from the solution vector, or from the last solves: none, last, extrapolate
+. -snes_latin_newton <auto>                     - Newton's method: where the iteration stalls (auto), always, never
+. -snes_latin_monitor                           - prints the indicator of each iteration
+. -snes_latin_outer_snes_type <anderson>        - acceleration, or nrichardson, the plain iteration
+. -snes_latin_newton_                           - prefix of the SNES of Newton's method
+. -snes_latin_local_                            - prefix of the KSP of the subdomains
+. -snes_latin_coarse_                           - prefix of the KSP of the coarse problem
+. -snes_stol <1e-05>                            - tolerance of the indicator
+- -snes_max_it <1000>                           - most linear stages
+
+  Level: beginner
+
+  Notes:
+  The structure comes from `LatinStructureAttachSNES()`. The iteration number counts linear stages.
+
+  A solution vector that is not zero is the initial guess, unless the solve starts warm: links bear what their laws make of
+  it (rigid ones nothing), interfaces what the subdomains then leave without balance. A zero one is the prestressed
+  configuration.
+
+  `SNESGetFunctionNorm()` and `-snes_monitor` give the norm of the function, the nodal unbalance. It is computed during the
+  iteration only where there is a monitor, a history or a test of the user's; so is the current solution. The indicator has
+  a monitor of its own. A test given to `SNESSetConvergenceTest()` decides in the place of the stop.
+
+.seealso: `LatinStructureCreate()`, `LatinStructureAttachSNES()`, `PCLATIN`
+M*/
+PETSC_EXTERN PetscErrorCode SNESCreate_Latin(SNES snes)
+{
+  SNES_Latin *data;
+
+  PetscFunctionBegin;
+  PetscCall(PetscNew(&data));
+  snes->data                = (void *)data;
+  snes->ops->setup          = SNESSetUp_Latin_Watched;
+  snes->ops->solve          = SNESSolve_Latin_Watched;
+  snes->ops->reset          = SNESReset_Latin;
+  snes->ops->destroy        = SNESDestroy_Latin;
+  snes->ops->setfromoptions = SNESSetFromOptions_Latin;
+  snes->ops->view           = SNESView_Latin;
+  snes->usesksp             = PETSC_FALSE;
+  snes->usesnpc             = PETSC_FALSE;
+
+  data->target = 1e-4;
+
+  PetscObjectParameterSetDefault(snes, max_its, 1000);
+  PetscObjectParameterSetDefault(snes, stol, 1e-5);
+  data->parameter.factor = 1.0;
+  PetscCall(LatinCreate_Private(PetscObjectComm((PetscObject)snes), &data->latin));
+  PetscCall(PetscObjectComposeFunction((PetscObject)snes, "LatinRigidTensions_C", SNESLatinRigidTensions_Private));
+  PetscFunctionReturn(0);
+}

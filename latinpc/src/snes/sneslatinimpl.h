@@ -1,0 +1,149 @@
+/*
+   SNES latin: the solver around the fixed-point map of core/latin.c. What ends its iteration, and what takes over from it.
+*/
+#ifndef SNESLATINIMPL_H
+#define SNESLATINIMPL_H
+
+#include "error/latinerror.h"
+#include <petsc/private/snesimpl.h>
+
+/* ---- what happens next in a solve (snes/convergence.c, snes/sneslatin.c) ---- */
+typedef enum {
+  LATIN_NEXT_CONTINUE,
+  LATIN_NEXT_CONVERGED,           /* what the stop is on is small enough, or nothing changes any more */
+  LATIN_NEXT_CONVERGED_FNORM,     /* the unbalance is, relative to the first one */
+  LATIN_NEXT_CONVERGED_FNORM_ABS, /* the unbalance is */
+  LATIN_NEXT_NEWTON_FINISH,       /* Newton's method, from near the solution */
+  LATIN_NEXT_NEWTON_STALL,        /* Newton's method, since the iteration stalls */
+  LATIN_NEXT_RESCALE,             /* the iteration, with other search parameters: the state is written anew */
+  LATIN_NEXT_REBUILD,             /* the same: all is built again */
+  LATIN_NEXT_ROUNDING,            /* end: rounding hides the way to what was asked for */
+  LATIN_NEXT_DIVERGED,            /* end: without an equilibrium, or away from it */
+  LATIN_NEXT_LINE_SEARCH,         /* end: the search of Newton's method stands still */
+  LATIN_NEXT_MAX_IT,              /* end: too many linear stages */
+  LATIN_NEXT_FAILED,              /* end: a local or coarse solver failed */
+  LATIN_NEXT_NOT_FINITE,          /* end: numbers are not finite */
+  LATIN_NEXT_GIVEN                /* end: for the reason of the user's test, or of the inner SNES */
+} LatinNext;
+
+static inline PetscBool LatinNextConverged(LatinNext next)
+{
+  return (PetscBool)(next >= LATIN_NEXT_CONVERGED && next <= LATIN_NEXT_CONVERGED_FNORM_ABS);
+}
+
+/* ---- Newton's method after the iteration (snes/newton.c) ---- */
+typedef struct {
+  LatinNewtonType type;
+  /* when it takes over in this solve */
+  PetscBool finish, stall; /* near the solution; where the iteration stalls */
+  PetscBool contrast;      /* stiffnesses too different for convergence of the iteration to be trusted */
+  PetscInt  seen;          /* linear stages of this solve */
+  PetscReal least[3];      /* least measure of this window of stages and of the last two */
+  /* the method */
+  SNES           snes;             /* NULL before the first time */
+  PetscBool      tangent;          /* its preconditioner is built from the tangent stiffness, not that of the iteration */
+  LatinStructure structure;        /* borrowed */
+  Vec            reference;        /* borrowed: stop on the error against it, or NULL */
+  PetscReal      target, residual; /* relative error of the displacements, norm of the residual to stop at */
+  PetscReal      rtol;             /* of a linear solve while links change */
+  PetscReal      floor;            /* least tangent stiffness of a link */
+  PetscReal      error;            /* estimated or measured error of the last step */
+  PetscBool      linear;           /* no link can become slack */
+  PetscInt       changes;          /* links that the last step has changed */
+  PetscInt       steps, stages;    /* of this solve: Newton steps, linear stages */
+  PetscInt       still;            /* steps in a row whose search has stood still */
+} LatinNewton;
+PETSC_INTERN PetscErrorCode LatinNewtonStart_Private(LatinNewton *, LatinStructure);
+PETSC_INTERN PetscBool      LatinNewtonStalled(LatinNewton *, PetscReal measure, PetscReal target);
+PETSC_INTERN PetscErrorCode LatinNewtonCreate_Private(SNES, Latin, PetscBool tangent, LatinNewton *);
+PETSC_INTERN PetscErrorCode LatinNewtonSolve_Private(SNES, Latin, LatinNewton *, Vec u, SNESConvergedReason *);
+PETSC_INTERN PetscErrorCode PCLatinShare_Private(PC, Latin);
+PETSC_INTERN PetscErrorCode PCLatinFollow_Private(PC, Latin);
+
+/* ---- the search parameter of rigid links where the iteration stalls (snes/searchparameter.c) ---- */
+#define LATIN_PARAMETER_PAST 4 /* windows of linear stages that show a stall */
+typedef struct {
+  PetscBool  rescales;                        /* no link has a stiffness of its own */
+  PetscBool  rebuilds;                        /* links beside rigid ones do: these are to have the stiffness that those show */
+  PetscInt   rebuilt;                         /* times that all was built again in this solve */
+  PetscInt   seen, window;                    /* linear stages with this parameter; from one look to the next */
+  PetscReal  least[LATIN_PARAMETER_PAST + 1]; /* least measure of this window and of the last ones */
+  PetscReal  sum[2];                          /* squares of the changes of tensions and elongations in this window, here */
+  PetscReal *tension, *stretch;               /* [size] of the last local stage: tau_hat, l e_hat */
+  PetscInt   size;
+  PetscReal  factor; /* of the parameter wanted next, 1: it stays */
+} LatinParameter;
+PETSC_INTERN PetscErrorCode LatinParameterStart_Private(Latin, PetscBool warm, LatinParameter *);
+PETSC_INTERN PetscErrorCode LatinParameterObserve_Private(Latin, Vec z, Vec Gz, LatinParameter *);
+PETSC_INTERN PetscErrorCode LatinParameterDue_Private(Latin, PetscReal measure, PetscBool diverges, LatinParameter *, LatinNext *);
+PETSC_INTERN PetscErrorCode LatinParameterTune_Private(Latin, PetscReal factor);
+PETSC_INTERN PetscErrorCode LatinParameterRescale_Private(Latin, Vec z, Vec F, LatinParameter *);
+PETSC_INTERN PetscErrorCode LatinParameterDestroy_Private(LatinParameter *);
+
+/* ---- SNES latin ---- */
+typedef struct {
+  Latin             latin;
+  SNES              outer;          /* solves z - G(z) = 0 */
+  char              outer_type[64]; /* the type that has our defaults */
+  PetscBool         outer_rigid;    /* those for structures with rigid laws */
+  Vec               z;
+  LatinStopType     stop;
+  PetscReal         target; /* estimated error to stop at */
+  LatinEstimate     estimate;
+  PetscBool         guess; /* this solve starts from the displacements in the solution vector */
+  LatinWarmStart    warm;
+  PetscBool         has_state; /* the last solve has converged */
+  Vec               z_before;  /* where the solve before the last one ended, NULL or not yet filled */
+  PetscBool         has_before;
+  Vec               reference; /* displacements to compare with, or NULL */
+  PetscReal        *reference_copy;
+  PetscInt          history_size, done;
+  PetscReal        *indicator, *error_l2, *error_energy, *estimates; /* [history_size] per linear stage; [done] filled */
+  PetscReal         first_distance, first_residual, residual;
+  PetscInt          tested;  /* linear stages that the convergence test has seen */
+  PetscInt          current; /* those after which the solution vector and its residual were computed, -1: never */
+  LatinNext         next;
+  LatinNewton       newton;
+  PetscBool         finished; /* Newton's method has ended the solve */
+  LatinEquilibrium  found;    /* the last verdict on the displacements */
+  LatinParameter    parameter;
+  PetscViewer       monitor;
+  PetscViewerFormat monitor_format;
+} SNES_Latin;
+/* Does the stop need an estimate of the error? */
+static inline PetscBool SNESLatinEstimates(const SNES_Latin *data)
+{
+  return (PetscBool)(data->stop == LATIN_STOP_ERROR || data->stop == LATIN_STOP_ENERGY);
+}
+/* snes/fixedpoint.c */
+PETSC_INTERN PetscErrorCode SNESLatinCreateOuter_Private(SNES);
+PETSC_INTERN PetscErrorCode SNESLatinOuterOptions_Private(SNES);
+PETSC_INTERN PetscErrorCode SNESLatinOuterSetUp_Private(SNES);
+PETSC_INTERN PetscErrorCode SNESLatinOuterReset_Private(SNES);
+PETSC_INTERN PetscErrorCode SNESLatinFixedPoint_Private(SNES outer, Vec z, Vec F, void *);
+PETSC_INTERN PetscErrorCode SNESLatinStart_Private(SNES);
+/* snes/convergence.c */
+PETSC_INTERN SNESConvergedReason SNESLatinReason(LatinNext);
+PETSC_INTERN PetscErrorCode      SNESLatinResidual_Private(SNES);
+PETSC_INTERN PetscErrorCode      SNESLatinFirst_Private(SNES);
+PETSC_INTERN PetscErrorCode      SNESLatinWatch_Private(SNES, PetscInt it);
+PETSC_INTERN PetscErrorCode      SNESLatinConverged_Private(SNES outer, PetscInt it, PetscReal xnorm, PetscReal snorm, PetscReal fnorm, SNESConvergedReason *, void *);
+/* snes/options.c */
+PETSC_INTERN PetscErrorCode SNESLatinPrefix_Private(SNES);
+PETSC_INTERN PetscErrorCode SNESLatinCheck_Private(SNES);
+PETSC_INTERN PetscErrorCode SNESSetFromOptions_Latin(SNES, LatinOptionItems);
+/* snes/results.c */
+PETSC_INTERN PetscErrorCode SNESLatinRigidTensions_Private(SNES, const PetscReal *rigid[]);
+PETSC_INTERN PetscErrorCode SNESView_Latin(SNES, PetscViewer);
+
+/* ---- TS latin (ts/tslatin.c), for the states of state/ as well ---- */
+typedef struct {
+  LatinStructure    step;    /* borrowed: the structure as a time step sees it */
+  Vec               w;       /* h v+ */
+  PetscBool         started; /* w is that of a step done */
+  PetscInt          iterations;
+  PetscViewer       monitor;
+  PetscViewerFormat monitor_format;
+} TS_Latin;
+
+#endif

@@ -1,0 +1,111 @@
+#include "stages/latinstages.h"
+
+/* The fixed-point map z -> G(z) of section 3.3: a linear stage, then a local stage; and what its displacements are. */
+
+PetscErrorCode LatinCreateState_Private(const LatinLinear *linear, Vec *z)
+{
+  PetscFunctionBegin;
+  PetscCall(VecCreate(PetscObjectComm(linear->sub->object), z));
+  PetscCall(VecSetSizes(*z, linear->inter->sides + linear->sub->nonsmooth, PETSC_DETERMINE));
+  PetscCall(VecSetType(*z, VECSTANDARD));
+  PetscCall(PetscObjectSetName((PetscObject)*z, "LATIN state"));
+  PetscFunctionReturn(0);
+}
+
+/*
+   The state of the prestressed configuration: no interface datum, every nonsmooth link as a taut one, rigid ones without
+   tension, and no displacement but the prescribed ones.
+*/
+PetscErrorCode LatinInitialState_Private(LatinLinear *linear, Vec z)
+{
+  const LatinSubdomains *sub = linear->sub;
+  PetscScalar           *a;
+
+  PetscFunctionBegin;
+  PetscCall(PetscArraycpy(linear->U, sub->prescribed, linear->sub->bs * sub->copies));
+  PetscCall(PetscArrayzero(linear->pull, linear->inter->sides));
+  PetscCall(VecGetArrayWrite(z, &a));
+  for (PetscInt k = 0; k < linear->inter->sides; k++) a[k] = 0.0;
+  for (PetscInt i = 0; i < sub->nonsmooth; i++) {
+    const PetscInt  l   = sub->nonsmooth_link[i];
+    const LatinLaw *law = &LatinLaws[sub->law[l]];
+
+    if (sub->law[l] <= LATIN_LAW_COMPRESSION_ONLY) a[linear->inter->sides + i] = sub->stiffness[l] * sub->e0[l];
+    else a[linear->inter->sides + i] = law->rigid ? 0.0 : law->tension(sub->stiffness[l], sub->e0[l], law->ctx);
+  }
+  if (linear->rigid_tension) PetscCall(PetscArrayzero(linear->rigid_tension, sub->structure->links_local));
+  PetscCall(VecRestoreArrayWrite(z, &a));
+  PetscFunctionReturn(0);
+}
+
+/*
+   Gz = G(z): linear stage, local stage. Leaves the displacements of the subdomains in linear.U, and the indicator. The
+   displacements before only set where the linear stage starts from.
+*/
+PetscErrorCode LatinApply_Private(LatinLinear *linear, Vec z, Vec Gz)
+{
+  const PetscScalar *a;
+  PetscScalar       *b;
+
+  PetscFunctionBegin;
+  linear->failed = PETSC_FALSE;
+  PetscCall(VecGetArrayRead(z, &a));
+  PetscCall(VecGetArrayWrite(Gz, &b));
+  PetscCall(LatinGatherForces_Private(linear, a));
+  PetscCall(LatinLinearApply(linear, linear->U));
+  PetscCall(LatinLocalStage_Private(linear, a, b));
+  PetscCall(VecRestoreArrayRead(z, &a));
+  PetscCall(VecRestoreArrayWrite(Gz, &b));
+  linear->applications++;
+  PetscFunctionReturn(0);
+}
+
+/* One displacement for the copies of a node: their mean */
+PetscErrorCode LatinAverage_Private(LatinLinear *linear, Vec u)
+{
+  const LatinSubdomains *sub = linear->sub;
+  const PetscInt         bs  = sub->bs;
+  PetscReal             *w   = linear->g; /* free as work space between linear stages */
+  PetscScalar           *a;
+
+  PetscFunctionBegin;
+  for (PetscInt i = 0; i < bs * sub->copies; i++) w[i] = linear->U[i] / (linear->sub->scale * sub->multiplicity[i / bs]);
+  PetscCall(VecZeroEntries(u));
+  PetscCall(VecGetArray(u, &a));
+  PetscCall(LatinSFReduce_Private(sub->dof_sf, 1, MPIU_SCALAR, w, a, MPI_SUM));
+  PetscCall(VecRestoreArray(u, &a));
+  PetscFunctionReturn(0);
+}
+
+/* Errors of the displacements of all subdomains against a reference given for the copies; total = |difference|^2, |reference|^2 twice */
+PetscErrorCode LatinErrors_Private(const LatinLinear *linear, const PetscReal reference[], PetscReal *l2, PetscReal *energy)
+{
+  const LatinSubdomains *sub    = linear->sub;
+  const PetscInt         dim    = linear->sub->dim;
+  const PetscReal       *U      = linear->U;
+  PetscReal              sum[4] = {0.0, 0.0, 0.0, 0.0}, total[4];
+
+  PetscFunctionBegin;
+  for (PetscInt i = 0; i < dim * sub->copies; i++) {
+    sum[0] += PetscSqr(U[i] / linear->sub->scale - reference[i]);
+    sum[1] += PetscSqr(reference[i]);
+  }
+  for (PetscInt l = 0; l < sub->links; l++) {
+    const PetscReal r = LatinElongation(sub, dim, l, reference);
+
+    sum[2] += sub->stiffness[l] * PetscSqr(LatinElongation(sub, dim, l, U) / linear->sub->scale - r);
+    sum[3] += sub->stiffness[l] * PetscSqr(r);
+  }
+  PetscCall(MPIU_Allreduce(sum, total, 4, MPIU_REAL, MPIU_SUM, PetscObjectComm(linear->sub->object)));
+  *l2     = PetscSqrtReal(total[1] > 0.0 ? total[0] / total[1] : total[0]);
+  *energy = PetscSqrtReal(total[3] > 0.0 ? total[2] / total[3] : total[2]);
+  PetscFunctionReturn(0);
+}
+
+/* The tensions of the rigid links of the last local stage, to the caller's links. Collective on sub->object */
+PetscErrorCode LatinReturnTensions_Private(LatinLinear *linear)
+{
+  PetscFunctionBegin;
+  if (linear->sub->structure && linear->sub->structure->rigid_law >= 0) PetscCall(LatinSubdomainsReturn_Private(linear->sub, linear->tension, linear->rigid_tension));
+  PetscFunctionReturn(0);
+}

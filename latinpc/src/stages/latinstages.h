@@ -1,0 +1,68 @@
+/*
+   The two stages of an iteration: linear (sections 3.2 and 5) and local (section 3.3), and the fixed-point map z -> G(z)
+   that they make together.
+*/
+#ifndef LATINSTAGES_H
+#define LATINSTAGES_H
+
+#include "coarse/latincoarse.h"
+#include <math.h> /* INFINITY: that of PETSc is a large number */
+
+/* ---- linear stage (stages/linear.c, stages/homogenise.c): operators of the subdomains, and what a stage works on ---- */
+typedef struct {
+  const LatinSubdomains *sub;
+  const LatinInterfaces *inter;
+  const LatinDirections *dir;
+  const LatinMacro      *macro;
+  const LatinBatches    *batches;
+  LatinCoarse           *coarse;
+  LatinLocalSolvers     *solvers;
+  /* the following are stored once for each pattern, and found by subdomain */
+  PetscInt        *rc_first, *rc_last; /* [subdomains] coupling of the other dofs with the primal ones */
+  PetscInt        *rc_row, *rc_col;    /* row from the subdomain's first one, position in its primal list */
+  PetscReal       *rc_value;
+  LatinHomogenised stiffness;
+  size_t          *phi_offset;    /* [subdomains] into Phi */
+  PetscReal       *Phi;           /* displacements for unit coarse displacements, (bs * nodes) x coarse, column-major */
+  PetscReal      **inverse;       /* [batches] displacements for unit forces with the coarse ones held, dense; NULL: from the solver */
+  PetscReal       *g;             /* [copies * bs] forces of a linear stage, work space after it */
+  PetscReal       *U;             /* [copies * bs] displacements, the sum of those of all linear stages */
+  PetscReal       *pull;          /* [sides] forces of the search direction, D times the micro part of U */
+  PetscReal       *load;          /* [copies * bs] F, shared among the copies of a node */
+  PetscReal       *spring;        /* [copies * bs] springs of the search direction, part of K */
+  PetscReal       *lambda;        /* work: macro forces of one subdomain */
+  PetscReal       *tile;          /* work: displacements and forces of LATIN_LANES equal subdomains, see stages/locallinks.c */
+  PetscReal       *work;          /* work: two blocks of vectors on an interface, one for each subdomain that is treated together */
+  PetscReal       *outgoing;      /* [sides] work: the data that the mates receive */
+  PetscReal       *tension;       /* [nonsmooth] tau_hat of the last local stage; NULL if no link is rigid */
+  PetscReal       *rigid_tension; /* [links_local of the structure] tensions of rigid links, of the last LatinReturnTensions_Private(); NULL if there are none */
+  PetscBool        failed;        /* an inner solver failed since this was cleared */
+  PetscInt         applications;  /* linear stages done since the last reset of the counter */
+  /* of the last local stage */
+  PetscReal indicator; /* distance of the two stages, relative */
+  PetscReal distance;  /* the same, not divided: square root of an energy */
+  PetscReal noise;     /* what rounding alone leaves of it */
+} LatinLinear;
+PETSC_INTERN PetscErrorCode LatinLinearSetUp(LatinLinear *);
+PETSC_INTERN PetscErrorCode LatinHomogeniseSetUp(LatinLinear *);
+PETSC_INTERN PetscErrorCode LatinLinearSetLoads(LatinLinear *, Vec load);
+PETSC_INTERN PetscErrorCode LatinLinearApply(LatinLinear *, PetscReal U[]);
+PETSC_INTERN PetscErrorCode LatinLinearReset(LatinLinear *);
+PETSC_INTERN PetscErrorCode LatinInexactSolve_Private(LatinLinear *, PetscInt batch, PetscReal U[]);
+
+/* ---- local stage (stages/local.c, stages/locallinks.c, stages/localcontacts.c) ---- */
+PETSC_INTERN PetscErrorCode LatinGatherForces_Private(LatinLinear *, const PetscReal z[]);
+PETSC_INTERN PetscErrorCode LatinLocalStage_Private(LatinLinear *, const PetscReal z[], PetscReal Gz[]);
+PETSC_INTERN void           LatinLinkStageGeneral(const LatinLinear *, const PetscReal state[], PetscReal next[], PetscReal sum[3]);
+PETSC_INTERN void           LatinSweepForces(const LatinLinear *, const PetscReal z[]);
+PETSC_INTERN void           LatinSweepStage(const LatinLinear *, const PetscReal z[], PetscReal next[], PetscReal sum[3]);
+
+/* ---- fixed-point map (stages/fixedpointmap.c): z = (sides, nonsmooth links); leaves U and the indicator behind ---- */
+PETSC_INTERN PetscErrorCode LatinCreateState_Private(const LatinLinear *, Vec *);
+PETSC_INTERN PetscErrorCode LatinInitialState_Private(LatinLinear *, Vec);
+PETSC_INTERN PetscErrorCode LatinApply_Private(LatinLinear *, Vec z, Vec Gz);
+PETSC_INTERN PetscErrorCode LatinErrors_Private(const LatinLinear *, const PetscReal reference[], PetscReal *l2, PetscReal *energy);
+PETSC_INTERN PetscErrorCode LatinAverage_Private(LatinLinear *, Vec u);
+PETSC_INTERN PetscErrorCode LatinReturnTensions_Private(LatinLinear *);
+
+#endif

@@ -1,0 +1,314 @@
+#include "stages/latinstages.h"
+
+/*
+   Linear stage: the fixed operators K_E = B^t l B + C^t d C of the subdomains (28), with l = k, and one solve of the
+   whole stage (42)-(52) for given forces.
+*/
+
+/*
+   The rows of one batch's matrix. One pass counts, the next fills: rows on free dofs that are not primal, their
+   coupling with the primal dofs, and the primal block, which starts the homogenised stiffness H.
+*/
+static PetscErrorCode LatinLinearRows_Private(LatinLinear *linear, LatinSpringRows *graph, const LatinBatch *batch, PetscInt ci[], PetscInt cj[], PetscReal ca[], PetscInt *couplings)
+{
+  const LatinSubdomains *sub  = linear->sub;
+  const PetscBool        fill = (PetscBool)(cj != NULL);
+  const PetscInt         bs   = linear->sub->bs;
+  PetscInt               nz = 0, rc = *couplings, n = 0;
+
+  PetscFunctionBegin;
+  for (PetscInt p = 0; p < batch->patterns; p++) {
+    const PetscInt s = batch->sub[p], m = linear->coarse->offset[s + 1] - linear->coarse->offset[s], macros = linear->coarse->macro_count[s];
+    const PetscInt top = bs * sub->node_offset[s], shift = batch->row[p] - top;
+    PetscReal     *H = linear->stiffness.H + linear->stiffness.h_offset[s];
+
+    linear->rc_first[s] = rc;
+    for (PetscInt i = sub->node_offset[s]; i < sub->node_offset[s + 1]; i++) {
+      PetscCall(LatinSpringRowsGet_Private(linear->dir, graph, i, linear->spring, &n));
+      for (PetscInt c = 0; c < bs; c++) {
+        const PetscInt row = bs * i + c, primal = linear->inter->primal_index[row];
+
+        ci[row + shift] = nz;
+        if (sub->fixed[row] || primal >= 0) {
+          if (fill) {
+            cj[nz] = row + shift;
+            ca[nz] = 1.0;
+          }
+          nz++;
+          if (sub->fixed[row] || !fill) continue;
+        }
+        for (PetscInt q = 0; q < n; q++)
+          for (PetscInt b = 0; b < bs; b++) {
+            const PetscInt  col   = bs * graph->rows.neighbour[q] + b;
+            const PetscReal value = graph->rows.block[bs * bs * q + c * bs + b];
+
+            if (sub->fixed[col] || (value == 0.0 && row != col)) continue;
+            if (primal >= 0) {
+              if (linear->inter->primal_index[col] >= 0) H[macros + primal + m * (macros + linear->inter->primal_index[col])] += value;
+            } else if (linear->inter->primal_index[col] >= 0) {
+              if (fill) {
+                linear->rc_row[rc]   = row - top;
+                linear->rc_col[rc]   = linear->inter->primal_index[col];
+                linear->rc_value[rc] = value;
+              }
+              rc++;
+            } else {
+              if (fill) {
+                cj[nz] = col + shift;
+                ca[nz] = value;
+              }
+              nz++;
+            }
+          }
+      }
+    }
+    linear->rc_last[s] = rc;
+  }
+  ci[batch->row[batch->patterns]] = nz;
+  *couplings                      = rc;
+  PetscFunctionReturn(0);
+}
+
+/* Room for H and Phi: once for each pattern */
+static PetscErrorCode LatinLinearOffsets_Private(LatinLinear *linear)
+{
+  const LatinSubdomains *sub = linear->sub;
+  size_t                 h = 0, phi = 0;
+
+  PetscFunctionBegin;
+  linear->stiffness.pattern = linear->batches->pattern;
+  PetscCall(PetscMalloc4(sub->n, &linear->rc_first, sub->n, &linear->rc_last, sub->n, &linear->stiffness.h_offset, sub->n, &linear->phi_offset));
+  for (PetscInt s = 0; s < sub->n; s++) {
+    const size_t   m = (size_t)(linear->coarse->offset[s + 1] - linear->coarse->offset[s]), rows = (size_t)(linear->sub->bs * (sub->node_offset[s + 1] - sub->node_offset[s]));
+    const PetscInt r = linear->batches->pattern[s];
+
+    linear->stiffness.h_offset[s] = r == s ? h : linear->stiffness.h_offset[r];
+    linear->phi_offset[s]         = r == s ? phi : linear->phi_offset[r];
+    if (r != s) continue;
+    h += m * m;
+    phi += m * rows;
+  }
+  PetscCall(PetscCalloc1(h, &linear->stiffness.H));
+  PetscCall(PetscMalloc1(phi, &linear->Phi));
+  PetscFunctionReturn(0);
+}
+
+/* Work space for equal subdomains that are treated together */
+static PetscErrorCode LatinLinearWork_Private(LatinLinear *linear)
+{
+  const LatinInterfaces *inter = linear->inter;
+  PetscInt               tile = 0, sides = 0;
+
+  PetscFunctionBegin;
+  for (PetscInt b = 0; b < linear->batches->n; b++) {
+    const LatinBatch *batch = &linear->batches->batch[b];
+
+    if (batch->members >= LATIN_LANES) tile = PetscMax(tile, batch->row[1]);
+    for (PetscInt p = 0; p < batch->patterns; p++)
+      for (PetscInt f = inter->offset[batch->sub[p]]; f < inter->offset[batch->sub[p] + 1]; f++) sides = PetscMax(sides, PetscMin(batch->members, LATIN_BATCH_COLUMNS) * (inter->interface[f].side_last - inter->interface[f].side_first));
+  }
+  PetscCall(PetscMalloc1(2 * LATIN_LANES * tile, &linear->tile));
+  PetscCall(PetscMalloc1(2 * sides, &linear->work));
+  PetscFunctionReturn(0);
+}
+
+/* The operators of the subdomains, the batches and shared bases of which are there, and their solvers: solvers->status says how that ended */
+PetscErrorCode LatinLinearSetUp(LatinLinear *linear)
+{
+  const LatinSubdomains *sub     = linear->sub;
+  const LatinBatches    *batches = linear->batches;
+  LatinLocalSolvers     *solvers = linear->solvers;
+  const PetscInt         n = sub->bs * sub->copies, sides = linear->inter->sides;
+  PetscInt               couplings = 0;
+  LatinSpringRows        graph;
+
+  PetscFunctionBegin;
+  PetscCall(PetscLogEventBegin(LATIN_Linear, sub->object, 0, 0, 0));
+  PetscCall(LatinLinearOffsets_Private(linear));
+  PetscCall(PetscMalloc6(n, &linear->g, n, &linear->U, sides, &linear->pull, n, &linear->load, linear->coarse->widest, &linear->lambda, n, &linear->spring));
+  PetscCall(PetscMalloc1(sides, &linear->outgoing));
+  if (sub->structure && sub->structure->rigid_law >= 0 && !sub->tangent) {
+    PetscCall(PetscCalloc1(sub->nonsmooth, &linear->tension));
+    PetscCall(PetscCalloc1(sub->structure->links_local, &linear->rigid_tension));
+  }
+  PetscCall(LatinLinearWork_Private(linear));
+  PetscCall(LatinDirectionSprings_Private(linear->dir, linear->spring));
+  PetscCall(LatinSpringRowsCreate_Private(linear->dir, &graph));
+  PetscCall(LatinLocalSolversCreate(sub, batches, solvers));
+  for (PetscInt b = 0; b < batches->n; b++) {
+    const LatinBatch *batch = &batches->batch[b];
+
+    PetscCall(PetscMalloc1(batch->row[batch->patterns] + 1, &solvers->ci[b]));
+    PetscCall(LatinLinearRows_Private(linear, &graph, batch, solvers->ci[b], NULL, NULL, &couplings));
+    PetscCall(PetscMalloc1(solvers->ci[b][batch->row[batch->patterns]], &solvers->cj[b]));
+    PetscCall(PetscMalloc1(solvers->ci[b][batch->row[batch->patterns]], &solvers->ca[b]));
+  }
+  PetscCall(PetscMalloc3(couplings, &linear->rc_row, couplings, &linear->rc_col, couplings, &linear->rc_value));
+  couplings = 0;
+  for (PetscInt b = 0; b < batches->n; b++) PetscCall(LatinLinearRows_Private(linear, &graph, &batches->batch[b], solvers->ci[b], solvers->cj[b], solvers->ca[b], &couplings));
+  PetscCall(LatinSpringRowsDestroy_Private(&graph));
+  for (PetscInt s = 0; s < sub->n; s++) {
+    linear->rc_first[s] = linear->rc_first[batches->pattern[s]];
+    linear->rc_last[s]  = linear->rc_last[batches->pattern[s]];
+  }
+  PetscCall(LatinLocalSolversSetUp(solvers, "local", linear->inter->primal_index));
+  PetscCall(PetscLogEventEnd(LATIN_Linear, sub->object, 0, 0, 0));
+  PetscFunctionReturn(0);
+}
+
+/* The loads, shared among the copies of a node */
+PetscErrorCode LatinLinearSetLoads(LatinLinear *linear, Vec load)
+{
+  const LatinSubdomains *sub = linear->sub;
+  const PetscInt         bs  = linear->sub->bs;
+
+  PetscFunctionBegin;
+  PetscCall(PetscArrayzero(linear->load, bs * sub->copies));
+  PetscCall(LatinDistribute_Private(linear->sub, load, linear->load));
+  for (PetscInt i = 0; i < bs * sub->copies; i++) linear->load[i] /= sub->multiplicity[i / bs];
+  PetscFunctionReturn(0);
+}
+
+/* Forces on the coarse dofs of the subdomains of a batch: q = Phi^t g */
+static PetscErrorCode LatinLinearCondense_Private(LatinLinear *linear, const LatinBatch *batch)
+{
+  const LatinSubdomains *sub    = linear->sub;
+  LatinCoarse           *coarse = linear->coarse;
+  const PetscScalar      one = 1.0, zero = 0.0;
+  PetscBLASInt           rows, cols, run, inc = 1;
+
+  PetscFunctionBegin;
+  for (PetscInt m = 0; m < batch->patterns * batch->members; m += (PetscInt)run) {
+    const PetscInt   s   = batch->sub[m];
+    const PetscReal *Phi = linear->Phi + linear->phi_offset[s], *g = linear->g + sub->bs * sub->node_offset[s];
+    PetscReal       *q = coarse->q + coarse->offset[s];
+
+    PetscCall(PetscBLASIntCast(LatinBatchRun(batch, m), &run));
+    PetscCall(PetscBLASIntCast(sub->bs * (sub->node_offset[s + 1] - sub->node_offset[s]), &rows));
+    PetscCall(PetscBLASIntCast(coarse->offset[s + 1] - coarse->offset[s], &cols));
+    if (!cols) continue;
+    if (run == 1) PetscCallBLAS("BLASgemv", BLASgemv_("T", &rows, &cols, &one, Phi, &rows, g, &inc, &zero, q, &inc));
+    else PetscCallBLAS("BLASgemm", BLASgemm_("T", "N", &cols, &run, &rows, &one, Phi, &rows, g, &rows, &zero, q, &cols));
+  }
+  PetscFunctionReturn(0);
+}
+
+/* Adds to the forces of one subdomain what its coarse displacements cause: macro forces lambda, and primal displacements */
+static PetscErrorCode LatinLinearRelocalise_Private(LatinLinear *linear, PetscInt s)
+{
+  const LatinSubdomains *sub    = linear->sub;
+  const LatinInterfaces *inter  = linear->inter;
+  LatinCoarse           *coarse = linear->coarse;
+  const PetscReal       *u = coarse->u + coarse->offset[s], *q = coarse->q + coarse->offset[s], *uc = u + coarse->macro_count[s];
+  PetscReal             *g = linear->g + linear->sub->bs * sub->node_offset[s], *lambda = linear->lambda;
+  const PetscScalar      one = 1.0, zero = 0.0;
+  const PetscBLASInt     inc = 1;
+  PetscBLASInt           macros, cols;
+
+  PetscFunctionBegin;
+  PetscCall(PetscBLASIntCast(coarse->macro_count[s], &macros));
+  PetscCall(PetscBLASIntCast(coarse->offset[s + 1] - coarse->offset[s], &cols));
+  if (macros) {
+    /* the first rows of H are (T^-1 - 1, -T^-1 N) */
+    PetscCallBLAS("BLASgemv", BLASgemv_("N", &macros, &cols, &one, linear->stiffness.H + linear->stiffness.h_offset[s], &cols, u, &inc, &zero, lambda, &inc));
+    for (PetscInt i = 0; i < macros; i++) lambda[i] += u[i] - q[i];
+    for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++) {
+      const LatinInterface *face = &inter->interface[f];
+      const PetscReal      *lf   = lambda + linear->macro->of[f].at;
+
+      for (PetscInt k = face->side_first; k < face->side_last; k++) {
+        const PetscReal *row   = LatinMacroDualRow(linear->macro, f, k);
+        PetscReal        force = 0.0;
+
+        for (PetscInt j = 0; j < linear->macro->of[f].modes; j++) force += row[j] * lf[j];
+        linear->g[inter->side_dof[k]] += force;
+      }
+    }
+  }
+  for (PetscInt p = linear->rc_first[s]; p < linear->rc_last[s]; p++) g[linear->rc_row[p]] -= linear->rc_value[p] * uc[linear->rc_col[p]];
+  for (PetscInt p = linear->inter->primal_offset[s]; p < linear->inter->primal_offset[s + 1]; p++) linear->g[linear->inter->primal_dof[p]] = uc[p - linear->inter->primal_offset[s]];
+  PetscFunctionReturn(0);
+}
+
+/* Relocalisation and local solves in one, with a dense inverse: U += inverse g + Phi u */
+static PetscErrorCode LatinLinearDense_Private(LatinLinear *linear, const LatinBatch *batch, const PetscReal inverse[], PetscReal U[])
+{
+  const LatinSubdomains *sub    = linear->sub;
+  LatinCoarse           *coarse = linear->coarse;
+  const PetscScalar      one    = 1.0;
+  PetscBLASInt           rows, cols, run;
+
+  PetscFunctionBegin;
+  for (PetscInt m = 0; m < batch->members; m += (PetscInt)run) {
+    const PetscInt s = batch->sub[m], first = sub->bs * sub->node_offset[s];
+
+    PetscCall(PetscBLASIntCast(LatinBatchRun(batch, m), &run));
+    PetscCall(PetscBLASIntCast(batch->row[1], &rows));
+    PetscCall(PetscBLASIntCast(coarse->offset[s + 1] - coarse->offset[s], &cols));
+    PetscCallBLAS("BLASgemm", BLASgemm_("N", "N", &rows, &run, &rows, &one, inverse, &rows, linear->g + first, &rows, &one, U + first, &rows));
+    if (cols) PetscCallBLAS("BLASgemm", BLASgemm_("N", "N", &rows, &run, &cols, &one, linear->Phi + linear->phi_offset[s], &rows, coarse->u + coarse->offset[s], &cols, &one, U + first, &rows));
+  }
+  PetscFunctionReturn(0);
+}
+
+/* The same by the solver of the batch, in place of the forces */
+static PetscErrorCode LatinLinearSolve_Private(LatinLinear *linear, PetscInt which, PetscReal U[])
+{
+  const LatinSubdomains *sub   = linear->sub;
+  const LatinBatch      *batch = &linear->batches->batch[which];
+  const PetscInt         n     = batch->patterns * batch->members;
+
+  PetscFunctionBegin;
+  for (PetscInt m = 0; m < n; m++) {
+    PetscCall(LatinLinearRelocalise_Private(linear, batch->sub[m]));
+    /* identity rows: prescribed and primal displacements pass through */
+    for (PetscInt i = sub->bs * sub->node_offset[batch->sub[m]]; i < sub->bs * sub->node_offset[batch->sub[m] + 1]; i++)
+      if (sub->fixed[i]) linear->g[i] = 0.0;
+  }
+  PetscCall(LatinLocalSolve_Private(linear->solvers, which, linear->g, linear->g));
+  for (PetscInt m = 0; m < n; m++)
+    for (PetscInt i = sub->bs * sub->node_offset[batch->sub[m]]; i < sub->bs * sub->node_offset[batch->sub[m] + 1]; i++) U[i] += linear->g[i];
+  PetscFunctionReturn(0);
+}
+
+/*
+   The linear stage for the forces g, which it overwrites: adds to U the displacements of all copies, zero where they are
+   prescribed; coarse.u are the coarse displacements. In order: condensed forces, coarse problem (52), relocalisation
+   (42) with the macro forces lambda on the strong interfaces.
+*/
+PetscErrorCode LatinLinearApply(LatinLinear *linear, PetscReal U[])
+{
+  PetscFunctionBegin;
+  linear->solvers->failed = linear->coarse->failed = PETSC_FALSE;
+  PetscCall(PetscLogEventBegin(LATIN_Condense, linear->sub->object, 0, 0, 0));
+  for (PetscInt b = 0; b < linear->batches->n; b++) PetscCall(LatinLinearCondense_Private(linear, &linear->batches->batch[b]));
+  PetscCall(PetscLogEventEnd(LATIN_Condense, linear->sub->object, 0, 0, 0));
+  PetscCall(LatinCoarseSolve(linear->coarse));
+  PetscCall(PetscLogEventBegin(LATIN_Linear, linear->sub->object, 0, 0, 0));
+  for (PetscInt b = 0; b < linear->batches->n; b++) {
+    if (!linear->solvers->direct) PetscCall(LatinInexactSolve_Private(linear, b, U));
+    else if (linear->inverse[b]) PetscCall(LatinLinearDense_Private(linear, &linear->batches->batch[b], linear->inverse[b], U));
+    else PetscCall(LatinLinearSolve_Private(linear, b, U));
+  }
+  PetscCall(PetscLogEventEnd(LATIN_Linear, linear->sub->object, 0, 0, 0));
+  if (linear->solvers->failed || linear->coarse->failed) linear->failed = PETSC_TRUE;
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode LatinLinearReset(LatinLinear *linear)
+{
+  PetscFunctionBegin;
+  for (PetscInt b = 0; b < linear->batches->n && linear->inverse; b++) PetscCall(PetscFree(linear->inverse[b]));
+  PetscCall(PetscFree(linear->inverse));
+  PetscCall(PetscFree3(linear->rc_row, linear->rc_col, linear->rc_value));
+  PetscCall(PetscFree4(linear->rc_first, linear->rc_last, linear->stiffness.h_offset, linear->phi_offset));
+  PetscCall(PetscFree(linear->stiffness.H));
+  PetscCall(PetscFree(linear->Phi));
+  PetscCall(PetscFree(linear->tile));
+  PetscCall(PetscFree(linear->work));
+  PetscCall(PetscFree(linear->outgoing));
+  PetscCall(PetscFree(linear->tension));
+  PetscCall(PetscFree(linear->rigid_tension));
+  PetscCall(PetscFree6(linear->g, linear->U, linear->pull, linear->load, linear->lambda, linear->spring));
+  PetscFunctionReturn(0);
+}

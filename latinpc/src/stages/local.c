@@ -1,0 +1,124 @@
+#include "stages/latinstages.h"
+
+/*
+   Local stage of section 3.3, explicit and pointwise, written for the data that the linear stage needs:
+
+   interfaces  the conditions (23) along the ascent direction give each side the datum F_hat + d U_hat equal to
+               d U - F of its mate; with (27), F = z - d U on the micro space, the new datum is 2 d U - z of the mate;
+   links       the law along the ascent direction l = k: y = tau + l e = s + 2 l e decides the new datum
+               s = tau_hat - l e_hat, see structure/laws.c.
+
+   The distance between the two stages measures convergence: on a side z_new - z = 2 d (U_hat - U), on a link
+   s_new - s = -2 l (e_hat - e). The indicator is that distance in the energy of the search directions, relative to
+   the energy of the elongations that carry tension, which neither rigid motions nor slack links blow up.
+*/
+
+#define LATIN_NOISE LatinByPrecision(1e-14, 3e-7) /* relative to the energy of the structure, prestress included: below it all is rounding */
+
+/*
+   The forces D (1 - R R^t D) U of the search direction on one side of an interface and of those equal to it in the n
+   subdomains that follow, `apart` entries further each: from the micro part of the displacements alone. The macro part
+   is taken from this side: it is the coarse displacement but for rounding, which would add up in z without an end.
+*/
+static PetscErrorCode LatinPull_Private(LatinLinear *linear, PetscInt f, PetscInt n, PetscInt apart)
+{
+  const LatinInterface *face = &linear->inter->interface[f];
+  const PetscInt        rows = face->side_last - face->side_first, modes = linear->macro->of[f].modes;
+  const PetscInt       *dof   = linear->inter->side_dof + face->side_first;
+  const PetscReal      *basis = linear->macro->basis + linear->macro->of[f].first, *dual = linear->macro->dual + linear->macro->of[f].first;
+  const PetscScalar     one = 1.0, zero = 0.0, minus = -1.0;
+  PetscReal            *v = linear->work, *w = v + rows * n, *pull = linear->pull + face->side_first;
+
+  PetscFunctionBegin;
+  for (PetscInt k = 0; k < n; k++)
+    for (PetscInt r = 0; r < rows; r++) v[rows * k + r] = linear->U[dof[apart * k + r]];
+  if (modes && n == 1) {
+    for (PetscInt j = 0; j < modes; j++) w[j] = 0.0;
+    for (PetscInt r = 0; r < rows; r++)
+      for (PetscInt j = 0; j < modes; j++) w[j] += dual[modes * r + j] * v[r];
+    for (PetscInt r = 0; r < rows; r++)
+      for (PetscInt j = 0; j < modes; j++) v[r] -= basis[modes * r + j] * w[j];
+  } else if (modes) {
+    PetscBLASInt br, bm, bn;
+
+    PetscCall(PetscBLASIntCast(rows, &br));
+    PetscCall(PetscBLASIntCast(modes, &bm));
+    PetscCall(PetscBLASIntCast(n, &bn));
+    PetscCallBLAS("BLASgemm", BLASgemm_("N", "N", &bm, &bn, &br, &one, dual, &bm, v, &br, &zero, w, &bm));
+    PetscCallBLAS("BLASgemm", BLASgemm_("T", "N", &br, &bn, &bm, &minus, basis, &bm, w, &bm, &one, v, &br));
+  }
+  PetscCall(LatinDirectionApply(linear->dir, f, n, v, rows, pull, apart));
+  PetscFunctionReturn(0);
+}
+
+/*
+   The interfaces of all subdomains here, equal subdomains that follow each other together. Without sum: the forces of
+   the search direction; with sum: adds to it the squares of the distance of z and next.
+*/
+static PetscErrorCode LatinSweepFaces_Private(LatinLinear *linear, const PetscReal z[], const PetscReal next[], PetscReal *sum)
+{
+  const LatinInterfaces *inter = linear->inter;
+
+  PetscFunctionBegin;
+  for (PetscInt b = 0; b < linear->batches->n; b++) {
+    const LatinBatch *batch = &linear->batches->batch[b];
+    PetscInt          n     = 1;
+
+    for (PetscInt m = 0; m < batch->patterns * batch->members; m += n) {
+      const PetscInt first = inter->offset[batch->sub[m]], last = inter->offset[batch->sub[m] + 1];
+      const PetscInt apart = first < last ? inter->interface[last - 1].side_last - inter->interface[first].side_first : 0;
+
+      n = LatinBatchRun(batch, m);
+      for (PetscInt f = first; f < last; f++) {
+        if (sum) PetscCall(LatinDirectionEnergy(linear->dir, f, n, next + inter->interface[f].side_first, z + inter->interface[f].side_first, apart, linear->work, sum));
+        else PetscCall(LatinPull_Private(linear, f, n, apart));
+      }
+    }
+  }
+  PetscFunctionReturn(0);
+}
+
+/*
+   g = F - B^t (s + l e) - G U + C^t (z - D U), G the springs to the ground if there are any: what the displacements of
+   the last linear stage leave unbalanced in the state z, with the tensions and the interface forces of (26) and (27).
+   The linear stage then solves for the change of the displacements, and what it rounds, or leaves to an inexact solver,
+   is small with that change.
+*/
+PetscErrorCode LatinGatherForces_Private(LatinLinear *linear, const PetscReal z[])
+{
+  const LatinInterfaces *inter = linear->inter;
+  PetscReal             *g     = linear->g;
+
+  PetscFunctionBegin;
+  LatinSweepForces(linear, z + inter->sides);
+  for (PetscInt k = 0; k < inter->sides; k++) g[inter->side_dof[k]] += z[k] - linear->pull[k];
+  for (PetscInt i = 0; linear->sub->ground && i < linear->sub->dim * linear->sub->copies; i++) g[i] -= linear->sub->ground[i] * linear->U[i];
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode LatinLocalStage_Private(LatinLinear *linear, const PetscReal z[], PetscReal Gz[])
+{
+  const LatinInterfaces *inter  = linear->inter;
+  PetscReal              sum[4] = {0.0, 0.0, 0.0, 0.0}, total[4];
+
+  PetscFunctionBegin;
+  PetscCall(PetscLogEventBegin(LATIN_Local, linear->sub->object, 0, 0, 0));
+  PetscCall(LatinSweepFaces_Private(linear, z, NULL, NULL));
+  for (PetscInt k = 0; k < inter->sides; k++) linear->outgoing[k] = 2.0 * linear->pull[k] - z[k];
+  PetscCall(PetscSFBcastBegin(inter->mate_sf, MPIU_REAL, linear->outgoing, Gz, MPI_REPLACE));
+  if (linear->sub->structure->general) LatinLinkStageGeneral(linear, z + inter->sides, Gz + inter->sides, sum);
+  else LatinSweepStage(linear, z + inter->sides, Gz + inter->sides, sum);
+  PetscCall(PetscSFBcastEnd(inter->mate_sf, MPIU_REAL, linear->outgoing, Gz, MPI_REPLACE));
+  PetscCall(LatinSweepFaces_Private(linear, z, Gz, &sum[0]));
+  for (PetscInt i = 0; linear->sub->ground && i < linear->sub->dim * linear->sub->copies; i++) sum[1] += linear->sub->ground[i] * linear->U[i] * linear->U[i];
+  sum[3] = linear->failed ? 1.0 : 0.0; /* a local solver that failed on one rank has failed on all */
+  PetscCall(MPIU_Allreduce(sum, total, 4, MPIU_REAL, MPIU_SUM, PetscObjectComm(linear->sub->object)));
+  linear->failed    = (PetscBool)(total[3] > 0.0);
+  linear->noise     = LATIN_NOISE * PetscSqrtReal(PetscMax(total[1], total[2]));
+  linear->distance  = PetscSqrtReal(total[0]);
+  linear->indicator = total[1] > 0.0 ? PetscSqrtReal(total[0] / total[1]) : linear->distance;
+  /* where there is no interface no distance says anything; and beside an energy that overflows any distance would seem small */
+  if (PetscIsInfOrNanReal(total[0]) || PetscIsInfOrNanReal(total[1])) linear->indicator = INFINITY;
+  PetscCall(PetscLogEventEnd(LATIN_Local, linear->sub->object, 0, 0, 0));
+  PetscFunctionReturn(0);
+}

@@ -1,0 +1,118 @@
+#include "structure/structureimpl.h"
+#include <petsc/private/snesimpl.h>
+
+/* Structures and PETSc's solvers: what a SNES calls, and how the structure of a SNES or a DM is found. */
+
+/* The structure behind a DM, which may be NULL: its own DM has a pointer to it, that of a solver owns it */
+PetscErrorCode LatinStructureFromDM_Private(DM dm, LatinStructure *structure)
+{
+  PetscObject found = NULL;
+
+  PetscFunctionBegin;
+  if (dm) PetscCall(PetscObjectQuery((PetscObject)dm, "LatinStructure", &found));
+  if (found && found->classid == PETSC_CONTAINER_CLASSID) PetscCall(PetscContainerGetPointer((PetscContainer)found, (void **)&found));
+  *structure = (LatinStructure)found;
+  PetscFunctionReturn(0);
+}
+
+/* The structure of a SNES: attached, or behind its DM; NULL if there is none */
+PetscErrorCode SNESLatinFindStructure_Private(SNES snes, LatinStructure *structure)
+{
+  PetscFunctionBegin;
+  PetscCall(PetscObjectQuery((PetscObject)snes, "LatinStructure", (PetscObject *)structure));
+  if (!*structure) PetscCall(LatinStructureFromDM_Private(snes->dm, structure));
+  PetscFunctionReturn(0);
+}
+
+/* The tensions of rigid links that a solver of the structure has; an error for a solver that can have none */
+PetscErrorCode LatinSolverRigid_Private(SNES snes, LatinStructure structure, const PetscReal *rigid[])
+{
+  PetscErrorCode (*get)(SNES, const PetscReal *[]) = NULL;
+
+  PetscFunctionBegin;
+  *rigid = NULL;
+  if (structure->rigid_law < 0) PetscFunctionReturn(0);
+  PetscCall(PetscObjectQueryFunction((PetscObject)snes, "LatinRigidTensions_C", &get));
+  if (!get) PetscCall(LatinStructureCheckRigid_Private(structure, ((PetscObject)snes)->type_name ? ((PetscObject)snes)->type_name : "SNES"));
+  PetscCall((*get)(snes, rigid));
+  PetscFunctionReturn(0);
+}
+
+/* The tensions of all links: of elastic ones by their law at u, of rigid ones as the solver has them */
+PetscErrorCode LatinSolverTensions_Private(SNES snes, LatinStructure structure, Vec u, PetscReal tension[])
+{
+  const PetscReal *rigid;
+
+  PetscFunctionBegin;
+  PetscCall(LatinStructureCheckVec_Private(structure, u));
+  PetscCall(LatinSolverRigid_Private(snes, structure, &rigid));
+  LatinWatch(PetscObjectComm((PetscObject)structure), LatinStructureTensions_Private(structure, rigid, u, tension));
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode LatinStructureFunction_SNES(SNES snes, Vec u, Vec r, void *ctx)
+{
+  LatinStructure   structure = (LatinStructure)ctx;
+  const PetscReal *rigid;
+
+  PetscFunctionBegin;
+  PetscCall(LatinStructureCheckVec_Private(structure, u));
+  PetscCall(LatinSolverRigid_Private(snes, structure, &rigid));
+  LatinWatch(PetscObjectComm((PetscObject)structure), LatinStructureResidual_Private(structure, rigid, u, r));
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode LatinStructureJacobian_SNES(SNES snes, Vec u, Mat J, Mat P, void *ctx)
+{
+  (void)snes;
+  PetscFunctionBegin;
+  PetscCall(LatinStructureComputeJacobian((LatinStructure)ctx, u, P));
+  if (J != P) {
+    PetscCall(MatAssemblyBegin(J, MAT_FINAL_ASSEMBLY));
+    PetscCall(MatAssemblyEnd(J, MAT_FINAL_ASSEMBLY));
+  }
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode LatinStructureObjective_SNES(SNES snes, Vec u, PetscReal *energy, void *ctx)
+{
+  (void)snes;
+  return LatinStructureComputeEnergy((LatinStructure)ctx, u, energy);
+}
+
+/*@C
+  LatinStructureAttachSNES - Gives a SNES the DM, the residual, the Jacobian and the energy of a structure.
+
+  Collective on snes; the SNES keeps the structure alive. Another structure in the place of one resets the SNES
+
+  Level: beginner
+
+  Notes:
+  A SNES without a DM of the structure gets one of its own, of the same layout: what is set on it leaves other solvers of
+  the structure alone.
+
+  Any SNES type then solves the same object: `-snes_type latin`, or `-snes_type newtonls` with any `-pc_type`.
+@*/
+PetscErrorCode LatinStructureAttachSNES(LatinStructure structure, SNES snes)
+{
+  LatinStructure before, behind;
+  DM             dm;
+
+  PetscFunctionBegin;
+  PetscCall(LatinStructureCheckSetUp_Private(structure));
+  PetscValidHeaderSpecific(snes, SNES_CLASSID, 2);
+  PetscCall(PetscObjectQuery((PetscObject)snes, "LatinStructure", (PetscObject *)&before));
+  if (before && before != structure) PetscCall(SNESReset(snes)); /* it is set up for another structure */
+  PetscCall(LatinStructureFromDM_Private(snes->dm, &behind));
+  if (behind != structure) {
+    PetscCall(LatinStructureCloneDM_Private(structure, &dm));
+    PetscCall(PetscObjectCompose((PetscObject)dm, "LatinStructure", (PetscObject)structure));
+    PetscCall(SNESSetDM(snes, dm));
+    PetscCall(DMDestroy(&dm));
+  }
+  PetscCall(SNESSetFunction(snes, NULL, LatinStructureFunction_SNES, structure));
+  PetscCall(SNESSetJacobian(snes, NULL, NULL, LatinStructureJacobian_SNES, structure));
+  PetscCall(SNESSetObjective(snes, LatinStructureObjective_SNES, structure));
+  PetscCall(PetscObjectCompose((PetscObject)snes, "LatinStructure", (PetscObject)structure));
+  PetscFunctionReturn(0);
+}

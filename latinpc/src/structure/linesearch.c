@@ -1,0 +1,140 @@
+#include "structure/structureimpl.h"
+
+/* The energy of a structure along a step of Newton's method, from u to u - t step. */
+
+#define LATIN_FAR              1e30 /* a strain beyond every gap */
+#define LATIN_SEARCH_MOST      80   /* trial lengths */
+#define LATIN_SEARCH_TOLERANCE 1e-3 /* slope at the end, relative to the first one */
+
+/* The links along a step: strains x - t d, and t bend of the springs to the ground */
+typedef struct {
+  PetscReal *x, *d;      /* [links_local] */
+  PetscReal  work, bend; /* slope at t = 0 of loads and springs, and how the springs change it */
+} LatinLine;
+
+static PetscErrorCode LatinLineCreate_Private(LatinStructure structure, Vec u, Vec step, Vec more, LatinLine *line)
+{
+  const PetscInt     n = structure->links_local;
+  Vec                ul, sl;
+  const PetscScalar *a, *b;
+  PetscScalar        work, other = 0.0;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMalloc2(n, &line->x, n, &line->d));
+  PetscCall(DMGetLocalVector(structure->dm, &ul));
+  PetscCall(DMGetLocalVector(structure->dm, &sl));
+  PetscCall(LatinStructureGetLocal_Private(structure, u, ul));
+  PetscCall(VecZeroEntries(sl)); /* no change where prescribed */
+  PetscCall(DMGlobalToLocalBegin(structure->dm, step, INSERT_VALUES, sl));
+  PetscCall(DMGlobalToLocalEnd(structure->dm, step, INSERT_VALUES, sl));
+  PetscCall(VecGetArrayRead(ul, &a));
+  PetscCall(VecGetArrayRead(sl, &b));
+  for (PetscInt l = 0; l < n; l++) {
+    line->x[l] = LatinStructureElongation(structure, l, a) + structure->e0[l];
+    line->d[l] = LatinStructureElongation(structure, l, b);
+  }
+  PetscCall(VecRestoreArrayRead(ul, &a));
+  PetscCall(VecRestoreArrayRead(sl, &b));
+  PetscCall(DMRestoreLocalVector(structure->dm, &ul));
+  PetscCall(DMRestoreLocalVector(structure->dm, &sl));
+  PetscCall(VecDot(structure->load, step, &work));
+  if (more) PetscCall(VecDot(more, step, &other));
+  line->bend = 0.0;
+  if (structure->ground) { /* a quadratic energy: g (u - t step)^2 / 2 */
+    PetscScalar held[2];
+    Vec         gu;
+
+    PetscCall(VecDuplicate(u, &gu));
+    PetscCall(VecZeroEntries(gu));
+    PetscCall(LatinStructureAddGround_Private(structure, u, gu));
+    PetscCall(VecDot(gu, step, &held[0]));
+    PetscCall(VecZeroEntries(gu));
+    PetscCall(LatinStructureAddGround_Private(structure, step, gu));
+    PetscCall(VecDot(gu, step, &held[1]));
+    PetscCall(VecDestroy(&gu));
+    other -= held[0];
+    line->bend = PetscRealPart(held[1]);
+  }
+  line->work = PetscRealPart(work + other);
+  PetscFunctionReturn(0);
+}
+
+/* The derivative of the energy with t. Collective on structure */
+static PetscErrorCode LatinLineSlope_Private(LatinStructure structure, const LatinLine *line, PetscReal t, PetscReal *slope)
+{
+  PetscFunctionBegin;
+  *slope = 0.0;
+  for (PetscInt l = 0; l < structure->links_local; l++) *slope -= LatinStructureTension(structure, NULL, l, line->x[l] - t * line->d[l]) * line->d[l];
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, slope, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
+  *slope += line->work + t * line->bend;
+  PetscFunctionReturn(0);
+}
+
+/*
+   The length t in (0, 1] at which the energy along u - t step is least, and 1 when it falls all the way; `more` is a load
+   beside that of the structure, or NULL. The derivative of the energy is monotone and piecewise linear in t, so that a
+   secant that never leaves its bracket ends soon. Collective on structure.
+*/
+PetscErrorCode LatinStructureSearch_Private(LatinStructure structure, Vec u, Vec step, Vec more, PetscReal *length)
+{
+  PetscReal low = 0.0, high = 1.0, slope[2] = {0.0, 0.0}, first, t = 1.0, here;
+  LatinLine line;
+
+  PetscFunctionBegin;
+  PetscCall(LatinLineCreate_Private(structure, u, step, more, &line));
+  PetscCall(LatinLineSlope_Private(structure, &line, 0.0, &first));
+  slope[0] = first;
+  for (PetscInt k = 0; k < LATIN_SEARCH_MOST; k++) {
+    PetscCall(LatinLineSlope_Private(structure, &line, t, &here));
+    if (k == 0 && (here <= 0.0 || first >= 0.0)) break; /* still falling at the end of the step; or it was never falling: rounding */
+    if (PetscAbsReal(here) <= LATIN_SEARCH_TOLERANCE * PetscAbsReal(first)) break;
+    if (here > 0.0) {
+      high     = t;
+      slope[1] = here;
+    } else {
+      low      = t;
+      slope[0] = here;
+    }
+    /* the secant, or the middle every third time, when one end does not move */
+    t = k % 3 == 2 ? 0.5 * (low + high) : low - slope[0] * (high - low) / (slope[1] - slope[0]);
+    if (high - low <= PETSC_MACHINE_EPSILON * high) break;
+  }
+  PetscCall(PetscFree2(line.x, line.d));
+  *length = t;
+  PetscFunctionReturn(0);
+}
+
+/* Twice the energy per square of the length t that u - t step stores for t without end: that of links far out. Collective on structure */
+PetscErrorCode LatinStructureResistFar_Private(LatinStructure structure, Vec step, PetscReal *resisted)
+{
+  Vec                sl;
+  const PetscScalar *b;
+  PetscReal          sum  = 0.0;
+  PetscScalar        held = 0.0;
+
+  PetscFunctionBegin;
+  PetscCall(DMGetLocalVector(structure->dm, &sl));
+  PetscCall(VecZeroEntries(sl)); /* no change where prescribed */
+  PetscCall(DMGlobalToLocalBegin(structure->dm, step, INSERT_VALUES, sl));
+  PetscCall(DMGlobalToLocalEnd(structure->dm, step, INSERT_VALUES, sl));
+  PetscCall(VecGetArrayRead(sl, &b));
+  for (PetscInt l = 0; l < structure->links_local; l++) {
+    const PetscReal d = -LatinStructureElongation(structure, l, b);
+
+    sum += LatinStructureTangent(structure, l, d > 0.0 ? LATIN_FAR : -LATIN_FAR) * d * d;
+  }
+  PetscCall(VecRestoreArrayRead(sl, &b));
+  PetscCall(DMRestoreLocalVector(structure->dm, &sl));
+  PetscCall(MPIU_Allreduce(&sum, resisted, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
+  if (structure->ground) {
+    Vec gu;
+
+    PetscCall(DMGetGlobalVector(structure->dm, &gu));
+    PetscCall(VecZeroEntries(gu));
+    PetscCall(LatinStructureAddGround_Private(structure, step, gu));
+    PetscCall(VecDot(gu, step, &held));
+    PetscCall(DMRestoreGlobalVector(structure->dm, &gu));
+  }
+  *resisted += PetscRealPart(held);
+  PetscFunctionReturn(0);
+}

@@ -1,0 +1,167 @@
+#include "structure/structureimpl.h"
+
+/*
+   What rigid laws ask of a structure. Their stiffness k is no property of theirs but the ascent direction l of the local
+   stage, a search parameter that decides how fast the iteration converges and not to what. The structure has what the
+   caller gave, 0 for none; a solver has the parameters that it works with, chosen here. Their tension is no function of the
+   displacements: a solver has them, the structure has not.
+*/
+
+#define LATIN_RIGID_SMALL 1e-3 /* displacements beside the spacing of the nodes, where there is no gap to compare with */
+#define LATIN_RIGID_RUBS  0.1  /* grains with friction slip by more than their gaps */
+
+/* The parts of a contact with friction follow each other, on one rank, with the same end nodes */
+PetscErrorCode LatinStructureCheckContacts_Private(LatinStructure structure, const PetscInt law[])
+{
+  const PetscInt dim = structure->dim, n = structure->links_local;
+  PetscInt       bad = -1;
+
+  PetscFunctionBegin;
+  for (PetscInt l = 0; l < n && bad < 0;) {
+    const PetscInt parts = law[l] == LATIN_LAW_FRICTION ? dim : 1;
+
+    if (law[l] == LATIN_LAW_TANGENT || l + parts > n) bad = l;
+    for (PetscInt c = 1; c < parts && bad < 0; c++)
+      if (law[l + c] != LATIN_LAW_TANGENT || structure->nodes[2 * (l + c)] != structure->nodes[2 * l] || structure->nodes[2 * (l + c) + 1] != structure->nodes[2 * l + 1]) bad = l;
+    l += parts;
+  }
+  LatinAgree(PetscObjectComm((PetscObject)structure), bad >= 0, PETSC_ERR_ARG_WRONG,
+             "Link %" PetscInt_FMT " is not part of a whole contact with friction: in %" PetscInt_FMT "D that is a link of law friction followed by %" PetscInt_FMT " of law tangent, with the same two nodes in the same order, all on one rank",
+             structure->links_start + bad, dim, dim - 1);
+  PetscFunctionReturn(0);
+}
+
+/* The frame of a contact with friction must be orthonormal, and its coefficient known */
+static PetscErrorCode LatinStructureCheckFrames_Private(LatinStructure structure)
+{
+  const PetscInt dim  = structure->dim;
+  MPI_Comm       comm = PetscObjectComm((PetscObject)structure);
+  PetscInt       skew = -1, without = -1;
+
+  PetscFunctionBegin;
+  for (PetscInt l = 0; l < structure->links_local; l++) {
+    if (structure->law[l] != LATIN_LAW_FRICTION) continue;
+    if (without < 0 && !structure->friction) without = l;
+    for (PetscInt b = 0; b < dim; b++)
+      for (PetscInt c = 0; c < b; c++) {
+        PetscReal dot = 0.0;
+
+        for (PetscInt i = 0; i < dim; i++) dot += structure->direction[dim * (l + b) + i] * structure->direction[dim * (l + c) + i];
+        if (skew < 0 && PetscAbsReal(dot) > PETSC_SQRT_MACHINE_EPSILON) skew = l;
+      }
+  }
+  LatinAgree(comm, skew >= 0, PETSC_ERR_ARG_WRONG, "The directions of the contact with friction that starts at link %" PetscInt_FMT " are not at right angles: give the normal and the tangential ones with LatinStructureSetDirections()",
+             structure->links_start + skew);
+  LatinAgree(comm, without >= 0, PETSC_ERR_ORDER, "Link %" PetscInt_FMT " has friction but no coefficient: call LatinStructureSetFriction() before LatinStructureSetUp()", structure->links_start + without);
+  PetscFunctionReturn(0);
+}
+
+/* One number for all elastic links, for rigid ones that have no elastic neighbour; without any, the mean load of a loaded node over the mean gap. Collective */
+static PetscErrorCode LatinStructureScale_Private(LatinStructure structure)
+{
+  const PetscInt dim    = structure->dim;
+  PetscReal      sum[6] = {0.0, 0.0, 0.0, 0.0, 0.0, 0.0}, box[6], size = 0.0;
+
+  PetscFunctionBegin;
+  for (PetscInt l = 0; l < structure->links_local; l++) {
+    if (LatinStructureTuned(structure, l)) {
+      if (structure->law[l] == LATIN_LAW_TANGENT) continue; /* its normal part has the gap */
+      sum[2] += PetscAbsReal(structure->e0[l]);
+      sum[3] += 1.0;
+    } else {
+      sum[0] += structure->stiffness[l];
+      sum[1] += 1.0;
+    }
+  }
+  for (PetscInt c = 0; c < 6; c++) box[c] = PETSC_MIN_REAL;
+  for (PetscInt i = 0; i < dim * structure->nodes_local; i++) {
+    box[i % dim]     = PetscMax(box[i % dim], structure->x[i]);
+    box[3 + i % dim] = PetscMax(box[3 + i % dim], -structure->x[i]);
+    sum[4] += structure->fixed[i] ? 0.0 : PetscAbsReal(structure->force[i]);
+    sum[5] += structure->fixed[i] || structure->force[i] == 0.0 ? 0.0 : 1.0;
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 6, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, box, 6, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)structure)));
+  for (PetscInt c = 0; c < dim; c++) size = PetscMax(size, box[c] + box[3 + c]);
+  /* without any elastic link and without gaps, tensions do not depend on l: so that displacements are small beside the spacing of the nodes */
+  if (!(sum[2] > 0.0)) {
+    sum[2] = LATIN_RIGID_SMALL * size / PetscPowReal((PetscReal)structure->nodes_global, 1.0 / dim);
+    sum[3] = 1.0;
+  }
+  structure->rigid_scale = sum[1] > 0.0 ? sum[0] / sum[1] : sum[2] > 0.0 && sum[4] > 0.0 ? sum[4] / sum[5] / (sum[2] / sum[3]) : 1.0;
+  if (structure->rubs && !(sum[1] > 0.0)) structure->rigid_scale *= LATIN_RIGID_RUBS;
+  PetscFunctionReturn(0);
+}
+
+/* The springs to the ground of the vertices here, 0 for a vertex that is held */
+static PetscErrorCode LatinStructureVertexGround_Private(LatinStructure structure, PetscReal ground[])
+{
+  Vec                local;
+  const PetscScalar *g;
+
+  PetscFunctionBegin;
+  PetscCall(DMGetLocalVector(structure->dm, &local));
+  PetscCall(VecZeroEntries(local));
+  PetscCall(DMGlobalToLocalBegin(structure->dm, structure->ground, INSERT_VALUES, local));
+  PetscCall(DMGlobalToLocalEnd(structure->dm, structure->ground, INSERT_VALUES, local));
+  PetscCall(VecGetArrayRead(local, &g));
+  for (PetscInt i = 0; i < structure->dim * structure->vertices; i++) ground[i / structure->dim] = PetscMax(ground[i / structure->dim], g[i]);
+  PetscCall(VecRestoreArrayRead(local, &g));
+  PetscCall(DMRestoreLocalVector(structure->dm, &local));
+  PetscFunctionReturn(0);
+}
+
+/*
+   The stiffnesses of the links of this rank, and of rigid ones search parameters. Where the caller gave none: the mean
+   stiffness of the elastic links at the two nodes, and in a time step what the masses of the two nodes oppose to a change
+   of their distance. Rounded to a power of two, so that equal subdomains have equal ones to the bit, on any number of
+   ranks. Collective on structure
+*/
+PetscErrorCode LatinStructureStiffness_Private(LatinStructure structure, PetscReal k[])
+{
+  PetscReal *node, *vertex, *ground;
+
+  PetscFunctionBegin;
+  PetscCall(PetscArraycpy(k, structure->stiffness, structure->links_local));
+  if (structure->rigid_law < 0) PetscFunctionReturn(0);
+  PetscCall(PetscCalloc1(structure->vertices, &ground));
+  if (structure->ground) PetscCall(LatinStructureVertexGround_Private(structure, ground));
+  PetscCall(PetscCalloc2(2 * structure->nodes_local, &node, 2 * structure->vertices, &vertex));
+  for (PetscInt i = 0; i < 2 * structure->links_local; i++) {
+    if (LatinStructureTuned(structure, i / 2)) continue;
+    vertex[2 * structure->ends[i]] += structure->stiffness[i / 2];
+    vertex[2 * structure->ends[i] + 1] += 1.0;
+  }
+  PetscCall(LatinSFReduce_Private(structure->vertex_sf, 2, MPIU_REAL, vertex, node, MPI_SUM));
+  PetscCall(LatinSFBcast_Private(structure->vertex_sf, 2, MPIU_REAL, node, vertex));
+  for (PetscInt l = 0; l < structure->links_local; l++) {
+    const PetscReal *a = vertex + 2 * structure->ends[2 * l], *b = vertex + 2 * structure->ends[2 * l + 1];
+    const PetscReal  ga = ground[structure->ends[2 * l]], gb = ground[structure->ends[2 * l + 1]];
+    const PetscReal  inertia = ga > 0.0 && gb > 0.0 ? ga * gb / (ga + gb) : ga + gb, elastic = a[1] + b[1] > 0.0 ? (a[0] + b[0]) / (a[1] + b[1]) : 0.0;
+
+    if (LatinStructureTuned(structure, l)) k[l] = inertia + elastic > 0.0 ? PetscPowReal(2.0, PetscFloorReal(0.5 + PetscLog2Real(inertia + elastic))) : structure->rigid_scale;
+    /* one search parameter for all parts of a contact */
+    if (structure->law[l] == LATIN_LAW_TANGENT) k[l] = k[l - 1];
+  }
+  PetscCall(PetscFree(ground));
+  PetscCall(PetscFree2(node, vertex));
+  PetscFunctionReturn(0);
+}
+
+/* After the laws, and again when they change. Collective on structure */
+PetscErrorCode LatinStructureSetUpRigid_Private(LatinStructure structure)
+{
+  PetscFunctionBegin;
+  if (structure->rubs) PetscCall(LatinStructureCheckFrames_Private(structure));
+  if (structure->rigid_law >= 0) PetscCall(LatinStructureScale_Private(structure));
+  PetscFunctionReturn(0);
+}
+
+/* Ends in an error where a stiffness is asked for, or tensions of displacements, and there is a rigid law */
+PetscErrorCode LatinStructureCheckRigid_Private(LatinStructure structure, const char what[])
+{
+  PetscFunctionBegin;
+  PetscCheck(structure->rigid_law < 0, PetscObjectComm((PetscObject)structure), PETSC_ERR_SUP, "%s needs laws with a stiffness, and the structure has links of the rigid law %s, which has none: solve it by -snes_type latin, or take %s", what,
+             LatinLaws[structure->rigid_law].name, LatinLaws[structure->rigid_law].cure);
+  PetscFunctionReturn(0);
+}

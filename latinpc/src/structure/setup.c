@@ -1,0 +1,252 @@
+#include "structure/structureimpl.h"
+
+/* The DMPLEX of a structure: its mesh, and once supports are known its section and the numbers of the free degrees of freedom. */
+
+/* Unit vectors of the links, zero for nodes at one place; the coordinates of the end nodes come through the DM's vertices */
+static PetscErrorCode LatinStructureComputeDirections_Private(LatinStructure structure)
+{
+  const PetscInt dim = structure->dim;
+  PetscReal     *vx;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMalloc1(structure->vertices * dim, &vx));
+  PetscCall(LatinSFBcast_Private(structure->vertex_sf, dim, MPIU_REAL, structure->x, vx));
+  for (PetscInt l = 0; l < structure->links_local; l++) {
+    const PetscReal *xa = vx + dim * structure->ends[2 * l], *xb = vx + dim * structure->ends[2 * l + 1];
+    PetscReal        v[3] = {0.0, 0.0, 0.0};
+
+    for (PetscInt c = 0; c < dim; c++) v[c] = xb[c] - xa[c];
+    (void)LatinUnitVector(dim, v, structure->direction + dim * l);
+  }
+  PetscCall(PetscFree(vx));
+  PetscFunctionReturn(0);
+}
+
+/* The DM and where its vertices find their nodes; nodes without link are no vertices */
+static PetscErrorCode LatinStructureCreatePlex_Private(LatinStructure structure)
+{
+  MPI_Comm    comm = PetscObjectComm((PetscObject)structure);
+  PetscBool  *used, whole = PETSC_TRUE;
+  PetscMPIInt size;
+
+  PetscFunctionBegin;
+  PetscCallMPI(MPI_Comm_size(comm, &size));
+  PetscCall(PetscCalloc1(structure->nodes_local, &used));
+  for (PetscInt i = 0; i < 2 * structure->links_local && size == 1; i++) used[structure->nodes[i]] = PETSC_TRUE;
+  for (PetscInt i = 0; i < structure->nodes_local && whole; i++) whole = used[i];
+  PetscCall(PetscFree(used));
+  if (size > 1 || !whole) {
+    PetscCall(DMPlexCreateFromCellListParallelPetsc(comm, 1, structure->links_local, structure->nodes_local, structure->nodes_global, 2, PETSC_FALSE, structure->nodes, structure->dim, structure->x, &structure->vertex_sf, NULL, &structure->dm));
+    PetscFunctionReturn(0);
+  }
+  /* one rank, and every node is a vertex: no search */
+  PetscCall(DMPlexCreateFromCellListPetsc(comm, 1, structure->links_local, structure->nodes_local, 2, PETSC_FALSE, structure->nodes, structure->dim, structure->x, &structure->dm));
+  PetscCall(PetscSFCreate(comm, &structure->vertex_sf));
+  {
+    PetscSFNode *remote;
+
+    PetscCall(PetscMalloc1(structure->nodes_local, &remote));
+    for (PetscInt i = 0; i < structure->nodes_local; i++) {
+      remote[i].rank  = 0;
+      remote[i].index = i;
+    }
+    PetscCall(PetscSFSetGraph(structure->vertex_sf, structure->nodes_local, structure->nodes_local, NULL, PETSC_OWN_POINTER, remote, PETSC_OWN_POINTER));
+  }
+  PetscFunctionReturn(0);
+}
+
+/* The DM of a new structure, whose nodes and links are known. Collective on structure */
+PetscErrorCode LatinStructureCreateMesh_Private(LatinStructure structure)
+{
+  const PetscInt m = structure->links_local;
+  PetscInt       vstart, vend;
+  DM             cdm;
+
+  PetscFunctionBegin;
+  PetscCall(LatinStructureCreatePlex_Private(structure));
+  PetscCall(PetscObjectSetName((PetscObject)structure->dm, "structure"));
+  PetscCall(DMGetCoordinateDM(structure->dm, &cdm));
+  (void)cdm;
+  PetscCall(DMPlexGetDepthStratum(structure->dm, 0, &vstart, &vend));
+  if (!m) vstart = vend = 0;
+  structure->vertices = vend - vstart;
+  PetscCall(PetscMalloc1(2 * m, &structure->ends));
+  for (PetscInt i = 0; i < m; i++) {
+    const PetscInt *cone;
+
+    PetscCall(DMPlexGetCone(structure->dm, i, &cone));
+    structure->ends[2 * i]     = cone[0] - vstart;
+    structure->ends[2 * i + 1] = cone[1] - vstart;
+  }
+  PetscCall(LatinStructureComputeDirections_Private(structure));
+  PetscFunctionReturn(0);
+}
+
+/* Another DM of the same layout: PETSc keeps the callbacks of solvers there. Collective on structure */
+PetscErrorCode LatinStructureCloneDM_Private(LatinStructure structure, DM *dm)
+{
+  PetscSection section;
+
+  PetscFunctionBegin;
+  PetscCall(DMClone(structure->dm, dm));
+  PetscCall(DMGetLocalSection(structure->dm, &section));
+  PetscCall(DMSetLocalSection(*dm, section));
+  PetscCall(DMCreateDS(*dm));
+  PetscFunctionReturn(0);
+}
+
+/* The structure is found by its DM, which does not own it: the structure owns the DM */
+PetscErrorCode LatinStructureComposeDM_Private(LatinStructure structure)
+{
+  PetscContainer container;
+
+  PetscFunctionBegin;
+  PetscCall(PetscContainerCreate(PetscObjectComm((PetscObject)structure), &container));
+  PetscCall(PetscContainerSetPointer(container, structure));
+  PetscCall(PetscObjectCompose((PetscObject)structure->dm, "LatinStructure", (PetscObject)container));
+  PetscCall(PetscContainerDestroy(&container));
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode LatinStructureCreateSection_Private(LatinStructure structure, const PetscBool vfixed[], PetscInt vstart)
+{
+  const PetscInt dim = structure->dim;
+  PetscSection   section;
+
+  PetscFunctionBegin;
+  PetscCall(PetscSectionCreate(PetscObjectComm((PetscObject)structure), &section));
+  PetscCall(PetscSectionSetNumFields(section, 1));
+  PetscCall(PetscSectionSetFieldName(section, 0, "displacement"));
+  PetscCall(PetscSectionSetFieldComponents(section, 0, dim));
+  PetscCall(PetscSectionSetChart(section, 0, vstart + structure->vertices));
+  for (PetscInt v = 0; v < structure->vertices; v++) {
+    PetscInt constrained = 0;
+
+    for (PetscInt c = 0; c < dim; c++) constrained += vfixed[dim * v + c] ? 1 : 0;
+    PetscCall(PetscSectionSetDof(section, vstart + v, dim));
+    PetscCall(PetscSectionSetFieldDof(section, vstart + v, 0, dim));
+    PetscCall(PetscSectionSetConstraintDof(section, vstart + v, constrained));
+    PetscCall(PetscSectionSetFieldConstraintDof(section, vstart + v, 0, constrained));
+  }
+  PetscCall(PetscSectionSetUp(section));
+  for (PetscInt v = 0; v < structure->vertices; v++) {
+    PetscInt list[3], n = 0;
+
+    for (PetscInt c = 0; c < dim; c++)
+      if (vfixed[dim * v + c]) list[n++] = c;
+    PetscCall(PetscSectionSetConstraintIndices(section, vstart + v, list));
+    PetscCall(PetscSectionSetFieldConstraintIndices(section, vstart + v, 0, list));
+  }
+  PetscCall(DMSetLocalSection(structure->dm, section));
+  PetscCall(DMCreateDS(structure->dm)); /* SNES asks for one in later versions of PETSc */
+  PetscCall(PetscSectionDestroy(&section));
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode LatinStructureSetUp_Private(LatinStructure structure)
+{
+  PetscInt     dim, n, vstart, vend, bad = -1;
+  PetscBool   *vfixed;
+  PetscInt    *vdof;
+  PetscSection global;
+
+  PetscFunctionBegin;
+  dim = structure->dim;
+  n   = structure->nodes_local * dim;
+  for (PetscInt l = 0; l < structure->links_local && bad < 0; l++)
+    if (!(structure->stiffness[l] > 0.0) && !LatinLaws[structure->law[l]].rigid) bad = l;
+  LatinAgree(PetscObjectComm((PetscObject)structure), bad >= 0, PETSC_ERR_ORDER, "Link %" PetscInt_FMT " has no stiffness: call LatinStructureSetLaws() before LatinStructureSetUp()", structure->links_start + bad);
+  bad = -1;
+  for (PetscInt l = 0; l < structure->links_local && bad < 0; l++) {
+    PetscReal unit[3];
+
+    if (!LatinUnitVector(dim, structure->direction + dim * l, unit)) bad = l;
+  }
+  LatinAgree(PetscObjectComm((PetscObject)structure), bad >= 0, PETSC_ERR_ARG_WRONG,
+             "Link %" PetscInt_FMT " has no length: its nodes %" PetscInt_FMT " and %" PetscInt_FMT " lie at the same point; merge the nodes, remove the link, or, for a contact, give its direction with LatinStructureSetDirections()",
+             structure->links_start + bad, structure->nodes[2 * bad], structure->nodes[2 * bad + 1]);
+  PetscCall(LatinStructureSetUpRigid_Private(structure));
+  PetscCall(DMPlexGetDepthStratum(structure->dm, 0, &vstart, &vend));
+  if (!structure->vertices) vstart = 0;
+  PetscCall(PetscMalloc2(dim * structure->vertices, &vfixed, dim * structure->vertices, &vdof));
+  PetscCall(PetscMalloc1(dim * structure->vertices, &structure->vertex_prescribed));
+  PetscCall(LatinSFBcast_Private(structure->vertex_sf, dim, LATIN_MPI_BOOL, structure->fixed, vfixed));
+  PetscCall(LatinSFBcast_Private(structure->vertex_sf, dim, MPIU_REAL, structure->prescribed, structure->vertex_prescribed));
+  PetscCall(LatinStructureCreateSection_Private(structure, vfixed, vstart));
+
+  /* numbers of the free degrees of freedom, brought to the caller's nodes; all copies of a vertex agree on them */
+  PetscCall(DMGetGlobalSection(structure->dm, &global));
+  for (PetscInt v = 0; v < structure->vertices; v++) {
+    PetscInt offset, k = 0;
+
+    PetscCall(PetscSectionGetOffset(global, vstart + v, &offset));
+    if (offset < 0) offset = -(offset + 1);
+    for (PetscInt c = 0; c < dim; c++) vdof[dim * v + c] = vfixed[dim * v + c] ? -1 : offset + k++;
+  }
+  PetscCall(PetscMalloc1(n, &structure->global_dof));
+  for (PetscInt i = 0; i < n; i++) structure->global_dof[i] = -1;
+  PetscCall(LatinSFReduce_Private(structure->vertex_sf, dim, MPIU_INT, vdof, structure->global_dof, MPI_REPLACE));
+  PetscCall(PetscFree2(vfixed, vdof));
+  bad = -1;
+  for (PetscInt i = 0; i < n && bad < 0; i++)
+    if (!structure->fixed[i] && structure->global_dof[i] < 0) bad = i;
+  LatinAgree(PetscObjectComm((PetscObject)structure), bad >= 0, PETSC_ERR_ARG_WRONGSTATE, "Node %" PetscInt_FMT " is free in direction %" PetscInt_FMT " but no link reaches it; remove it or prescribe its displacement",
+             structure->nodes_start + bad / dim, bad % dim);
+  PetscCall(DMCreateGlobalVector(structure->dm, &structure->load));
+  PetscCall(LatinStructureLoadVec_Private(structure));
+  PetscCall(LatinStructureComposeDM_Private(structure));
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  LatinStructureSetUp - Prepares the DM of a structure once laws, supports and loads are given.
+
+  Collective on structure
+
+  Level: beginner
+
+  Note:
+  Raises `PETSC_ERR_ARG_WRONGSTATE` for a node with a free displacement that no link reaches, on every rank.
+@*/
+PetscErrorCode LatinStructureSetUp(LatinStructure structure)
+{
+  PetscFunctionBegin;
+  PetscValidHeaderSpecific(structure, LATIN_STRUCTURE_CLASSID, 1);
+  if (structure->set_up) PetscFunctionReturn(0);
+  LatinWatch(PetscObjectComm((PetscObject)structure), LatinStructureSetUp_Private(structure));
+  structure->set_up = PETSC_TRUE;
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  LatinStructureGetDM - The DMPLEX of a structure, whose global vectors hold the free displacement components.
+
+  Not collective; the reference is borrowed
+
+  Level: beginner
+@*/
+PetscErrorCode LatinStructureGetDM(LatinStructure structure, DM *dm)
+{
+  PetscFunctionBegin;
+  PetscValidHeaderSpecific(structure, LATIN_STRUCTURE_CLASSID, 1);
+  *dm = structure->dm;
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  LatinStructureGetSizes - Dimension, numbers of nodes and links over all ranks, and of free degrees of freedom.
+
+  Not collective
+
+  Level: beginner
+@*/
+PetscErrorCode LatinStructureGetSizes(LatinStructure structure, PetscInt *dim, PetscInt *nodes, PetscInt *nlinks, PetscInt *free_dofs)
+{
+  PetscFunctionBegin;
+  PetscCall(LatinStructureCheckSetUp_Private(structure));
+  if (dim) *dim = structure->dim;
+  if (nodes) *nodes = structure->nodes_global;
+  if (nlinks) *nlinks = structure->links_global;
+  if (free_dofs) PetscCall(VecGetSize(structure->load, free_dofs));
+  PetscFunctionReturn(0);
+}

@@ -1,0 +1,415 @@
+#include "structure/structureimpl.h"
+
+/*
+   Structures of section 2.1: a DMPLEX of one-dimensional cells, the laws of the links, supports and loads.
+   The caller's nodes and links keep the caller's numbering; the DM's vertices are reached through vertex_sf.
+*/
+
+static PetscErrorCode LatinStructureView_Private(LatinStructure structure, PetscViewer viewer)
+{
+  PetscBool ascii;
+  PetscInt  free_dofs = 0;
+
+  PetscFunctionBegin;
+  PetscCall(PetscObjectTypeCompare((PetscObject)viewer, PETSCVIEWERASCII, &ascii));
+  if (!ascii) PetscFunctionReturn(0);
+  if (structure->load) PetscCall(VecGetSize(structure->load, &free_dofs));
+  PetscCall(
+    PetscViewerASCIIPrintf(viewer, "structure: %" PetscInt_FMT " nodes in %" PetscInt_FMT "D, %" PetscInt_FMT " links, %" PetscInt_FMT " free degrees of freedom\n", structure->nodes_global, structure->dim, structure->links_global, free_dofs));
+  PetscFunctionReturn(0);
+}
+
+/* A time step owns what its base has not given it (structure/timestep.c) */
+static PetscErrorCode LatinStructureDestroyStep_Private(LatinStructure step)
+{
+  PetscFunctionBegin;
+  PetscCall(PetscObjectCompose((PetscObject)step->dm, "LatinStructure", NULL)); /* others may hold the DM */
+  PetscCall(DMDestroy(&step->dm));
+  PetscCall(VecDestroy(&step->load));
+  PetscCall(VecDestroy(&step->ground));
+  PetscCall(PetscFree3(step->e0, step->prescribed, step->vertex_prescribed));
+  PetscCall(LatinStructureDestroy(&step->base));
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  LatinStructureDestroy - Frees a structure.
+
+  Collective on structure
+
+  Level: beginner
+@*/
+PetscErrorCode LatinStructureDestroy(LatinStructure *structure)
+{
+  LatinStructure l;
+
+  PetscFunctionBegin;
+  if (!*structure) PetscFunctionReturn(0);
+  PetscValidHeaderSpecific(*structure, LATIN_STRUCTURE_CLASSID, 1);
+  l = *structure;
+  if (--((PetscObject)l)->refct > 0) {
+    *structure = NULL;
+    PetscFunctionReturn(0);
+  }
+  if (l->base) {
+    PetscCall(LatinStructureDestroyStep_Private(l));
+    PetscCall(PetscHeaderDestroy(structure));
+    PetscFunctionReturn(0);
+  }
+  PetscCall(PetscFree4(l->x, l->prescribed, l->force, l->fixed));
+  PetscCall(PetscFree(l->mass));
+  PetscCall(VecDestroy(&l->inertia));
+  PetscCall(PetscFree(l->global_dof));
+  PetscCall(PetscFree5(l->nodes, l->law, l->stiffness, l->e0, l->direction));
+  PetscCall(PetscFree(l->friction));
+  PetscCall(PetscFree(l->ends));
+  PetscCall(PetscFree(l->vertex_prescribed));
+  PetscCall(PetscSFDestroy(&l->vertex_sf));
+  PetscCall(VecDestroy(&l->load));
+  if (l->dm) PetscCall(PetscObjectCompose((PetscObject)l->dm, "LatinStructure", NULL)); /* others may hold the DM */
+  PetscCall(DMDestroy(&l->dm));
+  PetscCall(PetscHeaderDestroy(structure));
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  LatinStructureReference - Counts one more owner of a structure; each calls `LatinStructureDestroy()` once.
+
+  Not collective
+
+  Level: advanced
+@*/
+PetscErrorCode LatinStructureReference(LatinStructure structure)
+{
+  PetscFunctionBegin;
+  PetscValidHeaderSpecific(structure, LATIN_STRUCTURE_CLASSID, 1);
+  PetscCall(PetscObjectReference((PetscObject)structure));
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode LatinStructureCreate_Private(MPI_Comm comm, PetscInt dim, PetscInt nodes_local, PetscInt nodes_global, const PetscReal coordinates[], PetscInt links_local, const PetscInt link_nodes[], LatinStructure *newlinks)
+{
+  const PetscInt n = dim * nodes_local;
+  LatinStructure l;
+  PetscInt       in[2], out[2], start[2], bad = -1, notfinite = -1, self = -1;
+  PetscReal      counts[2];
+
+  PetscFunctionBegin;
+  PetscCall(LatinRegisterClasses_Private());
+  LatinAgree(comm, dim < 1 || dim > 3, PETSC_ERR_ARG_OUTOFRANGE, "A structure has 1, 2 or 3 dimensions, not %" PetscInt_FMT, dim);
+  counts[0] = nodes_local;
+  counts[1] = links_local;
+  LatinAgree(comm, nodes_local < 0 || links_local < 0, PETSC_ERR_ARG_OUTOFRANGE, "A rank gives %" PetscInt_FMT " nodes and %" PetscInt_FMT " links; numbers of them are not negative", nodes_local, links_local);
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, counts, 2, MPIU_REAL, MPIU_SUM, comm)); /* sums of integers could overflow */
+  PetscCheck(dim * counts[0] <= (PetscReal)PETSC_MAX_INT && PetscMax(dim, 2) * counts[1] <= (PetscReal)PETSC_MAX_INT, comm, PETSC_ERR_ARG_OUTOFRANGE,
+             "%.0f nodes and %.0f links in %" PetscInt_FMT "D are more than PETSc's integers of %d bits can number: take a PETSc configured --with-64-bit-indices", (double)counts[0], (double)counts[1], dim, (int)(8 * sizeof(PetscInt)));
+  in[0] = nodes_local;
+  in[1] = links_local;
+  PetscCall(MPIU_Allreduce(in, out, 2, MPIU_INT, MPI_SUM, comm));
+  PetscCallMPI(MPI_Scan(in, start, 2, MPIU_INT, MPI_SUM, comm));
+  LatinAgree(comm, nodes_global != PETSC_DETERMINE && nodes_global != out[0], PETSC_ERR_ARG_SIZ, "The ranks give %" PetscInt_FMT " nodes in all, not the %" PetscInt_FMT " announced", out[0], nodes_global);
+  LatinAgree(comm, out[1] == 0, PETSC_ERR_ARG_SIZ, "The structure has no link: there is nothing to solve");
+  for (PetscInt i = 0; i < links_local && bad < 0; i++)
+    if (link_nodes[2 * i] < 0 || link_nodes[2 * i] >= out[0] || link_nodes[2 * i + 1] < 0 || link_nodes[2 * i + 1] >= out[0]) bad = i;
+  LatinAgree(comm, bad >= 0, PETSC_ERR_ARG_OUTOFRANGE, "Link %" PetscInt_FMT " joins nodes %" PetscInt_FMT " and %" PetscInt_FMT ", but the nodes are numbered from 0 to %" PetscInt_FMT, start[1] - links_local + bad, link_nodes[2 * bad],
+             link_nodes[2 * bad + 1], out[0] - 1);
+  for (PetscInt i = 0; i < links_local && self < 0; i++)
+    if (link_nodes[2 * i] == link_nodes[2 * i + 1]) self = i;
+  LatinAgree(comm, self >= 0, PETSC_ERR_ARG_WRONG, "Link %" PetscInt_FMT " joins node %" PetscInt_FMT " to itself; remove it", start[1] - links_local + self, link_nodes[2 * self]);
+  for (PetscInt i = 0; i < nodes_local * dim && notfinite < 0; i++)
+    if (PetscIsInfOrNanReal(coordinates[i])) notfinite = i;
+  LatinAgree(comm, notfinite >= 0, PETSC_ERR_FP, "Node %" PetscInt_FMT " has a coordinate that is not a finite number", start[0] - nodes_local + notfinite / dim);
+
+  PetscCall(PetscHeaderCreate(l, LATIN_STRUCTURE_CLASSID, "LatinStructure", "Structure of links", "Latin", comm, LatinStructureDestroy, LatinStructureView_Private));
+  l->dim          = dim;
+  l->nodes_local  = nodes_local;
+  l->links_local  = links_local;
+  l->nodes_global = out[0];
+  l->links_global = out[1];
+  l->nodes_start  = start[0] - nodes_local;
+  l->links_start  = start[1] - links_local;
+  l->rigid_law    = -1;
+  PetscCall(LatinWatchCreate_Private(PetscObjectComm((PetscObject)l)));
+  PetscCall(PetscCalloc4(n, &l->x, n, &l->prescribed, n, &l->force, n, &l->fixed));
+  PetscCall(PetscCalloc5(2 * links_local, &l->nodes, links_local, &l->law, links_local, &l->stiffness, links_local, &l->e0, dim * links_local, &l->direction));
+  PetscCall(PetscArraycpy(l->x, coordinates, n));
+  PetscCall(PetscArraycpy(l->nodes, link_nodes, 2 * links_local));
+  PetscCall(LatinStructureCreateMesh_Private(l));
+  *newlinks = l;
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  LatinStructureCreate - Creates a structure of nodes joined by links.
+
+  Collective on comm
+
+  Input Parameters:
++ comm         - the communicator
+. dim          - number of displacement components of a node: 1, 2 or 3
+. nodes_local  - number of nodes given by this rank; the ranks' nodes are numbered one after the other
+. nodes_global - number of all nodes, or `PETSC_DETERMINE`
+. coordinates  - [nodes_local][dim], a length
+. links_local  - number of links given by this rank
+- link_nodes   - [links_local][2] numbers of the end nodes, counted from 0 over all ranks
+
+  Output Parameter:
+. newlinks - the structure
+
+  Level: beginner
+
+  Notes:
+  Raises `PETSC_ERR_ARG_OUTOFRANGE` for a link whose node does not exist and `PETSC_ERR_ARG_WRONG` for a link that
+  joins a node to itself, on every rank. A link whose nodes lie at the same point needs `LatinStructureSetDirections()`.
+
+.seealso: `LatinStructureSetLaws()`, `LatinStructureSetDirections()`, `LatinStructureSetSupports()`, `LatinStructureSetLoads()`, `LatinStructureSetUp()`
+@*/
+PetscErrorCode LatinStructureCreate(MPI_Comm comm, PetscInt dim, PetscInt nodes_local, PetscInt nodes_global, const PetscReal coordinates[], PetscInt links_local, const PetscInt link_nodes[], LatinStructure *newlinks)
+{
+  PetscFunctionBegin;
+  PetscAssertPointer(newlinks, 8);
+  PetscCall(LatinWatchCreate_Private(comm));
+  LatinWatch(comm, LatinStructureCreate_Private(comm, dim, nodes_local, nodes_global, coordinates, links_local, link_nodes, newlinks));
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  LatinStructureSetLaws - Gives each link of this rank its constitutive law (2), (3), (4).
+
+  Collective on structure
+
+  Input Parameters:
++ structure     - the structure
+. law       - [links_local] a `LatinLawType` each, or what `LatinLawRegister()` and `LatinLawRegisterTable()` gave
+. stiffness - [links_local] k, force/length, positive; of a rigid law the search parameter l, 0: self-tuned; 0 for the own
+  stiffness of a table
+- e0        - [links_local] e0, a length, or NULL for none; k e0 is the tension in the prestressed configuration, and of
+  a contact e0 is the gap
+
+  Level: beginner
+
+.seealso: `LatinStructureSetFriction()`, `LatinStructureSetDirections()`, `LatinLawRegister()`
+@*/
+PetscErrorCode LatinStructureSetLaws(LatinStructure structure, const PetscInt law[], const PetscReal stiffness[], const PetscReal e0[])
+{
+  MPI_Comm comm;
+  PetscInt badlaw = -1, badk = -1, kinds[3] = {-1, 0, 0};
+  char     list[256] = "0 (bar)";
+  size_t   length;
+
+  PetscFunctionBegin;
+  PetscValidHeaderSpecific(structure, LATIN_STRUCTURE_CLASSID, 1);
+  comm = PetscObjectComm((PetscObject)structure);
+  for (PetscInt l = 0; l < structure->links_local; l++) {
+    const PetscBool known = (PetscBool)(law[l] >= 0 && law[l] < LatinLawCount);
+
+    if (badlaw < 0 && !known) badlaw = l;
+    if (badk < 0 && (PetscIsInfOrNanReal(stiffness[l]) || (!(stiffness[l] > 0.0) && !(stiffness[l] == 0.0 && known && (LatinLaws[law[l]].rigid || LatinLaws[law[l]].stiffness > 0.0))))) badk = l;
+    if (!known) continue;
+    if (LatinLaws[law[l]].rigid) kinds[0] = PetscMax(kinds[0], LATIN_LAWS_MAX - law[l]); /* the first in the table speaks for all */
+    if (law[l] > LATIN_LAW_COMPRESSION_ONLY) kinds[1] = 1;
+    if (law[l] == LATIN_LAW_FRICTION || law[l] == LATIN_LAW_TANGENT) kinds[2] = 1;
+  }
+  for (PetscInt i = 1; i < LatinLawCount && badlaw >= 0; i++) {
+    PetscCall(PetscStrlen(list, &length));
+    PetscCall(PetscSNPrintf(list + length, sizeof(list) - length, ", %" PetscInt_FMT " (%s)", i, LatinLaws[i].name));
+  }
+  LatinAgree(comm, badlaw >= 0, PETSC_ERR_ARG_OUTOFRANGE, "Link %" PetscInt_FMT " has law %" PetscInt_FMT "; the laws are %s", structure->links_start + badlaw, law[badlaw], list);
+  LatinAgree(comm, badk >= 0, PETSC_ERR_ARG_OUTOFRANGE, "Link %" PetscInt_FMT " has stiffness %g; a stiffness is a positive finite number of force/length", structure->links_start + badk, (double)stiffness[badk]);
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, kinds, 3, MPIU_INT, MPI_MAX, comm));
+  structure->rigid_law = kinds[0] < 0 ? -1 : LATIN_LAWS_MAX - kinds[0];
+  structure->general   = (PetscBool)(kinds[1] > 0);
+  structure->rubs      = (PetscBool)(kinds[2] > 0);
+  if (structure->rubs) PetscCall(LatinStructureCheckContacts_Private(structure, law));
+  PetscCall(PetscArraycpy(structure->law, law, structure->links_local));
+  for (PetscInt l = 0; l < structure->links_local; l++) structure->stiffness[l] = stiffness[l] > 0.0 ? stiffness[l] : LatinLaws[law[l]].stiffness;
+  PetscCall(PetscObjectStateIncrease((PetscObject)structure));
+  PetscCall(LatinStructureSetInitialElongations(structure, e0));
+  if (structure->set_up) PetscCall(LatinStructureSetUpRigid_Private(structure));
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  LatinStructureSetInitialElongations - Changes the initial elongations e0 of the links of this rank; no operator is rebuilt for it.
+
+  Collective on structure
+
+  Input Parameters:
++ structure     - the structure
+- e0        - [links_local] e0, a length, or NULL for none
+
+  Level: intermediate
+@*/
+PetscErrorCode LatinStructureSetInitialElongations(LatinStructure structure, const PetscReal e0[])
+{
+  PetscInt bad = -1;
+
+  PetscFunctionBegin;
+  PetscValidHeaderSpecific(structure, LATIN_STRUCTURE_CLASSID, 1);
+  if (e0) {
+    for (PetscInt l = 0; l < structure->links_local && bad < 0; l++)
+      if (PetscIsInfOrNanReal(e0[l])) bad = l;
+  }
+  LatinAgree(PetscObjectComm((PetscObject)structure), bad >= 0, PETSC_ERR_FP, "Link %" PetscInt_FMT " has an initial elongation that is not a finite number", structure->links_start + bad);
+  if (e0) PetscCall(PetscArraycpy(structure->e0, e0, structure->links_local));
+  else PetscCall(PetscArrayzero(structure->e0, structure->links_local));
+  structure->e0_state++;
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  LatinStructureSetPrestress - Gives the links of this rank the tensions T of the prestressed configuration in place of initial elongations: e0 = T / k.
+
+  Collective on structure; after `LatinStructureSetLaws()`
+
+  Input Parameters:
++ structure - the structure
+- prestress - [links_local] T, a force: of bars, of cables not negative, of compression-only links not positive; zero of other laws
+
+  Level: intermediate
+
+.seealso: `LatinStructureSetInitialElongations()`
+@*/
+PetscErrorCode LatinStructureSetPrestress(LatinStructure structure, const PetscReal prestress[])
+{
+  PetscInt   law = 0, bad = -1;
+  PetscBool  known = PETSC_TRUE;
+  PetscReal *e0;
+
+  PetscFunctionBegin;
+  PetscValidHeaderSpecific(structure, LATIN_STRUCTURE_CLASSID, 1);
+  PetscCall(PetscCalloc1(structure->links_local, &e0));
+  for (PetscInt l = 0; l < structure->links_local && bad < 0; l++) {
+    const PetscReal k = structure->stiffness[l], T = prestress[l];
+
+    law   = structure->law[l];
+    known = (PetscBool)(k > 0.0 || LatinLaws[law].rigid);
+    if (known && T == 0.0) continue;
+    if (known && law <= LATIN_LAW_COMPRESSION_ONLY && !PetscIsInfOrNanReal(T / k) && LatinLaws[law].tension(k, T / k, NULL) != 0.0) e0[l] = T / k;
+    else bad = l;
+  }
+  LatinAgree(PetscObjectComm((PetscObject)structure), bad >= 0 && !known, PETSC_ERR_ORDER, "Link %" PetscInt_FMT " has no stiffness: call LatinStructureSetLaws() before LatinStructureSetPrestress()", structure->links_start + bad);
+  LatinAgree(PetscObjectComm((PetscObject)structure), bad >= 0, PETSC_ERR_ARG_OUTOFRANGE,
+             "Link %" PetscInt_FMT " has the prestress %g and the law %s: bars take any finite force, cables one that is not negative, compression-only links one that is not positive", structure->links_start + bad, (double)prestress[bad],
+             LatinLaws[law].name);
+  PetscCall(LatinStructureSetInitialElongations(structure, e0));
+  PetscCall(PetscFree(e0));
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  LatinStructureSetSupports - Prescribes displacement components of the nodes of this rank.
+
+  Collective on structure; before `LatinStructureSetUp()`
+
+  Input Parameters:
++ structure      - the structure
+. fixed      - [nodes_local][dim] whether the component is prescribed
+- prescribed - [nodes_local][dim] its value, a length, or NULL for zero
+
+  Level: beginner
+@*/
+PetscErrorCode LatinStructureSetSupports(LatinStructure structure, const PetscBool fixed[], const PetscReal prescribed[])
+{
+  const PetscInt n   = structure->nodes_local * structure->dim;
+  PetscInt       bad = -1;
+
+  PetscFunctionBegin;
+  PetscValidHeaderSpecific(structure, LATIN_STRUCTURE_CLASSID, 1);
+  LatinAgree(PetscObjectComm((PetscObject)structure), structure->set_up, PETSC_ERR_ORDER, "Supports must be given before LatinStructureSetUp()");
+  for (PetscInt i = 0; i < n && bad < 0; i++)
+    if (fixed[i] && prescribed && PetscIsInfOrNanReal(prescribed[i])) bad = i;
+  LatinAgree(PetscObjectComm((PetscObject)structure), bad >= 0, PETSC_ERR_FP, "Node %" PetscInt_FMT " has a prescribed displacement that is not a finite number", structure->nodes_start + bad / structure->dim);
+  PetscCall(PetscArraycpy(structure->fixed, fixed, n));
+  for (PetscInt i = 0; i < n; i++) structure->prescribed[i] = fixed[i] && prescribed ? prescribed[i] : 0.0;
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  LatinStructureSetLoads - Sets the external forces F on the nodes of this rank (1).
+
+  Collective on structure; may be called again after `LatinStructureSetUp()`, no operator is rebuilt for it
+
+  Input Parameters:
++ structure - the structure
+- force - [nodes_local][dim], ignored where the displacement is prescribed
+
+  Level: beginner
+@*/
+PetscErrorCode LatinStructureSetLoads(LatinStructure structure, const PetscReal force[])
+{
+  const PetscInt n   = structure->nodes_local * structure->dim;
+  PetscInt       bad = -1;
+
+  PetscFunctionBegin;
+  PetscValidHeaderSpecific(structure, LATIN_STRUCTURE_CLASSID, 1);
+  for (PetscInt i = 0; i < n && bad < 0; i++)
+    if (PetscIsInfOrNanReal(force[i])) bad = i;
+  LatinAgree(PetscObjectComm((PetscObject)structure), bad >= 0, PETSC_ERR_FP, "Node %" PetscInt_FMT " has a load that is not a finite number", structure->nodes_start + bad / structure->dim);
+  PetscCall(PetscArraycpy(structure->force, force, n));
+  structure->load_state++;
+  if (structure->set_up) PetscCall(LatinStructureLoadVec_Private(structure));
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  LatinStructureSetDirections - Gives links a direction other than from their first to their second node.
+
+  Collective on structure; before `LatinStructureSetUp()`
+
+  Input Parameters:
++ structure     - the structure
+- direction - [links_local][dim] of any length; zero leaves the direction to the coordinates of the nodes
+
+  Level: intermediate
+
+  Notes:
+  The elongation of a link is the displacement of its second node along its direction, less that of the first one. For
+  contacts of nodes at the same place, the tangential parts of contacts, and the transverse stiffness of taut cables.
+
+.seealso: `LatinStructureCreate()`, `LatinStructureSetFriction()`
+@*/
+PetscErrorCode LatinStructureSetDirections(LatinStructure structure, const PetscReal direction[])
+{
+  const PetscInt dim = structure->dim;
+  PetscInt       bad = -1;
+
+  PetscFunctionBegin;
+  PetscValidHeaderSpecific(structure, LATIN_STRUCTURE_CLASSID, 1);
+  LatinAgree(PetscObjectComm((PetscObject)structure), structure->set_up, PETSC_ERR_ORDER, "Directions must be given before LatinStructureSetUp()");
+  for (PetscInt i = 0; i < dim * structure->links_local && bad < 0; i++)
+    if (PetscIsInfOrNanReal(direction[i])) bad = i / dim;
+  LatinAgree(PetscObjectComm((PetscObject)structure), bad >= 0, PETSC_ERR_FP, "Link %" PetscInt_FMT " has a direction that is not finite", structure->links_start + bad);
+  for (PetscInt l = 0; l < structure->links_local; l++) (void)LatinUnitVector(dim, direction + dim * l, structure->direction + dim * l);
+  PetscCall(PetscObjectStateIncrease((PetscObject)structure));
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  LatinStructureSetFriction - Gives the contacts of this rank their coefficients of friction.
+
+  Collective on structure; before `LatinStructureSetUp()`
+
+  Input Parameters:
++ structure       - the structure
+- coefficient - [links_local] mu, read at links of law friction only
+
+  Level: intermediate
+
+.seealso: `LatinStructureSetLaws()`, `LatinStructureSetDirections()`
+@*/
+PetscErrorCode LatinStructureSetFriction(LatinStructure structure, const PetscReal coefficient[])
+{
+  PetscInt bad = -1;
+
+  PetscFunctionBegin;
+  PetscValidHeaderSpecific(structure, LATIN_STRUCTURE_CLASSID, 1);
+  LatinAgree(PetscObjectComm((PetscObject)structure), structure->set_up, PETSC_ERR_ORDER, "Coefficients of friction must be given before LatinStructureSetUp()");
+  for (PetscInt l = 0; l < structure->links_local && bad < 0; l++)
+    if (!(coefficient[l] >= 0.0) || PetscIsInfOrNanReal(coefficient[l])) bad = l;
+  LatinAgree(PetscObjectComm((PetscObject)structure), bad >= 0, PETSC_ERR_ARG_OUTOFRANGE, "Link %" PetscInt_FMT " has the coefficient of friction %g; it is a finite number, zero or more", structure->links_start + bad, (double)coefficient[bad]);
+  if (!structure->friction) PetscCall(PetscMalloc1(structure->links_local, &structure->friction));
+  PetscCall(PetscArraycpy(structure->friction, coefficient, structure->links_local));
+  PetscCall(PetscObjectStateIncrease((PetscObject)structure));
+  PetscFunctionReturn(0);
+}

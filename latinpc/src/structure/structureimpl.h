@@ -1,0 +1,158 @@
+/*
+   Structures of links: what a structure holds, and what its rooms do for each other and for the solvers. Each room calls
+   those before it only:
+
+     laws, userlaws; vectors; groundsprings; rigidlaws; tangent, linesearch; residual, results; setup; structure; timestep; attach
+*/
+#ifndef LATINSTRUCTUREIMPL_H
+#define LATINSTRUCTUREIMPL_H
+
+#include "base/collective.h"
+#include "base/compat.h"
+#include "base/dense.h"
+#include "base/latinbase.h"
+#include "base/rankfailure.h"
+#include "structure/laws.h"
+#include <petsc/private/petscimpl.h>
+#include <petscdmplex.h>
+#include <petscsf.h>
+
+/* ---- structures (structure/structure.c, structure/setup.c) ---- */
+struct _p_LatinStructure {
+  PETSCHEADER(int);
+  PetscInt dim;
+  PetscInt nodes_local, nodes_global; /* the caller's nodes: this rank's block, all */
+  PetscInt links_local, links_global;
+  PetscInt nodes_start, links_start;
+  /* the caller's nodes of this rank */
+  PetscReal *x, *prescribed, *force; /* [nodes_local][dim] */
+  PetscBool *fixed;                  /* [nodes_local][dim] */
+  PetscInt  *global_dof;             /* [nodes_local][dim] entry of a DM global vector, -1 where prescribed or without link */
+  /* the caller's links of this rank */
+  PetscInt  *nodes;          /* [links_local][2] global node numbers */
+  PetscInt  *law;            /* [links_local] LatinLawType */
+  PetscReal *stiffness, *e0; /* [links_local] k, e0 */
+  PetscReal *direction;      /* [links_local][dim] unit vector from the first to the second node: a row of B is (-n, n) */
+  PetscReal *friction;       /* [links_local] coefficient, read at the normal part of a contact; NULL if none was given */
+  PetscReal  rigid_scale;    /* search parameter of rigid links that have neither elastic neighbours nor masses */
+  PetscInt   rigid_law;      /* law of one of the rigid links of any rank, -1: there is none */
+  PetscBool  general, rubs;  /* has laws beyond bars, cables and compression-only links; has contacts with friction, on any rank */
+  /* the DM and its work space */
+  DM               dm;
+  PetscSF          vertex_sf;         /* from the caller's nodes to the DM's vertices here */
+  PetscInt         vertices;          /* vertices of the DM here */
+  PetscInt        *ends;              /* [links_local][2] vertices of the DM */
+  PetscReal       *vertex_prescribed; /* [vertices][dim] */
+  Vec              load;              /* F at free dofs, DM global vector */
+  PetscBool        set_up;
+  PetscObjectState load_state, e0_state; /* counted up at each change, so that a solver sees what to rebuild */
+  /* dynamics (structure/timestep.c), NULL in statics */
+  PetscReal       *mass;       /* [nodes_local] */
+  Vec              inertia;    /* M at free dofs */
+  LatinStructure   base;       /* the structure that this one is a time step of */
+  PetscObjectState base_state; /* its state when it was last looked at */
+  Vec              ground;     /* springs between the nodes and the ground, at free dofs: M / h^2 of a time step */
+  PetscReal        shift;      /* this 1 / h^2 */
+};
+
+/* ---- links of a structure: all by their numbers on this rank ---- */
+/* A row of B: the elongation of link l under the vertex displacements a */
+static inline PetscReal LatinStructureElongation(LatinStructure structure, PetscInt l, const PetscScalar a[])
+{
+  const PetscInt     dim = structure->dim;
+  const PetscReal   *n   = structure->direction + dim * l;
+  const PetscScalar *ua = a + dim * structure->ends[2 * l], *ub = a + dim * structure->ends[2 * l + 1];
+  PetscReal          e = 0.0;
+
+  for (PetscInt c = 0; c < dim; c++) e += n[c] * (ub[c] - ua[c]);
+  return e;
+}
+
+/* A column of B^t: adds the forces of link l under the tension t to those of the vertices */
+static inline void LatinStructureAddForce(LatinStructure structure, PetscInt l, PetscReal t, PetscScalar f[])
+{
+  const PetscInt   dim = structure->dim;
+  const PetscReal *n   = structure->direction + dim * l;
+  PetscScalar     *fa = f + dim * structure->ends[2 * l], *fb = f + dim * structure->ends[2 * l + 1];
+
+  for (PetscInt c = 0; c < dim; c++) {
+    fa[c] -= t * n[c];
+    fb[c] += t * n[c];
+  }
+}
+
+/* The tension of a link of the strain x. Those of rigid links, `rigid`, are no function of it: a solver has them, NULL before it has any */
+static inline PetscReal LatinStructureTension(const LatinStructure structure, const PetscReal rigid[], PetscInt l, PetscReal x)
+{
+  const LatinLaw *law = &LatinLaws[structure->law[l]];
+
+  if (law->rigid) return rigid ? rigid[l] : 0.0;
+  return law->tension(structure->stiffness[l], x, law->ctx);
+}
+
+/* The tangent stiffness of an elastic link of the strain x */
+static inline PetscReal LatinStructureTangent(const LatinStructure structure, PetscInt l, PetscReal x)
+{
+  const LatinLaw *law = &LatinLaws[structure->law[l]];
+
+  return law->tangent(structure->stiffness[l], x, law->ctx);
+}
+
+/* Is the search parameter of a link to be chosen here? */
+static inline PetscBool LatinStructureTuned(const LatinStructure structure, PetscInt l)
+{
+  return (PetscBool)(LatinLaws[structure->law[l]].rigid && !(structure->stiffness[l] > 0.0));
+}
+
+/* ---- vectors (structure/vectors.c) ---- */
+PETSC_INTERN PetscErrorCode LatinStructureCheckSetUp_Private(LatinStructure);
+PETSC_INTERN PetscErrorCode LatinStructureCheckVec_Private(LatinStructure, Vec);
+PETSC_INTERN PetscErrorCode LatinStructureNodalVec_Private(LatinStructure, const PetscReal values[], Vec);
+PETSC_INTERN PetscErrorCode LatinStructureLoadVec_Private(LatinStructure);
+PETSC_INTERN PetscErrorCode LatinStructureGetLocal_Private(LatinStructure, Vec, Vec);
+PETSC_INTERN PetscErrorCode LatinStructureElongations_Private(LatinStructure, Vec u, PetscReal e[]);
+
+/* ---- springs to the ground (structure/groundsprings.c) ---- */
+PETSC_INTERN PetscErrorCode LatinStructureAddGround_Private(LatinStructure, Vec u, Vec r);
+PETSC_INTERN PetscErrorCode LatinDiagonalEnergy_Private(Vec D, Vec u, PetscReal *energy);
+PETSC_INTERN PetscErrorCode LatinStructureGroundEnergy_Private(LatinStructure, Vec u, PetscReal *energy);
+
+/* ---- rigid laws (structure/rigidlaws.c) ---- */
+PETSC_INTERN PetscErrorCode LatinStructureCheckContacts_Private(LatinStructure, const PetscInt law[]);
+PETSC_INTERN PetscErrorCode LatinStructureStiffness_Private(LatinStructure, PetscReal k[]);
+PETSC_INTERN PetscErrorCode LatinStructureSetUpRigid_Private(LatinStructure);
+PETSC_INTERN PetscErrorCode LatinStructureCheckRigid_Private(LatinStructure, const char what[]);
+
+/* ---- tangent stiffnesses, with the matrix that they make (structure/tangent.c); the energy along a step (structure/linesearch.c) ---- */
+PETSC_INTERN PetscErrorCode LatinStructureStiffnessRange_Private(LatinStructure, PetscReal *least, PetscReal *most);
+PETSC_INTERN PetscErrorCode LatinTangentFind_Private(LatinStructure, Mat, Vec *tangent);
+PETSC_INTERN PetscErrorCode LatinTangentCompute_Private(LatinStructure, Vec u, PetscReal floor, Mat, Vec *tangent);
+PETSC_INTERN PetscErrorCode LatinTangentCreate_Private(LatinStructure, Mat *);
+PETSC_INTERN PetscErrorCode LatinTangentChanges_Private(LatinStructure, Vec u, PetscReal floor, Mat, PetscInt *);
+PETSC_INTERN PetscErrorCode LatinStructureSearch_Private(LatinStructure, Vec u, Vec step, Vec more, PetscReal *length);
+PETSC_INTERN PetscErrorCode LatinStructureResistFar_Private(LatinStructure, Vec step, PetscReal *resisted);
+
+/* ---- what displacements, and the tensions `rigid` of the rigid links, mean (structure/residual.c, structure/results.c) ---- */
+PETSC_INTERN PetscErrorCode LatinStructureResidual_Private(LatinStructure, const PetscReal rigid[], Vec u, Vec r);
+PETSC_INTERN PetscErrorCode LatinStructureTensions_Private(LatinStructure, const PetscReal rigid[], Vec u, PetscReal tension[]);
+PETSC_INTERN PetscErrorCode LatinStructureCountActive_Private(LatinStructure, const PetscReal rigid[], Vec u, PetscInt *active, PetscInt *unilateral);
+
+/* ---- the DM (structure/setup.c) ---- */
+PETSC_INTERN PetscErrorCode LatinStructureCreateMesh_Private(LatinStructure);
+PETSC_INTERN PetscErrorCode LatinStructureComposeDM_Private(LatinStructure);
+PETSC_INTERN PetscErrorCode LatinStructureCloneDM_Private(LatinStructure, DM *);
+
+/* ---- time steps (structure/timestep.c) ---- */
+PETSC_INTERN PetscErrorCode LatinStructureInertia_Private(LatinStructure);
+PETSC_INTERN PetscErrorCode LatinStepCreate_Private(LatinStructure base, LatinStructure *step);
+PETSC_INTERN PetscErrorCode LatinStepStart_Private(LatinStructure step, PetscReal h, Vec u, Vec v);
+PETSC_INTERN PetscErrorCode LatinStepShift_Private(LatinStructure step, PetscReal shift);
+PETSC_INTERN PetscErrorCode LatinStepLength_Private(LatinStructure step, PetscReal shift);
+
+/* ---- structures behind DMs and solvers (structure/attach.c) ---- */
+PETSC_INTERN PetscErrorCode LatinStructureFromDM_Private(DM, LatinStructure *);
+PETSC_INTERN PetscErrorCode SNESLatinFindStructure_Private(SNES, LatinStructure *);
+PETSC_INTERN PetscErrorCode LatinSolverRigid_Private(SNES, LatinStructure, const PetscReal *rigid[]);
+PETSC_INTERN PetscErrorCode LatinSolverTensions_Private(SNES, LatinStructure, Vec u, PetscReal tension[]);
+
+#endif

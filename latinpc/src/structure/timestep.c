@@ -1,0 +1,257 @@
+#include "structure/structureimpl.h"
+
+/*
+   Dynamics of section 2.2, and how one time step becomes a problem that every solver here takes.
+
+   With the unknown w = h v+, the implicit Euler scheme (8) of a step of length h from (u, v) reads
+     M / h^2 w + B^t tau = F + M v / h,
+   and the elongation of a link is e- + B w with e- = B u: (9) and (11) are the laws of statics with the initial elongation
+   e- + e0. So a time step is a static structure whose nodes stand on springs M / h^2 to the ground, with another load,
+   other initial elongations and supports at rest. It is a LatinStructure of its own, which shares the mesh and the laws with the
+   structure that it is a step of, its base.
+
+   Rigid links follow Moreau's condition (10): one that is slack, or open, when the step starts bears nothing in it; any
+   other one must not be stretched, or closed, further: its law holds for w itself. Both are initial elongations again, infinite
+   and zero, so that operators stay as they are. What a solver leaves open of a closed contact must not open it: gaps
+   count from a small part of the free flight of the step on.
+*/
+
+#define LATIN_STEP_SAME   LatinByPrecision(1e-8, 1e-5) /* relative: lengths of steps that differ by rounding are one length */
+#define LATIN_STEP_FAR    PETSC_MAX_REAL               /* the gap of a link that bears nothing during a step */
+#define LATIN_STEP_CLOSED 1e-4                         /* relative to the free flight of a step: smaller gaps are closed */
+
+/*@C
+  LatinStructureSetMass - Gives the nodes of this rank their masses, for dynamics.
+
+  Collective on structure
+
+  Input Parameters:
++ structure - the structure
+- mass  - [nodes_local] a mass each, not negative
+
+  Level: beginner
+
+  Note:
+  The masses are lumped (section 2.2): add half the mass of each link to both of its nodes. A node may have no mass as
+  long as links with mass hold it.
+
+.seealso: `LatinStructureAttachTS()`, `TSLATIN`
+@*/
+PetscErrorCode LatinStructureSetMass(LatinStructure structure, const PetscReal mass[])
+{
+  PetscInt  bad = -1;
+  PetscReal sum = 0.0;
+
+  PetscFunctionBegin;
+  PetscValidHeaderSpecific(structure, LATIN_STRUCTURE_CLASSID, 1);
+  for (PetscInt i = 0; i < structure->nodes_local; i++) {
+    if (bad < 0 && (!(mass[i] >= 0.0) || PetscIsInfOrNanReal(mass[i]))) bad = i;
+    sum += mass[i];
+  }
+  LatinAgree(PetscObjectComm((PetscObject)structure), bad >= 0, PETSC_ERR_ARG_OUTOFRANGE, "Node %" PetscInt_FMT " has mass %g; a mass is a finite number, not negative", structure->nodes_start + bad, (double)mass[bad]);
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &sum, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
+  LatinAgree(PetscObjectComm((PetscObject)structure), !(sum > 0.0), PETSC_ERR_ARG_OUTOFRANGE, "No node has a mass: nothing resists acceleration");
+  if (!structure->mass) PetscCall(PetscMalloc1(structure->nodes_local + 1, &structure->mass)); /* never NULL where there are masses */
+  PetscCall(PetscArraycpy(structure->mass, mass, structure->nodes_local));
+  PetscCall(VecDestroy(&structure->inertia));
+  PetscCall(PetscObjectStateIncrease((PetscObject)structure));
+  PetscFunctionReturn(0);
+}
+
+/* M at the free degrees of freedom */
+PetscErrorCode LatinStructureInertia_Private(LatinStructure structure)
+{
+  const PetscInt dim = structure->dim;
+  PetscReal     *m;
+
+  PetscFunctionBegin;
+  PetscCheck(structure->set_up, PetscObjectComm((PetscObject)structure), PETSC_ERR_ORDER, "The structure is not set up: call LatinStructureSetUp() after laws, supports and loads");
+  PetscCheck(structure->mass, PetscObjectComm((PetscObject)structure), PETSC_ERR_ORDER, "The structure has no masses: call LatinStructureSetMass() (in Python, latinpc.Structure(..., mass=...))");
+  if (structure->inertia) PetscFunctionReturn(0);
+  PetscCall(PetscMalloc1(dim * structure->nodes_local, &m));
+  for (PetscInt i = 0; i < dim * structure->nodes_local; i++) m[i] = structure->mass[i / dim];
+  PetscCall(DMCreateGlobalVector(structure->dm, &structure->inertia));
+  PetscCall(LatinStructureNodalVec_Private(structure, m, structure->inertia));
+  PetscCall(PetscFree(m));
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  LatinStructureComputeKineticEnergy - The kinetic energy 1/2 v^t M v of the nodes.
+
+  Collective on structure
+
+  Input Parameters:
++ structure - the structure, with masses
+- v     - velocities, a DM global vector
+
+  Output Parameter:
+. energy - a force times a length
+
+  Level: intermediate
+
+.seealso: `LatinStructureComputeEnergy()`
+@*/
+PetscErrorCode LatinStructureComputeKineticEnergy(LatinStructure structure, Vec v, PetscReal *energy)
+{
+  PetscInt n, m;
+
+  PetscFunctionBegin;
+  PetscValidHeaderSpecific(structure, LATIN_STRUCTURE_CLASSID, 1);
+  PetscCall(LatinStructureInertia_Private(structure));
+  PetscCall(VecGetLocalSize(v, &n));
+  PetscCall(VecGetLocalSize(structure->inertia, &m));
+  LatinAgree(PetscObjectComm((PetscObject)structure), n != m, PETSC_ERR_ARG_SIZ,
+             "The vector has %" PetscInt_FMT " entries on a rank where the structure has %" PetscInt_FMT " free degrees of freedom; make it with DMCreateGlobalVector() on the DM of the structure", n, m);
+  PetscCall(LatinDiagonalEnergy_Private(structure->inertia, v, energy));
+  PetscFunctionReturn(0);
+}
+
+/* ---- a time step as a structure ---- */
+
+/* What a step has of its base: nodes and links for good, what may change from step to step as it is now */
+static void LatinStepShare(LatinStructure step)
+{
+  const LatinStructure base = step->base;
+
+  step->dim          = base->dim;
+  step->nodes_local  = base->nodes_local;
+  step->nodes_global = base->nodes_global;
+  step->nodes_start  = base->nodes_start;
+  step->links_local  = base->links_local;
+  step->links_global = base->links_global;
+  step->links_start  = base->links_start;
+  step->x            = base->x;
+  step->force        = base->force;
+  step->fixed        = base->fixed;
+  step->global_dof   = base->global_dof;
+  step->nodes        = base->nodes;
+  step->law          = base->law;
+  step->stiffness    = base->stiffness;
+  step->direction    = base->direction;
+  step->friction     = base->friction;
+  step->rigid_scale  = base->rigid_scale;
+  step->rigid_law    = base->rigid_law;
+  step->general      = base->general;
+  step->rubs         = base->rubs;
+  step->vertex_sf    = base->vertex_sf;
+  step->vertices     = base->vertices;
+  step->ends         = base->ends;
+  step->set_up       = base->set_up;
+}
+
+/* Takes what has changed in the base since the last step: laws, masses or the partition, for which operators are made anew */
+static PetscErrorCode LatinStepRefresh_Private(LatinStructure step)
+{
+  PetscObjectState state;
+
+  PetscFunctionBegin;
+  PetscCall(LatinStructureInertia_Private(step->base));
+  PetscCall(PetscObjectStateGet((PetscObject)step->base, &state));
+  if (state == step->base_state) PetscFunctionReturn(0);
+  LatinStepShare(step);
+  step->base_state = state;
+  step->shift      = 0.0;
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode LatinStepCreate_Private(LatinStructure base, LatinStructure *newstep)
+{
+  LatinStructure step;
+
+  PetscFunctionBegin;
+  PetscCall(PetscHeaderCreate(step, LATIN_STRUCTURE_CLASSID, "LatinStructure", "Time step of a structure", "Latin", PetscObjectComm((PetscObject)base), LatinStructureDestroy, ((PetscObject)base)->bops->view));
+  PetscCall(PetscObjectReference((PetscObject)base));
+  step->base       = base;
+  step->base_state = -1;                                     /* not yet looked at */
+  PetscCall(LatinStructureCloneDM_Private(base, &step->dm)); /* where solvers find the step */
+  PetscCall(VecDuplicate(base->load, &step->load));
+  PetscCall(VecDuplicate(base->load, &step->ground));
+  PetscCall(PetscCalloc3(base->links_local, &step->e0, base->dim * base->nodes_local, &step->prescribed, base->dim * base->vertices, &step->vertex_prescribed));
+  PetscCall(LatinStepRefresh_Private(step));
+  PetscCall(LatinStructureComposeDM_Private(step));
+  *newstep = step;
+  PetscFunctionReturn(0);
+}
+
+/* Springs G = shift M; operators are made anew when the shift changes */
+static PetscErrorCode LatinStepGround_Private(LatinStructure step, PetscReal shift)
+{
+  PetscFunctionBegin;
+  if (PetscAbsReal(shift - step->shift) <= LATIN_STEP_SAME * shift) PetscFunctionReturn(0);
+  PetscCall(VecAXPBY(step->ground, shift, 0.0, step->base->inertia));
+  step->shift = shift;
+  PetscCall(PetscObjectStateIncrease((PetscObject)step));
+  PetscFunctionReturn(0);
+}
+
+/* The initial elongation of a link in a step that starts from the strain x = e- + e0; gaps up to `closed` are none */
+static PetscReal LatinStepElongation(PetscInt law, PetscReal x, PetscReal closed)
+{
+  if (!LatinLaws[law].rigid) return x; /* (9), (11) */
+  if (law == LATIN_LAW_INEXTENSIBLE) return x < -closed ? -LATIN_STEP_FAR : 0.0;
+  if (law == LATIN_LAW_TANGENT) return 0.0; /* friction opposes the velocity */
+  return x > closed ? LATIN_STEP_FAR : 0.0;
+}
+
+/* The largest displacement of a node that no link holds during the step */
+static PetscErrorCode LatinStepFlight_Private(LatinStructure step, PetscReal *flight)
+{
+  Vec w;
+
+  PetscFunctionBegin;
+  PetscCall(DMGetGlobalVector(step->dm, &w));
+  PetscCall(VecPointwiseDivide(w, step->load, step->ground));
+  PetscCall(VecNorm(w, NORM_INFINITY, flight));
+  PetscCall(DMRestoreGlobalVector(step->dm, &w));
+  PetscFunctionReturn(0);
+}
+
+/* The step of length h from (u, v); its unknown is h v+. Collective on step */
+PetscErrorCode LatinStepStart_Private(LatinStructure step, PetscReal h, Vec u, Vec v)
+{
+  LatinStructure base   = step->base;
+  PetscReal      flight = 0.0;
+
+  PetscFunctionBegin;
+  PetscCheck(h > 0.0 && h * h > 0.0 && !PetscIsInfOrNanReal(1.0 / (h * h)), PetscObjectComm((PetscObject)step), PETSC_ERR_ARG_OUTOFRANGE,
+             "A time step has the length %g; it is a positive time of which 1 / h^2 is a number: give another one with -ts_dt", (double)h);
+  PetscCall(LatinStepRefresh_Private(step));
+  PetscCall(LatinStepGround_Private(step, 1.0 / (h * h)));
+  PetscCall(VecPointwiseMult(step->load, base->inertia, v));
+  PetscCall(VecAYPX(step->load, 1.0 / h, base->load));
+  step->load_state++;
+  if (base->rigid_law >= 0) PetscCall(LatinStepFlight_Private(step, &flight));
+  PetscCall(LatinStructureElongations_Private(base, u, step->e0));
+  for (PetscInt l = 0; l < base->links_local; l++) step->e0[l] = LatinStepElongation(base->law[l], step->e0[l] + base->e0[l], LATIN_STEP_CLOSED * flight);
+  step->e0_state++;
+  PetscCall(PetscArrayzero(step->prescribed, base->dim * base->nodes_local));
+  PetscCall(PetscArrayzero(step->vertex_prescribed, base->dim * base->vertices));
+  PetscFunctionReturn(0);
+}
+
+/* The operators of steps of which 1 / h^2 is known, before the first one; 0: it is not. Collective on step */
+PetscErrorCode LatinStepLength_Private(LatinStructure step, PetscReal shift)
+{
+  PetscFunctionBegin;
+  PetscCall(LatinStepRefresh_Private(step));
+  if (shift > 0.0) PetscCall(LatinStepGround_Private(step, shift));
+  PetscFunctionReturn(0);
+}
+
+/* The base itself, its displacements the unknown, on springs shift M: what other integrators linearise. Collective on step */
+PetscErrorCode LatinStepShift_Private(LatinStructure step, PetscReal shift)
+{
+  LatinStructure base = step->base;
+
+  PetscFunctionBegin;
+  PetscCall(LatinStepRefresh_Private(step));
+  PetscCall(LatinStepGround_Private(step, shift));
+  PetscCall(VecCopy(base->load, step->load));
+  step->load_state++;
+  PetscCall(PetscArraycpy(step->e0, base->e0, base->links_local));
+  step->e0_state++;
+  PetscCall(PetscArraycpy(step->prescribed, base->prescribed, base->dim * base->nodes_local));
+  PetscCall(PetscArraycpy(step->vertex_prescribed, base->vertex_prescribed, base->dim * base->vertices));
+  PetscFunctionReturn(0);
+}

@@ -1,0 +1,244 @@
+#include "structure/structureimpl.h"
+
+/*
+   Laws beyond the built-in ones, in the same table: piecewise linear ones from points, and the user's own functions.
+   A law without a local stage of its own gets it from its tension, an increasing function of one variable.
+*/
+
+#define LATIN_LAW_STEPS 200 /* of Newton's method with bisection */
+
+typedef struct {
+  PetscInt   n;
+  PetscReal *x, *t; /* [n] strains, and tensions over the steepest slope: lengths both */
+  PetscReal *w;     /* [n] energy from the first point on, over the same */
+} LatinTable;
+
+/* The segment of x; the first and the last one go on beyond the points. add: of x + t, where the local stage looks */
+static PetscInt LatinTableFind(const LatinTable *table, PetscReal x, PetscReal add)
+{
+  PetscInt low = 0, high = table->n - 1;
+
+  while (high - low > 1) {
+    const PetscInt middle = (low + high) / 2;
+
+    if (table->x[middle] + add * table->t[middle] <= x) low = middle;
+    else high = middle;
+  }
+  return low;
+}
+
+static PetscReal LatinTableSlope(const LatinTable *table, PetscInt i)
+{
+  return (table->t[i + 1] - table->t[i]) / (table->x[i + 1] - table->x[i]);
+}
+
+static PetscReal LatinLawTension_Table(PetscReal k, PetscReal x, void *ctx)
+{
+  const LatinTable *table = (const LatinTable *)ctx;
+  const PetscInt    i     = LatinTableFind(table, x, 0.0);
+
+  return k * (table->t[i] + LatinTableSlope(table, i) * (x - table->x[i]));
+}
+
+static PetscReal LatinLawTangent_Table(PetscReal k, PetscReal x, void *ctx)
+{
+  const LatinTable *table = (const LatinTable *)ctx;
+
+  return k * LatinTableSlope(table, LatinTableFind(table, x, 0.0));
+}
+
+static PetscReal LatinLawEnergy_Table(PetscReal k, PetscReal x, void *ctx)
+{
+  const LatinTable *table = (const LatinTable *)ctx;
+  const PetscInt    i     = LatinTableFind(table, x, 0.0);
+  const PetscReal   d     = x - table->x[i];
+
+  return k * (table->w[i] + d * (table->t[i] + 0.5 * LatinTableSlope(table, i) * d));
+}
+
+/* tau_hat / k + x_hat = y / k + e0 on the segment where it holds */
+static PetscReal LatinLawLocal_Table(PetscReal k, PetscReal e0, PetscReal y, void *ctx)
+{
+  const LatinTable *table = (const LatinTable *)ctx;
+  const PetscReal   c     = y / k + e0;
+  const PetscInt    i     = LatinTableFind(table, c, 1.0);
+  const PetscReal   x     = table->x[i] + (c - table->x[i] - table->t[i]) / (1.0 + LatinTableSlope(table, i));
+
+  return y - 2.0 * k * (x - e0);
+}
+
+/* tension(x) + k x = y + k e0: the left side grows by at least k, which brackets the root */
+static PetscReal LatinLawLocal_Any(const LatinLaw *law, PetscReal k, PetscReal e0, PetscReal y)
+{
+  const PetscReal c = y + k * e0;
+  PetscReal       x = c / (2.0 * k), g = law->tension(k, x, law->ctx) + k * x - c, low = x - PetscAbsReal(g) / k, high = x + PetscAbsReal(g) / k;
+
+  for (PetscInt step = 0; step < LATIN_LAW_STEPS && g != 0.0; step++) {
+    PetscReal next;
+
+    if (g > 0.0) high = x;
+    else low = x;
+    next = x - g / (law->tangent(k, x, law->ctx) + k);
+    if (!(next > low && next < high)) next = 0.5 * (low + high);
+    if (next == x) break;
+    x = next;
+    g = law->tension(k, x, law->ctx) + k * x - c;
+  }
+  return y - 2.0 * k * (x - e0);
+}
+
+PetscReal LatinLawLocal(PetscInt law, PetscReal k, PetscReal e0, PetscReal y)
+{
+  return LatinLaws[law].local ? LatinLaws[law].local(k, e0, y, LatinLaws[law].ctx) : LatinLawLocal_Any(&LatinLaws[law], k, e0, y);
+}
+
+static PetscErrorCode LatinLawAdd_Private(const char name[], PetscInt *law)
+{
+  PetscFunctionBegin;
+  PetscCall(LatinRegisterClasses_Private());
+  PetscCheck(LatinLawCount < LATIN_LAWS_MAX, PETSC_COMM_SELF, PETSC_ERR_SUP, "There is room for %d laws, the built-in ones included, and all of it is taken", LATIN_LAWS_MAX);
+  PetscCall(PetscMemzero(&LatinLaws[LatinLawCount], sizeof(LatinLaw)));
+  PetscCall(PetscStrallocpy(name, (char **)&LatinLaws[LatinLawCount].name));
+  *law = LatinLawCount++;
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  LatinLawGetName - The name of a law, built-in or registered.
+
+  Not collective
+
+  Output Parameter:
+. name - its name, not to be freed; NULL for a number that no law has
+
+  Level: advanced
+@*/
+PetscErrorCode LatinLawGetName(PetscInt law, const char *name[])
+{
+  PetscFunctionBegin;
+  *name = law < 0 || law >= LatinLawCount ? NULL : LatinLaws[law].name;
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  LatinLawRegister - Adds a constitutive law to the table, for `LatinStructureSetLaws()`.
+
+  Not collective; every rank that has links of the law registers it, all ranks in the same order
+
+  Input Parameters:
++ name      - its name, for messages
+- functions - the law; copied
+
+  Output Parameter:
+. law - its number, from `LATIN_LAW_TANGENT` + 1 on
+
+  Level: advanced
+
+  Notes:
+  The tension must not decrease with the strain x = e + e0, and its slope must not exceed k by far: k is the ascent
+  direction of the local stage.
+
+  The functions are called inside the iteration. `local` may be NULL: it is then solved for by Newton's method in one
+  variable.
+
+.seealso: `LatinLawFunctions`, `LatinLawRegisterTable()`, `LatinStructureSetLaws()`
+@*/
+PetscErrorCode LatinLawRegister(const char name[], const LatinLawFunctions *functions, PetscInt *law)
+{
+  PetscFunctionBegin;
+  PetscCheck(functions->tension && functions->tangent && functions->energy, PETSC_COMM_SELF, PETSC_ERR_ARG_NULL, "The law %s needs its tension, its tangent stiffness and its energy as functions of the strain; only the local stage may be left out",
+             name);
+  PetscCall(LatinLawAdd_Private(name, law));
+  LatinLaws[*law].tension = functions->tension;
+  LatinLaws[*law].tangent = functions->tangent;
+  LatinLaws[*law].energy  = functions->energy;
+  LatinLaws[*law].local   = functions->local;
+  LatinLaws[*law].ctx     = functions->ctx;
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  LatinLawRegisterTable - Adds a piecewise linear law, given by points, to the table.
+
+  Not collective; every rank that has links of the law registers it, all ranks in the same order
+
+  Input Parameters:
++ name    - its name, for messages
+. n       - number of points, at least 2
+. strain  - [n] increasing values of x = e + e0, lengths
+- tension - [n] tensions there, forces, nowhere decreasing
+
+  Output Parameter:
+. law - its number. The same points a second time give the same number
+
+  Level: intermediate
+
+  Notes:
+  The first and the last segment go on beyond the points. A link of stiffness 0 has the tensions of the table; one of
+  another stiffness has them in proportion, so that this is the slope where the law is steepest.
+
+.seealso: `LatinLawRegister()`, `LatinStructureSetLaws()`
+@*/
+PetscErrorCode LatinLawRegisterTable(const char name[], PetscInt n, const PetscReal strain[], const PetscReal tension[], PetscInt *law)
+{
+  PetscReal   steepest = 0.0;
+  LatinTable *table;
+
+  PetscFunctionBegin;
+  PetscCheck(n >= 2, PETSC_COMM_SELF, PETSC_ERR_ARG_SIZ, "The law %s has %" PetscInt_FMT " points; a piecewise linear law takes two or more", name, n);
+  for (PetscInt i = 0; i < n; i++) {
+    PetscCheck(!PetscIsInfOrNanReal(strain[i]) && !PetscIsInfOrNanReal(tension[i]), PETSC_COMM_SELF, PETSC_ERR_FP, "Point %" PetscInt_FMT " of the law %s is not a pair of finite numbers", i, name);
+    if (!i) continue;
+    PetscCheck(strain[i] > strain[i - 1], PETSC_COMM_SELF, PETSC_ERR_ARG_WRONG, "The strains of the law %s must increase: point %" PetscInt_FMT " has %g after %g", name, i, (double)strain[i], (double)strain[i - 1]);
+    PetscCheck(tension[i] >= tension[i - 1], PETSC_COMM_SELF, PETSC_ERR_ARG_WRONG, "The tension of the law %s must not decrease: point %" PetscInt_FMT " has %g after %g", name, i, (double)tension[i], (double)tension[i - 1]);
+    steepest = PetscMax(steepest, (tension[i] - tension[i - 1]) / (strain[i] - strain[i - 1]));
+  }
+  PetscCheck(steepest > 0.0, PETSC_COMM_SELF, PETSC_ERR_ARG_WRONG, "The law %s has the same tension everywhere: put it into the loads", name);
+  PetscCall(PetscNew(&table));
+  PetscCall(PetscMalloc3(n, &table->x, n, &table->t, n, &table->w));
+  table->n = n;
+  for (PetscInt i = 0; i < n; i++) {
+    table->x[i] = strain[i];
+    table->t[i] = tension[i] / steepest;
+    table->w[i] = i ? table->w[i - 1] + 0.5 * (table->t[i] + table->t[i - 1]) * (table->x[i] - table->x[i - 1]) : 0.0;
+  }
+  *law = -1;
+  for (PetscInt i = LATIN_LAW_TANGENT + 1; i < LatinLawCount && *law < 0; i++) {
+    const LatinTable *other = (const LatinTable *)LatinLaws[i].ctx;
+    PetscBool         same  = (PetscBool)(LatinLaws[i].tension == LatinLawTension_Table && other->n == n && LatinLaws[i].stiffness == steepest);
+
+    for (PetscInt j = 0; j < n && same; j++) same = (PetscBool)(other->x[j] == table->x[j] && other->t[j] == table->t[j]);
+    if (same) *law = i;
+  }
+  if (*law >= 0) {
+    PetscCall(PetscFree3(table->x, table->t, table->w));
+    PetscCall(PetscFree(table));
+    PetscFunctionReturn(0);
+  }
+  PetscCall(LatinLawAdd_Private(name, law));
+  LatinLaws[*law].stiffness = steepest;
+  LatinLaws[*law].tension   = LatinLawTension_Table;
+  LatinLaws[*law].tangent   = LatinLawTangent_Table;
+  LatinLaws[*law].energy    = LatinLawEnergy_Table;
+  LatinLaws[*law].local     = LatinLawLocal_Table;
+  LatinLaws[*law].ctx       = table;
+  PetscFunctionReturn(0);
+}
+
+/* At PetscFinalize(): the next PetscInitialize() starts from the built-in laws */
+PetscErrorCode LatinLawsFinalize_Private(void)
+{
+  PetscFunctionBegin;
+  while (LatinLawCount > LATIN_LAW_TANGENT + 1) {
+    LatinLaw *law = &LatinLaws[--LatinLawCount];
+
+    if (law->tension == LatinLawTension_Table) {
+      LatinTable *table = (LatinTable *)law->ctx;
+
+      PetscCall(PetscFree3(table->x, table->t, table->w));
+      PetscCall(PetscFree(table));
+    }
+    PetscCall(PetscFree(law->name));
+  }
+  PetscFunctionReturn(0);
+}

@@ -1,0 +1,185 @@
+/*
+   Subdomains: their links, or the rows of a matrix, and their copies of the nodes; their operators (28) without springs.
+
+   Layout shared by all stages: every subdomain has its own copy of its nodes. The copies here ("here" means on this
+   rank) are numbered subdomain by subdomain, and within a subdomain by increasing global node number. Displacement
+   component c of copy i is the entry bs * i + c of every "copy array" (U, g, ...), prescribed components included: the
+   block size bs counts the components of a node, dim its coordinates; links have as many of both.
+*/
+#ifndef LATINSUBDOMAINS_H
+#define LATINSUBDOMAINS_H
+
+#include "base/collective.h"
+#include "base/compat.h"
+#include "base/dense.h"
+#include "base/fingerprint.h"
+#include "base/latinbase.h"
+#include "base/rankfailure.h"
+#include "structure/structureimpl.h"
+#include <petscblaslapack.h>
+
+/* ---- what is known of the unknowns of a matrix (subdomains/matisfields.c): of this rank's part of a vector ---- */
+typedef struct {
+  PetscInt   dim, fields, nears, kernels;
+  PetscReal *x;      /* [rows][dim] */
+  PetscInt  *field;  /* [rows] */
+  PetscReal *near;   /* [nears][rows] fields near to the kernel: the near null space, or the kernel itself */
+  PetscReal *kernel; /* [kernels][rows] of a singular matrix */
+  /*
+     [rows][fields][1 + dim] of the unknowns of a coarse problem, which belong to no field: what a unit translation of a
+     field, and each of its unit gradients around x, make of the unknown. NULL: 1 and 0 for the unknown's own field.
+  */
+  PetscReal *trace;
+} LatinUnknowns;
+PETSC_INTERN PetscErrorCode LatinUnknownsSetUp_Private(Mat, DM, PetscInt dim, PetscInt nodes, const PetscReal x[], LatinUnknowns *);
+PETSC_INTERN PetscErrorCode LatinUnknownsReset_Private(LatinUnknowns *);
+
+/* ---- the links of each subdomain, and its copies of the nodes (subdomains/subdomains.c) ---- */
+typedef struct {
+  /* given before the set-up, kept by a reset */
+  PetscObject    object;         /* the solver: communicator, prefix and database of options */
+  LatinStructure structure;      /* borrowed; NULL: a matrix */
+  Mat            matrix;         /* borrowed: a MATIS instead of links, or NULL */
+  LatinUnknowns  known;          /* of its unknowns */
+  PetscBool      tangent;        /* linear operators: no link has a state */
+  PetscReal     *link_stiffness; /* [links_local of the structure] k; tangent stiffnesses for linear operators; search parameters of rigid links */
+  PetscBool      preconditions;  /* one linear stage from zero, in which springs only keep operators regular */
+  PetscReal      scale;          /* displacements and gaps of the subdomains over those of the structure, 1 but for rigid links */
+  /* made by the set-up */
+  PetscInt     dim, bs;     /* coordinates and components of a node */
+  PetscInt     fields;      /* kinds of components, each with macro fields of its own; as many as coordinates: a displacement */
+  PetscInt     nodes_local; /* nodes that this rank numbers, roots of node_sf */
+  PetscInt    *field;       /* [copies * bs] NULL: the components of a node are the fields */
+  PetscReal   *trace;       /* [copies * bs][fields][1 + dim] as in LatinUnknowns; NULL: of a node */
+  PetscInt     nears;       /* fields near to the kernel that are known, [nears][copies * bs] */
+  PetscReal   *near;
+  PetscInt     count, n, first; /* subdomains: all, here, number of the first one here */
+  PetscInt    *rank_first;      /* [ranks + 1] first subdomain of each rank */
+  PetscInt    *of_link;         /* [structure->links_local] subdomain of the caller's links */
+  PetscInt    *link_offset;     /* [n + 1] */
+  PetscInt    *link_source;     /* [links] position in the order of arrival, for refreshing link data */
+  PetscInt     links;
+  PetscInt    *ends;                                                /* [links][2] copies of the nodes */
+  PetscReal   *direction;                                           /* [links][dim] */
+  PetscReal   *stiffness;                                           /* [links] k, which is also the ascent direction l */
+  PetscReal   *e0;                                                  /* [links] */
+  PetscInt    *law;                                                 /* [links] */
+  PetscReal   *friction;                                            /* [links] coefficient, at the normal part of a contact; NULL if nothing rubs */
+  PetscInt    *node_offset;                                         /* [n + 1] */
+  PetscInt     copies;                                              /* copies of nodes here */
+  PetscInt    *node;                                                /* [copies] global node number */
+  PetscReal   *x;                                                   /* [copies][dim] coordinates */
+  PetscBool   *fixed;                                               /* [copies][bs] */
+  PetscReal   *prescribed;                                          /* [copies][bs] */
+  PetscInt    *multiplicity;                                        /* [copies] number of subdomains at the node */
+  PetscReal   *ground;                                              /* [copies][bs] springs to the ground, shared among the copies of a node; NULL if there are none */
+  PetscInt    *global_dof;                                          /* [copies][bs] */
+  PetscSF      node_sf;                                             /* caller's nodes -> copies */
+  PetscSF      dof_sf;                                              /* DM global vector -> free components of copies */
+  PetscInt     nonsmooth_global;                                    /* links with a state, over all ranks */
+  PetscInt     nonsmooth;                                           /* links with a state, here */
+  PetscInt    *nonsmooth_link;                                      /* [nonsmooth] */
+  PetscInt    *state;                                               /* [links] number of the link's state here, -1: none */
+  PetscInt    *state_first;                                         /* [n + 1] first state of each subdomain */
+  PetscMPIInt *send_count, *send_offset, *recv_count, *recv_offset; /* migration of link data, in links */
+  PetscInt    *send_order;                                          /* [links->links_local] */
+  /* subdomains of a matrix (subdomains/matis.c) have no links, and one component a node */
+  PetscInt  *ki, *kj; /* [copies + 1], [ki[copies]] rows of the operators, NULL: B^t k B */
+  PetscReal *ka;
+  PetscInt   unassigned_count, *unassigned; /* unknowns of this rank's part of a vector that are in no subdomain */
+  PetscReal *unassigned_inverse;            /* what the preconditioner makes of them */
+  PetscBool *jumps;                         /* [copies] of a subdomain that has been condensed on its interfaces, whose operator is dense: did the coefficients jump next to it? NULL: as it is */
+} LatinSubdomains;
+
+/* Has the inside been eliminated (localsolvers/staticcondensation.c)? The operator is then dense */
+static inline PetscBool LatinSubdomainsCondensed(const LatinSubdomains *sub)
+{
+  return (PetscBool)(sub->jumps != NULL);
+}
+
+/* The rank of a subdomain */
+static inline PetscMPIInt LatinSubdomainRank(const LatinSubdomains *sub, PetscMPIInt size, PetscInt s)
+{
+  PetscMPIInt low = 0, high = size - 1;
+
+  while (low < high) {
+    const PetscMPIInt middle = (low + high + 1) / 2;
+
+    if (sub->rank_first[middle] <= s) low = middle;
+    else high = middle - 1;
+  }
+  return low;
+}
+
+/* Has a node a free component? */
+static inline PetscBool LatinNodeFree(const LatinSubdomains *sub, PetscInt i)
+{
+  for (PetscInt c = 0; c < sub->bs; c++)
+    if (!sub->fixed[sub->bs * i + c]) return PETSC_TRUE;
+  return PETSC_FALSE;
+}
+
+/* The field of an entry of the copy arrays */
+static inline PetscInt LatinField(const LatinSubdomains *sub, PetscInt dof)
+{
+  return sub->field ? sub->field[dof] : dof % sub->bs;
+}
+
+/* Elongation of a link under the displacements of the copies, a row of B */
+static inline PetscReal LatinElongation(const LatinSubdomains *sub, PetscInt dim, PetscInt l, const PetscReal U[])
+{
+  const PetscReal *n = sub->direction + dim * l, *ua = U + dim * sub->ends[2 * l], *ub = U + dim * sub->ends[2 * l + 1];
+  PetscReal        e = 0.0;
+
+  for (PetscInt c = 0; c < dim; c++) e += n[c] * (ub[c] - ua[c]);
+  return e;
+}
+
+PETSC_INTERN PetscErrorCode LatinSubdomainsSetUp(LatinSubdomains *, PetscInt of_link[], PetscInt count);
+PETSC_INTERN PetscErrorCode LatinSubdomainsSetUp_Matrix(LatinSubdomains *);
+PETSC_INTERN PetscErrorCode LatinSubdomainsRefresh(LatinSubdomains *);
+PETSC_INTERN PetscErrorCode LatinSubdomainsReturn_Private(const LatinSubdomains *, const PetscReal state[], PetscReal value[]);
+PETSC_INTERN PetscErrorCode LatinSubdomainsBalance_Private(const LatinSubdomains *, PetscReal *links, PetscReal *dofs, PetscReal *ranks);
+PETSC_INTERN PetscErrorCode LatinSubdomainsReset(LatinSubdomains *);
+PETSC_INTERN PetscErrorCode LatinDistribute_Private(const LatinSubdomains *, Vec u, PetscReal copy[]);
+PETSC_INTERN PetscErrorCode LatinUnassigned_Private(const LatinSubdomains *, Vec x, Vec y);
+PETSC_INTERN PetscErrorCode LatinJumpsCopies_Private(const LatinSubdomains *, PetscBool jumps[]);
+
+/* The prefix of the options, for messages */
+static inline const char *LatinPrefix(const LatinSubdomains *sub)
+{
+  return sub->object->prefix ? sub->object->prefix : "";
+}
+
+/* ---- a matrix that has a decomposition of its own (levels of the coarse problem) ---- */
+typedef struct {
+  LatinUnknowns known;
+  Mat           K;      /* groups of subdomains here, block diagonal; NULL unless the coarse solver is of type latin */
+  PetscInt     *global; /* [rows of K] row of the coarse matrix */
+  PetscInt     *part;   /* [rows of K] connected part of a group */
+  PetscInt      parts;
+} LatinLevel;
+PETSC_INTERN PetscErrorCode LatinLevelAttach_Private(LatinLevel *, Mat);
+PETSC_INTERN PetscErrorCode LatinLevelOf_Private(Mat, LatinLevel **);
+PETSC_INTERN PetscErrorCode LatinLevelReset_Private(LatinLevel *, Mat);
+
+/* ---- operators (subdomains/operator.c, subdomains/rows.c) ---- */
+typedef struct {
+  const LatinSubdomains *sub;
+  PetscInt              *offset, *list; /* links at each copy */
+  PetscInt              *neighbour;     /* work: copies joined to one copy, itself included */
+  PetscReal             *block;         /* work: their bs x bs blocks */
+  PetscInt              *slot;          /* [copies] work: position among the neighbours, -1 */
+} LatinRows;
+PETSC_INTERN PetscErrorCode LatinOperatorMult(const LatinSubdomains *, const PetscReal v[], PetscReal f[]);
+PETSC_INTERN PetscErrorCode LatinOperatorDiagonal(const LatinSubdomains *, PetscReal diagonal[]);
+PETSC_INTERN PetscErrorCode LatinOperatorStream_Private(const LatinSubdomains *, PetscInt s, LatinStream *);
+PETSC_INTERN PetscErrorCode LatinRowsCreate_Private(const LatinSubdomains *, PetscInt more, LatinRows *);
+PETSC_INTERN void           LatinRowsOpen(LatinRows *, PetscInt i, PetscInt *n);
+PETSC_INTERN void           LatinRowsJoin(LatinRows *, PetscInt j, PetscInt *n);
+PETSC_INTERN PetscErrorCode LatinRowsFill_Private(LatinRows *, PetscInt i, const PetscReal spring[], PetscInt n);
+PETSC_INTERN void           LatinRowsClose(LatinRows *, PetscInt n);
+PETSC_INTERN PetscErrorCode LatinRowsGet_Private(LatinRows *, PetscInt i, const PetscReal spring[], PetscInt *count);
+PETSC_INTERN PetscErrorCode LatinRowsDestroy_Private(LatinRows *);
+
+#endif

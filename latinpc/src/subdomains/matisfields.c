@@ -1,0 +1,206 @@
+#include "subdomains/latinsubdomains.h"
+#include <petscds.h>
+#include <petscfe.h>
+
+/*
+   What is known of the unknowns of a matrix that comes without a structure: where they are, which field each belongs
+   to, and which fields cost next to nothing. It improves the macro fields; none of it is required.
+*/
+
+/* Coordinate `ctx`, for all components of a field */
+static PetscErrorCode LatinCoordinate_Private(PetscInt dim, PetscReal t, const PetscReal x[], PetscInt n, PetscScalar *out, void *ctx)
+{
+  for (PetscInt c = 0; c < n; c++) out[c] = x[*(PetscInt *)ctx];
+  return 0;
+}
+
+/* The number of each component of a field, counted from `ctx` */
+static PetscErrorCode LatinComponent_Private(PetscInt dim, PetscReal t, const PetscReal x[], PetscInt n, PetscScalar *out, void *ctx)
+{
+  for (PetscInt c = 0; c < n; c++) out[c] = (PetscScalar)(*(PetscInt *)ctx + c);
+  return 0;
+}
+
+/* Coordinates and fields of the unknowns of finite elements: the elements' own interpolants of x, y, z and of component numbers */
+static PetscErrorCode LatinUnknownsElements_Private(DM dm, PetscInt rows, LatinUnknowns *known)
+{
+  typedef PetscErrorCode (*Function)(PetscInt, PetscReal, const PetscReal[], PetscInt, PetscScalar *, void *);
+  PetscInt           nf, nl, *number;
+  Function          *functions;
+  void             **contexts;
+  Vec                v;
+  const PetscScalar *a;
+  PetscBool          fit = PETSC_TRUE;
+
+  PetscFunctionBegin;
+  PetscCall(DMGetNumFields(dm, &nf));
+  for (PetscInt f = 0; f < nf; f++) {
+    PetscObject  object;
+    PetscClassId id;
+
+    PetscCall(DMGetField(dm, f, NULL, &object));
+    PetscCall(PetscObjectGetClassId(object, &id));
+    if (id != PETSCFE_CLASSID) fit = PETSC_FALSE;
+  }
+  if (!nf || !fit) PetscFunctionReturn(0);
+  PetscCall(DMCreateGlobalVector(dm, &v));
+  PetscCall(VecGetLocalSize(v, &nl));
+  fit = (PetscBool)(nl == rows);
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &fit, 1, LATIN_MPI_BOOL, MPI_LAND, PetscObjectComm((PetscObject)dm)));
+  if (fit) {
+    PetscCall(DMGetCoordinateDim(dm, &known->dim));
+    PetscCall(PetscMalloc3(nf, &functions, nf, &contexts, nf, &number));
+    PetscCall(PetscMalloc1(known->dim * rows, &known->x));
+    PetscCall(PetscMalloc1(rows, &known->field));
+    known->fields = 0;
+    for (PetscInt d = 0; d <= known->dim; d++) {
+      for (PetscInt f = 0; f < nf; f++) {
+        functions[f] = d < known->dim ? LatinCoordinate_Private : LatinComponent_Private;
+        contexts[f]  = number + f;
+        number[f]    = d;
+        if (d == known->dim) {
+          PetscObject object;
+          PetscInt    components;
+
+          number[f] = known->fields;
+          PetscCall(DMGetField(dm, f, NULL, &object));
+          PetscCall(PetscFEGetNumComponents((PetscFE)object, &components));
+          known->fields += components;
+        }
+      }
+      PetscCall(DMProjectFunction(dm, 0.0, functions, contexts, INSERT_VALUES, v));
+      PetscCall(VecGetArrayRead(v, &a));
+      for (PetscInt i = 0; i < rows; i++) {
+        if (d < known->dim) known->x[known->dim * i + d] = PetscRealPart(a[i]);
+        else known->field[i] = PetscMax(0, PetscMin(known->fields - 1, (PetscInt)(PetscRealPart(a[i]) + 0.5)));
+      }
+      PetscCall(VecRestoreArrayRead(v, &a));
+    }
+    PetscCall(PetscFree3(functions, contexts, number));
+  }
+  PetscCall(VecDestroy(&v));
+  PetscFunctionReturn(0);
+}
+
+/* Coordinates of the nodes of a DM whose vectors have one block a node, as those of DMDA */
+static PetscErrorCode LatinUnknownsNodes_Private(DM dm, PetscInt rows, LatinUnknowns *known)
+{
+  Vec                v;
+  PetscInt           dim, n, fit;
+  const PetscScalar *a;
+
+  PetscFunctionBegin;
+  PetscCall(DMGetCoordinates(dm, &v));
+  PetscCall(DMGetCoordinateDim(dm, &dim));
+  if (!v || dim < 1 || dim > 3) PetscFunctionReturn(0);
+  PetscCall(VecGetLocalSize(v, &n));
+  fit = n * known->fields == rows * dim ? 1 : 0;
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &fit, 1, MPIU_INT, MPI_MIN, PetscObjectComm((PetscObject)dm)));
+  if (!fit) PetscFunctionReturn(0);
+  known->dim = dim;
+  PetscCall(PetscMalloc1(dim * rows, &known->x));
+  PetscCall(VecGetArrayRead(v, &a));
+  for (PetscInt i = 0; i < rows; i++)
+    for (PetscInt d = 0; d < dim; d++) known->x[dim * i + d] = PetscRealPart(a[dim * (i / known->fields) + d]);
+  PetscCall(VecRestoreArrayRead(v, &a));
+  PetscFunctionReturn(0);
+}
+
+/* The vectors of a null space, one after the other */
+static PetscErrorCode LatinUnknownsSpace_Private(MatNullSpace space, PetscInt rows, PetscInt *count, PetscReal *vectors[])
+{
+  PetscBool          constant = PETSC_FALSE;
+  PetscInt           n        = 0;
+  const Vec         *v        = NULL;
+  const PetscScalar *a;
+
+  PetscFunctionBegin;
+  if (!space) PetscFunctionReturn(0);
+  PetscCall(MatNullSpaceGetVecs(space, &constant, &n, &v));
+  PetscCall(PetscMalloc1((n + 1) * rows, vectors));
+  *count = 0;
+  if (constant) {
+    for (PetscInt i = 0; i < rows; i++) (*vectors)[i] = 1.0;
+    *count = 1;
+  }
+  for (PetscInt k = 0; k < n; k++, (*count)++) {
+    PetscCall(VecGetArrayRead(v[k], &a));
+    for (PetscInt i = 0; i < rows; i++) (*vectors)[rows * *count + i] = PetscRealPart(a[i]);
+    PetscCall(VecRestoreArrayRead(v[k], &a));
+  }
+  PetscFunctionReturn(0);
+}
+
+/* A copy of what the level below has of its coarse unknowns */
+static PetscErrorCode LatinUnknownsCopy_Private(const LatinUnknowns *from, PetscInt rows, LatinUnknowns *known)
+{
+  const PetscInt each = from->fields * (1 + from->dim);
+
+  PetscFunctionBegin;
+  *known = *from;
+  PetscCall(PetscMalloc1(from->dim * rows + 1, &known->x));
+  PetscCall(PetscArraycpy(known->x, from->x, from->dim * rows));
+  PetscCall(PetscMalloc1(each * rows + 1, &known->trace));
+  PetscCall(PetscArraycpy(known->trace, from->trace, each * rows));
+  PetscCall(PetscMalloc1(from->nears * rows + 1, &known->near));
+  PetscCall(PetscArraycpy(known->near, from->near, from->nears * rows));
+  PetscCall(PetscCalloc1(rows + 1, &known->field));
+  PetscFunctionReturn(0);
+}
+
+/* How many of n numbers are not finite */
+static PetscInt LatinNotFinite(PetscInt n, const PetscReal x[])
+{
+  PetscInt count = 0;
+
+  for (PetscInt i = 0; i < n && x; i++) count += PetscIsInfOrNanReal(x[i]) ? 1 : 0;
+  return count;
+}
+
+/*
+   Gathers what is known: coordinates given to the preconditioner, [nodes][dim] (NULL: none), or those of the DM; fields
+   of the finite elements of the DM, or components of a block. Collective on A.
+*/
+PetscErrorCode LatinUnknownsSetUp_Private(Mat A, DM dm, PetscInt dim, PetscInt nodes, const PetscReal x[], LatinUnknowns *known)
+{
+  PetscInt     rows, each;
+  MatNullSpace near, kernel;
+  PetscBool    plex = PETSC_FALSE;
+  LatinLevel  *level;
+
+  PetscFunctionBegin;
+  PetscCall(LatinUnknownsReset_Private(known));
+  PetscCall(MatGetLocalSize(A, &rows, NULL));
+  PetscCall(LatinLevelOf_Private(A, &level));
+  if (level) {
+    PetscCall(LatinUnknownsCopy_Private(&level->known, rows, known));
+    PetscFunctionReturn(0);
+  }
+  PetscCall(MatGetBlockSize(A, &known->fields));
+  if (dm) PetscCall(PetscObjectTypeCompare((PetscObject)dm, DMPLEX, &plex));
+  if (plex) PetscCall(LatinUnknownsElements_Private(dm, rows, known));
+  if (dim) {
+    each = nodes ? rows / nodes : 0;
+    PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &each, 1, MPIU_INT, MPI_MAX, PetscObjectComm((PetscObject)A)));
+    LatinAgree(PetscObjectComm((PetscObject)A), nodes * each != rows, PETSC_ERR_ARG_SIZ,
+               "PCSetCoordinates() has given %" PetscInt_FMT " nodes to a rank of %" PetscInt_FMT " unknowns, where another rank has %" PetscInt_FMT " unknowns a node: give every node of all ranks the same number of unknowns, or each unknown a node",
+               nodes, rows, each);
+    if (each > 1) known->fields = each; /* the block size is lost where the local-to-global map has none */
+    PetscCall(PetscFree(known->x));
+    known->dim = dim;
+    PetscCall(PetscMalloc1(dim * rows, &known->x));
+    for (PetscInt i = 0; i < rows; i++) PetscCall(PetscArraycpy(known->x + dim * i, x + dim * (i / each), dim));
+  } else if (dm && !plex) PetscCall(LatinUnknownsNodes_Private(dm, rows, known));
+  if (!known->field) {
+    PetscCall(PetscMalloc1(rows, &known->field));
+    for (PetscInt i = 0; i < rows; i++) known->field[i] = i % known->fields; /* a rank has whole blocks */
+  }
+  PetscCall(MatGetNullSpace(A, &kernel));
+  PetscCall(LatinUnknownsSpace_Private(kernel, rows, &known->kernels, &known->kernel));
+  PetscCall(MatGetNearNullSpace(A, &near));
+  PetscCall(LatinUnknownsSpace_Private(near ? near : kernel, rows, &known->nears, &known->near));
+  LatinAgree(PetscObjectComm((PetscObject)A), LatinNotFinite(known->dim * rows, known->x) > 0, PETSC_ERR_FP, "The unknowns of the matrix have coordinates that are not finite numbers (PCSetCoordinates(), or the DM)");
+  LatinAgree(PetscObjectComm((PetscObject)A), LatinNotFinite(known->nears * rows, known->near) || LatinNotFinite(known->kernels * rows, known->kernel), PETSC_ERR_FP,
+             "A vector of the near null space, or of the null space, of the matrix has numbers that are not finite");
+  PetscFunctionReturn(0);
+}

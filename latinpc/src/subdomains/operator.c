@@ -1,0 +1,84 @@
+#include "subdomains/latinsubdomains.h"
+
+/*
+   The operators of the subdomains without springs of the search direction: B^t k B of the links, and of the springs to
+   the ground if there are any; or the rows that a matrix gives (subdomains/matis.c). The other stages see them through this file
+   alone: a product, the diagonal, the rows (subdomains/rows.c), and a comparison of operators.
+*/
+
+/* f = K v, subdomain by subdomain */
+PetscErrorCode LatinOperatorMult(const LatinSubdomains *sub, const PetscReal v[], PetscReal f[])
+{
+  const PetscInt bs = sub->bs;
+
+  PetscFunctionBegin;
+  for (PetscInt i = 0; i < bs * sub->copies; i++) f[i] = sub->ground ? sub->ground[i] * v[i] : 0.0;
+  for (PetscInt i = 0; i < sub->copies && sub->ki; i++)
+    for (PetscInt k = sub->ki[i]; k < sub->ki[i + 1]; k++) f[i] += sub->ka[k] * v[sub->kj[k]];
+  for (PetscInt l = 0; l < sub->links; l++) {
+    const PetscReal *n = sub->direction + bs * l;
+    const PetscInt   a = bs * sub->ends[2 * l], b = bs * sub->ends[2 * l + 1];
+    PetscReal        t = 0.0;
+
+    for (PetscInt c = 0; c < bs; c++) t += n[c] * (v[b + c] - v[a + c]);
+    t *= sub->stiffness[l];
+    for (PetscInt c = 0; c < bs; c++) {
+      f[a + c] -= t * n[c];
+      f[b + c] += t * n[c];
+    }
+  }
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode LatinOperatorDiagonal(const LatinSubdomains *sub, PetscReal diagonal[])
+{
+  const PetscInt bs = sub->bs;
+
+  PetscFunctionBegin;
+  for (PetscInt i = 0; i < bs * sub->copies; i++) diagonal[i] = sub->ground ? sub->ground[i] : 0.0;
+  for (PetscInt i = 0; i < sub->copies && sub->ki; i++)
+    for (PetscInt k = sub->ki[i]; k < sub->ki[i + 1]; k++)
+      if (sub->kj[k] == i) diagonal[i] = sub->ka[k];
+  for (PetscInt l = 0; l < sub->links; l++)
+    for (PetscInt c = 0; c < bs; c++) {
+      const PetscReal v = sub->stiffness[l] * PetscSqr(sub->direction[bs * l + c]);
+
+      diagonal[bs * sub->ends[2 * l] + c] += v;
+      diagonal[bs * sub->ends[2 * l + 1] + c] += v;
+    }
+  PetscFunctionReturn(0);
+}
+
+/* Everything that the operator of a subdomain depends on: equal streams, equal operators */
+PetscErrorCode LatinOperatorStream_Private(const LatinSubdomains *sub, PetscInt s, LatinStream *stream)
+{
+  const PetscInt bs = sub->bs, top = sub->node_offset[s], first = sub->ki ? 0 : sub->link_offset[s], links = sub->ki ? 0 : sub->link_offset[s + 1] - first;
+  unsigned char *room = NULL;
+
+  PetscFunctionBegin;
+  if (sub->ki) {
+    for (PetscInt i = top; i < sub->node_offset[s + 1]; i++) {
+      const PetscInt n = sub->ki[i + 1] - sub->ki[i];
+
+      PetscCall(LatinStreamAdd_Private(stream, &n, sizeof(n)));
+      for (PetscInt k = sub->ki[i]; k < sub->ki[i + 1]; k++) {
+        const PetscInt j = sub->kj[k] - top;
+
+        PetscCall(LatinStreamAdd_Private(stream, &j, sizeof(j)));
+      }
+      PetscCall(LatinStreamAdd_Private(stream, sub->ka + sub->ki[i], (size_t)n * sizeof(*sub->ka)));
+    }
+    PetscFunctionReturn(0);
+  }
+  PetscCall(LatinStreamAdd_Private(stream, &links, sizeof(links)));
+  PetscCall(LatinStreamRoom_Private(stream, (size_t)(2 * links) * sizeof(PetscInt), &room));
+  for (PetscInt i = 2 * first; i < 2 * (first + links); i++, room += sizeof(PetscInt)) {
+    const PetscInt end = sub->ends[i] - top;
+
+    memcpy(room, &end, sizeof(end));
+  }
+  if (sub->ground) PetscCall(LatinStreamAdd_Private(stream, sub->ground + bs * top, (size_t)(bs * (sub->node_offset[s + 1] - top)) * sizeof(PetscReal)));
+  PetscCall(LatinStreamAdd_Private(stream, sub->stiffness + first, (size_t)links * sizeof(PetscReal)));
+  PetscCall(LatinStreamAdd_Private(stream, sub->direction + bs * first, (size_t)(bs * links) * sizeof(PetscReal)));
+  PetscFunctionReturn(0);
+}

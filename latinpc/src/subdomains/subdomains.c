@@ -1,0 +1,342 @@
+#include "subdomains/latinsubdomains.h"
+
+/*
+   Substructuring, section 3.1: the links, not the nodes, are shared out, so that the laws stay inside subdomains.
+   Subdomains go to the ranks in blocks of consecutive numbers; links and node data follow them.
+*/
+
+#define LATIN_FACTOR_POWER 1.5 /* entries of the factor of a subdomain grow about so with its links, see partition/subdomaincount.c */
+
+/* Blocks of like cost: a subdomain goes where the middle of its own part of the whole cost falls */
+static PetscErrorCode LatinSubdomainsDeal_Private(LatinSubdomains *sub)
+{
+  MPI_Comm    comm = PetscObjectComm(sub->object);
+  PetscMPIInt size, rank, last = 0;
+  PetscInt   *links;
+  PetscReal   whole = 0.0, sum = 0.0;
+
+  PetscFunctionBegin;
+  PetscCallMPI(MPI_Comm_size(comm, &size));
+  PetscCallMPI(MPI_Comm_rank(comm, &rank));
+  PetscCall(PetscCalloc1(sub->count, &links));
+  for (PetscInt l = 0; l < sub->structure->links_local; l++) links[sub->of_link[l]]++;
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, links, (PetscMPIInt)sub->count, MPIU_INT, MPI_SUM, comm));
+  for (PetscInt s = 0; s < sub->count; s++) whole += PetscPowReal((PetscReal)links[s], LATIN_FACTOR_POWER);
+  PetscCall(PetscCalloc1(size + 1, &sub->rank_first));
+  for (PetscInt s = 0; s < sub->count; s++) {
+    const PetscReal cost = PetscPowReal((PetscReal)links[s], LATIN_FACTOR_POWER);
+
+    while (last < size - 1 && (sum + 0.5 * cost) * size > whole * (1.0 + PETSC_SMALL) * (last + 1)) sub->rank_first[++last] = s;
+    sum += cost;
+  }
+  while (last < size) sub->rank_first[++last] = sub->count;
+  PetscCall(PetscFree(links));
+  sub->first = sub->rank_first[rank];
+  sub->n     = sub->rank_first[rank + 1] - sub->first;
+  PetscFunctionReturn(0);
+}
+
+/* Largest subdomain over the mean, in links (entries of a matrix) and in free degrees of freedom; and the largest rank, in cost as above */
+PetscErrorCode LatinSubdomainsBalance_Private(const LatinSubdomains *sub, PetscReal *links, PetscReal *dofs, PetscReal *ranks)
+{
+  MPI_Comm       comm   = PetscObjectComm(sub->object);
+  const PetscInt bs     = sub->bs;
+  PetscReal      sum[3] = {0.0, 0.0, 0.0}, most[3] = {0.0, 0.0, 0.0};
+  PetscMPIInt    size;
+
+  PetscFunctionBegin;
+  PetscCallMPI(MPI_Comm_size(comm, &size));
+  for (PetscInt s = 0; s < sub->n; s++) {
+    const PetscReal n = (PetscReal)(sub->ki ? sub->ki[sub->node_offset[s + 1]] - sub->ki[sub->node_offset[s]] : sub->link_offset[s + 1] - sub->link_offset[s]);
+    PetscInt        m = 0;
+
+    for (PetscInt i = bs * sub->node_offset[s]; i < bs * sub->node_offset[s + 1]; i++) m += sub->fixed[i] ? 0 : 1;
+    sum[0] += n;
+    sum[1] += m;
+    sum[2] += PetscPowReal(n, LATIN_FACTOR_POWER);
+    most[0] = PetscMax(most[0], n);
+    most[1] = PetscMax(most[1], (PetscReal)m);
+  }
+  most[2] = sum[2];
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 3, MPIU_REAL, MPIU_SUM, comm));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, most, 3, MPIU_REAL, MPIU_MAX, comm));
+  *links = sum[0] > 0.0 ? most[0] * sub->count / sum[0] : 1.0;
+  *dofs  = sum[1] > 0.0 ? most[1] * sub->count / sum[1] : 1.0;
+  *ranks = sum[2] > 0.0 ? most[2] * size / sum[2] : 1.0;
+  PetscFunctionReturn(0);
+}
+
+/* to[i] = from[index[i]], items of `bytes` bytes, mostly numbers or vectors of them */
+static void LatinPermute(PetscInt n, size_t bytes, const PetscInt index[], const void *from, void *to)
+{
+  const size_t width = bytes / sizeof(PetscReal);
+
+  if (bytes == sizeof(PetscInt)) {
+    for (PetscInt i = 0; i < n; i++) ((PetscInt *)to)[i] = ((const PetscInt *)from)[index[i]];
+  } else if (bytes == width * sizeof(PetscReal) && width <= 3) {
+    for (PetscInt i = 0; i < n; i++)
+      for (size_t c = 0; c < width; c++) ((PetscReal *)to)[width * (size_t)i + c] = ((const PetscReal *)from)[width * (size_t)index[i] + c];
+  } else {
+    for (PetscInt i = 0; i < n; i++) memcpy((char *)to + bytes * (size_t)i, (const char *)from + bytes * (size_t)index[i], bytes);
+  }
+}
+
+/* Brings one item of `bytes` bytes per link from the caller's order to the subdomains' order */
+static PetscErrorCode LatinMigrate_Private(const LatinSubdomains *sub, size_t bytes, const void *source, void *target)
+{
+  const PetscInt n = sub->structure->links_local;
+  PetscMPIInt    size;
+  MPI_Datatype   type;
+  char          *out, *in;
+
+  PetscFunctionBegin;
+  PetscCallMPI(MPI_Comm_size(PetscObjectComm(sub->object), &size));
+  if (size == 1) { /* links are sent in the caller's order */
+    LatinPermute(n, bytes, sub->link_source, source, target);
+    PetscFunctionReturn(0);
+  }
+  PetscCall(PetscMalloc2(bytes * (size_t)n, &out, bytes * (size_t)sub->links, &in));
+  LatinPermute(n, bytes, sub->send_order, source, out);
+  PetscCallMPI(MPI_Type_contiguous((PetscMPIInt)bytes, MPI_BYTE, &type));
+  PetscCallMPI(MPI_Type_commit(&type));
+  PetscCallMPI(MPI_Alltoallv(out, sub->send_count, sub->send_offset, type, in, sub->recv_count, sub->recv_offset, type, PetscObjectComm(sub->object)));
+  PetscCallMPI(MPI_Type_free(&type));
+  LatinPermute(sub->links, bytes, sub->link_source, in, target);
+  PetscCall(PetscFree2(out, in));
+  PetscFunctionReturn(0);
+}
+
+/* Who sends how many links to whom, and the order of the links here: by subdomain, then as they arrive */
+static PetscErrorCode LatinSubdomainsPlan_Private(LatinSubdomains *sub)
+{
+  MPI_Comm       comm = PetscObjectComm(sub->object);
+  const PetscInt n    = sub->structure->links_local;
+  PetscMPIInt    size;
+  PetscInt      *next, *arrived, *identity;
+
+  PetscFunctionBegin;
+  PetscCallMPI(MPI_Comm_size(comm, &size));
+  PetscCall(PetscCalloc4(size, &sub->send_count, size, &sub->send_offset, size, &sub->recv_count, size, &sub->recv_offset));
+  PetscCall(PetscMalloc1(n, &sub->send_order));
+  PetscCall(PetscMalloc1(size + 1, &next));
+  for (PetscInt l = 0; l < n; l++) sub->send_count[LatinSubdomainRank(sub, size, sub->of_link[l])]++;
+  for (PetscMPIInt r = 1; r < size; r++) sub->send_offset[r] = sub->send_offset[r - 1] + sub->send_count[r - 1];
+  for (PetscMPIInt r = 0; r < size; r++) next[r] = sub->send_offset[r];
+  for (PetscInt l = 0; l < n; l++) sub->send_order[next[LatinSubdomainRank(sub, size, sub->of_link[l])]++] = l;
+  PetscCallMPI(MPI_Alltoall(sub->send_count, 1, MPI_INT, sub->recv_count, 1, MPI_INT, comm));
+  sub->links = sub->recv_count[0];
+  for (PetscMPIInt r = 1; r < size; r++) {
+    sub->recv_offset[r] = sub->recv_offset[r - 1] + sub->recv_count[r - 1];
+    sub->links += sub->recv_count[r];
+  }
+
+  PetscCall(PetscMalloc1(sub->links, &sub->link_source));
+  PetscCall(PetscMalloc2(sub->links, &arrived, sub->links, &identity));
+  PetscCall(PetscCalloc1(sub->n + 1, &sub->link_offset));
+  for (PetscInt l = 0; l < sub->links; l++) sub->link_source[l] = l;
+  PetscCall(LatinMigrate_Private(sub, sizeof(PetscInt), sub->of_link, arrived));
+  for (PetscInt l = 0; l < sub->links; l++) sub->link_offset[arrived[l] - sub->first + 1]++;
+  for (PetscInt s = 0; s < sub->n; s++) sub->link_offset[s + 1] += sub->link_offset[s];
+  for (PetscInt s = 0; s < sub->n; s++) identity[s] = sub->link_offset[s];
+  for (PetscInt l = 0; l < sub->links; l++) sub->link_source[identity[arrived[l] - sub->first]++] = l;
+  PetscCall(PetscFree2(arrived, identity));
+  PetscCall(PetscFree(next));
+  PetscFunctionReturn(0);
+}
+
+/* The copies of the nodes: the nodes of each subdomain's links, by increasing number */
+static PetscErrorCode LatinSubdomainsCopies_Private(LatinSubdomains *sub)
+{
+  LatinStructure structure = sub->structure;
+  PetscInt      *nodes, *list, total = 0;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMalloc1(2 * sub->links, &sub->ends));
+  PetscCall(PetscMalloc1(2 * sub->links, &list));
+  nodes = sub->ends; /* numbers of the nodes at first */
+  PetscCall(LatinMigrate_Private(sub, 2 * sizeof(PetscInt), structure->nodes, nodes));
+  PetscCall(PetscMalloc1(sub->n + 1, &sub->node_offset));
+  sub->node_offset[0] = 0;
+  for (PetscInt s = 0; s < sub->n; s++) {
+    PetscInt m = 2 * (sub->link_offset[s + 1] - sub->link_offset[s]);
+
+    PetscCall(PetscArraycpy(list + total, nodes + 2 * sub->link_offset[s], m));
+    PetscCall(PetscSortRemoveDupsInt(&m, list + total));
+    for (PetscInt i = 2 * sub->link_offset[s]; i < 2 * sub->link_offset[s + 1]; i++) {
+      PetscInt at;
+
+      PetscCall(PetscFindInt(nodes[i], m, list + total, &at));
+      nodes[i] = total + at;
+    }
+    total += m;
+    sub->node_offset[s + 1] = total;
+  }
+  sub->copies = total;
+  PetscCall(PetscMalloc1(total, &sub->node));
+  PetscCall(PetscArraycpy(sub->node, list, total));
+  PetscCall(PetscFree(list));
+  PetscFunctionReturn(0);
+}
+
+/* Node data for the copies, and the ways from the caller's nodes and from the DM's vectors to them */
+static PetscErrorCode LatinSubdomainsNodeData_Private(LatinSubdomains *sub)
+{
+  LatinStructure  structure = sub->structure;
+  MPI_Comm        comm      = PetscObjectComm(sub->object);
+  const PetscInt  dim = structure->dim, n = sub->copies;
+  PetscLayout     map;
+  const PetscInt *degree;
+  PetscInt       *remote, *local, m = 0;
+
+  PetscFunctionBegin;
+  PetscCall(PetscLayoutCreateFromSizes(comm, structure->nodes_local, structure->nodes_global, 1, &map));
+  PetscCall(PetscSFCreate(comm, &sub->node_sf));
+  PetscCall(PetscSFSetGraphLayout(sub->node_sf, map, n, NULL, PETSC_COPY_VALUES, sub->node));
+  PetscCall(PetscLayoutDestroy(&map));
+  PetscCall(PetscMalloc5(dim * n, &sub->x, dim * n, &sub->fixed, dim * n, &sub->prescribed, n, &sub->multiplicity, dim * n, &sub->global_dof));
+  PetscCall(LatinSFBcast_Private(sub->node_sf, dim, MPIU_REAL, structure->x, sub->x));
+  PetscCall(LatinSFBcast_Private(sub->node_sf, dim, LATIN_MPI_BOOL, structure->fixed, sub->fixed));
+  PetscCall(LatinSFBcast_Private(sub->node_sf, dim, MPIU_REAL, structure->prescribed, sub->prescribed));
+  PetscCall(LatinSFBcast_Private(sub->node_sf, dim, MPIU_INT, structure->global_dof, sub->global_dof));
+  PetscCall(PetscSFComputeDegreeBegin(sub->node_sf, &degree));
+  PetscCall(PetscSFComputeDegreeEnd(sub->node_sf, &degree));
+  PetscCall(LatinSFBcast_Private(sub->node_sf, 1, MPIU_INT, degree, sub->multiplicity));
+
+  PetscCall(PetscMalloc2(dim * n, &remote, dim * n, &local));
+  for (PetscInt i = 0; i < dim * n; i++)
+    if (!sub->fixed[i]) {
+      remote[m]  = sub->global_dof[i];
+      local[m++] = i;
+    }
+  PetscCall(VecGetLayout(structure->load, &map));
+  PetscCall(PetscSFCreate(comm, &sub->dof_sf));
+  PetscCall(PetscSFSetGraphLayout(sub->dof_sf, map, m, local, PETSC_COPY_VALUES, remote));
+  PetscCall(PetscFree2(remote, local));
+  if (structure->ground) {
+    PetscCall(PetscCalloc1(dim * n, &sub->ground));
+    PetscCall(LatinDistribute_Private(sub, structure->ground, sub->ground));
+    for (PetscInt i = 0; i < dim * n; i++) sub->ground[i] /= sub->multiplicity[i / dim];
+  }
+  PetscFunctionReturn(0);
+}
+
+/* Values of the links with a state here, to the caller's links, 0 for the others. Collective on sub->object */
+PetscErrorCode LatinSubdomainsReturn_Private(const LatinSubdomains *sub, const PetscReal state[], PetscReal value[])
+{
+  PetscReal *out, *in;
+
+  PetscFunctionBegin;
+  PetscCall(PetscCalloc2(sub->structure->links_local, &out, sub->links, &in));
+  for (PetscInt i = 0; i < sub->nonsmooth; i++) in[sub->link_source[sub->nonsmooth_link[i]]] = state[i];
+  PetscCallMPI(MPI_Alltoallv(in, sub->recv_count, sub->recv_offset, MPIU_REAL, out, sub->send_count, sub->send_offset, MPIU_REAL, PetscObjectComm(sub->object)));
+  for (PetscInt i = 0; i < sub->structure->links_local; i++) value[sub->send_order[i]] = out[i];
+  PetscCall(PetscFree2(out, in));
+  PetscFunctionReturn(0);
+}
+
+/* A link between wholly prescribed nodes acts on no unknown; a state of its own would only make noise */
+static PetscBool LatinSubdomainsMoves(const LatinSubdomains *sub, PetscInt l)
+{
+  const PetscInt dim = sub->structure->dim;
+
+  for (PetscInt s = 0; s < 2; s++)
+    for (PetscInt c = 0; c < dim; c++)
+      if (!sub->fixed[dim * sub->ends[2 * l + s] + c]) return PETSC_TRUE;
+  return PETSC_FALSE;
+}
+
+/* Link data that may change without a new partition: initial elongations, and tangent stiffnesses for a preconditioner */
+PetscErrorCode LatinSubdomainsRefresh(LatinSubdomains *sub)
+{
+  LatinStructure structure = sub->structure;
+
+  PetscFunctionBegin;
+  PetscCall(LatinMigrate_Private(sub, sizeof(PetscReal), sub->link_stiffness, sub->stiffness));
+  PetscCall(LatinMigrate_Private(sub, sizeof(PetscReal), structure->e0, sub->e0));
+  /* gaps of rigid links may be infinite; those that no unknown moves must leave no infinite force */
+  if (structure->rigid_law >= 0)
+    for (PetscInt l = 0; l < sub->links; l++)
+      if (LatinLaws[sub->law[l]].rigid && !LatinSubdomainsMoves(sub, l)) sub->e0[l] = 0.0;
+  for (PetscInt l = 0; sub->scale != 1.0 && l < sub->links; l++) sub->e0[l] *= sub->scale;
+  PetscFunctionReturn(0);
+}
+
+/* of_link[links_local of the structure] and count, which the subdomains take over, are their partition */
+PetscErrorCode LatinSubdomainsSetUp(LatinSubdomains *sub, PetscInt of_link[], PetscInt count)
+{
+  LatinStructure structure = sub->structure;
+
+  PetscFunctionBegin;
+  PetscCall(PetscLogEventBegin(LATIN_Subdomains, sub->object, 0, 0, 0));
+  sub->dim = sub->bs = sub->fields = structure->dim;
+  sub->nodes_local                 = structure->nodes_local;
+  sub->of_link                     = of_link;
+  sub->count                       = count;
+  PetscCall(LatinSubdomainsDeal_Private(sub));
+  PetscCall(LatinSubdomainsPlan_Private(sub));
+  PetscCall(LatinSubdomainsCopies_Private(sub));
+  PetscCall(LatinSubdomainsNodeData_Private(sub));
+  PetscCall(PetscMalloc4(structure->dim * sub->links, &sub->direction, sub->links, &sub->stiffness, sub->links, &sub->e0, sub->links, &sub->law));
+  PetscCall(LatinMigrate_Private(sub, (size_t)structure->dim * sizeof(PetscReal), structure->direction, sub->direction));
+  PetscCall(LatinMigrate_Private(sub, sizeof(PetscInt), structure->law, sub->law));
+  PetscCall(LatinSubdomainsRefresh(sub));
+  if (structure->rubs) {
+    PetscCall(PetscMalloc1(sub->links, &sub->friction));
+    PetscCall(LatinMigrate_Private(sub, sizeof(PetscReal), structure->friction, sub->friction));
+  }
+  /* a preconditioner works on the tangent, where no link has a state */
+  PetscCall(PetscMalloc3(sub->tangent ? 0 : sub->links, &sub->nonsmooth_link, sub->links, &sub->state, sub->n + 1, &sub->state_first));
+  sub->nonsmooth = 0;
+  for (PetscInt s = 0; s < sub->n; s++) {
+    sub->state_first[s] = sub->nonsmooth;
+    for (PetscInt l = sub->link_offset[s]; l < sub->link_offset[s + 1]; l++) {
+      sub->state[l] = !sub->tangent && !LatinLaws[sub->law[l]].smooth && LatinSubdomainsMoves(sub, l) ? sub->nonsmooth : -1;
+      if (sub->state[l] >= 0) sub->nonsmooth_link[sub->nonsmooth++] = l;
+    }
+  }
+  sub->state_first[sub->n] = sub->nonsmooth;
+  PetscCall(MPIU_Allreduce(&sub->nonsmooth, &sub->nonsmooth_global, 1, MPIU_INT, MPI_SUM, PetscObjectComm(sub->object)));
+  PetscCall(PetscLogEventEnd(LATIN_Subdomains, sub->object, 0, 0, 0));
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode LatinSubdomainsReset(LatinSubdomains *sub)
+{
+  PetscFunctionBegin;
+  PetscCall(PetscFree(sub->of_link));
+  PetscCall(PetscFree(sub->rank_first));
+  PetscCall(PetscFree4(sub->send_count, sub->send_offset, sub->recv_count, sub->recv_offset));
+  PetscCall(PetscFree(sub->send_order));
+  PetscCall(PetscFree(sub->link_source));
+  PetscCall(PetscFree(sub->link_offset));
+  PetscCall(PetscFree(sub->node_offset));
+  PetscCall(PetscFree(sub->node));
+  PetscCall(PetscFree(sub->ends));
+  PetscCall(PetscFree5(sub->x, sub->fixed, sub->prescribed, sub->multiplicity, sub->global_dof));
+  PetscCall(PetscFree(sub->ground));
+  PetscCall(PetscFree4(sub->direction, sub->stiffness, sub->e0, sub->law));
+  PetscCall(PetscFree3(sub->nonsmooth_link, sub->state, sub->state_first));
+  PetscCall(PetscFree(sub->friction));
+  PetscCall(PetscFree3(sub->field, sub->near, sub->trace));
+  PetscCall(PetscFree(sub->ki));
+  PetscCall(PetscFree2(sub->kj, sub->ka));
+  PetscCall(PetscFree2(sub->unassigned, sub->unassigned_inverse));
+  PetscCall(PetscSFDestroy(&sub->node_sf));
+  PetscCall(PetscSFDestroy(&sub->dof_sf));
+  PetscCall(PetscFree(sub->jumps));
+  PetscCall(PetscMemzero(&sub->dim, sizeof(*sub) - offsetof(LatinSubdomains, dim)));
+  sub->scale = 1.0;
+  PetscFunctionReturn(0);
+}
+
+/* The entries of a DM global vector, or of a vector of a matrix, at the free components of the copies; the others are left alone */
+PetscErrorCode LatinDistribute_Private(const LatinSubdomains *sub, Vec u, PetscReal copy[])
+{
+  const PetscScalar *a;
+
+  PetscFunctionBegin;
+  PetscCall(VecGetArrayRead(u, &a));
+  PetscCall(LatinSFBcast_Private(sub->dof_sf, 1, MPIU_SCALAR, a, copy));
+  PetscCall(VecRestoreArrayRead(u, &a));
+  PetscFunctionReturn(0);
+}

@@ -1,0 +1,333 @@
+#include "snes/sneslatinimpl.h"
+#include <petsc/private/tsimpl.h>
+
+/*
+   TS latin: the implicit Euler scheme of section 2.2 in velocities and impulses, of first order, which lets velocities
+   jump. Each step is a static problem for the SNES of the TS (structure/timestep.c), with operators that stay as long as the
+   length of the step does. No mathematics of the method here.
+*/
+
+/* M a + B^t tau - F, for PETSc's own integrators of second order */
+static PetscErrorCode LatinStructureFunction_TS(TS ts, PetscReal t, Vec u, Vec v, Vec a, Vec F, void *ctx)
+{
+  LatinStructure base = ((LatinStructure)ctx)->base;
+  Vec            f;
+
+  PetscFunctionBegin;
+  PetscCall(LatinStructureCheckRigid_Private(base, "An integrator other than -ts_type latin"));
+  PetscCall(LatinStructureInertia_Private(base));
+  PetscCall(DMGetGlobalVector(base->dm, &f));
+  PetscCall(LatinStructureComputeResidual(base, u, f));
+  PetscCall(VecPointwiseMult(F, base->inertia, a));
+  PetscCall(VecAXPY(F, 1.0, f));
+  PetscCall(DMRestoreGlobalVector(base->dm, &f));
+  PetscFunctionReturn(0);
+}
+
+/* shift M + B^t k_t B */
+static PetscErrorCode LatinStructureJacobian_TS(TS ts, PetscReal t, Vec u, Vec v, Vec a, PetscReal shift_v, PetscReal shift_a, Mat J, Mat P, void *ctx)
+{
+  LatinStructure step = (LatinStructure)ctx;
+
+  PetscFunctionBegin;
+  PetscCall(LatinStepShift_Private(step, shift_a));
+  PetscCall(LatinStructureComputeJacobian(step, u, P));
+  if (J != P) {
+    PetscCall(MatAssemblyBegin(J, MAT_FINAL_ASSEMBLY));
+    PetscCall(MatAssemblyEnd(J, MAT_FINAL_ASSEMBLY));
+  }
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode LatinStructureAttachTS_Private(LatinStructure structure, TS ts)
+{
+  LatinStructure step;
+
+  PetscFunctionBegin;
+  PetscCall(PetscObjectQuery((PetscObject)ts, "LatinStructure", (PetscObject *)&step));
+  if (step && step->base == structure) PetscFunctionReturn(0);
+  if (step) PetscCall(TSReset(ts)); /* it is set up for another structure, and its solution is that one's */
+  PetscCall(LatinStructureInertia_Private(structure));
+  PetscCall(LatinStepCreate_Private(structure, &step));
+  PetscCall(TSSetDM(ts, step->dm));
+  PetscCall(TSSetI2Function(ts, NULL, LatinStructureFunction_TS, step));
+  PetscCall(TSSetI2Jacobian(ts, NULL, NULL, LatinStructureJacobian_TS, step));
+  PetscCall(PetscObjectCompose((PetscObject)ts, "LatinStructure", (PetscObject)step));
+  PetscCall(PetscObjectDereference((PetscObject)step));
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  LatinStructureAttachTS - Gives a TS the motion of a structure: M a + B^t tau = F.
+
+  Collective on ts; the TS keeps the structure alive. Another structure in the place of one resets the TS
+
+  Level: beginner
+
+  Notes:
+  `-ts_type latin` is the scheme for shocks; `-ts_type alpha2` and PETSc's other integrators of second order are for
+  smooth motions. Give displacements and velocities with `TS2SetSolution()`, vectors from the DM of the structure. Loads
+  that change with time: call `LatinStructureSetLoads()` in a function given to `TSSetPreStep()`.
+
+.seealso: `LatinStructureSetMass()`, `TSLATIN`
+@*/
+PetscErrorCode LatinStructureAttachTS(LatinStructure structure, TS ts)
+{
+  PetscFunctionBegin;
+  PetscValidHeaderSpecific(structure, LATIN_STRUCTURE_CLASSID, 1);
+  PetscValidHeaderSpecific(ts, TS_CLASSID, 2);
+  LatinWatch(PetscObjectComm((PetscObject)structure), LatinStructureAttachTS_Private(structure, ts));
+  PetscFunctionReturn(0);
+}
+
+/* The structure of a step, and the SNES that solves it, SNES latin unless somebody has chosen another type */
+static PetscErrorCode TSLatinFind_Private(TS ts, SNES *snes)
+{
+  TS_Latin *data = (TS_Latin *)ts->data;
+
+  PetscFunctionBegin;
+  PetscCall(PetscObjectQuery((PetscObject)ts, "LatinStructure", (PetscObject *)&data->step));
+  PetscCall(TSGetSNES(ts, snes));
+  if (((PetscObject)*snes)->type_name) PetscFunctionReturn(0);
+  PetscCall(SNESSetType(*snes, SNESLATIN));
+  PetscCall(SNESLatinSetWarmStart(*snes, LATIN_WARM_START_EXTRAPOLATE));
+  PetscCall(SNESSetDivergenceTolerance(*snes, PETSC_UNLIMITED)); /* a step has a solution, and a good start is no measure of what is far */
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode TSSetUp_Latin(TS ts)
+{
+  TS_Latin *data = (TS_Latin *)ts->data;
+  SNES      snes;
+
+  PetscFunctionBegin;
+  PetscCall(TSLatinFind_Private(ts, &snes));
+  PetscCheck(data->step, PetscObjectComm((PetscObject)ts), PETSC_ERR_ORDER,
+             "-ts_type latin has no structure to work on: build one with LatinStructureCreate() and give it to this TS with LatinStructureAttachTS() (in Python, latinpc.Structure(...).attach(ts))");
+  if (!ts->vec_dot) {
+    Vec v;
+
+    PetscCall(VecDuplicate(ts->vec_sol, &v)); /* at rest */
+    PetscCall(TS2SetSolution(ts, ts->vec_sol, v));
+    PetscCall(VecDestroy(&v));
+  }
+  if (!data->w) PetscCall(VecDuplicate(ts->vec_sol, &data->w));
+  PetscCall(LatinStructureAttachSNES(data->step, snes));
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode TSStep_Latin(TS ts)
+{
+  TS_Latin *data = (TS_Latin *)ts->data;
+  PetscReal next = ts->time_step, h = ts->time_step;
+  PetscBool accept     = PETSC_FALSE, latin;
+  PetscInt  rejections = 0, linear;
+  SNES      snes;
+
+  PetscFunctionBegin;
+  PetscCall(TSGetSNES(ts, &snes));
+  PetscCall(PetscObjectTypeCompare((PetscObject)snes, SNESLATIN, &latin));
+  while (!ts->reason && !accept) {
+    PetscCall(TSPreStage(ts, ts->ptime + ts->time_step));
+    PetscCall(LatinStepStart_Private(data->step, ts->time_step, ts->vec_sol, ts->vec_dot));
+    h = 1.0 / PetscSqrtReal(data->step->shift);                      /* that of the operators: the same but for rounding */
+    PetscCall(VecAXPBY(data->w, latin ? 0.0 : h, 0.0, ts->vec_dot)); /* the guess: a velocity that stays; SNES latin has a better one, its last states */
+    PetscCall(SNESSolve(snes, NULL, data->w));
+    PetscCall(SNESGetIterationNumber(snes, &data->iterations));
+    PetscCall(SNESGetLinearSolveIterations(snes, &linear));
+    ts->snes_its += data->iterations;
+    ts->ksp_its += linear;
+    PetscCall(TSPostStage(ts, ts->ptime + ts->time_step, 0, &data->w));
+    PetscCall(TSAdaptCheckStage(ts->adapt, ts, ts->ptime + ts->time_step, ts->vec_sol, &accept)); /* a solve that failed shortens the step */
+    if (accept) PetscCall(TSAdaptChoose(ts->adapt, ts, ts->time_step, NULL, &next, &accept));
+    if (accept) break;
+    ts->reject++;
+    if (!ts->reason && ++rejections > ts->max_reject && ts->max_reject >= 0) ts->reason = TS_DIVERGED_STEP_REJECTED;
+  }
+  if (ts->reason) PetscFunctionReturn(0);
+  data->started = PETSC_TRUE;
+  PetscCall(VecAXPY(ts->vec_sol, 1.0, data->w));
+  PetscCall(VecAXPBY(ts->vec_dot, 1.0 / h, 0.0, data->w));
+  ts->ptime += ts->time_step;
+  ts->time_step = next;
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode TSSetUp_Latin_Watched(TS ts)
+{
+  PetscFunctionBegin;
+  LatinWatch(PetscObjectComm((PetscObject)ts), TSSetUp_Latin(ts));
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode TSStep_Latin_Watched(TS ts)
+{
+  PetscFunctionBegin;
+  LatinWatch(PetscObjectComm((PetscObject)ts), TSStep_Latin(ts));
+  PetscFunctionReturn(0);
+}
+
+/* The velocity is constant during a step */
+static PetscErrorCode TSInterpolate_Latin(TS ts, PetscReal t, Vec u)
+{
+  PetscFunctionBegin;
+  PetscCall(VecWAXPY(u, t - ts->ptime, ts->vec_dot, ts->vec_sol));
+  PetscFunctionReturn(0);
+}
+
+/* What a step was: iterations of the SNES, energies, unilateral links that bear something */
+static PetscErrorCode TSMonitor_Latin(TS ts, PetscInt steps, PetscReal t, Vec u, void *ctx)
+{
+  TS_Latin *data = (TS_Latin *)ts->data;
+  PetscReal kinetic, potential;
+  PetscInt  active, unilateral;
+
+  PetscFunctionBegin;
+  if (steps < 0) PetscFunctionReturn(0); /* a repetition of the last one */
+  PetscCall(LatinStructureComputeKineticEnergy(data->step->base, ts->vec_dot, &kinetic));
+  PetscCall(LatinStructureComputeEnergy(data->step->base, u, &potential));
+  PetscCall(PetscViewerPushFormat(data->monitor, data->monitor_format));
+  PetscCall(PetscViewerASCIIAddTab(data->monitor, ((PetscObject)ts)->tablevel));
+  PetscCall(PetscViewerASCIIPrintf(data->monitor, "%3" PetscInt_FMT " t %-10g  energy: kinetic %12.6e  potential %13.6e  sum %13.6e", steps, (double)t, (double)kinetic, (double)potential, (double)(kinetic + potential)));
+  PetscCall(PetscViewerASCIIUseTabs(data->monitor, PETSC_FALSE));
+  if (steps && data->started) {
+    SNES             snes;
+    const PetscReal *rigid;
+
+    PetscCall(TSGetSNES(ts, &snes));
+    PetscCall(LatinSolverRigid_Private(snes, data->step, &rigid));
+    PetscCall(LatinStructureCountActive_Private(data->step, rigid, data->w, &active, &unilateral));
+    PetscCall(PetscViewerASCIIPrintf(data->monitor, "  iterations %" PetscInt_FMT "  active links %" PetscInt_FMT " of %" PetscInt_FMT, data->iterations, active, unilateral));
+  }
+  PetscCall(PetscViewerASCIIPrintf(data->monitor, "\n"));
+  PetscCall(PetscViewerASCIIUseTabs(data->monitor, PETSC_TRUE));
+  PetscCall(PetscViewerASCIISubtractTab(data->monitor, ((PetscObject)ts)->tablevel));
+  PetscCall(PetscViewerPopFormat(data->monitor));
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode TSSetFromOptions_Latin(TS ts, LatinOptionItems PetscOptionsObject)
+{
+  TS_Latin *data = (TS_Latin *)ts->data;
+  PetscBool set;
+  SNES      snes;
+
+  PetscFunctionBegin;
+  PetscOptionsHeadBegin(PetscOptionsObject, "TS latin options");
+  PetscCall(PetscOptionsViewer("-ts_latin_monitor", "Monitor energies, iterations and active links of each step", "None", &data->monitor, &data->monitor_format, &set));
+  PetscOptionsHeadEnd();
+  if (set && data->monitor) PetscCall(TSMonitorSet(ts, TSMonitor_Latin, NULL, NULL));
+  PetscCall(TSLatinFind_Private(ts, &snes)); /* before the options of the SNES are read */
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode TSReset_Latin(TS ts)
+{
+  TS_Latin *data = (TS_Latin *)ts->data;
+
+  PetscFunctionBegin;
+  PetscCall(VecDestroy(&data->w));
+  data->started = PETSC_FALSE;
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode TSDestroy_Latin(TS ts)
+{
+  TS_Latin *data = (TS_Latin *)ts->data;
+
+  PetscFunctionBegin;
+  PetscCall(TSReset_Latin(ts));
+  PetscCall(PetscViewerDestroy(&data->monitor));
+  PetscCall(PetscFree(ts->data));
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode TSView_Latin(TS ts, PetscViewer viewer)
+{
+  TS_Latin *data = (TS_Latin *)ts->data;
+  PetscBool ascii;
+
+  PetscFunctionBegin;
+  PetscCall(PetscObjectTypeCompare((PetscObject)viewer, PETSCVIEWERASCII, &ascii));
+  if (!ascii) PetscFunctionReturn(0);
+  PetscCall(PetscViewerASCIIPrintf(viewer, "implicit Euler in velocities and impulses\n"));
+  if (data->step) PetscCall(PetscObjectView((PetscObject)data->step->base, viewer));
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  TSLatinGetTensions - Mean tensions of this rank's links during the last step, impulse over length of the step.
+
+  Collective on ts
+
+  Input Parameter:
+. ts - of type latin
+
+  Output Parameter:
+. tension - [links_local], a force, positive in traction
+
+  Level: intermediate
+
+  Note:
+  They are the tensions at the end of the step, and impulses over h where velocities jump. Before the first step, those of
+  the displacements at the start, where rigid links bear nothing.
+
+.seealso: `TSLATIN`, `LatinStructureGetTensions()`
+@*/
+PetscErrorCode TSLatinGetTensions(TS ts, PetscReal tension[])
+{
+  TS_Latin      *data = (TS_Latin *)ts->data;
+  LatinStructure step;
+  PetscBool      latin;
+  SNES           snes;
+
+  PetscFunctionBegin;
+  PetscValidHeaderSpecific(ts, TS_CLASSID, 1);
+  PetscCall(PetscObjectTypeCompare((PetscObject)ts, TSLATIN, &latin));
+  PetscCheck(latin, PetscObjectComm((PetscObject)ts), PETSC_ERR_ARG_WRONG, "The TS is not of type latin: use LatinStructureGetTensions() with the displacements");
+  PetscCall(PetscObjectQuery((PetscObject)ts, "LatinStructure", (PetscObject *)&step));
+  PetscCheck(step && ts->vec_sol, PetscObjectComm((PetscObject)ts), PETSC_ERR_ORDER, "There is no motion yet: call LatinStructureAttachTS() and TS2SetSolution() before");
+  PetscCall(TSGetSNES(ts, &snes));
+  if (data->started) PetscCall(LatinSolverTensions_Private(snes, step, data->w, tension));
+  else LatinWatch(PetscObjectComm((PetscObject)ts), LatinStructureTensions_Private(step->base, NULL, ts->vec_sol, tension));
+  PetscFunctionReturn(0);
+}
+
+/*MC
+  TSLATIN - the implicit Euler scheme in velocities and impulses for structures of links with masses (section 2.2)
+
+  Options Database Keys:
++ -ts_latin_monitor  - prints energies, iterations and active links of each step
+. -ts_dt <h>         - length of a step
+. -ts_max_steps <n>  - number of steps
+- -snes_type <latin> - what solves a step; latin starts from the state of the last steps
+
+  Level: beginner
+
+  Notes:
+  The structure comes from `LatinStructureAttachTS()`, displacements and velocities from `TS2SetSolution()` (at rest when
+  there are none). Of first order: the scheme damps what is faster than a step, and lets velocities jump. Nothing is
+  built or factored after the first step as long as the length of the step stays. With masses a structure need not be
+  held, and every step has a solution: SNES latin is given no divergence tolerance unless an option does.
+
+.seealso: `LatinStructureSetMass()`, `SNESLATIN`
+M*/
+PETSC_EXTERN PetscErrorCode TSCreate_Latin(TS ts)
+{
+  TS_Latin *data;
+
+  PetscFunctionBegin;
+  PetscCall(PetscNew(&data));
+  ts->data                = (void *)data;
+  ts->ops->setup          = TSSetUp_Latin_Watched;
+  ts->ops->step           = TSStep_Latin_Watched;
+  ts->ops->interpolate    = TSInterpolate_Latin;
+  ts->ops->reset          = TSReset_Latin;
+  ts->ops->destroy        = TSDestroy_Latin;
+  ts->ops->setfromoptions = TSSetFromOptions_Latin;
+  ts->ops->view           = TSView_Latin;
+  ts->usessnes            = PETSC_TRUE;
+  ts->default_adapt_type  = TSADAPTNONE;
+  if (ts->exact_final_time == TS_EXACTFINALTIME_UNSPECIFIED) ts->exact_final_time = TS_EXACTFINALTIME_MATCHSTEP;
+  PetscFunctionReturn(0);
+}

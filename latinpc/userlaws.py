@@ -1,0 +1,89 @@
+"""Laws that the user registers: points of a curve, or functions in C."""
+
+import ctypes
+
+import numpy as np
+
+from latinpc.arrays import REAL, native
+from latinpc.library import _latin
+
+__all__ = ["register_law", "register_table"]
+
+
+def register_table(elongation, tension, name="table"):
+    """Make a piecewise linear law from points; not collective, in the same order on every rank.
+
+    Parameters
+    ----------
+    elongation : (n,) array_like of float
+        Increasing values of e + e0 (m), two or more.
+    tension : (n,) array_like of float
+        The tensions there (N), nowhere decreasing. The first and the last segment go on beyond the points.
+    name : str, optional
+        For messages.
+
+    Returns
+    -------
+    int
+        For the `law` of `Structure`; the same for the same points. A link of stiffness 0 has these tensions, one of
+        another stiffness has them in proportion: the stiffness is the slope where the law is steepest.
+
+    Examples
+    --------
+    A bar that yields at 10 N in tension and in compression (loaded once: what yields comes back the same way):
+
+    >>> import latinpc
+    >>> yields = latinpc.register_table([-2e-3, -1e-3, 1e-3, 2e-3], [-10, -10, 10, 10])
+    """
+    elongation, tension = (native(np.asarray(values, dtype=REAL).ravel()) for values in (elongation, tension))
+    if len(elongation) != len(tension):
+        raise ValueError(f"a law needs as many tensions as elongations, not {len(tension)} for {len(elongation)}")
+    return _latin.register_table(name, elongation, tension)
+
+
+def register_law(name, tension, tangent, energy, local=None, context=None):
+    """Make a law of functions in C, which the iteration calls; not collective, in the same order on every rank.
+
+    Parameters
+    ----------
+    name : str
+        For messages.
+    tension, tangent, energy : int or object
+        Addresses of ``double f(double k, double x, void *context)`` with x = e + e0: the tension, nowhere decreasing
+        and hardly steeper than k; an element of its generalised derivative; a potential of it. An address is an
+        integer, a function of ctypes, or what has an attribute ``address``, as a cfunc of numba.
+    local : int or object, optional
+        Of ``double f(double k, double e0, double y, void *context)``: tau - k e where tau + k e = y and the law holds.
+        By Newton's method when not given.
+    context : int, optional
+        Address handed on to the functions.
+
+    Returns
+    -------
+    int
+        For the `law` of `Structure`.
+
+    Notes
+    -----
+    The functions must live as long as the structures that use them. A law in Python is wrapped by ctypes:
+    ``ctypes.CFUNCTYPE(c_double, c_double, c_double, c_void_p)(lambda k, x, context: ...)``. It is called for each link
+    in each iteration, which is slow: compile it by numba.cfunc, or give enough of its points to `register_table`.
+    """
+    if REAL.itemsize != 8:
+        raise ValueError(f"a law of functions computes in double precision, this PETSc in {REAL}: take register_table")
+    return _latin.register_law(
+        name, *(_address(function) for function in (tension, tangent, energy, local)), context or 0
+    )
+
+
+def _address(function):
+    if function is None or isinstance(function, int):
+        return function or 0
+    if hasattr(function, "address"):
+        return function.address
+    if isinstance(function, ctypes._CFuncPtr):
+        return ctypes.cast(function, ctypes.c_void_p).value
+    raise TypeError(
+        f"a law is made of C functions, given by their addresses, not of {type(function).__name__}: wrap a function of "
+        "Python by ctypes.CFUNCTYPE, or compile it by numba.cfunc"
+    )

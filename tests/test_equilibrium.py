@@ -1,0 +1,142 @@
+"""What displacements that rest leave undone: nodes without a support, gaps that are missed, links that are jammed."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from conftest import ROOT
+from petsc4py import PETSc
+from support import far, latin
+
+import latinpc
+from latinpc.bench.extremes.exact import solve_exactly
+from latinpc.bench.extremes.rigid import against, between, net, packing, row, row_solution, stiffened
+from latinpc.scenes import Law
+
+Reason = PETSc.SNES.ConvergedReason
+ACCURACY = 1e-6
+
+
+def ended(scene, **options):
+    """How SNES latin ends: displacements, reason, loose nodes, jammed links."""
+    with latin(scene, **{"stop": "error", "error": ACCURACY, "subdomains": min(4, len(scene.links)), **options}) as run:
+        u = run.structure.create_vec()
+        run.snes.solve(None, u)
+        told = latinpc.unsupported_nodes(run.snes), latinpc.jammed_links(run.snes)
+        return run.structure.displacements(u), run.snes.getConvergedReason(), *told, latinpc.rounding_floor(run.snes)
+
+
+@pytest.mark.parametrize("law", [Law.CONTACT, Law.INEXTENSIBLE])
+@pytest.mark.parametrize("light", [0.1, 1e-3, 1e-12])
+def test_a_light_node_is_where_it_belongs_or_named(law, light):
+    """The last node of a row has to get to the one before it, with next to no load beside the others'."""
+    scene = row(law, np.full(8, 0.01), np.append(np.ones(7), light))
+    u, reason, (count, nodes), _, _ = ended(scene)
+    if reason > 0:
+        assert far(u, row_solution(scene)) < 3 * ACCURACY
+    else:
+        assert count and 8 in nodes
+    assert reason > 0 or light < 0.1
+
+
+def test_stiff_contacts_under_a_small_load_are_closed_or_the_loads_are_lost_in_rounding():
+    """Grains whose contacts loads shorten by 1e-5 to 1e-13 of the gaps: never at rest in the air."""
+    reasons = []
+    for load in (1e-6, 1e-12):
+        scene = packing(5, load=load, law="elastic")
+        u, reason, _, _, floor = ended(scene)
+        reasons.append(reason)
+        assert reason > 0 or floor > ACCURACY
+        if reason > 0:
+            top = scene.load[:, -1] < 0
+            assert (u[top, -1] < -1e-4).all()
+    assert reasons[0] > 0
+
+
+@pytest.mark.parametrize("given", [{"k": 1e-12}, {"load": 1e12}, {"k": 1e-9}, {}])
+def test_a_gap_that_tensions_hide(given):
+    """The gap is met to the accuracy, or what rounding leaves of it is told."""
+    scene = against(Law.INEXTENSIBLE, 5e-4, **given)
+    u, reason, _, _, floor = ended(scene)
+    if reason > 0:
+        assert u[1, 0] == pytest.approx(5e-4, rel=3 * ACCURACY)
+    else:
+        assert reason == Reason.DIVERGED_INNER
+        assert floor > ACCURACY
+        assert abs(u[1, 0] / 5e-4 - 1) < 10 * floor
+
+
+@pytest.mark.parametrize("load", [0.0, 1.0])
+@pytest.mark.parametrize("count", [1, 20])
+def test_grains_without_room_are_jammed(count, load):
+    """All contacts between two walls are named; with just room, none."""
+    _, reason, (loose, _), (jammed, links), _ = ended(between(-1e-3, load, count))
+    assert reason < 0 and jammed == count + 1 and not loose
+    assert links == list(range(min(count + 1, 8)))
+    u, reason, _, jammed, _ = ended(between(0.0, load, count))
+    assert reason > 0 and jammed == (0, [])
+    assert np.abs(u).max() < 1e-15 * count
+
+
+def test_a_cable_too_short_for_a_contact():
+    """Two of three links contradict each other, and they are named."""
+    scene = replace(against(Law.INEXTENSIBLE, 0.0, copies=2), law=[Law.BAR, Law.INEXTENSIBLE, Law.CONTACT],
+                    initial_elongation=[0.0, 1e-6, -2e-6])  # fmt: skip
+    _, reason, _, jammed, _ = ended(scene)
+    assert reason < 0 and jammed == (2, [1, 2])
+
+
+def test_a_net_that_holds_is_not_jammed_where_the_iteration_is_cut_short():
+    assert ended(net(), **{"max_it": 5})[3] == (0, [])
+
+
+@pytest.mark.parametrize("power", [4, 8])
+def test_search_parameters_become_the_stiffness_that_the_structure_shows(power):
+    """Bars of very different stiffness beside rigid links: the solution in ball arithmetic."""
+    scene = stiffened(10.0**power, False)
+    u, reason, *_ = ended(scene)
+    assert reason > 0
+    assert far(u, solve_exactly(scene, u, tensions_of(scene, u))) < ACCURACY
+
+
+def tensions_of(scene, u):
+    """Let the cables bear that are taut: enough for the active set."""
+    e = np.einsum("ij,ij->i", u[scene.links[:, 1]] - u[scene.links[:, 0]], scene.directions) + scene.initial_elongation
+    return np.where(scene.law == Law.INEXTENSIBLE, (e > -1e-9) * 1.0, 0.0)
+
+
+PROGRAM = """
+import json, sys
+import petsc4py; petsc4py.init([sys.argv[0], "-skip_petscrc"])
+from petsc4py import PETSc
+sys.path.insert(0, {tests!r})
+import numpy as np
+import latinpc
+from latinpc.bench.extremes import rigid
+from latinpc.runs.options import default_options
+from latinpc.scenes import Law
+
+told = []
+flies = rigid.row(Law.CONTACT, np.full(8, 0.01), -1.0)
+for scene in (rigid.stiffened(1e8, False), rigid.between(-1e-3, 1.0, 20), flies):
+    structure = latinpc.Structure.from_scene(scene)
+    with default_options({{"snes_latin_stop": "error", "snes_latin_error": 1e-6, "snes_latin_subdomains": 4}}):
+        snes = structure.create_snes()
+        snes.setFromOptions()
+    u = structure.create_vec()
+    snes.solve(None, u)
+    told.append([snes.getConvergedReason(), latinpc.unsupported_nodes(snes), latinpc.jammed_links(snes),
+                 structure.displacements(u).tolist()])
+if PETSc.COMM_WORLD.rank == 0:
+    print(json.dumps(told))
+"""
+
+
+@pytest.mark.slow
+def test_ranks_tell_the_same(mpirun):
+    """One, two and five ranks: reasons, names, and the displacements of what has converged, to what was asked for."""
+    found = [json.loads(mpirun(n, PROGRAM.format(tests=str(ROOT / "tests"))).stdout) for n in (1, 2, 5)]
+    for other in found[1:]:
+        assert [one[:3] for one in other] == [one[:3] for one in found[0]]
+        assert far(np.array(other[0][3]), np.array(found[0][0][3])) < 2e-6

@@ -1,0 +1,252 @@
+"""The coarse problem as another level's: what its operator carries, and the solvers that use it."""
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from petsc4py import PETSc
+from support import cut, far, grid, latin, lattice, network, settled, solve
+
+import latinpc
+from latinpc.runs.options import default_options
+from latinpc.scenes import Law, make
+
+PROGRAM = Path(__file__).with_name("matis_program.py")
+
+
+def bars(scene):
+    """Make the same structure of bars alone."""
+    scene.law[:] = Law.BAR
+    return scene
+
+
+def plane(side=12):
+    """Make a lattice of bars in side x side subdomains."""
+    return bars(lattice(nx=4 * side, ny=4 * side, subdomains=side * side))
+
+
+def precondition(scene, ksp_type="cg", _structure=None, **options):
+    """Solve with PC latin; gives (iterations, reason, solution, the PC's statistics, coarse KSP's type and PC)."""
+    structure = _structure or latinpc.Structure.from_scene(scene, comm=PETSc.COMM_SELF)
+    matrix, u, b = structure.dm.createMat(), structure.create_vec(), structure.create_vec()
+    structure.jacobian(u, matrix)
+    structure.residual(u, b)
+    b.scale(-1.0)
+    with default_options({"pc_latin_" + key: value for key, value in options.items()}):
+        ksp = PETSc.KSP().create(PETSc.COMM_SELF)
+        ksp.setOperators(matrix)
+        ksp.setType(ksp_type)
+        ksp.setTolerances(rtol=1e-8, max_it=300)
+        ksp.getPC().setType("latin")
+        ksp.setFromOptions()
+        ksp.solve(b, u)
+        coarse = latinpc.coarse_ksp(ksp.getPC())
+        return ksp.getIterationNumber(), ksp.getConvergedReason(), u, latinpc.statistics(ksp.getPC()), coarse, ksp
+
+
+def explicit(pc, n):
+    """The preconditioner as a dense matrix."""
+    x, y = PETSc.Vec().createSeq(n), PETSc.Vec().createSeq(n)
+    m = np.zeros((n, n))
+    for j in range(n):
+        x.set(0.0)
+        x[j] = 1.0
+        x.assemble()
+        pc.apply(x, y)
+        m[:, j] = y.getArray()
+    return m
+
+
+# ---- what the operator carries ---------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("make_scene", "variant"),
+    [
+        (plane, "none"),
+        (plane, "macro"),
+        (plane, "corner"),
+        (lambda: bars(grid("truss", 8, 16)), "none"),
+        (lambda: bars(grid("truss", 8, 16)), "corner"),
+        (lambda: bars(cut(lattice(16, 16, 16), 20)), "corner"),  # elsewhere dependent modes are left out
+    ],
+    ids=["lattice none", "lattice macro", "lattice corner", "truss none", "truss corner", "cut corner"],
+)
+def test_near_null_space_is_that_of_rigid_motions(make_scene, variant):
+    """Subdomains that nothing holds move rigidly without energy: the coarse matrix makes no force of such motions."""
+    scene = make_scene()
+    held = np.unique(scene.links[scene.subdomain == 0])
+    scene.fixed[:] = False
+    scene.fixed[held] = True
+    with latin(scene, variant=variant, coarse_pc_type="jacobi") as run:
+        run.snes.setUp()
+        a = latinpc.coarse_ksp(run.snes).getOperators()[0]
+        fields = a.getNearNullSpace().getVecs()
+        dense = a.convert("dense", PETSc.Mat()).getDenseArray()
+    assert len(fields) == scene.dim * (scene.dim + 1) // 2
+    columns = np.column_stack([v.getArray(readonly=True) for v in fields])
+    assert columns.T @ columns == pytest.approx(np.eye(len(fields)), abs=1e-12)
+    quiet = abs(dense @ columns).max(axis=1) < 1e-9 * abs(dense).max()
+    assert quiet.mean() > 0.5  # all but the unknowns of subdomains next to the held one
+
+
+# ---- solvers ---------------------------------------------------------------------------------
+MOST = {"jacobi": 250, "gamg": 30, "latin": 8}
+
+
+@pytest.mark.parametrize("kind", MOST)
+def test_coarse_preconditioners_applied_once(kind):
+    """Symmetric, so that conjugate gradients outside converge; a level of our own costs next to no iterations."""
+    exact = precondition(plane())
+    iterations, reason, u, statistics, coarse, _ = precondition(plane(), coarse_pc_type=kind)
+    assert coarse.getType() == "preonly" and coarse.getPC().getType() == kind
+    assert reason > 0 and exact[0] <= 6 and iterations <= MOST[kind]
+    assert statistics["coarse_levels"] == 0
+    assert far(u.getArray(), exact[2].getArray()) < 1e-6
+
+
+def test_three_levels_of_our_own():
+    """Groups of groups: each level condenses the one below."""
+    options = {"coarse_pc_type": "latin", "coarse_pc_latin_coarse_pc_type": "latin"}
+    iterations, reason, _, bottom, coarse, _ = precondition(plane(16), **options)
+    assert reason > 0 and iterations <= 10
+    middle = latinpc.statistics(coarse.getPC())
+    top = latinpc.statistics(latinpc.coarse_ksp(coarse.getPC()).getPC())
+    assert [bottom["subdomains"], middle["subdomains"], top["subdomains"]] == [256, 36, 4]
+    assert bottom["coarse_size"] > 3 * middle["coarse_size"] > 9 * top["coarse_size"]
+
+
+def test_one_group_is_exact():
+    """A coarse solver of type latin with a single subdomain is a direct one."""
+    exact, group = precondition(plane(3)), precondition(plane(3), coarse_pc_type="latin")
+    assert latinpc.statistics(group[4].getPC())["subdomains"] == 1
+    assert group[0] == exact[0]
+    assert far(group[2].getArray(), exact[2].getArray()) < 1e-12
+
+
+def test_two_levels_are_symmetric_positive_definite():
+    """What conjugate gradients ask of the whole."""
+    scene = plane(6)
+    *_, ksp = precondition(scene, coarse_pc_type="latin")
+    m = explicit(ksp.getPC(), int((~scene.fixed).sum()))
+    assert abs(m - m.T).max() < 1e-11 * abs(m).max()
+    assert np.linalg.eigvalsh((m + m.T) / 2)[0] > 0.0
+
+
+def test_groups_that_repeat_share_a_factor(tmp_path):
+    """The trace of coarse unknowns does not tell where a group is: equal groups are equal to the bit."""
+    *_, coarse, ksp = precondition(plane(24), coarse_pc_type="latin")
+    viewer = PETSc.Viewer().createASCII(str(tmp_path / "view"), comm=PETSc.COMM_SELF)
+    ksp.view(viewer)
+    viewer.flush()
+    solvers = re.findall(r"first rank: (\d+) for (\d+) subdomains", (tmp_path / "view").read_text())
+    assert [int(n) for _, n in solvers] == [576, 64]
+    assert all(int(different) <= 25 for different, _ in solvers)
+
+
+@pytest.mark.parametrize("kind", ["gamg", "latin"])
+@pytest.mark.parametrize("family", ["snes", "ksp"])
+def test_exact_iterations_get_conjugate_gradients(kind, family):
+    """An iteration that takes its linear stages to be exact gets them to a small residual, without being told."""
+    if family == "snes":
+        scene = network()
+        default, other = (solve(scene, max_it=4, stol=0, **o) for o in ({}, {"coarse_pc_type": kind}))
+        assert far(other.u, default.u) < 1e-7
+        return
+    structure = latinpc.Structure.from_scene(plane(6), comm=PETSc.COMM_SELF)
+    matrix, u, b = structure.dm.createMat(), structure.create_vec(), structure.create_vec()
+    structure.jacobian(u, matrix)
+    b.setArray(np.sin(1.0 + np.arange(b.getSize())))
+    with default_options({"ksp_latin_coarse_pc_type": kind}):
+        ksp = PETSc.KSP().create(PETSc.COMM_SELF)
+        ksp.setOperators(matrix)
+        ksp.setType("latin")
+        ksp.setTolerances(rtol=1e-9)
+        ksp.setFromOptions()
+        ksp.solve(b, u)
+    assert ksp.getConvergedReason() > 0
+    assert (b - matrix * u).norm() < 1e-6 * b.norm()
+
+
+# ---- approximate subdomains ------------------------------------------------------------------
+APPROXIMATE = [
+    ({"local_pc_type": "icc"}, 4),
+    ({"interior_pc_type": "icc"}, 16),
+    ({"local_pc_type": "gamg", "interior_pc_type": "gamg"}, 16),
+    ({"local_pc_type": "jacobi", "local_ksp_type": "chebyshev", "local_ksp_max_it": 3}, 16),
+]
+
+
+@pytest.mark.parametrize("options, more", APPROXIMATE)
+def test_approximate_subdomains(options, more):
+    """The coarse space stays exact, so that few iterations are added; grids with mechanisms inside subdomains."""
+    scene = make("truss-grid", modules=8, subdomains=16)
+    exact = precondition(scene, direction="diagonal")
+    iterations, reason, u, _, _, ksp = precondition(scene, direction="diagonal", **options)
+    assert reason > 0 and iterations <= exact[0] + more
+    assert far(u.getArray(), exact[2].getArray()) < 1e-5
+    m = explicit(ksp.getPC(), u.getSize()) if "local_ksp_type" not in options else None
+    if m is not None:
+        assert abs(m - m.T).max() < 1e-9 * abs(m).max()
+        assert np.linalg.eigvalsh((m + m.T) / 2)[0] > 0.0
+
+
+def test_approximate_subdomains_keep_the_macro_displacements():
+    """An accurate inner iteration is the factorisation, to its tolerance."""
+    scene = bars(settled(lattice()))
+    options = {"local_ksp_type": "cg", "local_pc_type": "jacobi", "local_ksp_rtol": 1e-13}
+    exact, other = (solve(scene, max_it=3, stol=0, **o) for o in ({}, options))
+    assert far(other.u, exact.u) < 1e-8
+
+
+def test_exact_iterations_solve_subdomains_by_conjugate_gradients():
+    """Without a type given, to a small residual."""
+    exact, other = (solve(network(), max_it=4, stol=0, **o) for o in ({}, {"local_pc_type": "icc"}))
+    assert far(other.u, exact.u) < 1e-6
+
+
+# ---- misuse ----------------------------------------------------------------------------------
+def test_inner_iterations_want_a_flexible_method():
+    """The message says how far the preconditioner is from a fixed one, and what to do."""
+    options = {"coarse_pc_type": "jacobi", "coarse_ksp_type": "cg", "coarse_ksp_rtol": 0.1}
+    for outer in ("cg", "gmres"):
+        with pytest.raises(PETSc.Error) as error:
+            precondition(plane(6), outer, **options)
+        assert "-ksp_type fcg or fgmres" in latinpc.error_message(error.value)
+    for outer in ("fcg", "fgmres"):
+        iterations, reason, *_ = precondition(plane(6), outer, **options)
+        assert reason > 0 and iterations < 30
+    options["coarse_ksp_rtol"] = 1e-8  # as good as fixed
+    assert precondition(plane(6), "cg", **options)[1] > 0
+
+
+def test_asymmetric_inner_preconditioner_is_refused_under_cg():
+    """A forward sweep is not symmetric."""
+    options = {"local_pc_type": "sor", "local_pc_sor_forward": True}
+    with pytest.raises(PETSc.Error) as error:
+        precondition(plane(3), **options)
+    assert "not symmetric" in latinpc.error_message(error.value)
+    assert precondition(plane(3), "gmres", **options)[1] > 0
+
+
+# ---- several ranks ---------------------------------------------------------------------------
+RANKS = {
+    "gamg": ["-pc_latin_coarse_pc_type", "gamg"],
+    "latin": ["-pc_latin_coarse_pc_type", "latin"],
+    "bddc": ["-pc_latin_coarse_pc_type", "bddc", "-pc_latin_coarse_pc_bddc_use_change_of_basis"],
+    "telescope": [
+        *("-pc_latin_coarse_pc_type", "telescope", "-pc_latin_coarse_pc_telescope_reduction_factor", "2"),
+        *("-pc_latin_coarse_telescope_pc_type", "cholesky"),
+    ],
+}
+
+
+@pytest.mark.parametrize("kind", RANKS)
+def test_on_several_ranks(mpirun, kind):
+    """A matrix of finite elements whose local matrices fall into parts: the coarse operator spreads over the ranks."""
+    words = ["--problem", "elasticity", "--cells", "16", "--blocks", "4,4", "--colours"]
+    result = mpirun(4, PROGRAM, *words, *RANKS[kind], "-options_left")
+    assert "There are no unused options" in result.stdout
+    found = json.loads(next(line for line in result.stdout.splitlines() if line.startswith("{")))
+    assert found["reason"] > 0 and found["subdomains"] == 16
+    assert found["iterations"] <= {"telescope": 8, "bddc": 20, "latin": 20, "gamg": 20}[kind]

@@ -1,0 +1,175 @@
+"""A failure of one rank alone ends in an error on all ranks, or ends the program: within seconds, no deadlock."""
+
+import re
+import sys
+
+import pytest
+from conftest import run
+
+PROGRAM = """
+import ctypes
+import sys
+import petsc4py
+petsc4py.init(sys.argv)
+from petsc4py import PETSc
+import latinpc
+from latinpc.scenes import make
+
+door, at = sys.argv[1], int(sys.argv[2])
+fail_from = ctypes.CDLL(None).FailFrom
+fail_from.argtypes, fail_from.restype = [ctypes.c_long], ctypes.c_long
+bars = door in ("pc", "ksp", "matis")
+moves = door in ("attach", "ts")
+scene = make("impact-grid" if moves else "truss-grid" if bars else "tensegrity-grid", modules=8, subdomains=4)
+if "metis" in sys.argv:
+    scene.subdomain = None
+
+
+def linear(structure, u):
+    if door == "matis":
+        structure.dm.setMatType("is")
+    A, b = structure.dm.createMat(), u.duplicate()
+    structure.jacobian(u, A)
+    b.set(1.0)
+    if door == "matis":
+        A.compose("__PETSc_dm", None)  # it knows of no structure
+    ksp = PETSc.KSP().create()
+    ksp.setType("latin" if door == "ksp" else "cg")
+    ksp.getPC().setType("none" if door == "ksp" else "latin")
+    ksp.setOperators(A)
+    ksp.setFromOptions()
+    y = u.duplicate()  # PETSc's own vectors are there before the failure
+    fail_from(at)
+    if door == "ksp":
+        ksp.setUp()
+        ksp.solve(b, u)
+    else:
+        ksp.getPC().setUp()
+        ksp.getPC().apply(b, y)
+
+
+def motion(structure):
+    if door == "attach":
+        ts = PETSc.TS().create()
+        fail_from(at)
+        return structure.attach(ts)
+    ts = structure.create_ts()
+    u, v = ts.getSolution2()
+    ts.setTimeStep(1e-3)
+    ts.setMaxSteps(3)
+    ts.setFromOptions()
+    ts.setUp()
+    fail_from(at)
+    ts.solve(u)
+
+
+def static(structure, u):
+    snes = structure.create_snes()
+    snes.setFromOptions()
+    if door == "snes":
+        fail_from(10**9)
+        u.duplicate()
+        own = fail_from(0)  # SNESSolve() duplicates u before anything is ours
+        fail_from(at and own + at)
+    snes.solve(None, u)
+    if door == "digits":
+        u.duplicate(), u.duplicate()
+        fail_from(at)
+        latinpc.digits(snes)
+
+
+try:
+    if door == "links":
+        fail_from(at)
+    structure = latinpc.Structure.from_scene(scene)
+    count = fail_from(0) if door == "links" else 0  # vectors are made by PETSc
+    u = structure.create_vec()
+    if bars:
+        linear(structure, u)
+    elif moves:
+        motion(structure)
+    elif door == "results":
+        J = structure.dm.createMat()
+        fail_from(at)
+        structure.jacobian(u, J)
+        structure.energy(u), structure.errors(u, u), structure.tensions(u), structure.displacements(u)
+    elif door in ("snes", "digits"):
+        static(structure, u)
+    print(f"solved after {count or fail_from(0)} allocations\\n", end="", flush=True)
+except PETSc.Error as error:
+    print(f"error {error.ierr}: {latinpc.error_message(error)}\\n", end="", flush=True)
+"""
+MEMORY, LIBRARY = 55, 76  # PETSc's codes
+
+
+@pytest.fixture(scope="module")
+def program(tmp_path_factory):
+    path = tmp_path_factory.mktemp("program") / "solve.py"
+    path.write_text(PROGRAM)
+    return path
+
+
+@pytest.fixture
+def solve(program, compile_c):
+    """Solve on two ranks, of which `rank` fails alone: in what is named, or at that allocation."""
+    shim = compile_c("fail_alone.c", "-shared", "-fPIC", "-lmetis", "-ldl")
+
+    def launch(rank, what="", *options, at=0, door="snes"):
+        env = {"LD_PRELOAD": str(shim), "LATINPC_FAIL_RANK": str(rank), "LATINPC_FAIL": what}
+        return run(
+            ["mpirun", "-n", 2, sys.executable, program, door, at, what, *options],
+            env=env,
+            check=False,
+            timeout=120,
+            leaks=False,
+        )
+
+    return launch
+
+
+@pytest.mark.parametrize(
+    ("what", "rank", "door", "message"),
+    [
+        ("metis", 0, "snes", "METIS could not partition 1024 links into"),
+        ("gesvd", 1, "snes", "LAPACK gesvd failed on the modes of an interface"),
+        ("local", 1, "snes", "a local factorisation fails"),
+        ("local", 1, "ksp", "a local factorisation fails"),
+        ("local", 0, "matis", "a local factorisation fails"),
+        pytest.param("local", 0, "pc", "a local factorisation fails", marks=pytest.mark.slow),
+        pytest.param("local", 1, "ts", "a local factorisation fails", marks=pytest.mark.slow),
+    ],
+)
+def test_every_rank_raises_what_one_has_met(solve, what, rank, door, message):
+    result = solve(rank, what, door=door)
+    said = re.findall(r"^error (\d+): (.*)$", result.stdout, re.MULTILINE)
+    assert [int(code) for code, _ in said] == 2 * [LIBRARY], result.stdout + result.stderr
+    assert all(message in sentence for _, sentence in said)
+    assert result.returncode == 0
+
+
+def ended(result):
+    return result.returncode != 0 and "latin: an error of one rank, and the others wait for it" in result.stderr
+
+
+@pytest.mark.parametrize(
+    "door", ["snes", *(pytest.param(door, marks=pytest.mark.slow) for door in ("pc", "ksp", "matis", "ts"))]
+)
+def test_a_failure_inside_a_collective_call_ends_the_program(solve, door):
+    family = {"matis": "pc", "ts": "snes"}.get(door, door)
+    result = solve(1, "coarse", f"-{family}_latin_coarse_pc_type", "cholesky", door=door)  # all ranks at one factor
+    assert ended(result)
+    assert "the coarse factorisation fails" in result.stderr
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("door", ["links", "results", "snes", "digits", "pc", "ksp", "matis", "attach", "ts"])
+@pytest.mark.parametrize("rank", [0, 1])
+def test_memory_that_runs_out_on_one_rank_is_no_deadlock(solve, door, rank):
+    solved = solve(rank, at=10**9, door=door)
+    counts = [int(n) for n in re.findall(r"solved after (\d+) allocations", solved.stdout)]
+    assert len(counts) == 2 and max(counts) > 100, solved.stdout + solved.stderr
+    for part in (0.0, 0.02, 0.1, 0.3, 0.5, 0.7, 0.9, 0.98):
+        result = solve(rank, at=1 + int(part * max(counts)), door=door)
+        said = re.findall(r"^error (\d+)", result.stdout, re.MULTILINE)
+        # the header of an object gives no code of its own
+        assert ended(result) or said in (2 * [str(MEMORY)], 2 * ["1"]), (part, result.stdout, result.stderr)

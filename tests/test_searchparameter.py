@@ -1,0 +1,81 @@
+"""Grains with friction that stall: another search parameter, the same problem."""
+
+import numpy as np
+from support import latin, solve
+from test_classes import balance, strain
+
+import latinpc
+from latinpc.scenes import make
+
+STALLS = {"side": 14, "law": "friction", "seed": 3}
+LONG = {"stol": 1e-6, "max_it": 3000}
+
+
+def is_coulombs(scene, found, small=1e-4):
+    """Balance, cone, no penetration, complementarity, and friction against the slip, in the structure's own units."""
+    normal, tangent = found.tensions[::2], found.tensions[1::2]
+    gap, slip = strain(scene, found.u).reshape(-1, 2).T
+    size, far = np.abs(normal).max(), np.abs(gap).max()
+    return (
+        balance(scene, found.tensions) < small
+        and (normal <= 0).all()
+        and (np.abs(tangent) <= scene.friction[::2] * -normal * (1 + 1e-9)).all()
+        and gap.min() > -small * far
+        and np.abs(gap * normal).max() < small * size * far
+        and (np.abs(slip * tangent) - slip * tangent).max() < small * size * far
+    )
+
+
+def test_a_stall_ends_with_another_search_parameter():
+    """What does not converge in 3,000 stages with the first does, to a solution of Coulomb's law."""
+    scene = make("packing", **STALLS)
+    found = solve(scene, **LONG)
+    assert found.reason > 0
+    assert is_coulombs(scene, found)
+    again = solve(scene, **LONG)
+    assert again.iterations == found.iterations
+    assert (again.u == found.u).all()
+
+
+def test_a_second_solve_starts_from_the_given_parameter_and_a_warm_one_goes_on():
+    """The unit of length inside is forgotten, or carried over with the state; gaps may change in between."""
+    scene = make("packing", **STALLS)
+    for warm in ("none", "last"):
+        with latin(scene, warm_start=warm, **LONG) as run:
+            counts = []
+            for gaps in (1.0, 1.0, 1.0 + 1e-6):
+                run.structure.set_initial_elongation(gaps * scene.initial_elongation)
+                u = run.structure.create_vec()
+                run.snes.solve(None, u)
+                assert run.snes.getConvergedReason() > 0
+                counts.append(run.snes.getIterationNumber())
+                found = type("Found", (), {"u": run.structure.displacements(u), "tensions": latinpc.tensions(run.snes)})
+                assert is_coulombs(scene, found)
+            assert counts[1] <= 3 if warm == "last" else counts[1] == counts[0]
+
+
+RANKS = """
+import sys, petsc4py
+petsc4py.init(sys.argv)
+from petsc4py import PETSc
+import latinpc
+from latinpc.scenes import make
+scene = make("packing", side=14, law="friction", seed=3, subdomains=4)
+structure = latinpc.Structure.from_scene(scene)
+snes = structure.create_snes()
+snes.setFromOptions()
+u = structure.create_vec()
+snes.solve(None, u)
+tension = latinpc.tensions(snes)
+if PETSC_RANK == 0: print("found", snes.getConvergedReason(), snes.getIterationNumber(), abs(tension).sum())
+""".replace("PETSC_RANK", "PETSc.COMM_WORLD.rank")
+
+
+def test_the_number_of_ranks_does_not_matter(mpirun):
+    """The factors are powers of two, and the same on one and on two ranks."""
+    ways = ("-snes_stol", "1e-6", "-snes_max_it", "6000")
+    lines = [mpirun(ranks, RANKS, *ways).stdout for ranks in (1, 2)]
+    (reason, count, total), other = (np.array(out.split("found")[1].split(), float) for out in lines)
+    assert reason > 0 and other[0] > 0
+    assert abs(other[1] - count) <= 0.3 * count  # rounding decides which of many contacts slip first
+    assert abs(other[2] / total - 1) < 0.2  # tensions are not unique

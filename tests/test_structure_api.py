@@ -1,0 +1,281 @@
+"""Links from numpy arrays and back: numbering, ranks, mechanics, refusals."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from petsc4py import PETSc
+
+import latinpc
+
+# Two squares with diagonals side by side, hung at the left; the numbering follows no order on purpose.
+NODES = np.array([[1, 1], [0, 0], [2, 0], [0, 1], [1, 0], [2, 1]], dtype=float)
+LINKS = np.array([[1, 4], [3, 0], [0, 4], [1, 0], [4, 3], [2, 4], [0, 5], [5, 2], [4, 5], [2, 0]])
+LAW = np.array([0, 0, 0, 1, 1, 0, 2, 0, 1, 1])
+FIXED = np.array([[0, 0], [1, 1], [0, 0], [1, 1], [0, 0], [0, 0]], dtype=bool)
+FRAME = {
+    "nodes": NODES,
+    "links": LINKS,
+    "law": LAW,
+    "stiffness": np.linspace(1e3, 2e3, len(LINKS)),
+    "initial_elongation": np.linspace(0.01, 0.02, len(LINKS)) * np.where(LAW == 2, -1, 1),
+    "fixed": FIXED,
+    "prescribed": np.where(FIXED, 0.003, 0),
+    "load": np.where(FIXED, 0, [0.5, -2.0]),
+}
+SUBDOMAIN = np.array([1, 0, 1, 0, 1, 2, 2, 0, 2, 1])
+
+
+def frame(**changes):
+    return latinpc.Structure(**{**FRAME, **changes}, comm=PETSc.COMM_SELF)
+
+
+def displacement(seed=0):
+    u = np.random.default_rng(seed).normal(scale=0.02, size=NODES.shape)
+    return np.where(FIXED, FRAME["prescribed"], u)
+
+
+def tension(u):
+    n = NODES[LINKS[:, 1]] - NODES[LINKS[:, 0]]
+    n /= np.linalg.norm(n, axis=1)[:, None]
+    x = np.sum(n * (u[LINKS[:, 1]] - u[LINKS[:, 0]]), axis=1) + FRAME["initial_elongation"]
+    return FRAME["stiffness"] * np.choose(LAW, [x, np.maximum(x, 0), np.minimum(x, 0)]), n
+
+
+def test_sizes_and_mesh():
+    structure = frame()
+    assert structure.sizes == (2, 6, 10, 8)
+    assert structure.sizes.free_dofs == 8
+    assert structure.dm.getType() == "plex"
+    assert structure.dm.getDimension() == 1
+    assert structure.dm.getCoordinateDim() == 2
+    assert structure.create_vec().getSize() == 8
+
+
+def test_displacements_come_back_in_the_callers_order():
+    structure, given = frame(), displacement()
+    u = structure.create_vec()
+    structure.set_displacements(given, u)
+    assert np.array_equal(structure.displacements(u), given)
+
+
+def test_tensions_follow_the_laws():
+    structure, given = frame(), displacement()
+    u = structure.create_vec()
+    structure.set_displacements(given, u)
+    assert np.allclose(structure.tensions(u), tension(given)[0], rtol=1e-13, atol=1e-11)
+
+
+def test_laws_by_name():
+    names = np.array(["bar", "cable", "compression-only"])[LAW]
+    by_number, by_name, given = frame(), frame(law=names), displacement()
+    u = by_number.create_vec()
+    by_number.set_displacements(given, u)
+    assert np.array_equal(by_name.tensions(u), by_number.tensions(u))
+    all_cables = frame(law="cable")
+    assert np.array_equal(all_cables.tensions(u), frame(law=np.full(len(LINKS), latinpc.Law.CABLE)).tensions(u))
+    scene = latinpc.scenes.Scene("frame", NODES, LINKS, "cable", FRAME["stiffness"], fixed=FIXED)
+    assert (scene.law == latinpc.Law.CABLE).all()
+
+
+def test_residual_is_the_unbalance_of_the_nodes():
+    structure, given = frame(), displacement()
+    u, r = structure.create_vec(), structure.create_vec()
+    structure.set_displacements(given, u)
+    structure.residual(u, r)
+    tau, n = tension(given)
+    unbalance = -np.asarray(FRAME["load"], dtype=float)
+    np.add.at(unbalance, LINKS[:, 1], tau[:, None] * n)
+    np.add.at(unbalance, LINKS[:, 0], -tau[:, None] * n)
+    expected = structure.create_vec()
+    structure.set_displacements(np.where(FIXED, 0, unbalance), expected)
+    assert (r - expected).norm() < 1e-11
+
+
+def test_residual_is_the_gradient_of_the_energy_and_jacobian_that_of_the_residual():
+    structure = frame()
+    u, r, s, direction = (structure.create_vec() for _ in range(4))
+    structure.set_displacements(displacement(), u)
+    structure.set_displacements(displacement(1), direction)
+    jacobian = structure.dm.createMat()
+    structure.residual(u, r)
+    structure.jacobian(u, jacobian)
+    step = 1e-6
+    energy = [structure.energy(u + sign * step * direction) for sign in (1, -1)]
+    assert (energy[0] - energy[1]) / (2 * step) == pytest.approx(r.dot(direction), rel=1e-7)
+    structure.residual(u + step * direction, s)
+    assert ((s - r) / step - jacobian * direction).norm() < 1e-6 * (jacobian * direction).norm()
+    assert jacobian.isSymmetric(1e-9)
+
+
+def test_errors_vanish_only_for_the_same_displacement():
+    structure = frame()
+    u = structure.create_vec()
+    structure.set_displacements(displacement(), u)
+    assert structure.errors(u, u) == (0, 0)
+    l2, energy = structure.errors(2 * u, u)
+    assert l2 > 0
+    assert energy > 0
+
+
+def test_newton_balances_the_structure():
+    structure = frame()
+    snes = structure.create_snes()
+    snes.setType("newtonls")
+    snes.setTolerances(rtol=1e-12)
+    snes.getKSP().setType("preonly")
+    snes.getKSP().getPC().setType("lu")
+    u, r = structure.create_vec(), structure.create_vec()
+    snes.solve(None, u)
+    assert snes.reason > 0
+    structure.residual(u, r)
+    assert r.norm() < 1e-9
+    assert np.allclose(structure.displacements(u)[FIXED], 0.003)
+
+
+def test_loads_and_initial_elongations_change():
+    structure, given = frame(), displacement()
+    u, r, s = (structure.create_vec() for _ in range(3))
+    structure.set_displacements(given, u)
+    structure.residual(u, r)
+    structure.set_load(FRAME["load"] + np.where(FIXED, 0, 1.0))
+    structure.residual(u, s)
+    assert np.allclose((r - s).array, 1)
+    structure.set_initial_elongation(0.0)
+    assert not np.allclose(structure.tensions(u), tension(given)[0])
+    structure.set_initial_elongation(FRAME["initial_elongation"])
+    assert np.allclose(structure.tensions(u), tension(given)[0])
+
+
+def test_solver_returns_the_partition_in_the_callers_order():
+    snes = frame(subdomain=SUBDOMAIN).create_snes()
+    snes.setUp()
+    assert np.array_equal(latinpc.subdomain_of_links(snes), SUBDOMAIN)
+    assert latinpc.node_classes(snes).shape == (6,)
+    assert latinpc.statistics(snes)["subdomains"] == 3
+    assert latinpc.subdomains(snes) == (3, 0)
+
+
+RANKS = """
+import sys
+import numpy as np
+from petsc4py import PETSc
+import latinpc
+sys.path.insert(0, {tests!r})
+import test_structure_api as t
+
+for subdomain in (None, t.SUBDOMAIN):
+    structure = latinpc.Structure(**t.FRAME, subdomain=subdomain, comm=PETSc.COMM_WORLD)
+    assert structure.sizes == (2, 6, 10, 8)
+    u, r = structure.create_vec(), structure.create_vec()
+    structure.set_displacements(t.displacement(), u)
+    assert np.array_equal(structure.displacements(u), t.displacement())
+    assert np.allclose(structure.tensions(u), t.tension(t.displacement())[0], rtol=1e-13, atol=1e-11)
+    structure.residual(u, r)
+    assert np.isclose(r.norm(), {norm!r}, rtol=1e-12)
+    assert np.isclose(structure.energy(u), {energy!r}, rtol=1e-12)
+print("fine")
+"""
+
+
+@pytest.mark.parametrize("ranks", [1, 2, 3, 4])
+def test_any_number_of_ranks(mpirun, ranks):
+    structure = frame()
+    u, r = structure.create_vec(), structure.create_vec()
+    structure.set_displacements(displacement(), u)
+    structure.residual(u, r)
+    script = RANKS.format(tests=str(Path(__file__).parent), norm=r.norm(), energy=structure.energy(u))
+    assert mpirun(ranks, script).stdout.count("fine") == ranks
+
+
+PARTITION = """
+import sys
+import numpy as np
+from petsc4py import PETSc
+import latinpc
+sys.path.insert(0, {tests!r})
+import test_structure_api as t
+
+snes = latinpc.Structure(**t.FRAME, subdomain=t.SUBDOMAIN, comm=PETSc.COMM_WORLD).create_snes()
+snes.setUp()
+assert np.array_equal(latinpc.subdomain_of_links(snes), t.SUBDOMAIN)
+assert np.array_equal(latinpc.node_classes(snes), {classes!r})
+assert latinpc.statistics(snes)["subdomains"] == 3
+print("fine")
+"""
+
+
+@pytest.mark.parametrize("ranks", [1, 2, 3, 4])
+def test_partition_on_any_number_of_ranks(mpirun, ranks):
+    snes = frame(subdomain=SUBDOMAIN).create_snes()
+    snes.setUp()
+    script = PARTITION.format(tests=str(Path(__file__).parent), classes=latinpc.node_classes(snes).tolist())
+    assert mpirun(ranks, script).stdout.count("fine") == ranks
+
+
+REFUSED = [
+    ({"links": [[0, 9], *LINKS[1:]]}, r"link 0 \(\[0 9\]\) joins a node that does not exist"),
+    ({"links": [*LINKS[:-1], [-1, 2]]}, r"link 9 .* does not exist"),
+    ({"links": [*LINKS[:-1], [2, 2]]}, r"link 9 .* joins a node to itself"),
+    ({"links": np.ones((3, 3), int)}, r"links must be an \(m, 2\) array"),
+    ({"links": np.zeros((0, 2), int)}, r"links must be an \(m, 2\) array"),
+    ({"links": LINKS + 0.5}, "links must be integers"),
+    ({"nodes": np.where(NODES > 1, np.nan, NODES)}, r"node 2 .*5 .*not finite"),
+    ({"nodes": np.zeros_like(NODES)}, "no length"),
+    ({"nodes": np.zeros((6, 4))}, "dim 1, 2 or 3"),
+    ({"law": 99}, "unknown law"),
+    ({"law": "cabel"}, "unknown law 'cabel': do you mean 'cable'"),
+    ({"law": ["bar"] * 9 + ["xyz"]}, "unknown law 'xyz': choose from bar, cable, "),
+    ({"law": [0, 1]}, r"law must have the shape \(10,\)"),
+    ({"stiffness": 0}, "needs a positive stiffness"),
+    ({"stiffness": -1}, "and 5 more needs a positive stiffness"),
+    ({"stiffness": np.nan}, "needs a positive stiffness"),
+    ({"stiffness": np.inf}, "needs a positive stiffness"),
+    ({"initial_elongation": np.inf}, "initial elongation that is not finite"),
+    ({"fixed": np.ones((5, 2))}, r"fixed must have the shape \(6, 2\)"),
+    ({"prescribed": np.full((6, 2), 0.1)}, "not fixed"),
+    ({"load": np.full((6, 2), np.nan)}, "load that is not finite"),
+    ({"subdomain": np.full(10, -1)}, "negative subdomain"),
+    ({"subdomain": [0] * 9 + [2]}, "subdomain 1 has no link"),
+    ({"subdomain": np.arange(10) + 1}, "11 subdomains for 10 links"),
+]
+
+
+@pytest.mark.parametrize(("changes", "message"), REFUSED)
+def test_bad_arrays_are_refused_by_name(changes, message):
+    with pytest.raises(ValueError, match=message):
+        frame(**changes)
+
+
+def test_questions_about_links_need_links():
+    pc = PETSc.PC().create(comm=PETSc.COMM_SELF)
+    pc.setType("latin")
+    pc.setDM(PETSc.DMShell().create(comm=PETSc.COMM_SELF))
+    with pytest.raises(ValueError, match="attach"):
+        latinpc.subdomain_of_links(pc)
+    with pytest.raises(TypeError, match="SNES, KSP or PC"):
+        latinpc.statistics(PETSc.Vec().create(comm=PETSc.COMM_SELF))
+
+
+def test_error_message_is_one_sentence():
+    snes = PETSc.SNES().create(comm=PETSc.COMM_SELF)
+    with pytest.raises(PETSc.Error) as caught:
+        snes.setType("no such type")
+    assert latinpc.error_message(caught.value) == "Unable to find requested SNES type no such type"
+    assert latinpc.error_message(ValueError("other")) == "other"
+
+
+PRESTRESS = np.linspace(0.0, 900.0, len(LINKS)) * np.where(LAW == 2, -1, 1)  # N
+
+
+def test_a_prestress_is_an_initial_elongation():
+    """The same structure to the bit: e0 = T / k, and no displacement leaves the prestress itself."""
+    given = frame(initial_elongation=None, prestress=PRESTRESS)
+    same = frame(initial_elongation=PRESTRESS / FRAME["stiffness"])
+    u, v = given.create_vec(), same.create_vec()
+    for structure, x in ((given, u), (same, v)):
+        structure.set_displacements(displacement(), x)
+    assert np.array_equal(given.tensions(u), same.tensions(v))
+    given.set_prestress(0.5 * PRESTRESS)
+    same.set_initial_elongation(0.5 * PRESTRESS / FRAME["stiffness"])
+    assert np.array_equal(given.tensions(u), same.tensions(v))
