@@ -101,7 +101,7 @@ static PetscErrorCode LatinBoundNorm_Private(LatinStructure structure, Vec u, Pe
 
   PetscFunctionBegin;
   PetscCall(DMGetLocalVector(structure->dm, &local));
-  PetscCall(LatinStructureGetLocal_Private(structure, u, local));
+  PetscCall(LatinStructureGetLocal_Private(structure, structure->vertex_prescribed, u, local));
   PetscCall(VecGetArrayRead(local, &x));
   for (PetscInt l = 0; l < structure->links_local; l++) {
     PetscReal a = 0.0, b = 0.0;

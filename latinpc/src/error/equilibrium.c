@@ -272,7 +272,7 @@ static PetscErrorCode LatinFarkas_Private(LatinStructure structure, Vec u, const
   PetscCall(DMGetLocalVector(structure->dm, &given));
   PetscCall(DMGetLocalVector(structure->dm, &local));
   PetscCall(VecZeroEntries(forces));
-  PetscCall(LatinStructureGetLocal_Private(structure, forces, given)); /* what is prescribed, and nothing else */
+  PetscCall(LatinStructureGetLocal_Private(structure, structure->vertex_prescribed, forces, given)); /* what is prescribed, and nothing else */
   PetscCall(VecZeroEntries(local));
   PetscCall(VecGetArrayRead(given, &a));
   PetscCall(VecGetArray(local, &f));

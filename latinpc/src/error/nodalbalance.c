@@ -28,7 +28,7 @@ static PetscErrorCode LatinNodalGet_Private(LatinStructure structure, Vec u, Vec
   PetscFunctionBegin;
   for (PetscInt i = 0; i < LATIN_AT; i++) PetscCall(DMGetLocalVector(structure->dm, &local[i]));
   PetscCall(DMGetGlobalVector(structure->dm, &work));
-  PetscCall(LatinStructureGetLocal_Private(structure, u, local[LATIN_AT_U]));
+  PetscCall(LatinStructureGetLocal_Private(structure, structure->vertex_prescribed, u, local[LATIN_AT_U]));
   PetscCall(VecSet(work, 1.0));
   PetscCall(LatinNodalLocal_Private(structure, work, local[LATIN_AT_FREE]));
   PetscCall(LatinNodalLocal_Private(structure, r, local[LATIN_AT_R]));

@@ -77,7 +77,7 @@ static PetscErrorCode LatinDigitsForces_Private(const LatinAround *around, Latin
   PetscFunctionBegin;
   PetscCall(DMGetLocalVector(structure->dm, &ul));
   PetscCall(DMGetLocalVector(structure->dm, &rl));
-  PetscCall(LatinStructureGetLocal_Private(structure, around->u, ul));
+  PetscCall(LatinStructureGetLocal_Private(structure, structure->vertex_prescribed, around->u, ul));
   PetscCall(VecZeroEntries(rl));
   PetscCall(VecGetArrayRead(ul, &a));
   PetscCall(VecGetArrayRead(around->tangent, &kt));

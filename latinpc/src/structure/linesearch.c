@@ -14,48 +14,20 @@ typedef struct {
 
 static PetscErrorCode LatinLineCreate_Private(LatinStructure structure, Vec u, Vec step, Vec more, LatinLine *line)
 {
-  const PetscInt     n = structure->links_local;
-  Vec                ul, sl;
-  const PetscScalar *a, *b;
-  PetscScalar        work, other = 0.0;
+  const PetscInt n    = structure->links_local;
+  PetscScalar    work = 0.0, other = 0.0;
+  PetscReal      held;
 
   PetscFunctionBegin;
   PetscCall(PetscMalloc2(n, &line->x, n, &line->d));
-  PetscCall(DMGetLocalVector(structure->dm, &ul));
-  PetscCall(DMGetLocalVector(structure->dm, &sl));
-  PetscCall(LatinStructureGetLocal_Private(structure, u, ul));
-  PetscCall(VecZeroEntries(sl)); /* no change where prescribed */
-  PetscCall(DMGlobalToLocalBegin(structure->dm, step, INSERT_VALUES, sl));
-  PetscCall(DMGlobalToLocalEnd(structure->dm, step, INSERT_VALUES, sl));
-  PetscCall(VecGetArrayRead(ul, &a));
-  PetscCall(VecGetArrayRead(sl, &b));
-  for (PetscInt l = 0; l < n; l++) {
-    line->x[l] = LatinStructureElongation(structure, l, a) + structure->e0[l];
-    line->d[l] = LatinStructureElongation(structure, l, b);
-  }
-  PetscCall(VecRestoreArrayRead(ul, &a));
-  PetscCall(VecRestoreArrayRead(sl, &b));
-  PetscCall(DMRestoreLocalVector(structure->dm, &ul));
-  PetscCall(DMRestoreLocalVector(structure->dm, &sl));
+  PetscCall(LatinStructureStrains_Private(structure, u, line->x));
+  PetscCall(LatinStructureElongations_Private(structure, NULL, step, line->d)); /* no change where prescribed */
   PetscCall(VecDot(structure->load, step, &work));
   if (more) PetscCall(VecDot(more, step, &other));
-  line->bend = 0.0;
-  if (structure->ground) { /* a quadratic energy: g (u - t step)^2 / 2 */
-    PetscScalar held[2];
-    Vec         gu;
-
-    PetscCall(VecDuplicate(u, &gu));
-    PetscCall(VecZeroEntries(gu));
-    PetscCall(LatinStructureAddGround_Private(structure, u, gu));
-    PetscCall(VecDot(gu, step, &held[0]));
-    PetscCall(VecZeroEntries(gu));
-    PetscCall(LatinStructureAddGround_Private(structure, step, gu));
-    PetscCall(VecDot(gu, step, &held[1]));
-    PetscCall(VecDestroy(&gu));
-    other -= held[0];
-    line->bend = PetscRealPart(held[1]);
-  }
-  line->work = PetscRealPart(work + other);
+  /* a quadratic energy: g (u - t step)^2 / 2 */
+  PetscCall(LatinDiagonalProduct_Private(structure->ground, u, step, &held));
+  PetscCall(LatinDiagonalProduct_Private(structure->ground, step, step, &line->bend));
+  line->work = PetscRealPart(work + other) - held;
   PetscFunctionReturn(0);
 }
 
@@ -107,34 +79,16 @@ PetscErrorCode LatinStructureSearch_Private(LatinStructure structure, Vec u, Vec
 /* Twice the energy per square of the length t that u - t step stores for t without end: that of links far out. Collective on structure */
 PetscErrorCode LatinStructureResistFar_Private(LatinStructure structure, Vec step, PetscReal *resisted)
 {
-  Vec                sl;
-  const PetscScalar *b;
-  PetscReal          sum  = 0.0;
-  PetscScalar        held = 0.0;
+  PetscReal *d, ground;
 
   PetscFunctionBegin;
-  PetscCall(DMGetLocalVector(structure->dm, &sl));
-  PetscCall(VecZeroEntries(sl)); /* no change where prescribed */
-  PetscCall(DMGlobalToLocalBegin(structure->dm, step, INSERT_VALUES, sl));
-  PetscCall(DMGlobalToLocalEnd(structure->dm, step, INSERT_VALUES, sl));
-  PetscCall(VecGetArrayRead(sl, &b));
-  for (PetscInt l = 0; l < structure->links_local; l++) {
-    const PetscReal d = -LatinStructureElongation(structure, l, b);
-
-    sum += LatinStructureTangent(structure, l, d > 0.0 ? LATIN_FAR : -LATIN_FAR) * d * d;
-  }
-  PetscCall(VecRestoreArrayRead(sl, &b));
-  PetscCall(DMRestoreLocalVector(structure->dm, &sl));
-  PetscCall(MPIU_Allreduce(&sum, resisted, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
-  if (structure->ground) {
-    Vec gu;
-
-    PetscCall(DMGetGlobalVector(structure->dm, &gu));
-    PetscCall(VecZeroEntries(gu));
-    PetscCall(LatinStructureAddGround_Private(structure, step, gu));
-    PetscCall(VecDot(gu, step, &held));
-    PetscCall(DMRestoreGlobalVector(structure->dm, &gu));
-  }
-  *resisted += PetscRealPart(held);
+  *resisted = 0.0;
+  PetscCall(DMGetWorkArray(structure->dm, structure->links_local, MPIU_REAL, &d));
+  PetscCall(LatinStructureElongations_Private(structure, NULL, step, d));
+  for (PetscInt l = 0; l < structure->links_local; l++) *resisted += LatinStructureTangent(structure, l, d[l] < 0.0 ? LATIN_FAR : -LATIN_FAR) * d[l] * d[l];
+  PetscCall(DMRestoreWorkArray(structure->dm, structure->links_local, MPIU_REAL, &d));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, resisted, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
+  PetscCall(LatinDiagonalProduct_Private(structure->ground, step, step, &ground));
+  *resisted += ground;
   PetscFunctionReturn(0);
 }

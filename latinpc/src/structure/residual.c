@@ -2,33 +2,25 @@
 
 /* Nodal unbalance (1), its derivative, and the potential energy. */
 
-/* With the tensions `rigid` of the rigid links, NULL for none */
+/* With the tensions `rigid` of the rigid links, NULL for none. Collective on structure */
+PetscErrorCode LatinStructureTensions_Private(LatinStructure structure, const PetscReal rigid[], Vec u, PetscReal tension[])
+{
+  PetscFunctionBegin;
+  PetscCall(LatinStructureStrains_Private(structure, u, tension));
+  for (PetscInt l = 0; l < structure->links_local; l++) tension[l] = LatinStructureTension(structure, rigid, l, tension[l]);
+  PetscFunctionReturn(0);
+}
+
+/* The unbalance with them. Collective on structure */
 PetscErrorCode LatinStructureResidual_Private(LatinStructure structure, const PetscReal rigid[], Vec u, Vec r)
 {
-  Vec                ul, rl;
-  const PetscScalar *a;
-  PetscScalar       *f;
-  PetscInt           dim;
+  PetscReal *tension;
 
   PetscFunctionBegin;
-  dim = structure->dim;
-  PetscCall(DMGetLocalVector(structure->dm, &ul));
-  PetscCall(DMGetLocalVector(structure->dm, &rl));
-  PetscCall(LatinStructureGetLocal_Private(structure, u, ul));
-  PetscCall(VecZeroEntries(rl));
-  PetscCall(VecGetArrayRead(ul, &a));
-  PetscCall(VecGetArray(rl, &f));
-  for (PetscInt l = 0; l < structure->links_local; l++) LatinStructureAddForce(structure, l, LatinStructureTension(structure, rigid, l, LatinStructureElongation(structure, l, a) + structure->e0[l]), f);
-  PetscCall(VecRestoreArrayRead(ul, &a));
-  PetscCall(VecRestoreArray(rl, &f));
-  PetscCall(VecCopy(structure->load, r));
-  PetscCall(VecScale(r, -1.0));
-  if (structure->ground) PetscCall(LatinStructureAddGround_Private(structure, u, r));
-  PetscCall(DMLocalToGlobalBegin(structure->dm, rl, ADD_VALUES, r));
-  PetscCall(DMLocalToGlobalEnd(structure->dm, rl, ADD_VALUES, r));
-  PetscCall(DMRestoreLocalVector(structure->dm, &ul));
-  PetscCall(DMRestoreLocalVector(structure->dm, &rl));
-  PetscCall(PetscLogFlops(structure->links_local * (5.0 * dim + 4.0)));
+  PetscCall(DMGetWorkArray(structure->dm, structure->links_local, MPIU_REAL, &tension));
+  PetscCall(LatinStructureTensions_Private(structure, rigid, u, tension));
+  PetscCall(LatinStructureForces_Private(structure, tension, u, structure->load, r));
+  PetscCall(DMRestoreWorkArray(structure->dm, structure->links_local, MPIU_REAL, &tension));
   PetscFunctionReturn(0);
 }
 
@@ -63,10 +55,9 @@ PetscErrorCode LatinStructureComputeResidual(LatinStructure structure, Vec u, Ve
 static PetscErrorCode LatinStructureComputeJacobian_Private(LatinStructure structure, Vec u, Mat J)
 {
   ISLocalToGlobalMapping map;
-  PetscInt               n, m;
+  PetscInt               n, m, dim = structure->dim;
   Vec                    tangent;
   const PetscScalar     *k;
-  PetscInt               dim;
 
   PetscFunctionBegin;
   PetscCall(LatinStructureCheckRigid_Private(structure, "The tangent stiffness, that is Newton's method,"));
@@ -74,7 +65,6 @@ static PetscErrorCode LatinStructureComputeJacobian_Private(LatinStructure struc
   PetscCall(MatGetSize(J, &n, NULL));
   PetscCall(VecGetSize(structure->load, &m));
   PetscCheck(map && n == m, PetscObjectComm((PetscObject)structure), PETSC_ERR_ARG_WRONG, "The matrix does not belong to this structure: make it with DMCreateMatrix() on its DM");
-  dim = structure->dim;
   PetscCall(LatinTangentCompute_Private(structure, u, 0.0, J, &tangent));
   PetscCall(MatZeroEntries(J));
   PetscCall(VecGetArrayRead(tangent, &k));
@@ -130,29 +120,22 @@ PetscErrorCode LatinStructureComputeJacobian(LatinStructure structure, Vec u, Ma
 
 static PetscErrorCode LatinStructureComputeEnergy_Private(LatinStructure structure, Vec u, PetscReal *energy)
 {
-  Vec                ul;
-  const PetscScalar *a;
-  PetscReal          sum = 0.0, total;
-  PetscScalar        work;
+  PetscReal  *x, sum = 0.0, ground;
+  PetscScalar work;
 
   PetscFunctionBegin;
-  PetscCall(DMGetLocalVector(structure->dm, &ul));
-  PetscCall(LatinStructureGetLocal_Private(structure, u, ul));
-  PetscCall(VecGetArrayRead(ul, &a));
+  PetscCall(DMGetWorkArray(structure->dm, structure->links_local, MPIU_REAL, &x));
+  PetscCall(LatinStructureStrains_Private(structure, u, x));
   for (PetscInt l = 0; l < structure->links_local; l++) {
     const LatinLaw *law = &LatinLaws[structure->law[l]];
 
-    if (!law->rigid) sum += law->energy(structure->stiffness[l], LatinStructureElongation(structure, l, a) + structure->e0[l], law->ctx);
+    if (!law->rigid) sum += law->energy(structure->stiffness[l], x[l], law->ctx);
   }
-  PetscCall(VecRestoreArrayRead(ul, &a));
-  PetscCall(DMRestoreLocalVector(structure->dm, &ul));
-  PetscCall(MPIU_Allreduce(&sum, &total, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
+  PetscCall(DMRestoreWorkArray(structure->dm, structure->links_local, MPIU_REAL, &x));
+  PetscCall(MPIU_Allreduce(&sum, energy, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
   PetscCall(VecDot(structure->load, u, &work));
-  *energy = total - work;
-  if (structure->ground) {
-    PetscCall(LatinStructureGroundEnergy_Private(structure, u, &sum));
-    *energy += sum;
-  }
+  PetscCall(LatinDiagonalProduct_Private(structure->ground, u, u, &ground));
+  *energy += 0.5 * ground - PetscRealPart(work);
   PetscFunctionReturn(0);
 }
 

@@ -4,9 +4,9 @@
 
 static PetscErrorCode LatinStructureComputeErrors_Private(LatinStructure structure, Vec u, Vec reference, PetscReal *l2, PetscReal *energy)
 {
-  Vec                ul, vl, d;
-  const PetscScalar *a, *b;
-  PetscReal          sum[2] = {0.0, 0.0}, total[2], dn, rn, *k;
+  Vec              d;
+  PetscReal        sum[2] = {0.0, 0.0}, dn, rn, *k, *e, *r;
+  const PetscReal *held   = structure->vertex_prescribed;
 
   PetscFunctionBegin;
   PetscCall(VecDuplicate(u, &d));
@@ -15,27 +15,17 @@ static PetscErrorCode LatinStructureComputeErrors_Private(LatinStructure structu
   PetscCall(VecNorm(reference, NORM_2, &rn));
   PetscCall(VecDestroy(&d));
   *l2 = rn > 0.0 ? dn / rn : dn;
-  PetscCall(PetscMalloc1(structure->links_local, &k));
+  PetscCall(PetscMalloc3(structure->links_local, &k, structure->links_local, &e, structure->links_local, &r));
   PetscCall(LatinStructureStiffness_Private(structure, k));
-  PetscCall(DMGetLocalVector(structure->dm, &ul));
-  PetscCall(DMGetLocalVector(structure->dm, &vl));
-  PetscCall(LatinStructureGetLocal_Private(structure, u, ul));
-  PetscCall(LatinStructureGetLocal_Private(structure, reference, vl));
-  PetscCall(VecGetArrayRead(ul, &a));
-  PetscCall(VecGetArrayRead(vl, &b));
+  PetscCall(LatinStructureElongations_Private(structure, held, u, e));
+  PetscCall(LatinStructureElongations_Private(structure, held, reference, r));
   for (PetscInt l = 0; l < structure->links_local; l++) {
-    const PetscReal e = LatinStructureElongation(structure, l, a), r = LatinStructureElongation(structure, l, b);
-
-    sum[0] += k[l] * PetscSqr(e - r);
-    sum[1] += k[l] * PetscSqr(r);
+    sum[0] += k[l] * PetscSqr(e[l] - r[l]);
+    sum[1] += k[l] * PetscSqr(r[l]);
   }
-  PetscCall(VecRestoreArrayRead(ul, &a));
-  PetscCall(VecRestoreArrayRead(vl, &b));
-  PetscCall(DMRestoreLocalVector(structure->dm, &ul));
-  PetscCall(DMRestoreLocalVector(structure->dm, &vl));
-  PetscCall(PetscFree(k));
-  PetscCall(MPIU_Allreduce(sum, total, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
-  *energy = PetscSqrtReal(total[1] > 0.0 ? total[0] / total[1] : total[0]);
+  PetscCall(PetscFree3(k, e, r));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
+  *energy = PetscSqrtReal(sum[1] > 0.0 ? sum[0] / sum[1] : sum[0]);
   PetscFunctionReturn(0);
 }
 
@@ -64,22 +54,6 @@ PetscErrorCode LatinStructureComputeErrors(LatinStructure structure, Vec u, Vec 
   PetscCall(LatinStructureCheckVec_Private(structure, u));
   PetscCall(LatinStructureCheckVec_Private(structure, reference));
   LatinWatch(PetscObjectComm((PetscObject)structure), LatinStructureComputeErrors_Private(structure, u, reference, l2, energy));
-  PetscFunctionReturn(0);
-}
-
-/* With the tensions `rigid` of the rigid links, NULL for none */
-PetscErrorCode LatinStructureTensions_Private(LatinStructure structure, const PetscReal rigid[], Vec u, PetscReal tension[])
-{
-  Vec                ul;
-  const PetscScalar *a;
-
-  PetscFunctionBegin;
-  PetscCall(DMGetLocalVector(structure->dm, &ul));
-  PetscCall(LatinStructureGetLocal_Private(structure, u, ul));
-  PetscCall(VecGetArrayRead(ul, &a));
-  for (PetscInt l = 0; l < structure->links_local; l++) tension[l] = LatinStructureTension(structure, rigid, l, LatinStructureElongation(structure, l, a) + structure->e0[l]);
-  PetscCall(VecRestoreArrayRead(ul, &a));
-  PetscCall(DMRestoreLocalVector(structure->dm, &ul));
   PetscFunctionReturn(0);
 }
 
@@ -115,21 +89,18 @@ PetscErrorCode LatinStructureGetTensions(LatinStructure structure, Vec u, PetscR
 /* How many links can be slack, and how many of them bear something */
 PetscErrorCode LatinStructureCountActive_Private(LatinStructure structure, const PetscReal rigid[], Vec u, PetscInt *active, PetscInt *unilateral)
 {
-  Vec                ul;
-  const PetscScalar *a;
-  PetscInt           n[2] = {0, 0};
+  PetscReal *tension;
+  PetscInt   n[2] = {0, 0};
 
   PetscFunctionBegin;
-  PetscCall(DMGetLocalVector(structure->dm, &ul));
-  PetscCall(LatinStructureGetLocal_Private(structure, u, ul));
-  PetscCall(VecGetArrayRead(ul, &a));
-  for (PetscInt l = 0; l < structure->links_local; l++)
-    if (!LatinLaws[structure->law[l]].smooth) {
-      n[1]++;
-      if (LatinStructureTension(structure, rigid, l, LatinStructureElongation(structure, l, a) + structure->e0[l]) != 0.0) n[0]++;
-    }
-  PetscCall(VecRestoreArrayRead(ul, &a));
-  PetscCall(DMRestoreLocalVector(structure->dm, &ul));
+  PetscCall(DMGetWorkArray(structure->dm, structure->links_local, MPIU_REAL, &tension));
+  PetscCall(LatinStructureTensions_Private(structure, rigid, u, tension));
+  for (PetscInt l = 0; l < structure->links_local; l++) {
+    if (LatinLaws[structure->law[l]].smooth) continue;
+    n[1]++;
+    if (tension[l] != 0.0) n[0]++;
+  }
+  PetscCall(DMRestoreWorkArray(structure->dm, structure->links_local, MPIU_REAL, &tension));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, n, 2, MPIU_INT, MPI_SUM, PetscObjectComm((PetscObject)structure)));
   *active     = n[0];
   *unilateral = n[1];

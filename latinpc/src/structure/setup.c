@@ -193,7 +193,7 @@ static PetscErrorCode LatinStructureSetUp_Private(LatinStructure structure)
   LatinAgree(PetscObjectComm((PetscObject)structure), bad >= 0, PETSC_ERR_ARG_WRONGSTATE, "Node %" PetscInt_FMT " is free in direction %" PetscInt_FMT " but no link reaches it; remove it or prescribe its displacement",
              structure->nodes_start + bad / dim, bad % dim);
   PetscCall(DMCreateGlobalVector(structure->dm, &structure->load));
-  PetscCall(LatinStructureLoadVec_Private(structure));
+  PetscCall(LatinStructureNodalVec_Private(structure, structure->force, structure->load));
   PetscCall(LatinStructureComposeDM_Private(structure));
   PetscFunctionReturn(0);
 }

@@ -348,7 +348,7 @@ PetscErrorCode LatinStructureSetLoads(LatinStructure structure, const PetscReal 
   LatinAgree(PetscObjectComm((PetscObject)structure), bad >= 0, PETSC_ERR_FP, "Node %" PetscInt_FMT " has a load that is not a finite number", structure->nodes_start + bad / structure->dim);
   PetscCall(PetscArraycpy(structure->force, force, n));
   structure->load_state++;
-  if (structure->set_up) PetscCall(LatinStructureLoadVec_Private(structure));
+  if (structure->set_up) PetscCall(LatinStructureNodalVec_Private(structure, structure->force, structure->load));
   PetscFunctionReturn(0);
 }
 

@@ -2,7 +2,7 @@
    Structures of links: what a structure holds, and what its rooms do for each other and for the solvers. Each room calls
    those before it only:
 
-     laws, userlaws; vectors; groundsprings; rigidlaws; tangent, linesearch; residual, results; setup; structure; timestep; attach
+     laws, userlaws; vectors; rigidlaws; tangent, linesearch; residual, results; setup; structure; timestep; attach
 */
 #ifndef LATINSTRUCTUREIMPL_H
 #define LATINSTRUCTUREIMPL_H
@@ -108,14 +108,11 @@ static inline PetscBool LatinStructureTuned(const LatinStructure structure, Pets
 PETSC_INTERN PetscErrorCode LatinStructureCheckSetUp_Private(LatinStructure);
 PETSC_INTERN PetscErrorCode LatinStructureCheckVec_Private(LatinStructure, Vec);
 PETSC_INTERN PetscErrorCode LatinStructureNodalVec_Private(LatinStructure, const PetscReal values[], Vec);
-PETSC_INTERN PetscErrorCode LatinStructureLoadVec_Private(LatinStructure);
-PETSC_INTERN PetscErrorCode LatinStructureGetLocal_Private(LatinStructure, Vec, Vec);
-PETSC_INTERN PetscErrorCode LatinStructureElongations_Private(LatinStructure, Vec u, PetscReal e[]);
-
-/* ---- springs to the ground (structure/groundsprings.c) ---- */
-PETSC_INTERN PetscErrorCode LatinStructureAddGround_Private(LatinStructure, Vec u, Vec r);
-PETSC_INTERN PetscErrorCode LatinDiagonalEnergy_Private(Vec D, Vec u, PetscReal *energy);
-PETSC_INTERN PetscErrorCode LatinStructureGroundEnergy_Private(LatinStructure, Vec u, PetscReal *energy);
+PETSC_INTERN PetscErrorCode LatinStructureGetLocal_Private(LatinStructure, const PetscReal held[], Vec u, Vec local);
+PETSC_INTERN PetscErrorCode LatinStructureElongations_Private(LatinStructure, const PetscReal held[], Vec u, PetscReal e[]);
+PETSC_INTERN PetscErrorCode LatinStructureStrains_Private(LatinStructure, Vec u, PetscReal x[]);
+PETSC_INTERN PetscErrorCode LatinStructureForces_Private(LatinStructure, const PetscReal tension[], Vec u, Vec load, Vec r);
+PETSC_INTERN PetscErrorCode LatinDiagonalProduct_Private(Vec D, Vec u, Vec v, PetscReal *product);
 
 /* ---- rigid laws (structure/rigidlaws.c) ---- */
 PETSC_INTERN PetscErrorCode LatinStructureCheckContacts_Private(LatinStructure, const PetscInt law[]);

@@ -33,15 +33,22 @@ PetscErrorCode LatinTangentFind_Private(LatinStructure structure, Mat P, Vec *ta
   PetscFunctionReturn(0);
 }
 
+/* The tangent stiffness of each link at u, at least `floor`. Collective on structure */
+static PetscErrorCode LatinStructureTangents_Private(LatinStructure structure, Vec u, PetscReal floor, PetscReal k[])
+{
+  PetscFunctionBegin;
+  PetscCall(LatinStructureStrains_Private(structure, u, k));
+  for (PetscInt l = 0; l < structure->links_local; l++) k[l] = PetscMax(floor, LatinStructureTangent(structure, l, k[l]));
+  PetscFunctionReturn(0);
+}
+
 /*
    The tangent stiffness of each link at u, at least `floor`, kept with the matrix J that they make: whoever is given J finds
    them there, and J of another solver has its own. They are borrowed. Collective on structure
 */
 PetscErrorCode LatinTangentCompute_Private(LatinStructure structure, Vec u, PetscReal floor, Mat J, Vec *tangent)
 {
-  Vec                ul;
-  const PetscScalar *a;
-  PetscScalar       *k;
+  PetscReal *k;
 
   PetscFunctionBegin;
   PetscCall(LatinTangentFind_Private(structure, J, tangent));
@@ -52,14 +59,9 @@ PetscErrorCode LatinTangentCompute_Private(LatinStructure structure, Vec u, Pets
     PetscCall(PetscObjectCompose((PetscObject)J, "LatinTangent", (PetscObject)*tangent));
     PetscCall(PetscObjectDereference((PetscObject)*tangent));
   }
-  PetscCall(DMGetLocalVector(structure->dm, &ul));
-  PetscCall(LatinStructureGetLocal_Private(structure, u, ul));
-  PetscCall(VecGetArrayRead(ul, &a));
   PetscCall(VecGetArrayWrite(*tangent, &k));
-  for (PetscInt l = 0; l < structure->links_local; l++) k[l] = PetscMax(floor, LatinStructureTangent(structure, l, LatinStructureElongation(structure, l, a) + structure->e0[l]));
+  PetscCall(LatinStructureTangents_Private(structure, u, floor, k));
   PetscCall(VecRestoreArrayWrite(*tangent, &k));
-  PetscCall(VecRestoreArrayRead(ul, &a));
-  PetscCall(DMRestoreLocalVector(structure->dm, &ul));
   PetscCall(PetscObjectStateIncrease((PetscObject)J));
   PetscFunctionReturn(0);
 }
@@ -67,34 +69,21 @@ PetscErrorCode LatinTangentCompute_Private(LatinStructure structure, Vec u, Pets
 /* y = B^t k_t B x */
 static PetscErrorCode LatinTangentMult_Private(Mat A, Vec x, Vec y)
 {
-  LatinStructure     structure;
-  Vec                xl, yl, tangent;
-  const PetscScalar *a, *k;
-  PetscScalar       *f;
+  LatinStructure   structure;
+  Vec              tangent;
+  const PetscReal *k;
+  PetscReal       *tension;
 
   PetscFunctionBegin;
   PetscCall(MatShellGetContext(A, &structure));
   PetscCall(PetscObjectQuery((PetscObject)A, "LatinTangent", (PetscObject *)&tangent));
-  PetscCall(DMGetLocalVector(structure->dm, &xl));
-  PetscCall(DMGetLocalVector(structure->dm, &yl));
-  PetscCall(VecZeroEntries(xl)); /* no change where prescribed */
-  PetscCall(VecZeroEntries(yl));
-  PetscCall(DMGlobalToLocalBegin(structure->dm, x, INSERT_VALUES, xl));
-  PetscCall(DMGlobalToLocalEnd(structure->dm, x, INSERT_VALUES, xl));
-  PetscCall(VecGetArrayRead(xl, &a));
+  PetscCall(DMGetWorkArray(structure->dm, structure->links_local, MPIU_REAL, &tension));
+  PetscCall(LatinStructureElongations_Private(structure, NULL, x, tension)); /* no change where prescribed */
   PetscCall(VecGetArrayRead(tangent, &k));
-  PetscCall(VecGetArray(yl, &f));
-  for (PetscInt l = 0; l < structure->links_local; l++) LatinStructureAddForce(structure, l, k[l] * LatinStructureElongation(structure, l, a), f);
-  PetscCall(VecRestoreArray(yl, &f));
+  for (PetscInt l = 0; l < structure->links_local; l++) tension[l] *= k[l];
   PetscCall(VecRestoreArrayRead(tangent, &k));
-  PetscCall(VecRestoreArrayRead(xl, &a));
-  PetscCall(VecZeroEntries(y));
-  if (structure->ground) PetscCall(LatinStructureAddGround_Private(structure, x, y));
-  PetscCall(DMLocalToGlobalBegin(structure->dm, yl, ADD_VALUES, y));
-  PetscCall(DMLocalToGlobalEnd(structure->dm, yl, ADD_VALUES, y));
-  PetscCall(DMRestoreLocalVector(structure->dm, &xl));
-  PetscCall(DMRestoreLocalVector(structure->dm, &yl));
-  PetscCall(PetscLogFlops(structure->links_local * (5.0 * structure->dim + 1.0)));
+  PetscCall(LatinStructureForces_Private(structure, tension, x, NULL, y));
+  PetscCall(DMRestoreWorkArray(structure->dm, structure->links_local, MPIU_REAL, &tension));
   PetscFunctionReturn(0);
 }
 
@@ -114,21 +103,20 @@ PetscErrorCode LatinTangentCreate_Private(LatinStructure structure, Mat *A)
 /* How many links have another tangent stiffness at u, at least `floor`, than in the matrix J */
 PetscErrorCode LatinTangentChanges_Private(LatinStructure structure, Vec u, PetscReal floor, Mat J, PetscInt *changes)
 {
-  Vec                ul, tangent;
-  const PetscScalar *a, *k;
-  PetscInt           n = 0;
+  Vec              tangent;
+  const PetscReal *k;
+  PetscReal       *here;
 
   PetscFunctionBegin;
+  *changes = 0;
   PetscCall(PetscObjectQuery((PetscObject)J, "LatinTangent", (PetscObject *)&tangent));
-  PetscCall(DMGetLocalVector(structure->dm, &ul));
-  PetscCall(LatinStructureGetLocal_Private(structure, u, ul));
-  PetscCall(VecGetArrayRead(ul, &a));
+  PetscCall(DMGetWorkArray(structure->dm, structure->links_local, MPIU_REAL, &here));
+  PetscCall(LatinStructureTangents_Private(structure, u, floor, here));
   PetscCall(VecGetArrayRead(tangent, &k));
   for (PetscInt l = 0; l < structure->links_local; l++)
-    if (PetscMax(floor, LatinStructureTangent(structure, l, LatinStructureElongation(structure, l, a) + structure->e0[l])) != PetscRealPart(k[l])) n++;
+    if (here[l] != k[l]) ++*changes;
   PetscCall(VecRestoreArrayRead(tangent, &k));
-  PetscCall(VecRestoreArrayRead(ul, &a));
-  PetscCall(DMRestoreLocalVector(structure->dm, &ul));
-  PetscCall(MPIU_Allreduce(&n, changes, 1, MPIU_INT, MPI_SUM, PetscObjectComm((PetscObject)structure)));
+  PetscCall(DMRestoreWorkArray(structure->dm, structure->links_local, MPIU_REAL, &here));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, changes, 1, MPIU_INT, MPI_SUM, PetscObjectComm((PetscObject)structure)));
   PetscFunctionReturn(0);
 }

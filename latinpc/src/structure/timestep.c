@@ -65,7 +65,7 @@ PetscErrorCode LatinStructureInertia_Private(LatinStructure structure)
   PetscReal     *m;
 
   PetscFunctionBegin;
-  PetscCheck(structure->set_up, PetscObjectComm((PetscObject)structure), PETSC_ERR_ORDER, "The structure is not set up: call LatinStructureSetUp() after laws, supports and loads");
+  PetscCall(LatinStructureCheckSetUp_Private(structure));
   PetscCheck(structure->mass, PetscObjectComm((PetscObject)structure), PETSC_ERR_ORDER, "The structure has no masses: call LatinStructureSetMass() (in Python, latinpc.Structure(..., mass=...))");
   if (structure->inertia) PetscFunctionReturn(0);
   PetscCall(PetscMalloc1(dim * structure->nodes_local, &m));
@@ -94,16 +94,11 @@ PetscErrorCode LatinStructureInertia_Private(LatinStructure structure)
 @*/
 PetscErrorCode LatinStructureComputeKineticEnergy(LatinStructure structure, Vec v, PetscReal *energy)
 {
-  PetscInt n, m;
-
   PetscFunctionBegin;
-  PetscValidHeaderSpecific(structure, LATIN_STRUCTURE_CLASSID, 1);
+  PetscCall(LatinStructureCheckVec_Private(structure, v));
   PetscCall(LatinStructureInertia_Private(structure));
-  PetscCall(VecGetLocalSize(v, &n));
-  PetscCall(VecGetLocalSize(structure->inertia, &m));
-  LatinAgree(PetscObjectComm((PetscObject)structure), n != m, PETSC_ERR_ARG_SIZ,
-             "The vector has %" PetscInt_FMT " entries on a rank where the structure has %" PetscInt_FMT " free degrees of freedom; make it with DMCreateGlobalVector() on the DM of the structure", n, m);
-  PetscCall(LatinDiagonalEnergy_Private(structure->inertia, v, energy));
+  PetscCall(LatinDiagonalProduct_Private(structure->inertia, v, v, energy));
+  *energy *= 0.5;
   PetscFunctionReturn(0);
 }
 
@@ -222,8 +217,8 @@ PetscErrorCode LatinStepStart_Private(LatinStructure step, PetscReal h, Vec u, V
   PetscCall(VecAYPX(step->load, 1.0 / h, base->load));
   step->load_state++;
   if (base->rigid_law >= 0) PetscCall(LatinStepFlight_Private(step, &flight));
-  PetscCall(LatinStructureElongations_Private(base, u, step->e0));
-  for (PetscInt l = 0; l < base->links_local; l++) step->e0[l] = LatinStepElongation(base->law[l], step->e0[l] + base->e0[l], LATIN_STEP_CLOSED * flight);
+  PetscCall(LatinStructureStrains_Private(base, u, step->e0));
+  for (PetscInt l = 0; l < base->links_local; l++) step->e0[l] = LatinStepElongation(base->law[l], step->e0[l], LATIN_STEP_CLOSED * flight);
   step->e0_state++;
   PetscCall(PetscArrayzero(step->prescribed, base->dim * base->nodes_local));
   PetscCall(PetscArrayzero(step->vertex_prescribed, base->dim * base->vertices));

@@ -38,69 +38,97 @@ PetscErrorCode LatinStructureNodalVec_Private(LatinStructure structure, const Pe
   PetscFunctionReturn(0);
 }
 
-/* F at the free degrees of freedom */
-PetscErrorCode LatinStructureLoadVec_Private(LatinStructure structure)
-{
-  PetscFunctionBegin;
-  PetscCall(LatinStructureNodalVec_Private(structure, structure->force, structure->load));
-  PetscFunctionReturn(0);
-}
-
-/* Displacements of the DM's vertices, the prescribed ones included */
-PetscErrorCode LatinStructureGetLocal_Private(LatinStructure structure, Vec u, Vec local)
+/* Displacements of the DM's vertices; `held`: those of prescribed ones, NULL for zero */
+PetscErrorCode LatinStructureGetLocal_Private(LatinStructure structure, const PetscReal held[], Vec u, Vec local)
 {
   PetscScalar *a;
 
   PetscFunctionBegin;
   PetscCall(VecGetArrayWrite(local, &a));
-  PetscCall(PetscArraycpy(a, structure->vertex_prescribed, structure->vertices * structure->dim));
+  if (held) PetscCall(PetscArraycpy(a, held, structure->vertices * structure->dim));
+  else PetscCall(PetscArrayzero(a, structure->vertices * structure->dim));
   PetscCall(VecRestoreArrayWrite(local, &a));
-  PetscCall(DMGlobalToLocalBegin(structure->dm, u, INSERT_VALUES, local));
-  PetscCall(DMGlobalToLocalEnd(structure->dm, u, INSERT_VALUES, local));
+  PetscCall(DMGlobalToLocal(structure->dm, u, INSERT_VALUES, local));
   PetscFunctionReturn(0);
 }
 
-/* Elongations of the links of this rank */
-PetscErrorCode LatinStructureElongations_Private(LatinStructure structure, Vec u, PetscReal e[])
+/* Elongations B u of the links of this rank; `held`: displacements of prescribed vertices, NULL for zero. Collective on structure */
+PetscErrorCode LatinStructureElongations_Private(LatinStructure structure, const PetscReal held[], Vec u, PetscReal e[])
 {
-  Vec                ul;
+  Vec                local;
   const PetscScalar *a;
 
   PetscFunctionBegin;
-  PetscCall(LatinStructureCheckVec_Private(structure, u));
-  PetscCall(DMGetLocalVector(structure->dm, &ul));
-  PetscCall(LatinStructureGetLocal_Private(structure, u, ul));
-  PetscCall(VecGetArrayRead(ul, &a));
+  PetscCall(DMGetLocalVector(structure->dm, &local));
+  PetscCall(LatinStructureGetLocal_Private(structure, held, u, local));
+  PetscCall(VecGetArrayRead(local, &a));
   for (PetscInt l = 0; l < structure->links_local; l++) e[l] = LatinStructureElongation(structure, l, a);
-  PetscCall(VecRestoreArrayRead(ul, &a));
-  PetscCall(DMRestoreLocalVector(structure->dm, &ul));
+  PetscCall(VecRestoreArrayRead(local, &a));
+  PetscCall(DMRestoreLocalVector(structure->dm, &local));
+  PetscCall(PetscLogFlops(3.0 * structure->dim * structure->links_local));
+  PetscFunctionReturn(0);
+}
+
+/* Their strains B u + e0. Collective on structure */
+PetscErrorCode LatinStructureStrains_Private(LatinStructure structure, Vec u, PetscReal x[])
+{
+  PetscFunctionBegin;
+  PetscCall(LatinStructureElongations_Private(structure, structure->vertex_prescribed, u, x));
+  for (PetscInt l = 0; l < structure->links_local; l++) x[l] += structure->e0[l];
+  PetscFunctionReturn(0);
+}
+
+/* r = B^t tension + G u - load, with the springs G to the ground; load may be NULL. Collective on structure */
+PetscErrorCode LatinStructureForces_Private(LatinStructure structure, const PetscReal tension[], Vec u, Vec load, Vec r)
+{
+  Vec          local;
+  PetscScalar *f;
+
+  PetscFunctionBegin;
+  PetscCall(DMGetLocalVector(structure->dm, &local));
+  PetscCall(VecZeroEntries(local));
+  PetscCall(VecGetArray(local, &f));
+  for (PetscInt l = 0; l < structure->links_local; l++) LatinStructureAddForce(structure, l, tension[l], f);
+  PetscCall(VecRestoreArray(local, &f));
+  if (structure->ground) PetscCall(VecPointwiseMult(r, structure->ground, u));
+  else PetscCall(VecZeroEntries(r));
+  if (load) PetscCall(VecAXPY(r, -1.0, load));
+  PetscCall(DMLocalToGlobal(structure->dm, local, ADD_VALUES, r));
+  PetscCall(DMRestoreLocalVector(structure->dm, &local));
+  PetscCall(PetscLogFlops(3.0 * structure->dim * structure->links_local));
+  PetscFunctionReturn(0);
+}
+
+/* u^t D v for a diagonal D, 0 for none. Collective on u */
+PetscErrorCode LatinDiagonalProduct_Private(Vec D, Vec u, Vec v, PetscReal *product)
+{
+  PetscScalar dot = 0.0;
+  Vec         w;
+
+  PetscFunctionBegin;
+  if (D) {
+    PetscCall(VecDuplicate(u, &w));
+    PetscCall(VecPointwiseMult(w, D, u));
+    PetscCall(VecDot(w, v, &dot));
+    PetscCall(VecDestroy(&w));
+  }
+  *product = PetscRealPart(dot);
   PetscFunctionReturn(0);
 }
 
 static PetscErrorCode LatinStructureGetDisplacements_Private(LatinStructure structure, Vec u, PetscReal displacement[])
 {
-  const PetscInt     n = structure->nodes_local * structure->dim;
-  PetscSF            sf;
-  PetscInt          *remote, *local, m = 0;
-  PetscLayout        map;
+  Vec                local;
   const PetscScalar *a;
 
   PetscFunctionBegin;
-  PetscCall(PetscArraycpy(displacement, structure->prescribed, n));
-  PetscCall(PetscMalloc2(n, &remote, n, &local));
-  for (PetscInt i = 0; i < n; i++)
-    if (structure->global_dof[i] >= 0) {
-      remote[m]  = structure->global_dof[i];
-      local[m++] = i;
-    }
-  PetscCall(VecGetLayout(u, &map));
-  PetscCall(PetscSFCreate(PetscObjectComm((PetscObject)structure), &sf));
-  PetscCall(PetscSFSetGraphLayout(sf, map, m, local, PETSC_COPY_VALUES, remote));
-  PetscCall(VecGetArrayRead(u, &a));
-  PetscCall(LatinSFBcast_Private(sf, 1, MPIU_SCALAR, a, displacement));
-  PetscCall(VecRestoreArrayRead(u, &a));
-  PetscCall(PetscSFDestroy(&sf));
-  PetscCall(PetscFree2(remote, local));
+  PetscCall(PetscArraycpy(displacement, structure->prescribed, structure->nodes_local * structure->dim));
+  PetscCall(DMGetLocalVector(structure->dm, &local));
+  PetscCall(LatinStructureGetLocal_Private(structure, structure->vertex_prescribed, u, local));
+  PetscCall(VecGetArrayRead(local, &a));
+  PetscCall(LatinSFReduce_Private(structure->vertex_sf, structure->dim, MPIU_SCALAR, a, displacement, MPI_REPLACE));
+  PetscCall(VecRestoreArrayRead(local, &a));
+  PetscCall(DMRestoreLocalVector(structure->dm, &local));
   PetscFunctionReturn(0);
 }
 
@@ -144,9 +172,6 @@ PetscErrorCode LatinStructureSetDisplacements(LatinStructure structure, const Pe
 {
   PetscFunctionBegin;
   PetscCall(LatinStructureCheckVec_Private(structure, u));
-  PetscCall(VecSetOption(u, VEC_IGNORE_NEGATIVE_INDICES, PETSC_TRUE));
-  PetscCall(VecSetValues(u, structure->nodes_local * structure->dim, structure->global_dof, displacement, INSERT_VALUES));
-  PetscCall(VecAssemblyBegin(u));
-  PetscCall(VecAssemblyEnd(u));
+  PetscCall(LatinStructureNodalVec_Private(structure, displacement, u));
   PetscFunctionReturn(0);
 }
