@@ -28,6 +28,7 @@ static PetscErrorCode LatinStructureCreatePlex_Private(LatinStructure structure)
   MPI_Comm    comm = PetscObjectComm((PetscObject)structure);
   PetscBool  *used, whole = PETSC_TRUE;
   PetscMPIInt size;
+  PetscLayout map;
 
   PetscFunctionBegin;
   PetscCallMPI(MPI_Comm_size(comm, &size));
@@ -41,17 +42,9 @@ static PetscErrorCode LatinStructureCreatePlex_Private(LatinStructure structure)
   }
   /* one rank, and every node is a vertex: no search */
   PetscCall(DMPlexCreateFromCellListPetsc(comm, 1, structure->links_local, structure->nodes_local, 2, PETSC_FALSE, structure->nodes, structure->dim, structure->x, &structure->dm));
-  PetscCall(PetscSFCreate(comm, &structure->vertex_sf));
-  {
-    PetscSFNode *remote;
-
-    PetscCall(PetscMalloc1(structure->nodes_local, &remote));
-    for (PetscInt i = 0; i < structure->nodes_local; i++) {
-      remote[i].rank  = 0;
-      remote[i].index = i;
-    }
-    PetscCall(PetscSFSetGraph(structure->vertex_sf, structure->nodes_local, structure->nodes_local, NULL, PETSC_OWN_POINTER, remote, PETSC_OWN_POINTER));
-  }
+  PetscCall(PetscLayoutCreateFromSizes(comm, structure->nodes_local, structure->nodes_global, 1, &map));
+  PetscCall(PetscSFCreateFromLayouts(map, map, &structure->vertex_sf));
+  PetscCall(PetscLayoutDestroy(&map));
   PetscFunctionReturn(0);
 }
 
@@ -59,25 +52,16 @@ static PetscErrorCode LatinStructureCreatePlex_Private(LatinStructure structure)
 PetscErrorCode LatinStructureCreateMesh_Private(LatinStructure structure)
 {
   const PetscInt m = structure->links_local;
-  PetscInt       vstart, vend;
-  DM             cdm;
+  PetscInt       points;
+  PetscInt      *cones;
 
   PetscFunctionBegin;
   PetscCall(LatinStructureCreatePlex_Private(structure));
   PetscCall(PetscObjectSetName((PetscObject)structure->dm, "structure"));
-  PetscCall(DMGetCoordinateDM(structure->dm, &cdm));
-  (void)cdm;
-  PetscCall(DMPlexGetDepthStratum(structure->dm, 0, &vstart, &vend));
-  if (!m) vstart = vend = 0;
-  structure->vertices = vend - vstart;
-  PetscCall(PetscMalloc1(2 * m, &structure->ends));
-  for (PetscInt i = 0; i < m; i++) {
-    const PetscInt *cone;
-
-    PetscCall(DMPlexGetCone(structure->dm, i, &cone));
-    structure->ends[2 * i]     = cone[0] - vstart;
-    structure->ends[2 * i + 1] = cone[1] - vstart;
-  }
+  PetscCall(DMPlexGetChart(structure->dm, NULL, &points));
+  structure->vertices = points - m; /* links come first */
+  PetscCall(DMPlexGetCones(structure->dm, &cones));
+  for (PetscInt i = 0; i < 2 * m; i++) structure->ends[i] = cones[i] - m;
   PetscCall(LatinStructureComputeDirections_Private(structure));
   PetscFunctionReturn(0);
 }
@@ -108,9 +92,10 @@ PetscErrorCode LatinStructureComposeDM_Private(LatinStructure structure)
   PetscFunctionReturn(0);
 }
 
-static PetscErrorCode LatinStructureCreateSection_Private(LatinStructure structure, const PetscBool vfixed[], PetscInt vstart)
+/* Displacements at the vertices, the last points of the DM, some of them prescribed */
+static PetscErrorCode LatinStructureCreateSection_Private(LatinStructure structure, const PetscBool vfixed[])
 {
-  const PetscInt dim = structure->dim;
+  const PetscInt dim = structure->dim, vstart = structure->links_local;
   PetscSection   section;
 
   PetscFunctionBegin;
@@ -145,53 +130,41 @@ static PetscErrorCode LatinStructureCreateSection_Private(LatinStructure structu
 
 static PetscErrorCode LatinStructureSetUp_Private(LatinStructure structure)
 {
-  PetscInt     dim, n, vstart, vend, bad = -1;
-  PetscBool   *vfixed;
-  PetscInt    *vdof;
-  PetscSection global;
+  const PetscInt         dim = structure->dim, n = dim * structure->nodes_local;
+  MPI_Comm               comm = PetscObjectComm((PetscObject)structure);
+  PetscInt               soft = -1, point = -1, loose = -1;
+  PetscBool             *vfixed;
+  const PetscInt        *vdof;
+  ISLocalToGlobalMapping map;
 
   PetscFunctionBegin;
-  dim = structure->dim;
-  n   = structure->nodes_local * dim;
-  for (PetscInt l = 0; l < structure->links_local && bad < 0; l++)
-    if (!(structure->stiffness[l] > 0.0) && !LatinLaws[structure->law[l]].rigid) bad = l;
-  LatinAgree(PetscObjectComm((PetscObject)structure), bad >= 0, PETSC_ERR_ORDER, "Link %" PetscInt_FMT " has no stiffness: call LatinStructureSetLaws() before LatinStructureSetUp()", structure->links_start + bad);
-  bad = -1;
-  for (PetscInt l = 0; l < structure->links_local && bad < 0; l++) {
+  for (PetscInt l = structure->links_local - 1; l >= 0; l--) {
     PetscReal unit[3];
 
-    if (!LatinUnitVector(dim, structure->direction + dim * l, unit)) bad = l;
+    if (!(structure->stiffness[l] > 0.0) && !LatinLaws[structure->law[l]].rigid) soft = l;
+    if (!LatinUnitVector(dim, structure->direction + dim * l, unit)) point = l;
   }
-  LatinAgree(PetscObjectComm((PetscObject)structure), bad >= 0, PETSC_ERR_ARG_WRONG,
+  LatinAgree(comm, soft >= 0, PETSC_ERR_ORDER, "Link %" PetscInt_FMT " has no stiffness: call LatinStructureSetLaws() before LatinStructureSetUp()", structure->links_start + soft);
+  LatinAgree(comm, point >= 0, PETSC_ERR_ARG_WRONG,
              "Link %" PetscInt_FMT " has no length: its nodes %" PetscInt_FMT " and %" PetscInt_FMT " lie at the same point; merge the nodes, remove the link, or, for a contact, give its direction with LatinStructureSetDirections()",
-             structure->links_start + bad, structure->nodes[2 * bad], structure->nodes[2 * bad + 1]);
+             structure->links_start + point, structure->nodes[2 * point], structure->nodes[2 * point + 1]);
   PetscCall(LatinStructureSetUpRigid_Private(structure));
-  PetscCall(DMPlexGetDepthStratum(structure->dm, 0, &vstart, &vend));
-  if (!structure->vertices) vstart = 0;
-  PetscCall(PetscMalloc2(dim * structure->vertices, &vfixed, dim * structure->vertices, &vdof));
+  PetscCall(PetscMalloc1(dim * structure->vertices, &vfixed));
   PetscCall(PetscMalloc1(dim * structure->vertices, &structure->vertex_prescribed));
   PetscCall(LatinSFBcast_Private(structure->vertex_sf, dim, LATIN_MPI_BOOL, structure->fixed, vfixed));
   PetscCall(LatinSFBcast_Private(structure->vertex_sf, dim, MPIU_REAL, structure->prescribed, structure->vertex_prescribed));
-  PetscCall(LatinStructureCreateSection_Private(structure, vfixed, vstart));
+  PetscCall(LatinStructureCreateSection_Private(structure, vfixed));
+  PetscCall(PetscFree(vfixed));
 
   /* numbers of the free degrees of freedom, brought to the caller's nodes; all copies of a vertex agree on them */
-  PetscCall(DMGetGlobalSection(structure->dm, &global));
-  for (PetscInt v = 0; v < structure->vertices; v++) {
-    PetscInt offset, k = 0;
-
-    PetscCall(PetscSectionGetOffset(global, vstart + v, &offset));
-    if (offset < 0) offset = -(offset + 1);
-    for (PetscInt c = 0; c < dim; c++) vdof[dim * v + c] = vfixed[dim * v + c] ? -1 : offset + k++;
-  }
-  PetscCall(PetscMalloc1(n, &structure->global_dof));
   for (PetscInt i = 0; i < n; i++) structure->global_dof[i] = -1;
+  PetscCall(DMGetLocalToGlobalMapping(structure->dm, &map));
+  PetscCall(ISLocalToGlobalMappingGetIndices(map, &vdof));
   PetscCall(LatinSFReduce_Private(structure->vertex_sf, dim, MPIU_INT, vdof, structure->global_dof, MPI_REPLACE));
-  PetscCall(PetscFree2(vfixed, vdof));
-  bad = -1;
-  for (PetscInt i = 0; i < n && bad < 0; i++)
-    if (!structure->fixed[i] && structure->global_dof[i] < 0) bad = i;
-  LatinAgree(PetscObjectComm((PetscObject)structure), bad >= 0, PETSC_ERR_ARG_WRONGSTATE, "Node %" PetscInt_FMT " is free in direction %" PetscInt_FMT " but no link reaches it; remove it or prescribe its displacement",
-             structure->nodes_start + bad / dim, bad % dim);
+  PetscCall(ISLocalToGlobalMappingRestoreIndices(map, &vdof));
+  for (PetscInt i = n - 1; i >= 0; i--)
+    if (!structure->fixed[i] && structure->global_dof[i] < 0) loose = i;
+  LatinAgree(comm, loose >= 0, PETSC_ERR_ARG_WRONGSTATE, "Node %" PetscInt_FMT " is free in direction %" PetscInt_FMT " but no link reaches it; remove it or prescribe its displacement", structure->nodes_start + loose / dim, loose % dim);
   PetscCall(DMCreateGlobalVector(structure->dm, &structure->load));
   PetscCall(LatinStructureNodalVec_Private(structure, structure->force, structure->load));
   PetscCall(LatinStructureComposeDM_Private(structure));

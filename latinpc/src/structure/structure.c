@@ -19,19 +19,6 @@ static PetscErrorCode LatinStructureView_Private(LatinStructure structure, Petsc
   PetscFunctionReturn(0);
 }
 
-/* A time step owns what its base has not given it (structure/timestep.c) */
-static PetscErrorCode LatinStructureDestroyStep_Private(LatinStructure step)
-{
-  PetscFunctionBegin;
-  PetscCall(PetscObjectCompose((PetscObject)step->dm, "LatinStructure", NULL)); /* others may hold the DM */
-  PetscCall(DMDestroy(&step->dm));
-  PetscCall(VecDestroy(&step->load));
-  PetscCall(VecDestroy(&step->ground));
-  PetscCall(PetscFree3(step->e0, step->prescribed, step->vertex_prescribed));
-  PetscCall(LatinStructureDestroy(&step->base));
-  PetscFunctionReturn(0);
-}
-
 /*@C
   LatinStructureDestroy - Frees a structure.
 
@@ -51,20 +38,19 @@ PetscErrorCode LatinStructureDestroy(LatinStructure *structure)
     *structure = NULL;
     PetscFunctionReturn(0);
   }
-  if (l->base) {
-    PetscCall(LatinStructureDestroyStep_Private(l));
-    PetscCall(PetscHeaderDestroy(structure));
-    PetscFunctionReturn(0);
+  if (l->base) { /* a time step has the rest from its base */
+    PetscCall(PetscFree3(l->e0, l->prescribed, l->vertex_prescribed));
+    PetscCall(VecDestroy(&l->ground));
+    PetscCall(LatinStructureDestroy(&l->base));
+  } else {
+    PetscCall(PetscFree5(l->x, l->prescribed, l->force, l->fixed, l->global_dof));
+    PetscCall(PetscFree6(l->nodes, l->ends, l->law, l->stiffness, l->e0, l->direction));
+    PetscCall(PetscFree(l->vertex_prescribed));
+    PetscCall(PetscFree(l->mass));
+    PetscCall(PetscFree(l->friction));
+    PetscCall(VecDestroy(&l->inertia));
+    PetscCall(PetscSFDestroy(&l->vertex_sf));
   }
-  PetscCall(PetscFree4(l->x, l->prescribed, l->force, l->fixed));
-  PetscCall(PetscFree(l->mass));
-  PetscCall(VecDestroy(&l->inertia));
-  PetscCall(PetscFree(l->global_dof));
-  PetscCall(PetscFree5(l->nodes, l->law, l->stiffness, l->e0, l->direction));
-  PetscCall(PetscFree(l->friction));
-  PetscCall(PetscFree(l->ends));
-  PetscCall(PetscFree(l->vertex_prescribed));
-  PetscCall(PetscSFDestroy(&l->vertex_sf));
   PetscCall(VecDestroy(&l->load));
   if (l->dm) PetscCall(PetscObjectCompose((PetscObject)l->dm, "LatinStructure", NULL)); /* others may hold the DM */
   PetscCall(DMDestroy(&l->dm));
@@ -91,35 +77,30 @@ static PetscErrorCode LatinStructureCreate_Private(MPI_Comm comm, PetscInt dim, 
 {
   const PetscInt n = dim * nodes_local;
   LatinStructure l;
-  PetscInt       in[2], out[2], start[2], bad = -1, notfinite = -1, self = -1;
-  PetscReal      counts[2];
+  PetscInt       in[2] = {nodes_local, links_local}, out[2], start[2], bad = -1, self = -1;
+  PetscReal      counts[2] = {nodes_local, links_local};
 
   PetscFunctionBegin;
   PetscCall(LatinRegisterClasses_Private());
   LatinAgree(comm, dim < 1 || dim > 3, PETSC_ERR_ARG_OUTOFRANGE, "A structure has 1, 2 or 3 dimensions, not %" PetscInt_FMT, dim);
-  counts[0] = nodes_local;
-  counts[1] = links_local;
   LatinAgree(comm, nodes_local < 0 || links_local < 0, PETSC_ERR_ARG_OUTOFRANGE, "A rank gives %" PetscInt_FMT " nodes and %" PetscInt_FMT " links; numbers of them are not negative", nodes_local, links_local);
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, counts, 2, MPIU_REAL, MPIU_SUM, comm)); /* sums of integers could overflow */
   PetscCheck(dim * counts[0] <= (PetscReal)PETSC_MAX_INT && PetscMax(dim, 2) * counts[1] <= (PetscReal)PETSC_MAX_INT, comm, PETSC_ERR_ARG_OUTOFRANGE,
              "%.0f nodes and %.0f links in %" PetscInt_FMT "D are more than PETSc's integers of %d bits can number: take a PETSc configured --with-64-bit-indices", (double)counts[0], (double)counts[1], dim, (int)(8 * sizeof(PetscInt)));
-  in[0] = nodes_local;
-  in[1] = links_local;
   PetscCall(MPIU_Allreduce(in, out, 2, MPIU_INT, MPI_SUM, comm));
   PetscCallMPI(MPI_Scan(in, start, 2, MPIU_INT, MPI_SUM, comm));
   LatinAgree(comm, nodes_global != PETSC_DETERMINE && nodes_global != out[0], PETSC_ERR_ARG_SIZ, "The ranks give %" PetscInt_FMT " nodes in all, not the %" PetscInt_FMT " announced", out[0], nodes_global);
   LatinAgree(comm, out[1] == 0, PETSC_ERR_ARG_SIZ, "The structure has no link: there is nothing to solve");
-  for (PetscInt i = 0; i < links_local && bad < 0; i++)
-    if (link_nodes[2 * i] < 0 || link_nodes[2 * i] >= out[0] || link_nodes[2 * i + 1] < 0 || link_nodes[2 * i + 1] >= out[0]) bad = i;
+  for (PetscInt i = 0; i < links_local; i++) {
+    const PetscInt a = link_nodes[2 * i], b = link_nodes[2 * i + 1];
+
+    if (bad < 0 && (PetscMin(a, b) < 0 || PetscMax(a, b) >= out[0])) bad = i;
+    if (self < 0 && a == b) self = i;
+  }
   LatinAgree(comm, bad >= 0, PETSC_ERR_ARG_OUTOFRANGE, "Link %" PetscInt_FMT " joins nodes %" PetscInt_FMT " and %" PetscInt_FMT ", but the nodes are numbered from 0 to %" PetscInt_FMT, start[1] - links_local + bad, link_nodes[2 * bad],
              link_nodes[2 * bad + 1], out[0] - 1);
-  for (PetscInt i = 0; i < links_local && self < 0; i++)
-    if (link_nodes[2 * i] == link_nodes[2 * i + 1]) self = i;
   LatinAgree(comm, self >= 0, PETSC_ERR_ARG_WRONG, "Link %" PetscInt_FMT " joins node %" PetscInt_FMT " to itself; remove it", start[1] - links_local + self, link_nodes[2 * self]);
-  for (PetscInt i = 0; i < nodes_local * dim && notfinite < 0; i++)
-    if (PetscIsInfOrNanReal(coordinates[i])) notfinite = i;
-  LatinAgree(comm, notfinite >= 0, PETSC_ERR_FP, "Node %" PetscInt_FMT " has a coordinate that is not a finite number", start[0] - nodes_local + notfinite / dim);
-
+  PetscCall(LatinCheckNumbers_Private(comm, "Node", start[0] - nodes_local, nodes_local, dim, coordinates, PETSC_TRUE, "a coordinate"));
   PetscCall(PetscHeaderCreate(l, LATIN_STRUCTURE_CLASSID, "LatinStructure", "Structure of links", "Latin", comm, LatinStructureDestroy, LatinStructureView_Private));
   l->dim          = dim;
   l->nodes_local  = nodes_local;
@@ -130,8 +111,8 @@ static PetscErrorCode LatinStructureCreate_Private(MPI_Comm comm, PetscInt dim, 
   l->links_start  = start[1] - links_local;
   l->rigid_law    = -1;
   PetscCall(LatinWatchCreate_Private(PetscObjectComm((PetscObject)l)));
-  PetscCall(PetscCalloc4(n, &l->x, n, &l->prescribed, n, &l->force, n, &l->fixed));
-  PetscCall(PetscCalloc5(2 * links_local, &l->nodes, links_local, &l->law, links_local, &l->stiffness, links_local, &l->e0, dim * links_local, &l->direction));
+  PetscCall(PetscCalloc5(n, &l->x, n, &l->prescribed, n, &l->force, n, &l->fixed, n, &l->global_dof));
+  PetscCall(PetscCalloc6(2 * links_local, &l->nodes, 2 * links_local, &l->ends, links_local, &l->law, links_local, &l->stiffness, links_local, &l->e0, dim * links_local, &l->direction));
   PetscCall(PetscArraycpy(l->x, coordinates, n));
   PetscCall(PetscArraycpy(l->nodes, link_nodes, 2 * links_local));
   PetscCall(LatinStructureCreateMesh_Private(l));
@@ -242,15 +223,9 @@ PetscErrorCode LatinStructureSetLaws(LatinStructure structure, const PetscInt la
 @*/
 PetscErrorCode LatinStructureSetInitialElongations(LatinStructure structure, const PetscReal e0[])
 {
-  PetscInt bad = -1;
-
   PetscFunctionBegin;
   PetscValidHeaderSpecific(structure, LATIN_STRUCTURE_CLASSID, 1);
-  if (e0) {
-    for (PetscInt l = 0; l < structure->links_local && bad < 0; l++)
-      if (PetscIsInfOrNanReal(e0[l])) bad = l;
-  }
-  LatinAgree(PetscObjectComm((PetscObject)structure), bad >= 0, PETSC_ERR_FP, "Link %" PetscInt_FMT " has an initial elongation that is not a finite number", structure->links_start + bad);
+  PetscCall(LatinCheckNumbers_Private(PetscObjectComm((PetscObject)structure), "Link", structure->links_start, e0 ? structure->links_local : 0, 1, e0, PETSC_TRUE, "an initial elongation"));
   if (e0) PetscCall(PetscArraycpy(structure->e0, e0, structure->links_local));
   else PetscCall(PetscArrayzero(structure->e0, structure->links_local));
   structure->e0_state++;
@@ -297,6 +272,13 @@ PetscErrorCode LatinStructureSetPrestress(LatinStructure structure, const PetscR
   PetscFunctionReturn(0);
 }
 
+static PetscErrorCode LatinStructureCheckOpen_Private(LatinStructure structure, const char what[])
+{
+  PetscFunctionBegin;
+  PetscCheck(!structure->set_up, PetscObjectComm((PetscObject)structure), PETSC_ERR_ORDER, "%s must be given before LatinStructureSetUp()", what);
+  PetscFunctionReturn(0);
+}
+
 /*@C
   LatinStructureSetSupports - Prescribes displacement components of the nodes of this rank.
 
@@ -311,17 +293,14 @@ PetscErrorCode LatinStructureSetPrestress(LatinStructure structure, const PetscR
 @*/
 PetscErrorCode LatinStructureSetSupports(LatinStructure structure, const PetscBool fixed[], const PetscReal prescribed[])
 {
-  const PetscInt n   = structure->nodes_local * structure->dim;
-  PetscInt       bad = -1;
+  const PetscInt dim = structure->dim;
 
   PetscFunctionBegin;
   PetscValidHeaderSpecific(structure, LATIN_STRUCTURE_CLASSID, 1);
-  LatinAgree(PetscObjectComm((PetscObject)structure), structure->set_up, PETSC_ERR_ORDER, "Supports must be given before LatinStructureSetUp()");
-  for (PetscInt i = 0; i < n && bad < 0; i++)
-    if (fixed[i] && prescribed && PetscIsInfOrNanReal(prescribed[i])) bad = i;
-  LatinAgree(PetscObjectComm((PetscObject)structure), bad >= 0, PETSC_ERR_FP, "Node %" PetscInt_FMT " has a prescribed displacement that is not a finite number", structure->nodes_start + bad / structure->dim);
-  PetscCall(PetscArraycpy(structure->fixed, fixed, n));
-  for (PetscInt i = 0; i < n; i++) structure->prescribed[i] = fixed[i] && prescribed ? prescribed[i] : 0.0;
+  PetscCall(LatinStructureCheckOpen_Private(structure, "Supports"));
+  for (PetscInt i = 0; i < dim * structure->nodes_local; i++) structure->prescribed[i] = fixed[i] && prescribed ? prescribed[i] : 0.0;
+  PetscCall(LatinCheckNumbers_Private(PetscObjectComm((PetscObject)structure), "Node", structure->nodes_start, structure->nodes_local, dim, structure->prescribed, PETSC_TRUE, "a prescribed displacement"));
+  PetscCall(PetscArraycpy(structure->fixed, fixed, dim * structure->nodes_local));
   PetscFunctionReturn(0);
 }
 
@@ -338,15 +317,10 @@ PetscErrorCode LatinStructureSetSupports(LatinStructure structure, const PetscBo
 @*/
 PetscErrorCode LatinStructureSetLoads(LatinStructure structure, const PetscReal force[])
 {
-  const PetscInt n   = structure->nodes_local * structure->dim;
-  PetscInt       bad = -1;
-
   PetscFunctionBegin;
   PetscValidHeaderSpecific(structure, LATIN_STRUCTURE_CLASSID, 1);
-  for (PetscInt i = 0; i < n && bad < 0; i++)
-    if (PetscIsInfOrNanReal(force[i])) bad = i;
-  LatinAgree(PetscObjectComm((PetscObject)structure), bad >= 0, PETSC_ERR_FP, "Node %" PetscInt_FMT " has a load that is not a finite number", structure->nodes_start + bad / structure->dim);
-  PetscCall(PetscArraycpy(structure->force, force, n));
+  PetscCall(LatinCheckNumbers_Private(PetscObjectComm((PetscObject)structure), "Node", structure->nodes_start, structure->nodes_local, structure->dim, force, PETSC_TRUE, "a load"));
+  PetscCall(PetscArraycpy(structure->force, force, structure->nodes_local * structure->dim));
   structure->load_state++;
   if (structure->set_up) PetscCall(LatinStructureNodalVec_Private(structure, structure->force, structure->load));
   PetscFunctionReturn(0);
@@ -372,14 +346,11 @@ PetscErrorCode LatinStructureSetLoads(LatinStructure structure, const PetscReal 
 PetscErrorCode LatinStructureSetDirections(LatinStructure structure, const PetscReal direction[])
 {
   const PetscInt dim = structure->dim;
-  PetscInt       bad = -1;
 
   PetscFunctionBegin;
   PetscValidHeaderSpecific(structure, LATIN_STRUCTURE_CLASSID, 1);
-  LatinAgree(PetscObjectComm((PetscObject)structure), structure->set_up, PETSC_ERR_ORDER, "Directions must be given before LatinStructureSetUp()");
-  for (PetscInt i = 0; i < dim * structure->links_local && bad < 0; i++)
-    if (PetscIsInfOrNanReal(direction[i])) bad = i / dim;
-  LatinAgree(PetscObjectComm((PetscObject)structure), bad >= 0, PETSC_ERR_FP, "Link %" PetscInt_FMT " has a direction that is not finite", structure->links_start + bad);
+  PetscCall(LatinStructureCheckOpen_Private(structure, "Directions"));
+  PetscCall(LatinCheckNumbers_Private(PetscObjectComm((PetscObject)structure), "Link", structure->links_start, structure->links_local, dim, direction, PETSC_TRUE, "a direction"));
   for (PetscInt l = 0; l < structure->links_local; l++) (void)LatinUnitVector(dim, direction + dim * l, structure->direction + dim * l);
   PetscCall(PetscObjectStateIncrease((PetscObject)structure));
   PetscFunctionReturn(0);
@@ -400,14 +371,10 @@ PetscErrorCode LatinStructureSetDirections(LatinStructure structure, const Petsc
 @*/
 PetscErrorCode LatinStructureSetFriction(LatinStructure structure, const PetscReal coefficient[])
 {
-  PetscInt bad = -1;
-
   PetscFunctionBegin;
   PetscValidHeaderSpecific(structure, LATIN_STRUCTURE_CLASSID, 1);
-  LatinAgree(PetscObjectComm((PetscObject)structure), structure->set_up, PETSC_ERR_ORDER, "Coefficients of friction must be given before LatinStructureSetUp()");
-  for (PetscInt l = 0; l < structure->links_local && bad < 0; l++)
-    if (!(coefficient[l] >= 0.0) || PetscIsInfOrNanReal(coefficient[l])) bad = l;
-  LatinAgree(PetscObjectComm((PetscObject)structure), bad >= 0, PETSC_ERR_ARG_OUTOFRANGE, "Link %" PetscInt_FMT " has the coefficient of friction %g; it is a finite number, zero or more", structure->links_start + bad, (double)coefficient[bad]);
+  PetscCall(LatinStructureCheckOpen_Private(structure, "Coefficients of friction"));
+  PetscCall(LatinCheckNumbers_Private(PetscObjectComm((PetscObject)structure), "Link", structure->links_start, structure->links_local, 1, coefficient, PETSC_FALSE, "a coefficient of friction"));
   if (!structure->friction) PetscCall(PetscMalloc1(structure->links_local, &structure->friction));
   PetscCall(PetscArraycpy(structure->friction, coefficient, structure->links_local));
   PetscCall(PetscObjectStateIncrease((PetscObject)structure));

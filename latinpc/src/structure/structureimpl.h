@@ -27,7 +27,7 @@ struct _p_LatinStructure {
   /* the caller's nodes of this rank */
   PetscReal *x, *prescribed, *force; /* [nodes_local][dim] */
   PetscBool *fixed;                  /* [nodes_local][dim] */
-  PetscInt  *global_dof;             /* [nodes_local][dim] entry of a DM global vector, -1 where prescribed or without link */
+  PetscInt  *global_dof;             /* [nodes_local][dim] entry of a DM global vector, negative where prescribed or without link */
   /* the caller's links of this rank */
   PetscInt  *nodes;          /* [links_local][2] global node numbers */
   PetscInt  *law;            /* [links_local] LatinLawType */
@@ -104,7 +104,8 @@ static inline PetscBool LatinStructureTuned(const LatinStructure structure, Pets
   return (PetscBool)(LatinLaws[structure->law[l]].rigid && !(structure->stiffness[l] > 0.0));
 }
 
-/* ---- vectors (structure/vectors.c) ---- */
+/* ---- vectors, and what a caller gives (structure/vectors.c) ---- */
+PETSC_INTERN PetscErrorCode LatinCheckNumbers_Private(MPI_Comm, const char kind[], PetscInt start, PetscInt n, PetscInt each, const PetscReal value[], PetscBool negative, const char what[]);
 PETSC_INTERN PetscErrorCode LatinStructureCheckSetUp_Private(LatinStructure);
 PETSC_INTERN PetscErrorCode LatinStructureCheckVec_Private(LatinStructure, Vec);
 PETSC_INTERN PetscErrorCode LatinStructureNodalVec_Private(LatinStructure, const PetscReal values[], Vec);

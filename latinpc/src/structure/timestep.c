@@ -39,18 +39,14 @@
 @*/
 PetscErrorCode LatinStructureSetMass(LatinStructure structure, const PetscReal mass[])
 {
-  PetscInt  bad = -1;
   PetscReal sum = 0.0;
 
   PetscFunctionBegin;
   PetscValidHeaderSpecific(structure, LATIN_STRUCTURE_CLASSID, 1);
-  for (PetscInt i = 0; i < structure->nodes_local; i++) {
-    if (bad < 0 && (!(mass[i] >= 0.0) || PetscIsInfOrNanReal(mass[i]))) bad = i;
-    sum += mass[i];
-  }
-  LatinAgree(PetscObjectComm((PetscObject)structure), bad >= 0, PETSC_ERR_ARG_OUTOFRANGE, "Node %" PetscInt_FMT " has mass %g; a mass is a finite number, not negative", structure->nodes_start + bad, (double)mass[bad]);
+  PetscCall(LatinCheckNumbers_Private(PetscObjectComm((PetscObject)structure), "Node", structure->nodes_start, structure->nodes_local, 1, mass, PETSC_FALSE, "a mass"));
+  for (PetscInt i = 0; i < structure->nodes_local; i++) sum += mass[i];
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &sum, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
-  LatinAgree(PetscObjectComm((PetscObject)structure), !(sum > 0.0), PETSC_ERR_ARG_OUTOFRANGE, "No node has a mass: nothing resists acceleration");
+  PetscCheck(sum > 0.0, PetscObjectComm((PetscObject)structure), PETSC_ERR_ARG_OUTOFRANGE, "No node has a mass: nothing resists acceleration");
   if (!structure->mass) PetscCall(PetscMalloc1(structure->nodes_local + 1, &structure->mass)); /* never NULL where there are masses */
   PetscCall(PetscArraycpy(structure->mass, mass, structure->nodes_local));
   PetscCall(VecDestroy(&structure->inertia));

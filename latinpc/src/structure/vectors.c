@@ -27,6 +27,18 @@ PetscErrorCode LatinStructureCheckVec_Private(LatinStructure structure, Vec u)
   PetscFunctionReturn(0);
 }
 
+/* The numbers of nodes or links, `each` of one, are finite, and not negative where they must not be. Collective on comm */
+PetscErrorCode LatinCheckNumbers_Private(MPI_Comm comm, const char kind[], PetscInt start, PetscInt n, PetscInt each, const PetscReal value[], PetscBool negative, const char what[])
+{
+  PetscInt bad = -1;
+
+  PetscFunctionBegin;
+  for (PetscInt i = 0; i < n * each && bad < 0; i++)
+    if (PetscIsInfOrNanReal(value[i]) || (!negative && value[i] < 0.0)) bad = i;
+  LatinAgree(comm, bad >= 0, negative ? PETSC_ERR_FP : PETSC_ERR_ARG_OUTOFRANGE, "%s %" PetscInt_FMT " has %s that is not a finite number%s: %g", kind, start + bad / each, what, negative ? "" : ", zero or more", (double)value[bad]);
+  PetscFunctionReturn(0);
+}
+
 /* Values of this rank's nodes, [nodes_local][dim], at the free degrees of freedom of a DM global vector; each node's owner in the caller's numbering has its entries */
 PetscErrorCode LatinStructureNodalVec_Private(LatinStructure structure, const PetscReal values[], Vec v)
 {
