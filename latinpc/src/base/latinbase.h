@@ -18,7 +18,7 @@
 #endif
 
 PETSC_INTERN PetscClassId  LATIN_CLASSID, LATIN_STRUCTURE_CLASSID;
-PETSC_INTERN PetscLogEvent LATIN_SetUp, LATIN_Subdomains, LATIN_Interface, LATIN_Direction, LATIN_Macro, LATIN_Spectral, LATIN_Linear, LATIN_Coarse, LATIN_Local, LATIN_Condense, LATIN_Estimate;
+PETSC_INTERN PetscLogEvent LATIN_SetUp, LATIN_Partition, LATIN_Subdomains, LATIN_Interface, LATIN_Direction, LATIN_Macro, LATIN_Spectral, LATIN_Linear, LATIN_Coarse, LATIN_Local, LATIN_Condense, LATIN_Estimate;
 
 PETSC_INTERN PetscErrorCode LatinRegisterClasses_Private(void);
 /* The solver types, which register.c hands in when the library is loaded */

@@ -6,7 +6,7 @@
 */
 
 PetscClassId  LATIN_CLASSID, LATIN_STRUCTURE_CLASSID;
-PetscLogEvent LATIN_SetUp, LATIN_Subdomains, LATIN_Interface, LATIN_Direction, LATIN_Macro, LATIN_Spectral, LATIN_Linear, LATIN_Coarse, LATIN_Local, LATIN_Condense, LATIN_Estimate;
+PetscLogEvent LATIN_SetUp, LATIN_Partition, LATIN_Subdomains, LATIN_Interface, LATIN_Direction, LATIN_Macro, LATIN_Spectral, LATIN_Linear, LATIN_Coarse, LATIN_Local, LATIN_Condense, LATIN_Estimate;
 
 static PetscBool registered = PETSC_FALSE;
 
@@ -80,6 +80,7 @@ PetscErrorCode LatinRegisterClasses_Private(void)
   PetscCall(PetscClassIdRegister("Latin", &LATIN_CLASSID));
   PetscCall(PetscClassIdRegister("LatinStructure", &LATIN_STRUCTURE_CLASSID));
   PetscCall(PetscLogEventRegister("LatinSetUp", LATIN_CLASSID, &LATIN_SetUp));
+  PetscCall(PetscLogEventRegister("LatinPartition", LATIN_CLASSID, &LATIN_Partition));
   PetscCall(PetscLogEventRegister("LatinSubdomains", LATIN_CLASSID, &LATIN_Subdomains));
   PetscCall(PetscLogEventRegister("LatinInterface", LATIN_CLASSID, &LATIN_Interface));
   PetscCall(PetscLogEventRegister("LatinDirection", LATIN_CLASSID, &LATIN_Direction));

@@ -25,14 +25,14 @@ PETSC_INTERN PetscErrorCode LatinPartition_Private(LatinStructure, const LatinPa
 /* Links to share out, all on one rank */
 typedef struct {
   PetscInt   dim, nodes, links, parts;
-  PetscInt  *ends;      /* [links][2] */
-  PetscReal *x;         /* [nodes][dim] */
-  PetscReal *direction; /* [links][dim] */
-  PetscBool *fixed;     /* [nodes][dim] */
-  PetscBool  corners;   /* nodes of three or more subdomains have one displacement, a coarse unknown */
+  PetscInt  *ends;              /* [links][2] */
+  PetscReal *x;                 /* [nodes][dim] */
+  PetscReal *direction;         /* [links][dim] */
+  PetscBool *fixed;             /* [nodes][dim] */
+  PetscBool  corners;           /* nodes of three or more subdomains have one displacement, a coarse unknown */
+  PetscInt  *offset, *incident; /* [nodes + 2], [2 * links] links at each node: incident[offset[v]..offset[v + 1]) */
 } LatinCut;
-PETSC_INTERN PetscErrorCode LatinIncidence_Private(const LatinCut *, PetscInt *offset[], PetscInt *incident[]);
-PETSC_INTERN PetscErrorCode LatinMetis_Private(LatinCut *, PetscInt part[], PetscBool *failed, int *status, PetscBool *overflow);
+PETSC_INTERN PetscErrorCode LatinMetis_Private(const LatinCut *, PetscInt part[], PetscBool *failed, int *status);
 PETSC_INTERN PetscErrorCode LatinSubdomainCount_Private(const LatinCut *, PetscInt *parts);
 PETSC_INTERN PetscErrorCode LatinRepair_Private(const LatinCut *, PetscInt part[]);
 

@@ -1,113 +1,126 @@
 #include "partition/latinpartition.h"
 #include <metis.h>
+#include <stdlib.h>
 
 /*
-   METIS on the dual graph of the links (vertices: links; edges: pairs of links with a common node).
+   METIS on the graph of the nodes (vertices, that weigh as many as they have links; edges: the links). It makes the sum
+   over the nodes of the other subdomains around them small. Links follow their nodes; those between two subdomains all
+   go to one of the two, so that only the nodes of the other one are shared.
 
-   A node of m links makes m (m - 1) / 2 edges, so that a bare count of cut edges would spare the nodes of many links and
-   cut through those of few. With the weight 1 / (m - 1) at each node, a cut costs about the same at all of them, and what
-   METIS makes small is the number of interface nodes.
+   Subdomains of a few links may be more than there are nodes: the links' middles are then vertices, too, and weigh
+   instead of the nodes.
 */
 
-#define LATIN_METIS_SMALL  16   /* links per subdomain */
-#define LATIN_METIS_WEIGHT 1000 /* whole numbers for METIS: that many stand for 1 */
+#define LATIN_METIS_SMALL 16 /* links per subdomain */
 
 typedef struct {
-  idx_t *start, *list, *weight;
-} LatinDualGraph;
+  idx_t count, *start, *list, *weight, *part;
+} LatinGraph;
 
-/* Coincident links share two nodes but one edge, which has the weight of both. Lists come out sorted: METIS cuts better */
-static PetscErrorCode LatinDualGraph_Private(const LatinCut *cut, LatinDualGraph *graph, PetscBool *overflow)
+static PetscErrorCode LatinGraphCreate_Private(const LatinCut *cut, PetscBool middles, LatinGraph *graph)
 {
-  const PetscInt n   = cut->links;
-  const idx_t    one = (idx_t)PetscMax(1, PetscMin(LATIN_METIS_WEIGHT, PETSC_MPI_INT_MAX / 4 / n)); /* METIS adds all weights up */
-  PetscInt      *offset, *incident, *seen;
-  PetscInt64     edges = 0, *next, *place;
+  idx_t *next;
 
   PetscFunctionBegin;
-  PetscCall(LatinIncidence_Private(cut, &offset, &incident));
-  PetscCall(PetscMalloc3(n, &seen, n, &place, n + 1, &next));
-  PetscCall(PetscMalloc1(n + 1, &graph->start));
-  PetscCall(PetscArrayzero(next, n + 1));
-  graph->list   = NULL;
-  graph->weight = NULL;
-  *overflow     = PETSC_FALSE;
-  for (PetscInt pass = 0; pass < 2 && !*overflow; pass++) { /* the first one counts */
-    for (PetscInt i = 0; i < n; i++) seen[i] = -1;
-    for (PetscInt l = 0; l < n; l++)
-      for (PetscInt s = 0; s < 2; s++) {
-        const PetscInt v = cut->ends[2 * l + s], m = offset[v + 1] - offset[v];
-        const idx_t    w = (idx_t)PetscMax(1, one / PetscMax(1, m - 1));
+  graph->count = (idx_t)(cut->nodes + (middles ? cut->links : 0));
+  PetscCall(PetscMalloc4(graph->count + 1, &graph->start, (middles ? 4 : 2) * cut->links, &graph->list, graph->count, &graph->weight, graph->count, &graph->part));
+  next = graph->list;
+  for (PetscInt v = 0; v < cut->nodes; v++) {
+    graph->start[v]  = (idx_t)(next - graph->list);
+    graph->weight[v] = middles ? 0 : (idx_t)(cut->offset[v + 1] - cut->offset[v]);
+    for (PetscInt j = cut->offset[v]; j < cut->offset[v + 1]; j++) {
+      const PetscInt l = cut->incident[j];
 
-        for (PetscInt j = offset[v]; j < offset[v + 1]; j++) {
-          const PetscInt other = incident[j];
-
-          if (other == l) continue;
-          if (seen[other] == l) {
-            if (pass) graph->weight[place[other]] += w;
-            continue;
-          }
-          seen[other]  = l;
-          place[other] = next[other]++;
-          if (pass) {
-            graph->list[place[other]]   = (idx_t)l;
-            graph->weight[place[other]] = w;
-          }
-        }
-      }
-    if (pass) break;
-    for (PetscInt l = 0; l <= n; l++) {
-      const PetscInt64 degree = next[l];
-
-      graph->start[l] = (idx_t)edges;
-      next[l]         = edges;
-      edges += degree;
+      *next++ = (idx_t)(middles ? cut->nodes + l : cut->ends[2 * l] + cut->ends[2 * l + 1] - v);
     }
-    if ((PetscInt64)(idx_t)edges != edges) *overflow = PETSC_TRUE;
-    else PetscCall(PetscMalloc2((size_t)PetscMax(edges, 1), &graph->list, (size_t)PetscMax(edges, 1), &graph->weight));
   }
-  PetscCall(PetscFree3(seen, place, next));
-  PetscCall(PetscFree2(offset, incident));
+  for (PetscInt l = 0; l < cut->links && middles; l++) {
+    graph->start[cut->nodes + l]  = (idx_t)(next - graph->list);
+    graph->weight[cut->nodes + l] = 1;
+    *next++                       = (idx_t)cut->ends[2 * l];
+    *next++                       = (idx_t)cut->ends[2 * l + 1];
+  }
+  graph->start[graph->count] = (idx_t)(next - graph->list);
   PetscFunctionReturn(0);
 }
 
-/* Shares the links out into cut->parts subdomains, on one rank. Parts that METIS leaves empty are closed up: cut->parts is what there is then */
-PetscErrorCode LatinMetis_Private(LatinCut *cut, PetscInt part[], PetscBool *failed, int *status, PetscBool *overflow)
+/* Of the links between subdomains a and b, count from key on, the nodes in a less those in b; seen[] is stamped */
+static PetscInt LatinFollowSides(const LatinCut *cut, const idx_t of_node[], idx_t a, PetscInt count, const LatinKey key[], PetscInt stamp, PetscInt seen[])
 {
-  LatinDualGraph graph;
-  idx_t         *found, options[METIS_NOPTIONS], nvtxs = (idx_t)cut->links, ncon = 1, nparts = (idx_t)cut->parts, edgecut;
-  PetscInt      *number, used = 0;
+  PetscInt more = 0;
+
+  for (PetscInt i = 0; i < 2 * count; i++) {
+    const PetscInt v = cut->ends[2 * key[i / 2].number + i % 2];
+
+    if (seen[v] == stamp) continue;
+    seen[v] = stamp;
+    more += of_node[v] == a ? 1 : -1;
+  }
+  return more;
+}
+
+/*
+   Links between two subdomains go to the one whose nodes on them are more, for the others are shared; and, against it,
+   to the smaller one: links count half in either until it is their turn.
+*/
+static PetscErrorCode LatinFollow_Private(const LatinCut *cut, const idx_t of_node[], PetscInt part[])
+{
+  const PetscReal mean = (PetscReal)cut->links / (PetscReal)cut->parts;
+  LatinKey       *key;
+  PetscInt       *size, *seen, n = 0; /* sizes in half links */
 
   PetscFunctionBegin;
-  *status   = METIS_OK;
-  *overflow = *failed = PETSC_FALSE;
+  PetscCall(PetscMalloc1(cut->links, &key));
+  PetscCall(PetscCalloc2(cut->parts, &size, cut->nodes, &seen));
+  for (PetscInt l = 0; l < cut->links; l++) {
+    const idx_t a = of_node[cut->ends[2 * l]], b = of_node[cut->ends[2 * l + 1]];
+
+    size[a]++;
+    size[b]++;
+    part[l] = (PetscInt)a;
+    if (a == b) continue;
+    key[n].hash     = ((uint64_t)PetscMin(a, b) << 32) + (uint64_t)PetscMax(a, b);
+    key[n++].number = l;
+  }
+  if (n) qsort(key, (size_t)n, sizeof(*key), LatinKeyCompare);
+  for (PetscInt i = 0, last; i < n; i = last) {
+    const idx_t a = (idx_t)(key[i].hash >> 32), b = (idx_t)(key[i].hash & 0xffffffff);
+    idx_t       to;
+
+    for (last = i; last < n && key[last].hash == key[i].hash; last++) continue;
+    to = LatinFollowSides(cut, of_node, a, last - i, key + i, i + 1, seen) >= 2 * (last - i) * (size[a] - size[b]) / mean ? a : b;
+    for (PetscInt k = i; k < last; k++) part[key[k].number] = (PetscInt)to;
+    size[a] += to == a ? last - i : i - last;
+    size[b] += to == b ? last - i : i - last;
+  }
+  PetscCall(PetscFree(key));
+  PetscCall(PetscFree2(size, seen));
+  PetscFunctionReturn(0);
+}
+
+/* Shares the links out into cut->parts subdomains, some of which METIS may leave empty, on one rank; failed: *status says why */
+PetscErrorCode LatinMetis_Private(const LatinCut *cut, PetscInt part[], PetscBool *failed, int *status)
+{
+  const PetscBool small = (PetscBool)(cut->links < LATIN_METIS_SMALL * cut->parts);
+  LatinGraph      graph;
+  idx_t           options[METIS_NOPTIONS], constraints = 1, parts = (idx_t)cut->parts, objective;
+
+  PetscFunctionBegin;
+  *failed = PETSC_FALSE;
   if (cut->parts == 1) {
     PetscCall(PetscArrayzero(part, cut->links));
     PetscFunctionReturn(0);
   }
-  PetscCall(LatinDualGraph_Private(cut, &graph, overflow));
-  if (!*overflow) {
-    PetscCall(PetscMalloc1(cut->links, &found));
-    METIS_SetDefaultOptions(options);
-    options[METIS_OPTION_SEED]      = 1; /* the same partition at every run */
-    options[METIS_OPTION_NUMBERING] = 0;
-    /* k-way refinement leaves parts empty when they are to be small; bisection does not */
-    if (cut->links < LATIN_METIS_SMALL * cut->parts) *status = METIS_PartGraphRecursive(&nvtxs, &ncon, graph.start, graph.list, NULL, NULL, graph.weight, &nparts, NULL, NULL, options, &edgecut, found);
-    else *status = METIS_PartGraphKway(&nvtxs, &ncon, graph.start, graph.list, NULL, NULL, graph.weight, &nparts, NULL, NULL, options, &edgecut, found);
-    *failed = (PetscBool)(*status != METIS_OK);
-    if (!*failed) {
-      PetscCall(PetscMalloc1(cut->parts, &number));
-      for (PetscInt p = 0; p < cut->parts; p++) number[p] = -1;
-      for (PetscInt l = 0; l < cut->links; l++) number[found[l]] = 0;
-      for (PetscInt p = 0; p < cut->parts; p++)
-        if (number[p] == 0) number[p] = used++;
-      for (PetscInt l = 0; l < cut->links; l++) part[l] = number[found[l]];
-      PetscCall(PetscFree(number));
-      cut->parts = used;
-    }
-    PetscCall(PetscFree(found));
-  }
-  PetscCall(PetscFree(graph.start));
-  PetscCall(PetscFree2(graph.list, graph.weight));
+  PetscCall(LatinGraphCreate_Private(cut, small, &graph));
+  METIS_SetDefaultOptions(options);
+  options[METIS_OPTION_SEED]      = 1; /* the same partition at every run */
+  options[METIS_OPTION_NUMBERING] = 0;
+  if (!small) options[METIS_OPTION_OBJTYPE] = METIS_OBJTYPE_VOL;
+  /* k-way refinement leaves parts empty when they are to be small; bisection does not */
+  *status = (small ? METIS_PartGraphRecursive : METIS_PartGraphKway)(&graph.count, &constraints, graph.start, graph.list, graph.weight, NULL, NULL, &parts, NULL, NULL, options, &objective, graph.part);
+  *failed = (PetscBool)(*status != METIS_OK);
+  if (!*failed && !small) PetscCall(LatinFollow_Private(cut, graph.part, part));
+  for (PetscInt l = 0; l < cut->links && small && !*failed; l++) part[l] = (PetscInt)graph.part[cut->nodes + l];
+  PetscCall(PetscFree4(graph.start, graph.list, graph.weight, graph.part));
   PetscFunctionReturn(0);
 }

@@ -20,29 +20,13 @@
 typedef struct {
   const LatinCut *cut;
   PetscInt       *part;
-  PetscInt       *offset, *incident; /* links at each node */
   PetscInt       *size, least, most; /* links of each subdomain, and bounds */
+  PetscInt       *whole, *cost;      /* [nodes] directions that all links hold; what a node costs now */
   PetscInt       *queue, head, waiting;
   PetscBool      *queued;
   PetscInt       *seen, stamp; /* [nodes] nodes that a move touches */
   PetscInt       *touched, *move, *here;
 } LatinRepair;
-
-/* The links at each node: incident[offset[v]..offset[v + 1]). Free with PetscFree2(offset, incident) */
-PetscErrorCode LatinIncidence_Private(const LatinCut *cut, PetscInt *offset[], PetscInt *incident[])
-{
-  PetscInt *o, *list;
-
-  PetscFunctionBegin;
-  PetscCall(PetscMalloc2(cut->nodes + 2, &o, 2 * cut->links, &list));
-  PetscCall(PetscArrayzero(o, cut->nodes + 2));
-  for (PetscInt i = 0; i < 2 * cut->links; i++) o[cut->ends[i] + 2]++;
-  for (PetscInt v = 0; v < cut->nodes; v++) o[v + 2] += o[v + 1];
-  for (PetscInt i = 0; i < 2 * cut->links; i++) list[o[cut->ends[i] + 1]++] = i / 2;
-  *offset   = o;
-  *incident = list;
-  PetscFunctionReturn(0);
-}
 
 /* Rank of a symmetric positive semidefinite matrix of unit directions: Cholesky with the largest pivot first */
 static PetscInt LatinRepairRank(PetscInt dim, PetscReal a[3][3])
@@ -70,8 +54,8 @@ static PetscInt LatinRepairHeld(const LatinRepair *repair, PetscInt v, PetscInt 
   const PetscInt  dim     = cut->dim;
   PetscReal       a[3][3] = {{0.0}};
 
-  for (PetscInt j = repair->offset[v]; j < repair->offset[v + 1]; j++) {
-    const PetscInt   l = repair->incident[j];
+  for (PetscInt j = cut->offset[v]; j < cut->offset[v + 1]; j++) {
+    const PetscInt   l = cut->incident[j];
     const PetscReal *n = cut->direction + dim * l;
 
     if (part >= 0 && repair->part[l] != part) continue;
@@ -87,23 +71,23 @@ static PetscInt LatinRepairParts(const LatinRepair *repair, PetscInt v, PetscInt
 {
   PetscInt n = 0;
 
-  for (PetscInt j = repair->offset[v]; j < repair->offset[v + 1]; j++) {
+  for (PetscInt j = repair->cut->offset[v]; j < repair->cut->offset[v + 1]; j++) {
     PetscInt i = 0;
 
-    while (i < n && parts[i] != repair->part[repair->incident[j]]) i++;
-    if (i == n) parts[n++] = repair->part[repair->incident[j]];
+    while (i < n && parts[i] != repair->part[repair->cut->incident[j]]) i++;
+    if (i == n) parts[n++] = repair->part[repair->cut->incident[j]];
   }
   return n;
 }
 
 static PetscInt LatinRepairCost(const LatinRepair *repair, PetscInt v)
 {
-  PetscInt *parts = repair->here, n = LatinRepairParts(repair, v, parts), cost = n - 1, whole;
+  PetscInt *parts = repair->here, n = LatinRepairParts(repair, v, parts), cost = n - 1;
 
   if (n == 1) return 0;
   if (n > 2 && repair->cut->corners) return 1;
-  whole = LatinRepairHeld(repair, v, -1);
-  for (PetscInt i = 0; i < n; i++) cost += PetscMax(0, whole - LatinRepairHeld(repair, v, parts[i]));
+  if (repair->whole[v] < 0) repair->whole[v] = LatinRepairHeld(repair, v, -1);
+  for (PetscInt i = 0; i < n; i++) cost += PetscMax(0, repair->whole[v] - LatinRepairHeld(repair, v, parts[i]));
   return cost;
 }
 
@@ -123,17 +107,18 @@ static PetscInt LatinRepairTouched(LatinRepair *repair, PetscInt n, const PetscI
   return count;
 }
 
-/* What the cost falls by when n links go over to another subdomain */
-static PetscInt LatinRepairGain(LatinRepair *repair, PetscInt n, const PetscInt move[], PetscInt to)
+/* What the cost falls by when n links go over to another subdomain; 0 where it falls by no more than `least` */
+static PetscInt LatinRepairGain(LatinRepair *repair, PetscInt n, const PetscInt move[], PetscInt to, PetscInt least)
 {
-  const PetscInt from  = repair->part[move[0]];
-  const PetscInt count = LatinRepairTouched(repair, n, move);
-  PetscInt       gain  = 0;
+  const PetscInt from = repair->part[move[0]];
+  PetscInt       count, gain = 0;
 
   if (repair->size[from] - n < repair->least || repair->size[to] + n > repair->most) return 0;
-  for (PetscInt i = 0; i < count; i++) gain += LatinRepairCost(repair, repair->touched[i]);
+  count = LatinRepairTouched(repair, n, move);
+  for (PetscInt i = 0; i < count; i++) gain += repair->cost[repair->touched[i]];
+  if (gain <= least) return 0;
   for (PetscInt i = 0; i < n; i++) repair->part[move[i]] = to;
-  for (PetscInt i = 0; i < count; i++) gain -= LatinRepairCost(repair, repair->touched[i]);
+  for (PetscInt i = 0; i < count && gain > least; i++) gain -= LatinRepairCost(repair, repair->touched[i]);
   for (PetscInt i = 0; i < n; i++) repair->part[move[i]] = from;
   return gain;
 }
@@ -163,12 +148,12 @@ static PetscInt LatinRepairBest(LatinRepair *repair, PetscInt v, const PetscInt 
   for (PetscInt i = 0; i < n; i++) {
     PetscInt m = 0;
 
-    for (PetscInt j = repair->offset[v]; j < repair->offset[v + 1]; j++)
-      if (repair->part[repair->incident[j]] == parts[i]) repair->move[m++] = repair->incident[j];
+    for (PetscInt j = repair->cut->offset[v]; j < repair->cut->offset[v + 1]; j++)
+      if (repair->part[repair->cut->incident[j]] == parts[i]) repair->move[m++] = repair->cut->incident[j];
     for (PetscInt k = 0; k < n; k++)
       for (PetscInt single = m > 1 ? -1 : 0; k != i && single < m; single++) {
         const PetscInt *move = single < 0 ? repair->move : repair->move + single, size = single < 0 ? m : 1;
-        const PetscInt  gain = LatinRepairGain(repair, size, move, parts[k]);
+        const PetscInt  gain = LatinRepairGain(repair, size, move, parts[k], most);
 
         if (gain <= most) continue;
         most  = gain;
@@ -194,8 +179,9 @@ static void LatinRepairNode(LatinRepair *repair, PetscInt v, PetscInt parts[], P
   for (PetscInt i = 0; i < n; i++) {
     const PetscInt w = repair->touched[i];
 
-    for (PetscInt j = repair->offset[w]; j < repair->offset[w + 1]; j++)
-      for (PetscInt s = 0; s < 2; s++) LatinRepairPush(repair, repair->cut->ends[2 * repair->incident[j] + s]);
+    repair->cost[w] = LatinRepairCost(repair, w);
+    for (PetscInt j = repair->cut->offset[w]; j < repair->cut->offset[w + 1]; j++)
+      for (PetscInt s = 0; s < 2; s++) LatinRepairPush(repair, repair->cut->ends[2 * repair->cut->incident[j] + s]);
   }
 }
 
@@ -207,19 +193,21 @@ PetscErrorCode LatinRepair_Private(const LatinCut *cut, PetscInt part[])
   PetscInt       *best, *parts, widest = 1;
 
   PetscFunctionBegin;
-  PetscCall(LatinIncidence_Private(cut, &repair.offset, &repair.incident));
-  for (PetscInt v = 0; v < cut->nodes; v++) widest = PetscMax(widest, repair.offset[v + 1] - repair.offset[v]);
+  for (PetscInt v = 0; v < cut->nodes; v++) widest = PetscMax(widest, cut->offset[v + 1] - cut->offset[v]);
   PetscCall(PetscCalloc1(cut->parts, &repair.size));
   for (PetscInt l = 0; l < cut->links; l++) repair.size[part[l]]++;
   repair.least = PetscMax(1, (PetscInt)PetscCeilReal((1.0 - LATIN_REPAIR_BALANCE) * mean));
   repair.most  = (PetscInt)((1.0 + LATIN_REPAIR_BALANCE) * mean);
-  PetscCall(PetscCalloc3(cut->nodes, &repair.queue, cut->nodes, &repair.queued, cut->nodes, &repair.seen));
+  PetscCall(PetscCalloc5(cut->nodes, &repair.queue, cut->nodes, &repair.queued, cut->nodes, &repair.seen, cut->nodes, &repair.whole, cut->nodes, &repair.cost));
   PetscCall(PetscMalloc5(widest + 1, &repair.touched, widest, &repair.move, widest, &repair.here, widest, &best, widest, &parts));
-  for (PetscInt v = 0; v < cut->nodes; v++) LatinRepairPush(&repair, v);
+  for (PetscInt v = 0; v < cut->nodes; v++) {
+    repair.whole[v] = -1;
+    repair.cost[v]  = LatinRepairCost(&repair, v);
+    LatinRepairPush(&repair, v);
+  }
   while (repair.waiting) LatinRepairNode(&repair, LatinRepairPop(&repair), parts, best);
   PetscCall(PetscFree5(repair.touched, repair.move, repair.here, best, parts));
-  PetscCall(PetscFree3(repair.queue, repair.queued, repair.seen));
+  PetscCall(PetscFree5(repair.queue, repair.queued, repair.seen, repair.whole, repair.cost));
   PetscCall(PetscFree(repair.size));
-  PetscCall(PetscFree2(repair.offset, repair.incident));
   PetscFunctionReturn(0);
 }
