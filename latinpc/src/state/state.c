@@ -9,279 +9,231 @@
    rigid links. Everything else is computed anew from the structure and the options.
 */
 
-/* Where the next n numbers of this rank are, NULL while they are counted */
-static PetscErrorCode LatinPackPart_Private(LatinPack *pack, const char name[], PetscInt n, PetscInt width, PetscReal **mine)
+static PetscErrorCode LatinStateAdd_Private(LatinState *state, const char name[], Vec v)
 {
-  LatinPart *part = &pack->part[pack->parts++];
-
   PetscFunctionBegin;
-  PetscAssert(pack->parts <= LATIN_STATE_PARTS, PETSC_COMM_SELF, PETSC_ERR_PLIB, "More parts than LATIN_STATE_PARTS");
-  *mine         = pack->data ? pack->data + pack->n : NULL;
-  part->name    = name;
-  part->n       = n;
-  part->width   = width;
-  part->integer = PETSC_FALSE;
-  pack->n += n;
+  PetscAssert(state->items < LATIN_STATE_ITEMS, PETSC_COMM_SELF, PETSC_ERR_PLIB, "More items than LATIN_STATE_ITEMS");
+  PetscCall(PetscObjectReference((PetscObject)v));
+  state->item[state->items].name = name;
+  state->item[state->items++].v  = v;
   PetscFunctionReturn(0);
 }
 
-static PetscErrorCode LatinPackReals_Private(LatinPack *pack, const char name[], PetscInt n, PetscReal x[])
+/* Numbers of this rank, which stay where they are; so many in a row */
+static PetscErrorCode LatinStateAddArray_Private(LatinState *state, const char name[], PetscInt width, PetscInt n, const PetscReal x[])
 {
-  PetscReal *mine;
+  Vec v;
 
   PetscFunctionBegin;
-  PetscCall(LatinPackPart_Private(pack, name, n, 1, &mine));
-  if (mine && pack->load) PetscCall(PetscArraycpy(x, mine, n));
-  else if (mine) PetscCall(PetscArraycpy(mine, x, n));
+  PetscCall(VecCreateMPIWithArray(PetscObjectComm((PetscObject)state->snes), width, n, PETSC_DETERMINE, x, &v));
+  PetscCall(LatinStateAdd_Private(state, name, v));
+  PetscCall(VecDestroy(&v));
   PetscFunctionReturn(0);
 }
 
-static PetscErrorCode LatinPackVec_Private(LatinPack *pack, const char name[], Vec v)
+static PetscErrorCode LatinStateItems_Private(LatinState *state)
 {
-  PetscScalar       *a;
-  const PetscScalar *b;
-  PetscInt           n;
-
   PetscFunctionBegin;
-  PetscCall(VecGetLocalSize(v, &n));
-  if (pack->data && pack->load) {
-    PetscCall(VecGetArrayWrite(v, &a));
-    PetscCall(LatinPackReals_Private(pack, name, n, a));
-    PetscCall(VecRestoreArrayWrite(v, &a));
-  } else {
-    PetscCall(VecGetArrayRead(v, &b)); /* a monitor may not write */
-    PetscCall(LatinPackReals_Private(pack, name, n, (PetscReal *)b));
-    PetscCall(VecRestoreArrayRead(v, &b));
+  PetscCall(LatinStateAdd_Private(state, "displacement", state->u));
+  if (state->ts) {
+    TS_Latin *data = (TS_Latin *)state->ts->data;
+
+    PetscCall(LatinStateAdd_Private(state, "velocity", state->ts->vec_dot));
+    PetscCall(LatinStateAdd_Private(state, "increment", data->w));
+    PetscCall(LatinStateAddArray_Private(state, "initial_elongation", 1, data->step->links_local, data->step->e0)); /* tensions are those of the step */
   }
-  PetscFunctionReturn(0);
-}
+  if (state->latin) {
+    SNES_Latin        *data   = (SNES_Latin *)state->snes->data;
+    const LatinLinear *linear = &data->latin->linear;
 
-static PetscErrorCode LatinPackSNES_Private(LatinPack *pack, SNES snes, LatinStateHead *head)
-{
-  SNES_Latin *data  = (SNES_Latin *)snes->data;
-  Latin       latin = data->latin;
-
-  PetscFunctionBegin;
-  PetscCall(LatinPackVec_Private(pack, "fixed_point", data->z));
-  if (!data->z_before) PetscCall(VecDuplicate(data->z, &data->z_before));
-  PetscCall(LatinPackVec_Private(pack, "fixed_point_before", data->z_before));
-  PetscCall(LatinPackReals_Private(pack, "subdomain_displacement", latin->sub.bs * latin->sub.copies, latin->linear.U));
-  PetscCall(LatinPackReals_Private(pack, "interface_pull", latin->inter.sides, latin->linear.pull));
-  PetscCall(LatinPackReals_Private(pack, "subdomain_tension", latin->linear.tension ? latin->sub.nonsmooth : 0, latin->linear.tension));
-  PetscCall(LatinPackReals_Private(pack, "rigid_tension", latin->linear.rigid_tension ? latin->sub.structure->links_local : 0, latin->linear.rigid_tension));
-  if (pack->data && pack->load) {
-    data->has_state  = (PetscBool)(head->solutions > 0);
-    data->has_before = (PetscBool)(head->solutions > 1);
-  } else if (pack->data) head->solutions = data->has_state ? (data->has_before ? 2 : 1) : 0;
-  PetscFunctionReturn(0);
-}
-
-/* The SNES of a motion is that of its steps, and the vector its displacements */
-typedef struct {
-  SNES           snes;
-  TS             ts; /* NULL in statics */
-  Vec            u;
-  LatinStructure structure;
-  PetscBool      latin; /* the SNES is of type latin */
-} LatinStateOf;
-
-static PetscErrorCode LatinPackTS_Private(LatinPack *pack, TS ts, LatinStateHead *head)
-{
-  TS_Latin *data = (TS_Latin *)ts->data;
-
-  PetscFunctionBegin;
-  PetscCall(LatinPackVec_Private(pack, "velocity", ts->vec_dot));
-  PetscCall(LatinPackVec_Private(pack, "increment", data->w));
-  PetscCall(LatinPackReals_Private(pack, "initial_elongation", data->step->links_local, data->step->e0)); /* tensions are those of the step */
-  if (pack->data && pack->load) {
-    data->started = (PetscBool)(head->started != 0);
-    ts->ptime     = (PetscReal)head->time;
-    ts->time_step = (PetscReal)head->time_step;
-    PetscCall(TSSetStepNumber(ts, (PetscInt)head->steps));
-  } else if (pack->data) {
-    head->started   = data->started;
-    head->time      = (double)ts->ptime;
-    head->time_step = (double)ts->time_step;
-    head->steps     = (long)ts->steps;
+    if (!data->z_before) PetscCall(VecDuplicate(data->z, &data->z_before));
+    PetscCall(LatinStateAdd_Private(state, "fixed_point", data->z));
+    PetscCall(LatinStateAdd_Private(state, "fixed_point_before", data->z_before));
+    PetscCall(LatinStateAddArray_Private(state, "subdomain_displacement", 1, linear->sub->bs * linear->sub->copies, linear->U));
+    PetscCall(LatinStateAddArray_Private(state, "interface_pull", 1, linear->inter->sides, linear->pull));
+    PetscCall(LatinStateAddArray_Private(state, "subdomain_tension", 1, linear->tension ? linear->sub->nonsmooth : 0, linear->tension));
+    PetscCall(LatinStateAddArray_Private(state, "rigid_tension", 1, linear->rigid_tension ? linear->sub->structure->links_local : 0, linear->rigid_tension));
   }
+  state->reals = state->items;
   PetscFunctionReturn(0);
 }
 
-static PetscErrorCode LatinPack_Private(LatinPack *pack, LatinStateOf *of, LatinStateHead *head)
+/* What those look for who open a state in HDF5, in the caller's numbering; it is not read. The caller frees the room. Collective */
+static PetscErrorCode LatinStateShow_Private(LatinState *state, PetscInt bytes, const char note[], PetscReal **room)
 {
-  PetscFunctionBegin;
-  pack->n = pack->parts = 0;
-  PetscCall(LatinPackVec_Private(pack, "displacement", of->u));
-  if (of->ts) PetscCall(LatinPackTS_Private(pack, of->ts, head));
-  if (of->latin) PetscCall(LatinPackSNES_Private(pack, of->snes, head));
-  PetscFunctionReturn(0);
-}
-
-/* What those look for who open a state in HDF5, in the caller's numbering; it is not read. Collective */
-static PetscErrorCode LatinPackShow_Private(LatinPack *show, LatinStateOf *of)
-{
-  const LatinStructure structure = of->structure;
-  const TS_Latin      *data      = of->ts ? (TS_Latin *)of->ts->data : NULL;
-  const PetscInt       n = structure->nodes_local * structure->dim, m = structure->links_local;
-  PetscReal           *mine;
+  const LatinStructure structure = state->structure;
+  const TS_Latin      *data      = state->ts ? (TS_Latin *)state->ts->data : NULL;
+  const PetscInt       dim = structure->dim, n = structure->nodes_local * dim, m = structure->links_local;
+  PetscReal           *u, *v, *tension, *nodes, *letters;
 
   PetscFunctionBegin;
-  show->n = show->parts = 0;
-  PetscCall(LatinPackPart_Private(show, "/nodes/coordinates", n, structure->dim, &mine));
-  if (mine) PetscCall(PetscArraycpy(mine, structure->x, n));
-  PetscCall(LatinPackPart_Private(show, "/nodes/displacement", n, structure->dim, &mine));
-  if (mine) PetscCall(LatinStructureGetDisplacements(structure, of->u, mine));
-  if (of->ts) {
-    PetscCall(LatinPackPart_Private(show, "/nodes/velocity", n, structure->dim, &mine));
-    if (mine) PetscCall(LatinStructureGetDisplacements(structure, of->ts->vec_dot, mine));
-    for (PetscInt i = 0; mine && i < n; i++) mine[i] = structure->fixed[i] ? 0.0 : mine[i];
+  PetscCall(PetscMalloc1(2 * n + 3 * m + bytes, room));
+  u       = *room;
+  v       = u + n;
+  tension = v + n;
+  nodes   = tension + m;
+  letters = nodes + 2 * m;
+  PetscCall(LatinStateAddArray_Private(state, "/nodes/coordinates", dim, n, structure->x));
+  PetscCall(LatinStructureGetDisplacements(structure, state->u, u));
+  PetscCall(LatinStateAddArray_Private(state, "/nodes/displacement", dim, n, u));
+  if (data) {
+    PetscCall(LatinStructureGetDisplacements(structure, state->ts->vec_dot, v));
+    for (PetscInt i = 0; i < n; i++) v[i] = structure->fixed[i] ? 0.0 : v[i];
+    PetscCall(LatinStateAddArray_Private(state, "/nodes/velocity", dim, n, v));
   }
-  PetscCall(LatinPackPart_Private(show, "/links/tension", m, 1, &mine));
-  if (mine) PetscCall(LatinSolverTensions_Private(of->snes, data ? data->step : structure, data ? data->w : of->u, mine));
-  PetscCall(LatinPackPart_Private(show, "/links/nodes", 2 * m, 2, &mine));
-  for (PetscInt i = 0; mine && i < 2 * m; i++) mine[i] = (PetscReal)structure->nodes[i];
-  show->part[show->parts - 1].integer = PETSC_TRUE;
+  PetscCall(LatinSolverTensions_Private(state->snes, data ? data->step : structure, data ? data->w : state->u, tension));
+  PetscCall(LatinStateAddArray_Private(state, "/links/tension", 1, m, tension));
+  state->reals = state->items;
+  for (PetscInt i = 0; i < 2 * m; i++) nodes[i] = (PetscReal)structure->nodes[i];
+  PetscCall(LatinStateAddArray_Private(state, "/links/nodes", 2, 2 * m, nodes));
+  for (PetscInt i = 0; i < bytes; i++) letters[i] = (PetscReal)(unsigned char)note[i];
+  PetscCall(LatinStateAddArray_Private(state, "note", 1, bytes, letters));
   PetscFunctionReturn(0);
 }
 
 /* The structure without loads and initial elongations, which may change from one solve to the next; its partition, its interfaces and the search direction. Collective */
-static PetscErrorCode LatinStateStructure_Private(LatinStateOf *of, uint64_t *all)
+static PetscErrorCode LatinStateStructure_Private(const LatinState *state, double *all)
 {
-  const LatinStructure structure = of->structure;
+  const LatinStructure structure = state->structure;
   const size_t         n = (size_t)structure->nodes_local, m = (size_t)structure->links_local, dim = (size_t)structure->dim;
-  const MPI_Comm       comm = PetscObjectComm((PetscObject)of->snes);
-  PetscMPIInt          size;
-  uint64_t             hash = (uint64_t)dim, *each;
+  const MPI_Comm       comm = PetscObjectComm((PetscObject)state->snes);
+  PetscMPIInt          rank;
+  uint64_t             hash;
 
   PetscFunctionBegin;
-  LatinStateHash(&hash, n * dim * sizeof(PetscReal), structure->x);
-  LatinStateHash(&hash, n * dim * sizeof(PetscBool), structure->fixed);
-  LatinStateHash(&hash, n * sizeof(PetscReal), of->ts ? structure->mass : NULL);
-  LatinStateHash(&hash, 2 * m * sizeof(PetscInt), structure->nodes);
-  LatinStateHash(&hash, m * sizeof(PetscInt), structure->law);
-  LatinStateHash(&hash, m * sizeof(PetscReal), structure->stiffness);
-  LatinStateHash(&hash, m * sizeof(PetscReal), structure->friction);
-  LatinStateHash(&hash, m * dim * sizeof(PetscReal), structure->direction);
-  if (of->latin) {
-    const Latin latin = ((SNES_Latin *)of->snes->data)->latin;
+  PetscCallMPI(MPI_Comm_rank(comm, &rank));
+  hash = LatinStateHash((uint64_t)rank * 4 + dim, n * dim * sizeof(PetscReal), structure->x);
+  hash = LatinStateHash(hash, n * dim * sizeof(PetscBool), structure->fixed);
+  hash = LatinStateHash(hash, n * sizeof(PetscReal), state->ts ? structure->mass : NULL);
+  hash = LatinStateHash(hash, 2 * m * sizeof(PetscInt), structure->nodes);
+  hash = LatinStateHash(hash, m * sizeof(PetscInt), structure->law);
+  hash = LatinStateHash(hash, m * sizeof(PetscReal), structure->stiffness);
+  hash = LatinStateHash(hash, m * sizeof(PetscReal), structure->friction);
+  hash = LatinStateHash(hash, m * dim * sizeof(PetscReal), structure->direction);
+  if (state->latin) {
+    const Latin latin = ((SNES_Latin *)state->snes->data)->latin;
 
-    LatinStateHash(&hash, (size_t)latin->sub.copies * sizeof(PetscInt), latin->sub.node);
-    LatinStateHash(&hash, (size_t)latin->sub.links * 2 * sizeof(PetscInt), latin->sub.ends);
-    LatinStateHash(&hash, (size_t)latin->inter.sides * sizeof(PetscInt), latin->inter.side_dof);
-    LatinStateHash(&hash, (size_t)latin->inter.sides * sizeof(PetscReal), latin->dir.d);
+    hash = LatinStateHash(hash, (size_t)latin->sub.copies * sizeof(PetscInt), latin->sub.node);
+    hash = LatinStateHash(hash, (size_t)latin->sub.links * 2 * sizeof(PetscInt), latin->sub.ends);
+    hash = LatinStateHash(hash, (size_t)latin->inter.sides * sizeof(PetscInt), latin->inter.side_dof);
+    hash = LatinStateHash(hash, (size_t)latin->inter.sides * sizeof(PetscReal), latin->dir.d);
   }
-  PetscCallMPI(MPI_Comm_size(comm, &size));
-  PetscCall(PetscMalloc1(size, &each));
-  PetscCallMPI(MPI_Allgather(&hash, 1, MPI_UINT64_T, each, 1, MPI_UINT64_T, comm));
-  *all = LatinHash((size_t)size * sizeof(*each), each);
-  PetscCall(PetscFree(each));
+  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &hash, 1, MPI_UINT64_T, MPI_BXOR, comm));
+  *all = (double)hash;
   PetscFunctionReturn(0);
 }
 
 /* The parts of a solver that a state is made of. Collective on solver */
-static PetscErrorCode LatinStateOf_Private(PetscObject solver, Vec u, LatinStateOf *of)
+static PetscErrorCode LatinStateFind_Private(PetscObject solver, Vec u, LatinState *state)
 {
   MPI_Comm  comm = PetscObjectComm(solver);
   PetscBool latin;
 
   PetscFunctionBegin;
-  PetscCall(PetscMemzero(of, sizeof(*of)));
+  PetscCall(PetscMemzero(state, sizeof(*state)));
   PetscCheck(solver->classid == TS_CLASSID || solver->classid == SNES_CLASSID, comm, PETSC_ERR_ARG_WRONG, "The state of a SNES or a TS can be kept, not that of a %s", solver->class_name);
   if (solver->classid == TS_CLASSID) {
-    of->ts = (TS)solver;
+    state->ts = (TS)solver;
     PetscCall(PetscObjectTypeCompare(solver, TSLATIN, &latin));
     PetscCheck(latin, comm, PETSC_ERR_ARG_WRONG, "The state of a TS can be kept when it is of type latin, not %s: use -ts_type latin", solver->type_name ? solver->type_name : "unknown");
-    PetscCall(TSGetSNES(of->ts, &of->snes));
-  } else of->snes = (SNES)solver;
-  if (of->ts) PetscCall(TSSetUp(of->ts));
-  of->u = of->ts ? of->ts->vec_sol : u;
-  PetscCheck(of->u, comm, PETSC_ERR_ARG_NULL, "The state of a SNES goes with its solution: give the vector");
-  if (of->ts) of->structure = ((TS_Latin *)of->ts->data)->step->base;
-  else PetscCall(SNESLatinFindStructure_Private(of->snes, &of->structure));
-  PetscCheck(of->structure, comm, PETSC_ERR_ORDER, "The solver has no structure: give it one with LatinStructureAttachSNES()");
-  PetscCall(LatinStructureCheckVec_Private(of->structure, of->u));
-  PetscCall(PetscObjectTypeCompare((PetscObject)of->snes, SNESLATIN, &of->latin));
+    PetscCall(TSGetSNES(state->ts, &state->snes));
+    PetscCall(TSSetUp(state->ts));
+    state->u         = state->ts->vec_sol;
+    state->structure = ((TS_Latin *)state->ts->data)->step->base;
+  } else {
+    state->snes = (SNES)solver;
+    state->u    = u;
+    PetscCheck(u, comm, PETSC_ERR_ARG_NULL, "The state of a SNES goes with its solution: give the vector");
+    PetscCall(SNESLatinFindStructure_Private(state->snes, &state->structure));
+    PetscCheck(state->structure, comm, PETSC_ERR_ORDER, "The solver has no structure: give it one with LatinStructureAttachSNES()");
+  }
+  PetscCall(LatinStructureCheckVec_Private(state->structure, state->u));
+  PetscCall(PetscObjectTypeCompare((PetscObject)state->snes, SNESLATIN, &state->latin));
   PetscFunctionReturn(0);
 }
 
 static PetscErrorCode LatinStateSave_Private(PetscObject solver, Vec u, const char file[], PetscInt n, const char note[])
 {
-  MPI_Comm       comm = PetscObjectComm(solver);
-  LatinStateHead head;
-  PetscMPIInt    ranks;
-  LatinStateOf   of;
-  LatinPack      pack = {.data = NULL, .load = PETSC_FALSE}, show = pack;
+  static const char *const endings[] = {".h5", ".hdf5", NULL};
+  MPI_Comm                 comm      = PetscObjectComm(solver);
+  LatinStateHead           head      = {0};
+  LatinState               state;
+  PetscReal               *room = NULL;
+  PetscInt                 ending;
+  PetscMPIInt              ranks, rank;
 
   PetscFunctionBegin;
   PetscCallMPI(MPI_Comm_size(comm, &ranks));
-  PetscCall(LatinStateOf_Private(solver, u, &of));
-  PetscCheck(!of.latin || ((SNES_Latin *)of.snes->data)->z, comm, PETSC_ERR_ORDER, "There is no state yet: solve, or make a step, before");
-  PetscCall(PetscMemzero(&head, sizeof(head)));
-  PetscCall(LatinStateFormat_Private(comm, file, &head));
-  PetscCall(LatinStateStructure_Private(&of, &head.structure));
-  head.tuning     = of.latin ? (double)((SNES_Latin *)of.snes->data)->latin->tuning : 1.0;
-  head.ranks      = (long)ranks;
-  head.motion     = of.ts ? 1 : 0;
-  head.shift      = of.ts ? (double)((TS_Latin *)of.ts->data)->step->shift : 0.0;
-  head.note_bytes = (long)n;
-  PetscCall(LatinPack_Private(&pack, &of, &head));
-  PetscCall(PetscMalloc1(pack.n + 1, &pack.data)); /* never NULL */
-  PetscCall(LatinPack_Private(&pack, &of, &head));
-  if (head.hdf5) {
-    PetscCall(LatinPackShow_Private(&show, &of));
-    PetscCall(PetscMalloc1(show.n + 1, &show.data));
-    PetscCall(LatinPackShow_Private(&show, &of));
+  PetscCallMPI(MPI_Comm_rank(comm, &rank));
+  PetscCall(LatinStateFind_Private(solver, u, &state));
+  PetscCall(PetscStrendswithwhich(file, endings, &ending));
+  head.hdf5       = endings[ending] ? 1.0 : 0.0;
+  head.ranks      = ranks;
+  head.note_bytes = (double)n;
+  if (state.ts) {
+    const TS_Latin *data = (TS_Latin *)state.ts->data;
+
+    head.motion    = 1.0;
+    head.started   = data->started;
+    head.shift     = (double)data->step->shift;
+    head.time      = (double)state.ts->ptime;
+    head.time_step = (double)state.ts->time_step;
+    head.steps     = (double)state.ts->steps;
   }
-  PetscCall(LatinStateWrite_Private(comm, file, &head, &pack, &show, (char *)note));
-  PetscCall(PetscFree(show.data));
-  PetscCall(PetscFree(pack.data));
-  PetscFunctionReturn(0);
-}
+  if (state.latin) {
+    const SNES_Latin *data = (SNES_Latin *)state.snes->data;
 
-/* The search parameters of rigid links that the solves before have found, before anything is built with others. Collective on the SNES */
-static PetscErrorCode LatinStateTune_Private(const LatinStateOf *of, PetscReal tuning)
-{
-  LatinStructure structure;
-  Latin          latin;
-
-  PetscFunctionBegin;
-  if (!of->latin) PetscFunctionReturn(0);
-  latin = ((SNES_Latin *)of->snes->data)->latin;
-  PetscCall(SNESLatinFindStructure_Private(of->snes, &structure));
-  PetscCall(LatinSetStructure_Private(latin, structure));
-  if (tuning > 0.0 && tuning != latin->tuning) PetscCall(LatinParameterTune_Private(latin, tuning / latin->tuning));
+    PetscCheck(data->z, comm, PETSC_ERR_ORDER, "There is no state yet: solve, or make a step, before");
+    head.tuning    = (double)data->latin->tuning;
+    head.solutions = data->has_state + (data->has_state && data->has_before);
+  }
+  PetscCall(LatinStateStructure_Private(&state, &head.structure));
+  PetscCall(LatinStateItems_Private(&state));
+  if (endings[ending]) PetscCall(LatinStateShow_Private(&state, rank ? 0 : n, note, &room));
+  PetscCall(LatinStateWrite_Private(comm, file, &head, &state, note));
+  PetscCall(PetscFree(room));
   PetscFunctionReturn(0);
 }
 
 static PetscErrorCode LatinStateLoad_Private(PetscObject solver, Vec u, const char file[], PetscInt *n, char **note)
 {
   MPI_Comm       comm = PetscObjectComm(solver);
-  LatinPack      pack = {.data = NULL, .load = PETSC_TRUE};
-  uint64_t       structure;
-  PetscInt       total;
-  PetscMPIInt    ranks;
+  SNES_Latin    *snes;
+  TS_Latin      *ts;
   LatinStateHead head;
-  LatinStateOf   of;
+  LatinState     state;
+  double         structure;
+  PetscMPIInt    ranks;
 
   PetscFunctionBegin;
   PetscCallMPI(MPI_Comm_size(comm, &ranks));
-  PetscCall(LatinStateReadHead_Private(comm, file, &head));
-  PetscCall(LatinStateOf_Private(solver, u, &of));
-  PetscCheck(head.ranks == (long)ranks, comm, PETSC_ERR_FILE_UNEXPECTED, "The state %s is of %ld ranks, and these are %d: run on %ld", file, head.ranks, (int)ranks, head.ranks);
-  PetscCheck(head.motion == (of.ts ? 1 : 0), comm, PETSC_ERR_FILE_UNEXPECTED, "The state %s is that of %s", file, head.motion ? "a motion: give the number of time steps" : "a solve, not of a motion: leave out the time steps");
-  if (of.ts) PetscCall(LatinStepLength_Private(((TS_Latin *)of.ts->data)->step, (PetscReal)head.shift));
-  PetscCall(LatinStateTune_Private(&of, (PetscReal)head.tuning));
-  PetscCall(SNESSetUp(of.snes));
-  PetscCall(LatinPack_Private(&pack, &of, &head));
-  PetscCall(LatinStateStructure_Private(&of, &structure));
-  PetscCall(MPIU_Allreduce(&pack.n, &total, 1, MPIU_INT, MPI_SUM, comm));
-  PetscCheck(head.structure == structure && head.numbers == (long)total, comm, PETSC_ERR_FILE_UNEXPECTED, "The state %s is of another structure, partition or method: give the same scene and the same options", file);
+  PetscCall(LatinStateReadHead_Private(comm, file, &head, note));
   *n = (PetscInt)head.note_bytes;
-  PetscCall(PetscCalloc1(*n + 1, note));
-  PetscCall(PetscMalloc1(pack.n + 1, &pack.data)); /* never NULL */
-  PetscCall(LatinStateRead_Private(comm, file, &head, &pack, *note));
-  PetscCall(LatinPack_Private(&pack, &of, &head));
-  PetscCall(PetscFree(pack.data));
+  PetscCall(LatinStateFind_Private(solver, u, &state));
+  snes = state.latin ? (SNES_Latin *)state.snes->data : NULL;
+  ts   = state.ts ? (TS_Latin *)state.ts->data : NULL;
+  PetscCheck(head.ranks == ranks, comm, PETSC_ERR_FILE_UNEXPECTED, "The state %s is of %d ranks, and these are %d: run on %d", file, (int)head.ranks, (int)ranks, (int)head.ranks);
+  PetscCheck((head.motion != 0.0) == (ts != NULL), comm, PETSC_ERR_FILE_UNEXPECTED, "The state %s is that of %s", file, ts ? "a solve, not of a motion: leave out the time steps" : "a motion: give the number of time steps");
+  if (ts) PetscCall(LatinStepLength_Private(ts->step, (PetscReal)head.shift));
+  if (snes) { /* the search parameters of rigid links that the solves before have found, before anything is built with others */
+    PetscCall(LatinSetStructure_Private(snes->latin, ts ? ts->step : state.structure));
+    if (head.tuning > 0.0 && head.tuning != (double)snes->latin->tuning) PetscCall(LatinParameterTune_Private(snes->latin, (PetscReal)head.tuning / snes->latin->tuning));
+  }
+  PetscCall(SNESSetUp(state.snes));
+  PetscCall(LatinStateStructure_Private(&state, &structure));
+  PetscCheck(head.structure == structure, comm, PETSC_ERR_FILE_UNEXPECTED, "The state %s is of another structure, partition or method: give the same scene and the same options", file);
+  PetscCall(LatinStateItems_Private(&state));
+  PetscCall(LatinStateTransfer_Private(comm, file, &head, PETSC_TRUE, &state));
+  if (ts) {
+    ts->started         = (PetscBool)(head.started != 0.0);
+    state.ts->ptime     = (PetscReal)head.time;
+    state.ts->time_step = (PetscReal)head.time_step;
+    PetscCall(TSSetStepNumber(state.ts, (PetscInt)head.steps));
+  }
+  if (snes) {
+    snes->has_state  = (PetscBool)(head.solutions > 0.0);
+    snes->has_before = (PetscBool)(head.solutions > 1.0);
+  }
   PetscFunctionReturn(0);
 }
 
