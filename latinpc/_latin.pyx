@@ -558,8 +558,8 @@ def load_state(Object solver not None, Vec u, path):
     """Read the state of a SNES or a TS; return the note."""
     cdef PetscInt n = 0
     cdef char *note = NULL
-    CHKERR(LatinStateLoad(solver.obj[0], u.vec if u is not None else NULL, path, &n, &note))
     try:
+        CHKERR(LatinStateLoad(solver.obj[0], u.vec if u is not None else NULL, path, &n, &note))
         return note[:n]
     finally:
         PetscFree(note)

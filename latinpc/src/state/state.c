@@ -243,10 +243,9 @@ static PetscErrorCode LatinStateLoad_Private(PetscObject solver, Vec u, const ch
   Collective on solver
 
   Input Parameters:
-+ solver - a SNES, of type latin or another one, after a solve; or a TS of type latin, after a step
++ solver - a SNES of any type after a solve, or a TS of type latin after a step
 . u      - the solution of the SNES; NULL for a TS
-. file   - name of the file, in a folder that can be written to, of HDF5 when it ends in .h5 or .hdf5, else of PETSc's
-           binary format; an older state of this name is replaced in one step
+. file   - its name: HDF5 when it ends in .h5 or .hdf5, else PETSc's binary format; an older one is replaced in one step
 . n      - length of the note
 - note   - bytes of the caller's own, from the first rank
 
@@ -282,8 +281,7 @@ PetscErrorCode LatinStateSave(PetscObject solver, Vec u, const char file[], Pets
   Level: intermediate
 
   Note:
-  The next solve of SNES latin goes on from the state when it starts warm. The next step of the TS is the one after
-  the step that was saved.
+  The next solve of SNES latin goes on from the state when it starts warm. The next step of the TS follows the saved one.
 
 .seealso: `LatinStateSave()`, `SNESLatinSetWarmStart()`
 @*/

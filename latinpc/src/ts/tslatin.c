@@ -60,7 +60,7 @@ static PetscErrorCode LatinStructureAttachTS_Private(LatinStructure structure, T
 /*@C
   LatinStructureAttachTS - Gives a TS the motion of a structure: M a + B^t tau = F.
 
-  Collective on ts; the TS keeps the structure alive. Another structure in the place of one resets the TS
+  Collective on ts; the TS keeps the structure alive. Another structure resets the TS
 
   Level: beginner
 
@@ -104,13 +104,7 @@ static PetscErrorCode TSSetUp_Latin(TS ts)
   PetscCall(TSLatinFind_Private(ts, &snes));
   PetscCheck(data->step, PetscObjectComm((PetscObject)ts), PETSC_ERR_ORDER,
              "-ts_type latin has no structure to work on: build one with LatinStructureCreate() and give it to this TS with LatinStructureAttachTS() (in Python, latinpc.Structure(...).attach(ts))");
-  if (!ts->vec_dot) {
-    Vec v;
-
-    PetscCall(VecDuplicate(ts->vec_sol, &v)); /* at rest */
-    PetscCall(TS2SetSolution(ts, ts->vec_sol, v));
-    PetscCall(VecDestroy(&v));
-  }
+  if (!ts->vec_dot) PetscCall(VecDuplicate(ts->vec_sol, &ts->vec_dot)); /* at rest */
   if (!data->w) PetscCall(VecDuplicate(ts->vec_sol, &data->w));
   PetscCall(LatinStructureAttachSNES(data->step, snes));
   PetscFunctionReturn(0);
@@ -178,29 +172,26 @@ static PetscErrorCode TSInterpolate_Latin(TS ts, PetscReal t, Vec u)
 /* What a step was: iterations of the SNES, energies, unilateral links that bear something */
 static PetscErrorCode TSMonitor_Latin(TS ts, PetscInt steps, PetscReal t, Vec u, void *ctx)
 {
-  TS_Latin *data = (TS_Latin *)ts->data;
-  PetscReal kinetic, potential;
-  PetscInt  active, unilateral;
+  TS_Latin        *data = (TS_Latin *)ts->data;
+  PetscReal        kinetic, potential;
+  PetscInt         active, unilateral;
+  SNES             snes;
+  const PetscReal *rigid;
+  char             solved[128] = "";
 
   PetscFunctionBegin;
   if (steps < 0) PetscFunctionReturn(0); /* a repetition of the last one */
   PetscCall(LatinStructureComputeKineticEnergy(data->step->base, ts->vec_dot, &kinetic));
   PetscCall(LatinStructureComputeEnergy(data->step->base, u, &potential));
-  PetscCall(PetscViewerPushFormat(data->monitor, data->monitor_format));
-  PetscCall(PetscViewerASCIIAddTab(data->monitor, ((PetscObject)ts)->tablevel));
-  PetscCall(PetscViewerASCIIPrintf(data->monitor, "%3" PetscInt_FMT " t %-10g  energy: kinetic %12.6e  potential %13.6e  sum %13.6e", steps, (double)t, (double)kinetic, (double)potential, (double)(kinetic + potential)));
-  PetscCall(PetscViewerASCIIUseTabs(data->monitor, PETSC_FALSE));
   if (steps && data->started) {
-    SNES             snes;
-    const PetscReal *rigid;
-
     PetscCall(TSGetSNES(ts, &snes));
     PetscCall(LatinSolverRigid_Private(snes, data->step, &rigid));
     PetscCall(LatinStructureCountActive_Private(data->step, rigid, data->w, &active, &unilateral));
-    PetscCall(PetscViewerASCIIPrintf(data->monitor, "  iterations %" PetscInt_FMT "  active links %" PetscInt_FMT " of %" PetscInt_FMT, data->iterations, active, unilateral));
+    PetscCall(PetscSNPrintf(solved, sizeof(solved), "  iterations %" PetscInt_FMT "  active links %" PetscInt_FMT " of %" PetscInt_FMT, data->iterations, active, unilateral));
   }
-  PetscCall(PetscViewerASCIIPrintf(data->monitor, "\n"));
-  PetscCall(PetscViewerASCIIUseTabs(data->monitor, PETSC_TRUE));
+  PetscCall(PetscViewerPushFormat(data->monitor, data->monitor_format));
+  PetscCall(PetscViewerASCIIAddTab(data->monitor, ((PetscObject)ts)->tablevel));
+  PetscCall(PetscViewerASCIIPrintf(data->monitor, "%3" PetscInt_FMT " t %-10g  energy: kinetic %12.6e  potential %13.6e  sum %13.6e%s\n", steps, (double)t, (double)kinetic, (double)potential, (double)(kinetic + potential), solved));
   PetscCall(PetscViewerASCIISubtractTab(data->monitor, ((PetscObject)ts)->tablevel));
   PetscCall(PetscViewerPopFormat(data->monitor));
   PetscFunctionReturn(0);
@@ -276,20 +267,18 @@ static PetscErrorCode TSView_Latin(TS ts, PetscViewer viewer)
 @*/
 PetscErrorCode TSLatinGetTensions(TS ts, PetscReal tension[])
 {
-  TS_Latin      *data = (TS_Latin *)ts->data;
-  LatinStructure step;
-  PetscBool      latin;
-  SNES           snes;
+  TS_Latin *data = (TS_Latin *)ts->data;
+  PetscBool latin;
+  SNES      snes;
 
   PetscFunctionBegin;
   PetscValidHeaderSpecific(ts, TS_CLASSID, 1);
   PetscCall(PetscObjectTypeCompare((PetscObject)ts, TSLATIN, &latin));
   PetscCheck(latin, PetscObjectComm((PetscObject)ts), PETSC_ERR_ARG_WRONG, "The TS is not of type latin: use LatinStructureGetTensions() with the displacements");
-  PetscCall(PetscObjectQuery((PetscObject)ts, "LatinStructure", (PetscObject *)&step));
-  PetscCheck(step && ts->vec_sol, PetscObjectComm((PetscObject)ts), PETSC_ERR_ORDER, "There is no motion yet: call LatinStructureAttachTS() and TS2SetSolution() before");
-  PetscCall(TSGetSNES(ts, &snes));
-  if (data->started) PetscCall(LatinSolverTensions_Private(snes, step, data->w, tension));
-  else LatinWatch(PetscObjectComm((PetscObject)ts), LatinStructureTensions_Private(step->base, NULL, ts->vec_sol, tension));
+  PetscCall(TSLatinFind_Private(ts, &snes));
+  PetscCheck(data->step && ts->vec_sol, PetscObjectComm((PetscObject)ts), PETSC_ERR_ORDER, "There is no motion yet: call LatinStructureAttachTS() and TS2SetSolution() before");
+  if (data->started) PetscCall(LatinSolverTensions_Private(snes, data->step, data->w, tension));
+  else LatinWatch(PetscObjectComm((PetscObject)ts), LatinStructureTensions_Private(data->step->base, NULL, ts->vec_sol, tension));
   PetscFunctionReturn(0);
 }
 
