@@ -51,7 +51,7 @@ def test_symmetric_positive_definite_and_exact_in_the_mean(matis, problem, dim, 
     """What conjugate gradients ask for; eigenvalues from one, less what the springs take, to a small number."""
     result = matis(4, problem=problem, dim=dim, blocks=blocks, cells=cells, spectrum=True)
     converged(result, most)
-    assert result["asymmetry"] < 1e-11
+    assert result["asymmetry"] < 3e-11  # rounding of the factors
     assert 0.95 < result["least"] < 1.0 + 1e-8
     assert result["largest"] < 3.0
 

@@ -31,6 +31,7 @@ static PetscErrorCode LatinRegisterTypes(void)
   PetscCall(PCRegister(PCLATIN, PCCreate_Latin));
   PetscCall(KSPRegister(KSPLATIN, KSPCreate_Latin));
   PetscCall(TSRegister(TSLATIN, TSCreate_Latin));
+  PetscCall(MatOrderingRegister(LATIN_ORDERING, LatinOrdering));
   PetscCall(PetscRegisterFinalize(LatinFinalizePackage));
   PetscFunctionReturn(0);
 }

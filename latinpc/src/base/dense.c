@@ -93,3 +93,26 @@ PetscErrorCode LatinSPDInverse_Private(PetscInt n, PetscReal A[], PetscBool *bad
     for (size_t i = 0; i < j; i++) A[i + (size_t)n * j] = A[j + (size_t)n * i];
   PetscFunctionReturn(0);
 }
+
+/*
+   Eliminates the first `inside` unknowns of a symmetric positive definite matrix in place, from its lower half: the Schur
+   complement takes the place of the rest of that half
+*/
+PetscErrorCode LatinSchur_Private(PetscInt n, PetscInt inside, PetscReal A[], PetscBool *bad)
+{
+  const PetscScalar one = 1.0, minus = -1.0;
+  PetscReal        *below = A + inside, *rest = below + (size_t)n * (size_t)inside;
+  PetscBLASInt      bn, bi, bg, info = 0;
+
+  PetscFunctionBegin;
+  if (!inside) PetscFunctionReturn(0);
+  PetscCall(PetscBLASIntCast(n, &bn));
+  PetscCall(PetscBLASIntCast(inside, &bi));
+  PetscCall(PetscBLASIntCast(n - inside, &bg));
+  PetscCallBLAS("LAPACKpotrf", LAPACKpotrf_("L", &bi, A, &bn, &info));
+  if (info) *bad = PETSC_TRUE;
+  if (info || !bg) PetscFunctionReturn(0);
+  PetscCallBLAS("BLAStrsm", BLAStrsm_("R", "L", "T", "N", &bg, &bi, &one, A, &bn, below, &bn));
+  PetscCallBLAS("BLASsyrk", BLASsyrk_("L", "N", &bg, &bi, &minus, below, &bn, &one, rest, &bn));
+  PetscFunctionReturn(0);
+}

@@ -12,6 +12,7 @@ PETSC_INTERN PetscErrorCode LatinSVD_Private(PetscInt rows, PetscInt modes, cons
 PETSC_INTERN void           LatinCombine_Private(PetscInt rows, PetscInt modes, PetscInt n, const PetscScalar A[], const PetscScalar V[], const PetscReal scale[], PetscScalar out[]);
 PETSC_INTERN PetscBool      LatinCholesky(PetscInt n, PetscReal A[]);
 PETSC_INTERN void           LatinInvert(PetscInt n, const PetscReal L[], PetscReal M[]);
+PETSC_INTERN PetscErrorCode LatinSchur_Private(PetscInt n, PetscInt inside, PetscReal A[], PetscBool *bad);
 PETSC_INTERN PetscErrorCode LatinSPDInverse_Private(PetscInt n, PetscReal A[], PetscBool *bad);
 
 #endif

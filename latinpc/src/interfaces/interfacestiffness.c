@@ -14,7 +14,6 @@
 #define LATIN_STIFFNESS_DENSE 0.05                          /* the same of a subdomain that has been condensed: only its interfaces rest on it */
 #define LATIN_STIFFNESS_LEAST 0.1                           /* least diagonal entry, relative to the mean of the subdomain: for dofs that hardly any link reaches */
 #define LATIN_STIFFNESS_TINY  LatinByPrecision(1e-10, 1e-5) /* the same for matrices, whose coefficients may jump: no dof of theirs dangles */
-#define LATIN_STIFFNESS_SMALL 128                           /* rows of a subdomain below which dense algebra is faster than a factor by MUMPS */
 
 /* The foundation of the subdomains. Collective on sub->object. */
 static PetscErrorCode LatinStiffnessFoundation_Private(LatinDirections *dir, PetscReal spring[])
@@ -76,37 +75,6 @@ static PetscErrorCode LatinStiffnessBlock_Private(LatinDirections *dir, LatinRow
   PetscFunctionReturn(0);
 }
 
-/* B^t k B and the foundation of subdomain s, by compressed rows; the caller frees cj and ca */
-static PetscErrorCode LatinStiffnessMatrix_Private(LatinDirections *dir, LatinRows *graph, PetscInt s, const PetscReal spring[], PetscInt *ci, PetscInt **cj, PetscReal **ca)
-{
-  const LatinSubdomains *sub = dir->sub;
-  const PetscInt         bs = dir->sub->bs, top = bs * sub->node_offset[s];
-
-  PetscFunctionBegin;
-  for (PetscInt pass = 0; pass < 2; pass++) {
-    PetscInt nz = 0, n = 0;
-
-    for (PetscInt dof = top; dof < bs * sub->node_offset[s + 1]; dof++) {
-      if (dof % bs == 0) PetscCall(LatinRowsGet_Private(graph, dof / bs, spring, &n));
-      ci[dof - top] = nz;
-      for (PetscInt q = 0; q < n; q++)
-        for (PetscInt b = 0; b < bs; b++) {
-          const PetscInt col = bs * graph->neighbour[q] + b;
-
-          if (col != dof && (sub->fixed[dof] || sub->fixed[col])) continue;
-          if (pass) {
-            (*cj)[nz] = col - top;
-            (*ca)[nz] = graph->block[bs * bs * q + (dof % bs) * bs + b];
-          }
-          nz++;
-        }
-    }
-    ci[bs * sub->node_offset[s + 1] - top] = nz;
-    if (!pass) PetscCall(PetscMalloc2(nz, cj, nz, ca));
-  }
-  PetscFunctionReturn(0);
-}
-
 /* Schur complements on the interfaces of one subdomain, from the inverse F of its matrix on all of them (gamma x gamma) */
 static PetscErrorCode LatinStiffnessSchur_Private(LatinDirections *dir, PetscInt s, PetscInt gamma, const PetscReal F[], const PetscInt at[], const size_t first[], PetscReal S[], PetscBool *bad)
 {
@@ -129,103 +97,33 @@ static PetscErrorCode LatinStiffnessSchur_Private(LatinDirections *dir, PetscInt
   PetscFunctionReturn(0);
 }
 
-/* The same from the matrix of the subdomain, whose inside MUMPS eliminates by a partial factorisation; the rest is dense */
-static PetscErrorCode LatinStiffnessPartial_Private(LatinDirections *dir, LatinRows *graph, PetscInt s, const PetscReal spring[], PetscInt at[], const size_t first[], PetscReal S[], PetscBool *bad)
+/* The Schur complements on the interfaces of the subdomains list[]: the inside of each is eliminated once, the rest is dense */
+static PetscErrorCode LatinStiffnessCondense_Private(LatinDirections *dir, LatinRows *graph, PetscInt n, const PetscInt list[], const PetscReal spring[], PetscInt at[], const size_t first[], PetscReal S[], PetscBool *bad)
 {
   const LatinInterfaces *inter = dir->inter;
-  const PetscInt         top = dir->sub->bs * dir->sub->node_offset[s], side = inter->interface[inter->offset[s]].side_first;
-  PetscInt               rows = dir->sub->bs * dir->sub->node_offset[s + 1] - top, gamma = inter->interface[inter->offset[s + 1] - 1].side_last - side;
-  PetscInt              *dofs, *ci, *cj;
-  PetscReal             *ca;
-  Mat                    K, factor, dense;
-  MatFactorInfo          how;
-  MatFactorError         failed;
-  PetscScalar           *F;
-  IS                     is;
 
   PetscFunctionBegin;
-  PetscCall(PetscMalloc2(gamma, &dofs, rows + 1, &ci));
-  PetscCall(PetscArraycpy(dofs, inter->side_dof + side, gamma));
-  PetscCall(PetscSortRemoveDupsInt(&gamma, dofs));
-  for (PetscInt i = 0; i < gamma; i++) {
-    at[dofs[i]] = i;
-    dofs[i] -= top;
-  }
-  PetscCall(LatinStiffnessMatrix_Private(dir, graph, s, spring, ci, &cj, &ca));
-  PetscCall(MatCreateSeqAIJWithArrays(PETSC_COMM_SELF, rows, rows, ci, cj, ca, &K));
-  PetscCall(MatSetOption(K, MAT_SYMMETRIC, PETSC_TRUE));
-  PetscCall(MatSetOption(K, MAT_SPD, PETSC_TRUE));
-  PetscCall(MatGetFactor(K, MATSOLVERMUMPS, MAT_FACTOR_CHOLESKY, &factor));
-  PetscCall(ISCreateGeneral(PETSC_COMM_SELF, gamma, dofs, PETSC_USE_POINTER, &is));
-  PetscCall(MatFactorSetSchurIS(factor, is));
-  PetscCall(MatFactorInfoInitialize(&how));
-  PetscCall(MatCholeskyFactorSymbolic(factor, K, NULL, &how));
-  PetscCall(MatCholeskyFactorNumeric(factor, K, &how));
-  PetscCall(MatFactorGetError(factor, &failed)); /* noted, not raised */
-  if (failed) *bad = PETSC_TRUE;
-  PetscCall(MatFactorCreateSchurComplement(factor, &dense, NULL));
-  PetscCall(MatDestroy(&factor));
-  PetscCall(MatDenseGetArray(dense, &F));
-  PetscCall(LatinSPDInverse_Private(gamma, F, bad));
-  if (!*bad) PetscCall(LatinStiffnessSchur_Private(dir, s, gamma, F, at, first, S, bad));
-  PetscCall(MatDenseRestoreArray(dense, &F));
-  PetscCall(MatDestroy(&dense));
-  PetscCall(MatDestroy(&K));
-  PetscCall(ISDestroy(&is));
-  PetscCall(PetscFree2(cj, ca));
-  PetscCall(PetscFree2(dofs, ci));
-  PetscFunctionReturn(0);
-}
+  for (PetscInt p = 0; p < n && !*bad; p++) {
+    const PetscInt s = list[p], top = dir->sub->bs * dir->sub->node_offset[s], side = inter->interface[inter->offset[s]].side_first;
+    PetscInt       gamma = inter->interface[inter->offset[s + 1] - 1].side_last - side, *kept;
+    PetscReal     *F;
+    LatinSparse    K;
 
-/*
-   The same by dense algebra: for a subdomain of few rows, where MUMPS takes longer to start than to eliminate, and for one that
-   has been condensed on its interfaces (localsolvers/staticcondensation.c), whose operator is dense
-*/
-static PetscErrorCode LatinStiffnessDense_Private(LatinDirections *dir, LatinRows *graph, PetscInt s, const PetscReal spring[], PetscInt at[], const size_t first[], PetscReal S[], PetscBool *bad)
-{
-  const LatinSubdomains *sub = dir->sub;
-  const PetscInt         bs = sub->bs, top = bs * sub->node_offset[s], rows = bs * sub->node_offset[s + 1] - top;
-  PetscInt               n = 0;
-  PetscReal             *F;
-
-  PetscFunctionBegin;
-  PetscCall(PetscCalloc1(rows * rows, &F));
-  if (LatinSubdomainsCondensed(sub)) PetscCall(PetscArraycpy(F, sub->ka, rows * rows));
-  for (PetscInt i = 0; i < rows; i++) {
-    at[top + i] = i;
-    if (LatinSubdomainsCondensed(sub)) {
-      F[i + rows * i] += spring[i];
-      continue;
+    PetscCall(PetscMalloc1(gamma, &kept));
+    PetscCall(PetscArraycpy(kept, inter->side_dof + side, gamma));
+    PetscCall(PetscSortRemoveDupsInt(&gamma, kept));
+    for (PetscInt i = 0; i < gamma; i++) {
+      at[kept[i]] = i;
+      kept[i] -= top;
     }
-    if (i % bs == 0) PetscCall(LatinRowsGet_Private(graph, (top + i) / bs, spring, &n));
-    for (PetscInt q = 0; q < bs * n; q++) {
-      const PetscInt col = bs * graph->neighbour[q / bs] + q % bs;
-
-      if (col == top + i || !(sub->fixed[top + i] || sub->fixed[col])) F[i + rows * (col - top)] = graph->block[bs * bs * (q / bs) + (i % bs) * bs + q % bs];
-    }
-  }
-  PetscCall(LatinSPDInverse_Private(rows, F, bad));
-  if (!*bad) PetscCall(LatinStiffnessSchur_Private(dir, s, rows, F, at, first, S, bad));
-  PetscCall(PetscFree(F));
-  PetscFunctionReturn(0);
-}
-
-/* The Schur complements of the subdomains list[] */
-static PetscErrorCode LatinStiffnessCondense_Private(LatinDirections *dir, LatinRows *graph, PetscInt patterns, const PetscInt list[], const PetscReal spring[], PetscInt at[], const size_t first[], PetscReal S[], PetscBool *bad)
-{
-  const LatinSubdomains *sub = dir->sub;
-  PetscBool              partial;
-  Mat                    one;
-
-  PetscFunctionBegin;
-  PetscCall(MatCreateSeqAIJ(PETSC_COMM_SELF, 1, 1, 1, NULL, &one));
-  PetscCall(MatGetFactorAvailable(one, MATSOLVERMUMPS, MAT_FACTOR_CHOLESKY, &partial));
-  PetscCall(MatDestroy(&one));
-  for (PetscInt p = 0; p < patterns && !*bad; p++) {
-    const PetscInt s = list[p], rows = sub->bs * (sub->node_offset[s + 1] - sub->node_offset[s]);
-
-    if (LatinSubdomainsCondensed(sub) || !partial || rows < LATIN_STIFFNESS_SMALL) PetscCall(LatinStiffnessDense_Private(dir, graph, s, spring, at, first, S, bad));
-    else PetscCall(LatinStiffnessPartial_Private(dir, graph, s, spring, at, first, S, bad));
+    PetscCall(LatinRowsMatrix_Private(graph, s, spring, dir->sub->fixed, &K));
+    PetscCall(PetscMalloc1((size_t)gamma * (size_t)gamma, &F));
+    PetscCall(LatinEliminate_Private(&K, gamma, kept, F, bad));
+    PetscCall(LatinSPDInverse_Private(gamma, F, bad));
+    if (!*bad) PetscCall(LatinStiffnessSchur_Private(dir, s, gamma, F, at, first, S, bad));
+    PetscCall(PetscFree(F));
+    PetscCall(LatinSparseReset_Private(&K));
+    PetscCall(PetscFree(kept));
   }
   PetscFunctionReturn(0);
 }

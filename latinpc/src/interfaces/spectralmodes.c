@@ -55,12 +55,6 @@ static PetscBool LatinSpectralNode(PetscInt bs, const PetscReal stiffness[], con
   return PETSC_FALSE;
 }
 
-/* Primal and prescribed dofs are held */
-static inline PetscBool LatinSpectralHeld(const LatinSpectral *spectral, PetscInt dof)
-{
-  return (PetscBool)(spectral->sub->fixed[dof] || spectral->inter->component[dof / spectral->sub->bs] >= 0);
-}
-
 /* dangling[s]: has the subdomain a dangling node? */
 static PetscErrorCode LatinSpectralTest_Private(LatinSpectral *spectral, LatinRows *graph, const PetscReal spring[], PetscBool dangling[])
 {
@@ -85,87 +79,6 @@ static PetscErrorCode LatinSpectralTest_Private(LatinSpectral *spectral, LatinRo
       }
   }
   PetscCall(PetscFree(none));
-  PetscFunctionReturn(0);
-}
-
-/* K_E of one subdomain, primal and prescribed dofs held, factored; *ksp stays NULL when it has a mechanism, which the set-up of the linear stage reports */
-static PetscErrorCode LatinSpectralFactor_Private(LatinSpectral *spectral, LatinRows *graph, PetscInt s, const PetscReal spring[], KSP *ksp)
-{
-  const LatinSubdomains *sub    = spectral->sub;
-  LatinFactorStatus      status = {0, PC_NOERROR, PETSC_FALSE, NULL};
-  const PetscInt         bs = sub->bs, top = sub->node_offset[s], nodes = sub->node_offset[s + 1] - top;
-  Mat                    K;
-  PC                     pc;
-  PetscInt              *width, n = 0;
-
-  PetscFunctionBegin;
-  PetscCall(PetscMalloc1(bs * nodes, &width));
-  for (PetscInt pass = 0; pass < 2; pass++) {
-    for (PetscInt i = 0; i < nodes; i++) {
-      PetscCall(LatinRowsGet_Private(graph, top + i, spring, &n));
-      for (PetscInt c = 0; c < bs; c++) {
-        const PetscInt row = bs * i + c;
-
-        if (!pass) width[row] = bs * n;
-        if (pass && LatinSpectralHeld(spectral, bs * top + row)) PetscCall(MatSetValue(K, row, row, 1.0, INSERT_VALUES));
-        if (!pass || LatinSpectralHeld(spectral, bs * top + row)) continue;
-        for (PetscInt q = 0; q < n; q++)
-          for (PetscInt b = 0; b < bs; b++) {
-            const PetscInt col = bs * (graph->neighbour[q] - top) + b;
-
-            if (!LatinSpectralHeld(spectral, bs * top + col)) PetscCall(MatSetValue(K, row, col, graph->block[bs * bs * q + c * bs + b], INSERT_VALUES));
-          }
-      }
-    }
-    if (!pass) PetscCall(MatCreateSeqAIJ(PETSC_COMM_SELF, bs * nodes, bs * nodes, 0, width, &K));
-  }
-  PetscCall(PetscFree(width));
-  PetscCall(MatAssemblyBegin(K, MAT_FINAL_ASSEMBLY));
-  PetscCall(MatAssemblyEnd(K, MAT_FINAL_ASSEMBLY));
-  PetscCall(MatSetOption(K, MAT_SYMMETRIC, PETSC_TRUE));
-  PetscCall(MatSetOption(K, MAT_SPD, PETSC_TRUE));
-  PetscCall(KSPCreate(PETSC_COMM_SELF, ksp));
-  PetscCall(KSPSetOptionsPrefix(*ksp, "set_up_")); /* options without prefix are for others */
-  PetscCall(KSPSetType(*ksp, KSPPREONLY));
-  PetscCall(KSPGetPC(*ksp, &pc));
-  PetscCall(LatinDirectSolver_Private(pc, K, MATSOLVERCHOLMOD));
-  PetscCall(KSPSetOperators(*ksp, K, K));
-  PetscCall(LatinFactor_Private(*ksp, K, MATSOLVERCHOLMOD, &status));
-  PetscCall(VecDestroy(&status.mode));
-  PetscCall(MatDestroy(&K));
-  if (LatinFactorFailed(&status)) PetscCall(KSPDestroy(ksp));
-  PetscFunctionReturn(0);
-}
-
-/* G = d^1/2 C K_E^-1 C^t d^1/2 at n interface dofs (rows of the subdomain), column by column */
-static PetscErrorCode LatinSpectralCompliance_Private(KSP ksp, PetscInt n, const PetscInt dof[], const PetscReal weight[], PetscScalar G[], KSPConvergedReason *failed)
-{
-  const PetscInt width = 64; /* columns solved together: bounds the work space */
-  PetscInt       rows;
-  Mat            K, B, X;
-
-  PetscFunctionBegin;
-  PetscCall(KSPGetOperators(ksp, &K, NULL));
-  PetscCall(MatGetSize(K, &rows, NULL));
-  for (PetscInt first = 0; first < n; first += width) {
-    const PetscInt     columns = PetscMin(width, n - first);
-    const PetscScalar *x;
-    PetscScalar       *b;
-
-    PetscCall(LatinDenseCreate_Private(rows, columns, &B));
-    PetscCall(LatinDenseCreate_Private(rows, columns, &X));
-    PetscCall(MatDenseGetArrayWrite(B, &b));
-    PetscCall(PetscArrayzero(b, rows * columns));
-    for (PetscInt j = 0; j < columns; j++) b[dof[first + j] + rows * j] = weight[first + j];
-    PetscCall(MatDenseRestoreArrayWrite(B, &b));
-    PetscCall(LatinDenseSolve_Private(ksp, B, X, failed));
-    PetscCall(MatDenseGetArrayRead(X, &x));
-    for (PetscInt j = 0; j < columns; j++)
-      for (PetscInt i = 0; i < n; i++) G[i + (size_t)n * (size_t)(first + j)] = weight[i] * x[dof[i] + rows * j];
-    PetscCall(MatDenseRestoreArrayRead(X, &x));
-    PetscCall(MatDestroy(&B));
-    PetscCall(MatDestroy(&X));
-  }
   PetscFunctionReturn(0);
 }
 
@@ -236,38 +149,42 @@ static PetscErrorCode LatinSpectralCut_Private(LatinSpectral *spectral, PetscInt
   PetscFunctionReturn(0);
 }
 
-/* The low-energy modes of a subdomain, cut by interface */
-static PetscErrorCode LatinSpectralSubdomain_Private(LatinSpectral *spectral, LatinRows *graph, PetscInt s, const PetscReal spring[], PetscBool *bad)
+/*
+   The low-energy modes of a subdomain, cut by interface; held[]: primal and prescribed dofs. A subdomain with a mechanism
+   of its own has none: the set-up of the linear stage reports it.
+*/
+static PetscErrorCode LatinSpectralSubdomain_Private(LatinSpectral *spectral, LatinRows *graph, PetscInt s, const PetscReal spring[], const PetscBool held[], PetscBool *bad)
 {
   const LatinInterfaces *inter = spectral->inter;
   const PetscInt         bs = spectral->sub->bs, top = bs * spectral->sub->node_offset[s], rows = bs * spectral->sub->node_offset[s + 1] - top;
   PetscInt              *dof, *position, n = 0, modes = 0, kept;
   PetscReal             *weight;
   PetscScalar           *G, *V;
-  KSP                    ksp    = NULL;
-  KSPConvergedReason     failed = KSP_CONVERGED_ITERATING;
+  PetscBool              mechanism = PETSC_FALSE;
+  LatinSparse            K;
 
   PetscFunctionBegin;
-  PetscCall(LatinSpectralFactor_Private(spectral, graph, s, spring, &ksp));
-  if (!ksp) PetscFunctionReturn(0);
   PetscCall(PetscMalloc3(rows, &dof, rows, &position, rows, &weight));
   for (PetscInt i = 0; i < rows; i++) {
     position[i] = -1;
-    if (spring[top + i] == 0.0 || inter->component[(top + i) / bs] >= 0) continue;
+    if (spring[top + i] == 0.0 || held[top + i]) continue;
     position[i] = n;
     weight[n]   = PetscSqrtReal(spring[top + i]);
     dof[n++]    = i;
   }
   PetscCall(PetscMalloc2((size_t)n * (size_t)n, &G, (size_t)n * (size_t)n, &V));
-  PetscCall(LatinSpectralCompliance_Private(ksp, n, dof, weight, G, &failed));
-  if (failed) *bad = PETSC_TRUE;
-  else if (n) PetscCall(LatinSpectralEigen_Private(n, LatinSpectralThreshold(spectral), G, V, &modes, bad));
+  PetscCall(LatinRowsMatrix_Private(graph, s, spring, held, &K));
+  PetscCall(LatinEliminate_Private(&K, n, dof, G, &mechanism));
+  PetscCall(LatinSPDInverse_Private(n, G, &mechanism));
+  PetscCall(LatinSparseReset_Private(&K));
+  for (PetscInt j = 0; j < n; j++)
+    for (PetscInt i = 0; i < n; i++) G[i + (size_t)n * (size_t)j] *= weight[i] * weight[j];
+  if (n && !mechanism) PetscCall(LatinSpectralEigen_Private(n, LatinSpectralThreshold(spectral), G, V, &modes, bad));
   kept               = PetscMin(modes, LATIN_SPECTRAL_MOST);
   spectral->modes[s] = kept;
   for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++) PetscCall(LatinSpectralCut_Private(spectral, f, n, kept, V + (size_t)n * (size_t)(modes - kept), position, weight));
   PetscCall(PetscFree2(G, V));
   PetscCall(PetscFree3(dof, position, weight));
-  PetscCall(KSPDestroy(&ksp));
   PetscFunctionReturn(0);
 }
 
@@ -340,15 +257,16 @@ PetscErrorCode LatinSpectralSetUp(LatinSpectral *spectral)
   const LatinInterfaces *inter = spectral->inter;
   PetscReal             *spring;
   PetscInt              *pattern;
-  PetscBool             *is, any = PETSC_FALSE, bad = PETSC_FALSE;
+  PetscBool             *is, *held, any = PETSC_FALSE, bad = PETSC_FALSE;
   LatinRows              graph;
 
   PetscFunctionBegin;
   if (LatinSpectralThreshold(spectral) == 0.0) PetscFunctionReturn(0);
   PetscCall(PetscLogEventBegin(LATIN_Spectral, spectral->sub->object, 0, 0, 0));
   PetscCall(PetscCalloc3(inter->count, &spectral->count, inter->count, &spectral->field, sub->n, &spectral->modes));
-  PetscCall(PetscMalloc3(sub->bs * sub->copies, &spring, sub->n, &pattern, sub->n, &is));
+  PetscCall(PetscMalloc4(sub->bs * sub->copies, &spring, sub->bs * sub->copies, &held, sub->n, &pattern, sub->n, &is));
   PetscCall(PetscArrayzero(spring, sub->bs * sub->copies));
+  for (PetscInt i = 0; i < sub->bs * sub->copies; i++) held[i] = (PetscBool)(sub->fixed[i] || inter->component[i / sub->bs] >= 0);
   for (PetscInt k = 0; k < inter->sides; k++) spring[inter->side_dof[k]] += spectral->sub->matrix ? LATIN_SPECTRAL_SOFT * spectral->dir->harmonic[k] : spectral->dir->d[k];
   PetscCall(LatinRowsCreate_Private(sub, 0, &graph));
   for (PetscInt s = 0; s < sub->n; s++) is[s] = (PetscBool)(spectral->sub->matrix && spectral->given);
@@ -358,11 +276,11 @@ PetscErrorCode LatinSpectralSetUp(LatinSpectral *spectral)
   if (any) PetscCall(LatinRepeats_Private(inter, spectral->dir, NULL, pattern));
   for (PetscInt s = 0; s < sub->n; s++) {
     if (!is[s]) continue;
-    if (pattern[s] == s) PetscCall(LatinSpectralSubdomain_Private(spectral, &graph, s, spring, &bad));
+    if (pattern[s] == s) PetscCall(LatinSpectralSubdomain_Private(spectral, &graph, s, spring, held, &bad));
     else PetscCall(LatinSpectralCopy_Private(spectral, pattern[s], s));
   }
   PetscCall(LatinRowsDestroy_Private(&graph));
-  PetscCall(PetscFree3(spring, pattern, is));
+  PetscCall(PetscFree4(spring, held, pattern, is));
   LatinAgree(PetscObjectComm(spectral->sub->object), bad, PETSC_ERR_CONV_FAILED, "The local low-energy fields of a subdomain could not be computed; leave them out with -%smodes_local 0", LatinPrefix(sub));
   PetscCall(LatinSpectralExchange_Private(spectral));
   PetscCall(PetscLogEventEnd(LATIN_Spectral, spectral->sub->object, 0, 0, 0));

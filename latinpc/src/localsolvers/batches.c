@@ -197,7 +197,8 @@ PetscErrorCode LatinLocalSolversSetUp(LatinLocalSolvers *solvers, const char nam
     PetscCall(KSPSetOperators(solvers->ksp[i], solvers->K[i], solvers->K[i]));
     PetscCall(KSPSetFromOptions(solvers->ksp[i]));
     PetscCall(LatinSolverDefaults_Private(solvers->ksp[i], sub->preconditions, &direct));
-    if (!direct) PetscCall(LatinNearNullSpaceBatch_Private(sub, held, &solvers->batches->batch[i], solvers->K[i]));
+    if (direct) PetscCall(MatSetBlockSize(solvers->K[i], sub->bs));
+    else PetscCall(LatinNearNullSpaceBatch_Private(sub, held, &solvers->batches->batch[i], solvers->K[i]));
     PetscCall(LatinFactor_Private(solvers->ksp[i], solvers->K[i], package, &solvers->status));
     solvers->last = i;
     PetscCall(LatinSolverDirect_Private(solvers->ksp[i], &solvers->direct));

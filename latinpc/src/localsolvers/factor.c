@@ -74,6 +74,7 @@ PetscErrorCode LatinDirectSolver_Private(PC pc, Mat A, MatSolverType preferred)
   PetscCall(LatinDirectSolverAvailable_Private(A, preferred, &package, &found));
   if (found) PetscCall(PCFactorSetMatSolverType(pc, package));
   else PetscCall(PCSetType(pc, PCREDUNDANT)); /* a parallel matrix and no parallel direct solver */
+  if (found && !strcmp(package, MATSOLVERCHOLMOD)) PetscCall(PCFactorSetMatOrderingType(pc, LATIN_ORDERING));
   if (!told && !rank && !found) PetscCall(PetscFPrintf(PETSC_COMM_SELF, PETSC_STDERR, "latin: this PETSc has no parallel direct solver; every rank factors the whole coarse problem\n"));
   if (!told && !rank && found && strcmp(package, preferred)) PetscCall(PetscFPrintf(PETSC_COMM_SELF, PETSC_STDERR, "latin: this PETSc has no %s; using %s instead, which may be slower\n", preferred, package));
   if (!found || strcmp(package, preferred)) told = PETSC_TRUE;
@@ -178,6 +179,30 @@ static PetscErrorCode LatinSoftestShifted_Private(Mat A, MatSolverType preferred
   PetscFunctionReturn(0);
 }
 
+/*
+   Beside the order that it is given CHOLMOD tries two of its own, on the graph of the degrees of freedom, which takes as
+   long as the factorisation: one is enough, unless an option says otherwise
+*/
+static PetscErrorCode LatinFactorSetUp_Private(KSP ksp, PetscErrorCode *ierr)
+{
+  const char *prefix;
+  char        name[PETSC_MAX_PATH_LEN];
+  PetscBool   given, other;
+
+  PetscFunctionBegin;
+  PetscCall(KSPGetOptionsPrefix(ksp, &prefix));
+  PetscCall(PetscSNPrintf(name, sizeof(name), "-%smat_cholmod_nmethods", prefix ? prefix : ""));
+  PetscCall(PetscOptionsHasName(NULL, NULL, name, &given));
+  PetscCall(PetscOptionsHasName(((PetscObject)ksp)->options, prefix, "-pc_factor_mat_ordering_type", &other));
+  given = (PetscBool)(given || other);
+  if (!given) PetscCall(PetscOptionsSetValue(NULL, name, "1"));
+  PetscCall(PetscPushErrorHandler(PetscReturnErrorHandler, NULL));
+  *ierr = KSPSetUp(ksp);
+  PetscCall(PetscPopErrorHandler());
+  if (!given) PetscCall(PetscOptionsClearValue(NULL, name));
+  PetscFunctionReturn(0);
+}
+
 /* Factors; the work space that a parallel factor by MUMPS takes is not known beforehand, and grows until it is enough. Collective on A */
 static PetscErrorCode LatinFactorTry_Private(KSP ksp, PC pc, Mat A, LatinFactorStatus *status)
 {
@@ -194,9 +219,7 @@ static PetscErrorCode LatinFactorTry_Private(KSP ksp, PC pc, Mat A, LatinFactorS
       PetscCall(PCFactorGetMatrix(pc, &factor));
       PetscTryMethod(factor, "MatMumpsSetIcntl_C", (Mat, PetscInt, PetscInt), (factor, 14, room));
     }
-    PetscCall(PetscPushErrorHandler(PetscReturnErrorHandler, NULL));
-    status->ierr = KSPSetUp(ksp);
-    PetscCall(PetscPopErrorHandler());
+    PetscCall(LatinFactorSetUp_Private(ksp, &status->ierr));
     (void)LatinWatchWait_Private(PetscObjectComm((PetscObject)A), status->ierr); /* others may still be at work on a parallel matrix */
     if (!status->ierr) PetscCall(PCGetFailedReason(pc, &status->failed));
     if (status->failed != PC_FACTOR_OUTMEMORY || !direct || size == 1) break;

@@ -27,6 +27,13 @@ static inline PetscBool     LatinFactorFailed(const LatinFactorStatus *status)
   return (PetscBool)(status->ierr || status->failed || status->mechanism);
 }
 
+/* ---- the order of elimination (localsolvers/ordering.c) ---- */
+#define LATIN_ORDERING "latin" /* a MatOrderingType */
+PETSC_INTERN PetscErrorCode LatinOrdering(Mat, MatOrderingType, IS *rows, IS *columns);
+
+/* ---- one dense Schur complement (localsolvers/elimination.c) ---- */
+PETSC_INTERN PetscErrorCode LatinEliminate_Private(const LatinSparse *, PetscInt gamma, const PetscInt kept[], PetscReal F[], PetscBool *bad);
+
 /* ---- approximate solvers (localsolvers/approximate.c) ---- */
 #define LATIN_INEXACT_RTOL     LatinByPrecision(1e-10, 1e-5) /* of an iterative solver where it is taken to be exact */
 #define LATIN_INEXACT_HARMLESS 1e-4                          /* asymmetry or variation of a preconditioner that Krylov methods bear */

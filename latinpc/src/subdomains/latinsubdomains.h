@@ -181,5 +181,12 @@ PETSC_INTERN PetscErrorCode LatinRowsFill_Private(LatinRows *, PetscInt i, const
 PETSC_INTERN void           LatinRowsClose(LatinRows *, PetscInt n);
 PETSC_INTERN PetscErrorCode LatinRowsGet_Private(LatinRows *, PetscInt i, const PetscReal spring[], PetscInt *count);
 PETSC_INTERN PetscErrorCode LatinRowsDestroy_Private(LatinRows *);
+/* A matrix of one subdomain by compressed rows */
+typedef struct {
+  PetscInt   rows, *i, *j;
+  PetscReal *a;
+} LatinSparse;
+PETSC_INTERN PetscErrorCode LatinRowsMatrix_Private(LatinRows *, PetscInt s, const PetscReal spring[], const PetscBool held[], LatinSparse *);
+PETSC_INTERN PetscErrorCode LatinSparseReset_Private(LatinSparse *);
 
 #endif

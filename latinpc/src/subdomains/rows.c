@@ -103,3 +103,44 @@ PetscErrorCode LatinRowsGet_Private(LatinRows *rows, PetscInt i, const PetscReal
   LatinRowsClose(rows, *count);
   PetscFunctionReturn(0);
 }
+
+/* The operator of subdomain s and springs; rows and columns held[] are those of the identity */
+PetscErrorCode LatinRowsMatrix_Private(LatinRows *rows, PetscInt s, const PetscReal spring[], const PetscBool held[], LatinSparse *K)
+{
+  const LatinSubdomains *sub = rows->sub;
+  const PetscInt         bs = sub->bs, top = bs * sub->node_offset[s];
+
+  PetscFunctionBegin;
+  K->rows = bs * sub->node_offset[s + 1] - top;
+  PetscCall(PetscMalloc1(K->rows + 1, &K->i));
+  for (PetscInt pass = 0; pass < 2; pass++) {
+    PetscInt nz = 0, n = 0;
+
+    for (PetscInt dof = top; dof < top + K->rows; dof++) {
+      if (dof % bs == 0) PetscCall(LatinRowsGet_Private(rows, dof / bs, spring, &n));
+      K->i[dof - top] = nz;
+      for (PetscInt q = 0; q < n; q++)
+        for (PetscInt b = 0; b < bs; b++) {
+          const PetscInt col = bs * rows->neighbour[q] + b;
+
+          if (col != dof && (held[dof] || held[col])) continue;
+          if (pass) {
+            K->j[nz] = col - top;
+            K->a[nz] = held[dof] ? 1.0 : rows->block[bs * bs * q + (dof % bs) * bs + b];
+          }
+          nz++;
+        }
+    }
+    K->i[K->rows] = nz;
+    if (!pass) PetscCall(PetscMalloc2(nz, &K->j, nz, &K->a));
+  }
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode LatinSparseReset_Private(LatinSparse *K)
+{
+  PetscFunctionBegin;
+  PetscCall(PetscFree(K->i));
+  PetscCall(PetscFree2(K->j, K->a));
+  PetscFunctionReturn(0);
+}

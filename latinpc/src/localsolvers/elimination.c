@@ -1,0 +1,87 @@
+#include "localsolvers/latinlocalsolvers.h"
+
+/*
+   One dense Schur complement for all that works on the interfaces of a subdomain alone: search directions, local
+   low-energy fields, the operator of a subdomain that is condensed on its interfaces. Small subdomains by dense
+   algebra, others by a partial factorisation of MUMPS.
+*/
+
+#define LATIN_ELIMINATE_DENSE 400 /* rows up to which dense algebra takes less time (tensegrity-grid 60 and network 8000 by METIS into 8 to 240) */
+
+/* By MUMPS; F has both halves */
+static PetscErrorCode LatinEliminateSparse_Private(const LatinSparse *A, PetscInt gamma, const PetscInt kept[], PetscReal F[], PetscBool *bad)
+{
+  Mat                K, factor, dense;
+  MatFactorInfo      how;
+  MatFactorError     failed;
+  const PetscScalar *f;
+  IS                 is;
+
+  PetscFunctionBegin;
+  PetscCall(MatCreateSeqAIJWithArrays(PETSC_COMM_SELF, A->rows, A->rows, A->i, A->j, A->a, &K));
+  PetscCall(MatSetOption(K, MAT_SYMMETRIC, PETSC_TRUE));
+  PetscCall(MatSetOption(K, MAT_SPD, PETSC_TRUE));
+  PetscCall(MatGetFactor(K, MATSOLVERMUMPS, MAT_FACTOR_CHOLESKY, &factor));
+  PetscCall(ISCreateGeneral(PETSC_COMM_SELF, gamma, kept, PETSC_USE_POINTER, &is));
+  PetscCall(MatFactorSetSchurIS(factor, is));
+  PetscCall(MatFactorInfoInitialize(&how));
+  PetscCall(MatCholeskyFactorSymbolic(factor, K, NULL, &how));
+  PetscCall(MatCholeskyFactorNumeric(factor, K, &how));
+  PetscCall(MatFactorGetError(factor, &failed)); /* noted, not raised */
+  if (failed) *bad = PETSC_TRUE;
+  PetscCall(MatFactorCreateSchurComplement(factor, &dense, NULL));
+  PetscCall(MatDenseGetArrayRead(dense, &f));
+  PetscCall(PetscArraycpy(F, f, (size_t)gamma * (size_t)gamma));
+  PetscCall(MatDenseRestoreArrayRead(dense, &f));
+  PetscCall(MatDestroy(&dense));
+  PetscCall(MatDestroy(&factor));
+  PetscCall(MatDestroy(&K));
+  PetscCall(ISDestroy(&is));
+  PetscFunctionReturn(0);
+}
+
+/* By dense algebra */
+static PetscErrorCode LatinEliminateDense_Private(const LatinSparse *K, PetscInt gamma, const PetscInt kept[], PetscReal F[], PetscBool *bad)
+{
+  const PetscInt rows = K->rows, inside = rows - gamma;
+  PetscInt      *place;
+  PetscReal     *A;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMalloc1(rows, &place));
+  PetscCall(PetscCalloc1((size_t)rows * (size_t)rows, &A));
+  for (PetscInt r = 0, k = 0; r < rows; r++) {
+    const PetscBool stays = (PetscBool)(k < gamma && kept[k] == r);
+
+    place[r] = stays ? inside + k : r - k;
+    k += stays ? 1 : 0;
+  }
+  for (PetscInt r = 0; r < rows; r++)
+    for (PetscInt k = K->i[r]; k < K->i[r + 1]; k++) A[(size_t)place[r] + (size_t)rows * (size_t)place[K->j[k]]] = K->a[k];
+  PetscCall(LatinSchur_Private(rows, inside, A, bad));
+  for (PetscInt j = 0; j < gamma; j++)
+    for (PetscInt i = j; i < gamma; i++) F[i + (size_t)gamma * (size_t)j] = F[j + (size_t)gamma * (size_t)i] = A[(size_t)(inside + i) + (size_t)rows * (size_t)(inside + j)];
+  PetscCall(PetscFree(A));
+  PetscCall(PetscFree(place));
+  PetscFunctionReturn(0);
+}
+
+/*
+   Eliminates all but the rows kept[gamma], increasing, of a symmetric matrix: F (gamma x gamma, column-major) is the Schur
+   complement. *bad is set where what is eliminated is not positive definite.
+*/
+PetscErrorCode LatinEliminate_Private(const LatinSparse *K, PetscInt gamma, const PetscInt kept[], PetscReal F[], PetscBool *bad)
+{
+  PetscBool mumps = PETSC_FALSE;
+  Mat       one;
+
+  PetscFunctionBegin;
+  if (K->rows > LATIN_ELIMINATE_DENSE && K->i[K->rows] < (PetscReal)K->rows * K->rows / 2) {
+    PetscCall(MatCreateSeqAIJ(PETSC_COMM_SELF, 1, 1, 1, NULL, &one));
+    PetscCall(MatGetFactorAvailable(one, MATSOLVERMUMPS, MAT_FACTOR_CHOLESKY, &mumps));
+    PetscCall(MatDestroy(&one));
+  }
+  if (mumps) PetscCall(LatinEliminateSparse_Private(K, gamma, kept, F, bad));
+  else PetscCall(LatinEliminateDense_Private(K, gamma, kept, F, bad));
+  PetscFunctionReturn(0);
+}
