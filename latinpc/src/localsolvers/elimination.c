@@ -8,7 +8,7 @@
 
 #define LATIN_ELIMINATE_DENSE 400 /* rows up to which dense algebra takes less time (tensegrity-grid 60 and network 8000 by METIS into 8 to 240) */
 
-/* By MUMPS; F has both halves */
+/* By MUMPS */
 static PetscErrorCode LatinEliminateSparse_Private(const LatinSparse *A, PetscInt gamma, const PetscInt kept[], PetscReal F[], PetscBool *bad)
 {
   Mat                K, factor, dense;
@@ -31,7 +31,8 @@ static PetscErrorCode LatinEliminateSparse_Private(const LatinSparse *A, PetscIn
   if (failed) *bad = PETSC_TRUE;
   PetscCall(MatFactorCreateSchurComplement(factor, &dense, NULL));
   PetscCall(MatDenseGetArrayRead(dense, &f));
-  PetscCall(PetscArraycpy(F, f, (size_t)gamma * (size_t)gamma));
+  for (PetscInt j = 0; j < gamma; j++)
+    for (PetscInt i = j; i < gamma; i++) F[i + (size_t)gamma * (size_t)j] = F[j + (size_t)gamma * (size_t)i] = f[i + (size_t)gamma * (size_t)j];
   PetscCall(MatDenseRestoreArrayRead(dense, &f));
   PetscCall(MatDestroy(&dense));
   PetscCall(MatDestroy(&factor));
@@ -68,7 +69,7 @@ static PetscErrorCode LatinEliminateDense_Private(const LatinSparse *K, PetscInt
 
 /*
    Eliminates all but the rows kept[gamma], increasing, of a symmetric matrix: F (gamma x gamma, column-major) is the Schur
-   complement. *bad is set where what is eliminated is not positive definite.
+   complement, symmetric to the bit. *bad is set where what is eliminated is not positive definite.
 */
 PetscErrorCode LatinEliminate_Private(const LatinSparse *K, PetscInt gamma, const PetscInt kept[], PetscReal F[], PetscBool *bad)
 {

@@ -13,9 +13,8 @@
    For a matrix with one subdomain on this rank, if the solvers of its subdomains are the default ones.
 */
 
-#define LATIN_INTERIOR_COLUMNS 32     /* right-hand sides solved together */
-#define LATIN_INTERIOR_WIDTH   320    /* most unknowns on interfaces: what follows is dense */
-#define LATIN_INTERIOR_WORK    120000 /* most of them times unknowns inside: each takes a solve */
+#define LATIN_INTERIOR_WIDTH 320    /* most unknowns on interfaces: what follows is dense */
+#define LATIN_INTERIOR_WORK  120000 /* most of them times unknowns inside */
 
 struct _n_LatinInterior {
   PetscInt   n;       /* unknowns inside */
@@ -64,8 +63,8 @@ static PetscErrorCode LatinInteriorNumber_Private(const LatinSubdomains *sub, Pe
   PetscFunctionReturn(0);
 }
 
-/* The rows of K_II and K_IG; and S, which starts as K_GG, column by column */
-static PetscErrorCode LatinInteriorRows_Private(const LatinSubdomains *sub, const PetscInt at[], LatinInterior interior, PetscInt width, PetscReal S[])
+/* The rows of K_II and K_IG */
+static PetscErrorCode LatinInteriorRows_Private(const LatinSubdomains *sub, const PetscInt at[], LatinInterior interior)
 {
   PetscInt    first, nk = 0, nc = 0;
   PetscLayout map;
@@ -82,17 +81,14 @@ static PetscErrorCode LatinInteriorRows_Private(const LatinSubdomains *sub, cons
   PetscCall(PetscMalloc4(nk, &interior->kj, nk, &interior->ka, nc, &interior->cj, nc, &interior->ca));
   nk = nc = 0;
   for (PetscInt i = 0; i < sub->copies; i++) {
-    if (at[i] >= 0) {
-      interior->row[at[i]] = sub->node[i] - first;
-      interior->ki[at[i]]  = nk;
-      interior->ci[at[i]]  = nc;
-    }
+    if (at[i] < 0) continue;
+    interior->row[at[i]] = sub->node[i] - first;
+    interior->ki[at[i]]  = nk;
+    interior->ci[at[i]]  = nc;
     for (PetscInt k = sub->ki[i]; k < sub->ki[i + 1]; k++) {
       const PetscInt j = at[sub->kj[k]];
 
-      if (at[i] < 0) {
-        if (j < 0) S[-1 - at[i] + width * (-1 - j)] = sub->ka[k];
-      } else if (j >= 0) {
+      if (j >= 0) {
         interior->kj[nk]   = j;
         interior->ka[nk++] = sub->ka[k];
       } else {
@@ -125,42 +121,6 @@ static PetscErrorCode LatinInteriorFactor_Private(const LatinSubdomains *sub, La
   PetscCall(LatinFactor_Private(interior->ksp, interior->K, MATSOLVERCHOLMOD, &status));
   PetscCall(VecDestroy(&status.mode));
   *done = (PetscBool)!LatinFactorFailed(&status);
-  PetscFunctionReturn(0);
-}
-
-/* S -= K_GI K_II^-1 K_IG, some columns at a time */
-static PetscErrorCode LatinInteriorCondense_Private(LatinInterior interior, PetscInt width, PetscReal S[], PetscBool *done)
-{
-  const PetscInt     n      = interior->n;
-  KSPConvergedReason failed = KSP_CONVERGED_ITERATING;
-
-  PetscFunctionBegin;
-  for (PetscInt from = 0; from < width; from += LATIN_INTERIOR_COLUMNS) {
-    const PetscInt     to = PetscMin(from + LATIN_INTERIOR_COLUMNS, width);
-    Mat                B, X;
-    PetscScalar       *b;
-    const PetscScalar *x;
-
-    PetscCall(LatinDenseCreate_Private(n, to - from, &B));
-    PetscCall(LatinDenseCreate_Private(n, to - from, &X));
-    PetscCall(MatDenseGetArrayWrite(B, &b));
-    PetscCall(PetscArrayzero(b, n * (to - from)));
-    for (PetscInt i = 0; i < n; i++)
-      for (PetscInt k = interior->ci[i]; k < interior->ci[i + 1]; k++)
-        if (interior->cj[k] >= from && interior->cj[k] < to) b[i + n * (interior->cj[k] - from)] = interior->ca[k];
-    PetscCall(MatDenseRestoreArrayWrite(B, &b));
-    PetscCall(LatinDenseSolve_Private(interior->ksp, B, X, &failed));
-    PetscCall(MatDenseGetArrayRead(X, &x));
-    for (PetscInt j = from; j < to; j++)
-      for (PetscInt i = 0; i < n; i++)
-        for (PetscInt k = interior->ci[i]; k < interior->ci[i + 1]; k++) S[interior->cj[k] + width * j] -= interior->ca[k] * x[i + n * (j - from)];
-    PetscCall(MatDenseRestoreArrayRead(X, &x));
-    PetscCall(MatDestroy(&B));
-    PetscCall(MatDestroy(&X));
-  }
-  for (PetscInt j = 0; j < width; j++)
-    for (PetscInt i = 0; i < j; i++) S[i + width * j] = S[j + width * i] = 0.5 * (S[i + width * j] + S[j + width * i]);
-  *done = (PetscBool)!failed;
   PetscFunctionReturn(0);
 }
 
@@ -199,10 +159,11 @@ static PetscErrorCode LatinInteriorShrink_Private(LatinSubdomains *sub, const Pe
 /* What this rank does by itself */
 static PetscErrorCode LatinInteriorEliminate_Private(LatinSubdomains *sub, LatinInterior *eliminated, PetscInt at[], PetscBool *done)
 {
-  LatinInterior interior;
-  PetscInt      n = 0, width;
-  PetscReal    *S;
-  PetscBool    *jumps;
+  const LatinSparse whole = {.rows = sub->copies, .i = sub->ki, .j = sub->kj, .a = sub->ka};
+  LatinInterior     interior;
+  PetscInt          n = 0, width, *kept;
+  PetscReal        *S;
+  PetscBool        *jumps, bad = PETSC_FALSE;
 
   PetscFunctionBegin;
   PetscCall(LatinInteriorNumber_Private(sub, at, &n, done));
@@ -210,20 +171,22 @@ static PetscErrorCode LatinInteriorEliminate_Private(LatinSubdomains *sub, Latin
   width = sub->copies - n;
   PetscCall(PetscNew(&interior));
   interior->n = n;
-  PetscCall(PetscCalloc1(width * width, &S));
-  PetscCall(LatinInteriorRows_Private(sub, at, interior, width, S));
+  PetscCall(LatinInteriorRows_Private(sub, at, interior));
+  PetscCall(PetscMalloc2(width * width, &S, width, &kept));
+  for (PetscInt i = 0; i < sub->copies; i++)
+    if (at[i] < 0) kept[-1 - at[i]] = i;
   PetscCall(LatinInteriorFactor_Private(sub, interior, done));
-  if (*done) PetscCall(LatinInteriorCondense_Private(interior, width, S, done));
+  if (*done) PetscCall(LatinEliminate_Private(&whole, width, kept, S, &bad));
+  *done = (PetscBool)(*done && !bad);
   if (*done) {
     PetscCall(PetscMalloc1(sub->copies, &jumps));
     PetscCall(LatinJumpsCopies_Private(sub, jumps));
-    for (PetscInt i = 0, k = 0; i < sub->copies; i++)
-      if (at[i] < 0) jumps[k++] = jumps[i];
+    for (PetscInt k = 0; k < width; k++) jumps[k] = jumps[kept[k]];
     sub->jumps  = jumps;
     *eliminated = interior;
     PetscCall(LatinInteriorShrink_Private(sub, at, width, S));
   } else PetscCall(LatinInteriorReset(&interior));
-  PetscCall(PetscFree(S));
+  PetscCall(PetscFree2(S, kept));
   PetscFunctionReturn(0);
 }
 
