@@ -38,7 +38,8 @@ PETSC_INTERN PetscErrorCode LatinSetUp_Private(Latin);
 PETSC_INTERN PetscErrorCode LatinReset_Private(Latin);
 PETSC_INTERN PetscErrorCode LatinDestroy_Private(Latin *);
 /* ---- core/options.c ---- */
-PETSC_INTERN PetscErrorCode LatinSetFromOptions_Private(Latin, LatinOptionItems, const char family[]);
+PETSC_INTERN PetscErrorCode LatinSetPrefix_Private(Latin, PetscObject solver);
+PETSC_INTERN PetscErrorCode LatinSetFromOptions_Private(Latin, PetscObject solver);
 /* ---- core/view.c ---- */
 PETSC_INTERN PetscErrorCode LatinView_Private(Latin, PetscViewer);
 /* ---- core/mechanism.c ---- */

@@ -1,7 +1,7 @@
 #include "core/latinimpl.h"
 
 /*
-   What is asked of the method: setters, and the options -<prefix><family>_latin_... that call them. A setter that changes
+   What is asked of the method: setters, and the options that call them. A setter that changes
    something makes the next set-up build everything anew.
 */
 
@@ -145,31 +145,37 @@ PetscErrorCode LatinSetPartition(Latin latin, PetscInt links, const PetscInt sub
   PetscFunctionReturn(0);
 }
 
-/* family is "snes", "ksp" or "pc": the options of the method are -<prefix><family>_latin_... */
-PetscErrorCode LatinSetFromOptions_Private(Latin latin, LatinOptionItems PetscOptionsObject, const char family[])
+/* Options database and prefix of the method behind a PC, a KSP or a SNES: -<prefix>pc_latin_, ksp_latin_ or snes_latin_ */
+PetscErrorCode LatinSetPrefix_Private(Latin latin, PetscObject solver)
+{
+  PetscFunctionBegin;
+  PetscCall(PetscObjectSetOptions((PetscObject)latin, solver->options));
+  PetscCall(PetscObjectSetOptionsPrefix((PetscObject)latin, solver->prefix));
+  PetscCall(PetscObjectAppendOptionsPrefix((PetscObject)latin, solver->classid == SNES_CLASSID ? "snes_latin_" : solver->classid == KSP_CLASSID ? "ksp_latin_" : "pc_latin_"));
+  PetscFunctionReturn(0);
+}
+
+/* The options of the method, behind the prefix that solver gives it. Collective on solver */
+PetscErrorCode LatinSetFromOptions_Private(Latin latin, PetscObject solver)
 {
   LatinVariant       variant   = latin->inter.variant;
   LatinModesType     modes     = latin->macro.type;
   LatinDirectionType direction = latin->dir.type;
   PetscReal          threshold = latin->spectral.given ? latin->spectral.threshold : PETSC_DEFAULT, value = latin->dir.value;
   PetscInt           subdomains = latin->partition.subdomains;
-  PetscBool          isnes, isksp;
 
   PetscFunctionBegin;
-  PetscCall(PetscStrcmp(family, "snes", &isnes));
-  PetscCall(PetscStrcmp(family, "ksp", &isksp));
-#define LATIN_OPTION(name) (isnes ? "-snes_latin_" name : isksp ? "-ksp_latin_" name : "-pc_latin_" name)
-  PetscOptionsHeadBegin(PetscOptionsObject, "LATIN domain decomposition options");
-  PetscCall(PetscOptionsRangeInt(LATIN_OPTION("subdomains"), "Number of subdomains, 0: automatic", "LatinSetSubdomains", subdomains, &subdomains, NULL, 0, PETSC_MAX_INT));
-  if (!isksp) PetscCall(PetscOptionsEnum(LATIN_OPTION("variant"), "Coarse treatment of weak interfaces (section 4)", "LatinSetVariant", LatinVariants, (PetscEnum)variant, (PetscEnum *)&variant, NULL));
-  PetscCall(PetscOptionsEnum(LATIN_OPTION("modes"), "Macro fields of strong interfaces (section 3.2)", "LatinSetModes", LatinModesTypes, (PetscEnum)modes, (PetscEnum *)&modes, NULL));
-  PetscCall(PetscOptionsReal(LATIN_OPTION("modes_local"), "Threshold of local low-energy fields that are macro, 0: none, -2: automatic", "LatinSetModes", threshold, &threshold, NULL));
-  PetscCall(PetscOptionsEnum(LATIN_OPTION("direction"), "Micro search direction of the interfaces", "LatinSetDirection", LatinDirectionTypes, (PetscEnum)direction, (PetscEnum *)&direction, NULL));
-  if (isnes) PetscCall(PetscOptionsReal(LATIN_OPTION("direction_value"), "Scalar direction (force/length), or fraction of the interface stiffness, 0: automatic", "LatinSetDirection", value, &value, NULL));
-  PetscOptionsHeadEnd();
-  PetscCheck(!(threshold > 0.0) || variant == LATIN_VARIANT_CORNER, PetscObjectComm((PetscObject)latin), PETSC_ERR_SUP, "%s needs %s corner: elsewhere the local fields of interfaces that share nodes slow the iteration down",
-             LATIN_OPTION("modes_local"), LATIN_OPTION("variant"));
-#undef LATIN_OPTION
+  PetscCall(LatinSetPrefix_Private(latin, solver));
+  PetscObjectOptionsBegin((PetscObject)latin);
+  PetscCall(PetscOptionsRangeInt("-subdomains", "Number of subdomains, 0: automatic", "LatinSetSubdomains", subdomains, &subdomains, NULL, 0, PETSC_MAX_INT));
+  if (solver->classid != KSP_CLASSID) PetscCall(PetscOptionsEnum("-variant", "Coarse treatment of weak interfaces (section 4)", "LatinSetVariant", LatinVariants, (PetscEnum)variant, (PetscEnum *)&variant, NULL));
+  PetscCall(PetscOptionsEnum("-modes", "Macro fields of strong interfaces (section 3.2)", "LatinSetModes", LatinModesTypes, (PetscEnum)modes, (PetscEnum *)&modes, NULL));
+  PetscCall(PetscOptionsReal("-modes_local", "Threshold of local low-energy fields that are macro, 0: none, -2: automatic", "LatinSetModes", threshold, &threshold, NULL));
+  PetscCall(PetscOptionsEnum("-direction", "Micro search direction of the interfaces", "LatinSetDirection", LatinDirectionTypes, (PetscEnum)direction, (PetscEnum *)&direction, NULL));
+  if (solver->classid == SNES_CLASSID) PetscCall(PetscOptionsReal("-direction_value", "Scalar direction (force/length), or fraction of the interface stiffness, 0: automatic", "LatinSetDirection", value, &value, NULL));
+  PetscOptionsEnd();
+  PetscCheck(!(threshold > 0.0) || variant == LATIN_VARIANT_CORNER, PetscObjectComm(solver), PETSC_ERR_SUP, "-%smodes_local needs -%svariant corner: elsewhere the local fields of interfaces that share nodes slow the iteration down", LatinPrefix(&latin->sub),
+             LatinPrefix(&latin->sub));
   PetscCall(LatinSetVariant(latin, variant));
   PetscCall(LatinSetModes(latin, modes, threshold));
   PetscCall(LatinSetDirection(latin, direction, value));

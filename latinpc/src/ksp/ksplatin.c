@@ -147,7 +147,6 @@ static PetscErrorCode KSPSetUp_Latin(KSP ksp)
   LatinStructure   structure;
   PetscObjectId    id;
   PetscObjectState state;
-  const char      *prefix;
 
   PetscFunctionBegin;
   PetscCall(PetscCitationsRegister(citation, &cited));
@@ -163,9 +162,7 @@ static PetscErrorCode KSPSetUp_Latin(KSP ksp)
     PetscCall(LatinSetTangent_Private(data->latin, P));
   } else PetscCall(KSPLatinSetMatrix_Private(ksp, P));
   PetscCall(MatCreateVecs(P, &data->work[0], &data->work[1]));
-  PetscCall(KSPGetOptionsPrefix(ksp, &prefix));
-  PetscCall(PetscObjectSetOptionsPrefix((PetscObject)data->latin, prefix));
-  PetscCall(PetscObjectAppendOptionsPrefix((PetscObject)data->latin, "ksp_latin_"));
+  PetscCall(LatinSetPrefix_Private(data->latin, (PetscObject)ksp));
   PetscCall(LatinSetUp_Private(data->latin));
   PetscCall(KSPLatinCheckMatrix_Private(ksp, A));
   PetscCall(LatinCreateState_Private(&data->latin->linear, &data->y));
@@ -279,8 +276,7 @@ static PetscErrorCode KSPSetFromOptions_Latin(KSP ksp, LatinOptionItems PetscOpt
   char        type[64] = "";
 
   PetscFunctionBegin;
-  PetscCall(LatinSetFromOptions_Private(data->latin, PetscOptionsObject, "ksp"));
-  PetscCall(PetscObjectSetOptions((PetscObject)data->latin, ((PetscObject)ksp)->options));
+  PetscCall(LatinSetFromOptions_Private(data->latin, (PetscObject)ksp));
   PetscCall(KSPGetOptionsPrefix(ksp, &prefix));
   PetscCall(PetscOptionsGetString(((PetscObject)ksp)->options, prefix, "-pc_type", type, sizeof(type), NULL));
   PetscCheck(!type[0] || !strcmp(type, PCNONE), PetscObjectComm((PetscObject)ksp), PETSC_ERR_ARG_INCOMP, "-ksp_type latin takes no preconditioner, but -pc_type is %s: leave it out, or use it with another KSP, for example -ksp_type cg -pc_type latin",

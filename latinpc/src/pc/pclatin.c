@@ -70,7 +70,6 @@ static PetscErrorCode PCLatinSetUpLatin_Private(PC pc)
 {
   PC_Latin      *data = (PC_Latin *)pc->data;
   LatinStructure structure;
-  const char    *prefix;
   DM             dm = pc->dm;
 
   PetscFunctionBegin;
@@ -84,9 +83,7 @@ static PetscErrorCode PCLatinSetUpLatin_Private(PC pc)
     if (!dm) PetscCall(MatGetDM(pc->pmat, &dm));
     PetscCall(LatinUnknownsSetUp_Private(pc->pmat, dm, data->dim, data->nodes, data->x, &data->latin->sub.known));
   }
-  PetscCall(PCGetOptionsPrefix(pc, &prefix));
-  PetscCall(PetscObjectSetOptionsPrefix((PetscObject)data->latin, prefix));
-  PetscCall(PetscObjectAppendOptionsPrefix((PetscObject)data->latin, "pc_latin_"));
+  PetscCall(LatinSetPrefix_Private(data->latin, (PetscObject)pc));
   data->latin->dir.share = PCLatinSchurWeights(data->latin);
   PetscCall(LatinSetUp_Private(data->latin));
   PetscFunctionReturn(0);
@@ -241,9 +238,8 @@ PetscErrorCode PCSetFromOptions_Latin(PC pc, LatinOptionItems PetscOptionsObject
   PC_Latin *data = (PC_Latin *)pc->data;
 
   PetscFunctionBegin;
-  if (!data->shared) PetscCall(LatinSetFromOptions_Private(data->latin, PetscOptionsObject, "pc"));
+  if (!data->shared) PetscCall(LatinSetFromOptions_Private(data->latin, (PetscObject)pc));
   if (data->latin->stale) pc->setupcalled = 0; /* built again at the next PCSetUp() */
-  if (!data->shared) PetscCall(PetscObjectSetOptions((PetscObject)data->latin, ((PetscObject)pc)->options));
   PetscFunctionReturn(0);
 }
 

@@ -17,20 +17,6 @@ PetscErrorCode SNESLatinCheck_Private(SNES snes)
   PetscFunctionReturn(0);
 }
 
-/* The prefix of the decomposition, from which those of the local and coarse solvers follow */
-PetscErrorCode SNESLatinPrefix_Private(SNES snes)
-{
-  SNES_Latin *data = (SNES_Latin *)snes->data;
-  const char *prefix;
-
-  PetscFunctionBegin;
-  PetscCall(SNESGetOptionsPrefix(snes, &prefix));
-  PetscCall(PetscObjectSetOptions((PetscObject)data->latin, ((PetscObject)snes)->options));
-  PetscCall(PetscObjectSetOptionsPrefix((PetscObject)data->latin, prefix));
-  PetscCall(PetscObjectAppendOptionsPrefix((PetscObject)data->latin, "snes_latin_"));
-  PetscFunctionReturn(0);
-}
-
 PetscErrorCode SNESSetFromOptions_Latin(SNES snes, LatinOptionItems PetscOptionsObject)
 {
   SNES_Latin       *data  = (SNES_Latin *)snes->data;
@@ -41,7 +27,7 @@ PetscErrorCode SNESSetFromOptions_Latin(SNES snes, LatinOptionItems PetscOptions
   PetscViewerFormat format;
 
   PetscFunctionBegin;
-  PetscCall(LatinSetFromOptions_Private(data->latin, PetscOptionsObject, "snes"));
+  PetscCall(LatinSetFromOptions_Private(data->latin, (PetscObject)snes));
   PetscOptionsHeadBegin(PetscOptionsObject, "SNES latin options");
   PetscCall(PetscOptionsEnum("-snes_latin_stop",
                              "Stop on the LATIN indicator (-snes_stol), the residual (-snes_rtol, -snes_atol), the error against a reference (-snes_stol), or the estimated error of the displacements or of the energy (-snes_latin_error)",
@@ -60,7 +46,6 @@ PetscErrorCode SNESSetFromOptions_Latin(SNES snes, LatinOptionItems PetscOptions
     data->monitor        = viewer;
     data->monitor_format = format;
   }
-  PetscCall(SNESLatinPrefix_Private(snes));
   if (data->outer) PetscCall(SNESLatinOuterOptions_Private(snes));
   else PetscCall(SNESLatinCreateOuter_Private(snes));
   PetscCall(SNESDestroy(&data->newton.snes)); /* made anew with the options and the prefix of now */

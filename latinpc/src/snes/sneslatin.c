@@ -68,7 +68,7 @@ static PetscErrorCode SNESSetUp_Latin(SNES snes)
   PetscCheck(structure, PetscObjectComm((PetscObject)snes), PETSC_ERR_ORDER,
              "-snes_type latin has no structure to work on: build one with LatinStructureCreate() and give it to this SNES with LatinStructureAttachSNES() (in Python, latinpc.Structure(...).attach(snes))");
   PetscCall(LatinSetStructure_Private(data->latin, structure));
-  PetscCall(SNESLatinPrefix_Private(snes));
+  PetscCall(LatinSetPrefix_Private(data->latin, (PetscObject)snes));
   PetscCall(SNESLatinSetUpState_Private(snes));
   PetscFunctionReturn(0);
 }

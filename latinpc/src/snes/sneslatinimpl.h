@@ -129,7 +129,6 @@ PETSC_INTERN PetscErrorCode      SNESLatinFirst_Private(SNES);
 PETSC_INTERN PetscErrorCode      SNESLatinWatch_Private(SNES, PetscInt it);
 PETSC_INTERN PetscErrorCode      SNESLatinConverged_Private(SNES outer, PetscInt it, PetscReal xnorm, PetscReal snorm, PetscReal fnorm, SNESConvergedReason *, void *);
 /* snes/options.c */
-PETSC_INTERN PetscErrorCode SNESLatinPrefix_Private(SNES);
 PETSC_INTERN PetscErrorCode SNESLatinCheck_Private(SNES);
 PETSC_INTERN PetscErrorCode SNESSetFromOptions_Latin(SNES, LatinOptionItems);
 /* snes/results.c */
