@@ -396,7 +396,7 @@ CASES = {
         lambda: latinpc.subdomain_is(solve(square(), snes_latin_subdomains=2)[0], 9),
     ),
     "wrong_snes": (r"The SNES is of type newtonls, not latin", lambda: latinpc.history(bare(PETSc.SNES, "newtonls"))),
-    "wrong_pc": (r"The PC is not of type latin", lambda: latinpc.statistics(bare(PETSc.PC, "jacobi"))),
+    "wrong_pc": (r"The PC is of type jacobi, not latin", lambda: latinpc.statistics(bare(PETSc.PC, "jacobi"))),
     "wrong_object": (
         r"expected a petsc4py SNES, KSP or PC of type latin, got Vec",
         lambda: latinpc.statistics(PETSc.Vec().create()),

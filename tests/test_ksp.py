@@ -404,4 +404,4 @@ def test_a_preconditioner_has_no_place():
 def test_not_of_the_type():
     ksp = PETSc.KSP().create(comm=PETSc.COMM_SELF)
     ksp.setType("cg")
-    assert "not of type latin" in message(lambda: latinpc.outer_ksp(ksp))
+    assert "not latin: call KSPSetType() first" in message(lambda: latinpc.outer_ksp(ksp))

@@ -2,42 +2,33 @@
 
 /*
    Errors found by one rank must end the call on all of them, or the others would wait in the next collective
-   call for ever. Every rank raises the message of the lowest rank that found something.
+   call for ever. Every rank raises the error of the lowest rank that found something.
 */
 PetscErrorCode LatinAgree_Private(MPI_Comm comm, PetscBool bad, PetscErrorCode code, const char message[])
 {
-  PetscMPIInt rank, size, mine, first;
+  PetscMPIInt rank, size, first, number = (PetscMPIInt)code;
   char        text[512];
 
   PetscFunctionBegin;
   PetscCallMPI(MPI_Comm_rank(comm, &rank));
   PetscCallMPI(MPI_Comm_size(comm, &size));
-  mine = bad ? rank : size;
-  PetscCallMPI(MPI_Allreduce(&mine, &first, 1, MPI_INT, MPI_MIN, comm));
+  first = bad ? rank : size;
+  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &first, 1, MPI_INT, MPI_MIN, comm));
   if (first == size) PetscFunctionReturn(0);
   PetscCall(PetscStrncpy(text, message, sizeof(text)));
+  PetscCallMPI(MPI_Bcast(&number, 1, MPI_INT, first, comm));
   PetscCallMPI(MPI_Bcast(text, (PetscMPIInt)sizeof(text), MPI_CHAR, first, comm));
-  SETERRQ(comm, code, "%s", text);
+  SETERRQ(comm, (PetscErrorCode)number, "%s", text);
 }
 
 PetscErrorCode LatinAgreeError_Private(MPI_Comm comm, PetscErrorCode mine)
 {
-  PetscMPIInt rank, size, first, code = (PetscMPIInt)mine;
-  char        text[512] = "", *message = NULL;
+  char *message = NULL;
 
   PetscFunctionBegin;
-  PetscCallMPI(MPI_Comm_rank(comm, &rank));
-  PetscCallMPI(MPI_Comm_size(comm, &size));
-  first = mine ? rank : size;
-  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &first, 1, MPI_INT, MPI_MIN, comm));
-  if (first == size) PetscFunctionReturn(0);
-  if (mine) {
-    PetscCall(PetscErrorMessage(mine, NULL, (void *)&message)); /* char *, const or not, by version */
-    if (message) PetscCall(PetscStrncpy(text, message, sizeof(text)));
-  }
-  PetscCallMPI(MPI_Bcast(&code, 1, MPI_INT, first, comm));
-  PetscCallMPI(MPI_Bcast(text, (PetscMPIInt)sizeof(text), MPI_CHAR, first, comm));
-  SETERRQ(comm, (PetscErrorCode)code, "%s", text);
+  if (mine) PetscCall(PetscErrorMessage(mine, NULL, (void *)&message)); /* char *, const or not, by version */
+  PetscCall(LatinAgree_Private(comm, (PetscBool)(mine != 0), mine, message ? message : ""));
+  PetscFunctionReturn(0);
 }
 
 /* n units a point; PetscSF needs the basic type itself where n is 1 */

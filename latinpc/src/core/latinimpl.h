@@ -7,6 +7,7 @@
 
 #include "partition/latinpartition.h"
 #include "stages/latinstages.h"
+#include <petsc/private/pcimpl.h>
 
 struct _p_Latin {
   PETSCHEADER(int);
@@ -30,15 +31,18 @@ struct _p_Latin {
 
 /* ---- core/latin.c ---- */
 PETSC_INTERN PetscErrorCode LatinCreate_Private(MPI_Comm, Latin *);
-PETSC_INTERN PetscErrorCode LatinSetStructure_Private(Latin, LatinStructure);
-PETSC_INTERN PetscErrorCode LatinFindStructure_Private(PetscObject, const char[], LatinStructure, DM, Mat, LatinStructure *);
-PETSC_INTERN PetscErrorCode LatinSetMatrix_Private(Latin, Mat);
-PETSC_INTERN PetscErrorCode LatinSetTangent_Private(Latin, Mat);
+PETSC_INTERN PetscErrorCode LatinSetProblem_Private(Latin, LatinStructure, Mat);
+PETSC_INTERN PetscErrorCode LatinSetStiffness_Private(Latin, Mat);
 PETSC_INTERN PetscErrorCode LatinSetUp_Private(Latin);
 PETSC_INTERN PetscErrorCode LatinReset_Private(Latin);
 PETSC_INTERN PetscErrorCode LatinDestroy_Private(Latin *);
-/* ---- core/options.c ---- */
+/* ---- core/solver.c ---- */
+PETSC_INTERN PetscErrorCode LatinCheckType_Private(PetscObject solver);
 PETSC_INTERN PetscErrorCode LatinSetPrefix_Private(Latin, PetscObject solver);
+PETSC_INTERN PetscErrorCode LatinAttach_Private(Latin, PetscObject solver, LatinStructure);
+PETSC_INTERN PetscErrorCode LatinSetCoordinates_Private(PC, PetscInt dim, PetscInt nodes, PetscReal x[]);
+PETSC_INTERN PetscErrorCode LatinSetUpOperator_Private(Latin, PetscObject solver, PC, DM);
+/* ---- core/options.c ---- */
 PETSC_INTERN PetscErrorCode LatinSetFromOptions_Private(Latin, PetscObject solver);
 /* ---- core/view.c ---- */
 PETSC_INTERN PetscErrorCode LatinView_Private(Latin, PetscViewer);

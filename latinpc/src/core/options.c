@@ -19,7 +19,7 @@ const char *const LatinDirectionTypes[] = {"scalar", "diagonal", "block", "schur
 /*@
   LatinSetVariant - What the coarse problem makes of weak interfaces, section 4.
 
-  Logically collective on latin; before the set-up of the solver, or a new set-up follows
+  Logically collective on latin; a change makes the next set-up build everything anew
 
   Options Database Key:
 . -snes_latin_variant <none,macro,corner,published> - or -pc_latin_variant
@@ -40,12 +40,11 @@ PetscErrorCode LatinSetVariant(Latin latin, LatinVariant variant)
   Logically collective on latin
 
   Input Parameters:
-+ latin     - the method
-. type      - affine fields, or rigid motions
++ type      - affine fields, or rigid motions
 - threshold - local low-energy fields with eigenvalues below it, relative to the search direction, are macro; 0: none, PETSC_DEFAULT: automatic
 
   Options Database Keys:
-+ -snes_latin_modes <affine,rigid> - or -pc_latin_modes, -ksp_latin_modes
++ -snes_latin_modes <affine,rigid>    - or -pc_latin_modes, -ksp_latin_modes
 - -snes_latin_modes_local <threshold> - or -pc_latin_modes_local, -ksp_latin_modes_local
 
   Level: intermediate
@@ -55,9 +54,8 @@ PetscErrorCode LatinSetModes(Latin latin, LatinModesType type, PetscReal thresho
   PetscFunctionBegin;
   PetscValidHeaderSpecific(latin, LATIN_CLASSID, 1);
   LatinChange(latin, macro.type, type);
-  LatinChange(latin, spectral.given, (PetscBool)(threshold != (PetscReal)PETSC_DEFAULT));
-  if (threshold == (PetscReal)PETSC_DEFAULT) threshold = 0.0;
-  PetscCheck(threshold >= 0.0 && !PetscIsInfOrNanReal(threshold), PetscObjectComm((PetscObject)latin), PETSC_ERR_ARG_OUTOFRANGE, "The threshold of local modes is %g; it is a positive number (0: none)", (double)threshold);
+  PetscCheck((threshold >= 0.0 || threshold == (PetscReal)PETSC_DEFAULT) && !PetscIsInfOrNanReal(threshold), PetscObjectComm((PetscObject)latin), PETSC_ERR_ARG_OUTOFRANGE, "The threshold of local modes is %g; it is a positive number (0: none)",
+             (double)threshold);
   LatinChange(latin, spectral.threshold, threshold);
   PetscFunctionReturn(0);
 }
@@ -68,8 +66,7 @@ PetscErrorCode LatinSetModes(Latin latin, LatinModesType type, PetscReal thresho
   Logically collective on latin
 
   Input Parameters:
-+ latin - the method
-. type  - how much of the stiffness of the subdomains it contains
++ type  - how much of the stiffness of the subdomains it contains
 - value - of a scalar direction its value d, force/length; of the others the fraction of the interface stiffness; 0: automatic
 
   Options Database Keys:
@@ -89,13 +86,9 @@ PetscErrorCode LatinSetDirection(Latin latin, LatinDirectionType type, PetscReal
 }
 
 /*@
-  LatinSetSubdomains - The number of subdomains of a structure.
+  LatinSetSubdomains - The number of subdomains of a structure, 0: automatic.
 
   Logically collective on latin
-
-  Input Parameters:
-+ latin      - the method
-- subdomains - 0: automatic
 
   Options Database Key:
 . -snes_latin_subdomains <n> - or -pc_latin_subdomains, -ksp_latin_subdomains
@@ -119,8 +112,7 @@ PetscErrorCode LatinSetSubdomains(Latin latin, PetscInt subdomains)
   Logically collective on latin
 
   Input Parameters:
-+ latin     - the method
-. links     - links of this rank
++ links     - links of this rank
 - subdomain - [links] of each link in the caller's order, counted from 0 without gaps over all ranks; NULL: METIS
 
   Level: intermediate
@@ -135,23 +127,11 @@ PetscErrorCode LatinSetPartition(Latin latin, PetscInt links, const PetscInt sub
 {
   PetscFunctionBegin;
   PetscValidHeaderSpecific(latin, LATIN_CLASSID, 1);
-  PetscCall(PetscFree(latin->partition.given));
-  latin->partition.links = 0;
   latin->stale           = PETSC_TRUE;
-  if (!subdomain) PetscFunctionReturn(0);
-  PetscCall(PetscMalloc1(links + 1, &latin->partition.given)); /* not NULL on a rank without links either */
-  PetscCall(PetscArraycpy(latin->partition.given, subdomain, links));
-  latin->partition.links = links;
-  PetscFunctionReturn(0);
-}
-
-/* Options database and prefix of the method behind a PC, a KSP or a SNES: -<prefix>pc_latin_, ksp_latin_ or snes_latin_ */
-PetscErrorCode LatinSetPrefix_Private(Latin latin, PetscObject solver)
-{
-  PetscFunctionBegin;
-  PetscCall(PetscObjectSetOptions((PetscObject)latin, solver->options));
-  PetscCall(PetscObjectSetOptionsPrefix((PetscObject)latin, solver->prefix));
-  PetscCall(PetscObjectAppendOptionsPrefix((PetscObject)latin, solver->classid == SNES_CLASSID ? "snes_latin_" : solver->classid == KSP_CLASSID ? "ksp_latin_" : "pc_latin_"));
+  latin->partition.links = subdomain ? links : 0;
+  PetscCall(PetscFree(latin->partition.given));
+  if (subdomain) PetscCall(PetscMalloc1(links + 1, &latin->partition.given)); /* not NULL on a rank without links either */
+  PetscCall(PetscArraycpy(latin->partition.given, subdomain, latin->partition.links));
   PetscFunctionReturn(0);
 }
 
@@ -161,7 +141,7 @@ PetscErrorCode LatinSetFromOptions_Private(Latin latin, PetscObject solver)
   LatinVariant       variant   = latin->inter.variant;
   LatinModesType     modes     = latin->macro.type;
   LatinDirectionType direction = latin->dir.type;
-  PetscReal          threshold = latin->spectral.given ? latin->spectral.threshold : PETSC_DEFAULT, value = latin->dir.value;
+  PetscReal          threshold = latin->spectral.threshold, value = latin->dir.value;
   PetscInt           subdomains = latin->partition.subdomains;
 
   PetscFunctionBegin;
@@ -174,8 +154,8 @@ PetscErrorCode LatinSetFromOptions_Private(Latin latin, PetscObject solver)
   PetscCall(PetscOptionsEnum("-direction", "Micro search direction of the interfaces", "LatinSetDirection", LatinDirectionTypes, (PetscEnum)direction, (PetscEnum *)&direction, NULL));
   if (solver->classid == SNES_CLASSID) PetscCall(PetscOptionsReal("-direction_value", "Scalar direction (force/length), or fraction of the interface stiffness, 0: automatic", "LatinSetDirection", value, &value, NULL));
   PetscOptionsEnd();
-  PetscCheck(!(threshold > 0.0) || variant == LATIN_VARIANT_CORNER, PetscObjectComm(solver), PETSC_ERR_SUP, "-%smodes_local needs -%svariant corner: elsewhere the local fields of interfaces that share nodes slow the iteration down", LatinPrefix(&latin->sub),
-             LatinPrefix(&latin->sub));
+  PetscCheck(!(threshold > 0.0) || variant == LATIN_VARIANT_CORNER, PetscObjectComm(solver), PETSC_ERR_SUP, "-%smodes_local needs -%svariant corner: elsewhere the local fields of interfaces that share nodes slow the iteration down",
+             LatinPrefix(&latin->sub), LatinPrefix(&latin->sub));
   PetscCall(LatinSetVariant(latin, variant));
   PetscCall(LatinSetModes(latin, modes, threshold));
   PetscCall(LatinSetDirection(latin, direction, value));

@@ -19,46 +19,44 @@ static PetscErrorCode LatinCheckSetUp_Private(Latin latin)
   PetscErrorCode LatinGetStatistics(Latin latin, LatinStatistics *statistics)
 
   Note:
-  A macro that hands over the size of the struct of the caller's header: later versions append members, and a program that
-  was compiled before gets those that it has room for.
+  A macro, which gives the size of the caller's struct: a program that was compiled before members were added gets the others.
 
   Level: intermediate
 @*/
 PetscErrorCode LatinGetStatisticsOfSize(Latin latin, size_t size, LatinStatistics *statistics)
 {
-  MPI_Comm        comm;
-  LatinStatistics all, *stats = &all;
-  PetscReal       low = PETSC_MAX_REAL, high = 0.0, sum[2] = {0.0, 0.0};
-  PetscInt        n;
+  const LatinSubdomains *sub   = &latin->sub;
+  const LatinInterfaces *inter = &latin->inter;
+  MPI_Comm               comm  = PetscObjectComm((PetscObject)latin);
+  LatinStatistics        all;
+  PetscReal              range[2] = {-PETSC_MAX_REAL, 0.0}, sum[2] = {0.0, inter->sides};
 
   PetscFunctionBegin;
   PetscCall(LatinCheckSetUp_Private(latin));
-  comm = PetscObjectComm((PetscObject)latin);
-  for (PetscInt k = 0; k < latin->inter.sides; k++) {
-    low  = PetscMin(low, latin->dir.d[k]);
-    high = PetscMax(high, latin->dir.d[k]);
+  for (PetscInt k = 0; k < inter->sides; k++) {
+    range[0] = PetscMax(range[0], -latin->dir.d[k]);
+    range[1] = PetscMax(range[1], latin->dir.d[k]);
     sum[0] += latin->dir.d[k];
   }
-  sum[1] = latin->inter.sides;
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &low, 1, MPIU_REAL, MPIU_MIN, comm));
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &high, 1, MPIU_REAL, MPIU_MAX, comm));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, range, 2, MPIU_REAL, MPIU_MAX, comm));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, comm));
-  n = latin->inter.sides + latin->sub.nonsmooth;
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &n, 1, MPIU_INT, MPI_SUM, comm));
-  stats->subdomains        = latin->sub.count;
-  stats->strong_interfaces = latin->inter.strong_global;
-  stats->weak_interfaces   = latin->inter.weak_global;
-  stats->strong_macro_dofs = latin->macro.modes_global;
-  stats->weak_dofs         = latin->coarse.primal_global;
-  stats->coarse_size       = latin->coarse.top_size;
-  stats->coarse_levels     = latin->coarse.levels;
-  stats->micro_sides       = latin->inter.side_nodes_global;
-  stats->state_size        = n;
-  stats->local_macro_dofs  = latin->macro.spectral_global;
-  PetscCall(LatinSpectralStatistics_Private(&latin->spectral, &stats->low_energy_subdomains, &stats->local_modes_max));
-  stats->direction_min  = sum[1] > 0.0 ? low : 0.0;
-  stats->direction_max  = high;
-  stats->direction_mean = sum[1] > 0.0 ? sum[0] / sum[1] : 0.0;
+  all = (LatinStatistics){
+    .subdomains        = sub->count,
+    .strong_interfaces = inter->strong_global,
+    .weak_interfaces   = inter->weak_global,
+    .strong_macro_dofs = latin->macro.modes_global,
+    .weak_dofs         = latin->coarse.primal_global,
+    .coarse_size       = latin->coarse.top_size,
+    .coarse_levels     = latin->coarse.levels,
+    .local_macro_dofs  = latin->macro.spectral_global,
+    .micro_sides       = inter->side_nodes_global,
+    .state_size        = inter->sides + sub->nonsmooth,
+    .direction_min     = sum[1] > 0.0 ? -range[0] : 0.0,
+    .direction_mean    = sum[1] > 0.0 ? sum[0] / sum[1] : 0.0,
+    .direction_max     = range[1],
+  };
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &all.state_size, 1, MPIU_INT, MPI_SUM, comm));
+  PetscCall(LatinSpectralStatistics_Private(&latin->spectral, &all.low_energy_subdomains, &all.local_modes_max));
   PetscCall(PetscMemzero(statistics, size));
   PetscCall(PetscMemcpy(statistics, &all, PetscMin(size, sizeof(all))));
   PetscFunctionReturn(0);
@@ -97,13 +95,13 @@ static PetscErrorCode LatinCheckSubdomain_Private(Latin latin, PetscInt i)
 @*/
 PetscErrorCode LatinGetSubdomainIS(Latin latin, PetscInt i, IS *is)
 {
-  LatinSubdomains *sub = &latin->sub;
-  PetscInt        *list, n = 0, first, last;
+  const LatinSubdomains *sub = &latin->sub;
+  PetscInt              *list, n = 0, first, last;
 
   PetscFunctionBegin;
   PetscCall(LatinCheckSubdomain_Private(latin, i));
-  first = latin->sub.bs * sub->node_offset[i];
-  last  = latin->sub.bs * sub->node_offset[i + 1];
+  first = sub->bs * sub->node_offset[i];
+  last  = sub->bs * sub->node_offset[i + 1];
   PetscCall(PetscMalloc1(last - first, &list));
   for (PetscInt k = first; k < last; k++)
     if (!sub->fixed[k]) list[n++] = sub->global_dof[k];
@@ -146,17 +144,10 @@ PetscErrorCode LatinGetNodeClasses(Latin latin, PetscInt node_class[])
 }
 
 /*@C
-  LatinGetMacroStiffness - The homogenised stiffness (29), (51) of a subdomain of this rank, which relates its macro
-  and primal forces to its macro and primal displacements.
+  LatinGetMacroStiffness - The homogenised stiffness (29), (51) of subdomain i of this rank, a dense matrix: macro modes of the
+  strong interfaces first, then primal displacements.
 
   Not collective; the caller destroys the matrix
-
-  Input Parameters:
-+ latin - the decomposition
-- i     - number of the subdomain on this rank
-
-  Output Parameter:
-. H - a dense matrix on this rank: macro modes of the strong interfaces first, then primal displacements
 
   Level: intermediate
 
@@ -171,28 +162,19 @@ PetscErrorCode LatinGetMacroStiffness(Latin latin, PetscInt i, Mat *H)
   PetscFunctionBegin;
   PetscCall(LatinCheckSubdomain_Private(latin, i));
   m = latin->coarse.offset[i + 1] - latin->coarse.offset[i];
-  PetscCall(MatCreateSeqDense(PETSC_COMM_SELF, m, m, NULL, H));
+  PetscCall(LatinDenseCreate_Private(m, m, H));
   PetscCall(MatDenseGetArrayWrite(*H, &a));
   PetscCall(PetscArraycpy(a, latin->linear.stiffness.H + latin->linear.stiffness.h_offset[i], m * m));
   PetscCall(MatDenseRestoreArrayWrite(*H, &a));
-  PetscCall(MatAssemblyBegin(*H, MAT_FINAL_ASSEMBLY));
-  PetscCall(MatAssemblyEnd(*H, MAT_FINAL_ASSEMBLY));
   PetscCall(MatSetOption(*H, MAT_SYMMETRIC, PETSC_TRUE));
   PetscFunctionReturn(0);
 }
 
 /*@C
-  LatinGetLocalKSP - The solver of a subdomain of this rank. Equal subdomains share one, and those without equal are
-  the blocks of one block diagonal matrix.
+  LatinGetLocalKSP - The solver of subdomain i of this rank. Equal subdomains share one, and those without equal are the
+  blocks of one block diagonal matrix.
 
   Not collective; the reference is borrowed
-
-  Input Parameters:
-+ latin - the decomposition
-- i     - number of the subdomain on this rank
-
-  Output Parameter:
-. ksp - its solver
 
   Level: advanced
 @*/

@@ -66,7 +66,6 @@ typedef struct {
   const LatinInterfaces *inter;
   LatinDirectionType     type;  /* asked for */
   PetscReal              value; /* scalar: d; others: the fraction of the stiffness seen at the interface; 0: self-tuned */
-  PetscBool              share; /* keep what LatinDirectionShare() needs */
   /* made by the set-up */
   PetscReal *d;            /* [sides] micro search direction, force/length; of a matrix, its diagonal */
   PetscReal *harmonic;     /* [sides] stiffness of both subdomains there, the softer one counting most */
@@ -89,6 +88,12 @@ PETSC_INTERN PetscErrorCode     LatinDirectionNormalise(const LatinDirections *,
 PETSC_INTERN PetscErrorCode     LatinDirectionSprings_Private(const LatinDirections *, PetscReal spring[]);
 PETSC_INTERN PetscErrorCode     LatinStiffnessFaces_Private(LatinDirections *, PetscBool blocks, const PetscBool matrices[], size_t first[], PetscReal **S);
 
+/* Does a preconditioner share forces by Schur complements? They take one interface a side dof, and a direction that has those of both sides */
+static inline PetscBool LatinDirectionShares(const LatinDirections *dir)
+{
+  return (PetscBool)(dir->sub->preconditions && dir->inter->variant == LATIN_VARIANT_CORNER && dir->type >= LATIN_DIRECTION_SCHUR);
+}
+
 /* Row r of the matrix of an interface, contiguous for it is symmetric: what the springs of a matrix direction put in K_E */
 static inline const PetscReal *LatinDirectionRow(const LatinDirections *dir, PetscInt f, PetscInt r)
 {
@@ -109,9 +114,7 @@ typedef struct {
   const LatinSubdomains *sub;
   const LatinInterfaces *inter;
   const LatinDirections *dir;
-  PetscReal              threshold; /* of the eigenvalues, 0: none */
-  PetscBool              given;     /* the threshold has been given */
-  PetscBool              without;   /* the variant has no such fields */
+  PetscReal              threshold; /* of the eigenvalues, 0: none, negative: automatic */
   /* made by the set-up */
   PetscInt     *modes; /* [subdomains] low-energy modes found */
   PetscInt     *count; /* [interface sides] fields of both subdomains there */

@@ -197,7 +197,7 @@ static PetscErrorCode LatinDirectionMatrix_Private(LatinDirections *dir, PetscRe
   }
   PetscCall(PetscMalloc1(first[inter->count], &D));
   PetscCall(LatinDirectionMean_Private(dir, fraction, S, from, first, D));
-  if (dir->share) {
+  if (LatinDirectionShares(dir)) {
     PetscCall(PetscMalloc1(inter->count, &dir->own_first));
     PetscCall(PetscArraycpy(dir->own_first, from, inter->count));
     dir->own  = S;

@@ -32,8 +32,8 @@
 /* The threshold: given; of a matrix, when nothing is said, one that makes up for jumps of its coefficients */
 PetscReal LatinSpectralThreshold(const LatinSpectral *spectral)
 {
-  if (!spectral->sub->matrix || spectral->given || spectral->sub->known.trace) return spectral->threshold;
-  if (spectral->without) return 0.0;
+  if (spectral->threshold >= 0.0) return spectral->threshold;
+  if (!spectral->sub->matrix || spectral->sub->known.trace || spectral->inter->variant != LATIN_VARIANT_CORNER) return 0.0;
   return spectral->sub->preconditions ? 1.0 : LATIN_SPECTRAL_ITERATION;
 }
 
@@ -269,9 +269,9 @@ PetscErrorCode LatinSpectralSetUp(LatinSpectral *spectral)
   for (PetscInt i = 0; i < sub->bs * sub->copies; i++) held[i] = (PetscBool)(sub->fixed[i] || inter->component[i / sub->bs] >= 0);
   for (PetscInt k = 0; k < inter->sides; k++) spring[inter->side_dof[k]] += spectral->sub->matrix ? LATIN_SPECTRAL_SOFT * spectral->dir->harmonic[k] : spectral->dir->d[k];
   PetscCall(LatinRowsCreate_Private(sub, 0, &graph));
-  for (PetscInt s = 0; s < sub->n; s++) is[s] = (PetscBool)(spectral->sub->matrix && spectral->given);
+  for (PetscInt s = 0; s < sub->n; s++) is[s] = (PetscBool)(spectral->sub->matrix && spectral->threshold >= 0.0);
   if (!spectral->sub->matrix) PetscCall(LatinSpectralTest_Private(spectral, &graph, spring, is));
-  else if (!spectral->given) PetscCall(LatinJumps_Private(spectral->inter, is));
+  else if (spectral->threshold < 0.0) PetscCall(LatinJumps_Private(spectral->inter, is));
   for (PetscInt s = 0; s < sub->n; s++) any = (PetscBool)(any || is[s]);
   if (any) PetscCall(LatinRepeats_Private(inter, spectral->dir, NULL, pattern));
   for (PetscInt s = 0; s < sub->n; s++) {

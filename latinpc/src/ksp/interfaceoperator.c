@@ -35,26 +35,18 @@ static PetscErrorCode LatinReflectionFactor_Private(LatinLinear *linear, PetscIn
   PetscFunctionReturn(0);
 }
 
-/* z = (1 - D R R^t) z on one interface: no macro part */
-static PetscErrorCode LatinReflectionProject_Private(LatinLinear *linear, PetscInt f, PetscReal z[])
+/* x = (1 - A B^t) x on one interface, A and B arrays of macro bases: (1 - D R R^t) takes the macro part out of forces, (1 - R R^t D) out of displacements */
+static void LatinReflectionProject(const LatinLinear *linear, PetscInt f, const PetscReal A[], const PetscReal B[], PetscReal x[])
 {
-  const LatinInterface *face = &linear->inter->interface[f];
-  const PetscInt        rows = face->side_last - face->side_first;
+  const LatinFaceModes *of   = &linear->macro->of[f];
+  const PetscInt        rows = linear->inter->interface[f].side_last - linear->inter->interface[f].side_first;
   PetscReal            *w    = linear->lambda;
 
-  PetscFunctionBegin;
-  for (PetscInt j = 0; j < linear->macro->of[f].modes; j++) w[j] = 0.0;
-  for (PetscInt r = 0; r < rows; r++) {
-    const PetscReal *row = LatinMacroRow(linear->macro, f, face->side_first + r);
-
-    for (PetscInt j = 0; j < linear->macro->of[f].modes; j++) w[j] += row[j] * z[r];
-  }
-  for (PetscInt r = 0; r < rows; r++) {
-    const PetscReal *row = LatinMacroDualRow(linear->macro, f, face->side_first + r);
-
-    for (PetscInt j = 0; j < linear->macro->of[f].modes; j++) z[r] -= row[j] * w[j];
-  }
-  PetscFunctionReturn(0);
+  for (PetscInt j = 0; j < of->modes; j++) w[j] = 0.0;
+  for (PetscInt r = 0; r < rows; r++)
+    for (PetscInt j = 0; j < of->modes; j++) w[j] += B[of->first + r * of->modes + j] * x[r];
+  for (PetscInt r = 0; r < rows; r++)
+    for (PetscInt j = 0; j < of->modes; j++) x[r] -= A[of->first + r * of->modes + j] * w[j];
 }
 
 /*
@@ -76,7 +68,7 @@ static PetscErrorCode LatinReflectionStage_Private(LatinLinear *linear, PetscBoo
 
     PetscCall(PetscArraycpy(z, y + face->side_first, face->side_last - face->side_first));
     PetscCall(LatinReflectionFactor_Private(linear, f, PETSC_FALSE, z));
-    if (linear->macro->of[f].modes) PetscCall(LatinReflectionProject_Private(linear, f, z));
+    LatinReflectionProject(linear, f, linear->macro->dual, linear->macro->basis, z);
     for (PetscInt k = face->side_first; k < face->side_last; k++) linear->g[inter->side_dof[k]] += linear->outgoing[k];
   }
   PetscCall(PetscArrayzero(linear->U, n));
@@ -85,79 +77,56 @@ static PetscErrorCode LatinReflectionStage_Private(LatinLinear *linear, PetscBoo
   PetscFunctionReturn(0);
 }
 
-/* micro = L^t P U on one interface */
-static PetscErrorCode LatinReflectionMicro_Private(LatinLinear *linear, PetscInt f, PetscReal micro[])
-{
-  const LatinInterface *face = &linear->inter->interface[f];
-  const PetscInt        rows = face->side_last - face->side_first;
-  PetscReal            *w    = linear->lambda;
-
-  PetscFunctionBegin;
-  for (PetscInt r = 0; r < rows; r++) micro[r] = linear->U[linear->inter->side_dof[face->side_first + r]];
-  if (linear->macro->of[f].modes) {
-    for (PetscInt j = 0; j < linear->macro->of[f].modes; j++) w[j] = 0.0;
-    for (PetscInt r = 0; r < rows; r++) {
-      const PetscReal *row = LatinMacroDualRow(linear->macro, f, face->side_first + r);
-
-      for (PetscInt j = 0; j < linear->macro->of[f].modes; j++) w[j] += row[j] * micro[r];
-    }
-    for (PetscInt r = 0; r < rows; r++) {
-      const PetscReal *row = LatinMacroRow(linear->macro, f, face->side_first + r);
-
-      for (PetscInt j = 0; j < linear->macro->of[f].modes; j++) micro[r] -= row[j] * w[j];
-    }
-  }
-  PetscCall(LatinReflectionFactor_Private(linear, f, PETSC_TRUE, micro));
-  PetscFunctionReturn(0);
-}
-
-/* What rounding leaves of interface data, of the energy norm of the first displacements. Collective on sub->object */
-static PetscErrorCode LatinReflectionNoise_Private(LatinLinear *linear)
-{
-  PetscReal energy = 0.0;
-
-  PetscFunctionBegin;
-  for (PetscInt i = 0; i < linear->sub->bs * linear->sub->copies; i++) energy += linear->load[i] * linear->U[i];
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &energy, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm(linear->sub->object)));
-  linear->noise = LatinByPrecision(1e-14, 5e-6) * PetscSqrtReal(PetscMax(energy, 0.0));
-  PetscFunctionReturn(0);
-}
-
 /*
-   out = (1 - Pi R) y for data y without loads, or, loaded, the right-hand side that the loads make of it without data;
-   symmetric: the same times Pi. A rank without interfaces has no y (NULL) either way. Collective on sub->object.
+   out = (1 - Pi R) y for data y without loads, or, y NULL, the right-hand side that the loads make of it; symmetric: the same
+   times Pi. Collective on sub->object.
 */
-PetscErrorCode LatinReflectionApply_Private(LatinLinear *linear, PetscBool loaded, const PetscReal y[], PetscBool symmetric, PetscReal out[])
+PetscErrorCode LatinReflectionApply_Private(LatinLinear *linear, Vec data, PetscBool symmetric, Vec result)
 {
-  const LatinInterfaces *inter = linear->inter;
-  PetscReal             *mine  = linear->outgoing;
+  const LatinInterfaces *inter  = linear->inter;
+  const PetscBool        loaded = (PetscBool)!data;
+  PetscReal             *mine   = linear->outgoing;
+  const PetscScalar     *y      = NULL;
+  PetscScalar           *out;
+  PetscReal              energy = 0.0;
 
   PetscFunctionBegin;
-  PetscCall(LatinReflectionStage_Private(linear, loaded, loaded ? NULL : y));
-  if (loaded) PetscCall(LatinReflectionNoise_Private(linear));
-  PetscCall(PetscLogEventBegin(LATIN_Local, linear->sub->object, 0, 0, 0));
-  for (PetscInt f = 0; f < inter->count; f++) PetscCall(LatinReflectionMicro_Private(linear, f, mine + inter->interface[f].side_first));
-  if (loaded) {
-    for (PetscInt k = 0; k < inter->sides; k++) mine[k] *= 2.0;
-    if (symmetric) PetscCall(PetscArraycpy(out, mine, inter->sides));
-    else PetscCall(LatinSFBcast_Private(inter->mate_sf, 1, MPIU_REAL, mine, out));
-  } else if (symmetric) {
-    PetscCall(LatinSFBcast_Private(inter->mate_sf, 1, MPIU_REAL, y, out));
-    for (PetscInt k = 0; k < inter->sides; k++) out[k] += y[k] - 2.0 * mine[k];
-  } else {
-    for (PetscInt k = 0; k < inter->sides; k++) mine[k] = 2.0 * mine[k] - y[k];
-    PetscCall(LatinSFBcast_Private(inter->mate_sf, 1, MPIU_REAL, mine, out));
-    for (PetscInt k = 0; k < inter->sides; k++) out[k] = y[k] - out[k];
+  if (data) PetscCall(VecGetArrayRead(data, &y));
+  PetscCall(VecGetArrayWrite(result, &out));
+  PetscCall(LatinReflectionStage_Private(linear, loaded, y));
+  if (loaded) { /* what rounding leaves of interface data, of the energy norm of the first displacements */
+    for (PetscInt i = 0; i < linear->sub->bs * linear->sub->copies; i++) energy += linear->load[i] * linear->U[i];
+    PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &energy, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm(linear->sub->object)));
+    linear->noise = LatinByPrecision(1e-14, 5e-6) * PetscSqrtReal(PetscMax(energy, 0.0));
   }
+  PetscCall(PetscLogEventBegin(LATIN_Local, linear->sub->object, 0, 0, 0));
+  for (PetscInt f = 0; f < inter->count; f++) { /* mine = R y = 2 L^t P U - y */
+    const LatinInterface *face = &inter->interface[f];
+
+    for (PetscInt k = face->side_first; k < face->side_last; k++) mine[k] = linear->U[inter->side_dof[k]];
+    LatinReflectionProject(linear, f, linear->macro->basis, linear->macro->dual, mine + face->side_first);
+    PetscCall(LatinReflectionFactor_Private(linear, f, PETSC_TRUE, mine + face->side_first));
+    for (PetscInt k = face->side_first; k < face->side_last; k++) mine[k] = loaded ? 2.0 * mine[k] : 2.0 * mine[k] - y[k];
+  }
+  if (loaded && symmetric) PetscCall(PetscArraycpy(out, mine, inter->sides));
+  else PetscCall(LatinSFBcast_Private(inter->mate_sf, 1, MPIU_REAL, symmetric ? y : mine, out));
+  for (PetscInt k = 0; k < inter->sides && !loaded; k++) out[k] = symmetric ? out[k] - mine[k] : y[k] - out[k];
   PetscCall(PetscLogEventEnd(LATIN_Local, linear->sub->object, 0, 0, 0));
+  if (linear->failed && inter->sides) out[0] = INFINITY; /* seen by all ranks in the next norm, or at the end */
+  if (data) PetscCall(VecRestoreArrayRead(data, &y));
+  PetscCall(VecRestoreArrayWrite(result, &out));
   PetscFunctionReturn(0);
 }
 
 /* u = mean displacement of the copies for the loads and the data y; zero for unknowns of no subdomain. Collective on sub->object */
-PetscErrorCode LatinReflectionSolution_Private(LatinLinear *linear, const PetscReal y[], Vec u)
+PetscErrorCode LatinReflectionSolution_Private(LatinLinear *linear, Vec y, Vec u)
 {
+  const PetscScalar *a;
+
   PetscFunctionBegin;
-  PetscCall(LatinReflectionStage_Private(linear, PETSC_TRUE, y));
+  PetscCall(VecGetArrayRead(y, &a));
+  PetscCall(LatinReflectionStage_Private(linear, PETSC_TRUE, a));
+  PetscCall(VecRestoreArrayRead(y, &a));
   PetscCall(LatinAverage_Private(linear, u));
   PetscFunctionReturn(0);
 }

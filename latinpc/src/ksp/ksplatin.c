@@ -7,50 +7,26 @@
    mathematics of the method here: see ksp/interfaceoperator.c.
 */
 
-static const char citation[] = "@article{AlartDureisseix2008,\n"
-                               "  author  = {Pierre Alart and David Dureisseix},\n"
-                               "  title   = {A scalable multiscale {LATIN} method adapted to nonsmooth discrete media},\n"
-                               "  journal = {Computer Methods in Applied Mechanics and Engineering},\n"
-                               "  volume  = {197},\n"
-                               "  number  = {5},\n"
-                               "  pages   = {319--331},\n"
-                               "  year    = {2008},\n"
-                               "  doi     = {10.1016/j.cma.2007.05.002}\n"
-                               "}\n";
-static PetscBool  cited      = PETSC_FALSE;
-
 static PetscErrorCode KSPLatinMult_Private(Mat A, Vec x, Vec y)
 {
-  KSP                ksp;
-  KSP_Latin         *data;
-  const PetscScalar *a;
-  PetscScalar       *b;
+  KSP ksp;
 
   PetscFunctionBegin;
   PetscCall(MatShellGetContext(A, &ksp));
-  data = (KSP_Latin *)ksp->data;
-  PetscCall(VecGetArrayRead(x, &a));
-  PetscCall(VecGetArrayWrite(y, &b));
-  PetscCall(LatinReflectionApply_Private(&data->latin->linear, PETSC_FALSE, a, data->symmetric, b));
-  if (data->latin->linear.failed && data->latin->inter.sides) b[0] = INFINITY; /* seen by all ranks in the next norm, or at the end */
-  PetscCall(VecRestoreArrayRead(x, &a));
-  PetscCall(VecRestoreArrayWrite(y, &b));
+  PetscCall(LatinReflectionApply_Private(&((KSP_Latin *)ksp->data)->latin->linear, x, ((KSP_Latin *)ksp->data)->symmetric, y));
   PetscFunctionReturn(0);
 }
 
 /* x = guess + displacements for the load and the data y, which belong to the load divided by scale */
 static PetscErrorCode KSPLatinDisplacements_Private(KSP ksp, Vec y, Vec x)
 {
-  KSP_Latin   *data = (KSP_Latin *)ksp->data;
-  PetscScalar *a;
+  KSP_Latin *data = (KSP_Latin *)ksp->data;
 
   PetscFunctionBegin;
-  PetscCall(VecGetArrayRead(y, (const PetscScalar **)&a));
-  PetscCall(LatinReflectionSolution_Private(&data->latin->linear, a, x));
-  PetscCall(VecRestoreArrayRead(y, (const PetscScalar **)&a));
+  PetscCall(LatinReflectionSolution_Private(&data->latin->linear, y, x));
   PetscCall(VecScale(x, data->scale));
   PetscCall(LatinUnassigned_Private(&data->latin->sub, data->load, x));
-  if (data->guess) PetscCall(VecAXPY(x, 1.0, data->guess));
+  PetscCall(VecAXPY(x, 1.0, data->guess));
   PetscFunctionReturn(0);
 }
 
@@ -60,53 +36,34 @@ static PetscErrorCode KSPBuildSolution_Latin(KSP ksp, Vec v, Vec *V)
   Vec        y;
 
   PetscFunctionBegin;
-  if (data->iterating) {
-    if (!v) v = data->work[0];
-    PetscCall(KSPBuildSolution(data->outer, NULL, &y));
-    PetscCall(KSPLatinDisplacements_Private(ksp, y, v));
-    if (V) *V = v;
-  } else if (v) {
-    PetscCall(VecCopy(ksp->vec_sol, v));
-    if (V) *V = v;
-  } else *V = ksp->vec_sol;
+  if (ksp->reason) {
+    PetscCall(KSPBuildSolutionDefault(ksp, v, V));
+    PetscFunctionReturn(0);
+  }
+  *V = v ? v : data->solution;
+  PetscCall(KSPBuildSolution(data->outer, NULL, &y));
+  PetscCall(KSPLatinDisplacements_Private(ksp, y, *V));
   PetscFunctionReturn(0);
 }
 
 /* ---- convergence: the test of the KSP that the user holds decides, its monitors see what it tests ---- */
 
 /*
-   The default test compares with the norm of the first residual, or of the right-hand side when there is a guess. Ours is
+   PETSc's default test compares with the norm of the first residual, or of the right-hand side when there is a guess. Ours is
    the norm that the right-hand side has where norms are measured: the first residual is not that of zero displacements.
 */
-static PetscErrorCode KSPLatinTest_Private(KSP ksp, PetscInt it, PetscReal norm, KSPConvergedReason *reason)
-{
-  KSP_Latin              *data = (KSP_Latin *)ksp->data;
-  const PetscBool         ours = (PetscBool)(!it && data->rhs_norm > 0.0 && ksp->converged == KSPConvergedDefault), zero = ksp->guess_zero;
-  KSPConvergedDefaultCtx *context = (KSPConvergedDefaultCtx *)ksp->cnvP;
-
-  PetscFunctionBegin;
-  if (ours) ksp->guess_zero = PETSC_TRUE; /* or it would apply the PC of this KSP to the right-hand side */
-  PetscCall((*ksp->converged)(ksp, it, norm, reason, ksp->cnvP));
-  ksp->guess_zero = zero;
-  if (!ours || context->initialrtol) PetscFunctionReturn(0);
-  ksp->rnorm0 = PetscMax(data->rhs_norm, norm); /* what divergence is measured from: the first residual may be far above */
-  ksp->ttol   = PetscMax(ksp->rtol * (context->mininitialrtol ? PetscMin(data->rhs_norm, norm) : data->rhs_norm), ksp->abstol);
-  *reason     = norm <= ksp->ttol ? KSP_CONVERGED_RTOL : KSP_CONVERGED_ITERATING;
-  PetscFunctionReturn(0);
-}
-
 static PetscErrorCode KSPLatinConverged_Private(KSP outer, PetscInt it, PetscReal rnorm, KSPConvergedReason *reason, void *ctx)
 {
-  KSP        ksp  = (KSP)ctx;
-  KSP_Latin *data = (KSP_Latin *)ksp->data;
-  PetscReal  norm = rnorm * data->scale;
+  KSP                     ksp     = (KSP)ctx;
+  KSP_Latin              *data    = (KSP_Latin *)ksp->data;
+  KSPConvergedDefaultCtx *context = (KSPConvergedDefaultCtx *)ksp->cnvP;
+  const PetscBool         ours = (PetscBool)(!it && data->rhs_norm > 0.0 && ksp->converged == KSPConvergedDefault), zero = ksp->guess_zero;
+  PetscReal               norm = ksp->normtype == KSP_NORM_NONE ? 0.0 : rnorm * data->scale;
+  Vec                     residual;
 
   PetscFunctionBegin;
-  if (ksp->normtype == KSP_NORM_NONE) norm = 0.0;
   if (ksp->normtype == KSP_NORM_UNPRECONDITIONED) {
-    Vec residual;
-
-    PetscCall(KSPBuildResidual(ksp, data->work[0], data->work[1], &residual));
+    PetscCall(KSPBuildResidual(ksp, data->solution, data->residual, &residual));
     PetscCall(VecNorm(residual, NORM_2, &norm));
   }
   ksp->its   = it;
@@ -116,7 +73,14 @@ static PetscErrorCode KSPLatinConverged_Private(KSP outer, PetscInt it, PetscRea
     PetscCall(KSPLogResidualHistory(ksp, norm));
     PetscCall(KSPMonitor(ksp, it, norm));
   }
-  PetscCall(KSPLatinTest_Private(ksp, it, norm, reason));
+  if (ours) ksp->guess_zero = PETSC_TRUE; /* or it would apply the PC of this KSP to the right-hand side */
+  PetscCall((*ksp->converged)(ksp, it, norm, reason, ksp->cnvP));
+  ksp->guess_zero = zero;
+  if (ours && !context->initialrtol) {
+    ksp->rnorm0 = PetscMax(data->rhs_norm, norm); /* what divergence is measured from: the first residual may be far above */
+    ksp->ttol   = PetscMax(ksp->rtol * (context->mininitialrtol ? PetscMin(data->rhs_norm, norm) : data->rhs_norm), ksp->abstol);
+    *reason     = norm <= ksp->ttol ? KSP_CONVERGED_RTOL : KSP_CONVERGED_ITERATING;
+  }
   if (!*reason && rnorm * data->scale <= data->latin->linear.noise) *reason = KSP_CONVERGED_ATOL;
   if (!*reason && it >= ksp->max_it) *reason = KSP_DIVERGED_ITS;
   PetscFunctionReturn(0);
@@ -124,7 +88,7 @@ static PetscErrorCode KSPLatinConverged_Private(KSP outer, PetscInt it, PetscRea
 
 /* ---- set-up ---- */
 
-static PetscErrorCode KSPLatinResetState_Private(KSP ksp)
+static PetscErrorCode KSPReset_Latin(KSP ksp)
 {
   KSP_Latin *data = (KSP_Latin *)ksp->data;
 
@@ -133,10 +97,35 @@ static PetscErrorCode KSPLatinResetState_Private(KSP ksp)
   PetscCall(MatDestroy(&data->A));
   PetscCall(VecDestroy(&data->b));
   PetscCall(VecDestroy(&data->y));
-  PetscCall(VecDestroy(&data->guess));
-  PetscCall(VecDestroy(&data->load));
-  for (PetscInt i = 0; i < 2; i++) PetscCall(VecDestroy(&data->work[i]));
+  PetscCall(LatinReset_Private(data->latin));
   data->matrix = 0;
+  PetscFunctionReturn(0);
+}
+
+/*
+   A preconditioner may be that of another matrix; this solver never looks at the entries of its matrix, so they must be
+   those of the operators of the subdomains: compared on a vector, unless they come from it.
+*/
+static PetscErrorCode KSPLatinCheckMatrix_Private(KSP ksp, Mat A)
+{
+  KSP_Latin             *data = (KSP_Latin *)ksp->data;
+  const LatinSubdomains *sub  = &data->latin->sub;
+  PetscReal             *v = data->latin->linear.U, *f = data->latin->linear.g, norm, difference;
+
+  PetscFunctionBegin;
+  if (A == sub->matrix) PetscFunctionReturn(0);
+  PetscCall(VecSetRandom(data->solution, NULL));
+  PetscCall(MatMult(A, data->solution, data->residual));
+  PetscCall(VecNorm(data->residual, NORM_2, &norm));
+  PetscCall(PetscArrayzero(v, sub->bs * sub->copies));
+  PetscCall(LatinDistribute_Private(sub, data->solution, v));
+  PetscCall(LatinOperatorMult(sub, v, f));
+  PetscCall(LatinSum_Private(sub, f, data->solution));
+  PetscCall(VecAXPY(data->residual, -1.0, data->solution));
+  PetscCall(VecNorm(data->residual, NORM_2, &difference));
+  PetscCheck(difference <= LatinByPrecision(1e-8, 1e-4) * norm, PetscObjectComm((PetscObject)ksp), PETSC_ERR_ARG_INCOMP,
+             "The matrix of -ksp_type latin is not %s: they differ by %g, relative. Another matrix can be solved with -ksp_type cg -pc_type latin",
+             sub->structure ? "the tangent stiffness of its structure (LatinStructureComputeJacobian())" : "the MATIS that it is set up from", norm > 0.0 ? (double)(difference / norm) : (double)difference);
   PetscFunctionReturn(0);
 }
 
@@ -144,31 +133,25 @@ static PetscErrorCode KSPSetUp_Latin(KSP ksp)
 {
   KSP_Latin       *data = (KSP_Latin *)ksp->data;
   Mat              A, P;
-  LatinStructure   structure;
   PetscObjectId    id;
   PetscObjectState state;
 
   PetscFunctionBegin;
-  PetscCall(PetscCitationsRegister(citation, &cited));
   PetscCall(KSPGetOperators(ksp, &A, &P));
-  PetscCall(LatinFindStructure_Private((PetscObject)ksp, "ksp", data->structure, ksp->dm, P, &structure));
   PetscCall(PetscObjectGetId((PetscObject)P, &id));
   PetscCall(PetscObjectStateGet((PetscObject)P, &state));
-  if (data->A && structure == data->latin->sub.structure && !data->latin->stale && id == data->matrix && state == data->matrix_state) PetscFunctionReturn(0);
-  PetscCall(KSPLatinResetState_Private(ksp));
-  PetscCall(LatinReset_Private(data->latin));
-  if (structure) {
-    PetscCall(LatinSetStructure_Private(data->latin, structure));
-    PetscCall(LatinSetTangent_Private(data->latin, P));
-  } else PetscCall(KSPLatinSetMatrix_Private(ksp, P));
-  PetscCall(MatCreateVecs(P, &data->work[0], &data->work[1]));
-  PetscCall(LatinSetPrefix_Private(data->latin, (PetscObject)ksp));
-  PetscCall(LatinSetUp_Private(data->latin));
+  if (data->A && !data->latin->stale && id == data->matrix && state == data->matrix_state) PetscFunctionReturn(0);
+  PetscCall(KSPReset_Latin(ksp));
+  PetscCall(LatinSetUpOperator_Private(data->latin, (PetscObject)ksp, ksp->pc, ksp->dm));
+  PetscCall(KSPSetWorkVecs(ksp, 4));
+  data->guess    = ksp->work[0];
+  data->load     = ksp->work[1];
+  data->solution = ksp->work[2];
+  data->residual = ksp->work[3];
   PetscCall(KSPLatinCheckMatrix_Private(ksp, A));
-  PetscCall(LatinCreateState_Private(&data->latin->linear, &data->y));
-  PetscCall(VecDuplicate(data->y, &data->b));
   PetscCall(MatCreateShell(PetscObjectComm((PetscObject)ksp), data->latin->inter.sides, data->latin->inter.sides, PETSC_DETERMINE, PETSC_DETERMINE, ksp, &data->A));
   PetscCall(MatShellSetOperation(data->A, MATOP_MULT, (void (*)(void))KSPLatinMult_Private));
+  PetscCall(MatCreateVecs(data->A, &data->y, &data->b));
   PetscCall(KSPSetOperators(data->outer, data->A, data->A));
   data->matrix       = id;
   data->matrix_state = state;
@@ -180,25 +163,21 @@ static PetscErrorCode KSPSetUp_Latin(KSP ksp)
 /* The loads of the linear stage, and the interface data that they make: b and its norm */
 static PetscErrorCode KSPLatinLoad_Private(KSP ksp, Vec load, PetscReal *norm)
 {
-  KSP_Latin   *data = (KSP_Latin *)ksp->data;
-  PetscScalar *b;
+  KSP_Latin *data = (KSP_Latin *)ksp->data;
 
   PetscFunctionBegin;
   PetscCall(LatinLinearSetLoads(&data->latin->linear, load));
-  PetscCall(VecGetArrayWrite(data->b, &b));
-  PetscCall(LatinReflectionApply_Private(&data->latin->linear, PETSC_TRUE, NULL, data->symmetric, b));
-  PetscCall(VecRestoreArrayWrite(data->b, &b));
+  PetscCall(LatinReflectionApply_Private(&data->latin->linear, NULL, data->symmetric, data->b));
   PetscCall(VecNorm(data->b, NORM_2, norm));
   PetscFunctionReturn(0);
 }
 
 static PetscErrorCode KSPSolve_Latin(KSP ksp)
 {
-  KSP_Latin   *data = (KSP_Latin *)ksp->data;
-  PetscBool    definite;
-  PetscInt     failed;
-  MatNullSpace kernel;
-  Mat          A;
+  KSP_Latin *data = (KSP_Latin *)ksp->data;
+  PetscBool  definite;
+  PetscInt   failed;
+  Mat        A;
 
   PetscFunctionBegin;
   if (data->latin->stale) PetscCall(KSPSetUp_Latin(ksp));
@@ -208,21 +187,16 @@ static PetscErrorCode KSPSolve_Latin(KSP ksp)
              "The interface operator of KSP latin is symmetric but indefinite: instead of conjugate gradients take -ksp_latin_outer_ksp_type minres, or gmres, or conjugate gradients for the displacements with -ksp_type cg -pc_type latin");
   PetscCall(MatSetOption(data->A, MAT_SYMMETRIC, data->symmetric));
   PetscCall(KSPGetOperators(ksp, &A, NULL));
-  PetscCall(VecDestroy(&data->guess));
-  PetscCall(VecDestroy(&data->load));
   data->rhs_norm             = 0.0;
   data->latin->linear.failed = PETSC_FALSE;
   if (ksp->normtype == KSP_NORM_UNPRECONDITIONED) PetscCall(VecNorm(ksp->vec_rhs, NORM_2, &data->rhs_norm));
-  if (ksp->guess_zero) {
-    PetscCall(PetscObjectReference((PetscObject)ksp->vec_rhs));
-    data->load = ksp->vec_rhs;
-  } else {
-    PetscCall(VecDuplicate(ksp->vec_sol, &data->guess));
+  PetscCall(VecCopy(ksp->vec_rhs, data->load));
+  if (ksp->guess_zero) PetscCall(VecZeroEntries(data->guess));
+  else {
     PetscCall(VecCopy(ksp->vec_sol, data->guess));
     if (ksp->normtype == KSP_NORM_PRECONDITIONED) PetscCall(KSPLatinLoad_Private(ksp, ksp->vec_rhs, &data->rhs_norm));
-    PetscCall(VecDuplicate(ksp->vec_rhs, &data->load));
-    PetscCall(MatMult(A, data->guess, data->load));
-    PetscCall(VecAYPX(data->load, -1.0, ksp->vec_rhs));
+    PetscCall(MatMult(A, data->guess, data->residual));
+    PetscCall(VecAXPY(data->load, -1.0, data->residual));
   }
   PetscCall(KSPLatinLoad_Private(ksp, data->load, &data->scale));
   if (data->scale <= data->latin->linear.noise) { /* the first linear stage has found it all */
@@ -235,12 +209,10 @@ static PetscErrorCode KSPSolve_Latin(KSP ksp)
     PetscCall(VecScale(data->b, 1.0 / data->scale));
     for (PetscInt i = 0; i < n; i++) data->latin->linear.load[i] /= data->scale;
   }
-  data->logged    = -1;
-  data->iterating = PETSC_TRUE;
+  data->logged = -1;
   PetscCall(KSPSetNormType(data->outer, ksp->normtype == KSP_NORM_NONE ? KSP_NORM_NONE : KSP_NORM_DEFAULT));
   PetscCall(KSPSetTolerances(data->outer, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT, PetscMax(ksp->max_it, 1)));
   PetscCall(KSPSolve(data->outer, data->b, data->y));
-  data->iterating = PETSC_FALSE;
   PetscCall(KSPGetIterationNumber(data->outer, &ksp->its));
   PetscCall(KSPGetConvergedReason(data->outer, &ksp->reason));
   PetscCall(KSPLatinDisplacements_Private(ksp, data->y, ksp->vec_sol));
@@ -248,8 +220,7 @@ static PetscErrorCode KSPSolve_Latin(KSP ksp)
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &failed, 1, MPIU_INT, MPI_MAX, PetscObjectComm((PetscObject)ksp)));
   if (failed) ksp->reason = KSP_DIVERGED_PC_FAILED;
   else if (ksp->reason > 0 && PetscIsInfOrNanReal(data->latin->linear.noise)) ksp->reason = KSP_DIVERGED_NANORINF; /* the energy overflows: nothing has been compared with anything */
-  PetscCall(MatGetNullSpace(A, &kernel));
-  if (kernel) PetscCall(MatNullSpaceRemove(kernel, ksp->vec_sol));
+  PetscCall(KSP_RemoveNullSpace(ksp, ksp->vec_sol));
   PetscFunctionReturn(0);
 }
 
@@ -271,13 +242,12 @@ static PetscErrorCode KSPSolve_Latin_Watched(KSP ksp)
 
 static PetscErrorCode KSPSetFromOptions_Latin(KSP ksp, LatinOptionItems PetscOptionsObject)
 {
-  KSP_Latin  *data = (KSP_Latin *)ksp->data;
-  const char *prefix;
+  KSP_Latin  *data     = (KSP_Latin *)ksp->data;
+  const char *prefix   = ((PetscObject)ksp)->prefix;
   char        type[64] = "";
 
   PetscFunctionBegin;
   PetscCall(LatinSetFromOptions_Private(data->latin, (PetscObject)ksp));
-  PetscCall(KSPGetOptionsPrefix(ksp, &prefix));
   PetscCall(PetscOptionsGetString(((PetscObject)ksp)->options, prefix, "-pc_type", type, sizeof(type), NULL));
   PetscCheck(!type[0] || !strcmp(type, PCNONE), PetscObjectComm((PetscObject)ksp), PETSC_ERR_ARG_INCOMP, "-ksp_type latin takes no preconditioner, but -pc_type is %s: leave it out, or use it with another KSP, for example -ksp_type cg -pc_type latin",
              type);
@@ -286,16 +256,6 @@ static PetscErrorCode KSPSetFromOptions_Latin(KSP ksp, LatinOptionItems PetscOpt
   PetscCall(KSPSetOptionsPrefix(data->outer, prefix));
   PetscCall(KSPAppendOptionsPrefix(data->outer, "ksp_latin_outer_"));
   PetscCall(KSPSetFromOptions(data->outer));
-  PetscFunctionReturn(0);
-}
-
-static PetscErrorCode KSPReset_Latin(KSP ksp)
-{
-  KSP_Latin *data = (KSP_Latin *)ksp->data;
-
-  PetscFunctionBegin;
-  PetscCall(KSPLatinResetState_Private(ksp));
-  PetscCall(LatinReset_Private(data->latin));
   PetscFunctionReturn(0);
 }
 
@@ -308,7 +268,6 @@ static PetscErrorCode KSPDestroy_Latin(KSP ksp)
   PetscCall(KSPReset_Latin(ksp));
   PetscCall(KSPDestroy(&data->outer));
   PetscCall(LatinDestroy_Private(&data->latin));
-  PetscCall(LatinStructureDestroy(&data->structure));
   PetscCall(PetscFree(ksp->data));
   PetscFunctionReturn(0);
 }
@@ -329,38 +288,21 @@ static PetscErrorCode KSPView_Latin(KSP ksp, PetscViewer viewer)
   PetscFunctionReturn(0);
 }
 
-static PetscErrorCode KSPLatinCheckType_Private(KSP ksp)
-{
-  PetscBool is;
-
-  PetscFunctionBegin;
-  PetscValidHeaderSpecific(ksp, KSP_CLASSID, 1);
-  PetscCall(PetscObjectTypeCompare((PetscObject)ksp, KSPLATIN, &is));
-  PetscCheck(is, PetscObjectComm((PetscObject)ksp), PETSC_ERR_ARG_WRONG, "The KSP is not of type latin: call KSPSetType(ksp, KSPLATIN) first");
-  PetscFunctionReturn(0);
-}
-
 /*@C
-  LatinStructureAttachKSP - Gives the structure to a KSP of type latin.
+  LatinStructureAttachKSP - Gives the structure to a KSP of type latin, where the matrix does not come from the DM of the structure.
 
   Collective on ksp
 
   Level: intermediate
-
-  Note:
-  Not needed when the matrix comes from the DM of the structure.
 @*/
 PetscErrorCode LatinStructureAttachKSP(LatinStructure structure, KSP ksp)
 {
-  KSP_Latin *data;
+  Latin latin;
 
   PetscFunctionBegin;
-  PetscCall(KSPLatinCheckType_Private(ksp));
-  data = (KSP_Latin *)ksp->data;
-  if (structure != data->structure) ksp->setupstage = KSP_SETUP_NEW; /* built again at the next KSPSetUp() */
-  PetscCall(LatinStructureReference(structure));
-  PetscCall(LatinStructureDestroy(&data->structure));
-  data->structure = structure;
+  PetscCall(KSPLatinGetLatin(ksp, &latin));
+  PetscCall(LatinAttach_Private(latin, (PetscObject)ksp, structure));
+  if (latin->stale) ksp->setupstage = KSP_SETUP_NEW; /* built again at the next KSPSetUp() */
   PetscFunctionReturn(0);
 }
 
@@ -374,7 +316,8 @@ PetscErrorCode LatinStructureAttachKSP(LatinStructure structure, KSP ksp)
 PetscErrorCode KSPLatinGetLatin(KSP ksp, Latin *latin)
 {
   PetscFunctionBegin;
-  PetscCall(KSPLatinCheckType_Private(ksp));
+  PetscValidHeaderSpecific(ksp, KSP_CLASSID, 1);
+  PetscCall(LatinCheckType_Private((PetscObject)ksp));
   *latin = ((KSP_Latin *)ksp->data)->latin;
   PetscFunctionReturn(0);
 }
@@ -393,7 +336,8 @@ PetscErrorCode KSPLatinGetLatin(KSP ksp, Latin *latin)
 PetscErrorCode KSPLatinGetOuter(KSP ksp, KSP *outer)
 {
   PetscFunctionBegin;
-  PetscCall(KSPLatinCheckType_Private(ksp));
+  PetscValidHeaderSpecific(ksp, KSP_CLASSID, 1);
+  PetscCall(LatinCheckType_Private((PetscObject)ksp));
   *outer = ((KSP_Latin *)ksp->data)->outer;
   PetscFunctionReturn(0);
 }
@@ -403,7 +347,7 @@ PetscErrorCode KSPLatinGetOuter(KSP ksp, KSP *outer)
   is to `PCBDDC`
 
   Options Database Keys:
-+ -ksp_latin_modes <affine,rigid,none>         - macro fields of the strong interfaces
++ -ksp_latin_modes <affine,rigid>              - macro fields of the strong interfaces
 . -ksp_latin_subdomains <n>                    - number of subdomains
 . -ksp_latin_direction <schur>                 - micro search direction
 . -ksp_latin_outer_ksp_type <gmres,richardson,minres> - accelerated, plain, or on the symmetric form
@@ -448,7 +392,7 @@ PETSC_EXTERN PetscErrorCode KSPCreate_Latin(KSP ksp)
   PetscCall(KSPSetSupportedNorm(ksp, KSP_NORM_NONE, PC_LEFT, 1));
   PetscCall(KSPGetPC(ksp, &pc));
   PetscCall(PCSetType(pc, PCNONE));
-  PetscCall(PetscObjectComposeFunction((PetscObject)pc, "PCSetCoordinates_C", KSPLatinSetCoordinates_Private));
+  PetscCall(PetscObjectComposeFunction((PetscObject)pc, "PCSetCoordinates_C", LatinSetCoordinates_Private));
   PetscCall(LatinCreate_Private(PetscObjectComm((PetscObject)ksp), &data->latin));
   data->latin->sub.tangent = PETSC_TRUE;
   PetscCall(KSPCreate(PetscObjectComm((PetscObject)ksp), &data->outer));

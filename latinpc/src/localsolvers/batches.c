@@ -41,10 +41,10 @@ PetscInt LatinBatchRun(const LatinBatch *batch, PetscInt m)
 
 /*
    One batch for each operator that several subdomains share, pattern[s] the first of them; the others in batches of at
-   most LATIN_BATCH_PATTERNS, sorted by width: those of a batch are condensed with as many right-hand sides as the widest
-   of them needs. Takes pattern over.
+   most LATIN_BATCH_PATTERNS, sorted by their right-hand sides, column[s] to column[s + 1]: those of a batch are condensed
+   with as many as any of them needs. Takes pattern over.
 */
-PetscErrorCode LatinBatchesSetUp(const LatinSubdomains *sub, PetscInt pattern[], const PetscInt width[], LatinBatches *batches)
+PetscErrorCode LatinBatchesSetUp(const LatinSubdomains *sub, PetscInt pattern[], const PetscInt column[], LatinBatches *batches)
 {
   PetscInt *count, *index, *next, *list, *wide, alone = 0, groups = 0;
 
@@ -55,7 +55,7 @@ PetscErrorCode LatinBatchesSetUp(const LatinSubdomains *sub, PetscInt pattern[],
   for (PetscInt s = 0; s < sub->n; s++) {
     if (count[s] > 1) index[s] = groups++;
     else if (count[s]) {
-      wide[alone]   = width[s];
+      wide[alone]   = column[s + 1] - column[s];
       list[alone++] = s;
     }
   }

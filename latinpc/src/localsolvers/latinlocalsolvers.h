@@ -72,7 +72,7 @@ typedef struct {
   LatinBatch *batch;
   PetscInt   *pattern; /* [subdomains] the subdomain that represents it */
 } LatinBatches;
-PETSC_INTERN PetscErrorCode LatinBatchesSetUp(const LatinSubdomains *, PetscInt pattern[], const PetscInt width[], LatinBatches *);
+PETSC_INTERN PetscErrorCode LatinBatchesSetUp(const LatinSubdomains *, PetscInt pattern[], const PetscInt column[], LatinBatches *);
 PETSC_INTERN PetscErrorCode LatinBatchesReset(LatinBatches *);
 PETSC_INTERN PetscInt       LatinBatchRun(const LatinBatch *, PetscInt m);
 

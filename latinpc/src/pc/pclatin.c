@@ -31,16 +31,15 @@ static PetscErrorCode PCLatinInterior_Private(PC pc)
       const PetscInt shift = bs * latin->sub.node_offset[batch->sub[p]] - batch->row[p];
 
       for (PetscInt row = batch->row[p]; row < batch->row[p + 1]; row++) {
+        const PetscBool inner = PCLatinInner(latin, (row + shift) / bs);
+
         interior->ci[i][row] = nz;
-        if (!data->inner[(row + shift) / bs]) {
-          interior->cj[i][nz]   = row;
-          interior->ca[i][nz++] = 1.0;
-          continue;
-        }
         for (PetscInt k = whole->ci[i][row]; k < whole->ci[i][row + 1]; k++) {
-          if (!data->inner[(whole->cj[i][k] + shift) / bs]) continue;
-          interior->cj[i][nz]   = whole->cj[i][k];
-          interior->ca[i][nz++] = whole->ca[i][k];
+          const PetscInt column = whole->cj[i][k];
+
+          if (inner ? !PCLatinInner(latin, (column + shift) / bs) : column != row) continue;
+          interior->cj[i][nz]   = column;
+          interior->ca[i][nz++] = inner ? whole->ca[i][k] : 1.0;
         }
       }
     }
@@ -59,55 +58,28 @@ static PetscErrorCode PCReset_Latin(PC pc)
   if (data->latin && !data->shared) PetscCall(LatinReset_Private(data->latin));
   PetscCall(LatinLocalSolversDestroy(&data->interior));
   PetscCall(VecDestroy(&data->work));
-  PetscCall(PetscFree(data->inner));
-  PetscCall(PetscFree5(data->weight, data->b, data->v, data->f, data->force));
-  PetscCall(PetscFree(data->side));
+  PetscCall(PetscFree6(data->weight, data->b, data->v, data->f, data->force, data->side));
   data->built = PETSC_FALSE;
-  PetscFunctionReturn(0);
-}
-
-static PetscErrorCode PCLatinSetUpLatin_Private(PC pc)
-{
-  PC_Latin      *data = (PC_Latin *)pc->data;
-  LatinStructure structure;
-  DM             dm = pc->dm;
-
-  PetscFunctionBegin;
-  PetscCall(LatinFindStructure_Private((PetscObject)pc, "pc", data->structure, pc->dm, pc->pmat, &structure));
-  PetscCall(PCReset_Latin(pc));
-  if (structure) {
-    PetscCall(LatinSetStructure_Private(data->latin, structure));
-    PetscCall(LatinSetTangent_Private(data->latin, pc->pmat));
-  } else {
-    PetscCall(LatinSetMatrix_Private(data->latin, pc->pmat));
-    if (!dm) PetscCall(MatGetDM(pc->pmat, &dm));
-    PetscCall(LatinUnknownsSetUp_Private(pc->pmat, dm, data->dim, data->nodes, data->x, &data->latin->sub.known));
-  }
-  PetscCall(LatinSetPrefix_Private(data->latin, (PetscObject)pc));
-  data->latin->dir.share = PCLatinSchurWeights(data->latin);
-  PetscCall(LatinSetUp_Private(data->latin));
   PetscFunctionReturn(0);
 }
 
 static PetscErrorCode PCSetUp_Latin(PC pc)
 {
-  PC_Latin *data = (PC_Latin *)pc->data;
+  PC_Latin *data  = (PC_Latin *)pc->data;
+  Latin     latin = data->latin;
   PetscInt  n;
 
   PetscFunctionBegin;
   if (data->shared && data->built) PetscFunctionReturn(0);
-  if (data->shared) PetscCall(PCReset_Latin(pc));
-  else PetscCall(PCLatinSetUpLatin_Private(pc));
-  n = data->latin->sub.bs * data->latin->sub.copies;
-  PetscCall(PetscMalloc5(n, &data->weight, n, &data->b, n, &data->v, n, &data->f, n, &data->force));
-  PetscCall(PetscMalloc1(data->latin->sub.copies, &data->inner));
-  PetscCall(PetscMalloc1(3 * data->latin->inter.sides, &data->side));
-  if (data->latin->sub.structure) PetscCall(VecDuplicate(data->latin->sub.structure->load, &data->work));
-  else PetscCall(MatCreateVecs(pc->pmat, &data->work, NULL));
+  PetscCall(PCReset_Latin(pc));
+  if (!data->shared) PetscCall(LatinSetUpOperator_Private(latin, (PetscObject)pc, pc, pc->dm));
+  n = latin->sub.bs * latin->sub.copies;
+  PetscCall(PetscMalloc6(n, &data->weight, n, &data->b, n, &data->v, n, &data->f, n, &data->force, 3 * latin->inter.sides, &data->side));
+  PetscCall(MatCreateVecs(pc->pmat, &data->work, NULL));
   PetscCall(PCLatinWeights_Private(pc));
   if (!data->shared) PetscCall(PCLatinInterior_Private(pc));
-  data->inexact.asymmetry = PetscMax(data->interior.inexact.asymmetry, PetscMax(data->latin->solvers.inexact.asymmetry, data->latin->coarse.inexact.asymmetry));
-  data->inexact.variation = PetscMax(data->interior.inexact.variation, PetscMax(data->latin->solvers.inexact.variation, data->latin->coarse.inexact.variation));
+  data->inexact.asymmetry = PetscMax(data->interior.inexact.asymmetry, PetscMax(latin->solvers.inexact.asymmetry, latin->coarse.inexact.asymmetry));
+  data->inexact.variation = PetscMax(data->interior.inexact.variation, PetscMax(latin->solvers.inexact.variation, latin->coarse.inexact.variation));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &data->inexact, 2, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)pc)));
   data->built = PETSC_TRUE;
   PetscFunctionReturn(0);
@@ -129,7 +101,7 @@ static PetscErrorCode PCLatinInteriorSolve_Private(PC pc, const PetscReal f[])
   const PetscInt bs = data->latin->sub.bs, n = bs * data->latin->sub.copies;
 
   PetscFunctionBegin;
-  for (PetscInt i = 0; i < n; i++) data->b[i] = data->inner[i / bs] && !data->latin->sub.fixed[i] ? f[i] : 0.0;
+  for (PetscInt i = 0; i < n; i++) data->b[i] = PCLatinInner(data->latin, i / bs) && !data->latin->sub.fixed[i] ? f[i] : 0.0;
   PetscCall(LatinLocalSolveAll(&data->interior, data->b, data->v));
   if (data->interior.failed) data->latin->linear.failed = PETSC_TRUE;
   PetscFunctionReturn(0);
@@ -145,76 +117,89 @@ static void PCLatinFail(PC pc, PetscReal copy[])
   pc->failedreason = PC_SUBPC_ERROR;
 }
 
-/*
-   With the operators of a SNES latin, on which slack links are taut, no elimination of the interiors is exact: the
-   linear stage alone, weighted before and after, takes a few more iterations of half the cost.
-*/
-static PetscErrorCode PCApply_Latin_Shared(PC pc, Vec x, Vec y)
-{
-  PC_Latin      *data  = (PC_Latin *)pc->data;
-  Latin          latin = data->latin;
-  const PetscInt n     = latin->sub.bs * latin->sub.copies;
-
-  PetscFunctionBegin;
-  latin->linear.failed = data->interior.failed = PETSC_FALSE;
-  PetscCall(PetscArrayzero(data->f, n));
-  PetscCall(LatinDistribute_Private(&latin->sub, x, data->f));
-  for (PetscInt i = 0; i < n; i++) latin->linear.g[i] = data->weight[i] * data->f[i];
-  PetscCall(PetscArrayzero(data->v, n));
-  PetscCall(LatinLinearApply(&latin->linear, data->v));
-  for (PetscInt i = 0; i < n; i++) data->v[i] = data->weight[i] * data->v[i];
-  PCLatinFail(pc, data->v);
-  PetscCall(PCLatinSum_Private(latin, data->v, y));
-  PetscFunctionReturn(0);
-}
-
-/*
-   With B the solver of the interiors, W the weights and L the linear stage: B + (1 - B K) W L W^t (1 - K B), which is
-   symmetric positive definite if B is, approximate or not. Where B is exact what W and L make of the interiors cancels.
-*/
-static PetscErrorCode PCApply_Latin(PC pc, Vec x, Vec y)
+/* data->work = forces left on the interfaces once the interiors are in equilibrium with the forces x, kept in data->force */
+static PetscErrorCode PCLatinEliminate_Private(PC pc, Vec x)
 {
   PC_Latin *data  = (PC_Latin *)pc->data;
   Latin     latin = data->latin;
-  PetscInt  bs, n;
 
   PetscFunctionBegin;
-  if (latin->stale) PetscCall(PCSetUp_Latin(pc));
-  bs                   = latin->sub.bs;
-  n                    = bs * latin->sub.copies;
-  latin->linear.failed = data->interior.failed = PETSC_FALSE;
-  /* forces left on the interfaces once the interiors are in equilibrium */
-  PetscCall(PetscArrayzero(data->force, n));
+  PetscCall(PetscArrayzero(data->force, latin->sub.bs * latin->sub.copies));
   PetscCall(LatinDistribute_Private(&latin->sub, x, data->force));
   if (latin->interior) PetscCall(LatinInteriorForces(latin->interior, &latin->sub, x, data->f, &latin->linear.failed));
   else {
     PetscCall(PCLatinInteriorSolve_Private(pc, data->force));
     PetscCall(LatinOperatorMult(&latin->sub, data->v, data->f));
   }
-  PetscCall(PCLatinSum_Private(latin, data->f, data->work));
+  PetscCall(LatinSum_Private(&latin->sub, data->f, data->work));
   PetscCall(VecAYPX(data->work, -1.0, x));
-  /* linear stage for the weighted forces, weighted mean of its displacements */
-  PetscCall(LatinDistribute_Private(&latin->sub, data->work, data->f));
+  PetscFunctionReturn(0);
+}
+
+/* u = weighted mean of the displacements of a linear stage for weighted forces; u may be forces */
+static PetscErrorCode PCLatinStage_Private(PC pc, Vec forces, Vec u)
+{
+  PC_Latin *data  = (PC_Latin *)pc->data;
+  Latin     latin = data->latin;
+
+  PetscFunctionBegin;
+  PetscCall(LatinDistribute_Private(&latin->sub, forces, data->f));
   PetscCall(PCLatinWeigh_Private(pc, PETSC_TRUE, data->f, latin->linear.g));
-  PetscCall(PetscArrayzero(data->v, n));
+  PetscCall(PetscArrayzero(data->v, latin->sub.bs * latin->sub.copies));
   PetscCall(LatinLinearApply(&latin->linear, data->v));
   PetscCall(PCLatinWeigh_Private(pc, PETSC_FALSE, data->v, data->f));
-  PetscCall(PCLatinSum_Private(latin, data->f, data->work));
-  /* interiors in equilibrium with the given forces and these displacements */
+  if (data->shared) PCLatinFail(pc, data->f);
+  PetscCall(LatinSum_Private(&latin->sub, data->f, u));
+  PetscFunctionReturn(0);
+}
+
+/* y = displacements data->work on the interfaces, and interiors in equilibrium with them and the forces data->force */
+static PetscErrorCode PCLatinExtend_Private(PC pc, Vec y)
+{
+  PC_Latin      *data  = (PC_Latin *)pc->data;
+  Latin          latin = data->latin;
+  const PetscInt bs = latin->sub.bs, n = bs * latin->sub.copies;
+
+  PetscFunctionBegin;
   PetscCall(LatinDistribute_Private(&latin->sub, data->work, data->v));
   if (latin->interior) {
     PetscCall(LatinInteriorExtend(latin->interior, data->v, data->work, &latin->linear.failed));
     PetscCall(PetscArrayzero(data->v, n));
   } else {
     for (PetscInt i = 0; i < n; i++)
-      if (data->inner[i / bs] && data->interior.direct) data->v[i] = 0.0;
+      if (PCLatinInner(latin, i / bs) && data->interior.direct) data->v[i] = 0.0;
     PetscCall(LatinOperatorMult(&latin->sub, data->v, data->f));
     for (PetscInt i = 0; i < n; i++) data->f[i] = data->force[i] - data->f[i];
     PetscCall(PCLatinInteriorSolve_Private(pc, data->f));
   }
   PCLatinFail(pc, data->v);
-  PetscCall(PCLatinSum_Private(latin, data->v, y));
+  PetscCall(LatinSum_Private(&latin->sub, data->v, y));
   PetscCall(VecAXPY(y, 1.0, data->work));
+  PetscFunctionReturn(0);
+}
+
+/*
+   With B the solver of the interiors, W the weights and L the linear stage: B + (1 - B K) W L W^t (1 - K B), which is
+   symmetric positive definite if B is, approximate or not. Where B is exact what W and L make of the interiors cancels.
+
+   With the operators of a SNES latin, on which slack links are taut, no elimination of the interiors is exact: W L W^t
+   alone takes a few more iterations of half the cost.
+*/
+static PetscErrorCode PCApply_Latin(PC pc, Vec x, Vec y)
+{
+  PC_Latin *data  = (PC_Latin *)pc->data;
+  Latin     latin = data->latin;
+
+  PetscFunctionBegin;
+  if (latin->stale && !data->shared) PetscCall(PCSetUp_Latin(pc));
+  latin->linear.failed = data->interior.failed = PETSC_FALSE;
+  if (data->shared) {
+    PetscCall(PCLatinStage_Private(pc, x, y));
+    PetscFunctionReturn(0);
+  }
+  PetscCall(PCLatinEliminate_Private(pc, x));
+  PetscCall(PCLatinStage_Private(pc, data->work, data->work));
+  PetscCall(PCLatinExtend_Private(pc, y));
   PetscCall(LatinUnassigned_Private(&latin->sub, x, y));
   PetscFunctionReturn(0);
 }
@@ -233,7 +218,7 @@ static PetscErrorCode PCApply_Latin_Watched(PC pc, Vec x, Vec y)
   PetscFunctionReturn(0);
 }
 
-PetscErrorCode PCSetFromOptions_Latin(PC pc, LatinOptionItems PetscOptionsObject)
+static PetscErrorCode PCSetFromOptions_Latin(PC pc, LatinOptionItems PetscOptionsObject)
 {
   PC_Latin *data = (PC_Latin *)pc->data;
 
@@ -245,15 +230,8 @@ PetscErrorCode PCSetFromOptions_Latin(PC pc, LatinOptionItems PetscOptionsObject
 
 static PetscErrorCode PCView_Latin(PC pc, PetscViewer viewer)
 {
-  PC_Latin *data = (PC_Latin *)pc->data;
-  PetscBool ascii;
-
   PetscFunctionBegin;
-  PetscCall(PetscObjectTypeCompare((PetscObject)viewer, PETSCVIEWERASCII, &ascii));
-  if (!ascii) PetscFunctionReturn(0);
-  PetscCall(PetscViewerASCIIPrintf(viewer, "weights of the copies of a node: %s\n", data->latin->dir.share ? "Schur complements where there are, else stiffness" : "stiffness"));
-  if (data->latin->set_up && data->latin->sub.matrix) PetscCall(PetscViewerASCIIPrintf(viewer, "insides of subdomains: %s\n", data->latin->interior ? "eliminated first on this rank" : "part of the subdomains on this rank"));
-  PetscCall(LatinView_Private(data->latin, viewer));
+  PetscCall(LatinView_Private(((PC_Latin *)pc->data)->latin, viewer));
   PetscFunctionReturn(0);
 }
 
@@ -264,26 +242,8 @@ static PetscErrorCode PCDestroy_Latin(PC pc)
   PetscFunctionBegin;
   PetscCall(PCReset_Latin(pc));
   PetscCall(LatinDestroy_Private(&data->latin));
-  PetscCall(LatinStructureDestroy(&data->structure));
-  PetscCall(PetscFree(data->x));
   PetscCall(PetscObjectComposeFunction((PetscObject)pc, "PCSetCoordinates_C", NULL));
   PetscCall(PetscFree(pc->data));
-  PetscFunctionReturn(0);
-}
-
-/* Coordinates of the nodes of a matrix that comes without a structure */
-static PetscErrorCode PCSetCoordinates_Latin(PC pc, PetscInt dim, PetscInt nodes, PetscReal x[])
-{
-  PC_Latin *data = (PC_Latin *)pc->data;
-
-  PetscFunctionBegin;
-  PetscCheck(dim >= 1 && dim <= 3, PetscObjectComm((PetscObject)pc), PETSC_ERR_ARG_OUTOFRANGE, "Nodes have 1, 2 or 3 coordinates, not %" PetscInt_FMT, dim);
-  PetscCall(PetscFree(data->x));
-  PetscCall(PetscMalloc1(dim * nodes, &data->x));
-  PetscCall(PetscArraycpy(data->x, x, dim * nodes));
-  data->dim       = dim;
-  data->nodes     = nodes;
-  pc->setupcalled = 0;
   PetscFunctionReturn(0);
 }
 
@@ -298,7 +258,6 @@ PetscErrorCode PCLatinFollow_Private(PC pc, Latin latin)
   PetscCall(LatinSetDirection(own, latin->dir.type, 0.0));
   PetscCall(LatinSetSubdomains(own, latin->sub.count ? latin->sub.count : latin->partition.subdomains));
   PetscCall(LatinSetPartition(own, latin->partition.links, latin->partition.given));
-  PetscCall(LatinSetStructure_Private(own, latin->sub.structure));
   PetscCall(LatinStructureAttachPC(latin->sub.structure, pc));
   PetscFunctionReturn(0);
 }
@@ -311,37 +270,26 @@ PetscErrorCode PCLatinShare_Private(PC pc, Latin latin)
   PetscFunctionBegin;
   PetscCall(PetscObjectReference((PetscObject)latin));
   PetscCall(LatinDestroy_Private(&data->latin));
-  data->latin             = latin;
-  data->shared            = PETSC_TRUE;
-  pc->ops->apply          = PCApply_Latin_Shared;
-  pc->ops->applytranspose = PCApply_Latin_Shared;
+  data->latin  = latin;
+  data->shared = PETSC_TRUE;
   PetscFunctionReturn(0);
 }
 
 /*@C
-  LatinStructureAttachPC - Gives the structure to a preconditioner of type latin.
+  LatinStructureAttachPC - Gives the structure to a preconditioner of type latin, where the matrix does not come from the DM of the structure.
 
   Collective on pc
 
   Level: intermediate
-
-  Note:
-  Not needed when the matrix comes from the DM of the structure.
 @*/
 PetscErrorCode LatinStructureAttachPC(LatinStructure structure, PC pc)
 {
-  PC_Latin *data;
-  PetscBool is;
+  Latin latin;
 
   PetscFunctionBegin;
-  PetscValidHeaderSpecific(pc, PC_CLASSID, 1);
-  PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCLATIN, &is));
-  PetscCheck(is, PetscObjectComm((PetscObject)pc), PETSC_ERR_ARG_WRONG, "The PC is not of type latin: call PCSetType(pc, PCLATIN) first");
-  data = (PC_Latin *)pc->data;
-  if (structure != data->structure) pc->setupcalled = 0; /* built again at the next PCSetUp() */
-  PetscCall(LatinStructureReference(structure));
-  PetscCall(LatinStructureDestroy(&data->structure));
-  data->structure = structure;
+  PetscCall(PCLatinGetLatin(pc, &latin));
+  PetscCall(LatinAttach_Private(latin, (PetscObject)pc, structure));
+  if (latin->stale) pc->setupcalled = 0; /* built again at the next PCSetUp() */
   PetscFunctionReturn(0);
 }
 
@@ -354,12 +302,9 @@ PetscErrorCode LatinStructureAttachPC(LatinStructure structure, PC pc)
 @*/
 PetscErrorCode PCLatinGetLatin(PC pc, Latin *latin)
 {
-  PetscBool is;
-
   PetscFunctionBegin;
   PetscValidHeaderSpecific(pc, PC_CLASSID, 1);
-  PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCLATIN, &is));
-  PetscCheck(is, PetscObjectComm((PetscObject)pc), PETSC_ERR_ARG_WRONG, "The PC is not of type latin");
+  PetscCall(LatinCheckType_Private((PetscObject)pc));
   *latin = ((PC_Latin *)pc->data)->latin;
   PetscFunctionReturn(0);
 }
@@ -398,7 +343,7 @@ PETSC_EXTERN PetscErrorCode PCCreate_Latin(PC pc)
   pc->ops->destroy        = PCDestroy_Latin;
   pc->ops->setfromoptions = PCSetFromOptions_Latin;
   pc->ops->view           = PCView_Latin;
-  PetscCall(PetscObjectComposeFunction((PetscObject)pc, "PCSetCoordinates_C", PCSetCoordinates_Latin));
+  PetscCall(PetscObjectComposeFunction((PetscObject)pc, "PCSetCoordinates_C", LatinSetCoordinates_Private));
   PetscCall(LatinCreate_Private(PetscObjectComm((PetscObject)pc), &data->latin));
   data->latin->sub.tangent       = PETSC_TRUE;
   data->latin->sub.preconditions = PETSC_TRUE;

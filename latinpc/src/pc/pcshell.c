@@ -4,24 +4,17 @@
 
 static PetscErrorCode PCShellLatinSetUp_Private(PC shell)
 {
-  PC          inner;
-  Mat         A, P;
-  DM          dm;
-  const char *prefix;
+  PC    inner;
+  Latin latin;
 
   PetscFunctionBegin;
   PetscCall(PCShellGetContext(shell, &inner));
-  PetscCall(PCGetOperators(shell, &A, &P));
-  PetscCall(PCSetOperators(inner, A, P));
-  PetscCall(PCGetDM(shell, &dm));
-  if (dm) PetscCall(PCSetDM(inner, dm));
-  PetscCall(PCGetOptionsPrefix(shell, &prefix));
-  PetscCall(PCSetOptionsPrefix(inner, prefix));
-  PetscCall(PCSetType(inner, PCLATIN));
+  PetscCall(PCSetOperators(inner, shell->mat, shell->pmat));
+  if (shell->dm) PetscCall(PCSetDM(inner, shell->dm));
+  PetscCall(PCSetOptionsPrefix(inner, ((PetscObject)shell)->prefix));
   /* not PCSetFromOptions(): -pc_type shell would turn the inner one into a shell as well */
-  PetscObjectOptionsBegin((PetscObject)inner);
-  PetscCall(PCSetFromOptions_Latin(inner, PetscOptionsObject));
-  PetscOptionsEnd();
+  PetscCall(PCLatinGetLatin(inner, &latin));
+  PetscCall(LatinSetFromOptions_Private(latin, (PetscObject)inner));
   PetscCall(PCSetUp(inner));
   PetscFunctionReturn(0);
 }
@@ -46,16 +39,6 @@ static PetscErrorCode PCShellLatinView_Private(PC shell, PetscViewer viewer)
   PetscFunctionReturn(0);
 }
 
-static PetscErrorCode PCShellLatinDestroy_Private(PC shell)
-{
-  PC inner;
-
-  PetscFunctionBegin;
-  PetscCall(PCShellGetContext(shell, &inner));
-  PetscCall(PCDestroy(&inner));
-  PetscFunctionReturn(0);
-}
-
 /*@C
   PCShellSetLatin - Makes a preconditioner of type `PCSHELL` work as one of type latin, with the same options.
 
@@ -77,11 +60,12 @@ PetscErrorCode PCShellSetLatin(PC pc)
   PetscCall(PetscObjectIncrementTabLevel((PetscObject)inner, (PetscObject)pc, 1));
   PetscCall(PCSetType(inner, PCLATIN));
   PetscCall(PCShellSetContext(pc, inner));
+  PetscCall(PetscObjectCompose((PetscObject)pc, "PCLatin", (PetscObject)inner)); /* lives as long as pc */
+  PetscCall(PCDestroy(&inner));
   PetscCall(PCShellSetName(pc, "latin"));
   PetscCall(PCShellSetSetUp(pc, PCShellLatinSetUp_Private));
   PetscCall(PCShellSetApply(pc, PCShellLatinApply_Private));
   PetscCall(PCShellSetApplyTranspose(pc, PCShellLatinApply_Private));
   PetscCall(PCShellSetView(pc, PCShellLatinView_Private));
-  PetscCall(PCShellSetDestroy(pc, PCShellLatinDestroy_Private));
   PetscFunctionReturn(0);
 }

@@ -6,25 +6,6 @@
    the diagonal of their operators.
 */
 
-/* Schur complements take one interface a side dof, and a direction that has those of both sides */
-PetscBool PCLatinSchurWeights(const Latin latin)
-{
-  return (PetscBool)(latin->inter.variant == LATIN_VARIANT_CORNER && (latin->dir.type == LATIN_DIRECTION_SCHUR || latin->dir.type == LATIN_DIRECTION_AUTO));
-}
-
-/* Adds the copies' values up in a DM global vector */
-PetscErrorCode PCLatinSum_Private(Latin latin, const PetscReal copy[], Vec u)
-{
-  PetscScalar *a;
-
-  PetscFunctionBegin;
-  PetscCall(VecZeroEntries(u));
-  PetscCall(VecGetArray(u, &a));
-  PetscCall(LatinSFReduce_Private(latin->sub.dof_sf, 1, MPIU_SCALAR, copy, a, MPI_SUM));
-  PetscCall(VecRestoreArray(u, &a));
-  PetscFunctionReturn(0);
-}
-
 /* The part of each copy in its node, in proportion to the stiffness (diagonal of its operator) */
 PetscErrorCode PCLatinWeights_Private(PC pc)
 {
@@ -40,11 +21,10 @@ PetscErrorCode PCLatinWeights_Private(PC pc)
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &largest, 1, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)pc)));
   /* a copy without stiffness keeps a part of its node, or nobody would move it where no copy has any */
   for (PetscInt i = 0; i < bs * sub->copies; i++) data->b[i] += LatinByPrecision(1e-12, 1e-5) * (largest > 0.0 ? largest : 1.0);
-  PetscCall(PCLatinSum_Private(latin, data->b, data->work));
+  PetscCall(LatinSum_Private(sub, data->b, data->work));
   PetscCall(PetscArrayzero(data->f, bs * sub->copies));
   PetscCall(LatinDistribute_Private(sub, data->work, data->f));
   for (PetscInt i = 0; i < bs * sub->copies; i++) data->weight[i] = sub->fixed[i] ? 0.0 : data->b[i] / data->f[i];
-  for (PetscInt i = 0; i < sub->copies; i++) data->inner[i] = (PetscBool)(latin->inter.share_offset[i] == latin->inter.share_offset[i + 1]);
   PetscFunctionReturn(0);
 }
 
@@ -57,8 +37,8 @@ PetscErrorCode PCLatinWeigh_Private(PC pc, PetscBool forces, const PetscReal who
   const PetscInt         bs    = latin->sub.bs;
 
   PetscFunctionBegin;
-  for (PetscInt i = 0; i < bs * latin->sub.copies; i++) part[i] = (data->inner[i / bs] && data->interior.direct) || latin->sub.fixed[i] ? 0.0 : data->weight[i] * whole[i];
-  for (PetscInt f = 0; f < inter->count && latin->dir.share; f++) {
+  for (PetscInt i = 0; i < bs * latin->sub.copies; i++) part[i] = (PCLatinInner(latin, i / bs) && data->interior.direct) || latin->sub.fixed[i] ? 0.0 : data->weight[i] * whole[i];
+  for (PetscInt f = 0; f < inter->count && LatinDirectionShares(&latin->dir); f++) {
     const LatinInterface *face = &inter->interface[f];
 
     if (latin->dir.matrix_first[f] < 0) continue;

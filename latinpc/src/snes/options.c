@@ -8,12 +8,9 @@ const char *const LatinNewtonTypes[] = {"auto", "always", "never", "LatinNewtonT
 
 PetscErrorCode SNESLatinCheck_Private(SNES snes)
 {
-  PetscBool is;
-
   PetscFunctionBegin;
   PetscValidHeaderSpecific(snes, SNES_CLASSID, 1);
-  PetscCall(PetscObjectTypeCompare((PetscObject)snes, SNESLATIN, &is));
-  PetscCheck(is, PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_WRONG, "The SNES is of type %s, not latin", ((PetscObject)snes)->type_name ? ((PetscObject)snes)->type_name : "(not set)");
+  PetscCall(LatinCheckType_Private((PetscObject)snes));
   PetscFunctionReturn(0);
 }
 

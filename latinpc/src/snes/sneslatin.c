@@ -9,18 +9,6 @@
 #define LATIN_DIGITS_SAFETY 2.0     /* on errors that are known to their order of magnitude */
 #define LATIN_JAM_LEAST     100     /* linear stages that a solve may take: with fewer no more are spent on jammed links */
 
-static const char citation[] = "@article{AlartDureisseix2008,\n"
-                               "  author  = {Pierre Alart and David Dureisseix},\n"
-                               "  title   = {A scalable multiscale {LATIN} method adapted to nonsmooth discrete media},\n"
-                               "  journal = {Computer Methods in Applied Mechanics and Engineering},\n"
-                               "  volume  = {197},\n"
-                               "  number  = {5},\n"
-                               "  pages   = {319--331},\n"
-                               "  year    = {2008},\n"
-                               "  doi     = {10.1016/j.cma.2007.05.002}\n"
-                               "}\n";
-static PetscBool  cited      = PETSC_FALSE;
-
 /* What fits the structure as it was */
 static PetscErrorCode SNESLatinResetState_Private(SNES snes)
 {
@@ -67,7 +55,7 @@ static PetscErrorCode SNESSetUp_Latin(SNES snes)
   PetscCall(SNESLatinFindStructure_Private(snes, &structure));
   PetscCheck(structure, PetscObjectComm((PetscObject)snes), PETSC_ERR_ORDER,
              "-snes_type latin has no structure to work on: build one with LatinStructureCreate() and give it to this SNES with LatinStructureAttachSNES() (in Python, latinpc.Structure(...).attach(snes))");
-  PetscCall(LatinSetStructure_Private(data->latin, structure));
+  PetscCall(LatinSetProblem_Private(data->latin, structure, NULL));
   PetscCall(LatinSetPrefix_Private(data->latin, (PetscObject)snes));
   PetscCall(SNESLatinSetUpState_Private(snes));
   PetscFunctionReturn(0);
@@ -337,7 +325,6 @@ static PetscErrorCode SNESSolve_Latin(SNES snes)
 
   PetscFunctionBegin;
   PetscCheck(!snes->xl && !snes->xu && !snes->ops->computevariablebounds, PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_WRONGSTATE, "SNES latin does not take bounds on the unknowns: unilateral behaviour is in the laws of the links");
-  PetscCall(PetscCitationsRegister(citation, &cited));
   PetscCall(SNESLatinSetUpState_Private(snes)); /* the structure may have changed since SNESSetUp() */
   PetscCall(SNESLatinLoad_Private(snes));
   PetscCall(SNESLatinPrepare_Private(snes));

@@ -66,14 +66,10 @@ PetscErrorCode LatinAverage_Private(LatinLinear *linear, Vec u)
   const LatinSubdomains *sub = linear->sub;
   const PetscInt         bs  = sub->bs;
   PetscReal             *w   = linear->g; /* free as work space between linear stages */
-  PetscScalar           *a;
 
   PetscFunctionBegin;
   for (PetscInt i = 0; i < bs * sub->copies; i++) w[i] = linear->U[i] / (linear->sub->scale * sub->multiplicity[i / bs]);
-  PetscCall(VecZeroEntries(u));
-  PetscCall(VecGetArray(u, &a));
-  PetscCall(LatinSFReduce_Private(sub->dof_sf, 1, MPIU_SCALAR, w, a, MPI_SUM));
-  PetscCall(VecRestoreArray(u, &a));
+  PetscCall(LatinSum_Private(sub, w, u));
   PetscFunctionReturn(0);
 }
 

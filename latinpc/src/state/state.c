@@ -216,7 +216,7 @@ static PetscErrorCode LatinStateLoad_Private(PetscObject solver, Vec u, const ch
   PetscCheck((head.motion != 0.0) == (ts != NULL), comm, PETSC_ERR_FILE_UNEXPECTED, "The state %s is that of %s", file, ts ? "a solve, not of a motion: leave out the time steps" : "a motion: give the number of time steps");
   if (ts) PetscCall(LatinStepLength_Private(ts->step, (PetscReal)head.shift));
   if (snes) { /* the search parameters of rigid links that the solves before have found, before anything is built with others */
-    PetscCall(LatinSetStructure_Private(snes->latin, ts ? ts->step : state.structure));
+    PetscCall(LatinSetProblem_Private(snes->latin, ts ? ts->step : state.structure, NULL));
     if (head.tuning > 0.0 && head.tuning != (double)snes->latin->tuning) PetscCall(LatinParameterTune_Private(snes->latin, (PetscReal)head.tuning / snes->latin->tuning));
   }
   PetscCall(SNESSetUp(state.snes));

@@ -31,7 +31,7 @@ typedef struct {
   */
   PetscReal *trace;
 } LatinUnknowns;
-PETSC_INTERN PetscErrorCode LatinUnknownsSetUp_Private(Mat, DM, PetscInt dim, PetscInt nodes, const PetscReal x[], LatinUnknowns *);
+PETSC_INTERN PetscErrorCode LatinUnknownsSetUp_Private(Mat, DM, Vec coordinates, LatinUnknowns *);
 PETSC_INTERN PetscErrorCode LatinUnknownsReset_Private(LatinUnknowns *);
 
 /* ---- the links of each subdomain, and its copies of the nodes (subdomains/subdomains.c) ---- */
@@ -142,6 +142,7 @@ PETSC_INTERN PetscErrorCode LatinSubdomainsReturn_Private(const LatinSubdomains 
 PETSC_INTERN PetscErrorCode LatinSubdomainsBalance_Private(const LatinSubdomains *, PetscReal *links, PetscReal *dofs, PetscReal *ranks);
 PETSC_INTERN PetscErrorCode LatinSubdomainsReset(LatinSubdomains *);
 PETSC_INTERN PetscErrorCode LatinDistribute_Private(const LatinSubdomains *, Vec u, PetscReal copy[]);
+PETSC_INTERN PetscErrorCode LatinSum_Private(const LatinSubdomains *, const PetscReal copy[], Vec u);
 PETSC_INTERN PetscErrorCode LatinUnassigned_Private(const LatinSubdomains *, Vec x, Vec y);
 PETSC_INTERN PetscErrorCode LatinJumpsCopies_Private(const LatinSubdomains *, PetscBool jumps[]);
 

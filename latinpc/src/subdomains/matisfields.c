@@ -82,26 +82,33 @@ static PetscErrorCode LatinUnknownsElements_Private(DM dm, PetscInt rows, LatinU
   PetscFunctionReturn(0);
 }
 
-/* Coordinates of the nodes of a DM whose vectors have one block a node, as those of DMDA */
-static PetscErrorCode LatinUnknownsNodes_Private(DM dm, PetscInt rows, LatinUnknowns *known)
+/* Coordinates of the nodes, blocks of v: given by PCSetCoordinates(), or those of a DM, which count where its vectors have one block a node, as those of DMDA */
+static PetscErrorCode LatinUnknownsNodes_Private(Vec v, PetscInt dim, PetscBool given, PetscInt rows, LatinUnknowns *known)
 {
-  Vec                v;
-  PetscInt           dim, n, fit;
+  MPI_Comm           comm = PetscObjectComm((PetscObject)v);
+  PetscInt           nodes, each = known->fields, fit;
   const PetscScalar *a;
 
   PetscFunctionBegin;
-  PetscCall(DMGetCoordinates(dm, &v));
-  PetscCall(DMGetCoordinateDim(dm, &dim));
-  if (!v || dim < 1 || dim > 3) PetscFunctionReturn(0);
-  PetscCall(VecGetLocalSize(v, &n));
-  fit = n * known->fields == rows * dim ? 1 : 0;
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &fit, 1, MPIU_INT, MPI_MIN, PetscObjectComm((PetscObject)dm)));
+  PetscCall(VecGetLocalSize(v, &nodes));
+  nodes /= dim;
+  if (given) {
+    each = nodes ? rows / nodes : 0;
+    PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &each, 1, MPIU_INT, MPI_MAX, comm));
+  }
+  LatinAgree(comm, given && nodes * each != rows, PETSC_ERR_ARG_SIZ,
+             "PCSetCoordinates() has given %" PetscInt_FMT " nodes to a rank of %" PetscInt_FMT " unknowns, where another rank has %" PetscInt_FMT " unknowns a node: give every node of all ranks the same number of unknowns, or each unknown a node",
+             nodes, rows, each);
+  fit = nodes * each == rows ? 1 : 0;
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &fit, 1, MPIU_INT, MPI_MIN, comm));
   if (!fit) PetscFunctionReturn(0);
+  if (each > 1) known->fields = each; /* the block size is lost where the local-to-global map has none */
   known->dim = dim;
+  PetscCall(PetscFree(known->x));
   PetscCall(PetscMalloc1(dim * rows, &known->x));
   PetscCall(VecGetArrayRead(v, &a));
   for (PetscInt i = 0; i < rows; i++)
-    for (PetscInt d = 0; d < dim; d++) known->x[dim * i + d] = PetscRealPart(a[dim * (i / known->fields) + d]);
+    for (PetscInt d = 0; d < dim; d++) known->x[dim * i + d] = PetscRealPart(a[dim * (i / each) + d]);
   PetscCall(VecRestoreArrayRead(v, &a));
   PetscFunctionReturn(0);
 }
@@ -158,15 +165,16 @@ static PetscInt LatinNotFinite(PetscInt n, const PetscReal x[])
 }
 
 /*
-   Gathers what is known: coordinates given to the preconditioner, [nodes][dim] (NULL: none), or those of the DM; fields
-   of the finite elements of the DM, or components of a block. Collective on A.
+   Gathers what is known: coordinates given to the preconditioner, blocks of a vector (NULL: none), or those of the DM;
+   fields of the finite elements of the DM, or components of a block. Collective on A.
 */
-PetscErrorCode LatinUnknownsSetUp_Private(Mat A, DM dm, PetscInt dim, PetscInt nodes, const PetscReal x[], LatinUnknowns *known)
+PetscErrorCode LatinUnknownsSetUp_Private(Mat A, DM dm, Vec coordinates, LatinUnknowns *known)
 {
-  PetscInt     rows, each;
+  PetscInt     rows, dim = 0;
   MatNullSpace near, kernel;
   PetscBool    plex = PETSC_FALSE;
   LatinLevel  *level;
+  Vec          v = coordinates;
 
   PetscFunctionBegin;
   PetscCall(LatinUnknownsReset_Private(known));
@@ -179,18 +187,12 @@ PetscErrorCode LatinUnknownsSetUp_Private(Mat A, DM dm, PetscInt dim, PetscInt n
   PetscCall(MatGetBlockSize(A, &known->fields));
   if (dm) PetscCall(PetscObjectTypeCompare((PetscObject)dm, DMPLEX, &plex));
   if (plex) PetscCall(LatinUnknownsElements_Private(dm, rows, known));
-  if (dim) {
-    each = nodes ? rows / nodes : 0;
-    PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &each, 1, MPIU_INT, MPI_MAX, PetscObjectComm((PetscObject)A)));
-    LatinAgree(PetscObjectComm((PetscObject)A), nodes * each != rows, PETSC_ERR_ARG_SIZ,
-               "PCSetCoordinates() has given %" PetscInt_FMT " nodes to a rank of %" PetscInt_FMT " unknowns, where another rank has %" PetscInt_FMT " unknowns a node: give every node of all ranks the same number of unknowns, or each unknown a node",
-               nodes, rows, each);
-    if (each > 1) known->fields = each; /* the block size is lost where the local-to-global map has none */
-    PetscCall(PetscFree(known->x));
-    known->dim = dim;
-    PetscCall(PetscMalloc1(dim * rows, &known->x));
-    for (PetscInt i = 0; i < rows; i++) PetscCall(PetscArraycpy(known->x + dim * i, x + dim * (i / each), dim));
-  } else if (dm && !plex) PetscCall(LatinUnknownsNodes_Private(dm, rows, known));
+  if (coordinates) PetscCall(VecGetBlockSize(coordinates, &dim));
+  else if (dm && !plex) {
+    PetscCall(DMGetCoordinates(dm, &v));
+    PetscCall(DMGetCoordinateDim(dm, &dim));
+  }
+  if (v && dim >= 1 && dim <= 3) PetscCall(LatinUnknownsNodes_Private(v, dim, (PetscBool)(coordinates != NULL), rows, known));
   if (!known->field) {
     PetscCall(PetscMalloc1(rows, &known->field));
     for (PetscInt i = 0; i < rows; i++) known->field[i] = i % known->fields; /* a rank has whole blocks */

@@ -340,3 +340,16 @@ PetscErrorCode LatinDistribute_Private(const LatinSubdomains *sub, Vec u, PetscR
   PetscCall(VecRestoreArrayRead(u, &a));
   PetscFunctionReturn(0);
 }
+
+/* u = sum of the copies' values, over all ranks; zero for unknowns of no subdomain */
+PetscErrorCode LatinSum_Private(const LatinSubdomains *sub, const PetscReal copy[], Vec u)
+{
+  PetscScalar *a;
+
+  PetscFunctionBegin;
+  PetscCall(VecZeroEntries(u));
+  PetscCall(VecGetArray(u, &a));
+  PetscCall(LatinSFReduce_Private(sub->dof_sf, 1, MPIU_SCALAR, copy, a, MPI_SUM));
+  PetscCall(VecRestoreArray(u, &a));
+  PetscFunctionReturn(0);
+}

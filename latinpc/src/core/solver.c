@@ -1,0 +1,90 @@
+#include "core/latinimpl.h"
+
+/*
+   What the solvers around a Latin share: what a user gives a PC, a KSP or a SNES of type latin, and what the matrix of a
+   PC or a KSP stands for.
+*/
+
+PetscErrorCode LatinCheckType_Private(PetscObject solver)
+{
+  PetscBool is;
+
+  PetscFunctionBegin;
+  PetscCall(PetscObjectTypeCompare(solver, "latin", &is));
+  PetscCheck(is, PetscObjectComm(solver), PETSC_ERR_ARG_WRONG, "The %s is of type %s, not latin: call %sSetType() first", solver->class_name, solver->type_name ? solver->type_name : "(not set)", solver->class_name);
+  PetscFunctionReturn(0);
+}
+
+/* Options database and prefix: -<prefix>pc_latin_, ksp_latin_ or snes_latin_ */
+PetscErrorCode LatinSetPrefix_Private(Latin latin, PetscObject solver)
+{
+  PetscFunctionBegin;
+  PetscCall(PetscObjectSetOptions((PetscObject)latin, solver->options));
+  PetscCall(PetscObjectSetOptionsPrefix((PetscObject)latin, solver->prefix));
+  PetscCall(PetscObjectAppendOptionsPrefix((PetscObject)latin, solver->classid == SNES_CLASSID ? "snes_latin_" : solver->classid == KSP_CLASSID ? "ksp_latin_" : "pc_latin_"));
+  PetscFunctionReturn(0);
+}
+
+/* The structure that a PC or a KSP is to work on, whatever its matrix comes from. Collective on solver */
+PetscErrorCode LatinAttach_Private(Latin latin, PetscObject solver, LatinStructure structure)
+{
+  PetscObject before;
+
+  PetscFunctionBegin;
+  PetscCall(LatinStructureCheckSetUp_Private(structure));
+  PetscCall(PetscObjectQuery(solver, "LatinStructure", &before));
+  if ((PetscObject)structure != before) latin->stale = PETSC_TRUE;
+  PetscCall(PetscObjectCompose(solver, "LatinStructure", (PetscObject)structure));
+  PetscFunctionReturn(0);
+}
+
+/* PCSetCoordinates() of a PC latin, or of the PC of a KSP latin: places of the unknowns of a matrix, kept on the PC */
+PetscErrorCode LatinSetCoordinates_Private(PC pc, PetscInt dim, PetscInt nodes, PetscReal x[])
+{
+  Vec          v;
+  PetscScalar *a;
+
+  PetscFunctionBegin;
+  PetscCheck(dim >= 1 && dim <= 3, PetscObjectComm((PetscObject)pc), PETSC_ERR_ARG_OUTOFRANGE, "Nodes have 1, 2 or 3 coordinates, not %" PetscInt_FMT, dim);
+  PetscCall(VecCreateMPI(PetscObjectComm((PetscObject)pc), dim * nodes, PETSC_DETERMINE, &v));
+  PetscCall(VecSetBlockSize(v, dim));
+  PetscCall(VecGetArrayWrite(v, &a));
+  PetscCall(PetscArraycpy(a, x, dim * nodes));
+  PetscCall(VecRestoreArrayWrite(v, &a));
+  PetscCall(PetscObjectCompose((PetscObject)pc, "LatinCoordinates", (PetscObject)v));
+  PetscCall(VecDestroy(&v));
+  pc->setupcalled = 0; /* built again at the next PCSetUp() */
+  PetscFunctionReturn(0);
+}
+
+/*
+   Builds everything for the matrix of a PC or a KSP: the tangent stiffness of a structure that is attached to the solver,
+   or behind its DM (NULL: none) or that of the matrix; or a MATIS. Collective on solver.
+*/
+PetscErrorCode LatinSetUpOperator_Private(Latin latin, PetscObject solver, PC pc, DM dm)
+{
+  LatinStructure structure;
+  PetscBool      matis;
+  LatinLevel    *level;
+  DM             behind;
+  Vec            coordinates;
+
+  PetscFunctionBegin;
+  PetscCall(MatGetDM(pc->pmat, &behind));
+  PetscCall(PetscObjectQuery(solver, "LatinStructure", (PetscObject *)&structure));
+  if (!structure) PetscCall(LatinStructureFromDM_Private(dm, &structure));
+  if (!structure) PetscCall(LatinStructureFromDM_Private(behind, &structure));
+  PetscCall(PetscObjectTypeCompare((PetscObject)pc->pmat, MATIS, &matis));
+  PetscCall(LatinLevelOf_Private(pc->pmat, &level));
+  PetscCheck(structure || matis || level, PetscObjectComm(solver), PETSC_ERR_ORDER,
+             "-%s_type latin has no structure to work on: call LatinStructureAttach%s(), or build the matrix from the DM of a structure (LatinStructureCreate(), LatinStructureAttachSNES()); or assemble it as a MATIS (-dm_mat_type is, -mat_type is)",
+             solver->classid == KSP_CLASSID ? "ksp" : "pc", solver->class_name);
+  PetscCall(LatinReset_Private(latin));
+  PetscCall(LatinSetProblem_Private(latin, structure, structure ? NULL : pc->pmat));
+  PetscCall(PetscObjectQuery((PetscObject)pc, "LatinCoordinates", (PetscObject *)&coordinates));
+  if (structure) PetscCall(LatinSetStiffness_Private(latin, pc->pmat));
+  else PetscCall(LatinUnknownsSetUp_Private(pc->pmat, dm ? dm : behind, coordinates, &latin->sub.known));
+  PetscCall(LatinSetPrefix_Private(latin, solver));
+  PetscCall(LatinSetUp_Private(latin));
+  PetscFunctionReturn(0);
+}
