@@ -24,7 +24,7 @@ ALONE = {"snes_latin_newton": "never"}
 WAYS = {
     "iteration alone": ALONE,
     "local, coarse solves refined": ALONE | REFINED,
-    "finished by Newton": {"snes_latin_newton": "always"},
+    "finished by Newton": {"snes_latin_stop": "error", "snes_latin_error": 1e-13},
     "by default": {},
     "Newton, CHOLMOD": {
         "snes_type": "newtonls", "snes_linesearch_type": "basic", "ksp_type": "preonly", "pc_type": "cholesky",

@@ -27,7 +27,7 @@ VARIANTS = ("none", "macro", "corner", "published")
 MODES = ("affine", "rigid")
 DIRECTIONS = ("scalar", "diagonal", "block", "schur", "auto")
 STOPS = ("indicator", "residual", "reference", "error", "energy")
-NEWTONS = ("auto", "always", "never")
+NEWTONS = ("auto", "never")
 WARM_STARTS = ("none", "last", "extrapolate")
 
 
@@ -158,8 +158,8 @@ def set_newton(snes, newton):
     ----------
     snes : petsc4py.PETSc.SNES
         Of type latin.
-    newton : {"auto", "always", "never"}
-        Where the iteration stalls; also to finish every solve; not at all.
+    newton : {"auto", "never"}
+        Where the iteration stalls or rounding ends it, and to prove an error; not at all.
     """
     _latin.set_newton(snes, _number("newton", NEWTONS, newton))
 

@@ -25,7 +25,7 @@ CASES = {
     "irregular": (irregular, {}),
     "metis": (lambda: make("lattice", nx=12, ny=6, partition="metis"), {"subdomains": 7, "modes_local": 0.5}),
     "network": (network, {"variant": "macro", "stop": "error"}),
-    "newton": (irregular, {"newton": "always"}),
+    "newton": (irregular, {"stop": "error"}),
     "rigid": (lambda: make("net", side=8), {}),
 }
 world = PETSc.COMM_WORLD.tompi4py()

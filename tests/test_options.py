@@ -15,7 +15,7 @@ README = (ROOT / "README.md").read_text()
 OPTIONS = (ROOT / "options" / "README.md").read_text()
 COMMAND = [Path(sys.executable).parent / "latinpc", "solve"]
 HELP_OF = {
-    "snes": ["tensegrity-grid", "--modules", "6", "--subdomains", "9", "-snes_latin_newton", "always", "-help"],
+    "snes": ["tensegrity-grid", "--modules", "6", "--subdomains", "9", "-snes_latin_stop", "error", "-help"],
     "pc": ["truss-grid", "--modules", "6", "--subdomains", "9", "-snes_type", "ksponly", "-ksp_type", "cg",
            "-pc_type", "latin", "-help"],
     "ksp": ["truss-grid", "--modules", "6", "--subdomains", "9", "-snes_type", "ksponly",
@@ -195,4 +195,4 @@ def test_equation_map_names_functions_of_the_file():
 
 def test_steps_start_warm():
     printed = run([*COMMAND, "impact-tower", "--levels", "2", "--steps", "1", "-help"]).stdout
-    assert re.search("-snes_latin_warm_start <(now )?extrapolate", printed)
+    assert re.search("-snes_latin_warm_start:? <(now )?extrapolate", printed)

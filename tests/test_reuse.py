@@ -20,12 +20,12 @@ def log():
         yield
 
 
-@pytest.mark.parametrize("newton", ["auto", "always"])
+@pytest.mark.parametrize("stop", [{"stol": 1e-9}, {"stop": "error", "error": 1e-8}])
 @pytest.mark.parametrize("make", [grid, irregular])
-def test_new_loads_and_initial_elongations_build_nothing(make, newton):
+def test_new_loads_and_initial_elongations_build_nothing(make, stop):
     """A second solve, another load, another initial_elongation, an increment: no set-up, no factorisation."""
     scene = make()
-    with latin(scene, stol=1e-9, max_it=1000, newton=newton) as run:
+    with latin(scene, max_it=1000, **stop) as run:
         before = counts()
         u = run.structure.create_vec()
         run.snes.solve(None, u)

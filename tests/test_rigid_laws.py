@@ -283,14 +283,6 @@ def test_newton_refuses_rigid_laws_by_name(kind):
     assert "inextensible" in words and "-snes_type latin" in words and "cable" in words
 
 
-def test_newton_always_refuses_rigid_laws():
-    """So does Newton's method at the end of SNES latin, before any work."""
-    with latin(spring(Law.CONTACT, 0.0, load=1.0), newton="always") as run:
-        words = refused(lambda: run.snes.solve(None, run.structure.create_vec()))
-    assert "newton always" in words
-    assert "contact" in words
-
-
 def contact_with(**changes):
     """One contact with friction, spoiled."""
     given = {"nodes": [[0.0, 0.0], [0.0, 0.0]], "links": [[0, 1], [0, 1]], "law": [5, 6], "stiffness": 0.0,

@@ -25,7 +25,6 @@ from latinpc.scenes import make
 WARM = {"snes_latin_warm_start": "extrapolate"}
 RAMPS = {
     "grid": (grid, {}),
-    "newton, at the end": (irregular, {"snes_latin_newton": "always", "snes_stol": 1e-8}),
     "error": (irregular, {"snes_latin_stop": "error"}),
     "floppy": (irregular, {"snes_latin_modes_local": 1, "snes_latin_direction": "diagonal"}),
     "plain": (grid, {"snes_latin_outer_snes_type": "nrichardson", "snes_latin_variant": "macro"}),

@@ -95,7 +95,7 @@ def test_views_tell_what_options_have_changed(tmp_path):
 @pytest.mark.parametrize(
     ("factor", "options", "told"),
     [
-        (1.0, {"newton": "always"}, "Newton's method to finish, last solve"),
+        (1.0, {"stop": "error"}, "Newton's method to finish, last solve"),
         (1e6, {}, "Newton's method where the iteration stalled, last solve"),
     ],
 )

@@ -87,8 +87,7 @@ PETSC_EXTERN const char *const LatinWarmStarts[];
 
 /* When Newton's method takes over from the iteration of SNES latin */
 typedef enum {
-  LATIN_NEWTON_AUTO,   /* where it stalls or diverges */
-  LATIN_NEWTON_ALWAYS, /* also to finish every solve */
+  LATIN_NEWTON_AUTO, /* where it stalls, diverges or ends by rounding; and to prove an error */
   LATIN_NEWTON_NEVER
 } LatinNewtonType;
 PETSC_EXTERN const char *const LatinNewtonTypes[];

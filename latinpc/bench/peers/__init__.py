@@ -56,8 +56,6 @@ METHODS = {
     "latin": Method("the default of SNES latin", "latin", {"snes_type": "latin"}),
     "latin-macro": Method("weak interfaces macro, section 4.2", "latin",
                           {"snes_type": "latin", "snes_latin_variant": "macro"}),
-    "latin-newton": Method("SNES latin, then Newton's method with its operators", "latin",
-                           {"snes_type": "latin", "snes_latin_newton": "always"}),
     "latin-rigid": Method("rigid macro fields and CHOLMOD for the coarse problem, options/large.opts", "latin", {
         "snes_type": "latin", "snes_latin_modes": "rigid", "snes_latin_coarse_pc_factor_mat_solver_type": "cholmod",
     }, "suitesparse"),

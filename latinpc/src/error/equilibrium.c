@@ -195,7 +195,8 @@ PetscErrorCode LatinEquilibriumCheck_Private(Latin latin, Vec u, Vec r, Vec more
   PetscCall(LatinEquilibriumFar_Private(structure, u, &far));
   PetscCall(LatinNodalBalanceDestroy_Private(&balance));
 
-  norm = energy ? PetscSqrtReal(balance.energy) : size;
+  found->balanced = (PetscBool)(sum.error == 0.0);
+  norm            = energy ? PetscSqrtReal(balance.energy) : size;
   if (norm > 0.0) found->error = LATIN_FORCE_FACTOR * PetscSqrtReal(sum.error) / norm;
   for (PetscInt d = 0; d < 4 && structure->ground && !energy && norm > 0.0; d++)
     if (sum.stiff[d] > 0.0) found->error = PetscMax(found->error, LATIN_MOVED_FACTOR * (PetscAbsReal(sum.moved[d]) - sum.noise[d]) / (PetscSqrtReal(sum.stiff[d]) * norm));

@@ -75,6 +75,7 @@ typedef enum {
 typedef struct {
   LatinVerdict verdict;
   PetscReal    error;              /* the displacements are wrong by this at least, relative */
+  PetscBool    balanced;           /* but for rounding, nothing is without balance */
   PetscInt     nodes;              /* that nothing holds, on all ranks */
   PetscInt     node[LATIN_LISTED]; /* some of them, global numbers */
   PetscReal    distance;           /* that they move until a link holds them, a length */

@@ -5,7 +5,7 @@
    and the decision what happens next.
 */
 
-#define LATIN_NEWTON_BEGIN 1e-4 /* indicator from which on Newton's method finishes the solve: the taut links are then nearly those of the solution */
+#define LATIN_PROOF_EARLY 4.0 /* times the error asked for: an estimate from which on Newton's method does the rest. Linear stages are fewest from 3 to 5, on grids, METIS cuts and networks */
 
 /* The mean displacements of the subdomains become the solution vector, and their nodal unbalance the function. Collective on snes */
 PetscErrorCode SNESLatinResidual_Private(SNES snes)
@@ -187,15 +187,15 @@ static LatinNext SNESLatinReached(SNES snes, PetscReal measure)
   return rests ? LATIN_NEXT_CONVERGED : LATIN_NEXT_CONTINUE;
 }
 
-/* Does Newton's method finish the solve: near the solution, or where the iteration rests by rounding before what was asked for is reached? */
-static PetscBool SNESLatinFinishes(const SNES_Latin *data, LatinNext next)
+/*
+   Does Newton's method finish the solve? Its step is the error where convergence is to be claimed, of which an estimate is
+   no proof, or where rounding ends the iteration before what was asked for is reached.
+*/
+static PetscBool SNESLatinFinishes(const SNES_Latin *data, PetscReal measure, PetscReal target, LatinNext next)
 {
-  const PetscBool rests = (PetscBool)(data->latin->linear.distance <= data->latin->linear.noise);
-
-  if (!data->newton.finish) return PETSC_FALSE;
-  if (next == LATIN_NEXT_CONTINUE) return (PetscBool)(data->latin->linear.indicator <= LATIN_NEWTON_BEGIN);
-  if (next == LATIN_NEXT_ROUNDING) return (PetscBool)(data->estimate.rounding && !data->estimate.energy);
-  return (PetscBool)(next == LATIN_NEXT_CONVERGED && rests && !SNESLatinEstimates(data) && data->stop != LATIN_STOP_REFERENCE);
+  if (!data->newton.finish || data->newton.contrast || !(target > 0.0)) return PETSC_FALSE;
+  if (SNESLatinEstimates(data)) return (PetscBool)((next == LATIN_NEXT_CONTINUE && measure <= LATIN_PROOF_EARLY * target) || next == LATIN_NEXT_CONVERGED || (next == LATIN_NEXT_ROUNDING && data->estimate.rounding));
+  return (PetscBool)(next == LATIN_NEXT_CONVERGED && data->stop != LATIN_STOP_REFERENCE && measure > target);
 }
 
 /* Does Newton's method take over: no progress, a divergence, or a convergence that proves nothing? */
@@ -243,7 +243,7 @@ static PetscErrorCode SNESLatinDecide_Private(SNES snes, PetscReal measure, Pets
   else if (latin->linear.failed) *next = LATIN_NEXT_FAILED;
   else if (*next == LATIN_NEXT_CONTINUE) *next = SNESLatinReached(snes, measure);
   if (*next == LATIN_NEXT_ROUNDING) PetscCall(PetscInfo(snes, "The error asked for, %g, is below what rounding leaves on this structure, about %g\n", (double)data->target, (double)data->estimate.floor));
-  if (!SNESLatinUserTest(snes) && SNESLatinFinishes(data, *next)) *next = LATIN_NEXT_NEWTON_FINISH;
+  if (!SNESLatinUserTest(snes) && SNESLatinFinishes(data, measure, target, *next)) *next = LATIN_NEXT_NEWTON_FINISH;
   if (*next == LATIN_NEXT_CONTINUE && snes->divtol > 0.0 && latin->linear.distance > snes->divtol * data->first_distance) *next = LATIN_NEXT_DIVERGED;
   if (LatinNextConverged(*next)) PetscCall(SNESLatinProve_Private(snes, next));
   if (SNESLatinStalls(data, measure, target, *next)) *next = LATIN_NEXT_NEWTON_STALL;

@@ -3,9 +3,10 @@
 /*
    Newton's method after the iteration of SNES latin, by conjugate gradients with PC latin on the tangent stiffness.
 
-   Finish: from the displacements on at which the indicator is small. Their taut links are nearly those of the solution, and
-   a step is exact for given taut links: what is left is mostly one linear problem, which takes fewer linear stages than the
-   iteration. The preconditioner is made of the operators that SNES latin has built already, with all links taut.
+   Finish: where an error is to be proved, or rounding ends the iteration too early. The taut links are nearly those of the
+   solution, and a step is exact for given taut links: its length is the error, and what a linear solve leaves over of it
+   that of the corrected displacements. The preconditioner is made of the operators that SNES latin has built already, with
+   all links taut.
 
    Stall: a linear stage treats every link as a spring of its ascent direction l = k. A slack link that is much stiffer than
    the structure around it, or a structure that only soft slack links hold, leaves displacements that hardly move from one
@@ -13,8 +14,8 @@
    from the tangent stiffness, which leaves slack links out, and anew when links have changed.
 
    The energy is convex, and a search for its least along each step makes the method converge from anywhere. A linear solve
-   goes no further than its step deserves: while links still change between taut and slack, two digits (-ksp_rtol of the
-   inner KSP); once none has changed, all that are missing.
+   goes no further than its step deserves: as far as the error asked for needs; while links still change between taut and
+   slack, two digits at most (-ksp_rtol of the inner KSP).
 */
 
 #define LATIN_NEWTON_STAGES   300                          /* linear stages predicted: more, and the iteration stalls */
@@ -22,8 +23,10 @@
 #define LATIN_NEWTON_CONTRAST 1e6                          /* ratio of stiffnesses from which on a displacement that does not move proves nothing */
 #define LATIN_NEWTON_RTOL     1e-2                         /* of a linear solve whose step changes the taut links */
 #define LATIN_NEWTON_TIGHT    LatinByPrecision(1e-9, 1e-5) /* where stiffnesses differ: forces of stiff links must not hide those of soft ones; least tolerance: below, rounding */
-#define LATIN_NEWTON_SAFETY   0.3                          /* the last solve aims at this part of the target */
+#define LATIN_NEWTON_SAFETY   0.5                          /* a linear solve aims at this part of the target */
+#define LATIN_NEWTON_PROOF    0.5                          /* part of the residual that is left where a step is taken for the error */
 #define LATIN_NEWTON_FLOOR    LatinByPrecision(1e-8, 1e-5) /* what a slack link keeps of the least stiffness, so that no mechanism ends the search */
+#define LATIN_NEWTON_SEEN     (3.0 * LATIN_MECHANISM)      /* of the greatest one */
 #define LATIN_NEWTON_LINEAR   500                          /* most iterations of a linear solve: more, and the method does not pay */
 #define LATIN_NEWTON_STEPS    200                          /* most steps */
 #define LATIN_NEWTON_FULL     12                           /* steps that are taken whole: they end soon if they end at all */
@@ -36,13 +39,11 @@ PetscErrorCode LatinNewtonStart_Private(LatinNewton *newton, LatinStructure stru
   PetscReal least, most;
 
   PetscFunctionBegin;
-  if (newton->type == LATIN_NEWTON_ALWAYS) PetscCall(LatinStructureCheckRigid_Private(structure, "-snes_latin_newton always, Newton's method at the end of SNES latin,"));
   newton->seen = newton->steps = newton->stages = 0;
   for (PetscInt i = 0; i < 3; i++) newton->least[i] = PETSC_MAX_REAL;
   PetscCall(LatinStructureStiffnessRange_Private(structure, &least, &most));
-  newton->finish   = (PetscBool)(newton->type == LATIN_NEWTON_ALWAYS);
-  newton->stall    = (PetscBool)(newton->type != LATIN_NEWTON_NEVER && structure->rigid_law < 0 && !structure->rubs); /* the method needs a tangent and an energy */
-  newton->contrast = (PetscBool)(most > LATIN_NEWTON_CONTRAST * least);
+  newton->finish = newton->stall = (PetscBool)(newton->type != LATIN_NEWTON_NEVER && structure->rigid_law < 0 && !structure->rubs); /* the method needs a tangent and an energy */
+  newton->contrast               = (PetscBool)(most > LATIN_NEWTON_CONTRAST * least);
   PetscFunctionReturn(0);
 }
 
@@ -66,14 +67,64 @@ PetscBool LatinNewtonStalled(LatinNewton *newton, PetscReal measure, PetscReal t
 }
 
 /*
-   The error left after a step is the part of it that the linear solver has left over when no link has changed, and
-   the step itself otherwise. With PC latin the natural norm of CG is that of the energy, about.
+   A linear solve ends when what it leaves over of the step is small beside the error asked for, as far as the part of the
+   residual shows that is left: with PC latin the natural norm of CG is that of the energy, about. Else at its tolerance.
 */
+static PetscErrorCode LatinNewtonLinear_Private(KSP ksp, PetscInt it, PetscReal rnorm, KSPConvergedReason *reason, void *ctx)
+{
+  LatinNewton *newton = (LatinNewton *)ctx;
+  PetscReal    rtol, size;
+  Vec          step;
+
+  PetscFunctionBegin;
+  *reason = KSP_CONVERGED_ITERATING;
+  PetscCall(KSPGetTolerances(ksp, &rtol, NULL, NULL, NULL));
+  if (!it) newton->first = rnorm;
+  newton->left = newton->first > 0.0 ? rnorm / newton->first : 0.0;
+  if (PetscIsInfOrNanReal(rnorm)) *reason = KSP_DIVERGED_NANORINF;
+  else if (newton->left <= rtol) *reason = KSP_CONVERGED_RTOL;
+  if (*reason || newton->tangent || newton->left > LATIN_NEWTON_PROOF) PetscFunctionReturn(0);
+  PetscCall(KSPBuildSolution(ksp, NULL, &step));
+  PetscCall(VecNorm(step, NORM_2, &size));
+  if (newton->left * size <= LATIN_NEWTON_SAFETY * newton->target * newton->size) *reason = KSP_CONVERGED_RTOL;
+  PetscFunctionReturn(0);
+}
+
+/* Is what the displacements u leave without balance rounding alone? Collective on snes */
+static PetscErrorCode LatinNewtonRounding_Private(SNES snes, LatinNewton *newton, Vec u, PetscBool *rounding)
+{
+  LatinEquilibrium found;
+  Vec              r, more;
+
+  PetscFunctionBegin;
+  PetscCall(SNESGetFunction(snes, &r, NULL, NULL));
+  PetscCall(SNESGetRhs(snes, &more));
+  PetscCall(LatinEquilibriumCheck_Private(newton->latin, u, r, more, newton->target, newton->energy, PETSC_FALSE, &found));
+  *rounding = found.balanced;
+  PetscFunctionReturn(0);
+}
+
+/* The last step, relative to the displacements u after it, in the norm of the stop. Collective on snes */
+static PetscErrorCode LatinNewtonStep_Private(SNES snes, LatinNewton *newton, Vec u, PetscReal *l2, PetscReal *energy)
+{
+  Vec step, before;
+
+  PetscFunctionBegin;
+  PetscCall(SNESGetSolutionUpdate(snes, &step));
+  PetscCall(DMGetGlobalVector(newton->structure->dm, &before));
+  PetscCall(VecWAXPY(before, 1.0, step, u));
+  PetscCall(LatinStructureComputeErrors(newton->structure, before, u, l2, energy));
+  PetscCall(DMRestoreGlobalVector(newton->structure->dm, &before));
+  PetscFunctionReturn(0);
+}
+
+/* The error left after a step: the part of it that the linear solver has left over where no link has changed, else the step itself */
 static PetscErrorCode LatinNewtonConverged_Private(SNES snes, PetscInt it, PetscReal xnorm, PetscReal snorm, PetscReal fnorm, SNESConvergedReason *reason, void *ctx)
 {
   LatinNewton   *newton = (LatinNewton *)ctx;
-  PetscReal      before = newton->error, lambda = 1.0, rtol, energy;
+  PetscReal      before = newton->error, lambda = 1.0, energy;
   PetscInt       changes, most;
+  PetscBool      rounding;
   Vec            u;
   KSP            ksp;
   Mat            P;
@@ -88,7 +139,6 @@ static PetscErrorCode LatinNewtonConverged_Private(SNES snes, PetscInt it, Petsc
   PetscCall(SNESGetKSP(snes, &ksp));
   PetscCall(SNESGetSolution(snes, &u));
   PetscCall(SNESGetTolerances(snes, NULL, NULL, NULL, &most, NULL));
-  PetscCall(KSPGetTolerances(ksp, &rtol, NULL, NULL, NULL));
   if (!it) {
     changes       = newton->linear ? 0 : 1;
     newton->still = 0;
@@ -99,20 +149,24 @@ static PetscErrorCode LatinNewtonConverged_Private(SNES snes, PetscInt it, Petsc
     PetscCall(SNESLineSearchGetLambda(search, &lambda));
     if (PetscAbsReal((PetscReal)(lambda - 1.0)) > LATIN_NEWTON_RTOL) changes = PetscMax(changes, 1); /* not the whole step, for links have changed on the way */
     newton->error = xnorm > 0.0 ? snorm / xnorm : 0.0;
+    if (newton->energy) PetscCall(LatinNewtonStep_Private(snes, newton, u, &energy, &newton->error));
     if (lambda < 1.0 - LATIN_NEWTON_RTOL && newton->error <= newton->target) newton->still++;
     else if (newton->still != LATIN_NEWTON_KICK) newton->still = 0;
     else newton->still = newton->error <= newton->target ? 0 : LATIN_NEWTON_KICK + 1; /* from there on no more of them until the search moves */
-    if (!changes && !newton->tangent) newton->error *= rtol;                          /* where forces differ by orders, only a step that moves nothing proves anything */
+    if (!changes && !newton->tangent) newton->error *= newton->left;                  /* where forces differ by orders, only a step that moves nothing proves anything */
     if (newton->reference) PetscCall(LatinStructureComputeErrors(newton->structure, u, newton->reference, &newton->error, &energy));
   }
-  newton->changes = changes;
+  rounding = (PetscBool)(it > 1 && !changes && !newton->changes && newton->error > 0.5 * before && newton->left < LATIN_NEWTON_RTOL); /* a step that was to bring digits has brought none */
+  if (rounding && newton->tangent) PetscCall(LatinNewtonRounding_Private(snes, newton, u, &rounding));
   if (fnorm <= newton->residual) *reason = SNES_CONVERGED_FNORM_RELATIVE;
   else if (it && newton->error <= newton->target && (!newton->still || newton->still > LATIN_NEWTON_STILL)) *reason = SNES_CONVERGED_SNORM_RELATIVE;
-  else if (it > 1 && !changes && newton->error > 0.5 * before && rtol < newton->rtol) *reason = SNES_CONVERGED_SNORM_RELATIVE; /* rounding: a step that was to bring digits has brought none */
+  else if (rounding) *reason = SNES_CONVERGED_SNORM_RELATIVE;
   else if (it >= most) *reason = SNES_DIVERGED_MAX_IT;
-  rtol = changes || newton->tangent ? newton->rtol : PetscMin(newton->rtol, PetscMax(LATIN_NEWTON_TIGHT, LATIN_NEWTON_SAFETY * newton->target / newton->error));
-  PetscCall(KSPSetTolerances(ksp, rtol, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
-  PetscCall(PetscInfo(snes, "step %" PetscInt_FMT ": %" PetscInt_FMT " links have changed, estimated error %g, next linear tolerance %g\n", it, changes, (double)newton->error, (double)rtol));
+  PetscCall(KSPSetTolerances(ksp, changes || newton->tangent ? newton->rtol : LATIN_NEWTON_TIGHT, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
+  PetscCall(PetscInfo(snes, "step %" PetscInt_FMT ": %" PetscInt_FMT " links have changed, estimated error %g of %g\n", it, changes, (double)newton->error, (double)newton->target));
+  newton->changes = changes;
+  newton->left    = 0.0; /* of a linear solver without a test: a direct one */
+  newton->size    = PetscMax(newton->size, xnorm);
   PetscFunctionReturn(0);
 }
 
@@ -213,6 +267,7 @@ PetscErrorCode LatinNewtonCreate_Private(SNES snes, Latin latin, PetscBool tange
   if (!cg) PetscCall(KSPSetNormType(ksp, KSP_NORM_DEFAULT));
   PetscCall(SNESSetConvergenceTest(newton->snes, LatinNewtonConverged_Private, newton, NULL));
   PetscCall(KSPGetTolerances(ksp, &newton->rtol, NULL, NULL, NULL));
+  PetscCall(KSPSetConvergenceTest(ksp, LatinNewtonLinear_Private, newton, NULL));
   PetscFunctionReturn(0);
 }
 
@@ -220,19 +275,22 @@ PetscErrorCode LatinNewtonCreate_Private(SNES snes, Latin latin, PetscBool tange
 PetscErrorCode LatinNewtonSolve_Private(SNES snes, Latin latin, LatinNewton *newton, Vec u, SNESConvergedReason *reason)
 {
   PetscInt  nonsmooth = latin->sub.nonsmooth;
-  PetscReal least;
+  PetscReal least, most;
   KSP       ksp;
 
   PetscFunctionBegin;
-  PetscCall(LatinStructureStiffnessRange_Private(latin->sub.structure, &least, NULL));
-  newton->floor = newton->tangent ? LATIN_NEWTON_FLOOR * least : 0.0; /* without a stall no mechanism is near, and a step is exact */
+  PetscCall(LatinStructureStiffnessRange_Private(latin->sub.structure, &least, &most));
+  newton->floor = newton->tangent ? PetscMax(LATIN_NEWTON_FLOOR * least, LATIN_NEWTON_SEEN * most) : 0.0; /* without a stall no mechanism is near, and a step is exact */
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &nonsmooth, 1, MPIU_INT, MPI_SUM, PetscObjectComm((PetscObject)snes)));
   if (newton->structure != latin->sub.structure) {
     newton->structure = latin->sub.structure;
     PetscCall(LatinNewtonAttach_Private(newton));
   }
+  newton->latin  = latin;
   newton->linear = (PetscBool)!nonsmooth;
   newton->error  = latin->linear.indicator;
+  newton->left   = 0.0;
+  PetscCall(VecNorm(u, NORM_2, &newton->size));
   PetscCall(SNESGetKSP(newton->snes, &ksp));
   PetscCall(KSPSetTolerances(ksp, newton->rtol, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
   PetscCall(SNESSolve(newton->snes, snes->vec_rhs, u));

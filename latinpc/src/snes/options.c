@@ -4,7 +4,7 @@
 
 const char *const LatinStopTypes[]   = {"indicator", "residual", "reference", "error", "energy", "LatinStopType", "LATIN_STOP_", NULL};
 const char *const LatinWarmStarts[]  = {"none", "last", "extrapolate", "LatinWarmStart", "LATIN_WARM_START_", NULL};
-const char *const LatinNewtonTypes[] = {"auto", "always", "never", "LatinNewtonType", "LATIN_NEWTON_", NULL};
+const char *const LatinNewtonTypes[] = {"auto", "never", "LatinNewtonType", "LATIN_NEWTON_", NULL};
 
 PetscErrorCode SNESLatinCheck_Private(SNES snes)
 {
@@ -34,7 +34,7 @@ PetscErrorCode SNESSetFromOptions_Latin(SNES snes, LatinOptionItems PetscOptions
   PetscCheck(!set || SNESLatinEstimates(data), PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_WRONGSTATE, "-snes_latin_error belongs to -snes_latin_stop error or energy, but the stop is %s: add -snes_latin_stop error", LatinStopTypes[stop]);
   PetscCall(SNESLatinSetError(snes, error));
   PetscCall(PetscOptionsEnum("-snes_latin_warm_start", "Start from the state of the last solve on this object, or extrapolate from the last two", "SNESLatinSetWarmStart", LatinWarmStarts, (PetscEnum)data->warm, (PetscEnum *)&data->warm, NULL));
-  PetscCall(PetscOptionsEnum("-snes_latin_newton", "Newton's method: where the iteration stalls (auto), also to finish every solve (always), or not at all (never)", "SNESLatinSetNewton", LatinNewtonTypes, (PetscEnum)data->newton.type,
+  PetscCall(PetscOptionsEnum("-snes_latin_newton", "Newton's method: where the iteration stalls, and to prove an error (auto), or not at all (never)", "SNESLatinSetNewton", LatinNewtonTypes, (PetscEnum)data->newton.type,
                              (PetscEnum *)&data->newton.type, NULL));
   PetscCall(PetscOptionsViewer("-snes_latin_monitor", "Monitor the indicator, and the residual or errors where they are computed", "None", &viewer, &format, &set));
   PetscOptionsHeadEnd();
@@ -47,7 +47,6 @@ PetscErrorCode SNESSetFromOptions_Latin(SNES snes, LatinOptionItems PetscOptions
   else PetscCall(SNESLatinCreateOuter_Private(snes));
   PetscCall(SNESDestroy(&data->newton.snes)); /* made anew with the options and the prefix of now */
   data->newton.structure = NULL;
-  if (data->newton.type == LATIN_NEWTON_ALWAYS) PetscCall(LatinNewtonCreate_Private(snes, data->latin, PETSC_FALSE, &data->newton));
   PetscFunctionReturn(0);
 }
 
@@ -118,19 +117,17 @@ PetscErrorCode SNESLatinSetError(SNES snes, PetscReal error)
 
   Input Parameters:
 + snes - of type latin
-- type - `LATIN_NEWTON_AUTO`: where the iteration stalls or diverges, and to confirm a solution where stiffnesses differ by
-         orders of magnitude; `LATIN_NEWTON_ALWAYS`: also to finish every solve, from near the solution;
-         `LATIN_NEWTON_NEVER`
+- type - `LATIN_NEWTON_AUTO`: where the iteration stalls or diverges, where rounding ends it too early, and to prove an error
+         (`LATIN_STOP_ERROR`, `LATIN_STOP_ENERGY`, or stiffnesses that differ by orders of magnitude); `LATIN_NEWTON_NEVER`
 
   Options Database Keys:
-+ -snes_latin_newton <auto,always,never> - the choice
-- -snes_latin_newton_                    - prefix of its SNES
++ -snes_latin_newton <auto,never> - the choice
+- -snes_latin_newton_             - prefix of its SNES
 
   Level: intermediate
 
   Note:
-  Where Newton's method fails the iteration goes on. It is for laws with a stiffness: rigid ones do without, and refuse
-  `LATIN_NEWTON_ALWAYS`.
+  Where Newton's method fails the iteration goes on. It is for laws with a stiffness: rigid ones do without.
 
 .seealso: `SNESLATIN`
 @*/

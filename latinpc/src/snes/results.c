@@ -214,7 +214,7 @@ PetscErrorCode SNESView_Latin(SNES snes, PetscViewer viewer)
     PetscCall(SNESView(data->outer, viewer));
     PetscCall(PetscViewerASCIIPopTab(viewer));
   }
-  if (newton->snes && (newton->steps || newton->type == LATIN_NEWTON_ALWAYS)) {
+  if (newton->snes && newton->steps) {
     PetscCall(PetscViewerASCIIPrintf(viewer, "Newton's method %s, last solve %" PetscInt_FMT " steps and %" PetscInt_FMT " linear stages:\n", newton->tangent ? "where the iteration stalled" : "to finish", newton->steps, newton->stages));
     PetscCall(PetscViewerASCIIPushTab(viewer));
     PetscCall(SNESView(newton->snes, viewer));

@@ -108,7 +108,6 @@ static PetscErrorCode SNESLatinPrepare_Private(SNES snes)
   data->current                                          = -1;
   data->first_distance                                   = -1.0;
   data->residual                                         = 0.0;
-  data->finished                                         = PETSC_FALSE;
   data->next                                             = LATIN_NEXT_CONTINUE;
   PetscFunctionReturn(0);
 }
@@ -157,44 +156,48 @@ static PetscErrorCode SNESLatinProveDigits_Private(SNES snes)
   if (!SNESLatinEstimates(data)) PetscFunctionReturn(0);
   PetscCall(LatinEstimateFloor_Private(data->latin, &data->estimate));
   data->estimate.value = data->newton.error;
-  if (data->estimate.floor <= data->target || data->estimate.energy) PetscFunctionReturn(0);
+  if ((data->estimate.floor <= data->target && data->newton.error <= data->target) || data->estimate.energy) PetscFunctionReturn(0);
   PetscCall(LatinGetDigits(snes, &unbalance, &rounding, NULL, NULL));
   data->estimate.floor = LATIN_DIGITS_SAFETY * PetscMax(unbalance, rounding);
-  data->estimate.value = PetscMax(data->newton.error, data->estimate.floor);
+  data->estimate.value = data->newton.error <= data->target ? PetscMax(data->newton.error, data->estimate.floor) : data->estimate.floor; /* a step says how far the displacements before it were */
   if (data->estimate.value <= data->target) PetscFunctionReturn(0);
   data->next = LATIN_NEXT_ROUNDING;
   PetscCall(PetscInfo(snes, "The error asked for, %g, is below what rounding leaves on this structure, about %g\n", (double)data->target, (double)data->estimate.value));
   PetscFunctionReturn(0);
 }
 
-/* The displacements of Newton's method are the solution unless forces say otherwise */
-static PetscErrorCode SNESLatinFinished_Private(SNES snes, SNESConvergedReason reason)
+/* The displacements of Newton's method are the solution unless forces say otherwise: then *done is false */
+static PetscErrorCode SNESLatinFinished_Private(SNES snes, SNESConvergedReason reason, PetscBool *done)
 {
   SNES_Latin  *data   = (SNES_Latin *)snes->data;
   LatinNewton *newton = &data->newton;
+  PetscBool    shown;
 
   PetscFunctionBegin;
-  data->finished = PETSC_TRUE;
-  data->next     = reason == SNES_CONVERGED_FNORM_RELATIVE ? LATIN_NEXT_CONVERGED_FNORM : LATIN_NEXT_CONVERGED;
+  *done      = PETSC_TRUE;
+  data->next = reason == SNES_CONVERGED_FNORM_RELATIVE ? LATIN_NEXT_CONVERGED_FNORM : LATIN_NEXT_CONVERGED;
   PetscCall(SNESComputeFunction(snes, snes->vec_sol, snes->vec_func));
   PetscCall(VecNorm(snes->vec_func, NORM_2, &data->residual));
   snes->norm    = data->residual;
   data->current = data->latin->linear.applications;
   PetscCall(LatinEquilibriumCheck_Private(data->latin, snes->vec_sol, snes->vec_func, snes->vec_rhs, newton->target, data->estimate.energy, PETSC_FALSE, &data->found));
+  shown = (PetscBool)((newton->still || SNESLatinEstimates(data)) && newton->target > 0.0 && data->found.error > newton->target);
   if (data->found.verdict == LATIN_UNBOUNDED) data->next = LATIN_NEXT_DIVERGED;
-  else if (newton->still && newton->target > 0.0 && data->found.error > newton->target) { /* a search that stands still: at a solution, or where rounding hides the way on */ data->next = LATIN_NEXT_LINE_SEARCH;
-    PetscCall(PetscInfo(snes, "The search of Newton's method stands still where the unbalance shows an error of %g at least\n", (double)data->found.error));
-  }
+  else if (shown && newton->stall) *done = PETSC_FALSE;
+  else if (shown) data->next = LATIN_NEXT_LINE_SEARCH;
+  if (shown) PetscCall(PetscInfo(snes, "Newton's method ends where the unbalance shows an error of %g at least\n", (double)data->found.error)); /* a search that stands still, or a linear solve that has not seen it */
+  if (!*done) PetscFunctionReturn(0);
   if (LatinNextConverged(data->next)) PetscCall(SNESLatinProveDigits_Private(snes));
   PetscCall(SNESLatinWatch_Private(snes, data->latin->linear.applications + newton->stages));
   PetscFunctionReturn(0);
 }
 
-/* Newton's method from here on; where it fails the iteration goes on from where it was */
+/* Newton's method from here on; where it fails near the solution it starts again with operators of its own, and where those fail the iteration goes on from where it was */
 static PetscErrorCode SNESLatinNewton_Private(SNES snes, PetscBool stall)
 {
   SNES_Latin         *data   = (SNES_Latin *)snes->data;
   LatinNewton        *newton = &data->newton;
+  PetscBool           done   = PETSC_FALSE;
   SNESConvergedReason reason;
   Vec                 step, r;
 
@@ -202,6 +205,7 @@ static PetscErrorCode SNESLatinNewton_Private(SNES snes, PetscBool stall)
   if (stall) newton->stall = PETSC_FALSE;
   newton->target    = SNESLatinEstimates(data) ? data->target : data->stop == LATIN_STOP_RESIDUAL ? 0.0 : snes->stol;
   newton->residual  = data->stop == LATIN_STOP_RESIDUAL ? PetscMax(snes->abstol, snes->rtol * data->first_residual) : 0.0;
+  newton->energy    = data->estimate.energy;
   newton->reference = data->stop == LATIN_STOP_REFERENCE ? data->reference : NULL;
   if (PetscIsInfOrNanReal(data->latin->linear.distance) || (snes->divtol > 0.0 && data->latin->linear.distance > snes->divtol * data->first_distance)) PetscCall(VecZeroEntries(snes->vec_sol));
   else PetscCall(LatinAverage_Private(&data->latin->linear, snes->vec_sol));
@@ -215,18 +219,17 @@ static PetscErrorCode SNESLatinNewton_Private(SNES snes, PetscBool stall)
     data->next = LATIN_NEXT_DIVERGED;
     PetscFunctionReturn(0);
   }
-  if (reason > 0) {
-    PetscCall(SNESLatinFinished_Private(snes, reason));
-    PetscFunctionReturn(0);
-  }
-  PetscCall(PetscInfo(snes, "Newton's method ended with %s: back to the iteration\n", SNESConvergedReasons[reason]));
-  newton->finish = data->latin->linear.failed = PETSC_FALSE;
+  if (reason > 0) PetscCall(SNESLatinFinished_Private(snes, reason, &done));
+  if (done) PetscFunctionReturn(0);
+  PetscCall(PetscInfo(snes, "Newton's method ended with %s\n", SNESConvergedReasons[reason]));
   newton->steps = newton->stages = 0;
   data->current                  = -1;
+  data->next                     = LATIN_NEXT_NEWTON_STALL;
+  if (newton->stall) PetscFunctionReturn(0);
   PetscCall(SNESLatinIterate_Private(snes));
-  if (!stall || !newton->contrast || !LatinNextConverged(data->next)) PetscFunctionReturn(0);
+  if (!(newton->contrast || SNESLatinEstimates(data)) || !LatinNextConverged(data->next)) PetscFunctionReturn(0);
   data->next = LATIN_NEXT_ROUNDING; /* what Newton's method was to confirm it has not */
-  PetscCall(PetscInfo(snes, "Stiffnesses that differ so much leave the convergence of the iteration without proof\n"));
+  PetscCall(PetscInfo(snes, "Newton's method has not confirmed that the iteration converges\n"));
   PetscFunctionReturn(0);
 }
 

@@ -42,10 +42,14 @@ typedef struct {
   /* the method */
   SNES           snes;             /* NULL before the first time */
   PetscBool      tangent;          /* its preconditioner is built from the tangent stiffness, not that of the iteration */
+  Latin          latin;            /* borrowed */
   LatinStructure structure;        /* borrowed */
   Vec            reference;        /* borrowed: stop on the error against it, or NULL */
   PetscReal      target, residual; /* relative error of the displacements, norm of the residual to stop at */
+  PetscBool      energy;           /* the error is that of the energy norm */
+  PetscReal      size;             /* l2 norm of the displacements */
   PetscReal      rtol;             /* of a linear solve while links change */
+  PetscReal      first, left;      /* norm of the residual of a linear solve, and the part of it that is left */
   PetscReal      floor;            /* least tangent stiffness of a link */
   PetscReal      error;            /* estimated or measured error of the last step */
   PetscBool      linear;           /* no link can become slack */
@@ -104,8 +108,7 @@ typedef struct {
   PetscInt          current; /* those after which the solution vector and its residual were computed, -1: never */
   LatinNext         next;
   LatinNewton       newton;
-  PetscBool         finished; /* Newton's method has ended the solve */
-  LatinEquilibrium  found;    /* the last verdict on the displacements */
+  LatinEquilibrium  found; /* the last verdict on the displacements */
   LatinParameter    parameter;
   PetscViewer       monitor;
   PetscViewerFormat monitor_format;
