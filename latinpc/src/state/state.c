@@ -214,7 +214,7 @@ static PetscErrorCode LatinStateLoad_Private(PetscObject solver, Vec u, const ch
   ts   = state.ts ? (TS_Latin *)state.ts->data : NULL;
   PetscCheck(head.ranks == ranks, comm, PETSC_ERR_FILE_UNEXPECTED, "The state %s is of %d ranks, and these are %d: run on %d", file, (int)head.ranks, (int)ranks, (int)head.ranks);
   PetscCheck((head.motion != 0.0) == (ts != NULL), comm, PETSC_ERR_FILE_UNEXPECTED, "The state %s is that of %s", file, ts ? "a solve, not of a motion: leave out the time steps" : "a motion: give the number of time steps");
-  if (ts) PetscCall(LatinStepLength_Private(ts->step, (PetscReal)head.shift));
+  if (ts) PetscCall(LatinStepLength_Private(ts->step, head.shift > 0.0 ? (PetscReal)head.shift : -1.0));
   if (snes) { /* the search parameters of rigid links that the solves before have found, before anything is built with others */
     PetscCall(LatinSetProblem_Private(snes->latin, ts ? ts->step : state.structure, NULL));
     if (head.tuning > 0.0 && head.tuning != (double)snes->latin->tuning) PetscCall(LatinParameterTune_Private(snes->latin, (PetscReal)head.tuning / snes->latin->tuning));

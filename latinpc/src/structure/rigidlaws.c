@@ -56,13 +56,18 @@ static PetscErrorCode LatinStructureCheckFrames_Private(LatinStructure structure
   PetscFunctionReturn(0);
 }
 
-/* One number for all elastic links, for rigid ones that have no elastic neighbour; without any, the mean load of a loaded node over the mean gap. Collective */
-static PetscErrorCode LatinStructureScale_Private(LatinStructure structure)
+/*
+   After the laws, and again when they change: checks, and one number for all elastic links, for rigid ones that have no
+   elastic neighbour; without any, the mean load of a loaded node over the mean gap. Collective on structure
+*/
+PetscErrorCode LatinStructureSetUpRigid_Private(LatinStructure structure)
 {
   const PetscInt dim    = structure->dim;
-  PetscReal      sum[6] = {0.0, 0.0, 0.0, 0.0, 0.0, 0.0}, box[6], size = 0.0;
+  PetscReal      sum[6] = {0.0, 0.0, 0.0, 0.0, 0.0, 0.0}, low[3], high[3], size = 0.0;
 
   PetscFunctionBegin;
+  if (structure->rigid_law < 0) PetscFunctionReturn(0);
+  if (structure->rubs) PetscCall(LatinStructureCheckFrames_Private(structure));
   for (PetscInt l = 0; l < structure->links_local; l++) {
     if (LatinStructureTuned(structure, l)) {
       if (structure->law[l] == LATIN_LAW_TANGENT) continue; /* its normal part has the gap */
@@ -73,16 +78,13 @@ static PetscErrorCode LatinStructureScale_Private(LatinStructure structure)
       sum[1] += 1.0;
     }
   }
-  for (PetscInt c = 0; c < 6; c++) box[c] = PETSC_MIN_REAL;
   for (PetscInt i = 0; i < dim * structure->nodes_local; i++) {
-    box[i % dim]     = PetscMax(box[i % dim], structure->x[i]);
-    box[3 + i % dim] = PetscMax(box[3 + i % dim], -structure->x[i]);
     sum[4] += structure->fixed[i] ? 0.0 : PetscAbsReal(structure->force[i]);
     sum[5] += structure->fixed[i] || structure->force[i] == 0.0 ? 0.0 : 1.0;
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 6, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, box, 6, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)structure)));
-  for (PetscInt c = 0; c < dim; c++) size = PetscMax(size, box[c] + box[3 + c]);
+  PetscCall(DMGetBoundingBox(structure->dm, low, high));
+  for (PetscInt c = 0; c < dim; c++) size = PetscMax(size, high[c] - low[c]);
   /* without any elastic link and without gaps, tensions do not depend on l: so that displacements are small beside the spacing of the nodes */
   if (!(sum[2] > 0.0)) {
     sum[2] = LATIN_RIGID_SMALL * size / PetscPowReal((PetscReal)structure->nodes_global, 1.0 / dim);
@@ -90,24 +92,6 @@ static PetscErrorCode LatinStructureScale_Private(LatinStructure structure)
   }
   structure->rigid_scale = sum[1] > 0.0 ? sum[0] / sum[1] : sum[2] > 0.0 && sum[4] > 0.0 ? sum[4] / sum[5] / (sum[2] / sum[3]) : 1.0;
   if (structure->rubs && !(sum[1] > 0.0)) structure->rigid_scale *= LATIN_RIGID_RUBS;
-  PetscFunctionReturn(0);
-}
-
-/* The springs to the ground of the vertices here, 0 for a vertex that is held */
-static PetscErrorCode LatinStructureVertexGround_Private(LatinStructure structure, PetscReal ground[])
-{
-  Vec                local;
-  const PetscScalar *g;
-
-  PetscFunctionBegin;
-  PetscCall(DMGetLocalVector(structure->dm, &local));
-  PetscCall(VecZeroEntries(local));
-  PetscCall(DMGlobalToLocalBegin(structure->dm, structure->ground, INSERT_VALUES, local));
-  PetscCall(DMGlobalToLocalEnd(structure->dm, structure->ground, INSERT_VALUES, local));
-  PetscCall(VecGetArrayRead(local, &g));
-  for (PetscInt i = 0; i < structure->dim * structure->vertices; i++) ground[i / structure->dim] = PetscMax(ground[i / structure->dim], g[i]);
-  PetscCall(VecRestoreArrayRead(local, &g));
-  PetscCall(DMRestoreLocalVector(structure->dm, &local));
   PetscFunctionReturn(0);
 }
 
@@ -119,14 +103,22 @@ static PetscErrorCode LatinStructureVertexGround_Private(LatinStructure structur
 */
 PetscErrorCode LatinStructureStiffness_Private(LatinStructure structure, PetscReal k[])
 {
-  PetscReal *node, *vertex, *ground;
+  PetscReal         *node, *vertex, *ground;
+  Vec                local;
+  const PetscScalar *g;
 
   PetscFunctionBegin;
   PetscCall(PetscArraycpy(k, structure->stiffness, structure->links_local));
   if (structure->rigid_law < 0) PetscFunctionReturn(0);
-  PetscCall(PetscCalloc1(structure->vertices, &ground));
-  if (structure->ground) PetscCall(LatinStructureVertexGround_Private(structure, ground));
-  PetscCall(PetscCalloc2(2 * structure->nodes_local, &node, 2 * structure->vertices, &vertex));
+  PetscCall(PetscCalloc3(2 * structure->nodes_local, &node, 2 * structure->vertices, &vertex, structure->vertices, &ground));
+  if (structure->ground) {
+    PetscCall(DMGetLocalVector(structure->dm, &local));
+    PetscCall(LatinStructureGetLocal_Private(structure, NULL, structure->ground, local)); /* 0 for a vertex that is held */
+    PetscCall(VecGetArrayRead(local, &g));
+    for (PetscInt i = 0; i < structure->dim * structure->vertices; i++) ground[i / structure->dim] = PetscMax(ground[i / structure->dim], g[i]);
+    PetscCall(VecRestoreArrayRead(local, &g));
+    PetscCall(DMRestoreLocalVector(structure->dm, &local));
+  }
   for (PetscInt i = 0; i < 2 * structure->links_local; i++) {
     if (LatinStructureTuned(structure, i / 2)) continue;
     vertex[2 * structure->ends[i]] += structure->stiffness[i / 2];
@@ -143,17 +135,7 @@ PetscErrorCode LatinStructureStiffness_Private(LatinStructure structure, PetscRe
     /* one search parameter for all parts of a contact */
     if (structure->law[l] == LATIN_LAW_TANGENT) k[l] = k[l - 1];
   }
-  PetscCall(PetscFree(ground));
-  PetscCall(PetscFree2(node, vertex));
-  PetscFunctionReturn(0);
-}
-
-/* After the laws, and again when they change. Collective on structure */
-PetscErrorCode LatinStructureSetUpRigid_Private(LatinStructure structure)
-{
-  PetscFunctionBegin;
-  if (structure->rubs) PetscCall(LatinStructureCheckFrames_Private(structure));
-  if (structure->rigid_law >= 0) PetscCall(LatinStructureScale_Private(structure));
+  PetscCall(PetscFree3(node, vertex, ground));
   PetscFunctionReturn(0);
 }
 

@@ -260,7 +260,7 @@ PetscErrorCode LatinStructureSetPrestress(LatinStructure structure, const PetscR
     law   = structure->law[l];
     known = (PetscBool)(k > 0.0 || LatinLaws[law].rigid);
     if (known && T == 0.0) continue;
-    if (known && law <= LATIN_LAW_COMPRESSION_ONLY && !PetscIsInfOrNanReal(T / k) && LatinLaws[law].tension(k, T / k, NULL) != 0.0) e0[l] = T / k;
+    if (known && law <= LATIN_LAW_COMPRESSION_ONLY && !PetscIsInfOrNanReal(T / k) && LatinLaws[law].tension(k, T / k, LatinLaws[law].ctx) != 0.0) e0[l] = T / k;
     else bad = l;
   }
   LatinAgree(PetscObjectComm((PetscObject)structure), bad >= 0 && !known, PETSC_ERR_ORDER, "Link %" PetscInt_FMT " has no stiffness: call LatinStructureSetLaws() before LatinStructureSetPrestress()", structure->links_start + bad);

@@ -20,31 +20,34 @@
 /* ---- structures (structure/structure.c, structure/setup.c) ---- */
 struct _p_LatinStructure {
   PETSCHEADER(int);
+  /* a time step has from here to set_up what its base has */
   PetscInt dim;
   PetscInt nodes_local, nodes_global; /* the caller's nodes: this rank's block, all */
   PetscInt links_local, links_global;
   PetscInt nodes_start, links_start;
   /* the caller's nodes of this rank */
-  PetscReal *x, *prescribed, *force; /* [nodes_local][dim] */
-  PetscBool *fixed;                  /* [nodes_local][dim] */
-  PetscInt  *global_dof;             /* [nodes_local][dim] entry of a DM global vector, negative where prescribed or without link */
+  PetscReal *x, *force;  /* [nodes_local][dim] */
+  PetscBool *fixed;      /* [nodes_local][dim] */
+  PetscInt  *global_dof; /* [nodes_local][dim] entry of a DM global vector, negative where prescribed or without link */
   /* the caller's links of this rank */
-  PetscInt  *nodes;          /* [links_local][2] global node numbers */
-  PetscInt  *law;            /* [links_local] LatinLawType */
-  PetscReal *stiffness, *e0; /* [links_local] k, e0 */
-  PetscReal *direction;      /* [links_local][dim] unit vector from the first to the second node: a row of B is (-n, n) */
-  PetscReal *friction;       /* [links_local] coefficient, read at the normal part of a contact; NULL if none was given */
-  PetscReal  rigid_scale;    /* search parameter of rigid links that have neither elastic neighbours nor masses */
-  PetscInt   rigid_law;      /* law of one of the rigid links of any rank, -1: there is none */
-  PetscBool  general, rubs;  /* has laws beyond bars, cables and compression-only links; has contacts with friction, on any rank */
-  /* the DM and its work space */
-  DM               dm;
-  PetscSF          vertex_sf;         /* from the caller's nodes to the DM's vertices here */
-  PetscInt         vertices;          /* vertices of the DM here */
-  PetscInt        *ends;              /* [links_local][2] vertices of the DM */
+  PetscInt  *nodes;         /* [links_local][2] global node numbers */
+  PetscInt  *ends;          /* [links_local][2] vertices of the DM */
+  PetscInt  *law;           /* [links_local] LatinLawType */
+  PetscReal *stiffness;     /* [links_local] k */
+  PetscReal *direction;     /* [links_local][dim] unit vector from the first to the second node: a row of B is (-n, n) */
+  PetscReal *friction;      /* [links_local] coefficient, read at the normal part of a contact; NULL if none was given */
+  PetscReal  rigid_scale;   /* search parameter of rigid links that have neither elastic neighbours nor masses */
+  PetscInt   rigid_law;     /* law of one of the rigid links of any rank, -1: there is none */
+  PetscBool  general, rubs; /* has laws beyond bars, cables and compression-only links; has contacts with friction, on any rank */
+  PetscSF    vertex_sf;     /* from the caller's nodes to the DM's vertices here */
+  PetscInt   vertices;      /* vertices of the DM here */
+  PetscBool  set_up;
+  /* what is a time step's own */
+  PetscReal       *prescribed;        /* [nodes_local][dim] */
   PetscReal       *vertex_prescribed; /* [vertices][dim] */
-  Vec              load;              /* F at free dofs, DM global vector */
-  PetscBool        set_up;
+  PetscReal       *e0;                /* [links_local] */
+  DM               dm;
+  Vec              load;                 /* F at free dofs, DM global vector */
   PetscObjectState load_state, e0_state; /* counted up at each change, so that a solver sees what to rebuild */
   /* dynamics (structure/timestep.c), NULL in statics */
   PetscReal       *mass;       /* [nodes_local] */

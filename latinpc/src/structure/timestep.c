@@ -100,49 +100,27 @@ PetscErrorCode LatinStructureComputeKineticEnergy(LatinStructure structure, Vec 
 
 /* ---- a time step as a structure ---- */
 
-/* What a step has of its base: nodes and links for good, what may change from step to step as it is now */
-static void LatinStepShare(LatinStructure step)
+/*
+   Takes what has changed in the base since the last step, laws or masses, and springs G = shift M, negative where the
+   length of the step is not known yet. Operators are made anew where they change. Collective on step
+*/
+PetscErrorCode LatinStepLength_Private(LatinStructure step, PetscReal shift)
 {
-  const LatinStructure base = step->base;
-
-  step->dim          = base->dim;
-  step->nodes_local  = base->nodes_local;
-  step->nodes_global = base->nodes_global;
-  step->nodes_start  = base->nodes_start;
-  step->links_local  = base->links_local;
-  step->links_global = base->links_global;
-  step->links_start  = base->links_start;
-  step->x            = base->x;
-  step->force        = base->force;
-  step->fixed        = base->fixed;
-  step->global_dof   = base->global_dof;
-  step->nodes        = base->nodes;
-  step->law          = base->law;
-  step->stiffness    = base->stiffness;
-  step->direction    = base->direction;
-  step->friction     = base->friction;
-  step->rigid_scale  = base->rigid_scale;
-  step->rigid_law    = base->rigid_law;
-  step->general      = base->general;
-  step->rubs         = base->rubs;
-  step->vertex_sf    = base->vertex_sf;
-  step->vertices     = base->vertices;
-  step->ends         = base->ends;
-  step->set_up       = base->set_up;
-}
-
-/* Takes what has changed in the base since the last step: laws, masses or the partition, for which operators are made anew */
-static PetscErrorCode LatinStepRefresh_Private(LatinStructure step)
-{
+  const size_t     first = offsetof(struct _p_LatinStructure, dim), last = offsetof(struct _p_LatinStructure, prescribed);
   PetscObjectState state;
 
   PetscFunctionBegin;
   PetscCall(LatinStructureInertia_Private(step->base));
   PetscCall(PetscObjectStateGet((PetscObject)step->base, &state));
-  if (state == step->base_state) PetscFunctionReturn(0);
-  LatinStepShare(step);
-  step->base_state = state;
-  step->shift      = 0.0;
+  if (state != step->base_state) {
+    PetscCall(PetscMemcpy((char *)step + first, (char *)step->base + first, last - first));
+    step->base_state = state;
+    step->shift      = 0.0;
+  }
+  if (PetscAbsReal(shift - step->shift) <= LATIN_STEP_SAME * shift || shift < 0.0) PetscFunctionReturn(0);
+  PetscCall(VecAXPBY(step->ground, shift, 0.0, step->base->inertia));
+  step->shift = shift;
+  PetscCall(PetscObjectStateIncrease((PetscObject)step));
   PetscFunctionReturn(0);
 }
 
@@ -159,20 +137,9 @@ PetscErrorCode LatinStepCreate_Private(LatinStructure base, LatinStructure *news
   PetscCall(VecDuplicate(base->load, &step->load));
   PetscCall(VecDuplicate(base->load, &step->ground));
   PetscCall(PetscCalloc3(base->links_local, &step->e0, base->dim * base->nodes_local, &step->prescribed, base->dim * base->vertices, &step->vertex_prescribed));
-  PetscCall(LatinStepRefresh_Private(step));
+  PetscCall(LatinStepLength_Private(step, -1.0));
   PetscCall(LatinStructureComposeDM_Private(step));
   *newstep = step;
-  PetscFunctionReturn(0);
-}
-
-/* Springs G = shift M; operators are made anew when the shift changes */
-static PetscErrorCode LatinStepGround_Private(LatinStructure step, PetscReal shift)
-{
-  PetscFunctionBegin;
-  if (PetscAbsReal(shift - step->shift) <= LATIN_STEP_SAME * shift) PetscFunctionReturn(0);
-  PetscCall(VecAXPBY(step->ground, shift, 0.0, step->base->inertia));
-  step->shift = shift;
-  PetscCall(PetscObjectStateIncrease((PetscObject)step));
   PetscFunctionReturn(0);
 }
 
@@ -185,48 +152,31 @@ static PetscReal LatinStepElongation(PetscInt law, PetscReal x, PetscReal closed
   return x > closed ? LATIN_STEP_FAR : 0.0;
 }
 
-/* The largest displacement of a node that no link holds during the step */
-static PetscErrorCode LatinStepFlight_Private(LatinStructure step, PetscReal *flight)
-{
-  Vec w;
-
-  PetscFunctionBegin;
-  PetscCall(DMGetGlobalVector(step->dm, &w));
-  PetscCall(VecPointwiseDivide(w, step->load, step->ground));
-  PetscCall(VecNorm(w, NORM_INFINITY, flight));
-  PetscCall(DMRestoreGlobalVector(step->dm, &w));
-  PetscFunctionReturn(0);
-}
-
 /* The step of length h from (u, v); its unknown is h v+. Collective on step */
 PetscErrorCode LatinStepStart_Private(LatinStructure step, PetscReal h, Vec u, Vec v)
 {
   LatinStructure base   = step->base;
-  PetscReal      flight = 0.0;
+  PetscReal      flight = 0.0; /* the largest displacement of a node that no link holds during the step */
+  Vec            w;
 
   PetscFunctionBegin;
   PetscCheck(h > 0.0 && h * h > 0.0 && !PetscIsInfOrNanReal(1.0 / (h * h)), PetscObjectComm((PetscObject)step), PETSC_ERR_ARG_OUTOFRANGE,
              "A time step has the length %g; it is a positive time of which 1 / h^2 is a number: give another one with -ts_dt", (double)h);
-  PetscCall(LatinStepRefresh_Private(step));
-  PetscCall(LatinStepGround_Private(step, 1.0 / (h * h)));
+  PetscCall(LatinStepLength_Private(step, 1.0 / (h * h)));
   PetscCall(VecPointwiseMult(step->load, base->inertia, v));
   PetscCall(VecAYPX(step->load, 1.0 / h, base->load));
   step->load_state++;
-  if (base->rigid_law >= 0) PetscCall(LatinStepFlight_Private(step, &flight));
+  if (base->rigid_law >= 0) {
+    PetscCall(DMGetGlobalVector(step->dm, &w));
+    PetscCall(VecPointwiseDivide(w, step->load, step->ground));
+    PetscCall(VecNorm(w, NORM_INFINITY, &flight));
+    PetscCall(DMRestoreGlobalVector(step->dm, &w));
+  }
   PetscCall(LatinStructureStrains_Private(base, u, step->e0));
   for (PetscInt l = 0; l < base->links_local; l++) step->e0[l] = LatinStepElongation(base->law[l], step->e0[l], LATIN_STEP_CLOSED * flight);
   step->e0_state++;
   PetscCall(PetscArrayzero(step->prescribed, base->dim * base->nodes_local));
   PetscCall(PetscArrayzero(step->vertex_prescribed, base->dim * base->vertices));
-  PetscFunctionReturn(0);
-}
-
-/* The operators of steps of which 1 / h^2 is known, before the first one; 0: it is not. Collective on step */
-PetscErrorCode LatinStepLength_Private(LatinStructure step, PetscReal shift)
-{
-  PetscFunctionBegin;
-  PetscCall(LatinStepRefresh_Private(step));
-  if (shift > 0.0) PetscCall(LatinStepGround_Private(step, shift));
   PetscFunctionReturn(0);
 }
 
@@ -236,8 +186,7 @@ PetscErrorCode LatinStepShift_Private(LatinStructure step, PetscReal shift)
   LatinStructure base = step->base;
 
   PetscFunctionBegin;
-  PetscCall(LatinStepRefresh_Private(step));
-  PetscCall(LatinStepGround_Private(step, shift));
+  PetscCall(LatinStepLength_Private(step, shift));
   PetscCall(VecCopy(base->load, step->load));
   step->load_state++;
   PetscCall(PetscArraycpy(step->e0, base->e0, base->links_local));

@@ -92,17 +92,6 @@ PetscReal LatinLawLocal(PetscInt law, PetscReal k, PetscReal e0, PetscReal y)
   return LatinLaws[law].local ? LatinLaws[law].local(k, e0, y, LatinLaws[law].ctx) : LatinLawLocal_Any(&LatinLaws[law], k, e0, y);
 }
 
-static PetscErrorCode LatinLawAdd_Private(const char name[], PetscInt *law)
-{
-  PetscFunctionBegin;
-  PetscCall(LatinRegisterClasses_Private());
-  PetscCheck(LatinLawCount < LATIN_LAWS_MAX, PETSC_COMM_SELF, PETSC_ERR_SUP, "There is room for %d laws, the built-in ones included, and all of it is taken", LATIN_LAWS_MAX);
-  PetscCall(PetscMemzero(&LatinLaws[LatinLawCount], sizeof(LatinLaw)));
-  PetscCall(PetscStrallocpy(name, (char **)&LatinLaws[LatinLawCount].name));
-  *law = LatinLawCount++;
-  PetscFunctionReturn(0);
-}
-
 /*@C
   LatinLawGetName - The name of a law, built-in or registered.
 
@@ -148,13 +137,22 @@ PetscErrorCode LatinLawRegister(const char name[], const LatinLawFunctions *func
   PetscFunctionBegin;
   PetscCheck(functions->tension && functions->tangent && functions->energy, PETSC_COMM_SELF, PETSC_ERR_ARG_NULL, "The law %s needs its tension, its tangent stiffness and its energy as functions of the strain; only the local stage may be left out",
              name);
-  PetscCall(LatinLawAdd_Private(name, law));
-  LatinLaws[*law].tension = functions->tension;
-  LatinLaws[*law].tangent = functions->tangent;
-  LatinLaws[*law].energy  = functions->energy;
-  LatinLaws[*law].local   = functions->local;
-  LatinLaws[*law].ctx     = functions->ctx;
+  PetscCall(LatinRegisterClasses_Private());
+  PetscCheck(LatinLawCount < LATIN_LAWS_MAX, PETSC_COMM_SELF, PETSC_ERR_SUP, "There is room for %d laws, the built-in ones included, and all of it is taken", LATIN_LAWS_MAX);
+  LatinLaws[LatinLawCount] = (LatinLaw){.tension = functions->tension, .tangent = functions->tangent, .energy = functions->energy, .local = functions->local, .ctx = functions->ctx};
+  PetscCall(PetscStrallocpy(name, (char **)&LatinLaws[LatinLawCount].name));
+  *law = LatinLawCount++;
   PetscFunctionReturn(0);
+}
+
+/* Does a law have these points? */
+static PetscBool LatinTableSame(const LatinLaw *law, PetscInt n, const PetscReal strain[], const PetscReal tension[], PetscReal steepest)
+{
+  const LatinTable *table = (const LatinTable *)law->ctx;
+  PetscBool         same  = (PetscBool)(law->tension == LatinLawTension_Table && table->n == n && law->stiffness == steepest);
+
+  for (PetscInt i = 0; i < n && same; i++) same = (PetscBool)(table->x[i] == strain[i] && table->t[i] == tension[i] / steepest);
+  return same;
 }
 
 /*@C
@@ -181,8 +179,9 @@ PetscErrorCode LatinLawRegister(const char name[], const LatinLawFunctions *func
 @*/
 PetscErrorCode LatinLawRegisterTable(const char name[], PetscInt n, const PetscReal strain[], const PetscReal tension[], PetscInt *law)
 {
-  PetscReal   steepest = 0.0;
-  LatinTable *table;
+  LatinLawFunctions functions = {LatinLawTension_Table, LatinLawTangent_Table, LatinLawEnergy_Table, LatinLawLocal_Table, NULL};
+  PetscReal         steepest  = 0.0;
+  LatinTable       *table;
 
   PetscFunctionBegin;
   PetscCheck(n >= 2, PETSC_COMM_SELF, PETSC_ERR_ARG_SIZ, "The law %s has %" PetscInt_FMT " points; a piecewise linear law takes two or more", name, n);
@@ -194,6 +193,8 @@ PetscErrorCode LatinLawRegisterTable(const char name[], PetscInt n, const PetscR
     steepest = PetscMax(steepest, (tension[i] - tension[i - 1]) / (strain[i] - strain[i - 1]));
   }
   PetscCheck(steepest > 0.0, PETSC_COMM_SELF, PETSC_ERR_ARG_WRONG, "The law %s has the same tension everywhere: put it into the loads", name);
+  for (*law = LATIN_LAW_TANGENT + 1; *law < LatinLawCount; ++*law)
+    if (LatinTableSame(&LatinLaws[*law], n, strain, tension, steepest)) PetscFunctionReturn(0);
   PetscCall(PetscNew(&table));
   PetscCall(PetscMalloc3(n, &table->x, n, &table->t, n, &table->w));
   table->n = n;
@@ -202,26 +203,9 @@ PetscErrorCode LatinLawRegisterTable(const char name[], PetscInt n, const PetscR
     table->t[i] = tension[i] / steepest;
     table->w[i] = i ? table->w[i - 1] + 0.5 * (table->t[i] + table->t[i - 1]) * (table->x[i] - table->x[i - 1]) : 0.0;
   }
-  *law = -1;
-  for (PetscInt i = LATIN_LAW_TANGENT + 1; i < LatinLawCount && *law < 0; i++) {
-    const LatinTable *other = (const LatinTable *)LatinLaws[i].ctx;
-    PetscBool         same  = (PetscBool)(LatinLaws[i].tension == LatinLawTension_Table && other->n == n && LatinLaws[i].stiffness == steepest);
-
-    for (PetscInt j = 0; j < n && same; j++) same = (PetscBool)(other->x[j] == table->x[j] && other->t[j] == table->t[j]);
-    if (same) *law = i;
-  }
-  if (*law >= 0) {
-    PetscCall(PetscFree3(table->x, table->t, table->w));
-    PetscCall(PetscFree(table));
-    PetscFunctionReturn(0);
-  }
-  PetscCall(LatinLawAdd_Private(name, law));
+  functions.ctx = table;
+  PetscCall(LatinLawRegister(name, &functions, law));
   LatinLaws[*law].stiffness = steepest;
-  LatinLaws[*law].tension   = LatinLawTension_Table;
-  LatinLaws[*law].tangent   = LatinLawTangent_Table;
-  LatinLaws[*law].energy    = LatinLawEnergy_Table;
-  LatinLaws[*law].local     = LatinLawLocal_Table;
-  LatinLaws[*law].ctx       = table;
   PetscFunctionReturn(0);
 }
 
