@@ -4,30 +4,31 @@
    Errors found by one rank must end the call on all of them, or the others would wait in the next collective
    call for ever. Every rank raises the error of the lowest rank that found something.
 */
-PetscErrorCode LatinAgree_Private(MPI_Comm comm, PetscBool bad, PetscErrorCode code, const char message[])
+PetscErrorCode LatinAgree_Private(MPI_Comm comm, PetscErrorCode mine, const char message[])
 {
-  PetscMPIInt rank, size, first, number = (PetscMPIInt)code;
+  PetscMPIInt rank, size, first, code = (PetscMPIInt)mine;
   char        text[512];
 
   PetscFunctionBegin;
   PetscCallMPI(MPI_Comm_rank(comm, &rank));
   PetscCallMPI(MPI_Comm_size(comm, &size));
-  first = bad ? rank : size;
+  first = mine ? rank : size;
   PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &first, 1, MPI_INT, MPI_MIN, comm));
   if (first == size) PetscFunctionReturn(0);
   PetscCall(PetscStrncpy(text, message, sizeof(text)));
-  PetscCallMPI(MPI_Bcast(&number, 1, MPI_INT, first, comm));
+  PetscCallMPI(MPI_Bcast(&code, 1, MPI_INT, first, comm));
   PetscCallMPI(MPI_Bcast(text, (PetscMPIInt)sizeof(text), MPI_CHAR, first, comm));
-  SETERRQ(comm, (PetscErrorCode)number, "%s", text);
+  SETERRQ(comm, (PetscErrorCode)code, "%s", text);
 }
 
+/* The same with the message of an error that has been raised */
 PetscErrorCode LatinAgreeError_Private(MPI_Comm comm, PetscErrorCode mine)
 {
   char *message = NULL;
 
   PetscFunctionBegin;
   if (mine) PetscCall(PetscErrorMessage(mine, NULL, (void *)&message)); /* char *, const or not, by version */
-  PetscCall(LatinAgree_Private(comm, (PetscBool)(mine != 0), mine, message ? message : ""));
+  PetscCall(LatinAgree_Private(comm, mine, message ? message : ""));
   PetscFunctionReturn(0);
 }
 

@@ -6,7 +6,7 @@
 
 #include <petscsf.h>
 
-PETSC_INTERN PetscErrorCode LatinAgree_Private(MPI_Comm, PetscBool bad, PetscErrorCode code, const char message[]);
+PETSC_INTERN PetscErrorCode LatinAgree_Private(MPI_Comm, PetscErrorCode mine, const char message[]);
 PETSC_INTERN PetscErrorCode LatinAgreeError_Private(MPI_Comm, PetscErrorCode mine);
 PETSC_INTERN PetscErrorCode LatinSFBcast_Private(PetscSF, PetscInt n, MPI_Datatype, const void *root, void *leaf);
 PETSC_INTERN PetscErrorCode LatinSFReduce_Private(PetscSF, PetscInt n, MPI_Datatype, const void *leaf, void *root, MPI_Op);
@@ -15,17 +15,12 @@ PETSC_INTERN PetscErrorCode LatinListFirst_Private(MPI_Comm, PetscInt n, const P
 /* Ends in the same error on every rank of comm when `bad` holds on any of them, with the message of the lowest such rank */
 #define LatinAgree(comm, bad, code, ...) \
   do { \
-    char latin_message_[512]; \
-    latin_message_[0] = 0; \
+    char latin_message_[512] = ""; \
     if (bad) PetscCall(PetscSNPrintf(latin_message_, sizeof(latin_message_), __VA_ARGS__)); \
-    PetscCall(LatinAgree_Private(comm, (PetscBool)(bad), code, latin_message_)); \
+    PetscCall(LatinAgree_Private(comm, (bad) ? code : (PetscErrorCode)0, latin_message_)); \
   } while (0)
 
 /* Runs what each rank does by itself; an error of any rank becomes one of all, with its message. Collective on comm */
-#define LatinEach(comm, ...) \
-  do { \
-    const PetscErrorCode latin_ierr_ = __VA_ARGS__; \
-    PetscCall(LatinAgreeError_Private(comm, latin_ierr_)); \
-  } while (0)
+#define LatinEach(comm, ...) PetscCall(LatinAgreeError_Private(comm, __VA_ARGS__))
 
 #endif

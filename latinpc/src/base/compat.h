@@ -7,26 +7,17 @@
 
 #include <petscsnes.h>
 
-/* 3.20 */
-#if PETSC_VERSION_LT(3, 20, 0)
-  #define PetscAssertPointer(pointer, argument) PetscValidPointer(pointer, argument)
-#endif
-
 /* 3.21 */
 #if PETSC_VERSION_LT(3, 21, 0)
   #define SNESLineSearchShellSetApply(search, apply, ctx) SNESLineSearchShellSetUserFunc(search, apply, ctx)
 #endif
 
-/* 3.22: a type's own default gives way to what the user has set */
+/* 3.22: a type's own default gives way to what the user has set; no bound has a name, and -1 is no longer it */
 #if PETSC_VERSION_LT(3, 22, 0)
   #define PetscObjectParameterSetDefault(snes, name, value) \
     do { \
       if (!(snes)->tolerancesset) (snes)->name = (value); \
     } while (0)
-#endif
-
-/* 3.22: no bound has a name, and -1 is no longer it */
-#if PETSC_VERSION_LT(3, 22, 0)
   #define PETSC_UNLIMITED (-1)
 #endif
 

@@ -31,35 +31,6 @@ int LatinKeyCompare(const void *pa, const void *pb)
   return a->number < b->number ? -1 : (a->number > b->number ? 1 : 0);
 }
 
-/* pattern[i]: the first of n records equal to record i, which is the bytes first[i] to first[i + 1] of data */
-PetscErrorCode LatinFindEqual(PetscInt n, const size_t first[], const void *data, PetscInt pattern[])
-{
-  const char *bytes = (const char *)data;
-  LatinKey   *key;
-
-  PetscFunctionBegin;
-  PetscCall(PetscMalloc1(n, &key));
-  for (PetscInt i = 0; i < n; i++) {
-    key[i].hash   = LatinHash(first[i + 1] - first[i], bytes + first[i]);
-    key[i].number = i;
-    pattern[i]    = i;
-  }
-  if (n > 1) qsort(key, (size_t)n, sizeof(*key), LatinKeyCompare);
-  for (PetscInt i = 1; i < n; i++) {
-    const PetscInt b = key[i].number;
-
-    for (PetscInt j = i - 1; j >= 0 && key[j].hash == key[i].hash && pattern[b] == b; j--) {
-      const PetscInt a = pattern[key[j].number]; /* different records with one hash stay apart */
-
-      if (first[a + 1] - first[a] == first[b + 1] - first[b] && (first[b + 1] == first[b] || !memcmp(bytes + first[a], bytes + first[b], first[b + 1] - first[b]))) pattern[b] = a;
-    }
-  }
-  PetscCall(PetscFree(key));
-  PetscFunctionReturn(0);
-}
-
-/* ---- streams ---- */
-
 /* Room for n more bytes at the end of the stream */
 PetscErrorCode LatinStreamRoom_Private(LatinStream *stream, size_t n, unsigned char **room)
 {
@@ -123,5 +94,30 @@ PetscErrorCode LatinStreamCompare_Private(PetscInt n, PetscErrorCode (*make)(con
   PetscCall(PetscFree(key));
   PetscCall(PetscFree(a.bytes));
   PetscCall(PetscFree(b.bytes));
+  PetscFunctionReturn(0);
+}
+
+/* Records of bytes, one after the other */
+typedef struct {
+  const size_t *first;
+  const char   *bytes;
+} LatinRecords;
+
+static PetscErrorCode LatinRecordStream_Private(const void *ctx, PetscInt i, LatinStream *stream)
+{
+  const LatinRecords *records = (const LatinRecords *)ctx;
+
+  PetscFunctionBegin;
+  PetscCall(LatinStreamAdd_Private(stream, records->bytes + records->first[i], records->first[i + 1] - records->first[i]));
+  PetscFunctionReturn(0);
+}
+
+/* pattern[i]: the first of n records equal to record i, which is the bytes first[i] to first[i + 1] of data */
+PetscErrorCode LatinFindEqual(PetscInt n, const size_t first[], const void *data, PetscInt pattern[])
+{
+  const LatinRecords records = {first, (const char *)data};
+
+  PetscFunctionBegin;
+  PetscCall(LatinStreamCompare_Private(n, LatinRecordStream_Private, &records, pattern));
   PetscFunctionReturn(0);
 }

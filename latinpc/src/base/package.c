@@ -50,16 +50,12 @@ static PetscErrorCode LatinCheckPetsc(void)
     int32_t  narrow;
     int64_t  wide;
   } major = {.wide = 0}, minor = {.wide = 0}, release = {.wide = 0};
-  union
-  {
-    PetscBool yes;
-    int32_t   wide;
-  } known = {.wide = 0};
+  int32_t known[1];
 
   PetscFunctionBegin;
   PetscCall(PetscDataTypeGetSize(PETSC_INT, &found.integer));
-  PetscCall(PetscDataTypeFromString("real", &found.real, &known.yes));
-  PetscCall(PetscDataTypeFromString("scalar", &found.scalar, &known.yes));
+  PetscCall(PetscDataTypeFromString("real", &found.real, (PetscBool *)known));
+  PetscCall(PetscDataTypeFromString("scalar", &found.scalar, (PetscBool *)known));
   PetscCall(PetscGetVersionNumber(&major.integer, &minor.integer, NULL, &release.integer));
   found.major   = found.integer == 4 ? (int)major.narrow : (int)major.wide;
   found.minor   = found.integer == 4 ? (int)minor.narrow : (int)minor.wide;

@@ -87,11 +87,9 @@ static PetscErrorCode LatinStructureObjective_SNES(SNES snes, Vec u, PetscReal *
 
   Level: beginner
 
-  Notes:
-  A SNES without a DM of the structure gets one of its own, of the same layout: what is set on it leaves other solvers of
-  the structure alone.
-
-  Any SNES type then solves the same object: `-snes_type latin`, or `-snes_type newtonls` with any `-pc_type`.
+  Note:
+  Any SNES type then solves it: `-snes_type latin`, or `-snes_type newtonls` with any `-pc_type`. A SNES without a DM of the
+  structure gets one of its own, of the same layout: what is set on it leaves other solvers of the structure alone.
 @*/
 PetscErrorCode LatinStructureAttachSNES(LatinStructure structure, SNES snes)
 {

@@ -25,16 +25,9 @@ PetscErrorCode LatinStructureResidual_Private(LatinStructure structure, const Pe
 }
 
 /*@C
-  LatinStructureComputeResidual - The nodal unbalance B^t tau - F at the free degrees of freedom, (1).
+  LatinStructureComputeResidual - The nodal unbalance r = B^t tau - F at the free degrees of freedom, (1); u and r are DM global vectors.
 
   Collective on structure
-
-  Input Parameters:
-+ structure - the structure
-- u     - displacements, a DM global vector
-
-  Output Parameter:
-. r - unbalance, a DM global vector
 
   Level: intermediate
 
@@ -69,22 +62,15 @@ static PetscErrorCode LatinStructureComputeJacobian_Private(LatinStructure struc
   PetscCall(MatZeroEntries(J));
   PetscCall(VecGetArrayRead(tangent, &k));
   for (PetscInt l = 0; l < structure->links_local; l++) {
-    const PetscReal *n = structure->direction + dim * l;
-    PetscInt         row[6];
-    PetscScalar      block[36];
+    PetscReal   b[6]; /* a row of B */
+    PetscInt    row[6];
+    PetscScalar block[36];
 
-    for (PetscInt c = 0; c < dim; c++) {
-      row[c]       = dim * structure->ends[2 * l] + c;
-      row[dim + c] = dim * structure->ends[2 * l + 1] + c;
-      for (PetscInt b = 0; b < dim; b++) {
-        const PetscScalar v = k[l] * n[c] * n[b];
-
-        block[c * 2 * dim + b]               = v;
-        block[c * 2 * dim + dim + b]         = -v;
-        block[(dim + c) * 2 * dim + b]       = -v;
-        block[(dim + c) * 2 * dim + dim + b] = v;
-      }
+    for (PetscInt i = 0; i < 2 * dim; i++) {
+      row[i] = dim * structure->ends[2 * l + i / dim] + i % dim;
+      b[i]   = i < dim ? -structure->direction[dim * l + i] : structure->direction[dim * l + i - dim];
     }
+    for (PetscInt i = 0; i < 4 * dim * dim; i++) block[i] = k[l] * b[i / (2 * dim)] * b[i % (2 * dim)];
     PetscCall(MatSetValuesLocal(J, 2 * dim, row, 2 * dim, row, block, ADD_VALUES));
   }
   PetscCall(VecRestoreArrayRead(tangent, &k));
@@ -97,18 +83,14 @@ static PetscErrorCode LatinStructureComputeJacobian_Private(LatinStructure struc
 }
 
 /*@C
-  LatinStructureComputeJacobian - The generalised derivative B^t k_t B of the unbalance, k_t the tangent stiffness of each link.
+  LatinStructureComputeJacobian - The generalised derivative J = B^t k_t B of the unbalance at u, k_t the tangent stiffness of each link.
 
   Collective on structure
 
-  Input Parameters:
-+ structure - the structure
-- u     - displacements, a DM global vector
-
-  Output Parameter:
-. J - a matrix from `DMCreateMatrix()`: AIJ, or MATIS after -dm_mat_type is
-
   Level: intermediate
+
+  Note:
+  J comes from `DMCreateMatrix()`: AIJ, or MATIS after -dm_mat_type is.
 @*/
 PetscErrorCode LatinStructureComputeJacobian(LatinStructure structure, Vec u, Mat J)
 {

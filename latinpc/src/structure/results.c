@@ -30,23 +30,15 @@ static PetscErrorCode LatinStructureComputeErrors_Private(LatinStructure structu
 }
 
 /*@C
-  LatinStructureComputeErrors - Relative distance of two displacement fields.
+  LatinStructureComputeErrors - Relative distance of displacements u from a reference, absolute where this is zero.
 
   Collective on structure
-
-  Input Parameters:
-+ structure     - the structure
-. u         - displacements
-- reference - displacements to compare with
 
   Output Parameters:
 + l2     - |u - reference| / |reference|
 - energy - the same in the norm sqrt(sum of k e^2) of the elongations, all links counted as taut
 
   Level: intermediate
-
-  Note:
-  For a zero reference the distances are absolute.
 @*/
 PetscErrorCode LatinStructureComputeErrors(LatinStructure structure, Vec u, Vec reference, PetscReal *l2, PetscReal *energy)
 {
@@ -58,16 +50,9 @@ PetscErrorCode LatinStructureComputeErrors(LatinStructure structure, Vec u, Vec 
 }
 
 /*@C
-  LatinStructureGetTensions - Tensions of this rank's links under given displacements, in the caller's numbering.
+  LatinStructureGetTensions - Tensions of this rank's links at displacements u, [links_local] in the caller's numbering, positive in traction.
 
   Collective on structure
-
-  Input Parameters:
-+ structure - the structure
-- u     - displacements, a DM global vector
-
-  Output Parameter:
-. tension - [links_local], a force, positive in traction
 
   Level: beginner
 

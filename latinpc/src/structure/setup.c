@@ -2,26 +2,6 @@
 
 /* The DMPLEX of a structure: its mesh, and once supports are known its section and the numbers of the free degrees of freedom. */
 
-/* Unit vectors of the links, zero for nodes at one place; the coordinates of the end nodes come through the DM's vertices */
-static PetscErrorCode LatinStructureComputeDirections_Private(LatinStructure structure)
-{
-  const PetscInt dim = structure->dim;
-  PetscReal     *vx;
-
-  PetscFunctionBegin;
-  PetscCall(PetscMalloc1(structure->vertices * dim, &vx));
-  PetscCall(LatinSFBcast_Private(structure->vertex_sf, dim, MPIU_REAL, structure->x, vx));
-  for (PetscInt l = 0; l < structure->links_local; l++) {
-    const PetscReal *xa = vx + dim * structure->ends[2 * l], *xb = vx + dim * structure->ends[2 * l + 1];
-    PetscReal        v[3] = {0.0, 0.0, 0.0};
-
-    for (PetscInt c = 0; c < dim; c++) v[c] = xb[c] - xa[c];
-    (void)LatinUnitVector(dim, v, structure->direction + dim * l);
-  }
-  PetscCall(PetscFree(vx));
-  PetscFunctionReturn(0);
-}
-
 /* The DM and where its vertices find their nodes; nodes without link are no vertices */
 static PetscErrorCode LatinStructureCreatePlex_Private(LatinStructure structure)
 {
@@ -48,12 +28,13 @@ static PetscErrorCode LatinStructureCreatePlex_Private(LatinStructure structure)
   PetscFunctionReturn(0);
 }
 
-/* The DM of a new structure, whose nodes and links are known. Collective on structure */
+/* The DM of a new structure, whose nodes and links are known, and unit vectors of the links, zero for nodes at one place. Collective on structure */
 PetscErrorCode LatinStructureCreateMesh_Private(LatinStructure structure)
 {
-  const PetscInt m = structure->links_local;
-  PetscInt       points;
-  PetscInt      *cones;
+  const PetscInt     m = structure->links_local, dim = structure->dim;
+  PetscInt           points, *cones;
+  Vec                coordinates;
+  const PetscScalar *x;
 
   PetscFunctionBegin;
   PetscCall(LatinStructureCreatePlex_Private(structure));
@@ -62,7 +43,15 @@ PetscErrorCode LatinStructureCreateMesh_Private(LatinStructure structure)
   structure->vertices = points - m; /* links come first */
   PetscCall(DMPlexGetCones(structure->dm, &cones));
   for (PetscInt i = 0; i < 2 * m; i++) structure->ends[i] = cones[i] - m;
-  PetscCall(LatinStructureComputeDirections_Private(structure));
+  PetscCall(DMGetCoordinatesLocal(structure->dm, &coordinates));
+  PetscCall(VecGetArrayRead(coordinates, &x));
+  for (PetscInt l = 0; l < m; l++) {
+    PetscReal v[3] = {0.0, 0.0, 0.0};
+
+    for (PetscInt c = 0; c < dim; c++) v[c] = x[dim * structure->ends[2 * l + 1] + c] - x[dim * structure->ends[2 * l] + c];
+    (void)LatinUnitVector(dim, v, structure->direction + dim * l);
+  }
+  PetscCall(VecRestoreArrayRead(coordinates, &x));
   PetscFunctionReturn(0);
 }
 

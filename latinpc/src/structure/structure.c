@@ -126,16 +126,12 @@ static PetscErrorCode LatinStructureCreate_Private(MPI_Comm comm, PetscInt dim, 
   Collective on comm
 
   Input Parameters:
-+ comm         - the communicator
-. dim          - number of displacement components of a node: 1, 2 or 3
++ dim          - number of displacement components of a node: 1, 2 or 3
 . nodes_local  - number of nodes given by this rank; the ranks' nodes are numbered one after the other
 . nodes_global - number of all nodes, or `PETSC_DETERMINE`
 . coordinates  - [nodes_local][dim], a length
 . links_local  - number of links given by this rank
 - link_nodes   - [links_local][2] numbers of the end nodes, counted from 0 over all ranks
-
-  Output Parameter:
-. newlinks - the structure
 
   Level: beginner
 
@@ -143,12 +139,12 @@ static PetscErrorCode LatinStructureCreate_Private(MPI_Comm comm, PetscInt dim, 
   Raises `PETSC_ERR_ARG_OUTOFRANGE` for a link whose node does not exist and `PETSC_ERR_ARG_WRONG` for a link that
   joins a node to itself, on every rank. A link whose nodes lie at the same point needs `LatinStructureSetDirections()`.
 
-.seealso: `LatinStructureSetLaws()`, `LatinStructureSetDirections()`, `LatinStructureSetSupports()`, `LatinStructureSetLoads()`, `LatinStructureSetUp()`
+.seealso: `LatinStructureSetLaws()`, `LatinStructureSetSupports()`, `LatinStructureSetLoads()`, `LatinStructureSetUp()`
 @*/
 PetscErrorCode LatinStructureCreate(MPI_Comm comm, PetscInt dim, PetscInt nodes_local, PetscInt nodes_global, const PetscReal coordinates[], PetscInt links_local, const PetscInt link_nodes[], LatinStructure *newlinks)
 {
   PetscFunctionBegin;
-  PetscAssertPointer(newlinks, 8);
+  PetscCheck(newlinks, comm, PETSC_ERR_ARG_NULL, "There must be a place for the new structure");
   PetscCall(LatinWatchCreate_Private(comm));
   LatinWatch(comm, LatinStructureCreate_Private(comm, dim, nodes_local, nodes_global, coordinates, links_local, link_nodes, newlinks));
   PetscFunctionReturn(0);
@@ -160,8 +156,7 @@ PetscErrorCode LatinStructureCreate(MPI_Comm comm, PetscInt dim, PetscInt nodes_
   Collective on structure
 
   Input Parameters:
-+ structure     - the structure
-. law       - [links_local] a `LatinLawType` each, or what `LatinLawRegister()` and `LatinLawRegisterTable()` gave
++ law       - [links_local] a `LatinLawType` each, or what `LatinLawRegister()` and `LatinLawRegisterTable()` gave
 . stiffness - [links_local] k, force/length, positive; of a rigid law the search parameter l, 0: self-tuned; 0 for the own
   stiffness of a table
 - e0        - [links_local] e0, a length, or NULL for none; k e0 is the tension in the prestressed configuration, and of
@@ -211,13 +206,9 @@ PetscErrorCode LatinStructureSetLaws(LatinStructure structure, const PetscInt la
 }
 
 /*@C
-  LatinStructureSetInitialElongations - Changes the initial elongations e0 of the links of this rank; no operator is rebuilt for it.
+  LatinStructureSetInitialElongations - Changes the initial elongations e0 of the links of this rank, [links_local], lengths, or NULL for none.
 
-  Collective on structure
-
-  Input Parameters:
-+ structure     - the structure
-- e0        - [links_local] e0, a length, or NULL for none
+  Collective on structure; no operator is rebuilt for it
 
   Level: intermediate
 @*/
@@ -233,15 +224,14 @@ PetscErrorCode LatinStructureSetInitialElongations(LatinStructure structure, con
 }
 
 /*@C
-  LatinStructureSetPrestress - Gives the links of this rank the tensions T of the prestressed configuration in place of initial elongations: e0 = T / k.
+  LatinStructureSetPrestress - Gives the links of this rank the tensions T, [links_local], of the prestressed configuration: e0 = T / k.
 
   Collective on structure; after `LatinStructureSetLaws()`
 
-  Input Parameters:
-+ structure - the structure
-- prestress - [links_local] T, a force: of bars, of cables not negative, of compression-only links not positive; zero of other laws
-
   Level: intermediate
+
+  Note:
+  T is a force: of bars, of cables not negative, of compression-only links not positive; zero of other laws.
 
 .seealso: `LatinStructureSetInitialElongations()`
 @*/
@@ -272,22 +262,13 @@ PetscErrorCode LatinStructureSetPrestress(LatinStructure structure, const PetscR
   PetscFunctionReturn(0);
 }
 
-static PetscErrorCode LatinStructureCheckOpen_Private(LatinStructure structure, const char what[])
-{
-  PetscFunctionBegin;
-  PetscCheck(!structure->set_up, PetscObjectComm((PetscObject)structure), PETSC_ERR_ORDER, "%s must be given before LatinStructureSetUp()", what);
-  PetscFunctionReturn(0);
-}
-
 /*@C
-  LatinStructureSetSupports - Prescribes displacement components of the nodes of this rank.
+  LatinStructureSetSupports - Prescribes the displacement components of the nodes of this rank where `fixed`, [nodes_local][dim], is true.
 
   Collective on structure; before `LatinStructureSetUp()`
 
-  Input Parameters:
-+ structure      - the structure
-. fixed      - [nodes_local][dim] whether the component is prescribed
-- prescribed - [nodes_local][dim] its value, a length, or NULL for zero
+  Input Parameter:
+. prescribed - [nodes_local][dim] their values, lengths, or NULL for zero
 
   Level: beginner
 @*/
@@ -297,7 +278,7 @@ PetscErrorCode LatinStructureSetSupports(LatinStructure structure, const PetscBo
 
   PetscFunctionBegin;
   PetscValidHeaderSpecific(structure, LATIN_STRUCTURE_CLASSID, 1);
-  PetscCall(LatinStructureCheckOpen_Private(structure, "Supports"));
+  PetscCheck(!structure->set_up, PetscObjectComm((PetscObject)structure), PETSC_ERR_ORDER, "Supports must be given before LatinStructureSetUp()");
   for (PetscInt i = 0; i < dim * structure->nodes_local; i++) structure->prescribed[i] = fixed[i] && prescribed ? prescribed[i] : 0.0;
   PetscCall(LatinCheckNumbers_Private(PetscObjectComm((PetscObject)structure), "Node", structure->nodes_start, structure->nodes_local, dim, structure->prescribed, PETSC_TRUE, "a prescribed displacement"));
   PetscCall(PetscArraycpy(structure->fixed, fixed, dim * structure->nodes_local));
@@ -305,15 +286,14 @@ PetscErrorCode LatinStructureSetSupports(LatinStructure structure, const PetscBo
 }
 
 /*@C
-  LatinStructureSetLoads - Sets the external forces F on the nodes of this rank (1).
+  LatinStructureSetLoads - Sets the external forces F, [nodes_local][dim], on the nodes of this rank (1).
 
   Collective on structure; may be called again after `LatinStructureSetUp()`, no operator is rebuilt for it
 
-  Input Parameters:
-+ structure - the structure
-- force - [nodes_local][dim], ignored where the displacement is prescribed
-
   Level: beginner
+
+  Note:
+  They are ignored where the displacement is prescribed.
 @*/
 PetscErrorCode LatinStructureSetLoads(LatinStructure structure, const PetscReal force[])
 {
@@ -327,21 +307,18 @@ PetscErrorCode LatinStructureSetLoads(LatinStructure structure, const PetscReal 
 }
 
 /*@C
-  LatinStructureSetDirections - Gives links a direction other than from their first to their second node.
+  LatinStructureSetDirections - Gives links directions, [links_local][dim], other than from their first to their second node.
 
   Collective on structure; before `LatinStructureSetUp()`
-
-  Input Parameters:
-+ structure     - the structure
-- direction - [links_local][dim] of any length; zero leaves the direction to the coordinates of the nodes
 
   Level: intermediate
 
   Notes:
-  The elongation of a link is the displacement of its second node along its direction, less that of the first one. For
-  contacts of nodes at the same place, the tangential parts of contacts, and the transverse stiffness of taut cables.
+  The elongation of a link is the displacement of its second node along its direction, less that of the first one.
+  Directions are of any length; zero leaves one to the coordinates of the nodes. For contacts of nodes at the same place,
+  the tangential parts of contacts, and the transverse stiffness of taut cables.
 
-.seealso: `LatinStructureCreate()`, `LatinStructureSetFriction()`
+.seealso: `LatinStructureSetFriction()`
 @*/
 PetscErrorCode LatinStructureSetDirections(LatinStructure structure, const PetscReal direction[])
 {
@@ -349,7 +326,7 @@ PetscErrorCode LatinStructureSetDirections(LatinStructure structure, const Petsc
 
   PetscFunctionBegin;
   PetscValidHeaderSpecific(structure, LATIN_STRUCTURE_CLASSID, 1);
-  PetscCall(LatinStructureCheckOpen_Private(structure, "Directions"));
+  PetscCheck(!structure->set_up, PetscObjectComm((PetscObject)structure), PETSC_ERR_ORDER, "Directions must be given before LatinStructureSetUp()");
   PetscCall(LatinCheckNumbers_Private(PetscObjectComm((PetscObject)structure), "Link", structure->links_start, structure->links_local, dim, direction, PETSC_TRUE, "a direction"));
   for (PetscInt l = 0; l < structure->links_local; l++) (void)LatinUnitVector(dim, direction + dim * l, structure->direction + dim * l);
   PetscCall(PetscObjectStateIncrease((PetscObject)structure));
@@ -357,13 +334,9 @@ PetscErrorCode LatinStructureSetDirections(LatinStructure structure, const Petsc
 }
 
 /*@C
-  LatinStructureSetFriction - Gives the contacts of this rank their coefficients of friction.
+  LatinStructureSetFriction - Gives the contacts of this rank their coefficients of friction, [links_local], read at links of law friction only.
 
   Collective on structure; before `LatinStructureSetUp()`
-
-  Input Parameters:
-+ structure       - the structure
-- coefficient - [links_local] mu, read at links of law friction only
 
   Level: intermediate
 
@@ -373,7 +346,7 @@ PetscErrorCode LatinStructureSetFriction(LatinStructure structure, const PetscRe
 {
   PetscFunctionBegin;
   PetscValidHeaderSpecific(structure, LATIN_STRUCTURE_CLASSID, 1);
-  PetscCall(LatinStructureCheckOpen_Private(structure, "Coefficients of friction"));
+  PetscCheck(!structure->set_up, PetscObjectComm((PetscObject)structure), PETSC_ERR_ORDER, "Coefficients of friction must be given before LatinStructureSetUp()");
   PetscCall(LatinCheckNumbers_Private(PetscObjectComm((PetscObject)structure), "Link", structure->links_start, structure->links_local, 1, coefficient, PETSC_FALSE, "a coefficient of friction"));
   if (!structure->friction) PetscCall(PetscMalloc1(structure->links_local, &structure->friction));
   PetscCall(PetscArraycpy(structure->friction, coefficient, structure->links_local));

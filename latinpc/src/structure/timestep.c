@@ -21,13 +21,9 @@
 #define LATIN_STEP_CLOSED 1e-4                         /* relative to the free flight of a step: smaller gaps are closed */
 
 /*@C
-  LatinStructureSetMass - Gives the nodes of this rank their masses, for dynamics.
+  LatinStructureSetMass - Gives the nodes of this rank their masses, [nodes_local], not negative, for dynamics.
 
   Collective on structure
-
-  Input Parameters:
-+ structure - the structure
-- mass  - [nodes_local] a mass each, not negative
 
   Level: beginner
 
@@ -73,20 +69,13 @@ PetscErrorCode LatinStructureInertia_Private(LatinStructure structure)
 }
 
 /*@C
-  LatinStructureComputeKineticEnergy - The kinetic energy 1/2 v^t M v of the nodes.
+  LatinStructureComputeKineticEnergy - The kinetic energy 1/2 v^t M v of the nodes; v is a DM global vector of velocities.
 
   Collective on structure
 
-  Input Parameters:
-+ structure - the structure, with masses
-- v     - velocities, a DM global vector
-
-  Output Parameter:
-. energy - a force times a length
-
   Level: intermediate
 
-.seealso: `LatinStructureComputeEnergy()`
+.seealso: `LatinStructureSetMass()`, `LatinStructureComputeEnergy()`
 @*/
 PetscErrorCode LatinStructureComputeKineticEnergy(LatinStructure structure, Vec v, PetscReal *energy)
 {

@@ -93,12 +93,9 @@ PetscReal LatinLawLocal(PetscInt law, PetscReal k, PetscReal e0, PetscReal y)
 }
 
 /*@C
-  LatinLawGetName - The name of a law, built-in or registered.
+  LatinLawGetName - The name of a law, built-in or registered, not to be freed; NULL for a number that no law has.
 
   Not collective
-
-  Output Parameter:
-. name - its name, not to be freed; NULL for a number that no law has
 
   Level: advanced
 @*/
@@ -110,13 +107,9 @@ PetscErrorCode LatinLawGetName(PetscInt law, const char *name[])
 }
 
 /*@C
-  LatinLawRegister - Adds a constitutive law to the table, for `LatinStructureSetLaws()`.
+  LatinLawRegister - Adds a constitutive law to the table, for `LatinStructureSetLaws()`; its name is for messages.
 
   Not collective; every rank that has links of the law registers it, all ranks in the same order
-
-  Input Parameters:
-+ name      - its name, for messages
-- functions - the law; copied
 
   Output Parameter:
 . law - its number, from `LATIN_LAW_TANGENT` + 1 on
@@ -125,10 +118,8 @@ PetscErrorCode LatinLawGetName(PetscInt law, const char *name[])
 
   Notes:
   The tension must not decrease with the strain x = e + e0, and its slope must not exceed k by far: k is the ascent
-  direction of the local stage.
-
-  The functions are called inside the iteration. `local` may be NULL: it is then solved for by Newton's method in one
-  variable.
+  direction of the local stage. The functions are called inside the iteration; `local` may be NULL: it is then solved
+  for by Newton's method in one variable.
 
 .seealso: `LatinLawFunctions`, `LatinLawRegisterTable()`, `LatinStructureSetLaws()`
 @*/
@@ -156,14 +147,12 @@ static PetscBool LatinTableSame(const LatinLaw *law, PetscInt n, const PetscReal
 }
 
 /*@C
-  LatinLawRegisterTable - Adds a piecewise linear law, given by points, to the table.
+  LatinLawRegisterTable - Adds a piecewise linear law, given by n points, to the table.
 
   Not collective; every rank that has links of the law registers it, all ranks in the same order
 
   Input Parameters:
-+ name    - its name, for messages
-. n       - number of points, at least 2
-. strain  - [n] increasing values of x = e + e0, lengths
++ strain  - [n] increasing values of x = e + e0, lengths; n is at least 2
 - tension - [n] tensions there, forces, nowhere decreasing
 
   Output Parameter:
@@ -171,7 +160,7 @@ static PetscBool LatinTableSame(const LatinLaw *law, PetscInt n, const PetscReal
 
   Level: intermediate
 
-  Notes:
+  Note:
   The first and the last segment go on beyond the points. A link of stiffness 0 has the tensions of the table; one of
   another stiffness has them in proportion, so that this is the slope where the law is steepest.
 

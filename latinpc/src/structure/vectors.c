@@ -145,16 +145,9 @@ static PetscErrorCode LatinStructureGetDisplacements_Private(LatinStructure stru
 }
 
 /*@C
-  LatinStructureGetDisplacements - Displacements of this rank's nodes in the caller's numbering, prescribed ones included.
+  LatinStructureGetDisplacements - Displacements of this rank's nodes, [nodes_local][dim] in the caller's numbering, prescribed ones included, from a DM global vector.
 
   Collective on structure
-
-  Input Parameters:
-+ structure - the structure
-- u     - displacements, a DM global vector
-
-  Output Parameter:
-. displacement - [nodes_local][dim], a length
 
   Level: beginner
 @*/
@@ -167,16 +160,9 @@ PetscErrorCode LatinStructureGetDisplacements(LatinStructure structure, Vec u, P
 }
 
 /*@C
-  LatinStructureSetDisplacements - Fills a DM global vector from displacements in the caller's numbering.
+  LatinStructureSetDisplacements - Fills a DM global vector from displacements [nodes_local][dim] in the caller's numbering, ignored where prescribed.
 
   Collective on structure
-
-  Input Parameters:
-+ structure        - the structure
-- displacement - [nodes_local][dim], ignored where prescribed
-
-  Output Parameter:
-. u - a DM global vector
 
   Level: intermediate
 @*/
