@@ -12,25 +12,6 @@ typedef struct {
   PetscReal  work, bend; /* slope at t = 0 of loads and springs, and how the springs change it */
 } LatinLine;
 
-static PetscErrorCode LatinLineCreate_Private(LatinStructure structure, Vec u, Vec step, Vec more, LatinLine *line)
-{
-  const PetscInt n    = structure->links_local;
-  PetscScalar    work = 0.0, other = 0.0;
-  PetscReal      held;
-
-  PetscFunctionBegin;
-  PetscCall(PetscMalloc2(n, &line->x, n, &line->d));
-  PetscCall(LatinStructureStrains_Private(structure, u, line->x));
-  PetscCall(LatinStructureElongations_Private(structure, NULL, step, line->d)); /* no change where prescribed */
-  PetscCall(VecDot(structure->load, step, &work));
-  if (more) PetscCall(VecDot(more, step, &other));
-  /* a quadratic energy: g (u - t step)^2 / 2 */
-  PetscCall(LatinDiagonalProduct_Private(structure->ground, u, step, &held));
-  PetscCall(LatinDiagonalProduct_Private(structure->ground, step, step, &line->bend));
-  line->work = PetscRealPart(work + other) - held;
-  PetscFunctionReturn(0);
-}
-
 /* The derivative of the energy with t. Collective on structure */
 static PetscErrorCode LatinLineSlope_Private(LatinStructure structure, const LatinLine *line, PetscReal t, PetscReal *slope)
 {
@@ -49,11 +30,21 @@ static PetscErrorCode LatinLineSlope_Private(LatinStructure structure, const Lat
 */
 PetscErrorCode LatinStructureSearch_Private(LatinStructure structure, Vec u, Vec step, Vec more, PetscReal *length)
 {
-  PetscReal low = 0.0, high = 1.0, slope[2] = {0.0, 0.0}, first, t = 1.0, here;
-  LatinLine line;
+  const PetscInt n   = structure->links_local;
+  PetscReal      low = 0.0, high = 1.0, slope[2] = {0.0, 0.0}, first, t = 1.0, here, held;
+  PetscScalar    work, other = 0.0;
+  LatinLine      line;
 
   PetscFunctionBegin;
-  PetscCall(LatinLineCreate_Private(structure, u, step, more, &line));
+  PetscCall(PetscMalloc2(n, &line.x, n, &line.d));
+  PetscCall(LatinStructureStrains_Private(structure, u, line.x));
+  PetscCall(LatinStructureElongations_Private(structure, NULL, step, line.d)); /* no change where prescribed */
+  PetscCall(VecDot(structure->load, step, &work));
+  if (more) PetscCall(VecDot(more, step, &other));
+  /* a quadratic energy: g (u - t step)^2 / 2 */
+  PetscCall(LatinDiagonalProduct_Private(structure->ground, u, step, &held));
+  PetscCall(LatinDiagonalProduct_Private(structure->ground, step, step, &line.bend));
+  line.work = PetscRealPart(work + other) - held;
   PetscCall(LatinLineSlope_Private(structure, &line, 0.0, &first));
   slope[0] = first;
   for (PetscInt k = 0; k < LATIN_SEARCH_MOST; k++) {

@@ -58,8 +58,6 @@ PetscErrorCode LatinStructureComputeErrors(LatinStructure structure, Vec u, Vec 
 
   Note:
   Tensions of links of a rigid law are no function of the displacements: `SNESLatinGetTensions()` has those of a solve.
-
-.seealso: `SNESLatinGetTensions()`, `TSLatinGetTensions()`
 @*/
 PetscErrorCode LatinStructureGetTensions(LatinStructure structure, Vec u, PetscReal tension[])
 {

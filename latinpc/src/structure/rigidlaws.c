@@ -10,46 +10,32 @@
 #define LATIN_RIGID_SMALL 1e-3 /* displacements beside the spacing of the nodes, where there is no gap to compare with */
 #define LATIN_RIGID_RUBS  0.1  /* grains with friction slip by more than their gaps */
 
-/* The parts of a contact with friction follow each other, on one rank, with the same end nodes */
-PetscErrorCode LatinStructureCheckContacts_Private(LatinStructure structure, const PetscInt law[])
+/* The parts of a contact with friction follow each other, on one rank, with the same end nodes, an orthonormal frame and a coefficient */
+static PetscErrorCode LatinStructureCheckContacts_Private(LatinStructure structure)
 {
-  const PetscInt dim = structure->dim, n = structure->links_local;
-  PetscInt       bad = -1;
+  const PetscInt   dim = structure->dim, n = structure->links_local, *law = structure->law;
+  const PetscReal *direction = structure->direction;
+  MPI_Comm         comm      = PetscObjectComm((PetscObject)structure);
+  PetscInt         bad = -1, skew = -1, without = -1;
 
   PetscFunctionBegin;
-  for (PetscInt l = 0; l < n && bad < 0;) {
-    const PetscInt parts = law[l] == LATIN_LAW_FRICTION ? dim : 1;
-
+  for (PetscInt l = 0, parts; l < n && bad < 0; l += parts) {
+    parts = law[l] == LATIN_LAW_FRICTION ? dim : 1;
     if (law[l] == LATIN_LAW_TANGENT || l + parts > n) bad = l;
-    for (PetscInt c = 1; c < parts && bad < 0; c++)
-      if (law[l + c] != LATIN_LAW_TANGENT || structure->nodes[2 * (l + c)] != structure->nodes[2 * l] || structure->nodes[2 * (l + c) + 1] != structure->nodes[2 * l + 1]) bad = l;
-    l += parts;
-  }
-  LatinAgree(PetscObjectComm((PetscObject)structure), bad >= 0, PETSC_ERR_ARG_WRONG,
-             "Link %" PetscInt_FMT " is not part of a whole contact with friction: in %" PetscInt_FMT "D that is a link of law friction followed by %" PetscInt_FMT " of law tangent, with the same two nodes in the same order, all on one rank",
-             structure->links_start + bad, dim, dim - 1);
-  PetscFunctionReturn(0);
-}
-
-/* The frame of a contact with friction must be orthonormal, and its coefficient known */
-static PetscErrorCode LatinStructureCheckFrames_Private(LatinStructure structure)
-{
-  const PetscInt dim  = structure->dim;
-  MPI_Comm       comm = PetscObjectComm((PetscObject)structure);
-  PetscInt       skew = -1, without = -1;
-
-  PetscFunctionBegin;
-  for (PetscInt l = 0; l < structure->links_local; l++) {
-    if (structure->law[l] != LATIN_LAW_FRICTION) continue;
-    if (without < 0 && !structure->friction) without = l;
-    for (PetscInt b = 0; b < dim; b++)
-      for (PetscInt c = 0; c < b; c++) {
+    if (law[l] == LATIN_LAW_FRICTION && without < 0 && !structure->friction) without = l;
+    for (PetscInt b = l + 1; b < l + parts && bad < 0; b++) {
+      if (law[b] != LATIN_LAW_TANGENT || structure->nodes[2 * b] != structure->nodes[2 * l] || structure->nodes[2 * b + 1] != structure->nodes[2 * l + 1]) bad = l;
+      for (PetscInt c = l; c < b; c++) {
         PetscReal dot = 0.0;
 
-        for (PetscInt i = 0; i < dim; i++) dot += structure->direction[dim * (l + b) + i] * structure->direction[dim * (l + c) + i];
+        for (PetscInt i = 0; i < dim; i++) dot += direction[dim * b + i] * direction[dim * c + i];
         if (skew < 0 && PetscAbsReal(dot) > PETSC_SQRT_MACHINE_EPSILON) skew = l;
       }
+    }
   }
+  LatinAgree(comm, bad >= 0, PETSC_ERR_ARG_WRONG,
+             "Link %" PetscInt_FMT " is not part of a whole contact with friction: in %" PetscInt_FMT "D that is a link of law friction followed by %" PetscInt_FMT " of law tangent, with the same two nodes in the same order, all on one rank",
+             structure->links_start + bad, dim, dim - 1);
   LatinAgree(comm, skew >= 0, PETSC_ERR_ARG_WRONG, "The directions of the contact with friction that starts at link %" PetscInt_FMT " are not at right angles: give the normal and the tangential ones with LatinStructureSetDirections()",
              structure->links_start + skew);
   LatinAgree(comm, without >= 0, PETSC_ERR_ORDER, "Link %" PetscInt_FMT " has friction but no coefficient: call LatinStructureSetFriction() before LatinStructureSetUp()", structure->links_start + without);
@@ -67,7 +53,7 @@ PetscErrorCode LatinStructureSetUpRigid_Private(LatinStructure structure)
 
   PetscFunctionBegin;
   if (structure->rigid_law < 0) PetscFunctionReturn(0);
-  if (structure->rubs) PetscCall(LatinStructureCheckFrames_Private(structure));
+  if (structure->rubs) PetscCall(LatinStructureCheckContacts_Private(structure));
   for (PetscInt l = 0; l < structure->links_local; l++) {
     if (LatinStructureTuned(structure, l)) {
       if (structure->law[l] == LATIN_LAW_TANGENT) continue; /* its normal part has the gap */

@@ -138,8 +138,6 @@ static PetscErrorCode LatinStructureCreate_Private(MPI_Comm comm, PetscInt dim, 
   Notes:
   Raises `PETSC_ERR_ARG_OUTOFRANGE` for a link whose node does not exist and `PETSC_ERR_ARG_WRONG` for a link that
   joins a node to itself, on every rank. A link whose nodes lie at the same point needs `LatinStructureSetDirections()`.
-
-.seealso: `LatinStructureSetLaws()`, `LatinStructureSetSupports()`, `LatinStructureSetLoads()`, `LatinStructureSetUp()`
 @*/
 PetscErrorCode LatinStructureCreate(MPI_Comm comm, PetscInt dim, PetscInt nodes_local, PetscInt nodes_global, const PetscReal coordinates[], PetscInt links_local, const PetscInt link_nodes[], LatinStructure *newlinks)
 {
@@ -163,8 +161,6 @@ PetscErrorCode LatinStructureCreate(MPI_Comm comm, PetscInt dim, PetscInt nodes_
   a contact e0 is the gap
 
   Level: beginner
-
-.seealso: `LatinStructureSetFriction()`, `LatinStructureSetDirections()`, `LatinLawRegister()`
 @*/
 PetscErrorCode LatinStructureSetLaws(LatinStructure structure, const PetscInt law[], const PetscReal stiffness[], const PetscReal e0[])
 {
@@ -196,7 +192,6 @@ PetscErrorCode LatinStructureSetLaws(LatinStructure structure, const PetscInt la
   structure->rigid_law = kinds[0] < 0 ? -1 : LATIN_LAWS_MAX - kinds[0];
   structure->general   = (PetscBool)(kinds[1] > 0);
   structure->rubs      = (PetscBool)(kinds[2] > 0);
-  if (structure->rubs) PetscCall(LatinStructureCheckContacts_Private(structure, law));
   PetscCall(PetscArraycpy(structure->law, law, structure->links_local));
   for (PetscInt l = 0; l < structure->links_local; l++) structure->stiffness[l] = stiffness[l] > 0.0 ? stiffness[l] : LatinLaws[law[l]].stiffness;
   PetscCall(PetscObjectStateIncrease((PetscObject)structure));
@@ -232,8 +227,6 @@ PetscErrorCode LatinStructureSetInitialElongations(LatinStructure structure, con
 
   Note:
   T is a force: of bars, of cables not negative, of compression-only links not positive; zero of other laws.
-
-.seealso: `LatinStructureSetInitialElongations()`
 @*/
 PetscErrorCode LatinStructureSetPrestress(LatinStructure structure, const PetscReal prestress[])
 {
@@ -317,8 +310,6 @@ PetscErrorCode LatinStructureSetLoads(LatinStructure structure, const PetscReal 
   The elongation of a link is the displacement of its second node along its direction, less that of the first one.
   Directions are of any length; zero leaves one to the coordinates of the nodes. For contacts of nodes at the same place,
   the tangential parts of contacts, and the transverse stiffness of taut cables.
-
-.seealso: `LatinStructureSetFriction()`
 @*/
 PetscErrorCode LatinStructureSetDirections(LatinStructure structure, const PetscReal direction[])
 {
@@ -329,7 +320,6 @@ PetscErrorCode LatinStructureSetDirections(LatinStructure structure, const Petsc
   PetscCheck(!structure->set_up, PetscObjectComm((PetscObject)structure), PETSC_ERR_ORDER, "Directions must be given before LatinStructureSetUp()");
   PetscCall(LatinCheckNumbers_Private(PetscObjectComm((PetscObject)structure), "Link", structure->links_start, structure->links_local, dim, direction, PETSC_TRUE, "a direction"));
   for (PetscInt l = 0; l < structure->links_local; l++) (void)LatinUnitVector(dim, direction + dim * l, structure->direction + dim * l);
-  PetscCall(PetscObjectStateIncrease((PetscObject)structure));
   PetscFunctionReturn(0);
 }
 
@@ -339,8 +329,6 @@ PetscErrorCode LatinStructureSetDirections(LatinStructure structure, const Petsc
   Collective on structure; before `LatinStructureSetUp()`
 
   Level: intermediate
-
-.seealso: `LatinStructureSetLaws()`, `LatinStructureSetDirections()`
 @*/
 PetscErrorCode LatinStructureSetFriction(LatinStructure structure, const PetscReal coefficient[])
 {
@@ -350,6 +338,5 @@ PetscErrorCode LatinStructureSetFriction(LatinStructure structure, const PetscRe
   PetscCall(LatinCheckNumbers_Private(PetscObjectComm((PetscObject)structure), "Link", structure->links_start, structure->links_local, 1, coefficient, PETSC_FALSE, "a coefficient of friction"));
   if (!structure->friction) PetscCall(PetscMalloc1(structure->links_local, &structure->friction));
   PetscCall(PetscArraycpy(structure->friction, coefficient, structure->links_local));
-  PetscCall(PetscObjectStateIncrease((PetscObject)structure));
   PetscFunctionReturn(0);
 }

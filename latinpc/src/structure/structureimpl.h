@@ -119,7 +119,6 @@ PETSC_INTERN PetscErrorCode LatinStructureForces_Private(LatinStructure, const P
 PETSC_INTERN PetscErrorCode LatinDiagonalProduct_Private(Vec D, Vec u, Vec v, PetscReal *product);
 
 /* ---- rigid laws (structure/rigidlaws.c) ---- */
-PETSC_INTERN PetscErrorCode LatinStructureCheckContacts_Private(LatinStructure, const PetscInt law[]);
 PETSC_INTERN PetscErrorCode LatinStructureStiffness_Private(LatinStructure, PetscReal k[]);
 PETSC_INTERN PetscErrorCode LatinStructureSetUpRigid_Private(LatinStructure);
 PETSC_INTERN PetscErrorCode LatinStructureCheckRigid_Private(LatinStructure, const char what[]);

@@ -53,9 +53,7 @@ PetscErrorCode LatinTangentCompute_Private(LatinStructure structure, Vec u, Pets
   PetscFunctionBegin;
   PetscCall(LatinTangentFind_Private(structure, J, tangent));
   if (!*tangent) {
-    PetscCall(VecCreate(PetscObjectComm((PetscObject)structure), tangent));
-    PetscCall(VecSetSizes(*tangent, structure->links_local, structure->links_global));
-    PetscCall(VecSetType(*tangent, VECSTANDARD));
+    PetscCall(VecCreateMPI(PetscObjectComm((PetscObject)structure), structure->links_local, structure->links_global, tangent));
     PetscCall(PetscObjectCompose((PetscObject)J, "LatinTangent", (PetscObject)*tangent));
     PetscCall(PetscObjectDereference((PetscObject)*tangent));
   }

@@ -74,8 +74,6 @@ PetscErrorCode LatinStructureInertia_Private(LatinStructure structure)
   Collective on structure
 
   Level: intermediate
-
-.seealso: `LatinStructureSetMass()`, `LatinStructureComputeEnergy()`
 @*/
 PetscErrorCode LatinStructureComputeKineticEnergy(LatinStructure structure, Vec v, PetscReal *energy)
 {

@@ -163,8 +163,6 @@ static PetscBool LatinTableSame(const LatinLaw *law, PetscInt n, const PetscReal
   Note:
   The first and the last segment go on beyond the points. A link of stiffness 0 has the tensions of the table; one of
   another stiffness has them in proportion, so that this is the slope where the law is steepest.
-
-.seealso: `LatinLawRegister()`, `LatinStructureSetLaws()`
 @*/
 PetscErrorCode LatinLawRegisterTable(const char name[], PetscInt n, const PetscReal strain[], const PetscReal tension[], PetscInt *law)
 {
