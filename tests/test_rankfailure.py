@@ -167,7 +167,7 @@ def test_a_failure_inside_a_collective_call_ends_the_program(solve, door):
 def test_memory_that_runs_out_on_one_rank_is_no_deadlock(solve, door, rank):
     solved = solve(rank, at=10**9, door=door)
     counts = [int(n) for n in re.findall(r"solved after (\d+) allocations", solved.stdout)]
-    assert len(counts) == 2 and max(counts) > 100, solved.stdout + solved.stderr
+    assert len(counts) == 2 and max(counts) > 50, solved.stdout + solved.stderr
     for part in (0.0, 0.02, 0.1, 0.3, 0.5, 0.7, 0.9, 0.98):
         result = solve(rank, at=1 + int(part * max(counts)), door=door)
         said = re.findall(r"^error (\d+)", result.stdout, re.MULTILINE)
