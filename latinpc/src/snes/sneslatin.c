@@ -160,7 +160,7 @@ static PetscErrorCode SNESLatinProveDigits_Private(SNES snes)
   PetscCall(LatinGetDigits(snes, &unbalance, &rounding, NULL, NULL));
   data->estimate.floor = LATIN_DIGITS_SAFETY * PetscMax(unbalance, rounding);
   data->estimate.value = data->newton.error <= data->target ? PetscMax(data->newton.error, data->estimate.floor) : data->estimate.floor; /* a step says how far the displacements before it were */
-  if (data->estimate.value <= data->target) PetscFunctionReturn(0);
+  if (data->estimate.value <= data->target || data->latin->sub.structure->ground) PetscFunctionReturn(0);                                /* a step of a motion that has come to rest is one as far as rounding lets it */
   data->next = LATIN_NEXT_ROUNDING;
   PetscCall(PetscInfo(snes, "The error asked for, %g, is below what rounding leaves on this structure, about %g\n", (double)data->target, (double)data->estimate.value));
   PetscFunctionReturn(0);
