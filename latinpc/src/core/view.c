@@ -2,32 +2,6 @@
 
 /* What -snes_view, -ksp_view and -pc_view print of the method. */
 
-/* The structure or the matrix, its subdomains and interfaces */
-static PetscErrorCode LatinViewSizes_Private(Latin latin, const LatinStatistics *stats, PetscViewer viewer)
-{
-  PetscReal links, dofs, ranks;
-
-  PetscFunctionBegin;
-  if (latin->sub.structure) PetscCall(PetscObjectView((PetscObject)latin->sub.structure, viewer));
-  else {
-    char     where[32] = "no coordinates";
-    PetscInt rows;
-
-    PetscCall(MatGetSize(latin->sub.matrix, &rows, NULL));
-    if (latin->sub.dim) PetscCall(PetscSNPrintf(where, sizeof(where), "coordinates in %" PetscInt_FMT "D", latin->sub.dim));
-    PetscCall(PetscViewerASCIIPrintf(viewer, "matrix: %" PetscInt_FMT " unknowns in %" PetscInt_FMT " fields, %s, %" PetscInt_FMT " near null vectors\n", rows, latin->sub.fields, where, latin->sub.nears));
-  }
-  PetscCall(PetscViewerASCIIPrintf(viewer, "subdomains: %" PetscInt_FMT "; interfaces: %" PetscInt_FMT " strong, %" PetscInt_FMT " weak\n", stats->subdomains, stats->strong_interfaces, stats->weak_interfaces));
-  PetscCall(LatinSubdomainsBalance_Private(&latin->sub, &links, &dofs, &ranks));
-  PetscCall(PetscViewerASCIIPrintf(viewer, "largest over mean: subdomains %.2f in %s, %.2f in degrees of freedom; ranks %.2f in cost\n", (double)links, latin->sub.structure ? "links" : "entries", (double)dofs, (double)ranks));
-  PetscCall(PetscViewerASCIIPrintf(viewer, "search direction values: min %g, mean %g, max %g\n", (double)stats->direction_min, (double)stats->direction_mean, (double)stats->direction_max));
-  PetscCall(PetscViewerASCIIPrintf(viewer, "coarse problem: %" PetscInt_FMT " macro displacements, %" PetscInt_FMT " primal ones; fixed-point unknown: %" PetscInt_FMT " numbers\n", stats->strong_macro_dofs, stats->weak_dofs, stats->state_size));
-  if (LatinSpectralThreshold(&latin->spectral) > 0.0)
-    PetscCall(PetscViewerASCIIPrintf(viewer, "local low-energy fields below %g: %" PetscInt_FMT " low-energy subdomains, at most %" PetscInt_FMT " modes in one, %" PetscInt_FMT " of the macro displacements\n",
-                                     (double)LatinSpectralThreshold(&latin->spectral), stats->low_energy_subdomains, stats->local_modes_max, stats->local_macro_dofs));
-  PetscFunctionReturn(0);
-}
-
 /* The last local solver of the first rank, and the coarse one */
 static PetscErrorCode LatinViewSolvers_Private(Latin latin, const LatinStatistics *stats, PetscViewer viewer)
 {
@@ -57,6 +31,7 @@ static PetscErrorCode LatinViewSolvers_Private(Latin latin, const LatinStatistic
 PetscErrorCode LatinView_Private(Latin latin, PetscViewer viewer)
 {
   LatinStatistics stats;
+  PetscReal       links, dofs, ranks;
   PetscBool       ascii;
 
   PetscFunctionBegin;
@@ -70,7 +45,23 @@ PetscErrorCode LatinView_Private(Latin latin, PetscViewer viewer)
   if (latin->sub.preconditions && latin->sub.matrix) PetscCall(PetscViewerASCIIPrintf(viewer, "insides of subdomains: %s\n", latin->interior ? "eliminated first on this rank" : "part of the subdomains on this rank"));
   if (LatinDirectionKind(&latin->dir) == LATIN_DIRECTION_AUTO) PetscCall(PetscViewerASCIIPrintf(viewer, "search direction: a Schur complement on %" PetscInt_FMT " interfaces, diagonal on the others\n", latin->dir.matrices));
   PetscCall(LatinGetStatistics(latin, &stats));
-  PetscCall(LatinViewSizes_Private(latin, &stats, viewer));
+  if (latin->sub.structure) PetscCall(PetscObjectView((PetscObject)latin->sub.structure, viewer));
+  else {
+    char     where[32] = "no coordinates";
+    PetscInt rows;
+
+    PetscCall(MatGetSize(latin->sub.matrix, &rows, NULL));
+    if (latin->sub.dim) PetscCall(PetscSNPrintf(where, sizeof(where), "coordinates in %" PetscInt_FMT "D", latin->sub.dim));
+    PetscCall(PetscViewerASCIIPrintf(viewer, "matrix: %" PetscInt_FMT " unknowns in %" PetscInt_FMT " fields, %s, %" PetscInt_FMT " near null vectors\n", rows, latin->sub.fields, where, latin->sub.nears));
+  }
+  PetscCall(PetscViewerASCIIPrintf(viewer, "subdomains: %" PetscInt_FMT "; interfaces: %" PetscInt_FMT " strong, %" PetscInt_FMT " weak\n", stats.subdomains, stats.strong_interfaces, stats.weak_interfaces));
+  PetscCall(LatinSubdomainsBalance_Private(&latin->sub, &links, &dofs, &ranks));
+  PetscCall(PetscViewerASCIIPrintf(viewer, "largest over mean: subdomains %.2f in %s, %.2f in degrees of freedom; ranks %.2f in cost\n", (double)links, latin->sub.structure ? "links" : "entries", (double)dofs, (double)ranks));
+  PetscCall(PetscViewerASCIIPrintf(viewer, "search direction values: min %g, mean %g, max %g\n", (double)stats.direction_min, (double)stats.direction_mean, (double)stats.direction_max));
+  PetscCall(PetscViewerASCIIPrintf(viewer, "coarse problem: %" PetscInt_FMT " macro displacements, %" PetscInt_FMT " primal ones; fixed-point unknown: %" PetscInt_FMT " numbers\n", stats.strong_macro_dofs, stats.weak_dofs, stats.state_size));
+  if (LatinSpectralThreshold(&latin->spectral) > 0.0)
+    PetscCall(PetscViewerASCIIPrintf(viewer, "local low-energy fields below %g: %" PetscInt_FMT " low-energy subdomains, at most %" PetscInt_FMT " modes in one, %" PetscInt_FMT " of the macro displacements\n",
+                                     (double)LatinSpectralThreshold(&latin->spectral), stats.low_energy_subdomains, stats.local_modes_max, stats.local_macro_dofs));
   PetscCall(LatinViewSolvers_Private(latin, &stats, viewer));
   PetscFunctionReturn(0);
 }

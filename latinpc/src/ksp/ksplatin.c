@@ -46,9 +46,9 @@ static PetscErrorCode KSPBuildSolution_Latin(KSP ksp, Vec v, Vec *V)
   PetscFunctionReturn(0);
 }
 
-/* ---- convergence: the test of the KSP that the user holds decides, its monitors see what it tests ---- */
-
 /*
+   The test of the KSP that the user holds decides, and its monitors see what it tests.
+
    PETSc's default test compares with the norm of the first residual, or of the right-hand side when there is a guess. Ours is
    the norm that the right-hand side has where norms are measured: the first residual is not that of zero displacements.
 */
@@ -85,8 +85,6 @@ static PetscErrorCode KSPLatinConverged_Private(KSP outer, PetscInt it, PetscRea
   if (!*reason && it >= ksp->max_it) *reason = KSP_DIVERGED_ITS;
   PetscFunctionReturn(0);
 }
-
-/* ---- set-up ---- */
 
 static PetscErrorCode KSPReset_Latin(KSP ksp)
 {
@@ -157,8 +155,6 @@ static PetscErrorCode KSPSetUp_Latin(KSP ksp)
   data->matrix_state = state;
   PetscFunctionReturn(0);
 }
-
-/* ---- solve ---- */
 
 /* The loads of the linear stage, and the interface data that they make: b and its norm */
 static PetscErrorCode KSPLatinLoad_Private(KSP ksp, Vec load, PetscReal *norm)
@@ -237,8 +233,6 @@ static PetscErrorCode KSPSolve_Latin_Watched(KSP ksp)
   LatinWatch(PetscObjectComm((PetscObject)ksp), KSPSolve_Latin(ksp));
   PetscFunctionReturn(0);
 }
-
-/* ---- the object ---- */
 
 static PetscErrorCode KSPSetFromOptions_Latin(KSP ksp, LatinOptionItems PetscOptionsObject)
 {

@@ -58,7 +58,7 @@ static PetscErrorCode PCReset_Latin(PC pc)
   if (data->latin && !data->shared) PetscCall(LatinReset_Private(data->latin));
   PetscCall(LatinLocalSolversDestroy(&data->interior));
   PetscCall(VecDestroy(&data->work));
-  PetscCall(PetscFree6(data->weight, data->b, data->v, data->f, data->force, data->side));
+  PetscCall(PetscFree5(data->weight, data->v, data->f, data->force, data->side));
   data->built = PETSC_FALSE;
   PetscFunctionReturn(0);
 }
@@ -74,7 +74,7 @@ static PetscErrorCode PCSetUp_Latin(PC pc)
   PetscCall(PCReset_Latin(pc));
   if (!data->shared) PetscCall(LatinSetUpOperator_Private(latin, (PetscObject)pc, pc, pc->dm));
   n = latin->sub.bs * latin->sub.copies;
-  PetscCall(PetscMalloc6(n, &data->weight, n, &data->b, n, &data->v, n, &data->f, n, &data->force, 3 * latin->inter.sides, &data->side));
+  PetscCall(PetscMalloc5(n, &data->weight, n, &data->v, n, &data->f, n, &data->force, 3 * latin->inter.sides, &data->side));
   PetscCall(MatCreateVecs(pc->pmat, &data->work, NULL));
   PetscCall(PCLatinWeights_Private(pc));
   if (!data->shared) PetscCall(PCLatinInterior_Private(pc));
@@ -97,12 +97,13 @@ static PetscErrorCode PCPreSolve_Latin(PC pc, KSP ksp, Vec b, Vec x)
 /* v = interior solution for the forces f at inner nodes; zero at the others */
 static PetscErrorCode PCLatinInteriorSolve_Private(PC pc, const PetscReal f[])
 {
-  PC_Latin      *data = (PC_Latin *)pc->data;
-  const PetscInt bs = data->latin->sub.bs, n = bs * data->latin->sub.copies;
+  PC_Latin              *data = (PC_Latin *)pc->data;
+  const LatinSubdomains *sub  = &data->latin->sub;
+  PetscReal             *g    = data->latin->linear.g; /* free as work space between linear stages */
 
   PetscFunctionBegin;
-  for (PetscInt i = 0; i < n; i++) data->b[i] = PCLatinInner(data->latin, i / bs) && !data->latin->sub.fixed[i] ? f[i] : 0.0;
-  PetscCall(LatinLocalSolveAll(&data->interior, data->b, data->v));
+  for (PetscInt i = 0; i < sub->bs * sub->copies; i++) g[i] = PCLatinInner(data->latin, i / sub->bs) && !sub->fixed[i] ? f[i] : 0.0;
+  PetscCall(LatinLocalSolveAll(&data->interior, g, data->v));
   if (data->interior.failed) data->latin->linear.failed = PETSC_TRUE;
   PetscFunctionReturn(0);
 }

@@ -6,14 +6,14 @@
 
 typedef struct {
   Latin             latin;
-  PetscBool         shared;            /* latin is that of a SNES latin, which builds it and has the options */
-  PetscBool         built;             /* what follows is there, though a rank without subdomains has none */
-  PetscReal        *weight;            /* [copies * bs] partition of unity */
-  PetscReal        *side;              /* [3 * sides] work */
-  LatinInexact      inexact;           /* of the inner solvers, on all ranks */
-  LatinLocalSolvers interior;          /* stiffness of the interiors, identity elsewhere */
-  PetscReal        *b, *v, *f, *force; /* [copies * bs] work */
-  Vec               work;              /* DM global vector */
+  PetscBool         shared;        /* latin is that of a SNES latin, which builds it and has the options */
+  PetscBool         built;         /* what follows is there, though a rank without subdomains has none */
+  PetscReal        *weight;        /* [copies * bs] partition of unity */
+  PetscReal        *side;          /* [3 * sides] work */
+  LatinInexact      inexact;       /* of the inner solvers, on all ranks */
+  LatinLocalSolvers interior;      /* stiffness of the interiors, identity elsewhere */
+  PetscReal        *v, *f, *force; /* [copies * bs] work */
+  Vec               work;          /* DM global vector */
 } PC_Latin;
 
 PETSC_INTERN PetscErrorCode PCLatinWeights_Private(PC);

@@ -9,22 +9,22 @@
 /* The part of each copy in its node, in proportion to the stiffness (diagonal of its operator) */
 PetscErrorCode PCLatinWeights_Private(PC pc)
 {
-  PC_Latin              *data    = (PC_Latin *)pc->data;
-  Latin                  latin   = data->latin;
-  const LatinSubdomains *sub     = &latin->sub;
-  const PetscInt         bs      = sub->bs;
-  PetscReal              largest = 0.0;
+  PC_Latin              *data      = (PC_Latin *)pc->data;
+  Latin                  latin     = data->latin;
+  const LatinSubdomains *sub       = &latin->sub;
+  const PetscInt         bs        = sub->bs;
+  PetscReal             *stiffness = latin->linear.g, largest = 0.0;
 
   PetscFunctionBegin;
-  PetscCall(LatinOperatorDiagonal(sub, data->b));
-  for (PetscInt i = 0; i < bs * sub->copies; i++) largest = PetscMax(largest, data->b[i]);
+  PetscCall(LatinOperatorDiagonal(sub, stiffness));
+  for (PetscInt i = 0; i < bs * sub->copies; i++) largest = PetscMax(largest, stiffness[i]);
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &largest, 1, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)pc)));
   /* a copy without stiffness keeps a part of its node, or nobody would move it where no copy has any */
-  for (PetscInt i = 0; i < bs * sub->copies; i++) data->b[i] += LatinByPrecision(1e-12, 1e-5) * (largest > 0.0 ? largest : 1.0);
-  PetscCall(LatinSum_Private(sub, data->b, data->work));
+  for (PetscInt i = 0; i < bs * sub->copies; i++) stiffness[i] += LatinByPrecision(1e-12, 1e-5) * (largest > 0.0 ? largest : 1.0);
+  PetscCall(LatinSum_Private(sub, stiffness, data->work));
   PetscCall(PetscArrayzero(data->f, bs * sub->copies));
   PetscCall(LatinDistribute_Private(sub, data->work, data->f));
-  for (PetscInt i = 0; i < bs * sub->copies; i++) data->weight[i] = sub->fixed[i] ? 0.0 : data->b[i] / data->f[i];
+  for (PetscInt i = 0; i < bs * sub->copies; i++) data->weight[i] = sub->fixed[i] ? 0.0 : stiffness[i] / data->f[i];
   PetscFunctionReturn(0);
 }
 
