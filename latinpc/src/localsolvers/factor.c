@@ -181,30 +181,32 @@ static PetscErrorCode LatinSoftestShifted_Private(Mat A, MatSolverType preferred
 
 /*
    Beside the order that it is given CHOLMOD tries two of its own, on the graph of the degrees of freedom, which takes as
-   long as the factorisation: one is enough, unless an option says otherwise
+   long as the factorisation: ours is enough, unless an option says otherwise
 */
-static PetscErrorCode LatinFactorSetUp_Private(KSP ksp, PetscErrorCode *ierr)
+static PetscErrorCode LatinFactorSetUp_Private(KSP ksp, PC pc, MatSolverType preferred, PetscErrorCode *ierr)
 {
-  const char *prefix;
-  char        name[PETSC_MAX_PATH_LEN];
-  PetscBool   given, other;
+  const char   *prefix;
+  char          name[PETSC_MAX_PATH_LEN];
+  MatSolverType package;
+  PetscBool     ours = PETSC_FALSE, given, other;
 
   PetscFunctionBegin;
   PetscCall(KSPGetOptionsPrefix(ksp, &prefix));
   PetscCall(PetscSNPrintf(name, sizeof(name), "-%smat_cholmod_nmethods", prefix ? prefix : ""));
   PetscCall(PetscOptionsHasName(NULL, NULL, name, &given));
   PetscCall(PetscOptionsHasName(((PetscObject)ksp)->options, prefix, "-pc_factor_mat_ordering_type", &other));
-  given = (PetscBool)(given || other);
-  if (!given) PetscCall(PetscOptionsSetValue(NULL, name, "1"));
+  PetscCall(PCFactorGetMatSolverType(pc, &package));
+  if (package && !strcmp(preferred, MATSOLVERCHOLMOD)) ours = (PetscBool)(!strcmp(package, MATSOLVERCHOLMOD) && !given && !other);
+  if (ours) PetscCall(PetscOptionsSetValue(NULL, name, "1"));
   PetscCall(PetscPushErrorHandler(PetscReturnErrorHandler, NULL));
   *ierr = KSPSetUp(ksp);
   PetscCall(PetscPopErrorHandler());
-  if (!given) PetscCall(PetscOptionsClearValue(NULL, name));
+  if (ours) PetscCall(PetscOptionsClearValue(NULL, name));
   PetscFunctionReturn(0);
 }
 
 /* Factors; the work space that a parallel factor by MUMPS takes is not known beforehand, and grows until it is enough. Collective on A */
-static PetscErrorCode LatinFactorTry_Private(KSP ksp, PC pc, Mat A, LatinFactorStatus *status)
+static PetscErrorCode LatinFactorTry_Private(KSP ksp, PC pc, Mat A, MatSolverType preferred, LatinFactorStatus *status)
 {
   PetscMPIInt size;
   PetscBool   direct;
@@ -219,7 +221,7 @@ static PetscErrorCode LatinFactorTry_Private(KSP ksp, PC pc, Mat A, LatinFactorS
       PetscCall(PCFactorGetMatrix(pc, &factor));
       PetscTryMethod(factor, "MatMumpsSetIcntl_C", (Mat, PetscInt, PetscInt), (factor, 14, room));
     }
-    PetscCall(LatinFactorSetUp_Private(ksp, &status->ierr));
+    PetscCall(LatinFactorSetUp_Private(ksp, pc, preferred, &status->ierr));
     (void)LatinWatchWait_Private(PetscObjectComm((PetscObject)A), status->ierr); /* others may still be at work on a parallel matrix */
     if (!status->ierr) PetscCall(PCGetFailedReason(pc, &status->failed));
     if (status->failed != PC_FACTOR_OUTMEMORY || !direct || size == 1) break;
@@ -243,7 +245,7 @@ PetscErrorCode LatinFactor_Private(KSP ksp, Mat A, MatSolverType preferred, Lati
   PetscFunctionBegin;
   PetscCall(KSPGetPC(ksp, &pc));
   PetscCall(PetscObjectTypeCompareAny((PetscObject)pc, &direct, PCCHOLESKY, PCLU, PCREDUNDANT, ""));
-  PetscCall(LatinFactorTry_Private(ksp, pc, A, status));
+  PetscCall(LatinFactorTry_Private(ksp, pc, A, preferred, status));
   status->mechanism = (PetscBool)(status->ierr == PETSC_ERR_MAT_CH_ZRPVT || status->ierr == PETSC_ERR_MAT_LU_ZRPVT || status->failed == PC_FACTOR_STRUCT_ZEROPIVOT || status->failed == PC_FACTOR_NUMERIC_ZEROPIVOT ||
                                   (status->failed != PC_NOERROR && status->failed != PC_FACTOR_OUTMEMORY && direct));
   if ((status->ierr || status->failed) && !status->mechanism) PetscFunctionReturn(0);
