@@ -112,7 +112,7 @@ PetscErrorCode LatinReflectionApply_Private(LatinLinear *linear, Vec data, Petsc
   else PetscCall(LatinSFBcast_Private(inter->mate_sf, 1, MPIU_REAL, symmetric ? y : mine, out));
   for (PetscInt k = 0; k < inter->sides && !loaded; k++) out[k] = symmetric ? out[k] - mine[k] : y[k] - out[k];
   PetscCall(PetscLogEventEnd(LATIN_Local, linear->sub->object, 0, 0, 0));
-  if (linear->failed && inter->sides) out[0] = INFINITY; /* seen by all ranks in the next norm, or at the end */
+  if (data && linear->failed && inter->sides) out[0] = INFINITY; /* seen by all ranks in the next norm, or at the end */
   if (data) PetscCall(VecRestoreArrayRead(data, &y));
   PetscCall(VecRestoreArrayWrite(result, &out));
   PetscFunctionReturn(0);
