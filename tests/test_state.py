@@ -139,7 +139,7 @@ import latinpc
 from test_state import RAMPS, ramp, same
 
 world, path, suffixes = PETSc.COMM_WORLD, sys.argv[2], sys.argv[3:]
-for name, suffix in zip(("grid", "newton, at the end", "floppy", "rigid"), suffixes, strict=True):
+for name, suffix in zip(("grid", "error", "floppy", "rigid"), suffixes, strict=True):
     path = sys.argv[2] + suffix
     scene, options = RAMPS[name][0](), RAMPS[name][1] | {"snes_latin_coarse_pc_type": "redundant"}
     whole = ramp(scene, options, 1, 5, comm=world)

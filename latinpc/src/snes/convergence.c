@@ -7,6 +7,19 @@
 
 #define LATIN_PROOF_EARLY 4.0 /* times the error asked for: an estimate from which on Newton's method does the rest. Linear stages are fewest from 3 to 5, on grids, METIS cuts and networks */
 
+/* The nodal unbalance of the solution vector becomes the function. Collective on snes */
+PetscErrorCode SNESLatinBalance_Private(SNES snes)
+{
+  SNES_Latin *data = (SNES_Latin *)snes->data;
+
+  PetscFunctionBegin;
+  PetscCall(SNESComputeFunction(snes, snes->vec_sol, snes->vec_func));
+  PetscCall(VecNorm(snes->vec_func, NORM_2, &data->residual));
+  snes->norm    = data->residual;
+  data->current = data->latin->linear.applications;
+  PetscFunctionReturn(0);
+}
+
 /* The mean displacements of the subdomains become the solution vector, and their nodal unbalance the function. Collective on snes */
 PetscErrorCode SNESLatinResidual_Private(SNES snes)
 {
@@ -16,10 +29,7 @@ PetscErrorCode SNESLatinResidual_Private(SNES snes)
   if (data->current == data->latin->linear.applications) PetscFunctionReturn(0);
   PetscCall(LatinAverage_Private(&data->latin->linear, snes->vec_sol));
   PetscCall(LatinReturnTensions_Private(&data->latin->linear));
-  PetscCall(SNESComputeFunction(snes, snes->vec_sol, snes->vec_func));
-  PetscCall(VecNorm(snes->vec_func, NORM_2, &data->residual));
-  snes->norm    = data->residual;
-  data->current = data->latin->linear.applications;
+  PetscCall(SNESLatinBalance_Private(snes));
   PetscFunctionReturn(0);
 }
 
@@ -107,10 +117,8 @@ PetscErrorCode SNESLatinFirst_Private(SNES snes)
   if (data->next || (data->stop != LATIN_STOP_RESIDUAL && !SNESLatinUserTest(snes) && !snes->numbermonitors && !snes->conv_hist)) PetscFunctionReturn(0);
   if (data->latin->linear.rigid_tension) PetscCall(PetscArrayzero(data->latin->linear.rigid_tension, data->latin->sub.structure->links_local));
   if (!data->guess) PetscCall(VecZeroEntries(snes->vec_sol));
-  PetscCall(SNESComputeFunction(snes, snes->vec_sol, snes->vec_func));
-  PetscCall(VecNorm(snes->vec_func, NORM_2, &data->residual));
-  data->current        = data->latin->linear.applications;
-  data->first_residual = snes->norm = data->residual;
+  PetscCall(SNESLatinBalance_Private(snes));
+  data->first_residual = data->residual;
   PetscCall(SNESLatinWatch_Private(snes, 0));
   if (data->next == LATIN_NEXT_CONTINUE && data->stop == LATIN_STOP_RESIDUAL && data->residual <= snes->abstol) data->next = LATIN_NEXT_CONVERGED_FNORM_ABS;
   PetscFunctionReturn(0);

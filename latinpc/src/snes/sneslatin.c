@@ -176,10 +176,7 @@ static PetscErrorCode SNESLatinFinished_Private(SNES snes, SNESConvergedReason r
   PetscFunctionBegin;
   *done      = PETSC_TRUE;
   data->next = reason == SNES_CONVERGED_FNORM_RELATIVE ? LATIN_NEXT_CONVERGED_FNORM : LATIN_NEXT_CONVERGED;
-  PetscCall(SNESComputeFunction(snes, snes->vec_sol, snes->vec_func));
-  PetscCall(VecNorm(snes->vec_func, NORM_2, &data->residual));
-  snes->norm    = data->residual;
-  data->current = data->latin->linear.applications;
+  PetscCall(SNESLatinBalance_Private(snes));
   PetscCall(LatinEquilibriumCheck_Private(data->latin, snes->vec_sol, snes->vec_func, snes->vec_rhs, newton->target, data->estimate.energy, PETSC_FALSE, &data->found));
   shown = (PetscBool)((newton->still || SNESLatinEstimates(data)) && newton->target > 0.0 && data->found.error > newton->target);
   if (data->found.verdict == LATIN_UNBOUNDED) data->next = LATIN_NEXT_DIVERGED;

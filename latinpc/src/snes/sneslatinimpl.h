@@ -127,6 +127,7 @@ PETSC_INTERN PetscErrorCode SNESLatinFixedPoint_Private(SNES outer, Vec z, Vec F
 PETSC_INTERN PetscErrorCode SNESLatinStart_Private(SNES);
 /* snes/convergence.c */
 PETSC_INTERN SNESConvergedReason SNESLatinReason(LatinNext);
+PETSC_INTERN PetscErrorCode      SNESLatinBalance_Private(SNES);
 PETSC_INTERN PetscErrorCode      SNESLatinResidual_Private(SNES);
 PETSC_INTERN PetscErrorCode      SNESLatinFirst_Private(SNES);
 PETSC_INTERN PetscErrorCode      SNESLatinWatch_Private(SNES, PetscInt it);
