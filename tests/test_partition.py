@@ -142,7 +142,7 @@ def test_the_view_tells_the_imbalance(tmp_path):
     ],
 )
 def test_default_size_follows_the_structure(scene, low, high):
-    """The subdomains that cost least: see size.c. The unit of length does not matter."""
+    """The subdomains that cost least: see subdomaincount.c. The unit of length does not matter."""
     scene = replace(scene(), subdomain=None)
     found = partition(scene)
     assert low <= len(found) / (found.max() + 1) <= high

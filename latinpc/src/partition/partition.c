@@ -60,7 +60,7 @@ static PetscErrorCode LatinPartitionMetis_Private(LatinStructure structure, cons
   PetscCall(LatinCutCreate_Private(structure, sf, &cut));
   PetscCall(PetscMalloc1(cut.links, &part));
   if (cut.links) {
-    if (!cut.parts) PetscCall(LatinSubdomainCount_Private(&cut, &cut.parts));
+    if (!cut.parts) cut.parts = LatinSubdomainCount(&cut);
     PetscCall(LatinMetis_Private(&cut, part, &failed, &status));
     if (!failed) PetscCall(LatinRepair_Private(&cut, part));
   }

@@ -1,103 +1,44 @@
 #include "partition/latinpartition.h"
 
 /*
-   How many subdomains METIS is to make when nobody says: the number that makes the work of a whole solve least. Small
-   subdomains make the coarse problem large, large ones their own factors. In numbers moved:
-
-     set-up      condensation: for each subdomain and coarse displacement that it touches a solve, 4 x entries of its
-                 factor, in dense kernels; coarse problem: LATIN_SIZE_ROW for each row, and (entries of the row)^2 in
-                 dense kernels
-     iteration   4 x entries of the subdomains' factors, and of the coarse one
-
-   What the links cost does not depend on their subdomain. The entries were counted by MUMPS (INFOG(29), RINFOG(3)) on
-   partitions into 64 to 1024 links a subdomain: lattices (plane), 24 and 48 modules a side (flat: in space, but only a few
-   links thick), networks of 1000 and 4000 nodes (solid); the formulas fit within a third. Iterations to an error of 1e-4
-   grew by 1.15, as a mean, where subdomains doubled. LATIN_SIZE_ROW was timed, against the numbers that an iteration moves
-   in the same time: ordering and assembling do not show as operations.
+   How many subdomains METIS is to make when nobody says. Small subdomains make the coarse problem large, large ones
+   their own factors. The least work of a whole solve, in numbers moved, was at these links per subdomain from 1,000 links to
+   10 million: entries of factors and of the coarse problem were counted by MUMPS on 64 to 1024 links a subdomain of lattices
+   (plane), of grids of 24 and 48 modules a side (flat: in space, but only a few links thick) and of networks of 1000 and
+   4000 nodes (solid); iterations to an error of 1e-4 grew by 1.15, as a mean, where subdomains doubled.
 */
 
-#define LATIN_SIZE_LEAST      64.0
-#define LATIN_SIZE_THICK      4.0  /* links across a structure that is not flat */
-#define LATIN_SIZE_ITERATIONS 25.0 /* with 256 links a subdomain */
-#define LATIN_SIZE_GROWTH     0.2
-#define LATIN_SIZE_DENSE      5.0   /* operations of a dense kernel for one number moved */
-#define LATIN_SIZE_ROW        4.5e4 /* to order and assemble a row of the coarse problem */
+#define LATIN_SIZE_PLANE 724
+#define LATIN_SIZE_FLAT  512
+#define LATIN_SIZE_SOLID 1024
+#define LATIN_SIZE_LEAST 64  /* a structure of more links has two subdomains */
+#define LATIN_SIZE_THICK 4.0 /* links across a structure that is not flat */
 
-typedef struct {
-  PetscReal coarse, half;  /* coarse displacements a subdomain: coarse m / (m + half) */
-  PetscReal factor, power; /* entries of a subdomain's factor: factor (m / 256)^power */
-  PetscReal most;          /* links a subdomain beyond which iterations grow faster, or were not counted */
-} LatinWork;
-
-static const LatinWork LatinWorkPlane = {19.5, 24.0, 2300.0, 1.55, 1024.0};
-static const LatinWork LatinWorkFlat  = {40.0, 40.0, 3000.0, 1.7, 512.0};
-static const LatinWork LatinWorkSolid = {95.0, 175.0, 2700.0, 1.75, 1024.0};
-
-/* Directions in which the links' middles spread over more than a few links */
-static PetscErrorCode LatinSpread_Private(const LatinCut *cut, PetscInt *wide)
+/* Do the links' middles spread over more than a few links in all three directions? */
+static PetscBool LatinSolid(const LatinCut *cut)
 {
-  const PetscInt dim     = cut->dim;
-  PetscReal      mean[3] = {0.0, 0.0, 0.0}, a[9], w[3], work[32], length = 0.0;
-  PetscBLASInt   bn, lwork = 32, info;
+  PetscReal mean[3] = {0.0, 0.0, 0.0}, a[9] = {0.0}, length = 0.0;
 
-  PetscFunctionBegin;
+  if (cut->dim < 3) return PETSC_FALSE;
   for (PetscInt l = 0; l < cut->links; l++) {
-    const PetscReal *x = cut->x + dim * cut->ends[2 * l], *y = cut->x + dim * cut->ends[2 * l + 1];
-    PetscReal        square = 0.0;
+    const PetscReal *x = cut->x + 3 * cut->ends[2 * l], *y = cut->x + 3 * cut->ends[2 * l + 1];
 
-    for (PetscInt c = 0; c < dim; c++) {
-      mean[c] += (x[c] + y[c]) / (2.0 * cut->links);
-      square += PetscSqr(y[c] - x[c]);
-    }
-    length += PetscSqrtReal(square) / cut->links;
+    for (PetscInt c = 0; c < 3; c++) mean[c] += (x[c] + y[c]) / (2.0 * cut->links);
+    length += PetscSqrtReal(PetscSqr(y[0] - x[0]) + PetscSqr(y[1] - x[1]) + PetscSqr(y[2] - x[2])) / cut->links;
   }
-  PetscCall(PetscArrayzero(a, 9));
   for (PetscInt l = 0; l < cut->links; l++) {
-    const PetscReal *x = cut->x + dim * cut->ends[2 * l], *y = cut->x + dim * cut->ends[2 * l + 1];
+    const PetscReal *x = cut->x + 3 * cut->ends[2 * l], *y = cut->x + 3 * cut->ends[2 * l + 1];
 
-    for (PetscInt c = 0; c < dim; c++)
-      for (PetscInt b = 0; b < dim; b++) a[dim * c + b] += ((x[c] + y[c]) / 2.0 - mean[c]) * ((x[b] + y[b]) / 2.0 - mean[b]) / (PetscSqr(length) * cut->links);
+    for (PetscInt c = 0; c < 9; c++) a[c] += ((x[c / 3] + y[c / 3]) / 2.0 - mean[c / 3]) * ((x[c % 3] + y[c % 3]) / 2.0 - mean[c % 3]) / (PetscSqr(length) * cut->links);
   }
-  PetscCall(PetscBLASIntCast(dim, &bn));
-  PetscCallBLAS("LAPACKsyev", LAPACKsyev_("N", "U", &bn, a, &bn, w, work, &lwork, &info));
-  PetscCheck(!info, PETSC_COMM_SELF, PETSC_ERR_LIB, "LAPACK could not find the extents of the structure (info %d)", (int)info);
-  *wide = 0;
-  for (PetscInt c = 0; c < dim; c++) /* a bar of length L has the second moment L^2 / 12 */
-    if (12.0 * w[c] > PetscSqr(LATIN_SIZE_THICK)) (*wide)++;
-  PetscFunctionReturn(0);
+  /* a bar of length L has the second moment L^2 / 12: are all principal ones larger? */
+  for (PetscInt c = 0; c < 3; c++) a[4 * c] -= PetscSqr(LATIN_SIZE_THICK) / 12.0;
+  return LatinCholesky(3, a);
 }
 
-/* Numbers moved by a whole solve with m links a subdomain */
-static PetscReal LatinWorkOf(const LatinWork *work, PetscBool solid, PetscReal links, PetscReal m)
+PetscInt LatinSubdomainCount(const LatinCut *cut)
 {
-  const PetscReal parts      = PetscMax(1.0, links / m);
-  const PetscReal iterations = LATIN_SIZE_ITERATIONS * PetscPowReal(m / 256.0, LATIN_SIZE_GROWTH);
-  const PetscReal factor     = work->factor * PetscPowReal(m / 256.0, work->power);
-  const PetscReal c          = work->coarse * m / (m + work->half);
-  const PetscReal row        = c * PetscMax(1.0, solid ? 1.1 * PetscSqrtReal(parts) : PetscLog2Real(parts)); /* nested dissection */
+  const PetscInt size = cut->dim < 3 ? LATIN_SIZE_PLANE : LatinSolid(cut) ? LATIN_SIZE_SOLID : LATIN_SIZE_FLAT;
 
-  return parts * 4.0 * factor * (2.0 * c / LATIN_SIZE_DENSE + iterations) + parts * c * (LATIN_SIZE_ROW + PetscSqr(row) / LATIN_SIZE_DENSE + 4.0 * row * iterations);
-}
-
-PetscErrorCode LatinSubdomainCount_Private(const LatinCut *cut, PetscInt *parts)
-{
-  PetscReal        best = PETSC_MAX_REAL, size = LATIN_SIZE_LEAST;
-  PetscInt         wide = 0;
-  PetscBool        solid;
-  const LatinWork *work;
-
-  PetscFunctionBegin;
-  PetscCall(LatinSpread_Private(cut, &wide));
-  solid = (PetscBool)(wide > 2);
-  work  = cut->dim < 3 ? &LatinWorkPlane : (solid ? &LatinWorkSolid : &LatinWorkFlat);
-  for (PetscReal m = LATIN_SIZE_LEAST; m < 1.1 * work->most; m *= PETSC_SQRT2) {
-    const PetscReal moved = LatinWorkOf(work, solid, (PetscReal)cut->links, m);
-
-    if (moved < best) {
-      best = moved;
-      size = m;
-    }
-  }
-  *parts = (PetscInt)PetscCeilReal((PetscReal)cut->links / size);
-  PetscFunctionReturn(0);
+  return PetscMax((cut->links + size - 1) / size, cut->links > LATIN_SIZE_LEAST ? 2 : 1);
 }
