@@ -46,43 +46,41 @@ typedef struct {
   PetscBool      preconditions;  /* one linear stage from zero, in which springs only keep operators regular */
   PetscReal      scale;          /* displacements and gaps of the subdomains over those of the structure, 1 but for rigid links */
   /* made by the set-up */
-  PetscInt     dim, bs;     /* coordinates and components of a node */
-  PetscInt     fields;      /* kinds of components, each with macro fields of its own; as many as coordinates: a displacement */
-  PetscInt     nodes_local; /* nodes that this rank numbers, roots of node_sf */
-  PetscInt    *field;       /* [copies * bs] NULL: the components of a node are the fields */
-  PetscReal   *trace;       /* [copies * bs][fields][1 + dim] as in LatinUnknowns; NULL: of a node */
-  PetscInt     nears;       /* fields near to the kernel that are known, [nears][copies * bs] */
-  PetscReal   *near;
-  PetscInt     count, n, first; /* subdomains: all, here, number of the first one here */
-  PetscInt    *rank_first;      /* [ranks + 1] first subdomain of each rank */
-  PetscInt    *of_link;         /* [structure->links_local] subdomain of the caller's links */
-  PetscInt    *link_offset;     /* [n + 1] */
-  PetscInt    *link_source;     /* [links] position in the order of arrival, for refreshing link data */
-  PetscInt     links;
-  PetscInt    *ends;                                                /* [links][2] copies of the nodes */
-  PetscReal   *direction;                                           /* [links][dim] */
-  PetscReal   *stiffness;                                           /* [links] k, which is also the ascent direction l */
-  PetscReal   *e0;                                                  /* [links] */
-  PetscInt    *law;                                                 /* [links] */
-  PetscReal   *friction;                                            /* [links] coefficient, at the normal part of a contact; NULL if nothing rubs */
-  PetscInt    *node_offset;                                         /* [n + 1] */
-  PetscInt     copies;                                              /* copies of nodes here */
-  PetscInt    *node;                                                /* [copies] global node number */
-  PetscReal   *x;                                                   /* [copies][dim] coordinates */
-  PetscBool   *fixed;                                               /* [copies][bs] */
-  PetscReal   *prescribed;                                          /* [copies][bs] */
-  PetscInt    *multiplicity;                                        /* [copies] number of subdomains at the node */
-  PetscReal   *ground;                                              /* [copies][bs] springs to the ground, shared among the copies of a node; NULL if there are none */
-  PetscInt    *global_dof;                                          /* [copies][bs] */
-  PetscSF      node_sf;                                             /* caller's nodes -> copies */
-  PetscSF      dof_sf;                                              /* DM global vector -> free components of copies */
-  PetscInt     nonsmooth_global;                                    /* links with a state, over all ranks */
-  PetscInt     nonsmooth;                                           /* links with a state, here */
-  PetscInt    *nonsmooth_link;                                      /* [nonsmooth] */
-  PetscInt    *state;                                               /* [links] number of the link's state here, -1: none */
-  PetscInt    *state_first;                                         /* [n + 1] first state of each subdomain */
-  PetscMPIInt *send_count, *send_offset, *recv_count, *recv_offset; /* migration of link data, in links */
-  PetscInt    *send_order;                                          /* [links->links_local] */
+  PetscInt   dim, bs;     /* coordinates and components of a node */
+  PetscInt   fields;      /* kinds of components, each with macro fields of its own; as many as coordinates: a displacement */
+  PetscInt   nodes_local; /* nodes that this rank numbers, roots of node_sf */
+  PetscInt  *field;       /* [copies * bs] NULL: the components of a node are the fields */
+  PetscReal *trace;       /* [copies * bs][fields][1 + dim] as in LatinUnknowns; NULL: of a node */
+  PetscInt   nears;       /* fields near to the kernel that are known, [nears][copies * bs] */
+  PetscReal *near;
+  PetscInt   count, n, first; /* subdomains: all, here, number of the first one here */
+  PetscInt  *rank_first;      /* [ranks + 1] first subdomain of each rank */
+  PetscInt  *of_link;         /* [structure->links_local] subdomain of the caller's links */
+  PetscInt  *link_offset;     /* [n + 1] */
+  PetscInt   links;
+  PetscInt  *ends;             /* [links][2] copies of the nodes */
+  PetscReal *direction;        /* [links][dim] */
+  PetscReal *stiffness;        /* [links] k, which is also the ascent direction l */
+  PetscReal *e0;               /* [links] */
+  PetscInt  *law;              /* [links] */
+  PetscReal *friction;         /* [links] coefficient, at the normal part of a contact; NULL if nothing rubs */
+  PetscInt  *node_offset;      /* [n + 1] */
+  PetscInt   copies;           /* copies of nodes here */
+  PetscInt  *node;             /* [copies] global node number */
+  PetscReal *x;                /* [copies][dim] coordinates */
+  PetscBool *fixed;            /* [copies][bs] */
+  PetscReal *prescribed;       /* [copies][bs] */
+  PetscInt  *multiplicity;     /* [copies] number of subdomains at the node */
+  PetscReal *ground;           /* [copies][bs] springs to the ground, shared among the copies of a node; NULL if there are none */
+  PetscInt  *global_dof;       /* [copies][bs] */
+  PetscSF    link_sf;          /* caller's links -> links here */
+  PetscSF    node_sf;          /* caller's nodes -> copies */
+  PetscSF    dof_sf;           /* DM global vector -> free components of copies */
+  PetscInt   nonsmooth_global; /* links with a state, over all ranks */
+  PetscInt   nonsmooth;        /* links with a state, here */
+  PetscInt  *nonsmooth_link;   /* [nonsmooth] */
+  PetscInt  *state;            /* [links] number of the link's state here, -1: none */
+  PetscInt  *state_first;      /* [n + 1] first state of each subdomain */
   /* subdomains of a matrix (subdomains/matis.c) have no links, and one component a node */
   PetscInt  *ki, *kj; /* [copies + 1], [ki[copies]] rows of the operators, NULL: B^t k B */
   PetscReal *ka;

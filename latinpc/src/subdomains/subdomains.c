@@ -66,115 +66,83 @@ PetscErrorCode LatinSubdomainsBalance_Private(const LatinSubdomains *sub, PetscR
   PetscFunctionReturn(0);
 }
 
-/* to[i] = from[index[i]], items of `bytes` bytes, mostly numbers or vectors of them */
-static void LatinPermute(PetscInt n, size_t bytes, const PetscInt index[], const void *from, void *to)
+/* A way from roots to the leaves of these global numbers. Collective on sub->object */
+static PetscErrorCode LatinSubdomainsFetch_Private(const LatinSubdomains *sub, PetscInt local, PetscInt global, PetscInt leaves, const PetscInt number[], PetscSF *sf)
 {
-  const size_t width = bytes / sizeof(PetscReal);
-
-  if (bytes == sizeof(PetscInt)) {
-    for (PetscInt i = 0; i < n; i++) ((PetscInt *)to)[i] = ((const PetscInt *)from)[index[i]];
-  } else if (bytes == width * sizeof(PetscReal) && width <= 3) {
-    for (PetscInt i = 0; i < n; i++)
-      for (size_t c = 0; c < width; c++) ((PetscReal *)to)[width * (size_t)i + c] = ((const PetscReal *)from)[width * (size_t)index[i] + c];
-  } else {
-    for (PetscInt i = 0; i < n; i++) memcpy((char *)to + bytes * (size_t)i, (const char *)from + bytes * (size_t)index[i], bytes);
-  }
-}
-
-/* Brings one item of `bytes` bytes per link from the caller's order to the subdomains' order */
-static PetscErrorCode LatinMigrate_Private(const LatinSubdomains *sub, size_t bytes, const void *source, void *target)
-{
-  const PetscInt n = sub->structure->links_local;
-  PetscMPIInt    size;
-  MPI_Datatype   type;
-  char          *out, *in;
+  PetscLayout map;
 
   PetscFunctionBegin;
-  PetscCallMPI(MPI_Comm_size(PetscObjectComm(sub->object), &size));
-  if (size == 1) { /* links are sent in the caller's order */
-    LatinPermute(n, bytes, sub->link_source, source, target);
-    PetscFunctionReturn(0);
-  }
-  PetscCall(PetscMalloc2(bytes * (size_t)n, &out, bytes * (size_t)sub->links, &in));
-  LatinPermute(n, bytes, sub->send_order, source, out);
-  PetscCallMPI(MPI_Type_contiguous((PetscMPIInt)bytes, MPI_BYTE, &type));
-  PetscCallMPI(MPI_Type_commit(&type));
-  PetscCallMPI(MPI_Alltoallv(out, sub->send_count, sub->send_offset, type, in, sub->recv_count, sub->recv_offset, type, PetscObjectComm(sub->object)));
-  PetscCallMPI(MPI_Type_free(&type));
-  LatinPermute(sub->links, bytes, sub->link_source, in, target);
-  PetscCall(PetscFree2(out, in));
+  PetscCall(PetscLayoutCreateFromSizes(PetscObjectComm(sub->object), local, global, 1, &map));
+  PetscCall(PetscSFCreate(PetscObjectComm(sub->object), sf));
+  PetscCall(PetscSFSetGraphLayout(*sf, map, leaves, NULL, PETSC_COPY_VALUES, number));
+  PetscCall(PetscLayoutDestroy(&map));
   PetscFunctionReturn(0);
 }
 
-/* Who sends how many links to whom, and the order of the links here: by subdomain, then as they arrive */
-static PetscErrorCode LatinSubdomainsPlan_Private(LatinSubdomains *sub)
+/* The links here: by subdomain, and in each by the caller's numbers */
+static PetscErrorCode LatinSubdomainsLinks_Private(LatinSubdomains *sub)
 {
-  MPI_Comm       comm = PetscObjectComm(sub->object);
-  const PetscInt n    = sub->structure->links_local;
-  PetscMPIInt    size;
-  PetscInt      *next, *arrived, *identity;
+  const LatinStructure structure = sub->structure;
+  const PetscInt       n         = structure->links_local;
+  PetscMPIInt          size;
+  PetscInt            *rank, *subdomain, *next, *order;
+  const PetscInt      *number;
+  IS                   to, arrived;
+  PetscSF              sf;
 
   PetscFunctionBegin;
-  PetscCallMPI(MPI_Comm_size(comm, &size));
-  PetscCall(PetscCalloc4(size, &sub->send_count, size, &sub->send_offset, size, &sub->recv_count, size, &sub->recv_offset));
-  PetscCall(PetscMalloc1(n, &sub->send_order));
-  PetscCall(PetscMalloc1(size + 1, &next));
-  for (PetscInt l = 0; l < n; l++) sub->send_count[LatinSubdomainRank(sub, size, sub->of_link[l])]++;
-  for (PetscMPIInt r = 1; r < size; r++) sub->send_offset[r] = sub->send_offset[r - 1] + sub->send_count[r - 1];
-  for (PetscMPIInt r = 0; r < size; r++) next[r] = sub->send_offset[r];
-  for (PetscInt l = 0; l < n; l++) sub->send_order[next[LatinSubdomainRank(sub, size, sub->of_link[l])]++] = l;
-  PetscCallMPI(MPI_Alltoall(sub->send_count, 1, MPI_INT, sub->recv_count, 1, MPI_INT, comm));
-  sub->links = sub->recv_count[0];
-  for (PetscMPIInt r = 1; r < size; r++) {
-    sub->recv_offset[r] = sub->recv_offset[r - 1] + sub->recv_count[r - 1];
-    sub->links += sub->recv_count[r];
-  }
-
-  PetscCall(PetscMalloc1(sub->links, &sub->link_source));
-  PetscCall(PetscMalloc2(sub->links, &arrived, sub->links, &identity));
+  PetscCallMPI(MPI_Comm_size(PetscObjectComm(sub->object), &size));
+  PetscCall(PetscMalloc1(n, &rank));
+  for (PetscInt l = 0; l < n; l++) rank[l] = LatinSubdomainRank(sub, size, sub->of_link[l]);
+  PetscCall(ISCreateGeneral(PetscObjectComm(sub->object), n, rank, PETSC_OWN_POINTER, &to));
+  PetscCall(ISBuildTwoSided(to, NULL, &arrived));
+  PetscCall(ISSort(arrived));
+  PetscCall(ISGetLocalSize(arrived, &sub->links));
+  PetscCall(ISGetIndices(arrived, &number));
+  PetscCall(PetscMalloc3(sub->links, &subdomain, sub->links, &order, sub->n, &next));
+  PetscCall(LatinSubdomainsFetch_Private(sub, n, structure->links_global, sub->links, number, &sf));
+  PetscCall(LatinSFBcast_Private(sf, 1, MPIU_INT, sub->of_link, subdomain));
+  PetscCall(PetscSFDestroy(&sf));
   PetscCall(PetscCalloc1(sub->n + 1, &sub->link_offset));
-  for (PetscInt l = 0; l < sub->links; l++) sub->link_source[l] = l;
-  PetscCall(LatinMigrate_Private(sub, sizeof(PetscInt), sub->of_link, arrived));
-  for (PetscInt l = 0; l < sub->links; l++) sub->link_offset[arrived[l] - sub->first + 1]++;
-  for (PetscInt s = 0; s < sub->n; s++) sub->link_offset[s + 1] += sub->link_offset[s];
-  for (PetscInt s = 0; s < sub->n; s++) identity[s] = sub->link_offset[s];
-  for (PetscInt l = 0; l < sub->links; l++) sub->link_source[identity[arrived[l] - sub->first]++] = l;
-  PetscCall(PetscFree2(arrived, identity));
-  PetscCall(PetscFree(next));
+  for (PetscInt l = 0; l < sub->links; l++) sub->link_offset[subdomain[l] - sub->first + 1]++;
+  for (PetscInt s = 0; s < sub->n; s++) {
+    next[s] = sub->link_offset[s];
+    sub->link_offset[s + 1] += sub->link_offset[s];
+  }
+  for (PetscInt l = 0; l < sub->links; l++) order[next[subdomain[l] - sub->first]++] = number[l];
+  PetscCall(LatinSubdomainsFetch_Private(sub, n, structure->links_global, sub->links, order, &sub->link_sf));
+  PetscCall(PetscFree3(subdomain, order, next));
+  PetscCall(ISRestoreIndices(arrived, &number));
+  PetscCall(ISDestroy(&arrived));
+  PetscCall(ISDestroy(&to));
   PetscFunctionReturn(0);
 }
 
 /* The copies of the nodes: the nodes of each subdomain's links, by increasing number */
 static PetscErrorCode LatinSubdomainsCopies_Private(LatinSubdomains *sub)
 {
-  LatinStructure structure = sub->structure;
-  PetscInt      *nodes, *list, total = 0;
+  PetscInt *node, *end; /* nodes of the ends of the links, subdomain by subdomain, sorted; which ends they are of */
 
   PetscFunctionBegin;
   PetscCall(PetscMalloc1(2 * sub->links, &sub->ends));
-  PetscCall(PetscMalloc1(2 * sub->links, &list));
-  nodes = sub->ends; /* numbers of the nodes at first */
-  PetscCall(LatinMigrate_Private(sub, 2 * sizeof(PetscInt), structure->nodes, nodes));
   PetscCall(PetscMalloc1(sub->n + 1, &sub->node_offset));
-  sub->node_offset[0] = 0;
+  PetscCall(PetscMalloc2(2 * sub->links, &node, 2 * sub->links, &end));
+  PetscCall(LatinSFBcast_Private(sub->link_sf, 2, MPIU_INT, sub->structure->nodes, node));
+  for (PetscInt i = 0; i < 2 * sub->links; i++) end[i] = i;
   for (PetscInt s = 0; s < sub->n; s++) {
-    PetscInt m = 2 * (sub->link_offset[s + 1] - sub->link_offset[s]);
+    const PetscInt first = 2 * sub->link_offset[s], last = 2 * sub->link_offset[s + 1];
 
-    PetscCall(PetscArraycpy(list + total, nodes + 2 * sub->link_offset[s], m));
-    PetscCall(PetscSortRemoveDupsInt(&m, list + total));
-    for (PetscInt i = 2 * sub->link_offset[s]; i < 2 * sub->link_offset[s + 1]; i++) {
-      PetscInt at;
-
-      PetscCall(PetscFindInt(nodes[i], m, list + total, &at));
-      nodes[i] = total + at;
+    sub->node_offset[s] = sub->copies;
+    PetscCall(PetscSortIntWithArray(last - first, node + first, end + first));
+    for (PetscInt i = first; i < last; i++) {
+      if (i == first || node[i] != node[sub->copies - 1]) node[sub->copies++] = node[i];
+      sub->ends[end[i]] = sub->copies - 1;
     }
-    total += m;
-    sub->node_offset[s + 1] = total;
   }
-  sub->copies = total;
-  PetscCall(PetscMalloc1(total, &sub->node));
-  PetscCall(PetscArraycpy(sub->node, list, total));
-  PetscCall(PetscFree(list));
+  sub->node_offset[sub->n] = sub->copies;
+  PetscCall(PetscMalloc1(sub->copies, &sub->node));
+  PetscCall(PetscArraycpy(sub->node, node, sub->copies));
+  PetscCall(PetscFree2(node, end));
   PetscFunctionReturn(0);
 }
 
@@ -182,17 +150,13 @@ static PetscErrorCode LatinSubdomainsCopies_Private(LatinSubdomains *sub)
 static PetscErrorCode LatinSubdomainsNodeData_Private(LatinSubdomains *sub)
 {
   LatinStructure  structure = sub->structure;
-  MPI_Comm        comm      = PetscObjectComm(sub->object);
   const PetscInt  dim = structure->dim, n = sub->copies;
   PetscLayout     map;
   const PetscInt *degree;
   PetscInt       *remote, *local, m = 0;
 
   PetscFunctionBegin;
-  PetscCall(PetscLayoutCreateFromSizes(comm, structure->nodes_local, structure->nodes_global, 1, &map));
-  PetscCall(PetscSFCreate(comm, &sub->node_sf));
-  PetscCall(PetscSFSetGraphLayout(sub->node_sf, map, n, NULL, PETSC_COPY_VALUES, sub->node));
-  PetscCall(PetscLayoutDestroy(&map));
+  PetscCall(LatinSubdomainsFetch_Private(sub, structure->nodes_local, structure->nodes_global, n, sub->node, &sub->node_sf));
   PetscCall(PetscMalloc5(dim * n, &sub->x, dim * n, &sub->fixed, dim * n, &sub->prescribed, n, &sub->multiplicity, dim * n, &sub->global_dof));
   PetscCall(LatinSFBcast_Private(sub->node_sf, dim, MPIU_REAL, structure->x, sub->x));
   PetscCall(LatinSFBcast_Private(sub->node_sf, dim, LATIN_MPI_BOOL, structure->fixed, sub->fixed));
@@ -209,7 +173,7 @@ static PetscErrorCode LatinSubdomainsNodeData_Private(LatinSubdomains *sub)
       local[m++] = i;
     }
   PetscCall(VecGetLayout(structure->load, &map));
-  PetscCall(PetscSFCreate(comm, &sub->dof_sf));
+  PetscCall(PetscSFCreate(PetscObjectComm(sub->object), &sub->dof_sf));
   PetscCall(PetscSFSetGraphLayout(sub->dof_sf, map, m, local, PETSC_COPY_VALUES, remote));
   PetscCall(PetscFree2(remote, local));
   if (structure->ground) {
@@ -223,14 +187,13 @@ static PetscErrorCode LatinSubdomainsNodeData_Private(LatinSubdomains *sub)
 /* Values of the links with a state here, to the caller's links, 0 for the others. Collective on sub->object */
 PetscErrorCode LatinSubdomainsReturn_Private(const LatinSubdomains *sub, const PetscReal state[], PetscReal value[])
 {
-  PetscReal *out, *in;
+  PetscReal *here;
 
   PetscFunctionBegin;
-  PetscCall(PetscCalloc2(sub->structure->links_local, &out, sub->links, &in));
-  for (PetscInt i = 0; i < sub->nonsmooth; i++) in[sub->link_source[sub->nonsmooth_link[i]]] = state[i];
-  PetscCallMPI(MPI_Alltoallv(in, sub->recv_count, sub->recv_offset, MPIU_REAL, out, sub->send_count, sub->send_offset, MPIU_REAL, PetscObjectComm(sub->object)));
-  for (PetscInt i = 0; i < sub->structure->links_local; i++) value[sub->send_order[i]] = out[i];
-  PetscCall(PetscFree2(out, in));
+  PetscCall(PetscCalloc1(sub->links, &here));
+  for (PetscInt i = 0; i < sub->nonsmooth; i++) here[sub->nonsmooth_link[i]] = state[i];
+  PetscCall(LatinSFReduce_Private(sub->link_sf, 1, MPIU_REAL, here, value, MPI_REPLACE));
+  PetscCall(PetscFree(here));
   PetscFunctionReturn(0);
 }
 
@@ -251,8 +214,8 @@ PetscErrorCode LatinSubdomainsRefresh(LatinSubdomains *sub)
   LatinStructure structure = sub->structure;
 
   PetscFunctionBegin;
-  PetscCall(LatinMigrate_Private(sub, sizeof(PetscReal), sub->link_stiffness, sub->stiffness));
-  PetscCall(LatinMigrate_Private(sub, sizeof(PetscReal), structure->e0, sub->e0));
+  PetscCall(LatinSFBcast_Private(sub->link_sf, 1, MPIU_REAL, sub->link_stiffness, sub->stiffness));
+  PetscCall(LatinSFBcast_Private(sub->link_sf, 1, MPIU_REAL, structure->e0, sub->e0));
   /* gaps of rigid links may be infinite; those that no unknown moves must leave no infinite force */
   if (structure->rigid_law >= 0)
     for (PetscInt l = 0; l < sub->links; l++)
@@ -273,16 +236,16 @@ PetscErrorCode LatinSubdomainsSetUp(LatinSubdomains *sub, PetscInt of_link[], Pe
   sub->of_link                     = of_link;
   sub->count                       = count;
   PetscCall(LatinSubdomainsDeal_Private(sub));
-  PetscCall(LatinSubdomainsPlan_Private(sub));
+  PetscCall(LatinSubdomainsLinks_Private(sub));
   PetscCall(LatinSubdomainsCopies_Private(sub));
   PetscCall(LatinSubdomainsNodeData_Private(sub));
   PetscCall(PetscMalloc4(structure->dim * sub->links, &sub->direction, sub->links, &sub->stiffness, sub->links, &sub->e0, sub->links, &sub->law));
-  PetscCall(LatinMigrate_Private(sub, (size_t)structure->dim * sizeof(PetscReal), structure->direction, sub->direction));
-  PetscCall(LatinMigrate_Private(sub, sizeof(PetscInt), structure->law, sub->law));
+  PetscCall(LatinSFBcast_Private(sub->link_sf, structure->dim, MPIU_REAL, structure->direction, sub->direction));
+  PetscCall(LatinSFBcast_Private(sub->link_sf, 1, MPIU_INT, structure->law, sub->law));
   PetscCall(LatinSubdomainsRefresh(sub));
   if (structure->rubs) {
     PetscCall(PetscMalloc1(sub->links, &sub->friction));
-    PetscCall(LatinMigrate_Private(sub, sizeof(PetscReal), structure->friction, sub->friction));
+    PetscCall(LatinSFBcast_Private(sub->link_sf, 1, MPIU_REAL, structure->friction, sub->friction));
   }
   /* a preconditioner works on the tangent, where no link has a state */
   PetscCall(PetscMalloc3(sub->tangent ? 0 : sub->links, &sub->nonsmooth_link, sub->links, &sub->state, sub->n + 1, &sub->state_first));
@@ -305,9 +268,6 @@ PetscErrorCode LatinSubdomainsReset(LatinSubdomains *sub)
   PetscFunctionBegin;
   PetscCall(PetscFree(sub->of_link));
   PetscCall(PetscFree(sub->rank_first));
-  PetscCall(PetscFree4(sub->send_count, sub->send_offset, sub->recv_count, sub->recv_offset));
-  PetscCall(PetscFree(sub->send_order));
-  PetscCall(PetscFree(sub->link_source));
   PetscCall(PetscFree(sub->link_offset));
   PetscCall(PetscFree(sub->node_offset));
   PetscCall(PetscFree(sub->node));
@@ -321,6 +281,7 @@ PetscErrorCode LatinSubdomainsReset(LatinSubdomains *sub)
   PetscCall(PetscFree(sub->ki));
   PetscCall(PetscFree2(sub->kj, sub->ka));
   PetscCall(PetscFree2(sub->unassigned, sub->unassigned_inverse));
+  PetscCall(PetscSFDestroy(&sub->link_sf));
   PetscCall(PetscSFDestroy(&sub->node_sf));
   PetscCall(PetscSFDestroy(&sub->dof_sf));
   PetscCall(PetscFree(sub->jumps));
