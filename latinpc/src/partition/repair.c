@@ -11,7 +11,7 @@
      of three or more          1 if it is a corner: the coarse problem holds it; else as for two, 1 for each one more
 
    falls. A move takes one link, or all the links of a subdomain at a node. It changes the cost of the nodes at its
-   links only, and lowers a whole number, so that a list of the nodes to look at again ends in near linear time.
+   links only, and lowers a whole number: the nodes around it are looked at again, in sweeps, until nothing moves.
 */
 
 #define LATIN_REPAIR_SOFT    1e-2 /* less than that of the stiffness of one link of stiffness 1 is a direction missing */
@@ -22,9 +22,8 @@ typedef struct {
   PetscInt       *part;
   PetscInt       *size, least, most; /* links of each subdomain, and bounds */
   PetscInt       *whole, *cost;      /* [nodes] directions that all links hold; what a node costs now */
-  PetscInt       *queue, head, waiting;
-  PetscBool      *queued;
-  PetscInt       *seen, stamp; /* [nodes] nodes that a move touches */
+  PetscBool      *due;               /* [nodes] to look at again */
+  PetscInt       *seen, stamp;       /* [nodes] nodes that a move touches */
   PetscInt       *touched, *move, *here;
 } LatinRepair;
 
@@ -123,23 +122,6 @@ static PetscInt LatinRepairGain(LatinRepair *repair, PetscInt n, const PetscInt 
   return gain;
 }
 
-static void LatinRepairPush(LatinRepair *repair, PetscInt v)
-{
-  if (repair->queued[v]) return;
-  repair->queued[v]                                                      = PETSC_TRUE;
-  repair->queue[(repair->head + repair->waiting++) % repair->cut->nodes] = v;
-}
-
-static PetscInt LatinRepairPop(LatinRepair *repair)
-{
-  const PetscInt v = repair->queue[repair->head];
-
-  repair->head      = (repair->head + 1) % repair->cut->nodes;
-  repair->queued[v] = PETSC_FALSE;
-  repair->waiting--;
-  return v;
-}
-
 /* The best move at a node, if there is one: its links in best[], their number, and where to */
 static PetscInt LatinRepairBest(LatinRepair *repair, PetscInt v, const PetscInt parts[], PetscInt n, PetscInt best[], PetscInt *to)
 {
@@ -165,13 +147,13 @@ static PetscInt LatinRepairBest(LatinRepair *repair, PetscInt v, const PetscInt 
   return count;
 }
 
-/* Does the best move at a node, if there is one, and puts the nodes around on the list again */
-static void LatinRepairNode(LatinRepair *repair, PetscInt v, PetscInt parts[], PetscInt best[])
+/* Does the best move at a node, if there is one; the nodes around are then due again */
+static PetscBool LatinRepairNode(LatinRepair *repair, PetscInt v, PetscInt parts[], PetscInt best[])
 {
   PetscInt n = LatinRepairParts(repair, v, parts), to = -1;
 
   n = n > 1 ? LatinRepairBest(repair, v, parts, n, best, &to) : 0;
-  if (!n) return;
+  if (!n) return PETSC_FALSE;
   repair->size[repair->part[best[0]]] -= n;
   repair->size[to] += n;
   for (PetscInt i = 0; i < n; i++) repair->part[best[i]] = to;
@@ -181,8 +163,9 @@ static void LatinRepairNode(LatinRepair *repair, PetscInt v, PetscInt parts[], P
 
     repair->cost[w] = LatinRepairCost(repair, w);
     for (PetscInt j = repair->cut->offset[w]; j < repair->cut->offset[w + 1]; j++)
-      for (PetscInt s = 0; s < 2; s++) LatinRepairPush(repair, repair->cut->ends[2 * repair->cut->incident[j] + s]);
+      for (PetscInt s = 0; s < 2; s++) repair->due[repair->cut->ends[2 * repair->cut->incident[j] + s]] = PETSC_TRUE;
   }
+  return PETSC_TRUE;
 }
 
 /* Moves links between the cut->parts subdomains of part[], on one rank; no subdomain becomes empty */
@@ -191,6 +174,7 @@ PetscErrorCode LatinRepair_Private(const LatinCut *cut, PetscInt part[])
   LatinRepair     repair = {.cut = cut, .part = part};
   const PetscReal mean   = (PetscReal)cut->links / (PetscReal)cut->parts;
   PetscInt       *best, *parts, widest = 1;
+  PetscBool       moved = PETSC_TRUE;
 
   PetscFunctionBegin;
   for (PetscInt v = 0; v < cut->nodes; v++) widest = PetscMax(widest, cut->offset[v + 1] - cut->offset[v]);
@@ -198,16 +182,23 @@ PetscErrorCode LatinRepair_Private(const LatinCut *cut, PetscInt part[])
   for (PetscInt l = 0; l < cut->links; l++) repair.size[part[l]]++;
   repair.least = PetscMax(1, (PetscInt)PetscCeilReal((1.0 - LATIN_REPAIR_BALANCE) * mean));
   repair.most  = (PetscInt)((1.0 + LATIN_REPAIR_BALANCE) * mean);
-  PetscCall(PetscCalloc5(cut->nodes, &repair.queue, cut->nodes, &repair.queued, cut->nodes, &repair.seen, cut->nodes, &repair.whole, cut->nodes, &repair.cost));
+  PetscCall(PetscCalloc4(cut->nodes, &repair.due, cut->nodes, &repair.seen, cut->nodes, &repair.whole, cut->nodes, &repair.cost));
   PetscCall(PetscMalloc5(widest + 1, &repair.touched, widest, &repair.move, widest, &repair.here, widest, &best, widest, &parts));
   for (PetscInt v = 0; v < cut->nodes; v++) {
     repair.whole[v] = -1;
     repair.cost[v]  = LatinRepairCost(&repair, v);
-    LatinRepairPush(&repair, v);
+    repair.due[v]   = PETSC_TRUE;
   }
-  while (repair.waiting) LatinRepairNode(&repair, LatinRepairPop(&repair), parts, best);
+  while (moved) {
+    moved = PETSC_FALSE;
+    for (PetscInt v = 0; v < cut->nodes; v++) {
+      if (!repair.due[v]) continue;
+      repair.due[v] = PETSC_FALSE;
+      if (LatinRepairNode(&repair, v, parts, best)) moved = PETSC_TRUE;
+    }
+  }
   PetscCall(PetscFree5(repair.touched, repair.move, repair.here, best, parts));
-  PetscCall(PetscFree5(repair.queue, repair.queued, repair.seen, repair.whole, repair.cost));
+  PetscCall(PetscFree4(repair.due, repair.seen, repair.whole, repair.cost));
   PetscCall(PetscFree(repair.size));
   PetscFunctionReturn(0);
 }
