@@ -39,7 +39,7 @@ static PetscErrorCode LatinCoarseFill_Private(LatinCoarse *coarse, PetscBool hal
   const LatinElements *top  = &coarse->top;
   MPI_Comm             comm = PetscObjectComm(coarse->sub->object);
   PetscMPIInt          rank, size, owner, *sends, *receives, *from, *to;
-  PetscScalar         *out, *in, *record;
+  PetscScalar         *out = NULL, *in = NULL, *record;
   PetscInt            *column, *next, length;
   PetscLayout          map;
 
@@ -50,34 +50,28 @@ static PetscErrorCode LatinCoarseFill_Private(LatinCoarse *coarse, PetscBool hal
   PetscCall(MatGetLayouts(coarse->A, &map, NULL));
   PetscCall(PetscCalloc5(size, &next, size, &sends, size, &receives, size + 1, &from, size + 1, &to));
   PetscCall(PetscMalloc2(widest, &column, 2 + 2 * widest, &record));
-  for (PetscInt s = 0; s < top->n && size > 1; s++) {
-    for (PetscInt i = 0; i < top->offset[s + 1] - top->offset[s]; i++) {
+  for (PetscInt pass = 0; pass < 2; pass++) { /* the first one counts */
+    for (PetscInt s = 0; s < top->n; s++) {
       const PetscInt *by = order + top->offset[s];
 
-      PetscCall(PetscLayoutFindOwner(map, coarse->top_global[top->offset[s] + by[i]], &owner));
-      if (owner != rank) next[owner] += LatinCoarseRecord(coarse, s, i, half, by, NULL);
-    }
-  }
-  for (PetscMPIInt r = 0; r < size; r++) PetscCall(PetscMPIIntCast(next[r], &sends[r]));
-  PetscCallMPI(MPI_Alltoall(sends, 1, MPI_INT, receives, 1, MPI_INT, comm));
-  for (PetscMPIInt r = 0; r < size; r++) {
-    next[r] = to[r];
-    PetscCall(PetscMPIIntCast((PetscInt)to[r] + sends[r], &to[r + 1]));
-    PetscCall(PetscMPIIntCast((PetscInt)from[r] + receives[r], &from[r + 1]));
-  }
-  PetscCall(PetscMalloc2(to[size], &out, from[size], &in));
-  for (PetscInt s = 0; s < top->n; s++) {
-    for (PetscInt i = 0; i < top->offset[s + 1] - top->offset[s]; i++) {
-      const PetscInt *by = order + top->offset[s];
-
-      PetscCall(PetscLayoutFindOwner(map, coarse->top_global[top->offset[s] + by[i]], &owner));
-      if (owner != rank) {
-        next[owner] += LatinCoarseRecord(coarse, s, i, half, by, out + next[owner]);
-        continue;
+      for (PetscInt i = 0; i < top->offset[s + 1] - top->offset[s]; i++) {
+        PetscCall(PetscLayoutFindOwner(map, coarse->top_global[top->offset[s] + by[i]], &owner));
+        if (owner != rank) next[owner] += LatinCoarseRecord(coarse, s, i, half, by, pass ? out + next[owner] : NULL);
+        else if (pass) {
+          (void)LatinCoarseRecord(coarse, s, i, half, by, record);
+          PetscCall(LatinCoarseAdd_Private(coarse->A, record, column, &length));
+        }
       }
-      (void)LatinCoarseRecord(coarse, s, i, half, by, record);
-      PetscCall(LatinCoarseAdd_Private(coarse->A, record, column, &length));
     }
+    if (pass) break;
+    for (PetscMPIInt r = 0; r < size; r++) PetscCall(PetscMPIIntCast(next[r], &sends[r]));
+    PetscCallMPI(MPI_Alltoall(sends, 1, MPI_INT, receives, 1, MPI_INT, comm));
+    for (PetscMPIInt r = 0; r < size; r++) {
+      next[r] = to[r];
+      PetscCall(PetscMPIIntCast((PetscInt)to[r] + sends[r], &to[r + 1]));
+      PetscCall(PetscMPIIntCast((PetscInt)from[r] + receives[r], &from[r + 1]));
+    }
+    PetscCall(PetscMalloc2(to[size], &out, from[size], &in));
   }
   PetscCallMPI(MPI_Alltoallv(out, sends, to, MPIU_SCALAR, in, receives, from, MPIU_SCALAR, comm));
   for (PetscMPIInt k = 0; k < from[size]; k += (PetscMPIInt)length) PetscCall(LatinCoarseAdd_Private(coarse->A, in + k, column, &length));

@@ -162,11 +162,11 @@ PetscErrorCode LatinCoarseReset(LatinCoarse *coarse)
   PetscCall(VecDestroy(&coarse->rhs));
   PetscCall(VecDestroy(&coarse->sol));
   PetscCall(PetscSFDestroy(&coarse->sf));
-  PetscCall(PetscFree(coarse->rank_start));
+  PetscCall(PetscLayoutDestroy(&coarse->map));
   PetscCall(PetscFree(coarse->offset));
   PetscCall(PetscFree(coarse->macro_count));
   PetscCall(PetscFree3(coarse->global, coarse->q, coarse->u));
   PetscCall(VecDestroy(&coarse->status.mode));
-  PetscCall(PetscMemzero(&coarse->rank_start, sizeof(*coarse) - offsetof(LatinCoarse, rank_start)));
+  PetscCall(PetscMemzero(&coarse->map, sizeof(*coarse) - offsetof(LatinCoarse, map)));
   PetscFunctionReturn(0);
 }

@@ -17,13 +17,6 @@
 #define LATIN_GROUP_INTERIOR 1536                          /* largest dense factor: a sparse one of a larger group does less work */
 #define LATIN_GROUP_PIVOT    LatinByPrecision(1e-11, 1e-5) /* below it, relative to the diagonal, a mechanism is suspected: the coarse solver decides */
 
-static int LatinRealCompare(const void *pa, const void *pb)
-{
-  const PetscReal a = *(const PetscReal *)pa, b = *(const PetscReal *)pb;
-
-  return a < b ? -1 : (a > b ? 1 : 0);
-}
-
 /* The subdomains as elements. Their coarse dofs are numbered here from 0; those of `outside` belong to other ranks as well */
 static PetscErrorCode LatinGroupsFinest_Private(LatinCoarse *coarse, const LatinHomogenised *stiffness, LatinElements *fine, PetscInt *dofs, PetscBool **outside)
 {
@@ -100,7 +93,7 @@ static PetscErrorCode LatinGroupsGroup_Private(LatinGroupLevel *level, PetscInt 
       high      = PetscMax(high, fine->box[6 * s + c]);
     }
     if (!fine->n) break; /* a rank without subdomains */
-    qsort(extent, (size_t)fine->n, sizeof(*extent), LatinRealCompare);
+    PetscCall(PetscSortReal(fine->n, extent));
     cell = (PetscReal)width * extent[fine->n / 2];
     if (!(cell > 1e-5 * (high - low))) cell = 1e-5 * (high - low); /* elements without extent; 100,000 cells are enough for any structure */
     for (PetscInt s = 0; s < fine->n; s++) key[s].hash = (key[s].hash << 20) + (cell > 0.0 ? (uint64_t)((fine->box[6 * s + c] - low) / cell + 1e-3) : 0);

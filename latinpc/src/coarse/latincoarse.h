@@ -38,14 +38,15 @@ typedef struct {
   const LatinInterfaces *inter;
   const LatinMacro      *macro;
   /* numbers */
-  PetscInt  *rank_start;                  /* [ranks + 1] global number of each rank's first one */
-  PetscInt   primal_local, primal_global; /* primal displacements numbered by this rank, after its macro modes; all */
-  PetscInt  *offset;                      /* [subdomains + 1] coarse dofs of each subdomain: macro modes, then primal dofs */
-  PetscInt  *macro_count;                 /* [subdomains] how many of them are macro modes */
-  PetscInt  *global;                      /* [offset[n]] their global numbers */
-  PetscInt   widest;                      /* most coarse dofs of a subdomain here */
-  PetscSF    sf;                          /* all coarse dofs -> coarse dofs of the subdomains here */
-  PetscReal *q, *u;                       /* [offset[n]] condensed forces and coarse displacements of one linear stage, subdomain by subdomain */
+  PetscLayout     map;                         /* of all coarse dofs */
+  const PetscInt *rank_start;                  /* [ranks + 1] its ranges: global number of each rank's first one */
+  PetscInt        primal_local, primal_global; /* primal displacements numbered by this rank, after its macro modes; all */
+  PetscInt       *offset;                      /* [subdomains + 1] coarse dofs of each subdomain: macro modes, then primal dofs */
+  PetscInt       *macro_count;                 /* [subdomains] how many of them are macro modes */
+  PetscInt       *global;                      /* [offset[n]] their global numbers */
+  PetscInt        widest;                      /* most coarse dofs of a subdomain here */
+  PetscSF         sf;                          /* all coarse dofs -> coarse dofs of the subdomains here */
+  PetscReal      *q, *u;                       /* [offset[n]] condensed forces and coarse displacements of one linear stage, subdomain by subdomain */
   /* matrix and solver */
   Mat               A;
   KSP               ksp;

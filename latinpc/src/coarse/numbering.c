@@ -79,30 +79,24 @@ PetscErrorCode LatinCoarseNumber(LatinCoarse *coarse)
 {
   const LatinSubdomains *sub  = coarse->sub;
   MPI_Comm               comm = PetscObjectComm(sub->object);
-  PetscInt              *table, *macros, mine;
+  PetscInt              *table, *macros;
   PetscMPIInt            size;
-  PetscLayout            map;
 
   PetscFunctionBegin;
   PetscCallMPI(MPI_Comm_size(comm, &size));
   PetscCall(PetscCalloc1(coarse->inter->table_offset[sub->copies], &table));
   PetscCall(LatinCoarseNumberPrimal_Private(coarse, table));
-  PetscCall(PetscMalloc1(size + 1, &coarse->rank_start));
   PetscCall(PetscMalloc1(size, &macros));
-  mine = coarse->macro->modes_local + coarse->primal_local;
-  PetscCallMPI(MPI_Allgather(&mine, 1, MPIU_INT, coarse->rank_start + 1, 1, MPIU_INT, comm));
+  PetscCall(PetscLayoutCreateFromSizes(comm, coarse->macro->modes_local + coarse->primal_local, PETSC_DETERMINE, 1, &coarse->map));
+  PetscCall(PetscLayoutGetRanges(coarse->map, &coarse->rank_start));
   PetscCallMPI(MPI_Allgather(&coarse->macro->modes_local, 1, MPIU_INT, macros, 1, MPIU_INT, comm));
-  coarse->rank_start[0] = 0;
-  for (PetscMPIInt r = 0; r < size; r++) coarse->rank_start[r + 1] += coarse->rank_start[r];
   coarse->primal_global = coarse->rank_start[size] - coarse->macro->modes_global;
   PetscCall(LatinCoarseOffsets_Private(coarse));
   LatinCoarseGlobal(coarse, size, macros, table);
   PetscCall(PetscFree(macros));
   PetscCall(PetscFree(table));
-  PetscCall(PetscLayoutCreateFromSizes(comm, mine, PETSC_DETERMINE, 1, &map));
   PetscCall(PetscSFCreate(comm, &coarse->sf));
-  PetscCall(PetscSFSetGraphLayout(coarse->sf, map, coarse->offset[sub->n], NULL, PETSC_COPY_VALUES, coarse->global));
+  PetscCall(PetscSFSetGraphLayout(coarse->sf, coarse->map, coarse->offset[sub->n], NULL, PETSC_COPY_VALUES, coarse->global));
   PetscCall(PetscSFSetUp(coarse->sf));
-  PetscCall(PetscLayoutDestroy(&map));
   PetscFunctionReturn(0);
 }
