@@ -96,34 +96,43 @@ PetscErrorCode LatinLevelSetUp_Private(LatinCoarse *coarse, Mat A)
   PetscFunctionReturn(0);
 }
 
+/* Operators of elements, added up in a matrix of this rank; row[]: where their dofs are in it */
+static PetscErrorCode LatinLevelAdd_Private(const LatinElements *elements, PetscInt rows, const PetscInt row[], Mat *K)
+{
+  PetscInt *count;
+
+  PetscFunctionBegin;
+  PetscCall(PetscCalloc1(rows, &count));
+  for (PetscInt s = 0; s < elements->n; s++)
+    for (PetscInt i = elements->offset[s]; i < elements->offset[s + 1]; i++) count[row[i]] += elements->offset[s + 1] - elements->offset[s];
+  for (PetscInt i = 0; i < rows; i++) count[i] = PetscMin(count[i], rows); /* elements share columns */
+  PetscCall(MatCreateSeqAIJ(PETSC_COMM_SELF, rows, rows, 0, count, K));
+  for (PetscInt s = 0; s < elements->n; s++) {
+    const PetscInt m = elements->offset[s + 1] - elements->offset[s], *at = row + elements->offset[s];
+
+    PetscCall(MatSetValues(*K, m, at, m, at, elements->H + elements->h_offset[s], ADD_VALUES)); /* symmetric: by rows or columns alike */
+  }
+  PetscCall(MatAssemblyBegin(*K, MAT_FINAL_ASSEMBLY));
+  PetscCall(MatAssemblyEnd(*K, MAT_FINAL_ASSEMBLY));
+  PetscCall(PetscFree(count));
+  PetscFunctionReturn(0);
+}
+
 /* The coarse matrix with the part of each rank by itself, a MATIS. Collective on coarse->sub->object */
 PetscErrorCode LatinLevelSubassemble_Private(const LatinCoarse *coarse, Mat *A)
 {
   const LatinElements   *top     = &coarse->top;
   const PetscInt         entries = top->offset[top->n];
-  PetscInt              *number, *local, *count, n = entries;
+  PetscInt              *number, *local, n = entries;
   ISLocalToGlobalMapping map;
   Mat                    K;
 
   PetscFunctionBegin;
-  PetscCall(PetscMalloc3(entries, &number, entries, &local, entries, &count));
+  PetscCall(PetscMalloc2(entries, &number, entries, &local));
   PetscCall(PetscArraycpy(number, coarse->top_global, entries));
   PetscCall(PetscSortRemoveDupsInt(&n, number));
-  PetscCall(PetscArrayzero(count, n));
-  for (PetscInt s = 0; s < top->n; s++)
-    for (PetscInt i = top->offset[s]; i < top->offset[s + 1]; i++) {
-      PetscCall(PetscFindInt(coarse->top_global[i], n, number, &local[i]));
-      count[local[i]] += top->offset[s + 1] - top->offset[s];
-    }
-  for (PetscInt i = 0; i < n; i++) count[i] = PetscMin(count[i], n);
-  PetscCall(MatCreateSeqAIJ(PETSC_COMM_SELF, n, n, 0, count, &K));
-  for (PetscInt s = 0; s < top->n; s++) {
-    const PetscInt m = top->offset[s + 1] - top->offset[s];
-
-    PetscCall(MatSetValues(K, m, local + top->offset[s], m, local + top->offset[s], top->H + top->h_offset[s], ADD_VALUES)); /* symmetric: by rows or columns alike */
-  }
-  PetscCall(MatAssemblyBegin(K, MAT_FINAL_ASSEMBLY));
-  PetscCall(MatAssemblyEnd(K, MAT_FINAL_ASSEMBLY));
+  for (PetscInt i = 0; i < entries; i++) PetscCall(PetscFindInt(coarse->top_global[i], n, number, &local[i]));
+  PetscCall(LatinLevelAdd_Private(top, n, local, &K));
   PetscCall(ISLocalToGlobalMappingCreate(PetscObjectComm(coarse->sub->object), 1, n, number, PETSC_COPY_VALUES, &map));
   PetscCall(MatCreateIS(PetscObjectComm(coarse->sub->object), 1, coarse->top_local, coarse->top_local, coarse->top_size, coarse->top_size, map, map, A));
   PetscCall(MatISSetLocalMat(*A, K));
@@ -133,7 +142,7 @@ PetscErrorCode LatinLevelSubassemble_Private(const LatinCoarse *coarse, Mat *A)
   PetscCall(MatSetOption(*A, MAT_SPD, PETSC_TRUE));
   PetscCall(ISLocalToGlobalMappingDestroy(&map));
   PetscCall(MatDestroy(&K));
-  PetscCall(PetscFree3(number, local, count));
+  PetscCall(PetscFree2(number, local));
   PetscFunctionReturn(0);
 }
 
@@ -146,46 +155,30 @@ PetscErrorCode LatinLevelElements_Private(LatinCoarse *coarse, Mat A)
   LatinLevel            *above = &coarse->above;
   const LatinGroupLevel *group = &coarse->group;
   const LatinElements   *fine  = &group->fine;
-  PetscInt               rows = 0, widest = 0, *first, *count, *column, *parent;
+  PetscInt               rows  = 0, *row, *global, *parent;
 
   PetscFunctionBegin;
-  PetscCall(PetscMalloc1(group->groups + 1, &first));
-  for (PetscInt g = 0; g < group->groups; g++) {
-    first[g] = rows;
-    rows += group->interior[g] + group->coarse.offset[g + 1] - group->coarse.offset[g];
-  }
-  for (PetscInt s = 0; s < fine->n; s++) widest = PetscMax(widest, fine->offset[s + 1] - fine->offset[s]);
-  PetscCall(PetscMalloc2(rows, &above->global, rows, &above->part));
-  PetscCall(PetscMalloc3(rows, &count, rows, &parent, widest, &column));
-  PetscCall(PetscArrayzero(count, rows));
+  for (PetscInt g = 0; g < group->groups; g++) rows += group->interior[g] + group->coarse.offset[g + 1] - group->coarse.offset[g];
+  PetscCall(PetscMalloc1(rows, &above->part));
+  PetscCall(PetscMalloc3(fine->offset[fine->n], &row, rows, &global, rows, &parent));
   for (PetscInt i = 0; i < rows; i++) parent[i] = i;
-  for (PetscInt g = 0; g < group->groups; g++)
+  for (PetscInt g = 0, first = 0; g < group->groups; g++) {
     for (PetscInt m = group->first[g]; m < group->first[g + 1]; m++) {
       const PetscInt s = group->member[m];
 
       for (PetscInt i = fine->offset[s]; i < fine->offset[s + 1]; i++) {
-        const PetscInt row = first[g] + group->slot[i];
-
-        above->global[row] = coarse->top_global[i];
-        LatinJoin(parent, row, first[g] + group->slot[fine->offset[s]]);
-        count[row] += fine->offset[s + 1] - fine->offset[s];
+        row[i]         = first + group->slot[i];
+        global[row[i]] = coarse->top_global[i];
+        LatinJoin(parent, row[i], row[fine->offset[s]]);
       }
     }
-  for (PetscInt i = 0; i < rows; i++) count[i] = PetscMin(count[i], rows); /* elements share columns */
+    first += group->interior[g] + group->coarse.offset[g + 1] - group->coarse.offset[g];
+  }
   above->parts = 0;
   for (PetscInt i = 0; i < rows; i++) above->part[i] = LatinRoot(parent, i) == i ? above->parts++ : above->part[parent[i]];
-  PetscCall(MatCreateSeqAIJ(PETSC_COMM_SELF, rows, rows, 0, count, &above->K));
-  for (PetscInt g = 0; g < group->groups; g++)
-    for (PetscInt m = group->first[g]; m < group->first[g + 1]; m++) {
-      const PetscInt s = group->member[m], n = fine->offset[s + 1] - fine->offset[s];
-
-      for (PetscInt i = 0; i < n; i++) column[i] = first[g] + group->slot[fine->offset[s] + i];
-      PetscCall(MatSetValues(above->K, n, column, n, column, fine->H + fine->h_offset[s], ADD_VALUES)); /* symmetric: by rows or columns alike */
-    }
-  PetscCall(MatAssemblyBegin(above->K, MAT_FINAL_ASSEMBLY));
-  PetscCall(MatAssemblyEnd(above->K, MAT_FINAL_ASSEMBLY));
-  PetscCall(PetscFree(first));
-  PetscCall(PetscFree3(count, parent, column));
+  PetscCall(LatinLevelAdd_Private(fine, rows, row, &above->K));
+  PetscCall(ISLocalToGlobalMappingCreate(PetscObjectComm(coarse->sub->object), 1, rows, global, PETSC_COPY_VALUES, &above->map));
+  PetscCall(PetscFree3(row, global, parent));
   PetscCall(LatinLevelAttach_Private(above, A)); /* the coarse problem lives longer than its solver */
   PetscFunctionReturn(0);
 }

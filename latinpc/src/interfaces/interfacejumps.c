@@ -1,6 +1,6 @@
 #include "interfaces/latininterfaces.h"
 
-/* At which interfaces, and in which subdomains next to them, the coefficients of a matrix jump (subdomains/coefficientjumps.c). */
+/* At which interfaces, and in which subdomains next to them, the coefficients of a matrix jump (subdomains/operator.c). */
 
 /* jumps[s]: do they jump next to an interface of the subdomain? */
 PetscErrorCode LatinJumps_Private(const LatinInterfaces *inter, PetscBool jumps[])

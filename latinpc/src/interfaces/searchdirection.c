@@ -11,7 +11,7 @@
      block     its block on the interface
      schur     its Schur complement on the interface
      auto      of a preconditioner of a matrix: schur on the interfaces of subdomains that have small ones only, where
-               it costs next to nothing, and on those of subdomains where the coefficients jump (subdomains/coefficientjumps.c), for that is
+               it costs next to nothing, and on those of subdomains where the coefficients jump (subdomains/operator.c), for that is
                where it saves iterations; diagonal on the others. Elsewhere schur
 
    A matrix is stored once for equal ones, with its Cholesky factor, D = L L^t, and the inverse of that.

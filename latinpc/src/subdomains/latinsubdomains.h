@@ -30,6 +30,7 @@ typedef struct {
      field, and each of its unit gradients around x, make of the unknown. NULL: 1 and 0 for the unknown's own field.
   */
   PetscReal *trace;
+  PetscBool  borrowed; /* the arrays are those of another one */
 } LatinUnknowns;
 PETSC_INTERN PetscErrorCode LatinUnknownsSetUp_Private(Mat, DM, Vec coordinates, LatinUnknowns *);
 PETSC_INTERN PetscErrorCode LatinUnknownsReset_Private(LatinUnknowns *);
@@ -152,11 +153,11 @@ static inline const char *LatinPrefix(const LatinSubdomains *sub)
 
 /* ---- a matrix that has a decomposition of its own (levels of the coarse problem) ---- */
 typedef struct {
-  LatinUnknowns known;
-  Mat           K;      /* groups of subdomains here, block diagonal; NULL unless the coarse solver is of type latin */
-  PetscInt     *global; /* [rows of K] row of the coarse matrix */
-  PetscInt     *part;   /* [rows of K] connected part of a group */
-  PetscInt      parts;
+  LatinUnknowns          known;
+  Mat                    K;    /* groups of subdomains here, block diagonal; NULL unless the coarse solver is of type latin */
+  ISLocalToGlobalMapping map;  /* from rows of K to those of the coarse matrix */
+  PetscInt              *part; /* [rows of K] connected part of a group */
+  PetscInt               parts;
 } LatinLevel;
 PETSC_INTERN PetscErrorCode LatinLevelAttach_Private(LatinLevel *, Mat);
 PETSC_INTERN PetscErrorCode LatinLevelOf_Private(Mat, LatinLevel **);

@@ -32,11 +32,13 @@ PetscErrorCode LatinLevelOf_Private(Mat A, LatinLevel **level)
 PetscErrorCode LatinUnknownsReset_Private(LatinUnknowns *known)
 {
   PetscFunctionBegin;
-  PetscCall(PetscFree(known->x));
-  PetscCall(PetscFree(known->field));
-  PetscCall(PetscFree(known->near));
-  PetscCall(PetscFree(known->kernel));
-  PetscCall(PetscFree(known->trace));
+  if (!known->borrowed) {
+    PetscCall(PetscFree(known->x));
+    PetscCall(PetscFree(known->field));
+    PetscCall(PetscFree(known->near));
+    PetscCall(PetscFree(known->kernel));
+    PetscCall(PetscFree(known->trace));
+  }
   PetscCall(PetscMemzero(known, sizeof(*known)));
   PetscFunctionReturn(0);
 }
@@ -48,6 +50,7 @@ PetscErrorCode LatinLevelReset_Private(LatinLevel *level, Mat A)
   if (A) PetscCall(PetscObjectCompose((PetscObject)A, LatinLevelName, NULL));
   PetscCall(LatinUnknownsReset_Private(&level->known));
   PetscCall(MatDestroy(&level->K));
-  PetscCall(PetscFree2(level->global, level->part));
+  PetscCall(ISLocalToGlobalMappingDestroy(&level->map));
+  PetscCall(PetscFree(level->part));
   PetscFunctionReturn(0);
 }

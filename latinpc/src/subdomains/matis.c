@@ -14,71 +14,52 @@
 
 /* The local matrix, by rows, and where its rows are in the global numbering */
 typedef struct {
-  Mat                K;
-  PetscInt           rows;
-  const PetscInt    *i, *j, *global;
-  const PetscScalar *a;
-  PetscBool          grouped; /* the subdomains are groups of a coarse matrix; else the connected parts */
-  const PetscInt    *part;    /* [rows] those groups */
-  PetscInt           parts;
+  Mat                    K;
+  ISLocalToGlobalMapping map;
+  PetscInt               rows;
+  const PetscInt        *i, *j, *global;
+  const PetscScalar     *a;
+  const LatinLevel      *level; /* the subdomains are groups of a coarse matrix; NULL: the connected parts */
 } LatinLocalMatrix;
-
-static PetscErrorCode LatinLocalMatrixRows_Private(LatinLocalMatrix *local)
-{
-  PetscBool done;
-
-  PetscFunctionBegin;
-  PetscCall(MatGetRowIJ(local->K, 0, PETSC_FALSE, PETSC_FALSE, &local->rows, &local->i, &local->j, &done));
-  PetscCheck(done, PETSC_COMM_SELF, PETSC_ERR_PLIB, "The rows of a local matrix cannot be read");
-  PetscCall(MatSeqAIJGetArrayRead(local->K, &local->a));
-  PetscFunctionReturn(0);
-}
 
 static PetscErrorCode LatinLocalMatrixGet_Private(Mat A, LatinLocalMatrix *local)
 {
-  ISLocalToGlobalMapping rows, cols;
-  PetscBool              aij, same;
+  ISLocalToGlobalMapping cols;
+  PetscBool              aij, done;
   LatinLevel            *level;
   Mat                    K;
 
   PetscFunctionBegin;
-  local->part = NULL;
   PetscCall(LatinLevelOf_Private(A, &level));
-  local->grouped = (PetscBool)(level != NULL);
+  local->level = level;
   if (level) {
-    PetscCall(PetscObjectReference((PetscObject)level->K));
-    local->K      = level->K;
-    local->part   = level->part;
-    local->parts  = level->parts;
-    local->global = level->global;
-    PetscCall(LatinLocalMatrixRows_Private(local));
-    PetscFunctionReturn(0);
+    local->K   = level->K;
+    local->map = level->map;
+    PetscCall(PetscObjectReference((PetscObject)local->K));
+  } else {
+    PetscCall(MatISGetLocalToGlobalMapping(A, &local->map, &cols));
+    LatinAgree(PetscObjectComm((PetscObject)A), local->map != cols, PETSC_ERR_SUP, "The rows and columns of the MATIS have different local-to-global maps: -pc_type latin is for symmetric matrices");
+    PetscCall(MatISGetLocalMat(A, &K));
+    PetscCall(PetscObjectTypeCompare((PetscObject)K, MATSEQAIJ, &aij));
+    if (aij) PetscCall(PetscObjectReference((PetscObject)K));
+    local->K = K;
+    if (!aij) PetscCall(MatConvert(K, MATSEQAIJ, MAT_INITIAL_MATRIX, &local->K));
+    PetscCall(MatISRestoreLocalMat(A, &K));
   }
-  PetscCall(MatISGetLocalToGlobalMapping(A, &rows, &cols));
-  same = (PetscBool)(rows == cols);
-  LatinAgree(PetscObjectComm((PetscObject)A), !same, PETSC_ERR_SUP, "The rows and columns of the MATIS have different local-to-global maps: -pc_type latin is for symmetric matrices");
-  PetscCall(MatISGetLocalMat(A, &K));
-  PetscCall(PetscObjectTypeCompare((PetscObject)K, MATSEQAIJ, &aij));
-  if (aij) PetscCall(PetscObjectReference((PetscObject)K));
-  else PetscCall(MatConvert(K, MATSEQAIJ, MAT_INITIAL_MATRIX, &local->K));
-  if (aij) local->K = K;
-  PetscCall(MatISRestoreLocalMat(A, &K));
-  PetscCall(LatinLocalMatrixRows_Private(local));
-  PetscCall(ISLocalToGlobalMappingGetIndices(rows, &local->global));
+  PetscCall(MatGetRowIJ(local->K, 0, PETSC_FALSE, PETSC_FALSE, &local->rows, &local->i, &local->j, &done));
+  PetscCheck(done, PETSC_COMM_SELF, PETSC_ERR_PLIB, "The rows of a local matrix cannot be read");
+  PetscCall(MatSeqAIJGetArrayRead(local->K, &local->a));
+  PetscCall(ISLocalToGlobalMappingGetIndices(local->map, &local->global));
   PetscFunctionReturn(0);
 }
 
-static PetscErrorCode LatinLocalMatrixRestore_Private(Mat A, LatinLocalMatrix *local)
+static PetscErrorCode LatinLocalMatrixRestore_Private(LatinLocalMatrix *local)
 {
-  ISLocalToGlobalMapping rows;
-  PetscInt               n;
-  PetscBool              done;
+  PetscInt  n;
+  PetscBool done;
 
   PetscFunctionBegin;
-  if (!local->grouped) {
-    PetscCall(MatISGetLocalToGlobalMapping(A, &rows, NULL));
-    PetscCall(ISLocalToGlobalMappingRestoreIndices(rows, &local->global));
-  }
+  PetscCall(ISLocalToGlobalMappingRestoreIndices(local->map, &local->global));
   PetscCall(MatSeqAIJRestoreArrayRead(local->K, &local->a));
   PetscCall(MatRestoreRowIJ(local->K, 0, PETSC_FALSE, PETSC_FALSE, &n, &local->i, &local->j, &done));
   PetscCall(MatDestroy(&local->K));
@@ -95,16 +76,15 @@ static PetscErrorCode LatinLocalMatrixSymmetric_Private(Mat A, const LatinLocalM
   PetscFunctionBegin;
   PetscCall(MatIsSymmetricKnown(A, &known, &symmetric));
   LatinAgree(PetscObjectComm((PetscObject)A), known && !symmetric, PETSC_ERR_SUP, "The matrix is marked as not symmetric: -pc_type latin is for symmetric positive definite matrices");
-  for (PetscInt r = 0; r < local->rows && bad[0] < 0; r++)
-    for (PetscInt k = local->i[r]; k < local->i[r + 1] && bad[0] < 0; k++)
-      if (PetscIsInfOrNanScalar(local->a[k])) {
-        bad[0] = local->global[r];
-        bad[1] = local->global[local->j[k]];
-      }
-  LatinAgree(PetscObjectComm((PetscObject)A), bad[0] >= 0, PETSC_ERR_FP, "The matrix has an entry that is not a finite number, at row %" PetscInt_FMT ", column %" PetscInt_FMT, bad[0], bad[1]);
   PetscCall(PetscCalloc1(local->rows, &largest));
-  for (PetscInt r = 0; r < local->rows; r++)
-    for (PetscInt k = local->i[r]; k < local->i[r + 1]; k++) largest[r] = PetscMax(largest[r], PetscAbsScalar(local->a[k]));
+  for (PetscInt r = 0; r < local->rows && bad[0] < 0; r++)
+    for (PetscInt k = local->i[r]; k < local->i[r + 1] && bad[0] < 0; k++) {
+      largest[r] = PetscMax(largest[r], PetscAbsScalar(local->a[k]));
+      if (!PetscIsInfOrNanScalar(local->a[k])) continue;
+      bad[0] = local->global[r];
+      bad[1] = local->global[local->j[k]];
+    }
+  LatinAgree(PetscObjectComm((PetscObject)A), bad[0] >= 0, PETSC_ERR_FP, "The matrix has an entry that is not a finite number, at row %" PetscInt_FMT ", column %" PetscInt_FMT, bad[0], bad[1]);
   for (PetscInt r = 0; r < local->rows && bad[0] < 0; r++)
     for (PetscInt k = local->i[r]; k < local->i[r + 1] && bad[0] < 0; k++) {
       const PetscInt c     = local->j[k];
@@ -173,9 +153,9 @@ static PetscErrorCode LatinMatrixParts_Private(LatinSubdomains *sub, const Latin
   PetscBool alone = PETSC_FALSE;
 
   PetscFunctionBegin;
-  if (local->grouped) {
-    sub->n = local->parts;
-    for (PetscInt r = 0; r < local->rows; r++) part[r] = kept[r] ? local->part[r] : -1;
+  if (local->level) {
+    sub->n = local->level->parts;
+    for (PetscInt r = 0; r < local->rows; r++) part[r] = kept[r] ? local->level->part[r] : -1;
     PetscFunctionReturn(0);
   }
   PetscCall(MatGetBlockSize(sub->matrix, &bs));
@@ -235,19 +215,18 @@ static PetscErrorCode LatinMatrixCopies_Private(LatinSubdomains *sub, const Lati
   for (PetscInt i = 0; i < sub->copies; i++) at[row[i]] = i;
   /* the rows of the operators */
   PetscCall(PetscMalloc1(sub->copies + 1, &sub->ki));
+  PetscCall(PetscMalloc2(local->i[local->rows], &sub->kj, local->i[local->rows], &sub->ka));
   sub->ki[0] = 0;
   for (PetscInt i = 0; i < sub->copies; i++) {
-    sub->ki[i + 1] = sub->ki[i];
-    for (PetscInt k = local->i[row[i]]; k < local->i[row[i] + 1]; k++) sub->ki[i + 1] += local->a[k] != 0.0 && at[local->j[k]] >= 0 ? 1 : 0;
-  }
-  PetscCall(PetscMalloc2(sub->ki[sub->copies], &sub->kj, sub->ki[sub->copies], &sub->ka));
-  for (PetscInt i = 0, n = 0; i < sub->copies; i++) {
+    PetscInt n = sub->ki[i];
+
     for (PetscInt k = local->i[row[i]]; k < local->i[row[i] + 1]; k++) {
       if (local->a[k] == 0.0 || at[local->j[k]] < 0) continue;
       sub->kj[n]   = at[local->j[k]];
       sub->ka[n++] = local->a[k];
     }
-    PetscCall(PetscSortIntWithScalarArray(sub->ki[i + 1] - sub->ki[i], sub->kj + sub->ki[i], sub->ka + sub->ki[i]));
+    sub->ki[i + 1] = n;
+    PetscCall(PetscSortIntWithScalarArray(n - sub->ki[i], sub->kj + sub->ki[i], sub->ka + sub->ki[i]));
   }
   PetscCall(PetscFree(row));
   PetscCall(PetscFree(next));
@@ -359,7 +338,7 @@ PetscErrorCode LatinSubdomainsSetUp_Matrix(LatinSubdomains *sub)
   PetscCall(LatinMatrixParts_Private(sub, &local, kept, part));
   PetscCall(LatinMatrixCopies_Private(sub, &local, part, at));
   PetscCall(PetscFree3(kept, part, at));
-  PetscCall(LatinLocalMatrixRestore_Private(sub->matrix, &local));
+  PetscCall(LatinLocalMatrixRestore_Private(&local));
   PetscCall(LatinMatrixData_Private(sub));
   PetscCall(LatinMatrixHold_Private(sub));
   PetscCallMPI(MPI_Comm_size(comm, &size));

@@ -25,59 +25,53 @@ static PetscErrorCode LatinComponent_Private(PetscInt dim, PetscReal t, const Pe
 static PetscErrorCode LatinUnknownsElements_Private(DM dm, PetscInt rows, LatinUnknowns *known)
 {
   typedef PetscErrorCode (*Function)(PetscInt, PetscReal, const PetscReal[], PetscInt, PetscScalar *, void *);
-  PetscInt           nf, nl, *number;
+  PetscInt           nf, nl, *first, fields = 0;
   Function          *functions;
   void             **contexts;
   Vec                v;
   const PetscScalar *a;
-  PetscBool          fit = PETSC_TRUE;
+  PetscBool          fit;
 
   PetscFunctionBegin;
   PetscCall(DMGetNumFields(dm, &nf));
-  for (PetscInt f = 0; f < nf; f++) {
-    PetscObject  object;
-    PetscClassId id;
-
-    PetscCall(DMGetField(dm, f, NULL, &object));
-    PetscCall(PetscObjectGetClassId(object, &id));
-    if (id != PETSCFE_CLASSID) fit = PETSC_FALSE;
-  }
-  if (!nf || !fit) PetscFunctionReturn(0);
+  if (!nf) PetscFunctionReturn(0);
   PetscCall(DMCreateGlobalVector(dm, &v));
   PetscCall(VecGetLocalSize(v, &nl));
   fit = (PetscBool)(nl == rows);
+  PetscCall(PetscMalloc3(nf, &functions, nf, &contexts, nf, &first));
+  for (PetscInt f = 0; f < nf; f++) {
+    PetscObject  element;
+    PetscClassId id;
+    PetscInt     components = 0;
+
+    PetscCall(DMGetField(dm, f, NULL, &element));
+    PetscCall(PetscObjectGetClassId(element, &id));
+    if (id == PETSCFE_CLASSID) PetscCall(PetscFEGetNumComponents((PetscFE)element, &components));
+    else fit = PETSC_FALSE;
+    first[f] = fields;
+    fields += components;
+  }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &fit, 1, LATIN_MPI_BOOL, MPI_LAND, PetscObjectComm((PetscObject)dm)));
   if (fit) {
+    known->fields = fields;
     PetscCall(DMGetCoordinateDim(dm, &known->dim));
-    PetscCall(PetscMalloc3(nf, &functions, nf, &contexts, nf, &number));
     PetscCall(PetscMalloc1(known->dim * rows, &known->x));
     PetscCall(PetscMalloc1(rows, &known->field));
-    known->fields = 0;
-    for (PetscInt d = 0; d <= known->dim; d++) {
-      for (PetscInt f = 0; f < nf; f++) {
-        functions[f] = d < known->dim ? LatinCoordinate_Private : LatinComponent_Private;
-        contexts[f]  = number + f;
-        number[f]    = d;
-        if (d == known->dim) {
-          PetscObject object;
-          PetscInt    components;
-
-          number[f] = known->fields;
-          PetscCall(DMGetField(dm, f, NULL, &object));
-          PetscCall(PetscFEGetNumComponents((PetscFE)object, &components));
-          known->fields += components;
-        }
-      }
-      PetscCall(DMProjectFunction(dm, 0.0, functions, contexts, INSERT_VALUES, v));
-      PetscCall(VecGetArrayRead(v, &a));
-      for (PetscInt i = 0; i < rows; i++) {
-        if (d < known->dim) known->x[known->dim * i + d] = PetscRealPart(a[i]);
-        else known->field[i] = PetscMax(0, PetscMin(known->fields - 1, (PetscInt)(PetscRealPart(a[i]) + 0.5)));
-      }
-      PetscCall(VecRestoreArrayRead(v, &a));
-    }
-    PetscCall(PetscFree3(functions, contexts, number));
   }
+  for (PetscInt d = 0; fit && d <= known->dim; d++) {
+    for (PetscInt f = 0; f < nf; f++) {
+      functions[f] = d < known->dim ? LatinCoordinate_Private : LatinComponent_Private;
+      contexts[f]  = d < known->dim ? &d : first + f;
+    }
+    PetscCall(DMProjectFunction(dm, 0.0, functions, contexts, INSERT_VALUES, v));
+    PetscCall(VecGetArrayRead(v, &a));
+    for (PetscInt i = 0; i < rows; i++) {
+      if (d < known->dim) known->x[known->dim * i + d] = PetscRealPart(a[i]);
+      else known->field[i] = PetscMax(0, PetscMin(fields - 1, (PetscInt)(PetscRealPart(a[i]) + 0.5)));
+    }
+    PetscCall(VecRestoreArrayRead(v, &a));
+  }
+  PetscCall(PetscFree3(functions, contexts, first));
   PetscCall(VecDestroy(&v));
   PetscFunctionReturn(0);
 }
@@ -138,23 +132,6 @@ static PetscErrorCode LatinUnknownsSpace_Private(MatNullSpace space, PetscInt ro
   PetscFunctionReturn(0);
 }
 
-/* A copy of what the level below has of its coarse unknowns */
-static PetscErrorCode LatinUnknownsCopy_Private(const LatinUnknowns *from, PetscInt rows, LatinUnknowns *known)
-{
-  const PetscInt each = from->fields * (1 + from->dim);
-
-  PetscFunctionBegin;
-  *known = *from;
-  PetscCall(PetscMalloc1(from->dim * rows + 1, &known->x));
-  PetscCall(PetscArraycpy(known->x, from->x, from->dim * rows));
-  PetscCall(PetscMalloc1(each * rows + 1, &known->trace));
-  PetscCall(PetscArraycpy(known->trace, from->trace, each * rows));
-  PetscCall(PetscMalloc1(from->nears * rows + 1, &known->near));
-  PetscCall(PetscArraycpy(known->near, from->near, from->nears * rows));
-  PetscCall(PetscCalloc1(rows + 1, &known->field));
-  PetscFunctionReturn(0);
-}
-
 /* How many of n numbers are not finite */
 static PetscInt LatinNotFinite(PetscInt n, const PetscReal x[])
 {
@@ -180,8 +157,9 @@ PetscErrorCode LatinUnknownsSetUp_Private(Mat A, DM dm, Vec coordinates, LatinUn
   PetscCall(LatinUnknownsReset_Private(known));
   PetscCall(MatGetLocalSize(A, &rows, NULL));
   PetscCall(LatinLevelOf_Private(A, &level));
-  if (level) {
-    PetscCall(LatinUnknownsCopy_Private(&level->known, rows, known));
+  if (level) { /* what the level below has of its coarse unknowns */
+    *known          = level->known;
+    known->borrowed = PETSC_TRUE;
     PetscFunctionReturn(0);
   }
   PetscCall(MatGetBlockSize(A, &known->fields));
