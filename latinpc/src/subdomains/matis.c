@@ -188,6 +188,18 @@ static PetscErrorCode LatinMatrixParts_Private(LatinSubdomains *sub, const Latin
   PetscFunctionReturn(0);
 }
 
+/* Is entry k of row r, and the one across the diagonal, not zero? Rounding may leave one of the two, and METIS wants symmetric graphs */
+static PetscErrorCode LatinMatrixCouples_Private(const LatinLocalMatrix *local, PetscInt r, PetscInt k, PetscBool *couples)
+{
+  const PetscInt c     = local->j[k];
+  PetscInt       other = -1;
+
+  PetscFunctionBegin;
+  if (local->a[k] != 0.0) PetscCall(PetscFindInt(r, local->i[c + 1] - local->i[c], local->j + local->i[c], &other));
+  *couples = (PetscBool)(other >= 0 && local->a[local->i[c] + other] != 0.0);
+  PetscFunctionReturn(0);
+}
+
 /* The copies, part by part and by global number; at[row] is the copy of a local row */
 static PetscErrorCode LatinMatrixCopies_Private(LatinSubdomains *sub, const LatinLocalMatrix *local, const PetscInt part[], PetscInt at[])
 {
@@ -221,7 +233,10 @@ static PetscErrorCode LatinMatrixCopies_Private(LatinSubdomains *sub, const Lati
     PetscInt n = sub->ki[i];
 
     for (PetscInt k = local->i[row[i]]; k < local->i[row[i] + 1]; k++) {
-      if (local->a[k] == 0.0 || at[local->j[k]] < 0) continue;
+      PetscBool couples = PETSC_FALSE;
+
+      PetscCall(LatinMatrixCouples_Private(local, row[i], k, &couples));
+      if (!couples || at[local->j[k]] < 0) continue;
       sub->kj[n]   = at[local->j[k]];
       sub->ka[n++] = local->a[k];
     }
