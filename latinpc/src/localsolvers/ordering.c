@@ -6,30 +6,47 @@
    that of the degrees of freedom. The rows of a node follow each other, bs of them, the block size of the matrix.
 */
 
-/* Neighbours of each node in a matrix of n nodes; the caller frees them */
+/*
+   Neighbours of each node in a matrix of n nodes, both ways: METIS may not end on a graph that lacks one of two edges, and
+   an entry that rounding leaves on one side alone is such an edge. The caller frees them.
+*/
 static PetscErrorCode LatinOrderingGraph_Private(PetscInt bs, PetscInt n, const PetscInt ia[], const PetscInt ja[], idx_t **start, idx_t **list)
 {
-  PetscInt *seen;
+  PetscInt *first, *next, *seen, *both;
   idx_t     used = 0;
 
   PetscFunctionBegin;
-  PetscCall(PetscMalloc1(n, &seen));
+  PetscCall(PetscCalloc3(n + 1, &first, n, &next, n, &seen));
+  for (PetscInt i = 0; i < n; i++)
+    for (PetscInt k = ia[bs * i]; k < ia[bs * (i + 1)]; k++) {
+      next[i]++;
+      next[ja[k] / bs]++;
+    }
+  for (PetscInt i = 0; i < n; i++) {
+    first[i + 1] = first[i] + next[i];
+    next[i]      = first[i];
+    seen[i]      = -1;
+  }
+  PetscCall(PetscMalloc1(first[n] + 1, &both));
   PetscCall(PetscMalloc1(n + 1, start));
-  PetscCall(PetscMalloc1(ia[bs * n] + 1, list)); /* at least one entry for each neighbour */
-  for (PetscInt i = 0; i < n; i++) seen[i] = -1;
+  for (PetscInt i = 0; i < n; i++)
+    for (PetscInt k = ia[bs * i]; k < ia[bs * (i + 1)]; k++) {
+      both[next[i]++]          = ja[k] / bs;
+      both[next[ja[k] / bs]++] = i;
+    }
+  PetscCall(PetscMalloc1(first[n] + 1, list));
   for (PetscInt i = 0; i < n; i++) {
     (*start)[i] = used;
     seen[i]     = i;
-    for (PetscInt k = ia[bs * i]; k < ia[bs * (i + 1)]; k++) {
-      const PetscInt j = ja[k] / bs;
-
-      if (seen[j] == i) continue;
-      seen[j]         = i;
-      (*list)[used++] = (idx_t)j;
+    for (PetscInt k = first[i]; k < first[i + 1]; k++) {
+      if (seen[both[k]] == i) continue;
+      seen[both[k]]   = i;
+      (*list)[used++] = (idx_t)both[k];
     }
   }
   (*start)[n] = used;
-  PetscCall(PetscFree(seen));
+  PetscCall(PetscFree(both));
+  PetscCall(PetscFree3(first, next, seen));
   PetscFunctionReturn(0);
 }
 
