@@ -31,7 +31,6 @@
 #define LATIN_NEWTON_STEPS    200                          /* most steps */
 #define LATIN_NEWTON_FULL     12                           /* steps that are taken whole: they end soon if they end at all */
 #define LATIN_NEWTON_STILL    10                           /* a search that stands still may meet rounding, or a link that is just taut: then it does so again and again */
-#define LATIN_NEWTON_KICK     3                            /* then a whole step is taken, to search from elsewhere: not where rounding of stiff links hides how the energy of soft ones falls */
 
 /* Before the first linear stage of a solve. Collective on structure */
 PetscErrorCode LatinNewtonStart_Private(LatinNewton *newton, LatinStructure structure)
@@ -151,9 +150,8 @@ static PetscErrorCode LatinNewtonConverged_Private(SNES snes, PetscInt it, Petsc
     newton->error = xnorm > 0.0 ? snorm / xnorm : 0.0;
     if (newton->energy) PetscCall(LatinNewtonStep_Private(snes, newton, u, &energy, &newton->error));
     if (lambda < 1.0 - LATIN_NEWTON_RTOL && newton->error <= newton->target) newton->still++;
-    else if (newton->still != LATIN_NEWTON_KICK) newton->still = 0;
-    else newton->still = newton->error <= newton->target ? 0 : LATIN_NEWTON_KICK + 1; /* from there on no more of them until the search moves */
-    if (!changes && !newton->tangent) newton->error *= newton->left;                  /* where forces differ by orders, only a step that moves nothing proves anything */
+    else newton->still = 0;
+    if (!changes && !newton->tangent) newton->error *= newton->left; /* where forces differ by orders, only a step that moves nothing proves anything */
     if (newton->reference) PetscCall(LatinStructureComputeErrors(newton->structure, u, newton->reference, &newton->error, &energy));
   }
   rounding = (PetscBool)(it > 1 && !changes && !newton->changes && newton->error > 0.5 * before && newton->left < LATIN_NEWTON_RTOL); /* a step that was to bring digits has brought none */
@@ -218,7 +216,7 @@ static PetscErrorCode LatinNewtonSearch_Private(SNESLineSearch search, void *ctx
   PetscCall(SNESLineSearchSetReason(search, SNES_LINESEARCH_SUCCEEDED));
   PetscCall(SNESLineSearchGetVecs(search, &u, &f, &step, NULL, NULL));
   PetscCall(SNESGetIterationNumber(snes, &done));
-  if (done >= LATIN_NEWTON_FULL && newton->still != LATIN_NEWTON_KICK) PetscCall(LatinStructureSearch_Private(newton->structure, u, step, snes->vec_rhs, &length));
+  if (done >= LATIN_NEWTON_FULL) PetscCall(LatinStructureSearch_Private(newton->structure, u, step, snes->vec_rhs, &length));
   PetscCall(VecAXPY(u, -length, step));
   PetscCall(VecScale(step, length)); /* the norm of the step is that of what was taken */
   PetscCall(SNESLineSearchSetLambda(search, length));
