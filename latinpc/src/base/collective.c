@@ -69,20 +69,3 @@ PetscErrorCode LatinSFReduce_Private(PetscSF sf, PetscInt n, MPI_Datatype unit, 
   if (n > 1) PetscCallMPI(MPI_Type_free(&type));
   PetscFunctionReturn(0);
 }
-
-/* The n least of n numbers of each rank, sorted. Collective on comm */
-PetscErrorCode LatinListFirst_Private(MPI_Comm comm, PetscInt n, const PetscInt mine[], PetscInt first[])
-{
-  PetscMPIInt ranks, each;
-  PetscInt   *all;
-
-  PetscFunctionBegin;
-  PetscCallMPI(MPI_Comm_size(comm, &ranks));
-  PetscCall(PetscMPIIntCast(n, &each));
-  PetscCall(PetscMalloc1(n * ranks, &all));
-  PetscCallMPI(MPI_Allgather(mine, each, MPIU_INT, all, each, MPIU_INT, comm));
-  PetscCall(PetscSortInt(n * ranks, all));
-  PetscCall(PetscArraycpy(first, all, n));
-  PetscCall(PetscFree(all));
-  PetscFunctionReturn(0);
-}

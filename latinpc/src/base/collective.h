@@ -10,7 +10,6 @@ PETSC_INTERN PetscErrorCode LatinAgree_Private(MPI_Comm, PetscErrorCode mine, co
 PETSC_INTERN PetscErrorCode LatinAgreeError_Private(MPI_Comm, PetscErrorCode mine);
 PETSC_INTERN PetscErrorCode LatinSFBcast_Private(PetscSF, PetscInt n, MPI_Datatype, const void *root, void *leaf);
 PETSC_INTERN PetscErrorCode LatinSFReduce_Private(PetscSF, PetscInt n, MPI_Datatype, const void *leaf, void *root, MPI_Op);
-PETSC_INTERN PetscErrorCode LatinListFirst_Private(MPI_Comm, PetscInt n, const PetscInt mine[], PetscInt first[]);
 
 /* Ends in the same error on every rank of comm when `bad` holds on any of them, with the message of the lowest such rank */
 #define LatinAgree(comm, bad, code, ...) \

@@ -81,12 +81,20 @@ PetscErrorCode LatinEquilibriumFar_Private(LatinStructure structure, Vec u, Pets
   PetscFunctionReturn(0);
 }
 
-/* Adds up numbers of nodes or links of this rank, of which at most LATIN_LISTED are in mine. Collective on comm */
+/* How many nodes or links are listed on all ranks, and the least of them; `mine` has those of this rank. Collective on comm */
 static PetscErrorCode LatinList_Private(MPI_Comm comm, PetscInt count, PetscInt mine[], PetscInt *total, PetscInt list[])
 {
+  PetscMPIInt ranks;
+  PetscInt   *all;
+
   PetscFunctionBegin;
   for (PetscInt i = count; i < LATIN_LISTED; i++) mine[i] = PETSC_MAX_INT;
-  PetscCall(LatinListFirst_Private(comm, LATIN_LISTED, mine, list));
+  PetscCallMPI(MPI_Comm_size(comm, &ranks));
+  PetscCall(PetscMalloc1(LATIN_LISTED * ranks, &all));
+  PetscCallMPI(MPI_Allgather(mine, LATIN_LISTED, MPIU_INT, all, LATIN_LISTED, MPIU_INT, comm));
+  PetscCall(PetscSortInt(LATIN_LISTED * ranks, all));
+  PetscCall(PetscArraycpy(list, all, LATIN_LISTED));
+  PetscCall(PetscFree(all));
   PetscCall(MPIU_Allreduce(&count, total, 1, MPIU_INT, MPI_SUM, comm));
   PetscFunctionReturn(0);
 }
