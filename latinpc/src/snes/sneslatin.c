@@ -219,6 +219,7 @@ static PetscErrorCode SNESLatinNewton_Private(SNES snes, PetscBool stall)
   if (reason > 0) PetscCall(SNESLatinFinished_Private(snes, reason, &done));
   if (done) PetscFunctionReturn(0);
   PetscCall(PetscInfo(snes, "Newton's method ended with %s\n", SNESConvergedReasons[reason]));
+  newton->finish = PETSC_FALSE;
   newton->steps = newton->stages = 0;
   data->current                  = -1;
   data->next                     = LATIN_NEXT_NEWTON_STALL;
