@@ -117,6 +117,7 @@ def solve(scene, _reference=None, _structure=None, **options):
             history=SimpleNamespace(**latinpc.history(run.snes)),
             statistics=latinpc.statistics(run.snes),
             tensions=latinpc.tensions(run.snes),
+            estimated_error=latinpc.estimated_error(run.snes),
         )
 
 
