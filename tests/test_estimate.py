@@ -52,7 +52,7 @@ def test_stop_meets_the_error(name, variant, norm):
     result = solve(scene, variant=variant, error=target, stop=STOPS[norm])
     estimate = result.history.estimate
     assert result.reason == REASON.CONVERGED_SNORM_RELATIVE
-    assert len(estimate) < result.iterations  # the proof takes linear stages, too
+    assert len(estimate) < result.iterations  # the proof takes some as well
     assert estimate[-1] <= PROOF * target < estimate[:-1].min()
     assert error(scene, result.u, oracle.newton(scene), norm) <= target
     assert 0.0 < result.estimated_error <= target

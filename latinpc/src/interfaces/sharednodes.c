@@ -36,7 +36,8 @@ static PetscErrorCode LatinInterfaceCheckTables_Private(const LatinSubdomains *s
     if (sub->multiplicity[i] > sub->multiplicity[most]) most = i;
   }
   LatinAgree(PetscObjectComm(sub->object), PetscMax(sizes[0], sizes[1]) > (PetscReal)PETSC_MAX_INT, PETSC_ERR_SUP,
-             "%" PetscInt_FMT " subdomains meet at node %" PetscInt_FMT ", too many for a table of all pairs of them at each: make fewer subdomains", sub->copies ? sub->multiplicity[most] : -1, sub->copies ? sub->node[most] : -1);
+             "%" PetscInt_FMT " subdomains share node %" PetscInt_FMT ": the list of their pairs has more entries than this PETSc can count. Make fewer subdomains, or build PETSc with 64-bit indices", sub->copies ? sub->multiplicity[most] : -1,
+             sub->copies ? sub->node[most] : -1);
   PetscFunctionReturn(0);
 }
 

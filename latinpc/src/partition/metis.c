@@ -7,8 +7,8 @@
    over the nodes of the other subdomains around them small. Links follow their nodes; those between two subdomains all
    go to one of the two, so that only the nodes of the other one are shared.
 
-   Subdomains of a few links may be more than there are nodes: the links' middles are then vertices, too, and weigh
-   instead of the nodes.
+   There may be more subdomains of a few links than nodes: then the middles of the links are vertices as well, and have
+   the weights in place of the nodes.
 */
 
 #define LATIN_METIS_SMALL 16 /* links per subdomain */
