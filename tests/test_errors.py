@@ -425,7 +425,7 @@ CASES = {
 
 
 if PETSc.IntType == np.int32:
-    CASES["meeting"] = (r"1700 subdomains meet at node 0, too many .* fewer", lambda: solve(star(1700)))
+    CASES["meeting"] = (r"1700 subdomains share node 0: .* fewer", lambda: solve(star(1700)))
 
 
 def outcome(name):
