@@ -65,6 +65,8 @@ PetscErrorCode LatinStructureCloneDM_Private(LatinStructure structure, DM *dm)
   PetscCall(DMGetLocalSection(structure->dm, &section));
   PetscCall(DMSetLocalSection(*dm, section));
   PetscCall(DMCreateDS(*dm));
+  PetscCall(DMGetGlobalSection(structure->dm, &section));
+  PetscCall(DMSetGlobalSection(*dm, section)); /* or it is made once more */
   PetscFunctionReturn(0);
 }
 
