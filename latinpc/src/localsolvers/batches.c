@@ -199,6 +199,8 @@ PetscErrorCode LatinLocalSolversSetUp(LatinLocalSolvers *solvers, const char nam
     PetscCall(LatinSolverDefaults_Private(solvers->ksp[i], sub->preconditions, &direct));
     if (direct) PetscCall(MatSetBlockSize(solvers->K[i], sub->bs));
     else PetscCall(LatinNearNullSpaceBatch_Private(sub, held, &solvers->batches->batch[i], solvers->K[i]));
+    solvers->status.large = PETSC_FALSE;
+    for (PetscInt p = 0; p < solvers->batches->batch[i].patterns; p++) solvers->status.large = (PetscBool)(solvers->status.large || solvers->batches->batch[i].row[p + 1] - solvers->batches->batch[i].row[p] > LATIN_LARGE);
     PetscCall(LatinFactor_Private(solvers->ksp[i], solvers->K[i], package, &solvers->status));
     solvers->last = i;
     PetscCall(LatinSolverDirect_Private(solvers->ksp[i], &solvers->direct));

@@ -6,7 +6,6 @@
 */
 
 #define LATIN_REDUNDANT 1500 /* most rows of a parallel matrix that every rank factors by itself: a parallel factor of so few is all messages */
-#define LATIN_ORDER     1000 /* rows up to which CHOLMOD's own order, minimum degree, is found sooner and fills less (blocks of 4 x 4 modules: 40 rows a module) */
 #define LATIN_ROOM      100  /* work space of MUMPS beyond its own estimate, in percent */
 #define LATIN_ROOM_MOST 6400 /* where it gives up */
 
@@ -65,7 +64,6 @@ PetscErrorCode LatinDirectSolver_Private(PC pc, Mat A, MatSolverType preferred)
   static PetscBool told    = PETSC_FALSE;
   MatSolverType    package = NULL;
   PetscMPIInt      rank;
-  PetscInt         rows;
   PetscBool        found = PETSC_FALSE;
 
   PetscFunctionBegin;
@@ -76,8 +74,6 @@ PetscErrorCode LatinDirectSolver_Private(PC pc, Mat A, MatSolverType preferred)
   PetscCall(LatinDirectSolverAvailable_Private(A, preferred, &package, &found));
   if (found) PetscCall(PCFactorSetMatSolverType(pc, package));
   else PetscCall(PCSetType(pc, PCREDUNDANT)); /* a parallel matrix and no parallel direct solver */
-  PetscCall(MatGetSize(A, &rows, NULL));
-  if (found && rows > LATIN_ORDER && !strcmp(package, MATSOLVERCHOLMOD)) PetscCall(PCFactorSetMatOrderingType(pc, LATIN_ORDERING));
   if (!told && !rank && !found) PetscCall(PetscFPrintf(PETSC_COMM_SELF, PETSC_STDERR, "latin: this PETSc has no parallel direct solver; every rank factors the whole coarse problem\n"));
   if (!told && !rank && found && strcmp(package, preferred)) PetscCall(PetscFPrintf(PETSC_COMM_SELF, PETSC_STDERR, "latin: this PETSc has no %s; using %s instead, which may be slower\n", preferred, package));
   if (!found || strcmp(package, preferred)) told = PETSC_TRUE;
@@ -183,26 +179,25 @@ static PetscErrorCode LatinSoftestShifted_Private(Mat A, MatSolverType preferred
 }
 
 /*
-   Beside the order that it is given CHOLMOD tries two of its own, on the graph of the degrees of freedom, which takes as
-   long as the factorisation: ours is enough, unless an option says otherwise
+   CHOLMOD tries an order that it is given, minimum degree, and METIS on the graph of the degrees of freedom, which takes as
+   long as the factorisation. One of the first two is enough, unless an option says otherwise
 */
-static PetscErrorCode LatinFactorSetUp_Private(KSP ksp, PC pc, Mat A, MatSolverType preferred, PetscErrorCode *ierr)
+static PetscErrorCode LatinFactorSetUp_Private(KSP ksp, PC pc, MatSolverType preferred, PetscBool large, PetscErrorCode *ierr)
 {
   const char   *prefix;
   char          name[PETSC_MAX_PATH_LEN];
   MatSolverType package;
   PetscBool     ours = PETSC_FALSE, given, other;
-  PetscInt      rows;
 
   PetscFunctionBegin;
-  PetscCall(MatGetSize(A, &rows, NULL));
   PetscCall(KSPGetOptionsPrefix(ksp, &prefix));
   PetscCall(PetscSNPrintf(name, sizeof(name), "-%smat_cholmod_nmethods", prefix ? prefix : ""));
   PetscCall(PetscOptionsHasName(NULL, NULL, name, &given));
   PetscCall(PetscOptionsHasName(((PetscObject)ksp)->options, prefix, "-pc_factor_mat_ordering_type", &other));
   PetscCall(PCFactorGetMatSolverType(pc, &package));
-  if (package && rows > LATIN_ORDER && !strcmp(preferred, MATSOLVERCHOLMOD)) ours = (PetscBool)(!strcmp(package, MATSOLVERCHOLMOD) && !given && !other);
-  if (ours) PetscCall(PetscOptionsSetValue(NULL, name, "1"));
+  if (package && !strcmp(preferred, MATSOLVERCHOLMOD)) ours = (PetscBool)(!strcmp(package, MATSOLVERCHOLMOD) && !given && !other);
+  if (ours && large) PetscCall(PCFactorSetMatOrderingType(pc, LATIN_ORDERING));
+  if (ours) PetscCall(PetscOptionsSetValue(NULL, name, large ? "1" : "2"));
   PetscCall(PetscPushErrorHandler(PetscReturnErrorHandler, NULL));
   *ierr = KSPSetUp(ksp);
   PetscCall(PetscPopErrorHandler());
@@ -226,7 +221,7 @@ static PetscErrorCode LatinFactorTry_Private(KSP ksp, PC pc, Mat A, MatSolverTyp
       PetscCall(PCFactorGetMatrix(pc, &factor));
       PetscTryMethod(factor, "MatMumpsSetIcntl_C", (Mat, PetscInt, PetscInt), (factor, 14, room));
     }
-    PetscCall(LatinFactorSetUp_Private(ksp, pc, A, preferred, &status->ierr));
+    PetscCall(LatinFactorSetUp_Private(ksp, pc, preferred, status->large, &status->ierr));
     (void)LatinWatchWait_Private(PetscObjectComm((PetscObject)A), status->ierr); /* others may still be at work on a parallel matrix */
     if (!status->ierr) PetscCall(PCGetFailedReason(pc, &status->failed));
     if (status->failed != PC_FACTOR_OUTMEMORY || !direct || size == 1) break;

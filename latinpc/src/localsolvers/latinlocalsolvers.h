@@ -10,8 +10,11 @@
 /* ---- direct solvers (localsolvers/factor.c) ---- */
 #define LATIN_MECHANISM LatinByPrecision(1e-14, 5e-6) /* stiffness of a displacement, relative to the diagonal, that only rounding makes nonzero */
 
+#define LATIN_LARGE 1000 /* rows of a subdomain beyond which nested dissection of the nodes fills less than minimum degree, and pays for itself */
+
 /* How a factorisation ended on this rank */
 typedef struct {
+  PetscBool      large; /* given: a subdomain has more rows than LATIN_LARGE */
   PetscErrorCode ierr;
   PCFailedReason failed;
   PetscBool      mechanism;

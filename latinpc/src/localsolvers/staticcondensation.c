@@ -105,7 +105,7 @@ static PetscErrorCode LatinInteriorRows_Private(const LatinSubdomains *sub, cons
 /* Factors K_II; *done: by a factorisation, and nothing inside moves by itself, which the stages to come would report with names */
 static PetscErrorCode LatinInteriorFactor_Private(const LatinSubdomains *sub, LatinInterior interior, PetscBool *done)
 {
-  LatinFactorStatus status = {0, PC_NOERROR, PETSC_FALSE, NULL};
+  LatinFactorStatus status = {.large = (PetscBool)(interior->n > LATIN_LARGE)};
   PC                pc;
 
   PetscFunctionBegin;
