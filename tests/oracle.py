@@ -6,6 +6,7 @@ dofs ``node * dim + component``; prescribed displacements enter as the elongatio
 
 from __future__ import annotations
 
+import contextlib
 from itertools import combinations
 from types import SimpleNamespace
 
@@ -61,17 +62,26 @@ def newton(scene, rtol=1e-12, max_it=200):
     u, r = np.zeros(len(free)), residual(np.zeros(len(free)))
     floor = 1e-10 * k.mean()  # where slack links leave a mechanism the step stays finite
     scale = np.linalg.norm(load) + np.linalg.norm(abs(b).T @ abs(k * (scene.initial_elongation + e_d)))
+
+    def stiffness(u):
+        active = (scene.law == 0) | (tension(scene, b @ u + e_d) != 0.0)
+        return b.T @ sp.diags(k * active) @ b
+
     for _ in range(max_it):
         if np.linalg.norm(r) <= rtol * scale:
             break
-        active = (scene.law == 0) | (tension(scene, b @ u + e_d) != 0.0)
-        hessian = b.T @ sp.diags(k * active) @ b + floor * sp.identity(len(free))
-        step = factor(hessian)(-r)
+        step = factor(stiffness(u) + floor * sp.identity(len(free)))(-r)
         length, start = 1.0, energy(u)
         while energy(u + length * step) > start + 1e-4 * length * (r @ step) + 1e-13 * abs(start) and length > 1e-6:
             length /= 2
         u = u + length * step
         r = residual(u)
+    with contextlib.suppress(RuntimeError):  # a mechanism; else steps without the floor, which hides soft modes
+        for _ in range(3):
+            step = factor(stiffness(u))(-r)
+            if np.linalg.norm(residual(u + step)) > 2 * np.linalg.norm(r) + 1e-15 * scale:
+                break
+            u, r = u + step, residual(u + step)
     whole = np.where(scene.fixed, scene.prescribed, 0.0)
     whole[~scene.fixed] = u
     return whole
