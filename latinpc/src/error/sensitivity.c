@@ -1,7 +1,8 @@
 #include "error/latinerror.h"
 
 /*
-   How many digits of a solution there are, and what has taken the others, on demand.
+   How far a solution is from the exact one, in the energy norm of a linear structure or in digits, and what has taken the
+   others, on demand.
 
    Near a solution u, with the tangent stiffness K of the links there, a small force r moves it by K^-1 r. So
 
@@ -16,11 +17,17 @@
    with r a sum of terms of random sign, the expected square of K^-1 r is the sum of the squares [C. S. Kenney, A. J. Laub,
    SIAM J. Sci. Comput. 15 (1994): small-sample statistical condition estimates]. Divided by eps it is the condition of
    this solution, not of its worst right-hand side.
+
+   The energy norm of an error e = K^-1 r is that of the tensions k B e, which balance r [W. Prager, J. L. Synge]. Conjugate
+   gradients find it from below, |e|^2 = |e_k|^2 + |e - e_k|^2, and the rest is that of the residual they leave in the norm of
+   the preconditioner, but for its least eigenvalue: 1 / (1 + beta), beta being the largest ratio of springs of the search
+   direction to K [the argument of J. Mandel, C. R. Dohrmann for balancing by constraints].
 */
 
 #define LATIN_DIGITS_SAMPLES 3
 #define LATIN_DIGITS_FLOOR   LatinByPrecision(1e-8, 1e-5) /* what a slack link keeps of the least stiffness, so that no mechanism ends the solves */
 #define LATIN_DIGITS_UNIT    (0.5 * PETSC_MACHINE_EPSILON)
+#define LATIN_BOUND_SPRINGS  100.0 /* 1 + beta, at most */
 
 typedef enum { LATIN_DIGITS_ROUNDING, LATIN_DIGITS_PLACES, LATIN_DIGITS_VALUES, LATIN_DIGITS_KINDS } LatinDigitsKind;
 
@@ -30,7 +37,8 @@ typedef struct {
   Vec            u;
   Vec            tangent; /* of the links, borrowed from the matrix */
   KSP            ksp;
-  PetscReal     *x; /* [vertices][dim] coordinates */
+  Vec            r, moved; /* forces, and the displacements that they cause */
+  PetscReal     *x;        /* [vertices][dim] coordinates */
 } LatinAround;
 
 /* 1 or -1 for a number of an entity of the whole structure, the same whatever the number of ranks */
@@ -65,11 +73,11 @@ static void LatinDigitsTurn(const LatinAround *around, PetscInt l, PetscInt firs
 }
 
 /* Forces of nodes that random roundings of one kind make of nothing. Collective on structure */
-static PetscErrorCode LatinDigitsForces_Private(const LatinAround *around, LatinDigitsKind kind, PetscInt sample, Vec r)
+static PetscErrorCode LatinDigitsForces_Private(const LatinAround *around, LatinDigitsKind kind, PetscInt sample)
 {
   LatinStructure     structure = around->structure;
   const PetscInt     dim = structure->dim, first = 16 * sample;
-  Vec                ul, rl;
+  Vec                ul, rl, r = around->r;
   const PetscScalar *a, *kt, *load;
   PetscScalar       *f;
   PetscInt           n, start;
@@ -114,20 +122,26 @@ static PetscErrorCode LatinDigitsForces_Private(const LatinAround *around, Latin
   PetscFunctionReturn(0);
 }
 
-/* CG with PC latin on the tangent stiffness at the solution; slack links keep a little. Collective on snes */
-static PetscErrorCode LatinDigitsCreate_Private(SNES snes, LatinAround *around)
+/* CG with PC latin on the tangent stiffness at the solution of snes; slack links keep a little. Collective on snes */
+static PetscErrorCode LatinAroundCreate_Private(SNES snes, const char what[], LatinAround *around)
 {
-  LatinStructure structure = around->structure;
-  MPI_Comm       comm      = PetscObjectComm((PetscObject)snes);
-  const char    *prefix;
-  PetscReal      least;
-  PC             pc;
-  Mat            A;
+  MPI_Comm    comm = PetscObjectComm((PetscObject)snes);
+  const char *prefix;
+  PetscReal   least;
+  DM          dm;
+  PC          pc;
+  Mat         A;
 
   PetscFunctionBegin;
-  PetscCall(LatinStructureStiffnessRange_Private(structure, &least, NULL));
-  PetscCall(LatinTangentCreate_Private(structure, &A));
-  PetscCall(LatinTangentCompute_Private(structure, around->u, LATIN_DIGITS_FLOOR * least, A, &around->tangent));
+  PetscCall(SNESGetDM(snes, &dm));
+  PetscCall(LatinStructureFromDM_Private(dm, &around->structure));
+  PetscCheck(around->structure, comm, PETSC_ERR_ORDER, "%s of a solution needs a structure: LatinStructureAttachSNES() comes first (in Python, latinpc.Structure(...).attach(snes))", what);
+  PetscCall(LatinStructureCheckRigid_Private(around->structure, "What is found by the tangent stiffness"));
+  PetscCall(SNESGetSolution(snes, &around->u));
+  PetscCheck(around->u, comm, PETSC_ERR_ORDER, "%s is of a solution: call SNESSolve() first", what);
+  PetscCall(LatinStructureStiffnessRange_Private(around->structure, &least, NULL));
+  PetscCall(LatinTangentCreate_Private(around->structure, &A));
+  PetscCall(LatinTangentCompute_Private(around->structure, around->u, LATIN_DIGITS_FLOOR * least, A, &around->tangent));
   PetscCall(KSPCreate(comm, &around->ksp));
   PetscCall(PetscObjectSetOptions((PetscObject)around->ksp, ((PetscObject)snes)->options));
   PetscCall(SNESGetOptionsPrefix(snes, &prefix));
@@ -136,29 +150,53 @@ static PetscErrorCode LatinDigitsCreate_Private(SNES snes, LatinAround *around)
   PetscCall(KSPSetType(around->ksp, KSPCG));
   PetscCall(KSPSetNormType(around->ksp, KSP_NORM_NATURAL));
   PetscCall(KSPSetTolerances(around->ksp, 1e-4, 0.0, PETSC_MAX_REAL, 1000)); /* an order of magnitude is enough; forces of stiff links must not hide those of soft ones */
-  PetscCall(MatSetDM(A, structure->dm));                                     /* where PC latin finds the structure */
+  PetscCall(MatSetDM(A, around->structure->dm));                             /* where PC latin finds the structure */
   PetscCall(KSPSetOperators(around->ksp, A, A));
   PetscCall(KSPGetPC(around->ksp, &pc));
   PetscCall(PCSetType(pc, PCLATIN));
   PetscCall(KSPSetFromOptions(around->ksp));
   PetscCall(MatDestroy(&A));
-  if (!around->x) PetscCall(PetscMalloc1(structure->dim * structure->vertices, &around->x));
-  PetscCall(LatinSFBcast_Private(structure->vertex_sf, structure->dim, MPIU_REAL, structure->x, around->x));
+  PetscCall(VecDuplicate(around->u, &around->r));
+  PetscCall(VecDuplicate(around->u, &around->moved));
+  PetscCall(PetscMalloc1(around->structure->dim * around->structure->vertices, &around->x));
+  PetscCall(LatinSFBcast_Private(around->structure->vertex_sf, around->structure->dim, MPIU_REAL, around->structure->x, around->x));
   PetscFunctionReturn(0);
 }
 
-/* |K^-1 r|, relative to that of the solution; r is overwritten */
-static PetscErrorCode LatinDigitsMove_Private(const LatinAround *around, Vec r, Vec moved, PetscReal *part)
+static PetscErrorCode LatinAroundDestroy_Private(LatinAround *around)
+{
+  PetscFunctionBegin;
+  PetscCall(KSPDestroy(&around->ksp));
+  PetscCall(PetscFree(around->x));
+  PetscCall(VecDestroy(&around->moved));
+  PetscCall(VecDestroy(&around->r));
+  PetscFunctionReturn(0);
+}
+
+/* moved = K^-1 r */
+static PetscErrorCode LatinAroundSolve_Private(const LatinAround *around)
 {
   KSPConvergedReason reason;
-  PetscReal          norm, size;
+  PetscReal          norm;
 
   PetscFunctionBegin;
-  PetscCall(KSPSolve(around->ksp, r, moved));
+  PetscCall(VecNorm(around->r, NORM_2, &norm));
+  PetscCheck(!PetscIsInfOrNanReal(norm), PetscObjectComm((PetscObject)around->ksp), PETSC_ERR_FP, "The displacements, or the loads, are not finite numbers: their error is not known");
+  PetscCall(KSPSolve(around->ksp, around->r, around->moved));
   PetscCall(KSPGetConvergedReason(around->ksp, &reason));
-  PetscCheck(reason > 0, PetscObjectComm((PetscObject)around->ksp), PETSC_ERR_NOT_CONVERGED, "The digits of the solution are not known: conjugate gradients on its tangent stiffness end with %s; see -latin_digits_ksp_monitor",
+  PetscCheck(reason > 0, PetscObjectComm((PetscObject)around->ksp), PETSC_ERR_NOT_CONVERGED, "The error of the solution is not known: conjugate gradients on its tangent stiffness end with %s; see -latin_digits_ksp_monitor",
              KSPConvergedReasons[reason]);
-  PetscCall(VecNorm(moved, NORM_2, &norm));
+  PetscFunctionReturn(0);
+}
+
+/* |K^-1 r|, relative to that of the solution */
+static PetscErrorCode LatinDigitsMove_Private(const LatinAround *around, PetscReal *part)
+{
+  PetscReal norm, size;
+
+  PetscFunctionBegin;
+  PetscCall(LatinAroundSolve_Private(around));
+  PetscCall(VecNorm(around->moved, NORM_2, &norm));
   PetscCall(VecNorm(around->u, NORM_2, &size));
   *part = size > 0.0 ? norm / size : norm > 0.0 ? INFINITY : 0.0;
   PetscFunctionReturn(0);
@@ -168,37 +206,69 @@ static PetscErrorCode LatinGetDigits_Private(SNES snes, PetscReal *unbalance, Pe
 {
   LatinAround around = {NULL};
   PetscReal   one;
-  DM          dm;
-  Vec         r, moved;
 
   PetscFunctionBegin;
-  PetscCall(SNESGetDM(snes, &dm));
-  PetscCall(LatinStructureFromDM_Private(dm, &around.structure));
-  PetscCheck(around.structure, PetscObjectComm((PetscObject)snes), PETSC_ERR_ORDER, "The digits of a solution need a structure: LatinStructureAttachSNES() comes first (in Python, latinpc.Structure(...).attach(snes))");
-  PetscCall(LatinStructureCheckRigid_Private(around.structure, "The digits of a solution, by its tangent stiffness,"));
-  PetscCall(SNESGetSolution(snes, &around.u));
-  PetscCheck(around.u, PetscObjectComm((PetscObject)snes), PETSC_ERR_ORDER, "The digits are those of a solution: call SNESSolve() first");
-  PetscCall(VecDuplicate(around.u, &r));
-  PetscCall(VecDuplicate(around.u, &moved));
-  PetscCall(LatinDigitsCreate_Private(snes, &around));
+  PetscCall(LatinAroundCreate_Private(snes, "The number of digits", &around));
   if (unbalance) {
-    PetscCall(SNESComputeFunction(snes, around.u, r));
-    PetscCall(LatinDigitsMove_Private(&around, r, moved, unbalance));
+    PetscCall(SNESComputeFunction(snes, around.u, around.r));
+    PetscCall(LatinDigitsMove_Private(&around, unbalance));
   }
   for (PetscInt kind = 0; kind < LATIN_DIGITS_KINDS; kind++) {
     if (!found[kind]) continue;
     *found[kind] = 0.0;
     for (PetscInt sample = 0; sample < LATIN_DIGITS_SAMPLES; sample++) {
-      PetscCall(LatinDigitsForces_Private(&around, (LatinDigitsKind)kind, sample, r));
-      PetscCall(LatinDigitsMove_Private(&around, r, moved, &one));
+      PetscCall(LatinDigitsForces_Private(&around, (LatinDigitsKind)kind, sample));
+      PetscCall(LatinDigitsMove_Private(&around, &one));
       *found[kind] += one * one / LATIN_DIGITS_SAMPLES;
     }
     *found[kind] = PetscSqrtReal(*found[kind]);
   }
-  PetscCall(KSPDestroy(&around.ksp));
-  PetscCall(PetscFree(around.x));
-  PetscCall(VecDestroy(&moved));
-  PetscCall(VecDestroy(&r));
+  PetscCall(LatinAroundDestroy_Private(&around));
+  PetscFunctionReturn(0);
+}
+
+/* Adds the energy norm of K^-1 r, from above */
+static PetscErrorCode LatinBoundAdd_Private(const LatinAround *around, PetscReal *bound)
+{
+  PetscScalar work;
+  PetscReal   left;
+  Mat         A;
+
+  PetscFunctionBegin;
+  PetscCall(LatinAroundSolve_Private(around));
+  PetscCall(KSPGetResidualNorm(around->ksp, &left));
+  PetscCall(KSPGetOperators(around->ksp, &A, NULL));
+  PetscCall(MatMult(A, around->moved, around->r));
+  PetscCall(VecDot(around->moved, around->r, &work));
+  *bound += PetscSqrtReal(PetscRealPart(work) + LATIN_BOUND_SPRINGS * PetscSqr(left));
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode LatinGetEnergyBound_Private(SNES snes, PetscReal *bound, PetscReal *relative)
+{
+  LatinAround    around = {NULL};
+  PetscReal      upper = 0.0, norm = 0.0, *e;
+  PetscBool      bars = PETSC_TRUE;
+  LatinStructure structure;
+
+  PetscFunctionBegin;
+  PetscCall(LatinAroundCreate_Private(snes, "The energy bound", &around));
+  structure = around.structure;
+  for (PetscInt l = 0; l < structure->links_local; l++) bars = (PetscBool)(bars && LatinLaws[structure->law[l]].smooth);
+  LatinAgree(PetscObjectComm((PetscObject)snes), !bars, PETSC_ERR_SUP, "The energy bound is for linear structures, and this one has cables or compression-only links: -snes_latin_stop error estimates their error");
+  PetscCall(SNESComputeFunction(snes, around.u, around.r));
+  PetscCall(LatinBoundAdd_Private(&around, &upper));
+  PetscCall(LatinDigitsForces_Private(&around, LATIN_DIGITS_ROUNDING, 0));
+  PetscCall(LatinBoundAdd_Private(&around, &upper));
+  PetscCall(PetscMalloc1(structure->links_local, &e));
+  PetscCall(LatinStructureElongations_Private(structure, structure->vertex_prescribed, around.u, e));
+  for (PetscInt l = 0; l < structure->links_local; l++) norm += structure->stiffness[l] * PetscSqr(e[l]);
+  PetscCall(PetscFree(e));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &norm, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)snes)));
+  norm = PetscSqrtReal(norm);
+  if (bound) *bound = upper;
+  if (relative) *relative = upper < norm ? upper / (norm - upper) : upper > 0.0 ? INFINITY : 0.0;
+  PetscCall(LatinAroundDestroy_Private(&around));
   PetscFunctionReturn(0);
 }
 
@@ -233,5 +303,33 @@ PetscErrorCode LatinGetDigits(SNES snes, PetscReal *unbalance, PetscReal *roundi
   PetscFunctionBegin;
   PetscValidHeaderSpecific(snes, SNES_CLASSID, 1);
   LatinWatch(PetscObjectComm((PetscObject)snes), LatinGetDigits_Private(snes, unbalance, found));
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  LatinGetEnergyBound - An upper bound of the error of a solution in the energy norm, for linear structures.
+
+  Collective on snes
+
+  Input Parameter:
+. snes - of any type, after a solve; its DM is that of a structure of bars only
+
+  Output Parameters:
++ bound    - of |u* - u|, the square root of the sum of k (e* - e)^2 over all links; may be NULL
+- relative - of the same over |u*|; may be NULL
+
+  Level: intermediate
+
+  Note:
+  It costs the set-up of a `PCLATIN` and some ten linear stages. The relative bound is infinite while the error may be
+  as large as the solution.
+
+.seealso: `SNESLatinGetEstimates()`, `LatinStructureComputeErrors()`
+@*/
+PetscErrorCode LatinGetEnergyBound(SNES snes, PetscReal *bound, PetscReal *relative)
+{
+  PetscFunctionBegin;
+  PetscValidHeaderSpecific(snes, SNES_CLASSID, 1);
+  LatinWatch(PetscObjectComm((PetscObject)snes), LatinGetEnergyBound_Private(snes, bound, relative));
   PetscFunctionReturn(0);
 }
