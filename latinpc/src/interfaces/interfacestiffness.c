@@ -49,30 +49,17 @@ static PetscErrorCode LatinStiffnessFoundation_Private(LatinDirections *dir, Pet
   PetscFunctionReturn(0);
 }
 
-/* The rows at the side dofs of one interface; at[dof] = -1 is work space */
-static PetscErrorCode LatinStiffnessBlock_Private(LatinDirections *dir, LatinRows *graph, const LatinInterface *face, const PetscReal spring[], PetscInt at[], PetscReal S[])
+/* The entries of K at the side dofs of one interface; at[dof] = -1 is work space */
+static void LatinStiffnessBlock(const LatinDirections *dir, const LatinSparse *K, const LatinInterface *face, PetscInt at[], PetscReal S[])
 {
-  const LatinInterfaces *inter = dir->inter;
-  const PetscInt         bs = dir->sub->bs, rows = face->side_last - face->side_first;
-  PetscInt               n = 0, last = -1;
+  const PetscInt rows = face->side_last - face->side_first, top = dir->sub->bs * dir->sub->node_offset[face->sub], *dof = dir->inter->side_dof + face->side_first;
 
-  PetscFunctionBegin;
-  PetscCall(PetscArrayzero(S, rows * rows));
-  for (PetscInt r = 0; r < rows; r++) at[inter->side_dof[face->side_first + r]] = r;
-  for (PetscInt r = 0; r < rows; r++) {
-    const PetscInt dof = inter->side_dof[face->side_first + r];
-
-    if (dof / bs != last) PetscCall(LatinRowsGet_Private(graph, dof / bs, spring, &n));
-    last = dof / bs;
-    for (PetscInt q = 0; q < n; q++)
-      for (PetscInt b = 0; b < bs; b++) {
-        const PetscInt k = at[bs * graph->neighbour[q] + b];
-
-        if (k >= r) S[r + rows * k] = S[k + rows * r] = graph->block[bs * bs * q + (dof % bs) * bs + b];
-      }
-  }
-  for (PetscInt r = 0; r < rows; r++) at[inter->side_dof[face->side_first + r]] = -1;
-  PetscFunctionReturn(0);
+  for (PetscInt i = 0; i < rows * rows; i++) S[i] = 0.0;
+  for (PetscInt r = 0; r < rows; r++) at[dof[r]] = r;
+  for (PetscInt r = 0; r < rows; r++)
+    for (PetscInt k = K->i[dof[r] - top]; k < K->i[dof[r] - top + 1]; k++)
+      if (at[K->j[k] + top] >= 0) S[r + rows * at[K->j[k] + top]] = K->a[k];
+  for (PetscInt r = 0; r < rows; r++) at[dof[r]] = -1;
 }
 
 /* Schur complements on the interfaces of one subdomain, from the inverse F of its matrix on all of them (gamma x gamma) */
@@ -98,7 +85,7 @@ static PetscErrorCode LatinStiffnessSchur_Private(LatinDirections *dir, PetscInt
 }
 
 /* The Schur complements on the interfaces of the subdomains list[]: the inside of each is eliminated once, the rest is dense */
-static PetscErrorCode LatinStiffnessCondense_Private(LatinDirections *dir, LatinRows *graph, PetscInt n, const PetscInt list[], const PetscReal spring[], PetscInt at[], const size_t first[], PetscReal S[], PetscBool *bad)
+static PetscErrorCode LatinStiffnessCondense_Private(LatinDirections *dir, PetscInt n, const PetscInt list[], const PetscReal spring[], PetscInt at[], const size_t first[], PetscReal S[], PetscBool *bad)
 {
   const LatinInterfaces *inter = dir->inter;
 
@@ -116,7 +103,7 @@ static PetscErrorCode LatinStiffnessCondense_Private(LatinDirections *dir, Latin
       at[kept[i]] = i;
       kept[i] -= top;
     }
-    PetscCall(LatinRowsMatrix_Private(graph, s, spring, dir->sub->fixed, &K));
+    PetscCall(LatinSparseCreate_Private(dir->sub, s, spring, dir->sub->fixed, 0, NULL, &K));
     PetscCall(PetscMalloc1((size_t)gamma * (size_t)gamma, &F));
     PetscCall(LatinEliminate_Private(&K, gamma, kept, F, bad));
     PetscCall(LatinSPDInverse_Private(gamma, F, bad));
@@ -141,7 +128,7 @@ PetscErrorCode LatinStiffnessFaces_Private(LatinDirections *dir, PetscBool block
   PetscReal             *spring;
   PetscBool             *wanted, bad = PETSC_FALSE;
   size_t                 used = 0;
-  LatinRows              graph;
+  LatinSparse            K;
 
   PetscFunctionBegin;
   PetscCall(PetscMalloc3(sub->n, &list, n, &at, n, &spring));
@@ -163,14 +150,12 @@ PetscErrorCode LatinStiffnessFaces_Private(LatinDirections *dir, PetscBool block
   }
   PetscCall(PetscMalloc1(used, S));
   PetscCall(LatinStiffnessFoundation_Private(dir, spring));
-  PetscCall(LatinRowsCreate_Private(dir->sub, 0, &graph));
-  if (!blocks) {
-    LatinEach(PetscObjectComm(dir->sub->object), LatinStiffnessCondense_Private(dir, &graph, patterns, list, spring, at, first, *S, &bad));
-  } else {
-    for (PetscInt p = 0; p < patterns; p++)
-      for (PetscInt f = inter->offset[list[p]]; f < inter->offset[list[p] + 1]; f++) PetscCall(LatinStiffnessBlock_Private(dir, &graph, &inter->interface[f], spring, at, *S + first[f]));
+  if (!blocks) LatinEach(PetscObjectComm(dir->sub->object), LatinStiffnessCondense_Private(dir, patterns, list, spring, at, first, *S, &bad));
+  for (PetscInt p = 0; p < patterns && blocks; p++) {
+    PetscCall(LatinSparseCreate_Private(sub, list[p], spring, sub->fixed, 0, NULL, &K));
+    for (PetscInt f = inter->offset[list[p]]; f < inter->offset[list[p] + 1]; f++) LatinStiffnessBlock(dir, &K, &inter->interface[f], at, *S + first[f]);
+    PetscCall(LatinSparseReset_Private(&K));
   }
-  PetscCall(LatinRowsDestroy_Private(&graph));
   PetscCall(PetscFree3(list, at, spring));
   PetscCall(PetscFree(wanted));
   LatinAgree(PetscObjectComm(dir->sub->object), bad, PETSC_ERR_CONV_FAILED, "The stiffness of a subdomain on its interfaces could not be computed; choose another -%sdirection, e.g. diagonal", LatinPrefix(dir->sub));

@@ -86,6 +86,7 @@ PETSC_INTERN PetscErrorCode     LatinDirectionEnergy(const LatinDirections *, Pe
 PETSC_INTERN PetscErrorCode     LatinDirectionShare(const LatinDirections *, PetscInt f, PetscBool forces, PetscReal x[], PetscReal work[]);
 PETSC_INTERN PetscErrorCode     LatinDirectionNormalise(const LatinDirections *, PetscInt f, PetscInt modes, PetscReal R[]);
 PETSC_INTERN PetscErrorCode     LatinDirectionSprings_Private(const LatinDirections *, PetscReal spring[]);
+PETSC_INTERN PetscInt           LatinDirectionBlocks(const LatinDirections *, PetscInt s, LatinBlock block[]);
 PETSC_INTERN PetscErrorCode     LatinStiffnessFaces_Private(LatinDirections *, PetscBool blocks, const PetscBool matrices[], size_t first[], PetscReal **S);
 
 /* Does a preconditioner share forces by Schur complements? They take one interface a side dof, and a direction that has those of both sides */
@@ -93,21 +94,6 @@ static inline PetscBool LatinDirectionShares(const LatinDirections *dir)
 {
   return (PetscBool)(dir->sub->preconditions && dir->inter->variant == LATIN_VARIANT_CORNER && dir->type >= LATIN_DIRECTION_SCHUR);
 }
-
-/* Row r of the matrix of an interface, contiguous for it is symmetric: what the springs of a matrix direction put in K_E */
-static inline const PetscReal *LatinDirectionRow(const LatinDirections *dir, PetscInt f, PetscInt r)
-{
-  return dir->matrix + dir->matrix_first[f] + r * (dir->inter->interface[f].side_last - dir->inter->interface[f].side_first);
-}
-
-/* Rows of the operators with the springs of matrix directions (interfaces/springrows.c) */
-typedef struct {
-  LatinRows rows;
-  PetscInt *face_offset, *face_list; /* interfaces with a matrix for a search direction at each copy; NULL if there is none */
-} LatinSpringRows;
-PETSC_INTERN PetscErrorCode LatinSpringRowsCreate_Private(const LatinDirections *, LatinSpringRows *);
-PETSC_INTERN PetscErrorCode LatinSpringRowsGet_Private(const LatinDirections *, LatinSpringRows *, PetscInt i, const PetscReal spring[], PetscInt *count);
-PETSC_INTERN PetscErrorCode LatinSpringRowsDestroy_Private(LatinSpringRows *);
 
 /* ---- local low-energy fields (interfaces/spectralmodes.c) ---- */
 typedef struct {

@@ -358,6 +358,20 @@ PetscErrorCode LatinDirectionSprings_Private(const LatinDirections *dir, PetscRe
   PetscFunctionReturn(0);
 }
 
+/* The matrices among the search directions of subdomain s: what they add to its operator. block[] has room for all its interfaces */
+PetscInt LatinDirectionBlocks(const LatinDirections *dir, PetscInt s, LatinBlock block[])
+{
+  const LatinInterfaces *inter = dir->inter;
+  PetscInt               n     = 0;
+
+  for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++) {
+    const LatinInterface *face = &inter->interface[f];
+
+    if (dir->matrix_first[f] >= 0) block[n++] = (LatinBlock){.n = face->side_last - face->side_first, .dof = inter->side_dof + face->side_first, .a = dir->matrix + dir->matrix_first[f]};
+  }
+  return n;
+}
+
 /*
    The part W x of displacements x, or W^t x of forces, that this side of interface f has in it: W = (S + S')^-1 S from
    the stiffnesses of both sides, so that W + W' = 1. Of all means it is the one that costs least energy. Work space: twice the dofs of the interface.

@@ -55,30 +55,29 @@ static PetscBool LatinSpectralNode(PetscInt bs, const PetscReal stiffness[], con
   return PETSC_FALSE;
 }
 
-/* dangling[s]: has the subdomain a dangling node? */
-static PetscErrorCode LatinSpectralTest_Private(LatinSpectral *spectral, LatinRows *graph, const PetscReal spring[], PetscBool dangling[])
+/* dangling[s]: has the subdomain, of links, a dangling node? */
+static PetscErrorCode LatinSpectralTest_Private(LatinSpectral *spectral, const PetscReal spring[], PetscBool dangling[])
 {
   const LatinSubdomains *sub   = spectral->sub;
   const LatinInterfaces *inter = spectral->inter;
-  const PetscInt         bs    = sub->bs;
-  PetscReal             *none;
+  const PetscInt         bs = sub->bs, bb = bs * bs;
+  PetscReal             *own; /* [copies][bs][bs] what the links of a node oppose to a motion of it alone */
 
   PetscFunctionBegin;
-  PetscCall(PetscCalloc1(bs * sub->copies, &none));
+  PetscCall(PetscCalloc1(bb * sub->copies, &own));
+  for (PetscInt i = 0; sub->ground && i < bs * sub->copies; i++) own[bs * i + i % bs] = sub->ground[i];
+  for (PetscInt l = 0; l < 2 * sub->links; l++)
+    for (PetscInt i = 0; i < bb; i++) own[bb * sub->ends[l] + i] += sub->stiffness[l / 2] * sub->direction[bs * (l / 2) + i / bs] * sub->direction[bs * (l / 2) + i % bs];
   for (PetscInt s = 0; s < sub->n; s++) {
     dangling[s] = PETSC_FALSE;
     for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++)
       for (PetscInt k = inter->interface[f].side_first; k < inter->interface[f].side_last && !dangling[s]; k++) {
         const PetscInt i = inter->side_dof[k] / bs;
-        PetscInt       n = 0, own;
 
-        if (inter->component[i] >= 0 || (k > inter->interface[f].side_first && inter->side_dof[k - 1] / bs == i)) continue;
-        PetscCall(LatinRowsGet_Private(graph, i, none, &n));
-        PetscCall(PetscFindInt(i, n, graph->neighbour, &own));
-        dangling[s] = LatinSpectralNode(bs, graph->block + bs * bs * own, spring + bs * i, sub->fixed + bs * i, LatinSpectralThreshold(spectral));
+        if (inter->component[i] < 0) dangling[s] = LatinSpectralNode(bs, own + bb * i, spring + bs * i, sub->fixed + bs * i, LatinSpectralThreshold(spectral));
       }
   }
-  PetscCall(PetscFree(none));
+  PetscCall(PetscFree(own));
   PetscFunctionReturn(0);
 }
 
@@ -153,7 +152,7 @@ static PetscErrorCode LatinSpectralCut_Private(LatinSpectral *spectral, PetscInt
    The low-energy modes of a subdomain, cut by interface; held[]: primal and prescribed dofs. A subdomain with a mechanism
    of its own has none: the set-up of the linear stage reports it.
 */
-static PetscErrorCode LatinSpectralSubdomain_Private(LatinSpectral *spectral, LatinRows *graph, PetscInt s, const PetscReal spring[], const PetscBool held[], PetscBool *bad)
+static PetscErrorCode LatinSpectralSubdomain_Private(LatinSpectral *spectral, PetscInt s, const PetscReal spring[], const PetscBool held[], PetscBool *bad)
 {
   const LatinInterfaces *inter = spectral->inter;
   const PetscInt         bs = spectral->sub->bs, top = bs * spectral->sub->node_offset[s], rows = bs * spectral->sub->node_offset[s + 1] - top;
@@ -173,7 +172,7 @@ static PetscErrorCode LatinSpectralSubdomain_Private(LatinSpectral *spectral, La
     dof[n++]    = i;
   }
   PetscCall(PetscMalloc2((size_t)n * (size_t)n, &G, (size_t)n * (size_t)n, &V));
-  PetscCall(LatinRowsMatrix_Private(graph, s, spring, held, &K));
+  PetscCall(LatinSparseCreate_Private(spectral->sub, s, spring, held, 0, NULL, &K));
   PetscCall(LatinEliminate_Private(&K, n, dof, G, &mechanism));
   PetscCall(LatinSPDInverse_Private(n, G, &mechanism));
   PetscCall(LatinSparseReset_Private(&K));
@@ -258,7 +257,6 @@ PetscErrorCode LatinSpectralSetUp(LatinSpectral *spectral)
   PetscReal             *spring;
   PetscInt              *pattern;
   PetscBool             *is, *held, any = PETSC_FALSE, bad = PETSC_FALSE;
-  LatinRows              graph;
 
   PetscFunctionBegin;
   if (LatinSpectralThreshold(spectral) == 0.0) PetscFunctionReturn(0);
@@ -268,18 +266,16 @@ PetscErrorCode LatinSpectralSetUp(LatinSpectral *spectral)
   PetscCall(PetscArrayzero(spring, sub->bs * sub->copies));
   for (PetscInt i = 0; i < sub->bs * sub->copies; i++) held[i] = (PetscBool)(sub->fixed[i] || inter->component[i / sub->bs] >= 0);
   for (PetscInt k = 0; k < inter->sides; k++) spring[inter->side_dof[k]] += spectral->sub->matrix ? LATIN_SPECTRAL_SOFT * spectral->dir->harmonic[k] : spectral->dir->d[k];
-  PetscCall(LatinRowsCreate_Private(sub, 0, &graph));
   for (PetscInt s = 0; s < sub->n; s++) is[s] = (PetscBool)(spectral->sub->matrix && spectral->threshold >= 0.0);
-  if (!spectral->sub->matrix) PetscCall(LatinSpectralTest_Private(spectral, &graph, spring, is));
+  if (!spectral->sub->matrix) PetscCall(LatinSpectralTest_Private(spectral, spring, is));
   else if (spectral->threshold < 0.0) PetscCall(LatinJumps_Private(spectral->inter, is));
   for (PetscInt s = 0; s < sub->n; s++) any = (PetscBool)(any || is[s]);
   if (any) PetscCall(LatinRepeats_Private(inter, spectral->dir, NULL, pattern));
   for (PetscInt s = 0; s < sub->n; s++) {
     if (!is[s]) continue;
-    if (pattern[s] == s) PetscCall(LatinSpectralSubdomain_Private(spectral, &graph, s, spring, held, &bad));
+    if (pattern[s] == s) PetscCall(LatinSpectralSubdomain_Private(spectral, s, spring, held, &bad));
     else PetscCall(LatinSpectralCopy_Private(spectral, pattern[s], s));
   }
-  PetscCall(LatinRowsDestroy_Private(&graph));
   PetscCall(PetscFree4(spring, held, pattern, is));
   LatinAgree(PetscObjectComm(spectral->sub->object), bad, PETSC_ERR_CONV_FAILED, "The local low-energy fields of a subdomain could not be computed; leave them out with -%smodes_local 0", LatinPrefix(sub));
   PetscCall(LatinSpectralExchange_Private(spectral));

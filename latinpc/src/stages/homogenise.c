@@ -40,9 +40,9 @@ static PetscErrorCode LatinHomogeniseColumns_Private(LatinLinear *linear, const 
       }
     }
     for (PetscInt c = linear->rc_first[s]; c < linear->rc_last[s]; c++) {
-      const PetscInt j = macros + linear->rc_col[c];
+      const PetscInt j = macros + linear->rc[c].primal;
 
-      if (j >= first && j < last) b[(size_t)(linear->rc_row[c] + batch->row[p]) + n * (size_t)(j - first)] += linear->rc_value[c];
+      if (j >= first && j < last) b[(size_t)(linear->rc[c].row + batch->row[p]) + n * (size_t)(j - first)] += linear->rc[c].value;
     }
   }
   PetscFunctionReturn(0);
@@ -142,7 +142,7 @@ static PetscErrorCode LatinHomogeniseSubdomain_Private(LatinLinear *linear, Pets
   PetscCall(LatinHomogeniseMacro_Private(linear, s, phi, T, N));
   /* - K_Cr V_C */
   for (PetscInt p = linear->rc_first[s]; p < linear->rc_last[s]; p++)
-    for (PetscInt j = 0; j < primals; j++) H[macros + linear->rc_col[p] + m * (macros + j)] -= linear->rc_value[p] * phi[(size_t)linear->rc_row[p] + rows * (size_t)(macros + j)];
+    for (PetscInt j = 0; j < primals; j++) H[macros + linear->rc[p].primal + m * (macros + j)] -= linear->rc[p].value * phi[(size_t)linear->rc[p].row + rows * (size_t)(macros + j)];
   for (size_t i = rows * (size_t)macros; i < rows * (size_t)m; i++) phi[i] = -phi[i];
   if (macros) {
     PetscCallBLAS("LAPACKpotrf", LAPACKpotrf_("L", &bm, T, &bm, &info));

@@ -9,6 +9,12 @@
 #include <math.h> /* INFINITY: that of PETSc is a large number */
 
 /* ---- linear stage (stages/linear.c, stages/homogenise.c): operators of the subdomains, and what a stage works on ---- */
+/* An entry of K_rC */
+typedef struct {
+  PetscInt  row, primal; /* from the subdomain's first row; position in its primal list */
+  PetscReal value;
+} LatinCoupling;
+
 typedef struct {
   const LatinSubdomains *sub;
   const LatinInterfaces *inter;
@@ -19,8 +25,7 @@ typedef struct {
   LatinLocalSolvers     *solvers;
   /* the following are stored once for each pattern, and found by subdomain */
   PetscInt        *rc_first, *rc_last; /* [subdomains] coupling of the other dofs with the primal ones */
-  PetscInt        *rc_row, *rc_col;    /* row from the subdomain's first one, position in its primal list */
-  PetscReal       *rc_value;
+  LatinCoupling   *rc;
   LatinHomogenised stiffness;
   size_t          *phi_offset;    /* [subdomains] into Phi */
   PetscReal       *Phi;           /* displacements for unit coarse displacements, (bs * nodes) x coarse, column-major */

@@ -5,67 +5,101 @@
    whole stage (42)-(52) for given forces.
 */
 
+/* Growing rows of one batch's matrix, and couplings with primal dofs of all batches */
+typedef struct {
+  PetscSegBuffer column, value, coupling;
+  PetscInt       nz, couplings;
+} LatinLinearGrowth;
+
 /*
-   The rows of one batch's matrix. One pass counts, the next fills: rows on free dofs that are not primal, their
-   coupling with the primal dofs, and the primal block, which starts the homogenised stiffness H.
+   The matrix K of subdomain s goes where it belongs: rows on free dofs that are not primal to the matrix of its batch,
+   from row `shift` on; their couplings with the primal dofs; the primal block, which starts the homogenised stiffness H.
 */
-static PetscErrorCode LatinLinearRows_Private(LatinLinear *linear, LatinSpringRows *graph, const LatinBatch *batch, PetscInt ci[], PetscInt cj[], PetscReal ca[], PetscInt *couplings)
+static PetscErrorCode LatinLinearSplit_Private(LatinLinear *linear, PetscInt s, const LatinSparse *K, PetscInt shift, PetscInt ci[], LatinLinearGrowth *growth)
 {
-  const LatinSubdomains *sub  = linear->sub;
-  const PetscBool        fill = (PetscBool)(cj != NULL);
-  const PetscInt         bs   = linear->sub->bs;
-  PetscInt               nz = 0, rc = *couplings, n = 0;
+  const PetscInt  m = linear->coarse->offset[s + 1] - linear->coarse->offset[s], macros = linear->coarse->macro_count[s], top = linear->sub->bs * linear->sub->node_offset[s];
+  const PetscInt *primal = linear->inter->primal_index + top;
+  PetscReal      *H      = linear->stiffness.H + linear->stiffness.h_offset[s];
 
   PetscFunctionBegin;
-  for (PetscInt p = 0; p < batch->patterns; p++) {
-    const PetscInt s = batch->sub[p], m = linear->coarse->offset[s + 1] - linear->coarse->offset[s], macros = linear->coarse->macro_count[s];
-    const PetscInt top = bs * sub->node_offset[s], shift = batch->row[p] - top;
-    PetscReal     *H = linear->stiffness.H + linear->stiffness.h_offset[s];
+  linear->rc_first[s] = growth->couplings;
+  for (PetscInt r = 0; r < K->rows; r++) {
+    const PetscBool apart = (PetscBool)(primal[r] >= 0 && !linear->sub->fixed[top + r]);
+    PetscInt       *column;
+    PetscReal      *value;
+    LatinCoupling  *coupling;
+    PetscInt        inside = apart ? 1 : 0, outside = 0;
 
-    linear->rc_first[s] = rc;
-    for (PetscInt i = sub->node_offset[s]; i < sub->node_offset[s + 1]; i++) {
-      PetscCall(LatinSpringRowsGet_Private(linear->dir, graph, i, linear->spring, &n));
-      for (PetscInt c = 0; c < bs; c++) {
-        const PetscInt row = bs * i + c, primal = linear->inter->primal_index[row];
-
-        ci[row + shift] = nz;
-        if (sub->fixed[row] || primal >= 0) {
-          if (fill) {
-            cj[nz] = row + shift;
-            ca[nz] = 1.0;
-          }
-          nz++;
-          if (sub->fixed[row] || !fill) continue;
-        }
-        for (PetscInt q = 0; q < n; q++)
-          for (PetscInt b = 0; b < bs; b++) {
-            const PetscInt  col   = bs * graph->rows.neighbour[q] + b;
-            const PetscReal value = graph->rows.block[bs * bs * q + c * bs + b];
-
-            if (sub->fixed[col] || (value == 0.0 && row != col)) continue;
-            if (primal >= 0) {
-              if (linear->inter->primal_index[col] >= 0) H[macros + primal + m * (macros + linear->inter->primal_index[col])] += value;
-            } else if (linear->inter->primal_index[col] >= 0) {
-              if (fill) {
-                linear->rc_row[rc]   = row - top;
-                linear->rc_col[rc]   = linear->inter->primal_index[col];
-                linear->rc_value[rc] = value;
-              }
-              rc++;
-            } else {
-              if (fill) {
-                cj[nz] = col + shift;
-                ca[nz] = value;
-              }
-              nz++;
-            }
-          }
-      }
+    for (PetscInt k = K->i[r]; k < K->i[r + 1] && !apart; k++) {
+      if (primal[K->j[k]] < 0 || K->j[k] == r) inside++;
+      else outside++;
     }
-    linear->rc_last[s] = rc;
+    ci[shift + r] = growth->nz;
+    growth->nz += inside;
+    growth->couplings += outside;
+    PetscCall(PetscSegBufferGet(growth->column, (size_t)inside, &column));
+    PetscCall(PetscSegBufferGet(growth->value, (size_t)inside, &value));
+    PetscCall(PetscSegBufferGet(growth->coupling, (size_t)outside, &coupling));
+    if (apart) {
+      *column = shift + r;
+      *value  = 1.0;
+    }
+    for (PetscInt k = K->i[r]; k < K->i[r + 1]; k++) {
+      const PetscInt at = primal[K->j[k]];
+
+      if (apart) {
+        if (at >= 0) H[macros + primal[r] + m * (macros + at)] += K->a[k];
+      } else if (at < 0 || K->j[k] == r) {
+        *column++ = shift + K->j[k];
+        *value++  = K->a[k];
+      } else *coupling++ = (LatinCoupling){.row = r, .primal = at, .value = K->a[k]};
+    }
   }
-  ci[batch->row[batch->patterns]] = nz;
-  *couplings                      = rc;
+  linear->rc_last[s] = growth->couplings;
+  PetscFunctionReturn(0);
+}
+
+/* The matrices of all batches, the couplings, and where H starts */
+static PetscErrorCode LatinLinearMatrices_Private(LatinLinear *linear)
+{
+  const LatinBatches *batches = linear->batches;
+  LatinLocalSolvers  *solvers = linear->solvers;
+  PetscInt            most    = 0;
+  LatinLinearGrowth   growth  = {.couplings = 0};
+  LatinBlock         *block;
+  LatinSparse         K;
+
+  PetscFunctionBegin;
+  for (PetscInt s = 0; s < linear->sub->n; s++) most = PetscMax(most, linear->inter->offset[s + 1] - linear->inter->offset[s]);
+  PetscCall(PetscMalloc1(most, &block));
+  PetscCall(PetscSegBufferCreate(sizeof(PetscInt), 4096, &growth.column));
+  PetscCall(PetscSegBufferCreate(sizeof(PetscReal), 4096, &growth.value));
+  PetscCall(PetscSegBufferCreate(sizeof(LatinCoupling), 1024, &growth.coupling));
+  for (PetscInt b = 0; b < batches->n; b++) {
+    const LatinBatch *batch = &batches->batch[b];
+
+    growth.nz = 0;
+    PetscCall(PetscMalloc1(batch->row[batch->patterns] + 1, &solvers->ci[b]));
+    for (PetscInt p = 0; p < batch->patterns; p++) {
+      const PetscInt s = batch->sub[p], blocks = LatinDirectionBlocks(linear->dir, s, block);
+
+      PetscCall(LatinSparseCreate_Private(linear->sub, s, linear->spring, linear->sub->fixed, blocks, block, &K));
+      PetscCall(LatinLinearSplit_Private(linear, s, &K, batch->row[p], solvers->ci[b], &growth));
+      PetscCall(LatinSparseReset_Private(&K));
+    }
+    solvers->ci[b][batch->row[batch->patterns]] = growth.nz;
+    PetscCall(PetscSegBufferExtractAlloc(growth.column, &solvers->cj[b]));
+    PetscCall(PetscSegBufferExtractAlloc(growth.value, &solvers->ca[b]));
+  }
+  PetscCall(PetscSegBufferExtractAlloc(growth.coupling, &linear->rc));
+  PetscCall(PetscSegBufferDestroy(&growth.column));
+  PetscCall(PetscSegBufferDestroy(&growth.value));
+  PetscCall(PetscSegBufferDestroy(&growth.coupling));
+  PetscCall(PetscFree(block));
+  for (PetscInt s = 0; s < linear->sub->n; s++) {
+    linear->rc_first[s] = linear->rc_first[batches->pattern[s]];
+    linear->rc_last[s]  = linear->rc_last[batches->pattern[s]];
+  }
   PetscFunctionReturn(0);
 }
 
@@ -115,12 +149,8 @@ static PetscErrorCode LatinLinearWork_Private(LatinLinear *linear)
 /* The operators of the subdomains, the batches and shared bases of which are there, and their solvers: solvers->status says how that ended */
 PetscErrorCode LatinLinearSetUp(LatinLinear *linear)
 {
-  const LatinSubdomains *sub     = linear->sub;
-  const LatinBatches    *batches = linear->batches;
-  LatinLocalSolvers     *solvers = linear->solvers;
+  const LatinSubdomains *sub = linear->sub;
   const PetscInt         n = sub->bs * sub->copies, sides = linear->inter->sides;
-  PetscInt               couplings = 0;
-  LatinSpringRows        graph;
 
   PetscFunctionBegin;
   PetscCall(PetscLogEventBegin(LATIN_Linear, sub->object, 0, 0, 0));
@@ -133,25 +163,9 @@ PetscErrorCode LatinLinearSetUp(LatinLinear *linear)
   }
   PetscCall(LatinLinearWork_Private(linear));
   PetscCall(LatinDirectionSprings_Private(linear->dir, linear->spring));
-  PetscCall(LatinSpringRowsCreate_Private(linear->dir, &graph));
-  PetscCall(LatinLocalSolversCreate(sub, batches, solvers));
-  for (PetscInt b = 0; b < batches->n; b++) {
-    const LatinBatch *batch = &batches->batch[b];
-
-    PetscCall(PetscMalloc1(batch->row[batch->patterns] + 1, &solvers->ci[b]));
-    PetscCall(LatinLinearRows_Private(linear, &graph, batch, solvers->ci[b], NULL, NULL, &couplings));
-    PetscCall(PetscMalloc1(solvers->ci[b][batch->row[batch->patterns]], &solvers->cj[b]));
-    PetscCall(PetscMalloc1(solvers->ci[b][batch->row[batch->patterns]], &solvers->ca[b]));
-  }
-  PetscCall(PetscMalloc3(couplings, &linear->rc_row, couplings, &linear->rc_col, couplings, &linear->rc_value));
-  couplings = 0;
-  for (PetscInt b = 0; b < batches->n; b++) PetscCall(LatinLinearRows_Private(linear, &graph, &batches->batch[b], solvers->ci[b], solvers->cj[b], solvers->ca[b], &couplings));
-  PetscCall(LatinSpringRowsDestroy_Private(&graph));
-  for (PetscInt s = 0; s < sub->n; s++) {
-    linear->rc_first[s] = linear->rc_first[batches->pattern[s]];
-    linear->rc_last[s]  = linear->rc_last[batches->pattern[s]];
-  }
-  PetscCall(LatinLocalSolversSetUp(solvers, "local", linear->inter->primal_index));
+  PetscCall(LatinLocalSolversCreate(sub, linear->batches, linear->solvers));
+  PetscCall(LatinLinearMatrices_Private(linear));
+  PetscCall(LatinLocalSolversSetUp(linear->solvers, "local", linear->inter->primal_index));
   PetscCall(PetscLogEventEnd(LATIN_Linear, sub->object, 0, 0, 0));
   PetscFunctionReturn(0);
 }
@@ -225,7 +239,7 @@ static PetscErrorCode LatinLinearRelocalise_Private(LatinLinear *linear, PetscIn
       }
     }
   }
-  for (PetscInt p = linear->rc_first[s]; p < linear->rc_last[s]; p++) g[linear->rc_row[p]] -= linear->rc_value[p] * uc[linear->rc_col[p]];
+  for (PetscInt p = linear->rc_first[s]; p < linear->rc_last[s]; p++) g[linear->rc[p].row] -= linear->rc[p].value * uc[linear->rc[p].primal];
   for (PetscInt p = linear->inter->primal_offset[s]; p < linear->inter->primal_offset[s + 1]; p++) linear->g[linear->inter->primal_dof[p]] = uc[p - linear->inter->primal_offset[s]];
   PetscFunctionReturn(0);
 }
@@ -300,7 +314,7 @@ PetscErrorCode LatinLinearReset(LatinLinear *linear)
   PetscFunctionBegin;
   for (PetscInt b = 0; b < linear->batches->n && linear->inverse; b++) PetscCall(PetscFree(linear->inverse[b]));
   PetscCall(PetscFree(linear->inverse));
-  PetscCall(PetscFree3(linear->rc_row, linear->rc_col, linear->rc_value));
+  PetscCall(PetscFree(linear->rc));
   PetscCall(PetscFree4(linear->rc_first, linear->rc_last, linear->stiffness.h_offset, linear->phi_offset));
   PetscCall(PetscFree(linear->stiffness.H));
   PetscCall(PetscFree(linear->Phi));

@@ -163,30 +163,22 @@ PETSC_INTERN PetscErrorCode LatinLevelAttach_Private(LatinLevel *, Mat);
 PETSC_INTERN PetscErrorCode LatinLevelOf_Private(Mat, LatinLevel **);
 PETSC_INTERN PetscErrorCode LatinLevelReset_Private(LatinLevel *, Mat);
 
-/* ---- operators (subdomains/operator.c, subdomains/rows.c) ---- */
-typedef struct {
-  const LatinSubdomains *sub;
-  PetscInt              *offset, *list; /* links at each copy */
-  PetscInt              *neighbour;     /* work: copies joined to one copy, itself included */
-  PetscReal             *block;         /* work: their bs x bs blocks */
-  PetscInt              *slot;          /* [copies] work: position among the neighbours, -1 */
-} LatinRows;
-PETSC_INTERN PetscErrorCode LatinOperatorMult(const LatinSubdomains *, const PetscReal v[], PetscReal f[]);
-PETSC_INTERN PetscErrorCode LatinOperatorDiagonal(const LatinSubdomains *, PetscReal diagonal[]);
-PETSC_INTERN PetscErrorCode LatinOperatorStream_Private(const LatinSubdomains *, PetscInt s, LatinStream *);
-PETSC_INTERN PetscErrorCode LatinRowsCreate_Private(const LatinSubdomains *, PetscInt more, LatinRows *);
-PETSC_INTERN void           LatinRowsOpen(LatinRows *, PetscInt i, PetscInt *n);
-PETSC_INTERN void           LatinRowsJoin(LatinRows *, PetscInt j, PetscInt *n);
-PETSC_INTERN PetscErrorCode LatinRowsFill_Private(LatinRows *, PetscInt i, const PetscReal spring[], PetscInt n);
-PETSC_INTERN void           LatinRowsClose(LatinRows *, PetscInt n);
-PETSC_INTERN PetscErrorCode LatinRowsGet_Private(LatinRows *, PetscInt i, const PetscReal spring[], PetscInt *count);
-PETSC_INTERN PetscErrorCode LatinRowsDestroy_Private(LatinRows *);
-/* A matrix of one subdomain by compressed rows */
+/* ---- operators (subdomains/operator.c, subdomains/sparse.c) ---- */
+/* The matrix of one subdomain by compressed rows */
 typedef struct {
   PetscInt   rows, *i, *j;
   PetscReal *a;
 } LatinSparse;
-PETSC_INTERN PetscErrorCode LatinRowsMatrix_Private(LatinRows *, PetscInt s, const PetscReal spring[], const PetscBool held[], LatinSparse *);
+/* A dense symmetric matrix at n entries dof[] of the copy arrays */
+typedef struct {
+  PetscInt         n;
+  const PetscInt  *dof;
+  const PetscReal *a;
+} LatinBlock;
+PETSC_INTERN PetscErrorCode LatinOperatorMult(const LatinSubdomains *, const PetscReal v[], PetscReal f[]);
+PETSC_INTERN PetscErrorCode LatinOperatorDiagonal(const LatinSubdomains *, PetscReal diagonal[]);
+PETSC_INTERN PetscErrorCode LatinOperatorStream_Private(const LatinSubdomains *, PetscInt s, LatinStream *);
+PETSC_INTERN PetscErrorCode LatinSparseCreate_Private(const LatinSubdomains *, PetscInt s, const PetscReal spring[], const PetscBool held[], PetscInt blocks, const LatinBlock[], LatinSparse *);
 PETSC_INTERN PetscErrorCode LatinSparseReset_Private(LatinSparse *);
 
 #endif

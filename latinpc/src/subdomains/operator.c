@@ -3,7 +3,7 @@
 /*
    The operators of the subdomains without springs of the search direction: B^t k B of the links, and of the springs to
    the ground if there are any; or the rows that a matrix gives (subdomains/matis.c). The other stages see them through this file
-   alone: a product, the diagonal, the rows (subdomains/rows.c), and a comparison of operators.
+   alone: a product, the diagonal, the matrix (subdomains/sparse.c), and a comparison of operators.
 */
 
 #define LATIN_JUMP 30.0 /* of the diagonal of the operator, from an unknown to its neighbours of the same field */
