@@ -113,7 +113,7 @@ PETSC_INTERN PetscErrorCode LatinNearNullSpaceBatch_Private(const LatinSubdomain
 /* ---- the inside of the subdomain here (localsolvers/staticcondensation.c) ---- */
 typedef struct _n_LatinInterior *LatinInterior;
 PETSC_INTERN PetscErrorCode      LatinInteriorSetUp(LatinSubdomains *, LatinInterior *);
-PETSC_INTERN PetscErrorCode      LatinInteriorForces(LatinInterior, const LatinSubdomains *, Vec forces, PetscReal f[], PetscBool *failed);
+PETSC_INTERN PetscErrorCode      LatinInteriorForces(LatinInterior, Vec forces, PetscReal f[], PetscBool *failed);
 PETSC_INTERN PetscErrorCode      LatinInteriorExtend(LatinInterior, const PetscReal v[], Vec u, PetscBool *failed);
 PETSC_INTERN PetscErrorCode      LatinInteriorReset(LatinInterior *);
 

@@ -17,16 +17,11 @@
 #define LATIN_INTERIOR_WORK  120000 /* most of them times unknowns inside */
 
 struct _n_LatinInterior {
-  PetscInt   n;       /* unknowns inside */
-  PetscInt  *row;     /* [n] where they are in this rank's part of a vector */
-  PetscInt  *ki, *kj; /* K_II by rows */
-  PetscReal *ka;
-  PetscInt  *ci, *cj; /* K_IG by rows, columns are copies */
-  PetscReal *ca;
-  Mat        K;
-  KSP        ksp;
-  Vec        b, x;
-  PetscReal *y; /* [n] what the forces inside move, interfaces held */
+  IS  rows; /* unknowns inside */
+  Mat K_II, K_IG;
+  KSP ksp;
+  Vec b, x, y; /* y: what the forces inside move, interfaces held */
+  Vec others;  /* of the copies on interfaces, for arrays of others */
 };
 
 PetscErrorCode LatinInteriorReset(LatinInterior *interior)
@@ -34,104 +29,90 @@ PetscErrorCode LatinInteriorReset(LatinInterior *interior)
   PetscFunctionBegin;
   if (!*interior) PetscFunctionReturn(0);
   PetscCall(KSPDestroy(&(*interior)->ksp));
-  PetscCall(MatDestroy(&(*interior)->K));
+  PetscCall(MatDestroy(&(*interior)->K_II));
+  PetscCall(MatDestroy(&(*interior)->K_IG));
   PetscCall(VecDestroy(&(*interior)->b));
   PetscCall(VecDestroy(&(*interior)->x));
-  PetscCall(PetscFree4((*interior)->row, (*interior)->ki, (*interior)->ci, (*interior)->y));
-  PetscCall(PetscFree4((*interior)->kj, (*interior)->ka, (*interior)->cj, (*interior)->ca));
+  PetscCall(VecDestroy(&(*interior)->y));
+  PetscCall(VecDestroy(&(*interior)->others));
+  PetscCall(ISDestroy(&(*interior)->rows));
   PetscCall(PetscFree(*interior));
   PetscFunctionReturn(0);
 }
 
-/* at[copy]: its number among those inside, or -1 - its number among the others. Does it pay here? */
-static PetscErrorCode LatinInteriorNumber_Private(const LatinSubdomains *sub, PetscInt at[], PetscInt *inside, PetscBool *pays)
+/* The copies inside, and the others. Does it pay here? */
+static PetscErrorCode LatinInteriorNumber_Private(const LatinSubdomains *sub, PetscInt *inside, PetscInt in[], PetscInt *width, PetscInt kept[], PetscBool *pays)
 {
-  PetscInt    n = 0, width = 0, first;
+  PetscInt    first;
   PetscLayout map;
 
   PetscFunctionBegin;
-  *pays = PETSC_FALSE;
+  *pays   = PETSC_FALSE;
+  *inside = *width = 0;
   if (sub->n != 1 || sub->trace) PetscFunctionReturn(0);
   PetscCall(MatGetLayouts(sub->matrix, &map, NULL));
   PetscCall(PetscLayoutGetRange(map, &first, NULL));
   for (PetscInt i = 0; i < sub->copies; i++) {
-    at[i] = sub->multiplicity[i] > 1 ? -1 - width++ : n++;
-    if (at[i] >= 0 && (sub->node[i] < first || sub->node[i] >= first + sub->nodes_local)) PetscFunctionReturn(0); /* another rank has it in its part of a vector */
+    if (sub->multiplicity[i] > 1) {
+      kept[(*width)++] = i;
+      continue;
+    }
+    if (sub->node[i] < first || sub->node[i] >= first + sub->nodes_local) PetscFunctionReturn(0); /* another rank has it in its part of a vector */
+    in[(*inside)++] = i;
   }
-  *inside = n;
-  *pays   = (PetscBool)(n && width && width <= LATIN_INTERIOR_WIDTH && width * n <= LATIN_INTERIOR_WORK);
+  *pays = (PetscBool)(*inside && *width && *width <= LATIN_INTERIOR_WIDTH && *width * *inside <= LATIN_INTERIOR_WORK);
   PetscFunctionReturn(0);
 }
 
-/* The rows of K_II and K_IG */
-static PetscErrorCode LatinInteriorRows_Private(const LatinSubdomains *sub, const PetscInt at[], LatinInterior interior)
+/* K_II and K_IG of the matrix K by rows */
+static PetscErrorCode LatinInteriorMatrices_Private(const LatinSparse *K, PetscInt inside, const PetscInt in[], PetscInt width, const PetscInt kept[], LatinInterior interior)
 {
-  PetscInt    first, nk = 0, nc = 0;
-  PetscLayout map;
+  Mat whole;
+  IS  is[2];
 
   PetscFunctionBegin;
-  PetscCall(MatGetLayouts(sub->matrix, &map, NULL));
-  PetscCall(PetscLayoutGetRange(map, &first, NULL));
-  PetscCall(PetscMalloc4(interior->n, &interior->row, interior->n + 1, &interior->ki, interior->n + 1, &interior->ci, interior->n, &interior->y));
-  for (PetscInt i = 0; i < sub->copies; i++)
-    for (PetscInt k = sub->ki[i]; k < sub->ki[i + 1] && at[i] >= 0; k++) {
-      if (at[sub->kj[k]] >= 0) nk++;
-      else nc++;
-    }
-  PetscCall(PetscMalloc4(nk, &interior->kj, nk, &interior->ka, nc, &interior->cj, nc, &interior->ca));
-  nk = nc = 0;
-  for (PetscInt i = 0; i < sub->copies; i++) {
-    if (at[i] < 0) continue;
-    interior->row[at[i]] = sub->node[i] - first;
-    interior->ki[at[i]]  = nk;
-    interior->ci[at[i]]  = nc;
-    for (PetscInt k = sub->ki[i]; k < sub->ki[i + 1]; k++) {
-      const PetscInt j = at[sub->kj[k]];
-
-      if (j >= 0) {
-        interior->kj[nk]   = j;
-        interior->ka[nk++] = sub->ka[k];
-      } else {
-        interior->cj[nc]   = -1 - j;
-        interior->ca[nc++] = sub->ka[k];
-      }
-    }
-  }
-  interior->ki[interior->n] = nk;
-  interior->ci[interior->n] = nc;
+  PetscCall(MatCreateSeqAIJWithArrays(PETSC_COMM_SELF, K->rows, K->rows, K->i, K->j, K->a, &whole));
+  PetscCall(ISCreateGeneral(PETSC_COMM_SELF, inside, in, PETSC_USE_POINTER, &is[0]));
+  PetscCall(ISCreateGeneral(PETSC_COMM_SELF, width, kept, PETSC_USE_POINTER, &is[1]));
+  PetscCall(MatCreateSubMatrix(whole, is[0], is[0], MAT_INITIAL_MATRIX, &interior->K_II));
+  PetscCall(MatCreateSubMatrix(whole, is[0], is[1], MAT_INITIAL_MATRIX, &interior->K_IG));
+  for (PetscInt k = 0; k < 2; k++) PetscCall(ISDestroy(&is[k]));
+  PetscCall(MatDestroy(&whole));
+  PetscCall(MatSetOption(interior->K_II, MAT_SYMMETRIC, PETSC_TRUE));
+  PetscCall(MatSetOption(interior->K_II, MAT_SPD, PETSC_TRUE));
+  PetscCall(MatCreateVecs(interior->K_II, &interior->x, &interior->b));
+  PetscCall(VecDuplicate(interior->x, &interior->y));
+  PetscCall(VecCreateSeqWithArray(PETSC_COMM_SELF, 1, width, NULL, &interior->others));
   PetscFunctionReturn(0);
 }
 
 /* Factors K_II; *done: by a factorisation, and nothing inside moves by itself, which the stages to come would report with names */
-static PetscErrorCode LatinInteriorFactor_Private(const LatinSubdomains *sub, LatinInterior interior, PetscBool *done)
+static PetscErrorCode LatinInteriorFactor_Private(const LatinSubdomains *sub, PetscInt inside, LatinInterior interior, PetscBool *done)
 {
-  LatinFactorStatus status = {.large = (PetscBool)(interior->n > LATIN_LARGE)};
+  LatinFactorStatus status = {.large = (PetscBool)(inside > LATIN_LARGE)};
   PC                pc;
 
   PetscFunctionBegin;
-  PetscCall(MatCreateSeqAIJWithArrays(PETSC_COMM_SELF, interior->n, interior->n, interior->ki, interior->kj, interior->ka, &interior->K));
-  PetscCall(MatSetOption(interior->K, MAT_SYMMETRIC, PETSC_TRUE));
-  PetscCall(MatSetOption(interior->K, MAT_SPD, PETSC_TRUE));
-  PetscCall(MatCreateVecs(interior->K, &interior->x, &interior->b));
   PetscCall(LatinSolverCreate_Private(PETSC_COMM_SELF, sub->object, "interior", &interior->ksp));
   PetscCall(KSPGetPC(interior->ksp, &pc));
-  PetscCall(LatinDirectSolver_Private(pc, interior->K, MATSOLVERCHOLMOD));
-  PetscCall(KSPSetOperators(interior->ksp, interior->K, interior->K));
+  PetscCall(LatinDirectSolver_Private(pc, interior->K_II, MATSOLVERCHOLMOD));
+  PetscCall(KSPSetOperators(interior->ksp, interior->K_II, interior->K_II));
   PetscCall(KSPSetFromOptions(interior->ksp));
-  PetscCall(LatinFactor_Private(interior->ksp, interior->K, MATSOLVERCHOLMOD, &status));
+  PetscCall(LatinFactor_Private(interior->ksp, interior->K_II, MATSOLVERCHOLMOD, &status));
   PetscCall(VecDestroy(&status.mode));
   *done = (PetscBool)!LatinFactorFailed(&status);
   PetscFunctionReturn(0);
 }
 
-/* The copies on interfaces take the places of all, and S that of their operator */
-static PetscErrorCode LatinInteriorShrink_Private(LatinSubdomains *sub, const PetscInt at[], PetscInt width, const PetscReal S[])
+/* The copies kept[] take the places of all, and S that of their operator */
+static PetscErrorCode LatinInteriorShrink_Private(LatinSubdomains *sub, PetscInt width, const PetscInt kept[], const PetscReal S[])
 {
   const PetscInt copies = sub->copies, dim = sub->dim;
 
   PetscFunctionBegin;
-  for (PetscInt i = 0, k = 0; i < copies; i++) {
-    if (at[i] >= 0) continue;
+  for (PetscInt k = 0; k < width; k++) {
+    const PetscInt i = kept[k];
+
     sub->node[k]         = sub->node[i];
     sub->field[k]        = sub->field[i];
     sub->fixed[k]        = sub->fixed[i];
@@ -139,11 +120,9 @@ static PetscErrorCode LatinInteriorShrink_Private(LatinSubdomains *sub, const Pe
     sub->multiplicity[k] = sub->multiplicity[i];
     sub->global_dof[k]   = sub->global_dof[i];
     for (PetscInt d = 0; d < dim; d++) sub->x[dim * k + d] = sub->x[dim * i + d];
-    k++;
   }
   for (PetscInt v = 0; v < sub->nears; v++)
-    for (PetscInt i = 0, k = 0; i < copies; i++)
-      if (at[i] < 0) sub->near[width * v + k++] = sub->near[copies * v + i];
+    for (PetscInt k = 0; k < width; k++) sub->near[width * v + k] = sub->near[copies * v + kept[k]];
   sub->copies         = width;
   sub->node_offset[1] = width;
   PetscCall(PetscFree(sub->ki));
@@ -157,36 +136,38 @@ static PetscErrorCode LatinInteriorShrink_Private(LatinSubdomains *sub, const Pe
 }
 
 /* What this rank does by itself */
-static PetscErrorCode LatinInteriorEliminate_Private(LatinSubdomains *sub, LatinInterior *eliminated, PetscInt at[], PetscBool *done)
+static PetscErrorCode LatinInteriorEliminate_Private(LatinSubdomains *sub, LatinInterior *eliminated, PetscBool *done)
 {
   const LatinSparse whole = {.rows = sub->copies, .i = sub->ki, .j = sub->kj, .a = sub->ka};
   LatinInterior     interior;
-  PetscInt          n = 0, width, *kept;
+  PetscInt          inside, width, *in, *kept, *row;
   PetscReal        *S;
   PetscBool        *jumps, bad = PETSC_FALSE;
 
   PetscFunctionBegin;
-  PetscCall(LatinInteriorNumber_Private(sub, at, &n, done));
-  if (!*done) PetscFunctionReturn(0);
-  width = sub->copies - n;
-  PetscCall(PetscNew(&interior));
-  interior->n = n;
-  PetscCall(LatinInteriorRows_Private(sub, at, interior));
-  PetscCall(PetscMalloc2(width * width, &S, width, &kept));
-  for (PetscInt i = 0; i < sub->copies; i++)
-    if (at[i] < 0) kept[-1 - at[i]] = i;
-  PetscCall(LatinInteriorFactor_Private(sub, interior, done));
-  if (*done) PetscCall(LatinEliminate_Private(&whole, width, kept, S, &bad));
-  *done = (PetscBool)(*done && !bad);
+  PetscCall(PetscMalloc2(sub->copies, &in, sub->copies, &kept));
+  PetscCall(LatinInteriorNumber_Private(sub, &inside, in, &width, kept, done));
   if (*done) {
-    PetscCall(PetscMalloc1(sub->copies, &jumps));
-    PetscCall(LatinJumpsCopies_Private(sub, jumps));
-    for (PetscInt k = 0; k < width; k++) jumps[k] = jumps[kept[k]];
-    sub->jumps  = jumps;
-    *eliminated = interior;
-    PetscCall(LatinInteriorShrink_Private(sub, at, width, S));
-  } else PetscCall(LatinInteriorReset(&interior));
-  PetscCall(PetscFree2(S, kept));
+    PetscCall(PetscNew(&interior));
+    PetscCall(PetscMalloc1(width * width, &S));
+    PetscCall(PetscMalloc1(inside, &row));
+    for (PetscInt k = 0; k < inside; k++) row[k] = sub->node[in[k]];
+    PetscCall(ISCreateGeneral(PETSC_COMM_SELF, inside, row, PETSC_OWN_POINTER, &interior->rows));
+    PetscCall(LatinInteriorMatrices_Private(&whole, inside, in, width, kept, interior));
+    PetscCall(LatinInteriorFactor_Private(sub, inside, interior, done));
+    if (*done) PetscCall(LatinEliminate_Private(&whole, width, kept, S, &bad));
+    *done = (PetscBool)(*done && !bad);
+    if (*done) {
+      PetscCall(PetscMalloc1(sub->copies, &jumps));
+      PetscCall(LatinJumpsCopies_Private(sub, jumps));
+      for (PetscInt k = 0; k < width; k++) jumps[k] = jumps[kept[k]];
+      sub->jumps  = jumps;
+      *eliminated = interior;
+      PetscCall(LatinInteriorShrink_Private(sub, width, kept, S));
+    } else PetscCall(LatinInteriorReset(&interior));
+    PetscCall(PetscFree(S));
+  }
+  PetscCall(PetscFree2(in, kept));
   PetscFunctionReturn(0);
 }
 
@@ -195,7 +176,6 @@ PetscErrorCode LatinInteriorSetUp(LatinSubdomains *sub, LatinInterior *interior)
 {
   MPI_Comm    comm = PetscObjectComm(sub->object);
   PetscBool   done = PETSC_FALSE, any, is, local, inside;
-  PetscInt   *at;
   PetscLayout map;
 
   PetscFunctionBegin;
@@ -203,9 +183,7 @@ PetscErrorCode LatinInteriorSetUp(LatinSubdomains *sub, LatinInterior *interior)
   PetscCall(LatinSolverChosen_Private(PETSC_COMM_SELF, sub->object, "interior", MATSOLVERCHOLMOD, &is, &is, &is, &inside));
   if (local || inside) PetscFunctionReturn(0);
   PetscCall(PetscLogEventBegin(LATIN_Condense, sub->object, 0, 0, 0));
-  PetscCall(PetscMalloc1(sub->copies, &at));
-  LatinEach(comm, LatinInteriorEliminate_Private(sub, interior, at, &done));
-  PetscCall(PetscFree(at));
+  LatinEach(comm, LatinInteriorEliminate_Private(sub, interior, &done));
   PetscCall(MPIU_Allreduce(&done, &any, 1, LATIN_MPI_BOOL, MPI_LOR, comm));
   if (any) { /* the way from the matrix's vectors to the copies that are left */
     PetscCall(PetscSFDestroy(&sub->node_sf));
@@ -221,48 +199,28 @@ PetscErrorCode LatinInteriorSetUp(LatinSubdomains *sub, LatinInterior *interior)
 }
 
 /* What the forces inside do to the interfaces while these are held: f = K_GI y, K_II y = forces */
-PetscErrorCode LatinInteriorForces(LatinInterior interior, const LatinSubdomains *sub, Vec forces, PetscReal f[], PetscBool *failed)
+PetscErrorCode LatinInteriorForces(LatinInterior interior, Vec forces, PetscReal f[], PetscBool *failed)
 {
-  const PetscScalar *a;
-  PetscScalar       *b;
-
   PetscFunctionBegin;
-  PetscCall(VecGetArrayRead(forces, &a));
-  PetscCall(VecGetArrayWrite(interior->b, &b));
-  for (PetscInt i = 0; i < interior->n; i++) b[i] = a[interior->row[i]];
-  PetscCall(VecRestoreArrayWrite(interior->b, &b));
-  PetscCall(VecRestoreArrayRead(forces, &a));
-  PetscCall(KSPSolve(interior->ksp, interior->b, interior->x));
+  PetscCall(VecISCopy(forces, interior->rows, SCATTER_REVERSE, interior->b));
+  PetscCall(KSPSolve(interior->ksp, interior->b, interior->y));
   PetscCall(LatinSolverNote_Private(interior->ksp, PETSC_TRUE, failed));
-  PetscCall(PetscArrayzero(f, sub->copies));
-  PetscCall(VecGetArrayRead(interior->x, &a));
-  for (PetscInt i = 0; i < interior->n; i++) {
-    interior->y[i] = a[i];
-    for (PetscInt k = interior->ci[i]; k < interior->ci[i + 1]; k++) f[interior->cj[k]] += interior->ca[k] * a[i];
-  }
-  PetscCall(VecRestoreArrayRead(interior->x, &a));
+  PetscCall(VecPlaceArray(interior->others, f));
+  PetscCall(MatMultTranspose(interior->K_IG, interior->y, interior->others));
+  PetscCall(VecResetArray(interior->others));
   PetscFunctionReturn(0);
 }
 
 /* u inside, for the forces of before and the displacements v of the interfaces: y - K_II^-1 K_IG v */
 PetscErrorCode LatinInteriorExtend(LatinInterior interior, const PetscReal v[], Vec u, PetscBool *failed)
 {
-  const PetscScalar *x;
-  PetscScalar       *b;
-
   PetscFunctionBegin;
-  PetscCall(VecGetArrayWrite(interior->b, &b));
-  for (PetscInt i = 0; i < interior->n; i++) {
-    b[i] = 0.0;
-    for (PetscInt k = interior->ci[i]; k < interior->ci[i + 1]; k++) b[i] += interior->ca[k] * v[interior->cj[k]];
-  }
-  PetscCall(VecRestoreArrayWrite(interior->b, &b));
+  PetscCall(VecPlaceArray(interior->others, v));
+  PetscCall(MatMult(interior->K_IG, interior->others, interior->b));
+  PetscCall(VecResetArray(interior->others));
   PetscCall(KSPSolve(interior->ksp, interior->b, interior->x));
   PetscCall(LatinSolverNote_Private(interior->ksp, PETSC_TRUE, failed));
-  PetscCall(VecGetArrayRead(interior->x, &x));
-  PetscCall(VecGetArray(u, &b));
-  for (PetscInt i = 0; i < interior->n; i++) b[interior->row[i]] = interior->y[i] - x[i];
-  PetscCall(VecRestoreArray(u, &b));
-  PetscCall(VecRestoreArrayRead(interior->x, &x));
+  PetscCall(VecAYPX(interior->x, -1.0, interior->y));
+  PetscCall(VecISCopy(u, interior->rows, SCATTER_FORWARD, interior->x));
   PetscFunctionReturn(0);
 }

@@ -127,7 +127,7 @@ static PetscErrorCode PCLatinEliminate_Private(PC pc, Vec x)
   PetscFunctionBegin;
   PetscCall(PetscArrayzero(data->force, latin->sub.bs * latin->sub.copies));
   PetscCall(LatinDistribute_Private(&latin->sub, x, data->force));
-  if (latin->interior) PetscCall(LatinInteriorForces(latin->interior, &latin->sub, x, data->f, &latin->linear.failed));
+  if (latin->interior) PetscCall(LatinInteriorForces(latin->interior, x, data->f, &latin->linear.failed));
   else {
     PetscCall(PCLatinInteriorSolve_Private(pc, data->force));
     PetscCall(LatinOperatorMult(&latin->sub, data->v, data->f));
