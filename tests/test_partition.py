@@ -1,6 +1,8 @@
 """The partition that METIS makes, and its repair: its cost counted independently, its bounds, the ranks."""
 
+import json
 import re
+import sys
 from collections import Counter
 from dataclasses import replace
 
@@ -133,20 +135,36 @@ def test_the_view_tells_the_imbalance(tmp_path):
     assert told == [pytest.approx(x.max() / x.mean(), abs=6e-3) for x in (links, dofs)] + [1.0]
 
 
-@pytest.mark.parametrize(
-    ("scene", "low", "high"),
-    [
-        (lambda: grid(modules=16, partition="metis"), 300, 512),
-        (lambda: network(nodes=2000), 512, 1024),
-        (lambda: lattice(nx=64, ny=32), 512, 1024),
-    ],
-)
-def test_default_size_follows_the_structure(scene, low, high):
-    """The subdomains that cost least: see subdomaincount.c. The unit of length does not matter."""
-    scene = replace(scene(), subdomain=None)
-    found = partition(scene)
-    assert low <= len(found) / (found.max() + 1) <= high
-    assert partition(replace(scene, nodes=1000 * scene.nodes)).max() == found.max()
+SIZES = """
+import json, sys
+sys.path.insert(0, sys.argv[2])
+from dataclasses import replace
+import latinpc
+from support import grid, lattice, latin, network
+found = []
+for scene in (grid(modules=16, partition="metis"), network(nodes=2000), lattice(nx=64, ny=32)):
+    for unit in (1, 1000):
+        part = replace(scene, subdomain=None, nodes=unit * scene.nodes)
+        with latin(part, latinpc.Structure.from_scene(part)) as run:
+            run.snes.setUp()
+            found.append(len(scene.links) / latinpc.statistics(run.snes)["subdomains"])
+            rank = run.structure.comm.rank
+if not rank:
+    json.dump(found, open(sys.argv[1], "w"))
+"""
+
+
+def test_default_size_follows_the_structure(mpirun, tmp_path):
+    """What costs least, see subdomaincount.c: on one rank one factor. The unit of length does not matter."""
+    found = []
+    for ranks in (1, 2):
+        mpirun(ranks, SIZES, tmp_path / f"{ranks}.json", sys.path[0])
+        found.append(json.loads((tmp_path / f"{ranks}.json").read_text()))
+    scenes = [grid(modules=16, partition="metis"), network(nodes=2000), lattice(nx=64, ny=32)]
+    assert found[0] == [len(scene.links) for scene in scenes for _ in range(2)]
+    for size, low, high in zip(found[1][::2], (300, 512, 512), (512, 1024, 1024), strict=True):
+        assert low <= size <= high
+    assert found[1][::2] == found[1][1::2]
 
 
 PROGRAM = """

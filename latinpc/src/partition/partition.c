@@ -50,17 +50,19 @@ static PetscErrorCode LatinPartitionMetis_Private(LatinStructure structure, cons
   LatinCut        cut  = {.corners = request->corners, .parts = request->subdomains};
   PetscInt       *part;
   const PetscReal largest = PetscMax(4 * (PetscReal)structure->links_global, structure->dim * (PetscReal)structure->nodes_global); /* entries of a graph, and of coordinates */
-  int             status  = 0;
-  PetscBool       failed  = PETSC_FALSE;
+  PetscMPIInt     ranks;
+  int             status = 0;
+  PetscBool       failed = PETSC_FALSE;
   PetscSF         sf;
 
   PetscFunctionBegin;
   LatinAgree(comm, largest > (PetscReal)PETSC_MPI_INT_MAX, PETSC_ERR_SUP, "METIS on one rank cannot take %" PetscInt_FMT " links: give a partition with LatinSetPartition()", structure->links_global);
+  PetscCallMPI(MPI_Comm_size(comm, &ranks));
   PetscCall(LatinOnFirstRank_Private(comm, structure->links_local, structure->links_global, &sf));
   PetscCall(LatinCutCreate_Private(structure, sf, &cut));
   PetscCall(PetscMalloc1(cut.links, &part));
   if (cut.links) {
-    if (!cut.parts) cut.parts = LatinSubdomainCount(&cut);
+    if (!cut.parts) cut.parts = LatinSubdomainCount(&cut, ranks);
     PetscCall(LatinMetis_Private(&cut, part, &failed, &status));
     if (!failed) PetscCall(LatinRepair_Private(&cut, part));
   }
