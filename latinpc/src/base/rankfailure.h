@@ -15,4 +15,13 @@ PETSC_INTERN PetscErrorCode LatinWatchEnd_Private(MPI_Comm, PetscErrorCode);
 /* Runs a collective call; an error that has not struck every rank of comm ends the program */
 #define LatinWatch(comm, ...) PetscCall((LatinWatchBegin_Private(), LatinWatchEnd_Private(comm, __VA_ARGS__)))
 
+/* Defines method_Watched(), the same for a method of one object that is collective on it */
+#define LatinWatched(method, Type) \
+  static PetscErrorCode method##_Watched(Type object) \
+  { \
+    PetscFunctionBegin; \
+    LatinWatch(PetscObjectComm((PetscObject)object), method(object)); \
+    PetscFunctionReturn(0); \
+  }
+
 #endif

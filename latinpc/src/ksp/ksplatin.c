@@ -220,19 +220,8 @@ static PetscErrorCode KSPSolve_Latin(KSP ksp)
   PetscFunctionReturn(0);
 }
 
-static PetscErrorCode KSPSetUp_Latin_Watched(KSP ksp)
-{
-  PetscFunctionBegin;
-  LatinWatch(PetscObjectComm((PetscObject)ksp), KSPSetUp_Latin(ksp));
-  PetscFunctionReturn(0);
-}
-
-static PetscErrorCode KSPSolve_Latin_Watched(KSP ksp)
-{
-  PetscFunctionBegin;
-  LatinWatch(PetscObjectComm((PetscObject)ksp), KSPSolve_Latin(ksp));
-  PetscFunctionReturn(0);
-}
+LatinWatched(KSPSetUp_Latin, KSP)
+LatinWatched(KSPSolve_Latin, KSP)
 
 static PetscErrorCode KSPSetFromOptions_Latin(KSP ksp, LatinOptionItems PetscOptionsObject)
 {

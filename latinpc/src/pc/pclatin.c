@@ -205,12 +205,7 @@ static PetscErrorCode PCApply_Latin(PC pc, Vec x, Vec y)
   PetscFunctionReturn(0);
 }
 
-static PetscErrorCode PCSetUp_Latin_Watched(PC pc)
-{
-  PetscFunctionBegin;
-  LatinWatch(PetscObjectComm((PetscObject)pc), PCSetUp_Latin(pc));
-  PetscFunctionReturn(0);
-}
+LatinWatched(PCSetUp_Latin, PC)
 
 static PetscErrorCode PCApply_Latin_Watched(PC pc, Vec x, Vec y)
 {

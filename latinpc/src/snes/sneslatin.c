@@ -342,19 +342,8 @@ static PetscErrorCode SNESSolve_Latin(SNES snes)
   PetscFunctionReturn(0);
 }
 
-static PetscErrorCode SNESSetUp_Latin_Watched(SNES snes)
-{
-  PetscFunctionBegin;
-  LatinWatch(PetscObjectComm((PetscObject)snes), SNESSetUp_Latin(snes));
-  PetscFunctionReturn(0);
-}
-
-static PetscErrorCode SNESSolve_Latin_Watched(SNES snes)
-{
-  PetscFunctionBegin;
-  LatinWatch(PetscObjectComm((PetscObject)snes), SNESSolve_Latin(snes));
-  PetscFunctionReturn(0);
-}
+LatinWatched(SNESSetUp_Latin, SNES)
+LatinWatched(SNESSolve_Latin, SNES)
 
 static PetscErrorCode SNESReset_Latin(SNES snes)
 {

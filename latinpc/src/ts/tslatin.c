@@ -147,19 +147,8 @@ static PetscErrorCode TSStep_Latin(TS ts)
   PetscFunctionReturn(0);
 }
 
-static PetscErrorCode TSSetUp_Latin_Watched(TS ts)
-{
-  PetscFunctionBegin;
-  LatinWatch(PetscObjectComm((PetscObject)ts), TSSetUp_Latin(ts));
-  PetscFunctionReturn(0);
-}
-
-static PetscErrorCode TSStep_Latin_Watched(TS ts)
-{
-  PetscFunctionBegin;
-  LatinWatch(PetscObjectComm((PetscObject)ts), TSStep_Latin(ts));
-  PetscFunctionReturn(0);
-}
+LatinWatched(TSSetUp_Latin, TS)
+LatinWatched(TSStep_Latin, TS)
 
 /* The velocity is constant during a step */
 static PetscErrorCode TSInterpolate_Latin(TS ts, PetscReal t, Vec u)
