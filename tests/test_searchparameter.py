@@ -1,10 +1,12 @@
 """Grains with friction that stall: another search parameter, the same problem."""
 
 import numpy as np
+import pytest
 from support import latin, solve
 from test_classes import balance, strain
 
 import latinpc
+from latinpc.bench.extremes.rigid import stiffened
 from latinpc.scenes import make
 
 STALLS = {"side": 14, "law": "friction", "seed": 3}
@@ -37,8 +39,8 @@ def test_a_stall_ends_with_another_search_parameter():
     assert (again.u == found.u).all()
 
 
-def test_a_second_solve_starts_from_the_given_parameter_and_a_warm_one_goes_on():
-    """The unit of length inside is forgotten, or carried over with the state; gaps may change in between."""
+def test_a_second_solve_starts_from_the_parameter_found_and_a_warm_one_goes_on():
+    """The operators stay; gaps may change in between."""
     scene = make("packing", **STALLS)
     for warm in ("none", "last"):
         with latin(scene, warm_start=warm, **LONG) as run:
@@ -51,7 +53,17 @@ def test_a_second_solve_starts_from_the_given_parameter_and_a_warm_one_goes_on()
                 counts.append(run.snes.getIterationNumber())
                 found = type("Found", (), {"u": run.structure.displacements(u), "tensions": latinpc.tensions(run.snes)})
                 assert is_coulombs(scene, found)
-            assert counts[1] <= 3 if warm == "last" else counts[1] == counts[0]
+            assert counts[1] <= 3 if warm == "last" else counts[1] < 0.8 * counts[0]
+
+
+@pytest.mark.parametrize("name", ["stalls", "beside elastic links"])
+def test_errors_against_a_reference_go_on(name):
+    """With the operators of another parameter as well."""
+    scene = make("packing", **STALLS) if name == "stalls" else stiffened(1e4, False)
+    found = solve(scene, **LONG)
+    again = solve(scene, found.u, **LONG)
+    assert again.iterations == found.iterations
+    assert again.history.error_l2[-1] < 1e-8
 
 
 RANKS = """
@@ -59,6 +71,7 @@ import sys, petsc4py
 petsc4py.init(sys.argv)
 from petsc4py import PETSc
 import latinpc
+from latinpc.bench.extremes.rigid import stiffened
 from latinpc.scenes import make
 scene = make("packing", side=14, law="friction", seed=3, subdomains=4)
 structure = latinpc.Structure.from_scene(scene)

@@ -35,6 +35,10 @@ RAMPS = {
         lambda: stiffened(1e4, False),
         {"snes_latin_subdomains": 8},
     ),  # other search parameters
+    "stalls": (
+        lambda: make("packing", side=10, law="friction", seed=2),
+        {"snes_stol": 1e-6},
+    ),  # the same while the state goes on
 }
 
 

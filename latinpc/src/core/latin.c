@@ -25,7 +25,7 @@ PetscErrorCode LatinCreate_Private(MPI_Comm comm, Latin *newlatin)
   PetscCall(PetscHeaderCreate(latin, LATIN_CLASSID, "Latin", "LATIN domain decomposition", "Latin", comm, LatinDestroy_Private, LatinView_Private));
   PetscCall(LatinWatchCreate_Private(PetscObjectComm((PetscObject)latin)));
   /* each stage reads those below it */
-  latin->sub      = (LatinSubdomains){.object = (PetscObject)latin, .scale = 1.0};
+  latin->sub      = (LatinSubdomains){.object = (PetscObject)latin};
   latin->inter    = (LatinInterfaces){.sub = &latin->sub, .variant = LATIN_VARIANT_CORNER};
   latin->dir      = (LatinDirections){.sub = &latin->sub, .inter = &latin->inter, .type = LATIN_DIRECTION_SCHUR};
   latin->spectral = (LatinSpectral){.sub = &latin->sub, .inter = &latin->inter, .dir = &latin->dir, .threshold = PETSC_DEFAULT};

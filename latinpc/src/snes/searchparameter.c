@@ -6,15 +6,14 @@
    change by as much from one local stage to the next, |change of tau_hat| = l |change of e_hat|. What grains with friction
    need is not known before (from 1/4 to 8 times what structure/rigidlaws.c chooses), and nothing else is guaranteed to end a stall.
 
-   Where no link has a stiffness, and no mass stands behind a node, all operators are proportional to l: another l is
-   another unit of length. So nothing is built again. Displacements, gaps and prescribed displacements of the subdomains
-   are latin->sub.scale times those of the structure, l stays what it is, and the state is written anew for the same tensions
-   and elongations. Factors are powers of two, which round nothing, and are the same on any number of ranks.
+   Another l is another operator: all is built again. Where no link has a stiffness, and no mass stands behind a node, all
+   operators are proportional to l, and the state is written anew for the same tensions and displacements: the iteration goes
+   on. Factors are powers of two, which round nothing, and are the same on any number of ranks.
 
    Beside elastic links l should be the stiffness that the structure shows to its rigid links. That of the neighbours, which
    structure/rigidlaws.c takes, may be far from it where stiffnesses differ much. The linear stages show it: from one to the next the
    tensions of the rigid links change by what this stiffness makes of the changes of their elongations. Where it is far
-   from l, and the iteration has not come to an end soon, all is built again with another l, and the solve starts anew.
+   from l, and the iteration has not come to an end soon, the solve starts anew with another l.
 */
 
 #define LATIN_PARAMETER_WINDOW 30   /* linear stages at first, as many as between two restarts of Anderson's acceleration */
@@ -25,47 +24,33 @@
 #define LATIN_PARAMETER_NEAR   1e3  /* times the stiffnesses of elastic links: no search parameter beyond */
 #define LATIN_PARAMETER_AGAIN  3    /* times that the operators are made anew */
 
-static void LatinRescale(Latin latin, PetscReal factor)
-{
-  const PetscInt n = latin->sub.bs * latin->sub.copies;
-
-  for (PetscInt i = 0; i < n; i++) {
-    latin->linear.U[i] *= factor;
-    latin->sub.prescribed[i] *= factor;
-  }
-  for (PetscInt k = 0; k < latin->inter.sides; k++) latin->linear.pull[k] *= factor;
-  for (PetscInt l = 0; l < latin->sub.links; l++) latin->sub.e0[l] *= factor;
-  latin->sub.scale *= factor;
-}
-
 static void LatinParameterClear(LatinParameter *parameter)
 {
-  parameter->seen   = 0;
-  parameter->factor = 1.0;
+  parameter->seen = 0;
   for (PetscInt i = 0; i <= LATIN_PARAMETER_PAST; i++) parameter->least[i] = PETSC_MAX_REAL;
   parameter->sum[0] = parameter->sum[1] = 0.0;
 }
 
-/* Before the first linear stage of a solve, which goes on from the state of the last one if `warm`. Collective on latin */
-PetscErrorCode LatinParameterStart_Private(Latin latin, PetscBool warm, LatinParameter *parameter)
+/* Before the first linear stage of a solve. Collective on latin */
+PetscErrorCode LatinParameterStart_Private(Latin latin, LatinParameter *parameter)
 {
   const LatinStructure structure = latin->sub.structure;
-  PetscInt             kinds     = 0; /* of links here: elastic, rigid with a search parameter of ours */
+  PetscInt             kinds     = 0; /* of links here: elastic, rigid with a search parameter of ours, rigid with the user's */
 
   PetscFunctionBegin;
   LatinParameterClear(parameter);
-  parameter->window   = LATIN_PARAMETER_WINDOW;
-  parameter->rescales = parameter->rebuilds = PETSC_FALSE;
-  if (!warm) LatinRescale(latin, 1.0 / latin->sub.scale);
+  parameter->window = LATIN_PARAMETER_WINDOW;
+  parameter->again  = 0;
+  parameter->alone = parameter->beside = PETSC_FALSE;
   if (structure->rigid_law < 0 || structure->ground) PetscFunctionReturn(0);
   for (PetscInt l = 0; l < structure->links_local; l++) {
     if (!LatinLaws[structure->law[l]].rigid) kinds |= 1;
-    else if (LatinStructureTuned(structure, l)) kinds |= 2;
+    else kinds |= LatinStructureTuned(structure, l) ? 2 : 4;
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &kinds, 1, MPIU_INT, MPI_BOR, PetscObjectComm((PetscObject)latin)));
-  parameter->rescales = (PetscBool)(structure->rubs && !(kinds & 1));
-  parameter->rebuilds = (PetscBool)(kinds == 3 && parameter->rebuilt < LATIN_PARAMETER_AGAIN);
-  if (!(parameter->rescales || parameter->rebuilds) || parameter->size == latin->sub.nonsmooth) PetscFunctionReturn(0);
+  parameter->alone  = (PetscBool)(structure->rubs && kinds == 2);
+  parameter->beside = (PetscBool)((kinds & 3) == 3);
+  if (!(parameter->alone || parameter->beside) || parameter->size == latin->sub.nonsmooth) PetscFunctionReturn(0);
   PetscCall(PetscFree2(parameter->tension, parameter->stretch));
   PetscCall(PetscMalloc2(latin->sub.nonsmooth, &parameter->tension, latin->sub.nonsmooth, &parameter->stretch));
   parameter->size = latin->sub.nonsmooth;
@@ -84,13 +69,13 @@ PetscErrorCode LatinParameterObserve_Private(Latin latin, Vec z, Vec Gz, LatinPa
   const PetscScalar     *a, *g;
 
   PetscFunctionBegin;
-  if (!(parameter->rescales || parameter->rebuilds) || !(scale > 0.0)) PetscFunctionReturn(0);
+  if (!(parameter->alone || parameter->beside) || !(scale > 0.0)) PetscFunctionReturn(0);
   PetscCall(VecGetArrayRead(z, &a));
   PetscCall(VecGetArrayRead(Gz, &g));
   for (PetscInt i = 0; i < sub->nonsmooth; i++) {
     const PetscInt  at = latin->inter.sides + i;
     const PetscReal l = sub->stiffness[sub->nonsmooth_link[i]], y = 2.0 * latin->linear.tension[i] - g[at];
-    const PetscReal tension = parameter->rescales ? latin->linear.tension[i] : 0.5 * (y + a[at]), stretch = parameter->rescales ? latin->linear.tension[i] - g[at] : 0.5 * (y - a[at]);
+    const PetscReal tension = parameter->alone ? latin->linear.tension[i] : 0.5 * (y + a[at]), stretch = parameter->alone ? latin->linear.tension[i] - g[at] : 0.5 * (y - a[at]);
 
     if (!LatinLaws[sub->law[sub->nonsmooth_link[i]]].rigid) continue;
     if (parameter->seen) {
@@ -133,13 +118,16 @@ static PetscErrorCode LatinParameterShown_Private(Latin latin, PetscBool diverge
   PetscFunctionBegin;
   if (++parameter->seen < parameter->window && !diverges) PetscFunctionReturn(0);
   PetscCall(MPIU_Allreduce(parameter->sum, sum, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)latin)));
-  parameter->rebuilds = PETSC_FALSE;
+  parameter->beside = PETSC_FALSE;
   if (!(sum[0] > 0.0 && sum[1] > 0.0)) PetscFunctionReturn(0);
   shown = PetscSqrtReal(sum[0] / sum[1]);
   if (shown < LATIN_PARAMETER_OFF && shown > 1.0 / LATIN_PARAMETER_OFF) PetscFunctionReturn(0);
   parameter->factor = PetscPowReal(2.0, PetscFloorReal(0.5 + PetscLog2Real(shown)));
   PetscCall(LatinParameterBound_Private(latin, &parameter->factor));
-  if (parameter->factor != 1.0) *next = LATIN_NEXT_REBUILD;
+  if (parameter->factor == 1.0) PetscFunctionReturn(0);
+  parameter->beside = (PetscBool)(++parameter->again < LATIN_PARAMETER_AGAIN);
+  LatinParameterClear(parameter);
+  *next = LATIN_NEXT_REBUILD;
   PetscFunctionReturn(0);
 }
 
@@ -149,8 +137,8 @@ PetscErrorCode LatinParameterDue_Private(Latin latin, PetscReal measure, PetscBo
   PetscReal sum[2], *least = parameter->least, now, before;
 
   PetscFunctionBegin;
-  if (parameter->rebuilds) PetscCall(LatinParameterShown_Private(latin, diverges, parameter, next));
-  if (!parameter->rescales) PetscFunctionReturn(0);
+  if (parameter->beside) PetscCall(LatinParameterShown_Private(latin, diverges, parameter, next));
+  if (!parameter->alone) PetscFunctionReturn(0);
   least[0] = PetscMin(least[0], measure);
   if (++parameter->seen % parameter->window) PetscFunctionReturn(0);
   now = before = PETSC_MAX_REAL;
@@ -163,8 +151,12 @@ PetscErrorCode LatinParameterDue_Private(Latin latin, PetscReal measure, PetscBo
     const PetscReal wanted = PetscPowReal(sum[0] / sum[1], 0.25); /* half of the way, on a logarithmic scale */
 
     parameter->factor = PetscPowReal(2.0, PetscFloorReal(0.5 + PetscLog2Real(PetscMin(LATIN_PARAMETER_MOST, PetscMax(1.0 / LATIN_PARAMETER_MOST, wanted)))));
-    if (parameter->factor * latin->sub.scale > LATIN_PARAMETER_FAR || parameter->factor * latin->sub.scale < 1.0 / LATIN_PARAMETER_FAR) parameter->factor = 1.0;
-    if (parameter->factor != 1.0) *next = LATIN_NEXT_RESCALE;
+    if (parameter->factor != 1.0 && parameter->factor * latin->tuning <= LATIN_PARAMETER_FAR && parameter->factor * latin->tuning >= 1.0 / LATIN_PARAMETER_FAR) {
+      LatinParameterClear(parameter);
+      parameter->window += parameter->window / 2; /* an indicator in another unit takes its time */
+      *next = LATIN_NEXT_REBUILD;
+      PetscFunctionReturn(0);
+    }
   }
   for (PetscInt i = LATIN_PARAMETER_PAST - 1; i > 0; i--) least[i] = least[i - 1];
   least[0]          = PETSC_MAX_REAL;
@@ -173,9 +165,9 @@ PetscErrorCode LatinParameterDue_Private(Latin latin, PetscReal measure, PetscBo
 }
 
 /* The state z, of which F = z - G(z) has just been computed, for l times the factor: the same forces, elongations and displacements. Collective on latin */
-PetscErrorCode LatinParameterRescale_Private(Latin latin, Vec z, Vec F, LatinParameter *parameter)
+PetscErrorCode LatinParameterState_Private(Latin latin, Vec z, Vec F, PetscReal factor)
 {
-  const PetscReal    factor = parameter->factor, *pull = latin->linear.pull;
+  const PetscReal   *pull  = latin->linear.pull;
   const PetscInt     sides = latin->inter.sides;
   const PetscScalar *f;
   PetscScalar       *a;
@@ -191,10 +183,6 @@ PetscErrorCode LatinParameterRescale_Private(Latin latin, Vec z, Vec F, LatinPar
   }
   PetscCall(VecRestoreArrayRead(F, &f));
   PetscCall(VecRestoreArray(z, &a));
-  LatinRescale(latin, factor);
-  PetscCall(PetscInfo(latin, "The iteration stalls: the search parameter of rigid links is %g times that of the start\n", (double)latin->sub.scale));
-  LatinParameterClear(parameter);
-  parameter->window += parameter->window / 2; /* an indicator in another unit takes its time */
   PetscFunctionReturn(0);
 }
 
@@ -205,7 +193,7 @@ PetscErrorCode LatinParameterTune_Private(Latin latin, PetscReal factor)
   PetscCall(PetscObjectStateGet((PetscObject)latin->sub.structure, &latin->tuning_state));
   latin->tuning *= factor;
   latin->stale = PETSC_TRUE;
-  PetscCall(PetscInfo(latin, "The search parameter of rigid links becomes %g times what it was, as the structure shows\n", (double)factor));
+  PetscCall(PetscInfo(latin, "The search parameter of rigid links becomes %g times what it was\n", (double)factor));
   PetscFunctionReturn(0);
 }
 

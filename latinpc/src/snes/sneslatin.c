@@ -102,8 +102,7 @@ static PetscErrorCode SNESLatinPrepare_Private(SNES snes)
   if (SNESLatinEstimates(data)) PetscCall(LatinEstimateStart_Private(&data->estimate));
   PetscCall(PetscMemzero(&data->found, sizeof(data->found)));
   PetscCall(LatinNewtonStart_Private(&data->newton, latin->sub.structure));
-  data->parameter.rebuilt = 0;
-  PetscCall(LatinParameterStart_Private(latin, (PetscBool)(data->warm && data->has_state), &data->parameter));
+  PetscCall(LatinParameterStart_Private(latin, &data->parameter));
   data->done = data->tested = latin->linear.applications = 0;
   data->current                                          = -1;
   data->first_distance                                   = -1.0;
@@ -231,37 +230,30 @@ static PetscErrorCode SNESLatinNewton_Private(SNES snes, PetscBool stall)
   PetscFunctionReturn(0);
 }
 
-/* Contacts with friction have stalled: the iteration goes on with another search parameter */
-static PetscErrorCode SNESLatinRescale_Private(SNES snes)
-{
-  SNES_Latin *data = (SNES_Latin *)snes->data;
-  Vec         F;
-
-  PetscFunctionBegin;
-  PetscCall(SNESGetFunction(data->outer, &F, NULL, NULL));
-  PetscCall(SNESLatinFixedPoint_Private(data->outer, data->z, F, snes)); /* the inner SNES may have been elsewhere */
-  PetscCall(LatinParameterRescale_Private(data->latin, data->z, F, &data->parameter));
-  if (SNESLatinEstimates(data)) PetscCall(LatinEstimateStart_Private(&data->estimate));
-  data->has_before = PETSC_FALSE;
-  PetscCall(SNESLatinIterate_Private(snes));
-  PetscFunctionReturn(0);
-}
-
-/* Rigid links with another search parameter beside elastic ones: all is built again, and the solve starts anew */
+/* Rigid links with another search parameter: all is built again. The state goes on, or the solve starts anew where links have a stiffness */
 static PetscErrorCode SNESLatinRebuild_Private(SNES snes)
 {
   SNES_Latin *data = (SNES_Latin *)snes->data;
+  Vec         z    = NULL, F;
 
   PetscFunctionBegin;
+  if (data->parameter.alone) {
+    z = data->z;
+    PetscCall(PetscObjectReference((PetscObject)z));
+    PetscCall(SNESGetFunction(data->outer, &F, NULL, NULL));
+    PetscCall(SNESLatinFixedPoint_Private(data->outer, z, F, snes)); /* the inner SNES may have been elsewhere */
+    PetscCall(LatinParameterState_Private(data->latin, z, F, data->parameter.factor));
+  }
   PetscCall(LatinParameterTune_Private(data->latin, data->parameter.factor));
-  data->parameter.rebuilt++;
   PetscCall(SNESLatinSetUpState_Private(snes));
+  PetscCall(SNESLatinCopyReference_Private(snes));
   PetscCall(SNESLatinLoad_Private(snes));
   if (SNESLatinEstimates(data)) PetscCall(LatinEstimateStart_Private(&data->estimate));
-  data->first_distance = -1.0;
-  data->guess          = PETSC_FALSE;
-  PetscCall(LatinParameterStart_Private(data->latin, PETSC_FALSE, &data->parameter));
+  data->guess = PETSC_FALSE;
   PetscCall(SNESLatinStart_Private(snes));
+  if (z) PetscCall(VecCopy(z, data->z));
+  else data->first_distance = -1.0;
+  PetscCall(VecDestroy(&z));
   PetscCall(SNESLatinIterate_Private(snes));
   PetscFunctionReturn(0);
 }
@@ -307,9 +299,6 @@ static PetscErrorCode SNESLatinRun_Private(SNES snes)
       break;
     case LATIN_NEXT_NEWTON_STALL:
       PetscCall(SNESLatinNewton_Private(snes, PETSC_TRUE));
-      break;
-    case LATIN_NEXT_RESCALE:
-      PetscCall(SNESLatinRescale_Private(snes));
       break;
     case LATIN_NEXT_REBUILD:
       PetscCall(SNESLatinRebuild_Private(snes));
@@ -430,7 +419,6 @@ PETSC_EXTERN PetscErrorCode SNESCreate_Latin(SNES snes)
 
   PetscObjectParameterSetDefault(snes, max_its, 1000);
   PetscObjectParameterSetDefault(snes, stol, 1e-5);
-  data->parameter.factor = 1.0;
   PetscCall(LatinCreate_Private(PetscObjectComm((PetscObject)snes), &data->latin));
   PetscCall(PetscObjectComposeFunction((PetscObject)snes, "LatinRigidTensions_C", SNESLatinRigidTensions_Private));
   PetscFunctionReturn(0);

@@ -15,8 +15,7 @@ typedef enum {
   LATIN_NEXT_CONVERGED_FNORM_ABS, /* the unbalance is */
   LATIN_NEXT_NEWTON_FINISH,       /* Newton's method, from near the solution */
   LATIN_NEXT_NEWTON_STALL,        /* Newton's method, since the iteration stalls */
-  LATIN_NEXT_RESCALE,             /* the iteration, with other search parameters: the state is written anew */
-  LATIN_NEXT_REBUILD,             /* the same: all is built again */
+  LATIN_NEXT_REBUILD,             /* the iteration, with other search parameters: all is built again */
   LATIN_NEXT_ROUNDING,            /* end: rounding hides the way to what was asked for */
   LATIN_NEXT_DIVERGED,            /* end: without an equilibrium, or away from it */
   LATIN_NEXT_LINE_SEARCH,         /* end: the search of Newton's method stands still */
@@ -67,21 +66,21 @@ PETSC_INTERN PetscErrorCode PCLatinFollow_Private(PC, Latin);
 /* ---- the search parameter of rigid links where the iteration stalls (snes/searchparameter.c) ---- */
 #define LATIN_PARAMETER_PAST 4 /* windows of linear stages that show a stall */
 typedef struct {
-  PetscBool  rescales;                        /* no link has a stiffness of its own */
-  PetscBool  rebuilds;                        /* links beside rigid ones do: these are to have the stiffness that those show */
-  PetscInt   rebuilt;                         /* times that all was built again in this solve */
+  PetscBool  alone;                           /* no link has a stiffness of its own: the state goes on with another parameter */
+  PetscBool  beside;                          /* links beside rigid ones do: these are to have the stiffness that those show */
+  PetscInt   again;                           /* times that they have got another one in this solve */
   PetscInt   seen, window;                    /* linear stages with this parameter; from one look to the next */
   PetscReal  least[LATIN_PARAMETER_PAST + 1]; /* least measure of this window and of the last ones */
   PetscReal  sum[2];                          /* squares of the changes of tensions and elongations in this window, here */
   PetscReal *tension, *stretch;               /* [size] of the last local stage: tau_hat, l e_hat */
   PetscInt   size;
-  PetscReal  factor; /* of the parameter wanted next, 1: it stays */
+  PetscReal  factor; /* of the parameter wanted next */
 } LatinParameter;
-PETSC_INTERN PetscErrorCode LatinParameterStart_Private(Latin, PetscBool warm, LatinParameter *);
+PETSC_INTERN PetscErrorCode LatinParameterStart_Private(Latin, LatinParameter *);
 PETSC_INTERN PetscErrorCode LatinParameterObserve_Private(Latin, Vec z, Vec Gz, LatinParameter *);
 PETSC_INTERN PetscErrorCode LatinParameterDue_Private(Latin, PetscReal measure, PetscBool diverges, LatinParameter *, LatinNext *);
 PETSC_INTERN PetscErrorCode LatinParameterTune_Private(Latin, PetscReal factor);
-PETSC_INTERN PetscErrorCode LatinParameterRescale_Private(Latin, Vec z, Vec F, LatinParameter *);
+PETSC_INTERN PetscErrorCode LatinParameterState_Private(Latin, Vec z, Vec F, PetscReal factor);
 PETSC_INTERN PetscErrorCode LatinParameterDestroy_Private(LatinParameter *);
 
 /* ---- SNES latin ---- */

@@ -68,7 +68,7 @@ PetscErrorCode LatinAverage_Private(LatinLinear *linear, Vec u)
   PetscReal             *w   = linear->g; /* free as work space between linear stages */
 
   PetscFunctionBegin;
-  for (PetscInt i = 0; i < bs * sub->copies; i++) w[i] = linear->U[i] / (linear->sub->scale * sub->multiplicity[i / bs]);
+  for (PetscInt i = 0; i < bs * sub->copies; i++) w[i] = linear->U[i] / sub->multiplicity[i / bs];
   PetscCall(LatinSum_Private(sub, w, u));
   PetscFunctionReturn(0);
 }
@@ -83,13 +83,13 @@ PetscErrorCode LatinErrors_Private(const LatinLinear *linear, const PetscReal re
 
   PetscFunctionBegin;
   for (PetscInt i = 0; i < dim * sub->copies; i++) {
-    sum[0] += PetscSqr(U[i] / linear->sub->scale - reference[i]);
+    sum[0] += PetscSqr(U[i] - reference[i]);
     sum[1] += PetscSqr(reference[i]);
   }
   for (PetscInt l = 0; l < sub->links; l++) {
     const PetscReal r = LatinElongation(sub, dim, l, reference);
 
-    sum[2] += sub->stiffness[l] * PetscSqr(LatinElongation(sub, dim, l, U) / linear->sub->scale - r);
+    sum[2] += sub->stiffness[l] * PetscSqr(LatinElongation(sub, dim, l, U) - r);
     sum[3] += sub->stiffness[l] * PetscSqr(r);
   }
   PetscCall(MPIU_Allreduce(sum, total, 4, MPIU_REAL, MPIU_SUM, PetscObjectComm(linear->sub->object)));

@@ -45,7 +45,6 @@ typedef struct {
   PetscBool      tangent;        /* linear operators: no link has a state */
   PetscReal     *link_stiffness; /* [links_local of the structure] k; tangent stiffnesses for linear operators; search parameters of rigid links */
   PetscBool      preconditions;  /* one linear stage from zero, in which springs only keep operators regular */
-  PetscReal      scale;          /* displacements and gaps of the subdomains over those of the structure, 1 but for rigid links */
   /* made by the set-up */
   PetscInt   dim, bs;     /* coordinates and components of a node */
   PetscInt   fields;      /* kinds of components, each with macro fields of its own; as many as coordinates: a displacement */

@@ -220,7 +220,6 @@ PetscErrorCode LatinSubdomainsRefresh(LatinSubdomains *sub)
   if (structure->rigid_law >= 0)
     for (PetscInt l = 0; l < sub->links; l++)
       if (LatinLaws[sub->law[l]].rigid && !LatinSubdomainsMoves(sub, l)) sub->e0[l] = 0.0;
-  for (PetscInt l = 0; sub->scale != 1.0 && l < sub->links; l++) sub->e0[l] *= sub->scale;
   PetscFunctionReturn(0);
 }
 
@@ -286,7 +285,6 @@ PetscErrorCode LatinSubdomainsReset(LatinSubdomains *sub)
   PetscCall(PetscSFDestroy(&sub->dof_sf));
   PetscCall(PetscFree(sub->jumps));
   PetscCall(PetscMemzero(&sub->dim, sizeof(*sub) - offsetof(LatinSubdomains, dim)));
-  sub->scale = 1.0;
   PetscFunctionReturn(0);
 }
 
