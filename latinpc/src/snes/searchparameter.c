@@ -111,12 +111,12 @@ static PetscErrorCode LatinParameterBound_Private(Latin latin, PetscReal *factor
 }
 
 /* The stiffness that the structure shows to its rigid links, beside l; far from it, all is to be built again */
-static PetscErrorCode LatinParameterShown_Private(Latin latin, PetscBool diverges, LatinParameter *parameter, LatinNext *next)
+static PetscErrorCode LatinParameterShown_Private(Latin latin, LatinParameter *parameter, LatinNext *next)
 {
   PetscReal sum[2], shown;
 
   PetscFunctionBegin;
-  if (++parameter->seen < parameter->window && !diverges) PetscFunctionReturn(0);
+  if (++parameter->seen < parameter->window && *next != LATIN_NEXT_DIVERGED) PetscFunctionReturn(0);
   PetscCall(MPIU_Allreduce(parameter->sum, sum, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)latin)));
   parameter->beside = PETSC_FALSE;
   if (!(sum[0] > 0.0 && sum[1] > 0.0)) PetscFunctionReturn(0);
@@ -132,12 +132,12 @@ static PetscErrorCode LatinParameterShown_Private(Latin latin, PetscBool diverge
 }
 
 /* Is it time for another parameter? Then *next says how; else it stays. To be called once a stage with what the stop is on. Collective on latin */
-PetscErrorCode LatinParameterDue_Private(Latin latin, PetscReal measure, PetscBool diverges, LatinParameter *parameter, LatinNext *next)
+PetscErrorCode LatinParameterDue_Private(Latin latin, PetscReal measure, LatinParameter *parameter, LatinNext *next)
 {
   PetscReal sum[2], *least = parameter->least, now, before;
 
   PetscFunctionBegin;
-  if (parameter->beside) PetscCall(LatinParameterShown_Private(latin, diverges, parameter, next));
+  if (parameter->beside) PetscCall(LatinParameterShown_Private(latin, parameter, next));
   if (!parameter->alone) PetscFunctionReturn(0);
   least[0] = PetscMin(least[0], measure);
   if (++parameter->seen % parameter->window) PetscFunctionReturn(0);

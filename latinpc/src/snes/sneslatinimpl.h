@@ -78,7 +78,7 @@ typedef struct {
 } LatinParameter;
 PETSC_INTERN PetscErrorCode LatinParameterStart_Private(Latin, LatinParameter *);
 PETSC_INTERN PetscErrorCode LatinParameterObserve_Private(Latin, Vec z, Vec Gz, LatinParameter *);
-PETSC_INTERN PetscErrorCode LatinParameterDue_Private(Latin, PetscReal measure, PetscBool diverges, LatinParameter *, LatinNext *);
+PETSC_INTERN PetscErrorCode LatinParameterDue_Private(Latin, PetscReal measure, LatinParameter *, LatinNext *);
 PETSC_INTERN PetscErrorCode LatinParameterTune_Private(Latin, PetscReal factor);
 PETSC_INTERN PetscErrorCode LatinParameterState_Private(Latin, Vec z, Vec F, PetscReal factor);
 PETSC_INTERN PetscErrorCode LatinParameterDestroy_Private(LatinParameter *);
