@@ -21,7 +21,6 @@
 #define LATIN_PARAMETER_MOST   4.0  /* largest change at once */
 #define LATIN_PARAMETER_FAR    16.0 /* no further than this from where it started */
 #define LATIN_PARAMETER_OFF    32.0 /* by so much a search parameter may differ from the stiffness that the structure shows */
-#define LATIN_PARAMETER_NEAR   1e3  /* times the stiffnesses of elastic links: no search parameter beyond */
 #define LATIN_PARAMETER_AGAIN  3    /* times that the operators are made anew */
 
 static void LatinParameterClear(LatinParameter *parameter)
@@ -90,26 +89,6 @@ PetscErrorCode LatinParameterObserve_Private(Latin latin, Vec z, Vec Gz, LatinPa
   PetscFunctionReturn(0);
 }
 
-/* A factor of the search parameters that leaves them near the stiffnesses of elastic links: tensions that grow without end show any. Collective on latin */
-static PetscErrorCode LatinParameterBound_Private(Latin latin, PetscReal *factor)
-{
-  const LatinStructure structure = latin->sub.structure;
-  PetscReal            range[4]  = {-PETSC_MAX_REAL, 0.0, -PETSC_MAX_REAL, 0.0}; /* -least and most of elastic links, and of those parameters */
-
-  PetscFunctionBegin;
-  for (PetscInt l = 0; l < structure->links_local; l++) {
-    PetscReal *of = range + (LatinStructureTuned(structure, l) ? 2 : 0);
-
-    if (LatinLaws[structure->law[l]].rigid && !LatinStructureTuned(structure, l)) continue; /* the user's parameter */
-    of[0] = PetscMax(of[0], -latin->sub.link_stiffness[l]);
-    of[1] = PetscMax(of[1], latin->sub.link_stiffness[l]);
-  }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, range, 4, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)structure)));
-  while (*factor * range[3] > LATIN_PARAMETER_NEAR * range[1]) *factor *= 0.5;
-  while (-*factor * range[2] * LATIN_PARAMETER_NEAR < -range[0]) *factor *= 2.0;
-  PetscFunctionReturn(0);
-}
-
 /* The stiffness that the structure shows to its rigid links, beside l; far from it, all is to be built again */
 static PetscErrorCode LatinParameterShown_Private(Latin latin, LatinParameter *parameter, LatinNext *next)
 {
@@ -123,8 +102,6 @@ static PetscErrorCode LatinParameterShown_Private(Latin latin, LatinParameter *p
   shown = PetscSqrtReal(sum[0] / sum[1]);
   if (shown < LATIN_PARAMETER_OFF && shown > 1.0 / LATIN_PARAMETER_OFF) PetscFunctionReturn(0);
   parameter->factor = PetscPowReal(2.0, PetscFloorReal(0.5 + PetscLog2Real(shown)));
-  PetscCall(LatinParameterBound_Private(latin, &parameter->factor));
-  if (parameter->factor == 1.0) PetscFunctionReturn(0);
   parameter->beside = (PetscBool)(++parameter->again < LATIN_PARAMETER_AGAIN);
   LatinParameterClear(parameter);
   *next = LATIN_NEXT_REBUILD;
