@@ -1,4 +1,4 @@
-"""Solvers of the coarse problem and approximate subdomains: what they cost as the number of subdomains grows.
+"""Solvers of the coarse problem and of interiors: what they cost as the number of subdomains grows.
 
     python benchmarks/coarse_solvers.py                   writes results/coarse-solvers.json, fills in coarse-solvers.md
     python benchmarks/coarse_solvers.py truss-grid        one of the tables anew
@@ -43,21 +43,18 @@ GROWTH = {
     "truss-grid": [25, 50, 100],
     "lattice 3D": [4, 8],
 }
-#: Solvers of subdomains, interiors and of the coarse problem.
+#: Solvers of interiors and of the coarse problem.
 APPROXIMATE = {
     "direct, Schur complements": {},
     "direct, diagonal": DIAGONAL,
-    "subdomains ICC": DIAGONAL | {"local_pc_type": "icc"},
     "interiors ICC": DIAGONAL | {"interior_pc_type": "icc"},
     "interiors GAMG": DIAGONAL | {"interior_pc_type": "gamg"},
-    "both ICC": DIAGONAL | {"local_pc_type": "icc", "interior_pc_type": "icc"},
-    "subdomains ICC, interiors GAMG": DIAGONAL | {"local_pc_type": "icc", "interior_pc_type": "gamg"},
-    "both ICC, coarse latin": DIAGONAL | {"local_pc_type": "icc", "interior_pc_type": "icc"} | LATIN,
     "coarse MUMPS, low rank 1e-4": {"coarse_mat_mumps_icntl_35": 1, "coarse_mat_mumps_cntl_7": 1e-4},
 }
 SCENES = {
     "Poisson, 2D, 4 x 64 x 64 cells": ("poisson", 2, 128, "2,2"),
     "Poisson, 3D, 4 x 24 x 12 x 12 cells": ("poisson", 3, 24, "1,2,2"),
+    "Poisson, 3D, 4 x 48 x 24 x 24 cells": ("poisson", 3, 48, "1,2,2"),
     "elasticity, 3D, 4 x 16 x 8 x 8 cells": ("elasticity", 3, 16, "1,2,2"),
     "truss grid, 4 x 16 x 16 modules": ("truss", 3, 32, "4"),
 }

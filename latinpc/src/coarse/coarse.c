@@ -60,7 +60,7 @@ static PetscErrorCode LatinCoarseRedundant_Private(KSP ksp)
 static PetscErrorCode LatinCoarseSolver_Private(LatinCoarse *coarse, LatinCoarseSolver solver)
 {
   const LatinUnknowns *known = &coarse->above.known;
-  PetscBool            direct, bddc;
+  PetscBool            bddc;
   PC                   pc;
 
   PetscFunctionBegin;
@@ -70,7 +70,7 @@ static PetscErrorCode LatinCoarseSolver_Private(LatinCoarse *coarse, LatinCoarse
   PetscCall(KSPSetOperators(coarse->ksp, coarse->A, coarse->A));
   PetscCall(KSPSetFromOptions(coarse->ksp));
   PetscCall(LatinCoarseRedundant_Private(coarse->ksp));
-  PetscCall(LatinSolverDefaults_Private(coarse->ksp, coarse->sub->preconditions, &direct));
+  PetscCall(LatinSolverDefaults_Private(coarse->ksp, coarse->sub->preconditions));
   PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCBDDC, &bddc)); /* multigrid would forget the near null space */
   if (bddc && known->dim) PetscCall(PCSetCoordinates(pc, known->dim, coarse->top_local, known->x));
   PetscFunctionReturn(0);
@@ -96,10 +96,7 @@ PetscErrorCode LatinCoarseSetUp(LatinCoarse *coarse, const LatinHomogenised *sti
   PetscCall(MatCreateVecs(coarse->A, &coarse->sol, &coarse->rhs));
   PetscCall(LatinCoarseSolver_Private(coarse, solver));
   PetscCall(MatGetSize(coarse->A, &rows, NULL));
-  if (rows) { /* disconnected structures may be condensed entirely, each a group */
-    PetscCall(LatinFactor_Private(coarse->ksp, coarse->A, MATSOLVERMUMPS, &coarse->status));
-    if (solver != SOLVER_DIRECT && coarse->sub->preconditions && !LatinFactorFailed(&coarse->status)) PetscCall(LatinSolverTest_Private(coarse->ksp, coarse->A, &coarse->inexact));
-  }
+  if (rows) PetscCall(LatinFactor_Private(coarse->ksp, coarse->A, MATSOLVERMUMPS, &coarse->status)); /* disconnected structures may be condensed entirely, each a group */
   PetscCall(PetscLogEventEnd(LATIN_Coarse, coarse->sub->object, 0, 0, 0));
   PetscFunctionReturn(0);
 }

@@ -60,8 +60,7 @@ typedef struct {
   PetscInt         *top_global;          /* [top.offset[top.n]] rows of A */
   PetscSF           top_sf;              /* coarse vector -> dofs of the elements here */
   LatinFactorStatus status;              /* of the set-up */
-  LatinInexact      inexact;
-  PetscBool         failed; /* a solve failed since this was cleared */
+  PetscBool         failed;              /* a solve failed since this was cleared */
 } LatinCoarse;
 
 /* The homogenised stiffnesses (51) of the subdomains, once for equal ones */

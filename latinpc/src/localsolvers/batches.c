@@ -175,10 +175,10 @@ static PetscErrorCode LatinLocalMatrix_Private(LatinLocalSolvers *solvers, Petsc
 }
 
 /*
-   Matrices, factors and work space; name is "local" or "interior", the prefix of the options; held[dof]: negative where
-   the row is that of the operator. solvers->status says how it ended on this rank.
+   Matrices, factors and work space; name is "local" or "interior", the prefix of the options; once: a preconditioner that
+   is no factorisation is applied once. solvers->status says how it ended on this rank.
 */
-PetscErrorCode LatinLocalSolversSetUp(LatinLocalSolvers *solvers, const char name[], const PetscInt held[])
+PetscErrorCode LatinLocalSolversSetUp(LatinLocalSolvers *solvers, const char name[], PetscBool once)
 {
   const LatinSubdomains *sub     = solvers->sub;
   const MatSolverType    package = LatinSubdomainsCondensed(sub) ? MATSOLVERPETSC : MATSOLVERCHOLMOD;
@@ -187,8 +187,7 @@ PetscErrorCode LatinLocalSolversSetUp(LatinLocalSolvers *solvers, const char nam
   solvers->direct = PETSC_TRUE;
   PetscCall(PetscMemzero(&solvers->status, sizeof(solvers->status)));
   for (PetscInt i = 0; i < solvers->n && !LatinFactorFailed(&solvers->status); i++) {
-    PetscBool direct;
-    PC        pc;
+    PC pc;
 
     PetscCall(LatinLocalMatrix_Private(solvers, i));
     PetscCall(LatinSolverCreate_Private(PETSC_COMM_SELF, sub->object, name, &solvers->ksp[i]));
@@ -196,15 +195,13 @@ PetscErrorCode LatinLocalSolversSetUp(LatinLocalSolvers *solvers, const char nam
     PetscCall(LatinDirectSolver_Private(pc, solvers->K[i], package));
     PetscCall(KSPSetOperators(solvers->ksp[i], solvers->K[i], solvers->K[i]));
     PetscCall(KSPSetFromOptions(solvers->ksp[i]));
-    PetscCall(LatinSolverDefaults_Private(solvers->ksp[i], sub->preconditions, &direct));
-    if (direct) PetscCall(MatSetBlockSize(solvers->K[i], sub->bs));
-    else PetscCall(LatinNearNullSpaceBatch_Private(sub, held, &solvers->batches->batch[i], solvers->K[i]));
+    PetscCall(LatinSolverDefaults_Private(solvers->ksp[i], once));
+    PetscCall(MatSetBlockSize(solvers->K[i], sub->bs));
     solvers->status.large = PETSC_FALSE;
     for (PetscInt p = 0; p < solvers->batches->batch[i].patterns; p++) solvers->status.large = (PetscBool)(solvers->status.large || solvers->batches->batch[i].row[p + 1] - solvers->batches->batch[i].row[p] > LATIN_LARGE);
     PetscCall(LatinFactor_Private(solvers->ksp[i], solvers->K[i], package, &solvers->status));
     solvers->last = i;
     PetscCall(LatinSolverDirect_Private(solvers->ksp[i], &solvers->direct));
-    if (!solvers->direct && sub->preconditions && !LatinFactorFailed(&solvers->status) && !i) PetscCall(LatinSolverTest_Private(solvers->ksp[i], solvers->K[i], &solvers->inexact));
   }
   PetscFunctionReturn(0);
 }

@@ -1,5 +1,5 @@
 /*
-   Solvers of the subdomains: which of them share a factor, factorisations and how they end, approximate solvers, the
+   Solvers of the subdomains: which of them share a factor, factorisations and how they end, solvers by choice, the
    elimination of a subdomain's inside.
 */
 #ifndef LATINLOCALSOLVERS_H
@@ -37,22 +37,13 @@ PETSC_INTERN PetscErrorCode LatinOrdering(Mat, MatOrderingType, IS *rows, IS *co
 /* ---- one dense Schur complement (localsolvers/elimination.c) ---- */
 PETSC_INTERN PetscErrorCode LatinEliminate_Private(const LatinSparse *, PetscInt gamma, const PetscInt kept[], PetscReal F[], PetscBool *bad);
 
-/* ---- approximate solvers (localsolvers/approximate.c) ---- */
-#define LATIN_INEXACT_RTOL     LatinByPrecision(1e-10, 1e-5) /* of an iterative solver where it is taken to be exact */
-#define LATIN_INEXACT_HARMLESS 1e-4                          /* asymmetry or variation of a preconditioner that Krylov methods bear */
-
-/* How far solvers are from a symmetric and from a linear operator, 0 for direct ones */
-typedef struct {
-  PetscReal asymmetry, variation;
-} LatinInexact;
+/* ---- solvers that options choose (localsolvers/chosen.c) ---- */
+#define LATIN_INEXACT_RTOL LatinByPrecision(1e-10, 1e-5) /* of an iterative solver that is taken to be exact */
 PETSC_INTERN PetscErrorCode LatinSolverCreate_Private(MPI_Comm, PetscObject parent, const char name[], KSP *);
 PETSC_INTERN PetscErrorCode LatinSolverChosen_Private(MPI_Comm, PetscObject parent, const char name[], MatSolverType package, PetscBool *iterative, PetscBool *latin, PetscBool *subassembled, PetscBool *chosen);
 PETSC_INTERN PetscErrorCode LatinSolverDirect_Private(KSP, PetscBool *);
 PETSC_INTERN PetscErrorCode LatinSolverNote_Private(KSP, PetscBool preconditions, PetscBool *failed);
-PETSC_INTERN PetscErrorCode LatinSolverDefaults_Private(KSP, PetscBool preconditions, PetscBool *direct);
-PETSC_INTERN PetscErrorCode LatinSolverAccurate_Private(KSP, const LatinInexact *, KSP *accurate);
-PETSC_INTERN PetscErrorCode LatinSolverTest_Private(KSP, Mat, LatinInexact *);
-PETSC_INTERN PetscErrorCode LatinInexactCheck_Private(const char prefix[], KSP, const LatinInexact *);
+PETSC_INTERN PetscErrorCode LatinSolverDefaults_Private(KSP, PetscBool once);
 
 /* ---- batches of subdomains and their solvers (localsolvers/batches.c) ---- */
 #define LATIN_LANES          8  /* equal subdomains whose links are swept together */
@@ -92,11 +83,10 @@ typedef struct {
   PetscReal            **ca;
   LatinFactorStatus      status; /* of the set-up on this rank */
   PetscInt               last;   /* the last batch that was set up: where a failure is */
-  LatinInexact           inexact;
   PetscBool              failed; /* a solve failed on this rank since this was cleared */
 } LatinLocalSolvers;
 PETSC_INTERN PetscErrorCode LatinLocalSolversCreate(const LatinSubdomains *, const LatinBatches *, LatinLocalSolvers *);
-PETSC_INTERN PetscErrorCode LatinLocalSolversSetUp(LatinLocalSolvers *, const char name[], const PetscInt held[]);
+PETSC_INTERN PetscErrorCode LatinLocalSolversSetUp(LatinLocalSolvers *, const char name[], PetscBool once);
 PETSC_INTERN PetscErrorCode LatinLocalSolversDestroy(LatinLocalSolvers *);
 PETSC_INTERN PetscErrorCode LatinLocalSolve_Private(LatinLocalSolvers *, PetscInt batch, const PetscReal g[], PetscReal U[]);
 PETSC_INTERN PetscErrorCode LatinLocalSolveAll(LatinLocalSolvers *, const PetscReal g[], PetscReal U[]);
@@ -108,7 +98,6 @@ typedef struct {
 } LatinTraceShape;
 PETSC_INTERN void           LatinTraceAdd(const LatinSubdomains *, const LatinTraceShape *, PetscInt dof, PetscReal weight, const PetscReal x[], PetscReal out[]);
 PETSC_INTERN PetscErrorCode LatinNearNullSpace_Private(const LatinUnknowns *, Mat);
-PETSC_INTERN PetscErrorCode LatinNearNullSpaceBatch_Private(const LatinSubdomains *, const PetscInt held[], const LatinBatch *, Mat);
 
 /* ---- the inside of the subdomain here (localsolvers/staticcondensation.c) ---- */
 typedef struct _n_LatinInterior *LatinInterior;

@@ -114,29 +114,3 @@ PetscErrorCode LatinNearNullSpace_Private(const LatinUnknowns *known, Mat A)
   PetscCall(PetscFree(v));
   PetscFunctionReturn(0);
 }
-
-/* The same for the matrix K of a batch of subdomains, whose prescribed and primal rows are those of the identity */
-PetscErrorCode LatinNearNullSpaceBatch_Private(const LatinSubdomains *sub, const PetscInt held[], const LatinBatch *batch, Mat K)
-{
-  const PetscInt        rows = batch->row[batch->patterns], each = sub->fields * (1 + sub->dim);
-  const LatinTraceShape shape = {sub->dim, sub->fields, sub->nears, sub->dim + each + sub->nears};
-  LatinUnknowns         known = {.dim = sub->dim, .fields = sub->fields, .nears = sub->nears};
-  PetscReal            *out;
-
-  PetscFunctionBegin;
-  PetscCall(PetscMalloc4(sub->dim * rows, &known.x, each * rows, &known.trace, sub->nears * rows, &known.near, shape.width, &out));
-  for (PetscInt p = 0; p < batch->patterns; p++)
-    for (PetscInt row = batch->row[p]; row < batch->row[p + 1]; row++) {
-      const PetscInt   dof = row - batch->row[p] + sub->bs * sub->node_offset[batch->sub[p]];
-      const PetscReal *x   = sub->x + sub->dim * (dof / sub->bs);
-
-      PetscCall(PetscArrayzero(out, shape.width));
-      if (!sub->fixed[dof] && held[dof] < 0) LatinTraceAdd(sub, &shape, dof, 1.0, x, out);
-      PetscCall(PetscArraycpy(known.x + sub->dim * row, x, sub->dim));
-      PetscCall(PetscArraycpy(known.trace + each * row, out + sub->dim, each));
-      for (PetscInt k = 0; k < sub->nears; k++) known.near[rows * k + row] = out[sub->dim + each + k];
-    }
-  PetscCall(LatinNearNullSpace_Private(&known, K));
-  PetscCall(PetscFree4(known.x, known.trace, known.near, out));
-  PetscFunctionReturn(0);
-}

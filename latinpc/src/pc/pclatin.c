@@ -45,7 +45,7 @@ static PetscErrorCode PCLatinInterior_Private(PC pc)
     }
     interior->ci[i][n] = nz;
   }
-  PetscCall(LatinLocalSolversSetUp(interior, "interior", latin->inter.primal_index));
+  PetscCall(LatinLocalSolversSetUp(interior, "interior", PETSC_TRUE));
   PetscCall(LatinFactorAgree_Private(latin, &interior->status, interior->n ? &latin->batches.batch[interior->last] : NULL, "interior"));
   PetscFunctionReturn(0);
 }
@@ -78,19 +78,7 @@ static PetscErrorCode PCSetUp_Latin(PC pc)
   PetscCall(MatCreateVecs(pc->pmat, &data->work, NULL));
   PetscCall(PCLatinWeights_Private(pc));
   if (!data->shared) PetscCall(PCLatinInterior_Private(pc));
-  data->inexact.asymmetry = PetscMax(data->interior.inexact.asymmetry, PetscMax(latin->solvers.inexact.asymmetry, latin->coarse.inexact.asymmetry));
-  data->inexact.variation = PetscMax(data->interior.inexact.variation, PetscMax(latin->solvers.inexact.variation, latin->coarse.inexact.variation));
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &data->inexact, 2, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)pc)));
   data->built = PETSC_TRUE;
-  PetscFunctionReturn(0);
-}
-
-static PetscErrorCode PCPreSolve_Latin(PC pc, KSP ksp, Vec b, Vec x)
-{
-  PC_Latin *data = (PC_Latin *)pc->data;
-
-  PetscFunctionBegin;
-  PetscCall(LatinInexactCheck_Private(LatinPrefix(&data->latin->sub), ksp, &data->inexact));
   PetscFunctionReturn(0);
 }
 
@@ -319,8 +307,9 @@ PetscErrorCode PCLatinGetLatin(PC pc, Latin *latin)
   Level: beginner
 
   Note:
-  Approximate solvers that are applied once leave it linear, symmetric and positive definite if they are so; inner
-  iterations do not, and need a flexible method such as `KSPFCG` or `KSPFGMRES`.
+  Approximate solvers of the interiors and of the coarse problem are applied once, which leaves it linear, symmetric and
+  positive definite if they are so; inner iterations that end early do not, and need a flexible method such as `KSPFCG` or
+  `KSPFGMRES`. Solves of the subdomains are accurate.
 
 .seealso: `SNESLATIN`, `LatinStructureAttachPC()`, `PCShellSetLatin()`
 M*/
@@ -334,7 +323,6 @@ PETSC_EXTERN PetscErrorCode PCCreate_Latin(PC pc)
   pc->ops->setup          = PCSetUp_Latin_Watched;
   pc->ops->apply          = PCApply_Latin_Watched;
   pc->ops->applytranspose = PCApply_Latin_Watched;
-  pc->ops->presolve       = PCPreSolve_Latin;
   pc->ops->reset          = PCReset_Latin;
   pc->ops->destroy        = PCDestroy_Latin;
   pc->ops->setfromoptions = PCSetFromOptions_Latin;

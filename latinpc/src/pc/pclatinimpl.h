@@ -10,7 +10,6 @@ typedef struct {
   PetscBool         built;         /* what follows is there, though a rank without subdomains has none */
   PetscReal        *weight;        /* [copies * bs] partition of unity */
   PetscReal        *side;          /* [3 * sides] work */
-  LatinInexact      inexact;       /* of the inner solvers, on all ranks */
   LatinLocalSolvers interior;      /* stiffness of the interiors, identity elsewhere */
   PetscReal        *v, *f, *force; /* [copies * bs] work */
   Vec               work;          /* DM global vector */

@@ -54,11 +54,8 @@ static PetscErrorCode LatinHomogeniseSolve_Private(LatinLinear *linear, PetscInt
   const LatinBatch *batch  = &linear->batches->batch[which];
   const PetscInt    n      = batch->row[batch->patterns];
   PetscInt          widest = 0;
-  KSP               ksp    = linear->solvers->ksp[which];
 
   PetscFunctionBegin;
-  if (linear->solvers->direct) PetscCall(PetscObjectReference((PetscObject)ksp));
-  else PetscCall(LatinSolverAccurate_Private(linear->solvers->ksp[which], &linear->solvers->inexact, &ksp));
   for (PetscInt p = 0; p < batch->patterns; p++) widest = PetscMax(widest, linear->coarse->offset[batch->sub[p] + 1] - linear->coarse->offset[batch->sub[p]]);
   for (PetscInt first = 0; first < widest; first += LATIN_HOMOGENISE_COLUMNS) {
     const PetscInt     last = PetscMin(first + LATIN_HOMOGENISE_COLUMNS, widest);
@@ -71,7 +68,7 @@ static PetscErrorCode LatinHomogeniseSolve_Private(LatinLinear *linear, PetscInt
     PetscCall(MatDenseGetArrayWrite(B, &b));
     PetscCall(LatinHomogeniseColumns_Private(linear, batch, first, last, b));
     PetscCall(MatDenseRestoreArrayWrite(B, &b));
-    PetscCall(LatinDenseSolve_Private(ksp, B, X, failed));
+    PetscCall(LatinDenseSolve_Private(linear->solvers->ksp[which], B, X, failed));
     PetscCall(MatDenseGetArrayRead(X, &x));
     for (PetscInt p = 0; p < batch->patterns; p++) {
       const PetscInt s    = batch->sub[p];
@@ -84,7 +81,6 @@ static PetscErrorCode LatinHomogeniseSolve_Private(LatinLinear *linear, PetscInt
     PetscCall(MatDestroy(&B));
     PetscCall(MatDestroy(&X));
   }
-  PetscCall(KSPDestroy(&ksp));
   PetscFunctionReturn(0);
 }
 

@@ -53,7 +53,6 @@ PETSC_INTERN PetscErrorCode LatinHomogeniseSetUp(LatinLinear *);
 PETSC_INTERN PetscErrorCode LatinLinearSetLoads(LatinLinear *, Vec load);
 PETSC_INTERN PetscErrorCode LatinLinearApply(LatinLinear *, PetscReal U[]);
 PETSC_INTERN PetscErrorCode LatinLinearReset(LatinLinear *);
-PETSC_INTERN PetscErrorCode LatinInexactSolve_Private(LatinLinear *, PetscInt batch, PetscReal U[]);
 
 /* ---- local stage (stages/local.c, stages/locallinks.c, stages/localcontacts.c) ---- */
 PETSC_INTERN PetscErrorCode LatinGatherForces_Private(LatinLinear *, const PetscReal z[]);

@@ -165,7 +165,7 @@ PetscErrorCode LatinLinearSetUp(LatinLinear *linear)
   PetscCall(LatinDirectionSprings_Private(linear->dir, linear->spring));
   PetscCall(LatinLocalSolversCreate(sub, linear->batches, linear->solvers));
   PetscCall(LatinLinearMatrices_Private(linear));
-  PetscCall(LatinLocalSolversSetUp(linear->solvers, "local", linear->inter->primal_index));
+  PetscCall(LatinLocalSolversSetUp(linear->solvers, "local", PETSC_FALSE));
   PetscCall(PetscLogEventEnd(LATIN_Linear, sub->object, 0, 0, 0));
   PetscFunctionReturn(0);
 }
@@ -300,8 +300,7 @@ PetscErrorCode LatinLinearApply(LatinLinear *linear, PetscReal U[])
   PetscCall(LatinCoarseSolve(linear->coarse));
   PetscCall(PetscLogEventBegin(LATIN_Linear, linear->sub->object, 0, 0, 0));
   for (PetscInt b = 0; b < linear->batches->n; b++) {
-    if (!linear->solvers->direct) PetscCall(LatinInexactSolve_Private(linear, b, U));
-    else if (linear->inverse[b]) PetscCall(LatinLinearDense_Private(linear, &linear->batches->batch[b], linear->inverse[b], U));
+    if (linear->inverse[b]) PetscCall(LatinLinearDense_Private(linear, &linear->batches->batch[b], linear->inverse[b], U));
     else PetscCall(LatinLinearSolve_Private(linear, b, U));
   }
   PetscCall(PetscLogEventEnd(LATIN_Linear, linear->sub->object, 0, 0, 0));

@@ -1,0 +1,97 @@
+#include "localsolvers/latinlocalsolvers.h"
+
+/* Solvers that options choose for the subdomains and for the coarse problem: their defaults, and whether they are direct. */
+
+/* Is this a factorisation, applied once? */
+PetscErrorCode LatinSolverDirect_Private(KSP ksp, PetscBool *direct)
+{
+  PC        pc;
+  PetscBool once;
+
+  PetscFunctionBegin;
+  PetscCall(KSPGetPC(ksp, &pc));
+  PetscCall(PetscObjectTypeCompareAny((PetscObject)pc, direct, PCCHOLESKY, PCLU, PCREDUNDANT, ""));
+  PetscCall(PetscObjectTypeCompare((PetscObject)ksp, KSPPREONLY, &once));
+  *direct = (PetscBool)(*direct && once);
+  PetscFunctionReturn(0);
+}
+
+/* A KSP for `name` ("local", "interior", "coarse"), with the options of its parent: one application of its preconditioner */
+PetscErrorCode LatinSolverCreate_Private(MPI_Comm comm, PetscObject parent, const char name[], KSP *ksp)
+{
+  PetscFunctionBegin;
+  PetscCall(KSPCreate(comm, ksp));
+  PetscCall(PetscObjectIncrementTabLevel((PetscObject)*ksp, parent, 1));
+  PetscCall(PetscObjectSetOptions((PetscObject)*ksp, parent->options));
+  PetscCall(KSPSetOptionsPrefix(*ksp, parent->prefix));
+  PetscCall(KSPAppendOptionsPrefix(*ksp, name));
+  PetscCall(KSPAppendOptionsPrefix(*ksp, "_"));
+  PetscCall(KSPSetType(*ksp, KSPPREONLY));
+  PetscFunctionReturn(0);
+}
+
+/* The types that the options choose for such a KSP, before its matrix is there; *chosen: not the factorisation that is the default, by the package */
+PetscErrorCode LatinSolverChosen_Private(MPI_Comm comm, PetscObject parent, const char name[], MatSolverType package, PetscBool *iterative, PetscBool *latin, PetscBool *subassembled, PetscBool *chosen)
+{
+  KSP         ksp;
+  PC          pc;
+  const char *prefix;
+  PetscBool   once, direct, redundant, bddc, fetidp, named;
+
+  PetscFunctionBegin;
+  PetscCall(LatinSolverCreate_Private(comm, parent, name, &ksp));
+  PetscCall(KSPGetPC(ksp, &pc));
+  PetscCall(PCSetType(pc, PCCHOLESKY));
+  PetscCall(PCFactorSetMatSolverType(pc, package)); /* for -help, which prints each prefix once */
+  PetscCall(KSPSetFromOptions(ksp));
+  PetscCall(KSPGetPC(ksp, &pc));
+  PetscCall(PetscObjectTypeCompare((PetscObject)ksp, KSPPREONLY, &once));
+  PetscCall(PetscObjectTypeCompare((PetscObject)ksp, KSPFETIDP, &fetidp));
+  PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCCHOLESKY, &direct));
+  PetscCall(PetscObjectTypeCompareAny((PetscObject)pc, &redundant, PCLU, PCREDUNDANT, ""));
+  PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCBDDC, &bddc));
+  PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCLATIN, latin));
+  PetscCall(KSPGetOptionsPrefix(ksp, &prefix));
+  PetscCall(PetscOptionsHasName(parent->options, prefix, "-pc_factor_mat_solver_type", &named));
+  PetscCall(KSPDestroy(&ksp));
+  *chosen       = (PetscBool)(!once || !direct || named);
+  *subassembled = (PetscBool)(fetidp || bddc);
+  *iterative    = (PetscBool)(!once || (!direct && !redundant));
+  PetscFunctionReturn(0);
+}
+
+/*
+   Sets *failed when a solve has failed. A preconditioner may ask for so many iterations and no more, as PETSc's own do
+   (KSPCheckSolve()); where linear stages are taken to be exact that is a failure.
+*/
+PetscErrorCode LatinSolverNote_Private(KSP ksp, PetscBool preconditions, PetscBool *failed)
+{
+  KSPConvergedReason reason;
+
+  PetscFunctionBegin;
+  PetscCall(KSPGetConvergedReason(ksp, &reason));
+  if (reason < 0 && !(preconditions && reason == KSP_DIVERGED_ITS)) *failed = PETSC_TRUE;
+  PetscFunctionReturn(0);
+}
+
+/*
+   Defaults where the options have chosen a preconditioner that is not a factorisation. `once`: it is applied once, which
+   leaves a PC latin linear, symmetric and positive definite if it is so itself. Otherwise conjugate gradients to a small
+   residual, for what is taken to be exact. Before KSPSetUp().
+*/
+PetscErrorCode LatinSolverDefaults_Private(KSP ksp, PetscBool once)
+{
+  PC        pc;
+  PetscBool direct, given;
+
+  PetscFunctionBegin;
+  PetscCall(KSPGetPC(ksp, &pc));
+  PetscCall(PetscObjectTypeCompareAny((PetscObject)pc, &direct, PCCHOLESKY, PCLU, PCREDUNDANT, ""));
+  if (direct || once) PetscFunctionReturn(0);
+  PetscCall(PetscOptionsHasName(((PetscObject)ksp)->options, ((PetscObject)ksp)->prefix, "-ksp_type", &given));
+  if (given) PetscFunctionReturn(0);
+  PetscCall(KSPSetType(ksp, KSPCG));
+  PetscCall(KSPSetTolerances(ksp, LATIN_INEXACT_RTOL, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
+  PetscCall(KSPSetFromOptions(ksp)); /* a tolerance that is given counts */
+  PetscFunctionReturn(0);
+}
