@@ -24,7 +24,6 @@ HERE = Path(__file__).resolve().parent
 RESULT, PAGE = HERE / "results" / "coarse-solvers.json", HERE / "coarse-solvers.md"
 
 LATIN = {"coarse_pc_type": "latin"}
-THREE = LATIN | {"coarse_pc_latin_coarse_pc_type": "latin"}
 GAMG = {"coarse_pc_type": "gamg", "coarse_pc_gamg_aggressive_coarsening": 0}
 DIAGONAL = {"direction": "diagonal"}
 
@@ -33,8 +32,6 @@ COARSE = {
     "jacobi": {"coarse_pc_type": "jacobi"},
     "direct, repeated groups": {},
     "gamg": GAMG,
-    "latin": LATIN,
-    "latin, three levels": THREE,
 }
 #: Rows of the page that were measured in an earlier version, where groups could be left alone.
 FORMER = ["direct, MUMPS"]
@@ -42,6 +39,19 @@ FORMER = ["direct, MUMPS"]
 GROWTH = {
     "truss-grid": [25, 50, 100],
     "lattice 3D": [4, 8],
+}
+#: Solvers of the coarse problem on several ranks.
+LEVELS = {
+    "direct": {},
+    "gamg": GAMG,
+    "bddc": {"coarse_pc_type": "bddc", "coarse_pc_bddc_use_change_of_basis": True},
+    "latin": LATIN,
+}
+STRUCTURES = {
+    "truss grid, 625 subdomains": ("truss-grid", 25),
+    "truss grid, 2,500 subdomains": ("truss-grid", 50),
+    "bars in 3D, 64 subdomains": ("lattice 3D", 4),
+    "bars in 3D, 512 subdomains": ("lattice 3D", 8),
 }
 #: Solvers of interiors and of the coarse problem.
 APPROXIMATE = {
@@ -143,9 +153,10 @@ def run(case):
     from latinpc.runs.options import default_options
 
     comm = PETSc.COMM_WORLD.tompi4py()
-    a, b, x = (
-        matis_system(case["scene"]) if case["table"] == "approximate" else links_system(case["table"], case["side"])
-    )
+    if case["table"] == "approximate":
+        a, b, x = matis_system(case["scene"])
+    else:
+        a, b, x = links_system(*STRUCTURES.get(case.get("scene"), (case["table"], case.get("side"))))
     with default_options({"pc_latin_" + key: value for key, value in case["options"].items()}):
         ksp = PETSc.KSP().create()
         ksp.setOperators(a)
@@ -181,7 +192,7 @@ def run(case):
 
 def launch(case, limit):
     """Run a case in a process of its own; None where it takes too long or fails."""
-    ranks = 4 if case["table"] == "approximate" else 1
+    ranks = 1 if case["table"] in GROWTH else 4
     command = [sys.executable, __file__, "--case", json.dumps(case)]
     try:
         done = subprocess.run(
@@ -199,10 +210,10 @@ def launch(case, limit):
 def cases(tables):
     """Yield (key, case) of the tables asked for."""
     for table in tables:
-        if table == "approximate":
-            for scene, solver in itertools.product(SCENES, APPROXIMATE):
-                case = {"table": table, "scene": scene, "options": APPROXIMATE[solver]}
-                yield f"{table}|{scene}|{solver}", case
+        if table in ("levels", "approximate"):
+            scenes, solvers = (STRUCTURES, LEVELS) if table == "levels" else (SCENES, APPROXIMATE)
+            for scene, solver in itertools.product(scenes, solvers):
+                yield f"{table}|{scene}|{solver}", {"table": table, "scene": scene, "options": solvers[solver]}
         else:
             for side, solver in itertools.product(GROWTH[table], COARSE):
                 if table == "truss-grid" and solver == "gamg" and side > 25:
@@ -269,11 +280,11 @@ def extrapolated_table(found, table):
     return lines
 
 
-def approximate_table(found, scene):
-    """Write a table of one matrix, a row a choice of solvers."""
+def solvers_table(found, table, scene, solvers):
+    """Write a table of one problem, a row a choice of solvers."""
     lines = ["| solvers | iterations | set-up | solve | memory |", "| --- | --- | --- | --- | --- |"]
-    for solver in APPROXIMATE:
-        result = found.get(f"approximate|{scene}|{solver}")
+    for solver in solvers:
+        result = found.get(f"{table}|{scene}|{solver}")
         if not result:
             continue
         if "failed" in result or result["reason"] <= 0:
@@ -291,7 +302,8 @@ def write(found):
     text = PAGE.read_text()
     tables = {name: growth_table(found, name) for name in GROWTH}
     tables["extrapolated"] = extrapolated_table(found, "truss-grid")
-    tables |= {scene: approximate_table(found, scene) for scene in SCENES}
+    tables |= {scene: solvers_table(found, "levels", scene, LEVELS) for scene in STRUCTURES}
+    tables |= {scene: solvers_table(found, "approximate", scene, APPROXIMATE) for scene in SCENES}
     for name, lines in tables.items():
         pattern = re.compile(rf"(<!-- {re.escape(name)} -->\n).*?(<!-- end -->)", re.DOTALL)
         text = pattern.sub(lambda match, lines=lines: match[1] + "\n".join(lines) + "\n" + match[2], text)
@@ -300,7 +312,7 @@ def write(found):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("tables", nargs="*", help=f"of {', '.join([*GROWTH, 'approximate'])}; all by default")
+    parser.add_argument("tables", nargs="*", help=f"of {', '.join([*GROWTH, 'levels', 'approximate'])}; all by default")
     parser.add_argument("--case", help=argparse.SUPPRESS)
     parser.add_argument("--tables", dest="only", action="store_true", help="write the page from what has been measured")
     parser.add_argument("--limit", type=float, default=300.0, help="seconds a case may take")
@@ -310,7 +322,7 @@ def main():
         run(json.loads(args.case))
         return
     found = json.loads(RESULT.read_text()) if RESULT.exists() else {}
-    for key, case in [] if args.only else cases(args.tables or [*GROWTH, "approximate"]):
+    for key, case in [] if args.only else cases(args.tables or [*GROWTH, "levels", "approximate"]):
         if args.missing and key in found:
             continue
         found[key] = launch(case, args.limit)

@@ -62,7 +62,7 @@ def krylov_case(scene, comm, what="krylov"):
         snes.setFromOptions()
         u = structure.create_vec()
         snes.solve(None, u)
-    if what == "levels":  # the groups are those of each rank
+    if what == "levels":  # the subdomains of the level above are the ranks
         return {"reason": int(snes.getConvergedReason())}
     return {
         "iterations": snes.getLinearSolveIterations(),

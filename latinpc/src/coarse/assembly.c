@@ -123,3 +123,53 @@ PetscErrorCode LatinCoarseAssemble_Private(LatinCoarse *coarse, PetscBool half)
   PetscCall(MatSetOption(coarse->A, MAT_SPD, PETSC_TRUE));
   PetscFunctionReturn(0);
 }
+
+/* The elements' operators, added up in a matrix of this rank; row[]: where their dofs are in it */
+static PetscErrorCode LatinCoarseLocal_Private(const LatinElements *elements, PetscInt rows, const PetscInt row[], Mat *K)
+{
+  PetscInt *count;
+
+  PetscFunctionBegin;
+  PetscCall(PetscCalloc1(rows, &count));
+  for (PetscInt s = 0; s < elements->n; s++)
+    for (PetscInt i = elements->offset[s]; i < elements->offset[s + 1]; i++) count[row[i]] += elements->offset[s + 1] - elements->offset[s];
+  for (PetscInt i = 0; i < rows; i++) count[i] = PetscMin(count[i], rows); /* elements share columns */
+  PetscCall(MatCreateSeqAIJ(PETSC_COMM_SELF, rows, rows, 0, count, K));
+  for (PetscInt s = 0; s < elements->n; s++) {
+    const PetscInt m = elements->offset[s + 1] - elements->offset[s], *at = row + elements->offset[s];
+
+    PetscCall(MatSetValues(*K, m, at, m, at, elements->H + elements->h_offset[s], ADD_VALUES)); /* symmetric: by rows or columns alike */
+  }
+  PetscCall(MatAssemblyBegin(*K, MAT_FINAL_ASSEMBLY));
+  PetscCall(MatAssemblyEnd(*K, MAT_FINAL_ASSEMBLY));
+  PetscCall(PetscFree(count));
+  PetscFunctionReturn(0);
+}
+
+/* The same with the part of each rank by itself, a MATIS. Collective on coarse->sub->object */
+PetscErrorCode LatinCoarseSubassemble_Private(LatinCoarse *coarse)
+{
+  const LatinElements   *top     = &coarse->top;
+  const PetscInt         entries = top->offset[top->n];
+  PetscInt              *number, *local, n = entries;
+  ISLocalToGlobalMapping map;
+  Mat                    K;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMalloc2(entries, &number, entries, &local));
+  PetscCall(PetscArraycpy(number, coarse->top_global, entries));
+  PetscCall(PetscSortRemoveDupsInt(&n, number));
+  for (PetscInt i = 0; i < entries; i++) PetscCall(PetscFindInt(coarse->top_global[i], n, number, &local[i]));
+  PetscCall(LatinCoarseLocal_Private(top, n, local, &K));
+  PetscCall(ISLocalToGlobalMappingCreate(PetscObjectComm(coarse->sub->object), 1, n, number, PETSC_COPY_VALUES, &map));
+  PetscCall(MatCreateIS(PetscObjectComm(coarse->sub->object), 1, coarse->top_local, coarse->top_local, coarse->top_size, coarse->top_size, map, map, &coarse->A));
+  PetscCall(MatISSetLocalMat(coarse->A, K));
+  PetscCall(MatAssemblyBegin(coarse->A, MAT_FINAL_ASSEMBLY));
+  PetscCall(MatAssemblyEnd(coarse->A, MAT_FINAL_ASSEMBLY));
+  PetscCall(MatSetOption(coarse->A, MAT_SYMMETRIC, PETSC_TRUE));
+  PetscCall(MatSetOption(coarse->A, MAT_SPD, PETSC_TRUE));
+  PetscCall(ISLocalToGlobalMappingDestroy(&map));
+  PetscCall(MatDestroy(&K));
+  PetscCall(PetscFree2(number, local));
+  PetscFunctionReturn(0);
+}

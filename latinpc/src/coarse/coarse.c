@@ -8,21 +8,21 @@
 #define LATIN_GROUPS 3 /* subdomains a side of a group that is condensed; of 2, 3, 4, 6 the least set-up and memory */
 
 /* What the coarse solver that the options choose can use */
-typedef enum { SOLVER_DIRECT, SOLVER_ITERATIVE, SOLVER_SUBASSEMBLED, SOLVER_LATIN } LatinCoarseSolver;
+typedef enum { SOLVER_DIRECT, SOLVER_ITERATIVE, SOLVER_SUBASSEMBLED } LatinCoarseSolver;
 
 /*
-   Groups that repeat are condensed for direct solvers, for they fill the matrix, and are the subdomains of a solver of
-   type latin; BDDC and FETI-DP take the part of each rank by itself; half of a symmetric matrix is for Cholesky alone.
+   Groups that repeat are condensed for direct solvers, for they fill the matrix; a PC latin, BDDC and FETI-DP take the part
+   of each rank by itself; half of a symmetric matrix is for Cholesky alone.
 */
 static PetscErrorCode LatinCoarseChoose_Private(const LatinCoarse *coarse, LatinCoarseSolver *solver, PetscBool *half)
 {
   MPI_Comm  comm = PetscObjectComm(coarse->sub->object);
-  PetscBool iterative, latin, subassembled, chosen;
+  PetscBool iterative, subassembled, chosen;
   Mat       A;
 
   PetscFunctionBegin;
-  PetscCall(LatinSolverChosen_Private(comm, coarse->sub->object, "coarse", MATSOLVERMUMPS, &iterative, &latin, &subassembled, &chosen));
-  *solver = latin ? SOLVER_LATIN : subassembled ? SOLVER_SUBASSEMBLED : iterative ? SOLVER_ITERATIVE : SOLVER_DIRECT;
+  PetscCall(LatinSolverChosen_Private(comm, coarse->sub->object, "coarse", MATSOLVERMUMPS, &iterative, &subassembled, &chosen));
+  *solver = subassembled ? SOLVER_SUBASSEMBLED : iterative ? SOLVER_ITERATIVE : SOLVER_DIRECT;
   *half   = (PetscBool)!chosen;
   if (!*half) PetscFunctionReturn(0);
   /* without a package for it on these ranks, every rank solves the whole */
@@ -59,9 +59,9 @@ static PetscErrorCode LatinCoarseRedundant_Private(KSP ksp)
 /* The solver: a factorisation, if the options choose nothing else */
 static PetscErrorCode LatinCoarseSolver_Private(LatinCoarse *coarse, LatinCoarseSolver solver)
 {
-  const LatinUnknowns *known = &coarse->above.known;
-  PetscBool            bddc;
-  PC                   pc;
+  const PetscInt dim = coarse->sub->dim;
+  PetscBool      bddc;
+  PC             pc;
 
   PetscFunctionBegin;
   PetscCall(LatinSolverCreate_Private(PetscObjectComm((PetscObject)coarse->A), coarse->sub->object, "coarse", &coarse->ksp));
@@ -72,7 +72,7 @@ static PetscErrorCode LatinCoarseSolver_Private(LatinCoarse *coarse, LatinCoarse
   PetscCall(LatinCoarseRedundant_Private(coarse->ksp));
   PetscCall(LatinSolverDefaults_Private(coarse->ksp, coarse->sub->preconditions));
   PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCBDDC, &bddc)); /* multigrid would forget the near null space */
-  if (bddc && known->dim) PetscCall(PCSetCoordinates(pc, known->dim, coarse->top_local, known->x));
+  if (bddc && dim) PetscCall(PCSetCoordinates(pc, dim, coarse->top_local, coarse->x));
   PetscFunctionReturn(0);
 }
 
@@ -87,11 +87,10 @@ PetscErrorCode LatinCoarseSetUp(LatinCoarse *coarse, const LatinHomogenised *sti
   if (!coarse->macro->modes_global && !coarse->primal_global) PetscFunctionReturn(0); /* no interface: one subdomain, or disconnected ones */
   PetscCall(PetscLogEventBegin(LATIN_Coarse, coarse->sub->object, 0, 0, 0));
   PetscCall(LatinCoarseChoose_Private(coarse, &solver, &half));
-  PetscCall(LatinGroupsSetUp(coarse, stiffness, solver == SOLVER_DIRECT || solver == SOLVER_LATIN ? LATIN_GROUPS : 1, (PetscBool)(solver != SOLVER_LATIN)));
-  if (solver == SOLVER_SUBASSEMBLED) PetscCall(LatinLevelSubassemble_Private(coarse, &coarse->A));
+  PetscCall(LatinGroupsSetUp(coarse, stiffness, solver == SOLVER_DIRECT ? LATIN_GROUPS : 1));
+  if (solver == SOLVER_SUBASSEMBLED) PetscCall(LatinCoarseSubassemble_Private(coarse));
   else PetscCall(LatinCoarseAssemble_Private(coarse, half));
-  if (solver != SOLVER_DIRECT) PetscCall(LatinLevelSetUp_Private(coarse, coarse->A));
-  if (solver == SOLVER_LATIN) PetscCall(LatinLevelElements_Private(coarse, coarse->A));
+  if (solver != SOLVER_DIRECT) PetscCall(LatinCoarseNear_Private(coarse));
   PetscCall(LatinGroupsFinish(coarse));
   PetscCall(MatCreateVecs(coarse->A, &coarse->sol, &coarse->rhs));
   PetscCall(LatinCoarseSolver_Private(coarse, solver));
@@ -154,7 +153,7 @@ PetscErrorCode LatinCoarseReset(LatinCoarse *coarse)
   PetscFunctionBegin;
   PetscCall(LatinGroupsReset(coarse));
   PetscCall(KSPDestroy(&coarse->ksp));
-  PetscCall(LatinLevelReset_Private(&coarse->above, coarse->A));
+  PetscCall(PetscFree(coarse->x));
   PetscCall(MatDestroy(&coarse->A));
   PetscCall(VecDestroy(&coarse->rhs));
   PetscCall(VecDestroy(&coarse->sol));

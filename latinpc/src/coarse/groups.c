@@ -352,11 +352,8 @@ static PetscErrorCode LatinGroupsTop_Private(LatinCoarse *coarse, const LatinEle
   PetscFunctionReturn(0);
 }
 
-/*
-   Sets coarse.top, the elements of the coarse problem that the coarse KSP solves; width 1: the subdomains themselves. Or
-   does not condense, but leaves the groups of the first level in coarse.group. Collective
-*/
-PetscErrorCode LatinGroupsSetUp(LatinCoarse *coarse, const LatinHomogenised *stiffness, PetscInt width, PetscBool condense)
+/* Sets coarse.top, the elements of the coarse problem that the coarse KSP solves; width 1: the subdomains themselves. Collective */
+PetscErrorCode LatinGroupsSetUp(LatinCoarse *coarse, const LatinHomogenised *stiffness, PetscInt width)
 {
   PetscBool    *outside = NULL, kept = PETSC_TRUE;
   PetscInt      dofs = 0;
@@ -365,7 +362,7 @@ PetscErrorCode LatinGroupsSetUp(LatinCoarse *coarse, const LatinHomogenised *sti
   PetscFunctionBegin;
   PetscCall(LatinGroupsFinest_Private(coarse, stiffness, &finest, &dofs, &outside));
   coarse->top = finest;
-  while (condense && width > 1 && kept && coarse->levels < LATIN_GROUP_LEVELS) {
+  while (width > 1 && kept && coarse->levels < LATIN_GROUP_LEVELS) {
     LatinGroupLevel *level = &coarse->level[coarse->levels];
 
     PetscCall(LatinGroupsLevelSetUp_Private(level, &coarse->top, width, dofs, outside, &kept));
@@ -373,11 +370,6 @@ PetscErrorCode LatinGroupsSetUp(LatinCoarse *coarse, const LatinHomogenised *sti
     coarse->levels++;
     coarse->top = level->coarse;
     PetscCall(PetscInfo(coarse->sub->object, "nested condensation, level %" PetscInt_FMT ": %" PetscInt_FMT " groups, %" PetscInt_FMT " different\n", coarse->levels, level->groups, level->patterns));
-  }
-  if (!condense) {
-    coarse->group.fine = finest;
-    PetscCall(LatinGroupsGroup_Private(&coarse->group, width));
-    PetscCall(LatinGroupsNumber_Private(&coarse->group, dofs, outside));
   }
   PetscCall(LatinGroupsTop_Private(coarse, &finest, dofs));
   PetscCall(PetscFree(outside));
@@ -401,7 +393,6 @@ PetscErrorCode LatinGroupsReset(LatinCoarse *coarse)
   PetscFunctionBegin;
   for (PetscInt k = 0; k < coarse->levels; k++) PetscCall(LatinGroupsLevelReset_Private(&coarse->level[k]));
   coarse->levels = 0;
-  PetscCall(LatinGroupsLevelReset_Private(&coarse->group));
   PetscCall(PetscFree(coarse->top_global));
   PetscCall(PetscSFDestroy(&coarse->top_sf));
   PetscFunctionReturn(0);

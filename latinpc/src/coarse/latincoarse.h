@@ -1,5 +1,5 @@
 /*
-   The coarse problem (30), (52): numbers of its unknowns, condensation of repeated groups, matrix, solver, levels.
+   The coarse problem (30), (52): numbers of its unknowns, condensation of repeated groups, matrix, solver, what it carries for other solvers.
 */
 #ifndef LATINCOARSE_H
 #define LATINCOARSE_H
@@ -32,7 +32,7 @@ typedef struct {
   PetscReal    *L, *v, *work;             /* factors L and Z of each pattern; forces on interior dofs */
 } LatinGroupLevel;
 
-/* ---- coarse problem (coarse/numbering.c, coarse/assembly.c, coarse/coarse.c) ---- */
+/* ---- coarse problem (coarse/numbering.c, coarse/assembly.c, coarse/nearnullspace.c, coarse/coarse.c) ---- */
 typedef struct {
   const LatinSubdomains *sub;
   const LatinInterfaces *inter;
@@ -53,12 +53,11 @@ typedef struct {
   Vec               rhs, sol;
   PetscInt          levels; /* of condensed groups */
   LatinGroupLevel   level[LATIN_GROUP_LEVELS];
-  LatinElements     top;   /* elements of A: subdomains, or groups of them */
-  LatinGroupLevel   group; /* groups that a coarse solver of type latin takes for subdomains */
-  LatinLevel        above;
+  LatinElements     top;                 /* elements of A: subdomains, or groups of them */
   PetscInt          top_local, top_size; /* rows of A: of this rank, all */
   PetscInt         *top_global;          /* [top.offset[top.n]] rows of A */
   PetscSF           top_sf;              /* coarse vector -> dofs of the elements here */
+  PetscReal        *x;                   /* [top_local][dim] where the unknowns are; not for direct solvers */
   LatinFactorStatus status;              /* of the set-up */
   PetscBool         failed;              /* a solve failed since this was cleared */
 } LatinCoarse;
@@ -76,13 +75,12 @@ PETSC_INTERN PetscErrorCode LatinCoarseSolve(LatinCoarse *);
 PETSC_INTERN PetscErrorCode LatinCoarseExpand_Private(LatinCoarse *, Vec);
 PETSC_INTERN PetscErrorCode LatinCoarseReset(LatinCoarse *);
 PETSC_INTERN PetscErrorCode LatinCoarseAssemble_Private(LatinCoarse *, PetscBool half);
-PETSC_INTERN PetscErrorCode LatinGroupsSetUp(LatinCoarse *, const LatinHomogenised *, PetscInt width, PetscBool condense);
+PETSC_INTERN PetscErrorCode LatinCoarseSubassemble_Private(LatinCoarse *);
+PETSC_INTERN PetscErrorCode LatinCoarseNear_Private(LatinCoarse *);
+PETSC_INTERN PetscErrorCode LatinGroupsSetUp(LatinCoarse *, const LatinHomogenised *, PetscInt width);
 PETSC_INTERN PetscErrorCode LatinGroupsFinish(LatinCoarse *);
 PETSC_INTERN PetscErrorCode LatinGroupsReset(LatinCoarse *);
 PETSC_INTERN PetscErrorCode LatinGroupsDown(LatinCoarse *);
 PETSC_INTERN PetscErrorCode LatinGroupsUp(LatinCoarse *);
-PETSC_INTERN PetscErrorCode LatinLevelSetUp_Private(LatinCoarse *, Mat);
-PETSC_INTERN PetscErrorCode LatinLevelSubassemble_Private(const LatinCoarse *, Mat *);
-PETSC_INTERN PetscErrorCode LatinLevelElements_Private(LatinCoarse *, Mat);
 
 #endif

@@ -65,7 +65,6 @@ PetscErrorCode LatinSetUpOperator_Private(Latin latin, PetscObject solver, PC pc
 {
   LatinStructure structure;
   PetscBool      matis;
-  LatinLevel    *level;
   DM             behind;
   Vec            coordinates;
 
@@ -75,8 +74,7 @@ PetscErrorCode LatinSetUpOperator_Private(Latin latin, PetscObject solver, PC pc
   if (!structure) PetscCall(LatinStructureFromDM_Private(dm, &structure));
   if (!structure) PetscCall(LatinStructureFromDM_Private(behind, &structure));
   PetscCall(PetscObjectTypeCompare((PetscObject)pc->pmat, MATIS, &matis));
-  PetscCall(LatinLevelOf_Private(pc->pmat, &level));
-  PetscCheck(structure || matis || level, PetscObjectComm(solver), PETSC_ERR_ORDER,
+  PetscCheck(structure || matis, PetscObjectComm(solver), PETSC_ERR_ORDER,
              "-%s_type latin has no structure to work on: call LatinStructureAttach%s(), or build the matrix from the DM of a structure (LatinStructureCreate(), LatinStructureAttachSNES()); or assemble it as a MATIS (-dm_mat_type is, -mat_type is)",
              solver->classid == KSP_CLASSID ? "ksp" : "pc", solver->class_name);
   PetscCall(LatinReset_Private(latin));

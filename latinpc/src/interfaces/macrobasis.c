@@ -74,38 +74,28 @@ static PetscErrorCode LatinMacroModes_Private(LatinMacro *macro, const LatinInte
   else *modes = planar + (frame.plane ? 0 : (vector ? dim - 1 : sub->fields));
   PetscCall(PetscArrayzero(M, rows * *modes));
   for (PetscInt r = 0; r < rows; r++) {
-    const PetscInt   dof = inter->side_dof[face->side_first + r], first = sub->trace ? 0 : LatinField(sub, dof), last = sub->trace ? sub->fields : first + 1;
+    const PetscInt   dof = inter->side_dof[face->side_first + r], c = LatinField(sub, dof);
     const PetscReal  w     = PetscSqrtReal(macro->dir->d[face->side_first + r]);
     const PetscReal *x     = sub->x + dim * (dof / sub->bs);
-    PetscReal        at[3] = {0.0, 0.0, 0.0};
+    PetscReal        xi[3] = {0.0, 0.0, 0.0};
 
     if (!*modes) break;
     for (PetscInt k = 0; k < dim; k++)
-      for (PetscInt b = 0; b < dim; b++) at[k] += frame.axes[k][b] * (((x[b] - frame.origin[b]) - frame.centre[b]) / frame.size);
-    for (PetscInt c = first; c < last; c++) {
-      const PetscReal *trace = sub->trace ? sub->trace + (1 + dim) * (c + sub->fields * dof) : NULL;
-      const PetscReal  one   = trace ? trace[0] : 1.0;
-      PetscReal        xi[3];
+      for (PetscInt b = 0; b < dim; b++) xi[k] += frame.axes[k][b] * (((x[b] - frame.origin[b]) - frame.centre[b]) / frame.size);
+    if (macro->type == LATIN_MODES_RIGID) {
+      PetscInt mode = sub->fields;
 
-      for (PetscInt k = 0; k < dim; k++) {
-        xi[k] = one * at[k];
-        for (PetscInt b = 0; trace && b < dim; b++) xi[k] += frame.axes[k][b] * (trace[1 + b] / frame.size);
-      }
-      if (macro->type == LATIN_MODES_RIGID) {
-        PetscInt mode = sub->fields;
-
-        M[r + rows * c] += w * one;
-        for (PetscInt a = 0; a < dim && vector; a++)
-          for (PetscInt b = a + 1; b < dim; b++) M[r + rows * mode++] += w * (xi[a] * frame.axes[b][c] - xi[b] * frame.axes[a][c]);
-        continue;
-      }
-      M[r + rows * (each * c)] += w * one;
-      for (PetscInt k = 0; k < dim - 1; k++) {
-        M[r + rows * (each * c + 1 + k)] += w * xi[k];
-        if (vector && !frame.plane) M[r + rows * (planar + k)] += w * xi[dim - 1] * frame.axes[k][c];
-      }
-      if (!vector && !frame.plane) M[r + rows * (planar + c)] += w * xi[dim - 1];
+      M[r + rows * c] = w;
+      for (PetscInt a = 0; a < dim && vector; a++)
+        for (PetscInt b = a + 1; b < dim; b++) M[r + rows * mode++] = w * (xi[a] * frame.axes[b][c] - xi[b] * frame.axes[a][c]);
+      continue;
     }
+    M[r + rows * (each * c)] = w;
+    for (PetscInt k = 0; k < dim - 1; k++) {
+      M[r + rows * (each * c + 1 + k)] = w * xi[k];
+      if (vector && !frame.plane) M[r + rows * (planar + k)] = w * xi[dim - 1] * frame.axes[k][c];
+    }
+    if (!vector && !frame.plane) M[r + rows * (planar + c)] = w * xi[dim - 1];
   }
   PetscCall(LatinMacroNears_Private(macro, face, modes, M));
   PetscFunctionReturn(0);

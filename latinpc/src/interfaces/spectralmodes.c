@@ -33,7 +33,7 @@
 PetscReal LatinSpectralThreshold(const LatinSpectral *spectral)
 {
   if (spectral->threshold >= 0.0) return spectral->threshold;
-  if (!spectral->sub->matrix || spectral->sub->known.trace || spectral->inter->variant != LATIN_VARIANT_CORNER) return 0.0;
+  if (!spectral->sub->matrix || spectral->inter->variant != LATIN_VARIANT_CORNER) return 0.0;
   return spectral->sub->preconditions ? 1.0 : LATIN_SPECTRAL_ITERATION;
 }
 

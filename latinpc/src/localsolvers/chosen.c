@@ -31,12 +31,12 @@ PetscErrorCode LatinSolverCreate_Private(MPI_Comm comm, PetscObject parent, cons
 }
 
 /* The types that the options choose for such a KSP, before its matrix is there; *chosen: not the factorisation that is the default, by the package */
-PetscErrorCode LatinSolverChosen_Private(MPI_Comm comm, PetscObject parent, const char name[], MatSolverType package, PetscBool *iterative, PetscBool *latin, PetscBool *subassembled, PetscBool *chosen)
+PetscErrorCode LatinSolverChosen_Private(MPI_Comm comm, PetscObject parent, const char name[], MatSolverType package, PetscBool *iterative, PetscBool *subassembled, PetscBool *chosen)
 {
   KSP         ksp;
   PC          pc;
   const char *prefix;
-  PetscBool   once, direct, redundant, bddc, fetidp, named;
+  PetscBool   once, direct, redundant, parts, fetidp, named;
 
   PetscFunctionBegin;
   PetscCall(LatinSolverCreate_Private(comm, parent, name, &ksp));
@@ -49,13 +49,12 @@ PetscErrorCode LatinSolverChosen_Private(MPI_Comm comm, PetscObject parent, cons
   PetscCall(PetscObjectTypeCompare((PetscObject)ksp, KSPFETIDP, &fetidp));
   PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCCHOLESKY, &direct));
   PetscCall(PetscObjectTypeCompareAny((PetscObject)pc, &redundant, PCLU, PCREDUNDANT, ""));
-  PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCBDDC, &bddc));
-  PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCLATIN, latin));
+  PetscCall(PetscObjectTypeCompareAny((PetscObject)pc, &parts, PCBDDC, PCLATIN, ""));
   PetscCall(KSPGetOptionsPrefix(ksp, &prefix));
   PetscCall(PetscOptionsHasName(parent->options, prefix, "-pc_factor_mat_solver_type", &named));
   PetscCall(KSPDestroy(&ksp));
   *chosen       = (PetscBool)(!once || !direct || named);
-  *subassembled = (PetscBool)(fetidp || bddc);
+  *subassembled = (PetscBool)(fetidp || parts);
   *iterative    = (PetscBool)(!once || (!direct && !redundant));
   PetscFunctionReturn(0);
 }

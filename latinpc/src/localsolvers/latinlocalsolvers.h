@@ -40,7 +40,7 @@ PETSC_INTERN PetscErrorCode LatinEliminate_Private(const LatinSparse *, PetscInt
 /* ---- solvers that options choose (localsolvers/chosen.c) ---- */
 #define LATIN_INEXACT_RTOL LatinByPrecision(1e-10, 1e-5) /* of an iterative solver that is taken to be exact */
 PETSC_INTERN PetscErrorCode LatinSolverCreate_Private(MPI_Comm, PetscObject parent, const char name[], KSP *);
-PETSC_INTERN PetscErrorCode LatinSolverChosen_Private(MPI_Comm, PetscObject parent, const char name[], MatSolverType package, PetscBool *iterative, PetscBool *latin, PetscBool *subassembled, PetscBool *chosen);
+PETSC_INTERN PetscErrorCode LatinSolverChosen_Private(MPI_Comm, PetscObject parent, const char name[], MatSolverType package, PetscBool *iterative, PetscBool *subassembled, PetscBool *chosen);
 PETSC_INTERN PetscErrorCode LatinSolverDirect_Private(KSP, PetscBool *);
 PETSC_INTERN PetscErrorCode LatinSolverNote_Private(KSP, PetscBool preconditions, PetscBool *failed);
 PETSC_INTERN PetscErrorCode LatinSolverDefaults_Private(KSP, PetscBool once);
@@ -90,14 +90,6 @@ PETSC_INTERN PetscErrorCode LatinLocalSolversSetUp(LatinLocalSolvers *, const ch
 PETSC_INTERN PetscErrorCode LatinLocalSolversDestroy(LatinLocalSolvers *);
 PETSC_INTERN PetscErrorCode LatinLocalSolve_Private(LatinLocalSolvers *, PetscInt batch, const PetscReal g[], PetscReal U[]);
 PETSC_INTERN PetscErrorCode LatinLocalSolveAll(LatinLocalSolvers *, const PetscReal g[], PetscReal U[]);
-
-/* ---- what is near to the kernel, for multigrid (localsolvers/nearnullspace.c) ---- */
-/* Numbers of one unknown: its place, its trace, the known fields */
-typedef struct {
-  PetscInt dim, fields, nears, width;
-} LatinTraceShape;
-PETSC_INTERN void           LatinTraceAdd(const LatinSubdomains *, const LatinTraceShape *, PetscInt dof, PetscReal weight, const PetscReal x[], PetscReal out[]);
-PETSC_INTERN PetscErrorCode LatinNearNullSpace_Private(const LatinUnknowns *, Mat);
 
 /* ---- the inside of the subdomain here (localsolvers/staticcondensation.c) ---- */
 typedef struct _n_LatinInterior *LatinInterior;

@@ -49,7 +49,7 @@ static PetscErrorCode LatinInteriorNumber_Private(const LatinSubdomains *sub, Pe
   PetscFunctionBegin;
   *pays   = PETSC_FALSE;
   *inside = *width = 0;
-  if (sub->n != 1 || sub->trace) PetscFunctionReturn(0);
+  if (sub->n != 1) PetscFunctionReturn(0);
   PetscCall(MatGetLayouts(sub->matrix, &map, NULL));
   PetscCall(PetscLayoutGetRange(map, &first, NULL));
   for (PetscInt i = 0; i < sub->copies; i++) {
@@ -179,8 +179,8 @@ PetscErrorCode LatinInteriorSetUp(LatinSubdomains *sub, LatinInterior *interior)
   PetscLayout map;
 
   PetscFunctionBegin;
-  PetscCall(LatinSolverChosen_Private(PETSC_COMM_SELF, sub->object, "local", MATSOLVERCHOLMOD, &is, &is, &is, &local));
-  PetscCall(LatinSolverChosen_Private(PETSC_COMM_SELF, sub->object, "interior", MATSOLVERCHOLMOD, &is, &is, &is, &inside));
+  PetscCall(LatinSolverChosen_Private(PETSC_COMM_SELF, sub->object, "local", MATSOLVERCHOLMOD, &is, &is, &local));
+  PetscCall(LatinSolverChosen_Private(PETSC_COMM_SELF, sub->object, "interior", MATSOLVERCHOLMOD, &is, &is, &inside));
   if (local || inside) PetscFunctionReturn(0);
   PetscCall(PetscLogEventBegin(LATIN_Condense, sub->object, 0, 0, 0));
   LatinEach(comm, LatinInteriorEliminate_Private(sub, interior, &done));

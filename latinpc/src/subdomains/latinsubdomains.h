@@ -25,12 +25,6 @@ typedef struct {
   PetscInt  *field;  /* [rows] */
   PetscReal *near;   /* [nears][rows] fields near to the kernel: the near null space, or the kernel itself */
   PetscReal *kernel; /* [kernels][rows] of a singular matrix */
-  /*
-     [rows][fields][1 + dim] of the unknowns of a coarse problem, which belong to no field: what a unit translation of a
-     field, and each of its unit gradients around x, make of the unknown. NULL: 1 and 0 for the unknown's own field.
-  */
-  PetscReal *trace;
-  PetscBool  borrowed; /* the arrays are those of another one */
 } LatinUnknowns;
 PETSC_INTERN PetscErrorCode LatinUnknownsSetUp_Private(Mat, DM, Vec coordinates, LatinUnknowns *);
 PETSC_INTERN PetscErrorCode LatinUnknownsReset_Private(LatinUnknowns *);
@@ -50,7 +44,6 @@ typedef struct {
   PetscInt   fields;      /* kinds of components, each with macro fields of its own; as many as coordinates: a displacement */
   PetscInt   nodes_local; /* nodes that this rank numbers, roots of node_sf */
   PetscInt  *field;       /* [copies * bs] NULL: the components of a node are the fields */
-  PetscReal *trace;       /* [copies * bs][fields][1 + dim] as in LatinUnknowns; NULL: of a node */
   PetscInt   nears;       /* fields near to the kernel that are known, [nears][copies * bs] */
   PetscReal *near;
   PetscInt   count, n, first; /* subdomains: all, here, number of the first one here */
@@ -149,18 +142,6 @@ static inline const char *LatinPrefix(const LatinSubdomains *sub)
 {
   return sub->object->prefix ? sub->object->prefix : "";
 }
-
-/* ---- a matrix that has a decomposition of its own (levels of the coarse problem) ---- */
-typedef struct {
-  LatinUnknowns          known;
-  Mat                    K;    /* groups of subdomains here, block diagonal; NULL unless the coarse solver is of type latin */
-  ISLocalToGlobalMapping map;  /* from rows of K to those of the coarse matrix */
-  PetscInt              *part; /* [rows of K] connected part of a group */
-  PetscInt               parts;
-} LatinLevel;
-PETSC_INTERN PetscErrorCode LatinLevelAttach_Private(LatinLevel *, Mat);
-PETSC_INTERN PetscErrorCode LatinLevelOf_Private(Mat, LatinLevel **);
-PETSC_INTERN PetscErrorCode LatinLevelReset_Private(LatinLevel *, Mat);
 
 /* ---- operators (subdomains/operator.c, subdomains/sparse.c) ---- */
 /* The matrix of one subdomain by compressed rows */

@@ -19,33 +19,23 @@ typedef struct {
   PetscInt               rows;
   const PetscInt        *i, *j, *global;
   const PetscScalar     *a;
-  const LatinLevel      *level; /* the subdomains are groups of a coarse matrix; NULL: the connected parts */
 } LatinLocalMatrix;
 
 static PetscErrorCode LatinLocalMatrixGet_Private(Mat A, LatinLocalMatrix *local)
 {
   ISLocalToGlobalMapping cols;
   PetscBool              aij, done;
-  LatinLevel            *level;
   Mat                    K;
 
   PetscFunctionBegin;
-  PetscCall(LatinLevelOf_Private(A, &level));
-  local->level = level;
-  if (level) {
-    local->K   = level->K;
-    local->map = level->map;
-    PetscCall(PetscObjectReference((PetscObject)local->K));
-  } else {
-    PetscCall(MatISGetLocalToGlobalMapping(A, &local->map, &cols));
-    LatinAgree(PetscObjectComm((PetscObject)A), local->map != cols, PETSC_ERR_SUP, "The rows and columns of the MATIS have different local-to-global maps: -pc_type latin is for symmetric matrices");
-    PetscCall(MatISGetLocalMat(A, &K));
-    PetscCall(PetscObjectTypeCompare((PetscObject)K, MATSEQAIJ, &aij));
-    if (aij) PetscCall(PetscObjectReference((PetscObject)K));
-    local->K = K;
-    if (!aij) PetscCall(MatConvert(K, MATSEQAIJ, MAT_INITIAL_MATRIX, &local->K));
-    PetscCall(MatISRestoreLocalMat(A, &K));
-  }
+  PetscCall(MatISGetLocalToGlobalMapping(A, &local->map, &cols));
+  LatinAgree(PetscObjectComm((PetscObject)A), local->map != cols, PETSC_ERR_SUP, "The rows and columns of the MATIS have different local-to-global maps: -pc_type latin is for symmetric matrices");
+  PetscCall(MatISGetLocalMat(A, &K));
+  PetscCall(PetscObjectTypeCompare((PetscObject)K, MATSEQAIJ, &aij));
+  if (aij) PetscCall(PetscObjectReference((PetscObject)K));
+  local->K = K;
+  if (!aij) PetscCall(MatConvert(K, MATSEQAIJ, MAT_INITIAL_MATRIX, &local->K));
+  PetscCall(MatISRestoreLocalMat(A, &K));
   PetscCall(MatGetRowIJ(local->K, 0, PETSC_FALSE, PETSC_FALSE, &local->rows, &local->i, &local->j, &done));
   PetscCheck(done, PETSC_COMM_SELF, PETSC_ERR_PLIB, "The rows of a local matrix cannot be read");
   PetscCall(MatSeqAIJGetArrayRead(local->K, &local->a));
@@ -153,11 +143,6 @@ static PetscErrorCode LatinMatrixParts_Private(LatinSubdomains *sub, const Latin
   PetscBool alone = PETSC_FALSE;
 
   PetscFunctionBegin;
-  if (local->level) {
-    sub->n = local->level->parts;
-    for (PetscInt r = 0; r < local->rows; r++) part[r] = kept[r] ? local->level->part[r] : -1;
-    PetscFunctionReturn(0);
-  }
   PetscCall(MatGetBlockSize(sub->matrix, &bs));
   PetscCall(PetscMalloc3(local->rows, &parent, local->rows, &size, local->rows, &block));
   for (PetscInt r = 0; r < local->rows; r++) {
@@ -252,8 +237,7 @@ static PetscErrorCode LatinMatrixCopies_Private(LatinSubdomains *sub, const Lati
 static PetscErrorCode LatinMatrixData_Private(LatinSubdomains *sub)
 {
   const LatinUnknowns *known = &sub->known;
-  const PetscInt       n = sub->copies, each = sub->fields * (1 + sub->dim);
-  PetscReal           *trace = NULL;
+  const PetscInt       n     = sub->copies;
   PetscLayout          map;
   const PetscInt      *degree;
 
@@ -264,15 +248,11 @@ static PetscErrorCode LatinMatrixData_Private(LatinSubdomains *sub)
   PetscCall(PetscObjectReference((PetscObject)sub->node_sf));
   sub->dof_sf = sub->node_sf;
   PetscCall(PetscMalloc5(sub->dim * n, &sub->x, n, &sub->fixed, n, &sub->prescribed, n, &sub->multiplicity, n, &sub->global_dof));
-  PetscCall(PetscMalloc3(n, &sub->field, known->nears * n, &sub->near, known->trace ? each * n : 0, &trace));
+  PetscCall(PetscMalloc2(n, &sub->field, known->nears * n, &sub->near));
   PetscCall(PetscArrayzero(sub->fixed, n));
   PetscCall(PetscArrayzero(sub->prescribed, n));
   PetscCall(PetscArraycpy(sub->global_dof, sub->node, n));
   if (sub->dim) PetscCall(LatinSFBcast_Private(sub->node_sf, sub->dim, MPIU_REAL, known->x, sub->x));
-  if (known->trace) {
-    PetscCall(LatinSFBcast_Private(sub->node_sf, each, MPIU_REAL, known->trace, trace));
-    sub->trace = trace;
-  }
   PetscCall(LatinSFBcast_Private(sub->node_sf, 1, MPIU_INT, known->field, sub->field));
   for (PetscInt k = 0; k < known->nears; k++) PetscCall(LatinSFBcast_Private(sub->node_sf, 1, MPIU_REAL, known->near + sub->nodes_local * k, sub->near + n * k));
   PetscCall(PetscSFComputeDegreeBegin(sub->node_sf, &degree));

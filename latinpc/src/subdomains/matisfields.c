@@ -132,6 +132,17 @@ static PetscErrorCode LatinUnknownsSpace_Private(MatNullSpace space, PetscInt ro
   PetscFunctionReturn(0);
 }
 
+PetscErrorCode LatinUnknownsReset_Private(LatinUnknowns *known)
+{
+  PetscFunctionBegin;
+  PetscCall(PetscFree(known->x));
+  PetscCall(PetscFree(known->field));
+  PetscCall(PetscFree(known->near));
+  PetscCall(PetscFree(known->kernel));
+  PetscCall(PetscMemzero(known, sizeof(*known)));
+  PetscFunctionReturn(0);
+}
+
 /* How many of n numbers are not finite */
 static PetscInt LatinNotFinite(PetscInt n, const PetscReal x[])
 {
@@ -150,18 +161,11 @@ PetscErrorCode LatinUnknownsSetUp_Private(Mat A, DM dm, Vec coordinates, LatinUn
   PetscInt     rows, dim = 0;
   MatNullSpace near, kernel;
   PetscBool    plex = PETSC_FALSE;
-  LatinLevel  *level;
-  Vec          v = coordinates;
+  Vec          v    = coordinates;
 
   PetscFunctionBegin;
   PetscCall(LatinUnknownsReset_Private(known));
   PetscCall(MatGetLocalSize(A, &rows, NULL));
-  PetscCall(LatinLevelOf_Private(A, &level));
-  if (level) { /* what the level below has of its coarse unknowns */
-    *known          = level->known;
-    known->borrowed = PETSC_TRUE;
-    PetscFunctionReturn(0);
-  }
   PetscCall(MatGetBlockSize(A, &known->fields));
   if (dm) PetscCall(PetscObjectTypeCompare((PetscObject)dm, DMPLEX, &plex));
   if (plex) PetscCall(LatinUnknownsElements_Private(dm, rows, known));

@@ -276,7 +276,7 @@ PetscErrorCode LatinSubdomainsReset(LatinSubdomains *sub)
   PetscCall(PetscFree4(sub->direction, sub->stiffness, sub->e0, sub->law));
   PetscCall(PetscFree3(sub->nonsmooth_link, sub->state, sub->state_first));
   PetscCall(PetscFree(sub->friction));
-  PetscCall(PetscFree3(sub->field, sub->near, sub->trace));
+  PetscCall(PetscFree2(sub->field, sub->near));
   PetscCall(PetscFree(sub->ki));
   PetscCall(PetscFree2(sub->kj, sub->ka));
   PetscCall(PetscFree2(sub->unassigned, sub->unassigned_inverse));
