@@ -116,7 +116,7 @@ static PetscErrorCode LatinSetUpStages_Private(Latin latin)
   PetscCall(LatinCoarseNumber(&latin->coarse));
   PetscCall(PetscMalloc1(latin->sub.n, &pattern));
   PetscCall(LatinRepeats_Private(&latin->inter, &latin->dir, &latin->macro, pattern));
-  PetscCall(LatinBatchesSetUp(&latin->sub, pattern, latin->coarse.offset, &latin->batches));
+  PetscCall(LatinBatchesSetUp(&latin->sub, pattern, &latin->batches));
   PetscCall(LatinMacroShare_Private(&latin->macro, pattern));
   PetscCall(LatinLinearSetUp(&latin->linear));
   PetscCall(LatinFactorAgree_Private(latin, &solvers->status, solvers->n ? &latin->batches.batch[solvers->last] : NULL, "local"));

@@ -20,7 +20,7 @@ static PetscErrorCode LatinMechanismField_Private(Latin latin, Vec v, const Lati
   field = *newfield;
   if (batch) {
     PetscCall(VecGetArrayRead(v, &a));
-    for (PetscInt p = 0; p < batch->patterns; p++) PetscCall(PetscArraycpy(field + bs * sub->node_offset[batch->sub[p]], a + batch->row[p], batch->row[p + 1] - batch->row[p]));
+    PetscCall(PetscArraycpy(field + bs * sub->node_offset[batch->sub[0]], a, batch->rows));
     PetscCall(VecRestoreArrayRead(v, &a));
   } else {
     PetscCall(LatinCoarseExpand_Private(&latin->coarse, v));

@@ -185,7 +185,7 @@ PetscErrorCode LatinGetLocalKSP(Latin latin, PetscInt i, KSP *ksp)
   PetscFunctionBegin;
   PetscCall(LatinCheckSubdomain_Private(latin, i));
   for (PetscInt b = 0; b < batches->n; b++)
-    for (PetscInt k = 0; k < batches->batch[b].patterns * batches->batch[b].members; k++)
+    for (PetscInt k = 0; k < batches->batch[b].members; k++)
       if (batches->batch[b].sub[k] == i) *ksp = latin->solvers.ksp[b];
   PetscFunctionReturn(0);
 }

@@ -3,17 +3,8 @@
 /*
    Solvers of the subdomains. A structure made of repeated modules gives many subdomains the same operator, to the bit:
    it is then factored and condensed once, and solved for all of them together, which turns memory traffic into
-   arithmetic. Subdomains without equal go into block diagonal matrices, some of like size in each.
+   arithmetic.
 */
-
-static PetscErrorCode LatinBatchCreate_Private(LatinBatch *batch, PetscInt patterns, PetscInt members)
-{
-  PetscFunctionBegin;
-  batch->patterns = patterns;
-  batch->members  = members;
-  PetscCall(PetscMalloc2(patterns * members, &batch->sub, patterns + 1, &batch->row));
-  PetscFunctionReturn(0);
-}
 
 /* Have the links of two equal subdomains the same laws and states in the same places? */
 static PetscBool LatinBatchesAlike(const LatinSubdomains *sub, PetscInt a, PetscInt b)
@@ -35,62 +26,40 @@ PetscInt LatinBatchRun(const LatinBatch *batch, PetscInt m)
 {
   PetscInt n = 1;
 
-  while (batch->patterns == 1 && n < LATIN_BATCH_COLUMNS && m + n < batch->members && batch->sub[m + n] == batch->sub[m] + n) n++;
+  while (n < LATIN_BATCH_COLUMNS && m + n < batch->members && batch->sub[m + n] == batch->sub[m] + n) n++;
   return n;
 }
 
-/*
-   One batch for each operator that several subdomains share, pattern[s] the first of them; the others in batches of at
-   most LATIN_BATCH_PATTERNS, sorted by their right-hand sides, column[s] to column[s + 1]: those of a batch are condensed
-   with as many as any of them needs. Takes pattern over.
-*/
-PetscErrorCode LatinBatchesSetUp(const LatinSubdomains *sub, PetscInt pattern[], const PetscInt column[], LatinBatches *batches)
+/* One batch for each different operator, pattern[s] the first subdomain that has it. Takes pattern over */
+PetscErrorCode LatinBatchesSetUp(const LatinSubdomains *sub, PetscInt pattern[], LatinBatches *batches)
 {
-  PetscInt *count, *index, *next, *list, *wide, alone = 0, groups = 0;
+  PetscInt *count, *index;
 
   PetscFunctionBegin;
   batches->pattern = pattern;
-  PetscCall(PetscCalloc5(sub->n, &count, sub->n, &index, sub->n + 1, &next, sub->n, &list, sub->n, &wide));
-  for (PetscInt s = 0; s < sub->n; s++) count[pattern[s]]++;
-  for (PetscInt s = 0; s < sub->n; s++) {
-    if (count[s] > 1) index[s] = groups++;
-    else if (count[s]) {
-      wide[alone]   = column[s + 1] - column[s];
-      list[alone++] = s;
-    }
-  }
-  PetscCall(PetscSortIntWithArray(alone, wide, list));
-  batches->n = groups + (alone + LATIN_BATCH_PATTERNS - 1) / LATIN_BATCH_PATTERNS;
-  PetscCall(PetscCalloc1(batches->n, &batches->batch));
+  PetscCall(PetscCalloc2(sub->n, &count, sub->n, &index));
   for (PetscInt s = 0; s < sub->n; s++)
-    if (count[s] > 1) PetscCall(LatinBatchCreate_Private(&batches->batch[index[s]], 1, count[s]));
-  for (PetscInt b = groups, last, i = 0; b < batches->n; b++) {
-    last = (PetscInt)((PetscInt64)alone * (b - groups + 1) / (batches->n - groups));
-    PetscCall(LatinBatchCreate_Private(&batches->batch[b], last - i, 1));
-    for (; i < last; i++) index[list[i]] = b;
-  }
+    if (!count[pattern[s]]++) index[s] = batches->n++;
+  PetscCall(PetscCalloc1(batches->n, &batches->batch));
   for (PetscInt s = 0; s < sub->n; s++) {
-    const PetscInt b = index[pattern[s]];
+    LatinBatch *batch = &batches->batch[index[pattern[s]]];
 
-    batches->batch[b].sub[next[b]++] = s;
+    if (pattern[s] == s) {
+      PetscCall(PetscMalloc1(count[s], &batch->sub));
+      batch->rows  = sub->bs * (sub->node_offset[s + 1] - sub->node_offset[s]);
+      batch->alike = PETSC_TRUE;
+    } else if (batch->alike) batch->alike = LatinBatchesAlike(sub, pattern[s], s);
+    batch->sub[batch->members++] = s;
   }
-  for (PetscInt b = 0; b < batches->n; b++) {
-    LatinBatch *batch = &batches->batch[b];
-
-    batch->alike = (PetscBool)(batch->patterns == 1);
-    for (PetscInt m = 1; m < batch->members && batch->alike; m++) batch->alike = LatinBatchesAlike(sub, batch->sub[0], batch->sub[m]);
-    batch->row[0] = 0;
-    for (PetscInt p = 0; p < batch->patterns; p++) batch->row[p + 1] = batch->row[p] + sub->bs * (sub->node_offset[batch->sub[p] + 1] - sub->node_offset[batch->sub[p]]);
-  }
-  PetscCall(PetscFree5(count, index, next, list, wide));
-  PetscCall(PetscInfo(sub->object, "%" PetscInt_FMT " subdomains here, %" PetscInt_FMT " different operators\n", sub->n, groups + alone));
+  PetscCall(PetscFree2(count, index));
+  PetscCall(PetscInfo(sub->object, "%" PetscInt_FMT " subdomains here, %" PetscInt_FMT " different operators\n", sub->n, batches->n));
   PetscFunctionReturn(0);
 }
 
 PetscErrorCode LatinBatchesReset(LatinBatches *batches)
 {
   PetscFunctionBegin;
-  for (PetscInt b = 0; b < batches->n; b++) PetscCall(PetscFree2(batches->batch[b].sub, batches->batch[b].row));
+  for (PetscInt b = 0; b < batches->n; b++) PetscCall(PetscFree(batches->batch[b].sub));
   PetscCall(PetscFree(batches->batch));
   PetscCall(PetscFree(batches->pattern));
   batches->n = 0;
@@ -108,9 +77,7 @@ PetscErrorCode LatinLocalSolversCreate(const LatinSubdomains *sub, const LatinBa
   solvers->sub     = sub;
   solvers->batches = batches;
   solvers->n       = n;
-  PetscCall(PetscCalloc3(n, &solvers->K, n, &solvers->B, n, &solvers->X));
-  PetscCall(PetscCalloc3(n, &solvers->ksp, n, &solvers->b, n, &solvers->x));
-  PetscCall(PetscCalloc3(n, &solvers->ci, n, &solvers->cj, n, &solvers->ca));
+  PetscCall(PetscCalloc5(n, &solvers->rows, n, &solvers->K, n, &solvers->B, n, &solvers->X, n, &solvers->ksp));
   PetscFunctionReturn(0);
 }
 
@@ -120,32 +87,27 @@ PetscErrorCode LatinLocalSolversDestroy(LatinLocalSolvers *solvers)
   for (PetscInt i = 0; i < solvers->n; i++) {
     PetscCall(KSPDestroy(&solvers->ksp[i]));
     PetscCall(MatDestroy(&solvers->K[i]));
-    PetscCall(VecDestroy(&solvers->b[i]));
-    PetscCall(VecDestroy(&solvers->x[i]));
     PetscCall(MatDestroy(&solvers->B[i]));
     PetscCall(MatDestroy(&solvers->X[i]));
-    PetscCall(PetscFree(solvers->ci[i]));
-    PetscCall(PetscFree(solvers->cj[i]));
-    PetscCall(PetscFree(solvers->ca[i]));
+    PetscCall(LatinSparseReset_Private(&solvers->rows[i]));
   }
-  PetscCall(PetscFree3(solvers->K, solvers->B, solvers->X));
-  PetscCall(PetscFree3(solvers->ksp, solvers->b, solvers->x));
-  PetscCall(PetscFree3(solvers->ci, solvers->cj, solvers->ca));
+  PetscCall(PetscFree5(solvers->rows, solvers->K, solvers->B, solvers->X, solvers->ksp));
   solvers->n = 0;
   PetscFunctionReturn(0);
 }
 
 /* The matrix of a subdomain that has been condensed on its interfaces: hardly an entry of it is zero */
-static PetscErrorCode LatinLocalDense_Private(PetscInt n, const PetscInt ci[], const PetscInt cj[], const PetscReal ca[], Mat *K)
+static PetscErrorCode LatinLocalDense_Private(const LatinSparse *rows, Mat *K)
 {
-  PetscScalar *a;
+  const PetscInt n = rows->rows;
+  PetscScalar   *a;
 
   PetscFunctionBegin;
   PetscCall(LatinDenseCreate_Private(n, n, K));
   PetscCall(MatDenseGetArrayWrite(*K, &a));
   PetscCall(PetscArrayzero(a, n * n));
   for (PetscInt r = 0; r < n; r++)
-    for (PetscInt k = ci[r]; k < ci[r + 1]; k++) a[cj[k] + n * r] = ca[k]; /* symmetric */
+    for (PetscInt k = rows->i[r]; k < rows->i[r + 1]; k++) a[rows->j[k] + n * r] = rows->a[k]; /* symmetric */
   PetscCall(MatDenseRestoreArrayWrite(*K, &a));
   PetscFunctionReturn(0);
 }
@@ -153,24 +115,16 @@ static PetscErrorCode LatinLocalDense_Private(PetscInt n, const PetscInt ci[], c
 /* The matrix of a batch, and work space for some of its members */
 static PetscErrorCode LatinLocalMatrix_Private(LatinLocalSolvers *solvers, PetscInt i)
 {
-  const LatinBatch *batch = &solvers->batches->batch[i];
-  const PetscInt    rows = batch->row[batch->patterns], columns = PetscMin(batch->members, LATIN_BATCH_COLUMNS);
-  PetscScalar      *b, *x;
+  const LatinSparse *rows    = &solvers->rows[i];
+  const PetscInt     columns = PetscMin(solvers->batches->batch[i].members, LATIN_BATCH_COLUMNS);
 
   PetscFunctionBegin;
-  if (LatinSubdomainsCondensed(solvers->sub)) PetscCall(LatinLocalDense_Private(rows, solvers->ci[i], solvers->cj[i], solvers->ca[i], &solvers->K[i]));
-  else PetscCall(MatCreateSeqAIJWithArrays(PETSC_COMM_SELF, rows, rows, solvers->ci[i], solvers->cj[i], solvers->ca[i], &solvers->K[i]));
+  if (LatinSubdomainsCondensed(solvers->sub)) PetscCall(LatinLocalDense_Private(rows, &solvers->K[i]));
+  else PetscCall(MatCreateSeqAIJWithArrays(PETSC_COMM_SELF, rows->rows, rows->rows, rows->i, rows->j, rows->a, &solvers->K[i]));
   PetscCall(MatSetOption(solvers->K[i], MAT_SYMMETRIC, PETSC_TRUE));
   PetscCall(MatSetOption(solvers->K[i], MAT_SPD, PETSC_TRUE));
-  PetscCall(LatinDenseCreate_Private(rows, columns, &solvers->B[i]));
-  PetscCall(LatinDenseCreate_Private(rows, columns, &solvers->X[i]));
-  if (batch->members > 1) PetscFunctionReturn(0);
-  PetscCall(MatDenseGetArray(solvers->B[i], &b));
-  PetscCall(MatDenseGetArray(solvers->X[i], &x));
-  PetscCall(VecCreateSeqWithArray(PETSC_COMM_SELF, 1, rows, b, &solvers->b[i]));
-  PetscCall(VecCreateSeqWithArray(PETSC_COMM_SELF, 1, rows, x, &solvers->x[i]));
-  PetscCall(MatDenseRestoreArray(solvers->B[i], &b));
-  PetscCall(MatDenseRestoreArray(solvers->X[i], &x));
+  PetscCall(LatinDenseCreate_Private(rows->rows, columns, &solvers->B[i]));
+  PetscCall(LatinDenseCreate_Private(rows->rows, columns, &solvers->X[i]));
   PetscFunctionReturn(0);
 }
 
@@ -197,8 +151,6 @@ PetscErrorCode LatinLocalSolversSetUp(LatinLocalSolvers *solvers, const char nam
     PetscCall(KSPSetFromOptions(solvers->ksp[i]));
     PetscCall(LatinSolverDefaults_Private(solvers->ksp[i], once));
     PetscCall(MatSetBlockSize(solvers->K[i], sub->bs));
-    solvers->status.large = PETSC_FALSE;
-    for (PetscInt p = 0; p < solvers->batches->batch[i].patterns; p++) solvers->status.large = (PetscBool)(solvers->status.large || solvers->batches->batch[i].row[p + 1] - solvers->batches->batch[i].row[p] > LATIN_LARGE);
     PetscCall(LatinFactor_Private(solvers->ksp[i], solvers->K[i], package, &solvers->status));
     solvers->last = i;
     PetscCall(LatinSolverDirect_Private(solvers->ksp[i], &solvers->direct));
@@ -209,9 +161,10 @@ PetscErrorCode LatinLocalSolversSetUp(LatinLocalSolvers *solvers, const char nam
 /* U = K^-1 g for the copy arrays of the subdomains of one batch */
 PetscErrorCode LatinLocalSolve_Private(LatinLocalSolvers *solvers, PetscInt i, const PetscReal g[], PetscReal U[])
 {
-  const LatinSubdomains *sub   = solvers->sub;
-  const LatinBatch      *batch = &solvers->batches->batch[i];
-  const PetscInt         bs = solvers->sub->bs, rows = batch->row[batch->patterns], columns = PetscMin(batch->members, LATIN_BATCH_COLUMNS);
+  const LatinSubdomains *sub     = solvers->sub;
+  const LatinBatch      *batch   = &solvers->batches->batch[i];
+  const PetscInt         columns = PetscMin(batch->members, LATIN_BATCH_COLUMNS);
+  const size_t           rows    = (size_t)batch->rows;
   PetscScalar           *b;
   const PetscScalar     *x;
 
@@ -220,17 +173,12 @@ PetscErrorCode LatinLocalSolve_Private(LatinLocalSolvers *solvers, PetscInt i, c
     const PetscInt last = PetscMin(first + columns, batch->members);
 
     PetscCall(MatDenseGetArray(solvers->B[i], &b));
-    for (PetscInt m = first; m < last; m++)
-      for (PetscInt p = 0; p < batch->patterns; p++) PetscCall(PetscArraycpy(b + (size_t)rows * (size_t)(m - first) + batch->row[p], g + bs * sub->node_offset[batch->sub[p + m]], batch->row[p + 1] - batch->row[p]));
+    for (PetscInt m = first; m < last; m++) PetscCall(PetscArraycpy(b + rows * (size_t)(m - first), g + sub->bs * sub->node_offset[batch->sub[m]], rows));
     PetscCall(MatDenseRestoreArray(solvers->B[i], &b));
-    if (batch->members == 1) {
-      PetscCall(PetscObjectStateIncrease((PetscObject)solvers->b[i]));
-      PetscCall(KSPSolve(solvers->ksp[i], solvers->b[i], solvers->x[i]));
-    } else PetscCall(KSPMatSolve(solvers->ksp[i], solvers->B[i], solvers->X[i]));
+    PetscCall(KSPMatSolve(solvers->ksp[i], solvers->B[i], solvers->X[i]));
     PetscCall(LatinSolverNote_Private(solvers->ksp[i], sub->preconditions, &solvers->failed));
     PetscCall(MatDenseGetArrayRead(solvers->X[i], &x));
-    for (PetscInt m = first; m < last; m++)
-      for (PetscInt p = 0; p < batch->patterns; p++) PetscCall(PetscArraycpy(U + bs * sub->node_offset[batch->sub[p + m]], x + (size_t)rows * (size_t)(m - first) + batch->row[p], batch->row[p + 1] - batch->row[p]));
+    for (PetscInt m = first; m < last; m++) PetscCall(PetscArraycpy(U + sub->bs * sub->node_offset[batch->sub[m]], x + rows * (size_t)(m - first), rows));
     PetscCall(MatDenseRestoreArrayRead(solvers->X[i], &x));
   }
   PetscFunctionReturn(0);

@@ -182,14 +182,17 @@ static PetscErrorCode LatinSoftestShifted_Private(Mat A, MatSolverType preferred
    CHOLMOD tries an order that it is given, minimum degree, and METIS on the graph of the degrees of freedom, which takes as
    long as the factorisation. One of the first two is enough, unless an option says otherwise
 */
-static PetscErrorCode LatinFactorSetUp_Private(KSP ksp, PC pc, MatSolverType preferred, PetscBool large, PetscErrorCode *ierr)
+static PetscErrorCode LatinFactorSetUp_Private(KSP ksp, PC pc, Mat A, MatSolverType preferred, PetscErrorCode *ierr)
 {
   const char   *prefix;
   char          name[PETSC_MAX_PATH_LEN];
   MatSolverType package;
-  PetscBool     ours = PETSC_FALSE, given, other;
+  PetscInt      rows;
+  PetscBool     ours = PETSC_FALSE, given, other, large;
 
   PetscFunctionBegin;
+  PetscCall(MatGetLocalSize(A, &rows, NULL));
+  large = (PetscBool)(rows > LATIN_LARGE);
   PetscCall(KSPGetOptionsPrefix(ksp, &prefix));
   PetscCall(PetscSNPrintf(name, sizeof(name), "-%smat_cholmod_nmethods", prefix ? prefix : ""));
   PetscCall(PetscOptionsHasName(NULL, NULL, name, &given));
@@ -221,7 +224,7 @@ static PetscErrorCode LatinFactorTry_Private(KSP ksp, PC pc, Mat A, MatSolverTyp
       PetscCall(PCFactorGetMatrix(pc, &factor));
       PetscTryMethod(factor, "MatMumpsSetIcntl_C", (Mat, PetscInt, PetscInt), (factor, 14, room));
     }
-    PetscCall(LatinFactorSetUp_Private(ksp, pc, preferred, status->large, &status->ierr));
+    PetscCall(LatinFactorSetUp_Private(ksp, pc, A, preferred, &status->ierr));
     (void)LatinWatchWait_Private(PetscObjectComm((PetscObject)A), status->ierr); /* others may still be at work on a parallel matrix */
     if (!status->ierr) PetscCall(PCGetFailedReason(pc, &status->failed));
     if (status->failed != PC_FACTOR_OUTMEMORY || !direct || size == 1) break;

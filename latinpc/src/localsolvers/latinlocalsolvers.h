@@ -14,7 +14,6 @@
 
 /* How a factorisation ended on this rank */
 typedef struct {
-  PetscBool      large; /* given: a subdomain has more rows than LATIN_LARGE */
   PetscErrorCode ierr;
   PCFailedReason failed;
   PetscBool      mechanism;
@@ -46,19 +45,14 @@ PETSC_INTERN PetscErrorCode LatinSolverNote_Private(KSP, PetscBool preconditions
 PETSC_INTERN PetscErrorCode LatinSolverDefaults_Private(KSP, PetscBool once);
 
 /* ---- batches of subdomains and their solvers (localsolvers/batches.c) ---- */
-#define LATIN_LANES          8  /* equal subdomains whose links are swept together */
-#define LATIN_BATCH_COLUMNS  64 /* equal subdomains solved together: right-hand sides stay in cache */
-#define LATIN_BATCH_PATTERNS 64 /* different subdomains in one matrix: no more of them than condensation likes */
+#define LATIN_LANES         8  /* equal subdomains whose links are swept together */
+#define LATIN_BATCH_COLUMNS 64 /* equal subdomains solved together: right-hand sides stay in cache */
 
-/*
-   Subdomains whose operators are equal to the bit share one: a batch of one pattern and many members. The others form
-   batches of many patterns and one member each, block diagonal matrices.
-*/
+/* Subdomains whose operators are equal to the bit share one */
 typedef struct {
-  PetscInt  patterns, members; /* one of them is 1 */
-  PetscInt *sub;               /* [patterns * members] subdomains; the first one of each pattern represents it */
-  PetscInt *row;               /* [patterns + 1] first row of each pattern in the matrix */
-  PetscBool alike;             /* one pattern, and the links of all members have the same laws and the same order of states */
+  PetscInt  members, *sub; /* the first one represents them */
+  PetscInt  rows;          /* of the operator */
+  PetscBool alike;         /* the links of all members have the same laws and the same order of states */
 } LatinBatch;
 
 typedef struct {
@@ -66,21 +60,19 @@ typedef struct {
   LatinBatch *batch;
   PetscInt   *pattern; /* [subdomains] the subdomain that represents it */
 } LatinBatches;
-PETSC_INTERN PetscErrorCode LatinBatchesSetUp(const LatinSubdomains *, PetscInt pattern[], const PetscInt column[], LatinBatches *);
+PETSC_INTERN PetscErrorCode LatinBatchesSetUp(const LatinSubdomains *, PetscInt pattern[], LatinBatches *);
 PETSC_INTERN PetscErrorCode LatinBatchesReset(LatinBatches *);
 PETSC_INTERN PetscInt       LatinBatchRun(const LatinBatch *, PetscInt m);
 
-/* One matrix and KSP a batch; rows are the copy arrays' entries of the patterns */
+/* One matrix and KSP a batch */
 typedef struct {
   const LatinSubdomains *sub;
   const LatinBatches    *batches;
   PetscInt               n;
   PetscBool              direct;    /* all of them are factorisations */
+  LatinSparse           *rows;      /* of the operators, filled by others */
   Mat                   *K, *B, *X; /* operator; right-hand sides and solutions of some members, dense */
   KSP                   *ksp;
-  Vec                   *b, *x;    /* the same for a batch of one member */
-  PetscInt             **ci, **cj; /* rows of K */
-  PetscReal            **ca;
   LatinFactorStatus      status; /* of the set-up on this rank */
   PetscInt               last;   /* the last batch that was set up: where a failure is */
   PetscBool              failed; /* a solve failed on this rank since this was cleared */

@@ -87,9 +87,9 @@ static PetscErrorCode LatinInteriorMatrices_Private(const LatinSparse *K, PetscI
 }
 
 /* Factors K_II; *done: by a factorisation, and nothing inside moves by itself, which the stages to come would report with names */
-static PetscErrorCode LatinInteriorFactor_Private(const LatinSubdomains *sub, PetscInt inside, LatinInterior interior, PetscBool *done)
+static PetscErrorCode LatinInteriorFactor_Private(const LatinSubdomains *sub, LatinInterior interior, PetscBool *done)
 {
-  LatinFactorStatus status = {.large = (PetscBool)(inside > LATIN_LARGE)};
+  LatinFactorStatus status = {.ierr = (PetscErrorCode)0};
   PC                pc;
 
   PetscFunctionBegin;
@@ -154,7 +154,7 @@ static PetscErrorCode LatinInteriorEliminate_Private(LatinSubdomains *sub, Latin
     for (PetscInt k = 0; k < inside; k++) row[k] = sub->node[in[k]];
     PetscCall(ISCreateGeneral(PETSC_COMM_SELF, inside, row, PETSC_OWN_POINTER, &interior->rows));
     PetscCall(LatinInteriorMatrices_Private(&whole, inside, in, width, kept, interior));
-    PetscCall(LatinInteriorFactor_Private(sub, inside, interior, done));
+    PetscCall(LatinInteriorFactor_Private(sub, interior, done));
     if (*done) PetscCall(LatinEliminate_Private(&whole, width, kept, S, &bad));
     *done = (PetscBool)(*done && !bad);
     if (*done) {

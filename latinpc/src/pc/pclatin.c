@@ -20,30 +20,27 @@ static PetscErrorCode PCLatinInterior_Private(PC pc)
   PetscCall(LatinLocalSolversCreate(&latin->sub, &latin->batches, interior));
   if (latin->interior) interior->n = 0; /* eliminated already */
   for (PetscInt i = 0; i < interior->n; i++) {
-    const LatinBatch *batch = &latin->batches.batch[i];
-    const PetscInt    n     = batch->row[batch->patterns];
-    PetscInt          nz    = 0;
+    const LatinSparse *from = &whole->rows[i];
+    const PetscInt     top  = latin->sub.node_offset[latin->batches.batch[i].sub[0]];
+    LatinSparse       *to   = &interior->rows[i];
+    PetscInt           nz   = 0;
 
-    PetscCall(PetscMalloc1(n + 1, &interior->ci[i]));
-    PetscCall(PetscMalloc1(whole->ci[i][n], &interior->cj[i]));
-    PetscCall(PetscMalloc1(whole->ci[i][n], &interior->ca[i]));
-    for (PetscInt p = 0; p < batch->patterns; p++) {
-      const PetscInt shift = bs * latin->sub.node_offset[batch->sub[p]] - batch->row[p];
+    to->rows = from->rows;
+    PetscCall(PetscMalloc1(to->rows + 1, &to->i));
+    PetscCall(PetscMalloc2(from->i[from->rows], &to->j, from->i[from->rows], &to->a));
+    for (PetscInt row = 0; row < to->rows; row++) {
+      const PetscBool inner = PCLatinInner(latin, top + row / bs);
 
-      for (PetscInt row = batch->row[p]; row < batch->row[p + 1]; row++) {
-        const PetscBool inner = PCLatinInner(latin, (row + shift) / bs);
+      to->i[row] = nz;
+      for (PetscInt k = from->i[row]; k < from->i[row + 1]; k++) {
+        const PetscInt column = from->j[k];
 
-        interior->ci[i][row] = nz;
-        for (PetscInt k = whole->ci[i][row]; k < whole->ci[i][row + 1]; k++) {
-          const PetscInt column = whole->cj[i][k];
-
-          if (inner ? !PCLatinInner(latin, (column + shift) / bs) : column != row) continue;
-          interior->cj[i][nz]   = column;
-          interior->ca[i][nz++] = inner ? whole->ca[i][k] : 1.0;
-        }
+        if (inner ? !PCLatinInner(latin, top + column / bs) : column != row) continue;
+        to->j[nz]   = column;
+        to->a[nz++] = inner ? from->a[k] : 1.0;
       }
     }
-    interior->ci[i][n] = nz;
+    to->i[to->rows] = nz;
   }
   PetscCall(LatinLocalSolversSetUp(interior, "interior", PETSC_TRUE));
   PetscCall(LatinFactorAgree_Private(latin, &interior->status, interior->n ? &latin->batches.batch[interior->last] : NULL, "interior"));

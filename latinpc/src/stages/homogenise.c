@@ -19,31 +19,26 @@
 #define LATIN_INVERSE_RUN    8   /* fewest subdomains of neighbouring numbers, on average */
 #define LATIN_INVERSE_STAGES 8   /* the columns of an inverse are no more than the right-hand sides of so many linear stages */
 
-/* Columns first..last of [A_r^t, K_rC] for all patterns of a batch at once: its matrix is block diagonal */
-static PetscErrorCode LatinHomogeniseColumns_Private(LatinLinear *linear, const LatinBatch *batch, PetscInt first, PetscInt last, PetscScalar b[])
+/* Columns first..last of [A_r^t, K_rC] of subdomain s */
+static PetscErrorCode LatinHomogeniseColumns_Private(LatinLinear *linear, PetscInt s, size_t n, PetscInt first, PetscInt last, PetscScalar b[])
 {
   const LatinInterfaces *inter = linear->inter;
-  const size_t           n     = (size_t)batch->row[batch->patterns];
+  const PetscInt         top   = linear->sub->bs * linear->sub->node_offset[s];
 
   PetscFunctionBegin;
   PetscCall(PetscMemzero(b, n * (size_t)(last - first) * sizeof(*b)));
-  for (PetscInt p = 0; p < batch->patterns; p++) {
-    const PetscInt s = batch->sub[p], macros = linear->coarse->macro_count[s], shift = batch->row[p] - linear->sub->bs * linear->sub->node_offset[s];
+  for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++) {
+    const LatinInterface *face = &inter->interface[f];
+    const PetscInt        at   = linear->macro->of[f].at;
 
-    for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++) {
-      const LatinInterface *face = &inter->interface[f];
-      const PetscInt        at   = linear->macro->of[f].at;
+    for (PetscInt j = PetscMax(first, at); j < PetscMin(last, at + linear->macro->of[f].modes); j++)
+      for (PetscInt k = face->side_first; k < face->side_last; k++)
+        if (inter->primal_index[inter->side_dof[k]] < 0) b[(size_t)(inter->side_dof[k] - top) + n * (size_t)(j - first)] += LatinMacroDualRow(linear->macro, f, k)[j - at];
+  }
+  for (PetscInt c = linear->rc_first[s]; c < linear->rc_last[s]; c++) {
+    const PetscInt j = linear->coarse->macro_count[s] + linear->rc[c].primal;
 
-      for (PetscInt j = PetscMax(first, at); j < PetscMin(last, at + linear->macro->of[f].modes); j++) {
-        for (PetscInt k = face->side_first; k < face->side_last; k++)
-          if (linear->inter->primal_index[inter->side_dof[k]] < 0) b[(size_t)(inter->side_dof[k] + shift) + n * (size_t)(j - first)] += LatinMacroDualRow(linear->macro, f, k)[j - at];
-      }
-    }
-    for (PetscInt c = linear->rc_first[s]; c < linear->rc_last[s]; c++) {
-      const PetscInt j = macros + linear->rc[c].primal;
-
-      if (j >= first && j < last) b[(size_t)(linear->rc[c].row + batch->row[p]) + n * (size_t)(j - first)] += linear->rc[c].value;
-    }
+    if (j >= first && j < last) b[(size_t)linear->rc[c].row + n * (size_t)(j - first)] += linear->rc[c].value;
   }
   PetscFunctionReturn(0);
 }
@@ -51,33 +46,21 @@ static PetscErrorCode LatinHomogeniseColumns_Private(LatinLinear *linear, const 
 /* Phi first holds [V_m, V_C] */
 static PetscErrorCode LatinHomogeniseSolve_Private(LatinLinear *linear, PetscInt which, KSPConvergedReason *failed)
 {
-  const LatinBatch *batch  = &linear->batches->batch[which];
-  const PetscInt    n      = batch->row[batch->patterns];
-  PetscInt          widest = 0;
+  const PetscInt s = linear->batches->batch[which].sub[0], n = linear->batches->batch[which].rows, m = linear->coarse->offset[s + 1] - linear->coarse->offset[s];
+  PetscReal     *Phi = linear->Phi + linear->phi_offset[s];
 
   PetscFunctionBegin;
-  for (PetscInt p = 0; p < batch->patterns; p++) widest = PetscMax(widest, linear->coarse->offset[batch->sub[p] + 1] - linear->coarse->offset[batch->sub[p]]);
-  for (PetscInt first = 0; first < widest; first += LATIN_HOMOGENISE_COLUMNS) {
-    const PetscInt     last = PetscMin(first + LATIN_HOMOGENISE_COLUMNS, widest);
-    Mat                B, X;
-    PetscScalar       *b;
-    const PetscScalar *x;
+  for (PetscInt first = 0; first < m; first += LATIN_HOMOGENISE_COLUMNS) {
+    const PetscInt last = PetscMin(first + LATIN_HOMOGENISE_COLUMNS, m);
+    Mat            B, X;
+    PetscScalar   *b;
 
     PetscCall(LatinDenseCreate_Private(n, last - first, &B));
-    PetscCall(LatinDenseCreate_Private(n, last - first, &X));
+    PetscCall(MatCreateSeqDense(PETSC_COMM_SELF, n, last - first, Phi + (size_t)n * (size_t)first, &X));
     PetscCall(MatDenseGetArrayWrite(B, &b));
-    PetscCall(LatinHomogeniseColumns_Private(linear, batch, first, last, b));
+    PetscCall(LatinHomogeniseColumns_Private(linear, s, (size_t)n, first, last, b));
     PetscCall(MatDenseRestoreArrayWrite(B, &b));
     PetscCall(LatinDenseSolve_Private(linear->solvers->ksp[which], B, X, failed));
-    PetscCall(MatDenseGetArrayRead(X, &x));
-    for (PetscInt p = 0; p < batch->patterns; p++) {
-      const PetscInt s    = batch->sub[p];
-      const size_t   rows = (size_t)(batch->row[p + 1] - batch->row[p]);
-
-      for (PetscInt j = first; j < PetscMin(last, linear->coarse->offset[s + 1] - linear->coarse->offset[s]); j++)
-        PetscCall(PetscMemcpy(linear->Phi + linear->phi_offset[s] + rows * (size_t)j, x + batch->row[p] + (size_t)n * (size_t)(j - first), rows * sizeof(*x)));
-    }
-    PetscCall(MatDenseRestoreArrayRead(X, &x));
     PetscCall(MatDestroy(&B));
     PetscCall(MatDestroy(&X));
   }
@@ -174,27 +157,23 @@ static PetscErrorCode LatinHomogeniseSubdomain_Private(LatinLinear *linear, Pets
 */
 static PetscErrorCode LatinHomogeniseInverse_Private(LatinLinear *linear, PetscInt which, KSPConvergedReason *failed)
 {
-  const LatinBatch  *batch = &linear->batches->batch[which];
-  const PetscInt     n = batch->row[batch->patterns], first = linear->sub->bs * linear->sub->node_offset[batch->sub[0]];
-  PetscInt           runs = 1;
-  Mat                B, X;
-  PetscScalar       *b;
-  const PetscScalar *x;
+  const LatinBatch *batch = &linear->batches->batch[which];
+  const PetscInt    n = batch->rows, first = linear->sub->bs * linear->sub->node_offset[batch->sub[0]];
+  PetscInt          runs = 1;
+  Mat               B, X;
+  PetscScalar      *b;
 
   PetscFunctionBegin;
   for (PetscInt m = 1; m < batch->members; m++) runs += batch->sub[m] != batch->sub[m - 1] + 1 ? 1 : 0;
-  if (!linear->solvers->direct || batch->patterns > 1 || n > LATIN_INVERSE_ROWS || batch->members < LATIN_INVERSE_RUN * runs || batch->members * LATIN_INVERSE_STAGES < n) PetscFunctionReturn(0);
+  if (!linear->solvers->direct || n > LATIN_INVERSE_ROWS || batch->members < LATIN_INVERSE_RUN * runs || batch->members * LATIN_INVERSE_STAGES < n) PetscFunctionReturn(0);
+  PetscCall(PetscMalloc1(n * n, &linear->inverse[which]));
   PetscCall(LatinDenseCreate_Private(n, n, &B));
-  PetscCall(LatinDenseCreate_Private(n, n, &X));
+  PetscCall(MatCreateSeqDense(PETSC_COMM_SELF, n, n, linear->inverse[which], &X));
   PetscCall(MatDenseGetArrayWrite(B, &b));
   PetscCall(PetscArrayzero(b, n * n));
   for (PetscInt i = 0; i < n; i++) b[i + n * i] = linear->sub->fixed[first + i] || linear->inter->primal_index[first + i] >= 0 ? 0.0 : 1.0;
   PetscCall(MatDenseRestoreArrayWrite(B, &b));
   PetscCall(LatinDenseSolve_Private(linear->solvers->ksp[which], B, X, failed));
-  PetscCall(PetscMalloc1(n * n, &linear->inverse[which]));
-  PetscCall(MatDenseGetArrayRead(X, &x));
-  PetscCall(PetscArraycpy(linear->inverse[which], x, n * n));
-  PetscCall(MatDenseRestoreArrayRead(X, &x));
   PetscCall(MatDestroy(&B));
   PetscCall(MatDestroy(&X));
   PetscFunctionReturn(0);
@@ -219,14 +198,13 @@ PetscErrorCode LatinHomogeniseSetUp(LatinLinear *linear)
              LatinPrefix(linear->sub));
   for (PetscInt s = 0; s < sub->n; s++) rows = PetscMax(rows, linear->sub->bs * (sub->node_offset[s + 1] - sub->node_offset[s]));
   PetscCall(PetscMalloc4(w * w, &T, w * w, &N, w * w, &TN, rows * w, &work));
-  for (PetscInt b = 0; b < linear->batches->n; b++)
-    for (PetscInt p = 0; p < linear->batches->batch[b].patterns; p++) {
-      const PetscInt s        = linear->batches->batch[b].sub[p];
-      PetscBool      singular = PETSC_FALSE;
+  for (PetscInt b = 0; b < linear->batches->n; b++) {
+    const PetscInt s        = linear->batches->batch[b].sub[0];
+    PetscBool      singular = PETSC_FALSE;
 
-      PetscCall(LatinHomogeniseSubdomain_Private(linear, s, T, N, TN, work, linear->inverse[b], &singular));
-      if (singular && (bad < 0 || s < bad)) bad = s;
-    }
+    PetscCall(LatinHomogeniseSubdomain_Private(linear, s, T, N, TN, work, linear->inverse[b], &singular));
+    if (singular && (bad < 0 || s < bad)) bad = s;
+  }
   PetscCall(PetscFree4(T, N, TN, work));
   PetscCall(PetscLogEventEnd(LATIN_Condense, linear->sub->object, 0, 0, 0));
   LatinAgree(PetscObjectComm(linear->sub->object), bad >= 0, PETSC_ERR_PLIB, "The macro constraints of subdomain %" PetscInt_FMT " are dependent to rounding; change the partition, or try variant none", sub->first + bad);

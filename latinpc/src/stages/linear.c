@@ -5,57 +5,44 @@
    whole stage (42)-(52) for given forces.
 */
 
-/* Growing rows of one batch's matrix, and couplings with primal dofs of all batches */
-typedef struct {
-  PetscSegBuffer column, value, coupling;
-  PetscInt       nz, couplings;
-} LatinLinearGrowth;
-
 /*
-   The matrix K of subdomain s goes where it belongs: rows on free dofs that are not primal to the matrix of its batch,
-   from row `shift` on; their couplings with the primal dofs; the primal block, which starts the homogenised stiffness H.
+   Of the matrix K of subdomain s, rows and columns on free dofs that are not primal stay; couplings with the primal dofs
+   go to rc, and the primal block to H, the homogenised stiffness that it starts.
 */
-static PetscErrorCode LatinLinearSplit_Private(LatinLinear *linear, PetscInt s, const LatinSparse *K, PetscInt shift, PetscInt ci[], LatinLinearGrowth *growth)
+static PetscErrorCode LatinLinearSplit_Private(LatinLinear *linear, PetscInt s, LatinSparse *K, PetscSegBuffer rc, PetscInt *couplings)
 {
   const PetscInt  m = linear->coarse->offset[s + 1] - linear->coarse->offset[s], macros = linear->coarse->macro_count[s], top = linear->sub->bs * linear->sub->node_offset[s];
   const PetscInt *primal = linear->inter->primal_index + top;
   PetscReal      *H      = linear->stiffness.H + linear->stiffness.h_offset[s];
+  PetscInt        nz     = 0;
 
   PetscFunctionBegin;
-  linear->rc_first[s] = growth->couplings;
-  for (PetscInt r = 0; r < K->rows; r++) {
+  linear->rc_first[s] = *couplings;
+  for (PetscInt r = 0, first = 0; r < K->rows; r++) {
     const PetscBool apart = (PetscBool)(primal[r] >= 0 && !linear->sub->fixed[top + r]);
-    PetscInt       *column;
-    PetscReal      *value;
-    LatinCoupling  *coupling;
-    PetscInt        inside = apart ? 1 : 0, outside = 0;
+    const PetscInt  last  = K->i[r + 1];
 
-    for (PetscInt k = K->i[r]; k < K->i[r + 1] && !apart; k++) {
-      if (primal[K->j[k]] < 0 || K->j[k] == r) inside++;
-      else outside++;
-    }
-    ci[shift + r] = growth->nz;
-    growth->nz += inside;
-    growth->couplings += outside;
-    PetscCall(PetscSegBufferGet(growth->column, (size_t)inside, &column));
-    PetscCall(PetscSegBufferGet(growth->value, (size_t)inside, &value));
-    PetscCall(PetscSegBufferGet(growth->coupling, (size_t)outside, &coupling));
-    if (apart) {
-      *column = shift + r;
-      *value  = 1.0;
-    }
-    for (PetscInt k = K->i[r]; k < K->i[r + 1]; k++) {
-      const PetscInt at = primal[K->j[k]];
+    K->i[r] = nz;
+    for (PetscInt k = first; k < last; k++) {
+      const PetscInt  column = K->j[k], at = primal[column];
+      const PetscReal value = K->a[k];
 
-      if (apart) {
-        if (at >= 0) H[macros + primal[r] + m * (macros + at)] += K->a[k];
-      } else if (at < 0 || K->j[k] == r) {
-        *column++ = shift + K->j[k];
-        *value++  = K->a[k];
-      } else *coupling++ = (LatinCoupling){.row = r, .primal = at, .value = K->a[k]};
+      if (apart && at >= 0) H[macros + primal[r] + m * (macros + at)] += value;
+      if (column == r || (!apart && at < 0)) { /* a primal row is that of the identity */
+        K->j[nz]   = column;
+        K->a[nz++] = apart ? 1.0 : value;
+      } else if (!apart) {
+        LatinCoupling *coupling;
+
+        PetscCall(PetscSegBufferGet(rc, 1, &coupling));
+        *coupling = (LatinCoupling){.row = r, .primal = at, .value = value};
+        ++*couplings;
+      }
     }
+    first = last;
   }
-  linear->rc_last[s] = growth->couplings;
+  K->i[K->rows]      = nz;
+  linear->rc_last[s] = *couplings;
   PetscFunctionReturn(0);
 }
 
@@ -63,38 +50,23 @@ static PetscErrorCode LatinLinearSplit_Private(LatinLinear *linear, PetscInt s, 
 static PetscErrorCode LatinLinearMatrices_Private(LatinLinear *linear)
 {
   const LatinBatches *batches = linear->batches;
-  LatinLocalSolvers  *solvers = linear->solvers;
-  PetscInt            most    = 0;
-  LatinLinearGrowth   growth  = {.couplings = 0};
+  PetscInt            most = 0, couplings = 0;
   LatinBlock         *block;
-  LatinSparse         K;
+  PetscSegBuffer      rc;
 
   PetscFunctionBegin;
   for (PetscInt s = 0; s < linear->sub->n; s++) most = PetscMax(most, linear->inter->offset[s + 1] - linear->inter->offset[s]);
   PetscCall(PetscMalloc1(most, &block));
-  PetscCall(PetscSegBufferCreate(sizeof(PetscInt), 4096, &growth.column));
-  PetscCall(PetscSegBufferCreate(sizeof(PetscReal), 4096, &growth.value));
-  PetscCall(PetscSegBufferCreate(sizeof(LatinCoupling), 1024, &growth.coupling));
+  PetscCall(PetscSegBufferCreate(sizeof(LatinCoupling), 1024, &rc));
   for (PetscInt b = 0; b < batches->n; b++) {
-    const LatinBatch *batch = &batches->batch[b];
+    const PetscInt s = batches->batch[b].sub[0], blocks = LatinDirectionBlocks(linear->dir, s, block);
+    LatinSparse   *K = &linear->solvers->rows[b];
 
-    growth.nz = 0;
-    PetscCall(PetscMalloc1(batch->row[batch->patterns] + 1, &solvers->ci[b]));
-    for (PetscInt p = 0; p < batch->patterns; p++) {
-      const PetscInt s = batch->sub[p], blocks = LatinDirectionBlocks(linear->dir, s, block);
-
-      PetscCall(LatinSparseCreate_Private(linear->sub, s, linear->spring, linear->sub->fixed, blocks, block, &K));
-      PetscCall(LatinLinearSplit_Private(linear, s, &K, batch->row[p], solvers->ci[b], &growth));
-      PetscCall(LatinSparseReset_Private(&K));
-    }
-    solvers->ci[b][batch->row[batch->patterns]] = growth.nz;
-    PetscCall(PetscSegBufferExtractAlloc(growth.column, &solvers->cj[b]));
-    PetscCall(PetscSegBufferExtractAlloc(growth.value, &solvers->ca[b]));
+    PetscCall(LatinSparseCreate_Private(linear->sub, s, linear->spring, linear->sub->fixed, blocks, block, K));
+    PetscCall(LatinLinearSplit_Private(linear, s, K, rc, &couplings));
   }
-  PetscCall(PetscSegBufferExtractAlloc(growth.coupling, &linear->rc));
-  PetscCall(PetscSegBufferDestroy(&growth.column));
-  PetscCall(PetscSegBufferDestroy(&growth.value));
-  PetscCall(PetscSegBufferDestroy(&growth.coupling));
+  PetscCall(PetscSegBufferExtractAlloc(rc, &linear->rc));
+  PetscCall(PetscSegBufferDestroy(&rc));
   PetscCall(PetscFree(block));
   for (PetscInt s = 0; s < linear->sub->n; s++) {
     linear->rc_first[s] = linear->rc_first[batches->pattern[s]];
@@ -137,9 +109,8 @@ static PetscErrorCode LatinLinearWork_Private(LatinLinear *linear)
   for (PetscInt b = 0; b < linear->batches->n; b++) {
     const LatinBatch *batch = &linear->batches->batch[b];
 
-    if (batch->members >= LATIN_LANES) tile = PetscMax(tile, batch->row[1]);
-    for (PetscInt p = 0; p < batch->patterns; p++)
-      for (PetscInt f = inter->offset[batch->sub[p]]; f < inter->offset[batch->sub[p] + 1]; f++) sides = PetscMax(sides, PetscMin(batch->members, LATIN_BATCH_COLUMNS) * (inter->interface[f].side_last - inter->interface[f].side_first));
+    if (batch->members >= LATIN_LANES) tile = PetscMax(tile, batch->rows);
+    for (PetscInt f = inter->offset[batch->sub[0]]; f < inter->offset[batch->sub[0] + 1]; f++) sides = PetscMax(sides, PetscMin(batch->members, LATIN_BATCH_COLUMNS) * (inter->interface[f].side_last - inter->interface[f].side_first));
   }
   PetscCall(PetscMalloc1(2 * LATIN_LANES * tile, &linear->tile));
   PetscCall(PetscMalloc1(2 * sides, &linear->work));
@@ -192,7 +163,7 @@ static PetscErrorCode LatinLinearCondense_Private(LatinLinear *linear, const Lat
   PetscBLASInt           rows, cols, run, inc = 1;
 
   PetscFunctionBegin;
-  for (PetscInt m = 0; m < batch->patterns * batch->members; m += (PetscInt)run) {
+  for (PetscInt m = 0; m < batch->members; m += (PetscInt)run) {
     const PetscInt   s   = batch->sub[m];
     const PetscReal *Phi = linear->Phi + linear->phi_offset[s], *g = linear->g + sub->bs * sub->node_offset[s];
     PetscReal       *q = coarse->q + coarse->offset[s];
@@ -257,7 +228,7 @@ static PetscErrorCode LatinLinearDense_Private(LatinLinear *linear, const LatinB
     const PetscInt s = batch->sub[m], first = sub->bs * sub->node_offset[s];
 
     PetscCall(PetscBLASIntCast(LatinBatchRun(batch, m), &run));
-    PetscCall(PetscBLASIntCast(batch->row[1], &rows));
+    PetscCall(PetscBLASIntCast(batch->rows, &rows));
     PetscCall(PetscBLASIntCast(coarse->offset[s + 1] - coarse->offset[s], &cols));
     PetscCallBLAS("BLASgemm", BLASgemm_("N", "N", &rows, &run, &rows, &one, inverse, &rows, linear->g + first, &rows, &one, U + first, &rows));
     if (cols) PetscCallBLAS("BLASgemm", BLASgemm_("N", "N", &rows, &run, &cols, &one, linear->Phi + linear->phi_offset[s], &rows, coarse->u + coarse->offset[s], &cols, &one, U + first, &rows));
@@ -270,7 +241,7 @@ static PetscErrorCode LatinLinearSolve_Private(LatinLinear *linear, PetscInt whi
 {
   const LatinSubdomains *sub   = linear->sub;
   const LatinBatch      *batch = &linear->batches->batch[which];
-  const PetscInt         n     = batch->patterns * batch->members;
+  const PetscInt         n     = batch->members;
 
   PetscFunctionBegin;
   for (PetscInt m = 0; m < n; m++) {

@@ -64,7 +64,7 @@ static PetscErrorCode LatinSweepFaces_Private(LatinLinear *linear, const PetscRe
     const LatinBatch *batch = &linear->batches->batch[b];
     PetscInt          n     = 1;
 
-    for (PetscInt m = 0; m < batch->patterns * batch->members; m += n) {
+    for (PetscInt m = 0; m < batch->members; m += n) {
       const PetscInt first = inter->offset[batch->sub[m]], last = inter->offset[batch->sub[m] + 1];
       const PetscInt apart = first < last ? inter->interface[last - 1].side_last - inter->interface[first].side_first : 0;
 

@@ -163,7 +163,7 @@ LATIN_INLINE void LatinSweep(const LatinLinear *linear, const PetscInt dim, cons
 {
   for (PetscInt b = 0; b < linear->batches->n; b++) {
     const LatinBatch *batch = &linear->batches->batch[b];
-    const PetscInt    n     = batch->patterns * batch->members;
+    const PetscInt    n     = batch->members;
     PetscInt          m     = 0;
 
     for (; batch->alike && m + LATIN_LANES <= n; m += LATIN_LANES) {
