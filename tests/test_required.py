@@ -153,7 +153,7 @@ PARTS = {
     "friction": ["structure/structure: LatinStructureSetFriction"],
     "motion": ["structure/timestep", "ts/tslatin"],
     "laws of the user's": ["structure/userlaws"],
-    "levels": ["coarse/levels"],
+    "levels": ["coarse/nearnullspace"],
     "search parameter": ["snes/searchparameter"],
 }
 BEYOND = {

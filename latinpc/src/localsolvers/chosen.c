@@ -94,3 +94,24 @@ PetscErrorCode LatinSolverDefaults_Private(KSP ksp, PetscBool once)
   PetscCall(KSPSetFromOptions(ksp)); /* a tolerance that is given counts */
   PetscFunctionReturn(0);
 }
+
+/* Conjugate gradients to a small residual with the preconditioner of ksp, whatever ksp makes of it, or ksp if that is direct; the caller destroys it */
+PetscErrorCode LatinSolverAccurate_Private(KSP ksp, PetscBool direct, KSP *accurate)
+{
+  Mat A;
+  PC  pc;
+
+  PetscFunctionBegin;
+  *accurate = ksp;
+  if (direct) PetscCall(PetscObjectReference((PetscObject)ksp));
+  if (direct) PetscFunctionReturn(0);
+  PetscCall(KSPGetOperators(ksp, &A, NULL));
+  PetscCall(KSPGetPC(ksp, &pc));
+  PetscCall(KSPCreate(PetscObjectComm((PetscObject)ksp), accurate));
+  PetscCall(KSPSetOptionsPrefix(*accurate, "set_up_")); /* options without prefix are for others */
+  PetscCall(KSPSetType(*accurate, KSPCG));
+  PetscCall(KSPSetPC(*accurate, pc));
+  PetscCall(KSPSetOperators(*accurate, A, A));
+  PetscCall(KSPSetTolerances(*accurate, LATIN_INEXACT_RTOL, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
+  PetscFunctionReturn(0);
+}

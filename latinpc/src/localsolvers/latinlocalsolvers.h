@@ -43,6 +43,7 @@ PETSC_INTERN PetscErrorCode LatinSolverChosen_Private(MPI_Comm, PetscObject pare
 PETSC_INTERN PetscErrorCode LatinSolverDirect_Private(KSP, PetscBool *);
 PETSC_INTERN PetscErrorCode LatinSolverNote_Private(KSP, PetscBool preconditions, PetscBool *failed);
 PETSC_INTERN PetscErrorCode LatinSolverDefaults_Private(KSP, PetscBool once);
+PETSC_INTERN PetscErrorCode LatinSolverAccurate_Private(KSP, PetscBool direct, KSP *);
 
 /* ---- batches of subdomains and their solvers (localsolvers/batches.c) ---- */
 #define LATIN_LANES         8  /* equal subdomains whose links are swept together */

@@ -48,8 +48,10 @@ static PetscErrorCode LatinHomogeniseSolve_Private(LatinLinear *linear, PetscInt
 {
   const PetscInt s = linear->batches->batch[which].sub[0], n = linear->batches->batch[which].rows, m = linear->coarse->offset[s + 1] - linear->coarse->offset[s];
   PetscReal     *Phi = linear->Phi + linear->phi_offset[s];
+  KSP            ksp;
 
   PetscFunctionBegin;
+  PetscCall(LatinSolverAccurate_Private(linear->solvers->ksp[which], linear->solvers->direct, &ksp));
   for (PetscInt first = 0; first < m; first += LATIN_HOMOGENISE_COLUMNS) {
     const PetscInt last = PetscMin(first + LATIN_HOMOGENISE_COLUMNS, m);
     Mat            B, X;
@@ -60,10 +62,11 @@ static PetscErrorCode LatinHomogeniseSolve_Private(LatinLinear *linear, PetscInt
     PetscCall(MatDenseGetArrayWrite(B, &b));
     PetscCall(LatinHomogeniseColumns_Private(linear, s, (size_t)n, first, last, b));
     PetscCall(MatDenseRestoreArrayWrite(B, &b));
-    PetscCall(LatinDenseSolve_Private(linear->solvers->ksp[which], B, X, failed));
+    PetscCall(LatinDenseSolve_Private(ksp, B, X, failed));
     PetscCall(MatDestroy(&B));
     PetscCall(MatDestroy(&X));
   }
+  PetscCall(KSPDestroy(&ksp));
   PetscFunctionReturn(0);
 }
 
