@@ -7,34 +7,6 @@
 
 #define LATIN_GROUPS 3 /* subdomains a side of a group that is condensed; of 2, 3, 4, 6 the least set-up and memory */
 
-/* What the coarse solver that the options choose can use */
-typedef enum { SOLVER_DIRECT, SOLVER_ITERATIVE, SOLVER_SUBASSEMBLED } LatinCoarseSolver;
-
-/*
-   Groups that repeat are condensed for direct solvers, for they fill the matrix; a PC latin, BDDC and FETI-DP take the part
-   of each rank by itself; half of a symmetric matrix is for Cholesky alone.
-*/
-static PetscErrorCode LatinCoarseChoose_Private(const LatinCoarse *coarse, LatinCoarseSolver *solver, PetscBool *half)
-{
-  MPI_Comm  comm = PetscObjectComm(coarse->sub->object);
-  PetscBool iterative, subassembled, chosen;
-  Mat       A;
-
-  PetscFunctionBegin;
-  PetscCall(LatinSolverChosen_Private(comm, coarse->sub->object, "coarse", MATSOLVERMUMPS, &iterative, &subassembled, &chosen));
-  *solver = subassembled ? SOLVER_SUBASSEMBLED : iterative ? SOLVER_ITERATIVE : SOLVER_DIRECT;
-  *half   = (PetscBool)!chosen;
-  if (!*half) PetscFunctionReturn(0);
-  /* without a package for it on these ranks, every rank solves the whole */
-  PetscCall(MatCreate(comm, &A));
-  PetscCall(MatSetSizes(A, 1, 1, PETSC_DETERMINE, PETSC_DETERMINE));
-  PetscCall(MatSetType(A, MATSBAIJ));
-  PetscCall(MatSetUp(A)); /* later versions of PETSc ask for it */
-  PetscCall(LatinDirectSolverAvailable_Private(A, MATSOLVERMUMPS, NULL, half));
-  PetscCall(MatDestroy(&A));
-  PetscFunctionReturn(0);
-}
-
 /* Where every rank solves the whole, which gives the same bits twice, it is by the factorisation of one rank. Collective on ksp */
 static PetscErrorCode LatinCoarseRedundant_Private(KSP ksp)
 {
@@ -57,7 +29,7 @@ static PetscErrorCode LatinCoarseRedundant_Private(KSP ksp)
 }
 
 /* The solver: a factorisation, if the options choose nothing else */
-static PetscErrorCode LatinCoarseSolver_Private(LatinCoarse *coarse, LatinCoarseSolver solver)
+static PetscErrorCode LatinCoarseSolver_Private(LatinCoarse *coarse, PetscBool apart)
 {
   const PetscInt dim = coarse->sub->dim;
   PetscBool      bddc;
@@ -66,7 +38,7 @@ static PetscErrorCode LatinCoarseSolver_Private(LatinCoarse *coarse, LatinCoarse
   PetscFunctionBegin;
   PetscCall(LatinSolverCreate_Private(PetscObjectComm((PetscObject)coarse->A), coarse->sub->object, "coarse", &coarse->ksp));
   PetscCall(KSPGetPC(coarse->ksp, &pc));
-  if (solver != SOLVER_SUBASSEMBLED) PetscCall(LatinDirectSolver_Private(pc, coarse->A, MATSOLVERMUMPS));
+  if (!apart) PetscCall(LatinDirectSolver_Private(pc, coarse->A, MATSOLVERMUMPS));
   PetscCall(KSPSetOperators(coarse->ksp, coarse->A, coarse->A));
   PetscCall(KSPSetFromOptions(coarse->ksp));
   PetscCall(LatinCoarseRedundant_Private(coarse->ksp));
@@ -76,24 +48,27 @@ static PetscErrorCode LatinCoarseSolver_Private(LatinCoarse *coarse, LatinCoarse
   PetscFunctionReturn(0);
 }
 
-/* The matrix from the homogenised stiffnesses, its solver and factors; coarse->status says how that ended. Collective on sub->object */
+/*
+   The matrix from the homogenised stiffnesses, its solver and factors; coarse->status says how that ended. Groups that
+   repeat are condensed for direct solvers, for they fill the matrix; a PC latin, BDDC and FETI-DP take the part of each
+   rank by itself. Collective on sub->object
+*/
 PetscErrorCode LatinCoarseSetUp(LatinCoarse *coarse, const LatinHomogenised *stiffness)
 {
-  LatinCoarseSolver solver = SOLVER_DIRECT;
-  PetscInt          rows;
-  PetscBool         half = PETSC_FALSE;
+  MPI_Comm  comm = PetscObjectComm(coarse->sub->object);
+  PetscBool iterative, apart, chosen;
+  PetscInt  rows;
 
   PetscFunctionBegin;
   if (!coarse->macro->modes_global && !coarse->primal_global) PetscFunctionReturn(0); /* no interface: one subdomain, or disconnected ones */
   PetscCall(PetscLogEventBegin(LATIN_Coarse, coarse->sub->object, 0, 0, 0));
-  PetscCall(LatinCoarseChoose_Private(coarse, &solver, &half));
-  PetscCall(LatinGroupsSetUp(coarse, stiffness, solver == SOLVER_DIRECT ? LATIN_GROUPS : 1));
-  if (solver == SOLVER_SUBASSEMBLED) PetscCall(LatinCoarseSubassemble_Private(coarse));
-  else PetscCall(LatinCoarseAssemble_Private(coarse, half));
-  if (solver != SOLVER_DIRECT) PetscCall(LatinCoarseNear_Private(coarse));
+  PetscCall(LatinSolverChosen_Private(comm, coarse->sub->object, "coarse", MATSOLVERMUMPS, &iterative, &apart, &chosen));
+  PetscCall(LatinGroupsSetUp(coarse, stiffness, iterative || apart ? 1 : LATIN_GROUPS));
+  PetscCall(LatinCoarseAssemble_Private(coarse, apart));
+  if (iterative || apart) PetscCall(LatinCoarseNear_Private(coarse));
   PetscCall(LatinGroupsFinish(coarse));
   PetscCall(MatCreateVecs(coarse->A, &coarse->sol, &coarse->rhs));
-  PetscCall(LatinCoarseSolver_Private(coarse, solver));
+  PetscCall(LatinCoarseSolver_Private(coarse, apart));
   PetscCall(MatGetSize(coarse->A, &rows, NULL));
   if (rows) PetscCall(LatinFactor_Private(coarse->ksp, coarse->A, MATSOLVERMUMPS, &coarse->status)); /* disconnected structures may be condensed entirely, each a group */
   PetscCall(PetscLogEventEnd(LATIN_Coarse, coarse->sub->object, 0, 0, 0));

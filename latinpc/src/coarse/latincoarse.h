@@ -74,8 +74,7 @@ PETSC_INTERN PetscErrorCode LatinCoarseSetUp(LatinCoarse *, const LatinHomogenis
 PETSC_INTERN PetscErrorCode LatinCoarseSolve(LatinCoarse *);
 PETSC_INTERN PetscErrorCode LatinCoarseExpand_Private(LatinCoarse *, Vec);
 PETSC_INTERN PetscErrorCode LatinCoarseReset(LatinCoarse *);
-PETSC_INTERN PetscErrorCode LatinCoarseAssemble_Private(LatinCoarse *, PetscBool half);
-PETSC_INTERN PetscErrorCode LatinCoarseSubassemble_Private(LatinCoarse *);
+PETSC_INTERN PetscErrorCode LatinCoarseAssemble_Private(LatinCoarse *, PetscBool apart);
 PETSC_INTERN PetscErrorCode LatinCoarseNear_Private(LatinCoarse *);
 PETSC_INTERN PetscErrorCode LatinGroupsSetUp(LatinCoarse *, const LatinHomogenised *, PetscInt width);
 PETSC_INTERN PetscErrorCode LatinGroupsFinish(LatinCoarse *);

@@ -143,14 +143,15 @@ static PetscErrorCode LatinSoftest_Private(KSP ksp, Mat A, Vec v, PetscReal *sti
 }
 
 /* A slightly stiffened copy of a matrix that could not be factored, to find the displacement that costs nothing */
-static PetscErrorCode LatinSoftestShifted_Private(Mat A, MatSolverType preferred, Vec v)
+static PetscErrorCode LatinSoftestShifted_Private(Mat A, Vec v)
 {
-  Mat       shifted;
-  Vec       d;
-  KSP       ksp;
-  PC        pc;
-  PetscReal stiffness;
-  PetscBool half, found;
+  Mat         shifted;
+  Vec         d;
+  KSP         ksp;
+  PC          pc;
+  PetscReal   stiffness;
+  PetscBool   found;
+  PetscMPIInt size;
 
   PetscFunctionBegin;
   PetscCall(MatDuplicate(A, MAT_COPY_VALUES, &shifted));
@@ -163,13 +164,12 @@ static PetscErrorCode LatinSoftestShifted_Private(Mat A, MatSolverType preferred
   PetscCall(KSPSetOptionsPrefix(ksp, "set_up_")); /* options without prefix are for others */
   PetscCall(KSPSetType(ksp, KSPPREONLY));
   PetscCall(KSPGetPC(ksp, &pc));
-  PetscCall(LatinDirectSolver_Private(pc, shifted, preferred));
   /* the copy may still be indefinite by rounding */
-  PetscCall(PetscObjectTypeCompareAny((PetscObject)shifted, &half, MATSEQSBAIJ, MATMPISBAIJ, ""));
-  PetscCall(PCSetType(pc, half ? PCCHOLESKY : PCLU));
+  PetscCall(MatGetFactorAvailable(shifted, MATSOLVERMUMPS, MAT_FACTOR_LU, &found));
+  PetscCallMPI(MPI_Comm_size(PetscObjectComm((PetscObject)A), &size));
+  PetscCall(PCSetType(pc, found || size == 1 ? PCLU : PCREDUNDANT));
+  if (found) PetscCall(PCFactorSetMatSolverType(pc, MATSOLVERMUMPS));
   PetscCall(MatSetOption(shifted, MAT_SPD, PETSC_FALSE));
-  PetscCall(MatGetFactorAvailable(shifted, MATSOLVERMUMPS, MAT_FACTOR_CHOLESKY, &found));
-  if (half && found) PetscCall(PCFactorSetMatSolverType(pc, MATSOLVERMUMPS));
   PetscCall(KSPSetOperators(ksp, shifted, shifted));
   PetscCall(LatinSoftest_Private(ksp, shifted, v, &stiffness));
   PetscCall(KSPDestroy(&ksp));
@@ -253,7 +253,7 @@ PetscErrorCode LatinFactor_Private(KSP ksp, Mat A, MatSolverType preferred, Lati
                                   (status->failed != PC_NOERROR && status->failed != PC_FACTOR_OUTMEMORY && direct));
   if ((status->ierr || status->failed) && !status->mechanism) PetscFunctionReturn(0);
   PetscCall(MatCreateVecs(A, &v, NULL));
-  if (status->mechanism) PetscCall(LatinSoftestShifted_Private(A, preferred, v));
+  if (status->mechanism) PetscCall(LatinSoftestShifted_Private(A, v));
   else if (direct) PetscCall(LatinSoftest_Private(ksp, A, v, &stiffness));
   PetscCall(PetscInfo(ksp, "softest displacement: %g of the diagonal\n", (double)stiffness));
   if (stiffness < LATIN_MECHANISM) status->mechanism = PETSC_TRUE;
