@@ -72,10 +72,12 @@ PetscErrorCode LatinCoarseAssemble_Private(LatinCoarse *coarse, PetscBool apart)
   const PetscInt         entries = top->offset[top->n];
   MPI_Comm               comm    = PetscObjectComm(coarse->sub->object);
   PetscInt              *number, *at, n = entries;
+  PetscMPIInt            ranks;
   ISLocalToGlobalMapping map;
   Mat                    K;
 
   PetscFunctionBegin;
+  PetscCallMPI(MPI_Comm_size(comm, &ranks));
   PetscCall(PetscMalloc2(entries, &number, entries, &at));
   PetscCall(PetscArraycpy(number, coarse->top_global, entries));
   PetscCall(PetscSortRemoveDupsInt(&n, number));
@@ -88,6 +90,9 @@ PetscErrorCode LatinCoarseAssemble_Private(LatinCoarse *coarse, PetscBool apart)
     PetscCall(MatAssemblyBegin(coarse->A, MAT_FINAL_ASSEMBLY));
     PetscCall(MatAssemblyEnd(coarse->A, MAT_FINAL_ASSEMBLY));
     PetscCall(ISLocalToGlobalMappingDestroy(&map));
+  } else if (ranks == 1) {
+    PetscCall(PetscObjectReference((PetscObject)K));
+    coarse->A = K;
   } else {
     PetscCall(MatCreate(comm, &coarse->A));
     PetscCall(MatSetSizes(coarse->A, coarse->top_local, coarse->top_local, coarse->top_size, coarse->top_size));

@@ -49,23 +49,24 @@ static PetscErrorCode LatinStiffnessFoundation_Private(LatinDirections *dir, Pet
   PetscFunctionReturn(0);
 }
 
-/* The entries of K at the side dofs of one interface; at[dof] = -1 is work space */
+/* The entries of K at the side dofs of one interface; at[row] = -1 is work space */
 static void LatinStiffnessBlock(const LatinDirections *dir, const LatinSparse *K, const LatinInterface *face, PetscInt at[], PetscReal S[])
 {
   const PetscInt rows = face->side_last - face->side_first, top = dir->sub->bs * dir->sub->node_offset[face->sub], *dof = dir->inter->side_dof + face->side_first;
 
   for (PetscInt i = 0; i < rows * rows; i++) S[i] = 0.0;
-  for (PetscInt r = 0; r < rows; r++) at[dof[r]] = r;
+  for (PetscInt r = 0; r < rows; r++) at[dof[r] - top] = r;
   for (PetscInt r = 0; r < rows; r++)
     for (PetscInt k = K->i[dof[r] - top]; k < K->i[dof[r] - top + 1]; k++)
-      if (at[K->j[k] + top] >= 0) S[r + rows * at[K->j[k] + top]] = K->a[k];
-  for (PetscInt r = 0; r < rows; r++) at[dof[r]] = -1;
+      if (at[K->j[k]] >= 0) S[r + rows * at[K->j[k]]] = K->a[k];
+  for (PetscInt r = 0; r < rows; r++) at[dof[r] - top] = -1;
 }
 
 /* Schur complements on the interfaces of one subdomain, from the inverse F of its matrix on all of them (gamma x gamma) */
 static PetscErrorCode LatinStiffnessSchur_Private(LatinDirections *dir, PetscInt s, PetscInt gamma, const PetscReal F[], const PetscInt at[], const size_t first[], PetscReal S[], PetscBool *bad)
 {
   const LatinInterfaces *inter = dir->inter;
+  const PetscInt         top   = dir->sub->bs * dir->sub->node_offset[s];
 
   PetscFunctionBegin;
   for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++) {
@@ -75,7 +76,7 @@ static PetscErrorCode LatinStiffnessSchur_Private(LatinDirections *dir, PetscInt
 
     for (PetscInt j = 0; j < rows; j++)
       for (PetscInt i = 0; i < rows; i++) {
-        const PetscInt a = at[inter->side_dof[face->side_first + i]], b = at[inter->side_dof[face->side_first + j]];
+        const PetscInt a = at[inter->side_dof[face->side_first + i] - top], b = at[inter->side_dof[face->side_first + j] - top];
 
         A[i + rows * j] = 0.5 * (F[a + gamma * b] + F[b + gamma * a]);
       }
@@ -84,33 +85,48 @@ static PetscErrorCode LatinStiffnessSchur_Private(LatinDirections *dir, PetscInt
   PetscFunctionReturn(0);
 }
 
-/* The Schur complements on the interfaces of the subdomains list[]: the inside of each is eliminated once, the rest is dense */
+/*
+   The Schur complements on the interfaces of the subdomains list[], n of them, that have the operator of the first one. Its
+   inside is eliminated once, what is on an interface of any of them is kept, and the rest is dense: so equal sides of
+   different subdomains get equal bits.
+*/
 static PetscErrorCode LatinStiffnessCondense_Private(LatinDirections *dir, PetscInt n, const PetscInt list[], const PetscReal spring[], PetscInt at[], const size_t first[], PetscReal S[], PetscBool *bad)
 {
+  const LatinSubdomains *sub   = dir->sub;
   const LatinInterfaces *inter = dir->inter;
+  const PetscInt         top = sub->bs * sub->node_offset[list[0]], rows = sub->bs * sub->node_offset[list[0] + 1] - top;
+  PetscInt               gamma = 0, *kept;
+  PetscReal             *F;
+  LatinSparse            K;
 
   PetscFunctionBegin;
-  for (PetscInt p = 0; p < n && !*bad; p++) {
-    const PetscInt s = list[p], top = dir->sub->bs * dir->sub->node_offset[s], side = inter->interface[inter->offset[s]].side_first;
-    PetscInt       gamma = inter->interface[inter->offset[s + 1] - 1].side_last - side, *kept;
-    PetscReal     *F;
-    LatinSparse    K;
-
-    PetscCall(PetscMalloc1(gamma, &kept));
-    PetscCall(PetscArraycpy(kept, inter->side_dof + side, gamma));
-    PetscCall(PetscSortRemoveDupsInt(&gamma, kept));
-    for (PetscInt i = 0; i < gamma; i++) {
-      at[kept[i]] = i;
-      kept[i] -= top;
+  PetscCall(PetscMalloc1(rows, &kept));
+  for (PetscInt p = 0; p < n; p++)
+    for (PetscInt k = inter->interface[inter->offset[list[p]]].side_first; k < inter->interface[inter->offset[list[p] + 1] - 1].side_last; k++) at[inter->side_dof[k] - sub->bs * sub->node_offset[list[p]]] = 0;
+  for (PetscInt r = 0; r < rows; r++)
+    if (at[r] == 0) {
+      at[r]         = gamma;
+      kept[gamma++] = r;
     }
-    PetscCall(LatinSparseCreate_Private(dir->sub, s, spring, dir->sub->fixed, 0, NULL, &K));
-    PetscCall(PetscMalloc1((size_t)gamma * (size_t)gamma, &F));
-    PetscCall(LatinEliminate_Private(&K, gamma, kept, F, bad));
-    PetscCall(LatinSPDInverse_Private(gamma, F, bad));
-    if (!*bad) PetscCall(LatinStiffnessSchur_Private(dir, s, gamma, F, at, first, S, bad));
-    PetscCall(PetscFree(F));
-    PetscCall(LatinSparseReset_Private(&K));
-    PetscCall(PetscFree(kept));
+  PetscCall(LatinSparseCreate_Private(sub, list[0], spring, sub->fixed, 0, NULL, &K));
+  PetscCall(PetscMalloc1((size_t)gamma * (size_t)gamma, &F));
+  PetscCall(LatinEliminate_Private(&K, gamma, kept, F, bad));
+  PetscCall(LatinSPDInverse_Private(gamma, F, bad));
+  for (PetscInt p = 0; p < n && !*bad; p++) PetscCall(LatinStiffnessSchur_Private(dir, list[p], gamma, F, at, first, S, bad));
+  for (PetscInt k = 0; k < gamma; k++) at[kept[k]] = -1;
+  PetscCall(PetscFree(F));
+  PetscCall(LatinSparseReset_Private(&K));
+  PetscCall(PetscFree(kept));
+  PetscFunctionReturn(0);
+}
+
+/* The same for all subdomains of list[], sorted by operators same[] */
+static PetscErrorCode LatinStiffnessCondenseAll_Private(LatinDirections *dir, PetscInt n, const PetscInt list[], const PetscInt same[], const PetscReal spring[], PetscInt at[], const size_t first[], PetscReal S[], PetscBool *bad)
+{
+  PetscFunctionBegin;
+  for (PetscInt p = 0, q; p < n && !*bad; p = q) {
+    for (q = p + 1; q < n && same[q] == same[p];) q++;
+    PetscCall(LatinStiffnessCondense_Private(dir, q - p, list + p, spring, at, first, S, bad));
   }
   PetscFunctionReturn(0);
 }
@@ -124,23 +140,26 @@ PetscErrorCode LatinStiffnessFaces_Private(LatinDirections *dir, PetscBool block
   const LatinSubdomains *sub   = dir->sub;
   const LatinInterfaces *inter = dir->inter;
   const PetscInt         bs = dir->sub->bs, n = bs * sub->copies;
-  PetscInt              *pattern, *list, *at, patterns = 0;
+  PetscInt              *pattern, *same, *list, *key, *at, patterns = 0;
   PetscReal             *spring;
   PetscBool             *wanted, bad = PETSC_FALSE;
   size_t                 used = 0;
   LatinSparse            K;
 
   PetscFunctionBegin;
-  PetscCall(PetscMalloc3(sub->n, &list, n, &at, n, &spring));
+  PetscCall(PetscMalloc5(sub->n, &same, sub->n, &list, sub->n, &key, n, &at, n, &spring));
   PetscCall(PetscCalloc1(sub->n, &wanted));
   PetscCall(PetscFree(dir->like));
   PetscCall(PetscMalloc1(sub->n, &dir->like));
-  PetscCall(LatinRepeats_Private(dir->inter, NULL, NULL, dir->like));
+  PetscCall(LatinRepeatsLike_Private(dir->inter, same, dir->like));
   pattern = dir->like;
   for (PetscInt i = 0; i < n; i++) at[i] = -1;
   for (PetscInt f = 0; f < inter->count; f++) wanted[pattern[inter->interface[f].sub]] = (PetscBool)(wanted[pattern[inter->interface[f].sub]] || matrices[f]);
   for (PetscInt s = 0; s < sub->n; s++) {
-    if (pattern[s] == s && wanted[s]) list[patterns++] = s;
+    if (pattern[s] == s && wanted[s]) {
+      key[patterns]    = same[s];
+      list[patterns++] = s;
+    }
     for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++) {
       const size_t rows = (size_t)(inter->interface[f].side_last - inter->interface[f].side_first);
 
@@ -150,13 +169,14 @@ PetscErrorCode LatinStiffnessFaces_Private(LatinDirections *dir, PetscBool block
   }
   PetscCall(PetscMalloc1(used, S));
   PetscCall(LatinStiffnessFoundation_Private(dir, spring));
-  if (!blocks) LatinEach(PetscObjectComm(dir->sub->object), LatinStiffnessCondense_Private(dir, patterns, list, spring, at, first, *S, &bad));
+  PetscCall(PetscSortIntWithArray(patterns, key, list));
+  if (!blocks) LatinEach(PetscObjectComm(dir->sub->object), LatinStiffnessCondenseAll_Private(dir, patterns, list, key, spring, at, first, *S, &bad));
   for (PetscInt p = 0; p < patterns && blocks; p++) {
     PetscCall(LatinSparseCreate_Private(sub, list[p], spring, sub->fixed, 0, NULL, &K));
     for (PetscInt f = inter->offset[list[p]]; f < inter->offset[list[p] + 1]; f++) LatinStiffnessBlock(dir, &K, &inter->interface[f], at, *S + first[f]);
     PetscCall(LatinSparseReset_Private(&K));
   }
-  PetscCall(PetscFree3(list, at, spring));
+  PetscCall(PetscFree5(same, list, key, at, spring));
   PetscCall(PetscFree(wanted));
   LatinAgree(PetscObjectComm(dir->sub->object), bad, PETSC_ERR_CONV_FAILED, "The stiffness of a subdomain on its interfaces could not be computed; choose another -%sdirection, e.g. diagonal", LatinPrefix(dir->sub));
   PetscFunctionReturn(0);

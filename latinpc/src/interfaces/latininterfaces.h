@@ -150,6 +150,7 @@ static inline const PetscReal *LatinMacroDualRow(const LatinMacro *macro, PetscI
 }
 
 /* Which subdomains are equal (interfaces/repeats.c) */
+PETSC_INTERN PetscErrorCode LatinRepeatsLike_Private(const LatinInterfaces *, PetscInt same[], PetscInt like[]);
 PETSC_INTERN PetscErrorCode LatinRepeats_Private(const LatinInterfaces *, const LatinDirections *, const LatinMacro *, PetscInt pattern[]);
 
 #endif

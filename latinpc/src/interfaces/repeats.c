@@ -1,32 +1,45 @@
 #include "interfaces/latininterfaces.h"
 
 /*
-   Which subdomains are equal, to the bit. A structure made of repeated modules gives many of them the same operator, the
-   same supports, sides, search directions and macro bases.
+   Which subdomains are equal, to the bit. A structure made of repeated modules gives many of them the same operator and
+   supports; fewer the same sides, for those at the rim of the structure touch fewer others; fewer still the same search
+   directions and macro bases.
 */
 
-/* What is compared: without directions and bases, where these are not made yet */
+/* What is compared: sides with `same`, the first subdomain of the same operator; directions and bases where they are made (NULL) */
 typedef struct {
   const LatinInterfaces *inter;
+  const PetscInt        *same;
   const LatinDirections *dir;
   const LatinMacro      *macro;
 } LatinRepeats;
 
-/* The operator, and where the subdomain is held and touches others */
-static PetscErrorCode LatinRepeatsOperator_Private(const LatinInterfaces *inter, PetscInt s, LatinStream *stream)
+/* The operator, and where the subdomain is held */
+static PetscErrorCode LatinRepeatsOperator_Private(const void *ctx, PetscInt s, LatinStream *stream)
 {
-  const LatinSubdomains *sub = inter->sub;
-  const PetscInt         bs = sub->bs, top = sub->node_offset[s], nodes = sub->node_offset[s + 1] - top;
-  unsigned char         *room = NULL;
+  const LatinSubdomains *sub = ((const LatinRepeats *)ctx)->inter->sub;
+  const PetscInt         top = sub->node_offset[s], nodes = sub->node_offset[s + 1] - top;
 
   PetscFunctionBegin;
   PetscCall(LatinStreamAdd_Private(stream, &nodes, sizeof(nodes)));
-  PetscCall(LatinStreamRoom_Private(stream, (size_t)((bs + 1) * nodes), &room));
-  for (PetscInt i = top; i < top + nodes; i++) {
-    *room++ = (unsigned char)((inter->component[i] >= 0 ? 1 : 0) | (inter->share_offset[i + 1] > inter->share_offset[i] ? 2 : 0));
-    for (PetscInt c = 0; c < bs; c++) *room++ = sub->fixed[bs * i + c] ? 1 : 0;
-  }
+  PetscCall(LatinStreamAdd_Private(stream, sub->fixed + sub->bs * top, (size_t)(sub->bs * nodes) * sizeof(*sub->fixed)));
   PetscCall(LatinOperatorStream_Private(sub, s, stream));
+  PetscFunctionReturn(0);
+}
+
+/* The same, and where the subdomain touches others */
+static PetscErrorCode LatinRepeatsSides_Private(const void *ctx, PetscInt s, LatinStream *stream)
+{
+  const LatinRepeats    *what  = (const LatinRepeats *)ctx;
+  const LatinInterfaces *inter = what->inter;
+  const PetscInt         top = inter->sub->node_offset[s], nodes = inter->sub->node_offset[s + 1] - top;
+  unsigned char         *room = NULL;
+
+  PetscFunctionBegin;
+  if (what->same) PetscCall(LatinStreamAdd_Private(stream, &what->same[s], sizeof(*what->same)));
+  else PetscCall(LatinRepeatsOperator_Private(ctx, s, stream));
+  PetscCall(LatinStreamRoom_Private(stream, (size_t)nodes, &room));
+  for (PetscInt i = top; i < top + nodes; i++) *room++ = (unsigned char)((inter->component[i] >= 0 ? 1 : 0) | (inter->share_offset[i + 1] > inter->share_offset[i] ? 2 : 0));
   for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++) {
     const LatinInterface *face = &inter->interface[f];
     const PetscInt        rows = face->side_last - face->side_first;
@@ -34,7 +47,7 @@ static PetscErrorCode LatinRepeatsOperator_Private(const LatinInterfaces *inter,
     PetscCall(LatinStreamAdd_Private(stream, &rows, sizeof(rows)));
     PetscCall(LatinStreamRoom_Private(stream, (size_t)rows * sizeof(rows), &room));
     for (PetscInt k = face->side_first; k < face->side_last; k++, room += sizeof(rows)) {
-      const PetscInt dof = inter->side_dof[k] - bs * top;
+      const PetscInt dof = inter->side_dof[k] - inter->sub->bs * top;
 
       memcpy(room, &dof, sizeof(dof));
     }
@@ -49,9 +62,9 @@ static PetscErrorCode LatinRepeatsStream_Private(const void *ctx, PetscInt s, La
   const LatinMacro      *macro = ((const LatinRepeats *)ctx)->macro;
 
   PetscFunctionBegin;
-  if (dir && dir->like) PetscCall(LatinStreamAdd_Private(stream, &dir->like[s], sizeof(*dir->like)));
-  else PetscCall(LatinRepeatsOperator_Private(inter, s, stream));
-  for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1] && dir; f++) {
+  if (dir->like) PetscCall(LatinStreamAdd_Private(stream, &dir->like[s], sizeof(*dir->like)));
+  else PetscCall(LatinRepeatsSides_Private(ctx, s, stream));
+  for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++) {
     const LatinInterface *face    = &inter->interface[f];
     const PetscInt        rows    = face->side_last - face->side_first;
     const PetscInt        head[2] = {macro ? macro->of[f].modes : 0, dir->matrix_first[f]};
@@ -63,10 +76,21 @@ static PetscErrorCode LatinRepeatsStream_Private(const void *ctx, PetscInt s, La
   PetscFunctionReturn(0);
 }
 
-/* pattern[s]: the first subdomain equal to s, in its search directions (NULL: whatever they are) and its macro bases (NULL) */
+/* same[s]: the first subdomain with the operator and the supports of s; like[s]: with its sides as well */
+PetscErrorCode LatinRepeatsLike_Private(const LatinInterfaces *inter, PetscInt same[], PetscInt like[])
+{
+  const LatinRepeats what = {.inter = inter, .same = same};
+
+  PetscFunctionBegin;
+  PetscCall(LatinStreamCompare_Private(inter->sub->n, LatinRepeatsOperator_Private, &what, same));
+  PetscCall(LatinStreamCompare_Private(inter->sub->n, LatinRepeatsSides_Private, &what, like));
+  PetscFunctionReturn(0);
+}
+
+/* pattern[s]: the first subdomain equal to s, in its search directions and its macro bases (NULL: whatever they are) as well */
 PetscErrorCode LatinRepeats_Private(const LatinInterfaces *inter, const LatinDirections *dir, const LatinMacro *macro, PetscInt pattern[])
 {
-  const LatinRepeats what = {inter, dir, macro};
+  const LatinRepeats what = {.inter = inter, .dir = dir, .macro = macro};
 
   PetscFunctionBegin;
   PetscCall(LatinStreamCompare_Private(inter->sub->n, LatinRepeatsStream_Private, &what, pattern));
