@@ -5,37 +5,69 @@
    up its own; what ranks share PETSc adds in the order of the ranks, the same bits twice.
 */
 
-/* The elements' operators, added up in a matrix of this rank; at[]: where their dofs are in it. Entries come in the order of their columns: each row then grows at its end */
+/* Where in offset[], dof by dof, the elements have each of the rows: start[rows + 1], list[entries] */
+static void LatinCoarseTouching(const LatinElements *elements, PetscInt rows, const PetscInt at[], PetscInt start[], PetscInt list[])
+{
+  for (PetscInt r = 0; r < rows + 2; r++) start[r] = 0;
+  for (PetscInt i = 0; i < elements->offset[elements->n]; i++) start[at[i] + 2]++;
+  for (PetscInt r = 0; r < rows; r++) start[r + 2] += start[r + 1];
+  for (PetscInt i = 0; i < elements->offset[elements->n]; i++) list[start[at[i] + 1]++] = i;
+}
+
+/*
+   The elements' operators, added up in a matrix of this rank; at[]: where their dofs are in it. A row is added up in an
+   array and goes to its column, for the matrix is symmetric: so the columns of each row come in order.
+*/
 static PetscErrorCode LatinCoarseLocal_Private(const LatinElements *elements, PetscInt rows, const PetscInt at[], Mat *K)
 {
-  PetscInt    *count, *by, *to, widest = 0;
-  PetscScalar *block;
+  const PetscInt entries = elements->offset[elements->n];
+  PetscInt      *start, *list, *of, *seen, *column, *next, *ki, *kj;
+  PetscScalar   *sum, *ka = NULL;
 
   PetscFunctionBegin;
-  PetscCall(PetscCalloc1(rows, &count));
-  for (PetscInt s = 0; s < elements->n; s++) {
-    widest = PetscMax(widest, elements->offset[s + 1] - elements->offset[s]);
-    for (PetscInt i = elements->offset[s]; i < elements->offset[s + 1]; i++) count[at[i]] += elements->offset[s + 1] - elements->offset[s];
-  }
-  for (PetscInt i = 0; i < rows; i++) count[i] = PetscMin(count[i], rows); /* elements share columns */
-  PetscCall(MatCreateSeqAIJ(PETSC_COMM_SELF, rows, rows, 0, count, K));
-  PetscCall(PetscMalloc3(widest, &by, widest, &to, widest * widest, &block));
-  for (PetscInt s = 0; s < elements->n; s++) {
-    const PetscInt   m = elements->offset[s + 1] - elements->offset[s], *from = at + elements->offset[s];
-    const PetscReal *H = elements->H + elements->h_offset[s];
+  PetscCall(PetscMalloc7(rows + 2, &start, entries, &list, entries, &of, rows, &seen, rows, &column, rows + 1, &next, rows, &sum));
+  LatinCoarseTouching(elements, rows, at, start, list);
+  for (PetscInt s = 0; s < elements->n; s++)
+    for (PetscInt i = elements->offset[s]; i < elements->offset[s + 1]; i++) of[i] = s;
+  PetscCall(PetscMalloc1(rows + 1, &ki));
+  ki[0] = 0;
+  kj    = NULL;
+  for (PetscInt pass = 0; pass < 2; pass++) { /* the first one counts */
+    for (PetscInt r = 0; r < rows; r++) seen[r] = -1;
+    for (PetscInt r = 0; r < rows; r++) {
+      PetscInt n = 0;
 
-    for (PetscInt i = 0; i < m; i++) by[i] = i;
-    PetscCall(PetscSortIntWithPermutation(m, from, by));
-    for (PetscInt i = 0; i < m; i++) {
-      to[i] = from[by[i]];
-      for (PetscInt j = 0; j < m; j++) block[j + m * i] = H[by[j] + m * by[i]]; /* symmetric: by rows or columns alike */
+      for (PetscInt p = start[r]; p < start[r + 1]; p++) {
+        const PetscInt   s = of[list[p]], first = elements->offset[s], m = elements->offset[s + 1] - first;
+        const PetscReal *H = elements->H + elements->h_offset[s] + m * (list[p] - first);
+
+        for (PetscInt j = 0; j < m; j++) {
+          const PetscInt c = at[first + j];
+
+          if (seen[c] != r) {
+            seen[c]     = r;
+            column[n++] = c;
+            sum[c]      = H[j];
+          } else sum[c] += H[j];
+        }
+      }
+      if (!pass) ki[r + 1] = ki[r] + n;
+      for (PetscInt k = 0; k < n && pass; k++) {
+        kj[next[column[k]]]   = r;
+        ka[next[column[k]]++] = sum[column[k]];
+      }
     }
-    PetscCall(MatSetValues(*K, m, to, m, to, block, ADD_VALUES));
+    if (pass) break;
+    PetscCall(PetscMalloc2(ki[rows], &kj, ki[rows], &ka));
+    PetscCall(PetscArraycpy(next, ki, rows + 1));
   }
-  PetscCall(PetscFree3(by, to, block));
-  PetscCall(PetscFree(count));
-  PetscCall(MatAssemblyBegin(*K, MAT_FINAL_ASSEMBLY));
-  PetscCall(MatAssemblyEnd(*K, MAT_FINAL_ASSEMBLY));
+  PetscCall(PetscFree7(start, list, of, seen, column, next, sum));
+  PetscCall(MatCreate(PETSC_COMM_SELF, K));
+  PetscCall(MatSetSizes(*K, rows, rows, rows, rows));
+  PetscCall(MatSetType(*K, MATSEQAIJ));
+  PetscCall(MatSeqAIJSetPreallocationCSR(*K, ki, kj, ka));
+  PetscCall(PetscFree2(kj, ka));
+  PetscCall(PetscFree(ki));
   PetscFunctionReturn(0);
 }
 
