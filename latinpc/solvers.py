@@ -364,7 +364,7 @@ def outer_ksp(ksp):
     Returns
     -------
     petsc4py.PETSc.KSP
-        ``richardson`` is the article's iteration, ``gmres`` its acceleration, ``minres`` works on the symmetric form.
+        ``richardson`` is the article's iteration, ``gmres`` its acceleration.
         After ``ksp.setUp()`` its operator acts on the interface data.
     """
     return _latin.outer_ksp(ksp)

@@ -2,8 +2,7 @@
 
 /*
    KSP latin: the iteration on interface data for linear operators, given to an inner KSP of the user's choice (prefix
-   -ksp_latin_outer_): richardson is the plain iteration of the article, gmres its acceleration, minres and symmlq work
-   on the symmetric form. The system is solved for the correction of the initial guess, with the residual as load. No
+   -ksp_latin_outer_): richardson is the plain iteration of the article, gmres its acceleration. The system is solved for the correction of the initial guess, with the residual as load. No
    mathematics of the method here: see ksp/interfaceoperator.c.
 */
 
@@ -13,7 +12,7 @@ static PetscErrorCode KSPLatinMult_Private(Mat A, Vec x, Vec y)
 
   PetscFunctionBegin;
   PetscCall(MatShellGetContext(A, &ksp));
-  PetscCall(LatinReflectionApply_Private(&((KSP_Latin *)ksp->data)->latin->linear, x, ((KSP_Latin *)ksp->data)->symmetric, y));
+  PetscCall(LatinReflectionApply_Private(&((KSP_Latin *)ksp->data)->latin->linear, x, y));
   PetscFunctionReturn(0);
 }
 
@@ -163,7 +162,7 @@ static PetscErrorCode KSPLatinLoad_Private(KSP ksp, Vec load, PetscReal *norm)
 
   PetscFunctionBegin;
   PetscCall(LatinLinearSetLoads(&data->latin->linear, load));
-  PetscCall(LatinReflectionApply_Private(&data->latin->linear, NULL, data->symmetric, data->b));
+  PetscCall(LatinReflectionApply_Private(&data->latin->linear, NULL, data->b));
   PetscCall(VecNorm(data->b, NORM_2, norm));
   PetscFunctionReturn(0);
 }
@@ -171,17 +170,15 @@ static PetscErrorCode KSPLatinLoad_Private(KSP ksp, Vec load, PetscReal *norm)
 static PetscErrorCode KSPSolve_Latin(KSP ksp)
 {
   KSP_Latin *data = (KSP_Latin *)ksp->data;
-  PetscBool  definite;
+  PetscBool  symmetric;
   PetscInt   failed;
   Mat        A;
 
   PetscFunctionBegin;
   if (data->latin->stale) PetscCall(KSPSetUp_Latin(ksp));
-  PetscCall(PetscObjectTypeCompareAny((PetscObject)data->outer, &data->symmetric, KSPMINRES, KSPSYMMLQ, ""));
-  PetscCall(PetscObjectTypeCompareAny((PetscObject)data->outer, &definite, KSPCG, KSPFCG, KSPPIPECG, KSPGROPPCG, ""));
-  PetscCheck(!definite, PetscObjectComm((PetscObject)ksp), PETSC_ERR_SUP,
-             "The interface operator of KSP latin is symmetric but indefinite: instead of conjugate gradients take -ksp_latin_outer_ksp_type minres, or gmres, or conjugate gradients for the displacements with -ksp_type cg -pc_type latin");
-  PetscCall(MatSetOption(data->A, MAT_SYMMETRIC, data->symmetric));
+  PetscCall(PetscObjectTypeCompareAny((PetscObject)data->outer, &symmetric, KSPCG, KSPFCG, KSPPIPECG, KSPGROPPCG, KSPMINRES, KSPSYMMLQ, ""));
+  PetscCheck(!symmetric, PetscObjectComm((PetscObject)ksp), PETSC_ERR_SUP,
+             "The interface operator of KSP latin is not symmetric: instead of %s take -ksp_latin_outer_ksp_type gmres, or bcgs, or conjugate gradients for the displacements with -ksp_type cg -pc_type latin", ((PetscObject)data->outer)->type_name);
   PetscCall(KSPGetOperators(ksp, &A, NULL));
   data->rhs_norm             = 0.0;
   data->latin->linear.failed = PETSC_FALSE;
@@ -333,7 +330,7 @@ PetscErrorCode KSPLatinGetOuter(KSP ksp, KSP *outer)
 + -ksp_latin_modes <affine,rigid>              - macro fields of the strong interfaces
 . -ksp_latin_subdomains <n>                    - number of subdomains
 . -ksp_latin_direction <schur>                 - micro search direction
-. -ksp_latin_outer_ksp_type <gmres,richardson,minres> - accelerated, plain, or on the symmetric form
+. -ksp_latin_outer_ksp_type <gmres,richardson> - accelerated, or plain
 . -ksp_latin_outer_                            - prefix of that KSP
 . -ksp_latin_local_                            - prefix of the KSP of the subdomains
 - -ksp_latin_coarse_                           - prefix of the KSP of the coarse problem

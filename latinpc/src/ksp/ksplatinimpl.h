@@ -10,7 +10,6 @@ typedef struct {
   KSP              outer;              /* solves for the interface data */
   Mat              A;                  /* its operator */
   Vec              b, y;               /* its right-hand side, of norm 1, and solution */
-  PetscBool        symmetric;          /* the outer type needs the symmetric form */
   PetscReal        scale;              /* what b has been divided by: the interface residual of the initial guess */
   PetscReal        rhs_norm;           /* what a relative tolerance refers to, 0: to the first residual */
   Vec              guess, load;        /* initial guess, its residual */
@@ -21,7 +20,7 @@ typedef struct {
 } KSP_Latin;
 
 /* y in variables whose norm is the energy norm */
-PETSC_INTERN PetscErrorCode LatinReflectionApply_Private(LatinLinear *, Vec y, PetscBool symmetric, Vec out);
+PETSC_INTERN PetscErrorCode LatinReflectionApply_Private(LatinLinear *, Vec y, Vec out);
 PETSC_INTERN PetscErrorCode LatinReflectionSolution_Private(LatinLinear *, Vec y, Vec u);
 
 #endif
