@@ -375,7 +375,7 @@ static PetscErrorCode SNESDestroy_Latin(SNES snes)
 . -snes_latin_stop <indicator>                  - what must become small: indicator, residual, reference, error, energy
 . -snes_latin_error <0.0001>                    - estimated error to stop at
 . -snes_latin_warm_start <none>                 - from the solution vector, or from the last solves: none, last, extrapolate
-. -snes_latin_newton <auto>                     - Newton's method: where the iteration stalls (auto), always, never
+. -snes_latin_newton <auto>                      - Newton's method: where the iteration stalls, and to prove an error (auto), or never
 . -snes_latin_monitor                           - prints the indicator of each iteration
 . -snes_latin_outer_snes_type <anderson>        - acceleration, or nrichardson, the plain iteration
 . -snes_latin_newton_                           - prefix of the SNES of Newton's method
