@@ -320,7 +320,7 @@ def node_classes(solver):
 def local_ksp(solver, i=0):
     """Return the KSP of subdomain ``i`` of this rank; not collective.
 
-    Equal subdomains share one; those without equal are the blocks of one block diagonal matrix.
+    Equal subdomains share one.
 
     Parameters
     ----------

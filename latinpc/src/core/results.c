@@ -171,8 +171,7 @@ PetscErrorCode LatinGetMacroStiffness(Latin latin, PetscInt i, Mat *H)
 }
 
 /*@C
-  LatinGetLocalKSP - The solver of subdomain i of this rank. Equal subdomains share one, and those without equal are the
-  blocks of one block diagonal matrix.
+  LatinGetLocalKSP - The solver of subdomain i of this rank. Equal subdomains share one.
 
   Not collective; the reference is borrowed
 
