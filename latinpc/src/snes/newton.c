@@ -70,7 +70,7 @@ PetscBool LatinNewtonStalled(LatinNewton *newton, PetscReal measure, PetscReal t
    the work of the forces on them. A mode that only slack links made stiff is soft now, of which the preconditioner, made
    with all links taut, knows nothing: the residual hides it, yet the displacements are mostly this mode.
 */
-static PetscErrorCode LatinNewtonScale_Private(KSP ksp, Vec u, Vec step, PetscReal *scale)
+static PetscErrorCode LatinNewtonScale_Private(const LatinNewton *newton, KSP ksp, Vec u, Vec step, PetscReal *scale)
 {
   PetscScalar work[2], left;
   Vec         b, forces, of[2];
@@ -79,7 +79,7 @@ static PetscErrorCode LatinNewtonScale_Private(KSP ksp, Vec u, Vec step, PetscRe
   PetscFunctionBegin;
   PetscCall(KSPGetRhs(ksp, &b));
   PetscCall(KSPGetOperators(ksp, &A, NULL));
-  PetscCall(VecDuplicate(u, &forces));
+  PetscCall(DMGetGlobalVector(newton->structure->dm, &forces));
   PetscCall(MatMult(A, u, forces));
   of[0] = u;
   of[1] = step;
@@ -87,7 +87,7 @@ static PetscErrorCode LatinNewtonScale_Private(KSP ksp, Vec u, Vec step, PetscRe
   PetscCall(VecDot(u, b, &left));
   *scale = PetscAbsScalar(left - work[1]);
   if (PetscRealPart(work[0]) > 0.0) *scale /= PetscRealPart(work[0]);
-  PetscCall(VecDestroy(&forces));
+  PetscCall(DMRestoreGlobalVector(newton->structure->dm, &forces));
   PetscFunctionReturn(0);
 }
 
@@ -113,7 +113,7 @@ static PetscErrorCode LatinNewtonLinear_Private(KSP ksp, PetscInt it, PetscReal 
   PetscCall(VecNorm(step, NORM_2, &size));
   if (newton->left * size > LATIN_NEWTON_SAFETY * newton->target * newton->size) PetscFunctionReturn(0);
   PetscCall(SNESGetSolution(newton->snes, &u));
-  PetscCall(LatinNewtonScale_Private(ksp, u, step, &scale));
+  PetscCall(LatinNewtonScale_Private(newton, ksp, u, step, &scale));
   if (scale <= LATIN_NEWTON_SAFETY * newton->target) *reason = KSP_CONVERGED_RTOL;
   PetscFunctionReturn(0);
 }
