@@ -64,20 +64,6 @@ PetscBool LatinCholesky(PetscInt n, PetscReal A[])
   return PETSC_TRUE;
 }
 
-/* The inverse M of a lower triangular matrix L, upper part zero */
-void LatinInvert(PetscInt n, const PetscReal L[], PetscReal M[])
-{
-  for (PetscInt j = 0; j < n; j++) {
-    PetscReal *v = M + n * j;
-
-    for (PetscInt i = 0; i < n; i++) v[i] = i == j ? 1.0 : 0.0;
-    for (PetscInt k = j; k < n; k++) {
-      v[k] /= L[k + n * k];
-      for (PetscInt i = k + 1; i < n; i++) v[i] -= L[i + n * k] * v[k];
-    }
-  }
-}
-
 /* The inverse of a symmetric positive definite matrix in place, from its lower half; *bad is set where it is not positive definite */
 PetscErrorCode LatinSPDInverse_Private(PetscInt n, PetscReal A[], PetscBool *bad)
 {

@@ -11,7 +11,6 @@ PETSC_INTERN PetscBool      LatinUnitVector(PetscInt dim, const PetscReal v[], P
 PETSC_INTERN PetscErrorCode LatinSVD_Private(PetscInt rows, PetscInt modes, const PetscScalar A[], PetscReal s[], PetscScalar V[]);
 PETSC_INTERN void           LatinCombine_Private(PetscInt rows, PetscInt modes, PetscInt n, const PetscScalar A[], const PetscScalar V[], const PetscReal scale[], PetscScalar out[]);
 PETSC_INTERN PetscBool      LatinCholesky(PetscInt n, PetscReal A[]);
-PETSC_INTERN void           LatinInvert(PetscInt n, const PetscReal L[], PetscReal M[]);
 PETSC_INTERN PetscErrorCode LatinSchur_Private(PetscInt n, PetscInt inside, PetscReal A[], PetscBool *bad);
 PETSC_INTERN PetscErrorCode LatinSPDInverse_Private(PetscInt n, PetscReal A[], PetscBool *bad);
 

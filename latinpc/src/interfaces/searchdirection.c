@@ -19,7 +19,6 @@
 */
 
 #define LATIN_DIRECTION_FLOOR 0.1 /* least diagonal direction of an interface, relative to its mean */
-#define LATIN_DIRECTION_LARGE 128 /* those whose matrix LAPACK factors */
 #define LATIN_DIRECTION_SMALL 48  /* degrees of freedom of an interface whose Schur complement costs nothing */
 
 /* The type; auto is left for what preconditions a matrix only */
@@ -83,8 +82,8 @@ static PetscErrorCode LatinDirectionDiagonal_Private(LatinDirections *dir, Petsc
 
 /* ---- matrices ---- */
 
-/* The same two of a large matrix, whose place in memory matters less than blocks that fit the cache */
-static PetscErrorCode LatinFactorLarge_Private(PetscInt rows, PetscReal L[], PetscReal M[], PetscBool *bad)
+/* The Cholesky factor L of a matrix in its place, and M = L^-1, upper parts zero */
+static PetscErrorCode LatinDirectionInvert_Private(PetscInt rows, PetscReal L[], PetscReal M[], PetscBool *bad)
 {
   const PetscScalar one = 1.0;
   PetscBLASInt      n, info = 0;
@@ -128,9 +127,7 @@ static PetscErrorCode LatinDirectionFactor_Private(LatinDirections *dir, const P
 
     if (dir->matrix_first[f] < 0 || pattern[f] != f) continue;
     for (PetscInt copy = 0; copy < 2; copy++) PetscCall(PetscArraycpy(matrix + copy * rows * rows, D + first[f], rows * rows));
-    if (rows > LATIN_DIRECTION_LARGE) PetscCall(LatinFactorLarge_Private(rows, matrix + rows * rows, matrix + 2 * rows * rows, bad));
-    else if (!LatinCholesky(rows, matrix + rows * rows)) *bad = PETSC_TRUE;
-    else LatinInvert(rows, matrix + rows * rows, matrix + 2 * rows * rows);
+    PetscCall(LatinDirectionInvert_Private(rows, matrix + rows * rows, matrix + 2 * rows * rows, bad));
   }
   PetscCall(PetscFree2(pattern, bytes));
   PetscFunctionReturn(0);
