@@ -67,8 +67,8 @@ PetscBool LatinNewtonStalled(LatinNewton *newton, PetscReal measure, PetscReal t
 
 /*
    The part of the displacements by which the linear solve has them too large or too small: that of the unbalance left in
-   the work of the forces on them. A mode that only slack links made stiff is soft now, of which the preconditioner, made
-   with all links taut, knows nothing: the residual hides it, yet the displacements are mostly this mode.
+   the work of the forces on them. A mode that slack links alone would make stiff is soft, but stiff in the preconditioner,
+   which has all links taut: the residual hides it, yet the displacements are mostly this mode.
 */
 static PetscErrorCode LatinNewtonScale_Private(const LatinNewton *newton, KSP ksp, Vec u, Vec step, PetscReal *scale)
 {
