@@ -150,7 +150,7 @@ def jammed_links(snes):
 def energy_bound(snes):
     """Return an upper bound of the error of a solution in the energy norm, for linear structures; collective.
 
-    It costs the set-up of a PC latin and some ten linear stages.
+    It costs the set-up of a PC latin and two linear solves.
 
     Parameters
     ----------

@@ -27,7 +27,7 @@
 #define LATIN_DIGITS_SAMPLES 3
 #define LATIN_DIGITS_FLOOR   LatinByPrecision(1e-8, 1e-5) /* what a slack link keeps of the least stiffness, so that no mechanism ends the solves */
 #define LATIN_DIGITS_UNIT    (0.5 * PETSC_MACHINE_EPSILON)
-#define LATIN_BOUND_SPRINGS  100.0 /* 1 + beta, at most */
+#define LATIN_BOUND_SPRINGS  100.0 /* 1 + beta, taken to be at most; at a residual of 1e-4 the bound hardly depends on it */
 
 typedef enum { LATIN_DIGITS_ROUNDING, LATIN_DIGITS_PLACES, LATIN_DIGITS_VALUES, LATIN_DIGITS_KINDS } LatinDigitsKind;
 
@@ -321,8 +321,9 @@ PetscErrorCode LatinGetDigits(SNES snes, PetscReal *unbalance, PetscReal *roundi
   Level: intermediate
 
   Note:
-  It costs the set-up of a `PCLATIN` and some ten linear stages. The relative bound is infinite while the error may be
-  as large as the solution.
+  It costs the set-up of a `PCLATIN` and two linear solves, options prefix `-latin_digits_`. What these leave over counts ten
+  times, which covers springs of the search direction up to 100 times the stiffness. The relative bound is infinite while
+  the error may be as large as the solution.
 
 .seealso: `SNESLatinGetEstimates()`, `LatinStructureComputeErrors()`
 @*/
