@@ -218,18 +218,11 @@ def test_number_of_subdomains_is_not_ours(matis):
     assert "leave out -pc_latin_subdomains" in result.stderr
 
 
-@pytest.mark.parametrize("dim", [2, pytest.param(3, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("problem", ["poisson", "elasticity"])
-def test_condensed(matis, problem, dim):
-    """Insides that belong to their rank are eliminated first, unless their solver is chosen: no iteration more."""
-    how = {"problem": problem, "dim": dim, "cells": 6 if dim == 2 else 4, "blocks": ",".join("2" * dim), "owned": True}
-    runs = [matis(2**dim, ["-ksp_view", *words], check=False, spectrum=True, **how).stdout for words in ([], CHOSEN)]
-    assert "insides of subdomains: eliminated first" in runs[0]
-    assert "insides of subdomains: part of the subdomains" in runs[1]
-    first, whole = (json.loads(run.splitlines()[-1]) for run in runs)
-    converged(first, whole["iterations"])
-    assert first["asymmetry"] < 1e-10
-    assert first["least"] > 0.95 and first["largest"] < 1.05 * whole["largest"]
+def test_small_subdomains_take_schur_complements(matis):
+    """Of the search direction, by themselves: on all interfaces here, and on none of large subdomains."""
+    small, large = (matis(4, ["-ksp_view"], check=False, blocks="2,2", cells=cells).stdout for cells in (8, 96))
+    assert "a Schur complement on 4 interfaces" in small
+    assert "a Schur complement on 0 interfaces" in large
 
 
 @pytest.mark.parametrize("options", [[], ["cholesky"], ["mumps"]])

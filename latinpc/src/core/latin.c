@@ -90,8 +90,6 @@ static PetscErrorCode LatinSetUpSubdomains_Private(Latin latin)
   if (latin->sub.matrix) {
     LatinAgree(PetscObjectComm((PetscObject)latin), latin->partition.subdomains, PETSC_ERR_ARG_INCOMP, "The subdomains of a MATIS are its local matrices: leave out -%ssubdomains", LatinPrefix(&latin->sub));
     PetscCall(LatinSubdomainsSetUp_Matrix(&latin->sub));
-    /* a direction that is asked for needs the whole operator */
-    if (latin->sub.preconditions && latin->dir.type == LATIN_DIRECTION_AUTO && variant != LATIN_VARIANT_PUBLISHED) PetscCall(LatinInteriorSetUp(&latin->sub, &latin->interior));
     PetscFunctionReturn(0);
   }
   if (!latin->sub.tangent) PetscCall(LatinSetStiffness_Private(latin, NULL));
@@ -169,7 +167,6 @@ PetscErrorCode LatinReset_Private(Latin latin)
   PetscCall(LatinSpectralReset(&latin->spectral));
   PetscCall(LatinDirectionReset(&latin->dir));
   PetscCall(LatinInterfaceReset(&latin->inter));
-  PetscCall(LatinInteriorReset(&latin->interior));
   PetscCall(LatinSubdomainsReset(&latin->sub));
   latin->set_up = PETSC_FALSE;
   PetscFunctionReturn(0);

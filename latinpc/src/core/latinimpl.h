@@ -13,7 +13,6 @@ struct _p_Latin {
   PETSCHEADER(int);
   LatinPartitionRequest partition;
   LatinSubdomains       sub;
-  LatinInterior         interior; /* what has been eliminated here, NULL: nothing */
   LatinInterfaces       inter;
   LatinDirections       dir;
   LatinSpectral         spectral;

@@ -42,7 +42,6 @@ PetscErrorCode LatinView_Private(Latin latin, PetscViewer viewer)
   else PetscCall(PetscViewerASCIIPrintf(viewer, "search direction: %s, self-tuned to %g of the interface stiffness\n", LatinDirectionTypes[latin->dir.type], (double)LatinDirectionFraction(&latin->dir)));
   if (latin->sub.preconditions) PetscCall(PetscViewerASCIIPrintf(viewer, "weights of the copies of a node: %s\n", LatinDirectionShares(&latin->dir) ? "Schur complements where there are, else stiffness" : "stiffness"));
   if (!latin->set_up) PetscFunctionReturn(0);
-  if (latin->sub.preconditions && latin->sub.matrix) PetscCall(PetscViewerASCIIPrintf(viewer, "insides of subdomains: %s\n", latin->interior ? "eliminated first on this rank" : "part of the subdomains on this rank"));
   if (LatinDirectionKind(&latin->dir) == LATIN_DIRECTION_AUTO) PetscCall(PetscViewerASCIIPrintf(viewer, "search direction: a Schur complement on %" PetscInt_FMT " interfaces, diagonal on the others\n", latin->dir.matrices));
   PetscCall(LatinGetStatistics(latin, &stats));
   if (latin->sub.structure) PetscCall(PetscObjectView((PetscObject)latin->sub.structure, viewer));

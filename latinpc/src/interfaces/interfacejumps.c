@@ -1,23 +1,34 @@
 #include "interfaces/latininterfaces.h"
 
-/* At which interfaces, and in which subdomains next to them, the coefficients of a matrix jump (subdomains/operator.c). */
+/*
+   At which interfaces, and in which subdomains next to them, the coefficients of a matrix jump. A weight or a search
+   direction that uses the diagonal of the operators alone is as good as any other where they do not; where they do, it
+   takes Schur complements (interfaces/searchdirection.c), and local low-energy fields (interfaces/spectralmodes.c).
+*/
+
+#define LATIN_JUMP 30.0 /* of the diagonal of the operator, from an unknown to its neighbours of the same field */
 
 /* jumps[s]: do they jump next to an interface of the subdomain? */
 PetscErrorCode LatinJumps_Private(const LatinInterfaces *inter, PetscBool jumps[])
 {
   const LatinSubdomains *sub = inter->sub;
-  PetscBool             *at;
+  PetscReal             *diagonal;
 
   PetscFunctionBegin;
-  PetscCall(PetscMalloc1(sub->copies, &at));
-  PetscCall(LatinJumpsCopies_Private(inter->sub, at));
+  PetscCall(PetscMalloc1(sub->copies, &diagonal));
+  PetscCall(LatinOperatorDiagonal(sub, diagonal));
   for (PetscInt s = 0; s < sub->n; s++) jumps[s] = PETSC_FALSE;
-  for (PetscInt f = 0; f < inter->count; f++) {
-    const LatinInterface *face = &inter->interface[f];
+  for (PetscInt f = 0; f < inter->count; f++)
+    for (PetscInt k = inter->interface[f].side_first; k < inter->interface[f].side_last; k++) {
+      const PetscInt i = inter->side_dof[k];
 
-    for (PetscInt k = face->side_first; k < face->side_last && !jumps[face->sub]; k++) jumps[face->sub] = at[inter->side_dof[k]];
-  }
-  PetscCall(PetscFree(at));
+      for (PetscInt p = sub->ki[i]; p < sub->ki[i + 1]; p++) {
+        const PetscInt j = sub->kj[p];
+
+        if (sub->field[i] == sub->field[j] && PetscMax(diagonal[i], diagonal[j]) > LATIN_JUMP * PetscMin(diagonal[i], diagonal[j])) jumps[inter->interface[f].sub] = PETSC_TRUE;
+      }
+    }
+  PetscCall(PetscFree(diagonal));
   PetscFunctionReturn(0);
 }
 

@@ -11,7 +11,7 @@
 */
 
 #define LATIN_STIFFNESS_FLOOR 0.01                          /* stiffness of the foundation, relative to the diagonal of B^t k B */
-#define LATIN_STIFFNESS_DENSE 0.05                          /* the same of a subdomain that has been condensed: only its interfaces rest on it */
+#define LATIN_STIFFNESS_SIDES 0.05                          /* of that of a preconditioner, which is on the interfaces alone: only these share forces */
 #define LATIN_STIFFNESS_LEAST 0.1                           /* least diagonal entry, relative to the mean of the subdomain: for dofs that hardly any link reaches */
 #define LATIN_STIFFNESS_TINY  LatinByPrecision(1e-10, 1e-5) /* the same for matrices, whose coefficients may jump: no dof of theirs dangles */
 
@@ -20,7 +20,6 @@ static PetscErrorCode LatinStiffnessFoundation_Private(LatinDirections *dir, Pet
 {
   const LatinSubdomains *sub    = dir->sub;
   const PetscInt         bs     = dir->sub->bs;
-  const PetscReal        floor  = LatinSubdomainsCondensed(dir->sub) ? LATIN_STIFFNESS_DENSE : LATIN_STIFFNESS_FLOOR;
   PetscReal              sum[2] = {0.0, 0.0}, fallback;
 
   PetscFunctionBegin;
@@ -44,7 +43,11 @@ static PetscErrorCode LatinStiffnessFoundation_Private(LatinDirections *dir, Pet
       }
     mean /= PetscMax(n, 1);
     if (!(mean > 0.0)) mean = fallback; /* all links of the subdomain are slack */
-    for (PetscInt i = first; i < last; i++) spring[i] = floor * PetscMax(spring[i], (dir->sub->matrix ? LATIN_STIFFNESS_TINY : LATIN_STIFFNESS_LEAST) * mean);
+    for (PetscInt i = first; i < last; i++) {
+      const PetscReal floor = !sub->preconditions ? LATIN_STIFFNESS_FLOOR : sub->multiplicity[i / bs] > 1 ? LATIN_STIFFNESS_SIDES : LATIN_STIFFNESS_TINY;
+
+      spring[i] = floor * PetscMax(spring[i], (sub->matrix ? LATIN_STIFFNESS_TINY : LATIN_STIFFNESS_LEAST) * mean);
+    }
   }
   PetscFunctionReturn(0);
 }

@@ -10,16 +10,16 @@
      diagonal  that diagonal
      block     its block on the interface
      schur     its Schur complement on the interface
-     auto      of a preconditioner of a matrix: schur on the interfaces of subdomains that have small ones only, where
-               it costs next to nothing, and on those of subdomains where the coefficients jump (subdomains/operator.c), for that is
-               where it saves iterations; diagonal on the others. Elsewhere schur
+     auto      of a preconditioner of a matrix: schur between small subdomains, where it costs little, and on the interfaces
+               of subdomains where the coefficients jump (interfaces/interfacejumps.c), for that is where it saves
+               iterations; diagonal on the others. Elsewhere schur
 
    A matrix is stored once for equal ones, with its Cholesky factor, D = L L^t, and the inverse of that.
    The other stages use nothing of a direction but the functions of this file.
 */
 
-#define LATIN_DIRECTION_FLOOR 0.1 /* least diagonal direction of an interface, relative to its mean */
-#define LATIN_DIRECTION_SMALL 48  /* degrees of freedom of an interface whose Schur complement costs nothing */
+#define LATIN_DIRECTION_FLOOR 0.1    /* least diagonal direction of an interface, relative to its mean */
+#define LATIN_DIRECTION_SMALL 150000 /* rows of a subdomain times those on its interfaces, up to which Schur complements cost little */
 
 /* The type; auto is left for what preconditions a matrix only */
 LatinDirectionType LatinDirectionKind(const LatinDirections *dir)
@@ -209,24 +209,23 @@ static PetscErrorCode LatinDirectionMatrix_Private(LatinDirections *dir, PetscRe
 }
 
 /*
-   matrices[f] of type auto: interfaces of subdomains where coefficients jump, or of two subdomains all of whose interfaces
-   are small, or which have been condensed on them. A subdomain with matrices on some of its interfaces alone pays for them without saving an iteration.
-   Collective on sub->object.
+   matrices[f] of type auto: interfaces of subdomains where coefficients jump, or of two small subdomains. A subdomain with
+   matrices on some of its interfaces alone pays for them without saving an iteration. Collective on sub->object.
 */
 static PetscErrorCode LatinDirectionAuto_Private(LatinDirections *dir, PetscBool matrices[])
 {
+  const LatinSubdomains *sub   = dir->sub;
   const LatinInterfaces *inter = dir->inter;
   PetscInt              *mine, *mate;
 
   PetscFunctionBegin;
-  PetscCall(LatinJumpsFaces_Private(dir->inter, matrices));
+  PetscCall(LatinJumpsFaces_Private(inter, matrices));
   PetscCall(PetscMalloc2(inter->sides, &mine, inter->sides, &mate));
-  for (PetscInt s = 0; s < dir->sub->n; s++) {
-    PetscInt largest = 0;
+  for (PetscInt f = 0; f < inter->count; f++) {
+    const LatinInterface *face  = &inter->interface[f];
+    const PetscReal       sides = inter->interface[inter->offset[face->sub + 1] - 1].side_last - inter->interface[inter->offset[face->sub]].side_first;
 
-    for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++) largest = PetscMax(largest, inter->interface[f].side_last - inter->interface[f].side_first);
-    for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++)
-      for (PetscInt k = inter->interface[f].side_first; k < inter->interface[f].side_last; k++) mine[k] = LatinSubdomainsCondensed(dir->sub) || largest <= LATIN_DIRECTION_SMALL ? 1 : 0;
+    for (PetscInt k = face->side_first; k < face->side_last; k++) mine[k] = sides * sub->bs * (sub->node_offset[face->sub + 1] - sub->node_offset[face->sub]) <= LATIN_DIRECTION_SMALL ? 1 : 0;
   }
   PetscCall(LatinSFBcast_Private(inter->mate_sf, 1, MPIU_INT, mine, mate));
   for (PetscInt f = 0; f < inter->count; f++) {

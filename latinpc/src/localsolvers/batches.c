@@ -96,22 +96,6 @@ PetscErrorCode LatinLocalSolversDestroy(LatinLocalSolvers *solvers)
   PetscFunctionReturn(0);
 }
 
-/* The matrix of a subdomain that has been condensed on its interfaces: hardly an entry of it is zero */
-static PetscErrorCode LatinLocalDense_Private(const LatinSparse *rows, Mat *K)
-{
-  const PetscInt n = rows->rows;
-  PetscScalar   *a;
-
-  PetscFunctionBegin;
-  PetscCall(LatinDenseCreate_Private(n, n, K));
-  PetscCall(MatDenseGetArrayWrite(*K, &a));
-  PetscCall(PetscArrayzero(a, n * n));
-  for (PetscInt r = 0; r < n; r++)
-    for (PetscInt k = rows->i[r]; k < rows->i[r + 1]; k++) a[rows->j[k] + n * r] = rows->a[k]; /* symmetric */
-  PetscCall(MatDenseRestoreArrayWrite(*K, &a));
-  PetscFunctionReturn(0);
-}
-
 /* The matrix of a batch, and work space for some of its members */
 static PetscErrorCode LatinLocalMatrix_Private(LatinLocalSolvers *solvers, PetscInt i)
 {
@@ -119,8 +103,7 @@ static PetscErrorCode LatinLocalMatrix_Private(LatinLocalSolvers *solvers, Petsc
   const PetscInt     columns = PetscMin(solvers->batches->batch[i].members, LATIN_BATCH_COLUMNS);
 
   PetscFunctionBegin;
-  if (LatinSubdomainsCondensed(solvers->sub)) PetscCall(LatinLocalDense_Private(rows, &solvers->K[i]));
-  else PetscCall(MatCreateSeqAIJWithArrays(PETSC_COMM_SELF, rows->rows, rows->rows, rows->i, rows->j, rows->a, &solvers->K[i]));
+  PetscCall(MatCreateSeqAIJWithArrays(PETSC_COMM_SELF, rows->rows, rows->rows, rows->i, rows->j, rows->a, &solvers->K[i]));
   PetscCall(MatSetOption(solvers->K[i], MAT_SYMMETRIC, PETSC_TRUE));
   PetscCall(MatSetOption(solvers->K[i], MAT_SPD, PETSC_TRUE));
   PetscCall(LatinDenseCreate_Private(rows->rows, columns, &solvers->B[i]));
@@ -134,8 +117,7 @@ static PetscErrorCode LatinLocalMatrix_Private(LatinLocalSolvers *solvers, Petsc
 */
 PetscErrorCode LatinLocalSolversSetUp(LatinLocalSolvers *solvers, const char name[], PetscBool once)
 {
-  const LatinSubdomains *sub     = solvers->sub;
-  const MatSolverType    package = LatinSubdomainsCondensed(sub) ? MATSOLVERPETSC : MATSOLVERCHOLMOD;
+  const LatinSubdomains *sub = solvers->sub;
 
   PetscFunctionBegin;
   solvers->direct = PETSC_TRUE;
@@ -146,12 +128,12 @@ PetscErrorCode LatinLocalSolversSetUp(LatinLocalSolvers *solvers, const char nam
     PetscCall(LatinLocalMatrix_Private(solvers, i));
     PetscCall(LatinSolverCreate_Private(PETSC_COMM_SELF, sub->object, name, &solvers->ksp[i]));
     PetscCall(KSPGetPC(solvers->ksp[i], &pc));
-    PetscCall(LatinDirectSolver_Private(pc, solvers->K[i], package));
+    PetscCall(LatinDirectSolver_Private(pc, solvers->K[i], MATSOLVERCHOLMOD));
     PetscCall(KSPSetOperators(solvers->ksp[i], solvers->K[i], solvers->K[i]));
     PetscCall(KSPSetFromOptions(solvers->ksp[i]));
     PetscCall(LatinSolverDefaults_Private(solvers->ksp[i], once));
     PetscCall(MatSetBlockSize(solvers->K[i], sub->bs));
-    PetscCall(LatinFactor_Private(solvers->ksp[i], solvers->K[i], package, &solvers->status));
+    PetscCall(LatinFactor_Private(solvers->ksp[i], solvers->K[i], MATSOLVERCHOLMOD, &solvers->status));
     solvers->last = i;
     PetscCall(LatinSolverDirect_Private(solvers->ksp[i], &solvers->direct));
   }

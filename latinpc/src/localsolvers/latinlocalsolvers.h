@@ -1,6 +1,6 @@
 /*
    Solvers of the subdomains: which of them share a factor, factorisations and how they end, solvers by choice, the
-   elimination of a subdomain's inside.
+   elimination of what is not on interfaces.
 */
 #ifndef LATINLOCALSOLVERS_H
 #define LATINLOCALSOLVERS_H
@@ -83,12 +83,5 @@ PETSC_INTERN PetscErrorCode LatinLocalSolversSetUp(LatinLocalSolvers *, const ch
 PETSC_INTERN PetscErrorCode LatinLocalSolversDestroy(LatinLocalSolvers *);
 PETSC_INTERN PetscErrorCode LatinLocalSolve_Private(LatinLocalSolvers *, PetscInt batch, const PetscReal g[], PetscReal U[]);
 PETSC_INTERN PetscErrorCode LatinLocalSolveAll(LatinLocalSolvers *, const PetscReal g[], PetscReal U[]);
-
-/* ---- the inside of the subdomain here (localsolvers/staticcondensation.c) ---- */
-typedef struct _n_LatinInterior *LatinInterior;
-PETSC_INTERN PetscErrorCode      LatinInteriorSetUp(LatinSubdomains *, LatinInterior *);
-PETSC_INTERN PetscErrorCode      LatinInteriorForces(LatinInterior, Vec forces, PetscReal f[], PetscBool *failed);
-PETSC_INTERN PetscErrorCode      LatinInteriorExtend(LatinInterior, const PetscReal v[], Vec u, PetscBool *failed);
-PETSC_INTERN PetscErrorCode      LatinInteriorReset(LatinInterior *);
 
 #endif

@@ -8,40 +8,21 @@
    problems regular where a subdomain has mechanisms of its own.
 */
 
-/* The rows and columns of K_E at inner nodes; springs and primal dofs are on interfaces only, so they play no part */
+/* The operators with the interfaces held. Springs and primal dofs are on interfaces only, so they play no part */
 static PetscErrorCode PCLatinInterior_Private(PC pc)
 {
-  PC_Latin          *data  = (PC_Latin *)pc->data;
-  Latin              latin = data->latin;
-  LatinLocalSolvers *whole = &latin->solvers, *interior = &data->interior;
-  const PetscInt     bs = latin->sub.bs;
+  PC_Latin          *data     = (PC_Latin *)pc->data;
+  Latin              latin    = data->latin;
+  LatinLocalSolvers *interior = &data->interior;
+  const PetscInt     bs = latin->sub.bs, n = bs * latin->sub.copies;
+  PetscBool         *held;
 
   PetscFunctionBegin;
   PetscCall(LatinLocalSolversCreate(&latin->sub, &latin->batches, interior));
-  if (latin->interior) interior->n = 0; /* eliminated already */
-  for (PetscInt i = 0; i < interior->n; i++) {
-    const LatinSparse *from = &whole->rows[i];
-    const PetscInt     top  = latin->sub.node_offset[latin->batches.batch[i].sub[0]];
-    LatinSparse       *to   = &interior->rows[i];
-    PetscInt           nz   = 0;
-
-    to->rows = from->rows;
-    PetscCall(PetscMalloc1(to->rows + 1, &to->i));
-    PetscCall(PetscMalloc2(from->i[from->rows], &to->j, from->i[from->rows], &to->a));
-    for (PetscInt row = 0; row < to->rows; row++) {
-      const PetscBool inner = PCLatinInner(latin, top + row / bs);
-
-      to->i[row] = nz;
-      for (PetscInt k = from->i[row]; k < from->i[row + 1]; k++) {
-        const PetscInt column = from->j[k];
-
-        if (inner ? !PCLatinInner(latin, top + column / bs) : column != row) continue;
-        to->j[nz]   = column;
-        to->a[nz++] = inner ? from->a[k] : 1.0;
-      }
-    }
-    to->i[to->rows] = nz;
-  }
+  PetscCall(PetscMalloc1(n, &held));
+  for (PetscInt i = 0; i < n; i++) held[i] = (PetscBool)(latin->sub.fixed[i] || !PCLatinInner(latin, i / bs));
+  for (PetscInt b = 0; b < interior->n; b++) PetscCall(LatinSparseCreate_Private(&latin->sub, latin->batches.batch[b].sub[0], latin->linear.spring, held, 0, NULL, &interior->rows[b]));
+  PetscCall(PetscFree(held));
   PetscCall(LatinLocalSolversSetUp(interior, "interior", PETSC_TRUE));
   PetscCall(LatinFactorAgree_Private(latin, &interior->status, interior->n ? &latin->batches.batch[interior->last] : NULL, "interior"));
   PetscFunctionReturn(0);
@@ -112,11 +93,8 @@ static PetscErrorCode PCLatinEliminate_Private(PC pc, Vec x)
   PetscFunctionBegin;
   PetscCall(PetscArrayzero(data->force, latin->sub.bs * latin->sub.copies));
   PetscCall(LatinDistribute_Private(&latin->sub, x, data->force));
-  if (latin->interior) PetscCall(LatinInteriorForces(latin->interior, x, data->f, &latin->linear.failed));
-  else {
-    PetscCall(PCLatinInteriorSolve_Private(pc, data->force));
-    PetscCall(LatinOperatorMult(&latin->sub, data->v, data->f));
-  }
+  PetscCall(PCLatinInteriorSolve_Private(pc, data->force));
+  PetscCall(LatinOperatorMult(&latin->sub, data->v, data->f));
   PetscCall(LatinSum_Private(&latin->sub, data->f, data->work));
   PetscCall(VecAYPX(data->work, -1.0, x));
   PetscFunctionReturn(0);
@@ -148,16 +126,11 @@ static PetscErrorCode PCLatinExtend_Private(PC pc, Vec y)
 
   PetscFunctionBegin;
   PetscCall(LatinDistribute_Private(&latin->sub, data->work, data->v));
-  if (latin->interior) {
-    PetscCall(LatinInteriorExtend(latin->interior, data->v, data->work, &latin->linear.failed));
-    PetscCall(PetscArrayzero(data->v, n));
-  } else {
-    for (PetscInt i = 0; i < n; i++)
-      if (PCLatinInner(latin, i / bs) && data->interior.direct) data->v[i] = 0.0;
-    PetscCall(LatinOperatorMult(&latin->sub, data->v, data->f));
-    for (PetscInt i = 0; i < n; i++) data->f[i] = data->force[i] - data->f[i];
-    PetscCall(PCLatinInteriorSolve_Private(pc, data->f));
-  }
+  for (PetscInt i = 0; i < n; i++)
+    if (PCLatinInner(latin, i / bs) && data->interior.direct) data->v[i] = 0.0;
+  PetscCall(LatinOperatorMult(&latin->sub, data->v, data->f));
+  for (PetscInt i = 0; i < n; i++) data->f[i] = data->force[i] - data->f[i];
+  PetscCall(PCLatinInteriorSolve_Private(pc, data->f));
   PCLatinFail(pc, data->v);
   PetscCall(LatinSum_Private(&latin->sub, data->v, y));
   PetscCall(VecAXPY(y, 1.0, data->work));

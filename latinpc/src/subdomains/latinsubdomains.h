@@ -79,14 +79,7 @@ typedef struct {
   PetscReal *ka;
   PetscInt   unassigned_count, *unassigned; /* unknowns of this rank's part of a vector that are in no subdomain */
   PetscReal *unassigned_inverse;            /* what the preconditioner makes of them */
-  PetscBool *jumps;                         /* [copies] of a subdomain that has been condensed on its interfaces, whose operator is dense: did the coefficients jump next to it? NULL: as it is */
 } LatinSubdomains;
-
-/* Has the inside been eliminated (localsolvers/staticcondensation.c)? The operator is then dense */
-static inline PetscBool LatinSubdomainsCondensed(const LatinSubdomains *sub)
-{
-  return (PetscBool)(sub->jumps != NULL);
-}
 
 /* The rank of a subdomain */
 static inline PetscMPIInt LatinSubdomainRank(const LatinSubdomains *sub, PetscMPIInt size, PetscInt s)
@@ -135,7 +128,6 @@ PETSC_INTERN PetscErrorCode LatinSubdomainsReset(LatinSubdomains *);
 PETSC_INTERN PetscErrorCode LatinDistribute_Private(const LatinSubdomains *, Vec u, PetscReal copy[]);
 PETSC_INTERN PetscErrorCode LatinSum_Private(const LatinSubdomains *, const PetscReal copy[], Vec u);
 PETSC_INTERN PetscErrorCode LatinUnassigned_Private(const LatinSubdomains *, Vec x, Vec y);
-PETSC_INTERN PetscErrorCode LatinJumpsCopies_Private(const LatinSubdomains *, PetscBool jumps[]);
 
 /* The prefix of the options, for messages */
 static inline const char *LatinPrefix(const LatinSubdomains *sub)

@@ -283,7 +283,6 @@ PetscErrorCode LatinSubdomainsReset(LatinSubdomains *sub)
   PetscCall(PetscSFDestroy(&sub->link_sf));
   PetscCall(PetscSFDestroy(&sub->node_sf));
   PetscCall(PetscSFDestroy(&sub->dof_sf));
-  PetscCall(PetscFree(sub->jumps));
   PetscCall(PetscMemzero(&sub->dim, sizeof(*sub) - offsetof(LatinSubdomains, dim)));
   PetscFunctionReturn(0);
 }
