@@ -39,16 +39,11 @@ PetscErrorCode LatinJumpsFaces_Private(const LatinInterfaces *inter, PetscBool j
   PetscInt  *mine, *mate;
 
   PetscFunctionBegin;
-  PetscCall(PetscMalloc3(inter->sub->n, &here, inter->sides, &mine, inter->sides, &mate));
+  PetscCall(PetscMalloc3(inter->sub->n, &here, inter->count, &mine, inter->count, &mate));
   PetscCall(LatinJumps_Private(inter, here));
-  for (PetscInt f = 0; f < inter->count; f++)
-    for (PetscInt k = inter->interface[f].side_first; k < inter->interface[f].side_last; k++) mine[k] = here[inter->interface[f].sub] ? 1 : 0;
-  PetscCall(LatinSFBcast_Private(inter->mate_sf, 1, MPIU_INT, mine, mate));
-  for (PetscInt f = 0; f < inter->count; f++) {
-    const LatinInterface *face = &inter->interface[f];
-
-    jumps[f] = (PetscBool)(face->side_last > face->side_first && (here[face->sub] || mate[face->side_first]));
-  }
+  for (PetscInt f = 0; f < inter->count; f++) mine[f] = here[inter->interface[f].sub] ? 1 : 0;
+  PetscCall(LatinMateNumbers_Private(inter, mine, mate));
+  for (PetscInt f = 0; f < inter->count; f++) jumps[f] = (PetscBool)(inter->interface[f].side_last > inter->interface[f].side_first && (mine[f] || mate[f]));
   PetscCall(PetscFree3(here, mine, mate));
   PetscFunctionReturn(0);
 }

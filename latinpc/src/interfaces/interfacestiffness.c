@@ -160,7 +160,7 @@ PetscErrorCode LatinStiffnessFaces_Private(LatinDirections *dir, PetscBool block
   for (PetscInt f = 0; f < inter->count; f++) wanted[pattern[inter->interface[f].sub]] = (PetscBool)(wanted[pattern[inter->interface[f].sub]] || matrices[f]);
   for (PetscInt s = 0; s < sub->n; s++) {
     if (pattern[s] == s && wanted[s]) {
-      key[patterns]    = same[s];
+      key[patterns]    = sub->preconditions ? s : same[s]; /* the springs of a preconditioner depend on the sides */
       list[patterns++] = s;
     }
     for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++) {

@@ -60,6 +60,10 @@ PETSC_INTERN PetscErrorCode LatinInterfaceFrame_Private(const LatinSubdomains *,
 PETSC_INTERN PetscErrorCode LatinJumps_Private(const LatinInterfaces *, PetscBool jumps[]);
 PETSC_INTERN PetscErrorCode LatinJumpsFaces_Private(const LatinInterfaces *, PetscBool jumps[]);
 
+/* ---- set-up data of the two sides of an interface (interfaces/mates.c) ---- */
+PETSC_INTERN PetscErrorCode LatinMateNumbers_Private(const LatinInterfaces *, const PetscInt mine[], PetscInt theirs[]);
+PETSC_INTERN PetscErrorCode LatinMateColumns_Private(const LatinInterfaces *, const PetscInt columns[], const PetscReal *const mine[], PetscInt theirs[], size_t first[], PetscReal **mate);
+
 /* ---- search directions (interfaces/searchdirection.c, interfaces/interfacestiffness.c) ---- */
 typedef struct {
   const LatinSubdomains *sub;

@@ -149,74 +149,6 @@ static inline PetscBool LatinMacroBuilds(LatinMacro *macro, const LatinInterface
   return (PetscBool)(face->strong && macro->sub->first + face->sub < face->neighbour && face->side_last > face->side_first);
 }
 
-/* (number of modes, number of the first one among the macro modes of the building rank) travel to the mates */
-static PetscErrorCode LatinMacroNumber_Private(LatinMacro *macro)
-{
-  const LatinInterfaces *inter = macro->inter;
-  PetscInt              *mine, *mate;
-
-  PetscFunctionBegin;
-  PetscCall(PetscMalloc2(2 * inter->sides, &mine, 2 * inter->sides, &mate));
-  for (PetscInt f = 0; f < inter->count; f++)
-    for (PetscInt k = inter->interface[f].side_first; k < inter->interface[f].side_last; k++) {
-      mine[2 * k]     = macro->of[f].modes;
-      mine[2 * k + 1] = macro->of[f].number;
-    }
-  PetscCall(LatinSFBcast_Private(inter->mate_sf, 2, MPIU_INT, mine, mate));
-  for (PetscInt f = 0; f < inter->count; f++) {
-    LatinInterface *face = &inter->interface[f];
-
-    if (macro->sub->first + face->sub < face->neighbour || face->side_last == face->side_first) continue;
-    macro->of[f].modes  = mate[2 * face->side_first];
-    macro->of[f].number = mate[2 * face->side_first + 1];
-  }
-  PetscCall(PetscFree2(mine, mate));
-  PetscFunctionReturn(0);
-}
-
-/* The rows of the bases: built = those of the building sides, column by column, one after the other; mode by mode to the mates */
-static PetscErrorCode LatinMacroRows_Private(LatinMacro *macro, const PetscScalar built[])
-{
-  const LatinInterfaces *inter = macro->inter;
-  PetscInt               total = 0, widest = 0;
-  PetscReal             *mine, *mate;
-
-  PetscFunctionBegin;
-  for (PetscInt f = 0; f < inter->count; f++) {
-    LatinInterface *face = &inter->interface[f];
-    const PetscInt  rows = face->side_last - face->side_first;
-
-    macro->of[f].first = total;
-    total += rows * macro->of[f].modes;
-    widest = PetscMax(widest, macro->of[f].modes);
-  }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &widest, 1, MPIU_INT, MPI_MAX, PetscObjectComm(macro->sub->object)));
-  PetscCall(PetscMalloc1(total, &macro->basis));
-  PetscCall(PetscCalloc2(inter->sides, &mine, inter->sides, &mate));
-  for (PetscInt j = 0; j < widest; j++) {
-    size_t at = 0;
-
-    for (PetscInt f = 0; f < inter->count; f++) {
-      const LatinInterface *face = &inter->interface[f];
-      const PetscInt        rows = face->side_last - face->side_first;
-
-      if (!LatinMacroBuilds(macro, face)) continue;
-      if (j < macro->of[f].modes) PetscCall(PetscArraycpy(mine + face->side_first, built + at + (size_t)(rows * j), rows));
-      at += (size_t)(rows * macro->of[f].modes);
-    }
-    PetscCall(LatinSFBcast_Private(inter->mate_sf, 1, MPIU_REAL, mine, mate));
-    for (PetscInt f = 0; f < inter->count; f++) {
-      const LatinInterface *face  = &inter->interface[f];
-      const PetscReal      *value = LatinMacroBuilds(macro, face) ? mine : mate;
-
-      if (j < macro->of[f].modes)
-        for (PetscInt k = face->side_first; k < face->side_last; k++) macro->basis[macro->of[f].first + (k - face->side_first) * macro->of[f].modes + j] = value[k];
-    }
-  }
-  PetscCall(PetscFree2(mine, mate));
-  PetscFunctionReturn(0);
-}
-
 /*
    pattern[f]: the first of the interfaces whose basis is built here that has the same one as f. A basis depends on the
    weighted fields, on D and on the nodes that serve; one with local fields is compared with none.
@@ -250,11 +182,10 @@ static PetscErrorCode LatinMacroCompare_Private(LatinMacro *macro, PetscInt patt
   PetscFunctionReturn(0);
 }
 
-/* The bases of the sides that build them, column by column, one after the other, in *built; numbered from 0 on this rank */
-static PetscErrorCode LatinMacroBuild_Private(LatinMacro *macro, PetscScalar *built[], PetscInt *modes)
+/* The bases of the sides that build them, mine[f] column by column, in *built, once for equal ones; numbered from 0 on this rank */
+static PetscErrorCode LatinMacroBuild_Private(LatinMacro *macro, const PetscReal *mine[], PetscScalar *built[])
 {
   const LatinInterfaces *inter = macro->inter;
-  PetscInt               next  = 0;
   size_t                 used = 0, room = 0, widest = 0;
   PetscInt              *pattern;
   PetscScalar           *M, *F;
@@ -270,125 +201,135 @@ static PetscErrorCode LatinMacroBuild_Private(LatinMacro *macro, PetscScalar *bu
   PetscCall(PetscMalloc2(widest, &M, widest, &F));
   PetscCall(PetscMalloc1(inter->count, &pattern));
   PetscCall(LatinMacroCompare_Private(macro, pattern));
-  macro->spectral_global = 0;
+  macro->spectral_global = macro->modes_local = 0;
   for (PetscInt f = 0; f < inter->count; f++) {
-    LatinInterface *face = &inter->interface[f];
+    const LatinInterface *face = &inter->interface[f];
+    const PetscInt        rows = face->side_last - face->side_first;
 
-    macro->of[f].modes = 0;
     if (!LatinMacroBuilds(macro, face)) continue;
     if (pattern[f] == f) {
       PetscCall(LatinMacroBasis_Private(macro, f, M, F));
-      PetscCall(PetscArraycpy(*built + used, M, (face->side_last - face->side_first) * macro->of[f].modes));
-      macro->of[f].first = (PetscInt)used; /* for those equal to it */
+      PetscCall(PetscArraycpy(*built + used, M, rows * macro->of[f].modes));
+      mine[f] = *built + used;
+      used += (size_t)(rows * macro->of[f].modes);
     } else {
       macro->of[f].modes = macro->of[pattern[f]].modes;
-      macro->of[f].first = macro->of[pattern[f]].first;
-      PetscCall(PetscArraycpy(*built + used, *built + macro->of[f].first, (face->side_last - face->side_first) * macro->of[f].modes));
+      mine[f]            = mine[pattern[f]];
     }
-    used += (size_t)((face->side_last - face->side_first) * macro->of[f].modes);
-    macro->of[f].number = next;
-    next += macro->of[f].modes;
+    macro->of[f].number = macro->modes_local;
+    macro->modes_local += macro->of[f].modes;
   }
   PetscCall(PetscFree2(M, F));
   PetscCall(PetscFree(pattern));
-  *modes = next;
+  PetscFunctionReturn(0);
+}
+
+/* The bases of all sides, column by column: those built here, mine[f], and from the mates the others, with their numbers. Collective */
+static PetscErrorCode LatinMacroCollect_Private(LatinMacro *macro, const PetscReal *const mine[])
+{
+  const LatinInterfaces *inter = macro->inter;
+  PetscInt              *modes, *theirs, *number, total = 0;
+  size_t                *first;
+  PetscReal             *mate;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMalloc4(inter->count, &modes, inter->count, &theirs, inter->count, &number, inter->count + 1, &first));
+  for (PetscInt f = 0; f < inter->count; f++) {
+    modes[f]  = macro->of[f].modes;
+    number[f] = macro->of[f].number;
+  }
+  PetscCall(LatinMateNumbers_Private(inter, number, number));
+  PetscCall(LatinMateColumns_Private(inter, modes, mine, theirs, first, &mate));
+  for (PetscInt f = 0; f < inter->count; f++) {
+    if (!LatinMacroBuilds(macro, &inter->interface[f])) {
+      macro->of[f].modes  = theirs[f];
+      macro->of[f].number = number[f];
+    }
+    macro->of[f].first = total;
+    total += (inter->interface[f].side_last - inter->interface[f].side_first) * macro->of[f].modes;
+  }
+  PetscCall(PetscMalloc1(total, &macro->basis));
+  for (PetscInt f = 0; f < inter->count; f++) {
+    const LatinInterface *face = &inter->interface[f];
+
+    PetscCall(PetscArraycpy(macro->basis + macro->of[f].first, LatinMacroBuilds(macro, face) ? mine[f] : mate + first[f], (face->side_last - face->side_first) * macro->of[f].modes));
+  }
+  PetscCall(PetscFree(mate));
+  PetscCall(PetscFree4(modes, theirs, number, first));
   PetscFunctionReturn(0);
 }
 
 /*
    The side of the lower subdomain builds the basis and numbers its modes; the other side receives both, so that they
-   agree to the bit even where principal axes are not unique.
+   agree to the bit even where principal axes are not unique. LatinMacroShare_Private() is to follow.
 */
 PetscErrorCode LatinMacroSetUp(LatinMacro *macro)
 {
-  PetscInt     modes = 0, total[2];
-  PetscScalar *built = NULL;
+  MPI_Comm          comm  = PetscObjectComm(macro->sub->object);
+  PetscScalar      *built = NULL;
+  const PetscReal **mine;
+  PetscInt          total[2];
 
   PetscFunctionBegin;
   PetscCall(PetscLogEventBegin(LATIN_Macro, macro->sub->object, 0, 0, 0));
   PetscCall(PetscCalloc1(macro->inter->count, &macro->of));
-  LatinEach(PetscObjectComm(macro->sub->object), LatinMacroBuild_Private(macro, &built, &modes));
-  PetscCall(LatinMacroNumber_Private(macro));
-  PetscCall(LatinMacroRows_Private(macro, built));
+  PetscCall(PetscCalloc1(macro->inter->count, &mine));
+  LatinEach(comm, LatinMacroBuild_Private(macro, mine, &built));
+  PetscCall(LatinMacroCollect_Private(macro, mine));
   PetscCall(PetscFree(built));
+  PetscCall(PetscFree(mine));
   for (PetscInt s = 0; s < macro->sub->n; s++)
     for (PetscInt f = macro->inter->offset[s], at = 0; f < macro->inter->offset[s + 1]; at += macro->of[f++].modes) macro->of[f].at = at;
-  total[0] = modes;
+  total[0] = macro->modes_local;
   total[1] = macro->spectral_global;
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, total, 2, MPIU_INT, MPI_SUM, PetscObjectComm(macro->sub->object)));
-  macro->modes_local     = modes;
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, total, 2, MPIU_INT, MPI_SUM, comm));
   macro->modes_global    = total[0];
   macro->spectral_global = total[1];
   PetscCall(PetscLogEventEnd(LATIN_Macro, macro->sub->object, 0, 0, 0));
   PetscFunctionReturn(0);
 }
 
-/* Bases of equal subdomains are kept once: they are read in one place, where they stay in cache */
-static PetscErrorCode LatinMacroShareBases_Private(LatinMacro *macro, const PetscInt pattern[])
+/*
+   The bases by rows, and D R. Equal subdomains, pattern[s] the first of them, share theirs: they are read in one place,
+   where they stay in cache.
+*/
+PetscErrorCode LatinMacroShare_Private(LatinMacro *macro, const PetscInt pattern[])
 {
   const LatinInterfaces *inter = macro->inter;
-  PetscInt               total = 0;
-  PetscReal             *basis;
+  PetscInt               total = 0, largest = 0;
+  PetscReal             *columns = macro->basis, *dual;
 
   PetscFunctionBegin;
-  for (PetscInt f = 0; f < inter->count; f++)
-    if (pattern[inter->interface[f].sub] == inter->interface[f].sub) total += (inter->interface[f].side_last - inter->interface[f].side_first) * macro->of[f].modes;
-  PetscCall(PetscMalloc1(total, &basis));
+  for (PetscInt f = 0; f < inter->count; f++) {
+    const PetscInt size = (inter->interface[f].side_last - inter->interface[f].side_first) * macro->of[f].modes;
+
+    if (pattern[inter->interface[f].sub] == inter->interface[f].sub) total += size;
+    largest = PetscMax(largest, size);
+  }
+  PetscCall(PetscMalloc1(total, &macro->basis));
+  PetscCall(PetscMalloc1(total, &macro->dual));
+  PetscCall(PetscMalloc1(largest, &dual));
   total = 0;
   for (PetscInt f = 0; f < inter->count; f++) {
     const LatinInterface *face = &inter->interface[f];
-    const PetscInt        size = (face->side_last - face->side_first) * macro->of[f].modes, own = inter->offset[face->sub], other = inter->offset[pattern[face->sub]];
+    LatinFaceModes       *of   = &macro->of[f];
+    const PetscInt        rows = face->side_last - face->side_first, own = inter->offset[face->sub], other = inter->offset[pattern[face->sub]];
+    const PetscReal      *R = columns + of->first;
 
     if (own != other) {
-      macro->of[f].first = macro->of[f + other - own].first; /* the pattern is the first subdomain of its kind */
+      of->first = macro->of[f + other - own].first; /* the pattern is the first subdomain of its kind */
       continue;
     }
-    PetscCall(PetscArraycpy(basis + total, macro->basis + macro->of[f].first, size));
-    macro->of[f].first = total;
-    total += size;
+    PetscCall(LatinDirectionApply(macro->dir, f, of->modes, R, rows, dual, rows));
+    of->first = total;
+    for (PetscInt r = 0; r < rows; r++)
+      for (PetscInt j = 0; j < of->modes; j++, total++) {
+        macro->basis[total] = R[r + rows * j];
+        macro->dual[total]  = dual[r + rows * j];
+      }
   }
-  PetscCall(PetscFree(macro->basis));
-  macro->basis = basis;
-  PetscFunctionReturn(0);
-}
-
-/* D R of the interfaces of the subdomains that represent others, once those share their bases */
-static PetscErrorCode LatinMacroDual_Private(LatinMacro *macro, const PetscInt pattern[])
-{
-  const LatinInterfaces *inter = macro->inter;
-  PetscInt               size = 0, longest = 0;
-  PetscReal             *column;
-
-  PetscFunctionBegin;
-  for (PetscInt f = 0; f < inter->count; f++) {
-    const LatinInterface *face = &inter->interface[f];
-
-    size    = PetscMax(size, macro->of[f].first + (face->side_last - face->side_first) * macro->of[f].modes);
-    longest = PetscMax(longest, face->side_last - face->side_first);
-  }
-  PetscCall(PetscMalloc1(size, &macro->dual));
-  PetscCall(PetscMalloc1(2 * longest, &column));
-  for (PetscInt f = 0; f < inter->count; f++) {
-    const LatinInterface *face = &inter->interface[f];
-    const PetscInt        rows = face->side_last - face->side_first;
-
-    if (pattern[face->sub] != face->sub) continue;
-    for (PetscInt j = 0; j < macro->of[f].modes; j++) {
-      for (PetscInt r = 0; r < rows; r++) column[r] = macro->basis[macro->of[f].first + r * macro->of[f].modes + j];
-      PetscCall(LatinDirectionApply(macro->dir, f, 1, column, rows, column + rows, rows));
-      for (PetscInt r = 0; r < rows; r++) macro->dual[macro->of[f].first + r * macro->of[f].modes + j] = column[rows + r];
-    }
-  }
-  PetscCall(PetscFree(column));
-  PetscFunctionReturn(0);
-}
-
-/* Shares the bases of equal subdomains, pattern[s] the first of them, and computes their duals */
-PetscErrorCode LatinMacroShare_Private(LatinMacro *macro, const PetscInt pattern[])
-{
-  PetscFunctionBegin;
-  PetscCall(LatinMacroShareBases_Private(macro, pattern));
-  PetscCall(LatinMacroDual_Private(macro, pattern));
+  PetscCall(PetscFree(columns));
+  PetscCall(PetscFree(dual));
   PetscFunctionReturn(0);
 }
 

@@ -133,67 +133,33 @@ static PetscErrorCode LatinDirectionFactor_Private(LatinDirections *dir, const P
   PetscFunctionReturn(0);
 }
 
-#define LATIN_DIRECTION_COLUMNS 16 /* exchanged together */
-
-/* D + first[f], the mean of the two sides' matrices S + from[f], exchanged by some columns at a time; and what of them is kept in vectors */
-static PetscErrorCode LatinDirectionMean_Private(LatinDirections *dir, PetscReal fraction, const PetscReal S[], const size_t from[], const size_t first[], PetscReal D[])
-{
-  const PetscInt         columns = LATIN_DIRECTION_COLUMNS;
-  const LatinInterfaces *inter   = dir->inter;
-  PetscInt               widest  = 0;
-  PetscReal             *mine, *mate;
-
-  PetscFunctionBegin;
-  for (PetscInt f = 0; f < inter->count; f++)
-    if (first[f + 1] > first[f]) widest = PetscMax(widest, inter->interface[f].side_last - inter->interface[f].side_first);
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &widest, 1, MPIU_INT, MPI_MAX, PetscObjectComm(dir->sub->object)));
-  PetscCall(PetscCalloc2(columns * inter->sides, &mine, columns * inter->sides, &mate));
-  for (PetscInt j = 0; j < widest; j += columns) {
-    for (PetscInt f = 0; f < inter->count; f++) {
-      const LatinInterface *face = &inter->interface[f];
-      const PetscInt        rows = face->side_last - face->side_first;
-
-      for (PetscInt c = j; c < PetscMin(j + columns, rows) && first[f + 1] > first[f]; c++)
-        for (PetscInt r = 0; r < rows; r++) mine[columns * (face->side_first + r) + c - j] = S[from[f] + (size_t)r + (size_t)rows * (size_t)c];
-    }
-    PetscCall(LatinSFBcast_Private(inter->mate_sf, columns, MPIU_REAL, mine, mate));
-    for (PetscInt f = 0; f < inter->count; f++) {
-      const LatinInterface *face = &inter->interface[f];
-      const PetscInt        rows = face->side_last - face->side_first;
-
-      for (PetscInt c = j; c < PetscMin(j + columns, rows) && first[f + 1] > first[f]; c++) {
-        const PetscReal *a = mine + columns * face->side_first + c - j, *b = mate + columns * face->side_first + c - j;
-        PetscReal       *column = D + first[f] + (size_t)rows * (size_t)c;
-
-        for (PetscInt r = 0; r < rows; r++) column[r] = fraction * 0.5 * (a[columns * r] + b[columns * r]);
-        dir->d[face->side_first + c]        = column[c];
-        dir->harmonic[face->side_first + c] = LatinHarmonic(a[columns * c], b[columns * c]);
-      }
-    }
-  }
-  PetscCall(PetscFree2(mine, mate));
-  PetscFunctionReturn(0);
-}
-
-/* The interfaces with matrices[f] */
+/* The interfaces with matrices[f]: D is the mean of both sides' stiffnesses S, times the fraction. Collective on sub->object */
 static PetscErrorCode LatinDirectionMatrix_Private(LatinDirections *dir, PetscReal fraction, const PetscBool matrices[])
 {
   const LatinInterfaces *inter = dir->inter;
   size_t                *from, *first;
+  PetscInt              *columns, *theirs;
+  const PetscReal      **mine;
   PetscReal             *S, *D;
   PetscBool              bad = PETSC_FALSE;
 
   PetscFunctionBegin;
-  PetscCall(PetscMalloc2(inter->count, &from, inter->count + 1, &first));
+  PetscCall(PetscMalloc5(inter->count, &from, inter->count + 1, &first, inter->count, &columns, inter->count, &theirs, inter->count, &mine));
   PetscCall(LatinStiffnessFaces_Private(dir, (PetscBool)(dir->type == LATIN_DIRECTION_BLOCK), matrices, from, &S));
-  first[0] = 0;
   for (PetscInt f = 0; f < inter->count; f++) {
-    const size_t rows = (size_t)(inter->interface[f].side_last - inter->interface[f].side_first);
-
-    first[f + 1] = first[f] + (matrices[f] ? rows * rows : 0);
+    columns[f] = matrices[f] ? inter->interface[f].side_last - inter->interface[f].side_first : 0;
+    mine[f]    = S + from[f];
   }
-  PetscCall(PetscMalloc1(first[inter->count], &D));
-  PetscCall(LatinDirectionMean_Private(dir, fraction, S, from, first, D));
+  PetscCall(LatinMateColumns_Private(inter, columns, mine, theirs, first, &D));
+  for (PetscInt f = 0; f < inter->count; f++)
+    for (size_t c = 0, rows = (size_t)columns[f]; c < rows; c++) {
+      const PetscReal *a = mine[f] + rows * c;
+      PetscReal       *b = D + first[f] + rows * c;
+
+      dir->harmonic[(size_t)inter->interface[f].side_first + c] = LatinHarmonic(a[c], b[c]);
+      for (size_t r = 0; r < rows; r++) b[r] = fraction * 0.5 * (a[r] + b[r]);
+      dir->d[(size_t)inter->interface[f].side_first + c] = b[c];
+    }
   if (LatinDirectionShares(dir)) {
     PetscCall(PetscMalloc1(inter->count, &dir->own_first));
     PetscCall(PetscArraycpy(dir->own_first, from, inter->count));
@@ -202,7 +168,7 @@ static PetscErrorCode LatinDirectionMatrix_Private(LatinDirections *dir, PetscRe
   } else PetscCall(PetscFree(S));
   PetscCall(LatinDirectionFactor_Private(dir, D, first, &bad));
   PetscCall(PetscFree(D));
-  PetscCall(PetscFree2(from, first));
+  PetscCall(PetscFree5(from, first, columns, theirs, mine));
   LatinAgree(PetscObjectComm(dir->sub->object), bad, PETSC_ERR_MAT_CH_ZRPVT, "The search direction %s of an interface is not positive definite to rounding; choose another -%sdirection, e.g. diagonal", LatinDirectionTypes[dir->type],
              LatinPrefix(dir->sub));
   PetscFunctionReturn(0);
@@ -216,24 +182,20 @@ static PetscErrorCode LatinDirectionAuto_Private(LatinDirections *dir, PetscBool
 {
   const LatinSubdomains *sub   = dir->sub;
   const LatinInterfaces *inter = dir->inter;
-  PetscInt              *mine, *mate;
+  PetscInt              *small, *mate;
 
   PetscFunctionBegin;
   PetscCall(LatinJumpsFaces_Private(inter, matrices));
-  PetscCall(PetscMalloc2(inter->sides, &mine, inter->sides, &mate));
+  PetscCall(PetscMalloc2(inter->count, &small, inter->count, &mate));
   for (PetscInt f = 0; f < inter->count; f++) {
-    const LatinInterface *face  = &inter->interface[f];
-    const PetscReal       sides = inter->interface[inter->offset[face->sub + 1] - 1].side_last - inter->interface[inter->offset[face->sub]].side_first;
+    const PetscInt  s     = inter->interface[f].sub;
+    const PetscReal sides = inter->interface[inter->offset[s + 1] - 1].side_last - inter->interface[inter->offset[s]].side_first;
 
-    for (PetscInt k = face->side_first; k < face->side_last; k++) mine[k] = sides * sub->bs * (sub->node_offset[face->sub + 1] - sub->node_offset[face->sub]) <= LATIN_DIRECTION_SMALL ? 1 : 0;
+    small[f] = sides * sub->bs * (sub->node_offset[s + 1] - sub->node_offset[s]) <= LATIN_DIRECTION_SMALL ? 1 : 0;
   }
-  PetscCall(LatinSFBcast_Private(inter->mate_sf, 1, MPIU_INT, mine, mate));
-  for (PetscInt f = 0; f < inter->count; f++) {
-    const LatinInterface *face = &inter->interface[f];
-
-    if (face->side_last > face->side_first && mine[face->side_first] && mate[face->side_first]) matrices[f] = PETSC_TRUE;
-  }
-  PetscCall(PetscFree2(mine, mate));
+  PetscCall(LatinMateNumbers_Private(inter, small, mate));
+  for (PetscInt f = 0; f < inter->count; f++) matrices[f] = (PetscBool)(matrices[f] || (small[f] && mate[f]));
+  PetscCall(PetscFree2(small, mate));
   PetscFunctionReturn(0);
 }
 

@@ -191,43 +191,29 @@ static PetscErrorCode LatinSpectralSubdomain_Private(LatinSpectral *spectral, Pe
 static PetscErrorCode LatinSpectralExchange_Private(LatinSpectral *spectral)
 {
   const LatinInterfaces *inter = spectral->inter;
-  PetscInt              *mine, *mate, widest = 0;
-  PetscScalar           *out, *in;
+  PetscInt              *theirs;
+  size_t                *first;
+  PetscReal             *mate;
 
   PetscFunctionBegin;
-  PetscCall(PetscMalloc4(inter->sides, &mine, inter->sides, &mate, inter->sides, &out, inter->sides, &in));
+  PetscCall(PetscMalloc2(inter->count, &theirs, inter->count + 1, &first));
+  PetscCall(LatinMateColumns_Private(inter, spectral->count, (const PetscReal *const *)spectral->field, theirs, first, &mate));
   for (PetscInt f = 0; f < inter->count; f++) {
-    widest = PetscMax(widest, spectral->count[f]);
-    for (PetscInt k = inter->interface[f].side_first; k < inter->interface[f].side_last; k++) mine[k] = spectral->count[f];
-  }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &widest, 1, MPIU_INT, MPI_MAX, PetscObjectComm(spectral->sub->object)));
-  if (widest) PetscCall(LatinSFBcast_Private(inter->mate_sf, 1, MPIU_INT, mine, mate));
-  for (PetscInt f = 0; f < inter->count && widest; f++) {
     const LatinInterface *face = &inter->interface[f];
-    const PetscInt        rows = face->side_last - face->side_first;
+    const PetscInt        rows = face->side_last - face->side_first, own = rows * spectral->count[f], other = rows * theirs[f];
+    const PetscBool       lower = (PetscBool)(spectral->sub->first + face->sub < face->neighbour);
     PetscScalar          *field;
 
-    if (!rows || !(spectral->count[f] + mate[face->side_first])) continue;
-    PetscCall(PetscMalloc1(rows * (spectral->count[f] + mate[face->side_first]), &field));
-    PetscCall(PetscArraycpy(field + (spectral->sub->first + face->sub < face->neighbour ? 0 : rows * mate[face->side_first]), spectral->field[f], rows * spectral->count[f]));
+    if (!other) continue;
+    PetscCall(PetscMalloc1(own + other, &field));
+    PetscCall(PetscArraycpy(field + (lower ? 0 : other), spectral->field[f], own));
+    PetscCall(PetscArraycpy(field + (lower ? own : 0), mate + first[f], other));
     PetscCall(PetscFree(spectral->field[f]));
     spectral->field[f] = field;
-    spectral->count[f] += mate[face->side_first];
+    spectral->count[f] += theirs[f];
   }
-  for (PetscInt j = 0; j < widest; j++) {
-    for (PetscInt pass = 0; pass < 2; pass++) {
-      for (PetscInt f = 0; f < inter->count; f++) {
-        const LatinInterface *face  = &inter->interface[f];
-        const PetscInt        rows  = face->side_last - face->side_first;
-        const PetscBool       lower = (PetscBool)(spectral->sub->first + face->sub < face->neighbour);
-
-        if (!pass && rows && j < mine[face->side_first]) PetscCall(PetscArraycpy(out + face->side_first, spectral->field[f] + rows * ((lower ? 0 : mate[face->side_first]) + j), rows));
-        if (pass && rows && j < mate[face->side_first]) PetscCall(PetscArraycpy(spectral->field[f] + rows * ((lower ? mine[face->side_first] : 0) + j), in + face->side_first, rows));
-      }
-      if (!pass) PetscCall(LatinSFBcast_Private(inter->mate_sf, 1, MPIU_SCALAR, out, in));
-    }
-  }
-  PetscCall(PetscFree4(mine, mate, out, in));
+  PetscCall(PetscFree(mate));
+  PetscCall(PetscFree2(theirs, first));
   PetscFunctionReturn(0);
 }
 
