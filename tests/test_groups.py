@@ -97,7 +97,7 @@ sys.path.insert(0, sys.argv[1])
 import latinpc
 from petsc4py import PETSc
 from support import grid
-snes = (structure := latinpc.Structure.from_scene(grid("tensegrity", modules=36, subdomains=324))).create_snes()
+snes = (structure := latinpc.Structure.from_scene(grid("tensegrity", modules=48, subdomains=576))).create_snes()
 PETSc.Options().setValue("snes_max_it", 6)
 PETSc.Options().setValue("snes_stol", 0)
 snes.setFromOptions()
@@ -115,7 +115,7 @@ def test_on_several_ranks(mpirun, ranks):
     import json
 
     levels, found = json.loads(mpirun(ranks, PROGRAM, Path(__file__).parent).stdout)
-    alone = solve(grid("tensegrity", modules=36, subdomains=324), max_it=6, stol=0)
+    alone = solve(grid("tensegrity", modules=48, subdomains=576), max_it=6, stol=0)
     assert levels > 0
     assert far(np.array(found), alone.u) < 1e-9
 

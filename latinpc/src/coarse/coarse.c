@@ -5,46 +5,58 @@
    corresponding forces (25), (39), (41). What the options choose for its solver decides on the form of its matrix.
 */
 
-#define LATIN_GROUPS 3 /* subdomains a side of a group that is condensed; of 2, 3, 4, 6 the least set-up and memory */
+#define LATIN_GROUPS    3    /* subdomains a side of a group that is condensed; of 2, 3, 4, 6 the least set-up and memory */
+#define LATIN_REDUNDANT 1500 /* most rows of a parallel matrix that every rank factors by itself */
 
-/* Where every rank solves the whole, which gives the same bits twice, it is by the factorisation of one rank. Collective on ksp */
-static PetscErrorCode LatinCoarseRedundant_Private(KSP ksp)
+/* The types that the options choose, before there is a matrix: an iteration (*iterative), one that takes the part of each rank by itself (*apart) */
+static PetscErrorCode LatinCoarseOptions_Private(LatinCoarse *coarse, PetscBool *iterative, PetscBool *apart)
 {
-  PetscBool redundant;
-  PC        pc, whole;
-  KSP       inner;
-  Mat       A;
+  PC        pc;
+  PetscBool fetidp, direct;
 
   PetscFunctionBegin;
-  PetscCall(KSPGetPC(ksp, &pc));
+  PetscCall(LatinSolverCreate_Private(PetscObjectComm(coarse->sub->object), coarse->sub->object, "coarse", &coarse->ksp));
+  PetscCall(KSPGetPC(coarse->ksp, &pc));
+  PetscCall(PCSetType(pc, PCCHOLESKY));
+  PetscCall(PCFactorSetMatSolverType(pc, MATSOLVERMUMPS));
+  PetscCall(KSPSetFromOptions(coarse->ksp));
+  PetscCall(PetscObjectTypeCompare((PetscObject)coarse->ksp, KSPFETIDP, &fetidp));
+  PetscCall(PetscObjectTypeCompareAny((PetscObject)pc, apart, PCBDDC, PCLATIN, ""));
+  PetscCall(LatinSolverDirect_Private(coarse->ksp, &direct));
+  *apart     = (PetscBool)(*apart || fetidp);
+  *iterative = (PetscBool)(*apart || !direct);
+  PetscFunctionReturn(0);
+}
+
+/*
+   The default is a factorisation, by each rank of the whole where it is small: a parallel one of so few rows is all
+   messages. What the options name is for the matrix of all ranks. Where each rank solves the whole, which gives the same
+   bits twice, it is by the factorisation of one rank. Collective on coarse->ksp
+*/
+static PetscErrorCode LatinCoarseDirect_Private(LatinCoarse *coarse)
+{
+  PetscMPIInt size;
+  PetscBool   type, package, redundant;
+  PC          pc, whole;
+  KSP         inner;
+  Mat         A;
+
+  PetscFunctionBegin;
+  PetscCall(KSPGetPC(coarse->ksp, &pc));
+  PetscCallMPI(MPI_Comm_size(PetscObjectComm((PetscObject)pc), &size));
+  PetscCall(PetscOptionsHasName(((PetscObject)pc)->options, ((PetscObject)pc)->prefix, "-pc_type", &type));
+  PetscCall(PetscOptionsHasName(((PetscObject)pc)->options, ((PetscObject)pc)->prefix, "-pc_factor_mat_solver_type", &package));
+  if (!type && !package && size > 1 && coarse->top_size <= LATIN_REDUNDANT) PetscCall(PCSetType(pc, PCREDUNDANT));
+  else if (!type && !package) PetscCall(LatinDirectSolver_Private(pc, coarse->A, MATSOLVERMUMPS));
   PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCREDUNDANT, &redundant));
   if (!redundant) PetscFunctionReturn(0);
+  PetscCall(KSPSetOperators(coarse->ksp, coarse->A, coarse->A));
   PetscCall(PCRedundantGetKSP(pc, &inner));
   PetscCall(KSPGetPC(inner, &whole));
   PetscCall(MatCreateSeqAIJ(PETSC_COMM_SELF, 1, 1, 1, NULL, &A));
   PetscCall(LatinDirectSolver_Private(whole, A, MATSOLVERMUMPS));
   PetscCall(MatDestroy(&A));
   PetscCall(KSPSetFromOptions(inner));
-  PetscFunctionReturn(0);
-}
-
-/* The solver: a factorisation, if the options choose nothing else */
-static PetscErrorCode LatinCoarseSolver_Private(LatinCoarse *coarse, PetscBool apart)
-{
-  const PetscInt dim = coarse->sub->dim;
-  PetscBool      bddc;
-  PC             pc;
-
-  PetscFunctionBegin;
-  PetscCall(LatinSolverCreate_Private(PetscObjectComm((PetscObject)coarse->A), coarse->sub->object, "coarse", &coarse->ksp));
-  PetscCall(KSPGetPC(coarse->ksp, &pc));
-  if (!apart) PetscCall(LatinDirectSolver_Private(pc, coarse->A, MATSOLVERMUMPS));
-  PetscCall(KSPSetOperators(coarse->ksp, coarse->A, coarse->A));
-  PetscCall(KSPSetFromOptions(coarse->ksp));
-  PetscCall(LatinCoarseRedundant_Private(coarse->ksp));
-  PetscCall(LatinSolverDefaults_Private(coarse->ksp, coarse->sub->preconditions));
-  PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCBDDC, &bddc)); /* multigrid would forget the near null space */
-  if (bddc && dim) PetscCall(PCSetCoordinates(pc, dim, coarse->top_local, coarse->x));
   PetscFunctionReturn(0);
 }
 
@@ -55,22 +67,26 @@ static PetscErrorCode LatinCoarseSolver_Private(LatinCoarse *coarse, PetscBool a
 */
 PetscErrorCode LatinCoarseSetUp(LatinCoarse *coarse, const LatinHomogenised *stiffness)
 {
-  MPI_Comm  comm = PetscObjectComm(coarse->sub->object);
-  PetscBool iterative, apart, chosen;
-  PetscInt  rows;
+  const PetscInt dim       = coarse->sub->dim;
+  PetscBool      iterative = PETSC_FALSE, apart = PETSC_FALSE, bddc;
+  PC             pc;
 
   PetscFunctionBegin;
   if (!coarse->macro->modes_global && !coarse->primal_global) PetscFunctionReturn(0); /* no interface: one subdomain, or disconnected ones */
   PetscCall(PetscLogEventBegin(LATIN_Coarse, coarse->sub->object, 0, 0, 0));
-  PetscCall(LatinSolverChosen_Private(comm, coarse->sub->object, "coarse", MATSOLVERMUMPS, &iterative, &apart, &chosen));
-  PetscCall(LatinGroupsSetUp(coarse, stiffness, iterative || apart ? 1 : LATIN_GROUPS));
+  PetscCall(LatinCoarseOptions_Private(coarse, &iterative, &apart));
+  PetscCall(LatinGroupsSetUp(coarse, stiffness, iterative ? 1 : LATIN_GROUPS));
   PetscCall(LatinCoarseAssemble_Private(coarse, apart));
-  if (iterative || apart) PetscCall(LatinCoarseNear_Private(coarse));
+  if (iterative) PetscCall(LatinCoarseNear_Private(coarse));
   PetscCall(LatinGroupsFinish(coarse));
   PetscCall(MatCreateVecs(coarse->A, &coarse->sol, &coarse->rhs));
-  PetscCall(LatinCoarseSolver_Private(coarse, apart));
-  PetscCall(MatGetSize(coarse->A, &rows, NULL));
-  if (rows) PetscCall(LatinFactor_Private(coarse->ksp, coarse->A, MATSOLVERMUMPS, &coarse->status)); /* disconnected structures may be condensed entirely, each a group */
+  PetscCall(LatinCoarseDirect_Private(coarse));
+  PetscCall(KSPSetOperators(coarse->ksp, coarse->A, coarse->A));
+  PetscCall(LatinSolverDefaults_Private(coarse->ksp, coarse->sub->preconditions));
+  PetscCall(KSPGetPC(coarse->ksp, &pc));
+  PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCBDDC, &bddc)); /* multigrid would forget the near null space */
+  if (bddc && dim) PetscCall(PCSetCoordinates(pc, dim, coarse->top_local, coarse->x));
+  if (coarse->top_size) PetscCall(LatinFactor_Private(coarse->ksp, coarse->A, MATSOLVERMUMPS, &coarse->status)); /* disconnected structures may be condensed entirely, each a group */
   PetscCall(PetscLogEventEnd(LATIN_Coarse, coarse->sub->object, 0, 0, 0));
   PetscFunctionReturn(0);
 }

@@ -30,35 +30,6 @@ PetscErrorCode LatinSolverCreate_Private(MPI_Comm comm, PetscObject parent, cons
   PetscFunctionReturn(0);
 }
 
-/* The types that the options choose for such a KSP, before its matrix is there; *chosen: not the factorisation that is the default, by the package */
-PetscErrorCode LatinSolverChosen_Private(MPI_Comm comm, PetscObject parent, const char name[], MatSolverType package, PetscBool *iterative, PetscBool *subassembled, PetscBool *chosen)
-{
-  KSP         ksp;
-  PC          pc;
-  const char *prefix;
-  PetscBool   once, direct, redundant, parts, fetidp, named;
-
-  PetscFunctionBegin;
-  PetscCall(LatinSolverCreate_Private(comm, parent, name, &ksp));
-  PetscCall(KSPGetPC(ksp, &pc));
-  PetscCall(PCSetType(pc, PCCHOLESKY));
-  PetscCall(PCFactorSetMatSolverType(pc, package)); /* for -help, which prints each prefix once */
-  PetscCall(KSPSetFromOptions(ksp));
-  PetscCall(KSPGetPC(ksp, &pc));
-  PetscCall(PetscObjectTypeCompare((PetscObject)ksp, KSPPREONLY, &once));
-  PetscCall(PetscObjectTypeCompare((PetscObject)ksp, KSPFETIDP, &fetidp));
-  PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCCHOLESKY, &direct));
-  PetscCall(PetscObjectTypeCompareAny((PetscObject)pc, &redundant, PCLU, PCREDUNDANT, ""));
-  PetscCall(PetscObjectTypeCompareAny((PetscObject)pc, &parts, PCBDDC, PCLATIN, ""));
-  PetscCall(KSPGetOptionsPrefix(ksp, &prefix));
-  PetscCall(PetscOptionsHasName(parent->options, prefix, "-pc_factor_mat_solver_type", &named));
-  PetscCall(KSPDestroy(&ksp));
-  *chosen       = (PetscBool)(!once || !direct || named);
-  *subassembled = (PetscBool)(fetidp || parts);
-  *iterative    = (PetscBool)(!once || (!direct && !redundant));
-  PetscFunctionReturn(0);
-}
-
 /*
    Sets *failed when a solve has failed. A preconditioner may ask for so many iterations and no more, as PETSc's own do
    (KSPCheckSolve()); where linear stages are taken to be exact that is a failure.

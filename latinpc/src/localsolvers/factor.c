@@ -5,7 +5,6 @@
    costs nothing, is found whether it stops the factorisation or only shows in the factor.
 */
 
-#define LATIN_REDUNDANT 1500 /* most rows of a parallel matrix that every rank factors by itself: a parallel factor of so few is all messages */
 #define LATIN_ROOM      100  /* work space of MUMPS beyond its own estimate, in percent */
 #define LATIN_ROOM_MOST 6400 /* where it gives up */
 
@@ -23,41 +22,6 @@ PetscErrorCode LatinDirectSolverAvailable_Private(Mat A, MatSolverType preferred
   PetscFunctionReturn(0);
 }
 
-/*
-   Is the matrix so small that every rank had better factor the whole of it? Then pc does so. A package that the options
-   name is for the matrix of all ranks. Collective on A
-*/
-static PetscErrorCode LatinDirectSolverRedundant_Private(PC pc, Mat A, PetscBool *done)
-{
-  MatSolverType package = NULL;
-  const char   *prefix;
-  KSP           ksp;
-  PC            own;
-  Mat           alone;
-  PetscMPIInt   size;
-  PetscInt      rows;
-  PetscBool     named, found = PETSC_FALSE;
-
-  PetscFunctionBegin;
-  *done = PETSC_FALSE;
-  PetscCallMPI(MPI_Comm_size(PetscObjectComm((PetscObject)A), &size));
-  PetscCall(MatGetSize(A, &rows, NULL));
-  PetscCall(PCGetOptionsPrefix(pc, &prefix));
-  PetscCall(PetscOptionsHasName(((PetscObject)pc)->options, prefix, "-pc_factor_mat_solver_type", &named));
-  if (size == 1 || rows > LATIN_REDUNDANT || named) PetscFunctionReturn(0);
-  PetscCall(MatCreateSeqAIJ(PETSC_COMM_SELF, 1, 1, 1, NULL, &alone));
-  PetscCall(LatinDirectSolverAvailable_Private(alone, MATSOLVERCHOLMOD, &package, &found));
-  PetscCall(MatDestroy(&alone));
-  if (!found) PetscFunctionReturn(0);
-  PetscCall(PCSetType(pc, PCREDUNDANT));
-  PetscCall(PCRedundantGetKSP(pc, &ksp));
-  PetscCall(KSPGetPC(ksp, &own));
-  PetscCall(PCSetType(own, PCCHOLESKY));
-  PetscCall(PCFactorSetMatSolverType(own, package));
-  *done = PETSC_TRUE;
-  PetscFunctionReturn(0);
-}
-
 /* Cholesky with the preferred package; where PETSc lacks it, another one, with a notice */
 PetscErrorCode LatinDirectSolver_Private(PC pc, Mat A, MatSolverType preferred)
 {
@@ -68,8 +32,6 @@ PetscErrorCode LatinDirectSolver_Private(PC pc, Mat A, MatSolverType preferred)
 
   PetscFunctionBegin;
   PetscCallMPI(MPI_Comm_rank(PETSC_COMM_WORLD, &rank));
-  PetscCall(LatinDirectSolverRedundant_Private(pc, A, &found));
-  if (found) PetscFunctionReturn(0);
   PetscCall(PCSetType(pc, PCCHOLESKY));
   PetscCall(LatinDirectSolverAvailable_Private(A, preferred, &package, &found));
   if (found) PetscCall(PCFactorSetMatSolverType(pc, package));

@@ -39,7 +39,6 @@ PETSC_INTERN PetscErrorCode LatinEliminate_Private(const LatinSparse *, PetscInt
 /* ---- solvers that options choose (localsolvers/chosen.c) ---- */
 #define LATIN_INEXACT_RTOL LatinByPrecision(1e-10, 1e-5) /* of an iterative solver that is taken to be exact */
 PETSC_INTERN PetscErrorCode LatinSolverCreate_Private(MPI_Comm, PetscObject parent, const char name[], KSP *);
-PETSC_INTERN PetscErrorCode LatinSolverChosen_Private(MPI_Comm, PetscObject parent, const char name[], MatSolverType package, PetscBool *iterative, PetscBool *subassembled, PetscBool *chosen);
 PETSC_INTERN PetscErrorCode LatinSolverDirect_Private(KSP, PetscBool *);
 PETSC_INTERN PetscErrorCode LatinSolverNote_Private(KSP, PetscBool preconditions, PetscBool *failed);
 PETSC_INTERN PetscErrorCode LatinSolverDefaults_Private(KSP, PetscBool once);
