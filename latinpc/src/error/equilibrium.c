@@ -171,8 +171,8 @@ static PetscErrorCode LatinGapError_Private(const LatinNodalBalance *balance, Ve
   PetscCall(LatinPrescribed_Private(structure, &prescribed));
   PetscCall(LatinStructureSize_Private(structure, &size));
   size *= PETSC_MACHINE_EPSILON;
-  moves = (PetscBool)(norm > LATIN_GAP_NONE * PETSC_MACHINE_EPSILON * PetscSqrtReal(balance->bearing_moves) && most > LATIN_POINT * size);
-  gaps  = (PetscBool)(PetscSqrtReal(balance->bearing_gaps) > LATIN_GAP_POINT * size || prescribed > LATIN_GAP_POINT * size);
+  moves = (PetscBool)(norm > LATIN_GAP_NONE * PETSC_MACHINE_EPSILON * PetscSqrtReal(balance->sum.bearing_moves) && most > LATIN_POINT * size);
+  gaps  = (PetscBool)(PetscSqrtReal(balance->sum.bearing_gaps) > LATIN_GAP_POINT * size || prescribed > LATIN_GAP_POINT * size);
   if (moves || gaps) *missed = balance->gap;
   PetscFunctionReturn(0);
 }
@@ -201,10 +201,10 @@ PetscErrorCode LatinEquilibriumCheck_Private(Latin latin, Vec u, Vec r, Vec more
   PetscCall(LatinUnsupported_Private(&balance, found));
   PetscCall(LatinGapError_Private(&balance, u, &missed));
   PetscCall(LatinEquilibriumFar_Private(structure, u, &far));
-  PetscCall(LatinNodalBalanceDestroy_Private(&balance));
+  PetscCall(PetscFree(balance.node));
 
   found->balanced = (PetscBool)(sum.error == 0.0);
-  norm            = energy ? PetscSqrtReal(balance.energy) : size;
+  norm            = energy ? PetscSqrtReal(balance.sum.energy) : size;
   if (norm > 0.0) found->error = LATIN_FORCE_FACTOR * PetscSqrtReal(sum.error) / norm;
   for (PetscInt d = 0; d < 4 && structure->ground && !energy && norm > 0.0; d++)
     if (sum.stiff[d] > 0.0) found->error = PetscMax(found->error, LATIN_MOVED_FACTOR * (PetscAbsReal(sum.moved[d]) - sum.noise[d]) / (PetscSqrtReal(sum.stiff[d]) * norm));
@@ -214,7 +214,7 @@ PetscErrorCode LatinEquilibriumCheck_Private(Latin latin, Vec u, Vec r, Vec more
   found->error = PetscMax(found->error, missed);
 
   /* the work of the tensions is r.u less that of the loads */
-  works = PetscAbsReal(sum.work - sum.pushed) + PetscAbsReal(sum.pushed) + LATIN_WORK_CANCELS * (balance.work + sum.loads);
+  works = PetscAbsReal(sum.work - sum.pushed) + PetscAbsReal(sum.pushed) + LATIN_WORK_CANCELS * (balance.sum.work + sum.loads);
   if (far && PetscAbsReal(sum.work) > LATIN_WORK_LEFT * works) {
     found->verdict = LATIN_UNBOUNDED;
     PetscCall(PetscInfo(structure, "Displacements larger than the structure leave %g of the work of tensions and loads without balance\n", (double)(PetscAbsReal(sum.work) / works)));

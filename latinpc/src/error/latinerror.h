@@ -53,14 +53,15 @@ typedef struct {
 
 typedef struct {
   Latin      latin;
-  LatinNode *node;                        /* [structure->nodes_local] */
-  PetscReal  energy;                      /* sum of k e^2 */
-  PetscReal  work;                        /* sum of |tau e|, prescribed displacements taken for zero */
-  PetscReal  gap;                         /* greatest distance by which a rigid link misses its gap */
-  PetscReal  bearing_gaps, bearing_moves; /* squares of the gaps of rigid links that bear, or should, and of their tau / l */
+  LatinNode *node;                         /* [structure->nodes_local] */
+  PetscReal  gap;                          /* greatest distance by which a rigid link misses its gap */
+  struct {                                 /* over all links; reals only, since they travel as one message */
+    PetscReal energy;                      /* of k e^2 */
+    PetscReal work;                        /* of |tau e|, prescribed displacements taken for zero */
+    PetscReal bearing_gaps, bearing_moves; /* squares of the gaps of rigid links that bear, or should, and of their tau / l */
+  } sum;
 } LatinNodalBalance;
 PETSC_INTERN PetscErrorCode LatinNodalBalanceCreate_Private(Latin, Vec u, Vec r, Vec more, PetscReal target, LatinNodalBalance *);
-PETSC_INTERN PetscErrorCode LatinNodalBalanceDestroy_Private(LatinNodalBalance *);
 
 /* ---- are displacements an equilibrium? (error/equilibrium.c) ---- */
 #define LATIN_LISTED 8 /* nodes, or links, that are named */
