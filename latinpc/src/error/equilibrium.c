@@ -39,32 +39,24 @@ typedef struct {
   PetscReal moved[4], stiff[4], noise[4]; /* t.r, squares of K t, rounding of t.r: translations, then u */
 } LatinNodalSums;
 
-/* The size of a structure: the diagonal of the box around its nodes. Collective on structure */
-PetscErrorCode LatinStructureSize_Private(LatinStructure structure, PetscReal *size)
+/* The size of a structure, the diagonal of the box around its nodes, and the largest prescribed displacement. Collective on structure */
+PetscErrorCode LatinStructureSize_Private(LatinStructure structure, PetscReal *size, PetscReal *prescribed)
 {
   const PetscInt dim = structure->dim;
-  PetscReal      most[6], sum = 0.0; /* -lowest and highest coordinates */
+  PetscReal      most[7], sum = 0.0; /* -lowest and highest coordinates, prescribed displacement */
 
   PetscFunctionBegin;
   for (PetscInt k = 0; k < 6; k++) most[k] = -PETSC_MAX_REAL;
+  most[6] = 0.0;
   for (PetscInt i = 0; i < dim * structure->nodes_local; i++) {
     most[2 * (i % dim)]     = PetscMax(most[2 * (i % dim)], -structure->x[i]);
     most[2 * (i % dim) + 1] = PetscMax(most[2 * (i % dim) + 1], structure->x[i]);
+    if (structure->fixed[i]) most[6] = PetscMax(most[6], PetscAbsReal(structure->prescribed[i]));
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, most, 6, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)structure)));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, most, 7, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)structure)));
   for (PetscInt c = 0; c < dim; c++) sum += PetscSqr(most[2 * c] + most[2 * c + 1]);
-  *size = PetscSqrtReal(sum);
-  PetscFunctionReturn(0);
-}
-
-static PetscErrorCode LatinPrescribed_Private(LatinStructure structure, PetscReal *most)
-{
-  PetscReal mine = 0.0;
-
-  PetscFunctionBegin;
-  for (PetscInt i = 0; i < structure->dim * structure->nodes_local; i++)
-    if (structure->fixed[i]) mine = PetscMax(mine, PetscAbsReal(structure->prescribed[i]));
-  PetscCall(MPIU_Allreduce(&mine, most, 1, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)structure)));
+  *size       = PetscSqrtReal(sum);
+  *prescribed = most[6];
   PetscFunctionReturn(0);
 }
 
@@ -74,8 +66,7 @@ PetscErrorCode LatinEquilibriumFar_Private(LatinStructure structure, Vec u, Pets
   PetscReal size, prescribed, most;
 
   PetscFunctionBegin;
-  PetscCall(LatinStructureSize_Private(structure, &size));
-  PetscCall(LatinPrescribed_Private(structure, &prescribed));
+  PetscCall(LatinStructureSize_Private(structure, &size, &prescribed));
   PetscCall(VecNorm(u, NORM_INFINITY, &most));
   *far = (PetscBool)(most > PetscMax(size, prescribed));
   PetscFunctionReturn(0);
@@ -168,8 +159,7 @@ static PetscErrorCode LatinGapError_Private(const LatinNodalBalance *balance, Ve
   if (structure->rigid_law < 0) PetscFunctionReturn(0);
   PetscCall(VecNorm(u, NORM_2, &norm));
   PetscCall(VecNorm(u, NORM_INFINITY, &most));
-  PetscCall(LatinPrescribed_Private(structure, &prescribed));
-  PetscCall(LatinStructureSize_Private(structure, &size));
+  PetscCall(LatinStructureSize_Private(structure, &size, &prescribed));
   size *= PETSC_MACHINE_EPSILON;
   moves = (PetscBool)(norm > LATIN_GAP_NONE * PETSC_MACHINE_EPSILON * PetscSqrtReal(balance->sum.bearing_moves) && most > LATIN_POINT * size);
   gaps  = (PetscBool)(PetscSqrtReal(balance->sum.bearing_gaps) > LATIN_GAP_POINT * size || prescribed > LATIN_GAP_POINT * size);
@@ -270,37 +260,24 @@ PetscErrorCode LatinEquilibriumMechanism_Private(LatinStructure structure, Vec s
 */
 static PetscErrorCode LatinFarkas_Private(LatinStructure structure, Vec u, const PetscReal dtau[], LatinEquilibrium *found)
 {
-  PetscReal          sum[2] = {0.0, 0.0}, most = 0.0, moved, left; /* the work on gaps and prescribed displacements, and of each by itself */
-  PetscInt           mine[LATIN_LISTED], count = 0;
-  Vec                given, local, forces;
-  const PetscScalar *a;
-  PetscScalar       *f;
+  PetscReal sum[2] = {0.0, 0.0}, most = 0.0, moved, left, *x; /* the work on gaps and prescribed displacements, and of each by itself */
+  PetscInt  mine[LATIN_LISTED], count = 0;
+  Vec       forces;
 
   PetscFunctionBegin;
   PetscCall(DMGetGlobalVector(structure->dm, &forces));
-  PetscCall(DMGetLocalVector(structure->dm, &given));
-  PetscCall(DMGetLocalVector(structure->dm, &local));
+  PetscCall(DMGetWorkArray(structure->dm, structure->links_local, MPIU_REAL, &x));
   PetscCall(VecZeroEntries(forces));
-  PetscCall(LatinStructureGetLocal_Private(structure, structure->vertex_prescribed, forces, given)); /* what is prescribed, and nothing else */
-  PetscCall(VecZeroEntries(local));
-  PetscCall(VecGetArrayRead(given, &a));
-  PetscCall(VecGetArray(local, &f));
+  PetscCall(LatinStructureStrains_Private(structure, forces, x)); /* what is prescribed, and nothing else */
   for (PetscInt l = 0; l < structure->links_local; l++) {
-    const PetscReal work = dtau[l] * (LatinStructureElongation(structure, l, a) + structure->e0[l]);
-
-    sum[0] += work;
-    sum[1] += PetscAbsReal(work);
+    sum[0] += dtau[l] * x[l];
+    sum[1] += PetscAbsReal(dtau[l] * x[l]);
     most = PetscMax(most, PetscAbsReal(dtau[l]));
-    LatinStructureAddForce(structure, l, dtau[l], f);
   }
-  PetscCall(VecRestoreArray(local, &f));
-  PetscCall(VecRestoreArrayRead(given, &a));
-  PetscCall(DMLocalToGlobalBegin(structure->dm, local, ADD_VALUES, forces));
-  PetscCall(DMLocalToGlobalEnd(structure->dm, local, ADD_VALUES, forces));
+  PetscCall(LatinStructureForces_Private(structure, dtau, u, NULL, forces));
   PetscCall(VecNorm(forces, NORM_2, &left));
   PetscCall(VecNorm(u, NORM_2, &moved));
-  PetscCall(DMRestoreLocalVector(structure->dm, &local));
-  PetscCall(DMRestoreLocalVector(structure->dm, &given));
+  PetscCall(DMRestoreWorkArray(structure->dm, structure->links_local, MPIU_REAL, &x));
   PetscCall(DMRestoreGlobalVector(structure->dm, &forces));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &most, 1, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)structure)));

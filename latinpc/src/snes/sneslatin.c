@@ -263,14 +263,14 @@ static PetscErrorCode SNESLatinDiagnose_Private(SNES snes)
 {
   SNES_Latin       *data  = (SNES_Latin *)snes->data;
   LatinEquilibrium *found = &data->found;
-  PetscReal         size;
+  PetscReal         size, prescribed;
   Vec               F;
 
   PetscFunctionBegin;
   if (snes->reason > 0 || data->next == LATIN_NEXT_NOT_FINITE || data->latin->linear.failed) found->nodes = found->links = 0;
   else if (!(found->verdict == LATIN_UNBOUNDED && found->nodes && found->distance == INFINITY)) {
     PetscCall(LatinEquilibriumCheck_Private(data->latin, snes->vec_sol, snes->vec_func, snes->vec_rhs, data->target, data->estimate.energy, PETSC_FALSE, found));
-    PetscCall(LatinStructureSize_Private(data->latin->sub.structure, &size));
+    PetscCall(LatinStructureSize_Private(data->latin->sub.structure, &size, &prescribed));
     found->distance = PetscMin(found->distance, size); /* an iterate that diverges proves nothing */
     PetscCall(SNESGetFunction(data->outer, &F, NULL, NULL));
     if (snes->max_its >= LATIN_JAM_LEAST) PetscCall(LatinEquilibriumJammed_Private(data->latin, data->z, F, found));
