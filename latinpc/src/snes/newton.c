@@ -264,12 +264,11 @@ PetscErrorCode LatinNewtonCreate_Private(SNES snes, Latin latin, PetscBool tange
   PetscBool      cg;
 
   PetscFunctionBegin;
-  if (newton->tangent != tangent) {
-    PetscCall(SNESDestroy(&newton->snes));
-    newton->structure = NULL;
-  }
+  if (newton->tangent != tangent) PetscCall(SNESDestroy(&newton->snes));
   newton->tangent = tangent;
   if (newton->snes) PetscFunctionReturn(0);
+  newton->latin     = latin;
+  newton->structure = latin->sub.structure;
   PetscCall(SNESCreate(PetscObjectComm((PetscObject)snes), &newton->snes));
   PetscCall(PetscObjectIncrementTabLevel((PetscObject)newton->snes, (PetscObject)snes, 1));
   PetscCall(SNESGetOptionsPrefix(snes, &prefix));
@@ -295,27 +294,21 @@ PetscErrorCode LatinNewtonCreate_Private(SNES snes, Latin latin, PetscBool tange
   PetscCall(SNESSetConvergenceTest(newton->snes, LatinNewtonConverged_Private, newton, NULL));
   PetscCall(KSPGetTolerances(ksp, &newton->rtol, NULL, NULL, NULL));
   PetscCall(KSPSetConvergenceTest(ksp, LatinNewtonLinear_Private, newton, NULL));
+  PetscCall(LatinNewtonAttach_Private(newton));
   PetscFunctionReturn(0);
 }
 
 /* From the displacements u to those of the solution. u is worthless when the reason is negative. Collective on snes */
-PetscErrorCode LatinNewtonSolve_Private(SNES snes, Latin latin, LatinNewton *newton, Vec u, SNESConvergedReason *reason)
+PetscErrorCode LatinNewtonSolve_Private(SNES snes, LatinNewton *newton, Vec u, SNESConvergedReason *reason)
 {
-  PetscInt  nonsmooth = latin->sub.nonsmooth;
   PetscReal least, most;
   KSP       ksp;
 
   PetscFunctionBegin;
-  PetscCall(LatinStructureStiffnessRange_Private(latin->sub.structure, &least, &most));
-  newton->floor = newton->tangent ? PetscMax(LATIN_NEWTON_FLOOR * least, LATIN_NEWTON_SEEN * most) : 0.0; /* without a stall no mechanism is near, and a step is exact */
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &nonsmooth, 1, MPIU_INT, MPI_SUM, PetscObjectComm((PetscObject)snes)));
-  if (newton->structure != latin->sub.structure) {
-    newton->structure = latin->sub.structure;
-    PetscCall(LatinNewtonAttach_Private(newton));
-  }
-  newton->latin  = latin;
-  newton->linear = (PetscBool)!nonsmooth;
-  newton->error  = latin->linear.indicator;
+  PetscCall(LatinStructureStiffnessRange_Private(newton->structure, &least, &most));
+  newton->floor  = newton->tangent ? PetscMax(LATIN_NEWTON_FLOOR * least, LATIN_NEWTON_SEEN * most) : 0.0; /* without a stall no mechanism is near, and a step is exact */
+  newton->linear = (PetscBool)!newton->latin->sub.nonsmooth_global;
+  newton->error  = newton->latin->linear.indicator;
   newton->left   = 0.0;
   PetscCall(VecNorm(u, NORM_2, &newton->size));
   PetscCall(SNESGetKSP(newton->snes, &ksp));

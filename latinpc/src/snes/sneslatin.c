@@ -17,7 +17,6 @@ static PetscErrorCode SNESLatinResetState_Private(SNES snes)
   PetscFunctionBegin;
   PetscCall(SNESLatinOuterReset_Private(snes));
   PetscCall(SNESDestroy(&data->newton.snes));
-  data->newton.structure = NULL;
   PetscCall(VecDestroy(&data->z));
   PetscCall(VecDestroy(&data->z_before));
   PetscCall(PetscFree(data->reference_copy));
@@ -206,7 +205,7 @@ static PetscErrorCode SNESLatinNewton_Private(SNES snes, PetscBool stall)
   if (PetscIsInfOrNanReal(data->latin->linear.distance) || (snes->divtol > 0.0 && data->latin->linear.distance > snes->divtol * data->first_distance)) PetscCall(VecZeroEntries(snes->vec_sol));
   else PetscCall(LatinAverage_Private(&data->latin->linear, snes->vec_sol));
   PetscCall(LatinNewtonCreate_Private(snes, data->latin, stall, newton));
-  PetscCall(LatinNewtonSolve_Private(snes, data->latin, newton, snes->vec_sol, &reason));
+  PetscCall(LatinNewtonSolve_Private(snes, newton, snes->vec_sol, &reason));
   PetscCall(PetscMemzero(&data->found, sizeof(data->found)));
   PetscCall(SNESGetSolutionUpdate(newton->snes, &step));
   PetscCall(SNESGetFunction(newton->snes, &r, NULL, NULL));

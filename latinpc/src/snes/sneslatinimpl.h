@@ -42,7 +42,7 @@ typedef struct {
   SNES           snes;             /* NULL before the first time */
   PetscBool      tangent;          /* its preconditioner is built from the tangent stiffness, not that of the iteration */
   Latin          latin;            /* borrowed */
-  LatinStructure structure;        /* borrowed */
+  LatinStructure structure;        /* borrowed: another one makes another SNES */
   Vec            reference;        /* borrowed: stop on the error against it, or NULL */
   PetscReal      target, residual; /* relative error of the displacements, norm of the residual to stop at */
   PetscBool      energy;           /* the error is that of the energy norm */
@@ -59,7 +59,7 @@ typedef struct {
 PETSC_INTERN PetscErrorCode LatinNewtonStart_Private(LatinNewton *, LatinStructure);
 PETSC_INTERN PetscBool      LatinNewtonStalled(LatinNewton *, PetscReal measure, PetscReal target);
 PETSC_INTERN PetscErrorCode LatinNewtonCreate_Private(SNES, Latin, PetscBool tangent, LatinNewton *);
-PETSC_INTERN PetscErrorCode LatinNewtonSolve_Private(SNES, Latin, LatinNewton *, Vec u, SNESConvergedReason *);
+PETSC_INTERN PetscErrorCode LatinNewtonSolve_Private(SNES, LatinNewton *, Vec u, SNESConvergedReason *);
 PETSC_INTERN PetscErrorCode PCLatinShare_Private(PC, Latin);
 PETSC_INTERN PetscErrorCode PCLatinFollow_Private(PC, Latin);
 
