@@ -47,13 +47,6 @@ PetscErrorCode LatinEstimateStart_Private(LatinEstimate *estimate)
   PetscFunctionReturn(0);
 }
 
-PetscErrorCode LatinEstimateDestroy_Private(LatinEstimate *estimate)
-{
-  PetscFunctionBegin;
-  PetscCall(PetscFree2(estimate->sketch, estimate->part));
-  PetscFunctionReturn(0);
-}
-
 /* This rank's part of the sketch of the displacements, and of their squared norm behind it */
 static void LatinEstimateSketch(Latin latin, PetscBool energy, PetscReal sketch[])
 {

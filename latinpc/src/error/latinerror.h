@@ -31,7 +31,6 @@ typedef struct {
 PETSC_INTERN PetscErrorCode LatinEstimateStart_Private(LatinEstimate *);
 PETSC_INTERN PetscErrorCode LatinEstimateFloor_Private(Latin, LatinEstimate *);
 PETSC_INTERN PetscErrorCode LatinEstimateUpdate_Private(Latin, PetscReal target, LatinEstimate *);
-PETSC_INTERN PetscErrorCode LatinEstimateDestroy_Private(LatinEstimate *);
 
 /* ---- forces and their rounding at the nodes (error/nodalbalance.c) ---- */
 /* Sums over the links that meet at a node, of all ranks; reals only, since they travel as one message */

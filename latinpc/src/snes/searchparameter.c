@@ -173,10 +173,3 @@ PetscErrorCode LatinParameterTune_Private(Latin latin, PetscReal factor)
   PetscCall(PetscInfo(latin, "The search parameter of rigid links becomes %g times what it was\n", (double)factor));
   PetscFunctionReturn(0);
 }
-
-PetscErrorCode LatinParameterDestroy_Private(LatinParameter *parameter)
-{
-  PetscFunctionBegin;
-  PetscCall(PetscFree2(parameter->tension, parameter->stretch));
-  PetscFunctionReturn(0);
-}

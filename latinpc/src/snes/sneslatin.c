@@ -352,8 +352,8 @@ static PetscErrorCode SNESDestroy_Latin(SNES snes)
   PetscCall(LatinDestroy_Private(&data->latin));
   PetscCall(SNESDestroy(&data->outer));
   PetscCall(VecDestroy(&data->reference));
-  PetscCall(LatinEstimateDestroy_Private(&data->estimate));
-  PetscCall(LatinParameterDestroy_Private(&data->parameter));
+  PetscCall(PetscFree2(data->estimate.sketch, data->estimate.part));
+  PetscCall(PetscFree2(data->parameter.tension, data->parameter.stretch));
   PetscCall(PetscViewerDestroy(&data->monitor));
   PetscCall(PetscFree4(data->indicator, data->error_l2, data->error_energy, data->estimates));
   PetscCall(PetscObjectComposeFunction((PetscObject)snes, "LatinRigidTensions_C", NULL));

@@ -81,7 +81,6 @@ PETSC_INTERN PetscErrorCode LatinParameterObserve_Private(Latin, Vec z, Vec Gz, 
 PETSC_INTERN PetscErrorCode LatinParameterDue_Private(Latin, PetscReal measure, LatinParameter *, LatinNext *);
 PETSC_INTERN PetscErrorCode LatinParameterTune_Private(Latin, PetscReal factor);
 PETSC_INTERN PetscErrorCode LatinParameterState_Private(Latin, Vec z, Vec F, PetscReal factor);
-PETSC_INTERN PetscErrorCode LatinParameterDestroy_Private(LatinParameter *);
 
 /* ---- SNES latin ---- */
 typedef struct {
