@@ -49,10 +49,9 @@ PetscErrorCode LatinParameterStart_Private(Latin latin, LatinParameter *paramete
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &kinds, 1, MPIU_INT, MPI_BOR, PetscObjectComm((PetscObject)latin)));
   parameter->alone  = (PetscBool)(structure->rubs && kinds == 2);
   parameter->beside = (PetscBool)((kinds & 3) == 3);
-  if (!(parameter->alone || parameter->beside) || parameter->size == latin->sub.nonsmooth) PetscFunctionReturn(0);
+  if (!(parameter->alone || parameter->beside)) PetscFunctionReturn(0);
   PetscCall(PetscFree2(parameter->tension, parameter->stretch));
   PetscCall(PetscMalloc2(latin->sub.nonsmooth, &parameter->tension, latin->sub.nonsmooth, &parameter->stretch));
-  parameter->size = latin->sub.nonsmooth;
   PetscFunctionReturn(0);
 }
 

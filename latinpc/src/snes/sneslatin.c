@@ -292,19 +292,11 @@ static PetscErrorCode SNESLatinRun_Private(SNES snes)
   if (data->next != LATIN_NEXT_CONTINUE) PetscFunctionReturn(0);
   PetscCall(SNESLatinStart_Private(snes));
   PetscCall(SNESLatinIterate_Private(snes));
-  while (PETSC_TRUE) switch (data->next) {
-    case LATIN_NEXT_NEWTON_FINISH:
-      PetscCall(SNESLatinNewton_Private(snes, PETSC_FALSE));
-      break;
-    case LATIN_NEXT_NEWTON_STALL:
-      PetscCall(SNESLatinNewton_Private(snes, PETSC_TRUE));
-      break;
-    case LATIN_NEXT_REBUILD:
-      PetscCall(SNESLatinRebuild_Private(snes));
-      break;
-    default:
-      PetscFunctionReturn(0);
-    }
+  while (data->next >= LATIN_NEXT_NEWTON_FINISH && data->next <= LATIN_NEXT_REBUILD) {
+    if (data->next == LATIN_NEXT_REBUILD) PetscCall(SNESLatinRebuild_Private(snes));
+    else PetscCall(SNESLatinNewton_Private(snes, (PetscBool)(data->next == LATIN_NEXT_NEWTON_STALL)));
+  }
+  PetscFunctionReturn(0);
 }
 
 static PetscErrorCode SNESSolve_Latin(SNES snes)

@@ -72,9 +72,8 @@ typedef struct {
   PetscInt   seen, window;                    /* linear stages with this parameter; from one look to the next */
   PetscReal  least[LATIN_PARAMETER_PAST + 1]; /* least measure of this window and of the last ones */
   PetscReal  sum[2];                          /* squares of the changes of tensions and elongations in this window, here */
-  PetscReal *tension, *stretch;               /* [size] of the last local stage: tau_hat, l e_hat */
-  PetscInt   size;
-  PetscReal  factor; /* of the parameter wanted next */
+  PetscReal *tension, *stretch;               /* [nonsmooth] of the last local stage: tau_hat, l e_hat */
+  PetscReal  factor;                          /* of the parameter wanted next */
 } LatinParameter;
 PETSC_INTERN PetscErrorCode LatinParameterStart_Private(Latin, LatinParameter *);
 PETSC_INTERN PetscErrorCode LatinParameterObserve_Private(Latin, Vec z, Vec Gz, LatinParameter *);
