@@ -178,12 +178,11 @@ PetscErrorCode LatinEquilibriumCheck_Private(Latin latin, Vec u, Vec r, Vec more
   const PetscInt       dim       = structure->dim;
   PetscReal            size, missed, norm, works;
   PetscBool            far;
-  LatinNodalSums       sum;
+  LatinNodalSums       sum = {.error = 0.0};
   LatinNodalBalance    balance;
 
   PetscFunctionBegin;
   PetscCall(PetscMemzero(found, sizeof(*found)));
-  PetscCall(PetscMemzero(&sum, sizeof(sum)));
   PetscCall(VecNorm(u, NORM_2, &size));
   PetscCall(LatinNodalBalanceCreate_Private(latin, u, r, more, target, &balance));
   for (PetscInt i = 0; i < dim * structure->nodes_local; i++) LatinSumComponent(&balance.node[i / dim], dim, i % dim, target, size, energy, &sum);
