@@ -133,7 +133,6 @@ PetscErrorCode SNESLatinOuterSetUp_Private(SNES snes)
   Vec         F;
 
   PetscFunctionBegin;
-  PetscCall(SNESLatinCreateOuter_Private(snes));
   PetscCall(SNESLatinOuterDefaults_Private(snes, &changed)); /* somebody may have set the type */
   if (changed) PetscCall(SNESSetFromOptions(data->outer));
   if (data->outer->setupcalled) PetscFunctionReturn(0);

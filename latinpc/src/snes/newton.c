@@ -211,26 +211,6 @@ static PetscErrorCode LatinNewtonJacobian_Private(SNES snes, Vec u, Mat A, Mat P
   PetscFunctionReturn(0);
 }
 
-/* The structure's residual and, for PC latin, which needs no entries, its tangent stiffness as an operator */
-static PetscErrorCode LatinNewtonAttach_Private(LatinNewton *newton)
-{
-  PetscBool latin;
-  KSP       ksp;
-  PC        pc;
-  Mat       A;
-
-  PetscFunctionBegin;
-  PetscCall(LatinStructureAttachSNES(newton->structure, newton->snes));
-  PetscCall(SNESGetKSP(newton->snes, &ksp));
-  PetscCall(KSPGetPC(ksp, &pc));
-  PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCLATIN, &latin));
-  if (!latin) PetscFunctionReturn(0);
-  PetscCall(LatinTangentCreate_Private(newton->structure, &A));
-  PetscCall(SNESSetJacobian(newton->snes, A, A, LatinNewtonJacobian_Private, newton));
-  PetscCall(MatDestroy(&A));
-  PetscFunctionReturn(0);
-}
-
 /* Whole steps at first; when they have not ended, links change to and fro, and only the least energy along each step leads on */
 static PetscErrorCode LatinNewtonSearch_Private(SNESLineSearch search, void *ctx)
 {
@@ -261,7 +241,8 @@ PetscErrorCode LatinNewtonCreate_Private(SNES snes, Latin latin, PetscBool tange
   const char    *prefix;
   KSP            ksp;
   PC             pc;
-  PetscBool      cg;
+  Mat            A;
+  PetscBool      is;
 
   PetscFunctionBegin;
   if (newton->tangent != tangent) PetscCall(SNESDestroy(&newton->snes));
@@ -289,12 +270,18 @@ PetscErrorCode LatinNewtonCreate_Private(SNES snes, Latin latin, PetscBool tange
   if (tangent) PetscCall(PCLatinFollow_Private(pc, latin));
   else PetscCall(PCLatinShare_Private(pc, latin));
   PetscCall(SNESSetFromOptions(newton->snes));
-  PetscCall(PetscObjectTypeCompare((PetscObject)ksp, KSPCG, &cg));
-  if (!cg) PetscCall(KSPSetNormType(ksp, KSP_NORM_DEFAULT));
+  PetscCall(PetscObjectTypeCompare((PetscObject)ksp, KSPCG, &is));
+  if (!is) PetscCall(KSPSetNormType(ksp, KSP_NORM_DEFAULT));
   PetscCall(SNESSetConvergenceTest(newton->snes, LatinNewtonConverged_Private, newton, NULL));
   PetscCall(KSPGetTolerances(ksp, &newton->rtol, NULL, NULL, NULL));
   PetscCall(KSPSetConvergenceTest(ksp, LatinNewtonLinear_Private, newton, NULL));
-  PetscCall(LatinNewtonAttach_Private(newton));
+  /* the structure's residual and, for PC latin, which needs no entries, its tangent stiffness as an operator */
+  PetscCall(LatinStructureAttachSNES(newton->structure, newton->snes));
+  PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCLATIN, &is));
+  if (!is) PetscFunctionReturn(0);
+  PetscCall(LatinTangentCreate_Private(newton->structure, &A));
+  PetscCall(SNESSetJacobian(newton->snes, A, A, LatinNewtonJacobian_Private, newton));
+  PetscCall(MatDestroy(&A));
   PetscFunctionReturn(0);
 }
 
