@@ -187,18 +187,10 @@ static PetscBool SNESLatinStalls(SNES_Latin *data, PetscReal measure, PetscReal 
   const PetscBool stalled = LatinNewtonStalled(&data->newton, measure, target);
 
   if (!data->newton.stall || !(target > 0.0)) return PETSC_FALSE;
-  switch (next) {
-  case LATIN_NEXT_CONTINUE:
-    return stalled;
-  case LATIN_NEXT_DIVERGED:
-  case LATIN_NEXT_NOT_FINITE:
-    return PETSC_TRUE;
-  case LATIN_NEXT_FAILED:
-  case LATIN_NEXT_GIVEN:
-    return PETSC_FALSE;
-  default: /* rounding is in the way of Newton's method as well, unless stiffnesses are its cause */
-    return data->newton.contrast;
-  }
+  if (next == LATIN_NEXT_CONTINUE) return stalled;
+  if (next == LATIN_NEXT_DIVERGED || next == LATIN_NEXT_NOT_FINITE) return PETSC_TRUE;
+  if (next == LATIN_NEXT_FAILED || next == LATIN_NEXT_GIVEN) return PETSC_FALSE;
+  return data->newton.contrast; /* rounding is in the way of Newton's method as well, unless stiffnesses are its cause */
 }
 
 /* Displacements larger than the structure are a solution if forces balance. Collective on snes */
