@@ -147,17 +147,16 @@ static void LatinSumComponent(const LatinNode *at, PetscInt dim, PetscInt c, Pet
   sum->stiff[3] += PetscSqr(at->tangent[c] + ground * PetscAbsReal(at->u[c]));
 }
 
-/* By how much rigid links miss their gaps; 0 where nothing moves but by rounding. Collective */
-static PetscErrorCode LatinGapError_Private(const LatinNodalBalance *balance, Vec u, PetscReal *missed)
+/* By how much rigid links miss their gaps; 0 where nothing moves but by rounding. norm: l2 norm of the displacements. Collective */
+static PetscErrorCode LatinGapError_Private(const LatinNodalBalance *balance, Vec u, PetscReal norm, PetscReal *missed)
 {
   const LatinStructure structure = balance->latin->sub.structure;
-  PetscReal            size, prescribed, norm, most;
+  PetscReal            size, prescribed, most;
   PetscBool            moves, gaps;
 
   PetscFunctionBegin;
   *missed = 0.0;
   if (structure->rigid_law < 0) PetscFunctionReturn(0);
-  PetscCall(VecNorm(u, NORM_2, &norm));
   PetscCall(VecNorm(u, NORM_INFINITY, &most));
   PetscCall(LatinStructureSize_Private(structure, &size, &prescribed));
   size *= PETSC_MACHINE_EPSILON;
@@ -188,7 +187,7 @@ PetscErrorCode LatinEquilibriumCheck_Private(Latin latin, Vec u, Vec r, Vec more
   for (PetscInt i = 0; i < dim * structure->nodes_local; i++) LatinSumComponent(&balance.node[i / dim], dim, i % dim, target, size, energy, &sum);
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &sum, sizeof(sum) / sizeof(PetscReal), MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
   PetscCall(LatinUnsupported_Private(&balance, found));
-  PetscCall(LatinGapError_Private(&balance, u, &missed));
+  PetscCall(LatinGapError_Private(&balance, u, size, &missed));
   PetscCall(LatinEquilibriumFar_Private(structure, u, &far));
   PetscCall(PetscFree(balance.node));
 
