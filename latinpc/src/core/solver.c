@@ -59,7 +59,7 @@ PetscErrorCode LatinSetCoordinates_Private(PC pc, PetscInt dim, PetscInt nodes, 
 
 /*
    Builds everything for the matrix of a PC or a KSP: the tangent stiffness of a structure that is attached to the solver,
-   or behind its DM (NULL: none) or that of the matrix; or a MATIS. Collective on solver.
+   or behind its DM (NULL: none) or that of the matrix; or a MATIS. The solver has reset latin before. Collective on solver.
 */
 PetscErrorCode LatinSetUpOperator_Private(Latin latin, PetscObject solver, PC pc, DM dm)
 {
@@ -77,7 +77,6 @@ PetscErrorCode LatinSetUpOperator_Private(Latin latin, PetscObject solver, PC pc
   PetscCheck(structure || matis, PetscObjectComm(solver), PETSC_ERR_ORDER,
              "-%s_type latin has no structure to work on: call LatinStructureAttach%s(), or build the matrix from the DM of a structure (LatinStructureCreate(), LatinStructureAttachSNES()); or assemble it as a MATIS (-dm_mat_type is, -mat_type is)",
              solver->classid == KSP_CLASSID ? "ksp" : "pc", solver->class_name);
-  PetscCall(LatinReset_Private(latin));
   PetscCall(LatinSetProblem_Private(latin, structure, structure ? NULL : pc->pmat));
   PetscCall(PetscObjectQuery((PetscObject)pc, "LatinCoordinates", (PetscObject *)&coordinates));
   if (structure) PetscCall(LatinSetStiffness_Private(latin, pc->pmat));

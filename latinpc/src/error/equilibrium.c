@@ -39,32 +39,24 @@ typedef struct {
   PetscReal moved[4], stiff[4], noise[4]; /* t.r, squares of K t, rounding of t.r: translations, then u */
 } LatinNodalSums;
 
-/* The size of a structure: the diagonal of the box around its nodes. Collective on structure */
-PetscErrorCode LatinStructureSize_Private(LatinStructure structure, PetscReal *size)
+/* The size of a structure, the diagonal of the box around its nodes, and the largest prescribed displacement. Collective on structure */
+PetscErrorCode LatinStructureSize_Private(LatinStructure structure, PetscReal *size, PetscReal *prescribed)
 {
   const PetscInt dim = structure->dim;
-  PetscReal      most[6], sum = 0.0; /* -lowest and highest coordinates */
+  PetscReal      most[7], sum = 0.0; /* -lowest and highest coordinates, prescribed displacement */
 
   PetscFunctionBegin;
   for (PetscInt k = 0; k < 6; k++) most[k] = -PETSC_MAX_REAL;
+  most[6] = 0.0;
   for (PetscInt i = 0; i < dim * structure->nodes_local; i++) {
     most[2 * (i % dim)]     = PetscMax(most[2 * (i % dim)], -structure->x[i]);
     most[2 * (i % dim) + 1] = PetscMax(most[2 * (i % dim) + 1], structure->x[i]);
+    if (structure->fixed[i]) most[6] = PetscMax(most[6], PetscAbsReal(structure->prescribed[i]));
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, most, 6, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)structure)));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, most, 7, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)structure)));
   for (PetscInt c = 0; c < dim; c++) sum += PetscSqr(most[2 * c] + most[2 * c + 1]);
-  *size = PetscSqrtReal(sum);
-  PetscFunctionReturn(0);
-}
-
-static PetscErrorCode LatinPrescribed_Private(LatinStructure structure, PetscReal *most)
-{
-  PetscReal mine = 0.0;
-
-  PetscFunctionBegin;
-  for (PetscInt i = 0; i < structure->dim * structure->nodes_local; i++)
-    if (structure->fixed[i]) mine = PetscMax(mine, PetscAbsReal(structure->prescribed[i]));
-  PetscCall(MPIU_Allreduce(&mine, most, 1, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)structure)));
+  *size       = PetscSqrtReal(sum);
+  *prescribed = most[6];
   PetscFunctionReturn(0);
 }
 
@@ -74,8 +66,7 @@ PetscErrorCode LatinEquilibriumFar_Private(LatinStructure structure, Vec u, Pets
   PetscReal size, prescribed, most;
 
   PetscFunctionBegin;
-  PetscCall(LatinStructureSize_Private(structure, &size));
-  PetscCall(LatinPrescribed_Private(structure, &prescribed));
+  PetscCall(LatinStructureSize_Private(structure, &size, &prescribed));
   PetscCall(VecNorm(u, NORM_INFINITY, &most));
   *far = (PetscBool)(most > PetscMax(size, prescribed));
   PetscFunctionReturn(0);
@@ -156,23 +147,21 @@ static void LatinSumComponent(const LatinNode *at, PetscInt dim, PetscInt c, Pet
   sum->stiff[3] += PetscSqr(at->tangent[c] + ground * PetscAbsReal(at->u[c]));
 }
 
-/* By how much rigid links miss their gaps; 0 where nothing moves but by rounding. Collective */
-static PetscErrorCode LatinGapError_Private(const LatinNodalBalance *balance, Vec u, PetscReal *missed)
+/* By how much rigid links miss their gaps; 0 where nothing moves but by rounding. norm: l2 norm of the displacements. Collective */
+static PetscErrorCode LatinGapError_Private(const LatinNodalBalance *balance, Vec u, PetscReal norm, PetscReal *missed)
 {
   const LatinStructure structure = balance->latin->sub.structure;
-  PetscReal            size, prescribed, norm, most;
+  PetscReal            size, prescribed, most;
   PetscBool            moves, gaps;
 
   PetscFunctionBegin;
   *missed = 0.0;
   if (structure->rigid_law < 0) PetscFunctionReturn(0);
-  PetscCall(VecNorm(u, NORM_2, &norm));
   PetscCall(VecNorm(u, NORM_INFINITY, &most));
-  PetscCall(LatinPrescribed_Private(structure, &prescribed));
-  PetscCall(LatinStructureSize_Private(structure, &size));
+  PetscCall(LatinStructureSize_Private(structure, &size, &prescribed));
   size *= PETSC_MACHINE_EPSILON;
-  moves = (PetscBool)(norm > LATIN_GAP_NONE * PETSC_MACHINE_EPSILON * PetscSqrtReal(balance->bearing_moves) && most > LATIN_POINT * size);
-  gaps  = (PetscBool)(PetscSqrtReal(balance->bearing_gaps) > LATIN_GAP_POINT * size || prescribed > LATIN_GAP_POINT * size);
+  moves = (PetscBool)(norm > LATIN_GAP_NONE * PETSC_MACHINE_EPSILON * PetscSqrtReal(balance->sum.bearing_moves) && most > LATIN_POINT * size);
+  gaps  = (PetscBool)(PetscSqrtReal(balance->sum.bearing_gaps) > LATIN_GAP_POINT * size || prescribed > LATIN_GAP_POINT * size);
   if (moves || gaps) *missed = balance->gap;
   PetscFunctionReturn(0);
 }
@@ -188,23 +177,22 @@ PetscErrorCode LatinEquilibriumCheck_Private(Latin latin, Vec u, Vec r, Vec more
   const PetscInt       dim       = structure->dim;
   PetscReal            size, missed, norm, works;
   PetscBool            far;
-  LatinNodalSums       sum;
+  LatinNodalSums       sum = {.error = 0.0};
   LatinNodalBalance    balance;
 
   PetscFunctionBegin;
   PetscCall(PetscMemzero(found, sizeof(*found)));
-  PetscCall(PetscMemzero(&sum, sizeof(sum)));
   PetscCall(VecNorm(u, NORM_2, &size));
   PetscCall(LatinNodalBalanceCreate_Private(latin, u, r, more, target, &balance));
   for (PetscInt i = 0; i < dim * structure->nodes_local; i++) LatinSumComponent(&balance.node[i / dim], dim, i % dim, target, size, energy, &sum);
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &sum, sizeof(sum) / sizeof(PetscReal), MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
   PetscCall(LatinUnsupported_Private(&balance, found));
-  PetscCall(LatinGapError_Private(&balance, u, &missed));
+  PetscCall(LatinGapError_Private(&balance, u, size, &missed));
   PetscCall(LatinEquilibriumFar_Private(structure, u, &far));
-  PetscCall(LatinNodalBalanceDestroy_Private(&balance));
+  PetscCall(PetscFree(balance.node));
 
   found->balanced = (PetscBool)(sum.error == 0.0);
-  norm            = energy ? PetscSqrtReal(balance.energy) : size;
+  norm            = energy ? PetscSqrtReal(balance.sum.energy) : size;
   if (norm > 0.0) found->error = LATIN_FORCE_FACTOR * PetscSqrtReal(sum.error) / norm;
   for (PetscInt d = 0; d < 4 && structure->ground && !energy && norm > 0.0; d++)
     if (sum.stiff[d] > 0.0) found->error = PetscMax(found->error, LATIN_MOVED_FACTOR * (PetscAbsReal(sum.moved[d]) - sum.noise[d]) / (PetscSqrtReal(sum.stiff[d]) * norm));
@@ -214,7 +202,7 @@ PetscErrorCode LatinEquilibriumCheck_Private(Latin latin, Vec u, Vec r, Vec more
   found->error = PetscMax(found->error, missed);
 
   /* the work of the tensions is r.u less that of the loads */
-  works = PetscAbsReal(sum.work - sum.pushed) + PetscAbsReal(sum.pushed) + LATIN_WORK_CANCELS * (balance.work + sum.loads);
+  works = PetscAbsReal(sum.work - sum.pushed) + PetscAbsReal(sum.pushed) + LATIN_WORK_CANCELS * (balance.sum.work + sum.loads);
   if (far && PetscAbsReal(sum.work) > LATIN_WORK_LEFT * works) {
     found->verdict = LATIN_UNBOUNDED;
     PetscCall(PetscInfo(structure, "Displacements larger than the structure leave %g of the work of tensions and loads without balance\n", (double)(PetscAbsReal(sum.work) / works)));
@@ -270,37 +258,24 @@ PetscErrorCode LatinEquilibriumMechanism_Private(LatinStructure structure, Vec s
 */
 static PetscErrorCode LatinFarkas_Private(LatinStructure structure, Vec u, const PetscReal dtau[], LatinEquilibrium *found)
 {
-  PetscReal          sum[2] = {0.0, 0.0}, most = 0.0, moved, left; /* the work on gaps and prescribed displacements, and of each by itself */
-  PetscInt           mine[LATIN_LISTED], count = 0;
-  Vec                given, local, forces;
-  const PetscScalar *a;
-  PetscScalar       *f;
+  PetscReal sum[2] = {0.0, 0.0}, most = 0.0, moved, left, *x; /* the work on gaps and prescribed displacements, and of each by itself */
+  PetscInt  mine[LATIN_LISTED], count = 0;
+  Vec       forces;
 
   PetscFunctionBegin;
   PetscCall(DMGetGlobalVector(structure->dm, &forces));
-  PetscCall(DMGetLocalVector(structure->dm, &given));
-  PetscCall(DMGetLocalVector(structure->dm, &local));
+  PetscCall(DMGetWorkArray(structure->dm, structure->links_local, MPIU_REAL, &x));
   PetscCall(VecZeroEntries(forces));
-  PetscCall(LatinStructureGetLocal_Private(structure, structure->vertex_prescribed, forces, given)); /* what is prescribed, and nothing else */
-  PetscCall(VecZeroEntries(local));
-  PetscCall(VecGetArrayRead(given, &a));
-  PetscCall(VecGetArray(local, &f));
+  PetscCall(LatinStructureStrains_Private(structure, forces, x)); /* what is prescribed, and nothing else */
   for (PetscInt l = 0; l < structure->links_local; l++) {
-    const PetscReal work = dtau[l] * (LatinStructureElongation(structure, l, a) + structure->e0[l]);
-
-    sum[0] += work;
-    sum[1] += PetscAbsReal(work);
+    sum[0] += dtau[l] * x[l];
+    sum[1] += PetscAbsReal(dtau[l] * x[l]);
     most = PetscMax(most, PetscAbsReal(dtau[l]));
-    LatinStructureAddForce(structure, l, dtau[l], f);
   }
-  PetscCall(VecRestoreArray(local, &f));
-  PetscCall(VecRestoreArrayRead(given, &a));
-  PetscCall(DMLocalToGlobalBegin(structure->dm, local, ADD_VALUES, forces));
-  PetscCall(DMLocalToGlobalEnd(structure->dm, local, ADD_VALUES, forces));
+  PetscCall(LatinStructureForces_Private(structure, dtau, u, NULL, forces));
   PetscCall(VecNorm(forces, NORM_2, &left));
   PetscCall(VecNorm(u, NORM_2, &moved));
-  PetscCall(DMRestoreLocalVector(structure->dm, &local));
-  PetscCall(DMRestoreLocalVector(structure->dm, &given));
+  PetscCall(DMRestoreWorkArray(structure->dm, structure->links_local, MPIU_REAL, &x));
   PetscCall(DMRestoreGlobalVector(structure->dm, &forces));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &most, 1, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)structure)));

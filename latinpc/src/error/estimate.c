@@ -31,12 +31,6 @@
 
 static const PetscReal LatinEstimateSafety[] = {1.8, 4.0}; /* l2 norm, energy norm */
 
-/* Random bits of some entries of a subdomain */
-static inline PetscInt64 LatinEstimateBits(PetscInt subdomain, PetscInt entries)
-{
-  return (PetscInt64)(LatinMix(((uint64_t)subdomain << 32) ^ (uint64_t)entries) >> 1);
-}
-
 PetscErrorCode LatinEstimateStart_Private(LatinEstimate *estimate)
 {
   PetscFunctionBegin;
@@ -44,13 +38,6 @@ PetscErrorCode LatinEstimateStart_Private(LatinEstimate *estimate)
   estimate->count = 0;
   estimate->value = 1.0;
   estimate->floor = 0.0;
-  PetscFunctionReturn(0);
-}
-
-PetscErrorCode LatinEstimateDestroy_Private(LatinEstimate *estimate)
-{
-  PetscFunctionBegin;
-  PetscCall(PetscFree2(estimate->sketch, estimate->part));
   PetscFunctionReturn(0);
 }
 
@@ -67,7 +54,7 @@ static void LatinEstimateSketch(Latin latin, PetscBool energy, PetscReal sketch[
     const PetscInt first = energy ? sub->link_offset[s] : dim * sub->node_offset[s], last = energy ? sub->link_offset[s + 1] : dim * sub->node_offset[s + 1];
 
     for (PetscInt i = first; i < last;) {
-      PetscInt64 bits = LatinEstimateBits(sub->first + s, (i - first) / LATIN_ESTIMATE_SHARE);
+      uint64_t bits = LatinMix(((uint64_t)(sub->first + s) << 32) ^ (uint64_t)((i - first) / LATIN_ESTIMATE_SHARE)) >> 1; /* random */
 
       for (PetscInt c = 0; c < LATIN_ESTIMATE_SHARE && i < last; c++, i++, bits >>= LATIN_ESTIMATE_BITS) {
         const PetscReal v = energy ? PetscSqrtReal(sub->stiffness[i]) * LatinElongation(sub, dim, i, U) : U[i];

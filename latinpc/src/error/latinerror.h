@@ -31,7 +31,6 @@ typedef struct {
 PETSC_INTERN PetscErrorCode LatinEstimateStart_Private(LatinEstimate *);
 PETSC_INTERN PetscErrorCode LatinEstimateFloor_Private(Latin, LatinEstimate *);
 PETSC_INTERN PetscErrorCode LatinEstimateUpdate_Private(Latin, PetscReal target, LatinEstimate *);
-PETSC_INTERN PetscErrorCode LatinEstimateDestroy_Private(LatinEstimate *);
 
 /* ---- forces and their rounding at the nodes (error/nodalbalance.c) ---- */
 /* Sums over the links that meet at a node, of all ranks; reals only, since they travel as one message */
@@ -53,14 +52,15 @@ typedef struct {
 
 typedef struct {
   Latin      latin;
-  LatinNode *node;                        /* [structure->nodes_local] */
-  PetscReal  energy;                      /* sum of k e^2 */
-  PetscReal  work;                        /* sum of |tau e|, prescribed displacements taken for zero */
-  PetscReal  gap;                         /* greatest distance by which a rigid link misses its gap */
-  PetscReal  bearing_gaps, bearing_moves; /* squares of the gaps of rigid links that bear, or should, and of their tau / l */
+  LatinNode *node;                         /* [structure->nodes_local] */
+  PetscReal  gap;                          /* greatest distance by which a rigid link misses its gap */
+  struct {                                 /* over all links; reals only, since they travel as one message */
+    PetscReal energy;                      /* of k e^2 */
+    PetscReal work;                        /* of |tau e|, prescribed displacements taken for zero */
+    PetscReal bearing_gaps, bearing_moves; /* squares of the gaps of rigid links that bear, or should, and of their tau / l */
+  } sum;
 } LatinNodalBalance;
 PETSC_INTERN PetscErrorCode LatinNodalBalanceCreate_Private(Latin, Vec u, Vec r, Vec more, PetscReal target, LatinNodalBalance *);
-PETSC_INTERN PetscErrorCode LatinNodalBalanceDestroy_Private(LatinNodalBalance *);
 
 /* ---- are displacements an equilibrium? (error/equilibrium.c) ---- */
 #define LATIN_LISTED 8 /* nodes, or links, that are named */
@@ -87,7 +87,7 @@ PETSC_INTERN PetscErrorCode LatinEquilibriumFar_Private(LatinStructure, Vec u, P
 PETSC_INTERN PetscErrorCode LatinEquilibriumCheck_Private(Latin, Vec u, Vec r, Vec more, PetscReal target, PetscBool energy, PetscBool rests, LatinEquilibrium *);
 PETSC_INTERN PetscErrorCode LatinEquilibriumMechanism_Private(LatinStructure, Vec step, Vec r, Vec more, LatinEquilibrium *);
 PETSC_INTERN PetscErrorCode LatinEquilibriumJammed_Private(Latin, Vec z, Vec work, LatinEquilibrium *);
-PETSC_INTERN PetscErrorCode LatinStructureSize_Private(LatinStructure, PetscReal *size);
+PETSC_INTERN PetscErrorCode LatinStructureSize_Private(LatinStructure, PetscReal *size, PetscReal *prescribed);
 
 /* An estimate compares iterates: displacements that rest while a state creeps look like those of a solution. Forces show otherwise */
 static inline void LatinEstimateLearn(const LatinEquilibrium *found, PetscReal target, LatinEstimate *estimate)

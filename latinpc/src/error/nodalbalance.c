@@ -10,17 +10,7 @@
 /* Free displacements and forces at the vertices of the DM here */
 enum { LATIN_AT_U, LATIN_AT_FREE, LATIN_AT_R, LATIN_AT_LOAD, LATIN_AT_GROUND, LATIN_AT };
 
-/* The vectors of a check at the vertices here; v may be NULL. Collective on structure */
-static PetscErrorCode LatinNodalLocal_Private(LatinStructure structure, Vec v, Vec local)
-{
-  PetscFunctionBegin;
-  PetscCall(VecZeroEntries(local));
-  if (!v) PetscFunctionReturn(0);
-  PetscCall(DMGlobalToLocalBegin(structure->dm, v, INSERT_VALUES, local));
-  PetscCall(DMGlobalToLocalEnd(structure->dm, v, INSERT_VALUES, local));
-  PetscFunctionReturn(0);
-}
-
+/* The vectors of a check at the vertices here. Collective on structure */
 static PetscErrorCode LatinNodalGet_Private(LatinStructure structure, Vec u, Vec r, Vec more, Vec local[])
 {
   Vec work;
@@ -30,12 +20,13 @@ static PetscErrorCode LatinNodalGet_Private(LatinStructure structure, Vec u, Vec
   PetscCall(DMGetGlobalVector(structure->dm, &work));
   PetscCall(LatinStructureGetLocal_Private(structure, structure->vertex_prescribed, u, local[LATIN_AT_U]));
   PetscCall(VecSet(work, 1.0));
-  PetscCall(LatinNodalLocal_Private(structure, work, local[LATIN_AT_FREE]));
-  PetscCall(LatinNodalLocal_Private(structure, r, local[LATIN_AT_R]));
+  PetscCall(LatinStructureGetLocal_Private(structure, NULL, work, local[LATIN_AT_FREE]));
+  PetscCall(LatinStructureGetLocal_Private(structure, NULL, r, local[LATIN_AT_R]));
   PetscCall(VecCopy(structure->load, work));
   if (more) PetscCall(VecAXPY(work, 1.0, more));
-  PetscCall(LatinNodalLocal_Private(structure, work, local[LATIN_AT_LOAD]));
-  PetscCall(LatinNodalLocal_Private(structure, structure->ground, local[LATIN_AT_GROUND]));
+  PetscCall(LatinStructureGetLocal_Private(structure, NULL, work, local[LATIN_AT_LOAD]));
+  if (structure->ground) PetscCall(LatinStructureGetLocal_Private(structure, NULL, structure->ground, local[LATIN_AT_GROUND]));
+  else PetscCall(VecZeroEntries(local[LATIN_AT_GROUND]));
   PetscCall(DMRestoreGlobalVector(structure->dm, &work));
   PetscFunctionReturn(0);
 }
@@ -94,15 +85,15 @@ static void LatinNodalAddLink(LatinNodalBalance *balance, PetscInt l, PetscScala
     moves[3] += n[c] * (open[dim * to[1]] * u[dim * to[1]] - open[dim * to[0]] * u[dim * to[0]]);
   }
   if (!rigid) certain = PetscMin(LatinStructureTangent(structure, l, x - target * (e0 + ends)), LatinStructureTangent(structure, l, x + target * (e0 + ends)));
-  balance->energy += k * e * e;
-  balance->work += tension * PetscAbsReal(moves[3]);
+  balance->sum.energy += k * e * e;
+  balance->sum.work += tension * PetscAbsReal(moves[3]);
   if (rigid) {
     const PetscReal missed = LatinGapMissed(latin, l, x, ends);
 
     balance->gap = PetscMax(balance->gap, missed);
     if (tension != 0.0 || missed != 0.0) {
-      balance->bearing_moves += PetscSqr(tension / k);
-      balance->bearing_gaps += PetscSqr(e0);
+      balance->sum.bearing_moves += PetscSqr(tension / k);
+      balance->sum.bearing_gaps += PetscSqr(e0);
     }
   }
   for (PetscInt i = 0; i < 2; i++) {
@@ -146,13 +137,13 @@ static PetscErrorCode LatinNodalGather_Private(LatinStructure structure, const L
 
 /*
    The nodes of displacements u that leave the forces r without balance; `more` is a load beside that of the structure, or
-   NULL. A link is taken to bear in LatinNode.tangent if it does so at a relative error of `target`. Collective on structure
+   NULL. A link is taken to bear in LatinNode.tangent if it does so at a relative error of `target`. The caller frees
+   balance->node. Collective on structure
 */
 PetscErrorCode LatinNodalBalanceCreate_Private(Latin latin, Vec u, Vec r, Vec more, PetscReal target, LatinNodalBalance *balance)
 {
   const LatinStructure structure = latin->sub.structure;
   const PetscInt       dim       = structure->dim;
-  PetscReal            sum[4];
   PetscScalar         *a[LATIN_AT];
   LatinNode           *vertex;
   Vec                  local[LATIN_AT];
@@ -181,22 +172,7 @@ PetscErrorCode LatinNodalBalanceCreate_Private(Latin latin, Vec u, Vec r, Vec mo
   }
   PetscCall(LatinNodalGather_Private(structure, vertex, balance->node));
   PetscCall(PetscFree(vertex));
-  sum[0] = balance->energy;
-  sum[1] = balance->work;
-  sum[2] = balance->bearing_gaps;
-  sum[3] = balance->bearing_moves;
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 4, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &balance->sum, sizeof(balance->sum) / sizeof(PetscReal), MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &balance->gap, 1, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)structure)));
-  balance->energy        = sum[0];
-  balance->work          = sum[1];
-  balance->bearing_gaps  = sum[2];
-  balance->bearing_moves = sum[3];
-  PetscFunctionReturn(0);
-}
-
-PetscErrorCode LatinNodalBalanceDestroy_Private(LatinNodalBalance *balance)
-{
-  PetscFunctionBegin;
-  PetscCall(PetscFree(balance->node));
   PetscFunctionReturn(0);
 }

@@ -80,7 +80,7 @@ static PetscErrorCode LatinDigitsForces_Private(const LatinAround *around, Latin
   Vec                ul, rl, r = around->r;
   const PetscScalar *a, *kt, *load;
   PetscScalar       *f;
-  PetscInt           n, start;
+  PetscInt           start, end;
 
   PetscFunctionBegin;
   PetscCall(DMGetLocalVector(structure->dm, &ul));
@@ -107,16 +107,14 @@ static PetscErrorCode LatinDigitsForces_Private(const LatinAround *around, Latin
   PetscCall(VecRestoreArrayRead(around->tangent, &kt));
   PetscCall(VecRestoreArrayRead(ul, &a));
   PetscCall(VecZeroEntries(r));
-  PetscCall(DMLocalToGlobalBegin(structure->dm, rl, ADD_VALUES, r));
-  PetscCall(DMLocalToGlobalEnd(structure->dm, rl, ADD_VALUES, r));
+  PetscCall(DMLocalToGlobal(structure->dm, rl, ADD_VALUES, r));
   PetscCall(DMRestoreLocalVector(structure->dm, &rl));
   PetscCall(DMRestoreLocalVector(structure->dm, &ul));
   if (kind != LATIN_DIGITS_VALUES) PetscFunctionReturn(0);
-  PetscCall(VecGetOwnershipRange(r, &start, NULL));
-  PetscCall(VecGetLocalSize(r, &n));
+  PetscCall(VecGetOwnershipRange(r, &start, &end));
   PetscCall(VecGetArray(r, &f));
   PetscCall(VecGetArrayRead(structure->load, &load));
-  for (PetscInt i = 0; i < n; i++) f[i] += LATIN_DIGITS_UNIT * LatinDigitsSign(start + i, first + 2) * load[i];
+  for (PetscInt i = 0; i < end - start; i++) f[i] += LATIN_DIGITS_UNIT * LatinDigitsSign(start + i, first + 2) * load[i];
   PetscCall(VecRestoreArrayRead(structure->load, &load));
   PetscCall(VecRestoreArray(r, &f));
   PetscFunctionReturn(0);
@@ -128,13 +126,11 @@ static PetscErrorCode LatinAroundCreate_Private(SNES snes, const char what[], La
   MPI_Comm    comm = PetscObjectComm((PetscObject)snes);
   const char *prefix;
   PetscReal   least;
-  DM          dm;
   PC          pc;
   Mat         A;
 
   PetscFunctionBegin;
-  PetscCall(SNESGetDM(snes, &dm));
-  PetscCall(LatinStructureFromDM_Private(dm, &around->structure));
+  PetscCall(SNESLatinFindStructure_Private(snes, &around->structure));
   PetscCheck(around->structure, comm, PETSC_ERR_ORDER, "%s of a solution needs a structure: LatinStructureAttachSNES() comes first (in Python, latinpc.Structure(...).attach(snes))", what);
   PetscCall(LatinStructureCheckRigid_Private(around->structure, "What is found by the tangent stiffness"));
   PetscCall(SNESGetSolution(snes, &around->u));

@@ -32,7 +32,7 @@ typedef struct {
   PetscBool  corners;           /* nodes of three or more subdomains have one displacement, a coarse unknown */
   PetscInt  *offset, *incident; /* [nodes + 2], [2 * links] links at each node: incident[offset[v]..offset[v + 1]) */
 } LatinCut;
-PETSC_INTERN PetscErrorCode LatinMetis_Private(const LatinCut *, PetscInt part[], PetscBool *failed, int *status);
+PETSC_INTERN PetscErrorCode LatinMetis_Private(const LatinCut *, PetscInt part[], int *failed);
 PETSC_INTERN PetscInt       LatinSubdomainCount(const LatinCut *, PetscMPIInt ranks);
 PETSC_INTERN PetscErrorCode LatinRepair_Private(const LatinCut *, PetscInt part[]);
 

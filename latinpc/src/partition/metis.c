@@ -98,15 +98,15 @@ static PetscErrorCode LatinFollow_Private(const LatinCut *cut, const idx_t of_no
   PetscFunctionReturn(0);
 }
 
-/* Shares the links out into cut->parts subdomains, some of which METIS may leave empty, on one rank; failed: *status says why */
-PetscErrorCode LatinMetis_Private(const LatinCut *cut, PetscInt part[], PetscBool *failed, int *status)
+/* Shares the links out into cut->parts subdomains, some of which METIS may leave empty, on one rank; *failed is 0, or the status of METIS */
+PetscErrorCode LatinMetis_Private(const LatinCut *cut, PetscInt part[], int *failed)
 {
   const PetscBool small = (PetscBool)(cut->links < LATIN_METIS_SMALL * cut->parts);
   LatinGraph      graph;
   idx_t           options[METIS_NOPTIONS], constraints = 1, parts = (idx_t)cut->parts, objective;
 
   PetscFunctionBegin;
-  *failed = PETSC_FALSE;
+  *failed = 0;
   if (cut->parts == 1) {
     PetscCall(PetscArrayzero(part, cut->links));
     PetscFunctionReturn(0);
@@ -117,8 +117,8 @@ PetscErrorCode LatinMetis_Private(const LatinCut *cut, PetscInt part[], PetscBoo
   options[METIS_OPTION_NUMBERING] = 0;
   if (!small) options[METIS_OPTION_OBJTYPE] = METIS_OBJTYPE_VOL;
   /* k-way refinement leaves parts empty when they are to be small; bisection does not */
-  *status = (small ? METIS_PartGraphRecursive : METIS_PartGraphKway)(&graph.count, &constraints, graph.start, graph.list, graph.weight, NULL, NULL, &parts, NULL, NULL, options, &objective, graph.part);
-  *failed = (PetscBool)(*status != METIS_OK);
+  *failed = (small ? METIS_PartGraphRecursive : METIS_PartGraphKway)(&graph.count, &constraints, graph.start, graph.list, graph.weight, NULL, NULL, &parts, NULL, NULL, options, &objective, graph.part);
+  if (*failed == METIS_OK) *failed = 0;
   if (!*failed && !small) PetscCall(LatinFollow_Private(cut, graph.part, part));
   for (PetscInt l = 0; l < cut->links && small && !*failed; l++) part[l] = (PetscInt)graph.part[cut->nodes + l];
   PetscCall(PetscFree4(graph.start, graph.list, graph.weight, graph.part));

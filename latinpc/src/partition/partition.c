@@ -51,8 +51,7 @@ static PetscErrorCode LatinPartitionMetis_Private(LatinStructure structure, cons
   PetscInt       *part;
   const PetscReal largest = PetscMax(4 * (PetscReal)structure->links_global, structure->dim * (PetscReal)structure->nodes_global); /* entries of a graph, and of coordinates */
   PetscMPIInt     ranks;
-  int             status = 0;
-  PetscBool       failed = PETSC_FALSE;
+  int             failed = 0;
   PetscSF         sf;
 
   PetscFunctionBegin;
@@ -63,10 +62,10 @@ static PetscErrorCode LatinPartitionMetis_Private(LatinStructure structure, cons
   PetscCall(PetscMalloc1(cut.links, &part));
   if (cut.links) {
     if (!cut.parts) cut.parts = LatinSubdomainCount(&cut, ranks);
-    PetscCall(LatinMetis_Private(&cut, part, &failed, &status));
+    PetscCall(LatinMetis_Private(&cut, part, &failed));
     if (!failed) PetscCall(LatinRepair_Private(&cut, part));
   }
-  LatinAgree(comm, failed, PETSC_ERR_LIB, "METIS could not partition %" PetscInt_FMT " links into %" PetscInt_FMT " subdomains (METIS status %d)", cut.links, cut.parts, status);
+  LatinAgree(comm, failed, PETSC_ERR_LIB, "METIS could not partition %" PetscInt_FMT " links into %" PetscInt_FMT " subdomains (METIS status %d)", cut.links, cut.parts, failed);
   *count = cut.parts;
   PetscCallMPI(MPI_Bcast(count, 1, MPIU_INT, 0, comm));
   PetscCall(LatinSFReduce_Private(sf, 1, MPIU_INT, part, of_link, MPI_REPLACE));

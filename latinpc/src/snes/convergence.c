@@ -36,43 +36,25 @@ PetscErrorCode SNESLatinResidual_Private(SNES snes)
 /* The reason of PETSc for the end of a solve; SNES_CONVERGED_ITERATING where it goes on, and where another one has given it */
 SNESConvergedReason SNESLatinReason(LatinNext next)
 {
-  switch (next) {
-  case LATIN_NEXT_CONVERGED:
-    return SNES_CONVERGED_SNORM_RELATIVE; /* the indicator is the relative length of the step that the next iteration would make */
-  case LATIN_NEXT_CONVERGED_FNORM:
-    return SNES_CONVERGED_FNORM_RELATIVE;
-  case LATIN_NEXT_CONVERGED_FNORM_ABS:
-    return SNES_CONVERGED_FNORM_ABS;
-  case LATIN_NEXT_ROUNDING:
-    return SNES_DIVERGED_INNER; /* the inner solvers are not accurate enough for more */
-  case LATIN_NEXT_DIVERGED:
-    return SNES_DIVERGED_DTOL;
-  case LATIN_NEXT_LINE_SEARCH:
-    return SNES_DIVERGED_LINE_SEARCH;
-  case LATIN_NEXT_MAX_IT:
-    return SNES_DIVERGED_MAX_IT;
-  case LATIN_NEXT_FAILED:
-    return SNES_DIVERGED_LINEAR_SOLVE;
-  case LATIN_NEXT_NOT_FINITE:
-    return SNES_DIVERGED_FUNCTION_NANORINF;
-  default:
-    return SNES_CONVERGED_ITERATING;
-  }
+  static const SNESConvergedReason reason[LATIN_NEXT_GIVEN + 1] = {
+    [LATIN_NEXT_CONVERGED]           = SNES_CONVERGED_SNORM_RELATIVE, /* the indicator is the relative length of the step that the next iteration would make */
+    [LATIN_NEXT_CONVERGED_FNORM]     = SNES_CONVERGED_FNORM_RELATIVE,
+    [LATIN_NEXT_CONVERGED_FNORM_ABS] = SNES_CONVERGED_FNORM_ABS,
+    [LATIN_NEXT_ROUNDING]            = SNES_DIVERGED_INNER, /* the inner solvers are not accurate enough for more */
+    [LATIN_NEXT_DIVERGED]            = SNES_DIVERGED_DTOL,
+    [LATIN_NEXT_LINE_SEARCH]         = SNES_DIVERGED_LINE_SEARCH,
+    [LATIN_NEXT_MAX_IT]              = SNES_DIVERGED_MAX_IT,
+    [LATIN_NEXT_FAILED]              = SNES_DIVERGED_LINEAR_SOLVE,
+    [LATIN_NEXT_NOT_FINITE]          = SNES_DIVERGED_FUNCTION_NANORINF,
+  };
+
+  return reason[next];
 }
 
 /* Has the user a convergence test? It decides in the place of the stop */
 static PetscBool SNESLatinUserTest(SNES snes)
 {
   return (PetscBool)(snes->ops->converged && snes->ops->converged != SNESConvergedDefault);
-}
-
-static void SNESLatinGiven(SNES snes, SNESConvergedReason reason)
-{
-  SNES_Latin *data = (SNES_Latin *)snes->data;
-
-  if (!reason) return;
-  snes->reason = reason;
-  data->next   = LATIN_NEXT_GIVEN;
 }
 
 /* Monitors, history and the user's test get the solution and the norm of the function; without them neither is computed. Collective on snes */
@@ -97,7 +79,9 @@ PetscErrorCode SNESLatinWatch_Private(SNES snes, PetscInt it)
   }
   PetscCall(VecNorm(snes->vec_sol, NORM_2, &xnorm));
   PetscCall((*snes->ops->converged)(snes, it, xnorm, snorm, data->residual, &reason, snes->cnvP));
-  SNESLatinGiven(snes, reason);
+  if (!reason) PetscFunctionReturn(0);
+  snes->reason = reason;
+  data->next   = LATIN_NEXT_GIVEN;
   PetscFunctionReturn(0);
 }
 
@@ -174,25 +158,16 @@ static PetscErrorCode SNESLatinMeasure_Private(SNES snes, PetscReal *measure, Pe
 }
 
 /* Is what the stop is on reached, or nothing left that could change? */
-static LatinNext SNESLatinReached(SNES snes, PetscReal measure)
+static LatinNext SNESLatinReached(SNES snes, PetscReal measure, PetscReal target)
 {
-  SNES_Latin     *data  = (SNES_Latin *)snes->data;
-  const PetscBool rests = (PetscBool)(data->latin->linear.distance <= data->latin->linear.noise);
+  const SNES_Latin *data     = (SNES_Latin *)snes->data;
+  const PetscBool   residual = (PetscBool)(data->stop == LATIN_STOP_RESIDUAL);
 
   if (SNESLatinUserTest(snes)) return LATIN_NEXT_CONTINUE;
-  switch (data->stop) {
-  case LATIN_STOP_RESIDUAL:
-    if (measure <= snes->abstol) return LATIN_NEXT_CONVERGED_FNORM_ABS;
-    if (measure <= snes->rtol * data->first_residual) return LATIN_NEXT_CONVERGED_FNORM;
-    break;
-  case LATIN_STOP_ERROR:
-  case LATIN_STOP_ENERGY:
-    if (measure <= data->target) return LATIN_NEXT_CONVERGED;
-    return data->estimate.rounding ? LATIN_NEXT_ROUNDING : LATIN_NEXT_CONTINUE;
-  default:
-    if (measure <= snes->stol) return LATIN_NEXT_CONVERGED;
-  }
-  return rests ? LATIN_NEXT_CONVERGED : LATIN_NEXT_CONTINUE;
+  if (residual && measure <= snes->abstol) return LATIN_NEXT_CONVERGED_FNORM_ABS;
+  if (measure <= target) return residual ? LATIN_NEXT_CONVERGED_FNORM : LATIN_NEXT_CONVERGED;
+  if (SNESLatinEstimates(data)) return data->estimate.rounding ? LATIN_NEXT_ROUNDING : LATIN_NEXT_CONTINUE;
+  return data->latin->linear.distance <= data->latin->linear.noise ? LATIN_NEXT_CONVERGED : LATIN_NEXT_CONTINUE;
 }
 
 /*
@@ -212,18 +187,10 @@ static PetscBool SNESLatinStalls(SNES_Latin *data, PetscReal measure, PetscReal 
   const PetscBool stalled = LatinNewtonStalled(&data->newton, measure, target);
 
   if (!data->newton.stall || !(target > 0.0)) return PETSC_FALSE;
-  switch (next) {
-  case LATIN_NEXT_CONTINUE:
-    return stalled;
-  case LATIN_NEXT_DIVERGED:
-  case LATIN_NEXT_NOT_FINITE:
-    return PETSC_TRUE;
-  case LATIN_NEXT_FAILED:
-  case LATIN_NEXT_GIVEN:
-    return PETSC_FALSE;
-  default: /* rounding is in the way of Newton's method as well, unless stiffnesses are its cause */
-    return data->newton.contrast;
-  }
+  if (next == LATIN_NEXT_CONTINUE) return stalled;
+  if (next == LATIN_NEXT_DIVERGED || next == LATIN_NEXT_NOT_FINITE) return PETSC_TRUE;
+  if (next == LATIN_NEXT_FAILED || next == LATIN_NEXT_GIVEN) return PETSC_FALSE;
+  return data->newton.contrast; /* rounding is in the way of Newton's method as well, unless stiffnesses are its cause */
 }
 
 /* Displacements larger than the structure are a solution if forces balance. Collective on snes */
@@ -249,7 +216,7 @@ static PetscErrorCode SNESLatinDecide_Private(SNES snes, PetscReal measure, Pets
   PetscFunctionBegin;
   if (PetscIsInfOrNanReal(measure) || PetscIsInfOrNanReal(fnorm)) *next = LATIN_NEXT_NOT_FINITE;
   else if (latin->linear.failed) *next = LATIN_NEXT_FAILED;
-  else if (*next == LATIN_NEXT_CONTINUE) *next = SNESLatinReached(snes, measure);
+  else if (*next == LATIN_NEXT_CONTINUE) *next = SNESLatinReached(snes, measure, target);
   if (*next == LATIN_NEXT_ROUNDING) PetscCall(PetscInfo(snes, "The error asked for, %g, is below what rounding leaves on this structure, about %g\n", (double)data->target, (double)data->estimate.floor));
   if (!SNESLatinUserTest(snes) && SNESLatinFinishes(data, measure, target, *next)) *next = LATIN_NEXT_NEWTON_FINISH;
   if (*next == LATIN_NEXT_CONTINUE && snes->divtol > 0.0 && latin->linear.distance > snes->divtol * data->first_distance) *next = LATIN_NEXT_DIVERGED;

@@ -133,7 +133,6 @@ PetscErrorCode SNESLatinOuterSetUp_Private(SNES snes)
   Vec         F;
 
   PetscFunctionBegin;
-  PetscCall(SNESLatinCreateOuter_Private(snes));
   PetscCall(SNESLatinOuterDefaults_Private(snes, &changed)); /* somebody may have set the type */
   if (changed) PetscCall(SNESSetFromOptions(data->outer));
   if (data->outer->setupcalled) PetscFunctionReturn(0);
@@ -215,7 +214,6 @@ static PetscErrorCode SNESLatinGuess_Private(SNES snes, Vec u, Vec z)
 PetscErrorCode SNESLatinStart_Private(SNES snes)
 {
   SNES_Latin *data = (SNES_Latin *)snes->data;
-  PetscBool   further;
 
   PetscFunctionBegin;
   if (!data->warm || !data->has_state) {
@@ -225,9 +223,8 @@ PetscErrorCode SNESLatinStart_Private(SNES snes)
     PetscFunctionReturn(0);
   }
   if (data->warm == LATIN_WARM_START_LAST) PetscFunctionReturn(0);
-  further = data->has_before;
   if (!data->z_before) PetscCall(VecDuplicate(data->z, &data->z_before));
-  if (further) { /* 2 z - z_before, and z_before takes the place of z */
+  if (data->has_before) { /* 2 z - z_before, and z_before takes the place of z */
     PetscCall(VecAYPX(data->z_before, -1.0, data->z));
     PetscCall(VecAXPY(data->z, 1.0, data->z_before));
     PetscCall(VecAYPX(data->z_before, -1.0, data->z));

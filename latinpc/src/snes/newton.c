@@ -211,26 +211,6 @@ static PetscErrorCode LatinNewtonJacobian_Private(SNES snes, Vec u, Mat A, Mat P
   PetscFunctionReturn(0);
 }
 
-/* The structure's residual and, for PC latin, which needs no entries, its tangent stiffness as an operator */
-static PetscErrorCode LatinNewtonAttach_Private(LatinNewton *newton)
-{
-  PetscBool latin;
-  KSP       ksp;
-  PC        pc;
-  Mat       A;
-
-  PetscFunctionBegin;
-  PetscCall(LatinStructureAttachSNES(newton->structure, newton->snes));
-  PetscCall(SNESGetKSP(newton->snes, &ksp));
-  PetscCall(KSPGetPC(ksp, &pc));
-  PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCLATIN, &latin));
-  if (!latin) PetscFunctionReturn(0);
-  PetscCall(LatinTangentCreate_Private(newton->structure, &A));
-  PetscCall(SNESSetJacobian(newton->snes, A, A, LatinNewtonJacobian_Private, newton));
-  PetscCall(MatDestroy(&A));
-  PetscFunctionReturn(0);
-}
-
 /* Whole steps at first; when they have not ended, links change to and fro, and only the least energy along each step leads on */
 static PetscErrorCode LatinNewtonSearch_Private(SNESLineSearch search, void *ctx)
 {
@@ -261,15 +241,15 @@ PetscErrorCode LatinNewtonCreate_Private(SNES snes, Latin latin, PetscBool tange
   const char    *prefix;
   KSP            ksp;
   PC             pc;
-  PetscBool      cg;
+  Mat            A;
+  PetscBool      is;
 
   PetscFunctionBegin;
-  if (newton->tangent != tangent) {
-    PetscCall(SNESDestroy(&newton->snes));
-    newton->structure = NULL;
-  }
+  if (newton->tangent != tangent) PetscCall(SNESDestroy(&newton->snes));
   newton->tangent = tangent;
   if (newton->snes) PetscFunctionReturn(0);
+  newton->latin     = latin;
+  newton->structure = latin->sub.structure;
   PetscCall(SNESCreate(PetscObjectComm((PetscObject)snes), &newton->snes));
   PetscCall(PetscObjectIncrementTabLevel((PetscObject)newton->snes, (PetscObject)snes, 1));
   PetscCall(SNESGetOptionsPrefix(snes, &prefix));
@@ -290,32 +270,32 @@ PetscErrorCode LatinNewtonCreate_Private(SNES snes, Latin latin, PetscBool tange
   if (tangent) PetscCall(PCLatinFollow_Private(pc, latin));
   else PetscCall(PCLatinShare_Private(pc, latin));
   PetscCall(SNESSetFromOptions(newton->snes));
-  PetscCall(PetscObjectTypeCompare((PetscObject)ksp, KSPCG, &cg));
-  if (!cg) PetscCall(KSPSetNormType(ksp, KSP_NORM_DEFAULT));
+  PetscCall(PetscObjectTypeCompare((PetscObject)ksp, KSPCG, &is));
+  if (!is) PetscCall(KSPSetNormType(ksp, KSP_NORM_DEFAULT));
   PetscCall(SNESSetConvergenceTest(newton->snes, LatinNewtonConverged_Private, newton, NULL));
   PetscCall(KSPGetTolerances(ksp, &newton->rtol, NULL, NULL, NULL));
   PetscCall(KSPSetConvergenceTest(ksp, LatinNewtonLinear_Private, newton, NULL));
+  /* the structure's residual and, for PC latin, which needs no entries, its tangent stiffness as an operator */
+  PetscCall(LatinStructureAttachSNES(newton->structure, newton->snes));
+  PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCLATIN, &is));
+  if (!is) PetscFunctionReturn(0);
+  PetscCall(LatinTangentCreate_Private(newton->structure, &A));
+  PetscCall(SNESSetJacobian(newton->snes, A, A, LatinNewtonJacobian_Private, newton));
+  PetscCall(MatDestroy(&A));
   PetscFunctionReturn(0);
 }
 
 /* From the displacements u to those of the solution. u is worthless when the reason is negative. Collective on snes */
-PetscErrorCode LatinNewtonSolve_Private(SNES snes, Latin latin, LatinNewton *newton, Vec u, SNESConvergedReason *reason)
+PetscErrorCode LatinNewtonSolve_Private(SNES snes, LatinNewton *newton, Vec u, SNESConvergedReason *reason)
 {
-  PetscInt  nonsmooth = latin->sub.nonsmooth;
   PetscReal least, most;
   KSP       ksp;
 
   PetscFunctionBegin;
-  PetscCall(LatinStructureStiffnessRange_Private(latin->sub.structure, &least, &most));
-  newton->floor = newton->tangent ? PetscMax(LATIN_NEWTON_FLOOR * least, LATIN_NEWTON_SEEN * most) : 0.0; /* without a stall no mechanism is near, and a step is exact */
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &nonsmooth, 1, MPIU_INT, MPI_SUM, PetscObjectComm((PetscObject)snes)));
-  if (newton->structure != latin->sub.structure) {
-    newton->structure = latin->sub.structure;
-    PetscCall(LatinNewtonAttach_Private(newton));
-  }
-  newton->latin  = latin;
-  newton->linear = (PetscBool)!nonsmooth;
-  newton->error  = latin->linear.indicator;
+  PetscCall(LatinStructureStiffnessRange_Private(newton->structure, &least, &most));
+  newton->floor  = newton->tangent ? PetscMax(LATIN_NEWTON_FLOOR * least, LATIN_NEWTON_SEEN * most) : 0.0; /* without a stall no mechanism is near, and a step is exact */
+  newton->linear = (PetscBool)!newton->latin->sub.nonsmooth_global;
+  newton->error  = newton->latin->linear.indicator;
   newton->left   = 0.0;
   PetscCall(VecNorm(u, NORM_2, &newton->size));
   PetscCall(SNESGetKSP(newton->snes, &ksp));

@@ -46,7 +46,6 @@ PetscErrorCode SNESSetFromOptions_Latin(SNES snes, LatinOptionItems PetscOptions
   if (data->outer) PetscCall(SNESLatinOuterOptions_Private(snes));
   else PetscCall(SNESLatinCreateOuter_Private(snes));
   PetscCall(SNESDestroy(&data->newton.snes)); /* made anew with the options and the prefix of now */
-  data->newton.structure = NULL;
   PetscFunctionReturn(0);
 }
 

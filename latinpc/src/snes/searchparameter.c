@@ -49,10 +49,9 @@ PetscErrorCode LatinParameterStart_Private(Latin latin, LatinParameter *paramete
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &kinds, 1, MPIU_INT, MPI_BOR, PetscObjectComm((PetscObject)latin)));
   parameter->alone  = (PetscBool)(structure->rubs && kinds == 2);
   parameter->beside = (PetscBool)((kinds & 3) == 3);
-  if (!(parameter->alone || parameter->beside) || parameter->size == latin->sub.nonsmooth) PetscFunctionReturn(0);
+  if (!(parameter->alone || parameter->beside)) PetscFunctionReturn(0);
   PetscCall(PetscFree2(parameter->tension, parameter->stretch));
   PetscCall(PetscMalloc2(latin->sub.nonsmooth, &parameter->tension, latin->sub.nonsmooth, &parameter->stretch));
-  parameter->size = latin->sub.nonsmooth;
   PetscFunctionReturn(0);
 }
 
@@ -171,12 +170,5 @@ PetscErrorCode LatinParameterTune_Private(Latin latin, PetscReal factor)
   latin->tuning *= factor;
   latin->stale = PETSC_TRUE;
   PetscCall(PetscInfo(latin, "The search parameter of rigid links becomes %g times what it was\n", (double)factor));
-  PetscFunctionReturn(0);
-}
-
-PetscErrorCode LatinParameterDestroy_Private(LatinParameter *parameter)
-{
-  PetscFunctionBegin;
-  PetscCall(PetscFree2(parameter->tension, parameter->stretch));
   PetscFunctionReturn(0);
 }

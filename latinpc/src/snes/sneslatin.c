@@ -17,7 +17,6 @@ static PetscErrorCode SNESLatinResetState_Private(SNES snes)
   PetscFunctionBegin;
   PetscCall(SNESLatinOuterReset_Private(snes));
   PetscCall(SNESDestroy(&data->newton.snes));
-  data->newton.structure = NULL;
   PetscCall(VecDestroy(&data->z));
   PetscCall(VecDestroy(&data->z_before));
   PetscCall(PetscFree(data->reference_copy));
@@ -206,7 +205,7 @@ static PetscErrorCode SNESLatinNewton_Private(SNES snes, PetscBool stall)
   if (PetscIsInfOrNanReal(data->latin->linear.distance) || (snes->divtol > 0.0 && data->latin->linear.distance > snes->divtol * data->first_distance)) PetscCall(VecZeroEntries(snes->vec_sol));
   else PetscCall(LatinAverage_Private(&data->latin->linear, snes->vec_sol));
   PetscCall(LatinNewtonCreate_Private(snes, data->latin, stall, newton));
-  PetscCall(LatinNewtonSolve_Private(snes, data->latin, newton, snes->vec_sol, &reason));
+  PetscCall(LatinNewtonSolve_Private(snes, newton, snes->vec_sol, &reason));
   PetscCall(PetscMemzero(&data->found, sizeof(data->found)));
   PetscCall(SNESGetSolutionUpdate(newton->snes, &step));
   PetscCall(SNESGetFunction(newton->snes, &r, NULL, NULL));
@@ -263,14 +262,14 @@ static PetscErrorCode SNESLatinDiagnose_Private(SNES snes)
 {
   SNES_Latin       *data  = (SNES_Latin *)snes->data;
   LatinEquilibrium *found = &data->found;
-  PetscReal         size;
+  PetscReal         size, prescribed;
   Vec               F;
 
   PetscFunctionBegin;
   if (snes->reason > 0 || data->next == LATIN_NEXT_NOT_FINITE || data->latin->linear.failed) found->nodes = found->links = 0;
   else if (!(found->verdict == LATIN_UNBOUNDED && found->nodes && found->distance == INFINITY)) {
     PetscCall(LatinEquilibriumCheck_Private(data->latin, snes->vec_sol, snes->vec_func, snes->vec_rhs, data->target, data->estimate.energy, PETSC_FALSE, found));
-    PetscCall(LatinStructureSize_Private(data->latin->sub.structure, &size));
+    PetscCall(LatinStructureSize_Private(data->latin->sub.structure, &size, &prescribed));
     found->distance = PetscMin(found->distance, size); /* an iterate that diverges proves nothing */
     PetscCall(SNESGetFunction(data->outer, &F, NULL, NULL));
     if (snes->max_its >= LATIN_JAM_LEAST) PetscCall(LatinEquilibriumJammed_Private(data->latin, data->z, F, found));
@@ -293,19 +292,11 @@ static PetscErrorCode SNESLatinRun_Private(SNES snes)
   if (data->next != LATIN_NEXT_CONTINUE) PetscFunctionReturn(0);
   PetscCall(SNESLatinStart_Private(snes));
   PetscCall(SNESLatinIterate_Private(snes));
-  while (PETSC_TRUE) switch (data->next) {
-    case LATIN_NEXT_NEWTON_FINISH:
-      PetscCall(SNESLatinNewton_Private(snes, PETSC_FALSE));
-      break;
-    case LATIN_NEXT_NEWTON_STALL:
-      PetscCall(SNESLatinNewton_Private(snes, PETSC_TRUE));
-      break;
-    case LATIN_NEXT_REBUILD:
-      PetscCall(SNESLatinRebuild_Private(snes));
-      break;
-    default:
-      PetscFunctionReturn(0);
-    }
+  while (data->next >= LATIN_NEXT_NEWTON_FINISH && data->next <= LATIN_NEXT_REBUILD) {
+    if (data->next == LATIN_NEXT_REBUILD) PetscCall(SNESLatinRebuild_Private(snes));
+    else PetscCall(SNESLatinNewton_Private(snes, (PetscBool)(data->next == LATIN_NEXT_NEWTON_STALL)));
+  }
+  PetscFunctionReturn(0);
 }
 
 static PetscErrorCode SNESSolve_Latin(SNES snes)
@@ -353,8 +344,8 @@ static PetscErrorCode SNESDestroy_Latin(SNES snes)
   PetscCall(LatinDestroy_Private(&data->latin));
   PetscCall(SNESDestroy(&data->outer));
   PetscCall(VecDestroy(&data->reference));
-  PetscCall(LatinEstimateDestroy_Private(&data->estimate));
-  PetscCall(LatinParameterDestroy_Private(&data->parameter));
+  PetscCall(PetscFree2(data->estimate.sketch, data->estimate.part));
+  PetscCall(PetscFree2(data->parameter.tension, data->parameter.stretch));
   PetscCall(PetscViewerDestroy(&data->monitor));
   PetscCall(PetscFree4(data->indicator, data->error_l2, data->error_energy, data->estimates));
   PetscCall(PetscObjectComposeFunction((PetscObject)snes, "LatinRigidTensions_C", NULL));

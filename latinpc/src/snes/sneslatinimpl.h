@@ -42,7 +42,7 @@ typedef struct {
   SNES           snes;             /* NULL before the first time */
   PetscBool      tangent;          /* its preconditioner is built from the tangent stiffness, not that of the iteration */
   Latin          latin;            /* borrowed */
-  LatinStructure structure;        /* borrowed */
+  LatinStructure structure;        /* borrowed: another one makes another SNES */
   Vec            reference;        /* borrowed: stop on the error against it, or NULL */
   PetscReal      target, residual; /* relative error of the displacements, norm of the residual to stop at */
   PetscBool      energy;           /* the error is that of the energy norm */
@@ -59,7 +59,7 @@ typedef struct {
 PETSC_INTERN PetscErrorCode LatinNewtonStart_Private(LatinNewton *, LatinStructure);
 PETSC_INTERN PetscBool      LatinNewtonStalled(LatinNewton *, PetscReal measure, PetscReal target);
 PETSC_INTERN PetscErrorCode LatinNewtonCreate_Private(SNES, Latin, PetscBool tangent, LatinNewton *);
-PETSC_INTERN PetscErrorCode LatinNewtonSolve_Private(SNES, Latin, LatinNewton *, Vec u, SNESConvergedReason *);
+PETSC_INTERN PetscErrorCode LatinNewtonSolve_Private(SNES, LatinNewton *, Vec u, SNESConvergedReason *);
 PETSC_INTERN PetscErrorCode PCLatinShare_Private(PC, Latin);
 PETSC_INTERN PetscErrorCode PCLatinFollow_Private(PC, Latin);
 
@@ -72,16 +72,14 @@ typedef struct {
   PetscInt   seen, window;                    /* linear stages with this parameter; from one look to the next */
   PetscReal  least[LATIN_PARAMETER_PAST + 1]; /* least measure of this window and of the last ones */
   PetscReal  sum[2];                          /* squares of the changes of tensions and elongations in this window, here */
-  PetscReal *tension, *stretch;               /* [size] of the last local stage: tau_hat, l e_hat */
-  PetscInt   size;
-  PetscReal  factor; /* of the parameter wanted next */
+  PetscReal *tension, *stretch;               /* [nonsmooth] of the last local stage: tau_hat, l e_hat */
+  PetscReal  factor;                          /* of the parameter wanted next */
 } LatinParameter;
 PETSC_INTERN PetscErrorCode LatinParameterStart_Private(Latin, LatinParameter *);
 PETSC_INTERN PetscErrorCode LatinParameterObserve_Private(Latin, Vec z, Vec Gz, LatinParameter *);
 PETSC_INTERN PetscErrorCode LatinParameterDue_Private(Latin, PetscReal measure, LatinParameter *, LatinNext *);
 PETSC_INTERN PetscErrorCode LatinParameterTune_Private(Latin, PetscReal factor);
 PETSC_INTERN PetscErrorCode LatinParameterState_Private(Latin, Vec z, Vec F, PetscReal factor);
-PETSC_INTERN PetscErrorCode LatinParameterDestroy_Private(LatinParameter *);
 
 /* ---- SNES latin ---- */
 typedef struct {

@@ -62,7 +62,8 @@ static PetscErrorCode LatinStructureFunction_SNES(SNES snes, Vec u, Vec r, void 
   PetscFunctionReturn(0);
 }
 
-static PetscErrorCode LatinStructureJacobian_SNES(SNES snes, Vec u, Mat J, Mat P, void *ctx)
+/* For other solvers as well, without a SNES */
+PetscErrorCode LatinStructureJacobian_SNES(SNES snes, Vec u, Mat J, Mat P, void *ctx)
 {
   (void)snes;
   PetscFunctionBegin;

@@ -56,6 +56,18 @@ static PetscErrorCode LatinLocalMatrixRestore_Private(LatinLocalMatrix *local)
   PetscFunctionReturn(0);
 }
 
+/* The entry across the diagonal from entry k of row r, 0 where there is none */
+static PetscErrorCode LatinLocalMatrixAcross_Private(const LatinLocalMatrix *local, PetscInt r, PetscInt k, PetscReal *value)
+{
+  const PetscInt first = local->i[local->j[k]], last = local->i[local->j[k] + 1];
+  PetscInt       at;
+
+  PetscFunctionBegin;
+  PetscCall(PetscFindInt(r, last - first, local->j + first, &at));
+  *value = at < 0 ? 0.0 : local->a[first + at];
+  PetscFunctionReturn(0);
+}
+
 /* Ends in an error on every rank when the local matrix of any of them is not symmetric, or not of finite numbers */
 static PetscErrorCode LatinLocalMatrixSymmetric_Private(Mat A, const LatinLocalMatrix *local)
 {
@@ -77,13 +89,11 @@ static PetscErrorCode LatinLocalMatrixSymmetric_Private(Mat A, const LatinLocalM
   LatinAgree(PetscObjectComm((PetscObject)A), bad[0] >= 0, PETSC_ERR_FP, "The matrix has an entry that is not a finite number, at row %" PetscInt_FMT ", column %" PetscInt_FMT, bad[0], bad[1]);
   for (PetscInt r = 0; r < local->rows && bad[0] < 0; r++)
     for (PetscInt k = local->i[r]; k < local->i[r + 1] && bad[0] < 0; k++) {
-      const PetscInt c     = local->j[k];
-      PetscInt       other = -1;
+      const PetscInt c = local->j[k];
 
       if (c == r) continue;
-      if (local->i[c + 1] > local->i[c]) PetscCall(PetscFindInt(r, local->i[c + 1] - local->i[c], local->j + local->i[c], &other));
       value[0] = local->a[k];
-      value[1] = other < 0 ? 0.0 : local->a[local->i[c] + other];
+      PetscCall(LatinLocalMatrixAcross_Private(local, r, k, &value[1]));
       if (PetscAbsReal(value[0] - value[1]) > LATIN_MATRIX_ASYMMETRY * PetscMax(largest[r], largest[c])) {
         bad[0] = local->global[r];
         bad[1] = local->global[c];
@@ -173,18 +183,6 @@ static PetscErrorCode LatinMatrixParts_Private(LatinSubdomains *sub, const Latin
   PetscFunctionReturn(0);
 }
 
-/* Is entry k of row r, and the one across the diagonal, not zero? Rounding may leave one of the two, and METIS wants symmetric graphs */
-static PetscErrorCode LatinMatrixCouples_Private(const LatinLocalMatrix *local, PetscInt r, PetscInt k, PetscBool *couples)
-{
-  const PetscInt c     = local->j[k];
-  PetscInt       other = -1;
-
-  PetscFunctionBegin;
-  if (local->a[k] != 0.0) PetscCall(PetscFindInt(r, local->i[c + 1] - local->i[c], local->j + local->i[c], &other));
-  *couples = (PetscBool)(other >= 0 && local->a[local->i[c] + other] != 0.0);
-  PetscFunctionReturn(0);
-}
-
 /* The copies, part by part and by global number; at[row] is the copy of a local row */
 static PetscErrorCode LatinMatrixCopies_Private(LatinSubdomains *sub, const LatinLocalMatrix *local, const PetscInt part[], PetscInt at[])
 {
@@ -210,7 +208,7 @@ static PetscErrorCode LatinMatrixCopies_Private(LatinSubdomains *sub, const Lati
   for (PetscInt s = 0; s < sub->n; s++) PetscCall(PetscSortIntWithArray(sub->node_offset[s + 1] - sub->node_offset[s], sub->node + sub->node_offset[s], row + sub->node_offset[s]));
   for (PetscInt r = 0; r < local->rows; r++) at[r] = -1;
   for (PetscInt i = 0; i < sub->copies; i++) at[row[i]] = i;
-  /* the rows of the operators */
+  /* the rows of the operators, of entries that are not zero on either side of the diagonal: rounding may leave one of the two, and METIS wants symmetric graphs */
   PetscCall(PetscMalloc1(sub->copies + 1, &sub->ki));
   PetscCall(PetscMalloc2(local->i[local->rows], &sub->kj, local->i[local->rows], &sub->ka));
   sub->ki[0] = 0;
@@ -218,10 +216,10 @@ static PetscErrorCode LatinMatrixCopies_Private(LatinSubdomains *sub, const Lati
     PetscInt n = sub->ki[i];
 
     for (PetscInt k = local->i[row[i]]; k < local->i[row[i] + 1]; k++) {
-      PetscBool couples = PETSC_FALSE;
+      PetscReal across = 0.0;
 
-      PetscCall(LatinMatrixCouples_Private(local, row[i], k, &couples));
-      if (!couples || at[local->j[k]] < 0) continue;
+      if (local->a[k] != 0.0) PetscCall(LatinLocalMatrixAcross_Private(local, row[i], k, &across));
+      if (across == 0.0 || at[local->j[k]] < 0) continue;
       sub->kj[n]   = at[local->j[k]];
       sub->ka[n++] = local->a[k];
     }

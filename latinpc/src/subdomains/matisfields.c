@@ -40,13 +40,11 @@ static PetscErrorCode LatinUnknownsElements_Private(DM dm, PetscInt rows, LatinU
   fit = (PetscBool)(nl == rows);
   PetscCall(PetscMalloc3(nf, &functions, nf, &contexts, nf, &first));
   for (PetscInt f = 0; f < nf; f++) {
-    PetscObject  element;
-    PetscClassId id;
-    PetscInt     components = 0;
+    PetscObject element;
+    PetscInt    components = 0;
 
     PetscCall(DMGetField(dm, f, NULL, &element));
-    PetscCall(PetscObjectGetClassId(element, &id));
-    if (id == PETSCFE_CLASSID) PetscCall(PetscFEGetNumComponents((PetscFE)element, &components));
+    if (element->classid == PETSCFE_CLASSID) PetscCall(PetscFEGetNumComponents((PetscFE)element, &components));
     else fit = PETSC_FALSE;
     first[f] = fields;
     fields += components;

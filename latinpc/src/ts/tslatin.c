@@ -31,11 +31,7 @@ static PetscErrorCode LatinStructureJacobian_TS(TS ts, PetscReal t, Vec u, Vec v
 
   PetscFunctionBegin;
   PetscCall(LatinStepShift_Private(step, shift_a));
-  PetscCall(LatinStructureComputeJacobian(step, u, P));
-  if (J != P) {
-    PetscCall(MatAssemblyBegin(J, MAT_FINAL_ASSEMBLY));
-    PetscCall(MatAssemblyEnd(J, MAT_FINAL_ASSEMBLY));
-  }
+  PetscCall(LatinStructureJacobian_SNES(NULL, u, J, P, step));
   PetscFunctionReturn(0);
 }
 
