@@ -191,7 +191,7 @@ def orthonormal(r, d):
 
 def local_modes(latin, threshold):
     """Fields of both sides of every interface: S v = lambda diag(d) v, S the stiffness of a subdomain at its interfaces
-    with its primal dofs held, lambda < threshold; only where a node alone has such a motion.
+    with its primal dofs held, lambda < threshold.
     """
     dim = latin.scene.dim
     for i, part in enumerate(latin.parts):
@@ -202,9 +202,6 @@ def local_modes(latin, threshold):
         held = np.isin(part.dofs // dim, [n for n, g in latin.primal.items() if any(i in group for group in g)])
         b, r = np.flatnonzero(~held & (spring > 0)), np.flatnonzero(~held & (spring == 0))
         k, q = part.stiffness, np.sqrt(spring[b])
-        nodes = [b[part.dofs[b] // dim == node] for node in np.unique(part.dofs[b] // dim)]
-        if all(la.eigvalsh(k[np.ix_(n, n)], np.diag(spring[n]))[0] >= threshold for n in nodes):
-            continue
         s = k[np.ix_(b, b)] - k[np.ix_(b, r)] @ np.linalg.pinv(k[np.ix_(r, r)], 1e-10, True) @ k[np.ix_(r, b)]
         values, vectors = la.eigh(s / np.outer(q, q))
         modes = np.zeros((len(part.dofs), np.count_nonzero(values < threshold)))

@@ -36,7 +36,7 @@ static PetscErrorCode LatinCoarseOptions_Private(LatinCoarse *coarse, PetscBool 
 static PetscErrorCode LatinCoarseDirect_Private(LatinCoarse *coarse)
 {
   PetscMPIInt size;
-  PetscBool   type, package, redundant;
+  PetscBool   type, package, cholesky, redundant;
   PC          pc, whole;
   KSP         inner;
   Mat         A;
@@ -46,8 +46,9 @@ static PetscErrorCode LatinCoarseDirect_Private(LatinCoarse *coarse)
   PetscCallMPI(MPI_Comm_size(PetscObjectComm((PetscObject)pc), &size));
   PetscCall(PetscOptionsHasName(((PetscObject)pc)->options, ((PetscObject)pc)->prefix, "-pc_type", &type));
   PetscCall(PetscOptionsHasName(((PetscObject)pc)->options, ((PetscObject)pc)->prefix, "-pc_factor_mat_solver_type", &package));
+  PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCCHOLESKY, &cholesky));
   if (!type && !package && size > 1 && coarse->top_size <= LATIN_REDUNDANT) PetscCall(PCSetType(pc, PCREDUNDANT));
-  else if (!type && !package) PetscCall(LatinDirectSolver_Private(pc, coarse->A, MATSOLVERMUMPS));
+  else if (cholesky && !package) PetscCall(LatinDirectSolver_Private(pc, coarse->A, MATSOLVERMUMPS));
   PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCREDUNDANT, &redundant));
   if (!redundant) PetscFunctionReturn(0);
   PetscCall(KSPSetOperators(coarse->ksp, coarse->A, coarse->A));

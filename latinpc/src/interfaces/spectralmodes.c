@@ -12,9 +12,6 @@
    compliance d^1/2 (S_E + d)^-1 d^1/2 = d^1/2 C K_E^-1 C^t d^1/2. It exists whatever the mechanisms. The fields of both
    sides are cut by interface and complete the macro basis of that interface (LatinSpectralExtend()).
 
-   A test without eigenproblem finds these subdomains: a dangling node, whose own links resist some motion of it
-   alone by less than the threshold. This motion is an upper bound of the least eigenvalue.
-
    The subdomains of a matrix have such motions where its coefficients jump: a stiff part that reaches an interface
    through soft ones. There the springs are half the stiffness that both sides show, the softer one counting most,
    whatever d is: a subdomain that is softer than its neighbour as a whole has none for that. Unless the threshold
@@ -35,50 +32,6 @@ PetscReal LatinSpectralThreshold(const LatinSpectral *spectral)
   if (spectral->threshold >= 0.0) return spectral->threshold;
   if (!spectral->sub->matrix || spectral->inter->variant != LATIN_VARIANT_CORNER) return 0.0;
   return spectral->sub->preconditions ? 1.0 : LATIN_SPECTRAL_ITERATION;
-}
-
-/* K + springs at one node, or nothing: is there a motion of this node alone that costs less than threshold x springs? */
-static PetscBool LatinSpectralNode(PetscInt bs, const PetscReal stiffness[], const PetscReal spring[], const PetscBool fixed[], PetscReal threshold)
-{
-  PetscReal a[9];
-
-  for (PetscInt c = 0; c < bs; c++) {
-    for (PetscInt b = 0; b < bs; b++) a[c * bs + b] = fixed[c] || fixed[b] ? 0.0 : stiffness[c * bs + b];
-    a[c * bs + c] = fixed[c] ? 1.0 : a[c * bs + c] - threshold * spring[c];
-  }
-  /* Cholesky's pivots */
-  for (PetscInt c = 0; c < bs; c++) {
-    if (!(a[c * bs + c] > 0.0)) return PETSC_TRUE;
-    for (PetscInt r = c + 1; r < bs; r++)
-      for (PetscInt b = c + 1; b <= r; b++) a[r * bs + b] -= a[r * bs + c] * a[b * bs + c] / a[c * bs + c];
-  }
-  return PETSC_FALSE;
-}
-
-/* dangling[s]: has the subdomain, of links, a dangling node? */
-static PetscErrorCode LatinSpectralTest_Private(LatinSpectral *spectral, const PetscReal spring[], PetscBool dangling[])
-{
-  const LatinSubdomains *sub   = spectral->sub;
-  const LatinInterfaces *inter = spectral->inter;
-  const PetscInt         bs = sub->bs, bb = bs * bs;
-  PetscReal             *own; /* [copies][bs][bs] what the links of a node oppose to a motion of it alone */
-
-  PetscFunctionBegin;
-  PetscCall(PetscCalloc1(bb * sub->copies, &own));
-  for (PetscInt i = 0; sub->ground && i < bs * sub->copies; i++) own[bs * i + i % bs] = sub->ground[i];
-  for (PetscInt l = 0; l < 2 * sub->links; l++)
-    for (PetscInt i = 0; i < bb; i++) own[bb * sub->ends[l] + i] += sub->stiffness[l / 2] * sub->direction[bs * (l / 2) + i / bs] * sub->direction[bs * (l / 2) + i % bs];
-  for (PetscInt s = 0; s < sub->n; s++) {
-    dangling[s] = PETSC_FALSE;
-    for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++)
-      for (PetscInt k = inter->interface[f].side_first; k < inter->interface[f].side_last && !dangling[s]; k++) {
-        const PetscInt i = inter->side_dof[k] / bs;
-
-        if (inter->component[i] < 0) dangling[s] = LatinSpectralNode(bs, own + bb * i, spring + bs * i, sub->fixed + bs * i, LatinSpectralThreshold(spectral));
-      }
-  }
-  PetscCall(PetscFree(own));
-  PetscFunctionReturn(0);
 }
 
 /* Eigenvectors of G (destroyed) for the eigenvalues 1 / (1 + lambda), lambda < threshold: columns of V (n x n), the last *modes wanted */
@@ -252,9 +205,8 @@ PetscErrorCode LatinSpectralSetUp(LatinSpectral *spectral)
   PetscCall(PetscArrayzero(spring, sub->bs * sub->copies));
   for (PetscInt i = 0; i < sub->bs * sub->copies; i++) held[i] = (PetscBool)(sub->fixed[i] || inter->component[i / sub->bs] >= 0);
   for (PetscInt k = 0; k < inter->sides; k++) spring[inter->side_dof[k]] += spectral->sub->matrix ? LATIN_SPECTRAL_SOFT * spectral->dir->harmonic[k] : spectral->dir->d[k];
-  for (PetscInt s = 0; s < sub->n; s++) is[s] = (PetscBool)(spectral->sub->matrix && spectral->threshold >= 0.0);
-  if (!spectral->sub->matrix) PetscCall(LatinSpectralTest_Private(spectral, spring, is));
-  else if (spectral->threshold < 0.0) PetscCall(LatinJumps_Private(spectral->inter, is));
+  for (PetscInt s = 0; s < sub->n; s++) is[s] = PETSC_TRUE;
+  if (spectral->threshold < 0.0) PetscCall(LatinJumps_Private(spectral->inter, is));
   for (PetscInt s = 0; s < sub->n; s++) any = (PetscBool)(any || is[s]);
   if (any) PetscCall(LatinRepeats_Private(inter, spectral->dir, NULL, pattern));
   for (PetscInt s = 0; s < sub->n; s++) {
