@@ -139,15 +139,10 @@ typedef struct {
 } LatinMacro;
 PETSC_INTERN PetscErrorCode LatinMacroSetUp(LatinMacro *);
 PETSC_INTERN PetscErrorCode LatinMacroShare_Private(LatinMacro *, const PetscInt pattern[]);
+PETSC_INTERN void           LatinMacroMicro(const LatinMacro *, PetscInt f, PetscBool forces, PetscReal x[], PetscReal work[]);
 PETSC_INTERN PetscErrorCode LatinMacroReset(LatinMacro *);
 
-/* The row of R at a side dof of interface f */
-static inline const PetscReal *LatinMacroRow(const LatinMacro *macro, PetscInt f, PetscInt side)
-{
-  return macro->basis + macro->of[f].first + (side - macro->inter->interface[f].side_first) * macro->of[f].modes;
-}
-
-/* The row of D R there: what unit macro forces do */
+/* The row of D R at a side dof of interface f: what unit macro forces do */
 static inline const PetscReal *LatinMacroDualRow(const LatinMacro *macro, PetscInt f, PetscInt side)
 {
   return macro->dual + macro->of[f].first + (side - macro->inter->interface[f].side_first) * macro->of[f].modes;

@@ -333,6 +333,20 @@ PetscErrorCode LatinMacroShare_Private(LatinMacro *macro, const PetscInt pattern
   PetscFunctionReturn(0);
 }
 
+/* The micro part of displacements x on one interface, (1 - R R^t D) x, or of forces, (1 - D R R^t) x; work has room for its modes */
+void LatinMacroMicro(const LatinMacro *macro, PetscInt f, PetscBool forces, PetscReal x[], PetscReal work[])
+{
+  const PetscInt   modes = macro->of[f].modes, rows = macro->inter->interface[f].side_last - macro->inter->interface[f].side_first;
+  const PetscReal *R = macro->basis + macro->of[f].first, *DR = macro->dual + macro->of[f].first;
+  const PetscReal *out = forces ? R : DR, *in = forces ? DR : R;
+
+  for (PetscInt j = 0; j < modes; j++) work[j] = 0.0;
+  for (PetscInt r = 0; r < rows; r++)
+    for (PetscInt j = 0; j < modes; j++) work[j] += out[modes * r + j] * x[r];
+  for (PetscInt r = 0; r < rows; r++)
+    for (PetscInt j = 0; j < modes; j++) x[r] -= in[modes * r + j] * work[j];
+}
+
 PetscErrorCode LatinMacroReset(LatinMacro *macro)
 {
   PetscFunctionBegin;

@@ -34,20 +34,6 @@ static PetscErrorCode LatinReflectionFactor_Private(LatinLinear *linear, PetscIn
   PetscFunctionReturn(0);
 }
 
-/* x = (1 - A B^t) x on one interface, A and B arrays of macro bases: (1 - D R R^t) takes the macro part out of forces, (1 - R R^t D) out of displacements */
-static void LatinReflectionProject(const LatinLinear *linear, PetscInt f, const PetscReal A[], const PetscReal B[], PetscReal x[])
-{
-  const LatinFaceModes *of   = &linear->macro->of[f];
-  const PetscInt        rows = linear->inter->interface[f].side_last - linear->inter->interface[f].side_first;
-  PetscReal            *w    = linear->lambda;
-
-  for (PetscInt j = 0; j < of->modes; j++) w[j] = 0.0;
-  for (PetscInt r = 0; r < rows; r++)
-    for (PetscInt j = 0; j < of->modes; j++) w[j] += B[of->first + r * of->modes + j] * x[r];
-  for (PetscInt r = 0; r < rows; r++)
-    for (PetscInt j = 0; j < of->modes; j++) x[r] -= A[of->first + r * of->modes + j] * w[j];
-}
-
 /* The displacements U of all copies for the loads (if they count) and the micro part of the data y (if not NULL): one linear stage */
 static PetscErrorCode LatinReflectionStage_Private(LatinLinear *linear, PetscBool loaded, const PetscReal y[])
 {
@@ -63,7 +49,7 @@ static PetscErrorCode LatinReflectionStage_Private(LatinLinear *linear, PetscBoo
 
     PetscCall(PetscArraycpy(z, y + face->side_first, face->side_last - face->side_first));
     PetscCall(LatinReflectionFactor_Private(linear, f, PETSC_FALSE, z));
-    LatinReflectionProject(linear, f, linear->macro->dual, linear->macro->basis, z);
+    LatinMacroMicro(linear->macro, f, PETSC_TRUE, z, linear->lambda);
     for (PetscInt k = face->side_first; k < face->side_last; k++) linear->g[inter->side_dof[k]] += linear->outgoing[k];
   }
   PetscCall(PetscArrayzero(linear->U, n));
@@ -96,7 +82,7 @@ PetscErrorCode LatinReflectionApply_Private(LatinLinear *linear, Vec data, Vec r
     const LatinInterface *face = &inter->interface[f];
 
     for (PetscInt k = face->side_first; k < face->side_last; k++) mine[k] = linear->U[inter->side_dof[k]];
-    LatinReflectionProject(linear, f, linear->macro->basis, linear->macro->dual, mine + face->side_first);
+    LatinMacroMicro(linear->macro, f, PETSC_FALSE, mine + face->side_first, linear->lambda);
     PetscCall(LatinReflectionFactor_Private(linear, f, PETSC_TRUE, mine + face->side_first));
     for (PetscInt k = face->side_first; k < face->side_last; k++) mine[k] = loaded ? 2.0 * mine[k] : 2.0 * mine[k] - y[k];
   }

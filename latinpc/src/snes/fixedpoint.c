@@ -160,16 +160,7 @@ static PetscErrorCode SNESLatinInterfaceForces_Private(Latin latin, PetscReal F[
   PetscCall(LatinSFBcast_Private(inter->mate_sf, 1, MPIU_REAL, latin->linear.outgoing, mate));
   for (PetscInt k = 0; k < inter->sides; k++) F[k] = (-g[inter->side_dof[k]] - mate[k]) / latin->sub.multiplicity[inter->side_dof[k] / latin->sub.bs];
   PetscCall(PetscFree(mate));
-  for (PetscInt f = 0; f < inter->count; f++) { /* their micro part: (1 - D R R^t) F */
-    const LatinInterface *face = &inter->interface[f];
-
-    for (PetscInt j = 0; j < latin->macro.of[f].modes; j++) {
-      PetscReal macro = 0.0;
-
-      for (PetscInt k = face->side_first; k < face->side_last; k++) macro += LatinMacroRow(&latin->macro, f, k)[j] * F[k];
-      for (PetscInt k = face->side_first; k < face->side_last; k++) F[k] -= LatinMacroDualRow(&latin->macro, f, k)[j] * macro;
-    }
-  }
+  for (PetscInt f = 0; f < inter->count; f++) LatinMacroMicro(&latin->macro, f, PETSC_TRUE, F + inter->interface[f].side_first, latin->linear.lambda);
   PetscFunctionReturn(0);
 }
 

@@ -32,13 +32,8 @@ static PetscErrorCode LatinPull_Private(LatinLinear *linear, PetscInt f, PetscIn
   PetscFunctionBegin;
   for (PetscInt k = 0; k < n; k++)
     for (PetscInt r = 0; r < rows; r++) v[rows * k + r] = linear->U[dof[apart * k + r]];
-  if (modes && n == 1) {
-    for (PetscInt j = 0; j < modes; j++) w[j] = 0.0;
-    for (PetscInt r = 0; r < rows; r++)
-      for (PetscInt j = 0; j < modes; j++) w[j] += dual[modes * r + j] * v[r];
-    for (PetscInt r = 0; r < rows; r++)
-      for (PetscInt j = 0; j < modes; j++) v[r] -= basis[modes * r + j] * w[j];
-  } else if (modes) {
+  if (n == 1) LatinMacroMicro(linear->macro, f, PETSC_FALSE, v, w);
+  else if (modes) {
     PetscBLASInt br, bm, bn;
 
     PetscCall(PetscBLASIntCast(rows, &br));
