@@ -5,8 +5,6 @@
    corresponding forces (25), (39), (41). What the options choose for its solver decides on the form of its matrix.
 */
 
-#define LATIN_GROUPS 3 /* subdomains a side of a group that is condensed; of 2, 3, 4, 6 the least set-up and memory */
-
 /* Where every rank solves the whole, which gives the same bits twice, it is by the factorisation of one rank. Collective on ksp */
 static PetscErrorCode LatinCoarseRedundant_Private(KSP ksp)
 {
@@ -63,7 +61,7 @@ PetscErrorCode LatinCoarseSetUp(LatinCoarse *coarse, const LatinHomogenised *sti
   if (!coarse->macro->modes_global && !coarse->primal_global) PetscFunctionReturn(0); /* no interface: one subdomain, or disconnected ones */
   PetscCall(PetscLogEventBegin(LATIN_Coarse, coarse->sub->object, 0, 0, 0));
   PetscCall(LatinSolverChosen_Private(comm, coarse->sub->object, "coarse", MATSOLVERMUMPS, &iterative, &apart, &chosen));
-  PetscCall(LatinGroupsSetUp(coarse, stiffness, iterative || apart ? 1 : LATIN_GROUPS));
+  PetscCall(LatinGroupsSetUp(coarse, stiffness, (PetscBool) !(iterative || apart)));
   PetscCall(LatinCoarseAssemble_Private(coarse, apart));
   if (iterative || apart) PetscCall(LatinCoarseNear_Private(coarse));
   PetscCall(LatinGroupsFinish(coarse));
@@ -132,7 +130,6 @@ PetscErrorCode LatinCoarseReset(LatinCoarse *coarse)
   PetscCall(MatDestroy(&coarse->A));
   PetscCall(VecDestroy(&coarse->rhs));
   PetscCall(VecDestroy(&coarse->sol));
-  PetscCall(PetscSFDestroy(&coarse->sf));
   PetscCall(PetscLayoutDestroy(&coarse->map));
   PetscCall(PetscFree(coarse->offset));
   PetscCall(PetscFree(coarse->macro_count));
