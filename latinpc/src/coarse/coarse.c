@@ -94,7 +94,7 @@ PetscErrorCode LatinCoarseSolve(LatinCoarse *coarse)
   PetscFunctionBegin;
   if (!coarse->A) PetscFunctionReturn(0);
   PetscCall(PetscLogEventBegin(LATIN_Coarse, coarse->sub->object, 0, 0, 0));
-  PetscCall(LatinGroupsDown(coarse));
+  PetscCall(LatinGroupsPass(coarse, PETSC_FALSE));
   PetscCall(VecZeroEntries(coarse->rhs));
   PetscCall(VecGetArray(coarse->rhs, &b));
   PetscCall(LatinSFReduce_Private(coarse->top_sf, 1, MPIU_SCALAR, coarse->top.q, b, MPI_SUM));
@@ -105,7 +105,7 @@ PetscErrorCode LatinCoarseSolve(LatinCoarse *coarse)
     PetscCall(LatinSolverNote_Private(coarse->ksp, coarse->sub->preconditions, &coarse->failed));
   }
   PetscCall(LatinCoarseDistribute_Private(coarse, coarse->sol));
-  PetscCall(LatinGroupsUp(coarse));
+  PetscCall(LatinGroupsPass(coarse, PETSC_TRUE));
   PetscCall(PetscLogEventEnd(LATIN_Coarse, coarse->sub->object, 0, 0, 0));
   PetscFunctionReturn(0);
 }
@@ -115,9 +115,9 @@ PetscErrorCode LatinCoarseExpand_Private(LatinCoarse *coarse, Vec v)
 {
   PetscFunctionBegin;
   PetscCall(PetscArrayzero(coarse->q, coarse->offset[coarse->sub->n]));
-  PetscCall(LatinGroupsDown(coarse));
+  PetscCall(LatinGroupsPass(coarse, PETSC_FALSE));
   PetscCall(LatinCoarseDistribute_Private(coarse, v));
-  PetscCall(LatinGroupsUp(coarse));
+  PetscCall(LatinGroupsPass(coarse, PETSC_TRUE));
   PetscFunctionReturn(0);
 }
 

@@ -13,21 +13,26 @@
      down: v = L^-1 q_i, and the forces on b are q_b - Z v;   up: u_i = L^-t (v - Z^t u_b).
 */
 
-#define LATIN_GROUPS         3                             /* elements a side of a group; of 2, 3, 4, 6 the least set-up and memory */
+#define LATIN_GROUPS         3 /* elements a side of a group; of 2, 3, 4, 6 the least set-up and memory */
+#define LATIN_GROUP_FULL     (LATIN_GROUPS * LATIN_GROUPS * LATIN_GROUPS)
 #define LATIN_GROUP_CELLS    1e5                           /* of the grid that finds the groups, along each side: enough for any structure */
 #define LATIN_GROUP_COLUMNS  64                            /* groups solved together: right-hand sides stay in cache */
 #define LATIN_GROUP_INTERIOR 1536                          /* largest dense factor: a sparse one of a larger group does less work */
 #define LATIN_GROUP_PIVOT    LatinByPrecision(1e-11, 1e-5) /* below it, relative to the diagonal, a mechanism is suspected: the coarse solver decides */
 
-/* Where subdomains are: the cells of their lowest corners in a grid as fine as typical ones */
-static PetscErrorCode LatinGroupsCells_Private(const LatinSubdomains *sub, PetscInt cell[])
+/*
+   Where subdomains are: the cells of their lowest corners in a grid as fine as typical ones. The digits of the three
+   numbers of a cell, to base LATIN_GROUPS, take turns in place[]: without the last three it is that of a group.
+*/
+static PetscErrorCode LatinGroupsPlaces_Private(const LatinSubdomains *sub, uint64_t place[])
 {
   PetscReal *low, *extent;
+  uint64_t   unit = 1;
 
   PetscFunctionBegin;
-  PetscCall(PetscArrayzero(cell, 3 * sub->n));
+  PetscCall(PetscArrayzero(place, sub->n));
   PetscCall(PetscMalloc2(sub->n, &low, sub->n, &extent));
-  for (PetscInt c = 0; c < sub->dim && sub->n; c++) {
+  for (PetscInt c = 0; c < sub->dim && sub->n; c++, unit *= LATIN_GROUPS) {
     PetscReal least = PETSC_MAX_REAL, most = PETSC_MIN_REAL, size;
 
     for (PetscInt s = 0; s < sub->n; s++) {
@@ -44,36 +49,46 @@ static PetscErrorCode LatinGroupsCells_Private(const LatinSubdomains *sub, Petsc
     }
     PetscCall(PetscSortReal(sub->n, extent));
     size = PetscMax(extent[sub->n / 2], (most - least) / LATIN_GROUP_CELLS); /* subdomains may have no extent */
-    for (PetscInt s = 0; s < sub->n && size > 0.0; s++) cell[3 * s + c] = (PetscInt)((low[s] - least) / size + 1e-3);
+    for (PetscInt s = 0; s < sub->n && size > 0.0; s++)
+      for (uint64_t cell = (uint64_t)((low[s] - least) / size + 1e-3), digit = unit; cell; cell /= LATIN_GROUPS, digit *= LATIN_GROUP_FULL) place[s] += cell % LATIN_GROUPS * digit;
   }
   PetscCall(PetscFree2(low, extent));
   PetscFunctionReturn(0);
 }
 
-/* The subdomains as elements. Their coarse dofs are numbered here from 0; sf: all coarse dofs -> those here. Collective */
+/* The subdomains as elements. Their coarse dofs are numbered here from 0, this rank's own first; sf: all coarse dofs -> those here. Collective */
 static PetscErrorCode LatinGroupsFinest_Private(LatinCoarse *coarse, const LatinHomogenised *stiffness, PetscInt *dofs, PetscSF *sf)
 {
   const PetscInt n = coarse->sub->n, entries = coarse->offset[n];
   LatinElements *fine = &coarse->top;
-  PetscInt      *number;
+  PetscInt      *number, start, own, ghosts = 0;
 
   PetscFunctionBegin;
   *fine = (LatinElements){.n = n, .offset = coarse->offset, .pattern = stiffness->pattern, .h_offset = stiffness->h_offset, .H = stiffness->H, .q = coarse->q, .u = coarse->u};
-  PetscCall(PetscMalloc2(entries, &fine->dof, 3 * n, &fine->cell));
-  PetscCall(LatinGroupsCells_Private(coarse->sub, fine->cell));
-  PetscCall(PetscMalloc1(entries, &number));
-  PetscCall(PetscArraycpy(number, coarse->global, entries));
-  *dofs = entries;
-  PetscCall(PetscSortRemoveDupsInt(dofs, number));
-  for (PetscInt i = 0; i < entries; i++) PetscCall(PetscFindInt(coarse->global[i], *dofs, number, &fine->dof[i]));
+  PetscCall(PetscLayoutGetRange(coarse->map, &start, NULL));
+  PetscCall(PetscLayoutGetLocalSize(coarse->map, &own));
+  PetscCall(PetscMalloc2(entries, &fine->dof, n, &fine->place));
+  PetscCall(PetscMalloc1(own + entries, &number));
+  for (PetscInt d = 0; d < own; d++) number[d] = start + d;
+  for (PetscInt i = 0; i < entries; i++)
+    if (coarse->global[i] < start || coarse->global[i] >= start + own) number[own + ghosts++] = coarse->global[i];
+  PetscCall(PetscSortRemoveDupsInt(&ghosts, number + own));
+  for (PetscInt i = 0; i < entries; i++) {
+    fine->dof[i] = coarse->global[i] - start;
+    if (fine->dof[i] >= 0 && fine->dof[i] < own) continue;
+    PetscCall(PetscFindInt(coarse->global[i], ghosts, number + own, &fine->dof[i]));
+    fine->dof[i] += own;
+  }
+  *dofs = own + ghosts;
   PetscCall(PetscSFCreate(PetscObjectComm(coarse->sub->object), sf));
   PetscCall(PetscSFSetGraphLayout(*sf, coarse->map, *dofs, NULL, PETSC_COPY_VALUES, number));
-  PetscCall(PetscSFSetUp(*sf));
   PetscCall(PetscFree(number));
+  PetscCall(LatinGroupsPlaces_Private(coarse->sub, fine->place));
+  for (PetscInt s = 0; s < n; s++) fine->patterns += fine->pattern[s] == s ? 1 : 0;
   PetscFunctionReturn(0);
 }
 
-/* Groups: elements whose cells are one of a grid LATIN_GROUPS times as coarse */
+/* Groups: elements in the same place of a grid LATIN_GROUPS times as coarse */
 static PetscErrorCode LatinGroupsGroup_Private(LatinGroupLevel *level)
 {
   const LatinElements *fine = &level->fine;
@@ -82,11 +97,7 @@ static PetscErrorCode LatinGroupsGroup_Private(LatinGroupLevel *level)
   PetscFunctionBegin;
   PetscCall(PetscMalloc1(fine->n, &key));
   PetscCall(PetscMalloc3(fine->n, &level->group, fine->n, &level->member, fine->offset[fine->n], &level->slot));
-  for (PetscInt s = 0; s < fine->n; s++) {
-    key[s].hash   = 0;
-    key[s].number = s;
-    for (PetscInt c = 0; c < 3; c++) key[s].hash = (key[s].hash << 20) + (uint64_t)(fine->cell[3 * s + c] / LATIN_GROUPS);
-  }
+  for (PetscInt s = 0; s < fine->n; s++) key[s] = (LatinKey){.hash = fine->place[s] / LATIN_GROUP_FULL, .number = s};
   qsort(key, (size_t)fine->n, sizeof(*key), LatinKeyCompare);
   for (PetscInt s = 0; s < fine->n; s++) {
     level->member[s] = key[s].number;
@@ -105,35 +116,35 @@ static PetscErrorCode LatinGroupsNumber_Private(LatinGroupLevel *level, PetscInt
 {
   const LatinElements *fine = &level->fine;
   const PetscInt       none = -1, several = level->coarse.n;
-  PetscInt            *owner, *seen, *number;
+  PetscInt            *owner, *number, count = 0;
 
   PetscFunctionBegin;
-  PetscCall(PetscMalloc3(dofs, &owner, dofs, &seen, dofs, &number)); /* the group of a dof; the last one that numbered it, and its number there */
+  PetscCall(PetscMalloc2(dofs, &owner, dofs, &number));
   for (PetscInt d = 0; d < dofs; d++) {
-    owner[d] = ranks[d] > 1 ? several : none;
-    seen[d]  = none;
+    owner[d]  = ranks[d] > 1 ? several : none;
+    number[d] = -1;
   }
   for (PetscInt g = 0; g < level->coarse.n; g++)
     for (PetscInt m = level->group[g].first; m < level->group[g].last; m++)
       for (PetscInt i = fine->offset[level->member[m]]; i < fine->offset[level->member[m] + 1]; i++) owner[fine->dof[i]] = owner[fine->dof[i]] == none || owner[fine->dof[i]] == g ? g : several;
   for (PetscInt g = 0; g < level->coarse.n; g++) {
-    LatinGroup *group = &level->group[g];
+    LatinGroup    *group = &level->group[g];
+    const PetscInt start = count; /* a dof that this group has not numbered has a lower number */
 
-    group->rows = 0;
-    for (PetscInt pass = 0; pass < 2; pass++) {
+    for (PetscInt boundary = 0; boundary < 2; boundary++) {
       for (PetscInt m = group->first; m < group->last; m++)
         for (PetscInt i = fine->offset[level->member[m]]; i < fine->offset[level->member[m] + 1]; i++) {
           const PetscInt d = fine->dof[i];
 
-          if ((owner[d] == g) != (pass == 0)) continue;
-          if (seen[d] != g) number[d] = group->rows++;
-          seen[d]        = g;
-          level->slot[i] = number[d];
+          if ((owner[d] != g) != boundary) continue;
+          if (number[d] < start) number[d] = count++;
+          level->slot[i] = number[d] - start;
         }
-      if (!pass) group->interior = group->rows;
+      if (!boundary) group->interior = count - start;
     }
+    group->rows = count - start;
   }
-  PetscCall(PetscFree3(owner, seen, number));
+  PetscCall(PetscFree2(owner, number));
   PetscFunctionReturn(0);
 }
 
@@ -154,78 +165,35 @@ static PetscErrorCode LatinGroupsStream_Private(const void *ctx, PetscInt g, Lat
   PetscFunctionReturn(0);
 }
 
-/* Sorts the groups, so that equal ones follow each other; *patterns: how many are different */
-static PetscErrorCode LatinGroupsCompare_Private(LatinGroupLevel *level, PetscInt *patterns)
+/* Sorts the groups, so that equal ones follow each other; *kept: they repeat, and are not too large for dense factors */
+static PetscErrorCode LatinGroupsCompare_Private(LatinGroupLevel *level, PetscBool *kept)
 {
-  const PetscInt n = level->coarse.n;
-  LatinGroup    *group;
-  LatinKey      *key;
-  PetscInt      *pattern;
+  LatinElements *coarse  = &level->coarse;
+  LatinGroup    *group   = level->group;
+  PetscInt       largest = 0;
 
   PetscFunctionBegin;
-  PetscCall(PetscMalloc3(n + 1, &level->coarse.offset, n, &level->coarse.pattern, n, &level->coarse.h_offset));
-  pattern = level->coarse.pattern;
-  PetscCall(PetscMalloc2(n, &group, n, &key));
-  PetscCall(LatinStreamCompare_Private(n, LatinGroupsStream_Private, level, pattern));
-  for (PetscInt g = 0; g < n; g++) {
-    group[g]      = level->group[g];
-    key[g].hash   = (uint64_t)pattern[g];
-    key[g].number = g;
+  PetscCall(PetscMalloc3(coarse->n + 1, &coarse->offset, coarse->n, &coarse->pattern, coarse->n, &coarse->h_offset));
+  PetscCall(LatinStreamCompare_Private(coarse->n, LatinGroupsStream_Private, level, coarse->pattern));
+  for (PetscInt g = 0; g < coarse->n; g++) group[g].key = (LatinKey){.hash = (uint64_t)coarse->pattern[g], .number = g};
+  qsort(group, (size_t)coarse->n, sizeof(*group), LatinKeyCompare); /* by its first member */
+  for (PetscInt g = 0; g < coarse->n; g++) {
+    coarse->pattern[g] = g && group[g].key.hash == group[g - 1].key.hash ? coarse->pattern[g - 1] : g;
+    coarse->patterns += coarse->pattern[g] == g ? 1 : 0;
+    largest = PetscMax(largest, group[g].interior);
   }
-  qsort(key, (size_t)n, sizeof(*key), LatinKeyCompare);
-  *patterns = 0;
-  for (PetscInt g = 0; g < n; g++) {
-    level->group[g] = group[key[g].number];
-    pattern[g]      = g && key[g].hash == key[g - 1].hash ? pattern[g - 1] : g;
-    *patterns += pattern[g] == g ? 1 : 0;
-  }
-  PetscCall(PetscFree2(group, key));
+  *kept = (PetscBool)(5 * coarse->patterns <= 3 * coarse->n && largest > 0 && largest <= LATIN_GROUP_INTERIOR);
   PetscFunctionReturn(0);
 }
 
-/* The groups as elements, without their interior dofs; room for operators, factors and forces */
-static PetscErrorCode LatinGroupsElements_Private(LatinGroupLevel *level)
-{
-  const LatinElements *fine   = &level->fine;
-  LatinElements       *coarse = &level->coarse;
-  size_t               l = 0, h = 0, v = 0;
-
-  PetscFunctionBegin;
-  coarse->offset[0] = 0;
-  for (PetscInt g = 0; g < coarse->n; g++) {
-    LatinGroup    *group = &level->group[g];
-    const PetscInt b = group->rows - group->interior, p = coarse->pattern[g];
-
-    coarse->offset[g + 1] = coarse->offset[g] + b;
-    coarse->h_offset[g]   = p == g ? h : coarse->h_offset[p];
-    group->l_offset       = p == g ? l : level->group[p].l_offset;
-    v += (size_t)group->interior;
-    if (p != g) continue;
-    h += (size_t)b * (size_t)b;
-    l += (size_t)group->rows * (size_t)group->interior;
-  }
-  PetscCall(PetscMalloc2(l, &level->L, v, &level->v));
-  PetscCall(PetscMalloc1(h, &coarse->H));
-  PetscCall(PetscMalloc2(coarse->offset[coarse->n], &coarse->q, coarse->offset[coarse->n], &coarse->u));
-  PetscCall(PetscMalloc2(coarse->offset[coarse->n], &coarse->dof, 3 * coarse->n, &coarse->cell));
-  for (PetscInt g = 0; g < coarse->n; g++) {
-    const LatinGroup *group = &level->group[g];
-
-    for (PetscInt c = 0; c < 3; c++) coarse->cell[3 * g + c] = fine->cell[3 * level->member[group->first] + c] / LATIN_GROUPS;
-    for (PetscInt m = group->first; m < group->last; m++)
-      for (PetscInt i = fine->offset[level->member[m]]; i < fine->offset[level->member[m] + 1]; i++)
-        if (level->slot[i] >= group->interior) coarse->dof[coarse->offset[g] + level->slot[i] - group->interior] = fine->dof[i];
-  }
-  PetscFunctionReturn(0);
-}
-
-/* L with Z below it, and S of one group */
-static PetscErrorCode LatinGroupsFactor_Private(LatinGroupLevel *level, PetscInt g, PetscBool *bad)
+/* L with Z below it, and S of one group; *kept becomes false where a mechanism is suspected */
+static PetscErrorCode LatinGroupsFactor_Private(LatinGroupLevel *level, PetscInt g, PetscBool *kept)
 {
   const LatinElements *fine  = &level->fine;
   const LatinGroup    *group = &level->group[g];
   const PetscInt       n = group->interior, rows = group->rows;
-  PetscReal           *K, *S                     = level->coarse.H + level->coarse.h_offset[g], *diagonal;
+  PetscReal           *K, *diagonal, *S = level->coarse.H + level->coarse.h_offset[g];
+  PetscBool            bad = PETSC_FALSE;
 
   PetscFunctionBegin;
   PetscCall(PetscCalloc2(rows * rows, &K, n, &diagonal));
@@ -237,13 +205,55 @@ static PetscErrorCode LatinGroupsFactor_Private(LatinGroupLevel *level, PetscInt
       for (PetscInt i = 0; i < size; i++) K[slot[i] + rows * slot[j]] += H[i + size * j];
   }
   for (PetscInt i = 0; i < n; i++) diagonal[i] = K[i + rows * i];
-  PetscCall(LatinSchur_Private(rows, n, K, bad));
-  for (PetscInt i = 0; i < n; i++)
-    if (!(PetscSqr(K[i + rows * i]) > LATIN_GROUP_PIVOT * diagonal[i])) *bad = PETSC_TRUE;
+  PetscCall(LatinSchur_Private(rows, n, K, &bad));
+  for (PetscInt i = 0; i < n; i++) bad = (PetscBool)(bad || !(PetscSqr(K[i + rows * i]) > LATIN_GROUP_PIVOT * diagonal[i]));
   PetscCall(PetscArraycpy(level->L + group->l_offset, K, rows * n));
   for (PetscInt j = n; j < rows; j++)
-    for (PetscInt i = n; i < rows; i++) *S++ = i < j ? K[j + rows * i] : K[i + rows * j]; /* the upper half is not set */
+    for (PetscInt i = n; i < rows; i++) *S++ = i < j ? K[j + rows * i] : K[i + rows * j]; /* of K, the lower half */
+  if (bad) *kept = PETSC_FALSE;
   PetscCall(PetscFree2(K, diagonal));
+  PetscFunctionReturn(0);
+}
+
+/* The groups as elements, without their interior dofs. From here on slot[] is a place in x: interior dofs of all groups, then what is left of them */
+static PetscErrorCode LatinGroupsElements_Private(LatinGroupLevel *level, PetscBool *kept)
+{
+  const LatinElements *fine     = &level->fine;
+  LatinElements       *coarse   = &level->coarse;
+  PetscInt             interior = 0, left;
+  size_t               l = 0, h = 0;
+
+  PetscFunctionBegin;
+  coarse->offset[0] = 0;
+  for (PetscInt g = 0; g < coarse->n; g++) {
+    LatinGroup    *group = &level->group[g];
+    const PetscInt b = group->rows - group->interior, p = coarse->pattern[g];
+
+    coarse->offset[g + 1] = coarse->offset[g] + b;
+    coarse->h_offset[g]   = p == g ? h : coarse->h_offset[p];
+    group->l_offset       = p == g ? l : level->group[p].l_offset;
+    interior += group->interior;
+    if (p != g) continue;
+    h += (size_t)b * (size_t)b;
+    l += (size_t)group->rows * (size_t)group->interior;
+  }
+  left = coarse->offset[coarse->n];
+  PetscCall(PetscMalloc2(l, &level->L, interior + left, &level->x));
+  PetscCall(PetscMalloc3(left, &coarse->dof, coarse->n, &coarse->place, h, &coarse->H));
+  coarse->q = coarse->u = level->x + interior;
+  for (PetscInt g = 0, v = 0; g < coarse->n && *kept; v += level->group[g++].interior) {
+    const LatinGroup *group = &level->group[g];
+
+    if (coarse->pattern[g] == g) PetscCall(LatinGroupsFactor_Private(level, g, kept));
+    coarse->place[g] = fine->place[level->member[group->first]] / LATIN_GROUP_FULL;
+    for (PetscInt m = group->first; m < group->last; m++)
+      for (PetscInt i = fine->offset[level->member[m]]; i < fine->offset[level->member[m] + 1]; i++) {
+        const PetscInt other = coarse->offset[g] + level->slot[i] - group->interior;
+
+        if (level->slot[i] >= group->interior) coarse->dof[other] = fine->dof[i];
+        level->slot[i] = level->slot[i] < group->interior ? v + level->slot[i] : interior + other;
+      }
+  }
   PetscFunctionReturn(0);
 }
 
@@ -252,42 +262,9 @@ static PetscErrorCode LatinGroupsLevelReset_Private(LatinGroupLevel *level)
   PetscFunctionBegin;
   PetscCall(PetscFree3(level->group, level->member, level->slot));
   PetscCall(PetscFree3(level->coarse.offset, level->coarse.pattern, level->coarse.h_offset));
-  PetscCall(PetscFree2(level->L, level->v));
-  PetscCall(PetscFree(level->coarse.H));
-  PetscCall(PetscFree2(level->coarse.q, level->coarse.u));
-  PetscCall(PetscFree2(level->coarse.dof, level->coarse.cell));
+  PetscCall(PetscFree2(level->L, level->x));
+  PetscCall(PetscFree3(level->coarse.dof, level->coarse.place, level->coarse.H));
   PetscCall(PetscMemzero(level, sizeof(*level)));
-  PetscFunctionReturn(0);
-}
-
-/* One more level on top of the last; not kept when groups do not repeat, are too large for dense factors, or are singular */
-static PetscErrorCode LatinGroupsLevelSetUp_Private(LatinCoarse *coarse, PetscInt dofs, const PetscInt ranks[], PetscBool *kept)
-{
-  LatinGroupLevel     *level    = &coarse->level[coarse->levels];
-  const LatinElements *fine     = &coarse->top;
-  PetscInt             patterns = 0, largest = 0;
-  PetscBool            bad = PETSC_FALSE;
-
-  PetscFunctionBegin;
-  *kept = PETSC_FALSE;
-  for (PetscInt s = 0; s < fine->n; s++) patterns += fine->pattern[s] == s ? 1 : 0;
-  if (2 * patterns >= fine->n) PetscFunctionReturn(0); /* equal groups are made of equal members */
-  level->fine = *fine;
-  PetscCall(LatinGroupsGroup_Private(level));
-  PetscCall(LatinGroupsNumber_Private(level, dofs, ranks));
-  PetscCall(LatinGroupsCompare_Private(level, &patterns));
-  for (PetscInt g = 0; g < level->coarse.n; g++) largest = PetscMax(largest, level->group[g].interior);
-  *kept = (PetscBool)(5 * patterns <= 3 * level->coarse.n && largest > 0 && largest <= LATIN_GROUP_INTERIOR);
-  if (*kept) PetscCall(LatinGroupsElements_Private(level));
-  for (PetscInt g = 0; g < level->coarse.n && *kept; g++) {
-    if (level->coarse.pattern[g] == g) PetscCall(LatinGroupsFactor_Private(level, g, &bad));
-    if (bad) *kept = PETSC_FALSE;
-  }
-  if (*kept) {
-    coarse->levels++;
-    coarse->top = level->coarse;
-    PetscCall(PetscInfo(coarse->sub->object, "nested condensation, level %" PetscInt_FMT ": %" PetscInt_FMT " groups, %" PetscInt_FMT " different\n", coarse->levels, level->coarse.n, patterns));
-  } else PetscCall(LatinGroupsLevelReset_Private(level));
   PetscFunctionReturn(0);
 }
 
@@ -323,26 +300,42 @@ static PetscErrorCode LatinGroupsTop_Private(LatinCoarse *coarse, PetscSF sf, Pe
   PetscFunctionReturn(0);
 }
 
-/* Sets coarse.top, the elements of the coarse problem that the coarse KSP solves: groups, or the subdomains themselves. Collective */
+/*
+   Sets coarse.top, the elements of the coarse problem that the coarse KSP solves: groups, or the subdomains themselves. A
+   level on top of the last is not kept when groups do not repeat, are too large for dense factors, or are singular. Collective
+*/
 PetscErrorCode LatinGroupsSetUp(LatinCoarse *coarse, const LatinHomogenised *stiffness, PetscBool groups)
 {
   const PetscInt *degree;
-  PetscInt       *ranks, dofs;
-  LatinElements   finest;
+  PetscInt       *ranks, dofs = 0;
+  LatinElements  *top = &coarse->top, finest;
   PetscSF         sf;
 
   PetscFunctionBegin;
   PetscCall(LatinGroupsFinest_Private(coarse, stiffness, &dofs, &sf));
-  finest = coarse->top;
+  finest = *top;
   PetscCall(PetscMalloc1(dofs, &ranks));
   PetscCall(PetscSFComputeDegreeBegin(sf, &degree));
   PetscCall(PetscSFComputeDegreeEnd(sf, &degree));
   PetscCall(LatinSFBcast_Private(sf, 1, MPIU_INT, degree, ranks));
-  while (groups && coarse->levels < LATIN_GROUP_LEVELS) PetscCall(LatinGroupsLevelSetUp_Private(coarse, dofs, ranks, &groups));
+  while (groups && coarse->levels < LATIN_GROUP_LEVELS && 2 * top->patterns < top->n) { /* equal groups are made of equal members */
+    LatinGroupLevel *level = &coarse->level[coarse->levels];
+
+    level->fine = *top;
+    PetscCall(LatinGroupsGroup_Private(level));
+    PetscCall(LatinGroupsNumber_Private(level, dofs, ranks));
+    PetscCall(LatinGroupsCompare_Private(level, &groups));
+    if (groups) PetscCall(LatinGroupsElements_Private(level, &groups));
+    if (groups) {
+      coarse->levels++;
+      *top = level->coarse;
+      PetscCall(PetscInfo(coarse->sub->object, "nested condensation, level %" PetscInt_FMT ": %" PetscInt_FMT " groups, %" PetscInt_FMT " different\n", coarse->levels, top->n, top->patterns));
+    } else PetscCall(LatinGroupsLevelReset_Private(level));
+  }
   PetscCall(LatinGroupsTop_Private(coarse, sf, dofs, ranks));
   PetscCall(PetscFree(ranks));
   PetscCall(PetscSFDestroy(&sf));
-  PetscCall(PetscFree2(finest.dof, finest.cell));
+  PetscCall(PetscFree2(finest.dof, finest.place));
   PetscFunctionReturn(0);
 }
 
@@ -350,10 +343,7 @@ PetscErrorCode LatinGroupsSetUp(LatinCoarse *coarse, const LatinHomogenised *sti
 PetscErrorCode LatinGroupsFinish(LatinCoarse *coarse)
 {
   PetscFunctionBegin;
-  for (PetscInt k = 0; k < coarse->levels; k++) {
-    PetscCall(PetscFree(coarse->level[k].coarse.H));
-    PetscCall(PetscFree2(coarse->level[k].coarse.dof, coarse->level[k].coarse.cell));
-  }
+  for (PetscInt k = 0; k < coarse->levels; k++) PetscCall(PetscFree3(coarse->level[k].coarse.dof, coarse->level[k].coarse.place, coarse->level[k].coarse.H));
   PetscFunctionReturn(0);
 }
 
@@ -367,67 +357,42 @@ PetscErrorCode LatinGroupsReset(LatinCoarse *coarse)
   PetscFunctionReturn(0);
 }
 
-/* Between the dofs of a group's members and columns of its interior and its other dofs: q added down, u copied up */
-static void LatinGroupsMove(const LatinGroupLevel *level, PetscInt g, PetscBool up, PetscReal interior[], PetscReal others[])
+/* From forces on the elements' dofs to forces on the groups', by elimination, or from the groups' displacements back: equal groups together */
+static PetscErrorCode LatinGroupsLevelPass_Private(LatinGroupLevel *level, PetscBool up)
 {
-  const LatinElements *fine = &level->fine;
-  const PetscInt       n    = level->group[g].interior;
-
-  for (PetscInt m = level->group[g].first; m < level->group[g].last; m++)
-    for (PetscInt i = fine->offset[level->member[m]]; i < fine->offset[level->member[m] + 1]; i++) {
-      PetscReal *at = level->slot[i] < n ? interior + level->slot[i] : others + level->slot[i] - n;
-
-      if (up) fine->u[i] = *at;
-      else *at += fine->q[i];
-    }
-}
-
-/* From forces on the members' dofs to forces on the groups', or from the groups' displacements back: equal groups together */
-static PetscErrorCode LatinGroupsPass_Private(LatinGroupLevel *level, PetscBool up)
-{
-  const LatinElements *coarse = &level->coarse;
+  const LatinElements *fine = &level->fine, *coarse = &level->coarse;
   const PetscScalar    one = 1.0, minus = -1.0;
-  PetscReal           *v = level->v;
+  PetscReal           *v = level->x;
   PetscBLASInt         rows, n, b, columns;
 
   PetscFunctionBegin;
+  if (!up) {
+    PetscCall(PetscArrayzero(level->x, coarse->q + coarse->offset[coarse->n] - level->x));
+    for (PetscInt i = 0; i < fine->offset[fine->n]; i++) level->x[level->slot[i]] += fine->q[i];
+  }
   for (PetscInt g = 0, next = 0; g < coarse->n; g = next) {
     const PetscReal *L = level->L + level->group[g].l_offset, *Z = L + level->group[g].interior;
-    PetscReal       *w = (up ? coarse->u : coarse->q) + coarse->offset[g];
+    PetscReal       *w = coarse->u + coarse->offset[g];
 
     while (next < coarse->n && next < g + LATIN_GROUP_COLUMNS && coarse->pattern[next] == coarse->pattern[g]) next++;
     PetscCall(PetscBLASIntCast(level->group[g].rows, &rows));
     PetscCall(PetscBLASIntCast(level->group[g].interior, &n));
     PetscCall(PetscBLASIntCast(next - g, &columns));
     b = rows - n;
-    if (up) {
-      if (n && b) PetscCallBLAS("BLASgemm", BLASgemm_("T", "N", &n, &columns, &b, &minus, Z, &rows, w, &b, &one, v, &n));
-      if (n) PetscCallBLAS("BLAStrsm", BLAStrsm_("L", "L", "T", "N", &n, &columns, &one, L, &rows, v, &n));
-      for (PetscInt k = 0; k < columns; k++) LatinGroupsMove(level, g + k, up, v + n * k, w + b * k);
-    } else {
-      PetscCall(PetscArrayzero(v, n * columns));
-      PetscCall(PetscArrayzero(w, b * columns));
-      for (PetscInt k = 0; k < columns; k++) LatinGroupsMove(level, g + k, up, v + n * k, w + b * k);
-      if (n) PetscCallBLAS("BLAStrsm", BLAStrsm_("L", "L", "N", "N", &n, &columns, &one, L, &rows, v, &n));
-      if (n && b) PetscCallBLAS("BLASgemm", BLASgemm_("N", "N", &b, &columns, &n, &minus, Z, &rows, v, &n, &one, w, &b));
-    }
+    if (!n) continue;
+    if (up && b) PetscCallBLAS("BLASgemm", BLASgemm_("T", "N", &n, &columns, &b, &minus, Z, &rows, w, &b, &one, v, &n));
+    PetscCallBLAS("BLAStrsm", BLAStrsm_("L", "L", up ? "T" : "N", "N", &n, &columns, &one, L, &rows, v, &n));
+    if (!up && b) PetscCallBLAS("BLASgemm", BLASgemm_("N", "N", &b, &columns, &n, &minus, Z, &rows, v, &n, &one, w, &b));
     v += n * columns;
   }
+  for (PetscInt i = 0; i < fine->offset[fine->n] && up; i++) fine->u[i] = level->x[level->slot[i]];
   PetscFunctionReturn(0);
 }
 
-/* coarse.q to top.q, by elimination */
-PetscErrorCode LatinGroupsDown(LatinCoarse *coarse)
+/* From coarse.q to top.q by elimination; or up, from top.u to coarse.u by substitution: after the other one, with coarse.q zero where only top.u acts */
+PetscErrorCode LatinGroupsPass(LatinCoarse *coarse, PetscBool up)
 {
   PetscFunctionBegin;
-  for (PetscInt k = 0; k < coarse->levels; k++) PetscCall(LatinGroupsPass_Private(&coarse->level[k], PETSC_FALSE));
-  PetscFunctionReturn(0);
-}
-
-/* top.u to coarse.u, by substitution; LatinGroupsDown() came before, with forces of zero where only top.u acts */
-PetscErrorCode LatinGroupsUp(LatinCoarse *coarse)
-{
-  PetscFunctionBegin;
-  for (PetscInt k = coarse->levels - 1; k >= 0; k--) PetscCall(LatinGroupsPass_Private(&coarse->level[k], PETSC_TRUE));
+  for (PetscInt k = 0; k < coarse->levels; k++) PetscCall(LatinGroupsLevelPass_Private(&coarse->level[up ? coarse->levels - 1 - k : k], up));
   PetscFunctionReturn(0);
 }

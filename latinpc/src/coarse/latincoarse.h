@@ -11,17 +11,18 @@
 
 /* Subdomains, or groups of them, seen from the coarse problem; equal ones share an operator */
 typedef struct {
-  PetscInt   n;
-  PetscInt  *offset;   /* [n + 1] coarse dofs of each element */
-  PetscInt  *dof;      /* [offset[n]] their numbers on this rank */
-  PetscInt  *pattern;  /* [n] the first element equal to each */
-  size_t    *h_offset; /* [n] into H */
-  PetscReal *H;        /* operators, column-major, one for each pattern */
-  PetscInt  *cell;     /* [n][3] where they are, in a grid as fine as they are */
-  PetscReal *q, *u;    /* [offset[n]] forces and displacements, element by element */
+  PetscInt   n, patterns; /* how many, and how many different */
+  PetscInt  *offset;      /* [n + 1] coarse dofs of each element */
+  PetscInt  *dof;         /* [offset[n]] their numbers on this rank */
+  PetscInt  *pattern;     /* [n] the first element equal to each */
+  size_t    *h_offset;    /* [n] into H */
+  PetscReal *H;           /* operators, column-major, one for each pattern */
+  uint64_t  *place;       /* [n] where they are, in a grid as fine as they are: equal in one cell */
+  PetscReal *q, *u;       /* [offset[n]] forces and displacements, element by element */
 } LatinElements;
 
 typedef struct {
+  LatinKey key;            /* what sorts them */
   PetscInt first, last;    /* members: from, and up to but not with */
   PetscInt interior, rows; /* dofs that are eliminated, all dofs */
   size_t   l_offset;       /* into L */
@@ -30,9 +31,10 @@ typedef struct {
 typedef struct {
   LatinElements fine, coarse; /* what the groups are made of; the groups, equal ones one after the other */
   LatinGroup   *group;        /* [coarse.n] */
-  PetscInt     *member;       /* [fine.n] */
-  PetscInt     *slot;         /* [fine.offset[fine.n]] dof of the group: interior ones, then coarse.dof */
-  PetscReal    *L, *v;        /* factors of each pattern, [rows][interior], L and Z below it; forces on interior dofs, group by group */
+  PetscInt     *member;       /* [fine.n] by group */
+  PetscInt     *slot;         /* [fine.offset[fine.n]] dof of the group: interior ones, then those of coarse; in the end, its place in x */
+  PetscReal    *L;            /* of each pattern, [rows][interior]: L, and Z below it */
+  PetscReal    *x;            /* forces on the interior dofs of all groups, and what they become; then coarse.q, which coarse.u takes the place of */
 } LatinGroupLevel;
 
 /* ---- coarse problem (coarse/numbering.c, coarse/assembly.c, coarse/nearnullspace.c, coarse/coarse.c) ---- */
@@ -81,7 +83,6 @@ PETSC_INTERN PetscErrorCode LatinCoarseNear_Private(LatinCoarse *);
 PETSC_INTERN PetscErrorCode LatinGroupsSetUp(LatinCoarse *, const LatinHomogenised *, PetscBool groups);
 PETSC_INTERN PetscErrorCode LatinGroupsFinish(LatinCoarse *);
 PETSC_INTERN PetscErrorCode LatinGroupsReset(LatinCoarse *);
-PETSC_INTERN PetscErrorCode LatinGroupsDown(LatinCoarse *);
-PETSC_INTERN PetscErrorCode LatinGroupsUp(LatinCoarse *);
+PETSC_INTERN PetscErrorCode LatinGroupsPass(LatinCoarse *, PetscBool up);
 
 #endif
