@@ -13,16 +13,16 @@
      down: v = L^-1 q_i, and the forces on b are q_b - Z v;   up: u_i = L^-t (v - Z^t u_b).
 */
 
-#define LATIN_GROUPS         3 /* elements a side of a group; of 2, 3, 4, 6 the least set-up and memory */
-#define LATIN_GROUP_FULL     (LATIN_GROUPS * LATIN_GROUPS * LATIN_GROUPS)
-#define LATIN_GROUP_CELLS    1e5                           /* of the grid that finds the groups, along each side: enough for any structure */
-#define LATIN_GROUP_COLUMNS  64                            /* groups solved together: right-hand sides stay in cache */
-#define LATIN_GROUP_INTERIOR 1536                          /* largest dense factor: a sparse one of a larger group does less work */
-#define LATIN_GROUP_PIVOT    LatinByPrecision(1e-11, 1e-5) /* below it, relative to the diagonal, a mechanism is suspected: the coarse solver decides */
+#define LATIN_GROUPS         3                                            /* elements a side of a group; of 2, 3, 4, 6 the least set-up and memory */
+#define LATIN_GROUP_FULL     (LATIN_GROUPS * LATIN_GROUPS * LATIN_GROUPS) /* most elements of a group on a regular grid */
+#define LATIN_GROUP_CELLS    1e5                                          /* of the grid that finds the groups, along each side: enough for any structure */
+#define LATIN_GROUP_COLUMNS  64                                           /* groups solved together: right-hand sides stay in cache */
+#define LATIN_GROUP_INTERIOR 1536                                         /* largest dense factor: a sparse one of a larger group does less work */
+#define LATIN_GROUP_PIVOT    LatinByPrecision(1e-11, 1e-5)                /* below it, relative to the diagonal, a mechanism is suspected: the coarse solver decides */
 
 /*
    Where subdomains are: the cells of their lowest corners in a grid as fine as typical ones. The digits of the three
-   numbers of a cell, to base LATIN_GROUPS, take turns in place[]: without the last three it is that of a group.
+   numbers of a cell, to base LATIN_GROUPS, take turns in place[]: without the last three it is the place of a group.
 */
 static PetscErrorCode LatinGroupsPlaces_Private(const LatinSubdomains *sub, uint64_t place[])
 {

@@ -17,12 +17,12 @@ typedef struct {
   PetscInt  *pattern;     /* [n] the first element equal to each */
   size_t    *h_offset;    /* [n] into H */
   PetscReal *H;           /* operators, column-major, one for each pattern */
-  uint64_t  *place;       /* [n] where they are, in a grid as fine as they are: equal in one cell */
+  uint64_t  *place;       /* [n] cells of a grid as fine as they are, see coarse/groups.c */
   PetscReal *q, *u;       /* [offset[n]] forces and displacements, element by element */
 } LatinElements;
 
 typedef struct {
-  LatinKey key;            /* what sorts them */
+  LatinKey key;            /* by which they are sorted */
   PetscInt first, last;    /* members: from, and up to but not with */
   PetscInt interior, rows; /* dofs that are eliminated, all dofs */
   size_t   l_offset;       /* into L */
