@@ -5,7 +5,6 @@
    corresponding forces (25), (39), (41). What the options choose for its solver decides on the form of its matrix.
 */
 
-#define LATIN_GROUPS    3    /* subdomains a side of a group that is condensed; of 2, 3, 4, 6 the least set-up and memory */
 #define LATIN_REDUNDANT 1500 /* most rows of a parallel matrix that every rank factors by itself */
 
 /* The types that the options choose, before there is a matrix: an iteration (*iterative), one that takes the part of each rank by itself (*apart) */
@@ -76,7 +75,7 @@ PetscErrorCode LatinCoarseSetUp(LatinCoarse *coarse, const LatinHomogenised *sti
   if (!coarse->macro->modes_global && !coarse->primal_global) PetscFunctionReturn(0); /* no interface: one subdomain, or disconnected ones */
   PetscCall(PetscLogEventBegin(LATIN_Coarse, coarse->sub->object, 0, 0, 0));
   PetscCall(LatinCoarseOptions_Private(coarse, &iterative, &apart));
-  PetscCall(LatinGroupsSetUp(coarse, stiffness, iterative ? 1 : LATIN_GROUPS));
+  PetscCall(LatinGroupsSetUp(coarse, stiffness, (PetscBool)!iterative));
   PetscCall(LatinCoarseAssemble_Private(coarse, apart));
   if (iterative) PetscCall(LatinCoarseNear_Private(coarse));
   PetscCall(LatinGroupsFinish(coarse));
@@ -113,7 +112,7 @@ PetscErrorCode LatinCoarseSolve(LatinCoarse *coarse)
   PetscFunctionBegin;
   if (!coarse->A) PetscFunctionReturn(0);
   PetscCall(PetscLogEventBegin(LATIN_Coarse, coarse->sub->object, 0, 0, 0));
-  PetscCall(LatinGroupsDown(coarse));
+  PetscCall(LatinGroupsPass(coarse, PETSC_FALSE));
   PetscCall(VecZeroEntries(coarse->rhs));
   PetscCall(VecGetArray(coarse->rhs, &b));
   PetscCall(LatinSFReduce_Private(coarse->top_sf, 1, MPIU_SCALAR, coarse->top.q, b, MPI_SUM));
@@ -124,7 +123,7 @@ PetscErrorCode LatinCoarseSolve(LatinCoarse *coarse)
     PetscCall(LatinSolverNote_Private(coarse->ksp, coarse->sub->preconditions, &coarse->failed));
   }
   PetscCall(LatinCoarseDistribute_Private(coarse, coarse->sol));
-  PetscCall(LatinGroupsUp(coarse));
+  PetscCall(LatinGroupsPass(coarse, PETSC_TRUE));
   PetscCall(PetscLogEventEnd(LATIN_Coarse, coarse->sub->object, 0, 0, 0));
   PetscFunctionReturn(0);
 }
@@ -134,9 +133,9 @@ PetscErrorCode LatinCoarseExpand_Private(LatinCoarse *coarse, Vec v)
 {
   PetscFunctionBegin;
   PetscCall(PetscArrayzero(coarse->q, coarse->offset[coarse->sub->n]));
-  PetscCall(LatinGroupsDown(coarse));
+  PetscCall(LatinGroupsPass(coarse, PETSC_FALSE));
   PetscCall(LatinCoarseDistribute_Private(coarse, v));
-  PetscCall(LatinGroupsUp(coarse));
+  PetscCall(LatinGroupsPass(coarse, PETSC_TRUE));
   PetscFunctionReturn(0);
 }
 
@@ -149,7 +148,6 @@ PetscErrorCode LatinCoarseReset(LatinCoarse *coarse)
   PetscCall(MatDestroy(&coarse->A));
   PetscCall(VecDestroy(&coarse->rhs));
   PetscCall(VecDestroy(&coarse->sol));
-  PetscCall(PetscSFDestroy(&coarse->sf));
   PetscCall(PetscLayoutDestroy(&coarse->map));
   PetscCall(PetscFree(coarse->offset));
   PetscCall(PetscFree(coarse->macro_count));

@@ -11,25 +11,30 @@
 
 /* Subdomains, or groups of them, seen from the coarse problem; equal ones share an operator */
 typedef struct {
-  PetscInt   n;
-  PetscInt  *offset;   /* [n + 1] coarse dofs of each element */
-  PetscInt  *dof;      /* [offset[n]] their numbers on this rank */
-  PetscInt  *pattern;  /* [n] the first element equal to each */
-  size_t    *h_offset; /* [n] into H */
-  PetscReal *H;        /* operators, column-major, one for each pattern */
-  PetscReal *box;      /* [n][2][3] lowest and highest coordinates */
-  PetscReal *q, *u;    /* [offset[n]] forces and displacements, element by element */
+  PetscInt   n, patterns; /* how many, and how many different */
+  PetscInt  *offset;      /* [n + 1] coarse dofs of each element */
+  PetscInt  *dof;         /* [offset[n]] their numbers on this rank */
+  PetscInt  *pattern;     /* [n] the first element equal to each */
+  size_t    *h_offset;    /* [n] into H */
+  PetscReal *H;           /* operators, column-major, one for each pattern */
+  uint64_t  *place;       /* [n] cells of a grid as fine as they are, see coarse/groups.c */
+  PetscReal *q, *u;       /* [offset[n]] forces and displacements, element by element */
 } LatinElements;
 
 typedef struct {
-  LatinElements fine, coarse;             /* what the groups are made of; the groups */
-  PetscInt      groups, *first, *member;  /* [groups + 1], [fine.n] */
-  PetscInt     *interior;                 /* [groups] dofs that are eliminated */
-  PetscInt     *slot;                     /* [fine.offset[fine.n]] dof of the group: interior ones, then coarse.dof */
-  PetscInt      patterns, *pattern_first; /* [patterns + 1] into pattern_group */
-  PetscInt     *pattern_group;            /* [groups] by pattern */
-  size_t       *l_offset, *v_offset;      /* [patterns] into L, [patterns + 1] into v */
-  PetscReal    *L, *v, *work;             /* factors L and Z of each pattern; forces on interior dofs */
+  LatinKey key;            /* by which they are sorted */
+  PetscInt first, last;    /* members: from, and up to but not with */
+  PetscInt interior, rows; /* dofs that are eliminated, all dofs */
+  size_t   l_offset;       /* into L */
+} LatinGroup;
+
+typedef struct {
+  LatinElements fine, coarse; /* what the groups are made of; the groups, equal ones one after the other */
+  LatinGroup   *group;        /* [coarse.n] */
+  PetscInt     *member;       /* [fine.n] by group */
+  PetscInt     *slot;         /* [fine.offset[fine.n]] dof of the group: interior ones, then those of coarse; in the end, its place in x */
+  PetscReal    *L;            /* of each pattern, [rows][interior]: L, and Z below it */
+  PetscReal    *x;            /* forces on the interior dofs of all groups, and what they become; then coarse.q, which coarse.u takes the place of */
 } LatinGroupLevel;
 
 /* ---- coarse problem (coarse/numbering.c, coarse/assembly.c, coarse/nearnullspace.c, coarse/coarse.c) ---- */
@@ -45,7 +50,6 @@ typedef struct {
   PetscInt       *macro_count;                 /* [subdomains] how many of them are macro modes */
   PetscInt       *global;                      /* [offset[n]] their global numbers */
   PetscInt        widest;                      /* most coarse dofs of a subdomain here */
-  PetscSF         sf;                          /* all coarse dofs -> coarse dofs of the subdomains here */
   PetscReal      *q, *u;                       /* [offset[n]] condensed forces and coarse displacements of one linear stage, subdomain by subdomain */
   /* matrix and solver */
   Mat               A;
@@ -76,10 +80,9 @@ PETSC_INTERN PetscErrorCode LatinCoarseExpand_Private(LatinCoarse *, Vec);
 PETSC_INTERN PetscErrorCode LatinCoarseReset(LatinCoarse *);
 PETSC_INTERN PetscErrorCode LatinCoarseAssemble_Private(LatinCoarse *, PetscBool apart);
 PETSC_INTERN PetscErrorCode LatinCoarseNear_Private(LatinCoarse *);
-PETSC_INTERN PetscErrorCode LatinGroupsSetUp(LatinCoarse *, const LatinHomogenised *, PetscInt width);
+PETSC_INTERN PetscErrorCode LatinGroupsSetUp(LatinCoarse *, const LatinHomogenised *, PetscBool groups);
 PETSC_INTERN PetscErrorCode LatinGroupsFinish(LatinCoarse *);
 PETSC_INTERN PetscErrorCode LatinGroupsReset(LatinCoarse *);
-PETSC_INTERN PetscErrorCode LatinGroupsDown(LatinCoarse *);
-PETSC_INTERN PetscErrorCode LatinGroupsUp(LatinCoarse *);
+PETSC_INTERN PetscErrorCode LatinGroupsPass(LatinCoarse *, PetscBool up);
 
 #endif

@@ -95,8 +95,5 @@ PetscErrorCode LatinCoarseNumber(LatinCoarse *coarse)
   LatinCoarseGlobal(coarse, size, macros, table);
   PetscCall(PetscFree(macros));
   PetscCall(PetscFree(table));
-  PetscCall(PetscSFCreate(comm, &coarse->sf));
-  PetscCall(PetscSFSetGraphLayout(coarse->sf, coarse->map, coarse->offset[sub->n], NULL, PETSC_COPY_VALUES, coarse->global));
-  PetscCall(PetscSFSetUp(coarse->sf));
   PetscFunctionReturn(0);
 }
