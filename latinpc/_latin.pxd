@@ -1,0 +1,121 @@
+# What _latin.pyx uses of PETSc and of latinpc.h.
+
+from petsc4py.PETSc cimport MPI_Comm
+from petsc4py.PETSc cimport PetscDM, PetscIS, PetscKSP, PetscMat, PetscObject, PetscPC, PetscSNES, PetscTS, PetscVec
+
+
+cdef extern from *:
+    ctypedef int PetscErrorCode
+    ctypedef long PetscInt
+    ctypedef double PetscReal
+    ctypedef bint PetscBool "PetscBool"
+    int PETSC_VERSION_MAJOR, PETSC_VERSION_MINOR, PETSC_VERSION_SUBMINOR
+    PetscErrorCode PetscInitialized(PetscBool *)
+    PetscErrorCode PetscFinalized(PetscBool *)
+    PetscErrorCode PetscObjectReference(PetscObject)
+    PetscErrorCode PetscFree(void *)
+
+cdef extern from "latinpc.h":
+    int LATINPC_VERSION_MAJOR, LATINPC_VERSION_MINOR, LATINPC_VERSION_SUBMINOR
+
+    struct _p_LatinStructure
+    ctypedef _p_LatinStructure *LatinStructure
+    struct _p_Latin
+    ctypedef _p_Latin *Latin
+
+    ctypedef struct LatinStatistics:
+        PetscInt subdomains
+        PetscInt strong_interfaces
+        PetscInt weak_interfaces
+        PetscInt strong_macro_dofs
+        PetscInt weak_dofs
+        PetscInt coarse_size, coarse_levels
+        PetscInt local_macro_dofs
+        PetscInt low_energy_subdomains
+        PetscInt local_modes_max
+        PetscInt micro_sides
+        PetscInt state_size
+        PetscReal direction_min
+        PetscReal direction_mean
+        PetscReal direction_max
+
+    PetscErrorCode LatinInitializePackage()
+
+    ctypedef struct LatinLawFunctions:  # functions of C, known here by their addresses only
+        void *tension
+        void *tangent
+        void *energy
+        void *local
+        void *ctx
+
+    PetscErrorCode LatinLawRegister(const char *, const LatinLawFunctions *, PetscInt *)
+    PetscErrorCode LatinLawRegisterTable(const char *, PetscInt, const PetscReal *, const PetscReal *, PetscInt *)
+    PetscErrorCode LatinLawGetName(PetscInt, const char **)
+
+    PetscErrorCode LatinStructureCreate(MPI_Comm, PetscInt, PetscInt, PetscInt, const PetscReal *, PetscInt, const PetscInt *, LatinStructure *)
+    PetscErrorCode LatinStructureSetLaws(LatinStructure, const PetscInt *, const PetscReal *, const PetscReal *)
+    PetscErrorCode LatinStructureSetDirections(LatinStructure, const PetscReal *)
+    PetscErrorCode LatinStructureSetFriction(LatinStructure, const PetscReal *)
+    PetscErrorCode LatinStructureSetSupports(LatinStructure, const PetscBool *, const PetscReal *)
+    PetscErrorCode LatinStructureSetLoads(LatinStructure, const PetscReal *)
+    PetscErrorCode LatinStructureSetInitialElongations(LatinStructure, const PetscReal *)
+    PetscErrorCode LatinStructureSetPrestress(LatinStructure, const PetscReal *)
+    PetscErrorCode LatinStructureSetMass(LatinStructure, const PetscReal *)
+    PetscErrorCode LatinStructureSetUp(LatinStructure)
+    PetscErrorCode LatinStructureGetDM(LatinStructure, PetscDM *)
+    PetscErrorCode LatinStructureAttachSNES(LatinStructure, PetscSNES)
+    PetscErrorCode LatinStructureAttachTS(LatinStructure, PetscTS)
+    PetscErrorCode LatinStructureGetSizes(LatinStructure, PetscInt *, PetscInt *, PetscInt *, PetscInt *)
+    PetscErrorCode LatinStructureComputeResidual(LatinStructure, PetscVec, PetscVec)
+    PetscErrorCode LatinStructureComputeJacobian(LatinStructure, PetscVec, PetscMat)
+    PetscErrorCode LatinStructureComputeEnergy(LatinStructure, PetscVec, PetscReal *)
+    PetscErrorCode LatinStructureComputeKineticEnergy(LatinStructure, PetscVec, PetscReal *)
+    PetscErrorCode LatinStructureComputeErrors(LatinStructure, PetscVec, PetscVec, PetscReal *, PetscReal *)
+    PetscErrorCode LatinStructureGetDisplacements(LatinStructure, PetscVec, PetscReal *)
+    PetscErrorCode LatinStructureGetTensions(LatinStructure, PetscVec, PetscReal *)
+    PetscErrorCode LatinStructureSetDisplacements(LatinStructure, const PetscReal *, PetscVec)
+    PetscErrorCode LatinStructureDestroy(LatinStructure *)
+
+    PetscErrorCode SNESLatinGetLatin(PetscSNES, Latin *)
+    ctypedef enum LatinStopType:
+        pass
+    ctypedef enum LatinWarmStart:
+        pass
+    ctypedef enum LatinNewtonType:
+        pass
+    PetscErrorCode SNESLatinSetStop(PetscSNES, LatinStopType)
+    PetscErrorCode SNESLatinSetError(PetscSNES, PetscReal)
+    PetscErrorCode SNESLatinSetNewton(PetscSNES, LatinNewtonType)
+    PetscErrorCode SNESLatinSetReference(PetscSNES, PetscVec)
+    PetscErrorCode SNESLatinSetWarmStart(PetscSNES, LatinWarmStart)
+    PetscErrorCode SNESLatinGetHistory(PetscSNES, PetscInt *, const PetscReal **, const PetscReal **, const PetscReal **)
+    PetscErrorCode SNESLatinGetUnsupportedNodes(PetscSNES, PetscInt *, PetscInt *, const PetscInt **, PetscReal *)
+    PetscErrorCode SNESLatinGetJammedLinks(PetscSNES, PetscInt *, PetscInt *, const PetscInt **)
+    PetscErrorCode SNESLatinGetEstimates(PetscSNES, PetscInt *, const PetscReal **, PetscReal *, PetscReal *)
+    PetscErrorCode LatinStateSave(PetscObject, PetscVec, const char *, PetscInt, const char *)
+    PetscErrorCode LatinStateLoad(PetscObject, PetscVec, const char *, PetscInt *, char **)
+    PetscErrorCode LatinGetEnergyBound(PetscSNES, PetscReal *, PetscReal *)
+    PetscErrorCode LatinGetDigits(PetscSNES, PetscReal *, PetscReal *, PetscReal *, PetscReal *)
+    PetscErrorCode SNESLatinGetTensions(PetscSNES, PetscReal *)
+    PetscErrorCode SNESLatinGetOuter(PetscSNES, PetscSNES *)
+    PetscErrorCode KSPLatinGetLatin(PetscKSP, Latin *)
+    PetscErrorCode LatinStructureAttachKSP(LatinStructure, PetscKSP)
+    PetscErrorCode KSPLatinGetOuter(PetscKSP, PetscKSP *)
+    PetscErrorCode TSLatinGetTensions(PetscTS, PetscReal *)
+    PetscErrorCode PCLatinGetLatin(PetscPC, Latin *)
+    PetscErrorCode LatinStructureAttachPC(LatinStructure, PetscPC)
+    PetscErrorCode PCShellSetLatin(PetscPC)
+
+    PetscErrorCode LatinSetPartition(Latin, PetscInt, const PetscInt *)
+    PetscErrorCode LatinSetSubdomains(Latin, PetscInt)
+    PetscErrorCode LatinSetVariant(Latin, int)
+    PetscErrorCode LatinSetModes(Latin, int, PetscReal)
+    PetscErrorCode LatinSetDirection(Latin, int, PetscReal)
+    PetscErrorCode LatinGetLocalKSP(Latin, PetscInt, PetscKSP *)
+    PetscErrorCode LatinGetCoarseKSP(Latin, PetscKSP *)
+    PetscErrorCode LatinGetStatistics(Latin, LatinStatistics *)
+    PetscErrorCode LatinGetSubdomains(Latin, PetscInt *, PetscInt *)
+    PetscErrorCode LatinGetSubdomainIS(Latin, PetscInt, PetscIS *)
+    PetscErrorCode LatinGetSubdomainOfLinks(Latin, PetscInt *)
+    PetscErrorCode LatinGetNodeClasses(Latin, PetscInt *)
+    PetscErrorCode LatinGetMacroStiffness(Latin, PetscInt, PetscMat *)
