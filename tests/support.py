@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from contextlib import contextmanager
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -19,6 +20,8 @@ VARIANTS = ("none", "macro", "corner")
 ALL_VARIANTS = (*VARIANTS, "published")
 PLAIN = {"outer_snes_type": "nrichardson"}
 ROUNDING = 1e-10
+HDF5 = b"H5Fopen" in Path(latinpc.__file__).with_name("liblatinpc.so").read_bytes()
+STATES = ("state", "state.h5") if HDF5 else ("state",)  # files in PETSc's binary format, and in HDF5
 SNES_OWN = ("max_it", "stol", "rtol", "atol", "divergence_tolerance", "monitor", "view")
 
 

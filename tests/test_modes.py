@@ -3,6 +3,7 @@
 import numpy as np
 import oracle
 import pytest
+from bases import rigid_modes
 from petsc4py import PETSc
 
 import latinpc
@@ -48,7 +49,7 @@ def test_iterates_are_the_oracles(name, variant, database):
     more |= {"latin_modes": "rigid", "latin_variant": variant}
     snes, u = solve(scene, database, max_it=5, latin_outer_snes_type="nrichardson", **more)
     scene.subdomain = latinpc.subdomain_of_links(snes)
-    history = oracle.latin_history(scene, 5, modes=oracle.rigid_modes, variant=variant)
+    history = oracle.latin_history(scene, 5, modes=rigid_modes, variant=variant)
     assert np.allclose(latinpc.history(snes)["indicator"], history.indicator, rtol=1e-9)
     assert np.abs(u - history.iterates[-1].reshape(u.shape)).max() < 1e-10 * np.abs(u).max()
 

@@ -14,9 +14,9 @@ import oracle
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from motions import motion
 from random_motions import Throw, as_statics, momenta, step_errors, throws
 from random_structures import Draw, draws, in_units, options, renumbered
-from test_dynamics import motion
 from test_properties import ALIKE, EXAMPLES
 
 SHARE = {"elastic": 0.15, "shocks": 0.1, "friction": 0.1}

@@ -8,9 +8,9 @@ import meshio
 import numpy as np
 import oracle
 import pytest
+from motions import EXACT, motion
 from PIL import Image
 from test_cli import latinpc, said
-from test_dynamics import EXACT, motion
 from test_files import MSH, TOML
 
 from latinpc.files.gmsh import read_scene

@@ -10,9 +10,9 @@ import numpy as np
 import oracle
 import pytest
 from conftest import LOGS, ROOT
+from motions import heavy, motion
 from petsc4py import PETSc
 from support import SNES_OWN, chain, grid, irregular, latin, lattice, logged
-from test_dynamics import heavy, motion
 
 import latinpc
 from latinpc.scenes import Law, make

@@ -7,8 +7,8 @@ import numpy as np
 import oracle
 import pytest
 from lcp import step
+from motions import EXACT, NEWTON, counts, floating, heavy, message, motion, one_mass
 from support import grid, logged
-from test_dynamics import EXACT, NEWTON, counts, floating, heavy, message, motion, one_mass
 
 from latinpc.scenes import Law, Scene, make
 

@@ -1,4 +1,4 @@
-"""SNES latin as PETSc users know a SNES: reasons, tolerances, monitors, views, second solves, other types."""
+"""SNES latin as PETSc users know a SNES: reasons, tolerances, monitors, views, other types."""
 
 import re
 from dataclasses import replace
@@ -8,7 +8,7 @@ import oracle
 import pytest
 from conftest import ROOT
 from petsc4py import PETSc
-from support import PLAIN, VARIANTS, far, grid, irregular, latin, lattice, network, settled, solve, unbalance
+from support import PLAIN, VARIANTS, far, grid, irregular, latin, lattice, network, solve, unbalance
 
 import latinpc
 from latinpc.runs.options import default_options
@@ -149,6 +149,18 @@ def test_what_it_prints(mpirun):
     assert "There are no unused options" in out
 
 
+def test_defaults_of_the_manual_page_are_those_of_help(mpirun):
+    """Each option of the page that has a default has the same one in -help."""
+    page = (ROOT / "latinpc" / "src" / "snes" / "sneslatin.c").read_text()
+    told = dict(re.findall(r"^[+.-] (-snes_\w+) <([^>]+)>", page[page.index("/*MC") :], re.MULTILINE))
+    shown = mpirun(1, PROGRAM, "-help").stdout
+    assert len(told) > 10
+    for name, default in told.items():
+        found = re.search(rf"{name}:? <(?:now )?([^ :>]+)", shown)
+        assert found, name
+        assert found[1].lower().rstrip(".") == default.lower(), name
+
+
 def test_monitor_shows_what_is_computed(mpirun):
     """With the residual stop the residual of each iteration stands beside the indicator."""
     out = mpirun(1, PROGRAM, "-snes_latin_monitor", "-snes_latin_stop", "residual", "-snes_rtol", "1e-2").stdout
@@ -213,253 +225,6 @@ def test_petscs_test_that_never_ends_a_solve():
     with default_options({"snes_convergence_test": "skip"}), latin(grid(), stol=1e-2, max_it=40) as run:
         run.snes.solve(None, run.structure.create_vec())
         assert run.snes.getIterationNumber() == 40
-
-
-# ---- second solves ---------------------------------------------------------------------------
-@pytest.mark.parametrize("make", [grid, irregular])
-def test_other_loads_and_initial_elongations_need_no_new_set_up(make):
-    """New load, new initial_elongation, and back: each answer right, the operators the same objects throughout."""
-    scene = make()
-    cases = [
-        scene,
-        replace(scene, load=0.5 * scene.load),
-        replace(scene, initial_elongation=1.3 * scene.initial_elongation),
-        scene,
-    ]
-    with latin(scene, stol=1e-10, max_it=2000) as run:
-        run.snes.setUp()
-        u, solvers = run.structure.create_vec(), [latinpc.local_ksp(run.snes), latinpc.coarse_ksp(run.snes)]
-        states = [ksp.getOperators()[0].stateGet() for ksp in solvers]
-        for case in cases:
-            run.structure.set_load(case.load)
-            run.structure.set_initial_elongation(case.initial_elongation)
-            run.snes.solve(None, u)
-            assert run.snes.getConvergedReason() > 0
-            assert far(run.structure.displacements(u), oracle.newton(case)) < 1e-7
-        assert solvers == [latinpc.local_ksp(run.snes), latinpc.coarse_ksp(run.snes)]
-        assert states == [ksp.getOperators()[0].stateGet() for ksp in solvers]
-
-
-@pytest.mark.parametrize("variant", ["macro", "corner"])
-@pytest.mark.parametrize("make", [grid, irregular, network, lattice])
-def test_a_solution_is_its_own_initial_guess(make, variant):
-    """From the solution one linear stage, which changes nothing; from near it fewer than from the prestressed state."""
-    scene = make()
-    exact = oracle.newton(scene)
-    with latin(scene, variant=variant) as run:
-        u, counts = run.structure.create_vec(), []
-        for guess in (0.0 * exact, 1.001 * exact, exact):
-            run.structure.set_displacements(guess, u)
-            run.snes.solve(None, u)
-            assert run.snes.getConvergedReason() > 0
-            counts.append(run.snes.getIterationNumber())
-        assert counts[2] == 1
-        assert counts[1] < counts[0]
-        assert latinpc.history(run.snes)["indicator"][0] < 1e-9
-        assert far(run.structure.displacements(u), exact) < 1e-9
-
-
-def test_a_guess_that_is_far_off_does_not_matter():
-    """It costs iterations, and the solution is the same; zero is the prestressed state, whatever was solved before."""
-    with latin(grid(), stol=1e-8) as run:
-        u = run.structure.create_vec()
-        run.snes.solve(None, u)
-        first, count = u.copy(), run.snes.getIterationNumber()
-        u.scale(1e3)
-        run.snes.solve(None, u)
-        assert run.snes.getConvergedReason() > 0
-        assert (u - first).norm() <= 1e-6 * first.norm()
-        u.zeroEntries()
-        run.snes.solve(None, u)
-        assert run.snes.getIterationNumber() == count
-        assert np.array_equal(u, first)
-
-
-def test_a_guess_with_settled_supports_more_load_and_the_residual_stop():
-    """The guess is of the free displacements, loads are those of the solve, and rtol is relative to its residual."""
-    scene = settled(network())
-    extra = np.where(scene.fixed, 0.0, np.random.default_rng(0).normal(size=scene.nodes.shape))
-    with latin(scene, stop="residual", rtol=1e-6, atol=1e-7) as run:
-        u, b, r = (run.structure.create_vec() for _ in range(3))
-        run.structure.set_displacements(extra, b)
-        run.structure.set_displacements(0.9 * oracle.newton(replace(scene, load=scene.load + extra)), u)
-        run.structure.residual(u, r)
-        before = (r - b).norm()
-        run.snes.solve(b, u)
-        assert run.snes.getConvergedReason() == REASON.CONVERGED_FNORM_RELATIVE
-        run.structure.residual(u, r)
-        assert (r - b).norm() <= 1e-6 * before
-        run.snes.setTolerances(atol=2 * run.snes.getFunctionNorm())
-        run.snes.solve(b, u)
-        assert run.snes.getConvergedReason() == REASON.CONVERGED_FNORM_ABS
-        assert run.snes.getIterationNumber() == 0
-
-
-def test_as_a_nonlinear_preconditioner():
-    """-npc_snes_type latin: each goes on from the current displacements, and improves them."""
-    scene = grid()
-    structure = latinpc.Structure.from_scene(scene, comm=PETSc.COMM_SELF)
-    options = {"snes_type": "ngmres", "npc_snes_type": "latin", "npc_snes_max_it": 3, "snes_rtol": 1e-8}
-    with default_options(options | {"snes_max_it": 60, "snes_npc_side": "right"}):
-        snes = structure.create_snes()
-        snes.setType("ngmres")
-        snes.setFromOptions()
-    norms = []
-    snes.setMonitor(lambda _, iteration, norm: norms.append(norm))
-    u = structure.create_vec()
-    snes.solve(None, u)
-    assert snes.getConvergedReason() > 0
-    assert norms[-1] <= 1e-8 * norms[0]
-    assert snes.getNPC().getType() == "latin"
-    assert far(structure.displacements(u), oracle.newton(scene)) < 1e-6
-
-
-def test_a_prefix_reaches_all_inner_solvers():
-    """setOptionsPrefix() before or after options were read: outer, Newton, local and coarse solvers, digits."""
-    structure = latinpc.Structure.from_scene(grid(), comm=PETSc.COMM_SELF)
-    inner = {"outer_snes_type": "ngmres", "stop": "error", "newton_ksp_type": "minres"}
-    for late in (False, True):
-        snes = PETSc.SNES().create(PETSc.COMM_SELF)
-        if late:
-            snes.setType("latin")
-            snes.setFromOptions()
-        snes.setOptionsPrefix("a_")
-        structure.attach(snes)
-        latins = {f"a_snes_latin_{key}": value for key, value in inner.items()}
-        ksps = {"a_snes_latin_local_ksp_type": "gmres", "a_snes_latin_coarse_ksp_type": "fgmres"}
-        with default_options({"a_snes_type": "latin", "a_snes_stol": 1e-9} | latins | ksps):
-            snes.setFromOptions()
-            snes.solve(None, structure.create_vec())
-        assert snes.getConvergedReason() > 0
-        assert snes.getLinearSolveIterations() > 0
-        assert latinpc.outer_snes(snes).getType() == "ngmres"
-        assert latinpc.local_ksp(snes).getType() == "gmres"
-        assert latinpc.coarse_ksp(snes).getType() == "fgmres"
-        with default_options({"a_latin_digits_ksp_max_it": 1}), pytest.raises(PETSc.Error, match="ksp_monitor"):
-            latinpc.digits(snes)
-
-
-def test_a_type_of_the_inner_snes_set_in_code():
-    """As by the option, defaults included, and it stays when the structure is set up anew."""
-    by_option = solve(grid(), **PLAIN)
-    with latin(grid()) as run:
-        outer = latinpc.outer_snes(run.snes)
-        outer.setType("nrichardson")
-        for load in (1.0, 2.0):
-            run.structure.set_load(load * grid().load)
-            u = run.structure.create_vec()
-            run.snes.solve(None, u)
-            assert latinpc.outer_snes(run.snes) == outer and outer.getType() == "nrichardson"
-            if load == 1.0:
-                assert run.snes.getIterationNumber() == by_option.iterations
-                assert np.array_equal(run.structure.displacements(u), by_option.u)
-            with default_options({"snes_latin_variant": "macro"}):  # all is built anew
-                run.snes.setFromOptions()
-
-
-def test_setters_do_what_options_do():
-    """Stop, error and Newton's method in code give the bits that the options give."""
-    scene = irregular()
-    for options, setters in (
-        ({"stop": "energy", "error": 1e-5}, [("stop", "energy"), ("error", 1e-5)]),
-        ({"stop": "residual"}, [("stop", "residual")]),
-        ({"newton": "never", "stop": "error"}, [("newton", "never"), ("stop", "error")]),
-    ):
-        by_option = solve(scene, **options)
-        with latin(scene, **({"stol": 1e-9} if "stol" in options else {})) as run:
-            for name, *values in setters:
-                getattr(latinpc, f"set_{name}")(run.snes, *values)
-            u = run.structure.create_vec()
-            run.snes.solve(None, u)
-            assert run.snes.getIterationNumber() == by_option.iterations
-            assert np.array_equal(run.structure.displacements(u), by_option.u)
-
-
-def test_defaults_of_the_manual_page_are_those_of_help(mpirun):
-    """Each option of the page that has a default has the same one in -help."""
-    page = (ROOT / "latinpc" / "src" / "snes" / "sneslatin.c").read_text()
-    told = dict(re.findall(r"^[+.-] (-snes_\w+) <([^>]+)>", page[page.index("/*MC") :], re.MULTILINE))
-    shown = mpirun(1, PROGRAM, "-help").stdout
-    assert len(told) > 10
-    for name, default in told.items():
-        found = re.search(rf"{name}:? <(?:now )?([^ :>]+)", shown)
-        assert found, name
-        assert found[1].lower().rstrip(".") == default.lower(), name
-
-
-def test_warm_start_uses_the_state_of_the_last_solve():
-    """By option a solve goes on from the state of the one before: after a small change of load it is shorter."""
-    scene = grid()
-    with latin(scene, stol=1e-8, warm_start="last") as run:
-        u = run.structure.create_vec()
-        run.snes.solve(None, u)
-        cold = run.snes.getIterationNumber()
-        run.snes.solve(None, u)
-        assert run.snes.getIterationNumber() <= 2
-        run.structure.set_load(1.001 * scene.load)
-        run.snes.solve(None, u)
-        assert run.snes.getIterationNumber() < cold
-        assert far(run.structure.displacements(u), oracle.newton(replace(scene, load=1.001 * scene.load))) < 1e-6
-
-
-def test_right_hand_side_is_more_load():
-    """F(x) = b: the vector of a solve is added to the loads of the structure, for that solve only."""
-    scene = settled(network())
-    extra = np.where(scene.fixed, 0.0, np.random.default_rng(0).normal(size=scene.nodes.shape))
-    with latin(scene, stol=1e-10, max_it=2000) as run:
-        u, b = run.structure.create_vec(), run.structure.create_vec()
-        run.structure.set_displacements(extra, b)
-        for rhs, load in ((b, scene.load + extra), (None, scene.load), (2 * b, scene.load + 2 * extra)):
-            run.snes.solve(rhs, u)
-            assert run.snes.getConvergedReason() > 0
-            assert far(run.structure.displacements(u), oracle.newton(replace(scene, load=load))) < 1e-7
-
-
-def test_options_read_again_rebuild():
-    """Another variant or direction after a solve is what the next solve uses."""
-    scene = grid()
-    with latin(scene, max_it=4, stol=0, **PLAIN) as run:
-        u = run.structure.create_vec()
-        run.snes.solve(None, u)
-        for options in (
-            {"variant": "macro"},
-            {"variant": "published"},
-            {"direction": "scalar"},
-            {"direction": "scalar", "direction_value": 1e6},
-        ):
-            with default_options({f"snes_latin_{key}": value for key, value in options.items()}):
-                run.snes.setFromOptions()
-                u.zeroEntries()
-                run.snes.solve(None, u)
-            assert far(run.structure.displacements(u), solve(scene, max_it=4, stol=0, **options, **PLAIN).u) < 1e-9
-            latinpc.set_variant(run.snes, "corner")
-            latinpc.set_direction(run.snes, "schur")
-
-
-def test_reset_builds_anew():
-    """After SNESReset() the same object solves again, to the same bits."""
-    with latin(irregular()) as run:
-        u, v = run.structure.create_vec(), run.structure.create_vec()
-        run.snes.solve(None, u)
-        run.snes.reset()
-        run.structure.attach(run.snes)
-        run.snes.solve(None, v)
-        assert (u - v).norm() == 0.0
-
-
-def test_two_solvers_share_a_structure():
-    """Two solvers of different variants on one structure do not disturb each other."""
-    structure = latinpc.Structure.from_scene(grid(), comm=PETSc.COMM_SELF)
-    solvers, found = {"macro": structure.create_snes(), "none": structure.create_snes()}, {}
-    for variant, snes in solvers.items():
-        with default_options({"snes_latin_variant": variant, "snes_stol": 1e-9}):
-            snes.setFromOptions()
-            snes.setUp()
-    for variant in ("macro", "none", "macro"):
-        found[variant] = structure.create_vec()
-        solvers[variant].solve(None, found[variant])
-    assert [latinpc.statistics(snes)["weak_dofs"] for snes in solvers.values()] == [24, 0]
-    assert (found["macro"] - found["none"]).norm() < 1e-6 * found["none"].norm()
 
 
 # ---- the same object, other solvers ----------------------------------------------------------

@@ -1,0 +1,132 @@
+"""Checkpoints of the command line: a run that is killed or interrupted goes on to the bit."""
+
+import contextlib
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+from conftest import environment, run
+from support import STATES
+
+LONG = {
+    "ramp": ["tensegrity-grid", "--modules", 8, "--subdomains", 4, "--increments", 60],
+    "motion": ["impact-grid", "--modules", 8, "--steps", 200],
+}
+NEVER_THE_SAME = ("seconds", "first_step_seconds", "setup_seconds", "solve_seconds", "peak_memory_bytes")
+
+
+def launch(*words, ranks=1):
+    words = [sys.executable, "-c", "from latinpc.cli import main; main()", "solve", *map(str, words)]
+    return (["mpirun", "-n", str(ranks)] if ranks > 1 else []) + words
+
+
+def result(folder, words, name, ranks=1):
+    """Displacements and tensions as written, and the report without what no two runs have in common."""
+    run([*launch(*words, "--quiet", "--output", f"{name}.vtu", "--json", f"{name}.json", ranks=ranks)], cwd=folder)
+    report = json.loads((folder / f"{name}.json").read_text())
+    return (folder / f"{name}.vtu").read_bytes(), {k: v for k, v in report.items() if k not in NEVER_THE_SAME}
+
+
+def begin(folder, words, ranks=1, file="state"):
+    """Start a run that keeps its state; wait for the first one."""
+    words = launch(*words, "--quiet", "--checkpoint", file, ranks=ranks)
+    state = folder / file
+    before = state.stat().st_mtime_ns if state.exists() else 0
+    process = subprocess.Popen(
+        words, cwd=folder, env=environment(), stderr=subprocess.PIPE, text=True, start_new_session=True
+    )
+    deadline = time.monotonic() + 60
+    while not state.exists() or state.stat().st_mtime_ns == before:
+        assert time.monotonic() < deadline
+        if process.poll() is not None:
+            break
+        time.sleep(0.001)
+    return process
+
+
+def killed(folder, words, times, ranks, seed, file="state"):
+    """Kill a run at random moments, go on each time, and return its result."""
+    rng, restart = random.Random(seed), []
+    for _ in range(times):
+        process = begin(folder, [*words, *restart], ranks, file)
+        time.sleep(rng.random() * 0.3)
+        with contextlib.suppress(ProcessLookupError):  # it has been quicker
+            os.killpg(process.pid, signal.SIGKILL)
+        process.communicate()
+        restart = ["--restart", file]
+    return result(folder, [*words, *restart], "pieces", ranks)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", LONG)
+def test_a_run_that_is_killed_goes_on_to_the_bit(kind, tmp_path):
+    assert killed(tmp_path, LONG[kind], 2, 1, 0) == result(tmp_path, LONG[kind], "whole")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("file", STATES)
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("kind", LONG)
+def test_a_run_that_is_killed_often_goes_on_to_the_bit(kind, ranks, file, tmp_path):
+    whole = result(
+        tmp_path, [*LONG[kind], "--checkpoint", "whole.state"], "whole", ranks
+    )  # with the options of such a run
+    for seed in range(4):
+        (tmp_path / file).unlink(missing_ok=True)
+        assert killed(tmp_path, LONG[kind], 5, ranks, seed, file) == whole, seed
+
+
+@pytest.mark.parametrize(
+    ("number", "code"), [pytest.param(signal.SIGINT, 130, marks=pytest.mark.slow), (signal.SIGTERM, 143)]
+)
+def test_an_interrupted_run_says_where_its_state_is(number, code, tmp_path):
+    process = begin(tmp_path, LONG["motion"])
+    process.send_signal(number)
+    said = process.communicate(timeout=60)[1]
+    assert process.returncode == code, said
+    assert "continue with --restart state" in said
+    assert result(tmp_path, [*LONG["motion"], "--restart", "state"], "end")[1]["steps"] == 200
+
+
+@pytest.mark.slow  # mpirun leaves its ranks a second to say it, which a busy machine may not give them
+def test_a_run_on_two_ranks_says_where_its_state_is(tmp_path):
+    process = begin(tmp_path, LONG["motion"], 2)
+    process.send_signal(signal.SIGTERM)
+    said = process.communicate(timeout=60)[1]
+    assert process.returncode
+    assert "continue with --restart state" in said
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["lattice", "--checkpoint", "s"], "need --increments or --steps"),
+        (["lattice", "--restart", "s"], "need --increments or --steps"),
+        (["lattice", "--increments", 2, "--steps", 2], "--increments is for statics"),
+        (["lattice", "--increments", 2, "--checkpoint-every", 2], "needs the name of a file"),
+        (["lattice", "--increments", 2, "--checkpoint", "s", "--checkpoint-every", 0], "at least 1, not 0"),
+        (["lattice", "--increments", 0], "at least one increment"),
+        (["lattice", "--increments", 2, "--checkpoint", "nowhere/s"], "does not exist"),
+        (["lattice", "--increments", 2, "--restart", "nothing"], "No such file"),
+        (["lattice", "--increments", 3, "--restart", "state"], "number of increments differs"),
+        (["lattice", "--nx", 12, "--increments", 2, "--restart", "state"], "another structure"),
+    ],
+)
+def test_misuse_on_the_command_line(words, sentence, tmp_path, capsys, monkeypatch):
+    from latinpc.cli import main
+
+    def call(words):
+        with pytest.raises(SystemExit) as end:
+            main(["solve", *map(str, words), "--quiet"])
+        return end.value.code
+
+    monkeypatch.chdir(tmp_path)
+    if "state" in words:
+        assert call(["lattice", "--increments", 2, "--checkpoint", "state"]) == 0
+    assert call(words) == 2
+    assert sentence in " ".join(capsys.readouterr().err.split())
