@@ -160,7 +160,7 @@ static PetscErrorCode LatinGapError_Private(const LatinNodalBalance *balance, Ve
   PetscCall(VecNorm(u, NORM_INFINITY, &most));
   PetscCall(LatinStructureSize_Private(structure, &size, &prescribed));
   size *= PETSC_MACHINE_EPSILON;
-  moves = (PetscBool)(norm > LATIN_GAP_NONE * PETSC_MACHINE_EPSILON * PetscSqrtReal(balance->sum.bearing_moves) && most > LATIN_POINT * size);
+  moves = (PetscBool)(norm > LATIN_GAP_NONE * PETSC_MACHINE_EPSILON * PetscSqrtReal(balance->sum.bearing_moves) && (structure->ground || most > LATIN_POINT * size)); /* in a motion no coordinate counts */
   gaps  = (PetscBool)(PetscSqrtReal(balance->sum.bearing_gaps) > LATIN_GAP_POINT * size || prescribed > LATIN_GAP_POINT * size);
   if (moves || gaps) *missed = balance->gap;
   PetscFunctionReturn(0);

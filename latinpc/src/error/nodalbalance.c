@@ -74,7 +74,7 @@ static void LatinNodalAddLink(LatinNodalBalance *balance, PetscInt l, PetscScala
   const PetscBool      rigid = LatinLaws[structure->law[l]].rigid;
   const PetscReal     *n = structure->direction + dim * l, k = latin->sub.link_stiffness[l], e0 = PetscAbsReal(structure->e0[l]);
   const PetscReal      e = LatinStructureElongation(structure, l, a[LATIN_AT_U]), x = e + structure->e0[l], tension = PetscAbsReal(LatinStructureTension(structure, latin->linear.rigid_tension, l, x));
-  PetscReal            all = 0.0, ends = 0.0, moves[4] = {0.0, 0.0, 0.0, 0.0}, certain = k; /* elongations by unit translations and by the free displacements */
+  PetscReal            all = 0.0, ends = 0.0, moves[4] = {0.0, 0.0, 0.0, 0.0}, certain = k, possible = k; /* elongations by unit translations and by the free displacements; stiffness if the error is the target */
 
   for (PetscInt c = 0; c < dim; c++) {
     const PetscScalar *u = a[LATIN_AT_U] + c, *open = a[LATIN_AT_FREE] + c;
@@ -84,7 +84,12 @@ static void LatinNodalAddLink(LatinNodalBalance *balance, PetscInt l, PetscScala
     moves[c] = n[c] * (open[dim * to[1]] - open[dim * to[0]]);
     moves[3] += n[c] * (open[dim * to[1]] * u[dim * to[1]] - open[dim * to[0]] * u[dim * to[0]]);
   }
-  if (!rigid) certain = PetscMin(LatinStructureTangent(structure, l, x - target * (e0 + ends)), LatinStructureTangent(structure, l, x + target * (e0 + ends)));
+  if (!rigid) {
+    const PetscReal low = LatinStructureTangent(structure, l, x - target * (e0 + ends)), high = LatinStructureTangent(structure, l, x + target * (e0 + ends));
+
+    certain = PetscMin(low, high);
+    if (structure->ground) possible = PetscMax(low, high); /* what moves by itself has its mass alone */
+  } else if (structure->ground && structure->law[l] != LATIN_LAW_TANGENT && tension == 0.0 && LatinLawSign(structure->law[l]) * x < -target * (e0 + ends)) possible = 0.0;
   balance->sum.energy += k * e * e;
   balance->sum.work += tension * PetscAbsReal(moves[3]);
   if (rigid) {
@@ -104,7 +109,7 @@ static void LatinNodalAddLink(LatinNodalBalance *balance, PetscInt l, PetscScala
     for (PetscInt c = 0; c < dim; c++) {
       const PetscReal cosine = PetscAbsReal(n[c]);
 
-      at->stiffness[c] += 2.0 * k * cosine * all;
+      at->stiffness[c] += 2.0 * possible * cosine * all;
       if (rigid) at->rigid[c] += cosine * tension;
       else at->elastic[c] += 2.0 * k * cosine * all;
       at->rounding[c] += cosine * (k * (ends + (rigid ? 0.0 : e0)) + (rigid ? tension : 0.0)); /* a gap makes no force, and is without end where a contact takes no part in a step */
