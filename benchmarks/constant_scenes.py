@@ -23,7 +23,7 @@ import slack
 from petsc4py import PETSc
 
 import latinpc
-from latinpc.bench.extremes import rigid
+from latinpc.bench.extremes import catalogue, motions, rigid
 from latinpc.bench.peers.reference import by_newton
 from latinpc.runs.motion import move
 from latinpc.runs.options import default_options
@@ -210,6 +210,41 @@ def verdict(make_scene, expected, parts=4, **options):
     return f"{snes.getIterationNumber() - linear}+{linear}" + ("" if right else "!")
 
 
+def extremes(suite, folder):
+    """Linear stages of the small cases of the robustness suite, those refused, and those that end in another way.
+
+    The first run, with the constants as they are, keeps its solutions: another way is a verdict or a solution other
+    than there.
+    """
+    stages, refused, other = 0, 0, 0
+    for case in suite.cases():
+        try:
+            scene = case.make()
+        except ValueError:
+            continue
+        if case.ranks > 1 or len(scene.links) > 3000 or "contrast 1e14" in case.name:
+            continue
+        limit = {"snes_max_it": 2000}
+        try:
+            if case.steps:
+                result = move(scene, case.steps, None, {**case.options, **limit}, every=0)
+                u, count = result.frames[-1].displacements, sum(result.report["iterations"])
+            else:
+                result = solve(scene, {**case.options, **limit})
+                u, count = result.displacements, result.report["iterations"]
+            u = u if result.converged else np.zeros(0)
+        except PETSc.Error:
+            u, count = np.zeros(0), 0
+        file = Path(folder) / f"{suite.__name__} {case.group} {case.name}.npy".replace("/", " over ")
+        if not file.exists():
+            np.save(file, u)
+        first = np.load(file)
+        stages, refused = stages + count, refused + (not u.size)
+        if u.size != first.size or (u.size and np.linalg.norm(u - first) > 3e-6 * np.linalg.norm(first)):
+            other += 1
+    return f"{stages} ({refused} refused" + (f", {other} other)" if other else ")")
+
+
 def motion(name, steps, step=None, **size):
     """Linear stages of a whole motion, and the energy that is left of the largest kinetic one, in percent."""
     report = move(make(name, **size), steps, step).report
@@ -391,6 +426,7 @@ SCENES = {
     "uplift 1.01": lambda: verdict(lambda: relieved(1.01)[0], "no rest"),
     "uplift 1.5": lambda: verdict(lambda: relieved(1.5)[0], "no rest"),
     "slack lattice, rest": lambda: verdict(lambda: loaded("lattice", 1e4)[0], "rest"),
+    **{f"extremes, {suite.__name__.split('.')[-1]}": partial(extremes, suite) for suite in (catalogue, rigid, motions)},
     "bouncing chain": lambda: motion("bouncing-chain", 400),
     "mass on grid": lambda: motion("impact-grid", 60, modules=8),
     "mass on tower": lambda: motion("impact-tower", 100, levels=12),
@@ -421,7 +457,7 @@ SCENES = {
     "bound, lattice": lambda: bound(bars("lattice"), 10),
     "bound, network": lambda: bound(replace(bars("network", nodes=400), subdomain=None), 10),
 }  # fmt: skip
-FOLDER = (stages, modes, proved, caution, partition, inexact)
+FOLDER = (stages, modes, proved, caution, partition, inexact, extremes)
 
 
 def main():

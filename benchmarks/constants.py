@@ -149,7 +149,7 @@ def tuning_table(found):
         for value in order:
             shown = "<br>".join(counts.get(value, {}).get(s, "") for s in scenes)
             cells.append((f"*{value}*<br>" if about.values and value != text else "") + shown)
-        on = "<br>".join(scenes) + (("<br>" if scenes else "") + f"unchanged: {', '.join(same)}" if same else "")
+        on = "<br>".join(scenes) + (("<br>" if scenes else "") + f"unchanged: {'; '.join(same)}" if same else "")
         label = f"`{name}` {text} {about.unit}<br>`{file}`"
         lines.append(f"| {label} | {about.decides} | {on} | " + " | ".join(cells) + f" | {about.so} |")
     return lines
