@@ -579,6 +579,11 @@ OTHERS = {
         "Dense algebra takes less time below: tensegrity-grid 60 and network 8000 by METIS into 8 to 240.",
     ),
     "LATIN_GROUPS": ("subdomains a side", "Of 2, 3, 4 and 6 the least set-up and memory."),
+    "LATIN_GROUP_FULL": ("subdomains", "LATIN_GROUPS in each of three directions."),
+    "LATIN_GROUP_CELLS": (
+        "cells a side",
+        "A grid that finds groups of any structure: 3^8 subdomains a side are fewer.",
+    ),
     "LATIN_GROUP_INTERIOR": (
         "rows",
         "A dense factor of 1536 rows has 19 MB and takes 1.2 Gflop; a sparse one of a larger group does less work.",

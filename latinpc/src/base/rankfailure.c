@@ -7,7 +7,7 @@
    leaves a solver with an error waits for the others to do so; when they do not come it ends the program.
 */
 
-#define LATIN_WATCH_SECONDS 10.0
+#define LATIN_WATCH_SECONDS 10.0 /* seconds that a rank with an error waits for the others */
 
 static PetscMPIInt key   = MPI_KEYVAL_INVALID; /* a communicator's duplicate, on which nothing else happens */
 static PetscInt    depth = 0;                  /* of watched calls within watched calls: the outermost one waits */

@@ -7,7 +7,7 @@
 #include "interfaces/latininterfaces.h"
 
 /* ---- condensation of repeated groups of subdomains (coarse/groups.c) ---- */
-#define LATIN_GROUP_LEVELS 8
+#define LATIN_GROUP_LEVELS 8 /* 3^8 subdomains a side */
 
 /* Subdomains, or groups of them, seen from the coarse problem; equal ones share an operator */
 typedef struct {

@@ -28,7 +28,7 @@
 #define LATIN_GAP_POINT     4.0                          /* the same of gaps and prescribed displacements */
 #define LATIN_SOFT          LatinByPrecision(1e-7, 1e-4) /* stiffness of a mechanism, relative to that of the softest link */
 #define LATIN_LOAD_LEFT     0.1                          /* part of the loads that tensions do not balance along a mechanism */
-#define LATIN_JAM_STAGES    100                          /* of the damped iteration, after which tensions that grow without end show it */
+#define LATIN_JAM_STAGES    100                          /* damped linear stages, after which tensions that grow without end show it; 25 find every jam tried, 6 do not */
 #define LATIN_JAM_FAR       10.0                         /* times the displacements: so far no displacement meets links that are jammed */
 
 /* What nodes sum up to */

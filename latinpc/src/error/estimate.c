@@ -20,10 +20,10 @@
    degree of freedom in its subdomain, so that they do not depend on the number of ranks.
 */
 
-#define LATIN_ESTIMATE_ROWS   256
-#define LATIN_ESTIMATE_BITS   9 /* of an entry: its row, of 2^8, and its sign */
-#define LATIN_ESTIMATE_SHARE  6 /* entries that share 64 bits */
-#define LATIN_ESTIMATE_WINDOW 32
+#define LATIN_ESTIMATE_ROWS   256  /* numbers of a sketch: distances to 1 / sqrt(2 ROWS), 4 % */
+#define LATIN_ESTIMATE_BITS   9    /* of an entry: its row, of 2^8, and its sign */
+#define LATIN_ESTIMATE_SHARE  6    /* entries that share 64 bits */
+#define LATIN_ESTIMATE_WINDOW 32   /* iterates: 8 forget slow fields, 64 change nothing */
 #define LATIN_ESTIMATE_SHORT  4    /* at least so many earlier iterates, where there are */
 #define LATIN_ESTIMATE_STEP   4    /* iterates between those that are extrapolated */
 #define LATIN_ESTIMATE_RATE   0.98 /* no rate above it is believed */

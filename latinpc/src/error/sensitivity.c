@@ -24,10 +24,10 @@
    direction to K [the argument of J. Mandel, C. R. Dohrmann for balancing by constraints].
 */
 
-#define LATIN_DIGITS_SAMPLES 3
-#define LATIN_DIGITS_FLOOR   LatinByPrecision(1e-8, 1e-5) /* what a slack link keeps of the least stiffness, so that no mechanism ends the solves */
-#define LATIN_DIGITS_UNIT    (0.5 * PETSC_MACHINE_EPSILON)
-#define LATIN_BOUND_SPRINGS  100.0 /* 1 + beta, taken to be at most; at a residual of 1e-4 the bound hardly depends on it */
+#define LATIN_DIGITS_SAMPLES 3                             /* random roundings: right to a tenth, for an order of magnitude */
+#define LATIN_DIGITS_FLOOR   LatinByPrecision(1e-8, 1e-5)  /* what a slack link keeps of the least stiffness, so that no mechanism ends the solves */
+#define LATIN_DIGITS_UNIT    (0.5 * PETSC_MACHINE_EPSILON) /* unit roundoff */
+#define LATIN_BOUND_SPRINGS  100.0                         /* 1 + beta, taken to be at most; at a residual of 1e-4 the bound hardly depends on it */
 
 typedef enum { LATIN_DIGITS_ROUNDING, LATIN_DIGITS_PLACES, LATIN_DIGITS_VALUES, LATIN_DIGITS_KINDS } LatinDigitsKind;
 

@@ -6,7 +6,7 @@
    takes Schur complements (interfaces/searchdirection.c), and local low-energy fields (interfaces/spectralmodes.c).
 */
 
-#define LATIN_JUMP 30.0 /* of the diagonal of the operator, from an unknown to its neighbours of the same field */
+#define LATIN_JUMP 30.0 /* ratio of the diagonal of the operator, from an unknown to its neighbours of the same field; twice misses jumps of 40: 7 iterations instead of 4 */
 
 /* jumps[s]: do they jump next to an interface of the subdomain? */
 PetscErrorCode LatinJumps_Private(const LatinInterfaces *inter, PetscBool jumps[])

@@ -2,7 +2,7 @@
 
 /* What the two sides of an interface tell each other while they are set up; in an iteration it is one number a side dof, by mate_sf. */
 
-#define LATIN_MATE_COLUMNS 16 /* exchanged together */
+#define LATIN_MATE_COLUMNS 16 /* vectors exchanged together: bounds the work space */
 
 /* One number of each interface side, from its mate; mine and theirs may be the same array. Collective on sub->object */
 PetscErrorCode LatinMateNumbers_Private(const LatinInterfaces *inter, const PetscInt mine[], PetscInt theirs[])

@@ -6,7 +6,7 @@
 */
 
 #define LATIN_ROOM      100  /* work space of MUMPS beyond its own estimate, in percent */
-#define LATIN_ROOM_MOST 6400 /* where it gives up */
+#define LATIN_ROOM_MOST 6400 /* percent, after three fourfold increases: where it gives up */
 
 /* The first package with a Cholesky factorisation of A: the preferred one, or another (NULL: none) */
 PetscErrorCode LatinDirectSolverAvailable_Private(Mat A, MatSolverType preferred, MatSolverType *package, PetscBool *found)

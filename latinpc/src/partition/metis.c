@@ -11,7 +11,7 @@
    the weights in place of the nodes.
 */
 
-#define LATIN_METIS_SMALL 16 /* links per subdomain */
+#define LATIN_METIS_SMALL 16 /* links a subdomain below which links, not nodes, are vertices: with 4, 27 of 89 subdomains stay empty */
 
 typedef struct {
   idx_t count, *start, *list, *weight, *part;

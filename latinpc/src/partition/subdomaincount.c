@@ -15,11 +15,11 @@
    4000 nodes (solid); iterations to an error of 1e-4 grew by 1.15, as a mean, where subdomains doubled.
 */
 
-#define LATIN_SIZE_PLANE 724
-#define LATIN_SIZE_FLAT  512
-#define LATIN_SIZE_SOLID 1024
-#define LATIN_SIZE_LEAST 64  /* a structure of more links has two subdomains */
-#define LATIN_SIZE_THICK 4.0 /* links across a structure that is not flat */
+#define LATIN_SIZE_PLANE 724  /* links a subdomain on several ranks, of a plane structure; what others take: benchmarks/constants.md */
+#define LATIN_SIZE_FLAT  512  /* of a flat one in space */
+#define LATIN_SIZE_SOLID 1024 /* of any other one */
+#define LATIN_SIZE_LEAST 64   /* a structure of more links has two subdomains */
+#define LATIN_SIZE_THICK 4.0  /* links across a structure that is not flat */
 
 /* Do the links' middles spread over more than a few links in all three directions? */
 static PetscBool LatinSolid(const LatinCut *cut)

@@ -5,7 +5,7 @@
    and the decision what happens next.
 */
 
-#define LATIN_PROOF_EARLY 4.0 /* times the error asked for: an estimate from which on Newton's method does the rest. Linear stages are fewest from 3 to 5, on grids, METIS cuts and networks */
+#define LATIN_PROOF_EARLY 4.0 /* times the error asked for: an estimate from which on Newton's method does the rest. Linear stages and its iterations together are about level from 2 to 8; 16 misses the error */
 
 /* The nodal unbalance of the solution vector becomes the function. Collective on snes */
 PetscErrorCode SNESLatinBalance_Private(SNES snes)

@@ -27,8 +27,8 @@
 #define LATIN_NEWTON_PROOF    0.5                          /* part of the residual that is left where a step is taken for the error */
 #define LATIN_NEWTON_FLOOR    LatinByPrecision(1e-8, 1e-5) /* what a slack link keeps of the least stiffness, so that no mechanism ends the search */
 #define LATIN_NEWTON_SEEN     (3.0 * LATIN_MECHANISM)      /* of the greatest one */
-#define LATIN_NEWTON_LINEAR   500                          /* most iterations of a linear solve: more, and the method does not pay */
-#define LATIN_NEWTON_STEPS    200                          /* most steps */
+#define LATIN_NEWTON_LINEAR   500                          /* most iterations of a linear solve; with a quarter two cases of the catalogue are refused */
+#define LATIN_NEWTON_STEPS    200                          /* most steps; with half as many a case of the catalogue is refused */
 #define LATIN_NEWTON_FULL     12                           /* steps that are taken whole: they end soon if they end at all */
 #define LATIN_NEWTON_STILL    10                           /* a search that stands still may meet rounding, or a link that is just taut: then it does so again and again */
 

@@ -15,7 +15,7 @@
 
 #define LATIN_HOMOGENISE_COLUMNS 16 /* right-hand sides solved together: bounds the work space to that many copies of U */
 
-#define LATIN_INVERSE_ROWS   512 /* largest dense inverse */
+#define LATIN_INVERSE_ROWS   512 /* rows of the largest dense inverse, 2 MB */
 #define LATIN_INVERSE_RUN    8   /* fewest subdomains of neighbouring numbers, on average */
 #define LATIN_INVERSE_STAGES 8   /* the columns of an inverse are no more than the right-hand sides of so many linear stages */
 

@@ -13,9 +13,9 @@
    an older one in one step, when all of it is on the disk.
 */
 
-#define LATIN_STATE_FORMAT 4
-#define LATIN_STATE_HEAD   512
-#define LATIN_STATE_CHUNK  65536
+#define LATIN_STATE_FORMAT 4     /* version of the format; others are refused */
+#define LATIN_STATE_HEAD   512   /* bytes, before HDF5's own head */
+#define LATIN_STATE_CHUNK  65536 /* bytes read at once */
 
 /* Names of the members of LatinStateHead */
 static const char *const LatinStateNames[] = {"latinpc_state", "integer_bytes", "real_bytes", "ranks", "motion", "structure", "note_bytes", "time", "time_step", "shift", "tuning", "steps", "started", "solutions", "hdf5", "sum"};

@@ -7,7 +7,7 @@
    displacements: a solver has them, the structure has not.
 */
 
-#define LATIN_RIGID_SMALL 1e-3 /* displacements beside the spacing of the nodes, where there is no gap to compare with */
+#define LATIN_RIGID_SMALL 1e-3 /* displacements beside the spacing of the nodes, where there is no gap to compare with: a unit, no iteration depends on it */
 #define LATIN_RIGID_RUBS  0.1  /* grains with friction slip by more than their gaps */
 
 /* The parts of a contact with friction follow each other, on one rank, with the same end nodes, an orthonormal frame and a coefficient */

@@ -17,8 +17,8 @@
 */
 
 #define LATIN_STEP_SAME   LatinByPrecision(1e-8, 1e-5) /* relative: lengths of steps that differ by rounding are one length */
-#define LATIN_STEP_FAR    PETSC_MAX_REAL               /* the gap of a link that bears nothing during a step */
-#define LATIN_STEP_CLOSED 1e-4                         /* relative to the free flight of a step: smaller gaps are closed */
+#define LATIN_STEP_FAR    PETSC_MAX_REAL               /* a length: the gap of a link that bears nothing during a step */
+#define LATIN_STEP_CLOSED 1e-4                         /* of the free flight of a step: smaller gaps are closed; with four times as much two motions of the catalogue are refused */
 
 /*@C
   LatinStructureSetMass - Gives the nodes of this rank their masses, [nodes_local], not negative, for dynamics.

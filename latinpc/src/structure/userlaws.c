@@ -5,7 +5,7 @@
    A law without a local stage of its own gets it from its tension, an increasing function of one variable.
 */
 
-#define LATIN_LAW_STEPS 200 /* of Newton's method with bisection */
+#define LATIN_LAW_STEPS 200 /* steps of Newton's method in a bracket that bisection halves: more than a number has digits */
 
 typedef struct {
   PetscInt   n;

@@ -5,7 +5,7 @@
    Subdomains go to the ranks in blocks of consecutive numbers; links and node data follow them.
 */
 
-#define LATIN_FACTOR_POWER 1.5 /* entries of the factor of a subdomain grow about so with its links, see partition/subdomaincount.c */
+#define LATIN_FACTOR_POWER 1.5 /* entries of the factor of a subdomain grow about so with its links */
 
 /* Blocks of like cost: a subdomain goes where the middle of its own part of the whole cost falls */
 static PetscErrorCode LatinSubdomainsDeal_Private(LatinSubdomains *sub)
