@@ -6,7 +6,7 @@
 
 The repository is copied to a temporary folder and built there. Each value is put into the source, the library is built,
 the scenes of the constant are run in a fresh process, and the value is put back. Values and counts are in
-constants_table.py, the scenes in constant_scenes.py.
+constants_table.py, those of the second table in constants_others.py, the scenes in constant_scenes.py.
 """
 
 import argparse
@@ -23,7 +23,8 @@ from queue import SimpleQueue
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-from constants_table import OTHERS, TUNING
+from constants_others import OTHERS
+from constants_table import TUNING
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent

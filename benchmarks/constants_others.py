@@ -1,0 +1,130 @@
+"""The constants of the C code that trade no iterations, for constants.py."""
+
+#: Constants that trade nothing, or time and memory alone: unit, and why this value.
+OTHERS = {
+    # rounding
+    "LATIN_NOISE": (
+        "of the energy norm",
+        "A distance of the two stages below it is rounding: about 45 eps, less than any stop in use.",
+    ),
+    "LATIN_MECHANISM": (
+        "of the diagonal",
+        "A stiffness below it is rounding: 45 eps, as a factor of so few digits is no factor.",
+    ),
+    "LATIN_NEWTON_SEEN": (
+        "of the greatest stiffness",
+        "What a slack link keeps must be more than a mechanism, or the factorisation stops: three times as much.",
+    ),
+    "LATIN_DIGITS_FLOOR": (
+        "of the least stiffness",
+        "As `LATIN_NEWTON_FLOOR`, for the solves that count digits: no mechanism ends them.",
+    ),
+    "LATIN_DIGITS_UNIT": ("relative", "The unit roundoff: half the distance of two numbers."),
+    "LATIN_FORCE_NOISE": ("eps, of the forces at a node", "The forces at a node are a sum of tens of rounded terms."),
+    "LATIN_GAP_NOISE": (
+        "eps, of displacements and gap",
+        "An elongation is a difference and a sum of three rounded numbers: four roundings.",
+    ),
+    "LATIN_GAP_NONE": (
+        "eps, of tau / l",
+        "Displacements below it come from rounded tensions alone: three digits over rounding.",
+    ),
+    "LATIN_POINT": (
+        "eps, of the size",
+        "Coordinates of the size differ by one eps: less than 64 is no displacement that shows.",
+    ),
+    "LATIN_GAP_POINT": ("eps, of the size", "The same of gaps, which are data and not results: four roundings."),
+    "LATIN_STEP_SAME": ("relative", "Lengths of steps that differ by rounding: half of the digits."),
+    "LATIN_STIFFNESS_TINY": (
+        "of the mean",
+        "A foundation that keeps the operators of a matrix regular; coefficients may jump by 1e10, so it is no larger.",
+    ),
+    "LATIN_MODE_RANK": (
+        "of the largest singular value",
+        "Modes with less of their own are dependent: the weighted modes would have a condition of 1e12.",
+    ),
+    "LATIN_NEAR_RANK": ("of its norm", "A field with less of its own is that of others: half of the digits."),
+    "LATIN_FRAME_FLAT": ("squares of extents", "Extents below 1e-6 of the largest make a plane, or a line."),
+    "LATIN_GROUP_PIVOT": (
+        "of the diagonal",
+        "A pivot below it may be a mechanism: 1e3 times `LATIN_MECHANISM`; the coarse solver decides.",
+    ),
+    "LATIN_MATRIX_ASYMMETRY": (
+        "of the largest entries",
+        "Assembly in another order leaves 1e-15; a matrix that is not symmetric differs by more than half of "
+        "the digits.",
+    ),
+    # bounds that are not met
+    "LATIN_STEP_FAR": ("m", "A gap that nothing closes: the largest number."),
+    "LATIN_FAR": ("m", "A strain beyond every gap, whose square is a number still."),
+    "LATIN_LAW_STEPS": (
+        "steps",
+        "Newton's method inside a bracket that bisection halves: 200 halvings are more than any number has digits.",
+    ),
+    "LATIN_SEARCH_MOST": (
+        "trial lengths",
+        "Every third one halves the interval: 80 of them leave 1e-8 of it at worst.",
+    ),
+    "LATIN_ROOM": ("percent", "Work space of MUMPS beyond its own estimate, at first: twice the estimate."),
+    "LATIN_ROOM_MOST": ("percent", "Three fourfold increases of it; then the error is the user's to see."),
+    "LATIN_WATCH_SECONDS": (
+        "s",
+        "How long a rank with an error waits for the others to meet the same one; it only delays the end of a"
+        " program that is lost.",
+    ),
+    "LATIN_GROUP_LEVELS": ("levels", "3^8 subdomains a side, and the last level is small from 3^3 on."),
+    # time and memory, the same iterations
+    "LATIN_ELIMINATE_DENSE": (
+        "rows",
+        "Dense algebra takes less time below: tensegrity-grid 60 and network 8000 by METIS into 8 to 240.",
+    ),
+    "LATIN_GROUPS": ("subdomains a side", "Of 2, 3, 4 and 6 the least set-up and memory."),
+    "LATIN_GROUP_FULL": ("subdomains", "LATIN_GROUPS in each of three directions."),
+    "LATIN_GROUP_CELLS": (
+        "cells a side",
+        "A grid that finds groups of any structure: 3^8 subdomains a side are fewer.",
+    ),
+    "LATIN_GROUP_INTERIOR": (
+        "rows",
+        "A dense factor of 1536 rows has 19 MB and takes 1.2 Gflop; a sparse one of a larger group does less work.",
+    ),
+    "LATIN_REDUNDANT": ("rows", "A parallel factor of so few rows is all messages: each rank factors the whole."),
+    "LATIN_INVERSE_ROWS": ("rows", "The inverse has 2 MB, about a second-level cache."),
+    "LATIN_INVERSE_RUN": (
+        "subdomains",
+        "The product of one inverse with eight vectors or more is arithmetic, with fewer it is memory traffic.",
+    ),
+    "LATIN_INVERSE_STAGES": (
+        "linear stages",
+        "The inverse costs as many solves as it has rows: those of eight linear stages at most.",
+    ),
+    "LATIN_FACTOR_POWER": (
+        "exponent",
+        "Entries of a factor grow about so with its links (`partition/subdomaincount.c`): ranks get blocks of"
+        " like cost.",
+    ),
+    "LATIN_SIZE_LEAST": ("links", "A structure of fewer links stays on one rank."),
+    # buffers
+    "LATIN_LANES": ("subdomains", "Eight doubles fill a vector of AVX-512."),
+    "LATIN_BATCH_COLUMNS": ("right-hand sides", "64 of 300 rows are 150 kB: they stay in the second cache."),
+    "LATIN_GROUP_COLUMNS": ("right-hand sides", "The same for groups."),
+    "LATIN_HOMOGENISE_COLUMNS": (
+        "right-hand sides",
+        "Bounds the work space of condensation to 16 copies of the displacements.",
+    ),
+    "LATIN_MATE_COLUMNS": ("numbers", "Exchanged in one message: few messages, work space of 16 numbers a dof."),
+    "LATIN_HISTORY": ("linear stages", "Kept indicators and errors take 32 MB at most."),
+    "LATIN_ESTIMATE_BITS": ("bits", "Eight for one of 256 rows, one for the sign: goes with `LATIN_ESTIMATE_ROWS`."),
+    "LATIN_ESTIMATE_SHARE": ("entries", "Six times nine bits are 54 of the 63 that a random number has."),
+    "LATIN_LISTED": ("nodes or links", "As many as an error message names."),
+    "LATIN_LAWS_MAX": (
+        "laws",
+        "Room in the table for built-in laws and those of the user; an error says when it is full.",
+    ),
+    # formats
+    "LATIN_STATE_FORMAT": ("version", "Changes with the format of a state; files of other versions are refused."),
+    "LATIN_STATE_HEAD": ("bytes", "HDF5 looks for its own head behind 512 bytes; ours takes less."),
+    "LATIN_STATE_CHUNK": ("bytes", "Read at once for the sum of a file."),
+    "LATIN_STATE_ITEMS": ("items", "More than any rank has; an assertion counts them."),
+    "LATIN_STATE_LINES": ("lines", "Members of the head, counted by the compiler."),
+}
