@@ -17,14 +17,8 @@ class Tuning:
 STAGES = ("grid", "grid cut", "truss cut", "network", "lattice cut")
 DIAGONAL = ("grid, diagonal", "grid cut, diagonal", "network, diagonal", "lattice cut, diagonal")
 LOW = ("grid cut, low-energy modes", "network, low-energy modes", "lattice cut, low-energy modes")
-CG = (
-    "CG, truss-grid",
-    "CG, truss-grid metis",
-    "CG, lattice",
-    "KSP latin, truss-grid",
-    "KSP latin, truss-grid metis",
-    "KSP latin, lattice",
-)
+CG = ("CG, truss-grid", "CG, truss-grid metis", "CG, lattice", "KSP latin, truss-grid", "KSP latin, truss-grid metis",
+      "KSP latin, lattice")  # fmt: skip
 PROVED = ("grid to 1e-04", "grid to 1e-08", "grid cut to 1e-04", "grid cut to 1e-08", "network to 1e-04",
           "network to 1e-08", "lattice to 1e-04", "lattice to 1e-08")  # fmt: skip
 SLACK = ("lattice x 100 to 1e-04", "grid x 100 to 1e-04", "girder 0.9 to 1e-04", "girder 0.99 to 1e-04",
