@@ -127,4 +127,43 @@ OTHERS = {
     "LATIN_STATE_CHUNK": ("bytes", "Read at once for the sum of a file."),
     "LATIN_STATE_ITEMS": ("items", "More than any rank has; an assertion counts them."),
     "LATIN_STATE_LINES": ("lines", "Members of the head, counted by the compiler."),
+    "LATIN_GROUP_EDGE": (
+        "of a cell",
+        "Rounding puts no corner into the cell below; far more than eps, far less than a subdomain.",
+    ),
+    "LATIN_GROUP_REPEAT": (
+        "of all groups",
+        "Where more groups differ a sparse direct solver does the same elimination with less work.",
+    ),
+    "LATIN_MOVED_MOST": ("nodes", "What a rank looks at for a message."),
+    "LATIN_MOVED_NAMED": ("nodes", "What a message names."),
+    "LATIN_MOVED_PART": (
+        "of the largest displacement",
+        "Nodes that a mechanism moves most; a share near neither 0 nor 1.",
+    ),
+    "LATIN_DOUBT": (
+        "of the least stiffness",
+        "Where rounding of the greatest stiffness is more, the message says that it may hide a link.",
+    ),
+    "LATIN_STICKS": ("of the greatest friction", "Below it a contact sticks; above, rounding may be why."),
+    "LATIN_DIGITS_RTOL": ("of the residual", "An order of magnitude is enough."),
+    "LATIN_DIGITS_MOST": ("iterations", "Ends a linear solve that does not converge."),
+    "LATIN_FRAME_POINT": ("times eps, of the coordinates", "Extents below are those of one point."),
+    "LATIN_DIRECTION_MATRIX": (
+        "of the interface stiffness",
+        "Springs only keep subdomains regular, which seldom have mechanisms.",
+    ),
+    "LATIN_DIRECTION_LINKS": ("of the interface stiffness", "The same of links, whose subdomains have mechanisms."),
+    "LATIN_SPECTRAL_PRECONDITION": (
+        "eigenvalue",
+        "The threshold of PC latin beside jumps: random jumps of 1e6 take 8 iterations instead of 19.",
+    ),
+    "LATIN_INTERFACE_NOISE": ("of the energy norm", "Rounding of interface data."),
+    "LATIN_SAME_MATRIX": ("of a product", "Two products with one matrix differ by rounding alone."),
+    "LATIN_SHIFT": (
+        "of the diagonal",
+        "Makes a matrix regular that could not be factored, to find its softest displacement.",
+    ),
+    "LATIN_WEIGHT_LEAST": ("of the largest stiffness", "What a copy without stiffness counts, where no copy has any."),
+    "LATIN_NEWTON_GAIN": ("of the error before", "A step that was to bring digits and leaves more has met rounding."),
 }

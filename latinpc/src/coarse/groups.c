@@ -16,6 +16,8 @@
 #define LATIN_GROUPS         3                                            /* elements a side of a group; of 2, 3, 4, 6 the least set-up and memory */
 #define LATIN_GROUP_FULL     (LATIN_GROUPS * LATIN_GROUPS * LATIN_GROUPS) /* most elements of a group on a regular grid */
 #define LATIN_GROUP_CELLS    1e5                                          /* of the grid that finds the groups, along each side: enough for any structure */
+#define LATIN_GROUP_EDGE     1e-3                                         /* of a cell: rounding puts no corner into the cell below */
+#define LATIN_GROUP_REPEAT   0.6                                          /* most different groups, of all: of more a sparse solver does less */
 #define LATIN_GROUP_COLUMNS  64                                           /* groups solved together: right-hand sides stay in cache */
 #define LATIN_GROUP_INTERIOR 1536                                         /* largest dense factor: a sparse one of a larger group does less work */
 #define LATIN_GROUP_PIVOT    LatinByPrecision(1e-11, 1e-5)                /* below it, relative to the diagonal, a mechanism is suspected: the coarse solver decides */
@@ -50,7 +52,7 @@ static PetscErrorCode LatinGroupsPlaces_Private(const LatinSubdomains *sub, uint
     PetscCall(PetscSortReal(sub->n, extent));
     size = PetscMax(extent[sub->n / 2], (most - least) / LATIN_GROUP_CELLS); /* subdomains may have no extent */
     for (PetscInt s = 0; s < sub->n && size > 0.0; s++)
-      for (uint64_t cell = (uint64_t)((low[s] - least) / size + 1e-3), digit = unit; cell; cell /= LATIN_GROUPS, digit *= LATIN_GROUP_FULL) place[s] += cell % LATIN_GROUPS * digit;
+      for (uint64_t cell = (uint64_t)((low[s] - least) / size + LATIN_GROUP_EDGE), digit = unit; cell; cell /= LATIN_GROUPS, digit *= LATIN_GROUP_FULL) place[s] += cell % LATIN_GROUPS * digit;
   }
   PetscCall(PetscFree2(low, extent));
   PetscFunctionReturn(0);
@@ -182,7 +184,7 @@ static PetscErrorCode LatinGroupsCompare_Private(LatinGroupLevel *level, PetscBo
     coarse->patterns += coarse->pattern[g] == g ? 1 : 0;
     largest = PetscMax(largest, group[g].interior);
   }
-  *kept = (PetscBool)(5 * coarse->patterns <= 3 * coarse->n && largest > 0 && largest <= LATIN_GROUP_INTERIOR);
+  *kept = (PetscBool)(coarse->patterns <= LATIN_GROUP_REPEAT * coarse->n && largest > 0 && largest <= LATIN_GROUP_INTERIOR);
   PetscFunctionReturn(0);
 }
 

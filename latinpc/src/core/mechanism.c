@@ -7,6 +7,11 @@
    interfaces.
 */
 
+#define LATIN_MOVED_MOST  64   /* nodes that a rank looks at for a message */
+#define LATIN_MOVED_NAMED 8    /* nodes that it names */
+#define LATIN_MOVED_PART  0.5  /* of the largest displacement: nodes that a mechanism moves most */
+#define LATIN_DOUBT       1e-3 /* of the least stiffness: rounding of the greatest that may hide it */
+
 /* Displacements of the copies for an eigenvector of a batch's matrix, or (batch NULL) of the coarse matrix */
 static PetscErrorCode LatinMechanismField_Private(Latin latin, Vec v, const LatinBatch *batch, PetscReal *newfield[])
 {
@@ -40,8 +45,8 @@ static PetscErrorCode LatinMechanismReport_Private(Latin latin, const PetscReal 
 {
   const LatinSubdomains *sub  = &latin->sub;
   PetscReal             *size = NULL, largest = 0.0, least = 1.0, most = 1.0;
-  char                   names[256] = "", doubt[256] = "";
-  PetscInt               list[64], named             = 0;
+  char                   names[256] = "", doubt[256]   = "";
+  PetscInt               list[LATIN_MOVED_MOST], named = 0;
   size_t                 used = 0;
 
   PetscFunctionBegin;
@@ -50,17 +55,17 @@ static PetscErrorCode LatinMechanismReport_Private(Latin latin, const PetscReal 
     if (!sub->fixed[i] && !PetscIsInfOrNanReal(field[i])) size[i / sub->bs] = PetscMax(size[i / sub->bs], PetscAbsReal(field[i]));
   for (PetscInt i = 0; field && i < sub->copies; i++) largest = PetscMax(largest, size[i]);
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &largest, 1, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)latin)));
-  for (PetscInt i = 0; field && i < sub->copies && named < 64; i++)
-    if (size[i] >= 0.5 * largest && size[i] > 0.0) list[named++] = sub->node[i];
+  for (PetscInt i = 0; field && i < sub->copies && named < LATIN_MOVED_MOST; i++)
+    if (size[i] >= LATIN_MOVED_PART * largest && size[i] > 0.0) list[named++] = sub->node[i];
   PetscCall(PetscFree(size));
   PetscCall(PetscSortRemoveDupsInt(&named, list));
-  for (PetscInt i = 0; i < PetscMin(named, 8); i++) {
+  for (PetscInt i = 0; i < PetscMin(named, LATIN_MOVED_NAMED); i++) {
     PetscCall(PetscSNPrintf(names + used, sizeof(names) - used, "%s%" PetscInt_FMT, i ? ", " : "", list[i]));
     PetscCall(PetscStrlen(names, &used));
   }
   /* soft links count as none beside links that are stiffer by more than the digits of a number */
   if (sub->structure) PetscCall(LatinStructureStiffnessRange_Private(sub->structure, &least, &most));
-  if (LATIN_MECHANISM * most > 1e-3 * least) PetscCall(PetscSNPrintf(doubt, sizeof(doubt), ", or only such links as rounding hides: stiffnesses differ by a factor of %.0e (from %g to %g)", (double)(most / least), (double)least, (double)most));
+  if (LATIN_MECHANISM * most > LATIN_DOUBT * least) PetscCall(PetscSNPrintf(doubt, sizeof(doubt), ", or only such links as rounding hides: stiffnesses differ by a factor of %.0e (from %g to %g)", (double)(most / least), (double)least, (double)most));
   /* where no field has been found all ranks say the same without names */
   LatinAgree(PetscObjectComm((PetscObject)latin), named || largest == 0.0, PETSC_ERR_MAT_CH_ZRPVT, "%s%s%s%s%s. %s",
              sub->matrix ? "The matrix is singular, or not positive definite" : "The structure has a mechanism: it can move without any link changing its length", doubt,

@@ -5,7 +5,8 @@
    when they move a node, and by how much rigid links miss their gaps. error/equilibrium.c draws the conclusions.
 */
 
-#define LATIN_GAP_NOISE 4.0 /* times eps, of the displacements and the gap of a link: rounding of its elongation */
+#define LATIN_STICKS    0.999 /* of the greatest friction: below it a contact sticks */
+#define LATIN_GAP_NOISE 4.0   /* times eps, of the displacements and the gap of a link: rounding of its elongation */
 
 /* Free displacements and forces at the vertices of the DM here */
 enum { LATIN_AT_U, LATIN_AT_FREE, LATIN_AT_R, LATIN_AT_LOAD, LATIN_AT_GROUND, LATIN_AT };
@@ -44,7 +45,7 @@ static PetscReal LatinGapMissed(Latin latin, PetscInt l, PetscReal x, PetscReal 
 
     while (structure->law[normal] == LATIN_LAW_TANGENT) normal--;
     for (PetscInt c = normal + 1; c < normal + structure->dim; c++) size += PetscSqr(latin->linear.rigid_tension[c]);
-    if (PetscSqrtReal(size) < -0.999 * structure->friction[normal] * latin->linear.rigid_tension[normal]) missed = PetscAbsReal(x); /* it sticks */
+    if (PetscSqrtReal(size) < -LATIN_STICKS * structure->friction[normal] * latin->linear.rigid_tension[normal]) missed = PetscAbsReal(x); /* it sticks */
   } else if (tension != 0.0) missed = PetscAbsReal(x);
   else missed = PetscMax(0.0, LatinLawSign(structure->law[l]) * x);
   return PetscMax(0.0, missed - noise);

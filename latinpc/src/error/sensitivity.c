@@ -24,6 +24,8 @@
    direction to K [the argument of J. Mandel, C. R. Dohrmann for balancing by constraints].
 */
 
+#define LATIN_DIGITS_RTOL    1e-4                          /* of a linear solve: an order of magnitude is enough */
+#define LATIN_DIGITS_MOST    1000                          /* iterations of a linear solve */
 #define LATIN_DIGITS_SAMPLES 3                             /* random roundings: right to a tenth, for an order of magnitude */
 #define LATIN_DIGITS_FLOOR   LatinByPrecision(1e-8, 1e-5)  /* what a slack link keeps of the least stiffness, so that no mechanism ends the solves */
 #define LATIN_DIGITS_UNIT    (0.5 * PETSC_MACHINE_EPSILON) /* unit roundoff */
@@ -145,8 +147,8 @@ static PetscErrorCode LatinAroundCreate_Private(SNES snes, const char what[], La
   PetscCall(KSPAppendOptionsPrefix(around->ksp, "latin_digits_"));
   PetscCall(KSPSetType(around->ksp, KSPCG));
   PetscCall(KSPSetNormType(around->ksp, KSP_NORM_NATURAL));
-  PetscCall(KSPSetTolerances(around->ksp, 1e-4, 0.0, PETSC_MAX_REAL, 1000)); /* an order of magnitude is enough; forces of stiff links must not hide those of soft ones */
-  PetscCall(MatSetDM(A, around->structure->dm));                             /* where PC latin finds the structure */
+  PetscCall(KSPSetTolerances(around->ksp, LATIN_DIGITS_RTOL, 0.0, PETSC_MAX_REAL, LATIN_DIGITS_MOST)); /* an order of magnitude is enough; forces of stiff links must not hide those of soft ones */
+  PetscCall(MatSetDM(A, around->structure->dm));                                                       /* where PC latin finds the structure */
   PetscCall(KSPSetOperators(around->ksp, A, A));
   PetscCall(KSPGetPC(around->ksp, &pc));
   PetscCall(PCSetType(pc, PCLATIN));

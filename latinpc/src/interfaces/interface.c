@@ -6,7 +6,8 @@
    micro quantities at a node. The variants differ in LatinNodePrimal_Private() and nowhere else.
 */
 
-#define LATIN_FRAME_FLAT LatinByPrecision(1e-12, 1e-5) /* squares of extents, of an interface in a plane or on a line */
+#define LATIN_FRAME_POINT 16.0                          /* times eps, of the coordinates: extents of one point */
+#define LATIN_FRAME_FLAT  LatinByPrecision(1e-12, 1e-5) /* squares of extents, of an interface in a plane or on a line */
 
 enum { PAIR_STRONG = 1, PAIR_WEAK = 2 };
 
@@ -39,7 +40,7 @@ PetscErrorCode LatinInterfaceFrame_Private(const LatinSubdomains *sub, PetscInt 
   for (PetscInt c = 0; c < dim; c++) frame->centre[c] /= PetscMax(used, 1);
   for (PetscInt i = 0; i < n; i++)
     for (PetscInt c = 0; c < dim; c++) frame->size = PetscMax(frame->size, PetscAbsReal((sub->x[dim * copies[i] + c] - frame->origin[c]) - frame->centre[c]));
-  if (frame->size <= 16 * PETSC_MACHINE_EPSILON * largest) frame->size = 0.0; /* one point, to rounding */
+  if (frame->size <= LATIN_FRAME_POINT * PETSC_MACHINE_EPSILON * largest) frame->size = 0.0; /* one point, to rounding */
   frame->plane = PETSC_TRUE;
   if (dim < 2 || frame->size == 0.0) {
     frame->strong = (PetscBool)(dim == 1 ? used > 0 : dim == 0 && used > sub->fields);

@@ -18,8 +18,10 @@
    The other stages use nothing of a direction but the functions of this file.
 */
 
-#define LATIN_DIRECTION_FLOOR 0.1    /* least diagonal direction of an interface, relative to its mean */
-#define LATIN_DIRECTION_SMALL 150000 /* rows of a subdomain times those on its interfaces, up to which Schur complements cost little */
+#define LATIN_DIRECTION_FLOOR  0.1    /* least diagonal direction of an interface, relative to its mean */
+#define LATIN_DIRECTION_MATRIX 1e-3   /* fraction of a preconditioner, of the interface stiffness of a matrix */
+#define LATIN_DIRECTION_LINKS  0.1    /* of links */
+#define LATIN_DIRECTION_SMALL  150000 /* rows of a subdomain times those on its interfaces, up to which Schur complements cost little */
 
 /* The type; auto is left for what preconditions a matrix only */
 LatinDirectionType LatinDirectionKind(const LatinDirections *dir)
@@ -36,7 +38,7 @@ PetscReal LatinDirectionFraction(const LatinDirections *dir)
   const PetscReal fraction[] = {0.08, 0.08, 0.25, 1.0, 1.0};
 
   if (dir->value > 0.0) return dir->value;
-  if (dir->sub->preconditions) return dir->sub->matrix ? 0.001 : 0.1;
+  if (dir->sub->preconditions) return dir->sub->matrix ? LATIN_DIRECTION_MATRIX : LATIN_DIRECTION_LINKS;
   return fraction[dir->type];
 }
 

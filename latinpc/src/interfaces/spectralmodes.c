@@ -21,17 +21,18 @@
    eigenvalue: block Lanczos then builds a basis of three times as many vectors, and took 1.7 times as long at 3,726 dofs.
 */
 
-#define LATIN_SPECTRAL_MOST      64  /* fields of a subdomain; 8 take as many iterations as a threshold a tenth as large */
-#define LATIN_SPECTRAL_SIZE      0.1 /* a field is kept when this part of its norm, or more, is outside the macro basis */
-#define LATIN_SPECTRAL_SOFT      0.5 /* springs of the subdomains of a matrix, relative to the stiffness at the interface */
-#define LATIN_SPECTRAL_ITERATION 1.3 /* threshold of KSP latin, for a matrix whose coefficients jump */
+#define LATIN_SPECTRAL_MOST         64  /* fields of a subdomain; 8 take as many iterations as a threshold a tenth as large */
+#define LATIN_SPECTRAL_SIZE         0.1 /* a field is kept when this part of its norm, or more, is outside the macro basis */
+#define LATIN_SPECTRAL_SOFT         0.5 /* springs of the subdomains of a matrix, relative to the stiffness at the interface */
+#define LATIN_SPECTRAL_ITERATION    1.3 /* threshold of KSP latin, for a matrix whose coefficients jump */
+#define LATIN_SPECTRAL_PRECONDITION 1.0 /* the same of PC latin */
 
 /* The threshold: given; of a matrix, when nothing is said, one that makes up for jumps of its coefficients */
 PetscReal LatinSpectralThreshold(const LatinSpectral *spectral)
 {
   if (spectral->threshold >= 0.0) return spectral->threshold;
   if (!spectral->sub->matrix || spectral->inter->variant != LATIN_VARIANT_CORNER) return 0.0;
-  return spectral->sub->preconditions ? 1.0 : LATIN_SPECTRAL_ITERATION;
+  return spectral->sub->preconditions ? LATIN_SPECTRAL_PRECONDITION : LATIN_SPECTRAL_ITERATION;
 }
 
 /* Eigenvectors of G (destroyed) for the eigenvalues 1 / (1 + lambda), lambda < threshold: columns of V (n x n), the last *modes wanted */

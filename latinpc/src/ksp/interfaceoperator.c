@@ -15,6 +15,8 @@
    symmetric, but indefinite as a saddle point: minres takes more than twice the iterations with it.
 */
 
+#define LATIN_INTERFACE_NOISE LatinByPrecision(1e-14, 5e-6) /* of the energy norm: what rounding leaves of interface data */
+
 /* y = L^t x or L x on one interface, in place */
 static PetscErrorCode LatinReflectionFactor_Private(LatinLinear *linear, PetscInt f, PetscBool transposed, PetscReal x[])
 {
@@ -75,7 +77,7 @@ PetscErrorCode LatinReflectionApply_Private(LatinLinear *linear, Vec data, Vec r
   if (loaded) { /* what rounding leaves of interface data, of the energy norm of the first displacements */
     for (PetscInt i = 0; i < linear->sub->bs * linear->sub->copies; i++) energy += linear->load[i] * linear->U[i];
     PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &energy, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm(linear->sub->object)));
-    linear->noise = LatinByPrecision(1e-14, 5e-6) * PetscSqrtReal(PetscMax(energy, 0.0));
+    linear->noise = LATIN_INTERFACE_NOISE * PetscSqrtReal(PetscMax(energy, 0.0));
   }
   PetscCall(PetscLogEventBegin(LATIN_Local, linear->sub->object, 0, 0, 0));
   for (PetscInt f = 0; f < inter->count; f++) { /* mine = R y = 2 L^t P U - y */

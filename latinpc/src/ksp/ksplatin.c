@@ -6,6 +6,8 @@
    mathematics of the method here: see ksp/interfaceoperator.c.
 */
 
+#define LATIN_SAME_MATRIX LatinByPrecision(1e-8, 1e-4) /* relative difference of two products with one matrix: rounding */
+
 static PetscErrorCode KSPLatinMult_Private(Mat A, Vec x, Vec y)
 {
   KSP ksp;
@@ -120,8 +122,7 @@ static PetscErrorCode KSPLatinCheckMatrix_Private(KSP ksp, Mat A)
   PetscCall(LatinSum_Private(sub, f, data->solution));
   PetscCall(VecAXPY(data->residual, -1.0, data->solution));
   PetscCall(VecNorm(data->residual, NORM_2, &difference));
-  PetscCheck(difference <= LatinByPrecision(1e-8, 1e-4) * norm, PetscObjectComm((PetscObject)ksp), PETSC_ERR_ARG_INCOMP,
-             "The matrix of -ksp_type latin is not %s: they differ by %g, relative. Another matrix can be solved with -ksp_type cg -pc_type latin",
+  PetscCheck(difference <= LATIN_SAME_MATRIX * norm, PetscObjectComm((PetscObject)ksp), PETSC_ERR_ARG_INCOMP, "The matrix of -ksp_type latin is not %s: they differ by %g, relative. Another matrix can be solved with -ksp_type cg -pc_type latin",
              sub->structure ? "the tangent stiffness of its structure (LatinStructureComputeJacobian())" : "the MATIS that it is set up from", norm > 0.0 ? (double)(difference / norm) : (double)difference);
   PetscFunctionReturn(0);
 }

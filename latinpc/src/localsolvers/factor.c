@@ -5,8 +5,9 @@
    costs nothing, is found whether it stops the factorisation or only shows in the factor.
 */
 
-#define LATIN_ROOM      100  /* work space of MUMPS beyond its own estimate, in percent */
-#define LATIN_ROOM_MOST 6400 /* percent, after three fourfold increases: where it gives up */
+#define LATIN_SHIFT     LatinByPrecision(1e-8, 1e-4) /* of the diagonal: makes a matrix regular that could not be factored */
+#define LATIN_ROOM      100                          /* work space of MUMPS beyond its own estimate, in percent */
+#define LATIN_ROOM_MOST 6400                         /* percent, after three fourfold increases: where it gives up */
 
 /* The first package with a Cholesky factorisation of A: the preferred one, or another (NULL: none) */
 PetscErrorCode LatinDirectSolverAvailable_Private(Mat A, MatSolverType preferred, MatSolverType *package, PetscBool *found)
@@ -120,7 +121,7 @@ static PetscErrorCode LatinSoftestShifted_Private(Mat A, Vec v)
   PetscCall(VecDuplicate(v, &d));
   PetscCall(MatGetDiagonal(A, d));
   PetscCall(VecAbs(d));
-  PetscCall(VecScale(d, LatinByPrecision(1e-8, 1e-4)));
+  PetscCall(VecScale(d, LATIN_SHIFT));
   PetscCall(MatDiagonalSet(shifted, d, ADD_VALUES));
   PetscCall(KSPCreate(PetscObjectComm((PetscObject)A), &ksp));
   PetscCall(KSPSetOptionsPrefix(ksp, "set_up_")); /* options without prefix are for others */

@@ -6,6 +6,8 @@
    the diagonal of their operators.
 */
 
+#define LATIN_WEIGHT_LEAST LatinByPrecision(1e-12, 1e-5) /* of the largest stiffness: what a copy without stiffness counts */
+
 /* The part of each copy in its node, in proportion to the stiffness (diagonal of its operator) */
 PetscErrorCode PCLatinWeights_Private(PC pc)
 {
@@ -20,7 +22,7 @@ PetscErrorCode PCLatinWeights_Private(PC pc)
   for (PetscInt i = 0; i < bs * sub->copies; i++) largest = PetscMax(largest, stiffness[i]);
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &largest, 1, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)pc)));
   /* a copy without stiffness keeps a part of its node, or nobody would move it where no copy has any */
-  for (PetscInt i = 0; i < bs * sub->copies; i++) stiffness[i] += LatinByPrecision(1e-12, 1e-5) * (largest > 0.0 ? largest : 1.0);
+  for (PetscInt i = 0; i < bs * sub->copies; i++) stiffness[i] += LATIN_WEIGHT_LEAST * (largest > 0.0 ? largest : 1.0);
   PetscCall(LatinSum_Private(sub, stiffness, data->work));
   PetscCall(PetscArrayzero(data->f, bs * sub->copies));
   PetscCall(LatinDistribute_Private(sub, data->work, data->f));

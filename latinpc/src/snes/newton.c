@@ -30,6 +30,7 @@
 #define LATIN_NEWTON_LINEAR   500                          /* most iterations of a linear solve; with a quarter two cases of the catalogue are refused */
 #define LATIN_NEWTON_STEPS    200                          /* most steps; with half as many a case of the catalogue is refused */
 #define LATIN_NEWTON_FULL     12                           /* steps that are taken whole: they end soon if they end at all */
+#define LATIN_NEWTON_GAIN     0.5                          /* a step that was to bring digits and leaves more of the error has brought none: rounding */
 #define LATIN_NEWTON_STILL    10                           /* a search that stands still may meet rounding, or a link that is just taut: then it does so again and again */
 
 /* Before the first linear stage of a solve. Collective on structure */
@@ -183,7 +184,7 @@ static PetscErrorCode LatinNewtonConverged_Private(SNES snes, PetscInt it, Petsc
     if (!changes && !newton->tangent) newton->error *= newton->left; /* where forces differ by orders, only a step that moves nothing proves anything */
     if (newton->reference) PetscCall(LatinStructureComputeErrors(newton->structure, u, newton->reference, &newton->error, &energy));
   }
-  rounding = (PetscBool)(it > 1 && !changes && !newton->changes && newton->error > 0.5 * before && newton->left < LATIN_NEWTON_RTOL); /* a step that was to bring digits has brought none */
+  rounding = (PetscBool)(it > 1 && !changes && !newton->changes && newton->error > LATIN_NEWTON_GAIN * before && newton->left < LATIN_NEWTON_RTOL); /* a step that was to bring digits has brought none */
   if (rounding && newton->tangent) PetscCall(LatinNewtonRounding_Private(snes, newton, u, &rounding));
   if (fnorm <= newton->residual) *reason = SNES_CONVERGED_FNORM_RELATIVE;
   else if (it && newton->error <= newton->target && (!newton->still || newton->still > LATIN_NEWTON_STILL)) *reason = SNES_CONVERGED_SNORM_RELATIVE;
