@@ -122,10 +122,10 @@ TUNING = {
     ),
     "LATIN_MODE_VISIBLE": Tuning(
         "of its norm",
-        "macro modes kept on nodes that serve",
+        "macro modes kept on nodes of their interface",
         ("grid cut, coarse", "truss cut, coarse", "network, coarse", "lattice cut, coarse", "extremes, catalogue"),
         values=(6.25e-05, 0.00025, 0.004, 0.016),
-        so="Nothing changes from 1/16 to 16 times: modes are seen on the nodes that serve, or not at all.",
+        so="Nothing changes from 1/16 to 16 times: modes are seen on the nodes assigned to their interface, or not at all.",
     ),
     # partition
     "LATIN_REPAIR_SOFT": Tuning(

@@ -8,7 +8,7 @@ import numpy as np
 import scipy.linalg as la
 
 RANK = 1e-6  # relative size below which a direction does not count
-VISIBLE = 1e-3  # share of a macro mode that must lie on the nodes that serve its interface
+VISIBLE = 1e-3  # share of a macro mode that must lie on the nodes that are assigned to its interface
 LOCAL = 0.1  # share of a local low-energy field that must be outside the macro basis
 
 
@@ -42,8 +42,8 @@ def rigid_modes(scene, nodes):
     return np.column_stack([np.tile(axes, (len(nodes), 1))] + [spin.ravel() for spin in spins])
 
 
-def macro_basis(modes, d, serving, local):
-    """R with R^t D R = 1: the affine fields that are visible on the serving dofs.
+def macro_basis(modes, d, assigned, local):
+    """R with R^t D R = 1: the affine fields that are visible on the dofs assigned to the interface.
 
     `local`: low-energy fields, weighted by sqrt(d), that complete them.
 
@@ -56,7 +56,7 @@ def macro_basis(modes, d, serving, local):
     if local.shape[1]:
         u, s, _ = np.linalg.svd(local - fields @ (fields.T @ local), full_matrices=False)
         fields = np.hstack([fields, u[:, s > LOCAL]])
-    _, visible, v = np.linalg.svd(fields[serving], full_matrices=False)
+    _, visible, v = np.linalg.svd(fields[assigned], full_matrices=False)
     return fields @ v[visible > VISIBLE].T / np.sqrt(d)[:, None]
 
 

@@ -284,12 +284,12 @@ static PetscErrorCode LatinInterfaceSides_Private(LatinInterfaces *inter)
 }
 
 /*
-   Which interface a node serves: its macro modes must be visible there, and no node serves two interfaces. A node of
-   two subdomains serves their interface; a node of more serves the thinnest of its strong interfaces; a primal node
+   Which interface a node is assigned to: its macro modes must be visible there, and no node has two of them. A node of
+   two subdomains is assigned to their interface; one of more to the thinnest of its strong interfaces; a primal node
    none. Taking the interfaces of a subdomain from the thickest down shows that its macro constraints are independent:
-   the nodes that one serves are touched by thicker ones only.
+   the nodes of one are touched by thicker ones only.
 */
-static PetscErrorCode LatinInterfaceServing_Private(LatinInterfaces *inter)
+static PetscErrorCode LatinInterfaceAssign_Private(LatinInterfaces *inter)
 {
   const LatinSubdomains *sub = inter->sub;
   const PetscInt         bs  = inter->sub->bs;
@@ -297,7 +297,7 @@ static PetscErrorCode LatinInterfaceServing_Private(LatinInterfaces *inter)
 
   PetscFunctionBegin;
   PetscCall(PetscCalloc1(inter->table_offset[sub->copies], &table));
-  PetscCall(PetscMalloc1(inter->sides, &inter->serves));
+  PetscCall(PetscMalloc1(inter->sides, &inter->assigned));
   for (PetscInt pass = 0; pass < 2; pass++) {
     for (PetscInt f = 0; f < inter->count; f++) {
       const LatinInterface *face  = &inter->interface[f];
@@ -320,7 +320,7 @@ static PetscErrorCode LatinInterfaceServing_Private(LatinInterfaces *inter)
               low  = a;
               high = b;
             }
-        inter->serves[k] = (PetscBool)(!inter->glued[i] && low == PetscMin(inter->position[i], other) && high == PetscMax(inter->position[i], other));
+        inter->assigned[k] = (PetscBool)(!inter->glued[i] && low == PetscMin(inter->position[i], other) && high == PetscMax(inter->position[i], other));
       }
     }
     if (!pass) PetscCall(LatinInterfaceExchange_Private(inter, table));
@@ -377,7 +377,7 @@ PetscErrorCode LatinInterfaceSetUp(LatinInterfaces *inter)
   PetscCall(LatinInterfaceShares_Private(inter));
   PetscCall(LatinInterfaceList_Private(inter));
   PetscCall(LatinInterfaceSides_Private(inter));
-  PetscCall(LatinInterfaceServing_Private(inter));
+  PetscCall(LatinInterfaceAssign_Private(inter));
   PetscCall(LatinInterfaceMates_Private(inter));
   PetscCall(LatinInterfacePrimal_Private(inter));
   PetscCall(PetscLogEventEnd(LATIN_Interface, inter->sub->object, 0, 0, 0));
@@ -395,7 +395,7 @@ PetscErrorCode LatinInterfaceReset(LatinInterfaces *inter)
   PetscCall(PetscFree(inter->position));
   PetscCall(PetscFree3(inter->node_class, inter->component, inter->glued));
   PetscCall(PetscFree(inter->side_dof));
-  PetscCall(PetscFree(inter->serves));
+  PetscCall(PetscFree(inter->assigned));
   PetscCall(PetscSFDestroy(&inter->table_sf));
   PetscCall(PetscSFDestroy(&inter->mate_sf));
   PetscCall(PetscFree(inter->primal_offset));

@@ -40,7 +40,7 @@ typedef struct {
   PetscBool      *glued;        /* [copies] the node has a primal component, this copy's or another one */
   PetscInt        sides;        /* side degrees of freedom here */
   PetscInt       *side_dof;     /* [sides] entry of the copy arrays */
-  PetscBool      *serves;       /* [sides] macro modes of the interface must be visible here */
+  PetscBool      *assigned;     /* [sides] to this interface, whose macro modes must be visible here */
   PetscSF         mate_sf;      /* side dof -> its mate on the other side of the interface */
   PetscInt        strong_global, weak_global, side_nodes_global;
   /* a table of m x m integers for the m subdomains of a node: each copy fills its own row, and all copies get the whole */

@@ -6,12 +6,12 @@
 
    The macro constraints of one subdomain must be independent, or its condensed operator is singular. On an irregular
    partition the interfaces of a subdomain share nodes, and primal nodes carry constraints of their own. So only those
-   combinations of modes are kept that are visible on the nodes that serve the interface, see
-   LatinInterfaceServing_Private().
+   combinations of modes are kept that are visible on the nodes that are assigned to the interface, see
+   LatinInterfaceAssign_Private().
 */
 
 #define LATIN_MODE_RANK    LatinByPrecision(1e-6, 1e-4) /* singular values below this fraction of the largest are dependent modes */
-#define LATIN_MODE_VISIBLE 1e-3                         /* a mode is kept when this part of its norm, or more, lies on the nodes that serve the interface */
+#define LATIN_MODE_VISIBLE 1e-3                         /* a mode is kept when this part of its norm, or more, lies on the nodes that are assigned to the interface */
 
 /* Most modes of LatinMacroModes_Private(); in 3D 9 fields and 2 rotations */
 static inline PetscInt LatinMacroModesMost(LatinMacro *macro)
@@ -102,8 +102,8 @@ static PetscErrorCode LatinMacroModes_Private(LatinMacro *macro, const LatinInte
 }
 
 /*
-   The basis of one interface, column by column in M. First the fields that its side dofs can tell apart, orthonormal in
-   d, completed by local low-energy fields where there are any (interfaces/spectralmodes.c); then, of these, the combinations whose part on the serving nodes does not vanish (singular values are cosines,
+   The basis of one interface, column by column in M. First the fields that its side dofs distinguish, orthonormal in
+   d, completed by local low-energy fields where there are any (interfaces/spectralmodes.c); then, of these, the combinations whose part on the assigned nodes does not vanish (singular values are cosines,
    between 0 and 1). Orthogonal combinations of an orthonormal basis are orthonormal: the result does not depend on how
    modes are scaled.
 */
@@ -114,7 +114,7 @@ static PetscErrorCode LatinMacroBasis_Private(LatinMacro *macro, PetscInt f, Pet
   const PetscInt         rows = face->side_last - face->side_first, wide = LatinMacroWidth(macro, f);
   PetscScalar           *V;
   PetscReal             *s, *one;
-  PetscInt               modes = 0, fields = 0, kept = 0, serving = 0;
+  PetscInt               modes = 0, fields = 0, kept = 0, assigned = 0;
 
   PetscFunctionBegin;
   PetscCall(PetscMalloc3(wide * wide, &V, wide, &s, wide, &one));
@@ -125,12 +125,12 @@ static PetscErrorCode LatinMacroBasis_Private(LatinMacro *macro, PetscInt f, Pet
   LatinCombine_Private(rows, modes, fields, M, V, s, F);
   modes = fields;
   PetscCall(LatinSpectralExtend(macro->spectral, f, rows, &fields, F));
-  for (PetscInt r = 0; r < rows; r++) serving += inter->serves[face->side_first + r] ? 1 : 0;
-  if (serving && fields) {
+  for (PetscInt r = 0; r < rows; r++) assigned += inter->assigned[face->side_first + r] ? 1 : 0;
+  if (assigned && fields) {
     for (PetscInt j = 0; j < fields; j++)
       for (PetscInt r = 0, k = 0; r < rows; r++)
-        if (inter->serves[face->side_first + r]) M[k++ + serving * j] = F[r + rows * j];
-    PetscCall(LatinSVD_Private(serving, fields, M, s, V));
+        if (inter->assigned[face->side_first + r]) M[k++ + assigned * j] = F[r + rows * j];
+    PetscCall(LatinSVD_Private(assigned, fields, M, s, V));
     while (kept < fields && s[kept] > LATIN_MODE_VISIBLE) kept++;
     LatinCombine_Private(rows, fields, kept, F, V, one, M);
     for (PetscInt k = 0; k < kept; k++)
@@ -151,7 +151,7 @@ static inline PetscBool LatinMacroBuilds(LatinMacro *macro, const LatinInterface
 
 /*
    pattern[f]: the first of the interfaces whose basis is built here that has the same one as f. A basis depends on the
-   weighted fields, on D and on the nodes that serve; one with local fields is compared with none.
+   weighted fields, on D and on the nodes that are assigned to the interface; one with local fields is compared with none.
 */
 static PetscErrorCode LatinMacroCompare_Private(LatinMacro *macro, PetscInt pattern[])
 {
@@ -174,7 +174,7 @@ static PetscErrorCode LatinMacroCompare_Private(LatinMacro *macro, PetscInt patt
     data[n++] = modes;
     data[n++] = macro->dir->matrix_first[f];
     data[n++] = macro->spectral->count && macro->spectral->count[f] ? f : -1;
-    for (PetscInt k = face->side_first; k < face->side_last; k++) data[n++] = inter->serves[k] ? macro->dir->d[k] : -macro->dir->d[k];
+    for (PetscInt k = face->side_first; k < face->side_last; k++) data[n++] = inter->assigned[k] ? macro->dir->d[k] : -macro->dir->d[k];
   }
   first[inter->count] = n * sizeof(*data);
   PetscCall(LatinFindEqual(inter->count, first, data, pattern));

@@ -1,6 +1,6 @@
 #include "interfaces/latininterfaces.h"
 
-/* What the two sides of an interface tell each other while they are set up; in an iteration it is one number a side dof, by mate_sf. */
+/* What the two sides of an interface exchange while they are set up; in an iteration it is one number a side dof, by mate_sf. */
 
 #define LATIN_MATE_COLUMNS 16 /* vectors exchanged together: bounds the work space */
 

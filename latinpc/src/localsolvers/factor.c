@@ -26,7 +26,7 @@ PetscErrorCode LatinDirectSolverAvailable_Private(Mat A, MatSolverType preferred
 /* Cholesky with the preferred package; where PETSc lacks it, another one, with a notice */
 PetscErrorCode LatinDirectSolver_Private(PC pc, Mat A, MatSolverType preferred)
 {
-  static PetscBool told    = PETSC_FALSE;
+  static PetscBool warned  = PETSC_FALSE;
   MatSolverType    package = NULL;
   PetscMPIInt      rank;
   PetscBool        found = PETSC_FALSE;
@@ -37,9 +37,9 @@ PetscErrorCode LatinDirectSolver_Private(PC pc, Mat A, MatSolverType preferred)
   PetscCall(LatinDirectSolverAvailable_Private(A, preferred, &package, &found));
   if (found) PetscCall(PCFactorSetMatSolverType(pc, package));
   else PetscCall(PCSetType(pc, PCREDUNDANT)); /* a parallel matrix and no parallel direct solver */
-  if (!told && !rank && !found) PetscCall(PetscFPrintf(PETSC_COMM_SELF, PETSC_STDERR, "latin: this PETSc has no parallel direct solver; every rank factors the whole coarse problem\n"));
-  if (!told && !rank && found && strcmp(package, preferred)) PetscCall(PetscFPrintf(PETSC_COMM_SELF, PETSC_STDERR, "latin: this PETSc has no %s; using %s instead, which may be slower\n", preferred, package));
-  if (!found || strcmp(package, preferred)) told = PETSC_TRUE;
+  if (!warned && !rank && !found) PetscCall(PetscFPrintf(PETSC_COMM_SELF, PETSC_STDERR, "latin: this PETSc has no parallel direct solver; every rank factors the whole coarse problem\n"));
+  if (!warned && !rank && found && strcmp(package, preferred)) PetscCall(PetscFPrintf(PETSC_COMM_SELF, PETSC_STDERR, "latin: this PETSc has no %s; using %s instead, which may be slower\n", preferred, package));
+  if (!found || strcmp(package, preferred)) warned = PETSC_TRUE;
   PetscFunctionReturn(0);
 }
 

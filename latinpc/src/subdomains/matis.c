@@ -208,7 +208,7 @@ static PetscErrorCode LatinMatrixCopies_Private(LatinSubdomains *sub, const Lati
   for (PetscInt s = 0; s < sub->n; s++) PetscCall(PetscSortIntWithArray(sub->node_offset[s + 1] - sub->node_offset[s], sub->node + sub->node_offset[s], row + sub->node_offset[s]));
   for (PetscInt r = 0; r < local->rows; r++) at[r] = -1;
   for (PetscInt i = 0; i < sub->copies; i++) at[row[i]] = i;
-  /* the rows of the operators, of entries that are not zero on either side of the diagonal: rounding may leave one of the two, and METIS wants symmetric graphs */
+  /* the rows of the operators, of entries that are not zero on either side of the diagonal: rounding may leave one of the two, and METIS takes symmetric graphs */
   PetscCall(PetscMalloc1(sub->copies + 1, &sub->ki));
   PetscCall(PetscMalloc2(local->i[local->rows], &sub->kj, local->i[local->rows], &sub->ka));
   sub->ki[0] = 0;
