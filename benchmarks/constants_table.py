@@ -125,7 +125,7 @@ TUNING = {
         "macro modes kept on nodes of their interface",
         ("grid cut, coarse", "truss cut, coarse", "network, coarse", "lattice cut, coarse", "extremes, catalogue"),
         values=(6.25e-05, 0.00025, 0.004, 0.016),
-        so="Nothing changes from 1/16 to 16 times: modes are seen on the nodes assigned to their interface, or not at all.",
+        so="Nothing changes from 1/16 to 16 times: modes show on the nodes of their interface, or not at all.",
     ),
     # partition
     "LATIN_REPAIR_SOFT": Tuning(
