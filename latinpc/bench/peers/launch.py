@@ -14,8 +14,11 @@ import threading
 
 from latinpc.files.npz import save_scene
 
-#: One core for each process: no thread but its own.
-THREADS = {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "RAYON_NUM_THREADS")}
+#: One core for each process: no thread but its own. CHOLMOD starts four whatever OMP_NUM_THREADS says, which takes
+#: twice the time; the limit holds for it as well.
+THREADS = dict.fromkeys(
+    ("OMP_NUM_THREADS", "OMP_THREAD_LIMIT", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "RAYON_NUM_THREADS"), "1"
+)
 
 
 class Failed(RuntimeError):

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import dataclasses
 import gc
 import time
 from dataclasses import dataclass, field
@@ -141,6 +142,8 @@ def _solve_snes(method, scene, tolerance, comm, reference, accuracy):
     history, target, barrier = [], None, PETSc.COMM_WORLD.tompi4py().barrier
     barrier()
     cpu, start = time.process_time(), time.perf_counter()
+    if method.whole:
+        scene = dataclasses.replace(scene, subdomain=None)
     structure = Structure.from_scene(scene, comm)
     structure.dm.setMatType(method.matrix)
     snes = structure.create_snes()
