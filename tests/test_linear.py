@@ -156,14 +156,14 @@ def test_any_solver_of_the_subdomains(solver):
 
 
 def test_default_solver_of_the_subdomains():
-    """CHOLMOD factors all subdomains of a rank as one matrix, under a prefix of its own."""
+    """Ours of CHOLMOD's kernels, under a prefix of its own."""
     with latin(grid()) as run:
         run.snes.setUp()
         ksp = latinpc.local_ksp(run.snes)
         assert ksp.getOptionsPrefix() == "snes_latin_local_"
         assert ksp.getType() == "preonly"
         assert ksp.getPC().getType() == "cholesky"
-        assert ksp.getPC().getFactorSolverType() == "cholmod"
+        assert ksp.getPC().getFactorSolverType() == "latin"
         assert ksp.getComm().getSize() == 1
 
 

@@ -32,6 +32,7 @@ static PetscErrorCode LatinRegisterTypes(void)
   PetscCall(KSPRegister(KSPLATIN, KSPCreate_Latin));
   PetscCall(TSRegister(TSLATIN, TSCreate_Latin));
   PetscCall(MatOrderingRegister(LATIN_ORDERING, LatinOrdering));
+  PetscCall(LatinCholeskyRegister());
   PetscCall(PetscRegisterFinalize(LatinFinalizePackage));
   PetscFunctionReturn(0);
 }

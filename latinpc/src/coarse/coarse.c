@@ -54,7 +54,7 @@ static PetscErrorCode LatinCoarseDirect_Private(LatinCoarse *coarse)
   PetscCall(PCRedundantGetKSP(pc, &inner));
   PetscCall(KSPGetPC(inner, &whole));
   PetscCall(MatCreateSeqAIJ(PETSC_COMM_SELF, 1, 1, 1, NULL, &A));
-  PetscCall(LatinDirectSolver_Private(whole, A, MATSOLVERMUMPS));
+  PetscCall(LatinDirectSolver_Private(whole, A, LATIN_CHOLESKY));
   PetscCall(MatDestroy(&A));
   PetscCall(KSPSetFromOptions(inner));
   PetscFunctionReturn(0);
@@ -86,7 +86,7 @@ PetscErrorCode LatinCoarseSetUp(LatinCoarse *coarse, const LatinHomogenised *sti
   PetscCall(KSPGetPC(coarse->ksp, &pc));
   PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCBDDC, &bddc)); /* multigrid would forget the near null space */
   if (bddc && dim) PetscCall(PCSetCoordinates(pc, dim, coarse->top_local, coarse->x));
-  if (coarse->top_size) PetscCall(LatinFactor_Private(coarse->ksp, coarse->A, MATSOLVERMUMPS, &coarse->status)); /* disconnected structures may be condensed entirely, each a group */
+  if (coarse->top_size) PetscCall(LatinFactor_Private(coarse->ksp, coarse->A, NULL, &coarse->status)); /* disconnected structures may be condensed entirely, each a group */
   PetscCall(PetscLogEventEnd(LATIN_Coarse, coarse->sub->object, 0, 0, 0));
   PetscFunctionReturn(0);
 }

@@ -111,6 +111,25 @@ static PetscErrorCode LatinLocalMatrix_Private(LatinLocalSolvers *solvers, Petsc
   PetscFunctionReturn(0);
 }
 
+/* The rows of batch i that its factor keeps to the last */
+static PetscErrorCode LatinLocalKeep_Private(LatinLocalSolvers *solvers, PetscInt i, PC pc, IS *is)
+{
+  const PetscInt s = solvers->batches->batch[i].sub[0], top = solvers->sub->bs * solvers->sub->node_offset[s];
+  const PetscInt n = solvers->kept_offset[s + 1] - solvers->kept_offset[s], *kept = solvers->kept + solvers->kept_offset[s];
+  PetscInt      *rows;
+  Mat            F;
+
+  PetscFunctionBegin;
+  if (!n) PetscFunctionReturn(0);
+  PetscCall(PetscMalloc1(n, &rows));
+  for (PetscInt k = 0; k < n; k++) rows[k] = kept[k] - top;
+  PetscCall(ISCreateGeneral(PETSC_COMM_SELF, n, rows, PETSC_OWN_POINTER, is));
+  PetscCall(PCFactorSetUpMatSolverType(pc));
+  PetscCall(PCFactorGetMatrix(pc, &F));
+  PetscCall(MatFactorSetSchurIS(F, *is));
+  PetscFunctionReturn(0);
+}
+
 /*
    Matrices, factors and work space; name is "local" or "interior", the prefix of the options; once: a preconditioner that
    is no factorisation is applied once. solvers->status says how it ended on this rank.
@@ -124,16 +143,19 @@ PetscErrorCode LatinLocalSolversSetUp(LatinLocalSolvers *solvers, const char nam
   PetscCall(PetscMemzero(&solvers->status, sizeof(solvers->status)));
   for (PetscInt i = 0; i < solvers->n && !LatinFactorFailed(&solvers->status); i++) {
     PC pc;
+    IS kept = NULL;
 
     PetscCall(LatinLocalMatrix_Private(solvers, i));
     PetscCall(LatinSolverCreate_Private(PETSC_COMM_SELF, sub->object, name, &solvers->ksp[i]));
     PetscCall(KSPGetPC(solvers->ksp[i], &pc));
-    PetscCall(LatinDirectSolver_Private(pc, solvers->K[i], MATSOLVERCHOLMOD));
+    PetscCall(LatinDirectSolver_Private(pc, solvers->K[i], LATIN_CHOLESKY));
     PetscCall(KSPSetOperators(solvers->ksp[i], solvers->K[i], solvers->K[i]));
     PetscCall(KSPSetFromOptions(solvers->ksp[i]));
     PetscCall(LatinSolverDefaults_Private(solvers->ksp[i], once));
     PetscCall(MatSetBlockSize(solvers->K[i], sub->bs));
-    PetscCall(LatinFactor_Private(solvers->ksp[i], solvers->K[i], MATSOLVERCHOLMOD, &solvers->status));
+    if (solvers->kept) PetscCall(LatinLocalKeep_Private(solvers, i, pc, &kept));
+    PetscCall(LatinFactor_Private(solvers->ksp[i], solvers->K[i], kept, &solvers->status));
+    PetscCall(ISDestroy(&kept));
     solvers->last = i;
     PetscCall(LatinSolverDirect_Private(solvers->ksp[i], &solvers->direct));
   }

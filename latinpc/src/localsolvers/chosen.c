@@ -16,6 +16,26 @@ PetscErrorCode LatinSolverDirect_Private(KSP ksp, PetscBool *direct)
   PetscFunctionReturn(0);
 }
 
+/* Do the options leave the local solvers to us, and is there the factorisation that is their default? */
+PetscErrorCode LatinSolverIsDefault_Private(PetscObject parent, const char name[], PetscBool *is)
+{
+  const char *option[] = {"ksp_type", "pc_type", "pc_factor_mat_solver_type"};
+  char        full[PETSC_MAX_PATH_LEN];
+  PetscBool   given;
+  Mat         one;
+
+  PetscFunctionBegin;
+  PetscCall(MatCreateSeqAIJ(PETSC_COMM_SELF, 1, 1, 1, NULL, &one));
+  PetscCall(MatGetFactorAvailable(one, LATIN_CHOLESKY, MAT_FACTOR_CHOLESKY, is));
+  PetscCall(MatDestroy(&one));
+  for (PetscInt i = 0; i < 3; i++) {
+    PetscCall(PetscSNPrintf(full, sizeof(full), "-%s_%s", name, option[i]));
+    PetscCall(PetscOptionsHasName(parent->options, parent->prefix, full, &given));
+    if (given) *is = PETSC_FALSE;
+  }
+  PetscFunctionReturn(0);
+}
+
 /* A KSP for `name` ("local", "interior", "coarse"), with the options of its parent: one application of its preconditioner */
 PetscErrorCode LatinSolverCreate_Private(MPI_Comm comm, PetscObject parent, const char name[], KSP *ksp)
 {

@@ -1,15 +1,14 @@
 #include "localsolvers/latinlocalsolvers.h"
 
 /*
-   One dense Schur complement for all that works on the interfaces of a subdomain alone: search directions, local
-   low-energy fields, the operator of a subdomain that is condensed on its interfaces. Small subdomains by dense
-   algebra, others by a partial factorisation of MUMPS.
+   One dense Schur complement for all that works on the interfaces of a subdomain alone: search directions and local
+   low-energy fields. Small subdomains by dense algebra, others by a sparse factor.
 */
 
 #define LATIN_ELIMINATE_DENSE 400 /* rows up to which dense algebra takes less time (tensegrity-grid 60 and network 8000 by METIS into 8 to 240) */
 
-/* By MUMPS */
-static PetscErrorCode LatinEliminateSparse_Private(const LatinSparse *A, PetscInt gamma, const PetscInt kept[], PetscReal F[], PetscBool *bad)
+/* By a sparse factor that keeps rows to the last, of the package given */
+static PetscErrorCode LatinEliminateSparse_Private(const LatinSparse *A, MatSolverType package, PetscInt gamma, const PetscInt kept[], PetscReal F[], PetscBool *bad)
 {
   Mat                K, factor, dense;
   MatFactorInfo      how;
@@ -19,9 +18,10 @@ static PetscErrorCode LatinEliminateSparse_Private(const LatinSparse *A, PetscIn
 
   PetscFunctionBegin;
   PetscCall(MatCreateSeqAIJWithArrays(PETSC_COMM_SELF, A->rows, A->rows, A->i, A->j, A->a, &K));
+  PetscCall(MatSetBlockSize(K, A->bs));
   PetscCall(MatSetOption(K, MAT_SYMMETRIC, PETSC_TRUE));
   PetscCall(MatSetOption(K, MAT_SPD, PETSC_TRUE));
-  PetscCall(MatGetFactor(K, MATSOLVERMUMPS, MAT_FACTOR_CHOLESKY, &factor));
+  PetscCall(MatGetFactor(K, package, MAT_FACTOR_CHOLESKY, &factor));
   PetscCall(ISCreateGeneral(PETSC_COMM_SELF, gamma, kept, PETSC_USE_POINTER, &is));
   PetscCall(MatFactorSetSchurIS(factor, is));
   PetscCall(MatFactorInfoInitialize(&how));
@@ -29,12 +29,12 @@ static PetscErrorCode LatinEliminateSparse_Private(const LatinSparse *A, PetscIn
   PetscCall(MatCholeskyFactorNumeric(factor, K, &how));
   PetscCall(MatFactorGetError(factor, &failed)); /* noted, not raised */
   if (failed) *bad = PETSC_TRUE;
-  PetscCall(MatFactorCreateSchurComplement(factor, &dense, NULL));
+  PetscCall(MatFactorGetSchurComplement(factor, &dense, NULL));
   PetscCall(MatDenseGetArrayRead(dense, &f));
   for (PetscInt j = 0; j < gamma; j++)
     for (PetscInt i = j; i < gamma; i++) F[i + (size_t)gamma * (size_t)j] = F[j + (size_t)gamma * (size_t)i] = f[i + (size_t)gamma * (size_t)j];
   PetscCall(MatDenseRestoreArrayRead(dense, &f));
-  PetscCall(MatDestroy(&dense));
+  PetscCall(MatFactorRestoreSchurComplement(factor, &dense, MAT_FACTOR_SCHUR_UNFACTORED));
   PetscCall(MatDestroy(&factor));
   PetscCall(MatDestroy(&K));
   PetscCall(ISDestroy(&is));
@@ -73,16 +73,21 @@ static PetscErrorCode LatinEliminateDense_Private(const LatinSparse *K, PetscInt
 */
 PetscErrorCode LatinEliminate_Private(const LatinSparse *K, PetscInt gamma, const PetscInt kept[], PetscReal F[], PetscBool *bad)
 {
-  PetscBool mumps = PETSC_FALSE;
-  Mat       one;
+  const MatSolverType package[] = {LATIN_CHOLESKY, MATSOLVERMUMPS};
+  PetscBool           found     = PETSC_FALSE;
+  PetscInt            p         = 0;
+  Mat                 one;
 
   PetscFunctionBegin;
   if (K->rows > LATIN_ELIMINATE_DENSE && K->i[K->rows] < (PetscReal)K->rows * K->rows / 2) {
     PetscCall(MatCreateSeqAIJ(PETSC_COMM_SELF, 1, 1, 1, NULL, &one));
-    PetscCall(MatGetFactorAvailable(one, MATSOLVERMUMPS, MAT_FACTOR_CHOLESKY, &mumps));
+    for (p = 0; p < 2; p++) {
+      PetscCall(MatGetFactorAvailable(one, package[p], MAT_FACTOR_CHOLESKY, &found));
+      if (found) break;
+    }
     PetscCall(MatDestroy(&one));
   }
-  if (mumps) PetscCall(LatinEliminateSparse_Private(K, gamma, kept, F, bad));
+  if (found) PetscCall(LatinEliminateSparse_Private(K, package[p], gamma, kept, F, bad));
   else PetscCall(LatinEliminateDense_Private(K, gamma, kept, F, bad));
   PetscFunctionReturn(0);
 }

@@ -6,6 +6,7 @@
 */
 
 #define LATIN_SHIFT     LatinByPrecision(1e-8, 1e-4) /* of the diagonal: makes a matrix regular that could not be factored */
+#define LATIN_FIRM      1e6                          /* times LATIN_MECHANISM: one step of inverse iteration leaves no less where there is no mechanism */
 #define LATIN_ROOM      100                          /* work space of MUMPS beyond its own estimate, in percent */
 #define LATIN_ROOM_MOST 6400                         /* percent, after three fourfold increases: where it gives up */
 
@@ -38,7 +39,8 @@ PetscErrorCode LatinDirectSolver_Private(PC pc, Mat A, MatSolverType preferred)
   if (found) PetscCall(PCFactorSetMatSolverType(pc, package));
   else PetscCall(PCSetType(pc, PCREDUNDANT)); /* a parallel matrix and no parallel direct solver */
   if (!warned && !rank && !found) PetscCall(PetscFPrintf(PETSC_COMM_SELF, PETSC_STDERR, "latin: this PETSc has no parallel direct solver; every rank factors the whole coarse problem\n"));
-  if (!warned && !rank && found && strcmp(package, preferred)) PetscCall(PetscFPrintf(PETSC_COMM_SELF, PETSC_STDERR, "latin: this PETSc has no %s; using %s instead, which may be slower\n", preferred, package));
+  if (!warned && !rank && found && strcmp(package, preferred))
+    PetscCall(PetscFPrintf(PETSC_COMM_SELF, PETSC_STDERR, "latin: this PETSc has no %s; using %s instead, which may be slower\n", strcmp(preferred, LATIN_CHOLESKY) ? preferred : "cholmod", package));
   if (!found || strcmp(package, preferred)) warned = PETSC_TRUE;
   PetscFunctionReturn(0);
 }
@@ -88,10 +90,11 @@ static PetscErrorCode LatinSoftest_Private(KSP ksp, Mat A, Vec v, PetscReal *sti
   PetscCall(VecSqrtAbs(d));
   PetscCall(VecPointwiseDivide(v, v, d));
   PetscCall(VecPointwiseMult(d, d, d));
-  *stiffness = 1.0;
-  for (PetscInt k = 0; k < 3; k++) {
+  *stiffness = 0.0;
+  for (PetscInt k = 0; k < 3 && *stiffness < LATIN_FIRM * LATIN_MECHANISM; k++) {
     PetscCall(VecPointwiseMult(b, d, v));
     PetscCall(VecDot(b, v, &top));
+    if (!(top > 0.0)) *stiffness = 1.0;
     if (!(top > 0.0)) break;
     PetscCall(VecScale(b, 1.0 / PetscSqrtReal(top)));
     PetscCall(KSPSolve(ksp, b, v));
@@ -105,8 +108,8 @@ static PetscErrorCode LatinSoftest_Private(KSP ksp, Mat A, Vec v, PetscReal *sti
   PetscFunctionReturn(0);
 }
 
-/* A slightly stiffened copy of a matrix that could not be factored, to find the displacement that costs nothing */
-static PetscErrorCode LatinSoftestShifted_Private(Mat A, Vec v)
+/* A slightly stiffened copy of a matrix that could not be factored, with the kept rows held, to find the displacement that costs nothing */
+static PetscErrorCode LatinSoftestShifted_Private(Mat A, IS kept, Vec v)
 {
   Mat         shifted;
   Vec         d;
@@ -118,8 +121,9 @@ static PetscErrorCode LatinSoftestShifted_Private(Mat A, Vec v)
 
   PetscFunctionBegin;
   PetscCall(MatDuplicate(A, MAT_COPY_VALUES, &shifted));
+  if (kept) PetscCall(MatZeroRowsColumnsIS(shifted, kept, 1.0, NULL, NULL));
   PetscCall(VecDuplicate(v, &d));
-  PetscCall(MatGetDiagonal(A, d));
+  PetscCall(MatGetDiagonal(shifted, d));
   PetscCall(VecAbs(d));
   PetscCall(VecScale(d, LATIN_SHIFT));
   PetscCall(MatDiagonalSet(shifted, d, ADD_VALUES));
@@ -141,38 +145,8 @@ static PetscErrorCode LatinSoftestShifted_Private(Mat A, Vec v)
   PetscFunctionReturn(0);
 }
 
-/*
-   CHOLMOD tries an order that it is given, minimum degree, and METIS on the graph of the degrees of freedom, which takes as
-   long as the factorisation. One of the first two is enough, unless an option says otherwise
-*/
-static PetscErrorCode LatinFactorSetUp_Private(KSP ksp, PC pc, Mat A, MatSolverType preferred, PetscErrorCode *ierr)
-{
-  const char   *prefix;
-  char          name[PETSC_MAX_PATH_LEN];
-  MatSolverType package;
-  PetscInt      rows;
-  PetscBool     ours = PETSC_FALSE, given, other, large;
-
-  PetscFunctionBegin;
-  PetscCall(MatGetLocalSize(A, &rows, NULL));
-  large = (PetscBool)(rows > LATIN_LARGE);
-  PetscCall(KSPGetOptionsPrefix(ksp, &prefix));
-  PetscCall(PetscSNPrintf(name, sizeof(name), "-%smat_cholmod_nmethods", prefix ? prefix : ""));
-  PetscCall(PetscOptionsHasName(NULL, NULL, name, &given));
-  PetscCall(PetscOptionsHasName(((PetscObject)ksp)->options, prefix, "-pc_factor_mat_ordering_type", &other));
-  PetscCall(PCFactorGetMatSolverType(pc, &package));
-  if (package && !strcmp(preferred, MATSOLVERCHOLMOD)) ours = (PetscBool)(!strcmp(package, MATSOLVERCHOLMOD) && !given && !other);
-  if (ours && large) PetscCall(PCFactorSetMatOrderingType(pc, LATIN_ORDERING));
-  if (ours) PetscCall(PetscOptionsSetValue(NULL, name, large ? "1" : "2"));
-  PetscCall(PetscPushErrorHandler(PetscReturnErrorHandler, NULL));
-  *ierr = KSPSetUp(ksp);
-  PetscCall(PetscPopErrorHandler());
-  if (ours) PetscCall(PetscOptionsClearValue(NULL, name));
-  PetscFunctionReturn(0);
-}
-
 /* Factors; the work space that a parallel factor by MUMPS takes is not known beforehand, and grows until it is enough. Collective on A */
-static PetscErrorCode LatinFactorTry_Private(KSP ksp, PC pc, Mat A, MatSolverType preferred, LatinFactorStatus *status)
+static PetscErrorCode LatinFactorTry_Private(KSP ksp, PC pc, Mat A, LatinFactorStatus *status)
 {
   PetscMPIInt size;
   PetscBool   direct;
@@ -187,7 +161,9 @@ static PetscErrorCode LatinFactorTry_Private(KSP ksp, PC pc, Mat A, MatSolverTyp
       PetscCall(PCFactorGetMatrix(pc, &factor));
       PetscTryMethod(factor, "MatMumpsSetIcntl_C", (Mat, PetscInt, PetscInt), (factor, 14, room));
     }
-    PetscCall(LatinFactorSetUp_Private(ksp, pc, A, preferred, &status->ierr));
+    PetscCall(PetscPushErrorHandler(PetscReturnErrorHandler, NULL));
+    status->ierr = KSPSetUp(ksp);
+    PetscCall(PetscPopErrorHandler());
     (void)LatinWatchWait_Private(PetscObjectComm((PetscObject)A), status->ierr); /* others may still be at work on a parallel matrix */
     if (!status->ierr) PetscCall(PCGetFailedReason(pc, &status->failed));
     if (status->failed != PC_FACTOR_OUTMEMORY || !direct || size == 1) break;
@@ -199,9 +175,10 @@ static PetscErrorCode LatinFactorTry_Private(KSP ksp, PC pc, Mat A, MatSolverTyp
 
 /*
    Factors A through its KSP. A failure is noted, not raised: other ranks may be waiting. A mechanism, whether it
-   stops the factorisation or only shows in the factor, leaves its displacement in status->mode. Collective on A.
+   stops the factorisation or only shows in the factor, leaves its displacement in status->mode. kept: rows that the
+   factor keeps to the last, or NULL. Collective on A.
 */
-PetscErrorCode LatinFactor_Private(KSP ksp, Mat A, MatSolverType preferred, LatinFactorStatus *status)
+PetscErrorCode LatinFactor_Private(KSP ksp, Mat A, IS kept, LatinFactorStatus *status)
 {
   PC        pc;
   PetscBool direct;
@@ -211,12 +188,12 @@ PetscErrorCode LatinFactor_Private(KSP ksp, Mat A, MatSolverType preferred, Lati
   PetscFunctionBegin;
   PetscCall(KSPGetPC(ksp, &pc));
   PetscCall(PetscObjectTypeCompareAny((PetscObject)pc, &direct, PCCHOLESKY, PCLU, PCREDUNDANT, ""));
-  PetscCall(LatinFactorTry_Private(ksp, pc, A, preferred, status));
+  PetscCall(LatinFactorTry_Private(ksp, pc, A, status));
   status->mechanism = (PetscBool)(status->ierr == PETSC_ERR_MAT_CH_ZRPVT || status->ierr == PETSC_ERR_MAT_LU_ZRPVT || status->failed == PC_FACTOR_STRUCT_ZEROPIVOT || status->failed == PC_FACTOR_NUMERIC_ZEROPIVOT ||
                                   (status->failed != PC_NOERROR && status->failed != PC_FACTOR_OUTMEMORY && direct));
   if ((status->ierr || status->failed) && !status->mechanism) PetscFunctionReturn(0);
   PetscCall(MatCreateVecs(A, &v, NULL));
-  if (status->mechanism) PetscCall(LatinSoftestShifted_Private(A, v));
+  if (status->mechanism) PetscCall(LatinSoftestShifted_Private(A, kept, v));
   else if (direct) PetscCall(LatinSoftest_Private(ksp, A, v, &stiffness));
   PetscCall(PetscInfo(ksp, "softest displacement: %g of the diagonal\n", (double)stiffness));
   if (stiffness < LATIN_MECHANISM) status->mechanism = PETSC_TRUE;

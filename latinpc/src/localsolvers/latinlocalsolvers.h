@@ -21,7 +21,7 @@ typedef struct {
 } LatinFactorStatus;
 PETSC_INTERN PetscErrorCode LatinDirectSolverAvailable_Private(Mat, MatSolverType, MatSolverType *, PetscBool *);
 PETSC_INTERN PetscErrorCode LatinDirectSolver_Private(PC, Mat, MatSolverType preferred);
-PETSC_INTERN PetscErrorCode LatinFactor_Private(KSP, Mat, MatSolverType, LatinFactorStatus *);
+PETSC_INTERN PetscErrorCode LatinFactor_Private(KSP, Mat, IS kept, LatinFactorStatus *);
 PETSC_INTERN PetscErrorCode LatinDenseCreate_Private(PetscInt, PetscInt, Mat *);
 PETSC_INTERN PetscErrorCode LatinDenseSolve_Private(KSP, Mat B, Mat X, KSPConvergedReason *failed);
 static inline PetscBool     LatinFactorFailed(const LatinFactorStatus *status)
@@ -32,12 +32,21 @@ static inline PetscBool     LatinFactorFailed(const LatinFactorStatus *status)
 /* ---- the order of elimination (localsolvers/ordering.c) ---- */
 #define LATIN_ORDERING "latin" /* a MatOrderingType */
 PETSC_INTERN PetscErrorCode LatinOrdering(Mat, MatOrderingType, IS *rows, IS *columns);
+PETSC_INTERN PetscErrorCode LatinOrderNodes_Private(PetscInt bs, PetscInt rows, const PetscInt ia[], const PetscInt ja[], const PetscBool kept[], PetscInt order[]);
+
+/* ---- Cholesky with the interfaces last (localsolvers/cholesky.c) ---- */
+#define LATIN_CHOLESKY "latin" /* a MatSolverType */
+PETSC_INTERN PetscErrorCode LatinCholeskyRegister(void);
+PETSC_INTERN PetscErrorCode LatinCholeskyGiveSchur(Mat, Mat *);
+PETSC_INTERN PetscErrorCode LatinCholeskyForward(Mat, PetscReal g[]);
+PETSC_INTERN PetscErrorCode LatinCholeskyBackward(Mat, PetscReal g[]);
 
 /* ---- one dense Schur complement (localsolvers/elimination.c) ---- */
 PETSC_INTERN PetscErrorCode LatinEliminate_Private(const LatinSparse *, PetscInt gamma, const PetscInt kept[], PetscReal F[], PetscBool *bad);
 
 /* ---- solvers that options choose (localsolvers/chosen.c) ---- */
 #define LATIN_INEXACT_RTOL LatinByPrecision(1e-10, 1e-5) /* of an iterative solver that is taken to be exact */
+PETSC_INTERN PetscErrorCode LatinSolverIsDefault_Private(PetscObject parent, const char name[], PetscBool *is);
 PETSC_INTERN PetscErrorCode LatinSolverCreate_Private(MPI_Comm, PetscObject parent, const char name[], KSP *);
 PETSC_INTERN PetscErrorCode LatinSolverDirect_Private(KSP, PetscBool *);
 PETSC_INTERN PetscErrorCode LatinSolverNote_Private(KSP, PetscBool preconditions, PetscBool *failed);
@@ -69,9 +78,10 @@ typedef struct {
   const LatinSubdomains *sub;
   const LatinBatches    *batches;
   PetscInt               n;
-  PetscBool              direct;    /* all of them are factorisations */
-  LatinSparse           *rows;      /* of the operators, filled by others */
-  Mat                   *K, *B, *X; /* operator; right-hand sides and solutions of some members, dense */
+  PetscBool              direct;             /* all of them are factorisations */
+  LatinSparse           *rows;               /* of the operators, filled by others */
+  const PetscInt        *kept_offset, *kept; /* [subdomains + 1] entries of the copy arrays that the factors keep to the last; NULL: none */
+  Mat                   *K, *B, *X;          /* operator; right-hand sides and solutions of some members, dense */
   KSP                   *ksp;
   LatinFactorStatus      status; /* of the set-up on this rank */
   PetscInt               last;   /* the last batch that was set up: where a failure is */

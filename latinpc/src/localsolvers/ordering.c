@@ -7,10 +7,10 @@
 */
 
 /*
-   Neighbours of each node in a matrix of n nodes, both ways: METIS may not end on a graph that lacks one of two edges, and
-   an entry that rounding leaves on one side alone is such an edge. The caller frees them.
+   Neighbours of the nodes that have a vertex in a matrix of n nodes, both ways: METIS may not end on a graph that lacks one
+   of two edges, and an entry that rounding leaves on one side alone is such an edge. The caller frees them.
 */
-static PetscErrorCode LatinOrderingGraph_Private(PetscInt bs, PetscInt n, const PetscInt ia[], const PetscInt ja[], idx_t **start, idx_t **list)
+static PetscErrorCode LatinOrderingGraph_Private(PetscInt bs, PetscInt n, const PetscInt ia[], const PetscInt ja[], const PetscInt vertex[], idx_t **start, idx_t **list)
 {
   PetscInt *first, *next, *seen, *both;
   idx_t     used = 0;
@@ -36,17 +36,53 @@ static PetscErrorCode LatinOrderingGraph_Private(PetscInt bs, PetscInt n, const 
     }
   PetscCall(PetscMalloc1(first[n] + 1, list));
   for (PetscInt i = 0; i < n; i++) {
-    (*start)[i] = used;
-    seen[i]     = i;
+    if (vertex[i] < 0) continue;
+    (*start)[vertex[i]] = used;
+    seen[i]             = i;
     for (PetscInt k = first[i]; k < first[i + 1]; k++) {
-      if (seen[both[k]] == i) continue;
+      if (vertex[both[k]] < 0 || seen[both[k]] == i) continue;
       seen[both[k]]   = i;
-      (*list)[used++] = (idx_t)both[k];
+      (*list)[used++] = (idx_t)vertex[both[k]];
     }
+    (*start)[vertex[i] + 1] = used;
   }
-  (*start)[n] = used;
   PetscCall(PetscFree(both));
   PetscCall(PetscFree3(first, next, seen));
+  PetscFunctionReturn(0);
+}
+
+/*
+   order[] lists the rows of a matrix of nodes of bs rows each: by METIS, but last the nodes that have kept rows, these
+   themselves after all others. kept[rows] may be NULL
+*/
+PetscErrorCode LatinOrderNodes_Private(PetscInt bs, PetscInt rows, const PetscInt ia[], const PetscInt ja[], const PetscBool kept[], PetscInt order[])
+{
+  const PetscInt n = rows / bs;
+  PetscInt      *vertex, at = 0;
+  idx_t         *start, *list, *place, *position, options[METIS_NOPTIONS], nodes = 0;
+  int            status = METIS_OK;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMalloc3(n, &vertex, n, &place, n, &position));
+  for (PetscInt i = 0; i < n; i++) {
+    PetscBool keeps = PETSC_FALSE;
+
+    for (PetscInt r = bs * i; r < bs * (i + 1) && kept; r++) keeps = (PetscBool)(keeps || kept[r]);
+    vertex[i] = keeps ? -1 : (PetscInt)nodes++;
+  }
+  PetscCall(LatinOrderingGraph_Private(bs, n, ia, ja, vertex, &start, &list));
+  METIS_SetDefaultOptions(options);
+  if (nodes) status = METIS_NodeND(&nodes, start, list, NULL, options, place, position);
+  PetscCheck(status == METIS_OK, PETSC_COMM_SELF, PETSC_ERR_LIB, "METIS could not order the nodes of a matrix (status %d)", status);
+  for (PetscInt i = 0; i < n; i++)
+    for (PetscInt r = 0; r < bs && vertex[i] >= 0; r++) order[bs * (PetscInt)position[vertex[i]] + r] = bs * i + r;
+  at = bs * (PetscInt)nodes;
+  for (PetscInt pass = 0; pass < 2; pass++)
+    for (PetscInt r = 0; r < rows; r++)
+      if (vertex[r / bs] < 0 && kept[r] == (PetscBool)pass) order[at++] = r;
+  PetscCall(PetscFree3(vertex, place, position));
+  PetscCall(PetscFree(start));
+  PetscCall(PetscFree(list));
   PetscFunctionReturn(0);
 }
 
@@ -56,29 +92,17 @@ PetscErrorCode LatinOrdering(Mat A, MatOrderingType type, IS *rows, IS *columns)
   const PetscInt *ia, *ja;
   PetscInt        bs, size, n, *order;
   PetscBool       done;
-  idx_t          *start, *list, *place, *position, options[METIS_NOPTIONS], nodes;
-  int             status;
 
   PetscFunctionBegin;
   (void)type;
   PetscCall(MatGetBlockSize(A, &bs));
   PetscCall(MatGetRowIJ(A, 0, PETSC_FALSE, PETSC_FALSE, &size, &ia, &ja, &done));
   PetscCheck(done, PETSC_COMM_SELF, PETSC_ERR_SUP, "Ordering %s needs the rows of a matrix of type seqaij", LATIN_ORDERING);
-  n     = size / bs;
-  nodes = (idx_t)n;
-  PetscCall(LatinOrderingGraph_Private(bs, n, ia, ja, &start, &list));
+  n = size; /* which is given back */
+  PetscCall(PetscMalloc1(size, &order));
+  PetscCall(LatinOrderNodes_Private(bs, size, ia, ja, NULL, order));
   PetscCall(MatRestoreRowIJ(A, 0, PETSC_FALSE, PETSC_FALSE, &size, &ia, &ja, &done));
-  PetscCall(PetscMalloc2(n, &place, n, &position));
-  METIS_SetDefaultOptions(options);
-  status = METIS_NodeND(&nodes, start, list, NULL, options, place, position);
-  PetscCheck(status == METIS_OK, PETSC_COMM_SELF, PETSC_ERR_LIB, "METIS could not order the nodes of a matrix (status %d)", status);
-  PetscCall(PetscMalloc1(bs * n, &order));
-  for (PetscInt i = 0; i < n; i++)
-    for (PetscInt c = 0; c < bs; c++) order[bs * i + c] = bs * (PetscInt)place[i] + c;
-  PetscCall(PetscFree2(place, position));
-  PetscCall(PetscFree(start));
-  PetscCall(PetscFree(list));
-  PetscCall(ISCreateGeneral(PETSC_COMM_SELF, bs * n, order, PETSC_OWN_POINTER, rows));
+  PetscCall(ISCreateGeneral(PETSC_COMM_SELF, n, order, PETSC_OWN_POINTER, rows));
   PetscCall(ISSetPermutation(*rows));
   PetscCall(PetscObjectReference((PetscObject)*rows));
   *columns = *rows;

@@ -138,7 +138,7 @@ static inline const char *LatinPrefix(const LatinSubdomains *sub)
 /* ---- operators (subdomains/operator.c, subdomains/sparse.c) ---- */
 /* The matrix of one subdomain by compressed rows */
 typedef struct {
-  PetscInt   rows, *i, *j;
+  PetscInt   bs, rows, *i, *j; /* bs rows a node */
   PetscReal *a;
 } LatinSparse;
 /* A dense symmetric matrix at n entries dof[] of the copy arrays */
