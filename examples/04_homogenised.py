@@ -23,6 +23,7 @@ MIDDLE = 4  # of 3 x 3 subdomains
 
 grid = latinpc.Structure.from_scene(make("tensegrity-grid", modules=12))
 snes = grid.create_snes()
+latinpc.set_variant(snes, "corner")  # by default, interfaces of so few subdomains are all in the coarse problem
 snes.setFromOptions()
 snes.setUp()
 count, first = latinpc.subdomains(snes)  # a rank may look into its own subdomains

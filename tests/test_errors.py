@@ -336,7 +336,7 @@ CASES = {
     ),
     "mechanism_between": (MECHANISM + r"4, 5\.", lambda: solve(hinged_plates())),
     # options
-    "variant": (r"cornr.*none macro corner published", lambda: solve(square(), snes_latin_variant="cornr")),
+    "variant": (r"cornr.*none macro corner published primal auto", lambda: solve(square(), snes_latin_variant="cornr")),
     "direction": (r"full.*scalar diagonal block schur", lambda: solve(square(), snes_latin_direction="full")),
     "stop": (r"soon.*indicator residual reference", lambda: solve(square(), snes_latin_stop="soon")),
     "subdomains": (

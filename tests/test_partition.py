@@ -137,6 +137,8 @@ def test_the_view_tells_the_imbalance(tmp_path):
 
 SIZES = """
 import json, sys
+import petsc4py
+petsc4py.init(["p", "-skip_petscrc", "-snes_latin_variant", sys.argv[3]])
 sys.path.insert(0, sys.argv[2])
 from dataclasses import replace
 import latinpc
@@ -155,16 +157,21 @@ if not rank:
 
 
 def test_default_size_follows_the_structure(mpirun, tmp_path):
-    """What costs least, see subdomaincount.c: on one rank one factor. The unit of length does not matter."""
-    found = []
+    """What costs least: one a rank, more of those with strong interfaces. The unit of length does not matter."""
+    links = [
+        len(scene.links) for scene in (grid(modules=16, partition="metis"), network(nodes=2000), lattice(nx=64, ny=32))
+    ]
+
+    def found(ranks, variant):
+        mpirun(ranks, SIZES, tmp_path / "sizes.json", sys.path[0], variant)
+        return json.loads((tmp_path / "sizes.json").read_text())
+
     for ranks in (1, 2):
-        mpirun(ranks, SIZES, tmp_path / f"{ranks}.json", sys.path[0])
-        found.append(json.loads((tmp_path / f"{ranks}.json").read_text()))
-    scenes = [grid(modules=16, partition="metis"), network(nodes=2000), lattice(nx=64, ny=32)]
-    assert found[0] == [len(scene.links) for scene in scenes for _ in range(2)]
-    for size, low, high in zip(found[1][::2], (300, 512, 512), (512, 1024, 1024), strict=True):
+        assert found(ranks, "auto") == [n / ranks for n in links for _ in range(2)]
+    corner = found(2, "corner")
+    for size, low, high in zip(corner[::2], (300, 512, 512), (512, 1024, 1024), strict=True):
         assert low <= size <= high
-    assert found[1][::2] == found[1][1::2]
+    assert corner[::2] == corner[1::2]
 
 
 PROGRAM = """

@@ -43,10 +43,12 @@ typedef struct {
 
 /* What the coarse problem makes of the weak interfaces, section 4 of the article */
 typedef enum {
-  LATIN_VARIANT_NONE,     /* 4.1: micro quantities only               */
-  LATIN_VARIANT_MACRO,    /* 4.2: the whole displacement is macro     */
-  LATIN_VARIANT_CORNER,   /* 4.4: one displacement per node, section 5 */
-  LATIN_VARIANT_PUBLISHED /* the same with the micro springs of (28) on corners, as the article has them */
+  LATIN_VARIANT_NONE,      /* 4.1: micro quantities only               */
+  LATIN_VARIANT_MACRO,     /* 4.2: the whole displacement is macro     */
+  LATIN_VARIANT_CORNER,    /* 4.4: one displacement per node, section 5 */
+  LATIN_VARIANT_PUBLISHED, /* the same with the micro springs of (28) on corners, as the article has them */
+  LATIN_VARIANT_PRIMAL,    /* one displacement per node of every interface: no micro quantities but those of links */
+  LATIN_VARIANT_AUTO       /* primal, or corner where most subdomains repeat others */
 } LatinVariant;
 PETSC_EXTERN const char *const LatinVariants[];
 

@@ -12,6 +12,7 @@
 struct _p_Latin {
   PETSCHEADER(int);
   LatinPartitionRequest partition;
+  LatinVariant          variant; /* asked for; inter has what is made of it */
   LatinSubdomains       sub;
   LatinInterfaces       inter;
   LatinDirections       dir;

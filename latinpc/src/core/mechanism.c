@@ -29,7 +29,11 @@ static PetscErrorCode LatinMechanismField_Private(Latin latin, Vec v, const Lati
     PetscCall(VecRestoreArrayRead(v, &a));
   } else {
     PetscCall(LatinCoarseExpand_Private(&latin->coarse, v));
-    for (PetscInt s = 0; s < sub->n; s++) {
+    if (latin->linear.substructures) {
+      PetscCall(PetscArrayzero(latin->linear.g, bs * sub->copies));
+      PetscCall(LatinSubstructuresBackward(&latin->linear, field));
+    }
+    for (PetscInt s = 0; s < sub->n && !latin->linear.substructures; s++) {
       const PetscInt   rows = bs * (sub->node_offset[s + 1] - sub->node_offset[s]), first = bs * sub->node_offset[s];
       const PetscReal *u = latin->coarse.u + latin->coarse.offset[s], *phi = latin->linear.Phi + latin->linear.phi_offset[s];
 

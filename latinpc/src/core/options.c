@@ -5,7 +5,7 @@
    something makes the next set-up build everything anew.
 */
 
-const char *const LatinVariants[]       = {"none", "macro", "corner", "published", "LatinVariant", "LATIN_VARIANT_", NULL};
+const char *const LatinVariants[]       = {"none", "macro", "corner", "published", "primal", "auto", "LatinVariant", "LATIN_VARIANT_", NULL};
 const char *const LatinModesTypes[]     = {"affine", "rigid", "LatinModesType", "LATIN_MODES_", NULL};
 const char *const LatinDirectionTypes[] = {"scalar", "diagonal", "block", "schur", "auto", "LatinDirectionType", "LATIN_DIRECTION_", NULL};
 
@@ -17,12 +17,12 @@ const char *const LatinDirectionTypes[] = {"scalar", "diagonal", "block", "schur
   } while (0)
 
 /*@
-  LatinSetVariant - What the coarse problem makes of weak interfaces, section 4.
+  LatinSetVariant - What of the interfaces is in the coarse problem: of weak ones, section 4; or all.
 
   Logically collective on latin; a change makes the next set-up build everything anew
 
   Options Database Key:
-. -snes_latin_variant <none,macro,corner,published> - or -pc_latin_variant
+. -snes_latin_variant <auto,primal,corner,macro,none,published> - or -pc_latin_variant
 
   Level: intermediate
 @*/
@@ -30,7 +30,7 @@ PetscErrorCode LatinSetVariant(Latin latin, LatinVariant variant)
 {
   PetscFunctionBegin;
   PetscValidHeaderSpecific(latin, LATIN_CLASSID, 1);
-  LatinChange(latin, inter.variant, variant);
+  LatinChange(latin, variant, variant);
   PetscFunctionReturn(0);
 }
 
@@ -138,7 +138,7 @@ PetscErrorCode LatinSetPartition(Latin latin, PetscInt links, const PetscInt sub
 /* The options of the method, behind the prefix that solver gives it. Collective on solver */
 PetscErrorCode LatinSetFromOptions_Private(Latin latin, PetscObject solver)
 {
-  LatinVariant       variant   = latin->inter.variant;
+  LatinVariant       variant   = latin->variant;
   LatinModesType     modes     = latin->macro.type;
   LatinDirectionType direction = latin->dir.type;
   PetscReal          threshold = latin->spectral.threshold, value = latin->dir.value;
@@ -148,14 +148,14 @@ PetscErrorCode LatinSetFromOptions_Private(Latin latin, PetscObject solver)
   PetscCall(LatinSetPrefix_Private(latin, solver));
   PetscObjectOptionsBegin((PetscObject)latin);
   PetscCall(PetscOptionsRangeInt("-subdomains", "Number of subdomains, 0: automatic", "LatinSetSubdomains", subdomains, &subdomains, NULL, 0, PETSC_MAX_INT));
-  if (solver->classid != KSP_CLASSID) PetscCall(PetscOptionsEnum("-variant", "Coarse treatment of weak interfaces (section 4)", "LatinSetVariant", LatinVariants, (PetscEnum)variant, (PetscEnum *)&variant, NULL));
+  if (solver->classid != KSP_CLASSID) PetscCall(PetscOptionsEnum("-variant", "What of the interfaces is in the coarse problem (section 4)", "LatinSetVariant", LatinVariants, (PetscEnum)variant, (PetscEnum *)&variant, NULL));
   PetscCall(PetscOptionsEnum("-modes", "Macro fields of strong interfaces (section 3.2)", "LatinSetModes", LatinModesTypes, (PetscEnum)modes, (PetscEnum *)&modes, NULL));
   PetscCall(PetscOptionsReal("-modes_local", "Threshold of local low-energy fields that are macro, 0: none, -2: automatic", "LatinSetModes", threshold, &threshold, NULL));
   PetscCall(PetscOptionsEnum("-direction", "Micro search direction of the interfaces", "LatinSetDirection", LatinDirectionTypes, (PetscEnum)direction, (PetscEnum *)&direction, NULL));
   if (solver->classid == SNES_CLASSID) PetscCall(PetscOptionsReal("-direction_value", "Scalar direction (force/length), or fraction of the interface stiffness, 0: automatic", "LatinSetDirection", value, &value, NULL));
   PetscOptionsEnd();
-  PetscCheck(!(threshold > 0.0) || variant == LATIN_VARIANT_CORNER, PetscObjectComm(solver), PETSC_ERR_SUP, "-%smodes_local needs -%svariant corner: elsewhere the local fields of interfaces that share nodes slow the iteration down",
-             LatinPrefix(&latin->sub), LatinPrefix(&latin->sub));
+  PetscCheck(!(threshold > 0.0) || variant == LATIN_VARIANT_CORNER || variant == LATIN_VARIANT_AUTO, PetscObjectComm(solver), PETSC_ERR_SUP,
+             "-%smodes_local needs -%svariant corner: elsewhere the local fields of interfaces that share nodes slow the iteration down", LatinPrefix(&latin->sub), LatinPrefix(&latin->sub));
   PetscCall(LatinSetVariant(latin, variant));
   PetscCall(LatinSetModes(latin, modes, threshold));
   PetscCall(LatinSetDirection(latin, direction, value));

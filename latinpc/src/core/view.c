@@ -28,8 +28,18 @@ static PetscErrorCode LatinViewSolvers_Private(Latin latin, const LatinStatistic
   PetscFunctionReturn(0);
 }
 
+/* The search direction, which only strong interfaces have */
+static PetscErrorCode LatinViewDirection_Private(Latin latin, PetscViewer viewer)
+{
+  PetscFunctionBegin;
+  if (latin->dir.type == LATIN_DIRECTION_SCALAR && latin->dir.value > 0.0) PetscCall(PetscViewerASCIIPrintf(viewer, "search direction: scalar, d = %g given\n", (double)latin->dir.value));
+  else PetscCall(PetscViewerASCIIPrintf(viewer, "search direction: %s, self-tuned to %g of the interface stiffness\n", LatinDirectionTypes[latin->dir.type], (double)LatinDirectionFraction(&latin->dir)));
+  PetscFunctionReturn(0);
+}
+
 PetscErrorCode LatinView_Private(Latin latin, PetscViewer viewer)
 {
+  const PetscBool primal = (PetscBool)(latin->variant == LATIN_VARIANT_PRIMAL || (latin->set_up && latin->inter.variant == LATIN_VARIANT_PRIMAL));
   LatinStatistics stats;
   PetscReal       links, dofs, ranks;
   PetscBool       ascii;
@@ -37,9 +47,11 @@ PetscErrorCode LatinView_Private(Latin latin, PetscViewer viewer)
   PetscFunctionBegin;
   PetscCall(PetscObjectTypeCompare((PetscObject)viewer, PETSCVIEWERASCII, &ascii));
   if (!ascii) PetscFunctionReturn(0);
-  PetscCall(PetscViewerASCIIPrintf(viewer, "variant %s, %s macro fields\n", LatinVariants[latin->inter.variant], LatinModesTypes[latin->macro.type]));
-  if (latin->dir.type == LATIN_DIRECTION_SCALAR && latin->dir.value > 0.0) PetscCall(PetscViewerASCIIPrintf(viewer, "search direction: scalar, d = %g given\n", (double)latin->dir.value));
-  else PetscCall(PetscViewerASCIIPrintf(viewer, "search direction: %s, self-tuned to %g of the interface stiffness\n", LatinDirectionTypes[latin->dir.type], (double)LatinDirectionFraction(&latin->dir)));
+  PetscCall(PetscViewerASCIIPrintf(viewer, "variant %s%s%s%s\n", LatinVariants[latin->set_up ? latin->inter.variant : latin->variant], latin->set_up && latin->inter.variant != latin->variant ? ", chosen by auto" : "", primal ? "" : ", ",
+                                   primal                                   ? ""
+                                   : latin->macro.type == LATIN_MODES_RIGID ? "rigid macro fields"
+                                                                            : "affine macro fields"));
+  if (!primal) PetscCall(LatinViewDirection_Private(latin, viewer));
   if (latin->sub.preconditions) PetscCall(PetscViewerASCIIPrintf(viewer, "weights of the copies of a node: %s\n", LatinDirectionShares(&latin->dir) ? "Schur complements where there are, else stiffness" : "stiffness"));
   if (!latin->set_up) PetscFunctionReturn(0);
   if (LatinDirectionKind(&latin->dir) == LATIN_DIRECTION_AUTO) PetscCall(PetscViewerASCIIPrintf(viewer, "search direction: a Schur complement on %" PetscInt_FMT " interfaces, diagonal on the others\n", latin->dir.matrices));
@@ -56,7 +68,7 @@ PetscErrorCode LatinView_Private(Latin latin, PetscViewer viewer)
   PetscCall(PetscViewerASCIIPrintf(viewer, "subdomains: %" PetscInt_FMT "; interfaces: %" PetscInt_FMT " strong, %" PetscInt_FMT " weak\n", stats.subdomains, stats.strong_interfaces, stats.weak_interfaces));
   PetscCall(LatinSubdomainsBalance_Private(&latin->sub, &links, &dofs, &ranks));
   PetscCall(PetscViewerASCIIPrintf(viewer, "largest over mean: subdomains %.2f in %s, %.2f in degrees of freedom; ranks %.2f in cost\n", (double)links, latin->sub.structure ? "links" : "entries", (double)dofs, (double)ranks));
-  PetscCall(PetscViewerASCIIPrintf(viewer, "search direction values: min %g, mean %g, max %g\n", (double)stats.direction_min, (double)stats.direction_mean, (double)stats.direction_max));
+  if (!primal) PetscCall(PetscViewerASCIIPrintf(viewer, "search direction values: min %g, mean %g, max %g\n", (double)stats.direction_min, (double)stats.direction_mean, (double)stats.direction_max));
   PetscCall(PetscViewerASCIIPrintf(viewer, "coarse problem: %" PetscInt_FMT " macro displacements, %" PetscInt_FMT " primal ones; fixed-point unknown: %" PetscInt_FMT " numbers\n", stats.strong_macro_dofs, stats.weak_dofs, stats.state_size));
   if (LatinSpectralThreshold(&latin->spectral) > 0.0)
     PetscCall(PetscViewerASCIIPrintf(viewer, "local low-energy fields below %g: %" PetscInt_FMT " low-energy subdomains, at most %" PetscInt_FMT " modes in one, %" PetscInt_FMT " of the macro displacements\n",

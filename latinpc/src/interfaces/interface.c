@@ -167,7 +167,7 @@ static void LatinNodePrimal_Private(LatinVariant variant, PetscInt m, const Pets
 
   for (PetscInt j = 0; j < m * m; j++) weak = (PetscBool)(weak || table[j] == PAIR_WEAK);
   for (PetscInt j = 0; j < m; j++) primal[j] = -1;
-  if ((variant == LATIN_VARIANT_CORNER || variant == LATIN_VARIANT_PUBLISHED) && (weak || m > 2)) {
+  if (variant == LATIN_VARIANT_PRIMAL || ((variant == LATIN_VARIANT_CORNER || variant == LATIN_VARIANT_PUBLISHED) && (weak || m > 2))) {
     for (PetscInt j = 0; j < m; j++) primal[j] = 0;
   } else if (weak && variant == LATIN_VARIANT_MACRO) {
     LatinNodeComponents(m, table, PAIR_WEAK, primal);

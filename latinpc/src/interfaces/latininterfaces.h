@@ -26,7 +26,7 @@ typedef struct {
 
 typedef struct {
   const LatinSubdomains *sub;
-  LatinVariant           variant;
+  LatinVariant           variant; /* not auto */
   /* made by the set-up */
   PetscInt        count;        /* interface sides here */
   LatinInterface *interface;    /* [count] sorted by subdomain, then neighbour */
@@ -149,6 +149,7 @@ static inline const PetscReal *LatinMacroDualRow(const LatinMacro *macro, PetscI
 }
 
 /* Which subdomains are equal (interfaces/repeats.c) */
+PETSC_INTERN PetscErrorCode LatinRepeatsOperators_Private(const LatinInterfaces *, PetscInt same[]);
 PETSC_INTERN PetscErrorCode LatinRepeatsLike_Private(const LatinInterfaces *, PetscInt same[], PetscInt like[]);
 PETSC_INTERN PetscErrorCode LatinRepeats_Private(const LatinInterfaces *, const LatinDirections *, const LatinMacro *, PetscInt pattern[]);
 

@@ -76,13 +76,23 @@ static PetscErrorCode LatinRepeatsStream_Private(const void *ctx, PetscInt s, La
   PetscFunctionReturn(0);
 }
 
-/* same[s]: the first subdomain with the operator and the supports of s; like[s]: with its sides as well */
+/* same[s]: the first subdomain with the operator and the supports of s */
+PetscErrorCode LatinRepeatsOperators_Private(const LatinInterfaces *inter, PetscInt same[])
+{
+  const LatinRepeats what = {.inter = inter};
+
+  PetscFunctionBegin;
+  PetscCall(LatinStreamCompare_Private(inter->sub->n, LatinRepeatsOperator_Private, &what, same));
+  PetscFunctionReturn(0);
+}
+
+/* The same; like[s]: with its sides as well */
 PetscErrorCode LatinRepeatsLike_Private(const LatinInterfaces *inter, PetscInt same[], PetscInt like[])
 {
   const LatinRepeats what = {.inter = inter, .same = same};
 
   PetscFunctionBegin;
-  PetscCall(LatinStreamCompare_Private(inter->sub->n, LatinRepeatsOperator_Private, &what, same));
+  PetscCall(LatinRepeatsOperators_Private(inter, same));
   PetscCall(LatinStreamCompare_Private(inter->sub->n, LatinRepeatsSides_Private, &what, like));
   PetscFunctionReturn(0);
 }

@@ -214,7 +214,7 @@ PetscErrorCode LatinDirectionSetUp(LatinDirections *dir)
   PetscCall(PetscMalloc1(inter->count, &dir->matrix_first));
   for (PetscInt f = 0; f < inter->count; f++) {
     dir->matrix_first[f] = -1;
-    matrices[f]          = (PetscBool)((kind == LATIN_DIRECTION_BLOCK || kind == LATIN_DIRECTION_SCHUR));
+    matrices[f]          = (PetscBool)((kind == LATIN_DIRECTION_BLOCK || kind == LATIN_DIRECTION_SCHUR) && inter->interface[f].side_last > inter->interface[f].side_first);
   }
   PetscCall(PetscMalloc1(inter->sides, &dir->d));
   PetscCall(PetscMalloc1(inter->sides, &dir->harmonic));

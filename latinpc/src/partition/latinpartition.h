@@ -16,6 +16,7 @@
 /* What is asked of a partition */
 typedef struct {
   PetscInt  subdomains; /* 0: what costs least */
+  PetscBool primal;     /* all interfaces are in the coarse problem: as few subdomains as there are ranks */
   PetscBool corners;    /* nodes of three or more subdomains have one displacement, a coarse unknown */
   PetscInt  links;      /* of this rank, for which the subdomain is given */
   PetscInt *given;      /* [links] NULL on all ranks that have links: METIS */
@@ -33,7 +34,7 @@ typedef struct {
   PetscInt  *offset, *incident; /* [nodes + 2], [2 * links] links at each node: incident[offset[v]..offset[v + 1]) */
 } LatinCut;
 PETSC_INTERN PetscErrorCode LatinMetis_Private(const LatinCut *, PetscInt part[], int *failed);
-PETSC_INTERN PetscInt       LatinSubdomainCount(const LatinCut *, PetscMPIInt ranks);
+PETSC_INTERN PetscInt       LatinSubdomainCount(const LatinCut *, PetscMPIInt ranks, PetscBool primal);
 PETSC_INTERN PetscErrorCode LatinRepair_Private(const LatinCut *, PetscInt part[]);
 
 #endif

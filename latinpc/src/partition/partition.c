@@ -61,7 +61,7 @@ static PetscErrorCode LatinPartitionMetis_Private(LatinStructure structure, cons
   PetscCall(LatinCutCreate_Private(structure, sf, &cut));
   PetscCall(PetscMalloc1(cut.links, &part));
   if (cut.links) {
-    if (!cut.parts) cut.parts = LatinSubdomainCount(&cut, ranks);
+    if (!cut.parts) cut.parts = LatinSubdomainCount(&cut, ranks, request->primal);
     PetscCall(LatinMetis_Private(&cut, part, &failed));
     if (!failed) PetscCall(LatinRepair_Private(&cut, part));
   }

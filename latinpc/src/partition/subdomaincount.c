@@ -43,10 +43,11 @@ static PetscBool LatinSolid(const LatinCut *cut)
   return LatinCholesky(3, a);
 }
 
-PetscInt LatinSubdomainCount(const LatinCut *cut, PetscMPIInt ranks)
+PetscInt LatinSubdomainCount(const LatinCut *cut, PetscMPIInt ranks, PetscBool primal)
 {
   const PetscInt size = cut->dim < 3 ? LATIN_SIZE_PLANE : LatinSolid(cut) ? LATIN_SIZE_SOLID : LATIN_SIZE_FLAT;
 
   if (ranks == 1) return 1;
+  if (primal) return PetscMax(PetscMin(ranks, cut->links / LATIN_SIZE_LEAST), 1);
   return PetscMax((cut->links + size - 1) / size, cut->links > LATIN_SIZE_LEAST ? 2 : 1);
 }

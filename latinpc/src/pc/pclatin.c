@@ -207,7 +207,7 @@ PetscErrorCode PCLatinFollow_Private(PC pc, Latin latin)
   Latin own = ((PC_Latin *)pc->data)->latin;
 
   PetscFunctionBegin;
-  PetscCall(LatinSetVariant(own, latin->inter.variant));
+  PetscCall(LatinSetVariant(own, latin->variant));
   PetscCall(LatinSetModes(own, latin->macro.type, PETSC_DEFAULT));
   PetscCall(LatinSetDirection(own, latin->dir.type, 0.0));
   PetscCall(LatinSetSubdomains(own, latin->sub.count ? latin->sub.count : latin->partition.subdomains));

@@ -358,7 +358,7 @@ static PetscErrorCode SNESDestroy_Latin(SNES snes)
   unilateral (cables that slacken, contacts that open)
 
   Options Database Keys:
-+ -snes_latin_variant <corner>                  - coarse treatment of weak interfaces: none, macro, corner, published
++ -snes_latin_variant <auto>                    - what of the interfaces is in the coarse problem: all (primal), corners, weak interfaces (macro), none, published; auto: primal, or corner where most subdomains repeat others
 . -snes_latin_subdomains <0>                    - number of subdomains, 0: automatic
 . -snes_latin_modes <affine>                    - macro fields of strong interfaces: affine, rigid
 . -snes_latin_modes_local                       - local low-energy fields of low-energy subdomains, eigenvalues below this
@@ -411,6 +411,7 @@ PETSC_EXTERN PetscErrorCode SNESCreate_Latin(SNES snes)
   PetscObjectParameterSetDefault(snes, max_its, 1000);
   PetscObjectParameterSetDefault(snes, stol, 1e-5);
   PetscCall(LatinCreate_Private(PetscObjectComm((PetscObject)snes), &data->latin));
+  PetscCall(LatinSetVariant(data->latin, LATIN_VARIANT_AUTO));
   PetscCall(PetscObjectComposeFunction((PetscObject)snes, "LatinRigidTensions_C", SNESLatinRigidTensions_Private));
   PetscFunctionReturn(0);
 }

@@ -193,6 +193,11 @@ PetscErrorCode LatinHomogeniseSetUp(LatinLinear *linear)
   PetscFunctionBegin;
   PetscCall(PetscLogEventBegin(LATIN_Condense, linear->sub->object, 0, 0, 0));
   PetscCall(PetscCalloc1(linear->batches->n, &linear->inverse));
+  if (linear->substructures) {
+    PetscCall(LatinSubstructuresStiffness(linear));
+    PetscCall(PetscLogEventEnd(LATIN_Condense, linear->sub->object, 0, 0, 0));
+    PetscFunctionReturn(0);
+  }
   for (PetscInt b = 0; b < linear->batches->n; b++) {
     PetscCall(LatinHomogeniseSolve_Private(linear, b, &failed));
     PetscCall(LatinHomogeniseInverse_Private(linear, b, &failed));

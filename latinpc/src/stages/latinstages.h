@@ -23,6 +23,7 @@ typedef struct {
   const LatinBatches    *batches;
   LatinCoarse           *coarse;
   LatinLocalSolvers     *solvers;
+  PetscBool              substructures; /* all that is on interfaces is in the coarse problem, and Phi is not kept */
   /* the following are stored once for each pattern, and found by subdomain */
   PetscInt        *rc_first, *rc_last; /* [subdomains] coupling of the other dofs with the primal ones */
   LatinCoupling   *rc;
@@ -53,6 +54,12 @@ PETSC_INTERN PetscErrorCode LatinHomogeniseSetUp(LatinLinear *);
 PETSC_INTERN PetscErrorCode LatinLinearSetLoads(LatinLinear *, Vec load);
 PETSC_INTERN PetscErrorCode LatinLinearApply(LatinLinear *, PetscReal U[]);
 PETSC_INTERN PetscErrorCode LatinLinearReset(LatinLinear *);
+
+/* ---- the same where all interfaces are primal (stages/substructures.c) ---- */
+PETSC_INTERN PetscErrorCode LatinSubstructuresAre(const LatinLinear *, PetscBool *);
+PETSC_INTERN PetscErrorCode LatinSubstructuresStiffness(LatinLinear *);
+PETSC_INTERN PetscErrorCode LatinSubstructuresForward(LatinLinear *);
+PETSC_INTERN PetscErrorCode LatinSubstructuresBackward(LatinLinear *, PetscReal U[]);
 
 /* ---- local stage (stages/local.c, stages/locallinks.c, stages/localcontacts.c) ---- */
 PETSC_INTERN PetscErrorCode LatinGatherForces_Private(LatinLinear *, const PetscReal z[]);

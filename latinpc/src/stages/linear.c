@@ -63,7 +63,8 @@ static PetscErrorCode LatinLinearMatrices_Private(LatinLinear *linear)
     LatinSparse   *K = &linear->solvers->rows[b];
 
     PetscCall(LatinSparseCreate_Private(linear->sub, s, linear->spring, linear->sub->fixed, blocks, block, K));
-    PetscCall(LatinLinearSplit_Private(linear, s, K, rc, &couplings));
+    linear->rc_first[s] = linear->rc_last[s] = 0;
+    if (!linear->substructures) PetscCall(LatinLinearSplit_Private(linear, s, K, rc, &couplings));
   }
   PetscCall(PetscSegBufferExtractAlloc(rc, &linear->rc));
   PetscCall(PetscSegBufferDestroy(&rc));
@@ -92,7 +93,7 @@ static PetscErrorCode LatinLinearOffsets_Private(LatinLinear *linear)
     linear->phi_offset[s]         = r == s ? phi : linear->phi_offset[r];
     if (r != s) continue;
     h += m * m;
-    phi += m * rows;
+    phi += linear->substructures ? 0 : m * rows;
   }
   PetscCall(PetscCalloc1(h, &linear->stiffness.H));
   PetscCall(PetscMalloc1(phi, &linear->Phi));
@@ -125,6 +126,7 @@ PetscErrorCode LatinLinearSetUp(LatinLinear *linear)
 
   PetscFunctionBegin;
   PetscCall(PetscLogEventBegin(LATIN_Linear, sub->object, 0, 0, 0));
+  PetscCall(LatinSubstructuresAre(linear, &linear->substructures));
   PetscCall(LatinLinearOffsets_Private(linear));
   PetscCall(PetscMalloc6(n, &linear->g, n, &linear->U, sides, &linear->pull, n, &linear->load, linear->coarse->widest, &linear->lambda, n, &linear->spring));
   PetscCall(PetscMalloc1(sides, &linear->outgoing));
@@ -136,6 +138,8 @@ PetscErrorCode LatinLinearSetUp(LatinLinear *linear)
   PetscCall(LatinDirectionSprings_Private(linear->dir, linear->spring));
   PetscCall(LatinLocalSolversCreate(sub, linear->batches, linear->solvers));
   PetscCall(LatinLinearMatrices_Private(linear));
+  linear->solvers->kept_offset = linear->inter->primal_offset;
+  linear->solvers->kept        = linear->substructures ? linear->inter->primal_dof : NULL;
   PetscCall(LatinLocalSolversSetUp(linear->solvers, "local", PETSC_FALSE));
   PetscCall(PetscLogEventEnd(LATIN_Linear, sub->object, 0, 0, 0));
   PetscFunctionReturn(0);
@@ -266,11 +270,13 @@ PetscErrorCode LatinLinearApply(LatinLinear *linear, PetscReal U[])
   PetscFunctionBegin;
   linear->solvers->failed = linear->coarse->failed = PETSC_FALSE;
   PetscCall(PetscLogEventBegin(LATIN_Condense, linear->sub->object, 0, 0, 0));
-  for (PetscInt b = 0; b < linear->batches->n; b++) PetscCall(LatinLinearCondense_Private(linear, &linear->batches->batch[b]));
+  if (linear->substructures) PetscCall(LatinSubstructuresForward(linear));
+  for (PetscInt b = 0; b < linear->batches->n && !linear->substructures; b++) PetscCall(LatinLinearCondense_Private(linear, &linear->batches->batch[b]));
   PetscCall(PetscLogEventEnd(LATIN_Condense, linear->sub->object, 0, 0, 0));
   PetscCall(LatinCoarseSolve(linear->coarse));
   PetscCall(PetscLogEventBegin(LATIN_Linear, linear->sub->object, 0, 0, 0));
-  for (PetscInt b = 0; b < linear->batches->n; b++) {
+  if (linear->substructures) PetscCall(LatinSubstructuresBackward(linear, U));
+  for (PetscInt b = 0; b < linear->batches->n && !linear->substructures; b++) {
     if (linear->inverse[b]) PetscCall(LatinLinearDense_Private(linear, &linear->batches->batch[b], linear->inverse[b], U));
     else PetscCall(LatinLinearSolve_Private(linear, b, U));
   }
