@@ -78,6 +78,18 @@ OTHERS = {
         "rows",
         "Dense algebra takes less time below: tensegrity-grid 60 and network 8000 by METIS into 8 to 240.",
     ),
+    "LATIN_CHOLESKY_FULL": (
+        "entries",
+        "A matrix with a quarter of its entries has a full factor, whatever the order.",
+    ),
+    "LATIN_FIRM": (
+        "`LATIN_MECHANISM`",
+        "One step of inverse iteration shows a mechanism more clearly than this; ordinary structures end after it.",
+    ),
+    "LATIN_REPEATS": (
+        "subdomains",
+        "tensegrity-grid 48 in 16 blocks, 4 for each different one: primal 0.24, corner 0.26 s; in 64 0.14, 0.12 s.",
+    ),
     "LATIN_GROUPS": ("subdomains a side", "Of 2, 3, 4 and 6 the least set-up and memory."),
     "LATIN_GROUP_FULL": ("subdomains", "LATIN_GROUPS in each of three directions."),
     "LATIN_GROUP_CELLS": (

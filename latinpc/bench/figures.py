@@ -208,3 +208,31 @@ def slackening(document, path):
     panels[len(scenes) // 2].legend(fontsize=7, frameon=False, loc="upper left")
     panels[0].set_ylabel(f"linear stages to an l2 error of {document['accuracy']:.0e}".replace("e-0", "e-"), fontsize=8)
     save(figure, path)
+
+
+def growth(families, methods, path):
+    """Draw time against size, a diagram for each family of scenes.
+
+    Parameters
+    ----------
+    families : dict
+        Family -> scene -> method -> row of `latinpc.bench.compare.compare`, and ``free_dofs``.
+    methods : sequence of str
+    path : path
+        Its suffix chooses the format.
+    """
+    figure = new_figure(3.4 * len(families), 3.6)
+    for axes, (family, scenes) in zip(figure.subplots(1, len(families), sharey=True), families.items(), strict=True):
+        for method, colour, marker in zip(methods, COLOURS, MARKERS, strict=False):
+            found = [(one["free_dofs"], one[method]) for one in scenes.values()]
+            found = [(n, row) for n, row in found if row["solve_seconds"] is not None]
+            times = [row["setup_seconds"] + row["solve_seconds"] for _, row in found]
+            axes.loglog([n for n, _ in found], times, marker=marker, color=colour, label=method, markersize=5)
+        axes.set_title(family, fontsize=9)
+        axes.set_xlabel("unknowns", fontsize=8)
+        axes.yaxis.set_major_formatter(FuncFormatter(_time))
+        axes.grid(True, which="major", alpha=0.3)
+        _plain(axes)
+    figure.axes[0].set_ylabel("set-up and solve", fontsize=8)
+    figure.axes[-1].legend(fontsize=7, frameon=False)
+    save(figure, path)

@@ -1,0 +1,156 @@
+"""Structures that repeat nothing: time and memory beside Newton's method, one rank and two, and a sweep of subdomains.
+
+    python benchmarks/irregular.py            measures, writes results/irregular.json, irregular.md and the picture
+    python benchmarks/irregular.py --page     the page and the picture alone
+
+Some twenty minutes, 4 GB of memory.
+"""
+
+import json
+import sys
+from pathlib import Path
+
+from latinpc.bench.compare import compare
+from latinpc.bench.figures import growth
+from latinpc.bench.peers.launch import Bench, Failed
+from latinpc.files.units import quantity
+from latinpc.scenes import make
+
+HERE = Path(__file__).resolve().parent
+ACCURACY = 1e-4
+PEERS = ("newton-cholmod", "newton-mumps")
+METIS = {"partition": "metis"}
+#: family -> what it is, and the scenes by size
+FAMILIES = {
+    "grid, equal blocks": [("tensegrity-grid", {"modules": n}) for n in (48, 100, 200)],
+    "grid, cut by METIS": [("tensegrity-grid", {"modules": n, **METIS}) for n in (48, 100, 200)],
+    "network": [("network", {"nodes": n}) for n in (2000, 8000, 20000, 60000)],
+}
+#: Scenes of the sweep, and of the runs on two ranks
+SWEPT = [("tensegrity-grid", {"modules": 100, **METIS}), ("network", {"nodes": 20000})]
+COUNTS = (1, 2, 4, 8, 16, 64, 256)
+TWICE = [*SWEPT, ("tensegrity-grid", {"modules": 200, **METIS})]
+
+
+def label(name, size):
+    """Return the command line's words for a scene."""
+    return " ".join([name, *(f"--{key} {value}" for key, value in size.items())])
+
+
+def total(row):
+    """Return set-up and solve (s), or None."""
+    return None if row["solve_seconds"] is None else row["setup_seconds"] + row["solve_seconds"]
+
+
+def rows(scene, ranks, repeat=3):
+    """Return the rows of `latinpc compare`."""
+    methods = ["latin", "latin-one", *PEERS] if ranks == 1 else ["latin", PEERS[1]]
+    document = compare(scene, methods, ACCURACY, repeat, ranks)
+    return {row["method"]: row for row in document["rows"]} | {"free_dofs": document["free_dofs"]}
+
+
+def sweep(scene):
+    """Return what SNES latin takes with so many subdomains that METIS makes, on one rank."""
+    found = {}
+    with Bench(scene) as bench:
+        bench.make_reference(ACCURACY)
+        for n in COUNTS:
+            task = {"method": "latin", "options": {"snes_latin_subdomains": n}}
+            try:
+                stop = bench.run(1, do="calibrate", accuracies=[ACCURACY], **task)["tolerances"][0]
+                found[n] = bench.run(1, do="time", tolerance=stop, **task)
+            except Failed as error:
+                found[n] = {"solve_seconds": None, "reason": str(error)}
+    return found
+
+
+def measure():
+    """Return the document."""
+    document = {"accuracy": ACCURACY, "families": {}, "two ranks": {}, "sweep": {}}
+    for family, scenes in FAMILIES.items():
+        for name, size in scenes:
+            print(label(name, size), flush=True)
+            document["families"].setdefault(family, {})[label(name, size)] = rows(make(name, **size), 1)
+    for name, size in TWICE:
+        print(label(name, size), "on two ranks", flush=True)
+        document["two ranks"][label(name, size)] = rows(make(name, **size), 2)
+    for name, size in SWEPT:
+        print(label(name, size), "in", *COUNTS, flush=True)
+        document["sweep"][label(name, size)] = sweep(make(name, **size))
+    return document
+
+
+def markdown(header, table):
+    """Return a table, numbers to the right."""
+    lines = ["| " + " | ".join(header) + " |", "| --- |" + " ---: |" * (len(header) - 1)]
+    return "\n".join(lines + ["| " + " | ".join(row) + " |" for row in table])
+
+
+def cell(row, to=None):
+    """Return time and memory, with the time over that of another row in brackets."""
+    if total(row) is None:
+        return "–"
+    times = "" if to is None else f" ({total(row) / total(to):.1f})"
+    return f"{quantity(total(row), 's')}{times}, {quantity(row['peak_memory_bytes'], 'B')}"
+
+
+def page(document):
+    """Return the page."""
+    one = [
+        [f"`{scene}`", f"{found['free_dofs']:,}", f"{quantity(found['latin']['setup_seconds'], 's')} + "
+         f"{quantity(found['latin']['solve_seconds'], 's')}, {quantity(found['latin']['peak_memory_bytes'], 'B')}",
+         str(found["latin"]["iterations"]), cell(found["latin-one"], found["latin"]),
+         *(cell(found[peer], found["latin"]) for peer in PEERS)]
+        for scenes in document["families"].values() for scene, found in scenes.items()
+    ]  # fmt: skip
+    alone = {scene: found["latin"] for scenes in document["families"].values() for scene, found in scenes.items()}
+    two = [
+        [f"`{scene}`", cell(found["latin"]), f"{total(alone[scene]) / total(found['latin']):.2f}",
+         cell(found[PEERS[1]], found["latin"])]
+        for scene, found in document["two ranks"].items()
+    ]  # fmt: skip
+    swept = [
+        [f"`{scene}`", *("–" if total(found[str(n)]) is None else
+         f"{quantity(total(found[str(n)]), 's')}, {found[str(n)]['iterations']}" for n in COUNTS)]
+        for scene, found in document["sweep"].items()
+    ]  # fmt: skip
+    header = ["scene", "unknowns", "SNES latin: set-up + solve, memory", "stages"]
+    return f"""# Structures that repeat nothing
+
+`python benchmarks/irregular.py`: seconds and memory to a relative l2 error of 1e-4, each method stopped at its first
+iterate below it, from the same arrays, one thread a rank ([how](README.md#how-it-is-measured)). In brackets: how many
+times as long as the default of SNES latin. The peers have the order of elimination that ours has (METIS on the nodes;
+MUMPS its own call of METIS), once, and one thread: CHOLMOD starts four by itself, which takes twice the time.
+
+## One rank
+
+{markdown([*header, "one subdomain", "Newton, CHOLMOD", "Newton, MUMPS"], one)}
+
+![time against size](figures/irregular.png)
+
+Where nothing repeats the default is one subdomain a rank. Newton's method factors four or five times, SNES latin once:
+so the ratio is four or five where the factor is all, less what ordering, set-up and solves take.
+
+## Two ranks
+
+{markdown(["scene", "SNES latin", "one rank over two", "Newton, MUMPS, two ranks"], two)}
+
+## How many subdomains
+
+One rank, METIS makes so many: time, linear stages.
+
+{markdown(["scene", *map(str, COUNTS)], swept)}
+"""
+
+
+def main():
+    file = HERE / "results" / "irregular.json"
+    if sys.argv[1:] != ["--page"]:
+        file.write_text(json.dumps(measure(), indent=1, allow_nan=False) + "\n")
+    document = json.loads(file.read_text())
+    (HERE / "irregular.md").write_text(page(document), encoding="utf-8")
+    growth(document["families"], ("latin", "latin-one", *PEERS), HERE / "figures" / "irregular.png")
+
+
+if __name__ == "__main__":
+    main()
