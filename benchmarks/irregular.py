@@ -1,7 +1,7 @@
 """Structures that repeat nothing: time and memory beside Newton's method, one rank and two, and a sweep of subdomains.
 
-    python benchmarks/irregular.py            measures, writes results/irregular.json, irregular.md and the picture
-    python benchmarks/irregular.py --page     the page and the picture alone
+    python benchmarks/irregular.py            measures what results/irregular.json lacks, scene by scene; the page
+    python benchmarks/irregular.py --page     the page irregular.md and the picture alone
 
 Some twenty minutes, 4 GB of memory.
 """
@@ -18,6 +18,8 @@ from latinpc.scenes import make
 
 HERE = Path(__file__).resolve().parent
 ACCURACY = 1e-4
+REPEAT = 2
+TIMEOUT = 120.0  # s, for one solve
 PEERS = ("newton-cholmod", "newton-mumps")
 METIS = {"partition": "metis"}
 #: family -> what it is, and the scenes by size
@@ -42,10 +44,10 @@ def total(row):
     return None if row["solve_seconds"] is None else row["setup_seconds"] + row["solve_seconds"]
 
 
-def rows(scene, ranks, repeat=3):
+def rows(scene, ranks):
     """Return the rows of `latinpc compare`."""
     methods = ["latin", "latin-one", *PEERS] if ranks == 1 else ["latin", PEERS[1]]
-    document = compare(scene, methods, ACCURACY, repeat, ranks)
+    document = compare(scene, methods, ACCURACY, REPEAT, ranks, TIMEOUT)
     return {row["method"]: row for row in document["rows"]} | {"free_dofs": document["free_dofs"]}
 
 
@@ -64,20 +66,20 @@ def sweep(scene):
     return found
 
 
-def measure():
-    """Return the document."""
-    document = {"accuracy": ACCURACY, "families": {}, "two ranks": {}, "sweep": {}}
-    for family, scenes in FAMILIES.items():
-        for name, size in scenes:
-            print(label(name, size), flush=True)
-            document["families"].setdefault(family, {})[label(name, size)] = rows(make(name, **size), 1)
-    for name, size in TWICE:
-        print(label(name, size), "on two ranks", flush=True)
-        document["two ranks"][label(name, size)] = rows(make(name, **size), 2)
-    for name, size in SWEPT:
-        print(label(name, size), "in", *COUNTS, flush=True)
-        document["sweep"][label(name, size)] = sweep(make(name, **size))
-    return document
+def measure(file):
+    """Measure what the file lacks, and write it after each scene."""
+    document = json.loads(file.read_text()) if file.exists() else {"accuracy": ACCURACY}
+    tasks = [("families", family, scene, 1) for family, scenes in FAMILIES.items() for scene in scenes]
+    tasks += [("two ranks", None, scene, 2) for scene in TWICE] + [("sweep", None, scene, 0) for scene in SWEPT]
+    for part, family, (name, size), ranks in sorted(tasks, key=lambda task: task[2] == FAMILIES["network"][-1]):
+        place = document.setdefault(part, {})
+        place = place.setdefault(family, {}) if family else place
+        if label(name, size) in place:
+            continue
+        print(part, label(name, size), flush=True)
+        scene = make(name, **size)
+        place[label(name, size)] = rows(scene, ranks) if ranks else sweep(scene)
+        file.write_text(json.dumps(document, indent=1, allow_nan=False) + "\n")
 
 
 def markdown(header, table):
@@ -121,6 +123,7 @@ def page(document):
 iterate below it, from the same arrays, one thread a rank ([how](README.md#how-it-is-measured)). In brackets: how many
 times as long as the default of SNES latin. The peers have the order of elimination that ours has (METIS on the nodes;
 MUMPS its own call of METIS), once, and one thread: CHOLMOD starts four by itself, which takes twice the time.
+–: no result within {TIMEOUT:.0f} s.
 
 ## One rank
 
@@ -146,7 +149,7 @@ One rank, METIS makes so many: time, linear stages.
 def main():
     file = HERE / "results" / "irregular.json"
     if sys.argv[1:] != ["--page"]:
-        file.write_text(json.dumps(measure(), indent=1, allow_nan=False) + "\n")
+        measure(file)
     document = json.loads(file.read_text())
     (HERE / "irregular.md").write_text(page(document), encoding="utf-8")
     growth(document["families"], ("latin", "latin-one", *PEERS), HERE / "figures" / "irregular.png")
