@@ -181,7 +181,7 @@ static PetscErrorCode LatinCholeskyNumeric_Private(Mat F, Mat A, const MatFactor
   PetscFunctionBegin;
   PetscCall(MatGetRowIJ(A, 0, PETSC_FALSE, PETSC_FALSE, &n, &i, &j, &done));
   PetscCall(MatSeqAIJGetArrayRead(A, &values));
-  if (data->kept) { /* the diagonal of the kept rows is doubled: a subdomain that floats has a factor, too */
+  if (data->kept) { /* twice the diagonal on the kept rows, so that a floating subdomain has a factor as well */
     PetscCall(PetscMalloc1(i[n], &a));
     PetscCall(PetscArraycpy(a, values, i[n]));
     for (PetscInt r = 0, at = 0; r < n; r++) {
@@ -310,29 +310,31 @@ static PetscErrorCode LatinCholeskyMatSolve_Private(Mat F, Mat B, Mat X)
   PetscFunctionReturn(0);
 }
 
-/* The first half, in place: the forces g of all rows become those on the kept rows, and what the second half needs on the others */
-PetscErrorCode LatinCholeskyForward(Mat F, PetscReal g[])
+static PetscErrorCode LatinCholeskyInPlace_Private(Mat F, PetscBool forward, PetscReal g[])
 {
   LatinSupernodes *data = (LatinSupernodes *)F->data;
 
   PetscFunctionBegin;
   PetscCall(LatinCholeskyRoom_Private(data, 1));
   LatinCholeskyOrder(data, PETSC_TRUE, 1, g, 0);
-  PetscCall(LatinCholeskyHalf_Private(data, PETSC_TRUE, 1));
+  PetscCall(LatinCholeskyHalf_Private(data, forward, 1));
   LatinCholeskyOrder(data, PETSC_FALSE, 1, g, 0);
+  PetscFunctionReturn(0);
+}
+
+/* The first half, in place: the forces g of all rows become those on the kept rows, and what the second half needs on the others */
+PetscErrorCode LatinCholeskyForward(Mat F, PetscReal g[])
+{
+  PetscFunctionBegin;
+  PetscCall(LatinCholeskyInPlace_Private(F, PETSC_TRUE, g));
   PetscFunctionReturn(0);
 }
 
 /* The second: g, with the displacements of the kept rows in their places, becomes those of all rows */
 PetscErrorCode LatinCholeskyBackward(Mat F, PetscReal g[])
 {
-  LatinSupernodes *data = (LatinSupernodes *)F->data;
-
   PetscFunctionBegin;
-  PetscCall(LatinCholeskyRoom_Private(data, 1));
-  LatinCholeskyOrder(data, PETSC_TRUE, 1, g, 0);
-  PetscCall(LatinCholeskyHalf_Private(data, PETSC_FALSE, 1));
-  LatinCholeskyOrder(data, PETSC_FALSE, 1, g, 0);
+  PetscCall(LatinCholeskyInPlace_Private(F, PETSC_FALSE, g));
   PetscFunctionReturn(0);
 }
 
