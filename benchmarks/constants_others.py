@@ -86,6 +86,14 @@ OTHERS = {
         "`LATIN_MECHANISM`",
         "One step of inverse iteration shows a mechanism more clearly than this; ordinary structures end after it.",
     ),
+    "LATIN_ROUNDED_LEFT": (
+        "energy",
+        "tensegrity-grid 200 1e-3, 13 stages in either precision; network 20000 3e-5; truss of 1000 bays 0.03.",
+    ),
+    "LATIN_SINGLE_ENTRIES": (
+        "entries",
+        "network 1000 10 ms, tensegrity-grid 24 20 ms either way; network 2000 40 -> 30 ms, 4000 120 -> 80 ms.",
+    ),
     "LATIN_REPEATS": (
         "subdomains",
         "tensegrity-grid 48 in 16 blocks, 4 for each different one: primal 0.24, corner 0.26 s; in 64 0.14, 0.12 s.",

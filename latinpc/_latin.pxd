@@ -111,6 +111,7 @@ cdef extern from "latinpc.h":
     PetscErrorCode LatinSetVariant(Latin, int)
     PetscErrorCode LatinSetModes(Latin, int, PetscReal)
     PetscErrorCode LatinSetDirection(Latin, int, PetscReal)
+    PetscErrorCode LatinSetPrecision(Latin, int)
     PetscErrorCode LatinGetLocalKSP(Latin, PetscInt, PetscKSP *)
     PetscErrorCode LatinGetCoarseKSP(Latin, PetscKSP *)
     PetscErrorCode LatinGetStatistics(Latin, LatinStatistics *)

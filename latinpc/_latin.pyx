@@ -273,6 +273,11 @@ def set_direction(Object solver not None, int direction, PetscReal value):
     CHKERR(LatinSetDirection(core(solver), direction, value))
 
 
+def set_precision(Object solver not None, int precision):
+    """Choose the precision of factors that linear stages correct."""
+    CHKERR(LatinSetPrecision(core(solver), precision))
+
+
 def statistics(Object solver not None):
     """Return the fields of ``LatinStatistics``."""
     cdef LatinStatistics s

@@ -16,6 +16,7 @@ __all__ = [
     "set_modes",
     "set_newton",
     "set_partition",
+    "set_precision",
     "set_reference",
     "set_stop",
     "set_subdomains",
@@ -23,8 +24,9 @@ __all__ = [
     "set_warm_start",
 ]
 
-VARIANTS = ("none", "macro", "corner", "published")
+VARIANTS = ("none", "macro", "corner", "published", "primal", "auto")
 MODES = ("affine", "rigid")
+PRECISIONS = ("double", "single", "auto")
 DIRECTIONS = ("scalar", "diagonal", "block", "schur", "auto")
 STOPS = ("indicator", "residual", "reference", "error", "energy")
 NEWTONS = ("auto", "never")
@@ -67,14 +69,15 @@ def set_subdomains(solver, subdomains):
 
 
 def set_variant(solver, variant):
-    """Choose the coarse treatment of weak interfaces, ``-snes_latin_variant``; not collective, before the set-up.
+    """Choose what of interfaces is in the coarse problem, ``-snes_latin_variant``; not collective, before the set-up.
 
     Parameters
     ----------
     solver : petsc4py.PETSc.SNES, petsc4py.PETSc.KSP or petsc4py.PETSc.PC
         Of type latin.
     variant : str
-        ``"none"``, ``"macro"``, ``"corner"`` or ``"published"``, section 4 of the article.
+        Of weak interfaces, section 4 of the article: ``"none"``, ``"macro"``, ``"corner"`` or ``"published"``; of all:
+        ``"primal"``. ``"auto"``: ``"primal"``, or ``"corner"`` where most subdomains repeat others.
     """
     _latin.set_variant(solver, _number("variant", VARIANTS, variant))
 
@@ -109,6 +112,19 @@ def set_direction(solver, direction, value=0.0):
         automatic.
     """
     _latin.set_direction(solver, _number("direction", DIRECTIONS, direction), value)
+
+
+def set_precision(snes, precision):
+    """Choose the precision of factors that linear stages correct, ``-snes_latin_precision``; not collective.
+
+    Parameters
+    ----------
+    snes : petsc4py.PETSc.SNES
+        Of type latin, before the set-up.
+    precision : str
+        ``"double"``, ``"single"`` wherever it serves, or ``"auto"``: single where a factor is large, too.
+    """
+    _latin.set_precision(snes, _number("precision", PRECISIONS, precision))
 
 
 def set_stop(snes, stop):

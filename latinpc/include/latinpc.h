@@ -69,6 +69,14 @@ typedef enum {
 } LatinDirectionType;
 PETSC_EXTERN const char *const LatinDirectionTypes[];
 
+/* The precision of factors of the linear stage, which each stage corrects */
+typedef enum {
+  LATIN_PRECISION_DOUBLE,
+  LATIN_PRECISION_SINGLE, /* wherever it serves */
+  LATIN_PRECISION_AUTO    /* single where a factor is large, too */
+} LatinPrecision;
+PETSC_EXTERN const char *const LatinPrecisions[];
+
 /* What SNES latin watches to decide that it has converged */
 typedef enum {
   LATIN_STOP_INDICATOR, /* distance between the two stages, relative, against -snes_stol */
@@ -177,6 +185,7 @@ PETSC_EXTERN PetscErrorCode LatinSetPartition(Latin, PetscInt links, const Petsc
 PETSC_EXTERN PetscErrorCode LatinSetVariant(Latin, LatinVariant);
 PETSC_EXTERN PetscErrorCode LatinSetModes(Latin, LatinModesType, PetscReal threshold);
 PETSC_EXTERN PetscErrorCode LatinSetDirection(Latin, LatinDirectionType, PetscReal value);
+PETSC_EXTERN PetscErrorCode LatinSetPrecision(Latin, LatinPrecision);
 PETSC_EXTERN PetscErrorCode LatinGetLocalKSP(Latin, PetscInt i, KSP *);
 PETSC_EXTERN PetscErrorCode LatinGetCoarseKSP(Latin, KSP *);
 PETSC_EXTERN PetscErrorCode LatinGetStatisticsOfSize(Latin, size_t, LatinStatistics *);

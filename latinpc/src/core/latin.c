@@ -147,6 +147,7 @@ static PetscErrorCode LatinSetUpStages_Private(Latin latin)
   PetscCall(LatinRepeats_Private(&latin->inter, &latin->dir, &latin->macro, pattern));
   PetscCall(LatinBatchesSetUp(&latin->sub, pattern, &latin->batches));
   PetscCall(LatinMacroShare_Private(&latin->macro, pattern));
+  solvers->precision = latin->precision;
   PetscCall(LatinLinearSetUp(&latin->linear));
   PetscCall(LatinFactorAgree_Private(latin, &solvers->status, solvers->n ? &latin->batches.batch[solvers->last] : NULL, "local"));
   PetscCall(LatinHomogeniseSetUp(&latin->linear));

@@ -13,6 +13,7 @@ struct _p_Latin {
   PETSCHEADER(int);
   LatinPartitionRequest partition;
   LatinVariant          variant; /* asked for; inter has what is made of it */
+  LatinPrecision        precision;
   LatinSubdomains       sub;
   LatinInterfaces       inter;
   LatinDirections       dir;

@@ -9,6 +9,8 @@ const char *const LatinVariants[]       = {"none", "macro", "corner", "published
 const char *const LatinModesTypes[]     = {"affine", "rigid", "LatinModesType", "LATIN_MODES_", NULL};
 const char *const LatinDirectionTypes[] = {"scalar", "diagonal", "block", "schur", "auto", "LatinDirectionType", "LATIN_DIRECTION_", NULL};
 
+const char *const LatinPrecisions[] = {"double", "single", "auto", "LatinPrecision", "LATIN_PRECISION_", NULL};
+
 /* Sets a member, and notes that it has changed */
 #define LatinChange(latin, member, value) \
   do { \
@@ -86,6 +88,26 @@ PetscErrorCode LatinSetDirection(Latin latin, LatinDirectionType type, PetscReal
 }
 
 /*@
+  LatinSetPrecision - The precision of the factors of variant primal of SNES latin. A linear stage solves for the change of
+  the displacements, and so corrects what the one before has rounded: a factor in single precision takes half the memory
+  and time. Whether it serves is tested at the set-up; where it does not, the factor is made in double precision.
+
+  Logically collective on latin
+
+  Options Database Key:
+. -snes_latin_precision <double,single,auto> - auto: single precision where a factor is larger than a cache
+
+  Level: advanced
+@*/
+PetscErrorCode LatinSetPrecision(Latin latin, LatinPrecision precision)
+{
+  PetscFunctionBegin;
+  PetscValidHeaderSpecific(latin, LATIN_CLASSID, 1);
+  LatinChange(latin, precision, precision);
+  PetscFunctionReturn(0);
+}
+
+/*@
   LatinSetSubdomains - The number of subdomains of a structure, 0: automatic.
 
   Logically collective on latin
@@ -143,6 +165,7 @@ PetscErrorCode LatinSetFromOptions_Private(Latin latin, PetscObject solver)
   LatinDirectionType direction = latin->dir.type;
   PetscReal          threshold = latin->spectral.threshold, value = latin->dir.value;
   PetscInt           subdomains = latin->partition.subdomains;
+  LatinPrecision     precision  = latin->precision;
 
   PetscFunctionBegin;
   PetscCall(LatinSetPrefix_Private(latin, solver));
@@ -153,6 +176,8 @@ PetscErrorCode LatinSetFromOptions_Private(Latin latin, PetscObject solver)
   PetscCall(PetscOptionsReal("-modes_local", "Threshold of local low-energy fields that are macro, 0: none, -2: automatic", "LatinSetModes", threshold, &threshold, NULL));
   PetscCall(PetscOptionsEnum("-direction", "Micro search direction of the interfaces", "LatinSetDirection", LatinDirectionTypes, (PetscEnum)direction, (PetscEnum *)&direction, NULL));
   if (solver->classid == SNES_CLASSID) PetscCall(PetscOptionsReal("-direction_value", "Scalar direction (force/length), or fraction of the interface stiffness, 0: automatic", "LatinSetDirection", value, &value, NULL));
+  if (solver->classid == SNES_CLASSID)
+    PetscCall(PetscOptionsEnum("-precision", "Of factors that linear stages correct: single where they are large, or where it serves", "LatinSetPrecision", LatinPrecisions, (PetscEnum)precision, (PetscEnum *)&precision, NULL));
   PetscOptionsEnd();
   PetscCheck(!(threshold > 0.0) || variant == LATIN_VARIANT_CORNER || variant == LATIN_VARIANT_AUTO, PetscObjectComm(solver), PETSC_ERR_SUP,
              "-%smodes_local needs -%svariant corner: elsewhere the local fields of interfaces that share nodes slow the iteration down", LatinPrefix(&latin->sub), LatinPrefix(&latin->sub));
@@ -160,5 +185,6 @@ PetscErrorCode LatinSetFromOptions_Private(Latin latin, PetscObject solver)
   PetscCall(LatinSetModes(latin, modes, threshold));
   PetscCall(LatinSetDirection(latin, direction, value));
   PetscCall(LatinSetSubdomains(latin, subdomains));
+  PetscCall(LatinSetPrecision(latin, precision));
   PetscFunctionReturn(0);
 }

@@ -139,7 +139,8 @@ PetscErrorCode LatinLocalSolversSetUp(LatinLocalSolvers *solvers, const char nam
   const LatinSubdomains *sub = solvers->sub;
 
   PetscFunctionBegin;
-  solvers->direct = PETSC_TRUE;
+  solvers->direct   = PETSC_TRUE;
+  solvers->rounding = 0.0;
   PetscCall(PetscMemzero(&solvers->status, sizeof(solvers->status)));
   for (PetscInt i = 0; i < solvers->n && !LatinFactorFailed(&solvers->status); i++) {
     PC pc;
@@ -154,9 +155,11 @@ PetscErrorCode LatinLocalSolversSetUp(LatinLocalSolvers *solvers, const char nam
     PetscCall(LatinSolverDefaults_Private(solvers->ksp[i], once));
     PetscCall(MatSetBlockSize(solvers->K[i], sub->bs));
     if (solvers->kept) PetscCall(LatinLocalKeep_Private(solvers, i, pc, &kept));
+    if (solvers->precision != LATIN_PRECISION_DOUBLE) PetscCall(LatinCholeskyRound(pc, (PetscBool)(solvers->precision == LATIN_PRECISION_AUTO)));
     PetscCall(LatinFactor_Private(solvers->ksp[i], solvers->K[i], kept, &solvers->status));
     PetscCall(ISDestroy(&kept));
-    solvers->last = i;
+    solvers->rounding = PetscMax(solvers->rounding, solvers->status.rounding);
+    solvers->last     = i;
     PetscCall(LatinSolverDirect_Private(solvers->ksp[i], &solvers->direct));
   }
   PetscFunctionReturn(0);

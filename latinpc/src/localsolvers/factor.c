@@ -5,10 +5,11 @@
    costs nothing, is found whether it stops the factorisation or only shows in the factor.
 */
 
-#define LATIN_SHIFT     LatinByPrecision(1e-8, 1e-4) /* of the diagonal: makes a matrix regular that could not be factored */
-#define LATIN_FIRM      1e6                          /* times LATIN_MECHANISM: one step of inverse iteration leaves no less where there is no mechanism */
-#define LATIN_ROOM      100                          /* work space of MUMPS beyond its own estimate, in percent */
-#define LATIN_ROOM_MOST 6400                         /* percent, after three fourfold increases: where it gives up */
+#define LATIN_SHIFT        LatinByPrecision(1e-8, 1e-4) /* of the diagonal: makes a matrix regular that could not be factored */
+#define LATIN_FIRM         1e6                          /* times LATIN_MECHANISM: one step of inverse iteration leaves no less where there is no mechanism */
+#define LATIN_ROUNDED_LEFT 0.01                         /* of a displacement, in energy: what a solve with a factor in single precision may leave to the next; the worst displacement some ten times that */
+#define LATIN_ROOM         100                          /* work space of MUMPS beyond its own estimate, in percent */
+#define LATIN_ROOM_MOST    6400                         /* percent, after three fourfold increases: where it gives up */
 
 /* The first package with a Cholesky factorisation of A: the preferred one, or another (NULL: none) */
 PetscErrorCode LatinDirectSolverAvailable_Private(Mat A, MatSolverType preferred, MatSolverType *package, PetscBool *found)
@@ -67,25 +68,35 @@ PetscErrorCode LatinDenseSolve_Private(KSP ksp, Mat B, Mat X, KSPConvergedReason
   PetscFunctionReturn(0);
 }
 
+/* Any vector without symmetry */
+static PetscErrorCode LatinAnyVector_Private(Vec v)
+{
+  PetscScalar *a;
+  PetscInt     n, start;
+
+  PetscFunctionBegin;
+  PetscCall(VecGetLocalSize(v, &n));
+  PetscCall(VecGetOwnershipRange(v, &start, NULL));
+  PetscCall(VecGetArray(v, &a));
+  for (PetscInt i = 0; i < n; i++) a[i] = PetscSinReal(1.0 + 12.9898 * (PetscReal)((start + i) % 100003));
+  PetscCall(VecRestoreArray(v, &a));
+  PetscFunctionReturn(0);
+}
+
 /*
    Inverse iteration for the softest displacement of A relative to its diagonal, by solves with ksp.
    Returns its relative stiffness and leaves the displacement in v. Collective on A.
 */
 static PetscErrorCode LatinSoftest_Private(KSP ksp, Mat A, Vec v, PetscReal *stiffness)
 {
-  Vec          d, b;
-  PetscScalar *a, top, bottom;
-  PetscInt     n, start;
+  Vec         d, b;
+  PetscScalar top, bottom;
 
   PetscFunctionBegin;
   PetscCall(VecDuplicate(v, &d));
   PetscCall(VecDuplicate(v, &b));
   PetscCall(MatGetDiagonal(A, d));
-  PetscCall(VecGetLocalSize(v, &n));
-  PetscCall(VecGetOwnershipRange(v, &start, NULL));
-  PetscCall(VecGetArray(v, &a));
-  for (PetscInt i = 0; i < n; i++) a[i] = PetscSinReal(1.0 + 12.9898 * (PetscReal)((start + i) % 100003)); /* any vector without symmetry */
-  PetscCall(VecRestoreArray(v, &a));
+  PetscCall(LatinAnyVector_Private(v));
   /* in displacements whose unit of energy is that of the diagonal, so that units and contrast do not matter */
   PetscCall(VecSqrtAbs(d));
   PetscCall(VecPointwiseDivide(v, v, d));
@@ -103,6 +114,7 @@ static PetscErrorCode LatinSoftest_Private(KSP ksp, Mat A, Vec v, PetscReal *sti
     PetscCall(VecDot(b, v, &bottom));
     *stiffness = bottom > 0.0 && !PetscIsInfOrNanScalar(bottom) ? top / bottom : 0.0;
   }
+  PetscCall(PetscInfo(ksp, "softest displacement: %g of the diagonal\n", (double)*stiffness));
   PetscCall(VecDestroy(&d));
   PetscCall(VecDestroy(&b));
   PetscFunctionReturn(0);
@@ -174,6 +186,63 @@ static PetscErrorCode LatinFactorTry_Private(KSP ksp, PC pc, Mat A, LatinFactorS
 }
 
 /*
+   What each solve leaves to the next, in energy and with the kept rows held, is what rounding disturbs of the change that it
+   makes: the largest share of two in a row, for a displacement in which all stiffnesses have a part
+*/
+static PetscErrorCode LatinLeft_Private(KSP ksp, Mat A, IS kept, PetscReal *left)
+{
+  Vec         b, v, w;
+  PetscScalar before, after;
+
+  PetscFunctionBegin;
+  PetscCall(MatCreateVecs(A, &v, &b));
+  PetscCall(VecDuplicate(v, &w));
+  PetscCall(MatGetDiagonal(A, w));
+  PetscCall(VecSqrtAbs(w));
+  PetscCall(LatinAnyVector_Private(b));
+  PetscCall(VecPointwiseMult(b, b, w));
+  if (kept) PetscCall(VecISSet(b, kept, 0.0));
+  PetscCall(KSPSolve(ksp, b, v));
+  PetscCall(VecDot(b, v, &before));
+  *left = PETSC_SMALL;
+  for (PetscInt k = 0; k < 2; k++) {
+    PetscCall(MatMult(A, v, w));
+    PetscCall(VecAXPY(b, -1.0, w));
+    if (kept) PetscCall(VecISSet(b, kept, 0.0));
+    PetscCall(KSPSolve(ksp, b, v));
+    PetscCall(VecDot(b, v, &after));
+    *left  = before > 0.0 && after >= 0.0 ? PetscMax(*left, PetscSqrtReal(after / before)) : 1.0;
+    before = after;
+  }
+  PetscCall(PetscInfo(ksp, "factor in single precision: a solve leaves %g to the next\n", (double)*left));
+  PetscCall(VecDestroy(&b));
+  PetscCall(VecDestroy(&v));
+  PetscCall(VecDestroy(&w));
+  PetscFunctionReturn(0);
+}
+
+/*
+   A factor in single precision that serves, or one in double precision, where rounding is 0. A soft displacement is what
+   rounding disturbs most, and one that costs nothing it disturbs entirely: where the factor serves there is no mechanism
+*/
+static PetscErrorCode LatinRounding_Private(KSP ksp, Mat A, IS kept, PetscReal *rounding)
+{
+  PetscBool rounded;
+  PC        pc;
+
+  PetscFunctionBegin;
+  PetscCall(KSPGetPC(ksp, &pc));
+  for (*rounding = 0.0;; *rounding = 0.0) {
+    PetscCall(LatinCholeskyRounded(pc, &rounded));
+    if (!rounded) break;
+    PetscCall(LatinLeft_Private(ksp, A, kept, rounding));
+    if (*rounding < LATIN_ROUNDED_LEFT) break;
+    PetscCall(LatinCholeskyRefine(pc, A));
+  }
+  PetscFunctionReturn(0);
+}
+
+/*
    Factors A through its KSP. A failure is noted, not raised: other ranks may be waiting. A mechanism, whether it
    stops the factorisation or only shows in the factor, leaves its displacement in status->mode. kept: rows that the
    factor keeps to the last, or NULL. Collective on A.
@@ -188,14 +257,17 @@ PetscErrorCode LatinFactor_Private(KSP ksp, Mat A, IS kept, LatinFactorStatus *s
   PetscFunctionBegin;
   PetscCall(KSPGetPC(ksp, &pc));
   PetscCall(PetscObjectTypeCompareAny((PetscObject)pc, &direct, PCCHOLESKY, PCLU, PCREDUNDANT, ""));
+  status->rounding = 0.0;
   PetscCall(LatinFactorTry_Private(ksp, pc, A, status));
   status->mechanism = (PetscBool)(status->ierr == PETSC_ERR_MAT_CH_ZRPVT || status->ierr == PETSC_ERR_MAT_LU_ZRPVT || status->failed == PC_FACTOR_STRUCT_ZEROPIVOT || status->failed == PC_FACTOR_NUMERIC_ZEROPIVOT ||
                                   (status->failed != PC_NOERROR && status->failed != PC_FACTOR_OUTMEMORY && direct));
   if ((status->ierr || status->failed) && !status->mechanism) PetscFunctionReturn(0);
   PetscCall(MatCreateVecs(A, &v, NULL));
   if (status->mechanism) PetscCall(LatinSoftestShifted_Private(A, kept, v));
-  else if (direct) PetscCall(LatinSoftest_Private(ksp, A, v, &stiffness));
-  PetscCall(PetscInfo(ksp, "softest displacement: %g of the diagonal\n", (double)stiffness));
+  else if (direct) {
+    PetscCall(LatinRounding_Private(ksp, A, kept, &status->rounding));
+    if (!(status->rounding > 0.0)) PetscCall(LatinSoftest_Private(ksp, A, v, &stiffness));
+  }
   if (stiffness < LATIN_MECHANISM) status->mechanism = PETSC_TRUE;
   if (status->mechanism) status->mode = v;
   else PetscCall(VecDestroy(&v));

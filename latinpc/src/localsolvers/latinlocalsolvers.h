@@ -17,7 +17,8 @@ typedef struct {
   PetscErrorCode ierr;
   PCFailedReason failed;
   PetscBool      mechanism;
-  Vec            mode; /* the displacement that costs nothing, where there is a mechanism */
+  PetscReal      rounding; /* of a displacement, in energy: what a solve leaves to the next one; 0: in double precision */
+  Vec            mode;     /* the displacement that costs nothing, where there is a mechanism */
 } LatinFactorStatus;
 PETSC_INTERN PetscErrorCode LatinDirectSolverAvailable_Private(Mat, MatSolverType, MatSolverType *, PetscBool *);
 PETSC_INTERN PetscErrorCode LatinDirectSolver_Private(PC, Mat, MatSolverType preferred);
@@ -37,9 +38,12 @@ PETSC_INTERN PetscErrorCode LatinOrderNodes_Private(PetscInt bs, PetscInt rows, 
 /* ---- Cholesky with the interfaces last (localsolvers/cholesky.c) ---- */
 #define LATIN_CHOLESKY "latin" /* a MatSolverType */
 PETSC_INTERN PetscErrorCode LatinCholeskyRegister(void);
+PETSC_INTERN PetscErrorCode LatinCholeskyRound(PC, PetscBool large);
+PETSC_INTERN PetscErrorCode LatinCholeskyRounded(PC, PetscBool *);
+PETSC_INTERN PetscErrorCode LatinCholeskyRefine(PC, Mat);
 PETSC_INTERN PetscErrorCode LatinCholeskyGiveSchur(Mat, Mat *);
-PETSC_INTERN PetscErrorCode LatinCholeskyForward(Mat, PetscReal g[]);
-PETSC_INTERN PetscErrorCode LatinCholeskyBackward(Mat, PetscReal g[]);
+PETSC_INTERN PetscErrorCode LatinCholeskyForward(Mat, PetscReal g[], PetscReal *energy);
+PETSC_INTERN PetscErrorCode LatinCholeskyBackward(Mat, PetscReal g[], PetscReal *energy);
 
 /* ---- one dense Schur complement (localsolvers/elimination.c) ---- */
 PETSC_INTERN PetscErrorCode LatinEliminate_Private(const LatinSparse *, PetscInt gamma, const PetscInt kept[], PetscReal F[], PetscBool *bad);
@@ -81,6 +85,8 @@ typedef struct {
   PetscBool              direct;             /* all of them are factorisations */
   LatinSparse           *rows;               /* of the operators, filled by others */
   const PetscInt        *kept_offset, *kept; /* [subdomains + 1] entries of the copy arrays that the factors keep to the last; NULL: none */
+  LatinPrecision         precision;          /* that factors may have: who uses them corrects their solves */
+  PetscReal              rounding;           /* what of a solve the next one corrects, of the factors of this rank; 0: in double precision */
   Mat                   *K, *B, *X;          /* operator; right-hand sides and solutions of some members, dense */
   KSP                   *ksp;
   LatinFactorStatus      status; /* of the set-up on this rank */

@@ -412,6 +412,7 @@ PETSC_EXTERN PetscErrorCode SNESCreate_Latin(SNES snes)
   PetscObjectParameterSetDefault(snes, stol, 1e-5);
   PetscCall(LatinCreate_Private(PetscObjectComm((PetscObject)snes), &data->latin));
   PetscCall(LatinSetVariant(data->latin, LATIN_VARIANT_AUTO));
+  PetscCall(LatinSetPrecision(data->latin, LATIN_PRECISION_AUTO));
   PetscCall(PetscObjectComposeFunction((PetscObject)snes, "LatinRigidTensions_C", SNESLatinRigidTensions_Private));
   PetscFunctionReturn(0);
 }

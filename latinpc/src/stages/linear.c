@@ -138,6 +138,7 @@ PetscErrorCode LatinLinearSetUp(LatinLinear *linear)
   PetscCall(LatinDirectionSprings_Private(linear->dir, linear->spring));
   PetscCall(LatinLocalSolversCreate(sub, linear->batches, linear->solvers));
   PetscCall(LatinLinearMatrices_Private(linear));
+  if (!linear->substructures) linear->solvers->precision = LATIN_PRECISION_DOUBLE;
   linear->solvers->kept_offset = linear->inter->primal_offset;
   linear->solvers->kept        = linear->substructures ? linear->inter->primal_dof : NULL;
   PetscCall(LatinLocalSolversSetUp(linear->solvers, "local", PETSC_FALSE));

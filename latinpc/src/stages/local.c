@@ -94,7 +94,7 @@ PetscErrorCode LatinGatherForces_Private(LatinLinear *linear, const PetscReal z[
 PetscErrorCode LatinLocalStage_Private(LatinLinear *linear, const PetscReal z[], PetscReal Gz[])
 {
   const LatinInterfaces *inter  = linear->inter;
-  PetscReal              sum[4] = {0.0, 0.0, 0.0, 0.0}, total[4];
+  PetscReal              sum[5] = {0.0, 0.0, 0.0, 0.0, 4.0 * linear->rounded}, total[5];
 
   PetscFunctionBegin;
   PetscCall(PetscLogEventBegin(LATIN_Local, linear->sub->object, 0, 0, 0));
@@ -107,8 +107,9 @@ PetscErrorCode LatinLocalStage_Private(LatinLinear *linear, const PetscReal z[],
   PetscCall(LatinSweepFaces_Private(linear, z, Gz, &sum[0]));
   for (PetscInt i = 0; linear->sub->ground && i < linear->sub->dim * linear->sub->copies; i++) sum[1] += linear->sub->ground[i] * linear->U[i] * linear->U[i];
   sum[3] = linear->failed ? 1.0 : 0.0; /* a local solver that failed on one rank has failed on all */
-  PetscCall(MPIU_Allreduce(sum, total, 4, MPIU_REAL, MPIU_SUM, PetscObjectComm(linear->sub->object)));
-  linear->failed    = (PetscBool)(total[3] > 0.0);
+  PetscCall(MPIU_Allreduce(sum, total, 5, MPIU_REAL, MPIU_SUM, PetscObjectComm(linear->sub->object)));
+  linear->failed = (PetscBool)(total[3] > 0.0);
+  total[0] += total[4]; /* displacements that the linear stage has yet to correct are as far off as those that the local stage does not want */
   linear->noise     = LATIN_NOISE * PetscSqrtReal(PetscMax(total[1], total[2]));
   linear->distance  = PetscSqrtReal(total[0]);
   linear->indicator = total[1] > 0.0 ? PetscSqrtReal(total[0] / total[1]) : linear->distance;

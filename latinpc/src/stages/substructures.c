@@ -54,11 +54,12 @@ PetscErrorCode LatinSubstructuresForward(LatinLinear *linear)
   Mat                    F;
 
   PetscFunctionBegin;
+  linear->energy = 0.0;
   for (PetscInt i = 0; i < sub->bs * sub->copies; i++)
     if (sub->fixed[i]) linear->g[i] = 0.0;
   for (PetscInt b = 0; b < linear->batches->n; b++) {
     PetscCall(LatinSubstructuresFactor_Private(linear, b, &F));
-    for (PetscInt m = 0; m < linear->batches->batch[b].members; m++) PetscCall(LatinCholeskyForward(F, linear->g + sub->bs * sub->node_offset[linear->batches->batch[b].sub[m]]));
+    for (PetscInt m = 0; m < linear->batches->batch[b].members; m++) PetscCall(LatinCholeskyForward(F, linear->g + sub->bs * sub->node_offset[linear->batches->batch[b].sub[m]], &linear->energy));
   }
   for (PetscInt p = 0; p < inter->primal_offset[sub->n]; p++) linear->coarse->q[p] = linear->g[inter->primal_dof[p]];
   PetscFunctionReturn(0);
@@ -72,11 +73,15 @@ PetscErrorCode LatinSubstructuresBackward(LatinLinear *linear, PetscReal U[])
   Mat                    F;
 
   PetscFunctionBegin;
-  for (PetscInt p = 0; p < inter->primal_offset[sub->n]; p++) linear->g[inter->primal_dof[p]] = linear->coarse->u[p];
+  for (PetscInt p = 0; p < inter->primal_offset[sub->n]; p++) {
+    linear->g[inter->primal_dof[p]] = linear->coarse->u[p];
+    linear->energy += linear->coarse->q[p] * linear->coarse->u[p];
+  }
   for (PetscInt b = 0; b < linear->batches->n; b++) {
     PetscCall(LatinSubstructuresFactor_Private(linear, b, &F));
-    for (PetscInt m = 0; m < linear->batches->batch[b].members; m++) PetscCall(LatinCholeskyBackward(F, linear->g + sub->bs * sub->node_offset[linear->batches->batch[b].sub[m]]));
+    for (PetscInt m = 0; m < linear->batches->batch[b].members; m++) PetscCall(LatinCholeskyBackward(F, linear->g + sub->bs * sub->node_offset[linear->batches->batch[b].sub[m]], &linear->energy));
   }
   for (PetscInt i = 0; i < sub->bs * sub->copies; i++) U[i] += linear->g[i];
+  linear->rounded = PetscSqr(linear->solvers->rounding) * linear->energy;
   PetscFunctionReturn(0);
 }

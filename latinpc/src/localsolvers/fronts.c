@@ -1,0 +1,176 @@
+#include "localsolvers/fronts.h"
+
+#if LATIN_CHOLMOD
+
+  #include <float.h>
+  #if defined(__linux__)
+    #include <sys/mman.h>
+  #endif
+
+/* The fronts of a sparse Cholesky factor: which one adds to which, their sizes, and the factor itself. */
+
+/* Large pages for a large array that is about to be written: on first touch small ones take a fifth of the time of a factorisation (tensegrity-grid 200) */
+static void LatinLargePages(void *array, size_t bytes)
+{
+  #if defined(__linux__) && defined(MADV_HUGEPAGE)
+  const size_t page  = 4096;
+  const size_t start = ((size_t)array + page - 1) / page * page;
+
+  if (bytes > 64 * page) (void)madvise((void *)start, (bytes - (start - (size_t)array)) / page * page, MADV_HUGEPAGE);
+  #endif
+}
+
+/* Rows of front f beyond those that it eliminates */
+static inline PetscInt LatinFrontBelow(const LatinFronts *F, PetscInt f)
+{
+  return F->row_first[f + 1] - F->row_first[f] - F->columns[f];
+}
+
+/* Who adds to whom, and the room that this takes. The lists of others must outlive F */
+PetscErrorCode LatinFrontsCreate(PetscInt n, PetscInt kept, PetscInt fronts, const PetscInt order[], const PetscInt first[], const PetscInt row_first[], const PetscInt row[], LatinFronts *F)
+{
+  const PetscInt inside = n - kept;
+  PetscInt      *owner; /* [n] front that eliminates a row */
+  size_t         waiting = 0;
+
+  PetscFunctionBegin;
+  *F = (LatinFronts){.n = n, .kept = kept, .fronts = fronts, .order = order, .first = first, .row_first = row_first, .row = row};
+  PetscCall(PetscMalloc4(fronts, &F->columns, fronts, &F->child, fronts, &F->sibling, fronts + 1, &F->panel));
+  PetscCall(PetscMalloc1(n, &owner));
+  F->panel[0] = 0;
+  for (PetscInt f = 0; f < fronts; f++) {
+    const PetscInt height = row_first[f + 1] - row_first[f];
+
+    F->columns[f]   = PetscMax(0, PetscMin(first[f + 1], inside) - first[f]);
+    F->panel[f + 1] = F->panel[f] + (size_t)height * (size_t)F->columns[f];
+    F->widest       = PetscMax(F->widest, F->panel[f + 1] - F->panel[f]);
+    F->tallest      = PetscMax(F->tallest, height);
+    F->child[f]     = -1;
+    for (PetscInt c = first[f]; c < first[f + 1]; c++) owner[c] = f;
+  }
+  for (PetscInt f = fronts - 1; f >= 0; f--) {
+    const PetscInt next = LatinFrontBelow(F, f) ? row[row_first[f] + F->columns[f]] : n;
+
+    F->sibling[f] = -1;
+    if (!F->columns[f] || next >= inside) continue;
+    F->sibling[f]         = F->child[owner[next]];
+    F->child[owner[next]] = f;
+  }
+  for (PetscInt f = 0; f < fronts; f++) {
+    const PetscInt below = LatinFrontBelow(F, f);
+    const size_t   own   = F->columns[f] ? (size_t)below * (size_t)below : 0;
+
+    F->stack = PetscMax(F->stack, waiting + own);
+    for (PetscInt c = F->child[f]; c >= 0; c = F->sibling[c]) waiting -= (size_t)LatinFrontBelow(F, c) * (size_t)LatinFrontBelow(F, c);
+    if (own && row[row_first[f] + F->columns[f]] < inside) waiting += own;
+  }
+  PetscCall(PetscFree(owner));
+  PetscFunctionReturn(0);
+}
+
+/* Work space for so many right-hand sides */
+static PetscErrorCode LatinFrontsRoom_Private(LatinFronts *F, PetscInt columns)
+{
+  const size_t size = F->precision == LATIN_DOUBLE ? sizeof(double) : sizeof(float);
+
+  PetscFunctionBegin;
+  if (F->room >= columns) PetscFunctionReturn(0);
+  PetscCall(PetscFree(F->x));
+  PetscCall(PetscFree(F->work));
+  PetscCall(PetscMalloc(size * (size_t)F->n * (size_t)columns, &F->x));
+  PetscCall(PetscMalloc(size * (size_t)F->tallest * (size_t)columns, &F->work));
+  F->room = columns;
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode LatinFrontsDestroy(LatinFronts *F)
+{
+  PetscFunctionBegin;
+  PetscCall(PetscFree4(F->columns, F->child, F->sibling, F->panel));
+  PetscCall(PetscFree(F->factor));
+  PetscCall(PetscFree(F->x));
+  PetscCall(PetscFree(F->work));
+  PetscCall(PetscMemzero(F, sizeof(*F)));
+  PetscFunctionReturn(0);
+}
+
+  #define FRONT_REAL       double
+  #define FRONT_BLAS(name) PETSC_PASTE3(d, name, PETSC_BLASLAPACK_SUFFIX_)
+  #define FRONT(name)      name##Double
+  #include "localsolvers/frontkernels.h"
+  #undef FRONT_REAL
+  #undef FRONT_BLAS
+  #undef FRONT
+
+  #define FRONT_REAL       float
+  #define FRONT_BLAS(name) PETSC_PASTE3(s, name, PETSC_BLASLAPACK_SUFFIX_)
+  #define FRONT(name)      name##Single
+  #include "localsolvers/frontkernels.h"
+
+  #define LATIN_SINGLE_ENTRIES 1e6 /* of a factor: 8 MB in double precision. Smaller ones stay in a cache */
+
+/*
+   The precision that pays. Single throughout where fronts are as tall as the separators of a solid: there arithmetic is most
+   of the time, and displacements as soft as those of plates and beams are not expected. The Schur complement of kept
+   rows is used as it is, and must be of double precision
+*/
+static LatinArithmetic LatinFrontsPay(const LatinFronts *F)
+{
+  const PetscBool solid = (PetscBool)(PetscPowReal((PetscReal)F->tallest, 3.0) > PetscSqr((PetscReal)F->n));
+
+  return F->panel[F->fronts] < LATIN_SINGLE_ENTRIES ? LATIN_DOUBLE : solid ? LATIN_SINGLE : LATIN_ROUNDED;
+}
+
+/*
+   The factor of a matrix with both triangles, in the precision given or, if it fails there, in a higher one. S (kept x kept,
+   column-major, zero before) becomes the Schur complement of the kept rows, in the order of elimination, its lower
+   triangle alone. *bad: a row in the first front that is not positive definite, -1 if there is none
+*/
+PetscErrorCode LatinFrontsFactor(LatinFronts *F, LatinArithmetic precision, const PetscInt i[], const PetscInt j[], const PetscScalar a[], PetscReal S[], PetscInt *bad)
+{
+  const size_t entries = F->panel[F->fronts];
+
+  PetscFunctionBegin;
+  *bad = -1;
+  if (precision == LATIN_BY_SIZE) precision = LatinFrontsPay(F);
+  if (precision == LATIN_SINGLE && F->kept) precision = LATIN_ROUNDED;
+  for (PetscBool again = PETSC_TRUE; again; again = (PetscBool)(*bad >= 0 && precision-- != LATIN_DOUBLE)) {
+    const size_t bytes = entries * (precision == LATIN_DOUBLE ? sizeof(double) : sizeof(float));
+
+    if (*bad >= 0) PetscCall(PetscInfo(NULL, "single precision does not hold the factor: row %" PetscInt_FMT "\n", *bad));
+    *bad = -1;
+    PetscCall(PetscArrayzero(S, (size_t)F->kept * (size_t)F->kept));
+    if (!F->factor || (precision == LATIN_DOUBLE) != (F->precision == LATIN_DOUBLE)) {
+      PetscCall(PetscFree(F->factor));
+      PetscCall(PetscMalloc(bytes, &F->factor));
+      LatinLargePages(F->factor, bytes);
+      F->room = 0;
+    }
+    F->precision = precision;
+    if (precision == LATIN_SINGLE) PetscCall(LatinFrontsFactorSingle(F, i, j, a, S, bad));
+    else PetscCall(LatinFrontsFactorDouble(F, i, j, a, S, bad));
+  }
+  PetscFunctionReturn(0);
+}
+
+/*
+   One half of the solve or both, in place, for columns that are ld apart. forward: the forces b of all rows become those on
+   the kept rows, and what the other half needs on the others; backward: b, with the displacements of the kept rows in their
+   places, becomes those of all rows. Both: the displacements with those of the kept rows zero; their entries of b stay.
+   energy, unless NULL: adds b^t A^-1 b of the rows that are not kept, in the forward half
+*/
+PetscErrorCode LatinFrontsSolve(LatinFronts *F, PetscBool forward, PetscBool backward, PetscInt columns, PetscReal b[], size_t ld, PetscReal *energy)
+{
+  PetscFunctionBegin;
+  PetscCall(LatinFrontsRoom_Private(F, PetscMin(columns, LATIN_BATCH_COLUMNS)));
+  for (PetscInt first = 0; first < columns; first += LATIN_BATCH_COLUMNS) {
+    const PetscInt some = PetscMin(columns - first, LATIN_BATCH_COLUMNS);
+
+    if (F->precision != LATIN_DOUBLE) LatinFrontsHalvesSingle(F, forward, backward, some, b + ld * (size_t)first, ld, energy);
+    else LatinFrontsHalvesDouble(F, forward, backward, some, b + ld * (size_t)first, ld, energy);
+  }
+  PetscCall(PetscLogFlops(2.0 * ((forward ? 1.0 : 0.0) + (backward ? 1.0 : 0.0)) * (double)F->panel[F->fronts] * columns));
+  PetscFunctionReturn(0);
+}
+
+#endif
