@@ -86,6 +86,14 @@ OTHERS = {
         "`LATIN_MECHANISM`",
         "One step of inverse iteration shows a mechanism more clearly than this; ordinary structures end after it.",
     ),
+    "LATIN_HELD_NOISE": (
+        "eps, of prescribed displacements and gap",
+        "Three sums: 3 times eps at most. A contact that is closed by what is prescribed is held to rounding.",
+    ),
+    "LATIN_STOL": (
+        "indicator",
+        "The default of -snes_stol, which motions and rigid laws stop on.",
+    ),
     "LATIN_ROUNDED_LEFT": (
         "energy",
         "tensegrity-grid 200 1e-3, 13 stages in either precision; network 20000 3e-5; truss of 1000 bays 0.03.",

@@ -10,6 +10,7 @@ __version__ = "0.1.0"
 from latinpc import scenes
 from latinpc.laws import Law
 from latinpc.settings import (
+    set_balance,
     set_direction,
     set_error,
     set_modes,
@@ -75,6 +76,7 @@ __all__ = [
     "rounding_floor",
     "save_state",
     "scenes",
+    "set_balance",
     "set_direction",
     "set_error",
     "set_modes",

@@ -84,6 +84,7 @@ cdef extern from "latinpc.h":
     ctypedef enum LatinNewtonType:
         pass
     PetscErrorCode SNESLatinSetStop(PetscSNES, LatinStopType)
+    PetscErrorCode SNESLatinSetBalance(PetscSNES, PetscReal)
     PetscErrorCode SNESLatinSetError(PetscSNES, PetscReal)
     PetscErrorCode SNESLatinSetNewton(PetscSNES, LatinNewtonType)
     PetscErrorCode SNESLatinSetReference(PetscSNES, PetscVec)

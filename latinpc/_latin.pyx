@@ -364,6 +364,11 @@ def set_estimated_error(SNES snes not None, PetscReal error):
     CHKERR(SNESLatinSetError(snes.snes, error))
 
 
+def set_balance(SNES snes not None, PetscReal balance):
+    """Set the forces without balance at which a solve may end."""
+    CHKERR(SNESLatinSetBalance(snes.snes, balance))
+
+
 def set_warm_start(SNES snes not None, int warm):
     """Set where a solve starts."""
     CHKERR(SNESLatinSetWarmStart(snes.snes, <LatinWarmStart>warm))

@@ -11,6 +11,7 @@ from latinpc.arrays import native, partition, slices_of
 from latinpc.library import _latin
 
 __all__ = [
+    "set_balance",
     "set_direction",
     "set_error",
     "set_modes",
@@ -28,7 +29,7 @@ VARIANTS = ("none", "macro", "corner", "published", "primal", "auto")
 MODES = ("affine", "rigid")
 PRECISIONS = ("double", "single", "auto")
 DIRECTIONS = ("scalar", "diagonal", "block", "schur", "auto")
-STOPS = ("indicator", "residual", "reference", "error", "energy")
+STOPS = ("indicator", "residual", "reference", "error", "energy", "auto")
 NEWTONS = ("auto", "never")
 WARM_STARTS = ("none", "last", "extrapolate")
 
@@ -134,7 +135,7 @@ def set_stop(snes, stop):
     ----------
     snes : petsc4py.PETSc.SNES
         Of type latin.
-    stop : {"indicator", "residual", "reference", "error", "energy"}
+    stop : {"indicator", "residual", "reference", "error", "energy", "auto"}
         A test given to ``snes.setConvergenceTest`` decides in its place.
     """
     _latin.set_stop(snes, _number("stop", STOPS, stop))
@@ -151,6 +152,19 @@ def set_error(snes, error):
         Relative error of the displacements, between 0 and 1.
     """
     _latin.set_estimated_error(snes, error)
+
+
+def set_balance(snes, balance):
+    """Set the forces without balance at which a solve may end, as ``-snes_latin_balance``; logically collective.
+
+    Parameters
+    ----------
+    snes : petsc4py.PETSc.SNES
+        Of type latin.
+    balance : float
+        Relative to the loads, l2 norms; where there are none, to the tensions at the nodes. Positive, ``inf``: any.
+    """
+    _latin.set_balance(snes, balance)
 
 
 def set_warm_start(snes, warm):

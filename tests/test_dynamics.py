@@ -276,7 +276,18 @@ def test_statics_takes_no_memory_for_dynamics(mpirun):
     """Masses cost one number a node, and only motions cost more: PETSc's own count of bytes."""
     found, who = {}, {}
     for kind in ("static", "masses", "moving"):
-        out = mpirun(1, MEMORY, "-kind", kind, "-malloc_debug", "-memory_view", "-malloc_view", timeout=200).stdout
+        out = mpirun(
+            1,
+            MEMORY,
+            "-kind",
+            kind,
+            "-snes_latin_stop",
+            "indicator",
+            "-malloc_debug",
+            "-memory_view",
+            "-malloc_view",
+            timeout=200,
+        ).stdout
         found[kind] = int(re.search(r"Maximum memory PetscMalloc\(\)ed (\d+)", out)[1])
         who[kind] = set(re.findall(r"^\[0\] \d+ \d+ (\w+)\(\)", out, re.M))
     nodes = 3 * 16 * 16 + 4 * 16 + 1

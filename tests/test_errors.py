@@ -371,7 +371,7 @@ CASES = {
     "tolerance_inf": (r"not a finite number: .* rtol inf|set value inf", lambda: solve(square(), snes_rtol="inf")),
     "error_of_what": (
         r"_error belongs to .* add -snes_latin_stop error",
-        lambda: solve(square(), snes_latin_error=1e-3),
+        lambda: solve(square(), snes_latin_error=1e-3, snes_latin_stop="residual"),
     ),
     "warm_start": (r"hot.*none last extrapolate", lambda: solve(square(), snes_latin_warm_start="hot")),
     "no_reference": (r"SNESLatinSetReference\(\)", lambda: solve(square(), snes_latin_stop="reference")),

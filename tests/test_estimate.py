@@ -77,7 +77,9 @@ def test_nothing_is_known_before_the_third_iterate():
 
 
 def test_without_the_stop_there_is_no_estimate():
-    assert len(solve(grid()).history.estimate) == 0
+    assert len(solve(grid(), stop="indicator").history.estimate) == 0
+    assert len(solve(grid(), stol=1e-5).history.estimate) == 0  # a step tolerance that is given is the indicator's
+    assert len(solve(grid()).history.estimate) > 0
 
 
 def test_estimate_starts_afresh_with_each_solve():
@@ -156,7 +158,7 @@ def test_structure_that_one_linear_stage_solves():
 @pytest.mark.parametrize(
     ("options", "cure"),
     [
-        ({"error": 1e-3}, "add -snes_latin_stop error"),
+        ({"error": 1e-3, "stop": "indicator"}, "add -snes_latin_stop error"),
         ({"error": 0.0, **STOP}, "1e-4"),
         ({"error": 2.0, **STOP}, "1e-4"),
     ],

@@ -23,21 +23,23 @@ def grains():
     return make("packing", law="friction", side=8, subdomains=4)
 
 
+CHEAP = {"stop": "indicator"}
 # name: scene, options, parts that it builds
 SCENES = {
     "bars, 2D, one subdomain": (lambda: bars(whole(lattice())), {}, ()),
     "bars, 2D, many": (lambda: bars(lattice()), {}, ("coarse",)),
     "bars, 1D, many": (lambda: chain(), {}, ("coarse",)),
     "bars, 3D, many": (lambda: grid("truss"), {}, ("coarse",)),
-    "cables, 1D, one subdomain": (lambda: chain(parts=1, law=Law.CABLE), {}, ("links",)),
-    "cables, 1D, many": (lambda: chain(law=Law.CABLE), {}, ("coarse", "links")),
-    "cables, 3D, one subdomain": (lambda: grid(subdomains=1), {}, ("links",)),
-    "cables, 3D, many": (lambda: grid(), {}, ("coarse", "links")),
+    "cables, 1D, one subdomain": (lambda: chain(parts=1, law=Law.CABLE), CHEAP, ("links",)),
+    "cables, 1D, many": (lambda: chain(law=Law.CABLE), CHEAP, ("coarse", "links")),
+    "cables, 3D, one subdomain": (lambda: grid(subdomains=1), CHEAP, ("links",)),
+    "cables, 3D, many": (lambda: grid(), CHEAP, ("coarse", "links")),
+    "the default stop": (grid, {}, ("coarse", "links", "estimate", "Newton", "second method")),
     "rigid cables, many": (lambda: make("net", side=8, subdomains=4), {}, ("coarse", "links")),
     "stop on the error": (grid, {"stop": "error"}, ("coarse", "links", "estimate", "Newton", "second method")),
-    "local fields": (irregular, {"modes_local": 1}, ("coarse", "links", "local fields")),
-    "reference": (grid, {}, ("coarse", "links", "errors")),
-    "Newton, many": (lambda: stiff(grid()), {"max_it": 3000}, ("coarse", "links", "Newton", "second method")),
+    "local fields": (irregular, {"modes_local": 1, **CHEAP}, ("coarse", "links", "local fields")),
+    "reference": (grid, CHEAP, ("coarse", "links", "errors")),
+    "Newton, many": (lambda: stiff(grid()), {"max_it": 3000, **CHEAP}, ("coarse", "links", "Newton", "second method")),
     "friction, many": (grains, {"stol": 0.1}, ("coarse", "links")),
     "bars, motion": (lambda: heavy(bars(lattice())), {}, ("coarse", "motion")),
     "cables, motion, one subdomain": (lambda: heavy(grid(subdomains=1), mass=20.0), {}, ("links", "motion")),

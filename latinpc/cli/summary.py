@@ -31,11 +31,9 @@ def summary(result):
                 f" {report['strong_macro_dofs']:,} + {report['weak_dofs']:,}",
             )
         )
-    measured = "".join(f", {name} {report[name]:.1e}" for name in ("indicator", "residual") if report[name] is not None)
+    measured = f", indicator {report['indicator']:.1e}" if report["indicator"] is not None else ""
     lines.append(("solver", f"{report['solver']}: {report['iterations']} iterations, {report['reason']}{measured}"))
-    if report["estimated_error"] is not None:
-        norm = "energy" if report["options"].get("snes_latin_stop") == "energy" else "l2"
-        lines.append(("accuracy", f"estimated error {report['estimated_error']:.1e} ({norm})"))
+    lines.append(("accuracy", _accuracy(scene, report)))
     if report["error_l2"] is not None:
         energy = f", {report['error_energy']:.1e} (energy)" if report["error_energy"] is not None else ""
         lines.append(("error", f"{report['error_l2']:.1e} (l2){energy} against Newton's method"))
@@ -46,6 +44,21 @@ def summary(result):
     seconds = [quantity(report[key], "s") for key in ("setup_seconds", "solve_seconds")]
     lines.append(("time", f"set-up {seconds[0]}, solve {seconds[1]}; memory {memory}"))
     return lines
+
+
+def _accuracy(scene, report):
+    """Return the estimated error, where there is one, and what is without balance beside the loads."""
+    parts = []
+    if report["estimated_error"] is not None:
+        norm = "energy" if report["options"].get("snes_latin_stop") == "energy" else "l2"
+        parts.append(f"estimated error {report['estimated_error']:.1e} ({norm})")
+    loads = np.linalg.norm(scene.load[~scene.fixed])
+    parts.append(
+        f"forces without balance {report['residual_norm'] / loads:.1e} of the loads"
+        if loads > 0.0
+        else f"forces without balance {quantity(report['residual_norm'], 'N')}"
+    )
+    return ", ".join(parts)
 
 
 def _digits(lost):

@@ -83,7 +83,8 @@ typedef enum {
   LATIN_STOP_RESIDUAL,  /* norm of the nodal unbalance (1), against -snes_rtol and -snes_atol */
   LATIN_STOP_REFERENCE, /* relative l2 error against a given displacement, against -snes_stol */
   LATIN_STOP_ERROR,     /* estimated error of the displacements of all subdomains, relative, against -snes_latin_error */
-  LATIN_STOP_ENERGY     /* the same in the energy norm of the links, all taut */
+  LATIN_STOP_ENERGY,    /* the same in the energy norm of the links, all taut */
+  LATIN_STOP_AUTO       /* the error; where -snes_stol is given, and in the steps of a motion, the indicator */
 } LatinStopType;
 PETSC_EXTERN const char *const LatinStopTypes[];
 
@@ -159,6 +160,7 @@ PETSC_EXTERN PetscErrorCode LatinStructureDestroy(LatinStructure *);
 PETSC_EXTERN PetscErrorCode SNESLatinGetLatin(SNES, Latin *);
 PETSC_EXTERN PetscErrorCode SNESLatinSetStop(SNES, LatinStopType);
 PETSC_EXTERN PetscErrorCode SNESLatinSetError(SNES, PetscReal error);
+PETSC_EXTERN PetscErrorCode SNESLatinSetBalance(SNES, PetscReal balance);
 PETSC_EXTERN PetscErrorCode SNESLatinSetNewton(SNES, LatinNewtonType);
 PETSC_EXTERN PetscErrorCode SNESLatinSetReference(SNES, Vec);
 PETSC_EXTERN PetscErrorCode SNESLatinSetWarmStart(SNES, LatinWarmStart);

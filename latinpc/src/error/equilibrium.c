@@ -35,6 +35,7 @@
 typedef struct {
   PetscReal error;                        /* squares of D^-1 r, in the norm of the estimate */
   PetscReal work, pushed, loads;          /* r.u; works of loads and springs to the ground: their sum, and each by itself */
+  PetscReal left, load, bearing;          /* squares of r beyond rounding, of the loads, of the sums of |tau| at nodes */
   PetscReal tension, rigid;               /* squares of the forces that rigid links leave, and of theirs */
   PetscReal moved[4], stiff[4], noise[4]; /* t.r, squares of K t, rounding of t.r: translations, then u */
 } LatinNodalSums;
@@ -133,6 +134,9 @@ static void LatinSumComponent(const LatinNode *at, PetscInt dim, PetscInt c, Pet
   const PetscReal ground = at->ground[c], noise = LATIN_FORCE_NOISE * PETSC_MACHINE_EPSILON * at->rounding[c];
   const PetscReal stiff = at->stiffness[c] + ground, left = PetscMax(0.0, PetscAbsReal(at->r[c]) - noise), pushed = (ground * at->u[c] - at->load[c]) * at->u[c];
 
+  sum->left += left * left;
+  sum->load += PetscSqr(at->load[c]);
+  sum->bearing += c ? 0.0 : PetscSqr(at->tension);
   if (stiff > 0.0) sum->error += energy ? left * left / stiff : PetscSqr(left / stiff);
   sum->work += at->r[c] * at->u[c];
   sum->pushed += pushed;
@@ -192,7 +196,8 @@ PetscErrorCode LatinEquilibriumCheck_Private(Latin latin, Vec u, Vec r, Vec more
   PetscCall(PetscFree(balance.node));
 
   found->balanced = (PetscBool)(sum.error == 0.0);
-  norm            = energy ? PetscSqrtReal(balance.sum.energy) : size;
+  if (sum.left > 0.0) found->unbalance = PetscSqrtReal(sum.left / (sum.load > 0.0 ? sum.load : PetscMax(sum.bearing, PETSC_MIN_REAL)));
+  norm = energy ? PetscSqrtReal(balance.sum.energy) : size;
   if (norm > 0.0) found->error = LATIN_FORCE_FACTOR * PetscSqrtReal(sum.error) / norm;
   for (PetscInt d = 0; d < 4 && structure->ground && !energy && norm > 0.0; d++)
     if (sum.stiff[d] > 0.0) found->error = PetscMax(found->error, LATIN_MOVED_FACTOR * (PetscAbsReal(sum.moved[d]) - sum.noise[d]) / (PetscSqrtReal(sum.stiff[d]) * norm));
@@ -253,12 +258,12 @@ PetscErrorCode LatinEquilibriumMechanism_Private(LatinStructure structure, Vec s
 /*
    Rigid links that no displacement meets together. Their tensions grow for ever, by the same self-stress dtau from one stage
    of the damped iteration to the next: B^t dtau = 0, while dtau . x = dtau . (e0 + B u) is not positive for any admissible
-   strains x [J. Farkas]. Where dtau . e0 is, by more than B^t dtau can make up for on displacements ten times as large as u,
-   there are none. `dtau` has the links of this rank. Collective on structure
+   strains x [J. Farkas]. Where dtau . e0 is, by more than B^t dtau can make up for on displacements of the size of the structure, or
+   ten times as large as u, there are none. `dtau` has the links of this rank. Collective on structure
 */
 static PetscErrorCode LatinFarkas_Private(LatinStructure structure, Vec u, const PetscReal dtau[], LatinEquilibrium *found)
 {
-  PetscReal sum[2] = {0.0, 0.0}, most = 0.0, moved, left, *x; /* the work on gaps and prescribed displacements, and of each by itself */
+  PetscReal sum[2] = {0.0, 0.0}, most = 0.0, size, prescribed, moved, left, *x; /* the work on gaps and prescribed displacements, and of each by itself */
   PetscInt  mine[LATIN_LISTED], count = 0;
   Vec       forces;
 
@@ -279,7 +284,8 @@ static PetscErrorCode LatinFarkas_Private(LatinStructure structure, Vec u, const
   PetscCall(DMRestoreGlobalVector(structure->dm, &forces));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &most, 1, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)structure)));
-  if (!(sum[0] > LATIN_JAM_FAR * left * moved + PETSC_SQRT_MACHINE_EPSILON * sum[1])) PetscFunctionReturn(0);
+  PetscCall(LatinStructureSize_Private(structure, &size, &prescribed));
+  if (!(sum[0] > PetscMax(LATIN_JAM_FAR * moved, size) * left + PETSC_SQRT_MACHINE_EPSILON * sum[1])) PetscFunctionReturn(0);
   for (PetscInt l = 0; l < structure->links_local; l++) {
     if (PetscAbsReal(dtau[l]) < LATIN_UNHELD * most) continue;
     if (count < LATIN_LISTED) mine[count] = structure->links_start + l;
@@ -317,7 +323,11 @@ PetscErrorCode LatinEquilibriumJammed_Private(Latin latin, Vec z, Vec work, Lati
   PetscCall(DMGetGlobalVector(structure->dm, &u));
   PetscCall(LatinAverage_Private(&latin->linear, u));
   PetscCall(LatinReturnTensions_Private(&latin->linear));
-  for (PetscInt l = 0; l < structure->links_local; l++) dtau[l] = LatinLaws[structure->law[l]].rigid ? latin->linear.rigid_tension[l] - dtau[l] : 0.0;
+  for (PetscInt l = 0; l < structure->links_local; l++) {
+    const PetscReal sign = LatinLawSign(structure->law[l]); /* tensions that grow less, or not the way that the law admits, prove nothing */
+
+    dtau[l] = LatinLaws[structure->law[l]].rigid ? sign * PetscMax(0.0, sign * (latin->linear.rigid_tension[l] - dtau[l])) : 0.0;
+  }
   if (!latin->linear.failed) PetscCall(LatinFarkas_Private(structure, u, dtau, found));
   PetscCall(DMRestoreGlobalVector(structure->dm, &u));
   PetscCall(PetscArraycpy(latin->linear.rigid_tension, before, structure->links_local));

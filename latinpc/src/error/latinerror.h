@@ -75,6 +75,7 @@ typedef enum {
 typedef struct {
   LatinVerdict verdict;
   PetscReal    error;              /* the displacements are wrong by this at least, relative */
+  PetscReal    unbalance;          /* forces without balance beyond rounding, l2 norm, relative to the loads; where there are none, to the tensions */
   PetscBool    balanced;           /* but for rounding, nothing is without balance */
   PetscInt     nodes;              /* that nothing holds, on all ranks */
   PetscInt     node[LATIN_LISTED]; /* some of them, global numbers */

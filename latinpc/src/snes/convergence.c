@@ -193,7 +193,11 @@ static PetscBool SNESLatinStalls(SNES_Latin *data, PetscReal measure, PetscReal 
   return data->newton.contrast; /* rounding is in the way of Newton's method as well, unless stiffnesses are its cause */
 }
 
-/* Displacements larger than the structure are a solution if forces balance. Collective on snes */
+/*
+   A claim needs balance: forces without balance that are small beside stiffnesses, not beside loads, go with displacements
+   anywhere between slack links, and with wrong tensions. Displacements larger than the structure are a solution if forces
+   balance. Collective on snes
+*/
 static PetscErrorCode SNESLatinProve_Private(SNES snes, LatinNext *next)
 {
   SNES_Latin *data = (SNES_Latin *)snes->data;
@@ -202,9 +206,10 @@ static PetscErrorCode SNESLatinProve_Private(SNES snes, LatinNext *next)
   PetscFunctionBegin;
   PetscCall(SNESLatinResidual_Private(snes));
   PetscCall(LatinEquilibriumFar_Private(data->latin->sub.structure, snes->vec_sol, &far));
-  if (!far) PetscFunctionReturn(0);
+  if (!far && !SNESLatinBalances(snes)) PetscFunctionReturn(0);
   PetscCall(LatinEquilibriumCheck_Private(data->latin, snes->vec_sol, snes->vec_func, snes->vec_rhs, data->target, data->estimate.energy, PETSC_FALSE, &data->found));
   if (data->found.verdict == LATIN_UNBOUNDED) *next = LATIN_NEXT_DIVERGED;
+  else if (SNESLatinBalances(snes) && data->found.unbalance > data->balance) *next = data->latin->linear.distance <= data->latin->linear.noise ? LATIN_NEXT_ROUNDING : LATIN_NEXT_CONTINUE;
   PetscFunctionReturn(0);
 }
 

@@ -187,7 +187,7 @@ static PetscErrorCode LatinNewtonConverged_Private(SNES snes, PetscInt it, Petsc
   rounding = (PetscBool)(it > 1 && !changes && !newton->changes && newton->error > LATIN_NEWTON_GAIN * before && newton->left < LATIN_NEWTON_RTOL); /* a step that was to bring digits has brought none */
   if (rounding && newton->tangent) PetscCall(LatinNewtonRounding_Private(snes, newton, u, &rounding));
   if (fnorm <= newton->residual) *reason = SNES_CONVERGED_FNORM_RELATIVE;
-  else if (it && newton->error <= newton->target && (!newton->still || newton->still > LATIN_NEWTON_STILL)) *reason = SNES_CONVERGED_SNORM_RELATIVE;
+  else if (it && newton->error <= newton->target && fnorm <= newton->balance && (!newton->still || newton->still > LATIN_NEWTON_STILL)) *reason = SNES_CONVERGED_SNORM_RELATIVE;
   else if (rounding) *reason = SNES_CONVERGED_SNORM_RELATIVE;
   else if (it >= most) *reason = SNES_DIVERGED_MAX_IT;
   PetscCall(KSPSetTolerances(ksp, changes || newton->tangent ? newton->rtol : LATIN_NEWTON_TIGHT, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));

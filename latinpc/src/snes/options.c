@@ -2,7 +2,7 @@
 
 /* What users set of SNES latin, by options or in code */
 
-const char *const LatinStopTypes[]   = {"indicator", "residual", "reference", "error", "energy", "LatinStopType", "LATIN_STOP_", NULL};
+const char *const LatinStopTypes[]   = {"indicator", "residual", "reference", "error", "energy", "auto", "LatinStopType", "LATIN_STOP_", NULL};
 const char *const LatinWarmStarts[]  = {"none", "last", "extrapolate", "LatinWarmStart", "LATIN_WARM_START_", NULL};
 const char *const LatinNewtonTypes[] = {"auto", "never", "LatinNewtonType", "LATIN_NEWTON_", NULL};
 
@@ -17,8 +17,8 @@ PetscErrorCode SNESLatinCheck_Private(SNES snes)
 PetscErrorCode SNESSetFromOptions_Latin(SNES snes, LatinOptionItems PetscOptionsObject)
 {
   SNES_Latin       *data  = (SNES_Latin *)snes->data;
-  LatinStopType     stop  = data->stop;
-  PetscReal         error = data->target;
+  LatinStopType     stop  = data->asked;
+  PetscReal         error = data->target, balance = data->balance;
   PetscBool         set;
   PetscViewer       viewer;
   PetscViewerFormat format;
@@ -26,13 +26,17 @@ PetscErrorCode SNESSetFromOptions_Latin(SNES snes, LatinOptionItems PetscOptions
   PetscFunctionBegin;
   PetscCall(LatinSetFromOptions_Private(data->latin, (PetscObject)snes));
   PetscOptionsHeadBegin(PetscOptionsObject, "SNES latin options");
-  PetscCall(PetscOptionsEnum("-snes_latin_stop",
-                             "Stop on the LATIN indicator (-snes_stol), the residual (-snes_rtol, -snes_atol), the error against a reference (-snes_stol), or the estimated error of the displacements or of the energy (-snes_latin_error)",
-                             "SNESLatinSetStop", LatinStopTypes, (PetscEnum)stop, (PetscEnum *)&stop, NULL));
+  PetscCall(PetscOptionsEnum(
+    "-snes_latin_stop",
+    "Stop on the LATIN indicator (-snes_stol), the residual (-snes_rtol, -snes_atol), the error against a reference (-snes_stol), or the estimated error of the displacements or of the energy (-snes_latin_error); auto: the error, or the indicator where -snes_stol is given and in a motion",
+    "SNESLatinSetStop", LatinStopTypes, (PetscEnum)stop, (PetscEnum *)&stop, NULL));
   PetscCall(SNESLatinSetStop(snes, stop));
-  PetscCall(PetscOptionsReal("-snes_latin_error", "Estimated relative error to stop at, with -snes_latin_stop error or energy", "SNESLatinSetError", error, &error, &set));
-  PetscCheck(!set || SNESLatinEstimates(data), PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_WRONGSTATE, "-snes_latin_error belongs to -snes_latin_stop error or energy, but the stop is %s: add -snes_latin_stop error", LatinStopTypes[stop]);
-  PetscCall(SNESLatinSetError(snes, error));
+  PetscCall(PetscOptionsHasName(((PetscObject)snes)->options, ((PetscObject)snes)->prefix, "-snes_stol", &data->given));
+  PetscCall(PetscOptionsReal("-snes_latin_error", "Estimated relative error to stop at, with -snes_latin_stop auto, error or energy", "SNESLatinSetError", error, &error, &set));
+  PetscCheck(!set || stop >= LATIN_STOP_ERROR, PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_WRONGSTATE, "-snes_latin_error belongs to -snes_latin_stop error or energy, but the stop is %s: add -snes_latin_stop error", LatinStopTypes[stop]);
+  if (set) PetscCall(SNESLatinSetError(snes, error));
+  PetscCall(PetscOptionsReal("-snes_latin_balance", "Forces without balance to stop at, relative to the loads, with -snes_latin_stop auto, error or energy", "SNESLatinSetBalance", balance, &balance, NULL));
+  PetscCall(SNESLatinSetBalance(snes, balance));
   PetscCall(PetscOptionsEnum("-snes_latin_warm_start", "Start from the state of the last solve on this object, or extrapolate from the last two", "SNESLatinSetWarmStart", LatinWarmStarts, (PetscEnum)data->warm, (PetscEnum *)&data->warm, NULL));
   PetscCall(PetscOptionsEnum("-snes_latin_newton", "Newton's method: where the iteration stalls, and to prove an error (auto), or not at all (never)", "SNESLatinSetNewton", LatinNewtonTypes, (PetscEnum)data->newton.type,
                              (PetscEnum *)&data->newton.type, NULL));
@@ -60,10 +64,11 @@ PetscErrorCode SNESSetFromOptions_Latin(SNES snes, LatinOptionItems PetscOptions
          `SNESSetTolerances()`; `LATIN_STOP_RESIDUAL`: the nodal unbalance, below its relative or absolute tolerance;
          `LATIN_STOP_REFERENCE`: the error against `SNESLatinSetReference()`, below its step tolerance;
          `LATIN_STOP_ERROR`, `LATIN_STOP_ENERGY`: the estimated error of the displacements, in the l2 norm or in the energy
-         norm, below that of `SNESLatinSetError()`
+         norm, below that of `SNESLatinSetError()`; `LATIN_STOP_AUTO`, the default: `LATIN_STOP_ERROR`, or
+         `LATIN_STOP_INDICATOR` where a step tolerance other than the default is given, and in the steps of a motion
 
   Options Database Key:
-. -snes_latin_stop <indicator,residual,reference,error,energy> - the stop
+. -snes_latin_stop <indicator,residual,reference,error,energy,auto> - the stop
 
   Level: beginner
 
@@ -79,7 +84,8 @@ PetscErrorCode SNESLatinSetStop(SNES snes, LatinStopType stop)
   PetscFunctionBegin;
   PetscCall(SNESLatinCheck_Private(snes));
   data                  = (SNES_Latin *)snes->data;
-  data->stop            = stop;
+  data->asked           = stop;
+  data->stop            = stop == LATIN_STOP_AUTO ? LATIN_STOP_ERROR : stop;
   data->estimate.energy = (PetscBool)(stop == LATIN_STOP_ENERGY);
   PetscFunctionReturn(0);
 }
@@ -102,10 +108,43 @@ PetscErrorCode SNESLatinSetStop(SNES snes, LatinStopType stop)
 @*/
 PetscErrorCode SNESLatinSetError(SNES snes, PetscReal error)
 {
+  SNES_Latin *data;
+
   PetscFunctionBegin;
   PetscCall(SNESLatinCheck_Private(snes));
   PetscCheck(error > 0.0 && error < 1.0, PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_OUTOFRANGE, "-snes_latin_error is a relative error between 0 and 1, for example 1e-4, not %g", (double)error);
-  ((SNES_Latin *)snes->data)->target = error;
+  data = (SNES_Latin *)snes->data;
+  if (data->asked == LATIN_STOP_AUTO) PetscCall(SNESLatinSetStop(snes, LATIN_STOP_ERROR)); /* whatever the step tolerance */
+  data->target = error;
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  SNESLatinSetBalance - The forces without balance at which a solve may end, beside what its stop asks for.
+
+  Logically collective on snes
+
+  Input Parameters:
++ snes    - of type latin
+- balance - of the nodal unbalance, relative to the loads, l2 norms; where there are none, to the tensions at the nodes. Positive, `PETSC_INFINITY`: any
+
+  Options Database Key:
+. -snes_latin_balance <1e-2> - the unbalance
+
+  Level: intermediate
+
+  Note:
+  It counts for the stops auto (unless a step tolerance is given), error and energy, and not in the steps of a motion.
+  What rounding leaves does not count.
+
+.seealso: `SNESLATIN`, `SNESLatinSetStop()`, `SNESLatinSetError()`
+@*/
+PetscErrorCode SNESLatinSetBalance(SNES snes, PetscReal balance)
+{
+  PetscFunctionBegin;
+  PetscCall(SNESLatinCheck_Private(snes));
+  PetscCheck(balance > 0.0, PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_OUTOFRANGE, "-snes_latin_balance is the part of the loads that may be left without balance, positive, for example 1e-2, not %g", (double)balance);
+  ((SNES_Latin *)snes->data)->balance = balance;
   PetscFunctionReturn(0);
 }
 

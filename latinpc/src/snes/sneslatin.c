@@ -80,6 +80,20 @@ static PetscErrorCode SNESLatinCopyReference_Private(SNES snes)
   PetscFunctionReturn(0);
 }
 
+/*
+   What the stop auto stands for. A step tolerance that is given is the indicator's. Where there is nothing to iterate on the
+   indicator shows the error. Displacements of a motion are those since its start, not of the step; and estimates for rigid links ask
+   for more than granulates give
+*/
+static void SNESLatinChooseStop(SNES snes)
+{
+  SNES_Latin     *data   = (SNES_Latin *)snes->data;
+  const Latin     latin  = data->latin;
+  const PetscBool linear = (PetscBool)(!latin->sub.nonsmooth_global && latin->inter.variant == LATIN_VARIANT_PRIMAL);
+
+  if (data->asked == LATIN_STOP_AUTO) data->stop = SNESLatinStolGiven(snes) || linear || latin->sub.structure->ground || latin->sub.structure->rigid_law >= 0 ? LATIN_STOP_INDICATOR : LATIN_STOP_ERROR;
+}
+
 /* Room for the history: nothing is allocated inside the iteration; and the counters of a solve */
 static PetscErrorCode SNESLatinPrepare_Private(SNES snes)
 {
@@ -89,6 +103,8 @@ static PetscErrorCode SNESLatinPrepare_Private(SNES snes)
   PetscFunctionBegin;
   PetscCheck(!PetscIsInfOrNanReal(snes->stol) && !PetscIsInfOrNanReal(snes->rtol) && !PetscIsInfOrNanReal(snes->abstol) && !PetscIsNanReal(snes->divtol), PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_OUTOFRANGE,
              "A tolerance is not a finite number: stol %g, rtol %g, atol %g, divergence tolerance %g; give others with -snes_stol and so on, or SNESSetTolerances()", (double)snes->stol, (double)snes->rtol, (double)snes->abstol, (double)snes->divtol);
+  SNESLatinChooseStop(snes);
+  PetscCall(LatinStructureCheckHeld_Private(latin->sub.structure));
   PetscCheck(!SNESLatinEstimates(data) || latin->sub.structure->rigid_law < 0 || LatinByPrecision(PETSC_TRUE, PETSC_FALSE), PetscObjectComm((PetscObject)snes), PETSC_ERR_SUP,
              "-snes_latin_stop error does not estimate the error of structures with links of the rigid law %s in single precision: take the stop indicator (-snes_stol), or a PETSc in double precision",
              LatinLaws[latin->sub.structure->rigid_law].name);
@@ -187,6 +203,25 @@ static PetscErrorCode SNESLatinFinished_Private(SNES snes, SNESConvergedReason r
   PetscFunctionReturn(0);
 }
 
+/* The norm of the forces without balance that a claim may leave */
+static PetscErrorCode SNESLatinLeaves_Private(SNES snes, PetscReal *balance)
+{
+  SNES_Latin          *data      = (SNES_Latin *)snes->data;
+  const LatinStructure structure = data->latin->sub.structure;
+  Vec                  load;
+
+  PetscFunctionBegin;
+  *balance = PETSC_MAX_REAL;
+  if (!SNESLatinBalances(snes)) PetscFunctionReturn(0);
+  PetscCall(DMGetGlobalVector(structure->dm, &load));
+  PetscCall(VecCopy(structure->load, load));
+  if (snes->vec_rhs) PetscCall(VecAXPY(load, 1.0, snes->vec_rhs));
+  PetscCall(VecNorm(load, NORM_2, balance));
+  PetscCall(DMRestoreGlobalVector(structure->dm, &load));
+  *balance = *balance > 0.0 ? data->balance * *balance : PETSC_MAX_REAL;
+  PetscFunctionReturn(0);
+}
+
 /* Newton's method from here on; where it fails near the solution it starts again with operators of its own, and where those fail the iteration goes on from where it was */
 static PetscErrorCode SNESLatinNewton_Private(SNES snes, PetscBool stall)
 {
@@ -198,9 +233,10 @@ static PetscErrorCode SNESLatinNewton_Private(SNES snes, PetscBool stall)
 
   PetscFunctionBegin;
   if (stall) newton->stall = PETSC_FALSE;
-  newton->target    = SNESLatinEstimates(data) ? data->target : data->stop == LATIN_STOP_RESIDUAL ? 0.0 : snes->stol;
-  newton->residual  = data->stop == LATIN_STOP_RESIDUAL ? PetscMax(snes->abstol, snes->rtol * data->first_residual) : 0.0;
-  newton->energy    = data->estimate.energy;
+  newton->target   = SNESLatinEstimates(data) ? data->target : data->stop == LATIN_STOP_RESIDUAL ? 0.0 : snes->stol;
+  newton->residual = data->stop == LATIN_STOP_RESIDUAL ? PetscMax(snes->abstol, snes->rtol * data->first_residual) : 0.0;
+  newton->energy   = data->estimate.energy;
+  PetscCall(SNESLatinLeaves_Private(snes, &newton->balance));
   newton->reference = data->stop == LATIN_STOP_REFERENCE ? data->reference : NULL;
   if (PetscIsInfOrNanReal(data->latin->linear.distance) || (snes->divtol > 0.0 && data->latin->linear.distance > snes->divtol * data->first_distance)) PetscCall(VecZeroEntries(snes->vec_sol));
   else PetscCall(LatinAverage_Private(&data->latin->linear, snes->vec_sol));
@@ -363,8 +399,9 @@ static PetscErrorCode SNESDestroy_Latin(SNES snes)
 . -snes_latin_modes <affine>                    - macro fields of strong interfaces: affine, rigid
 . -snes_latin_modes_local                       - local low-energy fields of low-energy subdomains, eigenvalues below this
 . -snes_latin_direction <schur>                 - micro search direction: scalar, diagonal, block, schur, auto
-. -snes_latin_stop <indicator>                  - what must become small: indicator, residual, reference, error, energy
-. -snes_latin_error <0.0001>                    - estimated error to stop at
+. -snes_latin_stop <auto>                       - what must become small: indicator, residual, reference, error, energy; auto: the error, or the indicator where -snes_stol is given and in a motion
+. -snes_latin_error <0.0001>                    - estimated error of the displacements to stop at
+. -snes_latin_balance <0.01>                    - forces without balance to stop at, relative to the loads
 . -snes_latin_warm_start <none>                 - from the solution vector, or from the last solves: none, last, extrapolate
 . -snes_latin_newton <auto>                      - Newton's method: where the iteration stalls, and to prove an error (auto), or never
 . -snes_latin_monitor                           - prints the indicator of each iteration
@@ -406,10 +443,13 @@ PETSC_EXTERN PetscErrorCode SNESCreate_Latin(SNES snes)
   snes->usesksp             = PETSC_FALSE;
   snes->usesnpc             = PETSC_FALSE;
 
-  data->target = 1e-4;
+  data->target  = 1e-4;
+  data->balance = 1e-2;
+  data->asked   = LATIN_STOP_AUTO;
+  data->stop    = LATIN_STOP_ERROR;
 
   PetscObjectParameterSetDefault(snes, max_its, 1000);
-  PetscObjectParameterSetDefault(snes, stol, 1e-5);
+  PetscObjectParameterSetDefault(snes, stol, LATIN_STOL);
   PetscCall(LatinCreate_Private(PetscObjectComm((PetscObject)snes), &data->latin));
   PetscCall(LatinSetVariant(data->latin, LATIN_VARIANT_AUTO));
   PetscCall(LatinSetPrecision(data->latin, LATIN_PRECISION_AUTO));

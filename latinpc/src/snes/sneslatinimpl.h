@@ -45,6 +45,7 @@ typedef struct {
   LatinStructure structure;        /* borrowed: another one makes another SNES */
   Vec            reference;        /* borrowed: stop on the error against it, or NULL */
   PetscReal      target, residual; /* relative error of the displacements, norm of the residual to stop at */
+  PetscReal      balance;          /* norm of the residual to stop at with that error */
   PetscBool      energy;           /* the error is that of the energy norm */
   PetscReal      size;             /* l2 norm of the displacements */
   PetscReal      rtol;             /* of a linear solve while links change */
@@ -82,14 +83,17 @@ PETSC_INTERN PetscErrorCode LatinParameterTune_Private(Latin, PetscReal factor);
 PETSC_INTERN PetscErrorCode LatinParameterState_Private(Latin, Vec z, Vec F, PetscReal factor);
 
 /* ---- SNES latin ---- */
+#define LATIN_STOL 1e-5 /* of the indicator, by default */
 typedef struct {
   Latin             latin;
   SNES              outer;          /* solves z - G(z) = 0 */
   char              outer_type[64]; /* the type that has our defaults */
   PetscBool         outer_rigid;    /* those for structures with rigid laws */
   Vec               z;
-  LatinStopType     stop;
-  PetscReal         target; /* estimated error to stop at */
+  LatinStopType     asked, stop; /* the stop, and what is made of it in this solve */
+  PetscBool         given;       /* a step tolerance, by an option */
+  PetscReal         target;      /* estimated error to stop at */
+  PetscReal         balance;     /* forces without balance to stop at, relative to the loads */
   LatinEstimate     estimate;
   PetscBool         guess; /* this solve starts from the displacements in the solution vector */
   LatinWarmStart    warm;
@@ -114,6 +118,18 @@ typedef struct {
 static inline PetscBool SNESLatinEstimates(const SNES_Latin *data)
 {
   return (PetscBool)(data->stop == LATIN_STOP_ERROR || data->stop == LATIN_STOP_ENERGY);
+}
+/* Is there a step tolerance of the user's? */
+static inline PetscBool SNESLatinStolGiven(SNES snes)
+{
+  return (PetscBool)(((SNES_Latin *)snes->data)->given || snes->stol != LATIN_STOL);
+}
+/* Is what the stop claims compared with the loads? Where the stop is one of PETSc's tolerances these alone count, and in a motion inertia bears loads */
+static inline PetscBool SNESLatinBalances(SNES snes)
+{
+  const SNES_Latin *data = (SNES_Latin *)snes->data;
+
+  return (PetscBool)(!data->latin->sub.structure->ground && (data->asked == LATIN_STOP_AUTO ? !SNESLatinStolGiven(snes) : SNESLatinEstimates(data)));
 }
 /* snes/fixedpoint.c */
 PETSC_INTERN PetscErrorCode SNESLatinCreateOuter_Private(SNES);

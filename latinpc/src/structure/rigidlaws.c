@@ -8,6 +8,7 @@
 */
 
 #define LATIN_RIGID_SMALL 1e-3 /* displacements beside the spacing of the nodes, where there is no gap to compare with: a unit, no iteration depends on it */
+#define LATIN_HELD_NOISE  8.0  /* times eps, of prescribed displacements and gap: rounding of an elongation */
 #define LATIN_RIGID_RUBS  0.1  /* grains with friction slip by more than their gaps */
 
 /* The parts of a contact with friction follow each other, on one rank, with the same end nodes, an orthonormal frame and a coefficient */
@@ -131,5 +132,52 @@ PetscErrorCode LatinStructureCheckRigid_Private(LatinStructure structure, const 
   PetscFunctionBegin;
   PetscCheck(structure->rigid_law < 0, PetscObjectComm((PetscObject)structure), PETSC_ERR_SUP, "%s needs laws with a stiffness, and the structure has links of the rigid law %s, which has none: solve it by -snes_type latin, or take %s", what,
              LatinLaws[structure->rigid_law].name, LatinLaws[structure->rigid_law].cure);
+  PetscFunctionReturn(0);
+}
+
+/*
+   Before a solve: a rigid link that no free displacement can lengthen or shorten must admit what is prescribed at its ends.
+   Collective on structure
+*/
+PetscErrorCode LatinStructureCheckHeld_Private(LatinStructure structure)
+{
+  const PetscInt     dim    = structure->dim;
+  PetscInt           bad    = -1;
+  PetscReal          missed = 0.0;
+  Vec                none, u, open;
+  const PetscScalar *a, *free;
+
+  PetscFunctionBegin;
+  if (structure->rigid_law < 0 || structure->ground) PetscFunctionReturn(0); /* in a motion a gap makes no force where a contact takes no part */
+  PetscCall(DMGetGlobalVector(structure->dm, &none));
+  PetscCall(DMGetLocalVector(structure->dm, &u));
+  PetscCall(DMGetLocalVector(structure->dm, &open));
+  PetscCall(VecZeroEntries(none));
+  PetscCall(LatinStructureGetLocal_Private(structure, structure->vertex_prescribed, none, u));
+  PetscCall(VecSet(none, 1.0));
+  PetscCall(LatinStructureGetLocal_Private(structure, NULL, none, open));
+  PetscCall(VecGetArrayRead(u, &a));
+  PetscCall(VecGetArrayRead(open, &free));
+  for (PetscInt l = 0; l < structure->links_local && bad < 0; l++) {
+    const PetscInt  *to = structure->ends + 2 * l;
+    const PetscReal *n = structure->direction + dim * l, sign = LatinLawSign(structure->law[l]);
+    PetscReal        ends = PetscAbsReal(structure->e0[l]);
+    PetscBool        held = (PetscBool)(LatinLaws[structure->law[l]].rigid && structure->law[l] != LATIN_LAW_TANGENT);
+
+    for (PetscInt c = 0; c < dim; c++) {
+      if (n[c] != 0.0 && (PetscRealPart(free[dim * to[0] + c]) != 0.0 || PetscRealPart(free[dim * to[1] + c]) != 0.0)) held = PETSC_FALSE;
+      ends += PetscAbsReal(n[c]) * (PetscAbsScalar(a[dim * to[0] + c]) + PetscAbsScalar(a[dim * to[1] + c]));
+    }
+    missed = sign * (LatinStructureElongation(structure, l, a) + structure->e0[l]);
+    if (held && missed > LATIN_HELD_NOISE * PETSC_MACHINE_EPSILON * ends) bad = l;
+  }
+  PetscCall(VecRestoreArrayRead(u, &a));
+  PetscCall(VecRestoreArrayRead(open, &free));
+  PetscCall(DMRestoreLocalVector(structure->dm, &u));
+  PetscCall(DMRestoreLocalVector(structure->dm, &open));
+  PetscCall(DMRestoreGlobalVector(structure->dm, &none));
+  LatinAgree(PetscObjectComm((PetscObject)structure), bad >= 0, PETSC_ERR_ARG_INCOMP,
+             "Link %" PetscInt_FMT " (%s) is between prescribed displacements that it does not admit: they miss its gap by %g. Prescribe others, give it another initial elongation, or leave it out", structure->links_start + bad,
+             LatinLaws[structure->law[PetscMax(0, bad)]].name, (double)missed);
   PetscFunctionReturn(0);
 }

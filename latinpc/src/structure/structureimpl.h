@@ -122,6 +122,7 @@ PETSC_INTERN PetscErrorCode LatinDiagonalProduct_Private(Vec D, Vec u, Vec v, Pe
 PETSC_INTERN PetscErrorCode LatinStructureStiffness_Private(LatinStructure, PetscReal k[]);
 PETSC_INTERN PetscErrorCode LatinStructureSetUpRigid_Private(LatinStructure);
 PETSC_INTERN PetscErrorCode LatinStructureCheckRigid_Private(LatinStructure, const char what[]);
+PETSC_INTERN PetscErrorCode LatinStructureCheckHeld_Private(LatinStructure);
 
 /* ---- tangent stiffnesses, with the matrix that they make (structure/tangent.c); the energy along a step (structure/linesearch.c) ---- */
 PETSC_INTERN PetscErrorCode LatinStructureStiffnessRange_Private(LatinStructure, PetscReal *least, PetscReal *most);
