@@ -245,3 +245,24 @@ def test_integrators_that_cannot_say_so():
         assert "rigid law contact" in message(it.step)
     with motion(scene, 1e-3, **(NEWTON | {"ts_type": "alpha2"})) as it:
         assert "-ts_type latin" in message(it.step)
+
+
+@pytest.mark.parametrize("dim", [1, 2, 3])
+@pytest.mark.parametrize(("law", "away"), [(Law.CABLE, -1.0), (Law.COMPRESSION_ONLY, 1.0)])
+@pytest.mark.parametrize("speed", [1.0, 100.0])
+def test_a_mass_on_a_slack_link_flies_as_far_as_it_does(dim, law, away, speed):
+    """Each step is strictly convex, however far from the structure: displacements are those of implicit Euler."""
+    h, m, force = 0.1, 1e-4, 1e-3
+    along = np.eye(dim)[0] * away
+    scene = Scene(
+        name="flight", nodes=np.outer([0.0, 1.0], np.eye(dim)[0]), links=[[0, 1]], law=[law], stiffness=[1.0],
+        fixed=[[True] * dim, [False] * dim], load=np.outer([0.0, force], along), mass=[0.0, m],
+        velocity=np.outer([0.0, speed], along),
+    )  # fmt: skip
+    with motion(scene, h) as it:
+        u, v = 0.0, speed
+        for _ in range(15):
+            it.step()
+            v += h * force / m
+            u += h * v
+            assert it.u[1] == pytest.approx(u * along, rel=1e-9, abs=1e-12)

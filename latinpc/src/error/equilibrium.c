@@ -140,7 +140,7 @@ static void LatinSumComponent(const LatinNode *at, PetscInt dim, PetscInt c, Pet
   if (stiff > 0.0) sum->error += energy ? left * left / stiff : PetscSqr(left / stiff);
   sum->work += at->r[c] * at->u[c];
   sum->pushed += pushed;
-  sum->loads += PetscAbsReal(pushed);
+  sum->loads += ground * at->u[c] * at->u[c] + PetscAbsReal(at->load[c] * at->u[c]); /* of a mass in flight the two cancel */
   if (at->rigid[c] > 0.0) sum->tension += PetscSqr(PetscMax(0.0, PetscAbsReal(at->r[c]) - noise - target * size * (at->elastic[c] + ground)));
   sum->rigid += PetscSqr(at->rigid[c]);
   sum->moved[c] += at->r[c];
