@@ -204,7 +204,9 @@ PetscErrorCode LatinEquilibriumCheck_Private(Latin latin, Vec u, Vec r, Vec more
   if (sum.rigid > 0.0) found->error = PetscMax(found->error, LATIN_TENSION_SHARE * PetscSqrtReal(sum.tension / sum.rigid));
   missed = PetscMax(missed / PETSC_SQRT2, found->distance);
   if (missed > 0.0) missed = missed < size ? missed / size : 1.0;
-  found->error = PetscMax(found->error, missed);
+  found->error  = PetscMax(found->error, missed);
+  found->missed = missed;
+  PetscCall(PetscInfo(structure, "Forces without balance: %g of the loads; gaps are missed by %g of the displacements\n", (double)found->unbalance, (double)missed));
 
   /* the work of the tensions is r.u less that of the loads */
   works = PetscAbsReal(sum.work - sum.pushed) + PetscAbsReal(sum.pushed) + LATIN_WORK_CANCELS * (balance.sum.work + sum.loads);

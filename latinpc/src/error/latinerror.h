@@ -76,6 +76,7 @@ typedef struct {
   LatinVerdict verdict;
   PetscReal    error;              /* the displacements are wrong by this at least, relative */
   PetscReal    unbalance;          /* forces without balance beyond rounding, l2 norm, relative to the loads; where there are none, to the tensions */
+  PetscReal    missed;             /* by how much rigid links miss their gaps, relative to the l2 norm of the displacements */
   PetscBool    balanced;           /* but for rounding, nothing is without balance */
   PetscInt     nodes;              /* that nothing holds, on all ranks */
   PetscInt     node[LATIN_LISTED]; /* some of them, global numbers */

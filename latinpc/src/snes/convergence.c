@@ -195,7 +195,7 @@ static PetscBool SNESLatinStalls(SNES_Latin *data, PetscReal measure, PetscReal 
 
 /*
    A claim needs balance: forces without balance that are small beside stiffnesses, not beside loads, go with displacements
-   anywhere between slack links, and with wrong tensions. Displacements larger than the structure are a solution if forces
+   anywhere between slack links, and with wrong tensions; and rigid links must not miss their gaps. Displacements larger than the structure are a solution if forces
    balance. Collective on snes
 */
 static PetscErrorCode SNESLatinProve_Private(SNES snes, LatinNext *next)
@@ -209,7 +209,7 @@ static PetscErrorCode SNESLatinProve_Private(SNES snes, LatinNext *next)
   if (!far && !SNESLatinBalances(snes)) PetscFunctionReturn(0);
   PetscCall(LatinEquilibriumCheck_Private(data->latin, snes->vec_sol, snes->vec_func, snes->vec_rhs, data->target, data->estimate.energy, PETSC_FALSE, &data->found));
   if (data->found.verdict == LATIN_UNBOUNDED) *next = LATIN_NEXT_DIVERGED;
-  else if (SNESLatinBalances(snes) && data->found.unbalance > data->balance) *next = data->latin->linear.distance <= data->latin->linear.noise ? LATIN_NEXT_ROUNDING : LATIN_NEXT_CONTINUE;
+  else if (SNESLatinBalances(snes) && (data->found.unbalance > data->balance || data->found.missed > data->target)) *next = data->latin->linear.distance <= data->latin->linear.noise ? LATIN_NEXT_ROUNDING : LATIN_NEXT_CONTINUE;
   PetscFunctionReturn(0);
 }
 
