@@ -132,7 +132,6 @@ static PetscErrorCode FRONT(LatinFrontsFactor)(LatinFronts *F, const PetscInt i[
 
   PetscFunctionBegin;
   PetscCall(PetscMalloc1(F->stack, &work.stack));
-  LatinLargePages(work.stack, F->stack * sizeof(*work.stack));
   PetscCall(PetscMalloc1(work.narrow ? F->widest : 0, &work.panel));
   PetscCall(PetscMalloc4(F->fronts, &work.update, F->n, &work.place, F->n, &work.at, F->tallest, &work.to));
   for (PetscInt r = 0; r < F->n; r++) work.place[F->order[r]] = r;

@@ -3,22 +3,8 @@
 #if LATIN_CHOLMOD
 
   #include <float.h>
-  #if defined(__linux__)
-    #include <sys/mman.h>
-  #endif
 
 /* The fronts of a sparse Cholesky factor: which one adds to which, their sizes, and the factor itself. */
-
-/* Large pages for a large array that is about to be written: on first touch small ones take a fifth of the time of a factorisation (tensegrity-grid 200) */
-static void LatinLargePages(void *array, size_t bytes)
-{
-  #if defined(__linux__) && defined(MADV_HUGEPAGE)
-  const size_t page  = 4096;
-  const size_t start = ((size_t)array + page - 1) / page * page;
-
-  if (bytes > 64 * page) (void)madvise((void *)start, (bytes - (start - (size_t)array)) / page * page, MADV_HUGEPAGE);
-  #endif
-}
 
 /* Rows of front f beyond those that it eliminates */
 static inline PetscInt LatinFrontBelow(const LatinFronts *F, PetscInt f)
@@ -143,7 +129,6 @@ PetscErrorCode LatinFrontsFactor(LatinFronts *F, LatinArithmetic precision, cons
     if (!F->factor || (precision == LATIN_DOUBLE) != (F->precision == LATIN_DOUBLE)) {
       PetscCall(PetscFree(F->factor));
       PetscCall(PetscMalloc(bytes, &F->factor));
-      LatinLargePages(F->factor, bytes);
       F->room = 0;
     }
     F->precision = precision;
