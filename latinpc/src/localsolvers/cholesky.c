@@ -1,11 +1,11 @@
 #include "localsolvers/latinlocalsolvers.h"
 
 /*
-   The MatSolverType LATIN_CHOLESKY of sequential matrices: Cholesky by fronts, of CHOLMOD's symbolic analysis. It orders
-   nodes, not degrees of freedom; some rows may be kept to the last (MatFactorSetSchurIS()), and give their Schur
-   complement; the solve comes in its two halves as well, with the kept rows between them. One elimination of the inside of
-   a subdomain so serves all that is done on its interfaces. On the one core of the rank it takes 0.6 to 0.8 of the time of
-   CHOLMOD's own factorisation (tensegrity-grid 100 and 200, network 20000 and 60000).
+   The MatSolverType LATIN_CHOLESKY of sequential matrices: Cholesky by fronts (localsolvers/fronts.c), of CHOLMOD's symbolic
+   analysis. Beside CHOLMOD's own factorisation, which takes as long on one thread: it orders nodes, not degrees of freedom;
+   the factor may be in single precision; some rows may be kept to the last (MatFactorSetSchurIS()), and give their Schur
+   complement; the solve comes in its two halves as well, with the kept rows between them. One elimination of the inside of a
+   subdomain so serves all that is done on its interfaces.
 
    MatSolve() where rows are kept: their couplings are left out, they have their diagonal alone.
 */
