@@ -90,22 +90,49 @@ def test_other_matrices_are_refused():
 
 
 # ---- rows kept to the last: the interfaces of subdomains ---------------------------------------
+def homogenised(scene, run):
+    """Compare H of each subdomain with dense algebra."""
+    part = latinpc.subdomain_of_links(run.snes)
+    shared = np.bincount(np.concatenate([np.unique(scene.links[part == s]) for s in range(part.max() + 1)])) > 1
+    for s in range(part.max() + 1):
+        nodes = np.unique(scene.links[part == s])
+        kept = np.flatnonzero((shared[nodes, None] & ~scene.fixed[nodes]).ravel())
+        K = latinpc.local_ksp(run.snes, s).getOperators()[0][:, :]
+        inside = np.setdiff1d(np.arange(len(K)), kept)
+        S = K[np.ix_(kept, kept)] - K[np.ix_(kept, inside)] @ np.linalg.solve(
+            K[np.ix_(inside, inside)], K[np.ix_(inside, kept)]
+        )
+        H = latinpc.macro_stiffness(run.snes, s).getDenseArray()
+        assert np.array_equal(H, H.T)
+        assert np.abs(H - S).max() < 1e-12 * np.abs(K).max()
+
+
 @pytest.mark.parametrize("make", [grid, irregular, network])
 def test_homogenised_stiffness_is_the_schur_complement(make):
     """H of each subdomain: K on its interfaces with all else eliminated, symmetric to the bit."""
     scene = make()
     with latin(scene, variant="primal") as run:
         run.snes.setUp()
-        part = latinpc.subdomain_of_links(run.snes)
-        shared = np.bincount(np.concatenate([np.unique(scene.links[part == s]) for s in range(part.max() + 1)])) > 1
-        for s in range(part.max() + 1):
-            nodes = np.unique(scene.links[part == s])
-            kept = np.flatnonzero((shared[nodes, None] & ~scene.fixed[nodes]).ravel())
-            K = latinpc.local_ksp(run.snes, s).getOperators()[0][:, :]
-            inside = np.setdiff1d(np.arange(len(K)), kept)
-            S = K[np.ix_(kept, kept)] - K[np.ix_(kept, inside)] @ np.linalg.solve(
-                K[np.ix_(inside, inside)], K[np.ix_(inside, kept)]
-            )
-            H = latinpc.macro_stiffness(run.snes, s).getDenseArray()
-            assert np.array_equal(H, H.T)
-            assert np.abs(H - S).max() < 1e-12 * np.abs(K).max()
+        homogenised(scene, run)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_any_rows_may_be_kept(seed):
+    """Interfaces anywhere, so that what is left of the tree of elimination without them is no tree in its order."""
+    rng = np.random.default_rng(seed)
+    scene = latinpc.scenes.make("network", nodes=240, seed=seed)
+    near = rng.uniform(scene.nodes.min(axis=0), scene.nodes.max(axis=0), (3, 3))
+    middle = scene.nodes[scene.links].mean(axis=1)
+    part = np.linalg.norm(middle[:, None] - near, axis=2).argmin(axis=1)
+    loose = rng.random(len(part)) < 0.05
+    scene.subdomain = np.where(loose, rng.integers(0, 3, len(part)), part)
+    with latin(scene, variant="primal", stol=0.0, max_it=6) as run:
+        run.snes.setUp()
+        many = run.structure.create_vec()
+        run.snes.solve(None, many)
+        homogenised(scene, run)
+    scene.subdomain = np.zeros(len(scene.links), dtype=int)
+    with latin(scene, variant="primal", stol=0.0, max_it=6) as run:
+        one = run.structure.create_vec()
+        run.snes.solve(None, one)
+    assert (many - one).norm() < 1e-9 * one.norm()

@@ -12,7 +12,10 @@ static inline PetscInt LatinFrontBelow(const LatinFronts *F, PetscInt f)
   return F->row_first[f + 1] - F->row_first[f] - F->columns[f];
 }
 
-/* Who adds to whom, and the room that this takes. The lists of others must outlive F */
+/*
+   Who adds to whom, and the room that this takes. The fronts are in postorder, so that what a front takes up is on top of the
+   stack; rows that are kept come last, and change nothing in that. The lists of others must outlive F
+*/
 PetscErrorCode LatinFrontsCreate(PetscInt n, PetscInt kept, PetscInt fronts, const PetscInt order[], const PetscInt first[], const PetscInt row_first[], const PetscInt row[], LatinFronts *F)
 {
   const PetscInt inside = n - kept;
