@@ -86,6 +86,10 @@ OTHERS = {
         "`LATIN_MECHANISM`",
         "One step of inverse iteration shows a mechanism more clearly than this; ordinary structures end after it.",
     ),
+    "LATIN_PARAMETER_RANGE": (
+        "the first parameter",
+        "An arch of thickness 0.08, which falls: 1/128, 1/4,096, 1/262,144, then a mechanism. What stands needs less.",
+    ),
     "LATIN_HELD_NOISE": (
         "eps, of prescribed displacements and gap",
         "Three sums: 3 times eps at most. A contact that is closed by what is prescribed is held to rounding.",

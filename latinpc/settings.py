@@ -162,7 +162,7 @@ def set_balance(snes, balance):
     snes : petsc4py.PETSc.SNES
         Of type latin.
     balance : float
-        Relative to the loads, l2 norms; where there are none, to the tensions at the nodes. Positive, ``inf``: any.
+        Relative to the loads, l2 norms; where there are none, to the tensions at the nodes. Positive; 1e30: any.
     """
     _latin.set_balance(snes, balance)
 

@@ -126,7 +126,7 @@ PetscErrorCode SNESLatinSetError(SNES snes, PetscReal error)
 
   Input Parameters:
 + snes    - of type latin
-- balance - of the nodal unbalance, relative to the loads, l2 norms; where there are none, to the tensions at the nodes. Positive, `PETSC_INFINITY`: any
+- balance - of the nodal unbalance, relative to the loads, l2 norms; where there are none, to the tensions at the nodes. Positive; 1e30: any
 
   Options Database Key:
 . -snes_latin_balance <1e-2> - the unbalance

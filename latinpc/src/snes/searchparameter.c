@@ -21,6 +21,7 @@
 #define LATIN_PARAMETER_MOST   4.0  /* largest change at once */
 #define LATIN_PARAMETER_FAR    16.0 /* no further than this from where it started */
 #define LATIN_PARAMETER_OFF    32.0 /* by so much a search parameter may differ from the stiffness that the structure shows */
+#define LATIN_PARAMETER_RANGE  1e6  /* from where it started: a structure that falls shows less and less stiffness, and operators made of it are a mechanism to rounding */
 #define LATIN_PARAMETER_AGAIN  3    /* times that the operators are made anew */
 
 static void LatinParameterClear(LatinParameter *parameter)
@@ -100,6 +101,7 @@ static PetscErrorCode LatinParameterShown_Private(Latin latin, LatinParameter *p
   if (!(sum[0] > 0.0 && sum[1] > 0.0)) PetscFunctionReturn(0);
   shown = PetscSqrtReal(sum[0] / sum[1]);
   if (shown < LATIN_PARAMETER_OFF && shown > 1.0 / LATIN_PARAMETER_OFF) PetscFunctionReturn(0);
+  if (!(shown * latin->tuning < LATIN_PARAMETER_RANGE && shown * latin->tuning > 1.0 / LATIN_PARAMETER_RANGE)) PetscFunctionReturn(0);
   parameter->factor = PetscPowReal(2.0, PetscFloorReal(0.5 + PetscLog2Real(shown)));
   parameter->beside = (PetscBool)(++parameter->again < LATIN_PARAMETER_AGAIN);
   LatinParameterClear(parameter);
