@@ -88,7 +88,7 @@ OTHERS = {
     ),
     "LATIN_PARAMETER_RANGE": (
         "the first parameter",
-        "An arch of thickness 0.08, which falls: 1/128, 1/4,096, 1/262,144, then a mechanism. What stands needs less.",
+        "Bars of contrast 1e8 beside rigid links need 1e8; an arch of thickness 0.08, which falls, asks for ever less.",
     ),
     "LATIN_HELD_NOISE": (
         "eps, of prescribed displacements and gap",

@@ -21,7 +21,7 @@
 #define LATIN_PARAMETER_MOST   4.0  /* largest change at once */
 #define LATIN_PARAMETER_FAR    16.0 /* no further than this from where it started */
 #define LATIN_PARAMETER_OFF    32.0 /* by so much a search parameter may differ from the stiffness that the structure shows */
-#define LATIN_PARAMETER_RANGE  1e6  /* from where it started: a structure that falls shows less and less stiffness, and operators made of it are a mechanism to rounding */
+#define LATIN_PARAMETER_RANGE  1e10 /* from where it started: a structure that falls shows less and less stiffness, and operators made of it are a mechanism to rounding */
 #define LATIN_PARAMETER_AGAIN  3    /* times that the operators are made anew */
 
 static void LatinParameterClear(LatinParameter *parameter)
