@@ -123,7 +123,7 @@ def set_precision(snes, precision):
     snes : petsc4py.PETSc.SNES
         Of type latin, before the set-up.
     precision : str
-        ``"double"``, ``"single"`` wherever it serves, or ``"auto"``: single where a factor is large, too.
+        ``"double"``; ``"single"``: where the test at set-up allows it; ``"auto"``: the same, for large factors alone.
     """
     _latin.set_precision(snes, _number("precision", PRECISIONS, precision))
 

@@ -73,7 +73,7 @@ PETSC_EXTERN const char *const LatinDirectionTypes[];
 typedef enum {
   LATIN_PRECISION_DOUBLE,
   LATIN_PRECISION_SINGLE, /* wherever it serves */
-  LATIN_PRECISION_AUTO    /* single where a factor is large, too */
+  LATIN_PRECISION_AUTO    /* single where a factor is large and it serves */
 } LatinPrecision;
 PETSC_EXTERN const char *const LatinPrecisions[];
 
