@@ -116,21 +116,52 @@ def tradeoff(comm, scene, knobs, accuracies, repeat, timeout, json_file, picture
     return 0 if all(curve["points"] for curve in ours) else NOT_CONVERGED
 
 
+def _random(comm, count, seed, family, json_file):
+    """Solve random structures; print the rates, or write the outcomes."""
+    from latinpc.bench.extremes import rates
+
+    if family not in (None, *rates.SHARES):
+        raise ValueError(f"--family {family}: choose from {', '.join(rates.SHARES)}")
+    if json_file is not None and json_file != "-":
+        check_writable(json_file, None)
+    with progress(comm, json_file == "-") as say:
+        document = rates.run(count, seed, PETSc.Options().getAll(), family, say)
+    if json_file is not None:
+        write_json(json_file, document)
+    bad = [one for one in document["outcomes"] if one["verdict"] in rates.BAD]
+    if json_file != "-":
+        title = f"{count:,} random structures, seed {seed}; right: relative errors below {rates.SLACK * rates.ASKED:g}"
+        numbers = ", ".join(f"{one['number']} ({one['verdict']})" for one in bad[:10])
+        print_table(title, rates.layout(document), left=(0,), note=f"bad: {numbers}" if bad else "")
+    return NOT_CONVERGED if bad else 0
+
+
 @click.command()
 @click.option("--group", "groups", multiple=True, metavar="NAME", help="Run this group only; may be repeated.")
+@click.option("--random", "count", type=click.IntRange(1), metavar="N", help="Solve N random structures instead.")
+@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Of the random structures.")
+@click.option("--family", metavar="NAME", help="Random structures of this family only.")
 @click.option("--json", "json_file", metavar="FILE", help="Write the outcomes; '-' prints them and nothing else.")
 @click.pass_obj
-def extremes(comm, groups, json_file):
-    """Run the robustness suite.
+def extremes(comm, groups, count, seed, family, json_file):
+    """Run the robustness suite, or solve random structures.
 
     Cases at extremes: stiffness contrasts, search directions, loads, prestress, units, origins, partitions, chains,
     ranks, rigid links, motions, matrices of finite elements. Each runs in a process of its own and ends as right,
     refused (with a reason) or wrong; references are exact where possible.
+
+    Random structures (--random) are of the families statics, collapse (loads next to the limit load), rigid, friction
+    and motion; loads go down to 1e-9 of what the stiffnesses bear, stiffness ratios up to 1e9. Equilibria in 200
+    digits judge displacements and tensions, and whether there is an equilibrium.
     """
     from latinpc.bench import extremes as catalogue
 
     if comm.size > 1:
         raise ValueError("this command starts its own processes: run it without mpirun")
+    if count:
+        if groups:
+            raise ValueError("--group chooses cases of the suite; random structures have a --family")
+        return _random(comm, count, seed, family, json_file)
     chosen = catalogue.cases()
     known = list(dict.fromkeys(case.group for case in chosen))
     for group in groups:

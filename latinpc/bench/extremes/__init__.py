@@ -143,7 +143,7 @@ def _judge(case, scene, found, u, tensions=None, v=None):
         return _outcome(case, "right" if right else "wrong", reason + hidden, error=error,
                         reference="exact, energy norm", **counts)  # fmt: skip
     if case.steps:
-        error, kind = motion_error(case, scene, u, v, tensions)
+        error, kind = motion_error(case, scene, u, v)
         right = error <= SLACK * ACCURACY and case.expected != "refused"
         return _outcome(case, "right" if right else "wrong", reason, error=error, reference=kind, **counts)
     if case.unique != "displacements":
@@ -186,8 +186,8 @@ def _reference(case, scene, u, tensions):
     if (~scene.fixed).sum() <= EXACT_DOFS:
         from .exact import solve_exactly
 
-        exact = solve_exactly(scene, u, tensions)
-        return (exact, "exact") if exact is not None else (None, "no exact solution found")
+        exact = solve_exactly(scene, u)
+        return (exact.displacements, "exact") if exact.exists else (None, "no equilibrium exists")
     from latinpc.bench.peers.reference import by_newton
 
     return by_newton(scene, ACCURACY)[0], "Newton"

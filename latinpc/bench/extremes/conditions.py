@@ -8,7 +8,6 @@ import numpy as np
 
 from latinpc.laws import Law
 from latinpc.scenes.mechanics import elongations
-from latinpc.scenes.mechanics import tensions as law_tensions
 
 
 def missed(scene, u, tensions):
@@ -64,11 +63,11 @@ def shortening(scene, u, tensions):
     """
     from .exact import solve_exactly
 
-    exact = solve_exactly(scene, u, tensions, ground=True)
-    if exact is None:
+    exact = solve_exactly(scene, u)
+    if not exact.exists:
         return np.inf
-    e, known = elongations(scene, u), elongations(scene, exact)
-    bears = np.abs(law_tensions(scene, exact)) > 1e-30 * np.abs(scene.load).max()
+    e, known = elongations(scene, u), elongations(scene, exact.displacements)
+    bears = np.abs(exact.tensions) > 1e-30 * np.abs(scene.load).max()
     return float(np.linalg.norm((e - known)[bears]) / np.linalg.norm(known[bears]))
 
 

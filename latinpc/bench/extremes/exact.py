@@ -1,71 +1,97 @@
-"""Displacements without rounding: ball arithmetic on the given doubles."""
+"""Equilibria without rounding: Newton's method with an exact line search in 200 digits, on the given doubles.
+
+Energies are convex and piecewise quadratic, so that the search ends at the solution from any start. Two small
+numbers, far beyond what doubles resolve, decide what a double cannot: springs to the ground that are 1e-60 times as
+stiff as the stiffest link, and rigid links that are 1e40 times as stiff. The ground bears load where there is no
+equilibrium; rigid links let through where their gaps jam; displacements that follow the ground are not unique.
+"""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 
 from latinpc.laws import Law
 
-BITS = 400  # of the balls: 120 digits, 90 of which a contrast of 1e14 in a long chain may take
-STEPS = 30  # active sets that are tried
-APART = 60  # digits from which on a rigid link is beyond its gap
-GROUND = 60  # digits by which springs to the ground are softer than the stiffest link
+BITS = 680  # 200 digits: 60 of the ground, 40 of rigid links, 40 of contrasts in long chains, and what is left
+GROUND, RIGID = (
+    60,
+    40,
+)  # digits by which springs to the ground are softer, and rigid links stiffer, than the stiffest link
+NOTHING = (
+    20  # digits: less than so much of the loads on the ground, or of the gaps in rigid links, is what springs leave
+)
+STEPS = 300
 
 
-def solve_exactly(scene, guess=None, tensions=None, ground=False):
-    """Solve a small structure exactly, by an active set method in ball arithmetic.
+@dataclass(frozen=True)
+class Exact:
+    """An equilibrium, rounded once.
+
+    Without one (`exists` is False) the rest is None. Displacements that are not unique are the least ones.
+    """
+
+    exists: bool
+    displacements: np.ndarray | None = None  #: (n, dim), m
+    tensions: np.ndarray | None = None  #: (m,), N; where those of rigid links are not unique, some that balance
+    unique: bool = True  #: the displacements
+
+
+def solve_exactly(scene, guess=None, unique=False):
+    """Solve a small structure exactly.
 
     Parameters
     ----------
     scene : Scene
-        Of some hundred unknowns: the matrix is dense. Of any laws but friction.
+        Of up to some hundred unknowns: the matrix is dense. Of any laws but friction.
     guess : (n, dim) array, optional
-        Displacements for the first choice of the pieces of the laws, for instance which links carry tension.
-    tensions : (m,) array, optional
-        Tensions for the first choice of the rigid links that bear; without them none does.
-    ground : bool
-        Springs that do not show hold what nothing else does: of many solutions the one with the least displacements.
+        Displacements to start from (m): a matter of time, not of the result.
+    unique : bool
+        Whether to find out if the displacements are unique: another solve.
 
     Returns
     -------
-    (n, dim) array or None
-        The displacements, rounded once; None where no active set was found to be that of the solution, or where the
-        structure is singular without its slack links.
+    Exact
+
+    Raises
+    ------
+    RuntimeError
+        The search has not ended.
     """
     from flint import ctx
 
     before, ctx.prec = ctx.prec, BITS
     try:
-        return _ActiveSet(scene, guess, tensions, ground).solve()
+        return _Search(scene).solve(guess, unique)
     finally:
         ctx.prec = before
 
 
-class _ActiveSet:
-    """Laws as pieces tau = k x + t0, rigid links that bear as equations x = 0 with their tensions as unknowns."""
+class _Search:
+    """Laws as pieces tau = k x + t0 between breaks; all numbers are `flint.arb` without radius."""
 
-    def __init__(self, scene, guess, tensions, ground):
+    def __init__(self, scene):
         from flint import arb
 
         self.scene, self.zero = scene, arb(0)
-        self.ground = arb(10) ** -GROUND * float(scene.stiffness.max()) if ground else arb(0)
         self.free = np.flatnonzero(~scene.fixed.ravel())
-        self.row = np.full(scene.fixed.size, -1)
-        self.row[self.free] = np.arange(len(self.free))
-        self.given = [arb(float(x)) for x in np.where(scene.fixed, scene.prescribed, 0.0).ravel()]
+        row = np.full(scene.fixed.size, -1)
+        row[self.free] = np.arange(len(self.free))
         self.load = [arb(float(x)) for x in scene.load.ravel()[self.free]]
-        dim, vectors = scene.dim, self._vectors(arb)
-        self.links = []
-        for (a, b), v, e0 in zip(scene.links, vectors, scene.initial_elongation):
+        self.stiffest = stiffest = arb(float(np.abs(scene.stiffness).max(initial=0.0) or 1.0))
+        self.ground, self.rigid = stiffest * arb(10) ** -GROUND, stiffest * arb(10) ** RIGID
+        self.nothing, self.least = arb(10) ** -NOTHING, arb(10) ** -(GROUND + RIGID)
+        given = [arb(float(x)) for x in np.where(scene.fixed, scene.prescribed, 0.0).ravel()]
+        self.rows, self.rest = [], []
+        for (a, b), v, e0 in zip(scene.links, self._vectors(arb), scene.initial_elongation):
             length = sum((x * x for x in v), self.zero).sqrt()
-            n = [x / length for x in v]
-            entries = [*range(dim * a, dim * a + dim), *range(dim * b, dim * b + dim)]
-            self.links.append((entries, [-x for x in n] + n, arb(float(e0))))
-        self.sign = np.where(scene.law == Law.INEXTENSIBLE, 1, np.where(scene.law == Law.CONTACT, -1, 0))
-        self.pieces = [None if sign else self._pieces(i, arb) for i, sign in enumerate(self.sign)]
-        start = None if guess is None else [arb(float(x)) for x in guess.ravel()]
-        self.state = [self._piece(i, None if start is None else self._strain(i, start)) for i in range(len(self.links))]
-        self.bears = np.zeros(len(self.sign), bool) if tensions is None else self.sign * tensions > 0
+            entries = [*range(scene.dim * a, scene.dim * (a + 1)), *range(scene.dim * b, scene.dim * (b + 1))]
+            normal = [(x / length).mid() for x in v]
+            both = list(zip(entries, [-x for x in normal] + normal))
+            self.rest.append(sum((x * given[i] for i, x in both if row[i] < 0), arb(float(e0))).mid())
+            self.rows.append([(int(row[i]), x) for i, x in both if row[i] >= 0])
+        self.pieces = [self._pieces(i, arb) for i in range(len(self.rows))]
 
     def _vectors(self, arb):
         nodes = [[arb(float(x)) for x in point] for point in self.scene.nodes]
@@ -77,101 +103,124 @@ class _ActiveSet:
 
     def _pieces(self, i, arb):
         """Return the strains between the pieces, and slope and tension at no strain of each."""
-        law, k = self.scene.law[i], arb(float(self.scene.stiffness[i]))
-        if law in (Law.BAR, Law.CABLE, Law.COMPRESSION_ONLY):
-            taut, slack = (k, self.zero), (self.zero, self.zero)
-            return {Law.BAR: ([], [taut]), Law.CABLE: ([self.zero], [slack, taut]),
-                    Law.COMPRESSION_ONLY: ([self.zero], [taut, slack])}[law]  # fmt: skip
+        law, taut, slack = self.scene.law[i], (arb(float(self.scene.stiffness[i])), self.zero), (self.zero, self.zero)
+        if law == Law.BAR:
+            return [], [taut]
+        if law in (Law.INEXTENSIBLE, Law.CONTACT):
+            taut = (self.rigid, self.zero)
+        if law in (Law.CABLE, Law.INEXTENSIBLE):
+            return [self.zero], [slack, taut]
+        if law in (Law.COMPRESSION_ONLY, Law.CONTACT):
+            return [self.zero], [taut, slack]
         x, t = ([arb(float(value)) for value in part] for part in self.scene.tables[law - len(Law)])
-        slopes = [(d - c) / (b - a) for a, b, c, d in zip(x, x[1:], t, t[1:])]
-        return x[1:-1], [(s, c - s * a) for s, a, c in zip(slopes, x, t)]
+        slopes = [((d - c) / (b - a)).mid() for a, b, c, d in zip(x, x[1:], t, t[1:])]
+        return x[1:-1], [(s, (c - s * a).mid()) for s, a, c in zip(slopes, x, t)]
+
+    def _strains(self, u):
+        return [sum((v * u[j] for j, v in row), rest).mid() for row, rest in zip(self.rows, self.rest)]
 
     def _piece(self, i, x):
-        """Return the number of the piece of a link at the strain x; without one, of the first that bears."""
-        if self.sign[i]:
-            return None
         breaks, pieces = self.pieces[i]
-        if x is None:
-            return max(range(len(pieces)), key=lambda p: pieces[p][0] != 0)
-        return sum(1 for at in breaks if x > at)
+        return pieces[sum(1 for at in breaks if x > at)]
 
-    def _strain(self, i, u):
-        entries, n, e0 = self.links[i]
-        return sum((v * u[j] for v, j in zip(n, entries)), e0)
-
-    def _independent(self, bearing):
-        """Return bearing rigid links whose rows do not depend on each other, as many as there are."""
-        from scipy.linalg import qr
-
-        rows = np.zeros((len(bearing), len(self.free)))
-        for k, i in enumerate(bearing):
-            for v, j in zip(self.links[i][1], self.links[i][0]):
-                if self.row[j] >= 0:
-                    rows[k, self.row[j]] += float(v)
-        if not rows.size:
-            return []
-        _, r, order = qr(rows.T, mode="economic", pivoting=True)
-        size = np.abs(np.diag(r))
-        return sorted(bearing[k] for k in order[: np.count_nonzero(size > 1e-9 * max(size[0], 1e-300))])
-
-    def _displacements(self, equations):
-        """Solve for these pieces and equations; return displacements and tensions of the equations."""
+    def _step(self, u, strains, centre):
+        """Newton's step from u."""
         from flint import arb_mat
 
-        n = len(self.free)
-        matrix = [[self.zero] * (n + len(equations)) for _ in range(n + len(equations))]
-        right = self.load + [self.zero] * len(equations)
+        n = len(u)
+        matrix = [[self.zero] * n for _ in range(n)]
+        force = [f - self.ground * (x - c) for f, x, c in zip(self.load, u, centre)]
         for i in range(n):
-            matrix[i][i] += self.ground
-        for i, state in enumerate(self.state):
-            if state is None:
-                continue
-            k, t0 = self.pieces[i][1][state]
-            if k == 0 and t0 == 0:
-                continue
-            entries, normal, _ = self.links[i]
-            rest = k * self._strain(i, self.given) + t0
-            for v, a in zip(normal, entries):
-                if self.row[a] < 0:
-                    continue
-                right[self.row[a]] -= v * rest
-                for w, b in zip(normal, entries):
-                    if self.row[b] >= 0:
-                        matrix[self.row[a]][self.row[b]] += k * v * w
-        for q, i in enumerate(equations, n):
-            right[q] = -self._strain(i, self.given)
-            for v, a in zip(self.links[i][1], self.links[i][0]):
-                if self.row[a] >= 0:
-                    matrix[q][self.row[a]] += v
-                    matrix[self.row[a]][q] += v
-        x = arb_mat(matrix).solve(arb_mat([[value] for value in right])) if matrix else None
-        u = list(self.given)
-        for i in self.free:
-            u[i] = x[int(self.row[i]), 0]
-        return u, {i: x[q, 0] for q, i in enumerate(equations, n)}
+            matrix[i][i] = self.ground
+        for i, (row, x) in enumerate(zip(self.rows, strains)):
+            k, t0 = self._piece(i, x)
+            tension = k * x + t0
+            for a, v in row:
+                if tension != 0:
+                    force[a] -= v * tension
+                if k != 0:
+                    for b, w in row:
+                        matrix[a][b] += k * v * w
+        force = [f.mid() for f in force]
+        found = arb_mat([[x.mid() for x in line] for line in matrix]).solve(
+            arb_mat([[f] for f in force]), algorithm="approx"
+        )
+        return [found[i, 0].mid() for i in range(n)]
 
-    def solve(self):
-        """Try active sets until one is its own solution's."""
+    def _length(self, u, strains, step, centre):
+        """Return the length of the step at which the energy is least; its slope is piecewise linear, and grows."""
+        moved = [sum((v * step[j] for j, v in row), self.zero).mid() for row in self.rows]
+        slope = sum(((self.ground * (x - c) - f) * s for f, x, c, s in zip(self.load, u, centre, step)), self.zero)
+        curve = sum((self.ground * s * s for s in step), self.zero)
+        events = []
+        for i, (x, d) in enumerate(zip(strains, moved)):
+            if d == 0:
+                continue
+            breaks, pieces = self.pieces[i]
+            at = sum(1 for value in breaks if x > value or (x == value and d > 0))
+            slope += (pieces[at][0] * x + pieces[at][1]) * d
+            curve += pieces[at][0] * d * d
+            ahead = range(at, len(breaks)) if d > 0 else range(at - 1, -1, -1)
+            for p in ahead:
+                before, after = (pieces[p], pieces[p + 1]) if d > 0 else (pieces[p + 1], pieces[p])
+                events.append((((breaks[p] - x) / d).mid(), ((after[0] - before[0]) * d * d).mid()))
+        events.sort(key=lambda event: event[0])
+        slope, curve, here = slope.mid(), curve.mid(), self.zero
+        for at, change in events:
+            if slope + curve * (at - here) >= 0:
+                break
+            slope, curve, here = (slope + curve * (at - here)).mid(), (curve + change).mid(), at
+        return (here - slope / curve).mid() if curve > 0 else here
+
+    def _equilibrium(self, u, centre):
+        """Newton's method from u; the ground's springs are at rest at `centre`."""
+        for _ in range(STEPS):
+            strains = self._strains(u)
+            pieces = [self._piece(i, x) for i, x in enumerate(strains)]
+            step = self._step(u, strains, centre)
+            whole = [(x + s).mid() for x, s in zip(u, step)]
+            after = self._strains(whole)
+            still = max((abs(s) for s in step), default=self.zero) <= self.least * max(map(abs, u), default=self.zero)
+            if still or all(self._piece(i, x) is piece for (i, x), piece in zip(enumerate(after), pieces)):
+                return whole, after
+            length = self._length(u, strains, step, centre)
+            u = [(x + length * s).mid() for x, s in zip(u, step)]
+        raise RuntimeError(f"no equilibrium of {self.scene.name} in {STEPS} steps in {BITS} bits")
+
+    def solve(self, guess, unique):
+        """Find the equilibrium, and whether it is one."""
         from flint import arb
 
-        beyond = arb(10) ** -APART
-        for _ in range(STEPS):
-            bearing = [int(i) for i in np.flatnonzero(self.bears)]
-            equations = self._independent(bearing)
-            try:
-                u, tension = self._displacements(equations)
-            except ZeroDivisionError:
-                return None
-            strain = [self._strain(i, u) for i in range(len(self.links))]
-            state = [self._piece(i, x) for i, x in enumerate(strain)]
-            bears = self.bears.copy()
-            for i in np.flatnonzero(self.sign):
-                sign = int(self.sign[i])
-                if not bears[i]:
-                    bears[i] = bool(strain[i] * sign > beyond)
-                elif len(equations) == len(bearing):  # where tensions are not unique their signs mean nothing
-                    bears[i] = not tension[i] * sign < 0
-            if state == self.state and (bears == self.bears).all():
-                return np.array([float(value.mid()) for value in u]).reshape(self.scene.nodes.shape)
-            self.state, self.bears = state, bears
-        return None
+        u = [arb(float(x)) for x in (np.zeros(self.scene.fixed.shape) if guess is None else guess).ravel()[self.free]]
+        u, strains = self._equilibrium(u, [self.zero] * len(u))
+        tensions = [k * x + t0 for i, x in enumerate(strains) for k, t0 in [self._piece(i, x)]]
+        if self._on_ground(u) or self._jammed(tensions):
+            return Exact(False)
+        whole = np.where(self.scene.fixed, self.scene.prescribed, 0.0).ravel()
+        whole[self.free] = [float(x) for x in u]
+        alone = self._alone(u) if unique and u else True
+        return Exact(True, whole.reshape(self.scene.fixed.shape), np.array([float(x) for x in tensions]), alone)
+
+    def _on_ground(self, u):
+        """Return whether springs to the ground bear what nothing else does."""
+        load = max(map(abs, self.load), default=self.zero)
+        return any(abs(self.ground * x) > self.nothing * load for x in u) and load > 0
+
+    def _jammed(self, tensions):
+        """Return whether rigid links bear more than all forces that the structure has."""
+        force = max(map(abs, self.load), default=self.zero) + self.stiffest * max(
+            map(abs, self.rest), default=self.zero
+        )
+        return any(abs(tau) * self.nothing > force for tau in tensions)
+
+    def _alone(self, u):
+        """Return whether springs to the ground that pull to opposite sides leave displacements where they are."""
+        from flint import arb
+
+        size = max([*map(abs, u), *map(abs, self.rest)])
+        away = [size * arb(int(k)) / 97 for k in np.random.default_rng(0).integers(1, 97, len(u))]
+        for centre in ([x + y for x, y in zip(u, away)], [x - y for x, y in zip(u, away)]):
+            moved, _ = self._equilibrium(u, centre)
+            if any(abs(x - y) > size * self.nothing for x, y in zip(u, moved)):
+                return False
+        return True

@@ -11,7 +11,6 @@ from latinpc.laws import Law
 from latinpc.scenes.mechanics import elongations
 
 from .case import ACCURACY
-from .conditions import missed
 from .exact import solve_exactly
 
 CLOSED = 1e-4  # of the free flight of a step: smaller gaps are closed, as TS latin has it
@@ -36,8 +35,6 @@ def as_statics(scene, u, v):
     Returns
     -------
     Scene
-    kept : (m,) array of bool
-        Its links come from these, before the springs.
     """
     h, (n, dim) = scene.time_step, scene.nodes.shape
     heavy = np.flatnonzero(scene.mass > 0)
@@ -48,7 +45,7 @@ def as_statics(scene, u, v):
     rigid = np.isin(scene.law, (Law.INEXTENSIBLE, Law.CONTACT))
     kept = ~(rigid & (np.where(scene.law == Law.INEXTENSIBLE, -x, x) > CLOSED * flight))
     springs = np.column_stack([np.full(dim * len(heavy), n), np.repeat(heavy, dim)])
-    statics = replace(
+    return replace(
         scene,
         nodes=np.vstack([scene.nodes, scene.nodes[:1]]),  # the ground
         links=np.vstack([scene.links[kept], springs]),
@@ -61,18 +58,19 @@ def as_statics(scene, u, v):
         load=np.vstack([force, np.zeros((1, dim))]),
         subdomain=None, mass=None, velocity=None, friction=None,
     )  # fmt: skip
-    return statics, kept
 
 
-def motion_error(case, scene, u, v, tensions):
+def motion_error(case, scene, u, v, rest=0.0):
     """Return the relative l2 error of the velocities after the worst step, and the kind of reference.
 
     Parameters
     ----------
     case : Case
     scene : Scene
-    u, v, tensions : (steps + 1, n, dim) and (steps + 1, m) arrays
+    u, v : (steps + 1, n, dim) arrays
         At the start and after each step.
+    rest : float
+        Part of the largest speed so far that is rest: errors are relative to no less.
 
     Returns
     -------
@@ -80,19 +78,19 @@ def motion_error(case, scene, u, v, tensions):
     """
     if case.solution is not None:
         known = case.solution(scene)
-        moved = (scene.velocity, _flight(scene))
-        return max(_far(found, exact, *moved) for found, exact in zip(v[1:], known)), "closed form"
+        floor = REST * max(map(np.linalg.norm, (scene.velocity, _flight(scene))))
+        return max(_far(found, exact, floor) for found, exact in zip(v[1:], known)), "closed form"
     worst, kinds = 0.0, set()
     for k in range(case.steps):
-        error, kind = _step_error(scene, u[k], v[k], v[k + 1], tensions[k + 1])
+        error, kind = _step_error(scene, u[k], v[k], v[k + 1], rest * max(map(np.linalg.norm, v[: k + 1])))
         worst = max(worst, error)
         kinds.add(kind)
     return worst, ", ".join(sorted(kinds))
 
 
-def _far(found, known, *before):
-    """Return how far velocities are from the true ones, beside these, or what is left of those before a rest."""
-    size = max(np.linalg.norm(known), *(REST * np.linalg.norm(x) for x in before))
+def _far(found, known, floor):
+    """Return how far velocities are from the true ones, beside these or a floor."""
+    size = max(np.linalg.norm(known), floor)
     far = np.linalg.norm(found - known)
     return float(far / size) if size > 0 else float(far)
 
@@ -103,15 +101,15 @@ def _flight(scene):
     return np.divide(scene.load * scene.time_step, scene.mass[:, None], where=heavy, out=np.zeros(scene.load.shape))
 
 
-def _step_error(scene, u, v, found, tensions):
+def _step_error(scene, u, v, found, rest=0.0):
     h = scene.time_step
-    statics, kept = as_statics(scene, u, v)
+    statics = as_statics(scene, u, v)
     w = h * np.vstack([found, 0.0 * found[:1]])
-    springs = statics.stiffness[np.count_nonzero(kept) :]
-    bears = np.append(tensions[kept], springs * elongations(statics, w)[np.count_nonzero(kept) :])
-    exact = solve_exactly(statics, w, bears)
-    if exact is None:  # more links bear than determine their tensions
-        return missed(statics, w, bears), "conditions"
+    exact = solve_exactly(statics, w)
+    if not exact.exists:
+        return np.inf, "none exists"
+    exact = exact.displacements
     if np.linalg.norm(found - exact[:-1] / h) * h <= NOTHING * np.linalg.norm(statics.initial_elongation):
         return 0.0, "nothing moves but by rounding"
-    return _far(found, exact[:-1] / h, v, u / h, v + _flight(scene)), "exact"
+    floor = max(rest, *(REST * np.linalg.norm(x) for x in (v, u / h, v + _flight(scene))))
+    return _far(found, exact[:-1] / h, floor), "exact"

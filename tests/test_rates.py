@@ -1,0 +1,145 @@
+"""Random structures and their judge: equilibria in 200 digits, verdicts, families, and the rates of some hundred."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import oracle
+import pytest
+from petsc4py import PETSc
+from support import far, lattice
+from test_cli import latinpc, said
+
+from latinpc.bench.extremes import drawn, rates, rating
+from latinpc.bench.extremes.catalogue import hung
+from latinpc.bench.extremes.exact import solve_exactly
+from latinpc.scenes import Law, Scene
+
+pytestmark = pytest.mark.skipif(np.finfo(PETSc.RealType).eps > 1e-10, reason="the rates are those of double precision")
+
+
+def hanging(law, load, **changes):
+    """One node on a vertical and a slanting link."""
+    given = {"nodes": [[0.0, 1.0], [1.0, 1.0], [0.0, 0.0]], "links": [[0, 2], [1, 2]], "law": [law, law]}
+    fixed = [[True, True], [True, True], [False, False]]
+    return Scene(name="hanging", stiffness=[2.0, 3.0], fixed=fixed, load=[[0, 0], [0, 0], load], **(given | changes))
+
+
+# ---- equilibria in 200 digits ----------------------------------------------------------------
+@pytest.mark.parametrize("seed", range(12))
+def test_equilibria_balance_and_are_those_of_newton(seed):
+    """Forces balance to the last digits, and a dense Newton in double precision agrees."""
+    scene = drawn.draw(5, seed, "statics").scene
+    exact = solve_exactly(scene, unique=True)
+    if not exact.exists:
+        assert exact.displacements is None
+        return
+    forces = np.zeros(scene.nodes.shape)
+    for end, sign in ((0, -1.0), (1, 1.0)):
+        np.add.at(forces, scene.links[:, end], sign * exact.tensions[:, None] * scene.directions)
+    size = np.abs(exact.tensions).max() + np.abs(scene.load).max()
+    assert np.abs(np.where(scene.fixed, 0.0, forces - scene.load)).max() <= 1e-13 * size
+    wrong = np.where(
+        scene.law == Law.CABLE, -exact.tensions, np.where(scene.law == Law.COMPRESSION_ONLY, exact.tensions, 0)
+    )
+    assert (wrong <= 0.0).all()
+
+
+def test_a_guess_changes_nothing():
+    scene = lattice(3, 3)
+    assert far(solve_exactly(scene, guess=np.ones(scene.nodes.shape)).displacements, oracle.newton(scene)) < 1e-12
+
+
+def test_what_cannot_be_in_equilibrium():
+    """A cable under compression, and beyond its limit load by one part in a million."""
+    assert not solve_exactly(hung(1.0)).exists
+    assert solve_exactly(hanging(Law.CABLE, [0.0, -1.0])).exists
+    assert solve_exactly(hanging(Law.CABLE, [1e-9, -1e-3])).exists
+    assert not solve_exactly(hanging(Law.CABLE, [-1e-9, -1e-3])).exists
+    assert not solve_exactly(hanging(Law.CABLE, [0.0, 1e-12])).exists
+
+
+def test_what_is_unique():
+    """Displacements of a node that a slack cable leaves room are not; those of a taut one are, and of a stop."""
+    assert solve_exactly(hanging(Law.BAR, [0.0, -1.0]), unique=True).unique
+    assert not solve_exactly(hanging(Law.CABLE, [0.0, 0.0], initial_elongation=[-0.1, -0.1]), unique=True).unique
+    assert solve_exactly(hanging(Law.INEXTENSIBLE, [1.0, -3.0], stiffness=[0.0, 0.0]), unique=True).unique
+
+
+def test_rigid_links_and_jams():
+    """A gap is met to the last digit; gaps that no displacement meets are no equilibrium."""
+    line = {"nodes": [[0.0], [2.0], [1.0]], "links": [[0, 2], [2, 1]], "fixed": [[1], [1], [0]], "load": [[0.0]] * 3}
+    stop = Scene(name="stop", law=[Law.BAR, Law.CONTACT], stiffness=[1.0, 0.0], initial_elongation=[-1.0, 0.25], **line)
+    exact = solve_exactly(stop, unique=True)
+    assert exact.displacements[2, 0] == 0.25
+    assert np.allclose(exact.tensions, [-0.75, -0.75], rtol=1e-15, atol=0)
+    jam = replace(stop, law=[Law.CONTACT, Law.CONTACT], initial_elongation=np.array([-1e-9, 0.0]))
+    assert not solve_exactly(jam).exists
+
+
+# ---- the judge -------------------------------------------------------------------------------
+def verdict(scene, u, tensions):
+    return rating._judge_statics(drawn.Drawn("statics", "test", scene), u, tensions)["verdict"]
+
+
+def test_verdicts():
+    """Displacements and tensions wrong by more than three times what was asked are wrong; so is what does not exist."""
+    scene = hanging(Law.BAR, [0.3, -1.0])
+    exact = solve_exactly(scene)
+    u, tensions = exact.displacements, exact.tensions
+    assert verdict(scene, u, tensions) == "right"
+    assert verdict(scene, u * (1 + 2.9e-4), tensions) == "right"
+    assert verdict(scene, u * (1 + 3.1e-4), tensions) == "wrong"
+    assert verdict(scene, u, tensions * (1 + 3.1e-4)) == "wrong"
+    assert verdict(scene, np.full_like(u, np.nan), tensions) == "wrong"
+    none = hanging(Law.CABLE, [-1e-9, -1e-3])
+    assert verdict(none, u, tensions) == "wrong"
+    assert rating._refused(drawn.Drawn("statics", "test", none), "no equilibrium") == "refused"
+    assert rating._refused(drawn.Drawn("statics", "test", scene), "no equilibrium") == "unsolved"
+
+
+def test_where_displacements_are_not_unique_tensions_count():
+    scene = hanging(Law.CABLE, [0.0, -1.0])
+    exact = solve_exactly(scene, unique=True)
+    assert not exact.unique
+    assert verdict(scene, exact.displacements + np.array([[0, 0], [0, 0], [-0.1, 0]]), exact.tensions) == "right"
+    assert verdict(scene, exact.displacements, exact.tensions * 1.01) == "wrong"
+
+
+@pytest.mark.parametrize("family", drawn.SHARES)
+def test_families(family):
+    """The same numbers make the same structure, of links between nodes apart, in all topologies."""
+    seen = set()
+    for number in range(40):
+        one, two = (drawn.draw(3, number, family) for _ in range(2))
+        seen.add(one.topology)
+        assert (one.scene.nodes == two.scene.nodes).all()
+        assert (one.scene.load == two.scene.load).all()
+        assert one.family == family
+    assert seen == set(drawn.TOPOLOGIES)
+
+
+# ---- the rates -------------------------------------------------------------------------------
+def test_rates_of_a_few_hundred(tmp_path):
+    """None is wrong, hangs or crashes; nearly all that have an equilibrium are solved."""
+    file = tmp_path / "rates.json"
+    result = latinpc("extremes", "--random", "300", "--seed", "17", "--json", file, timeout=300)
+    outcomes = json.loads(file.read_text())["outcomes"]
+    assert len(outcomes) == 300
+    assert not [one for one in outcomes if one["verdict"] in rates.BAD], result.stdout
+    solvable = [one for one in outcomes if one["verdict"] in ("right", "unsolved") and one["family"] != "friction"]
+    assert np.mean([one["verdict"] == "right" for one in solvable]) > 0.98
+
+
+def test_mistakes_are_named():
+    for given, words in ((["--family", "x"], "choose from statics"), (["--group", "x"], "have a --family")):
+        assert words in said(latinpc("extremes", "--random", "3", *given, code=2))[0]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_rates(seed):
+    """3,000 structures a seed."""
+    document = rates.run(3000, seed)
+    _, table = rates.layout(document)
+    assert not [one for one in document["outcomes"] if one["verdict"] in rates.BAD], table
