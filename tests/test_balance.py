@@ -74,7 +74,7 @@ def test_a_stop_of_ones_own_is_not_compared_with_loads():
     [
         (grid, {}, "error"),
         (lambda: grid("truss"), {}, "indicator"),  # nothing to iterate on
-        (lambda: make("net", side=8), {}, "indicator"),  # rigid
+        (lambda: make("net", side=8), {}, "error"),  # rigid
         (grid, {"stol": 1e-5}, "indicator"),
         (grid, {"stop": "energy"}, "energy"),
         (grid, {"stol": 1e-3, "error": 1e-3}, "error"),

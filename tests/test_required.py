@@ -35,16 +35,22 @@ SCENES = {
     "cables, 3D, one subdomain": (lambda: grid(subdomains=1), CHEAP, ("links",)),
     "cables, 3D, many": (lambda: grid(), CHEAP, ("coarse", "links")),
     "the default stop": (grid, {}, ("coarse", "links", "estimate", "Newton", "second method")),
-    "rigid cables, many": (lambda: make("net", side=8, subdomains=4), {}, ("coarse", "links")),
+    "rigid cables, many": (lambda: make("net", side=8, subdomains=4), CHEAP, ("coarse", "links")),
+    "rigid cables, the default stop": (lambda: make("net", side=8, subdomains=4), {}, ("coarse", "links", "estimate")),
     "stop on the error": (grid, {"stop": "error"}, ("coarse", "links", "estimate", "Newton", "second method")),
     "local fields": (irregular, {"modes_local": 1, **CHEAP}, ("coarse", "links", "local fields")),
     "reference": (grid, CHEAP, ("coarse", "links", "errors")),
     "Newton, many": (lambda: stiff(grid()), {"max_it": 3000, **CHEAP}, ("coarse", "links", "Newton", "second method")),
     "friction, many": (grains, {"stol": 0.1}, ("coarse", "links")),
     "bars, motion": (lambda: heavy(bars(lattice())), {}, ("coarse", "motion")),
-    "cables, motion, one subdomain": (lambda: heavy(grid(subdomains=1), mass=20.0), {}, ("links", "motion")),
-    "cables, motion": (lambda: heavy(grid(), mass=20.0), {}, ("coarse", "links", "motion")),
-    "contacts, motion": (lambda: make("bouncing-chain"), {}, ("coarse", "links", "motion")),
+    "cables, motion, one subdomain": (lambda: heavy(grid(subdomains=1), mass=20.0), CHEAP, ("links", "motion")),
+    "cables, motion": (lambda: heavy(grid(), mass=20.0), CHEAP, ("coarse", "links", "motion")),
+    "contacts, motion": (lambda: make("bouncing-chain"), CHEAP, ("coarse", "links", "motion")),
+    "contacts, motion, the default stop": (
+        lambda: make("bouncing-chain"),
+        {},
+        ("coarse", "links", "motion", "estimate"),
+    ),
 }
 STEP = 1e-4
 

@@ -60,8 +60,8 @@ def test_a_second_solve_starts_from_the_parameter_found_and_a_warm_one_goes_on()
 def test_errors_against_a_reference_go_on(name):
     """With the operators of another parameter as well."""
     scene = make("packing", **STALLS) if name == "stalls" else stiffened(1e4, False)
-    found = solve(scene, **LONG)
-    again = solve(scene, found.u, **LONG)
+    found = solve(scene, newton="never", **LONG)
+    again = solve(scene, found.u, newton="never", **LONG)
     assert again.iterations == found.iterations
     assert again.history.error_l2[-1] < 1e-8
 

@@ -120,9 +120,10 @@ def _errors(scene, u, tensions, exact):
         stiffness = np.median(scene.stiffness[elastic]) if elastic.any() else np.inf
         nothing = max(EPSILON * np.abs(scene.nodes).max(), STUCK * np.abs(scene.load).max() / stiffness)
         errors["u"] = _far(u[free], exact.displacements[free], nothing)
-    moved = np.abs(scene.initial_elongation).max() + np.abs(exact.displacements).max() + np.ptp(scene.nodes)
-    size = scene.stiffness.max() * moved + np.abs(scene.load).max()
-    errors["tension"] = _far(tensions[elastic], exact.tensions[elastic], EPSILON * size)
+    moved = np.abs(scene.initial_elongation).max() + np.abs(exact.displacements).max()
+    coordinates = EPSILON * scene.stiffness.max() * np.ptp(scene.nodes)
+    nothing = max(coordinates, STUCK * (scene.stiffness.max() * moved + np.abs(scene.load).max()))
+    errors["tension"] = _far(tensions[elastic], exact.tensions[elastic], nothing)
     return errors
 
 

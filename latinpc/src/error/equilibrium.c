@@ -27,6 +27,7 @@
 #define LATIN_POINT         64.0                         /* times eps, of the size of the structure: less than coordinates show */
 #define LATIN_GAP_POINT     4.0                          /* the same of gaps and prescribed displacements */
 #define LATIN_SOFT          LatinByPrecision(1e-7, 1e-4) /* stiffness of a mechanism, relative to that of the softest link */
+#define LATIN_PUSH          1e-9                         /* of the loads: less along a step is rounding */
 #define LATIN_LOAD_LEFT     0.1                          /* part of the loads that tensions do not balance along a mechanism */
 #define LATIN_JAM_STAGES    100                          /* damped linear stages, after which tensions that grow without end show it; 25 find every jam tried, 6 do not */
 #define LATIN_JAM_FAR       10.0                         /* times the displacements: so far no displacement meets links that are jammed */
@@ -58,6 +59,17 @@ PetscErrorCode LatinStructureSize_Private(LatinStructure structure, PetscReal *s
   for (PetscInt c = 0; c < dim; c++) sum += PetscSqr(most[2 * c] + most[2 * c + 1]);
   *size       = PetscSqrtReal(sum);
   *prescribed = most[6];
+  PetscFunctionReturn(0);
+}
+
+/* Displacements of so small an l2 norm are less than coordinates show. Collective on structure */
+PetscErrorCode LatinEquilibriumPoint_Private(LatinStructure structure, PetscReal *least)
+{
+  PetscReal size, prescribed;
+
+  PetscFunctionBegin;
+  PetscCall(LatinStructureSize_Private(structure, &size, &prescribed));
+  *least = LATIN_POINT * PETSC_MACHINE_EPSILON * size;
   PetscFunctionReturn(0);
 }
 
@@ -197,6 +209,7 @@ PetscErrorCode LatinEquilibriumCheck_Private(Latin latin, Vec u, Vec r, Vec more
 
   found->balanced = (PetscBool)(sum.error == 0.0);
   if (sum.left > 0.0) found->unbalance = PetscSqrtReal(sum.left / (sum.load > 0.0 ? sum.load : PetscMax(sum.bearing, PETSC_MIN_REAL)));
+  if (sum.left > 0.0) found->forces = PetscSqrtReal(sum.left / PetscMax(sum.bearing, PETSC_MIN_REAL));
   norm = energy ? PetscSqrtReal(balance.sum.energy) : size;
   if (norm > 0.0) found->error = LATIN_FORCE_FACTOR * PetscSqrtReal(sum.error) / norm;
   for (PetscInt d = 0; d < 4 && structure->ground && !energy && norm > 0.0; d++)
@@ -227,7 +240,7 @@ PetscErrorCode LatinEquilibriumMechanism_Private(LatinStructure structure, Vec s
 {
   const PetscInt dim = structure->dim;
   PetscInt       mine[LATIN_LISTED], count = 0;
-  PetscReal     *move, most, length, least, resisted;
+  PetscReal     *move, most, length, least, resisted, load, beside = 0.0;
   PetscScalar    pushed, other = 0.0, left;
 
   PetscFunctionBegin;
@@ -239,7 +252,10 @@ PetscErrorCode LatinEquilibriumMechanism_Private(LatinStructure structure, Vec s
   PetscCall(VecDot(structure->load, step, &pushed));
   if (more) PetscCall(VecDot(more, step, &other));
   PetscCall(VecDot(r, step, &left));
+  PetscCall(VecNorm(structure->load, NORM_2, &load));
+  if (more) PetscCall(VecNorm(more, NORM_2, &beside));
   if (resisted > LATIN_SOFT * least * length * length || PetscAbsScalar(left) <= LATIN_LOAD_LEFT * PetscAbsScalar(pushed + other)) PetscFunctionReturn(0);
+  if (-PetscRealPart(pushed + other) <= LATIN_PUSH * (load + beside) * length) PetscFunctionReturn(0); /* the step is taken off: a node without load that nothing holds moves by rounding alone */
   PetscCall(PetscMalloc1(dim * structure->nodes_local, &move));
   PetscCall(LatinStructureGetDisplacements(structure, step, move));
   for (PetscInt i = 0; i < structure->nodes_local; i++) {

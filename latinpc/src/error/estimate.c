@@ -9,7 +9,7 @@
 
    So the largest ratio among the last iterates, times the present distance, estimates the present error:
    max_j |U_j - U_k| / distance_j * distance_k. The window must be longer than the slowest fields take to show: the later
-   half of the iterates, as long as they are not too many. A factor calibrated on one set of structures
+   half of all iterates, of which 32 at least are kept, evenly spaced. A factor calibrated on one set of structures
    (benchmarks/effectivity.py) and tested on another makes it safe. A field that creeps without showing in the distance
    of the stages, as links about to slacken do, is caught by extrapolation [A. C. Aitken]: steps that shrink by a rate q
    sum up to q / (1 - q) times the last one.
@@ -23,48 +23,77 @@
 #define LATIN_ESTIMATE_ROWS   256  /* numbers of a sketch: distances to 1 / sqrt(2 ROWS), 4 % */
 #define LATIN_ESTIMATE_BITS   9    /* of an entry: its row, of 2^8, and its sign */
 #define LATIN_ESTIMATE_SHARE  6    /* entries that share 64 bits */
-#define LATIN_ESTIMATE_WINDOW 32   /* iterates: 8 forget slow fields, 64 change nothing */
+#define LATIN_ESTIMATE_WINDOW 64   /* most iterates kept: even, for half of them go */
 #define LATIN_ESTIMATE_SHORT  4    /* at least so many earlier iterates, where there are */
-#define LATIN_ESTIMATE_STEP   4    /* iterates between those that are extrapolated */
+#define LATIN_ESTIMATE_STEP   4    /* at least so many iterates between those that are extrapolated */
 #define LATIN_ESTIMATE_RATE   0.98 /* no rate above it is believed */
 #define LATIN_ESTIMATE_EARLY  10.0 /* more caution at the first iterates, which have a short past */
 
 static const PetscReal LatinEstimateSafety[] = {1.8, 4.0}; /* l2 norm, energy norm */
 
-PetscErrorCode LatinEstimateStart_Private(LatinEstimate *estimate)
+/* Fields with an estimate each: displacements, and tensions of rigid links, which do not follow from them */
+static inline PetscInt LatinEstimateFields(Latin latin)
 {
+  return latin->sub.structure->rigid_law < 0 ? 1 : 2;
+}
+
+PetscErrorCode LatinEstimateStart_Private(Latin latin, LatinEstimate *estimate)
+{
+  const PetscInt width = LatinEstimateFields(latin) * (LATIN_ESTIMATE_ROWS + 1) + 1;
+
   PetscFunctionBegin;
-  if (!estimate->sketch) PetscCall(PetscMalloc2((LATIN_ESTIMATE_WINDOW + 1) * (LATIN_ESTIMATE_ROWS + 1), &estimate->sketch, LATIN_ESTIMATE_ROWS + 1, &estimate->part));
-  estimate->count = 0;
-  estimate->value = 1.0;
-  estimate->floor = 0.0;
+  if (width != estimate->width) {
+    PetscCall(PetscFree2(estimate->sketch, estimate->part));
+    PetscCall(PetscMalloc2((LATIN_ESTIMATE_WINDOW + 1) * width, &estimate->sketch, width, &estimate->part));
+    estimate->width = width;
+  }
+  estimate->count = estimate->stored = 0;
+  estimate->stride                   = 1;
+  estimate->value                    = 1.0;
+  estimate->floor                    = 0.0;
   PetscFunctionReturn(0);
 }
 
-/* This rank's part of the sketch of the displacements, and of their squared norm behind it */
+/* An entry is added to one of the numbers of a sketch with a sign, both random bits; behind it is the squared norm */
+static inline void LatinEstimateAdd(PetscReal sketch[], uint64_t bits, PetscReal v)
+{
+  sketch[(bits >> 1) % LATIN_ESTIMATE_ROWS] += bits & 1 ? v : -v;
+  sketch[LATIN_ESTIMATE_ROWS] += v * v;
+}
+
+/* Random bits that follow from a place in a subdomain */
+static inline uint64_t LatinEstimateBits(PetscInt subdomain, PetscInt place)
+{
+  return LatinMix(((uint64_t)subdomain << 32) ^ (uint64_t)place) >> 1;
+}
+
+/* This rank's part of the sketch of the displacements */
 static void LatinEstimateSketch(Latin latin, PetscBool energy, PetscReal sketch[])
 {
-  const LatinSubdomains *sub    = &latin->sub;
-  const PetscInt         dim    = latin->sub.structure->dim;
-  const PetscReal       *U      = latin->linear.U;
-  PetscReal              square = 0.0;
+  const LatinSubdomains *sub = &latin->sub;
+  const PetscInt         dim = latin->sub.structure->dim;
+  const PetscReal       *U   = latin->linear.U;
 
-  for (PetscInt i = 0; i < LATIN_ESTIMATE_ROWS; i++) sketch[i] = 0.0;
   for (PetscInt s = 0; s < sub->n; s++) {
     const PetscInt first = energy ? sub->link_offset[s] : dim * sub->node_offset[s], last = energy ? sub->link_offset[s + 1] : dim * sub->node_offset[s + 1];
 
     for (PetscInt i = first; i < last;) {
-      uint64_t bits = LatinMix(((uint64_t)(sub->first + s) << 32) ^ (uint64_t)((i - first) / LATIN_ESTIMATE_SHARE)) >> 1; /* random */
+      uint64_t bits = LatinEstimateBits(sub->first + s, (i - first) / LATIN_ESTIMATE_SHARE);
 
-      for (PetscInt c = 0; c < LATIN_ESTIMATE_SHARE && i < last; c++, i++, bits >>= LATIN_ESTIMATE_BITS) {
-        const PetscReal v = energy ? PetscSqrtReal(sub->stiffness[i]) * LatinElongation(sub, dim, i, U) : U[i];
-
-        sketch[(bits >> 1) % LATIN_ESTIMATE_ROWS] += bits & 1 ? v : -v;
-        square += v * v;
-      }
+      for (PetscInt c = 0; c < LATIN_ESTIMATE_SHARE && i < last; c++, i++, bits >>= LATIN_ESTIMATE_BITS) LatinEstimateAdd(sketch, bits, energy ? PetscSqrtReal(sub->stiffness[i]) * LatinElongation(sub, dim, i, U) : U[i]);
     }
   }
-  sketch[LATIN_ESTIMATE_ROWS] = square;
+}
+
+/* The same of the tensions of links with a state, where some are rigid */
+static void LatinEstimateTensions(Latin latin, PetscReal sketch[])
+{
+  const LatinSubdomains *sub = &latin->sub;
+
+  for (PetscInt i = 0, s = 0; i < sub->nonsmooth; i++) {
+    while (sub->nonsmooth_link[i] >= sub->link_offset[s + 1]) s++;
+    LatinEstimateAdd(sketch, LatinEstimateBits(sub->first + s, sub->nonsmooth_link[i] - sub->link_offset[s]), latin->linear.tension[i]);
+  }
 }
 
 /* What rounding leaves of the present displacements */
@@ -78,12 +107,15 @@ PetscErrorCode LatinEstimateFloor_Private(Latin latin, LatinEstimate *estimate)
   PetscFunctionBegin;
   for (PetscInt l = 0; l < sub->links; l++) {
     const PetscReal *n = sub->direction + dim * l, *ua = U + dim * sub->ends[2 * l], *ub = U + dim * sub->ends[2 * l + 1];
+    const PetscReal  tension = LatinLaws[sub->law[l]].rigid && sub->state[l] >= 0 ? latin->linear.tension[sub->state[l]] : 0.0;
     PetscReal        a = 0.0, b = 0.0;
 
+    if (LatinLaws[sub->law[l]].rigid && tension == 0.0) continue;
     for (PetscInt c = 0; c < dim; c++) {
       a += n[c] * ua[c];
       b += n[c] * ub[c];
     }
+    if (tension != 0.0) sum[1] += tension * tension / sub->stiffness[l]; /* what a rigid link bears shows as much as a strain */
     sum[0] += sub->stiffness[l] * (a * a + b * b);
     sum[1] += sub->stiffness[l] * (b - a) * (b - a);
   }
@@ -96,54 +128,80 @@ PetscErrorCode LatinEstimateFloor_Private(Latin latin, LatinEstimate *estimate)
   PetscFunctionReturn(0);
 }
 
-/* The sketch of iterate k, and the distance of its stages behind it */
-static inline PetscReal *LatinEstimateRow(LatinEstimate *estimate, PetscInt k)
+/* Distance of the stages of the stored iterate i, behind its sketches */
+static inline PetscReal LatinEstimateDistance(const LatinEstimate *estimate, PetscInt i)
 {
-  return estimate->sketch + (k % (LATIN_ESTIMATE_WINDOW + 1)) * (LATIN_ESTIMATE_ROWS + 1);
+  return estimate->sketch[(i + 1) * estimate->width - 1];
 }
 
-/* |U_j - U_k| */
-static PetscReal LatinEstimateFar(LatinEstimate *estimate, PetscInt j, PetscInt k)
+/* How far a field has moved between two stored iterates */
+static PetscReal LatinEstimateFar(const LatinEstimate *estimate, PetscInt field, PetscInt i, PetscInt j)
 {
-  const PetscReal *a = LatinEstimateRow(estimate, j), *b = LatinEstimateRow(estimate, k);
+  const PetscReal *a = estimate->sketch + i * estimate->width + field * (LATIN_ESTIMATE_ROWS + 1), *b = a + (j - i) * estimate->width;
   PetscReal        sum = 0.0;
 
-  for (PetscInt i = 0; i < LATIN_ESTIMATE_ROWS; i++) sum += PetscSqr(a[i] - b[i]);
+  for (PetscInt r = 0; r < LATIN_ESTIMATE_ROWS; r++) sum += PetscSqr(a[r] - b[r]);
   return PetscSqrtReal(sum);
 }
 
+/* The estimated error of a field of the last stored iterate, relative */
+static PetscReal LatinEstimateField(const LatinEstimate *estimate, PetscInt field)
+{
+  const PetscInt  last = estimate->stored - 1, first = PetscMax(0, PetscMin(last / 2, last - LATIN_ESTIMATE_SHORT));
+  const PetscInt  step  = PetscMax(1, LATIN_ESTIMATE_STEP / estimate->stride);
+  const PetscReal norm  = PetscSqrtReal(estimate->sketch[last * estimate->width + field * (LATIN_ESTIMATE_ROWS + 1) + LATIN_ESTIMATE_ROWS]);
+  PetscReal       worst = 0.0, error, before, now, rate;
+
+  for (PetscInt i = first; i < last; i++) {
+    if (LatinEstimateDistance(estimate, i) > 0.0) worst = PetscMax(worst, LatinEstimateFar(estimate, field, i, last) / LatinEstimateDistance(estimate, i));
+  }
+  error = LatinEstimateSafety[estimate->energy] * (1.0 + LATIN_ESTIMATE_EARLY / estimate->count) * worst * LatinEstimateDistance(estimate, last);
+  if (last >= 2 * step) {
+    before = LatinEstimateFar(estimate, field, last - 2 * step, last - step);
+    now    = LatinEstimateFar(estimate, field, last - step, last);
+    rate   = before > 0.0 ? PetscMin(now / before, LATIN_ESTIMATE_RATE) : 0.0;
+    error  = PetscMax(error, LatinEstimateSafety[estimate->energy] * now * rate / (1.0 - rate));
+  }
+  return norm > 0.0 ? error / norm : error;
+}
+
+/* Sketches of this iterate; where there is no more room, every other one of the past is forgotten. Collective on latin */
+static PetscErrorCode LatinEstimateStore_Private(Latin latin, LatinEstimate *estimate)
+{
+  const PetscInt width = estimate->width;
+  PetscReal     *mine  = estimate->sketch + estimate->stored * width;
+
+  PetscFunctionBegin;
+  PetscCall(PetscArrayzero(estimate->part, width));
+  LatinEstimateSketch(latin, estimate->energy, estimate->part);
+  if (LatinEstimateFields(latin) > 1) LatinEstimateTensions(latin, estimate->part + LATIN_ESTIMATE_ROWS + 1);
+  PetscCall(MPIU_Allreduce(estimate->part, mine, width - 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)latin)));
+  mine[width - 1] = latin->linear.distance;
+  estimate->stored++;
+  estimate->ratio = 0.0;
+  for (PetscInt f = 0; f < LatinEstimateFields(latin); f++) estimate->ratio = PetscMax(estimate->ratio, LatinEstimateField(estimate, f));
+  if (latin->linear.distance > 0.0) estimate->ratio /= latin->linear.distance;
+  if (estimate->stored <= LATIN_ESTIMATE_WINDOW) PetscFunctionReturn(0);
+  for (PetscInt i = 1; 2 * i < estimate->stored; i++) PetscCall(PetscArraycpy(estimate->sketch + i * width, estimate->sketch + 2 * i * width, width));
+  estimate->stored = (estimate->stored + 1) / 2;
+  estimate->stride *= 2;
+  PetscFunctionReturn(0);
+}
+
 /*
-   After an application of the fixed-point map: the estimated relative error of its displacements. Before the third one
-   there is nothing to say: 1. With a target below what rounding leaves, `rounding` says that this has been reached.
+   After an application of the fixed-point map: the estimated relative error of its displacements, and of the tensions of
+   rigid links. Before the third one there is nothing to say: 1. With a target below what rounding leaves, `rounding` says
+   that this has been reached.
 */
 PetscErrorCode LatinEstimateUpdate_Private(Latin latin, PetscReal target, LatinEstimate *estimate)
 {
-  const PetscInt k = estimate->count++, width = LATIN_ESTIMATE_ROWS + 1;
-  const PetscInt first = PetscMax(PetscMax(0, k - LATIN_ESTIMATE_WINDOW), PetscMin(k / 2, k - LATIN_ESTIMATE_SHORT));
-  PetscReal     *mine  = LatinEstimateRow(estimate, k);
-  PetscReal      worst = 0.0, norm;
+  const PetscInt k = estimate->count++;
 
   PetscFunctionBegin;
   PetscCall(PetscLogEventBegin(LATIN_Estimate, latin, 0, 0, 0));
-  LatinEstimateSketch(latin, estimate->energy, estimate->part);
-  PetscCall(MPIU_Allreduce(estimate->part, mine, width, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)latin)));
-  norm                      = PetscSqrtReal(mine[LATIN_ESTIMATE_ROWS]);
-  mine[LATIN_ESTIMATE_ROWS] = latin->linear.distance;
-  for (PetscInt j = first; j < k; j++) {
-    const PetscReal then = LatinEstimateRow(estimate, j)[LATIN_ESTIMATE_ROWS];
-
-    if (then > 0.0) worst = PetscMax(worst, LatinEstimateFar(estimate, j, k) / then);
-  }
-  estimate->value = LatinEstimateSafety[estimate->energy] * (1.0 + LATIN_ESTIMATE_EARLY / (k + 1)) * worst * latin->linear.distance;
-  if (k >= 2 * LATIN_ESTIMATE_STEP) {
-    const PetscReal before = LatinEstimateFar(estimate, k - 2 * LATIN_ESTIMATE_STEP, k - LATIN_ESTIMATE_STEP), last = LatinEstimateFar(estimate, k - LATIN_ESTIMATE_STEP, k);
-    const PetscReal rate = before > 0.0 ? PetscMin(last / before, LATIN_ESTIMATE_RATE) : 0.0;
-
-    estimate->value = PetscMax(estimate->value, last * rate / (1.0 - rate));
-  }
-  if (norm > 0.0) estimate->value /= norm;
-  if (k < 2) estimate->value = 1.0;
-  else if (k == 2 || estimate->value <= PetscMax(target, estimate->floor)) PetscCall(LatinEstimateFloor_Private(latin, estimate));
+  if (k % estimate->stride == 0) PetscCall(LatinEstimateStore_Private(latin, estimate));
+  estimate->value = k < 2 ? 1.0 : estimate->ratio * latin->linear.distance;
+  if (k == 2 || (k > 2 && estimate->value <= PetscMax(target, estimate->floor))) PetscCall(LatinEstimateFloor_Private(latin, estimate));
   if (latin->linear.distance <= latin->linear.noise) {
     PetscCall(LatinEstimateFloor_Private(latin, estimate));
     estimate->value = 0.0; /* a fixed point */

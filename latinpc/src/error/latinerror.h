@@ -22,13 +22,17 @@ static inline PetscReal LatinRounding(PetscReal ends, PetscReal stored)
 typedef struct {
   PetscBool  energy;   /* of the energy norm, not of the l2 norm */
   PetscInt   count;    /* iterates seen in this solve */
-  PetscReal *sketch;   /* [window][rows + 1] of the last iterates: projected displacements, distance of the stages */
-  PetscReal *part;     /* [rows + 1] work: what this rank adds */
-  PetscReal  value;    /* relative, of the last iterate */
+  PetscInt   stride;   /* every so many of them is kept */
+  PetscInt   stored;   /* those kept */
+  PetscInt   width;    /* numbers kept of each: projections of its fields and their squared norms, distance of its stages */
+  PetscReal *sketch;   /* [window][width] */
+  PetscReal *part;     /* [width] work: what this rank adds */
+  PetscReal  ratio;    /* of the error to the distance of the stages, at the last iterate kept */
+  PetscReal  value;    /* relative, of the last iterate: the larger one of displacements and tensions of rigid links */
   PetscReal  floor;    /* what rounding leaves of it */
   PetscBool  rounding; /* the floor has been reached, above the target */
 } LatinEstimate;
-PETSC_INTERN PetscErrorCode LatinEstimateStart_Private(LatinEstimate *);
+PETSC_INTERN PetscErrorCode LatinEstimateStart_Private(Latin, LatinEstimate *);
 PETSC_INTERN PetscErrorCode LatinEstimateFloor_Private(Latin, LatinEstimate *);
 PETSC_INTERN PetscErrorCode LatinEstimateUpdate_Private(Latin, PetscReal target, LatinEstimate *);
 
@@ -76,6 +80,7 @@ typedef struct {
   LatinVerdict verdict;
   PetscReal    error;              /* the displacements are wrong by this at least, relative */
   PetscReal    unbalance;          /* forces without balance beyond rounding, l2 norm, relative to the loads; where there are none, to the tensions */
+  PetscReal    forces;             /* the same relative to the forces of the links at the nodes: tensions are wrong by so much */
   PetscReal    missed;             /* by how much rigid links miss their gaps, relative to the l2 norm of the displacements */
   PetscBool    balanced;           /* but for rounding, nothing is without balance */
   PetscInt     nodes;              /* that nothing holds, on all ranks */
@@ -85,6 +90,7 @@ typedef struct {
   PetscInt     links;              /* rigid links that are jammed, on all ranks */
   PetscInt     link[LATIN_LISTED];
 } LatinEquilibrium;
+PETSC_INTERN PetscErrorCode LatinEquilibriumPoint_Private(LatinStructure, PetscReal *least);
 PETSC_INTERN PetscErrorCode LatinEquilibriumFar_Private(LatinStructure, Vec u, PetscBool *);
 PETSC_INTERN PetscErrorCode LatinEquilibriumCheck_Private(Latin, Vec u, Vec r, Vec more, PetscReal target, PetscBool energy, PetscBool rests, LatinEquilibrium *);
 PETSC_INTERN PetscErrorCode LatinEquilibriumMechanism_Private(LatinStructure, Vec step, Vec r, Vec more, LatinEquilibrium *);

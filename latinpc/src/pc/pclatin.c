@@ -41,7 +41,7 @@ static PetscErrorCode PCReset_Latin(PC pc)
   PetscFunctionReturn(0);
 }
 
-static PetscErrorCode PCSetUp_Latin(PC pc)
+static PetscErrorCode PCLatinBuild_Private(PC pc)
 {
   PC_Latin *data  = (PC_Latin *)pc->data;
   Latin     latin = data->latin;
@@ -57,6 +57,27 @@ static PetscErrorCode PCSetUp_Latin(PC pc)
   PetscCall(PCLatinWeights_Private(pc));
   if (!data->shared) PetscCall(PCLatinInterior_Private(pc));
   data->built = PETSC_TRUE;
+  PetscFunctionReturn(0);
+}
+
+/* Inside Newton's method the taut links of a step may be a mechanism: all ranks have the same error, and the step fails */
+static PetscErrorCode PCSetUp_Latin(PC pc)
+{
+  PetscErrorCode ierr;
+
+  PetscFunctionBegin;
+  if (!((PC_Latin *)pc->data)->yields) {
+    PetscCall(PCLatinBuild_Private(pc));
+    PetscFunctionReturn(0);
+  }
+  PetscCall(PetscPushErrorHandler(PetscReturnErrorHandler, NULL));
+  ierr = PCLatinBuild_Private(pc);
+  PetscCall(PetscPopErrorHandler());
+  if (ierr != PETSC_ERR_MAT_CH_ZRPVT) PetscCall(ierr);
+  if (ierr) {
+    PetscCall(PCReset_Latin(pc));
+    pc->failedreason = PC_FACTOR_NUMERIC_ZEROPIVOT;
+  }
   PetscFunctionReturn(0);
 }
 
@@ -151,6 +172,10 @@ static PetscErrorCode PCApply_Latin(PC pc, Vec x, Vec y)
 
   PetscFunctionBegin;
   if (latin->stale && !data->shared) PetscCall(PCSetUp_Latin(pc));
+  if (!data->built) { /* its set-up has failed */
+    PetscCall(VecSet(y, INFINITY));
+    PetscFunctionReturn(0);
+  }
   latin->linear.failed = data->interior.failed = PETSC_FALSE;
   if (data->shared) {
     PetscCall(PCLatinStage_Private(pc, x, y));
@@ -207,6 +232,7 @@ PetscErrorCode PCLatinFollow_Private(PC pc, Latin latin)
   Latin own = ((PC_Latin *)pc->data)->latin;
 
   PetscFunctionBegin;
+  ((PC_Latin *)pc->data)->yields = PETSC_TRUE;
   PetscCall(LatinSetVariant(own, latin->variant));
   PetscCall(LatinSetModes(own, latin->macro.type, PETSC_DEFAULT));
   PetscCall(LatinSetDirection(own, latin->dir.type, 0.0));

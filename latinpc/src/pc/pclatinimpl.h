@@ -7,6 +7,7 @@
 typedef struct {
   Latin             latin;
   PetscBool         shared;        /* latin is that of a SNES latin, which builds it and has the options */
+  PetscBool         yields;        /* a mechanism is a failure of the preconditioner, not an error */
   PetscBool         built;         /* what follows is there, though a rank without subdomains has none */
   PetscReal        *weight;        /* [copies * bs] partition of unity */
   PetscReal        *side;          /* [3 * sides] work */

@@ -19,6 +19,7 @@
 */
 
 #define LATIN_NEWTON_STAGES   300                          /* linear stages predicted: more, and the iteration stalls */
+#define LATIN_NEWTON_RIGID    5000                         /* the same with rigid links, for which Newton's method solves several problems */
 #define LATIN_NEWTON_WINDOW   20                           /* linear stages over which progress is measured */
 #define LATIN_NEWTON_CONTRAST 1e6                          /* ratio of stiffnesses from which on a displacement that does not move proves nothing */
 #define LATIN_NEWTON_RTOL     1e-2                         /* of a linear solve whose step changes the taut links */
@@ -31,6 +32,7 @@
 #define LATIN_NEWTON_STEPS    200                          /* most steps; with half as many a case of the catalogue is refused */
 #define LATIN_NEWTON_FULL     12                           /* steps that are taken whole: they end soon if they end at all */
 #define LATIN_NEWTON_GAIN     0.5                          /* a step that was to bring digits and leaves more of the error has brought none: rounding */
+#define LATIN_NEWTON_YIELDS   1e-2                         /* of the resistance of all links: where taut ones have less, forces without balance are no rounding */
 #define LATIN_NEWTON_STILL    10                           /* a search that stands still may meet rounding, or a link that is just taut: then it does so again and again */
 
 /* Before the first linear stage of a solve. Collective on structure */
@@ -42,8 +44,10 @@ PetscErrorCode LatinNewtonStart_Private(LatinNewton *newton, LatinStructure stru
   newton->seen = newton->steps = newton->stages = 0;
   for (PetscInt i = 0; i < 3; i++) newton->least[i] = PETSC_MAX_REAL;
   PetscCall(LatinStructureStiffnessRange_Private(structure, &least, &most));
-  newton->finish = newton->stall = (PetscBool)(newton->type != LATIN_NEWTON_NEVER && structure->rigid_law < 0 && !structure->rubs); /* the method needs a tangent and an energy */
-  newton->contrast               = (PetscBool)(most > LATIN_NEWTON_CONTRAST * least);
+  newton->stall    = (PetscBool)(newton->type != LATIN_NEWTON_NEVER && !structure->rubs); /* the method needs an energy */
+  newton->finish   = (PetscBool)(newton->stall && structure->rigid_law < 0);
+  newton->most     = structure->rigid_law < 0 ? LATIN_NEWTON_STAGES : LATIN_NEWTON_RIGID;
+  newton->contrast = (PetscBool)(most > LATIN_NEWTON_CONTRAST * least);
   PetscFunctionReturn(0);
 }
 
@@ -63,7 +67,7 @@ PetscBool LatinNewtonStalled(LatinNewton *newton, PetscReal measure, PetscReal t
   newton->least[1] = newton->least[0];
   newton->least[0] = PETSC_MAX_REAL;
   if (!(before < PETSC_MAX_REAL) || !(target > 0.0)) return PETSC_FALSE;
-  return (PetscBool)(2 * LATIN_NEWTON_WINDOW * PetscLogReal(now / target) > LATIN_NEWTON_STAGES * PetscLogReal(before / now));
+  return (PetscBool)(2 * LATIN_NEWTON_WINDOW * PetscLogReal(now / target) > newton->most * PetscLogReal(before / now));
 }
 
 /*
@@ -119,17 +123,45 @@ static PetscErrorCode LatinNewtonLinear_Private(KSP ksp, PetscInt it, PetscReal 
   PetscFunctionReturn(0);
 }
 
-/* Is what the displacements u leave without balance rounding alone? Collective on snes */
-static PetscErrorCode LatinNewtonRounding_Private(SNES snes, LatinNewton *newton, Vec u, PetscBool *rounding)
+/* Do forces contradict what a step claims? What the displacements u leave without balance may be rounding alone. Collective on snes */
+static PetscErrorCode LatinNewtonCheck_Private(SNES snes, LatinNewton *newton, Vec u, LatinEquilibrium *found)
 {
-  LatinEquilibrium found;
-  Vec              r, more;
+  Vec r, more;
 
   PetscFunctionBegin;
   PetscCall(SNESGetFunction(snes, &r, NULL, NULL));
   PetscCall(SNESGetRhs(snes, &more));
-  PetscCall(LatinEquilibriumCheck_Private(newton->latin, u, r, more, newton->target, newton->energy, PETSC_FALSE, &found));
-  *rounding = found.balanced;
+  PetscCall(LatinEquilibriumCheck_Private(newton->latin, u, r, more, newton->target, newton->energy, PETSC_FALSE, found));
+  PetscFunctionReturn(0);
+}
+
+/*
+   Does nothing resist what is still without balance? Next to collapse the taut links are nearly a mechanism: forces that push along
+   it stay, however small, and there is no equilibrium. With w the answer of the preconditioner to these forces r, all
+   links taut, w.K w / w.r is the part of the resistance that taut links have. Collective on newton->snes
+*/
+PetscErrorCode LatinNewtonYields_Private(LatinNewton *newton, Vec r, PetscBool *yields)
+{
+  PetscScalar product[2];
+  Vec         w, force, of[2];
+  KSP         ksp;
+  PC          pc;
+  Mat         A;
+
+  PetscFunctionBegin;
+  PetscCall(SNESGetKSP(newton->snes, &ksp));
+  PetscCall(KSPGetPC(ksp, &pc));
+  PetscCall(KSPGetOperators(ksp, &A, NULL));
+  PetscCall(DMGetGlobalVector(newton->structure->dm, &w));
+  PetscCall(DMGetGlobalVector(newton->structure->dm, &force));
+  PetscCall(PCApply(pc, r, w));
+  PetscCall(MatMult(A, w, force));
+  of[0] = force;
+  of[1] = r;
+  PetscCall(VecMDot(w, 2, of, product));
+  *yields = (PetscBool)(PetscRealPart(product[0]) < LATIN_NEWTON_YIELDS * PetscRealPart(product[1]));
+  PetscCall(DMRestoreGlobalVector(newton->structure->dm, &force));
+  PetscCall(DMRestoreGlobalVector(newton->structure->dm, &w));
   PetscFunctionReturn(0);
 }
 
@@ -150,14 +182,15 @@ static PetscErrorCode LatinNewtonStep_Private(SNES snes, LatinNewton *newton, Ve
 /* The error left after a step: the part of it that the linear solver has left over where no link has changed, else the step itself */
 static PetscErrorCode LatinNewtonConverged_Private(SNES snes, PetscInt it, PetscReal xnorm, PetscReal snorm, PetscReal fnorm, SNESConvergedReason *reason, void *ctx)
 {
-  LatinNewton   *newton = (LatinNewton *)ctx;
-  PetscReal      before = newton->error, lambda = 1.0, energy;
-  PetscInt       changes, most;
-  PetscBool      rounding;
-  Vec            u;
-  KSP            ksp;
-  Mat            P;
-  SNESLineSearch search;
+  LatinNewton     *newton = (LatinNewton *)ctx;
+  PetscReal        before = newton->error, lambda = 1.0, energy;
+  LatinEquilibrium found;
+  PetscInt         changes, most;
+  PetscBool        rounding, claims;
+  Vec              u;
+  KSP              ksp;
+  Mat              P;
+  SNESLineSearch   search;
 
   PetscFunctionBegin;
   *reason = SNES_CONVERGED_ITERATING;
@@ -185,9 +218,14 @@ static PetscErrorCode LatinNewtonConverged_Private(SNES snes, PetscInt it, Petsc
     if (newton->reference) PetscCall(LatinStructureComputeErrors(newton->structure, u, newton->reference, &newton->error, &energy));
   }
   rounding = (PetscBool)(it > 1 && !changes && !newton->changes && newton->error > LATIN_NEWTON_GAIN * before && newton->left < LATIN_NEWTON_RTOL); /* a step that was to bring digits has brought none */
-  if (rounding && newton->tangent) PetscCall(LatinNewtonRounding_Private(snes, newton, u, &rounding));
+  claims   = (PetscBool)(it && (newton->tangent || !changes) && newton->error <= newton->target && fnorm <= newton->balance && (!newton->still || newton->still > LATIN_NEWTON_STILL));
+  if ((rounding || claims) && newton->tangent && !newton->structure->penalty) {
+    PetscCall(LatinNewtonCheck_Private(snes, newton, u, &found));
+    rounding = (PetscBool)(rounding && found.balanced);
+    claims   = (PetscBool)(claims && PetscMax(found.error, found.forces) <= newton->target); /* a node with a small load that only slack links hold goes on */
+  }
   if (fnorm <= newton->residual) *reason = SNES_CONVERGED_FNORM_RELATIVE;
-  else if (it && newton->error <= newton->target && fnorm <= newton->balance && (!newton->still || newton->still > LATIN_NEWTON_STILL)) *reason = SNES_CONVERGED_SNORM_RELATIVE;
+  else if (claims) *reason = SNES_CONVERGED_SNORM_RELATIVE;
   else if (rounding) *reason = SNES_CONVERGED_SNORM_RELATIVE;
   else if (it >= most) *reason = SNES_DIVERGED_MAX_IT;
   PetscCall(KSPSetTolerances(ksp, changes || newton->tangent ? newton->rtol : LATIN_NEWTON_TIGHT, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
@@ -301,9 +339,6 @@ PetscErrorCode LatinNewtonSolve_Private(SNES snes, LatinNewton *newton, Vec u, S
   PetscCall(VecNorm(u, NORM_2, &newton->size));
   PetscCall(SNESGetKSP(newton->snes, &ksp));
   PetscCall(KSPSetTolerances(ksp, newton->rtol, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
-  PetscCall(SNESSolve(newton->snes, snes->vec_rhs, u));
-  PetscCall(SNESGetConvergedReason(newton->snes, reason));
-  PetscCall(SNESGetIterationNumber(newton->snes, &newton->steps));
-  PetscCall(SNESGetLinearSolveIterations(newton->snes, &newton->stages));
+  PetscCall(LatinMultipliersSolve_Private(snes, newton, u, reason));
   PetscFunctionReturn(0);
 }

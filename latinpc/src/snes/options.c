@@ -28,7 +28,7 @@ PetscErrorCode SNESSetFromOptions_Latin(SNES snes, LatinOptionItems PetscOptions
   PetscOptionsHeadBegin(PetscOptionsObject, "SNES latin options");
   PetscCall(PetscOptionsEnum(
     "-snes_latin_stop",
-    "Stop on the LATIN indicator (-snes_stol), the residual (-snes_rtol, -snes_atol), the error against a reference (-snes_stol), or the estimated error of the displacements or of the energy (-snes_latin_error); auto: the error, or the indicator where -snes_stol is given and in a motion",
+    "Stop on the LATIN indicator (-snes_stol), the residual (-snes_rtol, -snes_atol), the error against a reference (-snes_stol), or the estimated error of the displacements or of the energy (-snes_latin_error); auto: the error, or the indicator where -snes_stol is given",
     "SNESLatinSetStop", LatinStopTypes, (PetscEnum)stop, (PetscEnum *)&stop, NULL));
   PetscCall(SNESLatinSetStop(snes, stop));
   PetscCall(PetscOptionsHasName(((PetscObject)snes)->options, ((PetscObject)snes)->prefix, "-snes_stol", &data->given));
@@ -65,7 +65,7 @@ PetscErrorCode SNESSetFromOptions_Latin(SNES snes, LatinOptionItems PetscOptions
          `LATIN_STOP_REFERENCE`: the error against `SNESLatinSetReference()`, below its step tolerance;
          `LATIN_STOP_ERROR`, `LATIN_STOP_ENERGY`: the estimated error of the displacements, in the l2 norm or in the energy
          norm, below that of `SNESLatinSetError()`; `LATIN_STOP_AUTO`, the default: `LATIN_STOP_ERROR`, or
-         `LATIN_STOP_INDICATOR` where a step tolerance other than the default is given, and in the steps of a motion
+         `LATIN_STOP_INDICATOR` where a step tolerance other than the default is given
 
   Options Database Key:
 . -snes_latin_stop <indicator,residual,reference,error,energy,auto> - the stop
@@ -165,7 +165,8 @@ PetscErrorCode SNESLatinSetBalance(SNES snes, PetscReal balance)
   Level: intermediate
 
   Note:
-  Where Newton's method fails the iteration goes on. It is for laws with a stiffness: rigid ones do without.
+  Where Newton's method fails the iteration goes on. Rigid links are springs in it, whose tensions become multipliers until
+  the springs do no more; they prove no error, and contacts with friction do without.
 
 .seealso: `SNESLATIN`
 @*/

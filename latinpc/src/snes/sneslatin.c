@@ -17,6 +17,7 @@ static PetscErrorCode SNESLatinResetState_Private(SNES snes)
   PetscFunctionBegin;
   PetscCall(SNESLatinOuterReset_Private(snes));
   PetscCall(SNESDestroy(&data->newton.snes));
+  PetscCall(PetscFree3(data->newton.penalty, data->newton.multiplier, data->newton.tension));
   PetscCall(VecDestroy(&data->z));
   PetscCall(VecDestroy(&data->z_before));
   PetscCall(PetscFree(data->reference_copy));
@@ -80,18 +81,14 @@ static PetscErrorCode SNESLatinCopyReference_Private(SNES snes)
   PetscFunctionReturn(0);
 }
 
-/*
-   What the stop auto stands for. A step tolerance that is given is the indicator's. Where there is nothing to iterate on the
-   indicator shows the error. Displacements of a motion are those since its start, not of the step; and estimates for rigid links ask
-   for more than granulates give
-*/
+/* What the stop auto stands for. A step tolerance that is given is the indicator's; where there is nothing to iterate on it shows the error */
 static void SNESLatinChooseStop(SNES snes)
 {
   SNES_Latin     *data   = (SNES_Latin *)snes->data;
   const Latin     latin  = data->latin;
   const PetscBool linear = (PetscBool)(!latin->sub.nonsmooth_global && latin->inter.variant == LATIN_VARIANT_PRIMAL);
 
-  if (data->asked == LATIN_STOP_AUTO) data->stop = SNESLatinStolGiven(snes) || linear || latin->sub.structure->ground || latin->sub.structure->rigid_law >= 0 ? LATIN_STOP_INDICATOR : LATIN_STOP_ERROR;
+  if (data->asked == LATIN_STOP_AUTO) data->stop = SNESLatinStolGiven(snes) || linear || (latin->sub.structure->rigid_law >= 0 && LatinByPrecision(PETSC_FALSE, PETSC_TRUE)) ? LATIN_STOP_INDICATOR : LATIN_STOP_ERROR;
 }
 
 /* Room for the history: nothing is allocated inside the iteration; and the counters of a solve */
@@ -114,7 +111,7 @@ static PetscErrorCode SNESLatinPrepare_Private(SNES snes)
     PetscCall(PetscMalloc4(data->history_size, &data->indicator, data->history_size, &data->error_l2, data->history_size, &data->error_energy, data->history_size, &data->estimates));
   }
   PetscCall(SNESLatinCopyReference_Private(snes));
-  if (SNESLatinEstimates(data)) PetscCall(LatinEstimateStart_Private(&data->estimate));
+  if (SNESLatinEstimates(data)) PetscCall(LatinEstimateStart_Private(data->latin, &data->estimate));
   PetscCall(PetscMemzero(&data->found, sizeof(data->found)));
   PetscCall(LatinNewtonStart_Private(&data->newton, latin->sub.structure));
   PetscCall(LatinParameterStart_Private(latin, &data->parameter));
@@ -164,13 +161,16 @@ static PetscErrorCode SNESLatinIterate_Private(SNES snes)
 static PetscErrorCode SNESLatinProveDigits_Private(SNES snes)
 {
   SNES_Latin *data = (SNES_Latin *)snes->data;
-  PetscReal   unbalance, rounding;
+  PetscReal   unbalance, rounding, size, least;
 
   PetscFunctionBegin;
   if (!SNESLatinEstimates(data)) PetscFunctionReturn(0);
+  PetscCall(VecNorm(snes->vec_sol, NORM_2, &size));
+  PetscCall(LatinEquilibriumPoint_Private(data->latin->sub.structure, &least));
+  if (size <= least && data->found.balanced) PetscFunctionReturn(0); /* nothing moves */
   PetscCall(LatinEstimateFloor_Private(data->latin, &data->estimate));
   data->estimate.value = data->newton.error;
-  if ((data->estimate.floor <= data->target && data->newton.error <= data->target) || data->estimate.energy) PetscFunctionReturn(0);
+  if ((data->estimate.floor <= data->target && data->newton.error <= data->target) || data->estimate.energy || data->latin->sub.structure->rigid_law >= 0) PetscFunctionReturn(0);
   PetscCall(LatinGetDigits(snes, &unbalance, &rounding, NULL, NULL));
   data->estimate.floor = LATIN_DIGITS_SAFETY * PetscMax(unbalance, rounding);
   data->estimate.value = data->newton.error <= data->target ? PetscMax(data->newton.error, data->estimate.floor) : data->estimate.floor; /* a step says how far the displacements before it were */
@@ -193,6 +193,8 @@ static PetscErrorCode SNESLatinFinished_Private(SNES snes, SNESConvergedReason r
   PetscCall(SNESLatinBalance_Private(snes));
   PetscCall(LatinEquilibriumCheck_Private(data->latin, snes->vec_sol, snes->vec_func, snes->vec_rhs, newton->target, data->estimate.energy, PETSC_FALSE, &data->found));
   shown = (PetscBool)((newton->still || SNESLatinEstimates(data)) && newton->target > 0.0 && data->found.error > newton->target);
+  if (newton->penalty && SNESLatinBalances(snes) && data->found.unbalance > data->balance) shown = PETSC_TRUE;
+  if (!shown && !newton->tangent && !newton->linear && SNESLatinBalances(snes) && !data->found.balanced) PetscCall(LatinNewtonYields_Private(newton, snes->vec_func, &shown));
   if (data->found.verdict == LATIN_UNBOUNDED) data->next = LATIN_NEXT_DIVERGED;
   else if (shown && newton->stall) *done = PETSC_FALSE;
   else if (shown) data->next = LATIN_NEXT_LINE_SEARCH;
@@ -203,22 +205,53 @@ static PetscErrorCode SNESLatinFinished_Private(SNES snes, SNESConvergedReason r
   PetscFunctionReturn(0);
 }
 
-/* The norm of the forces without balance that a claim may leave */
-static PetscErrorCode SNESLatinLeaves_Private(SNES snes, PetscReal *balance)
+/* The norm of the forces without balance that a claim may leave: of the loads, and near the solution of the tensions, which are wrong by as much. Collective on snes */
+static PetscErrorCode SNESLatinLeaves_Private(SNES snes, PetscBool stall, PetscReal *balance)
 {
   SNES_Latin          *data      = (SNES_Latin *)snes->data;
   const LatinStructure structure = data->latin->sub.structure;
+  PetscReal            sum       = 0.0, *tension;
   Vec                  load;
 
   PetscFunctionBegin;
   *balance = PETSC_MAX_REAL;
-  if (!SNESLatinBalances(snes)) PetscFunctionReturn(0);
+  if (!SNESLatinBalances(snes) || structure->rigid_law >= 0) PetscFunctionReturn(0); /* springs of rigid links round more than their tensions do */
+  PetscCall(DMGetWorkArray(structure->dm, structure->links_local, MPIU_REAL, &tension));
+  PetscCall(LatinStructureTensions_Private(structure, NULL, snes->vec_sol, tension));
+  for (PetscInt l = 0; l < structure->links_local; l++) sum += PetscSqr(tension[l]);
+  PetscCall(DMRestoreWorkArray(structure->dm, structure->links_local, MPIU_REAL, &tension));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &sum, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)snes)));
   PetscCall(DMGetGlobalVector(structure->dm, &load));
   PetscCall(VecCopy(structure->load, load));
   if (snes->vec_rhs) PetscCall(VecAXPY(load, 1.0, snes->vec_rhs));
   PetscCall(VecNorm(load, NORM_2, balance));
   PetscCall(DMRestoreGlobalVector(structure->dm, &load));
   *balance = *balance > 0.0 ? data->balance * *balance : PETSC_MAX_REAL;
+  if (sum > 0.0 && !stall) *balance = PetscMin(*balance, data->target * PetscSqrtReal(sum));
+  PetscFunctionReturn(0);
+}
+
+/* Where Newton's method starts: from the iterate, or from rest where the iterate leaves more without balance. Collective on snes */
+static PetscErrorCode SNESLatinNearer_Private(SNES snes)
+{
+  SNES_Latin    *data      = (SNES_Latin *)snes->data;
+  LatinStructure structure = data->latin->sub.structure;
+  PetscReal     *rigid     = data->latin->linear.rigid_tension, rest;
+  Vec            zero, r;
+
+  PetscFunctionBegin;
+  PetscCall(SNESLatinResidual_Private(snes));
+  PetscCall(DMGetGlobalVector(structure->dm, &zero));
+  PetscCall(DMGetGlobalVector(structure->dm, &r));
+  PetscCall(VecZeroEntries(zero));
+  PetscCall(LatinStructureResidual_Private(structure, NULL, zero, r));
+  if (snes->vec_rhs) PetscCall(VecAXPY(r, -1.0, snes->vec_rhs));
+  PetscCall(VecNorm(r, NORM_2, &rest));
+  PetscCall(DMRestoreGlobalVector(structure->dm, &r));
+  PetscCall(DMRestoreGlobalVector(structure->dm, &zero));
+  if (data->residual <= rest) PetscFunctionReturn(0);
+  PetscCall(VecZeroEntries(snes->vec_sol));
+  if (rigid) PetscCall(PetscArrayzero(rigid, structure->links_local));
   PetscFunctionReturn(0);
 }
 
@@ -233,19 +266,20 @@ static PetscErrorCode SNESLatinNewton_Private(SNES snes, PetscBool stall)
 
   PetscFunctionBegin;
   if (stall) newton->stall = PETSC_FALSE;
-  newton->target   = SNESLatinEstimates(data) ? data->target : data->stop == LATIN_STOP_RESIDUAL ? 0.0 : snes->stol;
-  newton->residual = data->stop == LATIN_STOP_RESIDUAL ? PetscMax(snes->abstol, snes->rtol * data->first_residual) : 0.0;
-  newton->energy   = data->estimate.energy;
-  PetscCall(SNESLatinLeaves_Private(snes, &newton->balance));
+  newton->target    = SNESLatinEstimates(data) ? data->target : data->stop == LATIN_STOP_RESIDUAL ? 0.0 : snes->stol;
+  newton->residual  = data->stop == LATIN_STOP_RESIDUAL ? PetscMax(snes->abstol, snes->rtol * data->first_residual) : 0.0;
+  newton->energy    = data->estimate.energy;
   newton->reference = data->stop == LATIN_STOP_REFERENCE ? data->reference : NULL;
-  if (PetscIsInfOrNanReal(data->latin->linear.distance) || (snes->divtol > 0.0 && data->latin->linear.distance > snes->divtol * data->first_distance)) PetscCall(VecZeroEntries(snes->vec_sol));
-  else PetscCall(LatinAverage_Private(&data->latin->linear, snes->vec_sol));
+  PetscCall(SNESLatinNearer_Private(snes));
+  PetscCall(SNESLatinLeaves_Private(snes, stall, &newton->balance));
+  PetscCall(LatinMultipliersStart_Private(data->latin, newton));
   PetscCall(LatinNewtonCreate_Private(snes, data->latin, stall, newton));
   PetscCall(LatinNewtonSolve_Private(snes, newton, snes->vec_sol, &reason));
   PetscCall(PetscMemzero(&data->found, sizeof(data->found)));
   PetscCall(SNESGetSolutionUpdate(newton->snes, &step));
   PetscCall(SNESGetFunction(newton->snes, &r, NULL, NULL));
   if (step) PetscCall(LatinEquilibriumMechanism_Private(data->latin->sub.structure, step, r, snes->vec_rhs, &data->found));
+  PetscCall(LatinMultipliersEnd_Private(data->latin, newton, (PetscBool)(reason > 0)));
   if (data->found.verdict == LATIN_UNBOUNDED) {
     data->next = LATIN_NEXT_DIVERGED;
     PetscFunctionReturn(0);
@@ -259,7 +293,7 @@ static PetscErrorCode SNESLatinNewton_Private(SNES snes, PetscBool stall)
   data->next                     = LATIN_NEXT_NEWTON_STALL;
   if (newton->stall) PetscFunctionReturn(0);
   PetscCall(SNESLatinIterate_Private(snes));
-  if (!(newton->contrast || SNESLatinEstimates(data)) || !LatinNextConverged(data->next)) PetscFunctionReturn(0);
+  if (!(newton->contrast || (SNESLatinEstimates(data) && !newton->penalty)) || !LatinNextConverged(data->next)) PetscFunctionReturn(0);
   data->next = LATIN_NEXT_ROUNDING; /* what Newton's method was to confirm it has not */
   PetscCall(PetscInfo(snes, "Newton's method has not confirmed that the iteration converges\n"));
   PetscFunctionReturn(0);
@@ -283,7 +317,7 @@ static PetscErrorCode SNESLatinRebuild_Private(SNES snes)
   PetscCall(SNESLatinSetUpState_Private(snes));
   PetscCall(SNESLatinCopyReference_Private(snes));
   PetscCall(SNESLatinLoad_Private(snes));
-  if (SNESLatinEstimates(data)) PetscCall(LatinEstimateStart_Private(&data->estimate));
+  if (SNESLatinEstimates(data)) PetscCall(LatinEstimateStart_Private(data->latin, &data->estimate));
   data->guess = PETSC_FALSE;
   PetscCall(SNESLatinStart_Private(snes));
   if (z) PetscCall(VecCopy(z, data->z));
@@ -399,7 +433,7 @@ static PetscErrorCode SNESDestroy_Latin(SNES snes)
 . -snes_latin_modes <affine>                    - macro fields of strong interfaces: affine, rigid
 . -snes_latin_modes_local                       - local low-energy fields of low-energy subdomains, eigenvalues below this
 . -snes_latin_direction <schur>                 - micro search direction: scalar, diagonal, block, schur, auto
-. -snes_latin_stop <auto>                       - what must become small: indicator, residual, reference, error, energy; auto: the error, or the indicator where -snes_stol is given and in a motion
+. -snes_latin_stop <auto>                       - what must become small: indicator, residual, reference, error, energy; auto: the error, or the indicator where -snes_stol is given
 . -snes_latin_error <0.0001>                    - estimated error of the displacements to stop at
 . -snes_latin_balance <0.01>                    - forces without balance to stop at, relative to the loads
 . -snes_latin_warm_start <none>                 - from the solution vector, or from the last solves: none, last, extrapolate
@@ -410,7 +444,7 @@ static PetscErrorCode SNESDestroy_Latin(SNES snes)
 . -snes_latin_local_                            - prefix of the KSP of the subdomains
 . -snes_latin_coarse_                           - prefix of the KSP of the coarse problem
 . -snes_stol <1e-05>                            - tolerance of the indicator
-- -snes_max_it <1000>                           - most linear stages
+- -snes_max_it <10000>                           - most linear stages
 
   Level: beginner
 
@@ -448,7 +482,7 @@ PETSC_EXTERN PetscErrorCode SNESCreate_Latin(SNES snes)
   data->asked   = LATIN_STOP_AUTO;
   data->stop    = LATIN_STOP_ERROR;
 
-  PetscObjectParameterSetDefault(snes, max_its, 1000);
+  PetscObjectParameterSetDefault(snes, max_its, 10000);
   PetscObjectParameterSetDefault(snes, stol, LATIN_STOL);
   PetscCall(LatinCreate_Private(PetscObjectComm((PetscObject)snes), &data->latin));
   PetscCall(LatinSetVariant(data->latin, LATIN_VARIANT_AUTO));

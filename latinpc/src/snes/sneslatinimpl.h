@@ -37,6 +37,7 @@ typedef struct {
   PetscBool finish, stall; /* near the solution; where the iteration stalls */
   PetscBool contrast;      /* stiffnesses too different for convergence of the iteration to be trusted */
   PetscInt  seen;          /* linear stages of this solve */
+  PetscInt  most;          /* linear stages predicted: more, and the iteration stalls */
   PetscReal least[3];      /* least measure of this window of stages and of the last two */
   /* the method */
   SNES           snes;             /* NULL before the first time */
@@ -56,11 +57,17 @@ typedef struct {
   PetscInt       changes;          /* links that the last step has changed */
   PetscInt       steps, stages;    /* of this solve: Newton steps, linear stages */
   PetscInt       still;            /* steps in a row whose search has stood still */
+  /* rigid links as springs (snes/multipliers.c), NULL before the first time: [links_local of the structure] */
+  PetscReal *penalty, *multiplier, *tension;
 } LatinNewton;
 PETSC_INTERN PetscErrorCode LatinNewtonStart_Private(LatinNewton *, LatinStructure);
 PETSC_INTERN PetscBool      LatinNewtonStalled(LatinNewton *, PetscReal measure, PetscReal target);
 PETSC_INTERN PetscErrorCode LatinNewtonCreate_Private(SNES, Latin, PetscBool tangent, LatinNewton *);
 PETSC_INTERN PetscErrorCode LatinNewtonSolve_Private(SNES, LatinNewton *, Vec u, SNESConvergedReason *);
+PETSC_INTERN PetscErrorCode LatinNewtonYields_Private(LatinNewton *, Vec r, PetscBool *yields);
+PETSC_INTERN PetscErrorCode LatinMultipliersStart_Private(Latin, LatinNewton *);
+PETSC_INTERN PetscErrorCode LatinMultipliersSolve_Private(SNES, LatinNewton *, Vec u, SNESConvergedReason *);
+PETSC_INTERN PetscErrorCode LatinMultipliersEnd_Private(Latin, LatinNewton *, PetscBool solved);
 PETSC_INTERN PetscErrorCode PCLatinShare_Private(PC, Latin);
 PETSC_INTERN PetscErrorCode PCLatinFollow_Private(PC, Latin);
 

@@ -31,7 +31,7 @@ PetscErrorCode LatinSolverRigid_Private(SNES snes, LatinStructure structure, con
 
   PetscFunctionBegin;
   *rigid = NULL;
-  if (structure->rigid_law < 0) PetscFunctionReturn(0);
+  if (structure->rigid_law < 0 || structure->penalty) PetscFunctionReturn(0);
   PetscCall(PetscObjectQueryFunction((PetscObject)snes, "LatinRigidTensions_C", &get));
   if (!get) PetscCall(LatinStructureCheckRigid_Private(structure, ((PetscObject)snes)->type_name ? ((PetscObject)snes)->type_name : "SNES"));
   PetscCall((*get)(snes, rigid));

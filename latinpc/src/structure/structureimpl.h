@@ -56,6 +56,8 @@ struct _p_LatinStructure {
   PetscObjectState base_state; /* its state when it was last looked at */
   Vec              ground;     /* springs between the nodes and the ground, at free dofs: M / h^2 of a time step */
   PetscReal        shift;      /* this 1 / h^2 */
+  /* [links_local] while Newton's method takes rigid links for springs (snes/multipliers.c), else NULL; borrowed */
+  const PetscReal *penalty, *multiplier;
 };
 
 /* ---- links of a structure: all by their numbers on this rank ---- */
@@ -84,20 +86,27 @@ static inline void LatinStructureAddForce(LatinStructure structure, PetscInt l, 
   }
 }
 
+/* The tension of a rigid link that is taken for a spring: max(0, lambda + r x) where traction is admissible, min(0, lambda + r x) where compression is */
+static inline PetscReal LatinStructureSpring(const LatinStructure structure, PetscInt l, PetscReal x)
+{
+  return LatinUnilateralTension(LatinLawSign(structure->law[l]), 1.0, structure->multiplier[l] + structure->penalty[l] * x);
+}
+
 /* The tension of a link of the strain x. Those of rigid links, `rigid`, are no function of it: a solver has them, NULL before it has any */
 static inline PetscReal LatinStructureTension(const LatinStructure structure, const PetscReal rigid[], PetscInt l, PetscReal x)
 {
   const LatinLaw *law = &LatinLaws[structure->law[l]];
 
-  if (law->rigid) return rigid ? rigid[l] : 0.0;
+  if (law->rigid) return structure->penalty ? LatinStructureSpring(structure, l, x) : rigid ? rigid[l] : 0.0;
   return law->tension(structure->stiffness[l], x, law->ctx);
 }
 
-/* The tangent stiffness of an elastic link of the strain x */
+/* The tangent stiffness of a link of the strain x that is elastic, or taken for a spring */
 static inline PetscReal LatinStructureTangent(const LatinStructure structure, PetscInt l, PetscReal x)
 {
   const LatinLaw *law = &LatinLaws[structure->law[l]];
 
+  if (law->rigid) return LatinStructureSpring(structure, l, x) != 0.0 ? structure->penalty[l] : 0.0;
   return law->tangent(structure->stiffness[l], x, law->ctx);
 }
 

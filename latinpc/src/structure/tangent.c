@@ -9,8 +9,10 @@ PetscErrorCode LatinStructureStiffnessRange_Private(LatinStructure structure, Pe
 
   PetscFunctionBegin;
   for (PetscInt l = 0; l < structure->links_local; l++) {
-    if (structure->stiffness[l] > 0.0) range[0] = PetscMax(range[0], -structure->stiffness[l]);
-    range[1] = PetscMax(range[1], structure->stiffness[l]);
+    const PetscReal k = structure->penalty && LatinLaws[structure->law[l]].rigid ? structure->penalty[l] : structure->stiffness[l];
+
+    if (k > 0.0) range[0] = PetscMax(range[0], -k);
+    range[1] = PetscMax(range[1], k);
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, range, 2, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)structure)));
   *least = -range[0];
