@@ -198,4 +198,100 @@ OTHERS = {
     ),
     "LATIN_WEIGHT_LEAST": ("of the largest stiffness", "What a copy without stiffness counts, where no copy has any."),
     "LATIN_NEWTON_GAIN": ("of the error before", "A step that was to bring digits and leaves more has met rounding."),
+    "LATIN_FRAME_FIRST": (
+        "times tau / R",
+        "c as drawn: nets that sag by 7 to 15 % of their span take 11 to 16 stages with 4, up to 26 with 1 and 16.",
+    ),
+    "LATIN_FRAME_LEAST": (
+        "of the mean c",
+        "The least c: 0.1 to 0.3 are level on seven saddles, 0.03 takes a tenth more stages.",
+    ),
+    "LATIN_FRAME_SLACK": (
+        "of the mean c",
+        "k of slack cables: on seven saddles 1 takes a tenth more stages, 7 a quarter.",
+    ),
+    "LATIN_FRAME_NEAR": (
+        "of the mean c",
+        "Nearly slack cables: with 0.02 saddles take three times as many stages, with 0.3 a few more.",
+    ),
+    "LATIN_FRAME_FLOOR": (
+        "of the mean c",
+        "What slack cables keep in the tangent, so that it can be factored; 1e-3 misses an error of 1e-9 on one net.",
+    ),
+    "LATIN_FRAME_STIFF": (
+        "times",
+        "Cables so much stiffer in the operators than they should be are misjudged; more than `LATIN_FRAME_FIRST`.",
+    ),
+    "LATIN_FRAME_STRUT": (
+        "times -tau / R",
+        "With 1 the length of a strut in the local stage is not unique: twice as much.",
+    ),
+    "LATIN_FRAME_LOWEST": (
+        "of the mean stiffness",
+        "The least mean c: times `LATIN_FRAME_FLOOR` it is still a hundred times what a mechanism is to rounding.",
+    ),
+    "LATIN_FRAME_NONE": ("of the mean stiffness", "c where nothing is taut: any that keeps the operators regular."),
+    "LATIN_LARGE_NEAR": (
+        "of the displacements",
+        "Where Newton's method takes over: three digits, from where it ends in two or three steps.",
+    ),
+    "LATIN_LARGE_FAR": ("of the error", "Where it has failed it waits for one digit more."),
+    "LATIN_LARGE_WINDOW": ("linear stages", "With 12 saddles take a few stages more, with 6 progress does not show."),
+    "LATIN_LARGE_GROW": ("times", "With 2 two saddles of seven take twice as many stages after the first renewal."),
+    "LATIN_LARGE_COST": (
+        "linear stages",
+        "What a set-up takes: 25 to 38 on networks and grids of 8,000 to 360,000 unknowns (README).",
+    ),
+    "LATIN_LARGE_MOST": (
+        "set-ups",
+        "Ends Newton's method where it does not converge; from 1e-3 to 1e-9 it needs 1 to 8.",
+    ),
+    "LATIN_LARGE_STEPS": ("steps", "Ends Newton's method where it does not converge."),
+    "LATIN_LARGE_RTOL": ("of the residual", "Two digits a step; less is lost to the next one."),
+    "LATIN_LARGE_LOOSE": (
+        "of the residual",
+        "Where a whole step would go too far anyway: half the iterations of saddles.",
+    ),
+    "LATIN_LARGE_SAFETY": (
+        "times",
+        "The norms of operators as drawn and of the tangent differ by `LATIN_FRAME_FIRST`.",
+    ),
+    "LATIN_LARGE_PROOF": (
+        "times the target",
+        "A larger step proves nothing: with 1e30 one saddle of nine misses the error, by 2.",
+    ),
+    "LATIN_LARGE_CLEAR": (
+        "of the residual before",
+        "Where no cable changes 0.05 is left at most; with 0.3 one net misses the error, by 14.",
+    ),
+    "LATIN_LARGE_SHRINK": ("of the error before", "As `LATIN_NEWTON_GAIN`."),
+    "LATIN_LARGE_ROUND": (
+        "times rounding",
+        "Steps that do not shrink any more meet rounding, as far as its estimate goes: one digit.",
+    ),
+    "LATIN_LARGE_NOISE": ("times eps, of the tensions", "As `LATIN_FORCE_NOISE`."),
+    "LATIN_LARGE_NONE": ("of the size", "Displacements of an unloaded structure are rounding of its prestress."),
+    "LATIN_LARGE_PREDICT": ("iterations", "Ends a linear solve that does not converge."),
+    "LATIN_LARGE_SLOPE": (
+        "of the slope at the start",
+        "A step is searched only where the energy rises steeply at its end.",
+    ),
+    "LATIN_LARGE_SEARCH": ("trial lengths", "Every third halves the interval."),
+    "LATIN_PATH_FAR": (
+        "times the linear step",
+        "The limit of a fold, where force is a parabola of displacement: 2 exactly.",
+    ),
+    "LATIN_PATH_LEAST": ("of the loads", "Limit points are found to 1 %."),
+    "LATIN_PATH_STAGES": (
+        "linear stages",
+        "An increment that takes longer is halved: with 100 a solve beyond a limit point takes more than 1000 stages.",
+    ),
+    "LATIN_PATH_DRAWN": (
+        "of the loads",
+        "A prestress out of balance by more may move a structure further than its loads do.",
+    ),
+    "LATIN_PATH_TANGENTS": ("set-ups", "An increment that needs more is halved."),
+    "LATIN_PATH_NONE": ("of the size", "As `LATIN_LARGE_NONE`."),
+    "LATIN_TURNING_MOST": ("trial lengths", "Ends a search that takes 3 to 8."),
+    "LATIN_TURNING_OWN": ("of a unit vector", "Directions that differ by less differ by rounding."),
 }

@@ -61,6 +61,10 @@ cdef extern from "latinpc.h":
     PetscErrorCode LatinStructureSetInitialElongations(LatinStructure, const PetscReal *)
     PetscErrorCode LatinStructureSetPrestress(LatinStructure, const PetscReal *)
     PetscErrorCode LatinStructureSetMass(LatinStructure, const PetscReal *)
+    ctypedef enum LatinGeometry:
+        pass
+    PetscErrorCode LatinStructureSetGeometry(LatinStructure, LatinGeometry)
+    PetscErrorCode LatinStructureGetGeometry(LatinStructure, LatinGeometry *)
     PetscErrorCode LatinStructureSetUp(LatinStructure)
     PetscErrorCode LatinStructureGetDM(LatinStructure, PetscDM *)
     PetscErrorCode LatinStructureAttachSNES(LatinStructure, PetscSNES)
@@ -90,6 +94,7 @@ cdef extern from "latinpc.h":
     PetscErrorCode SNESLatinSetReference(PetscSNES, PetscVec)
     PetscErrorCode SNESLatinSetWarmStart(PetscSNES, LatinWarmStart)
     PetscErrorCode SNESLatinGetHistory(PetscSNES, PetscInt *, const PetscReal **, const PetscReal **, const PetscReal **)
+    PetscErrorCode SNESLatinGetPath(PetscSNES, PetscInt *, PetscReal *)
     PetscErrorCode SNESLatinGetUnsupportedNodes(PetscSNES, PetscInt *, PetscInt *, const PetscInt **, PetscReal *)
     PetscErrorCode SNESLatinGetJammedLinks(PetscSNES, PetscInt *, PetscInt *, const PetscInt **)
     PetscErrorCode SNESLatinGetEstimates(PetscSNES, PetscInt *, const PetscReal **, PetscReal *, PetscReal *)

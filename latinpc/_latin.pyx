@@ -161,6 +161,16 @@ cdef class StructureHandle:
         """Give this rank's nodes their masses."""
         CHKERR(LatinStructureSetMass(self.handle, reals(mass)))
 
+    def set_geometry(self, int geometry):
+        """Choose how displacements turn links."""
+        CHKERR(LatinStructureSetGeometry(self.handle, <LatinGeometry>geometry))
+
+    def geometry(self):
+        """Return how displacements turn links."""
+        cdef LatinGeometry geometry
+        CHKERR(LatinStructureGetGeometry(self.handle, &geometry))
+        return <int>geometry
+
     def setup(self):
         """Distribute the structure and number its unknowns."""
         CHKERR(LatinStructureSetUp(self.handle))
@@ -409,6 +419,14 @@ def estimates(SNES snes not None):
     cdef PetscReal last = 0, least = 0
     CHKERR(SNESLatinGetEstimates(snes.snes, &n, &estimate, &last, &least))
     return copy(estimate, n), last, least
+
+
+def path(SNES snes not None):
+    """Return how often operators were made anew, and the part of the loads that is borne."""
+    cdef PetscInt renewals = 0
+    cdef PetscReal borne = 0
+    CHKERR(SNESLatinGetPath(snes.snes, &renewals, &borne))
+    return renewals, borne
 
 
 def unsupported_nodes(SNES snes not None):

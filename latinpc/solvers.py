@@ -28,6 +28,7 @@ __all__ = [
     "node_classes",
     "outer_ksp",
     "outer_snes",
+    "path",
     "pcshell_set_latin",
     "rounding_floor",
     "save_state",
@@ -107,6 +108,24 @@ def estimated_error(snes):
         0 with another stop.
     """
     return _latin.estimates(snes)[1]
+
+
+def path(snes):
+    """Return how the last solve with large displacements went; not collective.
+
+    Parameters
+    ----------
+    snes : petsc4py.PETSc.SNES
+        Of type latin, of a structure of geometry ``"large"``.
+
+    Returns
+    -------
+    dict
+        ``renewals``, how often operators were made at displaced configurations; ``borne``, the part of the loads that
+        the displacements bear: 1, or less where no stable equilibrium follows that of this part.
+    """
+    renewals, borne = _latin.path(snes)
+    return {"renewals": renewals, "borne": borne}
 
 
 def unsupported_nodes(snes):

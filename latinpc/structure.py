@@ -20,6 +20,7 @@ from latinpc.userlaws import register_table
 __all__ = ["Sizes", "Structure"]
 
 
+_GEOMETRIES = ("linear", "prestress", "large")
 _BOOL = np.dtype(f"i{_latin.BOOL_SIZE}")
 
 
@@ -73,6 +74,11 @@ class Structure:
     prestress : (m,) array_like of float, or float, optional
         Self-stress T (N) in place of initial elongations, e0 = T / k: of bars, of cables not negative, of
         compression-only links not positive, and zero of other laws.
+    geometry : {"linear", "prestress", "large"}, optional
+        How displacements turn links: not at all; by small angles, against which each link resists by its tension as
+        drawn over its length; or as far as they go, with the tension of the law at the strain |r| - l + e0, r from
+        the first node to the second one, l the length as drawn. The latter two are for elastic links in the
+        direction of their nodes.
     comm : petsc4py or mpi4py communicator, optional
         PETSc's default communicator when not given.
 
@@ -111,6 +117,7 @@ class Structure:
         friction=None,
         mass=None,
         prestress=None,
+        geometry="linear",
         comm=None,
     ):
         nodes = real("nodes", nodes, REAL)
@@ -145,6 +152,7 @@ class Structure:
             handle.set_friction(native(friction[mine]))
         handle.set_supports(self._my_nodes(fixed, _BOOL), self._my_nodes(prescribed))
         handle.set_loads(self._my_nodes(load))
+        self.set_geometry(geometry)
         if subdomain is not None:
             self._compose_partition(subdomain)
         handle.setup()
@@ -267,10 +275,29 @@ class Structure:
         u.set(0)
         return u
 
+    @property
+    def geometry(self):
+        """str : how displacements turn links, ``"linear"``, ``"prestress"`` or ``"large"``; not collective."""
+        return _GEOMETRIES[self._handle.geometry()]
+
+    def set_geometry(self, geometry):
+        """Choose how displacements turn links, for all solvers of the structure; collective.
+
+        Parameters
+        ----------
+        geometry : {"linear", "prestress", "large"}
+            As that of the class.
+        """
+        if geometry not in _GEOMETRIES:
+            raise ValueError(f"geometry must be one of {', '.join(_GEOMETRIES)}, not {geometry!r}")
+        self._handle.set_geometry(_GEOMETRIES.index(geometry))
+
     # ---- mechanics --------------------------------------------------------------------------------------
 
     def residual(self, u, r):
         """Compute the nodal unbalance B^t tau - F (N) at the free degrees of freedom, equation (1); collective.
+
+        Where links turn, of the displaced structure.
 
         Not of structures with rigid laws, whose tensions a solver has: ``snes.computeFunction(u, r)``.
 
@@ -284,7 +311,7 @@ class Structure:
         self._handle.residual(u, r)
 
     def jacobian(self, u, J):
-        """Compute the tangent stiffness B^t k B of the taut links (N/m); collective.
+        """Compute the tangent stiffness (N/m), B^t k B of the taut links where these do not turn; collective.
 
         Parameters
         ----------

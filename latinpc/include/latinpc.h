@@ -88,6 +88,14 @@ typedef enum {
 } LatinStopType;
 PETSC_EXTERN const char *const LatinStopTypes[];
 
+/* How displacements turn the links of a structure */
+typedef enum {
+  LATIN_GEOMETRY_LINEAR,    /* not at all: equilibrium in the drawn configuration */
+  LATIN_GEOMETRY_PRESTRESS, /* by small angles, against which the tensions of the drawn configuration resist */
+  LATIN_GEOMETRY_LARGE      /* as far as they go: equilibrium in the displaced configuration */
+} LatinGeometry;
+PETSC_EXTERN const char *const LatinGeometries[];
+
 /* Where a solve of SNES latin starts after one that has converged */
 typedef enum {
   LATIN_WARM_START_NONE,       /* from the displacements in the solution vector */
@@ -140,6 +148,8 @@ PETSC_EXTERN PetscErrorCode LatinStructureSetLoads(LatinStructure, const PetscRe
 PETSC_EXTERN PetscErrorCode LatinStructureSetMass(LatinStructure, const PetscReal mass[]);
 PETSC_EXTERN PetscErrorCode LatinStructureSetInitialElongations(LatinStructure, const PetscReal e0[]);
 PETSC_EXTERN PetscErrorCode LatinStructureSetPrestress(LatinStructure, const PetscReal prestress[]);
+PETSC_EXTERN PetscErrorCode LatinStructureSetGeometry(LatinStructure, LatinGeometry);
+PETSC_EXTERN PetscErrorCode LatinStructureGetGeometry(LatinStructure, LatinGeometry *);
 PETSC_EXTERN PetscErrorCode LatinStructureSetUp(LatinStructure);
 PETSC_EXTERN PetscErrorCode LatinStructureGetDM(LatinStructure, DM *);
 PETSC_EXTERN PetscErrorCode LatinStructureAttachSNES(LatinStructure, SNES);
@@ -166,6 +176,7 @@ PETSC_EXTERN PetscErrorCode SNESLatinSetReference(SNES, Vec);
 PETSC_EXTERN PetscErrorCode SNESLatinSetWarmStart(SNES, LatinWarmStart);
 PETSC_EXTERN PetscErrorCode SNESLatinGetHistory(SNES, PetscInt *, const PetscReal *indicator[], const PetscReal *error_l2[], const PetscReal *error_energy[]);
 PETSC_EXTERN PetscErrorCode SNESLatinGetEstimates(SNES, PetscInt *, const PetscReal *estimate[], PetscReal *last, PetscReal *floor);
+PETSC_EXTERN PetscErrorCode SNESLatinGetPath(SNES, PetscInt *renewals, PetscReal *borne);
 PETSC_EXTERN PetscErrorCode SNESLatinGetUnsupportedNodes(SNES, PetscInt *count, PetscInt *listed, const PetscInt *node[], PetscReal *distance);
 PETSC_EXTERN PetscErrorCode SNESLatinGetJammedLinks(SNES, PetscInt *count, PetscInt *listed, const PetscInt *link[]);
 PETSC_EXTERN PetscErrorCode SNESLatinGetTensions(SNES, PetscReal tension[]);

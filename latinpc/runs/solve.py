@@ -20,6 +20,8 @@ from .options import default_options, unknown_options
 from .reference import direct_solver, reference_solution
 from .report import DECOMPOSITION, environment, plain, problem, snes_reason
 
+TURNED, MOVED = 5.0, 0.1  # degrees, part of the size of the structure: the most that small displacements are taken for
+
 
 @dataclass
 class Result:
@@ -88,6 +90,8 @@ def solve(
         raise ValueError(f"the loads need at least one increment, not {increments}")
     structure = Structure.from_scene(scene, comm) if structure is None else structure
     keeper = keeper or Keeper(structure.comm.tompi4py())
+    if "snes_latin_geometry" in PETSc.Options():  # before what is compared with, and for other types of SNES
+        structure.set_geometry(PETSc.Options()["snes_latin_geometry"])
     settings = keeper.options | dict(options or {})
     if increments > 1:
         settings = {"snes_latin_warm_start": "extrapolate"} | settings
@@ -168,7 +172,7 @@ def _solve(scene, structure, snes, reference, notices, before_solve, increments,
         subdomain=latinpc.subdomain_of_links(core) if core is not None else scene.subdomain,
         node_class=latinpc.node_classes(core) if core is not None else None,
         history=past,
-        notices=notices + _notices(snes, scene, past),
+        notices=notices + _notices(snes, scene, past) + _turned(structure, scene, structure.displacements(u)),
     )
 
 
@@ -209,6 +213,24 @@ def _notices(snes, scene, past):
             "ksponly makes one linear step: it does not follow cables and compression-only links that slacken"
         )
     return notices
+
+
+def _turned(structure, scene, displacements):
+    """Return a sentence where links turn, or nodes move, further than small displacements allow."""
+    if structure.geometry == "large" or not np.isfinite(displacements).all():
+        return []
+    drawn = np.diff(scene.nodes[scene.links], axis=1)[:, 0]
+    moved = drawn + np.diff(displacements[scene.links], axis=1)[:, 0]
+    lengths = np.linalg.norm(drawn, axis=1) * np.linalg.norm(moved, axis=1)
+    cosine = np.einsum("ij,ij->i", drawn, moved)[lengths > 0.0] / lengths[lengths > 0.0]
+    angle = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)).max(initial=0.0))
+    part = np.linalg.norm(displacements, axis=1).max() / np.linalg.norm(np.ptp(scene.nodes, axis=0))
+    if angle <= TURNED and part <= MOVED:
+        return []
+    return [
+        f"links turn by up to {angle:.2g} degrees, and nodes move by {part:.2g} of the size of the structure: small"
+        " displacements do not hold; take -snes_latin_geometry large"
+    ]
 
 
 def _ramp(scene, structure, snes, u, increments, keeper):

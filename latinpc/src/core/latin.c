@@ -126,7 +126,12 @@ static PetscErrorCode LatinSetUpSubdomains_Private(Latin latin)
   latin->partition.primal  = (PetscBool)(variant == LATIN_VARIANT_PRIMAL || (variant == LATIN_VARIANT_AUTO && !LatinTunesInterfaces(latin)));
   latin->partition.corners = (PetscBool)(variant == LATIN_VARIANT_CORNER || variant == LATIN_VARIANT_PUBLISHED || (variant == LATIN_VARIANT_AUTO && !latin->partition.primal));
   PetscCall(PetscMalloc1(structure->links_local, &of_link));
-  PetscCall(LatinPartition_Private(structure, &latin->partition, of_link, &count));
+  if (structure->turns) { /* the parts of a link stay together */
+    const PetscInt parts = structure->dim;
+
+    PetscCall(LatinPartition_Private(structure->turns, &latin->partition, of_link, &count));
+    for (PetscInt l = structure->links_local - 1; l >= 0; l--) of_link[l] = of_link[l / parts];
+  } else PetscCall(LatinPartition_Private(structure, &latin->partition, of_link, &count));
   PetscCall(LatinSubdomainsSetUp(&latin->sub, of_link, count));
   PetscFunctionReturn(0);
 }

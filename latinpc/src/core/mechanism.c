@@ -44,6 +44,32 @@ static PetscErrorCode LatinMechanismField_Private(Latin latin, Vec v, const Lati
   PetscFunctionReturn(0);
 }
 
+/* Do the tensions of the drawn configuration resist a mechanism that turns links? field: NULL on ranks that have none; without one on any rank, !found: is there a tension? Collective on latin */
+static PetscErrorCode LatinMechanismHeld_Private(Latin latin, const PetscReal field[], PetscBool found, PetscBool *held)
+{
+  const LatinSubdomains *sub  = &latin->sub;
+  const PetscInt         dim  = sub->dim;
+  PetscReal              work = 0.0; /* where no field has been found any tension will do: it is only a hint */
+
+  PetscFunctionBegin;
+  for (PetscInt l = 0; l < sub->links; l++) {
+    const LatinLaw *law     = &LatinLaws[sub->law[l]];
+    const PetscReal tension = law->rigid ? 0.0 : law->tension(sub->stiffness[l], sub->e0[l], law->ctx);
+    PetscReal       length = 0.0, e = found && field ? LatinElongation(sub, dim, l, field) : 0.0, across = found ? -e * e : 1.0;
+
+    for (PetscInt c = 0; c < dim; c++) {
+      const PetscInt a = dim * sub->ends[2 * l] + c, b = dim * sub->ends[2 * l + 1] + c;
+
+      length += PetscSqr(sub->x[b] - sub->x[a]);
+      if (found && field) across += PetscSqr(field[b] - field[a]);
+    }
+    if (length > 0.0) work += tension / PetscSqrtReal(length) * across;
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &work, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)latin)));
+  *held = (PetscBool)(work > 0.0);
+  PetscFunctionReturn(0);
+}
+
 /* Ends in an error that names some of the nodes that a mechanism moves most; field: NULL on ranks that have none */
 static PetscErrorCode LatinMechanismReport_Private(Latin latin, const PetscReal field[])
 {
@@ -51,6 +77,7 @@ static PetscErrorCode LatinMechanismReport_Private(Latin latin, const PetscReal 
   PetscReal             *size = NULL, largest = 0.0, least = 1.0, most = 1.0;
   char                   names[256] = "", doubt[256]   = "";
   PetscInt               list[LATIN_MOVED_MOST], named = 0;
+  PetscBool              held = PETSC_FALSE;
   size_t                 used = 0;
 
   PetscFunctionBegin;
@@ -59,6 +86,7 @@ static PetscErrorCode LatinMechanismReport_Private(Latin latin, const PetscReal 
     if (!sub->fixed[i] && !PetscIsInfOrNanReal(field[i])) size[i / sub->bs] = PetscMax(size[i / sub->bs], PetscAbsReal(field[i]));
   for (PetscInt i = 0; field && i < sub->copies; i++) largest = PetscMax(largest, size[i]);
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &largest, 1, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)latin)));
+  if (sub->structure && !sub->structure->turns) PetscCall(LatinMechanismHeld_Private(latin, field, (PetscBool)(largest > 0.0), &held));
   for (PetscInt i = 0; field && i < sub->copies && named < LATIN_MOVED_MOST; i++)
     if (size[i] >= LATIN_MOVED_PART * largest && size[i] > 0.0) list[named++] = sub->node[i];
   PetscCall(PetscFree(size));
@@ -76,7 +104,10 @@ static PetscErrorCode LatinMechanismReport_Private(Latin latin, const PetscReal 
              !named        ? ""
              : sub->matrix ? ". Unknowns of the field that shows it: "
                            : ". Nodes that move (counted from 0): ",
-             names, named > 8 ? " and others" : "", sub->matrix ? "Prescribe more unknowns, or give the kernel with MatSetNullSpace()" : "Prescribe more displacements or add links");
+             names, named > 8 ? " and others" : "",
+             sub->matrix ? "Prescribe more unknowns, or give the kernel with MatSetNullSpace()"
+             : held      ? "If its prestress is to hold it, take -snes_latin_geometry prestress, or large; else prescribe more displacements, or add links"
+                         : "Prescribe more displacements or add links");
   PetscFunctionReturn(0);
 }
 

@@ -109,7 +109,7 @@ PetscErrorCode SNESLatinFirst_Private(SNES snes)
 }
 
 /* Prints the indicator, and residual or errors where they are computed */
-static PetscErrorCode SNESLatinMonitor_Private(SNES snes)
+PetscErrorCode SNESLatinMonitor_Private(SNES snes)
 {
   SNES_Latin *data   = (SNES_Latin *)snes->data;
   PetscViewer viewer = data->monitor;
@@ -233,24 +233,37 @@ static PetscErrorCode SNESLatinDecide_Private(SNES snes, PetscReal measure, Pets
   PetscFunctionReturn(0);
 }
 
+/* Has this linear stage been tested already, whatever the acceleration makes of it? The first one shows what is far */
+PetscErrorCode SNESLatinTested_Private(SNES snes, PetscBool *again)
+{
+  SNES_Latin        *data   = (SNES_Latin *)snes->data;
+  const LatinLinear *linear = &data->latin->linear;
+
+  PetscFunctionBegin;
+  *again = (PetscBool)(data->tested == linear->applications);
+  if (*again) PetscFunctionReturn(0);
+  data->tested = linear->applications;
+  if (data->first_distance < 0.0) {
+    data->first_distance = linear->distance;
+    if (data->guess && linear->indicator > 0.0) data->first_distance = PetscMax(linear->distance, linear->distance / linear->indicator); /* a good guess is no measure of what is far: the energy norm is */
+  }
+  PetscFunctionReturn(0);
+}
+
 /* The convergence test of the inner SNES: once for each linear stage, whatever the acceleration makes of it */
 PetscErrorCode SNESLatinConverged_Private(SNES outer, PetscInt it, PetscReal xnorm, PetscReal snorm, PetscReal fnorm, SNESConvergedReason *reason, void *ctx)
 {
-  SNES        snes  = (SNES)ctx;
-  SNES_Latin *data  = (SNES_Latin *)snes->data;
-  Latin       latin = data->latin;
+  SNES        snes = (SNES)ctx;
+  SNES_Latin *data = (SNES_Latin *)snes->data;
   PetscReal   measure, target;
+  PetscBool   again;
 
   PetscFunctionBegin;
   *reason = SNES_CONVERGED_ITERATING;
-  if (data->tested == latin->linear.applications) PetscFunctionReturn(0);
-  data->tested = latin->linear.applications;
-  if (data->first_distance < 0.0) {
-    data->first_distance = latin->linear.distance;
-    if (data->guess && latin->linear.indicator > 0.0) data->first_distance = PetscMax(latin->linear.distance, latin->linear.distance / latin->linear.indicator); /* a good guess is no measure of what is far: the energy norm is */
-  }
+  PetscCall(SNESLatinTested_Private(snes, &again));
+  if (again) PetscFunctionReturn(0);
   PetscCall(SNESLatinMeasure_Private(snes, &measure, &target));
-  PetscCall(SNESLatinWatch_Private(snes, latin->linear.applications));
+  PetscCall(SNESLatinWatch_Private(snes, data->latin->linear.applications));
   PetscCall(SNESLatinMonitor_Private(snes));
   PetscCall(SNESLatinDecide_Private(snes, measure, target, fnorm, &data->next));
   if (data->next == LATIN_NEXT_CONTINUE) PetscFunctionReturn(0);

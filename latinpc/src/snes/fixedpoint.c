@@ -184,7 +184,8 @@ static PetscErrorCode SNESLatinGuess_Private(SNES snes, Vec u, Vec z)
   PetscCall(LatinDistribute_Private(&latin->sub, u, latin->linear.U));
   PetscCall(VecGetArray(z, &a));
   PetscCall(VecGetArray(work, &b));
-  for (PetscInt i = 0; i < sub->nonsmooth; i++) {
+  if (sub->part) LatinTurningState(&latin->linear, a + sides);
+  for (PetscInt i = 0; i < sub->nonsmooth && !sub->part; i++) {
     const PetscInt  l   = sub->nonsmooth_link[i];
     const LatinLaw *law = &LatinLaws[sub->law[l]];
     const PetscReal e   = LatinElongation(sub, sub->dim, l, latin->linear.U);
@@ -208,7 +209,7 @@ PetscErrorCode SNESLatinStart_Private(SNES snes)
 
   PetscFunctionBegin;
   if (!data->warm || !data->has_state) {
-    if (data->guess) PetscCall(SNESLatinGuess_Private(snes, snes->vec_sol, data->z));
+    if (data->guess || data->latin->sub.part) PetscCall(SNESLatinGuess_Private(snes, snes->vec_sol, data->z));
     else PetscCall(LatinInitialState_Private(&data->latin->linear, data->z));
     data->has_before = PETSC_FALSE;
     PetscFunctionReturn(0);

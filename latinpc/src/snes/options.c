@@ -37,6 +37,9 @@ PetscErrorCode SNESSetFromOptions_Latin(SNES snes, LatinOptionItems PetscOptions
   if (set) PetscCall(SNESLatinSetError(snes, error));
   PetscCall(PetscOptionsReal("-snes_latin_balance", "Forces without balance to stop at, relative to the loads, with -snes_latin_stop auto, error or energy", "SNESLatinSetBalance", balance, &balance, NULL));
   PetscCall(SNESLatinSetBalance(snes, balance));
+  PetscCall(PetscOptionsEnum("-snes_latin_geometry", "Links keep their direction (linear), turn by small angles against their tensions as drawn (prestress), or as far as displacements take them (large); of the structure, for all its solvers",
+                             "LatinStructureSetGeometry", LatinGeometries, (PetscEnum)data->large.geometry, (PetscEnum *)&data->large.geometry, &set));
+  if (set) data->large.given = PETSC_TRUE;
   PetscCall(PetscOptionsEnum("-snes_latin_warm_start", "Start from the state of the last solve on this object, or extrapolate from the last two", "SNESLatinSetWarmStart", LatinWarmStarts, (PetscEnum)data->warm, (PetscEnum *)&data->warm, NULL));
   PetscCall(PetscOptionsEnum("-snes_latin_newton", "Newton's method: where the iteration stalls, and to prove an error (auto), or not at all (never)", "SNESLatinSetNewton", LatinNewtonTypes, (PetscEnum)data->newton.type,
                              (PetscEnum *)&data->newton.type, NULL));

@@ -76,6 +76,32 @@ PetscErrorCode SNESLatinGetEstimates(SNES snes, PetscInt *n, const PetscReal *es
 }
 
 /*@C
+  SNESLatinGetPath - How the last solve with large displacements went.
+
+  Not collective
+
+  Output Parameters:
++ renewals - how often operators were made at displaced configurations
+- borne    - part of the loads that the displacements bear: 1, or less where no stable equilibrium follows that of this part
+
+  Level: intermediate
+
+.seealso: `LatinStructureSetGeometry()`
+@*/
+PetscErrorCode SNESLatinGetPath(SNES snes, PetscInt *renewals, PetscReal *borne)
+{
+  const SNES_Latin *data;
+
+  PetscFunctionBegin;
+  PetscCall(SNESLatinCheck_Private(snes));
+  data = (SNES_Latin *)snes->data;
+  PetscCheck(SNESLatinLarge(data), PetscObjectComm((PetscObject)snes), PETSC_ERR_ORDER, "There is no path of large displacements: set -snes_latin_geometry large, and solve, before");
+  if (renewals) *renewals = data->large.renewals;
+  if (borne) *borne = data->large.reached;
+  PetscFunctionReturn(0);
+}
+
+/*@C
   SNESLatinGetUnsupportedNodes - The nodes that nothing holds where the last solve has not converged: loads move them, and no link resists.
 
   Not collective; the array is borrowed
@@ -208,6 +234,8 @@ PetscErrorCode SNESView_Latin(SNES snes, PetscViewer viewer)
   PetscCall(PetscViewerASCIIPrintf(viewer, "Newton's method: %s\n", LatinNewtonTypes[newton->type]));
   if (data->done)
     PetscCall(PetscViewerASCIIPrintf(viewer, "last solve: %" PetscInt_FMT " linear stages, indicator %g, norm of the nodal unbalance %g\n", data->latin->linear.applications, (double)data->indicator[data->done - 1], (double)data->residual));
+  if (data->large.frame) PetscCall(PetscViewerASCIIPrintf(viewer, "geometry %s\n", LatinGeometries[data->large.frame->turns->geometry]));
+  if (snes->reason && SNESLatinLarge(data)) PetscCall(PetscViewerASCIIPrintf(viewer, "last solve: operators made anew %" PetscInt_FMT " times; %g of the loads borne\n", data->large.renewals, (double)data->large.reached));
   PetscCall(LatinView_Private(data->latin, viewer));
   if (data->outer) {
     PetscCall(PetscViewerASCIIPrintf(viewer, "fixed-point solver:\n"));

@@ -9,43 +9,6 @@
 #define LATIN_DIGITS_SAFETY 2.0     /* on errors that are known to their order of magnitude */
 #define LATIN_JAM_LEAST     100     /* linear stages that a solve may take: with fewer no more are spent on jammed links */
 
-/* What fits the structure as it was */
-static PetscErrorCode SNESLatinResetState_Private(SNES snes)
-{
-  SNES_Latin *data = (SNES_Latin *)snes->data;
-
-  PetscFunctionBegin;
-  PetscCall(SNESLatinOuterReset_Private(snes));
-  PetscCall(SNESDestroy(&data->newton.snes));
-  PetscCall(PetscFree3(data->newton.penalty, data->newton.multiplier, data->newton.tension));
-  PetscCall(VecDestroy(&data->z));
-  PetscCall(VecDestroy(&data->z_before));
-  PetscCall(PetscFree(data->reference_copy));
-  data->has_before = PETSC_FALSE;
-  data->has_state  = PETSC_FALSE;
-  PetscFunctionReturn(0);
-}
-
-/* Builds what has changed in the structure, and the fixed-point unknown when its length has */
-static PetscErrorCode SNESLatinSetUpState_Private(SNES snes)
-{
-  SNES_Latin *data  = (SNES_Latin *)snes->data;
-  Latin       latin = data->latin;
-
-  PetscFunctionBegin;
-  if (data->z) { /* new laws or a new partition take everything down */
-    PetscObjectState state;
-
-    PetscCall(PetscObjectStateGet((PetscObject)latin->sub.structure, &state));
-    if (!latin->set_up || state != latin->structure_state || latin->stale) PetscCall(SNESLatinResetState_Private(snes));
-  }
-  PetscCall(SNESLatinCreateOuter_Private(snes)); /* its options are the user's before anything is built */
-  PetscCall(LatinSetUp_Private(latin));
-  if (!data->z) PetscCall(LatinCreateState_Private(&latin->linear, &data->z));
-  PetscCall(SNESLatinOuterSetUp_Private(snes));
-  PetscFunctionReturn(0);
-}
-
 static PetscErrorCode SNESSetUp_Latin(SNES snes)
 {
   SNES_Latin    *data = (SNES_Latin *)snes->data;
@@ -55,29 +18,10 @@ static PetscErrorCode SNESSetUp_Latin(SNES snes)
   PetscCall(SNESLatinFindStructure_Private(snes, &structure));
   PetscCheck(structure, PetscObjectComm((PetscObject)snes), PETSC_ERR_ORDER,
              "-snes_type latin has no structure to work on: build one with LatinStructureCreate() and give it to this SNES with LatinStructureAttachSNES() (in Python, latinpc.Structure(...).attach(snes))");
+  PetscCall(SNESLatinFrame_Private(snes, structure, &structure));
   PetscCall(LatinSetProblem_Private(data->latin, structure, NULL));
   PetscCall(LatinSetPrefix_Private(data->latin, (PetscObject)snes));
   PetscCall(SNESLatinSetUpState_Private(snes));
-  PetscFunctionReturn(0);
-}
-
-/* The reference, brought to the subdomains */
-static PetscErrorCode SNESLatinCopyReference_Private(SNES snes)
-{
-  SNES_Latin *data  = (SNES_Latin *)snes->data;
-  Latin       latin = data->latin;
-  PetscInt    n, m;
-
-  PetscFunctionBegin;
-  PetscCheck(data->stop != LATIN_STOP_REFERENCE || data->reference, PetscObjectComm((PetscObject)snes), PETSC_ERR_ORDER, "-snes_latin_stop reference needs a displacement to compare with: call SNESLatinSetReference()");
-  if (!data->reference) PetscFunctionReturn(0);
-  PetscCall(VecGetSize(data->reference, &n));
-  PetscCall(VecGetSize(latin->sub.structure->load, &m));
-  PetscCheck(n == m, PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_SIZ, "The reference has %" PetscInt_FMT " entries, the structure %" PetscInt_FMT " free degrees of freedom", n, m);
-  PetscCall(LatinStructureCheckVec_Private(latin->sub.structure, data->reference));
-  if (!data->reference_copy) PetscCall(PetscMalloc1(latin->sub.structure->dim * latin->sub.copies, &data->reference_copy));
-  PetscCall(PetscArraycpy(data->reference_copy, latin->sub.prescribed, latin->sub.structure->dim * latin->sub.copies));
-  PetscCall(LatinDistribute_Private(&latin->sub, data->reference, data->reference_copy));
   PetscFunctionReturn(0);
 }
 
@@ -115,45 +59,12 @@ static PetscErrorCode SNESLatinPrepare_Private(SNES snes)
   PetscCall(PetscMemzero(&data->found, sizeof(data->found)));
   PetscCall(LatinNewtonStart_Private(&data->newton, latin->sub.structure));
   PetscCall(LatinParameterStart_Private(latin, &data->parameter));
+  PetscCall(SNESLatinLargeStart_Private(snes));
   data->done = data->tested = latin->linear.applications = 0;
   data->current                                          = -1;
   data->first_distance                                   = -1.0;
   data->residual                                         = 0.0;
   data->next                                             = LATIN_NEXT_CONTINUE;
-  PetscFunctionReturn(0);
-}
-
-/* F(x) = b: more load */
-static PetscErrorCode SNESLatinLoad_Private(SNES snes)
-{
-  Latin latin = ((SNES_Latin *)snes->data)->latin;
-  Vec   load;
-
-  PetscFunctionBegin;
-  if (!snes->vec_rhs) PetscFunctionReturn(0);
-  PetscCall(VecDuplicate(latin->sub.structure->load, &load));
-  PetscCall(VecWAXPY(load, 1.0, snes->vec_rhs, latin->sub.structure->load));
-  PetscCall(LatinLinearSetLoads(&latin->linear, load));
-  PetscCall(VecDestroy(&load));
-  latin->load_state = -1;
-  PetscFunctionReturn(0);
-}
-
-/* The iteration, from the state z on. An inner SNES may end by itself */
-static PetscErrorCode SNESLatinIterate_Private(SNES snes)
-{
-  SNES_Latin         *data = (SNES_Latin *)snes->data;
-  SNESConvergedReason reason;
-
-  PetscFunctionBegin;
-  data->next = LATIN_NEXT_CONTINUE;
-  PetscCall(SNESSetConvergenceTest(data->outer, SNESLatinConverged_Private, snes, NULL));
-  PetscCall(SNESSetTolerances(data->outer, 0.0, 0.0, 0.0, snes->max_its, PETSC_MAX_INT));
-  PetscCall(SNESSolve(data->outer, NULL, data->z));
-  PetscCall(SNESGetConvergedReason(data->outer, &reason));
-  if (data->next != LATIN_NEXT_CONTINUE) PetscFunctionReturn(0);
-  data->next   = LATIN_NEXT_GIVEN;
-  snes->reason = reason;
   PetscFunctionReturn(0);
 }
 
@@ -170,7 +81,7 @@ static PetscErrorCode SNESLatinProveDigits_Private(SNES snes)
   if (size <= least && data->found.balanced) PetscFunctionReturn(0); /* nothing moves */
   PetscCall(LatinEstimateFloor_Private(data->latin, &data->estimate));
   data->estimate.value = data->newton.error;
-  if ((data->estimate.floor <= data->target && data->newton.error <= data->target) || data->estimate.energy || data->latin->sub.structure->rigid_law >= 0) PetscFunctionReturn(0);
+  if ((data->estimate.floor <= data->target && data->newton.error <= data->target) || data->estimate.energy || data->latin->sub.structure->rigid_law >= 0 || data->large.frame) PetscFunctionReturn(0);
   PetscCall(LatinGetDigits(snes, &unbalance, &rounding, NULL, NULL));
   data->estimate.floor = LATIN_DIGITS_SAFETY * PetscMax(unbalance, rounding);
   data->estimate.value = data->newton.error <= data->target ? PetscMax(data->newton.error, data->estimate.floor) : data->estimate.floor; /* a step says how far the displacements before it were */
@@ -292,7 +203,7 @@ static PetscErrorCode SNESLatinNewton_Private(SNES snes, PetscBool stall)
   data->current                  = -1;
   data->next                     = LATIN_NEXT_NEWTON_STALL;
   if (newton->stall) PetscFunctionReturn(0);
-  PetscCall(SNESLatinIterate_Private(snes));
+  PetscCall(SNESLatinIterate_Private(snes, SNESLatinConverged_Private));
   if (!(newton->contrast || (SNESLatinEstimates(data) && !newton->penalty)) || !LatinNextConverged(data->next)) PetscFunctionReturn(0);
   data->next = LATIN_NEXT_ROUNDING; /* what Newton's method was to confirm it has not */
   PetscCall(PetscInfo(snes, "Newton's method has not confirmed that the iteration converges\n"));
@@ -323,7 +234,7 @@ static PetscErrorCode SNESLatinRebuild_Private(SNES snes)
   if (z) PetscCall(VecCopy(z, data->z));
   else data->first_distance = -1.0;
   PetscCall(VecDestroy(&z));
-  PetscCall(SNESLatinIterate_Private(snes));
+  PetscCall(SNESLatinIterate_Private(snes, SNESLatinConverged_Private));
   PetscFunctionReturn(0);
 }
 
@@ -336,6 +247,7 @@ static PetscErrorCode SNESLatinDiagnose_Private(SNES snes)
   Vec               F;
 
   PetscFunctionBegin;
+  if (SNESLatinLarge(data)) PetscFunctionReturn(0);
   if (snes->reason > 0 || data->next == LATIN_NEXT_NOT_FINITE || data->latin->linear.failed) found->nodes = found->links = 0;
   else if (!(found->verdict == LATIN_UNBOUNDED && found->nodes && found->distance == INFINITY)) {
     PetscCall(LatinEquilibriumCheck_Private(data->latin, snes->vec_sol, snes->vec_func, snes->vec_rhs, data->target, data->estimate.energy, PETSC_FALSE, found));
@@ -361,7 +273,11 @@ static PetscErrorCode SNESLatinRun_Private(SNES snes)
   PetscCall(SNESLatinFirst_Private(snes));
   if (data->next != LATIN_NEXT_CONTINUE) PetscFunctionReturn(0);
   PetscCall(SNESLatinStart_Private(snes));
-  PetscCall(SNESLatinIterate_Private(snes));
+  if (SNESLatinLarge(data)) {
+    PetscCall(SNESLatinLargeRun_Private(snes));
+    PetscFunctionReturn(0);
+  }
+  PetscCall(SNESLatinIterate_Private(snes, SNESLatinConverged_Private));
   while (data->next >= LATIN_NEXT_NEWTON_FINISH && data->next <= LATIN_NEXT_REBUILD) {
     if (data->next == LATIN_NEXT_REBUILD) PetscCall(SNESLatinRebuild_Private(snes));
     else PetscCall(SNESLatinNewton_Private(snes, (PetscBool)(data->next == LATIN_NEXT_NEWTON_STALL)));
@@ -371,12 +287,16 @@ static PetscErrorCode SNESLatinRun_Private(SNES snes)
 
 static PetscErrorCode SNESSolve_Latin(SNES snes)
 {
-  SNES_Latin *data  = (SNES_Latin *)snes->data;
-  Latin       latin = data->latin;
+  SNES_Latin    *data  = (SNES_Latin *)snes->data;
+  Latin          latin = data->latin;
+  LatinStructure structure;
 
   PetscFunctionBegin;
   PetscCheck(!snes->xl && !snes->xu && !snes->ops->computevariablebounds, PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_WRONGSTATE, "SNES latin does not take bounds on the unknowns: unilateral behaviour is in the laws of the links");
-  PetscCall(SNESLatinSetUpState_Private(snes)); /* the structure may have changed since SNESSetUp() */
+  PetscCall(SNESLatinFindStructure_Private(snes, &structure)); /* it may have changed since SNESSetUp() */
+  PetscCall(SNESLatinFrame_Private(snes, structure, &structure));
+  PetscCall(LatinSetProblem_Private(latin, structure, NULL));
+  PetscCall(SNESLatinSetUpState_Private(snes));
   PetscCall(SNESLatinLoad_Private(snes));
   PetscCall(SNESLatinPrepare_Private(snes));
   PetscCall(SNESLatinRun_Private(snes));
@@ -412,6 +332,7 @@ static PetscErrorCode SNESDestroy_Latin(SNES snes)
   PetscFunctionBegin;
   PetscCall(SNESReset_Latin(snes));
   PetscCall(LatinDestroy_Private(&data->latin));
+  PetscCall(LatinStructureDestroy(&data->large.frame));
   PetscCall(SNESDestroy(&data->outer));
   PetscCall(VecDestroy(&data->reference));
   PetscCall(PetscFree2(data->estimate.sketch, data->estimate.part));

@@ -89,6 +89,29 @@ PETSC_INTERN PetscErrorCode LatinParameterDue_Private(Latin, PetscReal measure, 
 PETSC_INTERN PetscErrorCode LatinParameterTune_Private(Latin, PetscReal factor);
 PETSC_INTERN PetscErrorCode LatinParameterState_Private(Latin, Vec z, Vec F, PetscReal factor);
 
+/* ---- links that turn: their parts, and the course of a solve (snes/large.c, snes/largenewton.c, snes/largepath.c) ---- */
+typedef struct {
+  LatinStructure frame;    /* what the iteration works on in the place of the structure; NULL: links keep their direction */
+  PetscBool      given;    /* a geometry, by an option */
+  LatinGeometry  geometry; /* this one */
+  /* of this solve */
+  PetscInt  renewals;      /* operators made at other displacements */
+  PetscInt  seen, window;  /* linear stages since the last look at their progress; from one look to the next */
+  PetscReal least, before; /* least measure of this window and of the last one */
+  PetscReal near;          /* estimated error from which on Newton's method is tried */
+  /* of Newton's method */
+  Vec       forces;        /* residual after a step, by the operators of the iteration: displacements */
+  PetscReal energy;        /* of the residual before a step, in the norm of these operators */
+  PetscReal error, length; /* estimated, after a step; the part of the step that was taken */
+  PetscReal balance;       /* norm of the residual to stop at with that error */
+  PetscReal size, tension; /* of the structure; norm of its tensions at the start */
+  PetscInt  last;          /* number of the last linear stage for these loads */
+  PetscReal reached;       /* part of the loads that the displacements bear */
+  PetscInt  most;          /* linear iterations that it may take */
+  PetscBool slow;          /* they were too few */
+  PetscBool unstable;      /* the tangent stiffness is not positive definite */
+} LatinLarge;
+
 /* ---- SNES latin ---- */
 #define LATIN_STOL 1e-5 /* of the indicator, by default */
 typedef struct {
@@ -116,11 +139,17 @@ typedef struct {
   PetscInt          current; /* those after which the solution vector and its residual were computed, -1: never */
   LatinNext         next;
   LatinNewton       newton;
+  LatinLarge        large;
   LatinEquilibrium  found; /* the last verdict on the displacements */
   LatinParameter    parameter;
   PetscViewer       monitor;
   PetscViewerFormat monitor_format;
 } SNES_Latin;
+/* Do links turn as far as displacements take them? */
+static inline PetscBool SNESLatinLarge(const SNES_Latin *data)
+{
+  return (PetscBool)(data->large.frame && data->large.frame->part);
+}
 /* Does the stop need an estimate of the error? */
 static inline PetscBool SNESLatinEstimates(const SNES_Latin *data)
 {
@@ -152,6 +181,23 @@ PETSC_INTERN PetscErrorCode      SNESLatinResidual_Private(SNES);
 PETSC_INTERN PetscErrorCode      SNESLatinFirst_Private(SNES);
 PETSC_INTERN PetscErrorCode      SNESLatinWatch_Private(SNES, PetscInt it);
 PETSC_INTERN PetscErrorCode      SNESLatinConverged_Private(SNES outer, PetscInt it, PetscReal xnorm, PetscReal snorm, PetscReal fnorm, SNESConvergedReason *, void *);
+PETSC_INTERN PetscErrorCode      SNESLatinMonitor_Private(SNES);
+PETSC_INTERN PetscErrorCode      SNESLatinTested_Private(SNES, PetscBool *again);
+/* snes/problem.c */
+PETSC_INTERN PetscErrorCode SNESLatinFrame_Private(SNES, LatinStructure, LatinStructure *);
+PETSC_INTERN PetscErrorCode SNESLatinResetState_Private(SNES);
+PETSC_INTERN PetscErrorCode SNESLatinSetUpState_Private(SNES);
+PETSC_INTERN PetscErrorCode SNESLatinCopyReference_Private(SNES);
+PETSC_INTERN PetscErrorCode SNESLatinLoad_Private(SNES);
+PETSC_INTERN PetscErrorCode SNESLatinIterate_Private(SNES, PetscErrorCode (*test)(SNES, PetscInt, PetscReal, PetscReal, PetscReal, SNESConvergedReason *, void *));
+/* snes/large.c, snes/largenewton.c, snes/largepath.c */
+PETSC_INTERN PetscErrorCode SNESLatinLargeStart_Private(SNES);
+PETSC_INTERN PetscErrorCode SNESLatinLargeConverged_Private(SNES outer, PetscInt it, PetscReal xnorm, PetscReal snorm, PetscReal fnorm, SNESConvergedReason *, void *);
+PETSC_INTERN PetscErrorCode SNESLatinLargeFinish_Private(SNES, PetscInt times, PetscBool *done);
+PETSC_INTERN PetscErrorCode SNESLatinLargeIterate_Private(SNES);
+PETSC_INTERN PetscErrorCode SNESLatinLargeRun_Private(SNES);
+PETSC_INTERN PetscErrorCode SNESLatinLargePredict_Private(SNES, Vec u, Vec load, PetscReal *moved);
+PETSC_INTERN PetscErrorCode SNESLatinLargeNewton_Private(SNES, PetscInt most, PetscBool *done);
 /* snes/options.c */
 PETSC_INTERN PetscErrorCode SNESLatinCheck_Private(SNES);
 PETSC_INTERN PetscErrorCode SNESSetFromOptions_Latin(SNES, LatinOptionItems);

@@ -63,10 +63,12 @@ PETSC_INTERN PetscErrorCode LatinSubstructuresStiffness(LatinLinear *);
 PETSC_INTERN PetscErrorCode LatinSubstructuresForward(LatinLinear *);
 PETSC_INTERN PetscErrorCode LatinSubstructuresBackward(LatinLinear *, PetscReal U[]);
 
-/* ---- local stage (stages/local.c, stages/locallinks.c, stages/localcontacts.c) ---- */
+/* ---- local stage (stages/local.c, stages/locallinks.c, stages/localcontacts.c, stages/localturning.c) ---- */
 PETSC_INTERN PetscErrorCode LatinGatherForces_Private(LatinLinear *, const PetscReal z[]);
 PETSC_INTERN PetscErrorCode LatinLocalStage_Private(LatinLinear *, const PetscReal z[], PetscReal Gz[]);
 PETSC_INTERN void           LatinLinkStageGeneral(const LatinLinear *, const PetscReal state[], PetscReal next[], PetscReal sum[3]);
+PETSC_INTERN void           LatinTurningStage(const LatinLinear *, const PetscReal state[], PetscReal next[], PetscReal sum[3]);
+PETSC_INTERN void           LatinTurningState(const LatinLinear *, PetscReal state[]);
 PETSC_INTERN void           LatinSweepForces(const LatinLinear *, const PetscReal z[]);
 PETSC_INTERN void           LatinSweepStage(const LatinLinear *, const PetscReal z[], PetscReal next[], PetscReal sum[3]);
 

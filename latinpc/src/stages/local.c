@@ -101,7 +101,8 @@ PetscErrorCode LatinLocalStage_Private(LatinLinear *linear, const PetscReal z[],
   PetscCall(LatinSweepFaces_Private(linear, z, NULL, NULL));
   for (PetscInt k = 0; k < inter->sides; k++) linear->outgoing[k] = 2.0 * linear->pull[k] - z[k];
   PetscCall(PetscSFBcastBegin(inter->mate_sf, MPIU_REAL, linear->outgoing, Gz, MPI_REPLACE));
-  if (linear->sub->structure->general) LatinLinkStageGeneral(linear, z + inter->sides, Gz + inter->sides, sum);
+  if (linear->sub->part) LatinTurningStage(linear, z + inter->sides, Gz + inter->sides, sum);
+  else if (linear->sub->structure->general) LatinLinkStageGeneral(linear, z + inter->sides, Gz + inter->sides, sum);
   else LatinSweepStage(linear, z + inter->sides, Gz + inter->sides, sum);
   PetscCall(PetscSFBcastEnd(inter->mate_sf, MPIU_REAL, linear->outgoing, Gz, MPI_REPLACE));
   PetscCall(LatinSweepFaces_Private(linear, z, Gz, &sum[0]));

@@ -148,6 +148,7 @@ static PetscErrorCode LatinStateFind_Private(PetscObject solver, Vec u, LatinSta
     PetscCheck(state->structure, comm, PETSC_ERR_ORDER, "The solver has no structure: give it one with LatinStructureAttachSNES()");
   }
   PetscCall(LatinStructureCheckVec_Private(state->structure, state->u));
+  PetscCall(LatinStructureCheckLinear_Private(state->structure, "States in files are for"));
   PetscCall(PetscObjectTypeCompare((PetscObject)state->snes, SNESLATIN, &state->latin));
   PetscFunctionReturn(0);
 }

@@ -6,6 +6,10 @@
 PetscErrorCode LatinStructureTensions_Private(LatinStructure structure, const PetscReal rigid[], Vec u, PetscReal tension[])
 {
   PetscFunctionBegin;
+  if (structure->geometry == LATIN_GEOMETRY_LARGE) {
+    PetscCall(LatinTurningTensions_Private(structure, u, tension));
+    PetscFunctionReturn(0);
+  }
   PetscCall(LatinStructureStrains_Private(structure, u, tension));
   for (PetscInt l = 0; l < structure->links_local; l++) tension[l] = LatinStructureTension(structure, rigid, l, tension[l]);
   PetscFunctionReturn(0);
@@ -17,6 +21,10 @@ PetscErrorCode LatinStructureResidual_Private(LatinStructure structure, const Pe
   PetscReal *tension;
 
   PetscFunctionBegin;
+  if (structure->span) {
+    PetscCall(LatinTurningResidual_Private(structure, u, r));
+    PetscFunctionReturn(0);
+  }
   PetscCall(DMGetWorkArray(structure->dm, structure->links_local, MPIU_REAL, &tension));
   PetscCall(LatinStructureTensions_Private(structure, rigid, u, tension));
   PetscCall(LatinStructureForces_Private(structure, tension, u, structure->load, r));
@@ -58,6 +66,10 @@ static PetscErrorCode LatinStructureComputeJacobian_Private(LatinStructure struc
   PetscCall(MatGetSize(J, &n, NULL));
   PetscCall(VecGetSize(structure->load, &m));
   PetscCheck(map && n == m, PetscObjectComm((PetscObject)structure), PETSC_ERR_ARG_WRONG, "The matrix does not belong to this structure: make it with DMCreateMatrix() on its DM");
+  if (structure->span) {
+    PetscCall(LatinTurningJacobian_Private(structure, u, J));
+    PetscFunctionReturn(0);
+  }
   PetscCall(LatinTangentCompute_Private(structure, u, 0.0, J, &tangent));
   PetscCall(MatZeroEntries(J));
   PetscCall(VecGetArrayRead(tangent, &k));
@@ -106,6 +118,10 @@ static PetscErrorCode LatinStructureComputeEnergy_Private(LatinStructure structu
   PetscScalar work;
 
   PetscFunctionBegin;
+  if (structure->span) {
+    PetscCall(LatinTurningEnergy_Private(structure, u, energy));
+    PetscFunctionReturn(0);
+  }
   PetscCall(DMGetWorkArray(structure->dm, structure->links_local, MPIU_REAL, &x));
   PetscCall(LatinStructureStrains_Private(structure, u, x));
   for (PetscInt l = 0; l < structure->links_local; l++) {

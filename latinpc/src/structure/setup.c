@@ -140,6 +140,7 @@ static PetscErrorCode LatinStructureSetUp_Private(LatinStructure structure)
              "Link %" PetscInt_FMT " has no length: its nodes %" PetscInt_FMT " and %" PetscInt_FMT " lie at the same point; merge the nodes, remove the link, or, for a contact, give its direction with LatinStructureSetDirections()",
              structure->links_start + point, structure->nodes[2 * point], structure->nodes[2 * point + 1]);
   PetscCall(LatinStructureSetUpRigid_Private(structure));
+  PetscCall(LatinTurningSetUp_Private(structure));
   PetscCall(PetscMalloc1(dim * structure->vertices, &vfixed));
   PetscCall(PetscMalloc1(dim * structure->vertices, &structure->vertex_prescribed));
   PetscCall(LatinSFBcast_Private(structure->vertex_sf, dim, LATIN_MPI_BOOL, structure->fixed, vfixed));

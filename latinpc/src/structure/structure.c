@@ -42,6 +42,9 @@ PetscErrorCode LatinStructureDestroy(LatinStructure *structure)
     PetscCall(PetscFree3(l->e0, l->prescribed, l->vertex_prescribed));
     PetscCall(VecDestroy(&l->ground));
     PetscCall(LatinStructureDestroy(&l->base));
+  } else if (l->turns) { /* so have parts of links */
+    PetscCall(PetscFree6(l->nodes, l->ends, l->law, l->stiffness, l->e0, l->direction));
+    PetscCall(PetscFree(l->part));
   } else {
     PetscCall(PetscFree5(l->x, l->prescribed, l->force, l->fixed, l->global_dof));
     PetscCall(PetscFree6(l->nodes, l->ends, l->law, l->stiffness, l->e0, l->direction));
@@ -50,10 +53,12 @@ PetscErrorCode LatinStructureDestroy(LatinStructure *structure)
     PetscCall(PetscFree(l->friction));
     PetscCall(VecDestroy(&l->inertia));
     PetscCall(PetscSFDestroy(&l->vertex_sf));
+    PetscCall(PetscFree(l->span));
   }
   PetscCall(VecDestroy(&l->load));
   if (l->dm) PetscCall(PetscObjectCompose((PetscObject)l->dm, "LatinStructure", NULL)); /* others may hold the DM */
   PetscCall(DMDestroy(&l->dm));
+  PetscCall(LatinStructureDestroy(&l->turns));
   PetscCall(PetscHeaderDestroy(structure));
   PetscFunctionReturn(0);
 }
@@ -196,7 +201,10 @@ PetscErrorCode LatinStructureSetLaws(LatinStructure structure, const PetscInt la
   for (PetscInt l = 0; l < structure->links_local; l++) structure->stiffness[l] = stiffness[l] > 0.0 ? stiffness[l] : LatinLaws[law[l]].stiffness;
   PetscCall(PetscObjectStateIncrease((PetscObject)structure));
   PetscCall(LatinStructureSetInitialElongations(structure, e0));
-  if (structure->set_up) PetscCall(LatinStructureSetUpRigid_Private(structure));
+  if (structure->set_up) {
+    PetscCall(LatinStructureSetUpRigid_Private(structure));
+    PetscCall(LatinTurningSetUp_Private(structure));
+  }
   PetscFunctionReturn(0);
 }
 

@@ -2,7 +2,7 @@
    Structures of links: what a structure holds, and what its rooms do for each other and for the solvers. Each room calls
    those before it only:
 
-     laws, userlaws; vectors; rigidlaws; tangent, linesearch; residual, results; setup; structure; timestep; attach
+     laws, userlaws; vectors; turning; rigidlaws; tangent, linesearch; residual, results; setup; structure; timestep, frame; attach
 */
 #ifndef LATINSTRUCTUREIMPL_H
 #define LATINSTRUCTUREIMPL_H
@@ -42,6 +42,9 @@ struct _p_LatinStructure {
   PetscSF    vertex_sf;     /* from the caller's nodes to the DM's vertices here */
   PetscInt   vertices;      /* vertices of the DM here */
   PetscBool  set_up;
+  /* links that turn (structure/turning.c), NULL where they do not */
+  LatinGeometry geometry;
+  PetscReal    *span; /* [links_local][dim] from the first to the second node, as drawn */
   /* what is a time step's own */
   PetscReal       *prescribed;        /* [nodes_local][dim] */
   PetscReal       *vertex_prescribed; /* [vertices][dim] */
@@ -58,6 +61,10 @@ struct _p_LatinStructure {
   PetscReal        shift;      /* this 1 / h^2 */
   /* [links_local] while Newton's method takes rigid links for springs (snes/multipliers.c), else NULL; borrowed */
   const PetscReal *penalty, *multiplier;
+  /* parts of links that turn (structure/frame.c), NULL in other structures */
+  LatinStructure   turns;       /* the structure whose links have been split into parts */
+  PetscObjectState turns_state; /* its state when it was last looked at */
+  PetscReal       *part;        /* [links_local][LATIN_PART] of large displacements, see structure/turning.h */
 };
 
 /* ---- links of a structure: all by their numbers on this rank ---- */
@@ -146,6 +153,25 @@ PETSC_INTERN PetscErrorCode LatinStructureResistFar_Private(LatinStructure, Vec 
 PETSC_INTERN PetscErrorCode LatinStructureResidual_Private(LatinStructure, const PetscReal rigid[], Vec u, Vec r);
 PETSC_INTERN PetscErrorCode LatinStructureTensions_Private(LatinStructure, const PetscReal rigid[], Vec u, PetscReal tension[]);
 PETSC_INTERN PetscErrorCode LatinStructureCountActive_Private(LatinStructure, const PetscReal rigid[], Vec u, PetscInt *active, PetscInt *unilateral);
+
+/* ---- links that turn (structure/turning.c), and structures of their parts (structure/frame.c) ---- */
+typedef enum {
+  LATIN_FRAME_DRAWN,   /* search directions of the drawn configuration */
+  LATIN_FRAME_PRESENT, /* of displacements, with regard to cables that are to become slack or taut */
+  LATIN_FRAME_TANGENT  /* of displacements: the tangent stiffness, but for a floor */
+} LatinFrameType;
+PETSC_INTERN PetscErrorCode LatinTurningSetUp_Private(LatinStructure);
+PETSC_INTERN PetscErrorCode LatinTurningTensions_Private(LatinStructure, Vec u, PetscReal tension[]);
+PETSC_INTERN PetscErrorCode LatinTurningResidual_Private(LatinStructure, Vec u, Vec r);
+PETSC_INTERN PetscErrorCode LatinTurningJacobian_Private(LatinStructure, Vec u, Mat J);
+PETSC_INTERN PetscErrorCode LatinTurningEnergy_Private(LatinStructure, Vec u, PetscReal *energy);
+PETSC_INTERN PetscErrorCode LatinTurningMatCreate_Private(LatinStructure, Mat *);
+PETSC_INTERN PetscErrorCode LatinTurningMatCompute_Private(LatinStructure, Vec u, Mat);
+PETSC_INTERN PetscErrorCode LatinStructureCheckLinear_Private(LatinStructure, const char what[]);
+PETSC_INTERN PetscErrorCode LatinFrameCreate_Private(LatinStructure, LatinStructure *frame);
+PETSC_INTERN PetscErrorCode LatinFrameFollow_Private(LatinStructure frame);
+PETSC_INTERN PetscErrorCode LatinFrameRenew_Private(LatinStructure frame, Vec u, LatinFrameType);
+PETSC_INTERN PetscErrorCode LatinFrameSlack_Private(LatinStructure frame, Vec u, LatinFrameType, PetscInt *slack);
 
 /* ---- the DM (structure/setup.c) ---- */
 PETSC_INTERN PetscErrorCode LatinStructureCreateMesh_Private(LatinStructure);

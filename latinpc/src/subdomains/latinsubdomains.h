@@ -56,6 +56,7 @@ typedef struct {
   PetscReal *stiffness;        /* [links] k, which is also the ascent direction l */
   PetscReal *e0;               /* [links] */
   PetscInt  *law;              /* [links] */
+  PetscReal *part;             /* [links][LATIN_PART] of links that turn far, see structure/turning.h; NULL: there are none */
   PetscReal *friction;         /* [links] coefficient, at the normal part of a contact; NULL if nothing rubs */
   PetscInt  *node_offset;      /* [n + 1] */
   PetscInt   copies;           /* copies of nodes here */

@@ -1,3 +1,4 @@
+#include "structure/turning.h"
 #include "subdomains/latinsubdomains.h"
 
 /*
@@ -242,6 +243,10 @@ PetscErrorCode LatinSubdomainsSetUp(LatinSubdomains *sub, PetscInt of_link[], Pe
   PetscCall(LatinSFBcast_Private(sub->link_sf, structure->dim, MPIU_REAL, structure->direction, sub->direction));
   PetscCall(LatinSFBcast_Private(sub->link_sf, 1, MPIU_INT, structure->law, sub->law));
   PetscCall(LatinSubdomainsRefresh(sub));
+  if (structure->part) {
+    PetscCall(PetscMalloc1(LATIN_PART * sub->links + 1, &sub->part)); /* never NULL where the structure has parts */
+    PetscCall(LatinSFBcast_Private(sub->link_sf, LATIN_PART, MPIU_REAL, structure->part, sub->part));
+  }
   if (structure->rubs) {
     PetscCall(PetscMalloc1(sub->links, &sub->friction));
     PetscCall(LatinSFBcast_Private(sub->link_sf, 1, MPIU_REAL, structure->friction, sub->friction));
@@ -252,7 +257,7 @@ PetscErrorCode LatinSubdomainsSetUp(LatinSubdomains *sub, PetscInt of_link[], Pe
   for (PetscInt s = 0; s < sub->n; s++) {
     sub->state_first[s] = sub->nonsmooth;
     for (PetscInt l = sub->link_offset[s]; l < sub->link_offset[s + 1]; l++) {
-      sub->state[l] = !sub->tangent && !LatinLaws[sub->law[l]].smooth && LatinSubdomainsMoves(sub, l) ? sub->nonsmooth : -1;
+      sub->state[l] = !sub->tangent && (sub->part || !LatinLaws[sub->law[l]].smooth) && LatinSubdomainsMoves(sub, l) ? sub->nonsmooth : -1;
       if (sub->state[l] >= 0) sub->nonsmooth_link[sub->nonsmooth++] = l;
     }
   }
@@ -275,6 +280,7 @@ PetscErrorCode LatinSubdomainsReset(LatinSubdomains *sub)
   PetscCall(PetscFree(sub->ground));
   PetscCall(PetscFree4(sub->direction, sub->stiffness, sub->e0, sub->law));
   PetscCall(PetscFree3(sub->nonsmooth_link, sub->state, sub->state_first));
+  PetscCall(PetscFree(sub->part));
   PetscCall(PetscFree(sub->friction));
   PetscCall(PetscFree2(sub->field, sub->near));
   PetscCall(PetscFree(sub->ki));

@@ -1,0 +1,253 @@
+#include "snes/sneslatinimpl.h"
+
+/*
+   Solves where links turn (structure/turning.h, structure/frame.c). By small angles they are those of any structure. Far, the course of a
+   solve is this: the iteration, with operators made once; operators made at the present displacements where the iteration would
+   take longer without them; Newton's method with the exact tangent stiffness near the solution, which proves the error
+   (snes/largenewton.c). Its search for the least energy along a step, and what is known of slack links in the geometry of the drawn
+   configuration, do not carry over.
+*/
+
+#define LATIN_LARGE_NEAR   1e-3 /* estimated error from which on Newton's method is tried */
+#define LATIN_LARGE_FAR    0.1  /* where it has failed it is tried again when the error is so much smaller */
+#define LATIN_LARGE_WINDOW 8    /* linear stages that show their progress; 12 take a few more to the end, 6 too little progress */
+#define LATIN_LARGE_GROW   4    /* times as many after operators have been made anew: with 2 some saddles take twice as many stages */
+#define LATIN_LARGE_MOST   40   /* times that Newton's method gets operators of the tangent stiffness: from 1e-3 to 1e-9 it needs 1 to 8 */
+#define LATIN_LARGE_COST   30   /* linear stages that take as long as a set-up: 25 to 38 on networks and grids of 8,000 to 360,000 unknowns */
+
+static void LatinLargeWindow(LatinLarge *large, PetscInt window)
+{
+  large->window = window;
+  large->seen   = 0;
+  large->least  = PETSC_MAX_REAL;
+  large->before = 1.0;
+}
+
+/* Before the first linear stage of a solve */
+PetscErrorCode SNESLatinLargeStart_Private(SNES snes)
+{
+  SNES_Latin *data  = (SNES_Latin *)snes->data;
+  LatinLarge *large = &data->large;
+
+  PetscFunctionBegin;
+  if (!SNESLatinLarge(data)) PetscFunctionReturn(0);
+  PetscCheck(data->stop != LATIN_STOP_ENERGY, PetscObjectComm((PetscObject)snes), PETSC_ERR_SUP, "-snes_latin_stop energy is for links that keep their direction: take the stop error where they turn far (-snes_latin_geometry large)");
+  large->renewals = 0;
+  large->reached  = 0.0;
+  large->last     = PETSC_MAX_INT;
+  large->near     = LATIN_LARGE_NEAR;
+  large->unstable = PETSC_FALSE;
+  LatinLargeWindow(large, LATIN_LARGE_WINDOW);
+  PetscFunctionReturn(0);
+}
+
+/*
+   Do operators made at the present displacements pay? They do where more linear stages are left, at the rate of the last
+   window, than a set-up costs; what is left is the way to what the stop asks for, or to where Newton's method takes over. And
+   where cables have become slack that the operators have as taut: the rate does not show yet that displacements held by such a
+   cable creep, and saddles that take 25 to 60 stages with new operators take more than 120 without. To be called once a
+   stage. Collective on snes
+*/
+static PetscErrorCode SNESLatinLargeDue_Private(SNES snes, PetscReal measure, PetscReal goal, PetscBool *due)
+{
+  SNES_Latin *data  = (SNES_Latin *)snes->data;
+  LatinLarge *large = &data->large;
+  PetscInt    slack = 0;
+  PetscReal   gain, left;
+  Vec         u;
+
+  PetscFunctionBegin;
+  *due         = PETSC_FALSE;
+  large->least = PetscMin(large->least, measure);
+  if (++large->seen < large->window) PetscFunctionReturn(0);
+  gain          = PetscLogReal(large->before / large->least);
+  left          = PetscLogReal(large->least / goal);
+  large->before = PetscMin(large->before, large->least);
+  large->least  = PETSC_MAX_REAL;
+  large->seen   = 0;
+  if (!large->renewals) {
+    PetscCall(DMGetGlobalVector(large->frame->dm, &u));
+    PetscCall(LatinAverage_Private(&data->latin->linear, u));
+    PetscCall(LatinFrameSlack_Private(large->frame, u, LATIN_FRAME_PRESENT, &slack));
+    PetscCall(DMRestoreGlobalVector(large->frame->dm, &u));
+  }
+  *due = (PetscBool)(slack || (left > 0.0 && large->window * left > (PetscReal)LATIN_LARGE_COST * gain));
+  PetscFunctionReturn(0);
+}
+
+/* What the stop is on, and the value to reach */
+static PetscErrorCode SNESLatinLargeMeasure_Private(SNES snes, PetscReal *measure, PetscReal *target)
+{
+  SNES_Latin *data = (SNES_Latin *)snes->data;
+
+  PetscFunctionBegin;
+  *measure = data->latin->linear.indicator;
+  *target  = snes->stol;
+  if (data->stop == LATIN_STOP_RESIDUAL) {
+    PetscCall(SNESLatinResidual_Private(snes));
+    *measure = data->residual;
+    *target  = PetscMax(snes->abstol, snes->rtol * data->first_residual);
+  } else if (data->stop == LATIN_STOP_REFERENCE && data->done) *measure = data->error_l2[data->done - 1];
+  else if (SNESLatinEstimates(data)) {
+    *measure = data->estimate.value;
+    *target  = data->target;
+  }
+  PetscFunctionReturn(0);
+}
+
+/* What follows this linear stage. Collective on snes */
+static PetscErrorCode SNESLatinLargeDecide_Private(SNES snes, PetscReal measure, PetscReal target, LatinNext *next)
+{
+  SNES_Latin        *data   = (SNES_Latin *)snes->data;
+  LatinLarge        *large  = &data->large;
+  const LatinLinear *linear = &data->latin->linear;
+  const PetscBool    proves = (PetscBool)(SNESLatinEstimates(data) && data->newton.type != LATIN_NEWTON_NEVER), rests = (PetscBool)(linear->distance <= linear->noise);
+  PetscBool          due;
+
+  PetscFunctionBegin;
+  if (PetscIsInfOrNanReal(measure)) *next = LATIN_NEXT_NOT_FINITE;
+  else if (linear->failed) *next = LATIN_NEXT_FAILED;
+  else if (snes->ops->converged && snes->ops->converged != SNESConvergedDefault) target = 0.0; /* the user's test decides */
+  else if (proves && (measure <= large->near || rests)) *next = LATIN_NEXT_NEWTON_FINISH;
+  else if (!proves && measure <= target) *next = data->stop == LATIN_STOP_RESIDUAL ? LATIN_NEXT_CONVERGED_FNORM : LATIN_NEXT_CONVERGED;
+  else if (!proves && rests) *next = SNESLatinEstimates(data) ? LATIN_NEXT_ROUNDING : LATIN_NEXT_CONVERGED;
+  if (*next == LATIN_NEXT_CONVERGED && SNESLatinEstimates(data)) {
+    PetscCall(SNESLatinResidual_Private(snes));
+    if (data->residual > large->balance) *next = LATIN_NEXT_CONTINUE;
+  }
+  if (*next == LATIN_NEXT_CONTINUE && snes->divtol > 0.0 && linear->distance > snes->divtol * data->first_distance) *next = LATIN_NEXT_DIVERGED;
+  if (*next == LATIN_NEXT_CONTINUE && linear->applications >= PetscMin(snes->max_its, large->last)) *next = LATIN_NEXT_MAX_IT;
+  if (*next == LATIN_NEXT_CONTINUE) {
+    PetscCall(SNESLatinLargeDue_Private(snes, measure, proves ? large->near : target, &due));
+    if (due) *next = LATIN_NEXT_REBUILD;
+  }
+  PetscFunctionReturn(0);
+}
+
+/* The convergence test of the inner SNES */
+PetscErrorCode SNESLatinLargeConverged_Private(SNES outer, PetscInt it, PetscReal xnorm, PetscReal snorm, PetscReal fnorm, SNESConvergedReason *reason, void *ctx)
+{
+  SNES        snes = (SNES)ctx;
+  SNES_Latin *data = (SNES_Latin *)snes->data;
+  PetscReal   measure, target;
+  PetscBool   again;
+
+  PetscFunctionBegin;
+  *reason = SNES_CONVERGED_ITERATING;
+  PetscCall(SNESLatinTested_Private(snes, &again));
+  if (again) PetscFunctionReturn(0);
+  PetscCall(SNESLatinLargeMeasure_Private(snes, &measure, &target));
+  PetscCall(SNESLatinWatch_Private(snes, data->latin->linear.applications));
+  PetscCall(SNESLatinMonitor_Private(snes));
+  if (data->next == LATIN_NEXT_CONTINUE) PetscCall(SNESLatinLargeDecide_Private(snes, measure, target, &data->next));
+  if (data->next == LATIN_NEXT_CONTINUE) PetscFunctionReturn(0);
+  *reason = SNESLatinReason(data->next);
+  if (!*reason) *reason = SNES_CONVERGED_ITS; /* the inner SNES stops; what for is in data->next */
+  PetscFunctionReturn(0);
+}
+
+/* Operators at the displacements in the solution vector, and the state of these. Collective on snes */
+static PetscErrorCode SNESLatinLargeRenew_Private(SNES snes, LatinFrameType type)
+{
+  SNES_Latin *data         = (SNES_Latin *)snes->data;
+  PetscInt    applications = data->latin->linear.applications;
+
+  PetscFunctionBegin;
+  PetscCall(LatinFrameRenew_Private(data->large.frame, snes->vec_sol, type));
+  PetscCall(SNESLatinSetUpState_Private(snes));
+  PetscCall(SNESLatinCopyReference_Private(snes));
+  PetscCall(SNESLatinLoad_Private(snes));
+  if (SNESLatinEstimates(data)) PetscCall(LatinEstimateStart_Private(data->latin, &data->estimate));
+  data->latin->linear.applications = applications;
+  data->guess                      = PETSC_TRUE;
+  data->first_distance             = -1.0;
+  PetscCall(SNESLatinStart_Private(snes));
+  data->large.renewals++;
+  LatinLargeWindow(&data->large, LATIN_LARGE_GROW * data->large.window);
+  PetscCall(PetscInfo(snes, "After %" PetscInt_FMT " linear stages: operators at the present displacements\n", applications));
+  PetscFunctionReturn(0);
+}
+
+/* The norm of the forces without balance that a claim may leave */
+static PetscErrorCode SNESLatinLargeLeaves_Private(SNES snes)
+{
+  SNES_Latin          *data      = (SNES_Latin *)snes->data;
+  const LatinStructure structure = data->large.frame;
+  Vec                  load;
+
+  PetscFunctionBegin;
+  PetscCall(DMGetGlobalVector(structure->dm, &load));
+  PetscCall(VecCopy(structure->load, load));
+  if (snes->vec_rhs) PetscCall(VecAXPY(load, 1.0, snes->vec_rhs));
+  PetscCall(VecNorm(load, NORM_2, &data->large.balance));
+  PetscCall(DMRestoreGlobalVector(structure->dm, &load));
+  data->large.balance = data->large.balance > 0.0 ? data->balance * data->large.balance : PETSC_MAX_REAL;
+  PetscFunctionReturn(0);
+}
+
+/*
+   Newton's method from the displacements in the solution vector, first with the operators that are there; when it has taken
+   as long as a set-up, or where cables are slack that these have as taut, with those of the tangent stiffness, so many
+   times. Where it fails the solution vector is what it was. Collective on snes
+*/
+PetscErrorCode SNESLatinLargeFinish_Private(SNES snes, PetscInt times, PetscBool *done)
+{
+  SNES_Latin *data    = (SNES_Latin *)snes->data;
+  LatinLarge *large   = &data->large;
+  PetscBool   tangent = PETSC_FALSE;
+  Vec         u;
+
+  PetscFunctionBegin;
+  PetscCall(SNESLatinLargeLeaves_Private(snes));
+  PetscCall(DMGetGlobalVector(large->frame->dm, &u));
+  PetscCall(VecCopy(snes->vec_sol, u));
+  PetscCall(SNESLatinLargeNewton_Private(snes, LATIN_LARGE_COST, done));
+  for (PetscInt k = 0; k < times && !*done && large->slow; k++) {
+    PetscCall(SNESLatinLargeRenew_Private(snes, LATIN_FRAME_TANGENT));
+    tangent = PETSC_TRUE;
+    PetscCall(SNESLatinLargeNewton_Private(snes, LATIN_LARGE_COST, done));
+  }
+  if (!*done) PetscCall(VecCopy(u, snes->vec_sol));
+  if (!*done && tangent) PetscCall(SNESLatinLargeRenew_Private(snes, LATIN_FRAME_PRESENT));
+  PetscCall(DMRestoreGlobalVector(large->frame->dm, &u));
+  PetscFunctionReturn(0);
+}
+
+/* Newton's method after the iteration; where it fails this goes on from where it was. Collective on snes */
+static PetscErrorCode SNESLatinLargeProve_Private(SNES snes, PetscBool *done)
+{
+  SNES_Latin     *data  = (SNES_Latin *)snes->data;
+  LatinLarge     *large = &data->large;
+  const PetscReal value = data->estimate.value;
+  const PetscBool rests = (PetscBool)(data->latin->linear.distance <= data->latin->linear.noise);
+
+  PetscFunctionBegin;
+  PetscCall(LatinAverage_Private(&data->latin->linear, snes->vec_sol));
+  PetscCall(SNESLatinLargeFinish_Private(snes, LATIN_LARGE_MOST, done));
+  if (*done) PetscFunctionReturn(0);
+  data->current = -1;
+  large->near   = LATIN_LARGE_FAR * PetscMin(value, large->near);
+  if (!rests) PetscFunctionReturn(0); /* else Newton's method does not confirm where the iteration has come to rest */
+  data->next = large->unstable ? LATIN_NEXT_DIVERGED : LATIN_NEXT_ROUNDING;
+  *done      = PETSC_TRUE;
+  PetscFunctionReturn(0);
+}
+
+/* For the loads that there are, from the state z on. Collective on snes */
+PetscErrorCode SNESLatinLargeIterate_Private(SNES snes)
+{
+  SNES_Latin *data = (SNES_Latin *)snes->data;
+  PetscBool   done = PETSC_FALSE;
+
+  PetscFunctionBegin;
+  PetscCall(SNESLatinLargeLeaves_Private(snes));
+  while (!done) {
+    PetscCall(SNESLatinIterate_Private(snes, SNESLatinLargeConverged_Private));
+    if (data->next == LATIN_NEXT_REBUILD) {
+      PetscCall(LatinAverage_Private(&data->latin->linear, snes->vec_sol));
+      PetscCall(SNESLatinLargeRenew_Private(snes, LATIN_FRAME_PRESENT));
+    } else if (data->next == LATIN_NEXT_NEWTON_FINISH) PetscCall(SNESLatinLargeProve_Private(snes, &done));
+    else done = PETSC_TRUE;
+  }
+  PetscFunctionReturn(0);
+}

@@ -1,0 +1,114 @@
+#include "snes/sneslatinimpl.h"
+
+/* What a solve of SNES latin works on: the structure or its parts, operators, state, loads and reference; and the iteration with them */
+
+/* What the iteration works on: the structure itself, or the parts of its links where they turn. Collective on snes */
+PetscErrorCode SNESLatinFrame_Private(SNES snes, LatinStructure structure, LatinStructure *problem)
+{
+  LatinLarge *large = &((SNES_Latin *)snes->data)->large;
+
+  PetscFunctionBegin;
+  if (large->given) PetscCall(LatinStructureSetGeometry(structure, large->geometry));
+  if (large->frame && large->frame->turns != structure) PetscCall(LatinStructureDestroy(&large->frame));
+  *problem = structure;
+  if (!structure->span) {
+    PetscCall(LatinStructureDestroy(&large->frame));
+    PetscFunctionReturn(0);
+  }
+  if (large->frame) PetscCall(LatinFrameFollow_Private(large->frame));
+  else PetscCall(LatinFrameCreate_Private(structure, &large->frame));
+  *problem = large->frame;
+  PetscFunctionReturn(0);
+}
+
+/* What fits the structure as it was */
+PetscErrorCode SNESLatinResetState_Private(SNES snes)
+{
+  SNES_Latin *data = (SNES_Latin *)snes->data;
+
+  PetscFunctionBegin;
+  PetscCall(SNESLatinOuterReset_Private(snes));
+  PetscCall(SNESDestroy(&data->newton.snes));
+  PetscCall(PetscFree3(data->newton.penalty, data->newton.multiplier, data->newton.tension));
+  PetscCall(VecDestroy(&data->large.forces));
+  PetscCall(VecDestroy(&data->z));
+  PetscCall(VecDestroy(&data->z_before));
+  PetscCall(PetscFree(data->reference_copy));
+  data->has_before = PETSC_FALSE;
+  data->has_state  = PETSC_FALSE;
+  PetscFunctionReturn(0);
+}
+
+/* Builds what has changed in the structure, and the fixed-point unknown when its length has */
+PetscErrorCode SNESLatinSetUpState_Private(SNES snes)
+{
+  SNES_Latin *data  = (SNES_Latin *)snes->data;
+  Latin       latin = data->latin;
+
+  PetscFunctionBegin;
+  if (data->z) { /* new laws or a new partition take everything down */
+    PetscObjectState state;
+
+    PetscCall(PetscObjectStateGet((PetscObject)latin->sub.structure, &state));
+    if (!latin->set_up || state != latin->structure_state || latin->stale) PetscCall(SNESLatinResetState_Private(snes));
+  }
+  PetscCall(SNESLatinCreateOuter_Private(snes)); /* its options are the user's before anything is built */
+  PetscCall(LatinSetUp_Private(latin));
+  if (!data->z) PetscCall(LatinCreateState_Private(&latin->linear, &data->z));
+  PetscCall(SNESLatinOuterSetUp_Private(snes));
+  PetscFunctionReturn(0);
+}
+
+/* The reference, brought to the subdomains */
+PetscErrorCode SNESLatinCopyReference_Private(SNES snes)
+{
+  SNES_Latin *data  = (SNES_Latin *)snes->data;
+  Latin       latin = data->latin;
+  PetscInt    n, m;
+
+  PetscFunctionBegin;
+  PetscCheck(data->stop != LATIN_STOP_REFERENCE || data->reference, PetscObjectComm((PetscObject)snes), PETSC_ERR_ORDER, "-snes_latin_stop reference needs a displacement to compare with: call SNESLatinSetReference()");
+  if (!data->reference) PetscFunctionReturn(0);
+  PetscCall(VecGetSize(data->reference, &n));
+  PetscCall(VecGetSize(latin->sub.structure->load, &m));
+  PetscCheck(n == m, PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_SIZ, "The reference has %" PetscInt_FMT " entries, the structure %" PetscInt_FMT " free degrees of freedom", n, m);
+  PetscCall(LatinStructureCheckVec_Private(latin->sub.structure, data->reference));
+  if (!data->reference_copy) PetscCall(PetscMalloc1(latin->sub.structure->dim * latin->sub.copies, &data->reference_copy));
+  PetscCall(PetscArraycpy(data->reference_copy, latin->sub.prescribed, latin->sub.structure->dim * latin->sub.copies));
+  PetscCall(LatinDistribute_Private(&latin->sub, data->reference, data->reference_copy));
+  PetscFunctionReturn(0);
+}
+
+/* F(x) = b: more load */
+PetscErrorCode SNESLatinLoad_Private(SNES snes)
+{
+  Latin latin = ((SNES_Latin *)snes->data)->latin;
+  Vec   load;
+
+  PetscFunctionBegin;
+  if (!snes->vec_rhs) PetscFunctionReturn(0);
+  PetscCall(VecDuplicate(latin->sub.structure->load, &load));
+  PetscCall(VecWAXPY(load, 1.0, snes->vec_rhs, latin->sub.structure->load));
+  PetscCall(LatinLinearSetLoads(&latin->linear, load));
+  PetscCall(VecDestroy(&load));
+  latin->load_state = -1;
+  PetscFunctionReturn(0);
+}
+
+/* The iteration, from the state z on, with this convergence test of the inner SNES, which may end by itself as well */
+PetscErrorCode SNESLatinIterate_Private(SNES snes, PetscErrorCode (*test)(SNES, PetscInt, PetscReal, PetscReal, PetscReal, SNESConvergedReason *, void *))
+{
+  SNES_Latin         *data = (SNES_Latin *)snes->data;
+  SNESConvergedReason reason;
+
+  PetscFunctionBegin;
+  data->next = LATIN_NEXT_CONTINUE;
+  PetscCall(SNESSetConvergenceTest(data->outer, test, snes, NULL));
+  PetscCall(SNESSetTolerances(data->outer, 0.0, 0.0, 0.0, snes->max_its, PETSC_MAX_INT));
+  PetscCall(SNESSolve(data->outer, NULL, data->z));
+  PetscCall(SNESGetConvergedReason(data->outer, &reason));
+  if (data->next != LATIN_NEXT_CONTINUE) PetscFunctionReturn(0);
+  data->next   = LATIN_NEXT_GIVEN;
+  snes->reason = reason;
+  PetscFunctionReturn(0);
+}

@@ -1,0 +1,254 @@
+#include "structure/structureimpl.h"
+#include "structure/turning.h"
+
+/*
+   Links that turn, as a structure of links that do not: its parts. Each link of the base, between the same nodes, becomes dim links
+   with directions at right angles, first along the link, then across it. So operators, subdomains and interfaces are those of any
+   structure, and what is new is in the local stage (stages/localturning.c).
+
+   prestress  the part along the link has its law; those across it are bars of the stiffness t0 / l. This is the whole problem.
+   large      the parts are the components of a search direction E = k n n^t + c (1 - n n^t) of the link, whose law acts on all
+              of them together.
+
+   The search direction is that of a configuration u, as drawn at first. A taut link has the stiffness of its law and c = tau / R,
+   which is its tangent; before the loads act c is to be larger, for tensions grow with the displacements. A slack cable has no
+   stiffness, and on its way to it or from it any number between: it gets LATIN_FRAME_SLACK times the mean c of the others, whose
+   displacements it is to follow. The figures below are of saddles with tensions of 1e-4 to 1e-2 of the stiffness.
+*/
+
+#define LATIN_FRAME_FIRST  4.0  /* times tau / R as drawn: nets that sag by 7 to 15 % of their span take 11 to 16 stages, with 1 and 16 up to 26 */
+#define LATIN_FRAME_LEAST  0.3  /* c at least, times the mean of those of taut links; from 0.1 to 0.3 no matter, with 0.03 seven saddles take a tenth more stages */
+#define LATIN_FRAME_SLACK  2.0  /* k of a cable that is slack or nearly so, times that mean: with 7 the saddles take a quarter more stages, with 1 a tenth */
+#define LATIN_FRAME_NEAR   0.1  /* nearly slack: tension over length, relative to that mean; with 0.02 three times as many stages, with 0.3 a few more */
+#define LATIN_FRAME_FLOOR  1e-6 /* k and c at least in the tangent stiffness, times that mean: 1e-2 and 1e-4 are no different */
+#define LATIN_FRAME_STRUT  2.0  /* c at least, times -tau / R of a link in compression: with 1 its length is not unique */
+#define LATIN_FRAME_STIFF  5.0  /* times the stiffness of a slack cable: a cable that has more in the frame has been taken for a taut one; more than LATIN_FRAME_FIRST */
+#define LATIN_FRAME_NONE   1e-3 /* c where nothing is taut, relative to the mean stiffness */
+#define LATIN_FRAME_LOWEST 1e-5 /* that mean at least, relative to the mean stiffness: operators of a structure whose tensions vanish must not be a mechanism */
+
+/* n and dim - 1 unit vectors at right angles to it, [dim][dim] */
+static void LatinFrameAxes(PetscInt dim, const PetscReal n[], PetscReal axes[])
+{
+  PetscInt least = 0;
+
+  for (PetscInt c = 0; c < dim; c++) axes[c] = n[c];
+  if (dim == 2) {
+    axes[2] = -n[1];
+    axes[3] = n[0];
+  }
+  if (dim < 3) return;
+  for (PetscInt c = 1; c < 3; c++)
+    if (PetscAbsReal(n[c]) < PetscAbsReal(n[least])) least = c;
+  for (PetscInt c = 0; c < 3; c++) axes[3 + c] = (c == least ? 1.0 : 0.0) - n[least] * n[c];
+  (void)LatinUnitVector(3, axes + 3, axes + 3);
+  for (PetscInt c = 0; c < 3; c++) axes[6 + c] = n[(c + 1) % 3] * axes[3 + (c + 2) % 3] - n[(c + 2) % 3] * axes[3 + (c + 1) % 3];
+}
+
+/* Parts of links that turn by small angles */
+static void LatinFramePrestress(LatinStructure frame)
+{
+  const LatinStructure base = frame->turns;
+  const PetscInt       dim  = base->dim;
+
+  for (PetscInt l = 0; l < base->links_local; l++) {
+    const LatinLaw *law    = &LatinLaws[base->law[l]];
+    PetscReal       length = 0.0;
+
+    for (PetscInt c = 0; c < dim; c++) length += PetscSqr(base->span[dim * l + c]);
+    LatinFrameAxes(dim, base->direction + dim * l, frame->direction + dim * dim * l);
+    for (PetscInt c = 0; c < dim; c++) {
+      frame->law[dim * l + c]       = c ? LATIN_LAW_BAR : base->law[l];
+      frame->stiffness[dim * l + c] = c ? law->tension(base->stiffness[l], base->e0[l], law->ctx) / PetscSqrtReal(length) : base->stiffness[l];
+      frame->e0[dim * l + c]        = c ? 0.0 : base->e0[l];
+    }
+  }
+}
+
+/* What all links have to say on the search direction */
+typedef struct {
+  PetscReal taut, across; /* number of taut links, sum of their tau / R */
+  PetscReal all, stiff;   /* number of links, sum of their stiffnesses */
+} LatinFrameSums;
+
+/* The search direction (k, c) of link l, tension over length `across` */
+static void LatinFrameDirection(LatinStructure base, PetscInt l, PetscReal across, LatinFrameType type, const LatinFrameSums *sum, PetscReal *k, PetscReal *c)
+{
+  const PetscReal mean = PetscMax(sum->taut > 0.0 ? sum->across / sum->taut : LATIN_FRAME_NONE * sum->stiff / sum->all, LATIN_FRAME_LOWEST * sum->stiff / sum->all), first = type == LATIN_FRAME_DRAWN ? LATIN_FRAME_FIRST : 1.0;
+  const PetscBool slack = (PetscBool)(base->law[l] == LATIN_LAW_CABLE && type != LATIN_FRAME_DRAWN && across <= (type == LATIN_FRAME_TANGENT ? 0.0 : LATIN_FRAME_NEAR * mean));
+
+  *k = slack ? PetscMin((type == LATIN_FRAME_TANGENT ? LATIN_FRAME_FLOOR : LATIN_FRAME_SLACK) * mean, base->stiffness[l]) : base->stiffness[l];
+  *c = PetscMax((type == LATIN_FRAME_TANGENT ? LATIN_FRAME_FLOOR : LATIN_FRAME_LEAST) * mean, across > 0.0 ? first * across : -LATIN_FRAME_STRUT * across);
+  *c = PetscMin(*c, *k);
+}
+
+/* Tensions over lengths, [links_local] (R), as displacements a of the vertices turn the links, NULL: as drawn; unit vectors too if axes are wanted. Collective on base */
+static PetscErrorCode LatinFrameMeasure_Private(LatinStructure base, const PetscScalar a[], PetscReal across[], PetscReal axes[], LatinFrameSums *sum)
+{
+  const PetscInt dim = base->dim;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMemzero(sum, sizeof(*sum)));
+  for (PetscInt l = 0; l < base->links_local; l++) {
+    const LatinLaw *law  = &LatinLaws[base->law[l]];
+    PetscReal       r[3] = {0.0, 0.0, 0.0}, n[3], length = 0.0, size = 0.0;
+
+    for (PetscInt c = 0; c < dim; c++) {
+      r[c] = base->span[dim * l + c] + (a ? PetscRealPart(a[dim * base->ends[2 * l + 1] + c] - a[dim * base->ends[2 * l] + c]) : 0.0);
+      length += PetscSqr(base->span[dim * l + c]);
+      size += PetscSqr(r[c]);
+    }
+    size      = PetscSqrtReal(size);
+    across[l] = size > 0.0 ? law->tension(base->stiffness[l], size - PetscSqrtReal(length) + base->e0[l], law->ctx) / size : 0.0;
+    if (axes) {
+      if (!LatinUnitVector(dim, r, n)) PetscCall(PetscArraycpy(n, base->direction + dim * l, dim));
+      LatinFrameAxes(dim, n, axes + dim * dim * l);
+    }
+    if (across[l] > 0.0) {
+      sum->taut += 1.0;
+      sum->across += across[l];
+    }
+    sum->all += 1.0;
+    sum->stiff += base->stiffness[l];
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, sizeof(*sum) / sizeof(PetscReal), MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)base)));
+  PetscFunctionReturn(0);
+}
+
+/* Parts of links that turn as far as displacements a of the vertices take them, NULL: as drawn. Collective on frame */
+static PetscErrorCode LatinFrameLarge_Private(LatinStructure frame, const PetscScalar a[], LatinFrameType type)
+{
+  const LatinStructure base = frame->turns;
+  const PetscInt       dim = base->dim, m = base->links_local;
+  PetscReal           *across, least, most;
+  LatinFrameSums       sum;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMalloc1(m, &across));
+  PetscCall(LatinFrameMeasure_Private(base, a, across, frame->direction, &sum));
+  PetscCall(LatinStructureStiffnessRange_Private(base, &least, &most));
+  for (PetscInt i = 0; i < dim * m; i++) {
+    const PetscInt l    = i / dim;
+    PetscReal     *part = frame->part + LATIN_PART * i, *row = frame->direction + dim * i, k, c, whole = 0.0, length = 0.0;
+
+    LatinFrameDirection(base, l, across[l], type, &sum, &k, &c);
+    part[LATIN_PART_STIFFNESS] = base->stiffness[l];
+    part[LATIN_PART_SCALE]     = PetscSqrtReal((i % dim ? c : k) / most);
+    for (PetscInt d = 0; d < dim; d++) {
+      row[d] *= part[LATIN_PART_SCALE];
+      whole += row[d] * base->span[dim * l + d];
+      length += PetscSqr(base->span[dim * l + d]);
+    }
+    part[LATIN_PART_NATURAL] = PetscSqrtReal(length) - base->e0[l];
+    frame->law[i]            = base->law[l];
+    frame->stiffness[i]      = most;
+    frame->e0[i]             = whole; /* of r0: a part's strain is that of r */
+  }
+  PetscCall(PetscFree(across));
+  PetscFunctionReturn(0);
+}
+
+/* Cables that parts of this type at displacements u would have as slack, and are stiffer in the frame. Collective on frame */
+PetscErrorCode LatinFrameSlack_Private(LatinStructure frame, Vec u, LatinFrameType type, PetscInt *slack)
+{
+  const LatinStructure base = frame->turns;
+  const PetscScalar   *a;
+  PetscReal           *across, k, c;
+  LatinFrameSums       sum;
+  Vec                  local;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMalloc1(base->links_local, &across));
+  PetscCall(DMGetLocalVector(base->dm, &local));
+  PetscCall(LatinStructureGetLocal_Private(base, base->vertex_prescribed, u, local));
+  PetscCall(VecGetArrayRead(local, &a));
+  PetscCall(LatinFrameMeasure_Private(base, a, across, NULL, &sum));
+  PetscCall(VecRestoreArrayRead(local, &a));
+  PetscCall(DMRestoreLocalVector(base->dm, &local));
+  *slack = 0;
+  for (PetscInt l = 0; l < base->links_local; l++) {
+    const PetscInt i = base->dim * l;
+
+    LatinFrameDirection(base, l, across[l], type, &sum, &k, &c);
+    if (base->law[l] != LATIN_LAW_CABLE) continue;
+    if (LATIN_FRAME_STIFF * k < frame->stiffness[i] * PetscSqr(frame->part[LATIN_PART * i + LATIN_PART_SCALE])) ++*slack;
+    else if (base->dim > 1 && type == LATIN_FRAME_TANGENT && LATIN_FRAME_STIFF * c < frame->stiffness[i] * PetscSqr(frame->part[LATIN_PART * (i + 1) + LATIN_PART_SCALE])) ++*slack;
+  }
+  PetscCall(PetscFree(across));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, slack, 1, MPIU_INT, MPI_SUM, PetscObjectComm((PetscObject)frame)));
+  PetscFunctionReturn(0);
+}
+
+/* The parts at displacements u of the base, NULL for LATIN_FRAME_DRAWN. Solvers of the frame build all again. Collective on frame */
+PetscErrorCode LatinFrameRenew_Private(LatinStructure frame, Vec u, LatinFrameType type)
+{
+  const LatinStructure base = frame->turns;
+  const PetscScalar   *a;
+  Vec                  local;
+
+  PetscFunctionBegin;
+  frame->geometry = LATIN_GEOMETRY_LINEAR; /* the parts do not turn */
+  if (base->geometry == LATIN_GEOMETRY_PRESTRESS) LatinFramePrestress(frame);
+  else if (!u) PetscCall(LatinFrameLarge_Private(frame, NULL, LATIN_FRAME_DRAWN));
+  else {
+    PetscCall(DMGetLocalVector(base->dm, &local));
+    PetscCall(LatinStructureGetLocal_Private(base, base->vertex_prescribed, u, local));
+    PetscCall(VecGetArrayRead(local, &a));
+    PetscCall(LatinFrameLarge_Private(frame, a, type));
+    PetscCall(VecRestoreArrayRead(local, &a));
+    PetscCall(DMRestoreLocalVector(base->dm, &local));
+  }
+  frame->general = (PetscBool)(base->geometry == LATIN_GEOMETRY_PRESTRESS && base->general);
+  PetscCall(PetscObjectStateIncrease((PetscObject)frame));
+  PetscFunctionReturn(0);
+}
+
+/* Takes what has changed in the base: laws and initial elongations make the parts anew, loads do not. Collective on frame */
+PetscErrorCode LatinFrameFollow_Private(LatinStructure frame)
+{
+  const LatinStructure base = frame->turns;
+  PetscObjectState     state;
+
+  PetscFunctionBegin;
+  PetscCall(PetscObjectStateGet((PetscObject)base, &state));
+  frame->load_state = base->load_state;
+  if (state == frame->turns_state && base->e0_state == frame->e0_state) PetscFunctionReturn(0);
+  PetscCall(PetscFree(frame->part));
+  if (base->geometry == LATIN_GEOMETRY_LARGE) PetscCall(PetscMalloc1(LATIN_PART * frame->links_local + 1, &frame->part)); /* never NULL then */
+  PetscCall(LatinFrameRenew_Private(frame, NULL, LATIN_FRAME_DRAWN));
+  frame->turns_state = state;
+  frame->e0_state    = base->e0_state;
+  PetscFunctionReturn(0);
+}
+
+/* Collective on base, which is set up, and whose links turn */
+PetscErrorCode LatinFrameCreate_Private(LatinStructure base, LatinStructure *newframe)
+{
+  const size_t   first = offsetof(struct _p_LatinStructure, dim), last = offsetof(struct _p_LatinStructure, prescribed);
+  const PetscInt dim = base->dim, m = dim * base->links_local;
+  LatinStructure frame;
+
+  PetscFunctionBegin;
+  PetscCall(PetscHeaderCreate(frame, LATIN_STRUCTURE_CLASSID, "LatinStructure", "Parts of links that turn", "Latin", PetscObjectComm((PetscObject)base), LatinStructureDestroy, ((PetscObject)base)->bops->view));
+  PetscCall(PetscObjectReference((PetscObject)base));
+  PetscCall(PetscMemcpy((char *)frame + first, (char *)base + first, last - first));
+  frame->turns             = base;
+  frame->turns_state       = -1; /* not yet looked at */
+  frame->span              = NULL;
+  frame->links_local       = m;
+  frame->links_global      = dim * base->links_global;
+  frame->links_start       = dim * base->links_start;
+  frame->prescribed        = base->prescribed;
+  frame->vertex_prescribed = base->vertex_prescribed;
+  frame->load              = base->load;
+  PetscCall(PetscObjectReference((PetscObject)frame->load));
+  PetscCall(PetscMalloc6(2 * m, &frame->nodes, 2 * m, &frame->ends, m, &frame->law, m, &frame->stiffness, m, &frame->e0, dim * m, &frame->direction));
+  for (PetscInt i = 0; i < 2 * m; i++) {
+    frame->nodes[i] = base->nodes[2 * (i / 2 / dim) + i % 2];
+    frame->ends[i]  = base->ends[2 * (i / 2 / dim) + i % 2];
+  }
+  PetscCall(LatinStructureCloneDM_Private(base, &frame->dm)); /* where solvers find the frame */
+  PetscCall(LatinStructureComposeDM_Private(frame));
+  PetscCall(LatinFrameFollow_Private(frame));
+  *newframe = frame;
+  PetscFunctionReturn(0);
+}

@@ -1,0 +1,369 @@
+#include "structure/structureimpl.h"
+#include "structure/turning.h"
+
+/*
+   Links that turn with the displacements: what residual.c and tangent.c are for links that keep their direction.
+
+   large      f = tau r / R, r = r0 + d; its derivative is k_t n n^t + tau / R (1 - n n^t) with n = r / R
+   prestress  f = tau n + t0 / l (1 - n n^t) d, n and l as drawn, t0 the tension there: the tangent of the former at d = 0
+
+   d is the displacement of the second node less that of the first one.
+*/
+
+const char *const LatinGeometries[] = {"linear", "prestress", "large", "LatinGeometry", "LATIN_GEOMETRY_", NULL};
+
+/* One link as displacements turn it */
+typedef struct {
+  PetscReal d[3], n[3]; /* direction in which the tension acts */
+  PetscReal size;       /* R, or as drawn */
+  PetscReal x;          /* strain */
+  PetscReal across;     /* tau / R, or t0 / l: stiffness at right angles to n */
+} LatinTurned;
+
+static void LatinTurnedLink(LatinStructure structure, PetscInt l, const PetscScalar a[], LatinTurned *link)
+{
+  const PetscInt     dim = structure->dim;
+  const LatinLaw    *law = &LatinLaws[structure->law[l]];
+  const PetscReal   *r0 = structure->span + dim * l, k = structure->stiffness[l], e0 = structure->e0[l];
+  const PetscScalar *ua = a + dim * structure->ends[2 * l], *ub = a + dim * structure->ends[2 * l + 1];
+  PetscReal          length = 0.0, size = 0.0, stretch = 0.0;
+
+  for (PetscInt c = 0; c < dim; c++) {
+    const PetscReal d = PetscRealPart(ub[c] - ua[c]);
+
+    link->d[c] = d;
+    link->n[c] = structure->geometry == LATIN_GEOMETRY_LARGE ? r0[c] + d : r0[c];
+    length += PetscSqr(r0[c]);
+    size += PetscSqr(link->n[c]);
+    stretch += structure->geometry == LATIN_GEOMETRY_LARGE ? (2.0 * r0[c] + d) * d : r0[c] * d;
+  }
+  length = PetscSqrtReal(length);
+  size   = PetscSqrtReal(size);
+  for (PetscInt c = 0; c < dim; c++) link->n[c] /= size > 0.0 ? size : 1.0;
+  link->size = size;
+  if (structure->geometry == LATIN_GEOMETRY_LARGE) {
+    link->x      = stretch / (size + length) + e0; /* R - l without cancellation */
+    link->across = size > 0.0 ? law->tension(k, link->x, law->ctx) / size : 0.0;
+  } else {
+    link->x      = stretch / length + e0;
+    link->across = law->tension(k, e0, law->ctx) / length;
+  }
+}
+
+/* Displacements of the vertices, which LatinTurnedLink() reads; `held`: the prescribed ones. Collective on structure */
+static PetscErrorCode LatinTurnedOpen_Private(LatinStructure structure, const PetscReal held[], Vec u, Vec *local, const PetscScalar **a)
+{
+  PetscFunctionBegin;
+  PetscCall(DMGetLocalVector(structure->dm, local));
+  PetscCall(LatinStructureGetLocal_Private(structure, held, u, *local));
+  PetscCall(VecGetArrayRead(*local, a));
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode LatinTurnedClose_Private(LatinStructure structure, Vec *local, const PetscScalar **a)
+{
+  PetscFunctionBegin;
+  PetscCall(VecRestoreArrayRead(*local, a));
+  PetscCall(DMRestoreLocalVector(structure->dm, local));
+  PetscFunctionReturn(0);
+}
+
+/* Adds the forces of the links, f of link l at f + dim l, to those of their nodes, less the loads. Collective on structure */
+static PetscErrorCode LatinTurnedForces_Private(LatinStructure structure, const PetscReal f[], Vec load, Vec r)
+{
+  const PetscInt dim = structure->dim;
+  Vec            local;
+  PetscScalar   *v;
+
+  PetscFunctionBegin;
+  PetscCall(DMGetLocalVector(structure->dm, &local));
+  PetscCall(VecZeroEntries(local));
+  PetscCall(VecGetArray(local, &v));
+  for (PetscInt i = 0; i < dim * structure->links_local; i++) {
+    const PetscInt *end = structure->ends + 2 * (i / dim);
+
+    v[dim * end[0] + i % dim] -= f[i];
+    v[dim * end[1] + i % dim] += f[i];
+  }
+  PetscCall(VecRestoreArray(local, &v));
+  PetscCall(VecZeroEntries(r));
+  if (load) PetscCall(VecAXPY(r, -1.0, load));
+  PetscCall(DMLocalToGlobal(structure->dm, local, ADD_VALUES, r));
+  PetscCall(DMRestoreLocalVector(structure->dm, &local));
+  PetscFunctionReturn(0);
+}
+
+/* The tensions at u. Collective on structure */
+PetscErrorCode LatinTurningTensions_Private(LatinStructure structure, Vec u, PetscReal tension[])
+{
+  const PetscScalar *a;
+  LatinTurned        link;
+  Vec                local;
+
+  PetscFunctionBegin;
+  PetscCall(LatinTurnedOpen_Private(structure, structure->vertex_prescribed, u, &local, &a));
+  for (PetscInt l = 0; l < structure->links_local; l++) {
+    LatinTurnedLink(structure, l, a, &link);
+    tension[l] = LatinStructureTension(structure, NULL, l, link.x);
+  }
+  PetscCall(LatinTurnedClose_Private(structure, &local, &a));
+  PetscFunctionReturn(0);
+}
+
+/* The nodal unbalance at u. Collective on structure */
+PetscErrorCode LatinTurningResidual_Private(LatinStructure structure, Vec u, Vec r)
+{
+  const PetscInt     dim = structure->dim;
+  const PetscScalar *a;
+  PetscReal         *f;
+  Vec                local;
+
+  PetscFunctionBegin;
+  PetscCall(DMGetWorkArray(structure->dm, dim * structure->links_local, MPIU_REAL, &f));
+  PetscCall(LatinTurnedOpen_Private(structure, structure->vertex_prescribed, u, &local, &a));
+  for (PetscInt l = 0; l < structure->links_local; l++) {
+    LatinTurned link;
+    PetscReal   t, along = 0.0;
+
+    LatinTurnedLink(structure, l, a, &link);
+    t = LatinStructureTension(structure, NULL, l, link.x);
+    for (PetscInt c = 0; c < dim; c++) along += link.n[c] * link.d[c];
+    for (PetscInt c = 0; c < dim; c++) f[dim * l + c] = t * link.n[c] + (structure->geometry == LATIN_GEOMETRY_LARGE ? 0.0 : link.across * (link.d[c] - along * link.n[c]));
+  }
+  PetscCall(LatinTurnedClose_Private(structure, &local, &a));
+  PetscCall(LatinTurnedForces_Private(structure, f, structure->load, r));
+  PetscCall(DMRestoreWorkArray(structure->dm, dim * structure->links_local, MPIU_REAL, &f));
+  PetscFunctionReturn(0);
+}
+
+/* The derivative of the force of link l by d, symmetric, [dim][dim] */
+static void LatinTurnedBlock(LatinStructure structure, PetscInt l, const PetscScalar a[], PetscReal block[])
+{
+  const PetscInt dim = structure->dim;
+  LatinTurned    link;
+  PetscReal      along;
+
+  LatinTurnedLink(structure, l, a, &link);
+  along = LatinStructureTangent(structure, l, link.x) - link.across;
+  for (PetscInt i = 0; i < dim * dim; i++) block[i] = along * link.n[i / dim] * link.n[i % dim] + (i / dim == i % dim ? link.across : 0.0);
+}
+
+/* Into a matrix with entries. Collective on structure */
+PetscErrorCode LatinTurningJacobian_Private(LatinStructure structure, Vec u, Mat J)
+{
+  const PetscInt     dim = structure->dim, n = 2 * dim;
+  const PetscScalar *a;
+  Vec                local;
+
+  PetscFunctionBegin;
+  PetscCall(MatZeroEntries(J));
+  PetscCall(LatinTurnedOpen_Private(structure, structure->vertex_prescribed, u, &local, &a));
+  for (PetscInt l = 0; l < structure->links_local; l++) {
+    PetscReal   k[9];
+    PetscInt    row[6];
+    PetscScalar block[36];
+
+    LatinTurnedBlock(structure, l, a, k);
+    for (PetscInt i = 0; i < n; i++) row[i] = dim * structure->ends[2 * l + i / dim] + i % dim;
+    for (PetscInt i = 0; i < n * n; i++) block[i] = (i / n / dim == i % n / dim ? 1.0 : -1.0) * k[dim * (i / n % dim) + i % n % dim];
+    PetscCall(MatSetValuesLocal(J, n, row, n, row, block, ADD_VALUES));
+  }
+  PetscCall(LatinTurnedClose_Private(structure, &local, &a));
+  PetscCall(MatAssemblyBegin(J, MAT_FINAL_ASSEMBLY));
+  PetscCall(MatAssemblyEnd(J, MAT_FINAL_ASSEMBLY));
+  PetscCall(MatSetOption(J, MAT_SYMMETRIC, PETSC_TRUE));
+  PetscCall(MatSetOption(J, MAT_SYMMETRY_ETERNAL, PETSC_TRUE));
+  PetscFunctionReturn(0);
+}
+
+/* ---- the same without entries ---- */
+static PetscErrorCode LatinTurningMult_Private(Mat A, Vec x, Vec y)
+{
+  LatinStructure     structure;
+  Vec                blocks, local;
+  const PetscScalar *k, *a;
+  PetscReal         *f;
+  PetscInt           dim;
+
+  PetscFunctionBegin;
+  PetscCall(MatShellGetContext(A, &structure));
+  PetscCall(PetscObjectQuery((PetscObject)A, "LatinBlocks", (PetscObject *)&blocks));
+  dim = structure->dim;
+  PetscCall(DMGetWorkArray(structure->dm, dim * structure->links_local, MPIU_REAL, &f));
+  PetscCall(VecGetArrayRead(blocks, &k));
+  PetscCall(LatinTurnedOpen_Private(structure, NULL, x, &local, &a)); /* no change where prescribed */
+  for (PetscInt i = 0; i < dim * structure->links_local; i++) {
+    const PetscScalar *ua = a + dim * structure->ends[2 * (i / dim)], *ub = a + dim * structure->ends[2 * (i / dim) + 1];
+
+    f[i] = 0.0;
+    for (PetscInt c = 0; c < dim; c++) f[i] += PetscRealPart(k[dim * i + c] * (ub[c] - ua[c]));
+  }
+  PetscCall(LatinTurnedClose_Private(structure, &local, &a));
+  PetscCall(VecRestoreArrayRead(blocks, &k));
+  PetscCall(LatinTurnedForces_Private(structure, f, NULL, y));
+  PetscCall(DMRestoreWorkArray(structure->dm, dim * structure->links_local, MPIU_REAL, &f));
+  PetscFunctionReturn(0);
+}
+
+/* A tangent stiffness without entries; LatinTurningMatCompute_Private() comes before its first use. The structure outlives it. Collective on structure */
+PetscErrorCode LatinTurningMatCreate_Private(LatinStructure structure, Mat *A)
+{
+  const PetscInt m = structure->dim * structure->dim * structure->links_local;
+  PetscInt       n;
+  Vec            blocks;
+
+  PetscFunctionBegin;
+  PetscCall(VecGetLocalSize(structure->load, &n));
+  PetscCall(MatCreateShell(PetscObjectComm((PetscObject)structure), n, n, PETSC_DETERMINE, PETSC_DETERMINE, structure, A));
+  PetscCall(MatShellSetOperation(*A, MATOP_MULT, (void (*)(void))LatinTurningMult_Private));
+  PetscCall(MatSetOption(*A, MAT_SYMMETRIC, PETSC_TRUE));
+  PetscCall(VecCreateSeq(PETSC_COMM_SELF, m, &blocks));
+  PetscCall(PetscObjectCompose((PetscObject)*A, "LatinBlocks", (PetscObject)blocks));
+  PetscCall(VecDestroy(&blocks));
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode LatinTurningMatCompute_Private(LatinStructure structure, Vec u, Mat A)
+{
+  Vec                blocks, local;
+  PetscScalar       *k;
+  const PetscScalar *a;
+
+  PetscFunctionBegin;
+  PetscCall(PetscObjectQuery((PetscObject)A, "LatinBlocks", (PetscObject *)&blocks));
+  PetscCall(VecGetArrayWrite(blocks, &k));
+  PetscCall(LatinTurnedOpen_Private(structure, structure->vertex_prescribed, u, &local, &a));
+  for (PetscInt l = 0; l < structure->links_local; l++) LatinTurnedBlock(structure, l, a, k + structure->dim * structure->dim * l);
+  PetscCall(LatinTurnedClose_Private(structure, &local, &a));
+  PetscCall(VecRestoreArrayWrite(blocks, &k));
+  PetscCall(PetscObjectStateIncrease((PetscObject)A));
+  PetscFunctionReturn(0);
+}
+
+/* Strain energy of the links less the work of the loads. Collective on structure */
+PetscErrorCode LatinTurningEnergy_Private(LatinStructure structure, Vec u, PetscReal *energy)
+{
+  const PetscInt     dim = structure->dim;
+  const PetscScalar *a;
+  PetscReal          sum = 0.0;
+  PetscScalar        work;
+  Vec                local;
+
+  PetscFunctionBegin;
+  PetscCall(LatinTurnedOpen_Private(structure, structure->vertex_prescribed, u, &local, &a));
+  for (PetscInt l = 0; l < structure->links_local; l++) {
+    const LatinLaw *law   = &LatinLaws[structure->law[l]];
+    PetscReal       along = 0.0, whole = 0.0;
+    LatinTurned     link;
+
+    LatinTurnedLink(structure, l, a, &link);
+    sum += law->energy(structure->stiffness[l], link.x, law->ctx);
+    for (PetscInt c = 0; c < dim; c++) {
+      along += link.n[c] * link.d[c];
+      whole += PetscSqr(link.d[c]);
+    }
+    if (structure->geometry == LATIN_GEOMETRY_PRESTRESS) sum += 0.5 * link.across * (whole - along * along);
+  }
+  PetscCall(LatinTurnedClose_Private(structure, &local, &a));
+  PetscCall(MPIU_Allreduce(&sum, energy, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
+  PetscCall(VecDot(structure->load, u, &work));
+  *energy -= PetscRealPart(work);
+  PetscFunctionReturn(0);
+}
+
+/* ---- what is asked for ---- */
+#define LATIN_TURNING_OWN 1e-8 /* a direction that differs so much from that of the nodes is one of its own */
+
+/* Spans of the links of a structure that is set up; laws and directions that links that turn cannot have are errors. Collective on structure */
+PetscErrorCode LatinTurningSetUp_Private(LatinStructure structure)
+{
+  const PetscInt     dim  = structure->dim;
+  MPI_Comm           comm = PetscObjectComm((PetscObject)structure);
+  const PetscScalar *x;
+  Vec                coordinates;
+  PetscInt           own = -1;
+
+  PetscFunctionBegin;
+  if (structure->geometry == LATIN_GEOMETRY_LINEAR) {
+    PetscCall(PetscFree(structure->span));
+    PetscFunctionReturn(0);
+  }
+  PetscCheck(structure->rigid_law < 0, comm, PETSC_ERR_SUP, "Geometry %s takes elastic links only, and the structure has links of the law %s: take %s, or the geometry linear", LatinGeometries[structure->geometry],
+             LatinLaws[structure->rigid_law].name, LatinLaws[structure->rigid_law].cure);
+  if (!structure->span) PetscCall(PetscMalloc1(dim * structure->links_local + 1, &structure->span)); /* never NULL where links turn */
+  PetscCall(DMGetCoordinatesLocal(structure->dm, &coordinates));
+  PetscCall(VecGetArrayRead(coordinates, &x));
+  for (PetscInt l = structure->links_local - 1; l >= 0; l--) {
+    PetscReal *r0 = structure->span + dim * l, n[3] = {0.0, 0.0, 0.0}, apart = 0.0;
+
+    for (PetscInt c = 0; c < dim; c++) r0[c] = PetscRealPart(x[dim * structure->ends[2 * l + 1] + c] - x[dim * structure->ends[2 * l] + c]);
+    (void)LatinUnitVector(dim, r0, n);
+    for (PetscInt c = 0; c < dim; c++) apart = PetscMax(apart, PetscAbsReal(n[c] - structure->direction[dim * l + c]));
+    if (apart > LATIN_TURNING_OWN) own = l;
+  }
+  PetscCall(VecRestoreArrayRead(coordinates, &x));
+  LatinAgree(comm, own >= 0, PETSC_ERR_SUP, "Link %" PetscInt_FMT " has a direction of its own, and geometry %s turns links with their nodes: leave out LatinStructureSetDirections(), or take the geometry linear", structure->links_start + own,
+             LatinGeometries[structure->geometry]);
+  PetscFunctionReturn(0);
+}
+
+/* An error where links turn and `what`, a noun with its verb, does not follow. Collective on structure */
+PetscErrorCode LatinStructureCheckLinear_Private(LatinStructure structure, const char what[])
+{
+  PetscFunctionBegin;
+  PetscCheck(structure->geometry == LATIN_GEOMETRY_LINEAR, PetscObjectComm((PetscObject)structure), PETSC_ERR_SUP, "%s links that keep their direction, and the geometry of the structure is %s: set it to linear with LatinStructureSetGeometry()", what,
+             LatinGeometries[structure->geometry]);
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  LatinStructureSetGeometry - How displacements turn the links of a structure, for all its solvers.
+
+  Collective on structure
+
+  Input Parameter:
+. geometry - `LATIN_GEOMETRY_LINEAR`, the default: equilibrium in the drawn configuration; `LATIN_GEOMETRY_PRESTRESS`: by small
+             angles, against which each link resists by its tension there over its length; `LATIN_GEOMETRY_LARGE`:
+             equilibrium in the displaced configuration, the tension of a link that of its law at the strain
+             |r| - l + e0, r from its first to its second node, l its length as drawn
+
+  Options Database Key:
+. -snes_latin_geometry <linear,prestress,large> - the same, when a SNES latin is set up
+
+  Level: beginner
+
+  Note:
+  For elastic links in the direction of their nodes.
+
+.seealso: `SNESLATIN`, `LatinStructureSetPrestress()`
+@*/
+PetscErrorCode LatinStructureSetGeometry(LatinStructure structure, LatinGeometry geometry)
+{
+  PetscFunctionBegin;
+  PetscValidHeaderSpecific(structure, LATIN_STRUCTURE_CLASSID, 1);
+  PetscCheck(geometry >= LATIN_GEOMETRY_LINEAR && geometry <= LATIN_GEOMETRY_LARGE, PetscObjectComm((PetscObject)structure), PETSC_ERR_ARG_OUTOFRANGE,
+             "There is no geometry %d: take LATIN_GEOMETRY_LINEAR, LATIN_GEOMETRY_PRESTRESS or LATIN_GEOMETRY_LARGE", (int)geometry);
+  if (geometry == structure->geometry) PetscFunctionReturn(0);
+  PetscCheck(!structure->base, PetscObjectComm((PetscObject)structure), PETSC_ERR_SUP, "Links do not turn in a motion: leave out -snes_latin_geometry, or take the geometry linear");
+  structure->geometry = geometry;
+  PetscCall(PetscObjectStateIncrease((PetscObject)structure));
+  if (structure->set_up) PetscCall(LatinTurningSetUp_Private(structure));
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  LatinStructureGetGeometry - How displacements turn the links of a structure.
+
+  Not collective
+
+  Level: beginner
+
+.seealso: `LatinStructureSetGeometry()`
+@*/
+PetscErrorCode LatinStructureGetGeometry(LatinStructure structure, LatinGeometry *geometry)
+{
+  PetscFunctionBegin;
+  PetscValidHeaderSpecific(structure, LATIN_STRUCTURE_CLASSID, 1);
+  *geometry = structure->geometry;
+  PetscFunctionReturn(0);
+}

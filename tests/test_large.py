@@ -1,0 +1,341 @@
+"""Links that turn: tangents, closed forms, an independent Newton's method, partitions, ranks, and what is refused."""
+
+import json
+import sys
+
+import numpy as np
+import pytest
+import turning
+from petsc4py import PETSc
+from turning import catenary, net, random_net, simplex, solve, von_mises
+
+import latinpc
+from latinpc.runs.solve import solve as run
+from latinpc.scenes import Scene
+
+NETS = {
+    "flat": (10, 0.0, [0.0, 0.0, -500.0], None, 0.502210193820),
+    "saddle": (10, 2.0, [0.0, 0.0, -500.0], 1.63586214690, 0.236856213531),
+    "wide saddle": (30, 6.0, [20.0, 0.0, -50.0], 5.20657888792, 0.249810227159),
+}
+
+
+# ---- residual, tangent, energy -------------------------------------------------------------------
+@pytest.mark.parametrize("geometry", ["prestress", "large"])
+@pytest.mark.parametrize("structure", [simplex(30.0), von_mises(10.0), random_net(3)], ids=["simplex", "bars", "net"])
+def test_residual_and_tangent_are_derivatives_of_the_energy(structure, geometry):
+    """Central differences, along random directions, at random displacements."""
+    s = latinpc.Structure(**structure, geometry=geometry)
+    rng = np.random.default_rng(1)
+    u, v, r, Jv = (s.create_vec() for _ in range(4))
+    u.setArray(0.05 * rng.normal(size=u.getLocalSize()))
+    v.setArray(rng.normal(size=u.getLocalSize()))
+    J = s.dm.createMat()
+    s.residual(u, r)
+    s.jacobian(u, J)
+    J.mult(v, Jv)
+    h = 1e-6
+    left, right, a, b = u.copy(), u.copy(), r.copy(), r.copy()
+    left.axpy(-h, v)
+    right.axpy(h, v)
+    assert (s.energy(right) - s.energy(left)) / (2 * h) == pytest.approx(r.dot(v), rel=1e-6)
+    s.residual(left, a)
+    s.residual(right, b)
+    assert np.allclose((b.array - a.array) / (2 * h), Jv.array, rtol=0.0, atol=1e-6 * abs(Jv.array).max())
+
+
+def test_the_tangent_as_drawn_is_that_of_prestress():
+    """Small angles are the limit of large ones."""
+    structure = simplex(0.0)
+    matrices = []
+    for geometry in ("prestress", "large"):
+        s = latinpc.Structure(**structure, geometry=geometry)
+        J = s.dm.createMat()
+        s.jacobian(s.create_vec(), J)
+        matrices.append(J.convert("dense").getDenseArray().copy())
+    assert np.allclose(*matrices, rtol=0.0, atol=1e-12 * abs(matrices[0]).max())
+    assert np.linalg.eigvalsh(matrices[0]).min() > 0.0  # held by its prestress alone
+
+
+def test_rotated_structures_move_alike():
+    """Nothing depends on the axes."""
+    structure = net(6, 1.0, [10.0, 5.0, -300.0])
+    Q = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
+    turned = {**structure, "nodes": structure["nodes"] @ Q.T, "load": structure["load"] @ Q.T}
+    plain, rotated = solve(structure, error=1e-11), solve(turned, error=1e-11)
+    assert np.allclose(rotated.displacements, plain.displacements @ Q.T, rtol=0.0, atol=1e-10)
+    assert np.allclose(rotated.tensions, plain.tensions, rtol=0.0, atol=1e-6)
+
+
+# ---- solutions ------------------------------------------------------------------------------------
+@pytest.mark.parametrize("name", NETS)
+def test_known_nets(name):
+    """The largest displacement of the first one as another program has it (corotational trusses)."""
+    cells, rise, load, norm, largest = NETS[name]
+    result = solve(net(cells, rise, load), error=1e-10)
+    assert result.converged
+    assert abs(result.displacements).max() == pytest.approx(largest, rel=0.0, abs=1e-9)
+    if norm:
+        assert np.linalg.norm(result.displacements) == pytest.approx(norm, rel=0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_random_nets(seed):
+    """Slack cables, several tensions and stiffnesses: Newton's method with increments, in numpy."""
+    structure = random_net(seed)
+    result = solve(structure, error=1e-10)
+    reference = turning.newton(structure)
+    assert result.converged
+    assert np.linalg.norm(result.displacements - reference) < 1e-9 * np.linalg.norm(reference)
+
+
+@pytest.mark.parametrize("error", [1e-2, 1e-4, 1e-6, 1e-8])
+@pytest.mark.parametrize("name", ["flat", "saddle"])
+def test_the_error_asked_for_is_met(name, error):
+    """The true one."""
+    cells, rise, load, _, _ = NETS[name]
+    structure = net(cells, rise, load)
+    exact = solve(structure, error=1e-12).displacements
+    result = solve(structure, error=error)
+    assert result.converged
+    assert np.linalg.norm(result.displacements - exact) <= error * np.linalg.norm(exact)
+
+
+@pytest.mark.parametrize("part", [0.3, 0.9, 0.99])
+def test_von_mises_truss_below_its_limit_point(part):
+    """Not the equilibrium beyond the snap, which bears the same load."""
+    limit = turning.von_mises_limit()
+    result = solve(von_mises(part * limit), error=1e-11)
+    assert result.converged
+    assert -result.displacements[2, 1] == pytest.approx(turning.von_mises_deflection(part * limit), rel=1e-10)
+
+
+@pytest.mark.parametrize("part", [1.02, 2.0])
+def test_von_mises_truss_above_its_limit_point(part):
+    """No equilibrium follows: the reason says so, and the displacements are those of a load that it bears."""
+    result = solve(von_mises(part * turning.von_mises_limit()))
+    assert result.reason == PETSc.SNES.ConvergedReason.DIVERGED_DTOL
+    assert 0.0 < -result.displacements[2, 1] < turning.von_mises_deflection(turning.von_mises_limit() * (1 - 1e-9))
+
+
+def test_a_user_may_choose_the_equilibrium_beyond_the_snap():
+    """A solution vector that is not zero is the initial guess."""
+    load = 0.5 * turning.von_mises_limit()
+    beyond = np.zeros((3, 2))
+    beyond[2, 1] = -0.65
+    result = solve(von_mises(load), error=1e-10, guess=beyond)
+    assert result.converged
+    assert result.displacements[2, 1] < -0.6
+
+
+@pytest.mark.parametrize("moment", [0.0, 10.0, 300.0, 3000.0, -100.0])
+def test_simplex_under_torsion(moment):
+    """Three struts and nine cables, a mechanism but for its prestress."""
+    structure = simplex(moment)
+    result = solve(structure, error=1e-11)
+    reference = turning.newton(structure)
+    assert result.converged
+    assert np.linalg.norm(result.displacements - reference) <= 1e-10 * max(np.linalg.norm(reference), 1e-3)
+
+
+@pytest.mark.parametrize("law", ["cable", "bar"])
+def test_elastic_catenary(law):
+    """The horizontal part of all tensions is one, the other follows from the weights. Drawn as a mechanism."""
+    structure, exact = catenary()
+    result = solve(structure | {"law": law}, error=1e-12)
+    assert result.converged
+    assert np.allclose(result.displacements, exact, rtol=0.0, atol=1e-10 * abs(exact).max())
+
+
+def test_one_dimension_and_two():
+    """A chain of cables in a row, in 1D and in the plane."""
+    for dim in (1, 2):
+        nodes = np.zeros((4, dim))
+        nodes[:, 0] = range(4)
+        fixed = np.zeros((4, dim), bool)
+        fixed[[0, 3]] = True
+        load = np.zeros((4, dim))
+        load[1, 0] = 30.0
+        structure = {"nodes": nodes, "links": [[0, 1], [1, 2], [2, 3]], "law": "cable", "stiffness": 100.0}
+        structure |= {"prestress": 50.0, "fixed": fixed, "load": load}
+        result = solve(structure, error=1e-10)
+        assert result.converged
+        assert np.allclose(result.displacements[1:3, 0], [0.2, 0.1], rtol=0.0, atol=1e-9)
+
+
+# ---- prestress ------------------------------------------------------------------------------------
+def test_prestress_is_linear_and_exact():
+    """A flat net under small loads: a membrane of stiffness T / l, in closed form a linear system."""
+    structure = net(6, 0.0, [0.0, 0.0, -5.0])
+    result = solve(structure, error=1e-10, geometry="prestress")
+    free = ~structure["fixed"][:, 2]
+    K = np.zeros((len(free), len(free)))
+    for a, b in structure["links"]:
+        K[np.ix_([a, b], [a, b])] += 1000.0 * np.array([[1.0, -1.0], [-1.0, 1.0]])
+    exact = np.linalg.solve(K[np.ix_(free, free)], structure["load"][free, 2])
+    assert result.converged
+    assert np.allclose(result.displacements[free, 2], exact, rtol=1e-10)
+
+
+def test_small_loads_make_prestress_and_large_agree():
+    """The relative difference falls with the loads."""
+    far = []
+    for scale in (0.02, 0.002):
+        structure = net(6, 0.0, [20.0 * scale, 0.0, -100.0 * scale])
+        small, large = (solve(structure, error=1e-10, geometry=g).displacements for g in ("prestress", "large"))
+        far.append(np.linalg.norm(small - large) / np.linalg.norm(large))
+    assert far[1] < 0.1 * far[0] < 2e-4
+
+
+# ---- partitions, ranks, other solvers ----------------------------------------------------------------
+@pytest.mark.parametrize("variant", ["primal", "macro", "corner", "none", "published", "auto"])
+@pytest.mark.parametrize("name", ["flat", "saddle"])
+def test_subdomains_change_nothing(name, variant):
+    """METIS cuts the links, and the parts of one stay together."""
+    cells, rise, load, _, largest = NETS[name]
+    result = solve(net(cells, rise, load), error=1e-9, variant=variant, subdomains=6)
+    assert result.converged
+    assert abs(result.displacements).max() == pytest.approx(largest, rel=1e-8)
+    assert sorted(set(result.subdomain)) == list(range(6))
+
+
+@pytest.mark.parametrize("ranks", [1, 2, 4])
+@pytest.mark.parametrize("variant", ["auto", "macro"])
+def test_ranks_change_nothing(mpirun, ranks, variant):
+    """The same displacements and tensions on any number of ranks."""
+    found = json.loads(mpirun(ranks, turning.__file__, variant).stdout)
+    assert found["reason"] > 0
+    assert found["largest"] == pytest.approx(NETS["saddle"][4], rel=1e-8)
+    assert found["norm"] == pytest.approx(NETS["saddle"][3], rel=1e-8)
+
+
+def test_newtons_method_on_the_same_object(options):
+    """Residual and Jacobian of a SNES are those of the displaced structure."""
+    cells, rise, load, _, largest = NETS["flat"]
+    s = latinpc.Structure(**net(cells, rise, load), geometry="large")
+    options("-snes_type", "newtonls", "-pc_type", "lu", "-snes_rtol", "1e-12")
+    snes = s.create_snes()
+    snes.setFromOptions()
+    u = s.create_vec()
+    snes.solve(None, u)
+    assert snes.getConvergedReason() > 0
+    assert abs(s.displacements(u)).max() == pytest.approx(largest, rel=1e-8)
+
+
+# ---- how many linear stages ---------------------------------------------------------------------------
+@pytest.mark.parametrize(("name", "most"), [("flat", 25), ("saddle", 60), ("wide saddle", 60)])
+def test_linear_stages_to_four_digits(name, most):
+    """With one set of operators where no cable slackens, and with at most three where some do."""
+    cells, rise, load, _, _ = NETS[name]
+    structure = net(cells, rise, load)
+    exact = solve(structure, error=1e-10).displacements
+    result = solve(structure, reference=exact, stop="reference", stol=1e-4)
+    assert result.converged
+    assert result.iterations <= most
+    assert result.renewals <= (0 if name == "flat" else 2)
+
+
+def test_operators_serve_the_next_load():
+    """Loads that change do not build anything again."""
+    structure = net(8, 0.0, [0.0, 0.0, -100.0])
+    s = latinpc.Structure(**structure, geometry="large")
+    snes, u = s.create_snes(), s.create_vec()
+    for scale in (1.0, 1.2):
+        s.set_load(scale * structure["load"])
+        snes.solve(None, u)
+        assert snes.getConvergedReason() > 0
+        exact = turning.newton({**structure, "load": scale * structure["load"]})
+        assert np.linalg.norm(s.displacements(u) - exact) < 1e-4 * np.linalg.norm(exact)
+
+
+# ---- options and errors -----------------------------------------------------------------------------
+def test_the_option_sets_the_geometry(options):
+    """Of the structure, for all that is asked of it afterwards."""
+    cells, rise, load, _, largest = NETS["flat"]
+    options("-snes_latin_geometry", "large", "-snes_latin_error", "1e-10")
+    s = latinpc.Structure(**net(cells, rise, load))
+    snes, u = s.create_snes(), s.create_vec()
+    snes.setFromOptions()
+    snes.solve(None, u)
+    assert abs(s.displacements(u)).max() == pytest.approx(largest, rel=0.0, abs=1e-9)
+    assert s.tensions(u).min() > 1000.0
+
+
+def test_a_mechanism_that_prestress_holds_names_the_option():
+    """The refusal of small displacements says what to take."""
+    with pytest.raises(PETSc.Error) as error:
+        solve(net(6, 0.0, [0.0, 0.0, -5.0]), geometry="linear")
+    assert "-snes_latin_geometry prestress" in latinpc.error_message(error.value)
+    structure = net(6, 0.0, [0.0, 0.0, -5.0]) | {"prestress": None}
+    with pytest.raises(PETSc.Error) as error:
+        solve(structure, geometry="linear")
+    assert "geometry" not in latinpc.error_message(error.value)
+
+
+def test_what_does_not_turn_is_refused():
+    """Rigid laws, directions of their own, motions, PC latin, the energy stop, digits, states in files."""
+    plain = net(4, 0.0, [0.0, 0.0, -5.0])
+    rigid = {**plain, "law": "inextensible", "prestress": None}
+    with pytest.raises(PETSc.Error) as error:
+        latinpc.Structure(**rigid, geometry="large")
+    assert "elastic links only" in latinpc.error_message(error.value)
+    direction = np.zeros((len(plain["links"]), 3))
+    direction[5] = [0.0, 0.0, 1.0]
+    with pytest.raises(PETSc.Error) as error:
+        latinpc.Structure(**plain, direction=direction, geometry="large")
+    assert "Link 5 has a direction of its own" in latinpc.error_message(error.value)
+    with pytest.raises(ValueError, match="geometry must be one of linear, prestress, large"):
+        latinpc.Structure(**plain, geometry="small")
+    with pytest.raises(PETSc.Error) as error:
+        solve(plain, stop="energy")
+    assert "take the stop error" in latinpc.error_message(error.value)
+    s = latinpc.Structure(**plain, geometry="large", mass=1.0)
+    snes, u = s.create_snes(), s.create_vec()
+    snes.solve(None, u)
+    for refused in (s.create_ts, lambda: latinpc.digits(snes), lambda: latinpc.save_state(snes, "state", u)):
+        with pytest.raises(PETSc.Error) as error:
+            refused()
+        assert "the geometry of the structure is large" in latinpc.error_message(error.value)
+
+
+def test_a_run_says_where_small_displacements_do_not_hold():
+    """Once, by the angles of links and the size of displacements."""
+    for scale, far in ((1.0, True), (0.01, False)):
+        structure = net(10, 0.0, [0.0, 0.0, -500.0 * scale])
+        arrays = {name: structure[name] for name in ("nodes", "links", "law", "stiffness", "fixed", "load")}
+        scene = Scene(name="net", **arrays, initial_elongation=structure["prestress"] / structure["stiffness"])
+        result = run(scene, structure=latinpc.Structure(**structure, geometry="prestress"))
+        assert result.converged
+        assert any("take -snes_latin_geometry large" in notice for notice in result.notices) == far
+    result = run(scene, structure=latinpc.Structure(**structure, geometry="large"))
+    assert result.converged and not result.notices
+
+
+def test_motions_do_not_take_the_option(options):
+    """The steps of a motion have structures of their own."""
+    options("-snes_latin_geometry", "large")
+    s = latinpc.Structure([[0.0], [1.0]], [[0, 1]], "bar", 1.0, fixed=[[True], [False]], mass=1.0)
+    ts = s.create_ts()
+    ts.setMaxSteps(1)
+    ts.setTimeStep(0.1)
+    ts.setFromOptions()
+    with pytest.raises(PETSc.Error) as error:
+        ts.solve(ts.getSolution())
+    assert "Links do not turn in a motion" in latinpc.error_message(error.value)
+
+
+def test_a_view_says_what_was_done(tmp_path):
+    """Geometry, operators made anew, and the part of the loads that is borne."""
+    s = latinpc.Structure(**von_mises(2.0 * turning.von_mises_limit()), geometry="large")
+    snes, u = s.create_snes(), s.create_vec()
+    snes.solve(None, u)
+    viewer = PETSc.Viewer().createASCII(str(tmp_path / "view"))
+    snes.view(viewer)
+    viewer.flush()
+    text = (tmp_path / "view").read_text()
+    assert "geometry large" in text
+    assert 0.45 < float(text.split("times; ")[1].split(" of the loads borne")[0]) <= 0.5
+
+
+if __name__ == "__main__":
+    sys.exit(pytest.main([__file__]))
