@@ -69,7 +69,8 @@ class Structure:
         Coefficients of friction, read at links of law 5. Such a contact is `dim` consecutive links of the same nodes:
         law 5 along its normal, then law 6 along directions at right angles.
     mass : (n,) array_like of float, or float, optional
-        Lumped masses of the nodes (kg), for dynamics only.
+        Lumped masses of the nodes (kg), for dynamics only. A node that no link reaches needs one, given here, and flies
+        in a motion; solvers of statics refuse it.
     prestress : (m,) array_like of float, or float, optional
         Self-stress T (N) in place of initial elongations, e0 = T / k: of bars, of cables not negative, of
         compression-only links not positive, and zero of other laws.
@@ -147,9 +148,9 @@ class Structure:
         handle.set_loads(self._my_nodes(load))
         if subdomain is not None:
             self._compose_partition(subdomain)
-        handle.setup()
         if mass is not None:
             self.set_mass(mass)
+        handle.setup()
         # a solver has the DM, not this object: it finds the caller's numbering there
         self.dm.setAttr("latinpc_slices", self._slices)
 

@@ -152,13 +152,12 @@ static PetscErrorCode PCApply_Latin(PC pc, Vec x, Vec y)
   PetscFunctionBegin;
   if (latin->stale && !data->shared) PetscCall(PCSetUp_Latin(pc));
   latin->linear.failed = data->interior.failed = PETSC_FALSE;
-  if (data->shared) {
-    PetscCall(PCLatinStage_Private(pc, x, y));
-    PetscFunctionReturn(0);
+  if (data->shared) PetscCall(PCLatinStage_Private(pc, x, y));
+  else {
+    PetscCall(PCLatinEliminate_Private(pc, x));
+    PetscCall(PCLatinStage_Private(pc, data->work, data->work));
+    PetscCall(PCLatinExtend_Private(pc, y));
   }
-  PetscCall(PCLatinEliminate_Private(pc, x));
-  PetscCall(PCLatinStage_Private(pc, data->work, data->work));
-  PetscCall(PCLatinExtend_Private(pc, y));
   PetscCall(LatinUnassigned_Private(&latin->sub, x, y));
   PetscFunctionReturn(0);
 }
