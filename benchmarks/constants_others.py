@@ -156,6 +156,8 @@ OTHERS = {
     # formats
     "LATIN_STATE_FORMAT": ("version", "Changes with the format of a state; files of other versions are refused."),
     "LATIN_STATE_HEAD": ("bytes", "HDF5 looks for its own head behind 512 bytes; ours takes less."),
+    "LATIN_FILE_LINKS": ("links", "Symbolic links followed from a name to its file: as many as Linux follows."),
+    "LATIN_FILE_NAME": ("letters", "Of a name, in that of the file being written: 9 more stay below the limit of 255."),
     "LATIN_STATE_CHUNK": ("bytes", "Read at once for the sum of a file."),
     "LATIN_STATE_ITEMS": ("items", "More than any rank has; an assertion counts them."),
     "LATIN_STATE_LINES": ("lines", "Members of the head, counted by the compiler."),

@@ -409,7 +409,8 @@ def save_state(solver, path, u=None, note=b""):
     """Save the state of a solver, from which another run continues bit by bit; collective.
 
     The file is of PETSc's binary format, or of HDF5 when its name ends in ``.h5`` or ``.hdf5``. It replaces
-    an older one in one step, once it is complete on the disk: a killed run leaves one or the other.
+    an older one in one step, once it is complete on the disk: a killed run leaves one or the other. A symbolic link
+    stays, and what it leads to is replaced; permission bits are kept.
 
     Parameters
     ----------
@@ -424,8 +425,8 @@ def save_state(solver, path, u=None, note=b""):
     Raises
     ------
     petsc4py.PETSc.Error
-        On every rank, when there is nothing to save, the file cannot be written, or it would be of HDF5 and PETSc has
-        none.
+        On every rank, when there is nothing to save, the file cannot be written or is no regular file, another run
+        writes it at the same time, or it would be of HDF5 and PETSc has none.
     """
     _latin.save_state(solver, u, os.fsencode(path), bytes(note))
 

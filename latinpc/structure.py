@@ -70,7 +70,8 @@ class Structure:
         Coefficients of friction, read at links of law 5. Such a contact is `dim` consecutive links of the same nodes:
         law 5 along its normal, then law 6 along directions at right angles.
     mass : (n,) array_like of float, or float, optional
-        Lumped masses of the nodes (kg), for dynamics only.
+        Lumped masses of the nodes (kg), for dynamics only. A node that no link reaches needs one, given here, and flies
+        in a motion; solvers of statics refuse it.
     prestress : (m,) array_like of float, or float, optional
         Self-stress T (N) in place of initial elongations, e0 = T / k: of bars, of cables not negative, of
         compression-only links not positive, and zero of other laws.
@@ -155,9 +156,9 @@ class Structure:
         self.set_geometry(geometry)
         if subdomain is not None:
             self._compose_partition(subdomain)
-        handle.setup()
         if mass is not None:
             self.set_mass(mass)
+        handle.setup()
         # a solver has the DM, not this object: it finds the caller's numbering there
         self.dm.setAttr("latinpc_slices", self._slices)
 

@@ -1,6 +1,5 @@
 """Files: Gmsh pairs in, VTU out, and what is said when they are wrong."""
 
-import os
 import subprocess
 import sys
 
@@ -10,7 +9,6 @@ import pytest
 from conftest import ROOT
 
 import latinpc
-from latinpc.files.atomic import atomic, check_writable
 from latinpc.files.gmsh import read_scene
 from latinpc.files.vtk import write_vtu
 from latinpc.scenes.scene import Law, Scene
@@ -300,36 +298,3 @@ def test_vtu_comes_back(chain, tmp_path):
     assert mesh.cell_data["law"][0].tolist() == [1, 1, 2]
     assert mesh.cell_data["subdomain"][0].tolist() == [0, 0, 1]
     assert [path.name for path in tmp_path.iterdir()] == ["chain.vtu"]
-
-
-def test_an_interrupted_write_leaves_the_former_file(tmp_path):
-    path = tmp_path / "report.json"
-    path.write_text("former")
-    with pytest.raises(RuntimeError), atomic(path) as temporary:
-        with open(temporary, "w") as file:
-            file.write("half")
-        raise RuntimeError("interrupted")
-    assert path.read_text() == "former"
-    assert [entry.name for entry in tmp_path.iterdir()] == ["report.json"]
-
-
-def test_links_and_pipes_are_written_through_not_replaced(tmp_path):
-    (tmp_path / "link.txt").symlink_to(tmp_path / "real.txt")
-    os.mkfifo(tmp_path / "pipe.txt")
-    reader = os.open(tmp_path / "pipe.txt", os.O_RDONLY | os.O_NONBLOCK)
-    for name in ("link.txt", "pipe.txt"):
-        with atomic(tmp_path / name) as temporary, open(temporary, "w") as file:
-            file.write("whole")
-    assert (tmp_path / "real.txt").read_text() == "whole" and (tmp_path / "link.txt").is_symlink()
-    assert os.read(reader, 10) == b"whole" and (tmp_path / "pipe.txt").is_fifo()
-    os.close(reader)
-
-
-def test_results_that_could_not_be_written_are_refused_early(tmp_path):
-    check_writable(tmp_path / "a.vtu", (".vtu",))
-    with pytest.raises(ValueError, match=r"use \.vtu"):
-        check_writable(tmp_path / "a.xyz", (".vtu",))
-    with pytest.raises(FileNotFoundError, match="does not exist; create it"):
-        check_writable(tmp_path / "nowhere" / "a.vtu")
-    with pytest.raises(PermissionError):
-        check_writable(tmp_path)

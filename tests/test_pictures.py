@@ -56,6 +56,15 @@ def test_any_dimension(tmp_path, drawn, dim, suffix):
     assert "Tension" not in drawn[0]  # nothing is in tension
 
 
+@pytest.mark.parametrize("suffix", [".png", ".pdf", ".svg"])
+def test_open_contacts_have_no_width(tmp_path, drawn, suffix):
+    scene = _row(2)
+    scene.law[:] = Law.CONTACT
+    path = tmp_path / f"row{suffix}"
+    pictures.draw_structure(scene, np.zeros((4, 2)), np.array([-2e3, 0.0, 0.0]), path=path)
+    assert path.stat().st_size > 1000 and "66.7 % are open" in drawn[0]
+
+
 def test_nothing_moves_and_nothing_is_loaded(tmp_path, drawn):
     scene = _row(2)
     pictures.draw_structure(scene, np.zeros((4, 2)), np.zeros(3), None, tmp_path / "still.png")

@@ -356,16 +356,6 @@ def test_misuse_is_refused(tmp_path):
     assert "use -ts_type latin" in refused(latinpc.save_state, ts, tmp_path / "s")
 
 
-@pytest.mark.parametrize("file", STATES)
-def test_a_state_that_cannot_be_written_leaves_the_older_one(file, tmp_path):
-    path, scene = tmp_path / file, grid()
-    ramp(scene, {}, 1, 2, path)
-    good = path.read_bytes()
-    (tmp_path / f"{file}.part").mkdir()  # where the new one would be written
-    assert "(Is a directory)" in refused(ramp, scene, {}, 1, 3, path)
-    assert path.read_bytes() == good
-
-
 FULL = """
 import os, resource, sys
 import petsc4py

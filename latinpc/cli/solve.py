@@ -8,8 +8,8 @@ import click
 import numpy as np
 from petsc4py import PETSc
 
-from latinpc.files.atomic import check_writable
-from latinpc.files.vtk import write_pvd, write_vtu
+from latinpc.files.atomic import check_readable, check_writable
+from latinpc.files.vtk import frames_folder, write_pvd, write_vtu
 from latinpc.runs.checkpoint import Keeper
 from latinpc.runs.motion import move
 from latinpc.runs.solve import solve
@@ -90,14 +90,20 @@ def _check(reference, digits, steps, step, every, node_mass, increments, checkpo
 
 def _keeper(comm, run):
     """Return what saves the states of a run; collective."""
-    checkpoint, every = run["checkpoint"], run["checkpoint_every"]
+    checkpoint, every, restart = run["checkpoint"], run["checkpoint_every"], run["restart"]
+    if restart is not None:
+        on_root(comm, check_readable, restart)
     if checkpoint is not None:
         on_root(comm, check_writable, checkpoint)
+        if str(checkpoint).endswith(".gz"):
+            raise ValueError(
+                f"--checkpoint {checkpoint}: PETSc takes .gz files for compressed ones; use another suffix"
+            )
         if str(checkpoint).lower().endswith((".h5", ".hdf5")) and not has_package("hdf5"):
             raise ValueError(
                 f"--checkpoint {checkpoint}: this PETSc has no HDF5; use another suffix for PETSc's format"
             )
-    return Keeper(comm, checkpoint, 1 if every is None else every, run["restart"])
+    return Keeper(comm, checkpoint, 1 if every is None else every, restart)
 
 
 def _prepare(scene, moves, json_file, output, picture, options):
@@ -106,6 +112,8 @@ def _prepare(scene, moves, json_file, output, picture, options):
     for path, suffixes in ((json_file, None), *zip((output, picture), kinds)):
         if path is not None:
             check_writable(path, suffixes)
+    if output is not None and output.lower().endswith(".pvd"):
+        frames_folder(output)
     scene = open_scene(scene, options)
     if scene.velocity is not None and not moves:
         raise ValueError(f"{scene.name} moves: give the number of time steps with --steps")

@@ -8,6 +8,8 @@ import numpy as np
 
 from latinpc.scenes.scene import Scene
 
+from .atomic import atomic
+
 _ARRAYS = ("nodes", "links", "law", "stiffness", "initial_elongation", "fixed", "prescribed", "load")
 _OPTIONAL = ("subdomain", "direction", "friction", "mass", "velocity")
 
@@ -18,7 +20,8 @@ def save_scene(path, scene):
     arrays |= {name: getattr(scene, name) for name in _OPTIONAL if getattr(scene, name) is not None}
     tables = [[part.tolist() for part in table] for table in scene.tables]
     text = json.dumps({"name": scene.name, "metadata": scene.metadata, "time_step": scene.time_step, "tables": tables})
-    np.savez(path, text=np.frombuffer(text.encode(), np.uint8), **arrays)
+    with atomic(path) as temporary, open(temporary, "wb") as file:
+        np.savez(file, text=np.frombuffer(text.encode(), np.uint8), **arrays)
 
 
 def load_scene(path):

@@ -186,7 +186,8 @@ def _draw_forces(figure, axes, scene, segments, tensions):
     touch = np.isin(scene.law, (Law.CONTACT, Law.FRICTION))  # chains of force: as wide as they are strong
     widths[touch] = 6.0 * thin * push[touch] / max(push.max(), 1e-300)
     dashed = len(tensions) <= MANY_LINKS
-    styles = [(0, (2.0, 1.6)) if dashed and free else (0, None) for free in loose]
+    wide = widths > 0.0  # dashes are as long as lines are wide: PDF and SVG know none of no length
+    styles = [(0, (2.0, 1.6)) if dashed and free else (0, None) for free in loose & wide]
     order = np.argsort(loose, kind="stable")  # slack links last: on top where depth does not decide
     draw_links(axes, segments[order], colours[order], widths[order], [styles[link] for link in order])
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import pathlib
 
 import meshio
@@ -9,7 +10,7 @@ import numpy as np
 
 from latinpc.scenes.mechanics import elongations, slack
 
-from .atomic import atomic
+from .atomic import atomic, follow
 
 
 def write_vtu(path, scene, displacements, tensions, subdomain=None, node_class=None, velocities=None):
@@ -65,6 +66,20 @@ def write_vtu(path, scene, displacements, tensions, subdomain=None, node_class=N
         meshio.vtu.write(temporary, mesh)
 
 
+def frames_folder(path):
+    """Return the folder of the frames of a ``.pvd`` file, beside the file that the name leads to.
+
+    Raises
+    ------
+    OSError
+        When something else has its name, or it may not be written to.
+    """
+    folder = pathlib.Path(follow(path)[0]).parent / pathlib.Path(path).stem
+    if folder.exists() and not (folder.is_dir() and os.access(folder, os.W_OK | os.X_OK)):
+        raise PermissionError(f"{path}: its states cannot be written into {folder}; give another name")
+    return folder
+
+
 def write_pvd(path, motion):
     """Write a motion for ParaView: a file for each frame, in a folder of the same name, and an index with the times.
 
@@ -77,14 +92,13 @@ def write_pvd(path, motion):
     motion : latinpc.runs.motion.Motion
         With its frames.
     """
-    path = pathlib.Path(path)
-    folder = path.with_suffix("")
+    folder = frames_folder(path)
     folder.mkdir(exist_ok=True)
     entries = []
     for frame in motion.frames:
         name = f"{folder.name}/{frame.step:06d}.vtu"
         arrays = (frame.displacements, frame.tensions, motion.subdomain, motion.node_class, frame.velocities)
-        write_vtu(path.parent / name, motion.scene, *arrays)
+        write_vtu(folder.parent / name, motion.scene, *arrays)
         entries.append(f'    <DataSet timestep="{frame.time!r}" part="0" file="{name}"/>\n')
     with atomic(path) as temporary:
         pathlib.Path(temporary).write_text(

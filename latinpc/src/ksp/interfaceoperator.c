@@ -97,7 +97,7 @@ PetscErrorCode LatinReflectionApply_Private(LatinLinear *linear, Vec data, Vec r
   PetscFunctionReturn(0);
 }
 
-/* u = mean displacement of the copies for the loads and the data y; zero for unknowns of no subdomain. Collective on sub->object */
+/* u = mean displacement of the copies for the loads and the data y. Collective on sub->object */
 PetscErrorCode LatinReflectionSolution_Private(LatinLinear *linear, Vec y, Vec u)
 {
   const PetscScalar *a;

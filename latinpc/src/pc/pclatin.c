@@ -177,13 +177,12 @@ static PetscErrorCode PCApply_Latin(PC pc, Vec x, Vec y)
     PetscFunctionReturn(0);
   }
   latin->linear.failed = data->interior.failed = PETSC_FALSE;
-  if (data->shared) {
-    PetscCall(PCLatinStage_Private(pc, x, y));
-    PetscFunctionReturn(0);
+  if (data->shared) PetscCall(PCLatinStage_Private(pc, x, y));
+  else {
+    PetscCall(PCLatinEliminate_Private(pc, x));
+    PetscCall(PCLatinStage_Private(pc, data->work, data->work));
+    PetscCall(PCLatinExtend_Private(pc, y));
   }
-  PetscCall(PCLatinEliminate_Private(pc, x));
-  PetscCall(PCLatinStage_Private(pc, data->work, data->work));
-  PetscCall(PCLatinExtend_Private(pc, y));
   PetscCall(LatinUnassigned_Private(&latin->sub, x, y));
   PetscFunctionReturn(0);
 }

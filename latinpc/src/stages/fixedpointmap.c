@@ -60,16 +60,20 @@ PetscErrorCode LatinApply_Private(LatinLinear *linear, Vec z, Vec Gz)
   PetscFunctionReturn(0);
 }
 
-/* One displacement for the copies of a node: their mean */
+/* One displacement for the copies of a node, their mean; and of what is in no subdomain */
 PetscErrorCode LatinAverage_Private(LatinLinear *linear, Vec u)
 {
   const LatinSubdomains *sub = linear->sub;
   const PetscInt         bs  = sub->bs;
   PetscReal             *w   = linear->g; /* free as work space between linear stages */
+  PetscScalar           *a;
 
   PetscFunctionBegin;
   for (PetscInt i = 0; i < bs * sub->copies; i++) w[i] = linear->U[i] / sub->multiplicity[i / bs];
   PetscCall(LatinSum_Private(sub, w, u));
+  PetscCall(VecGetArray(u, &a));
+  for (PetscInt k = 0; k < sub->unassigned_count; k++) a[sub->unassigned[k]] = linear->alone[k];
+  PetscCall(VecRestoreArray(u, &a));
   PetscFunctionReturn(0);
 }
 

@@ -35,6 +35,7 @@ typedef struct {
   PetscReal       *U;             /* [copies * bs] displacements, the sum of those of all linear stages */
   PetscReal       *pull;          /* [sides] forces of the search direction, D times the micro part of U */
   PetscReal       *load;          /* [copies * bs] F, shared among the copies of a node */
+  PetscReal       *alone;         /* [unassigned_count] displacements of what is in no subdomain, for the loads */
   PetscReal       *spring;        /* [copies * bs] springs of the search direction, part of K */
   PetscReal       *lambda;        /* work: macro forces of one subdomain */
   PetscReal       *tile;          /* work: displacements and forces of LATIN_LANES equal subdomains, see stages/locallinks.c */

@@ -130,6 +130,7 @@ PetscErrorCode LatinLinearSetUp(LatinLinear *linear)
   PetscCall(LatinLinearOffsets_Private(linear));
   PetscCall(PetscMalloc6(n, &linear->g, n, &linear->U, sides, &linear->pull, n, &linear->load, linear->coarse->widest, &linear->lambda, n, &linear->spring));
   PetscCall(PetscMalloc1(sides, &linear->outgoing));
+  PetscCall(PetscCalloc1(sub->unassigned_count, &linear->alone));
   if (sub->structure && sub->structure->rigid_law >= 0 && !sub->tangent) {
     PetscCall(PetscCalloc1(sub->nonsmooth, &linear->tension));
     PetscCall(PetscCalloc1(sub->structure->links_local, &linear->rigid_tension));
@@ -146,16 +147,20 @@ PetscErrorCode LatinLinearSetUp(LatinLinear *linear)
   PetscFunctionReturn(0);
 }
 
-/* The loads, shared among the copies of a node */
+/* The loads, shared among the copies of a node; what is in no subdomain is solved for */
 PetscErrorCode LatinLinearSetLoads(LatinLinear *linear, Vec load)
 {
   const LatinSubdomains *sub = linear->sub;
   const PetscInt         bs  = linear->sub->bs;
+  const PetscScalar     *a;
 
   PetscFunctionBegin;
   PetscCall(PetscArrayzero(linear->load, bs * sub->copies));
   PetscCall(LatinDistribute_Private(linear->sub, load, linear->load));
   for (PetscInt i = 0; i < bs * sub->copies; i++) linear->load[i] /= sub->multiplicity[i / bs];
+  PetscCall(VecGetArrayRead(load, &a));
+  for (PetscInt k = 0; k < sub->unassigned_count; k++) linear->alone[k] = sub->unassigned_inverse[k] * a[sub->unassigned[k]];
+  PetscCall(VecRestoreArrayRead(load, &a));
   PetscFunctionReturn(0);
 }
 
@@ -298,6 +303,7 @@ PetscErrorCode LatinLinearReset(LatinLinear *linear)
   PetscCall(PetscFree(linear->tile));
   PetscCall(PetscFree(linear->work));
   PetscCall(PetscFree(linear->outgoing));
+  PetscCall(PetscFree(linear->alone));
   PetscCall(PetscFree(linear->tension));
   PetscCall(PetscFree(linear->rigid_tension));
   PetscCall(PetscFree6(linear->g, linear->U, linear->pull, linear->load, linear->lambda, linear->spring));

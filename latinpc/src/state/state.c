@@ -224,7 +224,7 @@ static PetscErrorCode LatinStateLoad_Private(PetscObject solver, Vec u, const ch
   PetscCall(LatinStateStructure_Private(&state, &structure));
   PetscCheck(head.structure == structure, comm, PETSC_ERR_FILE_UNEXPECTED, "The state %s is of another structure, partition or method: give the same scene and the same options", file);
   PetscCall(LatinStateItems_Private(&state));
-  PetscCall(LatinStateTransfer_Private(comm, file, &head, PETSC_TRUE, &state));
+  PetscCall(LatinStateTransfer_Private(comm, file, NULL, &head, &state));
   if (ts) {
     ts->started         = (PetscBool)(head.started != 0.0);
     state.ts->ptime     = (PetscReal)head.time;
@@ -246,14 +246,17 @@ static PetscErrorCode LatinStateLoad_Private(PetscObject solver, Vec u, const ch
   Input Parameters:
 + solver - a SNES of any type after a solve, or a TS of type latin after a step
 . u      - the solution of the SNES; NULL for a TS
-. file   - its name: HDF5 when it ends in .h5 or .hdf5, else PETSc's binary format; an older one is replaced in one step
+. file   - its name: HDF5 when it ends in .h5 or .hdf5, else PETSc's binary format; an older one is replaced in one step and keeps its mode
 . n      - length of the note
 - note   - bytes of the caller's own, from the first rank
 
   Level: intermediate
 
   Note:
-  Loads, initial elongations and prescribed displacements are not written: the caller has them.
+  Loads, initial elongations and prescribed displacements are not written: the caller has them. A symbolic link stays, and
+  what it leads to is replaced. Raises an error on every rank, and leaves all as it was, when the name is that of a folder,
+  a named pipe, a socket or a device, when its folder is not there or may not be written to, when the disk is full, and
+  while another run writes the same state.
 
 .seealso: `LatinStateLoad()`, `SNESLatinSetWarmStart()`
 @*/

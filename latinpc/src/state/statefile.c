@@ -3,14 +3,12 @@
 #endif
 #include "state/stateimpl.h"
 #include <errno.h>
-#include <unistd.h>
 
 /*
    The file of a state: 512 bytes of text with a sum of all bytes; the items, as a viewer of PETSc's writes them, in its
    binary format or in HDF5, which looks for its own behind so many bytes; the caller's note.
 
-   Only the first rank reads and writes: an error there is its own, and the others hear of it. The file takes the place of
-   an older one in one step, when all of it is on the disk.
+   Only the first rank reads and writes: an error there is its own, and the others hear of it.
 */
 
 #define LATIN_STATE_FORMAT 4     /* version of the format; others are refused */
@@ -112,8 +110,7 @@ static PetscErrorCode LatinHDF5Write_Private(PetscViewer viewer, const char file
 
 static PetscErrorCode LatinStateOpen_Private(const char file[], const LatinStateHead *head, PetscBool load, PetscViewer *viewer)
 {
-  char  room[LATIN_STATE_HEAD] = "";
-  FILE *stream;
+  char room[LATIN_STATE_HEAD] = "";
 
   PetscFunctionBegin;
   PetscCall(PetscViewerCreate(PETSC_COMM_SELF, viewer)); /* without its options: -viewer_hdf5_sp_output takes bits away */
@@ -121,8 +118,6 @@ static PetscErrorCode LatinStateOpen_Private(const char file[], const LatinState
     PetscCall(LatinHDF5Open_Private(*viewer, file, head, load));
     PetscFunctionReturn(0);
   }
-  stream = fopen(file, load ? "rb" : "wb"); /* for the system's own words, which PETSc does not pass on */
-  PetscCheck(stream && !fclose(stream), PETSC_COMM_SELF, PETSC_ERR_FILE_OPEN, "%s", strerror(errno));
   PetscCall(PetscViewerSetType(*viewer, PETSCVIEWERBINARY));
   PetscCall(PetscViewerBinarySetSkipInfo(*viewer, PETSC_TRUE));
   PetscCall(PetscViewerFileSetMode(*viewer, load ? FILE_MODE_READ : FILE_MODE_WRITE));
@@ -153,16 +148,18 @@ static PetscErrorCode LatinStateViewIntegers_Private(Vec whole, PetscViewer view
   PetscFunctionReturn(0);
 }
 
-/* Writes or reads the items, of one rank after the other, and gives them back. Collective on comm */
-PetscErrorCode LatinStateTransfer_Private(MPI_Comm comm, const char file[], const LatinStateHead *head, PetscBool load, LatinState *state)
+/* Writes the items into a new file, or reads them where there is none, of one rank after the other, and gives them back. Collective on comm */
+PetscErrorCode LatinStateTransfer_Private(MPI_Comm comm, const char file[], LatinFile *out, const LatinStateHead *head, LatinState *state)
 {
-  PetscViewer    viewer = NULL;
-  PetscMPIInt    rank;
-  PetscErrorCode ierr = (PetscErrorCode)0, last;
+  const PetscBool load   = (PetscBool)!out;
+  PetscViewer     viewer = NULL;
+  PetscMPIInt     rank;
+  PetscErrorCode  ierr = (PetscErrorCode)0, last;
 
   PetscFunctionBegin;
   PetscCallMPI(MPI_Comm_rank(comm, &rank));
-  if (rank == 0) ierr = LatinStateOpen_Private(file, head, load, &viewer);
+  if (rank == 0 && out) ierr = LatinFileBegin_Private(file, out);
+  if (rank == 0 && !ierr) ierr = LatinStateOpen_Private(out ? out->temporary : file, head, load, &viewer);
   for (PetscInt k = 0; k < state->items; k++) {
     Vec        v = state->item[k].v, whole;
     VecScatter gather;
@@ -180,28 +177,24 @@ PetscErrorCode LatinStateTransfer_Private(MPI_Comm comm, const char file[], cons
     PetscCall(VecDestroy(&whole));
     PetscCall(VecDestroy(&state->item[k].v));
   }
-  if (viewer && head->hdf5 != 0.0 && !load && !ierr) ierr = LatinHDF5Write_Private(viewer, file);
+  if (viewer && head->hdf5 != 0.0 && !load && !ierr) ierr = LatinHDF5Write_Private(viewer, out->temporary);
   last = PetscViewerDestroy(&viewer);
   LatinEach(comm, ierr ? ierr : last);
   PetscFunctionReturn(0);
 }
 
-/* Whoever looks finds the old state or the new one, whole. Of one rank */
-static PetscErrorCode LatinStateSeal_Private(const char temporary[], const char file[], LatinStateHead *head, const char note[])
+/* Adds what stands behind and before the items. Of one rank */
+static PetscErrorCode LatinStateSeal_Private(FILE *stream, LatinStateHead *head, const char note[])
 {
   const size_t n = (size_t)head->note_bytes;
   char         text[LATIN_STATE_HEAD];
-  FILE        *stream = fopen(temporary, "r+b");
   PetscBool    done;
 
   PetscFunctionBegin;
-  PetscCheck(stream, PETSC_COMM_SELF, PETSC_ERR_FILE_WRITE, "%s", strerror(errno));
   done      = (PetscBool)(!fseek(stream, 0, SEEK_END) && fwrite(note, 1, n, stream) == n && !fflush(stream));
   head->sum = done ? LatinStateSum(stream, head) : 0.0;
   LatinStatePrint(head, text);
   done = (PetscBool)(done && !ferror(stream) && !fseek(stream, 0, SEEK_SET) && fwrite(text, sizeof(text), 1, stream) == 1);
-  done = (PetscBool)(done && !fflush(stream) && !fsync(fileno(stream)));
-  done = (PetscBool)(!fclose(stream) && done && !rename(temporary, file));
   PetscCheck(done, PETSC_COMM_SELF, PETSC_ERR_FILE_WRITE, "%s", strerror(errno));
   PetscFunctionReturn(0);
 }
@@ -209,33 +202,36 @@ static PetscErrorCode LatinStateSeal_Private(const char temporary[], const char 
 /* Collective on comm */
 PetscErrorCode LatinStateWrite_Private(MPI_Comm comm, const char file[], LatinStateHead *head, LatinState *state, const char note[])
 {
-  char           temporary[PETSC_MAX_PATH_LEN], *message = NULL;
-  PetscMPIInt    rank;
-  PetscErrorCode ierr;
+  LatinFile      out     = {0};
+  char          *message = NULL;
+  PetscErrorCode ierr, last;
 
   PetscFunctionBegin;
-  PetscCallMPI(MPI_Comm_rank(comm, &rank));
   head->format        = LATIN_STATE_FORMAT;
   head->integer_bytes = sizeof(PetscInt);
   head->real_bytes    = sizeof(PetscReal);
-  PetscCall(PetscSNPrintf(temporary, sizeof(temporary), "%s.part", file));
-  ierr = LatinStateTransfer_Private(comm, temporary, head, PETSC_FALSE, state);
-  if (!ierr && rank == 0) ierr = LatinStateSeal_Private(temporary, file, head, note);
+  ierr                = LatinStateTransfer_Private(comm, file, &out, head, state);
+  if (!ierr && out.stream) ierr = LatinStateSeal_Private(out.stream, head, note);
+  last = LatinFileEnd_Private(&out, (PetscBool)!ierr);
+  if (!ierr) ierr = last;
   if (ierr) PetscCall(PetscErrorMessage(ierr, NULL, (void *)&message)); /* char *, const or not, by version */
-  if (ierr && rank == 0) (void)unlink(temporary);
-  LatinAgree(comm, ierr, PETSC_ERR_FILE_WRITE, "The state %s cannot be written, an older one stays: see that its folder is there, may be written to and has room (%s)", file, message ? message : "unknown");
+  LatinAgree(comm, ierr, PETSC_ERR_FILE_WRITE, "The state %s cannot be written, an older one stays: %s%s", file, message ? message : "unknown", ierr == PETSC_ERR_FILE_OPEN ? "" : "; see that its disk has room");
   PetscFunctionReturn(0);
 }
 
 /* The head and the note of a file that this PETSc can read and of which every byte is as it was written. Of one rank */
 static PetscErrorCode LatinStateLook_Private(const char file[], LatinStateHead *head, char **note)
 {
-  FILE     *stream                     = fopen(file, "rb");
-  char      text[LATIN_STATE_HEAD + 1] = "";
-  PetscBool whole;
-  int       lines;
+  mode_t      mode;
+  const char *why                        = LatinFileRefused(file, &mode);
+  char        text[LATIN_STATE_HEAD + 1] = "";
+  PetscBool   whole;
+  FILE       *stream;
+  int         lines;
 
   PetscFunctionBegin;
+  PetscCheck(!why, PETSC_COMM_SELF, PETSC_ERR_FILE_OPEN, "The state %s cannot be read: %s", file, why);
+  stream = fopen(file, "rb");
   PetscCheck(stream, PETSC_COMM_SELF, PETSC_ERR_FILE_OPEN, "The state %s cannot be read: %s", file, strerror(errno));
   (void)!fread(text, 1, LATIN_STATE_HEAD, stream); /* what is missing will be missed */
   lines = LatinStateScan(text, head);

@@ -1,10 +1,13 @@
 /*
-   States of solvers: what a state is made of (state/state.c) and its file (state/statefile.c).
+   States of solvers: what a state is made of (state/state.c), its file (state/statefile.c), and how that replaces an older
+   one (state/newfile.c).
 */
 #ifndef LATINSTATEIMPL_H
 #define LATINSTATEIMPL_H
 
 #include "snes/sneslatinimpl.h"
+#include <stdio.h>
+#include <sys/stat.h>
 
 /* What all ranks have in common, in the order of LatinStateNames; integers are exact up to 2^53 */
 typedef struct {
@@ -38,7 +41,20 @@ static inline uint64_t LatinStateHash(uint64_t before, size_t n, const void *dat
   return LatinHash(sizeof(both), both) >> 11;
 }
 
-PETSC_INTERN PetscErrorCode LatinStateTransfer_Private(MPI_Comm, const char file[], const LatinStateHead *, PetscBool load, LatinState *);
+/* ---- a file that replaces another one (state/newfile.c) ---- */
+typedef struct {
+  char   target[PETSC_MAX_PATH_LEN];    /* the name that it takes */
+  char   temporary[PETSC_MAX_PATH_LEN]; /* the name that it has until then */
+  mode_t mode;                          /* of the older one, 0: there is none */
+  FILE  *stream;
+} LatinFile;
+
+PETSC_INTERN const char    *LatinFileRefused(const char file[], mode_t *);
+PETSC_INTERN PetscErrorCode LatinFileBegin_Private(const char file[], LatinFile *);
+PETSC_INTERN PetscErrorCode LatinFileEnd_Private(LatinFile *, PetscBool written);
+
+/* ---- the file of a state (state/statefile.c) ---- */
+PETSC_INTERN PetscErrorCode LatinStateTransfer_Private(MPI_Comm, const char file[], LatinFile *, const LatinStateHead *, LatinState *);
 PETSC_INTERN PetscErrorCode LatinStateWrite_Private(MPI_Comm, const char file[], LatinStateHead *, LatinState *, const char note[]);
 PETSC_INTERN PetscErrorCode LatinStateReadHead_Private(MPI_Comm, const char file[], LatinStateHead *, char **note);
 

@@ -100,6 +100,7 @@ PetscErrorCode LatinStructureAttachSNES(LatinStructure structure, SNES snes)
   PetscFunctionBegin;
   PetscCall(LatinStructureCheckSetUp_Private(structure));
   PetscValidHeaderSpecific(snes, SNES_CLASSID, 2);
+  PetscCall(LatinStructureCheckFlies_Private(structure));
   PetscCall(PetscObjectQuery((PetscObject)snes, "LatinStructure", (PetscObject *)&before));
   if (before && before != structure) PetscCall(SNESReset(snes)); /* it is set up for another structure */
   PetscCall(LatinStructureFromDM_Private(snes->dm, &behind));

@@ -2,7 +2,63 @@
 
 /* The DMPLEX of a structure: its mesh, and once supports are known its section and the numbers of the free degrees of freedom. */
 
-/* The DM and where its vertices find their nodes; nodes without link are no vertices */
+/* PETSc makes vertices of the nodes of cells. Those without link follow them, each on the rank that gives the node. Collective on structure */
+static PetscErrorCode LatinStructureAddVertices_Private(LatinStructure structure)
+{
+  const PetscInt     m    = structure->links_local;
+  MPI_Comm           comm = PetscObjectComm((PetscObject)structure);
+  const PetscInt    *degree, *leaf;
+  const PetscSFNode *root;
+  PetscSFNode       *to;
+  PetscInt           roots, leaves, points, all, n = 0, *cones, *before;
+  PetscMPIInt        rank;
+  PetscSF            sf, vertex_sf;
+  DM                 dm;
+
+  PetscFunctionBegin;
+  PetscCall(PetscSFComputeDegreeBegin(structure->vertex_sf, &degree));
+  PetscCall(PetscSFComputeDegreeEnd(structure->vertex_sf, &degree));
+  for (PetscInt i = 0; i < structure->nodes_local; i++) n += degree[i] ? 0 : 1;
+  PetscCall(MPIU_Allreduce(&n, &all, 1, MPIU_INT, MPI_SUM, comm));
+  if (!all) PetscFunctionReturn(0);
+  structure->unlinked = n;
+  PetscCallMPI(MPI_Comm_rank(comm, &rank));
+  PetscCall(PetscSFGetGraph(structure->vertex_sf, &roots, &leaves, NULL, &root));
+  PetscCall(PetscMalloc1(leaves + n, &to));
+  PetscCall(PetscArraycpy(to, root, leaves));
+  for (PetscInt i = 0, k = leaves; i < structure->nodes_local; i++) {
+    if (degree[i]) continue;
+    to[k].rank    = rank;
+    to[k++].index = i;
+  }
+  PetscCall(PetscSFCreate(comm, &vertex_sf));
+  PetscCall(PetscSFSetGraph(vertex_sf, roots, leaves + n, NULL, PETSC_OWN_POINTER, to, PETSC_OWN_POINTER));
+  PetscCall(PetscSFDestroy(&structure->vertex_sf));
+  structure->vertex_sf = vertex_sf;
+
+  PetscCall(DMPlexGetChart(structure->dm, NULL, &points));
+  PetscCall(DMCreate(comm, &dm));
+  PetscCall(DMSetType(dm, DMPLEX));
+  PetscCall(DMSetDimension(dm, 1));
+  PetscCall(DMPlexSetChart(dm, 0, points + n));
+  for (PetscInt l = 0; l < m; l++) PetscCall(DMPlexSetConeSize(dm, l, 2));
+  PetscCall(DMSetUp(dm));
+  PetscCall(DMPlexGetCones(structure->dm, &before));
+  PetscCall(DMPlexGetCones(dm, &cones));
+  PetscCall(PetscArraycpy(cones, before, 2 * m));
+  PetscCall(DMPlexSymmetrize(dm));
+  PetscCall(DMPlexStratify(dm));
+  PetscCall(DMGetPointSF(structure->dm, &sf)); /* what ranks share stays */
+  PetscCall(PetscSFGetGraph(sf, &roots, &leaves, &leaf, &root));
+  PetscCall(DMGetPointSF(dm, &sf));
+  if (roots >= 0) PetscCall(PetscSFSetGraph(sf, points + n, leaves, (PetscInt *)leaf, PETSC_COPY_VALUES, (PetscSFNode *)root, PETSC_COPY_VALUES));
+  PetscCall(DMPlexBuildCoordinatesFromCellListParallel(dm, structure->dim, structure->vertex_sf, structure->x));
+  PetscCall(DMDestroy(&structure->dm));
+  structure->dm = dm;
+  PetscFunctionReturn(0);
+}
+
+/* The DM and where its vertices find their nodes */
 static PetscErrorCode LatinStructureCreatePlex_Private(LatinStructure structure)
 {
   MPI_Comm    comm = PetscObjectComm((PetscObject)structure);
@@ -18,6 +74,7 @@ static PetscErrorCode LatinStructureCreatePlex_Private(LatinStructure structure)
   PetscCall(PetscFree(used));
   if (size > 1 || !whole) {
     PetscCall(DMPlexCreateFromCellListParallelPetsc(comm, 1, structure->links_local, structure->nodes_local, structure->nodes_global, 2, PETSC_FALSE, structure->nodes, structure->dim, structure->x, &structure->vertex_sf, NULL, &structure->dm));
+    PetscCall(LatinStructureAddVertices_Private(structure));
     PetscFunctionReturn(0);
   }
   /* one rank, and every node is a vertex: no search */
@@ -119,11 +176,44 @@ static PetscErrorCode LatinStructureCreateSection_Private(LatinStructure structu
   PetscFunctionReturn(0);
 }
 
+/* Nodes without link are held, or have a mass of these, which flies. Collective on structure */
+PetscErrorCode LatinStructureCheckUnlinked_Private(LatinStructure structure, const PetscReal mass[])
+{
+  const PetscInt     dim = structure->dim;
+  const PetscSFNode *root;
+  PetscInt           leaves, first[2] = {PETSC_MAX_INT, PETSC_MAX_INT}; /* free components; those of no mass */
+
+  PetscFunctionBegin;
+  PetscCall(PetscSFGetGraph(structure->vertex_sf, NULL, &leaves, NULL, &root));
+  for (PetscInt k = dim * (leaves - structure->unlinked); k < dim * leaves; k++) {
+    const PetscInt i = (PetscInt)root[k / dim].index, dof = dim * (structure->nodes_start + i) + k % dim;
+
+    if (structure->fixed[dim * i + k % dim]) continue;
+    first[0] = PetscMin(first[0], dof);
+    if (!mass || !(mass[i] > 0.0)) first[1] = PetscMin(first[1], dof);
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, first, 2, MPIU_INT, MPI_MIN, PetscObjectComm((PetscObject)structure)));
+  PetscCheck(first[1] == PETSC_MAX_INT, PetscObjectComm((PetscObject)structure), PETSC_ERR_ARG_WRONGSTATE,
+             "Node %" PetscInt_FMT " is free in direction %" PetscInt_FMT " but no link reaches it; remove it or prescribe its displacement, or give it a mass, for a motion, before LatinStructureSetUp()", first[1] / dim, first[1] % dim);
+  structure->flies = first[0] == PETSC_MAX_INT ? -1 : first[0];
+  PetscFunctionReturn(0);
+}
+
+/* In statics nothing holds such a mass. Collective on structure */
+PetscErrorCode LatinStructureCheckFlies_Private(LatinStructure structure)
+{
+  PetscFunctionBegin;
+  PetscCheck(structure->ground || structure->flies < 0, PetscObjectComm((PetscObject)structure), PETSC_ERR_ARG_WRONGSTATE,
+             "Node %" PetscInt_FMT " is free in direction %" PetscInt_FMT " but no link reaches it; remove it or prescribe its displacement: a mass holds it in a motion (TS) only", structure->flies / structure->dim,
+             structure->flies % structure->dim);
+  PetscFunctionReturn(0);
+}
+
 static PetscErrorCode LatinStructureSetUp_Private(LatinStructure structure)
 {
   const PetscInt         dim = structure->dim, n = dim * structure->nodes_local;
   MPI_Comm               comm = PetscObjectComm((PetscObject)structure);
-  PetscInt               soft = -1, point = -1, loose = -1;
+  PetscInt               soft = -1, point = -1;
   PetscBool             *vfixed;
   const PetscInt        *vdof;
   ISLocalToGlobalMapping map;
@@ -139,6 +229,7 @@ static PetscErrorCode LatinStructureSetUp_Private(LatinStructure structure)
   LatinAgree(comm, point >= 0, PETSC_ERR_ARG_WRONG,
              "Link %" PetscInt_FMT " has no length: its nodes %" PetscInt_FMT " and %" PetscInt_FMT " lie at the same point; merge the nodes, remove the link, or, for a contact, give its direction with LatinStructureSetDirections()",
              structure->links_start + point, structure->nodes[2 * point], structure->nodes[2 * point + 1]);
+  PetscCall(LatinStructureCheckUnlinked_Private(structure, structure->mass));
   PetscCall(LatinStructureSetUpRigid_Private(structure));
   PetscCall(LatinTurningSetUp_Private(structure));
   PetscCall(PetscMalloc1(dim * structure->vertices, &vfixed));
@@ -154,9 +245,6 @@ static PetscErrorCode LatinStructureSetUp_Private(LatinStructure structure)
   PetscCall(ISLocalToGlobalMappingGetIndices(map, &vdof));
   PetscCall(LatinSFReduce_Private(structure->vertex_sf, dim, MPIU_INT, vdof, structure->global_dof, MPI_REPLACE));
   PetscCall(ISLocalToGlobalMappingRestoreIndices(map, &vdof));
-  for (PetscInt i = n - 1; i >= 0; i--)
-    if (!structure->fixed[i] && structure->global_dof[i] < 0) loose = i;
-  LatinAgree(comm, loose >= 0, PETSC_ERR_ARG_WRONGSTATE, "Node %" PetscInt_FMT " is free in direction %" PetscInt_FMT " but no link reaches it; remove it or prescribe its displacement", structure->nodes_start + loose / dim, loose % dim);
   PetscCall(DMCreateGlobalVector(structure->dm, &structure->load));
   PetscCall(LatinStructureNodalVec_Private(structure, structure->force, structure->load));
   PetscCall(LatinStructureComposeDM_Private(structure));
@@ -171,7 +259,8 @@ static PetscErrorCode LatinStructureSetUp_Private(LatinStructure structure)
   Level: beginner
 
   Note:
-  Raises `PETSC_ERR_ARG_WRONGSTATE` for a node with a free displacement that no link reaches, on every rank.
+  Raises `PETSC_ERR_ARG_WRONGSTATE` for a node with a free displacement that no link reaches and that has no mass, on every
+  rank. Where it has one it flies in a motion; solvers of statics refuse it.
 @*/
 PetscErrorCode LatinStructureSetUp(LatinStructure structure)
 {

@@ -28,7 +28,7 @@ struct _p_LatinStructure {
   /* the caller's nodes of this rank */
   PetscReal *x, *force;  /* [nodes_local][dim] */
   PetscBool *fixed;      /* [nodes_local][dim] */
-  PetscInt  *global_dof; /* [nodes_local][dim] entry of a DM global vector, negative where prescribed or without link */
+  PetscInt  *global_dof; /* [nodes_local][dim] entry of a DM global vector, negative where prescribed */
   /* the caller's links of this rank */
   PetscInt  *nodes;         /* [links_local][2] global node numbers */
   PetscInt  *ends;          /* [links_local][2] vertices of the DM */
@@ -41,6 +41,8 @@ struct _p_LatinStructure {
   PetscBool  general, rubs; /* has laws beyond bars, cables and compression-only links; has contacts with friction, on any rank */
   PetscSF    vertex_sf;     /* from the caller's nodes to the DM's vertices here */
   PetscInt   vertices;      /* vertices of the DM here */
+  PetscInt   unlinked;      /* nodes without link that this rank has given: the last of the vertices */
+  PetscInt   flies;         /* first free component, dim * node + direction, of one of them on any rank; -1: there is none */
   PetscBool  set_up;
   /* links that turn (structure/turning.c), NULL where they do not */
   LatinGeometry geometry;
@@ -175,6 +177,8 @@ PETSC_INTERN PetscErrorCode LatinFrameSlack_Private(LatinStructure frame, Vec u,
 
 /* ---- the DM (structure/setup.c) ---- */
 PETSC_INTERN PetscErrorCode LatinStructureCreateMesh_Private(LatinStructure);
+PETSC_INTERN PetscErrorCode LatinStructureCheckUnlinked_Private(LatinStructure, const PetscReal mass[]);
+PETSC_INTERN PetscErrorCode LatinStructureCheckFlies_Private(LatinStructure);
 PETSC_INTERN PetscErrorCode LatinStructureComposeDM_Private(LatinStructure);
 PETSC_INTERN PetscErrorCode LatinStructureCloneDM_Private(LatinStructure, DM *);
 

@@ -29,7 +29,7 @@
 
   Note:
   The masses are lumped (section 2.2): add half the mass of each link to both of its nodes. A node may have no mass as
-  long as links with mass hold it.
+  long as links with mass hold it. One that no link reaches needs one, before `LatinStructureSetUp()`: it flies.
 
 .seealso: `LatinStructureAttachTS()`, `TSLATIN`
 @*/
@@ -43,6 +43,7 @@ PetscErrorCode LatinStructureSetMass(LatinStructure structure, const PetscReal m
   for (PetscInt i = 0; i < structure->nodes_local; i++) sum += mass[i];
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &sum, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
   PetscCheck(sum > 0.0, PetscObjectComm((PetscObject)structure), PETSC_ERR_ARG_OUTOFRANGE, "No node has a mass: nothing resists acceleration");
+  if (structure->set_up) PetscCall(LatinStructureCheckUnlinked_Private(structure, mass));
   if (!structure->mass) PetscCall(PetscMalloc1(structure->nodes_local + 1, &structure->mass)); /* never NULL where there are masses */
   PetscCall(PetscArraycpy(structure->mass, mass, structure->nodes_local));
   PetscCall(VecDestroy(&structure->inertia));
@@ -139,12 +140,31 @@ static PetscReal LatinStepElongation(PetscInt law, PetscReal x, PetscReal closed
   return x > closed ? LATIN_STEP_FAR : 0.0;
 }
 
+/* The largest displacement of a node if its links do not hold it during the step. Collective on step */
+static PetscErrorCode LatinStepFlight_Private(LatinStructure step, PetscReal *flight)
+{
+  Vec                w, local;
+  const PetscScalar *a;
+
+  PetscFunctionBegin;
+  PetscCall(DMGetGlobalVector(step->dm, &w));
+  PetscCall(DMGetLocalVector(step->dm, &local));
+  PetscCall(VecPointwiseDivide(w, step->load, step->ground));
+  PetscCall(LatinStructureGetLocal_Private(step, NULL, w, local));
+  PetscCall(VecGetArrayRead(local, &a));
+  for (PetscInt i = 0; i < step->dim * (step->vertices - step->unlinked); i++) *flight = PetscMax(*flight, PetscAbsScalar(a[i]));
+  PetscCall(VecRestoreArrayRead(local, &a));
+  PetscCall(DMRestoreLocalVector(step->dm, &local));
+  PetscCall(DMRestoreGlobalVector(step->dm, &w));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, flight, 1, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)step)));
+  PetscFunctionReturn(0);
+}
+
 /* The step of length h from (u, v); its unknown is h v+. Collective on step */
 PetscErrorCode LatinStepStart_Private(LatinStructure step, PetscReal h, Vec u, Vec v)
 {
   LatinStructure base   = step->base;
-  PetscReal      flight = 0.0; /* the largest displacement of a node that no link holds during the step */
-  Vec            w;
+  PetscReal      flight = 0.0;
 
   PetscFunctionBegin;
   PetscCheck(h > 0.0 && h * h > 0.0 && !PetscIsInfOrNanReal(1.0 / (h * h)), PetscObjectComm((PetscObject)step), PETSC_ERR_ARG_OUTOFRANGE,
@@ -153,12 +173,7 @@ PetscErrorCode LatinStepStart_Private(LatinStructure step, PetscReal h, Vec u, V
   PetscCall(VecPointwiseMult(step->load, base->inertia, v));
   PetscCall(VecAYPX(step->load, 1.0 / h, base->load));
   step->load_state++;
-  if (base->rigid_law >= 0) {
-    PetscCall(DMGetGlobalVector(step->dm, &w));
-    PetscCall(VecPointwiseDivide(w, step->load, step->ground));
-    PetscCall(VecNorm(w, NORM_INFINITY, &flight));
-    PetscCall(DMRestoreGlobalVector(step->dm, &w));
-  }
+  if (base->rigid_law >= 0) PetscCall(LatinStepFlight_Private(step, &flight));
   PetscCall(LatinStructureStrains_Private(base, u, step->e0));
   for (PetscInt l = 0; l < base->links_local; l++) step->e0[l] = LatinStepElongation(base->law[l], step->e0[l], LATIN_STEP_CLOSED * flight);
   step->e0_state++;

@@ -78,8 +78,9 @@ typedef struct {
   /* subdomains of a matrix (subdomains/matis.c) have no links, and one component a node */
   PetscInt  *ki, *kj; /* [copies + 1], [ki[copies]] rows of the operators, NULL: B^t k B */
   PetscReal *ka;
+  /* coupled to no other unknown: rows of a matrix, masses without link in a motion */
   PetscInt   unassigned_count, *unassigned; /* unknowns of this rank's part of a vector that are in no subdomain */
-  PetscReal *unassigned_inverse;            /* what the preconditioner makes of them */
+  PetscReal *unassigned_inverse;            /* inverse of their diagonal entries */
 } LatinSubdomains;
 
 /* The rank of a subdomain */

@@ -344,18 +344,3 @@ PetscErrorCode LatinSubdomainsSetUp_Matrix(LatinSubdomains *sub)
   PetscCall(PetscLogEventEnd(LATIN_Subdomains, sub->object, 0, 0, 0));
   PetscFunctionReturn(0);
 }
-
-/* y at the unknowns of a matrix that are in no subdomain, for the right-hand side x */
-PetscErrorCode LatinUnassigned_Private(const LatinSubdomains *sub, Vec x, Vec y)
-{
-  const PetscScalar *a;
-  PetscScalar       *b;
-
-  PetscFunctionBegin;
-  PetscCall(VecGetArrayRead(x, &a));
-  PetscCall(VecGetArray(y, &b));
-  for (PetscInt k = 0; k < sub->unassigned_count; k++) b[sub->unassigned[k]] = sub->unassigned_inverse[k] * a[sub->unassigned[k]];
-  PetscCall(VecRestoreArray(y, &b));
-  PetscCall(VecRestoreArrayRead(x, &a));
-  PetscFunctionReturn(0);
-}

@@ -147,6 +147,29 @@ static PetscErrorCode LatinSubdomainsCopies_Private(LatinSubdomains *sub)
   PetscFunctionReturn(0);
 }
 
+/* A mass that no link reaches is in no subdomain: its spring to the ground alone holds it */
+static PetscErrorCode LatinSubdomainsUnassigned_Private(LatinSubdomains *sub)
+{
+  const PetscInt    *degree;
+  const PetscScalar *ground;
+  PetscInt           n;
+
+  PetscFunctionBegin;
+  PetscCall(VecGetLocalSize(sub->structure->ground, &n));
+  PetscCall(PetscSFComputeDegreeBegin(sub->dof_sf, &degree));
+  PetscCall(PetscSFComputeDegreeEnd(sub->dof_sf, &degree));
+  for (PetscInt i = 0; i < n; i++) sub->unassigned_count += degree[i] ? 0 : 1;
+  PetscCall(PetscMalloc2(sub->unassigned_count, &sub->unassigned, sub->unassigned_count, &sub->unassigned_inverse));
+  PetscCall(VecGetArrayRead(sub->structure->ground, &ground));
+  for (PetscInt i = 0, k = 0; i < n; i++) {
+    if (degree[i]) continue;
+    sub->unassigned[k]           = i;
+    sub->unassigned_inverse[k++] = 1.0 / PetscRealPart(ground[i]);
+  }
+  PetscCall(VecRestoreArrayRead(sub->structure->ground, &ground));
+  PetscFunctionReturn(0);
+}
+
 /* Node data for the copies, and the ways from the caller's nodes and from the DM's vectors to them */
 static PetscErrorCode LatinSubdomainsNodeData_Private(LatinSubdomains *sub)
 {
@@ -177,6 +200,8 @@ static PetscErrorCode LatinSubdomainsNodeData_Private(LatinSubdomains *sub)
   PetscCall(PetscSFCreate(PetscObjectComm(sub->object), &sub->dof_sf));
   PetscCall(PetscSFSetGraphLayout(sub->dof_sf, map, m, local, PETSC_COPY_VALUES, remote));
   PetscCall(PetscFree2(remote, local));
+  PetscCall(LatinStructureCheckFlies_Private(structure));
+  if (structure->flies >= 0) PetscCall(LatinSubdomainsUnassigned_Private(sub));
   if (structure->ground) {
     PetscCall(PetscCalloc1(dim * n, &sub->ground));
     PetscCall(LatinDistribute_Private(sub, structure->ground, sub->ground));
@@ -315,5 +340,20 @@ PetscErrorCode LatinSum_Private(const LatinSubdomains *sub, const PetscReal copy
   PetscCall(VecGetArray(u, &a));
   PetscCall(LatinSFReduce_Private(sub->dof_sf, 1, MPIU_SCALAR, copy, a, MPI_SUM));
   PetscCall(VecRestoreArray(u, &a));
+  PetscFunctionReturn(0);
+}
+
+/* y at the unknowns that are in no subdomain, for the right-hand side x */
+PetscErrorCode LatinUnassigned_Private(const LatinSubdomains *sub, Vec x, Vec y)
+{
+  const PetscScalar *a;
+  PetscScalar       *b;
+
+  PetscFunctionBegin;
+  PetscCall(VecGetArrayRead(x, &a));
+  PetscCall(VecGetArray(y, &b));
+  for (PetscInt k = 0; k < sub->unassigned_count; k++) b[sub->unassigned[k]] = sub->unassigned_inverse[k] * a[sub->unassigned[k]];
+  PetscCall(VecRestoreArray(y, &b));
+  PetscCall(VecRestoreArrayRead(x, &a));
   PetscFunctionReturn(0);
 }

@@ -1,0 +1,106 @@
+#include "state/stateimpl.h"
+#include <errno.h>
+#include <fcntl.h>
+#include <sys/file.h>
+#include <unistd.h>
+
+/*
+   A new file that takes the place of an older one in one step, once all of it is on the disk; latinpc/files/atomic.py
+   writes results alike. It is written in the same folder under a name of its own, which is the same each time: what a
+   killed run leaves is gone with the next state. A lock, which no killed run leaves, keeps other runs away from it.
+
+   All functions are of one rank.
+*/
+
+#define LATIN_FILE_LINKS 40  /* symbolic links followed, as many as Linux does */
+#define LATIN_FILE_NAME  200 /* letters of the name in the other one: names have 255 */
+
+/* Why a file cannot be read or replaced, NULL if it can, and its mode, 0 where there is none. Opening a named pipe would wait for ever */
+const char *LatinFileRefused(const char file[], mode_t *mode)
+{
+  struct stat found;
+  size_t      n = strlen(file);
+
+  *mode = 0;
+  if (n > 3 && !strcmp(file + n - 3, ".gz")) return "PETSc takes .gz files for compressed ones; give another name";
+  if (stat(file, &found)) return errno == ENOENT ? NULL : strerror(errno);
+  *mode = found.st_mode;
+  if (S_ISREG(found.st_mode)) return NULL;
+  if (S_ISDIR(found.st_mode)) return "it is a folder, not a regular file; give another name";
+  if (S_ISFIFO(found.st_mode)) return "it is a named pipe, not a regular file; give another name";
+  if (S_ISSOCK(found.st_mode)) return "it is a socket, not a regular file; give another name";
+  return "it is a device, not a regular file; give another name";
+}
+
+/* The name that symbolic links lead to, whether a file of this name is there or not */
+static PetscErrorCode LatinFileFollow_Private(const char file[], char target[PETSC_MAX_PATH_LEN])
+{
+  char    to[PETSC_MAX_PATH_LEN];
+  ssize_t n;
+
+  PetscFunctionBegin;
+  PetscCheck(strlen(file) < PETSC_MAX_PATH_LEN, PETSC_COMM_SELF, PETSC_ERR_FILE_OPEN, "%s", strerror(ENAMETOOLONG));
+  strcpy(target, file);
+  for (PetscInt links = 0; (n = readlink(target, to, sizeof(to) - 1)) >= 0; links++) {
+    char  *slash = strrchr(target, '/'), *name = to[0] == '/' || !slash ? target : slash + 1; /* a relative one begins where the link is */
+    size_t room = (size_t)(target + PETSC_MAX_PATH_LEN - name);
+
+    PetscCheck(links < LATIN_FILE_LINKS && (size_t)n < room, PETSC_COMM_SELF, PETSC_ERR_FILE_OPEN, "%s", strerror(ELOOP));
+    memcpy(name, to, (size_t)n);
+    name[n] = '\0';
+  }
+  PetscFunctionReturn(0);
+}
+
+/* Opens the new file, for one run at a time. It gets the mode of an older one; else the user's mask decides. -1 with errno */
+static int LatinFileOpen_Private(const LatinFile *out)
+{
+  const int   fd = open(out->temporary, O_CREAT | O_RDWR | O_NOFOLLOW | O_NONBLOCK, out->mode ? 0600 | (out->mode & 0777) : 0666);
+  struct stat mine, there;
+
+  if (fd < 0) return fd;
+  if (!fstat(fd, &mine) && !S_ISREG(mine.st_mode)) errno = EEXIST;
+  else if (flock(fd, LOCK_EX | LOCK_NB) && errno == EWOULDBLOCK) errno = EBUSY;         /* a file system without locks does without */
+  else if (lstat(out->temporary, &there) || mine.st_ino != there.st_ino) errno = EBUSY; /* it has just got its name */
+  else if (!ftruncate(fd, 0)) return fd;
+  (void)close(fd);
+  return -1;
+}
+
+/* Opens the new file; its stream is NULL before */
+PetscErrorCode LatinFileBegin_Private(const char file[], LatinFile *out)
+{
+  const char *why = LatinFileRefused(file, &out->mode), *name;
+  int         fd  = -1, n;
+
+  PetscFunctionBegin;
+  PetscCheck(!why, PETSC_COMM_SELF, PETSC_ERR_FILE_OPEN, "%s", why);
+  PetscCall(LatinFileFollow_Private(file, out->target));
+  name = strrchr(out->target, '/') ? strrchr(out->target, '/') + 1 : out->target;
+  n    = snprintf(out->temporary, sizeof(out->temporary), "%.*s.%.*s.latinpc", (int)(name - out->target), out->target, LATIN_FILE_NAME, name);
+  if (n >= (int)sizeof(out->temporary)) errno = ENAMETOOLONG;
+  else if (!*name) errno = EISDIR;
+  else if (!out->mode || !access(out->target, W_OK)) fd = LatinFileOpen_Private(out);
+  PetscCheck(fd >= 0 || errno != EBUSY, PETSC_COMM_SELF, PETSC_ERR_FILE_OPEN, "another run writes it at the same time; give each a file of its own");
+  PetscCheck(fd >= 0, PETSC_COMM_SELF, PETSC_ERR_FILE_OPEN, "%s; see that its folder is there and may be written to", strerror(errno));
+  out->stream = fdopen(fd, "r+b");
+  PetscCheck(out->stream, PETSC_COMM_SELF, PETSC_ERR_FILE_OPEN, "%s", strerror(errno));
+  PetscFunctionReturn(0);
+}
+
+/* The new file takes its place when all of it is written; else, and after an error, nothing of it stays */
+PetscErrorCode LatinFileEnd_Private(LatinFile *out, PetscBool written)
+{
+  PetscBool done = written;
+  int       error;
+
+  PetscFunctionBegin;
+  if (!out->stream) PetscFunctionReturn(0);
+  done  = (PetscBool)(done && !fflush(out->stream) && !fsync(fileno(out->stream)));
+  done  = (PetscBool)(done && (!out->mode || !fchmod(fileno(out->stream), out->mode & 0777)) && !rename(out->temporary, out->target));
+  error = errno;
+  if (!done) (void)unlink(out->temporary);
+  (void)fclose(out->stream);
+  PetscCheck(done || !written, PETSC_COMM_SELF, PETSC_ERR_FILE_WRITE, "%s", strerror(error));
+  PetscFunctionReturn(0);
+}
