@@ -34,8 +34,9 @@ C_FLOORS = [
 ]
 PYTHON_FLOORS = [
     ["laws", "_latin"],
-    ["arrays", "library"],
+    ["arrays", "library", "options"],
     ["checks", "userlaws"],
+    ["results"],
     ["structure", "solvers", "settings"],
     ["scenes"],
     ["__init__"],

@@ -13,7 +13,7 @@ from test_files import MSH, TOML
 
 from latinpc import cli
 from latinpc.cli.arguments import split_arguments
-from latinpc.runs.options import INNER_PREFIXES, OPTIONS
+from latinpc.options import INNER_PREFIXES, OPTIONS
 
 KEYS = [
     "scene", "dofs", "links", "ranks", "subdomains", "strong_interfaces", "weak_interfaces",

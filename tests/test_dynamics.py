@@ -14,7 +14,7 @@ from scipy.optimize import nnls
 from support import chain, grid, irregular, lattice, logged, network
 
 import latinpc
-from latinpc.runs.options import default_options
+from latinpc.options import default_options
 from latinpc.scenes import Law
 
 # ---- closed forms ------------------------------------------------------------------------------

@@ -10,9 +10,9 @@ import pytest
 from conftest import ROOT
 
 import latinpc
-from latinpc.files.atomic import atomic, check_writable
 from latinpc.files.gmsh import read_scene
-from latinpc.files.vtk import write_vtu
+from latinpc.results.atomic import atomic, check_writable
+from latinpc.results.vtk import write_vtu
 from latinpc.scenes.scene import Law, Scene
 
 # A triangle of two bars and a cable, a free node above; MSH 2.2

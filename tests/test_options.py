@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from conftest import ROOT, run
 
-from latinpc.runs import options
+from latinpc import options
 
 README = (ROOT / "README.md").read_text()
 OPTIONS = (ROOT / "options" / "README.md").read_text()

@@ -168,7 +168,7 @@ def _row(name, runs, failure, accuracy, ranks):
 
 def layout(document):
     """Return the header and the rows of a table, as text; ratios are to latin, or to ksp-latin."""
-    from latinpc.files.units import quantity
+    from latinpc.results.units import quantity
 
     rows = document["rows"]
     latin = next((row for row in rows if row["method"] in OURS and row["converged"]), None)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import click
 from petsc4py import PETSc
 
-from latinpc.files.atomic import check_writable
+from latinpc.results.atomic import check_writable
 
 from .arguments import List
 from .printing import print_table, progress, write_json

@@ -6,12 +6,12 @@ import sys
 
 import click
 
-from latinpc.files.atomic import check_writable
+from latinpc.results.atomic import check_writable
+from latinpc.results.summary import summary
 
 from .arguments import List
 from .printing import open_console, print_lines, print_table, progress, write_json
 from .ranks import NOT_CONVERGED, on_root
-from .summary import summary
 
 
 @click.command()

@@ -8,8 +8,9 @@ import click
 import numpy as np
 from petsc4py import PETSc
 
-from latinpc.files.atomic import check_writable
-from latinpc.files.vtk import write_pvd, write_vtu
+from latinpc.results.atomic import check_writable
+from latinpc.results.summary import summary, summary_of_motion
+from latinpc.results.vtk import write_pvd, write_vtu
 from latinpc.runs.checkpoint import Keeper
 from latinpc.runs.motion import move
 from latinpc.runs.solve import solve
@@ -18,7 +19,6 @@ from latinpc.solvers import has_package, outer_snes
 from .printing import open_console, print_lines, progress, write_json
 from .ranks import NOT_CONVERGED, on_root
 from .scenes import SceneCommand, open_scene, scene_options
-from .summary import summary, summary_of_motion
 
 #: Options of a run, not of the scene
 RUN = (
@@ -183,7 +183,7 @@ def _write_motion(result, json_file, output, picture):
         arrays = (last.displacements, last.tensions, result.subdomain, result.node_class, last.velocities)
         write_vtu(output, result.scene, *arrays)
     if picture is not None:
-        from latinpc.files.pictures import draw_motion, draw_structure
+        from latinpc.results.pictures import draw_motion, draw_structure
 
         if str(picture).lower().endswith(".gif"):
             draw_motion(result, picture)
@@ -198,7 +198,7 @@ def _write(result, json_file, output, picture):
     if output is not None:
         write_vtu(output, result.scene, result.displacements, result.tensions, result.subdomain, result.node_class)
     if picture is not None:
-        from latinpc.files.pictures import draw_structure
+        from latinpc.results.pictures import draw_structure
 
         if np.isfinite(result.displacements).all() and np.isfinite(result.tensions).all():
             draw_structure(result.scene, result.displacements, result.tensions, result.subdomain, picture)

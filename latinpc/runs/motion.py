@@ -10,12 +10,12 @@ from petsc4py import PETSc
 
 import latinpc
 from latinpc.laws import UNILATERAL
-from latinpc.scenes.mechanics import slack
+from latinpc.options import default_options, unknown_options
+from latinpc.results.mechanics import slack
 from latinpc.scenes.scene import Scene
 from latinpc.structure import Structure
 
 from .checkpoint import Keeper
-from .options import default_options, unknown_options
 from .report import DECOMPOSITION, environment, plain, problem, reason_name
 
 CONTRAST = 1e3  # of masses, above which a message on a step that fails names it

@@ -11,12 +11,12 @@ from petsc4py import PETSc
 import latinpc
 from latinpc.laws import RIGID, UNILATERAL, Law
 from latinpc.library import _latin
-from latinpc.scenes.mechanics import slack
+from latinpc.options import default_options, unknown_options
+from latinpc.results.mechanics import slack
 from latinpc.scenes.scene import Scene
 from latinpc.structure import Structure
 
 from .checkpoint import Keeper
-from .options import default_options, unknown_options
 from .reference import direct_solver, reference_solution
 from .report import DECOMPOSITION, environment, plain, problem, snes_reason
 

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from latinpc.laws import Law
-from latinpc.scenes.mechanics import elongations
-from latinpc.scenes.mechanics import tensions as law_tensions
+from latinpc.results.mechanics import elongations
+from latinpc.results.mechanics import tensions as law_tensions
 
 
 def missed(scene, u, tensions):

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from latinpc.files.units import quantity
 from latinpc.laws import UNILATERAL, Law
+
+from .units import quantity
 
 #: Parts of `latinpc.digits`, in the words of the summary
 DIGITS = {"unbalance": "unbalance", "rounding": "rounding", "places": "coordinates", "values": "other data"}

@@ -7,9 +7,8 @@ import pathlib
 import meshio
 import numpy as np
 
-from latinpc.scenes.mechanics import elongations, slack
-
 from .atomic import atomic
+from .mechanics import elongations, slack
 
 
 def write_vtu(path, scene, displacements, tensions, subdomain=None, node_class=None, velocities=None):

@@ -14,7 +14,6 @@ from matplotlib.lines import Line2D
 from PIL import Image
 
 from latinpc.laws import Law
-from latinpc.scenes.mechanics import slack
 
 from .atomic import atomic
 from .drawing import (
@@ -29,6 +28,7 @@ from .drawing import (
     plane_points,
     save,
 )
+from .mechanics import slack
 from .units import scaled
 
 SLACK_COLOUR = "#c800a1"

@@ -1,0 +1,1 @@
+"""What is made of results: elongations and tensions, summaries, pictures, files for ParaView."""
