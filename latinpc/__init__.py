@@ -9,6 +9,8 @@ __version__ = "0.1.0"
 
 from latinpc import scenes
 from latinpc.laws import Law
+from latinpc.results.notices import ConvergenceWarning, LatinWarning, SolveError
+from latinpc.results.result import Result
 from latinpc.settings import (
     set_balance,
     set_direction,
@@ -52,8 +54,12 @@ from latinpc.structure import Sizes, Structure
 from latinpc.userlaws import register_law, register_table
 
 __all__ = [
+    "ConvergenceWarning",
+    "LatinWarning",
     "Law",
+    "Result",
     "Sizes",
+    "SolveError",
     "Structure",
     "coarse_ksp",
     "digits",
@@ -98,11 +104,11 @@ __all__ = [
 ]
 
 
-def get_library():
+def get_library() -> str:
     """Path of liblatinpc.so, for PETSc's ``-dll_append`` and for C programs."""
     return str(Path(__file__).resolve().parent / "liblatinpc.so")
 
 
-def get_include():
+def get_include() -> str:
     """Directory of the C header latinpc.h."""
     return str(Path(__file__).resolve().parent / "include")

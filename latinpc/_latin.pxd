@@ -14,6 +14,7 @@ cdef extern from *:
     PetscErrorCode PetscFinalized(PetscBool *)
     PetscErrorCode PetscObjectReference(PetscObject)
     PetscErrorCode PetscFree(void *)
+    PetscErrorCode PetscOptionsUsed(void *, const char[], PetscBool *)
 
 cdef extern from "latinpc.h":
     int LATINPC_VERSION_MAJOR, LATINPC_VERSION_MINOR, LATINPC_VERSION_SUBMINOR

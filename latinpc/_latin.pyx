@@ -75,6 +75,13 @@ def initialize_package():
     CHKERR(LatinInitializePackage())
 
 
+def option_used(name):
+    """Return whether PETSc has read an option of its database."""
+    cdef PetscBool used = 0
+    CHKERR(PetscOptionsUsed(NULL, name.encode(), &used))
+    return bool(used)
+
+
 # ---- laws -----------------------------------------------------------------------------------------------
 
 def register_law(name, tension, tangent, energy, local, context):

@@ -135,6 +135,21 @@ def test_initial_elongation_in_three_ways(pair, entry, initial_elongation):
     assert scene.initial_elongation[2] == pytest.approx(initial_elongation)
 
 
+def test_areas_and_strengths(pair):
+    assert read_scene(pair()).area is None
+    scene = read_scene(pair(old="EA = 100.0", new="EA = 100.0\narea = 2e-3\nstrength = 5e3"))
+    assert scene.area[:2].tolist() == [2e-3, 2e-3] and scene.strength[:2].tolist() == [5e3, 5e3]
+    assert np.isnan(scene.area[2]) and np.isnan(scene.strength[2])
+    found = scene.solve()
+    assert found.stress[:2] == pytest.approx(found.tensions[:2] / 2e-3) and np.isnan(found.stress[2])
+    assert found.to_dict()["largest_utilisation"] == pytest.approx(np.abs(found.tensions[:2]).max() / 10)
+    assert f"in link {np.abs(found.tensions[:2]).argmax()}" in str(found)
+    with pytest.raises(ValueError, match=r"laws.bars.: strength is a stress .* needs the area"):
+        read_scene(pair(old="EA = 100.0", new="EA = 100.0\nstrength = 5e3"))
+    with pytest.raises(ValueError, match=r"laws.bars.: area must be positive"):
+        read_scene(pair(old="EA = 100.0", new="EA = 100.0\narea = 0.0"))
+
+
 def test_dimension_told(pair):
     three = TOML.replace("[laws.bars]", "dim = 3\n[laws.bars]", 1).replace("-0.01]", "-0.01, 0.0]")
     three = three.replace("-2.0]", "-2.0, 0.0]").replace('["x", "y"]', '["x", "y", "z"]')

@@ -110,7 +110,8 @@ def check_methods(methods):
 
 def describe(scene):
     """Return what a document of measurements says of the scene, the machine and the versions."""
-    from latinpc.runs.report import plain, versions
+    from latinpc.results.report import plain
+    from latinpc.runs.report import versions
 
     return {
         "scene": scene.name,

@@ -13,8 +13,8 @@ import numpy as np
 
 import latinpc
 from latinpc.options import default_options
+from latinpc.results.report import plain
 from latinpc.runs.reference import reference_solution
-from latinpc.runs.report import plain
 from latinpc.runs.solve import solve
 from latinpc.scenes import make
 from latinpc.structure import Structure

@@ -77,9 +77,9 @@ def _figure(comm, number, subdomains, json_file, picture):
         if json_file is not None:
             write_json(json_file, {"figure": number, "picture": str(picture), **result.report})
         if number == 8:
-            pictures.draw_figure_8(result.scene, result.displacements, picture)
+            pictures.draw_figure_8(result.structure, result.displacements, picture)
         else:
-            pictures.draw_figure_9(result.scene, result.tensions, picture)
+            pictures.draw_figure_9(result.structure, result.tensions, picture)
 
     on_root(comm, draw)
     if comm.rank == 0 and json_file != "-":

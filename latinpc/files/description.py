@@ -14,6 +14,7 @@ import numpy as np
 AXES = "xyz"
 LAW_KEYS = (
     "law", "EA", "stiffness", "initial_elongation", "strain", "prestress", "gap", "coefficient", "normal", "table",
+    "area", "strength",
 )  # fmt: skip
 SUPPORT_KEYS = ("fix", "displacement", "box")
 LOAD_KEYS = ("force", "box")

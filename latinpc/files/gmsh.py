@@ -12,6 +12,8 @@ Every line of the mesh is one link. In the TOML file, SI units throughout::
     [laws.chords]                        # physical group of curves
     law = "bar"                          # bar | cable | compression_only | inextensible | contact | friction | table
     EA = 2.1e8                           # N, stiffness EA / length;  or: stiffness = 1e7 (N/m)
+    area = 1e-3                          # m2, optional: results have stresses
+    strength = 235e6                     # Pa, optional, with area: results have utilisations
 
     [laws.bracing]
     law = "cable"

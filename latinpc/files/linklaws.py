@@ -32,6 +32,7 @@ def read_laws(settings, points, lines, line_groups, description, path):
     law = np.full(len(lines), -1)
     stiffness, initial_elongation, friction = np.zeros(len(lines)), np.zeros(len(lines)), np.zeros(len(lines))
     direction, tables = np.zeros(points[lines[:, 0]].shape), []
+    sections = {"area": np.full(len(lines), np.nan), "strength": np.full(len(lines), np.nan)}
     for group, entries in settings["laws"].items():
         where = f"{description}: [laws.{group}]"
         if group not in line_groups:
@@ -53,6 +54,10 @@ def read_laws(settings, points, lines, line_groups, description, path):
         free = kind == "table" or Law[kind.upper()] in RIGID
         stiffness[chosen] = _stiffness(entries, length[chosen], where, free)
         initial_elongation[chosen] = _initial_elongation(entries, length[chosen], stiffness[chosen], where)
+        for key in sections.keys() & entries.keys():
+            sections[key][chosen] = number(entries[key], f"{where}: {key}", positive=True)
+        if "strength" in entries and "area" not in entries:
+            raise ValueError(f"{where}: strength is a stress (Pa), which needs the area (m2)")
         if kind == "friction":
             friction[chosen] = number(entries.get("coefficient"), f"{where}: coefficient")
             if friction[chosen[0]] < 0:
@@ -65,7 +70,9 @@ def read_laws(settings, points, lines, line_groups, description, path):
         without = [name for name, chosen in line_groups.items() if (law[chosen] < 0).any()]
         cure = f"write [laws.{without[0]}]" if without else "put every curve in a physical group in Gmsh"
         raise ValueError(f"{description}: {(law < 0).sum()} lines of {path.name} have no law; {cure}")
-    return _contacts(points, lines, law, stiffness, initial_elongation, direction, friction) | {"tables": tuple(tables)}
+    arrays = _contacts(points, lines, law, stiffness, initial_elongation, direction, friction)
+    known = {key: values[arrays["line"]] for key, values in sections.items() if not np.isnan(values).all()}
+    return arrays | known | {"tables": tuple(tables)}
 
 
 def _contacts(points, lines, law, stiffness, initial_elongation, direction, friction):

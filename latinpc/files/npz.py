@@ -9,7 +9,7 @@ import numpy as np
 from latinpc.scenes.scene import Scene
 
 _ARRAYS = ("nodes", "links", "law", "stiffness", "initial_elongation", "fixed", "prescribed", "load")
-_OPTIONAL = ("subdomain", "direction", "friction", "mass", "velocity")
+_OPTIONAL = ("subdomain", "direction", "friction", "mass", "velocity", "area", "strength")
 
 
 def save_scene(path, scene):

@@ -1,1 +1,1 @@
-"""What is made of results: elongations and tensions, summaries, pictures, files for ParaView."""
+"""Results of a solve: reactions, tables, summaries, pictures, files for ParaView."""

@@ -1,6 +1,11 @@
-"""Elongations, tensions and errors of a scene's arrays: numpy only, no solver."""
+"""Elongations, tensions, reactions, balance and errors from the arrays of a structure: numpy only, no solver.
+
+What is called a scene here is anything with those arrays: a `Scene` or a `Structure`.
+"""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 
@@ -60,6 +65,76 @@ def slack(scene, tensions):
     threshold = 1e-12 * np.abs(tensions).max(initial=0.0)
     cable = np.isin(scene.law, (Law.CABLE, Law.INEXTENSIBLE)) & (tensions <= threshold)
     return cable | (np.isin(scene.law, (Law.COMPRESSION_ONLY, Law.CONTACT, Law.FRICTION)) & (tensions >= -threshold))
+
+
+def reactions(scene, tensions, load=None):
+    """Return the forces of the supports on the structure, R = B^t tau - F at the fixed components, equation (1).
+
+    Parameters
+    ----------
+    scene : Scene
+    tensions : (m,) array
+        In N.
+    load : (n, dim) array, optional
+        F (N), that of the scene when not given. A load on a fixed component goes straight into the support.
+
+    Returns
+    -------
+    (n, dim) array
+        In N, zero where nothing is fixed.
+    """
+    directions, ends = scene.directions, scene.links.T
+    forces = np.empty(scene.nodes.shape)
+    for axis in range(scene.dim):
+        pull = tensions * directions[:, axis]
+        first, second = (np.bincount(end, weights=pull, minlength=len(forces)) for end in ends)
+        forces[:, axis] = second - first
+    return np.where(scene.fixed, forces - (scene.load if load is None else load), 0.0)
+
+
+class Balance(NamedTuple):
+    """Loads and reactions as a whole: an equilibrium leaves neither force nor moment."""
+
+    load: np.ndarray  #: (dim,), their sum (N)
+    reaction: np.ndarray  #: (dim,), their sum (N)
+    force: float  #: sum of both, over the sum of the sizes of the loads, or where there are none of the reactions
+    moment: float  #: sum of their moments, over the same times the size of the structure
+
+
+def balance(scene, tensions, reactions, load=None):
+    """Compare the reactions with the loads.
+
+    Parameters
+    ----------
+    scene : Scene
+    tensions : (m,) array
+        In N. A link that acts along a direction of its own, across the line between its nodes, makes a couple, which
+        counts among the moments.
+    reactions : (n, dim) array
+        In N.
+    load : (n, dim) array, optional
+        In N, that of the scene when not given.
+
+    Returns
+    -------
+    Balance
+        In one dimension there are no moments.
+    """
+    load = scene.load if load is None else load
+    forces, arms = (np.zeros((len(load), 3)) for _ in range(2))
+    forces[:, : scene.dim] = load + reactions
+    arms[:, : scene.dim] = scene.nodes - scene.nodes.mean(axis=0)
+    moment = np.cross(arms, forces).sum(axis=0)
+    if scene.direction is not None:
+        own = np.flatnonzero(scene.direction.any(axis=1))
+        lines, pull = (np.zeros((len(own), 3)) for _ in range(2))
+        lines[:, : scene.dim] = np.diff(scene.nodes[scene.links[own]], axis=1)[:, 0]
+        pull[:, : scene.dim] = tensions[own, None] * scene.directions[own]
+        moment -= np.cross(lines, pull).sum(axis=0)
+    whole = np.linalg.norm(load, axis=1).sum() or np.linalg.norm(reactions, axis=1).sum() or 1.0
+    size = np.linalg.norm(arms, axis=1).max() or 1.0
+    force = float(np.linalg.norm(forces.sum(axis=0)) / whole)
+    return Balance(load.sum(axis=0), reactions.sum(axis=0), force, float(np.linalg.norm(moment) / (whole * size)))
 
 
 def errors(scene, displacement, reference):

@@ -19,7 +19,7 @@ from petsc4py import PETSc
 import latinpc
 from latinpc.options import default_options
 from latinpc.results.mechanics import errors
-from latinpc.runs.report import snes_reason
+from latinpc.results.report import snes_reason
 from latinpc.structure import Structure
 
 from . import METHODS, linear
