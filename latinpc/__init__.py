@@ -8,6 +8,7 @@ from pathlib import Path
 __version__ = "0.1.0"
 
 from latinpc import scenes
+from latinpc.files.reading import read
 from latinpc.laws import Law
 from latinpc.settings import (
     set_balance,
@@ -71,6 +72,7 @@ __all__ = [
     "outer_ksp",
     "outer_snes",
     "pcshell_set_latin",
+    "read",
     "register_law",
     "register_table",
     "rounding_floor",

@@ -19,7 +19,6 @@ from petsc4py import PETSc
 from test_files import MSH, MSH_4, TOML
 
 import latinpc
-from latinpc.files.gmsh import read_scene
 from latinpc.scenes.scene import Scene
 
 MANY = int(os.environ.get("LATINPC_FUZZ", "25000"))
@@ -103,7 +102,7 @@ def read(folder, mesh, description):
     (folder / "a.msh").write_text(mesh, errors="surrogatepass")
     (folder / "a.toml").write_text(description, errors="surrogatepass")
     try:
-        scene = read_scene(folder / "a.msh")
+        scene = latinpc.read(folder / "a.msh")
     except EXPECTED as error:
         assert str(error), (mesh, description)
         return False

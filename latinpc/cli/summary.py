@@ -19,7 +19,9 @@ def summary(result):
         for law in Law
         if (count := int(np.count_nonzero(scene.law == law)))
     )
-    lines = [("structure", f"{len(scene.nodes):,} nodes, {report['links']:,} links ({laws}) in {scene.dim}D")]
+    notes = scene.metadata.get("notes")
+    lines = [("file", f"{scene.metadata['file']}: {'; '.join(notes)}")] if notes else []
+    lines.append(("structure", f"{len(scene.nodes):,} nodes, {report['links']:,} links ({laws}) in {scene.dim}D"))
     ranks = f"{report['ranks']} rank{'s' if report['ranks'] > 1 else ''}"
     lines.append(("unknowns", f"{report['free_dofs']:,} free of {report['dofs']:,}, on {ranks}"))
     if report["subdomains"]:
