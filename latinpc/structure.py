@@ -143,6 +143,7 @@ class Structure:
             handle.set_directions(native(direction[mine]))
         if friction is not None:
             handle.set_friction(native(friction[mine]))
+        self._my_fixed = self._my_nodes(fixed, bool)
         handle.set_supports(self._my_nodes(fixed, _BOOL), self._my_nodes(prescribed))
         handle.set_loads(self._my_nodes(load))
         if subdomain is not None:
@@ -400,6 +401,17 @@ class Structure:
             The same on every rank (N).
         """
         self._handle.set_loads(self._my_nodes(self._checks.node_array("load", load)))
+
+    def set_prescribed(self, prescribed):
+        """Change the prescribed displacements, settlements for instance; collective.
+
+        Parameters
+        ----------
+        prescribed : (n, dim) array_like of float
+            The same on every rank (m), zero in directions that are not fixed.
+        """
+        fixed = self._slices.gather_nodes(self._my_fixed)
+        self._handle.set_prescribed(self._my_nodes(self._checks.supports(fixed, prescribed)[1]))
 
     def set_initial_elongation(self, initial_elongation):
         """Change the initial elongations of the links; collective.
