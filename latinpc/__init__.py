@@ -10,6 +10,7 @@ __version__ = "0.1.0"
 from latinpc import scenes
 from latinpc.files.reading import read
 from latinpc.laws import Law
+from latinpc.scenes import Case
 from latinpc.settings import (
     set_balance,
     set_direction,
@@ -53,6 +54,7 @@ from latinpc.structure import Sizes, Structure
 from latinpc.userlaws import register_law, register_table
 
 __all__ = [
+    "Case",
     "Law",
     "Sizes",
     "Structure",

@@ -28,8 +28,9 @@ FILES = {
     "support": ("--support", "WHERE[:AXES]", "Hold nodes: a group, all, or conditions such as z=min or 'x>=2,y<1'"),
     "load": ("--load", "z=X[,..][:WHERE]", "Force on each node (N), such as z=-1000 or x=50:deck"),
     "self_weight": ("--self-weight", "[GROUP=]X", "Weight along lines (N/m), downwards"),
+    "case": ("--case", "NAME", "Load case of the TOML file to solve; latinpc cases solves all"),
 }
-SINGLE = ("scale", "merge", "rise", "brace")
+SINGLE = {"scale": float, "merge": float, "rise": float, "brace": float, "case": str}
 NUMBERS = ("EA", "prestress", "self_weight")  # by group
 
 
@@ -61,7 +62,7 @@ def scene_options(command):
             said.setdefault(text, []).append(name)
     for parameter, (option, metavar, text) in reversed(FILES.items()):
         more = "".join(f"; {said} [{', '.join(names)}]" for said, names in texts.pop(parameter, {}).items())
-        how = {"type": float} if parameter in SINGLE else {"multiple": True}
+        how = {"type": SINGLE[parameter]} if parameter in SINGLE else {"multiple": True}
         command = click.option(option, parameter, cls=FileOption, metavar=metavar, help=text + more, **how)(command)
     for parameter, said in reversed(texts.items()):
         kind = kinds[parameter]

@@ -22,6 +22,10 @@ def summary(result):
     notes = scene.metadata.get("notes")
     lines = [("file", f"{scene.metadata['file']}: {'; '.join(notes)}")] if notes else []
     lines.append(("structure", f"{len(scene.nodes):,} nodes, {report['links']:,} links ({laws}) in {scene.dim}D"))
+    if scene.cases:
+        lines.append(
+            ("load cases", f"{len(scene.cases)}, none of them acts here: latinpc cases solves all, --case one")
+        )
     ranks = f"{report['ranks']} rank{'s' if report['ranks'] > 1 else ''}"
     lines.append(("unknowns", f"{report['free_dofs']:,} free of {report['dofs']:,}, on {ranks}"))
     if report["subdomains"]:

@@ -20,7 +20,7 @@ SUPPORT_KEYS = ("fix", "displacement", "box", "where")
 LOAD_KEYS = ("force", "line", "lines", "box", "where")
 MASS_KEYS = ("mass", "line", "lines", "box", "where")
 VELOCITY_KEYS = ("velocity", "box", "where")
-TOP_KEYS = ("title", "dim", "laws", "supports", "loads", "masses", "velocities")
+TOP_KEYS = ("title", "dim", "laws", "supports", "loads", "masses", "velocities", "case")
 
 
 def place(description, table, group):
@@ -39,20 +39,34 @@ def read_description(description):
         ) as error:  # TOMLDecodeError is a ValueError, as are numbers too long to read
             raise ValueError(f"{description}: not a TOML file: {error}") from None
     tables = {"laws": LAW_KEYS, "supports": SUPPORT_KEYS, "loads": LOAD_KEYS}
-    tables |= {"masses": MASS_KEYS, "velocities": VELOCITY_KEYS}
+    check_keys(settings, TOP_KEYS, tables | {"masses": MASS_KEYS, "velocities": VELOCITY_KEYS}, f"{description}: ", "")
+    return settings
+
+
+def check_keys(settings, keys, tables, where, prefix):
+    """Refuse keys that are not known, and those of tables, of which there is one a group.
+
+    Parameters
+    ----------
+    settings : dict
+    keys : sequence of str
+    tables : dict of str to tuple of str
+        Of the keys that are tables, the keys of each group.
+    where, prefix : str
+        What messages open with; what stands before the names of tables in the file.
+    """
     for key, value in settings.items():
-        if key not in TOP_KEYS:
-            raise ValueError(f"{description}: unknown key '{key}'{nearest(key, TOP_KEYS)}")
+        if key not in keys:
+            raise ValueError(f"{where}unknown key '{key}'{nearest(key, keys)}")
         if key not in tables:
             continue
         for group, entries in value.items() if isinstance(value, dict) else [(key, None)]:
             if not isinstance(entries, dict):
-                raise ValueError(f"{description}: [{key}] needs one table a group, written [{key}.NAME]")
+                raise ValueError(f"{where}[{prefix}{key}] needs one table a group, written [{prefix}{key}.NAME]")
             for entry in entries:
                 if entry not in tables[key]:
                     hint = nearest(entry, tables[key])
-                    raise ValueError(f"{description}: [{key}.{group}]: unknown key '{entry}'{hint}")
-    return settings
+                    raise ValueError(f"{where}[{prefix}{key}.{group}]: unknown key '{entry}'{hint}")
 
 
 def number(value, where, positive=False):
@@ -79,7 +93,7 @@ def one_of(entries, keys, where):
     return given[0] if given else None
 
 
-def _nodes_of(group, entries, nodes, node_groups, where):
+def nodes_of(group, entries, nodes, node_groups, where):
     """Return the nodes of a group, those in a box, or those where conditions hold."""
     if one_of(entries, ("box", "where"), where) is None:
         if group not in node_groups:
@@ -104,7 +118,7 @@ def _nodes_of(group, entries, nodes, node_groups, where):
     return chosen
 
 
-def _lines_of(group, entries, line_groups, where):
+def lines_of(group, entries, line_groups, where):
     """Return the lines of a group, or of all."""
     name = entries.get("lines", group)
     if name == "all":
@@ -128,7 +142,7 @@ def read_supports(settings, nodes, node_groups, description, fixed, prescribed):
     dim = nodes.shape[1]
     for group, entries in settings.get("supports", {}).items():
         where = place(description, "supports", group)
-        chosen = _nodes_of(group, entries, nodes, node_groups, where)
+        chosen = nodes_of(group, entries, nodes, node_groups, where)
         fix = entries.get("fix", list(AXES[:dim]))
         if not isinstance(fix, list) or not fix or any(axis not in list(AXES[:dim]) for axis in fix):
             raise ValueError(f"{where}: fix must be a list out of {list(AXES[:dim])}, not {fix!r}")
@@ -148,11 +162,11 @@ def read_supports(settings, nodes, node_groups, description, fixed, prescribed):
     return fixed, prescribed
 
 
-def read_loads(settings, nodes, links, line_groups, node_groups, description):
-    """Return the nodal forces (n, dim) in N."""
+def read_loads(settings, nodes, links, line_groups, node_groups, description, prefix=""):
+    """Return the nodal forces (n, dim) in N; the prefix is that of the table in the file."""
     load = np.zeros(nodes.shape)
     for group, entries in settings.get("loads", {}).items():
-        where = place(description, "loads", group)
+        where = place(description, f"{prefix}loads", group)
         key = one_of(entries, ("force", "line"), where)
         if key is None:
             raise ValueError(
@@ -161,9 +175,9 @@ def read_loads(settings, nodes, links, line_groups, node_groups, description):
             )
         value = vector(entries[key], nodes.shape[1], f"{where}: {key}")
         if key == "force":
-            load[_nodes_of(group, entries, nodes, node_groups, where)] += value
+            load[nodes_of(group, entries, nodes, node_groups, where)] += value
             continue
-        ends = links[_lines_of(group, entries, line_groups, where)]
+        ends = links[lines_of(group, entries, line_groups, where)]
         length = np.linalg.norm(nodes[ends[:, 1]] - nodes[ends[:, 0]], axis=1)
         load += _to_ends(np.outer(length, value), ends, len(nodes))
     return load
@@ -179,9 +193,9 @@ def read_masses(settings, nodes, links, line_groups, node_groups, description, m
             raise ValueError(f"{where}: no mass; give mass (kg on each node) or line (kg/m along each line)")
         value = number(entries[key], f"{where}: {key}", positive=True)
         if key == "mass":
-            mass[_nodes_of(group, entries, nodes, node_groups, where)] += value
+            mass[nodes_of(group, entries, nodes, node_groups, where)] += value
             continue
-        ends = links[_lines_of(group, entries, line_groups, where)]
+        ends = links[lines_of(group, entries, line_groups, where)]
         length = np.linalg.norm(nodes[ends[:, 1]] - nodes[ends[:, 0]], axis=1)
         mass += _to_ends(value * length, ends, len(nodes))
     return mass if mass.any() else None
@@ -194,7 +208,7 @@ def read_velocities(settings, nodes, node_groups, fixed, description):
     velocity = np.zeros(nodes.shape)
     for group, entries in settings["velocities"].items():
         where = place(description, "velocities", group)
-        chosen = _nodes_of(group, entries, nodes, node_groups, where)
+        chosen = nodes_of(group, entries, nodes, node_groups, where)
         if "velocity" not in entries:
             raise ValueError(f"{where}: key 'velocity' is missing; give velocity = [vx, ..] in m/s of each node")
         velocity[chosen] = vector(entries["velocity"], nodes.shape[1], f"{where}: velocity")

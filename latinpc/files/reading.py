@@ -54,20 +54,22 @@ lines are the group ``lines`` of an OBJ file without groups, ``edges`` of a comp
     velocity = [0.0, 0.0, -1.0]          # m/s of each node at the start
 
 Loads and masses add up; a node may belong to several groups. ``lines = "NAME"``, or ``"all"``, names the lines of a
-load or a mass of another name. Nodes that no link touches are left out.
+load or a mass of another name. Nodes that no link touches are left out. Load cases are tables ``[[case]]``, see
+`latinpc.files.cases`.
 """
 
 from __future__ import annotations
 
 import importlib
 import pathlib
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from latinpc.laws import RIGID
 from latinpc.scenes.scene import Scene
 
+from .cases import read_cases
 from .description import read_description, read_loads, read_masses, read_supports, read_velocities
 from .linklaws import read_laws
 from .selection import AXES
@@ -90,7 +92,7 @@ FORMATS = ".msh (Gmsh), .csv, .dxf, .obj, .json (compas), .tcl or .py (OpenSees)
 
 def read(
     path, description=None, *, scale=None, merge=None, rise=None, brace=None, law=None, EA=None, prestress=None,
-    support=(), load=(), self_weight=None,
+    support=(), load=(), self_weight=None, case=None,
 ):  # fmt: skip
     """Read a structure from a file.
 
@@ -124,11 +126,14 @@ def read(
         Forces on each node (N), as ``z=-1000`` or ``x=50,z=-1000:WHERE``.
     self_weight : float or dict, optional
         Weight (N/m) along the lines, against the last axis.
+    case : str, optional
+        Name of a load case of the TOML file, whose actions the scene gets.
 
     Returns
     -------
     Scene
-        Its metadata has the name of the file and ``notes``, a list of sentences on what was left out.
+        With the load cases of the TOML file, unless one is chosen. Its metadata has the name of the file and
+        ``notes``, a list of sentences on what was left out.
 
     Raises
     ------
@@ -144,7 +149,13 @@ def read(
     given = _Given(*map(_by_group, (law, EA, prestress)), {} if brace is None else {"braces": "cable"})
     settings, description = _settings(path, description, lines, given)
     _add_options(settings, given, support, load, _by_group(self_weight))
-    return _scene(path, lines, settings, description, given)
+    scene = _scene(path, lines, settings, description, given)
+    if case is None:
+        return scene
+    cases = {item.name: item for item in scene.cases}
+    if case not in cases:
+        raise ValueError(f"{description}: no [[case]] has the name '{case}'{nearest(case, cases)}")
+    return cases[case].applied(scene)
 
 
 def _reader(path):
@@ -321,7 +332,7 @@ def _scene(path, lines, settings, description, given):
             f"{path}: nothing is held; write [supports.NAME] with fix = [...] in {description.name}, or give --support,"
             " such as z=min"
         )
-    return Scene(
+    scene = Scene(
         name=str(settings.get("title", path.stem)),
         nodes=nodes,
         links=ends[line].astype(np.int64),
@@ -335,6 +346,7 @@ def _scene(path, lines, settings, description, given):
             "file": path.name, "nodes_without_link": int(len(lines.points) - len(used)), "notes": lines.notes,
         },
     )  # fmt: skip
+    return replace(scene, cases=read_cases(settings, scene, ends, line, lines.groups, groups, description))
 
 
 def _refuse_short(lines):

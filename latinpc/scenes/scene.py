@@ -50,6 +50,8 @@ class Scene:
         A step that resolves what happens (s).
     metadata : dict
         Options and choices of the generator; fit for JSON.
+    cases : tuple of Case
+        Load cases, whose actions add to those of the scene.
 
     Raises
     ------
@@ -74,6 +76,7 @@ class Scene:
     velocity: np.ndarray | None = None
     time_step: float | None = None
     metadata: dict = field(default_factory=dict)
+    cases: tuple = ()
 
     def __post_init__(self):
         self.nodes = np.ascontiguousarray(self.nodes, dtype=np.float64)
