@@ -315,6 +315,7 @@ OPTIONS = [
     ({"support": "x>100"}, ["--support x>100", "holds no node"]),
     ({"support": ()}, ["bars.obj", "nothing is held", "--support", "bars.toml"]),
     ({"load": "down=3"}, ["--load down=3", "write z=-1000"]),
+    ({"load": ["y=3", "y=3"]}, ["--load y=3: given twice"]),
     ({"load": "z=3"}, ["--load z=3", "there is no z"]),
     ({"EA": {"wires": 1.0}}, ["no group of lines is 'wires'"]),
     ({"EA": {"ropes": -1.0}}, ["'ropes'", "EA must be positive"]),

@@ -239,6 +239,8 @@ def _add_options(settings, given, support, load, self_weight):
         entries = {"where": where} | ({"fix": list(axes)} if axes else {})
         settings.setdefault("supports", {})[f"--support {text}"] = entries
     for text in [load] if isinstance(load, str) else load:
+        if f"--load {text}" in settings.get("loads", {}):
+            raise ValueError(f"--load {text}: given twice; loads add up, give the sum")
         settings.setdefault("loads", {})[f"--load {text}"] = _force(text)
     for group, value in self_weight.items():
         words = f"--self-weight {value:g}" if group is None else f"--self-weight {group}={value:g}"

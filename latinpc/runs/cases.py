@@ -102,7 +102,8 @@ def solve_cases(scene, cases=None, options=None, *, subdomains=None, comm=None, 
     cases = [case for case in scene.cases if not case.part] if cases is None else list(cases)
     if not cases:
         raise ValueError(f"{scene.name} has no load case to solve: write [[case]] in its TOML file, or give a Case")
-    loaded = [case.applied(scene) for case in cases]
+    for case in cases:  # a case that does not fit is refused before any is solved
+        case.applied(scene)
     structure = Structure.from_scene(scene, comm)
     settings = dict(options or {})
     if subdomains is not None:
@@ -115,10 +116,10 @@ def solve_cases(scene, cases=None, options=None, *, subdomains=None, comm=None, 
             snes.setFromOptions()
             _attach_linear(structure, snes)
             series = _Series(structure, snes, scene)
-            for number, case in enumerate(loaded):
+            for number, case in enumerate(cases):
                 if each_case is not None:
-                    each_case(number, cases[number].name)
-                series.solve(case, cases[number].name)
+                    each_case(number, case.name)
+                series.solve(case.applied(scene), case.name)
             report = {
                 **problem(scene, structure),
                 "solver": snes.getType(),
