@@ -30,8 +30,8 @@ MOST_SLACK = 8  # links that are listed
 def cases(comm, scene, json_file, csv_file, picture, quiet, **options):
     """Solve the load cases of a file.
 
-    They are the tables [[case]] of the TOML file beside it. All have one set-up; a set of links slackens in each case
-    for itself. Exit code 0 when all have converged.
+    They are the tables [[case]] of the TOML file beside it. One set-up serves all; slack links are found for each case.
+    The exit code is 0 when all cases have converged.
     """
     alone = json_file == "-"
     quiet = quiet or alone
