@@ -8,9 +8,11 @@ from pathlib import Path
 __version__ = "0.1.0"
 
 from latinpc import scenes
+from latinpc.files.reading import read
 from latinpc.laws import Law
 from latinpc.results.notices import ConvergenceWarning, LatinWarning, SolveError
 from latinpc.results.result import Result
+from latinpc.scenes import Case
 from latinpc.settings import (
     set_balance,
     set_direction,
@@ -54,6 +56,7 @@ from latinpc.structure import Sizes, Structure
 from latinpc.userlaws import register_law, register_table
 
 __all__ = [
+    "Case",
     "ConvergenceWarning",
     "LatinWarning",
     "Law",
@@ -77,6 +80,7 @@ __all__ = [
     "outer_ksp",
     "outer_snes",
     "pcshell_set_latin",
+    "read",
     "register_law",
     "register_table",
     "rounding_floor",

@@ -58,6 +58,7 @@ cdef extern from "latinpc.h":
     PetscErrorCode LatinStructureSetDirections(LatinStructure, const PetscReal *)
     PetscErrorCode LatinStructureSetFriction(LatinStructure, const PetscReal *)
     PetscErrorCode LatinStructureSetSupports(LatinStructure, const PetscBool *, const PetscReal *)
+    PetscErrorCode LatinStructureSetPrescribed(LatinStructure, const PetscReal *)
     PetscErrorCode LatinStructureSetLoads(LatinStructure, const PetscReal *)
     PetscErrorCode LatinStructureSetInitialElongations(LatinStructure, const PetscReal *)
     PetscErrorCode LatinStructureSetPrestress(LatinStructure, const PetscReal *)

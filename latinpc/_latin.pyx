@@ -152,6 +152,10 @@ cdef class StructureHandle:
         """Clamp degrees of freedom of this rank's nodes; ``fixed`` holds integers of PetscBool's size."""
         CHKERR(LatinStructureSetSupports(self.handle, <const PetscBool *><size_t>fixed.ctypes.data, reals(prescribed)))
 
+    def set_prescribed(self, prescribed):
+        """Change the displacements of clamped degrees of freedom of this rank's nodes."""
+        CHKERR(LatinStructureSetPrescribed(self.handle, reals(prescribed)))
+
     def set_loads(self, force):
         """Load this rank's nodes."""
         CHKERR(LatinStructureSetLoads(self.handle, reals(force)))

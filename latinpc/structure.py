@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from petsc4py import PETSc
 
+from latinpc.actions import Actions
 from latinpc.arrays import REAL, Slices, native
 from latinpc.checks import ARRAYS, Checks, checked
 from latinpc.equations import Equations
@@ -44,7 +45,7 @@ class Sizes(NamedTuple):
     free_dofs: int
 
 
-class Structure(Geometry, Equations):
+class Structure(Geometry, Equations, Actions):
     """A structure of links in 1, 2 or 3 dimensions: nodes, links, laws, supports and loads.
 
     Collective. Every rank passes the same whole arrays.
@@ -427,56 +428,6 @@ class Structure(Geometry, Equations):
             Overwritten.
         """
         self._handle.set_displacements(self._my_nodes(self._checks.node_array("displacement", displacement)), u)
-
-    def set_load(self, load: ArrayLike) -> None:
-        """Change the external nodal forces; collective.
-
-        Parameters
-        ----------
-        load : (n, dim) array_like of float
-            The same on every rank (N).
-        """
-        load = np.array(self._checks.node_array("load", load))
-        self._handle.set_loads(self._my_nodes(load))
-        self._keep("load", load)
-
-    def set_initial_elongation(self, initial_elongation: ArrayLike) -> None:
-        """Change the initial elongations of the links; collective.
-
-        Parameters
-        ----------
-        initial_elongation : (m,) array_like of float, or float
-            The same on every rank (m).
-        """
-        elongation = np.array(self._checks.initial_elongation(initial_elongation))
-        self._handle.set_initial_elongation(native(elongation[self._slices.my_links]))
-        self._keep("initial_elongation", elongation)
-
-    def set_prestress(self, prestress: ArrayLike) -> None:
-        """Change the initial elongations of the links to those of given tensions; collective.
-
-        Parameters
-        ----------
-        prestress : (m,) array_like of float, or float
-            The same on every rank (N); see `Structure`.
-        """
-        tension = self._checks.prestress(prestress, self.law)
-        self._handle.set_prestress(native(tension[self._slices.my_links]))
-        elongation = np.zeros(len(self.links), dtype=REAL)
-        np.divide(tension, self.stiffness, out=elongation, where=tension != 0)
-        self._keep("initial_elongation", elongation)
-
-    def set_mass(self, mass: ArrayLike) -> None:
-        """Give the nodes their masses, or change them; collective.
-
-        Parameters
-        ----------
-        mass : (n,) array_like of float, or float
-            Lumped masses (kg), not negative, the same on every rank.
-        """
-        mass = np.array(self._checks.mass(mass))
-        self._handle.set_mass(self._my_nodes(mass))
-        self._keep("mass", mass)
 
     def _compose_partition(self, subdomain):
         """Leave the partition where every solver on this structure finds it."""

@@ -28,7 +28,7 @@ RUN = (
 
 
 @click.command("solve", cls=SceneCommand)
-@click.argument("scene", metavar="SCENE|FILE.msh")
+@click.argument("scene", metavar="SCENE|FILE")
 @scene_options
 @click.option("--reference", is_flag=True, help="Report errors against a solution by Newton's method.")
 @click.option("--digits", is_flag=True, help="Report how many digits are accurate, and what limits them.")
@@ -47,7 +47,7 @@ RUN = (
 @click.option("--restart", metavar="FILE", help="Continue from a saved state, with the same options and ranks.")
 @click.pass_obj
 def solve_command(comm, scene, json_file, output, picture, csv, quiet, **options):
-    """Solve a scene or a Gmsh file.
+    """Solve a scene or a file.
 
     The solver is -snes_type latin; with --steps it is -ts_type latin. Options with a single dash go to PETSc, for
     instance -snes_monitor -snes_latin_variant macro.

@@ -20,7 +20,13 @@ def summary(result):
         for law in Law
         if (count := int(np.count_nonzero(scene.law == law)))
     )
-    lines = [("structure", f"{len(scene.nodes):,} nodes, {report['links']:,} links ({laws}) in {scene.dim}D")]
+    made = report.get("scene_options", {})
+    lines = [("file", f"{made['file']}: {'; '.join(made['notes'])}")] if made.get("notes") else []
+    lines.append(("structure", f"{len(scene.nodes):,} nodes, {report['links']:,} links ({laws}) in {scene.dim}D"))
+    if report.get("load_cases"):
+        lines.append(
+            ("load cases", f"{report['load_cases']}, none of them acts here: latinpc cases solves all, --case one")
+        )
     ranks = f"{report['ranks']} rank{'s' if report['ranks'] > 1 else ''}"
     lines.append(("unknowns", f"{report['free_dofs']:,} free of {report['dofs']:,}, on {ranks}"))
     if report["subdomains"]:

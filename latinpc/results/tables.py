@@ -35,7 +35,7 @@ def members(result: Result) -> np.ndarray:
     for name in ("stress", "utilisation"):
         if getattr(result, name) is not None:
             columns[name] = getattr(result, name)
-    return _table(columns)
+    return table(columns)
 
 
 def nodes(result: Result) -> np.ndarray:
@@ -50,15 +50,15 @@ def nodes(result: Result) -> np.ndarray:
     ):
         columns |= {prefix + axis: column for axis, column in zip(AXES, array.T)}
     columns["supported"] = structure.fixed.any(axis=1)
-    return _table(columns)
+    return table(columns)
 
 
-def _table(columns: dict[str, np.ndarray]) -> np.ndarray:
+def table(columns: dict[str, np.ndarray]) -> np.ndarray:
     """Make a structured array of columns of one length."""
-    table = np.empty(len(next(iter(columns.values()))), [(name, column.dtype) for name, column in columns.items()])
+    rows = np.empty(len(next(iter(columns.values()))), [(name, column.dtype) for name, column in columns.items()])
     for name, column in columns.items():
-        table[name] = column
-    return table
+        rows[name] = column
+    return rows
 
 
 def write_csv(path: str | pathlib.Path, table: np.ndarray) -> None:

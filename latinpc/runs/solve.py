@@ -51,9 +51,9 @@ def solve(
     Returns
     -------
     latinpc.Result
-        Its report has, besides those of `latinpc.results.solve.gather`, the keys scene_options, increments (iterations
-        of each), residual, error_l2, error_energy, digits, setup_seconds, solve_seconds, peak_memory_bytes, versions,
-        options. What does not apply is None.
+        Its report has, besides those of `latinpc.results.solve.gather`, the keys scene_options, load_cases (their
+        number; none of them acts), increments (iterations of each), residual, error_l2, error_energy, digits,
+        setup_seconds, solve_seconds, peak_memory_bytes, versions, options. What does not apply is None.
 
     Raises
     ------
@@ -121,6 +121,7 @@ def _solve(scene, structure, snes, reference, before_solve, increments, keeper, 
     errors = structure.errors(u, reference) if reference is not None else (None, None)
     report = {
         "scene_options": scene.metadata,
+        "load_cases": sum(not case.part for case in scene.cases),
         "increments": steps,
         "iterations": sum(steps),
         "linear_iterations": sum(counts["linear"]),

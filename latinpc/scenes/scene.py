@@ -60,6 +60,8 @@ class Scene(Geometry):
         Areas of the cross sections (m^2).
     strength : (m,) array of float, optional
         Stresses that the links bear (Pa).
+    cases : tuple of Case
+        Load cases, whose actions add to those of the scene.
 
     Raises
     ------
@@ -86,6 +88,7 @@ class Scene(Geometry):
     metadata: dict = field(default_factory=dict)
     area: np.ndarray | None = None
     strength: np.ndarray | None = None
+    cases: tuple = ()
 
     def __post_init__(self):
         self.tables = tuple(tuple(np.asarray(part, dtype=float) for part in table) for table in self.tables)
