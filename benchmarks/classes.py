@@ -23,7 +23,7 @@ from petsc4py import PETSc  # noqa: E402
 
 import latinpc  # noqa: E402
 from latinpc.bench.peers.qp import kinematics  # noqa: E402
-from latinpc.runs.options import default_options  # noqa: E402
+from latinpc.options import default_options  # noqa: E402
 from latinpc.scenes import Law, make  # noqa: E402
 
 EXACT = {"snes_stol": 1e-12, "snes_max_it": 30000}

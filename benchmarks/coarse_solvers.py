@@ -150,7 +150,7 @@ def run(case):
     from petsc4py import PETSc
 
     import latinpc
-    from latinpc.runs.options import default_options
+    from latinpc.options import default_options
 
     comm = PETSc.COMM_WORLD.tompi4py()
     if case["table"] == "approximate":

@@ -24,7 +24,7 @@ if __name__ == "__main__":
 from petsc4py import PETSc
 
 import latinpc
-from latinpc.runs.options import default_options
+from latinpc.options import default_options
 from latinpc.scenes import make
 
 HERE = Path(__file__).resolve().parent

@@ -25,8 +25,8 @@ from petsc4py import PETSc
 import latinpc
 from latinpc.bench.extremes import catalogue, motions, rigid
 from latinpc.bench.peers.reference import by_newton
+from latinpc.options import default_options
 from latinpc.runs.motion import move
-from latinpc.runs.options import default_options
 from latinpc.runs.solve import solve
 from latinpc.scenes import Law, make
 

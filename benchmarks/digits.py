@@ -11,9 +11,9 @@ from dataclasses import replace
 from latinpc import Structure, digits
 from latinpc.bench.extremes import catalogue
 from latinpc.bench.extremes.exact import solve_exactly
-from latinpc.runs.options import default_options
+from latinpc.options import default_options
+from latinpc.results.mechanics import errors
 from latinpc.scenes import Law
-from latinpc.scenes.mechanics import errors
 
 REFINED = {
     f"snes_latin_{where}_ksp_{key}": value

@@ -22,7 +22,7 @@ petsc4py.init(["dynamics"])
 from petsc4py import PETSc  # noqa: E402
 
 import latinpc  # noqa: E402
-from latinpc.runs.options import default_options  # noqa: E402
+from latinpc.options import default_options  # noqa: E402
 from latinpc.runs.report import versions  # noqa: E402
 from latinpc.scenes import make  # noqa: E402
 

@@ -98,7 +98,7 @@ def bounds(chosen):
 
     import latinpc
     from latinpc.bench.peers.reference import by_newton
-    from latinpc.runs.options import default_options
+    from latinpc.options import default_options
     from latinpc.scenes import Law, make
 
     ratios = []

@@ -15,7 +15,7 @@ from drawn import drawn
 from latinpc.bench.compare import compare
 from latinpc.bench.figures import growth
 from latinpc.bench.peers.launch import Bench, Failed
-from latinpc.files.units import quantity
+from latinpc.results.units import quantity
 from latinpc.scenes import make
 
 HERE = Path(__file__).resolve().parent

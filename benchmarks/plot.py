@@ -6,7 +6,7 @@ from pathlib import Path
 
 from latinpc.bench import compare, extremes
 from latinpc.bench.figures import bars, diagrams, distributions, slackening
-from latinpc.files.units import quantity
+from latinpc.results.units import quantity
 
 HERE = Path(__file__).resolve().parent
 

@@ -22,7 +22,7 @@ from latinpc import Structure
 from latinpc.bench.extremes import catalogue
 from latinpc.bench.peers import run
 from latinpc.bench.peers.reference import by_newton
-from latinpc.runs.options import default_options
+from latinpc.options import default_options
 from latinpc.scenes import Law, make
 
 ACCURACY, MOST = 1e-4, 1000

@@ -19,7 +19,7 @@ petsc4py.init(sys.argv[:1])
 from petsc4py import PETSc  # noqa: E402
 
 import latinpc  # noqa: E402
-from latinpc.runs.options import default_options  # noqa: E402
+from latinpc.options import default_options  # noqa: E402
 from latinpc.scenes import make  # noqa: E402
 
 FILES = ("state", "state.h5")

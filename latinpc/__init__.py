@@ -8,7 +8,11 @@ from pathlib import Path
 __version__ = "0.1.0"
 
 from latinpc import scenes
+from latinpc.files.reading import read
 from latinpc.laws import Law
+from latinpc.results.notices import ConvergenceWarning, LatinWarning, SolveError
+from latinpc.results.result import Result
+from latinpc.scenes import Case
 from latinpc.settings import (
     set_balance,
     set_direction,
@@ -53,8 +57,13 @@ from latinpc.structure import Sizes, Structure
 from latinpc.userlaws import register_law, register_table
 
 __all__ = [
+    "Case",
+    "ConvergenceWarning",
+    "LatinWarning",
     "Law",
+    "Result",
     "Sizes",
+    "SolveError",
     "Structure",
     "coarse_ksp",
     "digits",
@@ -73,6 +82,7 @@ __all__ = [
     "outer_snes",
     "path",
     "pcshell_set_latin",
+    "read",
     "register_law",
     "register_table",
     "rounding_floor",
@@ -100,11 +110,11 @@ __all__ = [
 ]
 
 
-def get_library():
+def get_library() -> str:
     """Path of liblatinpc.so, for PETSc's ``-dll_append`` and for C programs."""
     return str(Path(__file__).resolve().parent / "liblatinpc.so")
 
 
-def get_include():
+def get_include() -> str:
     """Directory of the C header latinpc.h."""
     return str(Path(__file__).resolve().parent / "include")

@@ -14,6 +14,7 @@ cdef extern from *:
     PetscErrorCode PetscFinalized(PetscBool *)
     PetscErrorCode PetscObjectReference(PetscObject)
     PetscErrorCode PetscFree(void *)
+    PetscErrorCode PetscOptionsUsed(void *, const char[], PetscBool *)
 
 cdef extern from "latinpc.h":
     int LATINPC_VERSION_MAJOR, LATINPC_VERSION_MINOR, LATINPC_VERSION_SUBMINOR
@@ -57,6 +58,7 @@ cdef extern from "latinpc.h":
     PetscErrorCode LatinStructureSetDirections(LatinStructure, const PetscReal *)
     PetscErrorCode LatinStructureSetFriction(LatinStructure, const PetscReal *)
     PetscErrorCode LatinStructureSetSupports(LatinStructure, const PetscBool *, const PetscReal *)
+    PetscErrorCode LatinStructureSetPrescribed(LatinStructure, const PetscReal *)
     PetscErrorCode LatinStructureSetLoads(LatinStructure, const PetscReal *)
     PetscErrorCode LatinStructureSetInitialElongations(LatinStructure, const PetscReal *)
     PetscErrorCode LatinStructureSetPrestress(LatinStructure, const PetscReal *)

@@ -75,6 +75,13 @@ def initialize_package():
     CHKERR(LatinInitializePackage())
 
 
+def option_used(name):
+    """Return whether PETSc has read an option of its database."""
+    cdef PetscBool used = 0
+    CHKERR(PetscOptionsUsed(NULL, name.encode(), &used))
+    return bool(used)
+
+
 # ---- laws -----------------------------------------------------------------------------------------------
 
 def register_law(name, tension, tangent, energy, local, context):
@@ -144,6 +151,10 @@ cdef class StructureHandle:
     def set_supports(self, fixed, prescribed):
         """Clamp degrees of freedom of this rank's nodes; ``fixed`` holds integers of PetscBool's size."""
         CHKERR(LatinStructureSetSupports(self.handle, <const PetscBool *><size_t>fixed.ctypes.data, reals(prescribed)))
+
+    def set_prescribed(self, prescribed):
+        """Change the displacements of clamped degrees of freedom of this rank's nodes."""
+        CHKERR(LatinStructureSetPrescribed(self.handle, reals(prescribed)))
 
     def set_loads(self, force):
         """Load this rank's nodes."""

@@ -5,9 +5,10 @@ from petsc4py import PETSc
 
 from latinpc.laws import Law
 
-__all__ = ["REAL", "Slices", "integers", "native", "partition", "real", "refuse", "shaped", "slices_of"]
+__all__ = ["REAL", "Slices", "Solver", "integers", "native", "partition", "real", "refuse", "shaped", "slices_of"]
 
 REAL = np.dtype(PETSc.RealType)
+Solver = PETSc.SNES | PETSc.KSP | PETSc.PC  #: what may be of type latin and has subdomains
 _MAX_NAMED = 5
 
 

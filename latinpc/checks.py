@@ -1,12 +1,67 @@
 """Checks of the arrays that a structure is made of: ValueError names the first nodes or links that do not fit."""
 
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
 import numpy as np
 
-from latinpc.arrays import REAL, integers, refuse, shaped
+from latinpc.arrays import REAL, integers, partition, real, refuse, shaped
 from latinpc.laws import Law, law_numbers
-from latinpc.library import _latin
 
-__all__ = ["Checks"]
+__all__ = ["ARRAYS", "Checks", "checked"]
+
+#: Arrays of a structure; those from `subdomain` on are None where not given.
+ARRAYS = (
+    "nodes", "links", "law", "stiffness", "initial_elongation", "fixed", "prescribed", "load",
+    "subdomain", "direction", "friction", "mass", "area", "strength",
+)  # fmt: skip
+
+
+def checked(given: Mapping[str, Any], laws: Sequence[str], dtype=REAL) -> dict[str, np.ndarray | None]:
+    """Check all arrays of a structure; not collective.
+
+    Parameters
+    ----------
+    given : mapping
+        `ARRAYS` by name, as `latinpc.Structure` takes them.
+    laws : sequence of str
+        Names of the known laws, by number.
+    dtype : numpy.dtype
+        Of real numbers.
+
+    Returns
+    -------
+    dict
+        Whole arrays by name; an array of `given` that has its type already is not copied.
+    """
+    nodes = real("nodes", given["nodes"], dtype)
+    if nodes.ndim != 2 or nodes.shape[1] not in (1, 2, 3) or len(nodes) == 0:
+        raise ValueError(f"nodes must be an (n, dim) array with dim 1, 2 or 3, not of shape {nodes.shape}")
+    links = integers("links", given["links"]).astype(np.int64, copy=False)
+    if links.ndim != 2 or links.shape[1] != 2 or len(links) == 0:
+        raise ValueError(f"links must be an (m, 2) array of node numbers, not of shape {links.shape}")
+    checks = Checks(nodes.shape, len(links), dtype)
+    found = {"nodes": nodes, "links": links, "direction": checks.geometry(nodes, links, given["direction"])}
+    found["law"] = law = checks.law(given["law"], laws)
+    found["stiffness"] = checks.stiffness(given["stiffness"], law)
+    elongation = given["initial_elongation"]
+    found["initial_elongation"] = checks.initial_elongation(0.0 if elongation is None else elongation)
+    found["fixed"], found["prescribed"] = checks.supports(given["fixed"], given["prescribed"])
+    found["load"] = checks.node_array("load", 0.0 if given["load"] is None else given["load"])
+    optional = {
+        "subdomain": lambda values: partition("subdomain", values, len(links)),
+        "friction": checks.friction,
+        "mass": checks.mass,
+        "area": lambda values: checks.positive("area", values),
+        "strength": lambda values: checks.positive("strength", values),
+    }
+    for name, check in optional.items():
+        found[name] = None if given[name] is None else check(given[name])
+    if found["strength"] is not None and found["area"] is None:
+        raise ValueError("strength is a stress, which needs the area of the links: give area")
+    return found
 
 
 class Checks:
@@ -18,11 +73,14 @@ class Checks:
         Of the nodes, (n, dim).
     count : int
         Number of links.
+    dtype : numpy.dtype
+        Of real numbers.
     """
 
-    def __init__(self, shape, count):
+    def __init__(self, shape, count, dtype=REAL):
         self.shape = shape
         self.count = count
+        self.dtype = dtype
 
     def geometry(self, nodes, links, direction):
         """Check nodes and links; return the directions as an array, None without any."""
@@ -36,25 +94,25 @@ class Checks:
         refuse(links[:, 0] == links[:, 1], "link", "joins a node to itself", links)
         length = np.linalg.norm(nodes[links[:, 1]] - nodes[links[:, 0]], axis=1)
         if direction is not None:
-            direction = shaped("direction", direction, (self.count, nodes.shape[1]), REAL, "a row per link")
+            direction = shaped("direction", direction, (self.count, nodes.shape[1]), self.dtype, "a row per link")
             refuse(~np.isfinite(direction).all(axis=1), "link", "has a direction that is not finite", direction)
             length = np.where(direction.any(axis=1), 1.0, length)
         refuse(length == 0, "link", "has no length: its two nodes are at one place and no direction is given", links)
         return direction
 
-    def constitution(self, law, stiffness, friction):
-        """Check laws, stiffnesses and coefficients of friction; return them as arrays."""
-        law = self.link_array("law", integers("law", law_numbers(law)), np.int64)
-        names = _latin.law_names()
+    def law(self, values, names):
+        """Check laws, numbers or names; return numbers."""
+        law = self.link_array("law", integers("law", law_numbers(values)), np.int64)
         known = ", ".join(f"{number} {name}" for number, name in enumerate(names))
         refuse((law < 0) | (law >= len(names)), "link", f"has an unknown law ({known})", law)
-        stiffness = self.link_array("stiffness", stiffness)
-        wrong = ~((stiffness > 0) & np.isfinite(stiffness)) & ~((stiffness == 0) & (law > Law.COMPRESSION_ONLY))
-        refuse(wrong, "link", "needs a positive stiffness", stiffness)
-        if friction is not None:
-            friction = self.link_array("friction", friction)
-            refuse(~((friction >= 0) & np.isfinite(friction)), "link", "has a friction that is negative", friction)
-        return law, stiffness, friction
+        return law
+
+    def stiffness(self, values, law):
+        """Check stiffnesses by their laws."""
+        values = self.link_array("stiffness", values)
+        wrong = ~((values > 0) & np.isfinite(values)) & ~((values == 0) & (law > Law.COMPRESSION_ONLY))
+        refuse(wrong, "link", "needs a positive stiffness", values)
+        return values
 
     def supports(self, fixed, prescribed):
         """Check supports; return them as arrays."""
@@ -74,14 +132,33 @@ class Checks:
         refuse(~bears, "link", "has a prestress that its law cannot bear (a rigid law takes none)", values)
         return values
 
-    def link_array(self, name, values, dtype=REAL):
-        """Make an array of a value per link."""
-        return shaped(name, values, (self.count,), dtype, "a value per link")
+    def mass(self, values):
+        """Check masses."""
+        values = shaped("mass", values, self.shape[:1], self.dtype, "a value per node")
+        refuse(~((values >= 0) & np.isfinite(values)), "node", "has a mass that is negative or not finite", values)
+        return values
 
-    def node_array(self, name, values, dtype=REAL):
+    def friction(self, values):
+        """Check coefficients of friction."""
+        values = self.link_array("friction", values)
+        refuse(~((values >= 0) & np.isfinite(values)), "link", "has a friction that is negative or not finite", values)
+        return values
+
+    def positive(self, name, values):
+        """Check a positive value per link, NaN where it is not known."""
+        values = self.link_array(name, values)
+        wrong = ~((values > 0) & np.isfinite(values) | np.isnan(values))
+        refuse(wrong, "link", f"has a {name} that is not positive and finite (NaN: not known)", values)
+        return values
+
+    def link_array(self, name, values, dtype=None):
+        """Make an array of a value per link."""
+        return shaped(name, values, (self.count,), self.dtype if dtype is None else dtype, "a value per link")
+
+    def node_array(self, name, values, dtype=None):
         """Make a finite array of a row per node."""
         given = shaped(name, values, self.shape, None, "a row per node, a column per direction")
-        values = given.astype(dtype)
+        values = given.astype(self.dtype if dtype is None else dtype, copy=False)
         if dtype is bool:
             refuse(~np.isin(given, (0, 1)).all(axis=1), "node", f"has a {name} that is neither true nor false", given)
         else:

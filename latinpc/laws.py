@@ -6,6 +6,7 @@ import difflib
 from enum import IntEnum
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 __all__ = ["RIGID", "UNILATERAL", "Law", "law_numbers"]
 
@@ -42,13 +43,14 @@ RIGID = (Law.INEXTENSIBLE, Law.CONTACT, Law.FRICTION, Law.TANGENT)
 UNILATERAL = (Law.CABLE, Law.COMPRESSION_ONLY, Law.INEXTENSIBLE, Law.CONTACT, Law.FRICTION)
 
 
-def law_numbers(law):
+def law_numbers(law: ArrayLike) -> np.ndarray:
     """Replace names of laws by their numbers; not collective.
 
     Parameters
     ----------
     law : array_like of str or int
-        Names of `Law` in any case, such as ``"cable"`` or ``"compression_only"``. Numbers are returned as they are.
+        Names of `Law` in any case, such as ``"cable"`` or ``"compression_only"``. Numbers are returned as they are;
+        both may be mixed.
 
     Returns
     -------
@@ -58,7 +60,7 @@ def law_numbers(law):
     Raises
     ------
     ValueError
-        For an unknown name.
+        For an unknown name; the message lists those that exist.
 
     Examples
     --------
@@ -66,17 +68,21 @@ def law_numbers(law):
     array([0, 1])
     """
     law = np.asarray(law)
+    if law.dtype.kind == "O":  # a column of pandas
+        law = law.astype(str)
     if law.dtype.kind != "U":
         return law
     names, index = np.unique(law, return_inverse=True)
     return np.array([_number(str(name)) for name in names], dtype=int)[index].reshape(law.shape)
 
 
-def _number(name):
+def _number(name: str) -> int:
     key = name.strip().upper().replace("-", "_").replace(" ", "_")
     if key in Law.__members__:
         return Law[key]
+    if key.isdecimal():  # numpy has made a text of a number beside names
+        return int(key)
     near = difflib.get_close_matches(key, Law.__members__, n=1, cutoff=0.5)
     known = ", ".join(law.name.lower() for law in Law)
-    cure = f"do you mean {near[0].lower()!r}?" if near else f"choose from {known}"
-    raise ValueError(f"unknown law {name!r}: {cure}")
+    meant = f"do you mean {near[0].lower()!r}? " if near else ""
+    raise ValueError(f"unknown law {name!r}: {meant}choose from {known}")

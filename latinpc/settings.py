@@ -5,9 +5,10 @@ Every rank of the solver calls them with the same values. They count from the ne
 
 from __future__ import annotations
 
+from numpy.typing import ArrayLike
 from petsc4py import PETSc
 
-from latinpc.arrays import native, partition, slices_of
+from latinpc.arrays import Solver, native, partition, slices_of
 from latinpc.library import _latin
 
 __all__ = [
@@ -41,7 +42,7 @@ def _number(name, names, value):
     return names.index(value)
 
 
-def set_partition(solver, subdomain):
+def set_partition(solver: Solver, subdomain: ArrayLike) -> None:
     """Give every link its subdomain, in place of METIS; collective, before the set-up.
 
     Parameters
@@ -52,11 +53,11 @@ def set_partition(solver, subdomain):
         The same on every rank, counted from 0 without gaps.
     """
     slices = slices_of(solver)
-    subdomain = partition("subdomain", subdomain, slices.links)
-    _latin.set_partition(solver, native(subdomain[slices.my_links], PETSc.IntType))
+    whole = partition("subdomain", subdomain, slices.links)
+    _latin.set_partition(solver, native(whole[slices.my_links], PETSc.IntType))
 
 
-def set_subdomains(solver, subdomains):
+def set_subdomains(solver: Solver, subdomains: int) -> None:
     """Choose the number of subdomains, ``-snes_latin_subdomains``; not collective, before the set-up.
 
     Parameters
@@ -69,7 +70,7 @@ def set_subdomains(solver, subdomains):
     _latin.set_subdomains(solver, subdomains)
 
 
-def set_variant(solver, variant):
+def set_variant(solver: Solver, variant: str) -> None:
     """Choose what of interfaces is in the coarse problem, ``-snes_latin_variant``; not collective, before the set-up.
 
     Parameters
@@ -83,7 +84,7 @@ def set_variant(solver, variant):
     _latin.set_variant(solver, _number("variant", VARIANTS, variant))
 
 
-def set_modes(solver, modes, local=None):
+def set_modes(solver: Solver, modes: str, local: float | None = None) -> None:
     """Choose the macro fields of strong interfaces, ``-snes_latin_modes``; not collective, before the set-up.
 
     Parameters
@@ -99,7 +100,7 @@ def set_modes(solver, modes, local=None):
     _latin.set_modes(solver, _number("modes", MODES, modes), PETSc.DEFAULT if local is None else local)
 
 
-def set_direction(solver, direction, value=0.0):
+def set_direction(solver: Solver, direction: str, value: float = 0.0) -> None:
     """Choose the search direction of the interfaces, ``-snes_latin_direction``; not collective, before the set-up.
 
     Parameters
@@ -115,7 +116,7 @@ def set_direction(solver, direction, value=0.0):
     _latin.set_direction(solver, _number("direction", DIRECTIONS, direction), value)
 
 
-def set_precision(snes, precision):
+def set_precision(snes: PETSc.SNES, precision: str) -> None:
     """Choose the precision of factors that linear stages correct, ``-snes_latin_precision``; not collective.
 
     Parameters
@@ -128,7 +129,7 @@ def set_precision(snes, precision):
     _latin.set_precision(snes, _number("precision", PRECISIONS, precision))
 
 
-def set_stop(snes, stop):
+def set_stop(snes: PETSc.SNES, stop: str) -> None:
     """Set what must become small, as ``-snes_latin_stop``; logically collective.
 
     Parameters
@@ -141,7 +142,7 @@ def set_stop(snes, stop):
     _latin.set_stop(snes, _number("stop", STOPS, stop))
 
 
-def set_error(snes, error):
+def set_error(snes: PETSc.SNES, error: float) -> None:
     """Set the estimated error at which ``-snes_latin_stop error`` or ``energy`` ends a solve; logically collective.
 
     Parameters
@@ -154,7 +155,7 @@ def set_error(snes, error):
     _latin.set_estimated_error(snes, error)
 
 
-def set_balance(snes, balance):
+def set_balance(snes: PETSc.SNES, balance: float) -> None:
     """Set the forces without balance at which a solve may end, as ``-snes_latin_balance``; logically collective.
 
     Parameters
@@ -167,7 +168,7 @@ def set_balance(snes, balance):
     _latin.set_balance(snes, balance)
 
 
-def set_warm_start(snes, warm):
+def set_warm_start(snes: PETSc.SNES, warm: str) -> None:
     """Set where a solve starts, as ``-snes_latin_warm_start``; logically collective.
 
     Parameters
@@ -181,7 +182,7 @@ def set_warm_start(snes, warm):
     _latin.set_warm_start(snes, _number("warm", WARM_STARTS, warm))
 
 
-def set_newton(snes, newton):
+def set_newton(snes: PETSc.SNES, newton: str) -> None:
     """Set when Newton's method takes over from the iteration, as ``-snes_latin_newton``; logically collective.
 
     Parameters
@@ -194,7 +195,7 @@ def set_newton(snes, newton):
     _latin.set_newton(snes, _number("newton", NEWTONS, newton))
 
 
-def set_reference(snes, reference):
+def set_reference(snes: PETSc.SNES, reference: PETSc.Vec | None) -> None:
     """Give the displacement that ``-snes_latin_stop reference`` and the history measure against; collective.
 
     Parameters

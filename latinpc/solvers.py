@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import os
 import re
+from typing import Any
 
 import numpy as np
 from petsc4py import PETSc
 
-from latinpc.arrays import slices_of
+from latinpc.arrays import Solver, slices_of
 from latinpc.library import _latin
 
 __all__ = [
@@ -28,7 +29,6 @@ __all__ = [
     "node_classes",
     "outer_ksp",
     "outer_snes",
-    "path",
     "pcshell_set_latin",
     "rounding_floor",
     "save_state",
@@ -41,7 +41,7 @@ __all__ = [
 ]
 
 
-def statistics(solver):
+def statistics(solver: Solver) -> dict[str, Any]:
     """Return the size of the decomposition, as in Table 3; collective, after ``setUp``.
 
     Parameters
@@ -60,7 +60,7 @@ def statistics(solver):
     return dict(_latin.statistics(solver))
 
 
-def history(snes):
+def history(snes: PETSc.SNES) -> dict[str, np.ndarray]:
     """Return the measures of each iteration; not collective.
 
     Parameters
@@ -78,7 +78,7 @@ def history(snes):
     return dict(zip(("indicator", "error_l2", "error_energy", "estimate"), values))
 
 
-def rounding_floor(snes):
+def rounding_floor(snes: PETSc.SNES) -> float:
     """Return the smallest relative error that rounding allows on this structure, an estimate; not collective.
 
     Parameters
@@ -94,7 +94,7 @@ def rounding_floor(snes):
     return _latin.estimates(snes)[2]
 
 
-def estimated_error(snes):
+def estimated_error(snes: PETSc.SNES) -> float:
     """Return the estimated relative error of the solution, in the norm of the stop; not collective.
 
     Parameters
@@ -110,7 +110,7 @@ def estimated_error(snes):
     return _latin.estimates(snes)[1]
 
 
-def path(snes):
+def path(snes: PETSc.SNES) -> dict[str, int | float]:
     """Return how the last solve with large displacements went; not collective.
 
     Parameters
@@ -128,7 +128,7 @@ def path(snes):
     return {"renewals": renewals, "borne": borne}
 
 
-def unsupported_nodes(snes):
+def unsupported_nodes(snes: PETSc.SNES) -> tuple[int, list[int]]:
     """Return the nodes that slack links no longer hold, after a solve without convergence; not collective.
 
     The loads move them without end or, where they are small, slowly to a support.
@@ -148,7 +148,7 @@ def unsupported_nodes(snes):
     return _latin.unsupported_nodes(snes)[:2]
 
 
-def jammed_links(snes):
+def jammed_links(snes: PETSc.SNES) -> tuple[int, list[int]]:
     """Return rigid links with incompatible gaps, after a solve without convergence; not collective.
 
     Parameters
@@ -166,7 +166,7 @@ def jammed_links(snes):
     return _latin.jammed_links(snes)
 
 
-def energy_bound(snes):
+def energy_bound(snes: PETSc.SNES) -> tuple[float, float]:
     """Return an upper bound of the error of a solution in the energy norm, for linear structures; collective.
 
     It costs the set-up of a PC latin and two linear solves.
@@ -186,7 +186,7 @@ def energy_bound(snes):
     return _latin.energy_bound(snes)
 
 
-def digits(snes):
+def digits(snes: PETSc.SNES) -> dict[str, float]:
     """Return how far a solution is from equilibrium, and its sensitivity to rounding; collective.
 
     It costs the set-up of a PC latin and ten linear solves to four digits (PETSc prefix ``-latin_digits_``).
@@ -207,7 +207,7 @@ def digits(snes):
     return _latin.digits(snes)
 
 
-def tensions(snes):
+def tensions(snes: PETSc.SNES) -> np.ndarray:
     """Return the tension of every link at the solution, of rigid ones as the solve has found it; collective.
 
     Parameters
@@ -226,7 +226,7 @@ def tensions(snes):
     return slices.gather_links(mine)
 
 
-def step_tensions(ts):
+def step_tensions(ts: PETSc.TS) -> np.ndarray:
     """Return the mean tension of every link during the last time step, impulse over length of the step; collective.
 
     Parameters
@@ -246,7 +246,7 @@ def step_tensions(ts):
     return slices.gather_links(mine)
 
 
-def subdomains(solver):
+def subdomains(solver: Solver) -> tuple[int, int]:
     """Return the number of subdomains of this rank and the number of its first one; not collective.
 
     Parameters
@@ -261,7 +261,7 @@ def subdomains(solver):
     return _latin.subdomains(solver)
 
 
-def subdomain_is(solver, i):
+def subdomain_is(solver: Solver, i: int) -> PETSc.IS:
     """Return the free degrees of freedom of a subdomain of this rank; not collective.
 
     Parameters
@@ -279,7 +279,7 @@ def subdomain_is(solver, i):
     return _latin.subdomain_is(solver, i)
 
 
-def macro_stiffness(solver, i):
+def macro_stiffness(solver: Solver, i: int) -> PETSc.Mat:
     """Return the homogenised behaviour of a subdomain of this rank, equations (29) and (51); not collective.
 
     Parameters
@@ -297,7 +297,7 @@ def macro_stiffness(solver, i):
     return _latin.macro_stiffness(solver, i)
 
 
-def subdomain_of_links(solver):
+def subdomain_of_links(solver: Solver) -> np.ndarray:
     """Return the subdomain of every link; collective.
 
     Parameters
@@ -316,7 +316,7 @@ def subdomain_of_links(solver):
     return slices.gather_links(mine)
 
 
-def node_classes(solver):
+def node_classes(solver: Solver) -> np.ndarray:
     """Return where every node lies; collective.
 
     Parameters
@@ -336,7 +336,7 @@ def node_classes(solver):
     return slices.gather_nodes(mine)
 
 
-def local_ksp(solver, i=0):
+def local_ksp(solver: Solver, i: int = 0) -> PETSc.KSP:
     """Return the KSP of subdomain ``i`` of this rank; not collective.
 
     Equal subdomains share one.
@@ -356,7 +356,7 @@ def local_ksp(solver, i=0):
     return _latin.local_ksp(solver, i)
 
 
-def coarse_ksp(solver):
+def coarse_ksp(solver: Solver) -> PETSc.KSP:
     """Return the KSP of the coarse problem; not collective.
 
     Parameters
@@ -372,7 +372,7 @@ def coarse_ksp(solver):
     return _latin.coarse_ksp(solver)
 
 
-def outer_ksp(ksp):
+def outer_ksp(ksp: PETSc.KSP) -> PETSc.KSP:
     """Return the KSP that solves for the interface data; not collective.
 
     Parameters
@@ -389,7 +389,7 @@ def outer_ksp(ksp):
     return _latin.outer_ksp(ksp)
 
 
-def outer_snes(snes):
+def outer_snes(snes: PETSc.SNES) -> PETSc.SNES:
     """Return the SNES that iterates the fixed-point map; not collective.
 
     Parameters
@@ -405,12 +405,13 @@ def outer_snes(snes):
     return _latin.outer_snes(snes)
 
 
-def save_state(solver, path, u=None, note=b""):
+def save_state(
+    solver: PETSc.SNES | PETSc.TS, path: str | os.PathLike, u: PETSc.Vec | None = None, note: bytes = b""
+) -> None:
     """Save the state of a solver, from which another run continues bit by bit; collective.
 
     The file is of PETSc's binary format, or of HDF5 when its name ends in ``.h5`` or ``.hdf5``. It replaces
-    an older one in one step, once it is complete on the disk: a killed run leaves one or the other. A symbolic link
-    stays, and what it leads to is replaced; permission bits are kept.
+    an older one in one step, once it is complete on the disk: a killed run leaves one or the other.
 
     Parameters
     ----------
@@ -425,13 +426,13 @@ def save_state(solver, path, u=None, note=b""):
     Raises
     ------
     petsc4py.PETSc.Error
-        On every rank, when there is nothing to save, the file cannot be written or is no regular file, another run
-        writes it at the same time, or it would be of HDF5 and PETSc has none.
+        On every rank, when there is nothing to save, the file cannot be written, or it would be of HDF5 and PETSc has
+        none.
     """
     _latin.save_state(solver, u, os.fsencode(path), bytes(note))
 
 
-def load_state(solver, path, u=None):
+def load_state(solver: PETSc.SNES | PETSc.TS, path: str | os.PathLike, u: PETSc.Vec | None = None) -> bytes:
     """Read what `save_state` has written, for the same structure, options and number of ranks; collective.
 
     The next solve of a SNES latin that starts warm (``-snes_latin_warm_start``), or the next step of the TS, continues
@@ -458,7 +459,7 @@ def load_state(solver, path, u=None):
     return _latin.load_state(solver, u, os.fsencode(path))
 
 
-def pcshell_set_latin(pc):
+def pcshell_set_latin(pc: PETSc.PC) -> None:
     """Make a PC of type shell apply the preconditioner latin; collective.
 
     Parameters
@@ -469,13 +470,13 @@ def pcshell_set_latin(pc):
     _latin.pcshell_set_latin(pc)
 
 
-def has_package(name):
+def has_package(name: str) -> bool:
     """Return whether this PETSc has an external package; not collective."""
     # earlier versions of PETSc name SuiteSparse as a whole, later ones its parts
     return PETSc.Sys.hasExternalPackage(name) or (name == "suitesparse" and PETSc.Sys.hasExternalPackage("cholmod"))
 
 
-def error_message(error):
+def error_message(error: BaseException) -> str:
     """Return the sentence of an error that PETSc reports, without its list of C functions; not collective.
 
     Parameters

@@ -6,16 +6,29 @@ whole arrays in the caller's own numbering, the same on every rank.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike
 from petsc4py import PETSc
 
-from latinpc.arrays import REAL, Slices, integers, native, partition, real, refuse, shaped
-from latinpc.checks import Checks
+from latinpc.actions import Actions
+from latinpc.arrays import REAL, Slices, native
+from latinpc.checks import ARRAYS, Checks, checked
+from latinpc.equations import Equations
+from latinpc.geometry import Geometry
 from latinpc.laws import Law
 from latinpc.library import _latin
+from latinpc.results.notices import duplicates
+from latinpc.results.result import Result
+from latinpc.results.solve import solve
 from latinpc.userlaws import register_table
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+    Communicator: TypeAlias = PETSc.Comm | MPI.Comm
 
 __all__ = ["Sizes", "Structure"]
 
@@ -33,10 +46,10 @@ class Sizes(NamedTuple):
     free_dofs: int
 
 
-class Structure:
+class Structure(Geometry, Equations, Actions):
     """A structure of links in 1, 2 or 3 dimensions: nodes, links, laws, supports and loads.
 
-    Collective. Every rank passes the same whole arrays and keeps its share only.
+    Collective. Every rank passes the same whole arrays.
 
     Parameters
     ----------
@@ -70,8 +83,7 @@ class Structure:
         Coefficients of friction, read at links of law 5. Such a contact is `dim` consecutive links of the same nodes:
         law 5 along its normal, then law 6 along directions at right angles.
     mass : (n,) array_like of float, or float, optional
-        Lumped masses of the nodes (kg), for dynamics only. A node that no link reaches needs one, given here, and flies
-        in a motion; solvers of statics refuse it.
+        Lumped masses of the nodes (kg), for dynamics only.
     prestress : (m,) array_like of float, or float, optional
         Self-stress T (N) in place of initial elongations, e0 = T / k: of bars, of cables not negative, of
         compression-only links not positive, and zero of other laws.
@@ -82,6 +94,26 @@ class Structure:
         direction of their nodes.
     comm : petsc4py or mpi4py communicator, optional
         PETSc's default communicator when not given.
+    area : (m,) array_like of float, or float, optional
+        Areas of the cross sections (m^2), NaN where not known: results then have stresses.
+    strength : (m,) array_like of float, or float, optional
+        Stresses that the links bear (Pa), in tension and in compression, NaN where not known: results then have
+        utilisations.
+    name : str, optional
+        For summaries and pictures.
+
+    Attributes
+    ----------
+    name : str
+    nodes, links, law, stiffness, initial_elongation, fixed, prescribed, load : array
+        What was given, whole, of numbers and not of names, read-only; ``set_load`` and its like change it.
+    subdomain, direction, friction, mass, area, strength : array or None
+        The same, None where not given.
+    lengths, directions : array
+        Length (m) and unit vector of each link, (m,) and (m, dim).
+    comm : petsc4py.PETSc.Comm
+    notices : list of str
+        What looks wrong in the arrays, for each result to warn of.
 
     Raises
     ------
@@ -101,75 +133,64 @@ class Structure:
     ... )
     >>> frame.sizes
     Sizes(dim=2, nodes=3, links=2, free_dofs=2)
+    >>> frame.solve().tensions.round(3)
+    array([7.071, 7.071])
     """
+
+    nodes: np.ndarray
+    links: np.ndarray
+    law: np.ndarray
+    stiffness: np.ndarray
+    initial_elongation: np.ndarray
+    fixed: np.ndarray
+    prescribed: np.ndarray
+    load: np.ndarray
+    subdomain: np.ndarray | None
+    direction: np.ndarray | None
+    friction: np.ndarray | None
+    mass: np.ndarray | None
+    area: np.ndarray | None
+    strength: np.ndarray | None
 
     def __init__(
         self,
-        nodes,
-        links,
-        law,
-        stiffness,
-        initial_elongation=None,
-        fixed=None,
-        prescribed=None,
-        load=None,
-        subdomain=None,
-        direction=None,
-        friction=None,
-        mass=None,
-        prestress=None,
-        geometry="linear",
-        comm=None,
+        nodes: ArrayLike,
+        links: ArrayLike,
+        law: ArrayLike,
+        stiffness: ArrayLike,
+        initial_elongation: ArrayLike | None = None,
+        fixed: ArrayLike | None = None,
+        prescribed: ArrayLike | None = None,
+        load: ArrayLike | None = None,
+        subdomain: ArrayLike | None = None,
+        direction: ArrayLike | None = None,
+        friction: ArrayLike | None = None,
+        mass: ArrayLike | None = None,
+        prestress: ArrayLike | None = None,
+        geometry: str = "linear",
+        comm: Communicator | None = None,
+        area: ArrayLike | None = None,
+        strength: ArrayLike | None = None,
+        name: str = "structure",
     ):
-        nodes = real("nodes", nodes, REAL)
-        if nodes.ndim != 2 or nodes.shape[1] not in (1, 2, 3) or len(nodes) == 0:
-            raise ValueError(f"nodes must be an (n, dim) array with dim 1, 2 or 3, not of shape {nodes.shape}")
-        links = integers("links", links)
-        if links.ndim != 2 or links.shape[1] != 2 or len(links) == 0:
-            raise ValueError(f"links must be an (m, 2) array of node numbers, not of shape {links.shape}")
-        self._checks = Checks(nodes.shape, len(links))
-        direction = self._checks.geometry(nodes, links, direction)
-        law, stiffness, friction = self._checks.constitution(law, stiffness, friction)
+        given = locals()
+        given = {array: given[array] for array in ARRAYS}
         if initial_elongation is not None and prestress is not None:
             raise ValueError("initial_elongation and prestress both give the self-stress: leave out one of the two")
-        initial_elongation = self._checks.initial_elongation(0.0 if initial_elongation is None else initial_elongation)
-        prestress = None if prestress is None else self._checks.prestress(prestress, law)
-        fixed, prescribed = self._checks.supports(fixed, prescribed)
-        load = self._checks.node_array("load", 0.0 if load is None else load)
-        subdomain = None if subdomain is None else partition("subdomain", subdomain, len(links))
-
-        self.comm = _comm(comm)
-        self._slices = Slices(self.comm, len(nodes), law, subdomain)
-        self._handle = handle = _latin.StructureHandle()
-        mine = self._slices.my_links
-        handle.create(self.comm, len(nodes), self._my_nodes(nodes), native(links[mine], PETSc.IntType))
-        self._my_law = native(law[mine], PETSc.IntType)
-        handle.set_laws(self._my_law, native(stiffness[mine]), native(initial_elongation[mine]))
-        if prestress is not None:
-            handle.set_prestress(native(prestress[mine]))
-        if direction is not None:
-            handle.set_directions(native(direction[mine]))
-        if friction is not None:
-            handle.set_friction(native(friction[mine]))
-        handle.set_supports(self._my_nodes(fixed, _BOOL), self._my_nodes(prescribed))
-        handle.set_loads(self._my_nodes(load))
-        self.set_geometry(geometry)
-        if subdomain is not None:
-            self._compose_partition(subdomain)
-        if mass is not None:
-            self.set_mass(mass)
-        handle.setup()
-        # a solver has the DM, not this object: it finds the caller's numbering there
-        self.dm.setAttr("latinpc_slices", self._slices)
+        self._make(given, comm, name, prestress, geometry)
+        for array in ARRAYS:  # what the caller does to theirs is not done to ours
+            if given[array] is not None and np.may_share_memory(getattr(self, array), np.asarray(given[array])):
+                self._keep(array, getattr(self, array).copy())
+        self.notices = duplicates(self)
 
     @classmethod
-    def from_scene(cls, scene, comm=None):
+    def from_scene(cls, scene: Any, comm: Communicator | None = None) -> Structure:
         """Make the structure of a `latinpc.scenes.Scene`; collective.
 
         Parameters
         ----------
         scene : latinpc.scenes.Scene
-            The same on every rank.
+            The same on every rank. The structure shares its arrays: leave them as they are.
         comm : petsc4py or mpi4py communicator, optional
             PETSc's default communicator when not given.
 
@@ -177,29 +198,71 @@ class Structure:
         -------
         Structure
         """
-        names = ("nodes", "links", "stiffness", "initial_elongation", "fixed", "prescribed", "load", "subdomain")
-        names += ("direction", "friction", "mass")
-        tables = [register_table(*table) for table in scene.tables]
-        law = np.append(np.array(Law), tables)[scene.law] if tables else scene.law
-        return cls(**{name: getattr(scene, name) for name in names}, law=law, comm=comm)
+        given = {name: getattr(scene, name) for name in ARRAYS}
+        if scene.tables:
+            tables = [register_table(*table) for table in scene.tables]
+            given["law"] = np.append(np.array(Law), tables)[scene.law]
+        structure = cls.__new__(cls)
+        structure._make(given, comm, scene.name)
+        structure.notices = duplicates(structure) if "file" in scene.metadata else []  # generators mean what they do
+        return structure
 
-    def __repr__(self):
+    def _make(self, given, comm, name, prestress=None, geometry="linear"):
+        """Check the arrays, keep them, and distribute them."""
+        arrays = checked(given, _latin.law_names())
+        for array, values in arrays.items():
+            self._keep(array, values)
+        self.name = name
+        self._checks = Checks(self.nodes.shape, len(self.links))
+        self.comm = _comm(comm)
+        self._slices = Slices(self.comm, len(self.nodes), self.law, self.subdomain)
+        self._handle = handle = _latin.StructureHandle()
+        mine = self._slices.my_links
+        handle.create(self.comm, len(self.nodes), self._my_nodes(self.nodes), native(self.links[mine], PETSc.IntType))
+        handle.set_laws(
+            native(self.law[mine], PETSc.IntType), native(self.stiffness[mine]), native(self.initial_elongation[mine])
+        )
+        if prestress is not None:
+            self.set_prestress(prestress)
+        if self.direction is not None:
+            handle.set_directions(native(self.direction[mine]))
+        if self.friction is not None:
+            handle.set_friction(native(self.friction[mine]))
+        handle.set_supports(self._my_nodes(self.fixed, _BOOL), self._my_nodes(self.prescribed))
+        handle.set_loads(self._my_nodes(self.load))
+        self.set_geometry(geometry)
+        if self.subdomain is not None:
+            self._compose_partition(self.subdomain)
+        if self.mass is not None:
+            handle.set_mass(self._my_nodes(self.mass))
+        handle.setup()
+        # a solver has the DM, not this object: it finds the caller's numbering there
+        self.dm.setAttr("latinpc_slices", self._slices)
+
+    def _keep(self, name, values):
+        """Keep an array of the structure, which is read and not written."""
+        if values is not None:
+            values = values.view()
+            values.flags.writeable = False
+        setattr(self, name, values)
+
+    def __repr__(self) -> str:
         s = self.sizes
         return f"<Structure: {s.links} links, {s.nodes} nodes, {s.free_dofs} free dofs in {s.dim}D>"
 
     # ---- PETSc objects --------------------------------------------------------------------------------
 
     @property
-    def dm(self):
+    def dm(self) -> PETSc.DMPlex:
         """petsc4py.PETSc.DMPlex : the links as cells of dimension 1; not collective."""
         return self._handle.dm()
 
     @property
-    def sizes(self):
+    def sizes(self) -> Sizes:
         """Sizes : dimension, nodes, links and free degrees of freedom of the whole; not collective."""
         return Sizes(*self._handle.sizes())
 
-    def attach(self, solver):
+    def attach(self, solver: PETSc.SNES | PETSc.KSP | PETSc.PC | PETSc.TS) -> None:
         """Attach the structure to a solver; collective.
 
         A SNES gets the DM, the residual and the Jacobian, and may be of any type: ``newtonls`` solves the same
@@ -226,7 +289,7 @@ class Structure:
             solver.getDM().setAttr("latinpc_slices", self._slices)  # where its KSP and PC are asked
         solver.setAttr("latinpc_slices", self._slices)
 
-    def create_snes(self, comm=None):
+    def create_snes(self, comm: Communicator | None = None) -> PETSc.SNES:
         """Make a SNES with the structure attached, its options not yet read; collective.
 
         Parameters
@@ -244,7 +307,9 @@ class Structure:
         snes.setType("latin")
         return snes
 
-    def create_ts(self, u=None, v=None, comm=None):
+    def create_ts(
+        self, u: PETSc.Vec | None = None, v: PETSc.Vec | None = None, comm: Communicator | None = None
+    ) -> PETSc.TS:
         """Make a TS with the structure attached, its options not yet read; collective.
 
         Parameters
@@ -265,7 +330,7 @@ class Structure:
         ts.setSolution2(self.create_vec() if u is None else u, self.create_vec() if v is None else v)
         return ts
 
-    def create_vec(self):
+    def create_vec(self) -> PETSc.Vec:
         """Make a displacement of the free degrees of freedom (m), zero; collective.
 
         Returns
@@ -277,11 +342,11 @@ class Structure:
         return u
 
     @property
-    def geometry(self):
+    def geometry(self) -> str:
         """str : how displacements turn links, ``"linear"``, ``"prestress"`` or ``"large"``; not collective."""
         return _GEOMETRIES[self._handle.geometry()]
 
-    def set_geometry(self, geometry):
+    def set_geometry(self, geometry: str) -> None:
         """Choose how displacements turn links, for all solvers of the structure; collective.
 
         Parameters
@@ -293,84 +358,54 @@ class Structure:
             raise ValueError(f"geometry must be one of {', '.join(_GEOMETRIES)}, not {geometry!r}")
         self._handle.set_geometry(_GEOMETRIES.index(geometry))
 
-    # ---- mechanics --------------------------------------------------------------------------------------
-
-    def residual(self, u, r):
-        """Compute the nodal unbalance B^t tau - F (N) at the free degrees of freedom, equation (1); collective.
-
-        Where links turn, of the displaced structure.
-
-        Not of structures with rigid laws, whose tensions a solver has: ``snes.computeFunction(u, r)``.
-
-        Parameters
-        ----------
-        u : petsc4py.PETSc.Vec
-            Displacement (m).
-        r : petsc4py.PETSc.Vec
-            Overwritten.
-        """
-        self._handle.residual(u, r)
-
-    def jacobian(self, u, J):
-        """Compute the tangent stiffness (N/m), B^t k B of the taut links where these do not turn; collective.
+    def solve(
+        self,
+        *,
+        error: float | None = None,
+        preset: str | None = None,
+        options: Mapping[str, Any] | None = None,
+        raise_on_failure: bool = False,
+    ) -> Result:
+        """Solve for the displacements under the loads; collective.
 
         Parameters
         ----------
-        u : petsc4py.PETSc.Vec
-            Displacement (m).
-        J : petsc4py.PETSc.Mat
-            Made by ``dm.createMat()``; overwritten.
-        """
-        self._handle.jacobian(u, J)
-
-    def energy(self, u):
-        """Compute the potential energy of links and loads (J); collective.
-
-        Parameters
-        ----------
-        u : petsc4py.PETSc.Vec
-            Displacement (m).
+        error : float, optional
+            Relative error of the displacements to stop at, between 0 and 1; 1e-4 by default.
+        preset : str, optional
+            A ready-made set of options, as ``"fast"``, ``"balanced"``, ``"accurate"`` or ``"large"``: the name of a
+            file of the folder options, without its suffix.
+        options : mapping, optional
+            PETSc options by name, as ``{"snes_latin_subdomains": 16, "snes_monitor": None}``; they come before the
+            preset, and what stands in PETSc's own database (``PETSC_OPTIONS``) before both.
+        raise_on_failure : bool
+            Raise an error, not a warning, where the solve does not converge.
 
         Returns
         -------
-        float
+        latinpc.Result
+            Displacements, tensions, reactions and more, whole and the same on every rank.
+
+        Warns
+        -----
+        latinpc.ConvergenceWarning
+            When the solve has not converged; the result says why.
+        latinpc.LatinWarning
+            Of what looks wrong: duplicate links, displacements beyond the size of the structure, unused options.
+
+        Raises
+        ------
+        ValueError
+            For an unknown preset or a misspelt option of ours; the message names the nearest one.
+        latinpc.SolveError
+            For a structure that cannot be solved, such as one with a mechanism; with `raise_on_failure` when the
+            solve has not converged, with its result as `result`.
         """
-        return self._handle.energy(u)
-
-    def kinetic_energy(self, v):
-        """Compute the kinetic energy 1/2 v^t M v of the free degrees of freedom (J); collective.
-
-        Parameters
-        ----------
-        v : petsc4py.PETSc.Vec
-            Velocity (m/s).
-
-        Returns
-        -------
-        float
-        """
-        return self._handle.kinetic_energy(v)
-
-    def errors(self, u, reference):
-        """Compare two displacements; collective.
-
-        Parameters
-        ----------
-        u, reference : petsc4py.PETSc.Vec
-            Displacements (m).
-
-        Returns
-        -------
-        l2 : float
-            Norm of the difference over that of the reference.
-        energy : float
-            The same in the norm sum k e^2 over the links.
-        """
-        return self._handle.errors(u, reference)
+        return solve(self, error, preset, options, raise_on_failure)
 
     # ---- the caller's numbering -------------------------------------------------------------------------
 
-    def displacements(self, u):
+    def displacements(self, u: PETSc.Vec) -> np.ndarray:
         """Return the displacement of every node, prescribed ones included; collective.
 
         Parameters
@@ -388,7 +423,7 @@ class Structure:
         self._handle.displacements(u, mine)
         return s.gather_nodes(mine)
 
-    def tensions(self, u):
+    def tensions(self, u: PETSc.Vec) -> np.ndarray:
         """Return the tension of every link by its law; collective.
 
         Not of structures with rigid laws, whose tensions a solver has: `latinpc.tensions`.
@@ -407,7 +442,7 @@ class Structure:
         self._handle.tensions(u, mine)
         return self._slices.gather_links(mine)
 
-    def set_displacements(self, displacement, u):
+    def set_displacements(self, displacement: ArrayLike, u: PETSc.Vec) -> None:
         """Write the displacement of the nodes into the free degrees of freedom; collective.
 
         Parameters
@@ -418,51 +453,6 @@ class Structure:
             Overwritten.
         """
         self._handle.set_displacements(self._my_nodes(self._checks.node_array("displacement", displacement)), u)
-
-    def set_load(self, load):
-        """Change the external nodal forces; collective.
-
-        Parameters
-        ----------
-        load : (n, dim) array_like of float
-            The same on every rank (N).
-        """
-        self._handle.set_loads(self._my_nodes(self._checks.node_array("load", load)))
-
-    def set_initial_elongation(self, initial_elongation):
-        """Change the initial elongations of the links; collective.
-
-        Parameters
-        ----------
-        initial_elongation : (m,) array_like of float, or float
-            The same on every rank (m).
-        """
-        self._handle.set_initial_elongation(
-            native(self._checks.initial_elongation(initial_elongation)[self._slices.my_links])
-        )
-
-    def set_prestress(self, prestress):
-        """Change the initial elongations of the links to those of given tensions; collective.
-
-        Parameters
-        ----------
-        prestress : (m,) array_like of float, or float
-            The same on every rank (N); see `Structure`.
-        """
-        prestress = self._checks.prestress(prestress, self._slices.gather_links(self._my_law))
-        self._handle.set_prestress(native(prestress[self._slices.my_links]))
-
-    def set_mass(self, mass):
-        """Give the nodes their masses, or change them; collective.
-
-        Parameters
-        ----------
-        mass : (n,) array_like of float, or float
-            Lumped masses (kg), not negative, the same on every rank.
-        """
-        mass = shaped("mass", mass, self._checks.shape[:1], REAL, "a value per node")
-        refuse(~((mass >= 0) & np.isfinite(mass)), "node", "has a mass that is negative or not finite", mass)
-        self._handle.set_mass(self._my_nodes(mass))
 
     def _compose_partition(self, subdomain):
         """Leave the partition where every solver on this structure finds it."""

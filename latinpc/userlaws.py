@@ -1,8 +1,12 @@
 """Laws that the user registers: points of a curve, or functions in C."""
 
+from __future__ import annotations
+
 import ctypes
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from latinpc.arrays import REAL, native
 from latinpc.library import _latin
@@ -10,7 +14,7 @@ from latinpc.library import _latin
 __all__ = ["register_law", "register_table"]
 
 
-def register_table(elongation, tension, name="table"):
+def register_table(elongation: ArrayLike, tension: ArrayLike, name: str = "table") -> int:
     """Make a piecewise linear law from points; not collective, in the same order on every rank.
 
     Parameters
@@ -35,13 +39,15 @@ def register_table(elongation, tension, name="table"):
     >>> import latinpc
     >>> yields = latinpc.register_table([-2e-3, -1e-3, 1e-3, 2e-3], [-10, -10, 10, 10])
     """
-    elongation, tension = (native(np.asarray(values, dtype=REAL).ravel()) for values in (elongation, tension))
-    if len(elongation) != len(tension):
-        raise ValueError(f"a law needs as many tensions as elongations, not {len(tension)} for {len(elongation)}")
-    return _latin.register_table(name, elongation, tension)
+    x, tau = (native(np.asarray(values, dtype=REAL).ravel()) for values in (elongation, tension))
+    if len(x) != len(tau):
+        raise ValueError(f"a law needs as many tensions as elongations, not {len(tau)} for {len(x)}")
+    return _latin.register_table(name, x, tau)
 
 
-def register_law(name, tension, tangent, energy, local=None, context=None):
+def register_law(
+    name: str, tension: Any, tangent: Any, energy: Any, local: Any = None, context: int | None = None
+) -> int:
     """Make a law of functions in C, which the iteration calls; not collective, in the same order on every rank.
 
     Parameters

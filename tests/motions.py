@@ -9,7 +9,7 @@ import pytest
 from petsc4py import PETSc
 
 import latinpc
-from latinpc.runs.options import default_options
+from latinpc.options import default_options
 from latinpc.scenes import Law, Scene
 
 EXACT = {"snes_stol": 1e-12, "snes_max_it": 3000}

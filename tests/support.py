@@ -13,7 +13,7 @@ import oracle
 from petsc4py import PETSc
 
 import latinpc
-from latinpc.runs.options import default_options
+from latinpc.options import default_options
 from latinpc.scenes import Law, Scene, make
 
 VARIANTS = ("none", "macro", "corner")

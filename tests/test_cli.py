@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 from conftest import ROOT, run
 from test_files import MSH, TOML
+from test_imports import grid_of_lines
 
 from latinpc import cli
 from latinpc.cli.arguments import split_arguments
-from latinpc.runs.options import INNER_PREFIXES, OPTIONS
+from latinpc.options import INNER_PREFIXES, OPTIONS
 
 KEYS = [
     "scene", "dofs", "links", "ranks", "subdomains", "strong_interfaces", "weak_interfaces",
@@ -94,6 +95,18 @@ def test_solve_writes_everything(tmp_path):
     assert "\x1b" not in result.stdout and not result.stderr  # plain and quiet in a pipe
 
 
+def test_a_drawing_is_imported_braced_and_solved_by_one_command(tmp_path):
+    (tmp_path / "plan.obj").write_text(grid_of_lines(6)[0])
+    rim = [word for where in ("x=min", "x=max", "y=min", "y=max") for word in ("--support", where)]
+    vault = ["--raise", "0.2", "--brace", "0.8", "--EA", "6e7", "--EA", "braces=1e7", "--prestress", "braces=1e3"]
+    loads = ["--load", "z=-100", "--load", "x=20:y>=3", "--self-weight", "10", "--self-weight", "posts=5"]
+    result = latinpc("solve", tmp_path / "plan.obj", *vault, *rim, *loads, "--json", tmp_path / "r.json")
+    report = json.loads((tmp_path / "r.json").read_text())
+    assert report["converged"] and report["links"] == 4 * 84 + 49 and report["free_dofs"] == 3 * 2 * 25
+    assert "plan.obj: 129 points merged; 5 lines left out" in result.stdout
+    assert "217 bars, 168 cables" in result.stdout
+
+
 def test_json_alone_and_quiet():
     report = json.loads(latinpc("solve", TOWER, "--subdomains", 2, "--json", "-").stdout)
     assert report["error_l2"] is None and report["converged"]
@@ -114,7 +127,8 @@ def test_two_ranks_print_once_and_agree(tmp_path):
 def test_not_converged_keeps_the_last_iterate(tmp_path):
     files = ["--json", tmp_path / "r.json", "--output", tmp_path / "r.vtu"]
     result = latinpc("solve", TOWER, "--subdomains", 4, *files, "-snes_max_it", 1, "-snes_stol", 1e-12, code=1)
-    assert said(result)[-1] == "latinpc: not converged: DIVERGED_MAX_IT"
+    words = "the iterations that are allowed were not enough"
+    assert said(result)[-1] == f"latinpc: not converged: {words} (DIVERGED_MAX_IT)"
     report = json.loads((tmp_path / "r.json").read_text())
     assert report["converged"] is False and report["reason"] == "DIVERGED_MAX_IT"
     assert np.abs(meshio.read(tmp_path / "r.vtu").point_data["displacement"]).max() > 0
@@ -151,7 +165,13 @@ BAD = [
     (["solve", "tensegrity"], "unknown scene 'tensegrity'"),
     (["solve", "nowhere.msh"], "nowhere.msh: no such file"),
     (["solve", "network", "--modules", "3"], "--modules has no meaning for the scene network"),
-    (["solve", TOWER, "--slack", "0.1"], "--slack has no meaning for a file"),
+    (["solve", TOWER, "--slack", "0.1"], "--slack has no meaning for a file, which takes --scale, --merge, --raise"),
+    (["solve", TOWER, "--EA", "stiff"], "--EA stiff: write a number, or GROUP=number"),
+    (["solve", TOWER, "--EA", "1", "--EA", "2"], "--EA 2: given twice"),
+    (["solve", TOWER, "--EA", "1"], "--EA: what it gives has been given already, in tower.msh or tower.toml"),
+    (["solve", "network", "--EA", "1"], "--EA has no meaning for the scene network"),
+    (["solve", "network", "--load", "z=1"], "--load z=1: a scene takes one number"),
+    (["solve", "network", "--load", "1", "--load", "2"], "--load 1 2: a scene takes one number"),
     (["solve", TOWER, "--subdomains", "145"], "144 links"),
     (["solve", TOWER, "--subdomains", "0"], "--subdomains 0"),
     (["solve", "tensegrity-grid", "--modules", "12", "--subdomains", "7"], "7 subdomains"),

@@ -16,7 +16,8 @@ from latinpc.bench.peers import DEFAULT, LINEAR, METHODS, qp, run
 from latinpc.bench.peers.launch import Bench, Failed
 from latinpc.bench.peers.reference import by_latin, by_newton
 from latinpc.files import npz
-from latinpc.scenes import Law, make, mechanics
+from latinpc.results import mechanics
+from latinpc.scenes import Law, make
 from latinpc.solvers import has_package
 
 INTERIOR = [name for name in ("piqp", "clarabel") if importlib.util.find_spec(name)]

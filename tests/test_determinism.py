@@ -17,7 +17,7 @@ from petsc4py import PETSc
 sys.path.insert(0, sys.argv[1])
 import latinpc
 from latinpc.scenes import make
-from latinpc.runs.options import default_options
+from latinpc.options import default_options
 from support import grid, irregular, lattice, network
 
 CASES = {

@@ -14,7 +14,7 @@ from scipy.optimize import nnls
 from support import chain, grid, irregular, lattice, logged, network
 
 import latinpc
-from latinpc.runs.options import default_options
+from latinpc.options import default_options
 from latinpc.scenes import Law
 
 # ---- closed forms ------------------------------------------------------------------------------
@@ -395,7 +395,7 @@ def test_misuse_is_told_with_its_cure():
     assert "node 1" in message(structure.set_mass, [1.0, -1.0])
     assert "No node has a mass" in message(structure.set_mass, 0.0)
     assert "negative" in message(lambda: replace(scene, mass=[1.0, -1.0]))
-    assert "held" in message(lambda: replace(scene, velocity=[[1.0], [0.0]]))
+    assert "fixed" in message(lambda: replace(scene, velocity=[[1.0], [0.0]]))
     ts = PETSc.TS().create(PETSc.COMM_SELF)
     ts.setType("latin")
     ts.setTimeStep(1.0)

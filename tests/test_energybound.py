@@ -11,7 +11,7 @@ from petsc4py import PETSc
 from support import VARIANTS, chain, grid, irregular, latin, lattice, network, on_rails, settled
 
 import latinpc
-from latinpc.runs.options import default_options
+from latinpc.options import default_options
 from latinpc.scenes import Law
 
 

@@ -108,7 +108,7 @@ sys.path.insert(0, {tests!r})
 import numpy as np
 import latinpc
 from latinpc.bench.extremes import rigid
-from latinpc.runs.options import default_options
+from latinpc.options import default_options
 from latinpc.scenes import Law
 
 told = []

@@ -9,8 +9,7 @@ import pytest
 from conftest import ROOT
 
 import latinpc
-from latinpc.files.gmsh import read_scene
-from latinpc.files.vtk import write_vtu
+from latinpc.results.vtk import write_vtu
 from latinpc.scenes.scene import Law, Scene
 
 # A triangle of two bars and a cable, a free node above; MSH 2.2
@@ -111,7 +110,7 @@ def pair(tmp_path):
 
 
 def test_a_pair_gives_the_scene(pair):
-    scene = read_scene(pair())
+    scene = latinpc.read(pair())
     assert (scene.name, scene.dim) == ("frame", 2)
     assert scene.nodes.tolist() == [[0, 0], [3, 0], [3, 4]]  # the node without a link is left out
     assert scene.metadata["nodes_without_link"] == 1
@@ -129,19 +128,34 @@ def test_a_pair_gives_the_scene(pair):
     [("initial_elongation = 0.25", 0.25), ("strain = 0.1", 0.3), ("prestress = -7.0", -1.0)],
 )
 def test_initial_elongation_in_three_ways(pair, entry, initial_elongation):
-    scene = read_scene(pair(old="prestress = 14.0", new=entry))
+    scene = latinpc.read(pair(old="prestress = 14.0", new=entry))
     assert scene.initial_elongation[2] == pytest.approx(initial_elongation)
+
+
+def test_areas_and_strengths(pair):
+    assert latinpc.read(pair()).area is None
+    scene = latinpc.read(pair(old="EA = 100.0", new="EA = 100.0\narea = 2e-3\nstrength = 5e3"))
+    assert scene.area[:2].tolist() == [2e-3, 2e-3] and scene.strength[:2].tolist() == [5e3, 5e3]
+    assert np.isnan(scene.area[2]) and np.isnan(scene.strength[2])
+    found = scene.solve()
+    assert found.stress[:2] == pytest.approx(found.tensions[:2] / 2e-3) and np.isnan(found.stress[2])
+    assert found.to_dict()["largest_utilisation"] == pytest.approx(np.abs(found.tensions[:2]).max() / 10)
+    assert f"in link {np.abs(found.tensions[:2]).argmax()}" in str(found)
+    with pytest.raises(ValueError, match=r"laws.bars.: strength is a stress .* needs the area"):
+        latinpc.read(pair(old="EA = 100.0", new="EA = 100.0\nstrength = 5e3"))
+    with pytest.raises(ValueError, match=r"laws.bars.: area must be positive"):
+        latinpc.read(pair(old="EA = 100.0", new="EA = 100.0\narea = 0.0"))
 
 
 def test_dimension_told(pair):
     three = TOML.replace("[laws.bars]", "dim = 3\n[laws.bars]", 1).replace("-0.01]", "-0.01, 0.0]")
     three = three.replace("-2.0]", "-2.0, 0.0]").replace('["x", "y"]', '["x", "y", "z"]')
-    assert read_scene(pair(toml=three)).dim == 3
+    assert latinpc.read(pair(toml=three)).dim == 3
 
 
 def test_format_4_and_an_entity_in_two_groups(pair):
     toml = '[laws.chain]\nlaw = "bar"\nEA = 1.0\n[supports.ends]\n[loads.all]\nforce = [3.0]\n'
-    scene = read_scene(pair(MSH_4, toml))
+    scene = latinpc.read(pair(MSH_4, toml))
     assert scene.dim == 1  # a mesh along x
     assert scene.nodes.ravel().tolist() == [0, 2, 1]
     assert scene.fixed.ravel().tolist() == [True, True, False]
@@ -150,7 +164,7 @@ def test_format_4_and_an_entity_in_two_groups(pair):
 
 def test_boxes_hold_their_border(pair):
     toml = TOML + "[loads.right]\nbox = [[3.0, 0.0], [3.0, 4.0]]\nforce = [10.0, 0.0]\n"
-    assert read_scene(pair(toml=toml)).load.tolist() == [[0, 0], [10, 0], [11, -2]]  # loads add up
+    assert latinpc.read(pair(toml=toml)).load.tolist() == [[0, 0], [10, 0], [11, -2]]  # loads add up
 
 
 CABLE = 'law = "cable"\nstiffness = 7.0\nprestress = 14.0'
@@ -158,9 +172,9 @@ CABLE = 'law = "cable"\nstiffness = 7.0\nprestress = 14.0'
 
 def test_rigid_laws_ask_for_no_stiffness(pair):
     """Law inextensible with the search parameter left to the solver; a gap of a contact."""
-    scene = read_scene(pair(old=CABLE, new='law = "inextensible"'))
+    scene = latinpc.read(pair(old=CABLE, new='law = "inextensible"'))
     assert (scene.law[2], scene.stiffness[2], scene.initial_elongation[2]) == (Law.INEXTENSIBLE, 0.0, 0.0)
-    scene = read_scene(pair(old=CABLE, new='law = "contact"\ngap = 0.02\nnormal = [0.0, 2.0]'))
+    scene = latinpc.read(pair(old=CABLE, new='law = "contact"\ngap = 0.02\nnormal = [0.0, 2.0]'))
     assert (scene.law[2], scene.initial_elongation[2]) == (Law.CONTACT, 0.02)
     assert scene.directions[2].tolist() == [0.0, 1.0]
 
@@ -169,7 +183,7 @@ def test_contact_with_friction_becomes_a_group(pair):
     """One line, two links in the plane: normal along the line and a tangent at right angles, which solve."""
     toml = TOML.replace(CABLE, 'law = "friction"\ncoefficient = 0.4\ngap = 0.01').replace('["x", "y"]', '["y"]')
     toml = toml.replace("[0.0, -0.01]", "[0.0, 0.0]") + '[supports.side]\nbox = [[0, 0], [0, 0]]\nfix = ["x"]\n'
-    scene = read_scene(pair(toml=toml.replace("force = [1.0, -2.0]", "force = [0.0, 0.0]")))
+    scene = latinpc.read(pair(toml=toml.replace("force = [1.0, -2.0]", "force = [0.0, 0.0]")))
     assert scene.law.tolist() == [Law.BAR, Law.BAR, Law.FRICTION, Law.TANGENT]
     assert scene.links[2].tolist() == scene.links[3].tolist()
     assert scene.initial_elongation[2:].tolist() == [0.01, 0.0]
@@ -180,7 +194,7 @@ def test_contact_with_friction_becomes_a_group(pair):
 
 def test_tables_go_with_the_scene(pair):
     """A piecewise linear law: its number in the scene, its points beside it, its tensions in the structure."""
-    scene = read_scene(pair(old=CABLE, new='law = "table"\ntable = [[-1.0, 0.0], [0.0, 0.0], [1.0, 50.0]]'))
+    scene = latinpc.read(pair(old=CABLE, new='law = "table"\ntable = [[-1.0, 0.0], [0.0, 0.0], [1.0, 50.0]]'))
     assert scene.law[2] == len(Law)
     assert np.array(scene.tables).tolist() == [[[-1.0, 0.0, 1.0], [0.0, 0.0, 50.0]]]
     structure = latinpc.Structure.from_scene(scene)
@@ -233,7 +247,7 @@ BAD = [
 @pytest.mark.parametrize(("old", "new", "words"), BAD)
 def test_bad_pairs_name_the_culprit(pair, old, new, words):
     with pytest.raises(ValueError) as caught:
-        read_scene(pair(old=old, new=new))
+        latinpc.read(pair(old=old, new=new))
     for word in words:
         assert word in str(caught.value)
 
@@ -241,21 +255,21 @@ def test_bad_pairs_name_the_culprit(pair, old, new, words):
 def test_nothing_held(pair):
     toml = TOML.replace('[supports.feet]\nfix = ["x", "y"]\ndisplacement = [0.0, -0.01]\n', "")
     with pytest.raises(ValueError, match="nothing is held"):
-        read_scene(pair(toml=toml))
+        latinpc.read(pair(toml=toml))
 
 
 def test_missing_files(tmp_path):
     with pytest.raises(FileNotFoundError, match=r"bridge\.msh: no such file"):
-        read_scene(tmp_path / "bridge.msh")
+        latinpc.read(tmp_path / "bridge.msh")
     (tmp_path / "bridge.msh").write_text(MSH)
     with pytest.raises(FileNotFoundError, match=r"bridge\.toml: no such file; bridge\.msh needs it"):
-        read_scene(tmp_path / "bridge.msh")
+        latinpc.read(tmp_path / "bridge.msh")
 
 
 def test_no_line(pair):
     kept = [line for line in MSH.splitlines() if not line.startswith(("4 1 2", "5 1 2", "6 1 2"))]
     with pytest.raises(ValueError, match="holds no line"):
-        read_scene(pair("\n".join(kept).replace("$Elements\n6", "$Elements\n3") + "\n"))
+        latinpc.read(pair("\n".join(kept).replace("$Elements\n6", "$Elements\n3") + "\n"))
 
 
 def test_examples_are_what_the_script_writes(tmp_path):
@@ -263,7 +277,7 @@ def test_examples_are_what_the_script_writes(tmp_path):
     for name, links, dim in (("footbridge", 438, 3), ("tower", 144, 2)):
         path = ROOT / "examples" / f"{name}.msh"
         assert (tmp_path / path.name).read_text() == path.read_text()
-        scene = read_scene(path)
+        scene = latinpc.read(path)
         assert (len(scene.links), scene.dim) == (links, dim)
         assert np.any(scene.load)
 

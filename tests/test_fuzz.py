@@ -19,7 +19,6 @@ from petsc4py import PETSc
 from test_files import MSH, MSH_4, TOML
 
 import latinpc
-from latinpc.files.gmsh import read_scene
 from latinpc.scenes.scene import Scene
 
 MANY = int(os.environ.get("LATINPC_FUZZ", "25000"))
@@ -103,7 +102,7 @@ def read(folder, mesh, description):
     (folder / "a.msh").write_text(mesh, errors="surrogatepass")
     (folder / "a.toml").write_text(description, errors="surrogatepass")
     try:
-        scene = read_scene(folder / "a.msh")
+        scene = latinpc.read(folder / "a.msh")
     except EXPECTED as error:
         assert str(error), (mesh, description)
         return False
@@ -114,6 +113,9 @@ def read(folder, mesh, description):
 
 def fuzz_files(rng, count, folder):
     more = 'title = "a"\ndim = 2\n' + TOML + "[masses.bars]\nline = 0.5\n[velocities.top]\nvelocity = [0.1, 0.2]\n"
+    more += '[[case]]\nname = "b"\n[case.loads.top]\nforce = [1.0, 2.0]\n'
+    more += "[case.settlements.feet]\ndisplacement = [0.0, 0.1]\n"
+    more += "[case.elongations.bars]\ntemperature = 3.0\nexpansion = 1e-5\n[[case]]\ncombine = { b = 1.35 }\n"
     seeds = [(MSH, more), (MSH, TOML), (MSH_4, TOML)] + [
         ((ROOT / "examples" / f"{name}.msh").read_text(), (ROOT / "examples" / f"{name}.toml").read_text())
         for name in ("footbridge", "tower")

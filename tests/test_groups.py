@@ -67,7 +67,7 @@ def test_iterative_coarse_solvers_get_the_sparse_matrix():
 
 def test_preconditioner_uses_it_too():
     """PC latin: as many iterations with groups as without."""
-    from latinpc.runs.options import default_options
+    from latinpc.options import default_options
 
     counts = []
     for options in (SPARSE, {}):

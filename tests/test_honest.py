@@ -9,7 +9,7 @@ from petsc4py import PETSc
 from support import chain, far, latin, lattice, solve
 
 import latinpc
-from latinpc.runs.options import default_options
+from latinpc.options import default_options
 
 PLATE = lattice(4, 4, subdomains=4)
 WHOLE = replace(PLATE, subdomain=np.zeros(len(PLATE.links), int))

@@ -11,7 +11,7 @@ from support import ALL_VARIANTS, PLAIN, VARIANTS, chain, far, grid, irregular, 
 from test_pc import bars
 
 import latinpc
-from latinpc.runs.options import default_options
+from latinpc.options import default_options
 from latinpc.scenes import make
 
 OUTER = ("gmres", "richardson", "bcgs")

@@ -9,7 +9,7 @@ from petsc4py import PETSc
 from support import cut, far, grid, latin, lattice, network, settled, solve
 
 import latinpc
-from latinpc.runs.options import default_options
+from latinpc.options import default_options
 from latinpc.scenes import Law, make
 
 PROGRAM = Path(__file__).with_name("matis_program.py")

@@ -13,7 +13,7 @@ from PIL import Image
 from test_cli import latinpc, said
 from test_files import MSH, TOML
 
-from latinpc.files.gmsh import read_scene
+from latinpc.files import reading
 from latinpc.runs.motion import move
 from latinpc.scenes import Law, make
 
@@ -154,7 +154,7 @@ velocity = [0.0, -1.5]
 def read(tmp_path, text):
     (tmp_path / "a.msh").write_text(MSH)
     (tmp_path / "a.toml").write_text(text)
-    return read_scene(tmp_path / "a.msh")
+    return reading.read(tmp_path / "a.msh")
 
 
 def test_masses_and_velocities_of_a_file(tmp_path):

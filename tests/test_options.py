@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from conftest import ROOT, run
 
-from latinpc.runs import options
+from latinpc import options
 
 README = (ROOT / "README.md").read_text()
 OPTIONS = (ROOT / "options" / "README.md").read_text()
@@ -151,17 +151,18 @@ def test_pages_name_what_exists(page):
         assert (ROOT / path).exists() or path.endswith(".so"), path
 
 
-def test_readme_program_runs():
-    program = re.search(r"```python\n(.*?)```", README, re.DOTALL)[1]
-    given = {
-        "nodes": [[-1, 1], [1, 1], [0, -1], [0, 0]],
-        "links": [[0, 3], [1, 3], [2, 3]],
-        "held": [[1, 1], [1, 1], [1, 1], [0, 0]],
-        "weights": [[0, 0], [0, 0], [0, 0], [0, -10]],
-    }
-    exec(program, given)
-    assert given["snes"].reason > 0
-    assert len(program.splitlines()) < 10
+def test_readme_programs_run(tmp_path, monkeypatch, capsys):
+    """The one of ten lines, and what goes on from it with petsc4py."""
+    monkeypatch.chdir(tmp_path)
+    first, second = re.findall(r"```python\n(.*?)```", README, re.DOTALL)[:2]
+    names = {}
+    exec(first, names)
+    assert "largest 1 mm" in capsys.readouterr().out
+    assert names["result"].displacements[3, 1] == pytest.approx(-1e-3)
+    assert (tmp_path / "net.png").stat().st_size > 10000
+    assert len(first.splitlines()) <= 11
+    exec(second, names)
+    assert names["snes"].reason > 0
 
 
 def readme_commands():

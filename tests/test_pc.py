@@ -10,7 +10,7 @@ from petsc4py import PETSc
 from support import ALL_VARIANTS, VARIANTS, chain, far, grid, irregular, lattice, network, settled
 
 import latinpc
-from latinpc.runs.options import default_options
+from latinpc.options import default_options
 from latinpc.scenes import make
 
 

@@ -8,8 +8,8 @@ import pytest
 from matplotlib.figure import Figure
 
 from latinpc.bench import paper_figures
-from latinpc.files import pictures
-from latinpc.files.units import scaled
+from latinpc.results import pictures
+from latinpc.results.units import scaled
 from latinpc.scenes import make
 from latinpc.scenes.scene import Law, Scene
 

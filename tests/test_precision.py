@@ -9,7 +9,7 @@ from petsc4py import PETSc
 from support import far, grid, irregular, latin, lattice, network, solve
 
 import latinpc
-from latinpc.runs.options import default_options
+from latinpc.options import default_options
 
 SCENES = {"grid": grid, "irregular": irregular, "network": network, "lattice": lattice}
 PRIMAL = {"variant": "primal", "precision": "single"}

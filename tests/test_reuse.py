@@ -1,9 +1,11 @@
 """What a second solve on the same object builds again: nothing, unless the structure itself has changed."""
 
+import numpy as np
 import oracle
 import pytest
+from conftest import ROOT
 from petsc4py import PETSc
-from support import far, grid, irregular, latin, logged
+from support import far, grid, irregular, latin, logged, settled
 
 EVENTS = ("LatinSetUp", "LatinSubdomains", "LatinInterface", "LatinMacro", "MatCholFctrNum", "MatCholFctrSym")
 WARM = {"cold": {}, "warm": {"warm_start": "last"}, "extrapolated": {"warm_start": "extrapolate"}}
@@ -65,3 +67,57 @@ def test_a_warm_start_saves_iterations(make):
     cold, warm, extrapolated = (sum(found[how][0][2:]) for how in ("cold", "warm", "extrapolated"))
     assert warm < cold
     assert extrapolated <= warm
+
+
+@pytest.mark.parametrize("how", WARM)
+@pytest.mark.parametrize("variant", ["none", "macro", "corner", "published", "primal"])
+def test_settlements_build_nothing_and_are_those_of_a_new_structure(variant, how):
+    """Displacements prescribed after a solve, twice, and back to none; each as a new structure has them."""
+    scene = irregular()
+    moves = [settled(scene, 1e-3, seed=1), settled(scene, 2e-3, seed=2), scene]
+    with latin(scene, variant=variant, stol=1e-10, max_it=3000, newton="never", **WARM[how]) as run:
+        u = run.structure.create_vec()
+        run.snes.solve(None, u)
+        built = counts()
+        for moved in moves:
+            run.structure.set_prescribed(moved.prescribed)
+            assert (run.structure.prescribed == moved.prescribed).all()
+            run.snes.solve(None, u)
+            assert run.snes.getConvergedReason() > 0
+            assert counts() == built
+            assert far(run.structure.displacements(u), oracle.newton(moved)) < 1e-6
+
+
+@pytest.mark.parametrize("ranks", [1, 2, 4])
+def test_settlements_on_several_ranks_and_by_newton(ranks, mpirun):
+    script = """
+import sys
+sys.path.insert(0, "TESTS")
+import oracle
+from petsc4py import PETSc
+from support import chain, default_options, far, irregular, settled
+import latinpc
+
+for scene in (irregular(), chain()):
+    for kind in ("latin", "newtonls"):
+        with default_options({"snes_type": kind, "pc_type": "redundant", "snes_latin_error": 1e-8, "snes_rtol": 1e-12}):
+            structure = latinpc.Structure.from_scene(scene)
+            snes, u = structure.create_snes(), structure.create_vec()
+            snes.setFromOptions()
+            snes.solve(None, u)
+            moved = settled(scene, 1e-4, seed=3)
+            structure.set_prescribed(moved.prescribed)
+            snes.solve(None, u)
+            assert snes.getConvergedReason() > 0
+            assert far(structure.displacements(u), oracle.newton(moved)) < 1e-6, kind
+"""
+    mpirun(ranks, script.replace("TESTS", str(ROOT / "tests")))
+
+
+def test_wrong_settlements_are_refused():
+    scene = grid()
+    with latin(scene) as run:
+        with pytest.raises(ValueError, match="prescribed displacement in a direction that is not fixed"):
+            run.structure.set_prescribed(np.full(scene.nodes.shape, 1e-3))
+        with pytest.raises(ValueError, match="prescribed that is not finite"):
+            run.structure.set_prescribed(np.where(scene.fixed, np.nan, 0.0))

@@ -9,7 +9,7 @@ from petsc4py import PETSc
 from support import PLAIN, far, grid, irregular, latin, lattice, network, settled, solve
 
 import latinpc
-from latinpc.runs.options import default_options
+from latinpc.options import default_options
 
 REASON = PETSc.SNES.ConvergedReason
 

@@ -11,7 +11,7 @@ from petsc4py import PETSc
 from support import PLAIN, VARIANTS, far, grid, irregular, latin, lattice, network, solve, unbalance
 
 import latinpc
-from latinpc.runs.options import default_options
+from latinpc.options import default_options
 from latinpc.scenes import Law, Scene
 
 REASON = PETSc.SNES.ConvergedReason

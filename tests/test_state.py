@@ -12,7 +12,7 @@ from support import HDF5, STATES, grid, irregular, lattice
 
 import latinpc
 from latinpc.bench.extremes.rigid import stiffened
-from latinpc.runs.options import default_options
+from latinpc.options import default_options
 from latinpc.scenes import make
 
 WARM = {"snes_latin_warm_start": "extrapolate"}

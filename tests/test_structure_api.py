@@ -224,7 +224,7 @@ REFUSED = [
     ({"nodes": np.zeros_like(NODES)}, "no length"),
     ({"nodes": np.zeros((6, 4))}, "dim 1, 2 or 3"),
     ({"law": 99}, "unknown law"),
-    ({"law": "cabel"}, "unknown law 'cabel': do you mean 'cable'"),
+    ({"law": "cabel"}, "unknown law 'cabel': do you mean 'cable'. choose from bar, cable, compression_only"),
     ({"law": ["bar"] * 9 + ["xyz"]}, "unknown law 'xyz': choose from bar, cable, "),
     ({"law": [0, 1]}, r"law must have the shape \(10,\)"),
     ({"stiffness": 0}, "needs a positive stiffness"),
@@ -238,6 +238,9 @@ REFUSED = [
     ({"subdomain": np.full(10, -1)}, "negative subdomain"),
     ({"subdomain": [0] * 9 + [2]}, "subdomain 1 has no link"),
     ({"subdomain": np.arange(10) + 1}, "11 subdomains for 10 links"),
+    ({"area": [-1.0] * 10}, "area that is not positive"),
+    ({"area": np.inf}, "area that is not positive"),
+    ({"strength": 1.0}, "strength is a stress, which needs the area"),
 ]
 
 

@@ -9,7 +9,7 @@ from support import grid, irregular
 
 import latinpc
 from latinpc.bench.extremes.rigid import stiffened
-from latinpc.runs.options import default_options
+from latinpc.options import default_options
 from latinpc.scenes import Law, make
 
 LOADS = (1.0, 0.4, 1.2)  # one after the other

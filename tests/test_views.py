@@ -8,7 +8,7 @@ from petsc4py import PETSc
 from test_newton import contrast
 
 import latinpc
-from latinpc.runs.options import default_options
+from latinpc.options import default_options
 from latinpc.scenes import make
 
 

@@ -11,10 +11,10 @@ from petsc4py import PETSc
 from support import STATES, chain
 
 import latinpc
-from latinpc.files.atomic import atomic, check_readable, check_writable
 from latinpc.files.npz import save_scene
-from latinpc.files.vtk import write_vtu
-from latinpc.runs.options import default_options
+from latinpc.options import default_options
+from latinpc.results.atomic import atomic, check_readable, check_writable
+from latinpc.results.vtk import write_vtu
 
 NAMES = ("report.json", *STATES)  # results, written in Python; states, written in C, in both formats
 
@@ -335,8 +335,8 @@ for name, call in every_kind().items():
 def every_kind():
     """Give the functions that write each kind of file."""
     from latinpc.cli.printing import write_json
-    from latinpc.files.pictures import draw_motion, draw_structure
-    from latinpc.files.vtk import write_pvd
+    from latinpc.results.pictures import draw_motion, draw_structure
+    from latinpc.results.vtk import write_pvd
     from latinpc.runs.motion import move
     from latinpc.scenes import make
 
@@ -370,7 +370,7 @@ import os, sys
 sys.path.insert(0, sys.argv[1])
 import petsc4py
 petsc4py.init(sys.argv[:1] + ["-skip_petscrc"])
-from latinpc.files.atomic import check_writable
+from latinpc.results.atomic import check_writable
 from test_writing import NAMES, refused, write
 
 if os.getuid() == 0:

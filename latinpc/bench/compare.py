@@ -110,7 +110,8 @@ def check_methods(methods):
 
 def describe(scene):
     """Return what a document of measurements says of the scene, the machine and the versions."""
-    from latinpc.runs.report import plain, versions
+    from latinpc.results.report import plain
+    from latinpc.runs.report import versions
 
     return {
         "scene": scene.name,
@@ -168,7 +169,7 @@ def _row(name, runs, failure, accuracy, ranks):
 
 def layout(document):
     """Return the header and the rows of a table, as text; ratios are to latin, or to ksp-latin."""
-    from latinpc.files.units import quantity
+    from latinpc.results.units import quantity
 
     rows = document["rows"]
     latin = next((row for row in rows if row["method"] in OURS and row["converged"]), None)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter
 
-from latinpc.files.drawing import new_figure, save
+from latinpc.results.drawing import new_figure, save
 
 SETUP, SOLVE, MEMORY = "#9ecae1", "#1764ab", "#8c96a3"
 COLOURS = ("#111111", "#1764ab", "#d7301f", "#2e8b57", "#c800a1", "#e08214", "#6a51a3", "#7f7f7f")

@@ -12,9 +12,9 @@ import math
 import numpy as np
 
 import latinpc
-from latinpc.runs.options import default_options
+from latinpc.options import default_options
+from latinpc.results.report import plain
 from latinpc.runs.reference import reference_solution
-from latinpc.runs.report import plain
 from latinpc.runs.solve import solve
 from latinpc.scenes import make
 from latinpc.structure import Structure
@@ -299,7 +299,7 @@ def figure(number, *, subdomains=144, progress=None):
     Returns
     -------
     Result
-        To be drawn by `latinpc.files.pictures.draw_figure_8` or `draw_figure_9`.
+        To be drawn by `latinpc.results.pictures.draw_figure_8` or `draw_figure_9`.
     """
     if number not in (8, 9):
         raise ValueError(f"figure {number}: there are 8 and 9")

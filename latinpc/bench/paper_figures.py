@@ -6,10 +6,10 @@ import matplotlib
 import numpy as np
 from matplotlib.colors import Normalize
 
-from latinpc.files.drawing import COMPRESSION, TENSION, axes_3d, colour_bar, draw_links, label_axes, new_figure, save
-from latinpc.files.units import scaled
 from latinpc.laws import Law
-from latinpc.scenes.mechanics import slack
+from latinpc.results.drawing import COMPRESSION, TENSION, axes_3d, colour_bar, draw_links, label_axes, new_figure, save
+from latinpc.results.mechanics import slack
+from latinpc.results.units import scaled
 
 
 def draw_figure_8(scene, displacements, path, amplification=2.0):

@@ -204,7 +204,7 @@ def mark_front(curves):
 
 def layout(document):
     """Return the header and the rows of a table, as text: the quickest choice for each accuracy and knob."""
-    from latinpc.files.units import quantity
+    from latinpc.results.units import quantity
 
     header, rows = ["knob", "choice", "memory", *(f"{accuracy:.0e}" for accuracy in document["accuracies"])], []
     for curve in document["curves"]:

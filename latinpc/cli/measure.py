@@ -5,7 +5,7 @@ from __future__ import annotations
 import click
 from petsc4py import PETSc
 
-from latinpc.files.atomic import check_writable
+from latinpc.results.atomic import check_writable
 
 from .arguments import List
 from .printing import print_table, progress, write_json
@@ -26,7 +26,7 @@ def _ready(comm, scene, json_file, picture, options):
 
 
 @click.command(cls=SceneCommand)
-@click.argument("scene", metavar="SCENE|FILE.msh")
+@click.argument("scene", metavar="SCENE|FILE")
 @scene_options
 @click.option(
     "--methods",
@@ -71,7 +71,7 @@ def compare(comm, scene, methods, accuracy, repeat, ranks, timeout, against, jso
 
 
 @click.command(cls=SceneCommand)
-@click.argument("scene", metavar="SCENE|FILE.msh")
+@click.argument("scene", metavar="SCENE|FILE")
 @scene_options
 @click.option(
     "--knobs",

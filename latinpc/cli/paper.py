@@ -6,12 +6,12 @@ import sys
 
 import click
 
-from latinpc.files.atomic import check_writable
+from latinpc.results.atomic import check_writable
+from latinpc.results.summary import summary
 
 from .arguments import List
 from .printing import open_console, print_lines, print_table, progress, write_json
 from .ranks import NOT_CONVERGED, on_root
-from .summary import summary
 
 
 @click.command()
@@ -77,9 +77,9 @@ def _figure(comm, number, subdomains, json_file, picture):
         if json_file is not None:
             write_json(json_file, {"figure": number, "picture": str(picture), **result.report})
         if number == 8:
-            pictures.draw_figure_8(result.scene, result.displacements, picture)
+            pictures.draw_figure_8(result.structure, result.displacements, picture)
         else:
-            pictures.draw_figure_9(result.scene, result.tensions, picture)
+            pictures.draw_figure_9(result.structure, result.tensions, picture)
 
     on_root(comm, draw)
     if comm.rank == 0 and json_file != "-":

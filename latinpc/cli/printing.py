@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from latinpc.files.atomic import atomic
+from latinpc.results.atomic import atomic
 
 
 def open_console(stderr=False):

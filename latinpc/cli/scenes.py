@@ -9,10 +9,29 @@ import re
 import click
 from rich.markup import escape
 
-from latinpc.files.gmsh import read_scene
+from latinpc.files.reading import FORMATS, read
+from latinpc.files.text import finite
 from latinpc.scenes import SCENES, make
 
 from .printing import open_console
+
+#: Options of files: parameter of `latinpc.files.reading.read` -> option, what it takes, help. With more than one value
+#: they may be repeated; GROUP= restricts a value to the lines of a group.
+FILES = {
+    "scale": ("--scale", "X", "A unit of length of the file (m), such as 0.001 for mm"),
+    "merge": ("--merge", "X", "Points nearer to each other are one node (m)"),
+    "rise": ("--raise", "X", "Raise a flat drawing to a vault: crown over rim, in longer sides"),
+    "brace": ("--brace", "X", "Make two layers so far apart (m), with posts and crossed cables"),
+    "law": ("--law", "[GROUP=]NAME", "Law of lines that have none"),
+    "EA": ("--EA", "[GROUP=]X", "Axial stiffness of lines that have none (N)"),
+    "prestress": ("--prestress", "[GROUP=]X", "Tension before loading of lines that have none (N)"),
+    "support": ("--support", "WHERE[:AXES]", "Hold nodes: a group, all, or conditions such as z=min or 'x>=2,y<1'"),
+    "load": ("--load", "z=X[,..][:WHERE]", "Force on each node (N), such as z=-1000 or x=50:deck"),
+    "self_weight": ("--self-weight", "[GROUP=]X", "Weight along lines (N/m), downwards"),
+    "case": ("--case", "NAME", "Load case of the TOML file to solve; latinpc cases solves all"),
+}
+SINGLE = {"scale": float, "merge": float, "rise": float, "brace": float, "case": str}
+NUMBERS = ("EA", "prestress", "self_weight")  # by group
 
 
 def parameters(generator):
@@ -33,7 +52,7 @@ def parameters(generator):
 
 
 def scene_options(command):
-    """Give a command one option for each parameter of any scene."""
+    """Give a command one option for each parameter of any scene and of files."""
     kinds, texts = {}, {}
     for name, generator in SCENES.items():
         for parameter, kind, _, text in parameters(generator):
@@ -41,6 +60,10 @@ def scene_options(command):
             said = texts.setdefault(parameter, {})
             text = text or next(iter(said), "")  # truss-grid refers to tensegrity-grid
             said.setdefault(text, []).append(name)
+    for parameter, (option, metavar, text) in reversed(FILES.items()):
+        more = "".join(f"; {said} [{', '.join(names)}]" for said, names in texts.pop(parameter, {}).items())
+        how = {"type": SINGLE[parameter]} if parameter in SINGLE else {"multiple": True}
+        command = click.option(option, parameter, cls=FileOption, metavar=metavar, help=text + more, **how)(command)
     for parameter, said in reversed(texts.items()):
         kind = kinds[parameter]
         metavar = {int: "N", float: "X", bool: "BOOL", str: "NAME"}[kind]
@@ -54,13 +77,21 @@ class SceneOption(click.Option):
     """An option of a scene; help lists it apart."""
 
 
+class FileOption(click.Option):
+    """An option of files; help lists it apart."""
+
+
 class SceneCommand(click.Command):
-    """A command on a scene: its help lists the options of the scenes last."""
+    """A command on a scene: its help lists the options of files and of scenes last."""
 
     def format_options(self, ctx, formatter):
-        """Write the options in two sections."""
-        for title, chosen in (("Options", False), ("Options of scenes", True)):
-            shown = [option for option in self.get_params(ctx) if isinstance(option, SceneOption) == chosen]
+        """Write the options in three sections."""
+        for title, kind in (("Options", None), ("Options of files", FileOption), ("Options of scenes", SceneOption)):
+            shown = [
+                option
+                for option in self.get_params(ctx)
+                if (isinstance(option, kind) if kind else not isinstance(option, (FileOption, SceneOption)))
+            ]
             records = [record for option in shown if (record := option.get_help_record(ctx)) is not None]
             with formatter.section(title):
                 formatter.write_dl(records)
@@ -68,21 +99,51 @@ class SceneCommand(click.Command):
 
 def open_scene(name, options):
     """Read or make the scene; on one rank."""
-    if name.lower().endswith(".msh") or (name not in SCENES and os.path.exists(name)):
-        given = [key for key, value in options.items() if value is not None and key != "subdomains"]
-        if given:
-            raise ValueError(f"--{given[0].replace('_', '-')} has no meaning for a file")
-        return read_scene(name)
+    given = {key: value for key, value in options.items() if value not in (None, ())}
+    if name not in SCENES and (os.path.exists(name) or os.path.splitext(name)[1]):
+        beyond = [key for key in given if key not in FILES and key != "subdomains"]
+        if beyond:
+            takes = ", ".join(option for option, *_ in FILES.values())
+            raise ValueError(f"--{beyond[0].replace('_', '-')} has no meaning for a file, which takes {takes}")
+        return read(name, **{key: _of_file(key, value) for key, value in given.items() if key in FILES})
     if name not in SCENES:
-        known = ", ".join(SCENES)
-        raise ValueError(f"unknown scene '{name}': choose from {known}, or give a Gmsh file NAME.msh")
-    known = inspect.signature(SCENES[name]).parameters
-    given = {key: value for key, value in options.items() if value is not None}
+        raise ValueError(f"unknown scene '{name}': choose from {', '.join(SCENES)}, or give a file: {FORMATS}")
+    known = {parameter: kind for parameter, kind, *_ in parameters(SCENES[name])}
     for key in given:
         if key not in known and key != "subdomains":
+            option = FILES[key][0] if key in FILES else f"--{key.replace('_', '-')}"
             takes = ", ".join(f"--{other.replace('_', '-')}" for other in known)
-            raise ValueError(f"--{key.replace('_', '-')} has no meaning for the scene {name}, which takes {takes}")
-    return make(name, **{key: value for key, value in given.items() if key in known})
+            raise ValueError(f"{option} has no meaning for the scene {name}, which takes {takes}")
+    return make(name, **{key: _of_scene(key, known[key], given[key]) for key in known if key in given})
+
+
+def _of_file(key, value):
+    """Return what `latinpc.files.reading.read` takes: of repeated options texts, or values by group."""
+    if key in SINGLE or key in ("support", "load"):
+        return value
+    found = {}
+    for text in value:
+        group, separator, word = text.rpartition("=")
+        group = group if separator else None
+        word = finite(word) if key in NUMBERS else word
+        if word is None:
+            raise ValueError(f"{FILES[key][0]} {text}: write a number, or GROUP=number")
+        if group in found:
+            raise ValueError(f"{FILES[key][0]} {text}: given twice")
+        found[group] = word
+    return found
+
+
+def _of_scene(key, kind, value):
+    """Return the value of an option that scenes share with files."""
+    if key not in FILES:
+        return value
+    number = finite(value[0]) if kind is float else value[0]
+    if len(value) > 1 or number is None:
+        raise ValueError(
+            f"{FILES[key][0]} {' '.join(value)}: a scene takes one {'number' if kind is float else 'name'}"
+        )
+    return number
 
 
 @click.command()
@@ -95,4 +156,4 @@ def scenes():
             text = known[parameter] = text or known.get(parameter, "")  # a twin scene refers to its sibling
             said = "" if default is None else f" (default {default})"
             console.print(f"  [cyan]--{parameter.replace('_', '-'):<13}[/cyan]{escape(text + said)}")
-    console.print("Or a Gmsh file NAME.msh with NAME.toml beside it.")
+    console.print(escape(f"Or a file: {FORMATS}."))

@@ -8,8 +8,9 @@ import click
 import numpy as np
 from petsc4py import PETSc
 
-from latinpc.files.atomic import check_readable, check_writable
-from latinpc.files.vtk import frames_folder, write_pvd, write_vtu
+from latinpc.results.atomic import check_readable, check_writable
+from latinpc.results.summary import summary, summary_of_motion
+from latinpc.results.vtk import frames_folder, write_pvd, write_vtu
 from latinpc.runs.checkpoint import Keeper
 from latinpc.runs.motion import move
 from latinpc.runs.solve import solve
@@ -18,7 +19,6 @@ from latinpc.solvers import has_package, outer_snes
 from .printing import open_console, print_lines, progress, write_json
 from .ranks import NOT_CONVERGED, on_root
 from .scenes import SceneCommand, open_scene, scene_options
-from .summary import summary, summary_of_motion
 
 #: Options of a run, not of the scene
 RUN = (
@@ -28,13 +28,14 @@ RUN = (
 
 
 @click.command("solve", cls=SceneCommand)
-@click.argument("scene", metavar="SCENE|FILE.msh")
+@click.argument("scene", metavar="SCENE|FILE")
 @scene_options
 @click.option("--reference", is_flag=True, help="Report errors against a solution by Newton's method.")
 @click.option("--digits", is_flag=True, help="Report how many digits are accurate, and what limits them.")
 @click.option("--json", "json_file", metavar="FILE", help="Write the report; '-' prints it and nothing else.")
 @click.option("--output", metavar="FILE", help="Write results for ParaView: .vtu, or .pvd for a motion.")
 @click.option("--picture", metavar="FILE", help="Draw the deformed structure: .png, .pdf, .svg, or .gif for a motion.")
+@click.option("--csv", nargs=2, metavar="MEMBERS NODES", help="Write members and nodes: two .csv files.")
 @click.option("--quiet", is_flag=True, help="Print only notices and errors.")
 @click.option("--steps", type=int, metavar="N", help="Make N time steps (-ts_type latin). The scene needs masses.")
 @click.option("--step", type=float, metavar="H", help="Time step (s). Default: that of the scene.")
@@ -45,8 +46,8 @@ RUN = (
 @click.option("--checkpoint-every", type=int, metavar="N", help="Save every Nth of them. Default: 1.")
 @click.option("--restart", metavar="FILE", help="Continue from a saved state, with the same options and ranks.")
 @click.pass_obj
-def solve_command(comm, scene, json_file, output, picture, quiet, **options):
-    """Solve a scene or a Gmsh file.
+def solve_command(comm, scene, json_file, output, picture, csv, quiet, **options):
+    """Solve a scene or a file.
 
     The solver is -snes_type latin; with --steps it is -ts_type latin. Options with a single dash go to PETSc, for
     instance -snes_monitor -snes_latin_variant macro.
@@ -56,8 +57,12 @@ def solve_command(comm, scene, json_file, output, picture, quiet, **options):
     run = {name: options.pop(name) for name in RUN}
     _check(**run)
     moves = run["steps"] is not None
+    if csv and moves:
+        raise ValueError("--csv is for statics: leave out --steps")
     keeper = _keeper(comm, run)
-    scene = on_root(comm, _prepare, scene, moves, None if alone else json_file, output, picture, options)
+    files = {"json": json_file, "output": output, "picture": picture, "members": None, "nodes": None}
+    files |= dict(zip(("members", "nodes"), csv or ()))
+    scene = on_root(comm, _prepare, scene, moves, files, options)
     count = options.get("subdomains") if scene.subdomain is None else None
     if count is not None and not 1 <= count <= len(scene.links):
         raise ValueError(f"--subdomains {count}: there are {len(scene.links)} links, at least one for each subdomain")
@@ -67,7 +72,7 @@ def solve_command(comm, scene, json_file, output, picture, quiet, **options):
             result = _move(scene, count, run, say, (output, picture), keeper)
         else:
             result = _solve(scene, count, run, say, keeper)
-    return _report(comm, result, json_file, output, picture, quiet)
+    return _report(comm, result, files, quiet)
 
 
 def _check(reference, digits, steps, step, every, node_mass, increments, checkpoint, checkpoint_every, restart):
@@ -106,14 +111,19 @@ def _keeper(comm, run):
     return Keeper(comm, checkpoint, 1 if every is None else every, restart)
 
 
-def _prepare(scene, moves, json_file, output, picture, options):
+def _prepare(scene, moves, files, options):
     """Open the scene, and refuse results that could not be written before any work is done; on one rank."""
-    kinds = ((".pvd", ".vtu"), (".gif", ".png", ".pdf", ".svg")) if moves else ((".vtu",), (".png", ".pdf", ".svg"))
-    for path, suffixes in ((json_file, None), *zip((output, picture), kinds)):
-        if path is not None:
-            check_writable(path, suffixes)
-    if output is not None and output.lower().endswith(".pvd"):
-        frames_folder(output)
+    kinds = {
+        "output": (".pvd", ".vtu") if moves else (".vtu",),
+        "picture": (".gif", ".png", ".pdf", ".svg") if moves else (".png", ".pdf", ".svg"),
+        "members": (".csv",),
+        "nodes": (".csv",),
+    }
+    for kind, path in files.items():
+        if path not in (None, "-"):
+            check_writable(path, kinds.get(kind))
+    if str(files["output"]).lower().endswith(".pvd"):
+        frames_folder(files["output"])
     scene = open_scene(scene, options)
     if scene.velocity is not None and not moves:
         raise ValueError(f"{scene.name} moves: give the number of time steps with --steps")
@@ -163,35 +173,36 @@ def _move(scene, subdomains, run, say, files, keeper):
     )
 
 
-def _report(comm, result, json_file, output, picture, quiet):
+def _report(comm, result, files, quiet):
     """Write the files, print, and return the exit code; collective."""
     moves = hasattr(result, "frames")
-    on_root(comm, _write_motion if moves else _write, result, json_file, output, picture)
+    on_root(comm, _write_motion if moves else _write, result, files)
     if comm.rank == 0:
         for notice in result.notices:
             print(f"latinpc: {notice}", file=sys.stderr)
         if not quiet:
             lines = summary_of_motion(result) if moves else summary(result)
-            written = [str(path) for path in (json_file, output, picture) if path is not None]
+            written = [str(path) for path in files.values() if path is not None]
             lines += [("written", ", ".join(written))] if written else []
-            print_lines(open_console(), result.scene.name, lines)
+            print_lines(open_console(), result.report["scene"], lines)
         if not result.converged:
-            print(f"latinpc: not converged: {result.report['reason']}", file=sys.stderr)
+            reason = result.report["reason"] if moves else result.reason
+            print(f"latinpc: not converged: {reason}", file=sys.stderr)
     return 0 if result.converged else NOT_CONVERGED
 
 
-def _write_motion(result, json_file, output, picture):
+def _write_motion(result, files):
     """Write the files; on one rank. When a step does not converge, the states before it are written."""
-    last = result.frames[-1]
-    if json_file is not None:
-        write_json(json_file, result.report)
+    last, output, picture = result.frames[-1], files["output"], files["picture"]
+    if files["json"] is not None:
+        write_json(files["json"], result.report)
     if output is not None and str(output).lower().endswith(".pvd"):
         write_pvd(output, result)
     elif output is not None:
         arrays = (last.displacements, last.tensions, result.subdomain, result.node_class, last.velocities)
         write_vtu(output, result.scene, *arrays)
     if picture is not None:
-        from latinpc.files.pictures import draw_motion, draw_structure
+        from latinpc.results.pictures import draw_motion, draw_structure
 
         if str(picture).lower().endswith(".gif"):
             draw_motion(result, picture)
@@ -199,16 +210,19 @@ def _write_motion(result, json_file, output, picture):
             draw_structure(result.scene, last.displacements, last.tensions, result.subdomain, picture)
 
 
-def _write(result, json_file, output, picture):
+def _write(result, files):
     """Write the files; on one rank. Without convergence the last iterate is written."""
-    if json_file is not None:
-        write_json(json_file, result.report)
-    if output is not None:
-        write_vtu(output, result.scene, result.displacements, result.tensions, result.subdomain, result.node_class)
+    if files["json"] is not None:
+        write_json(files["json"], result.to_dict())
+    if files["output"] is not None:
+        result.to_vtu(files["output"])
+    if files["members"] is not None:
+        result.to_csv(files["members"], files["nodes"])
+    picture = files["picture"]
     if picture is not None:
-        from latinpc.files.pictures import draw_structure
+        from latinpc.results.drawing import save
 
         if np.isfinite(result.displacements).all() and np.isfinite(result.tensions).all():
-            draw_structure(result.scene, result.displacements, result.tensions, result.subdomain, picture)
+            save(result.plot(), picture)
         else:
             result.notices.append(f"{picture} is not drawn: the last iterate is not finite")

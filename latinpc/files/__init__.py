@@ -1,1 +1,1 @@
-"""Structures read from Gmsh files, results written for ParaView, pictures."""
+"""Structures read from files."""

@@ -1,41 +1,36 @@
-"""Read the TOML file beside a Gmsh file: supports, loads, masses and velocities.
+"""Read the TOML file beside a structure's: supports, loads, masses and velocities.
 
-`latinpc.files.gmsh` describes the format.
+`latinpc.files.reading` describes the format.
 """
 
 from __future__ import annotations
 
-import difflib
 import sys
 import tomllib
 
 import numpy as np
 
-AXES = "xyz"
+from .selection import AXES, select
+from .text import nearest
+
 LAW_KEYS = (
     "law", "EA", "stiffness", "initial_elongation", "strain", "prestress", "gap", "coefficient", "normal", "table",
+    "area", "strength",
 )  # fmt: skip
-SUPPORT_KEYS = ("fix", "displacement", "box")
-LOAD_KEYS = ("force", "box")
-MASS_KEYS = ("mass", "line", "box")
-VELOCITY_KEYS = ("velocity", "box")
-TOP_KEYS = ("title", "dim", "laws", "supports", "loads", "masses", "velocities")
+SUPPORT_KEYS = ("fix", "displacement", "box", "where")
+LOAD_KEYS = ("force", "line", "lines", "box", "where")
+MASS_KEYS = ("mass", "line", "lines", "box", "where")
+VELOCITY_KEYS = ("velocity", "box", "where")
+TOP_KEYS = ("title", "dim", "laws", "supports", "loads", "masses", "velocities", "case")
 
 
-def nearest(word, known):
-    """Return what a message on an unknown key says of the known ones."""
-    close = difflib.get_close_matches(word, list(known), n=1, cutoff=0.5)
-    return f" (do you mean '{close[0]}'?)" if close else f"; known: {', '.join(sorted(known)) or 'none'}"
+def place(description, table, group):
+    """Return the place of a table in the file, for messages; what options have made bears their words."""
+    return group if group.startswith("--") else f"{description}: [{table}.{group}]"
 
 
-def read_description(path, description):
+def read_description(description):
     """Read the TOML file; refuse unknown keys."""
-    if not path.is_file():
-        raise FileNotFoundError(f"{path}: no such file")
-    if not description.is_file():
-        raise FileNotFoundError(
-            f"{description}: no such file; {path.name} needs it beside it to name the laws, supports and loads"
-        )
     with open(description, "rb") as file:
         try:
             settings = tomllib.load(file)
@@ -45,22 +40,34 @@ def read_description(path, description):
         ) as error:  # TOMLDecodeError is a ValueError, as are numbers too long to read
             raise ValueError(f"{description}: not a TOML file: {error}") from None
     tables = {"laws": LAW_KEYS, "supports": SUPPORT_KEYS, "loads": LOAD_KEYS}
-    tables |= {"masses": MASS_KEYS, "velocities": VELOCITY_KEYS}
+    check_keys(settings, TOP_KEYS, tables | {"masses": MASS_KEYS, "velocities": VELOCITY_KEYS}, f"{description}: ", "")
+    return settings
+
+
+def check_keys(settings, keys, tables, where, prefix):
+    """Refuse keys that are not known, and those of tables, of which there is one a group.
+
+    Parameters
+    ----------
+    settings : dict
+    keys : sequence of str
+    tables : dict of str to tuple of str
+        Of the keys that are tables, the keys of each group.
+    where, prefix : str
+        What messages open with; what stands before the names of tables in the file.
+    """
     for key, value in settings.items():
-        if key not in TOP_KEYS:
-            raise ValueError(f"{description}: unknown key '{key}'{nearest(key, TOP_KEYS)}")
+        if key not in keys:
+            raise ValueError(f"{where}unknown key '{key}'{nearest(key, keys)}")
         if key not in tables:
             continue
         for group, entries in value.items() if isinstance(value, dict) else [(key, None)]:
             if not isinstance(entries, dict):
-                raise ValueError(f"{description}: [{key}] needs one table a group, written [{key}.NAME]")
+                raise ValueError(f"{where}[{prefix}{key}] needs one table a group, written [{prefix}{key}.NAME]")
             for entry in entries:
                 if entry not in tables[key]:
                     hint = nearest(entry, tables[key])
-                    raise ValueError(f"{description}: [{key}.{group}]: unknown key '{entry}'{hint}")
-    if not settings.get("laws"):
-        raise ValueError(f"{description}: no law; write [laws.NAME] for each physical group of {path.name}")
-    return settings
+                    raise ValueError(f"{where}[{prefix}{key}.{group}]: unknown key '{entry}'{hint}")
 
 
 def number(value, where, positive=False):
@@ -87,13 +94,17 @@ def one_of(entries, keys, where):
     return given[0] if given else None
 
 
-def _nodes_of(group, entries, nodes, node_groups, where):
-    """Return the nodes of a physical group, or those in a box."""
-    if "box" not in entries:
+def nodes_of(group, entries, nodes, node_groups, where):
+    """Return the nodes of a group, those in a box, or those where conditions hold."""
+    if one_of(entries, ("box", "where"), where) is None:
         if group not in node_groups:
             hint = nearest(group, node_groups)
-            raise ValueError(f"{where}: no physical group has this name, and no box is given{hint}")
+            raise ValueError(f"{where}: no group has this name, and neither box nor where is given{hint}")
         chosen = node_groups[group]
+    elif "where" in entries:
+        if not isinstance(entries["where"], str):
+            raise ValueError(f"{where}: where must be a text such as 'z=min', not {entries['where']!r}")
+        chosen = select(entries["where"], nodes, node_groups, where)
     else:
         box = entries["box"]
         if not isinstance(box, list) or len(box) != 2:
@@ -108,13 +119,31 @@ def _nodes_of(group, entries, nodes, node_groups, where):
     return chosen
 
 
-def read_supports(settings, nodes, node_groups, description):
-    """Return the fixed components (n, dim) and their prescribed displacements (m)."""
+def lines_of(group, entries, line_groups, where):
+    """Return the lines of a group, or of all."""
+    name = entries.get("lines", group)
+    if name == "all":
+        return slice(None)
+    if name not in line_groups or "box" in entries or "where" in entries:
+        hint = nearest(str(name), line_groups)
+        raise ValueError(f"{where}: 'line' is for a group of lines, or lines = \"all\"{hint}")
+    return line_groups[name]
+
+
+def _to_ends(values, links, count):
+    """Return the sums at the nodes of values of links (k,) or (k, dim), half of each to either end."""
+    halves = np.repeat(values / 2.0, 2, axis=0)
+    if halves.ndim == 1:
+        return np.bincount(links.ravel(), halves, count)
+    return np.column_stack([np.bincount(links.ravel(), column, count) for column in halves.T])
+
+
+def read_supports(settings, nodes, node_groups, description, fixed, prescribed):
+    """Add the supports of the settings to the fixed components (n, dim) and their displacements (m) of a file."""
     dim = nodes.shape[1]
-    fixed, prescribed = np.zeros(nodes.shape, dtype=bool), np.zeros(nodes.shape)
     for group, entries in settings.get("supports", {}).items():
-        where = f"{description}: [supports.{group}]"
-        chosen = _nodes_of(group, entries, nodes, node_groups, where)
+        where = place(description, "supports", group)
+        chosen = nodes_of(group, entries, nodes, node_groups, where)
         fix = entries.get("fix", list(AXES[:dim]))
         if not isinstance(fix, list) or not fix or any(axis not in list(AXES[:dim]) for axis in fix):
             raise ValueError(f"{where}: fix must be a list out of {list(AXES[:dim])}, not {fix!r}")
@@ -128,46 +157,49 @@ def read_supports(settings, nodes, node_groups, description):
                 continue
             clash = fixed[chosen, axis] & (prescribed[chosen, axis] != value[axis])
             if clash.any():
-                raise ValueError(f"{where}: a node has another displacement along {AXES[axis]} in another group")
+                raise ValueError(f"{where}: a node has another displacement along {AXES[axis]} already")
             fixed[chosen, axis] = True
             prescribed[chosen, axis] = value[axis]
-    if not fixed.any() and not settings.get("masses"):
-        raise ValueError(f"{description}: nothing is held; write [supports.NAME] with fix = [...]")
     return fixed, prescribed
 
 
-def read_loads(settings, nodes, node_groups, description):
-    """Return the nodal forces (n, dim) in N."""
+def read_loads(settings, nodes, links, line_groups, node_groups, description, prefix=""):
+    """Return the nodal forces (n, dim) in N; the prefix is that of the table in the file."""
     load = np.zeros(nodes.shape)
     for group, entries in settings.get("loads", {}).items():
-        where = f"{description}: [loads.{group}]"
-        chosen = _nodes_of(group, entries, nodes, node_groups, where)
-        if "force" not in entries:
-            raise ValueError(f"{where}: key 'force' is missing; give force = [fx, ..] in N on each node")
-        load[chosen] += vector(entries["force"], nodes.shape[1], f"{where}: force")
+        where = place(description, f"{prefix}loads", group)
+        key = one_of(entries, ("force", "line"), where)
+        if key is None:
+            raise ValueError(
+                f"{where}: key 'force' is missing; give force = [fx, ..] in N on each node, or line = [fx, ..] in N/m"
+                " along each line"
+            )
+        value = vector(entries[key], nodes.shape[1], f"{where}: {key}")
+        if key == "force":
+            load[nodes_of(group, entries, nodes, node_groups, where)] += value
+            continue
+        ends = links[lines_of(group, entries, line_groups, where)]
+        length = np.linalg.norm(nodes[ends[:, 1]] - nodes[ends[:, 0]], axis=1)
+        load += _to_ends(np.outer(length, value), ends, len(nodes))
     return load
 
 
-def read_masses(settings, nodes, links, line_groups, node_groups, description):
-    """Return the masses (n,) of the nodes in kg, None without any."""
-    if not settings.get("masses"):
-        return None
-    mass = np.zeros(len(nodes))
-    for group, entries in settings["masses"].items():
-        where = f"{description}: [masses.{group}]"
+def read_masses(settings, nodes, links, line_groups, node_groups, description, mass):
+    """Add the masses of the settings to those (n,) of a file, in kg; None without any."""
+    mass = mass.copy()
+    for group, entries in settings.get("masses", {}).items():
+        where = place(description, "masses", group)
         key = one_of(entries, ("mass", "line"), where)
         if key is None:
             raise ValueError(f"{where}: no mass; give mass (kg on each node) or line (kg/m along each line)")
         value = number(entries[key], f"{where}: {key}", positive=True)
         if key == "mass":
-            mass[_nodes_of(group, entries, nodes, node_groups, where)] += value
+            mass[nodes_of(group, entries, nodes, node_groups, where)] += value
             continue
-        if group not in line_groups or "box" in entries:
-            raise ValueError(f"{where}: 'line' is for a physical group of lines{nearest(group, line_groups)}")
-        ends = links[line_groups[group]]
+        ends = links[lines_of(group, entries, line_groups, where)]
         length = np.linalg.norm(nodes[ends[:, 1]] - nodes[ends[:, 0]], axis=1)
-        mass += np.bincount(ends.ravel(), np.repeat(value * length / 2.0, 2), len(nodes))
-    return mass
+        mass += _to_ends(value * length, ends, len(nodes))
+    return mass if mass.any() else None
 
 
 def read_velocities(settings, nodes, node_groups, fixed, description):
@@ -176,8 +208,8 @@ def read_velocities(settings, nodes, node_groups, fixed, description):
         return None
     velocity = np.zeros(nodes.shape)
     for group, entries in settings["velocities"].items():
-        where = f"{description}: [velocities.{group}]"
-        chosen = _nodes_of(group, entries, nodes, node_groups, where)
+        where = place(description, "velocities", group)
+        chosen = nodes_of(group, entries, nodes, node_groups, where)
         if "velocity" not in entries:
             raise ValueError(f"{where}: key 'velocity' is missing; give velocity = [vx, ..] in m/s of each node")
         velocity[chosen] = vector(entries["velocity"], nodes.shape[1], f"{where}: velocity")

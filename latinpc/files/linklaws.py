@@ -1,4 +1,4 @@
-"""Read the laws of the links from the TOML file beside a Gmsh file."""
+"""Make the laws of the links from what files and options say of their lines."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from latinpc.laws import RIGID, Law
 
-from .description import nearest, number, one_of, vector
+from .description import number, one_of, vector
 
 ONLY_FOR = {
     "gap": ("contact", "friction"),
@@ -16,27 +16,24 @@ ONLY_FOR = {
 }
 
 
-def read_laws(settings, points, lines, line_groups, description, path):
+def read_laws(lines, dim, assignments):
     """Return the arrays of the links for a Scene, and the line of each link.
 
     A contact with friction is one line and several links.
+
+    Parameters
+    ----------
+    lines : Lines
+    dim : int
+    assignments : list of (str, array of int, dict)
+        Place for messages, lines, and their law as in ``[laws.NAME]``; each line has one law.
     """
-    length = np.linalg.norm(points[lines[:, 1]] - points[lines[:, 0]], axis=1)
-    null = np.flatnonzero(length <= 1e-12 * max(np.ptp(points, axis=0).max(), 1e-300))
-    if len(null):
-        a, b = lines[null[0]]
-        raise ValueError(
-            f"{path}: {len(null)} link(s) of zero length, the first between nodes {a + 1} and {b + 1}"
-            " (counted in the order of the file); remove them, or merge the points in Gmsh (Coherence)"
-        )
-    law = np.full(len(lines), -1)
-    stiffness, initial_elongation, friction = np.zeros(len(lines)), np.zeros(len(lines)), np.zeros(len(lines))
-    direction, tables = np.zeros(points[lines[:, 0]].shape), []
-    for group, entries in settings["laws"].items():
-        where = f"{description}: [laws.{group}]"
-        if group not in line_groups:
-            raise ValueError(f"{where}: no physical group of lines has this name{nearest(group, line_groups)}")
-        chosen = line_groups[group]
+    points, length, ends = lines.points[:, :dim], lines.lengths, lines.ends
+    law = np.full(len(ends), -1)
+    stiffness, initial_elongation, friction = np.zeros(len(ends)), np.zeros(len(ends)), np.zeros(len(ends))
+    direction, tables = np.zeros(points[ends[:, 0]].shape), []
+    sections = {"area": np.full(len(ends), np.nan), "strength": np.full(len(ends), np.nan)}
+    for where, chosen, entries in assignments:
         if (law[chosen] >= 0).any():
             raise ValueError(f"{where}: some of its lines have a law already; keep one law for a line")
         kinds = [kind.name.lower() for kind in Law if kind != Law.TANGENT] + ["table"]
@@ -53,19 +50,21 @@ def read_laws(settings, points, lines, line_groups, description, path):
         free = kind == "table" or Law[kind.upper()] in RIGID
         stiffness[chosen] = _stiffness(entries, length[chosen], where, free)
         initial_elongation[chosen] = _initial_elongation(entries, length[chosen], stiffness[chosen], where)
+        for key in sections.keys() & entries.keys():
+            sections[key][chosen] = number(entries[key], f"{where}: {key}", positive=True)
+        if "strength" in entries and "area" not in entries:
+            raise ValueError(f"{where}: strength is a stress (Pa), which needs the area (m2)")
         if kind == "friction":
             friction[chosen] = number(entries.get("coefficient"), f"{where}: coefficient")
             if friction[chosen[0]] < 0:
                 raise ValueError(f"{where}: coefficient must not be negative, as {entries['coefficient']} is")
         if "normal" in entries:
-            direction[chosen] = vector(entries["normal"], points.shape[1], f"{where}: normal")
+            direction[chosen] = vector(entries["normal"], dim, f"{where}: normal")
             if not direction[chosen[0]].any():
                 raise ValueError(f"{where}: normal has no length; leave it out for the direction of the line")
-    if (law < 0).any():
-        without = [name for name, chosen in line_groups.items() if (law[chosen] < 0).any()]
-        cure = f"write [laws.{without[0]}]" if without else "put every curve in a physical group in Gmsh"
-        raise ValueError(f"{description}: {(law < 0).sum()} lines of {path.name} have no law; {cure}")
-    return _contacts(points, lines, law, stiffness, initial_elongation, direction, friction) | {"tables": tuple(tables)}
+    arrays = _contacts(points, ends, law, stiffness, initial_elongation, direction, friction)
+    known = {key: values[arrays["line"]] for key, values in sections.items() if not np.isnan(values).all()}
+    return arrays | known | {"tables": tuple(tables)}
 
 
 def _contacts(points, lines, law, stiffness, initial_elongation, direction, friction):

@@ -6,12 +6,11 @@ import json
 
 import numpy as np
 
+from latinpc.results.atomic import atomic
 from latinpc.scenes.scene import Scene
 
-from .atomic import atomic
-
 _ARRAYS = ("nodes", "links", "law", "stiffness", "initial_elongation", "fixed", "prescribed", "load")
-_OPTIONAL = ("subdomain", "direction", "friction", "mass", "velocity")
+_OPTIONAL = ("subdomain", "direction", "friction", "mass", "velocity", "area", "strength")
 
 
 def save_scene(path, scene):

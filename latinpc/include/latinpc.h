@@ -144,6 +144,7 @@ PETSC_EXTERN PetscErrorCode LatinStructureSetLaws(LatinStructure, const PetscInt
 PETSC_EXTERN PetscErrorCode LatinStructureSetDirections(LatinStructure, const PetscReal direction[]);
 PETSC_EXTERN PetscErrorCode LatinStructureSetFriction(LatinStructure, const PetscReal coefficient[]);
 PETSC_EXTERN PetscErrorCode LatinStructureSetSupports(LatinStructure, const PetscBool fixed[], const PetscReal prescribed[]);
+PETSC_EXTERN PetscErrorCode LatinStructureSetPrescribed(LatinStructure, const PetscReal prescribed[]);
 PETSC_EXTERN PetscErrorCode LatinStructureSetLoads(LatinStructure, const PetscReal force[]);
 PETSC_EXTERN PetscErrorCode LatinStructureSetMass(LatinStructure, const PetscReal mass[]);
 PETSC_EXTERN PetscErrorCode LatinStructureSetInitialElongations(LatinStructure, const PetscReal e0[]);

@@ -10,13 +10,14 @@ from petsc4py import PETSc
 
 import latinpc
 from latinpc.laws import UNILATERAL
-from latinpc.scenes.mechanics import slack
+from latinpc.options import default_options, unknown_options
+from latinpc.results.mechanics import slack
+from latinpc.results.report import DECOMPOSITION, plain, problem, reason_name
 from latinpc.scenes.scene import Scene
 from latinpc.structure import Structure
 
 from .checkpoint import Keeper
-from .options import default_options, unknown_options
-from .report import DECOMPOSITION, environment, plain, problem, reason_name
+from .report import environment
 
 CONTRAST = 1e3  # of masses, above which a message on a step that fails names it
 FRAMES = 100  # states kept of a motion, at most, by default
@@ -200,7 +201,8 @@ def _move(recorder, step):
     statistics = latinpc.statistics(snes) if is_latin else {}
     reason, iterations = ts.getConvergedReason(), recorder.past["iterations"]
     report = {
-        **problem(scene, structure),
+        **problem(structure),
+        "scene_options": scene.metadata,
         "solver": f"{ts.getType()} + {snes.getType()}" + ("" if is_latin else f" + {snes.getKSP().getPC().getType()}"),
         **{key: statistics.get(key) for key in DECOMPOSITION},
         "steps": ts.getStepNumber(),

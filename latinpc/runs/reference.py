@@ -6,9 +6,8 @@ import contextlib
 
 from petsc4py import PETSc
 
+from latinpc.options import default_options
 from latinpc.solvers import has_package
-
-from .options import default_options
 
 REFERENCE_ACCURACY = 1e-9  # relative residual above which a reference is refused
 

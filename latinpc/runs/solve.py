@@ -3,43 +3,20 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, field
 
-import numpy as np
 from petsc4py import PETSc
 
 import latinpc
-from latinpc.laws import RIGID, UNILATERAL, Law
-from latinpc.library import _latin
-from latinpc.scenes.mechanics import slack
-from latinpc.scenes.scene import Scene
+from latinpc.laws import RIGID
+from latinpc.options import default_options, unknown_options
+from latinpc.results.notices import magnitudes
+from latinpc.results.report import plain
+from latinpc.results.solve import attach_linear, gather
 from latinpc.structure import Structure
 
 from .checkpoint import Keeper
-from .options import default_options, unknown_options
 from .reference import direct_solver, reference_solution
-from .report import DECOMPOSITION, environment, plain, problem, snes_reason
-
-TURNED, MOVED = 5.0, 0.1  # degrees, part of the size of the structure: the most that small displacements are taken for
-
-
-@dataclass
-class Result:
-    """A solved scene; arrays are whole, in the scene's numbering, the same on every rank."""
-
-    scene: Scene
-    report: dict  #: JSON-able, with the keys that `solve` lists
-    displacements: np.ndarray  #: (n, dim), m
-    tensions: np.ndarray  #: (m,), N
-    subdomain: np.ndarray | None = None  #: (m,), as the solver has it
-    node_class: np.ndarray | None = None  #: (n,), 0 interior, 1 strong, 2 weak interface, 3 corner
-    history: dict = field(default_factory=dict)  #: per iteration: indicator, error_l2, error_energy
-    notices: list = field(default_factory=list)  #: sentences the user should read
-
-    @property
-    def converged(self):
-        """Whether the solver has converged."""
-        return self.report["converged"]
+from .report import environment
 
 
 def solve(
@@ -73,13 +50,10 @@ def solve(
 
     Returns
     -------
-    Result
-        Its report has the keys scene, scene_options, dofs, free_dofs, links, ranks, subdomains,
-        strong_interfaces, weak_interfaces, strong_macro_dofs, weak_dofs, increments (iterations of each), iterations,
-        linear_iterations, converged, reason, indicator, residual, residual_norm, slack_fraction, estimated_error,
-        error_l2, error_energy, digits,
-        direction, solver, setup_seconds, solve_seconds, peak_memory_bytes, versions, options. What does not apply is
-        None.
+    latinpc.Result
+        Its report has, besides those of `latinpc.results.solve.gather`, the keys scene_options, load_cases (their
+        number; none of them acts), increments (iterations of each), residual, error_l2, error_energy, digits,
+        setup_seconds, solve_seconds, peak_memory_bytes, versions, options. What does not apply is None.
 
     Raises
     ------
@@ -90,8 +64,6 @@ def solve(
         raise ValueError(f"the loads need at least one increment, not {increments}")
     structure = Structure.from_scene(scene, comm) if structure is None else structure
     keeper = keeper or Keeper(structure.comm.tompi4py())
-    if "snes_latin_geometry" in PETSc.Options():  # before what is compared with, and for other types of SNES
-        structure.set_geometry(PETSc.Options()["snes_latin_geometry"])
     settings = keeper.options | dict(options or {})
     if increments > 1:
         settings = {"snes_latin_warm_start": "extrapolate"} | settings
@@ -114,20 +86,18 @@ def solve(
         snes = structure.create_snes()
         try:
             snes.setFromOptions()
-            return _solve(scene, structure, snes, errors_against, notices, before_solve, increments, keeper, digits)
+            result = _solve(scene, structure, snes, errors_against, before_solve, increments, keeper, digits)
         finally:
             snes.destroy()
+    result.notices = [*notices, *result.notices, *magnitudes(result)]
+    return result
 
 
-def _solve(scene, structure, snes, reference, notices, before_solve, increments, keeper, digits):
+def _solve(scene, structure, snes, reference, before_solve, increments, keeper, digits):
     """Set up, solve, and report; collective."""
     comm = structure.comm.tompi4py()
-    is_latin = snes.getType() == "latin"
-    ksp = snes.getKSP()
-    linear = next((solver for solver in (ksp, ksp.getPC()) if not is_latin and solver.getType() == "latin"), None)
-    if linear is not None:
-        structure.attach(linear)
-    if is_latin and reference is not None and increments == 1:
+    core = attach_linear(structure, snes)
+    if snes.getType() == "latin" and reference is not None and increments == 1:
         latinpc.set_reference(snes, reference)
     u, r = structure.create_vec(), structure.create_vec()
     snes.computeFunction(u, r)
@@ -146,91 +116,23 @@ def _solve(scene, structure, snes, reference, notices, before_solve, increments,
     comm.barrier()
     seconds["solve_seconds"] = time.perf_counter() - start
 
-    snes.computeFunction(u, r)
-    tensions = latinpc.tensions(snes)
-    past = {key: np.array(values) for key, values in latinpc.history(snes).items()} if is_latin else {}
-    core = snes if is_latin else linear
-    statistics = latinpc.statistics(core) if core is not None else {}
+    result = gather(structure, snes, core, u)
+    steps, residual = counts["linear" if snes.getType() == "ksponly" else "steps"], result.report["residual_norm"]
+    errors = structure.errors(u, reference) if reference is not None else (None, None)
     report = {
-        **problem(scene, structure),
-        "solver": snes.getType() + (f" + {ksp.getType()} + {ksp.getPC().getType()}" if not is_latin else ""),
-        **{key: statistics.get(key) for key in DECOMPOSITION},
-        "direction": statistics.get("direction_mean"),
-        **_convergence(snes, counts, past),
-        "residual": r.norm() / initial if initial > 0 else r.norm(),
-        "residual_norm": r.norm(),
-        "slack_fraction": _slack_fraction(scene, tensions),
-        **_accuracy(structure, snes, u, reference, digits, past),
-        **seconds,
-        **environment(comm),
-    }
-    return Result(
-        scene=scene,
-        report=plain(report),
-        displacements=structure.displacements(u),
-        tensions=tensions,
-        subdomain=latinpc.subdomain_of_links(core) if core is not None else scene.subdomain,
-        node_class=latinpc.node_classes(core) if core is not None else None,
-        history=past,
-        notices=notices + _notices(snes, scene, past) + _turned(structure, scene, structure.displacements(u)),
-    )
-
-
-def _convergence(snes, counts, past):
-    """Return the keys of the report on iterations and the stop."""
-    steps = counts["linear" if snes.getType() == "ksponly" else "steps"]
-    return {
+        "scene_options": scene.metadata,
+        "load_cases": sum(not case.part for case in scene.cases),
         "increments": steps,
         "iterations": sum(steps),
         "linear_iterations": sum(counts["linear"]),
-        "converged": snes.getConvergedReason() > 0,
-        "reason": snes_reason(snes),
-        "indicator": past["indicator"][-1] if len(past.get("indicator", ())) else None,
+        "residual": residual / initial if initial > 0 and residual is not None else residual,
+        **dict(zip(("error_l2", "error_energy"), errors)),
+        "digits": latinpc.digits(snes) if digits and result.converged else None,
+        **seconds,
+        **environment(comm),
     }
-
-
-def _accuracy(structure, snes, u, reference, digits, past):
-    """Return the keys of the report on errors; collective."""
-    error_l2, error_energy = structure.errors(u, reference) if reference is not None else (None, None)
-    return {
-        "estimated_error": latinpc.estimated_error(snes) if len(past.get("estimate", ())) else None,
-        "error_l2": error_l2,
-        "error_energy": error_energy,
-        "digits": latinpc.digits(snes) if digits and snes.getConvergedReason() > 0 else None,
-    }
-
-
-def _notices(snes, scene, past):
-    """Return the sentences that the user should read after a solve."""
-    notices, reason = [], snes.getConvergedReason()
-    if len(past.get("estimate", ())) and reason == PETSc.SNES.ConvergedReason.DIVERGED_INNER:
-        least = latinpc.rounding_floor(snes)
-        notices.append(f"the requested error is below the rounding error of this structure, about {least:.0e}")
-    if snes.getType() == "latin" and reason < 0:
-        notices += _causes(snes, scene)
-    if snes.getType() == "ksponly" and (scene.law != Law.BAR).any():
-        notices.append(
-            "ksponly makes one linear step: it does not follow cables and compression-only links that slacken"
-        )
-    return notices
-
-
-def _turned(structure, scene, displacements):
-    """Return a sentence where links turn, or nodes move, further than small displacements allow."""
-    if structure.geometry == "large" or not np.isfinite(displacements).all():
-        return []
-    drawn = np.diff(scene.nodes[scene.links], axis=1)[:, 0]
-    moved = drawn + np.diff(displacements[scene.links], axis=1)[:, 0]
-    lengths = np.linalg.norm(drawn, axis=1) * np.linalg.norm(moved, axis=1)
-    cosine = np.einsum("ij,ij->i", drawn, moved)[lengths > 0.0] / lengths[lengths > 0.0]
-    angle = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)).max(initial=0.0))
-    part = np.linalg.norm(displacements, axis=1).max() / np.linalg.norm(np.ptp(scene.nodes, axis=0))
-    if angle <= TURNED and part <= MOVED:
-        return []
-    return [
-        f"links turn by up to {angle:.2g} degrees, and nodes move by {part:.2g} of the size of the structure: small"
-        " displacements do not hold; take -snes_latin_geometry large"
-    ]
+    result.report.update(plain(report))
+    return result
 
 
 def _ramp(scene, structure, snes, u, increments, keeper):
@@ -250,27 +152,3 @@ def _ramp(scene, structure, snes, u, increments, keeper):
             keeper.step(snes, k, counts, u)
             keeper.check()
     return counts
-
-
-def _causes(snes, scene):
-    """Return sentences on why a solve has not converged, where the links show it."""
-    (jammed, links), (unsupported, nodes, distance) = _latin.jammed_links(snes), _latin.unsupported_nodes(snes)
-
-    def listed(count, numbers):
-        return ", ".join(map(str, numbers)) + (" and others" if count > len(numbers) else "")
-
-    if jammed:
-        return [f"no equilibrium: the gaps of the rigid links {listed(jammed, links)} are incompatible"]
-    if unsupported and np.isinf(distance):
-        return [f"no equilibrium: slack links no longer hold nodes {listed(unsupported, nodes)}"]
-    if unsupported:
-        text = "their loads are small beside the stiffness of the links that stop them, or there is no equilibrium"
-        return [f"slack links do not hold nodes {listed(unsupported, nodes)} yet: {text}"]
-    if (scene.law == Law.FRICTION).any():
-        return ["contacts with friction: neither an equilibrium nor convergence is certain"]
-    return []
-
-
-def _slack_fraction(scene, tensions):
-    unilateral = np.count_nonzero(np.isin(scene.law, UNILATERAL))
-    return np.count_nonzero(slack(scene, tensions)) / unilateral if unilateral else 0.0

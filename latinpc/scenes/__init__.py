@@ -6,6 +6,7 @@ import inspect
 from collections.abc import Callable
 
 from .arch import arch
+from .case import Case
 from .chain import chain
 from .hung_truss import hung_truss
 from .impact import bouncing_chain, impact_grid, impact_tower
@@ -59,6 +60,7 @@ def make(name: str, **options) -> Scene:
 
 __all__ = [
     "SCENES",
+    "Case",
     "Law",
     "Scene",
     "arch",

@@ -32,7 +32,7 @@ from petsc4py import PETSc
 
 from latinpc.bench.peers.launch import THREADS
 from latinpc.files.npz import save_scene
-from latinpc.scenes.mechanics import errors
+from latinpc.results.mechanics import errors
 
 from . import catalogue, matrices, motions, rigid
 from .case import ACCURACY, Case

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from latinpc.laws import Law
-from latinpc.scenes.mechanics import elongations
+from latinpc.results.mechanics import elongations
 
 
 def missed(scene, u, tensions):

@@ -8,7 +8,7 @@ import numpy as np
 from petsc4py import PETSc
 
 from latinpc.laws import Law
-from latinpc.scenes.mechanics import elongations
+from latinpc.results.mechanics import elongations
 
 from .case import ACCURACY
 from .exact import solve_exactly

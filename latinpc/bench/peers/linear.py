@@ -9,8 +9,8 @@ import numpy as np
 from petsc4py import PETSc
 
 from latinpc.laws import Law
-from latinpc.runs.report import reason_name
-from latinpc.scenes.mechanics import errors
+from latinpc.results.mechanics import errors
+from latinpc.results.report import reason_name
 from latinpc.structure import Structure
 
 LEAST = 1e-13  # relative norm at which a calibration ends

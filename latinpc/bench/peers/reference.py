@@ -7,7 +7,7 @@ import time
 import numpy as np
 from petsc4py import PETSc
 
-from latinpc.runs.options import default_options
+from latinpc.options import default_options
 from latinpc.runs.reference import direct_solver, reference_solution
 from latinpc.structure import Structure
 

@@ -17,9 +17,9 @@ import numpy as np
 from petsc4py import PETSc
 
 import latinpc
-from latinpc.runs.options import default_options
-from latinpc.runs.report import snes_reason
-from latinpc.scenes.mechanics import errors
+from latinpc.options import default_options
+from latinpc.results.mechanics import errors
+from latinpc.results.report import snes_reason
 from latinpc.structure import Structure
 
 from . import METHODS, linear

@@ -17,7 +17,7 @@ from petsc4py import PETSc  # noqa: E402
 
 import latinpc  # noqa: E402
 from latinpc.files.npz import load_scene  # noqa: E402
-from latinpc.scenes.mechanics import errors  # noqa: E402
+from latinpc.results.mechanics import errors  # noqa: E402
 
 from . import run  # noqa: E402
 from .reference import by_latin, by_newton  # noqa: E402

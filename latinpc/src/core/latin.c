@@ -162,8 +162,8 @@ static PetscErrorCode LatinSetUpStages_Private(Latin latin)
 }
 
 /*
-   Builds what has changed since the last call: everything for a matrix, new links or laws; right-hand sides for new loads
-   and initial elongations. Collective on latin.
+   Builds what has changed since the last call: everything for a matrix, new links or laws; right-hand sides for new loads,
+   initial elongations and prescribed displacements. Collective on latin.
 */
 PetscErrorCode LatinSetUp_Private(Latin latin)
 {
@@ -181,12 +181,18 @@ PetscErrorCode LatinSetUp_Private(Latin latin)
     PetscCall(LatinSetUpVariant_Private(latin));
     PetscCall(LatinSetUpStages_Private(latin));
     PetscCall(PetscLogEventEnd(LATIN_SetUp, latin, 0, 0, 0));
-  } else if (latin->load_state != structure->load_state || latin->e0_state != structure->e0_state) PetscCall(LatinSubdomainsRefresh(&latin->sub));
-  else PetscFunctionReturn(0);
+  } else {
+    const PetscBool held = (PetscBool)(latin->held_state != structure->held_state);
+
+    if (!held && latin->load_state == structure->load_state && latin->e0_state == structure->e0_state) PetscFunctionReturn(0);
+    PetscCall(LatinSubdomainsRefresh(&latin->sub));
+    if (held) PetscCall(LatinSFBcast_Private(latin->sub.node_sf, latin->sub.dim, MPIU_REAL, structure->prescribed, latin->sub.prescribed));
+  }
   if (structure) {
     PetscCall(LatinLinearSetLoads(&latin->linear, structure->load));
     latin->load_state = structure->load_state;
     latin->e0_state   = structure->e0_state;
+    latin->held_state = structure->held_state;
   }
   latin->set_up          = PETSC_TRUE;
   latin->stale           = PETSC_FALSE;

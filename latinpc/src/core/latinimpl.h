@@ -26,8 +26,8 @@ struct _p_Latin {
   PetscReal             tuning;       /* search parameters of rigid links that are chosen here are so many times those of structure/rigidlaws.c */
   PetscObjectState      tuning_state; /* of the structure then */
   PetscBool             set_up;
-  PetscBool             stale;                                 /* options have changed since the set-up */
-  PetscObjectState      load_state, e0_state, structure_state; /* of the structure when it was last looked at */
+  PetscBool             stale;                                             /* options have changed since the set-up */
+  PetscObjectState      load_state, e0_state, held_state, structure_state; /* of the structure when it was last looked at */
 };
 
 /* ---- core/latin.c ---- */

@@ -76,7 +76,7 @@ static PetscErrorCode LatinMechanismReport_Private(Latin latin, const PetscReal 
   const LatinSubdomains *sub  = &latin->sub;
   PetscReal             *size = NULL, largest = 0.0, least = 1.0, most = 1.0;
   char                   names[256] = "", doubt[256]   = "";
-  PetscInt               list[LATIN_MOVED_MOST], named = 0;
+  PetscInt               list[LATIN_MOVED_MOST], named = 0, dim = 0, nodes = 0, free = 0;
   PetscBool              held = PETSC_FALSE;
   size_t                 used = 0;
 
@@ -95,6 +95,8 @@ static PetscErrorCode LatinMechanismReport_Private(Latin latin, const PetscReal 
     PetscCall(PetscSNPrintf(names + used, sizeof(names) - used, "%s%" PetscInt_FMT, i ? ", " : "", list[i]));
     PetscCall(PetscStrlen(names, &used));
   }
+  if (sub->structure) PetscCall(LatinStructureGetSizes(sub->structure, &dim, &nodes, NULL, &free));
+  LatinAgree(PetscObjectComm((PetscObject)latin), nodes && free == dim * nodes, PETSC_ERR_MAT_CH_ZRPVT, "Nothing is supported: no displacement of any node is prescribed, so that the structure moves as a whole. Prescribe displacements");
   /* soft links count as none beside links that are stiffer by more than the digits of a number */
   if (sub->structure) PetscCall(LatinStructureStiffnessRange_Private(sub->structure, &least, &most));
   if (LATIN_MECHANISM * most > LATIN_DOUBT * least) PetscCall(PetscSNPrintf(doubt, sizeof(doubt), ", or only such links as rounding hides: stiffnesses differ by a factor of %.0e (from %g to %g)", (double)(most / least), (double)least, (double)most));

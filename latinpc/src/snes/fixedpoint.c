@@ -205,7 +205,8 @@ static PetscErrorCode SNESLatinGuess_Private(SNES snes, Vec u, Vec z)
 /* The state to start from: that of the last solve, or one step further in the same direction; that of the user's displacements; the prestressed configuration */
 PetscErrorCode SNESLatinStart_Private(SNES snes)
 {
-  SNES_Latin *data = (SNES_Latin *)snes->data;
+  SNES_Latin            *data = (SNES_Latin *)snes->data;
+  const LatinSubdomains *sub  = &data->latin->sub;
 
   PetscFunctionBegin;
   if (!data->warm || !data->has_state) {
@@ -214,6 +215,8 @@ PetscErrorCode SNESLatinStart_Private(SNES snes)
     data->has_before = PETSC_FALSE;
     PetscFunctionReturn(0);
   }
+  for (PetscInt i = 0; i < sub->bs * sub->copies; i++) /* prescribed ones may have changed since */
+    if (sub->fixed[i]) data->latin->linear.U[i] = sub->prescribed[i];
   if (data->warm == LATIN_WARM_START_LAST) PetscFunctionReturn(0);
   if (!data->z_before) PetscCall(VecDuplicate(data->z, &data->z_before));
   if (data->has_before) { /* 2 z - z_before, and z_before takes the place of z */

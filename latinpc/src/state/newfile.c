@@ -5,7 +5,7 @@
 #include <unistd.h>
 
 /*
-   A new file that takes the place of an older one in one step, once all of it is on the disk; latinpc/files/atomic.py
+   A new file that takes the place of an older one in one step, once all of it is on the disk; latinpc/results/atomic.py
    writes results alike. It is written in the same folder under a name of its own, which is the same each time: what a
    killed run leaves is gone with the next state. A lock, which no killed run leaves, keeps other runs away from it.
 

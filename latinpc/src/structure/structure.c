@@ -279,10 +279,32 @@ PetscErrorCode LatinStructureSetSupports(LatinStructure structure, const PetscBo
 
   PetscFunctionBegin;
   PetscValidHeaderSpecific(structure, LATIN_STRUCTURE_CLASSID, 1);
-  PetscCheck(!structure->set_up, PetscObjectComm((PetscObject)structure), PETSC_ERR_ORDER, "Supports must be given before LatinStructureSetUp()");
-  for (PetscInt i = 0; i < dim * structure->nodes_local; i++) structure->prescribed[i] = fixed[i] && prescribed ? prescribed[i] : 0.0;
-  PetscCall(LatinCheckNumbers_Private(PetscObjectComm((PetscObject)structure), "Node", structure->nodes_start, structure->nodes_local, dim, structure->prescribed, PETSC_TRUE, "a prescribed displacement"));
+  PetscCheck(!structure->set_up, PetscObjectComm((PetscObject)structure), PETSC_ERR_ORDER, "Supports must be given before LatinStructureSetUp(); LatinStructureSetPrescribed() changes their displacements after it");
   PetscCall(PetscArraycpy(structure->fixed, fixed, dim * structure->nodes_local));
+  PetscCall(LatinStructureSetPrescribed(structure, prescribed));
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  LatinStructureSetPrescribed - Changes the displacements prescribed by `LatinStructureSetSupports()`: settlements.
+
+  Collective on structure; may be called again after `LatinStructureSetUp()`, no operator is rebuilt for it
+
+  Input Parameter:
+. prescribed - [nodes_local][dim] lengths, ignored where the displacement is free, or NULL for zero
+
+  Level: intermediate
+@*/
+PetscErrorCode LatinStructureSetPrescribed(LatinStructure structure, const PetscReal prescribed[])
+{
+  const PetscInt dim = structure->dim;
+
+  PetscFunctionBegin;
+  PetscValidHeaderSpecific(structure, LATIN_STRUCTURE_CLASSID, 1);
+  for (PetscInt i = 0; i < dim * structure->nodes_local; i++) structure->prescribed[i] = structure->fixed[i] && prescribed ? prescribed[i] : 0.0;
+  PetscCall(LatinCheckNumbers_Private(PetscObjectComm((PetscObject)structure), "Node", structure->nodes_start, structure->nodes_local, dim, structure->prescribed, PETSC_TRUE, "a prescribed displacement"));
+  structure->held_state++;
+  if (structure->set_up) PetscCall(LatinSFBcast_Private(structure->vertex_sf, dim, MPIU_REAL, structure->prescribed, structure->vertex_prescribed));
   PetscFunctionReturn(0);
 }
 

@@ -52,8 +52,8 @@ struct _p_LatinStructure {
   PetscReal       *vertex_prescribed; /* [vertices][dim] */
   PetscReal       *e0;                /* [links_local] */
   DM               dm;
-  Vec              load;                 /* F at free dofs, DM global vector */
-  PetscObjectState load_state, e0_state; /* counted up at each change, so that a solver sees what to rebuild */
+  Vec              load;                             /* F at free dofs, DM global vector */
+  PetscObjectState load_state, e0_state, held_state; /* counted up at each change, so that a solver sees what to rebuild */
   /* dynamics (structure/timestep.c), NULL in statics */
   PetscReal       *mass;       /* [nodes_local] */
   Vec              inertia;    /* M at free dofs */

@@ -6,15 +6,12 @@ cables and compression-only links have a colour of their own.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import matplotlib
 import numpy as np
 from matplotlib.lines import Line2D
 from PIL import Image
 
 from latinpc.laws import Law
-from latinpc.scenes.mechanics import slack
 
 from .atomic import atomic
 from .drawing import (
@@ -29,6 +26,7 @@ from .drawing import (
     plane_points,
     save,
 )
+from .mechanics import slack
 from .units import scaled
 
 SLACK_COLOUR = "#c800a1"
@@ -44,32 +42,35 @@ def round_factor(value):
 
 
 def draw_structure(scene, displacements, tensions, subdomain=None, path="structure.png", amplification=None):
+    """Draw a `structure_figure` into a ``.png``, ``.pdf`` or ``.svg`` file, replaced only once it is complete."""
+    save(structure_figure(scene, displacements, tensions, subdomain, amplification), path)
+
+
+def structure_figure(scene, displacements, tensions, subdomain=None, amplification=None, figure=None):
     """Draw the deformed structure with the forces in its links, and its subdomains.
 
     Parameters
     ----------
-    scene : Scene
+    scene : Scene or Structure
     displacements : (n, dim) array
         In m.
     tensions : (m,) array
         In N, compression negative.
     subdomain : (m,) array of int, optional
         Subdomain of each link, drawn in a corner.
-    path : str or path-like
-        A ``.png``, ``.pdf`` or ``.svg`` file, replaced only once it is complete.
     amplification : float, optional
         Of the displacements; by default a round number that makes them visible.
+    figure : matplotlib.figure.Figure, optional
+        To draw into; a new one when not given.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
     """
     tensions = np.asarray(tensions, dtype=float)
-    seen = _along(scene)
-    if not seen.all():  # what acts across the line between its nodes is no line to draw
-        names = ("links", "law", "stiffness", "initial_elongation", "direction", "friction", "subdomain")
-        given = {name: getattr(scene, name)[seen] for name in names if getattr(scene, name) is not None}
-        if scene.subdomain is not None:
-            given["subdomain"] = None
-        scene = replace(scene, **given)
-        tensions = tensions[seen]
-        subdomain = None if subdomain is None else np.asarray(subdomain)[seen]
+    seen = _along(scene)  # what acts across the line between its nodes is no line to draw
+    law, ends, loose = scene.law[seen], scene.links[seen], slack(scene, tensions)[seen]
+    tensions, subdomain = tensions[seen], None if subdomain is None else np.asarray(subdomain)[seen]
     nodes, moved = plane_points(scene.nodes), plane_points(np.asarray(displacements, dtype=float))
     if scene.dim == 1:
         moved[:, 1] = 0.0
@@ -78,9 +79,9 @@ def draw_structure(scene, displacements, tensions, subdomain=None, path="structu
     if amplification is None:
         amplification = round_factor(0.08 * span / largest) if largest > 0 else 1.0
     shape = nodes + amplification * moved
-    three, few = nodes.shape[1] == 3, len(scene.links) <= MANY_LINKS
+    three, few = nodes.shape[1] == 3, len(law) <= MANY_LINKS
 
-    figure = new_figure(12.0, 7.2)
+    figure = new_figure(12.0, 7.2) if figure is None else figure
     both = np.vstack([nodes, shape])
     if three:
         axes = axes_3d(figure, [0.0, 0.0, 0.80, 0.93], both)
@@ -88,20 +89,20 @@ def draw_structure(scene, displacements, tensions, subdomain=None, path="structu
         axes = axes_2d(figure, [0.07, 0.08, 0.66, 0.83], both)
     label_axes(figure, axes)
     if few:
-        draw_links(axes, nodes[scene.links], [GHOST_COLOUR], 0.5, zorder=1)
+        draw_links(axes, nodes[ends], [GHOST_COLOUR], 0.5, zorder=1)
         _draw_supports(axes, scene, shape)
-    _draw_forces(figure, axes, scene, shape[scene.links], tensions)
+    _draw_forces(figure, axes, law, loose, shape[ends], tensions)
     if subdomain is not None and np.max(subdomain) > 0:
-        _draw_subdomains(figure, nodes[scene.links], np.asarray(subdomain), three)
+        _draw_subdomains(figure, nodes[ends], subdomain, three)
     divisor, unit = scaled(largest, "m")
     figure.text(0.02, 0.955, scene.name, fontsize=14, weight="bold")
     figure.text(
         0.98, 0.958,
-        f"{len(scene.links):,} links · largest displacement {largest / divisor:.3g} {unit}"
+        f"{len(law):,} links · largest displacement {largest / divisor:.3g} {unit}"
         + (f", drawn × {amplification:g}" if largest > 0 else ""),
         fontsize=10, ha="right",
     )  # fmt: skip
-    save(figure, path)
+    return figure
 
 
 def draw_motion(motion, path, amplification=1.0, seconds=0.06):
@@ -168,10 +169,9 @@ def _draw_supports(axes, scene, shape):
         axes.scatter(*held.T, zorder=3, **style)
 
 
-def _draw_forces(figure, axes, scene, segments, tensions):
+def _draw_forces(figure, axes, law, loose, segments, tensions):
     """Draw the links coloured by force, with the colour bars and the legend."""
-    bar = scene.law == Law.BAR
-    loose = slack(scene, tensions)
+    bar = law == Law.BAR
     push, pull = np.maximum(-tensions, 0.0), np.maximum(tensions, 0.0)
     divisor, unit = scaled(max(push.max(), pull.max()), "N")
     colours = np.where(
@@ -183,7 +183,7 @@ def _draw_forces(figure, axes, scene, segments, tensions):
     thin = float(np.clip(45.0 / np.sqrt(len(tensions)), 0.28, 1.3))
     widths = np.where(bar, 2.0 * thin, thin)
     widths[loose] = 1.25 * thin
-    touch = np.isin(scene.law, (Law.CONTACT, Law.FRICTION))  # chains of force: as wide as they are strong
+    touch = np.isin(law, (Law.CONTACT, Law.FRICTION))  # chains of force: as wide as they are strong
     widths[touch] = 6.0 * thin * push[touch] / max(push.max(), 1e-300)
     dashed = len(tensions) <= MANY_LINKS
     wide = widths > 0.0  # dashes are as long as lines are wide: PDF and SVG know none of no length
@@ -199,12 +199,12 @@ def _draw_forces(figure, axes, scene, segments, tensions):
     keys = []
     if bar.any():
         keys.append(Line2D([], [], color="#555555", linewidth=2.6, label="bar"))
-    for law, name in (
+    for kind, name in (
         (Law.CABLE, "cable"),
         (Law.COMPRESSION_ONLY, "compression-only link"),
         (Law.INEXTENSIBLE, "inextensible cable"),
     ):
-        chosen = scene.law == law
+        chosen = law == kind
         if chosen.any():
             keys.append(Line2D([], [], color="#555555", linewidth=1.1, label=name))
             share = 100.0 * loose[chosen].mean()

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from latinpc.files.units import quantity
 from latinpc.laws import UNILATERAL, Law
+
+from .units import quantity, scaled
 
 #: Parts of `latinpc.digits`, in the words of the summary
 DIGITS = {"unbalance": "unbalance", "rounding": "rounding", "places": "coordinates", "values": "other data"}
@@ -13,13 +14,19 @@ DIGITS = {"unbalance": "unbalance", "rounding": "rounding", "places": "coordinat
 
 def summary(result):
     """Return the summary of a solve, as lines of (label, text)."""
-    scene, report = result.scene, result.report
+    scene, report = result.structure, result.report
     laws = ", ".join(
         f"{count:,} {law.plural if count != 1 else law.name.lower()}"
         for law in Law
         if (count := int(np.count_nonzero(scene.law == law)))
     )
-    lines = [("structure", f"{len(scene.nodes):,} nodes, {report['links']:,} links ({laws}) in {scene.dim}D")]
+    made = report.get("scene_options", {})
+    lines = [("file", f"{made['file']}: {'; '.join(made['notes'])}")] if made.get("notes") else []
+    lines.append(("structure", f"{len(scene.nodes):,} nodes, {report['links']:,} links ({laws}) in {scene.dim}D"))
+    if report.get("load_cases"):
+        lines.append(
+            ("load cases", f"{report['load_cases']}, none of them acts here: latinpc cases solves all, --case one")
+        )
     ranks = f"{report['ranks']} rank{'s' if report['ranks'] > 1 else ''}"
     lines.append(("unknowns", f"{report['free_dofs']:,} free of {report['dofs']:,}, on {ranks}"))
     if report["subdomains"]:
@@ -33,26 +40,27 @@ def summary(result):
         )
     measured = f", indicator {report['indicator']:.1e}" if report["indicator"] is not None else ""
     lines.append(("solver", f"{report['solver']}: {report['iterations']} iterations, {report['reason']}{measured}"))
-    lines.append(("accuracy", _accuracy(scene, report)))
-    if report["error_l2"] is not None:
+    lines.append(("accuracy", _accuracy(scene, result)))
+    if report.get("error_l2") is not None:
         energy = f", {report['error_energy']:.1e} (energy)" if report["error_energy"] is not None else ""
         lines.append(("error", f"{report['error_l2']:.1e} (l2){energy} against Newton's method"))
-    if report["digits"] is not None:
+    if report.get("digits") is not None:
         lines.append(("digits", _digits(report["digits"])))
     lines += _mechanics(scene, result)
-    memory = quantity(report["peak_memory_bytes"], "B")
-    seconds = [quantity(report[key], "s") for key in ("setup_seconds", "solve_seconds")]
-    lines.append(("time", f"set-up {seconds[0]}, solve {seconds[1]}; memory {memory}"))
+    if "setup_seconds" in report:
+        memory = quantity(report["peak_memory_bytes"], "B")
+        seconds = [quantity(report[key], "s") for key in ("setup_seconds", "solve_seconds")]
+        lines.append(("time", f"set-up {seconds[0]}, solve {seconds[1]}; memory {memory}"))
     return lines
 
 
-def _accuracy(scene, report):
+def _accuracy(scene, result):
     """Return the estimated error, where there is one, and what is without balance beside the loads."""
-    parts = []
+    parts, report = [], result.report
     if report["estimated_error"] is not None:
-        norm = "energy" if report["options"].get("snes_latin_stop") == "energy" else "l2"
+        norm = "energy" if report.get("options", {}).get("snes_latin_stop") == "energy" else "l2"
         parts.append(f"estimated error {report['estimated_error']:.1e} ({norm})")
-    loads = np.linalg.norm(scene.load[~scene.fixed])
+    loads = np.linalg.norm(result.load[~scene.fixed])
     parts.append(
         f"forces without balance {report['residual_norm'] / loads:.1e} of the loads"
         if loads > 0.0
@@ -75,8 +83,12 @@ def _mechanics(scene, result):
         return [("displacement", "the last iterate is not finite")]
     node = int(size.argmax())
     place = ", ".join(f"{value:.4g}" for value in scene.nodes[node])
-    vector = ", ".join(f"{value:.3g}" for value in result.displacements[node] * 1e3)
-    lines = [("displacement", f"largest {quantity(size[node], 'm')} at ({place}) m: ({vector}) mm")]
+    lines = [
+        (
+            "displacement",
+            f"largest {quantity(size[node], 'm')} at ({place}) m: {_vector(result.displacements[node], 'm')}",
+        )
+    ]
     low, high = result.tensions.min(), result.tensions.max()
     text = f"from {quantity(low, 'N')} to {quantity(high, 'N')} (compression negative)"
     if np.isin(scene.law, UNILATERAL).any():
@@ -85,7 +97,43 @@ def _mechanics(scene, result):
         text += (
             f"; {share} of the contacts open" if touch else f"; {share} of the cables and compression-only links slack"
         )
-    return [*lines, ("tension", text)]
+    lines += [("tension", text), *_reactions(scene, result)]
+    return lines + _stresses(result)
+
+
+def _stresses(result):
+    """Return lines on the largest stress and utilisation, where areas and strengths are known."""
+    lines = []
+    if result.stress is not None and not np.isnan(result.stress).all():
+        link = int(np.nanargmax(np.abs(result.stress)))
+        lines.append(("stress", f"largest {quantity(result.stress[link], 'Pa')} in link {link}"))
+    if result.utilisation is not None and not np.isnan(result.utilisation).all():
+        link, over = int(np.nanargmax(result.utilisation)), int(np.count_nonzero(result.utilisation > 1.0))
+        text = f"; above 100 % in {over:,} link{'s' if over > 1 else ''}" if over else ""
+        lines.append(("utilisation", f"largest {100 * result.utilisation[link]:.3g} % in link {link}{text}"))
+    return lines
+
+
+def _reactions(scene, result):
+    """Return lines on the forces of the supports, and on their balance with the loads."""
+    if not scene.fixed.any():
+        return []
+    size = np.linalg.norm(result.reactions, axis=1)
+    node, balance = int(size.argmax()), result.balance
+    sums = f"sum {_vector(balance.reaction, 'N')}, of the loads {_vector(balance.load, 'N')}"
+    moment = f", moment {balance.moment:.1g}" if scene.dim > 1 else ""
+    return [
+        ("reactions", f"{sums}; largest {quantity(size[node], 'N')} at node {node}"),
+        ("balance", f"loads + reactions: force {balance.force:.1g}{moment} of the loads"),
+    ]
+
+
+def _vector(values, unit):
+    """Return a vector in a readable unit; what rounding leaves beside its largest component is zero."""
+    largest = np.abs(values).max()
+    divisor, scaled_unit = scaled(largest, unit)
+    shown = np.where(np.abs(values) > 1e-6 * largest, values / divisor, 0.0)
+    return f"({', '.join(f'{value:.3g}' for value in shown)}) {scaled_unit}"
 
 
 def summary_of_motion(result):

@@ -8,12 +8,14 @@ import pathlib
 import meshio
 import numpy as np
 
-from latinpc.scenes.mechanics import elongations, slack
-
 from .atomic import atomic, follow
+from .mechanics import elongations, slack
 
 
-def write_vtu(path, scene, displacements, tensions, subdomain=None, node_class=None, velocities=None):
+def write_vtu(
+    path, scene, displacements, tensions, subdomain=None, node_class=None, velocities=None, *, load=None,
+    reactions=None, stress=None, utilisation=None,
+):  # fmt: skip
     """Write a solved structure for ParaView.
 
     Not collective: call it on one rank, with whole arrays in the scene's numbering.
@@ -22,7 +24,7 @@ def write_vtu(path, scene, displacements, tensions, subdomain=None, node_class=N
     ----------
     path : str or path-like
         A ``.vtu`` file; it is replaced only once it is completely written.
-    scene : Scene
+    scene : Scene or Structure
     displacements : (n, dim) array
         In m.
     tensions : (m,) array
@@ -33,6 +35,12 @@ def write_vtu(path, scene, displacements, tensions, subdomain=None, node_class=N
         0 interior, 1 strong interface, 2 weak interface, 3 corner; -1 where not given.
     velocities : (n, dim) array, optional
         In m/s.
+    load : (n, dim) array, optional
+        In N, that of the scene when not given.
+    reactions : (n, dim) array, optional
+        In N.
+    stress, utilisation : (m,) array, optional
+        Tension over area (Pa), and its size over the strength.
     """
     n, m = len(scene.nodes), len(scene.links)
 
@@ -44,15 +52,17 @@ def write_vtu(path, scene, displacements, tensions, subdomain=None, node_class=N
     def whole_numbers(array, size):
         return np.full(size, -1, dtype=np.int64) if array is None else np.asarray(array, dtype=np.int64)
 
+    nodal = {"velocity": velocities, "reaction": reactions}
+    of_links = {"stress": stress, "utilisation": utilisation}
     mesh = meshio.Mesh(
         in_space(scene.nodes),
         [("line", np.asarray(scene.links, dtype=np.int64))],
         point_data={
             "displacement": in_space(displacements),
-            "load": in_space(scene.load),
+            "load": in_space(scene.load if load is None else load),
             "fixed": in_space(scene.fixed),
             "interface_class": whole_numbers(node_class, n),
-            **({} if velocities is None else {"velocity": in_space(velocities)}),
+            **{name: in_space(values) for name, values in nodal.items() if values is not None},
         },
         cell_data={
             "tension": [np.asarray(tensions, dtype=float)],
@@ -60,6 +70,7 @@ def write_vtu(path, scene, displacements, tensions, subdomain=None, node_class=N
             "slack": [slack(scene, tensions).astype(np.int64)],
             "law": [whole_numbers(scene.law, m)],
             "subdomain": [whole_numbers(subdomain, m)],
+            **{name: [np.asarray(values, dtype=float)] for name, values in of_links.items() if values is not None},
         },
     )
     with atomic(path) as temporary:

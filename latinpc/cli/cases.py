@@ -1,0 +1,109 @@
+"""``latinpc cases``: solve all load cases of a file on one set-up; a table, the envelope, a picture of it."""
+
+from __future__ import annotations
+
+import sys
+
+import click
+import numpy as np
+
+from latinpc.laws import UNILATERAL
+from latinpc.results.atomic import check_writable
+from latinpc.results.units import quantity
+from latinpc.runs.cases import solve_cases
+
+from .printing import open_console, print_lines, print_table, progress, write_json
+from .ranks import NOT_CONVERGED, on_root
+from .scenes import SceneCommand, open_scene, scene_options
+
+MOST_SLACK = 8  # links that are listed
+
+
+@click.command("cases", cls=SceneCommand)
+@click.argument("scene", metavar="FILE")
+@scene_options
+@click.option("--json", "json_file", metavar="FILE", help="Write the report; '-' prints it and nothing else.")
+@click.option("--csv", "csv_file", metavar="FILE.csv", help="Write lowest and highest force of each link, slack cases.")
+@click.option("--picture", metavar="FILE.png", help="Draw the envelope: greatest tension, greatest compression.")
+@click.option("--quiet", is_flag=True, help="Print only notices and errors.")
+@click.pass_obj
+def cases(comm, scene, json_file, csv_file, picture, quiet, **options):
+    """Solve the load cases of a file.
+
+    They are the tables [[case]] of the TOML file beside it. One set-up serves all; slack links are found for each case.
+    The exit code is 0 when all cases have converged.
+    """
+    alone = json_file == "-"
+    quiet = quiet or alone
+    files = ((None if alone else json_file, None), (csv_file, (".csv",)), (picture, (".png", ".pdf", ".svg")))
+    scene = on_root(comm, _prepare, scene, files, options)
+    with progress(comm, quiet) as say:
+        result = solve_cases(
+            scene,
+            subdomains=options["subdomains"] if scene.subdomain is None else None,
+            each_case=None if say is None else lambda number, name: say(f"{scene.name}: case {number + 1}, {name}"),
+        )
+    on_root(comm, _write, result, json_file, csv_file, picture)
+    if comm.rank == 0:
+        for notice in result.notices:
+            print(f"latinpc: {notice}", file=sys.stderr)
+        if not quiet:
+            _print(result, [path for path, _ in files if path is not None])
+        if not result.converged:
+            bad = [f"{case['name']}: {case['reason']}" for case in result.report["cases"] if not case["converged"]]
+            print(f"latinpc: not converged: {'; '.join(bad)}", file=sys.stderr)
+    return 0 if result.converged else NOT_CONVERGED
+
+
+def _prepare(scene, files, options):
+    """Refuse results that could not be written, and open the scene; on one rank."""
+    for path, suffixes in files:
+        if path is not None:
+            check_writable(path, suffixes)
+    if options["case"] is not None:
+        raise ValueError("--case is for latinpc solve; latinpc cases solves all")
+    return open_scene(scene, options)
+
+
+def _write(result, json_file, csv_file, picture):
+    """Write the files; on one rank."""
+    if json_file is not None:
+        write_json(json_file, result.report)
+    if csv_file is not None or picture is not None:
+        from latinpc.results.envelope import draw_envelope, write_envelope
+
+        if csv_file is not None:
+            write_envelope(csv_file, result)
+        if picture is not None and any(case["converged"] for case in result.report["cases"]):
+            draw_envelope(result, picture)
+
+
+def _print(result, written):
+    """Print the table of the cases, and the envelope."""
+    header = ["case", "stages", "displacement", "lowest", "highest", "slack", ""]
+    rows = [
+        [case["name"], str(case["iterations"]), quantity(case["displacement"], "m"), quantity(case["lowest"], "N"),
+         quantity(case["highest"], "N"), f"{case['slack']:,}", "" if case["converged"] else case["reason"]]
+        for case in result.report["cases"]
+    ]  # fmt: skip
+    scene = result.scene
+    count = f"{len(rows)} load case{'s' if len(rows) != 1 else ''}"
+    title = f"{scene.name}: {count}, {len(scene.nodes):,} nodes, {len(scene.links):,} links"
+    print_table(title, (header, rows), left=(0, -1))
+    lowest, highest, low, high = result.envelope()
+    lines = []
+    for label, forces, case, extreme in (("highest", highest, high, np.argmax), ("lowest", lowest, low, np.argmin)):
+        if np.isfinite(forces).all():
+            link = int(extreme(forces))
+            ends = " to ".join(f"({', '.join(f'{x:.4g}' for x in scene.nodes[end])})" for end in scene.links[link])
+            extreme_case = result.names[case[link]]
+            lines.append((label, f"{quantity(forces[link], 'N')} in case {extreme_case}: link {link}, {ends} m"))
+    often = result.slack_cases()
+    if np.isin(scene.law, UNILATERAL).any():
+        worst = [link for link in np.argsort(-often, kind="stable")[:MOST_SLACK] if often[link]]
+        listed = ", ".join(f"{link} ({often[link]})" for link in worst)
+        count = np.count_nonzero(often)
+        lines.append(("slack", f"{count:,} links in some case" + (f"; most often (cases): {listed}" if worst else "")))
+    lines.append(("time", f"one set-up and all solves {quantity(result.report['seconds'], 's')}"))
+    lines += [("written", ", ".join(map(str, written)))] if written else []
+    print_lines(open_console(), "envelope", lines)

@@ -1,0 +1,392 @@
+"""Read a structure from a file of an engineer: Gmsh, CSV, DXF, OBJ, compas, OpenSees.
+
+A TOML file of the same stem beside it says what its groups are, in SI units throughout. A group is a physical group
+of Gmsh, a layer of a DXF file, a ``g`` or ``o`` of an OBJ file, a name in the column ``group`` of a CSV file. All
+lines are the group ``lines`` of an OBJ file without groups, ``edges`` of a compas file, ``members`` of CSV files,
+``truss`` of OpenSees::
+
+    dim = 3                              # optional; a flat structure is 2D, one along x is 1D
+
+    [laws.chords]                        # group of lines
+    law = "bar"                          # bar | cable | compression_only | inextensible | contact | friction | table
+    EA = 2.1e8                           # N, stiffness EA / length;  or: stiffness = 1e7 (N/m)
+    area = 1e-3                          # m2, optional: results have stresses
+    strength = 235e6                     # Pa, optional, with area: results have utilisations
+
+    [laws.bracing]
+    law = "cable"
+    EA = 2.3e7
+    prestress = 5e3                      # N, before loading;  or: initial_elongation = 1e-3 (m),
+                                         # the elongation e0;  or: strain = 1e-4
+    [laws.hangers]
+    law = "inextensible"                 # rigid laws have no EA; stiffness is then the search parameter, optional
+    [laws.bearings]
+    law = "friction"                     # contact with Coulomb friction; law = "contact": without
+    coefficient = 0.3
+    gap = 1e-3                           # m, optional
+    normal = [0.0, 1.0, 0.0]             # optional; by default along the line
+    [laws.dampers]
+    law = "table"                        # piecewise linear: pairs of e + e0 (m) and tension (N)
+    table = [[-0.1, -5e3], [0.0, 0.0], [0.1, 5e3], [0.2, 5e3]]
+
+    [supports.abutments]                 # group of points or lines
+    fix = ["x", "y", "z"]                # optional; all directions
+    displacement = [0.0, 0.0, -0.01]     # m, optional
+
+    [loads.deck]
+    force = [0.0, 0.0, -1e4]             # N on each node
+
+    [loads.chords]
+    line = [0.0, 0.0, -785.0]            # N/m along each line, half of it to either end: the weight of the chords
+
+    [loads.crowd]                        # or the nodes in a box
+    box = [[0, 0, 0], [8, 2, 0]]
+    force = [0.0, 0.0, -5e3]
+
+    [loads.wind]                         # or those where conditions hold
+    where = "x=min,z>0"
+    force = [2e3, 0.0, 0.0]
+
+    [masses.deck]                        # for motions: kg on each node
+    mass = 50.0
+    [masses.chords]                      # or kg/m along each line, half of it to either end
+    line = 12.0
+
+    [velocities.deck]
+    velocity = [0.0, 0.0, -1.0]          # m/s of each node at the start
+
+Loads and masses add up; a node may belong to several groups. ``lines = "NAME"``, or ``"all"``, names the lines of a
+load or a mass of another name. Nodes that no link touches are left out. Load cases are tables ``[[case]]``, see
+`latinpc.files.cases`.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+import pathlib
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from latinpc.laws import RIGID
+from latinpc.scenes.scene import Scene
+
+from .cases import read_cases
+from .description import read_description, read_loads, read_masses, read_supports, read_velocities
+from .linklaws import read_laws
+from .selection import AXES
+from .text import finite, nearest
+
+#: Suffix -> module and function; a folder has the suffix "".
+READERS = {
+    ".msh": ("gmsh", "read_gmsh"),
+    ".csv": ("tables", "read_tables"),
+    "": ("tables", "read_tables"),
+    ".dxf": ("dxf", "read_dxf"),
+    ".obj": ("wavefront", "read_obj"),
+    ".json": ("compas", "read_compas"),
+    ".tcl": ("opensees", "read_opensees"),
+    ".py": ("opensees", "read_opensees"),
+}
+OPTIONS = "--law, --EA, --prestress"
+FORMATS = ".msh (Gmsh), .csv, .dxf, .obj, .json (compas), .tcl or .py (OpenSees), or a folder of CSV files"
+
+
+def read(
+    path: str | os.PathLike,
+    description: str | os.PathLike | None = None,
+    *,
+    scale: float | None = None,
+    merge: float | None = None,
+    rise: float | None = None,
+    brace: float | None = None,
+    law: str | dict[str | None, str] | None = None,
+    EA: float | dict[str | None, float] | None = None,
+    prestress: float | dict[str | None, float] | None = None,
+    support: str | Sequence[str] = (),
+    load: str | Sequence[str] = (),
+    self_weight: float | dict[str | None, float] | None = None,
+    case: str | None = None,
+) -> Scene:
+    """Read a structure from a file.
+
+    Not collective: call it on one rank and broadcast. What acts on all lines or on those of a group is one value, or a
+    dict of group to value, where None stands for all other groups.
+
+    Parameters
+    ----------
+    path : str or path-like
+        Gmsh ``.msh``; ``.csv``, or a folder with nodes.csv and members.csv; ``.dxf``; ``.obj``; ``.json`` of compas;
+        ``.tcl`` or ``.py`` of OpenSees. The suffix says which.
+    description : str or path-like, optional
+        The TOML file, by default the same stem with ``.toml`` where there is one; see the module.
+    scale : float, optional
+        A unit of length of the file (m); of a DXF file its own unit by default, else 1.
+    merge : float, optional
+        Distance (m) below which points are one node; in drawings (DXF, OBJ, compas) 1e-6 of the largest extent by
+        default, elsewhere none.
+    rise : float, optional
+        Raise a flat drawing to a vault, its crown so many longer sides above its rim.
+    brace : float, optional
+        Make two layers, so far apart along z (m), with posts, group ``posts``, and crossed braces, group ``braces``,
+        which are cables unless something else is said.
+    law, EA, prestress : str, float, float, or dict, optional
+        Name of `latinpc.Law`, axial stiffness (N) and tension before loading (N) of the lines that the files give
+        none; ``bar`` is the default law.
+    support : str or sequence of str
+        Held nodes, as ``WHERE`` or ``WHERE:AXES``, for instance ``"z=min"`` or ``"x=max:yz"``; WHERE is a group,
+        ``all``, or conditions on coordinates joined by commas.
+    load : str or sequence of str
+        Forces on each node (N), as ``z=-1000`` or ``x=50,z=-1000:WHERE``.
+    self_weight : float or dict, optional
+        Weight (N/m) along the lines, against the last axis.
+    case : str, optional
+        Name of a load case of the TOML file, whose actions the scene gets.
+
+    Returns
+    -------
+    Scene
+        With the load cases of the TOML file, unless one is chosen. Its metadata has the name of the file and
+        ``notes``, a list of sentences on what was left out.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        With the file, its line or its table, and what was expected.
+    """
+    path = pathlib.Path(path)
+    lines = _reader(path)(path).in_metres(scale).merged(merge)
+    if rise is not None:
+        lines = lines.raised(rise)
+    if brace is not None:
+        lines = lines.braced(brace)
+    given = _Given(*map(_by_group, (law, EA, prestress)), {} if brace is None else {"braces": "cable"})
+    settings, description = _settings(path, description, lines, given)
+    _add_options(settings, given, support, load, _by_group(self_weight))
+    scene = _scene(path, lines, settings, description, given)
+    if case is None:
+        return scene
+    cases = {item.name: item for item in scene.cases}
+    if case not in cases:
+        raise ValueError(f"{description}: no [[case]] has the name '{case}'{nearest(case, cases)}")
+    return cases[case].applied(scene)
+
+
+def _reader(path):
+    """Return the function that reads a file."""
+    if not path.exists():
+        raise FileNotFoundError(f"{path}: no such file")
+    suffix = "" if path.is_dir() else path.suffix.lower()
+    if suffix not in READERS or (path.is_file() and not suffix):
+        raise ValueError(f"{path}: no known kind of file; expected {FORMATS}")
+    module, function = READERS[suffix]
+    return getattr(importlib.import_module(f"latinpc.files.{module}"), function)
+
+
+def _by_group(value):
+    """Return a dict of group to value; None stands for all other groups."""
+    return value if isinstance(value, dict) else {} if value is None else {None: value}
+
+
+@dataclass
+class _Given:
+    """What options say of the laws, by group; `usual` is the law of groups that need none said."""
+
+    law: dict = field(default_factory=dict)
+    EA: dict = field(default_factory=dict)
+    prestress: dict = field(default_factory=dict)
+    usual: dict = field(default_factory=dict)
+    taken: set = field(default_factory=set)
+
+    def named(self):
+        """Return the groups that options name, None for all others."""
+        return {**self.law, **self.EA, **self.prestress}.keys()
+
+    def entries(self, group):
+        """Return the law of a group, as in ``[laws.NAME]``."""
+        kind = self.law.get(group, self.usual.get(group, self.law.get(None, "bar")))
+        found = {"law": str(kind).lower().replace("-", "_").replace(" ", "_")}
+        for key in ("EA", "prestress"):
+            value = getattr(self, key).get(group, getattr(self, key).get(None))
+            if value is not None and not (key == "EA" and self.rigid(found["law"]) and group not in self.EA):
+                found[key] = value
+        return found
+
+    @staticmethod
+    def rigid(kind):
+        """Return whether a law takes no EA."""
+        return kind in [law.name.lower() for law in RIGID]
+
+    def completed(self, entries):
+        """Return the law that a file gives a line, with what it leaves out; note what of the options that takes."""
+        found = {"law": self.entries(None)["law"], **entries}
+        missing = {"law"} - set(entries)
+        if not {"EA", "stiffness"} & set(entries) and None in self.EA and not self.rigid(found["law"]):
+            found["EA"] = self.EA[None]
+            missing.add("EA")
+        if not {"prestress", "strain", "initial_elongation"} & set(entries) and None in self.prestress:
+            found["prestress"] = self.prestress[None]
+            missing.add("prestress")
+        self.taken |= missing
+        return found
+
+
+def _settings(path, description, lines, given):
+    """Read the TOML file, where there is one; refuse a file that says nothing of its lines without one."""
+    beside = path.with_suffix(".toml") if description is None else pathlib.Path(description)
+    if beside.is_file():
+        return read_description(beside), beside
+    if description is not None:
+        raise FileNotFoundError(f"{beside}: no such file")
+    if not lines.laws and not given.EA and not any(map(given.rigid, given.law.values())):
+        raise FileNotFoundError(
+            f"{beside}: no such file; {path.name} needs it beside it to name the laws, supports and loads, or the"
+            " options --EA, --support and --load"
+        )
+    return {}, beside
+
+
+def _add_options(settings, given, support, load, self_weight):
+    """Add supports and loads of options to those of the TOML file, under their own words."""
+    for text in [support] if isinstance(support, str) else support:
+        where, _, axes = text.rpartition(":") if ":" in text else (text, "", "")
+        entries = {"where": where} | ({"fix": list(axes)} if axes else {})
+        settings.setdefault("supports", {})[f"--support {text}"] = entries
+    for text in [load] if isinstance(load, str) else load:
+        if f"--load {text}" in settings.get("loads", {}):
+            raise ValueError(f"--load {text}: given twice; loads add up, give the sum")
+        settings.setdefault("loads", {})[f"--load {text}"] = _force(text)
+    for group, value in self_weight.items():
+        words = f"--self-weight {value:g}" if group is None else f"--self-weight {group}={value:g}"
+        settings.setdefault("loads", {})[words] = {"down": value, "lines": "all" if group is None else group}
+
+
+def _force(text):
+    """Return the entries of a load such as x=50,z=-1000:WHERE; its components come as a dict."""
+    components, _, where = text.partition(":")
+    force = {}
+    for part in components.split(","):
+        axis, _, value = part.partition("=")
+        number = finite(value)
+        if axis.strip() not in AXES or not axis.strip() or number is None or axis.strip() in force:
+            raise ValueError(f"--load {text}: '{part}' is no force; write z=-1000 or x=50,z=-1000, then :WHERE or not")
+        force[axis.strip()] = number
+    return {"components": force, "where": where or "all"}
+
+
+def _assignments(settings, description, lines, given):
+    """Return the laws of all lines: of the file, of the TOML file, of options, in this order."""
+    path = lines.path
+    found = [(where, chosen, given.completed(entries)) for where, chosen, entries in lines.laws if len(chosen)]
+    for group, entries in settings.get("laws", {}).items():
+        if group not in lines.groups:
+            raise ValueError(
+                f"{description}: [laws.{group}]: no group of lines has this name{nearest(group, lines.groups)}"
+            )
+        found.append((f"{description}: [laws.{group}]", lines.groups[group], entries))
+    left = np.ones(len(lines.ends), bool)
+    for _, chosen, _ in found:
+        left[chosen] = False
+    for group in [*given.usual, *sorted(given.named() - {None} - given.usual.keys()), None]:
+        if group is not None and group not in lines.groups:
+            raise ValueError(f"{OPTIONS}: no group of lines is '{group}'{nearest(group, lines.groups)}")
+        chosen = np.flatnonzero(left) if group is None else lines.groups[group][left[lines.groups[group]]]
+        entries, where = given.entries(group), OPTIONS + ("" if group is None else f" of '{group}'")
+        useless = [key for key in ("law", "EA", "prestress") if group in getattr(given, key)]
+        useless = [key for key in useless if group is not None or key not in given.taken]
+        if not len(chosen) and useless:
+            raise ValueError(
+                f"--{useless[0]}: what it gives has been given already, in {path.name} or {description.name}"
+            )
+        if len(chosen) and "EA" not in entries and not given.rigid(entries["law"]):
+            without = [name for name, lines_of in lines.groups.items() if np.isin(chosen, lines_of).any()]
+            cure = f"write [laws.{without[0]}]" if without else "put every line in a group"
+            raise ValueError(f"{path}: {len(chosen)} lines have no law; {cure} in {description.name}, or give --EA")
+        if len(chosen):
+            found.append((where, chosen, entries))
+            left[chosen] = False
+    return found
+
+
+def _dimension(settings, lines, description):
+    """Return the space dimension: the key `dim`, that of the file, or the last coordinate or load that is not zero."""
+    extent = np.ptp(lines.points[lines.ends.ravel()], axis=0)
+    varies = [axis for axis in range(3) if extent[axis] > 1e-12 * max(extent.max(), 1e-300)]
+    found = max(varies, default=0) + 1
+    moved = [axis for axis in range(3) if lines.load[:, axis].any() or lines.prescribed[:, axis].any()]
+    dim = settings.get("dim", lines.dim or max(found, max(moved, default=0) + 1))
+    if isinstance(dim, bool) or not isinstance(dim, int) or dim not in (1, 2, 3):
+        raise ValueError(f"{description}: dim = {dim!r}; it must be 1, 2 or 3")
+    if dim < found:
+        raise ValueError(
+            f"{description}: dim = {dim}, but the coordinate {AXES[found - 1]} varies in {lines.path.name}"
+        )
+    return dim
+
+
+def _scene(path, lines, settings, description, given):
+    """Return the scene that lines, TOML file and options make."""
+    _refuse_short(lines)
+    dim = _dimension(settings, lines, description)
+    laws = read_laws(lines, dim, _assignments(settings, description, lines, given))
+    used, ends = np.unique(lines.ends.ravel(), return_inverse=True)
+    ends, line = ends.reshape(-1, 2), laws.pop("line")
+    number = np.full(len(lines.points), -1)
+    number[used] = np.arange(len(used))
+    nodes = np.ascontiguousarray(lines.points[used, :dim])
+    groups = {name: number[chosen] for name, chosen in lines.node_groups.items()}
+    for name, chosen in lines.groups.items():
+        groups[name] = np.union1d(groups.get(name, np.zeros(0, np.int64)), ends[chosen])
+    groups = {name: chosen[chosen >= 0] for name, chosen in groups.items()}
+    _in_space(settings, dim)
+    fixed, prescribed = read_supports(
+        settings, nodes, groups, description, lines.fixed[used, :dim].copy(), lines.prescribed[used, :dim].copy()
+    )
+    mass = read_masses(settings, nodes, ends, lines.groups, groups, description, lines.mass[used])
+    if not fixed.any() and mass is None:
+        raise ValueError(
+            f"{path}: nothing is held; write [supports.NAME] with fix = [...] in {description.name}, or give --support,"
+            " such as z=min"
+        )
+    scene = Scene(
+        name=str(settings.get("title", path.stem)),
+        nodes=nodes,
+        links=ends[line].astype(np.int64),
+        **laws,
+        fixed=fixed,
+        prescribed=prescribed,
+        load=lines.load[used, :dim] + read_loads(settings, nodes, ends, lines.groups, groups, description),
+        mass=mass,
+        velocity=read_velocities(settings, nodes, groups, fixed, description),
+        metadata={
+            "file": path.name, "nodes_without_link": int(len(lines.points) - len(used)), "notes": lines.notes,
+        },
+    )  # fmt: skip
+    return replace(scene, cases=read_cases(settings, scene, ends, line, lines.groups, groups, description))
+
+
+def _refuse_short(lines):
+    """Refuse lines without a length."""
+    short = np.flatnonzero(lines.lengths <= 1e-12 * max(lines.extent, 1e-300))
+    if short.size:
+        a, b = lines.ends[short[0]] + 1
+        cure = "in Gmsh, merge the points (Coherence)" if lines.path.suffix == ".msh" else "remove it"
+        raise ValueError(
+            f"{lines.place(short[0])}: a link of zero length, one of {short.size}, between nodes {a} and {b} (counted"
+            f" in the order of the file); {cure}"
+        )
+
+
+def _in_space(settings, dim):
+    """Give the loads of options, which name axes, the form of those of the TOML file."""
+    for where, entries in settings.get("loads", {}).items():
+        if "down" in entries:
+            entries["line"] = [0.0] * (dim - 1) + [-entries.pop("down")]
+        elif "components" in entries:
+            force = entries.pop("components")
+            beyond = [axis for axis in force if axis not in AXES[:dim]]
+            if beyond:
+                raise ValueError(f"{where}: there is no {beyond[0]}, the structure lies in {', '.join(AXES[:dim])}")
+            entries["force"] = [force.get(axis, 0.0) for axis in AXES[:dim]]

@@ -1,0 +1,54 @@
+"""Read text files line by line, and say what is wrong in them: the file, the line, and what was expected."""
+
+from __future__ import annotations
+
+import difflib
+import sys
+
+
+def wrong(path, row, what, expected):
+    """Raise a ValueError that names a file, its line (None: the whole), what is there, and what was expected."""
+    place = f"{path}: " if row is None else f"{path}, line {row}: "
+    raise ValueError(f"{place}{what}; expected {expected}")
+
+
+def nearest(word, known):
+    """Return what a message on an unknown key says of the known ones."""
+    close = difflib.get_close_matches(word, list(known), n=1, cutoff=0.5)
+    return f" (do you mean '{close[0]}'?)" if close else f"; known: {', '.join(sorted(known)) or 'none'}"
+
+
+def read_text(path):
+    """Return the text of a file; ValueError where it is none."""
+    try:
+        with open(path, encoding="utf-8-sig", newline=None) as file:
+            text = file.read()
+    except UnicodeDecodeError as error:
+        wrong(path, None, f"byte {error.start} is no text in UTF-8", "a text file; save it again as UTF-8")
+    if "\0" in text:
+        wrong(path, text[: text.index("\0")].count("\n") + 1, "holds a zero byte", "a text file")
+    return text
+
+
+def numbered_lines(path, continued=None):
+    """Yield the number and the text of each line; lines that end in `continued` go on in the next one."""
+    begun, whole = 0, ""
+    for row, line in enumerate(read_text(path).split("\n"), 1):
+        begun = begun or row
+        whole += line
+        if continued and line.endswith(continued):
+            whole = whole[: -len(continued)] + " "
+            continue
+        yield begun, whole
+        begun, whole = 0, ""
+    if whole:
+        yield begun, whole
+
+
+def finite(word):
+    """Return a word as a finite number, or None."""
+    try:
+        number = float(word)
+    except ValueError:
+        return None
+    return number if abs(number) <= sys.float_info.max else None

@@ -1,0 +1,105 @@
+"""PETSc options of a run: ready-made sets, defaults for its duration, and misspelt ones of ours."""
+
+from __future__ import annotations
+
+import contextlib
+import difflib
+import pathlib
+import shlex
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any
+
+from petsc4py import PETSc
+
+#: Options of our own, after ``-snes_latin_``, ``-ksp_latin_``, ``-pc_latin_``; the last are prefixes of inner solvers.
+OPTIONS = (
+    "variant", "modes", "modes_local", "subdomains", "direction", "direction_value", "precision", "monitor", "stop",
+    "error", "balance", "geometry", "warm_start", "newton",
+)  # fmt: skip
+INNER_PREFIXES = ("local_", "interior_", "coarse_", "outer_", "newton_")
+
+
+@contextlib.contextmanager
+def default_options(options: Mapping[str, Any] | None) -> Iterator[list[str]]:
+    """Set options in PETSc's database for the duration of a block, where the user has not set them.
+
+    Parameters
+    ----------
+    options : mapping
+        Names without the leading dash; a value of None makes a flag.
+
+    Yields
+    ------
+    list of str
+        The options that were set.
+    """
+    database = PETSc.Options()
+    ours = {name: value for name, value in (options or {}).items() if not database.hasName(name)}
+    for name, value in ours.items():
+        database.setValue(name, str(value).lower() if isinstance(value, bool) else value)
+    try:
+        yield list(ours)
+    finally:
+        for name in ours:
+            database.delValue(name)
+
+
+def unknown_options(names: Iterable[str] | None = None) -> list[str]:
+    """Return a sentence for each unknown option with a prefix of ours; not collective.
+
+    Parameters
+    ----------
+    names : iterable of str, optional
+        Options without the leading dash; by default those in PETSc's database.
+
+    Returns
+    -------
+    list of str
+        Each names the nearest option that exists.
+    """
+    sentences = []
+    for name in PETSc.Options().getAll() if names is None else names:
+        for prefix in ("snes_latin_", "ksp_latin_", "pc_latin_"):
+            start = name.find(prefix)  # after the user's own prefix, if any
+            key = name[start + len(prefix) :]
+            if start >= 0 and key not in OPTIONS and not key.startswith(INNER_PREFIXES):
+                near = difflib.get_close_matches(key, OPTIONS, n=1, cutoff=0.5)
+                cure = f"do you mean -{name[:start]}{prefix}{near[0]}?" if near else "see -help"
+                sentences.append(f"unknown option -{name}: {cure}")
+    return sentences
+
+
+def preset_options(name: str) -> dict[str, str | None]:
+    """Return the options of a ready-made set; not collective.
+
+    Parameters
+    ----------
+    name : str
+        Of a file in the folder options, without its suffix.
+
+    Returns
+    -------
+    dict
+        Values by name without the leading dash.
+
+    Raises
+    ------
+    ValueError
+        For an unknown name; the message lists those that exist.
+    """
+    package = pathlib.Path(__file__).resolve().parent
+    installed = package / "presets"  # where the package is not run from its sources
+    files = {
+        path.stem: path
+        for path in sorted((installed if installed.is_dir() else package.parent / "options").glob("*.opts"))
+    }
+    if name not in files:
+        near = difflib.get_close_matches(str(name), files, n=1, cutoff=0.5)
+        meant = f"do you mean {near[0]!r}? " if near else ""
+        raise ValueError(f"unknown preset {name!r}: {meant}choose from {', '.join(files)}")
+    found = {}
+    for line in files[name].read_text(encoding="utf-8").splitlines():
+        words = shlex.split(line, comments=True)
+        if words:
+            found[words[0].removeprefix("-")] = " ".join(words[1:]) or None
+    return found

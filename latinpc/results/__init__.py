@@ -1,0 +1,1 @@
+"""Results of a solve: reactions, tables, summaries, pictures, files for ParaView."""

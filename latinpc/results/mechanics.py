@@ -1,0 +1,180 @@
+"""Elongations, tensions, reactions, balance and errors from the arrays of a structure: numpy only, no solver.
+
+What is called a scene here is anything with those arrays: a `Scene` or a `Structure`.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from latinpc.laws import Law
+
+
+def elongations(scene, displacement):
+    """Return the elongations e = B U.
+
+    Parameters
+    ----------
+    scene : Scene
+    displacement : (n, dim) array
+        Of all nodes, prescribed components included (m).
+
+    Returns
+    -------
+    (m,) array
+        In m.
+    """
+    relative = displacement[scene.links[:, 1]] - displacement[scene.links[:, 0]]
+    return np.einsum("ij,ij->i", relative, scene.directions)
+
+
+def tensions(scene, displacement):
+    """Return the tensions of bars, cables and compression-only links, equations (2), (4), (5).
+
+    Parameters
+    ----------
+    scene : Scene
+    displacement : (n, dim) array
+        Of all nodes, prescribed components included (m).
+
+    Returns
+    -------
+    (m,) array
+        In N.
+    """
+    tau = scene.stiffness * (elongations(scene, displacement) + scene.initial_elongation)
+    tau = np.where(scene.law == Law.CABLE, np.maximum(tau, 0.0), tau)
+    return np.where(scene.law == Law.COMPRESSION_ONLY, np.minimum(tau, 0.0), tau)
+
+
+def slack(scene, tensions):
+    """Find the slack links: cables, compression-only links and contacts without force.
+
+    Parameters
+    ----------
+    scene : Scene
+    tensions : (m,) array
+        In N. What is below rounding of the largest one counts as zero.
+
+    Returns
+    -------
+    (m,) array of bool
+    """
+    threshold = 1e-12 * np.abs(tensions).max(initial=0.0)
+    cable = np.isin(scene.law, (Law.CABLE, Law.INEXTENSIBLE)) & (tensions <= threshold)
+    return cable | (np.isin(scene.law, (Law.COMPRESSION_ONLY, Law.CONTACT, Law.FRICTION)) & (tensions >= -threshold))
+
+
+def reactions(scene, tensions, load=None):
+    """Return the forces of the supports on the structure, R = B^t tau - F at the fixed components, equation (1).
+
+    Parameters
+    ----------
+    scene : Scene
+    tensions : (m,) array
+        In N.
+    load : (n, dim) array, optional
+        F (N), that of the scene when not given. A load on a fixed component goes straight into the support.
+
+    Returns
+    -------
+    (n, dim) array
+        In N, zero where nothing is fixed.
+    """
+    directions, ends = scene.directions, scene.links.T
+    forces = np.empty(scene.nodes.shape)
+    for axis in range(scene.dim):
+        pull = tensions * directions[:, axis]
+        first, second = (np.bincount(end, weights=pull, minlength=len(forces)) for end in ends)
+        forces[:, axis] = second - first
+    return np.where(scene.fixed, forces - (scene.load if load is None else load), 0.0)
+
+
+class Turned:
+    """A structure with its nodes displaced and its links turned, for `reactions` and `balance`.
+
+    Parameters
+    ----------
+    structure : Scene or Structure
+        Whose links have the direction of their nodes.
+    displacements : (n, dim) array
+        In m.
+    """
+
+    direction = None
+
+    def __init__(self, structure, displacements):
+        self.nodes, self.links = structure.nodes + displacements, structure.links
+        self.fixed, self.load, self.dim = structure.fixed, structure.load, self.nodes.shape[1]
+        vectors = np.diff(self.nodes[self.links], axis=1)[:, 0]
+        self.directions = vectors / np.linalg.norm(vectors, axis=1)[:, None]
+
+
+class Balance(NamedTuple):
+    """Loads and reactions as a whole: an equilibrium leaves neither force nor moment."""
+
+    load: np.ndarray  #: (dim,), their sum (N)
+    reaction: np.ndarray  #: (dim,), their sum (N)
+    force: float  #: sum of both, over the sum of the sizes of the loads, or where there are none of the reactions
+    moment: float  #: sum of their moments, over the same times the size of the structure
+
+
+def balance(scene, tensions, reactions, load=None):
+    """Compare the reactions with the loads.
+
+    Parameters
+    ----------
+    scene : Scene
+    tensions : (m,) array
+        In N. A link that acts along a direction of its own, across the line between its nodes, makes a couple, which
+        counts among the moments.
+    reactions : (n, dim) array
+        In N.
+    load : (n, dim) array, optional
+        In N, that of the scene when not given.
+
+    Returns
+    -------
+    Balance
+        In one dimension there are no moments.
+    """
+    load = scene.load if load is None else load
+    forces, arms = (np.zeros((len(load), 3)) for _ in range(2))
+    forces[:, : scene.dim] = load + reactions
+    arms[:, : scene.dim] = scene.nodes - scene.nodes.mean(axis=0)
+    moment = np.cross(arms, forces).sum(axis=0)
+    if scene.direction is not None:
+        own = np.flatnonzero(scene.direction.any(axis=1))
+        lines, pull = (np.zeros((len(own), 3)) for _ in range(2))
+        lines[:, : scene.dim] = np.diff(scene.nodes[scene.links[own]], axis=1)[:, 0]
+        pull[:, : scene.dim] = tensions[own, None] * scene.directions[own]
+        moment -= np.cross(lines, pull).sum(axis=0)
+    whole = np.linalg.norm(load, axis=1).sum() or np.linalg.norm(reactions, axis=1).sum() or 1.0
+    size = np.linalg.norm(arms, axis=1).max() or 1.0
+    force = float(np.linalg.norm(forces.sum(axis=0)) / whole)
+    return Balance(load.sum(axis=0), reactions.sum(axis=0), force, float(np.linalg.norm(moment) / (whole * size)))
+
+
+def errors(scene, displacement, reference):
+    """Compare two displacements as `latinpc.Structure.errors` does.
+
+    Parameters
+    ----------
+    scene : Scene
+    displacement, reference : (n, dim) array
+        Of all nodes (m).
+
+    Returns
+    -------
+    l2, energy : float
+        Relative; of the free components, and in the norm sum k e^2. Infinite when a value is not finite.
+    """
+    difference = np.where(scene.fixed, 0.0, displacement - reference)
+    if not np.isfinite(difference).all():
+        return np.inf, np.inf
+    l2 = np.linalg.norm(difference), np.linalg.norm(np.where(scene.fixed, 0.0, reference))
+    root = np.sqrt(scene.stiffness)
+    energy = [np.linalg.norm(root * elongations(scene, field)) for field in (difference, reference)]
+    return tuple(float(a / b) if b > 0 else float(a) for a, b in (l2, energy))

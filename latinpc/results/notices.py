@@ -1,0 +1,146 @@
+"""What a user should know of a result: warnings, the error of a solve, and sentences on what looks wrong."""
+
+from __future__ import annotations
+
+import contextlib
+import inspect
+import warnings
+from typing import TYPE_CHECKING
+
+import numpy as np
+from petsc4py import PETSc
+
+from latinpc import solvers
+from latinpc.laws import Law
+from latinpc.library import _latin
+
+from .units import quantity
+
+if TYPE_CHECKING:
+    from latinpc.structure import Structure
+
+    from .result import Result
+
+__all__ = ["ConvergenceWarning", "LatinWarning", "SolveError", "causes", "duplicates", "magnitudes", "turned", "warn"]
+
+UNBALANCED = 1e-2  # of the loads: what a solve may leave by default (-snes_latin_balance)
+TURNED, MOVED = 5.0, 0.1  # degrees, part of the size of the structure: the most that small displacements are taken for
+_NAMED = 5
+
+
+class LatinWarning(UserWarning):
+    """Something about a structure, its options or its result looks wrong."""
+
+
+class ConvergenceWarning(LatinWarning):
+    """A solve has not converged."""
+
+
+class SolveError(RuntimeError):
+    """A structure that cannot be solved, or a solve that has not converged and was to raise."""
+
+    result: Result | None = None  #: the last iterate, None where there is none
+
+
+def warn(comm: PETSc.Comm, text: str, category: type[Warning] = LatinWarning) -> None:
+    """Warn of the line that calls this package; rank 0 prints, and a filter that makes errors does on every rank."""
+    level, frame = 1, inspect.currentframe()
+    while frame is not None and frame.f_globals.get("__name__", "").startswith("latinpc."):
+        level, frame = level + 1, frame.f_back
+    with contextlib.nullcontext() if comm.rank == 0 else warnings.catch_warnings(record=True):
+        warnings.warn(text, category, stacklevel=level)
+
+
+def causes(snes: PETSc.SNES, structure: Structure, past: dict) -> list[str]:
+    """Return sentences on how a solve has ended, where its solver or the links show why; not collective."""
+    notices, reason = [], snes.getConvergedReason()
+    if len(past.get("estimate", ())) and reason == PETSc.SNES.ConvergedReason.DIVERGED_INNER:
+        least = solvers.rounding_floor(snes)
+        notices.append(f"the requested error is below the rounding error of this structure, about {least:.0e}")
+    if snes.getType() == "latin" and reason < 0:
+        notices += _no_equilibrium(snes, structure)
+    if snes.getType() == "ksponly" and (structure.law != Law.BAR).any():
+        notices.append(
+            "ksponly makes one linear step: it does not follow cables and compression-only links that slacken"
+        )
+    return notices
+
+
+def _no_equilibrium(snes, structure):
+    (jammed, links), (unsupported, nodes, distance) = _latin.jammed_links(snes), _latin.unsupported_nodes(snes)
+
+    def listed(count, numbers):
+        return ", ".join(map(str, numbers)) + (" and others" if count > len(numbers) else "")
+
+    if jammed:
+        return [f"no equilibrium: the gaps of the rigid links {listed(jammed, links)} are incompatible"]
+    if unsupported and np.isinf(distance):
+        return [f"no equilibrium: slack links no longer hold nodes {listed(unsupported, nodes)}"]
+    if unsupported:
+        text = "their loads are small beside the stiffness of the links that stop them, or there is no equilibrium"
+        return [f"slack links do not hold nodes {listed(unsupported, nodes)} yet: {text}"]
+    if (structure.law == Law.FRICTION).any():
+        return ["contacts with friction: neither an equilibrium nor convergence is certain"]
+    return []
+
+
+def duplicates(structure: Structure) -> list[str]:
+    """Return a sentence on links of the same two nodes, law and direction, if there are any; not collective."""
+    low, high = structure.links.min(axis=1), structure.links.max(axis=1)
+    key = (low * len(structure.nodes) + high) * (int(structure.law.max()) + 1) + structure.law
+    order = np.argsort(key, kind="stable")
+    again = np.flatnonzero(key[order[1:]] == key[order[:-1]])
+    pairs = np.column_stack([order[again], order[again + 1]])
+    if structure.direction is not None and len(pairs):  # bars across a cable, parts of a contact
+        pairs = pairs[_parallel(structure, pairs)]
+    if not len(pairs):
+        return []
+    named = ", ".join(f"{a} and {b}" for a, b in pairs[:_NAMED])
+    more = f", and {len(pairs) - _NAMED} more" if len(pairs) > _NAMED else ""
+    return [f"links join the same two nodes by the same law: {named}{more}; what they carry adds up"]
+
+
+def _parallel(structure, pairs):
+    first, second = (structure.vectors[column] for column in pairs.T)
+    along = np.abs(np.einsum("ij,ij->i", first, second))
+    return along > (1 - 1e-9) * np.linalg.norm(first, axis=1) * np.linalg.norm(second, axis=1)
+
+
+def turned(result: Result) -> list[str]:
+    """Return a sentence where links turn, or nodes move, further than small displacements allow; not collective."""
+    structure, displacements = result.structure, result.displacements
+    if structure.geometry == "large" or structure.direction is not None or not result.converged:
+        return []
+    drawn = np.diff(structure.nodes[structure.links], axis=1)[:, 0]
+    moved = drawn + np.diff(displacements[structure.links], axis=1)[:, 0]
+    lengths = np.linalg.norm(drawn, axis=1) * np.linalg.norm(moved, axis=1)
+    cosine = np.einsum("ij,ij->i", drawn, moved)[lengths > 0.0] / lengths[lengths > 0.0]
+    angle = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)).max(initial=0.0))
+    size = np.linalg.norm(np.ptp(structure.nodes, axis=0)) or np.inf
+    part = np.linalg.norm(displacements, axis=1).max() / size
+    if angle <= TURNED and part <= MOVED:
+        return []
+    return [
+        f"links turn by up to {angle:.2g} degrees, and nodes move by {part:.2g} of the size of the structure: small"
+        " displacements do not hold; take -snes_latin_geometry large"
+    ]
+
+
+def magnitudes(result: Result) -> list[str]:
+    """Return sentences on displacements beyond the structure, and reactions beside the loads; not collective."""
+    moved = np.linalg.norm(result.displacements, axis=1)
+    if not (result.converged and np.isfinite(moved).all() and np.isfinite(result.tensions).all()):
+        return []
+    notices = []
+    size, node = float(np.linalg.norm(np.ptp(result.structure.nodes, axis=0))), int(moved.argmax())
+    if moved[node] > size > 0:
+        notices.append(
+            f"node {node} moves by {quantity(moved[node], 'm')}, farther than the structure is large"
+            f" ({quantity(size, 'm')}): look at units, stiffnesses and supports"
+        )
+    left = max(result.balance.force, result.balance.moment)
+    if left > UNBALANCED:
+        notices.append(
+            f"reactions do not balance the loads, by {100 * left:.2g} % of them: take a smaller error, or no preset"
+        )
+    return notices

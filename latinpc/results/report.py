@@ -1,0 +1,79 @@
+"""What reports hold: the problem, why a solver stopped, numbers fit for JSON."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from petsc4py import PETSc
+
+__all__ = ["DECOMPOSITION", "in_words", "plain", "problem", "reason_name", "snes_reason"]
+
+DECOMPOSITION = ("subdomains", "strong_interfaces", "weak_interfaces", "strong_macro_dofs", "weak_dofs")
+
+_WORDS = {
+    "CONVERGED_FNORM_ABS": "the forces without balance are below the absolute tolerance",
+    "CONVERGED_FNORM_RELATIVE": "the forces without balance are small enough",
+    "CONVERGED_ITS": "the iterations that were asked for are made",
+    "DIVERGED_MAX_IT": "the iterations that are allowed were not enough",
+    "DIVERGED_INNER": "rounding does not allow the accuracy that is asked for",
+    "DIVERGED_DTOL": "the displacements grow without end",
+    "DIVERGED_LINE_SEARCH": "the line search found no better displacements",
+    "DIVERGED_LINEAR_SOLVE": "a linear solve failed",
+    "DIVERGED_FNORM_NAN": "the numbers became infinite",
+    "DIVERGED_FUNCTION_NANORINF": "the numbers became infinite",
+}
+
+
+def problem(structure: Any) -> dict[str, Any]:
+    """Return the keys of a report that name a structure and its size; not collective."""
+    sizes = structure.sizes
+    return {
+        "scene": structure.name,
+        "dofs": sizes.nodes * sizes.dim,
+        "free_dofs": sizes.free_dofs,
+        "links": sizes.links,
+        "ranks": structure.comm.size,
+    }
+
+
+def reason_name(reasons: Any, value: int) -> str:
+    """Return the name of a converged reason; petsc4py keeps them as attributes of a class."""
+    names = {getattr(reasons, name): name for name in dir(reasons) if name.startswith(("CONVERGED_", "DIVERGED_"))}
+    return names.get(value, str(value))
+
+
+def snes_reason(snes: PETSc.SNES) -> str:
+    """Return why a SNES stopped, with the reason of its KSP where that failed; not collective."""
+    text = reason_name(PETSc.SNES.ConvergedReason, snes.getConvergedReason())
+    if text == "DIVERGED_LINEAR_SOLVE":
+        text += f" (KSP {reason_name(PETSc.KSP.ConvergedReason, snes.getKSP().getConvergedReason())})"
+    return text
+
+
+def in_words(report: dict) -> str:
+    """Return why the solve of a report stopped, in words; not collective."""
+    name = report["reason"]
+    if name == "CONVERGED_SNORM_RELATIVE":
+        if report["estimated_error"] is not None:
+            return "the estimated error of the displacements and the forces without balance are small enough"
+        return "the displacements hardly change any more"
+    if name == "CONVERGED_ITS" and report["solver"].startswith("ksponly"):
+        return "the linear solve has converged"
+    words = _WORDS.get(name.split(" ")[0])
+    return f"{words} ({name})" if words and name.startswith("DIVERGED") else words or name
+
+
+def plain(value: Any) -> Any:
+    """Return a copy of a report fit for JSON: Python's own numbers, None for what is not finite."""
+    if isinstance(value, dict):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple, np.ndarray)):
+        return [plain(item) for item in value]
+    if isinstance(value, (bool, np.bool_)):
+        return bool(value)
+    if isinstance(value, np.integer):
+        return int(value)
+    if isinstance(value, (float, np.floating)):
+        return float(value) if np.isfinite(value) else None
+    return value

@@ -1,0 +1,194 @@
+"""A solved structure: what an engineer asks of it."""
+
+from __future__ import annotations
+
+import html
+import pathlib
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from . import tables
+from .mechanics import Balance, Turned, balance, reactions, slack
+from .report import in_words, plain
+from .summary import summary
+
+if TYPE_CHECKING:
+    import pandas
+    from matplotlib.figure import Figure
+
+    from latinpc.structure import Structure
+
+__all__ = ["Result"]
+
+
+@dataclass(repr=False, eq=False)
+class Result:
+    """What a solve has found; arrays are whole, in the caller's numbering, the same on every rank.
+
+    Nothing here is collective. ``print(result)`` gives a summary.
+    """
+
+    structure: Structure  #: what was solved
+    displacements: np.ndarray  #: (n, dim), of all nodes, prescribed ones included (m)
+    tensions: np.ndarray  #: (m,), positive in tension (N)
+    load: np.ndarray  #: (n, dim), under which it was solved (N)
+    report: dict[str, Any]  #: counts, errors and reasons, fit for JSON
+    subdomain: np.ndarray | None = None  #: (m,), subdomain of each link
+    node_class: np.ndarray | None = None  #: (n,), 0 interior, 1 strong, 2 weak interface, 3 corner
+    history: dict[str, np.ndarray] = field(default_factory=dict)  #: per iteration: indicator, errors, estimate
+    notices: list[str] = field(default_factory=list)  #: sentences to read
+
+    @property
+    def converged(self) -> bool:
+        """Whether the solver has converged: without, the arrays are those of its last iterate."""
+        return self.report["converged"]
+
+    @property
+    def reason(self) -> str:
+        """Why the solver stopped, in words; ``report["reason"]`` is PETSc's name."""
+        return in_words(self.report)
+
+    @property
+    def iterations(self) -> int:
+        """Number of iterations."""
+        return self.report["iterations"]
+
+    @property
+    def estimated_error(self) -> float | None:
+        """Estimated relative error of the displacements; None where the stop does not estimate it."""
+        return self.report["estimated_error"]
+
+    @cached_property
+    def slack(self) -> np.ndarray:
+        """(m,) array of bool: cables, compression-only links and contacts that carry nothing."""
+        return slack(self.structure, self.tensions)
+
+    @cached_property
+    def reactions(self) -> np.ndarray:
+        """(n, dim) array: forces of the supports on the structure (N), zero where nothing is fixed; equation (1)."""
+        return reactions(self._shape, self.tensions, self.load)
+
+    @cached_property
+    def balance(self) -> Balance:
+        """Sums of loads and reactions (N), and what force and moment they leave, relative to the loads."""
+        return balance(self._shape, self.tensions, self.reactions, self.load)
+
+    @cached_property
+    def _shape(self) -> Structure | Turned:
+        """The structure that forces balance on: as drawn, or where links turn as displaced."""
+        linear = self.structure.geometry == "linear"
+        return self.structure if linear else Turned(self.structure, self.displacements)
+
+    @cached_property
+    def stress(self) -> np.ndarray | None:
+        """(m,) array: tension over area (Pa), NaN without one; None where the structure has no areas."""
+        return None if self.structure.area is None else self.tensions / self.structure.area
+
+    @cached_property
+    def utilisation(self) -> np.ndarray | None:
+        """(m,) array: size of the stress over the strength, NaN without; None where the structure has no strengths."""
+        stress, strength = self.stress, self.structure.strength
+        return None if stress is None or strength is None else np.abs(stress) / strength
+
+    @property
+    def members(self) -> np.ndarray:
+        """Structured array of a row per link.
+
+        Columns: link, start, end, law, length (m), elongation (m), tension (N), slack; stress (Pa) and utilisation
+        where the structure has areas and strengths.
+        """
+        return tables.members(self)
+
+    @property
+    def nodes(self) -> np.ndarray:
+        """Structured array of a row per node.
+
+        Columns: node; x, y, z (m), displacement_x (m), load_x (N), reaction_x (N) and so on, of as many axes as there
+        are; supported.
+        """
+        return tables.nodes(self)
+
+    def to_pandas(self) -> tuple[pandas.DataFrame, pandas.DataFrame]:
+        """Return `members` and `nodes` as data frames.
+
+        Raises
+        ------
+        ImportError
+            Without pandas.
+        """
+        try:
+            import pandas
+        except ImportError as error:
+            raise ImportError(
+                "to_pandas needs pandas (pip install pandas); without it take result.members and result.nodes"
+            ) from error
+        return pandas.DataFrame(self.members).set_index("link"), pandas.DataFrame(self.nodes).set_index("node")
+
+    def to_csv(self, members: str | pathlib.Path, nodes: str | pathlib.Path) -> None:
+        """Write `members` and `nodes` into two CSV files; call it on one rank."""
+        tables.write_csv(members, self.members)
+        tables.write_csv(nodes, self.nodes)
+
+    def to_vtu(self, path: str | pathlib.Path) -> None:
+        """Write all that is known of nodes and links for ParaView; call it on one rank."""
+        from .vtk import write_vtu
+
+        extra = {"reactions": self.reactions, "stress": self.stress, "utilisation": self.utilisation}
+        arrays = (self.displacements, self.tensions, self.subdomain, self.node_class)
+        write_vtu(path, self.structure, *arrays, load=self.load, **extra)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the report with reactions, and with the largest stress and utilisation, fit for JSON."""
+        supports = np.flatnonzero(self.structure.fixed.any(axis=1))
+        found = {
+            "reason_in_words": self.reason,
+            "reactions": {
+                "nodes": supports,
+                "forces": self.reactions[supports],
+                "sum": self.balance.reaction,
+                "sum_of_loads": self.balance.load,
+                "force_without_balance": self.balance.force,
+                "moment_without_balance": self.balance.moment,
+            },
+            "largest_stress": None if self.stress is None else np.nanmax(np.abs(self.stress), initial=0.0),
+            "largest_utilisation": None if self.utilisation is None else np.nanmax(self.utilisation, initial=0.0),
+        }
+        return self.report | plain(found) | {"notices": list(self.notices)}
+
+    def plot(self, figure: Figure | None = None, amplification: float | None = None) -> Figure:
+        """Draw the deformed structure with the forces in its links.
+
+        Parameters
+        ----------
+        figure : matplotlib.figure.Figure, optional
+            To draw into, as ``plt.figure(figsize=(12, 7.2))`` for a window; one of its own when not given.
+        amplification : float, optional
+            Of the displacements; by default a round number that makes them visible.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            ``figure.savefig("net.png")`` writes it.
+        """
+        from .pictures import structure_figure
+
+        arrays = (self.displacements, self.tensions, self.subdomain)
+        return structure_figure(self.structure, *arrays, amplification=amplification, figure=figure)
+
+    def _lines(self) -> list[tuple[str, str]]:
+        ended = [] if self.converged else [("not converged", self.reason)]
+        return [*summary(self), *ended, *(("notice", text) for text in self.notices)]
+
+    def __repr__(self) -> str:
+        return "\n".join([self.structure.name, *(f"  {label:<15}{text}" for label, text in self._lines())])
+
+    def _repr_html_(self) -> str:
+        rows = "".join(
+            f'<tr><th style="text-align:left">{html.escape(label)}</th>'
+            f'<td style="text-align:left">{html.escape(text)}</td></tr>'
+            for label, text in self._lines()
+        )
+        return f"<table><caption><b>{html.escape(self.structure.name)}</b></caption>{rows}</table>"

@@ -1,0 +1,156 @@
+"""Solve a structure and gather what its solver has found."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from petsc4py import PETSc
+
+from latinpc import solvers
+from latinpc.laws import UNILATERAL
+from latinpc.library import _latin
+from latinpc.options import default_options, preset_options, unknown_options
+
+from .notices import ConvergenceWarning, SolveError, causes, magnitudes, turned, warn
+from .report import DECOMPOSITION, plain, problem, snes_reason
+from .result import Result
+
+if TYPE_CHECKING:
+    from latinpc.structure import Structure
+
+__all__ = ["attach_linear", "gather", "solve"]
+
+
+def solve(
+    structure: Structure,
+    error: float | None,
+    preset: str | None,
+    options: Mapping[str, Any] | None,
+    raise_on_failure: bool,
+) -> Result:
+    """Solve as `latinpc.Structure.solve` says; collective."""
+    comm, given = structure.comm, _given(error, options)
+    stops = ("snes_latin_stop", "snes_stol") if error is not None else ()  # the error is one
+    settings = {} if preset is None else preset_options(preset)
+    settings = {name: value for name, value in settings.items() if name not in stops} | given
+    with default_options(settings) as ours:
+        snes, u = structure.create_snes(), structure.create_vec()
+        try:
+            snes.setFromOptions()
+            core = attach_linear(structure, snes)
+            snes.solve(None, u)
+            result = gather(structure, snes, core, u)
+        except PETSc.Error as reported:
+            raise SolveError(solvers.error_message(reported)) from reported
+        finally:
+            snes.destroy()
+            u.destroy()
+        result.notices += _unread(comm, [name for name in ours if name in given])
+    result.notices += magnitudes(result)
+    for notice in result.notices:
+        warn(comm, notice)
+    if not result.converged:
+        text = f"not converged: {result.reason}"
+        if raise_on_failure:
+            failure = SolveError("; ".join([text, *result.notices]))
+            failure.result = result
+            raise failure
+        warn(comm, text, ConvergenceWarning)
+    return result
+
+
+def _given(error, options):
+    """Return what the caller asks for as options; refuse misspelt ones."""
+    given = {str(name).removeprefix("-"): value for name, value in (options or {}).items()}
+    misspelt = unknown_options(given)
+    if misspelt:
+        raise ValueError("; ".join(misspelt))
+    return given if error is None else {"snes_latin_error": error} | given
+
+
+def _unread(comm, names):
+    """Return a sentence on options that no rank has read; collective."""
+    read = comm.tompi4py().allgather([_latin.option_used(name) for name in names])
+    unread = [name for name, *used in zip(names, *read) if not any(used)]
+    named = ", ".join(f"-{name}" for name in unread)
+    return [f"no solver has read {named}: misspelt, or of no use to this solver"] if unread else []
+
+
+def attach_linear(structure: Structure, snes: PETSc.SNES) -> PETSc.SNES | PETSc.KSP | PETSc.PC | None:
+    """Attach the structure to a KSP or PC of type latin inside a SNES of another type; collective.
+
+    Returns
+    -------
+    petsc4py.PETSc.SNES, petsc4py.PETSc.KSP or petsc4py.PETSc.PC
+        Which of them is of type latin; None: none.
+    """
+    if snes.getType() == "latin":
+        return snes
+    ksp = snes.getKSP()
+    linear = next((solver for solver in (ksp, ksp.getPC()) if solver.getType() == "latin"), None)
+    if linear is not None:
+        structure.attach(linear)
+    return linear
+
+
+def gather(
+    structure: Structure, snes: PETSc.SNES, core: PETSc.SNES | PETSc.KSP | PETSc.PC | None, u: PETSc.Vec
+) -> Result:
+    """Gather what a SNES has found; collective, after its solve.
+
+    Parameters
+    ----------
+    structure : Structure
+    snes : petsc4py.PETSc.SNES
+        Of any type.
+    core : petsc4py.PETSc.SNES, petsc4py.PETSc.KSP or petsc4py.PETSc.PC
+        What `attach_linear` has returned.
+    u : petsc4py.PETSc.Vec
+        Its solution.
+
+    Returns
+    -------
+    Result
+        Its report has the keys scene, dofs, free_dofs, links, ranks, solver, subdomains, strong_interfaces,
+        weak_interfaces, strong_macro_dofs, weak_dofs, direction, iterations, linear_iterations, converged, reason,
+        indicator, residual_norm, slack_fraction, estimated_error. What does not apply is None.
+    """
+    is_latin, ksp = snes.getType() == "latin", snes.getKSP()
+    r = structure.create_vec()
+    snes.computeFunction(u, r)
+    tensions = solvers.tensions(snes)
+    past = {key: np.array(values) for key, values in solvers.history(snes).items()} if is_latin else {}
+    statistics = solvers.statistics(core) if core is not None else {}
+    iterations = snes.getIterationNumber(), snes.getLinearSolveIterations()
+    result = Result(
+        structure=structure,
+        displacements=structure.displacements(u),
+        tensions=tensions,
+        load=structure.load,
+        report={},
+        subdomain=solvers.subdomain_of_links(core) if core is not None else structure.subdomain,
+        node_class=solvers.node_classes(core) if core is not None else None,
+        history=past,
+        notices=[*structure.notices, *causes(snes, structure, past)],
+    )
+    unilateral = np.count_nonzero(np.isin(structure.law, UNILATERAL))
+    report = {
+        **problem(structure),
+        "solver": snes.getType() + (f" + {ksp.getType()} + {ksp.getPC().getType()}" if not is_latin else ""),
+        **{key: statistics.get(key) for key in DECOMPOSITION},
+        "direction": statistics.get("direction_mean"),
+        "iterations": iterations[snes.getType() == "ksponly"],
+        "linear_iterations": iterations[1],
+        "converged": snes.getConvergedReason() > 0,
+        "reason": snes_reason(snes),
+        "indicator": past["indicator"][-1] if len(past.get("indicator", ())) else None,
+        "residual_norm": r.norm(),
+        "slack_fraction": np.count_nonzero(result.slack) / unilateral if unilateral else 0.0,
+        "estimated_error": solvers.estimated_error(snes) if len(past.get("estimate", ())) else None,
+    }
+    result.report.update(plain(report))
+    result.notices += turned(result)
+    r.destroy()
+    return result

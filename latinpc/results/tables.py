@@ -1,0 +1,76 @@
+"""Members and nodes of a result as tables: structured arrays and CSV files."""
+
+from __future__ import annotations
+
+import csv
+import pathlib
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from latinpc.library import _latin
+
+from .atomic import atomic
+from .mechanics import elongations
+
+if TYPE_CHECKING:
+    from .result import Result
+
+AXES = "xyz"
+
+
+def members(result: Result) -> np.ndarray:
+    """Return a row per link: ends, law, length, forces; see `latinpc.Result.members`."""
+    structure = result.structure
+    columns = {
+        "link": np.arange(len(structure.links)),
+        "start": structure.links[:, 0],
+        "end": structure.links[:, 1],
+        "law": np.array(_latin.law_names())[structure.law],
+        "length": structure.lengths,
+        "elongation": elongations(structure, result.displacements),
+        "tension": result.tensions,
+        "slack": result.slack,
+    }
+    for name in ("stress", "utilisation"):
+        if getattr(result, name) is not None:
+            columns[name] = getattr(result, name)
+    return table(columns)
+
+
+def nodes(result: Result) -> np.ndarray:
+    """Return a row per node: place, displacement, load, reaction; see `latinpc.Result.nodes`."""
+    structure = result.structure
+    columns = {"node": np.arange(len(structure.nodes))}
+    for prefix, array in (
+        ("", structure.nodes),
+        ("displacement_", result.displacements),
+        ("load_", result.load),
+        ("reaction_", result.reactions),
+    ):
+        columns |= {prefix + axis: column for axis, column in zip(AXES, array.T)}
+    columns["supported"] = structure.fixed.any(axis=1)
+    return table(columns)
+
+
+def table(columns: dict[str, np.ndarray]) -> np.ndarray:
+    """Make a structured array of columns of one length."""
+    rows = np.empty(len(next(iter(columns.values()))), [(name, column.dtype) for name, column in columns.items()])
+    for name, column in columns.items():
+        rows[name] = column
+    return rows
+
+
+def write_csv(path: str | pathlib.Path, table: np.ndarray) -> None:
+    """Write a structured array with a header, whole or not at all; numbers have all their digits.
+
+    Truth is written as 0 or 1, NaN as nothing.
+    """
+
+    def text(value):
+        return str(int(value)) if isinstance(value, bool) else "" if value != value else str(value)
+
+    with atomic(path) as temporary, open(temporary, "w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(table.dtype.names)
+        writer.writerows(map(text, row) for row in table.tolist())

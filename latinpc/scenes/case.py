@@ -1,0 +1,89 @@
+"""Load cases: what acts on a structure besides what always acts, and linear combinations of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from .scene import Scene
+
+
+@dataclass
+class Case:
+    """Actions on a scene, which add to those of the scene itself; ``1.35 * dead + 1.5 * snow`` combines cases.
+
+    Parts combine, not results: where cables slacken, the response to a sum is not the sum of the responses.
+
+    Parameters
+    ----------
+    name : str
+        For tables and messages.
+    load : (n, dim) array of float, optional
+        Nodal forces (N).
+    prescribed : (n, dim) array of float, optional
+        Settlements (m) of fixed directions, zero elsewhere.
+    initial_elongation : (m,) array of float, optional
+        Change of the initial elongations e0 (m): s where a turnbuckle shortens a link by s; -a t l where a link of the
+        length l warms by t, a being its thermal expansion (1/K).
+    part : bool
+        Whether it is a part of combinations only, not to be solved by itself.
+    """
+
+    name: str
+    load: np.ndarray | None = None
+    prescribed: np.ndarray | None = None
+    initial_elongation: np.ndarray | None = None
+    part: bool = False
+
+    def __mul__(self, factor: float) -> Case:
+        """Return the case with all its actions multiplied by a number."""
+        if not np.isscalar(factor) or not np.isfinite(factor):
+            return NotImplemented
+        return Case(f"{factor:g} {self.name}", *(None if part is None else factor * part for part in self.parts))
+
+    __rmul__ = __mul__
+
+    def __add__(self, other: Case) -> Case:
+        """Return the case of the actions of both."""
+        if not isinstance(other, Case):
+            return NotImplemented
+        sums = (a if b is None else b if a is None else a + b for a, b in zip(self.parts, other.parts))
+        return Case(f"{self.name} + {other.name}", *sums)
+
+    @property
+    def parts(self) -> tuple[np.ndarray | None, np.ndarray | None, np.ndarray | None]:
+        """Load, settlements and change of the initial elongations; None where there are none."""
+        return self.load, self.prescribed, self.initial_elongation
+
+    def named(self, name: str) -> Case:
+        """Return the case under another name."""
+        return replace(self, name=name)
+
+    def applied(self, scene: Scene) -> Scene:
+        """Return the scene with the actions of this case added to its own.
+
+        Parameters
+        ----------
+        scene : Scene
+
+        Raises
+        ------
+        ValueError
+            Naming the case, where an array does not fit the scene.
+        """
+        names = ("load", "prescribed", "initial_elongation")
+        given = {name: part for name, part in zip(names, self.parts) if part is not None}
+        for name, part in given.items():
+            shape = getattr(scene, name).shape
+            if np.shape(part) != shape:
+                raise ValueError(f"case '{self.name}': {name} must have the shape {shape}, not {np.shape(part)}")
+        try:
+            return replace(
+                scene, name=f"{scene.name}: {self.name}", cases=(),
+                **{name: getattr(scene, name) + part for name, part in given.items()},
+            )  # fmt: skip
+        except ValueError as error:
+            raise ValueError(f"case '{self.name}': {error}") from None
