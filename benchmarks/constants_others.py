@@ -121,7 +121,10 @@ OTHERS = {
         "of the loads",
         "Rounding of a node without load is 1e-16 of them, a load 1e-6 beyond collapse pushes by more than 1e-9.",
     ),
-    "LATIN_FLOOR_GROWS": ("ratio", "Three of 3,000 random structures have taut links that are a mechanism to rounding."),
+    "LATIN_FLOOR_GROWS": (
+        "ratio",
+        "Three of 3,000 random structures have taut links that are a mechanism to rounding.",
+    ),
     "LATIN_FLOOR_TIMES": ("times", "Nine digits: more, and slack links bear what taut ones should."),
     "LATIN_ROUNDED_LEFT": (
         "energy",

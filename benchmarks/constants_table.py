@@ -327,13 +327,6 @@ TUNING = {
         values=(0.1125, 0.45, 7.2, 28.8),
         so="Nothing changes from 1/16 to 16 times; with 0 one motion of the suite ends otherwise.",
     ),
-    "LATIN_TENSION_SHARE": Tuning(
-        "ratio",
-        "error of tensions of rigid links",
-        (*JAMS, *LOOSE, *EXTREMES),
-        values=(0.000625, 0.0025, 0.04, 0.16),
-        so="Nothing changes, not with 0 either: a candidate for removal.",
-    ),
     "LATIN_UNHELD": Tuning(
         "of the forces",
         "nodes that nothing holds",

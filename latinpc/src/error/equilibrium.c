@@ -9,35 +9,32 @@
    - with the row sums D of the stiffness, which is D at most, an energy error is that of D^-1 r at least, an l2 error about;
    - in a motion masses alone may hold the structure, and M / h^2 is soft beside links: for the translations t of all free
      displacements, and for u, t.r = t.K e for the error e, so that |e| >= |t.r| / |K t|;
-   - tensions of rigid links miss what an error of the displacements does not explain by elastic links and masses;
    - the ends of a rigid link that bears are apart by its gap: by what they miss it, u is wrong by 1 / sqrt(2) at least;
    - a node where as much force is missing as there is has nothing that holds it. It moves until a link resists;
    - at an equilibrium r.u = 0, while along a mechanism loads work and nothing resists. Their work is compared with that of
      tensions and loads, so that neither units nor stiffnesses matter.
 */
 
-#define LATIN_FORCE_NOISE   64.0                         /* times eps, of the forces that meet at a node: rounding of their sum */
-#define LATIN_FORCE_FACTOR  10.0                         /* on the first of the above; then, on structures of all kinds, it is 0.06 of the target at most where that has been met */
-#define LATIN_MOVED_FACTOR  1.8                          /* on the second, as on estimates of l2 errors */
-#define LATIN_TENSION_SHARE 0.01                         /* tensions of rigid links may be so much less accurate than displacements */
-#define LATIN_UNHELD        0.5                          /* of the forces at a node: a larger unbalance, and nothing holds it; of the largest of some numbers: so are those that count */
-#define LATIN_WORK_LEFT     0.5                          /* part of the work that tensions do not balance: near 0 at a solution of any accuracy, 1 in free fall */
-#define LATIN_WORK_CANCELS  0.03                         /* part of the works by themselves below which their sum counts as 0: that of a prestress */
-#define LATIN_GAP_NONE      1e3                          /* times eps, of tau / l: displacements of links without gaps that are none */
-#define LATIN_POINT         64.0                         /* times eps, of the size of the structure: less than coordinates show */
-#define LATIN_GAP_POINT     4.0                          /* the same of gaps and prescribed displacements */
-#define LATIN_SOFT          LatinByPrecision(1e-7, 1e-4) /* stiffness of a mechanism, relative to that of the softest link */
-#define LATIN_PUSH          1e-9                         /* of the loads: less along a step is rounding */
-#define LATIN_LOAD_LEFT     0.1                          /* part of the loads that tensions do not balance along a mechanism */
-#define LATIN_JAM_STAGES    100                          /* damped linear stages, after which tensions that grow without end show it; 25 find every jam tried, 6 do not */
-#define LATIN_JAM_FAR       10.0                         /* times the displacements: so far no displacement meets links that are jammed */
+#define LATIN_FORCE_NOISE  64.0                         /* times eps, of the forces that meet at a node: rounding of their sum */
+#define LATIN_FORCE_FACTOR 10.0                         /* on the first of the above; then, on structures of all kinds, it is 0.06 of the target at most where that has been met */
+#define LATIN_MOVED_FACTOR 1.8                          /* on the second, as on estimates of l2 errors */
+#define LATIN_UNHELD       0.5                          /* of the forces at a node: a larger unbalance, and nothing holds it; of the largest of some numbers: so are those that count */
+#define LATIN_WORK_LEFT    0.5                          /* part of the work that tensions do not balance: near 0 at a solution of any accuracy, 1 in free fall */
+#define LATIN_WORK_CANCELS 0.03                         /* part of the works by themselves below which their sum counts as 0: that of a prestress */
+#define LATIN_GAP_NONE     1e3                          /* times eps, of tau / l: displacements of links without gaps that are none */
+#define LATIN_POINT        64.0                         /* times eps, of the size of the structure: less than coordinates show */
+#define LATIN_GAP_POINT    4.0                          /* the same of gaps and prescribed displacements */
+#define LATIN_SOFT         LatinByPrecision(1e-7, 1e-4) /* stiffness of a mechanism, relative to that of the softest link */
+#define LATIN_PUSH         1e-9                         /* of the loads: less along a step is rounding */
+#define LATIN_LOAD_LEFT    0.1                          /* part of the loads that tensions do not balance along a mechanism */
+#define LATIN_JAM_STAGES   100                          /* damped linear stages, after which tensions that grow without end show it; 25 find every jam tried, 6 do not */
+#define LATIN_JAM_FAR      10.0                         /* times the displacements: so far no displacement meets links that are jammed */
 
 /* What nodes sum up to */
 typedef struct {
   PetscReal error;                        /* squares of D^-1 r, in the norm of the estimate */
   PetscReal work, pushed, loads;          /* r.u; works of loads and springs to the ground: their sum, and each by itself */
   PetscReal left, load, bearing;          /* squares of r beyond rounding, of the loads, of the sums of |tau| at nodes */
-  PetscReal tension, rigid;               /* squares of the forces that rigid links leave, and of theirs */
   PetscReal moved[4], stiff[4], noise[4]; /* t.r, squares of K t, rounding of t.r: translations, then u */
 } LatinNodalSums;
 
@@ -140,8 +137,8 @@ static PetscErrorCode LatinUnsupported_Private(const LatinNodalBalance *balance,
   PetscFunctionReturn(0);
 }
 
-/* One component c of a node; size: l2 norm of the displacements */
-static void LatinSumComponent(const LatinNode *at, PetscInt dim, PetscInt c, PetscReal target, PetscReal size, PetscBool energy, LatinNodalSums *sum)
+/* One component c of a node */
+static void LatinSumComponent(const LatinNode *at, PetscInt dim, PetscInt c, PetscBool energy, LatinNodalSums *sum)
 {
   const PetscReal ground = at->ground[c], noise = LATIN_FORCE_NOISE * PETSC_MACHINE_EPSILON * at->rounding[c];
   const PetscReal stiff = at->stiffness[c] + ground, left = PetscMax(0.0, PetscAbsReal(at->r[c]) - noise), pushed = (ground * at->u[c] - at->load[c]) * at->u[c];
@@ -153,8 +150,6 @@ static void LatinSumComponent(const LatinNode *at, PetscInt dim, PetscInt c, Pet
   sum->work += at->r[c] * at->u[c];
   sum->pushed += pushed;
   sum->loads += ground * at->u[c] * at->u[c] + PetscAbsReal(at->load[c] * at->u[c]); /* of a mass in flight the two cancel */
-  if (at->rigid[c] > 0.0) sum->tension += PetscSqr(PetscMax(0.0, PetscAbsReal(at->r[c]) - noise - target * size * (at->elastic[c] + ground)));
-  sum->rigid += PetscSqr(at->rigid[c]);
   sum->moved[c] += at->r[c];
   sum->noise[c] += noise;
   for (PetscInt d = 0; d < dim; d++) sum->stiff[d] += PetscSqr(at->translation[3 * d + c] + (c == d ? ground : 0.0));
@@ -200,7 +195,7 @@ PetscErrorCode LatinEquilibriumCheck_Private(Latin latin, Vec u, Vec r, Vec more
   PetscCall(PetscMemzero(found, sizeof(*found)));
   PetscCall(VecNorm(u, NORM_2, &size));
   PetscCall(LatinNodalBalanceCreate_Private(latin, u, r, more, target, &balance));
-  for (PetscInt i = 0; i < dim * structure->nodes_local; i++) LatinSumComponent(&balance.node[i / dim], dim, i % dim, target, size, energy, &sum);
+  for (PetscInt i = 0; i < dim * structure->nodes_local; i++) LatinSumComponent(&balance.node[i / dim], dim, i % dim, energy, &sum);
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &sum, sizeof(sum) / sizeof(PetscReal), MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
   PetscCall(LatinUnsupported_Private(&balance, found));
   PetscCall(LatinGapError_Private(&balance, u, size, &missed));
@@ -214,7 +209,6 @@ PetscErrorCode LatinEquilibriumCheck_Private(Latin latin, Vec u, Vec r, Vec more
   if (norm > 0.0) found->error = LATIN_FORCE_FACTOR * PetscSqrtReal(sum.error) / norm;
   for (PetscInt d = 0; d < 4 && structure->ground && !energy && norm > 0.0; d++)
     if (sum.stiff[d] > 0.0) found->error = PetscMax(found->error, LATIN_MOVED_FACTOR * (PetscAbsReal(sum.moved[d]) - sum.noise[d]) / (PetscSqrtReal(sum.stiff[d]) * norm));
-  if (sum.rigid > 0.0) found->error = PetscMax(found->error, LATIN_TENSION_SHARE * PetscSqrtReal(sum.tension / sum.rigid));
   missed = PetscMax(missed / PETSC_SQRT2, found->distance);
   if (missed > 0.0) missed = missed < size ? missed / size : 1.0;
   found->error  = PetscMax(found->error, missed);

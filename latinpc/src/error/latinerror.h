@@ -44,8 +44,6 @@ typedef struct {
   PetscReal load[3];        /* loads */
   PetscReal ground[3];      /* springs to the ground */
   PetscReal stiffness[3];   /* row sums of |B|^t k |B|, at least those of the tangent stiffness */
-  PetscReal elastic[3];     /* the same of elastic links */
-  PetscReal rigid[3];       /* tensions of rigid links, |B|^t |tau| */
   PetscReal rounding[3];    /* times eps: of the forces */
   PetscReal translation[9]; /* |K t_c| for the translation t_c of all free displacements, at most; in motions */
   PetscReal tangent[3];     /* |K u|, of links that certainly bear; in motions */

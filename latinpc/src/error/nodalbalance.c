@@ -111,8 +111,6 @@ static void LatinNodalAddLink(LatinNodalBalance *balance, PetscInt l, PetscScala
       const PetscReal cosine = PetscAbsReal(n[c]);
 
       at->stiffness[c] += 2.0 * possible * cosine * all;
-      if (rigid) at->rigid[c] += cosine * tension;
-      else at->elastic[c] += 2.0 * k * cosine * all;
       at->rounding[c] += cosine * (k * (ends + (rigid ? 0.0 : e0)) + (rigid ? tension : 0.0)); /* a gap makes no force, and is without end where a contact takes no part in a step */
       for (PetscInt d = 0; d < dim; d++) at->translation[3 * d + c] += k * cosine * PetscAbsReal(moves[d]);
       at->tangent[c] += certain * cosine * PetscAbsReal(moves[3]);
