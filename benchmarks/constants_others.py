@@ -105,7 +105,7 @@ OTHERS = {
     ),
     "LATIN_PENALTY_MOST": (
         "search parameter",
-        "Seven digits are left for what soft links bear; random structure 143 of seed 7 fails with 1e12 beside 1e-4 N/m.",
+        "Seven digits are left for what soft links bear; more made a random structure fail beside links of 1e-4 N/m.",
     ),
     "LATIN_MULTIPLIER_TIMES": ("problems", "A bound that solvable structures do not meet: net 30 takes 6."),
     "LATIN_MULTIPLIER_STEPS": ("steps", "A bound on the time that packings of rigid grains lose; net 30 takes 78."),
@@ -115,7 +115,7 @@ OTHERS = {
     ),
     "LATIN_NEWTON_YIELDS": (
         "of all links",
-        "One of 2,000 structures next to collapse was called converged 3e-5 beyond it; no ordinary scene takes a step more.",
+        "One of 300 structures next to collapse was called converged 3e-5 beyond it; no scene takes a step more.",
     ),
     "LATIN_PUSH": (
         "of the loads",

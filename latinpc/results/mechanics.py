@@ -108,6 +108,7 @@ class Turned:
     def __init__(self, structure, displacements):
         self.nodes, self.links = structure.nodes + displacements, structure.links
         self.fixed, self.load, self.dim = structure.fixed, structure.load, self.nodes.shape[1]
+        self.stiffness, self.initial_elongation = structure.stiffness, structure.initial_elongation
         vectors = np.diff(self.nodes[self.links], axis=1)[:, 0]
         self.directions = vectors / np.linalg.norm(vectors, axis=1)[:, None]
 
@@ -151,7 +152,9 @@ def balance(scene, tensions, reactions, load=None):
         lines[:, : scene.dim] = np.diff(scene.nodes[scene.links[own]], axis=1)[:, 0]
         pull[:, : scene.dim] = tensions[own, None] * scene.directions[own]
         moment -= np.cross(lines, pull).sum(axis=0)
-    whole = np.linalg.norm(load, axis=1).sum() or np.linalg.norm(reactions, axis=1).sum() or 1.0
+    whole = np.linalg.norm(load, axis=1).sum() or np.linalg.norm(reactions, axis=1).sum()
+    rounding = 1e3 * np.finfo(float).eps * np.abs(scene.stiffness * scene.initial_elongation).max()
+    whole = max(whole, rounding) or 1.0  # forces of slack links are rounding, and balance as such
     size = np.linalg.norm(arms, axis=1).max() or 1.0
     force = float(np.linalg.norm(forces.sum(axis=0)) / whole)
     return Balance(load.sum(axis=0), reactions.sum(axis=0), force, float(np.linalg.norm(moment) / (whole * size)))
