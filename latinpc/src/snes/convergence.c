@@ -85,11 +85,14 @@ PetscErrorCode SNESLatinWatch_Private(SNES snes, PetscInt it)
   PetscFunctionReturn(0);
 }
 
-/* Before the first stage: the unbalance that others are relative to, where a monitor or a test needs it. Collective on snes */
+/*
+   Before the first stage: the unbalance that others are relative to, where a monitor or a test needs it; the stop takes the
+   loads where they are less, for an unbalance that is small beside prestress says nothing of small loads. Collective on snes
+*/
 PetscErrorCode SNESLatinFirst_Private(SNES snes)
 {
   SNES_Latin *data = (SNES_Latin *)snes->data;
-  PetscReal   size;
+  PetscReal   size, loads;
 
   PetscFunctionBegin;
   data->guess = PETSC_FALSE;
@@ -103,6 +106,8 @@ PetscErrorCode SNESLatinFirst_Private(SNES snes)
   if (!data->guess) PetscCall(VecZeroEntries(snes->vec_sol));
   PetscCall(SNESLatinBalance_Private(snes));
   data->first_residual = data->residual;
+  PetscCall(SNESLatinLoads_Private(snes, &loads));
+  if (loads > 0.0) data->first_residual = PetscMin(data->first_residual, loads);
   PetscCall(SNESLatinWatch_Private(snes, 0));
   if (data->next == LATIN_NEXT_CONTINUE && data->stop == LATIN_STOP_RESIDUAL && data->residual <= snes->abstol) data->next = LATIN_NEXT_CONVERGED_FNORM_ABS;
   PetscFunctionReturn(0);
@@ -228,7 +233,7 @@ static PetscErrorCode SNESLatinDecide_Private(SNES snes, PetscReal measure, Pets
   if (*next == LATIN_NEXT_CONTINUE && snes->divtol > 0.0 && latin->linear.distance > snes->divtol * data->first_distance) *next = LATIN_NEXT_DIVERGED;
   if (LatinNextConverged(*next)) PetscCall(SNESLatinProve_Private(snes, next));
   if (SNESLatinStalls(data, measure, target, *next)) *next = LATIN_NEXT_NEWTON_STALL;
-  if (*next == LATIN_NEXT_CONTINUE && latin->linear.applications >= snes->max_its) *next = LATIN_NEXT_MAX_IT;
+  if (*next == LATIN_NEXT_CONTINUE && latin->linear.applications >= PetscMin(snes->max_its, data->newton.last)) *next = LATIN_NEXT_MAX_IT;
   if (*next == LATIN_NEXT_CONTINUE || *next == LATIN_NEXT_DIVERGED) PetscCall(LatinParameterDue_Private(latin, measure, &data->parameter, next));
   PetscFunctionReturn(0);
 }

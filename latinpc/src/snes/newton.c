@@ -42,6 +42,7 @@ PetscErrorCode LatinNewtonStart_Private(LatinNewton *newton, LatinStructure stru
 
   PetscFunctionBegin;
   newton->seen = newton->steps = newton->stages = 0;
+  newton->last                                  = PETSC_MAX_INT;
   for (PetscInt i = 0; i < 3; i++) newton->least[i] = PETSC_MAX_REAL;
   PetscCall(LatinStructureStiffnessRange_Private(structure, &least, &most));
   newton->stall    = (PetscBool)(newton->type != LATIN_NEWTON_NEVER && !structure->rubs); /* the method needs an energy */

@@ -95,6 +95,21 @@ PetscErrorCode SNESLatinLoad_Private(SNES snes)
   PetscFunctionReturn(0);
 }
 
+/* The l2 norm of the loads at free degrees of freedom. Collective on snes */
+PetscErrorCode SNESLatinLoads_Private(SNES snes, PetscReal *norm)
+{
+  const LatinStructure structure = ((SNES_Latin *)snes->data)->latin->sub.structure;
+  Vec                  load;
+
+  PetscFunctionBegin;
+  PetscCall(DMGetGlobalVector(structure->dm, &load));
+  PetscCall(VecCopy(structure->load, load));
+  if (snes->vec_rhs) PetscCall(VecAXPY(load, 1.0, snes->vec_rhs));
+  PetscCall(VecNorm(load, NORM_2, norm));
+  PetscCall(DMRestoreGlobalVector(structure->dm, &load));
+  PetscFunctionReturn(0);
+}
+
 /* The iteration, from the state z on, with this convergence test of the inner SNES, which may end by itself as well */
 PetscErrorCode SNESLatinIterate_Private(SNES snes, PetscErrorCode (*test)(SNES, PetscInt, PetscReal, PetscReal, PetscReal, SNESConvergedReason *, void *))
 {

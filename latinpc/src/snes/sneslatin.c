@@ -7,6 +7,7 @@
 
 #define LATIN_HISTORY       1000000 /* linear stages whose indicator and errors are kept: 32 MB */
 #define LATIN_DIGITS_SAFETY 2.0     /* on errors that are known to their order of magnitude */
+#define LATIN_NEWTON_AFTER  1000    /* linear stages after Newton's method has failed without rigid links: there is no equilibrium, as a rule */
 #define LATIN_JAM_LEAST     100     /* linear stages that a solve may take: with fewer no more are spent on jammed links */
 
 static PetscErrorCode SNESSetUp_Latin(SNES snes)
@@ -122,7 +123,6 @@ static PetscErrorCode SNESLatinLeaves_Private(SNES snes, PetscBool stall, PetscR
   SNES_Latin          *data      = (SNES_Latin *)snes->data;
   const LatinStructure structure = data->latin->sub.structure;
   PetscReal            sum       = 0.0, *tension;
-  Vec                  load;
 
   PetscFunctionBegin;
   *balance = PETSC_MAX_REAL;
@@ -132,11 +132,7 @@ static PetscErrorCode SNESLatinLeaves_Private(SNES snes, PetscBool stall, PetscR
   for (PetscInt l = 0; l < structure->links_local; l++) sum += PetscSqr(tension[l]);
   PetscCall(DMRestoreWorkArray(structure->dm, structure->links_local, MPIU_REAL, &tension));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &sum, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)snes)));
-  PetscCall(DMGetGlobalVector(structure->dm, &load));
-  PetscCall(VecCopy(structure->load, load));
-  if (snes->vec_rhs) PetscCall(VecAXPY(load, 1.0, snes->vec_rhs));
-  PetscCall(VecNorm(load, NORM_2, balance));
-  PetscCall(DMRestoreGlobalVector(structure->dm, &load));
+  PetscCall(SNESLatinLoads_Private(snes, balance));
   *balance = *balance > 0.0 ? data->balance * *balance : PETSC_MAX_REAL;
   if (sum > 0.0 && !stall) *balance = PetscMin(*balance, data->target * PetscSqrtReal(sum));
   PetscFunctionReturn(0);
@@ -200,8 +196,9 @@ static PetscErrorCode SNESLatinNewton_Private(SNES snes, PetscBool stall)
   PetscCall(PetscInfo(snes, "Newton's method ended with %s\n", SNESConvergedReasons[reason]));
   newton->finish = PETSC_FALSE;
   newton->steps = newton->stages = 0;
-  data->current                  = -1;
-  data->next                     = LATIN_NEXT_NEWTON_STALL;
+  if (stall && !newton->penalty) newton->last = data->latin->linear.applications + LATIN_NEWTON_AFTER;
+  data->current = -1;
+  data->next    = LATIN_NEXT_NEWTON_STALL;
   if (newton->stall) PetscFunctionReturn(0);
   PetscCall(SNESLatinIterate_Private(snes, SNESLatinConverged_Private));
   if (!(newton->contrast || (SNESLatinEstimates(data) && !newton->penalty)) || !LatinNextConverged(data->next)) PetscFunctionReturn(0);

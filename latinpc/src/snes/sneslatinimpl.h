@@ -38,6 +38,7 @@ typedef struct {
   PetscBool contrast;      /* stiffnesses too different for convergence of the iteration to be trusted */
   PetscInt  seen;          /* linear stages of this solve */
   PetscInt  most;          /* linear stages predicted: more, and the iteration stalls */
+  PetscInt  last;          /* most linear stages of this solve */
   PetscReal least[3];      /* least measure of this window of stages and of the last two */
   /* the method */
   SNES           snes;             /* NULL before the first time */
@@ -176,6 +177,7 @@ PETSC_INTERN PetscErrorCode SNESLatinFixedPoint_Private(SNES outer, Vec z, Vec F
 PETSC_INTERN PetscErrorCode SNESLatinStart_Private(SNES);
 /* snes/convergence.c */
 PETSC_INTERN SNESConvergedReason SNESLatinReason(LatinNext);
+PETSC_INTERN PetscErrorCode      SNESLatinLoads_Private(SNES, PetscReal *norm);
 PETSC_INTERN PetscErrorCode      SNESLatinBalance_Private(SNES);
 PETSC_INTERN PetscErrorCode      SNESLatinResidual_Private(SNES);
 PETSC_INTERN PetscErrorCode      SNESLatinFirst_Private(SNES);
