@@ -113,6 +113,7 @@ OTHERS = {
         "linear stages",
         "Newton's method takes 30 ms a step on net 30, a stage 0.2 ms: 300 as without rigid links is 5 times slower.",
     ),
+    "LATIN_ESTIMATE_NOISE": ("eps, of the forces at a node", "As `LATIN_FORCE_NOISE`, for tensions of rigid links."),
     "LATIN_NEWTON_AFTER": (
         "linear stages",
         "A network of 19,008 unknowns that slack cables leave loose takes 135 s with 10,000; random structures end before.",

@@ -27,6 +27,7 @@
 #define LATIN_ESTIMATE_SHORT  4    /* at least so many earlier iterates, where there are */
 #define LATIN_ESTIMATE_STEP   4    /* at least so many iterates between those that are extrapolated */
 #define LATIN_ESTIMATE_RATE   0.98 /* no rate above it is believed */
+#define LATIN_ESTIMATE_NOISE  64.0 /* times eps, of the displacements at the ends of a link times its search parameter: rounding of its tension */
 #define LATIN_ESTIMATE_EARLY  10.0 /* more caution at the first iterates, which have a short past */
 
 static const PetscReal LatinEstimateSafety[] = {1.8, 4.0}; /* l2 norm, energy norm */
@@ -39,7 +40,7 @@ static inline PetscInt LatinEstimateFields(Latin latin)
 
 PetscErrorCode LatinEstimateStart_Private(Latin latin, LatinEstimate *estimate)
 {
-  const PetscInt width = LatinEstimateFields(latin) * (LATIN_ESTIMATE_ROWS + 1) + 1;
+  const PetscInt width = LatinEstimateFields(latin) * (LATIN_ESTIMATE_ROWS + 1) + 2;
 
   PetscFunctionBegin;
   if (width != estimate->width) {
@@ -85,14 +86,21 @@ static void LatinEstimateSketch(Latin latin, PetscBool energy, PetscReal sketch[
   }
 }
 
-/* The same of the tensions of links with a state, where some are rigid */
+/* The same of the tensions of links with a state, where some are rigid; behind it is the square of what rounding of the displacements makes of them */
 static void LatinEstimateTensions(Latin latin, PetscReal sketch[])
 {
   const LatinSubdomains *sub = &latin->sub;
+  const PetscInt         dim = latin->sub.structure->dim;
 
   for (PetscInt i = 0, s = 0; i < sub->nonsmooth; i++) {
-    while (sub->nonsmooth_link[i] >= sub->link_offset[s + 1]) s++;
-    LatinEstimateAdd(sketch, LatinEstimateBits(sub->first + s, sub->nonsmooth_link[i] - sub->link_offset[s]), latin->linear.tension[i]);
+    const PetscInt   l  = sub->nonsmooth_link[i];
+    const PetscReal *ua = latin->linear.U + dim * sub->ends[2 * l], *ub = latin->linear.U + dim * sub->ends[2 * l + 1];
+    PetscReal        ends = 0.0;
+
+    while (l >= sub->link_offset[s + 1]) s++;
+    LatinEstimateAdd(sketch, LatinEstimateBits(sub->first + s, l - sub->link_offset[s]), latin->linear.tension[i]);
+    for (PetscInt c = 0; c < dim; c++) ends += PetscAbsReal(sub->direction[dim * l + c]) * (PetscAbsReal(ua[c]) + PetscAbsReal(ub[c]));
+    sketch[LATIN_ESTIMATE_ROWS + 1] += PetscSqr(LATIN_ESTIMATE_NOISE * PETSC_MACHINE_EPSILON * sub->stiffness[l] * ends);
   }
 }
 
@@ -150,15 +158,16 @@ static PetscReal LatinEstimateField(const LatinEstimate *estimate, PetscInt fiel
   const PetscInt  last = estimate->stored - 1, first = PetscMax(0, PetscMin(last / 2, last - LATIN_ESTIMATE_SHORT));
   const PetscInt  step  = PetscMax(1, LATIN_ESTIMATE_STEP / estimate->stride);
   const PetscReal norm  = PetscSqrtReal(estimate->sketch[last * estimate->width + field * (LATIN_ESTIMATE_ROWS + 1) + LATIN_ESTIMATE_ROWS]);
+  const PetscReal noise = field ? PetscSqrtReal(estimate->sketch[(last + 1) * estimate->width - 2]) : 0.0;
   PetscReal       worst = 0.0, error, before, now, rate;
 
   for (PetscInt i = first; i < last; i++) {
-    if (LatinEstimateDistance(estimate, i) > 0.0) worst = PetscMax(worst, LatinEstimateFar(estimate, field, i, last) / LatinEstimateDistance(estimate, i));
+    if (LatinEstimateDistance(estimate, i) > 0.0) worst = PetscMax(worst, (LatinEstimateFar(estimate, field, i, last) - noise) / LatinEstimateDistance(estimate, i));
   }
   error = LatinEstimateSafety[estimate->energy] * (1.0 + LATIN_ESTIMATE_EARLY / estimate->count) * worst * LatinEstimateDistance(estimate, last);
   if (last >= 2 * step) {
     before = LatinEstimateFar(estimate, field, last - 2 * step, last - step);
-    now    = LatinEstimateFar(estimate, field, last - step, last);
+    now    = PetscMax(0.0, LatinEstimateFar(estimate, field, last - step, last) - noise);
     rate   = before > 0.0 ? PetscMin(now / before, LATIN_ESTIMATE_RATE) : 0.0;
     error  = PetscMax(error, LatinEstimateSafety[estimate->energy] * now * rate / (1.0 - rate));
   }

@@ -108,7 +108,7 @@ static PetscErrorCode SNESLatinFinished_Private(SNES snes, SNESConvergedReason r
   if (newton->penalty && SNESLatinBalances(snes) && data->found.unbalance > data->balance) shown = PETSC_TRUE;
   if (!shown && !newton->tangent && !newton->linear && SNESLatinBalances(snes) && !data->found.balanced) PetscCall(LatinNewtonYields_Private(newton, snes->vec_func, &shown));
   if (data->found.verdict == LATIN_UNBOUNDED) data->next = LATIN_NEXT_DIVERGED;
-  else if (shown && newton->stall) *done = PETSC_FALSE;
+  else if (shown && (newton->stall || newton->penalty)) *done = PETSC_FALSE;
   else if (shown) data->next = LATIN_NEXT_LINE_SEARCH;
   if (shown) PetscCall(PetscInfo(snes, "Newton's method ends where the unbalance shows an error of %g at least\n", (double)data->found.error)); /* a search that stands still, or a linear solve that has not seen it */
   if (!*done) PetscFunctionReturn(0);
