@@ -54,6 +54,15 @@ OTHERS = {
         "Assembly in another order leaves 1e-15; a matrix that is not symmetric differs by more than half of "
         "the digits.",
     ),
+    "LATIN_RESIDUAL_NOISE": (
+        "eps, of x",
+        "A smaller b - A x is rounding; matrices of the robustness suite whose solution is right leave up to 9.",
+    ),
+    "LATIN_HASH": ("", "2^32 over the golden ratio, for signs without a pattern."),
+    "LATIN_REFINE_GAIN": (
+        "of b - A x",
+        "A pass of KSP latin that leaves more has met rounding; one that has not leaves 1e-5 or less.",
+    ),
     # bounds that are not met
     "LATIN_STEP_FAR": ("m", "A gap that nothing closes: the largest number."),
     "LATIN_FAR": ("m", "A strain beyond every gap, whose square is a number still."),
