@@ -63,6 +63,10 @@ OTHERS = {
         "of b - A x",
         "A pass of KSP latin that leaves more has met rounding; one that has not leaves 1e-5 or less.",
     ),
+    "LATIN_DIRECTION_RANGE": (
+        "of the interface stiffness",
+        "Of the grid, regular and cut, with each direction: 1e8 and 1e-8 solve, 1e30 and 1e-30 look like a mechanism.",
+    ),
     # bounds that are not met
     "LATIN_STEP_FAR": ("m", "A gap that nothing closes: the largest number."),
     "LATIN_FAR": ("m", "A strain beyond every gap, whose square is a number still."),
