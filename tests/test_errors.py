@@ -187,6 +187,17 @@ def pc_on_dead_structure():
     pc.setUp()
 
 
+def early(ksp_type, pc_type):
+    """Set up the KSP of a SNES that has no Jacobian yet."""
+    snes = square().create_snes()
+    snes.setType("newtonls")
+    ksp = snes.getKSP()
+    ksp.setType(ksp_type)
+    ksp.getPC().setType(pc_type)
+    snes.setUp()
+    ksp.setUp()
+
+
 def with_bounds():
     structure = square()
     snes, u = structure.create_snes(), structure.create_vec()
@@ -437,6 +448,8 @@ CASES = {
     ),
     "pc_alone": (r"-pc_type latin has no structure .*LatinStructureAttachPC\(\)", pc_on_foreign_matrix),
     "pc_dead": (r"-pc_type latin has no structure", pc_on_dead_structure),
+    "pc_early": (r"-pc_type latin has no matrix yet: .* call SNESComputeJacobian\(\)", lambda: early("cg", "latin")),
+    "ksp_early": (r"-ksp_type latin has no matrix yet: .* and KSPSetOperators\(\)", lambda: early("latin", "none")),
     "reference_size": (r"The reference has 7 entries, .* 6 free degrees", lambda: solve(square(), foreign_vec())),
     "statistics_early": (TOO_EARLY, lambda: latinpc.statistics(square().create_snes())),
     "pc_statistics_early": (TOO_EARLY, lambda: latinpc.statistics(bare(PETSc.PC, "latin"))),
