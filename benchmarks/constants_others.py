@@ -67,7 +67,15 @@ OTHERS = {
         "of the interface stiffness",
         "Of the grid, regular and cut, with each direction: 1e8 and 1e-8 solve, 1e30 and 1e-30 look like a mechanism.",
     ),
+    "LATIN_GUESS_ROUNDING": (
+        "eps, of the forces of the copies",
+        "Interface forces of a guess are sums of tens of rounded terms: what they may leave to pass on.",
+    ),
     # bounds that are not met
+    "LATIN_GUESS_MOST": (
+        "iterations",
+        "One for each number of copies of a node and pattern of its interfaces: 2 on the grid and networks.",
+    ),
     "LATIN_STEP_FAR": ("m", "A gap that nothing closes: the largest number."),
     "LATIN_FAR": ("m", "A strain beyond every gap, whose square is a number still."),
     "LATIN_LAW_STEPS": (
