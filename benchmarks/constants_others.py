@@ -54,7 +54,28 @@ OTHERS = {
         "Assembly in another order leaves 1e-15; a matrix that is not symmetric differs by more than half of "
         "the digits.",
     ),
+    "LATIN_RESIDUAL_NOISE": (
+        "eps, of x",
+        "A smaller b - A x is rounding; matrices of the robustness suite whose solution is right leave up to 9.",
+    ),
+    "LATIN_HASH": ("", "2^32 over the golden ratio, for signs without a pattern."),
+    "LATIN_REFINE_GAIN": (
+        "of b - A x",
+        "A pass of KSP latin that leaves more has met rounding; one that has not leaves 1e-5 or less.",
+    ),
+    "LATIN_DIRECTION_RANGE": (
+        "of the interface stiffness",
+        "Of the grid, regular and cut, with each direction: 1e8 and 1e-8 solve, 1e30 and 1e-30 look like a mechanism.",
+    ),
+    "LATIN_GUESS_ROUNDING": (
+        "eps, of the forces of the copies",
+        "Interface forces of a guess are sums of tens of rounded terms: what they may leave to pass on.",
+    ),
     # bounds that are not met
+    "LATIN_GUESS_MOST": (
+        "iterations",
+        "One for each number of copies of a node and pattern of its interfaces: 2 on the grid and networks.",
+    ),
     "LATIN_STEP_FAR": ("m", "A gap that nothing closes: the largest number."),
     "LATIN_FAR": ("m", "A strain beyond every gap, whose square is a number still."),
     "LATIN_LAW_STEPS": (

@@ -111,7 +111,8 @@ def set_direction(solver: Solver, direction: str, value: float = 0.0) -> None:
         ``"scalar"``, ``"diagonal"``, ``"block"``, ``"schur"`` or ``"auto"``.
     value : float, optional
         Of a scalar direction its stiffness d (N/m), of the others the fraction of the interface stiffness; 0:
-        automatic.
+        automatic. The fraction, or d relative to the stiffness of the interfaces, is between 1e-10 and 1e10 (single
+        precision: 1e-4 and 1e4); others are refused, here or at the set-up.
     """
     _latin.set_direction(solver, _number("direction", DIRECTIONS, direction), value)
 

@@ -187,6 +187,17 @@ def pc_on_dead_structure():
     pc.setUp()
 
 
+def early(ksp_type, pc_type):
+    """Set up the KSP of a SNES that has no Jacobian yet."""
+    snes = square().create_snes()
+    snes.setType("newtonls")
+    ksp = snes.getKSP()
+    ksp.setType(ksp_type)
+    ksp.getPC().setType(pc_type)
+    snes.setUp()
+    ksp.setUp()
+
+
 def with_bounds():
     structure = square()
     snes, u = structure.create_snes(), structure.create_vec()
@@ -359,6 +370,54 @@ CASES = {
         r"direction value is nan.*positive|value nan",
         lambda: solve(square(), snes_latin_direction_value="nan"),
     ),
+    "direction_inf": (
+        r"-snes_latin_direction_value.* value is inf.*positive.* from 1e-10 to 1e\+10|value inf",
+        lambda: solve(square(), snes_latin_direction_value="inf"),
+    ),
+    "direction_great": (
+        r"-snes_latin_direction_value.* value is 1e\+30; with the direction schur .* fraction .*, from 1e-10 to 1e\+10",
+        lambda: solve(square(), snes_latin_direction_value=1e30),
+    ),
+    "direction_small": (
+        r"value is 1e-30; with the direction block it is a fraction .*, from 1e-10 to 1e\+10 \(0: automatic\)",
+        lambda: solve(square(), snes_latin_direction="block", snes_latin_direction_value=1e-30),
+    ),
+    "direction_scalar_great": (
+        r"-snes_latin_direction_value.* value is 1e\+30; with the direction scalar it is a stiffness .*, from .* to ",
+        lambda: solve(grid(), snes_latin_direction="scalar", snes_latin_direction_value=1e30),
+    ),
+    "direction_scalar_small": (
+        r"value is 1e-30; with the direction scalar it is a stiffness .*, from .* to .* beside that of the interfaces",
+        lambda: solve(grid(), snes_latin_direction="scalar", snes_latin_direction_value=1e-30),
+    ),
+    "direction_of_pc": (
+        r"LatinSetDirection\(\): The direction value is 1e\+300; .* from 1e-10 to 1e\+10",
+        lambda: latinpc.set_direction(bare(PETSc.PC, "latin"), "schur", 1e300),
+    ),
+    "direction_of_ksp": (
+        r"LatinSetDirection\(\): The direction value is nan\.?; it is a positive number",
+        lambda: latinpc.set_direction(bare(PETSc.KSP, "latin"), "diagonal", NAN),
+    ),
+    "modes_local": (
+        r"-snes_latin_modes_local, .* The threshold of local modes is -1\.?; .* \(0: none, -2: automatic\)",
+        lambda: solve(square(), snes_latin_modes_local=-1),
+    ),
+    "modes_local_of_pc": (
+        r"_latin_modes_local, LatinSetModes\(\): The threshold of local modes is inf\.?; it is a positive number",
+        lambda: latinpc.set_modes(bare(PETSc.PC, "latin"), "affine", INFINITE),
+    ),
+    "error_zero": (r"-snes_latin_error .* between 0 and 1, .* not 0", lambda: solve(square(), snes_latin_error=0)),
+    "error_large": (r"-snes_latin_error .* between 0 and 1, .* not 1", lambda: solve(square(), snes_latin_error=1)),
+    "error_nan": (
+        r"-snes_latin_error .* not nan",
+        lambda: latinpc.set_error(square().create_snes(), NAN),
+    ),
+    "balance_negative": (
+        r"-snes_latin_balance .* positive and finite, .* not -1",
+        lambda: solve(square(), snes_latin_balance=-1),
+    ),
+    "balance_nan": (r"-snes_latin_balance .* not nan", lambda: latinpc.set_balance(square().create_snes(), NAN)),
+    "balance_inf": (r"-snes_latin_balance .* not inf", lambda: latinpc.set_balance(square().create_snes(), INFINITE)),
     "outer": (
         r"Unable to find requested SNES type picard",
         lambda: solve(square(), snes_latin_outer_snes_type="picard"),
@@ -389,6 +448,8 @@ CASES = {
     ),
     "pc_alone": (r"-pc_type latin has no structure .*LatinStructureAttachPC\(\)", pc_on_foreign_matrix),
     "pc_dead": (r"-pc_type latin has no structure", pc_on_dead_structure),
+    "pc_early": (r"-pc_type latin has no matrix yet: .* call SNESComputeJacobian\(\)", lambda: early("cg", "latin")),
+    "ksp_early": (r"-ksp_type latin has no matrix yet: .* and KSPSetOperators\(\)", lambda: early("latin", "none")),
     "reference_size": (r"The reference has 7 entries, .* 6 free degrees", lambda: solve(square(), foreign_vec())),
     "statistics_early": (TOO_EARLY, lambda: latinpc.statistics(square().create_snes())),
     "pc_statistics_early": (TOO_EARLY, lambda: latinpc.statistics(bare(PETSc.PC, "latin"))),

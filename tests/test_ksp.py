@@ -155,11 +155,14 @@ def test_richardson_counts_of_the_truss(subdomains, published, free):
 
 @pytest.mark.parametrize("subdomains", [16, 64, 144])
 def test_accelerated_counts_do_not_grow(subdomains):
-    """Truss, interface residual 1e-8: fewer iterations than conjugate gradients with PC latin, at every size."""
+    """Truss, 1e-8: the interface residual, and some iterations later b - A x, at every size."""
     scene = make("truss-grid", modules=4 * round(subdomains**0.5), subdomains=subdomains)
     system = linear_system(scene, rtol=1e-8)
+    system.ksp.setConvergenceHistory()
     x, exact = solved(system)
-    assert system.ksp.getIterationNumber() <= 20
+    norms = system.ksp.getConvergenceHistory()
+    assert np.argmax(norms <= 1e-8 * norms[0]) <= 20
+    assert system.ksp.getIterationNumber() <= 24
     assert (x - exact).norm() < 1e-8 * exact.norm()
 
 
@@ -228,7 +231,8 @@ def test_norms_are_what_they_say():
     system.ksp.setNormType(PETSc.KSP.NormType.PRECONDITIONED)
     solved(system)
     norms, true = np.array(seen).T
-    assert norms[-1] <= 1e-8 * norms[0] < norms[-2]
+    assert norms[-1] <= 1e-8 * norms[0]
+    assert true[-1] <= 1e-8 * system.b.norm()  # a claim meets both
     assert norms != pytest.approx(true)
 
 

@@ -196,6 +196,18 @@ def test_the_tuned_direction_lies_in_the_valley():
     assert count(middle) < min(count(middle / 16), count(middle * 16)) / 1.5
 
 
+@pytest.mark.parametrize("factor", [1e-10, 1e10])
+@pytest.mark.parametrize("direction", ["scalar", "diagonal", "block", "schur"])
+def test_ends_of_the_range(direction, factor):
+    """There the iteration is slow, but no structure looks like a mechanism, and no wrong solution like a right one."""
+    scene = grid()
+    value = factor
+    if direction == "scalar":  # the self-tuned one is 0.08 of the stiffness of the interfaces
+        value *= values(scene, variant="corner", direction="scalar")[1] / 0.08
+    found = solve(scene, variant="corner", direction=direction, direction_value=value)
+    assert found.reason > 0 and far(found.u, oracle.newton(scene)) < 1e-3
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [

@@ -95,6 +95,15 @@ def attach_linear(structure: Structure, snes: PETSc.SNES) -> PETSc.SNES | PETSc.
     return linear
 
 
+def _solver_name(snes: PETSc.SNES) -> str:
+    """Return the types of a SNES and of the solvers inside, as far as it uses them; not collective."""
+    types = [snes.getType()]
+    if snes.getType() != "latin":
+        types += [snes.getKSP().getType(), snes.getKSP().getPC().getType()]
+    name = " + ".join(filter(None, types))
+    return f"{name}, npc {snes.getNPC().getType()}" if snes.hasNPC() else name
+
+
 def gather(
     structure: Structure, snes: PETSc.SNES, core: PETSc.SNES | PETSc.KSP | PETSc.PC | None, u: PETSc.Vec
 ) -> Result:
@@ -117,7 +126,7 @@ def gather(
         weak_interfaces, strong_macro_dofs, weak_dofs, direction, iterations, linear_iterations, converged, reason,
         indicator, residual_norm, slack_fraction, estimated_error. What does not apply is None.
     """
-    is_latin, ksp = snes.getType() == "latin", snes.getKSP()
+    is_latin = snes.getType() == "latin"
     r = structure.create_vec()
     snes.computeFunction(u, r)
     tensions = solvers.tensions(snes)
@@ -138,7 +147,7 @@ def gather(
     unilateral = np.count_nonzero(np.isin(structure.law, UNILATERAL))
     report = {
         **problem(structure),
-        "solver": snes.getType() + (f" + {ksp.getType()} + {ksp.getPC().getType()}" if not is_latin else ""),
+        "solver": _solver_name(snes),
         **{key: statistics.get(key) for key in DECOMPOSITION},
         "direction": statistics.get("direction_mean"),
         "iterations": iterations[snes.getType() == "ksponly"],

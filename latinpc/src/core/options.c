@@ -55,9 +55,9 @@ PetscErrorCode LatinSetModes(Latin latin, LatinModesType type, PetscReal thresho
 {
   PetscFunctionBegin;
   PetscValidHeaderSpecific(latin, LATIN_CLASSID, 1);
+  PetscCheck((threshold >= 0.0 || threshold == (PetscReal)PETSC_DEFAULT) && !PetscIsInfOrNanReal(threshold), PetscObjectComm((PetscObject)latin), PETSC_ERR_ARG_OUTOFRANGE,
+             "-%smodes_local, LatinSetModes(): The threshold of local modes is %g; it is a positive number (0: none, -2: automatic)", LatinPrefix(&latin->sub)[0] ? LatinPrefix(&latin->sub) : "{snes,pc,ksp}_latin_", (double)threshold);
   LatinChange(latin, macro.type, type);
-  PetscCheck((threshold >= 0.0 || threshold == (PetscReal)PETSC_DEFAULT) && !PetscIsInfOrNanReal(threshold), PetscObjectComm((PetscObject)latin), PETSC_ERR_ARG_OUTOFRANGE, "The threshold of local modes is %g; it is a positive number (0: none)",
-             (double)threshold);
   LatinChange(latin, spectral.threshold, threshold);
   PetscFunctionReturn(0);
 }
@@ -69,7 +69,8 @@ PetscErrorCode LatinSetModes(Latin latin, LatinModesType type, PetscReal thresho
 
   Input Parameters:
 + type  - how much of the stiffness of the subdomains it contains
-- value - of a scalar direction its value d, force/length; of the others the fraction of the interface stiffness; 0: automatic
+- value - of a scalar direction its value d, force/length; of the others the fraction of the interface stiffness; 0: automatic.
+          The fraction, or d relative to the stiffness of interfaces, is between 1e-10 and 1e10 (single precision: 1e-4 and 1e4)
 
   Options Database Keys:
 + -snes_latin_direction <scalar,diagonal,block,schur> - or -pc_latin_direction (auto besides), -ksp_latin_direction
@@ -81,7 +82,12 @@ PetscErrorCode LatinSetDirection(Latin latin, LatinDirectionType type, PetscReal
 {
   PetscFunctionBegin;
   PetscValidHeaderSpecific(latin, LATIN_CLASSID, 1);
-  PetscCheck(value >= 0.0 && !PetscIsInfOrNanReal(value), PetscObjectComm((PetscObject)latin), PETSC_ERR_ARG_OUTOFRANGE, "The direction value is %g; it is a positive number (0: automatic)", (double)value);
+  PetscCheck(value >= 0.0 && !PetscIsInfOrNanReal(value), PetscObjectComm((PetscObject)latin), PETSC_ERR_ARG_OUTOFRANGE,
+             "-snes_latin_direction_value, LatinSetDirection(): The direction value is %g; it is a positive number (0: automatic), but for scalar directions a fraction from %g to %g", (double)value, 1.0 / LATIN_DIRECTION_RANGE,
+             LATIN_DIRECTION_RANGE);
+  PetscCheck(!(value > 0.0) || type == LATIN_DIRECTION_SCALAR || (value * LATIN_DIRECTION_RANGE >= 1.0 && value <= LATIN_DIRECTION_RANGE), PetscObjectComm((PetscObject)latin), PETSC_ERR_ARG_OUTOFRANGE,
+             "-snes_latin_direction_value, LatinSetDirection(): The direction value is %g; with the direction %s it is a fraction of the interface stiffness, from %g to %g (0: automatic)", (double)value, LatinDirectionTypes[type],
+             1.0 / LATIN_DIRECTION_RANGE, LATIN_DIRECTION_RANGE);
   LatinChange(latin, dir.type, type);
   LatinChange(latin, dir.value, value);
   PetscFunctionReturn(0);

@@ -64,11 +64,14 @@ PetscErrorCode LatinSetCoordinates_Private(PC pc, PetscInt dim, PetscInt nodes, 
 PetscErrorCode LatinSetUpOperator_Private(Latin latin, PetscObject solver, PC pc, DM dm)
 {
   LatinStructure structure;
-  PetscBool      matis;
+  PetscBool      matis, assembled;
   DM             behind;
   Vec            coordinates;
 
   PetscFunctionBegin;
+  PetscCall(MatAssembled(pc->pmat, &assembled));
+  PetscCheck(assembled, PetscObjectComm(solver), PETSC_ERR_ORDER, "-%s_type latin has no matrix yet: the KSP of a SNES gets the Jacobian in SNESSolve(); to set it up before, call SNESComputeJacobian() and KSPSetOperators()",
+             solver->classid == KSP_CLASSID ? "ksp" : "pc");
   PetscCall(MatGetDM(pc->pmat, &behind));
   PetscCall(PetscObjectQuery(solver, "LatinStructure", (PetscObject *)&structure));
   if (!structure) PetscCall(LatinStructureFromDM_Private(dm, &structure));

@@ -65,6 +65,7 @@ PETSC_INTERN PetscErrorCode LatinMateNumbers_Private(const LatinInterfaces *, co
 PETSC_INTERN PetscErrorCode LatinMateColumns_Private(const LatinInterfaces *, const PetscInt columns[], const PetscReal *const mine[], PetscInt theirs[], size_t first[], PetscReal **mate);
 
 /* ---- search directions (interfaces/searchdirection.c, interfaces/interfacestiffness.c) ---- */
+#define LATIN_DIRECTION_RANGE LatinByPrecision(1e10, 1e4) /* most times, and least part, of the stiffness of an interface: beyond, its springs or the subdomain are lost in rounding, and look like a mechanism */
 typedef struct {
   const LatinSubdomains *sub;
   const LatinInterfaces *inter;

@@ -201,6 +201,25 @@ static PetscErrorCode LatinDirectionAuto_Private(LatinDirections *dir, PetscBool
   PetscFunctionReturn(0);
 }
 
+/* The number given for all interfaces, which is to be of the order of their stiffness */
+static PetscErrorCode LatinDirectionScalar_Private(LatinDirections *dir)
+{
+  PetscReal range[2] = {-PETSC_MAX_REAL, -PETSC_MAX_REAL}; /* minus the least stiffness, the greatest */
+
+  PetscFunctionBegin;
+  PetscCall(LatinDirectionDiagonal_Private(dir, 1.0));
+  for (PetscInt k = 0; k < dir->inter->sides; k++) {
+    range[0]  = PetscMax(range[0], -dir->d[k]);
+    range[1]  = PetscMax(range[1], dir->d[k]);
+    dir->d[k] = dir->harmonic[k] = dir->value;
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, range, 2, MPIU_REAL, MPIU_MAX, PetscObjectComm(dir->sub->object)));
+  PetscCheck(range[1] < 0.0 || (dir->value >= -range[0] / LATIN_DIRECTION_RANGE && dir->value / LATIN_DIRECTION_RANGE <= range[1]), PetscObjectComm(dir->sub->object), PETSC_ERR_ARG_OUTOFRANGE,
+             "-snes_latin_direction_value, LatinSetDirection(): The direction value is %g; with the direction scalar it is a stiffness (force/length), from %g to %g beside that of the interfaces, %g to %g (0: automatic)", (double)dir->value,
+             (double)(-range[0] / LATIN_DIRECTION_RANGE), (double)(range[1] * LATIN_DIRECTION_RANGE), (double)-range[0], (double)range[1]);
+  PetscFunctionReturn(0);
+}
+
 PetscErrorCode LatinDirectionSetUp(LatinDirections *dir)
 {
   const LatinDirectionType kind     = LatinDirectionKind(dir);
@@ -210,17 +229,16 @@ PetscErrorCode LatinDirectionSetUp(LatinDirections *dir)
 
   PetscFunctionBegin;
   PetscCall(PetscLogEventBegin(LATIN_Direction, dir->sub->object, 0, 0, 0));
+  PetscCall(PetscMalloc1(inter->sides, &dir->d));
+  PetscCall(PetscMalloc1(inter->sides, &dir->harmonic));
+  if (kind == LATIN_DIRECTION_SCALAR && dir->value > 0.0) PetscCall(LatinDirectionScalar_Private(dir));
+  else if (kind != LATIN_DIRECTION_BLOCK && kind != LATIN_DIRECTION_SCHUR) PetscCall(LatinDirectionDiagonal_Private(dir, fraction));
   PetscCall(PetscMalloc1(inter->count, &matrices));
   PetscCall(PetscMalloc1(inter->count, &dir->matrix_first));
   for (PetscInt f = 0; f < inter->count; f++) {
     dir->matrix_first[f] = -1;
     matrices[f]          = (PetscBool)((kind == LATIN_DIRECTION_BLOCK || kind == LATIN_DIRECTION_SCHUR) && inter->interface[f].side_last > inter->interface[f].side_first);
   }
-  PetscCall(PetscMalloc1(inter->sides, &dir->d));
-  PetscCall(PetscMalloc1(inter->sides, &dir->harmonic));
-  if (kind == LATIN_DIRECTION_SCALAR && dir->value > 0.0) {
-    for (PetscInt k = 0; k < inter->sides; k++) dir->d[k] = dir->harmonic[k] = dir->value;
-  } else if (kind != LATIN_DIRECTION_BLOCK && kind != LATIN_DIRECTION_SCHUR) PetscCall(LatinDirectionDiagonal_Private(dir, fraction));
   if (kind == LATIN_DIRECTION_AUTO) PetscCall(LatinDirectionAuto_Private(dir, matrices));
   dir->matrices = 0;
   for (PetscInt f = 0; f < inter->count; f++) { dir->matrices += matrices[f] && dir->sub->first + inter->interface[f].sub < inter->interface[f].neighbour ? 1 : 0; }

@@ -57,7 +57,7 @@ static PetscErrorCode KSPLatinConverged_Private(KSP outer, PetscInt it, PetscRea
   KSP                     ksp     = (KSP)ctx;
   KSP_Latin              *data    = (KSP_Latin *)ksp->data;
   KSPConvergedDefaultCtx *context = (KSPConvergedDefaultCtx *)ksp->cnvP;
-  const PetscBool         ours = (PetscBool)(!it && data->rhs_norm > 0.0 && ksp->converged == KSPConvergedDefault), zero = ksp->guess_zero;
+  const PetscBool         ours = (PetscBool)(!it && !data->passes && data->rhs_norm > 0.0 && ksp->converged == KSPConvergedDefault), zero = ksp->guess_zero;
   PetscReal               norm = ksp->normtype == KSP_NORM_NONE ? 0.0 : rnorm * data->scale;
   Vec                     residual;
 
@@ -65,24 +65,28 @@ static PetscErrorCode KSPLatinConverged_Private(KSP outer, PetscInt it, PetscRea
   if (ksp->normtype == KSP_NORM_UNPRECONDITIONED) {
     PetscCall(KSPBuildResidual(ksp, data->solution, data->residual, &residual));
     PetscCall(VecNorm(residual, NORM_2, &norm));
+    data->checked = it;
+    data->left    = norm;
   }
-  ksp->its   = it;
+  ksp->its   = data->before + it;
   ksp->rnorm = norm;
-  if (it > data->logged) { /* restarts test an iteration again */
-    data->logged = it;
+  if (ksp->its > data->logged) { /* restarts test an iteration again */
+    data->logged = ksp->its;
     PetscCall(KSPLogResidualHistory(ksp, norm));
-    PetscCall(KSPMonitor(ksp, it, norm));
+    PetscCall(KSPMonitor(ksp, ksp->its, norm));
   }
-  if (ours) ksp->guess_zero = PETSC_TRUE; /* or it would apply the PC of this KSP to the right-hand side */
-  PetscCall((*ksp->converged)(ksp, it, norm, reason, ksp->cnvP));
-  ksp->guess_zero = zero;
-  if (ours && !context->initialrtol) {
-    ksp->rnorm0 = PetscMax(data->rhs_norm, norm); /* what divergence is measured from: the first residual may be far above */
-    ksp->ttol   = PetscMax(ksp->rtol * (context->mininitialrtol ? PetscMin(data->rhs_norm, norm) : data->rhs_norm), ksp->abstol);
-    *reason     = norm <= ksp->ttol ? KSP_CONVERGED_RTOL : KSP_CONVERGED_ITERATING;
+  if (it || !data->passes) {
+    if (ours) ksp->guess_zero = PETSC_TRUE; /* or it would apply the PC of this KSP to the right-hand side */
+    PetscCall((*ksp->converged)(ksp, ksp->its, norm, reason, ksp->cnvP));
+    ksp->guess_zero = zero;
+    if (ours && !context->initialrtol) {
+      ksp->rnorm0 = PetscMax(data->rhs_norm, norm); /* what divergence is measured from: the first residual may be far above */
+      ksp->ttol   = PetscMax(ksp->rtol * (context->mininitialrtol ? PetscMin(data->rhs_norm, norm) : data->rhs_norm), ksp->abstol);
+      *reason     = norm <= ksp->ttol ? KSP_CONVERGED_RTOL : KSP_CONVERGED_ITERATING;
+    }
   }
-  if (!*reason && rnorm * data->scale <= data->latin->linear.noise) *reason = KSP_CONVERGED_ATOL;
-  if (!*reason && it >= ksp->max_it) *reason = KSP_DIVERGED_ITS;
+  PetscCall(KSPLatinCheck_Private(ksp, it, rnorm * data->scale, reason));
+  if (!*reason && ksp->its >= ksp->max_it) *reason = KSP_DIVERGED_ITS;
   PetscFunctionReturn(0);
 }
 
@@ -144,11 +148,12 @@ static PetscErrorCode KSPSetUp_Latin(KSP ksp)
   if (data->A && !data->latin->stale && id == data->matrix && state == data->matrix_state) PetscFunctionReturn(0);
   PetscCall(KSPReset_Latin(ksp));
   PetscCall(LatinSetUpOperator_Private(data->latin, (PetscObject)ksp, ksp->pc, ksp->dm));
-  PetscCall(KSPSetWorkVecs(ksp, 4));
+  PetscCall(KSPSetWorkVecs(ksp, 5));
   data->guess    = ksp->work[0];
   data->load     = ksp->work[1];
   data->solution = ksp->work[2];
   data->residual = ksp->work[3];
+  data->digits   = ksp->work[4];
   PetscCall(KSPLatinCheckMatrix_Private(ksp, A));
   PetscCall(MatCreateShell(PetscObjectComm((PetscObject)ksp), data->latin->inter.sides, data->latin->inter.sides, PETSC_DETERMINE, PETSC_DETERMINE, ksp, &data->A));
   PetscCall(MatShellSetOperation(data->A, MATOP_MULT, (void (*)(void))KSPLatinMult_Private));
@@ -171,30 +176,12 @@ static PetscErrorCode KSPLatinLoad_Private(KSP ksp, Vec load, PetscReal *norm)
   PetscFunctionReturn(0);
 }
 
-static PetscErrorCode KSPSolve_Latin(KSP ksp)
+/* The outer KSP, for the correction of data->guess by data->load */
+static PetscErrorCode KSPLatinPass_Private(KSP ksp)
 {
   KSP_Latin *data = (KSP_Latin *)ksp->data;
-  PetscBool  symmetric;
-  PetscInt   failed;
-  Mat        A;
 
   PetscFunctionBegin;
-  if (data->latin->stale) PetscCall(KSPSetUp_Latin(ksp));
-  PetscCall(PetscObjectTypeCompareAny((PetscObject)data->outer, &symmetric, KSPCG, KSPFCG, KSPPIPECG, KSPGROPPCG, KSPMINRES, KSPSYMMLQ, ""));
-  PetscCheck(!symmetric, PetscObjectComm((PetscObject)ksp), PETSC_ERR_SUP,
-             "The interface operator of KSP latin is not symmetric: instead of %s take -ksp_latin_outer_ksp_type gmres, or bcgs, or conjugate gradients for the displacements with -ksp_type cg -pc_type latin", ((PetscObject)data->outer)->type_name);
-  PetscCall(KSPGetOperators(ksp, &A, NULL));
-  data->rhs_norm             = 0.0;
-  data->latin->linear.failed = PETSC_FALSE;
-  if (ksp->normtype == KSP_NORM_UNPRECONDITIONED) PetscCall(VecNorm(ksp->vec_rhs, NORM_2, &data->rhs_norm));
-  PetscCall(VecCopy(ksp->vec_rhs, data->load));
-  if (ksp->guess_zero) PetscCall(VecZeroEntries(data->guess));
-  else {
-    PetscCall(VecCopy(ksp->vec_sol, data->guess));
-    if (ksp->normtype == KSP_NORM_PRECONDITIONED) PetscCall(KSPLatinLoad_Private(ksp, ksp->vec_rhs, &data->rhs_norm));
-    PetscCall(MatMult(A, data->guess, data->residual));
-    PetscCall(VecAXPY(data->load, -1.0, data->residual));
-  }
   PetscCall(KSPLatinLoad_Private(ksp, data->load, &data->scale));
   if (data->scale <= data->latin->linear.noise) { /* the first linear stage has found it all */
     PetscCall(VecZeroEntries(data->b));
@@ -207,13 +194,51 @@ static PetscErrorCode KSPSolve_Latin(KSP ksp)
     for (PetscInt i = 0; i < n; i++) data->latin->linear.load[i] /= data->scale;
     for (PetscInt k = 0; k < data->latin->sub.unassigned_count; k++) data->latin->linear.alone[k] /= data->scale;
   }
-  data->logged = -1;
-  PetscCall(KSPSetNormType(data->outer, ksp->normtype == KSP_NORM_NONE ? KSP_NORM_NONE : KSP_NORM_DEFAULT));
-  PetscCall(KSPSetTolerances(data->outer, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT, PetscMax(ksp->max_it, 1)));
+  ksp->reason   = KSP_CONVERGED_ITERATING; /* the pass before has left its own */
+  data->checked = -1;
+  data->next    = 0;
+  PetscCall(KSPSetTolerances(data->outer, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT, PetscMax(ksp->max_it - data->before, 1)));
   PetscCall(KSPSolve(data->outer, data->b, data->y));
   PetscCall(KSPGetIterationNumber(data->outer, &ksp->its));
   PetscCall(KSPGetConvergedReason(data->outer, &ksp->reason));
-  PetscCall(KSPLatinDisplacements_Private(ksp, data->y, ksp->vec_sol));
+  if (data->checked == ksp->its) PetscCall(VecCopy(data->solution, ksp->vec_sol));
+  else PetscCall(KSPLatinDisplacements_Private(ksp, data->y, ksp->vec_sol));
+  ksp->its += data->before;
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode KSPSolve_Latin(KSP ksp)
+{
+  KSP_Latin *data = (KSP_Latin *)ksp->data;
+  PetscBool  symmetric, again = PETSC_TRUE;
+  PetscInt   failed;
+  Mat        A;
+
+  PetscFunctionBegin;
+  if (data->latin->stale) PetscCall(KSPSetUp_Latin(ksp));
+  PetscCall(PetscObjectTypeCompareAny((PetscObject)data->outer, &symmetric, KSPCG, KSPFCG, KSPPIPECG, KSPGROPPCG, KSPMINRES, KSPSYMMLQ, ""));
+  PetscCheck(!symmetric, PetscObjectComm((PetscObject)ksp), PETSC_ERR_SUP,
+             "The interface operator of KSP latin is not symmetric: instead of %s take -ksp_latin_outer_ksp_type gmres, or bcgs, or conjugate gradients for the displacements with -ksp_type cg -pc_type latin", ((PetscObject)data->outer)->type_name);
+  PetscCall(KSPGetOperators(ksp, &A, NULL));
+  data->rhs_norm             = 0.0;
+  data->latin->linear.failed = PETSC_FALSE;
+  data->passes = data->before = 0;
+  data->logged                = -1;
+  if (ksp->normtype == KSP_NORM_UNPRECONDITIONED) PetscCall(VecNorm(ksp->vec_rhs, NORM_2, &data->rhs_norm));
+  PetscCall(VecCopy(ksp->vec_rhs, data->load));
+  if (ksp->guess_zero) PetscCall(VecZeroEntries(data->guess));
+  else {
+    PetscCall(VecCopy(ksp->vec_sol, data->guess));
+    if (ksp->normtype == KSP_NORM_PRECONDITIONED) PetscCall(KSPLatinLoad_Private(ksp, ksp->vec_rhs, &data->rhs_norm));
+    PetscCall(MatMult(A, data->guess, data->residual));
+    PetscCall(VecAXPY(data->load, -1.0, data->residual));
+  }
+  PetscCall(KSPLatinAllow_Private(ksp));
+  PetscCall(KSPSetNormType(data->outer, ksp->normtype == KSP_NORM_NONE ? KSP_NORM_NONE : KSP_NORM_DEFAULT));
+  for (; again; data->passes++) {
+    PetscCall(KSPLatinPass_Private(ksp));
+    PetscCall(KSPLatinRefine_Private(ksp, &again));
+  }
   failed = data->latin->linear.failed ? 1 : 0; /* in the first stage or the last, which no norm has seen, or on a rank without interfaces */
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &failed, 1, MPIU_INT, MPI_MAX, PetscObjectComm((PetscObject)ksp)));
   if (failed) ksp->reason = KSP_DIVERGED_PC_FAILED;
@@ -266,6 +291,7 @@ static PetscErrorCode KSPView_Latin(KSP ksp, PetscViewer viewer)
   PetscCall(PetscObjectTypeCompare((PetscObject)viewer, PETSCVIEWERASCII, &ascii));
   if (!ascii) PetscFunctionReturn(0);
   PetscCall(LatinView_Private(data->latin, viewer));
+  if (ksp->reason == KSP_DIVERGED_BREAKDOWN) PetscCall(PetscViewerASCIIPrintf(viewer, "last solve: rounding leaves |b - A x| at %g, the tolerances allow %g\n", (double)data->left, (double)data->allowed));
   PetscCall(PetscViewerASCIIPrintf(viewer, "solver of the interface data:\n"));
   PetscCall(PetscViewerASCIIPushTab(viewer));
   PetscCall(KSPView(data->outer, viewer));
@@ -349,6 +375,12 @@ PetscErrorCode KSPLatinGetOuter(KSP ksp, KSP *outer)
   The norm that monitors show and the convergence test sees is, with KSP_NORM_PRECONDITIONED (the default), that of the
   interface residual, the distance of two iterates in the energy norm of the search direction; with
   KSP_NORM_UNPRECONDITIONED that of b - A x, which costs one linear stage and one product more an iteration.
+
+  With either norm PETSc's default test claims convergence only where the 2-norm of b - A x meets the tolerances as well,
+  max(rtol |b|, atol), or is what rounding x to its digits leaves. It is computed when the interface residual meets the
+  tolerances; where it does not, the iteration goes on. Where the interface data have no digits left, the solve starts again from the
+  solution found, with b - A x as load, and ends with KSP_DIVERGED_BREAKDOWN where that does not halve b - A x;
+  `KSPView()` tells what is left. With KSP_NORM_UNPRECONDITIONED rounding excuses nothing.
 
   The matrix is the tangent stiffness of a structure, or a `MATIS`. The PC of this KSP is none; `PCSetCoordinates()` on it
   says where the unknowns of a `MATIS` are.

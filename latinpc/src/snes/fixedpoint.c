@@ -1,6 +1,9 @@
 #include "snes/sneslatinimpl.h"
 #include <petscdmshell.h>
 
+#define LATIN_GUESS_ROUNDING 16.0 /* eps, of the forces of the copies: interface forces of a guess pass on all but this */
+#define LATIN_GUESS_MOST     50   /* iterations to that; one for each number of copies and each pattern of interfaces of a node */
+
 /*
    The article's iteration as a fixed-point problem z = G(z), given to an inner SNES of the user's choice (prefix
    -snes_latin_outer_): nrichardson is the plain iteration of section 3.3, anderson and others accelerate it. Its function
@@ -147,19 +150,69 @@ PetscErrorCode SNESLatinOuterSetUp_Private(SNES snes)
   PetscFunctionReturn(0);
 }
 
-/* The forces that subdomains exert on each other: what their copies of a node leave without balance, shared among its interfaces so that both sides are opposite */
-static PetscErrorCode SNESLatinInterfaceForces_Private(Latin latin, PetscReal F[])
+/* Forces of the sides as differences of a potential of the copies, opposite on both sides, and what they add up to at each copy */
+static PetscErrorCode SNESLatinDifferences_Private(Latin latin, const PetscReal potential[], PetscReal F[], PetscReal sum[])
 {
   const LatinInterfaces *inter = &latin->inter;
-  const PetscReal       *g     = latin->linear.g;
-  PetscReal             *mate;
 
   PetscFunctionBegin;
-  PetscCall(PetscMalloc1(inter->sides, &mate));
-  for (PetscInt k = 0; k < inter->sides; k++) latin->linear.outgoing[k] = -g[inter->side_dof[k]];
-  PetscCall(LatinSFBcast_Private(inter->mate_sf, 1, MPIU_REAL, latin->linear.outgoing, mate));
-  for (PetscInt k = 0; k < inter->sides; k++) F[k] = (-g[inter->side_dof[k]] - mate[k]) / latin->sub.multiplicity[inter->side_dof[k] / latin->sub.bs];
-  PetscCall(PetscFree(mate));
+  for (PetscInt k = 0; k < inter->sides; k++) latin->linear.outgoing[k] = potential[inter->side_dof[k]];
+  PetscCall(LatinSFBcast_Private(inter->mate_sf, 1, MPIU_REAL, latin->linear.outgoing, F));
+  PetscCall(PetscArrayzero(sum, latin->sub.bs * latin->sub.copies));
+  for (PetscInt k = 0; k < inter->sides; k++) {
+    F[k] = potential[inter->side_dof[k]] - F[k];
+    sum[inter->side_dof[k]] += F[k];
+  }
+  PetscFunctionReturn(0);
+}
+
+/*
+   The forces that subdomains exert on each other, from what their copies of a node leave without balance, g, less the mean of
+   the node: with an interface between any two of m copies (g_j - g_i) / m from j on i. Where interfaces are left out, as
+   in variant none, others pass these forces on: the least ones, by conjugate gradients in all nodes at once. Collective on latin
+*/
+static PetscErrorCode SNESLatinInterfaceForces_Private(Latin latin, Vec work, PetscReal F[])
+{
+  const LatinInterfaces *inter = &latin->inter;
+  const LatinSubdomains *sub   = &latin->sub;
+  const PetscInt         n = sub->bs * sub->copies, sides = inter->sides;
+  PetscReal             *left, *step, *sum, *more, norm[2] = {0.0, 0.0}, least;
+
+  PetscFunctionBegin;
+  PetscCall(PetscCalloc4(n, &left, n, &step, n, &sum, sides, &more));
+  PetscCall(LatinSum_Private(sub, latin->linear.g, work));
+  PetscCall(LatinDistribute_Private(sub, work, left));
+  for (PetscInt i = 0; i < n; i++) {
+    left[i] = left[i] / sub->multiplicity[i / sub->bs] - latin->linear.g[i];
+    step[i] = left[i] / sub->multiplicity[i / sub->bs];
+    norm[1] += PetscSqr(left[i]);
+  }
+  PetscCall(SNESLatinDifferences_Private(latin, step, F, sum));
+  PetscCall(PetscArrayzero(step, n)); /* where there is no interface nothing is passed on */
+  for (PetscInt k = 0; k < sides; k++) step[inter->side_dof[k]] = left[inter->side_dof[k]] - sum[inter->side_dof[k]];
+  PetscCall(PetscArraycpy(left, step, n));
+  for (PetscInt i = 0; i < n; i++) norm[0] += PetscSqr(left[i]);
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, norm, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)latin)));
+  least = PetscSqr(LATIN_GUESS_ROUNDING * PETSC_MACHINE_EPSILON) * norm[1];
+  for (PetscInt it = 0; it < LATIN_GUESS_MOST && norm[0] > least; it++) {
+    PetscReal length, before = norm[0];
+
+    norm[1] = 0.0;
+    PetscCall(SNESLatinDifferences_Private(latin, step, more, sum));
+    for (PetscInt i = 0; i < n; i++) norm[1] += step[i] * sum[i];
+    PetscCall(MPIU_Allreduce(MPI_IN_PLACE, norm + 1, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)latin)));
+    if (!(norm[1] > 0.0)) break;
+    length  = before / norm[1];
+    norm[0] = 0.0;
+    for (PetscInt k = 0; k < sides; k++) F[k] += length * more[k];
+    for (PetscInt i = 0; i < n; i++) {
+      left[i] -= length * sum[i];
+      norm[0] += PetscSqr(left[i]);
+    }
+    PetscCall(MPIU_Allreduce(MPI_IN_PLACE, norm, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)latin)));
+    for (PetscInt i = 0; i < n; i++) step[i] = left[i] + norm[0] / before * step[i];
+  }
+  PetscCall(PetscFree4(left, step, sum, more));
   for (PetscInt f = 0; f < inter->count; f++) LatinMacroMicro(&latin->macro, f, PETSC_TRUE, F + inter->interface[f].side_first, latin->linear.lambda);
   PetscFunctionReturn(0);
 }
@@ -176,10 +229,11 @@ static PetscErrorCode SNESLatinGuess_Private(SNES snes, Vec u, Vec z)
   LatinSubdomains *sub   = &latin->sub;
   const PetscInt   sides = latin->inter.sides;
   PetscScalar     *a, *b;
-  Vec              work;
+  Vec              work, v;
 
   PetscFunctionBegin;
   PetscCall(VecDuplicate(z, &work));
+  PetscCall(VecDuplicate(u, &v));
   PetscCall(LatinInitialState_Private(&latin->linear, z));
   PetscCall(LatinDistribute_Private(&latin->sub, u, latin->linear.U));
   PetscCall(VecGetArray(z, &a));
@@ -193,12 +247,13 @@ static PetscErrorCode SNESLatinGuess_Private(SNES snes, Vec u, Vec z)
     a[sides + i] = (law->rigid ? 0.0 : law->tension(sub->stiffness[l], e + sub->e0[l], law->ctx)) - sub->stiffness[l] * e;
   }
   PetscCall(LatinGatherForces_Private(&latin->linear, a));
-  PetscCall(SNESLatinInterfaceForces_Private(latin, a));
+  PetscCall(SNESLatinInterfaceForces_Private(latin, v, a));
   PetscCall(LatinLocalStage_Private(&latin->linear, a, b)); /* D times the micro part of U */
   for (PetscInt k = 0; k < sides; k++) a[k] += latin->linear.pull[k];
   PetscCall(VecRestoreArray(work, &b));
   PetscCall(VecRestoreArray(z, &a));
   PetscCall(VecDestroy(&work));
+  PetscCall(VecDestroy(&v));
   PetscFunctionReturn(0);
 }
 

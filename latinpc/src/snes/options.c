@@ -146,7 +146,8 @@ PetscErrorCode SNESLatinSetBalance(SNES snes, PetscReal balance)
 {
   PetscFunctionBegin;
   PetscCall(SNESLatinCheck_Private(snes));
-  PetscCheck(balance > 0.0, PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_OUTOFRANGE, "-snes_latin_balance is the part of the loads that may be left without balance, positive, for example 1e-2, not %g", (double)balance);
+  PetscCheck(balance > 0.0 && !PetscIsInfOrNanReal(balance), PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_OUTOFRANGE, "-snes_latin_balance is the part of the loads that may be left without balance, positive and finite, for example 1e-2, not %g",
+             (double)balance);
   ((SNES_Latin *)snes->data)->balance = balance;
   PetscFunctionReturn(0);
 }

@@ -8,7 +8,7 @@
 #define LATIN_HISTORY       1000000 /* linear stages whose indicator and errors are kept: 32 MB */
 #define LATIN_DIGITS_SAFETY 2.0     /* on errors that are known to their order of magnitude */
 #define LATIN_NEWTON_AFTER  1000    /* linear stages after Newton's method has failed without rigid links: there is no equilibrium, as a rule */
-#define LATIN_JAM_LEAST     100     /* linear stages that a solve may take: with fewer no more are spent on jammed links */
+#define LATIN_JAM_LEAST     100     /* linear stages that a solve may take: fewer, of a nonlinear preconditioner, show no jammed links and no lost digits */
 
 static PetscErrorCode SNESSetUp_Latin(SNES snes)
 {
@@ -253,7 +253,7 @@ static PetscErrorCode SNESLatinDiagnose_Private(SNES snes)
     PetscCall(SNESGetFunction(data->outer, &F, NULL, NULL));
     if (snes->max_its >= LATIN_JAM_LEAST) PetscCall(LatinEquilibriumJammed_Private(data->latin, data->z, F, found));
     if (found->links) found->nodes = 0;
-    else if (found->hidden) {
+    else if (found->hidden && snes->max_its >= LATIN_JAM_LEAST) {
       data->next           = LATIN_NEXT_ROUNDING;
       data->estimate.floor = 1.0;
     }
@@ -372,6 +372,9 @@ static PetscErrorCode SNESDestroy_Latin(SNES snes)
   A solution vector that is not zero is the initial guess, unless the solve starts warm: links bear what their laws make of
   it (rigid ones nothing), interfaces what the subdomains then leave without balance. A zero one is the prestressed
   configuration.
+
+  As a nonlinear preconditioner (`-npc_snes_type latin -npc_snes_max_it 3`) or in a `SNESCOMPOSITE` it does so many linear
+  stages from the displacements that it is given, and ends with SNES_DIVERGED_MAX_IT, which the outer SNES accepts.
 
   `SNESGetFunctionNorm()` and `-snes_monitor` give the norm of the function, the nodal unbalance. It is computed during the
   iteration only where there is a monitor, a history or a test of the user's; so is the current solution. The indicator has
