@@ -173,7 +173,8 @@ def _judge(case, scene, found, u, tensions=None, v=None):
 def _refusal(case, reason):
     """Return whether a refusal is expected and names its cause (refused), or not (silent)."""
     names = (
-        "equilibrium", "mechanism", "rounding", "has no link", "as many subdomains", "no free", "precision", "supported",
+        "equilibrium", "mechanism", "rounding", "has no link", "as many subdomains", "no free", "precision",
+        "supported",
         "masses differ",
     )  # fmt: skip
     return "refused" if case.expected != "right" and any(name in reason for name in names) else "silent"
