@@ -9,6 +9,8 @@ import numpy as np
 from latinpc.laws import Law
 from latinpc.results.mechanics import elongations
 
+NOTHING = 1e-10  # of the prestress of the links as drawn: forces of slack links that are rounding
+
 
 def missed(scene, u, tensions):
     """Return by how much the worst condition is missed, relative to the largest forces and displacements.
@@ -30,8 +32,8 @@ def missed(scene, u, tensions):
     for end, sign in ((0, -1.0), (1, 1.0)):
         np.add.at(forces, scene.links[:, end], sign * tensions[:, None] * scene.directions)
         np.add.at(size, scene.links[:, end], np.abs(tensions))
-    rounding = 1e3 * np.finfo(float).eps * np.abs(scene.stiffness * scene.initial_elongation).max()
-    force = max(size.max(), np.abs(scene.load).max(), rounding) or 1.0
+    nothing = NOTHING * np.abs(scene.stiffness * scene.initial_elongation).max()
+    force = max(size.max(), np.abs(scene.load).max(), nothing) or 1.0
     balance = np.abs(np.where(scene.fixed, 0.0, forces - scene.load)).max()
     e = elongations(scene, u)
     length = max(np.abs(e).max(), np.abs(scene.initial_elongation).max())
