@@ -155,7 +155,7 @@ if MPI.COMM_WORLD.rank == 0:
 
 
 def on_ranks(comm):
-    """Move structures with masses without link; more ranks than nodes with links, too."""
+    """Move structures with masses without link, also on more ranks than nodes with links."""
     found = {}
     for name, scene, options in (
         ("grid", heavy(grid(modules=4, subdomains=4), mass=20.0), {}),

@@ -380,7 +380,7 @@ PetscErrorCode KSPLatinGetOuter(KSP ksp, KSP *outer)
   max(rtol |b|, atol), or is what rounding x to its digits leaves. It is computed when the interface residual meets the
   tolerances; where it does not, the iteration goes on. Where the interface data have no digits left, the solve starts again from the
   solution found, with b - A x as load, and ends with KSP_DIVERGED_BREAKDOWN where that does not halve b - A x;
-  `KSPView()` tells what is left. With KSP_NORM_UNPRECONDITIONED rounding excuses nothing.
+  `KSPView()` shows what is left. With KSP_NORM_UNPRECONDITIONED rounding excuses nothing.
 
   The matrix is the tangent stiffness of a structure, or a `MATIS`. The PC of this KSP is none; `PCSetCoordinates()` on it
   says where the unknowns of a `MATIS` are.
