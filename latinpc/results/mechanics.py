@@ -92,6 +92,9 @@ def reactions(scene, tensions, load=None):
     return np.where(scene.fixed, forces - (scene.load if load is None else load), 0.0)
 
 
+ROUNDING = 1e-10  # of the largest stiffness times the largest initial elongation: forces of slack links that are none
+
+
 class Turned:
     """A structure with its nodes displaced and its links turned, for `reactions` and `balance`.
 
@@ -153,7 +156,7 @@ def balance(scene, tensions, reactions, load=None):
         pull[:, : scene.dim] = tensions[own, None] * scene.directions[own]
         moment -= np.cross(lines, pull).sum(axis=0)
     whole = np.linalg.norm(load, axis=1).sum() or np.linalg.norm(reactions, axis=1).sum()
-    rounding = 1e3 * np.finfo(float).eps * np.abs(scene.stiffness * scene.initial_elongation).max()
+    rounding = ROUNDING * scene.stiffness.max() * np.abs(scene.initial_elongation).max()
     whole = max(whole, rounding) or 1.0  # forces of slack links are rounding, and balance as such
     size = np.linalg.norm(arms, axis=1).max() or 1.0
     force = float(np.linalg.norm(forces.sum(axis=0)) / whole)

@@ -9,7 +9,9 @@ import numpy as np
 from latinpc.laws import Law
 from latinpc.results.mechanics import elongations
 
-NOTHING = 1e-10  # of the prestress of the links as drawn: forces of slack links that are rounding
+NOTHING = (
+    1e-10  # of the largest stiffness times the largest initial elongation: forces of slack links that are rounding
+)
 
 
 def missed(scene, u, tensions):
@@ -32,7 +34,7 @@ def missed(scene, u, tensions):
     for end, sign in ((0, -1.0), (1, 1.0)):
         np.add.at(forces, scene.links[:, end], sign * tensions[:, None] * scene.directions)
         np.add.at(size, scene.links[:, end], np.abs(tensions))
-    nothing = NOTHING * np.abs(scene.stiffness * scene.initial_elongation).max()
+    nothing = NOTHING * scene.stiffness.max() * np.abs(scene.initial_elongation).max()
     force = max(size.max(), np.abs(scene.load).max(), nothing) or 1.0
     balance = np.abs(np.where(scene.fixed, 0.0, forces - scene.load)).max()
     e = elongations(scene, u)
