@@ -177,7 +177,8 @@ static PetscErrorCode SNESLatinNewton_Private(SNES snes, PetscBool stall)
   newton->residual  = data->stop == LATIN_STOP_RESIDUAL ? PetscMax(snes->abstol, snes->rtol * data->first_residual) : 0.0;
   newton->energy    = data->estimate.energy;
   newton->reference = data->stop == LATIN_STOP_REFERENCE ? data->reference : NULL;
-  PetscCall(SNESLatinNearer_Private(snes));
+  if (stall) PetscCall(SNESLatinNearer_Private(snes));
+  else PetscCall(LatinAverage_Private(&data->latin->linear, snes->vec_sol)); /* an estimate says that it is near */
   PetscCall(SNESLatinLeaves_Private(snes, stall, &newton->balance));
   PetscCall(LatinMultipliersStart_Private(data->latin, newton));
   PetscCall(LatinNewtonCreate_Private(snes, data->latin, stall, newton));
