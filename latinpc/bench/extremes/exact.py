@@ -22,7 +22,7 @@ GROUND, RIGID = (
 NOTHING = (
     20  # digits: less than so much of the loads on the ground, or of the gaps in rigid links, is what springs leave
 )
-STEPS = 300
+STEPS = 5000
 
 
 @dataclass(frozen=True)

@@ -113,7 +113,7 @@ def _judge_statics(drawn, u, tensions):
 
 
 def _errors(scene, u, tensions, exact):
-    """Relative l2 errors of what is unique: tensions but for rigid links, and displacements where they are."""
+    """Relative l2 errors of what is unique: tensions but for rigid links, of all tensions, and displacements where they are."""
     free, elastic = ~scene.fixed, ~np.isin(scene.law, (Law.INEXTENSIBLE, Law.CONTACT))
     errors = {}
     if exact.unique:
@@ -123,13 +123,13 @@ def _errors(scene, u, tensions, exact):
     moved = np.abs(scene.initial_elongation).max() + np.abs(exact.displacements).max()
     coordinates = EPSILON * scene.stiffness.max() * np.ptp(scene.nodes)
     nothing = max(coordinates, STUCK * (scene.stiffness.max() * moved + np.abs(scene.load).max()))
-    errors["tension"] = _far(tensions[elastic], exact.tensions[elastic], nothing)
+    errors["tension"] = _far(tensions[elastic], exact.tensions[elastic], nothing, np.linalg.norm(exact.tensions))
     return errors
 
 
-def _far(found, known, nothing):
-    """Relative distance; where both are rounding of what is added up, none."""
-    size, far = np.linalg.norm(known), np.linalg.norm(found - known)
+def _far(found, known, nothing, size=None):
+    """Distance relative to `size`, or to what is known; where both are rounding of what is added up, none."""
+    size, far = np.linalg.norm(known) if size is None else size, np.linalg.norm(found - known)
     if far <= 16 * nothing * max(len(found), 1) ** 0.5:
         return 0.0
     return float(far / size) if size > 0 else np.inf

@@ -34,7 +34,7 @@
 typedef struct {
   PetscReal error;                        /* squares of D^-1 r, in the norm of the estimate */
   PetscReal work, pushed, loads;          /* r.u; works of loads and springs to the ground: their sum, and each by itself */
-  PetscReal left, load, bearing;          /* squares of r beyond rounding, of the loads, of the sums of |tau| at nodes */
+  PetscReal left, all, load, bearing;     /* squares of r beyond rounding and of all of it, of the loads, of the sums of |tau| at nodes */
   PetscReal moved[4], stiff[4], noise[4]; /* t.r, squares of K t, rounding of t.r: translations, then u */
 } LatinNodalSums;
 
@@ -144,6 +144,7 @@ static void LatinSumComponent(const LatinNode *at, PetscInt dim, PetscInt c, Pet
   const PetscReal stiff = at->stiffness[c] + ground, left = PetscMax(0.0, PetscAbsReal(at->r[c]) - noise), pushed = (ground * at->u[c] - at->load[c]) * at->u[c];
 
   sum->left += left * left;
+  sum->all += PetscSqr(at->r[c]);
   sum->load += PetscSqr(at->load[c]);
   sum->bearing += c ? 0.0 : PetscSqr(at->tension);
   if (stiff > 0.0) sum->error += energy ? left * left / stiff : PetscSqr(left / stiff);
@@ -204,7 +205,7 @@ PetscErrorCode LatinEquilibriumCheck_Private(Latin latin, Vec u, Vec r, Vec more
 
   found->balanced = (PetscBool)(sum.error == 0.0);
   if (sum.left > 0.0) found->unbalance = PetscSqrtReal(sum.left / (sum.load > 0.0 ? sum.load : PetscMax(sum.bearing, PETSC_MIN_REAL)));
-  if (sum.left > 0.0) found->forces = PetscSqrtReal(sum.left / PetscMax(sum.bearing, PETSC_MIN_REAL));
+  if (sum.left > 0.0 || sum.load > 0.0) found->forces = PetscSqrtReal(sum.all / PetscMax(PetscMax(sum.bearing, sum.load), PETSC_MIN_REAL));
   norm = energy ? PetscSqrtReal(balance.sum.energy) : size;
   if (norm > 0.0) found->error = LATIN_FORCE_FACTOR * PetscSqrtReal(sum.error) / norm;
   for (PetscInt d = 0; d < 4 && structure->ground && !energy && norm > 0.0; d++)

@@ -28,6 +28,7 @@
 #define LATIN_ESTIMATE_STEP   4    /* at least so many iterates between those that are extrapolated */
 #define LATIN_ESTIMATE_RATE   0.98 /* no rate above it is believed */
 #define LATIN_ESTIMATE_NOISE  64.0 /* times eps, of the displacements at the ends of a link times its search parameter: rounding of its tension */
+#define LATIN_ESTIMATE_FIRST  3    /* iterates before which there is nothing to say; with rigid links one more, or a warm start with a soft error seems converged */
 #define LATIN_ESTIMATE_EARLY  10.0 /* more caution at the first iterates, which have a short past */
 
 static const PetscReal LatinEstimateSafety[] = {1.8, 4.0}; /* l2 norm, energy norm */
@@ -199,18 +200,18 @@ static PetscErrorCode LatinEstimateStore_Private(Latin latin, LatinEstimate *est
 
 /*
    After an application of the fixed-point map: the estimated relative error of its displacements, and of the tensions of
-   rigid links. Before the third one there is nothing to say: 1. With a target below what rounding leaves, `rounding` says
+   rigid links. Before the first few there is nothing to say: 1. With a target below what rounding leaves, `rounding` says
    that this has been reached.
 */
 PetscErrorCode LatinEstimateUpdate_Private(Latin latin, PetscReal target, LatinEstimate *estimate)
 {
-  const PetscInt k = estimate->count++;
+  const PetscInt k = estimate->count++, first = LATIN_ESTIMATE_FIRST - 2 + LatinEstimateFields(latin);
 
   PetscFunctionBegin;
   PetscCall(PetscLogEventBegin(LATIN_Estimate, latin, 0, 0, 0));
   if (k % estimate->stride == 0) PetscCall(LatinEstimateStore_Private(latin, estimate));
-  estimate->value = k < 2 ? 1.0 : estimate->ratio * latin->linear.distance;
-  if (k == 2 || (k > 2 && estimate->value <= PetscMax(target, estimate->floor))) PetscCall(LatinEstimateFloor_Private(latin, estimate));
+  estimate->value = k < first ? 1.0 : estimate->ratio * latin->linear.distance;
+  if (k == first || (k > first && estimate->value <= PetscMax(target, estimate->floor))) PetscCall(LatinEstimateFloor_Private(latin, estimate));
   if (latin->linear.distance <= latin->linear.noise) {
     PetscCall(LatinEstimateFloor_Private(latin, estimate));
     estimate->value = 0.0; /* a fixed point */

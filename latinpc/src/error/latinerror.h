@@ -78,7 +78,7 @@ typedef struct {
   LatinVerdict verdict;
   PetscReal    error;              /* the displacements are wrong by this at least, relative */
   PetscReal    unbalance;          /* forces without balance beyond rounding, l2 norm, relative to the loads; where there are none, to the tensions */
-  PetscReal    forces;             /* the same relative to the forces of the links at the nodes: tensions are wrong by so much */
+  PetscReal    forces;             /* all forces without balance, relative to those of links and loads at the nodes: tensions are wrong by so much */
   PetscReal    missed;             /* by how much rigid links miss their gaps, relative to the l2 norm of the displacements */
   PetscBool    balanced;           /* but for rounding, nothing is without balance */
   PetscInt     nodes;              /* that nothing holds, on all ranks */

@@ -9,6 +9,7 @@
 
 #define LATIN_PENALTY          1e3  /* times the search parameter of the link, at first */
 #define LATIN_PENALTY_GROWS    10.0 /* by so much where tensions change by more than a tenth of what they did before */
+#define LATIN_PENALTY_REST     64.0 /* times eps: displacements that change by less do so by rounding, which the penalty makes tensions of */
 #define LATIN_PENALTY_MOST     1e9  /* times the search parameter: more, and rounding hides what soft links bear */
 #define LATIN_MULTIPLIER_TIMES 30   /* most problems with springs */
 #define LATIN_MULTIPLIER_STEPS 400  /* most steps of Newton's method for all of them */
@@ -39,10 +40,10 @@ PetscErrorCode LatinMultipliersStart_Private(Latin latin, LatinNewton *newton)
    The tensions of the springs at u become the multipliers. *done: displacements, since `before`, and tensions have changed by no more than the
    error asked for. Collective on structure
 */
-static PetscErrorCode LatinMultipliersUpdate_Private(LatinNewton *newton, Vec u, Vec before, PetscReal *change, PetscBool *done)
+static PetscErrorCode LatinMultipliersUpdate_Private(LatinNewton *newton, Vec u, Vec before, PetscReal *change, PetscReal *moved, PetscBool *done)
 {
   const LatinStructure structure = newton->structure;
-  PetscReal            sum[2]    = {0.0, 0.0}, moved, size, least;
+  PetscReal            sum[2]    = {0.0, 0.0}, size, least;
 
   PetscFunctionBegin;
   PetscCall(LatinStructureTensions_Private(structure, NULL, u, newton->tension));
@@ -54,13 +55,14 @@ static PetscErrorCode LatinMultipliersUpdate_Private(LatinNewton *newton, Vec u,
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
   PetscCall(VecAXPY(before, -1.0, u));
-  PetscCall(VecNorm(before, NORM_2, &moved));
+  PetscCall(VecNorm(before, NORM_2, moved));
   PetscCall(VecNorm(u, NORM_2, &size));
   PetscCall(VecCopy(u, before));
   PetscCall(LatinEquilibriumPoint_Private(structure, &least));
   *change = sum[0] > 0.0 ? PetscSqrtReal(sum[0] / PetscMax(sum[1], PETSC_MIN_REAL)) : 0.0;
-  *done   = (PetscBool)(moved <= PetscMax(newton->target * size, least) && *change <= newton->target);
-  PetscCall(PetscInfo(structure, "Tensions of rigid links change by %g of themselves, displacements by %g\n", (double)*change, (double)(size > 0.0 ? moved / size : 0.0)));
+  *done   = (PetscBool)(*moved <= PetscMax(newton->target * size, least) && *change <= newton->target);
+  *moved  = size > 0.0 ? *moved / size : 0.0;
+  PetscCall(PetscInfo(structure, "Tensions of rigid links change by %g of themselves, displacements by %g\n", (double)*change, (double)*moved));
   PetscFunctionReturn(0);
 }
 
@@ -68,7 +70,7 @@ static PetscErrorCode LatinMultipliersUpdate_Private(LatinNewton *newton, Vec u,
 PetscErrorCode LatinMultipliersSolve_Private(SNES snes, LatinNewton *newton, Vec u, SNESConvergedReason *reason)
 {
   PetscBool done  = PETSC_FALSE;
-  PetscReal grown = LATIN_PENALTY, change = PETSC_MAX_REAL, last;
+  PetscReal grown = LATIN_PENALTY, most = LATIN_PENALTY_MOST, change = PETSC_MAX_REAL, moved = 1.0, factor, last;
   PetscInt  steps, stages, raised = 0;
   Vec       before;
 
@@ -90,10 +92,15 @@ PetscErrorCode LatinMultipliersSolve_Private(SNES snes, LatinNewton *newton, Vec
     }
     done = (PetscBool)(*reason < 0 || newton->structure->rigid_law < 0);
     last = change;
-    if (!done) PetscCall(LatinMultipliersUpdate_Private(newton, u, before, &change, &done));
-    if (done || change <= last / LATIN_PENALTY_GROWS || grown * LATIN_PENALTY_GROWS > LATIN_PENALTY_MOST) continue;
-    grown *= LATIN_PENALTY_GROWS;
-    for (PetscInt l = 0; l < newton->structure->links_local; l++) newton->penalty[l] *= LATIN_PENALTY_GROWS;
+    if (!done) PetscCall(LatinMultipliersUpdate_Private(newton, u, before, &change, &moved, &done));
+    if (done || change <= last / LATIN_PENALTY_GROWS || grown * LATIN_PENALTY_GROWS > most) continue;
+    factor = LATIN_PENALTY_GROWS;
+    if (moved <= LATIN_PENALTY_REST * PETSC_MACHINE_EPSILON) { /* they change by rounding of the displacements alone */
+      factor = 1.0 / LATIN_PENALTY_GROWS;
+      most   = grown * factor;
+    }
+    grown *= factor;
+    for (PetscInt l = 0; l < newton->structure->links_local; l++) newton->penalty[l] *= factor;
   }
   if (!done) *reason = SNES_DIVERGED_MAX_IT;
   PetscCall(DMRestoreGlobalVector(newton->structure->dm, &before));

@@ -24,7 +24,6 @@
 #define LATIN_NEWTON_CONTRAST 1e6                          /* ratio of stiffnesses from which on a displacement that does not move proves nothing */
 #define LATIN_NEWTON_RTOL     1e-2                         /* of a linear solve whose step changes the taut links */
 #define LATIN_NEWTON_TIGHT    LatinByPrecision(1e-9, 1e-5) /* where stiffnesses differ: forces of stiff links must not hide those of soft ones; least tolerance: below, rounding */
-#define LATIN_NEWTON_SAFETY   0.5                          /* a linear solve aims at this part of the target */
 #define LATIN_NEWTON_PROOF    0.5                          /* part of the residual that is left where a step is taken for the error */
 #define LATIN_NEWTON_FLOOR    LatinByPrecision(1e-8, 1e-5) /* what a slack link keeps of the least stiffness, so that no mechanism ends the search */
 #define LATIN_NEWTON_SEEN     (3.0 * LATIN_MECHANISM)      /* of the greatest one */
@@ -32,7 +31,9 @@
 #define LATIN_NEWTON_STEPS    200                          /* most steps; with half as many a case of the catalogue is refused */
 #define LATIN_NEWTON_FULL     12                           /* steps that are taken whole: they end soon if they end at all */
 #define LATIN_NEWTON_GAIN     0.5                          /* a step that was to bring digits and leaves more of the error has brought none: rounding */
-#define LATIN_NEWTON_YIELDS   1e-2                         /* of the resistance of all links: where taut ones have less, forces without balance are no rounding */
+#define LATIN_NEWTON_DOUBT    100.0                        /* times the part of the residual that is left: the error, where taut links leave a mode a hundredth of the resistance of all links */
+#define LATIN_NEWTON_FAR      1e-7                         /* of the loads: forces that displacements larger than the structure may leave without balance */
+#define LATIN_NEWTON_DOUBTS   1e8                          /* at most, where a correction is larger still */
 #define LATIN_NEWTON_STILL    10                           /* a search that stands still may meet rounding, or a link that is just taut: then it does so again and again */
 
 /* Before the first linear stage of a solve. Collective on structure */
@@ -72,40 +73,14 @@ PetscBool LatinNewtonStalled(LatinNewton *newton, PetscReal measure, PetscReal t
 }
 
 /*
-   The part of the displacements by which the linear solve has them too large or too small: that of the unbalance left in
-   the work of the forces on them. A mode that slack links alone would make stiff is soft, but stiff in the preconditioner,
-   which has all links taut: the residual hides it, yet the displacements are mostly this mode.
-*/
-static PetscErrorCode LatinNewtonScale_Private(const LatinNewton *newton, KSP ksp, Vec u, Vec step, PetscReal *scale)
-{
-  PetscScalar work[2], left;
-  Vec         b, forces, of[2];
-  Mat         A;
-
-  PetscFunctionBegin;
-  PetscCall(KSPGetRhs(ksp, &b));
-  PetscCall(KSPGetOperators(ksp, &A, NULL));
-  PetscCall(DMGetGlobalVector(newton->structure->dm, &forces));
-  PetscCall(MatMult(A, u, forces));
-  of[0] = u;
-  of[1] = step;
-  PetscCall(VecMDot(forces, 2, of, work));
-  PetscCall(VecDot(u, b, &left));
-  *scale = PetscAbsScalar(left - work[1]);
-  if (PetscRealPart(work[0]) > 0.0) *scale /= PetscRealPart(work[0]);
-  PetscCall(DMRestoreGlobalVector(newton->structure->dm, &forces));
-  PetscFunctionReturn(0);
-}
-
-/*
    A linear solve ends when what it leaves over of the step is small beside the error asked for, as far as the part of the
    residual shows that is left: with PC latin the natural norm of CG is that of the energy, about. Else at its tolerance.
 */
 static PetscErrorCode LatinNewtonLinear_Private(KSP ksp, PetscInt it, PetscReal rnorm, KSPConvergedReason *reason, void *ctx)
 {
   LatinNewton *newton = (LatinNewton *)ctx;
-  PetscReal    rtol, size, scale = 0.0;
-  Vec          step, u;
+  PetscReal    rtol, size;
+  Vec          step;
 
   PetscFunctionBegin;
   *reason = KSP_CONVERGED_ITERATING;
@@ -117,52 +92,42 @@ static PetscErrorCode LatinNewtonLinear_Private(KSP ksp, PetscInt it, PetscReal 
   if (*reason || newton->tangent || newton->left > LATIN_NEWTON_PROOF) PetscFunctionReturn(0);
   PetscCall(KSPBuildSolution(ksp, NULL, &step));
   PetscCall(VecNorm(step, NORM_2, &size));
-  if (newton->left * size > LATIN_NEWTON_SAFETY * newton->target * newton->size) PetscFunctionReturn(0);
-  PetscCall(SNESGetSolution(newton->snes, &u));
-  PetscCall(LatinNewtonScale_Private(newton, ksp, u, step, &scale));
-  if (scale <= LATIN_NEWTON_SAFETY * newton->target) *reason = KSP_CONVERGED_RTOL;
+  if (newton->doubt * newton->left * size <= newton->target * newton->size) *reason = KSP_CONVERGED_RTOL;
   PetscFunctionReturn(0);
 }
 
-/* Do forces contradict what a step claims? What the displacements u leave without balance may be rounding alone. Collective on snes */
-static PetscErrorCode LatinNewtonCheck_Private(SNES snes, LatinNewton *newton, Vec u, LatinEquilibrium *found)
+/*
+   Do forces contradict what a step claims? What the displacements u leave without balance may be rounding alone; where they are larger than the
+   structure it is nearly a mechanism, and small forces are no balance. Collective on snes
+*/
+static PetscErrorCode LatinNewtonCheck_Private(SNES snes, LatinNewton *newton, Vec u, PetscReal fnorm, PetscBool *claims, LatinEquilibrium *found)
 {
-  Vec r, more;
+  PetscBool far;
+  Vec       r, more;
 
   PetscFunctionBegin;
   PetscCall(SNESGetFunction(snes, &r, NULL, NULL));
   PetscCall(SNESGetRhs(snes, &more));
   PetscCall(LatinEquilibriumCheck_Private(newton->latin, u, r, more, newton->target, newton->energy, PETSC_FALSE, found));
+  if (!newton->proves || fnorm <= LATIN_NEWTON_FAR * newton->loads) PetscFunctionReturn(0);
+  PetscCall(LatinEquilibriumFar_Private(newton->structure, u, &far));
+  if (far) *claims = PETSC_FALSE;
   PetscFunctionReturn(0);
 }
 
-/*
-   Does nothing resist what is still without balance? Next to collapse the taut links are nearly a mechanism: forces that push along
-   it stay, however small, and there is no equilibrium. With w the answer of the preconditioner to these forces r, all
-   links taut, w.K w / w.r is the part of the resistance that taut links have. Collective on newton->snes
-*/
-PetscErrorCode LatinNewtonYields_Private(LatinNewton *newton, Vec r, PetscBool *yields)
+/* Does a correction, of one more linear stage, contradict what a step claims? Then linear solves go on for longer by as much. Collective on snes */
+static PetscErrorCode LatinNewtonCorrect_Private(SNES snes, LatinNewton *newton, Vec u, PetscBool *claims)
 {
-  PetscScalar product[2];
-  Vec         w, force, of[2];
-  KSP         ksp;
-  PC          pc;
-  Mat         A;
+  PetscReal error;
+  Vec       r;
 
   PetscFunctionBegin;
-  PetscCall(SNESGetKSP(newton->snes, &ksp));
-  PetscCall(KSPGetPC(ksp, &pc));
-  PetscCall(KSPGetOperators(ksp, &A, NULL));
-  PetscCall(DMGetGlobalVector(newton->structure->dm, &w));
-  PetscCall(DMGetGlobalVector(newton->structure->dm, &force));
-  PetscCall(PCApply(pc, r, w));
-  PetscCall(MatMult(A, w, force));
-  of[0] = force;
-  of[1] = r;
-  PetscCall(VecMDot(w, 2, of, product));
-  *yields = (PetscBool)(PetscRealPart(product[0]) < LATIN_NEWTON_YIELDS * PetscRealPart(product[1]));
-  PetscCall(DMRestoreGlobalVector(newton->structure->dm, &force));
-  PetscCall(DMRestoreGlobalVector(newton->structure->dm, &w));
+  PetscCall(SNESGetFunction(snes, &r, NULL, NULL));
+  PetscCall(LatinNewtonCorrection_Private(newton, u, r, &error, &newton->tensions));
+  error = PetscMax(error, newton->tensions);
+  if (error <= newton->target) PetscFunctionReturn(0);
+  *claims       = PETSC_FALSE;
+  newton->doubt = PetscMin(PetscMax(error / newton->target, 2.0) * newton->doubt, LATIN_NEWTON_DOUBTS);
   PetscFunctionReturn(0);
 }
 
@@ -215,15 +180,18 @@ static PetscErrorCode LatinNewtonConverged_Private(SNES snes, PetscInt it, Petsc
     if (newton->energy) PetscCall(LatinNewtonStep_Private(snes, newton, u, &energy, &newton->error));
     if (lambda < 1.0 - LATIN_NEWTON_RTOL && newton->error <= newton->target) newton->still++;
     else newton->still = 0;
-    if (!changes && !newton->tangent) newton->error *= newton->left; /* where forces differ by orders, only a step that moves nothing proves anything */
+    if (!changes && !newton->tangent) newton->error *= PetscMin(1.0, newton->doubt * newton->left); /* where forces differ by orders, only a step that moves nothing proves anything */
     if (newton->reference) PetscCall(LatinStructureComputeErrors(newton->structure, u, newton->reference, &newton->error, &energy));
   }
   rounding = (PetscBool)(it > 1 && !changes && !newton->changes && newton->error > LATIN_NEWTON_GAIN * before && newton->left < LATIN_NEWTON_RTOL); /* a step that was to bring digits has brought none */
-  claims   = (PetscBool)(it && (newton->tangent || !changes) && newton->error <= newton->target && fnorm <= newton->balance && (!newton->still || newton->still > LATIN_NEWTON_STILL));
-  if ((rounding || claims) && newton->tangent && !newton->structure->penalty) {
-    PetscCall(LatinNewtonCheck_Private(snes, newton, u, &found));
-    rounding = (PetscBool)(rounding && found.balanced);
-    claims   = (PetscBool)(claims && PetscMax(found.error, found.forces) <= newton->target); /* a node with a small load that only slack links hold goes on */
+  claims   = (PetscBool)(it && ((newton->tangent && !newton->structure->penalty) || !changes) && newton->error <= newton->target && fnorm <= newton->balance && (!newton->still || newton->still > LATIN_NEWTON_STILL));
+  if ((rounding || claims) && (newton->tangent || newton->proves) && !newton->structure->penalty) {
+    PetscCall(LatinNewtonCheck_Private(snes, newton, u, fnorm, &claims, &found));
+    if (newton->tangent) {
+      rounding = (PetscBool)(rounding && found.balanced);
+      claims   = (PetscBool)(claims && PetscMax(found.error, found.forces) <= newton->target); /* a node with a small load that only slack links hold goes on */
+    }
+    if (claims && newton->proves && !newton->linear && !found.balanced) PetscCall(LatinNewtonCorrect_Private(snes, newton, u, &claims));
   }
   if (fnorm <= newton->residual) *reason = SNES_CONVERGED_FNORM_RELATIVE;
   else if (claims) *reason = SNES_CONVERGED_SNORM_RELATIVE;
@@ -337,6 +305,7 @@ PetscErrorCode LatinNewtonSolve_Private(SNES snes, LatinNewton *newton, Vec u, S
   newton->linear = (PetscBool)!newton->latin->sub.nonsmooth_global;
   newton->error  = newton->latin->linear.indicator;
   newton->left   = 0.0;
+  newton->doubt  = LATIN_NEWTON_DOUBT;
   PetscCall(VecNorm(u, NORM_2, &newton->size));
   PetscCall(SNESGetKSP(newton->snes, &ksp));
   PetscCall(KSPSetTolerances(ksp, newton->rtol, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));

@@ -106,7 +106,6 @@ static PetscErrorCode SNESLatinFinished_Private(SNES snes, SNESConvergedReason r
   PetscCall(LatinEquilibriumCheck_Private(data->latin, snes->vec_sol, snes->vec_func, snes->vec_rhs, newton->target, data->estimate.energy, PETSC_FALSE, &data->found));
   shown = (PetscBool)((newton->still || SNESLatinEstimates(data)) && newton->target > 0.0 && data->found.error > newton->target);
   if (newton->penalty && SNESLatinBalances(snes) && data->found.unbalance > data->balance) shown = PETSC_TRUE;
-  if (!shown && !newton->tangent && !newton->linear && SNESLatinBalances(snes) && !data->found.balanced) PetscCall(LatinNewtonYields_Private(newton, snes->vec_func, &shown));
   if (data->found.verdict == LATIN_UNBOUNDED) data->next = LATIN_NEXT_DIVERGED;
   else if (shown && (newton->stall || newton->penalty)) *done = PETSC_FALSE;
   else if (shown) data->next = LATIN_NEXT_LINE_SEARCH;
@@ -132,8 +131,7 @@ static PetscErrorCode SNESLatinLeaves_Private(SNES snes, PetscBool stall, PetscR
   for (PetscInt l = 0; l < structure->links_local; l++) sum += PetscSqr(tension[l]);
   PetscCall(DMRestoreWorkArray(structure->dm, structure->links_local, MPIU_REAL, &tension));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &sum, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)snes)));
-  PetscCall(SNESLatinLoads_Private(snes, balance));
-  *balance = *balance > 0.0 ? data->balance * *balance : PETSC_MAX_REAL;
+  if (data->newton.loads > 0.0) *balance = data->balance * data->newton.loads;
   if (sum > 0.0 && !stall) *balance = PetscMin(*balance, data->target * PetscSqrtReal(sum));
   PetscFunctionReturn(0);
 }
@@ -176,9 +174,11 @@ static PetscErrorCode SNESLatinNewton_Private(SNES snes, PetscBool stall)
   newton->target    = SNESLatinEstimates(data) ? data->target : data->stop == LATIN_STOP_RESIDUAL ? 0.0 : snes->stol;
   newton->residual  = data->stop == LATIN_STOP_RESIDUAL ? PetscMax(snes->abstol, snes->rtol * data->first_residual) : 0.0;
   newton->energy    = data->estimate.energy;
+  newton->proves    = (PetscBool)(SNESLatinBalances(snes) && newton->target > 0.0);
   newton->reference = data->stop == LATIN_STOP_REFERENCE ? data->reference : NULL;
   if (stall) PetscCall(SNESLatinNearer_Private(snes));
   else PetscCall(LatinAverage_Private(&data->latin->linear, snes->vec_sol)); /* an estimate says that it is near */
+  PetscCall(SNESLatinLoads_Private(snes, &newton->loads));
   PetscCall(SNESLatinLeaves_Private(snes, stall, &newton->balance));
   PetscCall(LatinMultipliersStart_Private(data->latin, newton));
   PetscCall(LatinNewtonCreate_Private(snes, data->latin, stall, newton));

@@ -47,12 +47,15 @@ typedef struct {
   LatinStructure structure;        /* borrowed: another one makes another SNES */
   Vec            reference;        /* borrowed: stop on the error against it, or NULL */
   PetscReal      target, residual; /* relative error of the displacements, norm of the residual to stop at */
-  PetscReal      balance;          /* norm of the residual to stop at with that error */
+  PetscReal      balance, loads;   /* norms of the residual to stop at with that error, and of the loads */
   PetscBool      energy;           /* the error is that of the energy norm */
   PetscReal      size;             /* l2 norm of the displacements */
   PetscReal      rtol;             /* of a linear solve while links change */
   PetscReal      first, left;      /* norm of the residual of a linear solve, and the part of it that is left */
   PetscReal      floor;            /* least tangent stiffness of a link */
+  PetscBool      proves;           /* a claim needs a correction that is as small */
+  PetscReal      doubt;            /* by so much corrections have been larger than what linear solves leave */
+  PetscReal      tensions;         /* estimated error of the tensions, relative */
   PetscReal      error;            /* estimated or measured error of the last step */
   PetscBool      linear;           /* no link can become slack */
   PetscInt       changes;          /* links that the last step has changed */
@@ -65,7 +68,7 @@ PETSC_INTERN PetscErrorCode LatinNewtonStart_Private(LatinNewton *, LatinStructu
 PETSC_INTERN PetscBool      LatinNewtonStalled(LatinNewton *, PetscReal measure, PetscReal target);
 PETSC_INTERN PetscErrorCode LatinNewtonCreate_Private(SNES, Latin, PetscBool tangent, LatinNewton *);
 PETSC_INTERN PetscErrorCode LatinNewtonSolve_Private(SNES, LatinNewton *, Vec u, SNESConvergedReason *);
-PETSC_INTERN PetscErrorCode LatinNewtonYields_Private(LatinNewton *, Vec r, PetscBool *yields);
+PETSC_INTERN PetscErrorCode LatinNewtonCorrection_Private(LatinNewton *, Vec u, Vec r, PetscReal *error, PetscReal *tensions);
 PETSC_INTERN PetscErrorCode LatinMultipliersStart_Private(Latin, LatinNewton *);
 PETSC_INTERN PetscErrorCode LatinMultipliersSolve_Private(SNES, LatinNewton *, Vec u, SNESConvergedReason *);
 PETSC_INTERN PetscErrorCode LatinMultipliersEnd_Private(Latin, LatinNewton *, PetscBool solved);

@@ -4,6 +4,8 @@
 
 #define LATIN_FAR              1e30 /* a length: a strain beyond every gap, whose square is still a number */
 #define LATIN_SEARCH_MOST      80   /* trial lengths: every third halves the interval */
+#define LATIN_SEARCH_GROWS    8.0  /* the next length where the energy falls all the way */
+#define LATIN_SEARCH_FAR      1e12 /* the longest */
 #define LATIN_SEARCH_TOLERANCE 1e-3 /* slope at the end, relative to the first one; hardly any step depends on it */
 
 /* The links along a step: strains x - t d, and t bend of the springs to the ground */
@@ -24,8 +26,9 @@ static PetscErrorCode LatinLineSlope_Private(LatinStructure structure, const Lat
 }
 
 /*
-   The length t in (0, 1] at which the energy along u - t step is least, and 1 when it falls all the way; `more` is a load
-   beside that of the structure, or NULL. The derivative of the energy is monotone and piecewise linear in t, so that a
+   The length t at which the energy along u - t step is least, and 1 when it falls all the way; `more` is a load beside that
+   of the structure, or NULL. Where slack links keep some stiffness, a step may be too short by orders of magnitude: the
+   bracket grows from 1 until the energy rises at its end. The derivative of the energy is monotone and piecewise linear in t, so that a
    secant that never leaves its bracket ends soon. Collective on structure.
 */
 PetscErrorCode LatinStructureSearch_Private(LatinStructure structure, Vec u, Vec step, Vec more, PetscReal *length)
@@ -49,7 +52,7 @@ PetscErrorCode LatinStructureSearch_Private(LatinStructure structure, Vec u, Vec
   slope[0] = first;
   for (PetscInt k = 0; k < LATIN_SEARCH_MOST; k++) {
     PetscCall(LatinLineSlope_Private(structure, &line, t, &here));
-    if (k == 0 && (here <= 0.0 || first >= 0.0)) break; /* still falling at the end of the step; or it was never falling: rounding */
+    if (k == 0 && first >= 0.0) break; /* it was never falling: rounding */
     if (PetscAbsReal(here) <= LATIN_SEARCH_TOLERANCE * PetscAbsReal(first)) break;
     if (here > 0.0) {
       high     = t;
@@ -57,6 +60,12 @@ PetscErrorCode LatinStructureSearch_Private(LatinStructure structure, Vec u, Vec
     } else {
       low      = t;
       slope[0] = here;
+    }
+    if (slope[1] == 0.0) { /* it falls all the way so far */
+      t = LATIN_SEARCH_GROWS * low;
+      if (t < LATIN_SEARCH_FAR) continue;
+      t = 1.0;
+      break;
     }
     /* the secant, or the middle every third time, when one end does not move */
     t = k % 3 == 2 ? 0.5 * (low + high) : low - slope[0] * (high - low) / (slope[1] - slope[0]);
