@@ -31,6 +31,8 @@
 #define LATIN_ESTIMATE_FIRST  3    /* iterates before which there is nothing to say; with rigid links one more, or a warm start with a soft error seems converged */
 #define LATIN_ESTIMATE_EARLY  10.0 /* more caution at the first iterates, which have a short past */
 
+#define LATIN_ESTIMATE_MOVING 10.0 /* more caution in motions with rigid links, of which no balance with loads is asked: masses stand on soft springs, which show late */
+
 static const PetscReal LatinEstimateSafety[] = {1.8, 4.0}; /* l2 norm, energy norm */
 
 /* Fields with an estimate each: displacements, and tensions of rigid links, which do not follow from them */
@@ -169,8 +171,13 @@ static PetscReal LatinEstimateField(const LatinEstimate *estimate, PetscInt fiel
   if (last >= 2 * step) {
     before = LatinEstimateFar(estimate, field, last - 2 * step, last - step);
     now    = PetscMax(0.0, LatinEstimateFar(estimate, field, last - step, last) - noise);
-    rate   = before > 0.0 ? PetscMin(now / before, LATIN_ESTIMATE_RATE) : 0.0;
+    rate   = before > 0.0 ? now / before : 0.0;
+    if (LatinEstimateDistance(estimate, last - step) > 0.0) rate = PetscMax(rate, LatinEstimateDistance(estimate, last) / LatinEstimateDistance(estimate, last - step));
+    rate   = PetscMin(rate, LATIN_ESTIMATE_RATE);
     error  = PetscMax(error, LatinEstimateSafety[estimate->energy] * now * rate / (1.0 - rate));
+  } else if (last && LatinEstimateDistance(estimate, last - 1) > 0.0) { /* too few iterates for that: stages that come closer as slowly leave as much */
+    rate = PetscMin(LatinEstimateDistance(estimate, last) / LatinEstimateDistance(estimate, last - 1), LATIN_ESTIMATE_RATE);
+    error /= 1.0 - rate;
   }
   return norm > 0.0 ? error / norm : error;
 }
@@ -190,6 +197,7 @@ static PetscErrorCode LatinEstimateStore_Private(Latin latin, LatinEstimate *est
   estimate->stored++;
   estimate->ratio = 0.0;
   for (PetscInt f = 0; f < LatinEstimateFields(latin); f++) estimate->ratio = PetscMax(estimate->ratio, LatinEstimateField(estimate, f));
+  if (latin->sub.structure->ground && LatinEstimateFields(latin) > 1) estimate->ratio *= LATIN_ESTIMATE_MOVING;
   if (latin->linear.distance > 0.0) estimate->ratio /= latin->linear.distance;
   if (estimate->stored <= LATIN_ESTIMATE_WINDOW) PetscFunctionReturn(0);
   for (PetscInt i = 1; 2 * i < estimate->stored; i++) PetscCall(PetscArraycpy(estimate->sketch + i * width, estimate->sketch + 2 * i * width, width));

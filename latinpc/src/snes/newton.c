@@ -34,6 +34,7 @@
 #define LATIN_NEWTON_DOUBT    100.0                        /* times the part of the residual that is left: the error, where taut links leave a mode a hundredth of the resistance of all links */
 #define LATIN_NEWTON_FAR      1e-7                         /* of the loads: forces that displacements larger than the structure may leave without balance */
 #define LATIN_NEWTON_DOUBTS   1e8                          /* at most, where a correction is larger still */
+#define LATIN_NEWTON_REST     (64.0 * PETSC_MACHINE_EPSILON) /* a step so small changes links by rounding alone */
 #define LATIN_NEWTON_STILL    10                           /* a search that stands still may meet rounding, or a link that is just taut: then it does so again and again */
 
 /* Before the first linear stage of a solve. Collective on structure */
@@ -184,7 +185,7 @@ static PetscErrorCode LatinNewtonConverged_Private(SNES snes, PetscInt it, Petsc
     if (newton->reference) PetscCall(LatinStructureComputeErrors(newton->structure, u, newton->reference, &newton->error, &energy));
   }
   rounding = (PetscBool)(it > 1 && !changes && !newton->changes && newton->error > LATIN_NEWTON_GAIN * before && newton->left < LATIN_NEWTON_RTOL); /* a step that was to bring digits has brought none */
-  claims   = (PetscBool)(it && ((newton->tangent && !newton->structure->penalty) || !changes) && newton->error <= newton->target && fnorm <= newton->balance && (!newton->still || newton->still > LATIN_NEWTON_STILL));
+  claims   = (PetscBool)(it && ((newton->tangent && !newton->structure->penalty) || !changes || newton->error <= LATIN_NEWTON_REST) && newton->error <= newton->target && fnorm <= newton->balance && (!newton->still || newton->still > LATIN_NEWTON_STILL));
   if ((rounding || claims) && (newton->tangent || newton->proves) && !newton->structure->penalty) {
     PetscCall(LatinNewtonCheck_Private(snes, newton, u, fnorm, &claims, &found));
     if (newton->tangent) {
