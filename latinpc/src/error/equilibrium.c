@@ -171,8 +171,13 @@ static PetscErrorCode LatinGapError_Private(const LatinNodalBalance *balance, Ve
   if (structure->rigid_law < 0) PetscFunctionReturn(0);
   PetscCall(VecNorm(u, NORM_INFINITY, &most));
   PetscCall(LatinStructureSize_Private(structure, &size, &prescribed));
+  if (structure->ground) { /* in a motion no coordinate counts, but the strains that the step starts from */
+    size = 0.0;
+    for (PetscInt l = 0; l < structure->links_local; l++) size = PetscMax(size, LatinLaws[structure->law[l]].rigid ? 0.0 : PetscAbsReal(structure->e0[l]));
+    PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &size, 1, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)structure)));
+  }
   size *= PETSC_MACHINE_EPSILON;
-  moves = (PetscBool)(norm > LATIN_GAP_NONE * PETSC_MACHINE_EPSILON * PetscSqrtReal(balance->sum.bearing_moves) && (structure->ground || most > LATIN_POINT * size)); /* in a motion no coordinate counts */
+  moves = (PetscBool)(norm > LATIN_GAP_NONE * PETSC_MACHINE_EPSILON * PetscSqrtReal(balance->sum.bearing_moves) && most > LATIN_POINT * size);
   gaps  = (PetscBool)(PetscSqrtReal(balance->sum.bearing_gaps) > LATIN_GAP_POINT * size || prescribed > LATIN_GAP_POINT * size);
   if (moves || gaps) *missed = balance->gap;
   PetscFunctionReturn(0);

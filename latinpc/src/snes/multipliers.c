@@ -37,8 +37,8 @@ PetscErrorCode LatinMultipliersStart_Private(Latin latin, LatinNewton *newton)
 }
 
 /*
-   The tensions of the springs at u become the multipliers. *done: displacements, since `before`, and tensions have changed by no more than the
-   error asked for. Collective on structure
+   The tensions of the springs at u become the multipliers. *done: displacements, since `before`, and tensions, beside all of them or the loads, have
+   changed by no more than the error asked for. Collective on structure
 */
 static PetscErrorCode LatinMultipliersUpdate_Private(LatinNewton *newton, Vec u, Vec before, PetscReal *change, PetscReal *moved, PetscBool *done)
 {
@@ -59,7 +59,7 @@ static PetscErrorCode LatinMultipliersUpdate_Private(LatinNewton *newton, Vec u,
   PetscCall(VecNorm(u, NORM_2, &size));
   PetscCall(VecCopy(u, before));
   PetscCall(LatinEquilibriumPoint_Private(structure, &least));
-  *change = sum[0] > 0.0 ? PetscSqrtReal(sum[0] / PetscMax(sum[1], PETSC_MIN_REAL)) : 0.0;
+  *change = sum[0] > 0.0 ? PetscSqrtReal(sum[0] / PetscMax(PetscMax(sum[1], sum[0]), PetscSqr(newton->loads))) : 0.0; /* beside loads tensions may be rounding */
   *done   = (PetscBool)(*moved <= PetscMax(newton->target * size, least) && *change <= newton->target);
   *moved  = size > 0.0 ? *moved / size : 0.0;
   PetscCall(PetscInfo(structure, "Tensions of rigid links change by %g of themselves, displacements by %g\n", (double)*change, (double)*moved));
@@ -93,12 +93,12 @@ PetscErrorCode LatinMultipliersSolve_Private(SNES snes, LatinNewton *newton, Vec
     done = (PetscBool)(*reason < 0 || newton->structure->rigid_law < 0);
     last = change;
     if (!done) PetscCall(LatinMultipliersUpdate_Private(newton, u, before, &change, &moved, &done));
-    if (done || change <= last / LATIN_PENALTY_GROWS || grown * LATIN_PENALTY_GROWS > most) continue;
+    if (done || change <= last / LATIN_PENALTY_GROWS) continue;
     factor = LATIN_PENALTY_GROWS;
     if (moved <= LATIN_PENALTY_REST * PETSC_MACHINE_EPSILON) { /* they change by rounding of the displacements alone */
       factor = 1.0 / LATIN_PENALTY_GROWS;
       most   = grown * factor;
-    }
+    } else if (grown * factor > most) continue;
     grown *= factor;
     for (PetscInt l = 0; l < newton->structure->links_local; l++) newton->penalty[l] *= factor;
   }
