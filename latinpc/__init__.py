@@ -24,6 +24,7 @@ from latinpc.settings import (
     set_reference,
     set_stop,
     set_subdomains,
+    set_tension_error,
     set_variant,
     set_warm_start,
 )
@@ -50,6 +51,7 @@ from latinpc.solvers import (
     subdomain_is,
     subdomain_of_links,
     subdomains,
+    tension_error,
     tensions,
     unsupported_nodes,
 )
@@ -98,6 +100,7 @@ __all__ = [
     "set_reference",
     "set_stop",
     "set_subdomains",
+    "set_tension_error",
     "set_variant",
     "set_warm_start",
     "statistics",
@@ -105,6 +108,7 @@ __all__ = [
     "subdomain_is",
     "subdomain_of_links",
     "subdomains",
+    "tension_error",
     "tensions",
     "unsupported_nodes",
 ]

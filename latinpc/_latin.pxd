@@ -90,6 +90,8 @@ cdef extern from "latinpc.h":
     ctypedef enum LatinNewtonType:
         pass
     PetscErrorCode SNESLatinSetStop(PetscSNES, LatinStopType)
+    PetscErrorCode SNESLatinSetTensionError(PetscSNES, PetscReal)
+    PetscErrorCode SNESLatinGetTensionError(PetscSNES, PetscReal *)
     PetscErrorCode SNESLatinSetBalance(PetscSNES, PetscReal)
     PetscErrorCode SNESLatinSetError(PetscSNES, PetscReal)
     PetscErrorCode SNESLatinSetNewton(PetscSNES, LatinNewtonType)

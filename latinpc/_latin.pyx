@@ -385,6 +385,18 @@ def set_estimated_error(SNES snes not None, PetscReal error):
     CHKERR(SNESLatinSetError(snes.snes, error))
 
 
+def set_tension_error(SNES snes not None, PetscReal error):
+    """Set the estimated error of the tensions to stop at."""
+    CHKERR(SNESLatinSetTensionError(snes.snes, error))
+
+
+def tension_error(SNES snes not None):
+    """Return the estimated error of the tensions, negative where it is not known."""
+    cdef PetscReal error = 0
+    CHKERR(SNESLatinGetTensionError(snes.snes, &error))
+    return error
+
+
 def set_balance(SNES snes not None, PetscReal balance):
     """Set the forces without balance at which a solve may end."""
     CHKERR(SNESLatinSetBalance(snes.snes, balance))

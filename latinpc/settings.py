@@ -22,6 +22,7 @@ __all__ = [
     "set_reference",
     "set_stop",
     "set_subdomains",
+    "set_tension_error",
     "set_variant",
     "set_warm_start",
 ]
@@ -154,6 +155,19 @@ def set_error(snes: PETSc.SNES, error: float) -> None:
         Relative error of the displacements, between 0 and 1.
     """
     _latin.set_estimated_error(snes, error)
+
+
+def set_tension_error(snes: PETSc.SNES, error: float) -> None:
+    """Set the estimated error of the tensions at which a solve may end, as ``-snes_latin_tension_error``; logically collective.
+
+    Parameters
+    ----------
+    snes : petsc4py.PETSc.SNES
+        Of type latin.
+    error : float
+        Relative, l2 norm over all links; positive. 1e30: any. Without it, the error asked for of the displacements.
+    """
+    _latin.set_tension_error(snes, error)
 
 
 def set_balance(snes: PETSc.SNES, balance: float) -> None:

@@ -37,6 +37,7 @@ __all__ = [
     "subdomain_is",
     "subdomain_of_links",
     "subdomains",
+    "tension_error",
     "tensions",
 ]
 
@@ -92,6 +93,24 @@ def rounding_floor(snes: PETSc.SNES) -> float:
         0 where it is not known.
     """
     return _latin.estimates(snes)[2]
+
+
+def tension_error(snes: PETSc.SNES) -> float | None:
+    """Return the estimated relative error of the tensions, l2 norm over all links; not collective.
+
+    Parameters
+    ----------
+    snes : petsc4py.PETSc.SNES
+        Of type latin, after a solve.
+
+    Returns
+    -------
+    float or None
+        None where it is not estimated: with the stops indicator, residual and reference, and in motions without
+        rigid links.
+    """
+    error = _latin.tension_error(snes)
+    return error if error >= 0.0 else None
 
 
 def estimated_error(snes: PETSc.SNES) -> float:

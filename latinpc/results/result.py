@@ -61,6 +61,11 @@ class Result:
         """Estimated relative error of the displacements; None where the stop does not estimate it."""
         return self.report["estimated_error"]
 
+    @property
+    def tension_error(self) -> float | None:
+        """Estimated relative error of the tensions, l2 norm over all links; None where it is not known."""
+        return self.report["tension_error"]
+
     @cached_property
     def slack(self) -> np.ndarray:
         """(m,) array of bool: cables, compression-only links and contacts that carry nothing."""

@@ -124,7 +124,7 @@ def gather(
     Result
         Its report has the keys scene, dofs, free_dofs, links, ranks, solver, subdomains, strong_interfaces,
         weak_interfaces, strong_macro_dofs, weak_dofs, direction, iterations, linear_iterations, converged, reason,
-        indicator, residual_norm, slack_fraction, estimated_error. What does not apply is None.
+        indicator, residual_norm, slack_fraction, estimated_error, tension_error. What does not apply is None.
     """
     is_latin = snes.getType() == "latin"
     r = structure.create_vec()
@@ -158,6 +158,7 @@ def gather(
         "residual_norm": r.norm(),
         "slack_fraction": np.count_nonzero(result.slack) / unilateral if unilateral else 0.0,
         "estimated_error": solvers.estimated_error(snes) if len(past.get("estimate", ())) else None,
+        "tension_error": solvers.tension_error(snes) if is_latin else None,
     }
     result.report.update(plain(report))
     result.notices += turned(result)

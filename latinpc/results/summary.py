@@ -59,7 +59,8 @@ def _accuracy(scene, result):
     parts, report = [], result.report
     if report["estimated_error"] is not None:
         norm = "energy" if report.get("options", {}).get("snes_latin_stop") == "energy" else "l2"
-        parts.append(f"estimated error {report['estimated_error']:.1e} ({norm})")
+        forces = f", {report['tension_error']:.1e} of the tensions" if report.get("tension_error") is not None else ""
+        parts.append(f"estimated error {report['estimated_error']:.1e} ({norm}){forces}")
     loads = np.linalg.norm(result.load[~scene.fixed])
     parts.append(
         f"forces without balance {report['residual_norm'] / loads:.1e} of the loads"

@@ -16,6 +16,7 @@ from .exact import solve_exactly
 CLOSED = 1e-4  # of the free flight of a step: smaller gaps are closed, as TS latin has it
 EPSILON = float(np.finfo(PETSc.RealType).eps)
 NOTHING = 16 * EPSILON  # of the strains: less is their rounding
+STILL = EPSILON / 1e-4  # of the rest that is given: less is rounding of what has come to rest
 REST = max(1e-6, EPSILON / ACCURACY)  # of what moved before, or would without links: less is rest, or its rounding
 
 
@@ -103,6 +104,8 @@ def _flight(scene):
 
 def _step_error(scene, u, v, found, rest=0.0):
     h = scene.time_step
+    if max(map(np.linalg.norm, (v, found))) <= STILL * rest and not _flight(scene).any():
+        return 0.0, "nothing moves but by rounding"
     statics = as_statics(scene, u, v)
     w = h * np.vstack([found, 0.0 * found[:1]])
     exact = solve_exactly(statics, w)

@@ -54,6 +54,7 @@ PetscErrorCode LatinEstimateStart_Private(Latin latin, LatinEstimate *estimate)
   estimate->count = estimate->stored = 0;
   estimate->stride                   = 1;
   estimate->value                    = 1.0;
+  estimate->tensions                 = -1.0;
   estimate->floor                    = 0.0;
   PetscFunctionReturn(0);
 }
@@ -164,6 +165,7 @@ static PetscReal LatinEstimateField(const LatinEstimate *estimate, PetscInt fiel
   const PetscReal noise = field ? PetscSqrtReal(estimate->sketch[(last + 1) * estimate->width - 2]) : 0.0;
   PetscReal       worst = 0.0, error, before, now, rate;
 
+  if (field && norm <= noise) return 0.0; /* tensions that are none */
   for (PetscInt i = first; i < last; i++) {
     if (LatinEstimateDistance(estimate, i) > 0.0) worst = PetscMax(worst, (LatinEstimateFar(estimate, field, i, last) - noise) / LatinEstimateDistance(estimate, i));
   }
@@ -173,8 +175,8 @@ static PetscReal LatinEstimateField(const LatinEstimate *estimate, PetscInt fiel
     now    = PetscMax(0.0, LatinEstimateFar(estimate, field, last - step, last) - noise);
     rate   = before > 0.0 ? now / before : 0.0;
     if (LatinEstimateDistance(estimate, last - step) > 0.0) rate = PetscMax(rate, LatinEstimateDistance(estimate, last) / LatinEstimateDistance(estimate, last - step));
-    rate   = PetscMin(rate, LATIN_ESTIMATE_RATE);
-    error  = PetscMax(error, LatinEstimateSafety[estimate->energy] * now * rate / (1.0 - rate));
+    rate  = PetscMin(rate, LATIN_ESTIMATE_RATE);
+    error = PetscMax(error, LatinEstimateSafety[estimate->energy] * now * rate / (1.0 - rate));
   } else if (last && LatinEstimateDistance(estimate, last - 1) > 0.0) { /* too few iterates for that: stages that come closer as slowly leave as much */
     rate = PetscMin(LatinEstimateDistance(estimate, last) / LatinEstimateDistance(estimate, last - 1), LATIN_ESTIMATE_RATE);
     error /= 1.0 - rate;
@@ -195,10 +197,11 @@ static PetscErrorCode LatinEstimateStore_Private(Latin latin, LatinEstimate *est
   PetscCall(MPIU_Allreduce(estimate->part, mine, width - 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)latin)));
   mine[width - 1] = latin->linear.distance;
   estimate->stored++;
-  estimate->ratio = 0.0;
-  for (PetscInt f = 0; f < LatinEstimateFields(latin); f++) estimate->ratio = PetscMax(estimate->ratio, LatinEstimateField(estimate, f));
-  if (latin->sub.structure->ground && LatinEstimateFields(latin) > 1) estimate->ratio *= LATIN_ESTIMATE_MOVING;
-  if (latin->linear.distance > 0.0) estimate->ratio /= latin->linear.distance;
+  for (PetscInt f = 0; f < LatinEstimateFields(latin); f++) {
+    estimate->ratio[f] = LatinEstimateField(estimate, f);
+    if (latin->sub.structure->ground && LatinEstimateFields(latin) > 1) estimate->ratio[f] *= LATIN_ESTIMATE_MOVING;
+    if (latin->linear.distance > 0.0) estimate->ratio[f] /= latin->linear.distance;
+  }
   if (estimate->stored <= LATIN_ESTIMATE_WINDOW) PetscFunctionReturn(0);
   for (PetscInt i = 1; 2 * i < estimate->stored; i++) PetscCall(PetscArraycpy(estimate->sketch + i * width, estimate->sketch + 2 * i * width, width));
   estimate->stored = (estimate->stored + 1) / 2;
@@ -218,11 +221,16 @@ PetscErrorCode LatinEstimateUpdate_Private(Latin latin, PetscReal target, LatinE
   PetscFunctionBegin;
   PetscCall(PetscLogEventBegin(LATIN_Estimate, latin, 0, 0, 0));
   if (k % estimate->stride == 0) PetscCall(LatinEstimateStore_Private(latin, estimate));
-  estimate->value = k < first ? 1.0 : estimate->ratio * latin->linear.distance;
+  estimate->value = k < first ? 1.0 : estimate->ratio[0] * latin->linear.distance;
+  if (LatinEstimateFields(latin) > 1) {
+    estimate->tensions = k < first ? 1.0 : estimate->ratio[1] * latin->linear.distance;
+    estimate->value    = PetscMax(estimate->value, estimate->strict * estimate->tensions);
+  }
   if (k == first || (k > first && estimate->value <= PetscMax(target, estimate->floor))) PetscCall(LatinEstimateFloor_Private(latin, estimate));
   if (latin->linear.distance <= latin->linear.noise) {
     PetscCall(LatinEstimateFloor_Private(latin, estimate));
     estimate->value = 0.0; /* a fixed point */
+    if (LatinEstimateFields(latin) > 1) estimate->tensions = 0.0;
   }
   estimate->rounding = (PetscBool)(estimate->floor > target && estimate->value <= estimate->floor);
   estimate->value    = PetscMax(estimate->value, estimate->floor);

@@ -27,7 +27,9 @@ typedef struct {
   PetscInt   width;    /* numbers kept of each: projections of its fields and their squared norms, distance of its stages */
   PetscReal *sketch;   /* [window][width] */
   PetscReal *part;     /* [width] work: what this rank adds */
-  PetscReal  ratio;    /* of the error to the distance of the stages, at the last iterate kept */
+  PetscReal  ratio[2]; /* of the errors of the fields to the distance of the stages, at the last iterate kept */
+  PetscReal  tensions; /* estimated error of the tensions, relative, of the last iterate or of the solution; -1: not known */
+  PetscReal  strict;   /* times the error asked for of the tensions, that of the displacements */
   PetscReal  value;    /* relative, of the last iterate: the larger one of displacements and tensions of rigid links */
   PetscReal  floor;    /* what rounding leaves of it */
   PetscBool  rounding; /* the floor has been reached, above the target */

@@ -59,9 +59,10 @@ static PetscErrorCode LatinMultipliersUpdate_Private(LatinNewton *newton, Vec u,
   PetscCall(VecNorm(u, NORM_2, &size));
   PetscCall(VecCopy(u, before));
   PetscCall(LatinEquilibriumPoint_Private(structure, &least));
-  *change = sum[0] > 0.0 ? PetscSqrtReal(sum[0] / PetscMax(PetscMax(sum[1], sum[0]), PetscSqr(newton->loads))) : 0.0; /* beside loads tensions may be rounding */
-  *done   = (PetscBool)(*moved <= PetscMax(newton->target * size, least) && *change <= newton->target);
-  *moved  = size > 0.0 ? *moved / size : 0.0;
+  *change          = sum[0] > 0.0 ? PetscSqrtReal(sum[0] / PetscMax(PetscMax(sum[1], sum[0]), PetscSqr(newton->loads))) : 0.0; /* beside loads tensions may be rounding */
+  *done            = (PetscBool)(*moved <= PetscMax(newton->target * size, least) && *change <= PetscMin(newton->target, newton->tension_target));
+  newton->tensions = *change;
+  *moved           = size > 0.0 ? *moved / size : 0.0;
   PetscCall(PetscInfo(structure, "Tensions of rigid links change by %g of themselves, displacements by %g\n", (double)*change, (double)*moved));
   PetscFunctionReturn(0);
 }

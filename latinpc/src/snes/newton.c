@@ -18,24 +18,24 @@
    slack, two digits at most (-ksp_rtol of the inner KSP).
 */
 
-#define LATIN_NEWTON_STAGES   300                          /* linear stages predicted: more, and the iteration stalls */
-#define LATIN_NEWTON_RIGID    5000                         /* the same with rigid links, for which Newton's method solves several problems */
-#define LATIN_NEWTON_WINDOW   20                           /* linear stages over which progress is measured */
-#define LATIN_NEWTON_CONTRAST 1e6                          /* ratio of stiffnesses from which on a displacement that does not move proves nothing */
-#define LATIN_NEWTON_RTOL     1e-2                         /* of a linear solve whose step changes the taut links */
-#define LATIN_NEWTON_TIGHT    LatinByPrecision(1e-9, 1e-5) /* where stiffnesses differ: forces of stiff links must not hide those of soft ones; least tolerance: below, rounding */
-#define LATIN_NEWTON_PROOF    0.5                          /* part of the residual that is left where a step is taken for the error */
-#define LATIN_NEWTON_FLOOR    LatinByPrecision(1e-8, 1e-5) /* what a slack link keeps of the least stiffness, so that no mechanism ends the search */
-#define LATIN_NEWTON_SEEN     (3.0 * LATIN_MECHANISM)      /* of the greatest one */
-#define LATIN_NEWTON_LINEAR   500                          /* most iterations of a linear solve; with a quarter two cases of the catalogue are refused */
-#define LATIN_NEWTON_STEPS    200                          /* most steps; with half as many a case of the catalogue is refused */
-#define LATIN_NEWTON_FULL     12                           /* steps that are taken whole: they end soon if they end at all */
-#define LATIN_NEWTON_GAIN     0.5                          /* a step that was to bring digits and leaves more of the error has brought none: rounding */
-#define LATIN_NEWTON_DOUBT    100.0                        /* times the part of the residual that is left: the error, where taut links leave a mode a hundredth of the resistance of all links */
-#define LATIN_NEWTON_FAR      1e-7                         /* of the loads: forces that displacements larger than the structure may leave without balance */
-#define LATIN_NEWTON_DOUBTS   1e8                          /* at most, where a correction is larger still */
+#define LATIN_NEWTON_STAGES   300                            /* linear stages predicted: more, and the iteration stalls */
+#define LATIN_NEWTON_RIGID    5000                           /* the same with rigid links, for which Newton's method solves several problems */
+#define LATIN_NEWTON_WINDOW   20                             /* linear stages over which progress is measured */
+#define LATIN_NEWTON_CONTRAST 1e6                            /* ratio of stiffnesses from which on a displacement that does not move proves nothing */
+#define LATIN_NEWTON_RTOL     1e-2                           /* of a linear solve whose step changes the taut links */
+#define LATIN_NEWTON_TIGHT    LatinByPrecision(1e-9, 1e-5)   /* where stiffnesses differ: forces of stiff links must not hide those of soft ones; least tolerance: below, rounding */
+#define LATIN_NEWTON_PROOF    0.5                            /* part of the residual that is left where a step is taken for the error */
+#define LATIN_NEWTON_FLOOR    LatinByPrecision(1e-8, 1e-5)   /* what a slack link keeps of the least stiffness, so that no mechanism ends the search */
+#define LATIN_NEWTON_SEEN     (3.0 * LATIN_MECHANISM)        /* of the greatest one */
+#define LATIN_NEWTON_LINEAR   500                            /* most iterations of a linear solve; with a quarter two cases of the catalogue are refused */
+#define LATIN_NEWTON_STEPS    200                            /* most steps; with half as many a case of the catalogue is refused */
+#define LATIN_NEWTON_FULL     12                             /* steps that are taken whole: they end soon if they end at all */
+#define LATIN_NEWTON_GAIN     0.5                            /* a step that was to bring digits and leaves more of the error has brought none: rounding */
+#define LATIN_NEWTON_DOUBT    100.0                          /* times the part of the residual that is left: the error, where taut links leave a mode a hundredth of the resistance of all links */
+#define LATIN_NEWTON_FAR      1e-7                           /* of the loads: forces that displacements larger than the structure may leave without balance */
+#define LATIN_NEWTON_DOUBTS   1e8                            /* at most, where a correction is larger still */
 #define LATIN_NEWTON_REST     (64.0 * PETSC_MACHINE_EPSILON) /* a step so small changes links by rounding alone */
-#define LATIN_NEWTON_STILL    10                           /* a search that stands still may meet rounding, or a link that is just taut: then it does so again and again */
+#define LATIN_NEWTON_STILL    10                             /* a search that stands still may meet rounding, or a link that is just taut: then it does so again and again */
 
 /* Before the first linear stage of a solve. Collective on structure */
 PetscErrorCode LatinNewtonStart_Private(LatinNewton *newton, LatinStructure structure)
@@ -119,16 +119,16 @@ static PetscErrorCode LatinNewtonCheck_Private(SNES snes, LatinNewton *newton, V
 /* Does a correction, of one more linear stage, contradict what a step claims? Then linear solves go on for longer by as much. Collective on snes */
 static PetscErrorCode LatinNewtonCorrect_Private(SNES snes, LatinNewton *newton, Vec u, PetscBool *claims)
 {
-  PetscReal error;
+  PetscReal error, times;
   Vec       r;
 
   PetscFunctionBegin;
   PetscCall(SNESGetFunction(snes, &r, NULL, NULL));
   PetscCall(LatinNewtonCorrection_Private(newton, u, r, &error, &newton->tensions));
-  error = PetscMax(error, newton->tensions);
-  if (error <= newton->target) PetscFunctionReturn(0);
+  times = PetscMax(error / newton->target, newton->tensions / newton->tension_target);
+  if (times <= 1.0) PetscFunctionReturn(0);
   *claims       = PETSC_FALSE;
-  newton->doubt = PetscMin(PetscMax(error / newton->target, 2.0) * newton->doubt, LATIN_NEWTON_DOUBTS);
+  newton->doubt = PetscMin(PetscMax(times, 2.0) * newton->doubt, LATIN_NEWTON_DOUBTS);
   PetscFunctionReturn(0);
 }
 
@@ -185,14 +185,16 @@ static PetscErrorCode LatinNewtonConverged_Private(SNES snes, PetscInt it, Petsc
     if (newton->reference) PetscCall(LatinStructureComputeErrors(newton->structure, u, newton->reference, &newton->error, &energy));
   }
   rounding = (PetscBool)(it > 1 && !changes && !newton->changes && newton->error > LATIN_NEWTON_GAIN * before && newton->left < LATIN_NEWTON_RTOL); /* a step that was to bring digits has brought none */
-  claims   = (PetscBool)(it && ((newton->tangent && !newton->structure->penalty) || !changes || newton->error <= LATIN_NEWTON_REST) && newton->error <= newton->target && fnorm <= newton->balance && (!newton->still || newton->still > LATIN_NEWTON_STILL));
+  claims   = (PetscBool)(it && ((newton->tangent && !newton->structure->penalty) || !changes || newton->error <= LATIN_NEWTON_REST) && newton->error <= newton->target && fnorm <= newton->balance &&
+                       (!newton->still || newton->still > LATIN_NEWTON_STILL));
   if ((rounding || claims) && (newton->tangent || newton->proves) && !newton->structure->penalty) {
     PetscCall(LatinNewtonCheck_Private(snes, newton, u, fnorm, &claims, &found));
     if (newton->tangent) {
       rounding = (PetscBool)(rounding && found.balanced);
       claims   = (PetscBool)(claims && PetscMax(found.error, found.forces) <= newton->target); /* a node with a small load that only slack links hold goes on */
     }
-    if (claims && newton->proves && !newton->linear && !found.balanced) PetscCall(LatinNewtonCorrect_Private(snes, newton, u, &claims));
+    newton->tensions = found.forces;
+    if (claims && newton->proves && !found.balanced) PetscCall(LatinNewtonCorrect_Private(snes, newton, u, &claims));
   }
   if (fnorm <= newton->residual) *reason = SNES_CONVERGED_FNORM_RELATIVE;
   else if (claims) *reason = SNES_CONVERGED_SNORM_RELATIVE;
@@ -302,11 +304,12 @@ PetscErrorCode LatinNewtonSolve_Private(SNES snes, LatinNewton *newton, Vec u, S
 
   PetscFunctionBegin;
   PetscCall(LatinStructureStiffnessRange_Private(newton->structure, &least, &most));
-  newton->floor  = newton->tangent ? PetscMax(LATIN_NEWTON_FLOOR * least, LATIN_NEWTON_SEEN * most) : 0.0; /* without a stall no mechanism is near, and a step is exact */
-  newton->linear = (PetscBool)!newton->latin->sub.nonsmooth_global;
-  newton->error  = newton->latin->linear.indicator;
-  newton->left   = 0.0;
-  newton->doubt  = LATIN_NEWTON_DOUBT;
+  newton->floor    = newton->tangent ? PetscMax(LATIN_NEWTON_FLOOR * least, LATIN_NEWTON_SEEN * most) : 0.0; /* without a stall no mechanism is near, and a step is exact */
+  newton->linear   = (PetscBool)!newton->latin->sub.nonsmooth_global;
+  newton->error    = newton->latin->linear.indicator;
+  newton->left     = 0.0;
+  newton->doubt    = LATIN_NEWTON_DOUBT;
+  newton->tensions = -1.0;
   PetscCall(VecNorm(u, NORM_2, &newton->size));
   PetscCall(SNESGetKSP(newton->snes, &ksp));
   PetscCall(KSPSetTolerances(ksp, newton->rtol, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));

@@ -35,6 +35,8 @@ PetscErrorCode SNESSetFromOptions_Latin(SNES snes, LatinOptionItems PetscOptions
   PetscCall(PetscOptionsReal("-snes_latin_error", "Estimated relative error to stop at, with -snes_latin_stop auto, error or energy", "SNESLatinSetError", error, &error, &set));
   PetscCheck(!set || stop >= LATIN_STOP_ERROR, PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_WRONGSTATE, "-snes_latin_error belongs to -snes_latin_stop error or energy, but the stop is %s: add -snes_latin_stop error", LatinStopTypes[stop]);
   if (set) PetscCall(SNESLatinSetError(snes, error));
+  PetscCall(PetscOptionsReal("-snes_latin_tension_error", "Estimated relative error of the tensions to stop at; by default that of the displacements", "SNESLatinSetTensionError", data->tension_target, &error, &set));
+  if (set) PetscCall(SNESLatinSetTensionError(snes, error));
   PetscCall(PetscOptionsReal("-snes_latin_balance", "Forces without balance to stop at, relative to the loads, with -snes_latin_stop auto, error or energy", "SNESLatinSetBalance", balance, &balance, NULL));
   PetscCall(SNESLatinSetBalance(snes, balance));
   PetscCall(PetscOptionsEnum("-snes_latin_geometry", "Links keep their direction (linear), turn by small angles against their tensions as drawn (prestress), or as far as displacements take them (large); of the structure, for all its solvers",
@@ -119,6 +121,35 @@ PetscErrorCode SNESLatinSetError(SNES snes, PetscReal error)
   data = (SNES_Latin *)snes->data;
   if (data->asked == LATIN_STOP_AUTO) PetscCall(SNESLatinSetStop(snes, LATIN_STOP_ERROR)); /* whatever the step tolerance */
   data->target = error;
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  SNESLatinSetTensionError - The estimated error of the tensions at which `LATIN_STOP_ERROR` or `LATIN_STOP_ENERGY` may end a solve, beside that of the displacements.
+
+  Logically collective on snes
+
+  Input Parameters:
++ snes  - of type latin
+- error - relative error of the tensions, l2 norm over all links, positive; `PETSC_DEFAULT`: that of the displacements. 1e30: any
+
+  Options Database Key:
+. -snes_latin_tension_error <1e-4> - the error
+
+  Level: intermediate
+
+  Note:
+  It counts where balance does, `SNESLatinSetBalance()`: forces are asked for, not in the steps of a motion.
+
+.seealso: `SNESLATIN`, `SNESLatinSetError()`, `SNESLatinGetTensionError()`
+@*/
+PetscErrorCode SNESLatinSetTensionError(SNES snes, PetscReal error)
+{
+  PetscFunctionBegin;
+  PetscCall(SNESLatinCheck_Private(snes));
+  PetscCheck((error > 0.0 && !PetscIsInfOrNanReal(error)) || error == (PetscReal)PETSC_DEFAULT, PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_OUTOFRANGE,
+             "-snes_latin_tension_error is a relative error, positive and finite, for example 1e-3, not %g", (double)error);
+  ((SNES_Latin *)snes->data)->tension_target = error;
   PetscFunctionReturn(0);
 }
 

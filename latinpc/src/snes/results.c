@@ -76,6 +76,29 @@ PetscErrorCode SNESLatinGetEstimates(SNES snes, PetscInt *n, const PetscReal *es
 }
 
 /*@C
+  SNESLatinGetTensionError - The estimated error of the tensions of the last solve.
+
+  Not collective
+
+  Output Parameter:
+. error - relative, l2 norm over all links; negative where it is not estimated: by other stops than `LATIN_STOP_ERROR`, `LATIN_STOP_ENERGY` and auto, and in motions without rigid links
+
+  Level: intermediate
+
+.seealso: `SNESLatinSetTensionError()`, `SNESLatinGetEstimates()`
+@*/
+PetscErrorCode SNESLatinGetTensionError(SNES snes, PetscReal *error)
+{
+  const SNES_Latin *data;
+
+  PetscFunctionBegin;
+  PetscCall(SNESLatinCheck_Private(snes));
+  data   = (SNES_Latin *)snes->data;
+  *error = SNESLatinEstimates(data) ? data->estimate.tensions : -1.0;
+  PetscFunctionReturn(0);
+}
+
+/*@C
   SNESLatinGetPath - How the last solve with large displacements went.
 
   Not collective

@@ -57,6 +57,7 @@ static PetscErrorCode SNESLatinPrepare_Private(SNES snes)
   }
   PetscCall(SNESLatinCopyReference_Private(snes));
   if (SNESLatinEstimates(data)) PetscCall(LatinEstimateStart_Private(data->latin, &data->estimate));
+  data->estimate.strict = data->target / SNESLatinTensionTarget(data);
   PetscCall(PetscMemzero(&data->found, sizeof(data->found)));
   PetscCall(LatinNewtonStart_Private(&data->newton, latin->sub.structure));
   PetscCall(LatinParameterStart_Private(latin, &data->parameter));
@@ -104,7 +105,8 @@ static PetscErrorCode SNESLatinFinished_Private(SNES snes, SNESConvergedReason r
   data->next = reason == SNES_CONVERGED_FNORM_RELATIVE ? LATIN_NEXT_CONVERGED_FNORM : LATIN_NEXT_CONVERGED;
   PetscCall(SNESLatinBalance_Private(snes));
   PetscCall(LatinEquilibriumCheck_Private(data->latin, snes->vec_sol, snes->vec_func, snes->vec_rhs, newton->target, data->estimate.energy, PETSC_FALSE, &data->found));
-  shown = (PetscBool)((newton->still || SNESLatinEstimates(data)) && newton->target > 0.0 && data->found.error > newton->target);
+  data->estimate.tensions = newton->proves ? PetscMax(newton->tensions, data->found.forces) : -1.0;
+  shown                   = (PetscBool)((newton->still || SNESLatinEstimates(data)) && newton->target > 0.0 && data->found.error > newton->target);
   if (newton->penalty && SNESLatinBalances(snes) && data->found.unbalance > data->balance) shown = PETSC_TRUE;
   if (data->found.verdict == LATIN_UNBOUNDED) data->next = LATIN_NEXT_DIVERGED;
   else if (shown && (newton->stall || newton->penalty)) *done = PETSC_FALSE;
@@ -171,11 +173,12 @@ static PetscErrorCode SNESLatinNewton_Private(SNES snes, PetscBool stall)
 
   PetscFunctionBegin;
   if (stall) newton->stall = PETSC_FALSE;
-  newton->target    = SNESLatinEstimates(data) ? data->target : data->stop == LATIN_STOP_RESIDUAL ? 0.0 : snes->stol;
-  newton->residual  = data->stop == LATIN_STOP_RESIDUAL ? PetscMax(snes->abstol, snes->rtol * data->first_residual) : 0.0;
-  newton->energy    = data->estimate.energy;
-  newton->proves    = (PetscBool)(SNESLatinBalances(snes) && newton->target > 0.0);
-  newton->reference = data->stop == LATIN_STOP_REFERENCE ? data->reference : NULL;
+  newton->target         = SNESLatinEstimates(data) ? data->target : data->stop == LATIN_STOP_RESIDUAL ? 0.0 : snes->stol;
+  newton->residual       = data->stop == LATIN_STOP_RESIDUAL ? PetscMax(snes->abstol, snes->rtol * data->first_residual) : 0.0;
+  newton->energy         = data->estimate.energy;
+  newton->tension_target = SNESLatinTensionTarget(data);
+  newton->proves         = (PetscBool)(SNESLatinBalances(snes) && newton->target > 0.0);
+  newton->reference      = data->stop == LATIN_STOP_REFERENCE ? data->reference : NULL;
   if (stall) PetscCall(SNESLatinNearer_Private(snes));
   else PetscCall(LatinAverage_Private(&data->latin->linear, snes->vec_sol)); /* an estimate says that it is near */
   PetscCall(SNESLatinLoads_Private(snes, &newton->loads));
@@ -354,6 +357,7 @@ static PetscErrorCode SNESDestroy_Latin(SNES snes)
 . -snes_latin_direction <schur>                 - micro search direction: scalar, diagonal, block, schur, auto
 . -snes_latin_stop <auto>                       - what must become small: indicator, residual, reference, error, energy; auto: the error, or the indicator where -snes_stol is given
 . -snes_latin_error <0.0001>                    - estimated error of the displacements to stop at
+. -snes_latin_tension_error                     - estimated error of the tensions to stop at, by default that of the displacements
 . -snes_latin_balance <0.01>                    - forces without balance to stop at, relative to the loads
 . -snes_latin_warm_start <none>                 - from the solution vector, or from the last solves: none, last, extrapolate
 . -snes_latin_newton <auto>                      - Newton's method: where the iteration stalls, and to prove an error (auto), or never
@@ -399,10 +403,11 @@ PETSC_EXTERN PetscErrorCode SNESCreate_Latin(SNES snes)
   snes->usesksp             = PETSC_FALSE;
   snes->usesnpc             = PETSC_FALSE;
 
-  data->target  = 1e-4;
-  data->balance = 1e-2;
-  data->asked   = LATIN_STOP_AUTO;
-  data->stop    = LATIN_STOP_ERROR;
+  data->target         = 1e-4;
+  data->tension_target = (PetscReal)PETSC_DEFAULT;
+  data->balance        = 1e-2;
+  data->asked          = LATIN_STOP_AUTO;
+  data->stop           = LATIN_STOP_ERROR;
 
   PetscObjectParameterSetDefault(snes, max_its, 10000);
   PetscObjectParameterSetDefault(snes, stol, LATIN_STOL);

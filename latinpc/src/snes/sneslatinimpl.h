@@ -47,6 +47,7 @@ typedef struct {
   LatinStructure structure;        /* borrowed: another one makes another SNES */
   Vec            reference;        /* borrowed: stop on the error against it, or NULL */
   PetscReal      target, residual; /* relative error of the displacements, norm of the residual to stop at */
+  PetscReal      tension_target;   /* relative error of the tensions to stop at */
   PetscReal      balance, loads;   /* norms of the residual to stop at with that error, and of the loads */
   PetscBool      energy;           /* the error is that of the energy norm */
   PetscReal      size;             /* l2 norm of the displacements */
@@ -55,7 +56,7 @@ typedef struct {
   PetscReal      floor;            /* least tangent stiffness of a link */
   PetscBool      proves;           /* a claim needs a correction that is as small */
   PetscReal      doubt;            /* by so much corrections have been larger than what linear solves leave */
-  PetscReal      tensions;         /* estimated error of the tensions, relative */
+  PetscReal      tensions;         /* estimated error of the tensions, relative; -1: not estimated */
   PetscReal      error;            /* estimated or measured error of the last step */
   PetscBool      linear;           /* no link can become slack */
   PetscInt       changes;          /* links that the last step has changed */
@@ -124,10 +125,11 @@ typedef struct {
   char              outer_type[64]; /* the type that has our defaults */
   PetscBool         outer_rigid;    /* those for structures with rigid laws */
   Vec               z;
-  LatinStopType     asked, stop; /* the stop, and what is made of it in this solve */
-  PetscBool         given;       /* a step tolerance, by an option */
-  PetscReal         target;      /* estimated error to stop at */
-  PetscReal         balance;     /* forces without balance to stop at, relative to the loads */
+  LatinStopType     asked, stop;    /* the stop, and what is made of it in this solve */
+  PetscBool         given;          /* a step tolerance, by an option */
+  PetscReal         target;         /* estimated error to stop at */
+  PetscReal         tension_target; /* the same of the tensions, or PETSC_DEFAULT */
+  PetscReal         balance;        /* forces without balance to stop at, relative to the loads */
   LatinEstimate     estimate;
   PetscBool         guess; /* this solve starts from the displacements in the solution vector */
   LatinWarmStart    warm;
@@ -153,6 +155,11 @@ typedef struct {
 static inline PetscBool SNESLatinLarge(const SNES_Latin *data)
 {
   return (PetscBool)(data->large.frame && data->large.frame->part);
+}
+/* The estimated error of the tensions to stop at */
+static inline PetscReal SNESLatinTensionTarget(const SNES_Latin *data)
+{
+  return data->tension_target > 0.0 ? data->tension_target : data->target;
 }
 /* Does the stop need an estimate of the error? */
 static inline PetscBool SNESLatinEstimates(const SNES_Latin *data)

@@ -4,8 +4,8 @@
 
 #define LATIN_FAR              1e30 /* a length: a strain beyond every gap, whose square is still a number */
 #define LATIN_SEARCH_MOST      80   /* trial lengths: every third halves the interval */
-#define LATIN_SEARCH_GROWS    8.0  /* the next length where the energy falls all the way */
-#define LATIN_SEARCH_FAR      1e12 /* the longest */
+#define LATIN_SEARCH_GROWS     8.0  /* the next length where the energy falls all the way */
+#define LATIN_SEARCH_FAR       1e12 /* the longest */
 #define LATIN_SEARCH_TOLERANCE 1e-3 /* slope at the end, relative to the first one; hardly any step depends on it */
 
 /* The links along a step: strains x - t d, and t bend of the springs to the ground */
