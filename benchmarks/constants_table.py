@@ -249,13 +249,6 @@ TUNING = {
         values=(1e-7, 1e-8, 1e-10, 1e-11),
         so="1e-8 saves a tenth of the iterations on stalls, and gives another verdict on one case of the suite.",
     ),
-    "LATIN_NEWTON_SAFETY": Tuning(
-        "of the target",
-        "linear solve at the end",
-        (*PROVED, *SLACK, *CONTRAST),
-        values=(0.125, 0.25, 0.75, 1.0),
-        so="Larger values save nothing; a quarter costs up to six iterations.",
-    ),
     "LATIN_NEWTON_PROOF": Tuning(
         "of the residual",
         "before it, no step is a measure",

@@ -1,0 +1,117 @@
+"""The estimated error of the tensions: no less than the true one, not much more, and met where it is asked for."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import oracle
+import pytest
+from petsc4py import PETSc
+from support import chain, cut, grid, irregular, latin, lattice, network
+from test_cli import latinpc as command
+
+import latinpc
+from latinpc.runs.solve import solve
+from latinpc.scenes import Law, make
+
+double = pytest.mark.skipif(np.finfo(PETSc.RealType).eps > 1e-10, reason="ten digits are those of double precision")
+SOLVED = 1e-9  # relative: a true error below it is that of the reference
+
+
+def varied(number):
+    """A grid, lattice or network of any size, partition, slackness and size of loads, and how to solve it."""
+    rng = np.random.default_rng(number)
+    kind, subdomains = rng.choice(["tensegrity-grid", "truss-grid", "lattice", "network"]), int(rng.integers(2, 12))
+    if kind == "network":
+        scene = make(kind, nodes=int(rng.integers(60, 600)), slack=float(rng.choice([0.0, 0.1, 0.3])), seed=number)
+    elif kind == "lattice":
+        scene = make(kind, nx=4 * int(rng.integers(1, 6)), ny=4 * int(rng.integers(1, 4)))
+    else:
+        scene = make(kind, modules=4 * int(rng.integers(1, 4)))
+    scene = replace(scene, load=scene.load * 10 ** rng.uniform(-3, 0))
+    variant = str(rng.choice(["auto", "none", "macro", "corner", "primal"]))
+    return cut(scene, subdomains, number), {
+        "snes_latin_variant": variant,
+        "snes_latin_error": str(10 ** rng.uniform(-6, -2)),
+    }
+
+
+def ratio(number):
+    """Estimated over true error; 1 where both are below what the reference shows, None where there is no estimate."""
+    scene, options = varied(number)
+    result = solve(scene, options)
+    exact = solve(scene, {"snes_latin_error": "1e-11"})
+    assert result.converged and exact.converged
+    true = np.linalg.norm(result.tensions - exact.tensions) / np.linalg.norm(exact.tensions)
+    assert true <= float(options["snes_latin_error"])
+    return 1.0 if max(true, result.tension_error) <= SOLVED else result.tension_error / true
+
+
+@double
+@pytest.mark.parametrize("count", [24, pytest.param(200, marks=pytest.mark.slow)])
+def test_the_estimate_is_no_less_than_the_error_and_not_much_more(count):
+    found = np.array([ratio(number) for number in range(count)])
+    assert np.mean((found >= 1.0) & (found <= 10.0)) >= 0.95, found
+
+
+@double
+@pytest.mark.parametrize("make_scene", [grid, irregular, network, lattice])
+@pytest.mark.parametrize("asked", [1e-5, 1e-8])
+def test_what_is_asked_of_the_tensions_is_met(make_scene, asked):
+    """A loose error of the displacements does not make the tensions loose."""
+    scene = make_scene()
+    result = solve(scene, {"snes_latin_error": "1e-2", "snes_latin_tension_error": str(asked)})
+    exact = solve(scene, {"snes_latin_error": "1e-11"})
+    assert result.converged and 0.0 <= result.tension_error <= asked
+    assert np.linalg.norm(result.tensions - exact.tensions) <= asked * np.linalg.norm(exact.tensions)
+
+
+@double
+@pytest.mark.parametrize("asked", [1e-3, 1e-6])
+def test_tensions_of_rigid_links_are_asked_for_as_well(asked):
+    scene = make("net", side=4)
+    result = solve(scene, {"snes_latin_error": "1e-2", "snes_latin_tension_error": str(asked), "snes_max_it": "20000"})
+    exact = solve(scene, {"snes_latin_error": "1e-9", "snes_max_it": "100000"})
+    assert result.converged and exact.converged and 0.0 <= result.tension_error <= asked
+    assert np.linalg.norm(result.tensions - exact.tensions) <= asked * np.linalg.norm(exact.tensions)
+
+
+def test_displacements_alone():
+    """What is asked of the tensions may be anything."""
+    scene = irregular()
+    loose, strict = (
+        solve(scene, {"snes_latin_error": "1e-3", "snes_latin_tension_error": str(asked)}) for asked in (1e30, 1e-9)
+    )
+    assert loose.converged and strict.converged
+    assert loose.iterations < strict.iterations
+
+
+@pytest.mark.parametrize("stop", ["indicator", "residual"])
+def test_other_stops_estimate_nothing(stop):
+    assert solve(grid(), {"snes_latin_stop": stop}).tension_error is None
+
+
+def test_next_to_a_mechanism_a_correction_shows_the_error():
+    """Cables that are just taut leave a chain hardly any stiffness: displacements are right all the same."""
+    scene = chain(law=Law.CABLE, load=6.0)
+    result = solve(scene, {})
+    assert result.converged
+    exact = oracle.newton(scene)
+    assert np.linalg.norm(result.displacements - exact) <= 3e-4 * np.linalg.norm(exact)
+
+
+def test_it_is_set_from_c_and_python():
+    with latin(grid(), error=1e-2) as run:
+        latinpc.set_tension_error(run.snes, 1e-7)
+        run.snes.solve(None, run.structure.create_vec())
+        assert 0.0 <= latinpc.tension_error(run.snes) <= 1e-7
+
+
+@pytest.mark.parametrize("value", [0.0, -1.0, np.nan, np.inf])
+def test_what_is_no_error_is_refused(value):
+    with latin(grid()) as run, pytest.raises(PETSc.Error):
+        latinpc.set_tension_error(run.snes, value)
+
+
+def test_it_is_printed():
+    assert re.search(r"estimated error \S+ \(l2\), \S+ of the tensions", command("solve", "tensegrity-grid").stdout)
