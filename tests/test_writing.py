@@ -335,7 +335,8 @@ for name, call in every_kind().items():
 def every_kind():
     """Give the functions that write each kind of file."""
     from latinpc.cli.printing import write_json
-    from latinpc.results.pictures import draw_motion, draw_structure
+    from latinpc.results.film import draw_motion
+    from latinpc.results.pictures import draw_structure
     from latinpc.results.vtk import write_pvd
     from latinpc.runs.motion import move
     from latinpc.scenes import make

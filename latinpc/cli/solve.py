@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import sys
 
 import click
@@ -35,6 +36,10 @@ RUN = (
 @click.option("--json", "json_file", metavar="FILE", help="Write the report; '-' prints it and nothing else.")
 @click.option("--output", metavar="FILE", help="Write results for ParaView: .vtu, or .pvd for a motion.")
 @click.option("--picture", metavar="FILE", help="Draw the deformed structure: .png, .pdf, .svg, or .gif for a motion.")
+@click.option("--html", metavar="FILE", help="Draw it for a browser, to be turned with a mouse: one .html file.")
+@click.option(
+    "--amplify", type=float, metavar="X", help="Of displacements in pictures. Default: what makes them visible."
+)
 @click.option("--csv", nargs=2, metavar="MEMBERS NODES", help="Write members and nodes: two .csv files.")
 @click.option("--quiet", is_flag=True, help="Print only notices and errors.")
 @click.option("--steps", type=int, metavar="N", help="Make N time steps (-ts_type latin). The scene needs masses.")
@@ -46,7 +51,7 @@ RUN = (
 @click.option("--checkpoint-every", type=int, metavar="N", help="Save every Nth of them. Default: 1.")
 @click.option("--restart", metavar="FILE", help="Continue from a saved state, with the same options and ranks.")
 @click.pass_obj
-def solve_command(comm, scene, json_file, output, picture, csv, quiet, **options):
+def solve_command(comm, scene, json_file, output, picture, html, amplify, csv, quiet, **options):
     """Solve a scene or a file.
 
     The solver is -snes_type latin; with --steps it is -ts_type latin. Options with a single dash go to PETSc, for
@@ -60,7 +65,11 @@ def solve_command(comm, scene, json_file, output, picture, csv, quiet, **options
     if csv and moves:
         raise ValueError("--csv is for statics: leave out --steps")
     keeper = _keeper(comm, run)
-    files = {"json": json_file, "output": output, "picture": picture, "members": None, "nodes": None}
+    if html is not None and moves:
+        raise ValueError("--html is for statics: leave out --steps")
+    if amplify is not None and picture is None and html is None:
+        raise ValueError("--amplify is for pictures: give --picture or --html")
+    files = {"json": json_file, "output": output, "picture": picture, "html": html, "members": None, "nodes": None}
     files |= dict(zip(("members", "nodes"), csv or ()))
     scene = on_root(comm, _prepare, scene, moves, files, options)
     count = options.get("subdomains") if scene.subdomain is None else None
@@ -71,8 +80,25 @@ def solve_command(comm, scene, json_file, output, picture, csv, quiet, **options
         if moves:
             result = _move(scene, count, run, say, (output, picture), keeper)
         else:
-            result = _solve(scene, count, run, say, keeper)
-    return _report(comm, result, files, quiet)
+            with _mechanism_drawn(comm, scene, picture):
+                result = _solve(scene, count, run, say, keeper)
+    return _report(comm, result, files, amplify, quiet)
+
+
+@contextlib.contextmanager
+def _mechanism_drawn(comm, scene, picture):
+    """Where a structure is refused that has a motion which no link resists, draw that; other ranks do not wait."""
+    try:
+        yield
+    except PETSc.Error:
+        motion = scene.free_motion() if comm.rank == 0 and picture is not None else None
+        if motion is not None:
+            from latinpc.results.drawing import save
+            from latinpc.results.pictures import plan_figure
+
+            save(plan_figure(scene, motion=motion), picture)
+            print(f"latinpc: {picture} shows the motion that no link resists", file=sys.stderr)
+        raise
 
 
 def _check(reference, digits, steps, step, every, node_mass, increments, checkpoint, checkpoint_every, restart):
@@ -116,6 +142,7 @@ def _prepare(scene, moves, files, options):
     kinds = {
         "output": (".pvd", ".vtu") if moves else (".vtu",),
         "picture": (".gif", ".png", ".pdf", ".svg") if moves else (".png", ".pdf", ".svg"),
+        "html": (".html",),
         "members": (".csv",),
         "nodes": (".csv",),
     }
@@ -173,10 +200,10 @@ def _move(scene, subdomains, run, say, files, keeper):
     )
 
 
-def _report(comm, result, files, quiet):
+def _report(comm, result, files, amplify, quiet):
     """Write the files, print, and return the exit code; collective."""
     moves = hasattr(result, "frames")
-    on_root(comm, _write_motion if moves else _write, result, files)
+    on_root(comm, _write_motion if moves else _write, result, files, amplify)
     if comm.rank == 0:
         for notice in result.notices:
             print(f"latinpc: {notice}", file=sys.stderr)
@@ -191,7 +218,7 @@ def _report(comm, result, files, quiet):
     return 0 if result.converged else NOT_CONVERGED
 
 
-def _write_motion(result, files):
+def _write_motion(result, files, amplify):
     """Write the files; on one rank. When a step does not converge, the states before it are written."""
     last, output, picture = result.frames[-1], files["output"], files["picture"]
     if files["json"] is not None:
@@ -201,16 +228,19 @@ def _write_motion(result, files):
     elif output is not None:
         arrays = (last.displacements, last.tensions, result.subdomain, result.node_class, last.velocities)
         write_vtu(output, result.scene, *arrays)
-    if picture is not None:
-        from latinpc.results.pictures import draw_motion, draw_structure
+    if picture is not None and str(picture).lower().endswith(".gif"):
+        from latinpc.results.film import draw_motion
 
-        if str(picture).lower().endswith(".gif"):
-            draw_motion(result, picture)
-        else:
-            draw_structure(result.scene, last.displacements, last.tensions, result.subdomain, picture)
+        draw_motion(result, picture, amplify)
+    elif picture is not None:
+        from latinpc.results.pictures import draw_structure
+
+        stamp = {} if result.converged else {"word": "NOT CONVERGED", "reason": result.report["reason"]}
+        arrays = (last.displacements, last.tensions, result.subdomain)
+        draw_structure(result.scene, *arrays, picture, amplification=amplify, **stamp)
 
 
-def _write(result, files):
+def _write(result, files, amplify):
     """Write the files; on one rank. Without convergence the last iterate is written."""
     if files["json"] is not None:
         write_json(files["json"], result.to_dict())
@@ -218,11 +248,14 @@ def _write(result, files):
         result.to_vtu(files["output"])
     if files["members"] is not None:
         result.to_csv(files["members"], files["nodes"])
-    picture = files["picture"]
-    if picture is not None:
-        from latinpc.results.drawing import save
-
-        if np.isfinite(result.displacements).all() and np.isfinite(result.tensions).all():
-            save(result.plot(), picture)
+    for kind in ("picture", "html"):
+        if files[kind] is None:
+            continue
+        if not (np.isfinite(result.displacements).all() and np.isfinite(result.tensions).all()):
+            result.notices.append(f"{files[kind]} is not drawn: the last iterate is not finite")
+        elif kind == "html":
+            result.to_html(files[kind], amplify)
         else:
-            result.notices.append(f"{picture} is not drawn: the last iterate is not finite")
+            from latinpc.results.drawing import save
+
+            save(result.plot(amplification=amplify), files[kind])

@@ -11,12 +11,13 @@ from latinpc.arrays import refuse, shaped
 from latinpc.checks import ARRAYS, checked
 from latinpc.geometry import Geometry
 from latinpc.laws import Law
+from latinpc.results.plots import Plots
 from latinpc.results.result import Result
 from latinpc.structure import Structure
 
 
 @dataclass(repr=False)
-class Scene(Geometry):
+class Scene(Geometry, Plots):
     """The arrays of a structure with a name, which no communicator shares yet: what generators and files give.
 
     Parameters
