@@ -18,7 +18,7 @@ from latinpc.results.drawing import SUPPORT_COLOUR, _pixels
 from latinpc.results.film import draw_motion
 from latinpc.results.look import Scale
 from latinpc.results.mechanism import free_motion
-from latinpc.results.units import scaled
+from latinpc.results.units import counted, quantity, scaled, share
 from latinpc.scenes import make
 from latinpc.scenes.scene import Law, Scene
 
@@ -96,6 +96,10 @@ def test_scales():
     assert scaled(2500.0, "N") == (1e3, "kN")
     assert scaled(0.02, "m") == (1e-3, "mm")
     assert scaled(0.0, "m") == (1.0, "m")
+    assert quantity(999.7, "N") == "1 kN" and quantity(999.4, "N") == "999 N" and quantity(-1e3, "N") == "-1 kN"
+    assert quantity(999.97, "s", 4) == "1 ks"
+    assert counted(1, "subdomain") == "1 subdomain" and counted(2500, "subdomain") == "2,500 subdomains"
+    assert [share(part) for part in (0.0, 1e-9, 1.9e-4, 0.5)] == ["0 %", "less than 0.0001 %", "0.019 %", "50 %"]
     for value, rounded in ((7.3, 5.0), (2.0, 2.0), (0.19, 0.1), (1234.0, 1000.0)):
         assert pictures.round_factor(value) == pytest.approx(rounded)
 
@@ -255,9 +259,9 @@ def test_command_draws_the_motion_of_a_mechanism(tmp_path):
     assert _seen(tmp_path / "f.png") > 0.005
 
 
-@pytest.mark.parametrize("arguments", [["--amplify", "50"], ["--steps", 3, "--html", "a.html"]])
+@pytest.mark.parametrize("arguments", [["--amplify", "50"], ["--num-steps", 3, "--html", "a.html"]])
 def test_command_refuses_pictures_without_meaning(arguments, tmp_path):
-    scene = ["bouncing-chain"] if "--steps" in arguments else [ROOT / "examples" / "tower.msh"]
+    scene = ["bouncing-chain"] if "--num-steps" in arguments else [ROOT / "examples" / "tower.msh"]
     said = command("solve", *scene, *arguments, code=2, cwd=tmp_path).stderr
     assert "pictures" in said or "statics" in said
 

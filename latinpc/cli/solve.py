@@ -9,6 +9,7 @@ import click
 import numpy as np
 from petsc4py import PETSc
 
+from latinpc.options import preset_files, preset_options
 from latinpc.results.atomic import check_readable, check_writable
 from latinpc.results.summary import summary, summary_of_motion
 from latinpc.results.vtk import frames_folder, write_pvd, write_vtu
@@ -17,6 +18,7 @@ from latinpc.runs.motion import move
 from latinpc.runs.solve import solve
 from latinpc.solvers import has_package, outer_snes
 
+from .arguments import PRESETS, NewName
 from .printing import open_console, print_lines, progress, write_json
 from .ranks import NOT_CONVERGED, on_root
 from .scenes import SceneCommand, open_scene, scene_options
@@ -41,20 +43,25 @@ RUN = (
     "--amplify", type=float, metavar="X", help="Of displacements in pictures. Default: what makes them visible."
 )
 @click.option("--csv", nargs=2, metavar="MEMBERS NODES", help="Write members and nodes: two .csv files.")
+@click.option("--preset", type=click.Choice(sorted(preset_files())), metavar="NAME", help=PRESETS)
 @click.option("--quiet", is_flag=True, help="Print only notices and errors.")
-@click.option("--steps", type=int, metavar="N", help="Make N time steps (-ts_type latin). The scene needs masses.")
-@click.option("--step", type=float, metavar="H", help="Time step (s). Default: that of the scene.")
-@click.option("--every", type=int, metavar="N", help="Write every Nth state of a motion. Default: about 100 in all.")
+@click.option("-v", "--verbose", is_flag=True, help="Print subdomains, PETSc's types and reasons, norms as well.")
+@click.option("--num-steps", "--steps", "steps", type=int, metavar="N", cls=NewName,
+              help="Make N time steps (-ts_type latin). The scene needs masses.")  # fmt: skip
+@click.option("--time-step", "--step", "step", type=float, metavar="H", cls=NewName,
+              help="Time step (s). Default: that of the scene.")  # fmt: skip
+@click.option("--output-every", "--every", "every", type=int, metavar="N", cls=NewName,
+              help="Write every Nth state of a motion. Default: about 100 in all.")  # fmt: skip
 @click.option("--node-mass", type=float, metavar="M", help="Mass of each node (kg), in place of the scene's.")
 @click.option("--increments", type=int, metavar="N", help="Apply the loads in N equal increments.")
 @click.option("--checkpoint", metavar="FILE", help="Save the state after increments or steps (.h5, .hdf5: HDF5).")
 @click.option("--checkpoint-every", type=int, metavar="N", help="Save every Nth of them. Default: 1.")
 @click.option("--restart", metavar="FILE", help="Continue from a saved state, with the same options and ranks.")
 @click.pass_obj
-def solve_command(comm, scene, json_file, output, picture, html, amplify, csv, quiet, **options):
+def solve_command(comm, scene, json_file, output, picture, html, amplify, csv, preset, quiet, verbose, **options):
     """Solve a scene or a file.
 
-    The solver is -snes_type latin; with --steps it is -ts_type latin. Options with a single dash go to PETSc, for
+    The solver is -snes_type latin; with --num-steps it is -ts_type latin. Options with a single dash go to PETSc, for
     instance -snes_monitor -snes_latin_variant macro.
     """
     alone = json_file == "-"
@@ -63,10 +70,11 @@ def solve_command(comm, scene, json_file, output, picture, html, amplify, csv, q
     _check(**run)
     moves = run["steps"] is not None
     if csv and moves:
-        raise ValueError("--csv is for statics: leave out --steps")
+        raise ValueError("--csv is for statics: leave out --num-steps")
+    run["options"] = None if preset is None else on_root(comm, preset_options, preset)
     keeper = _keeper(comm, run)
     if html is not None and moves:
-        raise ValueError("--html is for statics: leave out --steps")
+        raise ValueError("--html is for statics: leave out --num-steps")
     if amplify is not None and picture is None and html is None:
         raise ValueError("--amplify is for pictures: give --picture or --html")
     files = {"json": json_file, "output": output, "picture": picture, "html": html, "members": None, "nodes": None}
@@ -82,7 +90,7 @@ def solve_command(comm, scene, json_file, output, picture, html, amplify, csv, q
         else:
             with _mechanism_drawn(comm, scene, picture):
                 result = _solve(scene, count, run, say, keeper)
-    return _report(comm, result, files, amplify, quiet)
+    return _report(comm, result, files, amplify, (quiet, verbose))
 
 
 @contextlib.contextmanager
@@ -103,18 +111,18 @@ def _mechanism_drawn(comm, scene, picture):
 
 def _check(reference, digits, steps, step, every, node_mass, increments, checkpoint, checkpoint_every, restart):
     """Refuse options that do not go together."""
-    for value, name in ((step, "step"), (every, "every"), (node_mass, "node-mass")):
+    for value, name in ((step, "time-step"), (every, "output-every"), (node_mass, "node-mass")):
         if value is not None and steps is None:
-            raise ValueError(f"--{name} is for a motion: give the number of steps with --steps")
+            raise ValueError(f"--{name} is for a motion: give the number of steps with --num-steps")
     if steps is not None:
         if reference:
             raise ValueError("--reference is for statics; compare motions with -snes_type newtonls")
         if digits:
-            raise ValueError("--digits is for statics: leave out --steps")
+            raise ValueError("--digits is for statics: leave out --num-steps")
         if increments is not None:
-            raise ValueError("--increments is for statics: leave out --steps")
+            raise ValueError("--increments is for statics: leave out --num-steps")
     elif (checkpoint or restart) and increments is None:
-        raise ValueError("--checkpoint and --restart need --increments or --steps: states are saved between them")
+        raise ValueError("--checkpoint and --restart need --increments or --num-steps: states are saved between them")
     if checkpoint_every is not None and checkpoint is None:
         raise ValueError("--checkpoint-every needs the name of a file: --checkpoint FILE")
 
@@ -153,7 +161,7 @@ def _prepare(scene, moves, files, options):
         frames_folder(files["output"])
     scene = open_scene(scene, options)
     if scene.velocity is not None and not moves:
-        raise ValueError(f"{scene.name} moves: give the number of time steps with --steps")
+        raise ValueError(f"{scene.name} moves: give the number of time steps with --num-steps")
     return scene
 
 
@@ -167,6 +175,7 @@ def _solve(scene, subdomains, run, say, keeper):
 
     return solve(
         scene,
+        run["options"],
         subdomains=subdomains,
         reference=run["reference"],
         digits=run["digits"],
@@ -192,6 +201,7 @@ def _move(scene, subdomains, run, say, files, keeper):
         scene,
         run["steps"],
         run["step"],
+        run["options"],
         subdomains=subdomains,
         mass=run["node_mass"],
         every=run["every"] if films else 0,
@@ -200,15 +210,15 @@ def _move(scene, subdomains, run, say, files, keeper):
     )
 
 
-def _report(comm, result, files, amplify, quiet):
+def _report(comm, result, files, amplify, manner):
     """Write the files, print, and return the exit code; collective."""
-    moves = hasattr(result, "frames")
+    moves, (quiet, verbose) = hasattr(result, "frames"), manner
     on_root(comm, _write_motion if moves else _write, result, files, amplify)
     if comm.rank == 0:
         for notice in result.notices:
             print(f"latinpc: {notice}", file=sys.stderr)
         if not quiet:
-            lines = summary_of_motion(result) if moves else summary(result)
+            lines = (summary_of_motion if moves else summary)(result, verbose)
             written = [str(path) for path in files.values() if path is not None]
             lines += [("written", ", ".join(written))] if written else []
             print_lines(open_console(), result.report["scene"], lines)

@@ -20,10 +20,6 @@ TABLE_COLOUR = "#b8860b"  # laws of tables, and of the user's
 MANY_LINKS = 4000  # beyond, dashes and the undeformed shape only blur the picture
 DASHES = (0, (2.0, 1.6))
 TOUCHING = (Law.CONTACT, Law.FRICTION)
-_NAMES = (
-    "bar", "cable", "compression-only link", "inextensible cable", "contact", "contact with friction",
-    "friction of a contact",
-)  # fmt: skip
 
 
 class Scale:
@@ -110,7 +106,7 @@ def force_keys(law, loose):
     for kind in (Law.CABLE, Law.COMPRESSION_ONLY, Law.INEXTENSIBLE):
         chosen = law == kind
         if chosen.any():
-            name = _NAMES[kind]
+            name = kind.noun
             keys.append(Line2D([], [], color="#555555", linewidth=1.1, label=name))
             share = 100.0 * loose[chosen].mean()
             text = f"slack {name.removeprefix('inextensible ')} ({share:.3g} %)"
@@ -124,7 +120,7 @@ def force_keys(law, loose):
 
 def law_name(law):
     """Return what a link of a law, a number, is called."""
-    return _NAMES[law] if law < len(_NAMES) else "law of a table or of the user's"
+    return Law(law).noun if law < len(Law) else "law of a table or of the user's"
 
 
 def law_colours(law):

@@ -42,7 +42,7 @@ from .look import (
 )
 from .mechanics import slack
 from .symbols import MANY_SYMBOLS, arrows, supports
-from .units import quantity, scaled
+from .units import counted, quantity, scaled
 
 GHOST_COLOUR = (0.75, 0.75, 0.75, 0.8)
 NUMBERED = 60  # nodes, up to which numbers are readable
@@ -189,7 +189,7 @@ def plan_figure(scene, *, numbers=None, motion=None, loose=None, figure=None, lo
     if numbers or (numbers is None and len(nodes) <= NUMBERED):
         sketch.numbers()
     sketch.legend(keys, 0.90)
-    sketch.title(f"{len(nodes):,} nodes")
+    sketch.title(counted(len(nodes), "node"))
     if motion is not None:
         stamp(sketch.figure, word, reason)
     return sketch.figure
@@ -277,7 +277,7 @@ class _Sketch:
         """Write the name of the structure, and what is drawn."""
         self.figure.text(0.02, 0.955, self.scene.name, fontsize=14, weight="bold")
         count = len(self.ends)
-        links = f"{count:,} links" if count == self._count else f"{count:,} of {self._count:,} links drawn"
+        links = counted(count, "link") if count == self._count else f"{count:,} of {self._count:,} links drawn"
         self.figure.text(0.98, 0.958, f"{links} · {text}", fontsize=10, ha="right")
 
 
@@ -295,4 +295,4 @@ def _draw_subdomains(figure, segments, subdomain):
     axes.set_axis_off()
     axes.patch.set_alpha(0.0)
     draw_links(axes, segments, colours, 0.7 * thinness(len(segments)))
-    figure.text(0.8925, 0.02, f"{len(np.unique(subdomain))} subdomains", fontsize=9, ha="center")
+    figure.text(0.8925, 0.02, counted(len(np.unique(subdomain)), "subdomain"), fontsize=9, ha="center")
