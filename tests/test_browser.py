@@ -52,6 +52,12 @@ def test_a_structure_shows_its_laws_and_lies_flat():
 def test_what_has_not_converged_says_so():
     with pytest.warns(UserWarning, match="not converged"):
         result = square("cable").solve()
+    figure = result.interactive()
+    assert "COLLAPSE" in figure.layout.title.text and "largest displacement" not in figure.layout.title.text
+    nodes = _trace(figure, "nodes")
+    assert nodes.x[3] < 0.0 and np.allclose(nodes.x, np.add([0, 1, 1, 0], [0, 0, nodes.x[3], nodes.x[3]]))
+    with pytest.warns(UserWarning, match="not converged"):
+        result = make("tensegrity-grid", modules=4).solve(options={"snes_max_it": 1, "snes_stol": 1e-14})
     assert "NOT CONVERGED" in result.interactive().layout.title.text
 
 

@@ -18,7 +18,7 @@ from latinpc.results.drawing import SUPPORT_COLOUR, _pixels
 from latinpc.results.film import draw_motion
 from latinpc.results.look import Scale
 from latinpc.results.mechanism import free_motion
-from latinpc.results.units import counted, quantity, scaled, share
+from latinpc.results.units import counted, number, quantity, scaled, share
 from latinpc.scenes import make
 from latinpc.scenes.scene import Law, Scene
 
@@ -99,6 +99,7 @@ def test_scales():
     assert quantity(999.7, "N") == "1 kN" and quantity(999.4, "N") == "999 N" and quantity(-1e3, "N") == "-1 kN"
     assert quantity(999.97, "s", 4) == "1 ks"
     assert counted(1, "subdomain") == "1 subdomain" and counted(2500, "subdomain") == "2,500 subdomains"
+    assert [number(value) for value in (123456.0, 1000.0, 0.5, 1.23e-5)] == ["123,000", "1,000", "0.5", "0.0000123"]
     assert [share(part) for part in (0.0, 1e-9, 1.9e-4, 0.5)] == ["0 %", "less than 0.0001 %", "0.019 %", "50 %"]
     for value, rounded in ((7.3, 5.0), (2.0, 2.0), (0.19, 0.1), (1234.0, 1000.0)):
         assert pictures.round_factor(value) == pytest.approx(rounded)

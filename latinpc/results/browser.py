@@ -13,13 +13,13 @@ from .look import SLACK_COLOUR, Scale, law_colours, law_name
 from .mechanics import slack
 from .pictures import amplification_of, drawn_links
 from .symbols import MANY_SYMBOLS, arrows, supports
-from .units import quantity, scaled
+from .units import number, quantity, scaled
 
 STOPS = 64  # of a colour scale
 WIDTHS = {True: 7.0, False: 3.0}  # of bars, of others, in pixels
 
 
-def interactive_figure(scene, displacements=None, tensions=None, *, amplification=None, load=None, word=""):
+def interactive_figure(scene, displacements=None, tensions=None, *, amplification=None, load=None, word="", real=True):
     """Draw a structure in a plotly figure: with results its forces on the deformed shape, else its laws.
 
     Whatever is under the mouse says its number, law, force and displacement. The legend switches parts off and on.
@@ -37,6 +37,8 @@ def interactive_figure(scene, displacements=None, tensions=None, *, amplificatio
         In N, that of the scene when not given.
     word : str
         A warning in the title.
+    real : bool
+        False: displacements are a motion of any size.
 
     Returns
     -------
@@ -71,8 +73,8 @@ def interactive_figure(scene, displacements=None, tensions=None, *, amplificatio
     figure = graph.Figure(traces)
     divisor, unit = scaled(largest, "m")
     title = f"<b>{scene.name}</b>"
-    if displacements is not None:
-        title += f"   largest displacement {largest / divisor:.3g} {unit}, drawn × {amplification:g}"
+    if displacements is not None and real:
+        title += f"   largest displacement {largest / divisor:.3g} {unit}, drawn × {number(amplification)}"
     if word:
         title += f"<br><span style='color:{STAMP_COLOUR}'>{word}</span>"
     _lay_out(figure, title, flat=nodes.shape[1] == 2)

@@ -64,6 +64,7 @@ def axes_2d(figure, rectangle, points):
 def axes_3d(figure, rectangle, points, elevation=22.0, azimuth=-58.0, aspect=None, fill=0.84):
     """Return axes in perspective whose points fill that share of the rectangle, with pale panes."""
     axes = figure.add_axes(rectangle, projection="3d", proj_type="persp", focal_length=0.55)
+    axes.computed_zorder = False  # symbols lie above links, whatever is nearer
     low, high = points.min(axis=0), points.max(axis=0)
     extent = np.maximum(high - low, 0.04 * (high - low).max())
     middle = (low + high) / 2

@@ -8,6 +8,7 @@ from matplotlib.colors import to_rgba
 from latinpc.laws import UNILATERAL, Law
 
 from .drawing import (
+    STAMP_COLOUR,
     axes_for,
     colour_bar,
     draw_links,
@@ -22,6 +23,7 @@ from .look import IDLE_COLOUR, SLACK_COLOUR, Scale, widths_of
 from .pictures import drawn_links
 from .symbols import MANY_SYMBOLS, supports
 from .tables import table, write_csv
+from .units import counted
 
 COLUMNS = ("link", "start", "end", "law", "lowest", "lowest_case", "highest", "highest_case", "slack", "slack_cases")
 
@@ -72,8 +74,6 @@ def draw_envelope(cases, path):
     for left, title, force in ((0.0, "Greatest tension", pull), (0.46, "Greatest compression", push)):
         rectangle = [left, 0.0, 0.44, 0.88] if points.shape[1] == 3 else [left + 0.05, 0.1, 0.37, 0.74]
         axes = axes_for(figure, rectangle, extent)
-        if axes.name == "3d":
-            axes.computed_zorder = False
         label_axes(figure, axes)
         colours = scale.colours(force)
         colours[force == 0.0] = to_rgba(IDLE_COLOUR)
@@ -93,7 +93,11 @@ def draw_envelope(cases, path):
 def _titles(figure, cases, loose):
     """Write the name of the scene, and how many links slacken."""
     good = sum(case["converged"] for case in cases.report["cases"])
-    figure.text(0.02, 0.945, f"{cases.scene.name}: envelope of {good} load cases", fontsize=14, weight="bold")
+    title = f"{cases.scene.name}: envelope of {counted(good, 'load case')}"
+    figure.text(0.02, 0.945, title, fontsize=14, weight="bold")
+    if good < len(cases.names):
+        bad = [case["name"] for case in cases.report["cases"] if not case["converged"]]
+        figure.text(0.02, 0.905, f"not converged, left out: {', '.join(bad)}", fontsize=10, color=STAMP_COLOUR)
     if loose.any():
         text = f"{np.count_nonzero(loose):,} links slack in some case"
         figure.text(0.98, 0.948, text, fontsize=10, ha="right", color=SLACK_COLOUR)

@@ -7,12 +7,22 @@ from matplotlib.lines import Line2D
 from PIL import Image
 
 from .atomic import atomic
-from .drawing import axes_for, colour_bar, draw_links, draw_symbols, label_axes, new_figure, plane_points, symbol_keys
+from .drawing import (
+    STAMP_COLOUR,
+    axes_for,
+    colour_bar,
+    draw_links,
+    draw_symbols,
+    label_axes,
+    new_figure,
+    plane_points,
+    symbol_keys,
+)
 from .look import Scale, force_keys, force_look
 from .mechanics import slack
 from .pictures import amplification_of, drawn_links
 from .symbols import MANY_SYMBOLS, supports
-from .units import quantity
+from .units import number, quantity
 
 FEW_NODES = 600  # up to here, the nodes of a motion are drawn as dots
 HEAVY = 10.0  # times the middle mass: nodes drawn as bodies
@@ -46,8 +56,9 @@ def draw_motion(motion, path, amplification=None, seconds=0.06):
         stands = supports(scene.fixed, nodes, scene.links[seen])
     points = np.vstack([*shapes, *(one.triangles.reshape(-1, nodes.shape[1]) for one in stands)])
     bodies = _bodies(scene.mass)
+    early = "" if motion.converged else f"ended early: {motion.report['reason']}"
     drawn = [
-        _frame(scene, seen, frame, shape, points, scale, stands, bodies, amplification)
+        _frame(scene, seen, frame, shape, points, scale, stands, bodies, amplification, early)
         for frame, shape in zip(motion.frames, shapes)
     ]
     with atomic(path) as temporary:
@@ -60,13 +71,11 @@ def _bodies(mass):
     return np.flatnonzero(mass > HEAVY * np.median(moving)) if len(moving) else np.zeros(0, dtype=int)
 
 
-def _frame(scene, seen, frame, shape, points, scale, stands, bodies, amplification):
+def _frame(scene, seen, frame, shape, points, scale, stands, bodies, amplification, early):
     """Draw a state; return it as an image with a palette."""
     figure = new_figure(8.0, 4.8)
     figure.set_dpi(100)
     axes = axes_for(figure, [0.0, 0.04, 0.74, 0.88] if shape.shape[1] == 3 else [0.09, 0.11, 0.58, 0.78], points)
-    if axes.name == "3d":
-        axes.computed_zorder = False
     label_axes(figure, axes, gaps=(32.0, 32.0, 38.0))
     law, force = scene.law[seen], frame.tensions[seen]
     loose = slack(scene, frame.tensions)[seen]
@@ -85,6 +94,10 @@ def _frame(scene, seen, frame, shape, points, scale, stands, bodies, amplificati
         colour_bar(figure, [0.80, 0.52, 0.018, 0.36], scale.map(), *bounds, scale.label)
     figure.legend(handles=keys, loc="upper left", bbox_to_anchor=(0.73, 0.48), fontsize=8, frameon=False)
     figure.text(0.02, 0.945, scene.name, fontsize=11, weight="bold")
-    figure.text(0.98, 0.945, f"t = {quantity(frame.time, 's', 4)}, drawn × {amplification:g}", fontsize=10, ha="right")
+    figure.text(
+        0.98, 0.945, f"t = {quantity(frame.time, 's', 4)}, drawn × {number(amplification)}", fontsize=10, ha="right"
+    )
+    if early:
+        figure.text(0.02, 0.895, early, fontsize=9, color=STAMP_COLOUR)
     figure.canvas.draw()
     return Image.fromarray(np.asarray(figure.canvas.buffer_rgba())[..., :3]).quantize(255)

@@ -42,7 +42,7 @@ from .look import (
 )
 from .mechanics import slack
 from .symbols import MANY_SYMBOLS, arrows, supports
-from .units import counted, quantity, scaled
+from .units import counted, number, quantity, scaled
 
 GHOST_COLOUR = (0.75, 0.75, 0.75, 0.8)
 NUMBERED = 60  # nodes, up to which numbers are readable
@@ -134,7 +134,7 @@ def structure_figure(
         _draw_subdomains(sketch.figure, nodes[sketch.ends], np.asarray(subdomain)[seen])
     divisor, unit = scaled(largest, "m")
     moves = f"largest displacement {largest / divisor:.3g} {unit}"
-    sketch.title(moves + (f", drawn × {amplification:g}" if largest > 0 else ""))
+    sketch.title(moves + (f", drawn × {number(amplification)}" if largest > 0 else ""))
     if word:
         stamp(sketch.figure, word, reason)
     return sketch.figure
@@ -226,8 +226,6 @@ class _Sketch:
         self.figure = new_figure(12.0, 7.2) if figure is None else figure
         rectangle = MAIN_3D if shape.shape[1] == 3 else MAIN_2D
         self.axes = axes_for(self.figure, rectangle, np.vstack(extent))
-        if self.axes.name == "3d":
-            self.axes.computed_zorder = False  # symbols lie above links, whatever is nearer
         label_axes(self.figure, self.axes)
 
     @staticmethod
@@ -247,11 +245,11 @@ class _Sketch:
         """Write the numbers of nodes and links."""
         style = {"fontsize": 7, "ha": "center", "va": "center", "zorder": 8, "clip_on": False}
         box = {"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.8}
-        for number, place in enumerate(self.shape[self.ends].mean(axis=1)):
-            self.axes.text(*place, str(number), color="#1764ab", bbox=box, **style)
+        for one, place in enumerate(self.shape[self.ends].mean(axis=1)):
+            self.axes.text(*place, str(one), color="#1764ab", bbox=box, **style)
         box = {"boxstyle": "circle,pad=0.2", "facecolor": "white", "edgecolor": "#333333", "linewidth": 0.5}
-        for number, place in enumerate(self.shape):
-            self.axes.text(*place, str(number), color="black", bbox=box, **style | {"fontsize": 6})
+        for one, place in enumerate(self.shape):
+            self.axes.text(*place, str(one), color="black", bbox=box, **style | {"fontsize": 6})
         self._numbered = True
 
     def legend(self, keys, top):

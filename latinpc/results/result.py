@@ -215,6 +215,11 @@ class Result:
         """
         from .browser import interactive_figure
 
+        if self.free_motion is not None:
+            word = f"COLLAPSE: {self.reason}; drawn is the motion that no taut link resists"
+            return interactive_figure(
+                self.structure, self.free_motion, self.tensions, load=self.load, word=word, real=False
+            )
         arrays = (self.displacements, self.tensions)
         word = "" if self.converged else f"NOT CONVERGED: {self.reason}"
         return interactive_figure(self.structure, *arrays, amplification=amplification, load=self.load, word=word)

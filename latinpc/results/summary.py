@@ -7,7 +7,7 @@ import numpy as np
 from latinpc.laws import UNILATERAL, Law
 
 from .report import in_words
-from .units import counted, quantity, scaled, share
+from .units import counted, number, quantity, scaled, share
 
 #: Parts of `latinpc.digits`, in the words of the summary
 DIGITS = {"unbalance": "unbalance", "rounding": "rounding", "places": "coordinates", "values": "other data"}
@@ -123,7 +123,7 @@ def _worst(scene, result):
 
 def _place(scene, node):
     """Return the coordinates of a node."""
-    return f"({', '.join(f'{value:.4g}' for value in scene.nodes[node])}) m"
+    return f"({', '.join(number(value, 5) for value in scene.nodes[node])}) m"
 
 
 def _stresses(result):

@@ -29,12 +29,14 @@ def counted(number, noun, plural=None):
     return f"{number:,} {noun if number == 1 else plural or noun + 's'}"
 
 
+def number(value, digits=3):
+    """Return a number with so many digits and no exponent, such as '123,000' or '0.00012'."""
+    rounded = float(f"{value:.{digits}g}")
+    return f"{rounded:,.0f}" if rounded == int(rounded) else np.format_float_positional(rounded, trim="-")
+
+
 def share(part):
     """Return a part of a whole in per cent, with two digits; 'less than 0.0001 %' where nobody would count them."""
     if part == 0.0:
         return "0 %"
-    return (
-        f"{np.format_float_positional(float(f'{100.0 * part:.2g}'), trim='-')} %"
-        if part >= 1e-6
-        else "less than 0.0001 %"
-    )
+    return f"{number(100.0 * part, 2)} %" if part >= 1e-6 else "less than 0.0001 %"
