@@ -76,7 +76,7 @@ def _frame(scene, seen, frame, shape, points, scale, stands, bodies, amplificati
     figure = new_figure(8.0, 4.8)
     figure.set_dpi(100)
     axes = axes_for(figure, [0.0, 0.04, 0.74, 0.88] if shape.shape[1] == 3 else [0.09, 0.11, 0.58, 0.78], points)
-    label_axes(figure, axes, gaps=(32.0, 32.0, 38.0))
+    label_axes(figure, axes, gaps=(32.0, 32.0, 46.0))
     law, force = scene.law[seen], frame.tensions[seen]
     loose = slack(scene, frame.tensions)[seen]
     colours, widths, styles = force_look(law, force, loose, scale)
