@@ -35,6 +35,11 @@ class Law(IntEnum):
         }
         return names.get(self.name, self.name.lower() + "s")
 
+    @property
+    def noun(self) -> str:
+        """Name of one link of the law."""
+        return "contact with friction" if self.name == "FRICTION" else self.plural.removesuffix("s")
+
 
 #: Laws whose tension is no function of the elongation: their stiffness is a search parameter, 0: automatic.
 RIGID = (Law.INEXTENSIBLE, Law.CONTACT, Law.FRICTION, Law.TANGENT)

@@ -69,6 +69,14 @@ def unknown_options(names: Iterable[str] | None = None) -> list[str]:
     return sentences
 
 
+def preset_files() -> dict[str, pathlib.Path]:
+    """Return the files of ready-made sets by name; not collective."""
+    package = pathlib.Path(__file__).resolve().parent
+    installed = package / "presets"  # where the package is not run from its sources
+    folder = installed if installed.is_dir() else package.parent / "options"
+    return {path.stem: path for path in sorted(folder.glob("*.opts"))}
+
+
 def preset_options(name: str) -> dict[str, str | None]:
     """Return the options of a ready-made set; not collective.
 
@@ -87,12 +95,7 @@ def preset_options(name: str) -> dict[str, str | None]:
     ValueError
         For an unknown name; the message lists those that exist.
     """
-    package = pathlib.Path(__file__).resolve().parent
-    installed = package / "presets"  # where the package is not run from its sources
-    files = {
-        path.stem: path
-        for path in sorted((installed if installed.is_dir() else package.parent / "options").glob("*.opts"))
-    }
+    files = preset_files()
     if name not in files:
         near = difflib.get_close_matches(str(name), files, n=1, cutoff=0.5)
         meant = f"do you mean {near[0]!r}? " if near else ""

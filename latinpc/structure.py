@@ -21,6 +21,7 @@ from latinpc.geometry import Geometry
 from latinpc.laws import Law
 from latinpc.library import _latin
 from latinpc.results.notices import duplicates
+from latinpc.results.plots import Plots
 from latinpc.results.result import Result
 from latinpc.results.solve import solve
 from latinpc.userlaws import register_table
@@ -46,7 +47,7 @@ class Sizes(NamedTuple):
     free_dofs: int
 
 
-class Structure(Geometry, Equations, Actions):
+class Structure(Geometry, Equations, Actions, Plots):
     """A structure of links in 1, 2 or 3 dimensions: nodes, links, laws, supports and loads.
 
     Collective. Every rank passes the same whole arrays.

@@ -345,7 +345,19 @@ def test_wrong_commands_are_one_clear_line(arguments, word, file, tmp_path):
 
 def test_cases_that_do_not_converge_are_named(file):
     bridge = ROOT / "examples" / "footbridge.msh"
-    result = command("cases", bridge, "-snes_max_it", 4, "-snes_latin_newton", "never", "-snes_stol", 1e-8, code=1)
+    result = command(
+        "cases",
+        bridge,
+        "--preset",
+        "balanced",
+        "-snes_max_it",
+        4,
+        "-snes_latin_newton",
+        "never",
+        "-snes_stol",
+        1e-8,
+        code=1,
+    )
     assert said(result)[-1].startswith("latinpc: not converged: crowd alone: DIVERGED_MAX_IT; half a crowd more: ")
     assert result.stdout.count("DIVERGED_MAX_IT") == 6 and "highest" in result.stdout
 

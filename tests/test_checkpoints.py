@@ -15,7 +15,7 @@ from support import STATES
 
 LONG = {
     "ramp": ["tensegrity-grid", "--modules", 8, "--subdomains", 4, "--increments", 60],
-    "motion": ["impact-grid", "--modules", 8, "--steps", 200],
+    "motion": ["impact-grid", "--modules", 8, "--num-steps", 200],
 }
 NEVER_THE_SAME = ("seconds", "first_step_seconds", "setup_seconds", "solve_seconds", "peak_memory_bytes")
 
@@ -109,9 +109,9 @@ def test_a_run_on_two_ranks_says_where_its_state_is(tmp_path):
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        (["lattice", "--checkpoint", "s"], "need --increments or --steps"),
-        (["lattice", "--restart", "s"], "need --increments or --steps"),
-        (["lattice", "--increments", 2, "--steps", 2], "--increments is for statics"),
+        (["lattice", "--checkpoint", "s"], "need --increments or --num-steps"),
+        (["lattice", "--restart", "s"], "need --increments or --num-steps"),
+        (["lattice", "--increments", 2, "--num-steps", 2], "--increments is for statics"),
         (["lattice", "--increments", 2, "--checkpoint-every", 2], "needs the name of a file"),
         (["lattice", "--increments", 2, "--checkpoint", "s", "--checkpoint-every", 0], "at least 1, not 0"),
         (["lattice", "--increments", 0], "at least one increment"),

@@ -76,7 +76,7 @@ def test_help_lists_every_option_of_ours_and_no_other():
 def test_solve_writes_everything(tmp_path):
     names = {"--json": "r.json", "--output": "r.vtu", "--picture": "r.png"}
     files = [word for name, file in names.items() for word in (name, file)]
-    result = latinpc("solve", TOWER, "--subdomains", 4, "--reference", *files, cwd=tmp_path)
+    result = latinpc("solve", TOWER, "-v", "--subdomains", 4, "--reference", *files, cwd=tmp_path)
     report = json.loads((tmp_path / "r.json").read_text())
     assert set(KEYS) <= set(report)
     assert report["scene"] == "tower" and report["subdomains"] == 4 and report["ranks"] == 1
@@ -105,6 +105,40 @@ def test_a_drawing_is_imported_braced_and_solved_by_one_command(tmp_path):
     assert report["converged"] and report["links"] == 4 * 84 + 49 and report["free_dofs"] == 3 * 2 * 25
     assert "plan.obj: 129 points merged; 5 lines left out" in result.stdout
     assert "217 bars, 168 cables" in result.stdout
+
+
+def test_summary_is_in_plain_words_and_verbose_in_those_of_petsc():
+    text = latinpc("solve", TOWER, "--subdomains", 1).stdout
+    for word in ("CONVERGED", "DIVERGED", "indicator", "subdomain", "e-0", "e+0"):
+        assert word not in text, word
+    for word in ("converged in", "iterations", "27 of 64 cables", "at node 50 (8, 48) m",
+                 "worst member   link 0, from node 0 to 1: 387 kN in tension",
+                 "estimated error of the displacements", "% of the loads"):  # fmt: skip
+        assert word in text, word
+    text = latinpc("solve", "-v", TOWER, "--subdomains", 1).stdout
+    for word in ("CONVERGED_SNORM_RELATIVE", "1 subdomain,", "strong and", "indicator", "96 free of 102, on 1 rank"):
+        assert word in text, word
+
+
+def test_preset_is_that_of_the_file_and_the_users_options_come_before_it():
+    grid = ["solve", "tensegrity-grid", "--modules", "12", "--json", "-"]
+    preset = json.loads(latinpc(*grid, "--preset", "fast").stdout)
+    file = json.loads(latinpc(*grid, "-options_file", ROOT / "options" / "fast.opts").stdout)
+    mine = json.loads(latinpc(*grid, "--preset", "fast", "-snes_stol", "1e-6").stdout)
+    assert preset["options"] == {key: value for key, value in file["options"].items() if key != "options_file"}
+    assert preset["iterations"] == file["iterations"] < mine["iterations"] and mine["options"]["snes_stol"] == "1e-6"
+    moves = ["solve", "bouncing-chain", "--num-steps", "3", "--preset", "accurate", "--json", "-"]
+    assert json.loads(latinpc(*moves).stdout)["options"]["snes_stol"] == "5e-9"
+    assert "balanced" in latinpc("solve", "net", "--preset", "fat", code=2).stderr
+
+
+def test_former_names_of_options_are_understood():
+    times = ["solve", "bouncing-chain", "--json", "-"]
+    new = json.loads(latinpc(*times, "--num-steps", "4", "--time-step", "2e-3").stdout)
+    old = json.loads(latinpc(*times, "--steps", "4", "--step", "2e-3").stdout)
+    assert new["step"] == old["step"] == 2e-3 and new["steps"] == old["steps"] == 4
+    text = latinpc("solve", "--help").stdout
+    assert "--num-steps N" in text and "--output-every N" in text and "--steps" not in text.replace("--num-steps", "")
 
 
 def test_json_alone_and_quiet():

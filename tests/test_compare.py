@@ -158,7 +158,10 @@ def test_calibrated_runs_reach_their_accuracy(name):
 
 def test_rows_are_complete_and_honest():
     scene = grid()
-    document = compare.compare(scene, ["latin", "newton-mumps"], repeat=2)
+    said = []
+    document = compare.compare(scene, ["latin", "newton-mumps"], repeat=2, progress=said.append)
+    assert [text.split(": ")[1].split(",")[0] for text in said] == [f"{k} of 7" for k in range(1, 8)]
+    assert "latin, run 1 of 2" in said[3] and "newton-mumps, run 2 of 2" in said[6]
     assert json.loads(json.dumps(document, allow_nan=False)) == document
     assert [row["method"] for row in document["rows"]] == ["latin", "newton-mumps"]
     for row in document["rows"]:

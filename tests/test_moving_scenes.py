@@ -1,4 +1,4 @@
-"""Scenes in motion, their files and pictures, and `latinpc solve --steps`."""
+"""Scenes in motion, their files and pictures, and `latinpc solve --num-steps`."""
 
 import json
 import xml.etree.ElementTree as ET
@@ -95,7 +95,7 @@ def test_move_refuses_what_cannot_move():
     for arguments, words in (
         ((grid, 3), "no masses"),
         ((grid, 3, None, None), "no masses"),
-        ((replace(grid, mass=np.ones(len(grid.nodes))), 3), "--step"),
+        ((replace(grid, mass=np.ones(len(grid.nodes))), 3), "--time-step"),
         ((make("bouncing-chain"), 0), "at least one step"),
     ):
         with pytest.raises(ValueError, match=words):
@@ -107,8 +107,8 @@ def test_move_refuses_what_cannot_move():
 
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_command_moves_and_writes_everything(tmp_path, ranks):
-    files = ["--json", "r.json", "--output", "r.pvd", "--picture", "r.gif", "--every", 2]
-    scene = ["impact-tower", "--levels", 6, "--subdomains", 3, "--steps", 5]
+    files = ["--json", "r.json", "--output", "r.pvd", "--picture", "r.gif", "--output-every", 2]
+    scene = ["impact-tower", "--levels", 6, "--subdomains", 3, "--num-steps", 5]
     result = latinpc("solve", *scene, *files, cwd=tmp_path, ranks=ranks)
     for word in ("impact-tower", "5 steps of 200 µs", "iterations a step", "energy", "active links", "r.gif"):
         assert result.stdout.count(word) == 1, word
@@ -123,7 +123,7 @@ def test_command_moves_and_writes_everything(tmp_path, ranks):
 
 
 def test_command_moves_a_scene_of_statics(tmp_path):
-    arguments = ["lattice", "--nx", 8, "--ny", 4, "--steps", 3, "--step", 1e-3, "--node-mass", 10]
+    arguments = ["lattice", "--nx", 8, "--ny", 4, "--num-steps", 3, "--time-step", 1e-3, "--node-mass", 10]
     result = latinpc("solve", *arguments, "--output", tmp_path / "end.vtu", "-ts_latin_monitor")
     assert "velocity" in meshio.read(tmp_path / "end.vtu").point_data
     assert result.stdout.count("energy: kinetic") == 4
@@ -131,12 +131,12 @@ def test_command_moves_a_scene_of_statics(tmp_path):
 
 def test_command_refuses(tmp_path):
     for arguments, words in (
-        (["lattice", "--steps", 3], "no masses"),
-        (["lattice", "--steps", 3, "--node-mass", 1], "--step"),
-        (["impact-tower"], "--steps"),
-        (["lattice", "--step", 1e-3], "--steps"),
+        (["lattice", "--num-steps", 3], "no masses"),
+        (["lattice", "--num-steps", 3, "--node-mass", 1], "--time-step"),
+        (["impact-tower"], "--num-steps"),
+        (["lattice", "--time-step", 1e-3], "--num-steps"),
         (["lattice", "--picture", tmp_path / "a.gif"], ".gif"),
-        (["bouncing-chain", "--steps", 3, "--reference"], "statics"),
+        (["bouncing-chain", "--num-steps", 3, "--reference"], "statics"),
     ):
         assert words in said(latinpc("solve", *arguments, code=2))[0]
 

@@ -20,7 +20,7 @@ HELP_OF = {
            "-pc_type", "latin", "-help"],
     "ksp": ["truss-grid", "--modules", "6", "--subdomains", "9", "-snes_type", "ksponly",
             "-ksp_type", "latin", "-help"],
-    "ts": ["impact-grid", "--modules", "4", "--steps", "1", "-help"],
+    "ts": ["impact-grid", "--modules", "4", "--num-steps", "1", "-help"],
 }  # fmt: skip
 ROW = re.compile(r"^\| `-((?:snes|ksp|pc|ts|latin)_\w+?)(\*?)` \|([^|]*)\|([^|]*)\|([^|]*)\|([^|]*)\|$", re.MULTILINE)
 LINE = re.compile(r"^ +-(\w+):? ?(?:<(?:now )?(.*?) : (?:formerly )?(.*?)>)?:? ?(.*)$")
@@ -174,10 +174,10 @@ def readme_commands():
 def test_readme_command_runs(line, tmp_path):
     if line == "latinpc extremes":
         line += " --group slack"  # the whole catalogue is for test_extremes.py
-    line = line.replace("--steps 5000", "--steps 100")  # minutes
+    line = line.replace("steps 5000", "steps 100")  # minutes
     before, restart, _ = line.partition(" --restart ")
     if restart:  # from the state of a run that ended early
-        line = f"{before.replace('--steps 100', '--steps 50')} && {line}"
+        line = f"{before.replace('steps 100', 'steps 50')} && {line}"
     for name in ("examples", "options"):
         (tmp_path / name).symlink_to(ROOT / name)
     path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
@@ -195,5 +195,5 @@ def test_equation_map_names_functions_of_the_file():
 
 
 def test_steps_start_warm():
-    printed = run([*COMMAND, "impact-tower", "--levels", "2", "--steps", "1", "-help"]).stdout
+    printed = run([*COMMAND, "impact-tower", "--levels", "2", "--num-steps", "1", "-help"]).stdout
     assert re.search("-snes_latin_warm_start:? <(now )?extrapolate", printed)

@@ -5,11 +5,20 @@ import time
 import matplotlib.image
 import numpy as np
 import pytest
+from conftest import ROOT
 from matplotlib.figure import Figure
+from PIL import Image
+from test_cli import latinpc as command
+from test_files import MSH, TOML
 
+import latinpc
 from latinpc.bench import paper_figures
-from latinpc.results import pictures
-from latinpc.results.units import scaled
+from latinpc.results import pictures, symbols
+from latinpc.results.drawing import SUPPORT_COLOUR, _pixels
+from latinpc.results.film import draw_motion
+from latinpc.results.look import Scale
+from latinpc.results.mechanism import free_motion
+from latinpc.results.units import counted, number, quantity, scaled, share
 from latinpc.scenes import make
 from latinpc.scenes.scene import Law, Scene
 
@@ -35,6 +44,11 @@ def _seen(path):
     return (pixels.min(axis=2) < 0.9).mean()
 
 
+def _written(figure):
+    """Return all texts of a figure."""
+    return " | ".join(text.get_text() for text in figure.findobj(matplotlib.text.Text))
+
+
 def _row(dim):
     nodes = np.zeros((4, dim))
     nodes[:, 0] = range(4)
@@ -52,8 +66,7 @@ def test_any_dimension(tmp_path, drawn, dim, suffix):
     pictures.draw_structure(scene, moved, np.array([-2e3, 0.0, -1.0]), np.array([0, 0, 1]), path)
     assert path.stat().st_size > 1000
     assert "slack cable (100 %)" in drawn[0] and "slack compression-only link (0 %)" in drawn[0]
-    assert "Compression (kN)" in drawn[0] and "2 subdomains" in drawn[0]
-    assert "Tension" not in drawn[0]  # nothing is in tension
+    assert "Force (kN), compression negative" in drawn[0] and "2 subdomains" in drawn[0]
 
 
 @pytest.mark.parametrize("suffix", [".png", ".pdf", ".svg"])
@@ -72,10 +85,22 @@ def test_nothing_moves_and_nothing_is_loaded(tmp_path, drawn):
     assert _seen(tmp_path / "still.png") > 0.001
 
 
+def test_rounding_is_not_made_visible():
+    """A chain that hangs as it was drawn moved by 1e-16 m, and its picture was a zigzag."""
+    nodes = np.array([[0.0, 0.0], [3.0, 0.0]])
+    assert pictures.amplification_of(nodes, 2e-16) == 1.0
+    assert pictures.amplification_of(nodes, 2e-6) == pytest.approx(1e5)
+
+
 def test_scales():
     assert scaled(2500.0, "N") == (1e3, "kN")
     assert scaled(0.02, "m") == (1e-3, "mm")
     assert scaled(0.0, "m") == (1.0, "m")
+    assert quantity(999.7, "N") == "1 kN" and quantity(999.4, "N") == "999 N" and quantity(-1e3, "N") == "-1 kN"
+    assert quantity(999.97, "s", 4) == "1 ks"
+    assert counted(1, "subdomain") == "1 subdomain" and counted(2500, "subdomain") == "2,500 subdomains"
+    assert [number(value) for value in (123456.0, 1000.0, 0.5, 1.23e-5)] == ["123,000", "1,000", "0.5", "0.0000123"]
+    assert [share(part) for part in (0.0, 1e-9, 1.9e-4, 0.5)] == ["0 %", "less than 0.0001 %", "0.019 %", "50 %"]
     for value, rounded in ((7.3, 5.0), (2.0, 2.0), (0.19, 0.1), (1234.0, 1000.0)):
         assert pictures.round_factor(value) == pytest.approx(rounded)
 
@@ -104,3 +129,158 @@ def test_article_figures_are_quick(grid, tmp_path, drawn):
     assert "of the cables slack" in drawn[1]
     for name in ("fig8.png", "fig9.png", "grid.png"):
         assert _seen(tmp_path / name) > 0.05
+
+
+# ---- supports, loads, numbers ----------------------------------------------------------------
+
+
+def square(law="bar", diagonal=True, **changes):
+    """A square of four bars on two pins, with a diagonal or as a mechanism."""
+    links = [[0, 1], [1, 2], [2, 3], [3, 0], [0, 2]][: 5 if diagonal else 4]
+    given = {"law": ["bar"] * 4 + [law] * diagonal, "stiffness": 1e6, "fixed": [[1, 1], [1, 1], [0, 0], [0, 0]]}
+    given |= {"load": [[0, 0], [0, 0], [-5.0, 0], [0, 0]], "name": "square"} | changes
+    return latinpc.Structure([[0, 0], [1, 0], [1, 1], [0, 1]], links, **given)
+
+
+def test_all_supports_of_a_net_are_on_the_canvas():
+    """All 36 were to be seen, and 31 were: axes in perspective cut what lies outside their own square."""
+    scene = make("net", side=10)
+    figure = pictures.structure_figure(scene, np.zeros_like(scene.nodes), np.ones(len(scene.links)))
+    figure.canvas.draw()
+    pixels = np.asarray(figure.canvas.buffer_rgba())[..., :3].astype(int)
+    dark = np.abs(pixels - [int(SUPPORT_COLOUR[i : i + 2], 16) for i in (1, 3, 5)]).max(axis=2) < 8
+    stands = symbols.supports(scene.fixed, scene.nodes, scene.links[pictures.drawn_links(scene)])
+    assert len(stands) == 1 and len(stands[0].nodes) == 36
+    for feet in stands[0].triangles.reshape(6, 36, 3, 3).mean(axis=(0, 2)):  # the middle of each
+        x, y = _pixels(figure.axes[0], [feet])[0]
+        row, column = round(dark.shape[0] - y), round(x)
+        assert dark[row - 8 : row + 9, column - 8 : column + 9].any(), feet
+
+
+def test_supports_are_pins_and_rollers_at_their_nodes():
+    fixed = np.array([[1, 1], [0, 1], [0, 0], [1, 0]], bool)
+    nodes, links = np.array([[0.0, 0.0], [1, 0], [1, 1], [0, 1]]), np.array([[0, 1], [1, 2], [2, 3], [3, 0]])
+    pin, roller = symbols.supports(fixed, nodes, links)
+    assert pin.filled and list(pin.nodes) == [0] and not roller.filled and list(roller.nodes) == [1, 3]
+    for symbol in (pin, roller):
+        assert np.allclose(symbol.triangles[:, 0], nodes[symbol.nodes])  # their tips
+    foot = roller.lines.mean(axis=1) - nodes[roller.nodes]
+    assert np.allclose(np.abs(foot) > 1e-12, [[False, True], [True, False]])  # across their plates
+    assert (foot.sum(axis=1) < 0.0).all()  # away from the structure: below, and at the left
+    assert (pin.triangles[0, 1:, 1] < 0.0).all()
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_arrows_are_as_long_as_their_forces(dim):
+    nodes = np.eye(4, dim) * 3.0
+    links = np.array([[0, 1], [1, 2], [2, 3]])
+    force = np.zeros((4, dim))
+    force[0, 0], force[2, 1] = 4.0, -1.0
+    lines, acting = symbols.arrows(force, nodes, links)
+    assert list(acting) == [0, 2]
+    shafts = np.diff(lines[:2], axis=1)[:, 0]
+    assert np.linalg.norm(shafts[0]) == pytest.approx(4.0 * np.linalg.norm(shafts[1]))
+    assert shafts[0, 0] > 0.0 > shafts[1, 1] and len(lines) == 2 * (1 + 2 * (dim - 1))
+    ends = lines[:2].reshape(-1, dim)
+    assert all(np.linalg.norm(ends - nodes[node], axis=1).min() < 1e-12 for node in acting)
+
+
+def test_one_scale_for_tension_and_compression():
+    """The strength of a colour follows the size of a force, whatever its sign and the others of that sign."""
+    scale = Scale(np.array([-10.0, 0.0]), np.array([40.0]))
+    low, half, full = scale.colours([-10.0, -40.0, 40.0])
+    alone = Scale(np.array([-10.0])).colours([-10.0])[0]
+    assert not np.allclose(low, alone) and np.allclose(half, alone)
+    assert full[2] > full[0] and half[0] > half[2]  # cool, warm
+    assert scale.map().N == 512 and np.allclose(scale.map()(1.0), full) and scale.low == -10.0
+
+
+def test_a_structure_is_drawn_as_given_with_numbers():
+    structure = square("cable")
+    text = _written(structure.plot())
+    for word in ("square", "bar (4)", "cable (1)", "pin (2)", "load (1), largest 5 N", "x (m)"):
+        assert word in text, word
+    assert [f" {number} " in f" {text} " for number in range(5)] == [True] * 5
+    assert _written(structure.plot(numbers=False)).count(" | ") < text.count(" | ")
+    assert structure.plot()._repr_png_().startswith(b"\x89PNG")  # notebooks show it without pyplot
+    assert "link" in _written(square().solve().plot(numbers=True))
+    assert make("net", side=4).plot() is not None
+
+
+# ---- what is no equilibrium ------------------------------------------------------------------
+
+
+def test_a_free_motion_changes_no_length():
+    """Of the motions of a mechanism the loads choose; a structure that resists has none, however slender it is."""
+    rng = np.random.default_rng(3)
+    nodes = np.column_stack([np.repeat(np.arange(6.0), 2), np.tile([0.0, 1.0], 6)]) + 0.05 * rng.normal(size=(12, 2))
+    links = [[2 * i, 2 * i + 1] for i in range(6)] + [[2 * i + j, 2 * i + 2 + j] for i in range(5) for j in (0, 1)]
+    fixed = np.zeros((12, 2), bool)
+    fixed[0] = fixed[10] = True
+    scene = Scene("frame", nodes, np.array(links), np.zeros(16, int), np.geomspace(1.0, 1e9, 16), fixed=fixed)
+    scene.load[5] = [0.0, -3.0]
+    motion = free_motion(scene)
+    relative = motion[scene.links[:, 1]] - motion[scene.links[:, 0]]
+    assert np.abs(np.einsum("ij,ij->i", relative, scene.directions)).max() < 1e-9
+    assert np.linalg.norm(motion, axis=1).max() == pytest.approx(1.0) and not motion[fixed].any()
+    assert (scene.load * motion).sum() > 0.1 * 3.0  # the way that the load pushes
+    assert free_motion(make("lattice", nx=800, ny=2, partition="metis")) is None
+    assert square().free_motion() is None
+
+
+def test_mechanism_and_collapse_are_drawn_as_such():
+    text = _written(square(diagonal=False).plot(mechanism=True))
+    assert "MECHANISM" in text and "nodes that move: 2, 3" in text
+    with pytest.raises(ValueError, match="no mechanism"):
+        square().plot(mechanism=True)
+    with pytest.warns(latinpc.ConvergenceWarning):
+        result = square("cable").solve()
+    assert np.allclose(result.free_motion, [[0, 0], [0, 0], [-1, 0], [-1, 0]], atol=1e-9)
+    text = _written(result.plot())
+    assert "COLLAPSE" in text and "slack link" in text and "resisted by no link that is taut" in text
+    held = square("cable", load=[[0, 0], [0, 0], [5.0, 0], [0, 0]]).solve()
+    assert held.free_motion is None and "COLLAPSE" not in _written(held.plot())
+
+
+def test_what_has_not_converged_has_a_stamp():
+    scene = make("tensegrity-grid", modules=4)
+    with pytest.warns(latinpc.ConvergenceWarning):
+        result = scene.solve(options={"snes_max_it": 1, "snes_stol": 1e-14})
+    text = _written(result.plot())
+    assert "NOT CONVERGED" in text and "iterations that are allowed were not enough" in text
+    assert "NOT CONVERGED" not in _written(scene.solve().plot())
+
+
+def test_command_draws_the_motion_of_a_mechanism(tmp_path):
+    (tmp_path / "frame.msh").write_text(MSH)
+    moved = TOML.replace("[supports.feet]", "[supports.top]").replace("[loads.top]", "[loads.feet]")
+    (tmp_path / "frame.toml").write_text(moved)
+    said = command("solve", "frame.msh", "--picture", "f.png", code=2, cwd=tmp_path).stderr
+    assert "f.png shows the motion that no link resists" in said and "mechanism" in said
+    assert _seen(tmp_path / "f.png") > 0.005
+
+
+@pytest.mark.parametrize("arguments", [["--amplify", "50"], ["--num-steps", 3, "--html", "a.html"]])
+def test_command_refuses_pictures_without_meaning(arguments, tmp_path):
+    scene = ["bouncing-chain"] if "--num-steps" in arguments else [ROOT / "examples" / "tower.msh"]
+    said = command("solve", *scene, *arguments, code=2, cwd=tmp_path).stderr
+    assert "pictures" in said or "statics" in said
+
+
+# ---- motions ---------------------------------------------------------------------------------
+
+
+def test_a_film_shows_supports_masses_and_scales(tmp_path, monkeypatch):
+    from latinpc.results import film
+    from latinpc.runs.motion import move
+
+    motion, texts, new = move(make("impact-tower", levels=3, subdomains=1), 4, every=2), [], film.new_figure
+    figures = []
+    monkeypatch.setattr(film, "new_figure", lambda *size: figures.append(new(*size)) or figures[-1])
+    draw_motion(motion, tmp_path / "a.gif", amplification=7.0)
+    texts = [_written(figure) for figure in figures]
+    assert len(texts) == Image.open(tmp_path / "a.gif").n_frames == 3
+    for word in ("mass 200 kg", "pin (3)", "drawn × 7", "x (m)", "z (m)", "slack cable", "t = "):
+        assert all(word in text for text in texts), word
+    limits = {(figure.axes[-1].get_ylim()) for figure in figures}
+    assert len(limits) == 1  # one scale for all frames

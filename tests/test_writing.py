@@ -124,7 +124,7 @@ OPTIONS = {
     "--picture": ("picture.png", ["lattice"]),
     "--checkpoint": ("state", ["lattice", "--increments", 2]),
     "--restart": ("state", ["lattice", "--increments", 2]),
-    "frames": ("out.pvd", ["impact-grid", "--modules", 4, "--steps", 2]),
+    "frames": ("out.pvd", ["impact-grid", "--modules", 4, "--num-steps", 2]),
 }
 
 
@@ -155,7 +155,7 @@ def test_other_mistakes_are_found_before_any_work(tmp_path, monkeypatch, capsys)
     Path("film").write_text("of the user's")
     Path("dangling.json").symlink_to("nowhere/report.json")
     for words, sentence in (
-        (["--steps", 2, "--output", "film.pvd"], "film.pvd: its states cannot be written into film"),
+        (["--num-steps", 2, "--output", "film.pvd"], "film.pvd: its states cannot be written into film"),
         (["--json", "nowhere/a.json"], "nowhere/a.json: the folder nowhere does not exist; create it first"),
         (["--json", "dangling.json"], "dangling.json: the folder nowhere does not exist; create it first"),
         (["--json", "film/a.json"], "film/a.json: Not a directory"),
@@ -335,7 +335,8 @@ for name, call in every_kind().items():
 def every_kind():
     """Give the functions that write each kind of file."""
     from latinpc.cli.printing import write_json
-    from latinpc.results.pictures import draw_motion, draw_structure
+    from latinpc.results.film import draw_motion
+    from latinpc.results.pictures import draw_structure
     from latinpc.results.vtk import write_pvd
     from latinpc.runs.motion import move
     from latinpc.scenes import make

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 import statistics
+import time
 
 from latinpc.laws import Law
 
@@ -72,20 +73,20 @@ def compare(scene, methods=None, accuracy=1e-4, repeat=3, ranks=1, timeout=600.0
         raise ValueError(f"--accuracy {accuracy:g}: a relative error, between 0 and 1")
     if repeat < 1 or ranks < 1:
         raise ValueError("--repeat and --ranks are at least 1")
-    say = progress or (lambda text: None)
+    say = _Told(scene.name, 1 + len(methods) * (1 + repeat), progress)
     with Bench(scene, ranks, timeout, user_options) as bench:
-        say(f"{scene.name}: reference")
+        say("reference")
         about = bench.make_reference(accuracy, reference)
         stops, failures, runs = {}, {}, {name: [] for name in methods}
         for name in methods:
-            say(f"{scene.name}: the stop of {name}")
+            say(f"the stop of {name}")
             try:
                 stops[name] = _stop(bench, name, accuracy)
             except Failed as error:
                 failures[name] = str(error)
         for turn in range(repeat):
             for name in stops:
-                say(f"{scene.name}: {name}, run {turn + 1} of {repeat}")
+                say(f"{name}, run {turn + 1} of {repeat}")
                 if name not in failures:
                     _time(bench, name, stops, accuracy, runs, failures)
     return {
@@ -98,6 +99,29 @@ def compare(scene, methods=None, accuracy=1e-4, repeat=3, ranks=1, timeout=600.0
         "rows": [_row(name, runs[name], failures.get(name), accuracy, ranks) for name in methods],
         "runs": [{"method": name, **run} for name in methods for run in runs[name]],
     }
+
+
+class _Told:
+    """Says which of how many processes is under way, and how long the whole has taken.
+
+    Parameters
+    ----------
+    scene : str
+    total : int
+        Number of processes, where none fails.
+    progress : callable or None
+        Called with a sentence.
+    """
+
+    def __init__(self, scene, total, progress):
+        self._scene, self._total, self._progress = scene, total, progress
+        self._number, self._start = 0, time.monotonic()
+
+    def __call__(self, text):
+        self._number += 1
+        if self._progress is not None:
+            seconds = time.monotonic() - self._start
+            self._progress(f"{self._scene}: {self._number} of {self._total}, {text} ({seconds:.0f} s so far)")
 
 
 def check_methods(methods):

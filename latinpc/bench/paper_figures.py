@@ -7,7 +7,8 @@ import numpy as np
 from matplotlib.colors import Normalize
 
 from latinpc.laws import Law
-from latinpc.results.drawing import COMPRESSION, TENSION, axes_3d, colour_bar, draw_links, label_axes, new_figure, save
+from latinpc.results.drawing import axes_3d, colour_bar, draw_links, label_axes, new_figure, save
+from latinpc.results.look import COMPRESSION, TENSION
 from latinpc.results.mechanics import slack
 from latinpc.results.units import scaled
 

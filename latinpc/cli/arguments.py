@@ -7,10 +7,13 @@ import pathlib
 import click
 from petsc4py import PETSc
 
+#: Help of --preset
+PRESETS = "Options of a ready-made set: fast (displacements to 1e-2), balanced (1e-4), accurate (1e-8), and others."
+
 
 def is_petsc_option(token):
-    """Return whether a word is a PETSc option: a dash and a letter, not two dashes, not a negative number."""
-    return len(token) > 1 and token[0] == "-" and token[1].isalpha()
+    """Return whether a word is a PETSc option: a dash and a letter, not two dashes, no negative number, not -v."""
+    return len(token) > 1 and token[0] == "-" and token[1].isalpha() and token != "-v"
 
 
 def split_arguments(arguments):
@@ -53,6 +56,14 @@ def insert_petsc_options(options):
             database.setValue(name, value)
     if any(name.startswith("log_view") for name, _ in options):
         PETSc.Log.begin()
+
+
+class NewName(click.Option):
+    """An option with a former name, which is understood; help has the first name alone."""
+
+    def get_help_record(self, ctx):
+        """Return the first name and the help."""
+        return f"{self.opts[0]} {self.metavar}", self.help
 
 
 class List(click.ParamType):

@@ -8,10 +8,12 @@ import click
 import numpy as np
 
 from latinpc.laws import UNILATERAL
+from latinpc.options import preset_files, preset_options
 from latinpc.results.atomic import check_writable
 from latinpc.results.units import quantity
 from latinpc.runs.cases import solve_cases
 
+from .arguments import PRESETS
 from .printing import open_console, print_lines, print_table, progress, write_json
 from .ranks import NOT_CONVERGED, on_root
 from .scenes import SceneCommand, open_scene, scene_options
@@ -25,9 +27,10 @@ MOST_SLACK = 8  # links that are listed
 @click.option("--json", "json_file", metavar="FILE", help="Write the report; '-' prints it and nothing else.")
 @click.option("--csv", "csv_file", metavar="FILE.csv", help="Write lowest and highest force of each link, slack cases.")
 @click.option("--picture", metavar="FILE.png", help="Draw the envelope: greatest tension, greatest compression.")
+@click.option("--preset", type=click.Choice(sorted(preset_files())), metavar="NAME", help=PRESETS)
 @click.option("--quiet", is_flag=True, help="Print only notices and errors.")
 @click.pass_obj
-def cases(comm, scene, json_file, csv_file, picture, quiet, **options):
+def cases(comm, scene, json_file, csv_file, picture, preset, quiet, **options):
     """Solve the load cases of a file.
 
     They are the tables [[case]] of the TOML file beside it. One set-up serves all; slack links are found for each case.
@@ -35,11 +38,13 @@ def cases(comm, scene, json_file, csv_file, picture, quiet, **options):
     """
     alone = json_file == "-"
     quiet = quiet or alone
+    settings = None if preset is None else on_root(comm, preset_options, preset)
     files = ((None if alone else json_file, None), (csv_file, (".csv",)), (picture, (".png", ".pdf", ".svg")))
     scene = on_root(comm, _prepare, scene, files, options)
     with progress(comm, quiet) as say:
         result = solve_cases(
             scene,
+            options=settings,
             subdomains=options["subdomains"] if scene.subdomain is None else None,
             each_case=None if say is None else lambda number, name: say(f"{scene.name}: case {number + 1}, {name}"),
         )

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import sys
 
 import click
 import numpy as np
 from petsc4py import PETSc
 
+from latinpc.options import preset_files, preset_options
 from latinpc.results.atomic import check_readable, check_writable
 from latinpc.results.summary import summary, summary_of_motion
 from latinpc.results.vtk import frames_folder, write_pvd, write_vtu
@@ -16,6 +18,7 @@ from latinpc.runs.motion import move
 from latinpc.runs.solve import solve
 from latinpc.solvers import has_package, outer_snes
 
+from .arguments import PRESETS, NewName
 from .printing import open_console, print_lines, progress, write_json
 from .ranks import NOT_CONVERGED, on_root
 from .scenes import SceneCommand, open_scene, scene_options
@@ -35,21 +38,30 @@ RUN = (
 @click.option("--json", "json_file", metavar="FILE", help="Write the report; '-' prints it and nothing else.")
 @click.option("--output", metavar="FILE", help="Write results for ParaView: .vtu, or .pvd for a motion.")
 @click.option("--picture", metavar="FILE", help="Draw the deformed structure: .png, .pdf, .svg, or .gif for a motion.")
+@click.option("--html", metavar="FILE", help="Draw it for a browser, to be turned with a mouse: one .html file.")
+@click.option(
+    "--amplify", type=float, metavar="X", help="Of displacements in pictures. Default: what makes them visible."
+)
 @click.option("--csv", nargs=2, metavar="MEMBERS NODES", help="Write members and nodes: two .csv files.")
+@click.option("--preset", type=click.Choice(sorted(preset_files())), metavar="NAME", help=PRESETS)
 @click.option("--quiet", is_flag=True, help="Print only notices and errors.")
-@click.option("--steps", type=int, metavar="N", help="Make N time steps (-ts_type latin). The scene needs masses.")
-@click.option("--step", type=float, metavar="H", help="Time step (s). Default: that of the scene.")
-@click.option("--every", type=int, metavar="N", help="Write every Nth state of a motion. Default: about 100 in all.")
+@click.option("-v", "--verbose", is_flag=True, help="Print subdomains, PETSc's types and reasons, norms as well.")
+@click.option("--num-steps", "--steps", "steps", type=int, metavar="N", cls=NewName,
+              help="Make N time steps (-ts_type latin). The scene needs masses.")  # fmt: skip
+@click.option("--time-step", "--step", "step", type=float, metavar="H", cls=NewName,
+              help="Time step (s). Default: that of the scene.")  # fmt: skip
+@click.option("--output-every", "--every", "every", type=int, metavar="N", cls=NewName,
+              help="Write every Nth state of a motion. Default: about 100 in all.")  # fmt: skip
 @click.option("--node-mass", type=float, metavar="M", help="Mass of each node (kg), in place of the scene's.")
 @click.option("--increments", type=int, metavar="N", help="Apply the loads in N equal increments.")
 @click.option("--checkpoint", metavar="FILE", help="Save the state after increments or steps (.h5, .hdf5: HDF5).")
 @click.option("--checkpoint-every", type=int, metavar="N", help="Save every Nth of them. Default: 1.")
 @click.option("--restart", metavar="FILE", help="Continue from a saved state, with the same options and ranks.")
 @click.pass_obj
-def solve_command(comm, scene, json_file, output, picture, csv, quiet, **options):
+def solve_command(comm, scene, json_file, output, picture, html, amplify, csv, preset, quiet, verbose, **options):
     """Solve a scene or a file.
 
-    The solver is -snes_type latin; with --steps it is -ts_type latin. Options with a single dash go to PETSc, for
+    The solver is -snes_type latin; with --num-steps it is -ts_type latin. Options with a single dash go to PETSc, for
     instance -snes_monitor -snes_latin_variant macro.
     """
     alone = json_file == "-"
@@ -58,9 +70,14 @@ def solve_command(comm, scene, json_file, output, picture, csv, quiet, **options
     _check(**run)
     moves = run["steps"] is not None
     if csv and moves:
-        raise ValueError("--csv is for statics: leave out --steps")
+        raise ValueError("--csv is for statics: leave out --num-steps")
+    run["options"] = None if preset is None else on_root(comm, preset_options, preset)
     keeper = _keeper(comm, run)
-    files = {"json": json_file, "output": output, "picture": picture, "members": None, "nodes": None}
+    if html is not None and moves:
+        raise ValueError("--html is for statics: leave out --num-steps")
+    if amplify is not None and picture is None and html is None:
+        raise ValueError("--amplify is for pictures: give --picture or --html")
+    files = {"json": json_file, "output": output, "picture": picture, "html": html, "members": None, "nodes": None}
     files |= dict(zip(("members", "nodes"), csv or ()))
     scene = on_root(comm, _prepare, scene, moves, files, options)
     count = options.get("subdomains") if scene.subdomain is None else None
@@ -71,24 +88,41 @@ def solve_command(comm, scene, json_file, output, picture, csv, quiet, **options
         if moves:
             result = _move(scene, count, run, say, (output, picture), keeper)
         else:
-            result = _solve(scene, count, run, say, keeper)
-    return _report(comm, result, files, quiet)
+            with _mechanism_drawn(comm, scene, picture):
+                result = _solve(scene, count, run, say, keeper)
+    return _report(comm, result, files, amplify, (quiet, verbose))
+
+
+@contextlib.contextmanager
+def _mechanism_drawn(comm, scene, picture):
+    """Where a structure is refused that has a motion which no link resists, draw that; other ranks do not wait."""
+    try:
+        yield
+    except PETSc.Error:
+        motion = scene.free_motion() if comm.rank == 0 and picture is not None else None
+        if motion is not None:
+            from latinpc.results.drawing import save
+            from latinpc.results.pictures import plan_figure
+
+            save(plan_figure(scene, motion=motion), picture)
+            print(f"latinpc: {picture} shows the motion that no link resists", file=sys.stderr)
+        raise
 
 
 def _check(reference, digits, steps, step, every, node_mass, increments, checkpoint, checkpoint_every, restart):
     """Refuse options that do not go together."""
-    for value, name in ((step, "step"), (every, "every"), (node_mass, "node-mass")):
+    for value, name in ((step, "time-step"), (every, "output-every"), (node_mass, "node-mass")):
         if value is not None and steps is None:
-            raise ValueError(f"--{name} is for a motion: give the number of steps with --steps")
+            raise ValueError(f"--{name} is for a motion: give the number of steps with --num-steps")
     if steps is not None:
         if reference:
             raise ValueError("--reference is for statics; compare motions with -snes_type newtonls")
         if digits:
-            raise ValueError("--digits is for statics: leave out --steps")
+            raise ValueError("--digits is for statics: leave out --num-steps")
         if increments is not None:
-            raise ValueError("--increments is for statics: leave out --steps")
+            raise ValueError("--increments is for statics: leave out --num-steps")
     elif (checkpoint or restart) and increments is None:
-        raise ValueError("--checkpoint and --restart need --increments or --steps: states are saved between them")
+        raise ValueError("--checkpoint and --restart need --increments or --num-steps: states are saved between them")
     if checkpoint_every is not None and checkpoint is None:
         raise ValueError("--checkpoint-every needs the name of a file: --checkpoint FILE")
 
@@ -116,6 +150,7 @@ def _prepare(scene, moves, files, options):
     kinds = {
         "output": (".pvd", ".vtu") if moves else (".vtu",),
         "picture": (".gif", ".png", ".pdf", ".svg") if moves else (".png", ".pdf", ".svg"),
+        "html": (".html",),
         "members": (".csv",),
         "nodes": (".csv",),
     }
@@ -126,7 +161,7 @@ def _prepare(scene, moves, files, options):
         frames_folder(files["output"])
     scene = open_scene(scene, options)
     if scene.velocity is not None and not moves:
-        raise ValueError(f"{scene.name} moves: give the number of time steps with --steps")
+        raise ValueError(f"{scene.name} moves: give the number of time steps with --num-steps")
     return scene
 
 
@@ -140,6 +175,7 @@ def _solve(scene, subdomains, run, say, keeper):
 
     return solve(
         scene,
+        run["options"],
         subdomains=subdomains,
         reference=run["reference"],
         digits=run["digits"],
@@ -165,6 +201,7 @@ def _move(scene, subdomains, run, say, files, keeper):
         scene,
         run["steps"],
         run["step"],
+        run["options"],
         subdomains=subdomains,
         mass=run["node_mass"],
         every=run["every"] if films else 0,
@@ -173,15 +210,15 @@ def _move(scene, subdomains, run, say, files, keeper):
     )
 
 
-def _report(comm, result, files, quiet):
+def _report(comm, result, files, amplify, manner):
     """Write the files, print, and return the exit code; collective."""
-    moves = hasattr(result, "frames")
-    on_root(comm, _write_motion if moves else _write, result, files)
+    moves, (quiet, verbose) = hasattr(result, "frames"), manner
+    on_root(comm, _write_motion if moves else _write, result, files, amplify)
     if comm.rank == 0:
         for notice in result.notices:
             print(f"latinpc: {notice}", file=sys.stderr)
         if not quiet:
-            lines = summary_of_motion(result) if moves else summary(result)
+            lines = (summary_of_motion if moves else summary)(result, verbose)
             written = [str(path) for path in files.values() if path is not None]
             lines += [("written", ", ".join(written))] if written else []
             print_lines(open_console(), result.report["scene"], lines)
@@ -191,7 +228,7 @@ def _report(comm, result, files, quiet):
     return 0 if result.converged else NOT_CONVERGED
 
 
-def _write_motion(result, files):
+def _write_motion(result, files, amplify):
     """Write the files; on one rank. When a step does not converge, the states before it are written."""
     last, output, picture = result.frames[-1], files["output"], files["picture"]
     if files["json"] is not None:
@@ -201,16 +238,19 @@ def _write_motion(result, files):
     elif output is not None:
         arrays = (last.displacements, last.tensions, result.subdomain, result.node_class, last.velocities)
         write_vtu(output, result.scene, *arrays)
-    if picture is not None:
-        from latinpc.results.pictures import draw_motion, draw_structure
+    if picture is not None and str(picture).lower().endswith(".gif"):
+        from latinpc.results.film import draw_motion
 
-        if str(picture).lower().endswith(".gif"):
-            draw_motion(result, picture)
-        else:
-            draw_structure(result.scene, last.displacements, last.tensions, result.subdomain, picture)
+        draw_motion(result, picture, amplify)
+    elif picture is not None:
+        from latinpc.results.pictures import draw_structure
+
+        stamp = {} if result.converged else {"word": "NOT CONVERGED", "reason": result.report["reason"]}
+        arrays = (last.displacements, last.tensions, result.subdomain)
+        draw_structure(result.scene, *arrays, picture, amplification=amplify, **stamp)
 
 
-def _write(result, files):
+def _write(result, files, amplify):
     """Write the files; on one rank. Without convergence the last iterate is written."""
     if files["json"] is not None:
         write_json(files["json"], result.to_dict())
@@ -218,11 +258,14 @@ def _write(result, files):
         result.to_vtu(files["output"])
     if files["members"] is not None:
         result.to_csv(files["members"], files["nodes"])
-    picture = files["picture"]
-    if picture is not None:
-        from latinpc.results.drawing import save
-
-        if np.isfinite(result.displacements).all() and np.isfinite(result.tensions).all():
-            save(result.plot(), picture)
+    for kind in ("picture", "html"):
+        if files[kind] is None:
+            continue
+        if not (np.isfinite(result.displacements).all() and np.isfinite(result.tensions).all()):
+            result.notices.append(f"{files[kind]} is not drawn: the last iterate is not finite")
+        elif kind == "html":
+            result.to_html(files[kind], amplify)
         else:
-            result.notices.append(f"{picture} is not drawn: the last iterate is not finite")
+            from latinpc.results.drawing import save
+
+            save(result.plot(amplification=amplify), files[kind])

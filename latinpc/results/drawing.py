@@ -1,26 +1,37 @@
-"""Draw links in two and three dimensions: figures, axes, colours."""
+"""Draw in two and three dimensions: figures, axes, links, symbols, scales, stamps."""
 
 from __future__ import annotations
+
+import io
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
-from matplotlib.collections import LineCollection
-from matplotlib.colors import LinearSegmentedColormap, Normalize
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
+from matplotlib.lines import Line2D
+from matplotlib.ticker import FixedLocator, MaxNLocator
 from mpl_toolkits.mplot3d import proj3d
-from mpl_toolkits.mplot3d.art3d import Line3DCollection
+from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 
 from .atomic import atomic
 
-COMPRESSION = LinearSegmentedColormap.from_list("compression", ["#fdbb84", "#fc8d59", "#d7301f", "#67000d"])
-TENSION = LinearSegmentedColormap.from_list("tension", ["#9ecae1", "#4a98c9", "#1764ab", "#08306b"])
+SUPPORT_COLOUR, LOAD_COLOUR, STAMP_COLOUR = "#333333", "#1b7837", "#d7191c"
+
+
+class Picture(Figure):
+    """A matplotlib figure that notebooks show without pyplot."""
+
+    def _repr_png_(self):
+        memory = io.BytesIO()
+        self.savefig(memory, format="png", dpi=90)
+        return memory.getvalue()
 
 
 def new_figure(width, height):
     """Make a white figure; width and height in inches."""
-    figure = Figure(figsize=(width, height), dpi=150, facecolor="white")
+    figure = Picture(figsize=(width, height), dpi=150, facecolor="white")
     FigureCanvasAgg(figure)
     return figure
 
@@ -39,6 +50,9 @@ def axes_2d(figure, rectangle, points):
     axes.set_xlim(low[0] - margin, high[0] + margin)
     axes.set_ylim(low[1] - margin, high[1] + margin)
     axes.set_aspect("equal")
+    for axis, share in zip((axes.xaxis, axes.yaxis), (high - low) / (high - low).max()):
+        room = int(9 * share)  # for labels that do not overlap
+        axis.set_major_locator(MaxNLocator(room) if room else FixedLocator([]))
     axes.tick_params(labelsize=8)
     axes.grid(color="#e8e8ec", linewidth=0.5)
     axes.set_axisbelow(True)
@@ -50,6 +64,7 @@ def axes_2d(figure, rectangle, points):
 def axes_3d(figure, rectangle, points, elevation=22.0, azimuth=-58.0, aspect=None, fill=0.84):
     """Return axes in perspective whose points fill that share of the rectangle, with pale panes."""
     axes = figure.add_axes(rectangle, projection="3d", proj_type="persp", focal_length=0.55)
+    axes.computed_zorder = False  # symbols lie above links, whatever is nearer
     low, high = points.min(axis=0), points.max(axis=0)
     extent = np.maximum(high - low, 0.04 * (high - low).max())
     middle = (low + high) / 2
@@ -80,17 +95,63 @@ def _fill(figure, axes, rectangle, corners, aspect, fill):
     axes.set_position([left + shift[0], bottom + shift[1], width, height])
 
 
+def axes_for(figure, rectangle, points, **three):
+    """Return axes of the dimension of the points (n, 2 or 3); `three` goes to those in perspective."""
+    if points.shape[1] == 3:
+        return axes_3d(figure, rectangle, points, **three)
+    return axes_2d(figure, rectangle, points)
+
+
 def draw_links(axes, segments, colours, widths, styles="solid", zorder=2):
-    """Add segments (m, 2, 2 or 3) to axes of either dimension."""
+    """Add segments (m, 2, 2 or 3) to axes of either dimension; of one zorder depth decides what hides what."""
     if segments.shape[2] == 3:
         # one collection for all links, so that they hide each other according to their depth
-        lines = Line3DCollection(segments, colors=colours, linewidths=widths, linestyles=styles)
+        lines = Line3DCollection(segments, colors=colours, linewidths=widths, linestyles=styles, zorder=zorder)
         lines.set_clip_on(False)  # the axes' own square frame is smaller than the room they have
         axes.add_collection3d(lines)
     else:
         lines = LineCollection(segments, colors=colours, linewidths=widths, linestyles=styles, zorder=zorder)
         lines.set_capstyle("round")
         axes.add_collection(lines)
+
+
+def draw_symbols(axes, symbols, colour=SUPPORT_COLOUR):
+    """Add the triangles and lines of `latinpc.results.symbols.Symbol` to axes of either dimension, above the links."""
+    for symbol in symbols:
+        face = colour if symbol.filled else "white"
+        collection = Poly3DCollection if symbol.triangles.shape[2] == 3 else PolyCollection
+        edge = "#bbbbbb" if symbol.filled and symbol.triangles.shape[2] == 3 else colour
+        shapes = collection(symbol.triangles, facecolors=face, edgecolors=edge, linewidths=0.5, zorder=5)
+        shapes.set_clip_on(False)
+        add = axes.add_collection3d if symbol.triangles.shape[2] == 3 else axes.add_collection
+        add(shapes)
+        if len(symbol.lines):
+            draw_links(axes, symbol.lines, colour, 0.9, zorder=5)
+
+
+def draw_arrows(axes, lines, colour=LOAD_COLOUR):
+    """Add arrows of `latinpc.results.symbols.arrows` to axes of either dimension, above all else."""
+    if len(lines):
+        draw_links(axes, lines, colour, 0.9, zorder=6)
+
+
+def symbol_keys(symbols):
+    """Return the keys of a legend for supports: how many nodes have which."""
+    keys = []
+    for symbol in symbols:
+        face = SUPPORT_COLOUR if symbol.filled else "white"
+        style = {"marker": "^", "markersize": 6, "markeredgecolor": SUPPORT_COLOUR, "markerfacecolor": face}
+        count = len(np.unique(symbol.nodes))
+        keys.append(Line2D([], [], linestyle="none", label=f"{symbol.label} ({count:,})", **style))
+    return keys
+
+
+def stamp(figure, word, reason=""):
+    """Write across a figure what must not be overlooked, and why in a line below its title."""
+    style = {"color": STAMP_COLOUR, "alpha": 0.28, "weight": "bold", "rotation": 22.0, "ha": "center", "va": "center"}
+    figure.text(0.40, 0.47, word, fontsize=40.0 if len(word) > 14 else 56.0, zorder=20, **style)
+    if reason:
+        figure.text(0.02, 0.915, reason, fontsize=10, color=STAMP_COLOUR)
 
 
 def colour_bar(figure, rectangle, colours, low, high, label):

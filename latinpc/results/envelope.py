@@ -3,25 +3,28 @@
 from __future__ import annotations
 
 import numpy as np
+from matplotlib.colors import to_rgba
 
 from latinpc.laws import UNILATERAL, Law
 
 from .drawing import (
-    COMPRESSION,
-    TENSION,
-    axes_2d,
-    axes_3d,
+    STAMP_COLOUR,
+    axes_for,
     colour_bar,
     draw_links,
+    draw_symbols,
     label_axes,
     new_figure,
     plane_points,
     save,
+    symbol_keys,
 )
+from .look import IDLE_COLOUR, SLACK_COLOUR, Scale, widths_of
+from .pictures import drawn_links
+from .symbols import MANY_SYMBOLS, supports
 from .tables import table, write_csv
-from .units import scaled
+from .units import counted
 
-SLACK_COLOUR = "#c800a1"
 COLUMNS = ("link", "start", "end", "law", "lowest", "lowest_case", "highest", "highest_case", "slack", "slack_cases")
 
 
@@ -49,7 +52,7 @@ def write_envelope(path, cases):
 
 
 def draw_envelope(cases, path):
-    """Draw the structure twice: the greatest tension of each link, and its greatest compression.
+    """Draw the structure twice: the greatest tension of each link, and its greatest compression, on one scale.
 
     Cables that are slack in a case, and links in compression that are open, stand out.
 
@@ -59,32 +62,30 @@ def draw_envelope(cases, path):
     path : str or path-like
         A ``.png``, ``.pdf`` or ``.svg`` file, replaced only once it is complete.
     """
-    scene = cases.scene
+    scene, seen = cases.scene, drawn_links(cases.scene)
     lowest, highest, *_ = cases.envelope()
-    pull, push = np.maximum(highest, 0.0), np.maximum(-lowest, 0.0)
     loose = (cases.slack_cases() > 0) & np.isin(scene.law, UNILATERAL)
-    shown = scene.law != Law.TANGENT  # which acts across the line between its nodes
-    points = plane_points(scene.nodes)
-    figure = new_figure(14.0, 6.2)
-    divisor, unit = scaled(max(pull.max(), push.max()), "N")
-    thin = float(np.clip(40.0 / np.sqrt(len(scene.links)), 0.28, 1.3))
-    halves = ((0.0, "Greatest tension", TENSION, pull), (0.5, "Greatest compression", COMPRESSION, push))
-    for left, title, colour, force in halves:
-        if points.shape[1] == 3:
-            axes = axes_3d(figure, [left, 0.0, 0.42, 0.9], points)
-        else:
-            axes = axes_2d(figure, [left + 0.05, 0.1, 0.36, 0.76], points)
+    points, ends = plane_points(scene.nodes), scene.links[seen]
+    stands = supports(scene.fixed, points, ends) if np.count_nonzero(scene.fixed.any(axis=1)) <= MANY_SYMBOLS else []
+    figure, widths = new_figure(14.0, 6.2), widths_of(scene.law[seen])
+    scale = Scale(lowest[seen], highest[seen])  # one for both halves
+    extent = np.vstack([points, *(one.triangles.reshape(-1, points.shape[1]) for one in stands)])
+    pull, push = np.maximum(highest[seen], 0.0), np.minimum(lowest[seen], 0.0)
+    for left, title, force in ((0.0, "Greatest tension", pull), (0.46, "Greatest compression", push)):
+        rectangle = [left, 0.0, 0.44, 0.88] if points.shape[1] == 3 else [left + 0.05, 0.1, 0.37, 0.74]
+        axes = axes_for(figure, rectangle, extent)
         label_axes(figure, axes)
-        colours = colour(force / max(force.max(), 1e-300))
-        colours[force == 0.0] = (0.8, 0.8, 0.8, 1.0)
+        colours = scale.colours(force)
+        colours[force == 0.0] = to_rgba(IDLE_COLOUR)
         if title.endswith("tension"):
-            colours[loose] = [0xC8 / 255, 0.0, 0xA1 / 255, 1.0]
-        widths = np.where(scene.law == Law.BAR, 2.0 * thin, thin)
-        draw_links(axes, points[scene.links][shown], colours[shown], widths[shown])
-        if force.max() > 0.0:
-            colour_bar(
-                figure, [left + 0.435, 0.54, 0.01, 0.34], colour, 0.0, force.max() / divisor, f"{title} ({unit})"
-            )
+            colours[loose[seen]] = to_rgba(SLACK_COLOUR)
+        draw_links(axes, points[ends], colours, widths)
+        draw_symbols(axes, stands)
+        figure.text(left + 0.22, 0.875, title, fontsize=11, ha="center")
+    if scale.largest > 0.0:
+        bounds = scale.low / scale.divisor, scale.high / scale.divisor
+        colour_bar(figure, [0.935, 0.30, 0.01, 0.54], scale.map(), *bounds, scale.label)
+    figure.legend(handles=symbol_keys(stands), loc="lower right", fontsize=9, frameon=False)
     _titles(figure, cases, loose)
     save(figure, path)
 
@@ -92,7 +93,11 @@ def draw_envelope(cases, path):
 def _titles(figure, cases, loose):
     """Write the name of the scene, and how many links slacken."""
     good = sum(case["converged"] for case in cases.report["cases"])
-    figure.text(0.02, 0.945, f"{cases.scene.name}: envelope of {good} load cases", fontsize=14, weight="bold")
+    title = f"{cases.scene.name}: envelope of {counted(good, 'load case')}"
+    figure.text(0.02, 0.945, title, fontsize=14, weight="bold")
+    if good < len(cases.names):
+        bad = [case["name"] for case in cases.report["cases"] if not case["converged"]]
+        figure.text(0.02, 0.905, f"not converged, left out: {', '.join(bad)}", fontsize=10, color=STAMP_COLOUR)
     if loose.any():
         text = f"{np.count_nonzero(loose):,} links slack in some case"
         figure.text(0.98, 0.948, text, fontsize=10, ha="right", color=SLACK_COLOUR)

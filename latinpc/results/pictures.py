@@ -1,7 +1,7 @@
-"""Draw structures: forces in the links on the deformed shape.
+"""Draw structures: supports, loads and numbers as they are given; forces in the links on the deformed shape.
 
-Compression has warm colours and tension cool ones, in bars and cables alike. Bars are thick, cables thin, and slack
-cables and compression-only links have a colour of their own.
+Compression has warm colours and tension cool ones, on one scale. Bars are thick, cables thin, and slack cables and
+compression-only links have a colour of their own.
 """
 
 from __future__ import annotations
@@ -9,30 +9,46 @@ from __future__ import annotations
 import matplotlib
 import numpy as np
 from matplotlib.lines import Line2D
-from PIL import Image
 
 from latinpc.laws import Law
 
-from .atomic import atomic
 from .drawing import (
-    COMPRESSION,
-    TENSION,
-    axes_2d,
-    axes_3d,
+    LOAD_COLOUR,
+    STAMP_COLOUR,
+    SUPPORT_COLOUR,
+    axes_for,
     colour_bar,
+    draw_arrows,
     draw_links,
+    draw_symbols,
     label_axes,
     new_figure,
     plane_points,
     save,
+    stamp,
+    symbol_keys,
+)
+from .look import (
+    DASHES,
+    MANY_LINKS,
+    SLACK_COLOUR,
+    Scale,
+    force_keys,
+    force_look,
+    law_colours,
+    law_keys,
+    thinness,
+    widths_of,
 )
 from .mechanics import slack
-from .units import scaled
+from .symbols import MANY_SYMBOLS, arrows, supports
+from .units import counted, number, quantity, scaled
 
-SLACK_COLOUR = "#c800a1"
 GHOST_COLOUR = (0.75, 0.75, 0.75, 0.8)
-MANY_LINKS = 4000  # beyond, the undeformed shape and the supports only blur the picture
-FEW_NODES = 600  # up to here, the nodes of a motion are drawn as dots
+NUMBERED = 60  # nodes, up to which numbers are readable
+ROUNDING = 1e-12  # of the structure: displacements that are none
+VISIBLE = 0.08  # of the structure: how large displacements are drawn
+MAIN_2D, MAIN_3D = (0.07, 0.08, 0.66, 0.80), (0.0, 0.0, 0.80, 0.91)  # rectangles of a figure
 
 
 def round_factor(value):
@@ -41,13 +57,31 @@ def round_factor(value):
     return float(power * max(digit for digit in (1, 2, 5) if digit * power <= value * (1 + 1e-12)))
 
 
-def draw_structure(scene, displacements, tensions, subdomain=None, path="structure.png", amplification=None):
+def amplification_of(nodes, largest):
+    """Return a round factor that makes the largest displacement (m) visible beside the structure; 1 for rounding."""
+    span = np.ptp(nodes, axis=0).max()
+    return round_factor(VISIBLE * span / largest) if largest > ROUNDING * span else 1.0
+
+
+def drawn_links(scene):
+    """Return which links are lines to draw: those that act along the line between their nodes, or at one place."""
+    if scene.direction is None:
+        return np.ones(len(scene.links), bool)
+    line = scene.nodes[scene.links[:, 1]] - scene.nodes[scene.links[:, 0]]
+    along = np.abs(np.einsum("ij,ij->i", line, scene.directions))
+    return (scene.law != Law.TANGENT) & (along >= 0.5 * np.linalg.norm(line, axis=1))
+
+
+def draw_structure(scene, displacements, tensions, subdomain=None, path="structure.png", **how):
     """Draw a `structure_figure` into a ``.png``, ``.pdf`` or ``.svg`` file, replaced only once it is complete."""
-    save(structure_figure(scene, displacements, tensions, subdomain, amplification), path)
+    save(structure_figure(scene, displacements, tensions, subdomain, **how), path)
 
 
-def structure_figure(scene, displacements, tensions, subdomain=None, amplification=None, figure=None):
-    """Draw the deformed structure with the forces in its links, and its subdomains.
+def structure_figure(
+    scene, displacements, tensions, subdomain=None, *, amplification=None, figure=None, load=None, numbers=False,
+    word="", reason="",
+):  # fmt: skip
+    """Draw the deformed structure with the forces in its links, its supports, its loads, and its subdomains.
 
     Parameters
     ----------
@@ -62,171 +96,201 @@ def structure_figure(scene, displacements, tensions, subdomain=None, amplificati
         Of the displacements; by default a round number that makes them visible.
     figure : matplotlib.figure.Figure, optional
         To draw into; a new one when not given.
+    load : (n, dim) array, optional
+        In N, that of the scene when not given.
+    numbers : bool
+        Write the numbers of nodes and links.
+    word, reason : str
+        A stamp across the picture, such as "NOT CONVERGED", and why.
 
     Returns
     -------
     matplotlib.figure.Figure
     """
     tensions = np.asarray(tensions, dtype=float)
-    seen = _along(scene)  # what acts across the line between its nodes is no line to draw
-    law, ends, loose = scene.law[seen], scene.links[seen], slack(scene, tensions)[seen]
-    tensions, subdomain = tensions[seen], None if subdomain is None else np.asarray(subdomain)[seen]
-    nodes, moved = plane_points(scene.nodes), plane_points(np.asarray(displacements, dtype=float))
-    if scene.dim == 1:
-        moved[:, 1] = 0.0
-    span = np.ptp(nodes, axis=0).max()
+    seen = drawn_links(scene)  # what acts across the line between its nodes is no line to draw
+    loose = slack(scene, tensions)[seen]
+    nodes, moved = plane_points(scene.nodes), _in_plane(displacements)
     largest = np.linalg.norm(moved, axis=1).max(initial=0.0)
-    if amplification is None:
-        amplification = round_factor(0.08 * span / largest) if largest > 0 else 1.0
+    amplification = amplification_of(nodes, largest) if amplification is None else float(amplification)
     shape = nodes + amplification * moved
-    three, few = nodes.shape[1] == 3, len(law) <= MANY_LINKS
-
-    figure = new_figure(12.0, 7.2) if figure is None else figure
-    both = np.vstack([nodes, shape])
-    if three:
-        axes = axes_3d(figure, [0.0, 0.0, 0.80, 0.93], both)
-    else:
-        axes = axes_2d(figure, [0.07, 0.08, 0.66, 0.83], both)
-    label_axes(figure, axes)
-    if few:
-        draw_links(axes, nodes[ends], [GHOST_COLOUR], 0.5, zorder=1)
-        _draw_supports(axes, scene, shape)
-    _draw_forces(figure, axes, law, loose, shape[ends], tensions)
+    sketch = _Sketch(scene, shape, seen, load, figure, [nodes])
+    scale = Scale(tensions[seen])
+    if len(sketch.ends) <= MANY_LINKS:
+        sketch.lines(nodes, GHOST_COLOUR, 0.5, zorder=1)
+    colours, widths, styles = force_look(sketch.law, tensions[seen], loose, scale)
+    order = np.argsort(loose, kind="stable")  # slack links last: on top where depth does not decide
+    draw_links(sketch.axes, shape[sketch.ends][order], colours[order], widths[order], [styles[link] for link in order])
+    sketch.symbols()
+    if numbers:
+        sketch.numbers()
+    if scale.largest > 0.0:
+        colour_bar(
+            sketch.figure, [0.86, 0.53, 0.014, 0.34], scale.map(), scale.low / scale.divisor,
+            scale.high / scale.divisor, scale.label,
+        )  # fmt: skip
+    sketch.legend(force_keys(sketch.law, loose), 0.50)
     if subdomain is not None and np.max(subdomain) > 0:
-        _draw_subdomains(figure, nodes[ends], subdomain, three)
+        _draw_subdomains(sketch.figure, nodes[sketch.ends], np.asarray(subdomain)[seen])
     divisor, unit = scaled(largest, "m")
-    figure.text(0.02, 0.955, scene.name, fontsize=14, weight="bold")
-    figure.text(
-        0.98, 0.958,
-        f"{len(law):,} links · largest displacement {largest / divisor:.3g} {unit}"
-        + (f", drawn × {amplification:g}" if largest > 0 else ""),
-        fontsize=10, ha="right",
-    )  # fmt: skip
-    return figure
+    moves = f"largest displacement {largest / divisor:.3g} {unit}"
+    sketch.title(moves + (f", drawn × {number(amplification)}" if largest > 0 else ""))
+    if word:
+        stamp(sketch.figure, word, reason)
+    return sketch.figure
 
 
-def draw_motion(motion, path, amplification=1.0, seconds=0.06):
-    """Draw the frames of a motion as an animation, seen from one place and coloured on one scale.
+def plan_figure(scene, *, numbers=None, motion=None, loose=None, figure=None, load=None, word="MECHANISM", reason=""):
+    """Draw a structure as it is given: links coloured by their laws, supports, loads, numbers of nodes and links.
 
     Parameters
     ----------
-    motion : latinpc.runs.motion.Motion
-    path : str or path-like
-        A ``.gif`` file, replaced only once it is complete.
-    amplification : float
-        Of the displacements.
-    seconds : float
-        That each frame is shown for.
+    scene : Scene or Structure
+    numbers : bool, optional
+        Write the numbers; by default where they are few enough to be read.
+    motion : (n, dim) array, optional
+        A motion that nothing resists (`latinpc.results.mechanism.free_motion`), drawn in red, with a stamp.
+    loose : (m,) array of bool, optional
+        Slack links, which follow the motion.
+    figure : matplotlib.figure.Figure, optional
+        To draw into; a new one when not given.
+    load : (n, dim) array, optional
+        In N, that of the scene when not given.
+    word, reason : str
+        The stamp on a motion.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
     """
-    scene = motion.scene
-    shapes = [plane_points(scene.nodes + amplification * frame.displacements) for frame in motion.frames]
-    push = max(max(np.max(-frame.tensions), 0.0) for frame in motion.frames)
-    pull = max(max(np.max(frame.tensions), 0.0) for frame in motion.frames)
-    points = np.vstack(shapes)
-    thin = float(np.clip(45.0 / np.sqrt(len(scene.links)), 0.28, 1.3))
-    drawn = ~np.isin(scene.law, (Law.CONTACT, Law.FRICTION, Law.TANGENT))  # what touches is no line
-    images = []
-    for frame, shape in zip(motion.frames, shapes):
-        figure = new_figure(6.4, 4.8)
-        figure.set_dpi(100)
-        if shape.shape[1] == 3:
-            axes = axes_3d(figure, [0.0, 0.0, 1.0, 0.93], points)
-        else:
-            axes = axes_2d(figure, [0.1, 0.08, 0.86, 0.83], points)
-        force = frame.tensions
-        colours = np.where(
-            (force < 0)[:, None],
-            COMPRESSION(np.maximum(-force, 0.0) / max(push, 1e-300)),
-            TENSION(np.maximum(force, 0.0) / max(pull, 1e-300)),
-        )
-        colours[slack(scene, force)] = matplotlib.colors.to_rgba(SLACK_COLOUR)
-        widths = np.where(scene.law == Law.BAR, 2.0 * thin, thin)
-        draw_links(axes, shape[scene.links][drawn], colours[drawn], widths[drawn])
-        if len(shape) <= FEW_NODES:
-            axes.plot(*shape.T, "o", color="#333333", markersize=2.5)
-        figure.text(0.02, 0.95, f"{scene.name}   t = {frame.time:.4g} s", fontsize=10)
-        figure.canvas.draw()
-        images.append(Image.fromarray(np.asarray(figure.canvas.buffer_rgba())[..., :3]).quantize(128))
-    with atomic(path) as temporary:
-        images[0].save(temporary, save_all=True, append_images=images[1:], duration=int(1000 * seconds), loop=0)
+    nodes, seen = plane_points(scene.nodes), drawn_links(scene)
+    moved = nodes
+    if motion is not None:
+        size = np.ptp(nodes, axis=0).max()
+        moved = nodes + 1.5 * VISIBLE * size * _in_plane(motion) / np.linalg.norm(motion, axis=1).max()
+    sketch = _Sketch(scene, nodes, seen, load, figure, [moved])
+    thin = widths_of(sketch.law)
+    sketch.lines(nodes, GHOST_COLOUR if motion is not None else law_colours(sketch.law), thin)
+    keys = [] if motion is not None else law_keys(sketch.law)
+    if motion is not None:
+        loose = np.zeros(len(sketch.law), bool) if loose is None else loose[seen]
+        colours, styles = np.where(loose, SLACK_COLOUR, STAMP_COLOUR), [DASHES if one else (0, None) for one in loose]
+        draw_links(sketch.axes, moved[sketch.ends], colours, thin, styles, zorder=3)
+        keys = [
+            Line2D([], [], color=GHOST_COLOUR, linewidth=2.0, label="as given"),
+            Line2D([], [], color=STAMP_COLOUR, linewidth=2.0, label="motion that no link resists"),
+        ]
+        if loose.any():
+            keys.append(Line2D([], [], color=SLACK_COLOUR, linewidth=1.6, linestyle=DASHES, label="slack link"))
+        moving = np.flatnonzero(np.linalg.norm(motion, axis=1) > 1e-6)
+        listed = ", ".join(map(str, moving[:8])) + (", ..." if len(moving) > 8 else "")
+        reason = reason or f"no link resists the motion in red, of any size; nodes that move: {listed}"
+    sketch.symbols()
+    if numbers or (numbers is None and len(nodes) <= NUMBERED):
+        sketch.numbers()
+    sketch.legend(keys, 0.90)
+    sketch.title(counted(len(nodes), "node"))
+    if motion is not None:
+        stamp(sketch.figure, word, reason)
+    return sketch.figure
 
 
-def _along(scene):
-    """Return which links act along the line between their nodes, or between nodes at one place."""
-    if scene.direction is None:
-        return np.ones(len(scene.links), bool)
-    line = scene.nodes[scene.links[:, 1]] - scene.nodes[scene.links[:, 0]]
-    along = np.abs(np.einsum("ij,ij->i", line, scene.directions))
-    return (scene.law != Law.TANGENT) & (along >= 0.5 * np.linalg.norm(line, axis=1))
+class _Sketch:
+    """A figure of one structure: axes around all that is drawn, its symbols, numbers, legend and title.
+
+    Parameters
+    ----------
+    scene : Scene or Structure
+    shape : (n, 2 or 3) array
+        Where the nodes are drawn.
+    seen : (m,) array of bool
+        Links that are drawn.
+    load : (n, dim) array or None
+        In N.
+    figure : matplotlib.figure.Figure or None
+    beside : list of (n, 2 or 3) array
+        Other places that the axes must show.
+    """
+
+    def __init__(self, scene, shape, seen, load, figure, beside):
+        self.scene, self.shape = scene, shape
+        self.law, self.ends, self._count = scene.law[seen], scene.links[seen], len(seen)
+        nodes = plane_points(scene.nodes)
+        self.load = _in_plane(scene.load if load is None else load)
+        self._supports = supports(scene.fixed, nodes, self.ends, shape) if self._few(scene.fixed) else []
+        self._arrows, self._loaded = arrows(self.load, nodes, self.ends, shape)
+        if not self._few(self.load):
+            self._arrows = self._arrows[:0]
+        extent = [shape, *beside, *(one.triangles.reshape(-1, shape.shape[1]) for one in self._supports)]
+        extent.append(self._arrows.reshape(-1, shape.shape[1]))
+        self.figure = new_figure(12.0, 7.2) if figure is None else figure
+        rectangle = MAIN_3D if shape.shape[1] == 3 else MAIN_2D
+        self.axes = axes_for(self.figure, rectangle, np.vstack(extent))
+        label_axes(self.figure, self.axes)
+
+    @staticmethod
+    def _few(values):
+        return np.count_nonzero(np.any(values, axis=1)) <= MANY_SYMBOLS
+
+    def lines(self, points, colours, widths, zorder=2):
+        """Draw the links between other places of the nodes."""
+        draw_links(self.axes, points[self.ends], colours, widths, zorder=zorder)
+
+    def symbols(self):
+        """Draw supports and loads."""
+        draw_symbols(self.axes, self._supports)
+        draw_arrows(self.axes, self._arrows)
+
+    def numbers(self):
+        """Write the numbers of nodes and links."""
+        style = {"fontsize": 7, "ha": "center", "va": "center", "zorder": 8, "clip_on": False}
+        box = {"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.8}
+        for one, place in enumerate(self.shape[self.ends].mean(axis=1)):
+            self.axes.text(*place, str(one), color="#1764ab", bbox=box, **style)
+        box = {"boxstyle": "circle,pad=0.2", "facecolor": "white", "edgecolor": "#333333", "linewidth": 0.5}
+        for one, place in enumerate(self.shape):
+            self.axes.text(*place, str(one), color="black", bbox=box, **style | {"fontsize": 6})
+        self._numbered = True
+
+    def legend(self, keys, top):
+        """Add the legend, with supports and loads."""
+        keys = [*keys, *symbol_keys(self._supports)]
+        held = np.count_nonzero(self.scene.fixed.any(axis=1))
+        if held and not self._supports:
+            keys.append(Line2D([], [], linestyle="none", label=f"{held:,} supported nodes\n(not drawn)"))
+        if len(self._loaded):
+            largest = quantity(np.linalg.norm(self.load, axis=1).max(), "N")
+            text = f"load ({len(self._loaded):,}), largest {largest}"
+            shown = len(self._arrows) > 0
+            marker = {"marker": r"$\rightarrow$", "markersize": 11} if shown else {}
+            text += "" if shown else "\n(not drawn)"
+            keys.append(Line2D([], [], color=LOAD_COLOUR, linestyle="none", label=text, **marker))
+        if getattr(self, "_numbered", False):
+            keys.append(Line2D([], [], color="#1764ab", marker="$7$", markersize=6, linestyle="none", label="link"))
+            marker = {"marker": "o", "markersize": 7, "markerfacecolor": "white", "markeredgecolor": SUPPORT_COLOUR}
+            keys.append(Line2D([], [], linestyle="none", label="node", **marker))
+        self.figure.legend(handles=keys, loc="upper left", bbox_to_anchor=(0.80, top), fontsize=9, frameon=False)
+
+    def title(self, text):
+        """Write the name of the structure, and what is drawn."""
+        self.figure.text(0.02, 0.955, self.scene.name, fontsize=14, weight="bold")
+        count = len(self.ends)
+        links = counted(count, "link") if count == self._count else f"{count:,} of {self._count:,} links drawn"
+        self.figure.text(0.98, 0.958, f"{links} · {text}", fontsize=10, ha="right")
 
 
-def _draw_supports(axes, scene, shape):
-    held = shape[scene.fixed.any(axis=1)]
-    style = {"color": "#333333", "s": 18, "marker": "^", "linewidths": 0}
-    if shape.shape[1] == 3:
-        axes.scatter(*held.T, depthshade=False, **style)
-    else:
-        axes.scatter(*held.T, zorder=3, **style)
+def _in_plane(vectors):
+    """Return vectors as `plane_points` returns points."""
+    return plane_points(np.asarray(vectors, dtype=float))
 
 
-def _draw_forces(figure, axes, law, loose, segments, tensions):
-    """Draw the links coloured by force, with the colour bars and the legend."""
-    bar = law == Law.BAR
-    push, pull = np.maximum(-tensions, 0.0), np.maximum(tensions, 0.0)
-    divisor, unit = scaled(max(push.max(), pull.max()), "N")
-    colours = np.where(
-        (tensions < 0)[:, None],
-        COMPRESSION(push / max(push.max(), 1e-300)),
-        TENSION(pull / max(pull.max(), 1e-300)),
-    )
-    colours[loose] = matplotlib.colors.to_rgba(SLACK_COLOUR)
-    thin = float(np.clip(45.0 / np.sqrt(len(tensions)), 0.28, 1.3))
-    widths = np.where(bar, 2.0 * thin, thin)
-    widths[loose] = 1.25 * thin
-    touch = np.isin(law, (Law.CONTACT, Law.FRICTION))  # chains of force: as wide as they are strong
-    widths[touch] = 6.0 * thin * push[touch] / max(push.max(), 1e-300)
-    dashed = len(tensions) <= MANY_LINKS
-    wide = widths > 0.0  # dashes are as long as lines are wide: PDF and SVG know none of no length
-    styles = [(0, (2.0, 1.6)) if dashed and free else (0, None) for free in loose & wide]
-    order = np.argsort(loose, kind="stable")  # slack links last: on top where depth does not decide
-    draw_links(axes, segments[order], colours[order], widths[order], [styles[link] for link in order])
-
-    bars = [("Compression", COMPRESSION, push), ("Tension", TENSION, pull)]
-    shown = [entry for entry in bars if entry[2].max() > 0]
-    for index, (label, colour, force) in enumerate(shown):
-        rectangle = [0.84 + 0.078 * index, 0.50, 0.014, 0.36]
-        colour_bar(figure, rectangle, colour, 0.0, force.max() / divisor, f"{label} ({unit})")
-    keys = []
-    if bar.any():
-        keys.append(Line2D([], [], color="#555555", linewidth=2.6, label="bar"))
-    for kind, name in (
-        (Law.CABLE, "cable"),
-        (Law.COMPRESSION_ONLY, "compression-only link"),
-        (Law.INEXTENSIBLE, "inextensible cable"),
-    ):
-        chosen = law == kind
-        if chosen.any():
-            keys.append(Line2D([], [], color="#555555", linewidth=1.1, label=name))
-            share = 100.0 * loose[chosen].mean()
-            text = f"slack {name.removeprefix('inextensible ')} ({share:.3g} %)"
-            keys.append(Line2D([], [], color=SLACK_COLOUR, linewidth=1.6, linestyle=(0, (2.0, 1.6)), label=text))
-    if touch.any():
-        text = f"contact, wide as its force\n({100.0 * loose[touch].mean():.3g} % are open)"
-        keys.append(Line2D([], [], color="#555555", linewidth=3.0, label=text))
-    figure.legend(handles=keys, loc="upper left", bbox_to_anchor=(0.82, 0.47), fontsize=9, frameon=False)
-
-
-def _draw_subdomains(figure, segments, subdomain, three):
+def _draw_subdomains(figure, segments, subdomain):
     """Draw the links coloured by subdomain, small, seen as the structure is."""
     palette = matplotlib.colormaps["tab20"].colors
     colours = np.array([palette[(7 * number) % 20] for number in range(subdomain.max() + 1)])[subdomain]
     points = segments.reshape(-1, segments.shape[2])
-    rectangle = [0.79, 0.04, 0.205, 0.27]
-    if three:
-        axes = axes_3d(figure, rectangle, points, elevation=40.0, fill=0.95)
-    else:
-        axes = axes_2d(figure, rectangle, points)
+    axes = axes_for(figure, [0.79, 0.035, 0.205, 0.20], points, elevation=40.0, fill=0.95)
     axes.set_axis_off()
     axes.patch.set_alpha(0.0)
-    draw_links(axes, segments, colours, float(np.clip(30.0 / np.sqrt(len(segments)), 0.25, 1.0)))
-    figure.text(0.8925, 0.025, f"{len(np.unique(subdomain))} subdomains", fontsize=9, ha="center")
+    draw_links(axes, segments, colours, 0.7 * thinness(len(segments)))
+    figure.text(0.8925, 0.02, counted(len(np.unique(subdomain)), "subdomain"), fontsize=9, ha="center")

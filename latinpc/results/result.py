@@ -163,25 +163,90 @@ class Result:
         }
         return self.report | plain(found) | {"notices": list(self.notices)}
 
-    def plot(self, figure: Figure | None = None, amplification: float | None = None) -> Figure:
-        """Draw the deformed structure with the forces in its links.
+    def plot(self, figure: Figure | None = None, amplification: float | None = None, numbers: bool = False) -> Figure:
+        """Draw the deformed structure: forces in its links, supports, loads; what has not converged has a stamp.
+
+        Where the displacements grow without end, the motion that taut links do not resist is drawn in place of them.
 
         Parameters
         ----------
         figure : matplotlib.figure.Figure, optional
-            To draw into, as ``plt.figure(figsize=(12, 7.2))`` for a window; one of its own when not given.
+            To draw into, as ``plt.figure(figsize=(12, 7.2))`` for a window; one of its own when not given, which
+            notebooks show.
         amplification : float, optional
             Of the displacements; by default a round number that makes them visible.
+        numbers : bool
+            Write the numbers of nodes and links.
 
         Returns
         -------
         matplotlib.figure.Figure
             ``figure.savefig("net.png")`` writes it.
         """
-        from .pictures import structure_figure
+        from .pictures import plan_figure, structure_figure
 
+        if self.free_motion is not None:
+            reason = f"no equilibrium: {self.reason}; the motion in red is resisted by no link that is taut"
+            how = {
+                "motion": self.free_motion,
+                "loose": self.slack,
+                "figure": figure,
+                "load": self.load,
+                "reason": reason,
+            }
+            return plan_figure(self.structure, numbers=numbers, word="COLLAPSE", **how)
+        how = {} if self.converged else {"word": "NOT CONVERGED", "reason": self.reason}
         arrays = (self.displacements, self.tensions, self.subdomain)
-        return structure_figure(self.structure, *arrays, amplification=amplification, figure=figure)
+        how |= {"amplification": amplification, "figure": figure, "load": self.load, "numbers": numbers}
+        return structure_figure(self.structure, *arrays, **how)
+
+    def interactive(self, amplification: float | None = None) -> Any:
+        """Draw the structure to be turned, zoomed and asked with a mouse; needs plotly (the extra ``interactive``).
+
+        Parameters
+        ----------
+        amplification : float, optional
+            Of the displacements; by default a round number that makes them visible.
+
+        Returns
+        -------
+        plotly.graph_objects.Figure
+            Which notebooks show.
+
+        Raises
+        ------
+        RuntimeError
+            Without plotly.
+        """
+        from .browser import interactive_figure
+
+        if self.free_motion is not None:
+            word = f"COLLAPSE: {self.reason}; drawn is the motion that no taut link resists"
+            return interactive_figure(
+                self.structure, self.free_motion, self.tensions, load=self.load, word=word, real=False
+            )
+        arrays = (self.displacements, self.tensions)
+        word = "" if self.converged else f"NOT CONVERGED: {self.reason}"
+        return interactive_figure(self.structure, *arrays, amplification=amplification, load=self.load, word=word)
+
+    def to_html(self, path: str | pathlib.Path, amplification: float | None = None) -> None:
+        """Write `interactive` into one file for a browser, which needs no network; call it on one rank."""
+        from .browser import write_html
+
+        write_html(self.interactive(amplification), path)
+
+    @cached_property
+    def free_motion(self) -> np.ndarray | None:
+        """(n, dim) array: a motion that the links which bear do not resist, its largest displacement 1.
+
+        Of solves that ended because displacements grow without end; None of others, and where none is found.
+        """
+        if not self.report["reason"].startswith("DIVERGED_DTOL"):
+            return None
+        from .mechanism import bearing, free_motion
+
+        tensions = np.where(np.isfinite(self.tensions), self.tensions, 0.0)
+        return free_motion(self.structure, self.load, bearing(self.structure, tensions))
 
     def _lines(self) -> list[tuple[str, str]]:
         ended = [] if self.converged else [("not converged", self.reason)]

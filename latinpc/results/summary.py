@@ -6,41 +6,32 @@ import numpy as np
 
 from latinpc.laws import UNILATERAL, Law
 
-from .units import quantity, scaled
+from .report import in_words
+from .units import counted, number, quantity, scaled, share
 
 #: Parts of `latinpc.digits`, in the words of the summary
 DIGITS = {"unbalance": "unbalance", "rounding": "rounding", "places": "coordinates", "values": "other data"}
 
 
-def summary(result):
-    """Return the summary of a solve, as lines of (label, text)."""
+def summary(result, verbose=False):
+    """Return the summary of a solve, as lines of (label, text); `verbose` adds what the solver has counted."""
     scene, report = result.structure, result.report
     laws = ", ".join(
-        f"{count:,} {law.plural if count != 1 else law.name.lower()}"
-        for law in Law
-        if (count := int(np.count_nonzero(scene.law == law)))
+        counted(count, law.noun, law.plural) for law in Law if (count := int(np.count_nonzero(scene.law == law)))
     )
     made = report.get("scene_options", {})
     lines = [("file", f"{made['file']}: {'; '.join(made['notes'])}")] if made.get("notes") else []
-    lines.append(("structure", f"{len(scene.nodes):,} nodes, {report['links']:,} links ({laws}) in {scene.dim}D"))
+    size = f"{counted(len(scene.nodes), 'node')}, {counted(report['links'], 'link')} ({laws}) in {scene.dim}D"
+    lines.append(("structure", size))
     if report.get("load_cases"):
         lines.append(
             ("load cases", f"{report['load_cases']}, none of them acts here: latinpc cases solves all, --case one")
         )
-    ranks = f"{report['ranks']} rank{'s' if report['ranks'] > 1 else ''}"
-    lines.append(("unknowns", f"{report['free_dofs']:,} free of {report['dofs']:,}, on {ranks}"))
-    if report["subdomains"]:
-        lines.append(
-            (
-                "decomposition",
-                f"{report['subdomains']:,} subdomains, {report['strong_interfaces']:,} strong and"
-                f" {report['weak_interfaces']:,} weak interfaces; coarse problem"
-                f" {report['strong_macro_dofs']:,} + {report['weak_dofs']:,}",
-            )
-        )
-    measured = f", indicator {report['indicator']:.1e}" if report["indicator"] is not None else ""
-    lines.append(("solver", f"{report['solver']}: {report['iterations']} iterations, {report['reason']}{measured}"))
-    lines.append(("accuracy", _accuracy(scene, result)))
+    if result.converged:
+        lines.append(("solve", f"converged in {counted(report['iterations'], 'iteration')}"))
+    lines.append(("accuracy", _accuracy(result)))
+    if verbose:
+        lines += _counts(report)
     if report.get("error_l2") is not None:
         energy = f", {report['error_energy']:.1e} (energy)" if report["error_energy"] is not None else ""
         lines.append(("error", f"{report['error_l2']:.1e} (l2){energy} against Newton's method"))
@@ -54,16 +45,34 @@ def summary(result):
     return lines
 
 
-def _accuracy(scene, result):
+def _counts(report):
+    """Return lines on unknowns, subdomains, PETSc's types and reasons, and what is left of its norms."""
+    ranks = counted(report["ranks"], "rank")
+    lines = [("unknowns", f"{report['free_dofs']:,} free of {report['dofs']:,}, on {ranks}")]
+    if report["subdomains"]:
+        interfaces = f"{report['strong_interfaces']:,} strong and {report['weak_interfaces']:,} weak interfaces"
+        coarse = f"coarse problem {report['strong_macro_dofs']:,} + {report['weak_dofs']:,}"
+        lines.append(("decomposition", f"{counted(report['subdomains'], 'subdomain')}, {interfaces}; {coarse}"))
+    indicator = f", indicator {report['indicator']:.1e}" if report["indicator"] is not None else ""
+    lines.append(("solver", f"{report['solver']}: {report['reason']}, {in_words(report)}{indicator}"))
+    norm = "energy" if report.get("options", {}).get("snes_latin_stop") == "energy" else "l2"
+    error = (
+        f"estimated error {report['estimated_error']:.1e} ({norm}), " if report["estimated_error"] is not None else ""
+    )
+    lines.append(("norms", f"{error}forces without balance {report['residual_norm']:.1e} N"))
+    return lines
+
+
+def _accuracy(result):
     """Return the estimated error, where there is one, and what is without balance beside the loads."""
     parts, report = [], result.report
     if report["estimated_error"] is not None:
-        norm = "energy" if report.get("options", {}).get("snes_latin_stop") == "energy" else "l2"
-        forces = f", {report['tension_error']:.1e} of the tensions" if report.get("tension_error") is not None else ""
-        parts.append(f"estimated error {report['estimated_error']:.1e} ({norm}){forces}")
-    loads = np.linalg.norm(result.load[~scene.fixed])
+        parts.append(f"estimated error of the displacements {share(report['estimated_error'])}")
+    if report.get("tension_error") is not None:
+        parts.append(f"of the tensions {share(report['tension_error'])}")
+    loads = np.linalg.norm(result.load[~result.structure.fixed])
     parts.append(
-        f"forces without balance {report['residual_norm'] / loads:.1e} of the loads"
+        f"forces without balance {share(report['residual_norm'] / loads)} of the loads"
         if loads > 0.0
         else f"forces without balance {quantity(report['residual_norm'], 'N')}"
     )
@@ -83,23 +92,40 @@ def _mechanics(scene, result):
     if not (np.isfinite(size).all() and np.isfinite(result.tensions).all()):
         return [("displacement", "the last iterate is not finite")]
     node = int(size.argmax())
-    place = ", ".join(f"{value:.4g}" for value in scene.nodes[node])
     lines = [
         (
             "displacement",
-            f"largest {quantity(size[node], 'm')} at ({place}) m: {_vector(result.displacements[node], 'm')}",
+            f"largest {quantity(size[node], 'm')} at node {node} {_place(scene, node)}:"
+            f" {_vector(result.displacements[node], 'm')}",
         )
     ]
     low, high = result.tensions.min(), result.tensions.max()
-    text = f"from {quantity(low, 'N')} to {quantity(high, 'N')} (compression negative)"
-    if np.isin(scene.law, UNILATERAL).any():
-        share = f"{100 * result.report['slack_fraction']:.3g} %"
-        touch = np.isin(scene.law, (Law.CONTACT, Law.FRICTION)).any()
-        text += (
-            f"; {share} of the contacts open" if touch else f"; {share} of the cables and compression-only links slack"
-        )
-    lines += [("tension", text), *_reactions(scene, result)]
-    return lines + _stresses(result)
+    lines.append(("forces", f"from {quantity(low, 'N')} to {quantity(high, 'N')} (compression negative)"))
+    lines.append(("worst member", _worst(scene, result)))
+    loose = [
+        f"{np.count_nonzero(result.slack & chosen):,} of {counted(int(chosen.sum()), law.noun, law.plural)}"
+        for law in UNILATERAL
+        if (chosen := scene.law == law).any()
+    ]
+    if loose:
+        word = "open" if np.isin(scene.law, (Law.CONTACT, Law.FRICTION)).any() else "slack"
+        lines.append((word, ", ".join(loose)))
+    return lines + _reactions(scene, result) + _stresses(result)
+
+
+def _worst(scene, result):
+    """Return the link with the largest utilisation, or without strengths with the largest force."""
+    known = result.utilisation is not None and not np.isnan(result.utilisation).all()
+    link = int(np.nanargmax(result.utilisation) if known else np.abs(result.tensions).argmax())
+    force, (start, end) = result.tensions[link], scene.links[link]
+    text = f"link {link}, from node {start} to {end}: {quantity(abs(force), 'N')} in"
+    text += " compression" if force < 0.0 else " tension"
+    return text + (f", {100 * result.utilisation[link]:.3g} % of its strength" if known else "")
+
+
+def _place(scene, node):
+    """Return the coordinates of a node."""
+    return f"({', '.join(number(value, 5) for value in scene.nodes[node])}) m"
 
 
 def _stresses(result):
@@ -122,10 +148,10 @@ def _reactions(scene, result):
     size = np.linalg.norm(result.reactions, axis=1)
     node, balance = int(size.argmax()), result.balance
     sums = f"sum {_vector(balance.reaction, 'N')}, of the loads {_vector(balance.load, 'N')}"
-    moment = f", moment {balance.moment:.1g}" if scene.dim > 1 else ""
+    moment = f", moment {share(balance.moment)}" if scene.dim > 1 else ""
     return [
-        ("reactions", f"{sums}; largest {quantity(size[node], 'N')} at node {node}"),
-        ("balance", f"loads + reactions: force {balance.force:.1g}{moment} of the loads"),
+        ("reactions", f"{sums}; largest {quantity(size[node], 'N')} at node {node} {_place(scene, node)}"),
+        ("balance", f"loads + reactions: force {share(balance.force)}{moment} of the loads"),
     ]
 
 
@@ -137,20 +163,23 @@ def _vector(values, unit):
     return f"({', '.join(f'{value:.3g}' for value in shown)}) {scaled_unit}"
 
 
-def summary_of_motion(result):
-    """Return the summary of a motion, as lines of (label, text)."""
+def summary_of_motion(result, verbose=False):
+    """Return the summary of a motion, as lines of (label, text); `verbose` adds what the solver has counted."""
     scene, report, last = result.scene, result.report, result.frames[-1]
-    lines = [("structure", f"{len(scene.nodes):,} nodes, {report['links']:,} links in {scene.dim}D")]
-    ranks = f"{report['ranks']} rank{'s' if report['ranks'] > 1 else ''}"
-    lines.append(("unknowns", f"{report['free_dofs']:,} free of {report['dofs']:,}, on {ranks}"))
-    if report["subdomains"]:
-        lines.append(("decomposition", f"{report['subdomains']:,} subdomains"))
-    lines.append(("motion", f"{report['steps']} steps of {quantity(report['step'], 's')}, {report['reason']}"))
+    size = f"{counted(len(scene.nodes), 'node')}, {counted(report['links'], 'link')} in {scene.dim}D"
+    lines = [("structure", size)]
+    ended = "all steps converged" if result.converged else "ended early"
+    made = f"{counted(report['steps'], 'step')} of {quantity(report['step'], 's')}, to {quantity(report['time'], 's')}"
+    lines.append(("motion", f"{made}; {ended}"))
+    if verbose:
+        ranks = counted(report["ranks"], "rank")
+        lines.append(("unknowns", f"{report['free_dofs']:,} free of {report['dofs']:,}, on {ranks}"))
+        if report["subdomains"]:
+            lines.append(("decomposition", counted(report["subdomains"], "subdomain")))
+        lines.append(("solver", f"{report['solver']}: {report['reason']}"))
     if report["iterations"]:
         most = max(report["iterations"])
-        lines.append(
-            ("solver", f"{report['solver']}: {report['iterations_mean']:.1f} iterations a step, at most {most}")
-        )
+        lines.append(("iterations", f"{report['iterations_mean']:.1f} iterations a step, at most {most}"))
     kinetic, potential = report["kinetic_energy"], report["potential_energy"]
     if kinetic and None not in (kinetic[-1], potential[-1]):
         text = [quantity(a + b, "J") for a, b in ((kinetic[0], potential[0]), (kinetic[-1], potential[-1]))]

@@ -1,4 +1,4 @@
-"""Make time steps of a scene with masses: what ``latinpc solve SCENE --steps N`` and the benchmarks call."""
+"""Make time steps of a scene with masses: what ``latinpc solve SCENE --num-steps N`` and the benchmarks call."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ def move(
         raise ValueError(f"the scene {scene.name} has no masses: give every node one with --node-mass")
     step = scene.time_step if step is None else step
     if step is None:
-        raise ValueError(f"the scene {scene.name} has no time step: give it in seconds with --step")
+        raise ValueError(f"the scene {scene.name} has no time step: give it in seconds with --time-step")
     if steps < 1 or not 0.0 < step < np.inf:
         raise ValueError(f"a motion needs at least one step of positive length, not {steps} of {step} s")
     every = max(-(-steps // FRAMES), 1) if every is None else every

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from latinpc.results.units import counted
+
 from .network import Balance
 from .scene import Law, Scene
 
@@ -128,7 +130,7 @@ def _block_size(nx, ny, subdomains):
         )
     if subdomains is not None and subdomains not in counts:
         raise ValueError(
-            f"{subdomains} subdomains do not cut {nx} x {ny} cells into equal square blocks: "
+            f"{counted(subdomains, 'subdomain')} cannot be equal square blocks of {nx} x {ny} cells: "
             f"choose from {', '.join(map(str, counts))}, or partition='metis'"
         )
     return BLOCK if subdomains is None else counts[subdomains]

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from latinpc.results.units import counted
+
 from .scene import Law, Scene
 
 MESH = 1.0  # side of a mesh in plan (m)
@@ -71,7 +73,7 @@ def net(
     if partition == "regular":
         count = max(1, side // BLOCK) if subdomains is None else round(subdomains**0.5)
         if subdomains is not None and count**2 != subdomains:
-            raise ValueError(f"{subdomains} subdomains do not make squares: choose k**2, or partition='metis'")
+            raise ValueError(f"{counted(subdomains, 'subdomain')} cannot be squares: choose k**2, or partition='metis'")
         place = np.minimum(nodes[cables, :2].min(axis=1) / MESH, side - 1)
         block = np.minimum((place * count / side).astype(int), count - 1)
         parts = np.repeat(block[:, 1] * count + block[:, 0], 3)

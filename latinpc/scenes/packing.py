@@ -7,6 +7,8 @@ import math
 
 import numpy as np
 
+from latinpc.results.units import counted
+
 from .scene import Law, Scene
 
 GRAIN = 1.0  # diameter (m)
@@ -193,7 +195,7 @@ def _blocks(where, side, dim, subdomains):
     """Return the box of grains that each contact is in; boxes without contact have no number."""
     count = max(1, side // BLOCK[dim]) if subdomains is None else round(subdomains ** (1.0 / dim))
     if subdomains is not None and count**dim != subdomains:
-        raise ValueError(f"{subdomains} subdomains do not make boxes: choose k**{dim}, or partition='metis'")
+        raise ValueError(f"{counted(subdomains, 'subdomain')} cannot be boxes: choose k**{dim}, or partition='metis'")
     low, high = where.min(axis=0), where.max(axis=0)
     box = np.minimum(((where - low) / (high - low) * count).astype(int), count - 1)
     return np.unique(np.ravel_multi_index(tuple(box.T), (count,) * dim), return_inverse=True)[1]

@@ -11,12 +11,14 @@ from latinpc.arrays import refuse, shaped
 from latinpc.checks import ARRAYS, checked
 from latinpc.geometry import Geometry
 from latinpc.laws import Law
+from latinpc.results.plots import Plots
 from latinpc.results.result import Result
+from latinpc.results.units import counted
 from latinpc.structure import Structure
 
 
 @dataclass(repr=False)
-class Scene(Geometry):
+class Scene(Geometry, Plots):
     """The arrays of a structure with a name, which no communicator shares yet: what generators and files give.
 
     Parameters
@@ -121,7 +123,7 @@ class Scene(Geometry):
 
     def __repr__(self) -> str:
         laws = ", ".join(f"{np.count_nonzero(self.law == law)} {law.plural}" for law in Law if law in self.law)
-        parts = "no given partition" if self.subdomain is None else f"{self.n_subdomains} subdomains"
+        parts = "no given partition" if self.subdomain is None else counted(self.n_subdomains, "subdomain")
         return (
             f"Scene({self.name!r}: {len(self.nodes)} nodes in {self.dim}D, {laws}, "
             f"{np.count_nonzero(~self.fixed)} free dofs, {parts})"

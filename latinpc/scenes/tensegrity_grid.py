@@ -10,6 +10,8 @@ import math
 
 import numpy as np
 
+from latinpc.results.units import counted
+
 from .scene import Law, Scene
 
 SIDE = 1.0  # side of a module (m)
@@ -206,7 +208,7 @@ def _blocks(modules, subdomains):
     if side == 0 or side**2 != subdomains or modules % side:
         fit = [k * k for k in range(1, modules + 1) if modules % k == 0]
         raise ValueError(
-            f"{subdomains} subdomains do not cut {modules} x {modules} modules into equal square blocks: "
+            f"{counted(subdomains, 'subdomain')} cannot be equal square blocks of {modules} x {modules} modules: "
             f"choose from {', '.join(map(str, fit))}, or partition='metis'"
         )
     block = np.arange(modules) // (modules // side)
