@@ -9,6 +9,7 @@ __version__ = "0.1.0"
 
 from latinpc import scenes
 from latinpc.files.reading import read
+from latinpc.forms.form import Form, form_find
 from latinpc.laws import Law
 from latinpc.results.notices import ConvergenceWarning, LatinWarning, SolveError
 from latinpc.results.result import Result
@@ -59,6 +60,7 @@ from latinpc.userlaws import register_law, register_table
 __all__ = [
     "Case",
     "ConvergenceWarning",
+    "Form",
     "LatinWarning",
     "Law",
     "Result",
@@ -70,6 +72,7 @@ __all__ = [
     "energy_bound",
     "error_message",
     "estimated_error",
+    "form_find",
     "get_include",
     "get_library",
     "history",

@@ -1,4 +1,4 @@
-"""The command line: ``latinpc solve | cases | scenes | paper | compare | tradeoff | extremes | info``.
+"""The command line: ``latinpc solve | cases | form | scenes | paper | compare | tradeoff | extremes | info``.
 
 Options with two dashes are ours. Options with one dash are PETSc's and go to its options database untouched. Under
 ``mpirun`` only rank 0 prints and writes. Exit codes: 0 converged, 1 not converged, 2 bad input.
@@ -19,6 +19,7 @@ from latinpc.runs.checkpoint import Interrupted
 
 from .arguments import insert_petsc_options, split_arguments
 from .cases import cases
+from .form import form
 from .info import info
 from .measure import compare, extremes, tradeoff
 from .paper import paper
@@ -37,7 +38,7 @@ def commands():
     """
 
 
-for _command in (solve_command, cases, scenes, paper, compare, tradeoff, extremes, info):
+for _command in (solve_command, cases, form, scenes, paper, compare, tradeoff, extremes, info):
     commands.add_command(_command)
 
 
