@@ -11,6 +11,7 @@ from latinpc import scenes
 from latinpc.files.reading import read
 from latinpc.forms.form import Form, form_find
 from latinpc.laws import Law
+from latinpc.results.modes import Modes, modes
 from latinpc.results.notices import ConvergenceWarning, LatinWarning, SolveError
 from latinpc.results.result import Result
 from latinpc.scenes import Case
@@ -63,6 +64,7 @@ __all__ = [
     "Form",
     "LatinWarning",
     "Law",
+    "Modes",
     "Result",
     "Sizes",
     "SolveError",
@@ -80,6 +82,7 @@ __all__ = [
     "load_state",
     "local_ksp",
     "macro_stiffness",
+    "modes",
     "node_classes",
     "outer_ksp",
     "outer_snes",
