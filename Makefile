@@ -24,6 +24,7 @@ SINGLE      := $(addprefix tests/test_,single.py doors.py which_petsc.py)
 PARALLEL    ?= -n 2 --dist loadfile
 PETSC       ?= debian
 PACKAGES    := petsc-dev python3-petsc4py python3-mpi4py python3-numpy python3-scipy python3-venv python3-dev \
+               python3-slepc4py libslepc-real-dev \
                libmetis-dev cython3 cmake ninja-build gcc libc6-dev pkg-config openmpi-bin libopenblas0-serial
 
 ifeq ($(filter $(PETSC),debian latest debug int64 single),)
@@ -125,7 +126,7 @@ build: $(BUILD)/build.ninja
 else
 $(VENV)/.tools: $(VENV)/.dev .ci/petsc
 ifneq ($(PETSC),debian)
-	@$(BIN)/python -m pip install -q --disable-pip-version-check $(filter-out petsc==% petsc4py==%,$(call extra,petsc))
+	@$(BIN)/python -m pip install -q --disable-pip-version-check $(filter-out petsc==% petsc4py==% slepc==% slepc4py==%,$(call extra,petsc))
 	@.ci/petsc $(PETSC) $(PETSC_PREFIX) $(abspath $(BIN)/python)
 	@$(BIN)/python -m pip install -q --disable-pip-version-check --no-deps --force-reinstall $(PETSC_PREFIX)/wheels/*.whl
 endif

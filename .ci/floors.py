@@ -41,6 +41,7 @@ PYTHON_FLOORS = [
     ["structure"],
     ["scenes"],
     ["files"],
+    ["forms"],
     ["__init__"],
     ["runs"],
     ["bench"],

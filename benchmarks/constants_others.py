@@ -352,7 +352,10 @@ OTHERS = {
         "times rounding",
         "Steps that do not shrink any more meet rounding, as far as its estimate goes: one digit.",
     ),
-    "LATIN_LARGE_NOISE": ("times eps, of the tensions", "As `LATIN_FORCE_NOISE`."),
+    "LATIN_LARGE_NOISE": (
+        "times eps, of the tensions",
+        "As `LATIN_FORCE_NOISE`, for links that rounded coordinates turn.",
+    ),
     "LATIN_LARGE_NONE": ("of the size", "Displacements of an unloaded structure are rounding of its prestress."),
     "LATIN_LARGE_PREDICT": ("iterations", "Ends a linear solve that does not converge."),
     "LATIN_LARGE_SLOPE": (

@@ -1,14 +1,16 @@
-"""Write the example meshes `footbridge.msh` and `tower.msh`, as Gmsh would.
+"""Write the example meshes `footbridge.msh`, `tower.msh` and `canopy.msh`, as Gmsh would.
 
 Run: python examples/make_meshes.py [FOLDER]
 
 Each is read together with the TOML file of the same stem:
     latinpc solve examples/footbridge.msh --picture footbridge.png
     latinpc solve examples/tower.msh --subdomains 4
+    latinpc form examples/canopy.msh --density drawn --picture canopy.png
 
 `footbridge` is a covered truss bridge in 3D, 48 m long: bars, and crossed cables in every panel, which are
 tightened when it is built; under the crowd some of them slacken. `tower` is a plane frame braced by crossed
-cables, pushed by the wind, one foot of which has settled.
+cables, pushed by the wind, one foot of which has settled. `canopy` is a flat drawing of a square net with cables along
+its edges, hung from two high and two low corners: its form is to be found.
 """
 
 import pathlib
@@ -94,8 +96,28 @@ def tower(storeys=16, bays=2, height=3.0, width=4.0):
     return mesh
 
 
+def canopy(meshes=8, mesh_size=2.0, rise=5.0):
+    """Return a flat square net, but for its corners, two of which are high."""
+    mesh = Mesh()
+
+    def node(i, j):
+        high = i % meshes == 0 and j % meshes == 0 and i == j
+        return (i * mesh_size, j * mesh_size, rise if high else 0.0)
+
+    for i in range(meshes + 1):
+        for j in range(meshes):
+            group = "edges" if i % meshes == 0 else "net"
+            mesh.add(group, node(i, j), node(i, j + 1))
+            mesh.add(group, node(j, i), node(j + 1, i))
+    for i in (0, meshes):
+        for j in (0, meshes):
+            mesh.add("corners", node(i, j))
+    return mesh
+
+
 if __name__ == "__main__":
     folder = pathlib.Path(sys.argv[1] if len(sys.argv) > 1 else __file__).resolve()
     folder = folder if folder.is_dir() else folder.parent
     footbridge().write(folder / "footbridge.msh")
     tower().write(folder / "tower.msh")
+    canopy().write(folder / "canopy.msh")

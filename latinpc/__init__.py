@@ -9,7 +9,9 @@ __version__ = "0.1.0"
 
 from latinpc import scenes
 from latinpc.files.reading import read
+from latinpc.forms.form import Form, form_find
 from latinpc.laws import Law
+from latinpc.results.modes import Modes, modes
 from latinpc.results.notices import ConvergenceWarning, LatinWarning, SolveError
 from latinpc.results.result import Result
 from latinpc.scenes import Case
@@ -61,8 +63,10 @@ from latinpc.userlaws import register_law, register_table
 __all__ = [
     "Case",
     "ConvergenceWarning",
+    "Form",
     "LatinWarning",
     "Law",
+    "Modes",
     "Result",
     "Sizes",
     "SolveError",
@@ -72,6 +76,7 @@ __all__ = [
     "energy_bound",
     "error_message",
     "estimated_error",
+    "form_find",
     "get_include",
     "get_library",
     "history",
@@ -79,6 +84,7 @@ __all__ = [
     "load_state",
     "local_ksp",
     "macro_stiffness",
+    "modes",
     "node_classes",
     "outer_ksp",
     "outer_snes",

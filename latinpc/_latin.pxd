@@ -74,11 +74,13 @@ cdef extern from "latinpc.h":
     PetscErrorCode LatinStructureGetSizes(LatinStructure, PetscInt *, PetscInt *, PetscInt *, PetscInt *)
     PetscErrorCode LatinStructureComputeResidual(LatinStructure, PetscVec, PetscVec)
     PetscErrorCode LatinStructureComputeJacobian(LatinStructure, PetscVec, PetscMat)
+    PetscErrorCode LatinStructureComputeGeometricStiffness(LatinStructure, PetscVec, const PetscReal *, PetscMat)
     PetscErrorCode LatinStructureComputeEnergy(LatinStructure, PetscVec, PetscReal *)
     PetscErrorCode LatinStructureComputeKineticEnergy(LatinStructure, PetscVec, PetscReal *)
     PetscErrorCode LatinStructureComputeErrors(LatinStructure, PetscVec, PetscVec, PetscReal *, PetscReal *)
     PetscErrorCode LatinStructureGetDisplacements(LatinStructure, PetscVec, PetscReal *)
     PetscErrorCode LatinStructureGetTensions(LatinStructure, PetscVec, PetscReal *)
+    PetscErrorCode LatinStructureGetTensionRates(LatinStructure, PetscVec, PetscVec, PetscReal *)
     PetscErrorCode LatinStructureSetDisplacements(LatinStructure, const PetscReal *, PetscVec)
     PetscErrorCode LatinStructureDestroy(LatinStructure *)
 

@@ -222,6 +222,10 @@ cdef class StructureHandle:
         """Compute the tangent stiffness."""
         CHKERR(LatinStructureComputeJacobian(self.handle, u.vec, J.mat))
 
+    def geometric_stiffness(self, Vec u not None, tension, Mat G not None):
+        """Compute the geometric stiffness of tensions of this rank's links."""
+        CHKERR(LatinStructureComputeGeometricStiffness(self.handle, u.vec, reals(tension), G.mat))
+
     def energy(self, Vec u not None):
         """Compute the potential energy."""
         cdef PetscReal energy = 0
@@ -247,6 +251,10 @@ cdef class StructureHandle:
     def tensions(self, Vec u not None, out):
         """Write the tensions of this rank's links into ``out``."""
         CHKERR(LatinStructureGetTensions(self.handle, u.vec, <PetscReal *>reals(out)))
+
+    def tension_rates(self, Vec u not None, Vec v not None, out):
+        """Write the derivative of the tensions of this rank's links along ``v`` into ``out``."""
+        CHKERR(LatinStructureGetTensionRates(self.handle, u.vec, v.vec, <PetscReal *>reals(out)))
 
     def set_displacements(self, displacement, Vec u not None):
         """Write the displacements of this rank's nodes into the free unknowns of ``u``."""

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import numpy as np
+from numpy.typing import ArrayLike
 from petsc4py import PETSc
 
+from latinpc.arrays import REAL, native
 from latinpc.library import _latin
 
 __all__ = ["Equations"]
@@ -41,6 +44,44 @@ class Equations:
             Made by ``dm.createMat()``; overwritten.
         """
         self._handle.jacobian(u, J)
+
+    def geometric_stiffness(self, u: PETSc.Vec, tensions: ArrayLike, G: PETSc.Mat) -> None:
+        """Compute the geometric stiffness of given tensions (N/m), the sum of tau / R (1 - n n^t); collective.
+
+        R and n are length and direction of a link, of the displaced structure where the geometry is ``"large"``, as
+        drawn where it is ``"prestress"``. With the tensions at `u` it is the part of the tangent stiffness `jacobian`
+        that prestress makes.
+
+        Parameters
+        ----------
+        u : petsc4py.PETSc.Vec
+            Displacement (m).
+        tensions : (m,) array_like of float
+            The same on every rank (N), positive in tension.
+        G : petsc4py.PETSc.Mat
+            Made by ``dm.createMat()``; overwritten.
+        """
+        tensions = self._checks.link_array("tensions", tensions)
+        self._handle.geometric_stiffness(u, native(tensions[self._slices.my_links]), G)
+
+    def tension_rates(self, u: PETSc.Vec, v: PETSc.Vec) -> np.ndarray:
+        """Return the derivative of the tensions at `u` along `v`, zero in slack links; collective.
+
+        Where links turn: not of the geometry ``"linear"``.
+
+        Parameters
+        ----------
+        u, v : petsc4py.PETSc.Vec
+            Displacements (m).
+
+        Returns
+        -------
+        (m,) array of float
+            The same on every rank (N).
+        """
+        mine = np.zeros(len(self._slices.my_links), dtype=REAL)
+        self._handle.tension_rates(u, v, mine)
+        return self._slices.gather_links(mine)
 
     def energy(self, u: PETSc.Vec) -> float:
         """Compute the potential energy of links and loads (J); collective.

@@ -274,12 +274,12 @@ def test_no_line(pair):
 
 def test_examples_are_what_the_script_writes(tmp_path):
     subprocess.run([sys.executable, ROOT / "examples" / "make_meshes.py", tmp_path], check=True)
-    for name, links, dim in (("footbridge", 438, 3), ("tower", 144, 2)):
+    for name, links, dim in (("footbridge", 438, 3), ("tower", 144, 2), ("canopy", 144, 3)):
         path = ROOT / "examples" / f"{name}.msh"
         assert (tmp_path / path.name).read_text() == path.read_text()
         scene = latinpc.read(path)
         assert (len(scene.links), scene.dim) == (links, dim)
-        assert np.any(scene.load)
+        assert np.any(scene.load) == (name != "canopy")  # whose form is yet to be found
 
 
 # ---- out -------------------------------------------------------------------------------------

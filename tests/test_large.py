@@ -147,6 +147,17 @@ def test_elastic_catenary(law):
     assert np.allclose(result.displacements, exact, rtol=0.0, atol=1e-10 * abs(exact).max())
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_prestress_in_balance_is_at_rest(seed):
+    """A flat net turned into a slanted plane, without loads: rounding of its forces moves nothing."""
+    structure = net(8, 0.0, [0.0, 0.0, 0.0])
+    Q = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))[0]
+    result = solve(structure | {"nodes": structure["nodes"] @ Q.T})
+    assert result.converged and result.iterations < 5
+    assert abs(result.displacements).max() < 1e-12
+    assert np.allclose(result.tensions, 1000.0, rtol=1e-9)
+
+
 def test_one_dimension_and_two():
     """A chain of cables in a row, in 1D and in the plane."""
     for dim in (1, 2):

@@ -1,4 +1,4 @@
-"""The command line: ``latinpc solve | cases | scenes | paper | compare | tradeoff | extremes | info``.
+"""The command line: ``latinpc solve | cases | form | modes | scenes | paper | compare | tradeoff | extremes | info``.
 
 Options with two dashes are ours. Options with one dash are PETSc's and go to its options database untouched. Under
 ``mpirun`` only rank 0 prints and writes. Exit codes: 0 converged, 1 not converged, 2 bad input.
@@ -19,8 +19,10 @@ from latinpc.runs.checkpoint import Interrupted
 
 from .arguments import insert_petsc_options, split_arguments
 from .cases import cases
+from .form import form
 from .info import info
 from .measure import compare, extremes, tradeoff
+from .modes import modes
 from .paper import paper
 from .ranks import BAD_INPUT, gather_or_abort, printing_on, sentence
 from .scenes import scenes
@@ -37,7 +39,7 @@ def commands():
     """
 
 
-for _command in (solve_command, cases, scenes, paper, compare, tradeoff, extremes, info):
+for _command in (solve_command, cases, form, modes, scenes, paper, compare, tradeoff, extremes, info):
     commands.add_command(_command)
 
 

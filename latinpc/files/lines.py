@@ -240,10 +240,10 @@ def near_points(points, tolerance):
         near = np.linalg.norm(sorted_points[active + step] - sorted_points[active], axis=1) <= tolerance
         pairs.append(np.column_stack([order[active[near]], order[active[near] + step]]))
         step += 1
-    return np.unique(_connected(len(points), *np.concatenate(pairs).T), return_inverse=True)
+    return np.unique(connected(len(points), *np.concatenate(pairs).T), return_inverse=True)
 
 
-def _connected(n, a, b):
+def connected(n, a, b):
     """Return for each of n points the first of those that pairs (a, b) connect it with."""
     label = np.arange(n)
     while True:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import pathlib
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -18,8 +19,12 @@ from .summary import summary
 if TYPE_CHECKING:
     import pandas
     from matplotlib.figure import Figure
+    from numpy.typing import ArrayLike
+    from petsc4py import PETSc
 
     from latinpc.structure import Structure
+
+    from .modes import Modes
 
 __all__ = ["Result"]
 
@@ -28,7 +33,7 @@ __all__ = ["Result"]
 class Result:
     """What a solve has found; arrays are whole, in the caller's numbering, the same on every rank.
 
-    Nothing here is collective. ``print(result)`` gives a summary.
+    Nothing here is collective but `tangent` and `modes`. ``print(result)`` gives a summary.
     """
 
     structure: Structure  #: what was solved
@@ -247,6 +252,28 @@ class Result:
 
         tensions = np.where(np.isfinite(self.tensions), self.tensions, 0.0)
         return free_motion(self.structure, self.load, bearing(self.structure, tensions))
+
+    def tangent(self) -> PETSc.Mat:
+        """Make the tangent stiffness K (N/m) of the free degrees of freedom at the displacements; collective.
+
+        Where links turn, with their geometric stiffness. Not with rigid laws.
+        """
+        from .modes import tangent
+
+        return tangent(self.structure, self.displacements)
+
+    def modes(
+        self,
+        number: int = 6,
+        *,
+        buckling: bool = False,
+        load: ArrayLike | None = None,
+        options: Mapping[str, Any] | None = None,
+    ) -> Modes:
+        """Compute natural frequencies, or linear buckling factors, at the displacements; see `latinpc.modes`."""
+        from .modes import modes
+
+        return modes(self, number, buckling=buckling, load=load, options=options)
 
     def _lines(self) -> list[tuple[str, str]]:
         ended = [] if self.converged else [("not converged", self.reason)]

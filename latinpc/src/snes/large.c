@@ -237,10 +237,12 @@ static PetscErrorCode SNESLatinLargeProve_Private(SNES snes, PetscBool *done)
 PetscErrorCode SNESLatinLargeIterate_Private(SNES snes)
 {
   SNES_Latin *data = (SNES_Latin *)snes->data;
-  PetscBool   done = PETSC_FALSE;
+  PetscBool   done = PETSC_FALSE, rests;
 
   PetscFunctionBegin;
   PetscCall(SNESLatinLargeLeaves_Private(snes));
+  PetscCall(SNESLatinLargeRests_Private(snes, &rests));
+  if (rests && SNESLatinEstimates(data) && data->newton.type != LATIN_NEWTON_NEVER) PetscCall(SNESLatinLargeFinish_Private(snes, 0, &done));
   while (!done) {
     PetscCall(SNESLatinIterate_Private(snes, SNESLatinLargeConverged_Private));
     if (data->next == LATIN_NEXT_REBUILD) {

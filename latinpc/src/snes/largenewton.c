@@ -17,7 +17,7 @@
 #define LATIN_LARGE_CLEAR   0.1  /* part of them that a step may leave, in that norm, for its error to count: where cables change it is more */
 #define LATIN_LARGE_SHRINK  0.5  /* a step without change of cables leaves less than this part of the error before it, or it meets rounding */
 #define LATIN_LARGE_ROUND   10.0 /* times what rounding leaves: steps that do */
-#define LATIN_LARGE_NOISE   64.0 /* times eps, of the norm of the tensions: rounding of forces */
+#define LATIN_LARGE_NOISE   64.0 /* times eps, of the norm of the tensions, each by the size over its length: rounding of forces */
 #define LATIN_LARGE_NONE    1e-9 /* of the size of the structure: displacements that leave no more than that are none */
 #define LATIN_LARGE_SLOPE   0.5  /* of the energy at the end of a step, relative to that at its start; 0.1 once it is searched for */
 #define LATIN_LARGE_PREDICT 500  /* most iterations of the linear solve that shows how far an increment of the loads moves a structure */
@@ -189,19 +189,44 @@ static PetscErrorCode LatinLargeCreate_Private(SNES snes, SNES *newnewton)
   PetscFunctionReturn(0);
 }
 
-/* l2 norm of the tensions at u. Collective on structure */
-static PetscErrorCode LatinLargeTension_Private(LatinStructure structure, Vec u, PetscReal *norm)
+/* l2 norm of the tensions at u, each times the size of the structure over its length: coordinates that are rounded turn a link by so much more. Collective on structure */
+static PetscErrorCode LatinLargeTension_Private(LatinStructure structure, Vec u, PetscReal size, PetscReal *norm)
 {
-  PetscReal *tension;
+  const PetscInt dim = structure->dim;
+  PetscReal     *tension;
 
   PetscFunctionBegin;
   PetscCall(DMGetWorkArray(structure->dm, structure->links_local, MPIU_REAL, &tension));
   PetscCall(LatinTurningTensions_Private(structure, u, tension));
   *norm = 0.0;
-  for (PetscInt l = 0; l < structure->links_local; l++) *norm += PetscSqr(tension[l]);
+  for (PetscInt l = 0; l < structure->links_local; l++) {
+    PetscReal square = 0.0;
+
+    for (PetscInt c = 0; c < dim; c++) square += PetscSqr(structure->span[dim * l + c]);
+    *norm += PetscSqr(tension[l]) * (1.0 + PetscSqr(size) / square);
+  }
   PetscCall(DMRestoreWorkArray(structure->dm, structure->links_local, MPIU_REAL, &tension));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, norm, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
   *norm = PetscSqrtReal(*norm);
+  PetscFunctionReturn(0);
+}
+
+/* Does the solution vector, of displacements that are none, leave only what rounding makes of a self-stress? A form that is found is such a state. Collective on snes */
+PetscErrorCode SNESLatinLargeRests_Private(SNES snes, PetscBool *rests)
+{
+  const LatinLarge *large = &((SNES_Latin *)snes->data)->large;
+  PetscReal         left, moved, size, prescribed, tension;
+  Vec               r;
+
+  PetscFunctionBegin;
+  PetscCall(DMGetGlobalVector(large->frame->dm, &r));
+  PetscCall(SNESComputeFunction(snes, snes->vec_sol, r));
+  PetscCall(VecNorm(r, NORM_2, &left));
+  PetscCall(DMRestoreGlobalVector(large->frame->dm, &r));
+  PetscCall(VecNorm(snes->vec_sol, NORM_2, &moved));
+  PetscCall(LatinStructureSize_Private(large->frame->turns, &size, &prescribed));
+  PetscCall(LatinLargeTension_Private(large->frame->turns, snes->vec_sol, size, &tension));
+  *rests = (PetscBool)(left <= LATIN_LARGE_NOISE * PETSC_MACHINE_EPSILON * tension && moved <= LATIN_LARGE_NONE * size);
   PetscFunctionReturn(0);
 }
 
@@ -223,7 +248,7 @@ PetscErrorCode SNESLatinLargeNewton_Private(SNES snes, PetscInt most, PetscBool 
   large->length = 0.0;
   PetscCall(LatinEstimateFloor_Private(data->latin, &data->estimate));
   PetscCall(LatinStructureSize_Private(large->frame->turns, &large->size, &prescribed));
-  PetscCall(LatinLargeTension_Private(large->frame->turns, snes->vec_sol, &large->tension));
+  PetscCall(LatinLargeTension_Private(large->frame->turns, snes->vec_sol, large->size, &large->tension));
   PetscCall(SNESGetKSP(data->newton.snes, &ksp));
   PetscCall(KSPSetTolerances(ksp, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT, most));
   PetscCall(SNESSolve(data->newton.snes, snes->vec_rhs, snes->vec_sol));

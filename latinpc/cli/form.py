@@ -1,0 +1,135 @@
+"""``latinpc form``: the form of a drawing in equilibrium, from force densities or natural lengths."""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from dataclasses import replace
+
+import click
+import numpy as np
+
+import latinpc
+from latinpc.files.text import finite
+from latinpc.laws import Law
+from latinpc.results.atomic import check_writable
+
+from .printing import open_console, print_lines, progress, write_json
+from .ranks import on_root
+from .scenes import SceneCommand, open_scene, scene_options
+
+
+@click.command("form", cls=SceneCommand)
+@click.argument("scene", metavar="SCENE|FILE")
+@scene_options
+@click.option("--density", "densities", multiple=True, metavar="[LAW=]X|drawn",
+              help="Force density, tension over length (N/m), of all links or of those of a law, such as cable=500;"
+                   " drawn: prestress over drawn length of each link.")  # fmt: skip
+@click.option("--natural", is_flag=True, help="Keep natural lengths: those drawn, less the elongations of prestress.")
+@click.option("--without-load", is_flag=True, help="Leave the loads out.")
+@click.option(
+    "--error",
+    type=float,
+    default=1e-8,
+    show_default=True,
+    metavar="X",
+    help="Forces without balance that --natural leaves, over the largest.",
+)
+@click.option("--json", "json_file", metavar="FILE", help="Write the summary; '-' prints it and nothing else.")
+@click.option("--output", multiple=True, metavar="FILE", help="Write the form: .vtu (ParaView) or .npz (numpy).")
+@click.option("--csv", nargs=2, metavar="MEMBERS NODES", help="Write two .csv files, which latinpc solve reads again.")
+@click.option("--picture", metavar="FILE", help="Draw the form: .png, .pdf or .svg.")
+@click.option("--quiet", is_flag=True, help="Print only notices and errors.")
+@click.pass_obj
+def form(
+    comm, scene, densities, natural, without_load, error, json_file, output, csv, picture, quiet, **options
+):  # fmt: skip
+    """Find the form in which a drawing is in equilibrium.
+
+    With --density by a linear system per coordinate, whose solver is a direct factor unless -form_ksp_type and
+    -form_pc_type say otherwise (-form_pc_type latin). With --natural by a solve with large displacements, from the form
+    of the densities if they are given, else from the drawing. Supports stay where they are.
+    """
+    alone = json_file == "-"
+    quiet = quiet or alone
+    files = [(None if alone else json_file, None), (picture, (".png", ".pdf", ".svg"))]
+    files += [(path, (".vtu", ".npz")) for path in output] + [(path, (".csv",)) for path in csv or ()]
+    scene, given = on_root(comm, _prepare, scene, densities, natural, without_load, files, options)
+    with progress(comm, quiet) as say, warnings.catch_warnings():
+        warnings.simplefilter("ignore", latinpc.LatinWarning)  # notices are printed in the end
+        if say is not None:
+            say(f"{scene.name}: finding the form")
+        found = latinpc.form_find(scene.nodes, scene.links, scene.fixed, error=error, name=scene.name, **given)
+    on_root(comm, _write, found, json_file, output, csv, picture)
+    if comm.rank == 0:
+        for notice in found.notices:
+            print(f"latinpc: {notice}", file=sys.stderr)
+        if not quiet:
+            written = [str(path) for path, _ in files if path is not None]
+            lines = found.lines() + ([("written", ", ".join(written))] if written else [])
+            print_lines(open_console(), found.name, lines)
+
+
+def _prepare(name, densities, natural, without_load, files, options):
+    """Refuse results that could not be written, open the scene, and return what `form_find` takes; on one rank."""
+    for path, suffixes in files:
+        if path is not None:
+            check_writable(path, suffixes)
+    if not densities and not natural:
+        raise ValueError("give force densities with --density, or --natural to keep natural lengths")
+    scene = open_scene(name, options)
+    if scene.direction is not None:
+        raise ValueError(f"{scene.name} has links with directions of their own: a form is of links along their nodes")
+    elastic = np.isin(scene.law, (Law.BAR, Law.CABLE, Law.COMPRESSION_ONLY))
+    if not elastic.all():
+        raise ValueError(
+            "form finding takes links of the laws bar, cable and compression_only; give EA, and --law cable"
+        )
+    lengths = scene.lengths - (scene.initial_elongation if natural else 0.0)
+    if (lengths <= 0.0).any():
+        raise ValueError(
+            f"link {np.flatnonzero(lengths <= 0.0)[0]} has a prestress beyond its stiffness: no length is left"
+        )
+    given = {"density": _densities(scene, densities) if densities else None, "law": scene.law, "mass": scene.mass}
+    given |= {"EA": scene.stiffness * lengths, "natural_length": lengths if natural else None}
+    return replace(scene, cases=()), given | {"load": None if without_load else scene.load}
+
+
+def _densities(scene, texts):
+    """Return the force density of each link."""
+    if "drawn" in texts:
+        if len(texts) > 1:
+            raise ValueError("--density drawn stands alone")
+        found = scene.stiffness * scene.initial_elongation / scene.lengths
+        if not found.any():
+            raise ValueError("--density drawn: no link has a prestress; give --prestress, or a number")
+        return found
+    found = np.full(len(scene.links), np.nan)
+    for text in sorted(texts, key=lambda text: "=" in text):  # one for all comes first
+        law, separator, word = text.rpartition("=")
+        value, kind = finite(word), law.strip().upper().replace("-", "_")
+        known = [name for name in ("BAR", "CABLE", "COMPRESSION_ONLY") if (scene.law == Law[name]).any()]
+        if value is None or (separator and kind not in known):
+            names = ", ".join(name.lower() for name in known)
+            raise ValueError(
+                f"--density {text}: write a number (N/m), LAW=number with a law of the drawing ({names}), or drawn"
+            )
+        found[scene.law == Law[kind] if separator else slice(None)] = value
+    if np.isnan(found).any():
+        law = Law(scene.law[np.flatnonzero(np.isnan(found))[0]]).name.lower()
+        raise ValueError(f"--density: links of the law {law} have none; give {law}=X")
+    return found
+
+
+def _write(found, json_file, output, csv, picture):
+    """Write the files; on one rank."""
+    if json_file is not None:
+        write_json(json_file, found.to_dict())
+    for path in output:
+        (found.to_vtu if str(path).lower().endswith(".vtu") else found.to_npz)(path)
+    if csv:
+        found.to_csv(*csv)
+    if picture is not None:
+        from latinpc.results.drawing import save
+
+        save(found.plot(), picture)

@@ -1,0 +1,1 @@
+"""Form finding: shapes in equilibrium, from force densities or from natural lengths."""

@@ -1,0 +1,399 @@
+"""Find the form of a structure that its forces alone hold: `form_find`, and what it has found."""
+
+from __future__ import annotations
+
+import pathlib
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+from petsc4py import PETSc
+
+from latinpc.arrays import refuse
+from latinpc.checks import Checks
+from latinpc.laws import Law
+from latinpc.options import default_options
+from latinpc.results.notices import LatinWarning, SolveError, warn
+from latinpc.results.tables import AXES, table, write_csv
+from latinpc.results.units import quantity
+from latinpc.structure import Structure
+
+from .densities import PREFIX, equilibrium
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from latinpc.structure import Communicator
+
+__all__ = ["Form", "form_find"]
+
+SOLVES = 4  # most solves for natural lengths, each from the last form: 1 or 2 are usual
+ROUNDING = 64.0  # times eps, of EA: forces that rounding of lengths makes
+SHORT = 1e-9  # of the size of a form: links that are shorter have no direction
+
+
+@dataclass(repr=False, eq=False)
+class Form:
+    """A form in equilibrium; arrays are whole, the same on every rank. Only `structure` is collective."""
+
+    name: str
+    nodes: np.ndarray  #: (n, dim), in equilibrium (m)
+    links: np.ndarray  #: (m, 2)
+    law: np.ndarray  #: (m,), `latinpc.Law`
+    fixed: np.ndarray  #: (n, dim) of bool
+    load: np.ndarray  #: (n, dim), under which it is in equilibrium (N)
+    tensions: np.ndarray  #: (m,), positive in tension (N)
+    EA: np.ndarray | None = None  #: (m,), axial stiffness (N); None where not given
+    natural_lengths: np.ndarray | None = None  #: (m,), of the links without tension (m); None without EA
+    mass: np.ndarray | None = None  #: (n,), of the nodes (kg), None where not given
+    comm: PETSc.Comm = field(default_factory=PETSc.Sys.getDefaultComm)
+    notices: list[str] = field(default_factory=list)  #: sentences to read
+
+    @cached_property
+    def lengths(self) -> np.ndarray:
+        """(m,) array: lengths of the links in the form (m)."""
+        return np.linalg.norm(np.diff(self.nodes[self.links], axis=1)[:, 0], axis=1)
+
+    @cached_property
+    def densities(self) -> np.ndarray:
+        """(m,) array: force densities, tension over length (N/m)."""
+        return self.tensions / self.lengths
+
+    @cached_property
+    def stiffness(self) -> np.ndarray | None:
+        """(m,) array: stiffness EA over natural length of the structure's links (N/m); None without EA."""
+        return None if self.EA is None else self.EA / self.natural_lengths
+
+    @cached_property
+    def initial_elongations(self) -> np.ndarray | None:
+        """(m,) array: length in the form less natural length (m), negative in slack cables; None without EA."""
+        if self.EA is None:
+            return None
+        bears = self.tensions != 0.0  # without the cancellation of a difference
+        return np.where(bears, self.tensions / self.stiffness, self.lengths - self.natural_lengths)
+
+    @cached_property
+    def _forces(self) -> np.ndarray:
+        """Force of the links on each node."""
+        pull, forces = (
+            self.densities[:, None] * np.diff(self.nodes[self.links], axis=1)[:, 0],
+            np.zeros(self.nodes.shape),
+        )
+        np.add.at(forces, self.links[:, 0], pull)
+        np.add.at(forces, self.links[:, 1], -pull)
+        return forces
+
+    @property
+    def reactions(self) -> np.ndarray:
+        """(n, dim) array: forces of the supports on the structure (N)."""
+        return np.where(self.fixed, -self._forces - self.load, 0.0)
+
+    @property
+    def largest_unbalance(self) -> float:
+        """Largest component of a force without balance on a node (N)."""
+        return float(np.abs(np.where(self.fixed, 0.0, self._forces + self.load)).max())
+
+    @property
+    def unbalance(self) -> float:
+        """The same over the largest tension or load."""
+        return self.largest_unbalance / (max(np.abs(self.tensions).max(), np.abs(self.load).max()) or 1.0)
+
+    @cached_property
+    def structure(self) -> Structure:
+        """`latinpc.Structure` : the form with its tensions, loads and large displacements, ready for other loads.
+
+        Collective when first asked for.
+
+        Raises
+        ------
+        ValueError
+            Without EA.
+        """
+        if self.EA is None:
+            raise ValueError("a structure needs the axial stiffness of its links: give EA, in N")
+        elastic = (self.law, self.stiffness, self.initial_elongations)
+        more = {"mass": self.mass, "geometry": "large", "comm": self.comm, "name": self.name}
+        return Structure(self.nodes, self.links, *elastic, self.fixed, load=self.load, **more)
+
+    @property
+    def members(self) -> np.ndarray:
+        """Structured array of a row per link: start, end, law, length, density, tension; with EA also natural_length,
+        stiffness (N/m) and initial_elongation (m) of the structure.
+        """  # noqa: D205
+        columns = {"member": np.arange(len(self.links)), "start": self.links[:, 0], "end": self.links[:, 1]}
+        columns |= {"law": np.array([Law(law).name.lower() for law in self.law])}
+        if self.EA is not None:
+            columns |= {"stiffness": self.stiffness, "initial_elongation": self.initial_elongations}
+        columns |= {"#length": self.lengths, "#density": self.densities, "#tension": self.tensions}
+        return table(columns | ({} if self.EA is None else {"#natural_length": self.natural_lengths}))
+
+    def to_csv(self, members: str | pathlib.Path, nodes: str | pathlib.Path) -> None:
+        """Write two CSV files, which `latinpc.read` reads again as the structure; call it on one rank."""
+        words = np.array(["".join(axis for axis, held in zip(AXES, row) if held) for row in self.fixed])
+        columns = {"node": np.arange(len(self.nodes))}
+        for prefix, array in (("", self.nodes), ("F", self.load)):
+            columns |= {prefix + axis: column for axis, column in zip(AXES, array.T)}
+            columns |= {"fix": words} if not prefix else {}
+        columns |= {} if self.mass is None else {"mass": self.mass}
+        columns |= {f"#R{axis}": column for axis, column in zip(AXES, self.reactions.T)}
+        write_csv(members, self.members)
+        write_csv(nodes, table(columns))
+
+    def to_npz(self, path: str | pathlib.Path) -> None:
+        """Write the structure and tensions as numpy arrays; call it on one rank."""
+        from latinpc.results.atomic import atomic
+
+        arrays = {"nodes": self.nodes, "links": self.links, "law": self.law, "fixed": self.fixed, "load": self.load}
+        arrays |= {"tensions": self.tensions, "densities": self.densities, "reactions": self.reactions}
+        arrays |= {} if self.mass is None else {"mass": self.mass}
+        if self.EA is not None:
+            arrays |= {"EA": self.EA, "natural_lengths": self.natural_lengths}
+        with atomic(path) as temporary, open(temporary, "wb") as file:
+            np.savez(file, **arrays)
+
+    def to_vtu(self, path: str | pathlib.Path) -> None:
+        """Write nodes, tensions and reactions for ParaView; call it on one rank."""
+        from latinpc.results.vtk import write_vtu
+
+        write_vtu(path, self._drawn(), np.zeros(self.nodes.shape), self.tensions, reactions=self.reactions)
+
+    def plot(self) -> Figure:
+        """Draw the form with the tensions of its links; not collective."""
+        from latinpc.results.pictures import structure_figure
+
+        figure = structure_figure(self._drawn(), np.zeros(self.nodes.shape), self.tensions)
+        for text in figure.texts:
+            if "displacement" in text.get_text():  # there is none in a form
+                text.set_text(f"{len(self.links):,} links, force densities {_range(self.densities, 'N/m')}")
+        return figure
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what `print` shows, fit for JSON."""
+        lengths = self.natural_lengths
+        return {
+            "scene": self.name,
+            "nodes": len(self.nodes),
+            "links": len(self.links),
+            "tension": [float(self.tensions.min()), float(self.tensions.max())],
+            "density": [float(self.densities.min()), float(self.densities.max())],
+            "length": [float(self.lengths.min()), float(self.lengths.max())],
+            "natural_length": None if lengths is None else [float(lengths.min()), float(lengths.max())],
+            "low": self.nodes.min(axis=0).tolist(),
+            "high": self.nodes.max(axis=0).tolist(),
+            "unbalance": self.unbalance,
+            "notices": list(self.notices),
+        }
+
+    def lines(self) -> list[tuple[str, str]]:
+        """Return a summary as lines of (label, text)."""
+        low, high = self.nodes.min(axis=0), self.nodes.max(axis=0)
+        size = " x ".join(f"{value:.4g}" for value in high - low)
+        lines = [("form", f"{len(self.nodes):,} nodes, {len(self.links):,} links, {size} m")]
+        lines.append(("tension", _range(self.tensions, "N") + " (compression negative)"))
+        lines.append(("force density", _range(self.densities, "N/m")))
+        if self.natural_lengths is None:
+            lines.append(("length", _range(self.lengths, "m") + "; give EA for natural lengths"))
+        else:
+            lines.append(("length", f"{_range(self.lengths, 'm')}; natural {_range(self.natural_lengths, 'm')}"))
+        return [*lines, ("balance", f"forces without balance {self.unbalance:.1e} of the largest force")]
+
+    def _drawn(self):
+        """Return what pictures and files for ParaView read, without the need of EA."""
+        from latinpc.scenes import Scene
+
+        stiffness = np.ones(len(self.links))
+        return Scene(self.name, self.nodes, self.links, self.law, stiffness, fixed=self.fixed, load=self.load)
+
+    def __repr__(self) -> str:
+        lines = [*self.lines(), *(("notice", text) for text in self.notices)]
+        return "\n".join([self.name, *(f"  {label:<15}{text}" for label, text in lines)])
+
+
+def _range(values, unit):
+    low, high = (quantity(value, unit, 4) for value in (values.min(), values.max()))
+    return low if low == high else f"{low} to {high}"
+
+
+def form_find(
+    nodes: ArrayLike,
+    links: ArrayLike,
+    fixed: ArrayLike,
+    density: ArrayLike | None = None,
+    *,
+    natural_length: ArrayLike | None = None,
+    EA: ArrayLike | None = None,
+    load: ArrayLike | None = None,
+    law: ArrayLike | None = None,
+    mass: ArrayLike | None = None,
+    error: float = 1e-8,
+    options: Mapping[str, Any] | None = None,
+    comm: Communicator | None = None,
+    name: str = "form",
+) -> Form:
+    """Find the nodes at which links are in equilibrium with loads and supports; collective.
+
+    With force densities by one linear system per coordinate [H.-J. Schek 1974, (14)]. With natural lengths by a solve
+    with large displacements, from the form of the densities if they are given too, else from the nodes as drawn.
+
+    Parameters
+    ----------
+    nodes : (n, dim) array_like of float
+        Coordinates (m), dim 1, 2 or 3. With densities those that are not fixed do not matter.
+    links : (m, 2) array_like of int
+        The two nodes of each link, counted from 0.
+    fixed : (n, dim) array_like of bool
+        Coordinates that stay.
+    density : (m,) array_like of float, or float, optional
+        Force densities, tension over length (N/m), negative in struts.
+    natural_length : (m,) array_like of float, or float, optional
+        Lengths of the links without tension (m). Needs `EA`.
+    EA : (m,) array_like of float, or float, optional
+        Axial stiffness (N). Without it a form has no natural lengths, and no structure.
+    load : (n, dim) array_like of float, optional
+        Forces on the nodes (N), which do not change with the form.
+    law : (m,) array_like of int or str, or one for all links, optional
+        Law of the structure: bar, cable or compression_only; by default bars where the density is negative, cables
+        elsewhere.
+    mass : (n,) array_like of float, or float, optional
+        Lumped masses of the nodes (kg) of the structure, for its modes; they are no loads.
+    error : float
+        Of a form of natural lengths: the largest force without balance, over the largest force.
+    options : mapping, optional
+        PETSc options by name: of the KSP of the force densities, whose prefix is ``form_``, as ``{"form_pc_type":
+        "latin", "form_ksp_type": "cg"}`` (a direct factor by default), and of the SNES of natural lengths.
+    comm : petsc4py or mpi4py communicator, optional
+        PETSc's default communicator when not given.
+    name : str
+        For summaries and pictures.
+
+    Returns
+    -------
+    Form
+        With `nodes`, `tensions`, `natural_lengths` and `structure`.
+
+    Raises
+    ------
+    ValueError
+        On every rank: arrays that do not fit; nothing held, or nodes without a chain of links to a support; all
+        densities zero; densities of struts and cables that cancel; links of no length in the form, or compressed by
+        more than EA.
+    latinpc.SolveError
+        When the solve for natural lengths ends without an equilibrium.
+
+    Examples
+    --------
+    A cable of equal force densities under equal weights hangs in a parabola:
+
+    >>> import latinpc, numpy as np
+    >>> form = latinpc.form_find(
+    ...     nodes=[[0, 0], [1, 0], [2, 0], [3, 0], [4, 0]], links=[[0, 1], [1, 2], [2, 3], [3, 4]],
+    ...     fixed=[[1, 1], [0, 0], [0, 0], [0, 0], [1, 1]], density=10.0, EA=1e5, load=[[0, -5]] * 5)
+    >>> form.nodes[:, 1]
+    array([ 0.  , -0.75, -1.  , -0.75,  0.  ])
+    >>> form.structure.solve().converged
+    True
+    """
+    given = _checked(nodes, links, fixed, load, law, {"density": density, "natural_length": natural_length, "EA": EA})
+    nodes, links, fixed, load, law = (given[key] for key in ("nodes", "links", "fixed", "load", "law"))
+    mass = None if mass is None else np.array(Checks(nodes.shape, len(links), np.dtype(float)).mass(mass))
+    comm = PETSc.Sys.getDefaultComm() if comm is None else comm if isinstance(comm, PETSc.Comm) else PETSc.Comm(comm)
+    options, start = {str(key).removeprefix("-"): value for key, value in (options or {}).items()}, nodes
+    if given["density"] is not None:
+        with default_options(options):
+            start = equilibrium(nodes, links, fixed, given["density"], load, comm)
+    _extended(start, links)
+    form = Form(name, start, links, law, fixed, load, np.zeros(len(links)), given["EA"], mass=mass, comm=comm)
+    if natural_length is None:
+        form.tensions = given["density"] * form.lengths
+        form.natural_lengths = _natural(form)
+        return form
+    form.natural_lengths = given["natural_length"]
+    return _settled(form, error, {key: value for key, value in options.items() if not key.startswith(PREFIX)})
+
+
+def _settled(form, error, options):
+    """Return the form that given natural lengths settle into; collective."""
+    reason = None
+    for _ in range(SOLVES + 1):
+        strain = form.stiffness * (form.lengths - form.natural_lengths)
+        slack = ((form.law == Law.CABLE) & (strain <= 0.0)) | ((form.law == Law.COMPRESSION_ONLY) & (strain >= 0.0))
+        form = replace(form, tensions=np.where(slack, 0.0, strain))
+        if form.unbalance <= error or form.largest_unbalance <= ROUNDING * np.finfo(float).eps * form.EA.max():
+            break
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", LatinWarning)  # what counts is the balance that is left
+            result = form.structure.solve(error=error, options=options)
+        reason = result.reason
+        form = replace(form, nodes=form.nodes + result.displacements)
+        _extended(form.nodes, form.links)
+    else:
+        raise SolveError(f"form finding: no equilibrium of these natural lengths: {reason}")
+    if slack.all():
+        raise ValueError("all links are slack, and nothing holds a form: the natural lengths are too long")
+    count = int(slack.sum())
+    if count:
+        form.notices = [f"{count} link{'s are' if count > 1 else ' is'} slack: longer than the form has room for"]
+        warn(form.comm, form.notices[0])
+    return form
+
+
+def _checked(nodes, links, fixed, load, law, of_links):
+    """Check and complete what is given; return arrays by name."""
+    nodes, links = np.array(nodes, dtype=float), np.asarray(links)
+    if nodes.ndim != 2 or nodes.shape[1] not in (1, 2, 3) or not len(nodes):
+        raise ValueError(f"nodes must be an (n, dim) array with dim 1, 2 or 3, not of shape {nodes.shape}")
+    if links.ndim != 2 or links.shape[1] != 2 or not len(links) or not np.issubdtype(links.dtype, np.integer):
+        raise ValueError(f"links must be an (m, 2) array of node numbers, not of shape {links.shape}")
+    if of_links["density"] is None and of_links["natural_length"] is None:
+        raise ValueError("a form follows from force densities (density, N/m) or natural lengths (natural_length, m)")
+    if of_links["natural_length"] is not None and of_links["EA"] is None:
+        raise ValueError("natural lengths need the axial stiffness of the links: give EA, in N")
+    checks = Checks(nodes.shape, len(links), np.dtype(float))
+    checks.geometry(nodes, links, np.ones((len(links), nodes.shape[1])))  # links may have no length yet
+    found = {"nodes": nodes, "links": links.astype(np.int64)}
+    for key, values in of_links.items():
+        found[key] = None if values is None else np.array(checks.link_array(key, values))
+        if values is not None:
+            right = np.isfinite(found[key]) & ((key == "density") | (found[key] > 0.0))
+            refuse(~right, "link", f"needs a {'finite' if key == 'density' else 'positive'} {key}", found[key])
+    found["fixed"] = np.array(checks.node_array("fixed", fixed, bool))
+    found["load"] = np.array(checks.node_array("load", 0.0 if load is None else load))
+    signs = np.zeros(len(links)) if found["density"] is None else found["density"]
+    law = np.where(signs < 0.0, Law.BAR, Law.CABLE) if law is None else law
+    found["law"] = np.array(checks.law(law, [known.name.lower() for known in Law]))
+    elastic = (Law.BAR, Law.CABLE, Law.COMPRESSION_ONLY)
+    if not np.isin(found["law"], elastic).all():
+        raise ValueError("form finding takes the laws bar, cable and compression_only")
+    wrong = ((signs < 0.0) & (found["law"] == Law.CABLE)) | ((signs > 0.0) & (found["law"] == Law.COMPRESSION_ONLY))
+    refuse(wrong, "link", "has a force density that its law cannot bear", signs)
+    return found
+
+
+def _extended(nodes, links):
+    """Refuse a form in which nodes of a link fall together."""
+    length = np.linalg.norm(np.diff(nodes[links], axis=1)[:, 0], axis=1)
+    short = np.flatnonzero(length <= SHORT * max(np.ptp(nodes, axis=0).max(), 1e-300))
+    if short.size:
+        a, b = links[short[0]]
+        raise ValueError(
+            f"link {short[0]} has no length in the form, one of {short.size}: nodes {a} and {b} fall together; hold"
+            " more nodes, or change densities and loads"
+        )
+
+
+def _natural(form):
+    """Return the natural lengths L EA / (EA + T), None without EA."""
+    if form.EA is None:
+        return None
+    crushed = np.flatnonzero(form.EA + form.tensions <= 0.0)
+    if crushed.size:
+        link = crushed[0]
+        raise ValueError(
+            f"link {link} bears {quantity(form.tensions[link], 'N')}, and its EA is {quantity(form.EA[link], 'N')}: no"
+            " natural length becomes so short; give a larger EA"
+        )
+    return form.lengths * form.EA / (form.EA + form.tensions)

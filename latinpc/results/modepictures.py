@@ -1,0 +1,118 @@
+"""Draw modes: shapes beside each other, one as an animation, all in a file for ParaView."""
+
+from __future__ import annotations
+
+import matplotlib
+import meshio
+import numpy as np
+from PIL import Image
+
+from .atomic import atomic
+from .drawing import axes_2d, axes_3d, draw_links, new_figure, plane_points
+from .mechanics import slack
+
+MOST = 9  # modes in a figure
+FAR = 0.12  # of the size of the structure: the largest displacement that is drawn
+FRAMES, SECONDS = 24, 0.05  # of an animation: in a period, each
+GHOST, COLOURS = (0.75, 0.75, 0.75, 0.8), "viridis"
+
+
+def modes_figure(modes, count=None):
+    """Draw the lowest modes beside each other, each on the state (grey), coloured by how far links move.
+
+    Parameters
+    ----------
+    modes : Modes
+    count : int, optional
+        How many, at most nine.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    count = min(len(modes), MOST, MOST if count is None else count)
+    columns = min(count, 3) if count != 4 else 2
+    rows = -(-count // max(columns, 1))
+    figure = new_figure(4.2 * max(columns, 1), 0.5 + 3.2 * max(rows, 1))
+    top = 1.0 - 0.45 / figure.get_size_inches()[1]
+    kind = "buckling" if modes.buckling else "vibration"
+    figure.text(0.02, 1.0 - 0.3 / figure.get_size_inches()[1], f"{modes.structure.name}: modes of {kind}", fontsize=13)
+    width, height = 1.0 / max(columns, 1), top / max(rows, 1)
+    for mode in range(count):
+        left, bottom = mode % columns * width, top - (mode // columns + 1) * height
+        rectangle = [left + 0.02 * width, bottom + 0.04 * height, 0.96 * width, 0.84 * height]
+        _panel(figure, rectangle, modes, mode, 1.0)
+        figure.text(left + 0.5 * width, bottom + 0.92 * height, f"{mode + 1}: {modes.label(mode)}", ha="center")
+    return figure
+
+
+def animate_mode(modes, path, mode=0):
+    """Write a period of a mode as a ``.gif``, replaced only once it is complete; not collective.
+
+    Parameters
+    ----------
+    modes : Modes
+    path : str or path-like
+    mode : int
+        Counted from 0.
+    """
+    images = []
+    for phase in np.arange(FRAMES) * 2.0 * np.pi / FRAMES:
+        figure = new_figure(6.4, 4.8)
+        figure.set_dpi(100)
+        _panel(figure, [0.04, 0.03, 0.92, 0.88], modes, mode, np.sin(phase))
+        figure.text(0.02, 0.95, f"{modes.structure.name}, mode {mode + 1}: {modes.label(mode)}", fontsize=10)
+        figure.canvas.draw()
+        images.append(Image.fromarray(np.asarray(figure.canvas.buffer_rgba())[..., :3]).quantize(128))
+    with atomic(path) as temporary:
+        images[0].save(temporary, save_all=True, append_images=images[1:], duration=int(1000 * SECONDS), loop=0)
+
+
+def _panel(figure, rectangle, modes, mode, amplitude):
+    """Draw one mode at a part of its amplitude into a rectangle of a figure."""
+    structure, shape = modes.structure, modes.shapes[mode]
+    links, size = structure.links, np.linalg.norm(shape, axis=1)
+    state = plane_points(structure.nodes + modes.displacements)
+    if structure.dim == 1:
+        shape = np.column_stack([shape, np.zeros(len(shape))])
+    far = FAR * np.ptp(state, axis=0).max()
+    moved = state + amplitude * far * shape
+    points = np.vstack([state + far * shape, state - far * shape])  # one place for all frames
+    axes = axes_2d(figure, rectangle, points) if state.shape[1] == 2 else axes_3d(figure, rectangle, points, fill=1.0)
+    axes.set_axis_off()
+    thin = float(np.clip(30.0 / np.sqrt(len(links)), 0.3, 1.3))
+    loose = slack(structure, modes.tensions)
+    colours = matplotlib.colormaps[COLOURS](0.9 * size[links].mean(axis=1))
+    draw_links(axes, state[links], [GHOST], 0.5 * thin, zorder=1)
+    draw_links(axes, moved[links], colours, np.where(loose, 0.5, 1.0) * thin)
+
+
+def write_modes(path, modes):
+    """Write the state and the modes for ParaView: a ``.vtu`` file with the fields ``mode_1`` and so on.
+
+    Not collective: call it on one rank.
+
+    Parameters
+    ----------
+    path : str or path-like
+        Replaced only once it is completely written.
+    modes : Modes
+    """
+    structure = modes.structure
+
+    def in_space(array):
+        whole = np.zeros((len(structure.nodes), 3))
+        whole[:, : structure.dim] = array
+        return whole
+
+    mesh = meshio.Mesh(
+        in_space(structure.nodes + modes.displacements),
+        [("line", np.asarray(structure.links, dtype=np.int64))],
+        point_data={f"mode_{mode + 1}": in_space(shape) for mode, shape in enumerate(modes.shapes)},
+        cell_data={
+            "tension": [np.asarray(modes.tensions, dtype=float)],
+            "slack": [slack(structure, modes.tensions).astype(np.int64)],
+        },
+    )
+    with atomic(path) as temporary:
+        meshio.vtu.write(temporary, mesh)

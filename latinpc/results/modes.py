@@ -1,0 +1,485 @@
+"""Natural frequencies and linear buckling factors of a state, by SLEPc."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+from petsc4py import PETSc
+
+from latinpc import solvers
+from latinpc.laws import RIGID
+from latinpc.options import default_options
+
+from .notices import SolveError, warn
+
+if TYPE_CHECKING:
+    from latinpc.structure import Structure
+
+    from .result import Result
+
+__all__ = ["Modes", "modes", "tangent"]
+
+SHIFT = 1e-10  # of the largest eigenvalue: shift below zero, so that mechanisms leave a regular matrix
+MECHANISM = 1e-12  # of the largest eigenvalue: what is below is zero; rounding leaves some 1e-15
+FLAT = 1e-6  # of the largest -1/mu of either sign: loads with smaller ones do not buckle a state
+LOOSE = 1e-2  # relative tolerance of that largest one
+INERTIA = {"modes_st_mat_mumps_icntl_24": 1}  # MUMPS counts negative pivots only so
+_NAMED = 5
+INSTALL = (
+    "modes need SLEPc with slepc4py: with Debian's PETSc apt install python3-slepc4py libslepc-real-dev; with another"
+    " one, and PETSC_DIR and PETSC_ARCH set, pip install slepc slepc4py of the same version as PETSc"
+)
+
+
+@dataclass(repr=False, eq=False)
+class Modes:
+    """Modes of a state, lowest first; arrays are whole, the same on every rank. Nothing here is collective."""
+
+    structure: Structure  #: whose modes they are
+    displacements: np.ndarray  #: (n, dim), the state (m)
+    tensions: np.ndarray  #: (m,), at the state (N)
+    buckling: bool  #: values are load factors, not squares of angular frequencies (1/s2)
+    values: np.ndarray  #: (k,), eigenvalues, increasing
+    shapes: np.ndarray  #: (k, n, dim), the largest displacement of a node is one
+    mechanisms: np.ndarray  #: (k,) of bool: zero stiffness, as far as rounding shows
+    residuals: np.ndarray  #: (k,), relative residuals of the eigenproblem
+    notices: list[str] = field(default_factory=list)  #: sentences to read
+
+    @property
+    def frequencies(self) -> np.ndarray:
+        """(k,) array: natural frequencies (Hz), zero of mechanisms.
+
+        Negative where a state is unstable: minus the rate of growth (1/s) over 2 pi.
+
+        Raises
+        ------
+        ValueError
+            Of buckling modes.
+        """
+        if self.buckling:
+            raise ValueError("buckling modes have factors, not frequencies")
+        size = np.where(self.mechanisms, 0.0, self.values)
+        return np.sign(size) * np.sqrt(np.abs(size)) / (2.0 * np.pi)
+
+    @property
+    def factors(self) -> np.ndarray:
+        """(k,) array: what the loads are multiplied by where the tangent stiffness is singular.
+
+        Raises
+        ------
+        ValueError
+            Of vibration modes.
+        """
+        if not self.buckling:
+            raise ValueError("modes of vibration have frequencies, not factors: take buckling=True")
+        return self.values
+
+    def movers(self, mode: int) -> list[int]:
+        """Return the nodes that move most in a mode, at least half as far as the farthest."""
+        size = np.linalg.norm(self.shapes[mode], axis=1)
+        order = np.argsort(-size.round(6), kind="stable")[:_NAMED]
+        return [int(node) for node in order if size[node] >= 0.5]
+
+    def label(self, mode: int) -> str:
+        """Return the frequency or factor of a mode in words."""
+        if self.buckling:
+            return f"factor {self.values[mode]:.5g}"
+        if self.mechanisms[mode]:
+            return "0 Hz, mechanism"
+        frequency = self.frequencies[mode]
+        return f"{frequency:.5g} Hz" if frequency > 0.0 else f"unstable, rate {-2.0 * np.pi * frequency:.3g} 1/s"
+
+    def plot(self, count: int | None = None) -> Any:
+        """Draw the modes, at most nine, beside each other.
+
+        Parameters
+        ----------
+        count : int, optional
+            How many of the lowest.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+        """
+        from .modepictures import modes_figure
+
+        return modes_figure(self, count)
+
+    def animate(self, path: Any, mode: int = 0) -> None:
+        """Write a period of a mode as a ``.gif``; call it on one rank."""
+        from .modepictures import animate_mode
+
+        animate_mode(self, path, mode)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return values, labels, residuals and notices, fit for JSON."""
+        key = "factors" if self.buckling else "frequencies"
+        return {
+            "scene": self.structure.name,
+            "kind": "buckling" if self.buckling else "vibration",
+            key: getattr(self, key).tolist(),
+            "mechanisms": self.mechanisms.tolist(),
+            "nodes": [self.movers(mode) for mode in range(len(self.values))],
+            "residuals": self.residuals.tolist(),
+            "notices": list(self.notices),
+        }
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+    def __repr__(self) -> str:
+        kind = "buckling" if self.buckling else "vibration"
+        lines = [f"{self.structure.name}: modes of {kind}"]
+        for mode in range(len(self)):
+            named = ", ".join(map(str, self.movers(mode)))
+            lines.append(f"  {mode + 1:>3}  {self.label(mode):<28} most at nodes {named}")
+        return "\n".join(lines + [f"  notice: {text}" for text in self.notices])
+
+
+def tangent(structure: Structure, displacements: ArrayLike) -> PETSc.Mat:
+    """Make the tangent stiffness at a state; collective.
+
+    Parameters
+    ----------
+    structure : Structure
+        Without rigid laws.
+    displacements : (n, dim) array_like of float
+        Of all nodes (m).
+
+    Returns
+    -------
+    petsc4py.PETSc.Mat
+        K (N/m) of the free degrees of freedom, AIJ unless ``-dm_mat_type`` says otherwise. Where the geometry is
+        ``"prestress"`` or ``"large"`` it has the geometric stiffness in it.
+    """
+    u = structure.create_vec()
+    structure.set_displacements(displacements, u)
+    K = structure.dm.createMat()
+    structure.jacobian(u, K)
+    u.destroy()
+    return K
+
+
+def modes(
+    state: Result | Structure,
+    number: int = 6,
+    *,
+    buckling: bool = False,
+    load: ArrayLike | None = None,
+    options: Mapping[str, Any] | None = None,
+) -> Modes:
+    """Compute natural frequencies, or linear buckling factors, at a state; collective.
+
+    Frequencies: K v = omega^2 M v, K the tangent stiffness at the state and M the masses of the nodes. Slack links have
+    no stiffness. Factors: (K + mu G) v = 0, G the geometric stiffness of the tensions that the loads add, linearised at
+    the state: Delta tau = k_t n . K^-1 P.
+
+    Parameters
+    ----------
+    state : Result or Structure
+        What a solve has found; of a structure, the state as drawn, without loads.
+    number : int
+        How many modes, the lowest ones.
+    buckling : bool
+        Factors in place of frequencies. Only for the geometry ``"large"``.
+    load : (n, dim) array_like of float, optional
+        For buckling: forces (N) whose multiples are added to the state; the factors are mu. By default the loads of
+        the result or structure, whose multiples as a whole are the factors: 1 + mu of a result, mu of the state as
+        drawn.
+    options : mapping, optional
+        PETSc options by name, of the EPS of SLEPc, whose prefix is ``modes_``, as ``{"modes_eps_tol": 1e-12}``.
+
+    Returns
+    -------
+    Modes
+        Fewer than asked for where there are no more: without mass no degree of freedom vibrates, and a load that pulls
+        has no positive factors.
+
+    Warns
+    -----
+    latinpc.LatinWarning
+        Of mechanisms, states that are not stable, modes that have not converged.
+
+    Raises
+    ------
+    ImportError
+        Without SLEPc; the message says what to install.
+    ValueError
+        Without masses, or without loads.
+    latinpc.SolveError
+        For rigid links, and for the factors of a state that is not stable.
+    """
+    _slepc()
+    drawn = not hasattr(state, "structure")
+    structure = state if drawn else state.structure
+    if number < 1:
+        raise ValueError(f"at least one mode is asked for, not {number}")
+    rigid = [law for law in RIGID if (structure.law == law).any()]
+    if rigid:
+        raise SolveError(
+            f"modes need the tangent stiffness, which links of the rigid law {rigid[0].name.lower()} do not have: take"
+            " cable or compression_only with a large stiffness"
+        )
+    displacements = np.array(structure.prescribed) if drawn else state.displacements
+    problem = _Problem(structure, displacements)
+    try:
+        with default_options({str(k).removeprefix("-"): v for k, v in (options or {}).items()} | INERTIA):
+            if buckling:
+                base = 0.0 if drawn or load is not None else 1.0
+                given = load if load is not None else structure.load if drawn else state.load
+                found = _factors(problem, number, np.asarray(given, dtype=float), base)
+            else:
+                found = _frequencies(problem, number)
+    except PETSc.Error as reported:
+        raise SolveError(solvers.error_message(reported)) from reported
+    finally:
+        problem.destroy()
+    for notice in found.notices:
+        warn(structure.comm, notice)
+    return found
+
+
+def _slepc():
+    """Return SLEPc, or say what to install."""
+    try:
+        from slepc4py import SLEPc
+    except ImportError as error:
+        raise ImportError(f"{INSTALL} ({error})") from error
+    return SLEPc
+
+
+class _Problem:
+    """Tangent stiffness and state as PETSc's objects."""
+
+    def __init__(self, structure, displacements):
+        self.structure, self.displacements = structure, np.asarray(displacements)
+        self.u = structure.create_vec()
+        structure.set_displacements(self.displacements, self.u)
+        self.K = None
+
+    def stiffness(self):
+        """Make K, once; collective."""
+        if self.K is None:
+            self.K = tangent(self.structure, self.displacements)
+        return self.K
+
+    def diagonal(self, values):
+        """Return a diagonal matrix of nodal values (n, dim), and the vector; collective."""
+        vector = self.structure.create_vec()
+        self.structure.set_displacements(values, vector)
+        sizes = vector.getSizes()
+        M = PETSc.Mat().createAIJ((sizes, sizes), nnz=1, comm=self.structure.comm)
+        M.setDiagonal(vector)
+        M.assemble()
+        return M, vector
+
+    def modes(self, buckling, values, vectors, **more):
+        """Make `Modes` of eigenvalues and eigenvectors; collective."""
+        structure, order = self.structure, np.argsort(values, kind="stable")
+        shapes = np.zeros((len(values), *structure.nodes.shape))
+        for row, index in enumerate(order):
+            shape = np.where(structure.fixed, 0.0, structure.displacements(vectors[index]))
+            size = np.linalg.norm(shape, axis=1)
+            node = int(np.argmax(size > size.max() * (1.0 - 1e-6)))  # the first of those that move most
+            sign = np.sign(shape[node][np.argmax(np.abs(shape[node]))]) or 1.0
+            shapes[row] = sign * shape / (size[node] or 1.0)
+        for name, column in more.items():
+            more[name] = np.asarray(column)[order]
+        arrays = (
+            structure,
+            self.displacements,
+            structure.tensions(self.u),
+            buckling,
+            np.asarray(values)[order],
+            shapes,
+        )
+        return Modes(*arrays, **more)
+
+    def destroy(self):
+        """Free what PETSc holds; collective."""
+        for thing in (self.u, self.K):
+            if thing is not None:
+                thing.destroy()
+
+
+def _solver(A, B, number, sinvert):
+    """Make an EPS for symmetric A v = lambda B v, B positive, with a direct factor unless options say otherwise."""
+    SLEPc = _slepc()
+    eps = SLEPc.EPS().create(A.getComm())
+    eps.setOptionsPrefix("modes_")
+    eps.setOperators(A, B)
+    eps.setProblemType(SLEPc.EPS.ProblemType.GHEP)
+    eps.setDimensions(number)
+    st = eps.getST()
+    st.setType("sinvert" if sinvert else "shift")
+    ksp = st.getKSP()
+    ksp.setType("preonly")
+    _factor(ksp.getPC())
+    return eps
+
+
+def _factor(pc):
+    """Make a PC a direct factor of an indefinite matrix that counts negative pivots."""
+    pc.setType("cholesky")
+    if solvers.has_package("mumps"):
+        pc.setFactorSolverType("mumps")
+
+
+def _solve(eps, wanted):
+    """Solve; return eigenvalues, vectors and residuals of the modes that converged, at most so many; collective."""
+    SLEPc = _slepc()
+    eps.solve()
+    found = min(eps.getConverged(), wanted)
+    values, vectors, residuals = [], [], []
+    for i in range(found):
+        vector = eps.getOperators()[0].createVecRight()
+        values.append(eps.getEigenpair(i, vector).real)
+        vectors.append(vector)
+        residuals.append(eps.computeError(i, SLEPc.EPS.ErrorType.RELATIVE))
+    if not np.isfinite(values).all():
+        raise SolveError("no modes: the matrix is singular beyond what a shift cures; a node without mass is not held")
+    missing = [f"{found} of {wanted} modes have converged: raise -modes_eps_max_it or -modes_eps_ncv"]
+    return values, vectors, residuals, missing if found < wanted else []
+
+
+def _negative(eps):
+    """Count the negative eigenvalues of the matrix that the ST factors; None where options take another solver."""
+    pc = eps.getST().getKSP().getPC()
+    counts = pc.getType() == "cholesky" and pc.getFactorSolverType() in ("mumps", "petsc")
+    return pc.getFactorMatrix().getInertia()[0] if counts else None
+
+
+def _lowest(problem, number, mass):
+    """Solve K v = lambda M v for the eigenvalues next to zero; collective.
+
+    Returns
+    -------
+    tuple
+        Values, vectors, residuals, which of them are zero, number of negative ones or None, notices.
+    """
+    structure, K = problem.structure, problem.stiffness()
+    M, masses = problem.diagonal(np.broadcast_to(np.asarray(mass, dtype=float)[:, None], structure.nodes.shape))
+    moving = structure.comm.tompi4py().allreduce(int(np.count_nonzero(masses.array)))
+    if not moving:
+        raise ValueError("no node that is free has a mass: give mass, in kg (on the command line --node-mass)")
+    ratio = np.divide(K.getDiagonal().array, masses.array, out=np.zeros(masses.getLocalSize()), where=masses.array > 0)
+    largest = structure.comm.tompi4py().allreduce(float(np.abs(ratio).max(initial=0.0)), op=_maximum) or 1.0
+    SLEPc = _slepc()
+    eps = _solver(K, M, min(number, moving), True)
+    eps.setTarget(-SHIFT * largest)
+    eps.setWhichEigenpairs(SLEPc.EPS.Which.TARGET_MAGNITUDE)
+    eps.setFromOptions()
+    values, vectors, residuals, notices = _solve(eps, min(number, moving))
+    negative = _negative(eps)
+    for thing in (eps, M, masses):
+        thing.destroy()
+    return values, vectors, residuals, np.abs(values) <= MECHANISM * largest, negative, notices
+
+
+def _maximum(a, b):
+    return max(a, b)
+
+
+def _frequencies(problem, number):
+    """Modes of vibration; collective."""
+    structure = problem.structure
+    if structure.mass is None:
+        raise ValueError("frequencies need masses: give mass, in kg (on the command line --node-mass)")
+    values, vectors, residuals, zero, negative, notices = _lowest(problem, number, structure.mass)
+    found = problem.modes(False, values, vectors, residuals=residuals, mechanisms=zero)
+    found.notices = notices + _mechanisms(found)
+    if negative:
+        found.notices.append(f"the state is not stable: {negative} modes have a negative stiffness")
+    return found
+
+
+def _mechanisms(found):
+    """Return a sentence on mechanisms, if there are any."""
+    loose = np.flatnonzero(found.mechanisms)
+    if not loose.size:
+        return []
+    nodes = sorted({node for mode in loose for node in found.movers(mode)})
+    named = ", ".join(map(str, nodes[: 2 * _NAMED])) + (" and others" if len(nodes) > 2 * _NAMED else "")
+    cure = "" if found.structure.geometry != "linear" else "; prestress holds them with the geometry prestress or large"
+    return [f"{loose.size} mechanism{'s' if loose.size > 1 else ''}, modes of no stiffness, at nodes {named}{cure}"]
+
+
+def _factors(problem, number, load, base):
+    """Modes of buckling; collective."""
+    structure = problem.structure
+    if structure.geometry != "large":
+        raise ValueError(
+            f"buckling needs links that turn, and the geometry is {structure.geometry}: take geometry='large'"
+            " (-snes_latin_geometry large)"
+        )
+    if load.shape != structure.nodes.shape:
+        raise ValueError(f"load must have the shape {structure.nodes.shape}, a row per node, not {load.shape}")
+    if not load[~structure.fixed].any():
+        raise ValueError("there are no loads for a factor to multiply: give load, in N")
+    _refuse_unstable(problem)
+    SLEPc = _slepc()
+    K, G = problem.stiffness(), structure.dm.createMat()
+    f, moved = structure.create_vec(), structure.create_vec()
+    structure.set_displacements(load, f)
+    structure.geometric_stiffness(problem.u, np.zeros(len(structure.links)), G)
+    eps = _solver(G, K, 1, False)  # G v = nu K v, nu = -1/mu
+    eps.setTolerances(tol=LOOSE)
+    eps.setWhichEigenpairs(SLEPc.EPS.Which.LARGEST_MAGNITUDE)
+    eps.setUp()
+    eps.getST().getKSP().solve(f, moved)
+    structure.geometric_stiffness(problem.u, structure.tension_rates(problem.u, moved), G)
+    eps.setOperators(G, K)
+    largest = max(map(abs, _solve(eps, 1)[0]), default=0.0) or 1.0
+    G.scale(1.0 / largest)  # then rounding of the many values that are zero is an absolute one
+    eps.destroy()
+    count = min(number, _below(G, K, -FLAT))  # the others buckle under the reversed loads, or not at all
+    values, vectors, residuals, notices = [], [], [], []
+    if count:
+        edge = 2.0 * FLAT  # below all eigenvalues, within a decade
+        while _below(G, K, -edge):
+            edge *= 10.0
+        eps = _solver(G, K, count, True)
+        eps.setTarget(-edge)
+        eps.setWhichEigenpairs(SLEPc.EPS.Which.TARGET_MAGNITUDE)
+        eps.setFromOptions()
+        values, vectors, residuals, notices = _solve(eps, count)
+        eps.destroy()
+    factors = [base - 1.0 / (largest * value) for value in values]
+    found = problem.modes(True, factors, vectors, residuals=residuals, mechanisms=np.zeros(len(values), bool))
+    found.notices = notices if count else ["no positive factor: multiples of these loads do not buckle the state"]
+    for thing in (G, f, moved):
+        thing.destroy()
+    return found
+
+
+def _below(A, B, value):
+    """Count the eigenvalues of A v = lambda B v below a value, by the inertia of a factor; collective."""
+    shifted = A.copy()
+    shifted.axpy(-value, B, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
+    pc = PETSc.PC().create(A.getComm())
+    pc.setOptionsPrefix("modes_st_")
+    pc.setOperators(shifted)
+    _factor(pc)
+    pc.setUp()
+    count = pc.getFactorMatrix().getInertia()[0]
+    pc.destroy()
+    shifted.destroy()
+    return count
+
+
+def _refuse_unstable(problem):
+    """Refuse a state whose tangent stiffness is not positive definite; collective."""
+    ones = np.ones(len(problem.structure.nodes))
+    values, vectors, residuals, zero, negative, _ = _lowest(problem, 1, ones)
+    if not (zero.any() or negative or min(values) < 0.0):
+        return
+    found = problem.modes(False, values, vectors, residuals=residuals, mechanisms=zero)
+    kind = "is a mechanism" if zero.any() else "is not stable"
+    raise SolveError(
+        f"no factors: the state {kind}, most at nodes {', '.join(map(str, found.movers(0)))}; solve for a stable one"
+        " first"
+    )

@@ -1,0 +1,159 @@
+#include "structure/structureimpl.h"
+
+/* Linear buckling: how tensions grow with displacements, and the stiffness that they give links against being turned. */
+
+/* Link l of a structure whose links turn, at the displacements a of the vertices: direction n, length, strain; 0 for a link of no length */
+static PetscReal LatinGeometricLink(LatinStructure structure, PetscInt l, const PetscScalar a[], PetscReal n[], PetscReal *x)
+{
+  const PetscInt     dim = structure->dim;
+  const PetscReal   *r0  = structure->span + dim * l;
+  const PetscBool    far = (PetscBool)(structure->geometry == LATIN_GEOMETRY_LARGE);
+  const PetscScalar *ua = a + dim * structure->ends[2 * l], *ub = a + dim * structure->ends[2 * l + 1];
+  PetscReal          length = 0.0, size = 0.0, stretch = 0.0;
+
+  for (PetscInt c = 0; c < dim; c++) {
+    const PetscReal d = PetscRealPart(ub[c] - ua[c]);
+
+    n[c] = far ? r0[c] + d : r0[c];
+    length += PetscSqr(r0[c]);
+    size += PetscSqr(n[c]);
+    stretch += (far ? 2.0 * r0[c] + d : r0[c]) * d;
+  }
+  length = PetscSqrtReal(length);
+  size   = PetscSqrtReal(size);
+  *x     = stretch / (far ? size + length : length) + structure->e0[l];
+  for (PetscInt c = 0; c < dim && size > 0.0; c++) n[c] /= size;
+  return size;
+}
+
+/* Only where links turn. Collective on structure */
+static PetscErrorCode LatinGeometricCheck_Private(LatinStructure structure)
+{
+  PetscFunctionBegin;
+  PetscCheck(structure->span, PetscObjectComm((PetscObject)structure), PETSC_ERR_SUP, "The geometric stiffness is that of links that turn, and the geometry of the structure is linear: set it to prestress or large with LatinStructureSetGeometry()");
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode LatinStructureComputeGeometricStiffness_Private(LatinStructure structure, Vec u, const PetscReal tension[], Mat G)
+{
+  const PetscInt         dim = structure->dim, n = 2 * dim;
+  ISLocalToGlobalMapping map;
+  const PetscScalar     *a;
+  PetscInt               rows, m;
+  Vec                    local;
+
+  PetscFunctionBegin;
+  PetscCall(LatinGeometricCheck_Private(structure));
+  PetscCall(MatGetLocalToGlobalMapping(G, &map, NULL));
+  PetscCall(MatGetSize(G, &rows, NULL));
+  PetscCall(VecGetSize(structure->load, &m));
+  PetscCheck(map && rows == m, PetscObjectComm((PetscObject)structure), PETSC_ERR_ARG_WRONG, "The matrix does not belong to this structure: make it with DMCreateMatrix() on its DM");
+  PetscCall(MatZeroEntries(G));
+  PetscCall(DMGetLocalVector(structure->dm, &local));
+  PetscCall(LatinStructureGetLocal_Private(structure, structure->vertex_prescribed, u, local));
+  PetscCall(VecGetArrayRead(local, &a));
+  for (PetscInt l = 0; l < structure->links_local; l++) {
+    PetscReal   r[3], x, size = LatinGeometricLink(structure, l, a, r, &x);
+    PetscInt    row[6];
+    PetscScalar block[36];
+
+    if (!(size > 0.0)) continue; /* as the tangent has it */
+    for (PetscInt i = 0; i < n; i++) row[i] = dim * structure->ends[2 * l + i / dim] + i % dim;
+    for (PetscInt i = 0; i < n * n; i++) {
+      const PetscInt p = i / n % dim, q = i % n % dim;
+
+      block[i] = (i / n / dim == i % n / dim ? 1.0 : -1.0) * tension[l] / size * ((p == q ? 1.0 : 0.0) - r[p] * r[q]);
+    }
+    PetscCall(MatSetValuesLocal(G, n, row, n, row, block, ADD_VALUES));
+  }
+  PetscCall(VecRestoreArrayRead(local, &a));
+  PetscCall(DMRestoreLocalVector(structure->dm, &local));
+  PetscCall(MatAssemblyBegin(G, MAT_FINAL_ASSEMBLY));
+  PetscCall(MatAssemblyEnd(G, MAT_FINAL_ASSEMBLY));
+  PetscCall(MatSetOption(G, MAT_SYMMETRIC, PETSC_TRUE));
+  PetscCall(MatSetOption(G, MAT_SYMMETRY_ETERNAL, PETSC_TRUE));
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  LatinStructureComputeGeometricStiffness - The geometric stiffness of given tensions: the sum over all links of tau / R (1 - n n^t), R and n the
+  length and the direction of a link, in the displaced structure where displacements are large, else as drawn.
+
+  Collective on structure
+
+  Input Parameters:
++ u       - displacements, a DM global vector
+- tension - tau of this rank's links, [links_local] in the caller's numbering, positive in traction
+
+  Output Parameter:
+. G - overwritten; made by `DMCreateMatrix()` on the DM of the structure
+
+  Level: intermediate
+
+  Note:
+  G is linear in the tensions, and no better than indefinite where some are compressive. With the tensions at u it is the part of the
+  tangent stiffness of `LatinStructureComputeJacobian()` that prestress makes.
+
+.seealso: `LatinStructureComputeJacobian()`, `LatinStructureGetTensions()`, `LatinStructureSetGeometry()`
+@*/
+PetscErrorCode LatinStructureComputeGeometricStiffness(LatinStructure structure, Vec u, const PetscReal tension[], Mat G)
+{
+  PetscFunctionBegin;
+  PetscCall(LatinStructureCheckVec_Private(structure, u));
+  LatinWatch(PetscObjectComm((PetscObject)structure), LatinStructureComputeGeometricStiffness_Private(structure, u, tension, G));
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode LatinStructureGetTensionRates_Private(LatinStructure structure, Vec u, Vec v, PetscReal rate[])
+{
+  const PetscInt     dim = structure->dim;
+  const PetscScalar *a, *b;
+  Vec                at, along;
+
+  PetscFunctionBegin;
+  PetscCall(LatinGeometricCheck_Private(structure));
+  PetscCall(DMGetLocalVector(structure->dm, &at));
+  PetscCall(DMGetLocalVector(structure->dm, &along));
+  PetscCall(LatinStructureGetLocal_Private(structure, structure->vertex_prescribed, u, at));
+  PetscCall(LatinStructureGetLocal_Private(structure, NULL, v, along)); /* no change where prescribed */
+  PetscCall(VecGetArrayRead(at, &a));
+  PetscCall(VecGetArrayRead(along, &b));
+  for (PetscInt l = 0; l < structure->links_local; l++) {
+    const PetscScalar *va = b + dim * structure->ends[2 * l], *vb = b + dim * structure->ends[2 * l + 1];
+    PetscReal          n[3], x;
+
+    (void)LatinGeometricLink(structure, l, a, n, &x);
+    rate[l] = 0.0;
+    for (PetscInt c = 0; c < dim; c++) rate[l] += n[c] * PetscRealPart(vb[c] - va[c]);
+    rate[l] *= LatinStructureTangent(structure, l, x);
+  }
+  PetscCall(VecRestoreArrayRead(along, &b));
+  PetscCall(VecRestoreArrayRead(at, &a));
+  PetscCall(DMRestoreLocalVector(structure->dm, &along));
+  PetscCall(DMRestoreLocalVector(structure->dm, &at));
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  LatinStructureGetTensionRates - The derivative of the tensions at u along v, k_t n . (v_2 - v_1); zero in slack links.
+
+  Collective on structure
+
+  Input Parameters:
+. u, v - displacements, DM global vectors
+
+  Output Parameter:
+. rate - of this rank's links, [links_local] in the caller's numbering
+
+  Level: intermediate
+
+.seealso: `LatinStructureGetTensions()`, `LatinStructureComputeGeometricStiffness()`
+@*/
+PetscErrorCode LatinStructureGetTensionRates(LatinStructure structure, Vec u, Vec v, PetscReal rate[])
+{
+  PetscFunctionBegin;
+  PetscCall(LatinStructureCheckVec_Private(structure, u));
+  PetscCall(LatinStructureCheckVec_Private(structure, v));
+  LatinWatch(PetscObjectComm((PetscObject)structure), LatinStructureGetTensionRates_Private(structure, u, v, rate));
+  PetscFunctionReturn(0);
+}
