@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
@@ -18,9 +20,18 @@ COMPRESSION = LinearSegmentedColormap.from_list("compression", ["#fdbb84", "#fc8
 TENSION = LinearSegmentedColormap.from_list("tension", ["#9ecae1", "#4a98c9", "#1764ab", "#08306b"])
 
 
+class Picture(Figure):
+    """A matplotlib figure that notebooks show without pyplot."""
+
+    def _repr_png_(self):
+        memory = io.BytesIO()
+        self.savefig(memory, format="png", dpi=90)
+        return memory.getvalue()
+
+
 def new_figure(width, height):
     """Make a white figure; width and height in inches."""
-    figure = Figure(figsize=(width, height), dpi=150, facecolor="white")
+    figure = Picture(figsize=(width, height), dpi=150, facecolor="white")
     FigureCanvasAgg(figure)
     return figure
 
