@@ -10,6 +10,7 @@
 #   make test VALGRIND=1   the same under valgrind, which takes hours: VALGRIND=first runs one case of each test, and
 #                      PYTEST_ARGS=tests/test_snes.py those of a file
 #   make coverage      the quick tests; which lines of C and Python they run, in build/coverage
+#   make docs          the site of the documentation, in build/docs/html; any warning is an error
 #   make bench         the benchmarks, their tables and figures; BENCH=full adds the large ones
 #   make format-check  clang-format and ruff, as CI runs them; `make format` applies them
 #   make lint          ruff's rules, and the order of folders (.ci/floors.py)
@@ -81,7 +82,7 @@ export OMPI_MCA_mpi_yield_when_idle       := 1
 export OMP_NUM_THREADS                    := 1
 export OPENBLAS_NUM_THREADS               := 1
 
-.PHONY: env build demo test test-all coverage bench format format-check lint clean distclean
+.PHONY: env build demo test test-all coverage docs bench format format-check lint clean distclean
 .DEFAULT_GOAL := env
 # the stamps are made one after the other
 .NOTPARALLEL:
@@ -162,6 +163,15 @@ coverage: env
 	@$(BIN)/gcovr --root . --filter latinpc/src --txt --html-details build/coverage/c.html $(BUILD)
 endif
 
+$(VENV)/.docs: $(VENV)/.tools
+	@echo "Installing Sphinx and what notebooks need, pinned in pyproject.toml"
+	@$(BIN)/python -m pip install -q --disable-pip-version-check $(call extra,docs)
+	@touch $@
+
+docs: env $(VENV)/.docs
+	$(BIN)/sphinx-build -c docs -b html -E -W --keep-going -q . build/docs/html
+	@echo "build/docs/html/index.html"
+
 $(VENV)/.bench: $(VENV)/.tools
 	@echo "Installing another interior point method pinned in pyproject.toml"
 	@$(BIN)/python -m pip install -q --disable-pip-version-check $(call extra,bench)
@@ -186,7 +196,7 @@ lint: env
 	$(BIN)/python .ci/floors.py $(FLOORS)
 
 clean:
-	rm -rf build demo latinpc/*.so .pytest_cache .ruff_cache .hypothesis
+	rm -rf build demo latinpc/*.so .pytest_cache .ruff_cache .hypothesis docs/tutorial/*.png docs/tutorial/*.gif
 	find latinpc tests examples -name __pycache__ -prune -exec rm -rf {} +
 
 distclean: clean

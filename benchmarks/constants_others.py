@@ -323,7 +323,7 @@ OTHERS = {
     "LATIN_LARGE_GROW": ("times", "With 2 two saddles of seven take twice as many stages after the first renewal."),
     "LATIN_LARGE_COST": (
         "linear stages",
-        "What a set-up takes: 25 to 38 on networks and grids of 8,000 to 360,000 unknowns (README).",
+        "What a set-up takes: 25 to 38 on networks and grids of 8,000 to 360,000 unknowns (docs/performance).",
     ),
     "LATIN_LARGE_MOST": (
         "set-ups",

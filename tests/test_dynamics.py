@@ -365,7 +365,7 @@ def test_the_monitor_tells_energies_iterations_and_active_links(tmp_path):
 
 
 def test_the_plain_iteration_moves_when_damped():
-    """As README says."""
+    """As docs/motions.md says."""
     scene = heavy(grid(modules=4, subdomains=4), mass=20.0)
     plain = {"snes_latin_outer_snes_type": "nrichardson", "snes_latin_outer_snes_linesearch_damping": 0.8}
     u, v = euler(scene, np.zeros(scene.nodes.shape), scene.velocity, 1e-3, 4)

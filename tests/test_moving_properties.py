@@ -30,7 +30,7 @@ ENOUGH = (
 
 
 def tight(chosen):
-    """Options of a motion for those of SNES latin: README has what the plain iteration wants."""
+    """Options of a motion for those of SNES latin: docs/motions.md has what the plain iteration wants."""
     given = {"stop": "error", "error": ACCURACY, **chosen}
     if given.get("outer_snes_type") == "nrichardson":
         given["outer_snes_linesearch_damping"] = 0.8

@@ -1,4 +1,4 @@
-"""The tables of options/README.md, `-help` and the files in options/ say the same; the README's commands run."""
+"""The tables of options/README.md, `-help` and the files in options/ say the same; the pages' commands run."""
 
 import os
 import re
@@ -12,6 +12,8 @@ from conftest import ROOT, run
 from latinpc import options
 
 README = (ROOT / "README.md").read_text()
+SOLVING = (ROOT / "docs" / "solving.md").read_text()
+WITH_COMMANDS = ["README.md", *(f"docs/{name}.md" for name in ("checkpoints", "commands", "diagnostics", "motions"))]
 OPTIONS = (ROOT / "options" / "README.md").read_text()
 COMMAND = [Path(sys.executable).parent / "latinpc", "solve"]
 HELP_OF = {
@@ -151,10 +153,11 @@ def test_pages_name_what_exists(page):
         assert (ROOT / path).exists() or path.endswith(".so"), path
 
 
-def test_readme_programs_run(tmp_path, monkeypatch, capsys):
-    """The one of ten lines, and what goes on from it with petsc4py."""
+def test_readme_program_runs(tmp_path, monkeypatch, capsys):
+    """The one of ten lines, what goes on from it with petsc4py, and the ways to solve it."""
     monkeypatch.chdir(tmp_path)
-    first, second = re.findall(r"```python\n(.*?)```", README, re.DOTALL)[:2]
+    program = re.compile(r"```python\n(.*?)```", re.DOTALL)
+    (first,), (solves, second) = program.findall(README), program.findall(SOLVING)
     names = {}
     exec(first, names)
     assert "largest 1 mm" in capsys.readouterr().out
@@ -163,22 +166,27 @@ def test_readme_programs_run(tmp_path, monkeypatch, capsys):
     assert len(first.splitlines()) <= 11
     exec(second, names)
     assert names["snes"].reason > 0
+    exec(solves, names)
+    assert names["result"].converged
 
 
-def readme_commands():
-    return [line.split(" #")[0].strip() for line in re.findall(r"^((?:latinpc|mpirun) .*)$", README, re.MULTILINE)]
+def commands():
+    """Lines of pages that begin with a command of ours, each once."""
+    lines = re.compile(r"^((?:latinpc|mpirun -n \d latinpc) .*)$", re.MULTILINE)
+    found = [line for page in WITH_COMMANDS for line in lines.findall((ROOT / page).read_text())]
+    return list(dict.fromkeys(line.split(" #")[0].strip() for line in found))
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("line", readme_commands())
-def test_readme_command_runs(line, tmp_path):
+@pytest.mark.parametrize("line", commands())
+def test_command_of_a_page_runs(line, tmp_path):
     if line == "latinpc extremes":
         line += " --group slack"  # the whole catalogue is for test_extremes.py
     line = line.replace("steps 5000", "steps 100")  # minutes
     before, restart, _ = line.partition(" --restart ")
     if restart:  # from the state of a run that ended early
         line = f"{before.replace('steps 100', 'steps 50')} && {line}"
-    for name in ("examples", "options"):
+    for name in ("docs", "examples", "options"):
         (tmp_path / name).symlink_to(ROOT / name)
     path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
     assert run(["bash", "-c", line], cwd=tmp_path, env={"PATH": path}).stdout

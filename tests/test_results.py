@@ -122,6 +122,10 @@ def test_plot(result, tmp_path):
     assert any("drawn × 1" in text.get_text() for text in mine.texts)
 
 
+def test_notebooks_show_plots(result):
+    assert result.plot()._repr_png_().startswith(b"\x89PNG")
+
+
 def test_command_line(tmp_path):
     names = ["m.csv", "n.csv", "r.json", "r.vtu"]
     files = ["--csv", *names[:2], "--json", names[2], "--output", names[3]]
