@@ -35,7 +35,7 @@ PetscErrorCode SNESSetFromOptions_Latin(SNES snes, LatinOptionItems PetscOptions
   PetscCall(PetscOptionsReal("-snes_latin_error", "Estimated relative error to stop at, with -snes_latin_stop auto, error or energy", "SNESLatinSetError", error, &error, &set));
   PetscCheck(!set || stop >= LATIN_STOP_ERROR, PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_WRONGSTATE, "-snes_latin_error belongs to -snes_latin_stop error or energy, but the stop is %s: add -snes_latin_stop error", LatinStopTypes[stop]);
   if (set) PetscCall(SNESLatinSetError(snes, error));
-  PetscCall(PetscOptionsReal("-snes_latin_tension_error", "Estimated relative error of the tensions to stop at; by default that of the displacements", "SNESLatinSetTensionError", data->tension_target, &error, &set));
+  PetscCall(PetscOptionsReal("-snes_latin_tension_error", "Estimated relative error of the tensions to stop at; by default that of the displacements", "SNESLatinSetTensionError", SNESLatinTensionTarget(data), &error, &set));
   if (set) PetscCall(SNESLatinSetTensionError(snes, error));
   PetscCall(PetscOptionsReal("-snes_latin_balance", "Forces without balance to stop at, relative to the loads, with -snes_latin_stop auto, error or energy", "SNESLatinSetBalance", balance, &balance, NULL));
   PetscCall(SNESLatinSetBalance(snes, balance));
