@@ -2,7 +2,6 @@
 
 /* The energy of a structure along a step of Newton's method, from u to u - t step. */
 
-#define LATIN_FAR              1e30 /* a length: a strain beyond every gap, whose square is still a number */
 #define LATIN_SEARCH_MOST      80   /* trial lengths: every third halves the interval */
 #define LATIN_SEARCH_TOLERANCE 1e-3 /* slope at the end, relative to the first one; hardly any step depends on it */
 
