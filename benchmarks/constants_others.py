@@ -135,6 +135,24 @@ OTHERS = {
         "Newton's method takes 30 ms a step on net 30, a stage 0.2 ms: 300 as without rigid links is 5 times slower.",
     ),
     "LATIN_ESTIMATE_NOISE": ("eps, of the forces at a node", "As `LATIN_FORCE_NOISE`, for tensions of rigid links."),
+    "LATIN_COLLAPSE_STEPS": ("steps", "A bound: what is found takes 3 to 31 steps, a network of 19,000 unknowns 36."),
+    "LATIN_COLLAPSE_SOFT": (
+        "of the metric",
+        "With 1e-8 bars and taut cables that work together are met slowly: a network of 19,000 unknowns takes no end.",
+    ),
+    "LATIN_COLLAPSE_SOFTER": (
+        "ratio",
+        "With 1e-10 alone 9 of 3,000 random structures are a mechanism to rounding, with 1e-8 none.",
+    ),
+    "LATIN_COLLAPSE_BACK": ("part of the way", "What interior-point methods take as a rule."),
+    "LATIN_COLLAPSE_TENSION": (
+        "tensions of bars",
+        "Forces of such tensions round to a millionth of the loads; beyond 1e12 no solution has four digits.",
+    ),
+    "LATIN_COLLAPSE_HELD": (
+        "displacements of bars",
+        "A push of the loads that is less is next to collapse, where Newton's method decides: half of the digits.",
+    ),
     "LATIN_NEWTON_AFTER": (
         "linear stages",
         "A network of 19,008 unknowns that slack cables leave loose takes 135 s with 10,000, 80 s with 1,000.",

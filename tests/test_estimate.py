@@ -137,9 +137,10 @@ def test_ranks_do_not_matter(mpirun, tmp_path):
 def test_target_below_rounding_does_not_converge(name):
     """The reason says that there is no more, long before the maximum of iterations."""
     scene = SCENES[name]()
-    result = solve(scene, error=1e-16, max_it=500, **STOP)
+    result = solve(scene, error=1e-16, max_it=5000, **STOP)
     assert result.reason == REASON.DIVERGED_INNER
-    assert result.iterations < 200
+    assert len(result.history.indicator) < 200
+    assert result.iterations < 500  # those of Newton's method among them
     assert 1e-16 < result.estimated_error < 1e-13
     assert error(scene, result.u, by_newton(scene, 1e-12)[0], "l2") < 1e-11
 

@@ -57,6 +57,21 @@ def test_the_judge():
     assert judged({"error": "Out of memory"}, None, "refused", scene=scene) == "silent"
 
 
+FAR_APART = [
+    "contrast 1e12 between bars beside them", "cables, contrast 1e14 in one half", "two balls, 1e12 times as heavy",
+    "six balls, every other 1e6 times as heavy", "six balls on cables, every other 1e6 times as heavy",
+    "six balls, every other 1e-12 times as heavy",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("name", FAR_APART)
+def test_stiffnesses_and_masses_far_apart(name):
+    """Solved, or refused for what rounding leaves."""
+    case = next(case for case in CASES if case.name == name)
+    outcome = extremes.run(case)
+    assert outcome.verdict == "right" or (outcome.verdict == "refused" and "rounding" in outcome.reason)
+
+
 def test_exact_solution_of_rigid_links():
     """Closed forms: a stack on its contacts, a block on a slope's spring without friction; what is jammed has none."""
     for law in (Law.CONTACT, Law.INEXTENSIBLE):

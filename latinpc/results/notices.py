@@ -25,6 +25,7 @@ __all__ = ["ConvergenceWarning", "LatinWarning", "SolveError", "causes", "duplic
 
 UNBALANCED = 1e-2  # of the loads: what a solve may leave by default (-snes_latin_balance)
 TURNED, MOVED = 5.0, 0.1  # degrees, part of the size of the structure: the most that small displacements are taken for
+CONTRAST = 1e10  # of stiffnesses: beyond it fewer than six digits are left of the softest links beside the stiffest
 _NAMED = 5
 
 
@@ -59,6 +60,8 @@ def causes(snes: PETSc.SNES, structure: Structure, past: dict) -> list[str]:
         notices.append(f"the requested error is below the rounding error of this structure, about {least:.0e}")
     if snes.getType() == "latin" and reason < 0:
         notices += _no_equilibrium(snes, structure)
+        if not any(text.startswith("no equilibrium") for text in notices):
+            notices += _contrast(structure)
     if snes.getType() == "ksponly" and (structure.law != Law.BAR).any():
         notices.append(
             "ksponly makes one linear step: it does not follow cables and compression-only links that slacken"
@@ -82,6 +85,15 @@ def _no_equilibrium(snes, structure):
     if (structure.law == Law.FRICTION).any():
         return ["contacts with friction: neither an equilibrium nor convergence is certain"]
     return []
+
+
+def _contrast(structure):
+    elastic = structure.stiffness[structure.stiffness > 0.0]
+    if not len(elastic) or elastic.max() < CONTRAST * elastic.min():
+        return []
+    contrast, eps = elastic.max() / elastic.min(), np.finfo(PETSc.RealType).eps
+    left = f"{eps * contrast:.0e} of those of the softest ones" if eps * contrast < 1.0 else "those of the softest ones"
+    return [f"stiffnesses differ by a factor of {contrast:.0e}: rounding of the forces of the stiffest links is {left}"]
 
 
 def duplicates(structure: Structure) -> list[str]:

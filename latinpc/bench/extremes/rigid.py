@@ -148,8 +148,10 @@ def _few(count, **more):
 def _links():
     for half, where in ((False, "between bars"), (True, "in one half")):
         for power in (4, -4, 8, -8, 12, -12):
+            # beside forces 1e12 times as large soft bars have four digits
             yield Case("rigid links", f"contrast 1e{power} {where} beside them",
-                       lambda power=power, half=half: stiffened(10.0**power, half), options=options())  # fmt: skip
+                       lambda power=power, half=half: stiffened(10.0**power, half),
+                       "right" if power < 12 else "either", options())  # fmt: skip
     for power in (-12, -6, -2, 2, 6, 12):
         yield Case("rigid links", f"girder, 1e{power} times the load", lambda power=power: (
             girder(load=10.0**power * girder().load)), options=options())  # fmt: skip

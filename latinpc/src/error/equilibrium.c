@@ -231,31 +231,15 @@ PetscErrorCode LatinEquilibriumCheck_Private(Latin latin, Vec u, Vec r, Vec more
   PetscFunctionReturn(0);
 }
 
-/*
-   A step of Newton's method along which no link resists, however far it goes, and along which the loads push: the energy
-   has no least value, and the verdict is LATIN_UNBOUNDED, with the nodes that move. Else *found stays. Links that will
-   resist once a gap has closed are no mechanism. r: what was without balance after the step. Collective on structure
-*/
-PetscErrorCode LatinEquilibriumMechanism_Private(LatinStructure structure, Vec step, Vec r, Vec more, LatinEquilibrium *found)
+/* The verdict LATIN_UNBOUNDED, with the nodes that these displacements move. Collective on structure */
+PetscErrorCode LatinEquilibriumMoved_Private(LatinStructure structure, Vec step, LatinEquilibrium *found)
 {
   const PetscInt dim = structure->dim;
   PetscInt       mine[LATIN_LISTED], count = 0;
-  PetscReal     *move, most, length, least, resisted, load, beside = 0.0;
-  PetscScalar    pushed, other = 0.0, left;
+  PetscReal     *move, most;
 
   PetscFunctionBegin;
   PetscCall(VecNorm(step, NORM_INFINITY, &most));
-  PetscCall(VecNorm(step, NORM_2, &length));
-  if (!(most > 0.0) || PetscIsInfOrNanReal(length)) PetscFunctionReturn(0);
-  PetscCall(LatinStructureStiffnessRange_Private(structure, &least, NULL));
-  PetscCall(LatinStructureResistFar_Private(structure, step, &resisted));
-  PetscCall(VecDot(structure->load, step, &pushed));
-  if (more) PetscCall(VecDot(more, step, &other));
-  PetscCall(VecDot(r, step, &left));
-  PetscCall(VecNorm(structure->load, NORM_2, &load));
-  if (more) PetscCall(VecNorm(more, NORM_2, &beside));
-  if (resisted > LATIN_SOFT * least * length * length || PetscAbsScalar(left) <= LATIN_LOAD_LEFT * PetscAbsScalar(pushed + other)) PetscFunctionReturn(0);
-  if (-PetscRealPart(pushed + other) <= LATIN_PUSH * (load + beside) * length) PetscFunctionReturn(0); /* the step is taken off: a node without load that nothing holds moves by rounding alone */
   PetscCall(PetscMalloc1(dim * structure->nodes_local, &move));
   PetscCall(LatinStructureGetDisplacements(structure, step, move));
   for (PetscInt i = 0; i < structure->nodes_local; i++) {
@@ -270,6 +254,32 @@ PetscErrorCode LatinEquilibriumMechanism_Private(LatinStructure structure, Vec s
   PetscCall(LatinList_Private(PetscObjectComm((PetscObject)structure), count, mine, &found->nodes, found->node));
   found->verdict  = LATIN_UNBOUNDED;
   found->distance = INFINITY;
+  PetscFunctionReturn(0);
+}
+
+/*
+   A step of Newton's method along which no link resists, however far it goes, and along which the loads push: the energy
+   has no least value, and the verdict is LATIN_UNBOUNDED, with the nodes that move. Else *found stays. Links that will
+   resist once a gap has closed are no mechanism. r: what was without balance after the step. Collective on structure
+*/
+PetscErrorCode LatinEquilibriumMechanism_Private(LatinStructure structure, Vec step, Vec r, Vec more, LatinEquilibrium *found)
+{
+  PetscReal   length, least, resisted, load, beside = 0.0;
+  PetscScalar pushed, other = 0.0, left;
+
+  PetscFunctionBegin;
+  PetscCall(VecNorm(step, NORM_2, &length));
+  if (!(length > 0.0) || PetscIsInfOrNanReal(length)) PetscFunctionReturn(0);
+  PetscCall(LatinStructureStiffnessRange_Private(structure, &least, NULL));
+  PetscCall(LatinStructureResistFar_Private(structure, step, &resisted));
+  PetscCall(VecDot(structure->load, step, &pushed));
+  if (more) PetscCall(VecDot(more, step, &other));
+  PetscCall(VecDot(r, step, &left));
+  PetscCall(VecNorm(structure->load, NORM_2, &load));
+  if (more) PetscCall(VecNorm(more, NORM_2, &beside));
+  if (resisted > LATIN_SOFT * least * length * length || PetscAbsScalar(left) <= LATIN_LOAD_LEFT * PetscAbsScalar(pushed + other)) PetscFunctionReturn(0);
+  if (-PetscRealPart(pushed + other) <= LATIN_PUSH * (load + beside) * length) PetscFunctionReturn(0); /* the step is taken off: a node without load that nothing holds moves by rounding alone */
+  PetscCall(LatinEquilibriumMoved_Private(structure, step, found));
   PetscFunctionReturn(0);
 }
 

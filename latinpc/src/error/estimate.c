@@ -97,14 +97,16 @@ static void LatinEstimateTensions(Latin latin, PetscReal sketch[])
   const PetscInt         dim = latin->sub.structure->dim;
 
   for (PetscInt i = 0, s = 0; i < sub->nonsmooth; i++) {
-    const PetscInt   l  = sub->nonsmooth_link[i];
-    const PetscReal *ua = latin->linear.U + dim * sub->ends[2 * l], *ub = latin->linear.U + dim * sub->ends[2 * l + 1];
-    PetscReal        ends = 0.0;
+    const PetscInt   l = sub->nonsmooth_link[i];
+    const PetscInt   a = dim * sub->ends[2 * l], b = dim * sub->ends[2 * l + 1];
+    const PetscReal *U    = latin->linear.U;
+    PetscReal        ends = 0.0, held = 0.0;
 
     while (l >= sub->link_offset[s + 1]) s++;
     LatinEstimateAdd(sketch, LatinEstimateBits(sub->first + s, l - sub->link_offset[s]), latin->linear.tension[i]);
-    for (PetscInt c = 0; c < dim; c++) ends += PetscAbsReal(sub->direction[dim * l + c]) * (PetscAbsReal(ua[c]) + PetscAbsReal(ub[c]));
-    sketch[LATIN_ESTIMATE_ROWS + 1] += PetscSqr(LATIN_ESTIMATE_NOISE * PETSC_MACHINE_EPSILON * sub->stiffness[l] * ends);
+    for (PetscInt c = 0; c < dim; c++) ends += PetscAbsReal(sub->direction[dim * l + c]) * (PetscAbsReal(U[a + c]) + PetscAbsReal(U[b + c]));
+    for (PetscInt c = 0; c < dim && sub->ground; c++) held += PetscAbsReal(sub->direction[dim * l + c]) * (sub->ground[a + c] * PetscAbsReal(U[a + c]) + sub->ground[b + c] * PetscAbsReal(U[b + c])); /* heavy nodes */
+    sketch[LATIN_ESTIMATE_ROWS + 1] += PetscSqr(LATIN_ESTIMATE_NOISE * PETSC_MACHINE_EPSILON * (sub->stiffness[l] * ends + held));
   }
 }
 

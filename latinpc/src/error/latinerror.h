@@ -93,9 +93,13 @@ typedef struct {
 PETSC_INTERN PetscErrorCode LatinEquilibriumPoint_Private(LatinStructure, PetscReal *least);
 PETSC_INTERN PetscErrorCode LatinEquilibriumFar_Private(LatinStructure, Vec u, PetscBool *);
 PETSC_INTERN PetscErrorCode LatinEquilibriumCheck_Private(Latin, Vec u, Vec r, Vec more, PetscReal target, PetscBool energy, PetscBool rests, LatinEquilibrium *);
+PETSC_INTERN PetscErrorCode LatinEquilibriumMoved_Private(LatinStructure, Vec step, LatinEquilibrium *);
 PETSC_INTERN PetscErrorCode LatinEquilibriumMechanism_Private(LatinStructure, Vec step, Vec r, Vec more, LatinEquilibrium *);
 PETSC_INTERN PetscErrorCode LatinEquilibriumJammed_Private(Latin, Vec z, Vec work, LatinEquilibrium *);
 PETSC_INTERN PetscErrorCode LatinStructureSize_Private(LatinStructure, PetscReal *size, PetscReal *prescribed);
+
+/* ---- is there none? (error/collapse.c) ---- */
+PETSC_INTERN PetscErrorCode LatinEquilibriumCollapse_Private(LatinStructure, KSP, Mat, Vec more, PetscInt *steps, PetscInt *stages, LatinEquilibrium *);
 
 /* An estimate compares iterates: displacements that rest while a state creeps look like those of a solution. Forces show otherwise */
 static inline void LatinEstimateLearn(const LatinEquilibrium *found, PetscReal target, LatinEstimate *estimate)

@@ -66,6 +66,7 @@ static PetscErrorCode PCSetUp_Latin(PC pc)
   PetscErrorCode ierr;
 
   PetscFunctionBegin;
+  pc->failedreason = PC_NOERROR; /* that of the last operator: PETSc 3.18 keeps it */
   if (!((PC_Latin *)pc->data)->yields) {
     PetscCall(PCLatinBuild_Private(pc));
     PetscFunctionReturn(0);

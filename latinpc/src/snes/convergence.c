@@ -233,7 +233,7 @@ static PetscErrorCode SNESLatinDecide_Private(SNES snes, PetscReal measure, Pets
   if (*next == LATIN_NEXT_CONTINUE && snes->divtol > 0.0 && latin->linear.distance > snes->divtol * data->first_distance) *next = LATIN_NEXT_DIVERGED;
   if (LatinNextConverged(*next)) PetscCall(SNESLatinProve_Private(snes, next));
   if (SNESLatinStalls(data, measure, target, *next)) *next = LATIN_NEXT_NEWTON_STALL;
-  if (*next == LATIN_NEXT_CONTINUE && latin->linear.applications >= PetscMin(snes->max_its, data->newton.last)) *next = LATIN_NEXT_MAX_IT;
+  if (*next == LATIN_NEXT_CONTINUE && (latin->linear.applications + data->newton.stages >= snes->max_its || latin->linear.applications >= data->newton.last)) *next = LATIN_NEXT_MAX_IT;
   if (*next == LATIN_NEXT_CONTINUE || *next == LATIN_NEXT_DIVERGED) PetscCall(LatinParameterDue_Private(latin, measure, &data->parameter, next));
   PetscFunctionReturn(0);
 }

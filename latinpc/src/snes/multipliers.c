@@ -72,18 +72,18 @@ PetscErrorCode LatinMultipliersSolve_Private(SNES snes, LatinNewton *newton, Vec
 {
   PetscBool done  = PETSC_FALSE;
   PetscReal grown = LATIN_PENALTY, most = LATIN_PENALTY_MOST, change = PETSC_MAX_REAL, moved = 1.0, factor, last;
-  PetscInt  steps, stages, raised = 0;
+  PetscInt  steps, stages, sum = 0, raised = 0;
   Vec       before;
 
   PetscFunctionBegin;
-  newton->steps = newton->stages = 0;
   PetscCall(DMGetGlobalVector(newton->structure->dm, &before));
   PetscCall(VecCopy(u, before));
-  for (PetscInt k = 0; k < LATIN_MULTIPLIER_TIMES && newton->steps < LATIN_MULTIPLIER_STEPS && !done; k++) {
+  for (PetscInt k = 0; k < LATIN_MULTIPLIER_TIMES && sum < LATIN_MULTIPLIER_STEPS && !done; k++) {
     PetscCall(SNESSolve(newton->snes, snes->vec_rhs, u));
     PetscCall(SNESGetConvergedReason(newton->snes, reason));
     PetscCall(SNESGetIterationNumber(newton->snes, &steps));
     PetscCall(SNESGetLinearSolveIterations(newton->snes, &stages));
+    sum += steps;
     newton->steps += steps;
     newton->stages += stages;
     if (*reason == SNES_DIVERGED_LINEAR_SOLVE && newton->tangent && raised++ < LATIN_FLOOR_TIMES) { /* the taut links of a step are a mechanism to rounding */

@@ -132,6 +132,33 @@ static PetscErrorCode LatinNewtonCorrect_Private(SNES snes, LatinNewton *newton,
   PetscFunctionReturn(0);
 }
 
+/*
+   Once a solve, where the method has not come to an end soon: is there an equilibrium at all? What it takes is counted as
+   steps of the method. A preconditioner that needs a matrix with entries cannot be asked. Collective on newton->snes
+*/
+PetscErrorCode LatinNewtonAsk_Private(LatinNewton *newton, Vec more)
+{
+  PetscInt  steps, stages;
+  PetscBool latin;
+  KSP       ksp;
+  PC        pc;
+  Mat       A;
+
+  PetscFunctionBegin;
+  PetscCall(SNESGetKSP(newton->snes, &ksp));
+  PetscCall(KSPGetPC(ksp, &pc));
+  PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCLATIN, &latin));
+  if (newton->asked || !newton->tangent || !latin) PetscFunctionReturn(0);
+  newton->asked = PETSC_TRUE;
+  PetscCall(KSPSetTolerances(ksp, LATIN_NEWTON_TIGHT, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
+  PetscCall(SNESGetJacobian(newton->snes, &A, NULL, NULL, NULL));
+  PetscCall(LatinEquilibriumCollapse_Private(newton->structure, ksp, A, more, &steps, &stages, &newton->found));
+  newton->steps += steps;
+  newton->stages += stages;
+  newton->changes = 1; /* the tangent stiffness is lost */
+  PetscFunctionReturn(0);
+}
+
 /* The last step, relative to the displacements u after it, in the norm of the stop. Collective on snes */
 static PetscErrorCode LatinNewtonStep_Private(SNES snes, LatinNewton *newton, Vec u, PetscReal *l2, PetscReal *energy)
 {
@@ -152,7 +179,7 @@ static PetscErrorCode LatinNewtonConverged_Private(SNES snes, PetscInt it, Petsc
   LatinNewton     *newton = (LatinNewton *)ctx;
   PetscReal        before = newton->error, lambda = 1.0, energy;
   LatinEquilibrium found;
-  PetscInt         changes, most;
+  PetscInt         changes, most, stages;
   PetscBool        rounding, claims;
   Vec              u;
   KSP              ksp;
@@ -168,6 +195,7 @@ static PetscErrorCode LatinNewtonConverged_Private(SNES snes, PetscInt it, Petsc
   PetscCall(SNESGetKSP(snes, &ksp));
   PetscCall(SNESGetSolution(snes, &u));
   PetscCall(SNESGetTolerances(snes, NULL, NULL, NULL, &most, NULL));
+  PetscCall(SNESGetLinearSolveIterations(snes, &stages));
   if (!it) {
     changes       = newton->linear ? 0 : 1;
     newton->still = 0;
@@ -199,12 +227,14 @@ static PetscErrorCode LatinNewtonConverged_Private(SNES snes, PetscInt it, Petsc
   if (fnorm <= newton->residual) *reason = SNES_CONVERGED_FNORM_RELATIVE;
   else if (claims) *reason = SNES_CONVERGED_SNORM_RELATIVE;
   else if (rounding) *reason = SNES_CONVERGED_SNORM_RELATIVE;
-  else if (it >= most) *reason = SNES_DIVERGED_MAX_IT;
-  PetscCall(KSPSetTolerances(ksp, changes || newton->tangent ? newton->rtol : LATIN_NEWTON_TIGHT, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
+  else if (it >= most || newton->stages + stages >= newton->limit) *reason = SNES_DIVERGED_MAX_IT;
   PetscCall(PetscInfo(snes, "step %" PetscInt_FMT ": %" PetscInt_FMT " links have changed, estimated error %g of %g\n", it, changes, (double)newton->error, (double)newton->target));
   newton->changes = changes;
-  newton->left    = 0.0; /* of a linear solver without a test: a direct one */
-  newton->size    = PetscMax(newton->size, xnorm);
+  if (it == LATIN_NEWTON_FULL && !*reason) PetscCall(LatinNewtonAsk_Private(newton, snes->vec_rhs));
+  if (newton->found.verdict == LATIN_UNBOUNDED) *reason = SNES_DIVERGED_DTOL;
+  PetscCall(KSPSetTolerances(ksp, changes || newton->tangent ? newton->rtol : LATIN_NEWTON_TIGHT, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
+  newton->left = 0.0; /* of a linear solver without a test: a direct one */
+  newton->size = PetscMax(newton->size, xnorm);
   PetscFunctionReturn(0);
 }
 
@@ -310,6 +340,8 @@ PetscErrorCode LatinNewtonSolve_Private(SNES snes, LatinNewton *newton, Vec u, S
   newton->left     = 0.0;
   newton->doubt    = LATIN_NEWTON_DOUBT;
   newton->tensions = -1.0;
+  newton->asked    = PETSC_FALSE;
+  PetscCall(PetscMemzero(&newton->found, sizeof(newton->found)));
   PetscCall(VecNorm(u, NORM_2, &newton->size));
   PetscCall(SNESGetKSP(newton->snes, &ksp));
   PetscCall(KSPSetTolerances(ksp, newton->rtol, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));

@@ -178,6 +178,7 @@ static PetscErrorCode SNESLatinNewton_Private(SNES snes, PetscBool stall)
   newton->energy         = data->estimate.energy;
   newton->tension_target = SNESLatinTensionTarget(data);
   newton->proves         = (PetscBool)(SNESLatinBalances(snes) && newton->target > 0.0);
+  newton->limit          = snes->max_its - data->latin->linear.applications;
   newton->reference      = data->stop == LATIN_STOP_REFERENCE ? data->reference : NULL;
   if (stall) PetscCall(SNESLatinNearer_Private(snes));
   else PetscCall(LatinAverage_Private(&data->latin->linear, snes->vec_sol)); /* an estimate says that it is near */
@@ -186,10 +187,11 @@ static PetscErrorCode SNESLatinNewton_Private(SNES snes, PetscBool stall)
   PetscCall(LatinMultipliersStart_Private(data->latin, newton));
   PetscCall(LatinNewtonCreate_Private(snes, data->latin, stall, newton));
   PetscCall(LatinNewtonSolve_Private(snes, newton, snes->vec_sol, &reason));
-  PetscCall(PetscMemzero(&data->found, sizeof(data->found)));
+  if (reason < 0) PetscCall(LatinNewtonAsk_Private(newton, snes->vec_rhs));
+  data->found = newton->found;
   PetscCall(SNESGetSolutionUpdate(newton->snes, &step));
   PetscCall(SNESGetFunction(newton->snes, &r, NULL, NULL));
-  if (step) PetscCall(LatinEquilibriumMechanism_Private(data->latin->sub.structure, step, r, snes->vec_rhs, &data->found));
+  if (step && !data->found.verdict) PetscCall(LatinEquilibriumMechanism_Private(data->latin->sub.structure, step, r, snes->vec_rhs, &data->found));
   PetscCall(LatinMultipliersEnd_Private(data->latin, newton, (PetscBool)(reason > 0)));
   if (data->found.verdict == LATIN_UNBOUNDED) {
     data->next = LATIN_NEXT_DIVERGED;
@@ -199,7 +201,6 @@ static PetscErrorCode SNESLatinNewton_Private(SNES snes, PetscBool stall)
   if (done) PetscFunctionReturn(0);
   PetscCall(PetscInfo(snes, "Newton's method ended with %s\n", SNESConvergedReasons[reason]));
   newton->finish = PETSC_FALSE;
-  newton->steps = newton->stages = 0;
   if (stall && !newton->penalty) newton->last = data->latin->linear.applications + LATIN_NEWTON_AFTER;
   data->current = -1;
   data->next    = LATIN_NEXT_NEWTON_STALL;

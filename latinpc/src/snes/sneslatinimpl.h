@@ -41,27 +41,30 @@ typedef struct {
   PetscInt  last;          /* most linear stages of this solve */
   PetscReal least[3];      /* least measure of this window of stages and of the last two */
   /* the method */
-  SNES           snes;             /* NULL before the first time */
-  PetscBool      tangent;          /* its preconditioner is built from the tangent stiffness, not that of the iteration */
-  Latin          latin;            /* borrowed */
-  LatinStructure structure;        /* borrowed: another one makes another SNES */
-  Vec            reference;        /* borrowed: stop on the error against it, or NULL */
-  PetscReal      target, residual; /* relative error of the displacements, norm of the residual to stop at */
-  PetscReal      tension_target;   /* relative error of the tensions to stop at */
-  PetscReal      balance, loads;   /* norms of the residual to stop at with that error, and of the loads */
-  PetscBool      energy;           /* the error is that of the energy norm */
-  PetscReal      size;             /* l2 norm of the displacements */
-  PetscReal      rtol;             /* of a linear solve while links change */
-  PetscReal      first, left;      /* norm of the residual of a linear solve, and the part of it that is left */
-  PetscReal      floor;            /* least tangent stiffness of a link */
-  PetscBool      proves;           /* a claim needs a correction that is as small */
-  PetscReal      doubt;            /* by so much corrections have been larger than what linear solves leave */
-  PetscReal      tensions;         /* estimated error of the tensions, relative; -1: not estimated */
-  PetscReal      error;            /* estimated or measured error of the last step */
-  PetscBool      linear;           /* no link can become slack */
-  PetscInt       changes;          /* links that the last step has changed */
-  PetscInt       steps, stages;    /* of this solve: Newton steps, linear stages */
-  PetscInt       still;            /* steps in a row whose search has stood still */
+  SNES             snes;             /* NULL before the first time */
+  PetscBool        tangent;          /* its preconditioner is built from the tangent stiffness, not that of the iteration */
+  Latin            latin;            /* borrowed */
+  LatinStructure   structure;        /* borrowed: another one makes another SNES */
+  Vec              reference;        /* borrowed: stop on the error against it, or NULL */
+  PetscReal        target, residual; /* relative error of the displacements, norm of the residual to stop at */
+  PetscReal        tension_target;   /* relative error of the tensions to stop at */
+  PetscReal        balance, loads;   /* norms of the residual to stop at with that error, and of the loads */
+  PetscBool        energy;           /* the error is that of the energy norm */
+  PetscReal        size;             /* l2 norm of the displacements */
+  PetscReal        rtol;             /* of a linear solve while links change */
+  PetscReal        first, left;      /* norm of the residual of a linear solve, and the part of it that is left */
+  PetscReal        floor;            /* least tangent stiffness of a link */
+  PetscBool        proves;           /* a claim needs a correction that is as small */
+  PetscReal        doubt;            /* by so much corrections have been larger than what linear solves leave */
+  PetscReal        tensions;         /* estimated error of the tensions, relative; -1: not estimated */
+  PetscReal        error;            /* estimated or measured error of the last step */
+  PetscBool        linear;           /* no link can become slack */
+  PetscInt         changes;          /* links that the last step has changed */
+  PetscInt         steps, stages;    /* of this solve: Newton steps, linear stages */
+  PetscInt         limit;            /* of these stages */
+  PetscInt         still;            /* steps in a row whose search has stood still */
+  PetscBool        asked;            /* whether there is an equilibrium at all */
+  LatinEquilibrium found;            /* the answer, and where there is none the nodes that move */
   /* rigid links as springs (snes/multipliers.c), NULL before the first time: [links_local of the structure] */
   PetscReal *penalty, *multiplier, *tension;
 } LatinNewton;
@@ -70,6 +73,7 @@ PETSC_INTERN PetscBool      LatinNewtonStalled(LatinNewton *, PetscReal measure,
 PETSC_INTERN PetscErrorCode LatinNewtonCreate_Private(SNES, Latin, PetscBool tangent, LatinNewton *);
 PETSC_INTERN PetscErrorCode LatinNewtonSolve_Private(SNES, LatinNewton *, Vec u, SNESConvergedReason *);
 PETSC_INTERN PetscErrorCode LatinNewtonCorrection_Private(LatinNewton *, Vec u, Vec r, PetscReal *error, PetscReal *tensions);
+PETSC_INTERN PetscErrorCode LatinNewtonAsk_Private(LatinNewton *, Vec more);
 PETSC_INTERN PetscErrorCode LatinMultipliersStart_Private(Latin, LatinNewton *);
 PETSC_INTERN PetscErrorCode LatinMultipliersSolve_Private(SNES, LatinNewton *, Vec u, SNESConvergedReason *);
 PETSC_INTERN PetscErrorCode LatinMultipliersEnd_Private(Latin, LatinNewton *, PetscBool solved);

@@ -2,7 +2,6 @@
 
 /* The energy of a structure along a step of Newton's method, from u to u - t step. */
 
-#define LATIN_FAR              1e30 /* a length: a strain beyond every gap, whose square is still a number */
 #define LATIN_SEARCH_MOST      80   /* trial lengths: every third halves the interval */
 #define LATIN_SEARCH_GROWS     8.0  /* the next length where the energy falls all the way */
 #define LATIN_SEARCH_FAR       1e12 /* the longest */

@@ -110,6 +110,8 @@ static inline PetscReal LatinStructureTension(const LatinStructure structure, co
   return law->tension(structure->stiffness[l], x, law->ctx);
 }
 
+#define LATIN_FAR 1e30 /* a length: a strain beyond every gap, whose square is still a number */
+
 /* The tangent stiffness of a link of the strain x that is elastic, or taken for a spring */
 static inline PetscReal LatinStructureTangent(const LatinStructure structure, PetscInt l, PetscReal x)
 {
@@ -146,6 +148,7 @@ PETSC_INTERN PetscErrorCode LatinStructureCheckHeld_Private(LatinStructure);
 PETSC_INTERN PetscErrorCode LatinStructureStiffnessRange_Private(LatinStructure, PetscReal *least, PetscReal *most);
 PETSC_INTERN PetscErrorCode LatinTangentFind_Private(LatinStructure, Mat, Vec *tangent);
 PETSC_INTERN PetscErrorCode LatinTangentCompute_Private(LatinStructure, Vec u, PetscReal floor, Mat, Vec *tangent);
+PETSC_INTERN PetscErrorCode LatinTangentGive_Private(LatinStructure, const PetscReal k[], Mat);
 PETSC_INTERN PetscErrorCode LatinTangentCreate_Private(LatinStructure, Mat *);
 PETSC_INTERN PetscErrorCode LatinTangentChanges_Private(LatinStructure, Vec u, PetscReal floor, Mat, PetscInt *);
 PETSC_INTERN PetscErrorCode LatinStructureSearch_Private(LatinStructure, Vec u, Vec step, Vec more, PetscReal *length);

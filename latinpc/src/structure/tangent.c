@@ -44,6 +44,18 @@ static PetscErrorCode LatinStructureTangents_Private(LatinStructure structure, V
   PetscFunctionReturn(0);
 }
 
+/* Those kept with the matrix J, made if there are none */
+static PetscErrorCode LatinTangentMake_Private(LatinStructure structure, Mat J, Vec *tangent)
+{
+  PetscFunctionBegin;
+  PetscCall(LatinTangentFind_Private(structure, J, tangent));
+  if (*tangent) PetscFunctionReturn(0);
+  PetscCall(VecCreateMPI(PetscObjectComm((PetscObject)structure), structure->links_local, structure->links_global, tangent));
+  PetscCall(PetscObjectCompose((PetscObject)J, "LatinTangent", (PetscObject)*tangent));
+  PetscCall(PetscObjectDereference((PetscObject)*tangent));
+  PetscFunctionReturn(0);
+}
+
 /*
    The tangent stiffness of each link at u, at least `floor`, kept with the matrix J that they make: whoever is given J finds
    them there, and J of another solver has its own. They are borrowed. Collective on structure
@@ -53,15 +65,25 @@ PetscErrorCode LatinTangentCompute_Private(LatinStructure structure, Vec u, Pets
   PetscReal *k;
 
   PetscFunctionBegin;
-  PetscCall(LatinTangentFind_Private(structure, J, tangent));
-  if (!*tangent) {
-    PetscCall(VecCreateMPI(PetscObjectComm((PetscObject)structure), structure->links_local, structure->links_global, tangent));
-    PetscCall(PetscObjectCompose((PetscObject)J, "LatinTangent", (PetscObject)*tangent));
-    PetscCall(PetscObjectDereference((PetscObject)*tangent));
-  }
+  PetscCall(LatinTangentMake_Private(structure, J, tangent));
   PetscCall(VecGetArrayWrite(*tangent, &k));
   PetscCall(LatinStructureTangents_Private(structure, u, floor, k));
   PetscCall(VecRestoreArrayWrite(*tangent, &k));
+  PetscCall(PetscObjectStateIncrease((PetscObject)J));
+  PetscFunctionReturn(0);
+}
+
+/* These stiffnesses of the links instead, [links_local]; J has no entries. Collective on structure */
+PetscErrorCode LatinTangentGive_Private(LatinStructure structure, const PetscReal k[], Mat J)
+{
+  PetscScalar *a;
+  Vec          tangent;
+
+  PetscFunctionBegin;
+  PetscCall(LatinTangentMake_Private(structure, J, &tangent));
+  PetscCall(VecGetArrayWrite(tangent, &a));
+  PetscCall(PetscArraycpy(a, k, structure->links_local));
+  PetscCall(VecRestoreArrayWrite(tangent, &a));
   PetscCall(PetscObjectStateIncrease((PetscObject)J));
   PetscFunctionReturn(0);
 }

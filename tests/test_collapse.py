@@ -1,0 +1,172 @@
+"""Structures without an equilibrium: the proof of it, what it costs, and that solvable ones have none."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from petsc4py import PETSc
+from scipy.optimize import linprog
+from support import grid, latin, lattice, solve
+
+import latinpc
+from latinpc.bench.extremes.drawn import draw
+from latinpc.bench.peers.qp import kinematics
+from latinpc.scenes import Law, make
+
+Reason = PETSc.SNES.ConvergedReason
+BOTH, COMPRESSION = (Law.BAR,), (Law.COMPRESSION_ONLY, Law.CONTACT)
+
+
+def cables(scene, share, seed=0):
+    """Make a share of the links cables that are slack at rest under any pressure, and take the prestress off."""
+    chosen = np.random.default_rng(seed).random(len(scene.links)) < share
+    return replace(scene, law=np.where(chosen, Law.CABLE, scene.law), initial_elongation=0 * scene.initial_elongation)
+
+
+def kind(name, **how):
+    """Make structures of several kinds."""
+    return {"network": lambda: replace(make("network", nodes=150, **how), subdomain=None), "lattice": lattice,
+            "grid": grid, "net": lambda: replace(make("net", side=6), subdomain=None),
+            "chain": lambda: replace(make("chain", links=24), subdomain=None)}[name]()  # fmt: skip
+
+
+def has_equilibrium(scene, loads=None):
+    """Ask a linear program for tensions that their laws admit and that bear the loads."""
+    B, _ = kinematics(scene)
+    force = (scene.load if loads is None else loads)[~scene.fixed]
+    bounds = [(None, None) if law in BOTH else (None, 0) if law in COMPRESSION else (0, None) for law in scene.law]
+    found = linprog(np.zeros(len(bounds)), A_eq=B.T, b_eq=force / np.abs(force).max(), bounds=bounds, method="highs")
+    assert found.status in (0, 2)
+    return found.status == 0
+
+
+def ended(scene, **options):
+    """How SNES latin ends: reason, nodes that nothing holds, linear stages and what is among them."""
+    with latin(scene, **options) as run:
+        run.snes.solve(None, run.structure.create_vec())
+        return (run.snes.getConvergedReason(), latinpc.unsupported_nodes(run.snes), run.snes.getIterationNumber(),
+                run.snes.getLinearSolveIterations(), len(latinpc.history(run.snes)["indicator"]))  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ["network", "lattice", "grid", "net", "chain"])
+@pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_refusal_is_right(name, share, turned):
+    """With the loads and against them: what a linear program says, in few linear stages."""
+    scene = kind(name)
+    scene = cables(scene, share) if name not in ("net", "chain") else scene
+    scene = replace(scene, load=-scene.load) if turned else scene
+    if (scene.law == Law.BAR).all():
+        return
+    reason, (count, nodes), iterations, _, _ = ended(scene)
+    assert (reason > 0) == has_equilibrium(scene)
+    if reason < 0:
+        assert reason == Reason.DIVERGED_DTOL
+        assert count >= len(nodes) > 0
+        assert iterations < 250
+
+
+def borne(seed, share):
+    """Make a network with loads of random admissible tensions, of which half of those of the cables are zero."""
+    rng = np.random.default_rng(seed)
+    scene = cables(kind("network"), share, seed)
+    tension = 10.0 ** rng.uniform(-6, 0, len(scene.links)) * np.where(
+        scene.law == Law.BAR, rng.choice([-1, 1], len(scene.links)), rng.random(len(scene.links)) < 0.5
+    )
+    load = np.zeros(scene.nodes.shape)
+    load[~scene.fixed] = 1e3 * kinematics(scene)[0].T @ tension
+    return replace(scene, load=load)
+
+
+@pytest.mark.parametrize("share", [0.3, 0.6, 1.0])
+@pytest.mark.parametrize("seed", range(4))
+def test_loads_that_tensions_bear_are_not_refused(seed, share):
+    """There is an equilibrium, though cables alone do not tell its displacements."""
+    reason, told, _, _, _ = ended(borne(seed, share))
+    assert reason > 0 or (reason == Reason.DIVERGED_MAX_IT and share == 1.0)
+    assert told == (0, []) or reason < 0
+
+
+def test_the_refusal_does_not_depend_on_units():
+    """Loads, stiffnesses and lengths a million times as large: the same nodes by the same iterations, about."""
+    scene = cables(kind("network"), 0.6)
+    first = ended(scene)
+    assert first[0] == Reason.DIVERGED_DTOL
+    for load, stiffness, length in ((1e6, 1, 1), (1, 1e6, 1), (1, 1, 1e6), (1e-6, 1e6, 1e-6)):
+        scaled = replace(scene, load=load * scene.load, stiffness=stiffness * scene.stiffness,
+                         nodes=length * scene.nodes)  # fmt: skip
+        other = ended(scaled)
+        assert other[:2] == first[:2]
+        assert abs(other[2] - first[2]) < 10
+
+
+RANKS = f"""
+import sys
+sys.path.insert(0, {str(Path(__file__).parent)!r})
+import petsc4py
+petsc4py.init(sys.argv)
+from petsc4py import PETSc
+import latinpc
+from test_collapse import cables, kind
+structure = latinpc.Structure.from_scene(cables(kind("network"), 0.6))
+snes = structure.create_snes()
+snes.setFromOptions()
+snes.solve(None, structure.create_vec())
+found = latinpc.unsupported_nodes(snes)
+if structure.comm.rank == 0:
+    open(sys.argv[1], "w").write(f"{{snes.getConvergedReason()}} {{found}}")
+"""
+
+
+def test_ranks_agree(mpirun, tmp_path):
+    """On 1, 2 and 4 ranks: the same nodes."""
+    found = []
+    for ranks in (1, 2, 4):
+        mpirun(ranks, RANKS, tmp_path / f"{ranks}", "-snes_latin_subdomains", 4)
+        found.append((tmp_path / f"{ranks}").read_text())
+    assert found[0].startswith(str(Reason.DIVERGED_DTOL))
+    assert found[0] == found[1] == found[2]
+
+
+def test_the_number_of_steps_hardly_depends_on_the_size():
+    """From 800 to 6,500 unknowns: no 200 steps of Newton's method."""
+    for nodes in (300, 2400):
+        scene = cables(replace(make("network", nodes=nodes), subdomain=None), 0.6)
+        reason, _, iterations, linear, stages = ended(scene)
+        assert reason == Reason.DIVERGED_DTOL
+        assert iterations == stages + linear
+        assert iterations < 200
+
+
+def test_iterations_of_newtons_method_that_fails_are_counted():
+    """Linear iterations of a method that has not solved the problem are among those reported, and limited."""
+    scene = borne(0, 1.0)
+    reason, _, iterations, linear, stages = ended(scene)
+    assert reason == Reason.DIVERGED_MAX_IT
+    assert linear > 200
+    assert iterations == stages + linear
+    reason, _, fewer, linear, stages = ended(scene, max_it=150)
+    assert reason == Reason.DIVERGED_MAX_IT
+    assert fewer == stages + linear
+    assert 150 <= fewer < 250  # the proof, and a linear solve, go to their end
+
+
+def test_a_step_on_a_mechanism_is_made_again_with_a_larger_floor():
+    """Taut links that are a mechanism to rounding, a structure of contacts: the next operator is another one."""
+    drawn = draw(31, 467)
+    assert drawn.family == "rigid"
+    assert not has_equilibrium(drawn.scene)
+    reason, (count, _), iterations, _, _ = ended(drawn.scene)
+    assert reason == Reason.DIVERGED_DTOL
+    assert count
+    assert iterations < 500
+
+
+def test_links_that_yield_are_left_to_newtons_method():
+    """A bar that bears a force without resisting: the theorem in use does not hold."""
+    from latinpc.bench.extremes.rigid import tabulated
+
+    for factor, solvable in ((1.0, True), (1e-3, True), (0.0, False)):
+        result = solve(tabulated(factor))
+        assert (result.reason > 0) == solvable
