@@ -196,7 +196,7 @@ static PetscErrorCode LatinLargeTension_Private(LatinStructure structure, Vec u,
 
   PetscFunctionBegin;
   PetscCall(DMGetWorkArray(structure->dm, structure->links_local, MPIU_REAL, &tension));
-  PetscCall(LatinTurningTensions_Private(structure, u, tension));
+  PetscCall(LatinTurningTensions_Private(structure, NULL, u, tension));
   *norm = 0.0;
   for (PetscInt l = 0; l < structure->links_local; l++) *norm += PetscSqr(tension[l]);
   PetscCall(DMRestoreWorkArray(structure->dm, structure->links_local, MPIU_REAL, &tension));

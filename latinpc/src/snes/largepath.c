@@ -22,7 +22,7 @@ static PetscErrorCode LatinPathStruts_Private(LatinStructure structure, PetscBoo
 
   PetscFunctionBegin;
   for (PetscInt l = 0; l < structure->links_local; l++)
-    if (structure->law[l] != LATIN_LAW_CABLE) any = 1;
+    if (structure->law[l] != LATIN_LAW_CABLE && structure->law[l] != LATIN_LAW_INEXTENSIBLE) any = 1;
   PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &any, 1, MPI_INT, MPI_MAX, PetscObjectComm((PetscObject)structure)));
   *struts = (PetscBool)any;
   PetscFunctionReturn(0);
@@ -33,7 +33,7 @@ static PetscErrorCode LatinPathStruts_Private(LatinStructure structure, PetscBoo
    the local stage lets buckle one by one, do not disturb it; where it fails a smaller increment is better than the iteration.
    Collective on snes
 */
-static PetscErrorCode LatinPathSolve_Private(SNES snes, Vec u, PetscBool near)
+PetscErrorCode SNESLatinLargeFrom_Private(SNES snes, Vec u, PetscBool near)
 {
   SNES_Latin *data = (SNES_Latin *)snes->data;
   PetscBool   done = PETSC_FALSE;
@@ -108,7 +108,7 @@ static PetscErrorCode LatinPathFollow_Private(SNES snes, Vec whole, Vec u, Vec m
     PetscCall(LatinPathLoad_Private(snes, part, whole, u, more, step));
     PetscCall(SNESLatinLargePredict_Private(snes, u, step, &far));
     if (!from && large->reached == 0.0) far = PETSC_MAX_REAL; /* the prestress moves the structure by itself, who knows how far */
-    PetscCall(LatinPathSolve_Private(snes, u, (PetscBool)(far < PETSC_MAX_REAL)));
+    PetscCall(SNESLatinLargeFrom_Private(snes, u, (PetscBool)(far < PETSC_MAX_REAL)));
     if (data->next == LATIN_NEXT_GIVEN) PetscFunctionReturn(0);
     PetscCall(VecWAXPY(step, -1.0, u, snes->vec_sol));
     PetscCall(VecNorm(step, NORM_2, &moved));

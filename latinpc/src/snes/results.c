@@ -197,8 +197,11 @@ PetscErrorCode SNESLatinGetTensions(SNES snes, PetscReal tension[])
 /* For structure/attach.c, which finds it by its name */
 PetscErrorCode SNESLatinRigidTensions_Private(SNES snes, const PetscReal *rigid[])
 {
+  const SNES_Latin    *data  = (SNES_Latin *)snes->data;
+  const LatinStructure frame = data->large.frame;
+
   PetscFunctionBegin;
-  *rigid = ((SNES_Latin *)snes->data)->latin->linear.rigid_tension;
+  *rigid = !frame ? data->latin->linear.rigid_tension : frame->spring ? frame->spring + frame->turns->links_local : NULL;
   PetscFunctionReturn(0);
 }
 

@@ -14,17 +14,21 @@
    which is its tangent; before the loads act c is to be larger, for tensions grow with the displacements. A slack cable has no
    stiffness, and on its way to it or from it any number between: it gets LATIN_FRAME_SLACK times the mean c of the others, whose
    displacements it is to follow. The figures below are of saddles with tensions of 1e-4 to 1e-2 of the stiffness.
+
+   An inextensible cable is a cable in the frame, of a penalty stiffness p, and longer by -lambda / p: it bears max(0, lambda + p x)
+   (snes/largerigid.c).
 */
 
-#define LATIN_FRAME_FIRST  4.0  /* times tau / R as drawn: nets that sag by 7 to 15 % of their span take 11 to 16 stages, with 1 and 16 up to 26 */
-#define LATIN_FRAME_LEAST  0.3  /* c at least, times the mean of those of taut links; from 0.1 to 0.3 no matter, with 0.03 seven saddles take a tenth more stages */
-#define LATIN_FRAME_SLACK  2.0  /* k of a cable that is slack or nearly so, times that mean: with 7 the saddles take a quarter more stages, with 1 a tenth */
-#define LATIN_FRAME_NEAR   0.1  /* nearly slack: tension over length, relative to that mean; with 0.02 three times as many stages, with 0.3 a few more */
-#define LATIN_FRAME_FLOOR  1e-6 /* k and c at least in the tangent stiffness, times that mean: 1e-2 and 1e-4 are no different */
-#define LATIN_FRAME_STRUT  2.0  /* c at least, times -tau / R of a link in compression: with 1 its length is not unique */
-#define LATIN_FRAME_STIFF  5.0  /* times the stiffness of a slack cable: a cable that has more in the frame has been taken for a taut one; more than LATIN_FRAME_FIRST */
-#define LATIN_FRAME_NONE   1e-3 /* c where nothing is taut, relative to the mean stiffness */
-#define LATIN_FRAME_LOWEST 1e-5 /* that mean at least, relative to the mean stiffness: operators of a structure whose tensions vanish must not be a mechanism */
+#define LATIN_FRAME_FIRST   4.0   /* times tau / R as drawn: nets that sag by 7 to 15 % of their span take 11 to 16 stages, with 1 and 16 up to 26 */
+#define LATIN_FRAME_LEAST   0.3   /* c at least, times the mean of those of taut links; from 0.1 to 0.3 no matter, with 0.03 seven saddles take a tenth more stages */
+#define LATIN_FRAME_SLACK   2.0   /* k of a cable that is slack or nearly so, times that mean: with 7 the saddles take a quarter more stages, with 1 a tenth */
+#define LATIN_FRAME_NEAR    0.1   /* nearly slack: tension over length, relative to that mean; with 0.02 three times as many stages, with 0.3 a few more */
+#define LATIN_FRAME_FLOOR   1e-6  /* k and c at least in the tangent stiffness, times that mean: 1e-2 and 1e-4 are no different */
+#define LATIN_FRAME_STRUT   2.0   /* c at least, times -tau / R of a link in compression: with 1 its length is not unique */
+#define LATIN_FRAME_STIFF   5.0   /* times the stiffness of a slack cable: a cable that has more in the frame has been taken for a taut one; more than LATIN_FRAME_FIRST */
+#define LATIN_FRAME_NONE    1e-3  /* c where nothing is taut, relative to the mean stiffness */
+#define LATIN_FRAME_PENALTY 100.0 /* times the stiffness beside an inextensible cable, at first */
+#define LATIN_FRAME_LOWEST  1e-5  /* that mean at least, relative to the mean stiffness: operators of a structure whose tensions vanish must not be a mechanism */
 
 /* n and dim - 1 unit vectors at right angles to it, [dim][dim] */
 static void LatinFrameAxes(PetscInt dim, const PetscReal n[], PetscReal axes[])
@@ -42,6 +46,22 @@ static void LatinFrameAxes(PetscInt dim, const PetscReal n[], PetscReal axes[])
   for (PetscInt c = 0; c < 3; c++) axes[3 + c] = (c == least ? 1.0 : 0.0) - n[least] * n[c];
   (void)LatinUnitVector(3, axes + 3, axes + 3);
   for (PetscInt c = 0; c < 3; c++) axes[6 + c] = n[(c + 1) % 3] * axes[3 + (c + 2) % 3] - n[(c + 2) % 3] * axes[3 + (c + 1) % 3];
+}
+
+/* The stiffness of a link of the base, its law, and the strain at which it begins to bear less that of its law */
+static PetscReal LatinFrameStiffness(LatinStructure frame, PetscInt l)
+{
+  return LatinLaws[frame->turns->law[l]].rigid ? frame->spring[l] : frame->turns->stiffness[l];
+}
+
+static PetscInt LatinFrameLaw(LatinStructure frame, PetscInt l)
+{
+  return LatinLaws[frame->turns->law[l]].rigid ? LATIN_LAW_CABLE : frame->turns->law[l];
+}
+
+static PetscReal LatinFrameShift(LatinStructure frame, PetscInt l)
+{
+  return LatinLaws[frame->turns->law[l]].rigid ? frame->spring[frame->turns->links_local + l] / frame->spring[l] : 0.0;
 }
 
 /* Parts of links that turn by small angles */
@@ -71,25 +91,27 @@ typedef struct {
 } LatinFrameSums;
 
 /* The search direction (k, c) of link l, tension over length `across` */
-static void LatinFrameDirection(LatinStructure base, PetscInt l, PetscReal across, LatinFrameType type, const LatinFrameSums *sum, PetscReal *k, PetscReal *c)
+static void LatinFrameDirection(LatinStructure frame, PetscInt l, PetscReal across, LatinFrameType type, const LatinFrameSums *sum, PetscReal *k, PetscReal *c)
 {
   const PetscReal mean = PetscMax(sum->taut > 0.0 ? sum->across / sum->taut : LATIN_FRAME_NONE * sum->stiff / sum->all, LATIN_FRAME_LOWEST * sum->stiff / sum->all), first = type == LATIN_FRAME_DRAWN ? LATIN_FRAME_FIRST : 1.0;
-  const PetscBool slack = (PetscBool)(base->law[l] == LATIN_LAW_CABLE && type != LATIN_FRAME_DRAWN && across <= (type == LATIN_FRAME_TANGENT ? 0.0 : LATIN_FRAME_NEAR * mean));
+  const PetscBool slack = (PetscBool)(LatinFrameLaw(frame, l) == LATIN_LAW_CABLE && type != LATIN_FRAME_DRAWN && across <= (type == LATIN_FRAME_TANGENT ? 0.0 : LATIN_FRAME_NEAR * mean));
 
-  *k = slack ? PetscMin((type == LATIN_FRAME_TANGENT ? LATIN_FRAME_FLOOR : LATIN_FRAME_SLACK) * mean, base->stiffness[l]) : base->stiffness[l];
+  *k = LatinFrameStiffness(frame, l);
+  if (slack) *k = PetscMin((type == LATIN_FRAME_TANGENT ? LATIN_FRAME_FLOOR : LATIN_FRAME_SLACK) * mean, *k);
   *c = PetscMax((type == LATIN_FRAME_TANGENT ? LATIN_FRAME_FLOOR : LATIN_FRAME_LEAST) * mean, across > 0.0 ? first * across : -LATIN_FRAME_STRUT * across);
   *c = PetscMin(*c, *k);
 }
 
-/* Tensions over lengths, [links_local] (R), as displacements a of the vertices turn the links, NULL: as drawn; unit vectors too if axes are wanted. Collective on base */
-static PetscErrorCode LatinFrameMeasure_Private(LatinStructure base, const PetscScalar a[], PetscReal across[], PetscReal axes[], LatinFrameSums *sum)
+/* Tensions over lengths, [links_local] (R), as displacements a of the vertices turn the links, NULL: as drawn; unit vectors too if axes are wanted. Collective on frame */
+static PetscErrorCode LatinFrameMeasure_Private(LatinStructure frame, const PetscScalar a[], PetscReal across[], PetscReal axes[], LatinFrameSums *sum)
 {
-  const PetscInt dim = base->dim;
+  const LatinStructure base = frame->turns;
+  const PetscInt       dim  = base->dim;
 
   PetscFunctionBegin;
   PetscCall(PetscMemzero(sum, sizeof(*sum)));
   for (PetscInt l = 0; l < base->links_local; l++) {
-    const LatinLaw *law  = &LatinLaws[base->law[l]];
+    const LatinLaw *law  = &LatinLaws[LatinFrameLaw(frame, l)];
     PetscReal       r[3] = {0.0, 0.0, 0.0}, n[3], length = 0.0, size = 0.0;
 
     for (PetscInt c = 0; c < dim; c++) {
@@ -98,7 +120,7 @@ static PetscErrorCode LatinFrameMeasure_Private(LatinStructure base, const Petsc
       size += PetscSqr(r[c]);
     }
     size      = PetscSqrtReal(size);
-    across[l] = size > 0.0 ? law->tension(base->stiffness[l], size - PetscSqrtReal(length) + base->e0[l], law->ctx) / size : 0.0;
+    across[l] = size > 0.0 ? law->tension(LatinFrameStiffness(frame, l), size - PetscSqrtReal(length) + base->e0[l] + LatinFrameShift(frame, l), law->ctx) / size : 0.0;
     if (axes) {
       if (!LatinUnitVector(dim, r, n)) PetscCall(PetscArraycpy(n, base->direction + dim * l, dim));
       LatinFrameAxes(dim, n, axes + dim * dim * l);
@@ -108,10 +130,30 @@ static PetscErrorCode LatinFrameMeasure_Private(LatinStructure base, const Petsc
       sum->across += across[l];
     }
     sum->all += 1.0;
-    sum->stiff += base->stiffness[l];
+    sum->stiff += LatinFrameStiffness(frame, l);
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, sizeof(*sum) / sizeof(PetscReal), MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)base)));
   PetscFunctionReturn(0);
+}
+
+/* What follows from the drawn configuration and the natural lengths, and no operator depends on */
+static void LatinFrameLengths(LatinStructure frame)
+{
+  const LatinStructure base = frame->turns;
+  const PetscInt       dim  = base->dim;
+
+  for (PetscInt i = 0; i < dim * base->links_local; i++) {
+    const PetscInt   l    = i / dim;
+    const PetscReal *span = base->span + dim * l, *row = frame->direction + dim * i;
+    PetscReal        whole = 0.0, length = 0.0;
+
+    for (PetscInt d = 0; d < dim; d++) {
+      whole += row[d] * span[d];
+      length += PetscSqr(span[d]);
+    }
+    frame->part[LATIN_PART * i + LATIN_PART_NATURAL] = PetscSqrtReal(length) - base->e0[l] - LatinFrameShift(frame, l);
+    frame->e0[i]                                     = whole; /* of r0: a part's strain is that of r */
+  }
 }
 
 /* Parts of links that turn as far as displacements a of the vertices take them, NULL: as drawn. Collective on frame */
@@ -119,30 +161,26 @@ static PetscErrorCode LatinFrameLarge_Private(LatinStructure frame, const PetscS
 {
   const LatinStructure base = frame->turns;
   const PetscInt       dim = base->dim, m = base->links_local;
-  PetscReal           *across, least, most;
+  PetscReal           *across, most       = 0.0;
   LatinFrameSums       sum;
 
   PetscFunctionBegin;
   PetscCall(PetscMalloc1(m, &across));
-  PetscCall(LatinFrameMeasure_Private(base, a, across, frame->direction, &sum));
-  PetscCall(LatinStructureStiffnessRange_Private(base, &least, &most));
+  PetscCall(LatinFrameMeasure_Private(frame, a, across, frame->direction, &sum));
+  for (PetscInt l = 0; l < m; l++) most = PetscMax(most, LatinFrameStiffness(frame, l));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &most, 1, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)frame)));
   for (PetscInt i = 0; i < dim * m; i++) {
     const PetscInt l    = i / dim;
-    PetscReal     *part = frame->part + LATIN_PART * i, *row = frame->direction + dim * i, k, c, whole = 0.0, length = 0.0;
+    PetscReal     *part = frame->part + LATIN_PART * i, *row = frame->direction + dim * i, k, c;
 
-    LatinFrameDirection(base, l, across[l], type, &sum, &k, &c);
-    part[LATIN_PART_STIFFNESS] = base->stiffness[l];
+    LatinFrameDirection(frame, l, across[l], type, &sum, &k, &c);
+    part[LATIN_PART_STIFFNESS] = LatinFrameStiffness(frame, l);
     part[LATIN_PART_SCALE]     = PetscSqrtReal((i % dim ? c : k) / most);
-    for (PetscInt d = 0; d < dim; d++) {
-      row[d] *= part[LATIN_PART_SCALE];
-      whole += row[d] * base->span[dim * l + d];
-      length += PetscSqr(base->span[dim * l + d]);
-    }
-    part[LATIN_PART_NATURAL] = PetscSqrtReal(length) - base->e0[l];
-    frame->law[i]            = base->law[l];
-    frame->stiffness[i]      = most;
-    frame->e0[i]             = whole; /* of r0: a part's strain is that of r */
+    for (PetscInt d = 0; d < dim; d++) row[d] *= part[LATIN_PART_SCALE];
+    frame->law[i]       = LatinFrameLaw(frame, l);
+    frame->stiffness[i] = most;
   }
+  LatinFrameLengths(frame);
   PetscCall(PetscFree(across));
   PetscFunctionReturn(0);
 }
@@ -161,15 +199,15 @@ PetscErrorCode LatinFrameSlack_Private(LatinStructure frame, Vec u, LatinFrameTy
   PetscCall(DMGetLocalVector(base->dm, &local));
   PetscCall(LatinStructureGetLocal_Private(base, base->vertex_prescribed, u, local));
   PetscCall(VecGetArrayRead(local, &a));
-  PetscCall(LatinFrameMeasure_Private(base, a, across, NULL, &sum));
+  PetscCall(LatinFrameMeasure_Private(frame, a, across, NULL, &sum));
   PetscCall(VecRestoreArrayRead(local, &a));
   PetscCall(DMRestoreLocalVector(base->dm, &local));
   *slack = 0;
   for (PetscInt l = 0; l < base->links_local; l++) {
     const PetscInt i = base->dim * l;
 
-    LatinFrameDirection(base, l, across[l], type, &sum, &k, &c);
-    if (base->law[l] != LATIN_LAW_CABLE) continue;
+    LatinFrameDirection(frame, l, across[l], type, &sum, &k, &c);
+    if (LatinFrameLaw(frame, l) != LATIN_LAW_CABLE) continue;
     if (LATIN_FRAME_STIFF * k < frame->stiffness[i] * PetscSqr(frame->part[LATIN_PART * i + LATIN_PART_SCALE])) ++*slack;
     else if (base->dim > 1 && type == LATIN_FRAME_TANGENT && LATIN_FRAME_STIFF * c < frame->stiffness[i] * PetscSqr(frame->part[LATIN_PART * (i + 1) + LATIN_PART_SCALE])) ++*slack;
   }
@@ -202,6 +240,31 @@ PetscErrorCode LatinFrameRenew_Private(LatinStructure frame, Vec u, LatinFrameTy
   PetscFunctionReturn(0);
 }
 
+/* Other multipliers of inextensible cables, `none`: zero. Natural lengths change, operators do not. Logically collective on frame */
+PetscErrorCode LatinFrameSprings_Private(LatinStructure frame, PetscBool none)
+{
+  PetscFunctionBegin;
+  if (none) PetscCall(PetscArrayzero(frame->spring + frame->turns->links_local, frame->turns->links_local));
+  LatinFrameLengths(frame);
+  frame->e0_state++;
+  PetscFunctionReturn(0);
+}
+
+/* Inextensible cables as springs, of a penalty that suits what is beside them, without multipliers. Collective on frame */
+static PetscErrorCode LatinFramePenalty_Private(LatinStructure frame)
+{
+  const LatinStructure base = frame->turns;
+  const PetscInt       n    = base->links_local;
+
+  PetscFunctionBegin;
+  PetscCall(PetscFree(frame->spring));
+  if (base->rigid_law < 0) PetscFunctionReturn(0);
+  PetscCall(PetscCalloc1(2 * n + 1, &frame->spring)); /* never NULL then */
+  PetscCall(LatinStructureStiffness_Private(base, frame->spring));
+  for (PetscInt l = 0; l < n; l++) frame->spring[l] *= LATIN_FRAME_PENALTY;
+  PetscFunctionReturn(0);
+}
+
 /* Takes what has changed in the base: laws and initial elongations make the parts anew, loads do not. Collective on frame */
 PetscErrorCode LatinFrameFollow_Private(LatinStructure frame)
 {
@@ -211,12 +274,15 @@ PetscErrorCode LatinFrameFollow_Private(LatinStructure frame)
   PetscFunctionBegin;
   PetscCall(PetscObjectStateGet((PetscObject)base, &state));
   frame->load_state = base->load_state;
-  if (state == frame->turns_state && base->e0_state == frame->e0_state) PetscFunctionReturn(0);
+  frame->held_state = base->held_state;
+  if (state == frame->turns_state && base->e0_state == frame->turns_e0) PetscFunctionReturn(0);
+  PetscCall(LatinFramePenalty_Private(frame));
   PetscCall(PetscFree(frame->part));
   if (base->geometry == LATIN_GEOMETRY_LARGE) PetscCall(PetscMalloc1(LATIN_PART * frame->links_local + 1, &frame->part)); /* never NULL then */
   PetscCall(LatinFrameRenew_Private(frame, NULL, LATIN_FRAME_DRAWN));
   frame->turns_state = state;
-  frame->e0_state    = base->e0_state;
+  frame->turns_e0    = base->e0_state;
+  frame->e0_state++;
   PetscFunctionReturn(0);
 }
 
@@ -234,6 +300,7 @@ PetscErrorCode LatinFrameCreate_Private(LatinStructure base, LatinStructure *new
   frame->turns             = base;
   frame->turns_state       = -1; /* not yet looked at */
   frame->span              = NULL;
+  frame->rigid_law         = -1;
   frame->links_local       = m;
   frame->links_global      = dim * base->links_global;
   frame->links_start       = dim * base->links_start;

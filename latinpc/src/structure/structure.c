@@ -45,6 +45,7 @@ PetscErrorCode LatinStructureDestroy(LatinStructure *structure)
   } else if (l->turns) { /* so have parts of links */
     PetscCall(PetscFree6(l->nodes, l->ends, l->law, l->stiffness, l->e0, l->direction));
     PetscCall(PetscFree(l->part));
+    PetscCall(PetscFree(l->spring));
   } else {
     PetscCall(PetscFree5(l->x, l->prescribed, l->force, l->fixed, l->global_dof));
     PetscCall(PetscFree6(l->nodes, l->ends, l->law, l->stiffness, l->e0, l->direction));

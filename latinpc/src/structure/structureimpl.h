@@ -64,9 +64,10 @@ struct _p_LatinStructure {
   /* [links_local] while Newton's method takes rigid links for springs (snes/multipliers.c), else NULL; borrowed */
   const PetscReal *penalty, *multiplier;
   /* parts of links that turn (structure/frame.c), NULL in other structures */
-  LatinStructure   turns;       /* the structure whose links have been split into parts */
-  PetscObjectState turns_state; /* its state when it was last looked at */
-  PetscReal       *part;        /* [links_local][LATIN_PART] of large displacements, see structure/turning.h */
+  LatinStructure   turns;                 /* the structure whose links have been split into parts */
+  PetscObjectState turns_state, turns_e0; /* its states when it was last looked at */
+  PetscReal       *part;                  /* [links_local][LATIN_PART] of large displacements, see structure/turning.h */
+  PetscReal       *spring;                /* [2][links of turns] inextensible cables as springs: their penalty and multiplier; NULL where there are none */
 };
 
 /* ---- links of a structure: all by their numbers on this rank ---- */
@@ -163,8 +164,8 @@ typedef enum {
   LATIN_FRAME_TANGENT  /* of displacements: the tangent stiffness, but for a floor */
 } LatinFrameType;
 PETSC_INTERN PetscErrorCode LatinTurningSetUp_Private(LatinStructure);
-PETSC_INTERN PetscErrorCode LatinTurningTensions_Private(LatinStructure, Vec u, PetscReal tension[]);
-PETSC_INTERN PetscErrorCode LatinTurningResidual_Private(LatinStructure, Vec u, Vec r);
+PETSC_INTERN PetscErrorCode LatinTurningTensions_Private(LatinStructure, const PetscReal rigid[], Vec u, PetscReal tension[]);
+PETSC_INTERN PetscErrorCode LatinTurningResidual_Private(LatinStructure, const PetscReal rigid[], Vec u, Vec r);
 PETSC_INTERN PetscErrorCode LatinTurningJacobian_Private(LatinStructure, Vec u, Mat J);
 PETSC_INTERN PetscErrorCode LatinTurningEnergy_Private(LatinStructure, Vec u, PetscReal *energy);
 PETSC_INTERN PetscErrorCode LatinTurningMatCreate_Private(LatinStructure, Mat *);
@@ -173,6 +174,7 @@ PETSC_INTERN PetscErrorCode LatinStructureCheckLinear_Private(LatinStructure, co
 PETSC_INTERN PetscErrorCode LatinFrameCreate_Private(LatinStructure, LatinStructure *frame);
 PETSC_INTERN PetscErrorCode LatinFrameFollow_Private(LatinStructure frame);
 PETSC_INTERN PetscErrorCode LatinFrameRenew_Private(LatinStructure frame, Vec u, LatinFrameType);
+PETSC_INTERN PetscErrorCode LatinFrameSprings_Private(LatinStructure frame, PetscBool none);
 PETSC_INTERN PetscErrorCode LatinFrameSlack_Private(LatinStructure frame, Vec u, LatinFrameType, PetscInt *slack);
 
 /* ---- the DM (structure/setup.c) ---- */

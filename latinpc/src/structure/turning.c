@@ -17,14 +17,15 @@ typedef struct {
   PetscReal d[3], n[3]; /* direction in which the tension acts */
   PetscReal size;       /* R, or as drawn */
   PetscReal x;          /* strain */
+  PetscReal tension;    /* tau */
   PetscReal across;     /* tau / R, or t0 / l: stiffness at right angles to n */
 } LatinTurned;
 
-static void LatinTurnedLink(LatinStructure structure, PetscInt l, const PetscScalar a[], LatinTurned *link)
+/* `rigid`: tensions of rigid links, NULL where there are none, or where they are taken for springs */
+static void LatinTurnedLink(LatinStructure structure, const PetscReal rigid[], PetscInt l, const PetscScalar a[], LatinTurned *link)
 {
   const PetscInt     dim = structure->dim;
-  const LatinLaw    *law = &LatinLaws[structure->law[l]];
-  const PetscReal   *r0 = structure->span + dim * l, k = structure->stiffness[l], e0 = structure->e0[l];
+  const PetscReal   *r0 = structure->span + dim * l, e0 = structure->e0[l];
   const PetscScalar *ua = a + dim * structure->ends[2 * l], *ub = a + dim * structure->ends[2 * l + 1];
   PetscReal          length = 0.0, size = 0.0, stretch = 0.0;
 
@@ -42,11 +43,13 @@ static void LatinTurnedLink(LatinStructure structure, PetscInt l, const PetscSca
   for (PetscInt c = 0; c < dim; c++) link->n[c] /= size > 0.0 ? size : 1.0;
   link->size = size;
   if (structure->geometry == LATIN_GEOMETRY_LARGE) {
-    link->x      = stretch / (size + length) + e0; /* R - l without cancellation */
-    link->across = size > 0.0 ? law->tension(k, link->x, law->ctx) / size : 0.0;
+    link->x       = stretch / (size + length) + e0; /* R - l without cancellation */
+    link->tension = LatinStructureTension(structure, rigid, l, link->x);
+    link->across  = size > 0.0 ? link->tension / size : 0.0;
   } else {
-    link->x      = stretch / length + e0;
-    link->across = law->tension(k, e0, law->ctx) / length;
+    link->x       = stretch / length + e0;
+    link->tension = LatinStructureTension(structure, rigid, l, link->x);
+    link->across  = LatinStructureTension(structure, NULL, l, e0) / length;
   }
 }
 
@@ -93,8 +96,8 @@ static PetscErrorCode LatinTurnedForces_Private(LatinStructure structure, const 
   PetscFunctionReturn(0);
 }
 
-/* The tensions at u. Collective on structure */
-PetscErrorCode LatinTurningTensions_Private(LatinStructure structure, Vec u, PetscReal tension[])
+/* The tensions at u; those of rigid links are given. Collective on structure */
+PetscErrorCode LatinTurningTensions_Private(LatinStructure structure, const PetscReal rigid[], Vec u, PetscReal tension[])
 {
   const PetscScalar *a;
   LatinTurned        link;
@@ -103,15 +106,15 @@ PetscErrorCode LatinTurningTensions_Private(LatinStructure structure, Vec u, Pet
   PetscFunctionBegin;
   PetscCall(LatinTurnedOpen_Private(structure, structure->vertex_prescribed, u, &local, &a));
   for (PetscInt l = 0; l < structure->links_local; l++) {
-    LatinTurnedLink(structure, l, a, &link);
-    tension[l] = LatinStructureTension(structure, NULL, l, link.x);
+    LatinTurnedLink(structure, rigid, l, a, &link);
+    tension[l] = link.tension;
   }
   PetscCall(LatinTurnedClose_Private(structure, &local, &a));
   PetscFunctionReturn(0);
 }
 
-/* The nodal unbalance at u. Collective on structure */
-PetscErrorCode LatinTurningResidual_Private(LatinStructure structure, Vec u, Vec r)
+/* The nodal unbalance at u, with the tensions `rigid` of the rigid links. Collective on structure */
+PetscErrorCode LatinTurningResidual_Private(LatinStructure structure, const PetscReal rigid[], Vec u, Vec r)
 {
   const PetscInt     dim = structure->dim;
   const PetscScalar *a;
@@ -123,12 +126,11 @@ PetscErrorCode LatinTurningResidual_Private(LatinStructure structure, Vec u, Vec
   PetscCall(LatinTurnedOpen_Private(structure, structure->vertex_prescribed, u, &local, &a));
   for (PetscInt l = 0; l < structure->links_local; l++) {
     LatinTurned link;
-    PetscReal   t, along = 0.0;
+    PetscReal   along = 0.0;
 
-    LatinTurnedLink(structure, l, a, &link);
-    t = LatinStructureTension(structure, NULL, l, link.x);
+    LatinTurnedLink(structure, rigid, l, a, &link);
     for (PetscInt c = 0; c < dim; c++) along += link.n[c] * link.d[c];
-    for (PetscInt c = 0; c < dim; c++) f[dim * l + c] = t * link.n[c] + (structure->geometry == LATIN_GEOMETRY_LARGE ? 0.0 : link.across * (link.d[c] - along * link.n[c]));
+    for (PetscInt c = 0; c < dim; c++) f[dim * l + c] = link.tension * link.n[c] + (structure->geometry == LATIN_GEOMETRY_LARGE ? 0.0 : link.across * (link.d[c] - along * link.n[c]));
   }
   PetscCall(LatinTurnedClose_Private(structure, &local, &a));
   PetscCall(LatinTurnedForces_Private(structure, f, structure->load, r));
@@ -143,7 +145,7 @@ static void LatinTurnedBlock(LatinStructure structure, PetscInt l, const PetscSc
   LatinTurned    link;
   PetscReal      along;
 
-  LatinTurnedLink(structure, l, a, &link);
+  LatinTurnedLink(structure, NULL, l, a, &link);
   along = LatinStructureTangent(structure, l, link.x) - link.across;
   for (PetscInt i = 0; i < dim * dim; i++) block[i] = along * link.n[i / dim] * link.n[i % dim] + (i / dim == i % dim ? link.across : 0.0);
 }
@@ -256,8 +258,8 @@ PetscErrorCode LatinTurningEnergy_Private(LatinStructure structure, Vec u, Petsc
     PetscReal       along = 0.0, whole = 0.0;
     LatinTurned     link;
 
-    LatinTurnedLink(structure, l, a, &link);
-    sum += law->energy(structure->stiffness[l], link.x, law->ctx);
+    LatinTurnedLink(structure, NULL, l, a, &link);
+    if (!law->rigid) sum += law->energy(structure->stiffness[l], link.x, law->ctx);
     for (PetscInt c = 0; c < dim; c++) {
       along += link.n[c] * link.d[c];
       whole += PetscSqr(link.d[c]);
@@ -281,15 +283,17 @@ PetscErrorCode LatinTurningSetUp_Private(LatinStructure structure)
   MPI_Comm           comm = PetscObjectComm((PetscObject)structure);
   const PetscScalar *x;
   Vec                coordinates;
-  PetscInt           own = -1;
+  PetscInt           own = -1, rigid = -1;
 
   PetscFunctionBegin;
   if (structure->geometry == LATIN_GEOMETRY_LINEAR) {
     PetscCall(PetscFree(structure->span));
     PetscFunctionReturn(0);
   }
-  PetscCheck(structure->rigid_law < 0, comm, PETSC_ERR_SUP, "Geometry %s takes elastic links only, and the structure has links of the law %s: take %s, or the geometry linear", LatinGeometries[structure->geometry],
-             LatinLaws[structure->rigid_law].name, LatinLaws[structure->rigid_law].cure);
+  for (PetscInt l = 0; l < structure->links_local && rigid < 0; l++)
+    if (LatinLaws[structure->law[l]].rigid && (structure->geometry == LATIN_GEOMETRY_PRESTRESS || structure->law[l] != LATIN_LAW_INEXTENSIBLE)) rigid = structure->law[l];
+  LatinAgree(comm, rigid >= 0, PETSC_ERR_SUP, "Geometry %s does not take links of the law %s, as the structure has them: take %s, or the geometry linear", LatinGeometries[structure->geometry], LatinLaws[PetscMax(0, rigid)].name,
+             LatinLaws[PetscMax(0, rigid)].cure);
   if (!structure->span) PetscCall(PetscMalloc1(dim * structure->links_local + 1, &structure->span)); /* never NULL where links turn */
   PetscCall(DMGetCoordinatesLocal(structure->dm, &coordinates));
   PetscCall(VecGetArrayRead(coordinates, &x));
@@ -333,7 +337,7 @@ PetscErrorCode LatinStructureCheckLinear_Private(LatinStructure structure, const
   Level: beginner
 
   Note:
-  For elastic links in the direction of their nodes.
+  For elastic links in the direction of their nodes, and with large displacements inextensible cables.
 
 .seealso: `SNESLATIN`, `LatinStructureSetPrestress()`
 @*/
