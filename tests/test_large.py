@@ -273,7 +273,7 @@ def test_a_mechanism_that_prestress_holds_names_the_option():
 
 
 def test_what_does_not_turn_is_refused():
-    """Directions of their own, motions, PC latin, the energy stop, digits, states in files."""
+    """Directions of their own, the energy stop, digits, states of solves in files."""
     plain = net(4, 0.0, [0.0, 0.0, -5.0])
     direction = np.zeros((len(plain["links"]), 3))
     direction[5] = [0.0, 0.0, 1.0]
@@ -285,10 +285,10 @@ def test_what_does_not_turn_is_refused():
     with pytest.raises(PETSc.Error) as error:
         solve(plain, stop="energy")
     assert "take the stop error" in latinpc.error_message(error.value)
-    s = latinpc.Structure(**plain, geometry="large", mass=1.0)
+    s = latinpc.Structure(**plain, geometry="large")
     snes, u = s.create_snes(), s.create_vec()
     snes.solve(None, u)
-    for refused in (s.create_ts, lambda: latinpc.digits(snes), lambda: latinpc.save_state(snes, "state", u)):
+    for refused in (lambda: latinpc.digits(snes), lambda: latinpc.save_state(snes, "state", u)):
         with pytest.raises(PETSc.Error) as error:
             refused()
         assert "the geometry of the structure is large" in latinpc.error_message(error.value)
@@ -305,19 +305,6 @@ def test_a_run_says_where_small_displacements_do_not_hold():
         assert any("take -snes_latin_geometry large" in notice for notice in result.notices) == far
     result = run(scene, structure=latinpc.Structure(**structure, geometry="large"))
     assert result.converged and not result.notices
-
-
-def test_motions_do_not_take_the_option(options):
-    """The steps of a motion have structures of their own."""
-    options("-snes_latin_geometry", "large")
-    s = latinpc.Structure([[0.0], [1.0]], [[0, 1]], "bar", 1.0, fixed=[[True], [False]], mass=1.0)
-    ts = s.create_ts()
-    ts.setMaxSteps(1)
-    ts.setTimeStep(0.1)
-    ts.setFromOptions()
-    with pytest.raises(PETSc.Error) as error:
-        ts.solve(ts.getSolution())
-    assert "Links do not turn in a motion" in latinpc.error_message(error.value)
 
 
 def test_a_view_says_what_was_done(tmp_path):

@@ -172,8 +172,8 @@ static PetscErrorCode LatinLargeCreate_Private(SNES snes, SNES *newnewton)
   PetscCall(SNESLineSearchSetType(search, SNESLINESEARCHSHELL));
   PetscCall(SNESLineSearchShellSetApply(search, LatinLargeSearch_Private, snes));
   PetscCall(SNESGetKSP(newton, &ksp));
-  PetscCall(KSPSetType(ksp, KSPCG));
-  PetscCall(KSPSetNormType(ksp, KSP_NORM_NATURAL));
+  PetscCall(KSPSetType(ksp, structure->midpoint ? KSPGMRES : KSPCG)); /* tangents of a time step are not symmetric */
+  if (!structure->midpoint) PetscCall(KSPSetNormType(ksp, KSP_NORM_NATURAL));
   PetscCall(KSPSetTolerances(ksp, LATIN_LARGE_RTOL, PETSC_DEFAULT, PETSC_MAX_REAL, PETSC_DEFAULT));
   PetscCall(KSPGetPC(ksp, &pc));
   PetscCall(PCSetType(pc, PCLATIN));
@@ -240,7 +240,7 @@ PetscErrorCode SNESLatinLargeNewton_Private(SNES snes, PetscInt most, PetscBool 
   *done = (PetscBool)(reason > 0 || reason == SNES_DIVERGED_LOCAL_MIN);
   if (!*done) PetscFunctionReturn(0);
   data->estimate.value = large->error;
-  data->next           = reason > 0 ? LATIN_NEXT_CONVERGED : LATIN_NEXT_ROUNDING;
+  data->next           = reason > 0 || large->frame->turns->midpoint ? LATIN_NEXT_CONVERGED : LATIN_NEXT_ROUNDING; /* a time step is one as far as rounding lets it */
   if (reason < 0) PetscCall(PetscInfo(snes, "The error asked for, %g, is below what rounding leaves on this structure, about %g\n", (double)data->target, (double)large->error));
   PetscCall(SNESLatinBalance_Private(snes));
   PetscCall(SNESLatinWatch_Private(snes, data->latin->linear.applications + data->newton.stages));

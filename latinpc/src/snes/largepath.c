@@ -138,7 +138,15 @@ PetscErrorCode SNESLatinLargeRun_Private(SNES snes)
 
   PetscFunctionBegin;
   PetscCall(LatinPathStruts_Private(structure, &struts));
-  if (!struts || data->guess || (data->warm && data->has_state) || data->stop == LATIN_STOP_REFERENCE || (snes->ops->converged && snes->ops->converged != SNESConvergedDefault)) {
+  if (structure->midpoint && SNESLatinEstimates(data) && data->newton.type != LATIN_NEWTON_NEVER) {
+    PetscBool done;
+
+    PetscCall(SNESLatinLargeFinish_Private(snes, LATIN_PATH_TANGENTS, &done));
+    if (!done) PetscCall(SNESLatinLargeIterate_Private(snes));
+    data->large.reached = LatinNextConverged(data->next) ? 1.0 : 0.0;
+    PetscFunctionReturn(0);
+  }
+  if (!struts || structure->midpoint || data->guess || (data->warm && data->has_state) || data->stop == LATIN_STOP_REFERENCE || (snes->ops->converged && snes->ops->converged != SNESConvergedDefault)) {
     PetscCall(SNESLatinLargeIterate_Private(snes));
     data->large.reached = LatinNextConverged(data->next) ? 1.0 : 0.0;
     PetscFunctionReturn(0);

@@ -9,7 +9,7 @@ PetscErrorCode SNESLatinFrame_Private(SNES snes, LatinStructure structure, Latin
   LatinLarge *large = &data->large;
 
   PetscFunctionBegin;
-  if (large->given) PetscCall(LatinStructureSetGeometry(structure, large->geometry));
+  if (large->given && !structure->base) PetscCall(LatinStructureSetGeometry(structure, large->geometry));
   if (large->frame && large->frame->turns != structure) PetscCall(LatinStructureDestroy(&large->frame));
   *problem = structure;
   if (!structure->span) {

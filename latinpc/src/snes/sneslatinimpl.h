@@ -124,6 +124,7 @@ typedef struct {
   LatinStopType     asked, stop; /* the stop, and what is made of it in this solve */
   PetscBool         given;       /* a step tolerance, by an option */
   PetscReal         target;      /* estimated error to stop at */
+  PetscBool         chosen;      /* by the user */
   PetscReal         balance;     /* forces without balance to stop at, relative to the loads */
   LatinEstimate     estimate;
   PetscBool         guess; /* this solve starts from the displacements in the solution vector */

@@ -1,4 +1,5 @@
 #include "stages/latinstages.h"
+#include "structure/midpoint.h"
 #include "structure/turning.h"
 
 /*
@@ -22,11 +23,49 @@ static PetscReal LatinTurningSolve(const LatinSubdomains *sub, PetscInt dim, Pet
   return rho;
 }
 
+/* The same during a time step: components of r0 + d, and g (structure/midpoint.h) */
+static PetscReal LatinTurningMean(const LatinSubdomains *sub, PetscInt dim, PetscInt l, PetscReal E, const PetscReal w[], PetscReal r[])
+{
+  const PetscReal *part = sub->part + LATIN_PART * l;
+  LatinMidpoint    link = {.law = &LatinLaws[sub->law[l]], .dim = dim, .stiffness = part[LATIN_PART_STIFFNESS], .natural = part[LATIN_PART_NATURAL], .k = E * PetscSqr(part[LATIN_PART_SCALE])};
+
+  link.c = dim > 1 ? E * PetscSqr(part[LATIN_PART + LATIN_PART_SCALE]) : link.k;
+  for (PetscInt c = 0; c < dim; c++) {
+    link.w[c]  = w[c];
+    link.r0[c] = sub->e0[l + c] / part[LATIN_PART * c + LATIN_PART_SCALE];
+    link.R0 += PetscSqr(link.r0[c]);
+  }
+  link.R0 = PetscSqrtReal(link.R0);
+  return LatinMidpointSolve(&link, r);
+}
+
+/* rho = tau / R of the vector r0 + d, by its components, or the g of a time step */
+static PetscReal LatinTurningRho(const LatinSubdomains *sub, PetscBool midpoint, PetscInt dim, PetscInt l, const PetscReal r[])
+{
+  const PetscReal *part = sub->part + LATIN_PART * l, k = part[LATIN_PART_STIFFNESS], natural = part[LATIN_PART_NATURAL];
+  const LatinLaw  *law = &LatinLaws[sub->law[l]];
+  PetscReal        R = 0.0, R0 = 0.0, R1 = 0.0, slope;
+
+  for (PetscInt c = 0; c < dim; c++) {
+    const PetscReal r0 = sub->e0[l + c] / part[LATIN_PART * c + LATIN_PART_SCALE];
+
+    R += PetscSqr(r[c]);
+    R0 += PetscSqr(r0);
+    R1 += PetscSqr(2.0 * r[c] - r0);
+  }
+  R  = PetscSqrtReal(R);
+  R0 = PetscSqrtReal(R0);
+  R1 = PetscSqrtReal(R1);
+  if (midpoint) return LatinMidpointForce(law, k, R0 - natural, R1 - natural, R0 + R1, &slope);
+  return R > 0.0 ? law->tension(k, R - natural, law->ctx) / R : 0.0;
+}
+
 /* The local stage of all links here; sum as in stages/local.c: squares of the distance, and of displacements of the ends that the search direction resists, without and with those of the drawn configuration */
 void LatinTurningStage(const LatinLinear *linear, const PetscReal state[], PetscReal next[], PetscReal sum[3])
 {
-  const LatinSubdomains *sub = linear->sub;
-  const PetscInt         dim = sub->dim;
+  const LatinSubdomains *sub      = linear->sub;
+  const PetscInt         dim      = sub->dim;
+  const PetscBool        midpoint = sub->structure->turns->midpoint;
 
   for (PetscInt l = 0; l < sub->links; l += dim) {
     const PetscReal E    = sub->stiffness[l];
@@ -38,7 +77,7 @@ void LatinTurningStage(const LatinLinear *linear, const PetscReal state[], Petsc
       e[c] = LatinElongation(sub, dim, l + c, linear->U);
       w[c] = (state[i + c] + E * (2.0 * e[c] + sub->e0[l + c])) * sub->part[LATIN_PART * (l + c) + LATIN_PART_SCALE];
     }
-    rho = LatinTurningSolve(sub, dim, l, E, w, r);
+    rho = midpoint ? LatinTurningMean(sub, dim, l, E, w, r) : LatinTurningSolve(sub, dim, l, E, w, r);
     for (PetscInt c = 0; c < dim; c++) {
       const PetscReal a = sub->part[LATIN_PART * (l + c) + LATIN_PART_SCALE], f = rho * r[c] / a;
 
@@ -58,16 +97,14 @@ void LatinTurningState(const LatinLinear *linear, PetscReal state[])
 
   for (PetscInt l = 0; l < sub->links; l += dim) {
     const PetscReal *part = sub->part + LATIN_PART * l;
-    const LatinLaw  *law  = &LatinLaws[sub->law[l]];
-    PetscReal        e[3] = {0.0, 0.0, 0.0}, R = 0.0, rho;
+    PetscReal        e[3] = {0.0, 0.0, 0.0}, r[3], rho;
 
     if (sub->state[l] < 0) continue;
     for (PetscInt c = 0; c < dim; c++) {
       e[c] = LatinElongation(sub, dim, l + c, linear->U);
-      R += PetscSqr((e[c] + sub->e0[l + c]) / part[LATIN_PART * c + LATIN_PART_SCALE]);
+      r[c] = (e[c] + sub->e0[l + c]) / part[LATIN_PART * c + LATIN_PART_SCALE];
     }
-    R   = PetscSqrtReal(R);
-    rho = R > 0.0 ? law->tension(part[LATIN_PART_STIFFNESS], R - part[LATIN_PART_NATURAL], law->ctx) / R : 0.0;
+    rho = LatinTurningRho(sub, sub->structure->turns->midpoint, dim, l, r);
     for (PetscInt c = 0; c < dim; c++) state[sub->state[l + c]] = rho * (e[c] + sub->e0[l + c]) / PetscSqr(part[LATIN_PART * c + LATIN_PART_SCALE]) - sub->stiffness[l] * e[c];
   }
 }

@@ -41,6 +41,7 @@ static PetscErrorCode LatinStateItems_Private(LatinState *state)
     PetscCall(LatinStateAdd_Private(state, "velocity", state->ts->vec_dot));
     PetscCall(LatinStateAdd_Private(state, "increment", data->w));
     PetscCall(LatinStateAddArray_Private(state, "initial_elongation", 1, data->step->links_local, data->step->e0)); /* tensions are those of the step */
+    if (data->step->midpoint) PetscCall(LatinStateAddArray_Private(state, "link", data->step->dim, data->step->dim * data->step->links_local, data->step->span));
   }
   if (state->latin) {
     SNES_Latin        *data   = (SNES_Latin *)state->snes->data;
@@ -116,11 +117,19 @@ static PetscErrorCode LatinStateStructure_Private(const LatinState *state, doubl
     hash = LatinStateHash(hash, (size_t)latin->sub.copies * sizeof(PetscInt), latin->sub.node);
     hash = LatinStateHash(hash, (size_t)latin->sub.links * 2 * sizeof(PetscInt), latin->sub.ends);
     hash = LatinStateHash(hash, (size_t)latin->inter.sides * sizeof(PetscInt), latin->inter.side_dof);
-    hash = LatinStateHash(hash, (size_t)latin->inter.sides * sizeof(PetscReal), latin->dir.d);
+    if (!latin->sub.structure->turns) hash = LatinStateHash(hash, (size_t)latin->inter.sides * sizeof(PetscReal), latin->dir.d); /* where links turn it follows them */
   }
   PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &hash, 1, MPI_UINT64_T, MPI_BXOR, comm));
   *all = (double)hash;
   PetscFunctionReturn(0);
+}
+
+/* The run that goes on makes its operators where it starts: so does the one that has written the state, to go on to the bit as well */
+static void LatinStateRenew(const LatinState *state)
+{
+  const LatinStructure frame = state->latin ? ((SNES_Latin *)state->snes->data)->large.frame : NULL;
+
+  if (frame) frame->turns_state = -1;
 }
 
 /* The parts of a solver that a state is made of. Collective on solver */
@@ -148,7 +157,7 @@ static PetscErrorCode LatinStateFind_Private(PetscObject solver, Vec u, LatinSta
     PetscCheck(state->structure, comm, PETSC_ERR_ORDER, "The solver has no structure: give it one with LatinStructureAttachSNES()");
   }
   PetscCall(LatinStructureCheckVec_Private(state->structure, state->u));
-  PetscCall(LatinStructureCheckLinear_Private(state->structure, "States in files are for"));
+  if (!state->ts) PetscCall(LatinStructureCheckLinear_Private(state->structure, "States of solves in files are for"));
   PetscCall(PetscObjectTypeCompare((PetscObject)state->snes, SNESLATIN, &state->latin));
   PetscFunctionReturn(0);
 }
@@ -192,6 +201,7 @@ static PetscErrorCode LatinStateSave_Private(PetscObject solver, Vec u, const ch
   PetscCall(LatinStateItems_Private(&state));
   if (endings[ending]) PetscCall(LatinStateShow_Private(&state, rank ? 0 : n, note, &room));
   PetscCall(LatinStateWrite_Private(comm, file, &head, &state, note));
+  LatinStateRenew(&state);
   PetscCall(PetscFree(room));
   PetscFunctionReturn(0);
 }
@@ -216,7 +226,7 @@ static PetscErrorCode LatinStateLoad_Private(PetscObject solver, Vec u, const ch
   PetscCheck(head.ranks == ranks, comm, PETSC_ERR_FILE_UNEXPECTED, "The state %s is of %d ranks, and these are %d: run on %d", file, (int)head.ranks, (int)ranks, (int)head.ranks);
   PetscCheck((head.motion != 0.0) == (ts != NULL), comm, PETSC_ERR_FILE_UNEXPECTED, "The state %s is that of %s", file, ts ? "a solve, not of a motion: leave out the time steps" : "a motion: give the number of time steps");
   if (ts) PetscCall(LatinStepLength_Private(ts->step, head.shift > 0.0 ? (PetscReal)head.shift : -1.0));
-  if (snes) { /* the search parameters of rigid links that the solves before have found, before anything is built with others */
+  if (snes && state.structure->geometry == LATIN_GEOMETRY_LINEAR) { /* the search parameters of rigid links that the solves before have found, before anything is built with others */
     PetscCall(LatinSetProblem_Private(snes->latin, ts ? ts->step : state.structure, NULL));
     if (head.tuning > 0.0 && head.tuning != (double)snes->latin->tuning) PetscCall(LatinParameterTune_Private(snes->latin, (PetscReal)head.tuning / snes->latin->tuning));
   }
@@ -225,6 +235,7 @@ static PetscErrorCode LatinStateLoad_Private(PetscObject solver, Vec u, const ch
   PetscCheck(head.structure == structure, comm, PETSC_ERR_FILE_UNEXPECTED, "The state %s is of another structure, partition or method: give the same scene and the same options", file);
   PetscCall(LatinStateItems_Private(&state));
   PetscCall(LatinStateTransfer_Private(comm, file, NULL, &head, &state));
+  LatinStateRenew(&state);
   if (ts) {
     ts->started         = (PetscBool)(head.started != 0.0);
     state.ts->ptime     = (PetscReal)head.time;

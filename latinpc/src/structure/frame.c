@@ -195,6 +195,8 @@ PetscErrorCode LatinFrameSlack_Private(LatinStructure frame, Vec u, LatinFrameTy
   Vec                  local;
 
   PetscFunctionBegin;
+  *slack = 0;
+  if (base->midpoint) PetscFunctionReturn(0); /* masses hold what slack cables do not */
   PetscCall(PetscMalloc1(base->links_local, &across));
   PetscCall(DMGetLocalVector(base->dm, &local));
   PetscCall(LatinStructureGetLocal_Private(base, base->vertex_prescribed, u, local));
@@ -202,7 +204,6 @@ PetscErrorCode LatinFrameSlack_Private(LatinStructure frame, Vec u, LatinFrameTy
   PetscCall(LatinFrameMeasure_Private(frame, a, across, NULL, &sum));
   PetscCall(VecRestoreArrayRead(local, &a));
   PetscCall(DMRestoreLocalVector(base->dm, &local));
-  *slack = 0;
   for (PetscInt l = 0; l < base->links_local; l++) {
     const PetscInt i = base->dim * l;
 
@@ -216,7 +217,7 @@ PetscErrorCode LatinFrameSlack_Private(LatinStructure frame, Vec u, LatinFrameTy
   PetscFunctionReturn(0);
 }
 
-/* The parts at displacements u of the base, NULL for LATIN_FRAME_DRAWN. Solvers of the frame build all again. Collective on frame */
+/* The parts at displacements u of the base, NULL for none. Solvers of the frame build all again. Collective on frame */
 PetscErrorCode LatinFrameRenew_Private(LatinStructure frame, Vec u, LatinFrameType type)
 {
   const LatinStructure base = frame->turns;
@@ -226,7 +227,7 @@ PetscErrorCode LatinFrameRenew_Private(LatinStructure frame, Vec u, LatinFrameTy
   PetscFunctionBegin;
   frame->geometry = LATIN_GEOMETRY_LINEAR; /* the parts do not turn */
   if (base->geometry == LATIN_GEOMETRY_PRESTRESS) LatinFramePrestress(frame);
-  else if (!u) PetscCall(LatinFrameLarge_Private(frame, NULL, LATIN_FRAME_DRAWN));
+  else if (!u) PetscCall(LatinFrameLarge_Private(frame, NULL, type));
   else {
     PetscCall(DMGetLocalVector(base->dm, &local));
     PetscCall(LatinStructureGetLocal_Private(base, base->vertex_prescribed, u, local));
@@ -276,13 +277,17 @@ PetscErrorCode LatinFrameFollow_Private(LatinStructure frame)
   frame->load_state = base->load_state;
   frame->held_state = base->held_state;
   if (state == frame->turns_state && base->e0_state == frame->turns_e0) PetscFunctionReturn(0);
+  frame->turns_e0 = base->e0_state;
+  frame->e0_state++;
+  if (state == frame->turns_state && base->base) { /* the next step: links have moved on, and operators stay */
+    LatinFrameLengths(frame);
+    PetscFunctionReturn(0);
+  }
   PetscCall(LatinFramePenalty_Private(frame));
   PetscCall(PetscFree(frame->part));
   if (base->geometry == LATIN_GEOMETRY_LARGE) PetscCall(PetscMalloc1(LATIN_PART * frame->links_local + 1, &frame->part)); /* never NULL then */
-  PetscCall(LatinFrameRenew_Private(frame, NULL, LATIN_FRAME_DRAWN));
+  PetscCall(LatinFrameRenew_Private(frame, NULL, base->base ? LATIN_FRAME_PRESENT : LATIN_FRAME_DRAWN));
   frame->turns_state = state;
-  frame->turns_e0    = base->e0_state;
-  frame->e0_state++;
   PetscFunctionReturn(0);
 }
 
@@ -299,7 +304,6 @@ PetscErrorCode LatinFrameCreate_Private(LatinStructure base, LatinStructure *new
   PetscCall(PetscMemcpy((char *)frame + first, (char *)base + first, last - first));
   frame->turns             = base;
   frame->turns_state       = -1; /* not yet looked at */
-  frame->span              = NULL;
   frame->rigid_law         = -1;
   frame->links_local       = m;
   frame->links_global      = dim * base->links_global;
@@ -308,6 +312,8 @@ PetscErrorCode LatinFrameCreate_Private(LatinStructure base, LatinStructure *new
   frame->vertex_prescribed = base->vertex_prescribed;
   frame->load              = base->load;
   PetscCall(PetscObjectReference((PetscObject)frame->load));
+  frame->ground = base->ground;
+  PetscCall(PetscObjectReference((PetscObject)frame->ground));
   PetscCall(PetscMalloc6(2 * m, &frame->nodes, 2 * m, &frame->ends, m, &frame->law, m, &frame->stiffness, m, &frame->e0, dim * m, &frame->direction));
   for (PetscInt i = 0; i < 2 * m; i++) {
     frame->nodes[i] = base->nodes[2 * (i / 2 / dim) + i % 2];

@@ -46,6 +46,7 @@ PetscErrorCode LatinStructureDestroy(LatinStructure *structure)
     PetscCall(PetscFree6(l->nodes, l->ends, l->law, l->stiffness, l->e0, l->direction));
     PetscCall(PetscFree(l->part));
     PetscCall(PetscFree(l->spring));
+    PetscCall(VecDestroy(&l->ground));
   } else {
     PetscCall(PetscFree5(l->x, l->prescribed, l->force, l->fixed, l->global_dof));
     PetscCall(PetscFree6(l->nodes, l->ends, l->law, l->stiffness, l->e0, l->direction));
@@ -54,8 +55,8 @@ PetscErrorCode LatinStructureDestroy(LatinStructure *structure)
     PetscCall(PetscFree(l->friction));
     PetscCall(VecDestroy(&l->inertia));
     PetscCall(PetscSFDestroy(&l->vertex_sf));
-    PetscCall(PetscFree(l->span));
   }
+  PetscCall(PetscFree(l->span));
   PetscCall(VecDestroy(&l->load));
   if (l->dm) PetscCall(PetscObjectCompose((PetscObject)l->dm, "LatinStructure", NULL)); /* others may hold the DM */
   PetscCall(DMDestroy(&l->dm));
