@@ -298,6 +298,10 @@ OTHERS = {
         "relative error of a step",
         "With 1e-4 the energy of a wheel of stiff bars changes by 1.5 % in 200 steps, with 1e-8 by 5e-7.",
     ),
+    "LATIN_LARGE_INVERSE": (
+        "solves",
+        "One leaves out a node of a column of four bars that buckles; three show all.",
+    ),
     "LATIN_TAUT_GROWS": ("ratio", "Without growth one of three nets takes twice the stages."),
     "LATIN_TAUT_SLOW": ("ratio", "With 2 a chain of 20 links takes four times the stages, with 10 a flat net fails."),
     "LATIN_TAUT_MOST": ("times the first penalty", "Seven digits are left for what soft links bear."),

@@ -26,6 +26,7 @@ __all__ = ["ConvergenceWarning", "LatinWarning", "SolveError", "causes", "duplic
 UNBALANCED = 1e-2  # of the loads: what a solve may leave by default (-snes_latin_balance)
 TURNED, MOVED = 5.0, 0.1  # degrees, part of the size of the structure: the most that small displacements are taken for
 _NAMED = 5
+DTOL = PETSc.SNES.ConvergedReason.DIVERGED_DTOL
 
 
 class LatinWarning(UserWarning):
@@ -72,6 +73,8 @@ def _no_equilibrium(snes, structure):
     def listed(count, numbers):
         return ", ".join(map(str, numbers)) + (" and others" if count > len(numbers) else "")
 
+    if structure.geometry == "large":
+        return _buckled(snes, listed(unsupported, nodes)) if snes.getConvergedReason() == DTOL else []
     if jammed:
         return [f"no equilibrium: the gaps of the rigid links {listed(jammed, links)} are incompatible"]
     if unsupported and np.isinf(distance):
@@ -82,6 +85,20 @@ def _no_equilibrium(snes, structure):
     if (structure.law == Law.FRICTION).any():
         return ["contacts with friction: neither an equilibrium nor convergence is certain"]
     return []
+
+
+def _buckled(snes, nodes):
+    borne = solvers.path(snes)["borne"]
+    if borne == 1.0:
+        return ["no equilibrium: the lengths of inextensible cables are incompatible"]
+    if not nodes:
+        return ["no stable equilibrium has been found"]
+    if borne == 0.0:
+        return [f"the structure as drawn is unstable, or buckles under 1 % of the loads; nodes that move: {nodes}"]
+    return [
+        f"no stable equilibrium follows that of {borne:.3g} of the loads: the structure buckles, or snaps through."
+        f" Displacements are those of this part of the loads; nodes that move most in its mode: {nodes}"
+    ]
 
 
 def duplicates(structure: Structure) -> list[str]:

@@ -225,6 +225,32 @@ PetscErrorCode LatinEquilibriumCheck_Private(Latin latin, Vec u, Vec r, Vec more
   PetscFunctionReturn(0);
 }
 
+/* The nodes that a field of displacements moves most become those of *found. Collective on structure */
+PetscErrorCode LatinEquilibriumMoved_Private(LatinStructure structure, Vec field, LatinEquilibrium *found)
+{
+  const PetscInt dim = structure->dim;
+  PetscInt       mine[LATIN_LISTED], count = 0;
+  PetscReal     *move, most;
+
+  PetscFunctionBegin;
+  PetscCall(VecNorm(field, NORM_INFINITY, &most));
+  PetscCall(PetscMalloc1(dim * structure->nodes_local, &move));
+  PetscCall(LatinStructureGetDisplacements(structure, field, move));
+  for (PetscInt i = 0; i < structure->nodes_local; i++) {
+    PetscReal size = 0.0;
+
+    for (PetscInt c = 0; c < dim; c++) size = PetscMax(size, structure->fixed[dim * i + c] ? 0.0 : PetscAbsReal(move[dim * i + c]));
+    if (size < LATIN_UNHELD * most) continue;
+    if (count < LATIN_LISTED) mine[count] = structure->nodes_start + i;
+    count++;
+  }
+  PetscCall(PetscFree(move));
+  PetscCall(LatinList_Private(PetscObjectComm((PetscObject)structure), count, mine, &found->nodes, found->node));
+  found->verdict  = LATIN_UNBOUNDED;
+  found->distance = INFINITY;
+  PetscFunctionReturn(0);
+}
+
 /*
    A step of Newton's method along which no link resists, however far it goes, and along which the loads push: the energy
    has no least value, and the verdict is LATIN_UNBOUNDED, with the nodes that move. Else *found stays. Links that will
@@ -232,10 +258,8 @@ PetscErrorCode LatinEquilibriumCheck_Private(Latin latin, Vec u, Vec r, Vec more
 */
 PetscErrorCode LatinEquilibriumMechanism_Private(LatinStructure structure, Vec step, Vec r, Vec more, LatinEquilibrium *found)
 {
-  const PetscInt dim = structure->dim;
-  PetscInt       mine[LATIN_LISTED], count = 0;
-  PetscReal     *move, most, length, least, resisted, load, beside = 0.0;
-  PetscScalar    pushed, other = 0.0, left;
+  PetscReal   most, length, least, resisted, load, beside = 0.0;
+  PetscScalar pushed, other = 0.0, left;
 
   PetscFunctionBegin;
   PetscCall(VecNorm(step, NORM_INFINITY, &most));
@@ -250,20 +274,7 @@ PetscErrorCode LatinEquilibriumMechanism_Private(LatinStructure structure, Vec s
   if (more) PetscCall(VecNorm(more, NORM_2, &beside));
   if (resisted > LATIN_SOFT * least * length * length || PetscAbsScalar(left) <= LATIN_LOAD_LEFT * PetscAbsScalar(pushed + other)) PetscFunctionReturn(0);
   if (-PetscRealPart(pushed + other) <= LATIN_PUSH * (load + beside) * length) PetscFunctionReturn(0); /* the step is taken off: a node without load that nothing holds moves by rounding alone */
-  PetscCall(PetscMalloc1(dim * structure->nodes_local, &move));
-  PetscCall(LatinStructureGetDisplacements(structure, step, move));
-  for (PetscInt i = 0; i < structure->nodes_local; i++) {
-    PetscReal size = 0.0;
-
-    for (PetscInt c = 0; c < dim; c++) size = PetscMax(size, structure->fixed[dim * i + c] ? 0.0 : PetscAbsReal(move[dim * i + c]));
-    if (size < LATIN_UNHELD * most) continue;
-    if (count < LATIN_LISTED) mine[count] = structure->nodes_start + i;
-    count++;
-  }
-  PetscCall(PetscFree(move));
-  PetscCall(LatinList_Private(PetscObjectComm((PetscObject)structure), count, mine, &found->nodes, found->node));
-  found->verdict  = LATIN_UNBOUNDED;
-  found->distance = INFINITY;
+  PetscCall(LatinEquilibriumMoved_Private(structure, step, found));
   PetscFunctionReturn(0);
 }
 

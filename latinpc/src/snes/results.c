@@ -115,7 +115,8 @@ PetscErrorCode SNESLatinGetPath(SNES snes, PetscInt *renewals, PetscReal *borne)
   Level: intermediate
 
   Note:
-  Nodes on their way to a support take long where their loads are small beside the stiffness of slack links, or beside the
+  With large displacements they are those that move most in the softest mode of the last stable equilibrium: the structure buckles
+  there, or snaps through. Nodes on their way to a support take long where their loads are small beside the stiffness of slack links, or beside the
   search parameter of rigid ones.
 
 .seealso: `SNESLatinGetHistory()`, `SNESLatinGetJammedLinks()`

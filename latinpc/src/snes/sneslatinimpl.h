@@ -202,6 +202,7 @@ PETSC_INTERN PetscErrorCode SNESLatinLargeRun_Private(SNES);
 PETSC_INTERN PetscErrorCode SNESLatinLargeFrom_Private(SNES, Vec u, PetscBool near);
 PETSC_INTERN PetscErrorCode SNESLatinLargeRigid_Private(SNES);
 PETSC_INTERN PetscErrorCode SNESLatinLargeRenew_Private(SNES, LatinFrameType);
+PETSC_INTERN PetscErrorCode SNESLatinLargeMode_Private(SNES, Vec u, Vec mode);
 PETSC_INTERN PetscErrorCode SNESLatinLargePredict_Private(SNES, Vec u, Vec load, PetscReal *moved);
 PETSC_INTERN PetscErrorCode SNESLatinLargeNewton_Private(SNES, PetscInt most, PetscBool *done);
 /* snes/options.c */
