@@ -359,12 +359,12 @@ def test_a_mechanism_that_prestress_holds_names_the_option():
 
 
 def test_what_does_not_turn_is_refused():
-    """Directions of their own, the energy stop, digits, states of solves in files."""
+    """Directions of their own at small angles, the energy stop, digits, states of solves in files."""
     plain = net(4, 0.0, [0.0, 0.0, -5.0])
     direction = np.zeros((len(plain["links"]), 3))
     direction[5] = [0.0, 0.0, 1.0]
     with pytest.raises(PETSc.Error) as error:
-        latinpc.Structure(**plain, direction=direction, geometry="large")
+        latinpc.Structure(**plain, direction=direction, geometry="prestress")
     assert "Link 5 has a direction of its own" in latinpc.error_message(error.value)
     with pytest.raises(ValueError, match="geometry must be one of linear, prestress, large"):
         latinpc.Structure(**plain, geometry="small")

@@ -211,6 +211,74 @@ def test_a_chain_that_is_too_short():
     assert "they miss its gap by 0.83575" in latinpc.error_message(error.value)
 
 
+# ---- contacts, and other links that keep their direction ------------------------------------------------
+def on_a_floor(law, stiffness, count=10, floor=0.8, cable=1e4):
+    """A chain of cables under weights of 10 N, and a floor below it, whose normal is up whatever the chain does."""
+    x = np.linspace(0.0, 4.0, count + 1)
+    nodes = np.concatenate([np.column_stack([x, 0.0 * x]), np.column_stack([x[1:-1] + 0.3, 0.0 * x[1:-1] - floor])])
+    links = [[k, k + 1] for k in range(count)] + [[count + k, k] for k in range(1, count)]
+    structure = hanging(nodes, links, 1.0, [0, *range(count, 2 * count)], -10.0)
+    structure["initial_elongation"] = np.append(np.full(count, 4.0 / count - 0.45), np.full(count - 1, floor))
+    structure["law"] = ["cable" if cable else "inextensible"] * count + [law] * (count - 1)
+    structure["stiffness"] = np.append(np.full(count, cable), np.full(count - 1, stiffness))
+    return structure | {"direction": np.array([[0.0, 0.0]] * count + [[0.0, 1.0]] * (count - 1))}
+
+
+def grain():
+    """A grain with friction on a support."""
+    structure = {"nodes": [[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]], "links": [[0, 1]] * 3, "direction": np.eye(3)[[2, 0, 1]]}
+    structure |= {"fixed": [[True] * 3, [False] * 3], "load": [[0.0] * 3, [0.0, 0.0, -1.0]], "initial_elongation": 0.0}
+    return structure | {"friction": 0.5}
+
+
+@pytest.mark.parametrize("cable", [1e4, 0.0])
+@pytest.mark.parametrize("variant", ["auto", "macro", "corner", "none"])
+def test_a_chain_lies_on_a_floor(cable, variant):
+    """Gaps, signs, complementarity, balance; the middle bears its weight. Cables that stretch, and do not."""
+    structure, count = on_a_floor("contact", 0.0, cable=cable), 10
+    result = solve(structure, error=1e-10, variant=variant, subdomains=3)
+    assert result.converged
+    moved, t = structure["nodes"] + result.displacements, result.tensions
+    gap = moved[1:count, 1] + 0.8
+    assert gap.min() > -1e-9 and t[count:].max() <= 0.0
+    assert np.abs(gap * t[count:]).max() < 1e-8
+    assert np.count_nonzero(t[count:]) == 3
+    assert t[count + 4] == pytest.approx(-10.0, rel=1e-8)
+    r = np.diff(moved[: count + 1], axis=0)
+    force = t[:count, None] * r / np.linalg.norm(r, axis=1)[:, None]
+    left = np.diff(force, axis=0) + structure["load"][1:count]
+    left[:, 1] -= t[count:]
+    assert np.abs(left).max() < 1e-7
+    length = 0.45 + (t[:count] / cable if cable else 0.0)
+    assert np.linalg.norm(r, axis=1) == pytest.approx(length, rel=1e-8)
+
+
+def test_a_stiff_floor_is_the_limit():
+    """The difference falls as one over the stiffness."""
+    exact, far = solve(on_a_floor("contact", 0.0), error=1e-10).displacements, []
+    for stiffness in (1e4, 1e5, 1e6):
+        result = solve(on_a_floor("compression_only", stiffness), error=1e-10)
+        assert result.converged
+        far.append(np.linalg.norm(result.displacements - exact))
+    assert far[1] == pytest.approx(0.1 * far[0], rel=0.05) and far[2] == pytest.approx(0.1 * far[1], rel=0.05)
+
+
+def test_a_spring_keeps_its_direction():
+    """A mass on a bar that turns, and a spring along x to the ground: angles by scipy."""
+    nodes = np.array([[0.0, 0.0], [0.0, -1.0], [5.0, 1.0]])
+    structure = {"nodes": nodes, "links": [[0, 1], [2, 1]], "law": "bar", "stiffness": [1e3, 20.0]}
+    structure |= {"direction": [[0.0, 0.0], [1.0, 0.0]], "fixed": [[True, True], [False, False], [True, True]]}
+    structure["load"] = [[0.0, 0.0], [30.0, -10.0], [0.0, 0.0]]
+    result = solve(structure, error=1e-12)
+
+    def left(x):
+        size = np.linalg.norm(x)
+        return 1e3 * (size - 1.0) / size * x + [20.0 * x[0] - 30.0, 10.0]
+
+    assert result.converged
+    assert (nodes + result.displacements)[1] == pytest.approx(root(left, [0.8, -0.6], tol=1e-14).x, abs=1e-10)
+
+
 # ---- other laws -----------------------------------------------------------------------------------------
 def test_a_table_of_two_slopes_holds_a_weight():
     """A cable that yields: slack, elastic, and soft from the yield force on."""
@@ -253,11 +321,13 @@ def test_links_in_compression_only_lean_on_each_other(part):
 
 
 def test_what_is_refused():
-    """Contacts keep their normal; small angles take elastic laws; a reference does not show multipliers."""
+    """Friction; small angles take elastic laws; a reference does not show multipliers."""
     structure, _ = slack_net(cells=4)
-    for law, geometry in (("contact", "large"), ("inextensible", "prestress")):
+    for law, geometry in (("friction", "large"), ("inextensible", "prestress")):
+        laws = [law, "tangent", "tangent"] if law == "friction" else law
+        made = grain() if law == "friction" else structure
         with pytest.raises(PETSc.Error) as error:
-            latinpc.Structure(**structure | RIGID | {"law": law}, geometry=geometry)
+            latinpc.Structure(**made | RIGID | {"law": laws}, geometry=geometry)
         assert f"Geometry {geometry} does not take links of the law {law}" in latinpc.error_message(error.value)
     with pytest.raises(PETSc.Error) as error:
         solve(structure | RIGID, reference=np.zeros(structure["nodes"].shape), stop="reference")

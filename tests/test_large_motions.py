@@ -199,6 +199,27 @@ def test_a_slack_cable_catches_a_mass():
     assert np.array(tensions).min() == 0.0 and max(tensions) == pytest.approx(k * stretch, rel=1e-2)
 
 
+@pytest.mark.parametrize("h", [0.005, 0.001])
+def test_a_pendulum_bounces_on_a_floor(h):
+    """An elastic contact keeps its normal, and gives back what it takes: energy stays."""
+    structure = pendulum() | {"nodes": np.array([[0.0, 0.0], [1.0, 0.0], [1.5, -0.8]]), "links": [[0, 1], [2, 1]]}
+    structure |= {"law": ["bar", "compression_only"], "stiffness": [1e5, 1e4], "initial_elongation": [0.0, 0.8]}
+    structure |= {
+        "direction": [[0.0, 0.0], [0.0, 1.0]],
+        "mass": [0.0, 1.0, 0.0],
+        "load": [[0.0, 0.0], [0.0, -G], [0.0, 0.0]],
+    }
+    structure |= {"fixed": [[True, True], [False, False], [True, True]]}
+    with motion(structure, h) as it:
+        lowest, highest, touched = 0.0, -1.0, False
+        for _ in range(round(2.0 / h)):
+            it.step()
+            assert abs(it.energy) < 1e-6
+            lowest, touched = min(lowest, it.u[1, 1]), touched or latinpc.step_tensions(it.ts)[1] < 0.0
+            highest = max(highest, it.u[1, 1]) if touched else highest
+        assert -0.85 < lowest < -0.8 and highest > -0.05
+
+
 def test_small_amplitudes_are_those_of_prestress():
     """The implicit midpoint rule of M a + K u = 0 with the tangent stiffness of the prestressed net."""
     structure = net(6, 0.0, [0.0, 0.0, 0.0])

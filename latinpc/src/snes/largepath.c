@@ -23,7 +23,7 @@ static PetscErrorCode LatinPathStruts_Private(LatinStructure structure, PetscBoo
 
   PetscFunctionBegin;
   for (PetscInt l = 0; l < structure->links_local; l++)
-    if (structure->law[l] != LATIN_LAW_CABLE && structure->law[l] != LATIN_LAW_INEXTENSIBLE) any = 1;
+    if (structure->law[l] != LATIN_LAW_CABLE && structure->law[l] != LATIN_LAW_INEXTENSIBLE && !LatinStructureKeeps(structure, l)) any = 1;
   PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &any, 1, MPI_INT, MPI_MAX, PetscObjectComm((PetscObject)structure)));
   *struts = (PetscBool)any;
   PetscFunctionReturn(0);

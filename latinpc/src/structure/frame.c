@@ -16,7 +16,7 @@
    displacements it is to follow. The figures below are of saddles with tensions of 1e-4 to 1e-2 of the stiffness.
 
    An inextensible cable is a cable in the frame, of a penalty stiffness p, and longer by -lambda / p: it bears max(0, lambda + p x)
-   (snes/largerigid.c).
+   (snes/largerigid.c); a contact its mirror image. A link that keeps its direction bears nothing across it: c is but a floor.
 */
 
 #define LATIN_FRAME_FIRST   4.0   /* times tau / R as drawn: nets that sag by 7 to 15 % of their span take 11 to 16 stages, with 1 and 16 up to 26 */
@@ -56,7 +56,9 @@ static PetscReal LatinFrameStiffness(LatinStructure frame, PetscInt l)
 
 static PetscInt LatinFrameLaw(LatinStructure frame, PetscInt l)
 {
-  return LatinLaws[frame->turns->law[l]].rigid ? LATIN_LAW_CABLE : frame->turns->law[l];
+  const PetscInt law = frame->turns->law[l];
+
+  return LatinLaws[law].rigid ? law == LATIN_LAW_CONTACT ? LATIN_LAW_COMPRESSION_ONLY : LATIN_LAW_CABLE : law;
 }
 
 static PetscReal LatinFrameShift(LatinStructure frame, PetscInt l)
@@ -97,6 +99,11 @@ static void LatinFrameDirection(LatinStructure frame, PetscInt l, PetscReal acro
   const PetscBool slack = (PetscBool)(LatinFrameLaw(frame, l) == LATIN_LAW_CABLE && type != LATIN_FRAME_DRAWN && across <= (type == LATIN_FRAME_TANGENT ? 0.0 : LATIN_FRAME_NEAR * mean));
 
   *k = LatinFrameStiffness(frame, l);
+  *c = LATIN_FRAME_FLOOR * mean;
+  if (LatinStructureKeeps(frame->turns, l)) {
+    if (!(across > 0.0)) *k = PetscMin(LATIN_FRAME_SLACK * mean, *k);
+    return;
+  }
   if (slack) *k = PetscMin((type == LATIN_FRAME_TANGENT ? LATIN_FRAME_FLOOR : LATIN_FRAME_SLACK) * mean, *k);
   *c = PetscMax((type == LATIN_FRAME_TANGENT ? LATIN_FRAME_FLOOR : LATIN_FRAME_LEAST) * mean, across > 0.0 ? first * across : -LATIN_FRAME_STRUT * across);
   *c = PetscMin(*c, *k);
@@ -121,6 +128,14 @@ static PetscErrorCode LatinFrameMeasure_Private(LatinStructure frame, const Pets
     }
     size      = PetscSqrtReal(size);
     across[l] = size > 0.0 ? law->tension(LatinFrameStiffness(frame, l), size - PetscSqrtReal(length) + base->e0[l] + LatinFrameShift(frame, l), law->ctx) / size : 0.0;
+    if (LatinStructureKeeps(base, l)) { /* does it bear? */
+      const PetscReal e = a ? LatinStructureElongation(base, l, a) : 0.0;
+
+      across[l] = law->tension(LatinFrameStiffness(frame, l), e + base->e0[l] + LatinFrameShift(frame, l), law->ctx) != 0.0 ? 1.0 : 0.0;
+      if (axes) LatinFrameAxes(dim, base->direction + dim * l, axes + dim * dim * l);
+      sum->all += 1.0;
+      continue;
+    }
     if (axes) {
       if (!LatinUnitVector(dim, r, n)) PetscCall(PetscArraycpy(n, base->direction + dim * l, dim));
       LatinFrameAxes(dim, n, axes + dim * dim * l);
@@ -145,13 +160,16 @@ static void LatinFrameLengths(LatinStructure frame)
   for (PetscInt i = 0; i < dim * base->links_local; i++) {
     const PetscInt   l    = i / dim;
     const PetscReal *span = base->span + dim * l, *row = frame->direction + dim * i;
-    PetscReal        whole = 0.0, length = 0.0;
+    PetscReal        whole = 0.0, length = 0.0, along = 0.0;
 
     for (PetscInt d = 0; d < dim; d++) {
       whole += row[d] * span[d];
       length += PetscSqr(span[d]);
+      along += base->direction[dim * l + d] * span[d];
     }
-    frame->part[LATIN_PART * i + LATIN_PART_NATURAL] = PetscSqrtReal(length) - base->e0[l] - LatinFrameShift(frame, l);
+    length                                           = LatinStructureKeeps(base, l) ? along : PetscSqrtReal(length);
+    frame->part[LATIN_PART * i + LATIN_PART_NATURAL] = length - base->e0[l] - LatinFrameShift(frame, l);
+    frame->part[LATIN_PART * i + LATIN_PART_KEEPS]   = LatinStructureKeeps(base, l) ? 1.0 : 0.0;
     frame->e0[i]                                     = whole; /* of r0: a part's strain is that of r */
   }
 }
@@ -208,7 +226,7 @@ PetscErrorCode LatinFrameSlack_Private(LatinStructure frame, Vec u, LatinFrameTy
     const PetscInt i = base->dim * l;
 
     LatinFrameDirection(frame, l, across[l], type, &sum, &k, &c);
-    if (LatinFrameLaw(frame, l) != LATIN_LAW_CABLE) continue;
+    if (LatinFrameLaw(frame, l) != LATIN_LAW_CABLE || LatinStructureKeeps(base, l)) continue;
     if (LATIN_FRAME_STIFF * k < frame->stiffness[i] * PetscSqr(frame->part[LATIN_PART * i + LATIN_PART_SCALE])) ++*slack;
     else if (base->dim > 1 && type == LATIN_FRAME_TANGENT && LATIN_FRAME_STIFF * c < frame->stiffness[i] * PetscSqr(frame->part[LATIN_PART * (i + 1) + LATIN_PART_SCALE])) ++*slack;
   }
@@ -305,6 +323,7 @@ PetscErrorCode LatinFrameCreate_Private(LatinStructure base, LatinStructure *new
   frame->turns             = base;
   frame->turns_state       = -1; /* not yet looked at */
   frame->rigid_law         = -1;
+  frame->keeps             = NULL;
   frame->links_local       = m;
   frame->links_global      = dim * base->links_global;
   frame->links_start       = dim * base->links_start;

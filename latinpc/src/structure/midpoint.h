@@ -11,7 +11,7 @@
 
      |2 (g(R1) + E)^-1 w - r0| - R1 = 0,
 
-   whose left side falls, as g grows with R1.
+   whose left side falls, as g grows with R1. A link that keeps its direction n has f(d) = tau n, with the same work.
 */
 #ifndef LATINMIDPOINT_H
 #define LATINMIDPOINT_H
@@ -42,6 +42,29 @@ static inline PetscReal LatinMidpointForce(const LatinLaw *law, PetscReal k, Pet
 
   *slope = 2.0 * (*slope - tension / S) / S;
   return 2.0 * tension / S;
+}
+
+/* The same of a link that keeps its direction n, for the part R of r0 + d along n: x1 = x0 + 2 (R - R0) */
+static inline PetscReal LatinMidpointKeep(const LatinLaw *law, PetscReal stiffness, PetscReal natural, PetscReal k, PetscReal w, PetscReal R0)
+{
+  PetscReal R = R0, low = -PETSC_MAX_REAL, high = PETSC_MAX_REAL;
+
+  for (PetscInt i = 0; i < LATIN_MIDPOINT_MOST; i++) {
+    PetscReal slope, next, g = LatinMidpointTension(law, stiffness, R0 - natural, 2.0 * R - R0 - natural, &slope) + k * R - w;
+
+    if (g == 0.0) break;
+    if (g > 0.0) {
+      high = R;
+      low  = PetscMax(low, R - g / k);
+    } else {
+      low  = R;
+      high = PetscMin(high, R - g / k);
+    }
+    next = R - g / (2.0 * slope + k);
+    if (PetscAbsReal(next - R) <= 2.0 * PETSC_MACHINE_EPSILON * PetscAbsReal(R)) return next;
+    R = next > low && next < high ? next : 0.5 * (low + high);
+  }
+  return R;
 }
 
 /* The equation of one link in the local stage */

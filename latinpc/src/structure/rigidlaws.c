@@ -142,7 +142,7 @@ static PetscReal LatinHeldStrain(LatinStructure structure, PetscInt l, const Pet
   const PetscReal *r0   = structure->span + dim * l;
   PetscReal        size = 0.0, length = 0.0;
 
-  if (!structure->span) return LatinStructureElongation(structure, l, a) + structure->e0[l];
+  if (!structure->span || LatinStructureKeeps(structure, l)) return LatinStructureElongation(structure, l, a) + structure->e0[l];
   for (PetscInt c = 0; c < dim; c++) {
     size += PetscSqr(r0[c] + PetscRealPart(a[dim * structure->ends[2 * l + 1] + c] - a[dim * structure->ends[2 * l] + c]));
     length += PetscSqr(r0[c]);
@@ -180,7 +180,7 @@ PetscErrorCode LatinStructureCheckHeld_Private(LatinStructure structure)
     PetscBool        held = (PetscBool)(LatinLaws[structure->law[l]].rigid && structure->law[l] != LATIN_LAW_TANGENT);
 
     for (PetscInt c = 0; c < dim; c++) {
-      if ((n[c] != 0.0 || structure->span) && (PetscRealPart(free[dim * to[0] + c]) != 0.0 || PetscRealPart(free[dim * to[1] + c]) != 0.0)) held = PETSC_FALSE;
+      if ((n[c] != 0.0 || (structure->span && !LatinStructureKeeps(structure, l))) && (PetscRealPart(free[dim * to[0] + c]) != 0.0 || PetscRealPart(free[dim * to[1] + c]) != 0.0)) held = PETSC_FALSE;
       ends += PetscAbsReal(structure->span ? 1.0 : n[c]) * (PetscAbsScalar(a[dim * to[0] + c]) + PetscAbsScalar(a[dim * to[1] + c]));
     }
     missed = sign * LatinHeldStrain(structure, l, a);

@@ -52,6 +52,7 @@ PetscErrorCode LatinStructureDestroy(LatinStructure *structure)
     PetscCall(PetscFree6(l->nodes, l->ends, l->law, l->stiffness, l->e0, l->direction));
     PetscCall(PetscFree(l->vertex_prescribed));
     PetscCall(PetscFree(l->mass));
+    PetscCall(PetscFree(l->keeps));
     PetscCall(PetscFree(l->friction));
     PetscCall(VecDestroy(&l->inertia));
     PetscCall(PetscSFDestroy(&l->vertex_sf));

@@ -45,6 +45,7 @@ struct _p_LatinStructure {
   PetscInt      flies;         /* first free component, dim * node + direction, of one of them on any rank; -1: there is none */
   PetscBool     set_up;
   LatinGeometry geometry; /* how displacements turn links (structure/turning.c) */
+  PetscBool    *keeps;    /* [links_local] links among those that turn far that keep their direction; NULL where no link turns */
   /* what is a time step's own */
   PetscReal       *prescribed;        /* [nodes_local][dim] */
   PetscReal       *vertex_prescribed; /* [vertices][dim] */
@@ -177,6 +178,12 @@ PETSC_INTERN PetscErrorCode LatinFrameFollow_Private(LatinStructure frame);
 PETSC_INTERN PetscErrorCode LatinFrameRenew_Private(LatinStructure frame, Vec u, LatinFrameType);
 PETSC_INTERN PetscErrorCode LatinFrameSprings_Private(LatinStructure frame, PetscBool none);
 PETSC_INTERN PetscErrorCode LatinFrameSlack_Private(LatinStructure frame, Vec u, LatinFrameType, PetscInt *slack);
+
+/* Does link l keep its direction in large displacements? Contacts, and those that were given one */
+static inline PetscBool LatinStructureKeeps(const LatinStructure structure, PetscInt l)
+{
+  return structure->keeps ? structure->keeps[l] : PETSC_FALSE;
+}
 
 /* ---- the DM (structure/setup.c) ---- */
 PETSC_INTERN PetscErrorCode LatinStructureCreateMesh_Private(LatinStructure);

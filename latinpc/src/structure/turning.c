@@ -8,6 +8,8 @@
    large      f = tau r / R, r = r0 + d; its derivative is k_t n n^t + tau / R (1 - n n^t) with n = r / R
    prestress  f = tau n + t0 / l (1 - n n^t) d, n and l as drawn, t0 the tension there: the tangent of the former at d = 0
 
+   A link that keeps its direction, as contacts do, has f = tau n in large as well, n the direction it was given.
+
    d is the displacement of the second node less that of the first one. During a time step large has the mean force of structure/midpoint.h.
 */
 
@@ -44,6 +46,23 @@ static void LatinTurnedMean(LatinStructure structure, PetscInt l, LatinTurned *l
   for (PetscInt c = 0; c < dim; c++) link->change[c] = R1 > 0.0 ? 2.0 * link->size * slope * (r0[c] + 2.0 * link->d[c]) / R1 : 0.0;
 }
 
+/* A link that keeps its direction, with the mean tension in a time step */
+static void LatinTurnedKeep(LatinStructure structure, const PetscReal rigid[], PetscInt l, const PetscScalar a[], LatinTurned *link)
+{
+  const LatinLaw *law   = &LatinLaws[structure->law[l]];
+  const PetscReal e     = LatinStructureElongation(structure, l, a);
+  PetscReal       slope = 0.0;
+
+  for (PetscInt c = 0; c < structure->dim; c++) {
+    link->n[c] = structure->direction[structure->dim * l + c];
+    link->d[c] = PetscRealPart(a[structure->dim * structure->ends[2 * l + 1] + c] - a[structure->dim * structure->ends[2 * l] + c]);
+  }
+  link->size = link->across = 0.0;
+  link->x                   = structure->e0[l] + (structure->midpoint ? 2.0 * e : e);
+  link->tension             = structure->midpoint ? LatinMidpointTension(law, structure->stiffness[l], structure->e0[l], link->x, &slope) : LatinStructureTension(structure, rigid, l, link->x);
+  for (PetscInt c = 0; c < structure->dim && structure->midpoint; c++) link->change[c] = 2.0 * slope * link->n[c];
+}
+
 /* `rigid`: tensions of rigid links, NULL where there are none, or where they are taken for springs */
 static void LatinTurnedLink(LatinStructure structure, const PetscReal rigid[], PetscInt l, const PetscScalar a[], LatinTurned *link)
 {
@@ -52,6 +71,10 @@ static void LatinTurnedLink(LatinStructure structure, const PetscReal rigid[], P
   const PetscScalar *ua = a + dim * structure->ends[2 * l], *ub = a + dim * structure->ends[2 * l + 1];
   PetscReal          length = 0.0, size = 0.0, stretch = 0.0;
 
+  if (LatinStructureKeeps(structure, l)) {
+    LatinTurnedKeep(structure, rigid, l, a, link);
+    return;
+  }
   for (PetscInt c = 0; c < dim; c++) {
     const PetscReal d = PetscRealPart(ub[c] - ua[c]);
 
@@ -330,15 +353,17 @@ PetscErrorCode LatinTurningSetUp_Private(LatinStructure structure)
   PetscInt           own = -1, rigid = -1;
 
   PetscFunctionBegin;
+  PetscCall(PetscFree(structure->keeps));
   if (structure->geometry == LATIN_GEOMETRY_LINEAR) {
     PetscCall(PetscFree(structure->span));
     PetscFunctionReturn(0);
   }
   for (PetscInt l = 0; l < structure->links_local && rigid < 0; l++)
-    if (LatinLaws[structure->law[l]].rigid && (structure->geometry == LATIN_GEOMETRY_PRESTRESS || structure->law[l] != LATIN_LAW_INEXTENSIBLE)) rigid = structure->law[l];
+    if (LatinLaws[structure->law[l]].rigid && (structure->geometry == LATIN_GEOMETRY_PRESTRESS || (structure->law[l] != LATIN_LAW_INEXTENSIBLE && structure->law[l] != LATIN_LAW_CONTACT))) rigid = structure->law[l];
   LatinAgree(comm, rigid >= 0, PETSC_ERR_SUP, "Geometry %s does not take links of the law %s, as the structure has them: take %s, or the geometry linear", LatinGeometries[structure->geometry], LatinLaws[PetscMax(0, rigid)].name,
              LatinLaws[PetscMax(0, rigid)].cure);
-  if (!structure->span) PetscCall(PetscMalloc1(dim * structure->links_local + 1, &structure->span)); /* never NULL where links turn */
+  if (!structure->span) PetscCall(PetscMalloc1(dim * structure->links_local + 1, &structure->span));                       /* never NULL where links turn */
+  if (structure->geometry == LATIN_GEOMETRY_LARGE) PetscCall(PetscMalloc1(structure->links_local + 1, &structure->keeps)); /* never NULL then */
   PetscCall(DMGetCoordinatesLocal(structure->dm, &coordinates));
   PetscCall(VecGetArrayRead(coordinates, &x));
   for (PetscInt l = structure->links_local - 1; l >= 0; l--) {
@@ -347,11 +372,12 @@ PetscErrorCode LatinTurningSetUp_Private(LatinStructure structure)
     for (PetscInt c = 0; c < dim; c++) r0[c] = PetscRealPart(x[dim * structure->ends[2 * l + 1] + c] - x[dim * structure->ends[2 * l] + c]);
     (void)LatinUnitVector(dim, r0, n);
     for (PetscInt c = 0; c < dim; c++) apart = PetscMax(apart, PetscAbsReal(n[c] - structure->direction[dim * l + c]));
-    if (apart > LATIN_TURNING_OWN) own = l;
+    if (structure->keeps) structure->keeps[l] = (PetscBool)(apart > LATIN_TURNING_OWN || structure->law[l] == LATIN_LAW_CONTACT);
+    else if (apart > LATIN_TURNING_OWN) own = l;
   }
   PetscCall(VecRestoreArrayRead(coordinates, &x));
-  LatinAgree(comm, own >= 0, PETSC_ERR_SUP, "Link %" PetscInt_FMT " has a direction of its own, and geometry %s turns links with their nodes: leave out LatinStructureSetDirections(), or take the geometry linear", structure->links_start + own,
-             LatinGeometries[structure->geometry]);
+  LatinAgree(comm, own >= 0, PETSC_ERR_SUP, "Link %" PetscInt_FMT " has a direction of its own, and geometry %s turns links with their nodes: leave out LatinStructureSetDirections(), or take the geometry large, or linear",
+             structure->links_start + own, LatinGeometries[structure->geometry]);
   PetscFunctionReturn(0);
 }
 
@@ -381,8 +407,8 @@ PetscErrorCode LatinStructureCheckLinear_Private(LatinStructure structure, const
   Level: beginner
 
   Note:
-  For elastic links in the direction of their nodes, and in statics with large displacements inextensible cables. Motions take
-  linear, or large.
+  For elastic links in the direction of their nodes, and in statics with large displacements inextensible cables and contacts.
+  With large displacements a contact, and a link with a direction of its own, keeps its direction. Motions take linear, or large.
 
 .seealso: `SNESLATIN`, `LatinStructureSetPrestress()`
 @*/
