@@ -7,11 +7,14 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 import turning
+from conftest import run
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from petsc4py import PETSc
 from scipy.optimize import root
 from scipy.special import ellipk
+from support import STATES
+from test_checkpoints import launch, result
 from test_properties import EXAMPLES
 from turning import net
 
@@ -468,21 +471,39 @@ def test_ranks_change_nothing(mpirun, ranks):
         assert found["energy"] == pytest.approx(it.energy, rel=1e-8)
 
 
-@pytest.mark.parametrize("name", ["state", "state.h5"])
-def test_states_resume_to_the_bit(tmp_path, name):
-    """The run that has written a state and the one that reads it make the same steps."""
+@pytest.mark.parametrize("name", STATES)
+@pytest.mark.parametrize("turns", [False, True])
+def test_states_resume_to_the_bit(tmp_path, name, turns):
+    """Also where operators are those of an earlier step, or have been made anew."""
     structure, v = shaken()
-    options = {"snes_latin_subdomains": 3}
-    with motion(structure, 0.005, v=v, **options) as first, motion(structure, 0.005, **options) as second:
-        first.step(7)
+    if turns:
+        structure = wheel(stiffness=1e6)
+        v = 10.0 * np.column_stack([-structure["nodes"][:, 1], structure["nodes"][:, 0]])
+    options = {"snes_latin_subdomains": 3, "snes_latin_variant": "macro" if turns else "auto"}
+    with motion(structure, 0.01, v=v, **options) as first, motion(structure, 0.01, **options) as second:
+        first.step(30)
         latinpc.save_state(first.ts, tmp_path / name)
         tensions = latinpc.step_tensions(first.ts)
         latinpc.load_state(second.ts, tmp_path / name)
         assert np.array_equal(latinpc.step_tensions(second.ts), tensions)
-        first.step(7)
-        second.step(7)
-        assert np.array_equal(first.u, second.u) and np.array_equal(first.v, second.v)
+        first.step(30)
+        second.step(30)
+        second_u = second.u
+        assert np.array_equal(first.u, second_u) and np.array_equal(first.v, second.v)
         assert first.ts.getTime() == second.ts.getTime()
+    with motion(structure, 0.01, v=v, **options) as whole:
+        assert np.array_equal(whole.step(60).u, second_u)
+
+
+def test_the_command_line(tmp_path):
+    """A scene, an option; a run that goes on from a checkpoint ends as one that does not."""
+    words = ["tensegrity-grid", "--modules", 4, "--step", 1e-3, "--node-mass", 10, "-snes_latin_geometry", "large"]
+    whole, report = result(tmp_path, [*words, "--steps", 12], "whole")
+    run(launch(*words, "--steps", 6, "--quiet", "--checkpoint", "state"), cwd=tmp_path)
+    again, _ = result(tmp_path, [*words, "--steps", 12, "--restart", "state"], "again")
+    assert whole == again
+    energy = np.add(report["kinetic_energy"], report["potential_energy"])
+    assert np.ptp(energy) < 1e-8 * abs(energy).max()
 
 
 def test_the_option_sets_the_geometry():

@@ -1,4 +1,5 @@
 #include "state/stateimpl.h"
+#include "structure/turning.h"
 #include <petsc/private/snesimpl.h>
 #include <petsc/private/tsimpl.h>
 
@@ -46,6 +47,7 @@ static PetscErrorCode LatinStateItems_Private(LatinState *state)
   if (state->latin) {
     SNES_Latin        *data   = (SNES_Latin *)state->snes->data;
     const LatinLinear *linear = &data->latin->linear;
+    LatinStructure     frame  = data->large.frame;
 
     if (!data->z_before) PetscCall(VecDuplicate(data->z, &data->z_before));
     PetscCall(LatinStateAdd_Private(state, "fixed_point", data->z));
@@ -53,6 +55,11 @@ static PetscErrorCode LatinStateItems_Private(LatinState *state)
     PetscCall(LatinStateAddArray_Private(state, "subdomain_displacement", 1, linear->sub->bs * linear->sub->copies, linear->U));
     PetscCall(LatinStateAddArray_Private(state, "interface_pull", 1, linear->inter->sides, linear->pull));
     PetscCall(LatinStateAddArray_Private(state, "subdomain_tension", 1, linear->tension ? linear->sub->nonsmooth : 0, linear->tension));
+    if (frame) { /* operators are those of an earlier step */
+      PetscCall(LatinStateAddArray_Private(state, "operator_row", frame->dim, frame->dim * frame->links_local, frame->direction));
+      PetscCall(LatinStateAddArray_Private(state, "operator_part", LATIN_PART, LATIN_PART * frame->links_local, frame->part));
+      PetscCall(LatinStateAddArray_Private(state, "operator_stiffness", 1, frame->links_local, frame->stiffness));
+    }
     PetscCall(LatinStateAddArray_Private(state, "rigid_tension", 1, linear->rigid_tension ? linear->sub->structure->links_local : 0, linear->rigid_tension));
   }
   state->reals = state->items;
@@ -124,14 +131,6 @@ static PetscErrorCode LatinStateStructure_Private(const LatinState *state, doubl
   PetscFunctionReturn(0);
 }
 
-/* The run that goes on makes its operators where it starts: so does the one that has written the state, to go on to the bit as well */
-static void LatinStateRenew(const LatinState *state)
-{
-  const LatinStructure frame = state->latin ? ((SNES_Latin *)state->snes->data)->large.frame : NULL;
-
-  if (frame) frame->turns_state = -1;
-}
-
 /* The parts of a solver that a state is made of. Collective on solver */
 static PetscErrorCode LatinStateFind_Private(PetscObject solver, Vec u, LatinState *state)
 {
@@ -201,7 +200,6 @@ static PetscErrorCode LatinStateSave_Private(PetscObject solver, Vec u, const ch
   PetscCall(LatinStateItems_Private(&state));
   if (endings[ending]) PetscCall(LatinStateShow_Private(&state, rank ? 0 : n, note, &room));
   PetscCall(LatinStateWrite_Private(comm, file, &head, &state, note));
-  LatinStateRenew(&state);
   PetscCall(PetscFree(room));
   PetscFunctionReturn(0);
 }
@@ -235,7 +233,7 @@ static PetscErrorCode LatinStateLoad_Private(PetscObject solver, Vec u, const ch
   PetscCheck(head.structure == structure, comm, PETSC_ERR_FILE_UNEXPECTED, "The state %s is of another structure, partition or method: give the same scene and the same options", file);
   PetscCall(LatinStateItems_Private(&state));
   PetscCall(LatinStateTransfer_Private(comm, file, NULL, &head, &state));
-  LatinStateRenew(&state);
+  if (snes && snes->large.frame) PetscCall(PetscObjectStateIncrease((PetscObject)snes->large.frame)); /* operators are made of what has been read */
   if (ts) {
     ts->started         = (PetscBool)(head.started != 0.0);
     state.ts->ptime     = (PetscReal)head.time;

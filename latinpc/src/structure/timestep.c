@@ -106,7 +106,11 @@ PetscErrorCode LatinStepLength_Private(LatinStructure step, PetscReal shift)
     step->shift      = 0.0;
     step->midpoint   = (PetscBool)(step->geometry == LATIN_GEOMETRY_LARGE);
     PetscCall(PetscFree(step->span));
-    if (step->base->span) PetscCall(PetscMalloc1(step->dim * step->links_local + 1, &step->span)); /* never NULL where links turn */
+    if (step->base->span) {                                                    /* as drawn, until a step starts */
+      PetscCall(PetscMalloc1(step->dim * step->links_local + 1, &step->span)); /* never NULL where links turn */
+      PetscCall(PetscArraycpy(step->span, step->base->span, step->dim * step->links_local));
+      PetscCall(PetscArraycpy(step->e0, step->base->e0, step->links_local));
+    }
   }
   if (PetscAbsReal(shift - step->shift) <= LATIN_STEP_SAME * shift || shift < 0.0) PetscFunctionReturn(0);
   PetscCall(VecAXPBY(step->ground, shift, 0.0, step->base->inertia));
