@@ -327,6 +327,33 @@ OTHERS = {
         "times -tau / R",
         "With 1 the length of a strut in the local stage is not unique: twice as much.",
     ),
+    "LATIN_FRAME_PENALTY": (
+        "times the stiffness beside it",
+        "Inextensible cables, at first: nets of 112 take 402, 324, 221 stages; with 1 465, 384, 324; 1000 fails.",
+    ),
+    "LATIN_MIDPOINT_NOISE": (
+        "eps, of the energies of a link",
+        "The mean of two tensions has no cancellation: without it a net at 1e-5 m/s fails.",
+    ),
+    "LATIN_MIDPOINT_MOST": (
+        "trial lengths",
+        "A bound that no link meets: Newton's method takes 2 on average, 20 at most.",
+    ),
+    "TS_LATIN_ERROR": (
+        "relative error of a step",
+        "With 1e-4 the energy of a wheel of stiff bars changes by 1.5 % in 200 steps, with 1e-8 by 5e-7.",
+    ),
+    "LATIN_LARGE_INVERSE": (
+        "solves",
+        "One leaves out a node of a column of four bars that buckles; three show all.",
+    ),
+    "LATIN_TAUT_GROWS": ("ratio", "Without growth one of three nets takes twice the stages."),
+    "LATIN_TAUT_SLOW": ("ratio", "With 2 a chain of 20 links takes four times the stages, with 10 a flat net fails."),
+    "LATIN_TAUT_MOST": ("times the first penalty", "Seven digits are left for what soft links bear."),
+    "LATIN_TAUT_TIMES": (
+        "solves",
+        "A bound that structures with a solution do not meet: chains and nets take 3 to 16.",
+    ),
     "LATIN_FRAME_LOWEST": (
         "of the mean stiffness",
         "The least mean c: times `LATIN_FRAME_FLOOR` it is still a hundred times what a mechanism is to rounding.",

@@ -150,7 +150,8 @@ def path(snes: PETSc.SNES) -> dict[str, int | float]:
 def unsupported_nodes(snes: PETSc.SNES) -> tuple[int, list[int]]:
     """Return the nodes that slack links no longer hold, after a solve without convergence; not collective.
 
-    The loads move them without end or, where they are small, slowly to a support.
+    The loads move them without end or, where they are small, slowly to a support. With large displacements: those that
+    move most in the softest mode of the last stable equilibrium.
 
     Parameters
     ----------

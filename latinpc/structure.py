@@ -92,7 +92,7 @@ class Structure(Geometry, Equations, Actions, Plots):
         How displacements turn links: not at all; by small angles, against which each link resists by its tension as
         drawn over its length; or as far as they go, with the tension of the law at the strain ``|r| - l + e0``, r from
         the first node to the second one, l the length as drawn. The latter two are for elastic links in the
-        direction of their nodes.
+        direction of their nodes, the last one for inextensible cables as well.
     comm : petsc4py or mpi4py communicator, optional
         PETSc's default communicator when not given.
     area : (m,) array_like of float, or float, optional

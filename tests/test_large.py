@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 import turning
 from petsc4py import PETSc
-from turning import catenary, net, random_net, simplex, solve, von_mises
+from scipy.optimize import root
+from turning import catenary, column, net, random_net, simplex, solve, von_mises
 
 import latinpc
 from latinpc.runs.solve import solve as run
@@ -42,6 +43,33 @@ def test_residual_and_tangent_are_derivatives_of_the_energy(structure, geometry)
     s.residual(left, a)
     s.residual(right, b)
     assert np.allclose((b.array - a.array) / (2 * h), Jv.array, rtol=0.0, atol=1e-6 * abs(Jv.array).max())
+
+
+@pytest.mark.parametrize("geometry", ["prestress", "large"])
+@pytest.mark.parametrize("structure", [simplex(30.0), von_mises(10.0)], ids=["simplex", "bars"])
+def test_the_tangent_to_ten_digits(structure, geometry):
+    """Central differences of the residual, extrapolated twice, where no cable slackens."""
+    s = latinpc.Structure(**structure, geometry=geometry)
+    rng = np.random.default_rng(4)
+    u, r, Jv = (s.create_vec() for _ in range(3))
+    at, along = 2e-3 * rng.normal(size=u.getLocalSize()), rng.normal(size=u.getLocalSize())
+    J, v = s.dm.createMat(), u.copy()
+    u.setArray(at)
+    v.setArray(along)
+    s.jacobian(u, J)
+    J.mult(v, Jv)
+
+    def slope(h):
+        sides = []
+        for sign in (h, -h):
+            u.setArray(at + sign * along)
+            s.residual(u, r)
+            sides.append(r.getArray().copy())
+        return (sides[0] - sides[1]) / (2.0 * h)
+
+    one, two, three = (slope(h) for h in (1e-3, 5e-4, 2.5e-4))
+    found = (64.0 * three - 20.0 * two + one) / 45.0
+    assert np.abs(found - Jv.array).max() < 1e-10 * np.abs(Jv.array).max()
 
 
 def test_the_tangent_as_drawn_is_that_of_prestress():
@@ -136,6 +164,64 @@ def test_simplex_under_torsion(moment):
     reference = turning.newton(structure)
     assert result.converged
     assert np.linalg.norm(result.displacements - reference) <= 1e-10 * max(np.linalg.norm(reference), 1e-3)
+
+
+@pytest.mark.parametrize("moment", [10.0, 300.0, 3000.0])
+def test_simplex_under_torsion_by_its_symmetry(moment):
+    """Radius, angle and height of the upper triangle are all that is unknown: their energy is stationary."""
+    structure = simplex(moment)
+    nodes, links = structure["nodes"], structure["links"][[3, 6, 9]]  # of the upper ring, a vertical cable, a strut
+    prestress = structure["prestress"][[3, 6, 9]]
+    natural = np.linalg.norm(np.diff(nodes[links], axis=1)[:, 0], axis=1) - prestress / 1e5
+
+    def upper(q):
+        angle = np.arctan2(nodes[3:, 1], nodes[3:, 0]) + q[1]
+        return np.column_stack([q[0] * np.cos(angle), q[0] * np.sin(angle), np.full(3, q[2])])
+
+    def slope(q):
+        turn, moved = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]]), np.vstack([nodes[:3], upper(q)])
+        r = np.diff(moved[links], axis=1)[:, 0]
+        size = np.linalg.norm(r, axis=1)
+        f = (np.maximum(1e5 * (size - natural), [0.0, 0.0, -np.inf]) / size)[:, None] * r
+        change = lambda x: np.array([x * [1.0, 1.0, 0.0] / q[0], turn @ x, [0.0, 0.0, 1.0]])  # noqa: E731
+        slopes = sum(change(moved[b]) @ f[m] - (a > 2) * change(moved[a]) @ f[m] for m, (a, b) in enumerate(links))
+        return slopes - moment / 3.0 * np.array([np.sin(q[1]), q[0] * np.cos(q[1]), 0.0])
+
+    found = root(slope, [1.0, 0.0, 1.0], tol=1e-14)
+    result = solve(structure, error=1e-12)
+    assert result.converged
+    assert np.abs(slope(found.x)).max() < 1e-8
+    assert np.abs(nodes[3:] + result.displacements[3:] - upper(found.x)).max() < 1e-10
+
+
+@pytest.mark.filterwarnings("ignore:no stable equilibrium", "ignore:not converged")
+@pytest.mark.parametrize(("bars", "critical"), [(2, 50.0), (4, 100.0 / (4.0 * np.sin(3.0 * np.pi / 8.0) ** 2))])
+def test_a_straight_column_buckles(bars, critical):
+    """Hinged bars between springs of 100 N/m: straight it is in balance under any load, and that is no solution."""
+    for part, holds in ((0.98, True), (1.02, False), (2.0, False)):
+        result = latinpc.Structure(**column(bars, part * critical), geometry="large").solve(raise_on_failure=False)
+        assert result.converged == holds
+        assert abs(result.displacements[:, 0]).max() < 1e-6
+        if holds:
+            continue
+        text = next(text for text in result.notices if "buckles" in text)
+        borne = float(text.split("that of ")[1].split(" of the loads")[0])
+        assert (1.0 - 0.02 * part) / part < borne < 1.0 / part
+        assert text.endswith("its mode: " + ", ".join(map(str, range(1, bars))))
+
+
+@pytest.mark.filterwarnings("ignore:no stable equilibrium", "ignore:not converged", "ignore:no equilibrium")
+def test_snap_through_and_short_chains_say_so():
+    """The load factor and the nodes; lengths that no displacement meets."""
+    made = latinpc.Structure(**von_mises(1.5 * turning.von_mises_limit()), geometry="large")
+    result = made.solve(raise_on_failure=False)
+    (text,) = (text for text in result.notices if "buckles" in text)
+    assert 0.63 < float(text.split("that of ")[1].split(" of the loads")[0]) < 2.0 / 3.0
+    assert text.endswith("its mode: 2")
+    structure, _ = catenary(5)
+    structure |= {"law": "inextensible", "stiffness": 0.0, "initial_elongation": 0.05}
+    result = latinpc.Structure(**structure, geometry="large").solve(raise_on_failure=False)
+    assert "no equilibrium: the lengths of inextensible cables are incompatible" in result.notices
 
 
 @pytest.mark.parametrize("law", ["cable", "bar"])
@@ -284,26 +370,22 @@ def test_a_mechanism_that_prestress_holds_names_the_option():
 
 
 def test_what_does_not_turn_is_refused():
-    """Rigid laws, directions of their own, motions, PC latin, the energy stop, digits, states in files."""
+    """Directions of their own at small angles, the energy stop, digits, states of solves in files."""
     plain = net(4, 0.0, [0.0, 0.0, -5.0])
-    rigid = {**plain, "law": "inextensible", "prestress": None}
-    with pytest.raises(PETSc.Error) as error:
-        latinpc.Structure(**rigid, geometry="large")
-    assert "elastic links only" in latinpc.error_message(error.value)
     direction = np.zeros((len(plain["links"]), 3))
     direction[5] = [0.0, 0.0, 1.0]
     with pytest.raises(PETSc.Error) as error:
-        latinpc.Structure(**plain, direction=direction, geometry="large")
+        latinpc.Structure(**plain, direction=direction, geometry="prestress")
     assert "Link 5 has a direction of its own" in latinpc.error_message(error.value)
     with pytest.raises(ValueError, match="geometry must be one of linear, prestress, large"):
         latinpc.Structure(**plain, geometry="small")
     with pytest.raises(PETSc.Error) as error:
         solve(plain, stop="energy")
     assert "take the stop error" in latinpc.error_message(error.value)
-    s = latinpc.Structure(**plain, geometry="large", mass=1.0)
+    s = latinpc.Structure(**plain, geometry="large")
     snes, u = s.create_snes(), s.create_vec()
     snes.solve(None, u)
-    for refused in (s.create_ts, lambda: latinpc.digits(snes), lambda: latinpc.save_state(snes, "state", u)):
+    for refused in (lambda: latinpc.digits(snes), lambda: latinpc.save_state(snes, "state", u)):
         with pytest.raises(PETSc.Error) as error:
             refused()
         assert "the geometry of the structure is large" in latinpc.error_message(error.value)
@@ -320,19 +402,6 @@ def test_a_run_says_where_small_displacements_do_not_hold():
         assert any("take -snes_latin_geometry large" in notice for notice in result.notices) == far
     result = run(scene, structure=latinpc.Structure(**structure, geometry="large"))
     assert result.converged and not result.notices
-
-
-def test_motions_do_not_take_the_option(options):
-    """The steps of a motion have structures of their own."""
-    options("-snes_latin_geometry", "large")
-    s = latinpc.Structure([[0.0], [1.0]], [[0, 1]], "bar", 1.0, fixed=[[True], [False]], mass=1.0)
-    ts = s.create_ts()
-    ts.setMaxSteps(1)
-    ts.setTimeStep(0.1)
-    ts.setFromOptions()
-    with pytest.raises(PETSc.Error) as error:
-        ts.solve(ts.getSolution())
-    assert "Links do not turn in a motion" in latinpc.error_message(error.value)
 
 
 def test_a_view_says_what_was_done(tmp_path):

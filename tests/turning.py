@@ -102,6 +102,31 @@ def simplex(moment, tension=1000.0):
     return structure | {"prestress": stress * tension / stress[:9].max(), "fixed": fixed, "load": load}
 
 
+def column(bars, load):
+    """Bars of 1 m above each other, hinged, between springs of 100 N/m; the top moves down alone."""
+    height = np.arange(bars + 1.0)
+    nodes = np.concatenate(
+        [np.column_stack([0.0 * height, height]), np.column_stack([0.0 * height + 1.0, height])[1:-1]]
+    )
+    links = [[k, k + 1] for k in range(bars)] + [[k, bars + k] for k in range(1, bars)]
+    fixed, loads = np.zeros(nodes.shape, bool), np.zeros(nodes.shape)
+    fixed[0] = fixed[bars + 1 :] = fixed[bars, 0] = True
+    loads[bars, 1] = -load
+    structure = {"nodes": nodes, "links": links, "law": "bar", "stiffness": [1e6] * bars + [100.0] * (bars - 1)}
+    return structure | {"fixed": fixed, "load": loads}
+
+
+def hanging(nodes, links, length, fixed, weight):
+    """Links of these natural lengths in the plane, nodes that are fixed, and forces along z on the others."""
+    nodes, links = np.asarray(nodes, float), np.asarray(links)
+    drawn = np.linalg.norm(nodes[links[:, 1]] - nodes[links[:, 0]], axis=1)
+    held = np.isin(np.arange(len(nodes)), fixed)
+    load = np.zeros(nodes.shape)
+    load[~held, -1] = weight
+    structure = {"nodes": nodes, "links": links, "initial_elongation": drawn - length, "load": load}
+    return structure | {"fixed": np.repeat(held[:, None], nodes.shape[1], axis=1)}
+
+
 def catenary(links=20, span=10.0, EA=1e4, weight=20.0):
     """Return a cable drawn taut along a straight line, under weights at its nodes, and its exact displacements."""
     nodes = np.column_stack([np.linspace(0.0, span, links + 1), np.zeros(links + 1)])

@@ -27,6 +27,7 @@ UNBALANCED = 1e-2  # of the loads: what a solve may leave by default (-snes_lati
 TURNED, MOVED = 5.0, 0.1  # degrees, part of the size of the structure: the most that small displacements are taken for
 CONTRAST = 1e10  # of stiffnesses: beyond it fewer than six digits are left of the softest links beside the stiffest
 _NAMED = 5
+DTOL = PETSc.SNES.ConvergedReason.DIVERGED_DTOL
 
 
 class LatinWarning(UserWarning):
@@ -75,6 +76,8 @@ def _no_equilibrium(snes, structure):
     def listed(count, numbers):
         return ", ".join(map(str, numbers)) + (" and others" if count > len(numbers) else "")
 
+    if structure.geometry == "large":
+        return _buckled(snes, listed(unsupported, nodes)) if snes.getConvergedReason() == DTOL else []
     if jammed:
         return [f"no equilibrium: the gaps of the rigid links {listed(jammed, links)} are incompatible"]
     if unsupported and np.isinf(distance):
@@ -94,6 +97,20 @@ def _contrast(structure):
     contrast, eps = elastic.max() / elastic.min(), np.finfo(PETSc.RealType).eps
     left = f"{eps * contrast:.0e} of those of the softest ones" if eps * contrast < 1.0 else "those of the softest ones"
     return [f"stiffnesses differ by a factor of {contrast:.0e}: rounding of the forces of the stiffest links is {left}"]
+
+
+def _buckled(snes, nodes):
+    borne = solvers.path(snes)["borne"]
+    if borne == 1.0:
+        return ["no equilibrium: the lengths of inextensible cables are incompatible"]
+    if not nodes:
+        return ["no stable equilibrium has been found"]
+    if borne == 0.0:
+        return [f"the structure as drawn is unstable, or buckles under 1 % of the loads; nodes that move: {nodes}"]
+    return [
+        f"no stable equilibrium follows that of {borne:.3g} of the loads: the structure buckles, or snaps through."
+        f" Displacements are those of this part of the loads; nodes that move most in its mode: {nodes}"
+    ]
 
 
 def duplicates(structure: Structure) -> list[str]:

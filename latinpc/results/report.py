@@ -17,7 +17,7 @@ _WORDS = {
     "CONVERGED_ITS": "the iterations that were asked for are made",
     "DIVERGED_MAX_IT": "the iterations that are allowed were not enough",
     "DIVERGED_INNER": "rounding does not allow the accuracy that is asked for",
-    "DIVERGED_DTOL": "the displacements grow without end",
+    "DIVERGED_DTOL": "no stable equilibrium was found: the displacements grow without end",
     "DIVERGED_LINE_SEARCH": "the line search found no better displacements",
     "DIVERGED_LINEAR_SOLVE": "a linear solve failed",
     "DIVERGED_FNORM_NAN": "the numbers became infinite",

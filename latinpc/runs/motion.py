@@ -183,6 +183,8 @@ def _move(recorder, step):
     comm, snes = structure.comm.tompi4py(), ts.getSNES()
     keeper.about(scene, length_of_a_step=step)
     ts.setPostStep(recorder.after_step)
+    if ts.getType() == "latin":
+        ts.setUp()  # a geometry that an option gives is that of the structure from here on
     done, kept = keeper.resume(ts)
     recorder.past |= kept
     if not done:

@@ -32,6 +32,8 @@ PetscErrorCode SNESLatinLargeStart_Private(SNES snes)
   PetscFunctionBegin;
   if (!SNESLatinLarge(data)) PetscFunctionReturn(0);
   PetscCheck(data->stop != LATIN_STOP_ENERGY, PetscObjectComm((PetscObject)snes), PETSC_ERR_SUP, "-snes_latin_stop energy is for links that keep their direction: take the stop error where they turn far (-snes_latin_geometry large)");
+  PetscCheck(data->stop != LATIN_STOP_REFERENCE || !data->large.frame->spring, PetscObjectComm((PetscObject)snes), PETSC_ERR_SUP,
+             "-snes_latin_stop reference does not see what inextensible cables of large displacements are still to bear: take the stop error, or the indicator");
   large->renewals = 0;
   large->reached  = 0.0;
   large->last     = PETSC_MAX_INT;
@@ -147,7 +149,7 @@ PetscErrorCode SNESLatinLargeConverged_Private(SNES outer, PetscInt it, PetscRea
 }
 
 /* Operators at the displacements in the solution vector, and the state of these. Collective on snes */
-static PetscErrorCode SNESLatinLargeRenew_Private(SNES snes, LatinFrameType type)
+PetscErrorCode SNESLatinLargeRenew_Private(SNES snes, LatinFrameType type)
 {
   SNES_Latin *data         = (SNES_Latin *)snes->data;
   PetscInt    applications = data->latin->linear.applications;

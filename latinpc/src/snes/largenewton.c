@@ -22,6 +22,7 @@
 #define LATIN_LARGE_SLOPE   0.5  /* of the energy at the end of a step, relative to that at its start; 0.1 once it is searched for */
 #define LATIN_LARGE_PREDICT 500  /* most iterations of the linear solve that shows how far an increment of the loads moves a structure */
 #define LATIN_LARGE_SEARCH  20   /* trial lengths */
+#define LATIN_LARGE_INVERSE 3    /* solves that show the mode of a tangent stiffness that is nearly singular */
 
 /* sqrt(r^t K^-1 r) for the residual r, K the operators of the iteration. Collective on newton */
 static PetscErrorCode LatinLargeEnergy_Private(SNES newton, LatinLarge *large, Vec r, PetscReal *energy)
@@ -172,8 +173,8 @@ static PetscErrorCode LatinLargeCreate_Private(SNES snes, SNES *newnewton)
   PetscCall(SNESLineSearchSetType(search, SNESLINESEARCHSHELL));
   PetscCall(SNESLineSearchShellSetApply(search, LatinLargeSearch_Private, snes));
   PetscCall(SNESGetKSP(newton, &ksp));
-  PetscCall(KSPSetType(ksp, KSPCG));
-  PetscCall(KSPSetNormType(ksp, KSP_NORM_NATURAL));
+  PetscCall(KSPSetType(ksp, structure->midpoint ? KSPGMRES : KSPCG)); /* tangents of a time step are not symmetric */
+  if (!structure->midpoint) PetscCall(KSPSetNormType(ksp, KSP_NORM_NATURAL));
   PetscCall(KSPSetTolerances(ksp, LATIN_LARGE_RTOL, PETSC_DEFAULT, PETSC_MAX_REAL, PETSC_DEFAULT));
   PetscCall(KSPGetPC(ksp, &pc));
   PetscCall(PCSetType(pc, PCLATIN));
@@ -197,7 +198,7 @@ static PetscErrorCode LatinLargeTension_Private(LatinStructure structure, Vec u,
 
   PetscFunctionBegin;
   PetscCall(DMGetWorkArray(structure->dm, structure->links_local, MPIU_REAL, &tension));
-  PetscCall(LatinTurningTensions_Private(structure, u, tension));
+  PetscCall(LatinTurningTensions_Private(structure, NULL, u, tension));
   *norm = 0.0;
   for (PetscInt l = 0; l < structure->links_local; l++) {
     PetscReal square = 0.0;
@@ -265,7 +266,7 @@ PetscErrorCode SNESLatinLargeNewton_Private(SNES snes, PetscInt most, PetscBool 
   *done = (PetscBool)(reason > 0 || reason == SNES_DIVERGED_LOCAL_MIN);
   if (!*done) PetscFunctionReturn(0);
   data->estimate.value = large->error;
-  data->next           = reason > 0 ? LATIN_NEXT_CONVERGED : LATIN_NEXT_ROUNDING;
+  data->next           = reason > 0 || large->frame->turns->midpoint ? LATIN_NEXT_CONVERGED : LATIN_NEXT_ROUNDING; /* a time step is one as far as rounding lets it */
   if (reason < 0) PetscCall(PetscInfo(snes, "The error asked for, %g, is below what rounding leaves on this structure, about %g\n", (double)data->target, (double)large->error));
   PetscCall(SNESLatinBalance_Private(snes));
   PetscCall(SNESLatinWatch_Private(snes, data->latin->linear.applications + data->newton.stages));
@@ -273,28 +274,55 @@ PetscErrorCode SNESLatinLargeNewton_Private(SNES snes, PetscInt most, PetscBool 
   PetscFunctionReturn(0);
 }
 
-/* How far a load moves the structure, by the tangent stiffness at u: the l2 norm, without bound where that is not positive definite. Collective on snes */
-PetscErrorCode SNESLatinLargePredict_Private(SNES snes, Vec u, Vec load, PetscReal *moved)
+/* A linear solver of the tangent stiffness at u; borrowed. Collective on snes */
+static PetscErrorCode LatinLargeTangent_Private(SNES snes, Vec u, KSP *ksp)
 {
-  SNES_Latin        *data = (SNES_Latin *)snes->data;
-  KSPConvergedReason reason;
-  KSP                ksp;
-  Mat                A, P;
-  Vec                step;
+  SNES_Latin *data = (SNES_Latin *)snes->data;
+  Mat         A, P;
 
   PetscFunctionBegin;
   PetscCall(LatinLargeCreate_Private(snes, &data->newton.snes));
   PetscCall(SNESSetUp(data->newton.snes));
   PetscCall(SNESGetJacobian(data->newton.snes, &A, &P, NULL, NULL));
   PetscCall(SNESComputeJacobian(data->newton.snes, u, A, P));
-  PetscCall(SNESGetKSP(data->newton.snes, &ksp));
-  PetscCall(KSPSetOperators(ksp, A, P));
-  PetscCall(KSPSetTolerances(ksp, LATIN_LARGE_RTOL, PETSC_DEFAULT, PETSC_DEFAULT, LATIN_LARGE_PREDICT));
-  PetscCall(DMGetGlobalVector(data->large.frame->dm, &step));
+  PetscCall(SNESGetKSP(data->newton.snes, ksp));
+  PetscCall(KSPSetOperators(*ksp, A, P));
+  PetscCall(KSPSetTolerances(*ksp, LATIN_LARGE_RTOL, PETSC_DEFAULT, PETSC_DEFAULT, LATIN_LARGE_PREDICT));
+  PetscFunctionReturn(0);
+}
+
+/* How far a load moves the structure, by the tangent stiffness at u: the l2 norm, without bound where that is not positive definite. Collective on snes */
+PetscErrorCode SNESLatinLargePredict_Private(SNES snes, Vec u, Vec load, PetscReal *moved)
+{
+  KSPConvergedReason reason;
+  KSP                ksp;
+  Vec                step;
+
+  PetscFunctionBegin;
+  PetscCall(LatinLargeTangent_Private(snes, u, &ksp));
+  PetscCall(VecDuplicate(u, &step));
   PetscCall(KSPSolve(ksp, load, step));
   PetscCall(KSPGetConvergedReason(ksp, &reason));
   PetscCall(VecNorm(step, NORM_2, moved));
-  PetscCall(DMRestoreGlobalVector(data->large.frame->dm, &step));
+  PetscCall(VecDestroy(&step));
   if (reason == KSP_DIVERGED_INDEFINITE_MAT || PetscIsInfOrNanReal(*moved)) *moved = PETSC_MAX_REAL;
+  PetscFunctionReturn(0);
+}
+
+/* The displacements that the tangent stiffness at u resists least, by inverse iteration from `mode`. Collective on snes */
+PetscErrorCode SNESLatinLargeMode_Private(SNES snes, Vec u, Vec mode)
+{
+  KSP ksp;
+  Vec before;
+
+  PetscFunctionBegin;
+  PetscCall(LatinLargeTangent_Private(snes, u, &ksp));
+  PetscCall(VecDuplicate(u, &before));
+  for (PetscInt k = 0; k < LATIN_LARGE_INVERSE; k++) {
+    PetscCall(VecNormalize(mode, NULL));
+    PetscCall(VecCopy(mode, before));
+    PetscCall(KSPSolve(ksp, before, mode));
+  }
+  PetscCall(VecDestroy(&before));
   PetscFunctionReturn(0);
 }

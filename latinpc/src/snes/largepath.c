@@ -5,7 +5,8 @@
    displacements, and there is no other one. A link that bears compression may snap through; then a solve for the whole loads
    may end beyond. So the displacements are compared with those by the tangent stiffness at the start: along a path of stable
    equilibria with a limit point ahead, an increment of the loads moves the structure by at most twice as much. Where it has moved
-   further, or has found no equilibrium, the increment is halved. Increments that become small show a limit point.
+   further, has found no equilibrium, or one whose tangent stiffness is not positive definite, the increment is halved. Increments that
+   become small show a limit point, or a critical load.
 */
 
 #define LATIN_PATH_FAR      2.0  /* times the displacements by the tangent stiffness: the limit of a fold, where force is a parabola of displacement */
@@ -22,7 +23,7 @@ static PetscErrorCode LatinPathStruts_Private(LatinStructure structure, PetscBoo
 
   PetscFunctionBegin;
   for (PetscInt l = 0; l < structure->links_local; l++)
-    if (structure->law[l] != LATIN_LAW_CABLE) any = 1;
+    if (structure->law[l] != LATIN_LAW_CABLE && structure->law[l] != LATIN_LAW_INEXTENSIBLE && !LatinStructureKeeps(structure, l)) any = 1;
   PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &any, 1, MPI_INT, MPI_MAX, PetscObjectComm((PetscObject)structure)));
   *struts = (PetscBool)any;
   PetscFunctionReturn(0);
@@ -33,7 +34,7 @@ static PetscErrorCode LatinPathStruts_Private(LatinStructure structure, PetscBoo
    the local stage lets buckle one by one, do not disturb it; where it fails a smaller increment is better than the iteration.
    Collective on snes
 */
-static PetscErrorCode LatinPathSolve_Private(SNES snes, Vec u, PetscBool near)
+PetscErrorCode SNESLatinLargeFrom_Private(SNES snes, Vec u, PetscBool near)
 {
   SNES_Latin *data = (SNES_Latin *)snes->data;
   PetscBool   done = PETSC_FALSE;
@@ -69,25 +70,43 @@ static PetscErrorCode LatinPathLoad_Private(SNES snes, PetscReal part, Vec whole
   PetscFunctionReturn(0);
 }
 
-/* Is the drawn configuration u, without loads, a stable equilibrium, that a path may start from? Forces that differ from node to node show an unstable one. Collective on snes */
-static PetscErrorCode LatinPathStarts_Private(SNES snes, Vec whole, Vec u, Vec more, Vec r, PetscBool *starts)
+/* Forces that differ from node to node: any mode has a part of them */
+static PetscErrorCode LatinPathForces_Private(Vec r)
 {
-  PetscReal    left, loads;
   PetscInt     first, last;
   PetscScalar *a;
+
+  PetscFunctionBegin;
+  PetscCall(VecGetOwnershipRange(r, &first, &last));
+  PetscCall(VecGetArrayWrite(r, &a));
+  for (PetscInt i = first; i < last; i++) a[i - first] = PetscSinReal((PetscReal)(i + 1));
+  PetscCall(VecRestoreArrayWrite(r, &a));
+  PetscFunctionReturn(0);
+}
+
+/* Is the tangent stiffness at u positive definite? A symmetric structure under symmetric loads does not show it by itself. Collective on snes */
+static PetscErrorCode LatinPathStable_Private(SNES snes, Vec u, Vec r, PetscBool *stable)
+{
+  PetscReal moved;
+
+  PetscFunctionBegin;
+  PetscCall(LatinPathForces_Private(r));
+  PetscCall(SNESLatinLargePredict_Private(snes, u, r, &moved));
+  *stable = (PetscBool)(moved < PETSC_MAX_REAL);
+  PetscFunctionReturn(0);
+}
+
+/* Is the drawn configuration u, without loads, a stable equilibrium, that a path may start from? Collective on snes */
+static PetscErrorCode LatinPathStarts_Private(SNES snes, Vec whole, Vec u, Vec more, Vec r, PetscBool *starts)
+{
+  PetscReal left, loads;
 
   PetscFunctionBegin;
   PetscCall(LatinPathLoad_Private(snes, 0.0, whole, u, more, r));
   PetscCall(VecNorm(r, NORM_2, &left));
   PetscCall(VecNorm(whole, NORM_2, &loads));
   *starts = (PetscBool)(left <= LATIN_PATH_DRAWN * loads);
-  if (!*starts) PetscFunctionReturn(0);
-  PetscCall(VecGetOwnershipRange(r, &first, &last));
-  PetscCall(VecGetArrayWrite(r, &a));
-  for (PetscInt i = first; i < last; i++) a[i - first] = PetscSinReal((PetscReal)(i + 1));
-  PetscCall(VecRestoreArrayWrite(r, &a));
-  PetscCall(SNESLatinLargePredict_Private(snes, u, r, &left));
-  *starts = (PetscBool)(left < PETSC_MAX_REAL);
+  if (*starts) PetscCall(LatinPathStable_Private(snes, u, r, starts));
   PetscFunctionReturn(0);
 }
 
@@ -97,7 +116,7 @@ static PetscErrorCode LatinPathFollow_Private(SNES snes, Vec whole, Vec u, Vec m
   SNES_Latin *data      = (SNES_Latin *)snes->data;
   LatinLarge *large     = &data->large;
   PetscReal   increment = 1.0, moved, far;
-  PetscBool   from      = PETSC_FALSE;
+  PetscBool   from      = PETSC_FALSE, holds;
 
   PetscFunctionBegin;
   PetscCall(VecZeroEntries(u));
@@ -108,11 +127,13 @@ static PetscErrorCode LatinPathFollow_Private(SNES snes, Vec whole, Vec u, Vec m
     PetscCall(LatinPathLoad_Private(snes, part, whole, u, more, step));
     PetscCall(SNESLatinLargePredict_Private(snes, u, step, &far));
     if (!from && large->reached == 0.0) far = PETSC_MAX_REAL; /* the prestress moves the structure by itself, who knows how far */
-    PetscCall(LatinPathSolve_Private(snes, u, (PetscBool)(far < PETSC_MAX_REAL)));
+    PetscCall(SNESLatinLargeFrom_Private(snes, u, (PetscBool)(far < PETSC_MAX_REAL)));
     if (data->next == LATIN_NEXT_GIVEN) PetscFunctionReturn(0);
     PetscCall(VecWAXPY(step, -1.0, u, snes->vec_sol));
     PetscCall(VecNorm(step, NORM_2, &moved));
-    if ((LatinNextConverged(data->next) || data->next == LATIN_NEXT_ROUNDING) && !(moved > PetscMax(LATIN_PATH_FAR * far, LATIN_PATH_NONE * large->size))) {
+    holds = (PetscBool)((LatinNextConverged(data->next) || data->next == LATIN_NEXT_ROUNDING) && !(moved > PetscMax(LATIN_PATH_FAR * far, LATIN_PATH_NONE * large->size)));
+    if (holds) PetscCall(LatinPathStable_Private(snes, snes->vec_sol, step, &holds));
+    if (holds) {
       PetscCall(VecCopy(snes->vec_sol, u));
       large->reached = part;
       increment *= 2.0;
@@ -125,6 +146,9 @@ static PetscErrorCode LatinPathFollow_Private(SNES snes, Vec whole, Vec u, Vec m
   if (data->latin->linear.applications >= snes->max_its) PetscFunctionReturn(0);
   PetscCall(PetscInfo(snes, "No equilibrium follows that of %g of the loads: it is a limit point, or unstable\n", (double)large->reached));
   data->next = LATIN_NEXT_DIVERGED;
+  PetscCall(LatinPathForces_Private(step)); /* the mode that buckles is the softest one at the last equilibrium */
+  PetscCall(SNESLatinLargeMode_Private(snes, u, step));
+  PetscCall(LatinEquilibriumMoved_Private(large->frame->turns, step, &data->found));
   PetscFunctionReturn(0);
 }
 
@@ -138,7 +162,15 @@ PetscErrorCode SNESLatinLargeRun_Private(SNES snes)
 
   PetscFunctionBegin;
   PetscCall(LatinPathStruts_Private(structure, &struts));
-  if (!struts || data->guess || (data->warm && data->has_state) || data->stop == LATIN_STOP_REFERENCE || (snes->ops->converged && snes->ops->converged != SNESConvergedDefault)) {
+  if (structure->midpoint && SNESLatinEstimates(data) && data->newton.type != LATIN_NEWTON_NEVER) {
+    PetscBool done;
+
+    PetscCall(SNESLatinLargeFinish_Private(snes, LATIN_PATH_TANGENTS, &done));
+    if (!done) PetscCall(SNESLatinLargeIterate_Private(snes));
+    data->large.reached = LatinNextConverged(data->next) ? 1.0 : 0.0;
+    PetscFunctionReturn(0);
+  }
+  if (!struts || structure->midpoint || data->guess || (data->warm && data->has_state) || data->stop == LATIN_STOP_REFERENCE || (snes->ops->converged && snes->ops->converged != SNESConvergedDefault)) {
     PetscCall(SNESLatinLargeIterate_Private(snes));
     data->large.reached = LatinNextConverged(data->next) ? 1.0 : 0.0;
     PetscFunctionReturn(0);

@@ -121,6 +121,7 @@ PetscErrorCode SNESLatinSetError(SNES snes, PetscReal error)
   data = (SNES_Latin *)snes->data;
   if (data->asked == LATIN_STOP_AUTO) PetscCall(SNESLatinSetStop(snes, LATIN_STOP_ERROR)); /* whatever the step tolerance */
   data->target = error;
+  data->chosen = PETSC_TRUE;
   PetscFunctionReturn(0);
 }
 

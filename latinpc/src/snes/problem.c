@@ -5,10 +5,11 @@
 /* What the iteration works on: the structure itself, or the parts of its links where they turn. Collective on snes */
 PetscErrorCode SNESLatinFrame_Private(SNES snes, LatinStructure structure, LatinStructure *problem)
 {
-  LatinLarge *large = &((SNES_Latin *)snes->data)->large;
+  SNES_Latin *data  = (SNES_Latin *)snes->data;
+  LatinLarge *large = &data->large;
 
   PetscFunctionBegin;
-  if (large->given) PetscCall(LatinStructureSetGeometry(structure, large->geometry));
+  if (large->given && !structure->base) PetscCall(LatinStructureSetGeometry(structure, large->geometry));
   if (large->frame && large->frame->turns != structure) PetscCall(LatinStructureDestroy(&large->frame));
   *problem = structure;
   if (!structure->span) {
@@ -17,6 +18,7 @@ PetscErrorCode SNESLatinFrame_Private(SNES snes, LatinStructure structure, Latin
   }
   if (large->frame) PetscCall(LatinFrameFollow_Private(large->frame));
   else PetscCall(LatinFrameCreate_Private(structure, &large->frame));
+  if (large->frame->spring && !(data->warm && data->has_state)) PetscCall(LatinFrameSprings_Private(large->frame, PETSC_TRUE));
   *problem = large->frame;
   PetscFunctionReturn(0);
 }

@@ -138,7 +138,8 @@ PetscErrorCode SNESLatinGetPath(SNES snes, PetscInt *renewals, PetscReal *borne)
   Level: intermediate
 
   Note:
-  Nodes on their way to a support take long where their loads are small beside the stiffness of slack links, or beside the
+  With large displacements they are those that move most in the softest mode of the last stable equilibrium: the structure buckles
+  there, or snaps through. Nodes on their way to a support take long where their loads are small beside the stiffness of slack links, or beside the
   search parameter of rigid ones.
 
 .seealso: `SNESLatinGetHistory()`, `SNESLatinGetJammedLinks()`
@@ -220,8 +221,11 @@ PetscErrorCode SNESLatinGetTensions(SNES snes, PetscReal tension[])
 /* For structure/attach.c, which finds it by its name */
 PetscErrorCode SNESLatinRigidTensions_Private(SNES snes, const PetscReal *rigid[])
 {
+  const SNES_Latin    *data  = (SNES_Latin *)snes->data;
+  const LatinStructure frame = data->large.frame;
+
   PetscFunctionBegin;
-  *rigid = ((SNES_Latin *)snes->data)->latin->linear.rigid_tension;
+  *rigid = !frame ? data->latin->linear.rigid_tension : frame->spring ? frame->spring + frame->turns->links_local : NULL;
   PetscFunctionReturn(0);
 }
 

@@ -46,7 +46,7 @@ static PetscErrorCode SNESLatinPrepare_Private(SNES snes)
   PetscCheck(!PetscIsInfOrNanReal(snes->stol) && !PetscIsInfOrNanReal(snes->rtol) && !PetscIsInfOrNanReal(snes->abstol) && !PetscIsNanReal(snes->divtol), PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_OUTOFRANGE,
              "A tolerance is not a finite number: stol %g, rtol %g, atol %g, divergence tolerance %g; give others with -snes_stol and so on, or SNESSetTolerances()", (double)snes->stol, (double)snes->rtol, (double)snes->abstol, (double)snes->divtol);
   SNESLatinChooseStop(snes);
-  PetscCall(LatinStructureCheckHeld_Private(latin->sub.structure));
+  PetscCall(LatinStructureCheckHeld_Private(SNESLatinLarge(data) ? data->large.frame->turns : latin->sub.structure));
   PetscCheck(!SNESLatinEstimates(data) || latin->sub.structure->rigid_law < 0 || LatinByPrecision(PETSC_TRUE, PETSC_FALSE), PetscObjectComm((PetscObject)snes), PETSC_ERR_SUP,
              "-snes_latin_stop error does not estimate the error of structures with links of the rigid law %s in single precision: take the stop indicator (-snes_stol), or a PETSc in double precision",
              LatinLaws[latin->sub.structure->rigid_law].name);
@@ -276,7 +276,7 @@ static PetscErrorCode SNESLatinRun_Private(SNES snes)
   if (data->next != LATIN_NEXT_CONTINUE) PetscFunctionReturn(0);
   PetscCall(SNESLatinStart_Private(snes));
   if (SNESLatinLarge(data)) {
-    PetscCall(SNESLatinLargeRun_Private(snes));
+    PetscCall(SNESLatinLargeRigid_Private(snes));
     PetscFunctionReturn(0);
   }
   PetscCall(SNESLatinIterate_Private(snes, SNESLatinConverged_Private));

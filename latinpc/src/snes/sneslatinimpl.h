@@ -132,6 +132,7 @@ typedef struct {
   LatinStopType     asked, stop;    /* the stop, and what is made of it in this solve */
   PetscBool         given;          /* a step tolerance, by an option */
   PetscReal         target;         /* estimated error to stop at */
+  PetscBool         chosen;         /* by the user */
   PetscReal         tension_target; /* the same of the tensions, or PETSC_DEFAULT */
   PetscReal         balance;        /* forces without balance to stop at, relative to the loads */
   LatinEstimate     estimate;
@@ -212,6 +213,10 @@ PETSC_INTERN PetscErrorCode SNESLatinLargeConverged_Private(SNES outer, PetscInt
 PETSC_INTERN PetscErrorCode SNESLatinLargeFinish_Private(SNES, PetscInt times, PetscBool *done);
 PETSC_INTERN PetscErrorCode SNESLatinLargeIterate_Private(SNES);
 PETSC_INTERN PetscErrorCode SNESLatinLargeRun_Private(SNES);
+PETSC_INTERN PetscErrorCode SNESLatinLargeFrom_Private(SNES, Vec u, PetscBool near);
+PETSC_INTERN PetscErrorCode SNESLatinLargeRigid_Private(SNES);
+PETSC_INTERN PetscErrorCode SNESLatinLargeRenew_Private(SNES, LatinFrameType);
+PETSC_INTERN PetscErrorCode SNESLatinLargeMode_Private(SNES, Vec u, Vec mode);
 PETSC_INTERN PetscErrorCode SNESLatinLargePredict_Private(SNES, Vec u, Vec load, PetscReal *moved);
 PETSC_INTERN PetscErrorCode SNESLatinLargeNewton_Private(SNES, PetscInt most, PetscBool *done);
 PETSC_INTERN PetscErrorCode SNESLatinLargeRests_Private(SNES, PetscBool *rests);

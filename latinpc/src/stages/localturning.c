@@ -1,4 +1,5 @@
 #include "stages/latinstages.h"
+#include "structure/midpoint.h"
 #include "structure/turning.h"
 
 /*
@@ -7,8 +8,8 @@
    force over a, and its search parameter E a^2 on components.
 */
 
-/* Components of r, from those of w = f + E r, and rho = tau / R */
-static PetscReal LatinTurningSolve(const LatinSubdomains *sub, PetscInt dim, PetscInt l, PetscReal E, const PetscReal w[], PetscReal r[])
+/* Components of r and of the force, from those of w = f + E r */
+static void LatinTurningSolve(const LatinSubdomains *sub, PetscInt dim, PetscInt l, PetscReal E, const PetscReal w[], PetscReal r[], PetscReal f[])
 {
   const PetscReal *part = sub->part + LATIN_PART * l, k = E * PetscSqr(part[LATIN_PART_SCALE]), c = dim > 1 ? E * PetscSqr(part[LATIN_PART + LATIN_PART_SCALE]) : k;
   PetscReal        across = 0.0, R, rho;
@@ -18,34 +19,96 @@ static PetscReal LatinTurningSolve(const LatinSubdomains *sub, PetscInt dim, Pet
   turn.across = PetscSqrtReal(across);
   R           = LatinTurnLength(&turn);
   rho         = turn.law->tension(turn.stiffness, R - turn.natural, turn.law->ctx) / R;
-  for (PetscInt i = 0; i < dim; i++) r[i] = w[i] / (rho + (i ? c : k));
-  return rho;
+  for (PetscInt i = 0; i < dim; i++) {
+    r[i] = w[i] / (rho + (i ? c : k));
+    f[i] = rho * r[i];
+  }
+}
+
+/* The same during a time step, of r0 + d and the mean force (structure/midpoint.h) */
+static void LatinTurningMean(const LatinSubdomains *sub, PetscInt dim, PetscInt l, PetscReal E, const PetscReal w[], PetscReal r[], PetscReal f[])
+{
+  const PetscReal *part = sub->part + LATIN_PART * l;
+  LatinMidpoint    link = {.law = &LatinLaws[sub->law[l]], .dim = dim, .stiffness = part[LATIN_PART_STIFFNESS], .natural = part[LATIN_PART_NATURAL], .k = E * PetscSqr(part[LATIN_PART_SCALE])};
+  PetscReal        g;
+
+  link.c = dim > 1 ? E * PetscSqr(part[LATIN_PART + LATIN_PART_SCALE]) : link.k;
+  for (PetscInt c = 0; c < dim; c++) {
+    link.w[c]  = w[c];
+    link.r0[c] = sub->e0[l + c] / part[LATIN_PART * c + LATIN_PART_SCALE];
+    link.R0 += PetscSqr(link.r0[c]);
+  }
+  link.R0 = PetscSqrtReal(link.R0);
+  g       = LatinMidpointSolve(&link, r);
+  for (PetscInt c = 0; c < dim; c++) f[c] = g * r[c];
+}
+
+/* Components of the force of r, or of the mean force of r0 + d in a time step */
+static void LatinTurningForce(const LatinSubdomains *sub, PetscBool midpoint, PetscInt dim, PetscInt l, const PetscReal r[], PetscReal f[])
+{
+  const PetscReal *part = sub->part + LATIN_PART * l, k = part[LATIN_PART_STIFFNESS], natural = part[LATIN_PART_NATURAL];
+  const LatinLaw  *law = &LatinLaws[sub->law[l]];
+  PetscReal        R = 0.0, R0 = 0.0, R1 = 0.0, slope, rho;
+
+  if (part[LATIN_PART_KEEPS] > 0.0) {
+    R0   = sub->e0[l] / part[LATIN_PART_SCALE];
+    f[0] = midpoint ? LatinMidpointTension(law, k, R0 - natural, 2.0 * r[0] - R0 - natural, &slope) : law->tension(k, r[0] - natural, law->ctx);
+    for (PetscInt c = 1; c < dim; c++) f[c] = 0.0;
+    return;
+  }
+  for (PetscInt c = 0; c < dim; c++) {
+    const PetscReal r0 = sub->e0[l + c] / part[LATIN_PART * c + LATIN_PART_SCALE];
+
+    R += PetscSqr(r[c]);
+    R0 += PetscSqr(r0);
+    R1 += PetscSqr(2.0 * r[c] - r0);
+  }
+  R  = PetscSqrtReal(R);
+  R0 = PetscSqrtReal(R0);
+  R1 = PetscSqrtReal(R1);
+  if (midpoint) rho = LatinMidpointForce(law, k, R0 - natural, R1 - natural, R0 + R1, &slope);
+  else rho = R > 0.0 ? law->tension(k, R - natural, law->ctx) / R : 0.0;
+  for (PetscInt c = 0; c < dim; c++) f[c] = rho * r[c];
+}
+
+/* The local stage of a link that keeps its direction */
+static void LatinTurningKeep(const LatinSubdomains *sub, PetscBool midpoint, PetscInt dim, PetscInt l, PetscReal E, const PetscReal w[], PetscReal r[], PetscReal f[])
+{
+  const PetscReal *part = sub->part + LATIN_PART * l, stiffness = part[LATIN_PART_STIFFNESS], natural = part[LATIN_PART_NATURAL], k = E * PetscSqr(part[LATIN_PART_SCALE]);
+  const LatinLaw  *law = &LatinLaws[sub->law[l]];
+
+  r[0] = midpoint ? LatinMidpointKeep(law, stiffness, natural, k, w[0], sub->e0[l] / part[LATIN_PART_SCALE]) : LatinKeepLength(law, stiffness, natural, k, w[0]);
+  for (PetscInt c = 1; c < dim; c++) r[c] = w[c] / (E * PetscSqr(part[LATIN_PART * c + LATIN_PART_SCALE]));
+  LatinTurningForce(sub, midpoint, dim, l, r, f);
 }
 
 /* The local stage of all links here; sum as in stages/local.c: squares of the distance, and of displacements of the ends that the search direction resists, without and with those of the drawn configuration */
 void LatinTurningStage(const LatinLinear *linear, const PetscReal state[], PetscReal next[], PetscReal sum[3])
 {
-  const LatinSubdomains *sub = linear->sub;
-  const PetscInt         dim = sub->dim;
+  const LatinSubdomains *sub      = linear->sub;
+  const PetscInt         dim      = sub->dim;
+  const PetscBool        midpoint = sub->structure->turns->midpoint;
 
   for (PetscInt l = 0; l < sub->links; l += dim) {
     const PetscReal E    = sub->stiffness[l];
     const PetscInt  i    = sub->state[l];
-    PetscReal       e[3] = {0.0, 0.0, 0.0}, w[3], r[3], rho;
+    PetscReal       e[3] = {0.0, 0.0, 0.0}, w[3], r[3], f[3];
 
     if (i < 0) continue; /* between prescribed nodes */
     for (PetscInt c = 0; c < dim; c++) {
       e[c] = LatinElongation(sub, dim, l + c, linear->U);
       w[c] = (state[i + c] + E * (2.0 * e[c] + sub->e0[l + c])) * sub->part[LATIN_PART * (l + c) + LATIN_PART_SCALE];
     }
-    rho = LatinTurningSolve(sub, dim, l, E, w, r);
+    if (sub->part[LATIN_PART * l + LATIN_PART_KEEPS] > 0.0) LatinTurningKeep(sub, midpoint, dim, l, E, w, r, f);
+    else if (midpoint) LatinTurningMean(sub, dim, l, E, w, r, f);
+    else LatinTurningSolve(sub, dim, l, E, w, r, f);
     for (PetscInt c = 0; c < dim; c++) {
-      const PetscReal a = sub->part[LATIN_PART * (l + c) + LATIN_PART_SCALE], f = rho * r[c] / a;
+      const PetscReal a = sub->part[LATIN_PART * (l + c) + LATIN_PART_SCALE], tension = f[c] / a;
 
-      next[i + c] = f - E * (a * r[c] - sub->e0[l + c]);
+      next[i + c] = tension - E * (a * r[c] - sub->e0[l + c]);
       sum[0] += PetscSqr(next[i + c] - state[i + c]) / (4.0 * E);
       sum[1] += E * PetscSqr(e[c]);
-      sum[2] += E * PetscSqr(e[c]) + PetscSqr(f) / E;
+      sum[2] += E * PetscSqr(e[c]) + PetscSqr(tension) / E;
     }
   }
 }
@@ -58,16 +121,14 @@ void LatinTurningState(const LatinLinear *linear, PetscReal state[])
 
   for (PetscInt l = 0; l < sub->links; l += dim) {
     const PetscReal *part = sub->part + LATIN_PART * l;
-    const LatinLaw  *law  = &LatinLaws[sub->law[l]];
-    PetscReal        e[3] = {0.0, 0.0, 0.0}, R = 0.0, rho;
+    PetscReal        e[3] = {0.0, 0.0, 0.0}, r[3], f[3];
 
     if (sub->state[l] < 0) continue;
     for (PetscInt c = 0; c < dim; c++) {
       e[c] = LatinElongation(sub, dim, l + c, linear->U);
-      R += PetscSqr((e[c] + sub->e0[l + c]) / part[LATIN_PART * c + LATIN_PART_SCALE]);
+      r[c] = (e[c] + sub->e0[l + c]) / part[LATIN_PART * c + LATIN_PART_SCALE];
     }
-    R   = PetscSqrtReal(R);
-    rho = R > 0.0 ? law->tension(part[LATIN_PART_STIFFNESS], R - part[LATIN_PART_NATURAL], law->ctx) / R : 0.0;
-    for (PetscInt c = 0; c < dim; c++) state[sub->state[l + c]] = rho * (e[c] + sub->e0[l + c]) / PetscSqr(part[LATIN_PART * c + LATIN_PART_SCALE]) - sub->stiffness[l] * e[c];
+    LatinTurningForce(sub, sub->structure->turns->midpoint, dim, l, r, f);
+    for (PetscInt c = 0; c < dim; c++) state[sub->state[l + c]] = f[c] / part[LATIN_PART * c + LATIN_PART_SCALE] - sub->stiffness[l] * e[c];
   }
 }

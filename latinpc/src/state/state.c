@@ -1,4 +1,5 @@
 #include "state/stateimpl.h"
+#include "structure/turning.h"
 #include <petsc/private/snesimpl.h>
 #include <petsc/private/tsimpl.h>
 
@@ -41,10 +42,12 @@ static PetscErrorCode LatinStateItems_Private(LatinState *state)
     PetscCall(LatinStateAdd_Private(state, "velocity", state->ts->vec_dot));
     PetscCall(LatinStateAdd_Private(state, "increment", data->w));
     PetscCall(LatinStateAddArray_Private(state, "initial_elongation", 1, data->step->links_local, data->step->e0)); /* tensions are those of the step */
+    if (data->step->midpoint) PetscCall(LatinStateAddArray_Private(state, "link", data->step->dim, data->step->dim * data->step->links_local, data->step->span));
   }
   if (state->latin) {
     SNES_Latin        *data   = (SNES_Latin *)state->snes->data;
     const LatinLinear *linear = &data->latin->linear;
+    LatinStructure     frame  = data->large.frame;
 
     if (!data->z_before) PetscCall(VecDuplicate(data->z, &data->z_before));
     PetscCall(LatinStateAdd_Private(state, "fixed_point", data->z));
@@ -52,6 +55,11 @@ static PetscErrorCode LatinStateItems_Private(LatinState *state)
     PetscCall(LatinStateAddArray_Private(state, "subdomain_displacement", 1, linear->sub->bs * linear->sub->copies, linear->U));
     PetscCall(LatinStateAddArray_Private(state, "interface_pull", 1, linear->inter->sides, linear->pull));
     PetscCall(LatinStateAddArray_Private(state, "subdomain_tension", 1, linear->tension ? linear->sub->nonsmooth : 0, linear->tension));
+    if (frame) { /* operators are those of an earlier step */
+      PetscCall(LatinStateAddArray_Private(state, "operator_row", frame->dim, frame->dim * frame->links_local, frame->direction));
+      PetscCall(LatinStateAddArray_Private(state, "operator_part", LATIN_PART, LATIN_PART * frame->links_local, frame->part));
+      PetscCall(LatinStateAddArray_Private(state, "operator_stiffness", 1, frame->links_local, frame->stiffness));
+    }
     PetscCall(LatinStateAddArray_Private(state, "rigid_tension", 1, linear->rigid_tension ? linear->sub->structure->links_local : 0, linear->rigid_tension));
   }
   state->reals = state->items;
@@ -116,7 +124,7 @@ static PetscErrorCode LatinStateStructure_Private(const LatinState *state, doubl
     hash = LatinStateHash(hash, (size_t)latin->sub.copies * sizeof(PetscInt), latin->sub.node);
     hash = LatinStateHash(hash, (size_t)latin->sub.links * 2 * sizeof(PetscInt), latin->sub.ends);
     hash = LatinStateHash(hash, (size_t)latin->inter.sides * sizeof(PetscInt), latin->inter.side_dof);
-    hash = LatinStateHash(hash, (size_t)latin->inter.sides * sizeof(PetscReal), latin->dir.d);
+    if (!latin->sub.structure->turns) hash = LatinStateHash(hash, (size_t)latin->inter.sides * sizeof(PetscReal), latin->dir.d); /* where links turn it follows them */
   }
   PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &hash, 1, MPI_UINT64_T, MPI_BXOR, comm));
   *all = (double)hash;
@@ -148,7 +156,7 @@ static PetscErrorCode LatinStateFind_Private(PetscObject solver, Vec u, LatinSta
     PetscCheck(state->structure, comm, PETSC_ERR_ORDER, "The solver has no structure: give it one with LatinStructureAttachSNES()");
   }
   PetscCall(LatinStructureCheckVec_Private(state->structure, state->u));
-  PetscCall(LatinStructureCheckLinear_Private(state->structure, "States in files are for"));
+  if (!state->ts) PetscCall(LatinStructureCheckLinear_Private(state->structure, "States of solves in files are for"));
   PetscCall(PetscObjectTypeCompare((PetscObject)state->snes, SNESLATIN, &state->latin));
   PetscFunctionReturn(0);
 }
@@ -216,7 +224,7 @@ static PetscErrorCode LatinStateLoad_Private(PetscObject solver, Vec u, const ch
   PetscCheck(head.ranks == ranks, comm, PETSC_ERR_FILE_UNEXPECTED, "The state %s is of %d ranks, and these are %d: run on %d", file, (int)head.ranks, (int)ranks, (int)head.ranks);
   PetscCheck((head.motion != 0.0) == (ts != NULL), comm, PETSC_ERR_FILE_UNEXPECTED, "The state %s is that of %s", file, ts ? "a solve, not of a motion: leave out the time steps" : "a motion: give the number of time steps");
   if (ts) PetscCall(LatinStepLength_Private(ts->step, head.shift > 0.0 ? (PetscReal)head.shift : -1.0));
-  if (snes) { /* the search parameters of rigid links that the solves before have found, before anything is built with others */
+  if (snes && state.structure->geometry == LATIN_GEOMETRY_LINEAR) { /* the search parameters of rigid links that the solves before have found, before anything is built with others */
     PetscCall(LatinSetProblem_Private(snes->latin, ts ? ts->step : state.structure, NULL));
     if (head.tuning > 0.0 && head.tuning != (double)snes->latin->tuning) PetscCall(LatinParameterTune_Private(snes->latin, (PetscReal)head.tuning / snes->latin->tuning));
   }
@@ -225,6 +233,7 @@ static PetscErrorCode LatinStateLoad_Private(PetscObject solver, Vec u, const ch
   PetscCheck(head.structure == structure, comm, PETSC_ERR_FILE_UNEXPECTED, "The state %s is of another structure, partition or method: give the same scene and the same options", file);
   PetscCall(LatinStateItems_Private(&state));
   PetscCall(LatinStateTransfer_Private(comm, file, NULL, &head, &state));
+  if (snes && snes->large.frame) PetscCall(PetscObjectStateIncrease((PetscObject)snes->large.frame)); /* operators are made of what has been read */
   if (ts) {
     ts->started         = (PetscBool)(head.started != 0.0);
     state.ts->ptime     = (PetscReal)head.time;

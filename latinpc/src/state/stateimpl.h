@@ -19,7 +19,7 @@ typedef struct {
 } LatinStateHead;
 
 /* What each rank has, the same items on all of them */
-#define LATIN_STATE_ITEMS 16 /* items of a state; an assertion counts them */
+#define LATIN_STATE_ITEMS 20 /* items of a state; an assertion counts them */
 typedef struct {
   SNES           snes; /* of a motion: that of its steps */
   TS             ts;   /* NULL in statics */

@@ -112,7 +112,7 @@ PetscErrorCode LatinStructureAttachSNES(LatinStructure structure, SNES snes)
   }
   PetscCall(SNESSetFunction(snes, NULL, LatinStructureFunction_SNES, structure));
   PetscCall(SNESSetJacobian(snes, NULL, NULL, LatinStructureJacobian_SNES, structure));
-  PetscCall(SNESSetObjective(snes, LatinStructureObjective_SNES, structure));
+  PetscCall(SNESSetObjective(snes, structure->midpoint ? NULL : LatinStructureObjective_SNES, structure)); /* mean forces of a step have no potential */
   PetscCall(PetscObjectCompose((PetscObject)snes, "LatinStructure", (PetscObject)structure));
   PetscFunctionReturn(0);
 }

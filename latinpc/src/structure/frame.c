@@ -14,17 +14,21 @@
    which is its tangent; before the loads act c is to be larger, for tensions grow with the displacements. A slack cable has no
    stiffness, and on its way to it or from it any number between: it gets LATIN_FRAME_SLACK times the mean c of the others, whose
    displacements it is to follow. The figures below are of saddles with tensions of 1e-4 to 1e-2 of the stiffness.
+
+   An inextensible cable is a cable in the frame, of a penalty stiffness p, and longer by -lambda / p: it bears max(0, lambda + p x)
+   (snes/largerigid.c); a contact its mirror image. A link that keeps its direction bears nothing across it: c is but a floor.
 */
 
-#define LATIN_FRAME_FIRST  4.0  /* times tau / R as drawn: nets that sag by 7 to 15 % of their span take 11 to 16 stages, with 1 and 16 up to 26 */
-#define LATIN_FRAME_LEAST  0.3  /* c at least, times the mean of those of taut links; from 0.1 to 0.3 no matter, with 0.03 seven saddles take a tenth more stages */
-#define LATIN_FRAME_SLACK  2.0  /* k of a cable that is slack or nearly so, times that mean: with 7 the saddles take a quarter more stages, with 1 a tenth */
-#define LATIN_FRAME_NEAR   0.1  /* nearly slack: tension over length, relative to that mean; with 0.02 three times as many stages, with 0.3 a few more */
-#define LATIN_FRAME_FLOOR  1e-6 /* k and c at least in the tangent stiffness, times that mean: 1e-2 and 1e-4 are no different */
-#define LATIN_FRAME_STRUT  2.0  /* c at least, times -tau / R of a link in compression: with 1 its length is not unique */
-#define LATIN_FRAME_STIFF  5.0  /* times the stiffness of a slack cable: a cable that has more in the frame has been taken for a taut one; more than LATIN_FRAME_FIRST */
-#define LATIN_FRAME_NONE   1e-3 /* c where nothing is taut, relative to the mean stiffness */
-#define LATIN_FRAME_LOWEST 1e-5 /* that mean at least, relative to the mean stiffness: operators of a structure whose tensions vanish must not be a mechanism */
+#define LATIN_FRAME_FIRST   4.0   /* times tau / R as drawn: nets that sag by 7 to 15 % of their span take 11 to 16 stages, with 1 and 16 up to 26 */
+#define LATIN_FRAME_LEAST   0.3   /* c at least, times the mean of those of taut links; from 0.1 to 0.3 no matter, with 0.03 seven saddles take a tenth more stages */
+#define LATIN_FRAME_SLACK   2.0   /* k of a cable that is slack or nearly so, times that mean: with 7 the saddles take a quarter more stages, with 1 a tenth */
+#define LATIN_FRAME_NEAR    0.1   /* nearly slack: tension over length, relative to that mean; with 0.02 three times as many stages, with 0.3 a few more */
+#define LATIN_FRAME_FLOOR   1e-6  /* k and c at least in the tangent stiffness, times that mean: 1e-2 and 1e-4 are no different */
+#define LATIN_FRAME_STRUT   2.0   /* c at least, times -tau / R of a link in compression: with 1 its length is not unique */
+#define LATIN_FRAME_STIFF   5.0   /* times the stiffness of a slack cable: a cable that has more in the frame has been taken for a taut one; more than LATIN_FRAME_FIRST */
+#define LATIN_FRAME_NONE    1e-3  /* c where nothing is taut, relative to the mean stiffness */
+#define LATIN_FRAME_PENALTY 100.0 /* times the stiffness beside an inextensible cable, at first */
+#define LATIN_FRAME_LOWEST  1e-5  /* that mean at least, relative to the mean stiffness: operators of a structure whose tensions vanish must not be a mechanism */
 
 /* n and dim - 1 unit vectors at right angles to it, [dim][dim] */
 static void LatinFrameAxes(PetscInt dim, const PetscReal n[], PetscReal axes[])
@@ -42,6 +46,24 @@ static void LatinFrameAxes(PetscInt dim, const PetscReal n[], PetscReal axes[])
   for (PetscInt c = 0; c < 3; c++) axes[3 + c] = (c == least ? 1.0 : 0.0) - n[least] * n[c];
   (void)LatinUnitVector(3, axes + 3, axes + 3);
   for (PetscInt c = 0; c < 3; c++) axes[6 + c] = n[(c + 1) % 3] * axes[3 + (c + 2) % 3] - n[(c + 2) % 3] * axes[3 + (c + 1) % 3];
+}
+
+/* The stiffness of a link of the base, its law, and the strain at which it begins to bear less that of its law */
+static PetscReal LatinFrameStiffness(LatinStructure frame, PetscInt l)
+{
+  return LatinLaws[frame->turns->law[l]].rigid ? frame->spring[l] : frame->turns->stiffness[l];
+}
+
+static PetscInt LatinFrameLaw(LatinStructure frame, PetscInt l)
+{
+  const PetscInt law = frame->turns->law[l];
+
+  return LatinLaws[law].rigid ? law == LATIN_LAW_CONTACT ? LATIN_LAW_COMPRESSION_ONLY : LATIN_LAW_CABLE : law;
+}
+
+static PetscReal LatinFrameShift(LatinStructure frame, PetscInt l)
+{
+  return LatinLaws[frame->turns->law[l]].rigid ? frame->spring[frame->turns->links_local + l] / frame->spring[l] : 0.0;
 }
 
 /* Parts of links that turn by small angles */
@@ -71,25 +93,32 @@ typedef struct {
 } LatinFrameSums;
 
 /* The search direction (k, c) of link l, tension over length `across` */
-static void LatinFrameDirection(LatinStructure base, PetscInt l, PetscReal across, LatinFrameType type, const LatinFrameSums *sum, PetscReal *k, PetscReal *c)
+static void LatinFrameDirection(LatinStructure frame, PetscInt l, PetscReal across, LatinFrameType type, const LatinFrameSums *sum, PetscReal *k, PetscReal *c)
 {
   const PetscReal mean = PetscMax(sum->taut > 0.0 ? sum->across / sum->taut : LATIN_FRAME_NONE * sum->stiff / sum->all, LATIN_FRAME_LOWEST * sum->stiff / sum->all), first = type == LATIN_FRAME_DRAWN ? LATIN_FRAME_FIRST : 1.0;
-  const PetscBool slack = (PetscBool)(base->law[l] == LATIN_LAW_CABLE && type != LATIN_FRAME_DRAWN && across <= (type == LATIN_FRAME_TANGENT ? 0.0 : LATIN_FRAME_NEAR * mean));
+  const PetscBool slack = (PetscBool)(LatinFrameLaw(frame, l) == LATIN_LAW_CABLE && type != LATIN_FRAME_DRAWN && across <= (type == LATIN_FRAME_TANGENT ? 0.0 : LATIN_FRAME_NEAR * mean));
 
-  *k = slack ? PetscMin((type == LATIN_FRAME_TANGENT ? LATIN_FRAME_FLOOR : LATIN_FRAME_SLACK) * mean, base->stiffness[l]) : base->stiffness[l];
+  *k = LatinFrameStiffness(frame, l);
+  *c = LATIN_FRAME_FLOOR * mean;
+  if (LatinStructureKeeps(frame->turns, l)) {
+    if (!(across > 0.0)) *k = PetscMin(LATIN_FRAME_SLACK * mean, *k);
+    return;
+  }
+  if (slack) *k = PetscMin((type == LATIN_FRAME_TANGENT ? LATIN_FRAME_FLOOR : LATIN_FRAME_SLACK) * mean, *k);
   *c = PetscMax((type == LATIN_FRAME_TANGENT ? LATIN_FRAME_FLOOR : LATIN_FRAME_LEAST) * mean, across > 0.0 ? first * across : -LATIN_FRAME_STRUT * across);
   *c = PetscMin(*c, *k);
 }
 
-/* Tensions over lengths, [links_local] (R), as displacements a of the vertices turn the links, NULL: as drawn; unit vectors too if axes are wanted. Collective on base */
-static PetscErrorCode LatinFrameMeasure_Private(LatinStructure base, const PetscScalar a[], PetscReal across[], PetscReal axes[], LatinFrameSums *sum)
+/* Tensions over lengths, [links_local] (R), as displacements a of the vertices turn the links, NULL: as drawn; unit vectors too if axes are wanted. Collective on frame */
+static PetscErrorCode LatinFrameMeasure_Private(LatinStructure frame, const PetscScalar a[], PetscReal across[], PetscReal axes[], LatinFrameSums *sum)
 {
-  const PetscInt dim = base->dim;
+  const LatinStructure base = frame->turns;
+  const PetscInt       dim  = base->dim;
 
   PetscFunctionBegin;
   PetscCall(PetscMemzero(sum, sizeof(*sum)));
   for (PetscInt l = 0; l < base->links_local; l++) {
-    const LatinLaw *law  = &LatinLaws[base->law[l]];
+    const LatinLaw *law  = &LatinLaws[LatinFrameLaw(frame, l)];
     PetscReal       r[3] = {0.0, 0.0, 0.0}, n[3], length = 0.0, size = 0.0;
 
     for (PetscInt c = 0; c < dim; c++) {
@@ -98,7 +127,15 @@ static PetscErrorCode LatinFrameMeasure_Private(LatinStructure base, const Petsc
       size += PetscSqr(r[c]);
     }
     size      = PetscSqrtReal(size);
-    across[l] = size > 0.0 ? law->tension(base->stiffness[l], size - PetscSqrtReal(length) + base->e0[l], law->ctx) / size : 0.0;
+    across[l] = size > 0.0 ? law->tension(LatinFrameStiffness(frame, l), size - PetscSqrtReal(length) + base->e0[l] + LatinFrameShift(frame, l), law->ctx) / size : 0.0;
+    if (LatinStructureKeeps(base, l)) { /* does it bear? */
+      const PetscReal e = a ? LatinStructureElongation(base, l, a) : 0.0;
+
+      across[l] = law->tension(LatinFrameStiffness(frame, l), e + base->e0[l] + LatinFrameShift(frame, l), law->ctx) != 0.0 ? 1.0 : 0.0;
+      if (axes) LatinFrameAxes(dim, base->direction + dim * l, axes + dim * dim * l);
+      sum->all += 1.0;
+      continue;
+    }
     if (axes) {
       if (!LatinUnitVector(dim, r, n)) PetscCall(PetscArraycpy(n, base->direction + dim * l, dim));
       LatinFrameAxes(dim, n, axes + dim * dim * l);
@@ -108,10 +145,33 @@ static PetscErrorCode LatinFrameMeasure_Private(LatinStructure base, const Petsc
       sum->across += across[l];
     }
     sum->all += 1.0;
-    sum->stiff += base->stiffness[l];
+    sum->stiff += LatinFrameStiffness(frame, l);
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, sizeof(*sum) / sizeof(PetscReal), MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)base)));
   PetscFunctionReturn(0);
+}
+
+/* What follows from the drawn configuration and the natural lengths, and no operator depends on */
+static void LatinFrameLengths(LatinStructure frame)
+{
+  const LatinStructure base = frame->turns;
+  const PetscInt       dim  = base->dim;
+
+  for (PetscInt i = 0; i < dim * base->links_local; i++) {
+    const PetscInt   l    = i / dim;
+    const PetscReal *span = base->span + dim * l, *row = frame->direction + dim * i;
+    PetscReal        whole = 0.0, length = 0.0, along = 0.0;
+
+    for (PetscInt d = 0; d < dim; d++) {
+      whole += row[d] * span[d];
+      length += PetscSqr(span[d]);
+      along += base->direction[dim * l + d] * span[d];
+    }
+    length                                           = LatinStructureKeeps(base, l) ? along : PetscSqrtReal(length);
+    frame->part[LATIN_PART * i + LATIN_PART_NATURAL] = length - base->e0[l] - LatinFrameShift(frame, l);
+    frame->part[LATIN_PART * i + LATIN_PART_KEEPS]   = LatinStructureKeeps(base, l) ? 1.0 : 0.0;
+    frame->e0[i]                                     = whole; /* of r0: a part's strain is that of r */
+  }
 }
 
 /* Parts of links that turn as far as displacements a of the vertices take them, NULL: as drawn. Collective on frame */
@@ -119,30 +179,26 @@ static PetscErrorCode LatinFrameLarge_Private(LatinStructure frame, const PetscS
 {
   const LatinStructure base = frame->turns;
   const PetscInt       dim = base->dim, m = base->links_local;
-  PetscReal           *across, least, most;
+  PetscReal           *across, most       = 0.0;
   LatinFrameSums       sum;
 
   PetscFunctionBegin;
   PetscCall(PetscMalloc1(m, &across));
-  PetscCall(LatinFrameMeasure_Private(base, a, across, frame->direction, &sum));
-  PetscCall(LatinStructureStiffnessRange_Private(base, &least, &most));
+  PetscCall(LatinFrameMeasure_Private(frame, a, across, frame->direction, &sum));
+  for (PetscInt l = 0; l < m; l++) most = PetscMax(most, LatinFrameStiffness(frame, l));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &most, 1, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)frame)));
   for (PetscInt i = 0; i < dim * m; i++) {
     const PetscInt l    = i / dim;
-    PetscReal     *part = frame->part + LATIN_PART * i, *row = frame->direction + dim * i, k, c, whole = 0.0, length = 0.0;
+    PetscReal     *part = frame->part + LATIN_PART * i, *row = frame->direction + dim * i, k, c;
 
-    LatinFrameDirection(base, l, across[l], type, &sum, &k, &c);
-    part[LATIN_PART_STIFFNESS] = base->stiffness[l];
+    LatinFrameDirection(frame, l, across[l], type, &sum, &k, &c);
+    part[LATIN_PART_STIFFNESS] = LatinFrameStiffness(frame, l);
     part[LATIN_PART_SCALE]     = PetscSqrtReal((i % dim ? c : k) / most);
-    for (PetscInt d = 0; d < dim; d++) {
-      row[d] *= part[LATIN_PART_SCALE];
-      whole += row[d] * base->span[dim * l + d];
-      length += PetscSqr(base->span[dim * l + d]);
-    }
-    part[LATIN_PART_NATURAL] = PetscSqrtReal(length) - base->e0[l];
-    frame->law[i]            = base->law[l];
-    frame->stiffness[i]      = most;
-    frame->e0[i]             = whole; /* of r0: a part's strain is that of r */
+    for (PetscInt d = 0; d < dim; d++) row[d] *= part[LATIN_PART_SCALE];
+    frame->law[i]       = LatinFrameLaw(frame, l);
+    frame->stiffness[i] = most;
   }
+  LatinFrameLengths(frame);
   PetscCall(PetscFree(across));
   PetscFunctionReturn(0);
 }
@@ -157,19 +213,20 @@ PetscErrorCode LatinFrameSlack_Private(LatinStructure frame, Vec u, LatinFrameTy
   Vec                  local;
 
   PetscFunctionBegin;
+  *slack = 0;
+  if (base->midpoint) PetscFunctionReturn(0); /* masses hold what slack cables do not */
   PetscCall(PetscMalloc1(base->links_local, &across));
   PetscCall(DMGetLocalVector(base->dm, &local));
   PetscCall(LatinStructureGetLocal_Private(base, base->vertex_prescribed, u, local));
   PetscCall(VecGetArrayRead(local, &a));
-  PetscCall(LatinFrameMeasure_Private(base, a, across, NULL, &sum));
+  PetscCall(LatinFrameMeasure_Private(frame, a, across, NULL, &sum));
   PetscCall(VecRestoreArrayRead(local, &a));
   PetscCall(DMRestoreLocalVector(base->dm, &local));
-  *slack = 0;
   for (PetscInt l = 0; l < base->links_local; l++) {
     const PetscInt i = base->dim * l;
 
-    LatinFrameDirection(base, l, across[l], type, &sum, &k, &c);
-    if (base->law[l] != LATIN_LAW_CABLE) continue;
+    LatinFrameDirection(frame, l, across[l], type, &sum, &k, &c);
+    if (LatinFrameLaw(frame, l) != LATIN_LAW_CABLE || LatinStructureKeeps(base, l)) continue;
     if (LATIN_FRAME_STIFF * k < frame->stiffness[i] * PetscSqr(frame->part[LATIN_PART * i + LATIN_PART_SCALE])) ++*slack;
     else if (base->dim > 1 && type == LATIN_FRAME_TANGENT && LATIN_FRAME_STIFF * c < frame->stiffness[i] * PetscSqr(frame->part[LATIN_PART * (i + 1) + LATIN_PART_SCALE])) ++*slack;
   }
@@ -178,7 +235,7 @@ PetscErrorCode LatinFrameSlack_Private(LatinStructure frame, Vec u, LatinFrameTy
   PetscFunctionReturn(0);
 }
 
-/* The parts at displacements u of the base, NULL for LATIN_FRAME_DRAWN. Solvers of the frame build all again. Collective on frame */
+/* The parts at displacements u of the base, NULL for none. Solvers of the frame build all again. Collective on frame */
 PetscErrorCode LatinFrameRenew_Private(LatinStructure frame, Vec u, LatinFrameType type)
 {
   const LatinStructure base = frame->turns;
@@ -188,7 +245,7 @@ PetscErrorCode LatinFrameRenew_Private(LatinStructure frame, Vec u, LatinFrameTy
   PetscFunctionBegin;
   frame->geometry = LATIN_GEOMETRY_LINEAR; /* the parts do not turn */
   if (base->geometry == LATIN_GEOMETRY_PRESTRESS) LatinFramePrestress(frame);
-  else if (!u) PetscCall(LatinFrameLarge_Private(frame, NULL, LATIN_FRAME_DRAWN));
+  else if (!u) PetscCall(LatinFrameLarge_Private(frame, NULL, type));
   else {
     PetscCall(DMGetLocalVector(base->dm, &local));
     PetscCall(LatinStructureGetLocal_Private(base, base->vertex_prescribed, u, local));
@@ -202,6 +259,31 @@ PetscErrorCode LatinFrameRenew_Private(LatinStructure frame, Vec u, LatinFrameTy
   PetscFunctionReturn(0);
 }
 
+/* Other multipliers of inextensible cables, `none`: zero. Natural lengths change, operators do not. Logically collective on frame */
+PetscErrorCode LatinFrameSprings_Private(LatinStructure frame, PetscBool none)
+{
+  PetscFunctionBegin;
+  if (none) PetscCall(PetscArrayzero(frame->spring + frame->turns->links_local, frame->turns->links_local));
+  LatinFrameLengths(frame);
+  frame->e0_state++;
+  PetscFunctionReturn(0);
+}
+
+/* Inextensible cables as springs, of a penalty that suits what is beside them, without multipliers. Collective on frame */
+static PetscErrorCode LatinFramePenalty_Private(LatinStructure frame)
+{
+  const LatinStructure base = frame->turns;
+  const PetscInt       n    = base->links_local;
+
+  PetscFunctionBegin;
+  PetscCall(PetscFree(frame->spring));
+  if (base->rigid_law < 0) PetscFunctionReturn(0);
+  PetscCall(PetscCalloc1(2 * n + 1, &frame->spring)); /* never NULL then */
+  PetscCall(LatinStructureStiffness_Private(base, frame->spring));
+  for (PetscInt l = 0; l < n; l++) frame->spring[l] *= LATIN_FRAME_PENALTY;
+  PetscFunctionReturn(0);
+}
+
 /* Takes what has changed in the base: laws and initial elongations make the parts anew, loads do not. Collective on frame */
 PetscErrorCode LatinFrameFollow_Private(LatinStructure frame)
 {
@@ -211,12 +293,19 @@ PetscErrorCode LatinFrameFollow_Private(LatinStructure frame)
   PetscFunctionBegin;
   PetscCall(PetscObjectStateGet((PetscObject)base, &state));
   frame->load_state = base->load_state;
-  if (state == frame->turns_state && base->e0_state == frame->e0_state) PetscFunctionReturn(0);
+  frame->held_state = base->held_state;
+  if (state == frame->turns_state && base->e0_state == frame->turns_e0) PetscFunctionReturn(0);
+  frame->turns_e0 = base->e0_state;
+  frame->e0_state++;
+  if (state == frame->turns_state && base->base) { /* the next step: links have moved on, and operators stay */
+    LatinFrameLengths(frame);
+    PetscFunctionReturn(0);
+  }
+  PetscCall(LatinFramePenalty_Private(frame));
   PetscCall(PetscFree(frame->part));
   if (base->geometry == LATIN_GEOMETRY_LARGE) PetscCall(PetscMalloc1(LATIN_PART * frame->links_local + 1, &frame->part)); /* never NULL then */
-  PetscCall(LatinFrameRenew_Private(frame, NULL, LATIN_FRAME_DRAWN));
+  PetscCall(LatinFrameRenew_Private(frame, NULL, base->base ? LATIN_FRAME_PRESENT : LATIN_FRAME_DRAWN));
   frame->turns_state = state;
-  frame->e0_state    = base->e0_state;
   PetscFunctionReturn(0);
 }
 
@@ -233,7 +322,8 @@ PetscErrorCode LatinFrameCreate_Private(LatinStructure base, LatinStructure *new
   PetscCall(PetscMemcpy((char *)frame + first, (char *)base + first, last - first));
   frame->turns             = base;
   frame->turns_state       = -1; /* not yet looked at */
-  frame->span              = NULL;
+  frame->rigid_law         = -1;
+  frame->keeps             = NULL;
   frame->links_local       = m;
   frame->links_global      = dim * base->links_global;
   frame->links_start       = dim * base->links_start;
@@ -241,6 +331,8 @@ PetscErrorCode LatinFrameCreate_Private(LatinStructure base, LatinStructure *new
   frame->vertex_prescribed = base->vertex_prescribed;
   frame->load              = base->load;
   PetscCall(PetscObjectReference((PetscObject)frame->load));
+  frame->ground = base->ground;
+  PetscCall(PetscObjectReference((PetscObject)frame->ground));
   PetscCall(PetscMalloc6(2 * m, &frame->nodes, 2 * m, &frame->ends, m, &frame->law, m, &frame->stiffness, m, &frame->e0, dim * m, &frame->direction));
   for (PetscInt i = 0; i < 2 * m; i++) {
     frame->nodes[i] = base->nodes[2 * (i / 2 / dim) + i % 2];

@@ -7,7 +7,7 @@ PetscErrorCode LatinStructureTensions_Private(LatinStructure structure, const Pe
 {
   PetscFunctionBegin;
   if (structure->geometry == LATIN_GEOMETRY_LARGE) {
-    PetscCall(LatinTurningTensions_Private(structure, u, tension));
+    PetscCall(LatinTurningTensions_Private(structure, rigid, u, tension));
     PetscFunctionReturn(0);
   }
   PetscCall(LatinStructureStrains_Private(structure, u, tension));
@@ -22,7 +22,7 @@ PetscErrorCode LatinStructureResidual_Private(LatinStructure structure, const Pe
 
   PetscFunctionBegin;
   if (structure->span) {
-    PetscCall(LatinTurningResidual_Private(structure, u, r));
+    PetscCall(LatinTurningResidual_Private(structure, rigid, u, r));
     PetscFunctionReturn(0);
   }
   PetscCall(DMGetWorkArray(structure->dm, structure->links_local, MPIU_REAL, &tension));

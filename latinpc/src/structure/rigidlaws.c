@@ -135,6 +135,21 @@ PetscErrorCode LatinStructureCheckRigid_Private(LatinStructure structure, const 
   PetscFunctionReturn(0);
 }
 
+/* The strain of a link under the vertex displacements a, of one that turns the exact one */
+static PetscReal LatinHeldStrain(LatinStructure structure, PetscInt l, const PetscScalar a[])
+{
+  const PetscInt   dim  = structure->dim;
+  const PetscReal *r0   = structure->span + dim * l;
+  PetscReal        size = 0.0, length = 0.0;
+
+  if (!structure->span || LatinStructureKeeps(structure, l)) return LatinStructureElongation(structure, l, a) + structure->e0[l];
+  for (PetscInt c = 0; c < dim; c++) {
+    size += PetscSqr(r0[c] + PetscRealPart(a[dim * structure->ends[2 * l + 1] + c] - a[dim * structure->ends[2 * l] + c]));
+    length += PetscSqr(r0[c]);
+  }
+  return PetscSqrtReal(size) - PetscSqrtReal(length) + structure->e0[l];
+}
+
 /*
    Before a solve: a rigid link that no free displacement can lengthen or shorten must admit what is prescribed at its ends.
    Collective on structure
@@ -165,10 +180,10 @@ PetscErrorCode LatinStructureCheckHeld_Private(LatinStructure structure)
     PetscBool        held = (PetscBool)(LatinLaws[structure->law[l]].rigid && structure->law[l] != LATIN_LAW_TANGENT);
 
     for (PetscInt c = 0; c < dim; c++) {
-      if (n[c] != 0.0 && (PetscRealPart(free[dim * to[0] + c]) != 0.0 || PetscRealPart(free[dim * to[1] + c]) != 0.0)) held = PETSC_FALSE;
-      ends += PetscAbsReal(n[c]) * (PetscAbsScalar(a[dim * to[0] + c]) + PetscAbsScalar(a[dim * to[1] + c]));
+      if ((n[c] != 0.0 || (structure->span && !LatinStructureKeeps(structure, l))) && (PetscRealPart(free[dim * to[0] + c]) != 0.0 || PetscRealPart(free[dim * to[1] + c]) != 0.0)) held = PETSC_FALSE;
+      ends += PetscAbsReal(structure->span ? 1.0 : n[c]) * (PetscAbsScalar(a[dim * to[0] + c]) + PetscAbsScalar(a[dim * to[1] + c]));
     }
-    missed = sign * (LatinStructureElongation(structure, l, a) + structure->e0[l]);
+    missed = sign * LatinHeldStrain(structure, l, a);
     if (held && missed > LATIN_HELD_NOISE * PETSC_MACHINE_EPSILON * ends) bad = l;
   }
   PetscCall(VecRestoreArrayRead(u, &a));

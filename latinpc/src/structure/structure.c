@@ -45,16 +45,19 @@ PetscErrorCode LatinStructureDestroy(LatinStructure *structure)
   } else if (l->turns) { /* so have parts of links */
     PetscCall(PetscFree6(l->nodes, l->ends, l->law, l->stiffness, l->e0, l->direction));
     PetscCall(PetscFree(l->part));
+    PetscCall(PetscFree(l->spring));
+    PetscCall(VecDestroy(&l->ground));
   } else {
     PetscCall(PetscFree5(l->x, l->prescribed, l->force, l->fixed, l->global_dof));
     PetscCall(PetscFree6(l->nodes, l->ends, l->law, l->stiffness, l->e0, l->direction));
     PetscCall(PetscFree(l->vertex_prescribed));
     PetscCall(PetscFree(l->mass));
+    PetscCall(PetscFree(l->keeps));
     PetscCall(PetscFree(l->friction));
     PetscCall(VecDestroy(&l->inertia));
     PetscCall(PetscSFDestroy(&l->vertex_sf));
-    PetscCall(PetscFree(l->span));
   }
+  PetscCall(PetscFree(l->span));
   PetscCall(VecDestroy(&l->load));
   if (l->dm) PetscCall(PetscObjectCompose((PetscObject)l->dm, "LatinStructure", NULL)); /* others may hold the DM */
   PetscCall(DMDestroy(&l->dm));

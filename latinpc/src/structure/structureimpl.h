@@ -30,27 +30,28 @@ struct _p_LatinStructure {
   PetscBool *fixed;      /* [nodes_local][dim] */
   PetscInt  *global_dof; /* [nodes_local][dim] entry of a DM global vector, negative where prescribed */
   /* the caller's links of this rank */
-  PetscInt  *nodes;         /* [links_local][2] global node numbers */
-  PetscInt  *ends;          /* [links_local][2] vertices of the DM */
-  PetscInt  *law;           /* [links_local] LatinLawType */
-  PetscReal *stiffness;     /* [links_local] k */
-  PetscReal *direction;     /* [links_local][dim] unit vector from the first to the second node: a row of B is (-n, n) */
-  PetscReal *friction;      /* [links_local] coefficient, read at the normal part of a contact; NULL if none was given */
-  PetscReal  rigid_scale;   /* search parameter of rigid links that have neither elastic neighbours nor masses */
-  PetscInt   rigid_law;     /* law of one of the rigid links of any rank, -1: there is none */
-  PetscBool  general, rubs; /* has laws beyond bars, cables and compression-only links; has contacts with friction, on any rank */
-  PetscSF    vertex_sf;     /* from the caller's nodes to the DM's vertices here */
-  PetscInt   vertices;      /* vertices of the DM here */
-  PetscInt   unlinked;      /* nodes without link that this rank has given: the last of the vertices */
-  PetscInt   flies;         /* first free component, dim * node + direction, of one of them on any rank; -1: there is none */
-  PetscBool  set_up;
-  /* links that turn (structure/turning.c), NULL where they do not */
-  LatinGeometry geometry;
-  PetscReal    *span; /* [links_local][dim] from the first to the second node, as drawn */
+  PetscInt     *nodes;         /* [links_local][2] global node numbers */
+  PetscInt     *ends;          /* [links_local][2] vertices of the DM */
+  PetscInt     *law;           /* [links_local] LatinLawType */
+  PetscReal    *stiffness;     /* [links_local] k */
+  PetscReal    *direction;     /* [links_local][dim] unit vector from the first to the second node: a row of B is (-n, n) */
+  PetscReal    *friction;      /* [links_local] coefficient, read at the normal part of a contact; NULL if none was given */
+  PetscReal     rigid_scale;   /* search parameter of rigid links that have neither elastic neighbours nor masses */
+  PetscInt      rigid_law;     /* law of one of the rigid links of any rank, -1: there is none */
+  PetscBool     general, rubs; /* has laws beyond bars, cables and compression-only links; has contacts with friction, on any rank */
+  PetscSF       vertex_sf;     /* from the caller's nodes to the DM's vertices here */
+  PetscInt      vertices;      /* vertices of the DM here */
+  PetscInt      unlinked;      /* nodes without link that this rank has given: the last of the vertices */
+  PetscInt      flies;         /* first free component, dim * node + direction, of one of them on any rank; -1: there is none */
+  PetscBool     set_up;
+  LatinGeometry geometry; /* how displacements turn links (structure/turning.c) */
+  PetscBool    *keeps;    /* [links_local] links among those that turn far that keep their direction; NULL where no link turns */
   /* what is a time step's own */
   PetscReal       *prescribed;        /* [nodes_local][dim] */
   PetscReal       *vertex_prescribed; /* [vertices][dim] */
   PetscReal       *e0;                /* [links_local] */
+  PetscReal       *span;              /* [links_local][dim] from the first to the second node, as drawn, or at the start of a step; NULL where links do not turn */
+  PetscBool        midpoint;          /* a time step of links that turn (structure/midpoint.h) */
   DM               dm;
   Vec              load;                             /* F at free dofs, DM global vector */
   PetscObjectState load_state, e0_state, held_state; /* counted up at each change, so that a solver sees what to rebuild */
@@ -64,9 +65,10 @@ struct _p_LatinStructure {
   /* [links_local] while Newton's method takes rigid links for springs (snes/multipliers.c), else NULL; borrowed */
   const PetscReal *penalty, *multiplier;
   /* parts of links that turn (structure/frame.c), NULL in other structures */
-  LatinStructure   turns;       /* the structure whose links have been split into parts */
-  PetscObjectState turns_state; /* its state when it was last looked at */
-  PetscReal       *part;        /* [links_local][LATIN_PART] of large displacements, see structure/turning.h */
+  LatinStructure   turns;                 /* the structure whose links have been split into parts */
+  PetscObjectState turns_state, turns_e0; /* its states when it was last looked at */
+  PetscReal       *part;                  /* [links_local][LATIN_PART] of large displacements, see structure/turning.h */
+  PetscReal       *spring;                /* [2][links of turns] inextensible cables as springs: their penalty and multiplier; NULL where there are none */
 };
 
 /* ---- links of a structure: all by their numbers on this rank ---- */
@@ -166,9 +168,10 @@ typedef enum {
   LATIN_FRAME_TANGENT  /* of displacements: the tangent stiffness, but for a floor */
 } LatinFrameType;
 PETSC_INTERN PetscErrorCode LatinTurningSetUp_Private(LatinStructure);
-PETSC_INTERN PetscErrorCode LatinTurningTensions_Private(LatinStructure, Vec u, PetscReal tension[]);
-PETSC_INTERN PetscErrorCode LatinTurningResidual_Private(LatinStructure, Vec u, Vec r);
+PETSC_INTERN PetscErrorCode LatinTurningTensions_Private(LatinStructure, const PetscReal rigid[], Vec u, PetscReal tension[]);
+PETSC_INTERN PetscErrorCode LatinTurningResidual_Private(LatinStructure, const PetscReal rigid[], Vec u, Vec r);
 PETSC_INTERN PetscErrorCode LatinTurningJacobian_Private(LatinStructure, Vec u, Mat J);
+PETSC_INTERN PetscErrorCode LatinTurningMove_Private(LatinStructure, Vec u, PetscReal span[], PetscReal x[]);
 PETSC_INTERN PetscErrorCode LatinTurningEnergy_Private(LatinStructure, Vec u, PetscReal *energy);
 PETSC_INTERN PetscErrorCode LatinTurningMatCreate_Private(LatinStructure, Mat *);
 PETSC_INTERN PetscErrorCode LatinTurningMatCompute_Private(LatinStructure, Vec u, Mat);
@@ -176,7 +179,14 @@ PETSC_INTERN PetscErrorCode LatinStructureCheckLinear_Private(LatinStructure, co
 PETSC_INTERN PetscErrorCode LatinFrameCreate_Private(LatinStructure, LatinStructure *frame);
 PETSC_INTERN PetscErrorCode LatinFrameFollow_Private(LatinStructure frame);
 PETSC_INTERN PetscErrorCode LatinFrameRenew_Private(LatinStructure frame, Vec u, LatinFrameType);
+PETSC_INTERN PetscErrorCode LatinFrameSprings_Private(LatinStructure frame, PetscBool none);
 PETSC_INTERN PetscErrorCode LatinFrameSlack_Private(LatinStructure frame, Vec u, LatinFrameType, PetscInt *slack);
+
+/* Does link l keep its direction in large displacements? Contacts, and those that were given one */
+static inline PetscBool LatinStructureKeeps(const LatinStructure structure, PetscInt l)
+{
+  return structure->keeps ? structure->keeps[l] : PETSC_FALSE;
+}
 
 /* ---- the DM (structure/setup.c) ---- */
 PETSC_INTERN PetscErrorCode LatinStructureCreateMesh_Private(LatinStructure);
@@ -187,6 +197,7 @@ PETSC_INTERN PetscErrorCode LatinStructureCloneDM_Private(LatinStructure, DM *);
 
 /* ---- time steps (structure/timestep.c) ---- */
 PETSC_INTERN PetscErrorCode LatinStructureInertia_Private(LatinStructure);
+PETSC_INTERN PetscErrorCode LatinStepCheck_Private(LatinStructure base);
 PETSC_INTERN PetscErrorCode LatinStepCreate_Private(LatinStructure base, LatinStructure *step);
 PETSC_INTERN PetscErrorCode LatinStepStart_Private(LatinStructure step, PetscReal h, Vec u, Vec v);
 PETSC_INTERN PetscErrorCode LatinStepShift_Private(LatinStructure step, PetscReal shift);

@@ -104,11 +104,29 @@ PetscErrorCode LatinStepLength_Private(LatinStructure step, PetscReal shift)
     PetscCall(PetscMemcpy((char *)step + first, (char *)step->base + first, last - first));
     step->base_state = state;
     step->shift      = 0.0;
+    step->midpoint   = (PetscBool)(step->geometry == LATIN_GEOMETRY_LARGE);
+    PetscCall(PetscFree(step->span));
+    if (step->base->span) {                                                    /* as drawn, until a step starts */
+      PetscCall(PetscMalloc1(step->dim * step->links_local + 1, &step->span)); /* never NULL where links turn */
+      PetscCall(PetscArraycpy(step->span, step->base->span, step->dim * step->links_local));
+      PetscCall(PetscArraycpy(step->e0, step->base->e0, step->links_local));
+    }
   }
   if (PetscAbsReal(shift - step->shift) <= LATIN_STEP_SAME * shift || shift < 0.0) PetscFunctionReturn(0);
   PetscCall(VecAXPBY(step->ground, shift, 0.0, step->base->inertia));
   step->shift = shift;
   PetscCall(PetscObjectStateIncrease((PetscObject)step));
+  PetscFunctionReturn(0);
+}
+
+/* A motion is for links that keep their direction, or that turn far and are elastic. Collective on base */
+PetscErrorCode LatinStepCheck_Private(LatinStructure base)
+{
+  PetscFunctionBegin;
+  PetscCheck(base->geometry != LATIN_GEOMETRY_PRESTRESS, PetscObjectComm((PetscObject)base), PETSC_ERR_SUP,
+             "Motions are for links that keep their direction, or turn as far as displacements take them, and the geometry of the structure is prestress: take large, or linear, with LatinStructureSetGeometry()");
+  PetscCheck(base->geometry == LATIN_GEOMETRY_LINEAR || base->rigid_law < 0, PetscObjectComm((PetscObject)base), PETSC_ERR_SUP, "Motions with large displacements are for elastic links, and the structure has links of the law %s: take %s",
+             LatinLaws[PetscMax(0, base->rigid_law)].name, LatinLaws[PetscMax(0, base->rigid_law)].cure);
   PetscFunctionReturn(0);
 }
 
@@ -160,22 +178,38 @@ static PetscErrorCode LatinStepFlight_Private(LatinStructure step, PetscReal *fl
   PetscFunctionReturn(0);
 }
 
-/* The step of length h from (u, v); its unknown is h v+. Collective on step */
-PetscErrorCode LatinStepStart_Private(LatinStructure step, PetscReal h, Vec u, Vec v)
+/* The initial elongations of a step from u, and where its links then are. Collective on step */
+static PetscErrorCode LatinStepLinks_Private(LatinStructure step, Vec u)
 {
   LatinStructure base   = step->base;
   PetscReal      flight = 0.0;
 
   PetscFunctionBegin;
+  step->midpoint = (PetscBool)(base->geometry == LATIN_GEOMETRY_LARGE);
+  if (step->midpoint) {
+    PetscCall(LatinTurningMove_Private(base, u, step->span, step->e0));
+    PetscFunctionReturn(0);
+  }
+  if (base->rigid_law >= 0) PetscCall(LatinStepFlight_Private(step, &flight));
+  PetscCall(LatinStructureStrains_Private(base, u, step->e0));
+  for (PetscInt l = 0; l < base->links_local; l++) step->e0[l] = LatinStepElongation(base->law[l], step->e0[l], LATIN_STEP_CLOSED * flight);
+  PetscFunctionReturn(0);
+}
+
+/* The step of length h from (u, v); its unknown is h v+. Where links turn it is one to the middle of the step, of half its length, whose unknown is h (v + v+) / 2. Collective on step */
+PetscErrorCode LatinStepStart_Private(LatinStructure step, PetscReal h, Vec u, Vec v)
+{
+  LatinStructure base = step->base;
+
+  PetscFunctionBegin;
+  PetscCall(LatinStepCheck_Private(base));
   PetscCheck(h > 0.0 && h * h > 0.0 && !PetscIsInfOrNanReal(1.0 / (h * h)), PetscObjectComm((PetscObject)step), PETSC_ERR_ARG_OUTOFRANGE,
              "A time step has the length %g; it is a positive time of which 1 / h^2 is a number: give another one with -ts_dt", (double)h);
   PetscCall(LatinStepLength_Private(step, 1.0 / (h * h)));
   PetscCall(VecPointwiseMult(step->load, base->inertia, v));
   PetscCall(VecAYPX(step->load, 1.0 / h, base->load));
   step->load_state++;
-  if (base->rigid_law >= 0) PetscCall(LatinStepFlight_Private(step, &flight));
-  PetscCall(LatinStructureStrains_Private(base, u, step->e0));
-  for (PetscInt l = 0; l < base->links_local; l++) step->e0[l] = LatinStepElongation(base->law[l], step->e0[l], LATIN_STEP_CLOSED * flight);
+  PetscCall(LatinStepLinks_Private(step, u));
   step->e0_state++;
   PetscCall(PetscArrayzero(step->prescribed, base->dim * base->nodes_local));
   PetscCall(PetscArrayzero(step->vertex_prescribed, base->dim * base->vertices));
@@ -191,6 +225,8 @@ PetscErrorCode LatinStepShift_Private(LatinStructure step, PetscReal shift)
   PetscCall(LatinStepLength_Private(step, shift));
   PetscCall(VecCopy(base->load, step->load));
   step->load_state++;
+  step->midpoint = PETSC_FALSE;
+  if (base->span) PetscCall(PetscArraycpy(step->span, base->span, base->dim * base->links_local));
   PetscCall(PetscArraycpy(step->e0, base->e0, base->links_local));
   step->e0_state++;
   PetscCall(PetscArraycpy(step->prescribed, base->prescribed, base->dim * base->nodes_local));

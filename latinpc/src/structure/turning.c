@@ -1,4 +1,5 @@
 #include "structure/structureimpl.h"
+#include "structure/midpoint.h"
 #include "structure/turning.h"
 
 /*
@@ -7,27 +8,73 @@
    large      f = tau r / R, r = r0 + d; its derivative is k_t n n^t + tau / R (1 - n n^t) with n = r / R
    prestress  f = tau n + t0 / l (1 - n n^t) d, n and l as drawn, t0 the tension there: the tangent of the former at d = 0
 
-   d is the displacement of the second node less that of the first one.
+   A link that keeps its direction, as contacts do, has f = tau n in large as well, n the direction it was given.
+
+   d is the displacement of the second node less that of the first one. During a time step large has the mean force of structure/midpoint.h.
 */
 
 const char *const LatinGeometries[] = {"linear", "prestress", "large", "LatinGeometry", "LATIN_GEOMETRY_", NULL};
 
 /* One link as displacements turn it */
 typedef struct {
-  PetscReal d[3], n[3]; /* direction in which the tension acts */
+  PetscReal d[3], n[3]; /* n: direction in which the tension acts */
   PetscReal size;       /* R, or as drawn */
   PetscReal x;          /* strain */
+  PetscReal tension;    /* tau */
   PetscReal across;     /* tau / R, or t0 / l: stiffness at right angles to n */
+  PetscReal change[3];  /* derivative of the tension by d, less that of its part across n */
 } LatinTurned;
 
-static void LatinTurnedLink(LatinStructure structure, PetscInt l, const PetscScalar a[], LatinTurned *link)
+/* The mean force of a time step */
+static void LatinTurnedMean(LatinStructure structure, PetscInt l, LatinTurned *link)
+{
+  const PetscInt   dim = structure->dim;
+  const LatinLaw  *law = &LatinLaws[structure->law[l]];
+  const PetscReal *r0  = structure->span + dim * l;
+  PetscReal        R0 = 0.0, R1 = 0.0, stretch = 0.0, slope = 0.0;
+
+  for (PetscInt c = 0; c < dim; c++) {
+    R0 += PetscSqr(r0[c]);
+    R1 += PetscSqr(r0[c] + 2.0 * link->d[c]);
+    stretch += 4.0 * (r0[c] + link->d[c]) * link->d[c];
+  }
+  R0            = PetscSqrtReal(R0);
+  R1            = PetscSqrtReal(R1);
+  link->x       = structure->e0[l] + (R0 + R1 > 0.0 ? stretch / (R0 + R1) : 0.0); /* at the end of the step, without cancellation */
+  link->across  = R0 + R1 > 0.0 ? LatinMidpointForce(law, structure->stiffness[l], structure->e0[l], link->x, R0 + R1, &slope) : 0.0;
+  link->tension = link->across * link->size;
+  for (PetscInt c = 0; c < dim; c++) link->change[c] = R1 > 0.0 ? 2.0 * link->size * slope * (r0[c] + 2.0 * link->d[c]) / R1 : 0.0;
+}
+
+/* A link that keeps its direction, with the mean tension in a time step */
+static void LatinTurnedKeep(LatinStructure structure, const PetscReal rigid[], PetscInt l, const PetscScalar a[], LatinTurned *link)
+{
+  const LatinLaw *law   = &LatinLaws[structure->law[l]];
+  const PetscReal e     = LatinStructureElongation(structure, l, a);
+  PetscReal       slope = 0.0;
+
+  for (PetscInt c = 0; c < structure->dim; c++) {
+    link->n[c] = structure->direction[structure->dim * l + c];
+    link->d[c] = PetscRealPart(a[structure->dim * structure->ends[2 * l + 1] + c] - a[structure->dim * structure->ends[2 * l] + c]);
+  }
+  link->size = link->across = 0.0;
+  link->x                   = structure->e0[l] + (structure->midpoint ? 2.0 * e : e);
+  link->tension             = structure->midpoint ? LatinMidpointTension(law, structure->stiffness[l], structure->e0[l], link->x, &slope) : LatinStructureTension(structure, rigid, l, link->x);
+  for (PetscInt c = 0; c < structure->dim && structure->midpoint; c++) link->change[c] = 2.0 * slope * link->n[c];
+}
+
+/* `rigid`: tensions of rigid links, NULL where there are none, or where they are taken for springs */
+static void LatinTurnedLink(LatinStructure structure, const PetscReal rigid[], PetscInt l, const PetscScalar a[], LatinTurned *link)
 {
   const PetscInt     dim = structure->dim;
-  const LatinLaw    *law = &LatinLaws[structure->law[l]];
-  const PetscReal   *r0 = structure->span + dim * l, k = structure->stiffness[l], e0 = structure->e0[l];
+  const PetscReal   *r0 = structure->span + dim * l, e0 = structure->e0[l];
   const PetscScalar *ua = a + dim * structure->ends[2 * l], *ub = a + dim * structure->ends[2 * l + 1];
   PetscReal          length = 0.0, size = 0.0, stretch = 0.0;
 
+  if (LatinStructureKeeps(structure, l)) {
+    LatinTurnedKeep(structure, rigid, l, a, link);
+    return;
+  }
   for (PetscInt c = 0; c < dim; c++) {
     const PetscReal d = PetscRealPart(ub[c] - ua[c]);
 
@@ -41,12 +88,15 @@ static void LatinTurnedLink(LatinStructure structure, PetscInt l, const PetscSca
   size   = PetscSqrtReal(size);
   for (PetscInt c = 0; c < dim; c++) link->n[c] /= size > 0.0 ? size : 1.0;
   link->size = size;
-  if (structure->geometry == LATIN_GEOMETRY_LARGE) {
-    link->x      = stretch / (size + length) + e0; /* R - l without cancellation */
-    link->across = size > 0.0 ? law->tension(k, link->x, law->ctx) / size : 0.0;
+  if (structure->midpoint) LatinTurnedMean(structure, l, link);
+  else if (structure->geometry == LATIN_GEOMETRY_LARGE) {
+    link->x       = stretch / (size + length) + e0; /* R - l without cancellation */
+    link->tension = LatinStructureTension(structure, rigid, l, link->x);
+    link->across  = size > 0.0 ? link->tension / size : 0.0;
   } else {
-    link->x      = stretch / length + e0;
-    link->across = law->tension(k, e0, law->ctx) / length;
+    link->x       = stretch / length + e0;
+    link->tension = LatinStructureTension(structure, rigid, l, link->x);
+    link->across  = LatinStructureTension(structure, NULL, l, e0) / length;
   }
 }
 
@@ -68,8 +118,8 @@ static PetscErrorCode LatinTurnedClose_Private(LatinStructure structure, Vec *lo
   PetscFunctionReturn(0);
 }
 
-/* Adds the forces of the links, f of link l at f + dim l, to those of their nodes, less the loads. Collective on structure */
-static PetscErrorCode LatinTurnedForces_Private(LatinStructure structure, const PetscReal f[], Vec load, Vec r)
+/* The forces of the links, f of link l at f + dim l, and of springs to the ground at u, on their nodes, less the loads. Collective on structure */
+static PetscErrorCode LatinTurnedForces_Private(LatinStructure structure, const PetscReal f[], Vec u, Vec load, Vec r)
 {
   const PetscInt dim = structure->dim;
   Vec            local;
@@ -86,15 +136,16 @@ static PetscErrorCode LatinTurnedForces_Private(LatinStructure structure, const 
     v[dim * end[1] + i % dim] += f[i];
   }
   PetscCall(VecRestoreArray(local, &v));
-  PetscCall(VecZeroEntries(r));
+  if (structure->ground) PetscCall(VecPointwiseMult(r, structure->ground, u));
+  else PetscCall(VecZeroEntries(r));
   if (load) PetscCall(VecAXPY(r, -1.0, load));
   PetscCall(DMLocalToGlobal(structure->dm, local, ADD_VALUES, r));
   PetscCall(DMRestoreLocalVector(structure->dm, &local));
   PetscFunctionReturn(0);
 }
 
-/* The tensions at u. Collective on structure */
-PetscErrorCode LatinTurningTensions_Private(LatinStructure structure, Vec u, PetscReal tension[])
+/* The tensions at u; those of rigid links are given. Collective on structure */
+PetscErrorCode LatinTurningTensions_Private(LatinStructure structure, const PetscReal rigid[], Vec u, PetscReal tension[])
 {
   const PetscScalar *a;
   LatinTurned        link;
@@ -103,15 +154,15 @@ PetscErrorCode LatinTurningTensions_Private(LatinStructure structure, Vec u, Pet
   PetscFunctionBegin;
   PetscCall(LatinTurnedOpen_Private(structure, structure->vertex_prescribed, u, &local, &a));
   for (PetscInt l = 0; l < structure->links_local; l++) {
-    LatinTurnedLink(structure, l, a, &link);
-    tension[l] = LatinStructureTension(structure, NULL, l, link.x);
+    LatinTurnedLink(structure, rigid, l, a, &link);
+    tension[l] = link.tension;
   }
   PetscCall(LatinTurnedClose_Private(structure, &local, &a));
   PetscFunctionReturn(0);
 }
 
-/* The nodal unbalance at u. Collective on structure */
-PetscErrorCode LatinTurningResidual_Private(LatinStructure structure, Vec u, Vec r)
+/* The nodal unbalance at u, with the tensions `rigid` of the rigid links. Collective on structure */
+PetscErrorCode LatinTurningResidual_Private(LatinStructure structure, const PetscReal rigid[], Vec u, Vec r)
 {
   const PetscInt     dim = structure->dim;
   const PetscScalar *a;
@@ -123,29 +174,27 @@ PetscErrorCode LatinTurningResidual_Private(LatinStructure structure, Vec u, Vec
   PetscCall(LatinTurnedOpen_Private(structure, structure->vertex_prescribed, u, &local, &a));
   for (PetscInt l = 0; l < structure->links_local; l++) {
     LatinTurned link;
-    PetscReal   t, along = 0.0;
+    PetscReal   along = 0.0;
 
-    LatinTurnedLink(structure, l, a, &link);
-    t = LatinStructureTension(structure, NULL, l, link.x);
+    LatinTurnedLink(structure, rigid, l, a, &link);
     for (PetscInt c = 0; c < dim; c++) along += link.n[c] * link.d[c];
-    for (PetscInt c = 0; c < dim; c++) f[dim * l + c] = t * link.n[c] + (structure->geometry == LATIN_GEOMETRY_LARGE ? 0.0 : link.across * (link.d[c] - along * link.n[c]));
+    for (PetscInt c = 0; c < dim; c++) f[dim * l + c] = link.tension * link.n[c] + (structure->geometry == LATIN_GEOMETRY_LARGE ? 0.0 : link.across * (link.d[c] - along * link.n[c]));
   }
   PetscCall(LatinTurnedClose_Private(structure, &local, &a));
-  PetscCall(LatinTurnedForces_Private(structure, f, structure->load, r));
+  PetscCall(LatinTurnedForces_Private(structure, f, u, structure->load, r));
   PetscCall(DMRestoreWorkArray(structure->dm, dim * structure->links_local, MPIU_REAL, &f));
   PetscFunctionReturn(0);
 }
 
-/* The derivative of the force of link l by d, symmetric, [dim][dim] */
+/* The derivative of the force of link l by d, [dim][dim], of a time step not symmetric */
 static void LatinTurnedBlock(LatinStructure structure, PetscInt l, const PetscScalar a[], PetscReal block[])
 {
   const PetscInt dim = structure->dim;
   LatinTurned    link;
-  PetscReal      along;
 
-  LatinTurnedLink(structure, l, a, &link);
-  along = LatinStructureTangent(structure, l, link.x) - link.across;
-  for (PetscInt i = 0; i < dim * dim; i++) block[i] = along * link.n[i / dim] * link.n[i % dim] + (i / dim == i % dim ? link.across : 0.0);
+  LatinTurnedLink(structure, NULL, l, a, &link);
+  for (PetscInt c = 0; c < dim && !structure->midpoint; c++) link.change[c] = (LatinStructureTangent(structure, l, link.x) - link.across) * link.n[c];
+  for (PetscInt i = 0; i < dim * dim; i++) block[i] = link.n[i / dim] * link.change[i % dim] + (i / dim == i % dim ? link.across : 0.0);
 }
 
 /* Into a matrix with entries. Collective on structure */
@@ -171,8 +220,9 @@ PetscErrorCode LatinTurningJacobian_Private(LatinStructure structure, Vec u, Mat
   PetscCall(LatinTurnedClose_Private(structure, &local, &a));
   PetscCall(MatAssemblyBegin(J, MAT_FINAL_ASSEMBLY));
   PetscCall(MatAssemblyEnd(J, MAT_FINAL_ASSEMBLY));
-  PetscCall(MatSetOption(J, MAT_SYMMETRIC, PETSC_TRUE));
-  PetscCall(MatSetOption(J, MAT_SYMMETRY_ETERNAL, PETSC_TRUE));
+  if (structure->ground) PetscCall(MatDiagonalSet(J, structure->ground, ADD_VALUES));
+  PetscCall(MatSetOption(J, MAT_SYMMETRIC, structure->midpoint ? PETSC_FALSE : PETSC_TRUE));
+  if (!structure->midpoint) PetscCall(MatSetOption(J, MAT_SYMMETRY_ETERNAL, PETSC_TRUE));
   PetscFunctionReturn(0);
 }
 
@@ -200,7 +250,7 @@ static PetscErrorCode LatinTurningMult_Private(Mat A, Vec x, Vec y)
   }
   PetscCall(LatinTurnedClose_Private(structure, &local, &a));
   PetscCall(VecRestoreArrayRead(blocks, &k));
-  PetscCall(LatinTurnedForces_Private(structure, f, NULL, y));
+  PetscCall(LatinTurnedForces_Private(structure, f, x, NULL, y));
   PetscCall(DMRestoreWorkArray(structure->dm, dim * structure->links_local, MPIU_REAL, &f));
   PetscFunctionReturn(0);
 }
@@ -216,7 +266,7 @@ PetscErrorCode LatinTurningMatCreate_Private(LatinStructure structure, Mat *A)
   PetscCall(VecGetLocalSize(structure->load, &n));
   PetscCall(MatCreateShell(PetscObjectComm((PetscObject)structure), n, n, PETSC_DETERMINE, PETSC_DETERMINE, structure, A));
   PetscCall(MatShellSetOperation(*A, MATOP_MULT, (void (*)(void))LatinTurningMult_Private));
-  PetscCall(MatSetOption(*A, MAT_SYMMETRIC, PETSC_TRUE));
+  if (!structure->midpoint) PetscCall(MatSetOption(*A, MAT_SYMMETRIC, PETSC_TRUE));
   PetscCall(VecCreateSeq(PETSC_COMM_SELF, m, &blocks));
   PetscCall(PetscObjectCompose((PetscObject)*A, "LatinBlocks", (PetscObject)blocks));
   PetscCall(VecDestroy(&blocks));
@@ -240,6 +290,25 @@ PetscErrorCode LatinTurningMatCompute_Private(LatinStructure structure, Vec u, M
   PetscFunctionReturn(0);
 }
 
+/* From the first to the second node of each link, and strains, at u. Collective on structure */
+PetscErrorCode LatinTurningMove_Private(LatinStructure structure, Vec u, PetscReal span[], PetscReal x[])
+{
+  const PetscInt     dim = structure->dim;
+  const PetscScalar *a;
+  LatinTurned        link;
+  Vec                local;
+
+  PetscFunctionBegin;
+  PetscCall(LatinTurnedOpen_Private(structure, structure->vertex_prescribed, u, &local, &a));
+  for (PetscInt l = 0; l < structure->links_local; l++) {
+    LatinTurnedLink(structure, NULL, l, a, &link);
+    for (PetscInt c = 0; c < dim; c++) span[dim * l + c] = structure->span[dim * l + c] + link.d[c];
+    x[l] = link.x;
+  }
+  PetscCall(LatinTurnedClose_Private(structure, &local, &a));
+  PetscFunctionReturn(0);
+}
+
 /* Strain energy of the links less the work of the loads. Collective on structure */
 PetscErrorCode LatinTurningEnergy_Private(LatinStructure structure, Vec u, PetscReal *energy)
 {
@@ -256,8 +325,8 @@ PetscErrorCode LatinTurningEnergy_Private(LatinStructure structure, Vec u, Petsc
     PetscReal       along = 0.0, whole = 0.0;
     LatinTurned     link;
 
-    LatinTurnedLink(structure, l, a, &link);
-    sum += law->energy(structure->stiffness[l], link.x, law->ctx);
+    LatinTurnedLink(structure, NULL, l, a, &link);
+    if (!law->rigid) sum += law->energy(structure->stiffness[l], link.x, law->ctx);
     for (PetscInt c = 0; c < dim; c++) {
       along += link.n[c] * link.d[c];
       whole += PetscSqr(link.d[c]);
@@ -281,16 +350,20 @@ PetscErrorCode LatinTurningSetUp_Private(LatinStructure structure)
   MPI_Comm           comm = PetscObjectComm((PetscObject)structure);
   const PetscScalar *x;
   Vec                coordinates;
-  PetscInt           own = -1;
+  PetscInt           own = -1, rigid = -1;
 
   PetscFunctionBegin;
+  PetscCall(PetscFree(structure->keeps));
   if (structure->geometry == LATIN_GEOMETRY_LINEAR) {
     PetscCall(PetscFree(structure->span));
     PetscFunctionReturn(0);
   }
-  PetscCheck(structure->rigid_law < 0, comm, PETSC_ERR_SUP, "Geometry %s takes elastic links only, and the structure has links of the law %s: take %s, or the geometry linear", LatinGeometries[structure->geometry],
-             LatinLaws[structure->rigid_law].name, LatinLaws[structure->rigid_law].cure);
-  if (!structure->span) PetscCall(PetscMalloc1(dim * structure->links_local + 1, &structure->span)); /* never NULL where links turn */
+  for (PetscInt l = 0; l < structure->links_local && rigid < 0; l++)
+    if (LatinLaws[structure->law[l]].rigid && (structure->geometry == LATIN_GEOMETRY_PRESTRESS || (structure->law[l] != LATIN_LAW_INEXTENSIBLE && structure->law[l] != LATIN_LAW_CONTACT))) rigid = structure->law[l];
+  LatinAgree(comm, rigid >= 0, PETSC_ERR_SUP, "Geometry %s does not take links of the law %s, as the structure has them: take %s, or the geometry linear", LatinGeometries[structure->geometry], LatinLaws[PetscMax(0, rigid)].name,
+             LatinLaws[PetscMax(0, rigid)].cure);
+  if (!structure->span) PetscCall(PetscMalloc1(dim * structure->links_local + 1, &structure->span));                       /* never NULL where links turn */
+  if (structure->geometry == LATIN_GEOMETRY_LARGE) PetscCall(PetscMalloc1(structure->links_local + 1, &structure->keeps)); /* never NULL then */
   PetscCall(DMGetCoordinatesLocal(structure->dm, &coordinates));
   PetscCall(VecGetArrayRead(coordinates, &x));
   for (PetscInt l = structure->links_local - 1; l >= 0; l--) {
@@ -299,11 +372,12 @@ PetscErrorCode LatinTurningSetUp_Private(LatinStructure structure)
     for (PetscInt c = 0; c < dim; c++) r0[c] = PetscRealPart(x[dim * structure->ends[2 * l + 1] + c] - x[dim * structure->ends[2 * l] + c]);
     (void)LatinUnitVector(dim, r0, n);
     for (PetscInt c = 0; c < dim; c++) apart = PetscMax(apart, PetscAbsReal(n[c] - structure->direction[dim * l + c]));
-    if (apart > LATIN_TURNING_OWN) own = l;
+    if (structure->keeps) structure->keeps[l] = (PetscBool)(apart > LATIN_TURNING_OWN || structure->law[l] == LATIN_LAW_CONTACT);
+    else if (apart > LATIN_TURNING_OWN) own = l;
   }
   PetscCall(VecRestoreArrayRead(coordinates, &x));
-  LatinAgree(comm, own >= 0, PETSC_ERR_SUP, "Link %" PetscInt_FMT " has a direction of its own, and geometry %s turns links with their nodes: leave out LatinStructureSetDirections(), or take the geometry linear", structure->links_start + own,
-             LatinGeometries[structure->geometry]);
+  LatinAgree(comm, own >= 0, PETSC_ERR_SUP, "Link %" PetscInt_FMT " has a direction of its own, and geometry %s turns links with their nodes: leave out LatinStructureSetDirections(), or take the geometry large, or linear",
+             structure->links_start + own, LatinGeometries[structure->geometry]);
   PetscFunctionReturn(0);
 }
 
@@ -333,7 +407,8 @@ PetscErrorCode LatinStructureCheckLinear_Private(LatinStructure structure, const
   Level: beginner
 
   Note:
-  For elastic links in the direction of their nodes.
+  For elastic links in the direction of their nodes, and in statics with large displacements inextensible cables and contacts.
+  With large displacements a contact, and a link with a direction of its own, keeps its direction. Motions take linear, or large.
 
 .seealso: `SNESLATIN`, `LatinStructureSetPrestress()`
 @*/
@@ -344,7 +419,6 @@ PetscErrorCode LatinStructureSetGeometry(LatinStructure structure, LatinGeometry
   PetscCheck(geometry >= LATIN_GEOMETRY_LINEAR && geometry <= LATIN_GEOMETRY_LARGE, PetscObjectComm((PetscObject)structure), PETSC_ERR_ARG_OUTOFRANGE,
              "There is no geometry %d: take LATIN_GEOMETRY_LINEAR, LATIN_GEOMETRY_PRESTRESS or LATIN_GEOMETRY_LARGE", (int)geometry);
   if (geometry == structure->geometry) PetscFunctionReturn(0);
-  PetscCheck(!structure->base, PetscObjectComm((PetscObject)structure), PETSC_ERR_SUP, "Links do not turn in a motion: leave out -snes_latin_geometry, or take the geometry linear");
   structure->geometry = geometry;
   PetscCall(PetscObjectStateIncrease((PetscObject)structure));
   if (structure->set_up) PetscCall(LatinTurningSetUp_Private(structure));

@@ -23,9 +23,33 @@
 
 #define LATIN_TURNING_MOST 200 /* trial lengths: a safeguard, Newton's method takes 3 to 8 */
 
-/* What the stages of a link that turns need besides a link's: k and L of its law, and the scale of the part. A part along the unit
+/* What the stages of a link that turns need besides a link's: k and L of its law, the scale of the part, and 1 where it keeps its direction, else 0. A part along the unit
    vector b has the row sqrt(E_b / E) b of B: all parts have one search parameter E, and the norm of a state is its energy */
-enum { LATIN_PART_STIFFNESS, LATIN_PART_NATURAL, LATIN_PART_SCALE, LATIN_PART };
+enum { LATIN_PART_STIFFNESS, LATIN_PART_NATURAL, LATIN_PART_SCALE, LATIN_PART_KEEPS, LATIN_PART };
+
+/* The equation of one link that keeps its direction n: tau(R - L) + k R = w for the part R of r along n, the left side increasing by k at least */
+static inline PetscReal LatinKeepLength(const LatinLaw *law, PetscReal stiffness, PetscReal natural, PetscReal k, PetscReal w)
+{
+  PetscReal R = w / k, low = -PETSC_MAX_REAL, high = PETSC_MAX_REAL;
+
+  for (PetscInt i = 0; i < LATIN_TURNING_MOST; i++) {
+    const PetscReal g = law->tension(stiffness, R - natural, law->ctx) + k * R - w;
+    PetscReal       next;
+
+    if (g == 0.0) break;
+    if (g > 0.0) {
+      high = R;
+      low  = PetscMax(low, R - g / k);
+    } else {
+      low  = R;
+      high = PetscMin(high, R - g / k);
+    }
+    next = R - g / (law->tangent(stiffness, R - natural, law->ctx) + k);
+    if (PetscAbsReal(next - R) <= 2.0 * PETSC_MACHINE_EPSILON * PetscAbsReal(R)) return next;
+    R = next > low && next < high ? next : 0.5 * (low + high);
+  }
+  return R;
+}
 
 /* The equation of one link */
 typedef struct {

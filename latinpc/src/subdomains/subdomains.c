@@ -242,6 +242,7 @@ PetscErrorCode LatinSubdomainsRefresh(LatinSubdomains *sub)
   PetscFunctionBegin;
   PetscCall(LatinSFBcast_Private(sub->link_sf, 1, MPIU_REAL, sub->link_stiffness, sub->stiffness));
   PetscCall(LatinSFBcast_Private(sub->link_sf, 1, MPIU_REAL, structure->e0, sub->e0));
+  if (sub->part) PetscCall(LatinSFBcast_Private(sub->link_sf, LATIN_PART, MPIU_REAL, structure->part, sub->part));
   /* gaps of rigid links may be infinite; those that no unknown moves must leave no infinite force */
   if (structure->rigid_law >= 0)
     for (PetscInt l = 0; l < sub->links; l++)
@@ -267,11 +268,8 @@ PetscErrorCode LatinSubdomainsSetUp(LatinSubdomains *sub, PetscInt of_link[], Pe
   PetscCall(PetscMalloc4(structure->dim * sub->links, &sub->direction, sub->links, &sub->stiffness, sub->links, &sub->e0, sub->links, &sub->law));
   PetscCall(LatinSFBcast_Private(sub->link_sf, structure->dim, MPIU_REAL, structure->direction, sub->direction));
   PetscCall(LatinSFBcast_Private(sub->link_sf, 1, MPIU_INT, structure->law, sub->law));
+  if (structure->part) PetscCall(PetscMalloc1(LATIN_PART * sub->links + 1, &sub->part)); /* never NULL where the structure has parts */
   PetscCall(LatinSubdomainsRefresh(sub));
-  if (structure->part) {
-    PetscCall(PetscMalloc1(LATIN_PART * sub->links + 1, &sub->part)); /* never NULL where the structure has parts */
-    PetscCall(LatinSFBcast_Private(sub->link_sf, LATIN_PART, MPIU_REAL, structure->part, sub->part));
-  }
   if (structure->rubs) {
     PetscCall(PetscMalloc1(sub->links, &sub->friction));
     PetscCall(LatinSFBcast_Private(sub->link_sf, 1, MPIU_REAL, structure->friction, sub->friction));

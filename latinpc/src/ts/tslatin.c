@@ -4,8 +4,11 @@
 /*
    TS latin: the implicit Euler scheme of section 2.2 in velocities and impulses, of first order, which lets velocities
    jump. Each step is a static problem for the SNES of the TS (structure/timestep.c), with operators that stay as long as the
-   length of the step does. No mathematics of the method here.
+   length of the step does. Links that turn take the implicit midpoint rule of structure/midpoint.h, a step of half the length to the middle of
+   the whole one. No mathematics of the method here.
 */
+
+#define TS_LATIN_ERROR LatinByPrecision(1e-8, 1e-4) /* of a step in which links turn, unless another one is chosen: errors of all steps add up in the energy, which else stays */
 
 /* M a + B^t tau - F, for PETSc's own integrators of second order */
 static PetscErrorCode LatinStructureFunction_TS(TS ts, PetscReal t, Vec u, Vec v, Vec a, Vec F, void *ctx)
@@ -43,7 +46,7 @@ static PetscErrorCode LatinStructureAttachTS_Private(LatinStructure structure, T
   PetscCall(PetscObjectQuery((PetscObject)ts, "LatinStructure", (PetscObject *)&step));
   if (step && step->base == structure) PetscFunctionReturn(0);
   if (step) PetscCall(TSReset(ts)); /* it is set up for another structure, and its solution is that one's */
-  PetscCall(LatinStructureCheckLinear_Private(structure, "Motions are for"));
+  PetscCall(LatinStepCheck_Private(structure));
   PetscCall(LatinStructureInertia_Private(structure));
   PetscCall(LatinStepCreate_Private(structure, &step));
   PetscCall(TSSetDM(ts, step->dm));
@@ -92,6 +95,20 @@ static PetscErrorCode TSLatinFind_Private(TS ts, SNES *snes)
   PetscFunctionReturn(0);
 }
 
+/* A geometry that an option gives the solver of the steps is that of the structure; the error of a step where links turn. Collective on snes */
+static PetscErrorCode TSLatinGeometry_Private(LatinStructure step, SNES snes)
+{
+  PetscBool latin;
+
+  PetscFunctionBegin;
+  PetscCall(PetscObjectTypeCompare((PetscObject)snes, SNESLATIN, &latin));
+  if (latin && ((SNES_Latin *)snes->data)->large.given) PetscCall(LatinStructureSetGeometry(step->base, ((SNES_Latin *)snes->data)->large.geometry));
+  PetscCall(LatinStepCheck_Private(step->base));
+  if (latin && step->base->geometry == LATIN_GEOMETRY_LARGE && !((SNES_Latin *)snes->data)->chosen) ((SNES_Latin *)snes->data)->target = TS_LATIN_ERROR;
+  PetscCall(LatinStepLength_Private(step, -1.0));
+  PetscFunctionReturn(0);
+}
+
 static PetscErrorCode TSSetUp_Latin(TS ts)
 {
   TS_Latin *data = (TS_Latin *)ts->data;
@@ -101,6 +118,7 @@ static PetscErrorCode TSSetUp_Latin(TS ts)
   PetscCall(TSLatinFind_Private(ts, &snes));
   PetscCheck(data->step, PetscObjectComm((PetscObject)ts), PETSC_ERR_ORDER,
              "-ts_type latin has no structure to work on: build one with LatinStructureCreate() and give it to this TS with LatinStructureAttachTS() (in Python, latinpc.Structure(...).attach(ts))");
+  PetscCall(TSLatinGeometry_Private(data->step, snes));
   if (!ts->vec_dot) PetscCall(VecDuplicate(ts->vec_sol, &ts->vec_dot)); /* at rest */
   if (!data->w) PetscCall(VecDuplicate(ts->vec_sol, &data->w));
   PetscCall(LatinStructureAttachSNES(data->step, snes));
@@ -110,7 +128,7 @@ static PetscErrorCode TSSetUp_Latin(TS ts)
 static PetscErrorCode TSStep_Latin(TS ts)
 {
   TS_Latin *data = (TS_Latin *)ts->data;
-  PetscReal next = ts->time_step, h = ts->time_step;
+  PetscReal part = 1.0, next = ts->time_step, h = ts->time_step; /* part of the step that is solved for */
   PetscBool accept     = PETSC_FALSE, latin;
   PetscInt  rejections = 0, linear;
   SNES      snes;
@@ -120,9 +138,11 @@ static PetscErrorCode TSStep_Latin(TS ts)
   PetscCall(PetscObjectTypeCompare((PetscObject)snes, SNESLATIN, &latin));
   while (!ts->reason && !accept) {
     PetscCall(TSPreStage(ts, ts->ptime + ts->time_step));
-    PetscCall(LatinStepStart_Private(data->step, ts->time_step, ts->vec_sol, ts->vec_dot));
-    h = 1.0 / PetscSqrtReal(data->step->shift);                      /* that of the operators: the same but for rounding */
-    PetscCall(VecAXPBY(data->w, latin ? 0.0 : h, 0.0, ts->vec_dot)); /* the guess: a velocity that stays; SNES latin has a better one, its last states */
+    if (data->step->base->geometry == LATIN_GEOMETRY_LARGE) part = 0.5;
+    PetscCall(LatinStepStart_Private(data->step, part * ts->time_step, ts->vec_sol, ts->vec_dot));
+    h = 1.0 / PetscSqrtReal(data->step->shift);                                     /* that of the operators: the same but for rounding */
+    PetscCall(VecAXPBY(data->w, latin && part == 1.0 ? 0.0 : h, 0.0, ts->vec_dot)); /* the guess: a velocity that stays; SNES latin has a better one, its last states */
+    if (latin && part < 1.0) ((SNES_Latin *)snes->data)->has_state = PETSC_FALSE;   /* unless links have turned since */
     PetscCall(SNESSolve(snes, NULL, data->w));
     PetscCall(SNESGetIterationNumber(snes, &data->iterations));
     PetscCall(SNESGetLinearSolveIterations(snes, &linear));
@@ -137,8 +157,8 @@ static PetscErrorCode TSStep_Latin(TS ts)
   }
   if (ts->reason) PetscFunctionReturn(0);
   data->started = PETSC_TRUE;
-  PetscCall(VecAXPY(ts->vec_sol, 1.0, data->w));
-  PetscCall(VecAXPBY(ts->vec_dot, 1.0 / h, 0.0, data->w));
+  PetscCall(VecAXPY(ts->vec_sol, 1.0 / part, data->w));
+  PetscCall(VecAXPBY(ts->vec_dot, 1.0 / (part * h), 1.0 - 1.0 / part, data->w));
   ts->ptime += ts->time_step;
   ts->time_step = next;
   PetscFunctionReturn(0);
@@ -147,11 +167,14 @@ static PetscErrorCode TSStep_Latin(TS ts)
 LatinWatched(TSSetUp_Latin, TS)
 LatinWatched(TSStep_Latin, TS)
 
-/* The velocity is constant during a step */
+/* The velocity is constant during a step, or taken for it */
 static PetscErrorCode TSInterpolate_Latin(TS ts, PetscReal t, Vec u)
 {
+  TS_Latin *data = (TS_Latin *)ts->data;
+
   PetscFunctionBegin;
-  PetscCall(VecWAXPY(u, t - ts->ptime, ts->vec_dot, ts->vec_sol));
+  if (data->started && data->step->midpoint) PetscCall(VecWAXPY(u, (t - ts->ptime) * PetscSqrtReal(data->step->shift), data->w, ts->vec_sol));
+  else PetscCall(VecWAXPY(u, t - ts->ptime, ts->vec_dot, ts->vec_sol));
   PetscFunctionReturn(0);
 }
 
@@ -227,7 +250,7 @@ static PetscErrorCode TSView_Latin(TS ts, PetscViewer viewer)
   PetscFunctionBegin;
   PetscCall(PetscObjectTypeCompare((PetscObject)viewer, PETSCVIEWERASCII, &ascii));
   if (!ascii) PetscFunctionReturn(0);
-  PetscCall(PetscViewerASCIIPrintf(viewer, "implicit Euler in velocities and impulses\n"));
+  PetscCall(PetscViewerASCIIPrintf(viewer, "%s\n", data->step && data->step->midpoint ? "implicit midpoint rule with mean forces: energy stays" : "implicit Euler in velocities and impulses"));
   if (data->step) PetscCall(PetscObjectView((PetscObject)data->step->base, viewer));
   PetscFunctionReturn(0);
 }
@@ -284,6 +307,10 @@ PetscErrorCode TSLatinGetTensions(TS ts, PetscReal tension[])
   there are none). Of first order: the scheme damps what is faster than a step, and lets velocities jump. Nothing is
   built or factored after the first step as long as the length of the step stays. With masses a structure need not be
   held, and every step has a solution: SNES latin is given no divergence tolerance unless an option does.
+
+  Elastic links that turn (`LATIN_GEOMETRY_LARGE`): the implicit midpoint rule with mean forces, of second order, by which
+  energy and momenta stay; each step starts from the velocity before it, whatever `SNESLatinSetWarmStart()` says, and is
+  solved to an error of 1e-8 unless `SNESLatinSetError()` is called.
 
 .seealso: `LatinStructureSetMass()`, `SNESLATIN`
 M*/

@@ -1,0 +1,105 @@
+#include "snes/sneslatinimpl.h"
+
+/*
+   Inextensible cables whose nodes move far, |r| <= L: the method of multipliers (snes/multipliers.c) around whole solves. With a penalty p
+   such a cable of strain x = |r| - L bears max(0, lambda + p x): it is a cable of stiffness p whose natural length is L - lambda / p, so that
+   the local stage, the operators and Newton's method are those of cables. What it then bears is its next lambda; operators stay, and the next solve
+   starts from the displacements of this one. At the solution lambda is its tension and |r| its length, whatever p.
+*/
+
+#define LATIN_TAUT_GROWS 10.0 /* the penalty grows by so much */
+#define LATIN_TAUT_SLOW  4.0  /* where tensions change by more than that part of what they did before: with 2 a chain of 20 takes four times the stages, with 10 a flat net fails */
+#define LATIN_TAUT_MOST  1e4  /* times the first penalty: more, and rounding of the penalty hides soft links */
+#define LATIN_TAUT_TIMES 40   /* most solves */
+
+/*
+   The tensions at the solution vector become the multipliers. *done: these and the displacements, since `before`, have changed by no more than
+   the error asked for. Collective on snes
+*/
+static PetscErrorCode LatinTautUpdate_Private(SNES snes, Vec before, PetscReal *change, PetscBool *done)
+{
+  SNES_Latin          *data       = (SNES_Latin *)snes->data;
+  const LatinStructure structure  = data->large.frame->turns;
+  const PetscReal      target     = SNESLatinEstimates(data) ? data->target : snes->stol;
+  PetscReal           *multiplier = data->large.frame->spring + structure->links_local, *tension, sum[2] = {0.0, 0.0}, moved, size, whole, prescribed;
+
+  PetscFunctionBegin;
+  PetscCall(DMGetWorkArray(structure->dm, structure->links_local, MPIU_REAL, &tension));
+  PetscCall(LatinTurningTensions_Private(structure, NULL, snes->vec_sol, tension));
+  for (PetscInt l = 0; l < structure->links_local; l++) {
+    if (!LatinLaws[structure->law[l]].rigid) continue;
+    sum[0] += PetscSqr(tension[l] - multiplier[l]);
+    sum[1] += PetscSqr(tension[l]);
+    multiplier[l] = tension[l];
+  }
+  PetscCall(DMRestoreWorkArray(structure->dm, structure->links_local, MPIU_REAL, &tension));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)snes)));
+  PetscCall(VecAXPY(before, -1.0, snes->vec_sol));
+  PetscCall(VecNorm(before, NORM_2, &moved));
+  PetscCall(VecNorm(snes->vec_sol, NORM_2, &size));
+  PetscCall(VecCopy(snes->vec_sol, before));
+  PetscCall(LatinStructureSize_Private(structure, &whole, &prescribed));
+  *change = sum[0] > 0.0 ? PetscSqrtReal(sum[0] / PetscMax(sum[1], PETSC_MIN_REAL)) : 0.0;
+  *done   = (PetscBool)(moved <= PetscMax(target * size, PETSC_MACHINE_EPSILON * whole) && *change <= target);
+  if (SNESLatinEstimates(data)) data->estimate.value = PetscMax(data->estimate.value, size > 0.0 ? moved / size : 0.0);
+  PetscCall(PetscInfo(snes, "Tensions of inextensible cables change by %g of themselves, displacements by %g\n", (double)*change, (double)(size > 0.0 ? moved / size : 0.0)));
+  PetscFunctionReturn(0);
+}
+
+/* The next solve, with larger penalties if tensions change slowly. Collective on snes */
+static PetscErrorCode LatinTautNext_Private(SNES snes, Vec u, PetscBool grows)
+{
+  LatinLarge *large = &((SNES_Latin *)snes->data)->large;
+
+  PetscFunctionBegin;
+  if (grows) {
+    for (PetscInt l = 0; l < large->frame->turns->links_local; l++) large->frame->spring[l] *= LATIN_TAUT_GROWS;
+    PetscCall(SNESLatinLargeRenew_Private(snes, LATIN_FRAME_PRESENT));
+  } else {
+    PetscCall(LatinFrameSprings_Private(large->frame, PETSC_FALSE));
+    PetscCall(SNESLatinSetUpState_Private(snes));
+  }
+  PetscCall(SNESLatinLargeFrom_Private(snes, u, PETSC_TRUE));
+  if (LatinNextConverged(((SNES_Latin *)snes->data)->next)) PetscFunctionReturn(0);
+  PetscCall(VecCopy(u, snes->vec_sol));
+  PetscCall(SNESLatinLargeFrom_Private(snes, u, PETSC_FALSE));
+  PetscFunctionReturn(0);
+}
+
+/* A solve, from the state z on. Collective on snes */
+PetscErrorCode SNESLatinLargeRigid_Private(SNES snes)
+{
+  SNES_Latin    *data      = (SNES_Latin *)snes->data;
+  LatinStructure structure = data->large.frame->turns;
+  PetscReal      grown = 1.0, change = PETSC_MAX_REAL, last;
+  PetscBool      done = PETSC_FALSE;
+  Vec            before;
+
+  PetscFunctionBegin;
+  if (!data->large.frame->spring) {
+    PetscCall(SNESLatinLargeRun_Private(snes));
+    PetscFunctionReturn(0);
+  }
+  structure->penalty    = data->large.frame->spring;
+  structure->multiplier = data->large.frame->spring + structure->links_local;
+  PetscCall(DMGetGlobalVector(structure->dm, &before));
+  PetscCall(VecCopy(snes->vec_sol, before));
+  PetscCall(SNESLatinLargeRun_Private(snes));
+  for (PetscInt k = 0; LatinNextConverged(data->next); k++) {
+    PetscBool grows;
+
+    last = change;
+    PetscCall(SNESLatinResidual_Private(snes)); /* the displacements of the iteration */
+    PetscCall(LatinTautUpdate_Private(snes, before, &change, &done));
+    if (done) break;
+    if (k == LATIN_TAUT_TIMES) data->next = LATIN_NEXT_DIVERGED; /* tensions grow without end: no displacement meets the lengths */
+    if (k == LATIN_TAUT_TIMES) break;
+    grows = (PetscBool)(k && change > last / LATIN_TAUT_SLOW && grown < LATIN_TAUT_MOST);
+    if (grows) grown *= LATIN_TAUT_GROWS;
+    PetscCall(LatinTautNext_Private(snes, before, grows));
+  }
+  PetscCall(DMRestoreGlobalVector(structure->dm, &before));
+  structure->penalty = structure->multiplier = NULL;
+  PetscCall(SNESLatinBalance_Private(snes));
+  PetscFunctionReturn(0);
+}

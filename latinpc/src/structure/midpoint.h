@@ -1,0 +1,106 @@
+/*
+   Links that turn during a time step, from r0 to r1 = r0 + 2 d: the implicit midpoint scheme with the mean force of the step
+   [J. C. Simo, N. Tarnow; O. Gonzalez]. With W the energy of the law, R = |r|, and x the strain,
+
+     f(d) = g (r0 + d),  g = 2 tau / (R0 + R1),  tau = (W(x1) - W(x0)) / (x1 - x0).
+
+   Its work in the step is tau (R1 - R0) = W(x1) - W(x0), whatever the step and the law: energy stays, and does not grow. And it is along
+   (r0 + r1) / 2, so that angular momentum stays. The unknown d is half the change of r; as drawn stands r0, the start of the step.
+
+   Local stage. With the search direction E, as in structure/turning.h, r0 + d = (g + E)^-1 w, and R1 alone is unknown: a root of
+
+     |2 (g(R1) + E)^-1 w - r0| - R1 = 0,
+
+   whose left side falls, as g grows with R1. A link that keeps its direction n has f(d) = tau n, with the same work.
+*/
+#ifndef LATINMIDPOINT_H
+#define LATINMIDPOINT_H
+
+#include "structure/laws.h"
+
+#define LATIN_MIDPOINT_NOISE 16.0 /* eps, of the energies: where the mean of both tensions does their difference it is the mean tension, without cancellation */
+#define LATIN_MIDPOINT_MOST  200  /* trial lengths: a safeguard, Newton's method takes 2 on average, 20 at most */
+
+/* The mean tension between the strains x0 and x1, and its derivative by x1 */
+static inline PetscReal LatinMidpointTension(const LatinLaw *law, PetscReal k, PetscReal x0, PetscReal x1, PetscReal *slope)
+{
+  const PetscReal t1 = law->tension(k, x1, law->ctx), mean = 0.5 * (law->tension(k, x0, law->ctx) + t1), d = x1 - x0;
+  const PetscReal w0 = law->energy(k, x0, law->ctx), w1 = law->energy(k, x1, law->ctx);
+
+  if (PetscAbsReal(w1 - w0 - mean * d) <= LATIN_MIDPOINT_NOISE * PETSC_MACHINE_EPSILON * (PetscAbsReal(w0) + PetscAbsReal(w1))) {
+    *slope = 0.5 * law->tangent(k, x1, law->ctx);
+    return mean;
+  }
+  *slope = (t1 - (w1 - w0) / d) / d;
+  return (w1 - w0) / d;
+}
+
+/* g for S = R0 + R1, and its derivative by R1 */
+static inline PetscReal LatinMidpointForce(const LatinLaw *law, PetscReal k, PetscReal x0, PetscReal x1, PetscReal S, PetscReal *slope)
+{
+  const PetscReal tension = LatinMidpointTension(law, k, x0, x1, slope);
+
+  *slope = 2.0 * (*slope - tension / S) / S;
+  return 2.0 * tension / S;
+}
+
+/* The same of a link that keeps its direction n, for the part R of r0 + d along n: x1 = x0 + 2 (R - R0) */
+static inline PetscReal LatinMidpointKeep(const LatinLaw *law, PetscReal stiffness, PetscReal natural, PetscReal k, PetscReal w, PetscReal R0)
+{
+  PetscReal R = R0, low = -PETSC_MAX_REAL, high = PETSC_MAX_REAL;
+
+  for (PetscInt i = 0; i < LATIN_MIDPOINT_MOST; i++) {
+    PetscReal slope, next, g = LatinMidpointTension(law, stiffness, R0 - natural, 2.0 * R - R0 - natural, &slope) + k * R - w;
+
+    if (g == 0.0) break;
+    if (g > 0.0) {
+      high = R;
+      low  = PetscMax(low, R - g / k);
+    } else {
+      low  = R;
+      high = PetscMin(high, R - g / k);
+    }
+    next = R - g / (2.0 * slope + k);
+    if (PetscAbsReal(next - R) <= 2.0 * PETSC_MACHINE_EPSILON * PetscAbsReal(R)) return next;
+    R = next > low && next < high ? next : 0.5 * (low + high);
+  }
+  return R;
+}
+
+/* The equation of one link in the local stage */
+typedef struct {
+  const LatinLaw *law;
+  PetscInt        dim;
+  PetscReal       stiffness, natural; /* k and L of the law */
+  PetscReal       k, c;               /* search direction, along the first component and along others */
+  PetscReal       w[3], r0[3], R0;
+} LatinMidpoint;
+
+/* g at the root; r: r0 + d */
+static inline PetscReal LatinMidpointSolve(const LatinMidpoint *link, PetscReal r[])
+{
+  PetscReal low = 0.0, high = PETSC_MAX_REAL, R = link->R0, g = 0.0;
+
+  for (PetscInt i = 0; i < LATIN_MIDPOINT_MOST; i++) {
+    PetscReal size = 0.0, fall = 0.0, slope, next;
+
+    g = LatinMidpointForce(link->law, link->stiffness, link->R0 - link->natural, R - link->natural, link->R0 + R, &slope);
+    for (PetscInt c = 0; c < link->dim; c++) {
+      const PetscReal all = g + (c ? link->c : link->k);
+
+      r[c] = all > 0.0 ? link->w[c] / all : 0.0;
+      size += PetscSqr(2.0 * r[c] - link->r0[c]);
+      fall += all > 0.0 ? 2.0 * (2.0 * r[c] - link->r0[c]) * r[c] / all : 0.0;
+    }
+    size = PetscSqrtReal(size);
+    if (!(g + PetscMin(link->k, link->c) > 0.0) || size > R) low = R; /* left of the root */
+    else high = R;
+    next = size > 0.0 ? R + (size - R) / (1.0 + slope * fall / size) : -1.0;
+    if (PetscAbsReal(next - R) <= 4.0 * PETSC_MACHINE_EPSILON * R) break;
+    if (!(next > low && next < high)) next = high < PETSC_MAX_REAL ? 0.5 * (low + high) : 2.0 * R + PetscAbsReal(link->natural);
+    R = next;
+  }
+  return g;
+}
+
+#endif
