@@ -159,8 +159,8 @@ OTHERS = {
     ),
     "LATIN_NEWTON_DOUBT": (
         "ratio",
-        "Of 1,000 structures next to collapse 4 are wrong and called right with 1, 2 with 10, none with 100; grids take "
-        "no stage more, network 8000 with a fifth of its cables slack 43, 57, 63.",
+        "Of 1,000 structures next to collapse 4 are wrong and called right with 1, 2 with 10, none with 100; grids "
+        "take no stage more, network 8000 with a fifth of its cables slack 43, 57, 63.",
     ),
     "LATIN_NEWTON_DOUBTS": (
         "ratio",
@@ -168,8 +168,8 @@ OTHERS = {
     ),
     "LATIN_NEWTON_FAR": (
         "of the loads",
-        "Of 1,500 structures next to collapse three, without equilibrium, which moved farther than they are large, were "
-        "called right.",
+        "Of 1,500 structures next to collapse three, without equilibrium, which moved farther than they are large, "
+        "were called right.",
     ),
     "LATIN_NEWTON_REST": ("relative", "Rounding of displacements: links that such a step changes are just taut."),
     "LATIN_CORRECTION_SAFETY": ("ratio", "Without it estimates of tensions are 0.7 to 1 times the true error."),

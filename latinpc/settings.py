@@ -158,7 +158,7 @@ def set_error(snes: PETSc.SNES, error: float) -> None:
 
 
 def set_tension_error(snes: PETSc.SNES, error: float) -> None:
-    """Set the estimated error of the tensions at which a solve may end, as ``-snes_latin_tension_error``; logically collective.
+    """Set the error of the tensions at which a solve may end, as ``-snes_latin_tension_error``; logically collective.
 
     Parameters
     ----------

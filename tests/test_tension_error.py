@@ -114,4 +114,7 @@ def test_what_is_no_error_is_refused(value):
 
 
 def test_it_is_printed():
-    assert re.search(r"error of the displacements [^,]+ %, of the tensions [^,]+ %, forces", command("solve", "tensegrity-grid").stdout)
+    assert re.search(
+        r"error of the displacements [^,]+ %, of the tensions [^,]+ %, forces",
+        command("solve", "tensegrity-grid").stdout,
+    )

@@ -29,15 +29,6 @@ class Picture(Figure):
         return memory.getvalue()
 
 
-class Picture(Figure):
-    """A matplotlib figure that notebooks show without pyplot."""
-
-    def _repr_png_(self):
-        memory = io.BytesIO()
-        self.savefig(memory, format="png", dpi=90)
-        return memory.getvalue()
-
-
 def new_figure(width, height):
     """Make a white figure; width and height in inches."""
     figure = Picture(figsize=(width, height), dpi=150, facecolor="white")

@@ -113,7 +113,7 @@ def _judge_statics(drawn, u, tensions):
 
 
 def _errors(scene, u, tensions, exact):
-    """Relative l2 errors of what is unique: tensions but for rigid links, of all tensions, and displacements where they are."""
+    """Relative l2 errors of tensions but for rigid links, beside all tensions, and of displacements where unique."""
     free, elastic = ~scene.fixed, ~np.isin(scene.law, (Law.INEXTENSIBLE, Law.CONTACT))
     errors = {}
     if exact.unique:
