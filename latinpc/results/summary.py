@@ -11,6 +11,8 @@ from .units import quantity, scaled
 #: Parts of `latinpc.digits`, in the words of the summary
 DIGITS = {"unbalance": "unbalance", "rounding": "rounding", "places": "coordinates", "values": "other data"}
 
+SHOWN = 10  # steps of a load path
+
 
 def summary(result):
     """Return the summary of a solve, as lines of (label, text)."""
@@ -40,6 +42,13 @@ def summary(result):
         )
     measured = f", indicator {report['indicator']:.1e}" if report["indicator"] is not None else ""
     lines.append(("solver", f"{report['solver']}: {report['iterations']} iterations, {report['reason']}{measured}"))
+    if "load_path" in report:
+        steps = [f"{factor:.4g}: {quantity(moved, 'm')}" for factor, moved in report["load_path"]]
+        lines.append(
+            ("load path", ", ".join(steps if len(steps) <= SHOWN else [*steps[:4], "...", *steps[5 - SHOWN :]]))
+        )
+    if report.get("load_factor") is not None and report["load_factor"] < 1.0:
+        lines.append(("load factor", f"{report['load_factor']:.4g}: the results are of this part of the loads"))
     lines.append(("accuracy", _accuracy(scene, result)))
     if report.get("error_l2") is not None:
         energy = f", {report['error_energy']:.1e} (energy)" if report["error_energy"] is not None else ""
