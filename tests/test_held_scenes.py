@@ -11,6 +11,7 @@ from test_cli import said
 from test_scenes import HELD, SMALL
 
 import latinpc
+from latinpc.results.limit import softest
 from latinpc.scenes import SCENES, Law, Scene, make
 
 
@@ -103,3 +104,37 @@ def test_the_command_line_takes_the_geometry_of_the_scene_and_the_option_comes_b
     flat = said(command("solve", "saddle", "--side", "6", "--height", "0", "-snes_latin_geometry", "linear", code=2))
     assert "-snes_latin_geometry prestress" in " ".join(flat)
     assert "prestressed" in command("scenes").stdout
+
+
+@pytest.mark.filterwarnings("ignore::latinpc.LatinWarning")
+@pytest.mark.parametrize("geometry", ["prestress", "large"])
+@pytest.mark.parametrize("name", HELD)
+def test_reactions_balance_the_loads(name, geometry):
+    """In force and moment: of links that lean by small angles as drawn, else of the displaced structure."""
+    result = replace(make(name, **SMALL[name]), geometry=geometry).solve(error=1e-10)
+    assert result.converged
+    assert max(result.balance.force, result.balance.moment) < 1e-8
+    assert not any("reactions" in notice for notice in result.notices)
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_a_mechanism_is_drawn(tmp_path, ranks):
+    """A frame without a brace, which no prestress holds, and a flat net as a linear structure."""
+    (tmp_path / "frame.obj").write_text("v 0 0 0\nv 2 0 0\nv 0 1 0\nv 2 1 0\nl 1 3\nl 3 4\nl 2 4\n")
+    options = ("--EA", "1e6", "--support", "y=min", "--load", "x=10:y=max")
+    frame = command("solve", tmp_path / "frame.obj", *options, "--picture", tmp_path / "a.png", ranks=ranks, code=2)
+    assert "Prescribe more displacements or add links" in frame.stderr
+    assert f"{tmp_path / 'a.png'} shows how it moves" in frame.stderr
+    linear = ("-snes_latin_geometry", "linear")
+    net = command("solve", "saddle", "--side", "4", "--height", "0", "--picture", tmp_path / "b.png", *linear, code=2)
+    assert "take -snes_latin_geometry prestress" in net.stderr
+    assert min((tmp_path / name).stat().st_size for name in ("a.png", "b.png")) > 10000
+
+
+def test_the_motion_of_a_mechanism():
+    """Of two bars in a line their node moves across, the tangent stiffness being exactly singular."""
+    line = latinpc.Structure(
+        [[0.0, 0.0], [1.0, 0.0], [2.0, 0.0]], [[0, 1], [1, 2]], "bar", 1e3, fixed=[[1, 1], [0, 0], [1, 1]]
+    )
+    mode = softest(line, line.create_vec())
+    assert abs(mode) == pytest.approx(np.array([[0.0, 0.0], [0.0, 1.0], [0.0, 0.0]]), abs=1e-6)

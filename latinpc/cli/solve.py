@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 
 import click
 import numpy as np
 from petsc4py import PETSc
 
 from latinpc.results.atomic import check_readable, check_writable
+from latinpc.results.limit import softest
 from latinpc.results.summary import summary, summary_of_motion
 from latinpc.results.vtk import frames_folder, write_pvd, write_vtu
 from latinpc.runs.checkpoint import Keeper
 from latinpc.runs.motion import move
 from latinpc.runs.solve import solve
-from latinpc.solvers import has_package, outer_snes
+from latinpc.solvers import error_message, has_package, outer_snes
+from latinpc.structure import Structure
 
 from .printing import open_console, print_lines, progress, write_json
 from .ranks import NOT_CONVERGED, on_root
@@ -71,7 +74,12 @@ def solve_command(comm, scene, json_file, output, picture, csv, quiet, **options
         if moves:
             result = _move(scene, count, run, say, (output, picture), keeper)
         else:
-            result = _solve(scene, count, run, say, keeper)
+            try:
+                result = _solve(scene, count, run, say, keeper)
+            except PETSc.Error as error:
+                if picture is not None and "has a mechanism" in error_message(error):
+                    _draw_mechanism(comm, scene, picture)
+                raise
     return _report(comm, result, files, quiet)
 
 
@@ -171,6 +179,24 @@ def _move(scene, subdomains, run, say, files, keeper):
         keeper=keeper,
         each_step=None if say is None else monitor,
     )
+
+
+def _draw_mechanism(comm, scene, path):
+    """Draw the displacements that change the length of no link; collective."""
+    structure = Structure.from_scene(scene, comm)
+    structure.set_geometry("linear")
+    mode = softest(structure, structure.create_vec())
+
+    def draw():
+        from latinpc.results.drawing import save
+        from latinpc.results.pictures import structure_figure
+
+        drawn = replace(scene, name=f"{scene.name}: a mechanism, which moves by any length")
+        save(structure_figure(drawn, mode, np.zeros(len(scene.links))), path)
+        print(f"latinpc: {path} shows how it moves", file=sys.stderr)
+
+    if mode is not None:
+        on_root(comm, draw)
 
 
 def _report(comm, result, files, quiet):
