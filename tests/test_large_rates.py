@@ -1,18 +1,24 @@
 """The judge of large displacements: its equations, its verdicts, and the rates of some random structures."""
 
 import json
+import sys
 from collections import Counter
 
 import numpy as np
 import pytest
 import turning
+from conftest import ROOT
 from petsc4py import PETSc
 from test_cli import latinpc as command
+
+sys.path.insert(0, str(ROOT / "benchmarks"))
+
+import opensees
 
 from latinpc.bench.extremes import drawn, rates, rating
 from latinpc.bench.extremes import turning as judging
 from latinpc.bench.extremes.corotational import Corotational
-from latinpc.scenes import Scene
+from latinpc.scenes import Scene, make
 
 pytestmark = pytest.mark.skipif(np.finfo(PETSc.RealType).eps > 1e-10, reason="the rates are those of double precision")
 
@@ -107,3 +113,21 @@ def test_rates_of_three_hundred(seed):
     counts = Counter(one["verdict"] for one in document["outcomes"])
     assert not set(counts) & set(rates.BAD), rates.layout(document)[1]
     assert counts["right"] >= 0.98 * (300 - counts["refused"])
+
+
+# ---- OpenSees ------------------------------------------------------------------------------------
+def test_the_page_on_opensees_has_the_measured_rates():
+    """The table is that of the results; SNES latin finds what there is to find."""
+    rows = json.loads((ROOT / "benchmarks" / "results" / "opensees.json").read_text())["rows"]
+    assert "\n".join(opensees.table(rows)) in (ROOT / "benchmarks" / "opensees.md").read_text()
+    assert {len(row) for row in rows.values()} == {opensees.COUNT}
+    assert all(verdict == "right" for _, verdict, _ in rows["SNES latin"])
+
+
+def test_opensees_agrees_with_the_judge():
+    """Where it is installed: displacements of a saddle with slack cables."""
+    pytest.importorskip("openseespy")
+    scene = make("saddle", side=6)
+    found = {each["way"]: each for each in opensees.by_opensees(sys.executable, scene)}
+    u = np.array(found["Newton, 100 increments"]["u"])
+    assert judging.judge(scene, u)["verdict"] == "right"
