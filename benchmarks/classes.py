@@ -3,7 +3,8 @@
 python benchmarks/classes.py                  writes the table of examples/classes/README.md
 
 References: sparse LU and eigenmodes (scipy), Lemke's pivots (tests/lcp.py), Clarabel, the simplex method (HiGHS),
-closed forms. A difference is that of the vectors that are unique, relative to the reference, in the l2 norm.
+closed forms, paths of Newton's method in numpy. A difference is that of the vectors that are unique, relative to the
+reference, in the l2 norm.
 """
 
 import sys
@@ -22,6 +23,7 @@ import lcp  # noqa: E402
 from petsc4py import PETSc  # noqa: E402
 
 import latinpc  # noqa: E402
+from latinpc.bench.extremes.corotational import Corotational  # noqa: E402
 from latinpc.bench.peers.qp import kinematics  # noqa: E402
 from latinpc.options import default_options  # noqa: E402
 from latinpc.scenes import Law, make  # noqa: E402
@@ -155,6 +157,22 @@ def tensegrity():
     return Row("(18), (19)", "tensegrity", command, "Lemke", unique)
 
 
+# ---- large displacements -------------------------------------------------------------------------
+def large(what, name, **options):
+    """Links that turn as far as they go: Newton's method in numpy on a path of growing loads, forces in long double."""
+    scene = make(name, **options)
+    with default_options({"snes_latin_error": 1e-11}):
+        result = scene.solve(comm=PETSc.COMM_SELF)
+    assert result.converged, name
+    equations = Corotational(scene)
+    known = equations.follow()
+    assert known.factor == 1.0, name
+    tension = equations.state(known.displacements.astype(np.longdouble))[2].astype(float)
+    unique = {"displacements": apart(result.displacements, known.displacements)}
+    unique["tensions"] = apart(result.tensions, tension)
+    return Row("displaced", what, f"`{words(name, options)} -snes_latin_error 1e-11`", "numpy, long double", unique)
+
+
 # ---- one step, and many --------------------------------------------------------------------------
 def smooth_motion():
     """(14): the scheme's closed form, mode by mode, of a truss that rings."""
@@ -218,6 +236,11 @@ def rows():
     yield grains()
     yield tensegrity()
     yield step_row("(20)", "motion of a tensegrity", modules, thrown(grid, speed=3.0))
+    yield large("saddle, a tenth of its cables slack", "saddle", side=8)
+    yield large("hypar with edge cables", "hypar", load=300.0)
+    yield large("guyed mast, guys behind the wind hang", "mast", wind=200.0)
+    yield large("tower of prisms", "tower", stages=5)
+    yield large("tensegrity bridge", "bridge", panels=10)
 
 
 def table(found):

@@ -1,10 +1,20 @@
-"""Lengths, directions and subdomains of links."""
+"""Lengths, directions and subdomains of links, and how displacements turn them."""
 
 from __future__ import annotations
 
 import numpy as np
 
-__all__ = ["Geometry"]
+__all__ = ["GEOMETRIES", "Geometry", "known_geometry"]
+
+#: How displacements turn links: not at all, by small angles, as far as they go.
+GEOMETRIES = ("linear", "prestress", "large")
+
+
+def known_geometry(geometry: str) -> int:
+    """Return the number of a geometry, or raise a ValueError."""
+    if geometry not in GEOMETRIES:
+        raise ValueError(f"geometry must be one of {', '.join(GEOMETRIES)}, not {geometry!r}")
+    return GEOMETRIES.index(geometry)
 
 
 class Geometry:

@@ -17,7 +17,7 @@ from latinpc.actions import Actions
 from latinpc.arrays import REAL, Slices, native
 from latinpc.checks import ARRAYS, Checks, checked
 from latinpc.equations import Equations
-from latinpc.geometry import Geometry
+from latinpc.geometry import GEOMETRIES, Geometry, known_geometry
 from latinpc.laws import Law
 from latinpc.library import _latin
 from latinpc.results.notices import duplicates
@@ -34,7 +34,6 @@ if TYPE_CHECKING:
 __all__ = ["Sizes", "Structure"]
 
 
-_GEOMETRIES = ("linear", "prestress", "large")
 _BOOL = np.dtype(f"i{_latin.BOOL_SIZE}")
 
 
@@ -204,7 +203,7 @@ class Structure(Geometry, Equations, Actions, Plots):
             tables = [register_table(*table) for table in scene.tables]
             given["law"] = np.append(np.array(Law), tables)[scene.law]
         structure = cls.__new__(cls)
-        structure._make(given, comm, scene.name)
+        structure._make(given, comm, scene.name, geometry=scene.geometry)
         structure.notices = duplicates(structure) if "file" in scene.metadata else []  # generators mean what they do
         return structure
 
@@ -345,7 +344,7 @@ class Structure(Geometry, Equations, Actions, Plots):
     @property
     def geometry(self) -> str:
         """str : how displacements turn links, ``"linear"``, ``"prestress"`` or ``"large"``; not collective."""
-        return _GEOMETRIES[self._handle.geometry()]
+        return GEOMETRIES[self._handle.geometry()]
 
     def set_geometry(self, geometry: str) -> None:
         """Choose how displacements turn links, for all solvers of the structure; collective.
@@ -355,9 +354,7 @@ class Structure(Geometry, Equations, Actions, Plots):
         geometry : {"linear", "prestress", "large"}
             As that of the class.
         """
-        if geometry not in _GEOMETRIES:
-            raise ValueError(f"geometry must be one of {', '.join(_GEOMETRIES)}, not {geometry!r}")
-        self._handle.set_geometry(_GEOMETRIES.index(geometry))
+        self._handle.set_geometry(known_geometry(geometry))
 
     def solve(
         self,

@@ -118,10 +118,10 @@ def tradeoff(comm, scene, knobs, accuracies, repeat, timeout, json_file, picture
 
 def _random(comm, count, seed, family, json_file):
     """Solve random structures; print the rates, or write the outcomes."""
-    from latinpc.bench.extremes import rates
+    from latinpc.bench.extremes import rates, turning
 
-    if family not in (None, *rates.SHARES):
-        raise ValueError(f"--family {family}: choose from {', '.join(rates.SHARES)}")
+    if family not in (None, *rates.FAMILIES):
+        raise ValueError(f"--family {family}: choose from {', '.join(rates.FAMILIES)}")
     if json_file is not None and json_file != "-":
         check_writable(json_file, None)
     with progress(comm, json_file == "-") as say:
@@ -130,7 +130,12 @@ def _random(comm, count, seed, family, json_file):
         write_json(json_file, document)
     bad = [one for one in document["outcomes"] if one["verdict"] in rates.BAD]
     if json_file != "-":
-        title = f"{count:,} random structures, seed {seed}; right: relative errors below {rates.SLACK * rates.ASKED:g}"
+        right = f"relative errors below {rates.SLACK * rates.ASKED:g}"
+        if family == "large":
+            right = (
+                f"forces without balance below {turning.UNBALANCED:g} of the loads, stable, on the path of the loads"
+            )
+        title = f"{count:,} random structures, seed {seed}; right: {right}"
         numbers = ", ".join(f"{one['number']} ({one['verdict']})" for one in bad[:10])
         print_table(title, rates.layout(document), left=(0,), note=f"bad: {numbers}" if bad else "")
     return NOT_CONVERGED if bad else 0
@@ -153,6 +158,9 @@ def extremes(comm, groups, count, seed, family, json_file):
     Random structures (--random) are of the families statics, collapse (loads next to the limit load), rigid, friction
     and motion; loads go down to 1e-9 of what the stiffnesses bear, stiffness ratios up to 1e9. Equilibria in 200
     digits judge displacements and tensions, and whether there is an equilibrium.
+
+    --family large draws structures that prestress holds, of large displacements. Equations of their own judge balance
+    and stability, and whether equilibria lead from no loads to these.
     """
     from latinpc.bench import extremes as catalogue
 

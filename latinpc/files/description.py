@@ -21,7 +21,7 @@ SUPPORT_KEYS = ("fix", "displacement", "box", "where")
 LOAD_KEYS = ("force", "line", "lines", "box", "where")
 MASS_KEYS = ("mass", "line", "lines", "box", "where")
 VELOCITY_KEYS = ("velocity", "box", "where")
-TOP_KEYS = ("title", "dim", "laws", "supports", "loads", "masses", "velocities", "case")
+TOP_KEYS = ("title", "dim", "geometry", "laws", "supports", "loads", "masses", "velocities", "case")
 
 
 def place(description, table, group):

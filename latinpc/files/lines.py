@@ -41,6 +41,8 @@ class Lines:
         In kg.
     notes : list of str
         What the reader left out or took for granted.
+    geometry : str
+        How displacements turn links, as of a Scene.
     """
 
     path: pathlib.Path
@@ -58,6 +60,7 @@ class Lines:
     load: np.ndarray | None = None
     mass: np.ndarray | None = None
     notes: list = field(default_factory=list)
+    geometry: str = "linear"
 
     def __post_init__(self):
         self.path = pathlib.Path(self.path)

@@ -18,7 +18,8 @@ def save_scene(path, scene):
     arrays = {name: getattr(scene, name) for name in _ARRAYS}
     arrays |= {name: getattr(scene, name) for name in _OPTIONAL if getattr(scene, name) is not None}
     tables = [[part.tolist() for part in table] for table in scene.tables]
-    text = json.dumps({"name": scene.name, "metadata": scene.metadata, "time_step": scene.time_step, "tables": tables})
+    about = {"name": scene.name, "metadata": scene.metadata, "time_step": scene.time_step, "tables": tables}
+    text = json.dumps(about if scene.geometry == "linear" else about | {"geometry": scene.geometry})
     with atomic(path) as temporary, open(temporary, "wb") as file:
         np.savez(file, text=np.frombuffer(text.encode(), np.uint8), **arrays)
 

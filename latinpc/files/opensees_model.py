@@ -55,6 +55,7 @@ class Model:
         self.node, self.points, self.fixed, self.prescribed, self.loads, self.masses = {}, [], [], [], [], []
         self.material, self.series, self.factor = {}, {}, None
         self.elements, self.ends, self.rows, self.laws, self.notes = {}, [], [], {}, []
+        self.turning = []  # whether each element is a corotTruss
 
     def take(self, row, command, words):
         """Carry out a command; its words are texts. Raises ValueError with the line of the file."""
@@ -209,8 +210,7 @@ class Model:
         ends = [self._known(word) for word in plain[2:4]]
         if ends[0] == ends[1]:
             self._wrong(f"element {tag} joins node {plain[2]} to itself")
-        if plain[0].lower() == "corottruss" and not any("corotTruss" in note for note in self.notes):
-            self.notes.append("corotTruss: displacements are small here, directions do not turn")
+        self.turning.append(plain[0].lower() == "corottruss")
         self.elements[tag] = self.row
         self.laws.setdefault((material, area), []).append(len(self.ends))
         self.ends.append(ends)
@@ -263,6 +263,8 @@ class Model:
         """Return what has been made."""
         if not self.ends:
             wrong(self.path, None, "holds no truss element", FORMATS["element"])
+        if any(self.turning) and not all(self.turning):
+            self.notes.append("truss beside corotTruss: displacements are small here, directions do not turn")
         laws = []
         for (tag, area), chosen in self.laws.items():
             law, modulus, strain = self.material[tag]
@@ -272,4 +274,5 @@ class Model:
             self.path, self.points, self.ends, {"truss": np.arange(len(self.ends))}, rows=np.array(self.rows),
             dim=self.dim, laws=laws, fixed=np.array(self.fixed), prescribed=np.array(self.prescribed),
             load=np.array(self.loads), mass=np.array(self.masses), notes=self.notes,
+            geometry="large" if all(self.turning) else "linear",
         )  # fmt: skip

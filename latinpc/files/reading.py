@@ -6,6 +6,7 @@ lines are the group ``lines`` of an OBJ file without groups, ``edges`` of a comp
 ``truss`` of OpenSees::
 
     dim = 3                              # optional; a flat structure is 2D, one along x is 1D
+    geometry = "large"                   # optional; how displacements turn links: linear (not), prestress, large
 
     [laws.chords]                        # group of lines
     law = "bar"                          # bar | cable | compression_only | inextensible | contact | friction | table
@@ -70,6 +71,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from latinpc.geometry import GEOMETRIES
 from latinpc.laws import RIGID
 from latinpc.scenes.scene import Scene
 
@@ -109,6 +111,7 @@ def read(
     load: str | Sequence[str] = (),
     self_weight: float | dict[str | None, float] | None = None,
     case: str | None = None,
+    geometry: str | None = None,
 ) -> Scene:
     """Read a structure from a file.
 
@@ -144,6 +147,9 @@ def read(
         Weight (N/m) along the lines, against the last axis.
     case : str, optional
         Name of a load case of the TOML file, whose actions the scene gets.
+    geometry : {'linear', 'prestress', 'large'}, optional
+        How displacements turn links; by default what the TOML file says, or a file of corotTruss elements alone
+        (large), else linear.
 
     Returns
     -------
@@ -162,7 +168,7 @@ def read(
         lines = lines.raised(rise)
     if brace is not None:
         lines = lines.braced(brace)
-    given = _Given(*map(_by_group, (law, EA, prestress)), {} if brace is None else {"braces": "cable"})
+    given = _Given(*map(_by_group, (law, EA, prestress)), {} if brace is None else {"braces": "cable"}, geometry)
     settings, description = _settings(path, description, lines, given)
     _add_options(settings, given, support, load, _by_group(self_weight))
     scene = _scene(path, lines, settings, description, given)
@@ -198,6 +204,7 @@ class _Given:
     EA: dict = field(default_factory=dict)
     prestress: dict = field(default_factory=dict)
     usual: dict = field(default_factory=dict)
+    geometry: str | None = None
     taken: set = field(default_factory=set)
 
     def named(self):
@@ -326,11 +333,26 @@ def _dimension(settings, lines, description):
     return dim
 
 
+def _geometry(settings, lines, description, given, assignments):
+    """Return how displacements turn links; refuse laws and directions that do not turn."""
+    geometry = given.geometry or settings.get("geometry", lines.geometry)
+    if geometry not in GEOMETRIES:
+        where = "geometry" if given.geometry else f"{description}: geometry"
+        raise ValueError(f"{where} = {geometry!r}; use {', '.join(GEOMETRIES)}")
+    for where, _, entries in assignments if geometry != "linear" else ():
+        if given.rigid(entries["law"]) or "normal" in entries:
+            what = "a link with a normal of its own" if "normal" in entries else f"the law {entries['law']}"
+            raise ValueError(f"{where}: {what} does not turn with displacements, as geometry = '{geometry}' asks for")
+    return geometry
+
+
 def _scene(path, lines, settings, description, given):
     """Return the scene that lines, TOML file and options make."""
     _refuse_short(lines)
     dim = _dimension(settings, lines, description)
-    laws = read_laws(lines, dim, _assignments(settings, description, lines, given))
+    assignments = _assignments(settings, description, lines, given)
+    laws = read_laws(lines, dim, assignments)
+    geometry = _geometry(settings, lines, description, given, assignments)
     used, ends = np.unique(lines.ends.ravel(), return_inverse=True)
     ends, line = ends.reshape(-1, 2), laws.pop("line")
     number = np.full(len(lines.points), -1)
@@ -360,6 +382,7 @@ def _scene(path, lines, settings, description, given):
         load=lines.load[used, :dim] + read_loads(settings, nodes, ends, lines.groups, groups, description),
         mass=mass,
         velocity=read_velocities(settings, nodes, groups, fixed, description),
+        geometry=geometry,
         metadata={
             "file": path.name, "nodes_without_link": int(len(lines.points) - len(used)), "notes": lines.notes,
         },

@@ -83,11 +83,10 @@ def reactions(scene, tensions, load=None):
     (n, dim) array
         In N, zero where nothing is fixed.
     """
-    directions, ends = scene.directions, scene.links.T
+    pull, ends = _pull(scene, tensions), scene.links.T
     forces = np.empty(scene.nodes.shape)
     for axis in range(scene.dim):
-        pull = tensions * directions[:, axis]
-        first, second = (np.bincount(end, weights=pull, minlength=len(forces)) for end in ends)
+        first, second = (np.bincount(end, weights=pull[:, axis], minlength=len(forces)) for end in ends)
         forces[:, axis] = second - first
     return np.where(scene.fixed, forces - (scene.load if load is None else load), 0.0)
 
@@ -114,6 +113,33 @@ class Turned:
         self.stiffness, self.initial_elongation = structure.stiffness, structure.initial_elongation
         vectors = np.diff(self.nodes[self.links], axis=1)[:, 0]
         self.directions = vectors / np.linalg.norm(vectors, axis=1)[:, None]
+
+
+class Leaning:
+    """A structure whose links lean by small angles against their tensions as drawn, for `reactions` and `balance`.
+
+    Parameters
+    ----------
+    structure : Scene or Structure
+        Of bars, cables and compression-only links.
+    displacements : (n, dim) array
+        In m.
+    """
+
+    def __init__(self, structure, displacements):
+        self.nodes, self.links = structure.nodes, structure.links
+        self.fixed, self.load, self.dim = structure.fixed, structure.load, structure.dim
+        self.stiffness, self.initial_elongation = structure.stiffness, structure.initial_elongation
+        self.directions = self.direction = structure.directions  # a force across a link makes a couple
+        relative = np.diff(displacements[self.links], axis=1)[:, 0]
+        across = relative - np.einsum("ij,ij->i", relative, self.directions)[:, None] * self.directions
+        drawn = tensions(structure, np.zeros(structure.nodes.shape))
+        self.across = (drawn / structure.lengths)[:, None] * across
+
+
+def _pull(scene, tensions):
+    """Return the forces (m, dim) of the links on their first nodes."""
+    return tensions[:, None] * scene.directions + getattr(scene, "across", 0.0)
 
 
 class Balance(NamedTuple):
@@ -153,7 +179,7 @@ def balance(scene, tensions, reactions, load=None):
         own = np.flatnonzero(scene.direction.any(axis=1))
         lines, pull = (np.zeros((len(own), 3)) for _ in range(2))
         lines[:, : scene.dim] = np.diff(scene.nodes[scene.links[own]], axis=1)[:, 0]
-        pull[:, : scene.dim] = tensions[own, None] * scene.directions[own]
+        pull[:, : scene.dim] = _pull(scene, tensions)[own]
         moment -= np.cross(lines, pull).sum(axis=0)
     whole = np.linalg.norm(load, axis=1).sum() or np.linalg.norm(reactions, axis=1).sum()
     rounding = ROUNDING * scene.stiffness.max() * np.abs(scene.initial_elongation).max()

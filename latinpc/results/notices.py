@@ -14,6 +14,7 @@ from latinpc import solvers
 from latinpc.laws import Law
 from latinpc.library import _latin
 
+from .limit import moving
 from .units import quantity
 
 if TYPE_CHECKING:
@@ -21,7 +22,17 @@ if TYPE_CHECKING:
 
     from .result import Result
 
-__all__ = ["ConvergenceWarning", "LatinWarning", "SolveError", "causes", "duplicates", "magnitudes", "turned", "warn"]
+__all__ = [
+    "ConvergenceWarning",
+    "LatinWarning",
+    "SolveError",
+    "causes",
+    "duplicates",
+    "limit",
+    "magnitudes",
+    "turned",
+    "warn",
+]
 
 UNBALANCED = 1e-2  # of the loads: what a solve may leave by default (-snes_latin_balance)
 TURNED, MOVED = 5.0, 0.1  # degrees, part of the size of the structure: the most that small displacements are taken for
@@ -59,7 +70,7 @@ def causes(snes: PETSc.SNES, structure: Structure, past: dict) -> list[str]:
     if len(past.get("estimate", ())) and reason == PETSc.SNES.ConvergedReason.DIVERGED_INNER:
         least = solvers.rounding_floor(snes)
         notices.append(f"the requested error is below the rounding error of this structure, about {least:.0e}")
-    if snes.getType() == "latin" and reason < 0:
+    if snes.getType() == "latin" and reason < 0 and structure.geometry != "large":
         notices += _no_equilibrium(snes, structure)
         if not any(text.startswith("no equilibrium") for text in notices):
             notices += _contrast(structure)
@@ -103,14 +114,11 @@ def _buckled(snes, nodes):
     borne = solvers.path(snes)["borne"]
     if borne == 1.0:
         return ["no equilibrium: the lengths of inextensible cables are incompatible"]
+    if borne > 0.0:
+        return []  # `limit` has the loads
     if not nodes:
         return ["no stable equilibrium has been found"]
-    if borne == 0.0:
-        return [f"the structure as drawn is unstable, or buckles under 1 % of the loads; nodes that move: {nodes}"]
-    return [
-        f"no stable equilibrium follows that of {borne:.3g} of the loads: the structure buckles, or snaps through."
-        f" Displacements are those of this part of the loads; nodes that move most in its mode: {nodes}"
-    ]
+    return [f"the structure as drawn is unstable, or buckles under 1 % of the loads; nodes that move: {nodes}"]
 
 
 def duplicates(structure: Structure) -> list[str]:
@@ -153,6 +161,19 @@ def turned(result: Result) -> list[str]:
         f"links turn by up to {angle:.2g} degrees, and nodes move by {part:.2g} of the size of the structure: small"
         " displacements do not hold; take -snes_latin_geometry large"
     ]
+
+
+def limit(result: Result) -> list[str]:
+    """Return a sentence where a path of equilibria ends before the loads; not collective."""
+    factor = result.report.get("load_factor")
+    if result.report["reason"] != "DIVERGED_DTOL" or not factor:
+        return []
+    text = f"no stable equilibrium follows that of {factor:.4g} of the loads: the structure buckles, or snaps through"
+    if result.mode is None:
+        return [f"{text}. Displacements are those of this part of the loads"]
+    nodes = moving(result.mode)
+    named = ", ".join(map(str, nodes[:_NAMED])) + (" and others" if len(nodes) > _NAMED else "")
+    return [f"{text}. Displacements are those of this part of the loads; nodes that move most in its mode: {named}"]
 
 
 def magnitudes(result: Result) -> list[str]:

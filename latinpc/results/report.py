@@ -61,6 +61,8 @@ def in_words(report: dict) -> str:
     if name == "CONVERGED_ITS" and report["solver"].startswith("ksponly"):
         return "the linear solve has converged"
     words = _WORDS.get(name.split(" ")[0])
+    if name == "DIVERGED_DTOL" and report.get("load_factor") is not None:
+        words = "no stable equilibrium follows"
     return f"{words} ({name})" if words and name.startswith("DIVERGED") else words or name
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from . import tables
-from .mechanics import Balance, Turned, balance, reactions, slack
+from .mechanics import Balance, Leaning, Turned, balance, reactions, slack
 from .report import in_words, plain
 from .summary import summary
 
@@ -43,6 +43,7 @@ class Result:
     report: dict[str, Any]  #: counts, errors and reasons, fit for JSON
     subdomain: np.ndarray | None = None  #: (m,), subdomain of each link
     node_class: np.ndarray | None = None  #: (n,), 0 interior, 1 strong, 2 weak interface, 3 corner
+    mode: np.ndarray | None = None  #: (n, dim), how the structure moves on where no equilibrium follows; else None
     history: dict[str, np.ndarray] = field(default_factory=dict)  #: per iteration: indicator, errors, estimate
     notices: list[str] = field(default_factory=list)  #: sentences to read
 
@@ -87,10 +88,11 @@ class Result:
         return balance(self._shape, self.tensions, self.reactions, self.load)
 
     @cached_property
-    def _shape(self) -> Structure | Turned:
+    def _shape(self) -> Structure | Turned | Leaning:
         """The structure that forces balance on: as drawn, or where links turn as displaced."""
-        linear = self.structure.geometry == "linear"
-        return self.structure if linear else Turned(self.structure, self.displacements)
+        if self.structure.geometry == "linear":
+            return self.structure
+        return (Turned if self.structure.geometry == "large" else Leaning)(self.structure, self.displacements)
 
     @cached_property
     def stress(self) -> np.ndarray | None:

@@ -13,7 +13,8 @@ from latinpc.laws import UNILATERAL
 from latinpc.library import _latin
 from latinpc.options import default_options, preset_options, unknown_options
 
-from .notices import ConvergenceWarning, SolveError, causes, magnitudes, turned, warn
+from .limit import borne, softest
+from .notices import ConvergenceWarning, SolveError, causes, limit, magnitudes, turned, warn
 from .report import DECOMPOSITION, plain, problem, snes_reason
 from .result import Result
 
@@ -105,8 +106,9 @@ def _solver_name(snes: PETSc.SNES) -> str:
 
 
 def gather(
-    structure: Structure, snes: PETSc.SNES, core: PETSc.SNES | PETSc.KSP | PETSc.PC | None, u: PETSc.Vec
-) -> Result:
+    structure: Structure, snes: PETSc.SNES, core: PETSc.SNES | PETSc.KSP | PETSc.PC | None, u: PETSc.Vec,
+    part: float = 1.0,
+) -> Result:  # fmt: skip
     """Gather what a SNES has found; collective, after its solve.
 
     Parameters
@@ -118,15 +120,21 @@ def gather(
         What `attach_linear` has returned.
     u : petsc4py.PETSc.Vec
         Its solution.
+    part : float
+        Of the loads, that the structure has.
 
     Returns
     -------
     Result
         Its report has the keys scene, dofs, free_dofs, links, ranks, solver, subdomains, strong_interfaces,
         weak_interfaces, strong_macro_dofs, weak_dofs, direction, iterations, linear_iterations, converged, reason,
-        indicator, residual_norm, slack_fraction, estimated_error, tension_error. What does not apply is None.
+        indicator, residual_norm, slack_fraction, estimated_error, tension_error. What does not apply is None. Of large
+        displacements also load_factor: the part of the loads that the displacements bear, and its loads are that part.
     """
-    is_latin = snes.getType() == "latin"
+    is_latin, load, factor = snes.getType() == "latin", structure.load, borne(snes, structure)
+    ends = factor is not None and factor < 1.0 and snes.getConvergedReason() < 0  # the displacements bear less
+    if ends:
+        structure.set_load(factor * load)
     r = structure.create_vec()
     snes.computeFunction(u, r)
     tensions = solvers.tensions(snes)
@@ -139,6 +147,7 @@ def gather(
         tensions=tensions,
         load=structure.load,
         report={},
+        mode=softest(structure, u) if ends else None,
         subdomain=solvers.subdomain_of_links(core) if core is not None else structure.subdomain,
         node_class=solvers.node_classes(core) if core is not None else None,
         history=past,
@@ -159,8 +168,11 @@ def gather(
         "slack_fraction": np.count_nonzero(result.slack) / unilateral if unilateral else 0.0,
         "estimated_error": solvers.estimated_error(snes) if len(past.get("estimate", ())) else None,
         "tension_error": solvers.tension_error(snes) if is_latin else None,
+        **({} if factor is None else {"load_factor": part * factor}),
     }
     result.report.update(plain(report))
-    result.notices += turned(result)
+    result.notices += [*turned(result), *limit(result)]
+    if ends:
+        structure.set_load(load)
     r.destroy()
     return result

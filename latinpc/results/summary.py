@@ -12,6 +12,8 @@ from .units import counted, number, quantity, scaled, share
 #: Parts of `latinpc.digits`, in the words of the summary
 DIGITS = {"unbalance": "unbalance", "rounding": "rounding", "places": "coordinates", "values": "other data"}
 
+SHOWN = 10  # steps of a load path
+
 
 def summary(result, verbose=False):
     """Return the summary of a solve, as lines of (label, text); `verbose` adds what the solver has counted."""
@@ -29,6 +31,13 @@ def summary(result, verbose=False):
         )
     if result.converged:
         lines.append(("solve", f"converged in {counted(report['iterations'], 'iteration')}"))
+    if "load_path" in report:
+        steps = [f"{factor:.4g}: {quantity(moved, 'm')}" for factor, moved in report["load_path"]]
+        lines.append(
+            ("load path", ", ".join(steps if len(steps) <= SHOWN else [*steps[:4], "...", *steps[5 - SHOWN :]]))
+        )
+    if report.get("load_factor") is not None and report["load_factor"] < 1.0:
+        lines.append(("load factor", f"{report['load_factor']:.4g}: the results are of this part of the loads"))
     lines.append(("accuracy", _accuracy(result)))
     if verbose:
         lines += _counts(report)

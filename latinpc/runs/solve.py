@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 
+import numpy as np
 from petsc4py import PETSc
 
 import latinpc
@@ -53,7 +54,9 @@ def solve(
     latinpc.Result
         Its report has, besides those of `latinpc.results.solve.gather`, the keys scene_options, load_cases (their
         number; none of them acts), increments (iterations of each), residual, error_l2, error_energy, digits,
-        setup_seconds, solve_seconds, peak_memory_bytes, versions, options. What does not apply is None.
+        setup_seconds, solve_seconds, peak_memory_bytes, versions, options. What does not apply is None. Of large
+        displacements in increments also load_path: of each the part of the loads borne, and the largest displacement
+        (m).
 
     Raises
     ------
@@ -116,7 +119,7 @@ def _solve(scene, structure, snes, reference, before_solve, increments, keeper, 
     comm.barrier()
     seconds["solve_seconds"] = time.perf_counter() - start
 
-    result = gather(structure, snes, core, u)
+    result = gather(structure, snes, core, u, len(counts["steps"]) / increments)
     steps, residual = counts["linear" if snes.getType() == "ksponly" else "steps"], result.report["residual_norm"]
     errors = structure.errors(u, reference) if reference is not None else (None, None)
     report = {
@@ -125,6 +128,7 @@ def _solve(scene, structure, snes, reference, before_solve, increments, keeper, 
         "increments": steps,
         "iterations": sum(steps),
         "linear_iterations": sum(counts["linear"]),
+        **({"load_path": counts["path"]} if "path" in counts else {}),
         "residual": residual / initial if initial > 0 and residual is not None else residual,
         **dict(zip(("error_l2", "error_energy"), errors)),
         "digits": latinpc.digits(snes) if digits and result.converged else None,
@@ -144,6 +148,10 @@ def _ramp(scene, structure, snes, u, increments, keeper):
         if increments > 1:
             structure.set_load(scene.load * (k / increments))
         snes.solve(None, u)
+        if structure.geometry == "large" and increments > 1:
+            factor = latinpc.path(snes)["borne"] * k / increments if snes.getType() == "latin" else k / increments
+            largest = np.linalg.norm(structure.displacements(u), axis=1).max()
+            counts.setdefault("path", []).append([float(factor), float(largest)])
         counts["steps"].append(snes.getIterationNumber())
         counts["linear"].append(snes.getLinearSolveIterations())
         if snes.getConvergedReason() <= 0:

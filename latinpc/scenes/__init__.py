@@ -6,16 +6,21 @@ import inspect
 from collections.abc import Callable
 
 from .arch import arch
+from .bridge import bridge
 from .case import Case
 from .chain import chain
 from .hung_truss import hung_truss
+from .hypar import hypar
 from .impact import bouncing_chain, impact_grid, impact_tower
 from .lattice import lattice
+from .mast import mast
 from .net import net
 from .network import network
 from .packing import packing
+from .saddle import saddle
 from .scene import Law, Scene
 from .tensegrity_grid import tensegrity_grid, truss_grid
+from .tower import tower
 
 #: Generators by name, in the order in which they are listed.
 SCENES: dict[str, Callable[..., Scene]] = {
@@ -28,6 +33,11 @@ SCENES: dict[str, Callable[..., Scene]] = {
     "net": net,
     "arch": arch,
     "packing": packing,
+    "saddle": saddle,
+    "hypar": hypar,
+    "mast": mast,
+    "tower": tower,
+    "bridge": bridge,
     "impact-grid": impact_grid,
     "impact-tower": impact_tower,
     "bouncing-chain": bouncing_chain,
@@ -65,15 +75,20 @@ __all__ = [
     "Scene",
     "arch",
     "bouncing_chain",
+    "bridge",
     "chain",
     "hung_truss",
+    "hypar",
     "impact_grid",
     "impact_tower",
     "lattice",
     "make",
+    "mast",
     "net",
     "network",
     "packing",
+    "saddle",
     "tensegrity_grid",
+    "tower",
     "truss_grid",
 ]

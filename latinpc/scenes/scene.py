@@ -9,8 +9,9 @@ import numpy as np
 
 from latinpc.arrays import refuse, shaped
 from latinpc.checks import ARRAYS, checked
-from latinpc.geometry import Geometry
+from latinpc.geometry import Geometry, known_geometry
 from latinpc.laws import Law
+from latinpc.results.mechanics import tensions
 from latinpc.results.plots import Plots
 from latinpc.results.result import Result
 from latinpc.results.units import counted
@@ -64,6 +65,8 @@ class Scene(Geometry, Plots):
         Stresses that the links bear (Pa).
     cases : tuple of Case
         Load cases, whose actions add to those of the scene.
+    geometry : {'linear', 'prestress', 'large'}
+        How displacements turn links, as of `latinpc.Structure`; the option -snes_latin_geometry comes before it.
 
     Raises
     ------
@@ -91,6 +94,7 @@ class Scene(Geometry, Plots):
     area: np.ndarray | None = None
     strength: np.ndarray | None = None
     cases: tuple = ()
+    geometry: str = "linear"
 
     def __post_init__(self):
         self.tables = tuple(tuple(np.asarray(part, dtype=float) for part in table) for table in self.tables)
@@ -104,6 +108,12 @@ class Scene(Geometry, Plots):
             refuse(moves, "node", "has a velocity in a direction that is fixed", self.velocity)
         if self.time_step is not None and not 0.0 < self.time_step < np.inf:
             raise ValueError(f"time_step is {self.time_step}; it is a positive time")
+        known_geometry(self.geometry)
+
+    @property
+    def prestress(self) -> np.ndarray:
+        """(m,) array: tensions of bars, cables and compression-only links as drawn (N); of other laws 0."""
+        return np.where(self.law <= Law.COMPRESSION_ONLY, tensions(self, np.zeros(self.nodes.shape)), 0.0)
 
     def solve(self, comm: Any = None, **how: Any) -> Result:
         """Solve for the displacements under the loads; collective.

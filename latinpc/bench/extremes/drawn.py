@@ -14,8 +14,11 @@ import numpy as np
 from latinpc.laws import Law
 from latinpc.scenes import Scene
 
+from . import turning
+
 STEPS = 15  #: of a motion
 SHARES = {"statics": 0.7, "collapse": 0.1, "rigid": 0.1, "friction": 0.05, "motion": 0.05}
+FAMILIES = (*SHARES, "large")  #: those drawn by their shares, and large displacements, drawn where asked for
 SOFT = (Law.CABLE, Law.COMPRESSION_ONLY)
 STIFF = (Law.INEXTENSIBLE, Law.CONTACT)
 
@@ -24,7 +27,7 @@ STIFF = (Law.INEXTENSIBLE, Law.CONTACT)
 class Drawn:
     """A structure and where it comes from."""
 
-    family: str  #: a key of `SHARES`
+    family: str  #: one of `FAMILIES`
     topology: str
     scene: Scene
     steps: int = 0
@@ -38,13 +41,15 @@ def draw(seed, number, family=None):
     seed, number : int
         The same ones make the same structure.
     family : str, optional
-        One of `SHARES`; drawn by these shares if left out.
+        One of `FAMILIES`; drawn by `SHARES` if left out.
 
     Returns
     -------
     Drawn
     """
     rng = np.random.default_rng([seed, number])
+    if family == "large":
+        return Drawn(family, *turning.structure(rng))
     drawn = rng.choice(list(SHARES), p=list(SHARES.values()))
     family = family or str(drawn)
     topology = str(rng.choice(list(TOPOLOGIES)))

@@ -14,12 +14,12 @@ import numpy as np
 
 from latinpc.bench.peers.launch import THREADS
 
-from .drawn import SHARES
+from .drawn import FAMILIES
 
 ASKED = 1e-4  #: relative error of displacements and tensions that the default stop promises
 SLACK = 3.0  #: times the error asked for, as in the suite
 TIMEOUT = 60  # s, for one structure
-VERDICTS = ("right", "refused", "unsolved", "wrong", "rounding", "hang", "crash")
+VERDICTS = ("right", "refused", "unsolved", "elsewhere", "wrong", "rounding", "hang", "crash")
 BAD = ("wrong", "hang", "crash")
 
 
@@ -32,7 +32,7 @@ def run(count, seed, options=None, family=None, progress=None):
     options : dict, optional
         PETSc options of the solver; the defaults without.
     family : str, optional
-        One of `drawn.SHARES`; else all, by their shares.
+        One of `drawn.FAMILIES`; else those of `drawn.SHARES`.
     progress : callable, optional
         Called with a sentence.
 
@@ -73,7 +73,7 @@ def layout(document):
     header = ["family", "structures", *VERDICTS, "solved", "largest error u", "tensions", "median iterations"]
     rows = []
     outcomes = document["outcomes"]
-    for family in [*SHARES, "all"]:
+    for family in [*FAMILIES, "all"]:
         mine = [one for one in outcomes if family in (one["family"], "all")]
         if not mine:
             continue

@@ -25,6 +25,9 @@ from .drawn import draw  # noqa: E402
 from .exact import solve_exactly  # noqa: E402
 from .rates import ASKED, SLACK  # noqa: E402
 from .steps import motion_error  # noqa: E402
+from .turning import OPTIONS  # noqa: E402
+from .turning import judge as judge_large  # noqa: E402
+from .turning import refused as refused_large  # noqa: E402
 
 EPSILON = float(np.finfo(PETSc.RealType).eps)
 STUCK = 1e-10  # of what loads make of a link: where rigid links let nothing move, so much is nothing
@@ -63,7 +66,7 @@ def judge(drawn, options):
     try:
         if drawn.steps:
             return _judge_motion(drawn, move(drawn.scene, drawn.steps, options=options, every=1))
-        result = solve(drawn.scene, options)
+        result = solve(drawn.scene, (OPTIONS if drawn.family == "large" else {}) | options)
     except Exception as error:
         text = latinpc.error_message(error) if isinstance(error, PETSc.Error) else str(error)
         return {"verdict": _refused(drawn, text), "reason": " ".join(text.split())[:300], "iterations": 0}
@@ -78,6 +81,8 @@ def _refused(drawn, reason):
     """Say whether a refusal is right: a motion of masses always has its next step; of friction nothing is known."""
     if drawn.steps:
         return "unsolved"
+    if drawn.family == "large":
+        return refused_large(drawn.scene, reason)
     if ("mechanism" in reason or "no link reaches" in reason) and _mechanism(drawn.scene):
         return "refused"
     if (drawn.scene.law == Law.FRICTION).any():
@@ -96,6 +101,8 @@ def _mechanism(scene):
 
 def _judge_statics(drawn, u, tensions):
     scene = drawn.scene
+    if drawn.family == "large":
+        return judge_large(scene, u)
     if not np.isfinite(u).all():
         return {"verdict": "wrong"}
     if (scene.law == Law.FRICTION).any():

@@ -123,13 +123,15 @@ static PetscErrorCode LatinSoftest_Private(KSP ksp, Mat A, Vec v, PetscReal *sti
 /* A slightly stiffened copy of a matrix that could not be factored, with the kept rows held, to find the displacement that costs nothing */
 static PetscErrorCode LatinSoftestShifted_Private(Mat A, IS kept, Vec v)
 {
-  Mat         shifted;
-  Vec         d;
-  KSP         ksp;
-  PC          pc;
-  PetscReal   stiffness;
-  PetscBool   found;
-  PetscMPIInt size;
+  Mat          shifted;
+  Vec          d;
+  KSP          ksp;
+  PC           pc;
+  PetscReal    stiffness, largest;
+  PetscScalar *a;
+  PetscInt     n;
+  PetscBool    found;
+  PetscMPIInt  size;
 
   PetscFunctionBegin;
   PetscCall(MatDuplicate(A, MAT_COPY_VALUES, &shifted));
@@ -137,6 +139,12 @@ static PetscErrorCode LatinSoftestShifted_Private(Mat A, IS kept, Vec v)
   PetscCall(VecDuplicate(v, &d));
   PetscCall(MatGetDiagonal(shifted, d));
   PetscCall(VecAbs(d));
+  PetscCall(VecMax(d, NULL, &largest));
+  PetscCall(VecGetLocalSize(d, &n));
+  PetscCall(VecGetArray(d, &a));
+  for (PetscInt i = 0; i < n; i++)
+    if (a[i] == 0.0) a[i] = largest; /* across all links of a node */
+  PetscCall(VecRestoreArray(d, &a));
   PetscCall(VecScale(d, LATIN_SHIFT));
   PetscCall(MatDiagonalSet(shifted, d, ADD_VALUES));
   PetscCall(KSPCreate(PetscObjectComm((PetscObject)A), &ksp));

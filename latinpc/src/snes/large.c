@@ -203,11 +203,14 @@ PetscErrorCode SNESLatinLargeFinish_Private(SNES snes, PetscInt times, PetscBool
   PetscCall(SNESLatinLargeLeaves_Private(snes));
   PetscCall(DMGetGlobalVector(large->frame->dm, &u));
   PetscCall(VecCopy(snes->vec_sol, u));
+  large->anew = PETSC_FALSE;
   PetscCall(SNESLatinLargeNewton_Private(snes, LATIN_LARGE_COST, done));
-  for (PetscInt k = 0; k < times && !*done && large->slow; k++) {
+  large->anew = PETSC_TRUE;
+  for (PetscInt k = 0, steps = 1; k < times && !*done && large->slow && steps; k++) { /* where it took no step with them others are the same */
     PetscCall(SNESLatinLargeRenew_Private(snes, LATIN_FRAME_TANGENT));
     tangent = PETSC_TRUE;
     PetscCall(SNESLatinLargeNewton_Private(snes, LATIN_LARGE_COST, done));
+    PetscCall(SNESGetIterationNumber(data->newton.snes, &steps));
   }
   if (!*done) PetscCall(VecCopy(u, snes->vec_sol));
   if (!*done && tangent) PetscCall(SNESLatinLargeRenew_Private(snes, LATIN_FRAME_PRESENT));

@@ -5,7 +5,8 @@
    operators of the iteration as preconditioner. What a step leaves of the forces without balance, in the norm of these operators, says
    how much of the step is left as error: it is linear in the error, as the step is. A field that these operators have as stiff,
    and slack cables leave soft, shows little in this norm: so a step must be small itself, and no cable slack that they have as
-   taut. Where cables change between taut and
+   taut. Nor does a soft field show beside stiff ones that other operators have left, which the first step with new ones removes: then only
+   the second step counts. Where cables change between taut and
    slack a whole step goes too far, and the energy, which is convex there, is least at a part of it.
 */
 
@@ -88,7 +89,7 @@ static PetscErrorCode LatinLargeConverged_Private(SNES newton, PetscInt it, Pets
     large->error = large->energy > 0.0 && large->length == 1.0 ? PetscMin(1.0, LATIN_LARGE_SAFETY * energy / large->energy) * step : step;
     PetscCall(PetscInfo(snes, "Newton's method, step %" PetscInt_FMT ": %g, estimated error %g of %g, forces without balance %g of %g\n", it, (double)step, (double)large->error, (double)data->target, (double)fnorm, (double)large->balance));
     whole = (PetscBool)(large->length == 1.0 && energy <= LATIN_LARGE_CLEAR * large->energy); /* a cable that changes leaves more */
-    if (whole && large->error <= data->target && step <= LATIN_LARGE_PROOF * data->target && fnorm <= large->balance) *reason = slack ? SNES_DIVERGED_MAX_IT : SNES_CONVERGED_SNORM_RELATIVE;
+    if ((it > 1 || !large->anew) && whole && large->error <= data->target && step <= LATIN_LARGE_PROOF * data->target && fnorm <= large->balance) *reason = slack ? SNES_DIVERGED_MAX_IT : SNES_CONVERGED_SNORM_RELATIVE;
     else if (large->error > LATIN_LARGE_SHRINK * before && step < LATIN_LARGE_ROUND * data->estimate.floor) {
       large->error = PetscMax(step, data->estimate.floor);
       *reason      = large->error <= data->target ? SNES_CONVERGED_SNORM_RELATIVE : SNES_DIVERGED_LOCAL_MIN;

@@ -5,12 +5,15 @@
    displacements, and there is no other one. A link that bears compression may snap through; then a solve for the whole loads
    may end beyond. So the displacements are compared with those by the tangent stiffness at the start: along a path of stable
    equilibria with a limit point ahead, an increment of the loads moves the structure by at most twice as much. Where it has moved
-   further, has found no equilibrium, or one whose tangent stiffness is not positive definite, the increment is halved. Increments that
-   become small show a limit point, or a critical load.
+   further, or has found no equilibrium, or one whose tangent stiffness is not positive definite, the increment is halved. Increments
+   that become small show a limit point, or a critical load. Where a cable
+   slackens the structure becomes softer at once, so that displacements far smaller than those so far are never too large. A solve
+   that starts warm goes on from the last equilibrium.
 */
 
 #define LATIN_PATH_FAR      2.0  /* times the displacements by the tangent stiffness: the limit of a fold, where force is a parabola of displacement */
-#define LATIN_PATH_LEAST    1e-2 /* increments of the loads: smaller ones show a limit point */
+#define LATIN_PATH_KINK     1e-2 /* times the displacements so far: an increment in which a cable slackens may move the structure so much */
+#define LATIN_PATH_LEAST    1e-4 /* increments of the loads: smaller ones show a limit point */
 #define LATIN_PATH_STAGES   60   /* most linear stages of one: at a limit point it takes any number */
 #define LATIN_PATH_TANGENTS 4    /* times that Newton's method gets operators of the tangent stiffness in one increment */
 #define LATIN_PATH_DRAWN    1e-2 /* forces without balance as drawn, relative to the loads: less moves the structure less than the loads do */
@@ -59,14 +62,19 @@ PetscErrorCode SNESLatinLargeFrom_Private(SNES snes, Vec u, PetscBool near)
   PetscFunctionReturn(0);
 }
 
-/* The right-hand side of snes for so much of the loads `whole`, and what it leaves without balance at u. Collective on snes */
-static PetscErrorCode LatinPathLoad_Private(SNES snes, PetscReal part, Vec whole, Vec u, Vec more, Vec r)
+/* A path: loads that grow from `first` to `whole`, an equilibrium u on it; and work vectors */
+typedef struct {
+  Vec first, whole, u, more, step;
+} LatinPath;
+
+/* The right-hand side of snes for this part of the path, and in `step` what it leaves without balance at u. Collective on snes */
+static PetscErrorCode LatinPathLoad_Private(SNES snes, const LatinPath *path, PetscReal part)
 {
   PetscFunctionBegin;
-  PetscCall(VecWAXPY(more, -1.0, ((SNES_Latin *)snes->data)->large.frame->load, whole));
-  PetscCall(VecAXPY(more, part - 1.0, whole));
-  snes->vec_rhs = more;
-  PetscCall(SNESComputeFunction(snes, u, r));
+  PetscCall(VecWAXPY(path->more, -1.0, ((SNES_Latin *)snes->data)->large.frame->load, path->first));
+  PetscCall(VecAXPBYPCZ(path->more, part, -part, 1.0, path->whole, path->first));
+  snes->vec_rhs = path->more;
+  PetscCall(SNESComputeFunction(snes, path->u, path->step));
   PetscFunctionReturn(0);
 }
 
@@ -84,71 +92,126 @@ static PetscErrorCode LatinPathForces_Private(Vec r)
   PetscFunctionReturn(0);
 }
 
-/* Is the tangent stiffness at u positive definite? A symmetric structure under symmetric loads does not show it by itself. Collective on snes */
-static PetscErrorCode LatinPathStable_Private(SNES snes, Vec u, Vec r, PetscBool *stable)
+/* Is the equilibrium u stable? A symmetric structure under symmetric loads does not show it by itself. Overwrites path->step. Collective on snes */
+static PetscErrorCode LatinPathStable_Private(SNES snes, const LatinPath *path, Vec u, PetscBool *stable)
 {
   PetscReal moved;
 
   PetscFunctionBegin;
-  PetscCall(LatinPathForces_Private(r));
-  PetscCall(SNESLatinLargePredict_Private(snes, u, r, &moved));
+  PetscCall(LatinPathForces_Private(path->step));
+  PetscCall(SNESLatinLargePredict_Private(snes, u, path->step, &moved));
   *stable = (PetscBool)(moved < PETSC_MAX_REAL);
   PetscFunctionReturn(0);
 }
 
-/* Is the drawn configuration u, without loads, a stable equilibrium, that a path may start from? Collective on snes */
-static PetscErrorCode LatinPathStarts_Private(SNES snes, Vec whole, Vec u, Vec more, Vec r, PetscBool *starts)
+/* Is there a stable equilibrium u without loads, that a path may start from: the drawn configuration, or where its tensions move it? Collective on snes */
+static PetscErrorCode LatinPathStarts_Private(SNES snes, const LatinPath *path, PetscBool *starts)
 {
-  PetscReal left, loads;
+  SNES_Latin *data = (SNES_Latin *)snes->data;
+  PetscReal   left, loads;
 
   PetscFunctionBegin;
-  PetscCall(LatinPathLoad_Private(snes, 0.0, whole, u, more, r));
-  PetscCall(VecNorm(r, NORM_2, &left));
-  PetscCall(VecNorm(whole, NORM_2, &loads));
+  PetscCall(LatinPathLoad_Private(snes, path, 0.0));
+  PetscCall(VecNorm(path->step, NORM_2, &left));
+  PetscCall(VecNorm(path->whole, NORM_2, &loads));
   *starts = (PetscBool)(left <= LATIN_PATH_DRAWN * loads);
-  if (*starts) PetscCall(LatinPathStable_Private(snes, u, r, starts));
+  if (!*starts) {
+    PetscCall(SNESLatinLargeFrom_Private(snes, path->u, PETSC_TRUE));
+    *starts = LatinNextConverged(data->next);
+    if (*starts) PetscCall(VecCopy(snes->vec_sol, path->u));
+  }
+  if (*starts) PetscCall(LatinPathStable_Private(snes, path, path->u, starts));
+  if (!*starts) PetscCall(VecZeroEntries(path->u));
   PetscFunctionReturn(0);
 }
 
-/* The path, with the loads `whole`, from the displacements u, the work vectors more and step. Collective on snes */
-static PetscErrorCode LatinPathFollow_Private(SNES snes, Vec whole, Vec u, Vec more, Vec step)
+/* An increment from path->u, which is an equilibrium or, not `from`, the drawn configuration: does the solution vector follow it? Collective on snes */
+static PetscErrorCode LatinPathIncrement_Private(SNES snes, const LatinPath *path, PetscBool from, PetscReal part, PetscBool *follows)
+{
+  SNES_Latin *data = (SNES_Latin *)snes->data;
+  PetscReal   moved, far, size;
+
+  PetscFunctionBegin;
+  *follows = PETSC_FALSE;
+  PetscCall(LatinPathLoad_Private(snes, path, part));
+  PetscCall(SNESLatinLargePredict_Private(snes, path->u, path->step, &far));
+  if (from && far == PETSC_MAX_REAL) PetscFunctionReturn(0);
+  if (!from) far = PETSC_MAX_REAL; /* the prestress moves the structure by itself, who knows how far */
+  PetscCall(SNESLatinLargeFrom_Private(snes, path->u, from));
+  if (data->next == LATIN_NEXT_GIVEN) PetscFunctionReturn(0);
+  PetscCall(VecWAXPY(path->step, -1.0, path->u, snes->vec_sol));
+  PetscCall(VecNorm(path->step, NORM_2, &moved));
+  PetscCall(VecNorm(path->u, NORM_2, &size));
+  far      = PetscMax(LATIN_PATH_FAR * far, PetscMax(LATIN_PATH_KINK * size, LATIN_PATH_NONE * data->large.size));
+  *follows = (PetscBool)((LatinNextConverged(data->next) || data->next == LATIN_NEXT_ROUNDING) && !(moved > far));
+  PetscCall(PetscInfo(snes, "%g of the path: displacements change by %g, at most by %g\n", (double)part, (double)moved, (double)far));
+  if (*follows) PetscCall(LatinPathStable_Private(snes, path, snes->vec_sol, follows));
+  PetscFunctionReturn(0);
+}
+
+/* The path, from u; `from`: an equilibrium. Collective on snes */
+static PetscErrorCode LatinPathFollow_Private(SNES snes, const LatinPath *path, PetscBool from)
 {
   SNES_Latin *data      = (SNES_Latin *)snes->data;
   LatinLarge *large     = &data->large;
-  PetscReal   increment = 1.0, moved, far;
-  PetscBool   from      = PETSC_FALSE, holds;
+  PetscReal   increment = 1.0;
+  PetscBool   follows;
 
   PetscFunctionBegin;
-  PetscCall(VecZeroEntries(u));
-  PetscCall(LatinPathStarts_Private(snes, whole, u, more, step, &from));
   while (large->reached < 1.0 && increment >= LATIN_PATH_LEAST && data->latin->linear.applications < snes->max_its) {
     const PetscReal part = PetscMin(1.0, large->reached + increment);
 
-    PetscCall(LatinPathLoad_Private(snes, part, whole, u, more, step));
-    PetscCall(SNESLatinLargePredict_Private(snes, u, step, &far));
-    if (!from && large->reached == 0.0) far = PETSC_MAX_REAL; /* the prestress moves the structure by itself, who knows how far */
-    PetscCall(SNESLatinLargeFrom_Private(snes, u, (PetscBool)(far < PETSC_MAX_REAL)));
+    PetscCall(LatinPathIncrement_Private(snes, path, (PetscBool)(from || large->reached > 0.0), part, &follows));
     if (data->next == LATIN_NEXT_GIVEN) PetscFunctionReturn(0);
-    PetscCall(VecWAXPY(step, -1.0, u, snes->vec_sol));
-    PetscCall(VecNorm(step, NORM_2, &moved));
-    holds = (PetscBool)((LatinNextConverged(data->next) || data->next == LATIN_NEXT_ROUNDING) && !(moved > PetscMax(LATIN_PATH_FAR * far, LATIN_PATH_NONE * large->size)));
-    if (holds) PetscCall(LatinPathStable_Private(snes, snes->vec_sol, step, &holds));
-    if (holds) {
-      PetscCall(VecCopy(snes->vec_sol, u));
+    if (follows) {
+      PetscCall(VecCopy(snes->vec_sol, path->u));
       large->reached = part;
-      increment *= 2.0;
-    } else increment *= 0.5;
-    PetscCall(PetscInfo(snes, "%g of the loads: displacements change by %g, by the tangent stiffness by %g\n", (double)part, (double)moved, (double)far));
+    }
+    increment *= follows ? 2.0 : 0.5;
   }
   if (large->reached == 1.0) PetscFunctionReturn(0);
-  PetscCall(VecCopy(u, snes->vec_sol));
+  PetscCall(VecCopy(path->u, snes->vec_sol));
   data->next = LATIN_NEXT_MAX_IT;
   if (data->latin->linear.applications >= snes->max_its) PetscFunctionReturn(0);
-  PetscCall(PetscInfo(snes, "No equilibrium follows that of %g of the loads: it is a limit point, or unstable\n", (double)large->reached));
+  PetscCall(PetscInfo(snes, "No equilibrium follows that of %g of the path: it is a limit point, or unstable\n", (double)large->reached));
   data->next = LATIN_NEXT_DIVERGED;
-  PetscCall(LatinPathForces_Private(step)); /* the mode that buckles is the softest one at the last equilibrium */
-  PetscCall(SNESLatinLargeMode_Private(snes, u, step));
-  PetscCall(LatinEquilibriumMoved_Private(large->frame->turns, step, &data->found));
+  PetscCall(LatinPathForces_Private(path->step)); /* the mode that buckles is the softest one at the last equilibrium */
+  PetscCall(SNESLatinLargeMode_Private(snes, path->u, path->step));
+  PetscCall(LatinEquilibriumMoved_Private(large->frame->turns, path->step, &data->found));
+  PetscFunctionReturn(0);
+}
+
+/* Where a path starts: from the last solution and the loads that it bears, or without loads. Collective on snes */
+static PetscErrorCode LatinPathStart_Private(SNES snes, const LatinPath *path, PetscBool *from)
+{
+  SNES_Latin    *data      = (SNES_Latin *)snes->data;
+  LatinStructure structure = data->large.frame->turns;
+  Vec            rhs       = snes->vec_rhs;
+
+  PetscFunctionBegin;
+  PetscCall(VecCopy(structure->load, path->whole));
+  if (rhs) PetscCall(VecAXPY(path->whole, 1.0, rhs));
+  PetscCall(VecZeroEntries(path->first));
+  PetscCall(VecZeroEntries(path->u));
+  *from = (PetscBool)(data->warm && data->has_state);
+  if (*from) {
+    PetscCall(VecCopy(data->large.solution, path->u));
+    PetscCall(LatinTurningResidual_Private(structure, NULL, path->u, path->first));
+    PetscCall(VecAXPY(path->first, 1.0, structure->load));
+  } else PetscCall(LatinPathStarts_Private(snes, path, from));
+  snes->vec_rhs = rhs;
+  PetscFunctionReturn(0);
+}
+
+/* The part of the loads that the displacements bear: those of the path so far, along its last ones. Collective on snes */
+static PetscErrorCode LatinPathBorne_Private(const LatinPath *path, PetscReal *reached)
+{
+  PetscScalar both, whole;
+
+  PetscFunctionBegin;
+  PetscCall(VecDot(path->first, path->whole, &both));
+  PetscCall(VecDot(path->whole, path->whole, &whole));
+  if (PetscRealPart(whole) > 0.0) *reached += (1.0 - *reached) * PetscRealPart(both / whole);
   PetscFunctionReturn(0);
 }
 
@@ -156,9 +219,10 @@ static PetscErrorCode LatinPathFollow_Private(SNES snes, Vec whole, Vec u, Vec m
 PetscErrorCode SNESLatinLargeRun_Private(SNES snes)
 {
   SNES_Latin    *data      = (SNES_Latin *)snes->data;
-  LatinStructure structure = data->large.frame->turns;
-  Vec            rhs       = snes->vec_rhs, work[4];
-  PetscBool      struts;
+  LatinLarge    *large     = &data->large;
+  LatinStructure structure = large->frame->turns;
+  Vec            rhs       = snes->vec_rhs, work[5];
+  PetscBool      struts = PETSC_FALSE, from = PETSC_FALSE;
 
   PetscFunctionBegin;
   PetscCall(LatinPathStruts_Private(structure, &struts));
@@ -167,20 +231,24 @@ PetscErrorCode SNESLatinLargeRun_Private(SNES snes)
 
     PetscCall(SNESLatinLargeFinish_Private(snes, LATIN_PATH_TANGENTS, &done));
     if (!done) PetscCall(SNESLatinLargeIterate_Private(snes));
-    data->large.reached = LatinNextConverged(data->next) ? 1.0 : 0.0;
+    large->reached = LatinNextConverged(data->next) ? 1.0 : 0.0;
     PetscFunctionReturn(0);
   }
-  if (!struts || structure->midpoint || data->guess || (data->warm && data->has_state) || data->stop == LATIN_STOP_REFERENCE || (snes->ops->converged && snes->ops->converged != SNESConvergedDefault)) {
+  if (!struts || structure->midpoint || data->guess || data->stop == LATIN_STOP_REFERENCE || (snes->ops->converged && snes->ops->converged != SNESConvergedDefault) || (data->warm && data->has_state && !large->solution)) {
     PetscCall(SNESLatinLargeIterate_Private(snes));
-    data->large.reached = LatinNextConverged(data->next) ? 1.0 : 0.0;
+    large->reached = LatinNextConverged(data->next) ? 1.0 : 0.0;
+    PetscCall(VecDestroy(&large->solution));
     PetscFunctionReturn(0);
   }
-  for (PetscInt i = 0; i < 4; i++) PetscCall(DMGetGlobalVector(structure->dm, &work[i]));
-  PetscCall(VecCopy(structure->load, work[0]));
-  if (rhs) PetscCall(VecAXPY(work[0], 1.0, rhs));
-  PetscCall(LatinPathFollow_Private(snes, work[0], work[1], work[2], work[3]));
+  for (PetscInt i = 0; i < 5; i++) PetscCall(DMGetGlobalVector(structure->dm, &work[i]));
+  const LatinPath path = {work[0], work[1], work[2], work[3], work[4]};
+  PetscCall(LatinPathStart_Private(snes, &path, &from));
+  PetscCall(LatinPathFollow_Private(snes, &path, from));
   snes->vec_rhs = rhs;
-  for (PetscInt i = 0; i < 4; i++) PetscCall(DMRestoreGlobalVector(structure->dm, &work[i]));
+  PetscCall(LatinPathBorne_Private(&path, &large->reached));
+  if (!large->solution) PetscCall(VecDuplicate(snes->vec_sol, &large->solution));
+  PetscCall(VecCopy(snes->vec_sol, large->solution));
+  for (PetscInt i = 0; i < 5; i++) PetscCall(DMRestoreGlobalVector(structure->dm, &work[i]));
   PetscCall(SNESLatinBalance_Private(snes));
   PetscFunctionReturn(0);
 }

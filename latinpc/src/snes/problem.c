@@ -33,6 +33,7 @@ PetscErrorCode SNESLatinResetState_Private(SNES snes)
   PetscCall(SNESDestroy(&data->newton.snes));
   PetscCall(PetscFree3(data->newton.penalty, data->newton.multiplier, data->newton.tension));
   PetscCall(VecDestroy(&data->large.forces));
+  PetscCall(VecDestroy(&data->large.solution));
   PetscCall(VecDestroy(&data->z));
   PetscCall(VecDestroy(&data->z_before));
   PetscCall(PetscFree(data->reference_copy));

@@ -116,8 +116,10 @@ typedef struct {
   PetscReal size, tension; /* of the structure; norm of its tensions at the start */
   PetscInt  last;          /* number of the last linear stage for these loads */
   PetscReal reached;       /* part of the loads that the displacements bear */
+  Vec       solution;      /* at the end of the last path: displacements */
   PetscInt  most;          /* linear iterations that it may take */
   PetscBool slow;          /* they were too few */
+  PetscBool anew;          /* its operators have been made at the displacements that it starts from */
   PetscBool unstable;      /* the tangent stiffness is not positive definite */
 } LatinLarge;
 

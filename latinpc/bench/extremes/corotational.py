@@ -1,0 +1,161 @@
+"""Equilibria of links that turn as far as they go: numpy alone, forces without balance in long double.
+
+A link bears the tension of its law at the strain |r| - l + e0 along the vector r between its nodes, l its length as
+drawn. Loads grow from zero in increments that Newton's method follows; an equilibrium is stable where the tangent
+stiffness is positive definite.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from latinpc.laws import Law
+
+STEPS, STEPS_DRAWN = 25, 200  # of Newton's method in an increment, and from the structure as drawn
+CLOSE = 1e-12  # of the displacements: a last step
+NOTHING = 1e-13  # of the size: the same where nothing moves but by rounding
+LEAST = 1e-5  # increments of the loads, relative to those borne: smaller ones show that no equilibrium follows
+AHEAD = 2.0  # times the displacements by the tangent stiffness: the limit of a fold, a parabola
+JUMP = 1e-4  # of the size: where a cable slackens an increment may move the structure further, but by no more
+GROW = 1.6  # times the increment after one that was followed
+
+
+@dataclass(frozen=True)
+class Path:
+    """Where growing loads lead."""
+
+    factor: float  #: part of the loads at the end, on a path of stable equilibria
+    displacements: np.ndarray  #: (n, dim), there (m)
+    follows: bool  #: whether the path goes on from there
+
+
+class Corotational:
+    """The equations of a structure.
+
+    Parameters
+    ----------
+    scene : Scene
+        Of bars, cables and compression-only links; its loads, and displacements prescribed from the start.
+    """
+
+    def __init__(self, scene):
+        self.scene, self.free = scene, np.flatnonzero(~scene.fixed.ravel())
+        self.first, self.second = scene.links.T
+        nodes = scene.nodes.astype(np.longdouble)
+        self.span = nodes[self.second] - nodes[self.first]
+        self.length = np.sqrt((self.span**2).sum(axis=1))
+        self.stiffness = scene.stiffness.astype(np.longdouble)
+        self.elongation = scene.initial_elongation.astype(np.longdouble)
+        self.load = scene.load.astype(np.longdouble)
+        self.size = float(np.linalg.norm(np.ptp(scene.nodes, axis=0)))
+
+    def state(self, u):
+        """Return unit vectors, lengths, tensions and slopes of the laws of all links."""
+        relative = u[self.second] - u[self.first]
+        r = self.span + relative
+        size = np.sqrt((r**2).sum(axis=1))
+        strain = ((2 * self.span + relative) * relative).sum(axis=1) / (size + self.length) + self.elongation
+        tension, slope = self.stiffness * strain, self.stiffness.copy()
+        slack = (self.scene.law == Law.CABLE) & (strain <= 0)
+        slack |= (self.scene.law == Law.COMPRESSION_ONLY) & (strain >= 0)
+        tension[slack] = slope[slack] = 0
+        return r / size[:, None], size, tension, slope
+
+    def unbalance(self, u, factor=1.0):
+        """Return the forces without balance at the free degrees of freedom (N), in long double."""
+        n, _, tension, _ = self.state(u)
+        left = factor * self.load
+        np.add.at(left, self.first, tension[:, None] * n)
+        np.add.at(left, self.second, -tension[:, None] * n)
+        return left.ravel()[self.free]
+
+    def tangent(self, u):
+        """Return the tangent stiffness of the free degrees of freedom, dense, in double precision."""
+        n, size, tension, slope = (part.astype(float) for part in self.state(u))
+        dim = n.shape[1]
+        across = tension / size
+        block = (slope - across)[:, None, None] * n[:, :, None] * n[:, None] + across[:, None, None] * np.eye(dim)
+        matrix = np.zeros((len(u), dim, len(u), dim))
+        rows, ends = np.arange(dim), (self.first, self.second)
+        for i, a in enumerate(ends):
+            for j, b in enumerate(ends):
+                place = a[:, None, None], rows[:, None], b[:, None, None], rows[None]
+                np.add.at(matrix, place, block if i == j else -block)
+        return matrix.reshape(u.size, u.size)[np.ix_(self.free, self.free)]
+
+    def stable(self, u):
+        """Return whether the tangent stiffness is positive definite, by more than rounding."""
+        values = np.linalg.eigvalsh(self.tangent(u))
+        return bool(len(values) == 0 or values[0] > 1e-13 * values[-1])
+
+    def newton(self, u, factor=1.0, steps=STEPS):
+        """Solve from u; return the displacements, or None."""
+        u = u.copy()
+        for _ in range(steps):
+            left = self.unbalance(u, factor)
+            try:
+                step = np.linalg.solve(self.tangent(u), left.astype(float))
+            except np.linalg.LinAlgError:
+                return None
+            u, length = self._searched(u, step, left, factor)
+            if not np.isfinite(u.astype(float)).all() or np.abs(u).max() > 10 * self.size:
+                return None
+            if length == 1.0 and np.abs(step).max(initial=0.0) <= max(CLOSE * np.abs(u).max(), NOTHING * self.size):
+                return u
+        return None
+
+    def _searched(self, u, step, left, factor):
+        """Return u after the step, or after a half, a quarter and so on of it where its forces oppose the whole."""
+        length, slope = 1.0, left @ step
+        while True:
+            moved = u.copy()
+            moved.ravel()[self.free] += length * step.astype(np.longdouble)
+            if slope <= 0 or length < 1e-3 or self.unbalance(moved, factor) @ step > -0.5 * slope:
+                return moved, length
+            length *= 0.5
+
+    def _continues(self, u, factor, moved, part):
+        """Return whether the stable equilibrium `moved` follows u, for a growing part of the loads."""
+        ahead = np.linalg.solve(self.tangent(u), ((part - factor) * self.load).ravel()[self.free].astype(float))
+        far = np.linalg.norm((moved - u).astype(float))
+        return far <= max(AHEAD * np.linalg.norm(ahead), JUMP * self.size) and self.stable(moved)
+
+    def start(self):
+        """Return the displacements as drawn: what is prescribed."""
+        return np.where(self.scene.fixed, self.scene.prescribed, 0.0).astype(np.longdouble)
+
+    def follow(self, until=None, last=1.0):
+        """Follow the equilibria under growing loads.
+
+        Parameters
+        ----------
+        until : callable, optional
+            Of displacements and tensions: whether the path is to end before them.
+        last : float
+            Part of the loads to end at.
+
+        Returns
+        -------
+        Path
+            `factor` and `displacements` of the last equilibrium that was followed, stable and not beyond `until`.
+        """
+        u = self.newton(self.start(), 0.0, STEPS_DRAWN)
+        if u is None or not self.stable(u):
+            return Path(0.0, self.start().astype(float), False)
+        factor, increment, follows = 0.0, min(0.05, last), True
+        while factor < last:
+            part = min(last, factor + increment)
+            moved = self.newton(u, part)
+            good = moved is not None and self._continues(u, factor, moved, part)
+            beyond = good and until is not None and until(moved.astype(float), self.state(moved)[2].astype(float))
+            if good and not beyond:
+                u, factor = moved, part
+                increment *= GROW
+            elif increment <= LEAST * max(part, 1e-12):
+                follows = bool(good)
+                break
+            else:
+                increment *= 0.5
+        return Path(float(factor), u.astype(float), follows)

@@ -1,0 +1,133 @@
+"""Structures drawn at random that prestress holds, and the judge of large displacements.
+
+Nets, hypars, masts, towers and bridges of the scenes, of random sizes, shapes, tensions and stiffnesses, some of
+tensions that are out of balance as drawn, under loads that differ from node to node. These are as large as a
+deflection, drawn between 0.002 and 0.2 of the size, or 30 % of slack cables allow; where a limit point comes first, of
+one in two structures they are beyond it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from latinpc.laws import Law
+from latinpc.scenes import make
+
+from .corotational import Corotational
+
+OPTIONS = {"snes_latin_error": 1e-8, "snes_latin_balance": 1e-9}  #: what the judge asks for
+UNBALANCED = 1e-8  #: of the loads: forces without balance that an equilibrium may leave
+NEAR = 1e-6  # relative distance of equal displacements
+DEFLECTION = (2e-3, 0.2)  # of the size
+SLACK = 0.3  # of the cables
+MOST = 1e4  # times the loads of the scene: a structure that has not moved then is stiff
+
+
+def structure(rng):
+    """Make a structure and its loads.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+
+    Returns
+    -------
+    topology : str
+        Name of the scene.
+    scene : Scene
+    """
+    name, factor = str(rng.choice(list(SCENES))), 0.0
+    while factor == 0.0:  # else the prestress alone moves it too far
+        scene = _shaken(rng, make(name, **SCENES[name](rng)))
+        path = _loaded(scene, 10.0 ** rng.uniform(*np.log10(DEFLECTION)))
+        part = rng.uniform(0.3, 0.99), rng.uniform(1.03, 2.0)
+        factor = path.factor if path.follows else path.factor * part[int(rng.random() < 0.5)]
+    return name, replace(scene, load=factor * scene.load)
+
+
+def _loaded(scene, target):
+    """Return the path of the loads up to a deflection, over the size, or to the most slack cables."""
+    equations, cable = Corotational(scene), scene.law == Law.CABLE
+
+    def until(u, tensions):
+        deflection = np.linalg.norm(u, axis=1).max()
+        return deflection > target * equations.size or np.mean(tensions[cable] == 0.0) > SLACK
+
+    return equations.follow(until, MOST)
+
+
+SCENES = {
+    "saddle": lambda rng: {
+        "side": int(rng.integers(3, 11)), "height": float(rng.choice([0.0, rng.uniform(0.02, 0.4)], p=[0.2, 0.8])),
+        "prestress": float(10.0 ** rng.uniform(2, 4)), "load": float(rng.choice([-10.0, 10.0])),
+        "wind": float(rng.normal(0, 5)),
+    },
+    "hypar": lambda rng: {
+        "side": int(rng.integers(3, 9)), "height": float(rng.uniform(0.1, 0.6)), "sag": float(rng.uniform(0.05, 0.15)),
+        "prestress": float(10.0 ** rng.uniform(2, 4)), "load": float(rng.choice([-10.0, 10.0])),
+        "wind": float(rng.normal(0, 5)),
+    },
+    "mast": lambda rng: {
+        "levels": int(rng.integers(1, 4)), "panels": int(rng.integers(2, 5)),
+        "prestress": float(10.0 ** rng.uniform(2.5, 4)), "load": float(10.0 ** rng.uniform(0, 3)),
+        "wind": float(rng.uniform(1, 20)),
+        "direction": float(rng.uniform(0, 360)),
+    },
+    "tower": lambda rng: {
+        "stages": int(rng.integers(1, 7)), "struts": int(rng.integers(3, 7)),
+        "prestress": float(10.0 ** rng.uniform(2, 4)), "load": float(10.0 ** rng.uniform(0, 3)),
+        "wind": float(rng.normal(0, 10)),
+        "torque": float(rng.choice([0.0, rng.normal(0, 50)])),
+    },
+    "bridge": lambda rng: {
+        "panels": int(rng.integers(4, 17)), "height": float(rng.uniform(0.02, 0.1)),
+        "prestress": float(10.0 ** rng.uniform(3, 5)), "load": 10.0, "crowd": float(rng.uniform(0, 50)),
+        "wind": float(rng.normal(0, 5)),
+    },
+}  # fmt: skip
+
+
+def _shaken(rng, scene):
+    """Return the scene with stiffnesses that differ, loads that do, and in one of four tensions out of balance."""
+    tension = scene.prestress * 10.0 ** (rng.choice([0.0, 0.1], p=[0.75, 0.25]) * rng.uniform(-1, 1, len(scene.links)))
+    stiffness = scene.stiffness * 10.0 ** rng.uniform(-0.3, 0.3, len(scene.links))
+    size = np.abs(scene.load).max() * rng.choice([0.0, 0.3, 2.0])
+    load = np.where(scene.fixed, 0.0, scene.load + size * rng.normal(0, 1, scene.load.shape))
+    return replace(scene, stiffness=stiffness, initial_elongation=tension / stiffness, load=load)
+
+
+def judge(scene, u):
+    """Judge displacements that a solver claims.
+
+    Parameters
+    ----------
+    scene : Scene
+    u : (n, dim) array
+        In m.
+
+    Returns
+    -------
+    dict
+        verdict, `elsewhere` for a stable equilibrium beside the path of the loads; u, the relative distance from that
+        of the path, and tension, what is without balance beside the loads.
+    """
+    if not np.isfinite(u).all():
+        return {"verdict": "wrong"}
+    equations, loads = Corotational(scene), np.linalg.norm(scene.load)
+    found = {"tension": float(np.linalg.norm(equations.unbalance(u.astype(np.longdouble)))) / (loads or 1.0)}
+    if found["tension"] > UNBALANCED:
+        return found | {"verdict": "wrong", "why": "forces without balance"}
+    if not equations.stable(u.astype(np.longdouble)):
+        return found | {"verdict": "wrong", "why": "the tangent stiffness is not positive definite"}
+    path = equations.follow()
+    if path.factor < 1.0:
+        return found | {"verdict": "wrong", "why": f"the path of equilibria ends at {path.factor:.4g} of the loads"}
+    found["u"] = float(np.linalg.norm(u - path.displacements) / np.linalg.norm(path.displacements))
+    return found | {"verdict": "right" if found["u"] <= NEAR else "elsewhere"}
+
+
+def refused(scene, reason):
+    """Say whether a refusal is right: where the path of equilibria ends before the loads, and the reason says so."""
+    return "refused" if "no equilibrium" in reason and Corotational(scene).follow().factor < 1.0 else "unsolved"

@@ -1,0 +1,140 @@
+"""Scenes that prestress holds: balance and stability as drawn, the geometry, the command line."""
+
+from dataclasses import replace
+
+import numpy as np
+import oracle
+import pytest
+import scipy.sparse as sp
+from test_cli import latinpc as command
+from test_cli import said
+from test_scenes import HELD, SMALL
+
+import latinpc
+from latinpc.results.limit import softest
+from latinpc.scenes import SCENES, Law, Scene, make
+
+
+def tangent(scene):
+    """The tangent stiffness as drawn, dense."""
+    structure = latinpc.Structure.from_scene(scene)
+    J = structure.dm.createMat()
+    structure.jacobian(structure.create_vec(), J)
+    return J.convert("dense").getDenseArray().copy()
+
+
+OPTIONS = [(name, {}) for name in HELD]
+OPTIONS += [("saddle", {"side": 2, "height": 0.0}), ("hypar", {"side": 5, "sag": 0.05, "height": 0.8})]
+OPTIONS += [("mast", {"levels": 1, "panels": 1}), ("mast", {"levels": 4, "panels": 3})]
+OPTIONS += [("tower", {"stages": 1, "struts": 7}), ("tower", {"stages": 5, "struts": 4}), ("bridge", {"panels": 9})]
+
+
+@pytest.mark.parametrize(("name", "options"), OPTIONS)
+def test_tensions_balance_as_drawn_and_make_it_stable(name, options):
+    """Cables are taut, struts are pressed, no node is pulled, and the tangent stiffness is positive definite."""
+    scene = make(name, **(SMALL[name] | options))
+    b, _ = oracle.kinematics(scene)
+    tension = scene.stiffness * scene.initial_elongation
+    assert np.allclose(tension, scene.prestress, rtol=1e-13)
+    assert np.abs((b.T @ tension)[~scene.fixed.ravel()]).max() < 1e-12 * np.abs(tension).max()
+    assert (tension[scene.law == Law.CABLE] > 0.0).all()
+    values = np.linalg.eigvalsh(tangent(scene))
+    assert values[0] > 1e-9 * values[-1]
+
+
+@pytest.mark.parametrize(("name", "options"), [("saddle", {"height": 0.0}), *((name, {}) for name in HELD[1:])])
+def test_without_prestress_they_are_mechanisms(name, options):
+    """Elongations alone do not resist all displacements, and the refusal names the option."""
+    scene = make(name, **(SMALL[name] | options))
+    b, _ = oracle.kinematics(scene)
+    b = b[:, ~scene.fixed.ravel()]
+    values = np.linalg.eigvalsh((b.T @ sp.diags(scene.stiffness) @ b).toarray())
+    assert values[0] < 1e-12 * values[-1]
+    with pytest.raises(latinpc.SolveError, match=r"Nodes that move .* take -snes_latin_geometry prestress, or large"):
+        replace(scene, geometry="linear").solve()
+
+
+@pytest.mark.parametrize("name", HELD)
+def test_large_is_their_geometry_and_linear_that_of_all_others(name):
+    assert make(name, **SMALL[name]).geometry == "large"
+    assert latinpc.Structure.from_scene(make(name, **SMALL[name])).geometry == "large"
+    assert all(make(other, **SMALL[other]).geometry == "linear" for other in set(SCENES) - set(HELD))
+
+
+def test_a_linear_scene_holds_no_more_than_before():
+    """The geometry is a word; prestress is computed when it is asked for."""
+    scene = make("lattice", **SMALL["lattice"])
+    assert "prestress" not in vars(scene)
+    assert scene.prestress == pytest.approx(scene.stiffness * scene.initial_elongation)
+
+
+def test_a_wrong_geometry_is_named():
+    with pytest.raises(ValueError, match="geometry must be one of linear, prestress, large, not 'small'"):
+        Scene("x", [[0.0], [1.0]], [[0, 1]], "bar", 1.0, fixed=[[True], [False]], geometry="small")
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "words"),
+    [
+        ("saddle", {"side": 1}, "side must be at least 2"),
+        ("hypar", {"sag": 0.0}, "sag must be positive"),
+        ("mast", {"levels": 0}, "at least one level"),
+        ("tower", {"struts": 2}, "three struts"),
+        ("bridge", {"panels": 1}, "at least 2 panels"),
+        *((name, {"prestress": -1.0}, "prestress must be positive") for name in HELD),
+    ],
+)
+def test_refusals(name, options, words):
+    with pytest.raises(ValueError, match=words):
+        make(name, **options)
+
+
+def test_loads_slacken_cables():
+    """The figures of the docstrings: a tenth of the saddle's cables, the arching cables of the bridge."""
+    for name, options, share in (("saddle", {}, 0.1), ("bridge", {}, 0.128)):
+        result = make(name, **options).solve()
+        assert result.converged
+        assert result.report["slack_fraction"] == pytest.approx(share, abs=0.005)
+
+
+def test_the_command_line_takes_the_geometry_of_the_scene_and_the_option_comes_before_it():
+    assert "CONVERGED" in command("solve", "saddle", "--side", "6").stdout
+    low = command("solve", "saddle", "--side", "6", "-snes_latin_geometry", "prestress")
+    assert "take -snes_latin_geometry large" in low.stderr
+    flat = said(command("solve", "saddle", "--side", "6", "--height", "0", "-snes_latin_geometry", "linear", code=2))
+    assert "-snes_latin_geometry prestress" in " ".join(flat)
+    assert "prestressed" in command("scenes").stdout
+
+
+@pytest.mark.filterwarnings("ignore::latinpc.LatinWarning")
+@pytest.mark.parametrize("geometry", ["prestress", "large"])
+@pytest.mark.parametrize("name", HELD)
+def test_reactions_balance_the_loads(name, geometry):
+    """In force and moment: of links that lean by small angles as drawn, else of the displaced structure."""
+    result = replace(make(name, **SMALL[name]), geometry=geometry).solve(error=1e-10)
+    assert result.converged
+    assert max(result.balance.force, result.balance.moment) < 1e-8
+    assert not any("reactions" in notice for notice in result.notices)
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_a_mechanism_is_drawn(tmp_path, ranks):
+    """A frame without a brace, which no prestress holds, and a flat net as a linear structure."""
+    (tmp_path / "frame.obj").write_text("v 0 0 0\nv 2 0 0\nv 0 1 0\nv 2 1 0\nl 1 3\nl 3 4\nl 2 4\n")
+    options = ("--EA", "1e6", "--support", "y=min", "--load", "x=10:y=max")
+    frame = command("solve", tmp_path / "frame.obj", *options, "--picture", tmp_path / "a.png", ranks=ranks, code=2)
+    assert "Prescribe more displacements or add links" in frame.stderr
+    assert f"{tmp_path / 'a.png'} shows how it moves" in frame.stderr
+    linear = ("-snes_latin_geometry", "linear")
+    net = command("solve", "saddle", "--side", "4", "--height", "0", "--picture", tmp_path / "b.png", *linear, code=2)
+    assert "take -snes_latin_geometry prestress" in net.stderr
+    assert min((tmp_path / name).stat().st_size for name in ("a.png", "b.png")) > 10000
+
+
+def test_the_motion_of_a_mechanism():
+    """Of two bars in a line their node moves across, the tangent stiffness being exactly singular."""
+    line = latinpc.Structure(
+        [[0.0, 0.0], [1.0, 0.0], [2.0, 0.0]], [[0, 1], [1, 2]], "bar", 1e3, fixed=[[1, 1], [0, 0], [1, 1]]
+    )
+    mode = softest(line, line.create_vec())
+    assert abs(mode) == pytest.approx(np.array([[0.0, 0.0], [0.0, 1.0], [0.0, 0.0]]), abs=1e-6)

@@ -1,0 +1,133 @@
+"""The judge of large displacements: its equations, its verdicts, and the rates of some random structures."""
+
+import json
+import sys
+from collections import Counter
+
+import numpy as np
+import pytest
+import turning
+from conftest import ROOT
+from petsc4py import PETSc
+from test_cli import latinpc as command
+
+sys.path.insert(0, str(ROOT / "benchmarks"))
+
+import opensees
+
+from latinpc.bench.extremes import drawn, rates, rating
+from latinpc.bench.extremes import turning as judging
+from latinpc.bench.extremes.corotational import Corotational
+from latinpc.scenes import Scene, make
+
+pytestmark = pytest.mark.skipif(np.finfo(PETSc.RealType).eps > 1e-10, reason="the rates are those of double precision")
+
+
+def truss(load):
+    return Scene(name="truss", **turning.von_mises(load), geometry="large")
+
+
+# ---- equations -----------------------------------------------------------------------------------
+@pytest.mark.parametrize("number", range(6))
+def test_the_tangent_is_the_derivative_of_the_unbalance(number):
+    scene = drawn.draw(2, number, "large").scene
+    equations, rng = Corotational(scene), np.random.default_rng(number)
+    u = np.where(scene.fixed, 0.0, 0.01 * rng.normal(size=scene.nodes.shape)).astype(np.longdouble)
+    v = np.where(scene.fixed, 0.0, rng.normal(size=scene.nodes.shape)).astype(np.longdouble)
+    h = np.longdouble(1e-9)
+    found = -(equations.unbalance(u + h * v) - equations.unbalance(u - h * v)) / (2 * h)
+    exact = equations.tangent(u) @ v.ravel()[equations.free].astype(float)
+    assert np.abs(found - exact).max() < 1e-6 * np.abs(exact).max()
+
+
+@pytest.mark.parametrize("part", [0.3, 0.99])
+def test_paths_lead_to_the_closed_form(part):
+    limit = turning.von_mises_limit()
+    path = Corotational(truss(part * limit)).follow()
+    assert path.factor == 1.0
+    assert -path.displacements[2, 1] == pytest.approx(turning.von_mises_deflection(part * limit), rel=1e-12)
+
+
+def test_paths_end_at_a_limit_point():
+    path = Corotational(truss(2.0 * turning.von_mises_limit())).follow()
+    assert not path.follows
+    assert 0.5 - 2e-5 < path.factor <= 0.5
+
+
+# ---- verdicts ------------------------------------------------------------------------------------
+def test_verdicts():
+    """Unbalance, instability, equilibria beyond the snap and where none is left; refusals need the cause."""
+    limit = turning.von_mises_limit()
+    scene = truss(0.5 * limit)
+    u = Corotational(scene).follow().displacements
+    assert judging.judge(scene, u)["verdict"] == "right"
+    assert judging.judge(scene, u * (1 + 1e-6))["why"] == "forces without balance"
+    assert judging.judge(scene, np.full_like(u, np.nan))["verdict"] == "wrong"
+    for start, verdict in ((-0.65, "elsewhere"), (-0.35, "wrong")):  # beyond the snap, on the way there
+        v = np.zeros((3, 2), np.longdouble)
+        v[2, 1] = start
+        v = Corotational(scene).newton(v)
+        assert judging.judge(scene, v.astype(float))["verdict"] == verdict
+    beyond = truss(1.1 * limit)
+    v = np.zeros((3, 2), np.longdouble)
+    v[2, 1] = -0.65
+    v = Corotational(beyond).newton(v).astype(float)
+    assert judging.judge(beyond, v)["why"].startswith("the path of equilibria ends at 0.909")
+    assert judging.refused(beyond, "no equilibrium follows that of 0.9 of the loads") == "refused"
+    assert judging.refused(beyond, "DIVERGED_MAX_IT") == "unsolved"
+    assert judging.refused(scene, "no equilibrium follows that of 0.9 of the loads") == "unsolved"
+
+
+def test_the_family():
+    """The same numbers make the same structure; deflections reach a fifth of the size, 30 % of the cables slacken."""
+    seen, deflections, slack = set(), [], []
+    for number in range(40):
+        one, two = (drawn.draw(4, number, "large") for _ in range(2))
+        assert (one.scene.load == two.scene.load).all() and one.scene.geometry == "large"
+        equations = Corotational(one.scene)
+        path = equations.follow()
+        tension = equations.state(path.displacements.astype(np.longdouble))[2]
+        seen.add(one.topology)
+        deflections.append(np.linalg.norm(path.displacements, axis=1).max() / equations.size)
+        slack.append(np.mean(tension[one.scene.law == 1] == 0.0))
+    assert seen == set(judging.SCENES)
+    assert min(deflections) < 0.01 < 0.1 < max(deflections) <= 0.2 + 1e-9
+    assert max(slack) <= 0.3 and np.mean(np.array(slack) > 0.02) > 0.15
+    assert rating.judge(one, {})["verdict"] == "right"
+
+
+# ---- the rates -----------------------------------------------------------------------------------
+def test_rates_of_sixty(tmp_path):
+    """None is wrong; nearly all that have an equilibrium are found."""
+    file = tmp_path / "rates.json"
+    result = command("extremes", "--random", "60", "--seed", "5", "--family", "large", "--json", file, timeout=300)
+    counts = Counter(one["verdict"] for one in json.loads(file.read_text())["outcomes"])
+    assert not set(counts) & set(rates.BAD), result.stdout
+    assert counts["right"] >= 0.98 * (60 - counts["refused"])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_rates_of_three_hundred(seed):
+    document = rates.run(300, seed, family="large")
+    counts = Counter(one["verdict"] for one in document["outcomes"])
+    assert not set(counts) & set(rates.BAD), rates.layout(document)[1]
+    assert counts["right"] >= 0.98 * (300 - counts["refused"])
+
+
+# ---- OpenSees ------------------------------------------------------------------------------------
+def test_the_page_on_opensees_has_the_measured_rates():
+    """The table is that of the results; SNES latin finds what there is to find."""
+    rows = json.loads((ROOT / "benchmarks" / "results" / "opensees.json").read_text())["rows"]
+    assert "\n".join(opensees.table(rows)) in (ROOT / "benchmarks" / "opensees.md").read_text()
+    assert {len(row) for row in rows.values()} == {opensees.COUNT}
+    assert all(verdict == "right" for _, verdict, _ in rows["SNES latin"])
+
+
+def test_opensees_agrees_with_the_judge():
+    """Where it is installed: displacements of a saddle with slack cables."""
+    pytest.importorskip("openseespy")
+    scene = make("saddle", side=6)
+    found = {each["way"]: each for each in opensees.by_opensees(sys.executable, scene)}
+    u = np.array(found["Newton, 100 increments"]["u"])
+    assert judging.judge(scene, u)["verdict"] == "right"

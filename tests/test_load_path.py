@@ -1,0 +1,152 @@
+"""Loads that grow to a limit point: the part that is borne, the motion beyond it, increments, ranks."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import turning
+from test_cli import latinpc as command
+from test_cli import said
+
+import latinpc
+from latinpc.bench.extremes.corotational import Corotational
+from latinpc.bench.extremes.drawn import draw
+from latinpc.options import default_options
+from latinpc.results.limit import moving
+from latinpc.scenes import Scene, make
+
+
+def scene(structure):
+    """A scene of large displacements."""
+    given = {key: value for key, value in structure.items() if key != "prestress"}
+    return Scene(name="drawn", **given, geometry="large")
+
+
+@pytest.fixture
+def truss():
+    """Two bars that lean on each other, under twice the load of the limit point."""
+    return scene(turning.von_mises(2.0 * turning.von_mises_limit()))
+
+
+@pytest.mark.filterwarnings("ignore::latinpc.LatinWarning")
+def test_limit_point_of_two_bars(truss):
+    """The closed form, to the least increment; the tip moves on down; results are of the loads that are borne."""
+    result = truss.solve()
+    factor = result.report["load_factor"]
+    assert not result.converged
+    assert 0.5 - 2e-4 < factor <= 0.5
+    assert "no stable equilibrium follows" in result.reason
+    assert any(f"that of {factor:.4g} of the loads" in text and "nodes 2" in text for text in result.notices)
+    assert result.load == pytest.approx(factor * truss.load)
+    assert result.balance.force < 1e-3
+    assert moving(result.mode).tolist() == [2]
+    assert abs(result.mode[2]) == pytest.approx([0.0, 1.0], abs=1e-6)
+    assert result.structure.load == pytest.approx(truss.load)
+    assert "load factor" in repr(result)
+
+
+def test_what_holds_has_a_load_factor_of_one():
+    """And no motion beyond; linear structures have no such thing."""
+    result = make("tower", stages=2).solve()
+    assert result.report["load_factor"] == 1.0
+    assert result.mode is None
+    assert "load_factor" not in make("lattice", nx=12, ny=8).solve().report
+
+
+@pytest.mark.filterwarnings("ignore::latinpc.LatinWarning")
+def test_cables_alone_have_no_limit_point():
+    """A solve that is cut short keeps its loads, and says nothing of an equilibrium."""
+    result = make("saddle").solve(options={"snes_max_it": 3})
+    assert not result.converged
+    assert "load_factor" not in result.report and result.mode is None
+    assert result.load.min() == -500.0
+    assert not any("equilibrium" in notice for notice in result.notices)
+
+
+@pytest.mark.parametrize(("name", "options"), [("mast", {"load": 20000.0}), ("tower", {"load": 8000.0, "wind": 1.0})])
+@pytest.mark.filterwarnings("ignore::latinpc.LatinWarning")
+def test_limit_loads_are_those_of_an_independent_path(name, options):
+    """Of a mast that buckles between its guys, and of a tower that turns over."""
+    loaded = make(name, **options)
+    path = Corotational(loaded).follow()
+    result = loaded.solve()
+    assert not path.follows
+    assert result.report["load_factor"] == pytest.approx(path.factor, rel=2e-3)
+    values, modes = np.linalg.eigh(Corotational(loaded).tangent(result.displacements.astype(np.longdouble)))
+    mode = result.mode.ravel()[~loaded.fixed.ravel()]
+    assert values[0] > 0.0
+    assert abs(mode @ modes[:, 0]) > 0.99 * np.linalg.norm(mode)
+
+
+def test_where_a_cable_slackens_the_path_goes_on():
+    """A tower that becomes 13 times softer there, to rounding the equilibrium of an independent path."""
+    loaded = draw(1, 193, "large").scene
+    result = loaded.solve(error=1e-8)
+    exact = Corotational(loaded).follow().displacements
+    assert result.converged
+    assert np.linalg.norm(result.displacements - exact) < 1e-7 * np.linalg.norm(exact)
+
+
+def test_tensions_out_of_balance_move_a_mast_first():
+    """The path starts where the prestress leaves it, not from the drawn configuration."""
+    drawn = make("mast", levels=1, panels=3)
+    rng = np.random.default_rng(0)
+    off = replace(drawn, initial_elongation=drawn.initial_elongation * rng.uniform(0.8, 1.25, len(drawn.links)))
+    exact = Corotational(off).follow()
+    result = off.solve(error=1e-8)
+    assert exact.factor == 1.0
+    assert result.converged
+    assert np.linalg.norm(result.displacements - exact.displacements) < 1e-7 * np.linalg.norm(exact.displacements)
+
+
+@pytest.mark.parametrize("ranks", [1, 2, 4])
+def test_increments_on_the_command_line(tmp_path, ranks):
+    """The same end as without; the displacements grow; the last stable state is written where no other follows."""
+    files = [tmp_path / "one.json", tmp_path / "ten.json"]
+    command("solve", "tower", "--json", files[0], ranks=ranks)
+    command("solve", "tower", "--increments", "10", "--json", files[1], ranks=ranks)
+    one, ten = (json.loads(file.read_text()) for file in files)
+    factors, moved = np.array(ten["load_path"]).T
+    assert factors == pytest.approx(np.arange(1, 11) / 10)
+    assert (np.diff(moved) > 0.0).all()
+    assert one["reactions"]["sum"] == pytest.approx(ten["reactions"]["sum"], rel=1e-3, abs=0.1)
+    beyond = command(
+        "solve", "tower", "--load", "8000", "--wind", "1", "--increments", "5", "--json", files[0], "--output",
+        tmp_path / "last.vtu", ranks=ranks, code=1,
+    )  # fmt: skip
+    assert "no equilibrium follows that of 0.0" in " ".join(said(beyond))
+    assert "load path" in beyond.stdout and "load factor" in beyond.stdout
+    report = json.loads(files[0].read_text())
+    assert 0.0 < report["load_factor"] < 0.1
+    assert report["reactions"]["force_without_balance"] < 1e-3
+    assert (tmp_path / "last.vtu").exists()
+
+
+def test_a_warm_start_goes_on_from_the_last_equilibrium():
+    """Beyond the first load the path does not begin anew; of the new loads the part that both have in common counts."""
+    limit = turning.von_mises_limit()
+    structure = latinpc.Structure(**turning.von_mises(0.5 * limit), geometry="large")
+    snes, u = structure.create_snes(), structure.create_vec()
+    with default_options({"snes_latin_warm_start": "last", "snes_latin_error": 1e-10}):
+        snes.setFromOptions()
+    snes.solve(None, u)
+    structure.set_load(turning.von_mises(0.9 * limit)["load"])
+    snes.solve(None, u)
+    assert latinpc.path(snes)["borne"] == 1.0
+    assert -structure.displacements(u)[2, 1] == pytest.approx(turning.von_mises_deflection(0.9 * limit), rel=1e-9)
+    structure.set_load(turning.von_mises(2.0 * limit)["load"])
+    snes.solve(None, u)
+    assert snes.getConvergedReason() < 0
+    assert latinpc.path(snes)["borne"] == pytest.approx(0.5, abs=2e-4)
+
+
+@pytest.mark.parametrize("error", [1e-2, 1e-4, 1e-6])
+@pytest.mark.parametrize("number", [None, 45])
+def test_the_error_asked_for_is_met(number, error):
+    """By towers whose cables slacken, after Newton's method has got operators of its own: soft fields count as well."""
+    loaded = make("tower") if number is None else draw(5, number, "large").scene
+    exact = Corotational(loaded).follow().displacements
+    result = loaded.solve(error=error)
+    assert result.converged
+    assert np.linalg.norm(result.displacements - exact) <= error * np.linalg.norm(exact)
