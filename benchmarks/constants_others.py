@@ -155,7 +155,7 @@ OTHERS = {
     ),
     "LATIN_NEWTON_AFTER": (
         "linear stages",
-        "A network of 19,008 unknowns that slack cables leave loose takes 135 s with 10,000, 80 s with 1,000.",
+        "Where there is no proof: a network of 19,008 unknowns took 135 s with 10,000, 80 s with 1,000.",
     ),
     "LATIN_NEWTON_DOUBT": (
         "ratio",

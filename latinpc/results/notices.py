@@ -106,7 +106,11 @@ def _contrast(structure):
     if not len(elastic) or elastic.max() < CONTRAST * elastic.min():
         return []
     contrast, eps = elastic.max() / elastic.min(), np.finfo(PETSc.RealType).eps
-    left = f"{eps * contrast:.0e} of those of the softest ones" if eps * contrast < 1.0 else "those of the softest ones"
+    left = (
+        f"{eps * contrast:.0e} of those of the softest ones"
+        if eps * contrast < 1.0
+        else "as large as those of the softest"
+    )
     return [f"stiffnesses differ by a factor of {contrast:.0e}: rounding of the forces of the stiffest links is {left}"]
 
 

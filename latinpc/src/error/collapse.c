@@ -108,7 +108,7 @@ static PetscErrorCode LatinCollapseSolve_Private(LatinCollapse *c, Vec b, PetscB
   PetscCall(KSPGetConvergedReason(c->ksp, &reason));
   PetscCall(KSPGetIterationNumber(c->ksp, &stages));
   c->stages += stages;
-  if (reason < 0 && reason != KSP_DIVERGED_ITS) *failed = PETSC_TRUE;
+  if (reason < 0) *failed = PETSC_TRUE;
   PetscFunctionReturn(0);
 }
 
@@ -141,11 +141,11 @@ static PetscErrorCode LatinCollapseStart_Private(LatinCollapse *c, PetscBool *fa
   PetscFunctionReturn(0);
 }
 
-/* The step for the products s t wanted: those of `towards` where there is no correction yet, else the mean ones. Collective */
+/* The step towards products s t of zero; the one that corrects it goes towards this mean, with what the product of the changes adds. Collective */
 static PetscErrorCode LatinCollapseStep_Private(LatinCollapse *c, PetscBool corrects, PetscReal mean, PetscBool *failed)
 {
   PetscFunctionBegin;
-  /* dt of no step, W (x - ...), which the step then adds W dx to */
+  /* dt = W (x - wanted / t + dx), of which dx is still to come */
   for (PetscInt l = 0; l < c->n; l++) {
     const PetscReal wanted = corrects && LatinCollapseOne(c, l) ? c->ds[l] * c->dt[l] - mean : 0.0;
 
