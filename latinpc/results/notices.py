@@ -170,7 +170,7 @@ def turned(result: Result) -> list[str]:
 def limit(result: Result) -> list[str]:
     """Return a sentence where a path of equilibria ends before the loads; not collective."""
     factor = result.report.get("load_factor")
-    if result.report["reason"] != "DIVERGED_DTOL" or not factor:
+    if result.report["reason"] != "DIVERGED_DTOL" or not factor or factor >= 1.0:
         return []
     text = f"no stable equilibrium follows that of {factor:.4g} of the loads: the structure buckles, or snaps through"
     if result.mode is None:
