@@ -59,7 +59,8 @@ typedef struct {
   PetscInt       steps, stages;    /* of this solve: Newton steps, linear stages */
   PetscInt       still;            /* steps in a row whose search has stood still */
   /* rigid links as springs (snes/multipliers.c), NULL before the first time: [links_local of the structure] */
-  PetscReal *penalty, *multiplier, *tension;
+  PetscReal *penalty, *multiplier, *tension, *bound;
+  PetscBool  sticks; /* the last problem solved has contacts with friction without bound */
 } LatinNewton;
 PETSC_INTERN PetscErrorCode LatinNewtonStart_Private(LatinNewton *, LatinStructure);
 PETSC_INTERN PetscBool      LatinNewtonStalled(LatinNewton *, PetscReal measure, PetscReal target);
@@ -68,6 +69,7 @@ PETSC_INTERN PetscErrorCode LatinNewtonSolve_Private(SNES, LatinNewton *, Vec u,
 PETSC_INTERN PetscErrorCode LatinNewtonYields_Private(LatinNewton *, Vec r, PetscBool *yields);
 PETSC_INTERN PetscErrorCode LatinMultipliersStart_Private(Latin, LatinNewton *);
 PETSC_INTERN PetscErrorCode LatinMultipliersSolve_Private(SNES, LatinNewton *, Vec u, SNESConvergedReason *);
+PETSC_INTERN PetscBool      LatinMultipliersEnergy(const LatinNewton *);
 PETSC_INTERN PetscErrorCode LatinMultipliersEnd_Private(Latin, LatinNewton *, PetscBool solved);
 PETSC_INTERN PetscErrorCode PCLatinShare_Private(PC, Latin);
 PETSC_INTERN PetscErrorCode PCLatinFollow_Private(PC, Latin);
