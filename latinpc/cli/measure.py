@@ -157,7 +157,8 @@ def extremes(comm, groups, count, seed, family, json_file):
 
     Random structures (--random) are of the families statics, collapse (loads next to the limit load), rigid, friction
     and motion; loads go down to 1e-9 of what the stiffnesses bear, stiffness ratios up to 1e9. Equilibria in 200
-    digits judge displacements and tensions, and whether there is an equilibrium.
+    digits judge displacements and tensions, and whether there is an equilibrium; with friction that may be unknown.
+    Rates of solved ones are of those that have one.
 
     --family large draws structures that prestress holds, of large displacements. Equations of their own judge balance
     and stability, and whether equilibria lead from no loads to these.

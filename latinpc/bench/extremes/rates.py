@@ -19,7 +19,9 @@ from .drawn import FAMILIES
 ASKED = 1e-4  #: relative error of displacements and tensions that the default stop promises
 SLACK = 3.0  #: times the error asked for, as in the suite
 TIMEOUT = 60  # s, for one structure
-VERDICTS = ("right", "refused", "unsolved", "elsewhere", "wrong", "rounding", "hang", "crash")
+VERDICTS = ("right", "refused", "unsolved", "unknown", "elsewhere", "wrong", "rounding", "hang", "crash")
+#: verdicts on what has an equilibrium, of which rates are taken
+SOLVABLE = ("right", "unsolved", "elsewhere", "wrong", "hang", "crash")
 BAD = ("wrong", "hang", "crash")
 
 
@@ -78,7 +80,7 @@ def layout(document):
         if not mine:
             continue
         counts = [sum(one["verdict"] == verdict for one in mine) for verdict in VERDICTS]
-        solvable = [one for one in mine if one["verdict"] not in ("refused", "rounding")]
+        solvable = [one for one in mine if one["verdict"] in SOLVABLE]
         right = [one for one in solvable if one["verdict"] == "right"]
         largest = [
             max((one[key] for one in right if one.get(key) is not None), default=0.0) for key in ("u", "tension")

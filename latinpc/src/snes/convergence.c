@@ -214,6 +214,7 @@ static PetscErrorCode SNESLatinProve_Private(SNES snes, LatinNext *next)
   if (!far && !SNESLatinBalances(snes)) PetscFunctionReturn(0);
   PetscCall(LatinEquilibriumCheck_Private(data->latin, snes->vec_sol, snes->vec_func, snes->vec_rhs, data->target, data->estimate.energy, PETSC_FALSE, &data->found));
   if (data->found.verdict == LATIN_UNBOUNDED) *next = LATIN_NEXT_DIVERGED;
+  else if (far && data->found.verdict == LATIN_BELOW_ROUNDING) *next = LATIN_NEXT_ROUNDING;
   else if (SNESLatinBalances(snes) && (data->found.unbalance > data->balance || data->found.forces > data->target || data->found.missed > data->target))
     *next = data->latin->linear.distance <= data->latin->linear.noise ? LATIN_NEXT_ROUNDING : LATIN_NEXT_CONTINUE;
   PetscFunctionReturn(0);

@@ -5,6 +5,10 @@
    link of strain x bears max(0, lambda + r x), or min where it bears compression: with a penalty stiffness r it is a unilateral spring, and
    Newton's method solves for the displacements. What it then bears is its next lambda. At the solution lambda is its tension and
    x its gap, whatever r; the larger r beside the stiffness around the link, the fewer times this takes. Where gaps jam, the tensions grow without end.
+
+   A contact with friction starts from lambda = 0, for those of an iterate that has diverged lie outside of its cone. With
+   friction there is no energy, and whole steps of Newton's method may end nowhere: they start from problems that have one, see
+   LatinMultipliersCoulomb_Private() and structure/frictionsprings.c.
 */
 
 #define LATIN_PENALTY          1e3  /* times the search parameter of the link, at first */
@@ -24,12 +28,12 @@ PetscErrorCode LatinMultipliersStart_Private(Latin latin, LatinNewton *newton)
 
   PetscFunctionBegin;
   if (structure->rigid_law < 0) PetscFunctionReturn(0);
-  if (!newton->penalty) PetscCall(PetscMalloc3(structure->links_local, &newton->penalty, structure->links_local, &newton->multiplier, structure->links_local, &newton->tension));
+  if (!newton->penalty) PetscCall(PetscMalloc4(structure->links_local, &newton->penalty, structure->links_local, &newton->multiplier, structure->links_local, &newton->tension, structure->links_local, &newton->bound));
   for (PetscInt l = 0; l < structure->links_local; l++) {
     const PetscReal tension = latin->linear.rigid_tension[l];
 
     newton->penalty[l]    = LatinLaws[structure->law[l]].rigid ? LATIN_PENALTY * latin->sub.link_stiffness[l] : 0.0;
-    newton->multiplier[l] = LatinLaws[structure->law[l]].rigid && !PetscIsInfOrNanReal(tension) ? tension : 0.0;
+    newton->multiplier[l] = LatinLaws[structure->law[l]].rigid && !structure->rubs && !PetscIsInfOrNanReal(tension) ? tension : 0.0;
   }
   structure->penalty    = newton->penalty;
   structure->multiplier = newton->multiplier;
@@ -67,32 +71,102 @@ static PetscErrorCode LatinMultipliersUpdate_Private(LatinNewton *newton, Vec u,
   PetscFunctionReturn(0);
 }
 
+/* One problem with springs, to forces without balance of this norm. Collective on snes */
+static PetscErrorCode LatinMultipliersProblem_Private(SNES snes, LatinNewton *newton, PetscReal balance, Vec u, SNESConvergedReason *reason)
+{
+  const PetscReal kept = newton->balance;
+  PetscInt        steps, stages;
+
+  PetscFunctionBegin;
+  newton->balance = balance;
+  PetscCall(SNESSolve(newton->snes, snes->vec_rhs, u));
+  PetscCall(SNESGetConvergedReason(newton->snes, reason));
+  PetscCall(SNESGetIterationNumber(newton->snes, &steps));
+  PetscCall(SNESGetLinearSolveIterations(newton->snes, &stages));
+  newton->steps += steps;
+  newton->stages += stages;
+  newton->balance = kept;
+  PetscFunctionReturn(0);
+}
+
+/* Bounds of the friction: none; or what the normal parts allow that bear `tension`, and half of the way there where there was a bound */
+static void LatinMultipliersBound(LatinNewton *newton, const PetscReal tension[])
+{
+  const LatinStructure structure = newton->structure;
+
+  for (PetscInt l = 0; l < structure->links_local; l++) {
+    const PetscReal allowed = tension && structure->law[l] == LATIN_LAW_FRICTION ? -structure->friction[l] * tension[l] : 0.0;
+
+    newton->bound[l] = !tension ? PETSC_MAX_REAL : newton->sticks ? allowed : 0.5 * (newton->bound[l] + allowed);
+  }
+  structure->bound = newton->bound;
+  newton->sticks   = (PetscBool)!tension;
+}
+
+/* Have the springs of the present problem an energy? Coulomb's friction has none */
+PetscBool LatinMultipliersEnergy(const LatinNewton *newton)
+{
+  return (PetscBool)(!newton->structure->rubs || newton->structure->bound);
+}
+
+/*
+   The problem of Coulomb's friction, for which whole steps of Newton's method end soon if they end at all. They start from the
+   problem of contacts that stick where they touch, whose energy is convex; and where they do not end once more from the one
+   whose friction has the bounds of the last tensions. Collective on snes
+*/
+static PetscErrorCode LatinMultipliersCoulomb_Private(SNES snes, LatinNewton *newton, PetscBool first, Vec u, SNESConvergedReason *reason)
+{
+  LatinStructure structure = newton->structure;
+  Vec            convex;
+
+  PetscFunctionBegin;
+  newton->sticks = PETSC_TRUE;
+  if (first) {
+    LatinMultipliersBound(newton, NULL);
+    PetscCall(LatinMultipliersProblem_Private(snes, newton, PETSC_MAX_REAL, u, reason));
+    if (*reason < 0) PetscFunctionReturn(0);
+  }
+  PetscCall(DMGetGlobalVector(structure->dm, &convex));
+  do {
+    PetscCall(VecCopy(u, convex));
+    structure->bound = NULL;
+    PetscCall(LatinMultipliersProblem_Private(snes, newton, newton->balance, u, reason));
+    if (*reason > 0) break;
+    PetscCall(VecCopy(convex, u));
+    PetscCall(LatinStructureTensions_Private(structure, NULL, u, newton->tension));
+    LatinMultipliersBound(newton, newton->tension);
+    PetscCall(LatinMultipliersProblem_Private(snes, newton, PETSC_MAX_REAL, u, reason));
+  } while (*reason > 0 && newton->steps - newton->before < LATIN_MULTIPLIER_STEPS);
+  if (structure->bound) *reason = SNES_DIVERGED_MAX_IT;
+  newton->sticks = PETSC_FALSE;
+  PetscCall(DMRestoreGlobalVector(structure->dm, &convex));
+  PetscFunctionReturn(0);
+}
+
 /* Newton's method for one set of multipliers after the other. Collective on snes */
 PetscErrorCode LatinMultipliersSolve_Private(SNES snes, LatinNewton *newton, Vec u, SNESConvergedReason *reason)
 {
-  PetscBool done  = PETSC_FALSE;
+  PetscBool done  = PETSC_FALSE, first = PETSC_TRUE;
   PetscReal grown = LATIN_PENALTY, most = LATIN_PENALTY_MOST, change = PETSC_MAX_REAL, moved = 1.0, factor, last;
-  PetscInt  steps, stages, sum = 0, raised = 0;
+  PetscInt  raised = 0;
   Vec       before;
 
   PetscFunctionBegin;
+  newton->before = newton->steps;
+  newton->sticks = PETSC_FALSE;
   PetscCall(DMGetGlobalVector(newton->structure->dm, &before));
   PetscCall(VecCopy(u, before));
-  for (PetscInt k = 0; k < LATIN_MULTIPLIER_TIMES && sum < LATIN_MULTIPLIER_STEPS && !done; k++) {
-    PetscCall(SNESSolve(newton->snes, snes->vec_rhs, u));
-    PetscCall(SNESGetConvergedReason(newton->snes, reason));
-    PetscCall(SNESGetIterationNumber(newton->snes, &steps));
-    PetscCall(SNESGetLinearSolveIterations(newton->snes, &stages));
-    sum += steps;
-    newton->steps += steps;
-    newton->stages += stages;
+  for (PetscInt k = 0; k < LATIN_MULTIPLIER_TIMES && newton->steps - newton->before < LATIN_MULTIPLIER_STEPS && !done; k++) {
+    if (newton->structure->rubs) PetscCall(LatinMultipliersCoulomb_Private(snes, newton, first, u, reason));
+    else PetscCall(LatinMultipliersProblem_Private(snes, newton, newton->balance, u, reason));
     if (*reason == SNES_DIVERGED_LINEAR_SOLVE && newton->tangent && raised++ < LATIN_FLOOR_TIMES) { /* the taut links of a step are a mechanism to rounding */
       newton->floor *= LATIN_FLOOR_GROWS;
       PetscCall(VecCopy(before, u));
       continue;
     }
-    done = (PetscBool)(*reason < 0 || newton->structure->rigid_law < 0);
-    last = change;
+    first = PETSC_FALSE;
+    done  = (PetscBool)(*reason < 0 || newton->structure->rigid_law < 0);
+    last  = change;
     if (!done) PetscCall(LatinMultipliersUpdate_Private(newton, u, before, &change, &moved, &done));
     if (done || change <= last / LATIN_PENALTY_GROWS) continue;
     factor = LATIN_PENALTY_GROWS;
@@ -116,6 +190,6 @@ PetscErrorCode LatinMultipliersEnd_Private(Latin latin, LatinNewton *newton, Pet
   PetscFunctionBegin;
   if (structure->rigid_law < 0) PetscFunctionReturn(0);
   if (solved) PetscCall(PetscArraycpy(latin->linear.rigid_tension, newton->multiplier, structure->links_local));
-  structure->penalty = structure->multiplier = NULL;
+  structure->penalty = structure->multiplier = structure->bound = NULL;
   PetscFunctionReturn(0);
 }

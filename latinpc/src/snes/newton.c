@@ -47,10 +47,10 @@ PetscErrorCode LatinNewtonStart_Private(LatinNewton *newton, LatinStructure stru
   newton->last                                  = PETSC_MAX_INT;
   for (PetscInt i = 0; i < 3; i++) newton->least[i] = PETSC_MAX_REAL;
   PetscCall(LatinStructureStiffnessRange_Private(structure, &least, &most));
-  newton->stall    = (PetscBool)(newton->type != LATIN_NEWTON_NEVER && !structure->rubs); /* the method needs an energy */
+  newton->stall    = (PetscBool)(newton->type != LATIN_NEWTON_NEVER && (!structure->rubs || most > 0.0)); /* grains with friction alone have no stiffness that would lead anywhere */
   newton->finish   = (PetscBool)(newton->stall && structure->rigid_law < 0);
   newton->most     = structure->rigid_law < 0 ? LATIN_NEWTON_STAGES : LATIN_NEWTON_RIGID;
-  newton->contrast = (PetscBool)(most > LATIN_NEWTON_CONTRAST * least);
+  newton->contrast = (PetscBool)(most > LATIN_NEWTON_CONTRAST * least && !structure->rubs); /* with friction the method may fail where there is an equilibrium */
   PetscFunctionReturn(0);
 }
 
@@ -212,7 +212,8 @@ static PetscErrorCode LatinNewtonConverged_Private(SNES snes, PetscInt it, Petsc
     if (!changes && !newton->tangent) newton->error *= PetscMin(1.0, newton->doubt * newton->left); /* where forces differ by orders, only a step that moves nothing proves anything */
     if (newton->reference) PetscCall(LatinStructureComputeErrors(newton->structure, u, newton->reference, &newton->error, &energy));
   }
-  rounding = (PetscBool)(it > 1 && !changes && !newton->changes && newton->error > LATIN_NEWTON_GAIN * before && newton->left < LATIN_NEWTON_RTOL); /* a step that was to bring digits has brought none */
+  rounding = (PetscBool)(it > 1 && !changes && !newton->changes && newton->error > LATIN_NEWTON_GAIN * before && newton->left < LATIN_NEWTON_RTOL &&
+                         (fnorm <= newton->balance || LatinMultipliersEnergy(newton))); /* a step that was to bring digits has brought none */
   claims   = (PetscBool)(it && ((newton->tangent && !newton->structure->penalty) || !changes || newton->error <= LATIN_NEWTON_REST) && newton->error <= newton->target && fnorm <= newton->balance &&
                        (!newton->still || newton->still > LATIN_NEWTON_STILL));
   if ((rounding || claims) && (newton->tangent || newton->proves) && !newton->structure->penalty) {
@@ -252,7 +253,7 @@ static PetscErrorCode LatinNewtonJacobian_Private(SNES snes, Vec u, Mat A, Mat P
   PetscFunctionReturn(0);
 }
 
-/* Whole steps at first; when they have not ended, links change to and fro, and only the least energy along each step leads on */
+/* Whole steps at first; when they have not ended, links change to and fro, and only the least energy along each step leads on, where there is an energy */
 static PetscErrorCode LatinNewtonSearch_Private(SNESLineSearch search, void *ctx)
 {
   LatinNewton *newton = (LatinNewton *)ctx;
@@ -266,6 +267,10 @@ static PetscErrorCode LatinNewtonSearch_Private(SNESLineSearch search, void *ctx
   PetscCall(SNESLineSearchSetReason(search, SNES_LINESEARCH_SUCCEEDED));
   PetscCall(SNESLineSearchGetVecs(search, &u, &f, &step, NULL, NULL));
   PetscCall(SNESGetIterationNumber(snes, &done));
+  if (done >= LATIN_NEWTON_FULL && !LatinMultipliersEnergy(newton)) {
+    PetscCall(SNESLineSearchSetReason(search, SNES_LINESEARCH_FAILED_REDUCT));
+    PetscFunctionReturn(0);
+  }
   if (done >= LATIN_NEWTON_FULL) PetscCall(LatinStructureSearch_Private(newton->structure, u, step, snes->vec_rhs, &length));
   PetscCall(VecAXPY(u, -length, step));
   PetscCall(VecScale(step, length)); /* the norm of the step is that of what was taken */
@@ -303,8 +308,8 @@ PetscErrorCode LatinNewtonCreate_Private(SNES snes, Latin latin, PetscBool tange
   PetscCall(SNESLineSearchSetType(search, SNESLINESEARCHSHELL));
   PetscCall(SNESLineSearchShellSetApply(search, LatinNewtonSearch_Private, newton));
   PetscCall(SNESGetKSP(newton->snes, &ksp));
-  PetscCall(KSPSetType(ksp, KSPCG));
-  PetscCall(KSPSetNormType(ksp, KSP_NORM_NATURAL));
+  PetscCall(KSPSetType(ksp, newton->structure->rubs ? KSPGMRES : KSPCG));
+  if (!newton->structure->rubs) PetscCall(KSPSetNormType(ksp, KSP_NORM_NATURAL));
   PetscCall(KSPSetTolerances(ksp, tangent ? LATIN_NEWTON_TIGHT : LATIN_NEWTON_RTOL, PETSC_DEFAULT, PETSC_MAX_REAL, LATIN_NEWTON_LINEAR));
   PetscCall(KSPGetPC(ksp, &pc));
   PetscCall(PCSetType(pc, PCLATIN));

@@ -202,7 +202,7 @@ PetscErrorCode SNESLatinSetBalance(SNES snes, PetscReal balance)
 
   Note:
   Where Newton's method fails the iteration goes on. Rigid links are springs in it, whose tensions become multipliers until
-  the springs do no more; they prove no error, and contacts with friction do without.
+  the springs do no more; they prove no error. Contacts with friction have a tangent stiffness that is not symmetric: GMRES takes the place of CG.
 
 .seealso: `SNESLATIN`
 @*/

@@ -31,7 +31,7 @@ PetscErrorCode SNESLatinResetState_Private(SNES snes)
   PetscFunctionBegin;
   PetscCall(SNESLatinOuterReset_Private(snes));
   PetscCall(SNESDestroy(&data->newton.snes));
-  PetscCall(PetscFree3(data->newton.penalty, data->newton.multiplier, data->newton.tension));
+  PetscCall(PetscFree4(data->newton.penalty, data->newton.multiplier, data->newton.tension, data->newton.bound));
   PetscCall(VecDestroy(&data->large.forces));
   PetscCall(VecDestroy(&data->large.solution));
   PetscCall(VecDestroy(&data->z));

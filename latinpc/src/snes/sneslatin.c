@@ -118,7 +118,7 @@ static PetscErrorCode SNESLatinFinished_Private(SNES snes, SNESConvergedReason r
   PetscFunctionReturn(0);
 }
 
-/* The norm of the forces without balance that a claim may leave: of the loads, and near the solution of the tensions, which are wrong by as much. Collective on snes */
+/* The norm of the forces without balance that a claim may leave: of the loads, and near the solution, or without loads, of the tensions, which are wrong by as much. Collective on snes */
 static PetscErrorCode SNESLatinLeaves_Private(SNES snes, PetscBool stall, PetscReal *balance)
 {
   SNES_Latin          *data      = (SNES_Latin *)snes->data;
@@ -127,14 +127,14 @@ static PetscErrorCode SNESLatinLeaves_Private(SNES snes, PetscBool stall, PetscR
 
   PetscFunctionBegin;
   *balance = PETSC_MAX_REAL;
-  if (!SNESLatinBalances(snes) || structure->rigid_law >= 0) PetscFunctionReturn(0); /* springs of rigid links round more than their tensions do */
+  if (!SNESLatinBalances(snes) || (structure->rigid_law >= 0 && !structure->rubs)) PetscFunctionReturn(0); /* springs of rigid links round more than their tensions do */
   PetscCall(DMGetWorkArray(structure->dm, structure->links_local, MPIU_REAL, &tension));
   PetscCall(LatinStructureTensions_Private(structure, NULL, snes->vec_sol, tension));
   for (PetscInt l = 0; l < structure->links_local; l++) sum += PetscSqr(tension[l]);
   PetscCall(DMRestoreWorkArray(structure->dm, structure->links_local, MPIU_REAL, &tension));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &sum, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)snes)));
-  if (data->newton.loads > 0.0) *balance = data->balance * data->newton.loads;
-  if (sum > 0.0 && !stall) *balance = PetscMin(*balance, data->target * PetscSqrtReal(sum));
+  if (data->newton.loads > 0.0) *balance = (structure->rubs ? data->target : data->balance) * data->newton.loads;
+  if (sum > 0.0 && (!stall || (structure->rubs && *balance == PETSC_MAX_REAL))) *balance = PetscMin(*balance, data->target * PetscSqrtReal(sum));
   PetscFunctionReturn(0);
 }
 
@@ -191,7 +191,7 @@ static PetscErrorCode SNESLatinNewton_Private(SNES snes, PetscBool stall)
   data->found = newton->found;
   PetscCall(SNESGetSolutionUpdate(newton->snes, &step));
   PetscCall(SNESGetFunction(newton->snes, &r, NULL, NULL));
-  if (step && !data->found.verdict) PetscCall(LatinEquilibriumMechanism_Private(data->latin->sub.structure, step, r, snes->vec_rhs, &data->found));
+  if (step && !data->found.verdict && (!data->latin->sub.structure->rubs || newton->sticks)) PetscCall(LatinEquilibriumMechanism_Private(data->latin->sub.structure, step, r, snes->vec_rhs, &data->found));
   PetscCall(LatinMultipliersEnd_Private(data->latin, newton, (PetscBool)(reason > 0)));
   if (data->found.verdict == LATIN_UNBOUNDED) {
     data->next = LATIN_NEXT_DIVERGED;

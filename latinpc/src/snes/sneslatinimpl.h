@@ -61,12 +61,14 @@ typedef struct {
   PetscBool        linear;           /* no link can become slack */
   PetscInt         changes;          /* links that the last step has changed */
   PetscInt         steps, stages;    /* of this solve: Newton steps, linear stages */
+  PetscInt         before;           /* Newton steps before the method started for the last time */
   PetscInt         limit;            /* of these stages */
   PetscInt         still;            /* steps in a row whose search has stood still */
   PetscBool        asked;            /* whether there is an equilibrium at all */
   LatinEquilibrium found;            /* the answer, and where there is none the nodes that move */
   /* rigid links as springs (snes/multipliers.c), NULL before the first time: [links_local of the structure] */
-  PetscReal *penalty, *multiplier, *tension;
+  PetscReal *penalty, *multiplier, *tension, *bound;
+  PetscBool  sticks; /* the last problem solved has contacts with friction without bound */
 } LatinNewton;
 PETSC_INTERN PetscErrorCode LatinNewtonStart_Private(LatinNewton *, LatinStructure);
 PETSC_INTERN PetscBool      LatinNewtonStalled(LatinNewton *, PetscReal measure, PetscReal target);
@@ -76,6 +78,7 @@ PETSC_INTERN PetscErrorCode LatinNewtonCorrection_Private(LatinNewton *, Vec u, 
 PETSC_INTERN PetscErrorCode LatinNewtonAsk_Private(LatinNewton *, Vec more);
 PETSC_INTERN PetscErrorCode LatinMultipliersStart_Private(Latin, LatinNewton *);
 PETSC_INTERN PetscErrorCode LatinMultipliersSolve_Private(SNES, LatinNewton *, Vec u, SNESConvergedReason *);
+PETSC_INTERN PetscBool      LatinMultipliersEnergy(const LatinNewton *);
 PETSC_INTERN PetscErrorCode LatinMultipliersEnd_Private(Latin, LatinNewton *, PetscBool solved);
 PETSC_INTERN PetscErrorCode PCLatinShare_Private(PC, Latin);
 PETSC_INTERN PetscErrorCode PCLatinFollow_Private(PC, Latin);

@@ -9,8 +9,8 @@
 
 /* The links along a step: strains x - t d, and t bend of the springs to the ground */
 typedef struct {
-  PetscReal *x, *d;      /* [links_local] */
-  PetscReal  work, bend; /* slope at t = 0 of loads and springs, and how the springs change it */
+  PetscReal *x, *d, *tension; /* [links_local] */
+  PetscReal  work, bend;      /* slope at t = 0 of loads and springs, and how the springs change it */
 } LatinLine;
 
 /* The derivative of the energy with t. Collective on structure */
@@ -18,7 +18,9 @@ static PetscErrorCode LatinLineSlope_Private(LatinStructure structure, const Lat
 {
   PetscFunctionBegin;
   *slope = 0.0;
-  for (PetscInt l = 0; l < structure->links_local; l++) *slope -= LatinStructureTension(structure, NULL, l, line->x[l] - t * line->d[l]) * line->d[l];
+  for (PetscInt l = 0; l < structure->links_local; l++) line->tension[l] = LatinStructureTension(structure, NULL, l, line->x[l] - t * line->d[l]);
+  if (structure->penalty && structure->rubs) LatinFrictionCap(structure, line->tension);
+  for (PetscInt l = 0; l < structure->links_local; l++) *slope -= line->tension[l] * line->d[l];
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, slope, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
   *slope += line->work + t * line->bend;
   PetscFunctionReturn(0);
@@ -38,7 +40,7 @@ PetscErrorCode LatinStructureSearch_Private(LatinStructure structure, Vec u, Vec
   LatinLine      line;
 
   PetscFunctionBegin;
-  PetscCall(PetscMalloc2(n, &line.x, n, &line.d));
+  PetscCall(PetscMalloc3(n, &line.x, n, &line.d, n, &line.tension));
   PetscCall(LatinStructureStrains_Private(structure, u, line.x));
   PetscCall(LatinStructureElongations_Private(structure, NULL, step, line.d)); /* no change where prescribed */
   PetscCall(VecDot(structure->load, step, &work));
@@ -70,7 +72,7 @@ PetscErrorCode LatinStructureSearch_Private(LatinStructure structure, Vec u, Vec
     t = k % 3 == 2 ? 0.5 * (low + high) : low - slope[0] * (high - low) / (slope[1] - slope[0]);
     if (high - low <= PETSC_MACHINE_EPSILON * high) break;
   }
-  PetscCall(PetscFree2(line.x, line.d));
+  PetscCall(PetscFree3(line.x, line.d, line.tension));
   *length = t;
   PetscFunctionReturn(0);
 }

@@ -12,6 +12,7 @@ PetscErrorCode LatinStructureTensions_Private(LatinStructure structure, const Pe
   }
   PetscCall(LatinStructureStrains_Private(structure, u, tension));
   for (PetscInt l = 0; l < structure->links_local; l++) tension[l] = LatinStructureTension(structure, rigid, l, tension[l]);
+  if (structure->penalty && structure->rubs) LatinFrictionCap(structure, tension);
   PetscFunctionReturn(0);
 }
 

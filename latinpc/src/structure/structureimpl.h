@@ -2,7 +2,7 @@
    Structures of links: what a structure holds, and what its rooms do for each other and for the solvers. Each room calls
    those before it only:
 
-     laws, userlaws; vectors; turning; rigidlaws; tangent, linesearch; residual, results; setup; structure; timestep, frame; attach
+     laws, userlaws; vectors; turning; rigidlaws; frictionsprings; tangent, linesearch; residual, results; setup; structure; timestep, frame; attach
 */
 #ifndef LATINSTRUCTUREIMPL_H
 #define LATINSTRUCTUREIMPL_H
@@ -64,6 +64,7 @@ struct _p_LatinStructure {
   PetscReal        shift;      /* this 1 / h^2 */
   /* [links_local] while Newton's method takes rigid links for springs (snes/multipliers.c), else NULL; borrowed */
   const PetscReal *penalty, *multiplier;
+  const PetscReal *bound; /* beside them: the friction that each contact bears at most, read at its normal part; NULL: Coulomb's */
   /* parts of links that turn (structure/frame.c), NULL in other structures */
   LatinStructure   turns;                 /* the structure whose links have been split into parts */
   PetscObjectState turns_state, turns_e0; /* its states when it was last looked at */
@@ -97,10 +98,15 @@ static inline void LatinStructureAddForce(LatinStructure structure, PetscInt l, 
   }
 }
 
-/* The tension of a rigid link that is taken for a spring: max(0, lambda + r x) where traction is admissible, min(0, lambda + r x) where compression is */
+/*
+   The tension of a rigid link that is taken for a spring: max(0, lambda + r x) where traction is admissible, min(0, lambda + r x) where
+   compression is; of the tangential part of a contact lambda + r x, which its bound limits (structure/frictionsprings.c)
+*/
 static inline PetscReal LatinStructureSpring(const LatinStructure structure, PetscInt l, PetscReal x)
 {
-  return LatinUnilateralTension(LatinLawSign(structure->law[l]), 1.0, structure->multiplier[l] + structure->penalty[l] * x);
+  const PetscReal y = structure->multiplier[l] + structure->penalty[l] * x;
+
+  return structure->law[l] == LATIN_LAW_TANGENT ? y : LatinUnilateralTension(LatinLawSign(structure->law[l]), 1.0, y);
 }
 
 /* The tension of a link of the strain x. Those of rigid links, `rigid`, are no function of it: a solver has them, NULL before it has any */
@@ -119,7 +125,7 @@ static inline PetscReal LatinStructureTangent(const LatinStructure structure, Pe
 {
   const LatinLaw *law = &LatinLaws[structure->law[l]];
 
-  if (law->rigid) return LatinStructureSpring(structure, l, x) != 0.0 ? structure->penalty[l] : 0.0;
+  if (law->rigid) return structure->law[l] == LATIN_LAW_TANGENT || LatinStructureSpring(structure, l, x) != 0.0 ? structure->penalty[l] : 0.0;
   return law->tangent(structure->stiffness[l], x, law->ctx);
 }
 
@@ -145,6 +151,11 @@ PETSC_INTERN PetscErrorCode LatinStructureStiffness_Private(LatinStructure, Pets
 PETSC_INTERN PetscErrorCode LatinStructureSetUpRigid_Private(LatinStructure);
 PETSC_INTERN PetscErrorCode LatinStructureCheckRigid_Private(LatinStructure, const char what[]);
 PETSC_INTERN PetscErrorCode LatinStructureCheckHeld_Private(LatinStructure);
+
+/* ---- contacts with friction that are taken for springs (structure/frictionsprings.c) ---- */
+PETSC_INTERN void LatinFrictionCap(LatinStructure, PetscReal tension[]);
+PETSC_INTERN void LatinFrictionTangents(LatinStructure, PetscReal x[], PetscReal slip[]);
+PETSC_INTERN void LatinFrictionMult(LatinStructure, const PetscReal slip[], const PetscReal e[], PetscReal tension[]);
 
 /* ---- tangent stiffnesses, with the matrix that they make (structure/tangent.c); the energy along a step (structure/linesearch.c) ---- */
 PETSC_INTERN PetscErrorCode LatinStructureStiffnessRange_Private(LatinStructure, PetscReal *least, PetscReal *most);

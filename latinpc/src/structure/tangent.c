@@ -35,24 +35,33 @@ PetscErrorCode LatinTangentFind_Private(LatinStructure structure, Mat P, Vec *ta
   PetscFunctionReturn(0);
 }
 
-/* The tangent stiffness of each link at u, at least `floor`. Collective on structure */
-static PetscErrorCode LatinStructureTangents_Private(LatinStructure structure, Vec u, PetscReal floor, PetscReal k[])
+/* Do contacts with friction add to the matrix what is not on the diagonal of the tangent stiffnesses? */
+static inline PetscBool LatinTangentRubs(const LatinStructure structure)
 {
+  return (PetscBool)(structure->penalty && structure->rubs);
+}
+
+/* The tangent stiffness of each link at u, at least `floor`, and the slip of the contacts with friction that are taken for springs. Collective on structure */
+static PetscErrorCode LatinStructureTangents_Private(LatinStructure structure, Vec u, PetscReal floor, PetscReal k[], PetscReal slip[])
+{
+  const PetscBool rubs = LatinTangentRubs(structure);
+
   PetscFunctionBegin;
   PetscCall(LatinStructureStrains_Private(structure, u, k));
-  for (PetscInt l = 0; l < structure->links_local; l++) k[l] = PetscMax(floor, LatinStructureTangent(structure, l, k[l]));
+  if (rubs) LatinFrictionTangents(structure, k, slip);
+  for (PetscInt l = 0; l < structure->links_local; l++) k[l] = PetscMax(floor, rubs && structure->law[l] == LATIN_LAW_TANGENT ? k[l] : LatinStructureTangent(structure, l, k[l]));
   PetscFunctionReturn(0);
 }
 
-/* Those kept with the matrix J, made if there are none */
-static PetscErrorCode LatinTangentMake_Private(LatinStructure structure, Mat J, Vec *tangent)
+/* The vector of a number for each link that a matrix carries by this name, made if it has none; borrowed. Collective on structure */
+static PetscErrorCode LatinTangentLinks_Private(LatinStructure structure, Mat J, const char name[], Vec *links)
 {
   PetscFunctionBegin;
-  PetscCall(LatinTangentFind_Private(structure, J, tangent));
-  if (*tangent) PetscFunctionReturn(0);
-  PetscCall(VecCreateMPI(PetscObjectComm((PetscObject)structure), structure->links_local, structure->links_global, tangent));
-  PetscCall(PetscObjectCompose((PetscObject)J, "LatinTangent", (PetscObject)*tangent));
-  PetscCall(PetscObjectDereference((PetscObject)*tangent));
+  PetscCall(PetscObjectQuery((PetscObject)J, name, (PetscObject *)links));
+  if (*links) PetscFunctionReturn(0);
+  PetscCall(VecCreateMPI(PetscObjectComm((PetscObject)structure), structure->links_local, structure->links_global, links));
+  PetscCall(PetscObjectCompose((PetscObject)J, name, (PetscObject)*links));
+  PetscCall(PetscObjectDereference((PetscObject)*links));
   PetscFunctionReturn(0);
 }
 
@@ -62,12 +71,17 @@ static PetscErrorCode LatinTangentMake_Private(LatinStructure structure, Mat J, 
 */
 PetscErrorCode LatinTangentCompute_Private(LatinStructure structure, Vec u, PetscReal floor, Mat J, Vec *tangent)
 {
-  PetscReal *k;
+  PetscReal *k, *s = NULL;
+  Vec        slip = NULL;
 
   PetscFunctionBegin;
-  PetscCall(LatinTangentMake_Private(structure, J, tangent));
+  PetscCall(LatinTangentFind_Private(structure, J, tangent));
+  PetscCall(LatinTangentLinks_Private(structure, J, "LatinTangent", tangent));
+  if (LatinTangentRubs(structure)) PetscCall(LatinTangentLinks_Private(structure, J, "LatinSlip", &slip));
   PetscCall(VecGetArrayWrite(*tangent, &k));
-  PetscCall(LatinStructureTangents_Private(structure, u, floor, k));
+  if (slip) PetscCall(VecGetArrayWrite(slip, &s));
+  PetscCall(LatinStructureTangents_Private(structure, u, floor, k, s));
+  if (slip) PetscCall(VecRestoreArrayWrite(slip, &s));
   PetscCall(VecRestoreArrayWrite(*tangent, &k));
   PetscCall(PetscObjectStateIncrease((PetscObject)J));
   PetscFunctionReturn(0);
@@ -80,7 +94,7 @@ PetscErrorCode LatinTangentGive_Private(LatinStructure structure, const PetscRea
   Vec          tangent;
 
   PetscFunctionBegin;
-  PetscCall(LatinTangentMake_Private(structure, J, &tangent));
+  PetscCall(LatinTangentLinks_Private(structure, J, "LatinTangent", &tangent));
   PetscCall(VecGetArrayWrite(tangent, &a));
   PetscCall(PetscArraycpy(a, k, structure->links_local));
   PetscCall(VecRestoreArrayWrite(tangent, &a));
@@ -88,22 +102,33 @@ PetscErrorCode LatinTangentGive_Private(LatinStructure structure, const PetscRea
   PetscFunctionReturn(0);
 }
 
-/* y = B^t k_t B x */
+/* y = B^t k_t B x, where contacts with friction slip with what they have beside the diagonal of k_t */
 static PetscErrorCode LatinTangentMult_Private(Mat A, Vec x, Vec y)
 {
   LatinStructure   structure;
-  Vec              tangent;
-  const PetscReal *k;
-  PetscReal       *tension;
+  Vec              tangent, slip;
+  const PetscReal *k, *s;
+  PetscReal       *tension, *e = NULL;
 
   PetscFunctionBegin;
   PetscCall(MatShellGetContext(A, &structure));
   PetscCall(PetscObjectQuery((PetscObject)A, "LatinTangent", (PetscObject *)&tangent));
   PetscCall(DMGetWorkArray(structure->dm, structure->links_local, MPIU_REAL, &tension));
   PetscCall(LatinStructureElongations_Private(structure, NULL, x, tension)); /* no change where prescribed */
+  if (LatinTangentRubs(structure)) {
+    PetscCall(DMGetWorkArray(structure->dm, structure->links_local, MPIU_REAL, &e));
+    PetscCall(PetscArraycpy(e, tension, structure->links_local));
+  }
   PetscCall(VecGetArrayRead(tangent, &k));
   for (PetscInt l = 0; l < structure->links_local; l++) tension[l] *= k[l];
   PetscCall(VecRestoreArrayRead(tangent, &k));
+  if (e) {
+    PetscCall(PetscObjectQuery((PetscObject)A, "LatinSlip", (PetscObject *)&slip));
+    PetscCall(VecGetArrayRead(slip, &s));
+    LatinFrictionMult(structure, s, e, tension);
+    PetscCall(VecRestoreArrayRead(slip, &s));
+    PetscCall(DMRestoreWorkArray(structure->dm, structure->links_local, MPIU_REAL, &e));
+  }
   PetscCall(LatinStructureForces_Private(structure, tension, x, NULL, y));
   PetscCall(DMRestoreWorkArray(structure->dm, structure->links_local, MPIU_REAL, &tension));
   PetscFunctionReturn(0);
@@ -118,25 +143,33 @@ PetscErrorCode LatinTangentCreate_Private(LatinStructure structure, Mat *A)
   PetscCall(VecGetLocalSize(structure->load, &n));
   PetscCall(MatCreateShell(PetscObjectComm((PetscObject)structure), n, n, PETSC_DETERMINE, PETSC_DETERMINE, structure, A));
   PetscCall(MatShellSetOperation(*A, MATOP_MULT, (void (*)(void))LatinTangentMult_Private));
-  PetscCall(MatSetOption(*A, MAT_SYMMETRIC, PETSC_TRUE));
+  PetscCall(MatSetOption(*A, MAT_SYMMETRIC, (PetscBool)!structure->rubs));
   PetscFunctionReturn(0);
 }
 
 /* How many links have another tangent stiffness at u, at least `floor`, than in the matrix J */
 PetscErrorCode LatinTangentChanges_Private(LatinStructure structure, Vec u, PetscReal floor, Mat J, PetscInt *changes)
 {
-  Vec              tangent;
-  const PetscReal *k;
-  PetscReal       *here;
+  const PetscBool  rubs = LatinTangentRubs(structure);
+  Vec              tangent, slip;
+  const PetscReal *k, *s        = NULL;
+  PetscReal       *here, *slips = NULL;
 
   PetscFunctionBegin;
   *changes = 0;
   PetscCall(PetscObjectQuery((PetscObject)J, "LatinTangent", (PetscObject *)&tangent));
+  PetscCall(PetscObjectQuery((PetscObject)J, "LatinSlip", (PetscObject *)&slip));
   PetscCall(DMGetWorkArray(structure->dm, structure->links_local, MPIU_REAL, &here));
-  PetscCall(LatinStructureTangents_Private(structure, u, floor, here));
+  if (rubs) PetscCall(DMGetWorkArray(structure->dm, structure->links_local, MPIU_REAL, &slips));
+  PetscCall(LatinStructureTangents_Private(structure, u, floor, here, slips));
   PetscCall(VecGetArrayRead(tangent, &k));
+  if (rubs) PetscCall(VecGetArrayRead(slip, &s));
   for (PetscInt l = 0; l < structure->links_local; l++)
-    if (here[l] != k[l]) ++*changes;
+    if (here[l] != k[l] || (rubs && structure->law[l] == LATIN_LAW_TANGENT && slips[l] != s[l])) ++*changes;
+  if (rubs) {
+    PetscCall(VecRestoreArrayRead(slip, &s));
+    PetscCall(DMRestoreWorkArray(structure->dm, structure->links_local, MPIU_REAL, &slips));
+  }
   PetscCall(VecRestoreArrayRead(tangent, &k));
   PetscCall(DMRestoreWorkArray(structure->dm, structure->links_local, MPIU_REAL, &here));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, changes, 1, MPIU_INT, MPI_SUM, PetscObjectComm((PetscObject)structure)));

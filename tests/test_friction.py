@@ -1,0 +1,115 @@
+"""Contacts with friction beside elastic links, where the iteration diverges and Newton's method takes over."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from petsc4py import PETSc
+from support import far, solve
+
+from latinpc.bench.extremes import drawn, rubbing
+from latinpc.bench.extremes.conditions import missed
+from latinpc.scenes import Law, Scene
+
+pytestmark = pytest.mark.skipif(np.finfo(PETSc.RealType).eps > 1e-10, reason="the tolerances are of double precision")
+
+DIVERGES = (295, 371, 393, 592, 613, 752)  #: of seed 5: open, sticking and slipping contacts, plane and in space
+
+
+def rubs(number):
+    """Make a random structure with friction that the iteration alone does not solve."""
+    return drawn.draw(5, number, "friction").scene
+
+
+def rested(friction, push, dim=2, sideways=0.0, units=1.0):
+    """Make a block on a floor that a slack cable holds along it, and a weight 10 presses on it."""
+    held = np.zeros((3, dim), bool)
+    held[[0, 2]] = True
+    load = np.zeros((3, dim))
+    load[1, :2], load[1, 2:] = (push, -10.0), sideways
+    normal, along = np.eye(dim)[1], np.delete(np.eye(dim), 1, axis=0)
+    nodes = np.zeros((3, dim))
+    nodes[0, 1], nodes[2, 0] = -1.0, -2.0
+    bars = {"links": [[2, 1]], "law": [Law.CABLE], "stiffness": [1e3 * units], "initial_elongation": [-0.5]}
+    contact = [Law.FRICTION] + [Law.TANGENT] * (dim - 1)
+    return Scene(
+        name="rested", nodes=nodes, links=bars["links"] + [[0, 1]] * dim, law=bars["law"] + contact,
+        stiffness=bars["stiffness"] + [0.0] * dim, initial_elongation=bars["initial_elongation"] + [0.0] * dim,
+        direction=np.vstack([np.zeros(dim), normal, along]), friction=[0.0, friction] + [0.0] * (dim - 1),
+        fixed=held, load=units * load,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("number", DIVERGES)
+def test_coulombs_law_is_met_where_the_iteration_diverges(number):
+    """Balance, gaps and cones; the displacements are those of an equilibrium in 200 digits."""
+    scene = rubs(number)
+    alone = solve(scene, newton="never", stop="auto", max_it=2000)
+    assert alone.reason < 0
+    found = solve(scene, stop="auto")
+    assert found.reason > 0
+    assert missed(scene, found.u, found.tensions) < 1e-5
+    exact = rubbing.near(scene, found.u, found.tensions)
+    assert far(found.u, exact.displacements) < 1e-4
+    assert far(found.tensions, exact.tensions) < 1e-4
+
+
+@pytest.mark.parametrize("units", [1e-8, 1.0, 1e8])
+@pytest.mark.parametrize("push", [2.9, 3.1, 50.0])
+def test_a_block_slides_until_its_cable_is_taut(push, units):
+    """It sticks below mu N; above, the cable bears what friction does not, half a metre further on."""
+    scene = rested(0.3, push, units=units)
+    found = solve(scene, stop="auto")
+    assert found.reason > 0
+    moved = 0.0 if push < 3.0 else 0.5 + (push - 3.0) / 1e3
+    assert found.u[1] == pytest.approx([moved, 0.0], rel=1e-4, abs=1e-6)
+    assert found.tensions / units == pytest.approx([max(push - 3.0, 0.0), -10.0, min(push, 3.0)], rel=1e-4, abs=1e-4)
+
+
+def test_units_of_force_change_nothing():
+    """Stiffnesses and loads a million times as large: the same displacements."""
+    scene = rubs(393)
+    times = replace(scene, stiffness=1e6 * scene.stiffness, load=1e6 * scene.load)
+    one, other = (solve(one, stop="auto") for one in (scene, times))
+    assert far(other.u, one.u) < 1e-4
+    assert far(other.tensions / 1e6, one.tensions) < 1e-4
+
+
+def test_what_no_friction_holds_is_refused():
+    """A load up, away from the floor: no equilibrium, whatever the friction."""
+    scene = rested(0.9, 0.0)
+    up = replace(scene, load=-scene.load)
+    assert rubbing.solve_rubbing(up).exists == "no"
+    assert solve(up, stop="auto", max_it=2000).reason < 0
+
+
+RANKS = f"""
+import sys
+sys.path.insert(0, {str(Path(__file__).parent)!r})
+import numpy as np
+import petsc4py
+petsc4py.init(sys.argv)
+import latinpc
+from test_friction import rubs
+for number in (371, 393):
+    structure = latinpc.Structure.from_scene(rubs(number))
+    snes = structure.create_snes()
+    snes.setFromOptions()
+    u = structure.create_vec()
+    snes.solve(None, u)
+    assert snes.getConvergedReason() > 0
+    found = structure.displacements(u)
+    if structure.comm.rank == 0:
+        np.save(sys.argv[1] + "-" + str(number) + ".npy", found)
+"""
+
+
+def test_ranks_do_not_matter(mpirun, tmp_path):
+    """Two and four ranks find what one does."""
+    for ranks in (1, 2, 4):
+        mpirun(ranks, RANKS, tmp_path / f"u{ranks}")
+    for number in (371, 393):
+        one, two, four = (np.load(tmp_path / f"u{ranks}-{number}.npy") for ranks in (1, 2, 4))
+        assert far(two, one) < 1e-4
+        assert far(four, one) < 1e-4
