@@ -36,7 +36,7 @@ C_FLOORS = [
 PYTHON_FLOORS = [
     ["laws", "_latin"],
     ["arrays", "library", "geometry", "options"],
-    ["checks", "userlaws", "actions", "equations", "solvers", "settings"],
+    ["checks", "userlaws", "actions", "equations", "accuracy", "solvers", "settings"],
     ["results"],
     ["structure"],
     ["scenes"],

@@ -8,6 +8,7 @@ from pathlib import Path
 __version__ = "0.1.0"
 
 from latinpc import scenes
+from latinpc.accuracy import digits, energy_bound, estimated_error, rounding_floor, tension_error
 from latinpc.files.reading import read
 from latinpc.forms.form import Form, form_find
 from latinpc.laws import Law
@@ -32,10 +33,7 @@ from latinpc.settings import (
 )
 from latinpc.solvers import (
     coarse_ksp,
-    digits,
-    energy_bound,
     error_message,
-    estimated_error,
     history,
     jammed_links,
     load_state,
@@ -46,14 +44,12 @@ from latinpc.solvers import (
     outer_snes,
     path,
     pcshell_set_latin,
-    rounding_floor,
     save_state,
     statistics,
     step_tensions,
     subdomain_is,
     subdomain_of_links,
     subdomains,
-    tension_error,
     tensions,
     unsupported_nodes,
 )

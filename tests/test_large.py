@@ -207,7 +207,7 @@ def test_a_straight_column_buckles(bars, critical):
         text = next(text for text in result.notices if "buckles" in text)
         borne = float(text.split("that of ")[1].split(" of the loads")[0])
         assert (1.0 - 0.02 * part) / part < borne < 1.0 / part
-        assert text.endswith("its mode: " + ", ".join(map(str, range(1, bars))))
+        assert sorted(map(int, text.split("its mode: ")[1].split(", "))) == list(range(1, bars))
 
 
 @pytest.mark.filterwarnings("ignore:no stable equilibrium", "ignore:not converged", "ignore:no equilibrium")

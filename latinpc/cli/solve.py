@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import sys
+from dataclasses import replace
 
 import click
 import numpy as np
@@ -99,12 +100,13 @@ def _mechanism_drawn(comm, scene, picture):
     try:
         yield
     except PETSc.Error:
-        motion = scene.free_motion() if comm.rank == 0 and picture is not None else None
+        flat = replace(scene, geometry="linear")  # what an option has made of it, or as drawn
+        motion = flat.free_motion() if comm.rank == 0 and picture is not None else None
         if motion is not None:
             from latinpc.results.drawing import save
             from latinpc.results.pictures import plan_figure
 
-            save(plan_figure(scene, motion=motion), picture)
+            save(plan_figure(flat, motion=motion), picture)
             print(f"latinpc: {picture} shows the motion that no link resists", file=sys.stderr)
         raise
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from petsc4py import PETSc
 
-from latinpc import solvers
+from latinpc import accuracy, solvers
 from latinpc.laws import Law
 from latinpc.library import _latin
 
@@ -68,9 +68,9 @@ def causes(snes: PETSc.SNES, structure: Structure, past: dict) -> list[str]:
     """Return sentences on how a solve has ended, where its solver or the links show why; not collective."""
     notices, reason = [], snes.getConvergedReason()
     if len(past.get("estimate", ())) and reason == PETSc.SNES.ConvergedReason.DIVERGED_INNER:
-        least = solvers.rounding_floor(snes)
+        least = accuracy.rounding_floor(snes)
         notices.append(f"the requested error is below the rounding error of this structure, about {least:.0e}")
-    if snes.getType() == "latin" and reason < 0 and structure.geometry != "large":
+    if snes.getType() == "latin" and reason < 0:
         notices += _no_equilibrium(snes, structure)
         if not any(text.startswith("no equilibrium") for text in notices):
             notices += _contrast(structure)

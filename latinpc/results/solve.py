@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from petsc4py import PETSc
 
-from latinpc import solvers
+from latinpc import accuracy, solvers
 from latinpc.laws import UNILATERAL
 from latinpc.library import _latin
 from latinpc.options import default_options, preset_options, unknown_options
@@ -166,8 +166,8 @@ def gather(
         "indicator": past["indicator"][-1] if len(past.get("indicator", ())) else None,
         "residual_norm": r.norm(),
         "slack_fraction": np.count_nonzero(result.slack) / unilateral if unilateral else 0.0,
-        "estimated_error": solvers.estimated_error(snes) if len(past.get("estimate", ())) else None,
-        "tension_error": solvers.tension_error(snes) if is_latin else None,
+        "estimated_error": accuracy.estimated_error(snes) if len(past.get("estimate", ())) else None,
+        "tension_error": accuracy.tension_error(snes) if is_latin else None,
         **({} if factor is None else {"load_factor": part * factor}),
     }
     result.report.update(plain(report))

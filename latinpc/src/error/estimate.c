@@ -35,7 +35,7 @@
 
 static const PetscReal LatinEstimateSafety[] = {1.8, 4.0}; /* l2 norm, energy norm */
 
-/* Fields with an estimate each: displacements, and tensions of rigid links, which do not follow from them */
+/* Fields with an estimate each: displacements, and with rigid links tensions, which do not follow from them */
 static inline PetscInt LatinEstimateFields(Latin latin)
 {
   return latin->sub.structure->rigid_law < 0 ? 1 : 2;
@@ -90,20 +90,19 @@ static void LatinEstimateSketch(Latin latin, PetscBool energy, PetscReal sketch[
   }
 }
 
-/* The same of the tensions of links with a state, where some are rigid; behind it is the square of what rounding of the displacements makes of them */
+/* The same of the tensions, where some links are rigid; behind it is the square of what rounding of the displacements makes of them */
 static void LatinEstimateTensions(Latin latin, PetscReal sketch[])
 {
   const LatinSubdomains *sub = &latin->sub;
   const PetscInt         dim = latin->sub.structure->dim;
 
-  for (PetscInt i = 0, s = 0; i < sub->nonsmooth; i++) {
-    const PetscInt   l = sub->nonsmooth_link[i];
+  for (PetscInt l = 0, s = 0; l < sub->links; l++) {
     const PetscInt   a = dim * sub->ends[2 * l], b = dim * sub->ends[2 * l + 1];
     const PetscReal *U    = latin->linear.U;
     PetscReal        ends = 0.0, held = 0.0;
 
     while (l >= sub->link_offset[s + 1]) s++;
-    LatinEstimateAdd(sketch, LatinEstimateBits(sub->first + s, l - sub->link_offset[s]), latin->linear.tension[i]);
+    LatinEstimateAdd(sketch, LatinEstimateBits(sub->first + s, l - sub->link_offset[s]), sub->state[l] >= 0 ? latin->linear.tension[sub->state[l]] : sub->stiffness[l] * LatinElongation(sub, dim, l, U));
     for (PetscInt c = 0; c < dim; c++) ends += PetscAbsReal(sub->direction[dim * l + c]) * (PetscAbsReal(U[a + c]) + PetscAbsReal(U[b + c]));
     for (PetscInt c = 0; c < dim && sub->ground; c++) held += PetscAbsReal(sub->direction[dim * l + c]) * (sub->ground[a + c] * PetscAbsReal(U[a + c]) + sub->ground[b + c] * PetscAbsReal(U[b + c])); /* heavy nodes */
     sketch[LATIN_ESTIMATE_ROWS + 1] += PetscSqr(LATIN_ESTIMATE_NOISE * PETSC_MACHINE_EPSILON * (sub->stiffness[l] * ends + held));

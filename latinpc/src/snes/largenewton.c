@@ -15,6 +15,7 @@
 #define LATIN_LARGE_LOOSE   0.05 /* the same where cables change between taut and slack, and a whole step would go too far */
 #define LATIN_LARGE_SAFETY  4.0  /* on the error that is left */
 #define LATIN_LARGE_PROOF   4.0  /* times the error asked for: a larger step proves nothing. With 1e30 one saddle of nine misses the error, by 2 */
+#define LATIN_LARGE_ANEW    0.03 /* of the error asked for: a smaller first step with new operators hides no soft field; with 0.01 nets of inextensible cables take no end */
 #define LATIN_LARGE_CLEAR   0.1  /* part of them that a step may leave, in that norm, for its error to count: where cables change it is more */
 #define LATIN_LARGE_SHRINK  0.5  /* a step without change of cables leaves less than this part of the error before it, or it meets rounding */
 #define LATIN_LARGE_ROUND   10.0 /* times what rounding leaves: steps that do */
@@ -89,7 +90,8 @@ static PetscErrorCode LatinLargeConverged_Private(SNES newton, PetscInt it, Pets
     large->error = large->energy > 0.0 && large->length == 1.0 ? PetscMin(1.0, LATIN_LARGE_SAFETY * energy / large->energy) * step : step;
     PetscCall(PetscInfo(snes, "Newton's method, step %" PetscInt_FMT ": %g, estimated error %g of %g, forces without balance %g of %g\n", it, (double)step, (double)large->error, (double)data->target, (double)fnorm, (double)large->balance));
     whole = (PetscBool)(large->length == 1.0 && energy <= LATIN_LARGE_CLEAR * large->energy); /* a cable that changes leaves more */
-    if ((it > 1 || !large->anew) && whole && large->error <= data->target && step <= LATIN_LARGE_PROOF * data->target && fnorm <= large->balance) *reason = slack ? SNES_DIVERGED_MAX_IT : SNES_CONVERGED_SNORM_RELATIVE;
+    if ((it > 1 || !large->anew || step <= LATIN_LARGE_ANEW * data->target) && whole && large->error <= data->target && step <= LATIN_LARGE_PROOF * data->target && fnorm <= large->balance)
+      *reason = slack ? SNES_DIVERGED_MAX_IT : SNES_CONVERGED_SNORM_RELATIVE;
     else if (large->error > LATIN_LARGE_SHRINK * before && step < LATIN_LARGE_ROUND * data->estimate.floor) {
       large->error = PetscMax(step, data->estimate.floor);
       *reason      = large->error <= data->target ? SNES_CONVERGED_SNORM_RELATIVE : SNES_DIVERGED_LOCAL_MIN;

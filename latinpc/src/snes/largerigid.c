@@ -9,7 +9,7 @@
 
 #define LATIN_TAUT_GROWS 10.0 /* the penalty grows by so much */
 #define LATIN_TAUT_SLOW  4.0  /* where tensions change by more than that part of what they did before: with 2 a chain of 20 takes four times the stages, with 10 a flat net fails */
-#define LATIN_TAUT_MOST  1e4  /* times the first penalty: more, and rounding of the penalty hides soft links */
+#define LATIN_TAUT_MOST  1e2  /* times the first penalty: more, and rounding of the penalty hides soft links */
 #define LATIN_TAUT_TIMES 40   /* most solves */
 
 /*

@@ -146,7 +146,7 @@ static PetscErrorCode LatinMultipliersCoulomb_Private(SNES snes, LatinNewton *ne
 /* Newton's method for one set of multipliers after the other. Collective on snes */
 PetscErrorCode LatinMultipliersSolve_Private(SNES snes, LatinNewton *newton, Vec u, SNESConvergedReason *reason)
 {
-  PetscBool done  = PETSC_FALSE, first = PETSC_TRUE;
+  PetscBool done = PETSC_FALSE, first = PETSC_TRUE;
   PetscReal grown = LATIN_PENALTY, most = LATIN_PENALTY_MOST, change = PETSC_MAX_REAL, moved = 1.0, factor, last;
   PetscInt  raised = 0;
   Vec       before;

@@ -132,6 +132,22 @@ static PetscErrorCode LatinNewtonCorrect_Private(SNES snes, LatinNewton *newton,
   PetscFunctionReturn(0);
 }
 
+/* Of claims that the displacements u are the solution, or that rounding leaves no more, what forces and a correction confirm. Collective on snes */
+static PetscErrorCode LatinNewtonProve_Private(SNES snes, LatinNewton *newton, Vec u, PetscReal fnorm, PetscBool *rounding, PetscBool *claims)
+{
+  LatinEquilibrium found;
+
+  PetscFunctionBegin;
+  PetscCall(LatinNewtonCheck_Private(snes, newton, u, fnorm, claims, &found));
+  if (newton->tangent) {
+    *rounding = (PetscBool)(*rounding && found.balanced);
+    *claims   = (PetscBool)(*claims && PetscMax(found.error, found.forces) <= newton->target); /* a node with a small load that only slack links hold goes on */
+  }
+  newton->tensions = found.forces;
+  if (*claims && newton->proves && !found.balanced) PetscCall(LatinNewtonCorrect_Private(snes, newton, u, claims));
+  PetscFunctionReturn(0);
+}
+
 /*
    Once a solve, where the method has not come to an end soon: is there an equilibrium at all? What it takes is counted as
    steps of the method. A preconditioner that needs a matrix with entries cannot be asked. Collective on newton->snes
@@ -176,15 +192,14 @@ static PetscErrorCode LatinNewtonStep_Private(SNES snes, LatinNewton *newton, Ve
 /* The error left after a step: the part of it that the linear solver has left over where no link has changed, else the step itself */
 static PetscErrorCode LatinNewtonConverged_Private(SNES snes, PetscInt it, PetscReal xnorm, PetscReal snorm, PetscReal fnorm, SNESConvergedReason *reason, void *ctx)
 {
-  LatinNewton     *newton = (LatinNewton *)ctx;
-  PetscReal        before = newton->error, lambda = 1.0, energy;
-  LatinEquilibrium found;
-  PetscInt         changes, most, stages;
-  PetscBool        rounding, claims;
-  Vec              u;
-  KSP              ksp;
-  Mat              P;
-  SNESLineSearch   search;
+  LatinNewton   *newton = (LatinNewton *)ctx;
+  PetscReal      before = newton->error, lambda = 1.0, energy;
+  PetscInt       changes, most, stages;
+  PetscBool      rounding, claims;
+  Vec            u;
+  KSP            ksp;
+  Mat            P;
+  SNESLineSearch search;
 
   PetscFunctionBegin;
   *reason = SNES_CONVERGED_ITERATING;
@@ -216,15 +231,7 @@ static PetscErrorCode LatinNewtonConverged_Private(SNES snes, PetscInt it, Petsc
                          (fnorm <= newton->balance || LatinMultipliersEnergy(newton))); /* a step that was to bring digits has brought none */
   claims   = (PetscBool)(it && ((newton->tangent && !newton->structure->penalty) || !changes || newton->error <= LATIN_NEWTON_REST) && newton->error <= newton->target && fnorm <= newton->balance &&
                        (!newton->still || newton->still > LATIN_NEWTON_STILL));
-  if ((rounding || claims) && (newton->tangent || newton->proves) && !newton->structure->penalty) {
-    PetscCall(LatinNewtonCheck_Private(snes, newton, u, fnorm, &claims, &found));
-    if (newton->tangent) {
-      rounding = (PetscBool)(rounding && found.balanced);
-      claims   = (PetscBool)(claims && PetscMax(found.error, found.forces) <= newton->target); /* a node with a small load that only slack links hold goes on */
-    }
-    newton->tensions = found.forces;
-    if (claims && newton->proves && !found.balanced) PetscCall(LatinNewtonCorrect_Private(snes, newton, u, &claims));
-  }
+  if ((rounding || claims) && (newton->tangent || newton->proves) && !newton->structure->penalty) PetscCall(LatinNewtonProve_Private(snes, newton, u, fnorm, &rounding, &claims));
   if (fnorm <= newton->residual) *reason = SNES_CONVERGED_FNORM_RELATIVE;
   else if (claims) *reason = SNES_CONVERGED_SNORM_RELATIVE;
   else if (rounding) *reason = SNES_CONVERGED_SNORM_RELATIVE;
