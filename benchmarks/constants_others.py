@@ -349,7 +349,10 @@ OTHERS = {
     ),
     "LATIN_TAUT_GROWS": ("ratio", "Without growth one of three nets takes twice the stages."),
     "LATIN_TAUT_SLOW": ("ratio", "With 2 a chain of 20 links takes four times the stages, with 10 a flat net fails."),
-    "LATIN_TAUT_MOST": ("times the first penalty", "Seven digits are left for what soft links bear."),
+    "LATIN_TAUT_MOST": (
+        "times the first penalty",
+        "With 1e4 a net of variant published takes no end, with 1e3 1106 stages, with 1e2 648.",
+    ),
     "LATIN_TAUT_TIMES": (
         "solves",
         "A bound that structures with a solution do not meet: chains and nets take 3 to 16.",
@@ -391,6 +394,10 @@ OTHERS = {
     "LATIN_LARGE_CLEAR": (
         "of the residual before",
         "Where no cable changes 0.05 is left at most; with 0.3 one net misses the error, by 14.",
+    ),
+    "LATIN_LARGE_ANEW": (
+        "of the error asked for",
+        "With 0.05 one of 60 random structures misses the error by a fifth; never, and inextensible nets take no end.",
     ),
     "LATIN_LARGE_SHRINK": ("of the error before", "As `LATIN_NEWTON_GAIN`."),
     "LATIN_LARGE_ROUND": (
