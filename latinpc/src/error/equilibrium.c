@@ -224,7 +224,7 @@ PetscErrorCode LatinEquilibriumCheck_Private(Latin latin, Vec u, Vec r, Vec more
 
   /* the work of the tensions is r.u less that of the loads */
   works = PetscAbsReal(sum.work - sum.pushed) + PetscAbsReal(sum.pushed) + LATIN_WORK_CANCELS * (balance.sum.work + sum.loads);
-  if (far && !found->balanced && PetscAbsReal(sum.work) > LATIN_WORK_LEFT * works) {
+  if (far && (sum.load > 0.0 || !found->balanced) && PetscAbsReal(sum.work) > LATIN_WORK_LEFT * works) {
     found->verdict = LATIN_UNBOUNDED;
     PetscCall(PetscInfo(structure, "Displacements larger than the structure leave %g of the work of tensions and loads without balance\n", (double)(PetscAbsReal(sum.work) / works)));
   } else if (far && sum.load > 0.0 && sum.rounding > sum.load) found->verdict = LATIN_BELOW_ROUNDING; /* so far away any forces balance */
