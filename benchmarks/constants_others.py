@@ -162,6 +162,10 @@ OTHERS = {
         "Of 1,000 structures next to collapse 4 are wrong and called right with 1, 2 with 10, none with 100; grids "
         "take no stage more, network 8000 with a fifth of its cables slack 43, 57, 63.",
     ),
+    "LATIN_NEWTON_LEAST": (
+        "iterations",
+        "With 1 two of 10,000 random structures, next to collapse, are wrong and called right; lattices pay 2 stages.",
+    ),
     "LATIN_NEWTON_DOUBTS": (
         "ratio",
         "A bound on the digits asked of linear solves, beside the target of 1e-4 their rounding.",

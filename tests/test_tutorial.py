@@ -27,7 +27,10 @@ SAYS = {
     "import": ["tables 24 links", "DXF    24 links", "OBJ    24 links", "compas 24 links"],
     "accuracy": ["{'error': 1e-08}", "rounding does not allow the accuracy"],
     "drop": ["iterations a step"],
-    "contact": ["30000 N: displacements [0.   1.25 1.   0.  ] mm", "False no stable equilibrium was found: the displacements grow without end"],
+    "contact": [
+        "30000 N: displacements [0.   1.25 1.   0.  ] mm",
+        "False no stable equilibrium was found: the displacements grow without end",
+    ],
     "notebook": ["newtonls", "indicator"],
 }
 MISTAKES = [

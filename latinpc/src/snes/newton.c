@@ -33,6 +33,7 @@
 #define LATIN_NEWTON_GAIN     0.5                            /* a step that was to bring digits and leaves more of the error has brought none: rounding */
 #define LATIN_NEWTON_DOUBT    100.0                          /* times the part of the residual that is left: the error, where taut links leave a mode a hundredth of the resistance of all links */
 #define LATIN_NEWTON_FAR      1e-7                           /* of the loads: forces that displacements larger than the structure may leave without balance */
+#define LATIN_NEWTON_LEAST    3                              /* iterations of a linear solve that proves: one hardly meets a soft mode, and two structures of 10,000 were wrong */
 #define LATIN_NEWTON_DOUBTS   1e8                            /* at most, where a correction is larger still */
 #define LATIN_NEWTON_REST     (64.0 * PETSC_MACHINE_EPSILON) /* a step so small changes links by rounding alone */
 #define LATIN_NEWTON_STILL    10                             /* a search that stands still may meet rounding, or a link that is just taut: then it does so again and again */
@@ -93,7 +94,7 @@ static PetscErrorCode LatinNewtonLinear_Private(KSP ksp, PetscInt it, PetscReal 
   if (*reason || newton->tangent || newton->left > LATIN_NEWTON_PROOF) PetscFunctionReturn(0);
   PetscCall(KSPBuildSolution(ksp, NULL, &step));
   PetscCall(VecNorm(step, NORM_2, &size));
-  if (newton->doubt * newton->left * size <= newton->target * newton->size) *reason = KSP_CONVERGED_RTOL;
+  if (it >= LATIN_NEWTON_LEAST && newton->doubt * newton->left * size <= newton->target * newton->size) *reason = KSP_CONVERGED_RTOL;
   PetscFunctionReturn(0);
 }
 
