@@ -419,6 +419,10 @@ OTHERS = {
         "A step is searched only where the energy rises steeply at its end.",
     ),
     "LATIN_LARGE_SEARCH": ("trial lengths", "Every third halves the interval."),
+    "LATIN_PATH_FIRST": (
+        "linear stages",
+        "Two struts that bear compression only, drawn without any, stall at some loads and not at half of them.",
+    ),
     "LATIN_PATH_FAR": (
         "times the linear step",
         "The limit of a fold, where force is a parabola of displacement: 2 exactly.",

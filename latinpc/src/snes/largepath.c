@@ -15,6 +15,7 @@
 #define LATIN_PATH_KINK     1e-2 /* times the displacements so far: an increment in which a cable slackens may move the structure so much */
 #define LATIN_PATH_LEAST    1e-4 /* increments of the loads: smaller ones show a limit point */
 #define LATIN_PATH_STAGES   60   /* most linear stages of one: at a limit point it takes any number */
+#define LATIN_PATH_FIRST    2000 /* the same of the first one, from a structure that may have no stiffness as drawn */
 #define LATIN_PATH_TANGENTS 4    /* times that Newton's method gets operators of the tangent stiffness in one increment */
 #define LATIN_PATH_DRAWN    1e-2 /* forces without balance as drawn, relative to the loads: less moves the structure less than the loads do */
 #define LATIN_PATH_NONE     1e-9 /* of the size of the structure: displacements that are none */
@@ -55,7 +56,7 @@ PetscErrorCode SNESLatinLargeFrom_Private(SNES snes, Vec u, PetscBool near)
     data->next = LATIN_NEXT_LINE_SEARCH;
     PetscCall(SNESLatinLargeFinish_Private(snes, LATIN_PATH_TANGENTS, &done));
   } else {
-    data->large.last = near ? data->latin->linear.applications + LATIN_PATH_STAGES : PETSC_MAX_INT;
+    data->large.last = data->latin->linear.applications + (near ? LATIN_PATH_STAGES : LATIN_PATH_FIRST);
     PetscCall(SNESLatinLargeIterate_Private(snes));
     if (LatinNextConverged(data->next)) PetscCall(SNESLatinResidual_Private(snes));
   }
