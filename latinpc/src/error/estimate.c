@@ -102,7 +102,7 @@ static void LatinEstimateTensions(Latin latin, PetscReal sketch[])
     PetscReal        ends = 0.0, held = 0.0;
 
     while (l >= sub->link_offset[s + 1]) s++;
-    LatinEstimateAdd(sketch, LatinEstimateBits(sub->first + s, l - sub->link_offset[s]), sub->state[l] >= 0 ? latin->linear.tension[sub->state[l]] : sub->stiffness[l] * LatinElongation(sub, dim, l, U));
+    LatinEstimateAdd(sketch, LatinEstimateBits(sub->first + s, l - sub->link_offset[s]), sub->state[l] >= 0 ? latin->linear.tension[sub->state[l]] : sub->stiffness[l] * (sub->e0[l] + LatinElongation(sub, dim, l, U)));
     for (PetscInt c = 0; c < dim; c++) ends += PetscAbsReal(sub->direction[dim * l + c]) * (PetscAbsReal(U[a + c]) + PetscAbsReal(U[b + c]));
     for (PetscInt c = 0; c < dim && sub->ground; c++) held += PetscAbsReal(sub->direction[dim * l + c]) * (sub->ground[a + c] * PetscAbsReal(U[a + c]) + sub->ground[b + c] * PetscAbsReal(U[b + c])); /* heavy nodes */
     sketch[LATIN_ESTIMATE_ROWS + 1] += PetscSqr(LATIN_ESTIMATE_NOISE * PETSC_MACHINE_EPSILON * (sub->stiffness[l] * ends + held));
