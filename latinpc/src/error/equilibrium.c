@@ -32,10 +32,10 @@
 
 /* What nodes sum up to */
 typedef struct {
-  PetscReal error;                              /* squares of D^-1 r, in the norm of the estimate */
-  PetscReal work, pushed, loads;                /* r.u; works of loads and springs to the ground: their sum, and each by itself */
-  PetscReal left, all, load, bearing, rounding; /* squares of r beyond rounding and of all of it, of the loads, of the sums of |tau| at nodes, of the rounding of r */
-  PetscReal moved[4], stiff[4], noise[4];       /* t.r, squares of K t, rounding of t.r: translations, then u */
+  PetscReal error;                        /* squares of D^-1 r, in the norm of the estimate */
+  PetscReal work, pushed, loads;          /* r.u; works of loads and springs to the ground: their sum, and each by itself */
+  PetscReal left, all, load, bearing;     /* squares of r beyond rounding and of all of it, of the loads, of the sums of |tau| at nodes */
+  PetscReal moved[4], stiff[4], noise[4]; /* t.r, squares of K t, rounding of t.r: translations, then u */
 } LatinNodalSums;
 
 /* The size of a structure, the diagonal of the box around its nodes, and the largest prescribed displacement. Collective on structure */
@@ -145,7 +145,6 @@ static void LatinSumComponent(const LatinNode *at, PetscInt dim, PetscInt c, Pet
 
   sum->left += left * left;
   sum->all += PetscSqr(at->r[c]);
-  sum->rounding += noise * noise;
   sum->load += PetscSqr(at->load[c]);
   sum->bearing += c ? 0.0 : PetscSqr(at->tension);
   if (stiff > 0.0) sum->error += energy ? left * left / stiff : PetscSqr(left / stiff);
@@ -227,8 +226,7 @@ PetscErrorCode LatinEquilibriumCheck_Private(Latin latin, Vec u, Vec r, Vec more
   if (far && (sum.load > 0.0 || !found->balanced) && PetscAbsReal(sum.work) > LATIN_WORK_LEFT * works) {
     found->verdict = LATIN_UNBOUNDED;
     PetscCall(PetscInfo(structure, "Displacements larger than the structure leave %g of the work of tensions and loads without balance\n", (double)(PetscAbsReal(sum.work) / works)));
-  } else if (far && sum.load > 0.0 && sum.rounding > sum.load) found->verdict = LATIN_BELOW_ROUNDING; /* so far away any forces balance */
-  else if (found->error <= target) found->verdict = LATIN_EQUILIBRIUM;
+  } else if (found->error <= target) found->verdict = LATIN_EQUILIBRIUM;
   else found->verdict = missed > target && (rests || found->hidden) ? LATIN_BELOW_ROUNDING : LATIN_NOT_YET;
   PetscFunctionReturn(0);
 }
