@@ -1,153 +1,20 @@
-"""Motions of links that turn: energy and momenta stay, closed forms, the scheme written out, ranks, refusals."""
+"""Motions of links that turn: closed forms, the scheme written out, ranks, states, refusals."""
 
 import json
 import sys
-from contextlib import contextmanager
 
 import numpy as np
 import pytest
 import turning
 from conftest import run
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
+from large_motions import NEWTON, G, free, motion, pendulum, shaken, wheel, written_out
 from petsc4py import PETSc
-from scipy.optimize import root
 from scipy.special import ellipk
 from support import STATES
 from test_checkpoints import launch, result
-from test_properties import EXAMPLES
 from turning import net
 
 import latinpc
-
-G = 9.81
-NEWTON = {"snes_type": "newtonls", "ksp_type": "preonly", "pc_type": "lu", "snes_linesearch_type": "basic"}
-NEWTON |= {"snes_rtol": 1e-13, "snes_stol": 1e-14, "snes_atol": 1e-10}
-
-
-class Motion:
-    """A TS on a structure; `u`, `v` and the energy are those after each step."""
-
-    def __init__(self, structure, h, u=None, v=None):
-        self.structure = latinpc.Structure(**structure, geometry="large")
-        self.fixed, self.mass = np.asarray(structure["fixed"], bool), np.asarray(structure["mass"])[:, None]
-        self.nodes = np.asarray(structure["nodes"], float)
-        self.vec_u, self.vec_v = self.structure.create_vec(), self.structure.create_vec()
-        for given_, vec in ((u, self.vec_u), (v, self.vec_v)):
-            if given_ is not None:
-                self.structure.set_displacements(given_, vec)
-        self.ts = self.structure.create_ts(self.vec_u, self.vec_v)
-        self.ts.setTimeStep(h)
-        self.ts.setMaxSteps(10**6)
-
-    def step(self, n=1):
-        for _ in range(n):
-            self.ts.step()
-        return self
-
-    @property
-    def u(self):
-        return self.structure.displacements(self.vec_u)
-
-    @property
-    def v(self):
-        return np.where(self.fixed, 0.0, self.structure.displacements(self.vec_v))
-
-    @property
-    def energy(self):
-        return self.structure.energy(self.vec_u) + self.structure.kinetic_energy(self.vec_v)
-
-    @property
-    def momenta(self):
-        """Linear and angular momentum."""
-        p, x = self.mass * self.v, self.nodes + self.u
-        turn = np.cross(x, p) if x.shape[1] == 3 else x[:, 0] * p[:, 1] - x[:, 1] * p[:, 0]
-        return np.append(p.sum(axis=0), turn.sum(axis=0))
-
-
-@contextmanager
-def motion(structure, h, u=None, v=None, **options):
-    """Give a Motion with these options of the solver of its steps."""
-    database, prefix = PETSc.Options(), "turning_motion_"
-    it = Motion(structure, h, u, v)
-    it.ts.setOptionsPrefix(prefix)
-    for key, value in options.items():
-        database[prefix + key] = value
-    try:
-        it.ts.setFromOptions()
-        yield it
-    finally:
-        it.ts.destroy()
-        for key in options:
-            database.delValue(prefix + key)
-
-
-def pendulum(angle=1.0, stiffness=1e5):
-    """A mass of 1 kg on a bar of 1 m."""
-    nodes = [[0.0, 0.0], [np.sin(angle), -np.cos(angle)]]
-    structure = {"nodes": nodes, "links": [[0, 1]], "law": "bar", "stiffness": stiffness, "mass": [0.0, 1.0]}
-    return structure | {"fixed": [[True, True], [False, False]], "load": [[0.0, 0.0], [0.0, -G]]}
-
-
-def free(nodes, links, law, stiffness, mass):
-    """A structure that nothing holds or loads."""
-    nodes = np.asarray(nodes, float)
-    structure = {"nodes": nodes, "links": links, "law": law, "stiffness": stiffness, "mass": mass}
-    return structure | {"fixed": np.zeros(nodes.shape, bool), "load": np.zeros(nodes.shape)}
-
-
-def wheel(count=12, stiffness=1e5):
-    """A hub, a rim and spokes."""
-    angle = 2.0 * np.pi * np.arange(count) / count
-    nodes = np.concatenate([[[0.0, 0.0]], np.column_stack([np.cos(angle), np.sin(angle)])])
-    rim = [(k + 1, (k + 1) % count + 1) for k in range(count)]
-    return free(nodes, [(0, k + 1) for k in range(count)] + rim, "bar", stiffness, np.ones(count + 1))
-
-
-def shaken(speed=5.0, mass=5.0, cells=6, rise=1.0, load=-200.0):
-    """A saddle of cables, and random velocities: some slacken."""
-    structure = net(cells, rise, [0.0, 0.0, load])
-    v = np.random.default_rng(0).normal(size=structure["nodes"].shape) * speed
-    return structure | {"mass": np.full(len(v), mass)}, np.where(structure["fixed"], 0.0, v)
-
-
-def mean_forces(structure, r0, r1):
-    """The force of each link of a bar or a cable in a step, written out: W(x1) - W(x0) over R1 - R0, along r0 + r1."""
-    nodes, links, k = structure["nodes"], np.asarray(structure["links"]), np.asarray(structure["stiffness"])
-    cable = np.broadcast_to(np.asarray(structure["law"]) == "cable", len(links))
-    drawn = np.linalg.norm(nodes[links[:, 1]] - nodes[links[:, 0]], axis=1)
-    natural = drawn - np.asarray(structure["prestress"]) / k
-    R0, R1 = np.linalg.norm(r0, axis=1), np.linalg.norm(r1, axis=1)
-    x0, x1 = R0 - natural, R1 - natural
-    lower = np.where(cable, 0.0, -np.inf)
-    y0, y1 = np.maximum(x0, lower), np.maximum(x1, lower)
-    near = np.abs(x1 - x0) < 1e-9
-    tension = np.where(near, k * y0, 0.5 * k * (y1**2 - y0**2) / np.where(near, 1.0, x1 - x0))
-    return (tension / (R0 + R1))[:, None] * (r0 + r1)
-
-
-def written_out(structure, u, v, h, steps):
-    """The same steps by scipy."""
-    links, free_ = np.asarray(structure["links"]), ~np.asarray(structure["fixed"], bool)
-    span = structure["nodes"][links[:, 1]] - structure["nodes"][links[:, 0]]
-    mass = np.repeat(structure["mass"][:, None], u.shape[1], axis=1)
-
-    def left(change, u, v):
-        d = np.zeros(u.shape)
-        d[free_] = change
-        f = mean_forces(
-            structure, span + u[links[:, 1]] - u[links[:, 0]], span + (u + d)[links[:, 1]] - (u + d)[links[:, 0]]
-        )
-        r = mass * 2.0 / h * (d / h - v) - structure["load"]
-        np.add.at(r, links[:, 0], -f)
-        np.add.at(r, links[:, 1], f)
-        return r[free_]
-
-    for _ in range(steps):
-        d = np.zeros(u.shape)
-        d[free_] = root(left, h * v[free_], (u, v), tol=1e-13).x
-        u, v = u + d, 2.0 * d / h - v
-    return u, v
 
 
 # ---- closed forms -----------------------------------------------------------------------------------
@@ -339,112 +206,6 @@ def test_the_derivative_of_a_step():
         found = (4.0 * slope(5e-5) - slope(1e-4)) / 3.0
         assert np.abs(found - dense @ direction).max() < 1e-9 * np.abs(dense @ direction).max()
         assert np.abs(dense - dense.T).max() > 1e-4 * np.abs(dense).max()
-
-
-# ---- invariants --------------------------------------------------------------------------------------
-@st.composite
-def structures(draw):
-    """Points anywhere, bars, cables and struts that bear compression alone between them, masses and velocities."""
-    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
-    dim, count = draw(st.sampled_from([2, 3])), draw(st.integers(2, 9))
-    nodes = rng.normal(size=(count, dim))
-    pairs = np.array([(a, b) for a in range(count) for b in range(a + 1, count)])
-    links = pairs[np.unique(rng.integers(0, len(pairs), 2 * count))]
-    length = np.linalg.norm(nodes[links[:, 1]] - nodes[links[:, 0]], axis=1)
-    law = rng.choice(["bar", "cable", "compression_only"], len(links))
-    stiffness = 10.0 ** rng.uniform(1.0, 4.0, len(links))
-    used = np.isin(np.arange(count), links)
-    structure = {
-        "nodes": nodes,
-        "links": links,
-        "law": list(law),
-        "stiffness": stiffness,
-        "mass": rng.uniform(0.5, 2.0, count),
-    }
-    structure["initial_elongation"] = rng.uniform(-0.2, 0.1, len(links)) * length
-    structure["fixed"] = np.zeros(nodes.shape, bool)
-    if draw(st.booleans()):
-        structure["fixed"][links[0, 0]] = True
-    load = draw(st.sampled_from([0.0, 1.0])) * rng.normal(size=nodes.shape)
-    structure["load"] = np.where(structure["fixed"] | ~used[:, None], 0.0, load)
-    return structure, 10.0 ** rng.uniform(-1.0, 1.0) * rng.normal(size=nodes.shape), 10.0 ** rng.uniform(-3.0, -1.0)
-
-
-@settings(max_examples=max(EXAMPLES // 4, 20), deadline=None, suppress_health_check=list(HealthCheck))
-@given(structures())
-def test_energy_and_momenta_of_random_structures(drawn):
-    """They stay, whatever the structure and the step; momenta where nothing holds or loads it."""
-    structure, v, h = drawn
-    with motion(structure, h, v=v, snes_latin_error=1e-11) as it:
-        it.ts.setErrorIfStepFails(False)
-        stiff = np.asarray(structure["stiffness"])
-        for _ in range(5):
-            energy, momenta, speed = it.energy, it.momenta, it.v
-            it.step()
-            if it.ts.getSNES().getConvergedReason() <= 0:
-                return
-            size = abs(energy) + (it.mass * speed**2).sum() + (stiff * structure["initial_elongation"] ** 2).sum()
-            assert abs(it.energy - energy) < 1e-7 * size
-            if not structure["fixed"].any() and not structure["load"].any():
-                whole = (it.mass * abs(speed)).sum() * (1.0 + np.abs(it.nodes + it.u).max())
-                assert np.abs(it.momenta - momenta).max() < 1e-8 * whole
-
-
-def test_few_steps_of_random_structures_fail():
-    """What the test above passes over."""
-    failed = 0
-    for seed in range(60):
-        rng = np.random.default_rng(seed)
-        nodes = rng.normal(size=(7, 3))
-        links = np.array([(a, b) for a in range(7) for b in range(a + 1, 7)])[rng.permutation(21)[:14]]
-        length = np.linalg.norm(nodes[links[:, 1]] - nodes[links[:, 0]], axis=1)
-        law = list(rng.choice(["bar", "cable"], 14))
-        structure = free(nodes, links, law, 10.0 ** rng.uniform(1.0, 4.0, 14), rng.uniform(0.5, 2.0, 7))
-        structure["initial_elongation"] = rng.uniform(-0.2, 0.1, 14) * length
-        with motion(structure, 10.0 ** rng.uniform(-3.0, -1.0), v=5.0 * rng.normal(size=(7, 3))) as it:
-            it.ts.setErrorIfStepFails(False)
-            it.step(5)
-            failed += it.ts.getSNES().getConvergedReason() <= 0
-    assert failed <= 1
-
-
-def test_energy_stays_by_a_table():
-    """A bar that softens, in a wheel that turns and shakes."""
-    law = latinpc.register_table([-1.0, -0.01, 0.01, 1.0], [-298.0, -100.0, 100.0, 298.0], "softening bar")
-    structure = wheel(stiffness=1e4) | {"law": law}
-    v = 3.0 * np.column_stack([-structure["nodes"][:, 1], structure["nodes"][:, 0]])
-    v += np.random.default_rng(1).normal(size=v.shape)
-    with motion(structure, 0.01, v=v, snes_latin_error=1e-10) as it:
-        energy, momenta = it.energy, it.momenta
-        it.step(60)
-        assert it.energy == pytest.approx(energy, rel=1e-7)
-        assert it.momenta == pytest.approx(momenta, abs=1e-6 * abs(momenta).max())
-        stretch = np.linalg.norm(np.diff((it.nodes + it.u)[structure["links"]], axis=1)[:, 0], axis=1)
-        assert (
-            abs(stretch / np.linalg.norm(np.diff(it.nodes[structure["links"]], axis=1)[:, 0], axis=1) - 1.0).max()
-            > 0.01
-        )
-
-
-@pytest.mark.parametrize(("stiffness", "h"), [(1e4, 0.01), (1e6, 0.05)])
-def test_a_wheel_turns(stiffness, h):
-    """By half a radian a step, stiff as it may be: operators follow where they no longer serve."""
-    structure = wheel(stiffness=stiffness)
-    v = 10.0 * np.column_stack([-structure["nodes"][:, 1], structure["nodes"][:, 0]]) + [1.0, 0.0]
-    with motion(structure, h, v=v, snes_latin_subdomains=3) as it:
-        energy, momenta = it.energy, it.momenta
-        it.step(100)
-        assert it.energy == pytest.approx(energy, rel=1e-5)
-        assert it.momenta == pytest.approx(momenta, abs=1e-5 * abs(momenta).max())
-
-
-def test_rotated_structures_move_alike():
-    """Nothing depends on the axes."""
-    structure, v = shaken()
-    Q = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
-    turned = structure | {"nodes": structure["nodes"] @ Q.T, "load": structure["load"] @ Q.T}
-    with motion(structure, 0.005, v=v) as plain, motion(turned, 0.005, v=v @ Q.T) as rotated:
-        assert np.abs(rotated.step(10).u - plain.step(10).u @ Q.T).max() < 1e-6
 
 
 # ---- what a step builds, ranks, states ---------------------------------------------------------------
