@@ -55,7 +55,7 @@ def test_forces_balance_beside_small_loads(make_scene, smaller):
 
 @pytest.mark.parametrize("balance", [1e-1, 1e-3, 1e-5])
 def test_balance_is_what_was_asked_for(balance):
-    scene = make("tensegrity-grid", modules=12, partition="metis")
+    scene = make("tensegrity-grid", modules=20, partition="metis")
     result = solve(scene, balance=balance)
     assert result.reason > 0
     assert left(scene, result) <= balance

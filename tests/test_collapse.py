@@ -163,6 +163,17 @@ def test_a_step_on_a_mechanism_is_made_again_with_a_larger_floor():
     assert iterations < 500
 
 
+@pytest.mark.parametrize("number", [18, 104, 135, 793, 2430, 2557])
+def test_loads_that_exceed_collapse_by_little_beside_prestress_are_refused(number):
+    """By 1e-6 to 1e-4 of loads that are small beside prestress: operators of the tangent show the soft mode."""
+    scene = draw(272727, number, "collapse").scene
+    assert not has_equilibrium(scene)
+    reason, (count, nodes), iterations, _, _ = ended(scene)
+    assert reason == Reason.DIVERGED_DTOL
+    assert count and nodes
+    assert iterations < 500
+
+
 def test_links_that_yield_are_left_to_newtons_method():
     """A bar that bears a force without resisting: the theorem in use does not hold."""
     from latinpc.bench.extremes.rigid import tabulated

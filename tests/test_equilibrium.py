@@ -10,6 +10,7 @@ from petsc4py import PETSc
 from support import far, latin
 
 import latinpc
+from latinpc.bench.extremes.drawn import draw
 from latinpc.bench.extremes.exact import solve_exactly
 from latinpc.bench.extremes.rigid import against, between, net, packing, row, row_solution, stiffened
 from latinpc.scenes import Law
@@ -85,6 +86,26 @@ def test_a_cable_too_short_for_a_contact():
                     initial_elongation=[0.0, 1e-6, -2e-6])  # fmt: skip
     _, reason, _, jammed, _ = ended(scene)
     assert reason < 0 and jammed == (2, [1, 2])
+
+
+@pytest.mark.parametrize(("number", "links"), [(6598, [35, 36]), (8862, [0, 26])])
+def test_gaps_that_miss_each_other_by_little_are_jammed(number, links):
+    """By 3e-5 of the displacements: the method of multipliers shows tensions that grow by the same self-stress."""
+    scene = draw(20261127, number).scene
+    assert not solve_exactly(scene).exists
+    _, reason, _, jammed, _ = ended(scene)
+    assert reason < 0 and jammed == (2, links)
+
+
+@pytest.mark.parametrize("number", [264, 392, 628, 639])
+def test_supports_that_move_a_structure_as_a_rigid_body_are_followed(number):
+    """No load acts and no link is strained: that no tension has a digit is no loss of digits."""
+    scene = draw(91127, number, "rigid").scene
+    u, reason, _, _, _ = ended(scene, subdomains=0)
+    exact = solve_exactly(scene, unique=True)
+    assert exact.exists and not scene.load.any()
+    assert reason > 0
+    assert not exact.unique or u == pytest.approx(exact.displacements, abs=1e-12)
 
 
 def test_a_net_that_holds_is_not_jammed_where_the_iteration_is_cut_short():

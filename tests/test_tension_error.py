@@ -23,11 +23,12 @@ def varied(number):
     rng = np.random.default_rng(number)
     kind, subdomains = rng.choice(["tensegrity-grid", "truss-grid", "lattice", "network"]), int(rng.integers(2, 12))
     if kind == "network":
-        scene = make(kind, nodes=int(rng.integers(60, 600)), slack=float(rng.choice([0.0, 0.1, 0.3])), seed=number)
+        size = int(rng.integers(*((60, 600) if rng.random() < 0.5 else (1200, 2500))))
+        scene = make(kind, nodes=size, slack=float(rng.choice([0.0, 0.1, 0.3])), seed=number)
     elif kind == "lattice":
         scene = make(kind, nx=4 * int(rng.integers(1, 6)), ny=4 * int(rng.integers(1, 4)))
     else:
-        scene = make(kind, modules=4 * int(rng.integers(1, 4)))
+        scene = make(kind, modules=4 * int(rng.integers(1, 8)))
     scene = replace(scene, load=scene.load * 10 ** rng.uniform(-3, 0))
     variant = str(rng.choice(["auto", "none", "macro", "corner", "primal"]))
     return cut(scene, subdomains, number), {
@@ -77,8 +78,8 @@ def test_tensions_of_rigid_links_are_asked_for_as_well(asked):
 
 
 def test_displacements_alone():
-    """What is asked of the tensions may be anything."""
-    scene = irregular()
+    """What is asked of the tensions may be anything; a small structure is proved without any error left."""
+    scene = replace(make("network", nodes=1500), subdomain=None)
     loose, strict = (
         solve(scene, {"snes_latin_error": "1e-3", "snes_latin_tension_error": str(asked)}) for asked in (1e30, 1e-9)
     )

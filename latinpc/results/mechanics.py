@@ -182,7 +182,8 @@ def balance(scene, tensions, reactions, load=None):
         pull[:, : scene.dim] = _pull(scene, tensions)[own]
         moment -= np.cross(lines, pull).sum(axis=0)
     whole = np.linalg.norm(load, axis=1).sum() or np.linalg.norm(reactions, axis=1).sum()
-    rounding = ROUNDING * scene.stiffness.max() * np.abs(scene.initial_elongation).max()
+    moved = np.abs(scene.initial_elongation).max() + np.abs(scene.prescribed).max()
+    rounding = ROUNDING * scene.stiffness.max() * moved
     whole = max(whole, rounding) or 1.0  # forces of slack links are rounding, and balance as such
     size = np.linalg.norm(arms, axis=1).max() or 1.0
     force = float(np.linalg.norm(forces.sum(axis=0)) / whole)

@@ -285,11 +285,12 @@ PetscErrorCode LatinEquilibriumMechanism_Private(LatinStructure structure, Vec s
 
 /*
    Rigid links that no displacement meets together. Their tensions grow for ever, by the same self-stress dtau from one stage
-   of the damped iteration to the next: B^t dtau = 0, while dtau . x = dtau . (e0 + B u) is not positive for any admissible
+   of the damped iteration, or of the method of multipliers, to the next: B^t dtau = 0, while dtau . x = dtau . (e0 + B u) is not positive for any admissible
    strains x [J. Farkas]. Where dtau . e0 is, by more than B^t dtau can make up for on displacements of the size of the structure, or
-   ten times as large as u, there are none. `dtau` has the links of this rank. Collective on structure
+   ten times as large as u, there are none, and the verdict is LATIN_JAMMED; else *found stays. `dtau` has the links of this rank: what
+   is not of a rigid link, or grows less, or not the way that the law admits, proves nothing and becomes zero. Collective on structure
 */
-static PetscErrorCode LatinFarkas_Private(LatinStructure structure, Vec u, const PetscReal dtau[], LatinEquilibrium *found)
+PetscErrorCode LatinEquilibriumFarkas_Private(LatinStructure structure, Vec u, PetscReal dtau[], LatinEquilibrium *found)
 {
   PetscReal sum[2] = {0.0, 0.0}, most = 0.0, size, prescribed, moved, left, *x; /* the work on gaps and prescribed displacements, and of each by itself */
   PetscInt  mine[LATIN_LISTED], count = 0;
@@ -301,6 +302,9 @@ static PetscErrorCode LatinFarkas_Private(LatinStructure structure, Vec u, const
   PetscCall(VecZeroEntries(forces));
   PetscCall(LatinStructureStrains_Private(structure, forces, x)); /* what is prescribed, and nothing else */
   for (PetscInt l = 0; l < structure->links_local; l++) {
+    const PetscReal sign = LatinLawSign(structure->law[l]);
+
+    dtau[l] = LatinLaws[structure->law[l]].rigid ? sign * PetscMax(0.0, sign * dtau[l]) : 0.0;
     sum[0] += dtau[l] * x[l];
     sum[1] += PetscAbsReal(dtau[l] * x[l]);
     most = PetscMax(most, PetscAbsReal(dtau[l]));
@@ -351,12 +355,8 @@ PetscErrorCode LatinEquilibriumJammed_Private(Latin latin, Vec z, Vec work, Lati
   PetscCall(DMGetGlobalVector(structure->dm, &u));
   PetscCall(LatinAverage_Private(&latin->linear, u));
   PetscCall(LatinReturnTensions_Private(&latin->linear));
-  for (PetscInt l = 0; l < structure->links_local; l++) {
-    const PetscReal sign = LatinLawSign(structure->law[l]); /* tensions that grow less, or not the way that the law admits, prove nothing */
-
-    dtau[l] = LatinLaws[structure->law[l]].rigid ? sign * PetscMax(0.0, sign * (latin->linear.rigid_tension[l] - dtau[l])) : 0.0;
-  }
-  if (!latin->linear.failed) PetscCall(LatinFarkas_Private(structure, u, dtau, found));
+  for (PetscInt l = 0; l < structure->links_local; l++) dtau[l] = latin->linear.rigid_tension[l] - dtau[l];
+  if (!latin->linear.failed) PetscCall(LatinEquilibriumFarkas_Private(structure, u, dtau, found));
   PetscCall(DMRestoreGlobalVector(structure->dm, &u));
   PetscCall(PetscArraycpy(latin->linear.rigid_tension, before, structure->links_local));
   PetscCall(PetscFree2(before, dtau));

@@ -109,13 +109,13 @@ static void LatinEstimateTensions(Latin latin, PetscReal sketch[])
   }
 }
 
-/* What rounding leaves of the present displacements */
+/* What rounding leaves of the present displacements. Where no load acts and no link is strained but by rounding, supports have moved the structure as a rigid body: nothing is lost */
 PetscErrorCode LatinEstimateFloor_Private(Latin latin, LatinEstimate *estimate)
 {
   const LatinSubdomains *sub    = &latin->sub;
   const PetscInt         dim    = latin->sub.structure->dim;
   const PetscReal       *U      = latin->linear.U;
-  PetscReal              sum[2] = {0.0, 0.0};
+  PetscReal              sum[3] = {0.0, 0.0, 0.0}; /* of the displacements of ends, of strains, of loads */
 
   PetscFunctionBegin;
   for (PetscInt l = 0; l < sub->links; l++) {
@@ -136,8 +136,9 @@ PetscErrorCode LatinEstimateFloor_Private(Latin latin, LatinEstimate *estimate)
     sum[0] += sub->ground[i] * U[i] * U[i];
     sum[1] += sub->ground[i] * U[i] * U[i];
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)latin)));
-  estimate->floor = LatinRounding(sum[0], sum[1]);
+  for (PetscInt i = 0; i < dim * sub->copies; i++) sum[2] += PetscSqr(latin->linear.load[i]);
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 3, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)latin)));
+  estimate->floor = LatinRounding(sum[0], sum[2] > 0.0 || sum[1] > PetscSqr(LATIN_ESTIMATE_NOISE * PETSC_MACHINE_EPSILON) * sum[0] ? sum[1] : 0.0);
   PetscFunctionReturn(0);
 }
 

@@ -55,7 +55,7 @@ static PetscErrorCode PCLatinBuild_Private(PC pc)
   PetscCall(PetscMalloc5(n, &data->weight, n, &data->v, n, &data->f, n, &data->force, 3 * latin->inter.sides, &data->side));
   PetscCall(MatCreateVecs(pc->pmat, &data->work, NULL));
   PetscCall(PCLatinWeights_Private(pc));
-  if (!data->shared) PetscCall(PCLatinInterior_Private(pc));
+  if (!PCLatinStageAlone(data)) PetscCall(PCLatinInterior_Private(pc));
   data->built = PETSC_TRUE;
   PetscFunctionReturn(0);
 }
@@ -67,7 +67,7 @@ static PetscErrorCode PCSetUp_Latin(PC pc)
 
   PetscFunctionBegin;
   pc->failedreason = PC_NOERROR; /* that of the last operator: PETSc 3.18 keeps it */
-  if (!((PC_Latin *)pc->data)->yields) {
+  if (!((PC_Latin *)pc->data)->follows) {
     PetscCall(PCLatinBuild_Private(pc));
     PetscFunctionReturn(0);
   }
@@ -134,7 +134,7 @@ static PetscErrorCode PCLatinStage_Private(PC pc, Vec forces, Vec u)
   PetscCall(PetscArrayzero(data->v, latin->sub.bs * latin->sub.copies));
   PetscCall(LatinLinearApply(&latin->linear, data->v));
   PetscCall(PCLatinWeigh_Private(pc, PETSC_FALSE, data->v, data->f));
-  if (data->shared) PCLatinFail(pc, data->f);
+  if (PCLatinStageAlone(data)) PCLatinFail(pc, data->f);
   PetscCall(LatinSum_Private(&latin->sub, data->f, u));
   PetscFunctionReturn(0);
 }
@@ -163,8 +163,8 @@ static PetscErrorCode PCLatinExtend_Private(PC pc, Vec y)
    With B the solver of the interiors, W the weights and L the linear stage: B + (1 - B K) W L W^t (1 - K B), which is
    symmetric positive definite if B is, approximate or not. Where B is exact what W and L make of the interiors cancels.
 
-   With the operators of a SNES latin, on which slack links are taut, no elimination of the interiors is exact: W L W^t
-   alone takes a few more iterations of half the cost.
+   Inside Newton's method of a SNES latin it is W L W^t alone: with its operators, on which slack links are taut, no
+   elimination of the interiors is exact, and with those of the tangent stiffness it takes half the set-up.
 */
 static PetscErrorCode PCApply_Latin(PC pc, Vec x, Vec y)
 {
@@ -178,7 +178,7 @@ static PetscErrorCode PCApply_Latin(PC pc, Vec x, Vec y)
     PetscFunctionReturn(0);
   }
   latin->linear.failed = data->interior.failed = PETSC_FALSE;
-  if (data->shared) PetscCall(PCLatinStage_Private(pc, x, y));
+  if (PCLatinStageAlone(data)) PetscCall(PCLatinStage_Private(pc, x, y));
   else {
     PetscCall(PCLatinEliminate_Private(pc, x));
     PetscCall(PCLatinStage_Private(pc, data->work, data->work));
@@ -232,7 +232,7 @@ PetscErrorCode PCLatinFollow_Private(PC pc, Latin latin)
   Latin own = ((PC_Latin *)pc->data)->latin;
 
   PetscFunctionBegin;
-  ((PC_Latin *)pc->data)->yields = PETSC_TRUE;
+  ((PC_Latin *)pc->data)->follows = PETSC_TRUE;
   PetscCall(LatinSetVariant(own, latin->variant));
   PetscCall(LatinSetModes(own, latin->macro.type, PETSC_DEFAULT));
   PetscCall(LatinSetDirection(own, latin->dir.type, 0.0));

@@ -7,17 +7,23 @@
 typedef struct {
   Latin             latin;
   PetscBool         shared;        /* latin is that of a SNES latin, which builds it and has the options */
-  PetscBool         yields;        /* a mechanism is a failure of the preconditioner, not an error */
+  PetscBool         follows;       /* latin has the choices of a SNES latin: inside its Newton's method a mechanism is a failure of the preconditioner, not an error */
   PetscBool         built;         /* what follows is there, though a rank without subdomains has none */
   PetscReal        *weight;        /* [copies * bs] partition of unity */
   PetscReal        *side;          /* [3 * sides] work */
-  LatinLocalSolvers interior;      /* stiffness of the interiors, identity elsewhere */
+  LatinLocalSolvers interior;      /* stiffness of the interiors, identity elsewhere; none where a linear stage is all */
   PetscReal        *v, *f, *force; /* [copies * bs] work */
   Vec               work;          /* DM global vector */
 } PC_Latin;
 
 PETSC_INTERN PetscErrorCode PCLatinWeights_Private(PC);
 PETSC_INTERN PetscErrorCode PCLatinWeigh_Private(PC, PetscBool forces, const PetscReal whole[], PetscReal part[]);
+
+/* Inside Newton's method of SNES latin a linear stage is all: without the elimination of interiors a step takes a few more iterations of half the cost, and half the set-up */
+static inline PetscBool PCLatinStageAlone(const PC_Latin *data)
+{
+  return (PetscBool)(data->shared || data->follows);
+}
 
 /* Does the node of a copy belong to one subdomain? */
 static inline PetscBool PCLatinInner(const Latin latin, PetscInt copy)

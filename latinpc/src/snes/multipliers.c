@@ -42,7 +42,7 @@ PetscErrorCode LatinMultipliersStart_Private(Latin latin, LatinNewton *newton)
 
 /*
    The tensions of the springs at u become the multipliers. *done: displacements, since `before`, and tensions, beside all of them or the loads, have
-   changed by no more than the error asked for. Collective on structure
+   changed by no more than the error asked for. Where gaps jam, newton->found says so. Collective on structure
 */
 static PetscErrorCode LatinMultipliersUpdate_Private(LatinNewton *newton, Vec u, Vec before, PetscReal *change, PetscReal *moved, PetscBool *done)
 {
@@ -52,11 +52,15 @@ static PetscErrorCode LatinMultipliersUpdate_Private(LatinNewton *newton, Vec u,
   PetscFunctionBegin;
   PetscCall(LatinStructureTensions_Private(structure, NULL, u, newton->tension));
   for (PetscInt l = 0; l < structure->links_local; l++) {
+    const PetscReal last = newton->multiplier[l];
+
     if (!LatinLaws[structure->law[l]].rigid) continue;
-    sum[0] += PetscSqr(newton->tension[l] - newton->multiplier[l]);
-    sum[1] += PetscSqr(newton->tension[l]);
     newton->multiplier[l] = newton->tension[l];
+    newton->tension[l] -= last;
+    sum[0] += PetscSqr(newton->tension[l]);
+    sum[1] += PetscSqr(newton->multiplier[l]);
   }
+  if (!structure->rubs && !structure->ground) PetscCall(LatinEquilibriumFarkas_Private(structure, u, newton->tension, &newton->found)); /* rigid links of a time step have no gaps, or do not bear */
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
   PetscCall(VecAXPY(before, -1.0, u));
   PetscCall(VecNorm(before, NORM_2, moved));
@@ -168,6 +172,10 @@ PetscErrorCode LatinMultipliersSolve_Private(SNES snes, LatinNewton *newton, Vec
     done  = (PetscBool)(*reason < 0 || newton->structure->rigid_law < 0);
     last  = change;
     if (!done) PetscCall(LatinMultipliersUpdate_Private(newton, u, before, &change, &moved, &done));
+    if (newton->found.verdict == LATIN_JAMMED) {
+      *reason = SNES_DIVERGED_DTOL;
+      done    = PETSC_TRUE;
+    }
     if (done || change <= last / LATIN_PENALTY_GROWS) continue;
     factor = LATIN_PENALTY_GROWS;
     if (moved <= LATIN_PENALTY_REST * PETSC_MACHINE_EPSILON) { /* they change by rounding of the displacements alone */

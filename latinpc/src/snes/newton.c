@@ -6,7 +6,8 @@
    Finish: where an error is to be proved, or rounding ends the iteration too early. The taut links are nearly those of the
    solution, and a step is exact for given taut links: its length is the error, and what a linear solve leaves over of it
    that of the corrected displacements. The preconditioner is made of the operators that SNES latin has built already, with
-   all links taut.
+   all links taut. It takes a soft mode of the taut links, next to collapse say, for as stiff as the rest: a small structure,
+   for which it takes milliseconds, has a preconditioner of the tangent stiffness here, too.
 
    Stall: a linear stage treats every link as a spring of its ascent direction l = k. A slack link that is much stiffer than
    the structure around it, or a structure that only soft slack links hold, leaves displacements that hardly move from one
@@ -31,11 +32,10 @@
 #define LATIN_NEWTON_STEPS    200                            /* most steps; with half as many a case of the catalogue is refused */
 #define LATIN_NEWTON_FULL     12                             /* steps that are taken whole: they end soon if they end at all */
 #define LATIN_NEWTON_GAIN     0.5                            /* a step that was to bring digits and leaves more of the error has brought none: rounding */
-#define LATIN_NEWTON_DOUBT    100.0                          /* times the part of the residual that is left: the error, where taut links leave a mode a hundredth of the resistance of all links */
 #define LATIN_NEWTON_FAR      1e-7                           /* of the loads: forces that displacements larger than the structure may leave without balance */
-#define LATIN_NEWTON_LEAST    3                              /* iterations of a linear solve that proves: one hardly meets a soft mode, and two structures of 10,000 were wrong */
 #define LATIN_NEWTON_DOUBTS   1e8                            /* at most, where a correction is larger still */
 #define LATIN_NEWTON_REST     (64.0 * PETSC_MACHINE_EPSILON) /* a step so small changes links by rounding alone */
+#define LATIN_NEWTON_OWN      3000                           /* unknowns up to which it finishes with operators of its own: six in 3,000 structures next to collapse were wrong without */
 #define LATIN_NEWTON_STILL    10                             /* a search that stands still may meet rounding, or a link that is just taut: then it does so again and again */
 
 /* Before the first linear stage of a solve. Collective on structure */
@@ -76,13 +76,14 @@ PetscBool LatinNewtonStalled(LatinNewton *newton, PetscReal measure, PetscReal t
 
 /*
    A linear solve ends when what it leaves over of the step is small beside the error asked for, as far as the part of the
-   residual shows that is left: with PC latin the natural norm of CG is that of the energy, about. Else at its tolerance.
+   residual shows that is left: with PC latin the natural norm of CG is that of the energy, about; and when forces are as much in
+   balance as a claim needs, for another step would start its search for directions anew. Else at its tolerance.
 */
 static PetscErrorCode LatinNewtonLinear_Private(KSP ksp, PetscInt it, PetscReal rnorm, KSPConvergedReason *reason, void *ctx)
 {
   LatinNewton *newton = (LatinNewton *)ctx;
   PetscReal    rtol, size;
-  Vec          step;
+  Vec          step, r;
 
   PetscFunctionBegin;
   *reason = KSP_CONVERGED_ITERATING;
@@ -94,7 +95,10 @@ static PetscErrorCode LatinNewtonLinear_Private(KSP ksp, PetscInt it, PetscReal 
   if (*reason || newton->tangent || newton->left > LATIN_NEWTON_PROOF) PetscFunctionReturn(0);
   PetscCall(KSPBuildSolution(ksp, NULL, &step));
   PetscCall(VecNorm(step, NORM_2, &size));
-  if (it >= LATIN_NEWTON_LEAST && newton->doubt * newton->left * size <= newton->target * newton->size) *reason = KSP_CONVERGED_RTOL;
+  if (newton->doubt * newton->left * size > newton->target * newton->size) PetscFunctionReturn(0);
+  PetscCall(KSPBuildResidual(ksp, NULL, NULL, &r));
+  PetscCall(VecNorm(r, NORM_2, &size));
+  if (size <= newton->balance) *reason = KSP_CONVERGED_RTOL;
   PetscFunctionReturn(0);
 }
 
@@ -126,7 +130,8 @@ static PetscErrorCode LatinNewtonCorrect_Private(SNES snes, LatinNewton *newton,
   PetscFunctionBegin;
   PetscCall(SNESGetFunction(snes, &r, NULL, NULL));
   PetscCall(LatinNewtonCorrection_Private(newton, u, r, &error, &newton->tensions));
-  times = PetscMax(error / newton->target, newton->tensions / newton->tension_target);
+  newton->error = PetscMax(newton->error, error);
+  times         = PetscMax(error / newton->target, newton->tensions / newton->tension_target);
   if (times <= 1.0) PetscFunctionReturn(0);
   *claims       = PETSC_FALSE;
   newton->doubt = PetscMin(PetscMax(times, 2.0) * newton->doubt, LATIN_NEWTON_DOUBTS);
@@ -134,7 +139,7 @@ static PetscErrorCode LatinNewtonCorrect_Private(SNES snes, LatinNewton *newton,
 }
 
 /* Of claims that the displacements u are the solution, or that rounding leaves no more, what forces and a correction confirm. Collective on snes */
-static PetscErrorCode LatinNewtonProve_Private(SNES snes, LatinNewton *newton, Vec u, PetscReal fnorm, PetscBool *rounding, PetscBool *claims)
+static PetscErrorCode LatinNewtonProve_Private(SNES snes, LatinNewton *newton, Vec u, PetscReal fnorm, PetscInt changes, PetscBool *rounding, PetscBool *claims)
 {
   LatinEquilibrium found;
 
@@ -142,7 +147,7 @@ static PetscErrorCode LatinNewtonProve_Private(SNES snes, LatinNewton *newton, V
   PetscCall(LatinNewtonCheck_Private(snes, newton, u, fnorm, claims, &found));
   if (newton->tangent) {
     *rounding = (PetscBool)(*rounding && found.balanced);
-    *claims   = (PetscBool)(*claims && PetscMax(found.error, found.forces) <= newton->target); /* a node with a small load that only slack links hold goes on */
+    *claims   = (PetscBool)(*claims && PetscMax(found.error, found.forces) <= newton->target && (!changes || found.balanced)); /* a node with a small load that only slack links hold goes on */
   }
   newton->tensions = found.forces;
   if (*claims && newton->proves && !found.balanced) PetscCall(LatinNewtonCorrect_Private(snes, newton, u, claims));
@@ -232,7 +237,7 @@ static PetscErrorCode LatinNewtonConverged_Private(SNES snes, PetscInt it, Petsc
                          (fnorm <= newton->balance || LatinMultipliersEnergy(newton))); /* a step that was to bring digits has brought none */
   claims   = (PetscBool)(it && ((newton->tangent && !newton->structure->penalty) || !changes || newton->error <= LATIN_NEWTON_REST) && newton->error <= newton->target && fnorm <= newton->balance &&
                        (!newton->still || newton->still > LATIN_NEWTON_STILL));
-  if ((rounding || claims) && (newton->tangent || newton->proves) && !newton->structure->penalty) PetscCall(LatinNewtonProve_Private(snes, newton, u, fnorm, &rounding, &claims));
+  if ((rounding || claims) && (newton->tangent || newton->proves) && !newton->structure->penalty) PetscCall(LatinNewtonProve_Private(snes, newton, u, fnorm, changes, &rounding, &claims));
   if (fnorm <= newton->residual) *reason = SNES_CONVERGED_FNORM_RELATIVE;
   else if (claims) *reason = SNES_CONVERGED_SNORM_RELATIVE;
   else if (rounding) *reason = SNES_CONVERGED_SNORM_RELATIVE;
@@ -285,6 +290,17 @@ static PetscErrorCode LatinNewtonSearch_Private(SNESLineSearch search, void *ctx
   PetscCall(SNESLineSearchSetLambda(search, length));
   PetscCall(SNESComputeFunction(snes, u, f));
   PetscCall(SNESLineSearchComputeNorms(search));
+  PetscFunctionReturn(0);
+}
+
+/* Has the method operators of its own to finish with? In a motion masses hold all modes. Not collective */
+PetscErrorCode LatinNewtonOwn_Private(LatinStructure structure, PetscBool *own)
+{
+  PetscInt unknowns;
+
+  PetscFunctionBegin;
+  PetscCall(VecGetSize(structure->load, &unknowns));
+  *own = (PetscBool)(unknowns <= LATIN_NEWTON_OWN && !structure->ground);
   PetscFunctionReturn(0);
 }
 
@@ -351,7 +367,7 @@ PetscErrorCode LatinNewtonSolve_Private(SNES snes, LatinNewton *newton, Vec u, S
   newton->linear   = (PetscBool)!newton->latin->sub.nonsmooth_global;
   newton->error    = newton->latin->linear.indicator;
   newton->left     = 0.0;
-  newton->doubt    = LATIN_NEWTON_DOUBT;
+  newton->doubt    = 1.0;
   newton->tensions = -1.0;
   newton->asked    = PETSC_FALSE;
   PetscCall(PetscMemzero(&newton->found, sizeof(newton->found)));

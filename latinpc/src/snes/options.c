@@ -201,7 +201,8 @@ PetscErrorCode SNESLatinSetBalance(SNES snes, PetscReal balance)
   Level: intermediate
 
   Note:
-  Where Newton's method fails the iteration goes on. Rigid links are springs in it, whose tensions become multipliers until
+  Where Newton's method fails the iteration goes on. Its preconditioner is made of the operators of the iteration, or, where
+  that has stalled and for structures of up to 3,000 unknowns, of the tangent stiffness. Rigid links are springs in it, whose tensions become multipliers until
   the springs do no more; they prove no error. Contacts with friction have a tangent stiffness that is not symmetric: GMRES takes the place of CG.
 
 .seealso: `SNESLATIN`

@@ -271,7 +271,8 @@ PetscErrorCode SNESView_Latin(SNES snes, PetscViewer viewer)
     PetscCall(PetscViewerASCIIPopTab(viewer));
   }
   if (newton->snes && newton->steps) {
-    PetscCall(PetscViewerASCIIPrintf(viewer, "Newton's method %s, last solve %" PetscInt_FMT " steps and %" PetscInt_FMT " linear stages:\n", newton->tangent ? "where the iteration stalled" : "to finish", newton->steps, newton->stages));
+    PetscCall(PetscViewerASCIIPrintf(viewer, "Newton's method %s, last solve %" PetscInt_FMT " steps and %" PetscInt_FMT " linear stages:\n", newton->tangent ? "by operators of the tangent stiffness" : "by the operators of the iteration",
+                                     newton->steps, newton->stages));
     PetscCall(PetscViewerASCIIPushTab(viewer));
     PetscCall(SNESView(newton->snes, viewer));
     PetscCall(PetscViewerASCIIPopTab(viewer));

@@ -118,8 +118,8 @@ static PetscErrorCode SNESLatinFinished_Private(SNES snes, SNESConvergedReason r
   PetscFunctionReturn(0);
 }
 
-/* The norm of the forces without balance that a claim may leave: of the loads, and near the solution, or without loads, of the tensions, which are wrong by as much. Collective on snes */
-static PetscErrorCode SNESLatinLeaves_Private(SNES snes, PetscBool stall, PetscReal *balance)
+/* The norm of the forces without balance that a claim may leave: of the loads, and, with operators of the iteration or without loads, of the tensions, which are wrong by as much. Collective on snes */
+static PetscErrorCode SNESLatinLeaves_Private(SNES snes, PetscBool own, PetscReal *balance)
 {
   SNES_Latin          *data      = (SNES_Latin *)snes->data;
   const LatinStructure structure = data->latin->sub.structure;
@@ -134,7 +134,7 @@ static PetscErrorCode SNESLatinLeaves_Private(SNES snes, PetscBool stall, PetscR
   PetscCall(DMRestoreWorkArray(structure->dm, structure->links_local, MPIU_REAL, &tension));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &sum, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)snes)));
   if (data->newton.loads > 0.0) *balance = (structure->rubs ? data->target : data->balance) * data->newton.loads;
-  if (sum > 0.0 && (!stall || (structure->rubs && *balance == PETSC_MAX_REAL))) *balance = PetscMin(*balance, data->target * PetscSqrtReal(sum));
+  if (sum > 0.0 && (!own || (structure->rubs && *balance == PETSC_MAX_REAL))) *balance = PetscMin(*balance, data->target * PetscSqrtReal(sum));
   PetscFunctionReturn(0);
 }
 
@@ -167,12 +167,13 @@ static PetscErrorCode SNESLatinNewton_Private(SNES snes, PetscBool stall)
 {
   SNES_Latin         *data   = (SNES_Latin *)snes->data;
   LatinNewton        *newton = &data->newton;
-  PetscBool           done   = PETSC_FALSE;
+  PetscBool           own = PETSC_TRUE, done = PETSC_FALSE;
   SNESConvergedReason reason;
   Vec                 step, r;
 
   PetscFunctionBegin;
-  if (stall) newton->stall = PETSC_FALSE;
+  if (!stall) PetscCall(LatinNewtonOwn_Private(data->latin->sub.structure, &own));
+  if (own) newton->stall = PETSC_FALSE;
   newton->target         = SNESLatinEstimates(data) ? data->target : data->stop == LATIN_STOP_RESIDUAL ? 0.0 : snes->stol;
   newton->residual       = data->stop == LATIN_STOP_RESIDUAL ? PetscMax(snes->abstol, snes->rtol * data->first_residual) : 0.0;
   newton->energy         = data->estimate.energy;
@@ -183,9 +184,9 @@ static PetscErrorCode SNESLatinNewton_Private(SNES snes, PetscBool stall)
   if (stall) PetscCall(SNESLatinNearer_Private(snes));
   else PetscCall(LatinAverage_Private(&data->latin->linear, snes->vec_sol)); /* an estimate says that it is near */
   PetscCall(SNESLatinLoads_Private(snes, &newton->loads));
-  PetscCall(SNESLatinLeaves_Private(snes, stall, &newton->balance));
+  PetscCall(SNESLatinLeaves_Private(snes, own, &newton->balance));
   PetscCall(LatinMultipliersStart_Private(data->latin, newton));
-  PetscCall(LatinNewtonCreate_Private(snes, data->latin, stall, newton));
+  PetscCall(LatinNewtonCreate_Private(snes, data->latin, own, newton));
   PetscCall(LatinNewtonSolve_Private(snes, newton, snes->vec_sol, &reason));
   if (reason < 0) PetscCall(LatinNewtonAsk_Private(newton, snes->vec_rhs));
   data->found = newton->found;
@@ -193,7 +194,7 @@ static PetscErrorCode SNESLatinNewton_Private(SNES snes, PetscBool stall)
   PetscCall(SNESGetFunction(newton->snes, &r, NULL, NULL));
   if (step && !data->found.verdict && (!data->latin->sub.structure->rubs || newton->sticks)) PetscCall(LatinEquilibriumMechanism_Private(data->latin->sub.structure, step, r, snes->vec_rhs, &data->found));
   PetscCall(LatinMultipliersEnd_Private(data->latin, newton, (PetscBool)(reason > 0)));
-  if (data->found.verdict == LATIN_UNBOUNDED) {
+  if (data->found.verdict == LATIN_UNBOUNDED || data->found.verdict == LATIN_JAMMED) {
     data->next = LATIN_NEXT_DIVERGED;
     PetscFunctionReturn(0);
   }
@@ -201,7 +202,7 @@ static PetscErrorCode SNESLatinNewton_Private(SNES snes, PetscBool stall)
   if (done) PetscFunctionReturn(0);
   PetscCall(PetscInfo(snes, "Newton's method ended with %s\n", SNESConvergedReasons[reason]));
   newton->finish = PETSC_FALSE;
-  if (stall && !newton->penalty) newton->last = data->latin->linear.applications + LATIN_NEWTON_AFTER;
+  if (own && !newton->penalty) newton->last = data->latin->linear.applications + LATIN_NEWTON_AFTER;
   data->current = -1;
   data->next    = LATIN_NEXT_NEWTON_STALL;
   if (newton->stall) PetscFunctionReturn(0);
@@ -251,7 +252,7 @@ static PetscErrorCode SNESLatinDiagnose_Private(SNES snes)
   PetscFunctionBegin;
   if (SNESLatinLarge(data)) PetscFunctionReturn(0);
   if (snes->reason > 0 || data->next == LATIN_NEXT_NOT_FINITE || data->latin->linear.failed) found->nodes = found->links = 0;
-  else if (!(found->verdict == LATIN_UNBOUNDED && found->nodes && found->distance == INFINITY)) {
+  else if (found->verdict != LATIN_JAMMED && !(found->verdict == LATIN_UNBOUNDED && found->nodes && found->distance == INFINITY)) {
     PetscCall(LatinEquilibriumCheck_Private(data->latin, snes->vec_sol, snes->vec_func, snes->vec_rhs, data->target, data->estimate.energy, PETSC_FALSE, found));
     PetscCall(LatinStructureSize_Private(data->latin->sub.structure, &size, &prescribed));
     found->distance = PetscMin(found->distance, size); /* an iterate that diverges proves nothing */

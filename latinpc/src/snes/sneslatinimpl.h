@@ -72,6 +72,7 @@ typedef struct {
 } LatinNewton;
 PETSC_INTERN PetscErrorCode LatinNewtonStart_Private(LatinNewton *, LatinStructure);
 PETSC_INTERN PetscBool      LatinNewtonStalled(LatinNewton *, PetscReal measure, PetscReal target);
+PETSC_INTERN PetscErrorCode LatinNewtonOwn_Private(LatinStructure, PetscBool *);
 PETSC_INTERN PetscErrorCode LatinNewtonCreate_Private(SNES, Latin, PetscBool tangent, LatinNewton *);
 PETSC_INTERN PetscErrorCode LatinNewtonSolve_Private(SNES, LatinNewton *, Vec u, SNESConvergedReason *);
 PETSC_INTERN PetscErrorCode LatinNewtonCorrection_Private(LatinNewton *, Vec u, Vec r, PetscReal *error, PetscReal *tensions);
