@@ -67,8 +67,10 @@ def warn(comm: PETSc.Comm, text: str, category: type[Warning] = LatinWarning) ->
 def causes(snes: PETSc.SNES, structure: Structure, past: dict) -> list[str]:
     """Return sentences on how a solve has ended, where its solver or the links show why; not collective."""
     notices, reason = [], snes.getConvergedReason()
-    if len(past.get("estimate", ())) and reason == PETSc.SNES.ConvergedReason.DIVERGED_INNER:
-        least = accuracy.rounding_floor(snes)
+    least = accuracy.rounding_floor(snes) if reason == PETSc.SNES.ConvergedReason.DIVERGED_INNER else 0.0
+    if least >= 1.0:
+        notices.append("rounding hides what the loads do: a part of the structure is a mechanism, or nearly one")
+    elif least and len(past.get("estimate", ())):
         notices.append(f"the requested error is below the rounding error of this structure, about {least:.0e}")
     if snes.getType() == "latin" and reason < 0:
         notices += _no_equilibrium(snes, structure)

@@ -29,13 +29,14 @@ STEPS = 5000
 class Exact:
     """An equilibrium, rounded once.
 
-    Without one (`exists` is False) the rest is None. Displacements that are not unique are the least ones.
+    Without one (`exists` is False) there is only `missing`. Displacements that are not unique are the least ones.
     """
 
     exists: bool
     displacements: np.ndarray | None = None  #: (n, dim), m
     tensions: np.ndarray | None = None  #: (m,), N; where those of rigid links are not unique, some that balance
     unique: bool = True  #: the displacements
+    missing: float = 0.0  #: the largest force that nothing bears but springs to the ground, N; infinite where gaps jam
 
 
 def solve_exactly(scene, guess=None, unique=False):
@@ -194,8 +195,10 @@ class _Search:
         u = [arb(float(x)) for x in (np.zeros(self.scene.fixed.shape) if guess is None else guess).ravel()[self.free]]
         u, strains = self._equilibrium(u, [self.zero] * len(u))
         tensions = [k * x + t0 for i, x in enumerate(strains) for k, t0 in [self._piece(i, x)]]
-        if self._on_ground(u) or self._jammed(tensions):
-            return Exact(False)
+        if self._jammed(tensions):
+            return Exact(False, missing=np.inf)
+        if self._on_ground(u):
+            return Exact(False, missing=float(max(abs(self.ground * x) for x in u)))
         whole = np.where(self.scene.fixed, self.scene.prescribed, 0.0).ravel()
         whole[self.free] = [float(x) for x in u]
         alone = self._alone(u) if unique and u else True

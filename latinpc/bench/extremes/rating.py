@@ -112,7 +112,8 @@ def _judge_statics(drawn, u, tensions):
         return _judge_rubbing(scene, u, tensions)
     exact = solve_exactly(scene, u, unique=True)
     if not exact.exists:
-        return {"verdict": "wrong", "why": "no equilibrium exists"}
+        hidden = exact.missing <= ROUNDING * _unbalance(scene, u)
+        return {"verdict": "rounding" if hidden else "wrong", "why": "no equilibrium exists"}
     errors = _errors(scene, u, tensions, exact)
     if max(errors.values()) <= SLACK * ASKED:
         return errors | {"verdict": "right"}
@@ -153,6 +154,13 @@ def _far(found, known, nothing, size=None):
     if far <= 16 * nothing * max(len(found), 1) ** 0.5:
         return 0.0
     return float(far / size) if size > 0 else np.inf
+
+
+def _unbalance(scene, u):
+    """Return the largest force at a node that displacements leave when they are rounded to doubles, N."""
+    ends = np.abs(scene.directions) * np.abs(u[scene.links]).sum(axis=1)
+    off = EPSILON * scene.stiffness * (np.abs(scene.initial_elongation) + ends.sum(axis=1))
+    return np.sqrt(np.bincount(scene.links.ravel(), np.repeat(off**2, 2), len(u)).max())
 
 
 def _rounded(scene):
