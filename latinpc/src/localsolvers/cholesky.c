@@ -286,22 +286,45 @@ PetscErrorCode LatinCholeskyRound(PC pc, PetscBool large)
   PetscFunctionReturn(0);
 }
 
-/* Is the factor of any PC one of this type in single precision? */
-PetscErrorCode LatinCholeskyRounded(PC pc, PetscBool *rounded)
+/* The factor of any PC if it is one of this type, else NULL */
+static PetscErrorCode LatinCholeskyFind_Private(PC pc, LatinSupernodes **data)
 {
   MatSolverType type = NULL;
   PetscBool     ours = PETSC_FALSE, cholesky;
   Mat           F;
 
   PetscFunctionBegin;
-  *rounded = PETSC_FALSE;
+  *data = NULL;
   PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCCHOLESKY, &cholesky));
   if (!cholesky) PetscFunctionReturn(0);
   PetscCall(PCFactorGetMatSolverType(pc, &type));
   if (type) PetscCall(PetscStrcmp(type, LATIN_CHOLESKY, &ours));
   if (!ours) PetscFunctionReturn(0);
   PetscCall(PCFactorGetMatrix(pc, &F));
-  *rounded = (PetscBool)(((LatinSupernodes *)F->data)->fronts.precision != LATIN_DOUBLE);
+  *data = (LatinSupernodes *)F->data;
+  PetscFunctionReturn(0);
+}
+
+/* Is it in single precision? */
+PetscErrorCode LatinCholeskyRounded(PC pc, PetscBool *rounded)
+{
+  LatinSupernodes *data;
+
+  PetscFunctionBegin;
+  PetscCall(LatinCholeskyFind_Private(pc, &data));
+  *rounded = (PetscBool)(data && data->fronts.precision != LATIN_DOUBLE);
+  PetscFunctionReturn(0);
+}
+
+/* Additions and multiplications that it takes, and its size; 0: it is another one */
+PetscErrorCode LatinCholeskyCost(PC pc, PetscReal *operations, PetscReal *bytes)
+{
+  LatinSupernodes *data;
+
+  PetscFunctionBegin;
+  PetscCall(LatinCholeskyFind_Private(pc, &data));
+  *operations = data ? (PetscReal)data->fronts.operations : 0.0;
+  *bytes      = data ? (PetscReal)data->fronts.panel[data->fronts.fronts] * (data->fronts.precision != LATIN_DOUBLE ? 4.0 : 8.0) : 0.0;
   PetscFunctionReturn(0);
 }
 
@@ -430,45 +453,6 @@ PetscErrorCode LatinCholeskyRegister(void)
   PetscFunctionBegin;
   PetscCall(MatSolverTypeRegister(LATIN_CHOLESKY, MATSEQAIJ, MAT_FACTOR_CHOLESKY, LatinCholeskyCreate_Private));
   PetscFunctionReturn(0);
-}
-
-#else
-
-/* This PETSc has no CHOLMOD: MatGetFactorAvailable() says so of the type */
-PetscErrorCode LatinCholeskyRegister(void)
-{
-  return 0;
-}
-
-PetscErrorCode LatinCholeskyForward(Mat F, PetscReal g[], PetscReal *energy)
-{
-  SETERRQ(PETSC_COMM_SELF, PETSC_ERR_PLIB, "No factor of this type can have been made");
-}
-
-PetscErrorCode LatinCholeskyGiveSchur(Mat F, Mat *S)
-{
-  SETERRQ(PETSC_COMM_SELF, PETSC_ERR_PLIB, "No factor of this type can have been made");
-}
-
-PetscErrorCode LatinCholeskyBackward(Mat F, PetscReal g[], PetscReal *energy)
-{
-  SETERRQ(PETSC_COMM_SELF, PETSC_ERR_PLIB, "No factor of this type can have been made");
-}
-
-PetscErrorCode LatinCholeskyRound(PC pc, PetscBool large)
-{
-  SETERRQ(PETSC_COMM_SELF, PETSC_ERR_PLIB, "No factor of this type can have been made");
-}
-
-PetscErrorCode LatinCholeskyRefine(PC pc, Mat A)
-{
-  SETERRQ(PETSC_COMM_SELF, PETSC_ERR_PLIB, "No factor of this type can have been made");
-}
-
-PetscErrorCode LatinCholeskyRounded(PC pc, PetscBool *rounded)
-{
-  *rounded = PETSC_FALSE;
-  return 0;
 }
 
 #endif

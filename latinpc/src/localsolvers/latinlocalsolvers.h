@@ -41,6 +41,7 @@ PETSC_INTERN PetscErrorCode LatinOrderNodes_Private(PetscInt bs, PetscInt rows, 
 PETSC_INTERN PetscErrorCode LatinCholeskyRegister(void);
 PETSC_INTERN PetscErrorCode LatinCholeskyRound(PC, PetscBool large);
 PETSC_INTERN PetscErrorCode LatinCholeskyRounded(PC, PetscBool *);
+PETSC_INTERN PetscErrorCode LatinCholeskyCost(PC, PetscReal *operations, PetscReal *bytes);
 PETSC_INTERN PetscErrorCode LatinCholeskyRefine(PC, Mat);
 PETSC_INTERN PetscErrorCode LatinCholeskyGiveSchur(Mat, Mat *);
 PETSC_INTERN PetscErrorCode LatinCholeskyForward(Mat, PetscReal g[], PetscReal *energy);
