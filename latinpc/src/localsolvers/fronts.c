@@ -3,6 +3,10 @@
 #if LATIN_CHOLMOD
 
   #include <float.h>
+  #include <stdlib.h>
+  #if defined(__linux__)
+    #include <sys/mman.h>
+  #endif
   #include "base/vector.h"
 
 /* The fronts of a sparse Cholesky factor: which one adds to which, their sizes, and the factor itself. */
@@ -68,6 +72,22 @@ PetscErrorCode LatinFrontsCreate(PetscInt n, PetscInt kept, PetscInt fronts, con
   PetscFunctionReturn(0);
 }
 
+  #define LATIN_PAGE 2097152 /* bytes of a large page */
+
+/* Room for the factor, in large pages where there are: solves read it from end to end */
+static PetscErrorCode LatinFrontsFactorRoom_Private(LatinFronts *F, size_t bytes)
+{
+  PetscFunctionBegin;
+  free(F->factor);
+  F->factor = NULL;
+  if (!bytes) bytes = 1;
+  PetscCheck(!posix_memalign(&F->factor, bytes < LATIN_PAGE ? 64 : LATIN_PAGE, bytes), PETSC_COMM_SELF, PETSC_ERR_MEM, "No room for a factor of %g bytes", (double)bytes);
+  #if defined(MADV_HUGEPAGE)
+  if (bytes >= LATIN_PAGE) (void)madvise(F->factor, bytes, MADV_HUGEPAGE);
+  #endif
+  PetscFunctionReturn(0);
+}
+
 /* Work space for so many right-hand sides */
 static PetscErrorCode LatinFrontsRoom_Private(LatinFronts *F, PetscInt columns)
 {
@@ -87,7 +107,7 @@ PetscErrorCode LatinFrontsDestroy(LatinFronts *F)
 {
   PetscFunctionBegin;
   PetscCall(PetscFree5(F->columns, F->child, F->sibling, F->odd, F->panel));
-  PetscCall(PetscFree(F->factor));
+  free(F->factor);
   PetscCall(PetscFree(F->x));
   PetscCall(PetscFree(F->work));
   PetscCall(PetscMemzero(F, sizeof(*F)));
@@ -141,8 +161,7 @@ PetscErrorCode LatinFrontsFactor(LatinFronts *F, LatinArithmetic precision, cons
     *bad = -1;
     PetscCall(PetscArrayzero(S, (size_t)F->kept * (size_t)F->kept));
     if (!F->factor || (precision == LATIN_DOUBLE) != (F->precision == LATIN_DOUBLE)) {
-      PetscCall(PetscFree(F->factor));
-      PetscCall(PetscMalloc(bytes, &F->factor));
+      PetscCall(LatinFrontsFactorRoom_Private(F, bytes));
       F->room = 0;
     }
     F->precision = precision;
