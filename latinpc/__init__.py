@@ -33,6 +33,7 @@ from latinpc.settings import (
 )
 from latinpc.solvers import (
     coarse_ksp,
+    cost,
     error_message,
     history,
     jammed_links,
@@ -68,6 +69,7 @@ __all__ = [
     "SolveError",
     "Structure",
     "coarse_ksp",
+    "cost",
     "digits",
     "energy_bound",
     "error_message",

@@ -40,6 +40,14 @@ cdef extern from "latinpc.h":
         PetscReal direction_mean
         PetscReal direction_max
 
+    ctypedef struct LatinCost:
+        const char *choice
+        PetscReal factor_operations
+        PetscReal factor_bytes
+        PetscReal setup_seconds
+        PetscInt linear_stages
+        PetscReal stage_seconds
+
     PetscErrorCode LatinInitializePackage()
 
     ctypedef struct LatinLawFunctions:  # functions of C, known here by their addresses only
@@ -126,6 +134,7 @@ cdef extern from "latinpc.h":
     PetscErrorCode LatinSetPrecision(Latin, int)
     PetscErrorCode LatinGetLocalKSP(Latin, PetscInt, PetscKSP *)
     PetscErrorCode LatinGetCoarseKSP(Latin, PetscKSP *)
+    PetscErrorCode LatinGetCost(Latin, LatinCost *)
     PetscErrorCode LatinGetStatistics(Latin, LatinStatistics *)
     PetscErrorCode LatinGetSubdomains(Latin, PetscInt *, PetscInt *)
     PetscErrorCode LatinGetSubdomainIS(Latin, PetscInt, PetscIS *)

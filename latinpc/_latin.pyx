@@ -314,6 +314,13 @@ def statistics(Object solver not None):
     return s
 
 
+def cost(Object solver not None):
+    """Return the fields of ``LatinCost``."""
+    cdef LatinCost c
+    CHKERR(LatinGetCost(core(solver), &c))
+    return {**c, "choice": c.choice.decode()}
+
+
 def subdomains(Object solver not None):
     """Return the number of subdomains of this rank and the number of its first one."""
     cdef PetscInt count = 0, first = 0

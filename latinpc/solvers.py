@@ -18,6 +18,7 @@ from latinpc.library import _latin
 
 __all__ = [
     "coarse_ksp",
+    "cost",
     "error_message",
     "history",
     "load_state",
@@ -54,6 +55,24 @@ def statistics(solver: Solver) -> dict[str, Any]:
         ``direction_max`` (of a matrix, its diagonal).
     """
     return dict(_latin.statistics(solver))
+
+
+def cost(solver: Solver) -> dict[str, Any]:
+    """Return what the decomposition costs, predicted and measured; collective, after ``setUp``.
+
+    Parameters
+    ----------
+    solver : petsc4py.PETSc.SNES, petsc4py.PETSc.KSP or petsc4py.PETSc.PC
+        Of type latin.
+
+    Returns
+    -------
+    dict
+        ``choice``, why there are so many subdomains; ``factor_operations`` and ``factor_bytes`` of the subdomains'
+        factors, by their analysis, which a linear stage reads twice (0: another local solver was chosen);
+        ``setup_seconds``, ``linear_stages`` since the set-up, and ``stage_seconds`` of one of them.
+    """
+    return dict(_latin.cost(solver))
 
 
 def history(snes: PETSc.SNES) -> dict[str, np.ndarray]:

@@ -71,6 +71,44 @@ def test_a_shell_shows_what_is_in_it(tmp_path):
     assert "variant corner" in shown(pc, tmp_path)
 
 
+def test_what_a_decomposition_costs_is_predicted_and_measured(tmp_path):
+    scene = make("network", nodes=600)
+    costs = {}
+    for count in (0, 1, 4):
+        structure = latinpc.Structure.from_scene(scene, comm=PETSc.COMM_SELF)
+        with default_options({"snes_type": "latin", "snes_latin_precision": "double", "snes_latin_subdomains": count}):
+            snes = structure.create_snes()
+            snes.setFromOptions()
+        snes.setUp()
+        before = latinpc.cost(snes)
+        assert before["linear_stages"] == 0 and before["stage_seconds"] == 0 < before["setup_seconds"]
+        snes.solve(None, structure.create_vec())
+        costs[count] = cost = latinpc.cost(snes)
+        view = shown(snes, tmp_path)
+        assert cost["linear_stages"] >= snes.getIterationNumber() and 0 < cost["stage_seconds"] < 1
+        assert f"number of subdomains: {cost['choice']}" in view
+        assert f"a linear stage reads their factors, {cost['factor_bytes'] / 1e6:.3g} MB, twice" in view
+        assert f"measured: set-up {cost['setup_seconds']:.3g} s, {cost['linear_stages']} linear stages" in view
+    assert costs[0]["choice"] == "one factor costs least" and costs[1]["choice"] == "asked for"
+    assert (
+        costs[0]["factor_bytes"] == costs[1]["factor_bytes"] > costs[4]["factor_bytes"]
+    )  # of four, interfaces are apart
+    # a Cholesky factor of n rows has between n and n (n + 1) / 2 entries, and takes their squares by columns
+    n, entries = 3 * len(scene.nodes), costs[1]["factor_bytes"] / 8
+    assert n < entries < n * n and entries**2 / n / 4 < costs[1]["factor_operations"] < n**3
+
+
+def test_costs_of_other_local_solvers_are_measured_alone(tmp_path):
+    structure = latinpc.Structure.from_scene(make("truss-grid", modules=4, subdomains=4), comm=PETSc.COMM_SELF)
+    with default_options({"snes_type": "latin", "snes_latin_local_pc_factor_mat_solver_type": "petsc"}):
+        snes = structure.create_snes()
+        snes.setFromOptions()
+        snes.solve(None, structure.create_vec())
+    cost = latinpc.cost(snes)
+    assert cost["choice"] == "given" and cost["factor_bytes"] == cost["factor_operations"] == 0 < cost["setup_seconds"]
+    assert "predicted" not in shown(snes, tmp_path)
+
+
 SHOWN = {
     "stop": ("energy", "estimated error below 0.0001 in the energy norm"),
     "warm_start": ("extrapolate", "warm start: extrapolate"),

@@ -131,6 +131,15 @@ typedef struct {
   PetscReal direction_min, direction_mean, direction_max; /* search direction d, force/length */
 } LatinStatistics;
 
+/* What a decomposition costs */
+typedef struct {
+  const char *choice;                          /* why there are so many subdomains; not to be freed */
+  PetscReal   factor_operations, factor_bytes; /* of the factors of the subdomains, by their analysis; 0: not known of the local solver chosen */
+  PetscReal   setup_seconds;
+  PetscInt    linear_stages; /* since the set-up */
+  PetscReal   stage_seconds; /* of one of these, their mean */
+} LatinCost;
+
 PETSC_EXTERN PetscErrorCode LatinInitializePackage(void);
 
 /* ---- laws ---- */
@@ -207,6 +216,7 @@ PETSC_EXTERN PetscErrorCode LatinSetPrecision(Latin, LatinPrecision);
 PETSC_EXTERN PetscErrorCode LatinGetLocalKSP(Latin, PetscInt i, KSP *);
 PETSC_EXTERN PetscErrorCode LatinGetCoarseKSP(Latin, KSP *);
 PETSC_EXTERN PetscErrorCode LatinGetStatisticsOfSize(Latin, size_t, LatinStatistics *);
+PETSC_EXTERN PetscErrorCode LatinGetCost(Latin, LatinCost *);
 #define LatinGetStatistics(latin, statistics) LatinGetStatisticsOfSize(latin, sizeof(*(statistics)), statistics)
 PETSC_EXTERN PetscErrorCode LatinGetSubdomains(Latin, PetscInt *n_local, PetscInt *first);
 PETSC_EXTERN PetscErrorCode LatinGetSubdomainIS(Latin, PetscInt i, IS *);

@@ -127,9 +127,10 @@ def gather(
     -------
     Result
         Its report has the keys scene, dofs, free_dofs, links, ranks, solver, subdomains, strong_interfaces,
-        weak_interfaces, strong_macro_dofs, weak_dofs, direction, iterations, linear_iterations, converged, reason,
-        indicator, residual_norm, slack_fraction, estimated_error, tension_error. What does not apply is None. Of large
-        displacements also load_factor: the part of the loads that the displacements bear, and its loads are that part.
+        weak_interfaces, strong_macro_dofs, weak_dofs, direction, cost, iterations, linear_iterations, converged,
+        reason, indicator, residual_norm, slack_fraction, estimated_error, tension_error. What does not apply is None.
+        Of large displacements also load_factor: the part of the loads that the displacements bear, and its loads are
+        that part.
     """
     is_latin, load, factor = snes.getType() == "latin", structure.load, borne(snes, structure)
     ends = factor is not None and factor < 1.0 and snes.getConvergedReason() < 0  # the displacements bear less
@@ -159,6 +160,7 @@ def gather(
         "solver": _solver_name(snes),
         **{key: statistics.get(key) for key in DECOMPOSITION},
         "direction": statistics.get("direction_mean"),
+        "cost": solvers.cost(core) if core is not None else None,
         "iterations": iterations[snes.getType() == "ksponly"],
         "linear_iterations": iterations[1],
         "converged": snes.getConvergedReason() > 0,

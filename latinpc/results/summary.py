@@ -62,6 +62,7 @@ def _counts(report):
         interfaces = f"{report['strong_interfaces']:,} strong and {report['weak_interfaces']:,} weak interfaces"
         coarse = f"coarse problem {report['strong_macro_dofs']:,} + {report['weak_dofs']:,}"
         lines.append(("decomposition", f"{counted(report['subdomains'], 'subdomain')}, {interfaces}; {coarse}"))
+        lines.append(("cost", _cost(report["cost"])))
     indicator = f", indicator {report['indicator']:.1e}" if report["indicator"] is not None else ""
     lines.append(("solver", f"{report['solver']}: {report['reason']}, {in_words(report)}{indicator}"))
     norm = "energy" if report.get("options", {}).get("snes_latin_stop") == "energy" else "l2"
@@ -70,6 +71,19 @@ def _counts(report):
     )
     lines.append(("norms", f"{error}forces without balance {report['residual_norm']:.1e} N"))
     return lines
+
+
+def _cost(cost):
+    """Return why there are so many subdomains, what their factors take, and what was measured."""
+    parts = [f"subdomains: {cost['choice']}"]
+    if cost["factor_bytes"]:
+        parts.append(f"factors {cost['factor_operations']:.2g} operations, {quantity(cost['factor_bytes'], 'B')}")
+    if cost["linear_stages"]:
+        stages = counted(cost["linear_stages"], "linear stage")
+        parts.append(
+            f"set-up {quantity(cost['setup_seconds'], 's')}, {stages} of {quantity(cost['stage_seconds'], 's')}"
+        )
+    return "; ".join(parts)
 
 
 def _accuracy(result):

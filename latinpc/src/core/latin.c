@@ -1,4 +1,5 @@
 #include "core/latinimpl.h"
+#include <petsctime.h>
 
 /*
    The core object: the order of set-up, what is built anew when something has changed. The solver types are shells
@@ -169,6 +170,7 @@ PetscErrorCode LatinSetUp_Private(Latin latin)
 {
   LatinStructure   structure = latin->sub.structure;
   PetscObjectState state     = 0;
+  PetscLogDouble   start, end;
 
   PetscFunctionBegin;
   PetscCall(PetscCitationsRegister(citation, &cited));
@@ -177,9 +179,12 @@ PetscErrorCode LatinSetUp_Private(Latin latin)
   if (!latin->set_up) {
     PetscCall(PetscLogEventBegin(LATIN_SetUp, latin, 0, 0, 0));
     PetscCall(LatinReset_Private(latin)); /* also what an earlier attempt that ended in an error may have left */
+    PetscCall(PetscTime(&start));
     PetscCall(LatinSetUpSubdomains_Private(latin));
     PetscCall(LatinSetUpVariant_Private(latin));
     PetscCall(LatinSetUpStages_Private(latin));
+    PetscCall(PetscTime(&end));
+    latin->setup_seconds = end - start;
     PetscCall(PetscLogEventEnd(LATIN_SetUp, latin, 0, 0, 0));
   } else {
     const PetscBool held = (PetscBool)(latin->held_state != structure->held_state);

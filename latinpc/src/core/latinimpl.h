@@ -25,6 +25,7 @@ struct _p_Latin {
   LatinLinear           linear;
   PetscReal             tuning;       /* search parameters of rigid links that are chosen here are so many times those of structure/rigidlaws.c */
   PetscObjectState      tuning_state; /* of the structure then */
+  PetscReal             setup_seconds;
   PetscBool             set_up;
   PetscBool             stale;                                             /* options have changed since the set-up */
   PetscObjectState      load_state, e0_state, held_state, structure_state; /* of the structure when it was last looked at */

@@ -28,6 +28,19 @@ static PetscErrorCode LatinViewSolvers_Private(Latin latin, const LatinStatistic
   PetscFunctionReturn(0);
 }
 
+/* What factors and linear stages take: by analysis, and measured */
+static PetscErrorCode LatinViewCost_Private(Latin latin, PetscViewer viewer)
+{
+  LatinCost cost;
+
+  PetscFunctionBegin;
+  PetscCall(LatinGetCost(latin, &cost));
+  PetscCall(PetscViewerASCIIPrintf(viewer, "number of subdomains: %s\n", cost.choice));
+  if (cost.factor_bytes > 0.0) PetscCall(PetscViewerASCIIPrintf(viewer, "predicted: %.2g operations to factor subdomains; a linear stage reads their factors, %.3g MB, twice\n", (double)cost.factor_operations, (double)cost.factor_bytes / 1e6));
+  PetscCall(PetscViewerASCIIPrintf(viewer, "measured: set-up %.3g s, %" PetscInt_FMT " linear stages of %.3g s each\n", (double)cost.setup_seconds, cost.linear_stages, (double)cost.stage_seconds));
+  PetscFunctionReturn(0);
+}
+
 /* The search direction, which only strong interfaces have */
 static PetscErrorCode LatinViewDirection_Private(Latin latin, PetscViewer viewer)
 {
@@ -70,6 +83,7 @@ PetscErrorCode LatinView_Private(Latin latin, PetscViewer viewer)
   PetscCall(PetscViewerASCIIPrintf(viewer, "largest over mean: subdomains %.2f in %s, %.2f in degrees of freedom; ranks %.2f in cost\n", (double)links, latin->sub.structure ? "links" : "entries", (double)dofs, (double)ranks));
   if (!primal) PetscCall(PetscViewerASCIIPrintf(viewer, "search direction values: min %g, mean %g, max %g\n", (double)stats.direction_min, (double)stats.direction_mean, (double)stats.direction_max));
   PetscCall(PetscViewerASCIIPrintf(viewer, "coarse problem: %" PetscInt_FMT " macro displacements, %" PetscInt_FMT " primal ones; fixed-point unknown: %" PetscInt_FMT " numbers\n", stats.strong_macro_dofs, stats.weak_dofs, stats.state_size));
+  PetscCall(LatinViewCost_Private(latin, viewer));
   if (LatinSpectralThreshold(&latin->spectral) > 0.0)
     PetscCall(PetscViewerASCIIPrintf(viewer, "local low-energy fields below %g: %" PetscInt_FMT " low-energy subdomains, at most %" PetscInt_FMT " modes in one, %" PetscInt_FMT " of the macro displacements\n",
                                      (double)LatinSpectralThreshold(&latin->spectral), stats.low_energy_subdomains, stats.local_modes_max, stats.local_macro_dofs));

@@ -24,11 +24,13 @@
     #define CHOLMOD_NUMBER CHOLMOD_INT
   #endif
 
-  #define LATIN_CHOLESKY_FULL 0.25 /* share of entries from which no order is looked for */
+  #define LATIN_CHOLESKY_FULL    0.25 /* share of entries from which no order is looked for */
+  #define LATIN_CHOLESKY_COUPLED 1.1  /* times the entries of fields apart from each other: from there on elimination fills the blocks of the nodes, which are then analysed whole. Structures: 1.2 (lattice), 1.5 (grid) to 3 */
 
 typedef struct {
   cholmod_common  common;
-  cholmod_factor *L; /* the symbolic analysis, whose lists the fronts use */
+  cholmod_factor *L;                           /* of the symbolic analysis, while that is under way */
+  PetscInt       *order, *first, *begin, *row; /* what the fronts need of it */
   LatinFronts     fronts;
   PetscInt        n, kept;   /* the last rows in the order of elimination are kept */
   PetscBool      *keep;      /* [n] */
@@ -48,12 +50,91 @@ static PetscErrorCode LatinCholeskyAnalyze_Private(LatinSupernodes *data, cholmo
   cholmod_common *common = &data->common;
 
   PetscFunctionBegin;
+  PetscCall(CHOLMOD(free_factor)(&data->L, &data->common) ? 0 : PETSC_ERR_LIB);
   common->nmethods           = 1;
   common->method[0].ordering = order ? CHOLMOD_GIVEN : (double)A->nzmax > LATIN_CHOLESKY_FULL * (double)A->nrow * (double)A->ncol ? CHOLMOD_NATURAL : CHOLMOD_AMD;
   common->postorder          = postorder;
   common->supernodal         = postorder && data->kept ? CHOLMOD_SIMPLICIAL : CHOLMOD_SUPERNODAL;
   data->L                    = CHOLMOD(analyze_p)(A, order, NULL, 0, common);
   PetscCheck(data->L, PETSC_COMM_SELF, PETSC_ERR_LIB, "CHOLMOD could not analyse a matrix of %" PetscInt_FMT " rows (status %d)", data->n, common->status);
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode LatinCholeskyReset_Private(LatinSupernodes *data)
+{
+  PetscFunctionBegin;
+  PetscCall(LatinFrontsDestroy(&data->fronts));
+  PetscCall(PetscFree4(data->order, data->first, data->begin, data->row));
+  PetscFunctionReturn(0);
+}
+
+/* The fronts of the supernodes that are there, whose columns are nodes of bs rows each */
+static PetscErrorCode LatinCholeskyFronts_Private(LatinSupernodes *data, PetscInt bs)
+{
+  const PetscInt *perm = (const PetscInt *)data->L->Perm, *super = (const PetscInt *)data->L->super, *begin = (const PetscInt *)data->L->pi, *row = (const PetscInt *)data->L->s;
+  const PetscInt  fronts = (PetscInt)data->L->nsuper, entries = begin[fronts];
+
+  PetscFunctionBegin;
+  PetscCall(LatinCholeskyReset_Private(data));
+  PetscCall(PetscMalloc4(data->n, &data->order, fronts + 1, &data->first, fronts + 1, &data->begin, bs * entries, &data->row));
+  for (PetscInt r = 0; r < data->n; r++) data->order[r] = bs * perm[r / bs] + r % bs;
+  for (PetscInt f = 0; f <= fronts; f++) {
+    data->first[f] = bs * super[f];
+    data->begin[f] = bs * begin[f];
+  }
+  for (PetscInt r = 0; r < bs * entries; r++) data->row[r] = bs * row[r / bs] + r % bs;
+  PetscCall(CHOLMOD(free_factor)(&data->L, &data->common) ? 0 : PETSC_ERR_LIB);
+  PetscCall(LatinFrontsCreate(data->n, data->kept, fronts, data->order, data->first, data->begin, data->row, &data->fronts));
+  PetscFunctionReturn(0);
+}
+
+/* By nodes, whose graph has up to bs^2 times fewer entries, where elimination couples all the unknowns of two nodes: *done. Else nothing */
+static PetscErrorCode LatinCholeskyNodes_Private(LatinSupernodes *data, PetscInt bs, const PetscInt i[], const PetscInt j[], PetscInt order[], PetscBool *done)
+{
+  const PetscInt nodes = data->n / bs;
+  size_t         relaxed[3];
+  PetscInt      *first, *list;
+  cholmod_sparse pattern;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMalloc1(nodes + 1, &first));
+  PetscCall(LatinOrderingNodes_Private(bs, nodes, i, j, first, &list));
+  *done = (PetscBool)(i[data->n] > LATIN_CHOLESKY_COUPLED * bs * first[nodes]);
+  if (*done) {
+    for (PetscInt k = 0; k < nodes; k++) order[k] = order[bs * k] / bs;
+    for (PetscInt k = 0; k < 3; k++) {
+      relaxed[k]             = data->common.nrelax[k];
+      data->common.nrelax[k] = relaxed[k] / (size_t)bs; /* columns, which are nodes here */
+    }
+    LatinCholeskyWrap(nodes, first, list, &pattern);
+    PetscCall(LatinCholeskyAnalyze_Private(data, &pattern, order, PETSC_TRUE));
+    for (PetscInt k = 0; k < 3; k++) data->common.nrelax[k] = relaxed[k];
+    PetscCall(LatinCholeskyFronts_Private(data, bs));
+  }
+  PetscCall(PetscFree(first));
+  PetscCall(PetscFree(list));
+  PetscFunctionReturn(0);
+}
+
+/* By rows. order: NULL, or an order of elimination with what is kept at the end */
+static PetscErrorCode LatinCholeskyRows_Private(LatinSupernodes *data, const PetscInt i[], const PetscInt j[], PetscInt order[])
+{
+  cholmod_sparse pattern;
+
+  PetscFunctionBegin;
+  LatinCholeskyWrap(data->n, i, j, &pattern);
+  PetscCall(LatinCholeskyAnalyze_Private(data, &pattern, order, PETSC_TRUE));
+  if (data->kept) { /* postorder moves what is kept: its rows go back to the end, each after those that it depends on as before */
+    const PetscInt *post = (const PetscInt *)data->L->Perm;
+    PetscInt        at   = 0;
+
+    for (PetscInt r = 0; r < data->n; r++)
+      if (!data->keep[post[r]]) order[at++] = post[r];
+    for (PetscInt r = 0; r < data->n; r++)
+      if (data->keep[r]) order[at++] = r;
+    PetscCall(LatinCholeskyAnalyze_Private(data, &pattern, order, PETSC_FALSE));
+  }
+  PetscCall(LatinCholeskyFronts_Private(data, 1));
   PetscFunctionReturn(0);
 }
 
@@ -64,35 +145,20 @@ static PetscErrorCode LatinCholeskySymbolic_Private(Mat F, Mat A, IS perm, const
   LatinSupernodes *data = (LatinSupernodes *)F->data;
   const PetscInt  *i, *j;
   PetscInt         n, bs, *order = NULL;
-  PetscBool        done;
-  cholmod_sparse   pattern;
+  PetscBool        done, nodes = PETSC_FALSE;
 
   PetscFunctionBegin;
   PetscCall(MatGetBlockSize(A, &bs));
   PetscCall(MatGetRowIJ(A, 0, PETSC_FALSE, PETSC_FALSE, &n, &i, &j, &done));
   PetscCheck(done, PETSC_COMM_SELF, PETSC_ERR_SUP, "Factorisation %s needs a matrix of type seqaij", LATIN_CHOLESKY);
-  LatinCholeskyWrap(n, i, j, &pattern);
-  PetscCall(CHOLMOD(free_factor)(&data->L, &data->common) ? 0 : PETSC_ERR_LIB);
   if (data->kept || (n > LATIN_LARGE && i[n] < LATIN_CHOLESKY_FULL * n * n)) {
     PetscCall(PetscMalloc1(n, &order));
     PetscCall(LatinOrderNodes_Private(bs, n, i, j, data->keep, order));
   }
-  PetscCall(LatinCholeskyAnalyze_Private(data, &pattern, order, PETSC_TRUE));
-  if (data->kept) { /* postorder moves what is kept: its rows go back to the end, each after those that it depends on as before */
-    const PetscInt *post = (const PetscInt *)data->L->Perm;
-    PetscInt        at   = 0;
-
-    for (PetscInt r = 0; r < n; r++)
-      if (!data->keep[post[r]]) order[at++] = post[r];
-    for (PetscInt r = 0; r < n; r++)
-      if (data->keep[r]) order[at++] = r;
-    PetscCall(CHOLMOD(free_factor)(&data->L, &data->common) ? 0 : PETSC_ERR_LIB);
-    PetscCall(LatinCholeskyAnalyze_Private(data, &pattern, order, PETSC_FALSE));
-  }
+  if (order && !data->kept && bs > 1) PetscCall(LatinCholeskyNodes_Private(data, bs, i, j, order, &nodes));
+  if (!nodes) PetscCall(LatinCholeskyRows_Private(data, i, j, order));
   PetscCall(PetscFree(order));
   PetscCall(MatRestoreRowIJ(A, 0, PETSC_FALSE, PETSC_FALSE, &n, &i, &j, &done));
-  PetscCall(LatinFrontsDestroy(&data->fronts));
-  PetscCall(LatinFrontsCreate(data->n, data->kept, (PetscInt)data->L->nsuper, (const PetscInt *)data->L->Perm, (const PetscInt *)data->L->super, (const PetscInt *)data->L->pi, (const PetscInt *)data->L->s, &data->fronts));
   F->ops->choleskyfactornumeric = LatinCholeskyNumeric_Private;
   PetscFunctionReturn(0);
 }
@@ -133,7 +199,7 @@ static PetscErrorCode LatinCholeskyNumeric_Private(Mat F, Mat A, const MatFactor
     for (PetscInt r = 0; r < c; r++) S[(size_t)r + (size_t)m * (size_t)c] = S[(size_t)c + (size_t)m * (size_t)r];
   if (m) PetscCall(MatDenseRestoreArray(F->schur, &S));
   F->factorerrortype = bad < 0 ? MAT_FACTOR_NOERROR : MAT_FACTOR_NUMERIC_ZEROPIVOT;
-  PetscCall(PetscLogFlops(data->common.fl));
+  PetscCall(PetscLogFlops(data->fronts.operations));
   PetscFunctionReturn(0);
 }
 
@@ -220,22 +286,45 @@ PetscErrorCode LatinCholeskyRound(PC pc, PetscBool large)
   PetscFunctionReturn(0);
 }
 
-/* Is the factor of any PC one of this type in single precision? */
-PetscErrorCode LatinCholeskyRounded(PC pc, PetscBool *rounded)
+/* The factor of any PC if it is one of this type, else NULL */
+static PetscErrorCode LatinCholeskyFind_Private(PC pc, LatinSupernodes **data)
 {
   MatSolverType type = NULL;
   PetscBool     ours = PETSC_FALSE, cholesky;
   Mat           F;
 
   PetscFunctionBegin;
-  *rounded = PETSC_FALSE;
+  *data = NULL;
   PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCCHOLESKY, &cholesky));
   if (!cholesky) PetscFunctionReturn(0);
   PetscCall(PCFactorGetMatSolverType(pc, &type));
   if (type) PetscCall(PetscStrcmp(type, LATIN_CHOLESKY, &ours));
   if (!ours) PetscFunctionReturn(0);
   PetscCall(PCFactorGetMatrix(pc, &F));
-  *rounded = (PetscBool)(((LatinSupernodes *)F->data)->fronts.precision != LATIN_DOUBLE);
+  *data = (LatinSupernodes *)F->data;
+  PetscFunctionReturn(0);
+}
+
+/* Is it in single precision? */
+PetscErrorCode LatinCholeskyRounded(PC pc, PetscBool *rounded)
+{
+  LatinSupernodes *data;
+
+  PetscFunctionBegin;
+  PetscCall(LatinCholeskyFind_Private(pc, &data));
+  *rounded = (PetscBool)(data && data->fronts.precision != LATIN_DOUBLE);
+  PetscFunctionReturn(0);
+}
+
+/* Additions and multiplications that it takes, and its size; 0: it is another one */
+PetscErrorCode LatinCholeskyCost(PC pc, PetscReal *operations, PetscReal *bytes)
+{
+  LatinSupernodes *data;
+
+  PetscFunctionBegin;
+  PetscCall(LatinCholeskyFind_Private(pc, &data));
+  *operations = data ? (PetscReal)data->fronts.operations : 0.0;
+  *bytes      = data ? (PetscReal)data->fronts.panel[data->fronts.fronts] * (data->fronts.precision != LATIN_DOUBLE ? 4.0 : 8.0) : 0.0;
   PetscFunctionReturn(0);
 }
 
@@ -283,7 +372,8 @@ static PetscErrorCode LatinCholeskyView_Private(Mat F, PetscViewer viewer)
 
   PetscFunctionBegin;
   PetscCall(PetscObjectTypeCompare((PetscObject)viewer, PETSCVIEWERASCII, &ascii));
-  if (ascii && data->L) PetscCall(PetscViewerASCIIPrintf(viewer, "  Cholesky by fronts: %g entries in %s precision, %g operations\n", (double)data->fronts.panel[data->fronts.fronts], data->fronts.precision ? "single" : "double", data->common.fl));
+  if (ascii && data->fronts.fronts)
+    PetscCall(PetscViewerASCIIPrintf(viewer, "  Cholesky by fronts: %g entries in %s precision, %g operations\n", (double)data->fronts.panel[data->fronts.fronts], data->fronts.precision ? "single" : "double", data->fronts.operations));
   PetscFunctionReturn(0);
 }
 
@@ -311,7 +401,7 @@ static PetscErrorCode LatinCholeskyDestroy_Private(Mat F)
   LatinSupernodes *data = (LatinSupernodes *)F->data;
 
   PetscFunctionBegin;
-  PetscCall(LatinFrontsDestroy(&data->fronts));
+  PetscCall(LatinCholeskyReset_Private(data));
   CHOLMOD(free_factor)(&data->L, &data->common);
   CHOLMOD(finish)(&data->common);
   PetscCall(PetscFree(data->keep));
@@ -363,45 +453,6 @@ PetscErrorCode LatinCholeskyRegister(void)
   PetscFunctionBegin;
   PetscCall(MatSolverTypeRegister(LATIN_CHOLESKY, MATSEQAIJ, MAT_FACTOR_CHOLESKY, LatinCholeskyCreate_Private));
   PetscFunctionReturn(0);
-}
-
-#else
-
-/* This PETSc has no CHOLMOD: MatGetFactorAvailable() says so of the type */
-PetscErrorCode LatinCholeskyRegister(void)
-{
-  return 0;
-}
-
-PetscErrorCode LatinCholeskyForward(Mat F, PetscReal g[], PetscReal *energy)
-{
-  SETERRQ(PETSC_COMM_SELF, PETSC_ERR_PLIB, "No factor of this type can have been made");
-}
-
-PetscErrorCode LatinCholeskyGiveSchur(Mat F, Mat *S)
-{
-  SETERRQ(PETSC_COMM_SELF, PETSC_ERR_PLIB, "No factor of this type can have been made");
-}
-
-PetscErrorCode LatinCholeskyBackward(Mat F, PetscReal g[], PetscReal *energy)
-{
-  SETERRQ(PETSC_COMM_SELF, PETSC_ERR_PLIB, "No factor of this type can have been made");
-}
-
-PetscErrorCode LatinCholeskyRound(PC pc, PetscBool large)
-{
-  SETERRQ(PETSC_COMM_SELF, PETSC_ERR_PLIB, "No factor of this type can have been made");
-}
-
-PetscErrorCode LatinCholeskyRefine(PC pc, Mat A)
-{
-  SETERRQ(PETSC_COMM_SELF, PETSC_ERR_PLIB, "No factor of this type can have been made");
-}
-
-PetscErrorCode LatinCholeskyRounded(PC pc, PetscBool *rounded)
-{
-  *rounded = PETSC_FALSE;
-  return 0;
 }
 
 #endif

@@ -5,9 +5,7 @@
 
 extern void FRONT_BLAS(potrf)(const char *, const PetscBLASInt *, FRONT_REAL *, const PetscBLASInt *, PetscBLASInt *);
 extern void FRONT_BLAS(syrk)(const char *, const char *, const PetscBLASInt *, const PetscBLASInt *, const FRONT_REAL *, const FRONT_REAL *, const PetscBLASInt *, const FRONT_REAL *, FRONT_REAL *, const PetscBLASInt *);
-extern void FRONT_BLAS(trsv)(const char *, const char *, const char *, const PetscBLASInt *, const FRONT_REAL *, const PetscBLASInt *, FRONT_REAL *, const PetscBLASInt *);
 extern void FRONT_BLAS(trsm)(const char *, const char *, const char *, const char *, const PetscBLASInt *, const PetscBLASInt *, const FRONT_REAL *, const FRONT_REAL *, const PetscBLASInt *, FRONT_REAL *, const PetscBLASInt *);
-extern void FRONT_BLAS(gemv)(const char *, const PetscBLASInt *, const PetscBLASInt *, const FRONT_REAL *, const FRONT_REAL *, const PetscBLASInt *, const FRONT_REAL *, const PetscBLASInt *, const FRONT_REAL *, FRONT_REAL *, const PetscBLASInt *);
 extern void FRONT_BLAS(gemm)(const char *, const char *, const PetscBLASInt *, const PetscBLASInt *, const PetscBLASInt *, const FRONT_REAL *, const FRONT_REAL *, const PetscBLASInt *, const FRONT_REAL *, const PetscBLASInt *, const FRONT_REAL *,
                              FRONT_REAL *, const PetscBLASInt *);
 
@@ -15,11 +13,11 @@ extern void FRONT_BLAS(gemm)(const char *, const char *, const PetscBLASInt *, c
 
 /* What a factorisation works on */
 typedef struct {
-  FRONT_REAL *stack, *panel; /* what earlier fronts left on later rows; one panel, where the factor is rounded */
-  size_t     *update, top;   /* [fronts] where a front's part of the stack is, and where the stack ends */
-  PetscInt   *place;         /* [n] of a row in the order of elimination */
-  PetscInt   *at, *to;       /* [n] and [tallest]: rows in the front at hand */
-  PetscBool   narrow;        /* the factor is of lower precision than the arithmetic */
+  FRONT_REAL *stack, *panel;  /* what earlier fronts left on later rows; one panel, where the factor is rounded */
+  size_t     *update, top[2]; /* [fronts] where a front's part of the stack is, and how much is at its two ends */
+  PetscInt   *place;          /* [n] of a row in the order of elimination */
+  PetscInt   *at, *to, *end;  /* [n] and [tallest]: rows in the front at hand; [tallest] where those that follow each other end */
+  PetscBool   narrow;         /* the factor is of lower precision than the arithmetic */
 } FRONT(LatinFrontsWork);
 
 /* The columns of the matrix that front f eliminates */
@@ -37,6 +35,21 @@ static void FRONT(LatinFrontEntries)(const LatinFronts *F, FRONT(LatinFrontsWork
   }
 }
 
+/* Adds columns first to last - 1 of what is left on n rows, lower triangle, to a matrix of that height, whose rows to[] go on without a gap up to end[] */
+static LATIN_CLONES void FRONT(LatinFrontScatter)(PetscInt n, PetscInt first, PetscInt last, const PetscInt to[], const PetscInt end[], const FRONT_REAL left[], PetscInt height, FRONT_REAL a[])
+{
+  for (PetscInt k = first; k < last; k++) {
+    const FRONT_REAL *from   = left + (size_t)n * (size_t)k;
+    FRONT_REAL       *column = a + (size_t)height * (size_t)to[k];
+
+    for (PetscInt r = k; r < n; r = end[r]) {
+      FRONT_REAL *gets = column + to[r] - r;
+
+      _Pragma("omp simd") for (PetscInt i = r; i < end[r]; i++) gets[i] += from[i];
+    }
+  }
+}
+
 /* Adds what child c left to the columns that front f eliminates, or (U) to what it leaves itself: below x below, lower triangle */
 static void FRONT(LatinFrontAdd)(const LatinFronts *F, FRONT(LatinFrontsWork) * work, PetscInt f, PetscInt c, FRONT_REAL panel[], FRONT_REAL U[])
 {
@@ -46,20 +59,11 @@ static void FRONT(LatinFrontAdd)(const LatinFronts *F, FRONT(LatinFrontsWork) * 
 
   for (PetscInt r = 0; r < n; r++) to[r] = work->at[row[r]];
   while (own < n && to[own] < columns) own++;
+  for (PetscInt r = n - 1; r >= 0; r--) work->end[r] = r + 1 < n && to[r + 1] == to[r] + 1 ? work->end[r + 1] : r + 1;
   if (U) {
     for (PetscInt r = own; r < n; r++) to[r] -= columns;
-    for (PetscInt k = own; k < n; k++) {
-      FRONT_REAL *column = U + (size_t)(height - columns) * (size_t)to[k];
-
-      for (PetscInt r = k; r < n; r++) column[to[r]] += left[(size_t)r + (size_t)n * (size_t)k];
-    }
-  } else {
-    for (PetscInt k = 0; k < own; k++) {
-      FRONT_REAL *column = panel + (size_t)height * (size_t)to[k];
-
-      for (PetscInt r = k; r < n; r++) column[to[r]] += left[(size_t)r + (size_t)n * (size_t)k];
-    }
-  }
+    FRONT(LatinFrontScatter)(n, own, n, to, work->end, left, height - columns, U);
+  } else FRONT(LatinFrontScatter)(n, 0, own, to, work->end, left, height, panel);
 }
 
 /* Eliminates the columns of front f: its panel becomes that of the factor, and U what it leaves */
@@ -88,18 +92,19 @@ static PetscBool FRONT(LatinFrontRound)(const LatinFronts *F, PetscInt f, const 
   return PETSC_TRUE;
 }
 
-/* What front f leaves goes to the kept rows, if no later front eliminates any of it, or to the stack in place of what its children left there */
+/*
+   What front f leaves goes to the kept rows, if no later front eliminates any of it; else it stays where it is, and what its
+   children left on the other end of the stack goes
+*/
 static void FRONT(LatinFrontLeave)(const LatinFronts *F, FRONT(LatinFrontsWork) * work, PetscInt f, const FRONT_REAL U[], PetscReal S[])
 {
   const PetscInt below = LatinFrontBelow(F, f), *row = F->row + F->row_first[f] + F->columns[f], inside = F->n - F->kept;
-  size_t         low = work->top;
 
-  for (PetscInt c = F->child[f]; c >= 0; c = F->sibling[c]) low = PetscMin(low, work->update[c]);
-  work->top = work->update[f] = low;
+  for (PetscInt c = F->child[f]; c >= 0; c = F->sibling[c]) work->top[!F->odd[f]] -= LatinFrontSquare(F, c);
   if (!below) return;
   if (row[0] < inside) {
-    memmove(work->stack + low, U, (size_t)below * (size_t)below * sizeof(*U));
-    work->top += (size_t)below * (size_t)below;
+    work->update[f] = (size_t)(U - work->stack);
+    work->top[F->odd[f]] += LatinFrontSquare(F, f);
   } else {
     for (PetscInt c = 0; c < below; c++)
       for (PetscInt r = c; r < below; r++) S[(size_t)(row[r] - inside) + (size_t)F->kept * (size_t)(row[c] - inside)] += U[(size_t)r + (size_t)below * (size_t)c];
@@ -110,7 +115,8 @@ static void FRONT(LatinFrontLeave)(const LatinFronts *F, FRONT(LatinFrontsWork) 
 static void FRONT(LatinFrontsEliminate)(LatinFronts *F, FRONT(LatinFrontsWork) * work, const PetscInt i[], const PetscInt j[], const PetscScalar a[], PetscReal S[], PetscInt *bad)
 {
   for (PetscInt f = 0; f < F->fronts && *bad < 0; f++) {
-    FRONT_REAL *panel = work->narrow ? work->panel : (FRONT_REAL *)F->factor + F->panel[f], *U = work->stack + work->top;
+    FRONT_REAL *panel = work->narrow ? work->panel : (FRONT_REAL *)F->factor + F->panel[f];
+    FRONT_REAL *U     = work->stack + (F->odd[f] ? F->stack - work->top[1] - LatinFrontSquare(F, f) : work->top[0]);
 
     if (!F->columns[f]) continue;
     FRONT(LatinFrontEntries)(F, work, f, i, j, a, panel);
@@ -128,15 +134,19 @@ static void FRONT(LatinFrontsEliminate)(LatinFronts *F, FRONT(LatinFrontsWork) *
 /* All of the factorisation, see LatinFrontsFactor() */
 static PetscErrorCode FRONT(LatinFrontsFactor)(LatinFronts *F, const PetscInt i[], const PetscInt j[], const PetscScalar a[], PetscReal S[], PetscInt *bad)
 {
-  FRONT(LatinFrontsWork) work = {.top = 0, .narrow = (PetscBool)(F->precision == LATIN_ROUNDED)};
+  FRONT(LatinFrontsWork)
+  work = {
+    .top = {0, 0},
+      .narrow = (PetscBool)(F->precision == LATIN_ROUNDED)
+  };
 
   PetscFunctionBegin;
   PetscCall(PetscMalloc1(F->stack, &work.stack));
   PetscCall(PetscMalloc1(work.narrow ? F->widest : 0, &work.panel));
-  PetscCall(PetscMalloc4(F->fronts, &work.update, F->n, &work.place, F->n, &work.at, F->tallest, &work.to));
+  PetscCall(PetscMalloc5(F->fronts, &work.update, F->n, &work.place, F->n, &work.at, F->tallest, &work.to, F->tallest, &work.end));
   for (PetscInt r = 0; r < F->n; r++) work.place[F->order[r]] = r;
   FRONT(LatinFrontsEliminate)(F, &work, i, j, a, S, bad);
-  PetscCall(PetscFree4(work.update, work.place, work.at, work.to));
+  PetscCall(PetscFree5(work.update, work.place, work.at, work.to, work.end));
   PetscCall(PetscFree(work.panel));
   PetscCall(PetscFree(work.stack));
   PetscFunctionReturn(0);
@@ -144,19 +154,86 @@ static PetscErrorCode FRONT(LatinFrontsFactor)(LatinFronts *F, const PetscInt i[
 
 /* ---- solves ---- */
 
+/* One right-hand side b of a front, [height], its own rows first: L^-1, of which the rows below get their part */
+static LATIN_CLONES void FRONT(LatinFrontColumnForward)(PetscInt own, PetscInt height, const FRONT_REAL panel[], FRONT_REAL b[])
+{
+  PetscInt c = 0;
+
+  for (; c + 4 <= own; c += 4) {
+    const FRONT_REAL *p = panel + (size_t)height * (size_t)c, *q = p + height, *r = q + height, *s = r + height;
+    const FRONT_REAL  x = b[c] / p[c], y = (b[c + 1] - p[c + 1] * x) / q[c + 1], z = (b[c + 2] - p[c + 2] * x - q[c + 2] * y) / r[c + 2];
+    const FRONT_REAL  w = (b[c + 3] - p[c + 3] * x - q[c + 3] * y - r[c + 3] * z) / s[c + 3];
+
+    b[c]     = x;
+    b[c + 1] = y;
+    b[c + 2] = z;
+    b[c + 3] = w;
+    _Pragma("omp simd") for (PetscInt i = c + 4; i < height; i++) b[i] -= p[i] * x + q[i] * y + r[i] * z + s[i] * w;
+  }
+  for (; c < own; c++) {
+    const FRONT_REAL *p = panel + (size_t)height * (size_t)c, x = b[c] / p[c];
+
+    b[c] = x;
+    _Pragma("omp simd") for (PetscInt i = c + 1; i < height; i++) b[i] -= p[i] * x;
+  }
+}
+
+/* L^-t, the rows below being known */
+static LATIN_CLONES void FRONT(LatinFrontColumnBackward)(PetscInt own, PetscInt height, const FRONT_REAL panel[], FRONT_REAL b[])
+{
+  PetscInt c = own;
+
+  for (; c % 4; c--) {
+    const FRONT_REAL *p = panel + (size_t)height * (size_t)(c - 1);
+    FRONT_REAL        x = 0;
+
+    _Pragma("omp simd reduction(+ : x)") for (PetscInt i = c; i < height; i++) x += p[i] * b[i];
+    b[c - 1] = (b[c - 1] - x) / p[c - 1];
+  }
+  for (c -= 4; c >= 0; c -= 4) {
+    const FRONT_REAL *p = panel + (size_t)height * (size_t)c, *q = p + height, *r = q + height, *s = r + height;
+    FRONT_REAL        x = 0, y = 0, z = 0, w = 0;
+
+    _Pragma("omp simd reduction(+ : x, y, z, w)") for (PetscInt i = c + 4; i < height; i++)
+    {
+      x += p[i] * b[i];
+      y += q[i] * b[i];
+      z += r[i] * b[i];
+      w += s[i] * b[i];
+    }
+    b[c + 3] = (b[c + 3] - w) / s[c + 3];
+    b[c + 2] = (b[c + 2] - z - r[c + 3] * b[c + 3]) / r[c + 2];
+    b[c + 1] = (b[c + 1] - y - q[c + 2] * b[c + 2] - q[c + 3] * b[c + 3]) / q[c + 1];
+    b[c]     = (b[c] - x - p[c + 1] * b[c + 1] - p[c + 2] * b[c + 2] - p[c + 3] * b[c + 3]) / p[c];
+  }
+}
+
+/* The same of front f in its place, one right-hand side: both halves read the panel once, as it lies */
+static void FRONT(LatinFrontColumn)(const LatinFronts *F, PetscInt f, PetscBool forward)
+{
+  const PetscInt   *row = F->row + F->row_first[f], own = F->columns[f], height = F->row_first[f + 1] - F->row_first[f];
+  const FRONT_REAL *panel = (const FRONT_REAL *)F->factor + F->panel[f];
+  FRONT_REAL       *x = (FRONT_REAL *)F->x, *b = (FRONT_REAL *)F->work;
+
+  for (PetscInt r = 0; r < own; r++) b[r] = x[F->first[f] + r];
+  for (PetscInt r = own; r < height; r++) b[r] = x[row[r]];
+  if (forward) FRONT(LatinFrontColumnForward)(own, height, panel, b);
+  else FRONT(LatinFrontColumnBackward)(own, height, panel, b);
+  for (PetscInt r = 0; r < own; r++) x[F->first[f] + r] = b[r];
+  for (PetscInt r = own; r < height && forward; r++) x[row[r]] = b[r];
+}
+
 /* x = L^-1 x for the rows of front f, and what that leaves is taken from the rows below */
 static void FRONT(LatinFrontForward)(const LatinFronts *F, PetscInt f, PetscBLASInt columns)
 {
   const PetscInt    *row   = F->row + F->row_first[f] + F->columns[f];
   const FRONT_REAL  *panel = (const FRONT_REAL *)F->factor + F->panel[f], one = 1, zero = 0;
-  const PetscBLASInt own = (PetscBLASInt)F->columns[f], height = (PetscBLASInt)(F->row_first[f + 1] - F->row_first[f]), below = height - own, n = (PetscBLASInt)F->n, inc = 1;
+  const PetscBLASInt own = (PetscBLASInt)F->columns[f], height = (PetscBLASInt)(F->row_first[f + 1] - F->row_first[f]), below = height - own, n = (PetscBLASInt)F->n;
   FRONT_REAL        *x = (FRONT_REAL *)F->x + F->first[f], *work = (FRONT_REAL *)F->work;
 
-  if (columns == 1) FRONT_BLAS(trsv)("L", "N", "N", &own, panel, &height, x, &inc);
-  else FRONT_BLAS(trsm)("L", "L", "N", "N", &own, &columns, &one, panel, &height, x, &n);
+  FRONT_BLAS(trsm)("L", "L", "N", "N", &own, &columns, &one, panel, &height, x, &n);
   if (!below) return;
-  if (columns == 1) FRONT_BLAS(gemv)("N", &below, &own, &one, panel + own, &height, x, &inc, &zero, work, &inc);
-  else FRONT_BLAS(gemm)("N", "N", &below, &columns, &own, &one, panel + own, &height, x, &n, &zero, work, &below);
+  FRONT_BLAS(gemm)("N", "N", &below, &columns, &own, &one, panel + own, &height, x, &n, &zero, work, &below);
   x = (FRONT_REAL *)F->x;
   for (PetscBLASInt c = 0; c < columns; c++, x += n, work += below)
     for (PetscBLASInt r = 0; r < below; r++) x[row[r]] -= work[r];
@@ -167,17 +244,15 @@ static void FRONT(LatinFrontBackward)(const LatinFronts *F, PetscInt f, PetscBLA
 {
   const PetscInt    *row   = F->row + F->row_first[f] + F->columns[f];
   const FRONT_REAL  *panel = (const FRONT_REAL *)F->factor + F->panel[f], one = 1, minus = -1;
-  const PetscBLASInt own = (PetscBLASInt)F->columns[f], height = (PetscBLASInt)(F->row_first[f + 1] - F->row_first[f]), below = height - own, n = (PetscBLASInt)F->n, inc = 1;
+  const PetscBLASInt own = (PetscBLASInt)F->columns[f], height = (PetscBLASInt)(F->row_first[f + 1] - F->row_first[f]), below = height - own, n = (PetscBLASInt)F->n;
   FRONT_REAL        *x = (FRONT_REAL *)F->x, *work = (FRONT_REAL *)F->work;
 
   for (PetscBLASInt c = 0; c < columns; c++, x += n, work += below)
     for (PetscBLASInt r = 0; r < below; r++) work[r] = x[row[r]];
   x    = (FRONT_REAL *)F->x + F->first[f];
   work = (FRONT_REAL *)F->work;
-  if (below && columns == 1) FRONT_BLAS(gemv)("T", &below, &own, &minus, panel + own, &height, work, &inc, &one, x, &inc);
-  else if (below) FRONT_BLAS(gemm)("T", "N", &own, &columns, &below, &minus, panel + own, &height, work, &below, &one, x, &n);
-  if (columns == 1) FRONT_BLAS(trsv)("L", "T", "N", &own, panel, &height, x, &inc);
-  else FRONT_BLAS(trsm)("L", "L", "T", "N", &own, &columns, &one, panel, &height, x, &n);
+  if (below) FRONT_BLAS(gemm)("T", "N", &own, &columns, &below, &minus, panel + own, &height, work, &below, &one, x, &n);
+  FRONT_BLAS(trsm)("L", "L", "T", "N", &own, &columns, &one, panel, &height, x, &n);
 }
 
 /*
@@ -200,10 +275,12 @@ static void FRONT(LatinFrontsHalves)(LatinFronts *F, PetscBool forward, PetscBoo
     for (PetscInt r = loaded; r < F->n; r++) x[r] = 0;
   }
   for (PetscInt f = 0; f < F->fronts && forward; f++)
-    if (F->columns[f]) FRONT(LatinFrontForward)(F, f, (PetscBLASInt)columns);
+    if (columns == 1) FRONT(LatinFrontColumn)(F, f, PETSC_TRUE);
+    else if (F->columns[f]) FRONT(LatinFrontForward)(F, f, (PetscBLASInt)columns);
   for (PetscInt c = 0; c < columns && forward && backward && F->kept; c++) memset((FRONT_REAL *)F->x + (size_t)F->n * (size_t)c + inside, 0, (size_t)F->kept * sizeof(FRONT_REAL));
   for (PetscInt f = F->fronts - 1; f >= 0 && backward; f--)
-    if (F->columns[f]) FRONT(LatinFrontBackward)(F, f, (PetscBLASInt)columns);
+    if (columns == 1) FRONT(LatinFrontColumn)(F, f, PETSC_FALSE);
+    else if (F->columns[f]) FRONT(LatinFrontBackward)(F, f, (PetscBLASInt)columns);
   for (PetscInt c = 0; c < columns; c++) {
     const FRONT_REAL *x      = (const FRONT_REAL *)F->x + (size_t)F->n * (size_t)c;
     PetscReal        *column = b + ld * (size_t)c;

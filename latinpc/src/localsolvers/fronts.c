@@ -3,6 +3,11 @@
 #if LATIN_CHOLMOD
 
   #include <float.h>
+  #include <stdlib.h>
+  #if defined(__linux__)
+    #include <sys/mman.h>
+  #endif
+  #include "base/vector.h"
 
 /* The fronts of a sparse Cholesky factor: which one adds to which, their sizes, and the factor itself. */
 
@@ -12,9 +17,17 @@ static inline PetscInt LatinFrontBelow(const LatinFronts *F, PetscInt f)
   return F->row_first[f + 1] - F->row_first[f] - F->columns[f];
 }
 
+/* Entries of what it leaves on them */
+static inline size_t LatinFrontSquare(const LatinFronts *F, PetscInt f)
+{
+  return (size_t)LatinFrontBelow(F, f) * (size_t)LatinFrontBelow(F, f);
+}
+
 /*
-   Who adds to whom, and the room that this takes. The fronts are in postorder, so that what a front takes up is on top of the
-   stack; rows that are kept come last, and change nothing in that. The lists of others must outlive F
+   Who adds to whom, and the room that this takes. The fronts are in postorder, so that what a front takes up is on top of a
+   stack; rows that are kept come last, and change nothing in that. There are two stacks, at both ends of one array, of
+   fronts at even and at odd depth: what a front leaves needs no other place while its children's is there. The lists of
+   others must outlive F
 */
 PetscErrorCode LatinFrontsCreate(PetscInt n, PetscInt kept, PetscInt fronts, const PetscInt order[], const PetscInt first[], const PetscInt row_first[], const PetscInt row[], LatinFronts *F)
 {
@@ -24,7 +37,7 @@ PetscErrorCode LatinFrontsCreate(PetscInt n, PetscInt kept, PetscInt fronts, con
 
   PetscFunctionBegin;
   *F = (LatinFronts){.n = n, .kept = kept, .fronts = fronts, .order = order, .first = first, .row_first = row_first, .row = row};
-  PetscCall(PetscMalloc4(fronts, &F->columns, fronts, &F->child, fronts, &F->sibling, fronts + 1, &F->panel));
+  PetscCall(PetscMalloc5(fronts, &F->columns, fronts, &F->child, fronts, &F->sibling, fronts, &F->odd, fronts + 1, &F->panel));
   PetscCall(PetscMalloc1(n, &owner));
   F->panel[0] = 0;
   for (PetscInt f = 0; f < fronts; f++) {
@@ -35,25 +48,43 @@ PetscErrorCode LatinFrontsCreate(PetscInt n, PetscInt kept, PetscInt fronts, con
     F->widest       = PetscMax(F->widest, F->panel[f + 1] - F->panel[f]);
     F->tallest      = PetscMax(F->tallest, height);
     F->child[f]     = -1;
+    for (PetscInt c = 0; c < F->columns[f]; c++) F->operations += PetscSqr((PetscLogDouble)(height - c));
     for (PetscInt c = first[f]; c < first[f + 1]; c++) owner[c] = f;
   }
   for (PetscInt f = fronts - 1; f >= 0; f--) {
     const PetscInt next = LatinFrontBelow(F, f) ? row[row_first[f] + F->columns[f]] : n;
 
     F->sibling[f] = -1;
+    F->odd[f]     = PETSC_FALSE;
     if (!F->columns[f] || next >= inside) continue;
+    F->odd[f]             = (PetscBool)!F->odd[owner[next]];
     F->sibling[f]         = F->child[owner[next]];
     F->child[owner[next]] = f;
   }
   for (PetscInt f = 0; f < fronts; f++) {
-    const PetscInt below = LatinFrontBelow(F, f);
-    const size_t   own   = F->columns[f] ? (size_t)below * (size_t)below : 0;
+    const size_t own = F->columns[f] ? LatinFrontSquare(F, f) : 0;
 
     F->stack = PetscMax(F->stack, waiting + own);
-    for (PetscInt c = F->child[f]; c >= 0; c = F->sibling[c]) waiting -= (size_t)LatinFrontBelow(F, c) * (size_t)LatinFrontBelow(F, c);
+    for (PetscInt c = F->child[f]; c >= 0; c = F->sibling[c]) waiting -= LatinFrontSquare(F, c);
     if (own && row[row_first[f] + F->columns[f]] < inside) waiting += own;
   }
   PetscCall(PetscFree(owner));
+  PetscFunctionReturn(0);
+}
+
+  #define LATIN_PAGE 2097152 /* bytes of a large page */
+
+/* Room for the factor, in large pages where there are: solves read it from end to end */
+static PetscErrorCode LatinFrontsFactorRoom_Private(LatinFronts *F, size_t bytes)
+{
+  PetscFunctionBegin;
+  free(F->factor);
+  F->factor = NULL;
+  if (!bytes) bytes = 1;
+  PetscCheck(!posix_memalign(&F->factor, bytes < LATIN_PAGE ? 64 : LATIN_PAGE, bytes), PETSC_COMM_SELF, PETSC_ERR_MEM, "No room for a factor of %g bytes", (double)bytes);
+  #if defined(MADV_HUGEPAGE)
+  if (bytes >= LATIN_PAGE) (void)madvise(F->factor, bytes, MADV_HUGEPAGE);
+  #endif
   PetscFunctionReturn(0);
 }
 
@@ -75,8 +106,8 @@ static PetscErrorCode LatinFrontsRoom_Private(LatinFronts *F, PetscInt columns)
 PetscErrorCode LatinFrontsDestroy(LatinFronts *F)
 {
   PetscFunctionBegin;
-  PetscCall(PetscFree4(F->columns, F->child, F->sibling, F->panel));
-  PetscCall(PetscFree(F->factor));
+  PetscCall(PetscFree5(F->columns, F->child, F->sibling, F->odd, F->panel));
+  free(F->factor);
   PetscCall(PetscFree(F->x));
   PetscCall(PetscFree(F->work));
   PetscCall(PetscMemzero(F, sizeof(*F)));
@@ -130,8 +161,7 @@ PetscErrorCode LatinFrontsFactor(LatinFronts *F, LatinArithmetic precision, cons
     *bad = -1;
     PetscCall(PetscArrayzero(S, (size_t)F->kept * (size_t)F->kept));
     if (!F->factor || (precision == LATIN_DOUBLE) != (F->precision == LATIN_DOUBLE)) {
-      PetscCall(PetscFree(F->factor));
-      PetscCall(PetscMalloc(bytes, &F->factor));
+      PetscCall(LatinFrontsFactorRoom_Private(F, bytes));
       F->room = 0;
     }
     F->precision = precision;

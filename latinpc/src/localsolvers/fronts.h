@@ -28,9 +28,11 @@ typedef struct {
   const PetscInt *row_first, *row;   /* and its rows, in the order of elimination, increasing, its own columns first */
   PetscInt       *columns;           /* [fronts] that are eliminated: not those of kept rows */
   PetscInt       *child, *sibling;   /* [fronts] fronts that leave something on this one; -1: none */
+  PetscBool      *odd;               /* [fronts] is its depth in the tree of these odd? */
   size_t         *panel;             /* [fronts + 1] where the columns of a front are in the factor, rows x columns, column-major */
   size_t          stack, widest;     /* entries of all that waits to be added to later fronts, at most; of the largest panel */
   PetscInt        tallest;           /* rows of the tallest front */
+  PetscLogDouble  operations;        /* additions and multiplications of the factorisation */
   LatinArithmetic precision;         /* of the factor that is there */
   void           *factor, *x, *work; /* of that precision: the panels, right-hand sides in the order of elimination, room for one front */
   PetscInt        room;              /* right-hand sides in x and work */

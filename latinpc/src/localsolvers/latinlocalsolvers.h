@@ -33,6 +33,7 @@ static inline PetscBool     LatinFactorFailed(const LatinFactorStatus *status)
 /* ---- the order of elimination (localsolvers/ordering.c) ---- */
 #define LATIN_ORDERING "latin" /* a MatOrderingType */
 PETSC_INTERN PetscErrorCode LatinOrdering(Mat, MatOrderingType, IS *rows, IS *columns);
+PETSC_INTERN PetscErrorCode LatinOrderingNodes_Private(PetscInt bs, PetscInt n, const PetscInt ia[], const PetscInt ja[], PetscInt first[], PetscInt **list);
 PETSC_INTERN PetscErrorCode LatinOrderNodes_Private(PetscInt bs, PetscInt rows, const PetscInt ia[], const PetscInt ja[], const PetscBool kept[], PetscInt order[]);
 
 /* ---- Cholesky with the interfaces last (localsolvers/cholesky.c) ---- */
@@ -40,6 +41,7 @@ PETSC_INTERN PetscErrorCode LatinOrderNodes_Private(PetscInt bs, PetscInt rows, 
 PETSC_INTERN PetscErrorCode LatinCholeskyRegister(void);
 PETSC_INTERN PetscErrorCode LatinCholeskyRound(PC, PetscBool large);
 PETSC_INTERN PetscErrorCode LatinCholeskyRounded(PC, PetscBool *);
+PETSC_INTERN PetscErrorCode LatinCholeskyCost(PC, PetscReal *operations, PetscReal *bytes);
 PETSC_INTERN PetscErrorCode LatinCholeskyRefine(PC, Mat);
 PETSC_INTERN PetscErrorCode LatinCholeskyGiveSchur(Mat, Mat *);
 PETSC_INTERN PetscErrorCode LatinCholeskyForward(Mat, PetscReal g[], PetscReal *energy);

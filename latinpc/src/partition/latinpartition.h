@@ -15,13 +15,14 @@
 
 /* What is asked of a partition */
 typedef struct {
-  PetscInt  subdomains; /* 0: what costs least */
-  PetscBool primal;     /* all interfaces are in the coarse problem: as few subdomains as there are ranks */
-  PetscBool corners;    /* nodes of three or more subdomains have one displacement, a coarse unknown */
-  PetscInt  links;      /* of this rank, for which the subdomain is given */
-  PetscInt *given;      /* [links] NULL on all ranks that have links: METIS */
+  PetscInt    subdomains; /* 0: what costs least */
+  PetscBool   primal;     /* all interfaces are in the coarse problem: as few subdomains as there are ranks */
+  PetscBool   corners;    /* nodes of three or more subdomains have one displacement, a coarse unknown */
+  PetscInt    links;      /* of this rank, for which the subdomain is given */
+  PetscInt   *given;      /* [links] NULL on all ranks that have links: METIS */
+  const char *choice;     /* why there are so many subdomains, said by the partition */
 } LatinPartitionRequest;
-PETSC_INTERN PetscErrorCode LatinPartition_Private(LatinStructure, const LatinPartitionRequest *, PetscInt of_link[], PetscInt *count);
+PETSC_INTERN PetscErrorCode LatinPartition_Private(LatinStructure, LatinPartitionRequest *, PetscInt of_link[], PetscInt *count);
 
 /* Links to share out, all on one rank */
 typedef struct {

@@ -135,12 +135,13 @@ static PetscErrorCode LatinPartitionGiven_Private(LatinStructure structure, Pets
 }
 
 /* The subdomain of each link of the caller on this rank, and the number of subdomains. Collective on structure */
-PetscErrorCode LatinPartition_Private(LatinStructure structure, const LatinPartitionRequest *request, PetscInt of_link[], PetscInt *count)
+PetscErrorCode LatinPartition_Private(LatinStructure structure, LatinPartitionRequest *request, PetscInt of_link[], PetscInt *count)
 {
   MPI_Comm        comm  = PetscObjectComm((PetscObject)structure);
   PetscInt        links = request->links, known;
   const PetscInt *given = request->given;
-  IS              is    = NULL;
+  PetscMPIInt     ranks;
+  IS              is = NULL;
 
   PetscFunctionBegin;
   PetscCall(PetscLogEventBegin(LATIN_Partition, structure, 0, 0, 0));
@@ -164,6 +165,8 @@ PetscErrorCode LatinPartition_Private(LatinStructure structure, const LatinParti
   PetscCall(LatinPartitionNumber_Private(structure, (PetscBool)known, of_link, count));
   LatinAgree(comm, known && request->subdomains && request->subdomains != *count, PETSC_ERR_ARG_INCOMP, "The given partition has %" PetscInt_FMT " subdomains, not the %" PetscInt_FMT " asked for: leave out one of the two", *count,
              request->subdomains);
+  PetscCallMPI(MPI_Comm_size(comm, &ranks));
+  request->choice = known ? "given" : request->subdomains ? "asked for" : ranks == 1 ? "one factor costs least" : request->primal ? "one a rank costs least" : "of the size that costs least";
   PetscCall(PetscLogEventEnd(LATIN_Partition, structure, 0, 0, 0));
   PetscFunctionReturn(0);
 }

@@ -44,6 +44,8 @@ typedef struct {
   PetscReal       *tension;       /* [nonsmooth] tau_hat of the last local stage; NULL if no link is rigid */
   PetscReal       *rigid_tension; /* [links_local of the structure] tensions of rigid links, of the last LatinReturnTensions_Private(); NULL if there are none */
   PetscBool        failed;        /* an inner solver failed since this was cleared */
+  PetscInt         solves;        /* linear stages since the set-up */
+  PetscReal        seconds;       /* that these have taken */
   PetscInt         applications;  /* linear stages done since the last reset of the counter */
   PetscReal        energy;        /* of the change that the last linear stage made, where all interfaces are primal */
   PetscReal        rounded;       /* square of what that stage, in single precision, leaves to the next, in energy */

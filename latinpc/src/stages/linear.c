@@ -1,4 +1,5 @@
 #include "stages/latinstages.h"
+#include <petsctime.h>
 
 /*
    Linear stage: the fixed operators K_E = B^t l B + C^t d C of the subdomains (28), with l = k, and one solve of the
@@ -125,6 +126,8 @@ PetscErrorCode LatinLinearSetUp(LatinLinear *linear)
   const PetscInt         n = sub->bs * sub->copies, sides = linear->inter->sides;
 
   PetscFunctionBegin;
+  linear->solves  = 0;
+  linear->seconds = 0.0;
   PetscCall(PetscLogEventBegin(LATIN_Linear, sub->object, 0, 0, 0));
   PetscCall(LatinSubstructuresAre(linear, &linear->substructures));
   PetscCall(LatinLinearOffsets_Private(linear));
@@ -273,7 +276,10 @@ static PetscErrorCode LatinLinearSolve_Private(LatinLinear *linear, PetscInt whi
 */
 PetscErrorCode LatinLinearApply(LatinLinear *linear, PetscReal U[])
 {
+  PetscLogDouble start, end;
+
   PetscFunctionBegin;
+  PetscCall(PetscTime(&start));
   linear->solvers->failed = linear->coarse->failed = PETSC_FALSE;
   PetscCall(PetscLogEventBegin(LATIN_Condense, linear->sub->object, 0, 0, 0));
   if (linear->substructures) PetscCall(LatinSubstructuresForward(linear));
@@ -288,6 +294,9 @@ PetscErrorCode LatinLinearApply(LatinLinear *linear, PetscReal U[])
   }
   PetscCall(PetscLogEventEnd(LATIN_Linear, linear->sub->object, 0, 0, 0));
   if (linear->solvers->failed || linear->coarse->failed) linear->failed = PETSC_TRUE;
+  PetscCall(PetscTime(&end));
+  linear->seconds += end - start;
+  linear->solves++;
   PetscFunctionReturn(0);
 }
 

@@ -18,22 +18,25 @@ typedef struct {
   PetscInt              *part_block, *part_row;
 } LatinRows;
 
-/* One row as it is gathered */
+/* The rows of one node as they are gathered, by blocks of bs x bs entries */
 typedef struct {
-  PetscInt   row, n, *column; /* [n] not sorted */
-  PetscInt  *seen;            /* [rows] the last row, plus one, that has an entry in this column */
-  PetscReal *value;           /* [rows] by column */
-} LatinRow;
+  PetscInt   n, *node, *slot; /* [n] nodes of the columns, not sorted, and where their blocks are */
+  PetscInt  *place;           /* [nodes] the block of this node's columns, where node[] of that place is this node */
+  PetscReal *value;           /* [n][bs][bs] */
+} LatinNodeRows;
 
-static inline void LatinRowAdd(const LatinRows *rows, LatinRow *row, PetscInt column, PetscReal value)
+/* The block of a node's columns, which starts with zeros */
+static inline PetscReal *LatinNodeBlock(const LatinRows *rows, LatinNodeRows *gathered, PetscInt node)
 {
-  if (value == 0.0 || rows->held[row->row] || rows->held[column]) return;
-  if (row->seen[column] != row->row + 1) {
-    row->seen[column]     = row->row + 1;
-    row->value[column]    = 0.0;
-    row->column[row->n++] = column;
+  const PetscInt size = rows->sub->bs * rows->sub->bs;
+  PetscInt       at   = gathered->place[node];
+
+  if (at >= gathered->n || gathered->node[at] != node) {
+    at = gathered->place[node] = gathered->slot[gathered->n] = gathered->n;
+    gathered->node[gathered->n++]                            = node;
+    for (PetscInt k = 0; k < size; k++) gathered->value[size * at + k] = 0.0;
   }
-  row->value[column] += value;
+  return gathered->value + size * at;
 }
 
 /* The links at the nodes of a structure, the rows of blocks at the rows */
@@ -71,60 +74,83 @@ static PetscErrorCode LatinRowsDestroy_Private(LatinRows *rows)
   PetscFunctionReturn(0);
 }
 
-/* The most entries that a row can have */
-static PetscInt LatinRowsMost(const LatinRows *rows, PetscInt r)
+/* The most nodes whose columns the rows of a node have */
+static PetscInt LatinRowsNeighbours(const LatinRows *rows, PetscInt node)
 {
   const LatinSubdomains *sub  = rows->sub;
-  const PetscInt         node = r / sub->bs;
-  PetscInt               most = 1;
+  PetscInt               most = 1 + rows->link_first[node + 1] - rows->link_first[node];
 
-  most += sub->ki ? sub->ki[rows->top + r + 1] - sub->ki[rows->top + r] : sub->bs * (1 + rows->link_first[node + 1] - rows->link_first[node]);
-  for (PetscInt p = rows->part_first[r]; p < rows->part_first[r + 1]; p++) most += rows->block[rows->part_block[rows->part[p]]].n;
-  return PetscMin(most, rows->rows);
+  for (PetscInt r = sub->bs * node; r < sub->bs * (node + 1); r++) {
+    if (sub->ki) most += sub->ki[rows->top + r + 1] - sub->ki[rows->top + r];
+    for (PetscInt p = rows->part_first[r]; p < rows->part_first[r + 1]; p++) most += rows->block[rows->part_block[rows->part[p]]].n;
+  }
+  return PetscMin(most, rows->rows / sub->bs);
 }
 
-/* One link's part of row r, component c of a node */
-static inline void LatinRowLink(const LatinRows *rows, LatinRow *row, PetscInt l)
+/* A link's part of the rows of a node: to its own columns, and those of the other end */
+static inline void LatinNodeLink(const LatinRows *rows, LatinNodeRows *gathered, PetscInt node, PetscInt l)
 {
   const LatinSubdomains *sub = rows->sub;
-  const PetscInt         bs = sub->bs, c = row->row % bs, node = row->row / bs + rows->top / bs;
+  const PetscInt         bs = sub->bs, other = sub->ends[2 * l] + sub->ends[2 * l + 1] - 2 * (rows->top / bs) - node;
   const PetscReal       *direction = sub->direction + bs * l;
+  PetscReal             *own, *far;
 
-  for (PetscInt end = 0; end < 2; end++) { /* a link from a node to itself adds to it as both */
-    const PetscReal b = end ? direction[c] : -direction[c];
+  if (other == node) return; /* from a node to itself: nothing */
+  far = LatinNodeBlock(rows, gathered, other);
+  own = gathered->value;
+  for (PetscInt c = 0; c < bs; c++)
+    for (PetscInt j = 0; j < bs; j++) {
+      const PetscReal k = sub->stiffness[l] * (direction[c] * direction[j]);
 
-    if (sub->ends[2 * l + end] != node) continue;
-    for (PetscInt j = 0; j < 2 * bs; j++) {
-      const PetscReal other = j < bs ? -direction[j] : direction[j - bs];
-
-      LatinRowAdd(rows, row, bs * sub->ends[2 * l + (j < bs ? 0 : 1)] + j % bs - rows->top, sub->stiffness[l] * (b * other));
+      own[bs * c + j] += k;
+      far[bs * c + j] -= k;
     }
-  }
 }
 
-/* Gathers row r */
-static void LatinRowGather(const LatinRows *rows, PetscInt r, LatinRow *row)
+/* Gathers the rows of a node; its own block is the first */
+static void LatinNodeGather(const LatinRows *rows, PetscInt node, LatinNodeRows *gathered)
 {
-  const LatinSubdomains *sub  = rows->sub;
-  const PetscInt         top  = rows->top;
-  const PetscReal        diag = rows->held[r] ? 1.0 : rows->spring[top + r];
+  const LatinSubdomains *sub = rows->sub;
+  const PetscInt         bs = sub->bs, top = rows->top;
+  PetscReal             *own;
 
-  row->row       = r;
-  row->seen[r]   = r + 1; /* every row has its diagonal */
-  row->value[r]  = diag;
-  row->column[0] = r;
-  row->n         = 1;
-  if (sub->ground) LatinRowAdd(rows, row, r, sub->ground[top + r]);
-  for (PetscInt k = sub->ki ? sub->ki[top + r] : 0; sub->ki && k < sub->ki[top + r + 1]; k++) LatinRowAdd(rows, row, sub->kj[k] - top, sub->ka[k]);
-  if (!sub->ki)
-    for (PetscInt k = rows->link_first[r / sub->bs]; k < rows->link_first[r / sub->bs + 1]; k++)
-      if (k == rows->link_first[r / sub->bs] || rows->link[k] != rows->link[k - 1]) LatinRowLink(rows, row, rows->link[k]);
-  for (PetscInt p = rows->part_first[r]; p < rows->part_first[r + 1]; p++) {
-    const LatinBlock *block = &rows->block[rows->part_block[rows->part[p]]];
-    const PetscReal  *a     = block->a + (size_t)block->n * (size_t)rows->part_row[rows->part[p]];
-
-    for (PetscInt j = 0; j < block->n; j++) LatinRowAdd(rows, row, block->dof[j] - top, a[j]);
+  gathered->n = 0;
+  own         = LatinNodeBlock(rows, gathered, node);
+  for (PetscInt c = 0, r = top + bs * node; c < bs; c++, r++) {
+    own[bs * c + c] = rows->spring[r];
+    if (sub->ground) own[bs * c + c] += sub->ground[r];
+    for (PetscInt k = sub->ki ? sub->ki[r] : 0; sub->ki && k < sub->ki[r + 1]; k++) LatinNodeBlock(rows, gathered, (sub->kj[k] - top) / bs)[bs * c + (sub->kj[k] - top) % bs] += sub->ka[k];
   }
+  for (PetscInt k = rows->link_first[node]; k < rows->link_first[node + 1] && !sub->ki; k++) LatinNodeLink(rows, gathered, node, rows->link[k]);
+  for (PetscInt c = 0, r = bs * node; c < bs; c++, r++)
+    for (PetscInt p = rows->part_first[r]; p < rows->part_first[r + 1]; p++) {
+      const LatinBlock *block = &rows->block[rows->part_block[rows->part[p]]];
+      const PetscReal  *a     = block->a + (size_t)block->n * (size_t)rows->part_row[rows->part[p]];
+
+      for (PetscInt j = 0; j < block->n; j++) LatinNodeBlock(rows, gathered, (block->dof[j] - top) / bs)[bs * c + (block->dof[j] - top) % bs] += a[j];
+    }
+}
+
+/* Row c of a node in K, from entry nz on: its diagonal, and of the others what is not zero and not held. Returns where it ends */
+static PetscInt LatinNodeRow(const LatinRows *rows, const LatinNodeRows *gathered, PetscInt node, PetscInt c, LatinSparse *K, PetscInt nz)
+{
+  const PetscInt bs = rows->sub->bs, r = bs * node + c;
+
+  if (rows->held[r]) {
+    K->j[nz]   = r;
+    K->a[nz++] = 1.0;
+    return nz;
+  }
+  for (PetscInt n = 0; n < gathered->n; n++) {
+    const PetscReal *value = gathered->value + bs * (bs * gathered->slot[n] + c);
+
+    for (PetscInt j = 0, column = bs * gathered->node[n]; j < bs; j++, column++) {
+      if (column != r && (value[j] == 0.0 || rows->held[column])) continue;
+      K->j[nz]   = column;
+      K->a[nz++] = value[j];
+    }
+  }
+  return nz;
 }
 
 /*
@@ -133,32 +159,37 @@ static void LatinRowGather(const LatinRows *rows, PetscInt r, LatinRow *row)
 */
 PetscErrorCode LatinSparseCreate_Private(const LatinSubdomains *sub, PetscInt s, const PetscReal spring[], const PetscBool held[], PetscInt blocks, const LatinBlock block[], LatinSparse *K)
 {
-  const PetscInt bs = sub->bs, top = bs * sub->node_offset[s], n = bs * sub->node_offset[s + 1] - top;
-  LatinRows      rows = {.sub = sub, .spring = spring, .held = held + top, .top = top, .rows = n, .blocks = blocks, .block = block};
-  LatinRow       row;
-  size_t         most = 0;
-  PetscInt       nz   = 0;
+  const PetscInt bs = sub->bs, top = bs * sub->node_offset[s], nodes = sub->node_offset[s + 1] - sub->node_offset[s];
+  LatinRows      rows     = {.sub = sub, .spring = spring, .held = held + top, .top = top, .rows = bs * nodes, .blocks = blocks, .block = block};
+  LatinNodeRows  gathered = {.n = 0};
+  size_t         entries  = 0;
+  PetscInt       most = 0, nz = 0;
 
   PetscFunctionBegin;
   PetscCall(LatinRowsCreate_Private(&rows, s));
-  for (PetscInt r = 0; r < n; r++) most += (size_t)LatinRowsMost(&rows, r);
-  PetscCall(PetscMalloc1(n + 1, &K->i));
-  PetscCall(PetscMalloc2(most, &K->j, most, &K->a)); /* what is left at the end is never touched */
-  PetscCall(PetscCalloc1(n, &row.seen));
-  PetscCall(PetscMalloc1(n, &row.value));
-  for (PetscInt r = 0; r < n; r++) {
-    K->i[r]    = nz;
-    row.column = K->j + nz;
-    LatinRowGather(&rows, r, &row);
-    PetscCall(PetscSortInt(row.n, row.column));
-    for (PetscInt k = 0; k < row.n; k++) K->a[nz + k] = row.value[row.column[k]];
-    nz += row.n;
+  for (PetscInt i = 0; i < nodes; i++) {
+    const PetscInt neighbours = LatinRowsNeighbours(&rows, i);
+
+    most = PetscMax(most, neighbours);
+    entries += (size_t)(bs * bs) * (size_t)neighbours;
   }
-  K->i[n] = nz;
-  K->bs   = bs;
-  K->rows = n;
-  PetscCall(PetscFree(row.seen));
-  PetscCall(PetscFree(row.value));
+  PetscCall(PetscMalloc1(bs * nodes + 1, &K->i));
+  PetscCall(PetscMalloc2(entries, &K->j, entries, &K->a)); /* what is left at the end is never touched */
+  PetscCall(PetscMalloc3(most, &gathered.node, most, &gathered.slot, bs * bs * most, &gathered.value));
+  PetscCall(PetscCalloc1(nodes, &gathered.place));
+  for (PetscInt i = 0; i < nodes; i++) {
+    LatinNodeGather(&rows, i, &gathered);
+    PetscCall(PetscSortIntWithArray(gathered.n, gathered.node, gathered.slot));
+    for (PetscInt c = 0; c < bs; c++) {
+      K->i[bs * i + c] = nz;
+      nz               = LatinNodeRow(&rows, &gathered, i, c, K, nz);
+    }
+  }
+  K->i[bs * nodes] = nz;
+  K->bs            = bs;
+  K->rows          = bs * nodes;
+  PetscCall(PetscFree3(gathered.node, gathered.slot, gathered.value));
+  PetscCall(PetscFree(gathered.place));
   PetscCall(LatinRowsDestroy_Private(&rows));
   PetscFunctionReturn(0);
 }

@@ -1,0 +1,17 @@
+/* Loops by vector instructions. */
+#ifndef LATINVECTOR_H
+#define LATINVECTOR_H
+
+/* Compiled for several instruction sets, of which the processor chooses */
+#if defined(__GNUC__) && !defined(__clang__) && __GNUC__ >= 12 && defined(__x86_64__) && defined(__GLIBC__)
+  #define LATIN_CLONES __attribute__((target_clones("arch=x86-64-v4", "arch=x86-64-v3", "default")))
+#else
+  #define LATIN_CLONES
+#endif
+#if defined(__GNUC__)
+  #define LATIN_INLINE static inline __attribute__((always_inline))
+#else
+  #define LATIN_INLINE static inline
+#endif
+
+#endif

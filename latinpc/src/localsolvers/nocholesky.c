@@ -1,0 +1,50 @@
+#include "localsolvers/latinlocalsolvers.h"
+
+/* In place of localsolvers/cholesky.c where PETSc has no CHOLMOD. */
+
+#if !LATIN_CHOLMOD
+
+/* This PETSc has no CHOLMOD: MatGetFactorAvailable() says so of the type */
+PetscErrorCode LatinCholeskyRegister(void)
+{
+  return 0;
+}
+
+PetscErrorCode LatinCholeskyForward(Mat F, PetscReal g[], PetscReal *energy)
+{
+  SETERRQ(PETSC_COMM_SELF, PETSC_ERR_PLIB, "No factor of this type can have been made");
+}
+
+PetscErrorCode LatinCholeskyGiveSchur(Mat F, Mat *S)
+{
+  SETERRQ(PETSC_COMM_SELF, PETSC_ERR_PLIB, "No factor of this type can have been made");
+}
+
+PetscErrorCode LatinCholeskyBackward(Mat F, PetscReal g[], PetscReal *energy)
+{
+  SETERRQ(PETSC_COMM_SELF, PETSC_ERR_PLIB, "No factor of this type can have been made");
+}
+
+PetscErrorCode LatinCholeskyRound(PC pc, PetscBool large)
+{
+  SETERRQ(PETSC_COMM_SELF, PETSC_ERR_PLIB, "No factor of this type can have been made");
+}
+
+PetscErrorCode LatinCholeskyRefine(PC pc, Mat A)
+{
+  SETERRQ(PETSC_COMM_SELF, PETSC_ERR_PLIB, "No factor of this type can have been made");
+}
+
+PetscErrorCode LatinCholeskyRounded(PC pc, PetscBool *rounded)
+{
+  *rounded = PETSC_FALSE;
+  return 0;
+}
+
+PetscErrorCode LatinCholeskyCost(PC pc, PetscReal *operations, PetscReal *bytes)
+{
+  *operations = *bytes = 0.0;
+  return 0;
+}
+
+#endif
