@@ -7,18 +7,7 @@
    are called with constants for dim and lanes, so that their loops unroll.
 */
 
-/* Compiled for several instruction sets, of which the processor chooses */
-#if defined(__GNUC__) && !defined(__clang__) && __GNUC__ >= 12 && defined(__x86_64__) && defined(__GLIBC__)
-  #define LATIN_CLONES __attribute__((target_clones("arch=x86-64-v4", "arch=x86-64-v3", "default")))
-#else
-  #define LATIN_CLONES
-#endif
 #define LATIN_FOR_LANES(w) _Pragma("omp simd") for (PetscInt w = 0; w < lanes; w++)
-#if defined(__GNUC__)
-  #define LATIN_INLINE static inline __attribute__((always_inline))
-#else
-  #define LATIN_INLINE static inline
-#endif
 
 /* The links of equal subdomains: what they share, and where each has its own */
 typedef struct {
