@@ -24,7 +24,7 @@ C_FLOORS = [
     ["structure"],
     ["partition", "subdomains"],
     ["localsolvers"],
-    ["interfaces"],
+    ["interfaces", "cases"],
     ["coarse"],
     ["stages"],
     ["core"],

@@ -107,6 +107,7 @@ cdef extern from "latinpc.h":
     PetscErrorCode SNESLatinSetNewton(PetscSNES, LatinNewtonType)
     PetscErrorCode SNESLatinSetReference(PetscSNES, PetscVec)
     PetscErrorCode SNESLatinSetWarmStart(PetscSNES, LatinWarmStart)
+    PetscErrorCode SNESLatinSolveCases(PetscSNES, PetscInt, const PetscReal **, const PetscReal **, const PetscReal **, PetscReal **, PetscReal **, PetscInt *)
     PetscErrorCode SNESLatinGetHistory(PetscSNES, PetscInt *, const PetscReal **, const PetscReal **, const PetscReal **)
     PetscErrorCode SNESLatinGetPath(PetscSNES, PetscInt *, PetscReal *)
     PetscErrorCode SNESLatinGetUnsupportedNodes(PetscSNES, PetscInt *, PetscInt *, const PetscInt **, PetscReal *)

@@ -390,6 +390,18 @@ def step_tensions(TS ts not None, out):
     CHKERR(TSLatinGetTensions(ts.ts, <PetscReal *>reals(out)))
 
 
+def solve_cases(SNES snes not None, load, prescribed, elongation, displacement, tension, stages):
+    """Solve load cases side by side: lists of arrays, None where there is none; fills the last three."""
+    cdef PetscInt i, n = len(load)
+    pointers = np.zeros((5, max(n, 1)), dtype=np.uintp)
+    for row, arrays in zip(pointers, (load, prescribed, elongation, displacement, tension)):
+        row[:n] = [0 if array is None else array.ctypes.data for array in arrays]
+    cdef size_t at = pointers.ctypes.data, apart = pointers.strides[0]
+    CHKERR(SNESLatinSolveCases(snes.snes, n, <const PetscReal **>at, <const PetscReal **>(at + apart),
+                               <const PetscReal **>(at + 2 * apart), <PetscReal **>(at + 3 * apart),
+                               <PetscReal **>(at + 4 * apart), <PetscInt *>integers(stages)))
+
+
 def set_stop(SNES snes not None, int stop):
     """Set what must become small."""
     CHKERR(SNESLatinSetStop(snes.snes, <LatinStopType>stop))

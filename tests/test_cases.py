@@ -149,7 +149,9 @@ def test_one_set_up_for_all_cases(make_scene):
     assert counts[0] == counts[1] and counts[0][0] == 1
 
 
-def test_a_start_from_other_cases_saves_stages_and_their_order_changes_nothing():
+def test_a_start_from_other_cases_saves_stages_and_their_order_changes_nothing(monkeypatch):
+    """One after the other."""
+    monkeypatch.setattr("latinpc.runs.cases.FEWEST", 100)
     scene = irregular(modules=12)
     cases = random_cases(scene, 12, seed=2)
     found = solve_cases(scene, cases, ACCURATE)
@@ -157,6 +159,85 @@ def test_a_start_from_other_cases_saves_stages_and_their_order_changes_nothing()
     assert far(backwards.displacements[::-1], found.displacements) < 1e-6
     alone = sum(solve(case.applied(scene), ACCURATE).report["iterations"] for case in cases[4:-1])
     assert sum(case["iterations"] for case in found.report["cases"][4:-1]) < 0.9 * alone
+
+
+def together(found):
+    return [case["together"] for case in found.report["cases"]]
+
+
+@pytest.mark.parametrize("name", ["grid", "irregular", "network", "lattice"])
+def test_side_by_side_is_as_accurate_as_promised(name):
+    """Displacements and tensions to the error that is asked for, forces in balance, whatever else is solved beside."""
+    scene = SCENES[name]()
+    cases = random_cases(scene, 21, seed=3)  # more than there are lanes
+    for error in (1e-3, 1e-5):
+        found = solve_cases(scene, cases, {"snes_latin_error": error})
+        assert found.converged and all(together(found))
+        for number in (0, 7, 20):
+            exact = solve(cases[number].applied(scene), {"snes_latin_error": 1e-9})
+            free = ~scene.fixed
+            assert far(found.displacements[number][free], exact.displacements[free]) < error
+            assert far(found.tensions[number], exact.tensions) < error
+            applied = latinpc.Structure.from_scene(cases[number].applied(scene))
+            u, r = applied.create_vec(), applied.create_vec()
+            applied.set_displacements(found.displacements[number], u)
+            applied.residual(u, r)
+            assert r.norm() < 1.01e-2 * np.linalg.norm(applied.load[free])
+    some = solve_cases(scene, cases[5:12], {"snes_latin_error": 1e-5})
+    assert (some.displacements == found.displacements[5:12]).all() and (some.tensions == found.tensions[5:12]).all()
+
+
+def test_bars_take_two_stages_a_case():
+    scene = make("truss-grid", modules=8, subdomains=4)
+    found = solve_cases(scene, random_cases(scene, 12, seed=5))
+    assert all(together(found)) and {case["iterations"] for case in found.report["cases"]} == {2}
+
+
+def test_what_does_not_go_side_by_side_is_solved_all_the_same():
+    """Laws without a stiffness, options of the iteration, few cases; and one case among others without balance."""
+    grids = random_cases(grid(), 4)
+    for scene, cases, how in (
+        (SCENES["net"](), random_cases(SCENES["net"](), 4), {}),
+        (grid(), grids, {"snes_stol": 1e-6}),
+        (grid(), grids, {"snes_latin_newton": "never"}),
+        (grid(), grids[:3], {}),
+    ):
+        found = solve_cases(scene, cases, how)
+        assert found.converged and not any(together(found))
+    scene = row(fixed=(True, False, False), law="cable")
+    cases = [Case(f"{pull}", [[0], [1e-3], [1e-3 * pull]]) for pull in (2.0, 3.0, -2.0, 4.0, 5.0)]
+    found = solve_cases(scene, cases)
+    assert [case["converged"] for case in found.report["cases"]] == [True, True, False, True, True]
+    assert together(found) == [True, True, False, True, True]
+
+
+RANKS = """
+import sys
+import petsc4py
+petsc4py.init(sys.argv[:1] + ["-skip_petscrc"])
+sys.path.insert(0, sys.argv[1])
+from mpi4py import MPI
+from support import grid
+from test_cases import random_cases
+from latinpc.runs.cases import solve_cases
+scene = grid()
+cases = random_cases(scene, 18, seed=6)
+found = solve_cases(scene, cases)
+alone = solve_cases(scene, cases, comm=MPI.COMM_SELF)
+assert found.converged and all(case["together"] for case in found.report["cases"])
+for array in ("displacements", "tensions", "slack"):
+    assert (getattr(found, array) == getattr(alone, array)).all()
+assert found.report["cases"] == alone.report["cases"]
+few = solve_cases(scene, cases[:5])
+assert few.converged and not any(case["together"] for case in few.report["cases"])
+print("shared")
+"""
+
+
+@pytest.mark.parametrize("ranks", [2, 4])
+def test_ranks_share_the_cases(mpirun, ranks):
+    """The same bits as on one rank; too few cases for all ranks are solved by them together."""
+    assert mpirun(ranks, RANKS, ROOT / "tests").stdout.count("shared") == ranks
 
 
 def test_equal_cases_and_cases_without_actions():

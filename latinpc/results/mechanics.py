@@ -55,14 +55,14 @@ def slack(scene, tensions):
     Parameters
     ----------
     scene : Scene
-    tensions : (m,) array
+    tensions : (..., m) array
         In N. What is below rounding of the largest one counts as zero.
 
     Returns
     -------
-    (m,) array of bool
+    (..., m) array of bool
     """
-    threshold = 1e-12 * np.abs(tensions).max(initial=0.0)
+    threshold = 1e-12 * np.abs(tensions).max(axis=-1, initial=0.0, keepdims=True)
     cable = np.isin(scene.law, (Law.CABLE, Law.INEXTENSIBLE)) & (tensions <= threshold)
     return cable | (np.isin(scene.law, (Law.COMPRESSION_ONLY, Law.CONTACT, Law.FRICTION)) & (tensions >= -threshold))
 

@@ -6,9 +6,13 @@ import time
 from dataclasses import dataclass
 
 import numpy as np
+from mpi4py import MPI
+from petsc4py import PETSc
 
 import latinpc
+from latinpc.arrays import REAL, native
 from latinpc.laws import RIGID, UNILATERAL
+from latinpc.library import _latin
 from latinpc.options import default_options, unknown_options
 from latinpc.results.mechanics import slack
 from latinpc.results.report import plain, problem, snes_reason
@@ -18,6 +22,9 @@ from latinpc.structure import Structure
 
 from .report import environment
 
+FEWEST = (
+    4  # cases of a rank that are solved side by side: of fewer, lanes stay empty, and one after the other is faster
+)
 SKETCH = 256  # numbers that stand for the actions of a case: more than cases are independent
 
 
@@ -67,7 +74,7 @@ class Cases:
 
 
 def solve_cases(scene, cases=None, options=None, *, subdomains=None, comm=None, each_case=None):
-    """Solve load cases with one solver, which is set up once; collective.
+    """Solve load cases on one set-up; collective.
 
     Parameters
     ----------
@@ -81,14 +88,15 @@ def solve_cases(scene, cases=None, options=None, *, subdomains=None, comm=None, 
         Number of subdomains that METIS makes when the scene has no partition.
     comm : communicator, optional
     each_case : callable, optional
-        Called before each case with its number, from 0, and its name.
+        Called with the number, from 0, and the name of each case when its solution begins; side by side all begin at
+        once.
 
     Returns
     -------
     Cases
         Its report has the keys of a solve on scene, size and environment; solver, seconds (of set-up and solves), and
-        cases, a list of dicts with name, iterations, converged, reason, displacement (the largest, m), lowest and
-        highest (force, N), slack (links).
+        cases, a list of dicts with name, iterations, together (solved side by side), converged, reason, displacement
+        (the largest, m), lowest and highest (force, N), slack (links).
 
     Raises
     ------
@@ -97,15 +105,21 @@ def solve_cases(scene, cases=None, options=None, *, subdomains=None, comm=None, 
 
     Notes
     -----
-    A solve starts from the combination of solved cases whose actions are nearest to its own: for bars alone that is
-    the solution where actions are combinations of earlier ones. Structures with rigid laws start anew, since their
-    solutions need not be unique.
+    Cases of bars, cables and compression-only links are solved side by side, with one factor of the stiffness with all
+    links taut and one sweep over the links for all of them, to the accuracy that is asked of each
+    (``SNESLatinSolveCases()``). Several ranks share the cases, each with the whole structure.
+
+    Cases with other laws or large displacements, fewer than four, or under options that need the iteration are solved
+    one after the other by all ranks, and so are those that have not converged side by side. A solve then starts from
+    the combination of cases solved like this whose actions are nearest to its own: for bars alone that is the solution
+    where actions are combinations of earlier ones. Structures with rigid laws start anew, since their solutions need
+    not be unique.
     """
     cases = [case for case in scene.cases if not case.part] if cases is None else list(cases)
     if not cases:
         raise ValueError(f"{scene.name} has no load case to solve: write [[case]] in its TOML file, or give a Case")
     for case in cases:  # a case that does not fit is refused before any is solved
-        case.applied(scene)
+        case.check(scene)
     structure = Structure.from_scene(scene, comm)
     settings = dict(options or {})
     if subdomains is not None:
@@ -113,66 +127,116 @@ def solve_cases(scene, cases=None, options=None, *, subdomains=None, comm=None, 
     notices = [*unknown_options(), *structure.notices]
     start = time.perf_counter()
     with default_options(settings):
-        snes = structure.create_snes()
+        series = _Series(structure, scene, cases, each_case)
         try:
-            snes.setFromOptions()
-            attach_linear(structure, snes)
-            series = _Series(structure, snes, scene)
-            for number, case in enumerate(cases):
-                if each_case is not None:
-                    each_case(number, case.name)
-                series.solve(case.applied(scene), case.name)
+            series.solve_together()
+            series.solve_rest()
             report = {
                 **problem(structure),
-                "solver": snes.getType(),
+                "solver": series.snes.getType(),
                 "seconds": time.perf_counter() - start,
-                "cases": series.rows,
+                "cases": series.rows(),
                 **environment(structure.comm.tompi4py()),
             }
         finally:
-            snes.destroy()
-    arrays = map(np.array, (series.displacements, series.tensions, series.slack))
-    return Cases(scene, [case.name for case in cases], plain(report), *arrays, notices)
+            series.snes.destroy()
+    names = [case.name for case in cases]
+    return Cases(scene, names, plain(report), series.displacements, series.tensions, series.slack, notices)
 
 
 class _Series:
-    """Solves on one structure, one after the other; methods are collective."""
+    """Cases of one structure and what is known of them; methods are collective."""
 
-    def __init__(self, structure, snes, scene):
-        self.structure, self.snes = structure, snes
-        self.rows, self.displacements, self.tensions, self.slack = [], [], [], []
-        self._u = structure.create_vec()
-        self._start = None if np.isin(scene.law, RIGID).any() else _Start(scene)
+    def __init__(self, structure, scene, cases, each_case):
+        self.structure, self.scene, self.cases = structure, scene, cases
+        self.snes = structure.create_snes()
+        self.snes.setFromOptions()
+        attach_linear(structure, self.snes)
+        self.displacements = np.zeros((len(cases), *scene.nodes.shape), REAL)
+        self.tensions = np.zeros((len(cases), len(scene.links)), REAL)
+        self.found = [None] * len(cases)  # iterations, whether side by side, converged, reason
+        self._say = each_case or (lambda number, name: None)
 
-    def solve(self, case, name):
-        """Solve a case, a scene with its actions, and record what it gives."""
-        structure, snes, u = self.structure, self.snes, self._u
-        structure.set_load(case.load)
-        structure.set_prescribed(case.prescribed)
-        structure.set_initial_elongation(case.initial_elongation)
-        u.set(0.0)
-        if self._start is not None:
-            self._start.predict(case, u)
-        snes.solve(None, u)
-        converged = snes.getConvergedReason() > 0
-        if self._start is not None and converged:
-            self._start.keep(u)
-        moved, tensions = structure.displacements(u), latinpc.tensions(snes)
-        loose = slack(case, tensions) & np.isin(case.law, UNILATERAL)
-        self.displacements.append(moved)
-        self.tensions.append(tensions)
-        self.slack.append(loose)
-        linear = snes.getType() == "ksponly"
-        self.rows.append({
-            "name": name,
-            "iterations": snes.getLinearSolveIterations() if linear else snes.getIterationNumber(),
-            "converged": converged,
-            "reason": snes_reason(snes),
-            "displacement": np.linalg.norm(moved, axis=1).max(),
-            "lowest": tensions.min(),
-            "highest": tensions.max(),
-            "slack": np.count_nonzero(loose),
-        })  # fmt: skip
+    def solve_together(self):
+        """Solve the cases side by side, as far as that goes; each rank its share."""
+        comm = self.structure.comm.tompi4py()
+        if self.snes.getType() != "latin" or len(self.cases) < FEWEST * comm.size:
+            return
+        for number, case in enumerate(self.cases):
+            self._say(number, case.name)
+        stages = np.zeros(len(self.cases), PETSc.IntType)
+        failure = None
+        try:
+            self._share(range(comm.rank, len(self.cases), comm.size), stages)
+        except PETSc.Error as error:  # others wait for this rank
+            failure = error
+        if any(comm.allgather(failure is not None)):
+            raise failure or RuntimeError("load cases have failed on another rank")
+        for array in (stages, self.displacements, self.tensions) if comm.size > 1 else ():
+            comm.Allreduce(MPI.IN_PLACE, array)
+        for number in np.flatnonzero(stages > 0):
+            self.found[number] = int(stages[number]), True, True, "CONVERGED_SNORM_RELATIVE"
+
+    def _share(self, numbers, stages):
+        """Solve the cases of this rank on a structure of its own."""
+        alone = self.structure.comm.size == 1
+        structure = self.structure if alone else Structure.from_scene(self.scene, PETSc.COMM_SELF)
+        snes = self.snes if alone else structure.create_snes()
+        if not alone:
+            snes.setFromOptions()
+        parts = zip(*[[None if part is None else native(part) for part in self.cases[i].parts] for i in numbers])
+        load, prescribed, elongation = parts
+        places = [[array[i] for i in numbers] for array in (self.displacements, self.tensions)]
+        mine = np.zeros(len(numbers), PETSc.IntType)
+        _latin.solve_cases(snes, load, prescribed, elongation, *places, mine)
+        stages[numbers] = mine
+        if not alone:
+            snes.destroy()
+
+    def solve_rest(self):
+        """Solve the other cases one after the other, on all ranks."""
+        structure, snes = self.structure, self.snes
+        u = structure.create_vec()
+        start = None if np.isin(self.scene.law, RIGID).any() else _Start(self.scene)
+        for number, case in enumerate(self.cases):
+            if self.found[number] is not None:
+                continue
+            self._say(number, case.name)
+            applied = case.applied(self.scene)
+            structure.set_load(applied.load)
+            structure.set_prescribed(applied.prescribed)
+            structure.set_initial_elongation(applied.initial_elongation)
+            u.set(0.0)
+            if start is not None:
+                start.predict(applied, u)
+            snes.solve(None, u)
+            converged = snes.getConvergedReason() > 0
+            if start is not None and converged:
+                start.keep(u)
+            self.displacements[number], self.tensions[number] = structure.displacements(u), latinpc.tensions(snes)
+            linear = snes.getType() == "ksponly"
+            iterations = snes.getLinearSolveIterations() if linear else snes.getIterationNumber()
+            self.found[number] = iterations, False, converged, snes_reason(snes)
+        u.destroy()
+
+    def rows(self):
+        """Return a row a case for the report, and note the slack links."""
+        self.slack = slack(self.scene, self.tensions) & np.isin(self.scene.law, UNILATERAL)
+        rows = []
+        for number, (iterations, together, converged, reason) in enumerate(self.found):
+            moved, tensions = self.displacements[number], self.tensions[number]
+            rows.append({
+                "name": self.cases[number].name,
+                "iterations": iterations,
+                "together": together,
+                "converged": converged,
+                "reason": reason,
+                "displacement": np.sqrt(np.einsum("ij,ij->i", moved, moved).max()),
+                "lowest": tensions.min(),
+                "highest": tensions.max(),
+                "slack": np.count_nonzero(self.slack[number]),
+            })  # fmt: skip
+        return rows
 
 
 class _Start:

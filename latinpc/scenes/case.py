@@ -7,8 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from latinpc.checks import Checks
+
 if TYPE_CHECKING:
     from .scene import Scene
+
+PARTS = "load", "prescribed", "initial_elongation"
 
 
 @dataclass
@@ -62,6 +66,35 @@ class Case:
         """Return the case under another name."""
         return replace(self, name=name)
 
+    def check(self, scene: Scene) -> None:
+        """Check that the actions fit a scene.
+
+        Parameters
+        ----------
+        scene : Scene
+
+        Raises
+        ------
+        ValueError
+            Naming the case, where an array does not fit.
+        """
+        checks = Checks(scene.nodes.shape, len(scene.links))
+        for name, part in zip(PARTS, self.parts):
+            if part is None:
+                continue
+            shape = getattr(scene, name).shape
+            if np.shape(part) != shape:
+                raise ValueError(f"case '{self.name}': {name} must have the shape {shape}, not {np.shape(part)}")
+            try:
+                if name == "load":
+                    checks.node_array(name, part)
+                elif name == "prescribed":
+                    checks.supports(scene.fixed, getattr(scene, name) + part)
+                else:
+                    checks.initial_elongation(part)
+            except ValueError as error:
+                raise ValueError(f"case '{self.name}': {error}") from None
+
     def applied(self, scene: Scene) -> Scene:
         """Return the scene with the actions of this case added to its own.
 
@@ -74,12 +107,8 @@ class Case:
         ValueError
             Naming the case, where an array does not fit the scene.
         """
-        names = ("load", "prescribed", "initial_elongation")
-        given = {name: part for name, part in zip(names, self.parts) if part is not None}
-        for name, part in given.items():
-            shape = getattr(scene, name).shape
-            if np.shape(part) != shape:
-                raise ValueError(f"case '{self.name}': {name} must have the shape {shape}, not {np.shape(part)}")
+        self.check(scene)
+        given = {name: part for name, part in zip(PARTS, self.parts) if part is not None}
         try:
             return replace(
                 scene, name=f"{scene.name}: {self.name}", cases=(),

@@ -6,7 +6,7 @@
 */
 
 PetscClassId  LATIN_CLASSID, LATIN_STRUCTURE_CLASSID;
-PetscLogEvent LATIN_SetUp, LATIN_Partition, LATIN_Subdomains, LATIN_Interface, LATIN_Direction, LATIN_Macro, LATIN_Spectral, LATIN_Linear, LATIN_Coarse, LATIN_Local, LATIN_Condense, LATIN_Estimate;
+PetscLogEvent LATIN_SetUp, LATIN_Partition, LATIN_Subdomains, LATIN_Interface, LATIN_Direction, LATIN_Macro, LATIN_Spectral, LATIN_Linear, LATIN_Coarse, LATIN_Local, LATIN_Condense, LATIN_Estimate, LATIN_Cases;
 
 static PetscBool registered = PETSC_FALSE;
 
@@ -85,6 +85,7 @@ PetscErrorCode LatinRegisterClasses_Private(void)
   PetscCall(PetscLogEventRegister("LatinLinear", LATIN_CLASSID, &LATIN_Linear));
   PetscCall(PetscLogEventRegister("LatinCondense", LATIN_CLASSID, &LATIN_Condense));
   PetscCall(PetscLogEventRegister("LatinEstimate", LATIN_CLASSID, &LATIN_Estimate));
+  PetscCall(PetscLogEventRegister("LatinCases", LATIN_CLASSID, &LATIN_Cases));
   PetscCall(PetscLogEventRegister("LatinCoarse", LATIN_CLASSID, &LATIN_Coarse));
   PetscCall(PetscLogEventRegister("LatinLocal", LATIN_CLASSID, &LATIN_Local));
   PetscCall(PetscRegisterFinalize(LatinForgetClasses));

@@ -265,6 +265,14 @@ PetscErrorCode LatinCholeskyBackward(Mat F, PetscReal g[], PetscReal *energy)
   PetscFunctionReturn(0);
 }
 
+/* All of the solve for right-hand sides beside each other, see LatinFrontsSolveLanes(); no row is kept */
+PetscErrorCode LatinCholeskySolveLanes(Mat F, const PetscInt at[], const PetscReal scale[], const PetscReal b[], PetscReal x[])
+{
+  PetscFunctionBegin;
+  PetscCall(LatinFrontsSolveLanes(&((LatinSupernodes *)F->data)->fronts, at, scale, b, x));
+  PetscFunctionReturn(0);
+}
+
 /* Hands the Schur complement over: it may be as large as the factor, and is used once */
 PetscErrorCode LatinCholeskyGiveSchur(Mat F, Mat *S)
 {

@@ -295,3 +295,55 @@ static void FRONT(LatinFrontsHalves)(LatinFronts *F, PetscBool forward, PetscBoo
   }
   if (energy && forward) *energy += sum;
 }
+
+/* ---- solves for LATIN_FRONT_LANES right-hand sides that lie beside each other, [rows][lanes] ---- */
+
+/* The rows of front f forward, see LatinFrontForward() */
+LATIN_INLINE void FRONT(LatinFrontForwardLanes)(const LatinFronts *F, PetscInt f)
+{
+  const PetscInt    *row   = F->row + F->row_first[f] + F->columns[f];
+  const FRONT_REAL  *panel = (const FRONT_REAL *)F->factor + F->panel[f], one = 1, zero = 0;
+  const PetscBLASInt own = (PetscBLASInt)F->columns[f], height = (PetscBLASInt)(F->row_first[f + 1] - F->row_first[f]), below = height - own, lanes = LATIN_FRONT_LANES;
+  FRONT_REAL        *x = (FRONT_REAL *)F->x + LATIN_FRONT_LANES * (size_t)F->first[f], *work = (FRONT_REAL *)F->work;
+
+  FRONT_BLAS(trsm)("R", "L", "T", "N", &lanes, &own, &one, panel, &height, x, &lanes);
+  if (!below) return;
+  FRONT_BLAS(gemm)("N", "T", &lanes, &below, &own, &one, x, &lanes, panel + own, &height, &zero, work, &lanes);
+  for (PetscBLASInt r = 0; r < below; r++, work += LATIN_FRONT_LANES) {
+    x = (FRONT_REAL *)F->x + LATIN_FRONT_LANES * (size_t)row[r];
+    for (PetscInt w = 0; w < LATIN_FRONT_LANES; w++) x[w] -= work[w];
+  }
+}
+
+/* The rows of front f backward, see LatinFrontBackward() */
+LATIN_INLINE void FRONT(LatinFrontBackwardLanes)(const LatinFronts *F, PetscInt f)
+{
+  const PetscInt    *row   = F->row + F->row_first[f] + F->columns[f];
+  const FRONT_REAL  *panel = (const FRONT_REAL *)F->factor + F->panel[f], one = 1, minus = -1;
+  const PetscBLASInt own = (PetscBLASInt)F->columns[f], height = (PetscBLASInt)(F->row_first[f + 1] - F->row_first[f]), below = height - own, lanes = LATIN_FRONT_LANES;
+  FRONT_REAL        *x = (FRONT_REAL *)F->x + LATIN_FRONT_LANES * (size_t)F->first[f], *work = (FRONT_REAL *)F->work;
+
+  for (PetscBLASInt r = 0; r < below; r++) memcpy(work + LATIN_FRONT_LANES * (size_t)r, (FRONT_REAL *)F->x + LATIN_FRONT_LANES * (size_t)row[r], LATIN_FRONT_LANES * sizeof(*x));
+  if (below) FRONT_BLAS(gemm)("N", "N", &lanes, &own, &below, &minus, work, &lanes, panel + own, &height, &one, x, &lanes);
+  FRONT_BLAS(trsm)("R", "L", "N", "N", &lanes, &own, &one, panel, &height, x, &lanes);
+}
+
+/* See LatinFrontsSolveLanes() */
+LATIN_CLONES static void FRONT(LatinFrontsLanes)(LatinFronts *F, const PetscInt at[], const PetscReal scale[], const PetscReal b[], PetscReal x[])
+{
+  FRONT_REAL *v = (FRONT_REAL *)F->x;
+
+  for (PetscInt r = 0; r < F->n; r++, v += LATIN_FRONT_LANES) {
+    const PetscReal *from = b + LATIN_FRONT_LANES * (size_t)at[F->order[r]];
+
+    for (PetscInt w = 0; w < LATIN_FRONT_LANES; w++) v[w] = (FRONT_REAL)(from[w] / scale[w]);
+  }
+  for (PetscInt f = 0; f < F->fronts; f++) FRONT(LatinFrontForwardLanes)(F, f);
+  for (PetscInt f = F->fronts - 1; f >= 0; f--) FRONT(LatinFrontBackwardLanes)(F, f);
+  v = (FRONT_REAL *)F->x;
+  for (PetscInt r = 0; r < F->n; r++, v += LATIN_FRONT_LANES) {
+    PetscReal *to = x + LATIN_FRONT_LANES * (size_t)at[F->order[r]];
+
+    for (PetscInt w = 0; w < LATIN_FRONT_LANES; w++) to[w] = scale[w] * (PetscReal)v[w];
+  }
+}

@@ -191,4 +191,18 @@ PetscErrorCode LatinFrontsSolve(LatinFronts *F, PetscBool forward, PetscBool bac
   PetscFunctionReturn(0);
 }
 
+/*
+   All of the solve for right-hand sides b that lie beside each other, into x: the entry of row i and lane w is at
+   LATIN_FRONT_LANES * at[i] + w of both. Each is solved divided by its scale, so that any precision holds it. No row is kept
+*/
+PetscErrorCode LatinFrontsSolveLanes(LatinFronts *F, const PetscInt at[], const PetscReal scale[], const PetscReal b[], PetscReal x[])
+{
+  PetscFunctionBegin;
+  PetscCall(LatinFrontsRoom_Private(F, LATIN_FRONT_LANES));
+  if (F->precision != LATIN_DOUBLE) LatinFrontsLanesSingle(F, at, scale, b, x);
+  else LatinFrontsLanesDouble(F, at, scale, b, x);
+  PetscCall(PetscLogFlops(4.0 * (double)F->panel[F->fronts] * LATIN_FRONT_LANES));
+  PetscFunctionReturn(0);
+}
+
 #endif

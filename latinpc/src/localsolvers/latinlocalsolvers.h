@@ -37,13 +37,15 @@ PETSC_INTERN PetscErrorCode LatinOrderingNodes_Private(PetscInt bs, PetscInt n, 
 PETSC_INTERN PetscErrorCode LatinOrderNodes_Private(PetscInt bs, PetscInt rows, const PetscInt ia[], const PetscInt ja[], const PetscBool kept[], PetscInt order[]);
 
 /* ---- Cholesky with the interfaces last (localsolvers/cholesky.c) ---- */
-#define LATIN_CHOLESKY "latin" /* a MatSolverType */
+#define LATIN_CHOLESKY    "latin" /* a MatSolverType */
+#define LATIN_FRONT_LANES 16      /* right-hand sides that lie beside each other: single precision fills a vector register of 512 bits */
 PETSC_INTERN PetscErrorCode LatinCholeskyRegister(void);
 PETSC_INTERN PetscErrorCode LatinCholeskyRound(PC, PetscBool large);
 PETSC_INTERN PetscErrorCode LatinCholeskyRounded(PC, PetscBool *);
 PETSC_INTERN PetscErrorCode LatinCholeskyCost(PC, PetscReal *operations, PetscReal *bytes);
 PETSC_INTERN PetscErrorCode LatinCholeskyRefine(PC, Mat);
 PETSC_INTERN PetscErrorCode LatinCholeskyGiveSchur(Mat, Mat *);
+PETSC_INTERN PetscErrorCode LatinCholeskySolveLanes(Mat, const PetscInt at[], const PetscReal scale[], const PetscReal b[], PetscReal x[]);
 PETSC_INTERN PetscErrorCode LatinCholeskyForward(Mat, PetscReal g[], PetscReal *energy);
 PETSC_INTERN PetscErrorCode LatinCholeskyBackward(Mat, PetscReal g[], PetscReal *energy);
 

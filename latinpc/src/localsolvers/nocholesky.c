@@ -15,6 +15,11 @@ PetscErrorCode LatinCholeskyForward(Mat F, PetscReal g[], PetscReal *energy)
   SETERRQ(PETSC_COMM_SELF, PETSC_ERR_PLIB, "No factor of this type can have been made");
 }
 
+PetscErrorCode LatinCholeskySolveLanes(Mat F, const PetscInt at[], const PetscReal scale[], const PetscReal b[], PetscReal x[])
+{
+  SETERRQ(PETSC_COMM_SELF, PETSC_ERR_PLIB, "No factor of this type can have been made");
+}
+
 PetscErrorCode LatinCholeskyGiveSchur(Mat F, Mat *S)
 {
   SETERRQ(PETSC_COMM_SELF, PETSC_ERR_PLIB, "No factor of this type can have been made");

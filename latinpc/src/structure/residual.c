@@ -54,10 +54,37 @@ PetscErrorCode LatinStructureComputeResidual(LatinStructure structure, Vec u, Ve
   PetscFunctionReturn(0);
 }
 
+/* J = B^t k B for stiffnesses k of the links here, and springs to the ground. Collective on structure */
+PetscErrorCode LatinStructureAssemble_Private(LatinStructure structure, const PetscReal k[], Mat J)
+{
+  const PetscInt dim = structure->dim;
+
+  PetscFunctionBegin;
+  PetscCall(MatZeroEntries(J));
+  for (PetscInt l = 0; l < structure->links_local; l++) {
+    PetscReal   b[6]; /* a row of B */
+    PetscInt    row[6];
+    PetscScalar block[36];
+
+    for (PetscInt i = 0; i < 2 * dim; i++) {
+      row[i] = dim * structure->ends[2 * l + i / dim] + i % dim;
+      b[i]   = i < dim ? -structure->direction[dim * l + i] : structure->direction[dim * l + i - dim];
+    }
+    for (PetscInt i = 0; i < 4 * dim * dim; i++) block[i] = k[l] * b[i / (2 * dim)] * b[i % (2 * dim)];
+    PetscCall(MatSetValuesLocal(J, 2 * dim, row, 2 * dim, row, block, ADD_VALUES));
+  }
+  PetscCall(MatAssemblyBegin(J, MAT_FINAL_ASSEMBLY));
+  PetscCall(MatAssemblyEnd(J, MAT_FINAL_ASSEMBLY));
+  if (structure->ground) PetscCall(MatDiagonalSet(J, structure->ground, ADD_VALUES));
+  PetscCall(MatSetOption(J, MAT_SYMMETRIC, PETSC_TRUE));
+  PetscCall(MatSetOption(J, MAT_SYMMETRY_ETERNAL, PETSC_TRUE));
+  PetscFunctionReturn(0);
+}
+
 static PetscErrorCode LatinStructureComputeJacobian_Private(LatinStructure structure, Vec u, Mat J)
 {
   ISLocalToGlobalMapping map;
-  PetscInt               n, m, dim = structure->dim;
+  PetscInt               n, m;
   Vec                    tangent;
   const PetscScalar     *k;
 
@@ -72,26 +99,9 @@ static PetscErrorCode LatinStructureComputeJacobian_Private(LatinStructure struc
     PetscFunctionReturn(0);
   }
   PetscCall(LatinTangentCompute_Private(structure, u, 0.0, J, &tangent));
-  PetscCall(MatZeroEntries(J));
   PetscCall(VecGetArrayRead(tangent, &k));
-  for (PetscInt l = 0; l < structure->links_local; l++) {
-    PetscReal   b[6]; /* a row of B */
-    PetscInt    row[6];
-    PetscScalar block[36];
-
-    for (PetscInt i = 0; i < 2 * dim; i++) {
-      row[i] = dim * structure->ends[2 * l + i / dim] + i % dim;
-      b[i]   = i < dim ? -structure->direction[dim * l + i] : structure->direction[dim * l + i - dim];
-    }
-    for (PetscInt i = 0; i < 4 * dim * dim; i++) block[i] = k[l] * b[i / (2 * dim)] * b[i % (2 * dim)];
-    PetscCall(MatSetValuesLocal(J, 2 * dim, row, 2 * dim, row, block, ADD_VALUES));
-  }
+  PetscCall(LatinStructureAssemble_Private(structure, k, J));
   PetscCall(VecRestoreArrayRead(tangent, &k));
-  PetscCall(MatAssemblyBegin(J, MAT_FINAL_ASSEMBLY));
-  PetscCall(MatAssemblyEnd(J, MAT_FINAL_ASSEMBLY));
-  if (structure->ground) PetscCall(MatDiagonalSet(J, structure->ground, ADD_VALUES));
-  PetscCall(MatSetOption(J, MAT_SYMMETRIC, PETSC_TRUE));
-  PetscCall(MatSetOption(J, MAT_SYMMETRY_ETERNAL, PETSC_TRUE));
   PetscFunctionReturn(0);
 }
 

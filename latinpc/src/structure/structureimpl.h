@@ -170,6 +170,7 @@ PETSC_INTERN PetscErrorCode LatinStructureResistFar_Private(LatinStructure, Vec 
 /* ---- what displacements, and the tensions `rigid` of the rigid links, mean (structure/residual.c, structure/results.c) ---- */
 PETSC_INTERN PetscErrorCode LatinStructureResidual_Private(LatinStructure, const PetscReal rigid[], Vec u, Vec r);
 PETSC_INTERN PetscErrorCode LatinStructureTensions_Private(LatinStructure, const PetscReal rigid[], Vec u, PetscReal tension[]);
+PETSC_INTERN PetscErrorCode LatinStructureAssemble_Private(LatinStructure, const PetscReal k[], Mat);
 PETSC_INTERN PetscErrorCode LatinStructureCountActive_Private(LatinStructure, const PetscReal rigid[], Vec u, PetscInt *active, PetscInt *unilateral);
 
 /* ---- links that turn (structure/turning.c), and structures of their parts (structure/frame.c) ---- */
