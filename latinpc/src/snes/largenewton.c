@@ -96,15 +96,15 @@ static PetscErrorCode LatinLargeError_Private(SNES newton, LatinLarge *large, Pe
   PetscCall(SNESGetKSP(newton, &ksp));
   if (large->ahead) PetscCall(KSPComputeExtremeSingularValues(ksp, &most, &least));
   left      = least > 0.0 ? norm / PetscMin(1.0, least) : PETSC_MAX_REAL;
-  part      = left < large->first ? LATIN_LARGE_SAFETY * left / (large->first - left) : 1.0 / PETSC_SMALL; /* steps that leave so much of the error, added up */
-  *error    = part * step;
+  part      = left < large->first ? LATIN_LARGE_SAFETY * left / (large->first - left) : PETSC_MAX_REAL; /* steps that leave so much of the error, added up */
+  *error    = PetscMin(1.0, part * step);
   *tensions = 0.0;
   if (!large->ahead) PetscFunctionReturn(0);
   PetscCall(DMGetWorkArray(structure->dm, structure->links_local, MPIU_REAL, &tension));
   PetscCall(LatinTurningTensions_Private(structure, NULL, u, tension));
   PetscCall(LatinLargeDifference_Private(structure, large->ahead, tension, tensions));
   PetscCall(DMRestoreWorkArray(structure->dm, structure->links_local, MPIU_REAL, &tension));
-  *tensions = PetscMax(*tensions, part * large->stretch);
+  *tensions = PetscMin(1.0, PetscMax(*tensions, part * large->stretch));
   PetscFunctionReturn(0);
 }
 

@@ -123,6 +123,13 @@ static PetscErrorCode LatinPathStarts_Private(SNES snes, const LatinPath *path, 
     if (*starts) PetscCall(VecCopy(snes->vec_sol, path->u));
   }
   if (*starts) PetscCall(LatinPathStable_Private(snes, path, path->u, starts));
+  if (*starts) { /* if the least increment moves it by more than its size, rounding alone holds it */
+    PetscReal moved, size, prescribed;
+
+    PetscCall(SNESLatinLargePredict_Private(snes, path->u, path->whole, &moved));
+    PetscCall(LatinStructureSize_Private(data->large.frame->turns, &size, &prescribed));
+    *starts = (PetscBool)(LATIN_PATH_LEAST * moved <= size);
+  }
   if (!*starts) PetscCall(VecZeroEntries(path->u));
   PetscFunctionReturn(0);
 }
