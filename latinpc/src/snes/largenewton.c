@@ -94,7 +94,7 @@ static PetscErrorCode LatinLargeError_Private(SNES newton, LatinLarge *large, Pe
   PetscFunctionBegin;
   PetscCall(LatinLargeNorm_Private(newton, large, r, &norm));
   PetscCall(SNESGetKSP(newton, &ksp));
-  if (large->ahead) PetscCall(KSPComputeExtremeSingularValues(ksp, &most, &least));
+  if (!structure->midpoint) PetscCall(KSPComputeExtremeSingularValues(ksp, &most, &least));
   left      = least > 0.0 ? norm / PetscMin(1.0, least) : PETSC_MAX_REAL;
   part      = left < large->first ? LATIN_LARGE_SAFETY * left / (large->first - left) : PETSC_MAX_REAL; /* steps that leave so much of the error, added up */
   *error    = PetscMin(1.0, part * step);
@@ -172,7 +172,7 @@ static PetscErrorCode LatinLargeAhead_Private(LatinLarge *large, Vec u, Vec step
   PetscFunctionReturn(0);
 }
 
-/* The whole step in statics, with tensions that go ahead; in a time step the part of it at which forces along it vanish, by secants within a bracket. Collective on the SNES */
+/* The whole step where tensions go ahead; else the part of it at which forces along it vanish, by secants within a bracket. Collective on the SNES */
 static PetscErrorCode LatinLargeSearch_Private(SNESLineSearch search, void *ctx)
 {
   LatinLarge *large = &((SNES_Latin *)((SNES)ctx)->data)->large;

@@ -113,7 +113,8 @@ typedef struct {
   PetscReal least, before; /* least measure of this window and of the last one */
   PetscReal near;          /* estimated error from which on Newton's method is tried */
   /* of Newton's method */
-  PetscReal *ahead;         /* [links_local of the structure] tensions that go ahead of the displacements; NULL in time steps */
+  PetscReal *ahead;         /* [links_local of the structure] tensions that go ahead of the displacements; NULL in time steps, and where a step is searched */
+  PetscBool  searches;      /* for the part of a step where the energy is least */
   PetscReal  error;         /* estimated, after a step */
   PetscReal  first;         /* norm of the residual at the start of a linear solve */
   PetscInt   limit;         /* most iterations of one */
