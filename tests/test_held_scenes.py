@@ -92,7 +92,7 @@ def test_refusals(name, options, words):
 def test_loads_slacken_cables():
     """The figures of the docstrings: a tenth of the saddle's cables, the arching cables of the bridge."""
     for name, options, share in (("saddle", {}, 0.1), ("bridge", {}, 0.128)):
-        result = make(name, **options).solve()
+        result = make(name, **options).solve(error=1e-8)  # cables next to slack ones bear less than 1e-4 of the others
         assert result.converged
         assert result.report["slack_fraction"] == pytest.approx(share, abs=0.005)
 

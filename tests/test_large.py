@@ -12,7 +12,7 @@ from turning import catenary, column, net, random_net, simplex, solve, von_mises
 
 import latinpc
 from latinpc.runs.solve import solve as run
-from latinpc.scenes import Scene
+from latinpc.scenes import Scene, make
 
 NETS = {
     "flat": (10, 0.0, [0.0, 0.0, -500.0], None, 0.502210193820),
@@ -330,6 +330,46 @@ def test_linear_stages_to_four_digits(name, most):
     assert result.converged
     assert result.iterations <= most
     assert result.renewals <= (0 if name == "flat" else 2)
+
+
+@pytest.mark.parametrize(("name", "most", "renewals"), [("flat", 25, 1), ("saddle", 60, 2), ("wide saddle", 105, 3)])
+def test_linear_stages_of_a_proved_error(name, most, renewals):
+    """With the default stop: those of Newton's method count, and of tensions the error is met as well."""
+    cells, rise, load, _, _ = NETS[name]
+    structure = net(cells, rise, load)
+    exact, result = solve(structure, error=1e-10), solve(structure)
+    assert result.converged
+    assert result.iterations <= most and result.renewals <= renewals
+    for one, other in ((result.displacements, exact.displacements), (result.tensions, exact.tensions)):
+        assert np.linalg.norm(one - other) < 1e-4 * np.linalg.norm(other)
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "most", "renewals"),
+    [
+        ("saddle", {"side": 20}, 60, 2),
+        ("hypar", {"side": 20, "load": 200.0}, 25, 1),
+        ("tower", {}, 60, 2),
+        ("bridge", {}, 60, 2),
+        ("mast", {}, 25, 1),
+        ("mast", {"wind": 200.0}, 130, 4),
+    ],
+)
+def test_linear_stages_of_scenes(name, options, most, renewals):
+    """In one increment of the loads; the guys of a mast that slacken halve its stiffness."""
+    s = latinpc.Structure.from_scene(make(name, **options))
+    snes, u = s.create_snes(), s.create_vec()
+    snes.solve(None, u)
+    assert snes.getConvergedReason() > 0
+    assert snes.getIterationNumber() <= most
+    assert latinpc.path(snes)["renewals"] <= renewals
+    assert 0.0 <= latinpc.tension_error(snes) <= 1e-4
+    exact = s.create_vec()
+    snes = s.create_snes()
+    latinpc.set_error(snes, 1e-10)
+    snes.solve(None, exact)
+    exact.axpy(-1.0, u)
+    assert exact.norm() < 1e-4 * u.norm()
 
 
 def test_operators_serve_the_next_load():

@@ -13,6 +13,7 @@ from test_cli import latinpc as command
 
 sys.path.insert(0, str(ROOT / "benchmarks"))
 
+import large
 import opensees
 
 from latinpc.bench.extremes import drawn, rates, rating
@@ -131,3 +132,13 @@ def test_opensees_agrees_with_the_judge():
     found = {each["way"]: each for each in opensees.by_opensees(sys.executable, scene)}
     u = np.array(found["Newton, 100 increments"]["u"])
     assert judging.judge(scene, u)["verdict"] == "right"
+
+
+# ---- side by side ---------------------------------------------------------------------------------
+def test_the_benchmark_solves_one_problem_three_times(tmp_path):
+    """Each method in a process of its own; Newton's method factors more often."""
+    rows = {row["method"]: row for row in large.measure("saddle", 12, tmp_path)}
+    assert set(rows) == set(large.METHODS)
+    assert all(row["converged"] and row["difference"] < 1e-3 for row in rows.values())
+    assert rows["latin"]["factorisations"] < rows["newton-mumps"]["factorisations"]
+    assert len(large.table(list(rows.values()))) == 5

@@ -13,6 +13,7 @@
 #define LATIN_LARGE_WINDOW 8    /* linear stages that show their progress; 12 take a few more to the end, 6 too little progress */
 #define LATIN_LARGE_GROW   4    /* times as many after operators have been made anew: with 2 some saddles take twice as many stages */
 #define LATIN_LARGE_MOST   40   /* times that Newton's method gets operators of the tangent stiffness: from 1e-3 to 1e-9 it needs 1 to 8 */
+#define LATIN_LARGE_LONG   20   /* linear stages of Newton's method after which it gets new operators: with 30 a bridge takes 53 in the place of 28 */
 #define LATIN_LARGE_COST   30   /* linear stages that take as long as a set-up: 25 to 38 on networks and grids of 8,000 to 360,000 unknowns */
 
 static void LatinLargeWindow(LatinLarge *large, PetscInt window)
@@ -70,7 +71,7 @@ static PetscErrorCode SNESLatinLargeDue_Private(SNES snes, PetscReal measure, Pe
   if (!large->renewals) {
     PetscCall(DMGetGlobalVector(large->frame->dm, &u));
     PetscCall(LatinAverage_Private(&data->latin->linear, u));
-    PetscCall(LatinFrameSlack_Private(large->frame, u, LATIN_FRAME_PRESENT, &slack));
+    PetscCall(LatinFrameSlack_Private(large->frame, u, &slack));
     PetscCall(DMRestoreGlobalVector(large->frame->dm, &u));
   }
   *due = (PetscBool)(slack || (left > 0.0 && large->window * left > (PetscReal)LATIN_LARGE_COST * gain));
@@ -187,33 +188,53 @@ static PetscErrorCode SNESLatinLargeLeaves_Private(SNES snes)
   PetscFunctionReturn(0);
 }
 
-/*
-   Newton's method from the displacements in the solution vector, first with the operators that are there; when it has taken
-   as long as a set-up, or where cables are slack that these have as taut, with those of the tangent stiffness, so many
-   times. Where it fails the solution vector is what it was. Collective on snes
-*/
-PetscErrorCode SNESLatinLargeFinish_Private(SNES snes, PetscInt times, PetscBool *done)
+/* Tensions go ahead of the displacements in the solution vector, which are off by `error` of themselves. Collective on snes */
+static PetscErrorCode SNESLatinLargeAhead_Private(SNES snes, PetscReal error)
 {
-  SNES_Latin *data    = (SNES_Latin *)snes->data;
-  LatinLarge *large   = &data->large;
-  PetscBool   tangent = PETSC_FALSE;
-  Vec         u;
+  LatinLarge          *large     = &((SNES_Latin *)snes->data)->large;
+  const LatinStructure structure = large->frame->turns;
+
+  PetscFunctionBegin;
+  if (structure->midpoint || large->searches) PetscFunctionReturn(0); /* the mean force of a step has a tangent of its own */
+  PetscCall(PetscMalloc1(structure->links_local + 1, &large->ahead)); /* never NULL then */
+  PetscCall(LatinTurningTensions_Private(structure, NULL, snes->vec_sol, large->ahead));
+  structure->ahead = large->ahead;
+  structure->hold  = LATIN_LARGE_HOLD * error;
+  PetscFunctionReturn(0);
+}
+
+/*
+   Newton's method from the displacements in the solution vector: near the solution with operators of the tangent stiffness, else with those that
+   there are; when it has taken long, with new ones, so many times. Where it fails the solution vector is what it was, and the operators are
+   for an iteration from there if it was near. Collective on snes
+*/
+PetscErrorCode SNESLatinLargeFinish_Private(SNES snes, PetscInt times, PetscBool near, PetscBool *done)
+{
+  SNES_Latin    *data      = (SNES_Latin *)snes->data;
+  LatinLarge    *large     = &data->large;
+  LatinStructure structure = large->frame->turns;
+  PetscBool      renewed   = PETSC_FALSE;
+  PetscInt       steps = 1, most = structure->midpoint ? LATIN_LARGE_COST : LATIN_LARGE_LONG;
+  Vec            u;
 
   PetscFunctionBegin;
   PetscCall(SNESLatinLargeLeaves_Private(snes));
   PetscCall(DMGetGlobalVector(large->frame->dm, &u));
   PetscCall(VecCopy(snes->vec_sol, u));
-  large->anew = PETSC_FALSE;
-  PetscCall(SNESLatinLargeNewton_Private(snes, LATIN_LARGE_COST, done));
-  large->anew = PETSC_TRUE;
-  for (PetscInt k = 0, steps = 1; k < times && !*done && large->slow && steps; k++) { /* where it took no step with them others are the same */
+  PetscCall(SNESLatinLargeAhead_Private(snes, near ? large->near : 1.0));
+  *done       = PETSC_FALSE;
+  large->slow = (PetscBool)(near && !structure->midpoint && large->frame->made != LATIN_FRAME_TANGENT);
+  if (!large->slow) PetscCall(SNESLatinLargeNewton_Private(snes, most, done));
+  for (PetscInt k = 0; k < times && !*done && large->slow && steps; k++) { /* where it took no step with them others are the same */
     PetscCall(SNESLatinLargeRenew_Private(snes, LATIN_FRAME_TANGENT));
-    tangent = PETSC_TRUE;
-    PetscCall(SNESLatinLargeNewton_Private(snes, LATIN_LARGE_COST, done));
+    renewed = PETSC_TRUE;
+    PetscCall(SNESLatinLargeNewton_Private(snes, most, done));
     PetscCall(SNESGetIterationNumber(data->newton.snes, &steps));
   }
+  structure->ahead = NULL;
+  PetscCall(PetscFree(large->ahead));
   if (!*done) PetscCall(VecCopy(u, snes->vec_sol));
-  if (!*done && tangent) PetscCall(SNESLatinLargeRenew_Private(snes, LATIN_FRAME_PRESENT));
+  if (!*done && renewed && near) PetscCall(SNESLatinLargeRenew_Private(snes, LATIN_FRAME_PRESENT));
   PetscCall(DMRestoreGlobalVector(large->frame->dm, &u));
   PetscFunctionReturn(0);
 }
@@ -228,7 +249,7 @@ static PetscErrorCode SNESLatinLargeProve_Private(SNES snes, PetscBool *done)
 
   PetscFunctionBegin;
   PetscCall(LatinAverage_Private(&data->latin->linear, snes->vec_sol));
-  PetscCall(SNESLatinLargeFinish_Private(snes, LATIN_LARGE_MOST, done));
+  PetscCall(SNESLatinLargeFinish_Private(snes, LATIN_LARGE_MOST, PETSC_TRUE, done));
   if (*done) PetscFunctionReturn(0);
   data->current = -1;
   large->near   = LATIN_LARGE_FAR * PetscMin(value, large->near);
@@ -247,7 +268,7 @@ PetscErrorCode SNESLatinLargeIterate_Private(SNES snes)
   PetscFunctionBegin;
   PetscCall(SNESLatinLargeLeaves_Private(snes));
   PetscCall(SNESLatinLargeRests_Private(snes, &rests));
-  if (rests && SNESLatinEstimates(data) && data->newton.type != LATIN_NEWTON_NEVER) PetscCall(SNESLatinLargeFinish_Private(snes, 0, &done));
+  if (rests && SNESLatinEstimates(data) && data->newton.type != LATIN_NEWTON_NEVER) PetscCall(SNESLatinLargeFinish_Private(snes, 0, PETSC_FALSE, &done));
   while (!done) {
     PetscCall(SNESLatinIterate_Private(snes, SNESLatinLargeConverged_Private));
     if (data->next == LATIN_NEXT_REBUILD) {

@@ -1,23 +1,26 @@
 #include "snes/sneslatinimpl.h"
 
 /*
-   Newton's method near a solution where links turn far, by conjugate gradients on the exact tangent stiffness, with the
-   operators of the iteration as preconditioner. What a step leaves of the forces without balance, in the norm of these operators, says
-   how much of the step is left as error: it is linear in the error, as the step is. A field that these operators have as stiff,
-   and slack cables leave soft, shows little in this norm: so a step must be small itself, and no cable slack that they have as
-   taut. Nor does a soft field show beside stiff ones that other operators have left, which the first step with new ones removes: then only
-   the second step counts. Where cables change between taut and
-   slack a whole step goes too far, and the energy, which is convex there, is least at a part of it.
+   Newton's method where links turn far, by conjugate gradients on the tangent stiffness, with the operators of the iteration as
+   preconditioner. Tensions go ahead of the displacements [D. Magisano, L. Leonetti, G. Garcea 2017]: the part of the tangent stiffness that
+   is due to them has those of the strains that the last step was to make, and not those of the lengths that it has made, which a bar that turns
+   by a few degrees has wrong by more than it bears. So steps are taken whole. At the solution both are the same. A slack cable keeps a stiffness in
+   proportion to the step, which a chain that falls until it hangs needs.
+
+   What a step leaves of the forces without balance, in the norm of the operators, says how much of the step is left as error: it is
+   linear in the error, as the step is. A field that these operators have as stiffer than it is shows less in that norm, by the least
+   eigenvalue that the linear solve has seen. Cables that change between taut and slack leave more, so that the step must be small itself. The
+   error of the tensions is that part of their change, or what they miss of those ahead.
 */
 
 #define LATIN_LARGE_STEPS   50   /* most steps */
+#define LATIN_LARGE_LEAST   4    /* iterations of a linear solve near the solution, or twice the digits: a soft field shows late, and a tower claimed a fiftieth of its error */
+#define LATIN_LARGE_SOLVE   30   /* most iterations of a linear solve: a step that is cut short goes on with new operators */
 #define LATIN_LARGE_RTOL    1e-2 /* of a linear solve; less is lost to the next step */
-#define LATIN_LARGE_LOOSE   0.05 /* the same where cables change between taut and slack, and a whole step would go too far */
+#define LATIN_LARGE_ASTRAY  2.0  /* a step so much larger than the displacements after it leads astray; with 1 a bridge takes twice the set-ups, without limit a truss snaps through */
 #define LATIN_LARGE_SAFETY  4.0  /* on the error that is left */
-#define LATIN_LARGE_PROOF   4.0  /* times the error asked for: a larger step proves nothing. With 1e30 one saddle of nine misses the error, by 2 */
-#define LATIN_LARGE_ANEW    0.03 /* of the error asked for: a smaller first step with new operators hides no soft field; with 0.01 nets of inextensible cables take no end */
-#define LATIN_LARGE_CLEAR   0.1  /* part of them that a step may leave, in that norm, for its error to count: where cables change it is more */
-#define LATIN_LARGE_SHRINK  0.5  /* a step without change of cables leaves less than this part of the error before it, or it meets rounding */
+#define LATIN_LARGE_PROOF   4.0  /* times the error asked for: a larger step is not worth a linear stage that shows what it leaves */
+#define LATIN_LARGE_SHRINK  0.5  /* a step leaves less than this part of the error before it, or it meets rounding */
 #define LATIN_LARGE_ROUND   10.0 /* times what rounding leaves: steps that do */
 #define LATIN_LARGE_NOISE   64.0 /* times eps, of the norm of the tensions, each by the size over its length: rounding of forces */
 #define LATIN_LARGE_NONE    1e-9 /* of the size of the structure: displacements that leave no more than that are none */
@@ -26,83 +29,150 @@
 #define LATIN_LARGE_SEARCH  20   /* trial lengths */
 #define LATIN_LARGE_INVERSE 3    /* solves that show the mode of a tangent stiffness that is nearly singular */
 
-/* sqrt(r^t K^-1 r) for the residual r, K the operators of the iteration. Collective on newton */
-static PetscErrorCode LatinLargeEnergy_Private(SNES newton, LatinLarge *large, Vec r, PetscReal *energy)
+/* The norm of the residual r that the linear solver has: by default sqrt(r^t K^-1 r) with K the operators of the iteration. Collective on newton */
+static PetscErrorCode LatinLargeNorm_Private(SNES newton, LatinLarge *large, Vec r, PetscReal *norm)
 {
+  KSPNormType type;
+  PetscScalar product;
   KSP         ksp;
   PC          pc;
-  PetscScalar product;
-  PetscBool   is;
+  Vec         w;
 
   PetscFunctionBegin;
   PetscCall(SNESGetKSP(newton, &ksp));
-  PetscCall(KSPGetOperatorsSet(ksp, &is, NULL));
-  if (!is) { /* before the first step */
-    Mat A, P;
-    Vec u;
-
-    PetscCall(SNESGetSolution(newton, &u));
-    PetscCall(SNESGetJacobian(newton, &A, &P, NULL, NULL));
-    PetscCall(SNESComputeJacobian(newton, u, A, P));
-    PetscCall(KSPSetOperators(ksp, A, P));
-  }
+  PetscCall(KSPGetNormType(ksp, &type));
   PetscCall(KSPGetPC(ksp, &pc));
-  PetscCall(PCSetUp(pc));
-  if (!large->forces) PetscCall(VecDuplicate(r, &large->forces));
-  PetscCall(PCApply(pc, r, large->forces));
-  PetscCall(VecDot(r, large->forces, &product));
-  *energy = PetscSqrtReal(PetscAbsReal(PetscRealPart(product)));
+  PetscCall(DMGetGlobalVector(large->frame->dm, &w));
+  if (type == KSP_NORM_UNPRECONDITIONED) PetscCall(VecCopy(r, w));
+  else PetscCall(PCApply(pc, r, w));
+  PetscCall(VecDot(type == KSP_NORM_NATURAL ? r : w, w, &product));
+  PetscCall(DMRestoreGlobalVector(large->frame->dm, &w));
+  *norm = PetscSqrtReal(PetscAbsReal(PetscRealPart(product)));
+  large->proofs++;
+  PetscFunctionReturn(0);
+}
+
+/* A linear solve ends at its tolerance, or when it has taken so many iterations */
+static PetscErrorCode LatinLargeLinear_Private(KSP ksp, PetscInt it, PetscReal rnorm, KSPConvergedReason *reason, void *ctx)
+{
+  LatinLarge     *large = (LatinLarge *)ctx;
+  const PetscBool near  = (PetscBool)(large->frame->turns->hold <= LATIN_LARGE_HOLD * large->near);
+  PetscReal       rtol;
+
+  PetscFunctionBegin;
+  *reason = KSP_CONVERGED_ITERATING;
+  PetscCall(KSPGetTolerances(ksp, &rtol, NULL, NULL, NULL));
+  if (!it) large->first = rnorm;
+  if (PetscIsInfOrNanReal(rnorm)) *reason = KSP_DIVERGED_NANORINF;
+  else if (rnorm <= (near && it < LATIN_LARGE_LEAST ? rtol : 1.0) * rtol * large->first) *reason = KSP_CONVERGED_RTOL;
+  else if (it >= large->limit) *reason = KSP_DIVERGED_ITS;
+  PetscFunctionReturn(0);
+}
+
+/* Root mean square differences of tensions a - b relative to those of b. Collective on structure */
+static PetscErrorCode LatinLargeDifference_Private(LatinStructure structure, const PetscReal a[], const PetscReal b[], PetscReal *difference)
+{
+  PetscReal sum[2] = {0.0, 0.0};
+
+  PetscFunctionBegin;
+  for (PetscInt l = 0; l < structure->links_local; l++) {
+    sum[0] += PetscSqr(a[l] - b[l]);
+    sum[1] += PetscSqr(b[l]);
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
+  *difference = sum[1] > 0.0 ? PetscSqrtReal(sum[0] / sum[1]) : 0.0;
+  PetscFunctionReturn(0);
+}
+
+/* What a step to u, where r is left, leaves as error of displacements and of tensions, relative. Collective on newton */
+static PetscErrorCode LatinLargeError_Private(SNES newton, LatinLarge *large, PetscReal step, Vec u, Vec r, PetscReal *error, PetscReal *tensions)
+{
+  const LatinStructure structure = large->frame->turns;
+  PetscReal           *tension, norm = 0.0, most, least = 1.0, left, part;
+  KSP                  ksp;
+
+  PetscFunctionBegin;
+  PetscCall(LatinLargeNorm_Private(newton, large, r, &norm));
+  PetscCall(SNESGetKSP(newton, &ksp));
+  if (!structure->midpoint) PetscCall(KSPComputeExtremeSingularValues(ksp, &most, &least));
+  left      = least > 0.0 ? norm / PetscMin(1.0, least) : PETSC_MAX_REAL;
+  part      = left < large->first ? LATIN_LARGE_SAFETY * left / (large->first - left) : PETSC_MAX_REAL; /* steps that leave so much of the error, added up */
+  *error    = PetscMin(1.0, part * step);
+  *tensions = 0.0;
+  if (!large->ahead) PetscFunctionReturn(0);
+  PetscCall(DMGetWorkArray(structure->dm, structure->links_local, MPIU_REAL, &tension));
+  PetscCall(LatinTurningTensions_Private(structure, NULL, u, tension));
+  PetscCall(LatinLargeDifference_Private(structure, large->ahead, tension, tensions));
+  PetscCall(DMRestoreWorkArray(structure->dm, structure->links_local, MPIU_REAL, &tension));
+  *tensions = PetscMin(1.0, PetscMax(*tensions, part * large->stretch));
+  PetscFunctionReturn(0);
+}
+
+/* After a step, of a part of the displacements: does it end the method? Collective on newton */
+static PetscErrorCode LatinLargeStep_Private(SNES newton, SNES snes, PetscInt it, PetscReal step, PetscReal fnorm, SNESConvergedReason *reason)
+{
+  SNES_Latin        *data   = (SNES_Latin *)snes->data;
+  LatinLarge        *large  = &data->large;
+  const PetscReal    before = it > 1 ? large->error : PETSC_MAX_REAL;
+  PetscReal          tensions;
+  PetscBool          small = (PetscBool)(step <= LATIN_LARGE_PROOF * data->target);
+  KSPConvergedReason linear;
+  PetscInt           stages;
+  KSP                ksp;
+  Vec                r, u;
+
+  PetscFunctionBegin;
+  PetscCall(SNESGetFunction(newton, &r, NULL, NULL));
+  PetscCall(SNESGetSolution(newton, &u));
+  PetscCall(SNESGetKSP(newton, &ksp));
+  PetscCall(KSPGetConvergedReason(ksp, &linear));
+  PetscCall(SNESGetLinearSolveIterations(newton, &stages));
+  large->error = tensions = step;
+  if (small) PetscCall(LatinLargeError_Private(newton, large, step, u, r, &large->error, &tensions));
+  PetscCall(PetscInfo(snes, "Newton's method, step %" PetscInt_FMT ": %g, estimated error %g of %g, of tensions %g, forces without balance %g of %g\n", it, (double)step, (double)large->error, (double)data->target, (double)tensions, (double)fnorm,
+                      (double)large->balance));
+  data->estimate.tensions   = large->ahead ? tensions : -1.0;
+  large->frame->turns->hold = LATIN_LARGE_HOLD * PetscMin(1.0, step);
+  if (linear == KSP_DIVERGED_INDEFINITE_MAT) *reason = SNES_DIVERGED_LINEAR_SOLVE;
+  else if (it > 1 && large->ahead && step > LATIN_LARGE_ASTRAY) *reason = SNES_DIVERGED_DTOL; /* it wanders */
+  else if (linear > 0 && small && large->error <= data->target && tensions <= SNESLatinTensionTarget(data) && fnorm <= large->balance) *reason = SNES_CONVERGED_SNORM_RELATIVE;
+  else if (large->error > LATIN_LARGE_SHRINK * before && step < LATIN_LARGE_ROUND * data->estimate.floor) {
+    large->error = PetscMax(step, data->estimate.floor);
+    *reason      = large->error <= data->target ? SNES_CONVERGED_SNORM_RELATIVE : SNES_DIVERGED_LOCAL_MIN;
+  } else if (it >= LATIN_LARGE_STEPS || stages >= large->most) *reason = SNES_DIVERGED_MAX_IT;
   PetscFunctionReturn(0);
 }
 
 static PetscErrorCode LatinLargeConverged_Private(SNES newton, PetscInt it, PetscReal xnorm, PetscReal snorm, PetscReal fnorm, SNESConvergedReason *reason, void *ctx)
 {
-  SNES        snes   = (SNES)ctx;
-  SNES_Latin *data   = (SNES_Latin *)snes->data;
-  LatinLarge *large  = &data->large;
-  PetscReal   energy = 0.0, step, before;
-  PetscBool   whole;
-  PetscInt    stages, slack = 0;
-  KSP         ksp;
-  Vec         r, u;
+  LatinLarge *large = &((SNES_Latin *)((SNES)ctx)->data)->large;
 
   PetscFunctionBegin;
   *reason = SNES_CONVERGED_ITERATING;
-  if (PetscIsInfOrNanReal(fnorm) || PetscIsInfOrNanReal(snorm)) {
-    *reason = SNES_DIVERGED_FUNCTION_NANORINF;
-    PetscFunctionReturn(0);
-  }
-  PetscCall(SNESGetFunction(newton, &r, NULL, NULL));
-  PetscCall(LatinLargeEnergy_Private(newton, large, r, &energy));
-  PetscCall(SNESGetKSP(newton, &ksp));
-  PetscCall(SNESGetSolution(newton, &u));
-  PetscCall(LatinFrameSlack_Private(large->frame, u, LATIN_FRAME_TANGENT, &slack));
-  if (fnorm <= LATIN_LARGE_NOISE * PETSC_MACHINE_EPSILON * large->tension && xnorm <= LATIN_LARGE_NONE * large->size) { /* what rounding makes of a self-stress without loads */
-    large->error = 0.0;
-    *reason      = SNES_CONVERGED_FNORM_ABS;
-    PetscFunctionReturn(0);
-  }
-  if (!it && slack) *reason = SNES_DIVERGED_MAX_IT;
-  if (it) {
-    PetscCall(SNESGetLinearSolveIterations(newton, &stages));
-    step         = xnorm > 0.0 ? snorm / xnorm : 0.0;
-    before       = it > 1 ? large->error : PETSC_MAX_REAL;
-    large->error = large->energy > 0.0 && large->length == 1.0 ? PetscMin(1.0, LATIN_LARGE_SAFETY * energy / large->energy) * step : step;
-    PetscCall(PetscInfo(snes, "Newton's method, step %" PetscInt_FMT ": %g, estimated error %g of %g, forces without balance %g of %g\n", it, (double)step, (double)large->error, (double)data->target, (double)fnorm, (double)large->balance));
-    whole = (PetscBool)(large->length == 1.0 && energy <= LATIN_LARGE_CLEAR * large->energy); /* a cable that changes leaves more */
-    if ((it > 1 || !large->anew || step <= LATIN_LARGE_ANEW * data->target) && whole && large->error <= data->target && step <= LATIN_LARGE_PROOF * data->target && fnorm <= large->balance)
-      *reason = slack ? SNES_DIVERGED_MAX_IT : SNES_CONVERGED_SNORM_RELATIVE;
-    else if (large->error > LATIN_LARGE_SHRINK * before && step < LATIN_LARGE_ROUND * data->estimate.floor) {
-      large->error = PetscMax(step, data->estimate.floor);
-      *reason      = large->error <= data->target ? SNES_CONVERGED_SNORM_RELATIVE : SNES_DIVERGED_LOCAL_MIN;
-    } else if (it >= LATIN_LARGE_STEPS || stages >= large->most) *reason = SNES_DIVERGED_MAX_IT;
-  }
-  large->energy = energy;
-  PetscCall(KSPSetTolerances(ksp, large->length == 1.0 ? LATIN_LARGE_RTOL : LATIN_LARGE_LOOSE, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
+  if (PetscIsInfOrNanReal(fnorm) || PetscIsInfOrNanReal(snorm)) *reason = SNES_DIVERGED_FUNCTION_NANORINF;
+  else if (fnorm <= LATIN_LARGE_NOISE * PETSC_MACHINE_EPSILON * large->tension && xnorm <= LATIN_LARGE_NONE * large->size) { /* what rounding makes of a self-stress without loads */ large->error = 0.0;
+    *reason                                                                                                                                                                                        = SNES_CONVERGED_FNORM_ABS;
+  } else if (it) PetscCall(LatinLargeStep_Private(newton, (SNES)ctx, it, xnorm > 0.0 ? snorm / xnorm : 0.0, fnorm, reason));
   PetscFunctionReturn(0);
 }
 
-/* The whole step, or the part of it at which the energy is least: a zero of its slope, by secants within a bracket. Collective on the SNES */
+/* The tensions ahead: at u, and the change that the step, which is to be subtracted, makes. Collective on large->frame */
+static PetscErrorCode LatinLargeAhead_Private(LatinLarge *large, Vec u, Vec step)
+{
+  const LatinStructure structure = large->frame->turns;
+  PetscReal           *tension;
+
+  PetscFunctionBegin;
+  if (!large->ahead) PetscFunctionReturn(0);
+  PetscCall(DMGetWorkArray(structure->dm, structure->links_local, MPIU_REAL, &tension));
+  PetscCall(LatinTurningTensions_Private(structure, NULL, u, tension));
+  PetscCall(LatinTurningAhead_Private(structure, u, step, -1.0, large->ahead));
+  PetscCall(LatinLargeDifference_Private(structure, tension, large->ahead, &large->stretch));
+  PetscCall(DMRestoreWorkArray(structure->dm, structure->links_local, MPIU_REAL, &tension));
+  PetscFunctionReturn(0);
+}
+
+/* The whole step where tensions go ahead; else the part of it at which forces along it vanish, by secants within a bracket. Collective on the SNES */
 static PetscErrorCode LatinLargeSearch_Private(SNESLineSearch search, void *ctx)
 {
   LatinLarge *large = &((SNES_Latin *)((SNES)ctx)->data)->large;
@@ -117,9 +187,11 @@ static PetscErrorCode LatinLargeSearch_Private(SNESLineSearch search, void *ctx)
   PetscCall(SNESLineSearchGetVecs(search, &u, &f, &step, &at, NULL));
   PetscCall(VecDot(f, step, &first));
   slope[0] = slope[1] = first;
+  PetscCall(LatinLargeAhead_Private(large, u, step));
   for (PetscInt k = 0; k < LATIN_LARGE_SEARCH; k++) {
     PetscCall(VecWAXPY(at, -t, step, u));
     PetscCall(SNESComputeFunction(newton, at, f));
+    if (large->ahead) break;
     PetscCall(VecDot(f, step, &here));
     if (PetscRealPart(here * first) >= 0.0 && k == 0) break; /* the energy falls all the way */
     if (PetscAbsScalar(here) <= (k ? 0.1 : LATIN_LARGE_SLOPE) * PetscAbsScalar(first)) break;
@@ -134,7 +206,6 @@ static PetscErrorCode LatinLargeSearch_Private(SNESLineSearch search, void *ctx)
   }
   PetscCall(VecCopy(at, u));
   PetscCall(VecScale(step, t)); /* the norm of the step is that of what was taken */
-  large->length = t;
   PetscCall(SNESLineSearchSetLambda(search, t));
   PetscCall(SNESLineSearchComputeNorms(search));
   PetscFunctionReturn(0);
@@ -172,18 +243,21 @@ static PetscErrorCode LatinLargeCreate_Private(SNES snes, SNES *newnewton)
   PetscCall(SNESAppendOptionsPrefix(newton, "snes_latin_newton_"));
   PetscCall(PetscObjectSetOptions((PetscObject)newton, ((PetscObject)snes)->options));
   PetscCall(SNESSetType(newton, SNESNEWTONLS));
+  PetscCall(SNESSetMaxLinearSolveFailures(newton, PETSC_MAX_INT)); /* a step that is cut short counts */
   PetscCall(SNESGetLineSearch(newton, &search));
   PetscCall(SNESLineSearchSetType(search, SNESLINESEARCHSHELL));
   PetscCall(SNESLineSearchShellSetApply(search, LatinLargeSearch_Private, snes));
   PetscCall(SNESGetKSP(newton, &ksp));
   PetscCall(KSPSetType(ksp, structure->midpoint ? KSPGMRES : KSPCG)); /* tangents of a time step are not symmetric */
   if (!structure->midpoint) PetscCall(KSPSetNormType(ksp, KSP_NORM_NATURAL));
-  PetscCall(KSPSetTolerances(ksp, LATIN_LARGE_RTOL, PETSC_DEFAULT, PETSC_MAX_REAL, PETSC_DEFAULT));
+  PetscCall(KSPSetTolerances(ksp, LATIN_LARGE_RTOL, PETSC_DEFAULT, PETSC_MAX_REAL, LATIN_LARGE_PREDICT));
+  if (!structure->midpoint) PetscCall(KSPSetComputeSingularValues(ksp, PETSC_TRUE));
   PetscCall(KSPGetPC(ksp, &pc));
   PetscCall(PCSetType(pc, PCLATIN));
   PetscCall(PCLatinShare_Private(pc, data->latin));
   PetscCall(SNESSetFromOptions(newton));
   PetscCall(SNESSetConvergenceTest(newton, LatinLargeConverged_Private, snes, NULL));
+  PetscCall(KSPSetConvergenceTest(ksp, LatinLargeLinear_Private, &data->large, NULL));
   PetscCall(LatinStructureAttachSNES(structure, newton));
   PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCLATIN, &is));
   if (!is) PetscFunctionReturn(0);
@@ -249,18 +323,18 @@ PetscErrorCode SNESLatinLargeNewton_Private(SNES snes, PetscInt most, PetscBool 
   PetscCall(LatinLargeCreate_Private(snes, &data->newton.snes));
   large->error  = 1.0;
   large->most   = most;
-  large->length = 0.0;
+  large->proofs = 0;
   PetscCall(LatinEstimateFloor_Private(data->latin, &data->estimate));
   PetscCall(LatinStructureSize_Private(large->frame->turns, &large->size, &prescribed));
   PetscCall(LatinLargeTension_Private(large->frame->turns, snes->vec_sol, large->size, &large->tension));
   PetscCall(SNESGetKSP(data->newton.snes, &ksp));
-  PetscCall(KSPSetTolerances(ksp, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT, most));
+  large->limit = PetscMax(LATIN_LARGE_SOLVE, most);
   PetscCall(SNESSolve(data->newton.snes, snes->vec_rhs, snes->vec_sol));
   PetscCall(SNESGetConvergedReason(data->newton.snes, &reason));
   PetscCall(SNESGetIterationNumber(data->newton.snes, &steps));
   PetscCall(SNESGetLinearSolveIterations(data->newton.snes, &stages));
   data->newton.steps += steps;
-  data->newton.stages += stages + steps + 1; /* one more for the norm of each residual */
+  data->newton.stages += stages + large->proofs;
   PetscCall(KSPGetConvergedReason(ksp, &linear));
   large->unstable = (PetscBool)(linear == KSP_DIVERGED_INDEFINITE_MAT);
   large->slow     = (PetscBool)(reason == SNES_DIVERGED_MAX_IT || linear == KSP_DIVERGED_ITS);
@@ -290,7 +364,7 @@ static PetscErrorCode LatinLargeTangent_Private(SNES snes, Vec u, KSP *ksp)
   PetscCall(SNESComputeJacobian(data->newton.snes, u, A, P));
   PetscCall(SNESGetKSP(data->newton.snes, ksp));
   PetscCall(KSPSetOperators(*ksp, A, P));
-  PetscCall(KSPSetTolerances(*ksp, LATIN_LARGE_RTOL, PETSC_DEFAULT, PETSC_DEFAULT, LATIN_LARGE_PREDICT));
+  data->large.limit = LATIN_LARGE_PREDICT;
   PetscFunctionReturn(0);
 }
 

@@ -4,14 +4,15 @@
    The equilibrium to which loads that grow from zero lead, where there may be others. Of cables alone the energy is convex in the
    displacements, and there is no other one. A link that bears compression may snap through; then a solve for the whole loads
    may end beyond. So the displacements are compared with those by the tangent stiffness at the start: along a path of stable
-   equilibria with a limit point ahead, an increment of the loads moves the structure by at most twice as much. Where it has moved
-   further, or has found no equilibrium, or one whose tangent stiffness is not positive definite, the increment is halved. Increments
-   that become small show a limit point, or a critical load. Where a cable
-   slackens the structure becomes softer at once, so that displacements far smaller than those so far are never too large. A solve
-   that starts warm goes on from the last equilibrium.
+   equilibria with a limit point ahead, an increment of the loads moves the structure by at most twice as much. Where cables slacken on
+   the way the structure is softer at its end, and the tangent stiffness there counts, unless it shows a limit point. Where it has
+   moved further, or has found no equilibrium, or one whose tangent stiffness is not positive definite, the increment is halved.
+   Increments that become small show a limit point, or a critical load. Where a cable slackens the structure becomes softer at once,
+   so that displacements far smaller than those so far are never too large. A solve that starts warm goes on from the last equilibrium.
 */
 
 #define LATIN_PATH_FAR      2.0  /* times the displacements by the tangent stiffness: the limit of a fold, where force is a parabola of displacement */
+#define LATIN_PATH_SOFT     8.0  /* times as far by the tangent stiffness at the end: more, and it is next to a limit point */
 #define LATIN_PATH_KINK     1e-2 /* times the displacements so far: an increment in which a cable slackens may move the structure so much */
 #define LATIN_PATH_LEAST    1e-4 /* increments of the loads: smaller ones show a limit point */
 #define LATIN_PATH_STAGES   60   /* most linear stages of one: at a limit point it takes any number */
@@ -54,7 +55,11 @@ PetscErrorCode SNESLatinLargeFrom_Private(SNES snes, Vec u, PetscBool near)
   PetscCall(SNESLatinStart_Private(snes));
   if (near && SNESLatinEstimates(data) && data->newton.type != LATIN_NEWTON_NEVER) {
     data->next = LATIN_NEXT_LINE_SEARCH;
-    PetscCall(SNESLatinLargeFinish_Private(snes, LATIN_PATH_TANGENTS, &done));
+    for (PetscInt k = 0; k < 2 && !done; k++) { /* next to limit points whole steps go to and fro */
+      data->large.searches = (PetscBool)k;
+      PetscCall(SNESLatinLargeFinish_Private(snes, LATIN_PATH_TANGENTS, PETSC_FALSE, &done));
+    }
+    data->large.searches = PETSC_FALSE;
   } else {
     data->large.last = data->latin->linear.applications + (near ? LATIN_PATH_STAGES : LATIN_PATH_FIRST);
     PetscCall(SNESLatinLargeIterate_Private(snes));
@@ -122,7 +127,33 @@ static PetscErrorCode LatinPathStarts_Private(SNES snes, const LatinPath *path, 
     if (*starts) PetscCall(VecCopy(snes->vec_sol, path->u));
   }
   if (*starts) PetscCall(LatinPathStable_Private(snes, path, path->u, starts));
+  if (*starts) { /* if the least increment moves it by more than its size, rounding alone holds it */
+    PetscReal moved, size, prescribed;
+
+    PetscCall(SNESLatinLargePredict_Private(snes, path->u, path->whole, &moved));
+    PetscCall(LatinStructureSize_Private(data->large.frame->turns, &size, &prescribed));
+    *starts = (PetscBool)(LATIN_PATH_LEAST * moved <= size);
+  }
   if (!*starts) PetscCall(VecZeroEntries(path->u));
+  PetscFunctionReturn(0);
+}
+
+/* How far an increment has moved the structure, and at most may have; `far` by the tangent stiffness where it starts. Overwrites path->step. Collective on snes */
+static PetscErrorCode LatinPathMoved_Private(SNES snes, const LatinPath *path, PetscReal part, PetscReal far, PetscReal *moved, PetscReal *most)
+{
+  SNES_Latin *data = (SNES_Latin *)snes->data;
+  PetscReal   size, back;
+
+  PetscFunctionBegin;
+  PetscCall(VecWAXPY(path->step, -1.0, path->u, snes->vec_sol));
+  PetscCall(VecNorm(path->step, NORM_2, moved));
+  PetscCall(VecNorm(path->u, NORM_2, &size));
+  if (LatinNextConverged(data->next) && *moved > LATIN_PATH_FAR * far) {
+    PetscCall(LatinPathLoad_Private(snes, path, part));
+    PetscCall(SNESLatinLargePredict_Private(snes, snes->vec_sol, path->step, &back));
+    if (back <= LATIN_PATH_SOFT * far) far = PetscMax(far, back);
+  }
+  *most = PetscMax(LATIN_PATH_FAR * far, PetscMax(LATIN_PATH_KINK * size, LATIN_PATH_NONE * data->large.size));
   PetscFunctionReturn(0);
 }
 
@@ -130,7 +161,7 @@ static PetscErrorCode LatinPathStarts_Private(SNES snes, const LatinPath *path, 
 static PetscErrorCode LatinPathIncrement_Private(SNES snes, const LatinPath *path, PetscBool from, PetscReal part, PetscBool *follows)
 {
   SNES_Latin *data = (SNES_Latin *)snes->data;
-  PetscReal   moved, far, size;
+  PetscReal   moved, far;
 
   PetscFunctionBegin;
   *follows = PETSC_FALSE;
@@ -140,10 +171,7 @@ static PetscErrorCode LatinPathIncrement_Private(SNES snes, const LatinPath *pat
   if (!from) far = PETSC_MAX_REAL; /* the prestress moves the structure by itself, who knows how far */
   PetscCall(SNESLatinLargeFrom_Private(snes, path->u, from));
   if (data->next == LATIN_NEXT_GIVEN) PetscFunctionReturn(0);
-  PetscCall(VecWAXPY(path->step, -1.0, path->u, snes->vec_sol));
-  PetscCall(VecNorm(path->step, NORM_2, &moved));
-  PetscCall(VecNorm(path->u, NORM_2, &size));
-  far      = PetscMax(LATIN_PATH_FAR * far, PetscMax(LATIN_PATH_KINK * size, LATIN_PATH_NONE * data->large.size));
+  PetscCall(LatinPathMoved_Private(snes, path, part, far, &moved, &far));
   *follows = (PetscBool)((LatinNextConverged(data->next) || data->next == LATIN_NEXT_ROUNDING) && !(moved > far));
   PetscCall(PetscInfo(snes, "%g of the path: displacements change by %g, at most by %g\n", (double)part, (double)moved, (double)far));
   if (*follows) PetscCall(LatinPathStable_Private(snes, path, snes->vec_sol, follows));
@@ -230,7 +258,7 @@ PetscErrorCode SNESLatinLargeRun_Private(SNES snes)
   if (structure->midpoint && SNESLatinEstimates(data) && data->newton.type != LATIN_NEWTON_NEVER) {
     PetscBool done;
 
-    PetscCall(SNESLatinLargeFinish_Private(snes, LATIN_PATH_TANGENTS, &done));
+    PetscCall(SNESLatinLargeFinish_Private(snes, LATIN_PATH_TANGENTS, PETSC_FALSE, &done));
     if (!done) PetscCall(SNESLatinLargeIterate_Private(snes));
     large->reached = LatinNextConverged(data->next) ? 1.0 : 0.0;
     PetscFunctionReturn(0);

@@ -32,7 +32,6 @@ PetscErrorCode SNESLatinResetState_Private(SNES snes)
   PetscCall(SNESLatinOuterReset_Private(snes));
   PetscCall(SNESDestroy(&data->newton.snes));
   PetscCall(PetscFree4(data->newton.penalty, data->newton.multiplier, data->newton.tension, data->newton.bound));
-  PetscCall(VecDestroy(&data->large.forces));
   PetscCall(VecDestroy(&data->large.solution));
   PetscCall(VecDestroy(&data->z));
   PetscCall(VecDestroy(&data->z_before));

@@ -105,6 +105,7 @@ PETSC_INTERN PetscErrorCode LatinParameterTune_Private(Latin, PetscReal factor);
 PETSC_INTERN PetscErrorCode LatinParameterState_Private(Latin, Vec z, Vec F, PetscReal factor);
 
 /* ---- links that turn: their parts, and the course of a solve (snes/large.c, snes/largenewton.c, snes/largepath.c) ---- */
+#define LATIN_LARGE_HOLD 0.3 /* of the step relative to the displacements: part of the mean tension over length that slack cables keep as stiffness; with 0.1 and 1 masts take more stages */
 typedef struct {
   LatinStructure frame;    /* what the iteration works on in the place of the structure; NULL: links keep their direction */
   PetscBool      given;    /* a geometry, by an option */
@@ -115,18 +116,21 @@ typedef struct {
   PetscReal least, before; /* least measure of this window and of the last one */
   PetscReal near;          /* estimated error from which on Newton's method is tried */
   /* of Newton's method */
-  Vec       forces;        /* residual after a step, by the operators of the iteration: displacements */
-  PetscReal energy;        /* of the residual before a step, in the norm of these operators */
-  PetscReal error, length; /* estimated, after a step; the part of the step that was taken */
-  PetscReal balance;       /* norm of the residual to stop at with that error */
-  PetscReal size, tension; /* of the structure; norm of its tensions at the start */
-  PetscInt  last;          /* number of the last linear stage for these loads */
-  PetscReal reached;       /* part of the loads that the displacements bear */
-  Vec       solution;      /* at the end of the last path: displacements */
-  PetscInt  most;          /* linear iterations that it may take */
-  PetscBool slow;          /* they were too few */
-  PetscBool anew;          /* its operators have been made at the displacements that it starts from */
-  PetscBool unstable;      /* the tangent stiffness is not positive definite */
+  PetscReal *ahead;         /* [links_local of the structure] tensions that go ahead of the displacements; NULL in time steps, and where a step is searched */
+  PetscBool  searches;      /* for the part of a step where the energy is least */
+  PetscReal  error;         /* estimated, after a step */
+  PetscReal  first;         /* norm of the residual at the start of a linear solve */
+  PetscInt   limit;         /* most iterations of one */
+  PetscInt   proofs;        /* linear stages that have shown the error of a step */
+  PetscReal  stretch;       /* relative change of the tensions by a step */
+  PetscReal  balance;       /* norm of the residual to stop at with that error */
+  PetscReal  size, tension; /* of the structure; norm of its tensions at the start */
+  PetscInt   last;          /* number of the last linear stage for these loads */
+  PetscReal  reached;       /* part of the loads that the displacements bear */
+  Vec        solution;      /* at the end of the last path: displacements */
+  PetscInt   most;          /* linear iterations that it may take */
+  PetscBool  slow;          /* they were too few */
+  PetscBool  unstable;      /* the tangent stiffness is not positive definite */
 } LatinLarge;
 
 /* ---- SNES latin ---- */
@@ -218,7 +222,7 @@ PETSC_INTERN PetscErrorCode SNESLatinIterate_Private(SNES, PetscErrorCode (*test
 /* snes/large.c, snes/largenewton.c, snes/largepath.c */
 PETSC_INTERN PetscErrorCode SNESLatinLargeStart_Private(SNES);
 PETSC_INTERN PetscErrorCode SNESLatinLargeConverged_Private(SNES outer, PetscInt it, PetscReal xnorm, PetscReal snorm, PetscReal fnorm, SNESConvergedReason *, void *);
-PETSC_INTERN PetscErrorCode SNESLatinLargeFinish_Private(SNES, PetscInt times, PetscBool *done);
+PETSC_INTERN PetscErrorCode SNESLatinLargeFinish_Private(SNES, PetscInt times, PetscBool near, PetscBool *done);
 PETSC_INTERN PetscErrorCode SNESLatinLargeIterate_Private(SNES);
 PETSC_INTERN PetscErrorCode SNESLatinLargeRun_Private(SNES);
 PETSC_INTERN PetscErrorCode SNESLatinLargeFrom_Private(SNES, Vec u, PetscBool near);

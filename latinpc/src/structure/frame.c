@@ -24,7 +24,7 @@
 #define LATIN_FRAME_SLACK   2.0   /* k of a cable that is slack or nearly so, times that mean: with 7 the saddles take a quarter more stages, with 1 a tenth */
 #define LATIN_FRAME_NEAR    0.1   /* nearly slack: tension over length, relative to that mean; with 0.02 three times as many stages, with 0.3 a few more */
 #define LATIN_FRAME_FLOOR   1e-6  /* k and c at least in the tangent stiffness, times that mean: 1e-2 and 1e-4 are no different */
-#define LATIN_FRAME_STRUT   2.0   /* c at least, times -tau / R of a link in compression: with 1 its length is not unique */
+#define LATIN_FRAME_STRUT   2.0   /* c at least, times -tau / R of a link in compression: with 1 its length is not unique in the local stage */
 #define LATIN_FRAME_STIFF   5.0   /* times the stiffness of a slack cable: a cable that has more in the frame has been taken for a taut one; more than LATIN_FRAME_FIRST */
 #define LATIN_FRAME_NONE    1e-3  /* c where nothing is taut, relative to the mean stiffness */
 #define LATIN_FRAME_PENALTY 100.0 /* times the stiffness beside an inextensible cable, at first */
@@ -92,25 +92,42 @@ typedef struct {
   PetscReal all, stiff;   /* number of links, sum of their stiffnesses */
 } LatinFrameSums;
 
-/* The search direction (k, c) of link l, tension over length `across` */
-static void LatinFrameDirection(LatinStructure frame, PetscInt l, PetscReal across, LatinFrameType type, const LatinFrameSums *sum, PetscReal *k, PetscReal *c)
+/* What the search direction of a link depends on */
+typedef struct {
+  PetscReal across, k; /* tension over length, 1 where a link that keeps its direction bears; stiffness of its law there */
+} LatinFrameLink;
+
+/* The search direction (k, c) of link l: its tangent, where it does not bear compression no softer than what holds slack cables, and across the link positive */
+static void LatinFrameTangent(LatinStructure frame, PetscInt l, const LatinFrameLink *link, PetscReal mean, PetscReal *k, PetscReal *c)
+{
+  const PetscReal floor = LATIN_FRAME_FLOOR * mean, least = PetscMax(frame->turns->ahead ? frame->turns->hold * mean : 0.0, floor);
+
+  *k = PetscMax(link->k, least);
+  *c = LatinStructureKeeps(frame->turns, l) ? floor : PetscMin(*k, PetscMax(link->k > 0.0 && link->across < 0.0 ? floor : least, link->across));
+}
+
+/* The search direction (k, c) of link l */
+static void LatinFrameDirection(LatinStructure frame, PetscInt l, const LatinFrameLink *link, LatinFrameType type, const LatinFrameSums *sum, PetscReal *k, PetscReal *c)
 {
   const PetscReal mean = PetscMax(sum->taut > 0.0 ? sum->across / sum->taut : LATIN_FRAME_NONE * sum->stiff / sum->all, LATIN_FRAME_LOWEST * sum->stiff / sum->all), first = type == LATIN_FRAME_DRAWN ? LATIN_FRAME_FIRST : 1.0;
-  const PetscBool slack = (PetscBool)(LatinFrameLaw(frame, l) == LATIN_LAW_CABLE && type != LATIN_FRAME_DRAWN && across <= (type == LATIN_FRAME_TANGENT ? 0.0 : LATIN_FRAME_NEAR * mean));
+  const PetscBool slack = (PetscBool)(LatinFrameLaw(frame, l) == LATIN_LAW_CABLE && type != LATIN_FRAME_DRAWN && link->across <= LATIN_FRAME_NEAR * mean);
 
+  if (type == LATIN_FRAME_TANGENT) {
+    LatinFrameTangent(frame, l, link, mean, k, c);
+    return;
+  }
   *k = LatinFrameStiffness(frame, l);
   *c = LATIN_FRAME_FLOOR * mean;
   if (LatinStructureKeeps(frame->turns, l)) {
-    if (!(across > 0.0)) *k = PetscMin(LATIN_FRAME_SLACK * mean, *k);
+    if (!(link->across > 0.0)) *k = PetscMin(LATIN_FRAME_SLACK * mean, *k);
     return;
   }
-  if (slack) *k = PetscMin((type == LATIN_FRAME_TANGENT ? LATIN_FRAME_FLOOR : LATIN_FRAME_SLACK) * mean, *k);
-  *c = PetscMax((type == LATIN_FRAME_TANGENT ? LATIN_FRAME_FLOOR : LATIN_FRAME_LEAST) * mean, across > 0.0 ? first * across : -LATIN_FRAME_STRUT * across);
-  *c = PetscMin(*c, *k);
+  if (slack) *k = PetscMin(LATIN_FRAME_SLACK * mean, *k);
+  *c = PetscMin(*k, PetscMax(LATIN_FRAME_LEAST * mean, link->across > 0.0 ? first * link->across : -LATIN_FRAME_STRUT * link->across));
 }
 
-/* Tensions over lengths, [links_local] (R), as displacements a of the vertices turn the links, NULL: as drawn; unit vectors too if axes are wanted. Collective on frame */
-static PetscErrorCode LatinFrameMeasure_Private(LatinStructure frame, const PetscScalar a[], PetscReal across[], PetscReal axes[], LatinFrameSums *sum)
+/* All links, [links_local], as displacements a of the vertices turn them, NULL: as drawn; unit vectors too if axes are wanted. Collective on frame */
+static PetscErrorCode LatinFrameMeasure_Private(LatinStructure frame, const PetscScalar a[], LatinFrameLink link[], PetscReal axes[], LatinFrameSums *sum)
 {
   const LatinStructure base = frame->turns;
   const PetscInt       dim  = base->dim;
@@ -118,33 +135,31 @@ static PetscErrorCode LatinFrameMeasure_Private(LatinStructure frame, const Pets
   PetscFunctionBegin;
   PetscCall(PetscMemzero(sum, sizeof(*sum)));
   for (PetscInt l = 0; l < base->links_local; l++) {
-    const LatinLaw *law  = &LatinLaws[LatinFrameLaw(frame, l)];
-    PetscReal       r[3] = {0.0, 0.0, 0.0}, n[3], length = 0.0, size = 0.0;
+    const LatinLaw *law   = &LatinLaws[LatinFrameLaw(frame, l)];
+    const PetscBool keeps = LatinStructureKeeps(base, l);
+    PetscReal       r[3] = {0.0, 0.0, 0.0}, n[3], length = 0.0, size = 0.0, x, tension;
 
     for (PetscInt c = 0; c < dim; c++) {
       r[c] = base->span[dim * l + c] + (a ? PetscRealPart(a[dim * base->ends[2 * l + 1] + c] - a[dim * base->ends[2 * l] + c]) : 0.0);
       length += PetscSqr(base->span[dim * l + c]);
       size += PetscSqr(r[c]);
     }
-    size      = PetscSqrtReal(size);
-    across[l] = size > 0.0 ? law->tension(LatinFrameStiffness(frame, l), size - PetscSqrtReal(length) + base->e0[l] + LatinFrameShift(frame, l), law->ctx) / size : 0.0;
-    if (LatinStructureKeeps(base, l)) { /* does it bear? */
-      const PetscReal e = a ? LatinStructureElongation(base, l, a) : 0.0;
-
-      across[l] = law->tension(LatinFrameStiffness(frame, l), e + base->e0[l] + LatinFrameShift(frame, l), law->ctx) != 0.0 ? 1.0 : 0.0;
-      if (axes) LatinFrameAxes(dim, base->direction + dim * l, axes + dim * dim * l);
-      sum->all += 1.0;
-      continue;
-    }
+    size = PetscSqrtReal(size);
+    x    = base->e0[l] + LatinFrameShift(frame, l) + (!keeps ? size - PetscSqrtReal(length) : a ? LatinStructureElongation(base, l, a) : 0.0);
     if (axes) {
-      if (!LatinUnitVector(dim, r, n)) PetscCall(PetscArraycpy(n, base->direction + dim * l, dim));
+      if (keeps || !LatinUnitVector(dim, r, n)) PetscCall(PetscArraycpy(n, base->direction + dim * l, dim));
       LatinFrameAxes(dim, n, axes + dim * dim * l);
     }
-    if (across[l] > 0.0) {
-      sum->taut += 1.0;
-      sum->across += across[l];
-    }
+    tension        = law->tension(LatinFrameStiffness(frame, l), x, law->ctx);
+    link[l].k      = law->tangent(LatinFrameStiffness(frame, l), x, law->ctx);
+    link[l].across = keeps ? (tension != 0.0 ? 1.0 : 0.0) : size > 0.0 ? tension / size : 0.0;
     sum->all += 1.0;
+    if (keeps) continue;
+    if (link[l].across > 0.0) {
+      sum->taut += 1.0;
+      sum->across += link[l].across;
+    }
+    if (base->ahead) link[l].across = size > 0.0 ? base->ahead[l] / size : 0.0;
     sum->stiff += LatinFrameStiffness(frame, l);
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, sizeof(*sum) / sizeof(PetscReal), MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)base)));
@@ -179,19 +194,21 @@ static PetscErrorCode LatinFrameLarge_Private(LatinStructure frame, const PetscS
 {
   const LatinStructure base = frame->turns;
   const PetscInt       dim = base->dim, m = base->links_local;
-  PetscReal           *across, most       = 0.0;
+  PetscReal            most = 0.0;
+  LatinFrameLink      *link;
   LatinFrameSums       sum;
 
   PetscFunctionBegin;
-  PetscCall(PetscMalloc1(m, &across));
-  PetscCall(LatinFrameMeasure_Private(frame, a, across, frame->direction, &sum));
+  PetscCall(PetscMalloc1(m, &link));
+  PetscCall(LatinFrameMeasure_Private(frame, a, link, frame->direction, &sum));
   for (PetscInt l = 0; l < m; l++) most = PetscMax(most, LatinFrameStiffness(frame, l));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &most, 1, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)frame)));
+  frame->made = type;
   for (PetscInt i = 0; i < dim * m; i++) {
     const PetscInt l    = i / dim;
     PetscReal     *part = frame->part + LATIN_PART * i, *row = frame->direction + dim * i, k, c;
 
-    LatinFrameDirection(frame, l, across[l], type, &sum, &k, &c);
+    LatinFrameDirection(frame, l, link + l, type, &sum, &k, &c);
     part[LATIN_PART_STIFFNESS] = LatinFrameStiffness(frame, l);
     part[LATIN_PART_SCALE]     = PetscSqrtReal((i % dim ? c : k) / most);
     for (PetscInt d = 0; d < dim; d++) row[d] *= part[LATIN_PART_SCALE];
@@ -199,38 +216,37 @@ static PetscErrorCode LatinFrameLarge_Private(LatinStructure frame, const PetscS
     frame->stiffness[i] = most;
   }
   LatinFrameLengths(frame);
-  PetscCall(PetscFree(across));
+  PetscCall(PetscFree(link));
   PetscFunctionReturn(0);
 }
 
-/* Cables that parts of this type at displacements u would have as slack, and are stiffer in the frame. Collective on frame */
-PetscErrorCode LatinFrameSlack_Private(LatinStructure frame, Vec u, LatinFrameType type, PetscInt *slack)
+/* Cables that parts at displacements u would have as slack, and are stiffer in the frame. Collective on frame */
+PetscErrorCode LatinFrameSlack_Private(LatinStructure frame, Vec u, PetscInt *slack)
 {
   const LatinStructure base = frame->turns;
   const PetscScalar   *a;
-  PetscReal           *across, k, c;
+  LatinFrameLink      *link;
   LatinFrameSums       sum;
+  PetscReal            k, c;
   Vec                  local;
 
   PetscFunctionBegin;
   *slack = 0;
   if (base->midpoint) PetscFunctionReturn(0); /* masses hold what slack cables do not */
-  PetscCall(PetscMalloc1(base->links_local, &across));
+  PetscCall(PetscMalloc1(base->links_local, &link));
   PetscCall(DMGetLocalVector(base->dm, &local));
   PetscCall(LatinStructureGetLocal_Private(base, base->vertex_prescribed, u, local));
   PetscCall(VecGetArrayRead(local, &a));
-  PetscCall(LatinFrameMeasure_Private(frame, a, across, NULL, &sum));
+  PetscCall(LatinFrameMeasure_Private(frame, a, link, NULL, &sum));
   PetscCall(VecRestoreArrayRead(local, &a));
   PetscCall(DMRestoreLocalVector(base->dm, &local));
   for (PetscInt l = 0; l < base->links_local; l++) {
     const PetscInt i = base->dim * l;
 
-    LatinFrameDirection(frame, l, across[l], type, &sum, &k, &c);
-    if (LatinFrameLaw(frame, l) != LATIN_LAW_CABLE || LatinStructureKeeps(base, l)) continue;
-    if (LATIN_FRAME_STIFF * k < frame->stiffness[i] * PetscSqr(frame->part[LATIN_PART * i + LATIN_PART_SCALE])) ++*slack;
-    else if (base->dim > 1 && type == LATIN_FRAME_TANGENT && LATIN_FRAME_STIFF * c < frame->stiffness[i] * PetscSqr(frame->part[LATIN_PART * (i + 1) + LATIN_PART_SCALE])) ++*slack;
+    LatinFrameDirection(frame, l, link + l, LATIN_FRAME_PRESENT, &sum, &k, &c);
+    if (LatinFrameLaw(frame, l) == LATIN_LAW_CABLE && !LatinStructureKeeps(base, l) && LATIN_FRAME_STIFF * k < frame->stiffness[i] * PetscSqr(frame->part[LATIN_PART * i + LATIN_PART_SCALE])) ++*slack;
   }
-  PetscCall(PetscFree(across));
+  PetscCall(PetscFree(link));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, slack, 1, MPIU_INT, MPI_SUM, PetscObjectComm((PetscObject)frame)));
   PetscFunctionReturn(0);
 }

@@ -18,6 +18,13 @@
 #include <petscsf.h>
 
 /* ---- structures (structure/structure.c, structure/setup.c) ---- */
+/* Which search directions the parts of links that turn have (structure/frame.c) */
+typedef enum {
+  LATIN_FRAME_DRAWN,   /* search directions of the drawn configuration */
+  LATIN_FRAME_PRESENT, /* of displacements, with regard to cables that are to become slack or taut */
+  LATIN_FRAME_TANGENT  /* of displacements: the tangent stiffness, for Newton's method */
+} LatinFrameType;
+
 struct _p_LatinStructure {
   PETSCHEADER(int);
   /* a time step has from here to set_up what its base has */
@@ -65,10 +72,14 @@ struct _p_LatinStructure {
   /* [links_local] while Newton's method takes rigid links for springs (snes/multipliers.c), else NULL; borrowed */
   const PetscReal *penalty, *multiplier;
   const PetscReal *bound; /* beside them: the friction that each contact bears at most, read at its normal part; NULL: Coulomb's */
+  /* while Newton's method goes ahead of the displacements of links that turn (snes/largenewton.c), else NULL; borrowed */
+  const PetscReal *ahead; /* [links_local] tensions in the tangent stiffness */
+  PetscReal        hold;  /* beside them: what slack cables keep of the mean tension over length, as stiffness */
   /* parts of links that turn (structure/frame.c), NULL in other structures */
   LatinStructure   turns;                 /* the structure whose links have been split into parts */
   PetscObjectState turns_state, turns_e0; /* its states when it was last looked at */
   PetscReal       *part;                  /* [links_local][LATIN_PART] of large displacements, see structure/turning.h */
+  LatinFrameType   made;                  /* their search directions, of large displacements */
   PetscReal       *spring;                /* [2][links of turns] inextensible cables as springs: their penalty and multiplier; NULL where there are none */
 };
 
@@ -174,13 +185,9 @@ PETSC_INTERN PetscErrorCode LatinStructureAssemble_Private(LatinStructure, const
 PETSC_INTERN PetscErrorCode LatinStructureCountActive_Private(LatinStructure, const PetscReal rigid[], Vec u, PetscInt *active, PetscInt *unilateral);
 
 /* ---- links that turn (structure/turning.c), and structures of their parts (structure/frame.c) ---- */
-typedef enum {
-  LATIN_FRAME_DRAWN,   /* search directions of the drawn configuration */
-  LATIN_FRAME_PRESENT, /* of displacements, with regard to cables that are to become slack or taut */
-  LATIN_FRAME_TANGENT  /* of displacements: the tangent stiffness, but for a floor */
-} LatinFrameType;
 PETSC_INTERN PetscErrorCode LatinTurningSetUp_Private(LatinStructure);
 PETSC_INTERN PetscErrorCode LatinTurningTensions_Private(LatinStructure, const PetscReal rigid[], Vec u, PetscReal tension[]);
+PETSC_INTERN PetscErrorCode LatinTurningAhead_Private(LatinStructure, Vec u, Vec step, PetscReal part, PetscReal tension[]);
 PETSC_INTERN PetscErrorCode LatinTurningResidual_Private(LatinStructure, const PetscReal rigid[], Vec u, Vec r);
 PETSC_INTERN PetscErrorCode LatinTurningJacobian_Private(LatinStructure, Vec u, Mat J);
 PETSC_INTERN PetscErrorCode LatinTurningMove_Private(LatinStructure, Vec u, PetscReal span[], PetscReal x[]);
@@ -192,7 +199,7 @@ PETSC_INTERN PetscErrorCode LatinFrameCreate_Private(LatinStructure, LatinStruct
 PETSC_INTERN PetscErrorCode LatinFrameFollow_Private(LatinStructure frame);
 PETSC_INTERN PetscErrorCode LatinFrameRenew_Private(LatinStructure frame, Vec u, LatinFrameType);
 PETSC_INTERN PetscErrorCode LatinFrameSprings_Private(LatinStructure frame, PetscBool none);
-PETSC_INTERN PetscErrorCode LatinFrameSlack_Private(LatinStructure frame, Vec u, LatinFrameType, PetscInt *slack);
+PETSC_INTERN PetscErrorCode LatinFrameSlack_Private(LatinStructure frame, Vec u, PetscInt *slack);
 
 /* Does link l keep its direction in large displacements? Contacts, and those that were given one */
 static inline PetscBool LatinStructureKeeps(const LatinStructure structure, PetscInt l)

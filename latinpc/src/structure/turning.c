@@ -161,6 +161,29 @@ PetscErrorCode LatinTurningTensions_Private(LatinStructure structure, const Pets
   PetscFunctionReturn(0);
 }
 
+/* The tensions ahead of u: those of the strains that `part` times a step makes, as links stand at u. Collective on structure */
+PetscErrorCode LatinTurningAhead_Private(LatinStructure structure, Vec u, Vec step, PetscReal part, PetscReal tension[])
+{
+  const PetscInt     dim = structure->dim;
+  const PetscScalar *a, *s;
+  LatinTurned        link;
+  Vec                at, along;
+
+  PetscFunctionBegin;
+  PetscCall(LatinTurnedOpen_Private(structure, structure->vertex_prescribed, u, &at, &a));
+  PetscCall(LatinTurnedOpen_Private(structure, NULL, step, &along, &s)); /* no change where prescribed */
+  for (PetscInt l = 0; l < structure->links_local; l++) {
+    const PetscScalar *sa = s + dim * structure->ends[2 * l], *sb = s + dim * structure->ends[2 * l + 1];
+
+    LatinTurnedLink(structure, NULL, l, a, &link);
+    for (PetscInt c = 0; c < dim; c++) link.x += part * link.n[c] * PetscRealPart(sb[c] - sa[c]);
+    tension[l] = LatinStructureTension(structure, NULL, l, link.x);
+  }
+  PetscCall(LatinTurnedClose_Private(structure, &along, &s));
+  PetscCall(LatinTurnedClose_Private(structure, &at, &a));
+  PetscFunctionReturn(0);
+}
+
 /* The nodal unbalance at u, with the tensions `rigid` of the rigid links. Collective on structure */
 PetscErrorCode LatinTurningResidual_Private(LatinStructure structure, const PetscReal rigid[], Vec u, Vec r)
 {
@@ -186,14 +209,43 @@ PetscErrorCode LatinTurningResidual_Private(LatinStructure structure, const Pets
   PetscFunctionReturn(0);
 }
 
+/* The stiffness that slack cables keep in the tangent while Newton's method goes ahead, else 0. Collective on structure */
+static PetscErrorCode LatinTurnedHold_Private(LatinStructure structure, const PetscScalar a[], PetscReal *hold)
+{
+  PetscReal   sum[3] = {0.0, 0.0, 0.0};
+  LatinTurned link;
+
+  PetscFunctionBegin;
+  *hold = 0.0;
+  if (!structure->ahead) PetscFunctionReturn(0);
+  for (PetscInt l = 0; l < structure->links_local; l++) {
+    if (LatinStructureKeeps(structure, l)) continue;
+    LatinTurnedLink(structure, NULL, l, a, &link);
+    sum[0] += PetscMax(link.across, 0.0);
+    sum[1] += link.across > 0.0 ? 1.0 : 0.0;
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
+  if (sum[1] > 0.0) *hold = structure->hold * sum[0] / sum[1];
+  PetscFunctionReturn(0);
+}
+
 /* The derivative of the force of link l by d, [dim][dim], of a time step not symmetric */
-static void LatinTurnedBlock(LatinStructure structure, PetscInt l, const PetscScalar a[], PetscReal block[])
+static void LatinTurnedBlock(LatinStructure structure, PetscInt l, const PetscScalar a[], PetscReal hold, PetscReal block[])
 {
   const PetscInt dim = structure->dim;
   LatinTurned    link;
+  PetscReal      k = 0.0;
 
   LatinTurnedLink(structure, NULL, l, a, &link);
-  for (PetscInt c = 0; c < dim && !structure->midpoint; c++) link.change[c] = (LatinStructureTangent(structure, l, link.x) - link.across) * link.n[c];
+  if (!structure->midpoint) k = LatinStructureTangent(structure, l, link.x);
+  if (structure->ahead && !LatinStructureKeeps(structure, l) && link.size > 0.0) {
+    link.across = structure->ahead[l] / link.size;
+    if (k == 0.0 || link.across >= 0.0) { /* not where it bears compression */
+      link.across = PetscMax(link.across, hold);
+      k           = PetscMax(k, hold);
+    }
+  }
+  for (PetscInt c = 0; c < dim && !structure->midpoint; c++) link.change[c] = (k - link.across) * link.n[c];
   for (PetscInt i = 0; i < dim * dim; i++) block[i] = link.n[i / dim] * link.change[i % dim] + (i / dim == i % dim ? link.across : 0.0);
 }
 
@@ -212,7 +264,7 @@ PetscErrorCode LatinTurningJacobian_Private(LatinStructure structure, Vec u, Mat
     PetscInt    row[6];
     PetscScalar block[36];
 
-    LatinTurnedBlock(structure, l, a, k);
+    LatinTurnedBlock(structure, l, a, 0.0, k);
     for (PetscInt i = 0; i < n; i++) row[i] = dim * structure->ends[2 * l + i / dim] + i % dim;
     for (PetscInt i = 0; i < n * n; i++) block[i] = (i / n / dim == i % n / dim ? 1.0 : -1.0) * k[dim * (i / n % dim) + i % n % dim];
     PetscCall(MatSetValuesLocal(J, n, row, n, row, block, ADD_VALUES));
@@ -278,12 +330,14 @@ PetscErrorCode LatinTurningMatCompute_Private(LatinStructure structure, Vec u, M
   Vec                blocks, local;
   PetscScalar       *k;
   const PetscScalar *a;
+  PetscReal          hold;
 
   PetscFunctionBegin;
   PetscCall(PetscObjectQuery((PetscObject)A, "LatinBlocks", (PetscObject *)&blocks));
   PetscCall(VecGetArrayWrite(blocks, &k));
   PetscCall(LatinTurnedOpen_Private(structure, structure->vertex_prescribed, u, &local, &a));
-  for (PetscInt l = 0; l < structure->links_local; l++) LatinTurnedBlock(structure, l, a, k + structure->dim * structure->dim * l);
+  PetscCall(LatinTurnedHold_Private(structure, a, &hold));
+  for (PetscInt l = 0; l < structure->links_local; l++) LatinTurnedBlock(structure, l, a, hold, k + structure->dim * structure->dim * l);
   PetscCall(LatinTurnedClose_Private(structure, &local, &a));
   PetscCall(VecRestoreArrayWrite(blocks, &k));
   PetscCall(PetscObjectStateIncrease((PetscObject)A));
