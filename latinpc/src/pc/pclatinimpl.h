@@ -8,7 +8,9 @@ typedef struct {
   Latin             latin;
   PetscBool         shared;        /* latin is that of a SNES latin, which builds it and has the options */
   PetscBool         yields;        /* a mechanism is a failure of the preconditioner, not an error */
+  PetscBool         stage;         /* the linear stage alone: all links are taut, or there is no interface but in the coarse problem, and it is exact */
   PetscBool         built;         /* what follows is there, though a rank without subdomains has none */
+  PetscBool         chosen;        /* options have been read since the set-up: they may name other solvers */
   PetscReal        *weight;        /* [copies * bs] partition of unity */
   PetscReal        *side;          /* [3 * sides] work */
   LatinLocalSolvers interior;      /* stiffness of the interiors, identity elsewhere */
