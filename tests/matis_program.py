@@ -157,6 +157,9 @@ def matis(problem, args, comm):
         held = np.flatnonzero(problem.held)
         mine = held[(first <= held) & (held < last)].astype(PETSc.IntType)
         a.zeroRowsColumns(mine, diag=1.0 if args.dirichlet == "zeroed" else 123.0)
+    elif args.dirichlet == "rows":  # their columns stay
+        held = np.flatnonzero(problem.held)
+        a.zeroRows(held[(first <= held) & (held < last)].astype(PETSc.IntType), diag=1.0)
     free = np.flatnonzero(~problem.held) if args.dirichlet == "eliminated" else np.arange(n)
     x = problem.nodes[free[first:last] // problem.bs]
     return a, x, free
@@ -248,6 +251,8 @@ def main():
     b.setArray(np.sin(1.0 + 7.3 * np.arange(first, last)))
     if args.dirichlet == "none":
         a.getNullSpace().remove(b)
+    if args.dirichlet == "rows":
+        b.setArray(np.where(problem.held[first:last], 0.0, b.getArray()))
     ksp.solve(b, u)
     result = {"reason": ksp.getConvergedReason(), "iterations": ksp.getIterationNumber(), "unknowns": a.getSize()[0]}
     residual = b - a * u

@@ -82,6 +82,17 @@ def test_boundary_conditions_as_applications_leave_them(matis, dirichlet):
 
 
 @pytest.mark.parametrize("problem", MECHANISM_FREE)
+@pytest.mark.parametrize("ranks", [1, 2, 4])
+def test_rows_that_matzerorows_has_left(matis, problem, ranks):
+    """Their columns are still there; they belong to no subdomain, as where columns have gone with them."""
+    how = {"problem": problem, "blocks": {1: "1,1", 2: "2,1", 4: "2,2"}[ranks]}
+    natural = ["-ksp_norm_type", "natural"]
+    rows = matis(ranks, natural, dirichlet="rows", **how)
+    converged(rows, 8)
+    assert rows["coarse"] == matis(ranks, natural, dirichlet="zeroed", **how)["coarse"]
+
+
+@pytest.mark.parametrize("problem", MECHANISM_FREE)
 def test_singular_matrix_with_its_kernel(matis, problem):
     """No boundary condition at all: the kernel is given, on several ranks and on one."""
     few = matis(4, problem=problem, dirichlet="none")

@@ -27,6 +27,7 @@ PetscErrorCode LatinAgreeError_Private(MPI_Comm comm, PetscErrorCode mine)
   char *message = NULL;
 
   PetscFunctionBegin;
+  LatinWatchApart_Private(-1);
   if (mine) PetscCall(PetscErrorMessage(mine, NULL, (void *)&message)); /* char *, const or not, by version */
   PetscCall(LatinAgree_Private(comm, mine, message ? message : ""));
   PetscFunctionReturn(0);

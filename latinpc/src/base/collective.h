@@ -11,6 +11,8 @@ PETSC_INTERN PetscErrorCode LatinAgreeError_Private(MPI_Comm, PetscErrorCode min
 PETSC_INTERN PetscErrorCode LatinSFBcast_Private(PetscSF, PetscInt n, MPI_Datatype, const void *root, void *leaf);
 PETSC_INTERN PetscErrorCode LatinSFReduce_Private(PetscSF, PetscInt n, MPI_Datatype, const void *leaf, void *root, MPI_Op);
 
+PETSC_INTERN void LatinWatchApart_Private(PetscInt by); /* base/rankfailure.c */
+
 /* Ends in the same error on every rank of comm when `bad` holds on any of them, with the message of the lowest such rank */
 #define LatinAgree(comm, bad, code, ...) \
   do { \
@@ -20,6 +22,6 @@ PETSC_INTERN PetscErrorCode LatinSFReduce_Private(PetscSF, PetscInt n, MPI_Datat
   } while (0)
 
 /* Runs what each rank does by itself; an error of any rank becomes one of all, with its message. Collective on comm */
-#define LatinEach(comm, ...) PetscCall(LatinAgreeError_Private(comm, __VA_ARGS__))
+#define LatinEach(comm, ...) PetscCall((LatinWatchApart_Private(1), LatinAgreeError_Private(comm, __VA_ARGS__)))
 
 #endif

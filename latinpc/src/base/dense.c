@@ -35,6 +35,7 @@ PetscErrorCode LatinSVD_Private(PetscInt rows, PetscInt modes, const PetscScalar
   PetscCheck(!info, PETSC_COMM_SELF, PETSC_ERR_LIB, "LAPACK gesvd failed on the modes of an interface (info %d)", (int)info);
   for (PetscInt k = 0; k < modes; k++)
     for (PetscInt j = 0; j < modes; j++) V[j + modes * k] = vt[k + modes * j];
+  PetscCall(PetscLogFlops(2.0 * m * n * n + 12.0 * n * n * n));
   PetscCall(PetscFree(a));
   PetscCall(PetscFree3(tau, vt, work));
   PetscFunctionReturn(0);
@@ -75,6 +76,7 @@ PetscErrorCode LatinSPDInverse_Private(PetscInt n, PetscReal A[], PetscBool *bad
   PetscCallBLAS("LAPACKpotrf", LAPACKpotrf_("L", &m, A, &m, &info));
   if (!info) PetscCallBLAS("LAPACKpotri", LAPACKpotri_("L", &m, A, &m, &info));
   if (info) *bad = PETSC_TRUE;
+  PetscCall(PetscLogFlops((PetscLogDouble)n * n * n));
   for (size_t j = 0; j < (size_t)n; j++)
     for (size_t i = 0; i < j; i++) A[i + (size_t)n * j] = A[j + (size_t)n * i];
   PetscFunctionReturn(0);
@@ -100,5 +102,6 @@ PetscErrorCode LatinSchur_Private(PetscInt n, PetscInt inside, PetscReal A[], Pe
   if (info || !bg) PetscFunctionReturn(0);
   PetscCallBLAS("BLAStrsm", BLAStrsm_("R", "L", "T", "N", &bg, &bi, &one, A, &bn, below, &bn));
   PetscCallBLAS("BLASsyrk", BLASsyrk_("L", "N", &bg, &bi, &minus, below, &bn, &one, rest, &bn));
+  PetscCall(PetscLogFlops((PetscLogDouble)bi * ((PetscLogDouble)bi * bi / 3.0 + (PetscLogDouble)bi * bg + (PetscLogDouble)bg * bg)));
   PetscFunctionReturn(0);
 }

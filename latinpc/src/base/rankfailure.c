@@ -5,12 +5,20 @@
    Errors that a rank can foresee are agreed on (base/collective.c). Others, such as memory that runs out inside a library,
    strike one rank alone and leave the others waiting in a collective call, which nothing can call back. So a rank that
    leaves a solver with an error waits for the others to do so; when they do not come it ends the program.
+
+   PETSc's own handler prints an error on the first rank and lets the others sleep where they are, so that they would not come.
+   So ranks wait for each other before it: a rank that raises an error in a method of a solver, which is not one that each rank
+   raises by itself to be agreed on (LatinEach()).
 */
 
 #define LATIN_WATCH_SECONDS 10.0 /* seconds that a rank with an error waits for the others */
 
-static PetscMPIInt key   = MPI_KEYVAL_INVALID; /* a communicator's duplicate, on which nothing else happens */
-static PetscInt    depth = 0;                  /* of watched calls within watched calls: the outermost one waits */
+static PetscMPIInt key      = MPI_KEYVAL_INVALID; /* a communicator's duplicate, on which nothing else happens */
+static PetscInt    depth    = 0;                  /* of watched calls within watched calls: the outermost one waits */
+static PetscInt    handlers = 0;                  /* of methods within methods: the outermost one has a handler */
+static PetscInt    apart    = 0;                  /* of calls that each rank makes by itself */
+static PetscBool   met      = PETSC_FALSE;        /* all ranks have raised the error */
+static MPI_Comm    meeting  = MPI_COMM_NULL;      /* of the outermost method */
 
 static int MPIAPI LatinWatchDelete_Private(MPI_Comm comm, PetscMPIInt keyval, void *value, void *context)
 {
@@ -59,7 +67,7 @@ PetscErrorCode LatinWatchWait_Private(MPI_Comm comm, PetscErrorCode ierr)
   const char *meaning = NULL;
   double      start;
 
-  if (!ierr || key == MPI_KEYVAL_INVALID) return ierr;
+  if (!ierr || met || key == MPI_KEYVAL_INVALID) return ierr;
   if (MPI_Comm_get_attr(comm, key, &watch, &there) || !there) return ierr;
   if (MPI_Ibarrier(*watch, &request)) return ierr;
   start = MPI_Wtime();
@@ -75,7 +83,39 @@ PetscErrorCode LatinWatchWait_Private(MPI_Comm comm, PetscErrorCode ierr)
 
 void LatinWatchBegin_Private(void)
 {
-  depth++;
+  if (!depth++) met = PETSC_FALSE;
+}
+
+void LatinWatchApart_Private(PetscInt by)
+{
+  apart += by;
+}
+
+/* Waits where an error is raised, and hands it on */
+static PetscErrorCode LatinWatchHandler_Private(MPI_Comm comm, int line, const char *function, const char *file, PetscErrorCode ierr, PetscErrorType type, const char *message, void *ctx)
+{
+  PetscErrorCode same = ierr;
+
+  (void)ctx;
+  if (type == PETSC_ERROR_INITIAL && !met && !apart) {
+    (void)LatinWatchWait_Private(meeting, ierr);
+    met = PETSC_TRUE;
+  }
+  (void)PetscPopErrorHandler();
+  same = PetscError(comm, line, function, file, ierr, type, "%s", message ? message : "");
+  (void)PetscPushErrorHandler(LatinWatchHandler_Private, NULL);
+  return same;
+}
+
+/* The handler of a method that is collective on comm, there or gone */
+PetscErrorCode LatinWatchMeet_Private(MPI_Comm comm, PetscBool begins)
+{
+  PetscFunctionBegin;
+  if (begins && !handlers++) {
+    meeting = comm;
+    PetscCall(PetscPushErrorHandler(LatinWatchHandler_Private, NULL));
+  } else if (!begins && !--handlers) PetscCall(PetscPopErrorHandler());
+  PetscFunctionReturn(0);
 }
 
 PetscErrorCode LatinWatchEnd_Private(MPI_Comm comm, PetscErrorCode ierr)

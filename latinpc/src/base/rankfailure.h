@@ -10,17 +10,27 @@ PETSC_INTERN PetscErrorCode LatinWatchCreate_Private(MPI_Comm);
 PETSC_INTERN PetscErrorCode LatinWatchFinalize_Private(void);
 PETSC_INTERN PetscErrorCode LatinWatchWait_Private(MPI_Comm, PetscErrorCode);
 PETSC_INTERN void           LatinWatchBegin_Private(void);
+PETSC_INTERN PetscErrorCode LatinWatchMeet_Private(MPI_Comm, PetscBool);
 PETSC_INTERN PetscErrorCode LatinWatchEnd_Private(MPI_Comm, PetscErrorCode);
 
 /* Runs a collective call; an error that has not struck every rank of comm ends the program */
 #define LatinWatch(comm, ...) PetscCall((LatinWatchBegin_Private(), LatinWatchEnd_Private(comm, __VA_ARGS__)))
 
-/* Defines method_Watched(), the same for a method of one object that is collective on it */
+/*
+   Defines method_Watched(), the same for a method of one object that is collective on it. An error that all ranks raise is
+   known to be one before PETSc's handler prints it and lets all ranks but the first sleep
+*/
 #define LatinWatched(method, Type) \
   static PetscErrorCode method##_Watched(Type object) \
   { \
+    PetscErrorCode latin_ierr_; \
+\
     PetscFunctionBegin; \
-    LatinWatch(PetscObjectComm((PetscObject)object), method(object)); \
+    PetscCall(LatinWatchMeet_Private(PetscObjectComm((PetscObject)object), PETSC_TRUE)); \
+    LatinWatchBegin_Private(); \
+    latin_ierr_ = method(object); \
+    (void)LatinWatchMeet_Private(PetscObjectComm((PetscObject)object), PETSC_FALSE); \
+    PetscCall(LatinWatchEnd_Private(PetscObjectComm((PetscObject)object), latin_ierr_)); \
     PetscFunctionReturn(0); \
   }
 

@@ -97,25 +97,16 @@ static PetscErrorCode LatinCoarseSum_Private(Mat A, Mat K, const PetscInt number
   PetscFunctionReturn(0);
 }
 
-/* Sets coarse.A, sum_E c_E^t H_E c_E over the elements; apart: with the part of each rank by itself, a MATIS. Collective on sub->object */
-PetscErrorCode LatinCoarseAssemble_Private(LatinCoarse *coarse, PetscBool apart)
+/* A matrix of which each rank has a part K with these global numbers; apart: a MATIS. Collective on sub->object */
+static PetscErrorCode LatinCoarseCreate_Private(LatinCoarse *coarse, Mat K, PetscInt n, const PetscInt number[])
 {
-  const LatinElements   *top     = &coarse->top;
-  const PetscInt         entries = top->offset[top->n];
-  MPI_Comm               comm    = PetscObjectComm(coarse->sub->object);
-  PetscInt              *number, *at, n = entries;
+  MPI_Comm               comm = PetscObjectComm(coarse->sub->object);
   PetscMPIInt            ranks;
   ISLocalToGlobalMapping map;
-  Mat                    K;
 
   PetscFunctionBegin;
   PetscCallMPI(MPI_Comm_size(comm, &ranks));
-  PetscCall(PetscMalloc2(entries, &number, entries, &at));
-  PetscCall(PetscArraycpy(number, coarse->top_global, entries));
-  PetscCall(PetscSortRemoveDupsInt(&n, number));
-  for (PetscInt i = 0; i < entries; i++) PetscCall(PetscFindInt(coarse->top_global[i], n, number, &at[i]));
-  PetscCall(LatinCoarseLocal_Private(top, n, at, &K));
-  if (apart) {
+  if (coarse->apart) {
     PetscCall(ISLocalToGlobalMappingCreate(comm, 1, n, number, PETSC_COPY_VALUES, &map));
     PetscCall(MatCreateIS(comm, 1, coarse->top_local, coarse->top_local, coarse->top_size, coarse->top_size, map, map, &coarse->A));
     PetscCall(MatISSetLocalMat(coarse->A, K));
@@ -133,7 +124,89 @@ PetscErrorCode LatinCoarseAssemble_Private(LatinCoarse *coarse, PetscBool apart)
   }
   PetscCall(MatSetOption(coarse->A, MAT_SYMMETRIC, PETSC_TRUE));
   PetscCall(MatSetOption(coarse->A, MAT_SPD, PETSC_TRUE));
+  PetscFunctionReturn(0);
+}
+
+/* The values of K in the matrix of an earlier set-up, of the same pattern. Collective on sub->object */
+static PetscErrorCode LatinCoarseValues_Private(LatinCoarse *coarse, Mat K)
+{
+  PetscMPIInt        ranks;
+  const PetscScalar *a;
+
+  PetscFunctionBegin;
+  PetscCallMPI(MPI_Comm_size(PetscObjectComm(coarse->sub->object), &ranks));
+  if (coarse->apart || ranks == 1) { /* the part is that of A itself */
+    PetscCall(MatCopy(K, coarse->part, SAME_NONZERO_PATTERN));
+    PetscCall(MatAssemblyBegin(coarse->A, MAT_FINAL_ASSEMBLY));
+    PetscCall(MatAssemblyEnd(coarse->A, MAT_FINAL_ASSEMBLY));
+    if (coarse->apart) PetscCall(PetscObjectStateIncrease((PetscObject)coarse->A));
+  } else {
+    PetscCall(MatSeqAIJGetArrayRead(K, &a));
+    PetscCall(MatSetValuesCOO(coarse->A, a, INSERT_VALUES));
+    PetscCall(MatSeqAIJRestoreArrayRead(K, &a));
+  }
+  PetscFunctionReturn(0);
+}
+
+/* Is K, with these global numbers, of the pattern that the matrix of the last set-up has, on all ranks? Collective on sub->object */
+static PetscErrorCode LatinCoarseSame_Private(const LatinCoarse *coarse, Mat K, PetscInt n, const PetscInt number[], PetscBool *same)
+{
+  const PetscInt *i, *j;
+  PetscInt        rows;
+  PetscBool       done;
+
+  PetscFunctionBegin;
+  *same = PETSC_FALSE;
+  if (!coarse->part) PetscFunctionReturn(0); /* on all ranks */
+  *same = (PetscBool)(coarse->parts == n);
+  if (*same) PetscCall(PetscArraycmp(coarse->number, number, n, same));
+  if (*same) {
+    PetscCall(MatGetRowIJ(K, 0, PETSC_FALSE, PETSC_FALSE, &rows, &i, &j, &done));
+    PetscCall(LatinSameRows_Private(coarse->part, rows, i, j, same));
+    PetscCall(MatRestoreRowIJ(K, 0, PETSC_FALSE, PETSC_FALSE, &rows, &i, &j, &done));
+  }
+  PetscCall(MatGetLocalSize(coarse->A, &rows, NULL));
+  if (rows != coarse->top_local) *same = PETSC_FALSE;
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, same, 1, LATIN_MPI_BOOL, MPI_LAND, PetscObjectComm(coarse->sub->object)));
+  PetscFunctionReturn(0);
+}
+
+/*
+   Sets coarse.A, sum_E c_E^t H_E c_E over the elements; apart: with the part of each rank by itself, a MATIS. *same: it is that of
+   the last set-up with new values. Collective on sub->object
+*/
+PetscErrorCode LatinCoarseAssemble_Private(LatinCoarse *coarse, PetscBool *same)
+{
+  const LatinElements *top     = &coarse->top;
+  const PetscInt       entries = top->offset[top->n];
+  PetscInt            *number, *at, n = entries;
+  Mat                  K;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMalloc1(entries, &number));
+  PetscCall(PetscMalloc1(entries, &at));
+  PetscCall(PetscArraycpy(number, coarse->top_global, entries));
+  PetscCall(PetscSortRemoveDupsInt(&n, number));
+  for (PetscInt i = 0; i < entries; i++) PetscCall(PetscFindInt(coarse->top_global[i], n, number, &at[i]));
+  PetscCall(LatinCoarseLocal_Private(top, n, at, &K));
+  for (PetscInt s = 0; s < top->n; s++) PetscCall(PetscLogFlops(PetscSqr((PetscLogDouble)(top->offset[s + 1] - top->offset[s]))));
+  PetscCall(PetscFree(at));
+  PetscCall(LatinCoarseSame_Private(coarse, K, n, number, same));
+  if (*same) PetscCall(LatinCoarseValues_Private(coarse, K));
+  else {
+    PetscCall(MatDestroy(&coarse->A));
+    PetscCall(MatDestroy(&coarse->part));
+    PetscCall(LatinCoarseCreate_Private(coarse, K, n, number));
+    if (coarse->sub->preconditions) {
+      PetscCall(PetscObjectReference((PetscObject)K));
+      PetscCall(PetscFree(coarse->number));
+      coarse->part   = K;
+      coarse->parts  = n;
+      coarse->number = number;
+      number         = NULL;
+    }
+  }
   PetscCall(MatDestroy(&K));
-  PetscCall(PetscFree2(number, at));
+  PetscCall(PetscFree(number));
   PetscFunctionReturn(0);
 }

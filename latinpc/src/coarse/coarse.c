@@ -7,8 +7,8 @@
 
 #define LATIN_REDUNDANT 1500 /* most rows of a parallel matrix that every rank factors by itself */
 
-/* The types that the options choose, before there is a matrix: an iteration (*iterative), one that takes the part of each rank by itself (*apart) */
-static PetscErrorCode LatinCoarseOptions_Private(LatinCoarse *coarse, PetscBool *iterative, PetscBool *apart)
+/* The solver, of the types that the options choose, before there is a matrix */
+static PetscErrorCode LatinCoarseOptions_Private(LatinCoarse *coarse)
 {
   PC        pc;
   PetscBool fetidp, direct;
@@ -20,10 +20,10 @@ static PetscErrorCode LatinCoarseOptions_Private(LatinCoarse *coarse, PetscBool 
   PetscCall(PCFactorSetMatSolverType(pc, MATSOLVERMUMPS));
   PetscCall(KSPSetFromOptions(coarse->ksp));
   PetscCall(PetscObjectTypeCompare((PetscObject)coarse->ksp, KSPFETIDP, &fetidp));
-  PetscCall(PetscObjectTypeCompareAny((PetscObject)pc, apart, PCBDDC, PCLATIN, ""));
+  PetscCall(PetscObjectTypeCompareAny((PetscObject)pc, &coarse->apart, PCBDDC, PCLATIN, ""));
   PetscCall(LatinSolverDirect_Private(coarse->ksp, &direct));
-  *apart     = (PetscBool)(*apart || fetidp);
-  *iterative = (PetscBool)(*apart || !direct);
+  coarse->apart     = (PetscBool)(coarse->apart || fetidp);
+  coarse->iterative = (PetscBool)(coarse->apart || !direct);
   PetscFunctionReturn(0);
 }
 
@@ -60,6 +60,17 @@ static PetscErrorCode LatinCoarseDirect_Private(LatinCoarse *coarse)
   PetscFunctionReturn(0);
 }
 
+/* The matrix and its solver go */
+static PetscErrorCode LatinCoarseForget_Private(LatinCoarse *coarse)
+{
+  PetscFunctionBegin;
+  PetscCall(KSPDestroy(&coarse->ksp));
+  PetscCall(MatDestroy(&coarse->A));
+  PetscCall(MatDestroy(&coarse->part));
+  PetscCall(PetscFree(coarse->number));
+  PetscFunctionReturn(0);
+}
+
 /*
    The matrix from the homogenised stiffnesses, its solver and factors; coarse->status says how that ended. Groups that
    repeat are condensed for direct solvers, for they fill the matrix; a PC latin, BDDC and FETI-DP take the part of each
@@ -67,22 +78,30 @@ static PetscErrorCode LatinCoarseDirect_Private(LatinCoarse *coarse)
 */
 PetscErrorCode LatinCoarseSetUp(LatinCoarse *coarse, const LatinHomogenised *stiffness)
 {
-  const PetscInt dim       = coarse->sub->dim;
-  PetscBool      iterative = PETSC_FALSE, apart = PETSC_FALSE, bddc;
-  PC             pc;
+  const PetscInt  dim  = coarse->sub->dim;
+  const PetscBool kept = (PetscBool)(coarse->ksp != NULL);
+  PetscBool       same = PETSC_FALSE, bddc;
+  PC              pc;
 
   PetscFunctionBegin;
-  if (!coarse->macro->modes_global && !coarse->primal_global) PetscFunctionReturn(0); /* no interface: one subdomain, or disconnected ones */
+  if (!coarse->macro->modes_global && !coarse->primal_global) { /* no interface: one subdomain, or disconnected ones */
+    PetscCall(LatinCoarseForget_Private(coarse));
+    PetscFunctionReturn(0);
+  }
   PetscCall(PetscLogEventBegin(LATIN_Coarse, coarse->sub->object, 0, 0, 0));
-  PetscCall(LatinCoarseOptions_Private(coarse, &iterative, &apart));
-  PetscCall(LatinGroupsSetUp(coarse, stiffness, (PetscBool)!iterative));
-  PetscCall(LatinCoarseAssemble_Private(coarse, apart));
-  if (iterative) PetscCall(LatinCoarseNear_Private(coarse));
+  if (!kept) PetscCall(LatinCoarseOptions_Private(coarse));
+  PetscCall(LatinGroupsSetUp(coarse, stiffness, (PetscBool)!coarse->iterative));
+  PetscCall(LatinCoarseAssemble_Private(coarse, &same));
+  if (coarse->iterative) PetscCall(LatinCoarseNear_Private(coarse));
   PetscCall(LatinGroupsFinish(coarse));
   PetscCall(MatCreateVecs(coarse->A, &coarse->sol, &coarse->rhs));
-  PetscCall(LatinCoarseDirect_Private(coarse));
+  if (kept && !same) {
+    PetscCall(KSPDestroy(&coarse->ksp));
+    PetscCall(LatinCoarseOptions_Private(coarse));
+  }
+  if (!same) PetscCall(LatinCoarseDirect_Private(coarse));
   PetscCall(KSPSetOperators(coarse->ksp, coarse->A, coarse->A));
-  PetscCall(LatinSolverDefaults_Private(coarse->ksp, coarse->sub->preconditions));
+  if (!same) PetscCall(LatinSolverDefaults_Private(coarse->ksp, coarse->sub->preconditions));
   PetscCall(KSPGetPC(coarse->ksp, &pc));
   PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCBDDC, &bddc)); /* multigrid would forget the near null space */
   if (bddc && dim) PetscCall(PCSetCoordinates(pc, dim, coarse->top_local, coarse->x));
@@ -139,13 +158,12 @@ PetscErrorCode LatinCoarseExpand_Private(LatinCoarse *coarse, Vec v)
   PetscFunctionReturn(0);
 }
 
-PetscErrorCode LatinCoarseReset(LatinCoarse *coarse)
+/* Resets all but the matrix and its solver */
+PetscErrorCode LatinCoarseRetire(LatinCoarse *coarse)
 {
   PetscFunctionBegin;
   PetscCall(LatinGroupsReset(coarse));
-  PetscCall(KSPDestroy(&coarse->ksp));
   PetscCall(PetscFree(coarse->x));
-  PetscCall(MatDestroy(&coarse->A));
   PetscCall(VecDestroy(&coarse->rhs));
   PetscCall(VecDestroy(&coarse->sol));
   PetscCall(PetscLayoutDestroy(&coarse->map));
@@ -154,5 +172,13 @@ PetscErrorCode LatinCoarseReset(LatinCoarse *coarse)
   PetscCall(PetscFree3(coarse->global, coarse->q, coarse->u));
   PetscCall(VecDestroy(&coarse->status.mode));
   PetscCall(PetscMemzero(&coarse->map, sizeof(*coarse) - offsetof(LatinCoarse, map)));
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode LatinCoarseReset(LatinCoarse *coarse)
+{
+  PetscFunctionBegin;
+  PetscCall(LatinCoarseRetire(coarse));
+  PetscCall(LatinCoarseForget_Private(coarse));
   PetscFunctionReturn(0);
 }

@@ -385,6 +385,7 @@ static PetscErrorCode LatinGroupsLevelPass_Private(LatinGroupLevel *level, Petsc
     if (up && b) PetscCallBLAS("BLASgemm", BLASgemm_("T", "N", &n, &columns, &b, &minus, Z, &rows, w, &b, &one, v, &n));
     PetscCallBLAS("BLAStrsm", BLAStrsm_("L", "L", up ? "T" : "N", "N", &n, &columns, &one, L, &rows, v, &n));
     if (!up && b) PetscCallBLAS("BLASgemm", BLASgemm_("N", "N", &b, &columns, &n, &minus, Z, &rows, v, &n, &one, w, &b));
+    PetscCall(PetscLogFlops((PetscLogDouble)columns * n * ((PetscLogDouble)n + 2.0 * b)));
     v += n * columns;
   }
   for (PetscInt i = 0; i < fine->offset[fine->n] && up; i++) fine->u[i] = level->x[level->slot[i]];

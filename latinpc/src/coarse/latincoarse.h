@@ -42,6 +42,12 @@ typedef struct {
   const LatinSubdomains *sub;
   const LatinInterfaces *inter;
   const LatinMacro      *macro;
+  /* kept by LatinCoarseRetire(), for a set-up whose matrix has the same pattern */
+  Mat       A;
+  KSP       ksp;
+  PetscBool iterative, apart; /* what the options of ksp choose: an iteration; one that takes the part of each rank by itself */
+  Mat       part;             /* of this rank, of A; NULL: only a preconditioner is set up again */
+  PetscInt  parts, *number;   /* [parts] its rows in A */
   /* numbers */
   PetscLayout     map;                         /* of all coarse dofs */
   const PetscInt *rank_start;                  /* [ranks + 1] its ranges: global number of each rank's first one */
@@ -52,8 +58,6 @@ typedef struct {
   PetscInt        widest;                      /* most coarse dofs of a subdomain here */
   PetscReal      *q, *u;                       /* [offset[n]] condensed forces and coarse displacements of one linear stage, subdomain by subdomain */
   /* matrix and solver */
-  Mat               A;
-  KSP               ksp;
   Vec               rhs, sol;
   PetscInt          levels; /* of condensed groups */
   LatinGroupLevel   level[LATIN_GROUP_LEVELS];
@@ -78,7 +82,8 @@ PETSC_INTERN PetscErrorCode LatinCoarseSetUp(LatinCoarse *, const LatinHomogenis
 PETSC_INTERN PetscErrorCode LatinCoarseSolve(LatinCoarse *);
 PETSC_INTERN PetscErrorCode LatinCoarseExpand_Private(LatinCoarse *, Vec);
 PETSC_INTERN PetscErrorCode LatinCoarseReset(LatinCoarse *);
-PETSC_INTERN PetscErrorCode LatinCoarseAssemble_Private(LatinCoarse *, PetscBool apart);
+PETSC_INTERN PetscErrorCode LatinCoarseRetire(LatinCoarse *);
+PETSC_INTERN PetscErrorCode LatinCoarseAssemble_Private(LatinCoarse *, PetscBool *same);
 PETSC_INTERN PetscErrorCode LatinCoarseNear_Private(LatinCoarse *);
 PETSC_INTERN PetscErrorCode LatinGroupsSetUp(LatinCoarse *, const LatinHomogenised *, PetscBool groups);
 PETSC_INTERN PetscErrorCode LatinGroupsFinish(LatinCoarse *);

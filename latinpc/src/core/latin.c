@@ -137,14 +137,14 @@ static PetscErrorCode LatinSetUpSubdomains_Private(Latin latin)
   PetscFunctionReturn(0);
 }
 
-/* The stages above the subdomains, in order */
-static PetscErrorCode LatinSetUpStages_Private(Latin latin)
+/* The stages above the subdomains, in order; kept: the interfaces are there */
+static PetscErrorCode LatinSetUpStages_Private(Latin latin, PetscBool kept)
 {
   LatinLocalSolvers *solvers = &latin->solvers;
   PetscInt          *pattern;
 
   PetscFunctionBegin;
-  PetscCall(LatinInterfaceSetUp(&latin->inter));
+  if (!kept) PetscCall(LatinInterfaceSetUp(&latin->inter));
   PetscCall(LatinDirectionSetUp(&latin->dir));
   PetscCall(LatinSpectralSetUp(&latin->spectral));
   PetscCall(LatinMacroSetUp(&latin->macro));
@@ -162,6 +162,49 @@ static PetscErrorCode LatinSetUpStages_Private(Latin latin)
   PetscFunctionReturn(0);
 }
 
+/* Resets what depends on the values of the operators; of matrices and their solvers, the next set-up takes those whose pattern it finds again */
+static PetscErrorCode LatinRetire_Private(Latin latin)
+{
+  PetscFunctionBegin;
+  PetscCall(LatinCoarseRetire(&latin->coarse));
+  PetscCall(LatinLinearReset(&latin->linear));
+  PetscCall(LatinLocalSolversRetire(&latin->solvers));
+  PetscCall(LatinBatchesReset(&latin->batches));
+  PetscCall(LatinMacroReset(&latin->macro));
+  PetscCall(LatinSpectralReset(&latin->spectral));
+  PetscCall(LatinDirectionReset(&latin->dir));
+  PetscFunctionReturn(0);
+}
+
+/* Everything for operators that are new; again: after a set-up for others, of the same structure or matrix, whose subdomains and interfaces are kept where they still are the same. Collective on latin */
+static PetscErrorCode LatinSetUpOperators_Private(Latin latin, PetscBool again)
+{
+  const LatinVariant variant = latin->inter.variant;
+  PetscBool          same    = again;
+  PetscLogDouble     start, end;
+
+  PetscFunctionBegin;
+  PetscCall(PetscLogEventBegin(LATIN_SetUp, latin, 0, 0, 0));
+  PetscCall(PetscTime(&start));
+  if (again) {
+    PetscCall(LatinRetire_Private(latin));
+    if (latin->sub.matrix) PetscCall(LatinSubdomainsRefresh_Matrix(&latin->sub, &same));
+    else PetscCall(LatinSubdomainsRefresh(&latin->sub));
+  } else PetscCall(LatinReset_Private(latin)); /* also what an earlier attempt that ended in an error may have left */
+  if (!same) {
+    PetscCall(LatinSubdomainsReset(&latin->sub));
+    PetscCall(LatinSetUpSubdomains_Private(latin));
+  }
+  PetscCall(LatinSetUpVariant_Private(latin));
+  if (latin->inter.variant != variant) same = PETSC_FALSE;
+  if (!same) PetscCall(LatinInterfaceReset(&latin->inter));
+  PetscCall(LatinSetUpStages_Private(latin, same));
+  PetscCall(PetscTime(&end));
+  latin->setup_seconds = end - start;
+  PetscCall(PetscLogEventEnd(LATIN_SetUp, latin, 0, 0, 0));
+  PetscFunctionReturn(0);
+}
+
 /*
    Builds what has changed since the last call: everything for a matrix, new links or laws; right-hand sides for new loads,
    initial elongations and prescribed displacements. Collective on latin.
@@ -170,23 +213,16 @@ PetscErrorCode LatinSetUp_Private(Latin latin)
 {
   LatinStructure   structure = latin->sub.structure;
   PetscObjectState state     = 0;
-  PetscLogDouble   start, end;
+  PetscBool        again;
 
   PetscFunctionBegin;
   PetscCall(PetscCitationsRegister(citation, &cited));
   if (structure) PetscCall(PetscObjectStateGet((PetscObject)structure, &state));
-  if (latin->stale || state != latin->structure_state || !structure) latin->set_up = PETSC_FALSE;
-  if (!latin->set_up) {
-    PetscCall(PetscLogEventBegin(LATIN_SetUp, latin, 0, 0, 0));
-    PetscCall(LatinReset_Private(latin)); /* also what an earlier attempt that ended in an error may have left */
-    PetscCall(PetscTime(&start));
-    PetscCall(LatinSetUpSubdomains_Private(latin));
-    PetscCall(LatinSetUpVariant_Private(latin));
-    PetscCall(LatinSetUpStages_Private(latin));
-    PetscCall(PetscTime(&end));
-    latin->setup_seconds = end - start;
-    PetscCall(PetscLogEventEnd(LATIN_SetUp, latin, 0, 0, 0));
-  } else {
+  if (latin->stale || state != latin->structure_state) latin->set_up = PETSC_FALSE;
+  again = (PetscBool)(latin->set_up && latin->renews);
+  if (!structure || again) latin->set_up = PETSC_FALSE;
+  if (!latin->set_up) PetscCall(LatinSetUpOperators_Private(latin, again));
+  else {
     const PetscBool held = (PetscBool)(latin->held_state != structure->held_state);
 
     if (!held && latin->load_state == structure->load_state && latin->e0_state == structure->e0_state) PetscFunctionReturn(0);

@@ -27,6 +27,7 @@ struct _p_Latin {
   PetscObjectState      tuning_state; /* of the structure then */
   PetscReal             setup_seconds;
   PetscBool             set_up;
+  PetscBool             renews;                                            /* a set-up is followed by another one, of operators that may have the same pattern: what depends on that alone is kept */
   PetscBool             stale;                                             /* options have changed since the set-up */
   PetscObjectState      load_state, e0_state, held_state, structure_state; /* of the structure when it was last looked at */
 };

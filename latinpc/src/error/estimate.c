@@ -223,6 +223,7 @@ PetscErrorCode LatinEstimateUpdate_Private(Latin latin, PetscReal target, LatinE
   PetscFunctionBegin;
   PetscCall(PetscLogEventBegin(LATIN_Estimate, latin, 0, 0, 0));
   if (k % estimate->stride == 0) PetscCall(LatinEstimateStore_Private(latin, estimate));
+  if (k % estimate->stride == 0) PetscCall(PetscLogFlops(estimate->energy ? (4.0 * latin->sub.dim + 3.0) * latin->sub.links : 1.0 * latin->sub.bs * latin->sub.copies));
   estimate->value = k < first ? 1.0 : estimate->ratio[0] * latin->linear.distance;
   if (LatinEstimateFields(latin) > 1) {
     estimate->tensions = k < first ? 1.0 : estimate->ratio[1] * latin->linear.distance;

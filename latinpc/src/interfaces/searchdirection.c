@@ -78,6 +78,7 @@ static PetscErrorCode LatinDirectionDiagonal_Private(LatinDirections *dir, Petsc
       dir->harmonic[k] = LatinHarmonic(mine[k], mate[k]);
     }
   }
+  PetscCall(PetscLogFlops(6.0 * inter->sides));
   PetscCall(PetscFree3(diagonal, mine, mate));
   PetscFunctionReturn(0);
 }
@@ -99,6 +100,7 @@ static PetscErrorCode LatinDirectionInvert_Private(PetscInt rows, PetscReal L[],
   for (PetscInt j = 0; j < rows; j++) M[j + rows * j] = 1.0;
   if (!info) PetscCallBLAS("BLAStrsm", BLAStrsm_("L", "L", "N", "N", &n, &n, &one, L, &n, M, &n));
   if (info) *bad = PETSC_TRUE;
+  PetscCall(PetscLogFlops(4.0 / 3.0 * rows * rows * rows));
   PetscFunctionReturn(0);
 }
 
@@ -293,6 +295,7 @@ PetscErrorCode LatinDirectionApply(const LatinDirections *dir, PetscInt f, Petsc
   const PetscReal      *d    = dir->d + face->side_first;
 
   PetscFunctionBegin;
+  PetscCall(PetscLogFlops(dir->matrix_first[f] >= 0 ? 2.0 * rows * rows * n : 1.0 * rows * n));
   if (dir->matrix_first[f] >= 0) PetscCall(LatinMultiply_Private(rows, n, dir->matrix + dir->matrix_first[f], x, ldx, y, ldy));
   else {
     for (PetscInt k = 0; k < n; k++)
@@ -319,6 +322,7 @@ PetscErrorCode LatinDirectionEnergy(const LatinDirections *dir, PetscInt f, Pets
     PetscCall(LatinMultiply_Private(rows, n, dir->matrix + dir->matrix_first[f] + 2 * rows * rows, v, rows, w, rows));
     for (PetscInt r = 0; r < rows * n; r++) energy += w[r] * w[r];
   }
+  PetscCall(PetscLogFlops(dir->matrix_first[f] >= 0 ? (2.0 * rows + 3.0) * rows * n : 4.0 * rows * n));
   *sum += 0.25 * energy;
   PetscFunctionReturn(0);
 }
@@ -376,6 +380,7 @@ PetscErrorCode LatinDirectionShare(const LatinDirections *dir, PetscInt f, Petsc
   PetscCallBLAS("BLASgemv", BLASgemv_("T", &n, &n, &mean, M, &n, y, &inc, &zero, z, &inc));
   if (forces) PetscCallBLAS("BLASgemv", BLASgemv_("N", &n, &n, &one, S, &n, z, &inc, &zero, x, &inc));
   else PetscCall(PetscArraycpy(x, z, rows));
+  PetscCall(PetscLogFlops(6.0 * rows * rows));
   PetscFunctionReturn(0);
 }
 
@@ -401,6 +406,7 @@ PetscErrorCode LatinDirectionNormalise(const LatinDirections *dir, PetscInt f, P
     PetscCheck(LatinCholesky(modes, G), PETSC_COMM_SELF, PETSC_ERR_PLIB, "The macro modes of an interface are dependent in its search direction");
     PetscCallBLAS("BLAStrsm", BLAStrsm_("R", "L", "T", "N", &n, &m, &one, G, &m, R, &n));
   }
+  PetscCall(PetscLogFlops(2.0 * modes * rows * (rows + 3.0 * modes)));
   PetscCall(PetscFree2(W, G));
   PetscFunctionReturn(0);
 }

@@ -90,6 +90,7 @@ PetscErrorCode LatinReflectionApply_Private(LatinLinear *linear, Vec data, Vec r
   }
   PetscCall(LatinSFBcast_Private(inter->mate_sf, 1, MPIU_REAL, mine, out));
   for (PetscInt k = 0; k < inter->sides && !loaded; k++) out[k] = y[k] - out[k];
+  PetscCall(PetscLogFlops((loaded ? 1.0 : 3.0) * inter->sides));
   PetscCall(PetscLogEventEnd(LATIN_Local, linear->sub->object, 0, 0, 0));
   if (data && linear->failed && inter->sides) out[0] = INFINITY; /* seen by all ranks in the next norm, or at the end */
   if (data) PetscCall(VecRestoreArrayRead(data, &y));

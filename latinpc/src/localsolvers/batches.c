@@ -77,7 +77,22 @@ PetscErrorCode LatinLocalSolversCreate(const LatinSubdomains *sub, const LatinBa
   solvers->sub     = sub;
   solvers->batches = batches;
   solvers->n       = n;
-  PetscCall(PetscCalloc5(n, &solvers->rows, n, &solvers->K, n, &solvers->B, n, &solvers->X, n, &solvers->ksp));
+  PetscCall(PetscCalloc6(n, &solvers->rows, n, &solvers->K, n, &solvers->B, n, &solvers->X, n, &solvers->ksp, n, &solvers->rest));
+  PetscFunctionReturn(0);
+}
+
+/* Of what was kept, what this set-up has not taken */
+static PetscErrorCode LatinLocalSolversForget_Private(LatinLocalSolvers *solvers)
+{
+  PetscFunctionBegin;
+  for (PetscInt i = 0; i < solvers->retired; i++) {
+    PetscCall(KSPDestroy(&solvers->before[i].ksp));
+    PetscCall(MatDestroy(&solvers->before[i].K));
+    PetscCall(ISDestroy(&solvers->before[i].kept));
+    PetscCall(LatinSparseReset_Private(&solvers->before[i].rows));
+  }
+  PetscCall(PetscFree(solvers->before));
+  solvers->retired = 0;
   PetscFunctionReturn(0);
 }
 
@@ -89,44 +104,77 @@ PetscErrorCode LatinLocalSolversDestroy(LatinLocalSolvers *solvers)
     PetscCall(MatDestroy(&solvers->K[i]));
     PetscCall(MatDestroy(&solvers->B[i]));
     PetscCall(MatDestroy(&solvers->X[i]));
+    PetscCall(ISDestroy(&solvers->rest[i]));
     PetscCall(LatinSparseReset_Private(&solvers->rows[i]));
   }
-  PetscCall(PetscFree5(solvers->rows, solvers->K, solvers->B, solvers->X, solvers->ksp));
+  PetscCall(PetscFree6(solvers->rows, solvers->K, solvers->B, solvers->X, solvers->ksp, solvers->rest));
   solvers->n = 0;
+  PetscCall(LatinLocalSolversForget_Private(solvers));
   PetscFunctionReturn(0);
 }
 
-/* The matrix of a batch, and work space for some of its members */
-static PetscErrorCode LatinLocalMatrix_Private(LatinLocalSolvers *solvers, PetscInt i)
+/* Keeps the matrices and solvers of this set-up for the next one, and nothing else */
+PetscErrorCode LatinLocalSolversRetire(LatinLocalSolvers *solvers)
 {
-  const LatinSparse *rows    = &solvers->rows[i];
-  const PetscInt     columns = PetscMin(solvers->batches->batch[i].members, LATIN_BATCH_COLUMNS);
+  const PetscInt n = solvers->n;
+  LatinRetired  *before;
+
+  PetscFunctionBegin;
+  PetscCall(PetscCalloc1(n, &before));
+  for (PetscInt i = 0; i < n; i++) {
+    if (!solvers->ksp[i]) continue; /* the set-up ended before it */
+    before[i] = (LatinRetired){.rows = solvers->rows[i], .K = solvers->K[i], .ksp = solvers->ksp[i], .kept = solvers->rest[i]};
+    PetscCall(PetscMemzero(&solvers->rows[i], sizeof(solvers->rows[i])));
+    solvers->K[i]    = NULL;
+    solvers->ksp[i]  = NULL;
+    solvers->rest[i] = NULL;
+  }
+  PetscCall(LatinLocalSolversDestroy(solvers));
+  solvers->before  = before;
+  solvers->retired = n;
+  PetscFunctionReturn(0);
+}
+
+/* The rows of batch i that its factor is to keep to the last */
+static PetscErrorCode LatinLocalKeep_Private(LatinLocalSolvers *solvers, PetscInt i)
+{
+  const PetscInt s = solvers->batches->batch[i].sub[0], top = solvers->sub->bs * solvers->sub->node_offset[s];
+  PetscInt       n, *rows;
+
+  PetscFunctionBegin;
+  n = solvers->kept ? solvers->kept_offset[s + 1] - solvers->kept_offset[s] : 0;
+  if (!n) PetscFunctionReturn(0);
+  PetscCall(PetscMalloc1(n, &rows));
+  for (PetscInt k = 0; k < n; k++) rows[k] = solvers->kept[solvers->kept_offset[s] + k] - top;
+  PetscCall(ISCreateGeneral(PETSC_COMM_SELF, n, rows, PETSC_OWN_POINTER, &solvers->rest[i]));
+  PetscFunctionReturn(0);
+}
+
+/* The matrix of a batch, and a solver as the options choose it */
+static PetscErrorCode LatinLocalCreate_Private(LatinLocalSolvers *solvers, PetscInt i, const char name[], PetscBool once)
+{
+  const LatinSparse *rows  = &solvers->rows[i];
+  PetscObject        order = NULL;
+  PC                 pc;
+  Mat                F;
 
   PetscFunctionBegin;
   PetscCall(MatCreateSeqAIJWithArrays(PETSC_COMM_SELF, rows->rows, rows->rows, rows->i, rows->j, rows->a, &solvers->K[i]));
   PetscCall(MatSetOption(solvers->K[i], MAT_SYMMETRIC, PETSC_TRUE));
   PetscCall(MatSetOption(solvers->K[i], MAT_SPD, PETSC_TRUE));
-  PetscCall(LatinDenseCreate_Private(rows->rows, columns, &solvers->B[i]));
-  PetscCall(LatinDenseCreate_Private(rows->rows, columns, &solvers->X[i]));
-  PetscFunctionReturn(0);
-}
-
-/* The rows of batch i that its factor keeps to the last */
-static PetscErrorCode LatinLocalKeep_Private(LatinLocalSolvers *solvers, PetscInt i, PC pc, IS *is)
-{
-  const PetscInt s = solvers->batches->batch[i].sub[0], top = solvers->sub->bs * solvers->sub->node_offset[s];
-  const PetscInt n = solvers->kept_offset[s + 1] - solvers->kept_offset[s], *kept = solvers->kept + solvers->kept_offset[s];
-  PetscInt      *rows;
-  Mat            F;
-
-  PetscFunctionBegin;
-  if (!n) PetscFunctionReturn(0);
-  PetscCall(PetscMalloc1(n, &rows));
-  for (PetscInt k = 0; k < n; k++) rows[k] = kept[k] - top;
-  PetscCall(ISCreateGeneral(PETSC_COMM_SELF, n, rows, PETSC_OWN_POINTER, is));
+  if (solvers->like) PetscCall(PetscObjectQuery((PetscObject)solvers->like->K[i], LATIN_ORDER, &order));
+  if (order) PetscCall(PetscObjectCompose((PetscObject)solvers->K[i], LATIN_ORDER, order));
+  PetscCall(LatinSolverCreate_Private(PETSC_COMM_SELF, solvers->sub->object, name, &solvers->ksp[i]));
+  PetscCall(KSPGetPC(solvers->ksp[i], &pc));
+  PetscCall(LatinDirectSolver_Private(pc, solvers->K[i], LATIN_CHOLESKY));
+  PetscCall(KSPSetOperators(solvers->ksp[i], solvers->K[i], solvers->K[i]));
+  PetscCall(KSPSetFromOptions(solvers->ksp[i]));
+  PetscCall(LatinSolverDefaults_Private(solvers->ksp[i], once));
+  PetscCall(MatSetBlockSize(solvers->K[i], solvers->sub->bs));
+  if (!solvers->rest[i]) PetscFunctionReturn(0);
   PetscCall(PCFactorSetUpMatSolverType(pc));
   PetscCall(PCFactorGetMatrix(pc, &F));
-  PetscCall(MatFactorSetSchurIS(F, *is));
+  PetscCall(MatFactorSetSchurIS(F, solvers->rest[i]));
   PetscFunctionReturn(0);
 }
 
@@ -136,32 +184,28 @@ static PetscErrorCode LatinLocalKeep_Private(LatinLocalSolvers *solvers, PetscIn
 */
 PetscErrorCode LatinLocalSolversSetUp(LatinLocalSolvers *solvers, const char name[], PetscBool once)
 {
-  const LatinSubdomains *sub = solvers->sub;
-
   PetscFunctionBegin;
   solvers->direct   = PETSC_TRUE;
   solvers->rounding = 0.0;
   PetscCall(PetscMemzero(&solvers->status, sizeof(solvers->status)));
   for (PetscInt i = 0; i < solvers->n && !LatinFactorFailed(&solvers->status); i++) {
-    PC pc;
-    IS kept = NULL;
+    const PetscInt columns = PetscMin(solvers->batches->batch[i].members, LATIN_BATCH_COLUMNS);
+    PetscBool      found;
+    PC             pc;
 
-    PetscCall(LatinLocalMatrix_Private(solvers, i));
-    PetscCall(LatinSolverCreate_Private(PETSC_COMM_SELF, sub->object, name, &solvers->ksp[i]));
+    PetscCall(LatinLocalKeep_Private(solvers, i));
+    PetscCall(LatinLocalSolversRecall_Private(solvers, i, &found));
+    if (!found) PetscCall(LatinLocalCreate_Private(solvers, i, name, once));
+    PetscCall(LatinDenseCreate_Private(solvers->rows[i].rows, columns, &solvers->B[i]));
+    PetscCall(LatinDenseCreate_Private(solvers->rows[i].rows, columns, &solvers->X[i]));
     PetscCall(KSPGetPC(solvers->ksp[i], &pc));
-    PetscCall(LatinDirectSolver_Private(pc, solvers->K[i], LATIN_CHOLESKY));
-    PetscCall(KSPSetOperators(solvers->ksp[i], solvers->K[i], solvers->K[i]));
-    PetscCall(KSPSetFromOptions(solvers->ksp[i]));
-    PetscCall(LatinSolverDefaults_Private(solvers->ksp[i], once));
-    PetscCall(MatSetBlockSize(solvers->K[i], sub->bs));
-    if (solvers->kept) PetscCall(LatinLocalKeep_Private(solvers, i, pc, &kept));
     if (solvers->precision != LATIN_PRECISION_DOUBLE) PetscCall(LatinCholeskyRound(pc, (PetscBool)(solvers->precision == LATIN_PRECISION_AUTO)));
-    PetscCall(LatinFactor_Private(solvers->ksp[i], solvers->K[i], kept, &solvers->status));
-    PetscCall(ISDestroy(&kept));
+    PetscCall(LatinFactor_Private(solvers->ksp[i], solvers->K[i], solvers->rest[i], &solvers->status));
     solvers->rounding = PetscMax(solvers->rounding, solvers->status.rounding);
     solvers->last     = i;
     PetscCall(LatinSolverDirect_Private(solvers->ksp[i], &solvers->direct));
   }
+  PetscCall(LatinLocalSolversForget_Private(solvers));
   PetscFunctionReturn(0);
 }
 

@@ -138,23 +138,47 @@ static PetscErrorCode LatinCholeskyRows_Private(LatinSupernodes *data, const Pet
   PetscFunctionReturn(0);
 }
 
+/* An order of elimination of the nodes, *order[n], or NULL where that of CHOLMOD will do; kept with the matrix, and taken from it where it has one already */
+static PetscErrorCode LatinCholeskyOrder_Private(const LatinSupernodes *data, Mat A, PetscInt n, const PetscInt i[], const PetscInt j[], PetscInt **order)
+{
+  const PetscInt *before;
+  PetscInt        bs;
+  IS              is;
+
+  PetscFunctionBegin;
+  *order = NULL;
+  if (!data->kept && (n <= LATIN_LARGE || i[n] >= LATIN_CHOLESKY_FULL * n * n)) PetscFunctionReturn(0);
+  PetscCall(PetscMalloc1(n, order));
+  PetscCall(PetscObjectQuery((PetscObject)A, LATIN_ORDER, (PetscObject *)&is));
+  if (is && !data->kept) {
+    PetscCall(ISGetIndices(is, &before));
+    PetscCall(PetscArraycpy(*order, before, n));
+    PetscCall(ISRestoreIndices(is, &before));
+    PetscFunctionReturn(0);
+  }
+  PetscCall(MatGetBlockSize(A, &bs));
+  PetscCall(LatinOrderNodes_Private(bs, n, i, j, data->keep, *order));
+  if (data->kept) PetscFunctionReturn(0);
+  PetscCall(ISCreateGeneral(PETSC_COMM_SELF, n, *order, PETSC_COPY_VALUES, &is));
+  PetscCall(PetscObjectCompose((PetscObject)A, LATIN_ORDER, (PetscObject)is));
+  PetscCall(ISDestroy(&is));
+  PetscFunctionReturn(0);
+}
+
 static PetscErrorCode LatinCholeskyNumeric_Private(Mat F, Mat A, const MatFactorInfo *info);
 
 static PetscErrorCode LatinCholeskySymbolic_Private(Mat F, Mat A, IS perm, const MatFactorInfo *info)
 {
   LatinSupernodes *data = (LatinSupernodes *)F->data;
   const PetscInt  *i, *j;
-  PetscInt         n, bs, *order = NULL;
+  PetscInt         n, bs, *order;
   PetscBool        done, nodes = PETSC_FALSE;
 
   PetscFunctionBegin;
-  PetscCall(MatGetBlockSize(A, &bs));
   PetscCall(MatGetRowIJ(A, 0, PETSC_FALSE, PETSC_FALSE, &n, &i, &j, &done));
   PetscCheck(done, PETSC_COMM_SELF, PETSC_ERR_SUP, "Factorisation %s needs a matrix of type seqaij", LATIN_CHOLESKY);
-  if (data->kept || (n > LATIN_LARGE && i[n] < LATIN_CHOLESKY_FULL * n * n)) {
-    PetscCall(PetscMalloc1(n, &order));
-    PetscCall(LatinOrderNodes_Private(bs, n, i, j, data->keep, order));
-  }
+  PetscCall(MatGetBlockSize(A, &bs));
+  PetscCall(LatinCholeskyOrder_Private(data, A, n, i, j, &order));
   if (order && !data->kept && bs > 1) PetscCall(LatinCholeskyNodes_Private(data, bs, i, j, order, &nodes));
   if (!nodes) PetscCall(LatinCholeskyRows_Private(data, i, j, order));
   PetscCall(PetscFree(order));

@@ -37,8 +37,9 @@ PETSC_INTERN PetscErrorCode LatinOrderingNodes_Private(PetscInt bs, PetscInt n, 
 PETSC_INTERN PetscErrorCode LatinOrderNodes_Private(PetscInt bs, PetscInt rows, const PetscInt ia[], const PetscInt ja[], const PetscBool kept[], PetscInt order[]);
 
 /* ---- Cholesky with the interfaces last (localsolvers/cholesky.c) ---- */
-#define LATIN_CHOLESKY    "latin" /* a MatSolverType */
-#define LATIN_FRONT_LANES 16      /* right-hand sides that lie beside each other: single precision fills a vector register of 512 bits */
+#define LATIN_CHOLESKY    "latin"      /* a MatSolverType */
+#define LATIN_ORDER       "LatinOrder" /* what a matrix carries its order of elimination by, an IS */
+#define LATIN_FRONT_LANES 16           /* right-hand sides that lie beside each other: single precision fills a vector register of 512 bits */
 PETSC_INTERN PetscErrorCode LatinCholeskyRegister(void);
 PETSC_INTERN PetscErrorCode LatinCholeskyRound(PC, PetscBool large);
 PETSC_INTERN PetscErrorCode LatinCholeskyRounded(PC, PetscBool *);
@@ -81,25 +82,40 @@ PETSC_INTERN PetscErrorCode LatinBatchesSetUp(const LatinSubdomains *, PetscInt 
 PETSC_INTERN PetscErrorCode LatinBatchesReset(LatinBatches *);
 PETSC_INTERN PetscInt       LatinBatchRun(const LatinBatch *, PetscInt m);
 
-/* One matrix and KSP a batch */
+/* The matrix and the KSP of a batch of an earlier set-up, whose symbolic phase serves a matrix of the same pattern */
 typedef struct {
-  const LatinSubdomains *sub;
-  const LatinBatches    *batches;
-  PetscInt               n;
-  PetscBool              direct;             /* all of them are factorisations */
-  LatinSparse           *rows;               /* of the operators, filled by others */
-  const PetscInt        *kept_offset, *kept; /* [subdomains + 1] entries of the copy arrays that the factors keep to the last; NULL: none */
-  LatinPrecision         precision;          /* that factors may have: who uses them corrects their solves */
-  PetscReal              rounding;           /* what of a solve the next one corrects, of the factors of this rank; 0: in double precision */
-  Mat                   *K, *B, *X;          /* operator; right-hand sides and solutions of some members, dense */
-  KSP                   *ksp;
-  LatinFactorStatus      status; /* of the set-up on this rank */
-  PetscInt               last;   /* the last batch that was set up: where a failure is */
-  PetscBool              failed; /* a solve failed on this rank since this was cleared */
+  LatinSparse rows; /* that K is made of */
+  Mat         K;
+  KSP         ksp;
+  IS          kept;
+} LatinRetired;
+
+/* One matrix and KSP a batch */
+typedef struct LatinLocalSolvers {
+  const LatinSubdomains          *sub;
+  const LatinBatches             *batches;
+  PetscInt                        n;
+  PetscBool                       direct;             /* all of them are factorisations */
+  LatinSparse                    *rows;               /* of the operators, filled by others */
+  const PetscInt                 *kept_offset, *kept; /* [subdomains + 1] entries of the copy arrays that the factors keep to the last; NULL: none */
+  const struct LatinLocalSolvers *like;               /* of the same rows: their order of elimination serves as well; NULL: none */
+  LatinPrecision                  precision;          /* that factors may have: who uses them corrects their solves */
+  PetscReal                       rounding;           /* what of a solve the next one corrects, of the factors of this rank; 0: in double precision */
+  Mat                            *K, *B, *X;          /* operator; right-hand sides and solutions of some members, dense */
+  KSP                            *ksp;
+  IS                             *rest; /* rows that the factor keeps to the last, NULL: none */
+  PetscInt                        retired;
+  LatinRetired                   *before; /* [retired] of the last set-up, until this one has taken what it can use */
+  LatinFactorStatus               status; /* of the set-up on this rank */
+  PetscInt                        last;   /* the last batch that was set up: where a failure is */
+  PetscBool                       failed; /* a solve failed on this rank since this was cleared */
 } LatinLocalSolvers;
 PETSC_INTERN PetscErrorCode LatinLocalSolversCreate(const LatinSubdomains *, const LatinBatches *, LatinLocalSolvers *);
 PETSC_INTERN PetscErrorCode LatinLocalSolversSetUp(LatinLocalSolvers *, const char name[], PetscBool once);
 PETSC_INTERN PetscErrorCode LatinLocalSolversDestroy(LatinLocalSolvers *);
+PETSC_INTERN PetscErrorCode LatinLocalSolversRetire(LatinLocalSolvers *);
+PETSC_INTERN PetscErrorCode LatinLocalSolversRecall_Private(LatinLocalSolvers *, PetscInt batch, PetscBool *found);
+PETSC_INTERN PetscErrorCode LatinSameRows_Private(Mat, PetscInt rows, const PetscInt i[], const PetscInt j[], PetscBool *same);
 PETSC_INTERN PetscErrorCode LatinLocalSolve_Private(LatinLocalSolvers *, PetscInt batch, const PetscReal g[], PetscReal U[]);
 PETSC_INTERN PetscErrorCode LatinLocalSolveAll(LatinLocalSolvers *, const PetscReal g[], PetscReal U[]);
 

@@ -19,12 +19,23 @@ static PetscErrorCode PCLatinInterior_Private(PC pc)
 
   PetscFunctionBegin;
   PetscCall(LatinLocalSolversCreate(&latin->sub, &latin->batches, interior));
+  interior->like = &latin->solvers;
   PetscCall(PetscMalloc1(n, &held));
   for (PetscInt i = 0; i < n; i++) held[i] = (PetscBool)(latin->sub.fixed[i] || !PCLatinInner(latin, i / bs));
   for (PetscInt b = 0; b < interior->n; b++) PetscCall(LatinSparseCreate_Private(&latin->sub, latin->batches.batch[b].sub[0], latin->linear.spring, held, 0, NULL, &interior->rows[b]));
   PetscCall(PetscFree(held));
   PetscCall(LatinLocalSolversSetUp(interior, "interior", PETSC_TRUE));
   PetscCall(LatinFactorAgree_Private(latin, &interior->status, interior->n ? &latin->batches.batch[interior->last] : NULL, "interior"));
+  PetscFunctionReturn(0);
+}
+
+/* Work space, made anew by each set-up */
+static PetscErrorCode PCLatinClear_Private(PC_Latin *data)
+{
+  PetscFunctionBegin;
+  PetscCall(VecDestroy(&data->work));
+  PetscCall(PetscFree5(data->weight, data->v, data->f, data->force, data->side));
+  data->built = PETSC_FALSE;
   PetscFunctionReturn(0);
 }
 
@@ -35,9 +46,24 @@ static PetscErrorCode PCReset_Latin(PC pc)
   PetscFunctionBegin;
   if (data->latin && !data->shared) PetscCall(LatinReset_Private(data->latin));
   PetscCall(LatinLocalSolversDestroy(&data->interior));
-  PetscCall(VecDestroy(&data->work));
-  PetscCall(PetscFree5(data->weight, data->v, data->f, data->force, data->side));
-  data->built = PETSC_FALSE;
+  PetscCall(PCLatinClear_Private(data));
+  PetscFunctionReturn(0);
+}
+
+/* Is a linear stage all there is to do? Where the subdomains of every node share its displacement, and no spring is between them, it solves exactly, if its solvers do. Collective on pc */
+static PetscErrorCode PCLatinStageIs_Private(PC_Latin *data)
+{
+  const Latin            latin = data->latin;
+  const LatinInterfaces *inter = &latin->inter;
+
+  PetscFunctionBegin;
+  data->stage = (PetscBool)(data->shared || (!inter->sides && latin->solvers.direct));
+  for (PetscInt i = 0; i < latin->sub.copies && !data->shared; i++)
+    if (!PCLatinInner(latin, i) && inter->component[i] < 0) data->stage = PETSC_FALSE;
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &data->stage, 1, LATIN_MPI_BOOL, MPI_LAND, PetscObjectComm((PetscObject)latin)));
+  if (!data->stage) PetscFunctionReturn(0);
+  PetscCall(LatinLocalSolversDestroy(&data->interior));
+  data->interior.direct = PETSC_FALSE;
   PetscFunctionReturn(0);
 }
 
@@ -49,14 +75,20 @@ static PetscErrorCode PCLatinBuild_Private(PC pc)
 
   PetscFunctionBegin;
   if (data->shared && data->built) PetscFunctionReturn(0);
-  PetscCall(PCReset_Latin(pc));
+  latin->renews = (PetscBool)(data->built && !data->chosen);
+  if (latin->renews) {
+    PetscCall(LatinLocalSolversRetire(&data->interior));
+    PetscCall(PCLatinClear_Private(data));
+  } else PetscCall(PCReset_Latin(pc));
   if (!data->shared) PetscCall(LatinSetUpOperator_Private(latin, (PetscObject)pc, pc, pc->dm));
   n = latin->sub.bs * latin->sub.copies;
   PetscCall(PetscMalloc5(n, &data->weight, n, &data->v, n, &data->f, n, &data->force, 3 * latin->inter.sides, &data->side));
   PetscCall(MatCreateVecs(pc->pmat, &data->work, NULL));
   PetscCall(PCLatinWeights_Private(pc));
-  if (!PCLatinStageAlone(data)) PetscCall(PCLatinInterior_Private(pc));
-  data->built = PETSC_TRUE;
+  PetscCall(PCLatinStageIs_Private(data));
+  if (!data->stage) PetscCall(PCLatinInterior_Private(pc));
+  data->built  = PETSC_TRUE;
+  data->chosen = PETSC_FALSE;
   PetscFunctionReturn(0);
 }
 
@@ -67,7 +99,7 @@ static PetscErrorCode PCSetUp_Latin(PC pc)
 
   PetscFunctionBegin;
   pc->failedreason = PC_NOERROR; /* that of the last operator: PETSc 3.18 keeps it */
-  if (!((PC_Latin *)pc->data)->follows) {
+  if (!((PC_Latin *)pc->data)->yields) {
     PetscCall(PCLatinBuild_Private(pc));
     PetscFunctionReturn(0);
   }
@@ -134,7 +166,7 @@ static PetscErrorCode PCLatinStage_Private(PC pc, Vec forces, Vec u)
   PetscCall(PetscArrayzero(data->v, latin->sub.bs * latin->sub.copies));
   PetscCall(LatinLinearApply(&latin->linear, data->v));
   PetscCall(PCLatinWeigh_Private(pc, PETSC_FALSE, data->v, data->f));
-  if (PCLatinStageAlone(data)) PCLatinFail(pc, data->f);
+  if (data->stage) PCLatinFail(pc, data->f);
   PetscCall(LatinSum_Private(&latin->sub, data->f, u));
   PetscFunctionReturn(0);
 }
@@ -163,8 +195,9 @@ static PetscErrorCode PCLatinExtend_Private(PC pc, Vec y)
    With B the solver of the interiors, W the weights and L the linear stage: B + (1 - B K) W L W^t (1 - K B), which is
    symmetric positive definite if B is, approximate or not. Where B is exact what W and L make of the interiors cancels.
 
-   Inside Newton's method of a SNES latin it is W L W^t alone: with its operators, on which slack links are taut, no
-   elimination of the interiors is exact, and with those of the tangent stiffness it takes half the set-up.
+   With the operators of a SNES latin, on which slack links are taut, no elimination of the interiors is exact: W L W^t
+   alone takes a few more iterations of half the cost. Where all that is on interfaces is in the coarse problem W L W^t is
+   all of it: one factor a subdomain.
 */
 static PetscErrorCode PCApply_Latin(PC pc, Vec x, Vec y)
 {
@@ -178,7 +211,7 @@ static PetscErrorCode PCApply_Latin(PC pc, Vec x, Vec y)
     PetscFunctionReturn(0);
   }
   latin->linear.failed = data->interior.failed = PETSC_FALSE;
-  if (PCLatinStageAlone(data)) PetscCall(PCLatinStage_Private(pc, x, y));
+  if (data->stage) PetscCall(PCLatinStage_Private(pc, x, y));
   else {
     PetscCall(PCLatinEliminate_Private(pc, x));
     PetscCall(PCLatinStage_Private(pc, data->work, data->work));
@@ -203,6 +236,7 @@ static PetscErrorCode PCSetFromOptions_Latin(PC pc, LatinOptionItems PetscOption
 
   PetscFunctionBegin;
   if (!data->shared) PetscCall(LatinSetFromOptions_Private(data->latin, (PetscObject)pc));
+  data->chosen = PETSC_TRUE;
   if (data->latin->stale) pc->setupcalled = 0; /* built again at the next PCSetUp() */
   PetscFunctionReturn(0);
 }
@@ -232,7 +266,7 @@ PetscErrorCode PCLatinFollow_Private(PC pc, Latin latin)
   Latin own = ((PC_Latin *)pc->data)->latin;
 
   PetscFunctionBegin;
-  ((PC_Latin *)pc->data)->follows = PETSC_TRUE;
+  ((PC_Latin *)pc->data)->yields = PETSC_TRUE;
   PetscCall(LatinSetVariant(own, latin->variant));
   PetscCall(LatinSetModes(own, latin->macro.type, PETSC_DEFAULT));
   PetscCall(LatinSetDirection(own, latin->dir.type, 0.0));

@@ -7,8 +7,10 @@
 typedef struct {
   Latin             latin;
   PetscBool         shared;        /* latin is that of a SNES latin, which builds it and has the options */
-  PetscBool         follows;       /* latin has the choices of a SNES latin: inside its Newton's method a mechanism is a failure of the preconditioner, not an error */
+  PetscBool         yields;        /* a mechanism is a failure of the preconditioner, not an error */
+  PetscBool         stage;         /* the linear stage alone: all links are taut, or there is no interface but in the coarse problem, and it is exact */
   PetscBool         built;         /* what follows is there, though a rank without subdomains has none */
+  PetscBool         chosen;        /* options have been read since the set-up: they may name other solvers */
   PetscReal        *weight;        /* [copies * bs] partition of unity */
   PetscReal        *side;          /* [3 * sides] work */
   LatinLocalSolvers interior;      /* stiffness of the interiors, identity elsewhere; none where a linear stage is all */
@@ -18,12 +20,6 @@ typedef struct {
 
 PETSC_INTERN PetscErrorCode PCLatinWeights_Private(PC);
 PETSC_INTERN PetscErrorCode PCLatinWeigh_Private(PC, PetscBool forces, const PetscReal whole[], PetscReal part[]);
-
-/* Inside Newton's method of SNES latin a linear stage is all: without the elimination of interiors a step takes a few more iterations of half the cost, and half the set-up */
-static inline PetscBool PCLatinStageAlone(const PC_Latin *data)
-{
-  return (PetscBool)(data->shared || data->follows);
-}
 
 /* Does the node of a copy belong to one subdomain? */
 static inline PetscBool PCLatinInner(const Latin latin, PetscInt copy)

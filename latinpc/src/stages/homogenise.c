@@ -145,6 +145,7 @@ static PetscErrorCode LatinHomogeniseSubdomain_Private(LatinLinear *linear, Pets
     PetscCallBLAS("BLASgemm", BLASgemm_("N", "N", &br, &bm, &bm, &one, phi, &br, T, &bm, &zero, work, &br));
     if (inverse) PetscCallBLAS("BLASgemm", BLASgemm_("N", "T", &br, &br, &bm, &minus, work, &br, phi, &br, &one, inverse, &br));
     PetscCall(PetscArraycpy(phi, work, rows * (size_t)macros));
+    PetscCall(PetscLogFlops((PetscLogDouble)macros * (macros * (macros + 2.0 * primals) + 2.0 * primals * primals + 2.0 * br * (primals + macros + (inverse ? br : 0)))));
   }
   for (PetscInt p = linear->inter->primal_offset[s]; p < linear->inter->primal_offset[s + 1]; p++) phi[(size_t)(linear->inter->primal_dof[p] - bs * linear->sub->node_offset[s]) + rows * (size_t)(macros + p - linear->inter->primal_offset[s])] = 1.0;
   /* symmetric to the bit, whatever the rounding above */

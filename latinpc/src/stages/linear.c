@@ -185,6 +185,7 @@ static PetscErrorCode LatinLinearCondense_Private(LatinLinear *linear, const Lat
     PetscCall(PetscBLASIntCast(sub->bs * (sub->node_offset[s + 1] - sub->node_offset[s]), &rows));
     PetscCall(PetscBLASIntCast(coarse->offset[s + 1] - coarse->offset[s], &cols));
     if (!cols) continue;
+    PetscCall(PetscLogFlops(2.0 * rows * cols * run));
     if (run == 1) PetscCallBLAS("BLASgemv", BLASgemv_("T", &rows, &cols, &one, Phi, &rows, g, &inc, &zero, q, &inc));
     else PetscCallBLAS("BLASgemm", BLASgemm_("T", "N", &cols, &run, &rows, &one, Phi, &rows, g, &rows, &zero, q, &cols));
   }
@@ -223,6 +224,7 @@ static PetscErrorCode LatinLinearRelocalise_Private(LatinLinear *linear, PetscIn
       }
     }
   }
+  PetscCall(PetscLogFlops(2.0 * macros * (macros ? coarse->offset[s + 1] - coarse->offset[s] : 0) + 2.0 * (linear->rc_last[s] - linear->rc_first[s])));
   for (PetscInt p = linear->rc_first[s]; p < linear->rc_last[s]; p++) g[linear->rc[p].row] -= linear->rc[p].value * uc[linear->rc[p].primal];
   for (PetscInt p = linear->inter->primal_offset[s]; p < linear->inter->primal_offset[s + 1]; p++) linear->g[linear->inter->primal_dof[p]] = uc[p - linear->inter->primal_offset[s]];
   PetscFunctionReturn(0);
@@ -243,6 +245,7 @@ static PetscErrorCode LatinLinearDense_Private(LatinLinear *linear, const LatinB
     PetscCall(PetscBLASIntCast(LatinBatchRun(batch, m), &run));
     PetscCall(PetscBLASIntCast(batch->rows, &rows));
     PetscCall(PetscBLASIntCast(coarse->offset[s + 1] - coarse->offset[s], &cols));
+    PetscCall(PetscLogFlops(2.0 * rows * run * ((PetscLogDouble)rows + cols)));
     PetscCallBLAS("BLASgemm", BLASgemm_("N", "N", &rows, &run, &rows, &one, inverse, &rows, linear->g + first, &rows, &one, U + first, &rows));
     if (cols) PetscCallBLAS("BLASgemm", BLASgemm_("N", "N", &rows, &run, &cols, &one, linear->Phi + linear->phi_offset[s], &rows, coarse->u + coarse->offset[s], &cols, &one, U + first, &rows));
   }

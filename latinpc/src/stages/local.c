@@ -107,7 +107,8 @@ PetscErrorCode LatinLocalStage_Private(LatinLinear *linear, const PetscReal z[],
   PetscCall(PetscSFBcastEnd(inter->mate_sf, MPIU_REAL, linear->outgoing, Gz, MPI_REPLACE));
   PetscCall(LatinSweepFaces_Private(linear, z, Gz, &sum[0]));
   for (PetscInt i = 0; linear->sub->ground && i < linear->sub->dim * linear->sub->copies; i++) sum[1] += linear->sub->ground[i] * linear->U[i] * linear->U[i];
-  sum[3] = linear->failed ? 1.0 : 0.0; /* a local solver that failed on one rank has failed on all */
+  PetscCall(PetscLogFlops(4.0 * inter->sides + (7.0 * linear->sub->dim + 12.0) * linear->sub->links)); /* of links about, for laws differ */
+  sum[3] = linear->failed ? 1.0 : 0.0;                                                                 /* a local solver that failed on one rank has failed on all */
   PetscCall(MPIU_Allreduce(sum, total, 5, MPIU_REAL, MPIU_SUM, PetscObjectComm(linear->sub->object)));
   linear->failed = (PetscBool)(total[3] > 0.0);
   total[0] += total[4]; /* displacements that the linear stage has yet to correct are as far off as those that the local stage does not want */

@@ -78,6 +78,7 @@ typedef struct {
   /* subdomains of a matrix (subdomains/matis.c) have no links, and one component a node */
   PetscInt  *ki, *kj; /* [copies + 1], [ki[copies]] rows of the operators, NULL: B^t k B */
   PetscReal *ka;
+  PetscInt   rows, *row_copy; /* [rows] of the local matrix: their copies, or why they have none (subdomains/matis.c) */
   /* coupled to no other unknown: rows of a matrix, masses without link in a motion */
   PetscInt   unassigned_count, *unassigned; /* unknowns of this rank's part of a vector that are in no subdomain */
   PetscReal *unassigned_inverse;            /* inverse of their diagonal entries */
@@ -124,6 +125,7 @@ static inline PetscReal LatinElongation(const LatinSubdomains *sub, PetscInt dim
 PETSC_INTERN PetscErrorCode LatinSubdomainsSetUp(LatinSubdomains *, PetscInt of_link[], PetscInt count);
 PETSC_INTERN PetscErrorCode LatinSubdomainsSetUp_Matrix(LatinSubdomains *);
 PETSC_INTERN PetscErrorCode LatinSubdomainsRefresh(LatinSubdomains *);
+PETSC_INTERN PetscErrorCode LatinSubdomainsRefresh_Matrix(LatinSubdomains *, PetscBool *same);
 PETSC_INTERN PetscErrorCode LatinSubdomainsReturn_Private(const LatinSubdomains *, const PetscReal state[], PetscReal value[]);
 PETSC_INTERN PetscErrorCode LatinSubdomainsBalance_Private(const LatinSubdomains *, PetscReal *links, PetscReal *dofs, PetscReal *ranks);
 PETSC_INTERN PetscErrorCode LatinSubdomainsReset(LatinSubdomains *);

@@ -1,4 +1,4 @@
-#include "subdomains/latinsubdomains.h"
+#include "subdomains/localmatrix.h"
 
 /*
    Substructuring of a MATIS: a subdomain is the local matrix of a rank, or a connected part of it. Every degree of
@@ -10,105 +10,8 @@
    copy of it.
 */
 
-#define LATIN_MATRIX_ASYMMETRY LatinByPrecision(1e-8, 1e-4) /* of two entries, relative to the largest ones of their rows */
-
-/* The local matrix, by rows, and where its rows are in the global numbering */
-typedef struct {
-  Mat                    K;
-  ISLocalToGlobalMapping map;
-  PetscInt               rows;
-  const PetscInt        *i, *j, *global;
-  const PetscScalar     *a;
-} LatinLocalMatrix;
-
-static PetscErrorCode LatinLocalMatrixGet_Private(Mat A, LatinLocalMatrix *local)
-{
-  ISLocalToGlobalMapping cols;
-  PetscBool              aij, done;
-  Mat                    K;
-
-  PetscFunctionBegin;
-  PetscCall(MatISGetLocalToGlobalMapping(A, &local->map, &cols));
-  LatinAgree(PetscObjectComm((PetscObject)A), local->map != cols, PETSC_ERR_SUP, "The rows and columns of the MATIS have different local-to-global maps: -pc_type latin is for symmetric matrices");
-  PetscCall(MatISGetLocalMat(A, &K));
-  PetscCall(PetscObjectTypeCompare((PetscObject)K, MATSEQAIJ, &aij));
-  if (aij) PetscCall(PetscObjectReference((PetscObject)K));
-  local->K = K;
-  if (!aij) PetscCall(MatConvert(K, MATSEQAIJ, MAT_INITIAL_MATRIX, &local->K));
-  PetscCall(MatISRestoreLocalMat(A, &K));
-  PetscCall(MatGetRowIJ(local->K, 0, PETSC_FALSE, PETSC_FALSE, &local->rows, &local->i, &local->j, &done));
-  PetscCheck(done, PETSC_COMM_SELF, PETSC_ERR_PLIB, "The rows of a local matrix cannot be read");
-  PetscCall(MatSeqAIJGetArrayRead(local->K, &local->a));
-  PetscCall(ISLocalToGlobalMappingGetIndices(local->map, &local->global));
-  PetscFunctionReturn(0);
-}
-
-static PetscErrorCode LatinLocalMatrixRestore_Private(LatinLocalMatrix *local)
-{
-  PetscInt  n;
-  PetscBool done;
-
-  PetscFunctionBegin;
-  PetscCall(ISLocalToGlobalMappingRestoreIndices(local->map, &local->global));
-  PetscCall(MatSeqAIJRestoreArrayRead(local->K, &local->a));
-  PetscCall(MatRestoreRowIJ(local->K, 0, PETSC_FALSE, PETSC_FALSE, &n, &local->i, &local->j, &done));
-  PetscCall(MatDestroy(&local->K));
-  PetscFunctionReturn(0);
-}
-
-/* The entry across the diagonal from entry k of row r, 0 where there is none */
-static PetscErrorCode LatinLocalMatrixAcross_Private(const LatinLocalMatrix *local, PetscInt r, PetscInt k, PetscReal *value)
-{
-  const PetscInt first = local->i[local->j[k]], last = local->i[local->j[k] + 1];
-  PetscInt       at;
-
-  PetscFunctionBegin;
-  PetscCall(PetscFindInt(r, last - first, local->j + first, &at));
-  *value = at < 0 ? 0.0 : local->a[first + at];
-  PetscFunctionReturn(0);
-}
-
-/* Ends in an error on every rank when the local matrix of any of them is not symmetric, or not of finite numbers */
-static PetscErrorCode LatinLocalMatrixSymmetric_Private(Mat A, const LatinLocalMatrix *local)
-{
-  PetscReal *largest, value[2] = {0.0, 0.0};
-  PetscInt   bad[2] = {-1, -1};
-  PetscBool  known, symmetric;
-
-  PetscFunctionBegin;
-  PetscCall(MatIsSymmetricKnown(A, &known, &symmetric));
-  LatinAgree(PetscObjectComm((PetscObject)A), known && !symmetric, PETSC_ERR_SUP, "The matrix is marked as not symmetric: -pc_type latin is for symmetric positive definite matrices");
-  PetscCall(PetscCalloc1(local->rows, &largest));
-  for (PetscInt r = 0; r < local->rows && bad[0] < 0; r++)
-    for (PetscInt k = local->i[r]; k < local->i[r + 1] && bad[0] < 0; k++) {
-      largest[r] = PetscMax(largest[r], PetscAbsScalar(local->a[k]));
-      if (!PetscIsInfOrNanScalar(local->a[k])) continue;
-      bad[0] = local->global[r];
-      bad[1] = local->global[local->j[k]];
-    }
-  LatinAgree(PetscObjectComm((PetscObject)A), bad[0] >= 0, PETSC_ERR_FP, "The matrix has an entry that is not a finite number, at row %" PetscInt_FMT ", column %" PetscInt_FMT, bad[0], bad[1]);
-  for (PetscInt r = 0; r < local->rows && bad[0] < 0; r++)
-    for (PetscInt k = local->i[r]; k < local->i[r + 1] && bad[0] < 0; k++) {
-      const PetscInt c = local->j[k];
-
-      if (c == r) continue;
-      value[0] = local->a[k];
-      PetscCall(LatinLocalMatrixAcross_Private(local, r, k, &value[1]));
-      if (PetscAbsReal(value[0] - value[1]) > LATIN_MATRIX_ASYMMETRY * PetscMax(largest[r], largest[c])) {
-        bad[0] = local->global[r];
-        bad[1] = local->global[c];
-      }
-    }
-  PetscCall(PetscFree(largest));
-  LatinAgree(PetscObjectComm((PetscObject)A), bad[0] >= 0, PETSC_ERR_SUP,
-             "A local matrix of the MATIS is not symmetric: %g at row %" PetscInt_FMT ", column %" PetscInt_FMT
-             ", but %g at their exchange. -pc_type latin needs symmetric local matrices: add up the matrices of elements, and impose boundary conditions with MatZeroRowsColumns(), not MatZeroRows()",
-             (double)value[0], bad[0], bad[1], (double)value[1]);
-  PetscFunctionReturn(0);
-}
-
-/* Which local rows have a copy here; and the unknowns of this rank that are coupled to no other, with their diagonal */
-static PetscErrorCode LatinMatrixUnknowns_Private(LatinSubdomains *sub, const LatinLocalMatrix *local, PetscBool kept[])
+/* Which local rows have a copy here, and which ones are coupled to nothing on any rank; and the unknowns of this rank that are coupled to no other, with their diagonal */
+static PetscErrorCode LatinMatrixUnknowns_Private(LatinSubdomains *sub, const LatinLocalMatrix *local, PetscBool kept[], PetscBool alone[])
 {
   MPI_Comm    comm = PetscObjectComm(sub->object);
   PetscLayout map;
@@ -131,7 +34,10 @@ static PetscErrorCode LatinMatrixUnknowns_Private(LatinSubdomains *sub, const La
   PetscCall(LatinSFReduce_Private(sf, 1, MPIU_REAL, diagonal, sum, MPI_SUM));
   PetscCall(LatinSFBcast_Private(sf, 1, MPIU_INT, all, coupled));
   PetscCall(PetscSFDestroy(&sf));
-  for (PetscInt r = 0; r < local->rows; r++) kept[r] = (PetscBool)(kept[r] && coupled[r]);
+  for (PetscInt r = 0; r < local->rows; r++) {
+    alone[r] = (PetscBool)!coupled[r];
+    kept[r]  = (PetscBool)(kept[r] && coupled[r]);
+  }
   for (PetscInt i = 0; i < sub->nodes_local; i++) sub->unassigned_count += all[i] ? 0 : 1;
   PetscCall(PetscMalloc2(sub->unassigned_count, &sub->unassigned, sub->unassigned_count, &sub->unassigned_inverse));
   for (PetscInt i = 0, k = 0; i < sub->nodes_local; i++) {
@@ -183,8 +89,8 @@ static PetscErrorCode LatinMatrixParts_Private(LatinSubdomains *sub, const Latin
   PetscFunctionReturn(0);
 }
 
-/* The copies, part by part and by global number; at[row] is the copy of a local row */
-static PetscErrorCode LatinMatrixCopies_Private(LatinSubdomains *sub, const LatinLocalMatrix *local, const PetscInt part[], PetscInt at[])
+/* The copies, part by part and by global number; at[row] is the copy of a local row, LATIN_ROW_ALONE: coupled to nothing, -1: a row of zeros */
+static PetscErrorCode LatinMatrixCopies_Private(LatinSubdomains *sub, const LatinLocalMatrix *local, const PetscInt part[], const PetscBool alone[], PetscInt at[])
 {
   PetscInt *row, *next;
 
@@ -206,7 +112,7 @@ static PetscErrorCode LatinMatrixCopies_Private(LatinSubdomains *sub, const Lati
     }
   PetscCall(PetscArraycpy(sub->node_offset, next, sub->n + 1));
   for (PetscInt s = 0; s < sub->n; s++) PetscCall(PetscSortIntWithArray(sub->node_offset[s + 1] - sub->node_offset[s], sub->node + sub->node_offset[s], row + sub->node_offset[s]));
-  for (PetscInt r = 0; r < local->rows; r++) at[r] = -1;
+  for (PetscInt r = 0; r < local->rows; r++) at[r] = alone[r] ? LATIN_ROW_ALONE : -1;
   for (PetscInt i = 0; i < sub->copies; i++) at[row[i]] = i;
   /* the rows of the operators, of entries that are not zero on either side of the diagonal: rounding may leave one of the two, and METIS takes symmetric graphs */
   PetscCall(PetscMalloc1(sub->copies + 1, &sub->ki));
@@ -264,7 +170,7 @@ static PetscErrorCode LatinMatrixData_Private(LatinSubdomains *sub)
    that no vector of the kernel leaves at rest. For a right-hand side orthogonal to N this has a solution of A, since
    N^t E is regular and the springs then carry nothing; and the same spectrum on the complement of N.
 */
-static PetscErrorCode LatinMatrixHold_Private(LatinSubdomains *sub)
+PetscErrorCode LatinMatrixHold_Private(LatinSubdomains *sub)
 {
   MPI_Comm       comm = PetscObjectComm(sub->object);
   const PetscInt rows = sub->nodes_local, n = sub->known.kernels;
@@ -314,8 +220,8 @@ PetscErrorCode LatinSubdomainsSetUp_Matrix(LatinSubdomains *sub)
   MPI_Comm         comm = PetscObjectComm(sub->object);
   LatinLocalMatrix local;
   PetscMPIInt      size;
-  PetscBool       *kept;
-  PetscInt        *part, *at;
+  PetscBool       *kept, *alone;
+  PetscInt        *part;
 
   PetscFunctionBegin;
   PetscCall(PetscLogEventBegin(LATIN_Subdomains, sub->object, 0, 0, 0));
@@ -325,12 +231,14 @@ PetscErrorCode LatinSubdomainsSetUp_Matrix(LatinSubdomains *sub)
   sub->nears  = sub->known.nears;
   PetscCall(MatGetLocalSize(sub->matrix, &sub->nodes_local, NULL));
   PetscCall(LatinLocalMatrixGet_Private(sub->matrix, &local));
-  PetscCall(LatinLocalMatrixSymmetric_Private(sub->matrix, &local));
-  PetscCall(PetscMalloc3(local.rows, &kept, local.rows, &part, local.rows, &at));
-  PetscCall(LatinMatrixUnknowns_Private(sub, &local, kept));
+  sub->rows = local.rows;
+  PetscCall(PetscMalloc1(local.rows, &sub->row_copy));
+  PetscCall(PetscMalloc3(local.rows, &kept, local.rows, &alone, local.rows, &part));
+  PetscCall(LatinMatrixUnknowns_Private(sub, &local, kept, alone));
+  PetscCall(LatinLocalMatrixSymmetric_Private(sub->matrix, &local, alone));
   PetscCall(LatinMatrixParts_Private(sub, &local, kept, part));
-  PetscCall(LatinMatrixCopies_Private(sub, &local, part, at));
-  PetscCall(PetscFree3(kept, part, at));
+  PetscCall(LatinMatrixCopies_Private(sub, &local, part, alone, sub->row_copy));
+  PetscCall(PetscFree3(kept, alone, part));
   PetscCall(LatinLocalMatrixRestore_Private(&local));
   PetscCall(LatinMatrixData_Private(sub));
   PetscCall(LatinMatrixHold_Private(sub));

@@ -27,6 +27,7 @@ PetscErrorCode LatinOperatorMult(const LatinSubdomains *sub, const PetscReal v[]
       f[b + c] += t * n[c];
     }
   }
+  PetscCall(PetscLogFlops((sub->ki ? 2.0 * sub->ki[sub->copies] : 0.0) + (8.0 * bs + 1.0) * sub->links + (sub->ground ? 1.0 * bs * sub->copies : 0.0)));
   PetscFunctionReturn(0);
 }
 
@@ -39,6 +40,7 @@ PetscErrorCode LatinOperatorDiagonal(const LatinSubdomains *sub, PetscReal diago
   for (PetscInt i = 0; i < sub->copies && sub->ki; i++)
     for (PetscInt k = sub->ki[i]; k < sub->ki[i + 1]; k++)
       if (sub->kj[k] == i) diagonal[i] = sub->ka[k];
+  PetscCall(PetscLogFlops(4.0 * bs * sub->links));
   for (PetscInt l = 0; l < sub->links; l++)
     for (PetscInt c = 0; c < bs; c++) {
       const PetscReal v = sub->stiffness[l] * PetscSqr(sub->direction[bs * l + c]);

@@ -308,6 +308,7 @@ PetscErrorCode LatinSubdomainsReset(LatinSubdomains *sub)
   PetscCall(PetscFree2(sub->field, sub->near));
   PetscCall(PetscFree(sub->ki));
   PetscCall(PetscFree2(sub->kj, sub->ka));
+  PetscCall(PetscFree(sub->row_copy));
   PetscCall(PetscFree2(sub->unassigned, sub->unassigned_inverse));
   PetscCall(PetscSFDestroy(&sub->link_sf));
   PetscCall(PetscSFDestroy(&sub->node_sf));

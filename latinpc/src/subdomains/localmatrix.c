@@ -1,0 +1,92 @@
+#include "subdomains/localmatrix.h"
+
+/* The local matrix of a MATIS: its rows, and whether they are symmetric. */
+
+PetscErrorCode LatinLocalMatrixGet_Private(Mat A, LatinLocalMatrix *local)
+{
+  ISLocalToGlobalMapping cols;
+  PetscBool              aij, done;
+  Mat                    K;
+
+  PetscFunctionBegin;
+  PetscCall(MatISGetLocalToGlobalMapping(A, &local->map, &cols));
+  LatinAgree(PetscObjectComm((PetscObject)A), local->map != cols, PETSC_ERR_SUP, "The rows and columns of the MATIS have different local-to-global maps: -pc_type latin is for symmetric matrices");
+  PetscCall(MatISGetLocalMat(A, &K));
+  PetscCall(PetscObjectTypeCompare((PetscObject)K, MATSEQAIJ, &aij));
+  if (aij) PetscCall(PetscObjectReference((PetscObject)K));
+  local->K = K;
+  if (!aij) PetscCall(MatConvert(K, MATSEQAIJ, MAT_INITIAL_MATRIX, &local->K));
+  PetscCall(MatISRestoreLocalMat(A, &K));
+  PetscCall(MatGetRowIJ(local->K, 0, PETSC_FALSE, PETSC_FALSE, &local->rows, &local->i, &local->j, &done));
+  PetscCheck(done, PETSC_COMM_SELF, PETSC_ERR_PLIB, "The rows of a local matrix cannot be read");
+  PetscCall(MatSeqAIJGetArrayRead(local->K, &local->a));
+  PetscCall(ISLocalToGlobalMappingGetIndices(local->map, &local->global));
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode LatinLocalMatrixRestore_Private(LatinLocalMatrix *local)
+{
+  PetscInt  n;
+  PetscBool done;
+
+  PetscFunctionBegin;
+  PetscCall(ISLocalToGlobalMappingRestoreIndices(local->map, &local->global));
+  PetscCall(MatSeqAIJRestoreArrayRead(local->K, &local->a));
+  PetscCall(MatRestoreRowIJ(local->K, 0, PETSC_FALSE, PETSC_FALSE, &n, &local->i, &local->j, &done));
+  PetscCall(MatDestroy(&local->K));
+  PetscFunctionReturn(0);
+}
+
+/* The entry across the diagonal from entry k of row r, 0 where there is none */
+PetscErrorCode LatinLocalMatrixAcross_Private(const LatinLocalMatrix *local, PetscInt r, PetscInt k, PetscReal *value)
+{
+  const PetscInt first = local->i[local->j[k]], last = local->i[local->j[k] + 1];
+  PetscInt       at;
+
+  PetscFunctionBegin;
+  PetscCall(PetscFindInt(r, last - first, local->j + first, &at));
+  *value = at < 0 ? 0.0 : local->a[first + at];
+  PetscFunctionReturn(0);
+}
+
+/*
+   Ends in an error on every rank when the local matrix of any of them is not symmetric, or not of finite numbers. The columns
+   of rows that are coupled to nothing, as MatZeroRows() leaves them, do not count: alone[]
+*/
+PetscErrorCode LatinLocalMatrixSymmetric_Private(Mat A, const LatinLocalMatrix *local, const PetscBool alone[])
+{
+  PetscReal *largest, value[2] = {0.0, 0.0};
+  PetscInt   bad[2] = {-1, -1};
+  PetscBool  known, symmetric;
+
+  PetscFunctionBegin;
+  PetscCall(MatIsSymmetricKnown(A, &known, &symmetric));
+  LatinAgree(PetscObjectComm((PetscObject)A), known && !symmetric, PETSC_ERR_SUP, "The matrix is marked as not symmetric: -pc_type latin is for symmetric positive definite matrices");
+  PetscCall(PetscCalloc1(local->rows, &largest));
+  for (PetscInt r = 0; r < local->rows && bad[0] < 0; r++)
+    for (PetscInt k = local->i[r]; k < local->i[r + 1] && bad[0] < 0; k++) {
+      largest[r] = PetscMax(largest[r], PetscAbsScalar(local->a[k]));
+      if (!PetscIsInfOrNanScalar(local->a[k])) continue;
+      bad[0] = local->global[r];
+      bad[1] = local->global[local->j[k]];
+    }
+  LatinAgree(PetscObjectComm((PetscObject)A), bad[0] >= 0, PETSC_ERR_FP, "The matrix has an entry that is not a finite number, at row %" PetscInt_FMT ", column %" PetscInt_FMT, bad[0], bad[1]);
+  for (PetscInt r = 0; r < local->rows && bad[0] < 0; r++)
+    for (PetscInt k = local->i[r]; k < local->i[r + 1] && bad[0] < 0; k++) {
+      const PetscInt c = local->j[k];
+
+      if (c == r || alone[r] || alone[c]) continue;
+      value[0] = local->a[k];
+      PetscCall(LatinLocalMatrixAcross_Private(local, r, k, &value[1]));
+      if (PetscAbsReal(value[0] - value[1]) > LATIN_MATRIX_ASYMMETRY * PetscMax(largest[r], largest[c])) {
+        bad[0] = local->global[r];
+        bad[1] = local->global[c];
+      }
+    }
+  PetscCall(PetscFree(largest));
+  LatinAgree(PetscObjectComm((PetscObject)A), bad[0] >= 0, PETSC_ERR_SUP,
+             "A local matrix of the MATIS is not symmetric: %g at row %" PetscInt_FMT ", column %" PetscInt_FMT
+             ", but %g at their exchange. -pc_type latin needs symmetric local matrices: add up the matrices of elements, and impose boundary conditions with MatZeroRowsColumns(), not MatZeroRows()",
+             (double)value[0], bad[0], bad[1], (double)value[1]);
+  PetscFunctionReturn(0);
+}

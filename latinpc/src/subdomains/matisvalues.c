@@ -1,0 +1,150 @@
+#include "subdomains/localmatrix.h"
+
+/*
+   New values of a MATIS whose pattern is that of the last set-up. The pattern is that of entries that are not zero, so that
+   it is compared entry by entry: subdomains and copies are kept where a new set-up would make the same ones.
+*/
+
+/* The values of a matrix of the same pattern, in the rows of the operators; *same: it has that pattern here, *check: its symmetry is to be looked at entry by entry */
+static PetscErrorCode LatinMatrixValues_Private(LatinSubdomains *sub, const LatinLocalMatrix *local, PetscBool *same, PetscBool *check)
+{
+  PetscInt *place; /* [copies] of the entry in this column, plus one */
+
+  PetscFunctionBegin;
+  *same = (PetscBool)(local->rows == sub->rows);
+  PetscCall(PetscCalloc1(sub->copies, &place));
+  for (PetscInt r = 0; r < local->rows && *same; r++) {
+    const PetscInt i    = sub->row_copy[r];
+    PetscInt       left = i < 0 ? 0 : sub->ki[i + 1] - sub->ki[i];
+
+    for (PetscInt k = i < 0 ? 0 : sub->ki[i]; i >= 0 && k < sub->ki[i + 1]; k++) place[sub->kj[k]] = k + 1;
+    for (PetscInt k = local->i[r]; k < local->i[r + 1] && *same; k++) {
+      const PetscInt column = local->j[k], at = sub->row_copy[column];
+      PetscReal      across = 0.0;
+
+      if (local->a[k] == 0.0) continue;
+      if (i < 0) *same = (PetscBool)(i == LATIN_ROW_ALONE && column == r);
+      else if (at >= 0 && place[at] > sub->ki[i]) {
+        sub->ka[place[at] - 1] = local->a[k];
+        left--;
+      } else {
+        if (at >= 0) PetscCall(LatinLocalMatrixAcross_Private(local, r, k, &across));
+        *same  = (PetscBool)(across == 0.0);
+        *check = PETSC_TRUE;
+      }
+    }
+    if (left) *same = PETSC_FALSE;
+  }
+  PetscCall(PetscFree(place));
+  PetscFunctionReturn(0);
+}
+
+/* Are the rows of the operators finite and symmetric? Those below the diagonal come in the order of the rows above it */
+static PetscErrorCode LatinMatrixIsSymmetric_Private(const LatinSubdomains *sub, PetscBool *symmetric)
+{
+  PetscInt  *next;
+  PetscReal *largest;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMalloc1(sub->copies, &next));
+  PetscCall(PetscCalloc1(sub->copies, &largest));
+  PetscCall(PetscArraycpy(next, sub->ki, sub->copies));
+  *symmetric = PETSC_TRUE;
+  for (PetscInt i = 0; i < sub->copies; i++)
+    for (PetscInt k = sub->ki[i]; k < sub->ki[i + 1]; k++) largest[i] = PetscMax(largest[i], PetscAbsReal(sub->ka[k]));
+  for (PetscInt i = 0; i < sub->copies; i++)
+    for (PetscInt k = sub->ki[i]; k < sub->ki[i + 1]; k++) {
+      const PetscInt j = sub->kj[k];
+
+      if (PetscIsInfOrNanReal(sub->ka[k]) || (j > i && PetscAbsReal(sub->ka[k] - sub->ka[next[j]]) > LATIN_MATRIX_ASYMMETRY * PetscMax(largest[i], largest[j]))) *symmetric = PETSC_FALSE;
+      if (j > i) next[j]++;
+    }
+  PetscCall(PetscFree(next));
+  PetscCall(PetscFree(largest));
+  PetscFunctionReturn(0);
+}
+
+/* The inverse diagonal of what is in no subdomain. Collective on sub->object */
+static PetscErrorCode LatinMatrixAlone_Private(LatinSubdomains *sub, const LatinLocalMatrix *local)
+{
+  PetscReal  *diagonal, *sum;
+  PetscLayout map;
+  PetscSF     sf;
+
+  PetscFunctionBegin;
+  PetscCall(PetscCalloc2(local->rows, &diagonal, sub->nodes_local, &sum));
+  for (PetscInt r = 0; r < local->rows; r++)
+    for (PetscInt k = local->i[r]; k < local->i[r + 1]; k++)
+      if (local->j[k] == r) diagonal[r] = local->a[k];
+  PetscCall(MatGetLayouts(sub->matrix, &map, NULL));
+  PetscCall(PetscSFCreate(PetscObjectComm(sub->object), &sf));
+  PetscCall(PetscSFSetGraphLayout(sf, map, local->rows, NULL, PETSC_COPY_VALUES, local->global));
+  PetscCall(LatinSFReduce_Private(sf, 1, MPIU_REAL, diagonal, sum, MPI_SUM));
+  PetscCall(PetscSFDestroy(&sf));
+  for (PetscInt k = 0; k < sub->unassigned_count; k++) sub->unassigned_inverse[k] = sum[sub->unassigned[k]] != 0.0 ? 1.0 / sum[sub->unassigned[k]] : 1.0;
+  PetscCall(PetscFree2(diagonal, sum));
+  PetscFunctionReturn(0);
+}
+
+/* What is known of the unknowns, for the copies as they are; *same: they are where they were. Collective on sub->object */
+static PetscErrorCode LatinMatrixKnown_Private(LatinSubdomains *sub, PetscBool *same)
+{
+  const LatinUnknowns *known = &sub->known;
+  const PetscInt       n     = sub->copies;
+  PetscReal           *x;
+  PetscInt            *field;
+  PetscBool            equal;
+
+  PetscFunctionBegin;
+  *same = PETSC_FALSE;
+  if (sub->dim != known->dim || sub->fields != known->fields || sub->nears != known->nears) PetscFunctionReturn(0); /* on all ranks */
+  PetscCall(PetscMalloc2(sub->dim * n, &x, n, &field));
+  if (sub->dim) PetscCall(LatinSFBcast_Private(sub->node_sf, sub->dim, MPIU_REAL, known->x, x));
+  PetscCall(LatinSFBcast_Private(sub->node_sf, 1, MPIU_INT, known->field, field));
+  for (PetscInt k = 0; k < known->nears; k++) PetscCall(LatinSFBcast_Private(sub->node_sf, 1, MPIU_REAL, known->near + sub->nodes_local * k, sub->near + n * k));
+  PetscCall(PetscArraycmp(x, sub->x, sub->dim * n, same));
+  PetscCall(PetscArraycmp(field, sub->field, n, &equal));
+  *same = (PetscBool)(*same && equal);
+  PetscCall(PetscFree2(x, field));
+  PetscFunctionReturn(0);
+}
+
+/*
+   New values of sub->matrix. *same: the subdomains and their copies are those of a new set-up, on all ranks; else they are to be
+   set up again, and what is there has no meaning. Collective on sub->object
+*/
+PetscErrorCode LatinSubdomainsRefresh_Matrix(LatinSubdomains *sub, PetscBool *same)
+{
+  MPI_Comm         comm = PetscObjectComm(sub->object);
+  LatinLocalMatrix local;
+  PetscBool        pattern, places, check = PETSC_FALSE, known, symmetric, *alone;
+  PetscInt         any[3];
+
+  PetscFunctionBegin;
+  PetscCall(PetscLogEventBegin(LATIN_Subdomains, sub->object, 0, 0, 0));
+  PetscCall(LatinLocalMatrixGet_Private(sub->matrix, &local));
+  PetscCall(LatinMatrixKnown_Private(sub, &places));
+  PetscCall(LatinMatrixValues_Private(sub, &local, &pattern, &check));
+  PetscCall(MatIsSymmetricKnown(sub->matrix, &known, &symmetric));
+  if (known && !symmetric) check = PETSC_TRUE;
+  if (pattern && !check) {
+    PetscCall(LatinMatrixIsSymmetric_Private(sub, &symmetric));
+    check = (PetscBool)!symmetric;
+  }
+  any[0] = pattern && places ? 0 : 1;
+  any[1] = check ? 1 : 0;
+  any[2] = sub->unassigned_count;
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, any, 3, MPIU_INT, MPI_MAX, comm));
+  *same = (PetscBool)!any[0];
+  if (any[1] && *same) {
+    PetscCall(PetscMalloc1(local.rows, &alone));
+    for (PetscInt r = 0; r < local.rows; r++) alone[r] = (PetscBool)(sub->row_copy[r] == LATIN_ROW_ALONE);
+    PetscCall(LatinLocalMatrixSymmetric_Private(sub->matrix, &local, alone));
+    PetscCall(PetscFree(alone));
+  }
+  if (any[2] && *same) PetscCall(LatinMatrixAlone_Private(sub, &local));
+  PetscCall(LatinLocalMatrixRestore_Private(&local));
+  if (*same) PetscCall(LatinMatrixHold_Private(sub));
+  PetscCall(PetscLogEventEnd(LATIN_Subdomains, sub->object, 0, 0, 0));
+  PetscFunctionReturn(0);
+}
