@@ -2,7 +2,7 @@
 
 /*
    The coarse matrix: the homogenised stiffnesses of the subdomains, or of groups of them, added up (30), (52). Each rank adds
-   up its own; what ranks share PETSc adds in the order of the ranks, the same bits twice.
+   up its own; what ranks share is added in coarse/rows.c.
 */
 
 /* Where in offset[], dof by dof, the elements have each of the rows: start[rows + 1], list[entries] */
@@ -15,10 +15,10 @@ static void LatinCoarseTouching(const LatinElements *elements, PetscInt rows, co
 }
 
 /*
-   The elements' operators, added up in a matrix of this rank; at[]: where their dofs are in it. A row is added up in an
+   The elements' operators, added up in compressed rows of this rank; at[]: where their dofs are in them. A row is added up in an
    array and goes to its column, for the matrix is symmetric: so the columns of each row come in order.
 */
-static PetscErrorCode LatinCoarseLocal_Private(const LatinElements *elements, PetscInt rows, const PetscInt at[], Mat *K)
+static PetscErrorCode LatinCoarseLocal_Private(const LatinElements *elements, PetscInt rows, const PetscInt at[], PetscInt **i, PetscInt **j, PetscScalar **a)
 {
   const PetscInt entries = elements->offset[elements->n];
   PetscInt      *start, *list, *of, *seen, *column, *next, *ki, *kj;
@@ -62,6 +62,16 @@ static PetscErrorCode LatinCoarseLocal_Private(const LatinElements *elements, Pe
     PetscCall(PetscArraycpy(next, ki, rows + 1));
   }
   PetscCall(PetscFree7(start, list, of, seen, column, next, sum));
+  *i = ki;
+  *j = kj;
+  *a = ka;
+  PetscFunctionReturn(0);
+}
+
+/* The same as a matrix of this rank; frees the rows */
+static PetscErrorCode LatinCoarseMatrix_Private(PetscInt rows, PetscInt *ki, PetscInt *kj, PetscScalar *ka, Mat *K)
+{
+  PetscFunctionBegin;
   PetscCall(MatCreate(PETSC_COMM_SELF, K));
   PetscCall(MatSetSizes(*K, rows, rows, rows, rows));
   PetscCall(MatSetType(*K, MATSEQAIJ));
@@ -71,39 +81,15 @@ static PetscErrorCode LatinCoarseLocal_Private(const LatinElements *elements, Pe
   PetscFunctionReturn(0);
 }
 
-/* A, of which each rank has a part K with these global numbers. Collective on A */
-static PetscErrorCode LatinCoarseSum_Private(Mat A, Mat K, const PetscInt number[])
-{
-  const PetscInt    *ki, *kj;
-  PetscInt           n, *i, *j;
-  PetscBool          done;
-  const PetscScalar *a;
-
-  PetscFunctionBegin;
-  PetscCall(MatGetRowIJ(K, 0, PETSC_FALSE, PETSC_FALSE, &n, &ki, &kj, &done));
-  PetscCheck(done, PETSC_COMM_SELF, PETSC_ERR_PLIB, "The rows of the coarse matrix cannot be read");
-  PetscCall(PetscMalloc2(ki[n], &i, ki[n], &j));
-  for (PetscInt r = 0; r < n; r++)
-    for (PetscInt k = ki[r]; k < ki[r + 1]; k++) {
-      i[k] = number[r];
-      j[k] = number[kj[k]];
-    }
-  PetscCall(MatSetPreallocationCOO(A, ki[n], i, j));
-  PetscCall(PetscFree2(i, j));
-  PetscCall(MatSeqAIJGetArrayRead(K, &a));
-  PetscCall(MatSetValuesCOO(A, a, INSERT_VALUES));
-  PetscCall(MatSeqAIJRestoreArrayRead(K, &a));
-  PetscCall(MatRestoreRowIJ(K, 0, PETSC_FALSE, PETSC_FALSE, &n, &ki, &kj, &done));
-  PetscFunctionReturn(0);
-}
-
 /* Sets coarse.A, sum_E c_E^t H_E c_E over the elements; apart: with the part of each rank by itself, a MATIS. Collective on sub->object */
 PetscErrorCode LatinCoarseAssemble_Private(LatinCoarse *coarse, PetscBool apart)
 {
   const LatinElements   *top     = &coarse->top;
   const PetscInt         entries = top->offset[top->n];
   MPI_Comm               comm    = PetscObjectComm(coarse->sub->object);
-  PetscInt              *number, *at, n = entries;
+  PetscInt              *number, *at, *ki = NULL, *kj = NULL, n = entries;
+  PetscScalar           *ka = NULL;
+  PetscLayout            rows;
   PetscMPIInt            ranks;
   ISLocalToGlobalMapping map;
   Mat                    K;
@@ -114,26 +100,25 @@ PetscErrorCode LatinCoarseAssemble_Private(LatinCoarse *coarse, PetscBool apart)
   PetscCall(PetscArraycpy(number, coarse->top_global, entries));
   PetscCall(PetscSortRemoveDupsInt(&n, number));
   for (PetscInt i = 0; i < entries; i++) PetscCall(PetscFindInt(coarse->top_global[i], n, number, &at[i]));
-  PetscCall(LatinCoarseLocal_Private(top, n, at, &K));
+  PetscCall(LatinCoarseLocal_Private(top, n, at, &ki, &kj, &ka));
   if (apart) {
+    PetscCall(LatinCoarseMatrix_Private(n, ki, kj, ka, &K));
     PetscCall(ISLocalToGlobalMappingCreate(comm, 1, n, number, PETSC_COPY_VALUES, &map));
     PetscCall(MatCreateIS(comm, 1, coarse->top_local, coarse->top_local, coarse->top_size, coarse->top_size, map, map, &coarse->A));
     PetscCall(MatISSetLocalMat(coarse->A, K));
+    PetscCall(MatDestroy(&K));
     PetscCall(MatAssemblyBegin(coarse->A, MAT_FINAL_ASSEMBLY));
     PetscCall(MatAssemblyEnd(coarse->A, MAT_FINAL_ASSEMBLY));
     PetscCall(ISLocalToGlobalMappingDestroy(&map));
   } else if (ranks == 1) {
-    PetscCall(PetscObjectReference((PetscObject)K));
-    coarse->A = K;
+    PetscCall(LatinCoarseMatrix_Private(n, ki, kj, ka, &coarse->A));
   } else {
-    PetscCall(MatCreate(comm, &coarse->A));
-    PetscCall(MatSetSizes(coarse->A, coarse->top_local, coarse->top_local, coarse->top_size, coarse->top_size));
-    PetscCall(MatSetType(coarse->A, MATAIJ));
-    PetscCall(LatinCoarseSum_Private(coarse->A, K, number));
+    PetscCall(PetscLayoutCreateFromSizes(comm, coarse->top_local, coarse->top_size, 1, &rows));
+    PetscCall(LatinRowsSum_Private(rows, n, number, ki, kj, ka, &coarse->A));
+    PetscCall(PetscLayoutDestroy(&rows));
   }
   PetscCall(MatSetOption(coarse->A, MAT_SYMMETRIC, PETSC_TRUE));
   PetscCall(MatSetOption(coarse->A, MAT_SPD, PETSC_TRUE));
-  PetscCall(MatDestroy(&K));
   PetscCall(PetscFree2(number, at));
   PetscFunctionReturn(0);
 }
