@@ -40,6 +40,7 @@ PYTHON_FLOORS = [
     ["results"],
     ["structure"],
     ["scenes"],
+    ["distributed"],
     ["files"],
     ["forms"],
     ["__init__"],

@@ -9,6 +9,9 @@ __version__ = "0.1.0"
 
 from latinpc import scenes
 from latinpc.accuracy import digits, energy_bound, estimated_error, rounding_floor, tension_error
+from latinpc.distributed.result import LocalResult
+from latinpc.distributed.scenes import local_scene
+from latinpc.distributed.structure import LocalStructure
 from latinpc.files.reading import read
 from latinpc.forms.form import Form, form_find
 from latinpc.laws import Law
@@ -23,6 +26,7 @@ from latinpc.settings import (
     set_modes,
     set_newton,
     set_partition,
+    set_partitioner,
     set_precision,
     set_reference,
     set_stop,
@@ -63,6 +67,8 @@ __all__ = [
     "Form",
     "LatinWarning",
     "Law",
+    "LocalResult",
+    "LocalStructure",
     "Modes",
     "Result",
     "Sizes",
@@ -81,6 +87,7 @@ __all__ = [
     "jammed_links",
     "load_state",
     "local_ksp",
+    "local_scene",
     "macro_stiffness",
     "modes",
     "node_classes",
@@ -100,6 +107,7 @@ __all__ = [
     "set_modes",
     "set_newton",
     "set_partition",
+    "set_partitioner",
     "set_precision",
     "set_reference",
     "set_stop",

@@ -129,6 +129,7 @@ cdef extern from "latinpc.h":
 
     PetscErrorCode LatinSetPartition(Latin, PetscInt, const PetscInt *)
     PetscErrorCode LatinSetSubdomains(Latin, PetscInt)
+    PetscErrorCode LatinSetPartitioner(Latin, int)
     PetscErrorCode LatinSetVariant(Latin, int)
     PetscErrorCode LatinSetModes(Latin, int, PetscReal)
     PetscErrorCode LatinSetDirection(Latin, int, PetscReal)

@@ -287,6 +287,11 @@ def set_subdomains(Object solver not None, PetscInt subdomains):
     CHKERR(LatinSetSubdomains(core(solver), subdomains))
 
 
+def set_partitioner(Object solver not None, int partitioner):
+    """Choose who makes a partition."""
+    CHKERR(LatinSetPartitioner(core(solver), partitioner))
+
+
 def set_variant(Object solver not None, int variant):
     """Choose the coarse treatment of weak interfaces."""
     CHKERR(LatinSetVariant(core(solver), variant))

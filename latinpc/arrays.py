@@ -1,11 +1,15 @@
 """Check the arrays of the caller, and distribute them over the ranks."""
 
 import numpy as np
+from mpi4py import MPI
 from petsc4py import PETSc
 
 from latinpc.laws import Law
 
-__all__ = ["REAL", "Slices", "Solver", "integers", "native", "partition", "real", "refuse", "shaped", "slices_of"]
+__all__ = [
+    "REAL", "Parts", "Slices", "Solver", "agreed", "block", "communicator", "integers", "native", "partition", "real",
+    "refuse", "shaped", "slices_of",
+]  # fmt: skip
 
 REAL = np.dtype(PETSc.RealType)
 Solver = PETSc.SNES | PETSc.KSP | PETSc.PC  #: what may be of type latin and has subdomains
@@ -34,9 +38,7 @@ class Slices:
             self.my_links = np.flatnonzero((subdomain >= first) & (subdomain < last))
 
     def _block(self, n):
-        """Split n entries as PetscSplitOwnership does."""
-        size, rank = self.comm.size, self.comm.rank
-        return tuple(n // size * r + min(r, n % size) for r in (rank, rank + 1))
+        return block(n, self.comm.rank, self.comm.size)
 
     def gather_nodes(self, mine):
         """Assemble a nodal array; collective."""
@@ -48,6 +50,55 @@ class Slices:
         for where, values in self.comm.allgather((self.my_links, mine)):
             whole[where] = values
         return whole
+
+    def partition(self, name, values):
+        """Make an array of the subdomains of this rank's links from that of all."""
+        return partition(name, values, self.links)[self.my_links]
+
+
+class Parts:
+    """Nodes and links of which each rank has given its own: arrays of results are those of this rank."""
+
+    def __init__(self, comm, nodes, links):
+        self.comm = comm.tompi4py()
+        self.nodes, self.links = PETSc.DETERMINE, links
+        self.node_start, self.node_end = 0, nodes
+        self.my_links = range(links)
+
+    def gather_nodes(self, mine):
+        """Leave a nodal array where it is; not collective."""
+        return mine
+
+    gather_links = gather_nodes
+
+    def partition(self, name, values):
+        """Make an array of the subdomains of this rank's links; the library checks the rest."""
+        return agreed(self.comm, shaped, name, integers(name, values), (self.links,), np.int64, "a value per link")
+
+
+def communicator(comm):
+    """Make a petsc4py communicator of what the caller has, the default one of None."""
+    if comm is None:
+        comm = PETSc.Sys.getDefaultComm()
+    return comm if isinstance(comm, PETSc.Comm) else PETSc.Comm(comm)
+
+
+def block(n, rank, size):
+    """Return the first and the last but one of n entries that a rank has, as PetscSplitOwnership splits them."""
+    return tuple(n // size * r + min(r, n % size) for r in (rank, rank + 1))
+
+
+def agreed(comm, function, *arguments):
+    """Call a function on each rank; what it refuses on one is an error on all, with its number; collective."""
+    error, value = None, None
+    try:
+        value = function(*arguments)
+    except (ValueError, TypeError) as refused:
+        error = str(refused)
+    first = comm.allreduce(comm.size if error is None else comm.rank, op=MPI.MIN)
+    if first < comm.size:
+        raise ValueError(f"rank {first}: {comm.bcast(error, root=first)}")
+    return value
 
 
 def native(values, dtype=REAL):

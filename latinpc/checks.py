@@ -10,7 +10,7 @@ import numpy as np
 from latinpc.arrays import REAL, integers, partition, real, refuse, shaped
 from latinpc.laws import Law, law_numbers
 
-__all__ = ["ARRAYS", "Checks", "checked"]
+__all__ = ["ARRAYS", "Checks", "checked", "checked_shapes"]
 
 #: Arrays of a structure; those from `subdomain` on are None where not given.
 ARRAYS = (
@@ -19,7 +19,20 @@ ARRAYS = (
 )  # fmt: skip
 
 
-def checked(given: Mapping[str, Any], laws: Sequence[str], dtype=REAL) -> dict[str, np.ndarray | None]:
+def checked_shapes(given: Mapping[str, Any], dtype=REAL, least: int = 1) -> tuple[np.ndarray, np.ndarray]:
+    """Check the shapes of nodes and links, at least so many of either; return them as arrays."""
+    nodes = real("nodes", given["nodes"], dtype)
+    if nodes.ndim != 2 or nodes.shape[1] not in (1, 2, 3) or len(nodes) < least:
+        raise ValueError(f"nodes must be an (n, dim) array with dim 1, 2 or 3, not of shape {nodes.shape}")
+    links = integers("links", given["links"]).astype(np.int64, copy=False)
+    if links.ndim != 2 or links.shape[1] != 2 or len(links) < least:
+        raise ValueError(f"links must be an (m, 2) array of node numbers, not of shape {links.shape}")
+    return nodes, links
+
+
+def checked(
+    given: Mapping[str, Any], laws: Sequence[str], dtype=REAL, around: tuple[np.ndarray, np.ndarray] | None = None
+) -> dict[str, np.ndarray | None]:
     """Check all arrays of a structure; not collective.
 
     Parameters
@@ -30,20 +43,18 @@ def checked(given: Mapping[str, Any], laws: Sequence[str], dtype=REAL) -> dict[s
         Names of the known laws, by number.
     dtype : numpy.dtype
         Of real numbers.
+    around : (nodes, links), optional
+        Of a part of a structure: its nodes and those of other ranks at its links, and the links by their places there.
 
     Returns
     -------
     dict
         Whole arrays by name; an array of `given` that has its type already is not copied.
     """
-    nodes = real("nodes", given["nodes"], dtype)
-    if nodes.ndim != 2 or nodes.shape[1] not in (1, 2, 3) or len(nodes) == 0:
-        raise ValueError(f"nodes must be an (n, dim) array with dim 1, 2 or 3, not of shape {nodes.shape}")
-    links = integers("links", given["links"]).astype(np.int64, copy=False)
-    if links.ndim != 2 or links.shape[1] != 2 or len(links) == 0:
-        raise ValueError(f"links must be an (m, 2) array of node numbers, not of shape {links.shape}")
+    nodes, links = checked_shapes(given, dtype, 1 if around is None else 0)
     checks = Checks(nodes.shape, len(links), dtype)
-    found = {"nodes": nodes, "links": links, "direction": checks.geometry(nodes, links, given["direction"])}
+    ends = around or (nodes, links)
+    found = {"nodes": nodes, "links": links, "direction": checks.geometry(*ends, given["direction"], links)}
     found["law"] = law = checks.law(given["law"], laws)
     found["stiffness"] = checks.stiffness(given["stiffness"], law)
     elongation = given["initial_elongation"]
@@ -51,7 +62,7 @@ def checked(given: Mapping[str, Any], laws: Sequence[str], dtype=REAL) -> dict[s
     found["fixed"], found["prescribed"] = checks.supports(given["fixed"], given["prescribed"])
     found["load"] = checks.node_array("load", 0.0 if given["load"] is None else given["load"])
     optional = {
-        "subdomain": lambda values: partition("subdomain", values, len(links)),
+        "subdomain": checks.subdomain if around else lambda values: partition("subdomain", values, len(links)),
         "friction": checks.friction,
         "mass": checks.mass,
         "area": lambda values: checks.positive("area", values),
@@ -82,23 +93,29 @@ class Checks:
         self.count = count
         self.dtype = dtype
 
-    def geometry(self, nodes, links, direction):
-        """Check nodes and links; return the directions as an array, None without any."""
+    def geometry(self, nodes, links, direction, named):
+        """Check nodes and links, which messages name; return the directions as an array, None without any."""
         refuse(~np.isfinite(nodes).all(axis=1), "node", "has a coordinate that is not finite", nodes)
         refuse(
             ((links < 0) | (links >= len(nodes))).any(axis=1),
             "link",
             f"joins a node that does not exist (nodes are numbered from 0 to {len(nodes) - 1})",
-            links,
+            named,
         )
-        refuse(links[:, 0] == links[:, 1], "link", "joins a node to itself", links)
+        refuse(links[:, 0] == links[:, 1], "link", "joins a node to itself", named)
         length = np.linalg.norm(nodes[links[:, 1]] - nodes[links[:, 0]], axis=1)
         if direction is not None:
             direction = shaped("direction", direction, (self.count, nodes.shape[1]), self.dtype, "a row per link")
             refuse(~np.isfinite(direction).all(axis=1), "link", "has a direction that is not finite", direction)
             length = np.where(direction.any(axis=1), 1.0, length)
-        refuse(length == 0, "link", "has no length: its two nodes are at one place and no direction is given", links)
+        refuse(length == 0, "link", "has no length: its two nodes are at one place and no direction is given", named)
         return direction
+
+    def subdomain(self, values):
+        """Check the subdomains of a part of the links: the library checks that none is missing."""
+        values = self.link_array("subdomain", integers("subdomain", values), np.int64)
+        refuse(values < 0, "link", "has a negative subdomain", values)
+        return values
 
     def law(self, values, names):
         """Check laws, numbers or names; return numbers."""

@@ -13,10 +13,10 @@ from petsc4py import PETSc
 
 #: Options of our own, after ``-snes_latin_``, ``-ksp_latin_``, ``-pc_latin_``; the last are prefixes of inner solvers.
 OPTIONS = (
-    "variant", "modes", "modes_local", "subdomains", "direction", "direction_value", "precision", "monitor", "stop",
-    "error", "tension_error", "balance", "geometry", "warm_start", "newton",
+    "variant", "modes", "modes_local", "subdomains", "partitioner", "direction", "direction_value", "precision",
+    "monitor", "stop", "error", "tension_error", "balance", "geometry", "warm_start", "newton",
 )  # fmt: skip
-INNER_PREFIXES = ("local_", "interior_", "coarse_", "outer_", "newton_")
+INNER_PREFIXES = ("mat_partitioning_", "local_", "interior_", "coarse_", "outer_", "newton_")
 
 
 @contextlib.contextmanager

@@ -8,7 +8,7 @@ from __future__ import annotations
 from numpy.typing import ArrayLike
 from petsc4py import PETSc
 
-from latinpc.arrays import Solver, native, partition, slices_of
+from latinpc.arrays import Solver, native, slices_of
 from latinpc.library import _latin
 
 __all__ = [
@@ -18,6 +18,7 @@ __all__ = [
     "set_modes",
     "set_newton",
     "set_partition",
+    "set_partitioner",
     "set_precision",
     "set_reference",
     "set_stop",
@@ -27,6 +28,7 @@ __all__ = [
     "set_warm_start",
 ]
 
+PARTITIONERS = ("auto", "metis", "parallel")
 VARIANTS = ("none", "macro", "corner", "published", "primal", "auto")
 MODES = ("affine", "rigid")
 PRECISIONS = ("double", "single", "auto")
@@ -51,11 +53,23 @@ def set_partition(solver: Solver, subdomain: ArrayLike) -> None:
     solver : petsc4py.PETSc.SNES, petsc4py.PETSc.KSP or petsc4py.PETSc.PC
         Of type latin, with a `Structure` attached. Of a TS, take ``ts.getSNES()``.
     subdomain : (m,) array_like of int
-        The same on every rank, counted from 0 without gaps.
+        The same on every rank, counted from 0 without gaps; of a `LocalStructure` of this rank's links.
     """
-    slices = slices_of(solver)
-    whole = partition("subdomain", subdomain, slices.links)
-    _latin.set_partition(solver, native(whole[slices.my_links], PETSc.IntType))
+    _latin.set_partition(solver, native(slices_of(solver).partition("subdomain", subdomain), PETSc.IntType))
+
+
+def set_partitioner(solver: Solver, partitioner: str) -> None:
+    """Choose who makes a partition, ``-snes_latin_partitioner``; not collective, before the set-up.
+
+    Parameters
+    ----------
+    solver : petsc4py.PETSc.SNES, petsc4py.PETSc.KSP or petsc4py.PETSc.PC
+        Of type latin.
+    partitioner : {"auto", "metis", "parallel"}
+        METIS on one rank, which then holds all links; PT-Scotch or ParMETIS on all ranks; ``"auto"``: METIS on one
+        rank and for a million links or less.
+    """
+    _latin.set_partitioner(solver, _number("partitioner", PARTITIONERS, partitioner))
 
 
 def set_subdomains(solver: Solver, subdomains: int) -> None:

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from petsc4py import PETSc
 
 from latinpc.actions import Actions
-from latinpc.arrays import REAL, Slices, native
+from latinpc.arrays import REAL, Slices, communicator, native
 from latinpc.checks import ARRAYS, Checks, checked
 from latinpc.equations import Equations
 from latinpc.geometry import GEOMETRIES, Geometry, known_geometry
@@ -181,7 +181,7 @@ class Structure(Geometry, Equations, Actions, Plots):
         for array in ARRAYS:  # what the caller does to theirs is not done to ours
             if given[array] is not None and np.may_share_memory(getattr(self, array), np.asarray(given[array])):
                 self._keep(array, getattr(self, array).copy())
-        self.notices = duplicates(self)
+        self.notices = self._duplicates()
 
     @classmethod
     def from_scene(cls, scene: Any, comm: Communicator | None = None) -> Structure:
@@ -209,16 +209,15 @@ class Structure(Geometry, Equations, Actions, Plots):
 
     def _make(self, given, comm, name, prestress=None, geometry="linear"):
         """Check the arrays, keep them, and distribute them."""
-        arrays = checked(given, _latin.law_names())
-        for array, values in arrays.items():
+        self.comm = communicator(comm)
+        for array, values in self._checked(given).items():
             self._keep(array, values)
         self.name = name
-        self._checks = Checks(self.nodes.shape, len(self.links))
-        self.comm = _comm(comm)
-        self._slices = Slices(self.comm, len(self.nodes), self.law, self.subdomain)
         self._handle = handle = _latin.StructureHandle()
         mine = self._slices.my_links
-        handle.create(self.comm, len(self.nodes), self._my_nodes(self.nodes), native(self.links[mine], PETSc.IntType))
+        handle.create(
+            self.comm, self._slices.nodes, self._my_nodes(self.nodes), native(self.links[mine], PETSc.IntType)
+        )
         handle.set_laws(
             native(self.law[mine], PETSc.IntType), native(self.stiffness[mine]), native(self.initial_elongation[mine])
         )
@@ -238,6 +237,16 @@ class Structure(Geometry, Equations, Actions, Plots):
         handle.setup()
         # a solver has the DM, not this object: it finds the caller's numbering there
         self.dm.setAttr("latinpc_slices", self._slices)
+
+    def _checked(self, given):
+        """Check the arrays, and find out which of them are this rank's."""
+        arrays = checked(given, _latin.law_names())
+        self._checks = Checks(arrays["nodes"].shape, len(arrays["links"]))
+        self._slices = Slices(self.comm, len(arrays["nodes"]), arrays["law"], arrays["subdomain"])
+        return arrays
+
+    def _duplicates(self):
+        return duplicates(self)
 
     def _keep(self, name, values):
         """Keep an array of the structure, which is read and not written."""
@@ -302,7 +311,7 @@ class Structure(Geometry, Equations, Actions, Plots):
         petsc4py.PETSc.SNES
             Of type latin; ``setFromOptions`` may change it.
         """
-        snes = PETSc.SNES().create(self.comm if comm is None else _comm(comm))
+        snes = PETSc.SNES().create(self.comm if comm is None else communicator(comm))
         self.attach(snes)
         snes.setType("latin")
         return snes
@@ -324,7 +333,7 @@ class Structure(Geometry, Equations, Actions, Plots):
         petsc4py.PETSc.TS
             Of type latin; ``setFromOptions`` may change it. ``ts.getSolution2()`` returns ``u`` and ``v``.
         """
-        ts = PETSc.TS().create(self.comm if comm is None else _comm(comm))
+        ts = PETSc.TS().create(self.comm if comm is None else communicator(comm))
         self.attach(ts)
         ts.setType("latin")
         ts.setSolution2(self.create_vec() if u is None else u, self.create_vec() if v is None else v)
@@ -459,10 +468,3 @@ class Structure(Geometry, Equations, Actions, Plots):
 
     def _my_nodes(self, values, dtype=REAL):
         return native(values[self._slices.node_start : self._slices.node_end], dtype)
-
-
-def _comm(comm):
-    """Make a petsc4py communicator of what the caller has."""
-    if comm is None:
-        comm = PETSc.Sys.getDefaultComm()
-    return comm if isinstance(comm, PETSc.Comm) else PETSc.Comm(comm)

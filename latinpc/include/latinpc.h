@@ -59,6 +59,14 @@ typedef enum {
 } LatinModesType;
 PETSC_EXTERN const char *const LatinModesTypes[];
 
+/* Who makes a partition where the caller gives none */
+typedef enum {
+  LATIN_PARTITIONER_AUTO,    /* METIS; on several ranks parallel where one of them would hold too much */
+  LATIN_PARTITIONER_METIS,   /* METIS on one rank */
+  LATIN_PARTITIONER_PARALLEL /* PT-Scotch or ParMETIS on all ranks */
+} LatinPartitioner;
+PETSC_EXTERN const char *const LatinPartitioners[];
+
 /* The micro search direction d of the interfaces */
 typedef enum {
   LATIN_DIRECTION_SCALAR,   /* one number an interface */
@@ -210,6 +218,7 @@ PETSC_EXTERN PetscErrorCode PCShellSetLatin(PC);
 
 PETSC_EXTERN PetscErrorCode LatinSetSubdomains(Latin, PetscInt);
 PETSC_EXTERN PetscErrorCode LatinSetPartition(Latin, PetscInt links, const PetscInt subdomain[]);
+PETSC_EXTERN PetscErrorCode LatinSetPartitioner(Latin, LatinPartitioner);
 PETSC_EXTERN PetscErrorCode LatinSetVariant(Latin, LatinVariant);
 PETSC_EXTERN PetscErrorCode LatinSetModes(Latin, LatinModesType, PetscReal threshold);
 PETSC_EXTERN PetscErrorCode LatinSetDirection(Latin, LatinDirectionType, PetscReal value);

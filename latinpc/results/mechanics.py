@@ -49,7 +49,7 @@ def tensions(scene, displacement):
     return np.where(scene.law == Law.COMPRESSION_ONLY, np.minimum(tau, 0.0), tau)
 
 
-def slack(scene, tensions):
+def slack(scene, tensions, largest=None):
     """Find the slack links: cables, compression-only links and contacts without force.
 
     Parameters
@@ -57,12 +57,16 @@ def slack(scene, tensions):
     scene : Scene
     tensions : (..., m) array
         In N. What is below rounding of the largest one counts as zero.
+    largest : float, optional
+        That one (N), where the links are a part of a structure.
 
     Returns
     -------
     (..., m) array of bool
     """
-    threshold = 1e-12 * np.abs(tensions).max(axis=-1, initial=0.0, keepdims=True)
+    if largest is None:
+        largest = np.abs(tensions).max(axis=-1, initial=0.0, keepdims=True)
+    threshold = 1e-12 * largest
     cable = np.isin(scene.law, (Law.CABLE, Law.INEXTENSIBLE)) & (tensions <= threshold)
     return cable | (np.isin(scene.law, (Law.COMPRESSION_ONLY, Law.CONTACT, Law.FRICTION)) & (tensions >= -threshold))
 

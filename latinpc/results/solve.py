@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,7 +21,7 @@ from .result import Result
 if TYPE_CHECKING:
     from latinpc.structure import Structure
 
-__all__ = ["attach_linear", "gather", "solve"]
+__all__ = ["attach_linear", "gather", "report_of", "solve"]
 
 
 def solve(
@@ -30,8 +30,9 @@ def solve(
     preset: str | None,
     options: Mapping[str, Any] | None,
     raise_on_failure: bool,
+    found: Callable[..., Any] | None = None,
 ) -> Result:
-    """Solve as `latinpc.Structure.solve` says; collective."""
+    """Solve as `latinpc.Structure.solve` says; `found` makes the result, by default `gather`; collective."""
     comm, given = structure.comm, _given(error, options)
     stops = ("snes_latin_stop", "snes_stol") if error is not None else ()  # the error is one
     settings = {} if preset is None else preset_options(preset)
@@ -42,14 +43,14 @@ def solve(
             snes.setFromOptions()
             core = attach_linear(structure, snes)
             snes.solve(None, u)
-            result = gather(structure, snes, core, u)
+            result = (found or gather)(structure, snes, core, u)
         except PETSc.Error as reported:
             raise SolveError(solvers.error_message(reported)) from reported
         finally:
             snes.destroy()
             u.destroy()
         result.notices += _unread(comm, [name for name in ours if name in given])
-    result.notices += magnitudes(result)
+    result.notices += magnitudes(result) if found is None else []
     for notice in result.notices:
         warn(comm, notice)
     if not result.converged:
@@ -105,6 +106,40 @@ def _solver_name(snes: PETSc.SNES) -> str:
     return f"{name}, npc {snes.getNPC().getType()}" if snes.hasNPC() else name
 
 
+def report_of(
+    structure: Structure, snes: PETSc.SNES, statistics: dict[str, Any], past: dict, loose: tuple[int, int]
+) -> dict[str, Any]:
+    """Return what a report says of a solve, from what is known; not collective.
+
+    Parameters
+    ----------
+    structure : Structure
+    snes : petsc4py.PETSc.SNES
+    statistics : dict
+        `latinpc.statistics`, empty without a solver of type latin.
+    past : dict
+        `latinpc.history`, empty likewise.
+    loose : (int, int)
+        Number of slack links, and of links that can be slack.
+    """
+    iterations = snes.getIterationNumber(), snes.getLinearSolveIterations()
+    return {
+        **problem(structure),
+        "solver": _solver_name(snes),
+        **{key: statistics.get(key) for key in DECOMPOSITION},
+        "direction": statistics.get("direction_mean"),
+        "iterations": iterations[snes.getType() == "ksponly"],
+        "linear_iterations": iterations[1],
+        "converged": snes.getConvergedReason() > 0,
+        "reason": snes_reason(snes),
+        "indicator": past["indicator"][-1] if len(past.get("indicator", ())) else None,
+        "residual_norm": None,
+        "slack_fraction": loose[0] / loose[1] if loose[1] else 0.0,
+        "estimated_error": accuracy.estimated_error(snes) if len(past.get("estimate", ())) else None,
+        "tension_error": accuracy.tension_error(snes) if snes.getType() == "latin" else None,
+    }
+
+
 def gather(
     structure: Structure, snes: PETSc.SNES, core: PETSc.SNES | PETSc.KSP | PETSc.PC | None, u: PETSc.Vec,
     part: float = 1.0,
@@ -141,7 +176,6 @@ def gather(
     tensions = solvers.tensions(snes)
     past = {key: np.array(values) for key, values in solvers.history(snes).items()} if is_latin else {}
     statistics = solvers.statistics(core) if core is not None else {}
-    iterations = snes.getIterationNumber(), snes.getLinearSolveIterations()
     result = Result(
         structure=structure,
         displacements=structure.displacements(u),
@@ -154,25 +188,10 @@ def gather(
         history=past,
         notices=[*structure.notices, *causes(snes, structure, past)],
     )
-    unilateral = np.count_nonzero(np.isin(structure.law, UNILATERAL))
-    report = {
-        **problem(structure),
-        "solver": _solver_name(snes),
-        **{key: statistics.get(key) for key in DECOMPOSITION},
-        "direction": statistics.get("direction_mean"),
-        "cost": solvers.cost(core) if core is not None else None,
-        "iterations": iterations[snes.getType() == "ksponly"],
-        "linear_iterations": iterations[1],
-        "converged": snes.getConvergedReason() > 0,
-        "reason": snes_reason(snes),
-        "indicator": past["indicator"][-1] if len(past.get("indicator", ())) else None,
-        "residual_norm": r.norm(),
-        "slack_fraction": np.count_nonzero(result.slack) / unilateral if unilateral else 0.0,
-        "estimated_error": accuracy.estimated_error(snes) if len(past.get("estimate", ())) else None,
-        "tension_error": accuracy.tension_error(snes) if is_latin else None,
-        **({} if factor is None else {"load_factor": part * factor}),
-    }
-    result.report.update(plain(report))
+    loose = np.count_nonzero(result.slack), np.count_nonzero(np.isin(structure.law, UNILATERAL))
+    cost = solvers.cost(core) if core is not None else None
+    report = report_of(structure, snes, statistics, past, loose) | {"cost": cost, "residual_norm": r.norm()}
+    result.report.update(plain(report | ({} if factor is None else {"load_factor": part * factor})))
     result.notices += [*turned(result), *limit(result)]
     if ends:
         structure.set_load(load)

@@ -14,7 +14,7 @@ from .mechanics import elongations, slack
 
 def write_vtu(
     path, scene, displacements, tensions, subdomain=None, node_class=None, velocities=None, *, load=None,
-    reactions=None, stress=None, utilisation=None,
+    reactions=None, stress=None, utilisation=None, loose=None,
 ):  # fmt: skip
     """Write a solved structure for ParaView.
 
@@ -41,6 +41,8 @@ def write_vtu(
         In N.
     stress, utilisation : (m,) array, optional
         Tension over area (Pa), and its size over the strength.
+    loose : (m,) array of bool, optional
+        Slack links of a part of a structure.
     """
     n, m = len(scene.nodes), len(scene.links)
 
@@ -67,7 +69,7 @@ def write_vtu(
         cell_data={
             "tension": [np.asarray(tensions, dtype=float)],
             "elongation": [elongations(scene, displacements)],
-            "slack": [slack(scene, tensions).astype(np.int64)],
+            "slack": [(slack(scene, tensions) if loose is None else loose).astype(np.int64)],
             "law": [whole_numbers(scene.law, m)],
             "subdomain": [whole_numbers(subdomain, m)],
             **{name: [np.asarray(values, dtype=float)] for name, values in of_links.items() if values is not None},

@@ -10,6 +10,7 @@ import math
 
 import numpy as np
 
+from latinpc.arrays import block
 from latinpc.results.units import counted
 
 from .scene import Law, Scene
@@ -106,6 +107,29 @@ def load_for_slack(modules: int, slack: float) -> float:
 
 
 def _grid(name, modules, subdomains, partition, module, slack, load):
+    arrays, metadata = grid_part(name, modules, subdomains, partition, module, slack, load)
+    return Scene(name=name, **arrays, metadata=metadata)
+
+
+def grid_part(
+    name, modules=48, subdomains=None, partition="regular", module="initial", slack=0.09, load=None, *, rank=0, ranks=1
+):  # fmt: skip
+    """Make the arrays of a scene, or a rank's part of them, whose links have the numbers of all nodes.
+
+    Parameters
+    ----------
+    name : {'tensegrity-grid', 'truss-grid'}
+    modules, subdomains, partition, module, slack, load
+        As of `tensegrity_grid`.
+    rank, ranks : int
+        Which part: nodes in blocks of consecutive numbers, links in blocks of subdomains, or of modules.
+
+    Returns
+    -------
+    arrays : dict
+        As `Scene` and `latinpc.LocalStructure` take them; no array is longer than the part.
+    metadata : dict
+    """
     if modules < 1:
         raise ValueError(f"modules must be at least 1, not {modules}")
     if module not in ("initial", "modified"):
@@ -113,11 +137,12 @@ def _grid(name, modules, subdomains, partition, module, slack, load):
     if partition not in ("regular", "metis"):
         raise ValueError(f"partition must be 'regular' or 'metis', not {partition!r}")
     load = load_for_slack(modules, slack) if load is None else float(load)
-    nodes, corners = _geometry(modules)
+    side = _blocks_a_side(modules, subdomains) if partition == "regular" else None
+    cells, parts = _cells(modules, side, rank, ranks)
+    nodes = _nodes(modules, np.arange(*block(node_count(modules), rank, ranks)))
     pattern = np.array(_CABLES + _BARS + (_BRACES if module == "modified" else []))
-    links = corners[:, pattern].reshape(-1, 2)
     is_cable = np.arange(len(pattern)) < len(_CABLES)
-    x = nodes[corners[0]]
+    x = _nodes(modules, _corners(modules, np.array([0]))[0])
     length = np.linalg.norm(x[pattern[:, 1]] - x[pattern[:, 0]], axis=1)
     stiffness = np.where(is_cable, EA_CABLE, EA_BAR) / length
     initial_elongation = np.zeros(len(pattern))
@@ -126,43 +151,50 @@ def _grid(name, modules, subdomains, partition, module, slack, load):
     clamped = (nodes[:, 2] == 0.0) & ((nodes[:, 0] == 0.0) | (nodes[:, 0] == modules * SIDE))
     force = np.zeros_like(nodes)
     force[~clamped, 2] = -load
-    parts = None
-    if partition == "regular":
-        parts = np.repeat(_blocks(modules, subdomains), len(pattern))
-        subdomains = int(parts.max()) + 1
-    return Scene(
-        name=name,
-        nodes=nodes,
-        links=links,
-        law=np.tile(law, modules**2),
-        stiffness=np.tile(stiffness, modules**2),
-        initial_elongation=np.tile(initial_elongation, modules**2),
-        fixed=np.repeat(clamped[:, None], 3, axis=1),
-        load=force,
-        subdomain=parts,
-        metadata={
-            "modules": int(modules),
-            "module": module,
-            "partition": partition,
-            "subdomains": subdomains,
-            "slack_target": float(slack),
-            "load_per_node": load,
-        },
-    )
+    arrays = {
+        "nodes": nodes,
+        "links": _corners(modules, cells)[:, pattern].reshape(-1, 2),
+        "law": np.tile(law, len(cells)),
+        "stiffness": np.tile(stiffness, len(cells)),
+        "initial_elongation": np.tile(initial_elongation, len(cells)),
+        "fixed": np.repeat(clamped[:, None], 3, axis=1),
+        "load": force,
+        "subdomain": None if side is None else np.repeat(parts, len(pattern)),
+    }
+    metadata = {
+        "modules": int(modules),
+        "module": module,
+        "partition": partition,
+        "subdomains": subdomains if side is None else side**2,
+        "slack_target": float(slack),
+        "load_per_node": load,
+    }
+    return arrays, metadata
 
 
-def _geometry(size):
-    """Nodes of the grid, and the eight nodes of each module (x fastest).
+def node_count(size):
+    """Return the number of nodes of a grid of size x size modules."""
+    return (size + 1) ** 2 + 2 * size * (size + 1)
 
-    Lower nodes come first, then the upper nodes above the edges along x, then above those along y.
+
+def _nodes(size, number):
+    """Coordinates of nodes by their numbers.
+
+    Lower nodes come first, then the upper nodes above the edges along x, then above those along y; x fastest.
     """
-    s = np.arange(size + 1.0)
-    mid = np.arange(size) + 0.5
-    layers = []
-    for xs, ys, z in ((s, s, 0.0), (mid, s, HEIGHT / SIDE), (s, mid, HEIGHT / SIDE)):
-        y, x = np.meshgrid(ys, xs, indexing="ij")
-        layers.append(np.column_stack([x.ravel(), y.ravel(), np.full(x.size, z)]))
-    j, i = (index.ravel() for index in np.meshgrid(np.arange(size), np.arange(size), indexing="ij"))
+    x = np.empty((len(number), 3))
+    above_x, above_y = (size + 1) ** 2, (size + 1) ** 2 + size * (size + 1)
+    layers = (0, above_x, size + 1, 0.0, 0.0, 0.0), (above_x, above_y, size, 0.5, 0.0, HEIGHT / SIDE)
+    for first, last, row, right, up, z in (*layers, (above_y, node_count(size), size + 1, 0.0, 0.5, HEIGHT / SIDE)):
+        here = (number >= first) & (number < last)
+        j, i = np.divmod(number[here] - first, row)
+        x[here] = np.column_stack([i + right, j + up, np.full(len(i), z)])
+    return x * SIDE
+
+
+def _corners(size, cells):
+    """Return the eight nodes of modules by their numbers (x fastest)."""
+    j, i = np.divmod(cells, size)
     along_x = (size + 1) ** 2
     along_y = along_x + size * (size + 1)
 
@@ -175,11 +207,24 @@ def _geometry(size):
     def above_y(a):
         return along_y + j * (size + 1) + a
 
-    corners = np.column_stack(
+    return np.column_stack(
         [lower(i, j), lower(i + 1, j), lower(i + 1, j + 1), lower(i, j + 1)]
         + [above_x(j), above_y(i + 1), above_x(j + 1), above_y(i)]
     )
-    return np.vstack(layers) * SIDE, corners
+
+
+def _cells(size, side, rank, ranks):
+    """Modules of a rank, ascending, and their subdomains, side x side square blocks; None without these."""
+    if side is None:
+        return np.arange(*block(size * size, rank, ranks)), None
+    width = size // side
+    parts = np.arange(*block(side * side, rank, ranks))
+    across = np.arange(width)
+    j = (parts // side * width)[:, None, None] + across[None, :, None]
+    i = (parts % side * width)[:, None, None] + across[None, None, :]
+    cells, of_cell = (j * size + i).ravel(), np.repeat(parts, width * width)
+    order = np.argsort(cells)
+    return cells[order], of_cell[order]
 
 
 def _self_stress(x):
@@ -195,8 +240,8 @@ def _self_stress(x):
     return tension * (MAX_CABLE_TENSION / tension[np.argmax(np.abs(tension[: len(_CABLES)]))])
 
 
-def _blocks(modules, subdomains):
-    """Subdomain of each module: square blocks, x fastest."""
+def _blocks_a_side(modules, subdomains):
+    """Return how many square blocks of modules lie along a side."""
     if subdomains is None:
         if modules % BLOCK:
             raise ValueError(
@@ -211,5 +256,4 @@ def _blocks(modules, subdomains):
             f"{counted(subdomains, 'subdomain')} cannot be equal square blocks of {modules} x {modules} modules: "
             f"choose from {', '.join(map(str, fit))}, or partition='metis'"
         )
-    block = np.arange(modules) // (modules // side)
-    return (block[:, None] * side + block[None, :]).ravel()
+    return side

@@ -71,29 +71,30 @@ static PetscErrorCode LatinCoarseLocal_Private(const LatinElements *elements, Pe
   PetscFunctionReturn(0);
 }
 
-/* A, of which each rank has a part K with these global numbers. Collective on A */
-static PetscErrorCode LatinCoarseSum_Private(Mat A, Mat K, const PetscInt number[])
+/* The parts K of the ranks with these global numbers, added up in a new matrix. Collective on sub->object */
+static PetscErrorCode LatinCoarseSum_Private(const LatinCoarse *coarse, Mat K, const PetscInt number[], Mat *A)
 {
-  const PetscInt    *ki, *kj;
-  PetscInt           n, *i, *j;
+  const PetscInt    *i, *j;
+  PetscInt           n, *ki, *kj;
   PetscBool          done;
   const PetscScalar *a;
+  PetscScalar       *ka;
+  PetscLayout        rows;
 
   PetscFunctionBegin;
-  PetscCall(MatGetRowIJ(K, 0, PETSC_FALSE, PETSC_FALSE, &n, &ki, &kj, &done));
+  PetscCall(MatGetRowIJ(K, 0, PETSC_FALSE, PETSC_FALSE, &n, &i, &j, &done));
   PetscCheck(done, PETSC_COMM_SELF, PETSC_ERR_PLIB, "The rows of the coarse matrix cannot be read");
-  PetscCall(PetscMalloc2(ki[n], &i, ki[n], &j));
-  for (PetscInt r = 0; r < n; r++)
-    for (PetscInt k = ki[r]; k < ki[r + 1]; k++) {
-      i[k] = number[r];
-      j[k] = number[kj[k]];
-    }
-  PetscCall(MatSetPreallocationCOO(A, ki[n], i, j));
-  PetscCall(PetscFree2(i, j));
   PetscCall(MatSeqAIJGetArrayRead(K, &a));
-  PetscCall(MatSetValuesCOO(A, a, INSERT_VALUES));
+  PetscCall(PetscMalloc1(n + 1, &ki));
+  PetscCall(PetscMalloc2(i[n], &kj, i[n], &ka));
+  PetscCall(PetscArraycpy(ki, i, n + 1));
+  PetscCall(PetscArraycpy(kj, j, i[n]));
+  PetscCall(PetscArraycpy(ka, a, i[n]));
   PetscCall(MatSeqAIJRestoreArrayRead(K, &a));
-  PetscCall(MatRestoreRowIJ(K, 0, PETSC_FALSE, PETSC_FALSE, &n, &ki, &kj, &done));
+  PetscCall(MatRestoreRowIJ(K, 0, PETSC_FALSE, PETSC_FALSE, &n, &i, &j, &done));
+  PetscCall(PetscLayoutCreateFromSizes(PetscObjectComm(coarse->sub->object), coarse->top_local, coarse->top_size, 1, &rows));
+  PetscCall(LatinRowsSum_Private(rows, n, number, ki, kj, ka, A));
+  PetscCall(PetscLayoutDestroy(&rows));
   PetscFunctionReturn(0);
 }
 
@@ -117,10 +118,7 @@ static PetscErrorCode LatinCoarseCreate_Private(LatinCoarse *coarse, Mat K, Pets
     PetscCall(PetscObjectReference((PetscObject)K));
     coarse->A = K;
   } else {
-    PetscCall(MatCreate(comm, &coarse->A));
-    PetscCall(MatSetSizes(coarse->A, coarse->top_local, coarse->top_local, coarse->top_size, coarse->top_size));
-    PetscCall(MatSetType(coarse->A, MATAIJ));
-    PetscCall(LatinCoarseSum_Private(coarse->A, K, number));
+    PetscCall(LatinCoarseSum_Private(coarse, K, number, &coarse->A));
   }
   PetscCall(MatSetOption(coarse->A, MAT_SYMMETRIC, PETSC_TRUE));
   PetscCall(MatSetOption(coarse->A, MAT_SPD, PETSC_TRUE));
@@ -130,8 +128,8 @@ static PetscErrorCode LatinCoarseCreate_Private(LatinCoarse *coarse, Mat K, Pets
 /* The values of K in the matrix of an earlier set-up, of the same pattern. Collective on sub->object */
 static PetscErrorCode LatinCoarseValues_Private(LatinCoarse *coarse, Mat K)
 {
-  PetscMPIInt        ranks;
-  const PetscScalar *a;
+  PetscMPIInt ranks;
+  Mat         sum;
 
   PetscFunctionBegin;
   PetscCallMPI(MPI_Comm_size(PetscObjectComm(coarse->sub->object), &ranks));
@@ -141,9 +139,9 @@ static PetscErrorCode LatinCoarseValues_Private(LatinCoarse *coarse, Mat K)
     PetscCall(MatAssemblyEnd(coarse->A, MAT_FINAL_ASSEMBLY));
     if (coarse->apart) PetscCall(PetscObjectStateIncrease((PetscObject)coarse->A));
   } else {
-    PetscCall(MatSeqAIJGetArrayRead(K, &a));
-    PetscCall(MatSetValuesCOO(coarse->A, a, INSERT_VALUES));
-    PetscCall(MatSeqAIJRestoreArrayRead(K, &a));
+    PetscCall(LatinCoarseSum_Private(coarse, K, coarse->number, &sum));
+    PetscCall(MatCopy(sum, coarse->A, SAME_NONZERO_PATTERN));
+    PetscCall(MatDestroy(&sum));
   }
   PetscFunctionReturn(0);
 }

@@ -83,6 +83,7 @@ PETSC_INTERN PetscErrorCode LatinCoarseSolve(LatinCoarse *);
 PETSC_INTERN PetscErrorCode LatinCoarseExpand_Private(LatinCoarse *, Vec);
 PETSC_INTERN PetscErrorCode LatinCoarseReset(LatinCoarse *);
 PETSC_INTERN PetscErrorCode LatinCoarseRetire(LatinCoarse *);
+PETSC_INTERN PetscErrorCode LatinRowsSum_Private(PetscLayout, PetscInt n, const PetscInt number[], PetscInt *ki, PetscInt *kj, PetscScalar *ka, Mat *);
 PETSC_INTERN PetscErrorCode LatinCoarseAssemble_Private(LatinCoarse *, PetscBool *same);
 PETSC_INTERN PetscErrorCode LatinCoarseNear_Private(LatinCoarse *);
 PETSC_INTERN PetscErrorCode LatinGroupsSetUp(LatinCoarse *, const LatinHomogenised *, PetscBool groups);

@@ -126,6 +126,7 @@ static PetscErrorCode LatinSetUpSubdomains_Private(Latin latin)
   if (!latin->sub.tangent) PetscCall(LatinSetStiffness_Private(latin, NULL));
   latin->partition.primal  = (PetscBool)(variant == LATIN_VARIANT_PRIMAL || (variant == LATIN_VARIANT_AUTO && !LatinTunesInterfaces(latin)));
   latin->partition.corners = (PetscBool)(variant == LATIN_VARIANT_CORNER || variant == LATIN_VARIANT_PUBLISHED || (variant == LATIN_VARIANT_AUTO && !latin->partition.primal));
+  latin->partition.prefix  = LatinPrefix(&latin->sub);
   PetscCall(PetscMalloc1(structure->links_local, &of_link));
   if (structure->turns) { /* the parts of a link stay together */
     const PetscInt parts = structure->dim;

@@ -11,6 +11,8 @@ const char *const LatinDirectionTypes[] = {"scalar", "diagonal", "block", "schur
 
 const char *const LatinPrecisions[] = {"double", "single", "auto", "LatinPrecision", "LATIN_PRECISION_", NULL};
 
+const char *const LatinPartitioners[] = {"auto", "metis", "parallel", "LatinPartitioner", "LATIN_PARTITIONER_", NULL};
+
 /* Sets a member, and notes that it has changed */
 #define LatinChange(latin, member, value) \
   do { \
@@ -163,6 +165,31 @@ PetscErrorCode LatinSetPartition(Latin latin, PetscInt links, const PetscInt sub
   PetscFunctionReturn(0);
 }
 
+/*@
+  LatinSetPartitioner - Who makes the partition of a structure where the caller gives none.
+
+  Logically collective on latin
+
+  Options Database Keys:
++ -snes_latin_partitioner <auto,metis,parallel> - or -pc_latin_partitioner, -ksp_latin_partitioner
+- -snes_latin_mat_partitioning_type <type>      - and the other options of PETSc's `MatPartitioning`, for parallel
+
+  Level: advanced
+
+  Note:
+  METIS holds all links on one rank. The parallel one, PETSc's `MatPartitioning` with PT-Scotch or ParMETIS, leaves them where
+  they are, and makes connected subdomains. auto: METIS on one rank, for few links, and where PETSc has no other.
+
+.seealso: `LatinSetSubdomains()`, `LatinSetPartition()`
+@*/
+PetscErrorCode LatinSetPartitioner(Latin latin, LatinPartitioner partitioner)
+{
+  PetscFunctionBegin;
+  PetscValidHeaderSpecific(latin, LATIN_CLASSID, 1);
+  LatinChange(latin, partition.partitioner, partitioner);
+  PetscFunctionReturn(0);
+}
+
 /* The options of the method, behind the prefix that solver gives it. Collective on solver */
 PetscErrorCode LatinSetFromOptions_Private(Latin latin, PetscObject solver)
 {
@@ -170,13 +197,15 @@ PetscErrorCode LatinSetFromOptions_Private(Latin latin, PetscObject solver)
   LatinModesType     modes     = latin->macro.type;
   LatinDirectionType direction = latin->dir.type;
   PetscReal          threshold = latin->spectral.threshold, value = latin->dir.value;
-  PetscInt           subdomains = latin->partition.subdomains;
-  LatinPrecision     precision  = latin->precision;
+  PetscInt           subdomains  = latin->partition.subdomains;
+  LatinPrecision     precision   = latin->precision;
+  LatinPartitioner   partitioner = latin->partition.partitioner;
 
   PetscFunctionBegin;
   PetscCall(LatinSetPrefix_Private(latin, solver));
   PetscObjectOptionsBegin((PetscObject)latin);
   PetscCall(PetscOptionsRangeInt("-subdomains", "Number of subdomains, 0: automatic", "LatinSetSubdomains", subdomains, &subdomains, NULL, 0, PETSC_MAX_INT));
+  PetscCall(PetscOptionsEnum("-partitioner", "Who makes them: METIS on one rank, or all ranks", "LatinSetPartitioner", LatinPartitioners, (PetscEnum)partitioner, (PetscEnum *)&partitioner, NULL));
   if (solver->classid != KSP_CLASSID) PetscCall(PetscOptionsEnum("-variant", "What of the interfaces is in the coarse problem (section 4)", "LatinSetVariant", LatinVariants, (PetscEnum)variant, (PetscEnum *)&variant, NULL));
   PetscCall(PetscOptionsEnum("-modes", "Macro fields of strong interfaces (section 3.2)", "LatinSetModes", LatinModesTypes, (PetscEnum)modes, (PetscEnum *)&modes, NULL));
   PetscCall(PetscOptionsReal("-modes_local", "Threshold of local low-energy fields that are macro, 0: none, -2: automatic", "LatinSetModes", threshold, &threshold, NULL));
@@ -191,6 +220,7 @@ PetscErrorCode LatinSetFromOptions_Private(Latin latin, PetscObject solver)
   PetscCall(LatinSetModes(latin, modes, threshold));
   PetscCall(LatinSetDirection(latin, direction, value));
   PetscCall(LatinSetSubdomains(latin, subdomains));
+  PetscCall(LatinSetPartitioner(latin, partitioner));
   PetscCall(LatinSetPrecision(latin, precision));
   PetscFunctionReturn(0);
 }

@@ -2,7 +2,7 @@
 
 /*
    Which subdomain each link belongs to: the caller's partition, or METIS (partition/metis.c), whose cuts are repaired
-   (partition/repair.c).
+   (partition/repair.c); where one rank would hold too much, a partition by all ranks (partition/pieces.c).
 */
 
 /* All of an array on rank 0: *sf takes what each rank has there, and back. Collective on comm */
@@ -19,60 +19,82 @@ static PetscErrorCode LatinOnFirstRank_Private(MPI_Comm comm, PetscInt local, Pe
 }
 
 /* The structure on rank 0 */
-static PetscErrorCode LatinCutCreate_Private(LatinStructure structure, PetscSF links, LatinCut *cut)
+static PetscErrorCode LatinCutCreate_Private(LatinStructure structure, LatinCut *cut)
 {
+  MPI_Comm       comm = PetscObjectComm((PetscObject)structure);
   const PetscInt dim = cut->dim = structure->dim;
   PetscMPIInt    rank;
-  PetscSF        nodes;
 
   PetscFunctionBegin;
-  PetscCallMPI(MPI_Comm_rank(PetscObjectComm((PetscObject)structure), &rank));
+  PetscCallMPI(MPI_Comm_rank(comm, &rank));
+  cut->comm  = PETSC_COMM_SELF;
   cut->nodes = rank ? 0 : structure->nodes_global;
   cut->links = rank ? 0 : structure->links_global;
-  PetscCall(PetscMalloc4(2 * cut->links, &cut->ends, dim * cut->nodes, &cut->x, dim * cut->links, &cut->direction, dim * cut->nodes, &cut->fixed));
-  PetscCall(PetscCalloc2(cut->nodes + 2, &cut->offset, 2 * cut->links, &cut->incident));
-  PetscCall(LatinOnFirstRank_Private(PetscObjectComm((PetscObject)structure), structure->nodes_local, structure->nodes_global, &nodes));
-  PetscCall(LatinSFBcast_Private(links, 2, MPIU_INT, structure->nodes, cut->ends));
-  PetscCall(LatinSFBcast_Private(links, dim, MPIU_REAL, structure->direction, cut->direction));
-  PetscCall(LatinSFBcast_Private(nodes, dim, MPIU_REAL, structure->x, cut->x));
-  PetscCall(LatinSFBcast_Private(nodes, dim, LATIN_MPI_BOOL, structure->fixed, cut->fixed));
-  PetscCall(PetscSFDestroy(&nodes));
-  for (PetscInt i = 0; i < 2 * cut->links; i++) cut->offset[cut->ends[i] + 2]++;
-  for (PetscInt v = 0; v < cut->nodes; v++) cut->offset[v + 2] += cut->offset[v + 1];
-  for (PetscInt i = 0; i < 2 * cut->links; i++) cut->incident[cut->offset[cut->ends[i] + 1]++] = i / 2;
+  PetscCall(PetscMalloc2(2 * cut->links, &cut->ends, dim * cut->links, &cut->direction));
+  PetscCall(PetscMalloc1(dim * cut->nodes, &cut->fixed));
+  PetscCall(LatinOnFirstRank_Private(comm, structure->links_local, structure->links_global, &cut->link_sf));
+  PetscCall(LatinOnFirstRank_Private(comm, structure->nodes_local, structure->nodes_global, &cut->node_sf));
+  PetscCall(LatinSFBcast_Private(cut->link_sf, 2, MPIU_INT, structure->nodes, cut->ends));
+  PetscCall(LatinSFBcast_Private(cut->link_sf, dim, MPIU_REAL, structure->direction, cut->direction));
+  PetscCall(LatinSFBcast_Private(cut->node_sf, dim, LATIN_MPI_BOOL, structure->fixed, cut->fixed));
+  PetscCall(LatinCutIncidence_Private(cut));
   PetscFunctionReturn(0);
 }
 
-/* METIS is sequential: rank 0 partitions all links and hands the parts back. 0 parts: as many as cost least */
-static PetscErrorCode LatinPartitionMetis_Private(LatinStructure structure, const LatinPartitionRequest *request, PetscInt of_link[], PetscInt *count)
+/* METIS is sequential: rank 0 partitions all links and hands the parts back. Collective on structure */
+static PetscErrorCode LatinPartitionMetis_Private(LatinStructure structure, const LatinPartitionRequest *request, PetscInt parts, PetscInt of_link[])
 {
-  MPI_Comm        comm = PetscObjectComm((PetscObject)structure);
-  LatinCut        cut  = {.corners = request->corners, .parts = request->subdomains};
-  PetscInt       *part;
+  MPI_Comm        comm    = PetscObjectComm((PetscObject)structure);
+  LatinCut        cut     = {.corners = request->corners, .parts = parts, .mean = (PetscReal)structure->links_global / (PetscReal)parts};
   const PetscReal largest = PetscMax(4 * (PetscReal)structure->links_global, structure->dim * (PetscReal)structure->nodes_global); /* entries of a graph, and of coordinates */
-  PetscMPIInt     ranks;
+  PetscInt       *part;
   int             failed = 0;
-  PetscSF         sf;
 
   PetscFunctionBegin;
-  LatinAgree(comm, largest > (PetscReal)PETSC_MPI_INT_MAX, PETSC_ERR_SUP, "METIS on one rank cannot take %" PetscInt_FMT " links: give a partition with LatinSetPartition()", structure->links_global);
-  PetscCallMPI(MPI_Comm_size(comm, &ranks));
-  PetscCall(LatinOnFirstRank_Private(comm, structure->links_local, structure->links_global, &sf));
-  PetscCall(LatinCutCreate_Private(structure, sf, &cut));
+  LatinAgree(comm, largest > (PetscReal)PETSC_MPI_INT_MAX, PETSC_ERR_SUP, "METIS on one rank cannot take %" PetscInt_FMT " links: give a partition with LatinSetPartition(), or take several ranks and a PETSc with PT-Scotch or ParMETIS",
+             structure->links_global);
+  PetscCall(LatinCutCreate_Private(structure, &cut));
   PetscCall(PetscMalloc1(cut.links, &part));
   if (cut.links) {
-    if (!cut.parts) cut.parts = LatinSubdomainCount(&cut, ranks, request->primal);
     PetscCall(LatinMetis_Private(&cut, part, &failed));
-    if (!failed) PetscCall(LatinRepair_Private(&cut, part));
+    if (!failed) PetscCall(LatinRepairWhole_Private(&cut, part));
   }
   LatinAgree(comm, failed, PETSC_ERR_LIB, "METIS could not partition %" PetscInt_FMT " links into %" PetscInt_FMT " subdomains (METIS status %d)", cut.links, cut.parts, failed);
-  *count = cut.parts;
-  PetscCallMPI(MPI_Bcast(count, 1, MPIU_INT, 0, comm));
-  PetscCall(LatinSFReduce_Private(sf, 1, MPIU_INT, part, of_link, MPI_REPLACE));
-  PetscCall(PetscSFDestroy(&sf));
-  PetscCall(PetscFree4(cut.ends, cut.x, cut.direction, cut.fixed));
-  PetscCall(PetscFree2(cut.offset, cut.incident));
+  PetscCall(LatinSFReduce_Private(cut.link_sf, 1, MPIU_INT, part, of_link, MPI_REPLACE));
+  PetscCall(LatinCutDestroy_Private(&cut));
   PetscCall(PetscFree(part));
+  PetscFunctionReturn(0);
+}
+
+#define LATIN_METIS_ALONE 1000000 /* links that METIS partitions on one rank of several: of 1.3 million on eight that rank takes 685 MB, the others 431 to 513 */
+
+/* Is a partition made on all ranks? */
+static PetscErrorCode LatinPartitionInPieces_Private(LatinStructure structure, LatinPartitioner partitioner, PetscBool *pieces)
+{
+  PetscMPIInt size;
+
+  PetscFunctionBegin;
+  PetscCallMPI(MPI_Comm_size(PetscObjectComm((PetscObject)structure), &size));
+  *pieces = (PetscBool)(partitioner == LATIN_PARTITIONER_PARALLEL || (partitioner == LATIN_PARTITIONER_AUTO && size > 1 && structure->links_global > LATIN_METIS_ALONE));
+#if !defined(LATIN_MATPARTITIONING)
+  PetscCheck(partitioner != LATIN_PARTITIONER_PARALLEL, PetscObjectComm((PetscObject)structure), PETSC_ERR_SUP, "This PETSc has neither PT-Scotch nor ParMETIS: leave out the partitioner parallel, or configure PETSc --with-ptscotch");
+  *pieces = PETSC_FALSE;
+#endif
+  PetscFunctionReturn(0);
+}
+
+/* A partition of this program's own; 0 subdomains asked for: as many as cost least. Collective on structure */
+static PetscErrorCode LatinPartitionMake_Private(LatinStructure structure, const LatinPartitionRequest *request, PetscInt of_link[], PetscInt *count)
+{
+  PetscBool pieces = PETSC_FALSE;
+
+  PetscFunctionBegin;
+  *count = request->subdomains;
+  if (!*count) PetscCall(LatinSubdomainCount(structure, request->primal, count));
+  PetscCall(LatinPartitionInPieces_Private(structure, request->partitioner, &pieces));
+  if (*count == 1) PetscCall(PetscArrayzero(of_link, structure->links_local));
+  else if (pieces && *count <= structure->nodes_global) PetscCall(LatinPieces_Private(structure, request, *count, of_link));
+  else PetscCall(LatinPartitionMetis_Private(structure, request, *count, of_link));
   PetscFunctionReturn(0);
 }
 
@@ -159,7 +181,7 @@ PetscErrorCode LatinPartition_Private(LatinStructure structure, LatinPartitionRe
   else if (request->subdomains == structure->links_global) {
     for (PetscInt l = 0; l < structure->links_local; l++) of_link[l] = structure->links_start + l;
     *count = request->subdomains;
-  } else PetscCall(LatinPartitionMetis_Private(structure, request, of_link, count));
+  } else PetscCall(LatinPartitionMake_Private(structure, request, of_link, count));
   if (is) PetscCall(ISRestoreIndices(is, &given));
   if (structure->rubs) PetscCall(LatinPartitionContacts_Private(structure, (PetscBool)known, of_link));
   PetscCall(LatinPartitionNumber_Private(structure, (PetscBool)known, of_link, count));

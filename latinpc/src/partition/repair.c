@@ -12,19 +12,24 @@
 
    falls. A move takes one link, or all the links of a subdomain at a node. It changes the cost of the nodes at its
    links only, and lowers a whole number: the nodes around it are looked at again, in sweeps, until nothing moves.
+
+   In a piece of a structure (partition/pieces.c) no move may touch the nodes of others, nor leave a subdomain in two.
 */
 
 #define LATIN_REPAIR_SOFT    1e-2 /* less than that of the stiffness of one link of stiffness 1 is a direction missing */
 #define LATIN_REPAIR_BALANCE 0.25 /* how far subdomains may go from the mean number of links */
+#define LATIN_REPAIR_REACH   64   /* nodes visited in search of a way round the links that leave a subdomain */
 
 typedef struct {
-  const LatinCut *cut;
-  PetscInt       *part;
-  PetscInt       *size, least, most; /* links of each subdomain, and bounds */
-  PetscInt       *whole, *cost;      /* [nodes] directions that all links hold; what a node costs now */
-  PetscBool      *due;               /* [nodes] to look at again */
-  PetscInt       *seen, stamp;       /* [nodes] nodes that a move touches */
-  PetscInt       *touched, *move, *here;
+  const LatinCut  *cut;
+  const PetscBool *mine; /* [nodes] that moves may touch; NULL: all, and subdomains may fall in two */
+  PetscInt        *part;
+  PetscInt        *give, *take;     /* links that each subdomain may lose or win */
+  PetscInt        *whole, *cost;    /* [nodes] directions that all links hold; what a node costs now */
+  PetscBool       *due;             /* [nodes] to look at again */
+  PetscInt        *seen, stamp;     /* [nodes] nodes that a move touches */
+  PetscInt        *reached, *queue; /* [nodes], [LATIN_REPAIR_REACH] nodes on ways round a move */
+  PetscInt        *touched, *move, *here;
 } LatinRepair;
 
 /* Rank of a symmetric positive semidefinite matrix of unit directions: Cholesky with the largest pivot first */
@@ -106,18 +111,52 @@ static PetscInt LatinRepairTouched(LatinRepair *repair, PetscInt n, const PetscI
   return count;
 }
 
+/* Does a subdomain reach, without the links that have left it, all of the touched nodes that are still its own? Far ways round do not count */
+static PetscBool LatinRepairHoldsTogether(const LatinRepair *repair, PetscInt from, PetscInt count)
+{
+  const LatinCut *cut   = repair->cut;
+  PetscInt       *queue = repair->queue, goals = 0, n = 0;
+
+  for (PetscInt i = 0; i < count; i++) {
+    const PetscInt v = repair->touched[i];
+
+    for (PetscInt j = cut->offset[v]; j < cut->offset[v + 1]; j++) {
+      if (repair->part[cut->incident[j]] != from) continue;
+      repair->reached[v] = -repair->stamp; /* a goal */
+      if (!n) queue[n++] = v;
+      goals++;
+      break;
+    }
+  }
+  if (n) repair->reached[queue[0]] = repair->stamp;
+  for (PetscInt i = 0; i < n && goals > 1; i++)
+    for (PetscInt j = cut->offset[queue[i]]; j < cut->offset[queue[i] + 1] && goals > 1; j++) {
+      const PetscInt l = cut->incident[j], w = cut->ends[2 * l] + cut->ends[2 * l + 1] - queue[i];
+
+      if (repair->part[l] != from || !repair->mine[w] || repair->reached[w] == repair->stamp) continue;
+      if (repair->reached[w] == -repair->stamp) goals--;
+      repair->reached[w] = repair->stamp;
+      if (n < LATIN_REPAIR_REACH) queue[n++] = w;
+    }
+  return (PetscBool)(goals <= 1);
+}
+
 /* What the cost falls by when n links go over to another subdomain; 0 where it falls by no more than `least` */
 static PetscInt LatinRepairGain(LatinRepair *repair, PetscInt n, const PetscInt move[], PetscInt to, PetscInt least)
 {
   const PetscInt from = repair->part[move[0]];
   PetscInt       count, gain = 0;
 
-  if (repair->size[from] - n < repair->least || repair->size[to] + n > repair->most) return 0;
+  if (n > repair->give[from] || n > repair->take[to]) return 0;
   count = LatinRepairTouched(repair, n, move);
-  for (PetscInt i = 0; i < count; i++) gain += repair->cost[repair->touched[i]];
+  for (PetscInt i = 0; i < count; i++) {
+    if (repair->mine && !repair->mine[repair->touched[i]]) return 0;
+    gain += repair->cost[repair->touched[i]];
+  }
   if (gain <= least) return 0;
   for (PetscInt i = 0; i < n; i++) repair->part[move[i]] = to;
   for (PetscInt i = 0; i < count && gain > least; i++) gain -= LatinRepairCost(repair, repair->touched[i]);
+  if (repair->mine && gain > least && !LatinRepairHoldsTogether(repair, from, count)) gain = 0;
   for (PetscInt i = 0; i < n; i++) repair->part[move[i]] = from;
   return gain;
 }
@@ -154,8 +193,10 @@ static PetscBool LatinRepairNode(LatinRepair *repair, PetscInt v, PetscInt parts
 
   n = n > 1 ? LatinRepairBest(repair, v, parts, n, best, &to) : 0;
   if (!n) return PETSC_FALSE;
-  repair->size[repair->part[best[0]]] -= n;
-  repair->size[to] += n;
+  repair->give[repair->part[best[0]]] -= n;
+  repair->take[repair->part[best[0]]] += n;
+  repair->give[to] += n;
+  repair->take[to] -= n;
   for (PetscInt i = 0; i < n; i++) repair->part[best[i]] = to;
   n = LatinRepairTouched(repair, n, best);
   for (PetscInt i = 0; i < n; i++) {
@@ -168,23 +209,30 @@ static PetscBool LatinRepairNode(LatinRepair *repair, PetscInt v, PetscInt parts
   return PETSC_TRUE;
 }
 
-/* Moves links between the cut->parts subdomains of part[], on one rank; no subdomain becomes empty */
-PetscErrorCode LatinRepair_Private(const LatinCut *cut, PetscInt part[])
+/* Links that a subdomain has at least and at most */
+void LatinRepairBounds(const LatinCut *cut, PetscInt *least, PetscInt *most)
 {
-  LatinRepair     repair = {.cut = cut, .part = part};
-  const PetscReal mean   = (PetscReal)cut->links / (PetscReal)cut->parts;
-  PetscInt       *best, *parts, widest = 1;
-  PetscBool       moved = PETSC_TRUE;
+  *least = PetscMax(1, (PetscInt)PetscCeilReal((1.0 - LATIN_REPAIR_BALANCE) * cut->mean));
+  *most  = (PetscInt)((1.0 + LATIN_REPAIR_BALANCE) * cut->mean);
+}
+
+/*
+   Moves links between the cut->parts subdomains of part[]; give[] and take[], which are overwritten, are the links that each may
+   lose and win, mine[] the nodes that moves may touch, all of whose links are here; NULL: all
+*/
+PetscErrorCode LatinRepair_Private(const LatinCut *cut, const PetscBool mine[], PetscInt give[], PetscInt take[], PetscInt part[], PetscInt *moves)
+{
+  LatinRepair repair = {.cut = cut, .mine = mine, .part = part, .give = give, .take = take};
+  PetscInt   *best, *parts, widest = 1;
+  PetscBool   moved = PETSC_TRUE;
 
   PetscFunctionBegin;
+  *moves = 0;
   for (PetscInt v = 0; v < cut->nodes; v++) widest = PetscMax(widest, cut->offset[v + 1] - cut->offset[v]);
-  PetscCall(PetscCalloc1(cut->parts, &repair.size));
-  for (PetscInt l = 0; l < cut->links; l++) repair.size[part[l]]++;
-  repair.least = PetscMax(1, (PetscInt)PetscCeilReal((1.0 - LATIN_REPAIR_BALANCE) * mean));
-  repair.most  = (PetscInt)((1.0 + LATIN_REPAIR_BALANCE) * mean);
-  PetscCall(PetscCalloc4(cut->nodes, &repair.due, cut->nodes, &repair.seen, cut->nodes, &repair.whole, cut->nodes, &repair.cost));
-  PetscCall(PetscMalloc5(widest + 1, &repair.touched, widest, &repair.move, widest, &repair.here, widest, &best, widest, &parts));
+  PetscCall(PetscCalloc5(cut->nodes, &repair.due, cut->nodes, &repair.seen, cut->nodes, &repair.whole, cut->nodes, &repair.cost, mine ? cut->nodes : 0, &repair.reached));
+  PetscCall(PetscMalloc6(widest + 1, &repair.touched, widest, &repair.move, widest, &repair.here, widest, &best, widest, &parts, LATIN_REPAIR_REACH, &repair.queue));
   for (PetscInt v = 0; v < cut->nodes; v++) {
+    if (mine && !mine[v]) continue;
     repair.whole[v] = -1;
     repair.cost[v]  = LatinRepairCost(&repair, v);
     repair.due[v]   = PETSC_TRUE;
@@ -194,11 +242,35 @@ PetscErrorCode LatinRepair_Private(const LatinCut *cut, PetscInt part[])
     for (PetscInt v = 0; v < cut->nodes; v++) {
       if (!repair.due[v]) continue;
       repair.due[v] = PETSC_FALSE;
-      if (LatinRepairNode(&repair, v, parts, best)) moved = PETSC_TRUE;
+      if (mine && !mine[v]) continue;
+      if (LatinRepairNode(&repair, v, parts, best)) {
+        moved = PETSC_TRUE;
+        (*moves)++;
+      }
     }
   }
-  PetscCall(PetscFree5(repair.touched, repair.move, repair.here, best, parts));
-  PetscCall(PetscFree4(repair.due, repair.seen, repair.whole, repair.cost));
-  PetscCall(PetscFree(repair.size));
+  PetscCall(PetscFree6(repair.touched, repair.move, repair.here, best, parts, repair.queue));
+  PetscCall(PetscFree5(repair.due, repair.seen, repair.whole, repair.cost, repair.reached));
+  PetscFunctionReturn(0);
+}
+
+/* The same with all links on one rank; no subdomain becomes empty */
+PetscErrorCode LatinRepairWhole_Private(const LatinCut *cut, PetscInt part[])
+{
+  PetscInt *give, *take, least, most, moves;
+
+  PetscFunctionBegin;
+  LatinRepairBounds(cut, &least, &most);
+  PetscCall(PetscMalloc2(cut->parts, &give, cut->parts, &take));
+  for (PetscInt s = 0; s < cut->parts; s++) {
+    give[s] = -least;
+    take[s] = most;
+  }
+  for (PetscInt l = 0; l < cut->links; l++) {
+    give[part[l]]++;
+    take[part[l]]--;
+  }
+  PetscCall(LatinRepair_Private(cut, NULL, give, take, part, &moves));
+  PetscCall(PetscFree2(give, take));
   PetscFunctionReturn(0);
 }

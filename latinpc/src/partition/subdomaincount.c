@@ -21,33 +21,54 @@
 #define LATIN_SIZE_LEAST 64   /* a structure of more links has two subdomains */
 #define LATIN_SIZE_THICK 4.0  /* links across a structure that is not flat */
 
-/* Do the links' middles spread over more than a few links in all three directions? */
-static PetscBool LatinSolid(const LatinCut *cut)
+/* Do the links' middles spread over more than a few links in all three directions? Collective on structure */
+static PetscErrorCode LatinSolid_Private(LatinStructure structure, PetscBool *solid)
 {
-  PetscReal mean[3] = {0.0, 0.0, 0.0}, a[9] = {0.0}, length = 0.0;
+  MPI_Comm           comm   = PetscObjectComm((PetscObject)structure);
+  const PetscReal    m      = (PetscReal)structure->links_global;
+  PetscReal          sum[4] = {0.0, 0.0, 0.0, 0.0}, a[9] = {0.0}; /* middle, and length */
+  Vec                coordinates;
+  const PetscScalar *at;
 
-  if (cut->dim < 3) return PETSC_FALSE;
-  for (PetscInt l = 0; l < cut->links; l++) {
-    const PetscReal *x = cut->x + 3 * cut->ends[2 * l], *y = cut->x + 3 * cut->ends[2 * l + 1];
+  PetscFunctionBegin;
+  *solid = PETSC_FALSE;
+  if (structure->dim < 3) PetscFunctionReturn(0);
+  PetscCall(DMGetCoordinatesLocal(structure->base ? structure->base->dm : structure->dm, &coordinates));
+  PetscCall(VecGetArrayRead(coordinates, &at));
+  for (PetscInt l = 0; l < structure->links_local; l++) {
+    const PetscScalar *x = at + 3 * structure->ends[2 * l], *y = at + 3 * structure->ends[2 * l + 1];
 
-    for (PetscInt c = 0; c < 3; c++) mean[c] += (x[c] + y[c]) / (2.0 * cut->links);
-    length += PetscSqrtReal(PetscSqr(y[0] - x[0]) + PetscSqr(y[1] - x[1]) + PetscSqr(y[2] - x[2])) / cut->links;
+    for (PetscInt c = 0; c < 3; c++) sum[c] += (x[c] + y[c]) / (2.0 * m);
+    sum[3] += PetscSqrtReal(PetscSqr(y[0] - x[0]) + PetscSqr(y[1] - x[1]) + PetscSqr(y[2] - x[2])) / m;
   }
-  for (PetscInt l = 0; l < cut->links; l++) {
-    const PetscReal *x = cut->x + 3 * cut->ends[2 * l], *y = cut->x + 3 * cut->ends[2 * l + 1];
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 4, MPIU_REAL, MPIU_SUM, comm));
+  for (PetscInt l = 0; l < structure->links_local; l++) {
+    const PetscScalar *x = at + 3 * structure->ends[2 * l], *y = at + 3 * structure->ends[2 * l + 1];
 
-    for (PetscInt c = 0; c < 9; c++) a[c] += ((x[c / 3] + y[c / 3]) / 2.0 - mean[c / 3]) * ((x[c % 3] + y[c % 3]) / 2.0 - mean[c % 3]) / (PetscSqr(length) * cut->links);
+    for (PetscInt c = 0; c < 9; c++) a[c] += ((x[c / 3] + y[c / 3]) / 2.0 - sum[c / 3]) * ((x[c % 3] + y[c % 3]) / 2.0 - sum[c % 3]) / (PetscSqr(sum[3]) * m);
   }
+  PetscCall(VecRestoreArrayRead(coordinates, &at));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, a, 9, MPIU_REAL, MPIU_SUM, comm));
   /* a bar of length L has the second moment L^2 / 12: are all principal ones larger? */
   for (PetscInt c = 0; c < 3; c++) a[4 * c] -= PetscSqr(LATIN_SIZE_THICK) / 12.0;
-  return LatinCholesky(3, a);
+  *solid = LatinCholesky(3, a);
+  PetscFunctionReturn(0);
 }
 
-PetscInt LatinSubdomainCount(const LatinCut *cut, PetscMPIInt ranks, PetscBool primal)
+/* Collective on structure */
+PetscErrorCode LatinSubdomainCount(LatinStructure structure, PetscBool primal, PetscInt *count)
 {
-  const PetscInt size = cut->dim < 3 ? LATIN_SIZE_PLANE : LatinSolid(cut) ? LATIN_SIZE_SOLID : LATIN_SIZE_FLAT;
+  const PetscInt links = structure->links_global;
+  PetscInt       size  = LATIN_SIZE_PLANE;
+  PetscBool      solid;
+  PetscMPIInt    ranks;
 
-  if (ranks == 1) return 1;
-  if (primal) return PetscMax(PetscMin(ranks, cut->links / LATIN_SIZE_LEAST), 1);
-  return PetscMax((cut->links + size - 1) / size, cut->links > LATIN_SIZE_LEAST ? 2 : 1);
+  PetscFunctionBegin;
+  PetscCallMPI(MPI_Comm_size(PetscObjectComm((PetscObject)structure), &ranks));
+  PetscCall(LatinSolid_Private(structure, &solid));
+  if (structure->dim == 3) size = solid ? LATIN_SIZE_SOLID : LATIN_SIZE_FLAT;
+  if (ranks == 1) *count = 1;
+  else if (primal) *count = PetscMax(PetscMin(ranks, links / LATIN_SIZE_LEAST), 1);
+  else *count = PetscMax(links / size + (links % size ? 1 : 0), links > LATIN_SIZE_LEAST ? 2 : 1);
+  PetscFunctionReturn(0);
 }

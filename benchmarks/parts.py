@@ -1,0 +1,64 @@
+"""Peak memory of each rank, time and iterations of a tensegrity grid that no rank has whole.
+
+    mpirun -n 8 python benchmarks/parts.py --modules 284 --partition regular
+    mpirun -n 8 python benchmarks/parts.py --modules 284 --partition metis
+
+90,000 unknowns a rank: 100 modules a side on one rank, 140 on two, 200 on four, 284 on eight. With --whole every rank
+passes the whole arrays.
+"""
+
+import argparse
+import resource
+import time
+
+from petsc4py import PETSc
+
+import latinpc
+from latinpc.scenes import make
+
+
+def peak(comm):
+    """Peak resident memory of each rank so far (MB); collective."""
+    return [round(kilobytes / 1024) for kilobytes in comm.allgather(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)]
+
+
+def main():
+    """Solve, and print a line for each stage."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--modules", type=int, default=100)
+    parser.add_argument("--partition", choices=("regular", "metis"), default="regular")
+    parser.add_argument("--whole", action="store_true")
+    given, _ = parser.parse_known_args()
+    options = {"modules": given.modules, "partition": given.partition}
+    PETSc.Log.begin()
+    comm = PETSc.COMM_WORLD.tompi4py()
+    say = PETSc.Sys.Print
+    if given.whole:
+        structure = latinpc.Structure.from_scene(make("tensegrity-grid", **options))
+    else:
+        structure = latinpc.local_scene("tensegrity-grid", **options)
+    say(f"{structure.sizes.free_dofs} unknowns, {comm.size} ranks, {given.partition}")
+    say("  structure: MB a rank", *peak(comm))
+    snes = structure.create_snes()
+    snes.setFromOptions()
+    comm.barrier()
+    start = time.perf_counter()
+    snes.setUp()
+    comm.barrier()
+    seconds = time.perf_counter() - start
+    partition = comm.allreduce(PETSc.Log.Event("LatinPartition").getPerfInfo()["time"]) / comm.size
+    subdomains = latinpc.statistics(snes)["subdomains"]
+    say(
+        f"  set-up: {seconds:.1f} s, of these {partition:.2f} s partition; {subdomains} subdomains; MB a rank",
+        *peak(comm),
+    )
+    u = structure.create_vec()
+    start = time.perf_counter()
+    snes.solve(None, u)
+    seconds = time.perf_counter() - start
+    count = snes.getIterationNumber()
+    say(f"  solve: {seconds:.1f} s, {count} iterations, reason {snes.getConvergedReason()}; MB a rank", *peak(comm))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""Structures and results of which each rank has its own part."""

@@ -1,0 +1,180 @@
+"""What a solve of a distributed structure has found, each rank its own part."""
+
+from __future__ import annotations
+
+import pathlib
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from latinpc import solvers
+from latinpc.checks import ARRAYS
+from latinpc.geometry import Geometry
+from latinpc.laws import UNILATERAL, Law
+from latinpc.results.mechanics import slack
+from latinpc.results.notices import causes
+from latinpc.results.plots import Plots
+from latinpc.results.report import in_words, plain
+from latinpc.results.result import Result
+from latinpc.results.solve import report_of
+
+from .vtk import write_pvtu
+
+if TYPE_CHECKING:
+    from .structure import LocalStructure
+
+__all__ = ["LocalResult", "gather_local"]
+
+
+@dataclass(repr=False, eq=False)
+class LocalResult:
+    """What a solve has found; arrays are of this rank's nodes and links, in the caller's order.
+
+    Nothing here is collective but `reactions`, `to_vtu` and `gather`.
+    """
+
+    structure: LocalStructure  #: what was solved
+    displacements: np.ndarray  #: (n, dim), of this rank's nodes, prescribed ones included (m)
+    tensions: np.ndarray  #: (m,), of this rank's links, positive in tension (N)
+    slack: np.ndarray  #: (m,) bool: cables, compression-only links and contacts that carry nothing
+    load: np.ndarray  #: (n, dim), under which it was solved (N)
+    report: dict[str, Any]  #: counts, errors and reasons of the whole, the same on every rank, fit for JSON
+    subdomain: np.ndarray | None = None  #: (m,), subdomain of each link, among all
+    node_class: np.ndarray | None = None  #: (n,), 0 interior, 1 strong, 2 weak interface, 3 corner
+    history: dict[str, np.ndarray] = field(default_factory=dict)  #: per iteration: indicator, errors, estimate
+    notices: list[str] = field(default_factory=list)  #: sentences to read, the same on every rank
+
+    @property
+    def converged(self) -> bool:
+        """Whether the solver has converged: without, the arrays are those of its last iterate."""
+        return self.report["converged"]
+
+    @property
+    def reason(self) -> str:
+        """Why the solver stopped, in words; ``report["reason"]`` is PETSc's name."""
+        return in_words(self.report)
+
+    @property
+    def iterations(self) -> int:
+        """Number of iterations."""
+        return self.report["iterations"]
+
+    @property
+    def estimated_error(self) -> float | None:
+        """Estimated relative error of the displacements; None where the stop does not estimate it."""
+        return self.report["estimated_error"]
+
+    @property
+    def tension_error(self) -> float | None:
+        """Estimated relative error of the tensions, l2 norm over all links; None where it is not known."""
+        return self.report["tension_error"]
+
+    def reactions(self) -> np.ndarray:
+        """Return the forces of the supports on this rank's nodes (N), zero where nothing is fixed; collective.
+
+        Of structures of geometry ``"linear"``; of others ``gather().reactions``.
+
+        Returns
+        -------
+        (n, dim) array
+        """
+        structure, halo = self.structure, self.structure.halo
+        if structure.geometry != "linear":
+            raise ValueError("reactions of structures whose links turn: take those of the gathered result")
+        pull = self.tensions[:, None] * structure.directions
+        links, forces = halo.links, np.zeros((halo.own + len(halo.ghosts), structure.dim))
+        for axis in range(structure.dim):
+            first, second = (np.bincount(end, weights=pull[:, axis], minlength=len(forces)) for end in links.T)
+            forces[:, axis] = second - first
+        return np.where(structure.fixed, halo.collect(forces) - self.load, 0.0)
+
+    def to_vtu(self, path: str | pathlib.Path) -> None:
+        """Write the results for ParaView: an index ``.pvtu`` and a file of each rank beside it; collective."""
+        write_pvtu(path, self)
+
+    def gather(self, root: int | None = None) -> Result | None:
+        """Bring the parts together; collective.
+
+        Nodes are in the order of their numbers, links rank by rank.
+
+        Parameters
+        ----------
+        root : int, optional
+            The rank that gets the whole; every rank when not given.
+
+        Returns
+        -------
+        latinpc.Result or None
+            None on the other ranks. Its structure is no `latinpc.Structure`, and so it has no ``tangent`` and no
+            ``modes``.
+        """
+        comm, structure = self.structure.comm.tompi4py(), self.structure
+        arrays = {name: _whole(comm, getattr(structure, name), root) for name in ARRAYS}
+        names = ("displacements", "tensions", "load", "subdomain", "node_class")
+        found = {name: _whole(comm, getattr(self, name), root) for name in names}
+        if root not in (None, comm.rank):
+            return None
+        whole = _Whole(structure.name, structure.geometry, structure.sizes, structure.comm, arrays)
+        return Result(whole, report=dict(self.report), history=self.history, notices=list(self.notices), **found)
+
+    def __repr__(self) -> str:
+        state = "converged" if self.converged else "not converged"
+        return f"<LocalResult of {self.structure.name}: {state} in {self.iterations} iterations>"
+
+
+class _Whole(Geometry, Plots):
+    """The arrays of all ranks."""
+
+    def __init__(self, name, geometry, sizes, comm, arrays):
+        self.name, self.geometry, self.sizes, self.comm = name, geometry, sizes, comm
+        self.__dict__.update(arrays)
+
+
+def _whole(comm, mine, root):
+    """Put the parts of an array one after the other, on one rank or on all; collective."""
+    if mine is None:
+        return None
+    parts = comm.allgather(mine) if root is None else comm.gather(mine, root=root)
+    return None if parts is None else np.concatenate(parts)
+
+
+def gather_local(structure: LocalStructure, snes: PETSc.SNES, core: Any, u: PETSc.Vec) -> LocalResult:
+    """Collect what a SNES has found on each rank; collective, after its solve.
+
+    Parameters and report are those of `latinpc.results.solve.gather`.
+    """
+    comm, load, factor = structure.comm.tompi4py(), structure.load, None
+    if structure.geometry == "large" and snes.getType() == "latin":
+        cables = comm.allreduce(bool((structure.law == Law.CABLE).all()), op=MPI.LAND)
+        factor = None if cables else solvers.path(snes)["borne"]  # cables alone have no limit point
+    if factor is not None and factor < 1.0 and snes.getConvergedReason() < 0:  # the displacements bear less
+        structure.set_load(factor * load)
+    r = structure.create_vec()
+    snes.computeFunction(u, r)
+    tensions = solvers.tensions(snes)
+    largest = comm.allreduce(float(np.abs(tensions).max(initial=0.0)), op=MPI.MAX)
+    loose = slack(structure, tensions, largest)
+    counts = comm.allreduce(np.array([loose.sum(), np.isin(structure.law, UNILATERAL).sum()]))
+    is_latin = snes.getType() == "latin"
+    past = {key: np.array(values) for key, values in solvers.history(snes).items()} if is_latin else {}
+    statistics = solvers.statistics(core) if core is not None else {}
+    report = report_of(structure, snes, statistics, past, tuple(map(int, counts))) | {"residual_norm": r.norm()}
+    result = LocalResult(
+        structure=structure,
+        displacements=structure.displacements(u),
+        tensions=tensions,
+        slack=loose,
+        load=structure.load,
+        report=plain(report | ({} if factor is None else {"load_factor": factor})),
+        subdomain=solvers.subdomain_of_links(core) if core is not None else structure.subdomain,
+        node_class=solvers.node_classes(core) if core is not None else None,
+        history=past,
+        notices=list(dict.fromkeys(text for said in comm.allgather(causes(snes, structure, past)) for text in said)),
+    )
+    if structure.load is not load:
+        structure.set_load(load)
+    r.destroy()
+    return result

@@ -1,0 +1,248 @@
+"""Structures of which each rank gives its part: the same solution as the whole, errors named on every rank, files."""
+
+import json
+
+import meshio
+import numpy as np
+import pytest
+from support import chain, grid
+
+import latinpc
+from latinpc.scenes import make
+from latinpc.scenes.tensegrity_grid import grid_part
+
+SOLVE = """
+import json, sys
+import numpy as np
+import petsc4py
+petsc4py.init(["p", "-skip_petscrc"])
+from petsc4py import PETSc
+import latinpc
+from latinpc.arrays import block
+from latinpc.scenes import make
+comm = PETSc.COMM_WORLD.tompi4py()
+
+def shared(scene, seed=0, **more):
+    # nodes in blocks, each link on a rank drawn at random
+    nodes = slice(*block(len(scene.nodes), comm.rank, comm.size))
+    links = np.flatnonzero(np.random.default_rng(seed).integers(comm.size, size=len(scene.links)) == comm.rank)
+    return latinpc.LocalStructure(
+        scene.nodes[nodes], scene.links[links], scene.law[links], scene.stiffness[links],
+        scene.initial_elongation[links], scene.fixed[nodes], scene.prescribed[nodes], scene.load[nodes],
+        direction=None if scene.direction is None else scene.direction[links], **more
+    ), links
+
+found = {}
+for name, how in (("network", {"nodes": 200}), ("lattice", {"nx": 12, "ny": 8}), ("net", {})):
+    scene = make(name, **how)
+    structure, links = shared(scene, geometry=scene.geometry)
+    own = structure.solve(error=1e-8)
+    assert own.displacements.shape == structure.nodes.shape and own.tensions.shape == (len(links),)
+    whole, order = own.gather(), np.concatenate(comm.allgather(links))
+    tensions = np.empty(len(order))
+    tensions[order] = whole.tensions
+    found[name] = {
+        "u": whole.displacements.tolist(), "tensions": tensions.tolist(), "reactions": whole.reactions.tolist(),
+        "converged": own.converged, "slack": int(whole.slack.sum()), "summary": len(str(whole)),
+    }
+    if scene.geometry == "linear":
+        mine = np.concatenate(comm.allgather(own.reactions()))
+        np.testing.assert_allclose(mine, whole.reactions, atol=1e-9 * abs(mine).max())
+    assert comm.allreduce(own.gather(root=0) is not None) == 1
+    reports = comm.allgather(json.dumps(own.report))
+    assert all(text == reports[0] for text in reports)
+if not comm.rank:
+    json.dump(found, open(sys.argv[1], "w"))
+"""
+
+
+@pytest.mark.parametrize("ranks", [1, 2, 4])
+def test_parts_solve_as_the_whole(mpirun, tmp_path, ranks):
+    """Links anywhere, nodes in blocks: displacements, tensions, reactions and counts of the whole structure."""
+    mpirun(ranks, SOLVE, tmp_path / "found.json")
+    found = json.loads((tmp_path / "found.json").read_text())
+    for name, how in (("network", {"nodes": 200}), ("lattice", {"nx": 12, "ny": 8}), ("net", {})):
+        whole, mine = make(name, **how).solve(error=1e-8), found[name]
+        assert mine["converged"] and whole.converged
+        assert mine["slack"] == whole.slack.sum()
+        for key, values in (("u", whole.displacements), ("tensions", whole.tensions), ("reactions", whole.reactions)):
+            far = np.linalg.norm(np.array(mine[key]) - values)
+            assert far <= 1e-6 * np.linalg.norm(values), (name, key)
+
+
+@pytest.mark.parametrize("ranks", [1, 3, 4])
+@pytest.mark.parametrize(
+    "options", [{}, {"partition": "metis", "module": "modified"}, {"subdomains": 4, "slack": 0.02}]
+)
+def test_grids_are_made_in_parts(ranks, options):
+    """The parts of all ranks, put together, are the scene: nodes in its order, links as a set."""
+    whole = grid(modules=8, **{"subdomains": None} | options)
+    parts = [grid_part("tensegrity-grid", 8, **options, rank=rank, ranks=ranks)[0] for rank in range(ranks)]
+    for name in ("nodes", "fixed", "load"):
+        assert np.array_equal(np.concatenate([part[name] for part in parts]), getattr(whole, name)), name
+    of_links = ("links", "law", "stiffness", "initial_elongation", "subdomain")
+
+    def rows(arrays):
+        given = [arrays[name] for name in of_links if arrays[name] is not None]
+        return sorted(map(tuple, np.column_stack(given).tolist()))
+
+    together = {name: parts[0][name] for name in of_links}
+    together |= {name: np.concatenate([p[name] for p in parts]) for name in of_links if parts[0][name] is not None}
+    assert rows(together) == rows(vars(whole))
+    assert max(len(part["links"]) for part in parts) <= 1.5 * len(whole.links) / ranks
+
+
+GRID = """
+import sys
+import numpy as np
+import petsc4py
+petsc4py.init(["p", "-skip_petscrc"])
+import latinpc
+from latinpc.scenes import make
+for partition in ("regular", "metis"):
+    own = latinpc.local_scene("tensegrity-grid", modules=8, partition=partition).solve()
+    whole = make("tensegrity-grid", modules=8, partition=partition).solve()
+    both = own.gather()
+    assert own.iterations == whole.iterations, (own.iterations, whole.iterations)
+    np.testing.assert_allclose(both.displacements, whole.displacements, atol=1e-9)
+own.to_vtu(sys.argv[1])
+if own.structure.comm.rank == 0:
+    whole.to_vtu(sys.argv[2])
+"""
+
+
+@pytest.mark.parametrize("ranks", [1, 2, 4])
+def test_a_grid_in_parts_and_its_files(mpirun, tmp_path, ranks):
+    """As many iterations as the whole; the files of the ranks have each link once, with the values of the one file."""
+    mpirun(ranks, GRID, tmp_path / "parts.pvtu", tmp_path / "whole.vtu")
+    index = (tmp_path / "parts.pvtu").read_text()
+    pieces = [meshio.read(tmp_path / f"parts/{rank:05d}.vtu") for rank in range(ranks)]
+    whole = meshio.read(tmp_path / "whole.vtu")
+    assert index.count("<Piece ") == ranks
+    for name in [*whole.point_data, *whole.cell_data]:
+        assert index.count(f'Name="{name}"') == 1, name
+
+    def rows(mesh, names):
+        middle = mesh.points[mesh.cells[0].data].mean(axis=1)
+        return np.column_stack([middle, *(mesh.cell_data[name][0] for name in names)])
+
+    names = ("tension", "elongation", "slack", "law")
+    mine, theirs = (np.vstack([rows(mesh, names) for mesh in meshes]) for meshes in (pieces, [whole]))
+    assert mine.shape == theirs.shape
+    order = [np.lexsort(np.round(values, 6).T[::-1]) for values in (mine, theirs)]
+    np.testing.assert_allclose(mine[order[0]], theirs[order[1]], atol=1e-6)
+    at = {tuple(x): u for x, u in zip(np.round(whole.points, 6), whole.point_data["displacement"])}
+    for mesh in pieces:  # ghosts have the values of their nodes
+        for x, u in zip(np.round(mesh.points, 6), mesh.point_data["displacement"]):
+            np.testing.assert_allclose(u, at[tuple(x)], atol=1e-9)
+
+
+BAD = """
+import sys
+import numpy as np
+import petsc4py
+petsc4py.init(["p", "-skip_petscrc"])
+from petsc4py import PETSc
+import latinpc
+comm = PETSc.COMM_WORLD.tompi4py()
+last = comm.rank == comm.size - 1
+
+def make(**wrong):
+    # a row of cables, three nodes a rank
+    nodes = 3.0 * comm.rank + np.arange(3.0)[:, None]
+    links = 3 * comm.rank + np.array([[-1, 0], [0, 1], [1, 2]])[0 if comm.rank else 1:]
+    given = {"nodes": nodes, "links": links, "law": "bar", "stiffness": 1.0, "fixed": np.zeros((3, 1), bool)}
+    given["fixed"][0] = comm.rank == 0
+    return latinpc.LocalStructure(**(given | (wrong if last else {})))
+
+structure = make()
+structure.set_load(np.ones((3, 1)))
+assert structure.solve().converged
+first = 3 * (comm.size - 1)
+cases = {
+    "a coordinate that is not finite": lambda: make(nodes=np.full((3, 1), np.nan)),
+    "joins a node that does not exist": lambda: make(links=[[first, first + 3]]),
+    "joins a node to itself": lambda: make(links=[[first, first]]),
+    "needs a positive stiffness": lambda: make(stiffness=-1.0),
+    "must be an (n, dim) array": lambda: make(nodes=np.zeros(3)),
+    "law must have the shape": lambda: make(law=5 * ["bar"]),
+    "has no length": lambda: make(nodes=np.full((3, 1), first + 0.5)),
+    "load must have the shape": lambda: structure.set_load(np.zeros((9, 1)) if last else np.zeros((3, 1))),
+    "not fixed": lambda: structure.set_prescribed(np.ones((3, 1)) if last else np.zeros((3, 1))),
+}
+for text, call in cases.items():
+    try:
+        call()
+    except ValueError as error:
+        assert text in str(error) and f"rank {comm.size - 1}: " in str(error), (text, str(error))
+    else:
+        raise SystemExit(f"nothing was said: {text}")
+for text, call in {
+    "coordinates on one rank": lambda: make(nodes=np.zeros((3, 2)), fixed=np.zeros((3, 2), bool)),
+    "given on some ranks": lambda: make(mass=1.0),
+}.items():
+    if comm.size == 1:
+        break
+    try:
+        call()
+    except ValueError as error:
+        assert text in str(error), str(error)
+    else:
+        raise SystemExit(f"nothing was said: {text}")
+try:
+    structure.solve().to_vtu(sys.argv[1])
+except OSError as error:
+    print("named")
+comm.barrier()
+"""
+
+
+@pytest.mark.parametrize("ranks", [1, 2, 4])
+def test_bad_parts_are_named_on_every_rank(mpirun, tmp_path, ranks):
+    """An error of the last rank is one of all, with its number; nothing waits."""
+    (tmp_path / "file").write_text("")
+    run = mpirun(ranks, BAD, tmp_path / "file" / "no.pvtu")
+    assert run.stdout.split() == ["named"] * ranks
+
+
+EMPTY = """
+import numpy as np
+import petsc4py
+petsc4py.init(["p", "-skip_petscrc"])
+from petsc4py import PETSc
+import latinpc
+rank, n = PETSc.COMM_WORLD.rank, 5
+nodes = np.arange(float(n if rank == 1 else 0))[:, None]
+links = np.column_stack([np.arange(n - 1), np.arange(1, n)]) if rank == 0 else np.zeros((0, 2), int)
+fixed = nodes == 0
+s = latinpc.LocalStructure(nodes, links, "bar", 2.0, fixed=fixed, load=np.where(fixed, 0.0, 1.0))
+r = s.solve()
+r.to_vtu("{path}")
+whole = r.gather()
+np.testing.assert_allclose(whole.tensions, [4, 3, 2, 1])
+np.testing.assert_allclose(whole.displacements[:, 0], [0, 2, 3.5, 4.5, 5])
+"""
+
+
+def test_ranks_without_nodes_or_links(mpirun, tmp_path):
+    """One rank gives all links, another all nodes, a third nothing."""
+    mpirun(3, EMPTY.replace("{path}", str(tmp_path / "chain.pvtu")))
+
+
+def test_a_part_is_not_drawn_and_scenes_that_are_whole_are_named():
+    """What needs the whole says so."""
+    scene = chain()
+    structure = latinpc.LocalStructure(
+        scene.nodes, scene.links, scene.law, scene.stiffness, scene.initial_elongation, scene.fixed, scene.prescribed,
+        scene.load, scene.subdomain,
+    )  # fmt: skip
+    assert structure.n_subdomains == 4
+    result = structure.solve()
+    assert result.converged and result.gather().plot()
+    np.testing.assert_allclose(structure.lengths, scene.lengths)
+    with pytest.raises(ValueError, match="not drawn"):
+        structure.plot()
+    with pytest.raises(ValueError, match="choose from tensegrity-grid, truss-grid"):
+        latinpc.local_scene("network")
+    with pytest.raises(ValueError, match=r"written as \.pvtu"):
+        result.to_vtu("results.vtu")
