@@ -132,13 +132,9 @@ def test_preset_is_that_of_the_file_and_the_users_options_come_before_it():
     assert "balanced" in latinpc("solve", "net", "--preset", "fat", code=2).stderr
 
 
-def test_former_names_of_options_are_understood():
-    times = ["solve", "bouncing-chain", "--json", "-"]
-    new = json.loads(latinpc(*times, "--num-steps", "4", "--time-step", "2e-3").stdout)
-    old = json.loads(latinpc(*times, "--steps", "4", "--step", "2e-3").stdout)
-    assert new["step"] == old["step"] == 2e-3 and new["steps"] == old["steps"] == 4
-    text = latinpc("solve", "--help").stdout
-    assert "--num-steps N" in text and "--output-every N" in text and "--steps" not in text.replace("--num-steps", "")
+def test_number_and_length_of_time_steps():
+    report = json.loads(latinpc("solve", "bouncing-chain", "--json", "-", "--num-steps", 4, "--time-step", 2e-3).stdout)
+    assert report["step"] == 2e-3 and report["steps"] == 4
 
 
 def test_json_alone_and_quiet():
