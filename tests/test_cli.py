@@ -9,8 +9,8 @@ import meshio
 import numpy as np
 import pytest
 from conftest import ROOT, run
+from test_drawings import grid_of_lines
 from test_files import MSH, TOML
-from test_imports import grid_of_lines
 
 from latinpc import cli
 from latinpc.cli.arguments import split_arguments
