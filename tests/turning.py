@@ -184,6 +184,7 @@ def newton(structure, increments=20):
 
     u = np.zeros((count, dim))
     for part in np.linspace(1.0 / increments, 1.0, increments):
+        moved = np.inf
         for _ in range(200):
             left, K = state(u, part)
             step = np.zeros(count * dim)
@@ -194,7 +195,8 @@ def newton(structure, increments=20):
             while length > 1e-4 and state(u + length * step, part)[0] @ step.ravel()[free] < -0.5 * slope:
                 length *= 0.5
             u = u + length * step
-            if np.linalg.norm(step) <= 1e-14 * max(np.linalg.norm(u), 1e-3):
+            before, moved = moved, np.linalg.norm(step)
+            if moved <= 1e-14 * max(np.linalg.norm(u), 1e-3) or before / 2 < moved < 1e-10:  # rounding is left
                 break
     return u
 
