@@ -1,9 +1,7 @@
-"""Structures whose links turn, closed forms, and Newton's method in numpy. Run on ranks as a program."""
+"""Structures whose links turn, closed forms, and Newton's method in numpy. `job` runs on ranks."""
 
 from __future__ import annotations
 
-import json
-import sys
 from types import SimpleNamespace
 
 import numpy as np
@@ -237,8 +235,8 @@ def solve(structure, geometry="large", error=None, guess=None, reference=None, *
     )
 
 
-if __name__ == "__main__":
-    result = solve(net(10, 2.0, [0.0, 0.0, -500.0]), error=1e-9, variant=sys.argv[1], subdomains=5)
-    if PETSc.COMM_WORLD.rank == 0:
-        size = {"largest": abs(result.displacements).max(), "norm": np.linalg.norm(result.displacements)}
-        print(json.dumps({"reason": int(result.reason), **size}))
+def job(variant):
+    """Solve a net on any number of ranks (`jobs.py`)."""
+    result = solve(net(10, 2.0, [0.0, 0.0, -500.0]), error=1e-9, variant=variant, subdomains=5)
+    size = {"largest": abs(result.displacements).max(), "norm": np.linalg.norm(result.displacements)}
+    return {"reason": int(result.reason), **size}
