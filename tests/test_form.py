@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import petsc4py
 import pytest
-from test_cli import latinpc as command
 
 if __name__ == "__main__":  # a program on ranks, with its options
     petsc4py.init(sys.argv)
 
 import turning
+from command import latinpc as command
 from conftest import ROOT, run
 from petsc4py import PETSc
 

@@ -12,11 +12,11 @@ import meshio
 import numpy as np
 import oracle
 import pytest
+from command import latinpc as command
 from conftest import ROOT, run
 from matplotlib.figure import Figure
 from petsc4py import PETSc
 from support import grid, network
-from test_cli import latinpc as command
 
 import latinpc
 from latinpc.scenes import Law, Scene, make
@@ -353,7 +353,6 @@ RANKS = """
 import json, sys, warnings
 import numpy as np
 from petsc4py import PETSc
-from test_cli import latinpc as command
 import latinpc
 
 rank = PETSc.COMM_WORLD.rank

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import scipy.linalg
 import turning
+from command import latinpc as command
 from conftest import run
 from petsc4py import PETSc
-from test_cli import latinpc as command
 
 import latinpc
 
