@@ -8,7 +8,7 @@ C: a file includes headers of its own folder and of folders below. A function of
 same folder or from above. Files of one folder do not call each other in a circle. Nothing below `core` reads the
 members of `struct _p_Latin`. Python: the same with imports, wherever they stand in a module, but for those of type
 hints (`if TYPE_CHECKING:`). Both: no file is longer than 500 lines, no function longer than 60 (the docstring of a
-Python function is not counted).
+Python function is not counted); of Cython and of tests, the lengths of files alone.
 """
 
 import argparse
@@ -306,8 +306,11 @@ def check_python(root):
     floors, package = Floors(PYTHON_FLOORS), root / "latinpc"
     paths = [p for p in sorted(package.rglob("*.py")) if "__pycache__" not in p.parts]
     modules = {module_name(package, path): path for path in paths}
-    for path in package.glob("*.pyx"):
-        modules[module_name(package, path)] = None
+    for path in (*package.glob("*.p[xy][dix]"), *root.glob("tests/*.py")):  # their lengths alone
+        if (lines := path.read_text().count("\n")) > FILE_LINES:
+            floors.faults.append(f"{path.relative_to(root)}: {lines} lines, more than {FILE_LINES}")
+        if path.suffix == ".pyx":
+            modules[module_name(package, path)] = None
     for name, path in modules.items():
         if path is None:  # compiled: the bottom
             continue

@@ -1,11 +1,14 @@
 """What every test shares: one PETSc without stray options, and a way to run programs under MPI."""
 
+import json
 import os
 import re
+import select
 import signal
 import subprocess
 import sys
 import tempfile
+import time
 from pathlib import Path
 
 ENVIRONMENT = {
@@ -69,40 +72,56 @@ def run(command, timeout=120, check=True, cwd=None, env=None, leaks=True):
     Without `leaks` it goes on after errors, and what functions leave that return one is no loss to valgrind.
     Returns a subprocess.CompletedProcess with text in stdout and stderr.
     """
-    command = [str(word) for word in command]
+    process = begin(command, cwd, env, subprocess.PIPE, subprocess.PIPE)
+    try:
+        out, err = process.communicate(timeout=timeout * PATIENCE)
+    except subprocess.TimeoutExpired:
+        end(process)
+        out, err = process.communicate()
+        pytest.fail(f"{' '.join(process.args)}: not over after {timeout} s\n{out}\n{err}")
+    return judged(process, out, err, check, leaks)
+
+
+def begin(command, cwd, env, stdout, stderr):
+    """Begin a program with its own process group; returns a subprocess.Popen."""
     env = environment(**(env or {}))
     if LOGS:
         env["VALGRIND_LOGS"] = tempfile.mkdtemp(dir=LOGS)
     process = subprocess.Popen(
-        command,
+        [str(word) for word in command],
         stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
+        stdout=stdout,
+        stderr=stderr,
         text=True,
         cwd=cwd,
         env=env,
         start_new_session=True,
     )
+    process.logs = env.get("VALGRIND_LOGS")
+    return process
+
+
+def end(process):
+    """End a program that goes on: mpirun ends its ranks, which are in groups of their own."""
+    os.killpg(process.pid, signal.SIGTERM)
     try:
-        out, err = process.communicate(timeout=timeout * PATIENCE)
+        process.wait(timeout=10)
     except subprocess.TimeoutExpired:
-        os.killpg(process.pid, signal.SIGTERM)  # mpirun ends its ranks, which are in groups of their own
-        try:
-            out, err = process.communicate(timeout=10)
-        except subprocess.TimeoutExpired:
-            os.killpg(process.pid, signal.SIGKILL)
-            out, err = process.communicate()
-        pytest.fail(f"{' '.join(command)}: not over after {timeout} s\n{out}\n{err}")
-    result = subprocess.CompletedProcess(command, process.returncode, out, err)
+        os.killpg(process.pid, signal.SIGKILL)
+
+
+def judged(process, out, err, check, leaks):
+    """Return what a program has done, or fail with what it was reported for."""
+    command = " ".join(process.args)
     if SANITIZER.search(err):
-        pytest.fail(f"{' '.join(command)}: reported by a sanitizer\n{out}\n{err}")
-    if LOGS and (found := reports_in(env["VALGRIND_LOGS"], leaks=leaks and result.returncode == 0)):
-        pytest.fail("\n\n".join([f"{' '.join(command)}: reported by valgrind", *found]))
-    if check and result.returncode:
-        pytest.fail(f"{' '.join(command)}: exit code {result.returncode}\n{out}\n{err}")
+        pytest.fail(f"{command}: reported by a sanitizer\n{out}\n{err}")
+    if LOGS and (found := reports_in(process.logs, leaks=leaks and process.returncode == 0)):
+        pytest.fail("\n\n".join([f"{command}: reported by valgrind", *found]))
+    if check and process.returncode:
+        pytest.fail(f"{command}: exit code {process.returncode}\n{out}\n{err}")
     if check and MALLOC_DUMP and LEAK.search(out):
-        pytest.fail(f"{' '.join(command)}: memory left\n{out}\n{err}")
-    return result
+        pytest.fail(f"{command}: memory left\n{out}\n{err}")
+    return subprocess.CompletedProcess(process.args, process.returncode, out, err)
 
 
 if LOGS:
@@ -140,18 +159,87 @@ def mpirun(tmp_path):
             script = tmp_path / f"script{len(list(tmp_path.glob('script*.py')))}.py"
             script.write_text(program)
             program = str(script)
-        command = [program, *args]
-        if program.endswith(".py"):
-            command.insert(0, sys.executable)
-        if ranks > 1 and SANITIZED:  # mpirun itself has faults of its own to report
-            preloaded = environment(**how.get("env", {}))["LD_PRELOAD"]
-            how["env"] = {**how.get("env", {}), "LD_PRELOAD": None}
-            command = ["-x", f"LD_PRELOAD={preloaded}", *command]
-        if ranks > 1:
-            command = ["mpirun", "-n", ranks, *command]
+        command, how["env"] = on_ranks(ranks, program, *args, env=how.get("env", {}))
         return run(command, **how)
 
     return launch
+
+
+def on_ranks(ranks, program, *args, env):
+    """Return the command that runs a program on some ranks, and its environment."""
+    command = [program, *args]
+    if str(program).endswith(".py"):
+        command.insert(0, sys.executable)
+    if ranks > 1 and SANITIZED:  # mpirun itself has faults of its own to report
+        preloaded = environment(**env)["LD_PRELOAD"]
+        env = {**env, "LD_PRELOAD": None}
+        command = ["-x", f"LD_PRELOAD={preloaded}", *command]
+    if ranks > 1:
+        command = ["mpirun", "-n", ranks, *command]
+    return command, env
+
+
+class Ranks:
+    """Ranks that take one job after another (`jobs.py`): what they share is begun once, and a job costs its work alone.
+
+    Jobs and results go through pipes with names, at which ranks wait without using a core.
+    """
+
+    def __init__(self, ranks, program, folder):
+        for name in ("results", *range(ranks)):
+            os.mkfifo(folder / str(name))
+        # open for both directions: that does not wait for the other end
+        self.jobs = [os.open(folder / str(rank), os.O_RDWR) for rank in range(ranks)]
+        self.results = os.open(folder / "results", os.O_RDWR)
+        self.printed = [folder / "out", folder / "err"]
+        command, env = on_ranks(ranks, ROOT / "tests" / "jobs.py", program, folder, env={})
+        with self.printed[0].open("w") as out, self.printed[1].open("w") as err:
+            self.process = begin(command, None, env, out, err)
+
+    def tell(self, words):
+        """Send all ranks a line."""
+        for pipe in self.jobs:
+            os.write(pipe, (json.dumps(words) + "\n").encode())
+
+    def do(self, words, timeout=120):
+        """Do a job; fail where it does not end, or ends the ranks."""
+        self.tell([str(word) for word in words])
+        result, last = b"", time.monotonic() + timeout * PATIENCE
+        while not result.endswith(b"\n"):
+            if select.select([self.results], [], [], 0.5)[0]:
+                result += os.read(self.results, 1 << 16)
+            elif self.process.poll() is not None or time.monotonic() > last:
+                end(self.process)
+                pytest.fail(f"{words}: no result\n" + "\n".join(file.read_text() for file in self.printed))
+        return json.loads(result)
+
+    def close(self):
+        """End the ranks, and judge what they have left."""
+        if self.process.poll() is None:
+            self.tell(None)
+            try:
+                self.process.wait(timeout=60 * PATIENCE)
+            except subprocess.TimeoutExpired:
+                end(self.process)
+                self.process.wait()
+            judged(self.process, *(file.read_text() for file in self.printed), check=True, leaks=True)
+        for pipe in (self.results, *self.jobs):
+            os.close(pipe)
+
+
+@pytest.fixture(scope="module")
+def ranks_for(tmp_path_factory):
+    """Give jobs to ranks that stay for the tests of a file: ``ranks_for(4, "matis_program", "--cells", 8)``."""
+    begun = {}
+
+    def do(ranks, program, *words):
+        if (ranks, program) not in begun or begun[ranks, program].process.poll() is not None:
+            begun[ranks, program] = Ranks(ranks, program, tmp_path_factory.mktemp(program))
+        return begun[ranks, program].do(words)
+
+    yield do
+    for one in begun.values():
+        one.close()
 
 
 @pytest.fixture

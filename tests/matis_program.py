@@ -9,6 +9,8 @@ import argparse
 import itertools
 import json
 import sys
+import tempfile
+from pathlib import Path
 
 import petsc4py
 
@@ -208,8 +210,8 @@ def set_value(pc, value):
         latinpc.set_direction(pc, PETSc.Options().getString("pc_latin_direction"), value)
 
 
-def main():
-    """Build, solve, print."""
+def job(*words):
+    """Build and solve; return what the solver did, on every rank."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--problem", default="poisson")
     parser.add_argument("--dim", type=int, default=2)
@@ -228,7 +230,8 @@ def main():
     parser.add_argument("--spectrum", action="store_true")
     parser.add_argument("--value", type=float, default=0.0, help="fraction of the search direction")
     parser.add_argument("--links", action="store_true", help="compare with the preconditioner of the links")
-    args, _ = parser.parse_known_args()
+    parser.add_argument("--view", action="store_true", help="what -ksp_view prints")
+    args, _ = parser.parse_known_args(words)
     comm = PETSc.COMM_WORLD
     problem = Truss(args) if args.problem == "truss" else Grid(args)
     a, x, free = matis(problem, args, comm)
@@ -283,8 +286,20 @@ def main():
         scatter.scatter(u, whole)
         ours = whole.getArray() if len(free) < len(problem.held) else whole.getArray()[~problem.held]
         result["apart"] = float(abs(ours - theirs).max() / abs(theirs).max())
-    PETSc.Sys.Print(json.dumps(result))
+    if args.view:
+        result["view"] = view(ksp)
+    return result
+
+
+def view(ksp):
+    """Return what -ksp_view prints, on one rank."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder, "view")
+        viewer = PETSc.Viewer().createASCII(str(file), comm=ksp.comm)
+        ksp.view(viewer)
+        viewer.destroy()
+        return file.read_text() if ksp.comm.rank == 0 else ""
 
 
 if __name__ == "__main__":
-    main()
+    PETSc.Sys.Print(json.dumps(job(*sys.argv[1:])))

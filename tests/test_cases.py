@@ -115,7 +115,7 @@ SCENES = {
     "lattice": lattice,
     "chain of cables": lambda: chain(law=Law.CABLE),
     "hung truss": lambda: make("hung-truss"),
-    "net": lambda: make("net", law="inextensible"),
+    "net": lambda: make("net", side=6, law="inextensible"),
 }
 
 

@@ -2,15 +2,15 @@
 
 import json
 import re
-import sys
 from pathlib import Path
 
 import meshio
 import numpy as np
 import pytest
-from conftest import ROOT, run
+from command import latinpc, said
+from conftest import ROOT
+from test_drawings import grid_of_lines
 from test_files import MSH, TOML
-from test_imports import grid_of_lines
 
 from latinpc import cli
 from latinpc.cli.arguments import split_arguments
@@ -23,23 +23,6 @@ KEYS = [
     "versions", "options",
 ]  # fmt: skip
 TOWER = str(ROOT / "examples" / "tower.msh")
-
-
-def latinpc(*arguments, ranks=1, code=0, **how):
-    """Run the command and check its exit code."""
-    script = Path(sys.executable).with_name("latinpc")
-    command = [script] if script.exists() else [sys.executable, "-P", "-c", "from latinpc.cli import main; main()"]
-    if ranks > 1:
-        command = ["mpirun", "-n", ranks, *command]
-    result = run([*command, *arguments], check=False, **how)
-    assert result.returncode == code, result.stdout + result.stderr
-    assert not re.search(r"\bnan\b", result.stdout, re.IGNORECASE)
-    return result
-
-
-def said(result):
-    """Return what we said on stderr, without mpirun's own lines."""
-    return [line for line in result.stderr.splitlines() if line.startswith("latinpc: ")]
 
 
 # ---- arguments -------------------------------------------------------------------------------
@@ -132,13 +115,9 @@ def test_preset_is_that_of_the_file_and_the_users_options_come_before_it():
     assert "balanced" in latinpc("solve", "net", "--preset", "fat", code=2).stderr
 
 
-def test_former_names_of_options_are_understood():
-    times = ["solve", "bouncing-chain", "--json", "-"]
-    new = json.loads(latinpc(*times, "--num-steps", "4", "--time-step", "2e-3").stdout)
-    old = json.loads(latinpc(*times, "--steps", "4", "--step", "2e-3").stdout)
-    assert new["step"] == old["step"] == 2e-3 and new["steps"] == old["steps"] == 4
-    text = latinpc("solve", "--help").stdout
-    assert "--num-steps N" in text and "--output-every N" in text and "--steps" not in text.replace("--num-steps", "")
+def test_number_and_length_of_time_steps():
+    report = json.loads(latinpc("solve", "bouncing-chain", "--json", "-", "--num-steps", 4, "--time-step", 2e-3).stdout)
+    assert report["step"] == 2e-3 and report["steps"] == 4
 
 
 def test_json_alone_and_quiet():

@@ -50,6 +50,8 @@ FAULTS = {
     "relative import upwards": ("laws.py", "from .runs.report import B\n", "imports latinpc.runs.report"),
     "circle of modules": ("runs/report.py", "def f():\n    from . import solve\n", "runs: circle among"),
     "long function in Python": ("runs/report.py", LONG_PYTHON, "long has 61 lines, more than 60"),
+    "long file in Cython": ("_glue.pyx", "\n" * 501, "_glue.pyx: 501 lines, more than 500"),
+    "long file of tests": ("../tests/test_a.py", "\n" * 501, "test_a.py: 501 lines, more than 500"),
     "long file in Python": ("runs/report.py", "\n" * 500, "report.py: 503 lines, more than 500"),
 }
 
@@ -76,7 +78,7 @@ def test_sound_sources_pass(tmp_path):
 def test_a_planted_fault_is_found(fault, tmp_path):
     floors = checker(tmp_path)
     name, text, sentence = FAULTS[fault]
-    part = "python" if name.endswith(".py") else "c"
+    part = "python" if name.endswith((".py", ".pyx")) else "c"
     path = tmp_path / "latinpc" / (name if part == "python" else f"src/{name}")
     path.parent.mkdir(exist_ok=True)
     with path.open("a") as file:

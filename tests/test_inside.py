@@ -1,8 +1,6 @@
 """Latin solvers inside others: SNES latin as a nonlinear preconditioner and in composites, PC, KSP latin in fields."""
 
-import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import oracle
@@ -211,71 +209,21 @@ def test_composite(name, kind, solvers, most):
     assert snes.its <= most and norms[-1] <= 1e-8 * norms[0]
 
 
-PROGRAM = """
-import sys
-import petsc4py
-petsc4py.init(sys.argv)
-import numpy as np
-from petsc4py import PETSc
-import latinpc
-from latinpc.scenes import make
-
-structure = latinpc.Structure.from_scene(make("tensegrity-grid", modules=8, subdomains=16))
-snes = structure.create_snes()
-snes.setFromOptions()
-u = structure.create_vec()
-snes.solve(None, u)
-whole = structure.displacements(u)
-if PETSc.COMM_WORLD.rank == 0:
-    np.save(sys.argv[1], whole)
-    print(snes.getConvergedReason(), snes.getIterationNumber())
-"""
-
-
 @pytest.mark.parametrize("words", [
     "-snes_type ngmres -npc_snes_type latin -npc_snes_max_it 3",
     "-snes_type composite -snes_composite_type multiplicative -snes_composite_sneses latin,newtonls "
     "-sub_0_snes_max_it 3 -sub_1_pc_type cholesky -sub_1_pc_factor_mat_solver_type mumps",
 ])  # fmt: skip
-def test_any_number_of_ranks(mpirun, tmp_path, words):
-    found, told = [], []
-    for ranks in (1, 2, 4):
-        file = tmp_path / f"u{ranks}.npy"
-        told.append(mpirun(ranks, PROGRAM, file, *words.split(), "-snes_rtol", 1e-8, "-options_left").stdout)
-        found.append(np.load(file))
-        assert "There are no unused options" in told[-1]
-    counts = [[int(word) for word in text.splitlines()[0].split()] for text in told]
-    assert all(reason > 0 for reason, _ in counts)
-    assert max(count for _, count in counts) - min(count for _, count in counts) <= 1
-    assert far(found[1], found[0]) < 1e-6 and far(found[2], found[0]) < 1e-6
+def test_any_number_of_ranks(ranks_for, words):
+    found = [ranks_for(n, "inside_program", "structure", *words.split(), "-snes_rtol", 1e-8) for n in (1, 2, 4)]
+    counts = [one["iterations"] for one in found]
+    assert all(one["reason"] > 0 and not one["unused"] for one in found)
+    assert max(counts) - min(counts) <= 1
+    u = [np.array(one["u"]) for one in found]
+    assert far(u[1], u[0]) < 1e-6 and far(u[2], u[0]) < 1e-6
 
 
 # ---- PC and KSP latin inside other preconditioners ---------------------------------------------------
-FIELDS = f"""
-import argparse
-import json
-import sys
-import petsc4py
-petsc4py.init([sys.argv[0], "-skip_petscrc", *sys.argv[1:]])
-sys.path.insert(0, {str(Path(__file__).parent)!r})
-import numpy as np
-from matis_program import Grid, matis
-from petsc4py import PETSc
-import latinpc
-
-args = argparse.Namespace(problem="elasticity", dim=2, cells=12, blocks="2,2", dirichlet="zeroed", jump="none",
-                          local_type="aij", scalar_map=False, asymmetric=False, owned=False)
-a, _, _ = matis(Grid(args), args, PETSc.COMM_WORLD)
-b, u = a.createVecs()
-first, last = b.getOwnershipRange()
-b.setArray(np.sin(1.0 + 7.3 * np.arange(first, last)))
-ksp = PETSc.KSP().create()
-ksp.setOperators(a)
-ksp.setTolerances(rtol=1e-8, max_it=200)
-ksp.setFromOptions()
-ksp.solve(b, u)
-PETSc.Sys.Print(json.dumps([ksp.getConvergedReason(), ksp.getIterationNumber(), (b - a * u).norm() / b.norm()]))
-"""
 SPLIT = "-ksp_type fgmres -pc_type fieldsplit -pc_fieldsplit_block_size 2"
 
 
@@ -285,7 +233,7 @@ SPLIT = "-ksp_type fgmres -pc_type fieldsplit -pc_fieldsplit_block_size 2"
     ("-ksp_type fgmres -pc_type ksp -ksp_ksp_type latin -ksp_pc_type none -ksp_ksp_rtol 1e-2", 5),
     ("-ksp_type cg -pc_type composite -pc_composite_pcs latin,jacobi", 18),
 ])  # fmt: skip
-def test_inside_preconditioners(mpirun, words, most):
+def test_inside_preconditioners(ranks_for, words, most):
     """The components of a MATIS each by PC or KSP latin; KSP latin as a preconditioner; PC latin beside another."""
-    reason, count, left = json.loads(mpirun(4, FIELDS, *words.split()).stdout.splitlines()[-1])
-    assert reason > 0 and count <= most and left < 1e-7
+    found = ranks_for(4, "inside_program", "fields", *words.split())
+    assert found["reason"] > 0 and found["iterations"] <= most and found["residual"] < 1e-7 and not found["unused"]

@@ -5,70 +5,17 @@ from pathlib import Path
 
 import pytest
 
-PROGRAM = f"""
-import argparse
-import json
-import sys
-
-import petsc4py
-
-petsc4py.init([sys.argv[0], "-skip_petscrc", *sys.argv[2:]])
-sys.path.insert(0, {str(Path(__file__).parent)!r})
-import numpy as np
-from matis_program import Grid, matis, near_null
-from petsc4py import PETSc
-
-import latinpc
-
-chosen = dict(problem="poisson", dim=2, cells=8, blocks="2,2", dirichlet="zeroed", jump="none", contrast=1e6,
-              local_type="aij", scalar_map=False, asymmetric=False, coordinates=True, owned=False)
-args = argparse.Namespace(**dict(chosen, **json.loads(sys.argv[1])))
-problem = Grid(args)
-a, x, free = matis(problem, args, PETSc.COMM_WORLD)
-if args.dirichlet == "none":
-    a.setNullSpace(near_null(a, x, free, problem))
-b, u = a.createVecs()
-first, last = b.getOwnershipRange()
-b.setArray(np.sin(1.0 + 7.3 * np.arange(first, last)))
-if args.dirichlet == "none":
-    a.getNullSpace().remove(b)
-
-
-def solve(**how):
-    ksp = PETSc.KSP().create()
-    ksp.setOperators(a)
-    ksp.setType(how["ksp"])
-    if "pc" in how:
-        ksp.getPC().setType(how["pc"])
-    if "latin" in how.values() and args.coordinates:
-        ksp.getPC().setCoordinates(x[:: problem.bs] if len(x) % problem.bs == 0 else x)
-    ksp.setTolerances(rtol=1e-10, max_it=500)
-    ksp.setFromOptions()
-    v = b.duplicate()
-    ksp.solve(b, v)
-    return ksp, v
-
-
-ksp, u = solve(ksp="latin")
-_, cg = solve(ksp="cg", pc="latin")
-found = dict(reason=ksp.getConvergedReason(), iterations=ksp.getIterationNumber(), cg=(u - cg).norm() / u.norm(),
-             subdomains=latinpc.statistics(ksp)["subdomains"], residual=(b - a * u).norm() / b.norm())
-if args.problem == "poisson" and args.dirichlet != "none":
-    fetidp, v = solve(ksp="fetidp")
-    found.update(fetidp=(u - v).norm() / u.norm(), fetidp_iterations=fetidp.getIterationNumber())
-PETSc.Sys.Print(json.dumps(found))
-"""
-
+PROGRAM = Path(__file__).with_name("ksp_matis_program.py")
 RUNS = {}  # what has been run with these ranks and words: the same whoever asks
 
 
 @pytest.fixture
-def solved(mpirun):
+def solved(ranks_for):
     def run(ranks, *words, **args):
         words = (json.dumps(args), *words)
         if (ranks, *words) not in RUNS:
-            lines = mpirun(ranks, PROGRAM, *words).stdout.splitlines()
-            RUNS[ranks, *words] = json.loads(next(line for line in lines if line.startswith("{")))
+            RUNS[ranks, *words] = ranks_for(ranks, "ksp_matis_program", *words)
+        assert RUNS[ranks, *words]["unused"] == []
         return RUNS[ranks, *words]
 
     return run

@@ -1,6 +1,5 @@
 """Links that turn: tangents, closed forms, an independent Newton's method, partitions, ranks, and what is refused."""
 
-import json
 import sys
 
 import numpy as np
@@ -298,9 +297,9 @@ def test_subdomains_change_nothing(name, variant):
 
 @pytest.mark.parametrize("ranks", [1, 2, 4])
 @pytest.mark.parametrize("variant", ["auto", "macro"])
-def test_ranks_change_nothing(mpirun, ranks, variant):
+def test_ranks_change_nothing(ranks_for, ranks, variant):
     """The same displacements and tensions on any number of ranks."""
-    found = json.loads(mpirun(ranks, turning.__file__, variant).stdout)
+    found = ranks_for(ranks, "turning", variant)
     assert found["reason"] > 0
     assert found["largest"] == pytest.approx(NETS["saddle"][4], rel=1e-8)
     assert found["norm"] == pytest.approx(NETS["saddle"][3], rel=1e-8)

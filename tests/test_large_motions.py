@@ -258,10 +258,10 @@ def test_states_resume_to_the_bit(tmp_path, name, turns):
 
 def test_the_command_line(tmp_path):
     """A scene, an option; a run that goes on from a checkpoint ends as one that does not."""
-    words = ["tensegrity-grid", "--modules", 4, "--step", 1e-3, "--node-mass", 10, "-snes_latin_geometry", "large"]
-    whole, report = result(tmp_path, [*words, "--steps", 12], "whole")
-    run(launch(*words, "--steps", 6, "--quiet", "--checkpoint", "state"), cwd=tmp_path)
-    again, _ = result(tmp_path, [*words, "--steps", 12, "--restart", "state"], "again")
+    words = ["tensegrity-grid", "--modules", 4, "--time-step", 1e-3, "--node-mass", 10, "-snes_latin_geometry", "large"]
+    whole, report = result(tmp_path, [*words, "--num-steps", 12], "whole")
+    run(launch(*words, "--num-steps", 6, "--quiet", "--checkpoint", "state"), cwd=tmp_path)
+    again, _ = result(tmp_path, [*words, "--num-steps", 12, "--restart", "state"], "again")
     assert whole == again
     energy = np.add(report["kinetic_energy"], report["potential_energy"])
     assert np.ptp(energy) < 1e-8 * abs(energy).max()

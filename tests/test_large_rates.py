@@ -82,7 +82,7 @@ def test_verdicts():
 def test_the_family():
     """The same numbers make the same structure; deflections reach a fifth of the size, 30 % of the cables slacken."""
     seen, deflections, slack = set(), [], []
-    for number in range(40):
+    for number in range(16):
         one, two = (drawn.draw(4, number, "large") for _ in range(2))
         assert (one.scene.load == two.scene.load).all() and one.scene.geometry == "large"
         equations = Corotational(one.scene)
@@ -98,13 +98,13 @@ def test_the_family():
 
 
 # ---- the rates -----------------------------------------------------------------------------------
-def test_rates_of_sixty(tmp_path):
+def test_rates_of_twenty(tmp_path):
     """None is wrong; nearly all that have an equilibrium are found."""
     file = tmp_path / "rates.json"
-    result = command("extremes", "--random", "60", "--seed", "5", "--family", "large", "--json", file, timeout=300)
+    result = command("extremes", "--random", "20", "--seed", "5", "--family", "large", "--json", file, timeout=300)
     counts = Counter(one["verdict"] for one in json.loads(file.read_text())["outcomes"])
     assert not set(counts) & set(rates.BAD), result.stdout
-    assert counts["right"] >= 0.98 * (60 - counts["refused"])
+    assert counts["right"] == 20 - counts["refused"]
 
 
 @pytest.mark.slow

@@ -1,7 +1,6 @@
 """The coarse problem as another level's: what its operator carries, and the solvers that use it; solvers by choice."""
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,8 +10,6 @@ from support import cut, far, grid, latin, lattice, network, settled, solve
 import latinpc
 from latinpc.options import default_options
 from latinpc.scenes import Law, make
-
-PROGRAM = Path(__file__).with_name("matis_program.py")
 
 
 def bars(scene):
@@ -199,20 +196,19 @@ RANKS = {
 
 
 @pytest.mark.parametrize("kind", RANKS)
-def test_on_several_ranks(mpirun, kind):
+def test_on_several_ranks(ranks_for, kind):
     """A matrix of finite elements whose local matrices fall into parts: the coarse operator spreads over the ranks."""
     words = ["--problem", "elasticity", "--cells", "16", "--blocks", "4,4", "--colours"]
-    result = mpirun(4, PROGRAM, *words, *RANKS[kind], "-options_left")
-    assert "There are no unused options" in result.stdout
-    found = json.loads(next(line for line in result.stdout.splitlines() if line.startswith("{")))
+    found = ranks_for(4, "matis_program", *words, *RANKS[kind])
+    assert not found["unused"]
     assert found["reason"] > 0 and found["subdomains"] == 16
     assert found["iterations"] <= {"telescope": 8, "latin": 8}.get(kind, 20)
 
 
-def test_two_levels_are_symmetric_positive_definite(mpirun):
+def test_two_levels_are_symmetric_positive_definite(ranks_for):
     """What conjugate gradients ask of the whole."""
     words = ["--problem", "elasticity", "--cells", "16", "--blocks", "4,4", "--colours", "--spectrum"]
-    found = json.loads(mpirun(4, PROGRAM, *words, *RANKS["latin"]).stdout)
+    found = ranks_for(4, "matis_program", *words, *RANKS["latin"])
     assert found["asymmetry"] < 1e-8 and found["least"] > 0.0
 
 

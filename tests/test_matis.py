@@ -1,26 +1,26 @@
 """PC latin on a MATIS, whatever program has made it: finite elements or links, one local matrix a rank."""
 
-import json
 from pathlib import Path
 
 import pytest
 
 PROGRAM = Path(__file__).with_name("matis_program.py")
 MECHANISM_FREE = ("poisson", "elasticity")
-CHOSEN = ["-pc_latin_interior_pc_factor_mat_solver_type", "cholmod"]
 RUNS = {}  # what has been run with these ranks and words: the same whoever asks
 
 
 @pytest.fixture
-def matis(mpirun):
+def matis(mpirun, ranks_for):
     """Run the program on some ranks and give what it prints: ``matis(4, ["-ksp_view"], dim=3)``."""
 
     def launch(ranks, options=(), check=True, **how):
         words = (*(word for key, value in how.items() for word in argument(key, value)), *options)
-        if check and (ranks, *words) in RUNS:
-            return RUNS[ranks, *words]
-        result = mpirun(ranks, PROGRAM, *words, check=check)
-        return RUNS.setdefault((ranks, *words), json.loads(result.stdout.splitlines()[-1])) if check else result
+        if not check:
+            return mpirun(ranks, PROGRAM, *words, check=False)
+        if (ranks, *words) not in RUNS:
+            RUNS[ranks, *words] = ranks_for(ranks, "matis_program", *words)
+        assert RUNS[ranks, *words]["unused"] == []
+        return RUNS[ranks, *words]
 
     return launch
 
@@ -67,7 +67,6 @@ def test_links_and_their_matrix_give_one_preconditioner(matis, variant):
         assert result["apart"] < 1e-10
 
 
-@pytest.mark.slow
 @pytest.mark.slow
 def test_truss_grid(matis):
     """Subdomains with mechanisms of their own, on which PCBDDC fails."""
@@ -197,9 +196,9 @@ def test_types_of_local_matrices(matis, local_type):
 def test_schur_complements_where_they_pay(matis, jump, cells, whole):
     """On the interfaces of subdomains where coefficients jump, and of small ones; diagonal directions elsewhere."""
     how = {"problem": "poisson", "dim": 3, "blocks": "2,2,1", "cells": cells, "jump": jump}
-    result = matis(4, ["-ksp_norm_type", "natural", "-ksp_view"], check=False, **how)
-    assert f"a Schur complement on {whole} interfaces, diagonal on the others" in result.stdout
-    converged(json.loads(result.stdout.splitlines()[-1]), 8)
+    result = matis(4, ["-ksp_norm_type", "natural"], view=True, **how)
+    assert f"a Schur complement on {whole} interfaces, diagonal on the others" in result["view"]
+    converged(result, 8)
 
 
 @pytest.mark.parametrize("direction", ["scalar", "diagonal", "block", "schur"])
@@ -231,7 +230,7 @@ def test_number_of_subdomains_is_not_ours(matis):
 
 def test_small_subdomains_take_schur_complements(matis):
     """Of the search direction, by themselves: on all interfaces here, and on none of large subdomains."""
-    small, large = (matis(4, ["-ksp_view"], check=False, blocks="2,2", cells=cells).stdout for cells in (8, 96))
+    small, large = (matis(4, blocks="2,2", cells=cells, view=True)["view"] for cells in (8, 96))
     assert "a Schur complement on 4 interfaces" in small
     assert "a Schur complement on 0 interfaces" in large
 
@@ -241,10 +240,9 @@ def test_coarse_solver(matis, options):
     """Every rank factors a small coarse problem; one word of the options makes it a parallel factor."""
     words = {"cholesky": ["-pc_latin_coarse_pc_type", "cholesky"]}
     words["mumps"] = ["-pc_latin_coarse_pc_factor_mat_solver_type", "mumps"]
-    result = matis(4, ["-ksp_view", "-options_left", *(words[options[0]] if options else [])], check=False)
-    assert ("type: redundant" in result.stdout) == (not options)
-    assert "There are no unused options" in result.stdout
-    converged(json.loads(next(line for line in result.stdout.splitlines() if line.startswith("{"))), 8)
+    result = matis(4, words[options[0]] if options else [], view=True)
+    assert ("type: redundant" in result["view"]) == (not options)
+    converged(result, 8)
 
 
 def test_view(matis):

@@ -159,7 +159,7 @@ def test_a_wheel_works_wherever_it_is_put(sources, tmp_path):
     assert re.search(rf"^Requires-Dist: petsc4py==\s*{major}\.{minor}\.\*$", metadata, re.MULTILINE), metadata
     assert {f"latinpc/presets/{name}.opts" for name in preset_files()} <= set(names)
     assert {"latinpc/liblatinpc.so", "latinpc/include/latinpc.h", "latinpc/built.json"} <= set(names)
-    assert not [name for name in names if name.endswith((".c", ".pyx", ".cmake"))]
+    assert not [name for name in names if name.endswith((".c", ".pyx", ".pxd", ".pxi", ".cmake"))]
     run([sys.executable, "-m", "pip", "install", "-q", "--no-deps", "--target", tmp_path / "first", wheel])
     shutil.rmtree(sources / "latinpc")
     (tmp_path / "first").rename(tmp_path / "moved")

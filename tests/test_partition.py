@@ -143,8 +143,8 @@ sys.path.insert(0, sys.argv[2])
 from dataclasses import replace
 import latinpc
 from support import grid, lattice, latin, network
-found = []
-for scene in (grid(modules=16, partition="metis"), network(nodes=2000), lattice(nx=64, ny=32)):
+found, n = [], int(sys.argv[4])
+for scene in (grid(modules=8 * n, partition="metis"), network(nodes=500 * n * n), lattice(nx=32 * n, ny=16 * n)):
     for unit in (1, 1000):
         part = replace(scene, subdomain=None, nodes=unit * scene.nodes)
         with latin(part, latinpc.Structure.from_scene(part)) as run:
@@ -158,17 +158,15 @@ if not rank:
 
 def test_default_size_follows_the_structure(mpirun, tmp_path):
     """What costs least: one a rank, more of those with strong interfaces. The unit of length does not matter."""
-    links = [
-        len(scene.links) for scene in (grid(modules=16, partition="metis"), network(nodes=2000), lattice(nx=64, ny=32))
-    ]
+    scenes = grid(modules=8, partition="metis"), network(nodes=500), lattice(nx=32, ny=16)
 
-    def found(ranks, variant):
-        mpirun(ranks, SIZES, tmp_path / "sizes.json", sys.path[0], variant)
+    def found(ranks, variant, size):
+        mpirun(ranks, SIZES, tmp_path / "sizes.json", sys.path[0], variant, size)
         return json.loads((tmp_path / "sizes.json").read_text())
 
     for ranks in (1, 2):
-        assert found(ranks, "auto") == [n / ranks for n in links for _ in range(2)]
-    corner = found(2, "corner")
+        assert found(ranks, "auto", 1) == [len(scene.links) / ranks for scene in scenes for _ in range(2)]
+    corner = found(2, "corner", 2)
     for size, low, high in zip(corner[::2], (300, 512, 512), (512, 1024, 1024), strict=True):
         assert low <= size <= high
     assert corner[::2] == corner[1::2]

@@ -166,9 +166,11 @@ PARTS = {
 }
 BEYOND = {
     "rigid cables, many": ["rigid links", "search parameter"],
+    "rigid cables, the default stop": ["rigid links", "search parameter"],
     "friction, many": ["rigid links", "friction", "search parameter"],
     "friction, search parameter as it is": ["rigid links", "friction"],
     "contacts, motion": ["rigid links"],
+    "contacts, motion, the default stop": ["rigid links"],
 }
 SHOWN_ELSEWHERE = ("links", "errors", "Newton")  # in the state, the history, and by objects of PETSc
 QUICK = ("bars, 2D, many", "friction, many", "contacts, motion")

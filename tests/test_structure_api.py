@@ -174,6 +174,11 @@ for subdomain in (None, t.SUBDOMAIN):
     structure.residual(u, r)
     assert np.isclose(r.norm(), {norm!r}, rtol=1e-12)
     assert np.isclose(structure.energy(u), {energy!r}, rtol=1e-12)
+snes = structure.create_snes()
+snes.setUp()
+assert np.array_equal(latinpc.subdomain_of_links(snes), t.SUBDOMAIN)
+assert np.array_equal(latinpc.node_classes(snes), {classes!r})
+assert latinpc.statistics(snes)["subdomains"] == 3
 print("fine")
 """
 
@@ -184,32 +189,10 @@ def test_any_number_of_ranks(mpirun, ranks):
     u, r = structure.create_vec(), structure.create_vec()
     structure.set_displacements(displacement(), u)
     structure.residual(u, r)
-    script = RANKS.format(tests=str(Path(__file__).parent), norm=r.norm(), energy=structure.energy(u))
-    assert mpirun(ranks, script).stdout.count("fine") == ranks
-
-
-PARTITION = """
-import sys
-import numpy as np
-from petsc4py import PETSc
-import latinpc
-sys.path.insert(0, {tests!r})
-import test_structure_api as t
-
-snes = latinpc.Structure(**t.FRAME, subdomain=t.SUBDOMAIN, comm=PETSc.COMM_WORLD).create_snes()
-snes.setUp()
-assert np.array_equal(latinpc.subdomain_of_links(snes), t.SUBDOMAIN)
-assert np.array_equal(latinpc.node_classes(snes), {classes!r})
-assert latinpc.statistics(snes)["subdomains"] == 3
-print("fine")
-"""
-
-
-@pytest.mark.parametrize("ranks", [1, 2, 3, 4])
-def test_partition_on_any_number_of_ranks(mpirun, ranks):
     snes = frame(subdomain=SUBDOMAIN).create_snes()
     snes.setUp()
-    script = PARTITION.format(tests=str(Path(__file__).parent), classes=latinpc.node_classes(snes).tolist())
+    found = {"norm": r.norm(), "energy": structure.energy(u), "classes": latinpc.node_classes(snes).tolist()}
+    script = RANKS.format(tests=str(Path(__file__).parent), **found)
     assert mpirun(ranks, script).stdout.count("fine") == ranks
 
 

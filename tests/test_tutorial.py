@@ -103,7 +103,11 @@ def run_cell(code, names):
         exec(compile(code, "cell", "exec"), names)
 
 
-@pytest.mark.parametrize("job", [job for job in JOBS if job != "mistakes"])
+# `make docs` runs the film as well
+RUN = [pytest.param(job, marks=pytest.mark.slow if job == "drop" else ()) for job in JOBS if job != "mistakes"]
+
+
+@pytest.mark.parametrize("job", RUN)
 def test_a_page_runs_and_says(job, folder, capsys):
     names = {}
     for code, _ in cells(job):

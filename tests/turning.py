@@ -1,9 +1,7 @@
-"""Structures whose links turn, closed forms, and Newton's method in numpy. Run on ranks as a program."""
+"""Structures whose links turn, closed forms, and Newton's method in numpy. `job` runs on ranks."""
 
 from __future__ import annotations
 
-import json
-import sys
 from types import SimpleNamespace
 
 import numpy as np
@@ -184,6 +182,7 @@ def newton(structure, increments=20):
 
     u = np.zeros((count, dim))
     for part in np.linspace(1.0 / increments, 1.0, increments):
+        moved = np.inf
         for _ in range(200):
             left, K = state(u, part)
             step = np.zeros(count * dim)
@@ -194,7 +193,8 @@ def newton(structure, increments=20):
             while length > 1e-4 and state(u + length * step, part)[0] @ step.ravel()[free] < -0.5 * slope:
                 length *= 0.5
             u = u + length * step
-            if np.linalg.norm(step) <= 1e-14 * max(np.linalg.norm(u), 1e-3):
+            before, moved = moved, np.linalg.norm(step)
+            if moved <= 1e-14 * max(np.linalg.norm(u), 1e-3) or before / 2 < moved < 1e-10:  # rounding is left
                 break
     return u
 
@@ -235,8 +235,8 @@ def solve(structure, geometry="large", error=None, guess=None, reference=None, *
     )
 
 
-if __name__ == "__main__":
-    result = solve(net(10, 2.0, [0.0, 0.0, -500.0]), error=1e-9, variant=sys.argv[1], subdomains=5)
-    if PETSc.COMM_WORLD.rank == 0:
-        size = {"largest": abs(result.displacements).max(), "norm": np.linalg.norm(result.displacements)}
-        print(json.dumps({"reason": int(result.reason), **size}))
+def job(variant):
+    """Solve a net on any number of ranks (`jobs.py`)."""
+    result = solve(net(10, 2.0, [0.0, 0.0, -500.0]), error=1e-9, variant=variant, subdomains=5)
+    size = {"largest": abs(result.displacements).max(), "norm": np.linalg.norm(result.displacements)}
+    return {"reason": int(result.reason), **size}

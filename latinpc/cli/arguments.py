@@ -58,14 +58,6 @@ def insert_petsc_options(options):
         PETSc.Log.begin()
 
 
-class NewName(click.Option):
-    """An option with a former name, which is understood; help has the first name alone."""
-
-    def get_help_record(self, ctx):
-        """Return the first name and the help."""
-        return f"{self.opts[0]} {self.metavar}", self.help
-
-
 class List(click.ParamType):
     """A comma-separated list, such as 9,16,25.
 

@@ -19,15 +19,15 @@ from latinpc.runs.motion import move
 from latinpc.runs.solve import solve
 from latinpc.solvers import has_package, outer_snes
 
-from .arguments import PRESETS, NewName
+from .arguments import PRESETS
 from .printing import open_console, print_lines, progress, write_json
 from .ranks import NOT_CONVERGED, on_root
 from .scenes import SceneCommand, open_scene, scene_options
 
 #: Options of a run, not of the scene
 RUN = (
-    "reference", "digits", "steps", "step", "every", "node_mass", "increments", "checkpoint", "checkpoint_every",
-    "restart",
+    "reference", "digits", "num_steps", "time_step", "output_every", "node_mass", "increments", "checkpoint",
+    "checkpoint_every", "restart",
 )  # fmt: skip
 
 
@@ -47,12 +47,11 @@ RUN = (
 @click.option("--preset", type=click.Choice(sorted(preset_files())), metavar="NAME", help=PRESETS)
 @click.option("--quiet", is_flag=True, help="Print only notices and errors.")
 @click.option("-v", "--verbose", is_flag=True, help="Print subdomains, PETSc's types and reasons, norms as well.")
-@click.option("--num-steps", "--steps", "steps", type=int, metavar="N", cls=NewName,
-              help="Make N time steps (-ts_type latin). The scene needs masses.")  # fmt: skip
-@click.option("--time-step", "--step", "step", type=float, metavar="H", cls=NewName,
-              help="Time step (s). Default: that of the scene.")  # fmt: skip
-@click.option("--output-every", "--every", "every", type=int, metavar="N", cls=NewName,
-              help="Write every Nth state of a motion. Default: about 100 in all.")  # fmt: skip
+@click.option("--num-steps", type=int, metavar="N", help="Make N time steps (-ts_type latin). The scene needs masses.")
+@click.option("--time-step", type=float, metavar="H", help="Time step (s). Default: that of the scene.")
+@click.option(
+    "--output-every", type=int, metavar="N", help="Write every Nth state of a motion. Default: about 100 in all."
+)
 @click.option("--node-mass", type=float, metavar="M", help="Mass of each node (kg), in place of the scene's.")
 @click.option("--increments", type=int, metavar="N", help="Apply the loads in N equal increments.")
 @click.option("--checkpoint", metavar="FILE", help="Save the state after increments or steps (.h5, .hdf5: HDF5).")
@@ -69,7 +68,7 @@ def solve_command(comm, scene, json_file, output, picture, html, amplify, csv, p
     quiet = quiet or alone
     run = {name: options.pop(name) for name in RUN}
     _check(**run)
-    moves = run["steps"] is not None
+    moves = run["num_steps"] is not None
     if csv and moves:
         raise ValueError("--csv is for statics: leave out --num-steps")
     run["options"] = None if preset is None else on_root(comm, preset_options, preset)
@@ -111,12 +110,14 @@ def _mechanism_drawn(comm, scene, picture):
         raise
 
 
-def _check(reference, digits, steps, step, every, node_mass, increments, checkpoint, checkpoint_every, restart):
+def _check(
+    reference, digits, num_steps, time_step, output_every, node_mass, increments, checkpoint, checkpoint_every, restart
+):
     """Refuse options that do not go together."""
-    for value, name in ((step, "time-step"), (every, "output-every"), (node_mass, "node-mass")):
-        if value is not None and steps is None:
+    for value, name in ((time_step, "time-step"), (output_every, "output-every"), (node_mass, "node-mass")):
+        if value is not None and num_steps is None:
             raise ValueError(f"--{name} is for a motion: give the number of steps with --num-steps")
-    if steps is not None:
+    if num_steps is not None:
         if reference:
             raise ValueError("--reference is for statics; compare motions with -snes_type newtonls")
         if digits:
@@ -197,16 +198,16 @@ def _move(scene, subdomains, run, say, files, keeper):
     films = any(str(path).lower().endswith((".pvd", ".gif")) for path in files if path is not None)
 
     def monitor(step, time):
-        say(f"{scene.name}: step {step} of {run['steps']}, {time:.4g} s")
+        say(f"{scene.name}: step {step} of {run['num_steps']}, {time:.4g} s")
 
     return move(
         scene,
-        run["steps"],
-        run["step"],
+        run["num_steps"],
+        run["time_step"],
         run["options"],
         subdomains=subdomains,
         mass=run["node_mass"],
-        every=run["every"] if films else 0,
+        every=run["output_every"] if films else 0,
         keeper=keeper,
         each_step=None if say is None else monitor,
     )

@@ -62,9 +62,8 @@ def interactive_figure(scene, displacements=None, tensions=None, *, amplificatio
     else:
         traces += _laws(graph, scene, seen, shape)
     traces.append(_nodes(graph, scene, shape, moved if displacements is not None else None))
-    if np.count_nonzero(scene.fixed.any(axis=1)) <= MANY_SYMBOLS:
-        for symbol in supports(scene.fixed, nodes, ends, shape):
-            traces += _symbol(graph, symbol)
+    for symbol in supports(scene.fixed, nodes, ends, shape):
+        traces += _symbol(graph, symbol)
     load = plane_points(np.asarray(scene.load if load is None else load, dtype=float))
     lines, acting = arrows(load, nodes, ends, shape)
     if 0 < len(acting) <= MANY_SYMBOLS:

@@ -163,6 +163,12 @@ def colour_bar(figure, rectangle, colours, low, high, label):
     bar.outline.set_linewidth(0.4)
 
 
+def force_bar(figure, rectangle, scale):
+    """Add the colour bar of a `Scale` of forces, unless all of them are zero."""
+    if scale.largest > 0.0:
+        colour_bar(figure, rectangle, scale.map(), scale.low / scale.divisor, scale.high / scale.divisor, scale.label)
+
+
 def plane_points(points):
     """Return points as (n, 2) or (n, 3): a chain in one dimension is drawn along x."""
     if points.shape[1] > 1:

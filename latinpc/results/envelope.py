@@ -10,9 +10,9 @@ from latinpc.laws import UNILATERAL, Law
 from .drawing import (
     STAMP_COLOUR,
     axes_for,
-    colour_bar,
     draw_links,
     draw_symbols,
+    force_bar,
     label_axes,
     new_figure,
     plane_points,
@@ -21,7 +21,7 @@ from .drawing import (
 )
 from .look import IDLE_COLOUR, SLACK_COLOUR, Scale, widths_of
 from .pictures import drawn_links
-from .symbols import MANY_SYMBOLS, supports
+from .symbols import supports
 from .tables import table, write_csv
 from .units import counted
 
@@ -66,7 +66,7 @@ def draw_envelope(cases, path):
     lowest, highest, *_ = cases.envelope()
     loose = (cases.slack_cases() > 0) & np.isin(scene.law, UNILATERAL)
     points, ends = plane_points(scene.nodes), scene.links[seen]
-    stands = supports(scene.fixed, points, ends) if np.count_nonzero(scene.fixed.any(axis=1)) <= MANY_SYMBOLS else []
+    stands = supports(scene.fixed, points, ends)
     figure, widths = new_figure(14.0, 6.2), widths_of(scene.law[seen])
     scale = Scale(lowest[seen], highest[seen])  # one for both halves
     extent = np.vstack([points, *(one.triangles.reshape(-1, points.shape[1]) for one in stands)])
@@ -82,9 +82,7 @@ def draw_envelope(cases, path):
         draw_links(axes, points[ends], colours, widths)
         draw_symbols(axes, stands)
         figure.text(left + 0.22, 0.875, title, fontsize=11, ha="center")
-    if scale.largest > 0.0:
-        bounds = scale.low / scale.divisor, scale.high / scale.divisor
-        colour_bar(figure, [0.935, 0.30, 0.01, 0.54], scale.map(), *bounds, scale.label)
+    force_bar(figure, [0.935, 0.30, 0.01, 0.54], scale)
     figure.legend(handles=symbol_keys(stands), loc="lower right", fontsize=9, frameon=False)
     _titles(figure, cases, loose)
     save(figure, path)

@@ -10,9 +10,9 @@ from .atomic import atomic
 from .drawing import (
     STAMP_COLOUR,
     axes_for,
-    colour_bar,
     draw_links,
     draw_symbols,
+    force_bar,
     label_axes,
     new_figure,
     plane_points,
@@ -21,7 +21,7 @@ from .drawing import (
 from .look import Scale, force_keys, force_look
 from .mechanics import slack
 from .pictures import amplification_of, drawn_links
-from .symbols import MANY_SYMBOLS, supports
+from .symbols import supports
 from .units import number, quantity
 
 FEW_NODES = 600  # up to here, the nodes of a motion are drawn as dots
@@ -51,9 +51,7 @@ def draw_motion(motion, path, amplification=None, seconds=0.06):
         amplification = max(amplification_of(nodes, largest), 1.0)
     shapes = [nodes + amplification * plane_points(frame.displacements) for frame in motion.frames]
     scale = Scale(*(frame.tensions[seen] for frame in motion.frames))
-    stands = []
-    if np.count_nonzero(scene.fixed.any(axis=1)) <= MANY_SYMBOLS:
-        stands = supports(scene.fixed, nodes, scene.links[seen])
+    stands = supports(scene.fixed, nodes, scene.links[seen])
     points = np.vstack([*shapes, *(one.triangles.reshape(-1, nodes.shape[1]) for one in stands)])
     bodies = _bodies(scene.mass)
     early = "" if motion.converged else f"ended early: {motion.report['reason']}"
@@ -89,9 +87,7 @@ def _frame(scene, seen, frame, shape, points, scale, stands, bodies, amplificati
         axes.plot(*shape[bodies].T, "o", color=MASS_COLOUR, markersize=9.0, clip_on=False, zorder=7)
         text = f"mass {quantity(1e3 * scene.mass[bodies].max(), 'g')}"
         keys.append(Line2D([], [], marker="o", color=MASS_COLOUR, markersize=7, linestyle="none", label=text))
-    if scale.largest > 0.0:
-        bounds = scale.low / scale.divisor, scale.high / scale.divisor
-        colour_bar(figure, [0.80, 0.52, 0.018, 0.36], scale.map(), *bounds, scale.label)
+    force_bar(figure, [0.80, 0.52, 0.018, 0.36], scale)
     figure.legend(handles=keys, loc="upper left", bbox_to_anchor=(0.73, 0.48), fontsize=8, frameon=False)
     figure.text(0.02, 0.945, scene.name, fontsize=11, weight="bold")
     figure.text(

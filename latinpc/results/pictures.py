@@ -17,10 +17,10 @@ from .drawing import (
     STAMP_COLOUR,
     SUPPORT_COLOUR,
     axes_for,
-    colour_bar,
     draw_arrows,
     draw_links,
     draw_symbols,
+    force_bar,
     label_axes,
     new_figure,
     plane_points,
@@ -124,11 +124,7 @@ def structure_figure(
     sketch.symbols()
     if numbers:
         sketch.numbers()
-    if scale.largest > 0.0:
-        colour_bar(
-            sketch.figure, [0.86, 0.53, 0.014, 0.34], scale.map(), scale.low / scale.divisor,
-            scale.high / scale.divisor, scale.label,
-        )  # fmt: skip
+    force_bar(sketch.figure, [0.86, 0.53, 0.014, 0.34], scale)
     sketch.legend(force_keys(sketch.law, loose), 0.50)
     if subdomain is not None and np.max(subdomain) > 0:
         _draw_subdomains(sketch.figure, nodes[sketch.ends], np.asarray(subdomain)[seen])
@@ -217,9 +213,9 @@ class _Sketch:
         self.law, self.ends, self._count = scene.law[seen], scene.links[seen], len(seen)
         nodes = plane_points(scene.nodes)
         self.load = _in_plane(scene.load if load is None else load)
-        self._supports = supports(scene.fixed, nodes, self.ends, shape) if self._few(scene.fixed) else []
+        self._supports = supports(scene.fixed, nodes, self.ends, shape)
         self._arrows, self._loaded = arrows(self.load, nodes, self.ends, shape)
-        if not self._few(self.load):
+        if np.count_nonzero(np.any(self.load, axis=1)) > MANY_SYMBOLS:
             self._arrows = self._arrows[:0]
         extent = [shape, *beside, *(one.triangles.reshape(-1, shape.shape[1]) for one in self._supports)]
         extent.append(self._arrows.reshape(-1, shape.shape[1]))
@@ -227,10 +223,6 @@ class _Sketch:
         rectangle = MAIN_3D if shape.shape[1] == 3 else MAIN_2D
         self.axes = axes_for(self.figure, rectangle, np.vstack(extent))
         label_axes(self.figure, self.axes)
-
-    @staticmethod
-    def _few(values):
-        return np.count_nonzero(np.any(values, axis=1)) <= MANY_SYMBOLS
 
     def lines(self, points, colours, widths, zorder=2):
         """Draw the links between other places of the nodes."""

@@ -60,8 +60,10 @@ def supports(fixed, nodes, links, shape=None):
     Returns
     -------
     list of Symbol
-        Pins and rollers, without those that there are none of.
+        Pins and rollers, without those that there are none of. Empty where more than `MANY_SYMBOLS` nodes are held.
     """
+    if np.count_nonzero(fixed.any(axis=1)) > MANY_SYMBOLS:
+        return []
     shape = nodes if shape is None else shape
     span, link = lengths_of(nodes, links)
     height = min(HEIGHT * span, HEIGHT_OF_LINK * link)

@@ -44,8 +44,6 @@ def hypar(
     -------
     Scene
     """
-    if side < 2:
-        raise ValueError(f"side must be at least 2 meshes, not {side}")
     positive(prestress=prestress, sag=sag)
     grid, cables = squares(side)
     at_end = (grid == 0) | (grid == side)

@@ -81,6 +81,8 @@ def squares(side):
     cables : (2 side (side + 1), 2) array of int
         Those along i first.
     """
+    if side < 2:
+        raise ValueError(f"side must be at least 2 meshes, not {side}")
     number = np.arange((side + 1) ** 2).reshape(side + 1, side + 1)
     along = np.column_stack([number[:-1].ravel(), number[1:].ravel()])
     across = np.column_stack([number[:, :-1].ravel(), number[:, 1:].ravel()])

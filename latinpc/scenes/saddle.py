@@ -37,8 +37,6 @@ def saddle(
     -------
     Scene
     """
-    if side < 2:
-        raise ValueError(f"side must be at least 2 meshes, not {side}")
     positive(prestress=prestress)
     grid, cables = squares(side)
     rim = ((grid == 0) | (grid == side)).any(axis=1)

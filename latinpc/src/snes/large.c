@@ -166,7 +166,7 @@ PetscErrorCode SNESLatinLargeRenew_Private(SNES snes, LatinFrameType type)
   data->first_distance             = -1.0;
   PetscCall(SNESLatinStart_Private(snes));
   data->large.renewals++;
-  LatinLargeWindow(&data->large, LATIN_LARGE_GROW * data->large.window);
+  LatinLargeWindow(&data->large, LATIN_LARGE_GROW * PetscMin(data->large.window, PETSC_MAX_INT / LATIN_LARGE_GROW));
   PetscCall(PetscInfo(snes, "After %" PetscInt_FMT " linear stages: operators at the present displacements\n", applications));
   PetscFunctionReturn(0);
 }

@@ -1,0 +1,145 @@
+"""What wrong files and options are told: the file, its line, and the right form."""
+
+import random
+import shutil
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from test_fuzz import mutated
+from two_bars import EA, KINDS, OBJ, written
+
+import latinpc
+from latinpc.scenes.scene import Scene
+
+BAD = [
+    ("csv", "middle,4,0,,-1000", "middle,4,zero,,-1000", ["nodes.csv, line 4", "y is 'zero'", "a finite number"]),
+    ("csv", "middle,4,0,,-1000", "middle,4,0,-1000", ["nodes.csv, line 4", "4 cells", "5, as in the head on line 1"]),
+    ("csv", "middle,4,0,,-1000", "left,4,0,,-1000", ["nodes.csv, line 4", "'left' is there already, on line 2"]),
+    ("csv", "node,x,y,fix,Fy", "node,x,y,fixed,Fy", ["nodes.csv, line 1", "unknown column 'fixed'", "'fix'"]),
+    ("csv", "node,x,y,fix,Fy", "node,x,y,fix,y", ["nodes.csv, line 1", "column 'y' is there twice"]),
+    ("csv", "node,x,y,fix,Fy", "node,x [inch],y,fix,Fy", ["line 1", "in 'inch'", "m, cm, mm"]),
+    ("csv", "left,0,3,xy,", "left,0,3,both,", ["nodes.csv, line 2", "fix is 'both'", "xyz"]),
+    ("csv", "left,middle,4.2e7", "left,midle,4.2e7", ["members.csv, line 2", "'midle'", "do you mean 'middle'"]),
+    ("csv", "left,middle,4.2e7", "left,left,4.2e7", ["members.csv, line 2", "joins node 'left' to itself"]),
+    ("csv", "left,middle,4.2e7", "left,middle,-3", ["members.csv, line 2", "EA must be positive"]),
+    ("csv", "start,end,EA", "from,end,EA", ["members.csv, line 1", "unknown column 'from'"]),
+    ("csv", "start,end,EA,group", "end,EA,group", ["members.csv, line 1", "no column 'start'"]),
+    ("obj", "v 8 3 0", "v 8 drei 0", ["bars.obj, line 3", "'v 8 drei 0'", "v x y z"]),
+    ("obj", "l 1 3 -2", "l 1 9", ["bars.obj, line 6", "vertex 9", "the file has 3"]),
+    ("obj", "l 1 3 -2", "l 1 0", ["bars.obj, line 6", "vertex 0", "l i j"]),
+    ("obj", "l 1 3 -2", "deg 3\ncurv 0 1 1 2 3", ["line 7", "a curve of degree 3", "of degree 1"]),
+    ("obj", "l 1 3 -2", "line 1 2", ["bars.obj, line 6", "'line' is no line, face or vertex"]),
+    ("obj", "l 1 3 -2", "", ["bars.obj", "holds no line"]),
+    ("json", '"edge"', '"edges"', ["bars.json", "holds no edge or line"]),
+    ("json", '{"7": {}}', '{"9": {}}', ["bars.json", "edge 0, 9 names '9'", "a key of a node"]),
+    ("json", '"x": 8.0', '"x": "8"', ["bars.json", "node 1", "no point", "three finite coordinates"]),
+    ("json", '"edge": ', '"edge": ,', ["bars.json, line 1", "not JSON"]),
+    ("tcl", "node 3 $a", "node 3 $b", ["bars.tcl, line 7", "'$b' has no value so far"]),
+    ("tcl", "fix 2 1 1", "fix 4 1 1", ["bars.tcl, line 10", "no node 4 so far", "fix tag"]),
+    ("tcl", "fix 2 1 1", "fix 2 1 2", ["bars.tcl, line 10", "1 or 0"]),
+    ("tcl", "element truss 1 1 3 $A 1", "element elasticBeamColumn 1 1 3 $A 1", ["line 12", "element truss"]),
+    ("tcl", "element truss 1 1 3 $A 1", "element truss 1 1 3 $A 7", ["line 12", "no material 7 so far"]),
+    ("tcl", "element truss 1 1 3 $A 1", "element truss 2 1 3 $A 1", ["line 13", "2 is there already, on line 12"]),
+    ("tcl", "Elastic 1 2.1e11", "Steel01 1 2.1e11 2e8 0.1", ["line 11", "uniaxialMaterial Elastic tag E"]),
+    ("tcl", "Elastic 1 2.1e11", "Elastic 1 2.1e11 0 1e11", ["line 11", "Eneg = 1e+11", "neither E nor 0"]),
+    ("tcl", "load 3 0.0 -1000.0", "load 3 0.0 many", ["bars.tcl, line 15", "'many'", "no number"]),
+    ("tcl", "fix 2 1 1", "for {set i 0} {$i < 3} {incr i} {\n fix $i 1 1\n}", ["line 10", "'for' is not run"]),
+    ("tcl", "fix 2 1 1", "equalDOF 1 2 1", ["line 10", "'equalDOF' is not known", "trusses only"]),
+    ("tcl", "pattern Plain 1 Linear {", "pattern Plain 1 Linear", ["line 16", "'}' is not known"]),
+    ("tcl", "}\nanalyze", "\nanalyze", ["bars.tcl, line 14", "not closed"]),
+    ("py", "ops.fix(2, 1, 1)", "ops.fix(2, 1)", ["bars.py, line 12", "fix tag"]),
+    ("py", "ops.fix(2, 1, 1)", "ops.fix(2, 1, one)", ["bars.py, line 12", "'one' is no number, known name"]),
+    ("py", "ops.fix(2, 1, 1)", "ops.fix(2, 1, 1", ["bars.py, line 12", "not Python"]),
+    ("py", "ops.fix(2, 1, 1)", "for i in (1, 2):\n    ops.fix(i, 1, 1)", ["line 13", "'for' is not run", "'fix'"]),
+    ("py", "h = math.sqrt(9.0)", "h = 9 ** 9 ** 9", ["bars.py, line 7", "'h' is no number, known name"]),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("kind", "old", "new", "words"), BAD, ids=[f"{case[0]}: {case[2][:40]}" for case in BAD])
+def test_a_wrong_file_is_named_with_its_line_and_the_right_format(kind, old, new, words, tmp_path):
+    path, options = written(tmp_path, kind)
+    files = [path] if kind != "csv" else [path, tmp_path / "bars-members.csv"]
+    changed = next(file for file in files if old in file.read_text())
+    changed.write_text(changed.read_text().replace(old, new, 1))
+    with pytest.raises(ValueError) as caught:
+        latinpc.read(path, **options)
+    for word in words:
+        assert word in str(caught.value)
+
+
+def test_a_wrong_entity_of_a_drawing_is_named_with_its_line(tmp_path):
+    path, options = written(tmp_path, "dxf")
+    text = path.read_text()
+    lines = text.split("\n")
+    at = next(row for row, line in enumerate(lines) if line == "LINE")
+    x = next(row for row in range(at, len(lines)) if lines[row].strip() == "10")
+    lines[x + 1] = "nan"
+    path.write_text("\n".join(lines))
+    with pytest.raises(ValueError, match=rf"bars\.dxf, line {at + 1}: LINE at \[nan.*finite coordinates"):
+        latinpc.read(path, **options)
+    path.write_text(text[: len(text) // 2])
+    with pytest.raises(ValueError, match=r"bars\.dxf: not readable as DXF .*; expected a DXF drawing"):
+        latinpc.read(path, **options)
+
+
+OPTIONS = [
+    ({"support": "feet"}, ["--support feet", "chooses no nodes", "its groups are points, ropes"]),
+    ({"support": "x<5:z"}, ["--support x<5:z", "fix must be a list out of ['x', 'y']"]),
+    ({"support": "z=min"}, ["--support z=min", "there is no z", "x, y"]),
+    ({"support": "x>100"}, ["--support x>100", "holds no node"]),
+    ({"support": ()}, ["bars.obj", "nothing is held", "--support", "bars.toml"]),
+    ({"load": "down=3"}, ["--load down=3", "write z=-1000"]),
+    ({"load": ["y=3", "y=3"]}, ["--load y=3: given twice"]),
+    ({"load": "z=3"}, ["--load z=3", "there is no z"]),
+    ({"EA": {"wires": 1.0}}, ["no group of lines is 'wires'"]),
+    ({"EA": {"ropes": -1.0}}, ["'ropes'", "EA must be positive"]),
+    ({"law": {None: "cables"}}, ["unknown law 'cables'"]),
+    ({"law": "friction"}, ["the law friction takes no EA"]),
+    ({"scale": 0.0}, ["--scale 0", "must be positive"]),
+    ({"merge": 1.0}, ["--merge 1", "twentieth of the extent, 8 m"]),
+    ({"brace": -1.0}, ["--brace -1", "must be positive"]),
+    ({"description": "other.toml"}, ["other.toml: no such file"]),
+]
+
+
+@pytest.mark.parametrize(("more", "words"), OPTIONS, ids=[str(more) for more, _ in OPTIONS])
+def test_wrong_options_are_named(more, words, tmp_path):
+    path, options = written(tmp_path, "obj")
+    with pytest.raises((ValueError, FileNotFoundError)) as caught:
+        latinpc.read(path, **(options | {"EA": EA} | more))
+    for word in words:
+        assert word in str(caught.value)
+
+
+def test_files_that_no_reader_takes(tmp_path):
+    with pytest.raises(FileNotFoundError, match=r"a\.dxf: no such file"):
+        latinpc.read(tmp_path / "a.dxf")
+    (tmp_path / "a.ifc").write_text("")
+    with pytest.raises(ValueError, match=r"a\.ifc: no known kind of file; expected \.msh"):
+        latinpc.read(tmp_path / "a.ifc")
+    with pytest.raises(FileNotFoundError, match=r"nodes\.csv: no such file; expected a folder with"):
+        latinpc.read(tmp_path)
+    (tmp_path / "a.obj").write_bytes(b"v 0 0 \xff")
+    with pytest.raises(ValueError, match=r"a\.obj: byte 6 is no text in UTF-8"):
+        latinpc.read(tmp_path / "a.obj")
+    (tmp_path / "b.obj").write_text(OBJ)
+    with pytest.raises(FileNotFoundError, match=r"b\.toml: no such file; b\.obj needs it beside it .* --EA"):
+        latinpc.read(tmp_path / "b.obj")
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@settings(max_examples=200, deadline=None, derandomize=True)
+@given(seed=st.integers(0, 2**32))
+def test_mutated_files_give_a_scene_or_a_sentence_with_their_name(kind, seed, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("mutated")
+    path, options = written(folder, kind)
+    rng = random.Random(seed)
+    file = rng.choice(sorted(path.iterdir())) if path.is_dir() else path
+    file.write_text(mutated(rng, file.read_text()), errors="surrogatepass")
+    try:
+        assert isinstance(latinpc.read(path, **options), Scene)
+    except (ValueError, OSError) as error:
+        assert "bars" in str(error) or "--" in str(error), str(error)
+    finally:
+        shutil.rmtree(folder)
