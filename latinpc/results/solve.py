@@ -128,8 +128,9 @@ def gather(
     Result
         Its report has the keys scene, dofs, free_dofs, links, ranks, solver, subdomains, strong_interfaces,
         weak_interfaces, strong_macro_dofs, weak_dofs, direction, iterations, linear_iterations, converged, reason,
-        indicator, residual_norm, slack_fraction, estimated_error, tension_error. What does not apply is None. Of large
-        displacements also load_factor: the part of the loads that the displacements bear, and its loads are that part.
+        indicator, residual_norm, largest_unbalance, unbalanced_node, slack_fraction, estimated_error, tension_error.
+        What does not apply is None. Of large displacements also load_factor: the part of the loads that the
+        displacements bear, and its loads are that part.
     """
     is_latin, load, factor = snes.getType() == "latin", structure.load, borne(snes, structure)
     ends = factor is not None and factor < 1.0 and snes.getConvergedReason() < 0  # the displacements bear less
@@ -137,6 +138,7 @@ def gather(
         structure.set_load(factor * load)
     r = structure.create_vec()
     snes.computeFunction(u, r)
+    unbalance = np.linalg.norm(np.where(structure.fixed, 0.0, structure.displacements(r)), axis=1)
     tensions = solvers.tensions(snes)
     past = {key: np.array(values) for key, values in solvers.history(snes).items()} if is_latin else {}
     statistics = solvers.statistics(core) if core is not None else {}
@@ -165,6 +167,8 @@ def gather(
         "reason": snes_reason(snes),
         "indicator": past["indicator"][-1] if len(past.get("indicator", ())) else None,
         "residual_norm": r.norm(),
+        "largest_unbalance": unbalance.max(initial=0.0),
+        "unbalanced_node": int(unbalance.argmax()),
         "slack_fraction": np.count_nonzero(result.slack) / unilateral if unilateral else 0.0,
         "estimated_error": accuracy.estimated_error(snes) if len(past.get("estimate", ())) else None,
         "tension_error": accuracy.tension_error(snes) if is_latin else None,
