@@ -42,8 +42,8 @@ PYTHON_FLOORS = [
     ["scenes"],
     ["files"],
     ["forms"],
-    ["__init__"],
     ["runs"],
+    ["__init__"],
     ["bench"],
     ["cli"],
 ]

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import pathlib
 import time
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-import latinpc
+from latinpc import solvers
 from latinpc.laws import RIGID, UNILATERAL
 from latinpc.options import default_options, unknown_options
+from latinpc.results.caselist import text
 from latinpc.results.mechanics import slack
 from latinpc.results.report import plain, problem, snes_reason
 from latinpc.results.solve import attach_linear
@@ -18,31 +22,60 @@ from latinpc.structure import Structure
 
 from .report import environment
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from latinpc.scenes.case import Case
+
 SKETCH = 256  # numbers that stand for the actions of a case: more than cases are independent
 
 
-@dataclass
+@dataclass(repr=False)
 class Cases:
-    """Solved load cases; the same on every rank. Cases that have not converged are in no envelope."""
+    """Solved load cases; the same on every rank. Cases that have not converged are in no envelope.
+
+    ``print(cases)`` gives a table and the extremes.
+    """
 
     scene: Scene
-    names: list  #: of str
-    report: dict  #: JSON-able, with the keys that `solve_cases` lists
+    names: list[str]
+    report: dict[str, Any]  #: JSON-able, with the keys that `solve_cases` lists
     displacements: np.ndarray  #: (cases, n, dim), m
     tensions: np.ndarray  #: (cases, m), N
     slack: np.ndarray  #: (cases, m), of bool: links that bear nothing
-    notices: list  #: sentences the user should read
+    notices: list[str]  #: sentences the user should read
 
     @property
-    def converged(self):
+    def converged(self) -> bool:
         """Whether all cases have converged."""
         return bool(self._good.all())
 
     @property
-    def _good(self):
+    def _good(self) -> np.ndarray:
         return np.array([case["converged"] for case in self.report["cases"]], dtype=bool)
 
-    def envelope(self):
+    def __repr__(self) -> str:
+        return text(self)
+
+    def plot(self) -> Figure:
+        """Draw the envelope, the greatest tension and the greatest compression of each link, on one scale.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            Which notebooks show; ``figure.savefig("envelope.png")`` writes it.
+        """
+        from latinpc.results.envelope import envelope_figure
+
+        return envelope_figure(self)
+
+    def to_csv(self, path: str | pathlib.Path) -> None:
+        """Write a row for each link: extreme forces (N), their cases, where it is slack; call it on one rank."""
+        from latinpc.results.envelope import write_envelope
+
+        write_envelope(path, self)
+
+    def envelope(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Return the lowest and the highest force of each link, and the cases that give them.
 
         Returns
@@ -61,12 +94,20 @@ class Cases:
         link = np.arange(forces.shape[1])
         return forces[low, link], forces[high, link], good[low], good[high]
 
-    def slack_cases(self):
+    def slack_cases(self) -> np.ndarray:
         """Return for each link the number of cases in which it bears nothing, (m,) of int."""
         return (self.slack & self._good[:, None]).sum(axis=0)
 
 
-def solve_cases(scene, cases=None, options=None, *, subdomains=None, comm=None, each_case=None):
+def solve_cases(
+    scene: Scene,
+    cases: Sequence[Case] | None = None,
+    options: Mapping[str, Any] | None = None,
+    *,
+    subdomains: int | None = None,
+    comm: Any = None,
+    each_case: Callable[[int, str], Any] | None = None,
+) -> Cases:
     """Solve load cases with one solver, which is set up once; collective.
 
     Parameters
@@ -157,7 +198,7 @@ class _Series:
         converged = snes.getConvergedReason() > 0
         if self._start is not None and converged:
             self._start.keep(u)
-        moved, tensions = structure.displacements(u), latinpc.tensions(snes)
+        moved, tensions = structure.displacements(u), solvers.tensions(snes)
         loose = slack(case, tensions) & np.isin(case.law, UNILATERAL)
         self.displacements.append(moved)
         self.tensions.append(tensions)

@@ -7,13 +7,14 @@ import time
 import numpy as np
 from petsc4py import PETSc
 
-import latinpc
+from latinpc import accuracy, solvers
 from latinpc.laws import RIGID
 from latinpc.options import default_options, unknown_options
 from latinpc.results.mechanics import relative
 from latinpc.results.notices import magnitudes
 from latinpc.results.report import plain
 from latinpc.results.solve import attach_linear, gather
+from latinpc.settings import set_reference
 from latinpc.structure import Structure
 
 from .checkpoint import Keeper
@@ -102,7 +103,7 @@ def _solve(scene, structure, snes, reference, before_solve, increments, keeper, 
     comm = structure.comm.tompi4py()
     core = attach_linear(structure, snes)
     if snes.getType() == "latin" and reference is not None and increments == 1:
-        latinpc.set_reference(snes, reference)
+        set_reference(snes, reference)
     u, r = structure.create_vec(), structure.create_vec()
     snes.computeFunction(u, r)
     initial = r.norm()
@@ -134,7 +135,7 @@ def _solve(scene, structure, snes, reference, before_solve, increments, keeper, 
         **({"load_path": counts["path"]} if "path" in counts else {}),
         "residual": residual / initial if initial > 0 and residual is not None else residual,
         **dict(zip(("error_l2", "error_energy", "error_tension"), errors)),
-        "digits": latinpc.digits(snes) if digits and result.converged else None,
+        "digits": accuracy.digits(snes) if digits and result.converged else None,
         **seconds,
         **environment(comm),
     }
@@ -159,7 +160,7 @@ def _ramp(scene, structure, snes, u, increments, keeper):
             structure.set_load(scene.load * (k / increments))
         snes.solve(None, u)
         if structure.geometry == "large" and increments > 1:
-            factor = latinpc.path(snes)["borne"] * k / increments if snes.getType() == "latin" else k / increments
+            factor = solvers.path(snes)["borne"] * k / increments if snes.getType() == "latin" else k / increments
             largest = np.linalg.norm(structure.displacements(u), axis=1).max()
             counts.setdefault("path", []).append([float(factor), float(largest)])
         counts["steps"].append(snes.getIterationNumber())
