@@ -54,6 +54,12 @@ def test_a_net_of_three_cables(result):
     assert result.balance.load.tolist() == [0, -10] and result.balance.reaction == pytest.approx([0, 10], abs=1e-6)
 
 
+@pytest.mark.parametrize(("name", "kind"), [("snes_latin_error", "a number"), ("snes_latin_subdomains", "an integer")])
+def test_a_value_that_is_no_number_is_said_with_its_option(name, kind):
+    with pytest.raises(latinpc.SolveError, match=f"^-{name} is {kind}, not abc$"):
+        net().solve(options={name: "abc"})
+
+
 @pytest.mark.parametrize("error", [1e-1, 1e-9])
 def test_the_largest_force_without_balance_is_that_of_equation_1(error):
     """B^t tau - F at the nodes, from what the result has; the largest one and its node are printed."""
