@@ -43,8 +43,8 @@ PYTHON_FLOORS = [
     ["distributed"],
     ["files"],
     ["forms"],
-    ["__init__"],
     ["runs"],
+    ["__init__"],
     ["bench"],
     ["cli"],
 ]

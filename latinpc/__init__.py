@@ -18,6 +18,7 @@ from latinpc.laws import Law
 from latinpc.results.modes import Modes, modes
 from latinpc.results.notices import ConvergenceWarning, LatinWarning, SolveError
 from latinpc.results.result import Result
+from latinpc.runs.cases import Cases, solve_cases
 from latinpc.scenes import Case
 from latinpc.settings import (
     set_balance,
@@ -63,6 +64,7 @@ from latinpc.userlaws import register_law, register_table
 
 __all__ = [
     "Case",
+    "Cases",
     "ConvergenceWarning",
     "Form",
     "LatinWarning",
@@ -115,6 +117,7 @@ __all__ = [
     "set_tension_error",
     "set_variant",
     "set_warm_start",
+    "solve_cases",
     "statistics",
     "step_tensions",
     "subdomain_is",

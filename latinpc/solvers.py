@@ -435,5 +435,15 @@ def error_message(error: BaseException) -> str:
         for line in reversed(str(error).splitlines()[1:]):
             said = re.sub(r"^\[ *\d+\] ", "", line)
             if not re.search(r"\w\(\) (at|line) ", said):
-                return said.strip()
+                return _option_of(said.strip())
     return str(error)
+
+
+def _option_of(said: str) -> str:
+    """Return what PETSc says of a value that is no number, with the option that has it."""
+    refused = re.match(r"Input string (\S+) has no (numeric|integer) value", said)
+    named = [name for name, value in PETSc.Options().getAll().items() if refused and value == refused[1]]
+    if not named:
+        return said
+    kind = "an integer" if refused[2] == "integer" else "a number"
+    return f"-{' or -'.join(named)} is {kind}, not {refused[1]}"

@@ -280,6 +280,24 @@ def test_envelopes_are_written_and_drawn(tmp_path):
         assert (tmp_path / name).stat().st_size > 10000
 
 
+def test_solved_cases_print_draw_and_write_themselves(tmp_path):
+    """From latinpc alone: a row a case, the extremes, the figure and the table of the envelope."""
+    cable = row(law=["cable", "bar"], stiffness=[2.0, 2.0])
+    pull, push = (Case(name, load=[[0.0], [force], [0.0]]) for name, force in (("pull", 4e3), ("push", -6e3)))
+    found = latinpc.solve_cases(cable, [pull, push])
+    assert isinstance(found, latinpc.Cases)
+    lines = str(found).splitlines()
+    assert lines[0] == "row: 2 load cases, 3 nodes, 2 links"
+    assert [line.split()[0] for line in lines[2:4]] == ["pull", "push"]
+    assert "6 kN in case push: link 1, (1) to (3) m" in next(line for line in lines if line.startswith("highest"))
+    assert "-2 kN in case pull: link 1" in next(line for line in lines if line.startswith("lowest"))
+    assert "1 link in some case; most often (cases): 0 (1)" in next(line for line in lines if line.startswith("slack"))
+    assert "row: envelope of 2 load cases" in [text.get_text() for text in found.plot().texts]
+    found.to_csv(tmp_path / "mine.csv")
+    write_envelope(tmp_path / "other.csv", found)
+    assert (tmp_path / "mine.csv").read_text() == (tmp_path / "other.csv").read_text()
+
+
 def test_wrong_cases_are_named():
     scene = row()
     with pytest.raises(ValueError, match=r"row has no load case to solve: write \[\[case\]\]"):

@@ -19,8 +19,8 @@ from latinpc.options import INNER_PREFIXES, OPTIONS
 KEYS = [
     "scene", "dofs", "links", "ranks", "subdomains", "strong_interfaces", "weak_interfaces",
     "strong_macro_dofs", "weak_dofs", "iterations", "converged", "reason", "indicator", "residual",
-    "slack_fraction", "error_l2", "error_energy", "setup_seconds", "solve_seconds", "peak_memory_bytes",
-    "versions", "options",
+    "slack_fraction", "error_l2", "error_energy", "error_tension", "largest_unbalance", "setup_seconds",
+    "solve_seconds", "peak_memory_bytes", "versions", "options",
 ]  # fmt: skip
 TOWER = str(ROOT / "examples" / "tower.msh")
 
@@ -65,7 +65,8 @@ def test_solve_writes_everything(tmp_path):
     assert report["scene"] == "tower" and report["subdomains"] == 4 and report["ranks"] == 1
     assert report["converged"] and report["reason"].startswith("CONVERGED")
     assert report["dofs"] == 102 and report["free_dofs"] == 96 and report["links"] == 144
-    assert report["error_l2"] < 1e-3 and report["error_energy"] < 1e-3
+    assert report["error_l2"] < 1e-3 and report["error_energy"] < 1e-3 and report["error_tension"] < 1e-3
+    assert ", of the tensions " in result.stdout.partition("  error  ")[2].splitlines()[0]
     assert 0 < report["slack_fraction"] < 1
     assert min(report[key] for key in ("setup_seconds", "solve_seconds", "peak_memory_bytes")) > 0
     mesh = meshio.read(tmp_path / "r.vtu")

@@ -270,12 +270,17 @@ def test_tradeoff_command(tmp_path):
     assert any(point["front"] for curve in document["curves"] for point in curve["points"])
     assert (tmp_path / "t.png").stat().st_size > 10000
     assert "2 × 2 modules" in result.stdout
+    coarse, fine = document["curves"][0]["points"]
+    assert 1e-4 < coarse["error_tension"] < 1 and fine["error_tension"] < 1e-2
+    assert fine["largest_unbalance"] < coarse["largest_unbalance"]
+    lines = [line for line in result.stdout.splitlines() if line.startswith(("error of the tensions", "largest unb"))]
+    assert len(lines) == 2 and f"{fine['error_tension']:.0e}" in lines[0] and lines[1].endswith("N")
 
 
 def test_presets_are_described():
     for name, accuracy in (("fast", "1e-2"), ("balanced", "1e-4"), ("accurate", "1e-8")):
         text = (ROOT / "options" / f"{name}.opts").read_text()
-        assert accuracy in text and "latinpc solve" in text
+        assert accuracy in text and "latinpc solve" in text and "without balance on a node" in text
 
 
 # ---- linear structures -----------------------------------------------------------------------

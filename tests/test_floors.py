@@ -14,7 +14,8 @@ SOUND = {
     "latinpc/__init__.py": "from latinpc.laws import A\n",
     "latinpc/laws.py": "A = 1\nif TYPE_CHECKING:\n    from latinpc.runs.solve import B\n",
     "latinpc/runs/__init__.py": "",
-    "latinpc/runs/solve.py": "import latinpc\nfrom latinpc import laws\nfrom .report import B\n",
+    "latinpc/bench/__init__.py": "import latinpc\n",
+    "latinpc/runs/solve.py": "from latinpc import laws\nfrom .report import B\n",
     "latinpc/runs/report.py": "from ..laws import A\n\nB = A\n",
 }
 LONG_C = "int Long(void)\n{\n" + "  Low(1);\n" * 58 + "}\n"
@@ -71,7 +72,7 @@ def test_sound_sources_pass(tmp_path):
     assert result.returncode == 0 and not result.stdout
     text = floors("--report").stdout
     assert "c: 5 files, 19 lines, 0 violations, 2 floors (base < core)" in text
-    assert "python: 5 files, 10 lines, 0 violations, 2 floors (laws < runs)" in text
+    assert "python: 6 files, 10 lines, 0 violations, 2 floors (laws < bench)" in text
 
 
 @pytest.mark.parametrize("fault", FAULTS)

@@ -3,6 +3,7 @@
 import json
 import shutil
 
+import numpy as np
 import pytest
 from conftest import ROOT
 from two_bars import CSV_MEMBERS, EA, KINDS, LENGTH, PYTHON, SINKS, TCL, TENSION, written
@@ -73,6 +74,20 @@ def test_columns_in_other_orders_units_and_languages(tmp_path):
     assert scene.nodes.tolist() == [[0, 3], [8, 3], [4, 0]]
     assert scene.load.tolist() == [[0, 0], [0, 0], [0, -1000]]
     assert scene.stiffness == pytest.approx([EA / LENGTH] * 2)
+
+
+def test_areas_and_strengths_of_tables_give_stresses_and_utilisations(tmp_path):
+    (tmp_path / "nodes.csv").write_text(CSV_NODES)
+    members = "start,end,EA,area [mm2],strength [N/mm²]\nleft,middle,4.2e7,200,235\nright,middle,4.2e7,,\n"
+    (tmp_path / "members.csv").write_text(members)
+    result = latinpc.read(tmp_path).solve()
+    assert result.stress[0] == pytest.approx(TENSION / 2e-4) and np.isnan(result.stress[1])
+    assert result.utilisation[0] == pytest.approx(TENSION / 2e-4 / 235e6)
+    (tmp_path / "members.csv").write_text(members.replace(",EA,", ",#EA,"))
+    assert latinpc.read(tmp_path, EA=4.2e7).area[0] == pytest.approx(2e-4)
+    (tmp_path / "members.csv").write_text(members.replace("200,", ","))
+    with pytest.raises(ValueError, match="line 2.*needs the area"):
+        latinpc.read(tmp_path)
 
 
 def test_settlements_masses_and_groups_of_tables(tmp_path):

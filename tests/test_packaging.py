@@ -19,7 +19,7 @@ from latinpc.options import preset_files
 
 yaml = pytest.importorskip("yaml")
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-SPACK = sorted((ROOT / "packaging" / "spack").glob("packages/*/package.py"))
+SPACK = [ROOT / "packaging" / "spack" / "packages" / name / "package.py" for name in ("latinpc", "py-latinpc")]
 FORMS = sorted((ROOT / ".github" / "ISSUE_TEMPLATE").glob("*.yml"))
 PKG_CONFIG = os.pathsep.join(str(path / "lib" / "pkgconfig") for path in PETSC_FOLDERS)
 
@@ -38,7 +38,7 @@ def test_one_version():
     assert read_yaml("CITATION.cff")["version"] == PROJECT["version"]
     assert read_yaml("packaging", "conda", "recipe.yaml")["context"]["version"] == PROJECT["version"]
     for file in SPACK:
-        assert f'version("{PROJECT["version"]}")' in file.read_text()
+        assert f'version("{PROJECT["version"]}", branch="main")' in file.read_text()
 
 
 def test_citation_is_that_of_the_article():
@@ -63,8 +63,8 @@ def test_recipes_require_what_the_package_requires():
     for name in requirements() - {"contourpy"}:  # which matplotlib brings
         assert renamed.get(name, name) in text, name
     assert recipe["about"]["license_file"] == "LICENSE" and recipe["source"]["path"] == "../.."
-    assert len(SPACK) == 2 and read_yaml("packaging", "spack", "repo.yaml")["repo"]["namespace"] == "latinpc"
-    for file in SPACK:
+    assert read_yaml("packaging", "spack", "repo.yaml")["repo"]["namespace"] == "latinpc"
+    for file in [*SPACK, SPACK[0].parents[1] / "py-meshio" / "package.py"]:
         source = file.read_text()
         compile(source, file, "exec")
         name = "".join(word.capitalize() for word in file.parent.name.split("-"))
@@ -72,6 +72,33 @@ def test_recipes_require_what_the_package_requires():
     python = SPACK[1].read_text()
     for name in requirements() - {"contourpy"}:
         assert f'"py-{name}@' in python, name
+
+
+def test_the_conda_recipe_is_rendered_by_its_builder():
+    """The parser and renderer of rattler-build, with the variants that conda-forge would give."""
+    builder = pytest.importorskip("rattler_build")
+    recipe = builder.Stage0Recipe.from_file(ROOT / "packaging" / "conda" / "recipe.yaml")
+    keys = {"c_compiler": ["gcc"], "c_stdlib": ["sysroot"], "python": ["3.12.* *_cpython"]}
+    (variant,) = recipe.render(builder.VariantConfig.from_yaml(yaml.safe_dump(keys)))
+    rendered = variant.recipe.to_dict()
+    assert rendered["package"] == {"name": "latinpc", "version": PROJECT["version"]}
+    assert "openmpi_py312" in rendered["build"]["string"]
+    host, needed = rendered["requirements"]["host"], rendered["requirements"]["run"]
+    assert "python" in host and "python" in needed  # the variant has its version
+    assert "petsc >=3.18 real_*" in host  # conda-forge has complex ones
+    assert {"name": "petsc4py", "lower_bound": "x.x.x.x.x.x", "upper_bound": "x.x"} in [
+        one["pin_compatible"] for one in needed if isinstance(one, dict)
+    ]
+
+
+def test_spack_packages_are_fetched_from_their_clone():
+    """spack audit refuses a version without a place to fetch it from."""
+    for file in SPACK:
+        names = {"__file__": str(file), "CMakePackage": object, "PythonPackage": object}
+        names |= dict.fromkeys(("license", "version", "depends_on"), lambda *args, **how: None)
+        exec(file.read_text().replace("from spack.package import *", ""), names)
+        (package,) = (found for name, found in names.items() if name.lower().endswith("latinpc"))
+        assert package.git == f"file://{ROOT}" and all(len(line) < 100 for line in file.read_text().splitlines())
 
 
 def test_issue_forms_ask_what_is_needed():

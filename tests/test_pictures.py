@@ -185,6 +185,20 @@ def test_arrows_are_as_long_as_their_forces(dim):
     assert all(np.linalg.norm(ends - nodes[node], axis=1).min() < 1e-12 for node in acting)
 
 
+def test_many_arrows_cover_no_more_of_the_structure():
+    """Their lengths together grow with the root of their number: a load on each node does not hide the links."""
+
+    def total(count):
+        nodes = np.column_stack([np.arange(count), np.zeros(count)]).astype(float)
+        links = np.column_stack([np.arange(count - 1), np.arange(1, count)])
+        lines, acting = symbols.arrows(np.tile([0.0, -1.0], (count, 1)), nodes, links)
+        assert len(acting) == count
+        return np.linalg.norm(np.diff(lines[:count], axis=1)[:, 0], axis=1).sum()
+
+    assert total(symbols.CROWD) == pytest.approx(symbols.CROWD * symbols.ARROW_OF_LINK)  # few are as long as ever
+    assert total(4 * symbols.CROWD) == pytest.approx(2 * total(symbols.CROWD))
+
+
 def test_one_scale_for_tension_and_compression():
     """The strength of a colour follows the size of a force, whatever its sign and the others of that sign."""
     scale = Scale(np.array([-10.0, 0.0]), np.array([40.0]))

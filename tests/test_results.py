@@ -19,6 +19,7 @@ from petsc4py import PETSc
 from support import grid, network
 
 import latinpc
+from latinpc.results.units import quantity
 from latinpc.scenes import Law, Scene, make
 
 COMMAND = [Path(sys.executable).parent / "latinpc"]
@@ -52,6 +53,29 @@ def test_a_net_of_three_cables(result):
     assert result.stress[:2] == pytest.approx(50**0.5 / 1e-4) and np.isnan(result.stress[2])
     assert result.utilisation[:2] == pytest.approx(50**0.5 / 10)
     assert result.balance.load.tolist() == [0, -10] and result.balance.reaction == pytest.approx([0, 10], abs=1e-6)
+
+
+@pytest.mark.parametrize(("name", "kind"), [("snes_latin_error", "a number"), ("snes_latin_subdomains", "an integer")])
+def test_a_value_that_is_no_number_is_said_with_its_option(name, kind):
+    with pytest.raises(latinpc.SolveError, match=f"^-{name} is {kind}, not abc$"):
+        net().solve(options={name: "abc"})
+
+
+@pytest.mark.parametrize("error", [1e-1, 1e-9])
+def test_the_largest_force_without_balance_is_that_of_equation_1(error):
+    """B^t tau - F at the nodes, from what the result has; the largest one and its node are printed."""
+    found = latinpc.Structure.from_scene(grid(), PETSc.COMM_SELF).solve(options={"snes_stol": error})
+    structure = found.structure
+    left, pull = -structure.load, found.tensions[:, None] * structure.directions
+    np.add.at(left, structure.links[:, 0], -pull)
+    np.add.at(left, structure.links[:, 1], pull)
+    size = np.linalg.norm(np.where(structure.fixed, 0.0, left), axis=1)
+    rounding = 1e-12 * np.abs(found.tensions).max()
+    assert found.largest_unbalance == pytest.approx(size.max(), rel=1e-6, abs=rounding)
+    assert size.max() - size[found.report["unbalanced_node"]] <= rounding
+    if error > 1e-8:
+        assert found.largest_unbalance > 1e-3
+        assert f"at most {quantity(size.max(), 'N')} at node {size.argmax()}" in str(found)
 
 
 # ---- tables and files ------------------------------------------------------------------------

@@ -142,8 +142,9 @@ def tradeoff(scene, knobs=None, accuracies=ACCURACIES, repeat=3, timeout=180.0, 
     dict
         That of `latinpc.bench.compare.describe`, and accuracies, repeat, reference, and curves: each with knob, label,
         method, options, reason (of a failure) and points. A point has accuracy, setup_seconds, solve_seconds,
-        peak_memory_bytes, iterations, error_l2, error_energy, and front: whether no point of any curve is both
-        quicker and more accurate.
+        peak_memory_bytes, iterations, error_l2, error_energy, error_tension (of the tensions, relative l2 norm),
+        largest_unbalance (the largest force without balance on a node, N), and front: whether no point of any curve
+        is both quicker and more accurate.
     """
     say = progress or (lambda text: None)
     knobs = knobs_of(scene, knobs)
@@ -184,8 +185,12 @@ def _curve(bench, scene, choice, block, accuracies, repeat):
 
 def _point(point):
     runs = point["runs"]
-    keys = ("setup_seconds", "solve_seconds", "peak_memory_bytes", "iterations", "error_l2", "error_energy")
-    return {"accuracy": point["accuracy"], **{key: statistics.median(run[key] for run in runs) for key in keys}}
+    keys = (
+        "setup_seconds", "solve_seconds", "peak_memory_bytes", "iterations", "error_l2", "error_energy",
+        "error_tension", "largest_unbalance",
+    )  # fmt: skip
+    known = {key: [run[key] for run in runs if run[key] is not None] for key in keys}
+    return {"accuracy": point["accuracy"]} | {key: statistics.median(x) if x else None for key, x in known.items()}
 
 
 def seconds(point):
@@ -213,4 +218,20 @@ def layout(document):
         cells = [curve["knob"], curve["label"], quantity(memory, "B") if memory else "-"]
         cells += [at.get(accuracy, "-") for accuracy in document["accuracies"]]
         rows.append([*cells[:-1], f"{cells[-1]}  {curve['reason']}"] if curve["reason"] else cells)
-    return header, rows
+    return header, rows + _forces(document)
+
+
+def _forces(document):
+    """Return rows on what the default leaves of the forces at each accuracy of the displacements."""
+    from latinpc.results.units import quantity
+
+    curve = next((curve for curve in document["curves"] if curve["label"] == DEFAULT.label), document["curves"][0])
+    at = {point["accuracy"]: point for point in curve["points"]}
+    rows = []
+    for label, key, text in (
+        ("error of the tensions", "error_tension", "{:.0e}".format),
+        ("largest unbalance", "largest_unbalance", lambda value: quantity(value, "N")),
+    ):
+        found = [at.get(accuracy, {}).get(key) for accuracy in document["accuracies"]]
+        rows.append([label, curve["label"], "", *("-" if value is None else text(value) for value in found)])
+    return rows

@@ -8,7 +8,10 @@ import click
 from petsc4py import PETSc
 
 #: Help of --preset
-PRESETS = "Options of a ready-made set: fast (displacements to 1e-2), balanced (1e-4), accurate (1e-8), and others."
+PRESETS = (
+    "Options of a ready-made set: fast (displacements to 1e-2, forces for a first look), balanced (1e-4),"
+    " accurate (1e-8), and others."
+)
 
 
 def is_petsc_option(token):

@@ -5,11 +5,10 @@ from __future__ import annotations
 import sys
 
 import click
-import numpy as np
 
-from latinpc.laws import UNILATERAL
 from latinpc.options import preset_files, preset_options
 from latinpc.results.atomic import check_writable
+from latinpc.results.caselist import HEADER, extremes, rows, title
 from latinpc.results.units import quantity
 from latinpc.runs.cases import solve_cases
 
@@ -17,8 +16,6 @@ from .arguments import PRESETS
 from .printing import open_console, print_lines, print_table, progress, write_json
 from .ranks import NOT_CONVERGED, on_root
 from .scenes import SceneCommand, open_scene, scene_options
-
-MOST_SLACK = 8  # links that are listed
 
 
 @click.command("cases", cls=SceneCommand)
@@ -85,30 +82,7 @@ def _write(result, json_file, csv_file, picture):
 
 def _print(result, written):
     """Print the table of the cases, and the envelope."""
-    header = ["case", "stages", "displacement", "lowest", "highest", "slack", ""]
-    rows = [
-        [case["name"], str(case["iterations"]), quantity(case["displacement"], "m"), quantity(case["lowest"], "N"),
-         quantity(case["highest"], "N"), f"{case['slack']:,}", "" if case["converged"] else case["reason"]]
-        for case in result.report["cases"]
-    ]  # fmt: skip
-    scene = result.scene
-    count = f"{len(rows)} load case{'s' if len(rows) != 1 else ''}"
-    title = f"{scene.name}: {count}, {len(scene.nodes):,} nodes, {len(scene.links):,} links"
-    print_table(title, (header, rows), left=(0, -1))
-    lowest, highest, low, high = result.envelope()
-    lines = []
-    for label, forces, case, extreme in (("highest", highest, high, np.argmax), ("lowest", lowest, low, np.argmin)):
-        if np.isfinite(forces).all():
-            link = int(extreme(forces))
-            ends = " to ".join(f"({', '.join(f'{x:.4g}' for x in scene.nodes[end])})" for end in scene.links[link])
-            extreme_case = result.names[case[link]]
-            lines.append((label, f"{quantity(forces[link], 'N')} in case {extreme_case}: link {link}, {ends} m"))
-    often = result.slack_cases()
-    if np.isin(scene.law, UNILATERAL).any():
-        worst = [link for link in np.argsort(-often, kind="stable")[:MOST_SLACK] if often[link]]
-        listed = ", ".join(f"{link} ({often[link]})" for link in worst)
-        count = np.count_nonzero(often)
-        lines.append(("slack", f"{count:,} links in some case" + (f"; most often (cases): {listed}" if worst else "")))
-    lines.append(("time", f"one set-up and all solves {quantity(result.report['seconds'], 's')}"))
+    print_table(title(result), (list(HEADER), rows(result)), left=(0, -1))
+    lines = [*extremes(result), ("time", f"one set-up and all solves {quantity(result.report['seconds'], 's')}")]
     lines += [("written", ", ".join(map(str, written)))] if written else []
     print_lines(open_console(), "envelope", lines)

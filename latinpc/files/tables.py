@@ -4,7 +4,7 @@ The files are ``nodes.csv`` and ``members.csv`` of a folder, or two files beside
 words: ``roof-nodes.csv`` and ``roof-members.csv``. Columns come in any order; those in brackets may be missing::
 
     node,  x, [y, z], [fix], [Fx, Fy, Fz], [ux, uy, uz], [mass], [group]
-    [member], start, end, [law], [EA or stiffness], [prestress, strain or initial_elongation], [group]
+    [member], start, end, [law], [EA or stiffness], [prestress, strain or initial_elongation], [area, strength], [group]
 
 ``fix`` is a word such as ``xyz`` or ``z``: the held directions, by ``ux`` etc. if those are given. ``law`` and the
 columns after it are as in the TOML file. A unit in a heading, ``x [mm]`` or ``EA (kN)``, converts the column; without
@@ -29,12 +29,15 @@ UNITS = (
     {axis: LENGTH for axis in ("x", "y", "z", "ux", "uy", "uz", "initial_elongation")}
     | {name: FORCE for name in ("Fx", "Fy", "Fz", "EA", "prestress")}
     | {"stiffness": {"N/m": 1.0, "kN/m": 1e3, "MN/m": 1e6}, "mass": {"kg": 1.0, "t": 1e3}, "strain": {"": 1.0}}
+    | {"area": {"m2": 1.0, "m²": 1.0, "cm2": 1e-4, "cm²": 1e-4, "mm2": 1e-6, "mm²": 1e-6}}
+    | {"strength": {"Pa": 1.0, "MPa": 1e6, "N/mm2": 1e6, "N/mm²": 1e6, "GPa": 1e9}}
 )
 NODES = ("node", "x", "y", "z", "fix", "Fx", "Fy", "Fz", "ux", "uy", "uz", "mass", "group")
 MEMBERS = (
-    "member", "start", "end", "law", "EA", "stiffness", "prestress", "strain", "initial_elongation", "group",
+    "member", "start", "end", "law", "EA", "stiffness", "prestress", "strain", "initial_elongation", "area", "strength",
+    "group",
 )  # fmt: skip
-LAW = MEMBERS[3:9]
+LAW = MEMBERS[3:11]
 HEADING = re.compile(r"\s*([^\[(]*?)\s*(?:[\[(]\s*([^\])]*?)\s*[\])])?\s*")
 
 

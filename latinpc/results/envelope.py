@@ -52,6 +52,11 @@ def write_envelope(path, cases):
 
 
 def draw_envelope(cases, path):
+    """Write `envelope_figure` into a ``.png``, ``.pdf`` or ``.svg`` file, replaced only once it is complete."""
+    save(envelope_figure(cases), path)
+
+
+def envelope_figure(cases):
     """Draw the structure twice: the greatest tension of each link, and its greatest compression, on one scale.
 
     Cables that are slack in a case, and links in compression that are open, stand out.
@@ -59,8 +64,10 @@ def draw_envelope(cases, path):
     Parameters
     ----------
     cases : latinpc.runs.cases.Cases
-    path : str or path-like
-        A ``.png``, ``.pdf`` or ``.svg`` file, replaced only once it is complete.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
     """
     scene, seen = cases.scene, drawn_links(cases.scene)
     lowest, highest, *_ = cases.envelope()
@@ -85,7 +92,7 @@ def draw_envelope(cases, path):
     force_bar(figure, [0.935, 0.30, 0.01, 0.54], scale)
     figure.legend(handles=symbol_keys(stands), loc="lower right", fontsize=9, frameon=False)
     _titles(figure, cases, loose)
-    save(figure, path)
+    return figure
 
 
 def _titles(figure, cases, loose):

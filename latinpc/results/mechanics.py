@@ -87,12 +87,22 @@ def reactions(scene, tensions, load=None):
     (n, dim) array
         In N, zero where nothing is fixed.
     """
+    return np.where(scene.fixed, _left(scene, tensions, load), 0.0)
+
+
+def largest_unbalance(scene, tensions, load=None):
+    """Return the largest force without balance on a node, |B^t tau - F| at the free components, equation (1), in N."""
+    return float(np.linalg.norm(np.where(scene.fixed, 0.0, _left(scene, tensions, load)), axis=1).max(initial=0.0))
+
+
+def _left(scene, tensions, load):
+    """Return B^t tau - F, (n, dim)."""
     pull, ends = _pull(scene, tensions), scene.links.T
     forces = np.empty(scene.nodes.shape)
     for axis in range(scene.dim):
         first, second = (np.bincount(end, weights=pull[:, axis], minlength=len(forces)) for end in ends)
         forces[:, axis] = second - first
-    return np.where(scene.fixed, forces - (scene.load if load is None else load), 0.0)
+    return forces - (scene.load if load is None else load)
 
 
 ROUNDING = 1e-10  # of the largest stiffness times the largest initial elongation: forces of slack links that are none
@@ -192,6 +202,14 @@ def balance(scene, tensions, reactions, load=None):
     size = np.linalg.norm(arms, axis=1).max() or 1.0
     force = float(np.linalg.norm(forces.sum(axis=0)) / whole)
     return Balance(load.sum(axis=0), reactions.sum(axis=0), force, float(np.linalg.norm(moment) / (whole * size)))
+
+
+def relative(values, reference):
+    """Return the l2 norm of what differs over that of the reference; infinite when a value is not finite."""
+    size, difference = np.linalg.norm(reference), np.linalg.norm(values - reference)
+    if not np.isfinite(difference):
+        return np.inf
+    return float(difference / size if size > 0 else difference)
 
 
 def errors(scene, displacement, reference):

@@ -72,6 +72,11 @@ class Result:
         """Estimated relative error of the tensions, l2 norm over all links; None where it is not known."""
         return self.report["tension_error"]
 
+    @property
+    def largest_unbalance(self) -> float | None:
+        """Largest force without balance on a node (N); ``report["unbalanced_node"]`` is the node."""
+        return self.report["largest_unbalance"]
+
     @cached_property
     def slack(self) -> np.ndarray:
         """(m,) array of bool: cables, compression-only links and contacts that carry nothing."""

@@ -163,9 +163,9 @@ def gather(
     Result
         Its report has the keys scene, dofs, free_dofs, links, ranks, solver, subdomains, strong_interfaces,
         weak_interfaces, strong_macro_dofs, weak_dofs, direction, cost, iterations, linear_iterations, converged,
-        reason, indicator, residual_norm, slack_fraction, estimated_error, tension_error. What does not apply is None.
-        Of large displacements also load_factor: the part of the loads that the displacements bear, and its loads are
-        that part.
+        reason, indicator, residual_norm, largest_unbalance, unbalanced_node, slack_fraction, estimated_error,
+        tension_error. What does not apply is None. Of large displacements also load_factor: the part of the loads that
+        the displacements bear, and its loads are that part.
     """
     is_latin, load, factor = snes.getType() == "latin", structure.load, borne(snes, structure)
     ends = factor is not None and factor < 1.0 and snes.getConvergedReason() < 0  # the displacements bear less
@@ -173,6 +173,7 @@ def gather(
         structure.set_load(factor * load)
     r = structure.create_vec()
     snes.computeFunction(u, r)
+    unbalance = np.linalg.norm(np.where(structure.fixed, 0.0, structure.displacements(r)), axis=1)
     tensions = solvers.tensions(snes)
     past = {key: np.array(values) for key, values in solvers.history(snes).items()} if is_latin else {}
     statistics = solvers.statistics(core) if core is not None else {}
@@ -189,8 +190,12 @@ def gather(
         notices=[*structure.notices, *causes(snes, structure, past)],
     )
     loose = np.count_nonzero(result.slack), np.count_nonzero(np.isin(structure.law, UNILATERAL))
-    cost = solvers.cost(core) if core is not None else None
-    report = report_of(structure, snes, statistics, past, loose) | {"cost": cost, "residual_norm": r.norm()}
+    report = report_of(structure, snes, statistics, past, loose) | {
+        "cost": solvers.cost(core) if core is not None else None,
+        "residual_norm": r.norm(),
+        "largest_unbalance": unbalance.max(initial=0.0),
+        "unbalanced_node": int(unbalance.argmax()),
+    }
     result.report.update(plain(report | ({} if factor is None else {"load_factor": part * factor})))
     result.notices += [*turned(result), *limit(result)]
     if ends:

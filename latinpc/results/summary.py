@@ -43,7 +43,8 @@ def summary(result, verbose=False):
         lines += _counts(report)
     if report.get("error_l2") is not None:
         energy = f", {report['error_energy']:.1e} (energy)" if report["error_energy"] is not None else ""
-        lines.append(("error", f"{report['error_l2']:.1e} (l2){energy} against Newton's method"))
+        tension = f", of the tensions {report['error_tension']:.1e}" if report["error_tension"] is not None else ""
+        lines.append(("error", f"{report['error_l2']:.1e} (l2){energy}{tension} against Newton's method"))
     if report.get("digits") is not None:
         lines.append(("digits", _digits(report["digits"])))
     lines += _mechanics(scene, result)
@@ -87,19 +88,17 @@ def _cost(cost):
 
 
 def _accuracy(result):
-    """Return the estimated error, where there is one, and what is without balance beside the loads."""
+    """Return the estimated error, where there is one, and what is without balance, beside the loads and in N."""
     parts, report = [], result.report
     if report["estimated_error"] is not None:
         parts.append(f"estimated error of the displacements {share(report['estimated_error'])}")
     if report.get("tension_error") is not None:
         parts.append(f"of the tensions {share(report['tension_error'])}")
     loads = np.linalg.norm(result.load[~result.structure.fixed])
-    parts.append(
-        f"forces without balance {share(report['residual_norm'] / loads)} of the loads"
-        if loads > 0.0
-        else f"forces without balance {quantity(report['residual_norm'], 'N')}"
-    )
-    return ", ".join(parts)
+    beside = f" {share(report['residual_norm'] / loads)} of the loads" if loads > 0.0 else ""
+    largest = report["largest_unbalance"]
+    where = f" at node {report['unbalanced_node']}" if largest else ""
+    return ", ".join([*parts, f"forces without balance{beside}, at most {quantity(largest, 'N')}{where}"])
 
 
 def _digits(lost):

@@ -9,6 +9,7 @@ import numpy as np
 HEIGHT = 0.028  # of a support, in sizes of the structure, and at most
 HEIGHT_OF_LINK = 0.3  # this part of the middle length of a link
 ARROW, ARROW_OF_LINK = 0.11, 1.5  # the same of the longest arrow
+CROWD = 60  # arrows: of more each is shorter, in proportion to the root of their number
 MANY_SYMBOLS = 2000  # nodes, beyond which symbols would hide the structure
 
 
@@ -110,7 +111,7 @@ def arrows(vectors, nodes, links, shape=None, largest=None):
     if not len(acting):
         return np.zeros((0, 2, nodes.shape[1])), acting
     span, link = lengths_of(nodes, links)
-    length = min(ARROW * span, ARROW_OF_LINK * link)
+    length = min(ARROW * span, ARROW_OF_LINK * link) * min(1.0, (CROWD / len(acting)) ** 0.5)
     force = vectors[acting] * (length / largest)
     ahead = np.einsum("ij,ij->i", force, -_outward(nodes, links)[acting])
     tips = shape[acting] if ahead.sum() >= -1e-9 * np.abs(ahead).sum() else shape[acting] + force

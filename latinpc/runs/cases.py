@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import pathlib
 import time
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
 
-import latinpc
+from latinpc import solvers
 from latinpc.arrays import REAL, native
 from latinpc.laws import RIGID, UNILATERAL
 from latinpc.library import _latin
 from latinpc.options import default_options, unknown_options
+from latinpc.results.caselist import text
 from latinpc.results.mechanics import slack
 from latinpc.results.report import plain, problem, snes_reason
 from latinpc.results.solve import attach_linear
@@ -22,34 +26,62 @@ from latinpc.structure import Structure
 
 from .report import environment
 
-FEWEST = (
-    4  # cases of a rank that are solved side by side: of fewer, lanes stay empty, and one after the other is faster
-)
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from latinpc.scenes.case import Case
+
+#: Cases of a rank that are solved side by side: of fewer, lanes stay empty, and one after the other is faster.
+FEWEST = 4
 SKETCH = 256  # numbers that stand for the actions of a case: more than cases are independent
 
 
-@dataclass
+@dataclass(repr=False)
 class Cases:
-    """Solved load cases; the same on every rank. Cases that have not converged are in no envelope."""
+    """Solved load cases; the same on every rank. Cases that have not converged are in no envelope.
+
+    ``print(cases)`` gives a table and the extremes.
+    """
 
     scene: Scene
-    names: list  #: of str
-    report: dict  #: JSON-able, with the keys that `solve_cases` lists
+    names: list[str]
+    report: dict[str, Any]  #: JSON-able, with the keys that `solve_cases` lists
     displacements: np.ndarray  #: (cases, n, dim), m
     tensions: np.ndarray  #: (cases, m), N
     slack: np.ndarray  #: (cases, m), of bool: links that bear nothing
-    notices: list  #: sentences the user should read
+    notices: list[str]  #: sentences the user should read
 
     @property
-    def converged(self):
+    def converged(self) -> bool:
         """Whether all cases have converged."""
         return bool(self._good.all())
 
     @property
-    def _good(self):
+    def _good(self) -> np.ndarray:
         return np.array([case["converged"] for case in self.report["cases"]], dtype=bool)
 
-    def envelope(self):
+    def __repr__(self) -> str:
+        return text(self)
+
+    def plot(self) -> Figure:
+        """Draw the envelope, the greatest tension and the greatest compression of each link, on one scale.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            Which notebooks show; ``figure.savefig("envelope.png")`` writes it.
+        """
+        from latinpc.results.envelope import envelope_figure
+
+        return envelope_figure(self)
+
+    def to_csv(self, path: str | pathlib.Path) -> None:
+        """Write a row for each link: extreme forces (N), their cases, where it is slack; call it on one rank."""
+        from latinpc.results.envelope import write_envelope
+
+        write_envelope(path, self)
+
+    def envelope(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Return the lowest and the highest force of each link, and the cases that give them.
 
         Returns
@@ -68,12 +100,20 @@ class Cases:
         link = np.arange(forces.shape[1])
         return forces[low, link], forces[high, link], good[low], good[high]
 
-    def slack_cases(self):
+    def slack_cases(self) -> np.ndarray:
         """Return for each link the number of cases in which it bears nothing, (m,) of int."""
         return (self.slack & self._good[:, None]).sum(axis=0)
 
 
-def solve_cases(scene, cases=None, options=None, *, subdomains=None, comm=None, each_case=None):
+def solve_cases(
+    scene: Scene,
+    cases: Sequence[Case] | None = None,
+    options: Mapping[str, Any] | None = None,
+    *,
+    subdomains: int | None = None,
+    comm: Any = None,
+    each_case: Callable[[int, str], Any] | None = None,
+) -> Cases:
     """Solve load cases on one set-up; collective.
 
     Parameters
@@ -213,7 +253,7 @@ class _Series:
             converged = snes.getConvergedReason() > 0
             if start is not None and converged:
                 start.keep(u)
-            self.displacements[number], self.tensions[number] = structure.displacements(u), latinpc.tensions(snes)
+            self.displacements[number], self.tensions[number] = structure.displacements(u), solvers.tensions(snes)
             linear = snes.getType() == "ksponly"
             iterations = snes.getLinearSolveIterations() if linear else snes.getIterationNumber()
             self.found[number] = iterations, False, converged, snes_reason(snes)

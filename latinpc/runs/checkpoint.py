@@ -12,7 +12,7 @@ from dataclasses import fields
 import numpy as np
 from mpi4py import MPI
 
-import latinpc
+from latinpc import solvers
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
@@ -67,7 +67,7 @@ class Keeper:
         """
         if self._restart is None:
             return 0, {}
-        note = json.loads(latinpc.load_state(solver, self._restart, u))
+        note = json.loads(solvers.load_state(solver, self._restart, u))
         for key, value in self._about.items():
             if note["about"].get(key) != value:
                 raise ValueError(f"{self._restart} is the state of another run: {key} differs; give what the run had")
@@ -97,7 +97,7 @@ class Keeper:
         self._ends = self._comm.allreduce(self._signal, op=MPI.MAX)
         if self._ends or number % self._every == 0:
             note = {"about": self._about, "number": number, "past": past}
-            latinpc.save_state(solver, self._path, u, json.dumps(note).encode())
+            solvers.save_state(solver, self._path, u, json.dumps(note).encode())
             self._kept = (number, self._path)
         return bool(self._ends)
 
@@ -128,7 +128,7 @@ class Keeper:
             self._signal = number
 
         # Python handles signals when it is its turn: once an iteration
-        (latinpc.outer_snes(snes) if snes.getType() == "latin" else snes).setMonitor(lambda *_: None)
+        (solvers.outer_snes(snes) if snes.getType() == "latin" else snes).setMonitor(lambda *_: None)
         before = {number: signal.signal(number, handle) for number in SIGNALS}
         try:
             yield

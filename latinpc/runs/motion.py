@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from petsc4py import PETSc
 
-import latinpc
+from latinpc import accuracy, solvers
 from latinpc.laws import UNILATERAL
 from latinpc.options import default_options, unknown_options
 from latinpc.results.mechanics import slack
@@ -139,7 +139,7 @@ class _Recorder:
         self._unilateral = np.isin(scene.law, UNILATERAL)
 
     def _tensions(self, u):
-        return latinpc.step_tensions(self.ts) if self.ts.getType() == "latin" else self.structure.tensions(u)
+        return solvers.step_tensions(self.ts) if self.ts.getType() == "latin" else self.structure.tensions(u)
 
     def add_frame(self, number):
         """Keep the state after a step."""
@@ -200,7 +200,7 @@ def _move(recorder, step):
     if not recorder.frames or recorder.frames[-1].step != ts.getStepNumber():
         recorder.add_frame(ts.getStepNumber())
     is_latin = snes.getType() == "latin"
-    statistics = latinpc.statistics(snes) if is_latin else {}
+    statistics = solvers.statistics(snes) if is_latin else {}
     reason, iterations = ts.getConvergedReason(), recorder.past["iterations"]
     report = {
         **problem(structure),
@@ -222,8 +222,8 @@ def _move(recorder, step):
         scene=scene,
         report=plain(report),
         frames=recorder.frames,
-        subdomain=latinpc.subdomain_of_links(snes) if is_latin else scene.subdomain,
-        node_class=latinpc.node_classes(snes) if is_latin else None,
+        subdomain=solvers.subdomain_of_links(snes) if is_latin else scene.subdomain,
+        node_class=solvers.node_classes(snes) if is_latin else None,
         notices=unknown_options() + ([] if reason > 0 else _causes(ts, snes, scene.mass)),
     )
 
@@ -233,7 +233,7 @@ def _causes(ts, snes, mass):
     names = PETSc.SNES.ConvergedReason
     text = f"step {ts.getStepNumber() + 1} has not converged: {reason_name(names, snes.getConvergedReason())}"
     if snes.getType() == "latin" and snes.getConvergedReason() == names.DIVERGED_INNER:
-        least = latinpc.rounding_floor(snes)
+        least = accuracy.rounding_floor(snes)
         text += f", the requested error is below the rounding error of this step, about {least:.0e}"
     heavy = mass[mass > 0.0]
     if snes.getConvergedReason() == names.DIVERGED_MAX_IT and len(heavy) and heavy.max() > CONTRAST * heavy.min():

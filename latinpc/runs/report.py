@@ -10,7 +10,7 @@ import numpy as np
 import petsc4py
 from petsc4py import PETSc
 
-import latinpc
+from latinpc.library import _latin
 
 
 def environment(comm):
@@ -25,7 +25,7 @@ def environment(comm):
 def versions():
     """Return the versions of what a result depends on."""
     return {
-        "latinpc": latinpc.__version__,
+        "latinpc": ".".join(map(str, _latin.VERSION)),
         "petsc": ".".join(map(str, PETSc.Sys.getVersion())),
         "petsc4py": petsc4py.__version__,
         "mpi4py": mpi4py.__version__,

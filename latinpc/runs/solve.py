@@ -7,12 +7,14 @@ import time
 import numpy as np
 from petsc4py import PETSc
 
-import latinpc
+from latinpc import accuracy, solvers
 from latinpc.laws import RIGID
 from latinpc.options import default_options, unknown_options
+from latinpc.results.mechanics import relative
 from latinpc.results.notices import magnitudes
 from latinpc.results.report import plain
 from latinpc.results.solve import attach_linear, gather
+from latinpc.settings import set_reference
 from latinpc.structure import Structure
 
 from .checkpoint import Keeper
@@ -53,10 +55,10 @@ def solve(
     -------
     latinpc.Result
         Its report has, besides those of `latinpc.results.solve.gather`, the keys scene_options, load_cases (their
-        number; none of them acts), increments (iterations of each), residual, error_l2, error_energy, digits,
-        setup_seconds, solve_seconds, peak_memory_bytes, versions, options. What does not apply is None. Of large
-        displacements in increments also load_path: of each the part of the loads borne, and the largest displacement
-        (m).
+        number; none of them acts), increments (iterations of each), residual, error_l2, error_energy, error_tension,
+        digits, setup_seconds, solve_seconds, peak_memory_bytes, versions, options. What does not apply is None. Of
+        large displacements in increments also load_path: of each the part of the loads borne, and the largest
+        displacement (m).
 
     Raises
     ------
@@ -101,7 +103,7 @@ def _solve(scene, structure, snes, reference, before_solve, increments, keeper, 
     comm = structure.comm.tompi4py()
     core = attach_linear(structure, snes)
     if snes.getType() == "latin" and reference is not None and increments == 1:
-        latinpc.set_reference(snes, reference)
+        set_reference(snes, reference)
     u, r = structure.create_vec(), structure.create_vec()
     snes.computeFunction(u, r)
     initial = r.norm()
@@ -121,7 +123,9 @@ def _solve(scene, structure, snes, reference, before_solve, increments, keeper, 
 
     result = gather(structure, snes, core, u, len(counts["steps"]) / increments)
     steps, residual = counts["linear" if snes.getType() == "ksponly" else "steps"], result.report["residual_norm"]
-    errors = structure.errors(u, reference) if reference is not None else (None, None)
+    errors = (None,) * 3
+    if reference is not None:
+        errors = (*structure.errors(u, reference), _tension_error(structure, u, reference))
     report = {
         "scene_options": scene.metadata,
         "load_cases": sum(not case.part for case in scene.cases),
@@ -130,13 +134,20 @@ def _solve(scene, structure, snes, reference, before_solve, increments, keeper, 
         "linear_iterations": sum(counts["linear"]),
         **({"load_path": counts["path"]} if "path" in counts else {}),
         "residual": residual / initial if initial > 0 and residual is not None else residual,
-        **dict(zip(("error_l2", "error_energy"), errors)),
-        "digits": latinpc.digits(snes) if digits and result.converged else None,
+        **dict(zip(("error_l2", "error_energy", "error_tension"), errors)),
+        "digits": accuracy.digits(snes) if digits and result.converged else None,
         **seconds,
         **environment(comm),
     }
     result.report.update(plain(report))
     return result
+
+
+def _tension_error(structure, u, reference):
+    """Return the relative error of the tensions, l2 norm over all links; None with rigid laws; collective."""
+    if np.isin(structure.law, RIGID).any():
+        return None
+    return relative(structure.tensions(u), structure.tensions(reference))
 
 
 def _ramp(scene, structure, snes, u, increments, keeper):
@@ -149,7 +160,7 @@ def _ramp(scene, structure, snes, u, increments, keeper):
             structure.set_load(scene.load * (k / increments))
         snes.solve(None, u)
         if structure.geometry == "large" and increments > 1:
-            factor = latinpc.path(snes)["borne"] * k / increments if snes.getType() == "latin" else k / increments
+            factor = solvers.path(snes)["borne"] * k / increments if snes.getType() == "latin" else k / increments
             largest = np.linalg.norm(structure.displacements(u), axis=1).max()
             counts.setdefault("path", []).append([float(factor), float(largest)])
         counts["steps"].append(snes.getIterationNumber())

@@ -17,7 +17,8 @@ from petsc4py import PETSc  # noqa: E402
 
 import latinpc  # noqa: E402
 from latinpc.files.npz import load_scene  # noqa: E402
-from latinpc.results.mechanics import errors  # noqa: E402
+from latinpc.laws import Law  # noqa: E402
+from latinpc.results.mechanics import errors, largest_unbalance, relative, tensions  # noqa: E402
 
 from . import run  # noqa: E402
 from .reference import by_latin, by_newton  # noqa: E402
@@ -38,10 +39,20 @@ def _timed(task, scene, reference, tolerance):
         "linear_iterations": outcome.linear_iterations,
         "error_l2": error_l2 if np.isfinite(error_l2) else None,
         "error_energy": error_energy if np.isfinite(error_energy) else None,
+        **_forces(scene, outcome.displacements, reference),
         "converged": outcome.converged,
         "reason": outcome.reason,
         "tolerance": tolerance,
     }
+
+
+def _forces(scene, displacements, reference):
+    """Return the error of the tensions and the largest force without balance, where displacements give the forces."""
+    if scene.geometry != "linear" or (scene.law > Law.COMPRESSION_ONLY).any():
+        return {"error_tension": None, "largest_unbalance": None}
+    found = tensions(scene, displacements)
+    pair = relative(found, tensions(scene, reference)), largest_unbalance(scene, found)
+    return {key: x if np.isfinite(x) else None for key, x in zip(("error_tension", "largest_unbalance"), pair)}
 
 
 def _repeated(task, scene, reference, tolerance):

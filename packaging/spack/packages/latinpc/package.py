@@ -1,18 +1,23 @@
-"""The C library, for C and Fortran. Nothing is published: build a clone of the sources.
+"""The C library, for C and Fortran, from the clone that this file is in: nothing is published.
 
 spack repo add packaging/spack
-spack dev-build latinpc@0.1.0
+spack install latinpc           # what is committed on the branch main of the clone
+spack dev-build latinpc@0.1.0   # the files as they are
 """
+
+import os
 
 from spack.package import *
 
 
 class Latinpc(CMakePackage):
-    """Multiscale LATIN domain decomposition for structures of links, as PETSc solver types: the C library."""
+    """C library: multiscale LATIN domain decomposition for structures of links."""
+
+    git = f"file://{os.path.realpath(__file__).rsplit(os.sep, 5)[0]}"
 
     license("BSD-2-Clause")
 
-    version("0.1.0")
+    version("0.1.0", branch="main")
 
     depends_on("c", type="build")
     depends_on("cmake@3.20:", type="build")

@@ -1,8 +1,11 @@
-"""The Python package with its own copy of the C library. Nothing is published: build a clone of the sources.
+"""The Python package with its own copy of the C library, from the clone that this file is in.
 
 spack repo add packaging/spack
-spack dev-build py-latinpc@0.1.0
+spack install py-latinpc           # what is committed on the branch main of the clone
+spack dev-build py-latinpc@0.1.0   # the files as they are
 """
+
+import os
 
 from spack.package import *
 
@@ -10,9 +13,11 @@ from spack.package import *
 class PyLatinpc(PythonPackage):
     """Multiscale LATIN domain decomposition for structures of links, as PETSc solver types."""
 
+    git = f"file://{os.path.realpath(__file__).rsplit(os.sep, 5)[0]}"
+
     license("BSD-2-Clause")
 
-    version("0.1.0")
+    version("0.1.0", branch="main")
 
     depends_on("c", type="build")
     depends_on("python@3.11:", type=("build", "run"))

@@ -1,0 +1,59 @@
+"""Solved load cases as text: a row a case, and the extremes of the envelope."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from latinpc.laws import UNILATERAL
+
+from .units import counted, quantity
+
+HEADER = ("case", "stages", "displacement", "lowest", "highest", "slack", "")
+MOST_SLACK = 8  # links that are listed
+
+
+def title(cases):
+    """Return what was solved."""
+    scene = cases.scene
+    size = f"{counted(len(scene.nodes), 'node')}, {counted(len(scene.links), 'link')}"
+    return f"{scene.name}: {counted(len(cases.names), 'load case')}, {size}"
+
+
+def rows(cases):
+    """Return a row for each case, below `HEADER`."""
+    return [
+        [case["name"], str(case["iterations"]), quantity(case["displacement"], "m"), quantity(case["lowest"], "N"),
+         quantity(case["highest"], "N"), f"{case['slack']:,}", "" if case["converged"] else case["reason"]]
+        for case in cases.report["cases"]
+    ]  # fmt: skip
+
+
+def extremes(cases):
+    """Return lines of (label, text) on the highest and the lowest force of all cases, and on slack links."""
+    scene, lines = cases.scene, []
+    lowest, highest, low, high = cases.envelope()
+    for label, forces, case, extreme in (("highest", highest, high, np.argmax), ("lowest", lowest, low, np.argmin)):
+        if np.isfinite(forces).all():
+            link = int(extreme(forces))
+            ends = " to ".join(f"({', '.join(f'{x:.4g}' for x in scene.nodes[end])})" for end in scene.links[link])
+            where = f"in case {cases.names[case[link]]}: link {link}, {ends} m"
+            lines.append((label, f"{quantity(forces[link], 'N')} {where}"))
+    often = cases.slack_cases()
+    if np.isin(scene.law, UNILATERAL).any():
+        worst = [link for link in np.argsort(-often, kind="stable")[:MOST_SLACK] if often[link]]
+        listed = ", ".join(f"{link} ({often[link]})" for link in worst)
+        most = f"; most often (cases): {listed}" if worst else ""
+        lines.append(("slack", f"{counted(np.count_nonzero(often), 'link')} in some case{most}"))
+    return lines
+
+
+def text(cases):
+    """Return title, table and extremes as lines of plain text."""
+    cells = [list(HEADER), *rows(cases)]
+    widths = [max(map(len, column)) for column in zip(*cells)]
+    aligned = [
+        "  ".join([row[0].ljust(widths[0]), *map(str.rjust, row[1:-1], widths[1:-1]), row[-1]]).rstrip()
+        for row in cells
+    ]
+    lines = [title(cases), *aligned, *(f"{label:<9}{said}" for label, said in extremes(cases))]
+    return "\n".join([*lines, *(f"notice   {notice}" for notice in cases.notices)])
