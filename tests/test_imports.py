@@ -6,7 +6,7 @@ import shutil
 import numpy as np
 import pytest
 from conftest import ROOT
-from two_bars import CSV_MEMBERS, EA, KINDS, LENGTH, PYTHON, SINKS, TCL, TENSION, written
+from two_bars import CSV_MEMBERS, CSV_NODES, EA, KINDS, LENGTH, PYTHON, SINKS, TCL, TENSION, written
 
 import latinpc
 from latinpc.cli.scenes import FILES
