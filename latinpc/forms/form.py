@@ -353,7 +353,7 @@ def _checked(nodes, links, fixed, load, law, of_links):
     if of_links["natural_length"] is not None and of_links["EA"] is None:
         raise ValueError("natural lengths need the axial stiffness of the links: give EA, in N")
     checks = Checks(nodes.shape, len(links), np.dtype(float))
-    checks.geometry(nodes, links, np.ones((len(links), nodes.shape[1])))  # links may have no length yet
+    checks.geometry(nodes, links, np.ones((len(links), nodes.shape[1])), links)  # links may have no length yet
     found = {"nodes": nodes, "links": links.astype(np.int64)}
     for key, values in of_links.items():
         found[key] = None if values is None else np.array(checks.link_array(key, values))

@@ -105,7 +105,7 @@ def _left(scene, tensions, load):
     return forces - (scene.load if load is None else load)
 
 
-ROUNDING = 1e-10  # of the largest stiffness times the largest initial elongation: forces of slack links that are none
+ROUNDING = 1e-10  # of the largest stiffness times the largest elongation that is given: forces that are none
 
 
 class Turned:
@@ -124,6 +124,7 @@ class Turned:
     def __init__(self, structure, displacements):
         self.nodes, self.links = structure.nodes + displacements, structure.links
         self.fixed, self.load, self.dim = structure.fixed, structure.load, self.nodes.shape[1]
+        self.prescribed = structure.prescribed
         self.stiffness, self.initial_elongation = structure.stiffness, structure.initial_elongation
         vectors = np.diff(self.nodes[self.links], axis=1)[:, 0]
         self.directions = vectors / np.linalg.norm(vectors, axis=1)[:, None]
@@ -143,6 +144,7 @@ class Leaning:
     def __init__(self, structure, displacements):
         self.nodes, self.links = structure.nodes, structure.links
         self.fixed, self.load, self.dim = structure.fixed, structure.load, structure.dim
+        self.prescribed = structure.prescribed
         self.stiffness, self.initial_elongation = structure.stiffness, structure.initial_elongation
         self.directions = self.direction = structure.directions  # a force across a link makes a couple
         relative = np.diff(displacements[self.links], axis=1)[:, 0]

@@ -90,11 +90,11 @@ static PetscErrorCode LatinCoarseSum_Private(const LatinCoarse *coarse, Mat K, c
   PetscCall(PetscArraycpy(ki, i, n + 1));
   PetscCall(PetscArraycpy(kj, j, i[n]));
   PetscCall(PetscArraycpy(ka, a, i[n]));
-  PetscCall(MatSeqAIJRestoreArrayRead(K, &a));
-  PetscCall(MatRestoreRowIJ(K, 0, PETSC_FALSE, PETSC_FALSE, &n, &i, &j, &done));
   PetscCall(PetscLayoutCreateFromSizes(PetscObjectComm(coarse->sub->object), coarse->top_local, coarse->top_size, 1, &rows));
   PetscCall(LatinRowsSum_Private(rows, n, number, ki, kj, ka, A));
   PetscCall(PetscLayoutDestroy(&rows));
+  PetscCall(MatSeqAIJRestoreArrayRead(K, &a));
+  PetscCall(MatRestoreRowIJ(K, 0, PETSC_FALSE, PETSC_FALSE, &n, &i, &j, &done));
   PetscFunctionReturn(0);
 }
 
