@@ -202,7 +202,7 @@ def test_bad_parts_are_named_on_every_rank(mpirun, tmp_path, ranks):
     """An error of the last rank is one of all, with its number; nothing waits."""
     (tmp_path / "file").write_text("")
     run = mpirun(ranks, BAD, tmp_path / "file" / "no.pvtu")
-    assert run.stdout.split() == ["named"] * ranks
+    assert run.stdout.count("named") == ranks
 
 
 EMPTY = """

@@ -184,7 +184,7 @@ def count():
 
 
 scene = support.grid()
-with support.latin(scene) as run:
+with support.latin(scene, stol=1e-9) as run:
     run.snes.setUp()
     count()
     u = run.structure.create_vec()

@@ -161,7 +161,14 @@ def gather_local(structure: LocalStructure, snes: PETSc.SNES, core: Any, u: PETS
     is_latin = snes.getType() == "latin"
     past = {key: np.array(values) for key, values in solvers.history(snes).items()} if is_latin else {}
     statistics = solvers.statistics(core) if core is not None else {}
-    report = report_of(structure, snes, statistics, past, tuple(map(int, counts))) | {"residual_norm": r.norm()}
+    unbalance = np.linalg.norm(np.where(structure.fixed, 0.0, structure.displacements(r)), axis=1)
+    here = (float(unbalance.max(initial=0.0)), structure.first_node + int(unbalance.argmax() if unbalance.size else 0))
+    worst, node = max(comm.allgather(here))
+    report = report_of(structure, snes, statistics, past, tuple(map(int, counts))) | {
+        "residual_norm": r.norm(),
+        "largest_unbalance": worst,
+        "unbalanced_node": node,
+    }
     result = LocalResult(
         structure=structure,
         displacements=structure.displacements(u),

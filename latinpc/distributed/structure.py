@@ -162,7 +162,12 @@ class LocalStructure(Structure):
         """
         return solve(self, error, preset, options, raise_on_failure, gather_local)
 
-    def plot(self, *_, **__):
+    @property
+    def first_node(self) -> int:
+        """Number, among the nodes of all ranks, of the first node of this rank."""
+        return self._halo.first
+
+    def plot(self, *_: Any, **__: Any) -> None:
         """Refuse: pictures are of whole structures. Draw ``solve().gather()``, or write ``.pvtu`` for ParaView."""
         raise ValueError("a part of a structure is not drawn: draw the gathered result, or write it as .pvtu")
 

@@ -15,7 +15,7 @@
      tensions and loads, so that neither units nor stiffnesses matter.
 */
 
-#define LATIN_FORCE_NOISE  64.0                         /* times eps, of the forces that meet at a node: rounding of their sum */
+#define LATIN_FORCE_NOISE  8.0                          /* times eps, of the forces that meet at a node: rounding of their sum */
 #define LATIN_FORCE_FACTOR 10.0                         /* on the first of the above; then, on structures of all kinds, it is 0.06 of the target at most where that has been met */
 #define LATIN_MOVED_FACTOR 1.8                          /* on the second, as on estimates of l2 errors */
 #define LATIN_UNHELD       0.5                          /* of the forces at a node: a larger unbalance, and nothing holds it; of the largest of some numbers: so are those that count */

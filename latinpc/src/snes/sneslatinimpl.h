@@ -31,8 +31,6 @@ static inline PetscBool LatinNextConverged(LatinNext next)
 }
 
 /* ---- Newton's method after the iteration (snes/newton.c) ---- */
-#define LATIN_NEWTON_FAR 1e-7 /* of the loads: forces that displacements larger than the structure may leave without balance */
-
 typedef struct {
   LatinNewtonType type;
   /* when it takes over in this solve */
