@@ -3,7 +3,8 @@
 
 /* Many load cases at once (cases/cases.c), to what this SNES would solve each of them to */
 
-#define LATIN_CASE_STAGES 100 /* of a case: more, and Newton's method with operators of its own takes fewer */
+#define LATIN_CASE_TIGHT  LatinByPrecision(1e-9, 1e-4) /* of the loads: forces that a case of a small structure may leave without balance; next to collapse they show a soft mode */
+#define LATIN_CASE_STAGES 100                          /* of a case: more, and Newton's method with operators of its own takes fewer */
 
 /* Is the structure such that its cases can be solved side by side, and does nothing that was asked of this SNES need its own iteration? */
 static PetscErrorCode SNESLatinCasesSuit_Private(SNES snes, LatinStructure structure, PetscBool *suit)
@@ -57,7 +58,7 @@ PetscErrorCode SNESLatinSolveCases(SNES snes, PetscInt n, const PetscReal *const
   LatinCaseGoal  goal;
   LatinCase     *one;
   PetscReal      size, held;
-  PetscBool      suit = PETSC_FALSE;
+  PetscBool      suit = PETSC_FALSE, small;
 
   PetscFunctionBegin;
   PetscCall(SNESLatinCheck_Private(snes));
@@ -69,6 +70,8 @@ PetscErrorCode SNESLatinSolveCases(SNES snes, PetscInt n, const PetscReal *const
   if (!suit) PetscFunctionReturn(0);
   PetscCall(LatinStructureSize_Private(structure, &size, &held));
   goal = (LatinCaseGoal){.error = data->target, .tensions = SNESLatinTensionTarget(data), .balance = data->balance, .far = size, .most = PetscMin(snes->max_its, LATIN_CASE_STAGES)};
+  PetscCall(LatinNewtonOwn_Private(structure, &small));
+  if (small) goal.balance = PetscMin(goal.balance, LATIN_CASE_TIGHT); /* what does not get there is left to Newton's method, whose operators show the mode */
   PetscCall(PetscMalloc1(n, &one));
   for (PetscInt i = 0; i < n; i++) one[i] = (LatinCase){.load = load[i], .prescribed = prescribed[i], .e0 = e0[i], .displacement = displacement[i], .tension = tension[i]};
   PetscCall(LatinCasesSolve_Private(structure, &goal, n, one));
