@@ -34,6 +34,7 @@
 typedef struct {
   PetscReal error;                        /* squares of D^-1 r, in the norm of the estimate */
   PetscReal work, pushed, loads;          /* r.u; works of loads and springs to the ground: their sum, and each by itself */
+  PetscReal hidden;                       /* squares of the rounding of r */
   PetscReal left, all, load, bearing;     /* squares of r beyond rounding and of all of it, of the loads, of the sums of |tau| at nodes */
   PetscReal moved[4], stiff[4], noise[4]; /* t.r, squares of K t, rounding of t.r: translations, then u */
 } LatinNodalSums;
@@ -144,6 +145,7 @@ static void LatinSumComponent(const LatinNode *at, PetscInt dim, PetscInt c, Pet
   const PetscReal stiff = at->stiffness[c] + ground, left = PetscMax(0.0, PetscAbsReal(at->r[c]) - noise), pushed = (ground * at->u[c] - at->load[c]) * at->u[c];
 
   sum->left += left * left;
+  sum->hidden += noise * noise;
   sum->all += PetscSqr(at->r[c]);
   sum->load += PetscSqr(at->load[c]);
   sum->bearing += c ? 0.0 : PetscSqr(at->tension);
@@ -209,6 +211,7 @@ PetscErrorCode LatinEquilibriumCheck_Private(Latin latin, Vec u, Vec r, Vec more
   PetscCall(PetscFree(balance.node));
 
   found->balanced = (PetscBool)(sum.error == 0.0);
+  if (sum.load > 0.0) found->rounding = PetscSqrtReal(sum.hidden / sum.load);
   if (sum.left > 0.0) found->unbalance = PetscSqrtReal(sum.left / (sum.load > 0.0 ? sum.load : PetscMax(sum.bearing, PETSC_MIN_REAL)));
   if (sum.left > 0.0 || sum.load > 0.0) found->forces = PetscSqrtReal(sum.all / PetscMax(PetscMax(sum.bearing, sum.load), PETSC_MIN_REAL));
   norm = energy ? PetscSqrtReal(balance.sum.energy) : size;
