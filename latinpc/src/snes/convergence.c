@@ -206,17 +206,20 @@ static PetscBool SNESLatinStalls(SNES_Latin *data, PetscReal measure, PetscReal 
 static PetscErrorCode SNESLatinProve_Private(SNES snes, LatinNext *next)
 {
   SNES_Latin *data = (SNES_Latin *)snes->data;
-  PetscBool   far;
+  PetscReal   loads;
+  PetscBool   far, rests = (PetscBool)(data->latin->linear.distance <= data->latin->linear.noise);
 
   PetscFunctionBegin;
   PetscCall(SNESLatinResidual_Private(snes));
+  PetscCall(SNESLatinLoads_Private(snes, &loads));
   PetscCall(LatinEquilibriumFar_Private(data->latin->sub.structure, snes->vec_sol, &far));
   if (!far && !SNESLatinBalances(snes)) PetscFunctionReturn(0);
   PetscCall(LatinEquilibriumCheck_Private(data->latin, snes->vec_sol, snes->vec_func, snes->vec_rhs, data->target, data->estimate.energy, PETSC_FALSE, &data->found));
   if (data->found.verdict == LATIN_UNBOUNDED) *next = LATIN_NEXT_DIVERGED;
   else if (far && data->found.verdict == LATIN_BELOW_ROUNDING) *next = LATIN_NEXT_ROUNDING;
-  else if (SNESLatinBalances(snes) && (data->found.unbalance > data->balance || data->found.forces > data->target || data->found.missed > data->target))
-    *next = data->latin->linear.distance <= data->latin->linear.noise ? LATIN_NEXT_ROUNDING : LATIN_NEXT_CONTINUE;
+  else if (SNESLatinHides(snes)) *next = LATIN_NEXT_ROUNDING;
+  else if (far && !rests && SNESLatinBalances(snes) && data->residual > LATIN_NEWTON_FAR * loads) *next = LATIN_NEXT_CONTINUE;
+  else if (SNESLatinBalances(snes) && (data->found.unbalance > data->balance || data->found.forces > data->target || data->found.missed > data->target)) *next = rests ? LATIN_NEXT_ROUNDING : LATIN_NEXT_CONTINUE;
   PetscFunctionReturn(0);
 }
 

@@ -32,7 +32,6 @@
 #define LATIN_NEWTON_STEPS    200                            /* most steps; with half as many a case of the catalogue is refused */
 #define LATIN_NEWTON_FULL     12                             /* steps that are taken whole: they end soon if they end at all */
 #define LATIN_NEWTON_GAIN     0.5                            /* a step that was to bring digits and leaves more of the error has brought none: rounding */
-#define LATIN_NEWTON_FAR      1e-7                           /* of the loads: forces that displacements larger than the structure may leave without balance */
 #define LATIN_NEWTON_DOUBTS   1e8                            /* at most, where a correction is larger still */
 #define LATIN_NEWTON_REST     (64.0 * PETSC_MACHINE_EPSILON) /* a step so small changes links by rounding alone */
 #define LATIN_NEWTON_OWN      3000                           /* unknowns up to which it finishes with operators of its own: six in 3,000 structures next to collapse were wrong without */

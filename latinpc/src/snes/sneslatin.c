@@ -113,10 +113,7 @@ static PetscErrorCode SNESLatinFinished_Private(SNES snes, SNESConvergedReason r
   else if (shown) data->next = LATIN_NEXT_LINE_SEARCH;
   if (shown) PetscCall(PetscInfo(snes, "Newton's method ends where the unbalance shows an error of %g at least\n", (double)data->found.error)); /* a search that stands still, or a linear solve that has not seen it */
   if (!*done) PetscFunctionReturn(0);
-  if (SNESLatinBalances(snes) && !data->latin->sub.structure->ground && data->found.rounding > data->balance && LatinNextConverged(data->next)) {
-    data->next           = LATIN_NEXT_ROUNDING; /* displacements so large that nothing is known of balance */
-    data->estimate.floor = 1.0;
-  }
+  if (LatinNextConverged(data->next) && SNESLatinHides(snes)) data->next = LATIN_NEXT_ROUNDING;
   if (LatinNextConverged(data->next)) PetscCall(SNESLatinProveDigits_Private(snes));
   PetscCall(SNESLatinWatch_Private(snes, data->latin->linear.applications + newton->stages));
   PetscFunctionReturn(0);

@@ -31,6 +31,8 @@ static inline PetscBool LatinNextConverged(LatinNext next)
 }
 
 /* ---- Newton's method after the iteration (snes/newton.c) ---- */
+#define LATIN_NEWTON_FAR 1e-7 /* of the loads: forces that displacements larger than the structure may leave without balance */
+
 typedef struct {
   LatinNewtonType type;
   /* when it takes over in this solve */
@@ -193,6 +195,17 @@ static inline PetscBool SNESLatinBalances(SNES snes)
 
   return (PetscBool)(!data->latin->sub.structure->ground && (data->asked == LATIN_STOP_AUTO ? !SNESLatinStolGiven(snes) : SNESLatinEstimates(data)));
 }
+
+/* Are displacements so large that rounding hides more of the loads than may be left without balance? Then nothing is known, and the digits are said to be lost */
+static inline PetscBool SNESLatinHides(SNES snes)
+{
+  SNES_Latin     *data  = (SNES_Latin *)snes->data;
+  const PetscBool hides = (PetscBool)(SNESLatinBalances(snes) && data->found.rounding > data->balance);
+
+  if (hides) data->estimate.floor = 1.0;
+  return hides;
+}
+
 /* snes/fixedpoint.c */
 PETSC_INTERN PetscErrorCode SNESLatinCreateOuter_Private(SNES);
 PETSC_INTERN PetscErrorCode SNESLatinOuterOptions_Private(SNES);
