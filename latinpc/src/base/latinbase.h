@@ -17,19 +17,7 @@
   #define LatinByPrecision(in_double, in_single) in_double
 #endif
 
-PETSC_INTERN PetscClassId LATIN_CLASSID, LATIN_STRUCTURE_CLASSID;
-/* Compiled for several instruction sets, of which the processor chooses */
-#if defined(__GNUC__) && !defined(__clang__) && __GNUC__ >= 12 && defined(__x86_64__) && defined(__GLIBC__)
-  #define LATIN_CLONES __attribute__((target_clones("arch=x86-64-v4", "arch=x86-64-v3", "default")))
-#else
-  #define LATIN_CLONES
-#endif
-#if defined(__GNUC__)
-  #define LATIN_INLINE static inline __attribute__((always_inline))
-#else
-  #define LATIN_INLINE static inline
-#endif
-
+PETSC_INTERN PetscClassId  LATIN_CLASSID, LATIN_STRUCTURE_CLASSID;
 PETSC_INTERN PetscLogEvent LATIN_SetUp, LATIN_Partition, LATIN_Subdomains, LATIN_Interface, LATIN_Direction, LATIN_Macro, LATIN_Spectral, LATIN_Linear, LATIN_Coarse, LATIN_Local, LATIN_Condense, LATIN_Estimate, LATIN_Cases;
 
 PETSC_INTERN PetscErrorCode LatinRegisterClasses_Private(void);

@@ -1,3 +1,4 @@
+#include "base/vector.h"
 #include "cases/latincases.h"
 
 /*
