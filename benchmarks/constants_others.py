@@ -18,6 +18,11 @@ OTHERS = {
         " that of the last ones alone says less of soft modes.",
     ),
     "LATIN_CASE_RATE": ("of a stage", "As `LATIN_ESTIMATE_RATE`."),
+    "LATIN_HIDES": (
+        "of the loads",
+        "Two of 3,000 structures with rigid links or friction move millions of times farther than they are large, and "
+        "are wrong and called right without.",
+    ),
     "LATIN_CASE_TIGHT": (
         "of the loads",
         "Of 600 structures next to collapse, four equal cases each, 3 are wrong and called right with 1e-2.",

@@ -196,11 +196,13 @@ static inline PetscBool SNESLatinBalances(SNES snes)
   return (PetscBool)(!data->latin->sub.structure->ground && (data->asked == LATIN_STOP_AUTO ? !SNESLatinStolGiven(snes) : SNESLatinEstimates(data)));
 }
 
-/* Are displacements so large that rounding hides more of the loads than may be left without balance? Then nothing is known, and the digits are said to be lost */
+#define LATIN_HIDES 1e-2 /* of the loads */
+
+/* Are displacements so large that rounding hides as much of the loads? Then nothing is known, and the digits are said to be lost */
 static inline PetscBool SNESLatinHides(SNES snes)
 {
   SNES_Latin     *data  = (SNES_Latin *)snes->data;
-  const PetscBool hides = (PetscBool)(SNESLatinBalances(snes) && data->found.rounding > data->balance);
+  const PetscBool hides = (PetscBool)(SNESLatinBalances(snes) && data->found.rounding > LATIN_HIDES);
 
   if (hides) data->estimate.floor = 1.0;
   return hides;
