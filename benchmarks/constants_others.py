@@ -1,5 +1,7 @@
 """The constants of the C code that trade no iterations, for constants.py."""
 
+from constants_large import LARGE
+
 #: Constants that trade nothing, or time and memory alone: unit, and why this value.
 OTHERS = {
     # load cases side by side
@@ -77,7 +79,6 @@ OTHERS = {
         "Modes with less of their own are dependent: the weighted modes would have a condition of 1e12.",
     ),
     "LATIN_NEAR_RANK": ("of its norm", "A field with less of its own is that of others: half of the digits."),
-    "LATIN_FRAME_FLAT": ("squares of extents", "Extents below 1e-6 of the largest make a plane, or a line."),
     "LATIN_METIS_ALONE": (
         "links",
         "Of 1.3 million links on eight ranks that of METIS takes 685 MB in the set-up, the others 431 to 513.",
@@ -340,7 +341,6 @@ OTHERS = {
     "LATIN_STICKS": ("of the greatest friction", "Below it a contact sticks; above, rounding may be why."),
     "LATIN_DIGITS_RTOL": ("of the residual", "An order of magnitude is enough."),
     "LATIN_DIGITS_MOST": ("iterations", "Ends a linear solve that does not converge."),
-    "LATIN_FRAME_POINT": ("times eps, of the coordinates", "Extents below are those of one point."),
     "LATIN_DIRECTION_MATRIX": (
         "of the interface stiffness",
         "Springs only keep subdomains regular, which seldom have mechanisms.",
@@ -358,160 +358,8 @@ OTHERS = {
     ),
     "LATIN_WEIGHT_LEAST": ("of the largest stiffness", "What a copy without stiffness counts, where no copy has any."),
     "LATIN_NEWTON_GAIN": ("of the error before", "A step that was to bring digits and leaves more has met rounding."),
-    "LATIN_FRAME_FIRST": (
-        "times tau / R",
-        "c as drawn: nets that sag by 7 to 15 % of their span take 11 to 16 stages with 4, up to 26 with 1 and 16.",
-    ),
-    "LATIN_FRAME_LEAST": (
-        "of the mean c",
-        "The least c: 0.1 to 0.3 are level on seven saddles, 0.03 takes a tenth more stages.",
-    ),
-    "LATIN_FRAME_SLACK": (
-        "of the mean c",
-        "k of slack cables: on seven saddles 1 takes a tenth more stages, 7 a quarter.",
-    ),
-    "LATIN_FRAME_NEAR": (
-        "of the mean c",
-        "Nearly slack cables: with 0.02 saddles take three times as many stages, with 0.3 a few more.",
-    ),
-    "LATIN_FRAME_FLOOR": (
-        "of the mean c",
-        "What slack cables keep in the tangent, so that it can be factored; 1e-3 misses an error of 1e-9 on one net.",
-    ),
-    "LATIN_FRAME_STIFF": (
-        "times",
-        "Cables so much stiffer in the operators than they should be are misjudged; more than `LATIN_FRAME_FIRST`.",
-    ),
-    "LATIN_FRAME_STRUT": (
-        "times -tau / R",
-        "With 1 the length of a strut in the local stage is not unique: twice as much.",
-    ),
-    "LATIN_FRAME_PENALTY": (
-        "times the stiffness beside it",
-        "Inextensible cables, at first: nets of 112 take 402, 324, 221 stages; with 1 465, 384, 324; 1000 fails.",
-    ),
-    "LATIN_MIDPOINT_NOISE": (
-        "eps, of the energies of a link",
-        "The mean of two tensions has no cancellation: without it a net at 1e-5 m/s fails.",
-    ),
-    "LATIN_MIDPOINT_MOST": (
-        "trial lengths",
-        "A bound that no link meets: Newton's method takes 2 on average, 20 at most.",
-    ),
     "TS_LATIN_ERROR": (
         "relative error of a step",
         "With 1e-4 the energy of a wheel of stiff bars changes by 1.5 % in 200 steps, with 1e-8 by 5e-7.",
     ),
-    "LATIN_LARGE_INVERSE": (
-        "solves",
-        "One leaves out a node of a column of four bars that buckles; three show all.",
-    ),
-    "LATIN_TAUT_GROWS": ("ratio", "Without growth one of three nets takes twice the stages."),
-    "LATIN_TAUT_SLOW": ("ratio", "With 2 a chain of 20 links takes four times the stages, with 10 a flat net fails."),
-    "LATIN_TAUT_MOST": (
-        "times the first penalty",
-        "With 1e4 a net of variant published takes no end, with 1e3 1106 stages, with 1e2 648.",
-    ),
-    "LATIN_TAUT_TIMES": (
-        "solves",
-        "A bound that structures with a solution do not meet: chains and nets take 3 to 16.",
-    ),
-    "LATIN_FRAME_LOWEST": (
-        "of the mean stiffness",
-        "The least mean c: times `LATIN_FRAME_FLOOR` it is still a hundred times what a mechanism is to rounding.",
-    ),
-    "LATIN_FRAME_NONE": ("of the mean stiffness", "c where nothing is taut: any that keeps the operators regular."),
-    "LATIN_LARGE_NEAR": (
-        "of the displacements",
-        "Where Newton's method takes over: three digits, from where it ends in two or three steps.",
-    ),
-    "LATIN_LARGE_FAR": ("of the error", "Where it has failed it waits for one digit more."),
-    "LATIN_LARGE_WINDOW": ("linear stages", "With 12 saddles take a few stages more, with 6 progress does not show."),
-    "LATIN_LARGE_GROW": ("times", "With 2 two saddles of seven take twice as many stages after the first renewal."),
-    "LATIN_LARGE_COST": (
-        "linear stages",
-        "What a set-up takes: 25 to 38 on networks and grids of 8,000 to 360,000 unknowns (docs/performance).",
-    ),
-    "LATIN_LARGE_MOST": (
-        "set-ups",
-        "Ends Newton's method where it does not converge; from 1e-3 to 1e-9 it needs 1 to 8.",
-    ),
-    "LATIN_LARGE_STEPS": ("steps", "Ends Newton's method where it does not converge."),
-    "LATIN_LARGE_RTOL": ("of the residual", "Two digits a step; less is lost to the next one."),
-    "LATIN_LARGE_LONG": (
-        "linear stages",
-        "New operators for Newton's method: with 30 a bridge takes 53 stages in the place of 28, masts a third more.",
-    ),
-    "LATIN_LARGE_HOLD": (
-        "of the step",
-        "What holds slack cables: with 0.1 and 1 masts take up to a third more stages, without it some fail.",
-    ),
-    "LATIN_LARGE_SOLVE": (
-        "iterations",
-        "A linear solve that is cut short: with 60 and 100 masts and bridges take more stages.",
-    ),
-    "LATIN_LARGE_ASTRAY": (
-        "of the displacements",
-        "With 1 a bridge takes twice the set-ups; without it a truss comes to rest beyond its snap.",
-    ),
-    "LATIN_LARGE_SAFETY": (
-        "times",
-        "Of 29 scenes at 1e-4 no claim was wrong; where cables change next the estimate is up to 20 times too small.",
-    ),
-    "LATIN_LARGE_PROOF": (
-        "times the target",
-        "Larger steps are not worth a linear stage that shows what they leave: with 1e30 a tenth more stages.",
-    ),
-    "LATIN_LARGE_LEAST": (
-        "iterations",
-        "With 1 a tower claimed a fiftieth of its error, far below the one asked for; with 6 a tenth more stages.",
-    ),
-    "LATIN_LARGE_SHRINK": ("of the error before", "As `LATIN_NEWTON_GAIN`."),
-    "LATIN_LARGE_ROUND": (
-        "times rounding",
-        "Steps that do not shrink any more meet rounding, as far as its estimate goes: one digit.",
-    ),
-    "LATIN_LARGE_NOISE": (
-        "times eps, of the tensions",
-        "As `LATIN_ESTIMATE_NOISE`, for links that rounded coordinates turn.",
-    ),
-    "LATIN_LARGE_NONE": ("of the size", "Displacements of an unloaded structure are rounding of its prestress."),
-    "LATIN_LARGE_PREDICT": ("iterations", "Ends a linear solve that does not converge."),
-    "LATIN_LARGE_SLOPE": (
-        "of the slope at the start",
-        "A step is searched only where the energy rises steeply at its end.",
-    ),
-    "LATIN_LARGE_SEARCH": ("trial lengths", "Every third halves the interval."),
-    "LATIN_PATH_FIRST": (
-        "linear stages",
-        "Two struts that bear compression only, drawn without any, stall at some loads and not at half of them.",
-    ),
-    "LATIN_PATH_FAR": (
-        "times the linear step",
-        "The limit of a fold, where force is a parabola of displacement: 2 exactly.",
-    ),
-    "LATIN_PATH_SOFT": (
-        "times the step by the tangent before",
-        "Masts whose guys slacken end 6 times softer and took 36 set-ups in place of 5; at a limit point it is 1e5.",
-    ),
-    "LATIN_PATH_KINK": (
-        "of the displacements",
-        "Where a cable slackens a tower was 13 times softer, with smaller increments than 1e-4 of the loads before.",
-    ),
-    "LATIN_PATH_LEAST": (
-        "of the loads",
-        "With 1e-2 five of 700 random structures were refused next to where a cable slackens; limit points take more.",
-    ),
-    "LATIN_PATH_STAGES": (
-        "linear stages",
-        "An increment that takes longer is halved: with 100 a solve beyond a limit point takes more than 1000 stages.",
-    ),
-    "LATIN_PATH_DRAWN": (
-        "of the loads",
-        "A prestress out of balance by more may move a structure further than its loads do.",
-    ),
-    "LATIN_PATH_TANGENTS": ("set-ups", "An increment that needs more is halved."),
-    "LATIN_PATH_NONE": ("of the size", "As `LATIN_LARGE_NONE`."),
-    "LATIN_TURNING_MOST": ("trial lengths", "Ends a search that takes 3 to 8."),
-    "LATIN_TURNING_OWN": ("of a unit vector", "Directions that differ by less differ by rounding."),
-}
+} | LARGE

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from mpi4py import MPI
-from numpy.typing import ArrayLike
 
 from latinpc.arrays import REAL, Parts, agreed, refuse
 from latinpc.checks import ARRAYS, Checks, checked, checked_shapes
@@ -19,7 +18,7 @@ from .halo import Halo
 from .result import LocalResult, gather_local
 
 if TYPE_CHECKING:
-    from latinpc.structure import Communicator
+    pass
 
 __all__ = ["LocalStructure"]
 
@@ -71,29 +70,6 @@ class LocalStructure(Structure):
     >>> frame.solve().tensions.round(3)
     array([7.071, 7.071])
     """
-
-    def __init__(
-        self,
-        nodes: ArrayLike,
-        links: ArrayLike,
-        law: ArrayLike,
-        stiffness: ArrayLike,
-        initial_elongation: ArrayLike | None = None,
-        fixed: ArrayLike | None = None,
-        prescribed: ArrayLike | None = None,
-        load: ArrayLike | None = None,
-        subdomain: ArrayLike | None = None,
-        direction: ArrayLike | None = None,
-        friction: ArrayLike | None = None,
-        mass: ArrayLike | None = None,
-        prestress: ArrayLike | None = None,
-        geometry: str = "linear",
-        comm: Communicator | None = None,
-        area: ArrayLike | None = None,
-        strength: ArrayLike | None = None,
-        name: str = "structure",
-    ):
-        super().__init__(**{key: value for key, value in locals().items() if key not in ("self", "__class__")})
 
     def _checked(self, given):
         """Check the arrays of each rank; what one refuses is an error on all."""

@@ -208,7 +208,7 @@ class _Series:
         failure = None
         try:
             self._share(range(comm.rank, len(self.cases), comm.size), stages)
-        except PETSc.Error as error:  # others wait for this rank
+        except Exception as error:  # whatever it is, the other ranks wait for this one
             failure = error
         if any(comm.allgather(failure is not None)):
             raise failure or RuntimeError("load cases have failed on another rank")

@@ -31,7 +31,7 @@ PetscErrorCode LatinLocalSolversRecall_Private(LatinLocalSolvers *solvers, Petsc
   PetscFunctionBegin;
   *found = PETSC_FALSE;
   for (PetscInt k = 0; k < solvers->retired && !*found; k++) {
-    LatinRetired *old = &solvers->before[(i + k) % solvers->retired]; /* most often the batches are the same, too */
+    LatinRetired *old = &solvers->before[(i + k) % solvers->retired]; /* as a rule it has the number that it had */
 
     if (!old->ksp || old->rows.bs != rows->bs || !old->kept != !solvers->rest[i]) continue;
     PetscCall(LatinSameRows_Private(old->K, rows->rows, rows->i, rows->j, found));

@@ -7,7 +7,7 @@
    solution, and a step is exact for given taut links: its length is the error, and what a linear solve leaves over of it
    that of the corrected displacements. The preconditioner is made of the operators that SNES latin has built already, with
    all links taut. It takes a soft mode of the taut links, next to collapse say, for as stiff as the rest: a small structure,
-   for which it takes milliseconds, has a preconditioner of the tangent stiffness here, too.
+   for which it takes milliseconds, has a preconditioner of the tangent stiffness here as well.
 
    Stall: a linear stage treats every link as a spring of its ascent direction l = k. A slack link that is much stiffer than
    the structure around it, or a structure that only soft slack links hold, leaves displacements that hardly move from one

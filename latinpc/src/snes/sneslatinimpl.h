@@ -196,9 +196,9 @@ static inline PetscBool SNESLatinBalances(SNES snes)
   return (PetscBool)(!data->latin->sub.structure->ground && (data->asked == LATIN_STOP_AUTO ? !SNESLatinStolGiven(snes) : SNESLatinEstimates(data)));
 }
 
-#define LATIN_HIDES 1e-2 /* of the loads */
+#define LATIN_HIDES 1e-2 /* of the loads: what rounding may hide of the forces without balance */
 
-/* Are displacements so large that rounding hides as much of the loads? Then nothing is known, and the digits are said to be lost */
+/* Does rounding of large displacements hide more? Then balance is not known: the solve ends with the digits lost */
 static inline PetscBool SNESLatinHides(SNES snes)
 {
   SNES_Latin     *data  = (SNES_Latin *)snes->data;
