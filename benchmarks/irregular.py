@@ -1,12 +1,13 @@
 """Structures that repeat nothing: time and memory beside Newton's method, one rank and two, and a sweep of subdomains.
 
     python benchmarks/irregular.py            measures what results/irregular.json lacks, scene by scene; the page
-    python benchmarks/irregular.py --page     the page irregular.md and the picture alone
+    python benchmarks/irregular.py --page     the page irregular.md, the picture and the tables of HEADLINE alone
 
 Some thirty minutes, 4 GB of memory. The structure of drawn.py needs compas, which `make bench` installs.
 """
 
 import json
+import re
 import sys
 from pathlib import Path
 
@@ -35,6 +36,16 @@ FAMILIES = {
 SWEPT = [("tensegrity-grid", {"modules": 100, **METIS}), ("network", {"nodes": 20000})]
 COUNTS = (1, 2, 4, 8, 16, 64, 256)
 TWICE = [*SWEPT, ("tensegrity-grid", {"modules": 200, **METIS})]
+#: What README and documentation show, structures whose subdomains are alike and others with equal weight
+HEADLINE = {
+    "grid of 100 x 100 modules in equal blocks": "tensegrity-grid --modules 100",
+    "grid of 200 x 200 modules in equal blocks": "tensegrity-grid --modules 200",
+    "the same grid without its blocks": "tensegrity-grid --modules 200 --partition metis",
+    "random network of 20,000 nodes": "network --nodes 20000",
+    "random network of 60,000 nodes": "network --nodes 60000",
+    "floor plan as a vault of two layers, drawn by others": "drawn",
+}
+SHOWN = (HERE.parent / "README.md", HERE.parent / "docs" / "performance" / "index.md")
 
 
 def label(name, size):
@@ -153,12 +164,27 @@ One rank, METIS makes so many: time, linear stages.
 """
 
 
+def headline(document):
+    """Return the table of HEADLINE between its marks."""
+    found = {scene: row for scenes in document["families"].values() for scene, row in scenes.items()}
+    lines = [
+        [text, f"{row['free_dofs']:,}", cell(row["latin"]), *(cell(row[peer], row["latin"]) for peer in PEERS)]
+        for text, row in ((text, found[scene]) for text, scene in HEADLINE.items())
+    ]
+    table = markdown(["structure", "unknowns", "SNES latin", "Newton, CHOLMOD", "Newton, MUMPS"], lines)
+    return f"<!-- irregular -->\n{table}\n<!-- end -->"
+
+
 def main():
     file = HERE / "results" / "irregular.json"
     if sys.argv[1:] != ["--page"]:
         measure(file)
     document = json.loads(file.read_text())
     (HERE / "irregular.md").write_text(page(document), encoding="utf-8")
+    for path in SHOWN:
+        marked = r"<!-- irregular -->\n.*?<!-- end -->"
+        text = re.sub(marked, lambda _: headline(document), path.read_text(encoding="utf-8"), flags=re.DOTALL)
+        path.write_text(text, encoding="utf-8")
     growth(document["families"], ("latin", "latin-one", *PEERS), HERE / "figures" / "irregular.png")
 
 

@@ -17,7 +17,7 @@ from latinpc.laws import UNILATERAL, Law
 from latinpc.results.mechanics import slack
 from latinpc.results.notices import causes
 from latinpc.results.plots import Plots
-from latinpc.results.report import in_words, plain
+from latinpc.results.report import Reported, plain
 from latinpc.results.result import Result
 from latinpc.results.solve import report_of
 
@@ -30,7 +30,7 @@ __all__ = ["LocalResult", "gather_local"]
 
 
 @dataclass(repr=False, eq=False)
-class LocalResult:
+class LocalResult(Reported):
     """What a solve has found; arrays are of this rank's nodes and links, in the caller's order.
 
     Nothing here is collective but `reactions`, `to_vtu` and `gather`.
@@ -46,31 +46,6 @@ class LocalResult:
     node_class: np.ndarray | None = None  #: (n,), 0 interior, 1 strong, 2 weak interface, 3 corner
     history: dict[str, np.ndarray] = field(default_factory=dict)  #: per iteration: indicator, errors, estimate
     notices: list[str] = field(default_factory=list)  #: sentences to read, the same on every rank
-
-    @property
-    def converged(self) -> bool:
-        """Whether the solver has converged: without, the arrays are those of its last iterate."""
-        return self.report["converged"]
-
-    @property
-    def reason(self) -> str:
-        """Why the solver stopped, in words; ``report["reason"]`` is PETSc's name."""
-        return in_words(self.report)
-
-    @property
-    def iterations(self) -> int:
-        """Number of iterations."""
-        return self.report["iterations"]
-
-    @property
-    def estimated_error(self) -> float | None:
-        """Estimated relative error of the displacements; None where the stop does not estimate it."""
-        return self.report["estimated_error"]
-
-    @property
-    def tension_error(self) -> float | None:
-        """Estimated relative error of the tensions, l2 norm over all links; None where it is not known."""
-        return self.report["tension_error"]
 
     def reactions(self) -> np.ndarray:
         """Return the forces of the supports on this rank's nodes (N), zero where nothing is fixed; collective.

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from petsc4py import PETSc
 
-__all__ = ["DECOMPOSITION", "in_words", "plain", "problem", "reason_name", "snes_reason"]
+__all__ = ["DECOMPOSITION", "Reported", "in_words", "plain", "problem", "reason_name", "snes_reason"]
 
 DECOMPOSITION = ("subdomains", "strong_interfaces", "weak_interfaces", "strong_macro_dofs", "weak_dofs")
 
@@ -79,3 +79,39 @@ def plain(value: Any) -> Any:
     if isinstance(value, (float, np.floating)):
         return float(value) if np.isfinite(value) else None
     return value
+
+
+class Reported:
+    """What a report says of a solve, as properties; arrays come from the class that has it."""
+
+    report: dict[str, Any]
+
+    @property
+    def converged(self) -> bool:
+        """Whether the solver has converged: without, the arrays are those of its last iterate."""
+        return self.report["converged"]
+
+    @property
+    def reason(self) -> str:
+        """Why the solver stopped, in words; ``report["reason"]`` is PETSc's name."""
+        return in_words(self.report)
+
+    @property
+    def iterations(self) -> int:
+        """Number of iterations."""
+        return self.report["iterations"]
+
+    @property
+    def estimated_error(self) -> float | None:
+        """Estimated relative error of the displacements; None where the stop does not estimate it."""
+        return self.report["estimated_error"]
+
+    @property
+    def tension_error(self) -> float | None:
+        """Estimated relative error of the tensions, l2 norm over all links; None where it is not known."""
+        return self.report["tension_error"]
+
+    @property
+    def largest_unbalance(self) -> float | None:
+        """Largest force without balance on a node (N); ``report["unbalanced_node"]`` is the node."""
+        return self.report["largest_unbalance"]

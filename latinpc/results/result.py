@@ -13,7 +13,7 @@ import numpy as np
 
 from . import tables
 from .mechanics import Balance, Leaning, Turned, balance, reactions, slack
-from .report import in_words, plain
+from .report import Reported, plain
 from .summary import summary
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ __all__ = ["Result"]
 
 
 @dataclass(repr=False, eq=False)
-class Result:
+class Result(Reported):
     """What a solve has found; arrays are whole, in the caller's numbering, the same on every rank.
 
     Nothing here is collective but `tangent` and `modes`. ``print(result)`` gives a summary.
@@ -46,36 +46,6 @@ class Result:
     mode: np.ndarray | None = None  #: (n, dim), how the structure moves on where no equilibrium follows; else None
     history: dict[str, np.ndarray] = field(default_factory=dict)  #: per iteration: indicator, errors, estimate
     notices: list[str] = field(default_factory=list)  #: sentences to read
-
-    @property
-    def converged(self) -> bool:
-        """Whether the solver has converged: without, the arrays are those of its last iterate."""
-        return self.report["converged"]
-
-    @property
-    def reason(self) -> str:
-        """Why the solver stopped, in words; ``report["reason"]`` is PETSc's name."""
-        return in_words(self.report)
-
-    @property
-    def iterations(self) -> int:
-        """Number of iterations."""
-        return self.report["iterations"]
-
-    @property
-    def estimated_error(self) -> float | None:
-        """Estimated relative error of the displacements; None where the stop does not estimate it."""
-        return self.report["estimated_error"]
-
-    @property
-    def tension_error(self) -> float | None:
-        """Estimated relative error of the tensions, l2 norm over all links; None where it is not known."""
-        return self.report["tension_error"]
-
-    @property
-    def largest_unbalance(self) -> float | None:
-        """Largest force without balance on a node (N); ``report["unbalanced_node"]`` is the node."""
-        return self.report["largest_unbalance"]
 
     @cached_property
     def slack(self) -> np.ndarray:
