@@ -1,9 +1,11 @@
 """Links from numpy arrays and back: numbering, ranks, mechanics, refusals."""
 
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import run
 from petsc4py import PETSc
 
 import latinpc
@@ -265,3 +267,9 @@ def test_a_prestress_is_an_initial_elongation():
     given.set_prestress(0.5 * PRESTRESS)
     same.set_initial_elongation(0.5 * PRESTRESS / FRAME["stiffness"])
     assert np.array_equal(given.tensions(u), same.tensions(v))
+
+
+def test_import_loads_what_every_solve_needs_and_no_more():
+    loads = "import sys, latinpc; print([name for name in sys.argv[1:] if name in sys.modules])"
+    names = ("click", "matplotlib", "meshio", "pandas", "plotly", "rich", "scipy", "slepc4py")
+    assert run([sys.executable, "-c", loads, *names]).stdout == "[]\n"

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import resource
 
-import meshio
 import numpy as np
 
 from .lines import Lines
@@ -33,6 +32,8 @@ def _bounded(size):
 
 def read_gmsh(path):
     """Read a Gmsh file, format 2.2, 4.0 or 4.1; return `Lines`. Raises ValueError."""
+    import meshio  # takes as long to load as all else
+
     try:
         with _bounded(ROOM + ROOM_PER_BYTE * path.stat().st_size):
             mesh = meshio.gmsh.read(path)

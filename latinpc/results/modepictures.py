@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import matplotlib
-import meshio
 import numpy as np
 from PIL import Image
 
@@ -98,6 +97,8 @@ def write_modes(path, modes):
         Replaced only once it is completely written.
     modes : Modes
     """
+    import meshio  # takes as long to load as all else
+
     structure = modes.structure
 
     def in_space(array):

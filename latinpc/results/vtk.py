@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import pathlib
 
-import meshio
 import numpy as np
 
 from .atomic import atomic, follow
@@ -44,6 +43,8 @@ def write_vtu(
     loose : (m,) array of bool, optional
         Slack links of a part of a structure.
     """
+    import meshio  # takes as long to load as all else
+
     n, m = len(scene.nodes), len(scene.links)
 
     def in_space(array):
