@@ -103,6 +103,7 @@ cdef extern from "latinpc.h":
     PetscErrorCode SNESLatinSetTensionError(PetscSNES, PetscReal)
     PetscErrorCode SNESLatinGetTensionError(PetscSNES, PetscReal *)
     PetscErrorCode SNESLatinSetBalance(PetscSNES, PetscReal)
+    PetscErrorCode SNESLatinSetLargestUnbalance(PetscSNES, PetscReal)
     PetscErrorCode SNESLatinSetError(PetscSNES, PetscReal)
     PetscErrorCode SNESLatinSetNewton(PetscSNES, LatinNewtonType)
     PetscErrorCode SNESLatinSetReference(PetscSNES, PetscVec)

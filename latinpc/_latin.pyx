@@ -291,6 +291,11 @@ def set_balance(SNES snes not None, PetscReal balance):
     CHKERR(SNESLatinSetBalance(snes.snes, balance))
 
 
+def set_largest_unbalance(SNES snes not None, PetscReal force):
+    """Set the force without balance on a node at which a solve may end."""
+    CHKERR(SNESLatinSetLargestUnbalance(snes.snes, force))
+
+
 def set_warm_start(SNES snes not None, int warm):
     """Set where a solve starts."""
     CHKERR(SNESLatinSetWarmStart(snes.snes, <LatinWarmStart>warm))

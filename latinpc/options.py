@@ -14,7 +14,8 @@ from petsc4py import PETSc
 #: Options of our own, after ``-snes_latin_``, ``-ksp_latin_``, ``-pc_latin_``; the last are prefixes of inner solvers.
 OPTIONS = (
     "variant", "modes", "modes_local", "subdomains", "partitioner", "direction", "direction_value", "precision",
-    "monitor", "stop", "error", "tension_error", "balance", "geometry", "warm_start", "newton",
+    "monitor", "stop", "error", "tension_error", "balance", "largest_unbalance",
+    "geometry", "warm_start", "newton",
 )  # fmt: skip
 INNER_PREFIXES = ("mat_partitioning_", "local_", "interior_", "coarse_", "outer_", "newton_")
 

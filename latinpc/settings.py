@@ -15,6 +15,7 @@ __all__ = [
     "set_balance",
     "set_direction",
     "set_error",
+    "set_largest_unbalance",
     "set_modes",
     "set_newton",
     "set_partition",
@@ -195,6 +196,19 @@ def set_balance(snes: PETSc.SNES, balance: float) -> None:
         Relative to the loads, l2 norms; where there are none, to the tensions at the nodes. Positive; 1e30: any.
     """
     _latin.set_balance(snes, balance)
+
+
+def set_largest_unbalance(snes: PETSc.SNES, force: float) -> None:
+    """Set the force that no node may be left with, as ``-snes_latin_largest_unbalance``; logically collective.
+
+    Parameters
+    ----------
+    snes : petsc4py.PETSc.SNES
+        Of type latin, for statics, with the stop auto, error or energy.
+    force : float
+        In N; 0, the default: any.
+    """
+    _latin.set_largest_unbalance(snes, force)
 
 
 def set_warm_start(snes: PETSc.SNES, warm: str) -> None:

@@ -369,6 +369,7 @@ class Structure(Geometry, Equations, Actions, Plots):
         self,
         *,
         error: float | None = None,
+        largest_unbalance: float | None = None,
         preset: str | None = None,
         options: Mapping[str, Any] | None = None,
         raise_on_failure: bool = False,
@@ -379,6 +380,9 @@ class Structure(Geometry, Equations, Actions, Plots):
         ----------
         error : float, optional
             Relative error of the displacements to stop at, between 0 and 1; 1e-4 by default.
+        largest_unbalance : float, optional
+            Force that may be left without balance on a node (N); by default the forces of all nodes together are below
+            a hundredth of the loads.
         preset : str, optional
             A ready-made set of options, as ``"fast"``, ``"balanced"``, ``"accurate"`` or ``"large"``: the name of a
             file of the folder options, without its suffix.
@@ -408,7 +412,7 @@ class Structure(Geometry, Equations, Actions, Plots):
             For a structure that cannot be solved, such as one with a mechanism; with `raise_on_failure` when the
             solve has not converged, with its result as `result`.
         """
-        return solve(self, error, preset, options, raise_on_failure)
+        return solve(self, error, largest_unbalance, preset, options, raise_on_failure)
 
     # ---- the caller's numbering -------------------------------------------------------------------------
 

@@ -238,6 +238,18 @@ CASES = {
         lambda: solve(square(), snes_latin_balance=-1),
     ),
     "balance_nan": (r"-snes_latin_balance .* not nan", lambda: latinpc.set_balance(square().create_snes(), NAN)),
+    "unbalance_nan": (
+        r"-snes_latin_largest_unbalance .* not nan",
+        lambda: latinpc.set_largest_unbalance(square().create_snes(), NAN),
+    ),
+    "unbalance_elsewhere": (
+        r"-snes_latin_largest_unbalance belongs to statics .* the stop residual has -snes_atol",
+        lambda: solve(square(), snes_latin_largest_unbalance=1.0, snes_latin_stop="residual"),
+    ),
+    "unbalance_and_stol": (
+        r"-snes_latin_largest_unbalance belongs to statics",
+        lambda: solve(square(), snes_latin_largest_unbalance=1.0, snes_stol=1e-3),
+    ),
     "balance_inf": (r"-snes_latin_balance .* not inf", lambda: latinpc.set_balance(square().create_snes(), INFINITE)),
     "outer": (
         r"Unable to find requested SNES type picard",

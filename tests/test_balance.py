@@ -134,3 +134,58 @@ def test_a_choice_from_python_and_one_that_is_none():
         with pytest.raises(PETSc.Error) as caught:
             latinpc.set_balance(run.snes, 0.0)
         assert "for example 1e-2" in latinpc.error_message(caught.value)
+
+
+def most(scene, tensions):
+    """The largest force without balance on a node (N), from tensions."""
+    pull, forces = tensions[:, None] * scene.directions, np.zeros_like(scene.nodes)
+    np.add.at(forces, scene.links[:, 1], pull)
+    np.add.at(forces, scene.links[:, 0], -pull)
+    return np.linalg.norm(np.where(scene.fixed, 0.0, forces - scene.load), axis=1).max()
+
+
+@pytest.mark.parametrize("name", ["grid", "metis", "network", "lattice", "saddle"])
+@pytest.mark.parametrize("digits", [1, 4, 7])
+def test_no_node_is_left_with_a_larger_force(name, digits):
+    """In N, whatever the loads are, with small and large displacements; beyond what a loose stop leaves."""
+    scene = {
+        "grid": grid, "network": network, "lattice": lattice, "saddle": lambda: make("saddle"),
+        "metis": lambda: make("tensegrity-grid", modules=20, partition="metis"),
+    }[name]()  # fmt: skip
+    loose = {"snes_latin_error": 0.1, "snes_latin_tension_error": 1e30, "snes_latin_balance": 1e30}
+    force = max(scene.solve(options=loose).largest_unbalance, 1e-3 * abs(scene.load).max()) * 10.0**-digits
+    result = scene.solve(options=loose, largest_unbalance=force)
+    assert result.converged and result.largest_unbalance <= force
+    if name != "saddle":
+        assert most(scene, result.tensions) <= force * (1 + 1e-6)
+
+
+def test_a_force_below_rounding_is_as_far_as_rounding_lets_it():
+    """The number of digits that forces have ends it, not a count of steps."""
+    for scene in (grid(), network(), make("saddle")):
+        result = scene.solve(largest_unbalance=1e-25, error=1e-8)
+        bears = abs(result.tensions).max()
+        assert result.converged == (result.report["reason"] != "DIVERGED_INNER")
+        assert result.largest_unbalance <= 1e-9 * bears and result.iterations < 500
+
+
+def test_rigid_links_balance_to_a_force():
+    result = make("net", side=6).solve(largest_unbalance=1e-6)
+    assert result.converged and result.largest_unbalance <= 1e-6
+
+
+def test_cases_side_by_side_are_left_with_no_larger_force():
+    from test_cases import random_cases
+
+    scene = grid()
+    cases = random_cases(scene, 8)
+    found = latinpc.solve_cases(scene, cases, {"snes_latin_largest_unbalance": 1e-6})
+    assert found.converged and all(case["together"] for case in found.report["cases"])
+    for case, tensions in zip(cases, found.tensions):
+        assert most(case.applied(scene), tensions) <= 1e-6
+
+
+def test_a_preset_gives_way_to_a_force():
+    result = grid().solve(preset="fast", largest_unbalance=1e-3)
+    assert result.converged and result.largest_unbalance <= 1e-3
+    assert grid().solve(preset="fast").largest_unbalance > 1e-3

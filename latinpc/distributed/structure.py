@@ -123,6 +123,7 @@ class LocalStructure(Structure):
         self,
         *,
         error: float | None = None,
+        largest_unbalance: float | None = None,
         preset: str | None = None,
         options: Mapping[str, Any] | None = None,
         raise_on_failure: bool = False,
@@ -136,7 +137,7 @@ class LocalStructure(Structure):
         LocalResult
             Displacements, tensions and reactions of this rank's nodes and links; `LocalResult.gather` makes it whole.
         """
-        return solve(self, error, preset, options, raise_on_failure, gather_local)
+        return solve(self, error, largest_unbalance, preset, options, raise_on_failure, gather_local)
 
     @property
     def first_node(self) -> int:

@@ -192,6 +192,7 @@ PETSC_EXTERN PetscErrorCode SNESLatinSetStop(SNES, LatinStopType);
 PETSC_EXTERN PetscErrorCode SNESLatinSetError(SNES, PetscReal error);
 PETSC_EXTERN PetscErrorCode SNESLatinSetTensionError(SNES, PetscReal error);
 PETSC_EXTERN PetscErrorCode SNESLatinSetBalance(SNES, PetscReal balance);
+PETSC_EXTERN PetscErrorCode SNESLatinSetLargestUnbalance(SNES, PetscReal force);
 PETSC_EXTERN PetscErrorCode SNESLatinSetNewton(SNES, LatinNewtonType);
 PETSC_EXTERN PetscErrorCode SNESLatinSetReference(SNES, Vec);
 PETSC_EXTERN PetscErrorCode SNESLatinSetWarmStart(SNES, LatinWarmStart);

@@ -27,14 +27,17 @@ __all__ = ["attach_linear", "gather", "report_of", "solve"]
 def solve(
     structure: Structure,
     error: float | None,
+    largest_unbalance: float | None,
     preset: str | None,
     options: Mapping[str, Any] | None,
     raise_on_failure: bool,
     found: Callable[..., Any] | None = None,
 ) -> Result:
     """Solve as `latinpc.Structure.solve` says; `found` makes the result, by default `gather`; collective."""
-    comm, given = structure.comm, _given(error, options)
-    stops = ("snes_latin_stop", "snes_stol") if error is not None else ()  # the error is one
+    asked = {"snes_latin_error": error, "snes_latin_largest_unbalance": largest_unbalance}
+    asked = {name: value for name, value in asked.items() if value is not None}
+    comm, given = structure.comm, asked | _given(options)
+    stops = ("snes_latin_stop", "snes_stol") if asked else ()  # in their place
     settings = {} if preset is None else preset_options(preset)
     settings = {name: value for name, value in settings.items() if name not in stops} | given
     with default_options(settings) as ours:
@@ -63,13 +66,13 @@ def solve(
     return result
 
 
-def _given(error, options):
+def _given(options):
     """Return what the caller asks for as options; refuse misspelt ones."""
     given = {str(name).removeprefix("-"): value for name, value in (options or {}).items()}
     misspelt = unknown_options(given)
     if misspelt:
         raise ValueError("; ".join(misspelt))
-    return given if error is None else {"snes_latin_error": error} | given
+    return given
 
 
 def _unread(comm, names):

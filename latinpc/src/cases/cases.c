@@ -223,13 +223,13 @@ static PetscBool LatinCasesSolved(const LatinCases *cases, const LatinCaseGoal *
   const LatinCaseLinks *links = &cases->links;
   LatinCase            *one   = cases->lane[w];
   const PetscReal       part = LATIN_CASE_SAFETY * sum->rw[w] / links->work[w] / (1.0 - LatinCasesRate(cases, w)), left = PetscSqrtReal(sum->rr[w]), tension = PetscSqrtReal(links->all[w]);
-  PetscReal             balance = PETSC_MAX_REAL;
+  PetscReal             balance = goal->unbalance;
 
   if (left == 0.0) {
     one->error = one->tensions = one->unbalance = 0.0;
     return PETSC_TRUE;
   }
-  if (cases->loads[w] > 0.0) balance = goal->balance * cases->loads[w];
+  if (cases->loads[w] > 0.0) balance = PetscMin(balance, goal->balance * cases->loads[w]);
   if (tension > 0.0) balance = PetscMin(balance, goal->error * tension);
   one->error     = part * PetscSqrtReal(sum->ww[w]) / cases->size[w];
   one->tensions  = tension > 0.0 ? part * PetscSqrtReal(links->tension[w]) / tension : 0.0;

@@ -20,6 +20,7 @@ typedef struct {
 /* When a case is solved */
 typedef struct {
   PetscReal error, tensions, balance; /* as in LatinCase */
+  PetscReal unbalance;                /* forces without balance, l2 norm */
   PetscReal far;                      /* displacements beyond which small forces are no balance */
   PetscInt  most;                     /* stages */
 } LatinCaseGoal;

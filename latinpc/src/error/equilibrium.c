@@ -211,6 +211,7 @@ PetscErrorCode LatinEquilibriumCheck_Private(Latin latin, Vec u, Vec r, Vec more
   PetscCall(PetscFree(balance.node));
 
   found->balanced = (PetscBool)(sum.error == 0.0);
+  found->left     = PetscSqrtReal(sum.left);
   if (sum.load > 0.0) found->rounding = PetscSqrtReal(sum.hidden / sum.load);
   if (sum.left > 0.0) found->unbalance = PetscSqrtReal(sum.left / (sum.load > 0.0 ? sum.load : PetscMax(sum.bearing, PETSC_MIN_REAL)));
   if (sum.left > 0.0 || sum.load > 0.0) found->forces = PetscSqrtReal(sum.all / PetscMax(PetscMax(sum.bearing, sum.load), PETSC_MIN_REAL));

@@ -80,6 +80,7 @@ typedef struct {
   LatinVerdict verdict;
   PetscReal    error;              /* the displacements are wrong by this at least, relative */
   PetscReal    unbalance;          /* forces without balance beyond rounding, l2 norm, relative to the loads; where there are none, to the tensions */
+  PetscReal    left;               /* the same as a force */
   PetscReal    rounding;           /* forces that rounding hides, relative to the loads */
   PetscReal    forces;             /* all forces without balance, relative to those of links and loads at the nodes: tensions are wrong by so much */
   PetscReal    missed;             /* by how much rigid links miss their gaps, relative to the l2 norm of the displacements */

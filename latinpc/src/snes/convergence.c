@@ -219,7 +219,7 @@ static PetscErrorCode SNESLatinProve_Private(SNES snes, LatinNext *next)
   else if (far && data->found.verdict == LATIN_BELOW_ROUNDING) *next = LATIN_NEXT_ROUNDING;
   else if (SNESLatinHides(snes)) *next = LATIN_NEXT_ROUNDING;
   else if (far && !rests && SNESLatinBalances(snes) && data->residual > LATIN_NEWTON_FAR * loads) *next = LATIN_NEXT_CONTINUE;
-  else if (SNESLatinBalances(snes) && (data->found.unbalance > data->balance || data->found.forces > data->target || data->found.missed > data->target)) *next = rests ? LATIN_NEXT_ROUNDING : LATIN_NEXT_CONTINUE;
+  else if (SNESLatinBalances(snes) && (SNESLatinUnbalanced(data) || data->found.forces > data->target || data->found.missed > data->target)) *next = rests ? LATIN_NEXT_ROUNDING : LATIN_NEXT_CONTINUE;
   PetscFunctionReturn(0);
 }
 

@@ -185,6 +185,7 @@ static PetscErrorCode SNESLatinLargeLeaves_Private(SNES snes)
   PetscCall(VecNorm(load, NORM_2, &data->large.balance));
   PetscCall(DMRestoreGlobalVector(structure->dm, &load));
   data->large.balance = data->large.balance > 0.0 ? data->balance * data->large.balance : PETSC_MAX_REAL;
+  data->large.balance = PetscMin(data->large.balance, SNESLatinUnbalance(data));
   PetscFunctionReturn(0);
 }
 

@@ -39,6 +39,8 @@ PetscErrorCode SNESSetFromOptions_Latin(SNES snes, LatinOptionItems PetscOptions
   if (set) PetscCall(SNESLatinSetTensionError(snes, error));
   PetscCall(PetscOptionsReal("-snes_latin_balance", "Forces without balance to stop at, relative to the loads, with -snes_latin_stop auto, error or energy", "SNESLatinSetBalance", balance, &balance, NULL));
   PetscCall(SNESLatinSetBalance(snes, balance));
+  PetscCall(PetscOptionsReal("-snes_latin_largest_unbalance", "Force without balance on a node to stop at, with -snes_latin_stop auto, error or energy; 0: any", "SNESLatinSetLargestUnbalance", data->unbalance, &error, &set));
+  if (set) PetscCall(SNESLatinSetLargestUnbalance(snes, error));
   PetscCall(PetscOptionsEnum("-snes_latin_geometry", "Links keep their direction (linear), turn by small angles against their tensions as drawn (prestress), or as far as displacements take them (large); of the structure, for all its solvers",
                              "LatinStructureSetGeometry", LatinGeometries, (PetscEnum)data->large.geometry, (PetscEnum *)&data->large.geometry, &set));
   if (set) data->large.given = PETSC_TRUE;
@@ -172,7 +174,7 @@ PetscErrorCode SNESLatinSetTensionError(SNES snes, PetscReal error)
   It counts for the stops auto (unless a step tolerance is given), error and energy, and not in the steps of a motion.
   What rounding leaves does not count.
 
-.seealso: `SNESLATIN`, `SNESLatinSetStop()`, `SNESLatinSetError()`
+.seealso: `SNESLATIN`, `SNESLatinSetStop()`, `SNESLatinSetError()`, `SNESLatinSetLargestUnbalance()`
 @*/
 PetscErrorCode SNESLatinSetBalance(SNES snes, PetscReal balance)
 {
@@ -181,6 +183,36 @@ PetscErrorCode SNESLatinSetBalance(SNES snes, PetscReal balance)
   PetscCheck(balance > 0.0 && !PetscIsInfOrNanReal(balance), PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_OUTOFRANGE, "-snes_latin_balance is the part of the loads that may be left without balance, positive and finite, for example 1e-2, not %g",
              (double)balance);
   ((SNES_Latin *)snes->data)->balance = balance;
+  PetscFunctionReturn(0);
+}
+
+/*@C
+  SNESLatinSetLargestUnbalance - The force without balance on a node at which a solve may end, beside what `SNESLatinSetBalance()` allows.
+
+  Logically collective on snes
+
+  Input Parameters:
++ snes  - of type latin
+- force - that no node is left with; 0: any
+
+  Options Database Key:
+. -snes_latin_largest_unbalance <0> - the force
+
+  Level: intermediate
+
+  Note:
+  The forces of all nodes together, l2 norm, are held below it. What rounding leaves does not count. Other stops than auto, error and
+  energy, a step tolerance with auto, and steps of motions do not look at balance, and refuse it.
+
+.seealso: `SNESLATIN`, `SNESLatinSetBalance()`
+@*/
+PetscErrorCode SNESLatinSetLargestUnbalance(SNES snes, PetscReal force)
+{
+  PetscFunctionBegin;
+  PetscCall(SNESLatinCheck_Private(snes));
+  PetscCheck(force >= 0.0 && !PetscIsInfOrNanReal(force), PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_OUTOFRANGE,
+             "-snes_latin_largest_unbalance is the force without balance that a node may be left with, for example 1 (N), or 0 for any, not %g", (double)force);
+  ((SNES_Latin *)snes->data)->unbalance = force;
   PetscFunctionReturn(0);
 }
 

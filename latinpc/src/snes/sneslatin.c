@@ -46,6 +46,8 @@ static PetscErrorCode SNESLatinPrepare_Private(SNES snes)
   PetscCheck(!PetscIsInfOrNanReal(snes->stol) && !PetscIsInfOrNanReal(snes->rtol) && !PetscIsInfOrNanReal(snes->abstol) && !PetscIsNanReal(snes->divtol), PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_OUTOFRANGE,
              "A tolerance is not a finite number: stol %g, rtol %g, atol %g, divergence tolerance %g; give others with -snes_stol and so on, or SNESSetTolerances()", (double)snes->stol, (double)snes->rtol, (double)snes->abstol, (double)snes->divtol);
   SNESLatinChooseStop(snes);
+  PetscCheck(SNESLatinUnbalance(data) == PETSC_MAX_REAL || SNESLatinBalances(snes), PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_WRONGSTATE,
+             "-snes_latin_largest_unbalance belongs to statics with -snes_latin_stop auto, error or energy, without -snes_stol: leave one of them out; the stop residual has -snes_atol");
   PetscCall(LatinStructureCheckHeld_Private(SNESLatinLarge(data) ? data->large.frame->turns : latin->sub.structure));
   PetscCheck(!SNESLatinEstimates(data) || latin->sub.structure->rigid_law < 0 || LatinByPrecision(PETSC_TRUE, PETSC_FALSE), PetscObjectComm((PetscObject)snes), PETSC_ERR_SUP,
              "-snes_latin_stop error does not estimate the error of structures with links of the rigid law %s in single precision: take the stop indicator (-snes_stol), or a PETSc in double precision",
@@ -107,7 +109,7 @@ static PetscErrorCode SNESLatinFinished_Private(SNES snes, SNESConvergedReason r
   PetscCall(LatinEquilibriumCheck_Private(data->latin, snes->vec_sol, snes->vec_func, snes->vec_rhs, newton->target, data->estimate.energy, PETSC_FALSE, &data->found));
   data->estimate.tensions = newton->proves ? PetscMax(newton->tensions, data->found.forces) : -1.0;
   shown                   = (PetscBool)((newton->still || SNESLatinEstimates(data)) && newton->target > 0.0 && data->found.error > newton->target);
-  if (newton->penalty && SNESLatinBalances(snes) && data->found.unbalance > data->balance) shown = PETSC_TRUE;
+  if (newton->penalty && SNESLatinBalances(snes) && SNESLatinUnbalanced(data)) shown = PETSC_TRUE;
   if (data->found.verdict == LATIN_UNBOUNDED) data->next = LATIN_NEXT_DIVERGED;
   else if (shown && (newton->stall || newton->penalty)) *done = PETSC_FALSE;
   else if (shown) data->next = LATIN_NEXT_LINE_SEARCH;
@@ -136,6 +138,7 @@ static PetscErrorCode SNESLatinLeaves_Private(SNES snes, PetscBool own, PetscRea
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &sum, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)snes)));
   if (data->newton.loads > 0.0) *balance = (structure->rubs ? data->target : data->balance) * data->newton.loads;
   if (sum > 0.0 && (!own || (structure->rubs && *balance == PETSC_MAX_REAL))) *balance = PetscMin(*balance, data->target * PetscSqrtReal(sum));
+  *balance = PetscMin(*balance, SNESLatinUnbalance(data));
   PetscFunctionReturn(0);
 }
 
@@ -362,6 +365,7 @@ static PetscErrorCode SNESDestroy_Latin(SNES snes)
 . -snes_latin_error <0.0001>                    - estimated error of the displacements to stop at
 . -snes_latin_tension_error                     - estimated error of the tensions to stop at, by default that of the displacements
 . -snes_latin_balance <0.01>                    - forces without balance to stop at, relative to the loads
+. -snes_latin_largest_unbalance <0>              - force without balance that a node may be left with, 0: any
 . -snes_latin_warm_start <none>                 - from the solution vector, or from the last solves: none, last, extrapolate
 . -snes_latin_newton <auto>                      - Newton's method: where the iteration stalls, and to prove an error (auto), or never
 . -snes_latin_monitor                           - prints the indicator of each iteration

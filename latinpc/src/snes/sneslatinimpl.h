@@ -147,6 +147,7 @@ typedef struct {
   PetscBool         chosen;         /* by the user */
   PetscReal         tension_target; /* the same of the tensions, or PETSC_DEFAULT */
   PetscReal         balance;        /* forces without balance to stop at, relative to the loads */
+  PetscReal         unbalance;      /* the same as a force, 0: any */
   LatinEstimate     estimate;
   PetscBool         guess; /* this solve starts from the displacements in the solution vector */
   LatinWarmStart    warm;
@@ -194,6 +195,18 @@ static inline PetscBool SNESLatinBalances(SNES snes)
   const SNES_Latin *data = (SNES_Latin *)snes->data;
 
   return (PetscBool)(!data->latin->sub.structure->ground && (data->asked == LATIN_STOP_AUTO ? !SNESLatinStolGiven(snes) : SNESLatinEstimates(data)));
+}
+
+/* The force without balance to stop at */
+static inline PetscReal SNESLatinUnbalance(const SNES_Latin *data)
+{
+  return data->unbalance > 0.0 ? data->unbalance : PETSC_MAX_REAL;
+}
+
+/* Does the last verdict on the displacements leave more forces without balance than was asked for? */
+static inline PetscBool SNESLatinUnbalanced(const SNES_Latin *data)
+{
+  return (PetscBool)(data->found.unbalance > data->balance || data->found.left > SNESLatinUnbalance(data));
 }
 
 #define LATIN_HIDES 1e-2 /* of the loads: what rounding may hide of the forces without balance */
