@@ -11,12 +11,14 @@ from typing import Any
 
 from petsc4py import PETSc
 
-#: Options of our own, after ``-snes_latin_``, ``-ksp_latin_``, ``-pc_latin_``; the last are prefixes of inner solvers.
+#: Options of our own, after ``-snes_latin_``, ``-ksp_latin_``, ``-pc_latin_``, ``-ts_latin_``; the last are prefixes of
+#: inner solvers.
 OPTIONS = (
     "variant", "modes", "modes_local", "subdomains", "partitioner", "direction", "direction_value", "precision",
     "monitor", "stop", "error", "tension_error", "balance", "largest_unbalance",
     "geometry", "warm_start", "newton",
 )  # fmt: skip
+FAMILIES = {"snes": OPTIONS, "ksp": OPTIONS, "pc": OPTIONS, "ts": ("monitor",)}
 INNER_PREFIXES = ("mat_partitioning_", "local_", "interior_", "coarse_", "outer_", "newton_")
 
 
@@ -60,14 +62,35 @@ def unknown_options(names: Iterable[str] | None = None) -> list[str]:
     """
     sentences = []
     for name in PETSc.Options().getAll() if names is None else names:
-        for prefix in ("snes_latin_", "ksp_latin_", "pc_latin_"):
-            start = name.find(prefix)  # after the user's own prefix, if any
-            key = name[start + len(prefix) :]
-            if start >= 0 and key not in OPTIONS and not key.startswith(INNER_PREFIXES):
-                near = difflib.get_close_matches(key, OPTIONS, n=1, cutoff=0.5)
-                cure = f"do you mean -{name[:start]}{prefix}{near[0]}?" if near else "see -help"
-                sentences.append(f"unknown option -{name}: {cure}")
+        words = name.split("_")
+        for at in range(1, len(words) - 1):
+            family = difflib.get_close_matches(words[at - 1], FAMILIES, n=1, cutoff=0.6)
+            if family and difflib.get_close_matches(words[at], ["latin"], cutoff=0.8):
+                prefix = "_".join([*words[: at - 1], family[0], "latin", ""])  # with the user's own before it, if any
+                key, known = "_".join(words[at + 1 :]), FAMILIES[family[0]]
+                if key not in known and not key.startswith(INNER_PREFIXES):
+                    key = next(iter(difflib.get_close_matches(key, known, n=1, cutoff=0.5)), None)
+                if f"{prefix}{key}" != name:
+                    sentences.append(
+                        f"unknown option -{name}: {f'do you mean -{prefix}{key}?' if key else 'see -help'}"
+                    )
+                break
     return sentences
+
+
+def given_options(options: Mapping[str, Any] | None) -> dict[str, Any]:
+    """Return options of a caller by name without the leading dash; not collective.
+
+    Raises
+    ------
+    ValueError
+        For a misspelt one of ours; the message names the nearest.
+    """
+    given = {str(name).removeprefix("-"): value for name, value in (options or {}).items()}
+    misspelt = unknown_options(given)
+    if misspelt:
+        raise ValueError("; ".join(misspelt))
+    return given
 
 
 def preset_files() -> dict[str, pathlib.Path]:

@@ -298,6 +298,11 @@ def test_solved_cases_print_draw_and_write_themselves(tmp_path):
     assert (tmp_path / "mine.csv").read_text() == (tmp_path / "other.csv").read_text()
 
 
+def test_misspelt_options_of_cases_are_refused():
+    with pytest.raises(ValueError, match=r"do you mean -snes_latin_error\?"):
+        solve_cases(row(), [Case("a")], {"snes_latn_error": 1e-6})
+
+
 def test_wrong_cases_are_named():
     scene = row()
     with pytest.raises(ValueError, match=r"row has no load case to solve: write \[\[case\]\]"):

@@ -14,7 +14,7 @@ from test_files import MSH, TOML
 
 from latinpc import cli
 from latinpc.cli.arguments import split_arguments
-from latinpc.options import INNER_PREFIXES, OPTIONS
+from latinpc.options import INNER_PREFIXES, OPTIONS, unknown_options
 
 KEYS = [
     "scene", "dofs", "links", "ranks", "subdomains", "strong_interfaces", "weak_interfaces",
@@ -254,5 +254,51 @@ def test_missing_scene_after_a_flag_of_petsc():
 
 
 def test_misspelt_option_of_ours_names_the_nearest():
-    result = latinpc("solve", TOWER, "--subdomains", 2, "--quiet", "-snes_latin_varant", "macro")
-    assert said(result) == ["latinpc: unknown option -snes_latin_varant: do you mean -snes_latin_variant?"]
+    result = latinpc("solve", TOWER, "--subdomains", 2, "--quiet", "-snes_latin_varant", "macro", code=2)
+    text = "latinpc: unknown option -snes_latin_varant: do you mean -snes_latin_variant?"
+    assert said(result) == [f"{text} (--any-option goes on)"]
+    how = ("solve", TOWER, "--subdomains", 2, "--quiet", "-snes_latin_varant", "macro", "--any-option")
+    assert said(latinpc(*how)) == [
+        text,
+        "latinpc: no solver has read -snes_latin_varant: misspelt, or of no use to this solver",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("words", "meant"),
+    [
+        (["-snes_latn_error", 1], "snes_latin_error"),
+        (["-sens_latin_error", 1], "snes_latin_error"),
+        (["-snes_lattin_eror", 1], "snes_latin_error"),
+        (["-pc_latin_varaint", "macro"], "pc_latin_variant"),
+        (["-snes_latn_newton_ksp_rtol", 0.1], "snes_latin_newton_ksp_rtol"),
+        (["-ts_latin_moniter"], "ts_latin_monitor"),
+    ],
+)
+@pytest.mark.parametrize("way", ["words", "file", "environment"])
+def test_misspelt_options_stop_the_command(words, meant, way, tmp_path):
+    """Before any work, whichever way they come."""
+    text = " ".join(map(str, words))
+    (tmp_path / "a.opts").write_text(text)
+    how = {"words": words, "file": ["-options_file", tmp_path / "a.opts"], "environment": []}[way]
+    env = {"PETSC_OPTIONS": text} if way == "environment" else {}
+    result = latinpc("solve", TOWER, *how, env=env, code=2)
+    assert f"unknown option {words[0]}: do you mean -{meant}? (--any-option goes on)" in result.stderr
+    assert not result.stdout
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_what_no_solver_has_read_is_bad_input(ranks):
+    """Options of PETSc are known only once they are read: the results are there all the same."""
+    how = ("solve", TOWER, "--subdomains", 2, "-snes_montior", "-snes_rtoll", "1e-9", "-log_view", "-snes_view")
+    result = latinpc(*how, ranks=ranks, code=2)
+    assert "no solver has read -snes_montior, -snes_rtoll: misspelt, or of no use to this solver" in result.stderr
+    assert "converged in" in result.stdout
+    latinpc(*how, "--any-option", ranks=ranks)
+
+
+def test_options_of_petsc_are_no_misspelt_ones_of_ours():
+    """All that -help lists."""
+    listed = latinpc("solve", TOWER, "-help", "-pc_type", "latin", "--any-option").stdout
+    names = re.findall(r"^ +-(\w+):? ", listed, re.MULTILINE)
+    assert len(names) > 200 and not unknown_options(names)

@@ -19,6 +19,7 @@ from petsc4py import PETSc
 from support import grid, network
 
 import latinpc
+from latinpc.options import default_options
 from latinpc.results.units import quantity
 from latinpc.scenes import Law, Scene, make
 
@@ -182,6 +183,13 @@ def test_command_line_refuses(words, said, tmp_path):
 def test_misspelt_options_are_refused():
     with pytest.raises(ValueError, match=r"unknown option -snes_latin_stopp: do you mean -snes_latin_stop\?"):
         net().solve(options={"snes_latin_stopp": 1})
+    with pytest.raises(ValueError, match=r"unknown option -snes_latn_error: do you mean -snes_latin_error\?"):
+        net().solve(options={"snes_latn_error": 1e-6})
+    with (
+        default_options({"snes_latin_eror": 1}),
+        pytest.warns(latinpc.LatinWarning, match="do you mean -snes_latin_error"),
+    ):
+        net().solve()
     with pytest.raises(ValueError, match=r"do you mean -pc_latin_variant"):
         net().solve(options={"-pc_latin_varaint": "corner"})
     with pytest.raises(ValueError, match="'acurate': do you mean 'accurate'. choose from .*balanced, .*fast"):

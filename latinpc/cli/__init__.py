@@ -1,6 +1,7 @@
 """The command line: ``latinpc solve | cases | form | modes | scenes | paper | compare | tradeoff | extremes | info``.
 
-Options with two dashes are ours. Options with one dash are PETSc's and go to its options database untouched. Under
+Options with two dashes are ours. Options with one dash are PETSc's and go to its options database untouched; one that
+no solver knows, or has read in the end, is bad input. Under
 ``mpirun`` only rank 0 prints and writes. Exit codes: 0 converged, 1 not converged, 2 bad input.
 """
 
@@ -15,6 +16,8 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 import latinpc
+from latinpc.options import unknown_options
+from latinpc.results.solve import unread
 from latinpc.runs.checkpoint import Interrupted
 
 from .arguments import insert_petsc_options, split_arguments
@@ -28,6 +31,10 @@ from .ranks import BAD_INPUT, gather_or_abort, printing_on, sentence
 from .scenes import scenes
 from .solve import solve_command
 
+ANY_OPTION = "--any-option"
+#: Commands that read the options; others give them to processes of their own
+READING = ("solve", "cases", "form", "modes")
+
 
 @click.group(context_settings={"help_option_names": ["--help"]})
 @click.version_option(latinpc.__version__, prog_name="latinpc")
@@ -35,7 +42,8 @@ def commands():
     """Solve structures of bars, cables and contacts by the multiscale LATIN method.
 
     Options with two dashes belong to latinpc. Options with one dash belong to PETSc, for instance -snes_monitor,
-    -snes_type newtonls or -snes_latin_variant macro; -help lists them.
+    -snes_type newtonls or -snes_latin_variant macro; -help lists them. A misspelt one ends the command with exit code
+    2, unless --any-option is given.
     """
 
 
@@ -56,8 +64,16 @@ def main(arguments=None):
 
 def _run(comm, ours, petsc):
     try:
-        insert_petsc_options(petsc)
-        return commands.main(args=ours, prog_name="latinpc", standalone_mode=False, obj=comm) or 0
+        given = insert_petsc_options(petsc)
+        stops = ANY_OPTION not in ours
+        ours = [word for word in ours if word != ANY_OPTION]
+        if stops and (unknown := unknown_options()):
+            raise ValueError(f"{'; '.join(unknown)} ({ANY_OPTION} goes on)")
+        code = commands.main(args=ours, prog_name="latinpc", standalone_mode=False, obj=comm) or 0
+        stray = unread(PETSc.COMM_WORLD, given) if ours[:1] and ours[0] in READING and "--help" not in ours else []
+        for text in stray:
+            print(f"latinpc: {text}", file=sys.stderr)
+        return code or (BAD_INPUT if stray and stops else 0)
     except click.ClickException as error:
         error.show()
         if isinstance(error, click.MissingParameter) and any(value for _, value in petsc):

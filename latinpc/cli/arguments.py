@@ -47,9 +47,23 @@ def split_arguments(arguments):
     return ours, petsc
 
 
+#: Options that PETSc reads when it starts or ends, not its solvers
+OF_PETSC = (
+    "citations", "cuda", "debug", "device", "fp_trap", "get_", "help", "hip", "info", "log", "malloc", "memory", "mpi",
+    "nox", "objects", "on_error", "options", "saws", "start_in", "use_gpu", "version", "x_",
+)  # fmt: skip
+
+
 def insert_petsc_options(options):
-    """Put options into PETSc's database; PETSc is initialised already, so logging starts here."""
+    """Put options into PETSc's database; PETSc is initialised already, so logging starts here.
+
+    Returns
+    -------
+    list of str
+        Those that are for solvers, files of options included.
+    """
     database = PETSc.Options()
+    before = database.getAll()
     for name, value in options:
         if name == "options_file":
             if not value or not pathlib.Path(value).is_file():
@@ -59,6 +73,7 @@ def insert_petsc_options(options):
             database.setValue(name, value)
     if any(name.startswith("log_view") for name, _ in options):
         PETSc.Log.begin()
+    return [name for name in database.getAll() if name not in before and not name.startswith(OF_PETSC)]
 
 
 class List(click.ParamType):

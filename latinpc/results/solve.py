@@ -11,7 +11,7 @@ from petsc4py import PETSc
 from latinpc import accuracy, solvers
 from latinpc.laws import UNILATERAL
 from latinpc.library import _latin
-from latinpc.options import default_options, preset_options, unknown_options
+from latinpc.options import default_options, given_options, preset_options, unknown_options
 
 from .limit import borne, softest
 from .notices import ConvergenceWarning, SolveError, causes, limit, magnitudes, turned, warn
@@ -21,7 +21,7 @@ from .result import Result
 if TYPE_CHECKING:
     from latinpc.structure import Structure
 
-__all__ = ["attach_linear", "gather", "report_of", "solve"]
+__all__ = ["attach_linear", "gather", "report_of", "solve", "unread"]
 
 
 def solve(
@@ -36,7 +36,8 @@ def solve(
     """Solve as `latinpc.Structure.solve` says; `found` makes the result, by default `gather`; collective."""
     asked = {"snes_latin_error": error, "snes_latin_largest_unbalance": largest_unbalance}
     asked = {name: value for name, value in asked.items() if value is not None}
-    comm, given = structure.comm, asked | _given(options)
+    comm, given = structure.comm, asked | given_options(options)
+    stray = unknown_options()  # of ``PETSC_OPTIONS`` and the like
     stops = ("snes_latin_stop", "snes_stol") if asked else ()  # in their place
     settings = {} if preset is None else preset_options(preset)
     settings = {name: value for name, value in settings.items() if name not in stops} | given
@@ -52,7 +53,7 @@ def solve(
         finally:
             snes.destroy()
             u.destroy()
-        result.notices += _unread(comm, [name for name in ours if name in given])
+        result.notices += [*stray, *unread(comm, [name for name in ours if name in given])]
     result.notices += magnitudes(result) if found is None else []
     for notice in result.notices:
         warn(comm, notice)
@@ -66,16 +67,7 @@ def solve(
     return result
 
 
-def _given(options):
-    """Return what the caller asks for as options; refuse misspelt ones."""
-    given = {str(name).removeprefix("-"): value for name, value in (options or {}).items()}
-    misspelt = unknown_options(given)
-    if misspelt:
-        raise ValueError("; ".join(misspelt))
-    return given
-
-
-def _unread(comm, names):
+def unread(comm: PETSc.Comm, names: list[str]) -> list[str]:
     """Return a sentence on options that no rank has read; collective."""
     read = comm.tompi4py().allgather([_latin.option_used(name) for name in names])
     unread = [name for name, *used in zip(names, *read) if not any(used)]

@@ -16,7 +16,7 @@ from latinpc import solvers
 from latinpc.arrays import REAL, native
 from latinpc.laws import RIGID, UNILATERAL
 from latinpc.library import _latin
-from latinpc.options import default_options, unknown_options
+from latinpc.options import default_options, given_options, unknown_options
 from latinpc.results.caselist import text
 from latinpc.results.mechanics import slack
 from latinpc.results.report import plain, problem, snes_reason
@@ -161,7 +161,7 @@ def solve_cases(
     for case in cases:  # a case that does not fit is refused before any is solved
         case.check(scene)
     structure = Structure.from_scene(scene, comm)
-    settings = dict(options or {})
+    settings = given_options(options)
     if subdomains is not None:
         settings |= {f"{family}_latin_subdomains": subdomains for family in ("snes", "ksp", "pc")}
     notices = [*unknown_options(), *structure.notices]

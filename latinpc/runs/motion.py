@@ -10,7 +10,7 @@ from petsc4py import PETSc
 
 from latinpc import accuracy, solvers
 from latinpc.laws import UNILATERAL
-from latinpc.options import default_options, unknown_options
+from latinpc.options import default_options, given_options, unknown_options
 from latinpc.results.mechanics import slack
 from latinpc.results.report import DECOMPOSITION, plain, problem, reason_name
 from latinpc.scenes.scene import Scene
@@ -105,7 +105,7 @@ def move(
     every = max(-(-steps // FRAMES), 1) if every is None else every
     structure = Structure.from_scene(scene, comm)
     keeper = keeper or Keeper(structure.comm.tompi4py())
-    settings = keeper.options | dict(options or {})
+    settings = keeper.options | given_options(options)
     if subdomains is not None:
         settings |= {"snes_latin_subdomains": subdomains, "pc_latin_subdomains": subdomains}
     v = structure.create_vec()

@@ -9,7 +9,7 @@ from petsc4py import PETSc
 
 from latinpc import accuracy, solvers
 from latinpc.laws import RIGID
-from latinpc.options import default_options, unknown_options
+from latinpc.options import default_options, given_options, unknown_options
 from latinpc.results.mechanics import relative
 from latinpc.results.notices import magnitudes
 from latinpc.results.report import plain
@@ -69,7 +69,7 @@ def solve(
         raise ValueError(f"the loads need at least one increment, not {increments}")
     structure = Structure.from_scene(scene, comm) if structure is None else structure
     keeper = keeper or Keeper(structure.comm.tompi4py())
-    settings = keeper.options | dict(options or {})
+    settings = keeper.options | given_options(options)
     if increments > 1:
         settings = {"snes_latin_warm_start": "extrapolate"} | settings
     if subdomains is not None:
