@@ -2,6 +2,7 @@
 
 import inspect
 import json
+import re
 import sys
 import warnings
 import xml.etree.ElementTree
@@ -177,6 +178,12 @@ def test_command_line(tmp_path):
 )
 def test_command_line_refuses(words, said, tmp_path):
     assert said in command("solve", *words, cwd=tmp_path, code=2).stderr
+
+
+def test_newtons_method_alone_says_how_accurate_it_is():
+    result = make("mast", wind=200.0).solve()
+    assert not len(result.history["indicator"]) and 0.0 <= result.estimated_error <= 1e-4
+    assert re.search("accuracy +estimated error of the displacements .*, of the tensions ", str(result))
 
 
 # ---- options ---------------------------------------------------------------------------------

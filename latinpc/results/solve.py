@@ -118,6 +118,8 @@ def report_of(
         Number of slack links, and of links that can be slack.
     """
     iterations = snes.getIterationNumber(), snes.getLinearSolveIterations()
+    tensions = accuracy.tension_error(snes) if snes.getType() == "latin" else None
+    estimated = tensions is not None or len(past.get("estimate", ()))  # Newton's method alone leaves no history
     return {
         **problem(structure),
         "solver": _solver_name(snes),
@@ -130,8 +132,8 @@ def report_of(
         "indicator": past["indicator"][-1] if len(past.get("indicator", ())) else None,
         "residual_norm": None,
         "slack_fraction": loose[0] / loose[1] if loose[1] else 0.0,
-        "estimated_error": accuracy.estimated_error(snes) if len(past.get("estimate", ())) else None,
-        "tension_error": accuracy.tension_error(snes) if snes.getType() == "latin" else None,
+        "estimated_error": accuracy.estimated_error(snes) if estimated else None,
+        "tension_error": tensions,
     }
 
 
