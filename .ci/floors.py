@@ -34,7 +34,7 @@ C_FLOORS = [
     ["register.c"],
 ]
 PYTHON_FLOORS = [
-    ["laws", "_latin"],
+    ["laws", "_latin", "numbering"],
     ["arrays", "library", "geometry", "options"],
     ["checks", "userlaws", "actions", "equations", "accuracy", "solvers", "settings"],
     ["results"],

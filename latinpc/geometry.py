@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from latinpc.numbering import Numbered
+
 __all__ = ["GEOMETRIES", "Geometry", "known_geometry"]
 
 #: How displacements turn links: not at all, by small angles, as far as they go.
@@ -17,11 +19,9 @@ def known_geometry(geometry: str) -> int:
     return GEOMETRIES.index(geometry)
 
 
-class Geometry:
+class Geometry(Numbered):
     """What follows from the arrays of nodes and links."""
 
-    nodes: np.ndarray
-    links: np.ndarray
     direction: np.ndarray | None
     subdomain: np.ndarray | None
 

@@ -106,7 +106,7 @@ class Structure(Geometry, Equations, Actions, Plots):
     ----------
     name : str
     nodes, links, law, stiffness, initial_elongation, fixed, prescribed, load : array
-        What was given, whole, of numbers and not of names, read-only; ``set_load`` and its like change it.
+        What was given, whole, read-only; ``set_load`` and its like change it. `law` holds numbers, `laws` the names.
     subdomain, direction, friction, mass, area, strength : array or None
         The same, None where not given.
     lengths, directions : array
@@ -203,6 +203,7 @@ class Structure(Geometry, Equations, Actions, Plots):
             tables = [register_table(*table) for table in scene.tables]
             given["law"] = np.append(np.array(Law), tables)[scene.law]
         structure = cls.__new__(cls)
+        structure.numbering = scene.numbering
         structure._make(given, comm, scene.name, geometry=scene.geometry)
         structure.notices = duplicates(structure) if "file" in scene.metadata else []  # generators mean what they do
         return structure
@@ -258,6 +259,11 @@ class Structure(Geometry, Equations, Actions, Plots):
     def __repr__(self) -> str:
         s = self.sizes
         return f"<Structure: {s.links} links, {s.nodes} nodes, {s.free_dofs} free dofs in {s.dim}D>"
+
+    @property
+    def laws(self) -> np.ndarray:
+        """(m,) array of str : the laws by name, such as ``"cable"``; not collective."""
+        return np.array(_latin.law_names())[self.law]
 
     # ---- PETSc objects --------------------------------------------------------------------------------
 

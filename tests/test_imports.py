@@ -32,7 +32,7 @@ def test_one_truss_in_every_format(kind, tmp_path):
 
 def test_links_that_a_file_has_twice_are_named(tmp_path):
     path, _ = written(tmp_path, "csv")
-    twice = "links join the same two nodes by the same law: 0 and 2; what they carry adds up"
+    twice = "links join the same two nodes by the same law: 1 and 3; what they carry adds up"
     (tmp_path / "bars-members.csv").write_text(CSV_MEMBERS + "middle,left,4.2e7,ropes\n")
     scene = latinpc.read(path)
     assert solve(scene).notices == [twice]

@@ -6,6 +6,8 @@ import matplotlib.image
 import numpy as np
 import pytest
 from conftest import ROOT
+from matplotlib.collections import LineCollection
+from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from PIL import Image
 from test_cli import latinpc as command
@@ -14,7 +16,7 @@ from test_files import MSH, TOML
 import latinpc
 from latinpc.bench import paper_figures
 from latinpc.results import pictures, symbols
-from latinpc.results.drawing import SUPPORT_COLOUR, _pixels
+from latinpc.results.drawing import STAMP_COLOUR, SUPPORT_COLOUR, _pixels
 from latinpc.results.film import draw_motion
 from latinpc.results.look import Scale
 from latinpc.results.mechanism import free_motion
@@ -251,9 +253,41 @@ def test_mechanism_and_collapse_are_drawn_as_such():
         result = square("cable").solve()
     assert np.allclose(result.free_motion, [[0, 0], [0, 0], [-1, 0], [-1, 0]], atol=1e-9)
     text = _written(result.plot())
-    assert "COLLAPSE" in text and "slack link" in text and "resisted by no link that is taut" in text
+    assert "COLLAPSE" in text and "slack link" in text and "no link that is taut resists" in text
     held = square("cable", load=[[0, 0], [0, 0], [5.0, 0], [0, 0]]).solve()
     assert held.free_motion is None and "COLLAPSE" not in _written(held.plot())
+
+
+def test_a_small_part_that_moves_fills_the_picture():
+    """A rod on one node of a lattice: it, its surroundings, and where that is; nothing else is red."""
+    scene = make("lattice", nx=40, ny=28)
+    node = int(np.linalg.norm(scene.nodes - scene.nodes.mean(axis=0), axis=1).argmin())
+    rod = np.vstack([scene.nodes, scene.nodes[node] + 0.01 * np.ptp(scene.nodes, axis=0)])
+    fixed = np.vstack([scene.fixed, np.zeros((1, scene.dim), bool)])
+    links = np.vstack([scene.links, [node, len(scene.nodes)]])
+    hung = Scene("hung", rod, links, np.append(scene.law, Law.BAR), np.append(scene.stiffness, 1e6), fixed=fixed)
+    motion = free_motion(hung)
+    assert np.flatnonzero(np.linalg.norm(motion, axis=1) > 0.5).tolist() == [len(scene.nodes)]
+    figure = hung.plot(mechanism=True)
+    text = _written(figure)
+    assert f"nodes that move: {len(scene.nodes)}" in text and "where that is" in text and "MECHANISM" in text
+    main, corner = figure.axes[0], figure.axes[-1]
+    assert np.ptp(main.get_xlim()) < 0.2 * np.ptp(corner.get_xlim())
+    counts = [len(lines.get_segments()) for axes in (main, corner) for lines in axes.collections
+              if isinstance(lines, LineCollection) and to_hex(lines.get_colors()[0]) == STAMP_COLOUR]  # fmt: skip
+    assert counts[0] == counts[-1] == 1
+
+
+def test_what_does_not_move_is_faint():
+    """Half of a frame sways: the other half is not drawn twice."""
+    nodes = [[0, 0], [1, 0], [2, 0], [0, 1], [1, 1], [2, 1]]
+    links = [[0, 3], [1, 4], [3, 4], [0, 4], [4, 5], [2, 5]]
+    fixed = np.array([[1, 1], [1, 1], [0, 1], [0, 0], [0, 0], [0, 0]], bool)
+    frame = Scene("frame", np.array(nodes, float), links, "bar", 1e6, fixed=fixed)
+    figure = frame.plot(mechanism=True)
+    red = [lines for lines in figure.axes[0].collections
+           if isinstance(lines, LineCollection) and to_hex(lines.get_colors()[0]) == STAMP_COLOUR]  # fmt: skip
+    assert [len(lines.get_segments()) for lines in red] == [1]
 
 
 def test_what_has_not_converged_has_a_stamp():

@@ -296,7 +296,7 @@ def test_duplicate_lines_of_a_file_are_warned_of(tmp_path):
         f"{lines[0]}$Elements\n{int(count) + 1}\n{first}\n9999 {first.split(' ', 1)[1]}\n{rest}"
     )
     (tmp_path / "bridge.toml").write_text((ROOT / "examples" / "footbridge.toml").read_text())
-    assert "the same law: 0 and 1; what" in run([*COMMAND, "solve", tmp_path / "bridge.msh", "--quiet"]).stderr
+    assert "the same law: 1-2 twice; what" in run([*COMMAND, "solve", tmp_path / "bridge.msh", "--quiet"]).stderr
 
 
 def test_absurd_displacements_are_warned_of():

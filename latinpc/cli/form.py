@@ -59,7 +59,10 @@ def form(
         warnings.simplefilter("ignore", latinpc.LatinWarning)  # notices are printed in the end
         if say is not None:
             say(f"{scene.name}: finding the form")
-        found = latinpc.form_find(scene.nodes, scene.links, scene.fixed, error=error, name=scene.name, **given)
+        try:
+            found = latinpc.form_find(scene.nodes, scene.links, scene.fixed, error=error, name=scene.name, **given)
+        except ValueError as wrong:
+            raise ValueError(scene.counted_as_given(str(wrong))) from wrong
     on_root(comm, _write, found, json_file, output, csv, picture)
     if comm.rank == 0:
         for notice in found.notices:
@@ -88,7 +91,8 @@ def _prepare(name, densities, natural, without_load, files, options):
     lengths = scene.lengths - (scene.initial_elongation if natural else 0.0)
     if (lengths <= 0.0).any():
         raise ValueError(
-            f"link {np.flatnonzero(lengths <= 0.0)[0]} has a prestress beyond its stiffness: no length is left"
+            f"link {scene.link_name(int((lengths <= 0.0).argmax()))} has a prestress beyond its stiffness: no length is"
+            " left"
         )
     given = {"density": _densities(scene, densities) if densities else None, "law": scene.law, "mass": scene.mass}
     given |= {"EA": scene.stiffness * lengths, "natural_length": lengths if natural else None}

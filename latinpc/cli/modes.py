@@ -119,7 +119,7 @@ def _print(found, written):
     """Print the table of modes."""
     header = ["mode", "load factor" if found.buckling else "frequency", "nodes that move most"]
     rows = [
-        [str(mode + 1), found.label(mode).removeprefix("factor "), ", ".join(map(str, found.movers(mode)))]
+        [str(mode + 1), found.label(mode).removeprefix("factor "), found.structure.node_names(found.movers(mode))]
         for mode in range(len(found))
     ]
     kind = "buckling" if found.buckling else "vibration"

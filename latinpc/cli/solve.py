@@ -12,6 +12,7 @@ from petsc4py import PETSc
 
 from latinpc.options import preset_files, preset_options
 from latinpc.results.atomic import check_readable, check_writable
+from latinpc.results.notices import SolveError
 from latinpc.results.summary import summary, summary_of_motion
 from latinpc.results.vtk import frames_folder, write_pvd, write_vtu
 from latinpc.runs.checkpoint import Keeper
@@ -98,14 +99,14 @@ def _mechanism_drawn(comm, scene, picture):
     """Where a structure is refused that has a motion which no link resists, draw that; other ranks do not wait."""
     try:
         yield
-    except PETSc.Error:
+    except (PETSc.Error, SolveError):
         flat = replace(scene, geometry="linear")  # what an option has made of it, or as drawn
         motion = flat.free_motion() if comm.rank == 0 and picture is not None else None
         if motion is not None:
             from latinpc.results.drawing import save
-            from latinpc.results.pictures import plan_figure
+            from latinpc.results.motionpicture import motion_figure
 
-            save(plan_figure(flat, motion=motion), picture)
+            save(motion_figure(flat, motion), picture)
             print(f"latinpc: {picture} shows the motion that no link resists", file=sys.stderr)
         raise
 

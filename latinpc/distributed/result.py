@@ -20,6 +20,7 @@ from latinpc.results.plots import Plots
 from latinpc.results.report import Reported, plain
 from latinpc.results.result import Result
 from latinpc.results.solve import report_of
+from latinpc.structure import Structure
 
 from .vtk import write_pvtu
 
@@ -102,6 +103,8 @@ class LocalResult(Reported):
 
 class _Whole(Geometry, Plots):
     """The arrays of all ranks."""
+
+    laws = Structure.laws
 
     def __init__(self, name, geometry, sizes, comm, arrays):
         self.name, self.geometry, self.sizes, self.comm = name, geometry, sizes, comm

@@ -35,6 +35,7 @@ def read_compas(path):
         path, reader.points, reader.ends,
         {"edges": np.arange(len(reader.ends))} | {name: np.array(found) for name, found in reader.groups.items()},
         {name: np.array(found) for name, found in reader.node_groups.items()}, drawing=True,
+        point_names=reader.names,
     )  # fmt: skip
 
 
@@ -42,7 +43,8 @@ class _Reader:
     """What has been found so far in the document."""
 
     def __init__(self, path):
-        self.path, self.points, self.ends, self.groups, self.node_groups = path, [], [], {}, {}
+        self.path, self.points, self.names, self.ends = path, [], [], []
+        self.groups, self.node_groups = {}, {}
 
     def take(self, item, where):
         """Read an object or a list of them."""
@@ -90,6 +92,7 @@ class _Reader:
             wrong(self.path, None, f"{where} has {len(points)} point", "two points or more")
         first = len(self.points)
         self.points += [self._coordinates(point, where) for point in points]
+        self.names += [""] * len(points)
         self.ends += [(first + i, first + i + 1) for i in range(len(points) - 1)]
 
     def _graph(self, item, where):
@@ -106,6 +109,7 @@ class _Reader:
             number[key] = len(self.points)
             self._mark(self.node_groups, entries, len(self.points))
             self.points.append(self._coordinates(entries, f"{where}: node {key}"))
+            self.names.append(str(key))
         for start, others in edges.items():
             for end, entries in others.items() if isinstance(others, dict) else []:
                 self._mark(self.groups, entries, len(self.ends))

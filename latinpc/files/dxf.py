@@ -115,5 +115,5 @@ class _Reader:
             self.path, self.points, self.ends,
             {name: np.array(chosen) for name, chosen in self.groups.items()},
             {name: np.array(chosen) for name, chosen in self.node_groups.items()},
-            drawing=True, notes=notes,
+            drawing=True, notes=notes, point_names=np.full(len(self.points), ""),
         )  # fmt: skip

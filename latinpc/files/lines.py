@@ -43,6 +43,10 @@ class Lines:
         What the reader left out or took for granted.
     geometry : str
         How displacements turn links, as of a Scene.
+    point_names : (n,) array of int or str, optional
+        What the file calls its points, empty where it has no name; by default they are counted from 1.
+    line_names : (m,) array of int or str, optional
+        What it calls its lines; by default they go by their points.
     """
 
     path: pathlib.Path
@@ -61,6 +65,8 @@ class Lines:
     mass: np.ndarray | None = None
     notes: list = field(default_factory=list)
     geometry: str = "linear"
+    point_names: np.ndarray | None = None
+    line_names: np.ndarray | None = None
 
     def __post_init__(self):
         self.path = pathlib.Path(self.path)
@@ -72,6 +78,8 @@ class Lines:
         self.prescribed = np.zeros((n, 3)) if self.prescribed is None else self.prescribed
         self.load = np.zeros((n, 3)) if self.load is None else self.load
         self.mass = np.zeros(n) if self.mass is None else self.mass
+        self.point_names = np.arange(1, n + 1) if self.point_names is None else np.asarray(self.point_names)
+        self.line_names = None if self.line_names is None else np.asarray(self.line_names)
 
     @property
     def extent(self):
@@ -153,6 +161,8 @@ class Lines:
             prescribed=_gathered(lambda a, b: np.where(a == 0.0, b, a), self.prescribed, of),
             load=_gathered(np.add, self.load, of),
             mass=_gathered(np.add, self.mass, of),
+            point_names=self.point_names[first],
+            line_names=None if self.line_names is None else self.line_names[keep],
             notes=self.notes + [f"{count:,} {text}" for text, count in counts if count],
         )
 
@@ -218,8 +228,15 @@ class Lines:
             groups=two | {"posts": 2 * m + np.arange(n), "braces": 2 * m + n + np.arange(2 * m)},
             node_groups={name: np.concatenate([chosen, chosen + n]) for name, chosen in self.node_groups.items()},
             laws=[(where, np.concatenate([chosen, chosen + m]), entries) for where, chosen, entries in self.laws],
+            point_names=np.concatenate([self.point_names.astype(str), _upper(self.point_names)]),
+            line_names=None,
             **{name: np.concatenate([getattr(self, name)] * 2) for name in ("fixed", "prescribed", "load", "mass")},
         )
+
+
+def _upper(names):
+    """Return what the points of a second layer are called; those without a name go by their place."""
+    return np.array([f"{name} upper" if name else "" for name in names.astype(str)])
 
 
 def near_points(points, tolerance):

@@ -274,5 +274,6 @@ class Model:
             self.path, self.points, self.ends, {"truss": np.arange(len(self.ends))}, rows=np.array(self.rows),
             dim=self.dim, laws=laws, fixed=np.array(self.fixed), prescribed=np.array(self.prescribed),
             load=np.array(self.loads), mass=np.array(self.masses), notes=self.notes,
-            geometry="large" if all(self.turning) else "linear",
+            geometry="large" if all(self.turning) else "linear", point_names=list(self.node),
+            line_names=list(self.elements),
         )  # fmt: skip

@@ -66,6 +66,7 @@ from __future__ import annotations
 import importlib
 import os
 import pathlib
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
@@ -73,6 +74,7 @@ import numpy as np
 
 from latinpc.geometry import GEOMETRIES
 from latinpc.laws import RIGID
+from latinpc.numbering import Numbering
 from latinpc.scenes.scene import Scene
 
 from .cases import read_cases
@@ -373,7 +375,7 @@ def _scene(path, lines, settings, description, given):
             " such as z=min"
         )
     scene = Scene(
-        name=str(settings.get("title", path.stem)),
+        name=str(settings.get("title", re.sub(r"[-_ ](nodes|members)$", "", path.stem))),
         nodes=nodes,
         links=ends[line].astype(np.int64),
         **laws,
@@ -383,6 +385,9 @@ def _scene(path, lines, settings, description, given):
         mass=mass,
         velocity=read_velocities(settings, nodes, groups, fixed, description),
         geometry=geometry,
+        numbering=Numbering(
+            lines.point_names[used], None if lines.line_names is None else lines.line_names[line]
+        ),
         metadata={
             "file": path.name, "nodes_without_link": int(len(lines.points) - len(used)), "notes": lines.notes,
         },

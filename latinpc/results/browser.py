@@ -153,11 +153,7 @@ def _forces(graph, scene, seen, shape, tensions):
                 values = tensions[chosen] / scale.divisor
                 traces.append(_lines(graph, segments, look | with_bar, label, width, values))
     numbers = np.flatnonzero(seen)
-    said = [
-        f"link {link}: {law_name(scene.law[link])}, {scene.links[link, 0]} to {scene.links[link, 1]}"
-        f"<br>{'slack' if loose[link] else quantity(tensions[link], 'N')}"
-        for link in numbers
-    ]
+    said = [f"{_said(scene, link)}<br>{'slack' if loose[link] else quantity(tensions[link], 'N')}" for link in numbers]
     return [*traces, _texts(graph, shape[scene.links[numbers]].mean(axis=1), said, "links")]
 
 
@@ -169,17 +165,22 @@ def _laws(graph, scene, seen, shape):
         label = f"{name} ({np.count_nonzero(links):,})"
         traces.append(_lines(graph, shape[scene.links[links]], str(colour), label, WIDTHS[name == "bar"]))
     numbers = np.flatnonzero(seen)
-    said = [
-        f"link {link}: {law_name(scene.law[link])}, {scene.links[link, 0]} to {scene.links[link, 1]}"
-        f"<br>stiffness {quantity(scene.stiffness[link], 'N/m')}"
-        for link in numbers
-    ]
+    said = [f"{_said(scene, link)}<br>stiffness {quantity(scene.stiffness[link], 'N/m')}" for link in numbers]
     return [*traces, _texts(graph, shape[scene.links[numbers]].mean(axis=1), said, "links")]
+
+
+def _said(scene, link):
+    """Return what is said of a link: its name, law and nodes."""
+    ends = " to ".join(map(scene.node_name, scene.links[link]))
+    return f"link {scene.link_name(link)}: {law_name(scene.law[link])}, {ends}"
 
 
 def _nodes(graph, scene, shape, moved):
     """Return the trace of the nodes, small dots that say where they are and how far they move."""
-    said = [f"node {node} ({', '.join(f'{value:.4g}' for value in place)}) m" for node, place in enumerate(scene.nodes)]
+    said = [
+        f"node {scene.node_name(node)} ({', '.join(f'{value:.4g}' for value in place)}) m"
+        for node, place in enumerate(scene.nodes)
+    ]
     if moved is not None:
         said = [f"{text}<br>moves by {quantity(np.linalg.norm(vector), 'm')}" for text, vector in zip(said, moved)]
     x, y, z = _places(shape)

@@ -36,12 +36,12 @@ def extremes(cases):
         if np.isfinite(forces).all():
             link = int(extreme(forces))
             ends = " to ".join(f"({', '.join(f'{x:.4g}' for x in scene.nodes[end])})" for end in scene.links[link])
-            where = f"in case {cases.names[case[link]]}: link {link}, {ends} m"
+            where = f"in case {cases.names[case[link]]}: link {scene.link_name(link)}, {ends} m"
             lines.append((label, f"{quantity(forces[link], 'N')} {where}"))
     often = cases.slack_cases()
     if np.isin(scene.law, UNILATERAL).any():
         worst = [link for link in np.argsort(-often, kind="stable")[:MOST_SLACK] if often[link]]
-        listed = ", ".join(f"{link} ({often[link]})" for link in worst)
+        listed = ", ".join(f"{scene.link_name(link)} ({often[link]})" for link in worst)
         most = f"; most often (cases): {listed}" if worst else ""
         lines.append(("slack", f"{counted(np.count_nonzero(often), 'link')} in some case{most}"))
     return lines

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.colors import to_rgba
 
-from latinpc.laws import UNILATERAL, Law
+from latinpc.laws import UNILATERAL
 
 from .drawing import (
     STAMP_COLOUR,
@@ -22,7 +22,7 @@ from .drawing import (
 from .look import IDLE_COLOUR, SLACK_COLOUR, Scale, widths_of
 from .pictures import drawn_links
 from .symbols import supports
-from .tables import table, write_csv
+from .tables import link_columns, table, write_csv
 from .units import counted
 
 COLUMNS = ("link", "start", "end", "law", "lowest", "lowest_case", "highest", "highest_case", "slack", "slack_cases")
@@ -41,14 +41,13 @@ def write_envelope(path, cases):
     """
     scene, names = cases.scene, np.array([*cases.names, ""], dtype=object)  # -1: no case has converged
     lowest, highest, low, high = cases.envelope()
-    laws = [law.name.lower() for law in Law] + ["table"] * len(scene.tables)
     slack = cases.slack & np.array([case["converged"] for case in cases.report["cases"]])[:, None]
     loose = np.array(["; ".join(names[:-1][column]) for column in slack.T], dtype=object)
     columns = (
-        np.arange(len(scene.links)), *scene.links.T, np.array(laws)[scene.law], lowest, names[low], highest,
+        np.arange(len(scene.links)), *scene.links.T, scene.laws, lowest, names[low], highest,
         names[high], slack.sum(axis=0), loose,
     )  # fmt: skip
-    write_csv(path, table(dict(zip(COLUMNS, columns))))
+    write_csv(path, table(dict(zip(COLUMNS, columns)) | link_columns(scene)))
 
 
 def draw_envelope(cases, path):

@@ -135,7 +135,7 @@ class Modes:
         kind = "buckling" if self.buckling else "vibration"
         lines = [f"{self.structure.name}: modes of {kind}"]
         for mode in range(len(self)):
-            named = ", ".join(map(str, self.movers(mode)))
+            named = self.structure.node_names(self.movers(mode))
             lines.append(f"  {mode + 1:>3}  {self.label(mode):<28} most at nodes {named}")
         return "\n".join(lines + [f"  notice: {text}" for text in self.notices])
 
@@ -403,7 +403,7 @@ def _mechanisms(found):
     if not loose.size:
         return []
     nodes = sorted({node for mode in loose for node in found.movers(mode)})
-    named = ", ".join(map(str, nodes[: 2 * _NAMED])) + (" and others" if len(nodes) > 2 * _NAMED else "")
+    named = found.structure.node_names(nodes[: 2 * _NAMED], len(nodes) > 2 * _NAMED)
     cure = "" if found.structure.geometry != "linear" else "; prestress holds them with the geometry prestress or large"
     return [f"{loose.size} mechanism{'s' if loose.size > 1 else ''}, modes of no stiffness, at nodes {named}{cure}"]
 
@@ -480,6 +480,6 @@ def _refuse_unstable(problem):
     found = problem.modes(False, values, vectors, residuals=residuals, mechanisms=zero)
     kind = "is a mechanism" if zero.any() else "is not stable"
     raise SolveError(
-        f"no factors: the state {kind}, most at nodes {', '.join(map(str, found.movers(0)))}; solve for a stable one"
-        " first"
+        f"no factors: the state {kind}, most at nodes {found.structure.node_names(found.movers(0))}; solve for a stable"
+        " one first"
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import inspect
 import warnings
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,6 +29,7 @@ __all__ = [
     "SolveError",
     "causes",
     "duplicates",
+    "errors_as_given",
     "limit",
     "magnitudes",
     "turned",
@@ -85,19 +87,17 @@ def causes(snes: PETSc.SNES, structure: Structure, past: dict) -> list[str]:
 
 def _no_equilibrium(snes, structure):
     (jammed, links), (unsupported, nodes, distance) = _latin.jammed_links(snes), _latin.unsupported_nodes(snes)
-
-    def listed(count, numbers):
-        return ", ".join(map(str, numbers)) + (" and others" if count > len(numbers) else "")
-
+    named = structure.node_names(nodes, unsupported > len(nodes))
     if structure.geometry == "large":
-        return _buckled(snes, listed(unsupported, nodes)) if snes.getConvergedReason() == DTOL else []
+        return _buckled(snes, named) if snes.getConvergedReason() == DTOL else []
     if jammed:
-        return [f"no equilibrium: the gaps of the rigid links {listed(jammed, links)} are incompatible"]
+        rigid = structure.link_names(links, jammed > len(links))
+        return [f"no equilibrium: the gaps of the rigid links {rigid} are incompatible"]
     if unsupported and np.isinf(distance):
-        return [f"no equilibrium: slack links no longer hold nodes {listed(unsupported, nodes)}"]
+        return [f"no equilibrium: slack links no longer hold nodes {named}"]
     if unsupported:
         text = "their loads are small beside the stiffness of the links that stop them, or there is no equilibrium"
-        return [f"slack links do not hold nodes {listed(unsupported, nodes)} yet: {text}"]
+        return [f"slack links do not hold nodes {named} yet: {text}"]
     if (structure.law == Law.FRICTION).any():
         return ["contacts with friction: neither an equilibrium nor convergence is certain"]
     return []
@@ -138,7 +138,8 @@ def duplicates(structure: Structure) -> list[str]:
         pairs = pairs[_parallel(structure, pairs)]
     if not len(pairs):
         return []
-    named = ", ".join(f"{a} and {b}" for a, b in pairs[:_NAMED])
+    names = [[structure.link_name(link) for link in pair] for pair in pairs[:_NAMED]]
+    named = ", ".join(f"{a} and {b}" if a != b else f"{a} twice" for a, b in names)
     more = f", and {len(pairs) - _NAMED} more" if len(pairs) > _NAMED else ""
     return [f"links join the same two nodes by the same law: {named}{more}; what they carry adds up"]
 
@@ -147,6 +148,17 @@ def _parallel(structure, pairs):
     first, second = (structure.vectors[column] for column in pairs.T)
     along = np.abs(np.einsum("ij,ij->i", first, second))
     return along > (1 - 1e-9) * np.linalg.norm(first, axis=1) * np.linalg.norm(second, axis=1)
+
+
+@contextlib.contextmanager
+def errors_as_given(structure: Structure) -> Iterator[None]:
+    """Raise errors of the library that name nodes or links as `SolveError`, by the names of a file if there is one."""
+    try:
+        yield
+    except PETSc.Error as error:
+        if structure.numbering is None:
+            raise
+        raise SolveError(structure.counted_as_given(solvers.error_message(error))) from error
 
 
 def turned(result: Result) -> list[str]:
@@ -178,7 +190,7 @@ def limit(result: Result) -> list[str]:
     if result.mode is None:
         return [f"{text}. Displacements are those of this part of the loads"]
     nodes = moving(result.mode)
-    named = ", ".join(map(str, nodes[:_NAMED])) + (" and others" if len(nodes) > _NAMED else "")
+    named = result.structure.node_names(nodes[:_NAMED], len(nodes) > _NAMED)
     return [f"{text}. Displacements are those of this part of the loads; nodes that move most in its mode: {named}"]
 
 
@@ -191,8 +203,8 @@ def magnitudes(result: Result) -> list[str]:
     size, node = float(np.linalg.norm(np.ptp(result.structure.nodes, axis=0))), int(moved.argmax())
     if moved[node] > size > 0:
         notices.append(
-            f"node {node} moves by {quantity(moved[node], 'm')}, farther than the structure is large"
-            f" ({quantity(size, 'm')}): look at units, stiffnesses and supports"
+            f"node {result.structure.node_name(node)} moves by {quantity(moved[node], 'm')}, farther than the structure"
+            f" is large ({quantity(size, 'm')}): look at units, stiffnesses and supports"
         )
     left = max(result.balance.force, result.balance.moment)
     if left > UNBALANCED:

@@ -14,7 +14,6 @@ from latinpc.laws import Law
 
 from .drawing import (
     LOAD_COLOUR,
-    STAMP_COLOUR,
     SUPPORT_COLOUR,
     axes_for,
     draw_arrows,
@@ -29,9 +28,7 @@ from .drawing import (
     symbol_keys,
 )
 from .look import (
-    DASHES,
     MANY_LINKS,
-    SLACK_COLOUR,
     Scale,
     force_keys,
     force_look,
@@ -114,7 +111,7 @@ def structure_figure(
     largest = np.linalg.norm(moved, axis=1).max(initial=0.0)
     amplification = amplification_of(nodes, largest) if amplification is None else float(amplification)
     shape = nodes + amplification * moved
-    sketch = _Sketch(scene, shape, seen, load, figure, [nodes])
+    sketch = Sketch(scene, shape, seen, load, figure, [nodes])
     scale = Scale(tensions[seen])
     if len(sketch.ends) <= MANY_LINKS:
         sketch.lines(nodes, GHOST_COLOUR, 0.5, zorder=1)
@@ -136,7 +133,7 @@ def structure_figure(
     return sketch.figure
 
 
-def plan_figure(scene, *, numbers=None, motion=None, loose=None, figure=None, load=None, word="MECHANISM", reason=""):
+def plan_figure(scene, *, numbers=None, figure=None):
     """Draw a structure as it is given: links coloured by their laws, supports, loads, numbers of nodes and links.
 
     Parameters
@@ -144,54 +141,25 @@ def plan_figure(scene, *, numbers=None, motion=None, loose=None, figure=None, lo
     scene : Scene or Structure
     numbers : bool, optional
         Write the numbers; by default where they are few enough to be read.
-    motion : (n, dim) array, optional
-        A motion that nothing resists (`latinpc.results.mechanism.free_motion`), drawn in red, with a stamp.
-    loose : (m,) array of bool, optional
-        Slack links, which follow the motion.
     figure : matplotlib.figure.Figure, optional
         To draw into; a new one when not given.
-    load : (n, dim) array, optional
-        In N, that of the scene when not given.
-    word, reason : str
-        The stamp on a motion.
 
     Returns
     -------
     matplotlib.figure.Figure
     """
-    nodes, seen = plane_points(scene.nodes), drawn_links(scene)
-    moved = nodes
-    if motion is not None:
-        size = np.ptp(nodes, axis=0).max()
-        moved = nodes + 1.5 * VISIBLE * size * _in_plane(motion) / np.linalg.norm(motion, axis=1).max()
-    sketch = _Sketch(scene, nodes, seen, load, figure, [moved])
-    thin = widths_of(sketch.law)
-    sketch.lines(nodes, GHOST_COLOUR if motion is not None else law_colours(sketch.law), thin)
-    keys = [] if motion is not None else law_keys(sketch.law)
-    if motion is not None:
-        loose = np.zeros(len(sketch.law), bool) if loose is None else loose[seen]
-        colours, styles = np.where(loose, SLACK_COLOUR, STAMP_COLOUR), [DASHES if one else (0, None) for one in loose]
-        draw_links(sketch.axes, moved[sketch.ends], colours, thin, styles, zorder=3)
-        keys = [
-            Line2D([], [], color=GHOST_COLOUR, linewidth=2.0, label="as given"),
-            Line2D([], [], color=STAMP_COLOUR, linewidth=2.0, label="motion that no link resists"),
-        ]
-        if loose.any():
-            keys.append(Line2D([], [], color=SLACK_COLOUR, linewidth=1.6, linestyle=DASHES, label="slack link"))
-        moving = np.flatnonzero(np.linalg.norm(motion, axis=1) > 1e-6)
-        listed = ", ".join(map(str, moving[:8])) + (", ..." if len(moving) > 8 else "")
-        reason = reason or f"no link resists the motion in red, of any size; nodes that move: {listed}"
+    nodes = plane_points(scene.nodes)
+    sketch = Sketch(scene, nodes, drawn_links(scene), None, figure, [])
+    sketch.lines(nodes, law_colours(sketch.law), widths_of(sketch.law))
     sketch.symbols()
     if numbers or (numbers is None and len(nodes) <= NUMBERED):
         sketch.numbers()
-    sketch.legend(keys, 0.90)
+    sketch.legend(law_keys(sketch.law), 0.90)
     sketch.title(counted(len(nodes), "node"))
-    if motion is not None:
-        stamp(sketch.figure, word, reason)
     return sketch.figure
 
 
-class _Sketch:
+class Sketch:
     """A figure of one structure: axes around all that is drawn, its symbols, numbers, legend and title.
 
     Parameters
@@ -210,7 +178,8 @@ class _Sketch:
 
     def __init__(self, scene, shape, seen, load, figure, beside):
         self.scene, self.shape = scene, shape
-        self.law, self.ends, self._count = scene.law[seen], scene.links[seen], len(seen)
+        self.law, self.ends, self._seen = scene.law[seen], scene.links[seen], np.flatnonzero(seen)
+        self._count = len(seen)
         nodes = plane_points(scene.nodes)
         self.load = _in_plane(scene.load if load is None else load)
         self._supports = supports(scene.fixed, nodes, self.ends, shape)
@@ -237,11 +206,12 @@ class _Sketch:
         """Write the numbers of nodes and links."""
         style = {"fontsize": 7, "ha": "center", "va": "center", "zorder": 8, "clip_on": False}
         box = {"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.8}
-        for one, place in enumerate(self.shape[self.ends].mean(axis=1)):
-            self.axes.text(*place, str(one), color="#1764ab", bbox=box, **style)
+        links = self._seen if self.scene.links_named else []  # names of two nodes are too long
+        for link, place in zip(links, self.shape[self.ends].mean(axis=1)):
+            self.axes.text(*place, self.scene.link_name(link), color="#1764ab", bbox=box, **style)
         box = {"boxstyle": "circle,pad=0.2", "facecolor": "white", "edgecolor": "#333333", "linewidth": 0.5}
-        for one, place in enumerate(self.shape):
-            self.axes.text(*place, str(one), color="black", bbox=box, **style | {"fontsize": 6})
+        for node, place in enumerate(self.shape):
+            self.axes.text(*place, self.scene.node_name(node), color="black", bbox=box, **style | {"fontsize": 6})
         self._numbered = True
 
     def legend(self, keys, top):

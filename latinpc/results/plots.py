@@ -26,7 +26,7 @@ class Plots:
         numbers : bool, optional
             Write the numbers; by default up to 60 nodes.
         mechanism : bool
-            Draw the motion that no link resists (`free_motion`) as well.
+            Draw the motion that no link resists (`free_motion`), the rest faint.
 
         Returns
         -------
@@ -38,12 +38,15 @@ class Plots:
         ValueError
             With `mechanism`, where each motion is resisted.
         """
+        from .motionpicture import motion_figure
         from .pictures import plan_figure
 
-        motion = self.free_motion() if mechanism else None
-        if mechanism and motion is None:
+        if not mechanism:
+            return plan_figure(self, numbers=numbers, figure=figure)
+        motion = self.free_motion()
+        if motion is None:
             raise ValueError("no mechanism: links resist each motion")
-        return plan_figure(self, numbers=numbers, motion=motion, figure=figure)
+        return motion_figure(self, motion, numbers=numbers, figure=figure)
 
     def free_motion(self) -> np.ndarray | None:
         """Find a motion that changes the length of no link, slack or taut; of all the one that the loads drive.

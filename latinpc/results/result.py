@@ -85,7 +85,7 @@ class Result(Reported):
         """Structured array of a row per link.
 
         Columns: link, start, end, law, length (m), elongation (m), tension (N), slack; stress (Pa) and utilisation
-        where the structure has areas and strengths.
+        where the structure has areas and strengths; name, start_name, end_name where a file has given them.
         """
         return tables.members(self)
 
@@ -94,7 +94,7 @@ class Result(Reported):
         """Structured array of a row per node.
 
         Columns: node; x, y, z (m), displacement_x (m), load_x (N), reaction_x (N) and so on, of as many axes as there
-        are; supported.
+        are; supported; name where a file has given one.
         """
         return tables.nodes(self)
 
@@ -165,18 +165,13 @@ class Result(Reported):
         matplotlib.figure.Figure
             ``figure.savefig("net.png")`` writes it.
         """
-        from .pictures import plan_figure, structure_figure
+        from .motionpicture import motion_figure
+        from .pictures import structure_figure
 
         if self.free_motion is not None:
-            reason = f"no equilibrium: {self.reason}; the motion in red is resisted by no link that is taut"
-            how = {
-                "motion": self.free_motion,
-                "loose": self.slack,
-                "figure": figure,
-                "load": self.load,
-                "reason": reason,
-            }
-            return plan_figure(self.structure, numbers=numbers, word="COLLAPSE", **how)
+            reason = "no equilibrium: no link that is taut resists the motion in red"
+            how = {"loose": self.slack, "figure": figure, "load": self.load, "word": "COLLAPSE", "reason": reason}
+            return motion_figure(self.structure, self.free_motion, numbers=numbers or None, **how)
         how = {} if self.converged else {"word": "NOT CONVERGED", "reason": self.reason}
         arrays = (self.displacements, self.tensions, self.subdomain)
         how |= {"amplification": amplification, "figure": figure, "load": self.load, "numbers": numbers}

@@ -49,7 +49,7 @@ def solve(
             snes.solve(None, u)
             result = (found or gather)(structure, snes, core, u)
         except PETSc.Error as reported:
-            raise SolveError(solvers.error_message(reported)) from reported
+            raise SolveError(structure.counted_as_given(solvers.error_message(reported))) from reported
         finally:
             snes.destroy()
             u.destroy()

@@ -97,7 +97,7 @@ def _accuracy(result):
     loads = np.linalg.norm(result.load[~result.structure.fixed])
     beside = f" {share(report['residual_norm'] / loads)} of the loads" if loads > 0.0 else ""
     largest = report["largest_unbalance"]
-    where = f" at node {report['unbalanced_node']}" if largest else ""
+    where = f" at node {result.structure.node_name(report['unbalanced_node'])}" if largest else ""
     return ", ".join([*parts, f"forces without balance{beside}, at most {quantity(largest, 'N')}{where}"])
 
 
@@ -117,7 +117,7 @@ def _mechanics(scene, result):
     lines = [
         (
             "displacement",
-            f"largest {quantity(size[node], 'm')} at node {node} {_place(scene, node)}:"
+            f"largest {quantity(size[node], 'm')} at node {_node(scene, node)}:"
             f" {_vector(result.displacements[node], 'm')}",
         )
     ]
@@ -140,14 +140,16 @@ def _worst(scene, result):
     known = result.utilisation is not None and not np.isnan(result.utilisation).all()
     link = int(np.nanargmax(result.utilisation) if known else np.abs(result.tensions).argmax())
     force, (start, end) = result.tensions[link], scene.links[link]
-    text = f"link {link}, from node {start} to {end}: {quantity(abs(force), 'N')} in"
+    ends = f", from node {scene.node_name(start)} to {scene.node_name(end)}" if scene.links_named else ""
+    text = f"link {scene.link_name(link)}{ends}: {quantity(abs(force), 'N')} in"
     text += " compression" if force < 0.0 else " tension"
     return text + (f", {100 * result.utilisation[link]:.3g} % of its strength" if known else "")
 
 
-def _place(scene, node):
-    """Return the coordinates of a node."""
-    return f"({', '.join(number(value, 5) for value in scene.nodes[node])}) m"
+def _node(scene, node):
+    """Return the name and the coordinates of a node."""
+    name, place = scene.node_name(node), f"({', '.join(number(value, 5) for value in scene.nodes[node])}) m"
+    return place if name.startswith("(") else f"{name} {place}"
 
 
 def _stresses(result):
@@ -155,11 +157,14 @@ def _stresses(result):
     lines = []
     if result.stress is not None and not np.isnan(result.stress).all():
         link = int(np.nanargmax(np.abs(result.stress)))
-        lines.append(("stress", f"largest {quantity(result.stress[link], 'Pa')} in link {link}"))
+        lines.append(
+            ("stress", f"largest {quantity(result.stress[link], 'Pa')} in link {result.structure.link_name(link)}")
+        )
     if result.utilisation is not None and not np.isnan(result.utilisation).all():
         link, over = int(np.nanargmax(result.utilisation)), int(np.count_nonzero(result.utilisation > 1.0))
         text = f"; above 100 % in {over:,} link{'s' if over > 1 else ''}" if over else ""
-        lines.append(("utilisation", f"largest {100 * result.utilisation[link]:.3g} % in link {link}{text}"))
+        name = result.structure.link_name(link)
+        lines.append(("utilisation", f"largest {100 * result.utilisation[link]:.3g} % in link {name}{text}"))
     return lines
 
 
@@ -172,7 +177,7 @@ def _reactions(scene, result):
     sums = f"sum {_vector(balance.reaction, 'N')}, of the loads {_vector(balance.load, 'N')}"
     moment = f", moment {share(balance.moment)}" if scene.dim > 1 else ""
     return [
-        ("reactions", f"{sums}; largest {quantity(size[node], 'N')} at node {node} {_place(scene, node)}"),
+        ("reactions", f"{sums}; largest {quantity(size[node], 'N')} at node {_node(scene, node)}"),
         ("balance", f"loads + reactions: force {share(balance.force)}{moment} of the loads"),
     ]
 

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from latinpc.library import _latin
-
 from .atomic import atomic
 from .mechanics import elongations
 
 if TYPE_CHECKING:
+    from latinpc.structure import Structure
+
     from .result import Result
 
 AXES = "xyz"
@@ -26,7 +26,7 @@ def members(result: Result) -> np.ndarray:
         "link": np.arange(len(structure.links)),
         "start": structure.links[:, 0],
         "end": structure.links[:, 1],
-        "law": np.array(_latin.law_names())[structure.law],
+        "law": structure.laws,
         "length": structure.lengths,
         "elongation": elongations(structure, result.displacements),
         "tension": result.tensions,
@@ -35,7 +35,7 @@ def members(result: Result) -> np.ndarray:
     for name in ("stress", "utilisation"):
         if getattr(result, name) is not None:
             columns[name] = getattr(result, name)
-    return table(columns)
+    return table(columns | link_columns(structure))
 
 
 def nodes(result: Result) -> np.ndarray:
@@ -50,7 +50,24 @@ def nodes(result: Result) -> np.ndarray:
     ):
         columns |= {prefix + axis: column for axis, column in zip(AXES, array.T)}
     columns["supported"] = structure.fixed.any(axis=1)
-    return table(columns)
+    return table(columns | node_columns(structure))
+
+
+def node_columns(structure: Structure, nodes: np.ndarray | None = None) -> dict[str, np.ndarray]:
+    """Return the column of the names of nodes, all unless some are given; none where no file has given them."""
+    if structure.numbering is None:
+        return {}
+    chosen = range(len(structure.nodes)) if nodes is None else nodes
+    return {"name": np.array([structure.node_name(node) for node in chosen])}
+
+
+def link_columns(structure: Structure) -> dict[str, np.ndarray]:
+    """Return the columns of the names of links and of their nodes; none where no file has given them."""
+    if structure.numbering is None:
+        return {}
+    nodes = node_columns(structure)["name"]
+    names = np.array([structure.link_name(link) for link in range(len(structure.links))])
+    return {"name": names, "start_name": nodes[structure.links[:, 0]], "end_name": nodes[structure.links[:, 1]]}
 
 
 def table(columns: dict[str, np.ndarray]) -> np.ndarray:

@@ -12,6 +12,7 @@ from latinpc import accuracy, solvers
 from latinpc.laws import UNILATERAL
 from latinpc.options import default_options, given_options, unknown_options
 from latinpc.results.mechanics import slack
+from latinpc.results.notices import errors_as_given
 from latinpc.results.report import DECOMPOSITION, plain, problem, reason_name
 from latinpc.scenes.scene import Scene
 from latinpc.structure import Structure
@@ -111,7 +112,7 @@ def move(
     v = structure.create_vec()
     if scene.velocity is not None:
         structure.set_displacements(scene.velocity, v)
-    with default_options(settings):
+    with default_options(settings), errors_as_given(structure):
         ts = structure.create_ts(v=v)
         try:
             ts.setTimeStep(step)

@@ -11,7 +11,7 @@ from latinpc import accuracy, solvers
 from latinpc.laws import RIGID
 from latinpc.options import default_options, given_options, unknown_options
 from latinpc.results.mechanics import relative
-from latinpc.results.notices import magnitudes
+from latinpc.results.notices import errors_as_given, magnitudes
 from latinpc.results.report import plain
 from latinpc.results.solve import attach_linear, gather
 from latinpc.settings import set_reference
@@ -87,7 +87,7 @@ def solve(
             )
         notices += filter(None, direct_solver(structure.comm)[1:])
         errors_against = reference_solution(structure)
-    with default_options(settings):
+    with default_options(settings), errors_as_given(structure):
         snes = structure.create_snes()
         try:
             snes.setFromOptions()

@@ -11,6 +11,7 @@ from latinpc.arrays import refuse, shaped
 from latinpc.checks import ARRAYS, checked
 from latinpc.geometry import Geometry, known_geometry
 from latinpc.laws import Law
+from latinpc.numbering import Numbering
 from latinpc.results.mechanics import tensions
 from latinpc.results.plots import Plots
 from latinpc.results.result import Result
@@ -67,6 +68,8 @@ class Scene(Geometry, Plots):
         Load cases, whose actions add to those of the scene.
     geometry : {'linear', 'prestress', 'large'}
         How displacements turn links, as of `latinpc.Structure`; the option -snes_latin_geometry comes before it.
+    numbering : Numbering, optional
+        How the file that it was read from counts nodes and links.
 
     Raises
     ------
@@ -95,6 +98,7 @@ class Scene(Geometry, Plots):
     strength: np.ndarray | None = None
     cases: tuple = ()
     geometry: str = "linear"
+    numbering: Numbering | None = None
 
     def __post_init__(self):
         self.tables = tuple(tuple(np.asarray(part, dtype=float) for part in table) for table in self.tables)
@@ -109,6 +113,11 @@ class Scene(Geometry, Plots):
         if self.time_step is not None and not 0.0 < self.time_step < np.inf:
             raise ValueError(f"time_step is {self.time_step}; it is a positive time")
         known_geometry(self.geometry)
+
+    @property
+    def laws(self) -> np.ndarray:
+        """(m,) array of str: the laws by name, such as ``"cable"``; ``"table"`` of piecewise linear ones."""
+        return np.array([*(law.name.lower() for law in Law), *["table"] * len(self.tables)])[self.law]
 
     @property
     def prestress(self) -> np.ndarray:

@@ -1,0 +1,78 @@
+"""What messages, tables and pictures call nodes and links: as the file counts them that they were read from."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+__all__ = ["Numbered", "Numbering"]
+
+#: What errors of the library say of nodes and links, counted from 0: "Nodes that move (counted from 0): 3, 4", "Link 5"
+_SAID = re.compile(
+    r"\b(nodes?|links?)( that move)?(?: \(counted from 0\):)? (\d+(?:(?:, | and )\d+)*)\b(?! more)(?! \([-\[\d])", re.I
+)
+
+
+@dataclass(frozen=True)
+class Numbering:
+    """How a file counts its nodes and links.
+
+    Parameters
+    ----------
+    nodes : (n,) array of int or str
+        Number or name of each node; empty where a drawing has none, and the place of the node (m) stands for it.
+    links : (m,) array of int or str, optional
+        The same of the links; not given, they go by their nodes.
+    """
+
+    nodes: np.ndarray
+    links: np.ndarray | None = None
+
+
+class Numbered:
+    """The names of nodes and links: their numbers from 0, or those of a file."""
+
+    nodes: np.ndarray
+    links: np.ndarray
+    numbering: Numbering | None = None  #: of the file that the structure was read from
+
+    def node_name(self, node: int) -> str:
+        """Return what messages call a node: its number, as the file counts if the structure was read from one."""
+        if self.numbering is None:
+            return str(node)
+        name = str(self.numbering.nodes[node])
+        return name or f"({', '.join(f'{x:.6g}' for x in self.nodes[node])})"
+
+    @property
+    def links_named(self) -> bool:
+        """Whether links have names or numbers of their own, not those of their two nodes."""
+        return self.numbering is None or self.numbering.links is not None
+
+    def link_name(self, link: int) -> str:
+        """Return what messages call a link: as `node_name`, or by its two nodes where the file has no name for it."""
+        if not self.links_named:
+            return "-".join(map(self.node_name, self.links[link]))
+        return str(link if self.numbering is None else self.numbering.links[link])
+
+    def node_names(self, nodes: Iterable[int], more: bool = False) -> str:
+        """Return several `node_name` in a row, `more` adds that there are others."""
+        return ", ".join(map(self.node_name, nodes)) + (" and others" if more else "")
+
+    def link_names(self, links: Iterable[int], more: bool = False) -> str:
+        """Return several `link_name` in a row, `more` adds that there are others."""
+        return ", ".join(map(self.link_name, links)) + (" and others" if more else "")
+
+    def counted_as_given(self, text: str) -> str:
+        """Return an error of the library with nodes and links called by their names."""
+        if self.numbering is None:
+            return text
+
+        def named(found):
+            name = self.node_name if found[1].lower().startswith("node") else self.link_name
+            numbers = re.sub(r"\d+", lambda number: name(int(number[0])), found[3])
+            return f"{found[1]}{found[2] or ''}{':' if found[2] else ''} {numbers}"
+
+        return _SAID.sub(named, text)

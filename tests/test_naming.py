@@ -1,0 +1,139 @@
+"""Messages, summaries, tables and pictures call nodes and links what the file calls them that they were read from."""
+
+import csv
+import re
+
+import matplotlib.text
+import numpy as np
+import pytest
+from test_cli import latinpc as command
+from test_files import MSH, TOML
+from two_bars import KINDS, written
+
+import latinpc
+from latinpc.files.npz import load_scene, save_scene
+from latinpc.runs.solve import solve
+
+#: What each kind of file calls the nodes and links of the two bars
+NAMES = {
+    "csv": (["left", "right", "middle"], ["1", "2"]),
+    "obj": (["1", "2", "3"], ["1-3", "3-2"]),
+    "tcl": (["1", "2", "3"], ["1", "2"]),
+    "json": (["0", "1", "7"], ["0-7", "7-1"]),
+    "dxf in mm": (["(0, 3)", "(4, 0)", "(8, 3)"], ["(0, 3)-(4, 0)", "(8, 3)-(4, 0)"]),
+}
+NODES = "node,x,y,fix,Fx,Fy\nA,0,0,xy,,\nB,4,0,xy,,\nC,2,1,,0,{}\nD,2,3,{},,\n"
+MEMBERS = "member,start,end,law,EA\ntie,A,C,cable,1e6\nstay,B,C,cable,1e6\n"
+
+
+def tables(folder, load, fix="xy", more=""):
+    """A node on two cables; another node, that more members may join."""
+    (folder / "nodes.csv").write_text(NODES.format(load, fix))
+    (folder / "members.csv").write_text(MEMBERS + "mast,A,D,bar,1e6\n" + more)
+    return folder
+
+
+@pytest.mark.parametrize("kind", NAMES)
+def test_names_are_those_of_the_file(kind, tmp_path):
+    path, options = written(tmp_path, kind)
+    scene = latinpc.read(path, **options)
+    nodes, links = NAMES[kind]
+    assert sorted(map(scene.node_name, range(3))) == sorted(nodes)
+    assert sorted(map(scene.link_name, range(2))) == sorted(links)
+    assert latinpc.Structure.from_scene(scene).node_name(2) == scene.node_name(2)
+    assert scene.name == "bars"
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_kind_of_file_has_names(kind, tmp_path):
+    path, options = written(tmp_path, kind)
+    scene = latinpc.read(path, **options)
+    nodes, links = list(map(scene.node_name, range(3))), list(map(scene.link_name, range(2)))
+    assert len(set(nodes)) == 3 and len(set(links)) == 2 and all(nodes) and all(links)
+    said = repr(solve(scene))
+    largest = int(np.abs(scene.solve().tensions).argmax())
+    name = scene.link_name(largest)
+    assert (f"link {name}, from node" if scene.links_named else f"link {name}: ") in said
+    save_scene(tmp_path / "a.npz", scene)
+    again = load_scene(tmp_path / "a.npz")
+    assert [again.node_name(2), again.link_name(1)] == [nodes[2], links[1]]
+
+
+def test_layers_and_merged_points_keep_the_names_of_the_first(tmp_path):
+    (tmp_path / "a.obj").write_text("v 0 0 0\nv 2 0 0\nv 2 0 0\nv 4 0 0\nl 1 2\nl 3 4\n")
+    scene = latinpc.read(tmp_path / "a.obj", brace=1.0, EA=1e6, support="x=min")
+    assert [scene.node_name(node) for node in range(6)] == ["1", "2", "4", "1 upper", "2 upper", "4 upper"]
+    assert scene.link_name(1) == "2-4" and scene.link_name(3) == "2 upper-4 upper"
+
+
+def test_no_equilibrium_names_nodes_of_the_file(tmp_path):
+    scene = latinpc.read(tables(tmp_path, -1e3))
+    with pytest.warns(latinpc.ConvergenceWarning):
+        result = scene.solve()
+    assert "no equilibrium: slack links no longer hold nodes C" in result.notices
+    texts = [text.get_text() for text in result.plot().findobj(matplotlib.text.Text)]
+    assert {"A", "C", "tie", "stay"} <= set(texts)
+
+
+def test_a_mechanism_names_nodes_of_the_file(tmp_path):
+    tables(tmp_path, 1e3, fix="")
+    scene = latinpc.read(tmp_path)
+    for run in (scene.solve, lambda: solve(scene), lambda: latinpc.solve_cases(scene, [latinpc.Case("a")])):
+        with pytest.raises(latinpc.SolveError, match=r"Nodes that move: (C, )?D\. "):
+            run()
+    picture = tmp_path / "m.png"
+    said = command("solve", tmp_path, "--picture", picture, code=2).stderr
+    assert re.search(r"Nodes that move: (C, )?D\. ", said) and picture.stat().st_size > 10000
+    figure = scene.plot(mechanism=True)
+    assert any("nodes that move: D" in text.get_text() for text in figure.findobj(matplotlib.text.Text))
+
+
+def test_numbers_of_gmsh_count_from_1(tmp_path):
+    (tmp_path / "frame.msh").write_text(MSH)
+    moved = TOML.replace("[supports.feet]", "[supports.top]").replace("[loads.top]", "[loads.feet]")
+    (tmp_path / "frame.toml").write_text(moved)
+    assert "Nodes that move: 1, 2." in command("solve", tmp_path / "frame.msh", code=2).stderr
+
+
+def test_links_that_are_there_twice_and_far_moves(tmp_path):
+    again = "again,A,C,cable,1e6\n"
+    scene = latinpc.read(tables(tmp_path, 1e7, more=again))
+    with pytest.warns(latinpc.LatinWarning):
+        notices = " ".join(scene.solve().notices)
+    assert "links join the same two nodes by the same law: tie and again" in notices
+    assert "node C moves by" in notices
+
+
+def test_tables_have_both(tmp_path):
+    scene = latinpc.read(tables(tmp_path, 1e3))
+    result = scene.solve()
+    assert result.members["name"].tolist() == ["tie", "stay", "mast"]
+    assert result.members["end_name"].tolist() == ["C", "C", "D"]
+    assert result.nodes["name"].tolist() == ["A", "B", "C", "D"]
+    result.to_csv(tmp_path / "m.csv", tmp_path / "n.csv")
+    assert [row["name"] for row in csv.DictReader((tmp_path / "n.csv").open())] == ["A", "B", "C", "D"]
+    plain = latinpc.Structure(scene.nodes, scene.links, scene.law, scene.stiffness, fixed=scene.fixed, load=scene.load)
+    assert "name" not in plain.solve().members.dtype.names
+    found = latinpc.solve_cases(scene, [latinpc.Case("a"), latinpc.Case("b", load=scene.load)])
+    assert re.search("highest .* link (tie|stay), ", repr(found))
+    found.to_csv(tmp_path / "e.csv")
+    assert [row["name"] for row in csv.DictReader((tmp_path / "e.csv").open())] == ["tie", "stay", "mast"]
+
+
+def test_a_structure_of_ones_own_counts_from_0():
+    scene = latinpc.scenes.make("net", side=2)
+    assert scene.node_name(3) == "3" and scene.link_name(4) == "4" and scene.numbering is None
+    assert scene.counted_as_given("Nodes that move (counted from 0): 3") == "Nodes that move (counted from 0): 3"
+
+
+def test_errors_of_the_library_are_translated(tmp_path):
+    scene = latinpc.read(tables(tmp_path, 1e3))
+    for said, expected in (
+        ("Nodes that move (counted from 0): 2, 3 and others. Add", "Nodes that move: C, D and others. Add"),
+        ("Link 1 (contact) is between", "Link stay (contact) is between"),
+        ("nodes 0 and 3 fall together", "nodes A and D fall together"),
+        ("nodes 2, 3 and 5 more are not", "nodes C, D and 5 more are not"),
+        ("3 subdomains share node 1: the", "3 subdomains share node B: the"),
+        ("link 1 ([3. 4.]), 2 ([3. 4.]) has", "link 1 ([3. 4.]), 2 ([3. 4.]) has"),
+    ):
+        assert scene.counted_as_given(said) == expected
