@@ -23,7 +23,7 @@ SAYS = {
     "demo": ["7% of the links are slack"],
     "truss": ["[    0. 20000.]"],
     "net": ["saddle"],
-    "mast": ["wind 330"],
+    "mast": ["wind 330", "N pulled at "],
     "import": ["tables 24 links", "DXF    24 links", "OBJ    24 links", "compas 24 links"],
     "accuracy": ["{'error': 1e-08}", "rounding does not allow the accuracy"],
     "drop": ["iterations a step"],

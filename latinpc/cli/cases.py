@@ -23,11 +23,12 @@ from .scenes import SceneCommand, open_scene, scene_options
 @scene_options
 @click.option("--json", "json_file", metavar="FILE", help="Write the report; '-' prints it and nothing else.")
 @click.option("--csv", "csv_file", metavar="FILE.csv", help="Write lowest and highest force of each link, slack cases.")
+@click.option("--reactions", metavar="FILE.csv", help="Write the reactions of each case, lowest and highest.")
 @click.option("--picture", metavar="FILE.png", help="Draw the envelope: greatest tension, greatest compression.")
 @click.option("--preset", type=click.Choice(sorted(preset_files())), metavar="NAME", help=PRESETS)
 @click.option("--quiet", is_flag=True, help="Print only notices and errors.")
 @click.pass_obj
-def cases(comm, scene, json_file, csv_file, picture, preset, quiet, **options):
+def cases(comm, scene, json_file, csv_file, reactions, picture, preset, quiet, **options):
     """Solve the load cases of a file.
 
     They are the tables [[case]] of the TOML file beside it. One set-up serves all; slack links are found for each case.
@@ -36,7 +37,8 @@ def cases(comm, scene, json_file, csv_file, picture, preset, quiet, **options):
     alone = json_file == "-"
     quiet = quiet or alone
     settings = None if preset is None else on_root(comm, preset_options, preset)
-    files = ((None if alone else json_file, None), (csv_file, (".csv",)), (picture, (".png", ".pdf", ".svg")))
+    files = ((None if alone else json_file, None), (csv_file, (".csv",)), (reactions, (".csv",)))
+    files += ((picture, (".png", ".pdf", ".svg")),)
     scene = on_root(comm, _prepare, scene, files, options)
     with progress(comm, quiet) as say:
         result = solve_cases(
@@ -45,7 +47,7 @@ def cases(comm, scene, json_file, csv_file, picture, preset, quiet, **options):
             subdomains=options["subdomains"] if scene.subdomain is None else None,
             each_case=None if say is None else lambda number, name: say(f"{scene.name}: case {number + 1}, {name}"),
         )
-    on_root(comm, _write, result, json_file, csv_file, picture)
+    on_root(comm, _write, result, json_file, csv_file, reactions, picture)
     if comm.rank == 0:
         for notice in result.notices:
             print(f"latinpc: {notice}", file=sys.stderr)
@@ -67,15 +69,17 @@ def _prepare(scene, files, options):
     return open_scene(scene, options)
 
 
-def _write(result, json_file, csv_file, picture):
+def _write(result, json_file, csv_file, reactions, picture):
     """Write the files; on one rank."""
     if json_file is not None:
-        write_json(json_file, result.report)
-    if csv_file is not None or picture is not None:
-        from latinpc.results.envelope import draw_envelope, write_envelope
+        write_json(json_file, result.to_dict())
+    if csv_file is not None or reactions is not None or picture is not None:
+        from latinpc.results.envelope import draw_envelope, write_envelope, write_reactions
 
         if csv_file is not None:
             write_envelope(csv_file, result)
+        if reactions is not None:
+            write_reactions(reactions, result)
         if picture is not None and any(case["converged"] for case in result.report["cases"]):
             draw_envelope(result, picture)
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from latinpc.laws import UNILATERAL
 
+from .tables import AXES
 from .units import counted, quantity
 
 HEADER = ("case", "stages", "displacement", "lowest", "highest", "slack", "")
@@ -38,6 +39,7 @@ def extremes(cases):
             ends = " to ".join(f"({', '.join(f'{x:.4g}' for x in scene.nodes[end])})" for end in scene.links[link])
             where = f"in case {cases.names[case[link]]}: link {scene.link_name(link)}, {ends} m"
             lines.append((label, f"{quantity(forces[link], 'N')} {where}"))
+    lines += _reactions(cases)
     often = cases.slack_cases()
     if np.isin(scene.law, UNILATERAL).any():
         worst = [link for link in np.argsort(-often, kind="stable")[:MOST_SLACK] if often[link]]
@@ -45,6 +47,23 @@ def extremes(cases):
         most = f"; most often (cases): {listed}" if worst else ""
         lines.append(("slack", f"{counted(np.count_nonzero(often), 'link')} in some case{most}"))
     return lines
+
+
+def _reactions(cases):
+    """Return a line on the reactions: their range along each axis, and the largest one."""
+    scene, (lowest, highest, *_) = cases.scene, cases.reaction_envelope()
+    good = np.array([case["converged"] for case in cases.report["cases"]], dtype=bool)
+    if not scene.fixed.any() or not good.any():
+        return []
+    size = np.linalg.norm(cases.reactions, axis=2) * good[:, None]
+    case, node = np.unravel_index(size.argmax(), size.shape)
+    ranges = [
+        f"{axis} from {quantity(low[held].min(), 'N')} to {quantity(high[held].max(), 'N')}"
+        for axis, low, high, held in zip(AXES, lowest.T, highest.T, scene.fixed.T)
+        if held.any()
+    ]
+    largest = f"largest {quantity(size[case, node], 'N')} at node {scene.node_name(node)} in case {cases.names[case]}"
+    return [("reactions", f"{', '.join(ranges)}; {largest}")]
 
 
 def text(cases):
@@ -55,5 +74,5 @@ def text(cases):
         "  ".join([row[0].ljust(widths[0]), *map(str.rjust, row[1:-1], widths[1:-1]), row[-1]]).rstrip()
         for row in cells
     ]
-    lines = [title(cases), *aligned, *(f"{label:<9}{said}" for label, said in extremes(cases))]
-    return "\n".join([*lines, *(f"notice   {notice}" for notice in cases.notices)])
+    lines = [title(cases), *aligned, *(f"{label:<11}{said}" for label, said in extremes(cases))]
+    return "\n".join([*lines, *(f"notice     {notice}" for notice in cases.notices)])

@@ -22,7 +22,7 @@ from .drawing import (
 from .look import IDLE_COLOUR, SLACK_COLOUR, Scale, widths_of
 from .pictures import drawn_links
 from .symbols import supports
-from .tables import link_columns, table, write_csv
+from .tables import AXES, link_columns, node_columns, table, write_csv
 from .units import counted
 
 COLUMNS = ("link", "start", "end", "law", "lowest", "lowest_case", "highest", "highest_case", "slack", "slack_cases")
@@ -48,6 +48,26 @@ def write_envelope(path, cases):
         names[high], slack.sum(axis=0), loose,
     )  # fmt: skip
     write_csv(path, table(dict(zip(COLUMNS, columns)) | link_columns(scene)))
+
+
+def write_reactions(path, cases):
+    """Write a row for each component of each reaction: node, place (m), axis, extremes (N) and their cases, each case.
+
+    Not collective: call it on one rank. Nodes are counted from 0, besides the names that a file has given them.
+
+    Parameters
+    ----------
+    path : str or path-like
+        A ``.csv`` file; it is replaced only once it is completely written.
+    cases : latinpc.runs.cases.Cases
+    """
+    scene, names = cases.scene, np.array([*cases.names, ""], dtype=object)
+    node, axis = np.nonzero(scene.fixed)
+    lowest, highest, low, high = (values[node, axis] for values in cases.reaction_envelope())
+    columns = {"node": node, **dict(zip(AXES, scene.nodes[node].T)), "axis": np.array(list(AXES))[axis]}
+    columns |= {"lowest": lowest, "lowest_case": names[low], "highest": highest, "highest_case": names[high]}
+    columns |= {f"{name} (N)": forces[node, axis] for name, forces in zip(cases.names, cases.reactions)}
+    write_csv(path, table(columns | node_columns(scene, node)))
 
 
 def draw_envelope(cases, path):

@@ -6,6 +6,7 @@ import pathlib
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,7 +19,7 @@ from latinpc.laws import RIGID, UNILATERAL
 from latinpc.library import _latin
 from latinpc.options import default_options, given_options, unknown_options
 from latinpc.results.caselist import text
-from latinpc.results.mechanics import slack
+from latinpc.results.mechanics import Leaning, Turned, reactions, slack
 from latinpc.results.notices import errors_as_given
 from latinpc.results.report import plain, problem, snes_reason
 from latinpc.results.solve import attach_linear
@@ -51,6 +52,8 @@ class Cases:
     tensions: np.ndarray  #: (cases, m), N
     slack: np.ndarray  #: (cases, m), of bool: links that bear nothing
     notices: list[str]  #: sentences the user should read
+    actions: list[Case]  #: what was solved
+    geometry: str  #: how displacements turned links
 
     @property
     def converged(self) -> bool:
@@ -76,11 +79,40 @@ class Cases:
 
         return envelope_figure(self)
 
-    def to_csv(self, path: str | pathlib.Path) -> None:
-        """Write a row for each link: extreme forces (N), their cases, where it is slack; call it on one rank."""
-        from latinpc.results.envelope import write_envelope
+    def to_csv(self, path: str | pathlib.Path, reactions: str | pathlib.Path | None = None) -> None:
+        """Write a row for each link: extreme forces (N), their cases, where it is slack; call it on one rank.
+
+        Into another file, if its name is given, a row for each component of each reaction: the extremes (N), their
+        cases, and its value in each case.
+        """
+        from latinpc.results.envelope import write_envelope, write_reactions
 
         write_envelope(path, self)
+        if reactions is not None:
+            write_reactions(reactions, self)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the report with the reactions at the supported nodes, fit for JSON."""
+        held = np.flatnonzero(self.scene.fixed.any(axis=1))
+        lowest, highest, *_ = self.reaction_envelope()
+        forces = {"lowest": lowest[held], "highest": highest[held], "cases": self.reactions[:, held]}
+        return self.report | plain({"reactions": {"nodes": held, **forces}})
+
+    @cached_property
+    def reactions(self) -> np.ndarray:
+        """(cases, n, dim) array: forces of the supports on the structure (N), zero where nothing is fixed."""
+        found = np.zeros_like(self.displacements)
+        for number, case in enumerate(self.actions):
+            load = self.scene.load if case.load is None else self.scene.load + case.load
+            found[number] = reactions(self._shape(number), self.tensions[number], load)
+        return found
+
+    def _shape(self, number):
+        """Return what forces balance on in a case: the structure as drawn, or where links turn as displaced."""
+        if self.geometry == "linear":
+            return self.scene
+        applied = self.actions[number].applied(self.scene)
+        return (Turned if self.geometry == "large" else Leaning)(applied, self.displacements[number])
 
     def envelope(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Return the lowest and the highest force of each link, and the cases that give them.
@@ -92,14 +124,29 @@ class Cases:
         lowest_case, highest_case : (m,) array of int
             Numbers of cases, from 0; -1 where none has converged.
         """
+        return self._extremes(self.tensions)
+
+    def reaction_envelope(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Return the lowest and the highest value of each component of each reaction, and the cases that give them.
+
+        Returns
+        -------
+        lowest, highest : (n, dim) array of float
+            In N, zero where nothing is fixed; NaN where no case has converged.
+        lowest_case, highest_case : (n, dim) array of int
+            Numbers of cases, from 0; -1 where none has converged.
+        """
+        return self._extremes(self.reactions)
+
+    def _extremes(self, values):
+        """Return the lowest and the highest of values (cases, ...) over the cases that have converged, and which."""
         good = np.flatnonzero(self._good)
         if not good.size:
-            none, nowhere = np.full(len(self.scene.links), np.nan), np.full(len(self.scene.links), -1)
+            none, nowhere = np.full(values.shape[1:], np.nan), np.full(values.shape[1:], -1)
             return none, none, nowhere, nowhere
-        forces = self.tensions[good]
-        low, high = forces.argmin(axis=0), forces.argmax(axis=0)
-        link = np.arange(forces.shape[1])
-        return forces[low, link], forces[high, link], good[low], good[high]
+        values = values[good]
+        low, high = values.argmin(axis=0), values.argmax(axis=0)
+        return values.min(axis=0), values.max(axis=0), good[low], good[high]
 
     def slack_cases(self) -> np.ndarray:
         """Return for each link the number of cases in which it bears nothing, (m,) of int."""
@@ -182,7 +229,8 @@ def solve_cases(
         finally:
             series.snes.destroy()
     names = [case.name for case in cases]
-    return Cases(scene, names, plain(report), series.displacements, series.tensions, series.slack, notices)
+    found = series.displacements, series.tensions, series.slack
+    return Cases(scene, names, plain(report), *found, notices, cases, structure.geometry)
 
 
 class _Series:
