@@ -223,6 +223,17 @@ static void FRONT(LatinFrontColumn)(const LatinFronts *F, PetscInt f, PetscBool 
   for (PetscInt r = own; r < height && forward; r++) x[row[r]] = b[r];
 }
 
+/* Are the rows that front f eliminates zero in all right-hand sides? */
+static PetscBool FRONT(LatinFrontIdle)(const LatinFronts *F, PetscInt f, PetscBLASInt columns)
+{
+  const FRONT_REAL *x = (const FRONT_REAL *)F->x + F->first[f];
+
+  for (PetscBLASInt c = 0; c < columns; c++, x += F->n)
+    for (PetscInt r = 0; r < F->columns[f]; r++)
+      if (x[r] != 0) return PETSC_FALSE;
+  return PETSC_TRUE;
+}
+
 /* x = L^-1 x for the rows of front f, and what that leaves is taken from the rows below */
 static void FRONT(LatinFrontForward)(const LatinFronts *F, PetscInt f, PetscBLASInt columns)
 {
@@ -276,7 +287,7 @@ static void FRONT(LatinFrontsHalves)(LatinFronts *F, PetscBool forward, PetscBoo
   }
   for (PetscInt f = 0; f < F->fronts && forward; f++)
     if (columns == 1) FRONT(LatinFrontColumn)(F, f, PETSC_TRUE);
-    else if (F->columns[f]) FRONT(LatinFrontForward)(F, f, (PetscBLASInt)columns);
+    else if (F->columns[f] && !FRONT(LatinFrontIdle)(F, f, (PetscBLASInt)columns)) FRONT(LatinFrontForward)(F, f, (PetscBLASInt)columns);
   for (PetscInt c = 0; c < columns && forward && backward && F->kept; c++) memset((FRONT_REAL *)F->x + (size_t)F->n * (size_t)c + inside, 0, (size_t)F->kept * sizeof(FRONT_REAL));
   for (PetscInt f = F->fronts - 1; f >= 0 && backward; f--)
     if (columns == 1) FRONT(LatinFrontColumn)(F, f, PETSC_FALSE);

@@ -13,7 +13,8 @@
    with R^t d R = 1 their energy is |A U|^2 / 2, whence the identity taken from T^-1, as in (29).
 */
 
-#define LATIN_HOMOGENISE_COLUMNS 16 /* right-hand sides solved together: bounds the work space to that many copies of U */
+#define LATIN_HOMOGENISE_COLUMNS 16  /* right-hand sides solved together, at least: where a subdomain is large they bound the work space to that many copies of U */
+#define LATIN_HOMOGENISE_ROOM    1e6 /* numbers, 8 MB, that more of them may fill: up to LATIN_BATCH_COLUMNS, which take two thirds of the time */
 
 #define LATIN_INVERSE_ROWS   512 /* rows of the largest dense inverse, 2 MB */
 #define LATIN_INVERSE_RUN    8   /* fewest subdomains of neighbouring numbers, on average */
@@ -47,13 +48,14 @@ static PetscErrorCode LatinHomogeniseColumns_Private(LatinLinear *linear, PetscI
 static PetscErrorCode LatinHomogeniseSolve_Private(LatinLinear *linear, PetscInt which, KSPConvergedReason *failed)
 {
   const PetscInt s = linear->batches->batch[which].sub[0], n = linear->batches->batch[which].rows, m = linear->coarse->offset[s + 1] - linear->coarse->offset[s];
-  PetscReal     *Phi = linear->Phi + linear->phi_offset[s];
+  PetscReal     *Phi     = linear->Phi + linear->phi_offset[s];
+  const PetscInt columns = PetscMax(LATIN_HOMOGENISE_COLUMNS, PetscMin(LATIN_BATCH_COLUMNS, (PetscInt)(LATIN_HOMOGENISE_ROOM / PetscMax(n, 1))));
   KSP            ksp;
 
   PetscFunctionBegin;
   PetscCall(LatinSolverAccurate_Private(linear->solvers->ksp[which], linear->solvers->direct, &ksp));
-  for (PetscInt first = 0; first < m; first += LATIN_HOMOGENISE_COLUMNS) {
-    const PetscInt last = PetscMin(first + LATIN_HOMOGENISE_COLUMNS, m);
+  for (PetscInt first = 0; first < m; first += columns) {
+    const PetscInt last = PetscMin(first + columns, m);
     Mat            B, X;
     PetscScalar   *b;
 

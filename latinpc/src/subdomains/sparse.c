@@ -153,6 +153,33 @@ static PetscInt LatinNodeRow(const LatinRows *rows, const LatinNodeRows *gathere
   return nz;
 }
 
+/* Row r of the operator of a matrix, to which no block adds, in K from entry nz on: its columns come in order. Returns where it ends */
+static PetscInt LatinMatrixRow(const LatinRows *rows, PetscInt r, LatinSparse *K, PetscInt nz)
+{
+  const LatinSubdomains *sub   = rows->sub;
+  const PetscInt         first = nz;
+  PetscInt               own   = -1;
+
+  for (PetscInt k = sub->ki[rows->top + r]; k < sub->ki[rows->top + r + 1] && !rows->held[r]; k++) {
+    const PetscInt column = sub->kj[k] - rows->top;
+
+    if (column != r && (sub->ka[k] == 0.0 || rows->held[column])) continue;
+    if (column == r) own = nz;
+    K->j[nz]   = column;
+    K->a[nz++] = sub->ka[k];
+  }
+  if (own < 0) { /* a diagonal of springs alone */
+    for (own = nz++; own > first && K->j[own - 1] > r; own--) {
+      K->j[own] = K->j[own - 1];
+      K->a[own] = K->a[own - 1];
+    }
+    K->j[own] = r;
+    K->a[own] = 0.0;
+  }
+  K->a[own] = rows->held[r] ? 1.0 : rows->spring[rows->top + r] + K->a[own];
+  return nz;
+}
+
 /*
    The operator of subdomain s with springs, and blocks: symmetric matrices of entries of the copy arrays. Rows and
    columns held[], of all copies, are those of the identity. LatinSparseReset_Private() frees it.
@@ -178,6 +205,11 @@ PetscErrorCode LatinSparseCreate_Private(const LatinSubdomains *sub, PetscInt s,
   PetscCall(PetscMalloc3(most, &gathered.node, most, &gathered.slot, bs * bs * most, &gathered.value));
   PetscCall(PetscCalloc1(nodes, &gathered.place));
   for (PetscInt i = 0; i < nodes; i++) {
+    if (sub->ki && bs == 1 && rows.part_first[i] == rows.part_first[i + 1]) {
+      K->i[i] = nz;
+      nz      = LatinMatrixRow(&rows, i, K, nz);
+      continue;
+    }
     LatinNodeGather(&rows, i, &gathered);
     PetscCall(PetscSortIntWithArray(gathered.n, gathered.node, gathered.slot));
     for (PetscInt c = 0; c < bs; c++) {
