@@ -280,6 +280,10 @@ OTHERS = {
         "A dense factor of 1536 rows has 19 MB and takes 1.2 Gflop; a sparse one of a larger group does less work.",
     ),
     "LATIN_REDUNDANT": ("rows", "A parallel factor of so few rows is all messages: each rank factors the whole."),
+    "LATIN_COARSE_LEFT": (
+        "relative energy",
+        "As much as a factor in single precision may leave (`LATIN_ROUNDED_LEFT`): the next stage corrects both.",
+    ),
     "LATIN_INVERSE_ROWS": ("rows", "The inverse has 2 MB, about a second-level cache."),
     "LATIN_INVERSE_RUN": (
         "subdomains",
@@ -302,6 +306,11 @@ OTHERS = {
     "LATIN_HOMOGENISE_COLUMNS": (
         "right-hand sides",
         "Bounds the work space of condensation to 16 copies of the displacements.",
+    ),
+    "LATIN_HOMOGENISE_ROOM": (
+        "numbers",
+        "8 MB of right-hand sides: 64 columns up to 15,600 rows. Elasticity 24^3 on 8 ranks: condensation 52 ms,"
+        " with 16 columns 81.",
     ),
     "LATIN_MATE_COLUMNS": ("numbers", "Exchanged in one message: few messages, work space of 16 numbers a dof."),
     "LATIN_HISTORY": ("linear stages", "Kept indicators and errors take 32 MB at most."),

@@ -15,27 +15,27 @@ static void LatinCoarseTouching(const LatinElements *elements, PetscInt rows, co
 }
 
 /*
-   The elements' operators, added up in a matrix of this rank; at[]: where their dofs are in it. A row is added up in an
-   array and goes to its column, for the matrix is symmetric: so the columns of each row come in order.
+   The elements' operators, added up by rows on this rank; at[]: where their dofs are. A row is added up in an array and
+   goes to its column, for the matrix is symmetric: so the columns of each row come in order. upper: none left of the diagonal
 */
-static PetscErrorCode LatinCoarseLocal_Private(const LatinElements *elements, PetscInt rows, const PetscInt at[], Mat *K)
+static PetscErrorCode LatinCoarseLocal_Private(const LatinElements *elements, PetscInt rows, const PetscInt at[], PetscBool upper, LatinPart *part)
 {
   const PetscInt entries = elements->offset[elements->n];
-  PetscInt      *start, *list, *of, *seen, *column, *next, *ki, *kj;
-  PetscScalar   *sum, *ka = NULL;
+  PetscInt      *start, *list, *of, *seen, *column, *next;
+  PetscScalar   *sum;
 
   PetscFunctionBegin;
   PetscCall(PetscMalloc7(rows + 2, &start, entries, &list, entries, &of, rows, &seen, rows, &column, rows + 1, &next, rows, &sum));
   LatinCoarseTouching(elements, rows, at, start, list);
   for (PetscInt s = 0; s < elements->n; s++)
     for (PetscInt i = elements->offset[s]; i < elements->offset[s + 1]; i++) of[i] = s;
-  PetscCall(PetscMalloc1(rows + 1, &ki));
-  ki[0] = 0;
-  kj    = NULL;
+  *part = (LatinPart){.rows = rows};
+  PetscCall(PetscMalloc1(rows + 1, &part->i));
+  part->i[0] = 0;
   for (PetscInt pass = 0; pass < 2; pass++) { /* the first one counts */
     for (PetscInt r = 0; r < rows; r++) seen[r] = -1;
     for (PetscInt r = 0; r < rows; r++) {
-      PetscInt n = 0;
+      PetscInt n = 0, above = 0;
 
       for (PetscInt p = start[r]; p < start[r + 1]; p++) {
         const PetscInt   s = of[list[p]], first = elements->offset[s], m = elements->offset[s + 1] - first;
@@ -48,58 +48,50 @@ static PetscErrorCode LatinCoarseLocal_Private(const LatinElements *elements, Pe
             seen[c]     = r;
             column[n++] = c;
             sum[c]      = H[j];
+            above += c < r ? 1 : 0;
           } else sum[c] += H[j];
         }
       }
-      if (!pass) ki[r + 1] = ki[r] + n;
+      if (!pass) part->i[r + 1] = part->i[r] + n - (upper ? above : 0);
       for (PetscInt k = 0; k < n && pass; k++) {
-        kj[next[column[k]]]   = r;
-        ka[next[column[k]]++] = sum[column[k]];
+        if (upper && column[k] > r) continue;
+        part->j[next[column[k]]]   = r;
+        part->a[next[column[k]]++] = sum[column[k]];
       }
     }
     if (pass) break;
-    PetscCall(PetscMalloc2(ki[rows], &kj, ki[rows], &ka));
-    PetscCall(PetscArraycpy(next, ki, rows + 1));
+    PetscCall(PetscMalloc2(part->i[rows], &part->j, part->i[rows], &part->a));
+    PetscCall(PetscArraycpy(next, part->i, rows + 1));
   }
   PetscCall(PetscFree7(start, list, of, seen, column, next, sum));
-  PetscCall(MatCreate(PETSC_COMM_SELF, K));
-  PetscCall(MatSetSizes(*K, rows, rows, rows, rows));
-  PetscCall(MatSetType(*K, MATSEQAIJ));
-  PetscCall(MatSeqAIJSetPreallocationCSR(*K, ki, kj, ka));
-  PetscCall(PetscFree2(kj, ka));
-  PetscCall(PetscFree(ki));
   PetscFunctionReturn(0);
 }
 
-/* The parts K of the ranks with these global numbers, added up in a new matrix. Collective on sub->object */
-static PetscErrorCode LatinCoarseSum_Private(const LatinCoarse *coarse, Mat K, const PetscInt number[], Mat *A)
+/* The matrix of one rank with these rows */
+static PetscErrorCode LatinCoarseMatrix_Private(const LatinPart *part, Mat *K)
 {
-  const PetscInt    *i, *j;
-  PetscInt           n, *ki, *kj;
-  PetscBool          done;
-  const PetscScalar *a;
-  PetscScalar       *ka;
-  PetscLayout        rows;
+  PetscFunctionBegin;
+  PetscCall(MatCreate(PETSC_COMM_SELF, K));
+  PetscCall(MatSetSizes(*K, part->rows, part->rows, part->rows, part->rows));
+  PetscCall(MatSetType(*K, MATSEQAIJ));
+  PetscCall(MatSeqAIJSetPreallocationCSR(*K, part->i, part->j, part->a));
+  PetscFunctionReturn(0);
+}
+
+/* The parts of the ranks with these global numbers, which it frees, added up in a new matrix. Collective on sub->object */
+static PetscErrorCode LatinCoarseSum_Private(const LatinCoarse *coarse, LatinPart *part, const PetscInt number[], Mat *A)
+{
+  PetscLayout rows;
 
   PetscFunctionBegin;
-  PetscCall(MatGetRowIJ(K, 0, PETSC_FALSE, PETSC_FALSE, &n, &i, &j, &done));
-  PetscCheck(done, PETSC_COMM_SELF, PETSC_ERR_PLIB, "The rows of the coarse matrix cannot be read");
-  PetscCall(MatSeqAIJGetArrayRead(K, &a));
-  PetscCall(PetscMalloc1(n + 1, &ki));
-  PetscCall(PetscMalloc2(i[n], &kj, i[n], &ka));
-  PetscCall(PetscArraycpy(ki, i, n + 1));
-  PetscCall(PetscArraycpy(kj, j, i[n]));
-  PetscCall(PetscArraycpy(ka, a, i[n]));
   PetscCall(PetscLayoutCreateFromSizes(PetscObjectComm(coarse->sub->object), coarse->top_local, coarse->top_size, 1, &rows));
-  PetscCall(LatinRowsSum_Private(rows, n, number, ki, kj, ka, A));
+  PetscCall(LatinRowsSum_Private(rows, number, part, coarse->upper, A));
   PetscCall(PetscLayoutDestroy(&rows));
-  PetscCall(MatSeqAIJRestoreArrayRead(K, &a));
-  PetscCall(MatRestoreRowIJ(K, 0, PETSC_FALSE, PETSC_FALSE, &n, &i, &j, &done));
   PetscFunctionReturn(0);
 }
 
-/* A matrix of which each rank has a part K with these global numbers; apart: a MATIS. Collective on sub->object */
-static PetscErrorCode LatinCoarseCreate_Private(LatinCoarse *coarse, Mat K, PetscInt n, const PetscInt number[])
+/* A matrix of which each rank has a part with these global numbers; K: the same as a matrix, for a MATIS and on one rank. Collective on sub->object */
+static PetscErrorCode LatinCoarseCreate_Private(LatinCoarse *coarse, LatinPart *part, Mat K, PetscInt n, const PetscInt number[])
 {
   MPI_Comm               comm = PetscObjectComm(coarse->sub->object);
   PetscMPIInt            ranks;
@@ -118,15 +110,15 @@ static PetscErrorCode LatinCoarseCreate_Private(LatinCoarse *coarse, Mat K, Pets
     PetscCall(PetscObjectReference((PetscObject)K));
     coarse->A = K;
   } else {
-    PetscCall(LatinCoarseSum_Private(coarse, K, number, &coarse->A));
+    PetscCall(LatinCoarseSum_Private(coarse, part, number, &coarse->A));
   }
   PetscCall(MatSetOption(coarse->A, MAT_SYMMETRIC, PETSC_TRUE));
   PetscCall(MatSetOption(coarse->A, MAT_SPD, PETSC_TRUE));
   PetscFunctionReturn(0);
 }
 
-/* The values of K in the matrix of an earlier set-up, of the same pattern. Collective on sub->object */
-static PetscErrorCode LatinCoarseValues_Private(LatinCoarse *coarse, Mat K)
+/* The values of the parts in the matrix of an earlier set-up, of the same pattern. Collective on sub->object */
+static PetscErrorCode LatinCoarseValues_Private(LatinCoarse *coarse, LatinPart *part, Mat K)
 {
   PetscMPIInt ranks;
   Mat         sum;
@@ -139,7 +131,7 @@ static PetscErrorCode LatinCoarseValues_Private(LatinCoarse *coarse, Mat K)
     PetscCall(MatAssemblyEnd(coarse->A, MAT_FINAL_ASSEMBLY));
     if (coarse->apart) PetscCall(PetscObjectStateIncrease((PetscObject)coarse->A));
   } else {
-    PetscCall(LatinCoarseSum_Private(coarse, K, coarse->number, &sum));
+    PetscCall(LatinCoarseSum_Private(coarse, part, coarse->number, &sum));
     PetscCall(MatCopy(sum, coarse->A, SAME_NONZERO_PATTERN));
     PetscCall(MatDestroy(&sum));
   }
@@ -171,30 +163,36 @@ static PetscErrorCode LatinCoarseSame_Private(const LatinCoarse *coarse, Mat K, 
 
 /*
    Sets coarse.A, sum_E c_E^t H_E c_E over the elements; apart: with the part of each rank by itself, a MATIS. *same: it is that of
-   the last set-up with new values. Collective on sub->object
+   the last set-up with new values. What is kept of the parts is for a set-up that is followed by others. Operators that
+   nothing else needs are freed. Collective on sub->object
 */
-PetscErrorCode LatinCoarseAssemble_Private(LatinCoarse *coarse, PetscBool *same)
+PetscErrorCode LatinCoarseAssemble_Private(LatinCoarse *coarse, LatinHomogenised *stiffness, PetscBool *same)
 {
   const LatinElements *top     = &coarse->top;
   const PetscInt       entries = top->offset[top->n];
   PetscInt            *number, *at, n = entries;
-  Mat                  K;
+  PetscMPIInt          ranks;
+  LatinPart            part;
+  Mat                  K = NULL;
 
   PetscFunctionBegin;
+  PetscCallMPI(MPI_Comm_size(PetscObjectComm(coarse->sub->object), &ranks));
   PetscCall(PetscMalloc1(entries, &number));
   PetscCall(PetscMalloc1(entries, &at));
   PetscCall(PetscArraycpy(number, coarse->top_global, entries));
   PetscCall(PetscSortRemoveDupsInt(&n, number));
   for (PetscInt i = 0; i < entries; i++) PetscCall(PetscFindInt(coarse->top_global[i], n, number, &at[i]));
-  PetscCall(LatinCoarseLocal_Private(top, n, at, &K));
+  PetscCall(LatinCoarseLocal_Private(top, n, at, coarse->upper, &part));
+  if (stiffness->once) PetscCall(PetscFree(stiffness->H));
   for (PetscInt s = 0; s < top->n; s++) PetscCall(PetscLogFlops(PetscSqr((PetscLogDouble)(top->offset[s + 1] - top->offset[s]))));
   PetscCall(PetscFree(at));
+  if (coarse->apart || ranks == 1 || coarse->sub->preconditions) PetscCall(LatinCoarseMatrix_Private(&part, &K));
   PetscCall(LatinCoarseSame_Private(coarse, K, n, number, same));
-  if (*same) PetscCall(LatinCoarseValues_Private(coarse, K));
+  if (*same) PetscCall(LatinCoarseValues_Private(coarse, &part, K));
   else {
     PetscCall(MatDestroy(&coarse->A));
     PetscCall(MatDestroy(&coarse->part));
-    PetscCall(LatinCoarseCreate_Private(coarse, K, n, number));
+    PetscCall(LatinCoarseCreate_Private(coarse, &part, K, n, number));
     if (coarse->sub->preconditions) {
       PetscCall(PetscObjectReference((PetscObject)K));
       PetscCall(PetscFree(coarse->number));
@@ -205,6 +203,7 @@ PetscErrorCode LatinCoarseAssemble_Private(LatinCoarse *coarse, PetscBool *same)
     }
   }
   PetscCall(MatDestroy(&K));
+  PetscCall(LatinPartFree_Private(&part));
   PetscCall(PetscFree(number));
   PetscFunctionReturn(0);
 }

@@ -5,7 +5,8 @@
    corresponding forces (25), (39), (41). What the options choose for its solver decides on the form of its matrix.
 */
 
-#define LATIN_REDUNDANT 1500 /* most rows of a parallel matrix that every rank factors by itself */
+#define LATIN_REDUNDANT   1500 /* most rows of a parallel matrix that every rank factors by itself */
+#define LATIN_COARSE_LEFT 0.01 /* of a displacement, in energy: what an iteration leaves to the next linear stage, which solves for it */
 
 /* The solver, of the types that the options choose, before there is a matrix */
 static PetscErrorCode LatinCoarseOptions_Private(LatinCoarse *coarse)
@@ -24,6 +25,30 @@ static PetscErrorCode LatinCoarseOptions_Private(LatinCoarse *coarse)
   PetscCall(LatinSolverDirect_Private(coarse->ksp, &direct));
   coarse->apart     = (PetscBool)(coarse->apart || fetidp);
   coarse->iterative = (PetscBool)(coarse->apart || !direct);
+  PetscFunctionReturn(0);
+}
+
+/*
+   A factorisation by MUMPS takes half of the matrix, and so is half sent and stored. Not where each rank factors the whole
+   by itself. Not collective
+*/
+static PetscErrorCode LatinCoarseHalf_Private(LatinCoarse *coarse)
+{
+  const char *package = MATSOLVERMUMPS;
+  char        given[64];
+  PetscBool   cholesky, type, named, mumps = PETSC_TRUE;
+  PetscMPIInt size;
+  PetscObject pc;
+
+  PetscFunctionBegin;
+  PetscCall(KSPGetPC(coarse->ksp, (PC *)&pc));
+  PetscCallMPI(MPI_Comm_size(PetscObjectComm(pc), &size));
+  PetscCall(PetscObjectTypeCompare(pc, PCCHOLESKY, &cholesky));
+  PetscCall(PetscOptionsHasName(pc->options, pc->prefix, "-pc_type", &type));
+  PetscCall(PetscOptionsGetString(pc->options, pc->prefix, "-pc_factor_mat_solver_type", given, sizeof(given), &named));
+  if (named) PetscCall(PetscStrcmp(given, package, &mumps));
+  if (mumps) PetscCall(MatSolverTypeGet(package, MATMPISBAIJ, MAT_FACTOR_CHOLESKY, NULL, &mumps, NULL));
+  coarse->upper = (PetscBool)(size > 1 && cholesky && mumps && (type || named || coarse->top_size > LATIN_REDUNDANT));
   PetscFunctionReturn(0);
 }
 
@@ -60,6 +85,21 @@ static PetscErrorCode LatinCoarseDirect_Private(LatinCoarse *coarse)
   PetscFunctionReturn(0);
 }
 
+/* Defaults of an iteration: is its tolerance ours? Then it is of the energy. Collective on coarse->ksp */
+static PetscErrorCode LatinCoarseIterates_Private(LatinCoarse *coarse)
+{
+  const PetscObject ksp = (PetscObject)coarse->ksp;
+  PetscBool         type, rtol;
+
+  PetscFunctionBegin;
+  PetscCall(LatinSolverDefaults_Private(coarse->ksp, coarse->sub->preconditions));
+  PetscCall(PetscOptionsHasName(ksp->options, ksp->prefix, "-ksp_type", &type));
+  PetscCall(PetscOptionsHasName(ksp->options, ksp->prefix, "-ksp_rtol", &rtol));
+  coarse->loose = (PetscBool)(coarse->iterative && !coarse->sub->preconditions && !type && !rtol);
+  if (coarse->loose) PetscCall(KSPSetNormType(coarse->ksp, KSP_NORM_NATURAL));
+  PetscFunctionReturn(0);
+}
+
 /* The matrix and its solver go */
 static PetscErrorCode LatinCoarseForget_Private(LatinCoarse *coarse)
 {
@@ -76,7 +116,7 @@ static PetscErrorCode LatinCoarseForget_Private(LatinCoarse *coarse)
    repeat are condensed for direct solvers, for they fill the matrix; a PC latin, BDDC and FETI-DP take the part of each
    rank by itself. Collective on sub->object
 */
-PetscErrorCode LatinCoarseSetUp(LatinCoarse *coarse, const LatinHomogenised *stiffness)
+PetscErrorCode LatinCoarseSetUp(LatinCoarse *coarse, LatinHomogenised *stiffness)
 {
   const PetscInt  dim  = coarse->sub->dim;
   const PetscBool kept = (PetscBool)(coarse->ksp != NULL);
@@ -91,7 +131,8 @@ PetscErrorCode LatinCoarseSetUp(LatinCoarse *coarse, const LatinHomogenised *sti
   PetscCall(PetscLogEventBegin(LATIN_Coarse, coarse->sub->object, 0, 0, 0));
   if (!kept) PetscCall(LatinCoarseOptions_Private(coarse));
   PetscCall(LatinGroupsSetUp(coarse, stiffness, (PetscBool)!coarse->iterative));
-  PetscCall(LatinCoarseAssemble_Private(coarse, &same));
+  PetscCall(LatinCoarseHalf_Private(coarse));
+  PetscCall(LatinCoarseAssemble_Private(coarse, stiffness, &same));
   if (coarse->iterative) PetscCall(LatinCoarseNear_Private(coarse));
   PetscCall(LatinGroupsFinish(coarse));
   PetscCall(MatCreateVecs(coarse->A, &coarse->sol, &coarse->rhs));
@@ -101,11 +142,11 @@ PetscErrorCode LatinCoarseSetUp(LatinCoarse *coarse, const LatinHomogenised *sti
   }
   if (!same) PetscCall(LatinCoarseDirect_Private(coarse));
   PetscCall(KSPSetOperators(coarse->ksp, coarse->A, coarse->A));
-  if (!same) PetscCall(LatinSolverDefaults_Private(coarse->ksp, coarse->sub->preconditions));
+  if (!same) PetscCall(LatinCoarseIterates_Private(coarse));
   PetscCall(KSPGetPC(coarse->ksp, &pc));
   PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCBDDC, &bddc)); /* multigrid would forget the near null space */
   if (bddc && dim) PetscCall(PCSetCoordinates(pc, dim, coarse->top_local, coarse->x));
-  if (coarse->top_size) PetscCall(LatinFactor_Private(coarse->ksp, coarse->A, NULL, &coarse->status)); /* disconnected structures may be condensed entirely, each a group */
+  if (coarse->top_size) PetscCall(LatinFactor_Private(coarse->ksp, coarse->A, NULL, PETSC_FALSE, &coarse->status)); /* disconnected structures may be condensed entirely, each a group */
   PetscCall(PetscLogEventEnd(LATIN_Coarse, coarse->sub->object, 0, 0, 0));
   PetscFunctionReturn(0);
 }
@@ -122,14 +163,24 @@ static PetscErrorCode LatinCoarseDistribute_Private(LatinCoarse *coarse, Vec v)
   PetscFunctionReturn(0);
 }
 
-/* From the condensed forces q of the subdomains to the coarse displacements u */
-PetscErrorCode LatinCoarseSolve(LatinCoarse *coarse)
+/* An iteration that nobody else has given a tolerance ends early where the next stage solves for what it leaves */
+static PetscErrorCode LatinCoarseTolerance_Private(LatinCoarse *coarse, PetscBool corrected)
+{
+  PetscFunctionBegin;
+  coarse->left = corrected && coarse->loose ? LATIN_COARSE_LEFT : 0.0;
+  if (coarse->loose) PetscCall(KSPSetTolerances(coarse->ksp, corrected ? LATIN_COARSE_LEFT : LATIN_INEXACT_RTOL, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
+  PetscFunctionReturn(0);
+}
+
+/* From the condensed forces q of the subdomains to the coarse displacements u; corrected: what is left of a displacement, coarse->left, the next solve does */
+PetscErrorCode LatinCoarseSolve(LatinCoarse *coarse, PetscBool corrected)
 {
   PetscScalar *b;
   PetscInt     rows;
 
   PetscFunctionBegin;
   if (!coarse->A) PetscFunctionReturn(0);
+  PetscCall(LatinCoarseTolerance_Private(coarse, corrected));
   PetscCall(PetscLogEventBegin(LATIN_Coarse, coarse->sub->object, 0, 0, 0));
   PetscCall(LatinGroupsPass(coarse, PETSC_FALSE));
   PetscCall(VecZeroEntries(coarse->rhs));

@@ -46,6 +46,7 @@ typedef struct {
   Mat       A;
   KSP       ksp;
   PetscBool iterative, apart; /* what the options of ksp choose: an iteration; one that takes the part of each rank by itself */
+  PetscBool loose;            /* the tolerance of an iteration is ours */
   Mat       part;             /* of this rank, of A; NULL: only a preconditioner is set up again */
   PetscInt  parts, *number;   /* [parts] its rows in A */
   /* numbers */
@@ -64,10 +65,12 @@ typedef struct {
   LatinElements     top;                 /* elements of A: subdomains, or groups of them */
   PetscInt          top_local, top_size; /* rows of A: of this rank, all */
   PetscInt         *top_global;          /* [top.offset[top.n]] rows of A */
+  PetscBool         upper;               /* A has its upper triangle alone, which is all that a factorisation takes */
   PetscSF           top_sf;              /* coarse vector -> dofs of the elements here */
   PetscReal        *x;                   /* [top_local][dim] where the unknowns are; not for direct solvers */
   LatinFactorStatus status;              /* of the set-up */
   PetscBool         failed;              /* a solve failed since this was cleared */
+  PetscReal         left;                /* of a displacement, in energy: what the last solve has left, on purpose */
 } LatinCoarse;
 
 /* The homogenised stiffnesses (51) of the subdomains, once for equal ones */
@@ -75,16 +78,24 @@ typedef struct {
   PetscInt  *pattern;  /* [subdomains] borrowed: the subdomain that represents it */
   size_t    *h_offset; /* [subdomains] into H */
   PetscReal *H;        /* column-major */
+  PetscBool  once;     /* nothing but the coarse matrix needs H, and frees it */
 } LatinHomogenised;
 
+/* Rows of a symmetric matrix, their columns ascending */
+typedef struct {
+  PetscInt     rows, *i, *j;
+  PetscScalar *a;
+} LatinPart;
+
 PETSC_INTERN PetscErrorCode LatinCoarseNumber(LatinCoarse *);
-PETSC_INTERN PetscErrorCode LatinCoarseSetUp(LatinCoarse *, const LatinHomogenised *);
-PETSC_INTERN PetscErrorCode LatinCoarseSolve(LatinCoarse *);
+PETSC_INTERN PetscErrorCode LatinCoarseSetUp(LatinCoarse *, LatinHomogenised *);
+PETSC_INTERN PetscErrorCode LatinCoarseSolve(LatinCoarse *, PetscBool corrected);
 PETSC_INTERN PetscErrorCode LatinCoarseExpand_Private(LatinCoarse *, Vec);
 PETSC_INTERN PetscErrorCode LatinCoarseReset(LatinCoarse *);
 PETSC_INTERN PetscErrorCode LatinCoarseRetire(LatinCoarse *);
-PETSC_INTERN PetscErrorCode LatinRowsSum_Private(PetscLayout, PetscInt n, const PetscInt number[], PetscInt *ki, PetscInt *kj, PetscScalar *ka, Mat *);
-PETSC_INTERN PetscErrorCode LatinCoarseAssemble_Private(LatinCoarse *, PetscBool *same);
+PETSC_INTERN PetscErrorCode LatinRowsSum_Private(PetscLayout, const PetscInt number[], LatinPart *, PetscBool upper, Mat *);
+PETSC_INTERN PetscErrorCode LatinPartFree_Private(LatinPart *);
+PETSC_INTERN PetscErrorCode LatinCoarseAssemble_Private(LatinCoarse *, LatinHomogenised *, PetscBool *same);
 PETSC_INTERN PetscErrorCode LatinCoarseNear_Private(LatinCoarse *);
 PETSC_INTERN PetscErrorCode LatinGroupsSetUp(LatinCoarse *, const LatinHomogenised *, PetscBool groups);
 PETSC_INTERN PetscErrorCode LatinGroupsFinish(LatinCoarse *);

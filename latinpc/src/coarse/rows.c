@@ -149,16 +149,25 @@ static PetscErrorCode LatinRowsAdd_Private(PetscLayout map, PetscMPIInt froms, L
   PetscFunctionReturn(0);
 }
 
-/*
-   A, whose rows map shares out: the sum of the parts ki, kj, ka of the ranks, which it frees. Rows and columns of a part have the
-   numbers number[n] in A, ascending; those in a row ascend. Collective on map->comm
-*/
-PetscErrorCode LatinRowsSum_Private(PetscLayout map, PetscInt n, const PetscInt number[], PetscInt *ki, PetscInt *kj, PetscScalar *ka, Mat *A)
+PetscErrorCode LatinPartFree_Private(LatinPart *part)
 {
-  PetscMPIInt  ranks, rank, sends, froms, *to;
-  PetscInt    *info, *size, *first, *oi, *oj;
-  PetscScalar *oa;
-  LatinRows   *from;
+  PetscFunctionBegin;
+  PetscCall(PetscFree2(part->j, part->a));
+  PetscCall(PetscFree(part->i));
+  PetscFunctionReturn(0);
+}
+
+/*
+   A, whose rows map shares out: the sum of the parts of the ranks, which it frees. Rows and columns of a part have the
+   numbers number[part->rows] in A, ascending; those in a row ascend. upper: A has the upper triangle alone, as the parts. Collective on map->comm
+*/
+PetscErrorCode LatinRowsSum_Private(PetscLayout map, const PetscInt number[], LatinPart *part, PetscBool upper, Mat *A)
+{
+  const PetscInt n = part->rows, *ki = part->i;
+  PetscMPIInt    ranks, rank, sends, froms, *to;
+  PetscInt      *info, *size, *first, *oi, *oj;
+  PetscScalar   *oa;
+  LatinRows     *from;
 
   PetscFunctionBegin;
   PetscCallMPI(MPI_Comm_size(map->comm, &ranks));
@@ -168,18 +177,18 @@ PetscErrorCode LatinRowsSum_Private(PetscLayout map, PetscInt n, const PetscInt 
     info[2 * r]     = number[r];
     info[2 * r + 1] = ki[r + 1] - ki[r];
   }
-  for (PetscInt k = 0; k < ki[n]; k++) kj[k] = number[kj[k]];
+  for (PetscInt k = 0; k < ki[n]; k++) part->j[k] = number[part->j[k]];
   PetscCall(LatinRowsTo_Private(map, n, number, ki, &sends, to, size, first));
   PetscCall(LatinRowsFrom_Private(map, sends, to, size, &froms, &from));
-  PetscCall(LatinRowsExchange_Private(map, n, info, ki, kj, ka, sends, to, size, first, froms, from));
+  PetscCall(LatinRowsExchange_Private(map, n, info, ki, part->j, part->a, sends, to, size, first, froms, from));
   PetscCall(LatinRowsAdd_Private(map, froms, from, &oi, &oj, &oa));
   for (PetscMPIInt f = 0; f < froms; f++)
     if (from[f].rank != rank) PetscCall(PetscFree3(from[f].info, from[f].j, from[f].a));
   PetscCall(PetscFree(from));
   PetscCall(PetscFree4(to, size, first, info));
-  PetscCall(PetscFree2(kj, ka));
-  PetscCall(PetscFree(ki));
-  PetscCall(MatCreateMPIAIJWithArrays(map->comm, map->n, map->n, map->N, map->N, oi, oj, oa, A));
+  PetscCall(LatinPartFree_Private(part));
+  if (upper) PetscCall(MatCreateMPISBAIJWithArrays(map->comm, 1, map->n, map->n, map->N, map->N, oi, oj, oa, A));
+  else PetscCall(MatCreateMPIAIJWithArrays(map->comm, map->n, map->n, map->N, map->N, oi, oj, oa, A));
   PetscCall(PetscFree(oi));
   PetscCall(PetscFree2(oj, oa));
   PetscFunctionReturn(0);

@@ -297,12 +297,17 @@ PetscErrorCode LatinCholeskySolveLanes(Mat F, const PetscInt at[], const PetscRe
   PetscFunctionReturn(0);
 }
 
-/* Hands the Schur complement over: it may be as large as the factor, and is used once */
-PetscErrorCode LatinCholeskyGiveSchur(Mat F, Mat *S)
+/* Hands the Schur complement over, S (kept x kept, column-major): it may be as large as the factor, and is used once */
+PetscErrorCode LatinCholeskyGiveSchur(Mat F, PetscReal S[])
 {
+  const LatinSupernodes *data = (const LatinSupernodes *)F->data;
+  const PetscScalar     *s;
+
   PetscFunctionBegin;
-  *S       = F->schur;
-  F->schur = NULL;
+  PetscCall(MatDenseGetArrayRead(F->schur, &s));
+  PetscCall(PetscArraycpy(S, s, (size_t)data->kept * (size_t)data->kept));
+  PetscCall(MatDenseRestoreArrayRead(F->schur, &s));
+  PetscCall(MatDestroy(&F->schur));
   PetscFunctionReturn(0);
 }
 

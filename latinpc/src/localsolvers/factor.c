@@ -130,11 +130,13 @@ static PetscErrorCode LatinSoftestShifted_Private(Mat A, IS kept, Vec v)
   PetscReal    stiffness, largest;
   PetscScalar *a;
   PetscInt     n;
-  PetscBool    found;
+  PetscBool    found, half;
   PetscMPIInt  size;
 
   PetscFunctionBegin;
-  PetscCall(MatDuplicate(A, MAT_COPY_VALUES, &shifted));
+  PetscCall(PetscObjectTypeCompare((PetscObject)A, MATMPISBAIJ, &half));
+  if (half) PetscCall(MatConvert(A, MATMPIAIJ, MAT_INITIAL_MATRIX, &shifted)); /* for a factorisation without symmetry */
+  else PetscCall(MatDuplicate(A, MAT_COPY_VALUES, &shifted));
   if (kept) PetscCall(MatZeroRowsColumnsIS(shifted, kept, 1.0, NULL, NULL));
   PetscCall(VecDuplicate(v, &d));
   PetscCall(MatGetDiagonal(shifted, d));
@@ -253,9 +255,10 @@ static PetscErrorCode LatinRounding_Private(KSP ksp, Mat A, IS kept, PetscReal *
 /*
    Factors A through its KSP. A failure is noted, not raised: other ranks may be waiting. A mechanism, whether it
    stops the factorisation or only shows in the factor, leaves its displacement in status->mode. kept: rows that the
-   factor keeps to the last, or NULL. Collective on A.
+   factor keeps to the last, or NULL; firm: a larger matrix of which this one is a part, with the rest held, has no
+   mechanism. Collective on A.
 */
-PetscErrorCode LatinFactor_Private(KSP ksp, Mat A, IS kept, LatinFactorStatus *status)
+PetscErrorCode LatinFactor_Private(KSP ksp, Mat A, IS kept, PetscBool firm, LatinFactorStatus *status)
 {
   PC        pc;
   PetscBool direct;
@@ -274,7 +277,7 @@ PetscErrorCode LatinFactor_Private(KSP ksp, Mat A, IS kept, LatinFactorStatus *s
   if (status->mechanism) PetscCall(LatinSoftestShifted_Private(A, kept, v));
   else if (direct) {
     PetscCall(LatinRounding_Private(ksp, A, kept, &status->rounding));
-    if (!(status->rounding > 0.0)) PetscCall(LatinSoftest_Private(ksp, A, v, &stiffness));
+    if (!(status->rounding > 0.0) && !firm) PetscCall(LatinSoftest_Private(ksp, A, v, &stiffness));
   }
   if (stiffness < LATIN_MECHANISM) status->mechanism = PETSC_TRUE;
   if (status->mechanism) status->mode = v;

@@ -22,7 +22,7 @@ typedef struct {
 } LatinFactorStatus;
 PETSC_INTERN PetscErrorCode LatinDirectSolverAvailable_Private(Mat, MatSolverType, MatSolverType *, PetscBool *);
 PETSC_INTERN PetscErrorCode LatinDirectSolver_Private(PC, Mat, MatSolverType preferred);
-PETSC_INTERN PetscErrorCode LatinFactor_Private(KSP, Mat, IS kept, LatinFactorStatus *);
+PETSC_INTERN PetscErrorCode LatinFactor_Private(KSP, Mat, IS kept, PetscBool firm, LatinFactorStatus *);
 PETSC_INTERN PetscErrorCode LatinDenseCreate_Private(PetscInt, PetscInt, Mat *);
 PETSC_INTERN PetscErrorCode LatinDenseSolve_Private(KSP, Mat B, Mat X, KSPConvergedReason *failed);
 static inline PetscBool     LatinFactorFailed(const LatinFactorStatus *status)
@@ -45,7 +45,7 @@ PETSC_INTERN PetscErrorCode LatinCholeskyRound(PC, PetscBool large);
 PETSC_INTERN PetscErrorCode LatinCholeskyRounded(PC, PetscBool *);
 PETSC_INTERN PetscErrorCode LatinCholeskyCost(PC, PetscReal *operations, PetscReal *bytes);
 PETSC_INTERN PetscErrorCode LatinCholeskyRefine(PC, Mat);
-PETSC_INTERN PetscErrorCode LatinCholeskyGiveSchur(Mat, Mat *);
+PETSC_INTERN PetscErrorCode LatinCholeskyGiveSchur(Mat, PetscReal S[]);
 PETSC_INTERN PetscErrorCode LatinCholeskySolveLanes(Mat, const PetscInt at[], const PetscReal scale[], const PetscReal b[], PetscReal x[]);
 PETSC_INTERN PetscErrorCode LatinCholeskyForward(Mat, PetscReal g[], PetscReal *energy);
 PETSC_INTERN PetscErrorCode LatinCholeskyBackward(Mat, PetscReal g[], PetscReal *energy);
@@ -98,7 +98,7 @@ typedef struct LatinLocalSolvers {
   PetscBool                       direct;             /* all of them are factorisations */
   LatinSparse                    *rows;               /* of the operators, filled by others */
   const PetscInt                 *kept_offset, *kept; /* [subdomains + 1] entries of the copy arrays that the factors keep to the last; NULL: none */
-  const struct LatinLocalSolvers *like;               /* of the same rows: their order of elimination serves as well; NULL: none */
+  const struct LatinLocalSolvers *like;               /* of the same rows, of which these hold some: their order of elimination serves as well; NULL: none */
   LatinPrecision                  precision;          /* that factors may have: who uses them corrects their solves */
   PetscReal                       rounding;           /* what of a solve the next one corrects, of the factors of this rank; 0: in double precision */
   Mat                            *K, *B, *X;          /* operator; right-hand sides and solutions of some members, dense */

@@ -20,7 +20,7 @@ PetscErrorCode LatinCholeskySolveLanes(Mat F, const PetscInt at[], const PetscRe
   SETERRQ(PETSC_COMM_SELF, PETSC_ERR_PLIB, "No factor of this type can have been made");
 }
 
-PetscErrorCode LatinCholeskyGiveSchur(Mat F, Mat *S)
+PetscErrorCode LatinCholeskyGiveSchur(Mat F, PetscReal S[])
 {
   SETERRQ(PETSC_COMM_SELF, PETSC_ERR_PLIB, "No factor of this type can have been made");
 }

@@ -48,11 +48,13 @@ PetscErrorCode LatinApply_Private(LatinLinear *linear, Vec z, Vec Gz)
   PetscScalar       *b;
 
   PetscFunctionBegin;
-  linear->failed = PETSC_FALSE;
+  linear->failed    = PETSC_FALSE;
+  linear->corrected = PETSC_TRUE;
   PetscCall(VecGetArrayRead(z, &a));
   PetscCall(VecGetArrayWrite(Gz, &b));
   PetscCall(LatinGatherForces_Private(linear, a));
   PetscCall(LatinLinearApply(linear, linear->U));
+  linear->corrected = PETSC_FALSE;
   PetscCall(LatinLocalStage_Private(linear, a, b));
   PetscCall(VecRestoreArrayRead(z, &a));
   PetscCall(VecRestoreArrayWrite(Gz, &b));

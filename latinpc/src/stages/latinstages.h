@@ -43,12 +43,13 @@ typedef struct {
   PetscReal       *outgoing;      /* [sides] work: the data that the mates receive */
   PetscReal       *tension;       /* [nonsmooth] tau_hat of the last local stage; NULL if no link is rigid */
   PetscReal       *rigid_tension; /* [links_local of the structure] tensions of rigid links, of the last LatinReturnTensions_Private(); NULL if there are none */
+  PetscBool        corrected;     /* stages follow each other, each of which solves for what the one before has left */
   PetscBool        failed;        /* an inner solver failed since this was cleared */
   PetscInt         solves;        /* linear stages since the set-up */
   PetscReal        seconds;       /* that these have taken */
   PetscInt         applications;  /* linear stages done since the last reset of the counter */
   PetscReal        energy;        /* of the change that the last linear stage made, where all interfaces are primal */
-  PetscReal        rounded;       /* square of what that stage, in single precision, leaves to the next, in energy */
+  PetscReal        rounded;       /* square of what that stage, in single precision or with a coarse iteration that ends early, leaves to the next, in energy */
   /* of the last local stage */
   PetscReal indicator; /* distance of the two stages, relative */
   PetscReal distance;  /* the same, not divided: square root of an energy */
@@ -63,6 +64,7 @@ PETSC_INTERN PetscErrorCode LatinLinearReset(LatinLinear *);
 /* ---- the same where all interfaces are primal (stages/substructures.c) ---- */
 PETSC_INTERN PetscErrorCode LatinSubstructuresAre(const LatinLinear *, PetscBool *);
 PETSC_INTERN PetscErrorCode LatinSubstructuresStiffness(LatinLinear *);
+PETSC_INTERN PetscErrorCode LatinSubstructuresStiffnessAgain(const LatinLinear *, PetscInt s, PetscReal H[]);
 PETSC_INTERN PetscErrorCode LatinSubstructuresForward(LatinLinear *);
 PETSC_INTERN PetscErrorCode LatinSubstructuresBackward(LatinLinear *, PetscReal U[]);
 

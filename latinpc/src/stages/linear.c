@@ -96,7 +96,8 @@ static PetscErrorCode LatinLinearOffsets_Private(LatinLinear *linear)
     h += m * m;
     phi += linear->substructures ? 0 : m * rows;
   }
-  PetscCall(PetscCalloc1(h, &linear->stiffness.H));
+  linear->stiffness.once = linear->substructures;
+  if (!linear->substructures) PetscCall(PetscCalloc1(h, &linear->stiffness.H));
   PetscCall(PetscMalloc1(phi, &linear->Phi));
   PetscFunctionReturn(0);
 }
@@ -288,7 +289,7 @@ PetscErrorCode LatinLinearApply(LatinLinear *linear, PetscReal U[])
   if (linear->substructures) PetscCall(LatinSubstructuresForward(linear));
   for (PetscInt b = 0; b < linear->batches->n && !linear->substructures; b++) PetscCall(LatinLinearCondense_Private(linear, &linear->batches->batch[b]));
   PetscCall(PetscLogEventEnd(LATIN_Condense, linear->sub->object, 0, 0, 0));
-  PetscCall(LatinCoarseSolve(linear->coarse));
+  PetscCall(LatinCoarseSolve(linear->coarse, (PetscBool)(linear->corrected && linear->substructures)));
   PetscCall(PetscLogEventBegin(LATIN_Linear, linear->sub->object, 0, 0, 0));
   if (linear->substructures) PetscCall(LatinSubstructuresBackward(linear, U));
   for (PetscInt b = 0; b < linear->batches->n && !linear->substructures; b++) {

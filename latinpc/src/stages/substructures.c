@@ -4,7 +4,7 @@
    Substructures: where all interfaces are primal and the local solver is the default, the inside of a subdomain is
    eliminated once. Its Schur complement is H, and a linear stage takes one solve in two halves: forces of the inside go
    to the interfaces, the coarse problem gives the displacements there, those of the inside follow. Nothing dense is
-   kept but H.
+   kept: H goes into the coarse matrix.
 */
 
 PetscErrorCode LatinSubstructuresAre(const LatinLinear *linear, PetscBool *are)
@@ -29,20 +29,38 @@ static PetscErrorCode LatinSubstructuresFactor_Private(const LatinLinear *linear
 /* H of all batches */
 PetscErrorCode LatinSubstructuresStiffness(LatinLinear *linear)
 {
+  size_t room = 0;
+
   PetscFunctionBegin;
   for (PetscInt b = 0; b < linear->batches->n; b++) {
-    const PetscInt     s = linear->batches->batch[b].sub[0], m = linear->coarse->offset[s + 1] - linear->coarse->offset[s];
-    const PetscScalar *S;
-    Mat                F, dense;
+    const PetscInt s = linear->batches->batch[b].sub[0];
 
-    if (!m) continue;
-    PetscCall(LatinSubstructuresFactor_Private(linear, b, &F));
-    PetscCall(LatinCholeskyGiveSchur(F, &dense));
-    PetscCall(MatDenseGetArrayRead(dense, &S));
-    PetscCall(PetscArraycpy(linear->stiffness.H + linear->stiffness.h_offset[s], S, (size_t)m * (size_t)m));
-    PetscCall(MatDenseRestoreArrayRead(dense, &S));
-    PetscCall(MatDestroy(&dense));
+    room += PetscSqr((size_t)(linear->coarse->offset[s + 1] - linear->coarse->offset[s]));
   }
+  PetscCall(PetscMalloc1(room, &linear->stiffness.H));
+  for (PetscInt b = 0; b < linear->batches->n; b++) {
+    const PetscInt s = linear->batches->batch[b].sub[0], m = linear->coarse->offset[s + 1] - linear->coarse->offset[s];
+    Mat            F;
+
+    PetscCall(LatinSubstructuresFactor_Private(linear, b, &F));
+    if (m) PetscCall(LatinCholeskyGiveSchur(F, linear->stiffness.H + linear->stiffness.h_offset[s]));
+  }
+  PetscFunctionReturn(0);
+}
+
+/* H of subdomain s, which has gone into the coarse matrix: its factor is made once more */
+PetscErrorCode LatinSubstructuresStiffnessAgain(const LatinLinear *linear, PetscInt s, PetscReal H[])
+{
+  PetscInt      b = 0;
+  MatFactorInfo info;
+  Mat           F;
+
+  PetscFunctionBegin;
+  while (linear->batches->batch[b].sub[0] != linear->batches->pattern[s]) b++;
+  PetscCall(LatinSubstructuresFactor_Private(linear, b, &F));
+  PetscCall(MatFactorInfoInitialize(&info));
+  PetscCall(MatCholeskyFactorNumeric(F, linear->solvers->K[b], &info));
+  PetscCall(LatinCholeskyGiveSchur(F, H));
   PetscFunctionReturn(0);
 }
 
@@ -82,6 +100,6 @@ PetscErrorCode LatinSubstructuresBackward(LatinLinear *linear, PetscReal U[])
     for (PetscInt m = 0; m < linear->batches->batch[b].members; m++) PetscCall(LatinCholeskyBackward(F, linear->g + sub->bs * sub->node_offset[linear->batches->batch[b].sub[m]], &linear->energy));
   }
   for (PetscInt i = 0; i < sub->bs * sub->copies; i++) U[i] += linear->g[i];
-  linear->rounded = PetscSqr(linear->solvers->rounding) * linear->energy;
+  linear->rounded = (PetscSqr(linear->solvers->rounding) + PetscSqr(linear->coarse->left)) * linear->energy;
   PetscFunctionReturn(0);
 }

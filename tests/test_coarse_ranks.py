@@ -1,0 +1,99 @@
+"""The coarse problem of several ranks: half a matrix for a factorisation, an iteration that stages correct."""
+
+import json
+
+import pytest
+from conftest import ROOT
+
+SCRIPT = """
+import json
+import sys
+import petsc4py
+petsc4py.init([sys.argv[0], "-skip_petscrc"])
+sys.path.insert(0, "TESTS")
+import numpy as np
+from petsc4py import PETSc
+from support import irregular, latin, network
+import latinpc
+
+make, variant, options = sys.argv[1], sys.argv[2], json.loads(sys.argv[3])
+scene = {"irregular": irregular, "network": network}[make]()
+structure = latinpc.Structure.from_scene(scene)
+with latin(scene, structure, variant=variant, stol=1e-9, max_it=500, newton="never", **options) as run:
+    u = structure.create_vec()
+    run.snes.solve(None, u)
+    ksp = latinpc.coarse_ksp(run.snes)
+    a = ksp.getOperators()[0]
+    found = {
+        "reason": int(run.snes.getConvergedReason()),
+        "iterations": run.snes.getIterationNumber(),
+        "type": a.getType(),
+        "inner": ksp.getIterationNumber(),
+        "u": structure.displacements(u).ravel().tolist(),
+        "diagonal": PETSc.Scatter.toAll(a.getDiagonal())[1].getSize(),
+    }
+    x, y = a.createVecs()
+    start, end = x.getOwnershipRange()
+    x.setArray(np.sin(1.0 + np.arange(start, end)))
+    a.mult(x, y)
+    found["product"] = [y.norm(), y.dot(x)]
+PETSc.Sys.Print(json.dumps(found))
+""".replace("TESTS", str(ROOT / "tests"))
+
+
+def run(mpirun, ranks, make, variant, **options):
+    """Solve; what the solver and its coarse problem are."""
+    return json.loads(mpirun(ranks, SCRIPT, make, variant, json.dumps(options)).stdout)
+
+
+def apart(a, b):
+    """Return the largest difference, relative."""
+    return max(abs(x - y) for x, y in zip(a, b, strict=True)) / max(map(abs, b))
+
+
+@pytest.mark.parametrize("ranks", [2, 4])
+@pytest.mark.parametrize("variant", ["primal", "corner"])
+def test_a_factorisation_has_half_the_matrix(mpirun, ranks, variant):
+    """Cholesky by MUMPS gets the upper triangle, which is the matrix that others get, and finds the same."""
+    half = run(mpirun, ranks, "irregular", variant, coarse_pc_type="cholesky")
+    whole = run(mpirun, ranks, "irregular", variant, coarse_pc_type="lu", coarse_pc_factor_mat_solver_type="mumps")
+    assert (half["type"], whole["type"]) == ("mpisbaij", "mpiaij")
+    assert half["product"] == pytest.approx(whole["product"], rel=1e-12)
+    assert half["iterations"] == whole["iterations"]
+    assert apart(half["u"], whole["u"]) < 1e-10
+
+
+@pytest.mark.parametrize("ranks", [2, 4])
+def test_a_mechanism_is_found_with_half_a_matrix(mpirun, ranks):
+    """A structure that nothing supports: the error names it, on all ranks."""
+    script = """
+import sys
+sys.path.insert(0, "TESTS")
+import pytest
+from support import irregular, latin
+import latinpc
+
+scene = irregular()
+held = scene.fixed.all(axis=1)
+scene.fixed[:] = False
+scene.fixed[held.argmax()] = True
+structure = latinpc.Structure.from_scene(scene)
+with latin(scene, structure, variant="primal", coarse_pc_type="cholesky", newton="never") as run:
+    with pytest.raises(Exception, match="mechanism.*Nodes that move"):
+        run.snes.setUp()
+""".replace("TESTS", str(ROOT / "tests"))
+    mpirun(ranks, script)
+
+
+@pytest.mark.parametrize("ranks", [2, 4])
+@pytest.mark.parametrize("make", ["irregular", "network"])
+def test_stages_correct_an_iteration_that_ends_early(mpirun, ranks, make):
+    """An iteration in the coarse problem takes few steps a stage, and few stages more; a tolerance given counts."""
+    exact = run(mpirun, ranks, make, "primal")
+    early = run(mpirun, ranks, make, "primal", coarse_pc_type="latin")
+    tight = run(mpirun, ranks, make, "primal", coarse_pc_type="latin", coarse_ksp_rtol=1e-12)
+    assert min(exact["reason"], early["reason"], tight["reason"]) > 0
+    assert early["inner"] <= tight["inner"] / 2
+    assert early["iterations"] <= 1.3 * exact["iterations"] + 2
+    assert apart(early["u"], exact["u"]) < 1e-7
+    assert apart(tight["u"], exact["u"]) < 1e-7
