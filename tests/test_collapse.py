@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from petsc4py import PETSc
-from scipy.optimize import linprog
+from scipy.optimize import linprog, nnls
 from support import grid, latin, lattice, solve
 
 import latinpc
@@ -130,6 +130,63 @@ def test_ranks_agree(mpirun, tmp_path):
         found.append((tmp_path / f"{ranks}").read_text())
     assert found[0].startswith(str(Reason.DIVERGED_DTOL))
     assert found[0] == found[1] == found[2]
+
+
+def at(scene, node):
+    """Directions of the forces that admissible tensions of the links of a node make on it, in its free components."""
+    forces = []
+    for (first, second), law, along in zip(scene.links, scene.law, scene.directions, strict=True):
+        for end, pull in ((first, along), (second, -along)):
+            if end == node and law not in COMPRESSION:
+                forces.append(pull)
+            if end == node and law in (*BOTH, *COMPRESSION):
+                forces.append(-pull)
+    return np.array(forces)[:, ~scene.fixed[node]].T
+
+
+def loose(scene):
+    """Nodes whose own links do not bear their load, by non-negative least squares."""
+    found = []
+    for node, load in enumerate(scene.load):
+        load = load[~scene.fixed[node]]
+        if load.any() and nnls(at(scene, node), -load)[1] > 1e-9 * np.linalg.norm(load):
+            found.append(node)
+    return found
+
+
+@pytest.mark.parametrize("dim", [1, 2, 3])
+def test_a_node_by_itself(dim):
+    """One free node of links of all laws, fixed in some directions or none: refused where its links do not bear its load."""
+    rng = np.random.default_rng(dim)
+    laws, ends = [Law.BAR, Law.CABLE, Law.COMPRESSION_ONLY], set()
+    for _ in range(60):
+        m = int(rng.integers(dim + 1, 8))
+        fixed = np.ones((m + 1, dim), bool)
+        fixed[0] = rng.random(dim) < 0.2
+        fixed[0, 0] = False
+        scene = replace(
+            make("chain", links=2), name="node", nodes=np.vstack([np.zeros(dim), rng.normal(size=(m, dim))]),
+            links=np.column_stack([np.zeros(m, int), np.arange(1, m + 1)])[:, :: rng.choice([-1, 1])],
+            law=rng.choice(laws, m, p=[0.1, 0.5, 0.4]), stiffness=10.0 ** rng.uniform(2, 4, m), direction=None,
+            initial_elongation=np.zeros(m), fixed=fixed, prescribed=np.zeros((m + 1, dim)), subdomain=None,
+            load=np.where(fixed, 0.0, rng.normal(size=(m + 1, dim))), metadata={},
+        )  # fmt: skip
+        reason, told, _, _, _ = ended(scene)
+        assert (reason > 0) == (not loose(scene)) == has_equilibrium(scene)
+        assert told == ((0, []) if reason > 0 else (1, [0]))
+        ends.add(reason > 0)
+    assert len(ends) == 2
+
+
+@pytest.mark.parametrize("name", ["network", "grid"])
+def test_loose_nodes_are_refused_without_a_factorisation(name):
+    """Those that linear programs of single nodes find, by no iteration of Newton's method."""
+    scene = cables(kind(name), 0.7, 5)
+    found = loose(scene)
+    reason, (count, nodes), _, linear, _ = ended(scene)
+    assert reason == Reason.DIVERGED_DTOL
+    assert linear == 0
+    assert (count, nodes) == (len(found), found[:8])
 
 
 def test_the_number_of_steps_hardly_depends_on_the_size():

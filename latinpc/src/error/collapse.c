@@ -16,15 +16,10 @@
    are at least F.d / |v| times those that the loads cause where all links are bars. From a number on that is a proof.
 */
 
-#define LATIN_COLLAPSE_STEPS   60                            /* most steps; a network of 19,000 unknowns takes 36 */
-#define LATIN_COLLAPSE_SOFT    LatinByPrecision(1e-10, 1e-4) /* compliance of a link that resists, beside that of the metric, at first; with a hundred times as much some large networks take no end */
-#define LATIN_COLLAPSE_SOFTER  100.0                         /* times that, where the operator is a mechanism to rounding */
-#define LATIN_COLLAPSE_BACK    0.995                         /* part of the way to where a cable would become taut */
-#define LATIN_COLLAPSE_TENSION LatinByPrecision(1e10, 1e4)   /* times the tensions of bars: no equilibrium that rounding leaves anything of has so large ones */
-#define LATIN_COLLAPSE_HELD    LatinByPrecision(1e-7, 1e-4)  /* of the displacements of bars: what is left of d beside them is none */
-
-/* A link resists in traction, in compression, both ways, or not at all */
-enum { WAY_NONE, WAY_TRACTION, WAY_COMPRESSION, WAY_BOTH };
+#define LATIN_COLLAPSE_STEPS  60                            /* most steps; a network of 19,000 unknowns takes 36 */
+#define LATIN_COLLAPSE_SOFT   LatinByPrecision(1e-10, 1e-4) /* compliance of a link that resists, beside that of the metric, at first; with a hundred times as much some large networks take no end */
+#define LATIN_COLLAPSE_SOFTER 100.0                         /* times that, where the operator is a mechanism to rounding */
+#define LATIN_COLLAPSE_BACK   0.995                         /* part of the way to where a cable would become taut */
 
 typedef struct {
   LatinStructure structure;
@@ -44,6 +39,11 @@ typedef struct {
   PetscReal     *w, *rhs; /* [n] weights of links; work */
 } LatinCollapse;
 
+static inline PetscBool LatinCollapseOne(const LatinCollapse *c, PetscInt l)
+{
+  return (PetscBool)(c->way[l] == LATIN_WAY_TRACTION || c->way[l] == LATIN_WAY_COMPRESSION);
+}
+
 /* Which way does a link resist far out? *known is false where it bears a force without resisting, as one that yields */
 static PetscErrorCode LatinCollapseWays_Private(LatinCollapse *c, PetscBool *known)
 {
@@ -52,29 +52,16 @@ static PetscErrorCode LatinCollapseWays_Private(LatinCollapse *c, PetscBool *kno
 
   PetscFunctionBegin;
   for (PetscInt l = 0; l < c->n; l++) {
-    const LatinLaw *law = &LatinLaws[structure->law[l]];
-    PetscInt        way = WAY_NONE;
+    PetscBool bears;
 
-    for (PetscInt side = 0; side < 2; side++) {
-      const PetscInt  of  = side ? WAY_COMPRESSION : WAY_TRACTION;
-      const PetscReal far = side ? -LATIN_FAR : LATIN_FAR;
-
-      if (law->rigid) way |= far * LatinLawSign(structure->law[l]) > 0.0 ? of : 0;
-      else if (law->tangent(structure->stiffness[l], far, law->ctx) > 0.0) way |= of;
-      else if (law->tension(structure->stiffness[l], far, law->ctx) != 0.0) sum[0] += 1.0;
-    }
-    c->way[l] = (char)way;
-    if (way == WAY_TRACTION || way == WAY_COMPRESSION) sum[1] += 1.0;
+    c->way[l] = (char)LatinLinkWay(structure, l, &bears);
+    if (bears) sum[0] += 1.0;
+    if (LatinCollapseOne(c, l)) sum[1] += 1.0;
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
   c->count = sum[1];
   *known   = (PetscBool)(sum[0] == 0.0);
   PetscFunctionReturn(0);
-}
-
-static inline PetscBool LatinCollapseOne(const LatinCollapse *c, PetscInt l)
-{
-  return (PetscBool)(c->way[l] == WAY_TRACTION || c->way[l] == WAY_COMPRESSION);
 }
 
 /* x = the elongations of displacements, positive where a link of one way would resist. Collective */
@@ -83,7 +70,7 @@ static PetscErrorCode LatinCollapseElongations_Private(LatinCollapse *c, Vec d, 
   PetscFunctionBegin;
   PetscCall(LatinStructureElongations_Private(c->structure, NULL, d, x));
   for (PetscInt l = 0; l < c->n; l++)
-    if (c->way[l] == WAY_COMPRESSION) x[l] = -x[l];
+    if (c->way[l] == LATIN_WAY_COMPRESSION) x[l] = -x[l];
   PetscFunctionReturn(0);
 }
 
@@ -92,7 +79,7 @@ static PetscErrorCode LatinCollapseForces_Private(LatinCollapse *c, PetscReal t[
 {
   PetscFunctionBegin;
   for (PetscInt l = 0; l < c->n; l++)
-    if (c->way[l] == WAY_COMPRESSION) t[l] = -t[l];
+    if (c->way[l] == LATIN_WAY_COMPRESSION) t[l] = -t[l];
   PetscCall(LatinStructureForces_Private(c->structure, t, c->d, NULL, r));
   PetscFunctionReturn(0);
 }
@@ -193,7 +180,7 @@ static PetscErrorCode LatinCollapseIterate_Private(LatinCollapse *c, PetscReal *
 
   PetscFunctionBegin;
   for (PetscInt l = 0; l < c->n; l++) {
-    c->w[l]  = c->way[l] == WAY_NONE ? 0.0 : 1.0 / ((LatinCollapseOne(c, l) ? c->s[l] / c->t[l] : 0.0) + c->soft);
+    c->w[l]  = c->way[l] == LATIN_WAY_NONE ? 0.0 : 1.0 / ((LatinCollapseOne(c, l) ? c->s[l] / c->t[l] : 0.0) + c->soft);
     c->ds[l] = c->dt[l] = 0.0;
   }
   PetscCall(LatinCollapseOperator_Private(c));
@@ -221,13 +208,13 @@ static PetscErrorCode LatinCollapseProof_Private(LatinCollapse *c, PetscInt step
 
   PetscFunctionBegin;
   for (PetscInt l = 0; l < c->n; l++) {
-    if (c->way[l] == WAY_BOTH || (c->x[l] > 0.0 && c->way[l] != WAY_NONE)) sum[0] += PetscSqr(c->x[l]);
+    if (c->way[l] == LATIN_WAY_BOTH || (c->x[l] > 0.0 && c->way[l] != LATIN_WAY_NONE)) sum[0] += PetscSqr(c->x[l]);
     sum[1] += PetscSqr(c->x[l]);
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)c->structure)));
   PetscCall(VecDot(c->f, c->d, &push));
   *held  = (PetscBool)(c->left <= LATIN_COLLAPSE_HELD && PetscSqrtReal(sum[1]) <= LATIN_COLLAPSE_HELD);
-  *proof = (PetscBool)(PetscRealPart(push) > LATIN_COLLAPSE_HELD * PetscSqrtReal(sum[1]) && PetscRealPart(push) > LATIN_COLLAPSE_TENSION * PetscSqrtReal(sum[0]));
+  *proof = LatinCollapseProves(PetscRealPart(push), sum[0], sum[1]);
   PetscCall(
     PetscInfo(c->structure, "step %" PetscInt_FMT ": the loads push by %g, and tensions are %g times those of bars at least\n", step, (double)PetscRealPart(push), (double)(sum[0] > 0.0 ? PetscRealPart(push) / PetscSqrtReal(sum[0]) : INFINITY)));
   PetscFunctionReturn(0);

@@ -101,8 +101,39 @@ PETSC_INTERN PetscErrorCode LatinEquilibriumFarkas_Private(LatinStructure, Vec u
 PETSC_INTERN PetscErrorCode LatinEquilibriumJammed_Private(Latin, Vec z, Vec work, LatinEquilibrium *);
 PETSC_INTERN PetscErrorCode LatinStructureSize_Private(LatinStructure, PetscReal *size, PetscReal *prescribed);
 
-/* ---- is there none? (error/collapse.c) ---- */
+/* ---- is there none? (error/loosenodes.c, error/collapse.c) ---- */
+#define LATIN_COLLAPSE_TENSION LatinByPrecision(1e10, 1e4)  /* times the tensions of bars: no equilibrium that rounding leaves anything of has so large ones */
+#define LATIN_COLLAPSE_HELD    LatinByPrecision(1e-7, 1e-4) /* of the displacements of bars: what is left of d beside them is none */
+
+/* Do loads whose tensions have the norm 1 where all links are bars prove by the push F.d that they have no equilibrium? Squares of the elongations that links resist, and of all */
+static inline PetscBool LatinCollapseProves(PetscReal push, PetscReal resisted, PetscReal all)
+{
+  return (PetscBool)(push > LATIN_COLLAPSE_HELD * PetscSqrtReal(all) && push > LATIN_COLLAPSE_TENSION * PetscSqrtReal(resisted));
+}
+
+/* A link resists in traction, in compression, both ways, or not at all */
+enum { LATIN_WAY_NONE, LATIN_WAY_TRACTION, LATIN_WAY_COMPRESSION, LATIN_WAY_BOTH };
+
+/* Which way does a link resist far out? *bears: it has a force where it does not resist, as one that yields */
+static inline PetscInt LatinLinkWay(const LatinStructure structure, PetscInt l, PetscBool *bears)
+{
+  const LatinLaw *law = &LatinLaws[structure->law[l]];
+  PetscInt        way = LATIN_WAY_NONE;
+
+  *bears = PETSC_FALSE;
+  for (PetscInt side = 0; side < 2; side++) {
+    const PetscInt  of  = side ? LATIN_WAY_COMPRESSION : LATIN_WAY_TRACTION;
+    const PetscReal far = side ? -LATIN_FAR : LATIN_FAR;
+
+    if (law->rigid) way |= far * LatinLawSign(structure->law[l]) > 0.0 ? of : 0;
+    else if (law->tangent(structure->stiffness[l], far, law->ctx) > 0.0) way |= of;
+    else if (law->tension(structure->stiffness[l], far, law->ctx) != 0.0) *bears = PETSC_TRUE;
+  }
+  return way;
+}
+
 PETSC_INTERN PetscErrorCode LatinEquilibriumCollapse_Private(LatinStructure, KSP, Mat, Vec more, PetscInt *steps, PetscInt *stages, LatinEquilibrium *);
+PETSC_INTERN PetscErrorCode LatinEquilibriumNodes_Private(LatinStructure, Vec more, LatinEquilibrium *);
 
 /* An estimate compares iterates: displacements that rest while a state creeps look like those of a solution. Forces show otherwise */
 static inline void LatinEstimateLearn(const LatinEquilibrium *found, PetscReal target, LatinEstimate *estimate)

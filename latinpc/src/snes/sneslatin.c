@@ -176,6 +176,11 @@ static PetscErrorCode SNESLatinNewton_Private(SNES snes, PetscBool stall)
   Vec                 step, r;
 
   PetscFunctionBegin;
+  if (stall) PetscCall(LatinEquilibriumNodes_Private(data->latin->sub.structure, snes->vec_rhs, &data->found));
+  if (stall && data->found.verdict == LATIN_UNBOUNDED) {
+    data->next = LATIN_NEXT_DIVERGED;
+    PetscFunctionReturn(0);
+  }
   if (!stall) PetscCall(LatinNewtonOwn_Private(data->latin->sub.structure, &own));
   if (own) newton->stall = PETSC_FALSE;
   newton->target         = SNESLatinEstimates(data) ? data->target : data->stop == LATIN_STOP_RESIDUAL ? 0.0 : snes->stol;
