@@ -132,31 +132,30 @@ def test_ranks_agree(mpirun, tmp_path):
     assert found[0] == found[1] == found[2]
 
 
-def at(scene, node):
-    """Directions of the forces that admissible tensions of the links of a node make on it, in its free components."""
-    forces = []
-    for (first, second), law, along in zip(scene.links, scene.law, scene.directions, strict=True):
-        for end, pull in ((first, along), (second, -along)):
-            if end == node and law not in COMPRESSION:
-                forces.append(pull)
-            if end == node and law in (*BOTH, *COMPRESSION):
-                forces.append(-pull)
-    return np.array(forces)[:, ~scene.fixed[node]].T
-
-
 def loose(scene):
     """Nodes whose own links do not bear their load, by non-negative least squares."""
-    found = []
+    found, at = [], [[] for _ in scene.nodes]
+    for (first, second), law, along in zip(scene.links, scene.law, scene.directions, strict=True):
+        for end, pull in ((first, along), (second, -along)):
+            at[end] += [] if law in COMPRESSION else [pull]
+            at[end] += [-pull] if law in (*BOTH, *COMPRESSION) else []
     for node, load in enumerate(scene.load):
-        load = load[~scene.fixed[node]]
-        if load.any() and nnls(at(scene, node), -load)[1] > 1e-9 * np.linalg.norm(load):
+        free = ~scene.fixed[node]
+        if load[free].any() and nnls(np.array(at[node]).T[free], -load[free])[1] > 1e-9 * np.linalg.norm(load):
             found.append(node)
     return found
 
 
+def parts(nodes, seed):
+    """Make a network cut loose that has bars again at all nodes that their own links do not hold."""
+    scene = cables(replace(make("network", nodes=nodes, seed=seed), subdomain=None), 0.6, seed)
+    bars = np.isin(scene.links, loose(scene)).any(axis=1)
+    return replace(scene, law=np.where(bars, Law.BAR, scene.law))
+
+
 @pytest.mark.parametrize("dim", [1, 2, 3])
 def test_a_node_by_itself(dim):
-    """One free node of links of all laws, fixed in some directions or none: refused where its links do not bear its load."""
+    """One free node, fixed in some directions or none: refused where its links do not bear its load."""
     rng = np.random.default_rng(dim)
     laws, ends = [Law.BAR, Law.CABLE, Law.COMPRESSION_ONLY], set()
     for _ in range(60):
@@ -187,6 +186,34 @@ def test_loose_nodes_are_refused_without_a_factorisation(name):
     assert reason == Reason.DIVERGED_DTOL
     assert linear == 0
     assert (count, nodes) == (len(found), found[:8])
+
+
+@pytest.mark.parametrize("nodes, seed", [(600, 102), (1200, 3)])
+def test_a_part_that_is_loose(nodes, seed):
+    """No node is loose by itself: a linear program says the same of the structure, and few iterations find the part."""
+    scene = parts(nodes, seed)
+    assert not loose(scene)
+    assert not has_equilibrium(scene)
+    reason, (count, _), iterations, _, _ = ended(scene)
+    assert reason == Reason.DIVERGED_DTOL
+    assert 0 < count < len(scene.nodes) / 2
+    assert iterations < 80
+
+
+def test_ranks_agree_on_a_part(mpirun, tmp_path):
+    """The operator of a part, on one rank and on three."""
+    np.save(tmp_path / "law.npy", parts(600, 102).law)
+    program = RANKS.replace("nodes=150", "nodes=600, seed=102").replace(
+        "scene.law[np.random.default_rng(0).random(len(scene.links)) < 0.6] = Law.CABLE",
+        "scene.law[:] = np.load(sys.argv[1] + '.npy')",
+    )
+    found = []
+    for ranks in (1, 3):
+        (tmp_path / f"{ranks}.npy").write_bytes((tmp_path / "law.npy").read_bytes())
+        mpirun(ranks, program, tmp_path / f"{ranks}", "-snes_latin_subdomains", 3)
+        found.append((tmp_path / f"{ranks}").read_text())
+    assert found[0].startswith(str(Reason.DIVERGED_DTOL))
+    assert found[0] == found[1]
 
 
 def test_the_number_of_steps_hardly_depends_on_the_size():

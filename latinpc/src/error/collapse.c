@@ -23,12 +23,14 @@
 
 typedef struct {
   LatinStructure structure;
+  LatinPart     *part; /* of it, or NULL: all; others are held */
   KSP            ksp;
   Mat            A;     /* B^t (1 + W) B */
   Vec            f, d;  /* loads, in the norm of the metric; displacements */
   Vec            r, dd; /* what is without balance, and a step */
   PetscInt       n;     /* links here */
   PetscReal      count; /* links of one way, on all ranks */
+  PetscReal      links; /* all that displacements stretch, on all ranks */
   PetscReal      soft;  /* compliance of a link that resists */
   PetscReal      left;  /* part of the first unbalance that is left */
   PetscInt       stages;
@@ -48,18 +50,22 @@ static inline PetscBool LatinCollapseOne(const LatinCollapse *c, PetscInt l)
 static PetscErrorCode LatinCollapseWays_Private(LatinCollapse *c, PetscBool *known)
 {
   const LatinStructure structure = c->structure;
-  PetscReal            sum[2]    = {0.0, 0.0}; /* links that bear without resisting, links of one way */
+  PetscReal            sum[3]    = {0.0, 0.0, 0.0}; /* links that bear without resisting, links of one way, all */
 
   PetscFunctionBegin;
   for (PetscInt l = 0; l < c->n; l++) {
     PetscBool bears;
 
+    c->way[l] = LATIN_WAY_NONE;
+    if (c->part && !LatinPartHas(structure, c->part, l)) continue;
     c->way[l] = (char)LatinLinkWay(structure, l, &bears);
     if (bears) sum[0] += 1.0;
     if (LatinCollapseOne(c, l)) sum[1] += 1.0;
+    sum[2] += 1.0;
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 3, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
   c->count = sum[1];
+  c->links = sum[2];
   *known   = (PetscBool)(sum[0] == 0.0);
   PetscFunctionReturn(0);
 }
@@ -91,7 +97,8 @@ static PetscErrorCode LatinCollapseSolve_Private(LatinCollapse *c, Vec b, PetscB
   PetscInt           stages;
 
   PetscFunctionBegin;
-  PetscCall(KSPSolve(c->ksp, b, c->dd));
+  if (c->part) PetscCall(LatinPartSolve_Private(c->part, b, c->dd));
+  else PetscCall(KSPSolve(c->ksp, b, c->dd));
   PetscCall(KSPGetConvergedReason(c->ksp, &reason));
   PetscCall(KSPGetIterationNumber(c->ksp, &stages));
   c->stages += stages;
@@ -104,6 +111,10 @@ static PetscErrorCode LatinCollapseOperator_Private(LatinCollapse *c)
 {
   PetscFunctionBegin;
   for (PetscInt l = 0; l < c->n; l++) c->rhs[l] = 1.0 + c->w[l];
+  if (c->part) {
+    PetscCall(LatinPartOperator_Private(c->structure, c->part, c->rhs));
+    PetscFunctionReturn(0);
+  }
   PetscCall(LatinTangentGive_Private(c->structure, c->rhs, c->A));
   PetscCall(KSPSetOperators(c->ksp, c->A, c->A));
   PetscFunctionReturn(0);
@@ -124,7 +135,7 @@ static PetscErrorCode LatinCollapseStart_Private(LatinCollapse *c, PetscBool *fa
   PetscCall(VecScale(c->f, 1.0 / PetscSqrtReal(PetscRealPart(work))));
   PetscCall(VecZeroEntries(c->d));
   c->left = 1.0;
-  for (PetscInt l = 0; l < c->n; l++) c->s[l] = c->t[l] = LatinCollapseOne(c, l) ? 1.0 / PetscSqrtReal((PetscReal)c->structure->links_global) : 0.0;
+  for (PetscInt l = 0; l < c->n; l++) c->s[l] = c->t[l] = LatinCollapseOne(c, l) ? 1.0 / PetscSqrtReal(c->links) : 0.0;
   PetscFunctionReturn(0);
 }
 
@@ -228,7 +239,7 @@ static PetscErrorCode LatinCollapseRun_Private(LatinCollapse *c, PetscInt *steps
   PetscFunctionBegin;
   c->soft = LATIN_COLLAPSE_SOFT;
   PetscCall(LatinCollapseStart_Private(c, &failed));
-  mean = 1.0 / c->structure->links_global;
+  mean = 1.0 / c->links;
   for (*steps = 0; *steps < LATIN_COLLAPSE_STEPS && !failed && !proof && !held;) {
     PetscCall(LatinCollapseIterate_Private(c, &mean, &failed));
     ++*steps;
@@ -241,12 +252,12 @@ static PetscErrorCode LatinCollapseRun_Private(LatinCollapse *c, PetscInt *steps
 
 /*
    The verdict is LATIN_UNBOUNDED where a proof is found that there is no equilibrium; else *found stays. `ksp` solves with
-   the tangent stiffness A of a structure, of LatinTangentCreate_Private(), whose stiffnesses are lost; `more` is a load beside that of the structure, or NULL;
+   the tangent stiffness A of a structure, of LatinTangentCreate_Private(), whose stiffnesses are lost. Of a `part`, whose other nodes are held, the proof is one of the structure; NULL: all. `more` is a load beside that of the structure, or NULL;
    *steps and *stages: what it has taken, factorisations and linear iterations. Collective on structure
 */
-PetscErrorCode LatinEquilibriumCollapse_Private(LatinStructure structure, KSP ksp, Mat A, Vec more, PetscInt *steps, PetscInt *stages, LatinEquilibrium *found)
+PetscErrorCode LatinEquilibriumCollapse_Private(LatinStructure structure, LatinPart *part, KSP ksp, Mat A, Vec more, PetscInt *steps, PetscInt *stages, LatinEquilibrium *found)
 {
-  LatinCollapse c     = {.structure = structure, .ksp = ksp, .A = A, .n = structure->links_local};
+  LatinCollapse c     = {.structure = structure, .part = part, .ksp = part ? part->ksp : ksp, .A = A, .n = structure->links_local};
   PetscBool     known = PETSC_FALSE;
 
   PetscFunctionBegin;

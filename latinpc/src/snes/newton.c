@@ -31,10 +31,13 @@
 #define LATIN_NEWTON_LINEAR   500                            /* most iterations of a linear solve; with a quarter two cases of the catalogue are refused */
 #define LATIN_NEWTON_STEPS    200                            /* most steps; with half as many a case of the catalogue is refused */
 #define LATIN_NEWTON_FULL     12                             /* steps that are taken whole: they end soon if they end at all */
+#define LATIN_NEWTON_SLOW     4                              /* steps after which one that changes more than half as many links as the one before makes equilibrium doubtful */
 #define LATIN_NEWTON_GAIN     0.5                            /* a step that was to bring digits and leaves more of the error has brought none: rounding */
 #define LATIN_NEWTON_DOUBTS   1e8                            /* at most, where a correction is larger still */
 #define LATIN_NEWTON_REST     (64.0 * PETSC_MACHINE_EPSILON) /* a step so small changes links by rounding alone */
 #define LATIN_NEWTON_OWN      3000                           /* unknowns up to which it finishes with operators of its own: six in 3,000 structures next to collapse were wrong without */
+#define LATIN_NEWTON_PART     256                            /* nodes of the first part that is asked by itself whether it is loose */
+#define LATIN_NEWTON_LARGER   4                              /* times those of the next one, whose factor takes some ten times as long */
 #define LATIN_NEWTON_STILL    10                             /* a search that stands still may meet rounding, or a link that is just taut: then it does so again and again */
 
 /* Before the first linear stage of a solve. Collective on structure */
@@ -153,6 +156,26 @@ static PetscErrorCode LatinNewtonProve_Private(SNES snes, LatinNewton *newton, V
   PetscFunctionReturn(0);
 }
 
+/* The parts of the structure that the iteration has moved farthest, larger and larger: is one of them without equilibrium by itself? Collective on newton->snes */
+static PetscErrorCode LatinNewtonParts_Private(LatinNewton *newton, Vec more)
+{
+  LatinPart part;
+  PetscInt  steps, stages;
+  Vec       u;
+
+  PetscFunctionBegin;
+  PetscCall(DMGetGlobalVector(newton->structure->dm, &u));
+  PetscCall(LatinAverage_Private(&newton->latin->linear, u)); /* steps of the method go to and fro */
+  for (PetscInt nodes = LATIN_NEWTON_PART; 2 * nodes <= newton->structure->nodes_global && newton->found.verdict != LATIN_UNBOUNDED; nodes *= LATIN_NEWTON_LARGER) {
+    PetscCall(LatinPartCreate_Private(newton->structure, u, nodes, LATIN_NEWTON_TIGHT, &part));
+    if (part.nodes) PetscCall(LatinEquilibriumCollapse_Private(newton->structure, &part, NULL, NULL, more, &steps, &stages, &newton->found));
+    PetscCall(PetscInfo(newton->snes, "a part of %" PetscInt_FMT " nodes is %sloose\n", part.nodes, newton->found.verdict == LATIN_UNBOUNDED ? "" : "not "));
+    PetscCall(LatinPartDestroy_Private(&part));
+  }
+  PetscCall(DMRestoreGlobalVector(newton->structure->dm, &u));
+  PetscFunctionReturn(0);
+}
+
 /*
    Once a solve, where the method has not come to an end soon: is there an equilibrium at all? What it takes is counted as
    steps of the method. A preconditioner that needs a matrix with entries cannot be asked. Collective on newton->snes
@@ -171,9 +194,11 @@ PetscErrorCode LatinNewtonAsk_Private(LatinNewton *newton, Vec more)
   PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCLATIN, &latin));
   if (newton->asked || !newton->tangent || !latin) PetscFunctionReturn(0);
   newton->asked = PETSC_TRUE;
+  PetscCall(LatinNewtonParts_Private(newton, more));
+  if (newton->found.verdict == LATIN_UNBOUNDED) PetscFunctionReturn(0);
   PetscCall(KSPSetTolerances(ksp, LATIN_NEWTON_TIGHT, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
   PetscCall(SNESGetJacobian(newton->snes, &A, NULL, NULL, NULL));
-  PetscCall(LatinEquilibriumCollapse_Private(newton->structure, ksp, A, more, &steps, &stages, &newton->found));
+  PetscCall(LatinEquilibriumCollapse_Private(newton->structure, NULL, ksp, A, more, &steps, &stages, &newton->found));
   newton->steps += steps;
   newton->stages += stages;
   newton->changes = 1; /* the tangent stiffness is lost */
@@ -200,7 +225,7 @@ static PetscErrorCode LatinNewtonConverged_Private(SNES snes, PetscInt it, Petsc
   LatinNewton   *newton = (LatinNewton *)ctx;
   PetscReal      before = newton->error, lambda = 1.0, energy;
   PetscInt       changes, most, stages;
-  PetscBool      rounding, claims;
+  PetscBool      rounding, claims, slow;
   Vec            u;
   KSP            ksp;
   Mat            P;
@@ -242,8 +267,9 @@ static PetscErrorCode LatinNewtonConverged_Private(SNES snes, PetscInt it, Petsc
   else if (rounding) *reason = SNES_CONVERGED_SNORM_RELATIVE;
   else if (it >= most || newton->stages + stages >= newton->limit) *reason = SNES_DIVERGED_MAX_IT;
   PetscCall(PetscInfo(snes, "step %" PetscInt_FMT ": %" PetscInt_FMT " links have changed, estimated error %g of %g\n", it, changes, (double)newton->error, (double)newton->target));
+  slow            = (PetscBool)(it == LATIN_NEWTON_FULL || (it >= LATIN_NEWTON_SLOW && 2 * changes > newton->changes));
   newton->changes = changes;
-  if (it == LATIN_NEWTON_FULL && !*reason) PetscCall(LatinNewtonAsk_Private(newton, snes->vec_rhs));
+  if (slow && !*reason) PetscCall(LatinNewtonAsk_Private(newton, snes->vec_rhs));
   if (newton->found.verdict == LATIN_UNBOUNDED) *reason = SNES_DIVERGED_DTOL;
   PetscCall(KSPSetTolerances(ksp, changes || newton->tangent ? newton->rtol : LATIN_NEWTON_TIGHT, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
   newton->left = 0.0; /* of a linear solver without a test: a direct one */
