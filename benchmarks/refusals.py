@@ -25,6 +25,7 @@ import numpy as np
 
 NODES, SEEDS = (300, 600, 2000, 7000, 20000), (101, 102, 103)
 FAMILIES, CUT = ("network", "grid"), 0.6  # share of the links that become cables
+UNBOUNDED = -9  # SNES_DIVERGED_DTOL
 STATES = ("holds", "slack", "loose", "parts")
 
 
@@ -128,7 +129,9 @@ def measure(families, nodes, seeds, states, file):
 def cell(rows, state, base):
     """Return the seconds of the refusals of a state, median, and the median and largest ratio to a solve."""
     pairs = [(row[state], row[base]) for row in rows if state in row and base in row]
-    pairs = [(one["seconds"], other["seconds"]) for one, other in pairs if one["reason"] < 0 < other["reason"]]
+    pairs = [
+        (one["seconds"], other["seconds"]) for one, other in pairs if one["reason"] == UNBOUNDED and other["reason"] > 0
+    ]
     if not pairs:
         return "–"
     ratios = [one / other for one, other in pairs]

@@ -188,10 +188,9 @@ def test_loose_nodes_are_refused_without_a_factorisation(name):
     assert (count, nodes) == (len(found), found[:8])
 
 
-@pytest.mark.parametrize("nodes, seed", [(600, 102), (1200, 3)])
-def test_a_part_that_is_loose(nodes, seed):
+def test_a_part_that_is_loose():
     """No node is loose by itself: a linear program says the same of the structure, and few iterations find the part."""
-    scene = parts(nodes, seed)
+    scene = parts(600, 102)
     assert not loose(scene)
     assert not has_equilibrium(scene)
     reason, (count, _), iterations, _, _ = ended(scene)
