@@ -96,6 +96,20 @@ def test_metis_spares_nodes_whatever_their_links():
     assert shared(partition(scene, subdomains=9)) <= 2 * shared(scene.subdomain)
 
 
+@pytest.mark.parametrize("name", SCENES)
+def test_halves_share_few_nodes(name):
+    """Two subdomains with a primal interface: no more nodes between them than METIS leaves, repaired."""
+    scene = SCENES[name]()
+
+    def shared(subdomain):
+        pairs = {(int(v), int(p)) for ends, p in zip(scene.links, subdomain) for v in ends}
+        return sum(n > 1 for n in Counter(v for v, _ in pairs).values())
+
+    halves = partition(scene, subdomains=2, variant="primal")
+    assert shared(halves) <= shared(partition(scene, subdomains=2, variant="corner"))
+    assert np.bincount(halves).max() <= 0.6 * len(halves)
+
+
 def test_a_chain_keeps_its_cuts():
     """In one dimension nothing dangles: one interface node between neighbours, which no repair can spare."""
     assert total(chain(), partition(chain(), subdomains=4)) == 3

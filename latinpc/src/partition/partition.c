@@ -1,8 +1,9 @@
 #include "partition/latinpartition.h"
 
 /*
-   Which subdomain each link belongs to: the caller's partition, or METIS (partition/metis.c), whose cuts are repaired
-   (partition/repair.c); where one rank would hold too much, a partition by all ranks (partition/pieces.c).
+   Which subdomain each link belongs to: the caller's partition, or METIS: halves (partition/halves.c), or any number of
+   subdomains (partition/metis.c), whose cuts are repaired (partition/repair.c); where one rank would hold too much, a
+   partition by all ranks (partition/pieces.c).
 */
 
 /* All of an array on rank 0: *sf takes what each rank has there, and back. Collective on comm */
@@ -44,15 +45,12 @@ static PetscErrorCode LatinCutCreate_Private(LatinStructure structure, LatinCut 
 /* METIS is sequential: rank 0 partitions all links and hands the parts back. Collective on structure */
 static PetscErrorCode LatinPartitionMetis_Private(LatinStructure structure, const LatinPartitionRequest *request, PetscInt parts, PetscInt of_link[])
 {
-  MPI_Comm        comm    = PetscObjectComm((PetscObject)structure);
-  LatinCut        cut     = {.corners = request->corners, .parts = parts, .mean = (PetscReal)structure->links_global / (PetscReal)parts};
-  const PetscReal largest = PetscMax(4 * (PetscReal)structure->links_global, structure->dim * (PetscReal)structure->nodes_global); /* entries of a graph, and of coordinates */
-  PetscInt       *part;
-  int             failed = 0;
+  MPI_Comm  comm = PetscObjectComm((PetscObject)structure);
+  LatinCut  cut  = {.corners = request->corners, .parts = parts, .mean = (PetscReal)structure->links_global / (PetscReal)parts};
+  PetscInt *part;
+  int       failed = 0;
 
   PetscFunctionBegin;
-  LatinAgree(comm, largest > (PetscReal)PETSC_MPI_INT_MAX, PETSC_ERR_SUP, "METIS on one rank cannot take %" PetscInt_FMT " links: give a partition with LatinSetPartition(), or take several ranks and a PETSc with PT-Scotch or ParMETIS",
-             structure->links_global);
   PetscCall(LatinCutCreate_Private(structure, &cut));
   PetscCall(PetscMalloc1(cut.links, &part));
   if (cut.links) {
@@ -63,6 +61,40 @@ static PetscErrorCode LatinPartitionMetis_Private(LatinStructure structure, cons
   PetscCall(LatinSFReduce_Private(cut.link_sf, 1, MPIU_INT, part, of_link, MPI_REPLACE));
   PetscCall(LatinCutDestroy_Private(&cut));
   PetscCall(PetscFree(part));
+  PetscFunctionReturn(0);
+}
+
+/* METIS takes 32-bit graphs. Collective on structure */
+static PetscErrorCode LatinPartitionTakes_Private(LatinStructure structure)
+{
+  const PetscReal largest = PetscMax(4 * (PetscReal)structure->links_global, structure->dim * (PetscReal)structure->nodes_global); /* entries of a graph, and of coordinates */
+
+  PetscFunctionBegin;
+  PetscCheck(largest <= (PetscReal)PETSC_MPI_INT_MAX, PetscObjectComm((PetscObject)structure), PETSC_ERR_SUP,
+             "METIS on one rank cannot take %" PetscInt_FMT " links: give a partition with LatinSetPartition(), or take several ranks and a PETSc with PT-Scotch or ParMETIS", structure->links_global);
+  PetscFunctionReturn(0);
+}
+
+/* The same for two subdomains with a primal interface. Collective on structure */
+static PetscErrorCode LatinPartitionHalves_Private(LatinStructure structure, PetscInt of_link[])
+{
+  MPI_Comm    comm = PetscObjectComm((PetscObject)structure);
+  PetscInt   *ends, *part, links;
+  int         failed = 0;
+  PetscSF     sf;
+  PetscMPIInt rank;
+
+  PetscFunctionBegin;
+  PetscCallMPI(MPI_Comm_rank(comm, &rank));
+  links = rank ? 0 : structure->links_global;
+  PetscCall(PetscMalloc2(2 * links, &ends, links, &part));
+  PetscCall(LatinOnFirstRank_Private(comm, structure->links_local, structure->links_global, &sf));
+  PetscCall(LatinSFBcast_Private(sf, 2, MPIU_INT, structure->nodes, ends));
+  if (links) PetscCall(LatinHalves_Private(structure->nodes_global, links, ends, part, &failed));
+  LatinAgree(comm, failed, PETSC_ERR_LIB, "METIS could not part %" PetscInt_FMT " nodes into halves (METIS status %d)", structure->nodes_global, failed);
+  PetscCall(LatinSFReduce_Private(sf, 1, MPIU_INT, part, of_link, MPI_REPLACE));
+  PetscCall(PetscSFDestroy(&sf));
+  PetscCall(PetscFree2(ends, part));
   PetscFunctionReturn(0);
 }
 
@@ -94,7 +126,11 @@ static PetscErrorCode LatinPartitionMake_Private(LatinStructure structure, const
   PetscCall(LatinPartitionInPieces_Private(structure, request->partitioner, &pieces));
   if (*count == 1) PetscCall(PetscArrayzero(of_link, structure->links_local));
   else if (pieces && *count <= structure->nodes_global) PetscCall(LatinPieces_Private(structure, request, *count, of_link));
-  else PetscCall(LatinPartitionMetis_Private(structure, request, *count, of_link));
+  else {
+    PetscCall(LatinPartitionTakes_Private(structure));
+    if (*count == 2 && request->primal) PetscCall(LatinPartitionHalves_Private(structure, of_link));
+    else PetscCall(LatinPartitionMetis_Private(structure, request, *count, of_link));
+  }
   PetscFunctionReturn(0);
 }
 
