@@ -116,6 +116,18 @@ def test_homogenised_stiffness_is_the_schur_complement(make):
         homogenised(scene, run)
 
 
+@pytest.mark.parametrize("make", [irregular, network])
+def test_nodes_may_be_kept_in_part(make):
+    """Supports that hold one component of the nodes on interfaces, and all of others."""
+    scene = make()
+    rng = np.random.default_rng(5)
+    scene.fixed = scene.fixed | (rng.random(scene.fixed.shape) < 0.1)
+    scene.load = np.where(scene.fixed, 0.0, scene.load)
+    with latin(scene, variant="primal") as run:
+        run.snes.setUp()
+        homogenised(scene, run)
+
+
 @pytest.mark.parametrize("seed", range(12))
 def test_any_rows_may_be_kept(seed):
     """Interfaces anywhere, so that what is left of the tree of elimination without them is no tree in its order."""

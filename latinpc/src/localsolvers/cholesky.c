@@ -2,7 +2,7 @@
 
 /*
    The MatSolverType LATIN_CHOLESKY of sequential matrices: Cholesky by fronts (localsolvers/fronts.c), of CHOLMOD's symbolic
-   analysis. Beside CHOLMOD's own factorisation, which takes as long on one thread: it orders nodes, not degrees of freedom;
+   analysis (localsolvers/analysis.c). Beside CHOLMOD's own factorisation, which takes as long on one thread: it orders nodes, not degrees of freedom;
    the factor may be in single precision; some rows may be kept to the last (MatFactorSetSchurIS()), and give their Schur
    complement; the solve comes in its two halves as well, with the kept rows between them. One elimination of the inside of a
    subdomain so serves all that is done on its interfaces.
@@ -13,179 +13,7 @@
 #if LATIN_CHOLMOD
 
   #include <petsc/private/matimpl.h>
-  #include "localsolvers/fronts.h"
-  #include <cholmod.h>
-
-  #if defined(PETSC_USE_64BIT_INDICES)
-    #define CHOLMOD(name)  cholmod_l_##name
-    #define CHOLMOD_NUMBER CHOLMOD_LONG
-  #else
-    #define CHOLMOD(name)  cholmod_##name
-    #define CHOLMOD_NUMBER CHOLMOD_INT
-  #endif
-
-  #define LATIN_CHOLESKY_FULL    0.25 /* share of entries from which no order is looked for */
-  #define LATIN_CHOLESKY_COUPLED 1.1  /* times the entries of fields apart from each other: from there on elimination fills the blocks of the nodes, which are then analysed whole. Structures: 1.2 (lattice), 1.5 (grid) to 3 */
-
-typedef struct {
-  cholmod_common  common;
-  cholmod_factor *L;                           /* of the symbolic analysis, while that is under way */
-  PetscInt       *order, *first, *begin, *row; /* what the fronts need of it */
-  LatinFronts     fronts;
-  PetscInt        n, kept;   /* the last rows in the order of elimination are kept */
-  PetscBool      *keep;      /* [n] */
-  LatinArithmetic precision; /* that is asked for */
-  PetscReal      *diagonal;  /* [kept] of the matrix */
-} LatinSupernodes;
-
-/* The pattern of a symmetric matrix as CHOLMOD sees it: of both triangles it reads one */
-static void LatinCholeskyWrap(PetscInt n, const PetscInt i[], const PetscInt j[], cholmod_sparse *A)
-{
-  *A = (cholmod_sparse){.nrow = (size_t)n, .ncol = (size_t)n, .nzmax = (size_t)i[n], .p = (void *)i, .i = (void *)j, .stype = 1, .itype = CHOLMOD_NUMBER, .xtype = CHOLMOD_PATTERN, .dtype = CHOLMOD_DOUBLE, .packed = 1};
-}
-
-/* The supernodes for an order of elimination; without one, for minimum degree, or, of a matrix that is nearly full, for the order as it is */
-static PetscErrorCode LatinCholeskyAnalyze_Private(LatinSupernodes *data, cholmod_sparse *A, PetscInt order[], PetscBool postorder)
-{
-  cholmod_common *common = &data->common;
-
-  PetscFunctionBegin;
-  PetscCall(CHOLMOD(free_factor)(&data->L, &data->common) ? 0 : PETSC_ERR_LIB);
-  common->nmethods           = 1;
-  common->method[0].ordering = order ? CHOLMOD_GIVEN : (double)A->nzmax > LATIN_CHOLESKY_FULL * (double)A->nrow * (double)A->ncol ? CHOLMOD_NATURAL : CHOLMOD_AMD;
-  common->postorder          = postorder;
-  common->supernodal         = postorder && data->kept ? CHOLMOD_SIMPLICIAL : CHOLMOD_SUPERNODAL;
-  data->L                    = CHOLMOD(analyze_p)(A, order, NULL, 0, common);
-  PetscCheck(data->L, PETSC_COMM_SELF, PETSC_ERR_LIB, "CHOLMOD could not analyse a matrix of %" PetscInt_FMT " rows (status %d)", data->n, common->status);
-  PetscFunctionReturn(0);
-}
-
-static PetscErrorCode LatinCholeskyReset_Private(LatinSupernodes *data)
-{
-  PetscFunctionBegin;
-  PetscCall(LatinFrontsDestroy(&data->fronts));
-  PetscCall(PetscFree4(data->order, data->first, data->begin, data->row));
-  PetscFunctionReturn(0);
-}
-
-/* The fronts of the supernodes that are there, whose columns are nodes of bs rows each */
-static PetscErrorCode LatinCholeskyFronts_Private(LatinSupernodes *data, PetscInt bs)
-{
-  const PetscInt *perm = (const PetscInt *)data->L->Perm, *super = (const PetscInt *)data->L->super, *begin = (const PetscInt *)data->L->pi, *row = (const PetscInt *)data->L->s;
-  const PetscInt  fronts = (PetscInt)data->L->nsuper, entries = begin[fronts];
-
-  PetscFunctionBegin;
-  PetscCall(LatinCholeskyReset_Private(data));
-  PetscCall(PetscMalloc4(data->n, &data->order, fronts + 1, &data->first, fronts + 1, &data->begin, bs * entries, &data->row));
-  for (PetscInt r = 0; r < data->n; r++) data->order[r] = bs * perm[r / bs] + r % bs;
-  for (PetscInt f = 0; f <= fronts; f++) {
-    data->first[f] = bs * super[f];
-    data->begin[f] = bs * begin[f];
-  }
-  for (PetscInt r = 0; r < bs * entries; r++) data->row[r] = bs * row[r / bs] + r % bs;
-  PetscCall(CHOLMOD(free_factor)(&data->L, &data->common) ? 0 : PETSC_ERR_LIB);
-  PetscCall(LatinFrontsCreate(data->n, data->kept, fronts, data->order, data->first, data->begin, data->row, &data->fronts));
-  PetscFunctionReturn(0);
-}
-
-/* By nodes, whose graph has up to bs^2 times fewer entries, where elimination couples all the unknowns of two nodes: *done. Else nothing */
-static PetscErrorCode LatinCholeskyNodes_Private(LatinSupernodes *data, PetscInt bs, const PetscInt i[], const PetscInt j[], PetscInt order[], PetscBool *done)
-{
-  const PetscInt nodes = data->n / bs;
-  size_t         relaxed[3];
-  PetscInt      *first, *list;
-  cholmod_sparse pattern;
-
-  PetscFunctionBegin;
-  PetscCall(PetscMalloc1(nodes + 1, &first));
-  PetscCall(LatinOrderingNodes_Private(bs, nodes, i, j, first, &list));
-  *done = (PetscBool)(i[data->n] > LATIN_CHOLESKY_COUPLED * bs * first[nodes]);
-  if (*done) {
-    for (PetscInt k = 0; k < nodes; k++) order[k] = order[bs * k] / bs;
-    for (PetscInt k = 0; k < 3; k++) {
-      relaxed[k]             = data->common.nrelax[k];
-      data->common.nrelax[k] = relaxed[k] / (size_t)bs; /* columns, which are nodes here */
-    }
-    LatinCholeskyWrap(nodes, first, list, &pattern);
-    PetscCall(LatinCholeskyAnalyze_Private(data, &pattern, order, PETSC_TRUE));
-    for (PetscInt k = 0; k < 3; k++) data->common.nrelax[k] = relaxed[k];
-    PetscCall(LatinCholeskyFronts_Private(data, bs));
-  }
-  PetscCall(PetscFree(first));
-  PetscCall(PetscFree(list));
-  PetscFunctionReturn(0);
-}
-
-/* By rows. order: NULL, or an order of elimination with what is kept at the end */
-static PetscErrorCode LatinCholeskyRows_Private(LatinSupernodes *data, const PetscInt i[], const PetscInt j[], PetscInt order[])
-{
-  cholmod_sparse pattern;
-
-  PetscFunctionBegin;
-  LatinCholeskyWrap(data->n, i, j, &pattern);
-  PetscCall(LatinCholeskyAnalyze_Private(data, &pattern, order, PETSC_TRUE));
-  if (data->kept) { /* postorder moves what is kept: its rows go back to the end, each after those that it depends on as before */
-    const PetscInt *post = (const PetscInt *)data->L->Perm;
-    PetscInt        at   = 0;
-
-    for (PetscInt r = 0; r < data->n; r++)
-      if (!data->keep[post[r]]) order[at++] = post[r];
-    for (PetscInt r = 0; r < data->n; r++)
-      if (data->keep[r]) order[at++] = r;
-    PetscCall(LatinCholeskyAnalyze_Private(data, &pattern, order, PETSC_FALSE));
-  }
-  PetscCall(LatinCholeskyFronts_Private(data, 1));
-  PetscFunctionReturn(0);
-}
-
-/* An order of elimination of the nodes, *order[n], or NULL where that of CHOLMOD will do; kept with the matrix, and taken from it where it has one already */
-static PetscErrorCode LatinCholeskyOrder_Private(const LatinSupernodes *data, Mat A, PetscInt n, const PetscInt i[], const PetscInt j[], PetscInt **order)
-{
-  const PetscInt *before;
-  PetscInt        bs;
-  IS              is;
-
-  PetscFunctionBegin;
-  *order = NULL;
-  if (!data->kept && (n <= LATIN_LARGE || i[n] >= LATIN_CHOLESKY_FULL * n * n)) PetscFunctionReturn(0);
-  PetscCall(PetscMalloc1(n, order));
-  PetscCall(PetscObjectQuery((PetscObject)A, LATIN_ORDER, (PetscObject *)&is));
-  if (is && !data->kept) {
-    PetscCall(ISGetIndices(is, &before));
-    PetscCall(PetscArraycpy(*order, before, n));
-    PetscCall(ISRestoreIndices(is, &before));
-    PetscFunctionReturn(0);
-  }
-  PetscCall(MatGetBlockSize(A, &bs));
-  PetscCall(LatinOrderNodes_Private(bs, n, i, j, data->keep, *order));
-  if (data->kept) PetscFunctionReturn(0);
-  PetscCall(ISCreateGeneral(PETSC_COMM_SELF, n, *order, PETSC_COPY_VALUES, &is));
-  PetscCall(PetscObjectCompose((PetscObject)A, LATIN_ORDER, (PetscObject)is));
-  PetscCall(ISDestroy(&is));
-  PetscFunctionReturn(0);
-}
-
-static PetscErrorCode LatinCholeskyNumeric_Private(Mat F, Mat A, const MatFactorInfo *info);
-
-static PetscErrorCode LatinCholeskySymbolic_Private(Mat F, Mat A, IS perm, const MatFactorInfo *info)
-{
-  LatinSupernodes *data = (LatinSupernodes *)F->data;
-  const PetscInt  *i, *j;
-  PetscInt         n, bs, *order;
-  PetscBool        done, nodes = PETSC_FALSE;
-
-  PetscFunctionBegin;
-  PetscCall(MatGetRowIJ(A, 0, PETSC_FALSE, PETSC_FALSE, &n, &i, &j, &done));
-  PetscCheck(done, PETSC_COMM_SELF, PETSC_ERR_SUP, "Factorisation %s needs a matrix of type seqaij", LATIN_CHOLESKY);
-  PetscCall(MatGetBlockSize(A, &bs));
-  PetscCall(LatinCholeskyOrder_Private(data, A, n, i, j, &order));
-  if (order && !data->kept && bs > 1) PetscCall(LatinCholeskyNodes_Private(data, bs, i, j, order, &nodes));
-  if (!nodes) PetscCall(LatinCholeskyRows_Private(data, i, j, order));
-  PetscCall(PetscFree(order));
-  PetscCall(MatRestoreRowIJ(A, 0, PETSC_FALSE, PETSC_FALSE, &n, &i, &j, &done));
-  F->ops->choleskyfactornumeric = LatinCholeskyNumeric_Private;
-  PetscFunctionReturn(0);
-}
+  #include "localsolvers/supernodes.h"
 
 /* What a solve takes for the kept rows alone */
 static void LatinCholeskyDiagonal(LatinSupernodes *data, const PetscInt i[], const PetscInt j[], const PetscScalar a[])
@@ -199,12 +27,30 @@ static void LatinCholeskyDiagonal(LatinSupernodes *data, const PetscInt i[], con
   }
 }
 
+/* S: of the Schur complement of all kept rows, the lower triangle of which is given, the rows that are asked for */
+static PetscErrorCode LatinCholeskyAsked_Private(const LatinSupernodes *data, const PetscScalar kept[], PetscScalar S[])
+{
+  const size_t m = (size_t)data->asked;
+  size_t      *at;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMalloc1(m, &at));
+  for (PetscInt row = 0, k = 0, c = 0; c < data->asked; row++) {
+    if (data->ask[c] == row) at[c++] = (size_t)k;
+    if (data->keep[row]) k++;
+  }
+  for (size_t c = 0; c < m; c++)
+    for (size_t r = c; r < m; r++) S[r + m * c] = kept[at[r] + (size_t)data->kept * at[c]];
+  PetscCall(PetscFree(at));
+  PetscFunctionReturn(0);
+}
+
 static PetscErrorCode LatinCholeskyNumeric_Private(Mat F, Mat A, const MatFactorInfo *info)
 {
   LatinSupernodes   *data = (LatinSupernodes *)F->data;
-  const PetscInt    *i, *j, m = data->kept;
+  const PetscInt    *i, *j, m = data->asked;
   const PetscScalar *a;
-  PetscScalar       *S = NULL;
+  PetscScalar       *S = NULL, *kept = NULL;
   PetscInt           n, bad;
   PetscBool          done;
 
@@ -213,10 +59,13 @@ static PetscErrorCode LatinCholeskyNumeric_Private(Mat F, Mat A, const MatFactor
     if (!F->schur) PetscCall(MatCreateSeqDense(PETSC_COMM_SELF, m, m, NULL, &F->schur)); /* given away */
     PetscCall(MatDenseGetArray(F->schur, &S));
   }
+  if (data->kept > m) PetscCall(PetscMalloc1((size_t)data->kept * (size_t)data->kept, &kept));
   PetscCall(MatGetRowIJ(A, 0, PETSC_FALSE, PETSC_FALSE, &n, &i, &j, &done));
   PetscCall(MatSeqAIJGetArrayRead(A, &a));
   LatinCholeskyDiagonal(data, i, j, a);
-  PetscCall(LatinFrontsFactor(&data->fronts, data->precision, i, j, a, S, &bad));
+  PetscCall(LatinFrontsFactor(&data->fronts, data->precision, i, j, a, kept ? kept : S, &bad));
+  if (kept) PetscCall(LatinCholeskyAsked_Private(data, kept, S));
+  PetscCall(PetscFree(kept));
   PetscCall(MatSeqAIJRestoreArrayRead(A, &a));
   PetscCall(MatRestoreRowIJ(A, 0, PETSC_FALSE, PETSC_FALSE, &n, &i, &j, &done));
   for (PetscInt c = 0; c < m; c++)
@@ -224,6 +73,14 @@ static PetscErrorCode LatinCholeskyNumeric_Private(Mat F, Mat A, const MatFactor
   if (m) PetscCall(MatDenseRestoreArray(F->schur, &S));
   F->factorerrortype = bad < 0 ? MAT_FACTOR_NOERROR : MAT_FACTOR_NUMERIC_ZEROPIVOT;
   PetscCall(PetscLogFlops(data->fronts.operations));
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode LatinCholeskySymbolic_Private(Mat F, Mat A, IS perm, const MatFactorInfo *info)
+{
+  PetscFunctionBegin;
+  PetscCall(LatinSupernodesAnalyze((LatinSupernodes *)F->data, A));
+  F->ops->choleskyfactornumeric = LatinCholeskyNumeric_Private;
   PetscFunctionReturn(0);
 }
 
@@ -390,15 +247,15 @@ static PetscErrorCode LatinCholeskyKeep_Private(Mat F, IS is)
   const PetscInt  *rows;
 
   PetscFunctionBegin;
-  PetscCall(ISGetLocalSize(is, &data->kept));
+  PetscCall(ISGetLocalSize(is, &data->asked));
   PetscCall(ISGetIndices(is, &rows));
-  PetscCall(PetscArrayzero(data->keep, data->n));
-  for (PetscInt k = 0; k < data->kept; k++) data->keep[rows[k]] = PETSC_TRUE;
+  PetscCall(PetscFree(data->ask));
+  PetscCall(PetscMalloc1(data->asked, &data->ask));
+  PetscCall(PetscArraycpy(data->ask, rows, data->asked));
   PetscCall(ISRestoreIndices(is, &rows));
-  PetscCall(PetscFree(data->diagonal));
-  PetscCall(PetscMalloc1(data->kept, &data->diagonal));
+  PetscCall(PetscSortInt(data->asked, data->ask));
   PetscCall(MatDestroy(&F->schur));
-  PetscCall(MatCreateSeqDense(PETSC_COMM_SELF, data->kept, data->kept, NULL, &F->schur));
+  PetscCall(MatCreateSeqDense(PETSC_COMM_SELF, data->asked, data->asked, NULL, &F->schur));
   PetscFunctionReturn(0);
 }
 
@@ -438,10 +295,11 @@ static PetscErrorCode LatinCholeskyDestroy_Private(Mat F)
   LatinSupernodes *data = (LatinSupernodes *)F->data;
 
   PetscFunctionBegin;
-  PetscCall(LatinCholeskyReset_Private(data));
+  PetscCall(LatinSupernodesReset(data));
   CHOLMOD(free_factor)(&data->L, &data->common);
   CHOLMOD(finish)(&data->common);
   PetscCall(PetscFree(data->keep));
+  PetscCall(PetscFree(data->ask));
   PetscCall(PetscFree(data->diagonal));
   PetscCall(PetscObjectComposeFunction((PetscObject)F, "MatFactorGetSolverType_C", NULL));
   PetscCall(PetscObjectComposeFunction((PetscObject)F, "MatFactorSetSchurIS_C", NULL));

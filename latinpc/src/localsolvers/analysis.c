@@ -1,0 +1,200 @@
+#include "localsolvers/latinlocalsolvers.h"
+
+/*
+   The symbolic analysis of a sparse matrix, by CHOLMOD: the order of elimination, with the kept rows at its end, and the
+   fronts. Of nodes where it can be, whose graph has up to bs^2 times fewer entries than that of the rows.
+*/
+
+#if LATIN_CHOLMOD
+
+  #include "localsolvers/supernodes.h"
+
+  #define LATIN_CHOLESKY_FULL    0.25 /* share of entries from which no order is looked for */
+  #define LATIN_CHOLESKY_COUPLED 1.1  /* times the entries of fields apart from each other: from there on elimination fills the blocks of the nodes, which are then analysed whole. Structures: 1.2 (lattice), 1.5 (grid) to 3 */
+
+/* The pattern of a symmetric matrix as CHOLMOD sees it: of both triangles it reads one */
+static void LatinCholeskyWrap(PetscInt n, const PetscInt i[], const PetscInt j[], cholmod_sparse *A)
+{
+  *A = (cholmod_sparse){.nrow = (size_t)n, .ncol = (size_t)n, .nzmax = (size_t)i[n], .p = (void *)i, .i = (void *)j, .stype = 1, .itype = CHOLMOD_NUMBER, .xtype = CHOLMOD_PATTERN, .dtype = CHOLMOD_DOUBLE, .packed = 1};
+}
+
+/* The symbolic analysis for an order of elimination; without one, for minimum degree, or, of a matrix that is nearly full, for the order as it is */
+static PetscErrorCode LatinCholeskyAnalyze_Private(LatinSupernodes *data, cholmod_sparse *A, PetscInt order[], PetscBool postorder)
+{
+  cholmod_common *common = &data->common;
+
+  PetscFunctionBegin;
+  PetscCall(CHOLMOD(free_factor)(&data->L, &data->common) ? 0 : PETSC_ERR_LIB);
+  common->nmethods           = 1;
+  common->method[0].ordering = order ? CHOLMOD_GIVEN : (double)A->nzmax > LATIN_CHOLESKY_FULL * (double)A->nrow * (double)A->ncol ? CHOLMOD_NATURAL : CHOLMOD_AMD;
+  common->postorder          = postorder;
+  common->supernodal         = postorder && data->kept ? CHOLMOD_SIMPLICIAL : CHOLMOD_SUPERNODAL;
+  data->L                    = CHOLMOD(analyze_p)(A, order, NULL, 0, common);
+  PetscCheck(data->L, PETSC_COMM_SELF, PETSC_ERR_LIB, "CHOLMOD could not analyse a matrix of %" PetscInt_FMT " rows (status %d)", data->n, common->status);
+  PetscFunctionReturn(0);
+}
+
+/* The supernodes for an order of elimination with the kept rows, or nodes, at the end; keep: NULL, or these */
+static PetscErrorCode LatinCholeskySupernodes_Private(LatinSupernodes *data, cholmod_sparse *A, const PetscBool keep[], PetscInt order[])
+{
+  const PetscInt *post, n = (PetscInt)A->nrow;
+  PetscInt        at = 0;
+
+  PetscFunctionBegin;
+  PetscCall(LatinCholeskyAnalyze_Private(data, A, order, PETSC_TRUE));
+  if (!keep) PetscFunctionReturn(0);
+  /* postorder moves what is kept: it goes back to the end, each after those that it depends on as before */
+  post = (const PetscInt *)data->L->Perm;
+  for (PetscInt r = 0; r < n; r++)
+    if (!keep[post[r]]) order[at++] = post[r];
+  for (PetscInt r = 0; r < n; r++)
+    if (keep[r]) order[at++] = r;
+  PetscCall(LatinCholeskyAnalyze_Private(data, A, order, PETSC_FALSE));
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode LatinSupernodesReset(LatinSupernodes *data)
+{
+  PetscFunctionBegin;
+  PetscCall(LatinFrontsDestroy(&data->fronts));
+  PetscCall(PetscFree4(data->order, data->first, data->begin, data->row));
+  PetscFunctionReturn(0);
+}
+
+/* The fronts of the supernodes that are there, whose columns are nodes of bs rows each */
+static PetscErrorCode LatinCholeskyFronts_Private(LatinSupernodes *data, PetscInt bs)
+{
+  const PetscInt *perm = (const PetscInt *)data->L->Perm, *super = (const PetscInt *)data->L->super, *begin = (const PetscInt *)data->L->pi, *row = (const PetscInt *)data->L->s;
+  const PetscInt  fronts = (PetscInt)data->L->nsuper, entries = begin[fronts];
+
+  PetscFunctionBegin;
+  PetscCall(LatinSupernodesReset(data));
+  PetscCall(PetscMalloc4(data->n, &data->order, fronts + 1, &data->first, fronts + 1, &data->begin, bs * entries, &data->row));
+  for (PetscInt r = 0; r < data->n; r++) data->order[r] = bs * perm[r / bs] + r % bs;
+  for (PetscInt f = 0; f <= fronts; f++) {
+    data->first[f] = bs * super[f];
+    data->begin[f] = bs * begin[f];
+  }
+  for (PetscInt r = 0; r < bs * entries; r++) data->row[r] = bs * row[r / bs] + r % bs;
+  PetscCall(CHOLMOD(free_factor)(&data->L, &data->common) ? 0 : PETSC_ERR_LIB);
+  PetscCall(LatinFrontsCreate(data->n, data->kept, fronts, data->order, data->first, data->begin, data->row, &data->fronts));
+  PetscFunctionReturn(0);
+}
+
+/* By nodes, whose graph has up to bs^2 times fewer entries, where elimination couples all the unknowns of two nodes: *done. Else nothing */
+static PetscErrorCode LatinCholeskyNodes_Private(LatinSupernodes *data, PetscInt bs, const PetscInt i[], const PetscInt j[], PetscInt order[], PetscBool *done)
+{
+  const PetscInt nodes = data->n / bs;
+  size_t         relaxed[3];
+  PetscInt      *first, *list;
+  PetscBool     *keep;
+  cholmod_sparse pattern;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMalloc2(nodes + 1, &first, nodes, &keep));
+  PetscCall(LatinOrderingNodes_Private(bs, nodes, i, j, first, &list));
+  *done = (PetscBool)(i[data->n] > LATIN_CHOLESKY_COUPLED * bs * first[nodes]);
+  if (*done) {
+    for (PetscInt k = 0; k < nodes; k++) {
+      order[k] = order[bs * k] / bs;
+      keep[k]  = data->keep[bs * k];
+    }
+    for (PetscInt k = 0; k < 3; k++) {
+      relaxed[k]             = data->common.nrelax[k];
+      data->common.nrelax[k] = relaxed[k] / (size_t)bs; /* columns, which are nodes here */
+    }
+    LatinCholeskyWrap(nodes, first, list, &pattern);
+    PetscCall(LatinCholeskySupernodes_Private(data, &pattern, data->kept ? keep : NULL, order));
+    for (PetscInt k = 0; k < 3; k++) data->common.nrelax[k] = relaxed[k];
+    PetscCall(LatinCholeskyFronts_Private(data, bs));
+  }
+  PetscCall(PetscFree2(first, keep));
+  PetscCall(PetscFree(list));
+  PetscFunctionReturn(0);
+}
+
+/* By rows. order: NULL, or an order of elimination with what is kept at the end */
+static PetscErrorCode LatinCholeskyRows_Private(LatinSupernodes *data, const PetscInt i[], const PetscInt j[], PetscInt order[])
+{
+  cholmod_sparse pattern;
+
+  PetscFunctionBegin;
+  LatinCholeskyWrap(data->n, i, j, &pattern);
+  PetscCall(LatinCholeskySupernodes_Private(data, &pattern, data->kept ? data->keep : NULL, order));
+  PetscCall(LatinCholeskyFronts_Private(data, 1));
+  PetscFunctionReturn(0);
+}
+
+/* An order of elimination of the nodes, *order[n], or NULL where that of CHOLMOD will do; kept with the matrix, and taken from it where it has one already */
+static PetscErrorCode LatinCholeskyOrder_Private(const LatinSupernodes *data, Mat A, PetscInt n, const PetscInt i[], const PetscInt j[], PetscInt **order)
+{
+  const PetscInt *before;
+  PetscInt        bs;
+  IS              is;
+
+  PetscFunctionBegin;
+  *order = NULL;
+  if (!data->kept && (n <= LATIN_LARGE || i[n] >= LATIN_CHOLESKY_FULL * n * n)) PetscFunctionReturn(0);
+  PetscCall(PetscMalloc1(n, order));
+  PetscCall(PetscObjectQuery((PetscObject)A, LATIN_ORDER, (PetscObject *)&is));
+  if (is && !data->kept) {
+    PetscCall(ISGetIndices(is, &before));
+    PetscCall(PetscArraycpy(*order, before, n));
+    PetscCall(ISRestoreIndices(is, &before));
+    PetscFunctionReturn(0);
+  }
+  PetscCall(MatGetBlockSize(A, &bs));
+  PetscCall(LatinOrderNodes_Private(bs, n, i, j, data->keep, *order));
+  if (data->kept) PetscFunctionReturn(0);
+  PetscCall(ISCreateGeneral(PETSC_COMM_SELF, n, *order, PETSC_COPY_VALUES, &is));
+  PetscCall(PetscObjectCompose((PetscObject)A, LATIN_ORDER, (PetscObject)is));
+  PetscCall(ISDestroy(&is));
+  PetscFunctionReturn(0);
+}
+
+/*
+   Which rows are kept: those that are asked for, and of their nodes those that are coupled to nothing, as prescribed
+   displacements are. *whole: nodes of bs rows are then kept as wholes, or not at all
+*/
+static PetscErrorCode LatinCholeskyKept_Private(LatinSupernodes *data, PetscInt bs, const PetscInt i[], const PetscInt j[], PetscBool *whole)
+{
+  PetscFunctionBegin;
+  *whole     = PETSC_TRUE;
+  data->kept = data->asked;
+  PetscCall(PetscArrayzero(data->keep, data->n));
+  for (PetscInt k = 0; k < data->asked; k++) data->keep[data->ask[k]] = PETSC_TRUE;
+  for (PetscInt k = 0; k < data->asked; k++)
+    for (PetscInt node = data->ask[k] / bs, r = bs * node; r < bs * (node + 1); r++) {
+      if (data->keep[r]) continue;
+      if (i[r + 1] - i[r] > 1 || (i[r + 1] > i[r] && j[i[r]] != r)) *whole = PETSC_FALSE;
+      else {
+        data->keep[r] = PETSC_TRUE;
+        data->kept++;
+      }
+    }
+  PetscCall(PetscFree(data->diagonal));
+  PetscCall(PetscMalloc1(data->kept, &data->diagonal));
+  PetscFunctionReturn(0);
+}
+
+/* The fronts of the factor of A, for the rows that are asked for */
+PetscErrorCode LatinSupernodesAnalyze(LatinSupernodes *data, Mat A)
+{
+  const PetscInt *i, *j;
+  PetscInt        n, bs, *order;
+  PetscBool       done, whole, nodes = PETSC_FALSE;
+
+  PetscFunctionBegin;
+  PetscCall(MatGetRowIJ(A, 0, PETSC_FALSE, PETSC_FALSE, &n, &i, &j, &done));
+  PetscCheck(done, PETSC_COMM_SELF, PETSC_ERR_SUP, "Factorisation %s needs a matrix of type seqaij", LATIN_CHOLESKY);
+  PetscCall(MatGetBlockSize(A, &bs));
+  PetscCall(LatinCholeskyKept_Private(data, bs, i, j, &whole));
+  PetscCall(LatinCholeskyOrder_Private(data, A, n, i, j, &order));
+  if (order && whole && bs > 1) PetscCall(LatinCholeskyNodes_Private(data, bs, i, j, order, &nodes));
+  if (!nodes) PetscCall(LatinCholeskyRows_Private(data, i, j, order));
+  PetscCall(PetscFree(order));
+  PetscCall(MatRestoreRowIJ(A, 0, PETSC_FALSE, PETSC_FALSE, &n, &i, &j, &done));
+  PetscFunctionReturn(0);
+}
+
+#endif
