@@ -83,6 +83,19 @@ def test_a_soft_structure_keeps_double_precision(bays):
     assert far(result.u, solve(scene, precision="double", stol=1e-10).u) < (1e-7 if bays < 1000 else 1e-14)
 
 
+@pytest.mark.parametrize("bays", [10, 1000])
+def test_interfaces_of_a_soft_structure(bays):
+    """The same where single precision leaves its mark on the coarse problem: what a whole stage leaves decides."""
+    scene = beam(bays)
+    scene.subdomain = np.arange(len(scene.links)) * 3 // len(scene.links)
+    with latin(scene, **PRIMAL) as run:
+        run.snes.setUp()
+        assert in_single(run.snes) == [bays < 1000] * 3
+    single, double = (solve(scene, variant="primal", precision=p, stol=1e-10) for p in ("single", "double"))
+    assert single.reason > 0
+    assert far(single.u, double.u) < (1e-7 if bays < 1000 else 1e-14)
+
+
 @pytest.mark.parametrize("factor", [1e-90, 1e90])
 def test_numbers_that_single_precision_cannot_hold(factor):
     """Units far off: the factor is made in double precision, and the solution is the same."""

@@ -151,6 +151,20 @@ PetscErrorCode LatinCoarseSetUp(LatinCoarse *coarse, LatinHomogenised *stiffness
   PetscFunctionReturn(0);
 }
 
+/* The same for other stiffnesses, after it. Collective on sub->object */
+PetscErrorCode LatinCoarseRenew(LatinCoarse *coarse, LatinHomogenised *stiffness)
+{
+  PetscFunctionBegin;
+  PetscCall(LatinGroupsReset(coarse));
+  PetscCall(PetscFree(coarse->x));
+  PetscCall(VecDestroy(&coarse->rhs));
+  PetscCall(VecDestroy(&coarse->sol));
+  PetscCall(VecDestroy(&coarse->status.mode));
+  PetscCall(PetscMemzero(&coarse->status, sizeof(coarse->status)));
+  PetscCall(LatinCoarseSetUp(coarse, stiffness));
+  PetscFunctionReturn(0);
+}
+
 /* The displacements of the elements here, of a vector of the coarse problem */
 static PetscErrorCode LatinCoarseDistribute_Private(LatinCoarse *coarse, Vec v)
 {

@@ -89,6 +89,7 @@ typedef struct {
 
 PETSC_INTERN PetscErrorCode LatinCoarseNumber(LatinCoarse *);
 PETSC_INTERN PetscErrorCode LatinCoarseSetUp(LatinCoarse *, LatinHomogenised *);
+PETSC_INTERN PetscErrorCode LatinCoarseRenew(LatinCoarse *, LatinHomogenised *);
 PETSC_INTERN PetscErrorCode LatinCoarseSolve(LatinCoarse *, PetscBool corrected);
 PETSC_INTERN PetscErrorCode LatinCoarseExpand_Private(LatinCoarse *, Vec);
 PETSC_INTERN PetscErrorCode LatinCoarseReset(LatinCoarse *);

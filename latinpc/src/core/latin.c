@@ -138,6 +138,33 @@ static PetscErrorCode LatinSetUpSubdomains_Private(Latin latin)
   PetscFunctionReturn(0);
 }
 
+/*
+   Factors of subdomains in single precision, which keep their interfaces to the last, serve if the stage that they make
+   leaves little to the next one; else they are made in a higher one, and what follows from them. Collective on latin
+*/
+static PetscErrorCode LatinSetUpPrecision_Private(Latin latin)
+{
+  LatinLocalSolvers *solvers = &latin->solvers;
+  LatinCoarse       *coarse  = &latin->coarse;
+
+  PetscFunctionBegin;
+  while (latin->linear.substructures && coarse->A) {
+    PetscReal most[2] = {solvers->rounding, LatinFactorFailed(&coarse->status) ? 1.0 : 0.0}, left = 1.0;
+
+    PetscCall(MPIU_Allreduce(MPI_IN_PLACE, most, 2, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)latin)));
+    if (!(most[0] > 0.0)) break;
+    if (!(most[1] > 0.0)) PetscCall(LatinSubstructuresLeft(&latin->linear, &left));
+    solvers->rounding = left;
+    if (left < LATIN_ROUNDED_LEFT) break;
+    PetscCall(LatinLocalSolversRefine(solvers));
+    PetscCall(LatinFactorAgree_Private(latin, &solvers->status, solvers->n ? &latin->batches.batch[solvers->last] : NULL, "local"));
+    PetscCall(LatinSubstructuresStiffness(&latin->linear));
+    PetscCall(LatinCoarseRenew(coarse, &latin->linear.stiffness));
+  }
+  PetscCall(LatinFactorAgree_Private(latin, &coarse->status, NULL, "coarse"));
+  PetscFunctionReturn(0);
+}
+
 /* The stages above the subdomains, in order; kept: the interfaces are there */
 static PetscErrorCode LatinSetUpStages_Private(Latin latin, PetscBool kept)
 {
@@ -159,7 +186,7 @@ static PetscErrorCode LatinSetUpStages_Private(Latin latin, PetscBool kept)
   PetscCall(LatinFactorAgree_Private(latin, &solvers->status, solvers->n ? &latin->batches.batch[solvers->last] : NULL, "local"));
   PetscCall(LatinHomogeniseSetUp(&latin->linear));
   PetscCall(LatinCoarseSetUp(&latin->coarse, &latin->linear.stiffness));
-  PetscCall(LatinFactorAgree_Private(latin, &latin->coarse.status, NULL, "coarse"));
+  PetscCall(LatinSetUpPrecision_Private(latin));
   PetscFunctionReturn(0);
 }
 

@@ -209,6 +209,19 @@ PetscErrorCode LatinLocalSolversSetUp(LatinLocalSolvers *solvers, const char nam
   PetscFunctionReturn(0);
 }
 
+/* Makes the factors that are not in double precision in the next higher one. solvers->status says how it ended on this rank */
+PetscErrorCode LatinLocalSolversRefine(LatinLocalSolvers *solvers)
+{
+  PetscFunctionBegin;
+  solvers->rounding = 0.0;
+  for (PetscInt i = 0; i < solvers->n && !LatinFactorFailed(&solvers->status); i++) {
+    PetscCall(LatinFactorRefine_Private(solvers->ksp[i], solvers->K[i], solvers->rest[i], &solvers->status));
+    solvers->rounding = PetscMax(solvers->rounding, solvers->status.rounding);
+    solvers->last     = i;
+  }
+  PetscFunctionReturn(0);
+}
+
 /* U = K^-1 g for the copy arrays of the subdomains of one batch */
 PetscErrorCode LatinLocalSolve_Private(LatinLocalSolvers *solvers, PetscInt i, const PetscReal g[], PetscReal U[])
 {

@@ -5,11 +5,10 @@
    costs nothing, is found whether it stops the factorisation or only shows in the factor.
 */
 
-#define LATIN_SHIFT        LatinByPrecision(1e-8, 1e-4) /* of the diagonal: makes a matrix regular that could not be factored */
-#define LATIN_FIRM         1e6                          /* times LATIN_MECHANISM: one step of inverse iteration leaves no less where there is no mechanism */
-#define LATIN_ROUNDED_LEFT 0.01                         /* of a displacement, in energy: what a solve with a factor in single precision may leave to the next; the worst displacement some ten times that */
-#define LATIN_ROOM         100                          /* work space of MUMPS beyond its own estimate, in percent */
-#define LATIN_ROOM_MOST    6400                         /* percent, after three fourfold increases: where it gives up */
+#define LATIN_SHIFT     LatinByPrecision(1e-8, 1e-4) /* of the diagonal: makes a matrix regular that could not be factored */
+#define LATIN_FIRM      1e6                          /* times LATIN_MECHANISM: one step of inverse iteration leaves no less where there is no mechanism */
+#define LATIN_ROOM      100                          /* work space of MUMPS beyond its own estimate, in percent */
+#define LATIN_ROOM_MOST 6400                         /* percent, after three fourfold increases: where it gives up */
 
 /* The first package with a Cholesky factorisation of A: the preferred one, or another (NULL: none) */
 PetscErrorCode LatinDirectSolverAvailable_Private(Mat A, MatSolverType preferred, MatSolverType *package, PetscBool *found)
@@ -252,6 +251,30 @@ static PetscErrorCode LatinRounding_Private(KSP ksp, Mat A, IS kept, PetscReal *
   PetscFunctionReturn(0);
 }
 
+/* Does the factor of A, if there is one, hold all displacements? The precision that it has is left as it is where rows are kept: who uses their Schur complement measures what both leave. Collective on A */
+static PetscErrorCode LatinFactorCheck_Private(KSP ksp, Mat A, IS kept, PetscBool direct, PetscBool firm, LatinFactorStatus *status)
+{
+  PetscReal stiffness = 1.0;
+  PetscBool rounded   = PETSC_FALSE;
+  PC        pc;
+  Vec       v;
+
+  PetscFunctionBegin;
+  PetscCall(MatCreateVecs(A, &v, NULL));
+  if (status->mechanism) PetscCall(LatinSoftestShifted_Private(A, kept, v));
+  else if (direct) {
+    PetscCall(KSPGetPC(ksp, &pc));
+    if (kept) PetscCall(LatinCholeskyRounded(pc, &rounded));
+    if (rounded) status->rounding = PETSC_SMALL;
+    else PetscCall(LatinRounding_Private(ksp, A, kept, &status->rounding));
+    if (!(status->rounding > 0.0) && !firm) PetscCall(LatinSoftest_Private(ksp, A, v, &stiffness));
+  }
+  if (stiffness < LATIN_MECHANISM) status->mechanism = PETSC_TRUE;
+  if (status->mechanism) status->mode = v;
+  else PetscCall(VecDestroy(&v));
+  PetscFunctionReturn(0);
+}
+
 /*
    Factors A through its KSP. A failure is noted, not raised: other ranks may be waiting. A mechanism, whether it
    stops the factorisation or only shows in the factor, leaves its displacement in status->mode. kept: rows that the
@@ -262,8 +285,6 @@ PetscErrorCode LatinFactor_Private(KSP ksp, Mat A, IS kept, PetscBool firm, Lati
 {
   PC        pc;
   PetscBool direct;
-  PetscReal stiffness = 1.0;
-  Vec       v;
 
   PetscFunctionBegin;
   PetscCall(KSPGetPC(ksp, &pc));
@@ -273,14 +294,27 @@ PetscErrorCode LatinFactor_Private(KSP ksp, Mat A, IS kept, PetscBool firm, Lati
   status->mechanism = (PetscBool)(status->ierr == PETSC_ERR_MAT_CH_ZRPVT || status->ierr == PETSC_ERR_MAT_LU_ZRPVT || status->failed == PC_FACTOR_STRUCT_ZEROPIVOT || status->failed == PC_FACTOR_NUMERIC_ZEROPIVOT ||
                                   (status->failed != PC_NOERROR && status->failed != PC_FACTOR_OUTMEMORY && direct));
   if ((status->ierr || status->failed) && !status->mechanism) PetscFunctionReturn(0);
-  PetscCall(MatCreateVecs(A, &v, NULL));
-  if (status->mechanism) PetscCall(LatinSoftestShifted_Private(A, kept, v));
-  else if (direct) {
-    PetscCall(LatinRounding_Private(ksp, A, kept, &status->rounding));
-    if (!(status->rounding > 0.0) && !firm) PetscCall(LatinSoftest_Private(ksp, A, v, &stiffness));
-  }
-  if (stiffness < LATIN_MECHANISM) status->mechanism = PETSC_TRUE;
-  if (status->mechanism) status->mode = v;
-  else PetscCall(VecDestroy(&v));
+  PetscCall(LatinFactorCheck_Private(ksp, A, kept, direct, firm, status));
+  PetscFunctionReturn(0);
+}
+
+/* Makes the factor of a matrix of one rank in the next higher precision, if it is not in double. A failure is noted */
+PetscErrorCode LatinFactorRefine_Private(KSP ksp, Mat A, IS kept, LatinFactorStatus *status)
+{
+  PC             pc;
+  Mat            F;
+  MatFactorError failed;
+  PetscBool      rounded;
+
+  PetscFunctionBegin;
+  status->rounding = 0.0;
+  PetscCall(KSPGetPC(ksp, &pc));
+  PetscCall(LatinCholeskyRounded(pc, &rounded));
+  if (!rounded) PetscFunctionReturn(0);
+  PetscCall(LatinCholeskyRefine(pc, A));
+  PetscCall(PCFactorGetMatrix(pc, &F));
+  PetscCall(MatFactorGetError(F, &failed));
+  status->mechanism = (PetscBool)(failed != MAT_FACTOR_NOERROR);
+  PetscCall(LatinFactorCheck_Private(ksp, A, kept, PETSC_TRUE, PETSC_FALSE, status));
   PetscFunctionReturn(0);
 }

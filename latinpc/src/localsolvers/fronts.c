@@ -131,8 +131,7 @@ PetscErrorCode LatinFrontsDestroy(LatinFronts *F)
 
 /*
    The precision that pays. Single throughout where fronts are as tall as the separators of a solid: there arithmetic is most
-   of the time, and displacements as soft as those of plates and beams are not expected. The Schur complement of kept
-   rows is used as it is, and must be of double precision
+   of the time, and displacements as soft as those of plates and beams are not expected
 */
 static LatinArithmetic LatinFrontsPay(const LatinFronts *F)
 {
@@ -153,7 +152,6 @@ PetscErrorCode LatinFrontsFactor(LatinFronts *F, LatinArithmetic precision, cons
   PetscFunctionBegin;
   *bad = -1;
   if (precision == LATIN_BY_SIZE) precision = LatinFrontsPay(F);
-  if (precision == LATIN_SINGLE && F->kept) precision = LATIN_ROUNDED;
   for (PetscBool again = PETSC_TRUE; again; again = (PetscBool)(*bad >= 0 && precision-- != LATIN_DOUBLE)) {
     const size_t bytes = entries * (precision == LATIN_DOUBLE ? sizeof(double) : sizeof(float));
 

@@ -12,6 +12,8 @@
 
 #define LATIN_LARGE 1000 /* rows of a subdomain beyond which nested dissection of the nodes fills less than minimum degree, and pays for itself */
 
+#define LATIN_ROUNDED_LEFT 0.01 /* of a displacement, in energy: what a solve with a factor in single precision may leave to the next; the worst displacement some ten times that */
+
 /* How a factorisation ended on this rank */
 typedef struct {
   PetscErrorCode ierr;
@@ -23,6 +25,7 @@ typedef struct {
 PETSC_INTERN PetscErrorCode LatinDirectSolverAvailable_Private(Mat, MatSolverType, MatSolverType *, PetscBool *);
 PETSC_INTERN PetscErrorCode LatinDirectSolver_Private(PC, Mat, MatSolverType preferred);
 PETSC_INTERN PetscErrorCode LatinFactor_Private(KSP, Mat, IS kept, PetscBool firm, LatinFactorStatus *);
+PETSC_INTERN PetscErrorCode LatinFactorRefine_Private(KSP, Mat, IS kept, LatinFactorStatus *);
 PETSC_INTERN PetscErrorCode LatinDenseCreate_Private(PetscInt, PetscInt, Mat *);
 PETSC_INTERN PetscErrorCode LatinDenseSolve_Private(KSP, Mat B, Mat X, KSPConvergedReason *failed);
 static inline PetscBool     LatinFactorFailed(const LatinFactorStatus *status)
@@ -112,6 +115,7 @@ typedef struct LatinLocalSolvers {
 } LatinLocalSolvers;
 PETSC_INTERN PetscErrorCode LatinLocalSolversCreate(const LatinSubdomains *, const LatinBatches *, LatinLocalSolvers *);
 PETSC_INTERN PetscErrorCode LatinLocalSolversSetUp(LatinLocalSolvers *, const char name[], PetscBool once);
+PETSC_INTERN PetscErrorCode LatinLocalSolversRefine(LatinLocalSolvers *);
 PETSC_INTERN PetscErrorCode LatinLocalSolversDestroy(LatinLocalSolvers *);
 PETSC_INTERN PetscErrorCode LatinLocalSolversRetire(LatinLocalSolvers *);
 PETSC_INTERN PetscErrorCode LatinLocalSolversRecall_Private(LatinLocalSolvers *, PetscInt batch, PetscBool *found);

@@ -65,6 +65,7 @@ PETSC_INTERN PetscErrorCode LatinLinearReset(LatinLinear *);
 PETSC_INTERN PetscErrorCode LatinSubstructuresAre(const LatinLinear *, PetscBool *);
 PETSC_INTERN PetscErrorCode LatinSubstructuresStiffness(LatinLinear *);
 PETSC_INTERN PetscErrorCode LatinSubstructuresStiffnessAgain(const LatinLinear *, PetscInt s, PetscReal H[]);
+PETSC_INTERN PetscErrorCode LatinSubstructuresLeft(LatinLinear *, PetscReal *left);
 PETSC_INTERN PetscErrorCode LatinSubstructuresForward(LatinLinear *);
 PETSC_INTERN PetscErrorCode LatinSubstructuresBackward(LatinLinear *, PetscReal U[]);
 

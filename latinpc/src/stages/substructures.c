@@ -26,6 +26,39 @@ static PetscErrorCode LatinSubstructuresFactor_Private(const LatinLinear *linear
   PetscFunctionReturn(0);
 }
 
+/*
+   What a stage leaves to the next one, in energy, where factors are in single precision: the largest share of two in a row, for
+   forces in which all displacements have a part. Soft displacements are what rounding disturbs most, and one that costs nothing
+   it disturbs entirely: where little is left there is no mechanism. Collective on sub->object
+*/
+PetscErrorCode LatinSubstructuresLeft(LatinLinear *linear, PetscReal *left)
+{
+  const LatinSubdomains *sub = linear->sub;
+  const PetscInt         n   = sub->bs * sub->copies;
+  PetscReal             *b, *U, *f, before = 0.0, after;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMalloc3(n, &b, n, &U, n, &f));
+  PetscCall(LatinOperatorDiagonal(sub, b));
+  for (PetscInt i = 0; i < n; i++) b[i] = PetscSqrtReal(b[i]) * PetscSinReal(1.0 + 12.9898 * (PetscReal)(i % 100003));
+  *left = PETSC_SMALL;
+  for (PetscInt k = 0; k < 3; k++) {
+    PetscCall(PetscArraycpy(linear->g, b, n));
+    PetscCall(PetscArrayzero(U, n));
+    PetscCall(LatinSubstructuresForward(linear));
+    PetscCall(LatinCoarseSolve(linear->coarse, PETSC_FALSE));
+    PetscCall(LatinSubstructuresBackward(linear, U));
+    PetscCall(MPIU_Allreduce(&linear->energy, &after, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm(sub->object)));
+    if (k) *left = before > 0.0 && after >= 0.0 ? PetscMax(*left, PetscSqrtReal(after / before)) : 1.0;
+    before = after;
+    PetscCall(LatinOperatorMult(sub, U, f));
+    for (PetscInt i = 0; i < n; i++) b[i] -= f[i];
+  }
+  PetscCall(PetscInfo(sub->object, "factors in single precision: a stage leaves %g to the next\n", (double)*left));
+  PetscCall(PetscFree3(b, U, f));
+  PetscFunctionReturn(0);
+}
+
 /* H of all batches */
 PetscErrorCode LatinSubstructuresStiffness(LatinLinear *linear)
 {
