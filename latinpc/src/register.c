@@ -33,6 +33,7 @@ static PetscErrorCode LatinRegisterTypes(void)
   PetscCall(TSRegister(TSLATIN, TSCreate_Latin));
   PetscCall(MatOrderingRegister(LATIN_ORDERING, LatinOrdering));
   PetscCall(LatinCholeskyRegister());
+  PetscCall(LatinDenseRegister());
   PetscCall(PetscRegisterFinalize(LatinFinalizePackage));
   PetscFunctionReturn(0);
 }

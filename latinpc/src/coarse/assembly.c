@@ -182,9 +182,15 @@ PetscErrorCode LatinCoarseAssemble_Private(LatinCoarse *coarse, LatinHomogenised
   PetscCall(PetscArraycpy(number, coarse->top_global, entries));
   PetscCall(PetscSortRemoveDupsInt(&n, number));
   for (PetscInt i = 0; i < entries; i++) PetscCall(PetscFindInt(coarse->top_global[i], n, number, &at[i]));
+  for (PetscInt s = 0; s < top->n; s++) PetscCall(PetscLogFlops(PetscSqr((PetscLogDouble)(top->offset[s + 1] - top->offset[s]))));
+  if (coarse->full) {
+    PetscCall(LatinCoarseFull_Private(coarse, n, number, at, same));
+    if (stiffness->once) PetscCall(PetscFree(stiffness->H));
+    PetscCall(PetscFree(at));
+    PetscFunctionReturn(0);
+  }
   PetscCall(LatinCoarseLocal_Private(top, n, at, coarse->upper, &part));
   if (stiffness->once) PetscCall(PetscFree(stiffness->H));
-  for (PetscInt s = 0; s < top->n; s++) PetscCall(PetscLogFlops(PetscSqr((PetscLogDouble)(top->offset[s + 1] - top->offset[s]))));
   PetscCall(PetscFree(at));
   if (coarse->apart || ranks == 1 || coarse->sub->preconditions) PetscCall(LatinCoarseMatrix_Private(&part, &K));
   PetscCall(LatinCoarseSame_Private(coarse, K, n, number, same));

@@ -12,7 +12,7 @@
 static PetscErrorCode LatinCoarseOptions_Private(LatinCoarse *coarse)
 {
   PC        pc;
-  PetscBool fetidp, direct;
+  PetscBool fetidp, direct, type, package;
 
   PetscFunctionBegin;
   PetscCall(LatinSolverCreate_Private(PetscObjectComm(coarse->sub->object), coarse->sub->object, "coarse", &coarse->ksp));
@@ -25,6 +25,9 @@ static PetscErrorCode LatinCoarseOptions_Private(LatinCoarse *coarse)
   PetscCall(LatinSolverDirect_Private(coarse->ksp, &direct));
   coarse->apart     = (PetscBool)(coarse->apart || fetidp);
   coarse->iterative = (PetscBool)(coarse->apart || !direct);
+  PetscCall(PetscOptionsHasName(((PetscObject)pc)->options, ((PetscObject)pc)->prefix, "-pc_type", &type));
+  PetscCall(PetscOptionsHasName(((PetscObject)pc)->options, ((PetscObject)pc)->prefix, "-pc_factor_mat_solver_type", &package));
+  coarse->chosen = (PetscBool)(type || package);
   PetscFunctionReturn(0);
 }
 
@@ -36,7 +39,7 @@ static PetscErrorCode LatinCoarseHalf_Private(LatinCoarse *coarse)
 {
   const char *package = MATSOLVERMUMPS;
   char        given[64];
-  PetscBool   cholesky, type, named, mumps = PETSC_TRUE;
+  PetscBool   cholesky, named, mumps = PETSC_TRUE;
   PetscMPIInt size;
   PetscObject pc;
 
@@ -44,23 +47,22 @@ static PetscErrorCode LatinCoarseHalf_Private(LatinCoarse *coarse)
   PetscCall(KSPGetPC(coarse->ksp, (PC *)&pc));
   PetscCallMPI(MPI_Comm_size(PetscObjectComm(pc), &size));
   PetscCall(PetscObjectTypeCompare(pc, PCCHOLESKY, &cholesky));
-  PetscCall(PetscOptionsHasName(pc->options, pc->prefix, "-pc_type", &type));
   PetscCall(PetscOptionsGetString(pc->options, pc->prefix, "-pc_factor_mat_solver_type", given, sizeof(given), &named));
   if (named) PetscCall(PetscStrcmp(given, package, &mumps));
   if (mumps) PetscCall(MatSolverTypeGet(package, MATMPISBAIJ, MAT_FACTOR_CHOLESKY, NULL, &mumps, NULL));
-  coarse->upper = (PetscBool)(size > 1 && cholesky && mumps && (type || named || coarse->top_size > LATIN_REDUNDANT));
+  coarse->upper = (PetscBool)(size > 1 && !coarse->full && cholesky && mumps && (coarse->chosen || coarse->top_size > LATIN_REDUNDANT));
   PetscFunctionReturn(0);
 }
 
 /*
-   The default is a factorisation, by each rank of the whole where it is small: a parallel one of so few rows is all
-   messages. What the options name is for the matrix of all ranks. Where each rank solves the whole, which gives the same
-   bits twice, it is by the factorisation of one rank. Collective on coarse->ksp
+   The default is a factorisation: a dense one of a full matrix, and of a small one that by each rank of the whole, for a
+   parallel one of so few rows is all messages. What the options name is for the matrix of all ranks. Where each rank solves the
+   whole, which gives the same bits twice, it is by the factorisation of one rank. Collective on coarse->ksp
 */
 static PetscErrorCode LatinCoarseDirect_Private(LatinCoarse *coarse)
 {
   PetscMPIInt size;
-  PetscBool   type, package, cholesky, redundant;
+  PetscBool   package, cholesky, redundant;
   PC          pc, whole;
   KSP         inner;
   Mat         A;
@@ -68,10 +70,13 @@ static PetscErrorCode LatinCoarseDirect_Private(LatinCoarse *coarse)
   PetscFunctionBegin;
   PetscCall(KSPGetPC(coarse->ksp, &pc));
   PetscCallMPI(MPI_Comm_size(PetscObjectComm((PetscObject)pc), &size));
-  PetscCall(PetscOptionsHasName(((PetscObject)pc)->options, ((PetscObject)pc)->prefix, "-pc_type", &type));
+  if (coarse->full) {
+    PetscCall(PCFactorSetMatSolverType(pc, LATIN_DENSE));
+    PetscFunctionReturn(0);
+  }
   PetscCall(PetscOptionsHasName(((PetscObject)pc)->options, ((PetscObject)pc)->prefix, "-pc_factor_mat_solver_type", &package));
   PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCCHOLESKY, &cholesky));
-  if (!type && !package && size > 1 && coarse->top_size <= LATIN_REDUNDANT) PetscCall(PCSetType(pc, PCREDUNDANT));
+  if (!coarse->chosen && size > 1 && coarse->top_size <= LATIN_REDUNDANT) PetscCall(PCSetType(pc, PCREDUNDANT));
   else if (cholesky && !package) PetscCall(LatinDirectSolver_Private(pc, coarse->A, MATSOLVERMUMPS));
   PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCREDUNDANT, &redundant));
   if (!redundant) PetscFunctionReturn(0);

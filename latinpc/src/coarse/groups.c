@@ -270,6 +270,29 @@ static PetscErrorCode LatinGroupsLevelReset_Private(LatinGroupLevel *level)
   PetscFunctionReturn(0);
 }
 
+/*
+   Is the coarse matrix full, on several ranks: do the elements bring as many entries as it has? Then it is dense, and its rows
+   are shared out evenly: *map. Not where options choose its solver. Collective
+*/
+static PetscErrorCode LatinGroupsFull_Private(LatinCoarse *coarse, PetscLayout *map)
+{
+  const LatinElements *top     = &coarse->top;
+  MPI_Comm             comm    = PetscObjectComm(coarse->sub->object);
+  PetscReal            entries = 0.0;
+  PetscMPIInt          size;
+
+  PetscFunctionBegin;
+  PetscCallMPI(MPI_Comm_size(comm, &size));
+  for (PetscInt s = 0; s < top->n; s++) entries += PetscSqr((PetscReal)(top->offset[s + 1] - top->offset[s]));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &entries, 1, MPIU_REAL, MPIU_SUM, comm));
+  coarse->full = (PetscBool)(size > 1 && coarse->top_size && !coarse->chosen && !coarse->iterative && entries >= PetscSqr((PetscReal)coarse->top_size));
+  if (!coarse->full) PetscFunctionReturn(0);
+  PetscCall(PetscLayoutDestroy(map));
+  PetscCall(PetscLayoutCreateFromSizes(comm, PETSC_DECIDE, coarse->top_size, 1, map));
+  coarse->top_local = (*map)->n;
+  PetscFunctionReturn(0);
+}
+
 /* Numbers for the coarse displacements that are left, and where they are found; number[]: work space for the dofs here. Collective */
 static PetscErrorCode LatinGroupsTop_Private(LatinCoarse *coarse, PetscSF sf, PetscInt dofs, PetscInt number[])
 {
@@ -295,6 +318,7 @@ static PetscErrorCode LatinGroupsTop_Private(LatinCoarse *coarse, PetscSF sf, Pe
   PetscCall(PetscMalloc1(entries, &coarse->top_global));
   for (PetscInt i = 0; i < entries; i++) coarse->top_global[i] = number[top->dof[i]];
   PetscCall(PetscFree(root));
+  PetscCall(LatinGroupsFull_Private(coarse, &map));
   PetscCall(PetscSFCreate(comm, &coarse->top_sf));
   PetscCall(PetscSFSetGraphLayout(coarse->top_sf, map, entries, NULL, PETSC_COPY_VALUES, coarse->top_global));
   PetscCall(PetscSFSetUp(coarse->top_sf));

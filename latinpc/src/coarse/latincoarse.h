@@ -45,10 +45,10 @@ typedef struct {
   /* kept by LatinCoarseRetire(), for a set-up whose matrix has the same pattern */
   Mat       A;
   KSP       ksp;
-  PetscBool iterative, apart; /* what the options of ksp choose: an iteration; one that takes the part of each rank by itself */
-  PetscBool loose;            /* the tolerance of an iteration is ours */
-  Mat       part;             /* of this rank, of A; NULL: only a preconditioner is set up again */
-  PetscInt  parts, *number;   /* [parts] its rows in A */
+  PetscBool chosen, iterative, apart; /* what the options of ksp choose: anything; an iteration; one that takes the part of each rank by itself */
+  PetscBool loose;                    /* the tolerance of an iteration is ours */
+  Mat       part;                     /* of this rank, of A; NULL: only a preconditioner is set up again */
+  PetscInt  parts, *number;           /* [parts] the rows of A that this rank has a part of */
   /* numbers */
   PetscLayout     map;                         /* of all coarse dofs */
   const PetscInt *rank_start;                  /* [ranks + 1] its ranges: global number of each rank's first one */
@@ -64,6 +64,7 @@ typedef struct {
   LatinGroupLevel   level[LATIN_GROUP_LEVELS];
   LatinElements     top;                 /* elements of A: subdomains, or groups of them */
   PetscInt          top_local, top_size; /* rows of A: of this rank, all */
+  PetscBool         full;                /* A is dense, of several ranks */
   PetscInt         *top_global;          /* [top.offset[top.n]] rows of A */
   PetscBool         upper;               /* A has its upper triangle alone, which is all that a factorisation takes */
   PetscSF           top_sf;              /* coarse vector -> dofs of the elements here */
@@ -87,6 +88,10 @@ typedef struct {
   PetscScalar *a;
 } LatinPart;
 
+/* ---- Cholesky of a dense matrix of several ranks (coarse/densecholesky.c) ---- */
+#define LATIN_DENSE "latindense" /* a MatSolverType */
+PETSC_INTERN PetscErrorCode LatinDenseRegister(void);
+
 PETSC_INTERN PetscErrorCode LatinCoarseNumber(LatinCoarse *);
 PETSC_INTERN PetscErrorCode LatinCoarseSetUp(LatinCoarse *, LatinHomogenised *);
 PETSC_INTERN PetscErrorCode LatinCoarseRenew(LatinCoarse *, LatinHomogenised *);
@@ -97,6 +102,7 @@ PETSC_INTERN PetscErrorCode LatinCoarseRetire(LatinCoarse *);
 PETSC_INTERN PetscErrorCode LatinRowsSum_Private(PetscLayout, const PetscInt number[], LatinPart *, PetscBool upper, Mat *);
 PETSC_INTERN PetscErrorCode LatinPartFree_Private(LatinPart *);
 PETSC_INTERN PetscErrorCode LatinCoarseAssemble_Private(LatinCoarse *, LatinHomogenised *, PetscBool *same);
+PETSC_INTERN PetscErrorCode LatinCoarseFull_Private(LatinCoarse *, PetscInt n, PetscInt number[], const PetscInt at[], PetscBool *same);
 PETSC_INTERN PetscErrorCode LatinCoarseNear_Private(LatinCoarse *);
 PETSC_INTERN PetscErrorCode LatinGroupsSetUp(LatinCoarse *, const LatinHomogenised *, PetscBool groups);
 PETSC_INTERN PetscErrorCode LatinGroupsFinish(LatinCoarse *);

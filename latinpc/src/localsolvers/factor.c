@@ -129,12 +129,13 @@ static PetscErrorCode LatinSoftestShifted_Private(Mat A, IS kept, Vec v)
   PetscReal    stiffness, largest;
   PetscScalar *a;
   PetscInt     n;
-  PetscBool    found, half;
+  PetscBool    found, half, dense;
   PetscMPIInt  size;
 
   PetscFunctionBegin;
   PetscCall(PetscObjectTypeCompare((PetscObject)A, MATMPISBAIJ, &half));
-  if (half) PetscCall(MatConvert(A, MATMPIAIJ, MAT_INITIAL_MATRIX, &shifted)); /* for a factorisation without symmetry */
+  PetscCall(PetscObjectTypeCompare((PetscObject)A, MATMPIDENSE, &dense));
+  if (half || dense) PetscCall(MatConvert(A, MATMPIAIJ, MAT_INITIAL_MATRIX, &shifted)); /* for a factorisation without symmetry */
   else PetscCall(MatDuplicate(A, MAT_COPY_VALUES, &shifted));
   if (kept) PetscCall(MatZeroRowsColumnsIS(shifted, kept, 1.0, NULL, NULL));
   PetscCall(VecDuplicate(v, &d));
