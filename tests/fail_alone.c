@@ -1,6 +1,6 @@
 /*
    Makes one rank fail alone, for tests: preloaded, it lets the allocation number LATINPC_FAIL_AT of PETSc, or the
-   first call of the LAPACK routine gesvd or of METIS, fail on rank LATINPC_FAIL_RANK.
+   first call of the LAPACK routine gesvd, of METIS, or of METIS for halves, fail on rank LATINPC_FAIL_RANK.
 */
 #define _GNU_SOURCE
 #include <dlfcn.h>
@@ -56,6 +56,15 @@ int METIS_PartGraphKway(idx_t *n, idx_t *c, idx_t *x, idx_t *a, idx_t *vw, idx_t
   if (Asked("metis")) return METIS_ERROR_MEMORY;
   *(void **)&real = dlsym(RTLD_NEXT, "METIS_PartGraphKway");
   return real(n, c, x, a, vw, vs, aw, p, t, u, o, e, part);
+}
+
+int METIS_ComputeVertexSeparator(idx_t *n, idx_t *x, idx_t *a, idx_t *w, idx_t *o, idx_t *size, idx_t *part)
+{
+  int (*real)(idx_t *, idx_t *, idx_t *, idx_t *, idx_t *, idx_t *, idx_t *);
+
+  if (Asked("halves")) return METIS_ERROR_MEMORY;
+  *(void **)&real = dlsym(RTLD_NEXT, "METIS_ComputeVertexSeparator");
+  return real(n, x, a, w, o, size, part);
 }
 
 void dgesvd_(const char *ju, const char *jv, const int *m, const int *n, double *a, const int *la, double *s, double *u, const int *lu, double *v, const int *lv, double *w, const int *lw, int *info)

@@ -21,7 +21,7 @@ fail_from.argtypes, fail_from.restype = [ctypes.c_long], ctypes.c_long
 bars = door in ("pc", "ksp", "matis")
 moves = door in ("attach", "ts")
 scene = make("impact-grid" if moves else "truss-grid" if bars else "tensegrity-grid", modules=8, subdomains=4)
-if "metis" in sys.argv:
+if {"metis", "halves"} & set(sys.argv):
     scene.subdomain = None
 
 
@@ -131,6 +131,7 @@ def solve(program, compile_c):
     ("what", "rank", "door", "message"),
     [
         ("metis", 0, "snes", "METIS could not partition 1024 links into"),
+        ("halves", 0, "snes", "METIS could not part 225 nodes into halves"),
         ("gesvd", 1, "snes", "LAPACK gesvd failed on the modes of an interface"),
         ("local", 1, "snes", "Setting up the local solver failed"),
         ("local", 1, "ksp", "Setting up the local solver failed"),
@@ -140,8 +141,11 @@ def solve(program, compile_c):
     ],
 )
 def test_every_rank_raises_what_one_has_met(solve, what, rank, door, message):
-    corner = ["-snes_latin_variant", "corner"] if what == "gesvd" else []  # which has macro modes
-    result = solve(rank, what, *corner, door=door)
+    more = {
+        "gesvd": ["-snes_latin_variant", "corner"],
+        "metis": ["-snes_latin_subdomains", "5"],
+    }  # the former has macro modes
+    result = solve(rank, what, *more.get(what, []), door=door)
     said = re.findall(r"^error (\d+): (.*)$", result.stdout, re.MULTILINE)
     assert [int(code) for code, _ in said] == 2 * [LIBRARY], result.stdout + result.stderr
     assert all(message in sentence for _, sentence in said), said
