@@ -18,7 +18,7 @@ static void LatinCoarseTouching(const LatinElements *elements, PetscInt rows, co
    The elements' operators, added up by rows on this rank; at[]: where their dofs are. A row is added up in an array and
    goes to its column, for the matrix is symmetric: so the columns of each row come in order. upper: none left of the diagonal
 */
-static PetscErrorCode LatinCoarseLocal_Private(const LatinElements *elements, PetscInt rows, const PetscInt at[], PetscBool upper, LatinPart *part)
+static PetscErrorCode LatinCoarseLocal_Private(const LatinElements *elements, PetscInt rows, const PetscInt at[], PetscBool upper, LatinCoarsePart *part)
 {
   const PetscInt entries = elements->offset[elements->n];
   PetscInt      *start, *list, *of, *seen, *column, *next;
@@ -29,7 +29,7 @@ static PetscErrorCode LatinCoarseLocal_Private(const LatinElements *elements, Pe
   LatinCoarseTouching(elements, rows, at, start, list);
   for (PetscInt s = 0; s < elements->n; s++)
     for (PetscInt i = elements->offset[s]; i < elements->offset[s + 1]; i++) of[i] = s;
-  *part = (LatinPart){.rows = rows};
+  *part = (LatinCoarsePart){.rows = rows};
   PetscCall(PetscMalloc1(rows + 1, &part->i));
   part->i[0] = 0;
   for (PetscInt pass = 0; pass < 2; pass++) { /* the first one counts */
@@ -68,7 +68,7 @@ static PetscErrorCode LatinCoarseLocal_Private(const LatinElements *elements, Pe
 }
 
 /* The matrix of one rank with these rows */
-static PetscErrorCode LatinCoarseMatrix_Private(const LatinPart *part, Mat *K)
+static PetscErrorCode LatinCoarseMatrix_Private(const LatinCoarsePart *part, Mat *K)
 {
   PetscFunctionBegin;
   PetscCall(MatCreate(PETSC_COMM_SELF, K));
@@ -79,7 +79,7 @@ static PetscErrorCode LatinCoarseMatrix_Private(const LatinPart *part, Mat *K)
 }
 
 /* The parts of the ranks with these global numbers, which it frees, added up in a new matrix. Collective on sub->object */
-static PetscErrorCode LatinCoarseSum_Private(const LatinCoarse *coarse, LatinPart *part, const PetscInt number[], Mat *A)
+static PetscErrorCode LatinCoarseSum_Private(const LatinCoarse *coarse, LatinCoarsePart *part, const PetscInt number[], Mat *A)
 {
   PetscLayout rows;
 
@@ -91,7 +91,7 @@ static PetscErrorCode LatinCoarseSum_Private(const LatinCoarse *coarse, LatinPar
 }
 
 /* A matrix of which each rank has a part with these global numbers; K: the same as a matrix, for a MATIS and on one rank. Collective on sub->object */
-static PetscErrorCode LatinCoarseCreate_Private(LatinCoarse *coarse, LatinPart *part, Mat K, PetscInt n, const PetscInt number[])
+static PetscErrorCode LatinCoarseCreate_Private(LatinCoarse *coarse, LatinCoarsePart *part, Mat K, PetscInt n, const PetscInt number[])
 {
   MPI_Comm               comm = PetscObjectComm(coarse->sub->object);
   PetscMPIInt            ranks;
@@ -118,7 +118,7 @@ static PetscErrorCode LatinCoarseCreate_Private(LatinCoarse *coarse, LatinPart *
 }
 
 /* The values of the parts in the matrix of an earlier set-up, of the same pattern. Collective on sub->object */
-static PetscErrorCode LatinCoarseValues_Private(LatinCoarse *coarse, LatinPart *part, Mat K)
+static PetscErrorCode LatinCoarseValues_Private(LatinCoarse *coarse, LatinCoarsePart *part, Mat K)
 {
   PetscMPIInt ranks;
   Mat         sum;
@@ -172,7 +172,7 @@ PetscErrorCode LatinCoarseAssemble_Private(LatinCoarse *coarse, LatinHomogenised
   const PetscInt       entries = top->offset[top->n];
   PetscInt            *number, *at, n = entries;
   PetscMPIInt          ranks;
-  LatinPart            part;
+  LatinCoarsePart      part;
   Mat                  K = NULL;
 
   PetscFunctionBegin;
@@ -209,7 +209,7 @@ PetscErrorCode LatinCoarseAssemble_Private(LatinCoarse *coarse, LatinHomogenised
     }
   }
   PetscCall(MatDestroy(&K));
-  PetscCall(LatinPartFree_Private(&part));
+  PetscCall(LatinCoarsePartFree_Private(&part));
   PetscCall(PetscFree(number));
   PetscFunctionReturn(0);
 }

@@ -86,7 +86,7 @@ typedef struct {
 typedef struct {
   PetscInt     rows, *i, *j;
   PetscScalar *a;
-} LatinPart;
+} LatinCoarsePart;
 
 /* ---- Cholesky of a dense matrix of several ranks (coarse/densecholesky.c) ---- */
 #define LATIN_DENSE "latindense" /* a MatSolverType */
@@ -99,8 +99,8 @@ PETSC_INTERN PetscErrorCode LatinCoarseSolve(LatinCoarse *, PetscBool corrected)
 PETSC_INTERN PetscErrorCode LatinCoarseExpand_Private(LatinCoarse *, Vec);
 PETSC_INTERN PetscErrorCode LatinCoarseReset(LatinCoarse *);
 PETSC_INTERN PetscErrorCode LatinCoarseRetire(LatinCoarse *);
-PETSC_INTERN PetscErrorCode LatinRowsSum_Private(PetscLayout, const PetscInt number[], LatinPart *, PetscBool upper, Mat *);
-PETSC_INTERN PetscErrorCode LatinPartFree_Private(LatinPart *);
+PETSC_INTERN PetscErrorCode LatinRowsSum_Private(PetscLayout, const PetscInt number[], LatinCoarsePart *, PetscBool upper, Mat *);
+PETSC_INTERN PetscErrorCode LatinCoarsePartFree_Private(LatinCoarsePart *);
 PETSC_INTERN PetscErrorCode LatinCoarseAssemble_Private(LatinCoarse *, LatinHomogenised *, PetscBool *same);
 PETSC_INTERN PetscErrorCode LatinCoarseFull_Private(LatinCoarse *, PetscInt n, PetscInt number[], const PetscInt at[], PetscBool *same);
 PETSC_INTERN PetscErrorCode LatinCoarseNear_Private(LatinCoarse *);

@@ -149,7 +149,7 @@ static PetscErrorCode LatinRowsAdd_Private(PetscLayout map, PetscMPIInt froms, L
   PetscFunctionReturn(0);
 }
 
-PetscErrorCode LatinPartFree_Private(LatinPart *part)
+PetscErrorCode LatinCoarsePartFree_Private(LatinCoarsePart *part)
 {
   PetscFunctionBegin;
   PetscCall(PetscFree2(part->j, part->a));
@@ -161,7 +161,7 @@ PetscErrorCode LatinPartFree_Private(LatinPart *part)
    A, whose rows map shares out: the sum of the parts of the ranks, which it frees. Rows and columns of a part have the
    numbers number[part->rows] in A, ascending; those in a row ascend. upper: A has the upper triangle alone, as the parts. Collective on map->comm
 */
-PetscErrorCode LatinRowsSum_Private(PetscLayout map, const PetscInt number[], LatinPart *part, PetscBool upper, Mat *A)
+PetscErrorCode LatinRowsSum_Private(PetscLayout map, const PetscInt number[], LatinCoarsePart *part, PetscBool upper, Mat *A)
 {
   const PetscInt n = part->rows, *ki = part->i;
   PetscMPIInt    ranks, rank, sends, froms, *to;
@@ -186,7 +186,7 @@ PetscErrorCode LatinRowsSum_Private(PetscLayout map, const PetscInt number[], La
     if (from[f].rank != rank) PetscCall(PetscFree3(from[f].info, from[f].j, from[f].a));
   PetscCall(PetscFree(from));
   PetscCall(PetscFree4(to, size, first, info));
-  PetscCall(LatinPartFree_Private(part));
+  PetscCall(LatinCoarsePartFree_Private(part));
   if (upper) PetscCall(MatCreateMPISBAIJWithArrays(map->comm, 1, map->n, map->n, map->N, map->N, oi, oj, oa, A));
   else PetscCall(MatCreateMPIAIJWithArrays(map->comm, map->n, map->n, map->N, map->N, oi, oj, oa, A));
   PetscCall(PetscFree(oi));
