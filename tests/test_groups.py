@@ -150,3 +150,29 @@ def test_a_mechanism_inside_a_group_is_reported():
     with pytest.raises(PETSc.Error) as caught:
         statistics(segments(held=slice(0, 1)))
     assert re.search(r"has a mechanism: .* Nodes that move .*: \d", latinpc.error_message(caught.value))
+
+
+def loose_bars(pairs, dim, alike):
+    """Make pairs of bars that nothing holds, the node between them in two subdomains, beside a bar that is held."""
+    rng = np.random.default_rng(0)
+    first = 3 * np.arange(pairs)
+    pair = np.arange(3.0)[:, None] ** np.arange(1, dim + 1)
+    nodes = np.concatenate([pair if alike else rng.normal(size=(3, dim)) for _ in first] + [np.eye(2, dim)])
+    nodes[:, 0] += 5.0 * (np.arange(len(nodes)) // 3)
+    links = np.column_stack([first, first + 1, first + 1, first + 2]).reshape(-1, 2)
+    links = np.vstack([links, [[3 * pairs, 3 * pairs + 1]]])
+    fixed = np.arange(len(nodes))[:, None] >= np.full(dim, 3 * pairs)
+    return Scene(
+        name="loose bars", nodes=nodes, links=links, law=np.full(len(links), Law.BAR), stiffness=np.ones(len(links)),
+        initial_elongation=np.zeros(len(links)), fixed=fixed, load=np.where(fixed, 0.0, rng.normal(size=nodes.shape)),
+        subdomain=np.append(np.arange(2 * pairs), 0),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("variant", ["none", "macro", "corner", "primal"])
+@pytest.mark.parametrize(("pairs", "dim", "alike"), [(1, 1, True), (2, 1, False), (40, 1, True), (9, 3, True)])
+def test_a_mechanism_shows_though_nothing_is_left_of_the_stiffness(variant, pairs, dim, alike):
+    """Each half of a pair is condensed to rounding, beside which no displacement is soft."""
+    with pytest.raises(PETSc.Error) as caught:
+        statistics(loose_bars(pairs, dim, alike), variant=variant)
+    assert "has a mechanism" in latinpc.error_message(caught.value)

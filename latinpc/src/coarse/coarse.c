@@ -151,7 +151,8 @@ PetscErrorCode LatinCoarseSetUp(LatinCoarse *coarse, LatinHomogenised *stiffness
   PetscCall(KSPGetPC(coarse->ksp, &pc));
   PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCBDDC, &bddc)); /* multigrid would forget the near null space */
   if (bddc && dim) PetscCall(PCSetCoordinates(pc, dim, coarse->top_local, coarse->x));
-  if (coarse->top_size) PetscCall(LatinFactor_Private(coarse->ksp, coarse->A, NULL, PETSC_FALSE, &coarse->status)); /* disconnected structures may be condensed entirely, each a group */
+  if (coarse->top_size) PetscCall(LatinFactor_Private(coarse->ksp, coarse->A, NULL, coarse->whole, PETSC_FALSE, &coarse->status)); /* disconnected structures may be condensed entirely, each a group */
+  PetscCall(VecDestroy(&coarse->whole));
   PetscCall(PetscLogEventEnd(LATIN_Coarse, coarse->sub->object, 0, 0, 0));
   PetscFunctionReturn(0);
 }
@@ -236,6 +237,7 @@ PetscErrorCode LatinCoarseRetire(LatinCoarse *coarse)
   PetscCall(PetscFree(coarse->x));
   PetscCall(VecDestroy(&coarse->rhs));
   PetscCall(VecDestroy(&coarse->sol));
+  PetscCall(VecDestroy(&coarse->whole));
   PetscCall(PetscLayoutDestroy(&coarse->map));
   PetscCall(PetscFree(coarse->offset));
   PetscCall(PetscFree(coarse->macro_count));

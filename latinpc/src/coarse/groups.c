@@ -58,6 +58,30 @@ static PetscErrorCode LatinGroupsPlaces_Private(const LatinSubdomains *sub, uint
   PetscFunctionReturn(0);
 }
 
+/*
+   What rounding of the condensation is small beside: at a primal dof the stiffness of its links, and T^-1 = H + 1 of a macro
+   displacement, see stages/homogenise.c. Where H is no more than that rounding nothing holds the subdomain
+*/
+static PetscErrorCode LatinGroupsWhole_Private(const LatinCoarse *coarse, const LatinElements *fine)
+{
+  const LatinSubdomains *sub   = coarse->sub;
+  const LatinInterfaces *inter = coarse->inter;
+  PetscReal             *diagonal;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMalloc1(sub->bs * sub->copies, &diagonal));
+  PetscCall(LatinOperatorDiagonal(sub, diagonal));
+  for (PetscInt s = 0; s < fine->n; s++) {
+    const PetscInt   m = fine->offset[s + 1] - fine->offset[s], macros = coarse->macro_count[s];
+    const PetscReal *H     = fine->H + fine->h_offset[s];
+    PetscReal       *whole = fine->whole + fine->offset[s];
+
+    for (PetscInt i = 0; i < m; i++) whole[i] = i < macros ? H[i + m * i] + 1.0 : diagonal[inter->primal_dof[inter->primal_offset[s] + i - macros]];
+  }
+  PetscCall(PetscFree(diagonal));
+  PetscFunctionReturn(0);
+}
+
 /* The subdomains as elements. Their coarse dofs are numbered here from 0, this rank's own first; sf: all coarse dofs -> those here. Collective */
 static PetscErrorCode LatinGroupsFinest_Private(LatinCoarse *coarse, const LatinHomogenised *stiffness, PetscInt *dofs, PetscSF *sf)
 {
@@ -69,7 +93,8 @@ static PetscErrorCode LatinGroupsFinest_Private(LatinCoarse *coarse, const Latin
   *fine = (LatinElements){.n = n, .offset = coarse->offset, .pattern = stiffness->pattern, .h_offset = stiffness->h_offset, .H = stiffness->H, .q = coarse->q, .u = coarse->u};
   PetscCall(PetscLayoutGetRange(coarse->map, &start, NULL));
   PetscCall(PetscLayoutGetLocalSize(coarse->map, &own));
-  PetscCall(PetscMalloc2(entries, &fine->dof, n, &fine->place));
+  PetscCall(PetscMalloc3(entries, &fine->dof, n, &fine->place, entries, &fine->whole));
+  PetscCall(LatinGroupsWhole_Private(coarse, fine));
   PetscCall(PetscMalloc1(own + entries, &number));
   for (PetscInt d = 0; d < own; d++) number[d] = start + d;
   for (PetscInt i = 0; i < entries; i++)
@@ -194,26 +219,26 @@ static PetscErrorCode LatinGroupsFactor_Private(LatinGroupLevel *level, PetscInt
   const LatinElements *fine  = &level->fine;
   const LatinGroup    *group = &level->group[g];
   const PetscInt       n = group->interior, rows = group->rows;
-  PetscReal           *K, *diagonal, *S = level->coarse.H + level->coarse.h_offset[g];
+  PetscReal           *K, *whole, *S = level->coarse.H + level->coarse.h_offset[g];
   PetscBool            bad = PETSC_FALSE;
 
   PetscFunctionBegin;
-  PetscCall(PetscCalloc2(rows * rows, &K, n, &diagonal));
+  PetscCall(PetscCalloc2(rows * rows, &K, rows, &whole));
   for (PetscInt m = group->first; m < group->last; m++) {
     const PetscInt   s = level->member[m], size = fine->offset[s + 1] - fine->offset[s], *slot = level->slot + fine->offset[s];
     const PetscReal *H = fine->H + fine->h_offset[s];
 
     for (PetscInt j = 0; j < size; j++)
       for (PetscInt i = 0; i < size; i++) K[slot[i] + rows * slot[j]] += H[i + size * j];
+    for (PetscInt i = 0; i < size; i++) whole[slot[i]] += fine->whole[fine->offset[s] + i];
   }
-  for (PetscInt i = 0; i < n; i++) diagonal[i] = K[i + rows * i];
   PetscCall(LatinSchur_Private(rows, n, K, &bad));
-  for (PetscInt i = 0; i < n; i++) bad = (PetscBool)(bad || !(PetscSqr(K[i + rows * i]) > LATIN_GROUP_PIVOT * diagonal[i]));
+  for (PetscInt i = 0; i < n; i++) bad = (PetscBool)(bad || !(PetscSqr(K[i + rows * i]) > LATIN_GROUP_PIVOT * whole[i]));
   PetscCall(PetscArraycpy(level->L + group->l_offset, K, rows * n));
   for (PetscInt j = n; j < rows; j++)
     for (PetscInt i = n; i < rows; i++) *S++ = i < j ? K[j + rows * i] : K[i + rows * j]; /* of K, the lower half */
   if (bad) *kept = PETSC_FALSE;
-  PetscCall(PetscFree2(K, diagonal));
+  PetscCall(PetscFree2(K, whole));
   PetscFunctionReturn(0);
 }
 
@@ -241,7 +266,8 @@ static PetscErrorCode LatinGroupsElements_Private(LatinGroupLevel *level, PetscB
   }
   left = coarse->offset[coarse->n];
   PetscCall(PetscMalloc2(l, &level->L, interior + left, &level->x));
-  PetscCall(PetscMalloc3(left, &coarse->dof, coarse->n, &coarse->place, h, &coarse->H));
+  PetscCall(PetscMalloc4(left, &coarse->dof, coarse->n, &coarse->place, left, &coarse->whole, h, &coarse->H));
+  PetscCall(PetscArrayzero(coarse->whole, left));
   coarse->q = coarse->u = level->x + interior;
   for (PetscInt g = 0, v = 0; g < coarse->n && *kept; v += level->group[g++].interior) {
     const LatinGroup *group = &level->group[g];
@@ -252,7 +278,10 @@ static PetscErrorCode LatinGroupsElements_Private(LatinGroupLevel *level, PetscB
       for (PetscInt i = fine->offset[level->member[m]]; i < fine->offset[level->member[m] + 1]; i++) {
         const PetscInt other = coarse->offset[g] + level->slot[i] - group->interior;
 
-        if (level->slot[i] >= group->interior) coarse->dof[other] = fine->dof[i];
+        if (level->slot[i] >= group->interior) {
+          coarse->dof[other] = fine->dof[i];
+          coarse->whole[other] += fine->whole[i];
+        }
         level->slot[i] = level->slot[i] < group->interior ? v + level->slot[i] : interior + other;
       }
   }
@@ -265,7 +294,7 @@ static PetscErrorCode LatinGroupsLevelReset_Private(LatinGroupLevel *level)
   PetscCall(PetscFree3(level->group, level->member, level->slot));
   PetscCall(PetscFree3(level->coarse.offset, level->coarse.pattern, level->coarse.h_offset));
   PetscCall(PetscFree2(level->L, level->x));
-  PetscCall(PetscFree3(level->coarse.dof, level->coarse.place, level->coarse.H));
+  PetscCall(PetscFree4(level->coarse.dof, level->coarse.place, level->coarse.whole, level->coarse.H));
   PetscCall(PetscMemzero(level, sizeof(*level)));
   PetscFunctionReturn(0);
 }
@@ -300,6 +329,7 @@ static PetscErrorCode LatinGroupsTop_Private(LatinCoarse *coarse, PetscSF sf, Pe
   const PetscInt       entries = top->offset[top->n];
   MPI_Comm             comm    = PetscObjectComm(coarse->sub->object);
   PetscInt            *root, own, start;
+  PetscScalar         *whole;
   PetscLayout          map;
 
   PetscFunctionBegin;
@@ -323,6 +353,11 @@ static PetscErrorCode LatinGroupsTop_Private(LatinCoarse *coarse, PetscSF sf, Pe
   PetscCall(PetscSFSetGraphLayout(coarse->top_sf, map, entries, NULL, PETSC_COPY_VALUES, coarse->top_global));
   PetscCall(PetscSFSetUp(coarse->top_sf));
   PetscCall(PetscLayoutDestroy(&map));
+  PetscCall(VecCreateMPI(comm, coarse->top_local, coarse->top_size, &coarse->whole));
+  PetscCall(VecZeroEntries(coarse->whole));
+  PetscCall(VecGetArray(coarse->whole, &whole));
+  PetscCall(LatinSFReduce_Private(coarse->top_sf, 1, MPIU_REAL, top->whole, whole, MPI_SUM));
+  PetscCall(VecRestoreArray(coarse->whole, &whole));
   PetscFunctionReturn(0);
 }
 
@@ -361,7 +396,7 @@ PetscErrorCode LatinGroupsSetUp(LatinCoarse *coarse, const LatinHomogenised *sti
   PetscCall(LatinGroupsTop_Private(coarse, sf, dofs, ranks));
   PetscCall(PetscFree(ranks));
   PetscCall(PetscSFDestroy(&sf));
-  PetscCall(PetscFree2(finest.dof, finest.place));
+  PetscCall(PetscFree3(finest.dof, finest.place, finest.whole));
   PetscFunctionReturn(0);
 }
 
@@ -369,7 +404,8 @@ PetscErrorCode LatinGroupsSetUp(LatinCoarse *coarse, const LatinHomogenised *sti
 PetscErrorCode LatinGroupsFinish(LatinCoarse *coarse)
 {
   PetscFunctionBegin;
-  for (PetscInt k = 0; k < coarse->levels; k++) PetscCall(PetscFree3(coarse->level[k].coarse.dof, coarse->level[k].coarse.place, coarse->level[k].coarse.H));
+  coarse->top.whole = NULL;
+  for (PetscInt k = 0; k < coarse->levels; k++) PetscCall(PetscFree4(coarse->level[k].coarse.dof, coarse->level[k].coarse.place, coarse->level[k].coarse.whole, coarse->level[k].coarse.H));
   PetscFunctionReturn(0);
 }
 

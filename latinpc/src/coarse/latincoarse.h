@@ -18,6 +18,7 @@ typedef struct {
   size_t    *h_offset;    /* [n] into H */
   PetscReal *H;           /* operators, column-major, one for each pattern */
   uint64_t  *place;       /* [n] cells of a grid as fine as they are, see coarse/groups.c */
+  PetscReal *whole;       /* [offset[n]] stiffness of each dof before anything was condensed; for the set-up alone */
   PetscReal *q, *u;       /* [offset[n]] forces and displacements, element by element */
 } LatinElements;
 
@@ -60,6 +61,7 @@ typedef struct {
   PetscReal      *q, *u;                       /* [offset[n]] condensed forces and coarse displacements of one linear stage, subdomain by subdomain */
   /* matrix and solver */
   Vec               rhs, sol;
+  Vec               whole;  /* stiffness of each row of A before anything was condensed; for the set-up alone */
   PetscInt          levels; /* of condensed groups */
   LatinGroupLevel   level[LATIN_GROUP_LEVELS];
   LatinElements     top;                 /* elements of A: subdomains, or groups of them */

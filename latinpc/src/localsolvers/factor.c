@@ -83,10 +83,10 @@ static PetscErrorCode LatinAnyVector_Private(Vec v)
 }
 
 /*
-   Inverse iteration for the softest displacement of A relative to its diagonal, by solves with ksp.
+   Inverse iteration for the softest displacement of A relative to `whole`, or (NULL) to its diagonal, by solves with ksp.
    Returns its relative stiffness and leaves the displacement in v. Collective on A.
 */
-static PetscErrorCode LatinSoftest_Private(KSP ksp, Mat A, Vec v, PetscReal *stiffness)
+static PetscErrorCode LatinSoftest_Private(KSP ksp, Mat A, Vec whole, Vec v, PetscReal *stiffness)
 {
   Vec         d, b;
   PetscScalar top, bottom;
@@ -94,7 +94,8 @@ static PetscErrorCode LatinSoftest_Private(KSP ksp, Mat A, Vec v, PetscReal *sti
   PetscFunctionBegin;
   PetscCall(VecDuplicate(v, &d));
   PetscCall(VecDuplicate(v, &b));
-  PetscCall(MatGetDiagonal(A, d));
+  if (whole) PetscCall(VecCopy(whole, d));
+  else PetscCall(MatGetDiagonal(A, d));
   PetscCall(LatinAnyVector_Private(v));
   /* in displacements whose unit of energy is that of the diagonal, so that units and contrast do not matter */
   PetscCall(VecSqrtAbs(d));
@@ -160,7 +161,7 @@ static PetscErrorCode LatinSoftestShifted_Private(Mat A, IS kept, Vec v)
   if (found) PetscCall(PCFactorSetMatSolverType(pc, MATSOLVERMUMPS));
   PetscCall(MatSetOption(shifted, MAT_SPD, PETSC_FALSE));
   PetscCall(KSPSetOperators(ksp, shifted, shifted));
-  PetscCall(LatinSoftest_Private(ksp, shifted, v, &stiffness));
+  PetscCall(LatinSoftest_Private(ksp, shifted, NULL, v, &stiffness));
   PetscCall(KSPDestroy(&ksp));
   PetscCall(VecDestroy(&d));
   PetscCall(MatDestroy(&shifted));
@@ -253,7 +254,7 @@ static PetscErrorCode LatinRounding_Private(KSP ksp, Mat A, IS kept, PetscReal *
 }
 
 /* Does the factor of A, if there is one, hold all displacements? The precision that it has is left as it is where rows are kept: who uses their Schur complement measures what both leave. Collective on A */
-static PetscErrorCode LatinFactorCheck_Private(KSP ksp, Mat A, IS kept, PetscBool direct, PetscBool firm, LatinFactorStatus *status)
+static PetscErrorCode LatinFactorCheck_Private(KSP ksp, Mat A, IS kept, Vec whole, PetscBool direct, PetscBool firm, LatinFactorStatus *status)
 {
   PetscReal stiffness = 1.0;
   PetscBool rounded   = PETSC_FALSE;
@@ -268,7 +269,7 @@ static PetscErrorCode LatinFactorCheck_Private(KSP ksp, Mat A, IS kept, PetscBoo
     if (kept) PetscCall(LatinCholeskyRounded(pc, &rounded));
     if (rounded) status->rounding = PETSC_SMALL;
     else PetscCall(LatinRounding_Private(ksp, A, kept, &status->rounding));
-    if (!(status->rounding > 0.0) && !firm) PetscCall(LatinSoftest_Private(ksp, A, v, &stiffness));
+    if (!(status->rounding > 0.0) && !firm) PetscCall(LatinSoftest_Private(ksp, A, whole, v, &stiffness));
   }
   if (stiffness < LATIN_MECHANISM) status->mechanism = PETSC_TRUE;
   if (status->mechanism) status->mode = v;
@@ -279,10 +280,11 @@ static PetscErrorCode LatinFactorCheck_Private(KSP ksp, Mat A, IS kept, PetscBoo
 /*
    Factors A through its KSP. A failure is noted, not raised: other ranks may be waiting. A mechanism, whether it
    stops the factorisation or only shows in the factor, leaves its displacement in status->mode. kept: rows that the
-   factor keeps to the last, or NULL; firm: a larger matrix of which this one is a part, with the rest held, has no
-   mechanism. Collective on A.
+   factor keeps to the last, or NULL; whole: the diagonal from before a condensation that A comes from, which is what its
+   rounding is small beside, or NULL; firm: a larger matrix of which this one is a part, with the rest held, has no mechanism.
+   Collective on A.
 */
-PetscErrorCode LatinFactor_Private(KSP ksp, Mat A, IS kept, PetscBool firm, LatinFactorStatus *status)
+PetscErrorCode LatinFactor_Private(KSP ksp, Mat A, IS kept, Vec whole, PetscBool firm, LatinFactorStatus *status)
 {
   PC        pc;
   PetscBool direct;
@@ -295,7 +297,7 @@ PetscErrorCode LatinFactor_Private(KSP ksp, Mat A, IS kept, PetscBool firm, Lati
   status->mechanism = (PetscBool)(status->ierr == PETSC_ERR_MAT_CH_ZRPVT || status->ierr == PETSC_ERR_MAT_LU_ZRPVT || status->failed == PC_FACTOR_STRUCT_ZEROPIVOT || status->failed == PC_FACTOR_NUMERIC_ZEROPIVOT ||
                                   (status->failed != PC_NOERROR && status->failed != PC_FACTOR_OUTMEMORY && direct));
   if ((status->ierr || status->failed) && !status->mechanism) PetscFunctionReturn(0);
-  PetscCall(LatinFactorCheck_Private(ksp, A, kept, direct, firm, status));
+  PetscCall(LatinFactorCheck_Private(ksp, A, kept, whole, direct, firm, status));
   PetscFunctionReturn(0);
 }
 
@@ -316,6 +318,6 @@ PetscErrorCode LatinFactorRefine_Private(KSP ksp, Mat A, IS kept, LatinFactorSta
   PetscCall(PCFactorGetMatrix(pc, &F));
   PetscCall(MatFactorGetError(F, &failed));
   status->mechanism = (PetscBool)(failed != MAT_FACTOR_NOERROR);
-  PetscCall(LatinFactorCheck_Private(ksp, A, kept, PETSC_TRUE, PETSC_FALSE, status));
+  PetscCall(LatinFactorCheck_Private(ksp, A, kept, NULL, PETSC_TRUE, PETSC_FALSE, status));
   PetscFunctionReturn(0);
 }
