@@ -260,6 +260,13 @@ def test_loads_that_exceed_collapse_by_little_beside_prestress_are_refused(numbe
     assert iterations < 500
 
 
+def test_equal_steps_are_no_error():
+    """Next to collapse steps may creep back along a soft mode from far out, each of them small beside the way to go."""
+    result = solve(draw(20261130, 4722).scene)
+    assert result.reason > 0
+    assert abs(result.u).max() < 3e-6
+
+
 def test_links_that_yield_are_left_to_newtons_method():
     """A bar that bears a force without resisting: the theorem in use does not hold."""
     from latinpc.bench.extremes.rigid import tabulated

@@ -225,7 +225,7 @@ static PetscErrorCode LatinNewtonConverged_Private(SNES snes, PetscInt it, Petsc
   LatinNewton   *newton = (LatinNewton *)ctx;
   PetscReal      before = newton->error, lambda = 1.0, energy;
   PetscInt       changes, most, stages;
-  PetscBool      rounding, claims, slow;
+  PetscBool      rounding, claims, slow, creeps = PETSC_FALSE; /* what pushes along the step is still there after it */
   Vec            u;
   KSP            ksp;
   Mat            P;
@@ -255,11 +255,12 @@ static PetscErrorCode LatinNewtonConverged_Private(SNES snes, PetscInt it, Petsc
     if (lambda < 1.0 - LATIN_NEWTON_RTOL && newton->error <= newton->target) newton->still++;
     else newton->still = 0;
     if (!changes && !newton->tangent) newton->error *= PetscMin(1.0, newton->doubt * newton->left); /* where forces differ by orders, only a step that moves nothing proves anything */
+    creeps = (PetscBool)(newton->tangent && newton->error > LATIN_NEWTON_REST && newton->slope > LATIN_NEWTON_GAIN);
     if (newton->reference) PetscCall(LatinStructureComputeErrors(newton->structure, u, newton->reference, &newton->error, &energy));
   }
-  rounding = (PetscBool)(it > 1 && !changes && !newton->changes && newton->error > LATIN_NEWTON_GAIN * before && newton->left < LATIN_NEWTON_RTOL &&
+  rounding = (PetscBool)(it > 1 && !changes && !creeps && !newton->changes && newton->error > LATIN_NEWTON_GAIN * before && newton->left < LATIN_NEWTON_RTOL &&
                          (fnorm <= newton->balance || LatinMultipliersEnergy(newton))); /* a step that was to bring digits has brought none */
-  claims   = (PetscBool)(it && ((newton->tangent && !newton->structure->penalty) || !changes || newton->error <= LATIN_NEWTON_REST) && newton->error <= newton->target && fnorm <= newton->balance &&
+  claims   = (PetscBool)(it && !creeps && ((newton->tangent && !newton->structure->penalty) || !changes || newton->error <= LATIN_NEWTON_REST) && newton->error <= newton->target && fnorm <= newton->balance &&
                        (!newton->still || newton->still > LATIN_NEWTON_STILL));
   if ((rounding || claims) && (newton->tangent || newton->proves) && !newton->structure->penalty) PetscCall(LatinNewtonProve_Private(snes, newton, u, fnorm, changes, &rounding, &claims));
   if (fnorm <= newton->residual) *reason = SNES_CONVERGED_FNORM_RELATIVE;
@@ -296,6 +297,7 @@ static PetscErrorCode LatinNewtonSearch_Private(SNESLineSearch search, void *ctx
 {
   LatinNewton *newton = (LatinNewton *)ctx;
   PetscReal    length = 1.0;
+  PetscScalar  before, after;
   PetscInt     done;
   SNES         snes;
   Vec          u, f, step;
@@ -309,11 +311,14 @@ static PetscErrorCode LatinNewtonSearch_Private(SNESLineSearch search, void *ctx
     PetscCall(SNESLineSearchSetReason(search, SNES_LINESEARCH_FAILED_REDUCT));
     PetscFunctionReturn(0);
   }
+  PetscCall(VecDot(f, step, &before));
   if (done >= LATIN_NEWTON_FULL) PetscCall(LatinStructureSearch_Private(newton->structure, u, step, snes->vec_rhs, &length));
   PetscCall(VecAXPY(u, -length, step));
   PetscCall(VecScale(step, length)); /* the norm of the step is that of what was taken */
   PetscCall(SNESLineSearchSetLambda(search, length));
   PetscCall(SNESComputeFunction(snes, u, f));
+  PetscCall(VecDot(f, step, &after));
+  newton->slope = PetscRealPart(before) > 0.0 ? PetscRealPart(after) / (length * PetscRealPart(before)) : 0.0;
   PetscCall(SNESLineSearchComputeNorms(search));
   PetscFunctionReturn(0);
 }

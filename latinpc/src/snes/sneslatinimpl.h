@@ -56,6 +56,7 @@ typedef struct {
   PetscReal        rtol;             /* of a linear solve while links change */
   PetscReal        first, left;      /* norm of the residual of a linear solve, and the part of it that is left */
   PetscReal        floor;            /* least tangent stiffness of a link */
+  PetscReal        slope;            /* of the energy along the last step, at its end, relative to that at its start */
   PetscBool        proves;           /* a claim needs a correction that is as small */
   PetscReal        doubt;            /* by so much corrections have been larger than what linear solves leave */
   PetscReal        tensions;         /* estimated error of the tensions, relative; -1: not estimated */
