@@ -8,7 +8,7 @@
    nothing resists what is left.
 */
 
-#define LATIN_CORRECTION_SAFETY 2.0 /* on the error that one correction shows: of tensions it is 0.7 to 1 times the true one on scenes of all kinds */
+#define LATIN_CORRECTION_SAFETY 3.0 /* on the error that one correction shows: of tensions it is 0.3 to 1 times the true one on scenes of all kinds */
 
 /* The sums over links and springs to the ground that a correction is measured by */
 typedef struct {

@@ -97,7 +97,7 @@ static PetscErrorCode LatinNewtonLinear_Private(KSP ksp, PetscInt it, PetscReal 
   if (*reason || newton->tangent || newton->left > LATIN_NEWTON_PROOF) PetscFunctionReturn(0);
   PetscCall(KSPBuildSolution(ksp, NULL, &step));
   PetscCall(VecNorm(step, NORM_2, &size));
-  if (newton->doubt * newton->left * size > newton->target * newton->size) PetscFunctionReturn(0);
+  if (newton->doubt * newton->left * PetscMax(size, newton->known * newton->size) > newton->target * newton->size) PetscFunctionReturn(0);
   PetscCall(KSPBuildResidual(ksp, NULL, NULL, &r));
   PetscCall(VecNorm(r, NORM_2, &size));
   if (size <= newton->balance) *reason = KSP_CONVERGED_RTOL;
@@ -254,7 +254,8 @@ static PetscErrorCode LatinNewtonConverged_Private(SNES snes, PetscInt it, Petsc
     if (newton->energy) PetscCall(LatinNewtonStep_Private(snes, newton, u, &energy, &newton->error));
     if (lambda < 1.0 - LATIN_NEWTON_RTOL && newton->error <= newton->target) newton->still++;
     else newton->still = 0;
-    if (!changes && !newton->tangent) newton->error *= PetscMin(1.0, newton->doubt * newton->left); /* where forces differ by orders, only a step that moves nothing proves anything */
+    if (!changes && !newton->tangent) newton->error = PetscMax(newton->error, newton->known) * PetscMin(1.0, newton->doubt * newton->left); /* where forces differ by orders, only a step that moves nothing proves anything */
+    newton->known = changes ? 0.0 : newton->error;
     creeps = (PetscBool)(newton->tangent && newton->error > LATIN_NEWTON_REST && newton->slope > LATIN_NEWTON_GAIN);
     if (newton->reference) PetscCall(LatinStructureComputeErrors(newton->structure, u, newton->reference, &newton->error, &energy));
   }
@@ -385,8 +386,8 @@ PetscErrorCode LatinNewtonCreate_Private(SNES snes, Latin latin, PetscBool tange
   PetscFunctionReturn(0);
 }
 
-/* From the displacements u to those of the solution. u is worthless when the reason is negative. Collective on snes */
-PetscErrorCode LatinNewtonSolve_Private(SNES snes, LatinNewton *newton, Vec u, SNESConvergedReason *reason)
+/* From the displacements u, known to this relative error (0: not known), to those of the solution. u is worthless when the reason is negative. Collective on snes */
+PetscErrorCode LatinNewtonSolve_Private(SNES snes, LatinNewton *newton, PetscReal known, Vec u, SNESConvergedReason *reason)
 {
   PetscReal least, most;
   KSP       ksp;
@@ -396,6 +397,7 @@ PetscErrorCode LatinNewtonSolve_Private(SNES snes, LatinNewton *newton, Vec u, S
   newton->floor    = newton->tangent ? PetscMax(LATIN_NEWTON_FLOOR * least, LATIN_NEWTON_SEEN * most) : 0.0; /* without a stall no mechanism is near, and a step is exact */
   newton->linear   = (PetscBool)!newton->latin->sub.nonsmooth_global;
   newton->error    = newton->latin->linear.indicator;
+  newton->known    = known;
   newton->left     = 0.0;
   newton->doubt    = 1.0;
   newton->tensions = -1.0;

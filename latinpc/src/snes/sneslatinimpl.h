@@ -61,6 +61,7 @@ typedef struct {
   PetscReal        doubt;            /* by so much corrections have been larger than what linear solves leave */
   PetscReal        tensions;         /* estimated error of the tensions, relative; -1: not estimated */
   PetscReal        error;            /* estimated or measured error of the last step */
+  PetscReal        known;            /* relative error that the displacements before a step are known to have at most; 0: not known */
   PetscBool        linear;           /* no link can become slack */
   PetscInt         changes;          /* links that the last step has changed */
   PetscInt         steps, stages;    /* of this solve: Newton steps, linear stages */
@@ -77,7 +78,7 @@ PETSC_INTERN PetscErrorCode LatinNewtonStart_Private(LatinNewton *, LatinStructu
 PETSC_INTERN PetscBool      LatinNewtonStalled(LatinNewton *, PetscReal measure, PetscReal target);
 PETSC_INTERN PetscErrorCode LatinNewtonOwn_Private(LatinStructure, PetscBool *);
 PETSC_INTERN PetscErrorCode LatinNewtonCreate_Private(SNES, Latin, PetscBool tangent, LatinNewton *);
-PETSC_INTERN PetscErrorCode LatinNewtonSolve_Private(SNES, LatinNewton *, Vec u, SNESConvergedReason *);
+PETSC_INTERN PetscErrorCode LatinNewtonSolve_Private(SNES, LatinNewton *, PetscReal known, Vec u, SNESConvergedReason *);
 PETSC_INTERN PetscErrorCode LatinNewtonCorrection_Private(LatinNewton *, Vec u, Vec r, PetscReal *error, PetscReal *tensions);
 PETSC_INTERN PetscErrorCode LatinNewtonAsk_Private(LatinNewton *, Vec more);
 PETSC_INTERN PetscErrorCode LatinMultipliersStart_Private(Latin, LatinNewton *);
