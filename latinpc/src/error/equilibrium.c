@@ -35,7 +35,7 @@ typedef struct {
   PetscReal error;                        /* squares of D^-1 r, in the norm of the estimate */
   PetscReal work, pushed, loads;          /* r.u; works of loads and springs to the ground: their sum, and each by itself */
   PetscReal hidden;                       /* squares of the rounding of r */
-  PetscReal left, all, load, bearing;     /* squares of r beyond rounding and of all of it, of the loads, of the sums of |tau| at nodes */
+  PetscReal left, all, load, bearing;     /* squares of r beyond rounding and of all of it, of the loads, of what links bear at nodes */
   PetscReal moved[4], stiff[4], noise[4]; /* t.r, squares of K t, rounding of t.r: translations, then u */
 } LatinNodalSums;
 
@@ -148,7 +148,7 @@ static void LatinSumComponent(const LatinNode *at, PetscInt dim, PetscInt c, Pet
   sum->hidden += noise * noise;
   sum->all += PetscSqr(at->r[c]);
   sum->load += PetscSqr(at->load[c]);
-  sum->bearing += c ? 0.0 : PetscSqr(at->tension);
+  sum->bearing += c ? 0.0 : PetscSqr(at->bearing);
   if (stiff > 0.0) sum->error += energy ? left * left / stiff : PetscSqr(left / stiff);
   sum->work += at->r[c] * at->u[c];
   sum->pushed += pushed;

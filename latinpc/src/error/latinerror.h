@@ -50,6 +50,8 @@ typedef struct {
   PetscReal translation[9]; /* |K t_c| for the translation t_c of all free displacements, at most; in motions */
   PetscReal tangent[3];     /* |K u|, of links that certainly bear; in motions */
   PetscReal tension;        /* sum of |tau| */
+  PetscReal rigid[3];       /* sum of the forces of rigid links, whose self-stress loads nothing and may be any */
+  PetscReal bearing;        /* its size, and |tau| of elastic links */
   PetscReal gaps;           /* times eps: rounding of the tensions, gaps included */
   PetscReal resistance;     /* 1 / displacement of the node at which its links hold the force without balance */
 } LatinNode;

@@ -74,7 +74,7 @@ static void LatinNodalAddLink(LatinNodalBalance *balance, PetscInt l, PetscScala
   const PetscInt       dim = structure->dim, *to = structure->ends + 2 * l;
   const PetscBool      rigid = LatinLaws[structure->law[l]].rigid;
   const PetscReal     *n = structure->direction + dim * l, k = latin->sub.link_stiffness[l], e0 = PetscAbsReal(structure->e0[l]);
-  const PetscReal      e = LatinStructureElongation(structure, l, a[LATIN_AT_U]), x = e + structure->e0[l], tension = PetscAbsReal(LatinStructureTension(structure, latin->linear.rigid_tension, l, x));
+  const PetscReal      e = LatinStructureElongation(structure, l, a[LATIN_AT_U]), x = e + structure->e0[l], bears = LatinStructureTension(structure, latin->linear.rigid_tension, l, x), tension = PetscAbsReal(bears);
   PetscReal            all = 0.0, ends = 0.0, moves[4] = {0.0, 0.0, 0.0, 0.0}, certain = k, possible = k; /* elongations by unit translations and by the free displacements; stiffness if the error is the target */
 
   for (PetscInt c = 0; c < dim; c++) {
@@ -114,11 +114,13 @@ static void LatinNodalAddLink(LatinNodalBalance *balance, PetscInt l, PetscScala
       at->rounding[c] += cosine * (k * (ends + (rigid ? 0.0 : e0)) + (rigid ? tension : 0.0)); /* a gap makes no force, and is without end where a contact takes no part in a step */
       for (PetscInt d = 0; d < dim; d++) at->translation[3 * d + c] += k * cosine * PetscAbsReal(moves[d]);
       at->tangent[c] += certain * cosine * PetscAbsReal(moves[3]);
+      if (rigid) at->rigid[c] += (i ? n[c] : -n[c]) * bears;
       along -= (i ? n[c] : -n[c]) * PetscRealPart(r[c]);
       push += PetscSqr(PetscRealPart(r[c]));
     }
     push = PetscSqrtReal(push);
     at->tension += tension;
+    at->bearing += rigid ? 0.0 : tension;
     at->gaps += k * (ends + e0) + tension;
     if (push > 0.0) at->resistance += LatinResistance(latin, l, x, along / push, push);
   }
@@ -129,13 +131,15 @@ static PetscErrorCode LatinNodalGather_Private(LatinStructure structure, const L
 {
   PetscFunctionBegin;
   PetscCall(LatinSFReduce_Private(structure->vertex_sf, sizeof(LatinNode) / sizeof(PetscReal), MPIU_REAL, vertex, node, MPI_SUM));
-  for (PetscInt i = 0; i < structure->nodes_local; i++)
+  for (PetscInt i = 0; i < structure->nodes_local; i++) {
+    node[i].bearing += PetscSqrtReal(PetscSqr(node[i].rigid[0]) + PetscSqr(node[i].rigid[1]) + PetscSqr(node[i].rigid[2]));
     for (PetscInt c = 0; c < 3 && node[i].vertices > 1.0; c++) {
       node[i].u[c] /= node[i].vertices;
       node[i].r[c] /= node[i].vertices;
       node[i].load[c] /= node[i].vertices;
       node[i].ground[c] /= node[i].vertices;
     }
+  }
   PetscFunctionReturn(0);
 }
 
