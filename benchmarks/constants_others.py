@@ -243,7 +243,10 @@ OTHERS = {
         "were called right.",
     ),
     "LATIN_NEWTON_REST": ("relative", "Rounding of displacements: links that such a step changes are just taut."),
-    "LATIN_CORRECTION_SAFETY": ("ratio", "Without it estimates of tensions are 0.7 to 1 times the true error."),
+    "LATIN_CORRECTION_SAFETY": (
+        "ratio",
+        "Without it estimates of tensions are 0.3 to 1 times the true error; with 2, 6 % of 200 are below it.",
+    ),
     "LATIN_SEARCH_GROWS": ("ratio", "Lengths to try are few with 8: thirteen to the longest."),
     "LATIN_SEARCH_FAR": ("times the step", "Farther, rounding of the step is larger than the displacements."),
     "LATIN_PENALTY_REST": (

@@ -13,6 +13,7 @@ import latinpc
 from latinpc.bench.extremes.drawn import draw
 from latinpc.bench.extremes.exact import solve_exactly
 from latinpc.bench.extremes.rigid import against, between, net, packing, row, row_solution, stiffened
+from latinpc.runs.solve import solve
 from latinpc.scenes import Law
 
 Reason = PETSc.SNES.ConvergedReason
@@ -106,6 +107,19 @@ def test_supports_that_move_a_structure_as_a_rigid_body_are_followed(number):
     assert exact.exists and not scene.load.any()
     assert reason > 0
     assert not exact.unique or u == pytest.approx(exact.displacements, abs=1e-12)
+
+
+def test_a_self_stress_of_rigid_links_hides_no_tension():
+    """Contacts and cables side by side bear against each other what the iteration has left them; elastic links bear nothing."""
+    scene = draw(6123457, 191, "rigid").scene
+    result = solve(scene, {})
+    assert result.converged and not scene.load.any()
+    assert abs(result.tensions[scene.stiffness > 0]).max() < 1e-12
+
+
+def test_a_self_stress_of_rigid_links_holds_a_node():
+    """What they bear together at a node without a load is rounding, and no force that nothing resists."""
+    assert solve(draw(6123457, 844, "rigid").scene, {}).converged
 
 
 def test_a_net_that_holds_is_not_jammed_where_the_iteration_is_cut_short():

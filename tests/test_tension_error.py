@@ -1,4 +1,4 @@
-"""The estimated error of the tensions: no less than the true one, not much more, and met where it is asked for."""
+"""Estimated errors of a solve: no less than the true ones, those of tensions not much more, and met where they are asked for."""
 
 import re
 from dataclasses import replace
@@ -37,22 +37,41 @@ def varied(number):
     }
 
 
-def ratio(number):
-    """Estimated over true error; 1 where both are below what the reference shows, None where there is no estimate."""
+def over(estimate, true):
+    """Estimated over true error; 1 where both are below what the reference shows."""
+    return 1.0 if max(true, estimate) <= SOLVED else np.divide(estimate, true)
+
+
+def ratios(number):
+    """Estimated over true error of the tensions and of the displacements."""
     scene, options = varied(number)
     result = solve(scene, options)
     exact = solve(scene, {"snes_latin_error": "1e-11"})
     assert result.converged and exact.converged
-    true = np.linalg.norm(result.tensions - exact.tensions) / np.linalg.norm(exact.tensions)
-    assert true <= float(options["snes_latin_error"])
-    return 1.0 if max(true, result.tension_error) <= SOLVED else result.tension_error / true
+    true = [
+        np.linalg.norm(getattr(result, name) - getattr(exact, name)) / np.linalg.norm(getattr(exact, name))
+        for name in ("tensions", "displacements")
+    ]
+    assert max(true) <= float(options["snes_latin_error"])
+    return over(result.tension_error, true[0]), over(result.estimated_error, true[1])
 
 
 @double
-@pytest.mark.parametrize("count", [24, pytest.param(200, marks=pytest.mark.slow)])
-def test_the_estimate_is_no_less_than_the_error_and_not_much_more(count):
-    found = np.array([ratio(number) for number in range(count)])
-    assert np.mean((found >= 1.0) & (found <= 10.0)) >= 0.95, found
+@pytest.mark.parametrize("count", [24, pytest.param(200, marks=[pytest.mark.slow, pytest.mark.timeout(1800)])])
+def test_the_estimates_are_no_less_than_the_errors(count):
+    """That of tensions is not much more; that of displacements is of the step before where the last one is exact."""
+    tensions, displacements = np.transpose([ratios(number) for number in range(count)])
+    assert np.mean((tensions >= 1.0) & (tensions <= 10.0)) >= 0.95, tensions
+    assert np.mean(displacements >= 1.0) >= 0.95, displacements
+
+
+@double
+@pytest.mark.parametrize("number", [11, 51, 65, 149])
+def test_a_linear_solve_that_has_missed_the_error_claims_no_less(number):
+    """One or two iterations that find little: a soft mode, which the preconditioner takes for stiff, has not shown."""
+    tensions, displacements = ratios(number)
+    assert displacements >= 1.0
+    assert tensions >= 0.5
 
 
 @double
