@@ -110,7 +110,7 @@ def test_supports_that_move_a_structure_as_a_rigid_body_are_followed(number):
 
 
 def test_a_self_stress_of_rigid_links_hides_no_tension():
-    """Contacts and cables side by side bear against each other what the iteration has left them; elastic links bear nothing."""
+    """Contacts and cables side by side bear against each other what the iteration has left; others bear nothing."""
     scene = draw(6123457, 191, "rigid").scene
     result = solve(scene, {})
     assert result.converged and not scene.load.any()

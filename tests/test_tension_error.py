@@ -1,4 +1,4 @@
-"""Estimated errors of a solve: no less than the true ones, those of tensions not much more, and met where they are asked for."""
+"""Estimated errors of a solve: no less than the true ones, those of tensions not much more; they meet what is asked."""
 
 import re
 from dataclasses import replace
