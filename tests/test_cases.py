@@ -10,10 +10,12 @@ from petsc4py import PETSc
 from support import chain, far, grid, irregular, lattice, logged, network
 from test_cli import latinpc as command
 from test_cli import said
+from test_collapse import has_equilibrium
 from test_files import MSH, TOML
 
 import latinpc
 from latinpc import Case
+from latinpc.bench.extremes.drawn import draw
 from latinpc.results.envelope import COLUMNS, draw_envelope, write_envelope
 from latinpc.runs.cases import solve_cases
 from latinpc.runs.solve import solve
@@ -185,6 +187,28 @@ def test_side_by_side_is_as_accurate_as_promised(name):
             assert r.norm() < 1.01e-2 * np.linalg.norm(applied.load[free])
     some = solve_cases(scene, cases[5:12], {"snes_latin_error": 1e-5})
     assert (some.displacements == found.displacements[5:12]).all() and (some.tensions == found.tensions[5:12]).all()
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1800)
+def test_cases_next_to_collapse_are_as_solved_by_themselves():
+    """600 random structures loaded next to their collapse load: what side by side calls solved is, to the accuracy promised."""
+    proved = 0
+    for number in range(600):
+        scene = draw(515151, number, "collapse").scene
+        cases = [Case(f"{part}", (part - 1.0) * scene.load) for part in (1.0, 0.999, 0.9, 0.3, -0.2)]
+        found = solve_cases(scene, cases)
+        for case, row, u, tensions in zip(cases, found.report["cases"], found.displacements, found.tensions):
+            if not row["together"]:
+                continue
+            proved += 1
+            exact = solve(case.applied(scene), {"snes_latin_error": 1e-8})
+            assert has_equilibrium(case.applied(scene)), (number, case.name)
+            if not exact.converged:
+                continue
+            for mine, true in ((u[~scene.fixed], exact.displacements[~scene.fixed]), (tensions, exact.tensions)):
+                assert np.linalg.norm(mine - true) <= 1.1e-4 * np.linalg.norm(true), (number, case.name)
+    assert proved > 1000
 
 
 def test_bars_take_two_stages_a_case():

@@ -64,11 +64,15 @@ def slack(scene, tensions, largest=None):
     -------
     (..., m) array of bool
     """
-    if largest is None:
-        largest = np.abs(tensions).max(axis=-1, initial=0.0, keepdims=True)
-    threshold = 1e-12 * largest
-    cable = np.isin(scene.law, (Law.CABLE, Law.INEXTENSIBLE)) & (tensions <= threshold)
-    return cable | (np.isin(scene.law, (Law.COMPRESSION_ONLY, Law.CONTACT, Law.FRICTION)) & (tensions >= -threshold))
+    pulls = np.isin(scene.law, (Law.CABLE, Law.INEXTENSIBLE))
+    pushes = np.isin(scene.law, (Law.COMPRESSION_ONLY, Law.CONTACT, Law.FRICTION))
+    sign = pulls.astype(float) - pushes
+    found = np.empty(tensions.shape, bool)
+    for number in np.ndindex(tensions.shape[:-1]):  # a row at a time stays in cache
+        row = tensions[number]
+        most = max(row.max(initial=0.0), -row.min(initial=0.0)) if largest is None else largest
+        np.less_equal(sign * row, 1e-12 * most, out=found[number])
+    return found & (pulls | pushes)
 
 
 def reactions(scene, tensions, load=None):

@@ -144,9 +144,14 @@ class Cases:
         if not good.size:
             none, nowhere = np.full(values.shape[1:], np.nan), np.full(values.shape[1:], -1)
             return none, none, nowhere, nowhere
-        values = values[good]
-        low, high = values.argmin(axis=0), values.argmax(axis=0)
-        return values.min(axis=0), values.max(axis=0), good[low], good[high]
+        lowest, highest = values[good[0]].copy(), values[good[0]].copy()
+        low, high = np.full(lowest.shape, good[0]), np.full(lowest.shape, good[0])
+        for number in good[1:]:  # a case at a time stays in cache
+            one = values[number]
+            for extreme, case, beyond in ((lowest, low, one < lowest), (highest, high, one > highest)):
+                np.copyto(extreme, one, where=beyond)
+                np.copyto(case, number, where=beyond)
+        return lowest, highest, low, high
 
     def slack_cases(self) -> np.ndarray:
         """Return for each link the number of cases in which it bears nothing, (m,) of int."""

@@ -2,6 +2,8 @@
 #ifndef LATINVECTOR_H
 #define LATINVECTOR_H
 
+#include <stdlib.h> /* which defines __GLIBC__ */
+
 /* Compiled for several instruction sets, of which the processor chooses */
 #if defined(__GNUC__) && !defined(__clang__) && __GNUC__ >= 12 && defined(__x86_64__) && defined(__GLIBC__)
   #define LATIN_CLONES __attribute__((target_clones("arch=x86-64-v4", "arch=x86-64-v3", "default")))

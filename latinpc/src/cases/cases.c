@@ -2,9 +2,10 @@
 
 /*
    Conjugate gradients for the energy of a structure of bars, cables and compression-only links, which is convex and
-   piecewise quadratic: E. Polak and G. Ribiere's directions, of the answers w = K^-1 r of the factor of the stiffness K with
-   all links taut, and Newton's step along each. Without slack links the first step is the solution; as soon as links no
-   longer change they are the conjugate gradients of Newton's method, without a start anew for each of its steps.
+   piecewise quadratic: of the answers w = K^-1 r of the factor of the stiffness K with all links taut, directions that are
+   conjugate to the last one under the present tangent stiffness (J. W. Daniel 1967), and Newton's step in the plane of both.
+   Without slack links the first step is the solution; as soon as links no longer change they are the conjugate gradients of
+   Newton's method, without a start anew for each of its steps.
 
    A case is solved when the forces r that are without balance are small beside loads and tensions, and so is the error of
    displacements and of tensions. That is the correction that r asks for, (w.r / w.K w) w with the tangent stiffness
@@ -18,14 +19,12 @@
 
 typedef struct {
   LatinStructure structure;
-  LatinCaseLinks links;
-  PetscInt       dofs, rows;
-  PetscInt      *row;                     /* [rows] of K: the entry of the node arrays */
-  PetscReal     *load, *before;           /* [nodes][dim][lanes] loads, forces without balance one stage ago */
+  LatinCaseLanes lanes;
+  PetscInt      *place;                   /* [nodes][dim] row of the lanes */
+  PetscInt      *link;                    /* [links] of the lanes: number in the structure */
   PetscReal      loads[LATIN_CASE_LANES]; /* norm of the loads */
-  PetscReal      size[LATIN_CASE_LANES];  /* norm of the displacements */
-  PetscReal     *pushed;                  /* [most stages of a case + 1][lanes] w.r of each stage of the case */
-  LatinCase     *lane[LATIN_CASE_LANES];  /* NULL: empty */
+  PetscReal     *pushed;                  /* [most stages of a case + 1][lanes] w.r of each stage of the case, over the square of scale */
+  LatinCase     *one[LATIN_CASE_LANES];   /* NULL: empty */
   Mat            K, F;
   KSP            ksp;
 } LatinCases;
@@ -56,45 +55,102 @@ static PetscErrorCode LatinCasesFactor_Private(LatinCases *cases, PetscBool *fai
   PetscFunctionReturn(0);
 }
 
-/* Laws, numbering, and empty lanes */
-static PetscErrorCode LatinCasesCreate_Private(LatinStructure structure, PetscInt most, LatinCases *cases)
+/* Rows of the displacement components: those of the factor in its order, then those that are held */
+static PetscErrorCode LatinCasesRows_Private(LatinCases *cases)
 {
-  LatinCaseLinks *links = &cases->links;
-  size_t          n, m;
+  const LatinStructure structure = cases->structure;
+  const PetscInt      *order;
+  PetscInt            *back, held;
+
+  PetscFunctionBegin;
+  PetscCall(MatGetSize(cases->K, &cases->lanes.free, NULL));
+  held = cases->lanes.free;
+  PetscCall(LatinCholeskyOrder(cases->F, &order));
+  PetscCall(PetscMalloc1(cases->lanes.free, &back));
+  for (PetscInt i = 0; i < cases->lanes.free; i++) back[order[i]] = i;
+  for (PetscInt i = 0; i < cases->lanes.rows; i++) cases->place[i] = structure->global_dof[i] < 0 ? held++ : back[structure->global_dof[i]];
+  PetscCall(PetscFree(back));
+  PetscFunctionReturn(0);
+}
+
+/* Links in the order of the first of their rows */
+static PetscErrorCode LatinCasesLinks_Private(LatinCases *cases)
+{
+  const LatinStructure structure = cases->structure;
+  LatinCaseLanes      *lanes     = &cases->lanes;
+  PetscInt             dim = lanes->dim, *first;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMalloc1(lanes->links, &first));
+  for (PetscInt l = 0; l < lanes->links; l++) {
+    first[l]       = PetscMin(cases->place[dim * structure->nodes[2 * l]], cases->place[dim * structure->nodes[2 * l + 1]]);
+    cases->link[l] = l;
+  }
+  PetscCall(PetscSortIntWithArray(lanes->links, first, cases->link));
+  PetscCall(PetscFree(first));
+  for (PetscInt k = 0; k < lanes->links; k++) {
+    const PetscInt l = cases->link[k];
+
+    for (PetscInt c = 0; c < 2 * dim; c++) lanes->row[2 * dim * k + c] = cases->place[dim * structure->nodes[2 * l + c / dim] + c % dim];
+    for (PetscInt c = 0; c < dim; c++) lanes->direction[dim * k + c] = structure->direction[dim * l + c];
+    lanes->stiffness[k] = structure->stiffness[l];
+    lanes->sign[k]      = structure->law[l] == LATIN_LAW_BAR ? 0.0 : LatinLawSign(structure->law[l]);
+  }
+  PetscFunctionReturn(0);
+}
+
+/* Empty lanes */
+static PetscErrorCode LatinCasesRoom_Private(LatinCaseLanes *lanes)
+{
+  const size_t n = LATIN_CASE_LANES * (size_t)lanes->rows, m = LATIN_CASE_LANES * (size_t)lanes->links;
+  const size_t bytes = (3 * n + m) * sizeof(PetscReal) + (2 * n + m) * sizeof(float);
+
+  PetscFunctionBegin;
+  PetscCall(LatinRoomCreate_Private(bytes, &lanes->room));
+  memset(lanes->room, 0, bytes);
+  lanes->load = (PetscReal *)lanes->room;
+  lanes->u    = lanes->load + n;
+  lanes->r    = lanes->u + n;
+  lanes->e0   = lanes->r + n;
+  lanes->w    = (float *)(lanes->e0 + m);
+  lanes->p    = lanes->w + n;
+  lanes->tangent = lanes->p + n;
+  for (PetscInt w = 0; w < LATIN_CASE_LANES; w++) lanes->scale[w] = 1.0;
+  PetscFunctionReturn(0);
+}
+
+/* *fails: there is no factor */
+static PetscErrorCode LatinCasesCreate_Private(LatinStructure structure, PetscInt most, LatinCases *cases, PetscBool *fails)
+{
+  LatinCaseLanes *lanes = &cases->lanes;
 
   PetscFunctionBegin;
   PetscCall(PetscMemzero(cases, sizeof(*cases)));
   cases->structure = structure;
-  cases->dofs      = structure->dim * structure->nodes_local;
-  links->dim       = structure->dim;
-  links->links     = structure->links_local;
-  links->ends      = structure->nodes;
-  links->direction = structure->direction;
-  links->stiffness = structure->stiffness;
-  n                = LATIN_CASE_LANES * (size_t)cases->dofs;
-  m                = LATIN_CASE_LANES * (size_t)links->links;
-  PetscCall(PetscMalloc2(cases->dofs, &cases->row, links->links, &links->sign));
-  PetscCall(PetscCalloc6(n, &links->u, n, &links->w, n, &links->p, n, &links->r, n, &cases->load, n, &cases->before));
-  PetscCall(PetscCalloc3(m, &links->e0, m, &links->tangent, LATIN_CASE_LANES * most, &cases->pushed));
-  for (PetscInt l = 0; l < links->links; l++) links->sign[l] = structure->law[l] == LATIN_LAW_BAR ? 0.0 : LatinLawSign(structure->law[l]);
-  for (PetscInt i = 0; i < cases->dofs; i++) {
-    if (structure->global_dof[i] < 0) continue;
-    cases->row[structure->global_dof[i]] = i;
-    cases->rows++;
-  }
+  lanes->dim       = structure->dim;
+  lanes->rows      = structure->dim * structure->nodes_local;
+  lanes->links     = structure->links_local;
+  PetscCall(LatinCasesFactor_Private(cases, fails));
+  if (*fails) PetscFunctionReturn(0);
+  PetscCall(PetscMalloc5(lanes->rows, &cases->place, lanes->links, &cases->link, 2 * lanes->dim * lanes->links, &lanes->row, lanes->dim * lanes->links, &lanes->direction, 2 * lanes->links, &lanes->stiffness));
+  lanes->sign = lanes->stiffness + lanes->links;
+  PetscCall(PetscCalloc1(LATIN_CASE_LANES * (most + 1), &cases->pushed));
+  PetscCall(LatinCasesRows_Private(cases));
+  PetscCall(LatinCasesLinks_Private(cases));
+  PetscCall(LatinCasesRoom_Private(lanes));
   PetscFunctionReturn(0);
 }
 
 static PetscErrorCode LatinCasesDestroy_Private(LatinCases *cases)
 {
-  LatinCaseLinks *links = &cases->links;
+  LatinCaseLanes *lanes = &cases->lanes;
 
   PetscFunctionBegin;
   PetscCall(KSPDestroy(&cases->ksp));
   PetscCall(MatDestroy(&cases->K));
-  PetscCall(PetscFree2(cases->row, links->sign));
-  PetscCall(PetscFree6(links->u, links->w, links->p, links->r, cases->load, cases->before));
-  PetscCall(PetscFree3(links->e0, links->tangent, cases->pushed));
+  PetscCall(PetscFree5(cases->place, cases->link, lanes->row, lanes->direction, lanes->stiffness));
+  PetscCall(PetscFree(cases->pushed));
+  PetscCall(LatinRoomDestroy_Private(&lanes->room));
   PetscFunctionReturn(0);
 }
 
@@ -104,112 +160,58 @@ static PetscErrorCode LatinCasesDestroy_Private(LatinCases *cases)
 static void LatinCasesStart(LatinCases *cases, PetscInt w, LatinCase *one)
 {
   const LatinStructure structure = cases->structure;
-  LatinCaseLinks      *links     = &cases->links;
+  LatinCaseLanes      *lanes     = &cases->lanes;
+  const PetscBool      fails     = (PetscBool)(cases->one[w] && cases->one[w]->stages < 0);
   PetscReal            sum       = 0.0;
 
-  cases->lane[w] = one;
-  cases->size[w] = 0.0;
-  for (PetscInt i = 0, at = w; i < cases->dofs; i++, at += LATIN_CASE_LANES) {
+  cases->one[w] = one;
+  lanes->uu[w]  = 0.0;
+  for (PetscInt i = 0; i < lanes->rows; i++) {
+    const size_t    at   = LATIN_CASE_LANES * (size_t)cases->place[i] + (size_t)w;
     const PetscBool free = (PetscBool)(structure->global_dof[i] >= 0);
 
-    cases->load[at] = one && free ? structure->force[i] + (one->load ? one->load[i] : 0.0) : 0.0;
-    links->u[at]    = one && !free ? structure->prescribed[i] + (one->prescribed ? one->prescribed[i] : 0.0) : 0.0;
-    links->p[at] = links->r[at] = links->w[at] = 0.0;
-    sum += PetscSqr(cases->load[at]);
+    lanes->load[at] = one && free ? structure->force[i] + (one->load ? one->load[i] : 0.0) : 0.0;
+    lanes->u[at]    = one && !free ? structure->prescribed[i] + (one->prescribed ? one->prescribed[i] : 0.0) : 0.0;
+    if (fails) lanes->p[at] = 0.0; /* may be no number, else a first step does without it */
+    sum += PetscSqr(lanes->load[at]);
   }
-  for (PetscInt l = 0, at = w; l < links->links; l++, at += LATIN_CASE_LANES) links->e0[at] = one ? structure->e0[l] + (one->e0 ? one->e0[l] : 0.0) : 0.0;
+  for (PetscInt k = 0; k < lanes->links; k++) {
+    const PetscInt l = cases->link[k];
+
+    lanes->e0[LATIN_CASE_LANES * (size_t)k + (size_t)w] = one ? structure->e0[l] + (one->e0 ? one->e0[l] : 0.0) : 0.0;
+  }
   cases->loads[w] = PetscSqrtReal(sum);
 }
 
 /* Displacements and tensions of a lane to its case, and whether they are larger than the structure */
 static PetscBool LatinCasesGive(const LatinCases *cases, PetscInt w, PetscReal far)
 {
-  const LatinCaseLinks *links = &cases->links;
-  const PetscInt        dim   = links->dim;
-  LatinCase            *one   = cases->lane[w];
-  PetscReal             most  = 0.0;
+  const LatinStructure  structure = cases->structure;
+  const LatinCaseLanes *lanes     = &cases->lanes;
+  const PetscInt        dim       = lanes->dim;
+  LatinCase            *one       = cases->one[w];
+  PetscReal             most      = 0.0;
 
-  for (PetscInt i = 0; i < cases->dofs; i++) {
-    one->displacement[i] = links->u[LATIN_CASE_LANES * i + w];
-    if (cases->structure->global_dof[i] >= 0) most = PetscMax(most, PetscAbsReal(one->displacement[i]));
+  for (PetscInt i = 0; i < lanes->rows; i++) {
+    one->displacement[i] = lanes->u[LATIN_CASE_LANES * (size_t)cases->place[i] + (size_t)w];
+    if (structure->global_dof[i] >= 0) most = PetscMax(most, PetscAbsReal(one->displacement[i]));
   }
-  for (PetscInt l = 0; l < links->links; l++) {
-    const PetscReal *n = links->direction + dim * l, *from = one->displacement + dim * links->ends[2 * l], *to = one->displacement + dim * links->ends[2 * l + 1];
-    PetscReal        x = links->e0[LATIN_CASE_LANES * l + w];
+  for (PetscInt l = 0; l < lanes->links; l++) {
+    const PetscReal *n = structure->direction + dim * l, *from = one->displacement + dim * structure->nodes[2 * l], *to = one->displacement + dim * structure->nodes[2 * l + 1];
+    PetscReal        x = structure->e0[l] + (one->e0 ? one->e0[l] : 0.0);
 
     for (PetscInt c = 0; c < dim; c++) x += n[c] * (to[c] - from[c]);
-    one->tension[l] = LatinStructureTension(cases->structure, NULL, l, x);
+    one->tension[l] = LatinStructureTension(structure, NULL, l, x);
   }
   return (PetscBool)(most > far);
 }
 
 /* ---- a stage ---- */
 
-/* Sums over the rows of K of every lane */
-typedef struct {
-  PetscReal rr[LATIN_CASE_LANES], rw[LATIN_CASE_LANES], ww[LATIN_CASE_LANES], bw[LATIN_CASE_LANES], rp[LATIN_CASE_LANES], uu[LATIN_CASE_LANES];
-} LatinCaseSums;
-
-/* Norms of the forces without balance, by which the solves scale them */
-static void LatinCasesNorms(const LatinCases *cases, LatinCaseSums *sum, PetscReal scale[])
-{
-  PetscReal rr[LATIN_CASE_LANES] = {0.0};
-
-  for (PetscInt i = 0; i < cases->dofs; i++) {
-    const PetscReal *r = cases->links.r + LATIN_CASE_LANES * i;
-
-    if (cases->structure->global_dof[i] < 0) continue;
-    for (PetscInt w = 0; w < LATIN_CASE_LANES; w++) rr[w] += r[w] * r[w];
-  }
-  for (PetscInt w = 0; w < LATIN_CASE_LANES; w++) sum->rr[w] = rr[w];
-  for (PetscInt w = 0; w < LATIN_CASE_LANES; w++) scale[w] = rr[w] > 0.0 ? PetscSqrtReal(rr[w]) : 1.0;
-}
-
-/* The other sums; held entries of w and p are zero */
-static void LatinCasesSums(const LatinCases *cases, LatinCaseSums *sum)
-{
-  PetscReal rw[LATIN_CASE_LANES] = {0.0}, ww[LATIN_CASE_LANES] = {0.0}, bw[LATIN_CASE_LANES] = {0.0}, rp[LATIN_CASE_LANES] = {0.0};
-
-  for (PetscInt i = 0; i < cases->dofs; i++) {
-    const PetscReal *r = cases->links.r + LATIN_CASE_LANES * i, *a = cases->links.w + LATIN_CASE_LANES * i, *p = cases->links.p + LATIN_CASE_LANES * i, *b = cases->before + LATIN_CASE_LANES * i;
-
-    for (PetscInt w = 0; w < LATIN_CASE_LANES; w++) {
-      rw[w] += r[w] * a[w];
-      ww[w] += a[w] * a[w];
-      bw[w] += b[w] * a[w];
-      rp[w] += r[w] * p[w];
-    }
-  }
-  for (PetscInt w = 0; w < LATIN_CASE_LANES; w++) {
-    sum->rw[w] = rw[w];
-    sum->ww[w] = ww[w];
-    sum->bw[w] = bw[w];
-    sum->rp[w] = rp[w];
-  }
-}
-
-/* p = w + beta p, u += alpha p, and the norm of u */
-static void LatinCasesMove(LatinCases *cases, const PetscReal alpha[])
-{
-  PetscReal sum[LATIN_CASE_LANES] = {0.0};
-
-  for (PetscInt i = 0; i < cases->dofs; i++) {
-    PetscReal *u = cases->links.u + LATIN_CASE_LANES * i, *a = cases->links.w + LATIN_CASE_LANES * i, *p = cases->links.p + LATIN_CASE_LANES * i;
-
-    if (cases->structure->global_dof[i] < 0) continue;
-    for (PetscInt w = 0; w < LATIN_CASE_LANES; w++) {
-      p[w] = a[w] + cases->links.beta[w] * p[w];
-      u[w] += alpha[w] * p[w];
-      sum[w] += u[w] * u[w];
-    }
-  }
-  for (PetscInt w = 0; w < LATIN_CASE_LANES; w++) cases->size[w] = PetscSqrtReal(sum[w]);
-}
-
 /* The slowest rate at which the energy norm of the corrections of a lane has come down to what it is, from any stage before the last few */
 static PetscReal LatinCasesRate(const LatinCases *cases, PetscInt w)
 {
-  const PetscInt   last = cases->lane[w]->stages - 1, first = PetscMin(last, LATIN_CASE_PAST);
+  const PetscInt   last = cases->one[w]->stages - 1, first = PetscMin(last, LATIN_CASE_PAST);
   const PetscReal *pushed = cases->pushed + w;
   PetscReal        rate   = 0.0;
 
@@ -218,11 +220,11 @@ static PetscReal LatinCasesRate(const LatinCases *cases, PetscInt w)
 }
 
 /* Is the case of a lane solved? Notes what its displacements are known to be worth */
-static PetscBool LatinCasesSolved(const LatinCases *cases, const LatinCaseGoal *goal, const LatinCaseSums *sum, PetscInt w)
+static PetscBool LatinCasesSolved(const LatinCases *cases, const LatinCaseGoal *goal, PetscInt w)
 {
-  const LatinCaseLinks *links = &cases->links;
-  LatinCase            *one   = cases->lane[w];
-  const PetscReal       part = LATIN_CASE_SAFETY * sum->rw[w] / links->work[w] / (1.0 - LatinCasesRate(cases, w)), left = PetscSqrtReal(sum->rr[w]), tension = PetscSqrtReal(links->all[w]);
+  const LatinCaseLanes *lanes = &cases->lanes;
+  LatinCase            *one   = cases->one[w];
+  const PetscReal       part = LATIN_CASE_SAFETY * lanes->scale[w] * lanes->rw[w] / lanes->wkw[w] / (1.0 - LatinCasesRate(cases, w)), left = lanes->scale[w] * PetscSqrtReal(lanes->rr[w]), tension = PetscSqrtReal(lanes->all[w]);
   PetscReal             balance = goal->unbalance;
 
   if (left == 0.0) {
@@ -231,70 +233,71 @@ static PetscBool LatinCasesSolved(const LatinCases *cases, const LatinCaseGoal *
   }
   if (cases->loads[w] > 0.0) balance = PetscMin(balance, goal->balance * cases->loads[w]);
   if (tension > 0.0) balance = PetscMin(balance, goal->error * tension);
-  one->error     = part * PetscSqrtReal(sum->ww[w]) / cases->size[w];
-  one->tensions  = tension > 0.0 ? part * PetscSqrtReal(links->tension[w]) / tension : 0.0;
+  one->error     = part * PetscSqrtReal(lanes->ww[w] / lanes->uu[w]);
+  one->tensions  = tension > 0.0 ? part * PetscSqrtReal(lanes->tension[w]) / tension : 0.0;
   one->unbalance = cases->loads[w] > 0.0 ? left / cases->loads[w] : 0.0;
-  return (PetscBool)(links->work[w] > 0.0 && one->error <= goal->error && one->tensions <= goal->tensions && left <= balance);
+  return (PetscBool)(lanes->wkw[w] > 0.0 && one->error <= goal->error && one->tensions <= goal->tensions && left <= balance);
 }
 
-/* A stage more of each lane, and how much of its last direction is in the next one */
-static void LatinCasesTurn(LatinCases *cases, const LatinCaseSums *sum)
+/*
+   The next step of a lane, alpha (w + beta p): of w less what it has of p under the tangents, and what the forces ask for along
+   p, where links have changed since the last step. Where links have changed so much that this leads up: along w, which never does
+*/
+static void LatinCasesStep(LatinCaseLanes *lanes, PetscInt w, PetscBool first)
 {
-  for (PetscInt w = 0; w < LATIN_CASE_LANES; w++) {
-    PetscReal *pushed = cases->lane[w] ? cases->pushed + LATIN_CASE_LANES * cases->lane[w]->stages++ + w : NULL;
+  const PetscReal old = lanes->pkp[w] > 0.0 && !first ? lanes->wkp[w] / lanes->pkp[w] : 0.0, bend = lanes->wkw[w] - old * lanes->wkp[w], pushed = lanes->rw[w] - old * lanes->rp[w];
 
-    if (pushed) *pushed = sum->rw[w];
-    cases->links.beta[w] = pushed && cases->lane[w]->stages > 1 && pushed[-LATIN_CASE_LANES] > 0.0 ? PetscMax(0.0, (sum->rw[w] - sum->bw[w]) / pushed[-LATIN_CASE_LANES]) : 0.0;
+  if (first || !(pushed > 0.0) || !(bend > 0.0)) {
+    lanes->alpha[w] = first ? 1.0 : lanes->rw[w] / lanes->wkw[w]; /* where no link is taut yet, the loads say which are to be */
+    lanes->beta[w]  = 0.0;
+    return;
   }
+  lanes->alpha[w] = pushed / bend;
+  lanes->beta[w]  = -old + (lanes->pkp[w] > 0.0 ? lanes->rp[w] / lanes->pkp[w] / lanes->alpha[w] : 0.0);
 }
 
-/* The decisions after the sweeps of a stage: the length of the step of each lane, and which lanes are solved or given up */
-static void LatinCasesDecide(LatinCases *cases, const LatinCaseGoal *goal, const LatinCaseSums *sum, PetscReal alpha[], PetscBool ends[])
+/* The decisions after the sweeps of a stage: the step of each lane, and which lanes are solved or given up */
+static void LatinCasesDecide(LatinCases *cases, const LatinCaseGoal *goal, PetscBool ends[])
 {
-  for (PetscInt w = 0; w < LATIN_CASE_LANES; w++) {
-    LatinCase *one    = cases->lane[w];
-    PetscReal  pushed = sum->rw[w] + cases->links.beta[w] * sum->rp[w], bend = cases->links.bend[w];
+  LatinCaseLanes *lanes = &cases->lanes;
 
-    ends[w]  = PETSC_FALSE;
-    alpha[w] = 0.0;
+  for (PetscInt w = 0; w < LATIN_CASE_LANES; w++) {
+    LatinCase *one = cases->one[w];
+
+    ends[w]         = PETSC_FALSE;
+    lanes->alpha[w] = lanes->beta[w] = 0.0;
     if (!one) continue;
-    ends[w] = LatinCasesSolved(cases, goal, sum, w);
+    cases->pushed[LATIN_CASE_LANES * one->stages++ + w] = lanes->rw[w];
+    ends[w]                                             = LatinCasesSolved(cases, goal, w);
     if (ends[w]) {
       if (LatinCasesGive(cases, w, goal->far)) one->stages = -1;
       continue;
     }
-    if (!(pushed > 0.0)) { /* links have changed so much that this direction leads up: the correction never does */
-      cases->links.beta[w] = 0.0;
-      pushed               = sum->rw[w];
-      bend                 = cases->links.work[w];
-    }
-    alpha[w] = one->stages == 1 ? 1.0 : pushed / bend;                                          /* where no link is taut yet, the loads say which are to be */
-    if (one->stages < goal->most && alpha[w] > 0.0 && !PetscIsInfOrNanReal(alpha[w])) continue; /* false where there are numbers no more */
-    alpha[w]    = 0.0;
-    ends[w]     = PETSC_TRUE;
-    one->stages = -1;
+    LatinCasesStep(lanes, w, (PetscBool)(one->stages == 1));
+    if (one->stages < goal->most && lanes->alpha[w] > 0.0 && !PetscIsInfOrNanReal(lanes->alpha[w])) continue; /* false where there are numbers no more */
+    lanes->alpha[w] = lanes->beta[w] = 0.0;
+    ends[w]                          = PETSC_TRUE;
+    one->stages                      = -1;
   }
 }
 
 /* One stage of all lanes; ends[w]: the case of this lane has ended */
 static PetscErrorCode LatinCasesStage_Private(LatinCases *cases, const LatinCaseGoal *goal, PetscBool ends[])
 {
-  LatinCaseLinks *links = &cases->links;
-  PetscReal       scale[LATIN_CASE_LANES], alpha[LATIN_CASE_LANES], *r = cases->before;
-  LatinCaseSums   sum;
+  LatinCaseLanes *lanes = &cases->lanes;
 
   PetscFunctionBegin;
-  cases->before = links->r;
-  links->r      = r;
-  PetscCall(PetscArraycpy(r, cases->load, LATIN_CASE_LANES * (size_t)cases->dofs));
-  LatinCasesForces(links);
-  LatinCasesNorms(cases, &sum, scale);
-  PetscCall(LatinCholeskySolveLanes(cases->F, cases->row, scale, r, links->w));
-  LatinCasesSums(cases, &sum);
-  LatinCasesTurn(cases, &sum);
-  LatinCasesResistance(links);
-  LatinCasesDecide(cases, goal, &sum, alpha, ends);
-  LatinCasesMove(cases, alpha);
+  LatinCasesForces(lanes);
+  for (PetscInt w = 0; w < LATIN_CASE_LANES; w++) {
+    if (!cases->one[w] || cases->one[w]->stages) continue;
+    lanes->scale[w] = cases->loads[w] + PetscSqrtReal(lanes->all[w]);
+    if (!(lanes->scale[w] > 0.0)) lanes->scale[w] = 1.0;
+  }
+  LatinCasesRound(lanes);
+  PetscCall(LatinCholeskySolveLanes(cases->F, lanes->w, lanes->rw, lanes->ww));
+  LatinCasesResistance(lanes);
+  LatinCasesDecide(cases, goal, ends);
+  LatinCasesMove(lanes);
   PetscFunctionReturn(0);
 }
 
@@ -305,14 +308,13 @@ static PetscErrorCode LatinCasesStage_Private(LatinCases *cases, const LatinCase
 PetscErrorCode LatinCasesSolve_Private(LatinStructure structure, const LatinCaseGoal *goal, PetscInt n, LatinCase one[])
 {
   PetscInt   next = 0, busy = 0;
-  PetscBool  fails, ends[LATIN_CASE_LANES];
+  PetscBool  fails = PETSC_FALSE, ends[LATIN_CASE_LANES];
   LatinCases cases;
 
   PetscFunctionBegin;
   PetscCall(PetscLogEventBegin(LATIN_Cases, structure, 0, 0, 0));
   for (PetscInt i = 0; i < n; i++) one[i].stages = -1;
-  PetscCall(LatinCasesCreate_Private(structure, goal->most, &cases));
-  PetscCall(LatinCasesFactor_Private(&cases, &fails));
+  PetscCall(LatinCasesCreate_Private(structure, goal->most, &cases, &fails));
   for (PetscInt w = 0; w < LATIN_CASE_LANES && next < n && !fails; w++, busy++) {
     one[next].stages = 0;
     LatinCasesStart(&cases, w, &one[next++]);

@@ -5,6 +5,7 @@
 #ifndef LATINCASES_H
 #define LATINCASES_H
 
+#include "base/room.h"
 #include "localsolvers/latinlocalsolvers.h"
 
 #define LATIN_CASE_LANES LATIN_FRONT_LANES /* cases side by side */
@@ -25,23 +26,33 @@ typedef struct {
   PetscInt  most;                     /* stages */
 } LatinCaseGoal;
 
-/* ---- the sweeps over links (cases/sweeps.c); vectors are [nodes][dim][lanes] or [links][lanes] ---- */
+/*
+   ---- the sweeps (cases/sweeps.c) ----
+   Rows are displacement components of nodes: the free ones first, in the order in which the factor eliminates them. Links are
+   in the order of their first row, so that what a sweep reads lies close together.
+*/
 typedef struct {
-  PetscInt         dim, links;
-  const PetscInt  *ends;                      /* [links][2] nodes */
-  const PetscReal *direction, *stiffness;     /* [links][dim], [links] */
-  PetscReal       *sign;                      /* [links] 1: a cable, -1: of compression only, 0: a bar */
-  PetscReal       *e0;                        /* [links][lanes] */
-  float           *tangent;                   /* [links][lanes] at the last displacements */
-  PetscReal       *u, *w, *p, *r;             /* displacements, answer of the factor to r, direction of the search, forces without balance */
-  PetscReal        all[LATIN_CASE_LANES];     /* squares of the tensions */
-  PetscReal        beta[LATIN_CASE_LANES];    /* the new direction is w + beta p */
-  PetscReal        work[LATIN_CASE_LANES];    /* w.K w with the tangents */
-  PetscReal        tension[LATIN_CASE_LANES]; /* squares of the tensions that w makes */
-  PetscReal        bend[LATIN_CASE_LANES];    /* of the new direction, as work */
-} LatinCaseLinks;
-PETSC_INTERN void LatinCasesForces(LatinCaseLinks *);
-PETSC_INTERN void LatinCasesResistance(LatinCaseLinks *);
+  PetscInt     dim, links, rows, free;
+  PetscInt    *row;                           /* [links][2][dim] of its ends */
+  PetscReal   *direction, *stiffness;         /* [links][dim], [links] */
+  PetscReal   *sign;                          /* [links] 1: a cable, -1: of compression only, 0: a bar */
+  void        *room;                          /* of the arrays that follow, [rows or links][lanes] */
+  PetscReal   *load, *u, *r, *e0;             /* loads, displacements, forces without balance, initial elongations */
+  float       *w, *p;                         /* answer of the factor to r, and direction of the search, both over scale */
+  float       *tangent;                       /* stiffness of each link at the last displacements */
+  /* of each lane */
+  _Alignas(LATIN_LINE) PetscReal scale[LATIN_CASE_LANES];              /* size of the forces */
+  PetscReal beta[LATIN_CASE_LANES], alpha[LATIN_CASE_LANES];        /* the new direction is w + beta p, the step alpha times it */
+  PetscReal all[LATIN_CASE_LANES];                /* squares of the tensions */
+  PetscReal rr[LATIN_CASE_LANES], rp[LATIN_CASE_LANES], rw[LATIN_CASE_LANES], ww[LATIN_CASE_LANES];     /* r.r, r.p, r.w, w.w, over the square of scale, as those that follow */
+  PetscReal wkw[LATIN_CASE_LANES], wkp[LATIN_CASE_LANES], pkp[LATIN_CASE_LANES];      /* products with the tangents between */
+  PetscReal tension[LATIN_CASE_LANES];            /* squares of the tensions that w makes */
+  PetscReal uu[LATIN_CASE_LANES];                 /* squares of the free displacements, as they are */
+} LatinCaseLanes;
+PETSC_INTERN void LatinCasesForces(LatinCaseLanes *);
+PETSC_INTERN void LatinCasesRound(LatinCaseLanes *);
+PETSC_INTERN void LatinCasesResistance(LatinCaseLanes *);
+PETSC_INTERN void LatinCasesMove(LatinCaseLanes *);
 
 PETSC_INTERN PetscErrorCode LatinCasesSolve_Private(LatinStructure, const LatinCaseGoal *, PetscInt n, LatinCase[]);
 

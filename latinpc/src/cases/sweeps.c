@@ -2,85 +2,120 @@
 #include "cases/latincases.h"
 
 /*
-   The two sweeps of a stage over the links. Ends, direction and stiffness are read once for all lanes, which are those of
-   vector instructions. Functions of this file are called with constants for dim, so that their loops unroll.
+   The sweeps of a stage over links and over rows. What links share is read once for all lanes, which are those of vector
+   instructions. Functions of this file are called with constants for dim, so that their loops unroll. Displacements and forces
+   are in double precision; what the factor answers has the digits of single precision, and is kept in it.
 */
 
-#define LATIN_FOR_CASES(w) _Pragma("omp simd") for (PetscInt w = 0; w < LATIN_CASE_LANES; w++)
+typedef PetscReal Lanes __attribute__((vector_size(LATIN_CASE_LANES * sizeof(PetscReal)), aligned(LATIN_LINE)));
+typedef float     Short __attribute__((vector_size(LATIN_CASE_LANES * sizeof(float)), aligned(LATIN_LINE)));
 
-/* Adds to e the elongations of link l under the displacements a */
-LATIN_INLINE void LatinCaseElongation(const LatinCaseLinks *links, const PetscInt dim, PetscInt l, const PetscReal a[], PetscReal e[])
+typedef __typeof__((Lanes){0} > (Lanes){0}) Bits;
+
+#define LATIN_WIDE(x) __builtin_convertvector(x, Lanes)
+
+LATIN_INLINE void LatinCasesForces_Dim(LatinCaseLanes *lanes, const PetscInt dim)
 {
-  const PetscReal *n = links->direction + dim * l, *from = a + dim * LATIN_CASE_LANES * links->ends[2 * l], *to = a + dim * LATIN_CASE_LANES * links->ends[2 * l + 1];
+  const Lanes *u = (const Lanes *)lanes->u, *e0 = (const Lanes *)lanes->e0, one = 1.0 + (Lanes){0.0};
+  Lanes       *r = (Lanes *)lanes->r, all = {0.0};
+  Short       *tangent = (Short *)lanes->tangent;
 
-  for (PetscInt c = 0; c < dim; c++) LATIN_FOR_CASES(w) e[w] += n[c] * (to[LATIN_CASE_LANES * c + w] - from[LATIN_CASE_LANES * c + w]);
-}
+  for (PetscInt l = 0; l < lanes->links; l++) {
+    const PetscReal  k = lanes->stiffness[l], sign = lanes->sign[l], least = sign * sign - 1.0, *n = lanes->direction + dim * l;
+    const PetscInt  *row = lanes->row + 2 * dim * l;
+    Lanes            x = e0[l], t;
 
-LATIN_INLINE void LatinCasesForces_Dim(LatinCaseLinks *links, const PetscInt dim)
-{
-  PetscReal all[LATIN_CASE_LANES] = {0.0};
-
-  for (PetscInt l = 0; l < links->links; l++) {
-    const PetscReal k = links->stiffness[l], sign = links->sign[l], least = sign * sign - 1.0, *n = links->direction + dim * l, *e0 = links->e0 + LATIN_CASE_LANES * l;
-    PetscReal      *from = links->r + dim * LATIN_CASE_LANES * links->ends[2 * l], *to = links->r + dim * LATIN_CASE_LANES * links->ends[2 * l + 1];
-    float          *tangent = links->tangent + LATIN_CASE_LANES * l;
-    PetscReal       x[LATIN_CASE_LANES];
-
-    LATIN_FOR_CASES(w) x[w] = e0[w];
-    LatinCaseElongation(links, dim, l, links->u, x);
-    LATIN_FOR_CASES(w)
-    {
-      const PetscReal taut = sign * x[w] > least ? k : 0.0;
-
-      tangent[w] = (float)taut;
-      x[w] *= taut;
-      all[w] += x[w] * x[w];
-    }
+    for (PetscInt c = 0; c < dim; c++) x += n[c] * (u[row[dim + c]] - u[row[c]]);
+    /* a comparison of vectors that are longer than registers becomes a loop: the bit of the sign tells as much */
+    t          = k * (Lanes)((Bits)one & ((Bits)(least - sign * x) >> (8 * sizeof(PetscReal) - 1)));
+    tangent[l] = __builtin_convertvector(t, Short);
+    x *= t;
+    all += x * x;
     for (PetscInt c = 0; c < dim; c++) {
-      LATIN_FOR_CASES(w) from[LATIN_CASE_LANES * c + w] += n[c] * x[w];
-      LATIN_FOR_CASES(w) to[LATIN_CASE_LANES * c + w] -= n[c] * x[w];
+      r[row[c]] += n[c] * x;
+      r[row[dim + c]] -= n[c] * x;
     }
   }
-  LATIN_FOR_CASES(w) links->all[w] = all[w];
+  *(Lanes *)lanes->all = all;
 }
 
-/* r -= B^t tau of the displacements u, their tangents and the squares of their tensions */
-LATIN_CLONES void LatinCasesForces(LatinCaseLinks *links)
+/* r = load - B^t tau of the displacements u, their tangents, and the squares of their tensions */
+LATIN_CLONES void LatinCasesForces(LatinCaseLanes *lanes)
 {
-  if (links->dim == 3) LatinCasesForces_Dim(links, 3);
-  else if (links->dim == 2) LatinCasesForces_Dim(links, 2);
-  else LatinCasesForces_Dim(links, 1);
+  memcpy(lanes->r, lanes->load, LATIN_CASE_LANES * (size_t)lanes->rows * sizeof(*lanes->r));
+  if (lanes->dim == 3) LatinCasesForces_Dim(lanes, 3);
+  else if (lanes->dim == 2) LatinCasesForces_Dim(lanes, 2);
+  else LatinCasesForces_Dim(lanes, 1);
 }
 
-LATIN_INLINE void LatinCasesResistance_Dim(LatinCaseLinks *links, const PetscInt dim)
+/* w = r over scale, with the sums of r and of r and p */
+LATIN_CLONES void LatinCasesRound(LatinCaseLanes *lanes)
 {
-  PetscReal work[LATIN_CASE_LANES] = {0.0}, tension[LATIN_CASE_LANES] = {0.0}, bend[LATIN_CASE_LANES] = {0.0};
+  const Lanes  part = 1.0 / *(const Lanes *)lanes->scale, *r = (const Lanes *)lanes->r;
+  const Short *p = (const Short *)lanes->p;
+  Short       *v = (Short *)lanes->w;
+  Lanes        rr = {0.0}, rp = {0.0};
 
-  for (PetscInt l = 0; l < links->links; l++) {
-    const float *tangent             = links->tangent + LATIN_CASE_LANES * l;
-    PetscReal    e[LATIN_CASE_LANES] = {0.0}, d[LATIN_CASE_LANES] = {0.0};
+  for (PetscInt i = 0; i < lanes->free; i++) {
+    const Lanes x = part * r[i];
 
-    LatinCaseElongation(links, dim, l, links->w, e);
-    LatinCaseElongation(links, dim, l, links->p, d);
-    LATIN_FOR_CASES(w)
-    {
-      const PetscReal k = (PetscReal)tangent[w], t = k * e[w];
-
-      d[w] = e[w] + links->beta[w] * d[w];
-      work[w] += t * e[w];
-      tension[w] += t * t;
-      bend[w] += k * d[w] * d[w];
-    }
+    v[i] = __builtin_convertvector(x, Short);
+    rr += x * x;
+    rp += x * LATIN_WIDE(p[i]);
   }
-  LATIN_FOR_CASES(w) links->work[w]    = work[w];
-  LATIN_FOR_CASES(w) links->tension[w] = tension[w];
-  LATIN_FOR_CASES(w) links->bend[w]    = bend[w];
+  *(Lanes *)lanes->rr = rr;
+  *(Lanes *)lanes->rp = rp;
 }
 
-/* What the tangents oppose to w and to w + beta p */
-LATIN_CLONES void LatinCasesResistance(LatinCaseLinks *links)
+LATIN_INLINE void LatinCasesResistance_Dim(LatinCaseLanes *lanes, const PetscInt dim)
 {
-  if (links->dim == 3) LatinCasesResistance_Dim(links, 3);
-  else if (links->dim == 2) LatinCasesResistance_Dim(links, 2);
-  else LatinCasesResistance_Dim(links, 1);
+  const Short *v = (const Short *)lanes->w, *p = (const Short *)lanes->p, *tangent = (const Short *)lanes->tangent;
+  Lanes        wkw = {0.0}, wkp = {0.0}, pkp = {0.0}, tension = {0.0};
+
+  for (PetscInt l = 0; l < lanes->links; l++) {
+    const PetscReal *n = lanes->direction + dim * l;
+    const PetscInt  *row = lanes->row + 2 * dim * l;
+    Short            e = {0}, d = {0};
+    Lanes            k, a, b;
+
+    for (PetscInt c = 0; c < dim; c++) {
+      e += (float)n[c] * (v[row[dim + c]] - v[row[c]]);
+      d += (float)n[c] * (p[row[dim + c]] - p[row[c]]);
+    }
+    k = LATIN_WIDE(tangent[l]);
+    a = LATIN_WIDE(e);
+    b = LATIN_WIDE(d);
+    wkw += k * a * a;
+    wkp += k * a * b;
+    pkp += k * b * b;
+    tension += k * k * a * a;
+  }
+  *(Lanes *)lanes->wkw     = wkw;
+  *(Lanes *)lanes->wkp     = wkp;
+  *(Lanes *)lanes->pkp     = pkp;
+  *(Lanes *)lanes->tension = tension;
+}
+
+/* What the tangents oppose to w and to p */
+LATIN_CLONES void LatinCasesResistance(LatinCaseLanes *lanes)
+{
+  if (lanes->dim == 3) LatinCasesResistance_Dim(lanes, 3);
+  else if (lanes->dim == 2) LatinCasesResistance_Dim(lanes, 2);
+  else LatinCasesResistance_Dim(lanes, 1);
+}
+
+/* p = w + beta p, u += alpha p, and the squares of u */
+LATIN_CLONES void LatinCasesMove(LatinCaseLanes *lanes)
+{
+  const Lanes  step = *(const Lanes *)lanes->alpha * *(const Lanes *)lanes->scale;
+  const Short  beta = __builtin_convertvector(*(const Lanes *)lanes->beta, Short), *v = (const Short *)lanes->w;
+  Short       *p = (Short *)lanes->p;
+  Lanes       *u = (Lanes *)lanes->u, uu = {0.0};
+
+  for (PetscInt i = 0; i < lanes->free; i++) {
+    p[i] = v[i] + beta * p[i];
+    u[i] += step * LATIN_WIDE(p[i]);
+    uu += u[i] * u[i];
+  }
+  *(Lanes *)lanes->uu = uu;
 }

@@ -146,11 +146,19 @@ PetscErrorCode LatinCholeskyBackward(Mat F, PetscReal g[], PetscReal *energy)
   PetscFunctionReturn(0);
 }
 
-/* All of the solve for right-hand sides beside each other, see LatinFrontsSolveLanes(); no row is kept */
-PetscErrorCode LatinCholeskySolveLanes(Mat F, const PetscInt at[], const PetscReal scale[], const PetscReal b[], PetscReal x[])
+/* The order of elimination: order[r] is the row of the matrix that comes r-th. It is F's */
+PetscErrorCode LatinCholeskyOrder(Mat F, const PetscInt *order[])
 {
   PetscFunctionBegin;
-  PetscCall(LatinFrontsSolveLanes(&((LatinSupernodes *)F->data)->fronts, at, scale, b, x));
+  *order = ((LatinSupernodes *)F->data)->order;
+  PetscFunctionReturn(0);
+}
+
+/* All of the solve for right-hand sides beside each other, see LatinFrontsSolveLanes(); no row is kept */
+PetscErrorCode LatinCholeskySolveLanes(Mat F, float x[], PetscReal energy[], PetscReal square[])
+{
+  PetscFunctionBegin;
+  PetscCall(LatinFrontsSolveLanes(&((LatinSupernodes *)F->data)->fronts, x, energy, square));
   PetscFunctionReturn(0);
 }
 

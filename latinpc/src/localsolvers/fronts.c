@@ -3,10 +3,7 @@
 #if LATIN_CHOLMOD
 
   #include <float.h>
-  #include <stdlib.h>
-  #if defined(__linux__)
-    #include <sys/mman.h>
-  #endif
+  #include "base/room.h"
   #include "base/vector.h"
 
 /* The fronts of a sparse Cholesky factor: which one adds to which, their sizes, and the factor itself. */
@@ -72,22 +69,6 @@ PetscErrorCode LatinFrontsCreate(PetscInt n, PetscInt kept, PetscInt fronts, con
   PetscFunctionReturn(0);
 }
 
-  #define LATIN_PAGE 2097152 /* bytes of a large page */
-
-/* Room for the factor, in large pages where there are: solves read it from end to end */
-static PetscErrorCode LatinFrontsFactorRoom_Private(LatinFronts *F, size_t bytes)
-{
-  PetscFunctionBegin;
-  free(F->factor);
-  F->factor = NULL;
-  if (!bytes) bytes = 1;
-  PetscCheck(!posix_memalign(&F->factor, bytes < LATIN_PAGE ? 64 : LATIN_PAGE, bytes), PETSC_COMM_SELF, PETSC_ERR_MEM, "No room for a factor of %g bytes", (double)bytes);
-  #if defined(MADV_HUGEPAGE)
-  if (bytes >= LATIN_PAGE) (void)madvise(F->factor, bytes, MADV_HUGEPAGE);
-  #endif
-  PetscFunctionReturn(0);
-}
-
 /* Work space for so many right-hand sides */
 static PetscErrorCode LatinFrontsRoom_Private(LatinFronts *F, PetscInt columns)
 {
@@ -95,9 +76,9 @@ static PetscErrorCode LatinFrontsRoom_Private(LatinFronts *F, PetscInt columns)
 
   PetscFunctionBegin;
   if (F->room >= columns) PetscFunctionReturn(0);
-  PetscCall(PetscFree(F->x));
+  PetscCall(LatinRoomDestroy_Private(&F->x));
   PetscCall(PetscFree(F->work));
-  PetscCall(PetscMalloc(size * (size_t)F->n * (size_t)columns, &F->x));
+  PetscCall(LatinRoomCreate_Private(size * (size_t)F->n * (size_t)columns, &F->x));
   PetscCall(PetscMalloc(size * (size_t)F->tallest * (size_t)columns, &F->work));
   F->room = columns;
   PetscFunctionReturn(0);
@@ -107,17 +88,28 @@ PetscErrorCode LatinFrontsDestroy(LatinFronts *F)
 {
   PetscFunctionBegin;
   PetscCall(PetscFree5(F->columns, F->child, F->sibling, F->odd, F->panel));
-  free(F->factor);
-  PetscCall(PetscFree(F->x));
+  PetscCall(LatinRoomDestroy_Private(&F->factor));
+  PetscCall(LatinRoomDestroy_Private(&F->x));
   PetscCall(PetscFree(F->work));
   PetscCall(PetscMemzero(F, sizeof(*F)));
   PetscFunctionReturn(0);
 }
 
+/* Sums over rows, of more digits than single precision has */
+typedef PetscReal LatinLanesSum __attribute__((vector_size(LATIN_FRONT_LANES * sizeof(PetscReal)), aligned(LATIN_LINE)));
+  #define LATIN_FRONT_ROWS 8 /* of a front that stay in registers while lanes are solved */
+  #define LATIN_LANES_SQUARE(sum, x) \
+    do { \
+      const LatinLanesSum wide = __builtin_convertvector(x, LatinLanesSum); \
+      *(sum) += wide * wide; \
+    } while (0)
+
+
   #define FRONT_REAL       double
   #define FRONT_BLAS(name) PETSC_PASTE3(d, name, PETSC_BLASLAPACK_SUFFIX_)
   #define FRONT(name)      name##Double
   #include "localsolvers/frontkernels.h"
+  #include "localsolvers/lanekernels.h"
   #undef FRONT_REAL
   #undef FRONT_BLAS
   #undef FRONT
@@ -126,6 +118,7 @@ PetscErrorCode LatinFrontsDestroy(LatinFronts *F)
   #define FRONT_BLAS(name) PETSC_PASTE3(s, name, PETSC_BLASLAPACK_SUFFIX_)
   #define FRONT(name)      name##Single
   #include "localsolvers/frontkernels.h"
+  #include "localsolvers/lanekernels.h"
 
   #define LATIN_SINGLE_ENTRIES 1e6 /* of a factor: 8 MB in double precision. Smaller ones stay in a cache */
 
@@ -159,7 +152,8 @@ PetscErrorCode LatinFrontsFactor(LatinFronts *F, LatinArithmetic precision, cons
     *bad = -1;
     PetscCall(PetscArrayzero(S, (size_t)F->kept * (size_t)F->kept));
     if (!F->factor || (precision == LATIN_DOUBLE) != (F->precision == LATIN_DOUBLE)) {
-      PetscCall(LatinFrontsFactorRoom_Private(F, bytes));
+      PetscCall(LatinRoomDestroy_Private(&F->factor));
+      PetscCall(LatinRoomCreate_Private(bytes, &F->factor)); /* solves read it from end to end */
       F->room = 0;
     }
     F->precision = precision;
@@ -190,15 +184,30 @@ PetscErrorCode LatinFrontsSolve(LatinFronts *F, PetscBool forward, PetscBool bac
 }
 
 /*
-   All of the solve for right-hand sides b that lie beside each other, into x: the entry of row i and lane w is at
-   LATIN_FRONT_LANES * at[i] + w of both. Each is solved divided by its scale, so that any precision holds it. No row is kept
+   All of the solve in place, for right-hand sides x that lie beside each other in the order of elimination: the entry of
+   row r and lane w is at LATIN_FRONT_LANES * r + w. energy: the products of each right-hand side with its solution;
+   square: the squares of the solution. x is aligned to LATIN_LINE bytes. No row is kept
 */
-PetscErrorCode LatinFrontsSolveLanes(LatinFronts *F, const PetscInt at[], const PetscReal scale[], const PetscReal b[], PetscReal x[])
+PetscErrorCode LatinFrontsSolveLanes(LatinFronts *F, float x[], PetscReal energy[], PetscReal square[])
 {
+  const size_t  n = LATIN_FRONT_LANES * (size_t)F->n;
+  LatinLanesSum sum[2] = {{0}, {0}};
+
   PetscFunctionBegin;
-  PetscCall(LatinFrontsRoom_Private(F, LATIN_FRONT_LANES));
-  if (F->precision != LATIN_DOUBLE) LatinFrontsLanesSingle(F, at, scale, b, x);
-  else LatinFrontsLanesDouble(F, at, scale, b, x);
+  if (F->precision != LATIN_DOUBLE) LatinFrontsLanesSingle(F, (LatinLanesSingle *)x, &sum[0], &sum[1]);
+  else {
+    double *wide;
+
+    PetscCall(LatinFrontsRoom_Private(F, LATIN_FRONT_LANES));
+    wide = (double *)F->x;
+    for (size_t i = 0; i < n; i++) wide[i] = (double)x[i];
+    LatinFrontsLanesDouble(F, (LatinLanesDouble *)wide, &sum[0], &sum[1]);
+    for (size_t i = 0; i < n; i++) x[i] = (float)wide[i];
+  }
+  for (PetscInt w = 0; w < LATIN_FRONT_LANES; w++) {
+    energy[w] = sum[0][w];
+    square[w] = sum[1][w];
+  }
   PetscCall(PetscLogFlops(4.0 * (double)F->panel[F->fronts] * LATIN_FRONT_LANES));
   PetscFunctionReturn(0);
 }

@@ -40,7 +40,7 @@ typedef struct {
 PETSC_INTERN PetscErrorCode LatinFrontsCreate(PetscInt n, PetscInt kept, PetscInt fronts, const PetscInt order[], const PetscInt first[], const PetscInt row_first[], const PetscInt row[], LatinFronts *);
 PETSC_INTERN PetscErrorCode LatinFrontsFactor(LatinFronts *, LatinArithmetic, const PetscInt i[], const PetscInt j[], const PetscScalar a[], PetscReal S[], PetscInt *bad);
 PETSC_INTERN PetscErrorCode LatinFrontsSolve(LatinFronts *, PetscBool forward, PetscBool backward, PetscInt columns, PetscReal b[], size_t ld, PetscReal *energy);
-PETSC_INTERN PetscErrorCode LatinFrontsSolveLanes(LatinFronts *, const PetscInt at[], const PetscReal scale[], const PetscReal b[], PetscReal x[]);
+PETSC_INTERN PetscErrorCode LatinFrontsSolveLanes(LatinFronts *, float x[], PetscReal energy[], PetscReal square[]);
 PETSC_INTERN PetscErrorCode LatinFrontsDestroy(LatinFronts *);
 
 #endif

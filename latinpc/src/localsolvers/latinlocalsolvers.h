@@ -49,7 +49,8 @@ PETSC_INTERN PetscErrorCode LatinCholeskyRounded(PC, PetscBool *);
 PETSC_INTERN PetscErrorCode LatinCholeskyCost(PC, PetscReal *operations, PetscReal *bytes);
 PETSC_INTERN PetscErrorCode LatinCholeskyRefine(PC, Mat);
 PETSC_INTERN PetscErrorCode LatinCholeskyGiveSchur(Mat, PetscReal S[]);
-PETSC_INTERN PetscErrorCode LatinCholeskySolveLanes(Mat, const PetscInt at[], const PetscReal scale[], const PetscReal b[], PetscReal x[]);
+PETSC_INTERN PetscErrorCode LatinCholeskyOrder(Mat, const PetscInt *order[]);
+PETSC_INTERN PetscErrorCode LatinCholeskySolveLanes(Mat, float x[], PetscReal energy[], PetscReal square[]);
 PETSC_INTERN PetscErrorCode LatinCholeskyForward(Mat, PetscReal g[], PetscReal *energy);
 PETSC_INTERN PetscErrorCode LatinCholeskyBackward(Mat, PetscReal g[], PetscReal *energy);
 

@@ -15,7 +15,12 @@ PetscErrorCode LatinCholeskyForward(Mat F, PetscReal g[], PetscReal *energy)
   SETERRQ(PETSC_COMM_SELF, PETSC_ERR_PLIB, "No factor of this type can have been made");
 }
 
-PetscErrorCode LatinCholeskySolveLanes(Mat F, const PetscInt at[], const PetscReal scale[], const PetscReal b[], PetscReal x[])
+PetscErrorCode LatinCholeskyOrder(Mat F, const PetscInt *order[])
+{
+  SETERRQ(PETSC_COMM_SELF, PETSC_ERR_PLIB, "No factor of this type can have been made");
+}
+
+PetscErrorCode LatinCholeskySolveLanes(Mat F, float x[], PetscReal energy[], PetscReal square[])
 {
   SETERRQ(PETSC_COMM_SELF, PETSC_ERR_PLIB, "No factor of this type can have been made");
 }

@@ -1,0 +1,12 @@
+/* Large arrays: aligned to cache lines, in large pages where there are. */
+#ifndef LATINROOM_H
+#define LATINROOM_H
+
+#include "base/latinbase.h"
+
+#define LATIN_LINE 64 /* bytes of a cache line, and of the longest vector register */
+
+PETSC_INTERN PetscErrorCode LatinRoomCreate_Private(size_t bytes, void **);
+PETSC_INTERN PetscErrorCode LatinRoomDestroy_Private(void **);
+
+#endif

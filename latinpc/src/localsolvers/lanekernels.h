@@ -1,0 +1,116 @@
+/*
+   Solves for LATIN_FRONT_LANES right-hand sides that lie beside each other, [rows][lanes], in one precision: included once
+   for each, as localsolvers/frontkernels.h. A row of all lanes is a vector, of which the compiler makes as many registers
+   as it takes; some rows of a front at a time stay in registers, while each entry of the factor is read once. Functions are
+   called with constants for that number, so that their loops unroll.
+*/
+
+typedef FRONT_REAL FRONT(LatinLanes) __attribute__((vector_size(LATIN_FRONT_LANES * sizeof(FRONT_REAL)), aligned(LATIN_LINE), may_alias));
+
+/* s[i] += L[i, c] y[c] of all columns c, for some rows */
+LATIN_INLINE void FRONT(LatinLanesRows)(const PetscInt rows, PetscInt columns, const FRONT_REAL L[], size_t height, const FRONT(LatinLanes) y[], FRONT(LatinLanes) s[])
+{
+  for (PetscInt c = 0; c < columns; c++, L += height) {
+    _Pragma("GCC unroll 8") for (PetscInt i = 0; i < rows; i++) s[i] += L[i] * y[c];
+  }
+}
+
+/* Rows r to r + rows - 1 of those that a front eliminates, forward; energy += their squares */
+LATIN_INLINE void FRONT(LatinLanesEliminate)(const PetscInt rows, PetscInt r, const FRONT_REAL L[], size_t height, FRONT(LatinLanes) y[], LatinLanesSum *energy)
+{
+  FRONT(LatinLanes) s[LATIN_FRONT_ROWS] = {{0}};
+
+  FRONT(LatinLanesRows)(rows, r, L + r, height, y, s);
+  L += (size_t)r * (height + 1);
+  _Pragma("GCC unroll 8") for (PetscInt i = 0; i < rows; i++)
+  {
+    FRONT(LatinLanes) left = y[r + i] - s[i];
+
+    _Pragma("GCC unroll 8") for (PetscInt k = 0; k < i; k++) left -= L[(size_t)k * height + (size_t)i] * y[r + k];
+    left *= (FRONT_REAL)1 / L[(size_t)i * (height + 1)];
+    LATIN_LANES_SQUARE(energy, left);
+    y[r + i] = left;
+  }
+}
+
+/* Rows r to r + rows - 1 below them */
+LATIN_INLINE void FRONT(LatinLanesBelow)(const PetscInt rows, PetscInt r, PetscInt own, const FRONT_REAL L[], size_t height, const PetscInt row[], const FRONT(LatinLanes) y[], FRONT(LatinLanes) x[])
+{
+  FRONT(LatinLanes) s[LATIN_FRONT_ROWS] = {{0}};
+
+  FRONT(LatinLanesRows)(rows, own, L + r, height, y, s);
+  _Pragma("GCC unroll 8") for (PetscInt i = 0; i < rows; i++) x[row[r + i]] -= s[i];
+}
+
+/* x = L^-1 x for the rows of front f, and what that leaves is taken from the rows below */
+LATIN_INLINE void FRONT(LatinLanesForward)(const LatinFronts *F, PetscInt f, FRONT(LatinLanes) x[], LatinLanesSum *energy)
+{
+  const PetscInt    *row    = F->row + F->row_first[f], own = F->columns[f], height = F->row_first[f + 1] - F->row_first[f];
+  const FRONT_REAL  *L      = (const FRONT_REAL *)F->factor + F->panel[f];
+  FRONT(LatinLanes) *y      = x + F->first[f];
+  PetscInt           r      = 0;
+
+  for (; r + 4 <= own; r += 4) FRONT(LatinLanesEliminate)(4, r, L, (size_t)height, y, energy);
+  for (; r < own; r++) FRONT(LatinLanesEliminate)(1, r, L, (size_t)height, y, energy);
+  for (; r + 8 <= height; r += 8) FRONT(LatinLanesBelow)(8, r, own, L, (size_t)height, row, y, x);
+  for (; r + 3 <= height; r += 3) FRONT(LatinLanesBelow)(3, r, own, L, (size_t)height, row, y, x);
+  for (; r < height; r++) FRONT(LatinLanesBelow)(1, r, own, L, (size_t)height, row, y, x);
+}
+
+/* Rows c to c + rows - 1 of those that a front eliminates, backward; square += their squares */
+LATIN_INLINE void FRONT(LatinLanesReturn)(const PetscInt rows, PetscInt c, PetscInt own, const FRONT_REAL L[], size_t height, const PetscInt row[], FRONT(LatinLanes) y[], const FRONT(LatinLanes) x[], LatinLanesSum *square)
+{
+  FRONT(LatinLanes) s[LATIN_FRONT_ROWS] = {{0}};
+
+  L += (size_t)c * height;
+  for (PetscInt r = c + rows; r < own; r++) {
+    _Pragma("GCC unroll 8") for (PetscInt i = 0; i < rows; i++) s[i] += L[(size_t)i * height + (size_t)r] * y[r];
+  }
+  for (size_t r = (size_t)own; r < height; r++) {
+    _Pragma("GCC unroll 8") for (PetscInt i = 0; i < rows; i++) s[i] += L[(size_t)i * height + r] * x[row[r]];
+  }
+  L += c;
+  _Pragma("GCC unroll 8") for (PetscInt i = rows - 1; i >= 0; i--)
+  {
+    FRONT(LatinLanes) left = y[c + i] - s[i];
+
+    _Pragma("GCC unroll 8") for (PetscInt k = i + 1; k < rows; k++) left -= L[(size_t)i * height + (size_t)k] * y[c + k];
+    left *= (FRONT_REAL)1 / L[(size_t)i * (height + 1)];
+    LATIN_LANES_SQUARE(square, left);
+    y[c + i] = left;
+  }
+}
+
+/* x = L^-t x for the rows of front f, those below being known */
+LATIN_INLINE void FRONT(LatinLanesBackward)(const LatinFronts *F, PetscInt f, FRONT(LatinLanes) x[], LatinLanesSum *square)
+{
+  const PetscInt    *row    = F->row + F->row_first[f], own = F->columns[f], height = F->row_first[f + 1] - F->row_first[f];
+  const FRONT_REAL  *L      = (const FRONT_REAL *)F->factor + F->panel[f];
+  FRONT(LatinLanes) *y      = x + F->first[f];
+  PetscInt           c      = own;
+
+  for (; c >= 8; c -= 8) FRONT(LatinLanesReturn)(8, c - 8, own, L, (size_t)height, row, y, x, square);
+  for (; c >= 3; c -= 3) FRONT(LatinLanesReturn)(3, c - 3, own, L, (size_t)height, row, y, x, square);
+  for (; c > 0; c--) FRONT(LatinLanesReturn)(1, c - 1, own, L, (size_t)height, row, y, x, square);
+}
+
+/* Asks for the panel of a front while another one is worked on */
+LATIN_INLINE void FRONT(LatinLanesFetch)(const LatinFronts *F, PetscInt f)
+{
+  const FRONT_REAL *L = (const FRONT_REAL *)F->factor;
+
+  for (size_t k = F->panel[f]; k < F->panel[f + 1]; k += LATIN_LINE / sizeof(*L)) __builtin_prefetch(L + k, 0, 2);
+}
+
+/* See LatinFrontsSolveLanes() */
+LATIN_CLONES static void FRONT(LatinFrontsLanes)(LatinFronts *F, FRONT(LatinLanes) x[], LatinLanesSum *energy, LatinLanesSum *square)
+{
+  for (PetscInt f = 0; f < F->fronts; f++) {
+    if (f + 1 < F->fronts) FRONT(LatinLanesFetch)(F, f + 1);
+    FRONT(LatinLanesForward)(F, f, x, energy);
+  }
+  for (PetscInt f = F->fronts - 1; f >= 0; f--) {
+    if (f) FRONT(LatinLanesFetch)(F, f - 1);
+    FRONT(LatinLanesBackward)(F, f, x, square);
+  }
+}
