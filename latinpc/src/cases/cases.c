@@ -78,7 +78,7 @@ static PetscErrorCode LatinCasesLinks_Private(LatinCases *cases)
 {
   const LatinStructure structure = cases->structure;
   LatinCaseLanes      *lanes     = &cases->lanes;
-  PetscInt             dim = lanes->dim, *first;
+  PetscInt             dim       = lanes->dim, *first;
 
   PetscFunctionBegin;
   PetscCall(PetscMalloc1(lanes->links, &first));
@@ -108,12 +108,12 @@ static PetscErrorCode LatinCasesRoom_Private(LatinCaseLanes *lanes)
   PetscFunctionBegin;
   PetscCall(LatinRoomCreate_Private(bytes, &lanes->room));
   memset(lanes->room, 0, bytes);
-  lanes->load = (PetscReal *)lanes->room;
-  lanes->u    = lanes->load + n;
-  lanes->r    = lanes->u + n;
-  lanes->e0   = lanes->r + n;
-  lanes->w    = (float *)(lanes->e0 + m);
-  lanes->p    = lanes->w + n;
+  lanes->load    = (PetscReal *)lanes->room;
+  lanes->u       = lanes->load + n;
+  lanes->r       = lanes->u + n;
+  lanes->e0      = lanes->r + n;
+  lanes->w       = (float *)(lanes->e0 + m);
+  lanes->p       = lanes->w + n;
   lanes->tangent = lanes->p + n;
   for (PetscInt w = 0; w < LATIN_CASE_LANES; w++) lanes->scale[w] = 1.0;
   PetscFunctionReturn(0);

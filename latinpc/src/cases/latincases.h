@@ -32,22 +32,22 @@ typedef struct {
    in the order of their first row, so that what a sweep reads lies close together.
 */
 typedef struct {
-  PetscInt     dim, links, rows, free;
-  PetscInt    *row;                           /* [links][2][dim] of its ends */
-  PetscReal   *direction, *stiffness;         /* [links][dim], [links] */
-  PetscReal   *sign;                          /* [links] 1: a cable, -1: of compression only, 0: a bar */
-  void        *room;                          /* of the arrays that follow, [rows or links][lanes] */
-  PetscReal   *load, *u, *r, *e0;             /* loads, displacements, forces without balance, initial elongations */
-  float       *w, *p;                         /* answer of the factor to r, and direction of the search, both over scale */
-  float       *tangent;                       /* stiffness of each link at the last displacements */
+  PetscInt   dim, links, rows, free;
+  PetscInt  *row;                   /* [links][2][dim] of its ends */
+  PetscReal *direction, *stiffness; /* [links][dim], [links] */
+  PetscReal *sign;                  /* [links] 1: a cable, -1: of compression only, 0: a bar */
+  void      *room;                  /* of the arrays that follow, [rows or links][lanes] */
+  PetscReal *load, *u, *r, *e0;     /* loads, displacements, forces without balance, initial elongations */
+  float     *w, *p;                 /* answer of the factor to r, and direction of the search, both over scale */
+  float     *tangent;               /* stiffness of each link at the last displacements */
   /* of each lane */
-  _Alignas(LATIN_LINE) PetscReal scale[LATIN_CASE_LANES];              /* size of the forces */
-  PetscReal beta[LATIN_CASE_LANES], alpha[LATIN_CASE_LANES];        /* the new direction is w + beta p, the step alpha times it */
-  PetscReal all[LATIN_CASE_LANES];                /* squares of the tensions */
-  PetscReal rr[LATIN_CASE_LANES], rp[LATIN_CASE_LANES], rw[LATIN_CASE_LANES], ww[LATIN_CASE_LANES];     /* r.r, r.p, r.w, w.w, over the square of scale, as those that follow */
-  PetscReal wkw[LATIN_CASE_LANES], wkp[LATIN_CASE_LANES], pkp[LATIN_CASE_LANES];      /* products with the tangents between */
-  PetscReal tension[LATIN_CASE_LANES];            /* squares of the tensions that w makes */
-  PetscReal uu[LATIN_CASE_LANES];                 /* squares of the free displacements, as they are */
+  _Alignas(LATIN_LINE) PetscReal scale[LATIN_CASE_LANES];                                           /* size of the forces */
+  PetscReal beta[LATIN_CASE_LANES], alpha[LATIN_CASE_LANES];                                        /* the new direction is w + beta p, the step alpha times it */
+  PetscReal all[LATIN_CASE_LANES];                                                                  /* squares of the tensions */
+  PetscReal rr[LATIN_CASE_LANES], rp[LATIN_CASE_LANES], rw[LATIN_CASE_LANES], ww[LATIN_CASE_LANES]; /* r.r, r.p, r.w, w.w, over the square of scale, as those that follow */
+  PetscReal wkw[LATIN_CASE_LANES], wkp[LATIN_CASE_LANES], pkp[LATIN_CASE_LANES];                    /* products with the tangents between */
+  PetscReal tension[LATIN_CASE_LANES];                                                              /* squares of the tensions that w makes */
+  PetscReal uu[LATIN_CASE_LANES];                                                                   /* squares of the free displacements, as they are */
 } LatinCaseLanes;
 PETSC_INTERN void LatinCasesForces(LatinCaseLanes *);
 PETSC_INTERN void LatinCasesRound(LatinCaseLanes *);

@@ -21,9 +21,9 @@ LATIN_INLINE void LatinCasesForces_Dim(LatinCaseLanes *lanes, const PetscInt dim
   Short       *tangent = (Short *)lanes->tangent;
 
   for (PetscInt l = 0; l < lanes->links; l++) {
-    const PetscReal  k = lanes->stiffness[l], sign = lanes->sign[l], least = sign * sign - 1.0, *n = lanes->direction + dim * l;
-    const PetscInt  *row = lanes->row + 2 * dim * l;
-    Lanes            x = e0[l], t;
+    const PetscReal k = lanes->stiffness[l], sign = lanes->sign[l], least = sign * sign - 1.0, *n = lanes->direction + dim * l;
+    const PetscInt *row = lanes->row + 2 * dim * l;
+    Lanes           x   = e0[l], t;
 
     for (PetscInt c = 0; c < dim; c++) x += n[c] * (u[row[dim + c]] - u[row[c]]);
     /* a comparison of vectors that are longer than registers becomes a loop: the bit of the sign tells as much */
@@ -52,8 +52,8 @@ LATIN_CLONES void LatinCasesForces(LatinCaseLanes *lanes)
 LATIN_CLONES void LatinCasesRound(LatinCaseLanes *lanes)
 {
   const Lanes  part = 1.0 / *(const Lanes *)lanes->scale, *r = (const Lanes *)lanes->r;
-  const Short *p = (const Short *)lanes->p;
-  Short       *v = (Short *)lanes->w;
+  const Short *p  = (const Short *)lanes->p;
+  Short       *v  = (Short *)lanes->w;
   Lanes        rr = {0.0}, rp = {0.0};
 
   for (PetscInt i = 0; i < lanes->free; i++) {
@@ -73,7 +73,7 @@ LATIN_INLINE void LatinCasesResistance_Dim(LatinCaseLanes *lanes, const PetscInt
   Lanes        wkw = {0.0}, wkp = {0.0}, pkp = {0.0}, tension = {0.0};
 
   for (PetscInt l = 0; l < lanes->links; l++) {
-    const PetscReal *n = lanes->direction + dim * l;
+    const PetscReal *n   = lanes->direction + dim * l;
     const PetscInt  *row = lanes->row + 2 * dim * l;
     Short            e = {0}, d = {0};
     Lanes            k, a, b;
@@ -107,10 +107,10 @@ LATIN_CLONES void LatinCasesResistance(LatinCaseLanes *lanes)
 /* p = w + beta p, u += alpha p, and the squares of u */
 LATIN_CLONES void LatinCasesMove(LatinCaseLanes *lanes)
 {
-  const Lanes  step = *(const Lanes *)lanes->alpha * *(const Lanes *)lanes->scale;
-  const Short  beta = __builtin_convertvector(*(const Lanes *)lanes->beta, Short), *v = (const Short *)lanes->w;
-  Short       *p = (Short *)lanes->p;
-  Lanes       *u = (Lanes *)lanes->u, uu = {0.0};
+  const Lanes step = *(const Lanes *)lanes->alpha * *(const Lanes *)lanes->scale;
+  const Short beta = __builtin_convertvector(*(const Lanes *)lanes->beta, Short), *v = (const Short *)lanes->w;
+  Short      *p = (Short *)lanes->p;
+  Lanes      *u = (Lanes *)lanes->u, uu = {0.0};
 
   for (PetscInt i = 0; i < lanes->free; i++) {
     p[i] = v[i] + beta * p[i];

@@ -104,7 +104,6 @@ typedef PetscReal LatinLanesSum __attribute__((vector_size(LATIN_FRONT_LANES * s
       *(sum) += wide * wide; \
     } while (0)
 
-
   #define FRONT_REAL       double
   #define FRONT_BLAS(name) PETSC_PASTE3(d, name, PETSC_BLASLAPACK_SUFFIX_)
   #define FRONT(name)      name##Double
@@ -190,7 +189,7 @@ PetscErrorCode LatinFrontsSolve(LatinFronts *F, PetscBool forward, PetscBool bac
 */
 PetscErrorCode LatinFrontsSolveLanes(LatinFronts *F, float x[], PetscReal energy[], PetscReal square[])
 {
-  const size_t  n = LATIN_FRONT_LANES * (size_t)F->n;
+  const size_t  n      = LATIN_FRONT_LANES * (size_t)F->n;
   LatinLanesSum sum[2] = {{0}, {0}};
 
   PetscFunctionBegin;

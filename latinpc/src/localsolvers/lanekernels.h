@@ -10,9 +10,7 @@ typedef FRONT_REAL FRONT(LatinLanes) __attribute__((vector_size(LATIN_FRONT_LANE
 /* s[i] += L[i, c] y[c] of all columns c, for some rows */
 LATIN_INLINE void FRONT(LatinLanesRows)(const PetscInt rows, PetscInt columns, const FRONT_REAL L[], size_t height, const FRONT(LatinLanes) y[], FRONT(LatinLanes) s[])
 {
-  for (PetscInt c = 0; c < columns; c++, L += height) {
-    _Pragma("GCC unroll 8") for (PetscInt i = 0; i < rows; i++) s[i] += L[i] * y[c];
-  }
+  for (PetscInt c = 0; c < columns; c++, L += height) { _Pragma("GCC unroll 8") for (PetscInt i = 0; i < rows; i++) s[i] += L[i] * y[c]; }
 }
 
 /* Rows r to r + rows - 1 of those that a front eliminates, forward; energy += their squares */
@@ -45,10 +43,10 @@ LATIN_INLINE void FRONT(LatinLanesBelow)(const PetscInt rows, PetscInt r, PetscI
 /* x = L^-1 x for the rows of front f, and what that leaves is taken from the rows below */
 LATIN_INLINE void FRONT(LatinLanesForward)(const LatinFronts *F, PetscInt f, FRONT(LatinLanes) x[], LatinLanesSum *energy)
 {
-  const PetscInt    *row    = F->row + F->row_first[f], own = F->columns[f], height = F->row_first[f + 1] - F->row_first[f];
-  const FRONT_REAL  *L      = (const FRONT_REAL *)F->factor + F->panel[f];
-  FRONT(LatinLanes) *y      = x + F->first[f];
-  PetscInt           r      = 0;
+  const PetscInt   *row = F->row + F->row_first[f], own = F->columns[f], height = F->row_first[f + 1] - F->row_first[f];
+  const FRONT_REAL *L  = (const FRONT_REAL *)F->factor + F->panel[f];
+  FRONT(LatinLanes) *y = x + F->first[f];
+  PetscInt r           = 0;
 
   for (; r + 4 <= own; r += 4) FRONT(LatinLanesEliminate)(4, r, L, (size_t)height, y, energy);
   for (; r < own; r++) FRONT(LatinLanesEliminate)(1, r, L, (size_t)height, y, energy);
@@ -63,12 +61,8 @@ LATIN_INLINE void FRONT(LatinLanesReturn)(const PetscInt rows, PetscInt c, Petsc
   FRONT(LatinLanes) s[LATIN_FRONT_ROWS] = {{0}};
 
   L += (size_t)c * height;
-  for (PetscInt r = c + rows; r < own; r++) {
-    _Pragma("GCC unroll 8") for (PetscInt i = 0; i < rows; i++) s[i] += L[(size_t)i * height + (size_t)r] * y[r];
-  }
-  for (size_t r = (size_t)own; r < height; r++) {
-    _Pragma("GCC unroll 8") for (PetscInt i = 0; i < rows; i++) s[i] += L[(size_t)i * height + r] * x[row[r]];
-  }
+  for (PetscInt r = c + rows; r < own; r++) { _Pragma("GCC unroll 8") for (PetscInt i = 0; i < rows; i++) s[i] += L[(size_t)i * height + (size_t)r] * y[r]; }
+  for (size_t r = (size_t)own; r < height; r++) { _Pragma("GCC unroll 8") for (PetscInt i = 0; i < rows; i++) s[i] += L[(size_t)i * height + r] * x[row[r]]; }
   L += c;
   _Pragma("GCC unroll 8") for (PetscInt i = rows - 1; i >= 0; i--)
   {
@@ -84,10 +78,10 @@ LATIN_INLINE void FRONT(LatinLanesReturn)(const PetscInt rows, PetscInt c, Petsc
 /* x = L^-t x for the rows of front f, those below being known */
 LATIN_INLINE void FRONT(LatinLanesBackward)(const LatinFronts *F, PetscInt f, FRONT(LatinLanes) x[], LatinLanesSum *square)
 {
-  const PetscInt    *row    = F->row + F->row_first[f], own = F->columns[f], height = F->row_first[f + 1] - F->row_first[f];
-  const FRONT_REAL  *L      = (const FRONT_REAL *)F->factor + F->panel[f];
-  FRONT(LatinLanes) *y      = x + F->first[f];
-  PetscInt           c      = own;
+  const PetscInt   *row = F->row + F->row_first[f], own = F->columns[f], height = F->row_first[f + 1] - F->row_first[f];
+  const FRONT_REAL *L  = (const FRONT_REAL *)F->factor + F->panel[f];
+  FRONT(LatinLanes) *y = x + F->first[f];
+  PetscInt c           = own;
 
   for (; c >= 8; c -= 8) FRONT(LatinLanesReturn)(8, c - 8, own, L, (size_t)height, row, y, x, square);
   for (; c >= 3; c -= 3) FRONT(LatinLanesReturn)(3, c - 3, own, L, (size_t)height, row, y, x, square);
