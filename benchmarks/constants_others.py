@@ -151,6 +151,8 @@ OTHERS = {
         "METIS' default is 10. Operations over three seeds: network 8,000 1.30e8 -> 1.34e8, 20,000 8.63e8 -> 8.56e8, "
         "METIS grid of 100 1.52e8 -> 1.53e8, in 37 -> 26, 104 -> 75 and 130 -> 109 ms.",
     ),
+    "LATIN_LINE": ("bytes", "Of a cache line, and of the longest vector register of x86-64."),
+    "LATIN_FRONT_ROWS": ("rows", "Eight sums keep two units for multiply-add busy whose answers take four cycles."),
     "LATIN_PAGE": (
         "bytes",
         "Of a large page of x86-64 and of most others. Factors in such pages: stages of network 20,000 264 -> 240 ms, "

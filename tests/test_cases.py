@@ -10,12 +10,10 @@ from petsc4py import PETSc
 from support import chain, far, grid, irregular, lattice, logged, network
 from test_cli import latinpc as command
 from test_cli import said
-from test_collapse import has_equilibrium
 from test_files import MSH, TOML
 
 import latinpc
 from latinpc import Case
-from latinpc.bench.extremes.drawn import draw
 from latinpc.results.envelope import COLUMNS, draw_envelope, write_envelope
 from latinpc.runs.cases import solve_cases
 from latinpc.runs.solve import solve
@@ -189,32 +187,10 @@ def test_side_by_side_is_as_accurate_as_promised(name):
     assert (some.displacements == found.displacements[5:12]).all() and (some.tensions == found.tensions[5:12]).all()
 
 
-@pytest.mark.slow
-@pytest.mark.timeout(1800)
-def test_cases_next_to_collapse_are_as_solved_by_themselves():
-    """600 random structures loaded next to their collapse load: what side by side calls solved is, to the accuracy promised."""
-    proved = 0
-    for number in range(600):
-        scene = draw(515151, number, "collapse").scene
-        cases = [Case(f"{part}", (part - 1.0) * scene.load) for part in (1.0, 0.999, 0.9, 0.3, -0.2)]
-        found = solve_cases(scene, cases)
-        for case, row, u, tensions in zip(cases, found.report["cases"], found.displacements, found.tensions):
-            if not row["together"]:
-                continue
-            proved += 1
-            exact = solve(case.applied(scene), {"snes_latin_error": 1e-8})
-            assert has_equilibrium(case.applied(scene)), (number, case.name)
-            if not exact.converged:
-                continue
-            for mine, true in ((u[~scene.fixed], exact.displacements[~scene.fixed]), (tensions, exact.tensions)):
-                assert np.linalg.norm(mine - true) <= 1.1e-4 * np.linalg.norm(true), (number, case.name)
-    assert proved > 1000
-
-
-def test_bars_take_two_stages_a_case():
+def test_bars_take_three_stages_a_case():
     scene = make("truss-grid", modules=8, subdomains=4)
     found = solve_cases(scene, random_cases(scene, 12, seed=5))
-    assert all(together(found)) and {case["iterations"] for case in found.report["cases"]} == {2}
+    assert all(together(found)) and max(case["iterations"] for case in found.report["cases"]) <= 3
 
 
 def test_what_does_not_go_side_by_side_is_solved_all_the_same():
@@ -224,7 +200,7 @@ def test_what_does_not_go_side_by_side_is_solved_all_the_same():
         (SCENES["net"](), random_cases(SCENES["net"](), 4), {}),
         (grid(), grids, {"snes_stol": 1e-6}),
         (grid(), grids, {"snes_latin_newton": "never"}),
-        (grid(), grids[:3], {}),
+        (grid(), grids[:1], {}),
     ):
         found = solve_cases(scene, cases, how)
         assert found.converged and not any(together(found))
@@ -233,6 +209,25 @@ def test_what_does_not_go_side_by_side_is_solved_all_the_same():
     found = solve_cases(scene, cases)
     assert [case["converged"] for case in found.report["cases"]] == [True, True, False, True, True]
     assert together(found) == [True, True, False, True, True]
+
+
+def test_held_nodes_without_links_are_solved_side_by_side():
+    """They stay where they are prescribed to be."""
+    lone = lattice()
+    apart = Scene(
+        "apart", np.vstack([lone.nodes, [[50.0, 50.0]]]), lone.links, lone.law, lone.stiffness, lone.initial_elongation,
+        np.vstack([lone.fixed, [[True, True]]]), load=np.vstack([lone.load, [[0.0, 0.0]]]),
+    )  # fmt: skip
+    cases = random_cases(lone, 3)
+    moved = np.array([[0.1, -0.2]])
+    with_it = [
+        Case(c.name, np.vstack([c.load, 0 * moved]), np.vstack([c.prescribed, moved]), c.initial_elongation)
+        for c in cases
+    ]
+    mine, without = solve_cases(apart, with_it), solve_cases(lone, cases)
+    assert all(together(mine)) and mine.converged
+    assert (mine.displacements[:, -1] == moved).all()
+    assert far(mine.tensions, without.tensions) < 1e-4
 
 
 RANKS = """
@@ -252,7 +247,7 @@ assert found.converged and all(case["together"] for case in found.report["cases"
 for array in ("displacements", "tensions", "slack"):
     assert (getattr(found, array) == getattr(alone, array)).all()
 assert found.report["cases"] == alone.report["cases"]
-few = solve_cases(scene, cases[:5])
+few = solve_cases(scene, cases[:3])
 assert few.converged and not any(case["together"] for case in few.report["cases"])
 print("shared")
 """

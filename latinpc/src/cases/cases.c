@@ -47,7 +47,7 @@ static PetscErrorCode LatinCasesFactor_Private(LatinCases *cases, PetscBool *fai
   PetscCall(KSPSetOperators(cases->ksp, cases->K, cases->K));
   PetscCall(KSPGetPC(cases->ksp, &pc));
   PetscCall(LatinDirectSolver_Private(pc, cases->K, LATIN_CHOLESKY));
-  PetscCall(LatinCholeskyRound(pc, PETSC_TRUE));
+  PetscCall(LatinCholeskyRound(pc, LATIN_ROUNDED));
   PetscCall(LatinFactor_Private(cases->ksp, cases->K, NULL, NULL, PETSC_FALSE, &status));
   PetscCall(VecDestroy(&status.mode));
   *fails = LatinFactorFailed(&status);

@@ -199,7 +199,7 @@ PetscErrorCode LatinLocalSolversSetUp(LatinLocalSolvers *solvers, const char nam
     PetscCall(LatinDenseCreate_Private(solvers->rows[i].rows, columns, &solvers->B[i]));
     PetscCall(LatinDenseCreate_Private(solvers->rows[i].rows, columns, &solvers->X[i]));
     PetscCall(KSPGetPC(solvers->ksp[i], &pc));
-    if (solvers->precision != LATIN_PRECISION_DOUBLE) PetscCall(LatinCholeskyRound(pc, (PetscBool)(solvers->precision == LATIN_PRECISION_AUTO)));
+    if (solvers->precision != LATIN_PRECISION_DOUBLE) PetscCall(LatinCholeskyRound(pc, solvers->precision == LATIN_PRECISION_AUTO ? LATIN_BY_SIZE : LATIN_SINGLE));
     PetscCall(LatinFactor_Private(solvers->ksp[i], solvers->K[i], solvers->rest[i], NULL, (PetscBool)(solvers->like && solvers->like->direct), &solvers->status));
     solvers->rounding = PetscMax(solvers->rounding, solvers->status.rounding);
     solvers->last     = i;

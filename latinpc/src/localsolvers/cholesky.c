@@ -176,15 +176,15 @@ PetscErrorCode LatinCholeskyGiveSchur(Mat F, PetscReal S[])
   PetscFunctionReturn(0);
 }
 
-/* Lets the factor that a PCCHOLESKY is to make be of single precision; large: if it is large. MatSolverType is LATIN_CHOLESKY */
-PetscErrorCode LatinCholeskyRound(PC pc, PetscBool large)
+/* The precision that the factor of a PCCHOLESKY is to have. MatSolverType is LATIN_CHOLESKY */
+PetscErrorCode LatinCholeskyRound(PC pc, LatinArithmetic precision)
 {
   Mat F;
 
   PetscFunctionBegin;
   PetscCall(PCFactorSetUpMatSolverType(pc));
   PetscCall(PCFactorGetMatrix(pc, &F));
-  ((LatinSupernodes *)F->data)->precision = large ? LATIN_BY_SIZE : LATIN_SINGLE;
+  ((LatinSupernodes *)F->data)->precision = precision;
   PetscFunctionReturn(0);
 }
 

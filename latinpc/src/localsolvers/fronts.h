@@ -14,13 +14,6 @@
 
 #include "localsolvers/latinlocalsolvers.h"
 
-typedef enum {
-  LATIN_DOUBLE,  /* arithmetic and factor */
-  LATIN_ROUNDED, /* arithmetic in double, the factor rounded to single precision */
-  LATIN_SINGLE,  /* both in single */
-  LATIN_BY_SIZE  /* that of the above which pays */
-} LatinArithmetic;
-
 typedef struct {
   PetscInt        n, kept, fronts;
   const PetscInt *order;             /* [n] order of elimination, of others, as the three lists that follow */

@@ -43,8 +43,15 @@ PETSC_INTERN PetscErrorCode LatinOrderNodes_Private(PetscInt bs, PetscInt rows, 
 #define LATIN_CHOLESKY    "latin"      /* a MatSolverType */
 #define LATIN_ORDER       "LatinOrder" /* what a matrix carries its order of elimination by, an IS */
 #define LATIN_FRONT_LANES 16           /* right-hand sides that lie beside each other: single precision fills a vector register of 512 bits */
+/* Of the factor; the one that is asked for, or a higher one that holds it */
+typedef enum {
+  LATIN_DOUBLE,  /* arithmetic and factor */
+  LATIN_ROUNDED, /* arithmetic in double, the factor rounded to single precision */
+  LATIN_SINGLE,  /* both in single */
+  LATIN_BY_SIZE  /* that of the above which pays */
+} LatinArithmetic;
 PETSC_INTERN PetscErrorCode LatinCholeskyRegister(void);
-PETSC_INTERN PetscErrorCode LatinCholeskyRound(PC, PetscBool large);
+PETSC_INTERN PetscErrorCode LatinCholeskyRound(PC, LatinArithmetic);
 PETSC_INTERN PetscErrorCode LatinCholeskyRounded(PC, PetscBool *);
 PETSC_INTERN PetscErrorCode LatinCholeskyCost(PC, PetscReal *operations, PetscReal *bytes);
 PETSC_INTERN PetscErrorCode LatinCholeskyRefine(PC, Mat);

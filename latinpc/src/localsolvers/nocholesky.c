@@ -35,7 +35,7 @@ PetscErrorCode LatinCholeskyBackward(Mat F, PetscReal g[], PetscReal *energy)
   SETERRQ(PETSC_COMM_SELF, PETSC_ERR_PLIB, "No factor of this type can have been made");
 }
 
-PetscErrorCode LatinCholeskyRound(PC pc, PetscBool large)
+PetscErrorCode LatinCholeskyRound(PC pc, LatinArithmetic precision)
 {
   SETERRQ(PETSC_COMM_SELF, PETSC_ERR_PLIB, "No factor of this type can have been made");
 }

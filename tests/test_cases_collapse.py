@@ -1,0 +1,45 @@
+"""Load cases side by side of structures next to collapse: what is called solved is, as accurately as promised."""
+
+import numpy as np
+import pytest
+from petsc4py import PETSc
+from test_collapse import has_equilibrium
+
+from latinpc import Case
+from latinpc.bench.extremes.drawn import draw
+from latinpc.runs.cases import solve_cases
+from latinpc.runs.solve import solve
+
+
+def check(numbers, seed=515151):
+    """Compare tensions, which are unique where slack links leave displacements open; return how many cases."""
+    proved = 0
+    for number in numbers:
+        scene = draw(seed, number, "collapse").scene
+        cases = [Case(f"{part}", (part - 1.0) * scene.load) for part in (1.0, 0.999, 0.9, 0.3, -0.2)]
+        try:
+            found = solve_cases(scene, cases)
+        except PETSc.Error:  # a mechanism even with all links taut
+            continue
+        for case, row, tensions in zip(cases, found.report["cases"], found.tensions):
+            if not row["together"]:
+                continue
+            proved += 1
+            applied = case.applied(scene)
+            exact = solve(applied, {"snes_latin_error": 1e-8})
+            assert exact.converged and (not applied.load.any() or has_equilibrium(applied)), (number, case.name)
+            assert np.linalg.norm(tensions - exact.tensions) <= 1.1e-4 * np.linalg.norm(exact.tensions), (
+                number,
+                case.name,
+            )
+    return proved
+
+
+def test_some_structures_next_to_collapse():
+    assert check(range(12)) > 10
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(3600)
+def test_600_structures_next_to_collapse():
+    assert check(range(600)) > 1000
