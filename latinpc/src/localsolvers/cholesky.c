@@ -162,15 +162,16 @@ PetscErrorCode LatinCholeskySolveLanes(Mat F, float x[], PetscReal energy[], Pet
   PetscFunctionReturn(0);
 }
 
-/* Hands the Schur complement over, S (kept x kept, column-major): it may be as large as the factor, and is used once */
+/* Hands the Schur complement over, S (of the rows that were asked for, column-major): it may be as large as the factor, and is used once */
 PetscErrorCode LatinCholeskyGiveSchur(Mat F, PetscReal S[])
 {
-  const LatinSupernodes *data = (const LatinSupernodes *)F->data;
-  const PetscScalar     *s;
+  const PetscScalar *s;
+  PetscInt           m;
 
   PetscFunctionBegin;
+  PetscCall(MatGetSize(F->schur, &m, NULL));
   PetscCall(MatDenseGetArrayRead(F->schur, &s));
-  PetscCall(PetscArraycpy(S, s, (size_t)data->kept * (size_t)data->kept));
+  PetscCall(PetscArraycpy(S, s, (size_t)m * (size_t)m));
   PetscCall(MatDenseRestoreArrayRead(F->schur, &s));
   PetscCall(MatDestroy(&F->schur));
   PetscFunctionReturn(0);
