@@ -101,7 +101,7 @@ def test_the_matrix_is_that_of_a_sparse_solver(mpirun, tmp_path, ranks, parts):
     dense = found("dense.json")
     sparse = found("sparse.json", "-snes_latin_coarse_pc_factor_mat_solver_type", "mumps")
     assert (dense["type"], dense["solver"]) == ("mpidense", "latindense")
-    assert (sparse["type"], sparse["solver"]) == ("mpiaij", "mumps")
+    assert (sparse["type"], sparse["solver"]) == ("mpisbaij", "mumps")
     assert dense["norm"] == pytest.approx(sparse["norm"], rel=1e-10)
     one = solve(irregular(modules=12, parts=parts), variant="primal", stol=0.0, max_it=5).u
     assert far(np.array(dense["u"]).reshape(one.shape), one) < 1e-9
