@@ -10,8 +10,6 @@ from lcp import step
 from motions import EXACT, NEWTON, counts, floating, heavy, message, motion, one_mass
 from support import grid, logged
 
-from latinpc.bench.extremes.drawn import draw
-from latinpc.runs.motion import move
 from latinpc.scenes import Law, Scene, make
 
 G = 9.81
@@ -268,12 +266,3 @@ def test_a_mass_on_a_slack_link_flies_as_far_as_it_does(dim, law, away, speed):
             v += h * force / m
             u += h * v
             assert it.u[1] == pytest.approx(u * along, rel=1e-9, abs=1e-12)
-
-
-@pytest.mark.parametrize("number", [382, 956])
-def test_a_node_that_rigid_links_stop_comes_to_rest(number):
-    """What is left of its velocity is rounding of the tensions, of which no digit is asked for: no step is refused."""
-    drawn = draw(71129, number, "motion")
-    result = move(drawn.scene, drawn.steps)
-    assert result.converged
-    assert abs(result.frames[-1].velocities).max() < 1e-9 * abs(drawn.scene.velocity).max()

@@ -161,11 +161,8 @@ static void LatinSumComponent(const LatinNode *at, PetscInt dim, PetscInt c, Pet
   sum->stiff[3] += PetscSqr(at->tangent[c] + ground * PetscAbsReal(at->u[c]));
 }
 
-/*
-   By how much rigid links miss their gaps; 0 where nothing moves but by rounding. A step of a motion has its solution, and where rounding of the
-   tensions moves more than the error asked for it has come to rest. norm: l2 norm of the displacements. Collective
-*/
-static PetscErrorCode LatinGapError_Private(const LatinNodalBalance *balance, Vec u, PetscReal norm, PetscReal target, PetscReal *missed)
+/* By how much rigid links miss their gaps; 0 where nothing moves but by rounding. norm: l2 norm of the displacements. Collective */
+static PetscErrorCode LatinGapError_Private(const LatinNodalBalance *balance, Vec u, PetscReal norm, PetscReal *missed)
 {
   const LatinStructure structure = balance->latin->sub.structure;
   PetscReal            size, prescribed, most;
@@ -182,7 +179,7 @@ static PetscErrorCode LatinGapError_Private(const LatinNodalBalance *balance, Ve
     PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &size, 1, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)structure)));
   }
   size *= PETSC_MACHINE_EPSILON;
-  moves = (PetscBool)((structure->ground ? target * norm : norm) > LATIN_GAP_NONE * PETSC_MACHINE_EPSILON * PetscSqrtReal(balance->sum.bearing_moves) && most > LATIN_POINT * size);
+  moves = (PetscBool)(norm > LATIN_GAP_NONE * PETSC_MACHINE_EPSILON * PetscSqrtReal(balance->sum.bearing_moves) && most > LATIN_POINT * size);
   gaps  = (PetscBool)(PetscSqrtReal(balance->sum.bearing_gaps) > LATIN_GAP_POINT * size || prescribed > LATIN_GAP_POINT * size);
   if (moves || gaps) *missed = balance->gap;
   PetscFunctionReturn(0);
@@ -209,7 +206,7 @@ PetscErrorCode LatinEquilibriumCheck_Private(Latin latin, Vec u, Vec r, Vec more
   for (PetscInt i = 0; i < dim * structure->nodes_local; i++) LatinSumComponent(&balance.node[i / dim], dim, i % dim, energy, &sum);
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &sum, sizeof(sum) / sizeof(PetscReal), MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
   PetscCall(LatinUnsupported_Private(&balance, found));
-  PetscCall(LatinGapError_Private(&balance, u, size, target, &missed));
+  PetscCall(LatinGapError_Private(&balance, u, size, &missed));
   PetscCall(LatinEquilibriumFar_Private(structure, u, &far));
   PetscCall(PetscFree(balance.node));
 
