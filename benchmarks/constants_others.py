@@ -215,6 +215,10 @@ OTHERS = {
         "displacements of bars",
         "A push of the loads that is less is next to collapse, where Newton's method decides: half of the digits.",
     ),
+    "LATIN_LOOSE_FAR": (
+        "size of the structure",
+        "Where a node without equilibrium is drawn: any number well above one.",
+    ),
     "LATIN_LOOSE_LINKS": ("of a node", "Networks have 20 at most; the time grows with the square."),
     "LATIN_PART_HALVINGS": ("halvings", "Of a range of 1e16 in the displacements 60 leave 1e-16: all but equal ones."),
     "LATIN_NEWTON_PART": (

@@ -158,7 +158,7 @@ static inline PetscBool LatinPartHas(const LatinStructure structure, const Latin
 }
 
 PETSC_INTERN PetscErrorCode LatinEquilibriumCollapse_Private(LatinStructure, LatinPart *, KSP, Mat, Vec more, PetscInt *steps, PetscInt *stages, LatinEquilibrium *);
-PETSC_INTERN PetscErrorCode LatinEquilibriumNodes_Private(LatinStructure, Vec more, LatinEquilibrium *);
+PETSC_INTERN PetscErrorCode LatinEquilibriumNodes_Private(LatinStructure, Vec more, Vec u, LatinEquilibrium *);
 
 /* An estimate compares iterates: displacements that rest while a state creeps look like those of a solution. Forces show otherwise */
 static inline void LatinEstimateLearn(const LatinEquilibrium *found, PetscReal target, LatinEstimate *estimate)

@@ -12,7 +12,8 @@
    larger parts are loose nothing is found.
 */
 
-#define LATIN_LOOSE_LINKS 64 /* of a node: the time grows with their square, and few rays are left beside more */
+#define LATIN_LOOSE_FAR   10.0 /* times the size of the structure: displacements that no equilibrium has */
+#define LATIN_LOOSE_LINKS 64   /* of a node: the time grows with their square, and few rays are left beside more */
 
 /* A link at one of its nodes; reals only, since they travel as one message */
 typedef struct {
@@ -149,11 +150,12 @@ static PetscErrorCode LatinLooseFind_Private(LatinStructure structure, const Pet
 }
 
 /*
-   The verdict is LATIN_UNBOUNDED where nodes are loose by themselves, with these nodes; else *found stays. `more` is a load
-   beside that of the structure, or NULL. Collective on structure
+   The verdict is LATIN_UNBOUNDED where nodes are loose by themselves, with these nodes, and u is where they go, far beyond the
+   structure; else both stay. `more` is a load beside that of the structure, or NULL. Collective on structure
 */
-PetscErrorCode LatinEquilibriumNodes_Private(LatinStructure structure, Vec more, LatinEquilibrium *found)
+PetscErrorCode LatinEquilibriumNodes_Private(LatinStructure structure, Vec more, Vec u, LatinEquilibrium *found)
 {
+  PetscReal  size, prescribed;
   PetscReal *load;
   PetscInt  *first, count;
   LatinHalf *half;
@@ -170,7 +172,12 @@ PetscErrorCode LatinEquilibriumNodes_Private(LatinStructure structure, Vec more,
   PetscCall(LatinLooseFind_Private(structure, first, half, load, &count));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &count, 1, MPIU_INT, MPI_SUM, PetscObjectComm((PetscObject)structure)));
   PetscCall(LatinStructureNodalVec_Private(structure, load, step));
-  if (count) PetscCall(LatinEquilibriumMoved_Private(structure, step, found));
+  if (count) {
+    PetscCall(LatinEquilibriumMoved_Private(structure, step, found));
+    PetscCall(LatinStructureSize_Private(structure, &size, &prescribed));
+    PetscCall(VecCopy(step, u));
+    PetscCall(VecScale(u, LATIN_LOOSE_FAR * PetscMax(size, prescribed)));
+  }
   PetscCall(PetscInfo(structure, "%" PetscInt_FMT " nodes are loose by themselves\n", count));
   PetscCall(DMRestoreGlobalVector(structure->dm, &step));
   PetscCall(PetscFree2(first, load));

@@ -176,8 +176,9 @@ static PetscErrorCode SNESLatinNewton_Private(SNES snes, PetscBool stall)
   Vec                 step, r;
 
   PetscFunctionBegin;
-  if (stall) PetscCall(LatinEquilibriumNodes_Private(data->latin->sub.structure, snes->vec_rhs, &data->found));
+  if (stall) PetscCall(LatinEquilibriumNodes_Private(data->latin->sub.structure, snes->vec_rhs, snes->vec_sol, &data->found));
   if (stall && data->found.verdict == LATIN_UNBOUNDED) {
+    PetscCall(SNESLatinBalance_Private(snes));
     data->next = LATIN_NEXT_DIVERGED;
     PetscFunctionReturn(0);
   }
