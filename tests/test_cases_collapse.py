@@ -26,12 +26,13 @@ def check(numbers, seed=515151):
                 continue
             proved += 1
             applied = case.applied(scene)
-            exact = solve(applied, {"snes_latin_error": 1e-8})
-            assert exact.converged and (not applied.load.any() or has_equilibrium(applied)), (number, case.name)
-            assert np.linalg.norm(tensions - exact.tensions) <= 1.1e-4 * np.linalg.norm(exact.tensions), (
-                number,
-                case.name,
-            )
+            tries = (solve(applied, {"snes_latin_error": error}) for error in (1e-8, 1e-6))  # rounding may leave 1e-7
+            exact = next((result for result in tries if result.converged), None)
+            assert exact is not None and (not applied.load.any() or has_equilibrium(applied)), (number, case.name)
+            moved = np.abs(exact.displacements).max() + np.abs(applied.initial_elongation)
+            noise = 1e-14 * np.linalg.norm(applied.stiffness * moved)
+            off = np.linalg.norm(tensions - exact.tensions)
+            assert off <= 1.1e-4 * np.linalg.norm(exact.tensions) + noise, (number, case.name)
     return proved
 
 

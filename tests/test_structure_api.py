@@ -272,4 +272,4 @@ def test_a_prestress_is_an_initial_elongation():
 def test_import_loads_what_every_solve_needs_and_no_more():
     loads = "import sys, latinpc; print([name for name in sys.argv[1:] if name in sys.modules])"
     names = ("click", "matplotlib", "meshio", "pandas", "plotly", "rich", "scipy", "slepc4py")
-    assert run([sys.executable, "-c", loads, *names]).stdout == "[]\n"
+    assert run([sys.executable, "-P", "-c", loads, *names]).stdout == "[]\n"

@@ -68,6 +68,7 @@ def _run(comm, ours, petsc):
         stops = ANY_OPTION not in ours
         ours = [word for word in ours if word != ANY_OPTION]
         if stops and (unknown := unknown_options()):
+            PETSc.Options().setValue("options_left", False)  # newer PETSc would say the same once more
             raise ValueError(f"{'; '.join(unknown)} ({ANY_OPTION} goes on)")
         code = commands.main(args=ours, prog_name="latinpc", standalone_mode=False, obj=comm) or 0
         stray = unread(PETSc.COMM_WORLD, given) if ours[:1] and ours[0] in READING and "--help" not in ours else []
