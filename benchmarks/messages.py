@@ -1,7 +1,7 @@
 """What a linear stage sends on several ranks, and a model of its time and memory on as many as there are not here.
 
     python benchmarks/messages.py              measures on 1, 2, 4 and 8 ranks, and prints both tables
-    python benchmarks/messages.py --ranks 64   predicts for other numbers of ranks, too
+    python benchmarks/messages.py --ranks 64   also predicts for 64 ranks
 
 Tensegrity grids in blocks of 4 x 4 modules, 21,000 unknowns a rank. Messages and bytes are those between two solves of
 different length, all that MPI sends, MUMPS included (the component `monitoring` of Open MPI counts them). The model:
@@ -41,7 +41,7 @@ FIXED = [
     "-snes_latin_newton",
     "never",
 ]  # stages and nothing else
-FIXED += ["-snes_latin_coarse_pc_factor_mat_solver_type", "mumps"]  # on one rank, too
+FIXED += ["-snes_latin_coarse_pc_factor_mat_solver_type", "mumps"]  # on one rank as well
 LATENCY, NETWORK = 2e-6, 10e9  # of a message (s), and bytes/s of a link between nodes: InfiniBand of some years ago
 HERE = Path(__file__).resolve().parent
 

@@ -11,6 +11,7 @@ from test_files import MSH, TOML
 from two_bars import KINDS, written
 
 import latinpc
+from latinpc.files.gmshnodes import node_tags
 from latinpc.files.npz import load_scene, save_scene
 from latinpc.runs.solve import solve
 
@@ -88,11 +89,11 @@ def test_a_mechanism_names_nodes_of_the_file(tmp_path):
     assert any("nodes that move: D" in text.get_text() for text in figure.findobj(matplotlib.text.Text))
 
 
-def test_numbers_of_gmsh_count_from_1(tmp_path):
+def test_messages_name_nodes_by_their_gmsh_tags(tmp_path):
     (tmp_path / "frame.msh").write_text(MSH)
     moved = TOML.replace("[supports.feet]", "[supports.top]").replace("[loads.top]", "[loads.feet]")
     (tmp_path / "frame.toml").write_text(moved)
-    assert "Nodes that move: 1, 2." in command("solve", tmp_path / "frame.msh", code=2).stderr
+    assert "Nodes that move: 10, 20." in command("solve", tmp_path / "frame.msh", code=2).stderr
 
 
 def test_links_that_are_there_twice_and_far_moves(tmp_path):
@@ -138,3 +139,51 @@ def test_errors_of_the_library_are_translated(tmp_path):
         ("link 1 ([3. 4.]), 2 ([3. 4.]) has", "link 1 ([3. 4.]), 2 ([3. 4.]) has"),
     ):
         assert scene.counted_as_given(said) == expected
+
+
+def msh_nodes(version, binary):
+    """Return the start of a Gmsh file, with nodes 3, 7 and 12; one of them lies on a curve, with its parameter."""
+    head = f"$MeshFormat\n{version} {int(binary)} 8\n".encode()
+    xyz = np.arange(9.0).reshape(3, 3)
+    if version == "2.2":
+        rows = np.array([(3, xyz[0]), (7, xyz[1]), (12, xyz[2])], [("tag", "i4"), ("x", "f8", 3)])
+        body = b"3\n" + (rows.tobytes() if binary else b"3 0 1 2\n7 3 4 5\n12 6 7 8")
+    elif not binary:
+        first, second = ("3\n7\n0 1 2\n3 4 5\n", "12\n6 7 8 0.5") if version == "4.1" else (
+            "3 0 1 2\n7 3 4 5\n", "12 6 7 8 0.5")  # fmt: skip
+        sizes, curve = ("2 3 3 12", "1 4") if version == "4.1" else ("2 3", "4 1")
+        body = f"{sizes}\n0 0 0 2\n{first}{curve} 1 1\n{second}".encode()
+    else:
+        at_point, on_curve = np.array([0, 0, 0], "i4"), np.array([1, 4, 1] if version == "4.1" else [4, 1, 1], "i4")
+        sizes = np.array([2, 3, 3, 12] if version == "4.1" else [2, 3], "u8")
+        if version == "4.1":
+            first = np.array([3, 7], "u8").tobytes() + xyz[:2].tobytes()
+            second = np.array([12], "u8").tobytes() + np.append(xyz[2], 0.5).tobytes()
+        else:
+            first = np.array([(3, xyz[0]), (7, xyz[1])], [("tag", "i4"), ("x", "f8", 3)]).tobytes()
+            second = np.array([(12, np.append(xyz[2], 0.5))], [("tag", "i4"), ("x", "f8", 4)]).tobytes()
+        two, one = np.array([2], "u8").tobytes(), np.array([1], "u8").tobytes()
+        body = sizes.tobytes() + at_point.tobytes() + two + first + on_curve.tobytes() + one + second
+    one = np.array([1], "i4").tobytes() + b"\n" if binary else b""
+    return head + one + b"$EndMeshFormat\n$Nodes\n" + body + b"\n$EndNodes\n"
+
+
+@pytest.mark.parametrize("binary", [False, True])
+@pytest.mark.parametrize("version", ["2.2", "4", "4.1"])
+def test_tags_of_gmsh_nodes(version, binary, tmp_path):
+    file = tmp_path / "nodes.msh"
+    file.write_bytes(msh_nodes(version, binary))
+    assert node_tags(file, 3).tolist() == [3, 7, 12]
+    assert node_tags(file, 4) is None
+    file.write_bytes(msh_nodes(version, binary)[:-45])
+    assert node_tags(file, 3) is None
+
+
+def test_nodes_of_gmsh_go_by_their_tags(tmp_path):
+    """Gmsh leaves out nodes of what it does not save, and keeps the tags of the others."""
+    elements = "$Elements\n2\n5 1 2 1 1 3 7\n6 1 2 1 1 7 12\n$EndElements\n"
+    (tmp_path / "bars.msh").write_text(msh_nodes("2.2", False).decode() + elements)
+    (tmp_path / "bars.toml").write_text('[laws.1]\nlaw = "bar"\nEA = 1e6\n')
+    scene = latinpc.read(tmp_path / "bars.msh", support=["x=min"])
+    assert [scene.node_name(node) for node in range(3)] == ["3", "7", "12"]
+    assert [scene.link_name(link) for link in range(2)] == ["3-7", "7-12"]

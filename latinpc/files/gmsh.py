@@ -7,6 +7,7 @@ import resource
 
 import numpy as np
 
+from .gmshnodes import node_tags
 from .lines import Lines
 
 ROOM, ROOM_PER_BYTE = 2**28, 200  # bytes that a mesh may take, beside and for each of those of its file
@@ -84,4 +85,5 @@ def read_gmsh(path):
         path, points, np.concatenate(lines),
         {name: np.concatenate(parts) for name, parts in line_groups.items()},
         {name: np.unique(np.concatenate(parts)) for name, parts in node_groups.items()},
+        point_names=node_tags(path, len(points)),
     )  # fmt: skip

@@ -399,11 +399,10 @@ def _refuse_short(lines):
     """Refuse lines without a length."""
     short = np.flatnonzero(lines.lengths <= 1e-12 * max(lines.extent, 1e-300))
     if short.size:
-        a, b = lines.ends[short[0]] + 1
+        a, b = (lines.point_names[end] or f"the {end + 1}th point" for end in lines.ends[short[0]])
         cure = "in Gmsh, merge the points (Coherence)" if lines.path.suffix == ".msh" else "remove it"
         raise ValueError(
-            f"{lines.place(short[0])}: a link of zero length, one of {short.size}, between nodes {a} and {b} (counted"
-            f" in the order of the file); {cure}"
+            f"{lines.place(short[0])}: a link of zero length, one of {short.size}, between nodes {a} and {b}; {cure}"
         )
 
 

@@ -15,7 +15,8 @@ from .pictures import GHOST_COLOUR, NUMBERED, VISIBLE, Sketch, drawn_links
 from .units import counted
 
 MOVES = 0.05  # of the largest displacement: less is not seen
-SMALL, ROOM = 0.4, 0.1  # of the structure: a smaller part is drawn larger; of the part: links that begin so near, too
+SMALL = 0.4  # of the structure: a part that is smaller fills the picture,
+ROOM = 0.1  # with the links around it: of the part, how far from it they begin
 NAMED = 8
 REASON = "no link resists the motion in red, of any size"
 
