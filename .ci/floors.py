@@ -47,6 +47,7 @@ PYTHON_FLOORS = [
     ["__init__"],
     ["bench"],
     ["cli"],
+    ["__main__"],
 ]
 FILE_LINES, FUNCTION_LINES = 500, 60
 

@@ -2,6 +2,8 @@
 
 import json
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import meshio
@@ -12,6 +14,7 @@ from conftest import ROOT
 from test_drawings import grid_of_lines
 from test_files import MSH, TOML
 
+import latinpc as package
 from latinpc import cli
 from latinpc.cli.arguments import split_arguments
 from latinpc.options import INNER_PREFIXES, OPTIONS, unknown_options
@@ -45,6 +48,12 @@ def test_scenes_and_info():
     library = re.search(r"-dll_append (\S+)", text).group(1)
     assert Path(library).is_file()
     assert "MUMPS" in text and "CHOLMOD" in text
+
+
+def test_the_module_is_the_command():
+    """`python3 -m latinpc`, for who has no script on the path."""
+    said = subprocess.run([sys.executable, "-m", "latinpc", "--version"], capture_output=True, text=True, timeout=60)
+    assert (said.returncode, said.stdout) == (0, f"latinpc, version {package.__version__}\n")
 
 
 def test_help_lists_every_option_of_ours_and_no_other():
@@ -233,6 +242,7 @@ def test_a_failure_of_one_rank_ends_the_others(mpirun):
     script = """
 import sys
 from mpi4py import MPI
+import latinpc as package
 from latinpc import cli
 
 def fails(options):

@@ -154,20 +154,30 @@ def test_lattice_slackens():
 
 
 @pytest.mark.parametrize(
+    ("name", "options"),
+    [("tensegrity-grid", {"modules": 10}), ("lattice", {"nx": 7, "ny": 8}), ("impact-grid", {"modules": 9})],
+)
+def test_any_size_needs_no_partition(name, options):
+    """Where the default blocks do not fit the solver makes a partition, as for structures of files."""
+    assert make(name, **options).subdomain is None
+    assert make("tensegrity-grid", modules=10, subdomains=25).n_subdomains == 25
+
+
+@pytest.mark.parametrize(
     ("name", "options", "message"),
     [
         ("grid", {}, "choose from tensegrity-grid"),
         ("network", {"modules": 3}, "no option 'modules'"),
         ("tensegrity-grid", {"modules": 0}, "at least 1"),
         ("tensegrity-grid", {"modules": 12, "subdomains": 5}, "choose from 1, 4, 9, 16, 36, 144"),
-        ("tensegrity-grid", {"modules": 10}, "not a multiple of 4"),
+        ("tensegrity-grid", {"modules": 10, "partition": "regular"}, "not a multiple of 4"),
         ("tensegrity-grid", {"slack": 0.5}, "slack must lie"),
         ("tensegrity-grid", {"module": "third"}, "'initial' or 'modified'"),
         ("tensegrity-grid", {"partition": "scotch"}, "'regular' or 'metis'"),
         ("network", {"nodes": 2}, "at least 24"),
         ("network", {"supports": 3}, "supports must be"),
         ("network", {"slack": 0.9}, "slack must lie"),
-        ("lattice", {"nx": 7}, "or partition='metis'"),
+        ("lattice", {"nx": 7, "partition": "regular"}, "or partition metis"),
         ("lattice", {"nx": 8, "ny": 8, "subdomains": 5}, "choose from"),
         ("lattice", {"nx": 0}, "at least 1"),
     ],

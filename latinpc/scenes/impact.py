@@ -16,7 +16,7 @@ ELASTIC_CONTACT = 1.0e7  # stiffness of an elastic contact (N/m)
 def impact_grid(
     modules: int = 48,
     subdomains: int | None = None,
-    partition: str = "regular",
+    partition: str | None = None,
     mass: float = 200.0,
     speed: float = 5.0,
     contact: str = "rigid",
@@ -31,8 +31,8 @@ def impact_grid(
         Modules along a side of the grid.
     subdomains : int, optional
         Number of subdomains; by default blocks of 4 x 4 modules.
-    partition : {'regular', 'metis'}
-        Regular blocks, or METIS. With 'metis' the scene has no partition: the solver makes one.
+    partition : {'regular', 'metis'}, optional
+        Equal blocks, the default where they fit, or METIS: the scene has no partition then, the solver makes one.
     mass : float
         Falling mass (kg).
     speed : float

@@ -7,7 +7,7 @@ import numpy as np
 from latinpc.results.units import counted
 
 from .network import Balance
-from .scene import Law, Scene
+from .scene import Law, Scene, blocks_or_metis
 
 CELL = 1.0  # side of a cell (m)
 EA_BAR = 6.5e7  # axial stiffness of bars (N)
@@ -20,7 +20,7 @@ def lattice(
     nx: int = 32,
     ny: int = 16,
     subdomains: int | None = None,
-    partition: str = "regular",
+    partition: str | None = None,
     slack: float = 0.09,
     load: float | None = None,
     seed: int = 0,
@@ -39,8 +39,8 @@ def lattice(
         Cells along the height.
     subdomains : int, optional
         Number of subdomains. By default blocks of 4 x 4 cells.
-    partition : {'regular', 'metis'}
-        Regular blocks, or METIS. With 'metis' the scene has no partition: the solver makes one.
+    partition : {'regular', 'metis'}, optional
+        Equal blocks, the default where they fit, or METIS: the scene has no partition then, the solver makes one.
     slack : float
         Share of slack cables, 0 to 0.3. It sets the load from the tensions of the linear structure, and is met within
         a few per cent of the cables.
@@ -55,8 +55,7 @@ def lattice(
     """
     if nx < 1 or ny < 1:
         raise ValueError(f"nx and ny must be at least 1, not {nx} and {ny}")
-    if partition not in ("regular", "metis"):
-        raise ValueError(f"partition must be 'regular' or 'metis', not {partition!r}")
+    partition = blocks_or_metis(partition, fit=subdomains is not None or nx % BLOCK == ny % BLOCK == 0)
     if not 0.0 <= slack <= 0.3:
         raise ValueError(f"slack must lie between 0 and 0.3, not {slack}: give load, the force per node")
     parts = None
@@ -126,12 +125,12 @@ def _block_size(nx, ny, subdomains):
     if subdomains is None and (nx % BLOCK or ny % BLOCK):
         raise ValueError(
             f"{nx} x {ny} cells do not make blocks of {BLOCK} x {BLOCK}: give subdomains, "
-            f"one of {', '.join(map(str, counts))}, or partition='metis'"
+            f"one of {', '.join(map(str, counts))}, or partition metis"
         )
     if subdomains is not None and subdomains not in counts:
         raise ValueError(
             f"{counted(subdomains, 'subdomain')} cannot be equal square blocks of {nx} x {ny} cells: "
-            f"choose from {', '.join(map(str, counts))}, or partition='metis'"
+            f"choose from {', '.join(map(str, counts))}, or partition metis"
         )
     return BLOCK if subdomains is None else counts[subdomains]
 

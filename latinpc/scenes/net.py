@@ -6,7 +6,7 @@ import numpy as np
 
 from latinpc.results.units import counted
 
-from .scene import Law, Scene
+from .scene import Law, Scene, blocks_or_metis
 
 MESH = 1.0  # side of a mesh in plan (m)
 DENSITY = 100.0  # force density: tension over length (N/m)
@@ -55,8 +55,7 @@ def net(
         raise ValueError(f"side must be at least 2 meshes, not {side}")
     if law not in LAWS:
         raise ValueError(f"law must be one of {', '.join(LAWS)}, not {law!r}")
-    if partition not in ("regular", "metis"):
-        raise ValueError(f"partition must be 'regular' or 'metis', not {partition!r}")
+    partition = blocks_or_metis(partition)
     nodes, cables, rim = _flat(side)
     weight = _hang(nodes, rim, side)
     along = nodes[cables[:, 1]] - nodes[cables[:, 0]]
@@ -73,7 +72,7 @@ def net(
     if partition == "regular":
         count = max(1, side // BLOCK) if subdomains is None else round(subdomains**0.5)
         if subdomains is not None and count**2 != subdomains:
-            raise ValueError(f"{counted(subdomains, 'subdomain')} cannot be squares: choose k**2, or partition='metis'")
+            raise ValueError(f"{counted(subdomains, 'subdomain')} cannot be squares: choose k**2, or partition metis")
         place = np.minimum(nodes[cables, :2].min(axis=1) / MESH, side - 1)
         block = np.minimum((place * count / side).astype(int), count - 1)
         parts = np.repeat(block[:, 1] * count + block[:, 0], 3)

@@ -9,7 +9,7 @@ import numpy as np
 
 from latinpc.results.units import counted
 
-from .scene import Law, Scene
+from .scene import Law, Scene, blocks_or_metis
 
 GRAIN = 1.0  # diameter (m)
 PRESSURE = 1000.0  # force on each grain of the top layer (N)
@@ -65,8 +65,7 @@ def packing(
         raise ValueError(f"law must be one of {', '.join(LAWS)}, not {law!r}")
     if side < 3:
         raise ValueError(f"side must be at least 3 grains, not {side}")
-    if partition not in ("regular", "metis"):
-        raise ValueError(f"partition must be 'regular' or 'metis', not {partition!r}")
+    partition = blocks_or_metis(partition)
     if not 0.0 <= disorder <= 0.1:
         raise ValueError(f"disorder must lie between 0 and 0.1, not {disorder}: gaps are small beside grains")
     nodes, pairs, walls, top, frames = _grains(side, dim)
@@ -195,7 +194,7 @@ def _blocks(where, side, dim, subdomains):
     """Return the box of grains that each contact is in; boxes without contact have no number."""
     count = max(1, side // BLOCK[dim]) if subdomains is None else round(subdomains ** (1.0 / dim))
     if subdomains is not None and count**dim != subdomains:
-        raise ValueError(f"{counted(subdomains, 'subdomain')} cannot be boxes: choose k**{dim}, or partition='metis'")
+        raise ValueError(f"{counted(subdomains, 'subdomain')} cannot be boxes: choose k**{dim}, or partition metis")
     low, high = where.min(axis=0), where.max(axis=0)
     box = np.minimum(((where - low) / (high - low) * count).astype(int), count - 1)
     return np.unique(np.ravel_multi_index(tuple(box.T), (count,) * dim), return_inverse=True)[1]

@@ -147,3 +147,10 @@ class Scene(Geometry, Plots):
             f"Scene({self.name!r}: {len(self.nodes)} nodes in {self.dim}D, {laws}, "
             f"{np.count_nonzero(~self.fixed)} free dofs, {parts})"
         )
+
+
+def blocks_or_metis(partition, fit=True):
+    """Return the partition of a scene: the one asked for, or equal blocks if these fit, else METIS."""
+    if partition not in (None, "regular", "metis"):
+        raise ValueError(f"partition must be 'regular' or 'metis', not {partition!r}")
+    return partition or ("regular" if fit else "metis")

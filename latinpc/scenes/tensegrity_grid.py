@@ -13,7 +13,7 @@ import numpy as np
 from latinpc.arrays import block
 from latinpc.results.units import counted
 
-from .scene import Law, Scene
+from .scene import Law, Scene, blocks_or_metis
 
 SIDE = 1.0  # side of a module (m)
 HEIGHT = 0.5  # distance between the two layers (m)
@@ -46,7 +46,7 @@ _LOAD_TIMES_MODULES_SQUARED = (
 def tensegrity_grid(
     modules: int = 48,
     subdomains: int | None = None,
-    partition: str = "regular",
+    partition: str | None = None,
     module: str = "initial",
     slack: float = 0.09,
     load: float | None = None,
@@ -63,8 +63,8 @@ def tensegrity_grid(
         Modules along a side of the grid.
     subdomains : int, optional
         Number of subdomains; by default blocks of 4 x 4 modules.
-    partition : {'regular', 'metis'}
-        Regular blocks, or METIS. With 'metis' the scene has no partition: the solver makes one.
+    partition : {'regular', 'metis'}, optional
+        Equal blocks, the default where they fit, or METIS: the scene has no partition then, the solver makes one.
     module : {'initial', 'modified'}
         Module of the article. The modified one (Figure 7, right) has no internal mechanism: it adds the second
         bracing set and both diagonals of the lower square as bars.
@@ -85,7 +85,7 @@ def tensegrity_grid(
 def truss_grid(
     modules: int = 48,
     subdomains: int | None = None,
-    partition: str = "regular",
+    partition: str | None = None,
     module: str = "initial",
     slack: float = 0.09,
     load: float | None = None,
@@ -112,7 +112,7 @@ def _grid(name, modules, subdomains, partition, module, slack, load):
 
 
 def grid_part(
-    name, modules=48, subdomains=None, partition="regular", module="initial", slack=0.09, load=None, *, rank=0, ranks=1
+    name, modules=48, subdomains=None, partition=None, module="initial", slack=0.09, load=None, *, rank=0, ranks=1
 ):  # fmt: skip
     """Make the arrays of a scene, or a rank's part of them, whose links have the numbers of all nodes.
 
@@ -134,8 +134,7 @@ def grid_part(
         raise ValueError(f"modules must be at least 1, not {modules}")
     if module not in ("initial", "modified"):
         raise ValueError(f"module must be 'initial' or 'modified', not {module!r}")
-    if partition not in ("regular", "metis"):
-        raise ValueError(f"partition must be 'regular' or 'metis', not {partition!r}")
+    partition = blocks_or_metis(partition, fit=subdomains is not None or modules % BLOCK == 0)
     load = load_for_slack(modules, slack) if load is None else float(load)
     side = _blocks_a_side(modules, subdomains) if partition == "regular" else None
     cells, parts = _cells(modules, side, rank, ranks)
@@ -246,7 +245,7 @@ def _blocks_a_side(modules, subdomains):
         if modules % BLOCK:
             raise ValueError(
                 f"{modules} modules a side are not a multiple of {BLOCK}: give subdomains, the square of a number "
-                f"that divides {modules}, or partition='metis'"
+                f"that divides {modules}, or partition metis"
             )
         subdomains = (modules // BLOCK) ** 2
     side = math.isqrt(max(int(subdomains), 0))
@@ -254,6 +253,6 @@ def _blocks_a_side(modules, subdomains):
         fit = [k * k for k in range(1, modules + 1) if modules % k == 0]
         raise ValueError(
             f"{counted(subdomains, 'subdomain')} cannot be equal square blocks of {modules} x {modules} modules: "
-            f"choose from {', '.join(map(str, fit))}, or partition='metis'"
+            f"choose from {', '.join(map(str, fit))}, or partition metis"
         )
     return side
