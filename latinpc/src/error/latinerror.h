@@ -103,7 +103,7 @@ PETSC_INTERN PetscErrorCode LatinEquilibriumFarkas_Private(LatinStructure, Vec u
 PETSC_INTERN PetscErrorCode LatinEquilibriumJammed_Private(Latin, Vec z, Vec work, LatinEquilibrium *);
 PETSC_INTERN PetscErrorCode LatinStructureSize_Private(LatinStructure, PetscReal *size, PetscReal *prescribed);
 
-/* ---- is there none? (error/loosenodes.c, error/collapse.c) ---- */
+/* ---- is there none? (error/loosenodes.c, error/loosepatches.c, error/collapse.c) ---- */
 #define LATIN_COLLAPSE_TENSION LatinByPrecision(1e10, 1e4)  /* times the tensions of bars: no equilibrium that rounding leaves anything of has so large ones */
 #define LATIN_COLLAPSE_HELD    LatinByPrecision(1e-7, 1e-4) /* of the displacements of bars: what is left of d beside them is none */
 
@@ -134,6 +134,20 @@ static inline PetscInt LatinLinkWay(const LatinStructure structure, PetscInt l, 
   return way;
 }
 
+/* What a few links bear of a load (error/cone.c). Room for n unknowns and some links */
+enum { LATIN_CONE_SLACK, LATIN_CONE_BEARS, LATIN_CONE_SPANNED };
+
+typedef struct {
+  PetscInt   n, bears;     /* unknowns; links that bear */
+  PetscReal *row;          /* [links][n] */
+  PetscReal *q, *part;     /* [n][n] orthonormal basis of the rows of the links that bear, and these rows in it */
+  PetscReal *r;            /* [n] what is left of the load */
+  PetscReal *along;        /* [n] of the load, along the basis */
+  PetscReal *t, *next;     /* [n] tensions of the links that bear, and those that leave the least */
+  PetscInt  *link, *state; /* [n] those that bear; [links] */
+} LatinCone;
+PETSC_INTERN void LatinConeProject(LatinCone *, PetscInt n, PetscInt links, PetscInt both, const PetscReal f[], PetscBool *bears);
+
 /* A part of a structure: some nodes, with all others held, and the links at them (error/part.c) */
 typedef struct {
   PetscInt   nodes;  /* on all ranks */
@@ -159,6 +173,7 @@ static inline PetscBool LatinPartHas(const LatinStructure structure, const Latin
 
 PETSC_INTERN PetscErrorCode LatinEquilibriumCollapse_Private(LatinStructure, LatinPart *, KSP, Mat, Vec more, PetscInt *steps, PetscInt *stages, LatinEquilibrium *);
 PETSC_INTERN PetscErrorCode LatinEquilibriumNodes_Private(LatinStructure, Vec more, Vec u, LatinEquilibrium *);
+PETSC_INTERN PetscErrorCode LatinEquilibriumPatches_Private(LatinStructure, Vec more, LatinEquilibrium *);
 
 /* An estimate compares iterates: displacements that rest while a state creeps look like those of a solution. Forces show otherwise */
 static inline void LatinEstimateLearn(const LatinEquilibrium *found, PetscReal target, LatinEstimate *estimate)

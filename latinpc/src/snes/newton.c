@@ -194,7 +194,8 @@ PetscErrorCode LatinNewtonAsk_Private(LatinNewton *newton, Vec more)
   PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCLATIN, &latin));
   if (newton->asked || !newton->tangent || !latin) PetscFunctionReturn(0);
   newton->asked = PETSC_TRUE;
-  PetscCall(LatinNewtonParts_Private(newton, more));
+  PetscCall(LatinEquilibriumPatches_Private(newton->structure, more, &newton->found));
+  if (newton->found.verdict != LATIN_UNBOUNDED) PetscCall(LatinNewtonParts_Private(newton, more));
   if (newton->found.verdict == LATIN_UNBOUNDED) PetscFunctionReturn(0);
   PetscCall(KSPSetTolerances(ksp, LATIN_NEWTON_TIGHT, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
   PetscCall(SNESGetJacobian(newton->snes, &A, NULL, NULL, NULL));

@@ -1,0 +1,153 @@
+#include "error/latinerror.h"
+
+/*
+   The part of a load f that tensions of a few links cannot bear: r = f - sum over i of t_i a_i, the least there is with t_i of any sign for
+   the first links and t_i >= 0 for the others [C. L. Lawson, R. J. Hanson]. It is zero if and only if they bear f. Else r is a
+   displacement on which f does work, |r|^2, while the first links keep their length and no other one becomes longer.
+
+   The links that bear have an orthonormal basis q of their rows a, by Gram's and Schmidt's method, twice for rounding; so r is
+   orthogonal to them to rounding, whatever their condition.
+*/
+
+#define LATIN_CONE_SPAN  PETSC_SQRT_MACHINE_EPSILON    /* what is left of a row beside those that bear, and is none */
+#define LATIN_CONE_BORNE LatinByPrecision(1e-9, 1e-4)  /* of the load: what is left of it, and is none */
+#define LATIN_CONE_SIGN  (1e3 * PETSC_MACHINE_EPSILON) /* of the load: less along a row is rounding */
+#define LATIN_CONE_TURNS 4                             /* times the links: changes of those that bear; random ones take half as many as there are links */
+
+static PetscReal LatinConeDot(PetscInt n, const PetscReal a[], const PetscReal b[])
+{
+  PetscReal sum = 0.0;
+
+  for (PetscInt i = 0; i < n; i++) sum += a[i] * b[i];
+  return sum;
+}
+
+/* b loses what the rows that bear have of it; what that is, if asked for */
+static void LatinConeOrthogonal(const LatinCone *c, PetscReal b[], PetscReal part[])
+{
+  for (PetscInt k = 0; k < c->bears; k++) {
+    const PetscReal *q = c->q + c->n * k, by = LatinConeDot(c->n, q, b);
+
+    for (PetscInt i = 0; i < c->n; i++) b[i] -= by * q[i];
+    if (part) part[k] += by;
+  }
+}
+
+/* Link l bears from here on; false where its row is a sum of others */
+static PetscBool LatinConeAdd(LatinCone *c, PetscInt l)
+{
+  const PetscInt n = c->n, k = c->bears;
+  PetscReal     *q = c->q + n * k, *part = c->part + n * k, size;
+
+  if (k >= n) return PETSC_FALSE;
+  for (PetscInt i = 0; i < n; i++) {
+    q[i]    = c->row[n * l + i];
+    part[i] = 0.0;
+  }
+  for (PetscInt twice = 0; twice < 2; twice++) LatinConeOrthogonal(c, q, part);
+  size = PetscSqrtReal(LatinConeDot(n, q, q));
+  if (!(size > LATIN_CONE_SPAN)) return PETSC_FALSE;
+  for (PetscInt i = 0; i < n; i++) q[i] /= size;
+  part[k]     = size;
+  c->along[k] = LatinConeDot(n, q, c->r);
+  for (PetscInt i = 0; i < n; i++) c->r[i] -= c->along[k] * q[i];
+  c->link[k]  = l;
+  c->state[l] = LATIN_CONE_BEARS;
+  c->bears++;
+  return PETSC_TRUE;
+}
+
+/* The tensions with which the links that bear leave r, [bears] */
+static void LatinConeTensions(const LatinCone *c, PetscReal t[])
+{
+  for (PetscInt k = c->bears - 1; k >= 0; k--) {
+    t[k] = c->along[k];
+    for (PetscInt j = k + 1; j < c->bears; j++) t[k] -= c->part[c->n * j + k] * t[j];
+    t[k] /= c->part[c->n * k + k];
+  }
+}
+
+/* Links of one way that bear without tension bear no more; those behind the first of them come again */
+static void LatinConeDrop(LatinCone *c, PetscInt both, const PetscReal f[])
+{
+  const PetscInt before = c->bears;
+  PetscInt       first  = 0;
+
+  while (first < before && (c->link[first] < both || c->t[first] > 0.0)) first++;
+  c->bears = first;
+  for (PetscInt i = 0; i < c->n; i++) c->r[i] = f[i];
+  LatinConeOrthogonal(c, c->r, NULL);
+  for (PetscInt k = first; k < before; k++) {
+    const PetscInt  l = c->link[k];
+    const PetscReal t = c->t[k];
+
+    c->state[l] = LATIN_CONE_SLACK;
+    if (l >= both && !(t > 0.0)) continue;
+    c->t[c->bears] = t;
+    LatinConeAdd(c, l);
+  }
+}
+
+/* Tensions of the links that bear as far towards those that leave the least as none changes its sign; false where one has become zero */
+static PetscBool LatinConeMove(LatinCone *c, PetscInt both)
+{
+  PetscReal length = 1.0;
+  PetscInt  stop   = -1;
+
+  LatinConeTensions(c, c->next);
+  for (PetscInt k = 0; k < c->bears; k++) {
+    if (c->link[k] < both || c->next[k] > 0.0) continue;
+    if (c->t[k] <= length * (c->t[k] - c->next[k])) {
+      length = c->t[k] / (c->t[k] - c->next[k]);
+      stop   = k;
+    }
+  }
+  for (PetscInt k = 0; k < c->bears; k++) c->t[k] += length * (c->next[k] - c->t[k]);
+  if (stop >= 0) c->t[stop] = 0.0;
+  return (PetscBool)(stop < 0);
+}
+
+/* The link of one way that becomes longer along r, and most so; -1: none does */
+static PetscInt LatinConeLonger(const LatinCone *c, PetscInt links, PetscInt both, PetscReal least)
+{
+  PetscInt best = -1;
+
+  for (PetscInt l = both; l < links; l++) {
+    PetscReal along;
+
+    if (c->state[l] != LATIN_CONE_SLACK) continue;
+    along = LatinConeDot(c->n, c->row + c->n * l, c->r);
+    if (along <= least) continue;
+    least = along;
+    best  = l;
+  }
+  return best;
+}
+
+/* c->r = what `links` links, whose rows are c->row, leave of the load f; the first `both` of them bear both ways. *bears: they bear all of it, or the method has found no end */
+void LatinConeProject(LatinCone *c, PetscInt n, PetscInt links, PetscInt both, const PetscReal f[], PetscBool *bears)
+{
+  const PetscReal size = PetscSqrtReal(LatinConeDot(n, f, f));
+
+  c->n     = n;
+  c->bears = 0;
+  *bears   = PETSC_TRUE;
+  for (PetscInt i = 0; i < n; i++) c->r[i] = f[i];
+  for (PetscInt l = 0; l < links; l++) c->state[l] = LATIN_CONE_SLACK;
+  for (PetscInt l = 0; l < both; l++) LatinConeAdd(c, l);
+  LatinConeTensions(c, c->t);
+  for (PetscInt turn = 0; turn < LATIN_CONE_TURNS * links; turn++) {
+    PetscInt l;
+
+    if (PetscSqrtReal(LatinConeDot(n, c->r, c->r)) <= LATIN_CONE_BORNE * size) return;
+    l = LatinConeLonger(c, links, both, LATIN_CONE_SIGN * size);
+    if (l < 0) {
+      LatinConeOrthogonal(c, c->r, NULL);
+      *bears = PETSC_FALSE;
+      return;
+    }
+    c->t[c->bears] = 0.0;
+    if (!LatinConeAdd(c, l)) c->state[l] = LATIN_CONE_SPANNED;
+    while (!LatinConeMove(c, both)) LatinConeDrop(c, both, f);
+  }
+}

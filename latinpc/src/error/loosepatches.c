@@ -1,0 +1,252 @@
+#include "error/latinerror.h"
+
+/*
+   Patches that nothing holds: a node and those that its links lead to, with all others in their places. Irregular structures whose nodes
+   their own links hold are loose at a few nodes together as a rule, however large they are and whatever else of them moves. A
+   displacement of a patch along which loads push and that no link resists is one of the structure: a proof, see error/collapse.c.
+
+   Patches are made on the rank that has all links of their nodes; others of their nodes stay in their places.
+*/
+
+#define LATIN_PATCH_NODES 32  /* of a patch: the time grows with the third power, and networks have 20 at most */
+#define LATIN_PATCH_LINKS 512 /* at these nodes */
+
+typedef struct {
+  LatinStructure structure;
+  PetscInt      *first, *at;            /* links at vertices: those of vertex v from first[v] on */
+  PetscReal     *told;                  /* [vertices][2 dim + 1] of their nodes: loads, whether they are free, links on all ranks */
+  PetscInt      *place;                 /* [vertices] in the patch, or -1 */
+  PetscBool     *has;                   /* [links_local] is in the patch */
+  PetscInt       vertices, links, both; /* of the patch: both ways */
+  PetscInt       vertex[LATIN_PATCH_NODES];
+  PetscInt       link[LATIN_PATCH_LINKS]; /* those that resist both ways come first */
+  PetscInt       unknowns;
+  PetscInt       unknown[3 * LATIN_PATCH_NODES]; /* of the displacements of its vertices, -1: fixed */
+  PetscReal      f[3 * LATIN_PATCH_NODES];       /* loads */
+  PetscReal     *A;                              /* operator where all links are bars */
+  LatinCone      cone;
+} LatinPatch;
+
+/* Has this rank all links of a vertex, one at least? */
+static inline PetscBool LatinPatchWhole(const LatinPatch *p, PetscInt v)
+{
+  const PetscInt links = p->first[v + 1] - p->first[v];
+
+  return (PetscBool)(links && links == (PetscInt)p->told[(2 * p->structure->dim + 1) * v + 2 * p->structure->dim]);
+}
+
+/* The links at the vertices of this rank, and what their nodes tell them. Collective on structure */
+static PetscErrorCode LatinPatchGather_Private(LatinPatch *p, Vec load)
+{
+  const LatinStructure structure = p->structure;
+  const PetscInt       dim = structure->dim, width = 2 * dim + 1;
+  PetscReal           *links, *here, *tell, *force;
+
+  PetscFunctionBegin;
+  PetscCall(PetscCalloc2(structure->nodes_local, &links, structure->vertices, &here));
+  PetscCall(PetscMalloc2(dim * structure->nodes_local, &force, width * structure->nodes_local, &tell));
+  for (PetscInt i = 0; i < 2 * structure->links_local; i++) here[structure->ends[i]] += 1.0;
+  PetscCall(LatinSFReduce_Private(structure->vertex_sf, 1, MPIU_REAL, here, links, MPIU_SUM));
+  PetscCall(LatinStructureGetDisplacements(structure, load, force));
+  for (PetscInt i = 0; i < structure->nodes_local; i++) {
+    for (PetscInt c = 0; c < dim; c++) {
+      tell[width * i + c]       = structure->fixed[dim * i + c] ? 0.0 : force[dim * i + c];
+      tell[width * i + dim + c] = structure->fixed[dim * i + c] ? 0.0 : 1.0;
+    }
+    tell[width * i + 2 * dim] = links[i];
+  }
+  PetscCall(LatinSFBcast_Private(structure->vertex_sf, width, MPIU_REAL, tell, p->told));
+  p->first[0] = 0;
+  for (PetscInt v = 0; v < structure->vertices; v++) {
+    p->first[v + 1] = p->first[v] + (PetscInt)here[v];
+    here[v]         = 0.0;
+  }
+  for (PetscInt i = 0; i < 2 * structure->links_local; i++) {
+    const PetscInt v = structure->ends[i];
+
+    p->at[p->first[v] + (PetscInt)here[v]] = i / 2;
+    here[v] += 1.0;
+  }
+  PetscCall(PetscFree2(force, tell));
+  PetscCall(PetscFree2(links, here));
+  PetscFunctionReturn(0);
+}
+
+/* A vertex joins the patch, with its links, if it is whole and there is room */
+static void LatinPatchJoin(LatinPatch *p, PetscInt v)
+{
+  if (p->place[v] >= 0 || !LatinPatchWhole(p, v) || p->vertices == LATIN_PATCH_NODES || p->links + p->first[v + 1] - p->first[v] > LATIN_PATCH_LINKS) return;
+  p->place[v]              = p->vertices;
+  p->vertex[p->vertices++] = v;
+  for (PetscInt i = p->first[v]; i < p->first[v + 1]; i++) {
+    if (p->has[p->at[i]]) continue;
+    p->has[p->at[i]]    = PETSC_TRUE;
+    p->link[p->links++] = p->at[i];
+  }
+}
+
+/* The patch around a vertex, its unknowns and loads */
+static void LatinPatchMake(LatinPatch *p, PetscInt centre)
+{
+  const PetscInt dim = p->structure->dim;
+
+  p->vertices = p->links = p->unknowns = 0;
+  LatinPatchJoin(p, centre);
+  for (PetscInt i = p->first[centre]; i < p->first[centre + 1] && p->vertices; i++)
+    for (PetscInt end = 0; end < 2; end++) LatinPatchJoin(p, p->structure->ends[2 * p->at[i] + end]);
+  for (PetscInt k = 0; k < dim * p->vertices; k++) {
+    const PetscReal *told = p->told + (2 * dim + 1) * p->vertex[k / dim];
+    const PetscBool  open = (PetscBool)(told[dim + k % dim] > 0.0);
+
+    p->unknown[k] = open ? p->unknowns : -1;
+    if (open) p->f[p->unknowns++] = told[k % dim];
+  }
+}
+
+/* The rows of its links, those that resist both ways first; links that resist nothing are left out */
+static void LatinPatchRows(LatinPatch *p)
+{
+  const LatinStructure structure = p->structure;
+  const PetscInt       dim = structure->dim, n = p->unknowns;
+  PetscInt             count = 0;
+
+  for (PetscInt pass = 0; pass < 2; pass++) {
+    for (PetscInt i = 0; i < p->links; i++) {
+      const PetscInt l   = p->link[i];
+      PetscReal     *row = p->cone.row + n * count;
+      PetscBool      bears;
+      PetscInt       way = LatinLinkWay(structure, l, &bears);
+
+      if (bears) way = LATIN_WAY_BOTH; /* along a displacement that does not stretch it what it bears does no work */
+      if (way == LATIN_WAY_NONE || (way == LATIN_WAY_BOTH) != !pass) continue;
+      for (PetscInt j = 0; j < n; j++) row[j] = 0.0;
+      for (PetscInt j = 0; j < 2 * dim; j++) {
+        const PetscInt at = p->place[structure->ends[2 * l + j / dim]], k = at < 0 ? -1 : p->unknown[dim * at + j % dim];
+
+        if (k >= 0) row[k] += ((j < dim) == (way == LATIN_WAY_COMPRESSION) ? 1.0 : -1.0) * structure->direction[dim * l + j % dim];
+      }
+      count++;
+    }
+    if (!pass) p->both = count;
+  }
+  for (PetscInt i = 0; i < p->links; i++) p->has[p->link[i]] = PETSC_FALSE;
+  p->links = count; /* of rows */
+}
+
+/* Is r of the cone a proof? Its length becomes 1 */
+static PetscBool LatinPatchProves(LatinPatch *p)
+{
+  const PetscInt n    = p->unknowns;
+  PetscReal      size = 0.0, tension = 0.0, push = 0.0, resisted = 0.0, all = 0.0;
+
+  for (PetscInt i = 0; i < n * n; i++) p->A[i] = 0.0;
+  for (PetscInt l = 0; l < p->links; l++)
+    for (PetscInt j = 0; j < n; j++) {
+      const PetscReal *row = p->cone.row + n * l;
+
+      for (PetscInt i = j; row[j] != 0.0 && i < n; i++) p->A[i + n * j] += row[i] * row[j];
+    }
+  if (!LatinCholesky(n, p->A)) return PETSC_FALSE;
+  for (PetscInt i = 0; i < n; i++) { /* f = L y, and f.A^-1 f = y.y */
+    PetscReal *y = p->cone.along;
+
+    y[i] = p->f[i];
+    for (PetscInt j = 0; j < i; j++) y[i] -= p->A[i + n * j] * y[j];
+    y[i] /= p->A[i + n * i];
+    tension += PetscSqr(y[i]);
+    size += PetscSqr(p->cone.r[i]);
+  }
+  for (PetscInt i = 0; i < n; i++) {
+    p->cone.r[i] /= PetscSqrtReal(size);
+    push += p->f[i] * p->cone.r[i];
+  }
+  for (PetscInt l = 0; l < p->links; l++) {
+    PetscReal x = 0.0;
+
+    for (PetscInt i = 0; i < n; i++) x += p->cone.row[n * l + i] * p->cone.r[i];
+    all += x * x;
+    if (l < p->both || x > 0.0) resisted += x * x;
+  }
+  return (PetscBool)(tension > 0.0 && LatinCollapseProves(push / PetscSqrtReal(tension), resisted, all));
+}
+
+/* The first patch of this rank that is loose: how its vertices move, [vertices][dim] */
+static PetscErrorCode LatinPatchFind_Private(LatinPatch *p, PetscReal move[], PetscInt *count)
+{
+  const PetscInt dim = p->structure->dim;
+
+  PetscFunctionBegin;
+  *count = 0;
+  for (PetscInt v = 0; v < p->structure->vertices && !*count; v++) {
+    PetscBool bears = PETSC_TRUE;
+
+    LatinPatchMake(p, v);
+    LatinPatchRows(p);
+    if (p->unknowns) LatinConeProject(&p->cone, p->unknowns, p->links, p->both, p->f, &bears);
+    if (!bears && LatinPatchProves(p)) {
+      for (PetscInt k = 0; k < dim * p->vertices; k++)
+        if (p->unknown[k] >= 0) move[dim * p->vertex[k / dim] + k % dim] = p->cone.r[p->unknown[k]];
+      ++*count;
+    }
+    for (PetscInt k = 0; k < p->vertices; k++) p->place[p->vertex[k]] = -1;
+  }
+  PetscFunctionReturn(0);
+}
+
+/* Room for a patch and its cone. Collective on nothing */
+static PetscErrorCode LatinPatchRoom_Private(LatinPatch *p)
+{
+  const LatinStructure structure = p->structure;
+  const PetscInt       most      = structure->dim * LATIN_PATCH_NODES;
+  LatinCone           *cone      = &p->cone;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMalloc5(structure->vertices + 1, &p->first, 2 * structure->links_local, &p->at, (2 * structure->dim + 1) * structure->vertices, &p->told, structure->vertices, &p->place, most * most, &p->A));
+  PetscCall(PetscCalloc1(structure->links_local, &p->has));
+  PetscCall(PetscMalloc5(most * LATIN_PATCH_LINKS, &cone->row, most * most, &cone->q, most * most, &cone->part, most, &cone->r, most, &cone->along));
+  PetscCall(PetscMalloc4(most, &cone->t, most, &cone->next, most, &cone->link, LATIN_PATCH_LINKS, &cone->state));
+  for (PetscInt v = 0; v < structure->vertices; v++) p->place[v] = -1;
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode LatinPatchFree_Private(LatinPatch *p)
+{
+  PetscFunctionBegin;
+  PetscCall(PetscFree4(p->cone.t, p->cone.next, p->cone.link, p->cone.state));
+  PetscCall(PetscFree5(p->cone.row, p->cone.q, p->cone.part, p->cone.r, p->cone.along));
+  PetscCall(PetscFree(p->has));
+  PetscCall(PetscFree5(p->first, p->at, p->told, p->place, p->A));
+  PetscFunctionReturn(0);
+}
+
+/* The verdict is LATIN_UNBOUNDED where a patch is loose, with its nodes; else *found stays. `more` is a load beside that of the structure, or NULL. Collective on structure */
+PetscErrorCode LatinEquilibriumPatches_Private(LatinStructure structure, Vec more, LatinEquilibrium *found)
+{
+  const PetscInt dim = structure->dim;
+  LatinPatch    *p;
+  PetscReal     *move, *node;
+  PetscInt       count;
+  Vec            step;
+
+  PetscFunctionBegin;
+  if (structure->ground || structure->rubs || structure->span) PetscFunctionReturn(0); /* as in error/collapse.c */
+  PetscCall(PetscNew(&p));
+  p->structure = structure;
+  PetscCall(LatinPatchRoom_Private(p));
+  PetscCall(PetscCalloc2(dim * structure->vertices, &move, dim * structure->nodes_local, &node));
+  PetscCall(DMGetGlobalVector(structure->dm, &step));
+  PetscCall(VecCopy(structure->load, step));
+  if (more) PetscCall(VecAXPY(step, 1.0, more));
+  PetscCall(LatinPatchGather_Private(p, step));
+  PetscCall(LatinPatchFind_Private(p, move, &count));
+  PetscCall(LatinSFReduce_Private(structure->vertex_sf, dim, MPIU_REAL, move, node, MPIU_SUM)); /* one rank alone has all links of a node */
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &count, 1, MPIU_INT, MPI_SUM, PetscObjectComm((PetscObject)structure)));
+  PetscCall(LatinStructureNodalVec_Private(structure, node, step));
+  if (count) PetscCall(LatinEquilibriumMoved_Private(structure, step, found));
+  PetscCall(PetscInfo(structure, "%" PetscInt_FMT " patches are loose\n", count));
+  PetscCall(DMRestoreGlobalVector(structure->dm, &step));
+  PetscCall(PetscFree2(move, node));
+  PetscCall(LatinPatchFree_Private(p));
+  PetscCall(PetscFree(p));
+  PetscFunctionReturn(0);
+}
