@@ -16,14 +16,14 @@
    are at least F.d / |v| times those that the loads cause where all links are bars. From a number on that is a proof.
 */
 
-#define LATIN_COLLAPSE_STEPS  60                            /* most steps; a network of 19,000 unknowns takes 36 */
+#define LATIN_COLLAPSE_STEPS  60                            /* most steps */
 #define LATIN_COLLAPSE_SOFT   LatinByPrecision(1e-10, 1e-4) /* compliance of a link that resists, beside that of the metric, at first; with a hundred times as much some large networks take no end */
 #define LATIN_COLLAPSE_SOFTER 100.0                         /* times that, where the operator is a mechanism to rounding */
+#define LATIN_COLLAPSE_START  10.0                          /* slack and tensions at first, beside those of bars: nearer to zero steps are short */
 #define LATIN_COLLAPSE_BACK   0.995                         /* part of the way to where a cable would become taut */
 
 typedef struct {
   LatinStructure structure;
-  LatinPart     *part; /* of it, or NULL: all; others are held */
   KSP            ksp;
   Mat            A;     /* B^t (1 + W) B */
   Vec            f, d;  /* loads, in the norm of the metric; displacements */
@@ -57,7 +57,6 @@ static PetscErrorCode LatinCollapseWays_Private(LatinCollapse *c, PetscBool *kno
     PetscBool bears;
 
     c->way[l] = LATIN_WAY_NONE;
-    if (c->part && !LatinPartHas(structure, c->part, l)) continue;
     c->way[l] = (char)LatinLinkWay(structure, l, &bears);
     if (bears) sum[0] += 1.0;
     if (LatinCollapseOne(c, l)) sum[1] += 1.0;
@@ -97,8 +96,7 @@ static PetscErrorCode LatinCollapseSolve_Private(LatinCollapse *c, Vec b, PetscB
   PetscInt           stages;
 
   PetscFunctionBegin;
-  if (c->part) PetscCall(LatinPartSolve_Private(c->part, b, c->dd));
-  else PetscCall(KSPSolve(c->ksp, b, c->dd));
+  PetscCall(KSPSolve(c->ksp, b, c->dd));
   PetscCall(KSPGetConvergedReason(c->ksp, &reason));
   PetscCall(KSPGetIterationNumber(c->ksp, &stages));
   c->stages += stages;
@@ -111,10 +109,6 @@ static PetscErrorCode LatinCollapseOperator_Private(LatinCollapse *c)
 {
   PetscFunctionBegin;
   for (PetscInt l = 0; l < c->n; l++) c->rhs[l] = 1.0 + c->w[l];
-  if (c->part) {
-    PetscCall(LatinPartOperator_Private(c->structure, c->part, c->rhs));
-    PetscFunctionReturn(0);
-  }
   PetscCall(LatinTangentGive_Private(c->structure, c->rhs, c->A));
   PetscCall(KSPSetOperators(c->ksp, c->A, c->A));
   PetscFunctionReturn(0);
@@ -135,7 +129,7 @@ static PetscErrorCode LatinCollapseStart_Private(LatinCollapse *c, PetscBool *fa
   PetscCall(VecScale(c->f, 1.0 / PetscSqrtReal(PetscRealPart(work))));
   PetscCall(VecZeroEntries(c->d));
   c->left = 1.0;
-  for (PetscInt l = 0; l < c->n; l++) c->s[l] = c->t[l] = LatinCollapseOne(c, l) ? 1.0 / PetscSqrtReal(c->links) : 0.0;
+  for (PetscInt l = 0; l < c->n; l++) c->s[l] = c->t[l] = LatinCollapseOne(c, l) ? LATIN_COLLAPSE_START / PetscSqrtReal(c->links) : 0.0;
   PetscFunctionReturn(0);
 }
 
@@ -239,7 +233,7 @@ static PetscErrorCode LatinCollapseRun_Private(LatinCollapse *c, PetscInt *steps
   PetscFunctionBegin;
   c->soft = LATIN_COLLAPSE_SOFT;
   PetscCall(LatinCollapseStart_Private(c, &failed));
-  mean = 1.0 / c->links;
+  mean = PetscSqr(LATIN_COLLAPSE_START) / c->links;
   for (*steps = 0; *steps < LATIN_COLLAPSE_STEPS && !failed && !proof && !held;) {
     PetscCall(LatinCollapseIterate_Private(c, &mean, &failed));
     ++*steps;
@@ -252,12 +246,12 @@ static PetscErrorCode LatinCollapseRun_Private(LatinCollapse *c, PetscInt *steps
 
 /*
    The verdict is LATIN_UNBOUNDED where a proof is found that there is no equilibrium; else *found stays. `ksp` solves with
-   the tangent stiffness A of a structure, of LatinTangentCreate_Private(), whose stiffnesses are lost. Of a `part`, whose other nodes are held, the proof is one of the structure; NULL: all. `more` is a load beside that of the structure, or NULL;
+   the tangent stiffness A of a structure, of LatinTangentCreate_Private(), whose stiffnesses are lost. `more` is a load beside that of the structure, or NULL;
    *steps and *stages: what it has taken, factorisations and linear iterations. Collective on structure
 */
-PetscErrorCode LatinEquilibriumCollapse_Private(LatinStructure structure, LatinPart *part, KSP ksp, Mat A, Vec more, PetscInt *steps, PetscInt *stages, LatinEquilibrium *found)
+PetscErrorCode LatinEquilibriumCollapse_Private(LatinStructure structure, KSP ksp, Mat A, Vec more, PetscInt *steps, PetscInt *stages, LatinEquilibrium *found)
 {
-  LatinCollapse c     = {.structure = structure, .part = part, .ksp = part ? part->ksp : ksp, .A = A, .n = structure->links_local};
+  LatinCollapse c     = {.structure = structure, .ksp = ksp, .A = A, .n = structure->links_local};
   PetscBool     known = PETSC_FALSE;
 
   PetscFunctionBegin;

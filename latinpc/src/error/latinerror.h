@@ -148,30 +148,7 @@ typedef struct {
 } LatinCone;
 PETSC_INTERN void LatinConeProject(LatinCone *, PetscInt n, PetscInt links, PetscInt both, const PetscReal f[], PetscBool *bears);
 
-/* A part of a structure: some nodes, with all others held, and the links at them (error/part.c) */
-typedef struct {
-  PetscInt   nodes;  /* on all ranks */
-  PetscInt  *number; /* [dim * vertices] row of the matrix, -1: held */
-  VecScatter out;    /* from vectors of the structure to b */
-  Vec        b, x;
-  Mat        A;
-  KSP        ksp;
-} LatinPart;
-PETSC_INTERN PetscErrorCode LatinPartCreate_Private(LatinStructure, Vec u, PetscInt most, PetscReal rtol, LatinPart *);
-PETSC_INTERN PetscErrorCode LatinPartOperator_Private(LatinStructure, LatinPart *, const PetscReal k[]);
-PETSC_INTERN PetscErrorCode LatinPartSolve_Private(LatinPart *, Vec b, Vec x);
-PETSC_INTERN PetscErrorCode LatinPartDestroy_Private(LatinPart *);
-
-/* Has the part a node of this link? */
-static inline PetscBool LatinPartHas(const LatinStructure structure, const LatinPart *part, PetscInt l)
-{
-  for (PetscInt i = 2 * l; i < 2 * l + 2; i++)
-    for (PetscInt c = 0; c < structure->dim; c++)
-      if (part->number[structure->dim * structure->ends[i] + c] >= 0) return PETSC_TRUE;
-  return PETSC_FALSE;
-}
-
-PETSC_INTERN PetscErrorCode LatinEquilibriumCollapse_Private(LatinStructure, LatinPart *, KSP, Mat, Vec more, PetscInt *steps, PetscInt *stages, LatinEquilibrium *);
+PETSC_INTERN PetscErrorCode LatinEquilibriumCollapse_Private(LatinStructure, KSP, Mat, Vec more, PetscInt *steps, PetscInt *stages, LatinEquilibrium *);
 PETSC_INTERN PetscErrorCode LatinEquilibriumNodes_Private(LatinStructure, Vec more, Vec u, LatinEquilibrium *);
 PETSC_INTERN PetscErrorCode LatinEquilibriumPatches_Private(LatinStructure, Vec more, LatinEquilibrium *);
 

@@ -9,7 +9,7 @@
    is fixed, and those that a structure in the plane lacks, count as bars.
 
    Irregular structures that are loose are so at single nodes first, and these are found by a sweep over the links. Where only
-   larger parts are loose nothing is found.
+   several nodes together are loose nothing is found: see error/loosepatches.c.
 */
 
 #define LATIN_LOOSE_FAR   10.0 /* times the size of the structure: displacements that no equilibrium has */

@@ -170,14 +170,14 @@ static PetscBool LatinPatchProves(LatinPatch *p)
   return (PetscBool)(tension > 0.0 && LatinCollapseProves(push / PetscSqrtReal(tension), resisted, all));
 }
 
-/* The first patch of this rank that is loose: how its vertices move, [vertices][dim] */
+/* How the vertices of loose patches of this rank move, [vertices][dim]: the sum of the first ones, for they overlap; how many these are */
 static PetscErrorCode LatinPatchFind_Private(LatinPatch *p, PetscReal move[], PetscInt *count)
 {
   const PetscInt dim = p->structure->dim;
 
   PetscFunctionBegin;
   *count = 0;
-  for (PetscInt v = 0; v < p->structure->vertices && !*count; v++) {
+  for (PetscInt v = 0; v < p->structure->vertices && *count < LATIN_LISTED; v++) {
     PetscBool bears = PETSC_TRUE;
 
     LatinPatchMake(p, v);
@@ -185,7 +185,7 @@ static PetscErrorCode LatinPatchFind_Private(LatinPatch *p, PetscReal move[], Pe
     if (p->unknowns) LatinConeProject(&p->cone, p->unknowns, p->links, p->both, p->f, &bears);
     if (!bears && LatinPatchProves(p)) {
       for (PetscInt k = 0; k < dim * p->vertices; k++)
-        if (p->unknown[k] >= 0) move[dim * p->vertex[k / dim] + k % dim] = p->cone.r[p->unknown[k]];
+        if (p->unknown[k] >= 0) move[dim * p->vertex[k / dim] + k % dim] += p->cone.r[p->unknown[k]];
       ++*count;
     }
     for (PetscInt k = 0; k < p->vertices; k++) p->place[p->vertex[k]] = -1;

@@ -36,8 +36,6 @@
 #define LATIN_NEWTON_DOUBTS   1e8                            /* at most, where a correction is larger still */
 #define LATIN_NEWTON_REST     (64.0 * PETSC_MACHINE_EPSILON) /* a step so small changes links by rounding alone */
 #define LATIN_NEWTON_OWN      3000                           /* unknowns up to which it finishes with operators of its own: six in 3,000 structures next to collapse were wrong without */
-#define LATIN_NEWTON_PART     256                            /* nodes of the first part that is asked by itself whether it is loose */
-#define LATIN_NEWTON_LARGER   4                              /* times those of the next one, whose factor takes some ten times as long */
 #define LATIN_NEWTON_STILL    10                             /* a search that stands still may meet rounding, or a link that is just taut: then it does so again and again */
 
 /* Before the first linear stage of a solve. Collective on structure */
@@ -156,26 +154,6 @@ static PetscErrorCode LatinNewtonProve_Private(SNES snes, LatinNewton *newton, V
   PetscFunctionReturn(0);
 }
 
-/* The parts of the structure that the iteration has moved farthest, larger and larger: is one of them without equilibrium by itself? Collective on newton->snes */
-static PetscErrorCode LatinNewtonParts_Private(LatinNewton *newton, Vec more)
-{
-  LatinPart part;
-  PetscInt  steps, stages;
-  Vec       u;
-
-  PetscFunctionBegin;
-  PetscCall(DMGetGlobalVector(newton->structure->dm, &u));
-  PetscCall(LatinAverage_Private(&newton->latin->linear, u)); /* steps of the method go to and fro */
-  for (PetscInt nodes = LATIN_NEWTON_PART; 2 * nodes <= newton->structure->nodes_global && newton->found.verdict != LATIN_UNBOUNDED; nodes *= LATIN_NEWTON_LARGER) {
-    PetscCall(LatinPartCreate_Private(newton->structure, u, nodes, LATIN_NEWTON_TIGHT, &part));
-    if (part.nodes) PetscCall(LatinEquilibriumCollapse_Private(newton->structure, &part, NULL, NULL, more, &steps, &stages, &newton->found));
-    PetscCall(PetscInfo(newton->snes, "a part of %" PetscInt_FMT " nodes is %sloose\n", part.nodes, newton->found.verdict == LATIN_UNBOUNDED ? "" : "not "));
-    PetscCall(LatinPartDestroy_Private(&part));
-  }
-  PetscCall(DMRestoreGlobalVector(newton->structure->dm, &u));
-  PetscFunctionReturn(0);
-}
-
 /*
    Once a solve, where the method has not come to an end soon: is there an equilibrium at all? What it takes is counted as
    steps of the method. A preconditioner that needs a matrix with entries cannot be asked. Collective on newton->snes
@@ -195,11 +173,10 @@ PetscErrorCode LatinNewtonAsk_Private(LatinNewton *newton, Vec more)
   if (newton->asked || !newton->tangent || !latin) PetscFunctionReturn(0);
   newton->asked = PETSC_TRUE;
   PetscCall(LatinEquilibriumPatches_Private(newton->structure, more, &newton->found));
-  if (newton->found.verdict != LATIN_UNBOUNDED) PetscCall(LatinNewtonParts_Private(newton, more));
   if (newton->found.verdict == LATIN_UNBOUNDED) PetscFunctionReturn(0);
   PetscCall(KSPSetTolerances(ksp, LATIN_NEWTON_TIGHT, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
   PetscCall(SNESGetJacobian(newton->snes, &A, NULL, NULL, NULL));
-  PetscCall(LatinEquilibriumCollapse_Private(newton->structure, NULL, ksp, A, more, &steps, &stages, &newton->found));
+  PetscCall(LatinEquilibriumCollapse_Private(newton->structure, ksp, A, more, &steps, &stages, &newton->found));
   newton->steps += steps;
   newton->stages += stages;
   newton->changes = 1; /* the tangent stiffness is lost */
