@@ -12,7 +12,7 @@
 #define LATIN_CONE_SPAN  PETSC_SQRT_MACHINE_EPSILON    /* what is left of a row beside those that bear, and is none */
 #define LATIN_CONE_BORNE LatinByPrecision(1e-9, 1e-4)  /* of the load: what is left of it, and is none */
 #define LATIN_CONE_SIGN  (1e3 * PETSC_MACHINE_EPSILON) /* of the load: less along a row is rounding */
-#define LATIN_CONE_TURNS 4                             /* times the links: changes of those that bear; random ones take half as many as there are links */
+#define LATIN_CONE_TURNS 4                             /* times the links: changes of those that bear: a bound, rounding aside the method ends by itself */
 
 static PetscReal LatinConeDot(PetscInt n, const PetscReal a[], const PetscReal b[])
 {

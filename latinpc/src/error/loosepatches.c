@@ -8,7 +8,7 @@
    Patches are made on the rank that has all links of their nodes; others of their nodes stay in their places.
 */
 
-#define LATIN_PATCH_NODES 32  /* of a patch: the time grows with the third power, and networks have 20 at most */
+#define LATIN_PATCH_NODES 32  /* of a patch: the time grows with the third power, and networks have 17 at most */
 #define LATIN_PATCH_LINKS 512 /* at these nodes */
 
 typedef struct {
