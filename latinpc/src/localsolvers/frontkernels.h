@@ -226,28 +226,28 @@ static void FRONT(LatinFrontColumn)(const LatinFronts *F, PetscInt f, PetscBool 
 /* Are the rows that front f eliminates zero in all right-hand sides? */
 static PetscBool FRONT(LatinFrontIdle)(const LatinFronts *F, PetscInt f, PetscBLASInt columns)
 {
-  const FRONT_REAL *x = (const FRONT_REAL *)F->x + F->first[f];
+  const FRONT_REAL *x = (const FRONT_REAL *)F->x + (size_t)F->first[f] * (size_t)columns;
 
-  for (PetscBLASInt c = 0; c < columns; c++, x += F->n)
-    for (PetscInt r = 0; r < F->columns[f]; r++)
-      if (x[r] != 0) return PETSC_FALSE;
+  for (size_t k = 0, entries = (size_t)F->columns[f] * (size_t)columns; k < entries; k++)
+    if (x[k] != 0) return PETSC_FALSE;
   return PETSC_TRUE;
 }
 
-/* x = L^-1 x for the rows of front f, and what that leaves is taken from the rows below */
-static void FRONT(LatinFrontForward)(const LatinFronts *F, PetscInt f, PetscBLASInt columns)
+/* Several right-hand sides lie beside each other, row by row, so that rows of a front are gathered as they lie. x = L^-1 x for the rows of front f, and what that leaves is taken from the rows below */
+static LATIN_CLONES void FRONT(LatinFrontForward)(const LatinFronts *F, PetscInt f, PetscBLASInt columns)
 {
   const PetscInt    *row   = F->row + F->row_first[f] + F->columns[f];
   const FRONT_REAL  *panel = (const FRONT_REAL *)F->factor + F->panel[f], one = 1, zero = 0;
-  const PetscBLASInt own = (PetscBLASInt)F->columns[f], height = (PetscBLASInt)(F->row_first[f + 1] - F->row_first[f]), below = height - own, n = (PetscBLASInt)F->n;
-  FRONT_REAL        *x = (FRONT_REAL *)F->x + F->first[f], *work = (FRONT_REAL *)F->work;
+  const PetscBLASInt own = (PetscBLASInt)F->columns[f], height = (PetscBLASInt)(F->row_first[f + 1] - F->row_first[f]), below = height - own;
+  FRONT_REAL        *x = (FRONT_REAL *)F->x + (size_t)F->first[f] * (size_t)columns, *work = (FRONT_REAL *)F->work;
 
-  FRONT_BLAS(trsm)("L", "L", "N", "N", &own, &columns, &one, panel, &height, x, &n);
+  FRONT_BLAS(trsm)("R", "L", "T", "N", &columns, &own, &one, panel, &height, x, &columns);
   if (!below) return;
-  FRONT_BLAS(gemm)("N", "N", &below, &columns, &own, &one, panel + own, &height, x, &n, &zero, work, &below);
-  x = (FRONT_REAL *)F->x;
-  for (PetscBLASInt c = 0; c < columns; c++, x += n, work += below)
-    for (PetscBLASInt r = 0; r < below; r++) x[row[r]] -= work[r];
+  FRONT_BLAS(gemm)("N", "T", &columns, &below, &own, &one, x, &columns, panel + own, &height, &zero, work, &columns);
+  for (PetscBLASInt r = 0; r < below; r++, work += columns) {
+    x = (FRONT_REAL *)F->x + (size_t)row[r] * (size_t)columns;
+    _Pragma("omp simd") for (PetscBLASInt c = 0; c < columns; c++) x[c] -= work[c];
+  }
 }
 
 /* x = L^-t x for the rows of front f, those below being known */
@@ -255,15 +255,52 @@ static void FRONT(LatinFrontBackward)(const LatinFronts *F, PetscInt f, PetscBLA
 {
   const PetscInt    *row   = F->row + F->row_first[f] + F->columns[f];
   const FRONT_REAL  *panel = (const FRONT_REAL *)F->factor + F->panel[f], one = 1, minus = -1;
-  const PetscBLASInt own = (PetscBLASInt)F->columns[f], height = (PetscBLASInt)(F->row_first[f + 1] - F->row_first[f]), below = height - own, n = (PetscBLASInt)F->n;
+  const PetscBLASInt own = (PetscBLASInt)F->columns[f], height = (PetscBLASInt)(F->row_first[f + 1] - F->row_first[f]), below = height - own;
   FRONT_REAL        *x = (FRONT_REAL *)F->x, *work = (FRONT_REAL *)F->work;
 
-  for (PetscBLASInt c = 0; c < columns; c++, x += n, work += below)
-    for (PetscBLASInt r = 0; r < below; r++) work[r] = x[row[r]];
-  x    = (FRONT_REAL *)F->x + F->first[f];
-  work = (FRONT_REAL *)F->work;
-  if (below) FRONT_BLAS(gemm)("T", "N", &own, &columns, &below, &minus, panel + own, &height, work, &below, &one, x, &n);
-  FRONT_BLAS(trsm)("L", "L", "T", "N", &own, &columns, &one, panel, &height, x, &n);
+  for (PetscBLASInt r = 0; r < below; r++) memcpy(work + (size_t)columns * (size_t)r, x + (size_t)columns * (size_t)row[r], (size_t)columns * sizeof(*x));
+  x += (size_t)F->first[f] * (size_t)columns;
+  if (below) FRONT_BLAS(gemm)("N", "N", &columns, &own, &below, &minus, work, &columns, panel + own, &height, &one, x, &columns);
+  FRONT_BLAS(trsm)("R", "L", "N", "N", &columns, &own, &one, panel, &height, x, &columns);
+}
+
+/* The first rows of the right-hand sides, in the order of elimination, each divided by its largest entry there; the others are zero */
+static void FRONT(LatinFrontsTake)(LatinFronts *F, PetscInt rows, PetscInt columns, const PetscReal b[], size_t ld, PetscReal scale[])
+{
+  FRONT_REAL *x = (FRONT_REAL *)F->x;
+
+  for (PetscInt c = 0; c < columns; c++) {
+    const PetscReal *column = b + ld * (size_t)c;
+
+    scale[c] = 0.0;
+    for (PetscInt r = 0; r < rows; r++) scale[c] = PetscMax(scale[c], PetscAbsReal(column[F->order[r]]));
+    if (!(scale[c] > 0.0)) scale[c] = 1.0;
+  }
+  for (PetscInt first = 0; first < columns; first += LATIN_FRONT_STREAMS)
+    for (PetscInt r = 0, last = PetscMin(first + LATIN_FRONT_STREAMS, columns); r < rows; r++)
+      for (PetscInt c = first; c < last; c++) x[(size_t)r * (size_t)columns + (size_t)c] = (FRONT_REAL)(b[(size_t)F->order[r] + ld * (size_t)c] / scale[c]);
+  memset(x + (size_t)rows * (size_t)columns, 0, (size_t)(F->n - rows) * (size_t)columns * sizeof(*x));
+}
+
+/* Puts the rows inside into their places in b, and adds those that are kept where forces were solved for (forward). Returns the product of what was there, or (not all) of what is there now, with the former */
+static PetscReal FRONT(LatinFrontsGive)(const LatinFronts *F, PetscBool forward, PetscBool all, PetscInt columns, PetscReal b[], size_t ld, const PetscReal scale[])
+{
+  const PetscInt    inside = F->n - F->kept;
+  const FRONT_REAL *x      = (const FRONT_REAL *)F->x;
+  PetscReal         sum    = 0.0;
+
+  for (PetscInt first = 0; first < columns; first += LATIN_FRONT_STREAMS)
+    for (PetscInt r = 0, last = PetscMin(first + LATIN_FRONT_STREAMS, columns); r < (forward ? F->n : inside); r++)
+      for (PetscInt c = first; c < last; c++) {
+        PetscReal      *entry = b + (size_t)F->order[r] + ld * (size_t)c;
+        const PetscReal now   = scale[c] * (PetscReal)x[(size_t)r * (size_t)columns + (size_t)c];
+
+        if (r < inside) {
+          sum += now * (all ? *entry : now);
+          *entry = now;
+        } else *entry += now;
+      }
+  return sum;
 }
 
 /*
@@ -272,37 +309,17 @@ static void FRONT(LatinFrontBackward)(const LatinFronts *F, PetscInt f, PetscBLA
 */
 static void FRONT(LatinFrontsHalves)(LatinFronts *F, PetscBool forward, PetscBool backward, PetscInt columns, PetscReal b[], size_t ld, PetscReal *energy)
 {
-  const PetscInt inside = F->n - F->kept, loaded = forward ? inside : F->n;
-  PetscReal      scale[LATIN_BATCH_COLUMNS], sum = 0.0;
+  const PetscInt inside = F->n - F->kept;
+  PetscReal      scale[LATIN_BATCH_COLUMNS], sum;
 
-  for (PetscInt c = 0; c < columns; c++) {
-    FRONT_REAL *x      = (FRONT_REAL *)F->x + (size_t)F->n * (size_t)c;
-    PetscReal  *column = b + ld * (size_t)c;
-
-    scale[c] = 0.0;
-    for (PetscInt r = 0; r < loaded; r++) scale[c] = PetscMax(scale[c], PetscAbsReal(column[F->order[r]]));
-    if (!(scale[c] > 0.0)) scale[c] = 1.0;
-    for (PetscInt r = 0; r < loaded; r++) x[r] = (FRONT_REAL)(column[F->order[r]] / scale[c]);
-    for (PetscInt r = loaded; r < F->n; r++) x[r] = 0;
-  }
+  FRONT(LatinFrontsTake)(F, forward ? inside : F->n, columns, b, ld, scale);
   for (PetscInt f = 0; f < F->fronts && forward; f++)
     if (columns == 1) FRONT(LatinFrontColumn)(F, f, PETSC_TRUE);
     else if (F->columns[f] && !FRONT(LatinFrontIdle)(F, f, (PetscBLASInt)columns)) FRONT(LatinFrontForward)(F, f, (PetscBLASInt)columns);
-  for (PetscInt c = 0; c < columns && forward && backward && F->kept; c++) memset((FRONT_REAL *)F->x + (size_t)F->n * (size_t)c + inside, 0, (size_t)F->kept * sizeof(FRONT_REAL));
+  if (forward && backward) memset((FRONT_REAL *)F->x + (size_t)inside * (size_t)columns, 0, (size_t)F->kept * (size_t)columns * sizeof(FRONT_REAL));
   for (PetscInt f = F->fronts - 1; f >= 0 && backward; f--)
     if (columns == 1) FRONT(LatinFrontColumn)(F, f, PETSC_FALSE);
     else if (F->columns[f]) FRONT(LatinFrontBackward)(F, f, (PetscBLASInt)columns);
-  for (PetscInt c = 0; c < columns; c++) {
-    const FRONT_REAL *x      = (const FRONT_REAL *)F->x + (size_t)F->n * (size_t)c;
-    PetscReal        *column = b + ld * (size_t)c;
-
-    for (PetscInt r = 0; r < inside; r++) {
-      const PetscReal before = column[F->order[r]];
-
-      column[F->order[r]] = scale[c] * (PetscReal)x[r];
-      sum += column[F->order[r]] * (backward ? before : column[F->order[r]]);
-    }
-    for (PetscInt r = inside; r < F->n && forward; r++) column[F->order[r]] += scale[c] * (PetscReal)x[r];
-  }
+  sum = FRONT(LatinFrontsGive)(F, forward, backward, columns, b, ld, scale);
   if (energy && forward) *energy += sum;
 }

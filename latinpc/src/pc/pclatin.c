@@ -19,7 +19,8 @@ static PetscErrorCode PCLatinInterior_Private(PC pc)
 
   PetscFunctionBegin;
   PetscCall(LatinLocalSolversCreate(&latin->sub, &latin->batches, interior));
-  interior->like = &latin->solvers;
+  interior->like      = &latin->solvers;
+  interior->precision = LATIN_PRECISION_AUTO; /* the preconditioner is one for any of them, exact or not */
   PetscCall(PetscMalloc1(n, &held));
   for (PetscInt i = 0; i < n; i++) held[i] = (PetscBool)(latin->sub.fixed[i] || !PCLatinInner(latin, i / bs));
   for (PetscInt b = 0; b < interior->n; b++) PetscCall(LatinSparseCreate_Private(&latin->sub, latin->batches.batch[b].sub[0], latin->linear.spring, held, 0, NULL, &interior->rows[b]));
