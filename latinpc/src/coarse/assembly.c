@@ -90,81 +90,126 @@ static PetscErrorCode LatinCoarseSum_Private(const LatinCoarse *coarse, LatinCoa
   PetscFunctionReturn(0);
 }
 
-/* A matrix of which each rank has a part with these global numbers; K: the same as a matrix, for a MATIS and on one rank. Collective on sub->object */
-static PetscErrorCode LatinCoarseCreate_Private(LatinCoarse *coarse, LatinCoarsePart *part, Mat K, PetscInt n, const PetscInt number[])
+/* Have the rows of two matrices of several ranks entries in the same places, on all ranks? Collective on A */
+static PetscErrorCode LatinCoarseSamePlaces_Private(Mat A, Mat B, PetscBool upper, PetscBool *same)
 {
-  MPI_Comm               comm = PetscObjectComm(coarse->sub->object);
-  PetscMPIInt            ranks;
-  ISLocalToGlobalMapping map;
+  PetscInt        first[2], last[2], n, m;
+  const PetscInt *i, *j;
+  MatType         type;
 
   PetscFunctionBegin;
-  PetscCallMPI(MPI_Comm_size(comm, &ranks));
-  if (coarse->apart) {
-    PetscCall(ISLocalToGlobalMappingCreate(comm, 1, n, number, PETSC_COPY_VALUES, &map));
-    PetscCall(MatCreateIS(comm, 1, coarse->top_local, coarse->top_local, coarse->top_size, coarse->top_size, map, map, &coarse->A));
-    PetscCall(MatISSetLocalMat(coarse->A, K));
-    PetscCall(MatAssemblyBegin(coarse->A, MAT_FINAL_ASSEMBLY));
-    PetscCall(MatAssemblyEnd(coarse->A, MAT_FINAL_ASSEMBLY));
-    PetscCall(ISLocalToGlobalMappingDestroy(&map));
-  } else if (ranks == 1) {
-    PetscCall(PetscObjectReference((PetscObject)K));
-    coarse->A = K;
-  } else {
-    PetscCall(LatinCoarseSum_Private(coarse, part, number, &coarse->A));
+  PetscCall(MatGetType(A, &type));
+  PetscCall(PetscObjectTypeCompare((PetscObject)B, type, same));
+  if (!*same) PetscFunctionReturn(0); /* on all ranks */
+  PetscCall(MatGetOwnershipRange(A, &first[0], &last[0]));
+  PetscCall(MatGetOwnershipRange(B, &first[1], &last[1]));
+  if (first[0] != first[1] || last[0] != last[1]) *same = PETSC_FALSE;
+  if (upper) {
+    PetscCall(MatGetRowUpperTriangular(A));
+    PetscCall(MatGetRowUpperTriangular(B));
   }
-  PetscCall(MatSetOption(coarse->A, MAT_SYMMETRIC, PETSC_TRUE));
-  PetscCall(MatSetOption(coarse->A, MAT_SPD, PETSC_TRUE));
+  for (PetscInt r = first[0]; r < last[0] && *same; r++) {
+    PetscCall(MatGetRow(A, r, &n, &i, NULL));
+    PetscCall(MatGetRow(B, r, &m, &j, NULL));
+    if (n != m) *same = PETSC_FALSE;
+    else PetscCall(PetscArraycmp(i, j, n, same));
+    PetscCall(MatRestoreRow(B, r, &m, &j, NULL));
+    PetscCall(MatRestoreRow(A, r, &n, &i, NULL));
+  }
+  if (upper) {
+    PetscCall(MatRestoreRowUpperTriangular(B));
+    PetscCall(MatRestoreRowUpperTriangular(A));
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, same, 1, LATIN_MPI_BOOL, MPI_LAND, PetscObjectComm((PetscObject)A)));
   PetscFunctionReturn(0);
 }
 
-/* The values of the parts in the matrix of an earlier set-up, of the same pattern. Collective on sub->object */
-static PetscErrorCode LatinCoarseValues_Private(LatinCoarse *coarse, LatinCoarsePart *part, Mat K)
+/* Several ranks: the sum of their parts, which it frees, in the matrix of the last set-up if it has the same places. Collective on sub->object */
+static PetscErrorCode LatinCoarseTogether_Private(LatinCoarse *coarse, LatinCoarsePart *part, const PetscInt number[], PetscBool *same)
 {
-  PetscMPIInt ranks;
-  Mat         sum;
+  Mat sum;
 
   PetscFunctionBegin;
-  PetscCallMPI(MPI_Comm_size(PetscObjectComm(coarse->sub->object), &ranks));
-  if (coarse->apart || ranks == 1) { /* the part is that of A itself */
-    PetscCall(MatCopy(K, coarse->part, SAME_NONZERO_PATTERN));
-    PetscCall(MatAssemblyBegin(coarse->A, MAT_FINAL_ASSEMBLY));
-    PetscCall(MatAssemblyEnd(coarse->A, MAT_FINAL_ASSEMBLY));
-    if (coarse->apart) PetscCall(PetscObjectStateIncrease((PetscObject)coarse->A));
-  } else {
-    PetscCall(LatinCoarseSum_Private(coarse, part, coarse->number, &sum));
+  *same = PETSC_FALSE;
+  PetscCall(LatinCoarseSum_Private(coarse, part, number, &sum));
+  if (coarse->A) PetscCall(LatinCoarseSamePlaces_Private(sum, coarse->A, coarse->upper, same));
+  if (*same) {
     PetscCall(MatCopy(sum, coarse->A, SAME_NONZERO_PATTERN));
     PetscCall(MatDestroy(&sum));
+  } else {
+    PetscCall(MatDestroy(&coarse->A));
+    coarse->A = sum;
   }
   PetscFunctionReturn(0);
 }
 
-/* Is K, with these global numbers, of the pattern that the matrix of the last set-up has, on all ranks? Collective on sub->object */
-static PetscErrorCode LatinCoarseSame_Private(const LatinCoarse *coarse, Mat K, PetscInt n, const PetscInt number[], PetscBool *same)
+/* The part of this rank is all of the matrix, or stays by itself in a MATIS: has it the rows and global numbers of the last set-up, on all ranks? Collective on sub->object */
+static PetscErrorCode LatinCoarseSame_Private(const LatinCoarse *coarse, const LatinCoarsePart *part, const PetscInt number[], PetscBool *same)
 {
-  const PetscInt *i, *j;
-  PetscInt        rows;
-  PetscBool       done;
+  PetscInt rows;
 
   PetscFunctionBegin;
   *same = PETSC_FALSE;
   if (!coarse->part) PetscFunctionReturn(0); /* on all ranks */
-  *same = (PetscBool)(coarse->parts == n);
-  if (*same) PetscCall(PetscArraycmp(coarse->number, number, n, same));
-  if (*same) {
-    PetscCall(MatGetRowIJ(K, 0, PETSC_FALSE, PETSC_FALSE, &rows, &i, &j, &done));
-    PetscCall(LatinSameRows_Private(coarse->part, rows, i, j, same));
-    PetscCall(MatRestoreRowIJ(K, 0, PETSC_FALSE, PETSC_FALSE, &rows, &i, &j, &done));
-  }
+  *same = (PetscBool)(coarse->parts == part->rows);
+  if (*same) PetscCall(PetscArraycmp(coarse->number, number, part->rows, same));
+  if (*same) PetscCall(LatinSameRows_Private(coarse->part, part->rows, part->i, part->j, same));
   PetscCall(MatGetLocalSize(coarse->A, &rows, NULL));
   if (rows != coarse->top_local) *same = PETSC_FALSE;
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, same, 1, LATIN_MPI_BOOL, MPI_LAND, PetscObjectComm(coarse->sub->object)));
   PetscFunctionReturn(0);
 }
 
+/* A new matrix of these parts, whose global numbers it takes over. Collective on sub->object */
+static PetscErrorCode LatinCoarseCreate_Private(LatinCoarse *coarse, const LatinCoarsePart *part, PetscInt number[])
+{
+  MPI_Comm               comm = PetscObjectComm(coarse->sub->object);
+  ISLocalToGlobalMapping map;
+
+  PetscFunctionBegin;
+  PetscCall(MatDestroy(&coarse->A));
+  PetscCall(MatDestroy(&coarse->part));
+  PetscCall(PetscFree(coarse->number));
+  PetscCall(LatinCoarseMatrix_Private(part, &coarse->part));
+  coarse->parts  = part->rows;
+  coarse->number = number;
+  if (coarse->apart) {
+    PetscCall(ISLocalToGlobalMappingCreate(comm, 1, part->rows, number, PETSC_COPY_VALUES, &map));
+    PetscCall(MatCreateIS(comm, 1, coarse->top_local, coarse->top_local, coarse->top_size, coarse->top_size, map, map, &coarse->A));
+    PetscCall(MatISSetLocalMat(coarse->A, coarse->part));
+    PetscCall(MatAssemblyBegin(coarse->A, MAT_FINAL_ASSEMBLY));
+    PetscCall(MatAssemblyEnd(coarse->A, MAT_FINAL_ASSEMBLY));
+    PetscCall(ISLocalToGlobalMappingDestroy(&map));
+  } else {
+    PetscCall(PetscObjectReference((PetscObject)coarse->part));
+    coarse->A = coarse->part;
+  }
+  PetscFunctionReturn(0);
+}
+
+/* One rank, or a MATIS. Takes number over, and frees the part. Collective on sub->object */
+static PetscErrorCode LatinCoarseApart_Private(LatinCoarse *coarse, LatinCoarsePart *part, PetscInt number[], PetscBool *same)
+{
+  PetscScalar *a;
+
+  PetscFunctionBegin;
+  PetscCall(LatinCoarseSame_Private(coarse, part, number, same));
+  if (*same) {
+    PetscCall(MatSeqAIJGetArrayWrite(coarse->part, &a));
+    PetscCall(PetscArraycpy(a, part->a, part->i[part->rows]));
+    PetscCall(MatSeqAIJRestoreArrayWrite(coarse->part, &a));
+    PetscCall(MatAssemblyBegin(coarse->A, MAT_FINAL_ASSEMBLY));
+    PetscCall(MatAssemblyEnd(coarse->A, MAT_FINAL_ASSEMBLY));
+    if (coarse->apart) PetscCall(PetscObjectStateIncrease((PetscObject)coarse->A));
+    PetscCall(PetscFree(number));
+  } else PetscCall(LatinCoarseCreate_Private(coarse, part, number));
+  PetscCall(LatinCoarsePartFree_Private(part));
+  PetscFunctionReturn(0);
+}
+
 /*
    Sets coarse.A, sum_E c_E^t H_E c_E over the elements; apart: with the part of each rank by itself, a MATIS. *same: it is that of
-   the last set-up with new values. What is kept of the parts is for a set-up that is followed by others. Operators that
-   nothing else needs are freed. Collective on sub->object
+   the last set-up with new values. Operators that nothing else needs are freed. Collective on sub->object
 */
 PetscErrorCode LatinCoarseAssemble_Private(LatinCoarse *coarse, LatinHomogenised *stiffness, PetscBool *same)
 {
@@ -173,7 +218,6 @@ PetscErrorCode LatinCoarseAssemble_Private(LatinCoarse *coarse, LatinHomogenised
   PetscInt            *number, *at, n = entries;
   PetscMPIInt          ranks;
   LatinCoarsePart      part;
-  Mat                  K = NULL;
 
   PetscFunctionBegin;
   PetscCallMPI(MPI_Comm_size(PetscObjectComm(coarse->sub->object), &ranks));
@@ -192,24 +236,12 @@ PetscErrorCode LatinCoarseAssemble_Private(LatinCoarse *coarse, LatinHomogenised
   PetscCall(LatinCoarseLocal_Private(top, n, at, coarse->upper, &part));
   if (stiffness->once) PetscCall(PetscFree(stiffness->H));
   PetscCall(PetscFree(at));
-  if (coarse->apart || ranks == 1 || coarse->sub->preconditions) PetscCall(LatinCoarseMatrix_Private(&part, &K));
-  PetscCall(LatinCoarseSame_Private(coarse, K, n, number, same));
-  if (*same) PetscCall(LatinCoarseValues_Private(coarse, &part, K));
+  if (coarse->apart || ranks == 1) PetscCall(LatinCoarseApart_Private(coarse, &part, number, same));
   else {
-    PetscCall(MatDestroy(&coarse->A));
-    PetscCall(MatDestroy(&coarse->part));
-    PetscCall(LatinCoarseCreate_Private(coarse, &part, K, n, number));
-    if (coarse->sub->preconditions) {
-      PetscCall(PetscObjectReference((PetscObject)K));
-      PetscCall(PetscFree(coarse->number));
-      coarse->part   = K;
-      coarse->parts  = n;
-      coarse->number = number;
-      number         = NULL;
-    }
+    PetscCall(LatinCoarseTogether_Private(coarse, &part, number, same));
+    PetscCall(PetscFree(number));
   }
-  PetscCall(MatDestroy(&K));
-  PetscCall(LatinCoarsePartFree_Private(&part));
-  PetscCall(PetscFree(number));
+  PetscCall(MatSetOption(coarse->A, MAT_SYMMETRIC, PETSC_TRUE));
+  PetscCall(MatSetOption(coarse->A, MAT_SPD, PETSC_TRUE));
   PetscFunctionReturn(0);
 }
