@@ -25,7 +25,7 @@ from latinpc.scenes import make
 
 EVENTS = (
     "MatCholFctrSym", "MatLUFactorSym", "MatCholFctrNum", "LatinPartition", "LatinInterface", "LatinDirection",
-    "LatinSubdomains",
+    "LatinSubdomains", "LatinSpectral",
 )  # fmt: skip
 
 
@@ -38,11 +38,11 @@ def grid_of(args, comm):
     """Elasticity, with the values of a random number a cell and another one."""
     how = argparse.Namespace(
         dim=args.dim, cells=args.cells, blocks=args.blocks, problem="elasticity", owned=False, jump="random",
-        contrast=10.0, dirichlet="zeroed", scalar_map=False, local_type="aij", asymmetric=False,
+        contrast=args.contrast, dirichlet="zeroed", scalar_map=False, local_type="aij", asymmetric=False,
     )  # fmt: skip
     problem = Grid(how)
     a, x, _ = matis(problem, how, comm)
-    problem.scale = 1.0 + np.random.default_rng(7).random(len(problem.scale))
+    problem.scale = problem.scale * (1.0 + np.random.default_rng(7).random(len(problem.scale)))
     b, _, _ = matis(problem, how, comm)
     if args.patterns:  # a spring of its own in place of one between two unknowns, in the second matrix alone
         k = b.getISLocalMat()
@@ -115,6 +115,7 @@ def main():
     parser.add_argument("--cells", type=int, default=6)
     parser.add_argument("--dim", type=int, default=2)
     parser.add_argument("--blocks", default="1,1")
+    parser.add_argument("--contrast", type=float, default=10.0)
     parser.add_argument("--patterns", action="store_true")
     parser.add_argument("--twice", action="store_true", help="nothing but the two set-ups")
     args, _ = parser.parse_known_args()

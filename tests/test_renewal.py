@@ -46,3 +46,16 @@ def test_another_pattern_is_noticed(mpirun, ranks, problem):
         assert found["second"]["LatinInterface"] == 1
         assert found["second"]["MatCholFctrSym"] > 0
     assert found["apart"] < 1e-11
+
+
+@pytest.mark.parametrize("ranks", [2, 4])
+def test_search_directions_and_local_modes_share_an_elimination(mpirun, ranks):
+    """Coefficients that jump: the modes of a subdomain cost no factorisation of their own."""
+    words = ("matis", "--cells", 40, "--contrast", 1e4, "--blocks", BLOCKS[ranks], "--twice")
+    count = {}
+    for modes in ("-2", "0"):
+        run = mpirun(ranks, PROGRAM, *map(str, words), "-pc_latin_modes_local", modes)
+        count[modes] = json.loads(next(line for line in run.stdout.splitlines() if line.startswith("{")))
+    assert count["-2"]["first"]["LatinSpectral"] > count["0"]["first"]["LatinSpectral"] == 0
+    for which in ("first", "second"):
+        assert count["-2"][which]["MatCholFctrNum"] == count["0"][which]["MatCholFctrNum"]

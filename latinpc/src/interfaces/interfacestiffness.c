@@ -88,43 +88,86 @@ static PetscErrorCode LatinStiffnessSchur_Private(LatinDirections *dir, PetscInt
   PetscFunctionReturn(0);
 }
 
-/*
-   The Schur complements on the interfaces of the subdomains list[], n of them, that have the operator of the first one. Its
-   inside is eliminated once, what is on an interface of any of them is kept, and the rest is dense: so equal sides of
-   different subdomains get equal bits.
-*/
-static PetscErrorCode LatinStiffnessCondense_Private(LatinDirections *dir, PetscInt n, const PetscInt list[], const PetscReal spring[], PetscInt at[], const size_t first[], PetscReal S[], PetscBool *bad)
+/* Keeps what is left of subdomain s, for its local low-energy fields */
+static PetscErrorCode LatinStiffnessKeep_Private(LatinDirections *dir, PetscInt s, PetscInt gamma, const PetscInt kept[], const PetscReal F[])
+{
+  LatinCondensed *condensed = &dir->condensed[s];
+
+  PetscFunctionBegin;
+  condensed->n = gamma;
+  PetscCall(PetscMalloc2(gamma, &condensed->row, (size_t)gamma * (size_t)gamma, &condensed->S));
+  PetscCall(PetscArraycpy(condensed->row, kept, gamma));
+  PetscCall(PetscArraycpy(condensed->S, F, (size_t)gamma * (size_t)gamma));
+  PetscFunctionReturn(0);
+}
+
+/* Nothing else works on what is left of the subdomains */
+PetscErrorCode LatinStiffnessForget_Private(LatinDirections *dir)
+{
+  PetscFunctionBegin;
+  for (PetscInt s = 0; s < dir->sub->n && dir->condensed; s++) PetscCall(PetscFree2(dir->condensed[s].row, dir->condensed[s].S));
+  PetscCall(PetscFree(dir->condensed));
+  PetscFunctionReturn(0);
+}
+
+/* The rows that stay of subdomains that have one operator: kept[], increasing, with at[row] their number; at[row] = -1 before */
+static PetscInt LatinStiffnessRows(const LatinDirections *dir, PetscInt n, const PetscInt list[], PetscInt at[], PetscInt kept[])
 {
   const LatinSubdomains *sub   = dir->sub;
   const LatinInterfaces *inter = dir->inter;
-  const PetscInt         top = sub->bs * sub->node_offset[list[0]], rows = sub->bs * sub->node_offset[list[0] + 1] - top;
-  PetscInt               gamma = 0, *kept;
-  PetscReal             *F;
-  LatinSparse            K;
+  const PetscInt         rows  = sub->bs * (sub->node_offset[list[0] + 1] - sub->node_offset[list[0]]);
+  PetscInt               gamma = 0;
 
-  PetscFunctionBegin;
-  PetscCall(PetscMalloc1(rows, &kept));
-  for (PetscInt p = 0; p < n; p++)
-    for (PetscInt k = inter->interface[inter->offset[list[p]]].side_first; k < inter->interface[inter->offset[list[p] + 1] - 1].side_last; k++) at[inter->side_dof[k] - sub->bs * sub->node_offset[list[p]]] = 0;
+  for (PetscInt p = 0; p < n; p++) {
+    const PetscInt s = list[p], top = sub->bs * sub->node_offset[s];
+
+    for (PetscInt k = inter->interface[inter->offset[s]].side_first; k < inter->interface[inter->offset[s + 1] - 1].side_last; k++) at[inter->side_dof[k] - top] = 0;
+    for (PetscInt k = inter->primal_offset[s]; k < inter->primal_offset[s + 1] && dir->condensed; k++) at[inter->primal_dof[k] - top] = 0;
+  }
   for (PetscInt r = 0; r < rows; r++)
     if (at[r] == 0) {
       at[r]         = gamma;
       kept[gamma++] = r;
     }
+  return gamma;
+}
+
+/*
+   The Schur complements on the interfaces of the subdomains list[], n of them, that have the operator of the first one. Its
+   inside is eliminated once, what is on an interface of any of them is kept, and the rest is dense: so equal sides of
+   different subdomains get equal bits. The foundation of what is kept is added after that.
+*/
+static PetscErrorCode LatinStiffnessCondense_Private(LatinDirections *dir, PetscInt n, const PetscInt list[], PetscReal spring[], PetscInt at[], const size_t first[], PetscReal S[], PetscBool *bad)
+{
+  const LatinSubdomains *sub = dir->sub;
+  const PetscInt         top = sub->bs * sub->node_offset[list[0]], rows = sub->bs * sub->node_offset[list[0] + 1] - top;
+  PetscInt               gamma, *kept;
+  PetscReal             *F, *foundation;
+  LatinSparse            K;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMalloc2(rows, &kept, rows, &foundation));
+  gamma = LatinStiffnessRows(dir, n, list, at, kept);
+  for (PetscInt k = 0; k < gamma; k++) {
+    foundation[k]         = spring[top + kept[k]];
+    spring[top + kept[k]] = 0.0;
+  }
   PetscCall(LatinSparseCreate_Private(sub, list[0], spring, sub->fixed, 0, NULL, &K));
   PetscCall(PetscMalloc1((size_t)gamma * (size_t)gamma, &F));
   PetscCall(LatinEliminate_Private(&K, gamma, kept, F, bad));
+  if (dir->condensed && !*bad) PetscCall(LatinStiffnessKeep_Private(dir, list[0], gamma, kept, F));
+  for (PetscInt k = 0; k < gamma; k++) F[(size_t)k * ((size_t)gamma + 1)] += foundation[k];
   PetscCall(LatinSPDInverse_Private(gamma, F, bad));
   for (PetscInt p = 0; p < n && !*bad; p++) PetscCall(LatinStiffnessSchur_Private(dir, list[p], gamma, F, at, first, S, bad));
   for (PetscInt k = 0; k < gamma; k++) at[kept[k]] = -1;
   PetscCall(PetscFree(F));
   PetscCall(LatinSparseReset_Private(&K));
-  PetscCall(PetscFree(kept));
+  PetscCall(PetscFree2(kept, foundation));
   PetscFunctionReturn(0);
 }
 
 /* The same for all subdomains of list[], sorted by operators same[] */
-static PetscErrorCode LatinStiffnessCondenseAll_Private(LatinDirections *dir, PetscInt n, const PetscInt list[], const PetscInt same[], const PetscReal spring[], PetscInt at[], const size_t first[], PetscReal S[], PetscBool *bad)
+static PetscErrorCode LatinStiffnessCondenseAll_Private(LatinDirections *dir, PetscInt n, const PetscInt list[], const PetscInt same[], PetscReal spring[], PetscInt at[], const size_t first[], PetscReal S[], PetscBool *bad)
 {
   PetscFunctionBegin;
   for (PetscInt p = 0, q; p < n && !*bad; p = q) {
@@ -155,6 +198,7 @@ PetscErrorCode LatinStiffnessFaces_Private(LatinDirections *dir, PetscBool block
   PetscCall(PetscFree(dir->like));
   PetscCall(PetscMalloc1(sub->n, &dir->like));
   PetscCall(LatinRepeatsLike_Private(dir->inter, same, dir->like));
+  if (sub->matrix && LatinDirectionShares(dir) && !blocks) PetscCall(PetscCalloc1(sub->n, &dir->condensed));
   pattern = dir->like;
   for (PetscInt i = 0; i < n; i++) at[i] = -1;
   for (PetscInt f = 0; f < inter->count; f++) wanted[pattern[inter->interface[f].sub]] = (PetscBool)(wanted[pattern[inter->interface[f].sub]] || matrices[f]);

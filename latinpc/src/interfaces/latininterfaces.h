@@ -66,21 +66,28 @@ PETSC_INTERN PetscErrorCode LatinMateColumns_Private(const LatinInterfaces *, co
 
 /* ---- search directions (interfaces/searchdirection.c, interfaces/interfacestiffness.c) ---- */
 #define LATIN_DIRECTION_RANGE LatinByPrecision(1e10, 1e4) /* most times, and least part, of the stiffness of an interface: beyond, its springs or the subdomain are lost in rounding, and look like a mechanism */
+/* What is left of a subdomain when its inside is eliminated */
+typedef struct {
+  PetscInt   n, *row; /* rows that stay, from the subdomain's first one, increasing */
+  PetscReal *S;       /* n x n; NULL: nothing is kept */
+} LatinCondensed;
+
 typedef struct {
   const LatinSubdomains *sub;
   const LatinInterfaces *inter;
   LatinDirectionType     type;  /* asked for */
   PetscReal              value; /* scalar: d; others: the fraction of the stiffness seen at the interface; 0: self-tuned */
   /* made by the set-up */
-  PetscReal *d;            /* [sides] micro search direction, force/length; of a matrix, its diagonal */
-  PetscReal *harmonic;     /* [sides] stiffness of both subdomains there, the softer one counting most */
-  PetscInt  *matrix_first; /* [interface sides] where the matrix of each starts, -1: the direction is diagonal */
-  PetscReal *matrix;       /* matrix directions: D, L of D = L L^t, L^-1, column-major; equal ones are stored once; NULL if there is none */
-  PetscReal *own;          /* stiffness S of the subdomains themselves on each interface, column-major; NULL: not kept */
-  size_t    *own_first;
-  PetscReal  mean;     /* D is so many times the sum of both sides' S */
-  PetscInt   matrices; /* interfaces whose search direction is a matrix, over all ranks */
-  PetscInt  *like;     /* [subdomains] the first one with an equal operator and equal sides; NULL: not compared */
+  PetscReal      *d;            /* [sides] micro search direction, force/length; of a matrix, its diagonal */
+  PetscReal      *harmonic;     /* [sides] stiffness of both subdomains there, the softer one counting most */
+  PetscInt       *matrix_first; /* [interface sides] where the matrix of each starts, -1: the direction is diagonal */
+  PetscReal      *matrix;       /* matrix directions: D, L of D = L L^t, L^-1, column-major; equal ones are stored once; NULL if there is none */
+  PetscReal      *own;          /* stiffness S of the subdomains themselves on each interface, column-major; NULL: not kept */
+  size_t         *own_first;
+  PetscReal       mean;      /* D is so many times the sum of both sides' S */
+  PetscInt        matrices;  /* interfaces whose search direction is a matrix, over all ranks */
+  PetscInt       *like;      /* [subdomains] the first one with an equal operator and equal sides; NULL: not compared */
+  LatinCondensed *condensed; /* [subdomains] until the local low-energy fields are there, which are of the same elimination; NULL: none */
 } LatinDirections;
 PETSC_INTERN LatinDirectionType LatinDirectionKind(const LatinDirections *);
 PETSC_INTERN PetscReal          LatinDirectionFraction(const LatinDirections *);
@@ -92,6 +99,7 @@ PETSC_INTERN PetscErrorCode     LatinDirectionShare(const LatinDirections *, Pet
 PETSC_INTERN PetscErrorCode     LatinDirectionNormalise(const LatinDirections *, PetscInt f, PetscInt modes, PetscReal R[]);
 PETSC_INTERN PetscErrorCode     LatinDirectionSprings_Private(const LatinDirections *, PetscReal spring[]);
 PETSC_INTERN PetscInt           LatinDirectionBlocks(const LatinDirections *, PetscInt s, LatinBlock block[]);
+PETSC_INTERN PetscErrorCode     LatinStiffnessForget_Private(LatinDirections *);
 PETSC_INTERN PetscErrorCode     LatinStiffnessFaces_Private(LatinDirections *, PetscBool blocks, const PetscBool matrices[], size_t first[], PetscReal **S);
 
 /* Does a preconditioner share forces by Schur complements? They take one interface a side dof, and a direction that has those of both sides */

@@ -261,6 +261,7 @@ PetscErrorCode LatinDirectionReset(LatinDirections *dir)
   PetscCall(PetscFree(dir->own));
   PetscCall(PetscFree(dir->own_first));
   PetscCall(PetscFree(dir->like));
+  PetscCall(LatinStiffnessForget_Private(dir));
   PetscFunctionReturn(0);
 }
 

@@ -103,6 +103,35 @@ static PetscErrorCode LatinSpectralCut_Private(LatinSpectral *spectral, PetscInt
 }
 
 /*
+   The stiffness G (n x n) of subdomain s at the dofs that springs act on, which are part of it: dof[n], with position[] their
+   numbers. What the search direction has left of the same subdomain serves, unless a row of it is neither held nor on a spring
+*/
+static PetscErrorCode LatinSpectralStiffness_Private(LatinSpectral *spectral, PetscInt s, const PetscReal spring[], const PetscBool held[], PetscInt n, const PetscInt dof[], const PetscInt position[], PetscScalar G[], PetscBool *bad)
+{
+  const LatinCondensed *left = spectral->dir->condensed ? &spectral->dir->condensed[s] : NULL;
+  const PetscInt        top  = spectral->sub->bs * spectral->sub->node_offset[s];
+  PetscBool             has  = (PetscBool)(left && left->S);
+  LatinSparse           K;
+
+  PetscFunctionBegin;
+  for (PetscInt j = 0; has && j < left->n; j++) has = (PetscBool)(position[left->row[j]] >= 0 || held[top + left->row[j]]);
+  if (!has) {
+    PetscCall(LatinSparseCreate_Private(spectral->sub, s, spring, held, 0, NULL, &K));
+    PetscCall(LatinEliminate_Private(&K, n, dof, G, bad));
+    PetscCall(LatinSparseReset_Private(&K));
+    PetscFunctionReturn(0);
+  }
+  for (PetscInt j = 0; j < left->n; j++) {
+    const PetscInt column = position[left->row[j]];
+
+    for (PetscInt i = 0; i < left->n && column >= 0; i++)
+      if (position[left->row[i]] >= 0) G[(size_t)position[left->row[i]] + (size_t)n * (size_t)column] = left->S[(size_t)i + (size_t)left->n * (size_t)j];
+  }
+  for (PetscInt i = 0; i < n; i++) G[(size_t)i * ((size_t)n + 1)] += spring[top + dof[i]];
+  PetscFunctionReturn(0);
+}
+
+/*
    The low-energy modes of a subdomain, cut by interface; held[]: primal and prescribed dofs. A subdomain with a mechanism
    of its own has none: the set-up of the linear stage reports it.
 */
@@ -114,7 +143,6 @@ static PetscErrorCode LatinSpectralSubdomain_Private(LatinSpectral *spectral, Pe
   PetscReal             *weight;
   PetscScalar           *G, *V;
   PetscBool              mechanism = PETSC_FALSE;
-  LatinSparse            K;
 
   PetscFunctionBegin;
   PetscCall(PetscMalloc3(rows, &dof, rows, &position, rows, &weight));
@@ -126,10 +154,8 @@ static PetscErrorCode LatinSpectralSubdomain_Private(LatinSpectral *spectral, Pe
     dof[n++]    = i;
   }
   PetscCall(PetscMalloc2((size_t)n * (size_t)n, &G, (size_t)n * (size_t)n, &V));
-  PetscCall(LatinSparseCreate_Private(spectral->sub, s, spring, held, 0, NULL, &K));
-  PetscCall(LatinEliminate_Private(&K, n, dof, G, &mechanism));
+  PetscCall(LatinSpectralStiffness_Private(spectral, s, spring, held, n, dof, position, G, &mechanism));
   PetscCall(LatinSPDInverse_Private(n, G, &mechanism));
-  PetscCall(LatinSparseReset_Private(&K));
   for (PetscInt j = 0; j < n; j++)
     for (PetscInt i = 0; i < n; i++) G[i + (size_t)n * (size_t)j] *= weight[i] * weight[j];
   if (n && !mechanism) PetscCall(LatinSpectralEigen_Private(n, LatinSpectralThreshold(spectral), G, V, &modes, bad));

@@ -276,9 +276,8 @@ static void FRONT(LatinFrontsTake)(LatinFronts *F, PetscInt rows, PetscInt colum
     for (PetscInt r = 0; r < rows; r++) scale[c] = PetscMax(scale[c], PetscAbsReal(column[F->order[r]]));
     if (!(scale[c] > 0.0)) scale[c] = 1.0;
   }
-  for (PetscInt first = 0; first < columns; first += LATIN_FRONT_STREAMS)
-    for (PetscInt r = 0, last = PetscMin(first + LATIN_FRONT_STREAMS, columns); r < rows; r++)
-      for (PetscInt c = first; c < last; c++) x[(size_t)r * (size_t)columns + (size_t)c] = (FRONT_REAL)(b[(size_t)F->order[r] + ld * (size_t)c] / scale[c]);
+  for (PetscInt r = 0; r < rows; r++)
+    for (PetscInt c = 0; c < columns; c++) x[(size_t)r * (size_t)columns + (size_t)c] = (FRONT_REAL)(b[(size_t)F->order[r] + ld * (size_t)c] / scale[c]);
   memset(x + (size_t)rows * (size_t)columns, 0, (size_t)(F->n - rows) * (size_t)columns * sizeof(*x));
 }
 
@@ -289,17 +288,16 @@ static PetscReal FRONT(LatinFrontsGive)(const LatinFronts *F, PetscBool forward,
   const FRONT_REAL *x      = (const FRONT_REAL *)F->x;
   PetscReal         sum    = 0.0;
 
-  for (PetscInt first = 0; first < columns; first += LATIN_FRONT_STREAMS)
-    for (PetscInt r = 0, last = PetscMin(first + LATIN_FRONT_STREAMS, columns); r < (forward ? F->n : inside); r++)
-      for (PetscInt c = first; c < last; c++) {
-        PetscReal      *entry = b + (size_t)F->order[r] + ld * (size_t)c;
-        const PetscReal now   = scale[c] * (PetscReal)x[(size_t)r * (size_t)columns + (size_t)c];
+  for (PetscInt r = 0; r < (forward ? F->n : inside); r++)
+    for (PetscInt c = 0; c < columns; c++) {
+      PetscReal      *entry = b + (size_t)F->order[r] + ld * (size_t)c;
+      const PetscReal now   = scale[c] * (PetscReal)x[(size_t)r * (size_t)columns + (size_t)c];
 
-        if (r < inside) {
-          sum += now * (all ? *entry : now);
-          *entry = now;
-        } else *entry += now;
-      }
+      if (r < inside) {
+        sum += now * (all ? *entry : now);
+        *entry = now;
+      } else *entry += now;
+    }
   return sum;
 }
 

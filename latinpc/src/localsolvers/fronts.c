@@ -97,8 +97,7 @@ PetscErrorCode LatinFrontsDestroy(LatinFronts *F)
 
 /* Sums over rows, of more digits than single precision has */
 typedef PetscReal LatinLanesSum __attribute__((vector_size(LATIN_FRONT_LANES * sizeof(PetscReal)), aligned(LATIN_LINE)));
-  #define LATIN_FRONT_ROWS    8 /* of a front that stay in registers while lanes are solved */
-  #define LATIN_FRONT_STREAMS 8 /* right-hand sides whose entries are put beside each other at a time: a line of a cache */
+  #define LATIN_FRONT_ROWS 8 /* of a front that stay in registers while lanes are solved */
   #define LATIN_LANES_SQUARE(sum, x) \
     do { \
       const LatinLanesSum wide = __builtin_convertvector(x, LatinLanesSum); \
