@@ -51,6 +51,10 @@ PETSC_FOLDERS = [Path(CONFIG["PETSC_DIR"], CONFIG["PETSC_ARCH"]), Path(CONFIG["P
 # a PETSc with its own checks can also list what a program has allocated and not freed
 MALLOC_DUMP = "PETSC_USE_DEBUG 1" in (PETSC_FOLDERS[0] / "include" / "petscconf.h").read_text()
 LEAK = re.compile(r"^\[\d+\]Total space allocated .*", re.MULTILINE)
+# what PETSc does when it begins or ends, or once for all
+OF_A_PROCESS = ("-help", "-log", "-options_left", "-malloc", "-memory", "-citations", "-info", "-version")
+# where each process is judged by what it leaves behind, programs of tests have processes of their own
+APART = bool(SANITIZED or LOGS or MALLOC_DUMP)
 # what AddressSanitizer and UBSan write of our library: a test that expects an error must not take theirs for it. They
 # also report on Open MPI's daemons, which are none of ours
 SANITIZER = re.compile(
@@ -147,18 +151,25 @@ if LOGS:
 
 
 @pytest.fixture
-def mpirun(tmp_path):
+def mpirun(tmp_path, ranks_for):
     """Run a program on some ranks: ``mpirun(2, "script.py", "-option", ...)``.
 
-    The program is a Python file, a Python source (any text with a line break), or an executable.
+    The program is a Python file, a Python source (any text with a line break), or an executable. Python that is to
+    succeed runs on ranks that are there already, unless it is to be `alone`, or something of the process is changed.
     """
 
-    def launch(ranks, program, *args, **how):
+    def launch(ranks, program, *args, alone=APART, **how):
         program = str(program)
         if "\n" in program:
             script = tmp_path / f"script{len(list(tmp_path.glob('script*.py')))}.py"
             script.write_text(program)
             program = str(script)
+        alone = alone or any(str(word).startswith(OF_A_PROCESS) for word in args)
+        if program.endswith(".py") and not alone and how.keys() <= {"timeout"}:
+            done = ranks_for(ranks, program, *args, **how)
+            if done["code"]:
+                pytest.fail(f"{program}: exit code {done['code']}\n{done['out']}\n{done['err']}")
+            return subprocess.CompletedProcess([program, *map(str, args)], 0, done["out"], done["err"])
         command, how["env"] = on_ranks(ranks, program, *args, env=how.get("env", {}))
         return run(command, **how)
 
@@ -185,14 +196,15 @@ class Ranks:
     Jobs and results go through pipes with names, at which ranks wait without using a core.
     """
 
-    def __init__(self, ranks, program, folder):
+    def __init__(self, ranks, folder):
+        self.ranks, self.folder = ranks, folder
         for name in ("results", *range(ranks)):
             os.mkfifo(folder / str(name))
         # open for both directions: that does not wait for the other end
         self.jobs = [os.open(folder / str(rank), os.O_RDWR) for rank in range(ranks)]
         self.results = os.open(folder / "results", os.O_RDWR)
         self.printed = [folder / "out", folder / "err"]
-        command, env = on_ranks(ranks, ROOT / "tests" / "jobs.py", program, folder, env={})
+        command, env = on_ranks(ranks, ROOT / "tests" / "jobs.py", folder, env={})
         with self.printed[0].open("w") as out, self.printed[1].open("w") as err:
             self.process = begin(command, None, env, out, err)
 
@@ -208,10 +220,13 @@ class Ranks:
         while not result.endswith(b"\n"):
             if select.select([self.results], [], [], 0.5)[0]:
                 result += os.read(self.results, 1 << 16)
-            elif self.process.poll() is not None or time.monotonic() > last:
-                end(self.process)
-                pytest.fail(f"{words}: no result\n" + "\n".join(file.read_text() for file in self.printed))
-        return json.loads(result)
+            elif (ended := self.process.poll() is not None) or time.monotonic() > last:
+                if not ended:
+                    end(self.process)
+                files = [*self.printed, *sorted(self.folder.glob("*.txt"))]
+                pytest.fail(f"{words}: no result\n" + "\n".join(file.read_text() for file in files))
+        printed = {name: [self.folder / f"{name}{rank}.txt" for rank in range(self.ranks)] for name in ("out", "err")}
+        return json.loads(result) | {name: "".join(map(Path.read_text, files)) for name, files in printed.items()}
 
     def close(self):
         """End the ranks, and judge what they have left."""
@@ -227,19 +242,32 @@ class Ranks:
             os.close(pipe)
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="module" if APART else "session")
 def ranks_for(tmp_path_factory):
-    """Give jobs to ranks that stay for the tests of a file: ``ranks_for(4, "matis_program", "--cells", 8)``."""
+    """Give jobs to ranks that stay for all tests: ``ranks_for(4, "matis_program", "--cells", 8)``.
+
+    A job is a module of this folder with a function ``job(*words)``, or the path of a script.
+    """
     begun = {}
 
-    def do(ranks, program, *words):
-        if (ranks, program) not in begun or begun[ranks, program].process.poll() is not None:
-            begun[ranks, program] = Ranks(ranks, program, tmp_path_factory.mktemp(program))
-        return begun[ranks, program].do(words)
+    def do(ranks, program, *words, **how):
+        if ranks not in begun or begun[ranks].process.poll() is not None:
+            begun[ranks] = Ranks(ranks, tmp_path_factory.mktemp("ranks"))
+        return begun[ranks].do([program, *words], **how)
 
     yield do
     for one in begun.values():
         one.close()
+
+
+@pytest.fixture(scope="module" if APART else "session", autouse=True)
+def command_on_ranks(ranks_for):
+    """Let the command line of tests run on the ranks that are there."""
+    import command
+
+    command.latinpc.ranks_for = None if APART else ranks_for
+    yield
+    command.latinpc.ranks_for = None
 
 
 @pytest.fixture

@@ -191,10 +191,8 @@ def set_up(structure, comm=PETSc.COMM_SELF):
 
 @pytest.mark.parametrize("ranks", [2, 4])
 def test_the_number_of_ranks_does_not_matter(ranks, mpirun):
-    from test_parallel import PATIENT
-
     source = RANKS.format(tests=str(ROOT / "tests"))
-    there, said = json.loads(mpirun(ranks, source, timeout=300, env=PATIENT).stdout)
+    there, said = json.loads(mpirun(ranks, source, timeout=300).stdout)
     here = on_ranks(PETSc.COMM_SELF)
     for name, one in here.items():
         assert max(one["off"], there[name]["off"]) < 1e-12

@@ -228,11 +228,8 @@ if MPI.COMM_WORLD.rank == 0:
 def test_the_number_of_ranks_does_not_matter(mpirun):
     """One, two and four ranks go through the same shocks."""
     from conftest import ROOT
-    from test_parallel import PATIENT
 
-    found = [
-        json.loads(mpirun(ranks, RANKS.format(tests=str(ROOT / "tests")), env=PATIENT).stdout) for ranks in (1, 2, 4)
-    ]
+    found = [json.loads(mpirun(ranks, RANKS.format(tests=str(ROOT / "tests"))).stdout) for ranks in (1, 2, 4)]
     for other in found[1:]:
         for a, b in zip(found[0][1:], other[1:]):
             assert np.abs(np.array(a) - np.array(b)).max() < 1e-6 * np.abs(a).max()
