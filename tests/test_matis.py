@@ -1,8 +1,10 @@
 """PC latin on a MATIS, whatever program has made it: finite elements or links, one local matrix a rank."""
 
+import re
 from pathlib import Path
 
 import pytest
+from petsc4py import PETSc
 
 PROGRAM = Path(__file__).with_name("matis_program.py")
 MECHANISM_FREE = ("poisson", "elasticity")
@@ -258,3 +260,44 @@ def test_view(matis):
     ):
         assert text in result.stdout
     assert "There are no unused options" in result.stdout
+
+
+def test_program_of_the_documentation(mpirun, tmp_path):
+    """It runs as it is written, on any number of ranks."""
+    page = (PROGRAM.parent.parent / "docs" / "preconditioner.md").read_text()
+    program = re.search(r"```python\n(.*?)```", page, re.DOTALL)[1]
+    for ranks, most in ((1, 1), (4, 5)):
+        iterations, reason = re.search(r"^(\d+) iterations, reason (\d+)", mpirun(ranks, program).stdout).groups()
+        assert int(iterations) <= most and int(reason) == PETSc.KSP.ConvergedReason.CONVERGED_RTOL
+
+
+CONVERTED = """
+import sys
+import petsc4py
+petsc4py.init(sys.argv)
+from petsc4py import PETSc
+import latinpc
+n = 12
+A = PETSc.Mat().createAIJ((n * n, n * n), nnz=5)
+for row in range(*A.getOwnershipRange()):
+    i, j = divmod(row, n)
+    near = [(i - 1, j), (i + 1, j), (i, j - 1), (i, j + 1)]
+    for k, l in near:
+        if 0 <= k < n and 0 <= l < n:
+            A.setValue(row, k * n + l, -1.0)
+    A.setValue(row, row, 4.0)
+A.assemble()
+pc = PETSc.PC().create()
+pc.setOperators(A.convert("is") if "-as_is" in sys.argv else A)
+pc.setType("latin")
+pc.setUp()
+"""
+
+
+@pytest.mark.parametrize(
+    ("words", "message"), [((), "of type mpiaij, no longer has"), (("-as_is",), "not positive semidefinite")]
+)
+def test_a_whole_matrix_is_refused(mpirun, words, message):
+    """Assembled, or converted: PETSc splits entries between ranks so that local matrices are indefinite."""
+    result = mpirun(2, CONVERTED, *words, check=False, timeout=60)
+    assert result.returncode and message in result.stderr

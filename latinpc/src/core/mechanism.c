@@ -108,7 +108,7 @@ static PetscErrorCode LatinMechanismReport_Private(Latin latin, const PetscReal 
                            : ". Nodes that move (counted from 0): ",
              names, named > 8 ? " and others" : "",
              sub->matrix ? "Prescribe more unknowns, or give the kernel with MatSetNullSpace()"
-             : held      ? "If its prestress is to hold it, take -snes_latin_geometry prestress, or large; else prescribe more displacements, or add links"
+             : held      ? "If its prestress is to hold it, take the geometry prestress or large (-snes_latin_geometry); else prescribe more displacements, or add links"
                          : "Prescribe more displacements or add links");
   PetscFunctionReturn(0);
 }

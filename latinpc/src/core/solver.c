@@ -77,9 +77,10 @@ PetscErrorCode LatinSetUpOperator_Private(Latin latin, PetscObject solver, PC pc
   if (!structure) PetscCall(LatinStructureFromDM_Private(dm, &structure));
   if (!structure) PetscCall(LatinStructureFromDM_Private(behind, &structure));
   PetscCall(PetscObjectTypeCompare((PetscObject)pc->pmat, MATIS, &matis));
-  PetscCheck(structure || matis, PetscObjectComm(solver), PETSC_ERR_ORDER,
-             "-%s_type latin has no structure to work on: call LatinStructureAttach%s(), or build the matrix from the DM of a structure (LatinStructureCreate(), LatinStructureAttachSNES()); or assemble it as a MATIS (-dm_mat_type is, -mat_type is)",
-             solver->classid == KSP_CLASSID ? "ksp" : "pc", solver->class_name);
+  PetscCheck(
+    structure || matis, PetscObjectComm(solver), PETSC_ERR_ORDER,
+    "-%s_type latin has no structure to work on: call LatinStructureAttach%s(), or build the matrix from the DM of a structure (LatinStructureCreate(), LatinStructureAttachSNES()). Or assemble it as a MATIS (-dm_mat_type is, MatCreateIS()): this matrix, of type %s, no longer has the matrices of its subdomains",
+    solver->classid == KSP_CLASSID ? "ksp" : "pc", solver->class_name, ((PetscObject)pc->pmat)->type_name);
   if (structure) PetscCall(LatinStructureCheckLinear_Private(structure, "PC latin and KSP latin are for"));
   PetscCall(LatinSetProblem_Private(latin, structure, structure ? NULL : pc->pmat));
   PetscCall(PetscObjectQuery((PetscObject)pc, "LatinCoordinates", (PetscObject *)&coordinates));

@@ -47,7 +47,8 @@ static PetscErrorCode SNESLatinCasesSuit_Private(SNES snes, LatinStructure struc
 
   No case is solved on several ranks, with links other than bars, cables and compression-only ones, with large displacements or
   prestress in the geometry, with stiffnesses that differ by more than a million, or where a monitor, a convergence
-  test, a reference, a warm start, another stop than `LATIN_STOP_ERROR`, or `LATIN_NEWTON_NEVER` was given.
+  test, a reference, a warm start, another stop than `LATIN_STOP_ERROR`, or `LATIN_NEWTON_NEVER` was given, or by a PETSc
+  without CHOLMOD.
 
 .seealso: `SNESLatinSetError()`, `SNESLatinSetTensionError()`, `SNESLatinSetBalance()`
 @*/
