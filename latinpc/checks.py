@@ -75,6 +75,14 @@ def checked(
     return found
 
 
+def axial_stiffness(nodes: Any, links: Any, EA: Any) -> np.ndarray:
+    """Return EA over the lengths of the links, (m,) in N/m; not collective."""
+    nodes, links = checked_shapes({"nodes": nodes, "links": links})
+    checks = Checks(nodes.shape, len(links))
+    checks.geometry(nodes, links, None, links)
+    return checks.positive("EA", EA) / np.linalg.norm(nodes[links[:, 1]] - nodes[links[:, 0]], axis=1)
+
+
 class Checks:
     """The shapes of a structure, and what its arrays must satisfy.
 

@@ -15,7 +15,7 @@ from petsc4py import PETSc
 
 from latinpc.actions import Actions
 from latinpc.arrays import REAL, Slices, communicator, native
-from latinpc.checks import ARRAYS, Checks, checked
+from latinpc.checks import ARRAYS, Checks, axial_stiffness, checked
 from latinpc.equations import Equations
 from latinpc.geometry import GEOMETRIES, Geometry, known_geometry
 from latinpc.laws import Law
@@ -64,7 +64,7 @@ class Structure(Geometry, Equations, Actions, Plots):
         or `register_law` returns.
     stiffness : (m,) array_like of float, or float
         k (N/m), positive. Of a rigid law (3 to 6) it is the search parameter: it affects speed, not the result; 0:
-        automatic. Of a table, 0 means the table's own stiffness.
+        automatic. Of a table, 0 means the table's own stiffness. Either this or `EA` is given.
     initial_elongation : (m,) array_like of float, or float, optional
         e0 (m), zero by default; the self-stress is k e0. Of a contact, the gap.
     fixed : (n, dim) array_like of bool, optional
@@ -101,6 +101,8 @@ class Structure(Geometry, Equations, Actions, Plots):
         utilisations.
     name : str, optional
         For summaries and pictures.
+    EA : (m,) array_like of float, or float, optional
+        Axial stiffnesses (N) in place of `stiffness`, which is then EA over the length as drawn.
 
     Attributes
     ----------
@@ -157,7 +159,7 @@ class Structure(Geometry, Equations, Actions, Plots):
         nodes: ArrayLike,
         links: ArrayLike,
         law: ArrayLike,
-        stiffness: ArrayLike,
+        stiffness: ArrayLike | None = None,
         initial_elongation: ArrayLike | None = None,
         fixed: ArrayLike | None = None,
         prescribed: ArrayLike | None = None,
@@ -172,9 +174,14 @@ class Structure(Geometry, Equations, Actions, Plots):
         area: ArrayLike | None = None,
         strength: ArrayLike | None = None,
         name: str = "structure",
+        EA: ArrayLike | None = None,
     ):
         given = locals()
         given = {array: given[array] for array in ARRAYS}
+        if (stiffness is None) == (EA is None):
+            raise ValueError("give either stiffness, EA / length of each link (N/m), or EA (N)")
+        if EA is not None:
+            given["stiffness"] = axial_stiffness(nodes, links, EA)
         if initial_elongation is not None and prestress is not None:
             raise ValueError("initial_elongation and prestress both give the self-stress: leave out one of the two")
         self._make(given, comm, name, prestress, geometry)

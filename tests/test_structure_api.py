@@ -269,6 +269,20 @@ def test_a_prestress_is_an_initial_elongation():
     assert np.array_equal(given.tensions(u), same.tensions(v))
 
 
+def test_axial_stiffness_is_divided_by_the_lengths():
+    """EA in place of the stiffness, of all links or of each; one of the two is given."""
+    axial = np.linspace(1e3, 2e3, len(LINKS))
+    for EA in (axial, 5e3):
+        given = frame(stiffness=None, EA=EA)
+        assert given.stiffness == pytest.approx(EA / given.lengths, rel=1e-14)
+    for wrong in ({"EA": 1e3}, {"stiffness": None}):
+        with pytest.raises(ValueError, match="give either stiffness, EA / length of each link"):
+            frame(**wrong)
+    for wrong, named in ((axial[:-1], "EA must have the shape"), (-axial, "EA that is not positive")):
+        with pytest.raises(ValueError, match=named):
+            frame(stiffness=None, EA=wrong)
+
+
 def test_import_loads_what_every_solve_needs_and_no_more():
     loads = "import sys, latinpc; print([name for name in sys.argv[1:] if name in sys.modules])"
     names = ("click", "matplotlib", "meshio", "pandas", "plotly", "rich", "scipy", "slepc4py")
