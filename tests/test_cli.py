@@ -263,6 +263,12 @@ def test_missing_scene_after_a_flag_of_petsc():
     assert "put SCENE before" in result.stderr
 
 
+def test_one_dash_for_two_is_noticed():
+    (text,) = said(latinpc("solve", TOWER, "--subdomains", 1, "--quiet", "-pictur", "t.png", code=2))
+    assert text.startswith("latinpc: no solver has read -pictur: ")
+    assert text.endswith("; with two dashes there is --picture")
+
+
 def test_misspelt_option_of_ours_names_the_nearest():
     result = latinpc("solve", TOWER, "--subdomains", 2, "--quiet", "-snes_latin_varant", "macro", code=2)
     text = "latinpc: unknown option -snes_latin_varant: do you mean -snes_latin_variant?"

@@ -162,6 +162,16 @@ def test_format_4_and_an_entity_in_two_groups(pair):
     assert scene.load.ravel().tolist() == [3, 3, 3]
 
 
+def test_all_nodes_and_directions_in_a_word(pair):
+    """As with --support: `all` where no group has that name, and the directions written together."""
+    given = TOML.replace('["x", "y"]', '"yx"') + "[loads.all]\nforce = [0.5, 0.0]\n"
+    found, usual = latinpc.read(pair(toml=given)), latinpc.read(pair())
+    assert (found.fixed == usual.fixed).all() and found.fixed.any()
+    assert (found.load == usual.load + [0.5, 0.0]).all()
+    with pytest.raises(ValueError, match="fix must be a list out of .*, or a text such as 'xy', not 'xw'"):
+        latinpc.read(pair(toml=TOML.replace('["x", "y"]', '"xw"')))
+
+
 def test_boxes_hold_their_border(pair):
     toml = TOML + "[loads.right]\nbox = [[3.0, 0.0], [3.0, 4.0]]\nforce = [10.0, 0.0]\n"
     assert latinpc.read(pair(toml=toml)).load.tolist() == [[0, 0], [10, 0], [11, -2]]  # loads add up

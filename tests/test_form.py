@@ -377,3 +377,20 @@ if __name__ == "__main__":
     nodes["natural"] = latinpc.form_find(**natural()).nodes.tolist()
     if PETSc.COMM_WORLD.rank == 0:
         print(json.dumps(nodes), flush=True)
+
+
+def test_tables_keep_the_names_of_the_file(tmp_path):
+    """What was A, B, C in the tables of the drawing is so in those of the form, which are read again."""
+    drawing = tmp_path / "sail"
+    drawing.mkdir()
+    (drawing / "nodes.csv").write_text("node,x,y,z,fix\nA,0,0,2,xyz\nB,6,0,0,xyz\nC,3,6,1,xyz\nmid,3,2,1,\n")
+    stays = "member,start,end,law,EA\ns1,A,mid,cable,1e6\ns2,B,mid,cable,1e6\n7,C,mid,cable,1e6\n"
+    (drawing / "members.csv").write_text(stays)
+    files = [drawing / name for name in ("members.csv", "nodes.csv")]
+    found = tmp_path / "found"
+    found.mkdir()
+    command("form", drawing, "--density", 1000, "--csv", *(found / file.name for file in files))
+    before, after = latinpc.read(drawing), latinpc.read(found)
+    assert [after.node_name(i) for i in range(4)] == ["A", "B", "C", "mid"]
+    assert [after.link_name(i) for i in range(3)] == ["s1", "s2", "7"]
+    assert (after.links == before.links).all() and after.nodes[3] == pytest.approx([3.0, 2.0, 1.0])

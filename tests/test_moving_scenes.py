@@ -110,7 +110,14 @@ def test_command_moves_and_writes_everything(tmp_path, ranks):
     files = ["--json", "r.json", "--output", "r.pvd", "--picture", "r.gif", "--output-every", 2]
     scene = ["impact-tower", "--levels", 6, "--subdomains", 3, "--num-steps", 5]
     result = latinpc("solve", *scene, *files, cwd=tmp_path, ranks=ranks)
-    for word in ("impact-tower", "5 steps of 200 µs", "iterations a step", "energy", "active links", "r.gif"):
+    for word in (
+        "impact-tower",
+        "5 steps of 200 µs",
+        "iterations a step",
+        "energy",
+        "taut cables and closed contacts",
+        "r.gif",
+    ):
         assert result.stdout.count(word) == 1, word
     report = json.loads((tmp_path / "r.json").read_text())
     assert report["converged"] and report["ranks"] == ranks and len(report["iterations"]) == 5

@@ -7,6 +7,7 @@ no solver knows, or has read in the end, is bad input. Under
 
 from __future__ import annotations
 
+import difflib
 import signal
 import sys
 import traceback
@@ -62,6 +63,13 @@ def main(arguments=None):
     sys.exit(code)
 
 
+def _two_dashes(command, given):
+    """Return the end of a sentence on options of PETSc's where one of ours has nearly their name."""
+    ours = [option[2:] for parameter in commands.commands[command].params for option in parameter.opts]
+    meant = [name for one in given for name in difflib.get_close_matches(one.replace("_", "-"), ours, 1, 0.8)]
+    return f"; with two dashes there is {', '.join(f'--{name}' for name in meant)}" if meant else ""
+
+
 def _run(comm, ours, petsc):
     try:
         given = insert_petsc_options(petsc)
@@ -73,7 +81,7 @@ def _run(comm, ours, petsc):
         code = commands.main(args=ours, prog_name="latinpc", standalone_mode=False, obj=comm) or 0
         stray = unread(PETSc.COMM_WORLD, given) if ours[:1] and ours[0] in READING and "--help" not in ours else []
         for text in stray:
-            print(f"latinpc: {text}", file=sys.stderr)
+            print(f"latinpc: {text}{_two_dashes(ours[0], given)}", file=sys.stderr)
         return code or (BAD_INPUT if stray and stops else 0)
     except click.ClickException as error:
         error.show()

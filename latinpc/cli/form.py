@@ -63,6 +63,7 @@ def form(
             found = latinpc.form_find(scene.nodes, scene.links, scene.fixed, error=error, name=scene.name, **given)
         except ValueError as wrong:
             raise ValueError(scene.counted_as_given(str(wrong))) from wrong
+    found.numbering = scene.numbering
     on_root(comm, _write, found, json_file, output, csv, picture)
     if comm.rank == 0:
         for notice in found.notices:

@@ -35,9 +35,9 @@ THREADS = ("OMP_NUM_THREADS", "OMP_THREAD_LIMIT", "OPENBLAS_NUM_THREADS", "MKL_N
 @click.option("--json", "json_file", metavar="FILE", help="Write it for a program; '-' prints it and nothing else.")
 @click.pass_obj
 def info(comm, json_file):
-    """Show versions, packages, threads and paths: what a report of a bug needs.
+    """Show versions, packages, threads and paths.
 
-    Run it as the program was run, with mpirun and in the same environment.
+    A report of a bug needs them. Run it as the program was run, with mpirun and in the same environment.
     """
     hosts = comm.gather((platform.node(), _cores()))
     found = on_root(comm, _found, comm.size, hosts)

@@ -97,6 +97,8 @@ def one_of(entries, keys, where):
 def nodes_of(group, entries, nodes, node_groups, where):
     """Return the nodes of a group, those in a box, or those where conditions hold."""
     if one_of(entries, ("box", "where"), where) is None:
+        if group == "all" and "all" not in node_groups:
+            return np.arange(len(nodes))
         if group not in node_groups:
             hint = nearest(group, node_groups)
             raise ValueError(f"{where}: no group has this name, and neither box nor where is given{hint}")
@@ -145,8 +147,9 @@ def read_supports(settings, nodes, node_groups, description, fixed, prescribed):
         where = place(description, "supports", group)
         chosen = nodes_of(group, entries, nodes, node_groups, where)
         fix = entries.get("fix", list(AXES[:dim]))
-        if not isinstance(fix, list) or not fix or any(axis not in list(AXES[:dim]) for axis in fix):
-            raise ValueError(f"{where}: fix must be a list out of {list(AXES[:dim])}, not {fix!r}")
+        if not isinstance(fix, (list, str)) or not fix or any(axis not in list(AXES[:dim]) for axis in fix):
+            known = f"a list out of {list(AXES[:dim])}, or a text such as 'xy'"
+            raise ValueError(f"{where}: fix must be {known}, not {fix!r}")
         value = np.zeros(dim)
         if "displacement" in entries:
             value = vector(entries["displacement"], dim, f"{where}: displacement")

@@ -31,7 +31,7 @@ lines are the group ``lines`` of an OBJ file without groups, ``edges`` of a comp
     table = [[-0.1, -5e3], [0.0, 0.0], [0.1, 5e3], [0.2, 5e3]]
 
     [supports.abutments]                 # group of points or lines
-    fix = ["x", "y", "z"]                # optional; all directions
+    fix = ["x", "y", "z"]                # or "xyz"; optional: all directions
     displacement = [0.0, 0.0, -0.01]     # m, optional
 
     [loads.deck]
@@ -56,7 +56,8 @@ lines are the group ``lines`` of an OBJ file without groups, ``edges`` of a comp
     [velocities.deck]
     velocity = [0.0, 0.0, -1.0]          # m/s of each node at the start
 
-Loads and masses add up; a node may belong to several groups. ``lines = "NAME"``, or ``"all"``, names the lines of a
+Loads and masses add up; a node may belong to several groups. A table of nodes with the name ``all``, such as
+``[loads.all]``, is for all of them. ``lines = "NAME"``, or ``"all"``, names the lines of a
 load or a mass of another name. Nodes that no link touches are left out. Load cases are tables ``[[case]]``, see
 `latinpc.files.cases`.
 """

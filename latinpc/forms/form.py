@@ -16,6 +16,7 @@ from petsc4py import PETSc
 from latinpc.arrays import refuse
 from latinpc.checks import Checks
 from latinpc.laws import Law
+from latinpc.numbering import Numbering
 from latinpc.options import default_options
 from latinpc.results.notices import LatinWarning, SolveError, warn
 from latinpc.results.tables import AXES, table, write_csv
@@ -52,6 +53,7 @@ class Form:
     mass: np.ndarray | None = None  #: (n,), of the nodes (kg), None where not given
     comm: PETSc.Comm = field(default_factory=PETSc.Sys.getDefaultComm)
     notices: list[str] = field(default_factory=list)  #: sentences to read
+    numbering: Numbering | None = None  #: of the file that it was drawn in, for tables
 
     @cached_property
     def lengths(self) -> np.ndarray:
@@ -134,13 +136,18 @@ class Form:
     def to_csv(self, members: str | pathlib.Path, nodes: str | pathlib.Path) -> None:
         """Write two CSV files, which `latinpc.read` reads again as the structure; call it on one rank."""
         words = np.array(["".join(axis for axis, held in zip(AXES, row) if held) for row in self.fixed])
-        columns = {"node": np.arange(len(self.nodes))}
+        numbers, links = np.arange(len(self.nodes)), {name: self.members[name] for name in self.members.dtype.names}
+        if self.numbering is not None and len(set(map(str, self.numbering.nodes)) - {""}) == len(self.nodes):
+            numbers = np.asarray(self.numbering.nodes)
+            links |= {"start": numbers[self.links[:, 0]], "end": numbers[self.links[:, 1]]}
+            links |= {} if self.numbering.links is None else {"member": np.asarray(self.numbering.links)}
+        columns = {"node": numbers}
         for prefix, array in (("", self.nodes), ("F", self.load)):
             columns |= {prefix + axis: column for axis, column in zip(AXES, array.T)}
             columns |= {"fix": words} if not prefix else {}
         columns |= {} if self.mass is None else {"mass": self.mass}
         columns |= {f"#R{axis}": column for axis, column in zip(AXES, self.reactions.T)}
-        write_csv(members, self.members)
+        write_csv(members, table(links))
         write_csv(nodes, table(columns))
 
     def to_npz(self, path: str | pathlib.Path) -> None:

@@ -213,9 +213,10 @@ def summary_of_motion(result, verbose=False):
         lines.append(("energy", f"{text[0]} at the start, {text[1]} at the end"))
     size = np.linalg.norm(last.displacements, axis=1)
     if np.isfinite(size).all():
-        lines.append(("displacement", f"at the end, at most {quantity(size.max(), 'm')}"))
+        lines.append(("displacement", f"largest {quantity(size.max(), 'm')} at the end"))
     if report["active"]:
-        lines.append(("active links", f"{report['active'][-1]:,} at the end, at most {max(report['active']):,}"))
+        most = f"{max(report['active']):,} at most"
+        lines.append(("active links", f"{report['active'][-1]:,} taut cables and closed contacts at the end, {most}"))
     per_step = report["seconds"] / max(report["steps"], 1)
     memory = quantity(report["peak_memory_bytes"], "B")
     lines.append(("time", f"{quantity(report['seconds'], 's')}, {quantity(per_step, 's')} a step; memory {memory}"))
