@@ -44,7 +44,7 @@ def test_what_is_left_is_a_schur_complement(variant):
 def test_same_iterates_with_and_without():
     """The elimination is exact: displacements after some iterations are equal to rounding."""
     scene = grid("tensegrity", modules=24, subdomains=144)
-    without, with_groups = (solve(scene, max_it=6, stol=0, **options) for options in (SPARSE, {}))
+    without, with_groups = (solve(scene, max_it=3, stol=0, **options) for options in (SPARSE, {}))
     assert without.statistics["coarse_levels"] == 0 < with_groups.statistics["coarse_levels"]
     assert far(with_groups.u, without.u) < 1e-10
 
@@ -70,14 +70,14 @@ def test_preconditioner_uses_it_too():
     from latinpc.options import default_options
 
     counts = []
-    for options in (SPARSE, {}):
+    for options in (SPARSE | {"coarse_ksp_rtol": 1e-11}, {}):
         structure = latinpc.Structure.from_scene(grid(**MODULAR), comm=PETSc.COMM_SELF)
         with default_options(
             {
                 "snes_type": "ksponly",
                 "ksp_type": "cg",
                 "pc_type": "latin",
-                "ksp_rtol": 1e-8,
+                "ksp_rtol": 1e-4,
             }
             | {f"pc_latin_{key}": value for key, value in options.items()}
         ):
