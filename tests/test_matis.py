@@ -277,7 +277,7 @@ import petsc4py
 petsc4py.init(sys.argv)
 from petsc4py import PETSc
 import latinpc
-n = 12
+n = 20
 A = PETSc.Mat().createAIJ((n * n, n * n), nnz=5)
 for row in range(*A.getOwnershipRange()):
     i, j = divmod(row, n)
@@ -299,5 +299,5 @@ pc.setUp()
 )
 def test_a_whole_matrix_is_refused(mpirun, words, message):
     """Assembled, or converted: PETSc splits entries between ranks so that local matrices are indefinite."""
-    result = mpirun(2, CONVERTED, *words, check=False, timeout=60)
+    result = mpirun(3, CONVERTED, *words, check=False, timeout=60)
     assert result.returncode and message in result.stderr

@@ -1,12 +1,14 @@
 """The partition that all ranks make: subdomains connected and of like size, the same again, costs as of METIS."""
 
 import json
+import sys
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import scipy.sparse
+from conftest import run
 from scipy.sparse.csgraph import connected_components
 from support import grid, lattice, network
 from test_partition import partition, total
@@ -52,13 +54,14 @@ pytestmark = pytest.mark.skipif(
 
 
 @pytest.fixture(scope="module", params=[1, 2, 4])
-def found(request, tmp_path_factory, ranks_for):
+def found(request, tmp_path_factory):
     """What that many ranks find, twice."""
     folder, found = tmp_path_factory.mktemp("parallel"), []
     for name in ("first", "again"):
         script = folder / "program.py"
         script.write_text(PROGRAM)
-        ranks_for(request.param, script, folder / f"{name}.json", Path(__file__).parent, "parallel")
+        command = [sys.executable, script, folder / f"{name}.json", Path(__file__).parent, "parallel"]
+        run(["mpirun", "-n", request.param, *command] if request.param > 1 else command)
         found.append(json.loads((folder / f"{name}.json").read_text()))
     return found
 
