@@ -10,6 +10,8 @@ from lcp import step
 from motions import EXACT, NEWTON, counts, floating, heavy, message, motion, one_mass
 from support import grid, logged
 
+from latinpc.bench.extremes.drawn import draw
+from latinpc.bench.extremes.rating import judge
 from latinpc.scenes import Law, Scene, make
 
 G = 9.81
@@ -263,3 +265,23 @@ def test_a_mass_on_a_slack_link_flies_as_far_as_it_does(dim, law, away, speed):
             v += h * force / m
             u += h * v
             assert it.u[1] == pytest.approx(u * along, rel=1e-9, abs=1e-12)
+
+
+@pytest.mark.parametrize(("seed", "number", "steps"), [
+    (71129, 382, 15), (71129, 956, 15), (590213847, 168, 15), (90417733, 700, 15),  # rigid links hold what stops
+    (818283, 939, 15), (90417733, 555, 15),  # stiffnesses far apart: Newton's method has no step to confirm
+    (77123, 201, 60), (5550001, 81, 60),  # the latter to numbers whose squares are none
+])  # fmt: skip
+def test_a_motion_comes_to_rest(seed, number, steps):
+    """What is left of its velocity is rounding of the forces: no step is refused, and all are right."""
+    assert judge(replace(draw(seed, number, "motion"), steps=steps), {})["verdict"] == "right"
+
+
+@pytest.mark.parametrize("light", [1e-4, 1e-8, 1e-9])
+def test_what_moves_is_not_at_rest_for_light_nodes(light):
+    """Rounding moves a light ball between heavy ones far, by itself: it still goes as fast as they do."""
+    with motion(column([1.0, light, 1.0], 0.0, [1.0, 0.0, 0.0]), 1e-3) as it:
+        for _ in range(3):
+            it.step()
+            assert it.ts.getSNES().getConvergedReason() > 0
+            assert np.allclose(it.v[:, 0], 1.0 / (2.0 + light), rtol=3e-4)

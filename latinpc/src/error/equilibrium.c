@@ -10,7 +10,10 @@
    - in a motion masses alone may hold the structure, and M / h^2 is soft beside links: for the translations t of all free
      displacements, and for u, t.r = t.K e for the error e, so that |e| >= |t.r| / |K t|;
    - the ends of a rigid link that bears are apart by its gap: by what they miss it, u is wrong by 1 / sqrt(2) at least;
-   - a node where as much force is missing as there is has nothing that holds it. It moves until a link resists;
+   - where a motion comes to rest nothing is left to be relative to. With nodes that are held by masses, errors of r move u by less than
+    in D^-1 alone: where rounding of the forces then moves more than the error asked for of u, in the norm of D, so that light
+    nodes do not count for more than they weigh, and in the l2 norm, gaps are held as far as digits go;
+  - a node where as much force is missing as there is has nothing that holds it. It moves until a link resists;
    - at an equilibrium r.u = 0, while along a mechanism loads work and nothing resists. Their work is compared with that of
      tensions and loads, so that neither units nor stiffnesses matter.
 */
@@ -37,6 +40,7 @@ typedef struct {
   PetscReal hidden;                       /* squares of the rounding of r */
   PetscReal left, all, load, bearing;     /* squares of r beyond rounding and of all of it, of the loads, of what links bear at nodes */
   PetscReal moved[4], stiff[4], noise[4]; /* t.r, squares of K t, rounding of t.r: translations, then u */
+  PetscReal u[2], hides[2];               /* squares of u, and of what rounding of r moves, in the norm of D and the l2 norm */
 } LatinNodalSums;
 
 /* The size of a structure, the diagonal of the box around its nodes, and the largest prescribed displacement. Collective on structure */
@@ -60,13 +64,16 @@ PetscErrorCode LatinStructureSize_Private(LatinStructure structure, PetscReal *s
   PetscFunctionReturn(0);
 }
 
-/* Displacements of so small an l2 norm are less than coordinates show. Collective on structure */
+/* Displacements of so small an l2 norm are less than coordinates show; in a motion no coordinate counts, but the strains that the step starts from. Collective on structure */
 PetscErrorCode LatinEquilibriumPoint_Private(LatinStructure structure, PetscReal *least)
 {
-  PetscReal size, prescribed;
+  PetscReal size = 0.0, prescribed;
 
   PetscFunctionBegin;
-  PetscCall(LatinStructureSize_Private(structure, &size, &prescribed));
+  if (structure->ground) {
+    for (PetscInt l = 0; l < structure->links_local; l++) size = PetscMax(size, LatinLaws[structure->law[l]].rigid ? 0.0 : PetscAbsReal(structure->e0[l]));
+    PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &size, 1, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)structure)));
+  } else PetscCall(LatinStructureSize_Private(structure, &size, &prescribed));
   *least = LATIN_POINT * PETSC_MACHINE_EPSILON * size;
   PetscFunctionReturn(0);
 }
@@ -149,7 +156,13 @@ static void LatinSumComponent(const LatinNode *at, PetscInt dim, PetscInt c, Pet
   sum->all += PetscSqr(at->r[c]);
   sum->load += PetscSqr(at->load[c]);
   sum->bearing += c ? 0.0 : PetscSqr(at->bearing);
-  if (stiff > 0.0) sum->error += energy ? left * left / stiff : PetscSqr(left / stiff);
+  if (stiff > 0.0) {
+    sum->error += energy ? left * left / stiff : PetscSqr(left / stiff);
+    sum->hides[0] += noise * noise / stiff;
+    sum->hides[1] += PetscSqr(noise / stiff);
+  }
+  sum->u[0] += stiff * PetscSqr(at->u[c]);
+  sum->u[1] += PetscSqr(at->u[c]);
   sum->work += at->r[c] * at->u[c];
   sum->pushed += pushed;
   sum->loads += ground * at->u[c] * at->u[c] + PetscAbsReal(at->load[c] * at->u[c]); /* of a mass in flight the two cancel */
@@ -161,8 +174,8 @@ static void LatinSumComponent(const LatinNode *at, PetscInt dim, PetscInt c, Pet
   sum->stiff[3] += PetscSqr(at->tangent[c] + ground * PetscAbsReal(at->u[c]));
 }
 
-/* By how much rigid links miss their gaps; 0 where nothing moves but by rounding. norm: l2 norm of the displacements. Collective */
-static PetscErrorCode LatinGapError_Private(const LatinNodalBalance *balance, Vec u, PetscReal norm, PetscReal *missed)
+/* By how much rigid links miss their gaps; 0 where nothing moves but by rounding. norm: l2 norm of the displacements; still: a step of a motion is at rest. Collective */
+static PetscErrorCode LatinGapError_Private(const LatinNodalBalance *balance, Vec u, PetscReal norm, PetscBool still, PetscReal *missed)
 {
   const LatinStructure structure = balance->latin->sub.structure;
   PetscReal            size, prescribed, most;
@@ -171,13 +184,10 @@ static PetscErrorCode LatinGapError_Private(const LatinNodalBalance *balance, Ve
   PetscFunctionBegin;
   *missed = 0.0;
   if (structure->rigid_law < 0) PetscFunctionReturn(0);
+  if (structure->ground && !still) *missed = balance->gap;
+  if (structure->ground) PetscFunctionReturn(0); /* no gap and no coordinate counts: closed links let nothing move */
   PetscCall(VecNorm(u, NORM_INFINITY, &most));
   PetscCall(LatinStructureSize_Private(structure, &size, &prescribed));
-  if (structure->ground) { /* in a motion no coordinate counts, but the strains that the step starts from */
-    size = 0.0;
-    for (PetscInt l = 0; l < structure->links_local; l++) size = PetscMax(size, LatinLaws[structure->law[l]].rigid ? 0.0 : PetscAbsReal(structure->e0[l]));
-    PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &size, 1, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)structure)));
-  }
   size *= PETSC_MACHINE_EPSILON;
   moves = (PetscBool)(norm > LATIN_GAP_NONE * PETSC_MACHINE_EPSILON * PetscSqrtReal(balance->sum.bearing_moves) && most > LATIN_POINT * size);
   gaps  = (PetscBool)(PetscSqrtReal(balance->sum.bearing_gaps) > LATIN_GAP_POINT * size || prescribed > LATIN_GAP_POINT * size);
@@ -206,7 +216,8 @@ PetscErrorCode LatinEquilibriumCheck_Private(Latin latin, Vec u, Vec r, Vec more
   for (PetscInt i = 0; i < dim * structure->nodes_local; i++) LatinSumComponent(&balance.node[i / dim], dim, i % dim, energy, &sum);
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &sum, sizeof(sum) / sizeof(PetscReal), MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
   PetscCall(LatinUnsupported_Private(&balance, found));
-  PetscCall(LatinGapError_Private(&balance, u, size, &missed));
+  found->still = (PetscBool)(structure->ground && PetscSqr(target) * sum.u[0] <= sum.hides[0] && PetscSqr(target) * sum.u[1] <= sum.hides[1]);
+  PetscCall(LatinGapError_Private(&balance, u, size, found->still, &missed));
   PetscCall(LatinEquilibriumFar_Private(structure, u, &far));
   PetscCall(PetscFree(balance.node));
 

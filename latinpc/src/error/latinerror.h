@@ -87,6 +87,7 @@ typedef struct {
   PetscReal    forces;             /* all forces without balance, relative to those of links and loads at the nodes: tensions are wrong by so much */
   PetscReal    missed;             /* by how much rigid links miss their gaps, relative to the l2 norm of the displacements */
   PetscBool    balanced;           /* but for rounding, nothing is without balance */
+  PetscBool    still;              /* a step of a motion has come to rest: rounding of the forces moves more than the error asked for */
   PetscInt     nodes;              /* that nothing holds, on all ranks */
   PetscInt     node[LATIN_LISTED]; /* some of them, global numbers */
   PetscReal    distance;           /* that they move until a link holds them, a length */
