@@ -215,7 +215,7 @@ static PetscErrorCode SNESLatinProve_Private(SNES snes, LatinNext *next)
   PetscCall(SNESLatinResidual_Private(snes));
   PetscCall(SNESLatinLoads_Private(snes, &loads));
   PetscCall(LatinEquilibriumFar_Private(data->latin->sub.structure, snes->vec_sol, &far));
-  if (!far && !SNESLatinBalances(snes)) PetscFunctionReturn(0);
+  if (!far && !SNESLatinBalances(snes) && !(data->newton.contrast && data->latin->sub.structure->ground)) PetscFunctionReturn(0); /* a motion that rests needs no proof */
   PetscCall(LatinEquilibriumCheck_Private(data->latin, snes->vec_sol, snes->vec_func, snes->vec_rhs, data->target, data->estimate.energy, PETSC_FALSE, &data->found));
   if (data->found.verdict == LATIN_UNBOUNDED) *next = LATIN_NEXT_DIVERGED;
   else if (far && data->found.verdict == LATIN_BELOW_ROUNDING) *next = LATIN_NEXT_ROUNDING;
