@@ -2,7 +2,7 @@
 
 A saddle net, some of whose cables slacken, and a grid of tensegrity modules that sags by a twentieth of its span.
 Newton's method has the exact Jacobian and PETSc's line search `bt`, and the loads in as few equal increments, 1, 2, 4
-..., as it needs. One process each, on one core.
+..., as it needs. One process each, on one core, which ends after `--limit` seconds.
 
     python benchmarks/large.py                                  # 300 x 300 meshes, 100 x 100 modules: an hour
     python benchmarks/large.py --side 30 60 --modules 8 16      # counts
@@ -102,15 +102,21 @@ def one(name, size, method, file):
     print(json.dumps(row))
 
 
-def measure(name, size, folder):
-    """Each method in a process of its own; differences are from SNES latin."""
+def measure(name, size, folder, limit=300.0):
+    """Each method in a process of its own, for at most `limit` seconds; differences are from SNES latin."""
     rows, first = [], None
     for method in METHODS:
         file = Path(folder) / f"{method}.npy"
         command = [sys.executable, __file__, "--one", name, str(size), method, str(file)]
-        done = subprocess.run(command, capture_output=True, text=True, env=os.environ | {"OMP_NUM_THREADS": "1"})
+        failed = {"scene": name, "size": size, "method": method, "converged": False}
+        environment = os.environ | {"OMP_NUM_THREADS": "1"}
+        try:
+            done = subprocess.run(command, capture_output=True, text=True, env=environment, timeout=limit)
+        except subprocess.TimeoutExpired:
+            rows.append(failed | {"why": f"more than {limit:g} s"})
+            continue
         if done.returncode:
-            rows.append({"scene": name, "size": size, "method": method, "converged": False, "why": done.stderr[-200:]})
+            rows.append(failed | {"why": "failed", "message": done.stderr[-200:]})
             continue
         row = {"scene": name, "size": size} | json.loads(done.stdout.splitlines()[-1])
         u = np.load(file)
@@ -127,7 +133,7 @@ def table(rows):
     for row in rows:
         head = f"| {row['scene']}, {row['size']} x {row['size']} |"
         if "seconds" not in row:
-            lines.append(f"{head} | | | {row['method']} | | | | failed | |")
+            lines.append(f"{head} | | | {row['method']} | | | | {row['why']} | |")
             continue
         work = f"{row['stages']} + {row['iterations']}" if "stages" in row else ""
         end = f"{row['seconds']:.3g} s | {row['difference']:.0e}" if row["converged"] else "did not converge |"
@@ -143,6 +149,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--side", type=int, nargs="*", default=[300], help="meshes along the side of the saddle")
     parser.add_argument("--modules", type=int, nargs="*", default=[100], help="modules along the side of the grid")
+    parser.add_argument("--limit", type=float, default=300.0, help="most seconds of a method (default 300)")
     parser.add_argument("--json", type=Path, help="write the rows to this file")
     parser.add_argument("--one", nargs=4, help=argparse.SUPPRESS)
     chosen = parser.parse_args()
@@ -159,7 +166,7 @@ def main():
     with tempfile.TemporaryDirectory() as folder:
         for name, sizes in (("saddle", chosen.side), ("grid", chosen.modules)):
             for size in sizes:
-                rows += measure(name, size, folder)
+                rows += measure(name, size, folder, chosen.limit)
     print("\n".join(table(rows)))
     if chosen.json:
         chosen.json.write_text(json.dumps(rows, indent=1) + "\n")

@@ -137,6 +137,27 @@ def test_opensees_agrees_with_the_judge():
 
 
 # ---- side by side ---------------------------------------------------------------------------------
+@pytest.mark.parametrize(("modules", "most"), [(6, 40), (9, 40)])
+def test_a_grid_that_is_nearly_a_mechanism(modules, most):
+    """A third of the cables slacken: a stable equilibrium where whole steps of Newton's method fail."""
+    scene = large.scene("grid", modules)
+    row, u, s = large.solve(scene, "latin")
+    equations = Corotational(scene)
+    found = s.displacements(u).astype(np.longdouble)
+    assert row["converged"] and 0.25 < row["slack"] < 0.4
+    assert row["factorisations"] <= most
+    assert np.linalg.norm(equations.unbalance(found)) < 1e-2 * np.linalg.norm(scene.load)
+    np.linalg.cholesky(equations.tangent(found))  # no error: positive definite
+    better = equations.newton(found)
+    assert np.linalg.norm(better - found) < 1e-4 * np.linalg.norm(better)
+
+
+def test_a_method_that_takes_too_long_is_ended(tmp_path):
+    rows = large.measure("saddle", 12, tmp_path, limit=1e-2)
+    assert [row["why"] for row in rows] == 3 * ["more than 0.01 s"]
+    assert all("more than" in line for line in large.table(rows)[2:])
+
+
 def test_the_benchmark_solves_one_problem_three_times(tmp_path):
     """Each method in a process of its own; Newton's method factors more often."""
     rows = {row["method"]: row for row in large.measure("saddle", 12, tmp_path)}

@@ -196,7 +196,7 @@ static PetscErrorCode SNESLatinLargeAhead_Private(SNES snes, PetscReal error)
   const LatinStructure structure = large->frame->turns;
 
   PetscFunctionBegin;
-  if (structure->midpoint || large->searches) PetscFunctionReturn(0); /* the mean force of a step has a tangent of its own */
+  if (structure->midpoint) PetscFunctionReturn(0);                    /* the mean force of a step has a tangent of its own */
   PetscCall(PetscMalloc1(structure->links_local + 1, &large->ahead)); /* never NULL then */
   PetscCall(LatinTurningTensions_Private(structure, NULL, snes->vec_sol, large->ahead));
   structure->ahead = large->ahead;

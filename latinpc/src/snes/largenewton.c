@@ -352,7 +352,7 @@ PetscErrorCode SNESLatinLargeNewton_Private(SNES snes, PetscInt most, PetscBool 
 }
 
 /* A linear solver of the tangent stiffness at u; borrowed. Collective on snes */
-static PetscErrorCode LatinLargeTangent_Private(SNES snes, Vec u, KSP *ksp)
+PetscErrorCode SNESLatinLargeTangent_Private(SNES snes, Vec u, KSP *ksp)
 {
   SNES_Latin *data = (SNES_Latin *)snes->data;
   Mat         A, P;
@@ -376,7 +376,7 @@ PetscErrorCode SNESLatinLargePredict_Private(SNES snes, Vec u, Vec load, PetscRe
   Vec                step;
 
   PetscFunctionBegin;
-  PetscCall(LatinLargeTangent_Private(snes, u, &ksp));
+  PetscCall(SNESLatinLargeTangent_Private(snes, u, &ksp));
   PetscCall(VecDuplicate(u, &step));
   PetscCall(KSPSolve(ksp, load, step));
   PetscCall(KSPGetConvergedReason(ksp, &reason));
@@ -393,7 +393,7 @@ PetscErrorCode SNESLatinLargeMode_Private(SNES snes, Vec u, Vec mode)
   Vec before;
 
   PetscFunctionBegin;
-  PetscCall(LatinLargeTangent_Private(snes, u, &ksp));
+  PetscCall(SNESLatinLargeTangent_Private(snes, u, &ksp));
   PetscCall(VecDuplicate(u, &before));
   for (PetscInt k = 0; k < LATIN_LARGE_INVERSE; k++) {
     PetscCall(VecNormalize(mode, NULL));

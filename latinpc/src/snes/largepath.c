@@ -55,11 +55,8 @@ PetscErrorCode SNESLatinLargeFrom_Private(SNES snes, Vec u, PetscBool near)
   PetscCall(SNESLatinStart_Private(snes));
   if (near && SNESLatinEstimates(data) && data->newton.type != LATIN_NEWTON_NEVER) {
     data->next = LATIN_NEXT_LINE_SEARCH;
-    for (PetscInt k = 0; k < 2 && !done; k++) { /* next to limit points whole steps go to and fro */
-      data->large.searches = (PetscBool)k;
-      PetscCall(SNESLatinLargeFinish_Private(snes, LATIN_PATH_TANGENTS, PETSC_FALSE, &done));
-    }
-    data->large.searches = PETSC_FALSE;
+    PetscCall(SNESLatinLargeFinish_Private(snes, LATIN_PATH_TANGENTS, PETSC_FALSE, &done));
+    if (!done) PetscCall(SNESLatinLargeBarrier_Private(snes, &done));
   } else {
     data->large.last = data->latin->linear.applications + (near ? LATIN_PATH_STAGES : LATIN_PATH_FIRST);
     PetscCall(SNESLatinLargeIterate_Private(snes));

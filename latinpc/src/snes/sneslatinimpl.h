@@ -118,8 +118,7 @@ typedef struct {
   PetscReal least, before; /* least measure of this window and of the last one */
   PetscReal near;          /* estimated error from which on Newton's method is tried */
   /* of Newton's method */
-  PetscReal *ahead;         /* [links_local of the structure] tensions that go ahead of the displacements; NULL in time steps, and where a step is searched */
-  PetscBool  searches;      /* for the part of a step where the energy is least */
+  PetscReal *ahead;         /* [links_local of the structure] tensions that go ahead of the displacements; NULL in time steps */
   PetscReal  error;         /* estimated, after a step */
   PetscReal  first;         /* norm of the residual at the start of a linear solve */
   PetscInt   limit;         /* most iterations of one */
@@ -258,6 +257,8 @@ PETSC_INTERN PetscErrorCode SNESLatinLargeRigid_Private(SNES);
 PETSC_INTERN PetscErrorCode SNESLatinLargeRenew_Private(SNES, LatinFrameType);
 PETSC_INTERN PetscErrorCode SNESLatinLargeMode_Private(SNES, Vec u, Vec mode);
 PETSC_INTERN PetscErrorCode SNESLatinLargePredict_Private(SNES, Vec u, Vec load, PetscReal *moved);
+PETSC_INTERN PetscErrorCode SNESLatinLargeTangent_Private(SNES, Vec u, KSP *);
+PETSC_INTERN PetscErrorCode SNESLatinLargeBarrier_Private(SNES, PetscBool *done);
 PETSC_INTERN PetscErrorCode SNESLatinLargeNewton_Private(SNES, PetscInt most, PetscBool *done);
 PETSC_INTERN PetscErrorCode SNESLatinLargeRests_Private(SNES, PetscBool *rests);
 /* snes/options.c */

@@ -100,7 +100,7 @@ typedef struct {
 /* The search direction (k, c) of link l: its tangent, where it does not bear compression no softer than what holds slack cables, and across the link positive */
 static void LatinFrameTangent(LatinStructure frame, PetscInt l, const LatinFrameLink *link, PetscReal mean, PetscReal *k, PetscReal *c)
 {
-  const PetscReal floor = LATIN_FRAME_FLOOR * mean, least = PetscMax(frame->turns->ahead ? frame->turns->hold * mean : 0.0, floor);
+  const PetscReal floor = LATIN_FRAME_FLOOR * mean, least = PetscMax(frame->turns->ahead && !frame->turns->slope ? frame->turns->hold * mean : 0.0, floor);
 
   *k = PetscMax(link->k, least);
   *c = LatinStructureKeeps(frame->turns, l) ? floor : PetscMin(*k, PetscMax(link->k > 0.0 && link->across < 0.0 ? floor : least, link->across));
@@ -151,7 +151,7 @@ static PetscErrorCode LatinFrameMeasure_Private(LatinStructure frame, const Pets
       LatinFrameAxes(dim, n, axes + dim * dim * l);
     }
     tension        = law->tension(LatinFrameStiffness(frame, l), x, law->ctx);
-    link[l].k      = law->tangent(LatinFrameStiffness(frame, l), x, law->ctx);
+    link[l].k      = base->slope ? base->slope[l] : law->tangent(LatinFrameStiffness(frame, l), x, law->ctx);
     link[l].across = keeps ? (tension != 0.0 ? 1.0 : 0.0) : size > 0.0 ? tension / size : 0.0;
     sum->all += 1.0;
     if (keeps) continue;

@@ -74,6 +74,7 @@ struct _p_LatinStructure {
   const PetscReal *bound; /* beside them: the friction that each contact bears at most, read at its normal part; NULL: Coulomb's */
   /* while Newton's method goes ahead of the displacements of links that turn (snes/largenewton.c), else NULL; borrowed */
   const PetscReal *ahead; /* [links_local] tensions in the tangent stiffness */
+  const PetscReal *slope; /* [links_local] stiffnesses of the laws in it (snes/largebarrier.c), or NULL */
   PetscReal        hold;  /* beside them: what slack cables keep of the mean tension over length, as stiffness */
   /* parts of links that turn (structure/frame.c), NULL in other structures */
   LatinStructure   turns;                 /* the structure whose links have been split into parts */
@@ -188,6 +189,7 @@ PETSC_INTERN PetscErrorCode LatinStructureCountActive_Private(LatinStructure, co
 PETSC_INTERN PetscErrorCode LatinTurningSetUp_Private(LatinStructure);
 PETSC_INTERN PetscErrorCode LatinTurningTensions_Private(LatinStructure, const PetscReal rigid[], Vec u, PetscReal tension[]);
 PETSC_INTERN PetscErrorCode LatinTurningAhead_Private(LatinStructure, Vec u, Vec step, PetscReal part, PetscReal tension[]);
+PETSC_INTERN PetscErrorCode LatinTurningForces_Private(LatinStructure, const PetscReal f[], Vec u, Vec load, Vec r);
 PETSC_INTERN PetscErrorCode LatinTurningResidual_Private(LatinStructure, const PetscReal rigid[], Vec u, Vec r);
 PETSC_INTERN PetscErrorCode LatinTurningJacobian_Private(LatinStructure, Vec u, Mat J);
 PETSC_INTERN PetscErrorCode LatinTurningMove_Private(LatinStructure, Vec u, PetscReal span[], PetscReal x[]);

@@ -119,7 +119,7 @@ static PetscErrorCode LatinTurnedClose_Private(LatinStructure structure, Vec *lo
 }
 
 /* The forces of the links, f of link l at f + dim l, and of springs to the ground at u, on their nodes, less the loads. Collective on structure */
-static PetscErrorCode LatinTurnedForces_Private(LatinStructure structure, const PetscReal f[], Vec u, Vec load, Vec r)
+PetscErrorCode LatinTurningForces_Private(LatinStructure structure, const PetscReal f[], Vec u, Vec load, Vec r)
 {
   const PetscInt dim = structure->dim;
   Vec            local;
@@ -204,7 +204,7 @@ PetscErrorCode LatinTurningResidual_Private(LatinStructure structure, const Pets
     for (PetscInt c = 0; c < dim; c++) f[dim * l + c] = link.tension * link.n[c] + (structure->geometry == LATIN_GEOMETRY_LARGE ? 0.0 : link.across * (link.d[c] - along * link.n[c]));
   }
   PetscCall(LatinTurnedClose_Private(structure, &local, &a));
-  PetscCall(LatinTurnedForces_Private(structure, f, u, structure->load, r));
+  PetscCall(LatinTurningForces_Private(structure, f, u, structure->load, r));
   PetscCall(DMRestoreWorkArray(structure->dm, dim * structure->links_local, MPIU_REAL, &f));
   PetscFunctionReturn(0);
 }
@@ -237,10 +237,10 @@ static void LatinTurnedBlock(LatinStructure structure, PetscInt l, const PetscSc
   PetscReal      k = 0.0;
 
   LatinTurnedLink(structure, NULL, l, a, &link);
-  if (!structure->midpoint) k = LatinStructureTangent(structure, l, link.x);
+  if (!structure->midpoint) k = structure->slope ? structure->slope[l] : LatinStructureTangent(structure, l, link.x);
   if (structure->ahead && !LatinStructureKeeps(structure, l) && link.size > 0.0) {
     link.across = structure->ahead[l] / link.size;
-    if (k == 0.0 || link.across >= 0.0) { /* not where it bears compression */
+    if (!structure->slope && (k == 0.0 || link.across >= 0.0)) { /* not where it bears compression */
       link.across = PetscMax(link.across, hold);
       k           = PetscMax(k, hold);
     }
@@ -302,7 +302,7 @@ static PetscErrorCode LatinTurningMult_Private(Mat A, Vec x, Vec y)
   }
   PetscCall(LatinTurnedClose_Private(structure, &local, &a));
   PetscCall(VecRestoreArrayRead(blocks, &k));
-  PetscCall(LatinTurnedForces_Private(structure, f, x, NULL, y));
+  PetscCall(LatinTurningForces_Private(structure, f, x, NULL, y));
   PetscCall(DMRestoreWorkArray(structure->dm, dim * structure->links_local, MPIU_REAL, &f));
   PetscFunctionReturn(0);
 }
