@@ -46,6 +46,17 @@ static PetscErrorCode LatinTautUpdate_Private(SNES snes, Vec before, PetscReal *
   PetscFunctionReturn(0);
 }
 
+/* A solve from displacements near its solution: Newton's method, or the iteration. Collective on snes */
+static PetscErrorCode LatinTautFrom_Private(SNES snes, Vec u)
+{
+  PetscFunctionBegin;
+  PetscCall(SNESLatinLargeFrom_Private(snes, u, PETSC_TRUE));
+  if (LatinNextConverged(((SNES_Latin *)snes->data)->next)) PetscFunctionReturn(0);
+  PetscCall(VecCopy(u, snes->vec_sol));
+  PetscCall(SNESLatinLargeFrom_Private(snes, u, PETSC_FALSE));
+  PetscFunctionReturn(0);
+}
+
 /* The next solve, with larger penalties if tensions change slowly. Collective on snes */
 static PetscErrorCode LatinTautNext_Private(SNES snes, Vec u, PetscBool grows)
 {
@@ -59,10 +70,36 @@ static PetscErrorCode LatinTautNext_Private(SNES snes, Vec u, PetscBool grows)
     PetscCall(LatinFrameSprings_Private(large->frame, PETSC_FALSE));
     PetscCall(SNESLatinSetUpState_Private(snes));
   }
-  PetscCall(SNESLatinLargeFrom_Private(snes, u, PETSC_TRUE));
-  if (LatinNextConverged(((SNES_Latin *)snes->data)->next)) PetscFunctionReturn(0);
-  PetscCall(VecCopy(u, snes->vec_sol));
-  PetscCall(SNESLatinLargeFrom_Private(snes, u, PETSC_FALSE));
+  PetscCall(LatinTautFrom_Private(snes, u));
+  PetscFunctionReturn(0);
+}
+
+/* Is the problem convex, with no law but rigid ones, and does this solve start afresh? Collective on snes */
+static PetscErrorCode LatinTautConvex_Private(SNES snes, PetscBool *convex)
+{
+  const SNES_Latin    *data      = (SNES_Latin *)snes->data;
+  const LatinStructure structure = data->large.frame->turns;
+  PetscMPIInt          any       = 0;
+
+  PetscFunctionBegin;
+  for (PetscInt l = 0; l < structure->links_local; l++)
+    if (!LatinLaws[structure->law[l]].rigid) any = 1;
+  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &any, 1, MPI_INT, MPI_MAX, PetscObjectComm((PetscObject)structure)));
+  *convex = (PetscBool)(!any && SNESLatinEstimates(data) && data->newton.type != LATIN_NEWTON_NEVER && !(data->warm && data->has_state));
+  PetscFunctionReturn(0);
+}
+
+/* The first solve: from the drawn configuration, or from what an interior point method finds. Collective on snes */
+static PetscErrorCode LatinTautFirst_Private(SNES snes, Vec before)
+{
+  PetscBool near = PETSC_FALSE;
+
+  PetscFunctionBegin;
+  PetscCall(LatinTautConvex_Private(snes, &near));
+  if (near) PetscCall(SNESLatinLargeInterior_Private(snes, &near));
+  PetscCall(VecCopy(snes->vec_sol, before));
+  if (near) PetscCall(LatinTautFrom_Private(snes, before));
+  else PetscCall(SNESLatinLargeRun_Private(snes));
   PetscFunctionReturn(0);
 }
 
@@ -83,8 +120,7 @@ PetscErrorCode SNESLatinLargeRigid_Private(SNES snes)
   structure->penalty    = data->large.frame->spring;
   structure->multiplier = data->large.frame->spring + structure->links_local;
   PetscCall(DMGetGlobalVector(structure->dm, &before));
-  PetscCall(VecCopy(snes->vec_sol, before));
-  PetscCall(SNESLatinLargeRun_Private(snes));
+  PetscCall(LatinTautFirst_Private(snes, before));
   for (PetscInt k = 0; LatinNextConverged(data->next); k++) {
     PetscBool grows;
 

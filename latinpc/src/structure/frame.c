@@ -286,7 +286,7 @@ PetscErrorCode LatinFrameSprings_Private(LatinStructure frame, PetscBool none)
 }
 
 /* Inextensible cables as springs, of a penalty that suits what is beside them, without multipliers. Collective on frame */
-static PetscErrorCode LatinFramePenalty_Private(LatinStructure frame)
+PetscErrorCode LatinFramePenalty_Private(LatinStructure frame)
 {
   const LatinStructure base = frame->turns;
   const PetscInt       n    = base->links_local;

@@ -201,6 +201,7 @@ PETSC_INTERN PetscErrorCode LatinFrameCreate_Private(LatinStructure, LatinStruct
 PETSC_INTERN PetscErrorCode LatinFrameFollow_Private(LatinStructure frame);
 PETSC_INTERN PetscErrorCode LatinFrameRenew_Private(LatinStructure frame, Vec u, LatinFrameType);
 PETSC_INTERN PetscErrorCode LatinFrameSprings_Private(LatinStructure frame, PetscBool none);
+PETSC_INTERN PetscErrorCode LatinFramePenalty_Private(LatinStructure frame);
 PETSC_INTERN PetscErrorCode LatinFrameSlack_Private(LatinStructure frame, Vec u, PetscInt *slack);
 
 /* Does link l keep its direction in large displacements? Contacts, and those that were given one */
