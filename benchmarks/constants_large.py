@@ -58,6 +58,30 @@ LARGE = {
         "solves",
         "A bound that structures with a solution do not meet: chains and nets take 3 to 16.",
     ),
+    "LATIN_INTERIOR_MOST": ("steps", "A bound: of 560 random nets and chains none took more than 29."),
+    "LATIN_INTERIOR_SMALL": (
+        "of tensions times lengths",
+        "With 1e-6 9 of 30 nets whose loads differ by 1e4 do not converge from there, with 1e-7 3, with 1e-8 1.",
+    ),
+    "LATIN_INTERIOR_AIM": (
+        "times the same",
+        "Without it 5 of 30 long chains are refused as mechanisms: products vanish before forces balance.",
+    ),
+    "LATIN_INTERIOR_LEFT": (
+        "of loads and lengths",
+        "With 1e-6, as the products, a net of 2,700 unknowns takes all 60 steps: linear solves leave more.",
+    ),
+    "LATIN_INTERIOR_RTOL": ("of a residual", "With 1e-2 that net never balances; 1e-8 takes 2 iterations."),
+    "LATIN_INTERIOR_BACK": ("of the way to zero", "Usual: 0.9 to 0.995 [S. Mehrotra 1992]."),
+    "LATIN_INTERIOR_FIRST": (
+        "of L^2",
+        "Any slack that is no zero; that of a cable whose length is 0.9 L is twice as large.",
+    ),
+    "LATIN_INTERIOR_STILL": ("of a step", "Ends where lengths are incompatible, and steps vanish."),
+    "LATIN_INTERIOR_PENALTY": (
+        "times the mean tension over length",
+        "With 1e4 4 of 8 nets of 2,000 to 4,000 unknowns do not converge from there, with 1e5 all 8.",
+    ),
     "LATIN_FRAME_LOWEST": (
         "of the mean stiffness",
         "The least mean c: times `LATIN_FRAME_FLOOR` it is still a hundred times what a mechanism is to rounding.",

@@ -78,10 +78,16 @@ def test_python_and_the_option_come_before_the_file(net):
         ("geometry = 3", "", "", "net.toml: geometry = 3; use linear, prestress, large"),
         ('geometri = "large"', "", "", "unknown key 'geometri'; do you mean 'geometry'?"),
         (
-            'geometry = "large"',
+            'geometry = "prestress"',
             '"cable"\nEA = 1e5\nprestress = 1000.0',
             '"inextensible"',
             "net.toml: [laws.net]: the law inextensible does not turn with displacements",
+        ),
+        (
+            'geometry = "large"',
+            '"cable"\nEA = 1e5\nprestress = 1000.0',
+            '"friction"\ncoefficient = 0.5\nnormal = [0.0, 0.0, 1.0]',
+            "net.toml: [laws.net]: the law friction does not turn with displacements",
         ),
         (
             'geometry = "prestress"',
@@ -93,6 +99,30 @@ def test_python_and_the_option_come_before_the_file(net):
 )
 def test_mistakes_are_named(net, line, old, new, words):
     assert words.split("; do")[0] in said(command("solve", net(line, TOML.replace(old, new)), code=2))[0]
+
+
+def test_inextensible_cables_hang(net):
+    """A node on four cables a tenth longer than drawn: none is longer than that, and taut ones bear the load."""
+    text = TOML.replace('"cable"\nEA = 1e5\nprestress = 1000.0', '"inextensible"\nstrain = -0.1')
+    path = net('geometry = "large"', text)
+    scene = latinpc.read(path)
+    result = scene.solve(error=1e-10)
+    moved = scene.nodes + result.displacements
+    r = np.diff(moved[scene.links], axis=1)[:, 0]
+    size, natural = (
+        np.linalg.norm(r, axis=1),
+        1.1 * np.linalg.norm(np.diff(scene.nodes[scene.links], axis=1)[:, 0], axis=1),
+    )
+    t = result.tensions
+    assert (size - natural).max() < 1e-9 and t.min() >= 0.0
+    assert np.abs(t * (size - natural)).max() < 1e-9 * t.max()
+    free = ~scene.fixed.any(axis=1)
+    force = sum(
+        np.where(scene.links[:, [end]] == np.flatnonzero(free), t[:, None], 0.0).T @ (sign * r / size[:, None])
+        for end, sign in ((0, 1.0), (1, -1.0))
+    )
+    assert np.abs(force + scene.load[free]).max() < 1e-8 * t.max()
+    assert "converged" in command("solve", path).stdout
 
 
 def test_a_wrong_argument_is_named(net):

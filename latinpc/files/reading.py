@@ -343,8 +343,9 @@ def _geometry(settings, lines, description, given, assignments):
         where = "geometry" if given.geometry else f"{description}: geometry"
         raise ValueError(f"{where} = {geometry!r}; use {', '.join(GEOMETRIES)}")
     for where, _, entries in assignments if geometry != "linear" else ():
-        if given.rigid(entries["law"]) or "normal" in entries:
-            what = "a link with a normal of its own" if "normal" in entries else f"the law {entries['law']}"
+        law, normal = entries["law"], geometry == "prestress" and "normal" in entries
+        if law == "friction" or (geometry == "prestress" and given.rigid(law)) or normal:
+            what = "a link with a normal of its own" if normal else f"the law {law}"
             raise ValueError(f"{where}: {what} does not turn with displacements, as geometry = '{geometry}' asks for")
     return geometry
 

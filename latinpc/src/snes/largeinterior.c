@@ -14,7 +14,7 @@
 */
 
 #define LATIN_INTERIOR_MOST    60   /* steps: 10 to 20 where there is an equilibrium */
-#define LATIN_INTERIOR_SMALL   1e-8 /* of the loads, lengths and tensions: from there on the method of multipliers changes few cables */
+#define LATIN_INTERIOR_SMALL   1e-8 /* of tensions times lengths: products of tensions and gaps from where the method of multipliers changes few cables */
 #define LATIN_INTERIOR_AIM     0.3  /* of these products: where lengths and balance follow later no smaller ones are wanted, whose linear systems are next to singular */
 #define LATIN_INTERIOR_LEFT    1e-4 /* the same of lengths missed and forces without balance: they fall with the products, until these make linear systems singular */
 #define LATIN_INTERIOR_BACK    0.99 /* of the way to where a force density or a slack vanishes */
@@ -27,6 +27,7 @@ typedef struct {
   LatinStructure structure;
   PetscReal     *g, *s, *dg, *ds, *h, *add, *tension; /* [links_local]; add: dg where displacements stay */
   PetscReal     *span[2], *x[2];                      /* from node to node, and strains: at u, and after the step */
+  PetscBool     *held;                                /* between prescribed displacements: bears nothing, and is as if it had room */
   PetscReal      length, force;                       /* mean length of the cables, mean load of a node */
   PetscReal      gap, whole;                          /* sums of g s, and of g L^2 */
   Vec            at, step, r;
@@ -54,6 +55,29 @@ static PetscReal LatinInteriorUnit(const LatinInterior *point, PetscInt l)
   return LatinStructureKeeps(point->structure, l) ? point->length : PetscSqr(PetscSqrtReal(LatinInteriorSquare(point, l)) - point->x[0][l]);
 }
 
+/* Links that no free displacement moves. Collective on structure */
+static PetscErrorCode LatinInteriorHeld_Private(LatinInterior *point)
+{
+  const LatinStructure structure = point->structure;
+  const PetscInt       dim       = structure->dim;
+  const PetscScalar   *free;
+  Vec                  local;
+
+  PetscFunctionBegin;
+  PetscCall(DMGetLocalVector(structure->dm, &local));
+  PetscCall(VecSet(point->at, 1.0));
+  PetscCall(LatinStructureGetLocal_Private(structure, NULL, point->at, local));
+  PetscCall(VecGetArrayRead(local, &free));
+  for (PetscInt l = 0; l < structure->links_local; l++) {
+    point->held[l] = PETSC_TRUE;
+    for (PetscInt i = 0; i < 2 * dim; i++)
+      if (free[dim * structure->ends[2 * l + i / dim] + i % dim] != 0.0) point->held[l] = PETSC_FALSE;
+  }
+  PetscCall(VecRestoreArrayRead(local, &free));
+  PetscCall(DMRestoreLocalVector(structure->dm, &local));
+  PetscFunctionReturn(0);
+}
+
 /* Spans, strains and h at u. Collective on structure */
 static PetscErrorCode LatinInteriorMeasure_Private(LatinInterior *point, Vec u)
 {
@@ -64,7 +88,7 @@ static PetscErrorCode LatinInteriorMeasure_Private(LatinInterior *point, Vec u)
   for (PetscInt l = 0; l < structure->links_local; l++) {
     const PetscReal x = point->x[0][l];
 
-    point->h[l] = LatinStructureKeeps(structure, l) ? -LatinLawSign(structure->law[l]) * x : -0.5 * x * (2.0 * PetscSqrtReal(LatinInteriorSquare(point, l)) - x);
+    point->h[l] = point->held[l] ? LatinInteriorUnit(point, l) : LatinStructureKeeps(structure, l) ? -LatinLawSign(structure->law[l]) * x : -0.5 * x * (2.0 * PetscSqrtReal(LatinInteriorSquare(point, l)) - x);
   }
   PetscFunctionReturn(0);
 }
@@ -89,24 +113,27 @@ static PetscErrorCode LatinInteriorForces_Private(SNES snes, LatinInterior *poin
   PetscFunctionReturn(0);
 }
 
-/* The first force densities and slacks; *suits: there are cables that turn, and loads. Collective on snes */
+/* The first force densities and slacks; *suits: there are cables that turn, of positive length, and loads. Collective on snes */
 static PetscErrorCode LatinInteriorStart_Private(SNES snes, LatinInterior *point, Vec u, PetscBool *suits)
 {
   const LatinStructure structure = point->structure;
-  PetscReal            sum[2]    = {0.0, 0.0}, load;
+  PetscReal            sum[2] = {0.0, 0.0}, load, least = PETSC_MAX_REAL;
 
   PetscFunctionBegin;
+  PetscCall(LatinInteriorHeld_Private(point));
   PetscCall(LatinInteriorMeasure_Private(point, u));
   for (PetscInt l = 0; l < structure->links_local; l++) {
     if (LatinStructureKeeps(structure, l)) continue;
+    least = PetscMin(least, PetscSqrtReal(LatinInteriorSquare(point, l)) - point->x[0][l]);
     sum[0] += PetscSqrtReal(LatinInteriorUnit(point, l));
     sum[1] += 1.0;
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &least, 1, MPIU_REAL, MPIU_MIN, PetscObjectComm((PetscObject)structure)));
   PetscCall(PetscArrayzero(point->tension, structure->links_local));
   PetscCall(LatinInteriorForces_Private(snes, point, u));
   PetscCall(VecNorm(point->r, NORM_2, &load));
-  *suits        = (PetscBool)(sum[0] > 0.0 && load > 0.0);
+  *suits        = (PetscBool)(least > 0.0 && sum[0] > 0.0 && load > 0.0);
   point->length = sum[0] / PetscMax(sum[1], 1.0);
   point->force  = load / PetscSqrtReal((PetscReal)structure->nodes_global);
   for (PetscInt l = 0; l < structure->links_local && *suits; l++) {
@@ -235,7 +262,7 @@ static PetscErrorCode LatinInteriorRun_Private(SNES snes, LatinInterior *point, 
   KSP                  ksp;
 
   PetscFunctionBegin;
-  for (PetscInt k = 0; k < LATIN_INTERIOR_MOST && part > LATIN_INTERIOR_STILL; k++) {
+  for (PetscInt k = 0; k < LATIN_INTERIOR_MOST && part > LATIN_INTERIOR_STILL && ((SNES_Latin *)snes->data)->newton.stages < snes->max_its; k++) {
     PetscCall(LatinInteriorNear_Private(snes, point, snes->vec_sol, near));
     if (*near || PetscIsInfOrNanReal(point->gap)) break;
     PetscCall(LatinInteriorOperators_Private(snes, point, &ksp));
@@ -266,7 +293,7 @@ static PetscErrorCode LatinInteriorEnd_Private(SNES snes, LatinInterior *point, 
   PetscFunctionBegin;
   for (PetscInt l = 0; l < structure->links_local && near; l++) {
     frame->spring[l]                          = LATIN_INTERIOR_PENALTY * mean;
-    frame->spring[structure->links_local + l] = LatinInteriorTension(point, l, point->g[l]);
+    frame->spring[structure->links_local + l] = point->held[l] ? 0.0 : LatinInteriorTension(point, l, point->g[l]);
   }
   if (!near) PetscCall(LatinFramePenalty_Private(frame));
   structure->penalty    = frame->spring;
@@ -289,6 +316,7 @@ PetscErrorCode SNESLatinLargeInterior_Private(SNES snes, PetscBool *near)
   structure->penalty = structure->multiplier = NULL;
   PetscCall(PetscCalloc7(n, &point.g, n, &point.s, n, &point.dg, n, &point.ds, n, &point.h, n, &point.add, n, &point.tension));
   PetscCall(PetscMalloc4(dim * n, &point.span[0], dim * n, &point.span[1], n, &point.x[0], n, &point.x[1]));
+  PetscCall(PetscMalloc1(n, &point.held));
   PetscCall(DMGetGlobalVector(structure->dm, &point.at));
   PetscCall(DMGetGlobalVector(structure->dm, &point.step));
   PetscCall(DMGetGlobalVector(structure->dm, &point.r));
@@ -306,6 +334,7 @@ PetscErrorCode SNESLatinLargeInterior_Private(SNES snes, PetscBool *near)
   PetscCall(DMRestoreGlobalVector(structure->dm, &point.r));
   PetscCall(DMRestoreGlobalVector(structure->dm, &point.step));
   PetscCall(DMRestoreGlobalVector(structure->dm, &point.at));
+  PetscCall(PetscFree(point.held));
   PetscCall(PetscFree4(point.span[0], point.span[1], point.x[0], point.x[1]));
   PetscCall(PetscFree7(point.g, point.s, point.dg, point.ds, point.h, point.add, point.tension));
   PetscFunctionReturn(0);

@@ -85,7 +85,7 @@ static PetscErrorCode LatinTautConvex_Private(SNES snes, PetscBool *convex)
   for (PetscInt l = 0; l < structure->links_local; l++)
     if (!LatinLaws[structure->law[l]].rigid) any = 1;
   PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &any, 1, MPI_INT, MPI_MAX, PetscObjectComm((PetscObject)structure)));
-  *convex = (PetscBool)(!any && SNESLatinEstimates(data) && data->newton.type != LATIN_NEWTON_NEVER && !(data->warm && data->has_state));
+  *convex = (PetscBool)(!any && SNESLatinEstimates(data) && data->newton.type != LATIN_NEWTON_NEVER && !(data->warm && data->has_state) && !(snes->ops->converged && snes->ops->converged != SNESConvergedDefault));
   PetscFunctionReturn(0);
 }
 
@@ -98,8 +98,10 @@ static PetscErrorCode LatinTautFirst_Private(SNES snes, Vec before)
   PetscCall(LatinTautConvex_Private(snes, &near));
   if (near) PetscCall(SNESLatinLargeInterior_Private(snes, &near));
   PetscCall(VecCopy(snes->vec_sol, before));
-  if (near) PetscCall(LatinTautFrom_Private(snes, before));
-  else PetscCall(SNESLatinLargeRun_Private(snes));
+  if (near) {
+    PetscCall(LatinTautFrom_Private(snes, before));
+    ((SNES_Latin *)snes->data)->large.reached = LatinNextConverged(((SNES_Latin *)snes->data)->next) ? 1.0 : 0.0;
+  } else PetscCall(SNESLatinLargeRun_Private(snes));
   PetscFunctionReturn(0);
 }
 
