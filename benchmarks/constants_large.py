@@ -77,6 +77,10 @@ LARGE = {
         "of L^2",
         "Any slack that is no zero; that of a cable whose length is 0.9 L is twice as large.",
     ),
+    "LATIN_INTERIOR_FLOOR": (
+        "of the mean tension over length",
+        "Without it nets with loads on a tenth of their nodes take 205 stages in place of 79.",
+    ),
     "LATIN_INTERIOR_STILL": ("of a step", "Ends where lengths are incompatible, and steps vanish."),
     "LATIN_INTERIOR_PENALTY": (
         "times the mean tension over length",

@@ -185,6 +185,52 @@ def test_the_next_load_starts_from_the_last_tensions():
     assert latinpc.tensions(snes)[0] > 300.0
 
 
+def test_cables_between_supports_bear_nothing():
+    """As long as drawn, along the rim of a net: any tension there is balanced by supports."""
+    structure, length = slack_net(cells=4)
+    exact = solve(structure | RIGID, error=1e-9)
+    rim = np.flatnonzero(structure["fixed"][:, 0])
+    links = np.concatenate([structure["links"], np.column_stack([rim[:-1], rim[1:]])])
+    longer = np.append(structure["initial_elongation"], np.zeros(len(rim) - 1))
+    result = solve(structure | RIGID | {"links": links, "initial_elongation": longer}, error=1e-9)
+    assert result.converged
+    assert np.abs(result.tensions[len(length) :]).max() < 1e-9 * exact.tensions.max()
+    assert result.tensions[: len(length)] == pytest.approx(exact.tensions, rel=1e-6, abs=1e-6)
+
+
+@pytest.mark.parametrize("weight", [0.0, 2.0])
+def test_a_node_that_one_cable_holds(weight):
+    """It hangs below the net, or anywhere near enough."""
+    structure, length = slack_net(cells=4)
+    loose, free = len(structure["nodes"]), np.flatnonzero(~structure["fixed"][:, 0])[0]
+    more = {"nodes": structure["nodes"][free] + [0.0, 0.0, 1.0], "links": [free, loose], "fixed": [False] * 3}
+    more |= {"load": [0.0, 0.0, -weight], "initial_elongation": 0.0}
+    made = {key: np.concatenate([structure[key], [value]]) for key, value in more.items()}
+    result = solve(made | RIGID, error=1e-9)
+    assert result.converged
+    r = (made["nodes"] + result.displacements)[loose] - (made["nodes"] + result.displacements)[free]
+    assert np.linalg.norm(r) < 1.0 + 1e-8
+    assert result.tensions[-1] == pytest.approx(weight, rel=1e-7, abs=1e-9)
+    if weight:
+        assert r == pytest.approx([0.0, 0.0, -1.0], abs=1e-7)
+
+
+def test_what_has_no_equilibrium():
+    """A part that nothing holds is named; cables as long as drawn on a saddle leave no room, whatever they bear."""
+    structure, _ = slack_net(cells=4)
+    n = len(structure["nodes"])
+    more = {"nodes": [[0.0, 0.0, 9.0], [1.0, 0.0, 9.0]], "links": [[n, n + 1]], "fixed": [[False] * 3] * 2}
+    more |= {"load": [[0.0, 0.0, -1.0]] * 2, "initial_elongation": [0.0]}
+    with pytest.raises(PETSc.Error) as error:
+        solve({key: np.concatenate([structure[key], value]) for key, value in more.items()} | RIGID)
+    assert f"Nodes that move (counted from 0): {n}, {n + 1}." in latinpc.error_message(error.value)
+    uneven = np.random.default_rng(0).uniform(0.5, 1.5, (n, 1)) * structure["load"]
+    for load, converges in ((structure["load"], True), (uneven, False)):  # of equal weights parabolas are the shape
+        result = solve(structure | RIGID | {"initial_elongation": 0.0, "load": load})
+        assert result.converged == converges
+    assert result.reason == PETSc.SNES.ConvergedReason.DIVERGED_DTOL
+
+
 def test_prescribed_displacements_pull_a_chain():
     """A support that moves: changes are seen by the next solve."""
     nodes = np.array([[0.0, 0.0], [1.0, 0.0], [2.0, 0.0]])

@@ -19,6 +19,7 @@
 #define LATIN_INTERIOR_LEFT    1e-4 /* the same of lengths missed and forces without balance: they fall with the products, until these make linear systems singular */
 #define LATIN_INTERIOR_BACK    0.99 /* of the way to where a force density or a slack vanishes */
 #define LATIN_INTERIOR_FIRST   0.1  /* slacks at first, of L^2 */
+#define LATIN_INTERIOR_FLOOR   1e-6 /* of the mean tension over length: force densities at least in the linear systems, for nodes that slack cables alone hold */
 #define LATIN_INTERIOR_STILL   1e-6 /* a part of a step that is no step */
 #define LATIN_INTERIOR_RTOL    1e-8 /* of a linear solve: what it leaves grows by g / s, a stiffness, in the forces of the next point */
 #define LATIN_INTERIOR_PENALTY 1e3  /* times the mean tension over length: the penalty afterwards */
@@ -71,11 +72,17 @@ static PetscErrorCode LatinInteriorHeld_Private(LatinInterior *point)
   for (PetscInt l = 0; l < structure->links_local; l++) {
     point->held[l] = PETSC_TRUE;
     for (PetscInt i = 0; i < 2 * dim; i++)
-      if (free[dim * structure->ends[2 * l + i / dim] + i % dim] != 0.0) point->held[l] = PETSC_FALSE;
+      if (PetscRealPart(free[dim * structure->ends[2 * l + i / dim] + i % dim]) != 0.0) point->held[l] = PETSC_FALSE;
   }
   PetscCall(VecRestoreArrayRead(local, &free));
   PetscCall(DMRestoreLocalVector(structure->dm, &local));
   PetscFunctionReturn(0);
+}
+
+/* Tension over length, a mean of the cables */
+static PetscReal LatinInteriorMean(const LatinInterior *point)
+{
+  return point->whole / ((PetscReal)point->structure->links_global * PetscSqr(point->length));
 }
 
 /* Spans, strains and h at u. Collective on structure */
@@ -179,7 +186,7 @@ static PetscErrorCode LatinInteriorOperators_Private(SNES snes, LatinInterior *p
 
   PetscFunctionBegin;
   for (PetscInt l = 0; l < structure->links_local; l++) {
-    const PetscReal g = point->g[l];
+    const PetscReal g = PetscMax(point->g[l], LATIN_INTERIOR_FLOOR * LatinInteriorMean(point));
 
     penalty[l]    = LatinStructureKeeps(structure, l) ? g / point->s[l] : g + g / point->s[l] * LatinInteriorSquare(point, l);
     multiplier[l] = LatinInteriorTension(point, l, g) - penalty[l] * point->x[0][l];
@@ -288,11 +295,10 @@ static PetscErrorCode LatinInteriorEnd_Private(SNES snes, LatinInterior *point, 
 {
   const LatinStructure structure = point->structure;
   const LatinStructure frame     = ((SNES_Latin *)snes->data)->large.frame;
-  const PetscReal      mean      = point->whole / ((PetscReal)structure->links_global * PetscSqr(point->length));
 
   PetscFunctionBegin;
   for (PetscInt l = 0; l < structure->links_local && near; l++) {
-    frame->spring[l]                          = LATIN_INTERIOR_PENALTY * mean;
+    frame->spring[l]                          = LATIN_INTERIOR_PENALTY * LatinInteriorMean(point);
     frame->spring[structure->links_local + l] = point->held[l] ? 0.0 : LatinInteriorTension(point, l, point->g[l]);
   }
   if (!near) PetscCall(LatinFramePenalty_Private(frame));
