@@ -170,3 +170,23 @@ def test_a_large_inextensible_net():
     certify(structure, result)
     assert 0.05 < result.slack.mean() < 0.5
     assert result.iterations < 400
+
+
+def test_beside_cables_that_stretch():
+    """A fifth of the cables stretches: at once near the solution as well, whatever their stiffness."""
+    rigid = rigid_net(2, 8)
+    stretches = np.random.default_rng(2).random(len(rigid.links)) < 0.2
+    given = {key: getattr(rigid, key) for key in ("nodes", "links", "fixed", "load", "initial_elongation")}
+    law, stiffness = np.where(stretches, "cable", "inextensible").tolist(), np.where(stretches, 1e5, 0.0)
+    result = latinpc.Structure(**given, law=law, stiffness=stiffness, geometry="large").solve(error=1e-9)
+    assert result.converged
+    assert result.iterations < 100
+    r = np.diff((rigid.nodes + result.displacements)[rigid.links], axis=1)[:, 0]
+    size, t = np.linalg.norm(r, axis=1), result.tensions
+    x = size - rigid.lengths + rigid.initial_elongation
+    assert np.allclose(t[stretches], 1e5 * np.maximum(x[stretches], 0.0), rtol=0.0, atol=1e-7 * t.max())
+    assert x[~stretches].max() < 1e-8 and np.abs(x * t)[~stretches].max() < 1e-8 * t.max()
+    left = np.array(rigid.load)
+    np.add.at(left, rigid.links[:, 0], (t / size)[:, None] * r)
+    np.add.at(left, rigid.links[:, 1], -(t / size)[:, None] * r)
+    assert np.abs(left[~rigid.fixed]).max() < 1e-8 * t.max()

@@ -1,7 +1,7 @@
 #include "snes/sneslatinimpl.h"
 
 /*
-   Where all links are inextensible cables or contacts the potential energy of the loads is least: a convex problem. The method of
+   Where all links are cables, some of them inextensible, or contacts the energy is least: a convex problem. The method of
    multipliers (snes/largerigid.c) ends it from near its solution; from afar, among thousands of cables that become taut and slack by turns,
    its Newton's method goes to and fro. So an interior point method [S. Mehrotra 1992] goes there first, in 10 to 20 linear solves whatever the size. A cable
    of length L has h = (L^2 - |r|^2) / 2, a link that keeps its direction its gap h; with force densities g (tension over
@@ -9,7 +9,8 @@
 
      sum of g r = load on each node,  s = h,  g s = mu,  g > 0,  s > 0,  mu -> 0.
 
-   Without dg and ds Newton's step has the stiffness g 1 + (g / s) r r^t of each cable: it is the tangent stiffness of a
+   A cable of the stiffness k is longer, L / (1 - g / k), which adds g times half the derivative of the square of that to s, in what
+   follows. Without dg and ds Newton's step has the stiffness g 1 + (g / s) r r^t of each cable: it is the tangent stiffness of a
    spring g + (g / s) R^2 that bears g R, so that operators and conjugate gradients are those of cables. No cable is slack on the way.
 */
 
@@ -33,6 +34,12 @@ typedef struct {
   PetscReal      gap, whole;                          /* sums of g s, and of g L^2 */
   Vec            at, step, r;
 } LatinInterior;
+
+/* A force density that a cable of the natural length L cannot exceed: its stiffness */
+static PetscReal LatinInteriorMost(const LatinInterior *point, PetscInt l)
+{
+  return LatinLaws[point->structure->law[l]].rigid ? PETSC_INFINITY : point->structure->stiffness[l];
+}
 
 /* |r|^2 at u */
 static PetscReal LatinInteriorSquare(const LatinInterior *point, PetscInt l)
@@ -79,6 +86,24 @@ static PetscErrorCode LatinInteriorHeld_Private(LatinInterior *point)
   PetscFunctionReturn(0);
 }
 
+/* The stretched length of a cable, squared, less L^2; rate: half the derivative by g of this */
+static PetscReal LatinInteriorStretch(const LatinInterior *point, PetscInt l, PetscReal *rate)
+{
+  const PetscReal part = point->g[l] / LatinInteriorMost(point, l), square = LatinInteriorUnit(point, l) / PetscSqr(1.0 - part);
+
+  *rate = part > 0.0 ? square / (LatinInteriorMost(point, l) * (1.0 - part)) : 0.0;
+  return square * part * (2.0 - part);
+}
+
+/* s, and what g times the rate of the stretched length adds: without it a cable of the law that has no stretch */
+static PetscReal LatinInteriorSlack(const LatinInterior *point, PetscInt l)
+{
+  PetscReal rate;
+
+  (void)LatinInteriorStretch(point, l, &rate);
+  return point->s[l] + point->g[l] * rate;
+}
+
 /* Tension over length, a mean of the cables */
 static PetscReal LatinInteriorMean(const LatinInterior *point)
 {
@@ -94,8 +119,11 @@ static PetscErrorCode LatinInteriorMeasure_Private(LatinInterior *point, Vec u)
   PetscCall(LatinTurningMove_Private(structure, u, point->span[0], point->x[0]));
   for (PetscInt l = 0; l < structure->links_local; l++) {
     const PetscReal x = point->x[0][l];
+    PetscReal       rate;
 
-    point->h[l] = point->held[l] ? LatinInteriorUnit(point, l) : LatinStructureKeeps(structure, l) ? -LatinLawSign(structure->law[l]) * x : -0.5 * x * (2.0 * PetscSqrtReal(LatinInteriorSquare(point, l)) - x);
+    point->h[l] = point->held[l]                      ? LatinInteriorUnit(point, l)
+                  : LatinStructureKeeps(structure, l) ? -LatinLawSign(structure->law[l]) * x
+                                                      : -0.5 * x * (2.0 * PetscSqrtReal(LatinInteriorSquare(point, l)) - x) + 0.5 * LatinInteriorStretch(point, l, &rate);
   }
   PetscFunctionReturn(0);
 }
@@ -145,7 +173,7 @@ static PetscErrorCode LatinInteriorStart_Private(SNES snes, LatinInterior *point
   point->force  = load / PetscSqrtReal((PetscReal)structure->nodes_global);
   for (PetscInt l = 0; l < structure->links_local && *suits; l++) {
     point->s[l] = PetscMax(point->h[l], LATIN_INTERIOR_FIRST * LatinInteriorUnit(point, l));
-    point->g[l] = LatinStructureKeeps(structure, l) ? point->force : point->force / point->length;
+    point->g[l] = LatinStructureKeeps(structure, l) ? point->force : PetscMin(0.5 * LatinInteriorMost(point, l), point->force / point->length);
   }
   PetscFunctionReturn(0);
 }
@@ -188,7 +216,7 @@ static PetscErrorCode LatinInteriorOperators_Private(SNES snes, LatinInterior *p
   for (PetscInt l = 0; l < structure->links_local; l++) {
     const PetscReal g = PetscMax(point->g[l], LATIN_INTERIOR_FLOOR * LatinInteriorMean(point));
 
-    penalty[l]    = LatinStructureKeeps(structure, l) ? g / point->s[l] : g + g / point->s[l] * LatinInteriorSquare(point, l);
+    penalty[l]    = (LatinStructureKeeps(structure, l) ? 0.0 : g) + g / LatinInteriorSlack(point, l) * (LatinStructureKeeps(structure, l) ? 1.0 : LatinInteriorSquare(point, l));
     multiplier[l] = LatinInteriorTension(point, l, g) - penalty[l] * point->x[0][l];
   }
   structure->penalty    = penalty;
@@ -207,9 +235,9 @@ static PetscErrorCode LatinInteriorStep_Private(SNES snes, LatinInterior *point,
 
   PetscFunctionBegin;
   for (PetscInt l = 0; l < structure->links_local; l++) {
-    const PetscReal target = mu > 0.0 ? mu - point->dg[l] * point->ds[l] : 0.0, s = point->s[l], g = point->g[l];
+    const PetscReal target = mu > 0.0 ? mu - point->dg[l] * point->ds[l] : 0.0, g = point->g[l];
 
-    point->add[l]     = (target - g * point->h[l]) / s;
+    point->add[l]     = (target - g * point->h[l]) / LatinInteriorSlack(point, l);
     point->tension[l] = LatinInteriorTension(point, l, g + point->add[l]);
   }
   PetscCall(LatinInteriorForces_Private(snes, point, snes->vec_sol));
@@ -221,9 +249,11 @@ static PetscErrorCode LatinInteriorStep_Private(SNES snes, LatinInterior *point,
   PetscCall(LatinTurningMove_Private(structure, point->at, point->span[1], point->x[1]));
   for (PetscInt l = 0; l < structure->links_local; l++) {
     const PetscReal change = LatinInteriorChange(point, l);
+    PetscReal       rate;
 
-    point->ds[l] = change - (point->s[l] - point->h[l]);
-    point->dg[l] = point->add[l] - point->g[l] / point->s[l] * change;
+    (void)LatinInteriorStretch(point, l, &rate);
+    point->dg[l] = point->add[l] - point->g[l] / LatinInteriorSlack(point, l) * change;
+    point->ds[l] = change - (point->s[l] - point->h[l]) + rate * point->dg[l];
   }
   PetscFunctionReturn(0);
 }
@@ -251,6 +281,7 @@ static PetscErrorCode LatinInteriorPart_Private(const LatinInterior *point, Pets
   *gap  = 0.0;
   for (PetscInt l = 0; l < point->structure->links_local; l++) {
     *part = PetscMin(*part, LatinInteriorReach(point, l));
+    if (point->dg[l] > 0.0) *part = PetscMin(*part, LATIN_INTERIOR_BACK * (LatinInteriorMost(point, l) - point->g[l]) / point->dg[l]);
     if (point->ds[l] < 0.0) *part = PetscMin(*part, -LATIN_INTERIOR_BACK * point->s[l] / point->ds[l]);
     if (point->dg[l] < 0.0) *part = PetscMin(*part, -LATIN_INTERIOR_BACK * point->g[l] / point->dg[l]);
   }
@@ -314,7 +345,8 @@ PetscErrorCode SNESLatinLargeInterior_Private(SNES snes, PetscBool *near)
   const LatinStructure structure = ((SNES_Latin *)snes->data)->large.frame->turns;
   const PetscInt       n = structure->links_local, dim = structure->dim;
   LatinInterior        point = {.structure = structure};
-  PetscBool            suits;
+  PetscBool            suits = PETSC_FALSE;
+  PetscErrorCode       ierr;
   Vec                  first;
 
   PetscFunctionBegin;
@@ -328,9 +360,12 @@ PetscErrorCode SNESLatinLargeInterior_Private(SNES snes, PetscBool *near)
   PetscCall(DMGetGlobalVector(structure->dm, &point.r));
   PetscCall(DMGetGlobalVector(structure->dm, &first));
   PetscCall(VecCopy(snes->vec_sol, first));
-  PetscCall(LatinInteriorStart_Private(snes, &point, snes->vec_sol, &suits));
+  structure->springs = PETSC_TRUE;
+  ierr               = LatinInteriorStart_Private(snes, &point, snes->vec_sol, &suits);
+  if (!ierr && suits) ierr = LatinInteriorRun_Private(snes, &point, near);
+  structure->springs = PETSC_FALSE; /* after an error as well: what displacements mean is asked of the structure */
+  PetscCall(ierr);
   if (suits) {
-    PetscCall(LatinInteriorRun_Private(snes, &point, near));
     if (!*near) PetscCall(VecCopy(first, snes->vec_sol));
     PetscCall(LatinInteriorEnd_Private(snes, &point, *near));
   }

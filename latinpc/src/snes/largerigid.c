@@ -74,7 +74,7 @@ static PetscErrorCode LatinTautNext_Private(SNES snes, Vec u, PetscBool grows)
   PetscFunctionReturn(0);
 }
 
-/* Is the problem convex, with no law but rigid ones, and does this solve start afresh? Collective on snes */
+/* Is the problem convex, of cables and contacts alone, and does this solve start afresh? Collective on snes */
 static PetscErrorCode LatinTautConvex_Private(SNES snes, PetscBool *convex)
 {
   const SNES_Latin    *data      = (SNES_Latin *)snes->data;
@@ -83,7 +83,7 @@ static PetscErrorCode LatinTautConvex_Private(SNES snes, PetscBool *convex)
 
   PetscFunctionBegin;
   for (PetscInt l = 0; l < structure->links_local; l++)
-    if (!LatinLaws[structure->law[l]].rigid) any = 1;
+    if (!LatinLaws[structure->law[l]].rigid && (structure->law[l] != LATIN_LAW_CABLE || LatinStructureKeeps(structure, l))) any = 1;
   PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &any, 1, MPI_INT, MPI_MAX, PetscObjectComm((PetscObject)structure)));
   *convex = (PetscBool)(!any && SNESLatinEstimates(data) && data->newton.type != LATIN_NEWTON_NEVER && !(data->warm && data->has_state) && !(snes->ops->converged && snes->ops->converged != SNESConvergedDefault));
   PetscFunctionReturn(0);

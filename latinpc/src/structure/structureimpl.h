@@ -71,7 +71,8 @@ struct _p_LatinStructure {
   PetscReal        shift;      /* this 1 / h^2 */
   /* [links_local] while Newton's method takes rigid links for springs (snes/multipliers.c), else NULL; borrowed */
   const PetscReal *penalty, *multiplier;
-  const PetscReal *bound; /* beside them: the friction that each contact bears at most, read at its normal part; NULL: Coulomb's */
+  PetscBool        springs; /* elastic cables are taken for such springs as well (snes/largeinterior.c) */
+  const PetscReal *bound;   /* beside them: the friction that each contact bears at most, read at its normal part; NULL: Coulomb's */
   /* while Newton's method goes ahead of the displacements of links that turn (snes/largenewton.c), else NULL; borrowed */
   const PetscReal *ahead; /* [links_local] tensions in the tangent stiffness */
   const PetscReal *slope; /* [links_local] stiffnesses of the laws in it (snes/largebarrier.c), or NULL */
@@ -126,7 +127,7 @@ static inline PetscReal LatinStructureTension(const LatinStructure structure, co
 {
   const LatinLaw *law = &LatinLaws[structure->law[l]];
 
-  if (law->rigid) return structure->penalty ? LatinStructureSpring(structure, l, x) : rigid ? rigid[l] : 0.0;
+  if (law->rigid || structure->springs) return structure->penalty ? LatinStructureSpring(structure, l, x) : rigid ? rigid[l] : 0.0;
   return law->tension(structure->stiffness[l], x, law->ctx);
 }
 
@@ -137,7 +138,7 @@ static inline PetscReal LatinStructureTangent(const LatinStructure structure, Pe
 {
   const LatinLaw *law = &LatinLaws[structure->law[l]];
 
-  if (law->rigid) return structure->law[l] == LATIN_LAW_TANGENT || LatinStructureSpring(structure, l, x) != 0.0 ? structure->penalty[l] : 0.0;
+  if (law->rigid || structure->springs) return structure->law[l] == LATIN_LAW_TANGENT || LatinStructureSpring(structure, l, x) != 0.0 ? structure->penalty[l] : 0.0;
   return law->tangent(structure->stiffness[l], x, law->ctx);
 }
 
