@@ -322,6 +322,30 @@ OTHERS = {
         "Two ranks, 400, 1,350 and 3,000 rows: 0.7, 14 and 121 ms with 32, 0.8, 15 and 127 with 64, 1.1, 17 and 122 "
         "with 128, without messages, of which 32 take twice as many.",
     ),
+    "LATIN_TREE_COLUMNS": (
+        "columns",
+        "A message of 1 MB for a front of 2,000 rows: all bandwidth, and a thirtieth of the front.",
+    ),
+    "LATIN_TREE_STAGES": (
+        "solves",
+        "Linear stages for each set-up: METIS grids on 8 ranks take 22 to 24, blocks 47 to 50.",
+    ),
+    "LATIN_TREE_RATE": ("operations/s", "Dense blocks on one core; only the choice depends on it."),
+    "LATIN_TREE_BANDWIDTH": ("bytes/s", "A core that reads a factor; only the choice depends on it."),
+    "LATIN_TREE_LATENCY": (
+        "s",
+        "Of a message on a network, as in docs/parts.md; only the choice depends on it.",
+    ),
+    "LATIN_TREE_MESSAGES": (
+        "messages",
+        "MUMPS, messages a solve of the busiest rank: 18 to 55 on 4 ranks, 40 to 88 on 8. Ten for each doubling "
+        "are no more than that.",
+    ),
+    "LATIN_TREE_SHARE": (
+        "of the ranks",
+        "METIS grid of 284, 8 ranks: by perfect shares MUMPS would take a third of the time of the tree; processor "
+        "time of set-up and solve is 5.6 s with it, 4.5 s with the tree.",
+    ),
     "LATIN_HALVES_BALANCE": (
         "thousandths",
         "Network 20,000, METIS grid of 200 and lattice 300 x 200, three seeds each: halves differ by 2 % at most, "

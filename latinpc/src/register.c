@@ -34,6 +34,7 @@ static PetscErrorCode LatinRegisterTypes(void)
   PetscCall(MatOrderingRegister(LATIN_ORDERING, LatinOrdering));
   PetscCall(LatinCholeskyRegister());
   PetscCall(LatinDenseRegister());
+  PetscCall(LatinTreeRegister());
   PetscCall(PetscRegisterFinalize(LatinFinalizePackage));
   PetscFunctionReturn(0);
 }

@@ -78,6 +78,20 @@ static PetscErrorCode LatinCoarseMatrix_Private(const LatinCoarsePart *part, Mat
   PetscFunctionReturn(0);
 }
 
+/* The operator of the only element here as a dense matrix, which takes it over */
+static PetscErrorCode LatinCoarseDense_Private(const LatinElements *top, LatinHomogenised *stiffness, Mat *K)
+{
+  const PetscInt rows = top->offset[1];
+
+  PetscFunctionBegin;
+  PetscCall(MatCreateSeqDense(PETSC_COMM_SELF, rows, rows, stiffness->H, K)); /* without memory of its own */
+  PetscCall(MatDenseReplaceArray(*K, stiffness->H));
+  stiffness->H = NULL;
+  PetscCall(MatAssemblyBegin(*K, MAT_FINAL_ASSEMBLY));
+  PetscCall(MatAssemblyEnd(*K, MAT_FINAL_ASSEMBLY));
+  PetscFunctionReturn(0);
+}
+
 /* The parts of the ranks with these global numbers, which it frees, added up in a new matrix. Collective on sub->object */
 static PetscErrorCode LatinCoarseSum_Private(const LatinCoarse *coarse, LatinCoarsePart *part, const PetscInt number[], Mat *A)
 {
@@ -143,7 +157,7 @@ static PetscErrorCode LatinCoarseTogether_Private(LatinCoarse *coarse, LatinCoar
   PetscFunctionReturn(0);
 }
 
-/* The part of this rank is all of the matrix, or stays by itself in a MATIS: has it the rows and global numbers of the last set-up, on all ranks? Collective on sub->object */
+/* The part of this rank is all of the matrix, or stays by itself in a MATIS: has it the rows and global numbers of the last set-up, on all ranks? A dense one has none. Collective on sub->object */
 static PetscErrorCode LatinCoarseSame_Private(const LatinCoarse *coarse, const LatinCoarsePart *part, const PetscInt number[], PetscBool *same)
 {
   PetscInt rows;
@@ -151,7 +165,8 @@ static PetscErrorCode LatinCoarseSame_Private(const LatinCoarse *coarse, const L
   PetscFunctionBegin;
   *same = PETSC_FALSE;
   if (!coarse->part) PetscFunctionReturn(0); /* on all ranks */
-  *same = (PetscBool)(coarse->parts == part->rows);
+  PetscCall(PetscObjectTypeCompare((PetscObject)coarse->part, MATSEQAIJ, same));
+  if (!part->i || coarse->parts != part->rows) *same = PETSC_FALSE;
   if (*same) PetscCall(PetscArraycmp(coarse->number, number, part->rows, same));
   if (*same) PetscCall(LatinSameRows_Private(coarse->part, part->rows, part->i, part->j, same));
   PetscCall(MatGetLocalSize(coarse->A, &rows, NULL));
@@ -160,21 +175,23 @@ static PetscErrorCode LatinCoarseSame_Private(const LatinCoarse *coarse, const L
   PetscFunctionReturn(0);
 }
 
-/* A new matrix of these parts, whose global numbers it takes over. Collective on sub->object */
-static PetscErrorCode LatinCoarseCreate_Private(LatinCoarse *coarse, const LatinCoarsePart *part, PetscInt number[])
+/* A new matrix of these parts, K that of this rank, whose global numbers it takes over. Collective on sub->object */
+static PetscErrorCode LatinCoarseCreate_Private(LatinCoarse *coarse, Mat K, PetscInt rows, PetscInt number[])
 {
   MPI_Comm               comm = PetscObjectComm(coarse->sub->object);
+  PetscMPIInt            ranks;
   ISLocalToGlobalMapping map;
 
   PetscFunctionBegin;
   PetscCall(MatDestroy(&coarse->A));
   PetscCall(MatDestroy(&coarse->part));
   PetscCall(PetscFree(coarse->number));
-  PetscCall(LatinCoarseMatrix_Private(part, &coarse->part));
-  coarse->parts  = part->rows;
+  PetscCallMPI(MPI_Comm_size(comm, &ranks));
+  coarse->part   = K;
+  coarse->parts  = rows;
   coarse->number = number;
-  if (coarse->apart) {
-    PetscCall(ISLocalToGlobalMappingCreate(comm, 1, part->rows, number, PETSC_COPY_VALUES, &map));
+  if (coarse->apart || ranks > 1) {
+    PetscCall(ISLocalToGlobalMappingCreate(comm, 1, rows, number, PETSC_COPY_VALUES, &map));
     PetscCall(MatCreateIS(comm, 1, coarse->top_local, coarse->top_local, coarse->top_size, coarse->top_size, map, map, &coarse->A));
     PetscCall(MatISSetLocalMat(coarse->A, coarse->part));
     PetscCall(MatAssemblyBegin(coarse->A, MAT_FINAL_ASSEMBLY));
@@ -187,10 +204,11 @@ static PetscErrorCode LatinCoarseCreate_Private(LatinCoarse *coarse, const Latin
   PetscFunctionReturn(0);
 }
 
-/* One rank, or a MATIS. Takes number over, and frees the part. Collective on sub->object */
-static PetscErrorCode LatinCoarseApart_Private(LatinCoarse *coarse, LatinCoarsePart *part, PetscInt number[], PetscBool *same)
+/* One rank, or a MATIS. Takes number over, and frees the part; K: NULL, or the part as a dense matrix, which it takes over. Collective on sub->object */
+static PetscErrorCode LatinCoarseApart_Private(LatinCoarse *coarse, LatinCoarsePart *part, Mat K, PetscInt number[], PetscBool *same)
 {
   PetscScalar *a;
+  PetscBool    is;
 
   PetscFunctionBegin;
   PetscCall(LatinCoarseSame_Private(coarse, part, number, same));
@@ -200,15 +218,19 @@ static PetscErrorCode LatinCoarseApart_Private(LatinCoarse *coarse, LatinCoarseP
     PetscCall(MatSeqAIJRestoreArrayWrite(coarse->part, &a));
     PetscCall(MatAssemblyBegin(coarse->A, MAT_FINAL_ASSEMBLY));
     PetscCall(MatAssemblyEnd(coarse->A, MAT_FINAL_ASSEMBLY));
-    if (coarse->apart) PetscCall(PetscObjectStateIncrease((PetscObject)coarse->A));
+    PetscCall(PetscObjectTypeCompare((PetscObject)coarse->A, MATIS, &is));
+    if (is) PetscCall(PetscObjectStateIncrease((PetscObject)coarse->A));
     PetscCall(PetscFree(number));
-  } else PetscCall(LatinCoarseCreate_Private(coarse, part, number));
+  } else {
+    if (!K) PetscCall(LatinCoarseMatrix_Private(part, &K));
+    PetscCall(LatinCoarseCreate_Private(coarse, K, part->rows, number));
+  }
   PetscCall(LatinCoarsePartFree_Private(part));
   PetscFunctionReturn(0);
 }
 
 /*
-   Sets coarse.A, sum_E c_E^t H_E c_E over the elements; apart: with the part of each rank by itself, a MATIS. *same: it is that of
+   Sets coarse.A, sum_E c_E^t H_E c_E over the elements; apart, or tree: with the part of each rank by itself, a MATIS. *same: it is that of
    the last set-up with new values. Operators that nothing else needs are freed. Collective on sub->object
 */
 PetscErrorCode LatinCoarseAssemble_Private(LatinCoarse *coarse, LatinHomogenised *stiffness, PetscBool *same)
@@ -218,6 +240,7 @@ PetscErrorCode LatinCoarseAssemble_Private(LatinCoarse *coarse, LatinHomogenised
   PetscInt            *number, *at, n = entries;
   PetscMPIInt          ranks;
   LatinCoarsePart      part;
+  Mat                  K = NULL;
 
   PetscFunctionBegin;
   PetscCallMPI(MPI_Comm_size(PetscObjectComm(coarse->sub->object), &ranks));
@@ -233,10 +256,14 @@ PetscErrorCode LatinCoarseAssemble_Private(LatinCoarse *coarse, LatinHomogenised
     PetscCall(PetscFree(at));
     PetscFunctionReturn(0);
   }
-  PetscCall(LatinCoarseLocal_Private(top, n, at, coarse->upper, &part));
+  if (coarse->tree && stiffness->once && top->n == 1 && !coarse->sub->preconditions && !coarse->levels && n == entries) {
+    PetscCall(PetscArraycpy(number, coarse->top_global, entries));
+    PetscCall(LatinCoarseDense_Private(top, stiffness, &K));
+    part = (LatinCoarsePart){.rows = n};
+  } else PetscCall(LatinCoarseLocal_Private(top, n, at, coarse->upper, &part));
   if (stiffness->once) PetscCall(PetscFree(stiffness->H));
   PetscCall(PetscFree(at));
-  if (coarse->apart || ranks == 1) PetscCall(LatinCoarseApart_Private(coarse, &part, number, same));
+  if (coarse->apart || coarse->tree || ranks == 1) PetscCall(LatinCoarseApart_Private(coarse, &part, K, number, same));
   else {
     PetscCall(LatinCoarseTogether_Private(coarse, &part, number, same));
     PetscCall(PetscFree(number));

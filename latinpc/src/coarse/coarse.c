@@ -5,7 +5,6 @@
    corresponding forces (25), (39), (41). What the options choose for its solver decides on the form of its matrix.
 */
 
-#define LATIN_REDUNDANT   1500 /* most rows of a parallel matrix that every rank factors by itself */
 #define LATIN_COARSE_LEFT 0.01 /* of a displacement, in energy: what an iteration leaves to the next linear stage, which solves for it */
 
 /* The solver, of the types that the options choose, before there is a matrix */
@@ -50,7 +49,7 @@ static PetscErrorCode LatinCoarseHalf_Private(LatinCoarse *coarse)
   PetscCall(PetscOptionsGetString(pc->options, pc->prefix, "-pc_factor_mat_solver_type", given, sizeof(given), &named));
   if (named) PetscCall(PetscStrcmp(given, package, &mumps));
   if (mumps) PetscCall(MatSolverTypeGet(package, MATMPISBAIJ, MAT_FACTOR_CHOLESKY, NULL, &mumps, NULL));
-  coarse->upper = (PetscBool)(size > 1 && !coarse->full && cholesky && mumps && (coarse->chosen || coarse->top_size > LATIN_REDUNDANT));
+  coarse->upper = (PetscBool)(size > 1 && !coarse->full && !coarse->tree && cholesky && mumps && (coarse->chosen || coarse->top_size > LATIN_REDUNDANT));
   PetscFunctionReturn(0);
 }
 
@@ -70,8 +69,8 @@ static PetscErrorCode LatinCoarseDirect_Private(LatinCoarse *coarse)
   PetscFunctionBegin;
   PetscCall(KSPGetPC(coarse->ksp, &pc));
   PetscCallMPI(MPI_Comm_size(PetscObjectComm((PetscObject)pc), &size));
-  if (coarse->full) {
-    PetscCall(PCFactorSetMatSolverType(pc, LATIN_DENSE));
+  if (coarse->full || coarse->tree) {
+    PetscCall(PCFactorSetMatSolverType(pc, coarse->full ? LATIN_DENSE : LATIN_TREE));
     PetscFunctionReturn(0);
   }
   PetscCall(PetscOptionsHasName(((PetscObject)pc)->options, ((PetscObject)pc)->prefix, "-pc_factor_mat_solver_type", &package));
@@ -157,16 +156,26 @@ PetscErrorCode LatinCoarseSetUp(LatinCoarse *coarse, LatinHomogenised *stiffness
   PetscFunctionReturn(0);
 }
 
+/* Frees the matrix and its factor before other stiffnesses come, unless they are kept for their pattern. Collective on sub->object */
+PetscErrorCode LatinCoarseRelease(LatinCoarse *coarse)
+{
+  PetscFunctionBegin;
+  if (!coarse->sub->preconditions) PetscCall(LatinCoarseForget_Private(coarse));
+  PetscFunctionReturn(0);
+}
+
 /* The same for other stiffnesses, after it. Collective on sub->object */
 PetscErrorCode LatinCoarseRenew(LatinCoarse *coarse, LatinHomogenised *stiffness)
 {
+  const PetscBool provisional = coarse->status.provisional;
+
   PetscFunctionBegin;
   PetscCall(LatinGroupsReset(coarse));
   PetscCall(PetscFree(coarse->x));
   PetscCall(VecDestroy(&coarse->rhs));
   PetscCall(VecDestroy(&coarse->sol));
   PetscCall(VecDestroy(&coarse->status.mode));
-  PetscCall(PetscMemzero(&coarse->status, sizeof(coarse->status)));
+  coarse->status = (LatinFactorStatus){.provisional = provisional};
   PetscCall(LatinCoarseSetUp(coarse, stiffness));
   PetscFunctionReturn(0);
 }

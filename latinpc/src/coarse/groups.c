@@ -322,6 +322,25 @@ static PetscErrorCode LatinGroupsFull_Private(LatinCoarse *coarse, PetscLayout *
   PetscFunctionReturn(0);
 }
 
+/* Do the ranks join fronts of their parts, for that is predicted to take less time than a factorisation by all of them? Not where options choose. Collective */
+static PetscErrorCode LatinGroupsTree_Private(LatinCoarse *coarse, PetscLayout map)
+{
+  MPI_Comm    comm = PetscObjectComm(coarse->sub->object);
+  PetscInt   *number, n = coarse->top.offset[coarse->top.n];
+  PetscMPIInt size;
+
+  PetscFunctionBegin;
+  PetscCallMPI(MPI_Comm_size(comm, &size));
+  coarse->tree = PETSC_FALSE;
+  if (size == 1 || coarse->full || coarse->chosen || coarse->iterative || coarse->top_size <= LATIN_REDUNDANT) PetscFunctionReturn(0);
+  PetscCall(PetscMalloc1(n, &number));
+  PetscCall(PetscArraycpy(number, coarse->top_global, n));
+  PetscCall(PetscSortRemoveDupsInt(&n, number));
+  PetscCall(LatinTreePays(comm, n, number, map, &coarse->tree));
+  PetscCall(PetscFree(number));
+  PetscFunctionReturn(0);
+}
+
 /* Numbers for the coarse displacements that are left, and where they are found; number[]: work space for the dofs here. Collective */
 static PetscErrorCode LatinGroupsTop_Private(LatinCoarse *coarse, PetscSF sf, PetscInt dofs, PetscInt number[])
 {
@@ -349,6 +368,7 @@ static PetscErrorCode LatinGroupsTop_Private(LatinCoarse *coarse, PetscSF sf, Pe
   for (PetscInt i = 0; i < entries; i++) coarse->top_global[i] = number[top->dof[i]];
   PetscCall(PetscFree(root));
   PetscCall(LatinGroupsFull_Private(coarse, &map));
+  PetscCall(LatinGroupsTree_Private(coarse, map));
   PetscCall(PetscSFCreate(comm, &coarse->top_sf));
   PetscCall(PetscSFSetGraphLayout(coarse->top_sf, map, entries, NULL, PETSC_COPY_VALUES, coarse->top_global));
   PetscCall(PetscSFSetUp(coarse->top_sf));

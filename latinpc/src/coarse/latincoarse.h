@@ -67,6 +67,7 @@ typedef struct {
   LatinElements     top;                 /* elements of A: subdomains, or groups of them */
   PetscInt          top_local, top_size; /* rows of A: of this rank, all */
   PetscBool         full;                /* A is dense, of several ranks */
+  PetscBool         tree;                /* A is in parts, whose fronts the ranks join */
   PetscInt         *top_global;          /* [top.offset[top.n]] rows of A */
   PetscBool         upper;               /* A has its upper triangle alone, which is all that a factorisation takes */
   PetscSF           top_sf;              /* coarse vector -> dofs of the elements here */
@@ -90,12 +91,20 @@ typedef struct {
   PetscScalar *a;
 } LatinCoarsePart;
 
+#define LATIN_REDUNDANT 1500 /* most rows of a parallel matrix that every rank factors by itself */
+
 /* ---- Cholesky of a dense matrix of several ranks (coarse/densecholesky.c) ---- */
 #define LATIN_DENSE "latindense" /* a MatSolverType */
 PETSC_INTERN PetscErrorCode LatinDenseRegister(void);
 
+/* ---- Cholesky of a matrix in parts, by fronts that ranks join in pairs (coarse/tree.h, treeplan.c, treecholesky.c, treefactor.c) ---- */
+#define LATIN_TREE "latintree" /* a MatSolverType */
+PETSC_INTERN PetscErrorCode LatinTreeRegister(void);
+PETSC_INTERN PetscErrorCode LatinTreePays(MPI_Comm, PetscInt n, const PetscInt number[], PetscLayout, PetscBool *);
+
 PETSC_INTERN PetscErrorCode LatinCoarseNumber(LatinCoarse *);
 PETSC_INTERN PetscErrorCode LatinCoarseSetUp(LatinCoarse *, LatinHomogenised *);
+PETSC_INTERN PetscErrorCode LatinCoarseRelease(LatinCoarse *);
 PETSC_INTERN PetscErrorCode LatinCoarseRenew(LatinCoarse *, LatinHomogenised *);
 PETSC_INTERN PetscErrorCode LatinCoarseSolve(LatinCoarse *, PetscBool corrected);
 PETSC_INTERN PetscErrorCode LatinCoarseExpand_Private(LatinCoarse *, Vec);

@@ -138,6 +138,17 @@ static PetscErrorCode LatinSetUpSubdomains_Private(Latin latin)
   PetscFunctionReturn(0);
 }
 
+/* Are factors of subdomains, which keep their interfaces to the last, in single precision on any rank? Then those of the coarse matrix are provisional. Collective on latin */
+static PetscErrorCode LatinSetUpProvisional_Private(Latin latin)
+{
+  PetscReal rounding = latin->linear.substructures ? latin->solvers.rounding : 0.0;
+
+  PetscFunctionBegin;
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &rounding, 1, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)latin)));
+  latin->coarse.status.provisional = (PetscBool)(rounding > 0.0);
+  PetscFunctionReturn(0);
+}
+
 /*
    Factors of subdomains in single precision, which keep their interfaces to the last, serve if the stage that they make
    leaves little to the next one; else they are made in a higher one, and what follows from them. Collective on latin
@@ -148,17 +159,18 @@ static PetscErrorCode LatinSetUpPrecision_Private(Latin latin)
   LatinCoarse       *coarse  = &latin->coarse;
 
   PetscFunctionBegin;
-  while (latin->linear.substructures && coarse->A) {
-    PetscReal most[2] = {solvers->rounding, LatinFactorFailed(&coarse->status) ? 1.0 : 0.0}, left = 1.0;
+  while (coarse->ksp && coarse->status.provisional) {
+    PetscReal failed = LatinFactorFailed(&coarse->status) ? 1.0 : 0.0, left = 1.0;
 
-    PetscCall(MPIU_Allreduce(MPI_IN_PLACE, most, 2, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)latin)));
-    if (!(most[0] > 0.0)) break;
-    if (!(most[1] > 0.0)) PetscCall(LatinSubstructuresLeft(&latin->linear, &left));
+    PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &failed, 1, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)latin)));
+    if (!(failed > 0.0)) PetscCall(LatinSubstructuresLeft(&latin->linear, &left));
     solvers->rounding = left;
     if (left < LATIN_ROUNDED_LEFT) break;
+    PetscCall(LatinCoarseRelease(coarse));
     PetscCall(LatinLocalSolversRefine(solvers));
     PetscCall(LatinFactorAgree_Private(latin, &solvers->status, solvers->n ? &latin->batches.batch[solvers->last] : NULL, "local"));
     PetscCall(LatinSubstructuresStiffness(&latin->linear));
+    PetscCall(LatinSetUpProvisional_Private(latin));
     PetscCall(LatinCoarseRenew(coarse, &latin->linear.stiffness));
   }
   PetscCall(LatinFactorAgree_Private(latin, &coarse->status, NULL, "coarse"));
@@ -186,6 +198,7 @@ static PetscErrorCode LatinSetUpStages_Private(Latin latin, PetscBool kept)
   PetscCall(LatinLinearSetUp(&latin->linear));
   PetscCall(LatinFactorAgree_Private(latin, &solvers->status, solvers->n ? &latin->batches.batch[solvers->last] : NULL, "local"));
   PetscCall(LatinHomogeniseSetUp(&latin->linear));
+  PetscCall(LatinSetUpProvisional_Private(latin));
   PetscCall(LatinCoarseSetUp(&latin->coarse, &latin->linear.stiffness));
   PetscCall(LatinSetUpPrecision_Private(latin));
   PetscFunctionReturn(0);

@@ -130,13 +130,12 @@ static PetscErrorCode LatinSoftestShifted_Private(Mat A, IS kept, Vec v)
   PetscReal    stiffness, largest;
   PetscScalar *a;
   PetscInt     n;
-  PetscBool    found, half, dense;
+  PetscBool    found, other;
   PetscMPIInt  size;
 
   PetscFunctionBegin;
-  PetscCall(PetscObjectTypeCompare((PetscObject)A, MATMPISBAIJ, &half));
-  PetscCall(PetscObjectTypeCompare((PetscObject)A, MATMPIDENSE, &dense));
-  if (half || dense) PetscCall(MatConvert(A, MATMPIAIJ, MAT_INITIAL_MATRIX, &shifted)); /* for a factorisation without symmetry */
+  PetscCall(PetscObjectTypeCompareAny((PetscObject)A, &other, MATMPISBAIJ, MATMPIDENSE, MATIS, ""));
+  if (other) PetscCall(MatConvert(A, MATMPIAIJ, MAT_INITIAL_MATRIX, &shifted)); /* for a factorisation without symmetry */
   else PetscCall(MatDuplicate(A, MAT_COPY_VALUES, &shifted));
   if (kept) PetscCall(MatZeroRowsColumnsIS(shifted, kept, 1.0, NULL, NULL));
   PetscCall(VecDuplicate(v, &d));
@@ -297,6 +296,7 @@ PetscErrorCode LatinFactor_Private(KSP ksp, Mat A, IS kept, Vec whole, PetscBool
   status->mechanism = (PetscBool)(status->ierr == PETSC_ERR_MAT_CH_ZRPVT || status->ierr == PETSC_ERR_MAT_LU_ZRPVT || status->failed == PC_FACTOR_STRUCT_ZEROPIVOT || status->failed == PC_FACTOR_NUMERIC_ZEROPIVOT ||
                                   (status->failed != PC_NOERROR && status->failed != PC_FACTOR_OUTMEMORY && direct));
   if ((status->ierr || status->failed) && !status->mechanism) PetscFunctionReturn(0);
+  if (status->provisional) PetscFunctionReturn(0);
   PetscCall(LatinFactorCheck_Private(ksp, A, kept, whole, direct, firm, status));
   PetscFunctionReturn(0);
 }

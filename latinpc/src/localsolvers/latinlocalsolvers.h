@@ -19,8 +19,9 @@ typedef struct {
   PetscErrorCode ierr;
   PCFailedReason failed;
   PetscBool      mechanism;
-  PetscReal      rounding; /* of a displacement, in energy: what a solve leaves to the next one; 0: in double precision */
-  Vec            mode;     /* the displacement that costs nothing, where there is a mechanism */
+  PetscReal      rounding;    /* of a displacement, in energy: what a solve leaves to the next one; 0: in double precision */
+  Vec            mode;        /* the displacement that costs nothing, where there is a mechanism */
+  PetscBool      provisional; /* given: a stage will show whether the factor serves, and what it comes from may be made anew: no mode, no search for mechanisms */
 } LatinFactorStatus;
 PETSC_INTERN PetscErrorCode LatinDirectSolverAvailable_Private(Mat, MatSolverType, MatSolverType *, PetscBool *);
 PETSC_INTERN PetscErrorCode LatinDirectSolver_Private(PC, Mat, MatSolverType preferred);

@@ -1,0 +1,48 @@
+/*
+   Cholesky of a matrix of which each rank has a part: fronts of the ranks, joined in pairs.
+*/
+#ifndef LATINTREE_H
+#define LATINTREE_H
+
+#include "coarse/latincoarse.h"
+
+#define LATIN_TREE_STAGES 50 /* solves for each factorisation, in the prediction: a linear stage has one */
+
+/* What it takes */
+typedef struct {
+  PetscReal operations, entries;           /* additions and multiplications each, and entries of the factor: of all ranks, but for rows that one rank alone has, */
+  PetscReal path_operations, path_entries; /* and of these what comes one after the other */
+  PetscReal most, messages;                /* rows of the largest front; messages that a rank sends in a solve, at most */
+  PetscReal seconds, shared;               /* predicted, of the set-up and LATIN_TREE_STAGES solves: by the tree, and by a factorisation that all ranks share */
+} LatinTreeCost;
+
+/* The front of a rank after its group of ranks has been joined by another one */
+typedef struct {
+  PetscMPIInt  other;          /* the rank that has had the front of the group that joins */
+  PetscInt     mine, theirs;   /* unknowns that the two groups bring, by their numbers */
+  PetscInt    *at;             /* [mine + theirs] their rows in the front */
+  PetscInt     rows, interior; /* interior ones, which no further rank has, come first */
+  PetscScalar *L;              /* [rows][interior] column-major: L of the interior rows, Z of the others below it */
+  PetscScalar *x;              /* [rows] work */
+} LatinJoint;
+
+typedef struct {
+  MPI_Comm      comm;               /* of this factor alone */
+  PetscInt      n;                  /* rows of the part of this rank */
+  PetscInt      start, own, *owned; /* [n] places of rows in this rank's share of a vector; -1: of another rank's */
+  PetscInt      rest, *row;         /* [rest] those that other ranks have as well, by their numbers */
+  Mat           part;               /* factor of the part, with these rows last; NULL: all rows are such */
+  PetscInt      joints;
+  LatinJoint   *joint;
+  PetscMPIInt   parent; /* the rank that takes over what is left; -1: nothing is */
+  PetscInt      up;     /* unknowns that are left */
+  PetscScalar  *g, *w;  /* [n] and [most rows that are sent] work */
+  LatinTreeCost cost;
+} LatinTree;
+
+PETSC_INTERN PetscErrorCode LatinTreePlan_Private(ISLocalToGlobalMapping, PetscLayout, LatinTree *);
+PETSC_INTERN PetscErrorCode LatinTreeFactor_Private(LatinTree *, Mat K, PetscBool *bad);
+PETSC_INTERN PetscErrorCode LatinTreeSolve_Private(LatinTree *, const PetscScalar b[], PetscScalar x[]);
+PETSC_INTERN PetscErrorCode LatinTreeReset_Private(LatinTree *);
+
+#endif

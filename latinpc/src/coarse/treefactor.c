@@ -1,0 +1,119 @@
+#include "coarse/tree.h"
+#include <petsc/private/matimpl.h>
+
+/* The MatSolverType LATIN_TREE of a MATIS whose local matrices have all rows that their ranks own: the factor of tree.h as PETSc's. */
+
+static PetscErrorCode LatinTreeNumeric_Mat(Mat F, Mat A, const MatFactorInfo *info)
+{
+  PetscBool bad;
+  Mat       K;
+
+  PetscFunctionBegin;
+  PetscCall(MatISGetLocalMat(A, &K));
+  PetscCall(LatinTreeFactor_Private((LatinTree *)F->data, K, &bad));
+  PetscCall(MatISRestoreLocalMat(A, &K));
+  F->factorerrortype = bad ? MAT_FACTOR_NUMERIC_ZEROPIVOT : MAT_FACTOR_NOERROR;
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode LatinTreeSymbolic_Mat(Mat F, Mat A, IS perm, const MatFactorInfo *info)
+{
+  ISLocalToGlobalMapping map;
+
+  PetscFunctionBegin;
+  PetscCall(LatinTreeReset_Private((LatinTree *)F->data));
+  PetscCall(MatISGetLocalToGlobalMapping(A, &map, NULL));
+  PetscCall(LatinTreePlan_Private(map, A->rmap, (LatinTree *)F->data));
+  F->ops->choleskyfactornumeric = LatinTreeNumeric_Mat;
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode LatinTreeSolve_Mat(Mat F, Vec b, Vec x)
+{
+  const PetscScalar *in;
+  PetscScalar       *out;
+
+  PetscFunctionBegin;
+  PetscCall(VecGetArrayRead(b, &in));
+  PetscCall(VecGetArrayWrite(x, &out));
+  PetscCall(LatinTreeSolve_Private((LatinTree *)F->data, in, out));
+  PetscCall(VecRestoreArrayWrite(x, &out));
+  PetscCall(VecRestoreArrayRead(b, &in));
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode LatinTreeView_Mat(Mat F, PetscViewer viewer)
+{
+  const LatinTreeCost *cost = &((LatinTree *)F->data)->cost;
+  PetscBool            ascii;
+
+  PetscFunctionBegin;
+  PetscCall(PetscObjectTypeCompare((PetscObject)viewer, PETSCVIEWERASCII, &ascii));
+  if (!ascii) PetscFunctionReturn(0);
+  PetscCall(PetscViewerASCIIPrintf(viewer, "  fronts of the ranks, joined in pairs: %g entries, %g operations, of these %g one after the other; largest front %g rows; at most %g messages of a rank in a solve\n", (double)cost->entries,
+                                   (double)cost->operations, (double)cost->path_operations, (double)cost->most, (double)cost->messages));
+  PetscCall(PetscViewerASCIIPrintf(viewer, "  predicted for the set-up and %d solves: %.2g s, by a factorisation that all ranks share %.2g s\n", LATIN_TREE_STAGES, (double)cost->seconds, (double)cost->shared));
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode LatinTreeInfo_Mat(Mat F, MatInfoType flag, MatInfo *info)
+{
+  PetscFunctionBegin;
+  PetscCall(PetscMemzero(info, sizeof(*info)));
+  info->block_size   = 1.0;
+  info->nz_allocated = info->nz_used = (PetscLogDouble)((LatinTree *)F->data)->cost.entries;
+  info->memory                       = (PetscLogDouble)sizeof(PetscScalar) * info->nz_used;
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode LatinTreeType_Mat(Mat F, MatSolverType *type)
+{
+  PetscFunctionBegin;
+  *type = LATIN_TREE;
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode LatinTreeDestroy_Mat(Mat F)
+{
+  PetscFunctionBegin;
+  PetscCall(LatinTreeReset_Private((LatinTree *)F->data));
+  PetscCall(PetscObjectComposeFunction((PetscObject)F, "MatFactorGetSolverType_C", NULL));
+  PetscCall(PetscFree(F->data));
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode LatinTreeCreate_Mat(Mat A, MatFactorType type, Mat *factor)
+{
+  LatinTree *tree;
+  PetscInt   n;
+  Mat        F;
+
+  PetscFunctionBegin;
+  PetscCall(MatGetLocalSize(A, &n, NULL));
+  PetscCall(MatCreate(PetscObjectComm((PetscObject)A), &F));
+  PetscCall(MatSetSizes(F, n, n, PETSC_DETERMINE, PETSC_DETERMINE));
+  PetscCall(PetscStrallocpy(LATIN_TREE, &((PetscObject)F)->type_name));
+  PetscCall(MatSetUp(F));
+  PetscCall(PetscNew(&tree));
+  tree->comm                     = MPI_COMM_NULL;
+  F->data                        = tree;
+  F->ops->choleskyfactorsymbolic = LatinTreeSymbolic_Mat;
+  F->ops->solve                  = LatinTreeSolve_Mat;
+  F->ops->view                   = LatinTreeView_Mat;
+  F->ops->getinfo                = LatinTreeInfo_Mat;
+  F->ops->destroy                = LatinTreeDestroy_Mat;
+  F->factortype                  = type;
+  F->assembled = F->preallocated = PETSC_TRUE;
+  PetscCall(PetscFree(F->solvertype));
+  PetscCall(PetscStrallocpy(LATIN_TREE, &F->solvertype));
+  PetscCall(PetscObjectComposeFunction((PetscObject)F, "MatFactorGetSolverType_C", LatinTreeType_Mat));
+  *factor = F;
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode LatinTreeRegister(void)
+{
+  PetscFunctionBegin;
+  PetscCall(MatSolverTypeRegister(LATIN_TREE, MATIS, MAT_FACTOR_CHOLESKY, LatinTreeCreate_Mat));
+  PetscFunctionReturn(0);
+}

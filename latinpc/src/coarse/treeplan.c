@@ -1,0 +1,312 @@
+#include "coarse/tree.h"
+
+/*
+   How the fronts of the ranks are joined. Ranks are the vertices of a graph, whose edges are as heavy as the unknowns that two
+   ranks share. The heaviest edges that do not meet pair ranks; a pair is a vertex of the next graph; and so on, until no two
+   share anything. Every rank makes the same plan. Then lists of unknowns go the way that fronts will go: so their rows are known.
+*/
+
+#define LATIN_TREE_RATE      5e9  /* additions and multiplications of dense blocks, a second */
+#define LATIN_TREE_BANDWIDTH 1e10 /* bytes of a factor that a core reads in a second */
+#define LATIN_TREE_LATENCY   2e-6 /* seconds of a message */
+#define LATIN_TREE_MESSAGES  10   /* of a rank in a solve that all ranks share, for each doubling of the ranks */
+#define LATIN_TREE_SHARE     0.25 /* of P ranks, what P times one would do in a factorisation that all share */
+
+typedef struct {
+  PetscInt a, b, shared; /* ranks, a < b */
+} LatinEdge;
+
+/* Unknowns by ascending numbers: number, ranks that have it, and how many of them are in the group */
+typedef struct {
+  PetscInt number, ranks, members;
+} LatinShared;
+
+static int LatinEdgeHeavier(const void *p, const void *q)
+{
+  const LatinEdge *e = (const LatinEdge *)p, *f = (const LatinEdge *)q;
+
+  if (e->shared != f->shared) return e->shared > f->shared ? -1 : 1;
+  if (e->a != f->a) return e->a < f->a ? -1 : 1;
+  return e->b < f->b ? -1 : e->b > f->b;
+}
+
+static int LatinEdgeCompare(const void *p, const void *q)
+{
+  const LatinEdge *e = (const LatinEdge *)p, *f = (const LatinEdge *)q;
+
+  if (e->a != f->a) return e->a < f->a ? -1 : 1;
+  return e->b < f->b ? -1 : e->b > f->b;
+}
+
+static int LatinSharedCompare(const void *p, const void *q)
+{
+  const PetscInt a = ((const LatinShared *)p)->number, b = ((const LatinShared *)q)->number;
+
+  return a < b ? -1 : a > b;
+}
+
+/* All edges, on every rank; shared[n]: how many ranks have each row of the part. Collective on map */
+static PetscErrorCode LatinTreeGraph_Private(ISLocalToGlobalMapping map, PetscInt ranks_of[], PetscInt *edges, LatinEdge **edge)
+{
+  MPI_Comm    comm = PetscObjectComm((PetscObject)map);
+  PetscMPIInt rank, size, mine = 0, all = 0, *count, *start;
+  PetscInt    n, near, *procs, *shared, **rows;
+  LatinEdge  *own;
+
+  PetscFunctionBegin;
+  PetscCallMPI(MPI_Comm_rank(comm, &rank));
+  PetscCallMPI(MPI_Comm_size(comm, &size));
+  PetscCall(ISLocalToGlobalMappingGetSize(map, &n));
+  PetscCall(ISLocalToGlobalMappingGetInfo(map, &near, &procs, &shared, &rows));
+  PetscCall(PetscMalloc3(near, &own, size, &count, size, &start));
+  for (PetscInt r = 0; r < n; r++) ranks_of[r] = 1;
+  for (PetscInt p = 0; p < near; p++) {
+    if (procs[p] == rank) continue;
+    for (PetscInt k = 0; k < shared[p]; k++) ranks_of[rows[p][k]]++;
+    if (procs[p] > rank) own[mine++] = (LatinEdge){.a = rank, .b = procs[p], .shared = shared[p]};
+  }
+  PetscCall(ISLocalToGlobalMappingRestoreInfo(map, &near, &procs, &shared, &rows));
+  mine *= 3;
+  PetscCallMPI(MPI_Allgather(&mine, 1, MPI_INT, count, 1, MPI_INT, comm));
+  for (PetscMPIInt r = 0; r < size; r++) {
+    start[r] = all;
+    all += count[r];
+  }
+  *edges = all / 3;
+  PetscCall(PetscMalloc1(*edges, edge));
+  PetscCallMPI(MPI_Allgatherv(own, mine, MPIU_INT, *edge, count, start, MPIU_INT, comm));
+  PetscCall(PetscFree3(own, count, start));
+  PetscFunctionReturn(0);
+}
+
+/* The joints of this rank and its parent. The lower rank of a pair has the front of both */
+static PetscErrorCode LatinTreePair_Private(LatinTree *tree, PetscInt edges, LatinEdge edge[])
+{
+  PetscMPIInt    rank, size;
+  PetscInt      *to, kept = 0;
+  PetscSegBuffer joints;
+
+  PetscFunctionBegin;
+  PetscCallMPI(MPI_Comm_rank(tree->comm, &rank));
+  PetscCallMPI(MPI_Comm_size(tree->comm, &size));
+  PetscCall(PetscSegBufferCreate(sizeof(LatinJoint), 16, &joints));
+  PetscCall(PetscMalloc1(size, &to));
+  for (tree->parent = -1; edges; edges = kept) {
+    for (PetscMPIInt r = 0; r < size; r++) to[r] = -1;
+    qsort(edge, (size_t)edges, sizeof(*edge), LatinEdgeHeavier);
+    for (PetscInt e = 0; e < edges; e++) {
+      if (to[edge[e].a] >= 0 || to[edge[e].b] >= 0) continue;
+      to[edge[e].a] = to[edge[e].b] = edge[e].a;
+      if (edge[e].b == rank) tree->parent = (PetscMPIInt)edge[e].a;
+      if (edge[e].a == rank) {
+        LatinJoint *joint;
+
+        PetscCall(PetscSegBufferGet(joints, 1, &joint));
+        *joint = (LatinJoint){.other = (PetscMPIInt)edge[e].b};
+        tree->joints++;
+      }
+    }
+    for (PetscInt e = 0; e < edges; e++) {
+      const PetscInt a = to[edge[e].a] < 0 ? edge[e].a : to[edge[e].a], b = to[edge[e].b] < 0 ? edge[e].b : to[edge[e].b];
+
+      edge[e] = (LatinEdge){.a = PetscMin(a, b), .b = PetscMax(a, b), .shared = edge[e].shared};
+    }
+    qsort(edge, (size_t)edges, sizeof(*edge), LatinEdgeCompare);
+    kept = 0;
+    for (PetscInt e = 0; e < edges; e++) {
+      if (edge[e].a == edge[e].b) continue;
+      if (kept && !LatinEdgeCompare(&edge[kept - 1], &edge[e])) edge[kept - 1].shared += edge[e].shared;
+      else edge[kept++] = edge[e];
+    }
+  }
+  PetscCall(PetscFree(to));
+  PetscCall(PetscSegBufferExtractAlloc(joints, &tree->joint));
+  PetscCall(PetscSegBufferDestroy(&joints));
+  PetscFunctionReturn(0);
+}
+
+/* The rows of the part of this rank: where they are in vectors, and those that others have as well, as a list that the caller frees. Collective on tree->comm */
+static PetscErrorCode LatinTreeRows_Private(LatinTree *tree, ISLocalToGlobalMapping map, PetscLayout layout, const PetscInt ranks_of[], LatinShared **list)
+{
+  const PetscInt *number;
+  PetscInt        owned = 0;
+  PetscMPIInt     wrong = 0;
+  LatinShared    *l;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMalloc2(tree->n, &tree->owned, tree->n, &tree->row));
+  PetscCall(PetscMalloc1(tree->n, list));
+  l = *list;
+  PetscCall(ISLocalToGlobalMappingGetIndices(map, &number));
+  for (PetscInt r = 0; r < tree->n; r++) {
+    const PetscBool own = (PetscBool)(number[r] >= layout->rstart && number[r] < layout->rend);
+
+    tree->owned[r] = own ? number[r] - layout->rstart : -1;
+    owned += own ? 1 : 0;
+    l[r] = (LatinShared){.number = number[r], .ranks = ranks_of[r], .members = r};
+  }
+  PetscCall(ISLocalToGlobalMappingRestoreIndices(map, &number));
+  qsort(l, (size_t)tree->n, sizeof(*l), LatinSharedCompare);
+  for (PetscInt r = 0; r < tree->n; r++) {
+    if (l[r].number < 0 || (r && l[r].number == l[r - 1].number)) wrong = 1;
+    if (l[r].ranks == 1) continue;
+    tree->row[tree->rest] = l[r].members;
+    l[tree->rest++]       = (LatinShared){.number = l[r].number, .ranks = l[r].ranks, .members = 1};
+  }
+  if (owned != layout->n) wrong = 1;
+  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &wrong, 1, MPI_INT, MPI_MAX, tree->comm));
+  PetscCheck(!wrong, tree->comm, PETSC_ERR_SUP, LATIN_TREE ": a rank owns rows that its local matrix does not have, or has one twice; use another solver of the matrix");
+  PetscFunctionReturn(0);
+}
+
+/* The rows of a joint from two lists; mine[*n] becomes that of what is left, and has room for both */
+static PetscErrorCode LatinJointMerge_Private(LatinJoint *joint, PetscInt *n, LatinShared **mine, const LatinShared theirs[])
+{
+  const PetscInt     m = *n, t = joint->theirs;
+  const LatinShared *own = *mine;
+  LatinShared       *both;
+  PetscInt           count = 0, left = 0, *place;
+
+  PetscFunctionBegin;
+  joint->mine = m;
+  PetscCall(PetscMalloc1(m + t, &both));
+  PetscCall(PetscMalloc1(m + t, &joint->at));
+  PetscCall(PetscMalloc1(m + t, &place));
+  for (PetscInt i = 0, k = 0; i < m || k < t; count++) {
+    const PetscInt number = k == t || (i < m && own[i].number <= theirs[k].number) ? own[i].number : theirs[k].number;
+
+    both[count] = (LatinShared){.number = number};
+    if (i < m && own[i].number == number) {
+      both[count].ranks   = own[i].ranks;
+      both[count].members = own[i].members;
+      joint->at[i++]      = count;
+    }
+    if (k < t && theirs[k].number == number) {
+      both[count].ranks = theirs[k].ranks;
+      both[count].members += theirs[k].members;
+      joint->at[m + k++] = count;
+    }
+  }
+  for (PetscInt c = 0; c < count; c++) joint->interior += both[c].members == both[c].ranks ? 1 : 0;
+  joint->rows = count;
+  for (PetscInt c = 0, inside = 0; c < count; c++) {
+    const PetscBool in = (PetscBool)(both[c].members == both[c].ranks);
+
+    place[c] = in ? inside++ : joint->interior + left;
+    if (!in) both[left++] = both[c];
+  }
+  for (PetscInt i = 0; i < m + t; i++) joint->at[i] = place[joint->at[i]];
+  PetscCall(PetscFree(place));
+  PetscCall(PetscFree(*mine));
+  *mine = both;
+  *n    = left;
+  PetscFunctionReturn(0);
+}
+
+/* What a joint takes comes after what both of its groups have taken: path */
+static void LatinJointCost(const LatinJoint *joint, const PetscReal theirs[2], PetscReal path[2], LatinTreeCost *cost)
+{
+  const PetscReal in = (PetscReal)joint->interior, out = (PetscReal)(joint->rows - joint->interior);
+  const PetscReal operations = in * (in * in / 6.0 + in * out / 2.0 + out * out / 2.0), entries = in * (in / 2.0 + out);
+
+  path[0] = PetscMax(path[0], theirs[0]) + operations;
+  path[1] = PetscMax(path[1], theirs[1]) + entries;
+  cost->operations += operations;
+  cost->entries += entries;
+  cost->most = PetscMax(cost->most, (PetscReal)joint->rows);
+}
+
+/* Of all ranks, and what that is in time; path: of this rank. Collective on tree->comm */
+static PetscErrorCode LatinTreeCost_Private(LatinTree *tree, const PetscReal path[2])
+{
+  PetscReal      sum[2]  = {tree->cost.operations, tree->cost.entries};
+  PetscReal      most[4] = {path[0], path[1], tree->cost.most, (PetscReal)(tree->joints + (tree->parent >= 0 ? 1 : 0))};
+  LatinTreeCost *cost    = &tree->cost;
+  PetscMPIInt    ranks;
+  PetscReal      power;
+
+  PetscFunctionBegin;
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, tree->comm));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, most, 4, MPIU_REAL, MPIU_MAX, tree->comm));
+  PetscCallMPI(MPI_Comm_size(tree->comm, &ranks));
+  power         = PetscMax(1.0, LATIN_TREE_SHARE * ranks);
+  *cost         = (LatinTreeCost){.operations = sum[0], .entries = sum[1], .path_operations = most[0], .path_entries = most[1], .most = most[2], .messages = most[3]};
+  cost->seconds = cost->path_operations / LATIN_TREE_RATE + LATIN_TREE_STAGES * (16.0 * cost->path_entries / LATIN_TREE_BANDWIDTH + 2.0 * cost->messages * LATIN_TREE_LATENCY);
+  cost->shared  = cost->operations / (power * LATIN_TREE_RATE) + LATIN_TREE_STAGES * (16.0 * cost->entries / (power * LATIN_TREE_BANDWIDTH) + LATIN_TREE_MESSAGES * PetscLog2Real((PetscReal)ranks) * LATIN_TREE_LATENCY);
+  PetscFunctionReturn(0);
+}
+
+/* Rows of all joints, in the order in which they will be eliminated; what they take, on all ranks. Collective on tree->comm */
+static PetscErrorCode LatinTreeLists_Private(LatinTree *tree, LatinShared **list)
+{
+  const PetscMPIInt tag     = 0;
+  PetscReal         path[2] = {0.0, 0.0};
+  PetscInt          n = tree->rest, widest = tree->rest;
+  PetscMPIInt       length;
+
+  PetscFunctionBegin;
+  for (PetscInt k = 0; k < tree->joints; k++) {
+    LatinJoint  *joint = tree->joint + k;
+    LatinShared *theirs;
+    PetscReal    other[2];
+
+    PetscCallMPI(MPI_Recv(&joint->theirs, 1, MPIU_INT, joint->other, tag, tree->comm, MPI_STATUS_IGNORE));
+    PetscCallMPI(MPI_Recv(other, 2, MPIU_REAL, joint->other, tag, tree->comm, MPI_STATUS_IGNORE));
+    PetscCall(PetscMalloc1(joint->theirs, &theirs));
+    PetscCall(PetscMPIIntCast(3 * joint->theirs, &length));
+    PetscCallMPI(MPI_Recv(theirs, length, MPIU_INT, joint->other, tag, tree->comm, MPI_STATUS_IGNORE));
+    PetscCall(LatinJointMerge_Private(joint, &n, list, theirs));
+    PetscCall(PetscFree(theirs));
+    LatinJointCost(joint, other, path, &tree->cost);
+    PetscCall(PetscMalloc1(joint->rows, &joint->x));
+    widest = PetscMax(widest, joint->rows);
+  }
+  tree->up = n;
+  if (tree->parent >= 0) {
+    PetscCallMPI(MPI_Send(&n, 1, MPIU_INT, tree->parent, tag, tree->comm));
+    PetscCallMPI(MPI_Send(path, 2, MPIU_REAL, tree->parent, tag, tree->comm));
+    PetscCall(PetscMPIIntCast(3 * n, &length));
+    PetscCallMPI(MPI_Send(*list, length, MPIU_INT, tree->parent, tag, tree->comm));
+  }
+  PetscCall(PetscMalloc2(tree->n, &tree->g, widest, &tree->w));
+  PetscCall(LatinTreeCost_Private(tree, path));
+  PetscFunctionReturn(0);
+}
+
+/* The plan for parts with these numbers of rows that the layout shares out. Collective on map */
+PetscErrorCode LatinTreePlan_Private(ISLocalToGlobalMapping map, PetscLayout layout, LatinTree *tree)
+{
+  PetscInt     edges = 0, *ranks_of;
+  LatinEdge   *edge;
+  LatinShared *list;
+
+  PetscFunctionBegin;
+  *tree = (LatinTree){.start = layout->rstart, .own = layout->n};
+  PetscCallMPI(MPI_Comm_dup(PetscObjectComm((PetscObject)map), &tree->comm));
+  PetscCall(ISLocalToGlobalMappingGetSize(map, &tree->n));
+  PetscCall(PetscMalloc1(tree->n, &ranks_of));
+  PetscCall(LatinTreeGraph_Private(map, ranks_of, &edges, &edge));
+  PetscCall(LatinTreePair_Private(tree, edges, edge));
+  PetscCall(LatinTreeRows_Private(tree, map, layout, ranks_of, &list));
+  PetscCall(LatinTreeLists_Private(tree, &list));
+  PetscCall(PetscFree(list));
+  PetscCall(PetscFree(edge));
+  PetscCall(PetscFree(ranks_of));
+  PetscFunctionReturn(0);
+}
+
+/* Is the tree predicted to take less time than a factorisation that all ranks share, for a matrix that there is not yet? Collective on comm */
+PetscErrorCode LatinTreePays(MPI_Comm comm, PetscInt n, const PetscInt number[], PetscLayout layout, PetscBool *pays)
+{
+  ISLocalToGlobalMapping map;
+  LatinTree              tree;
+
+  PetscFunctionBegin;
+  PetscCall(ISLocalToGlobalMappingCreate(comm, 1, n, number, PETSC_USE_POINTER, &map));
+  PetscCall(LatinTreePlan_Private(map, layout, &tree));
+  *pays = (PetscBool)(tree.cost.seconds <= tree.cost.shared);
+  PetscCall(PetscInfo(map, "coarse problem, predicted: fronts of the ranks %g s, a factorisation by all ranks %g s\n", (double)tree.cost.seconds, (double)tree.cost.shared));
+  PetscCall(LatinTreeReset_Private(&tree));
+  PetscCall(ISLocalToGlobalMappingDestroy(&map));
+  PetscFunctionReturn(0);
+}
