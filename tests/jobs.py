@@ -26,7 +26,7 @@ def split(words):
         if word[:1] == "-" and word[1:2].isalpha():
             names.append(word[1:])
             options[names[-1]] = None
-        else:
+        elif options[names[-1]] is None:  # PETSc overlooks what comes after a value
             options[names[-1]] = word
     return words[:first], options
 

@@ -177,18 +177,6 @@ PetscErrorCode LatinCholeskyGiveSchur(Mat F, PetscReal S[])
   PetscFunctionReturn(0);
 }
 
-/* The precision that the factor of a PCCHOLESKY is to have. MatSolverType is LATIN_CHOLESKY */
-PetscErrorCode LatinCholeskyRound(PC pc, LatinArithmetic precision)
-{
-  Mat F;
-
-  PetscFunctionBegin;
-  PetscCall(PCFactorSetUpMatSolverType(pc));
-  PetscCall(PCFactorGetMatrix(pc, &F));
-  ((LatinSupernodes *)F->data)->precision = precision;
-  PetscFunctionReturn(0);
-}
-
 /* The factor of any PC if it is one of this type, else NULL */
 static PetscErrorCode LatinCholeskyFind_Private(PC pc, LatinSupernodes **data)
 {
@@ -205,6 +193,20 @@ static PetscErrorCode LatinCholeskyFind_Private(PC pc, LatinSupernodes **data)
   if (!ours) PetscFunctionReturn(0);
   PetscCall(PCFactorGetMatrix(pc, &F));
   *data = (LatinSupernodes *)F->data;
+  PetscFunctionReturn(0);
+}
+
+/* The precision that the factor is to have, if it is one of this type */
+PetscErrorCode LatinCholeskyRound(PC pc, LatinArithmetic precision)
+{
+  LatinSupernodes *data;
+  PetscBool        cholesky;
+
+  PetscFunctionBegin;
+  PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCCHOLESKY, &cholesky));
+  if (cholesky) PetscCall(PCFactorSetUpMatSolverType(pc)); /* options may choose others */
+  PetscCall(LatinCholeskyFind_Private(pc, &data));
+  if (data) data->precision = precision;
   PetscFunctionReturn(0);
 }
 
