@@ -162,7 +162,6 @@ if PETSc.COMM_WORLD.rank == 0:
 """
 
 
-@pytest.mark.slow
 def test_ranks_tell_the_same(mpirun):
     """One, two and five ranks: reasons, names, and the displacements of what has converged, to what was asked for."""
     found = [json.loads(mpirun(n, PROGRAM.format(tests=str(ROOT / "tests"))).stdout) for n in (1, 2, 5)]

@@ -46,7 +46,7 @@ static PetscErrorCode LatinPatchGather_Private(LatinPatch *p, Vec load)
   PetscCall(PetscCalloc2(structure->nodes_local, &links, structure->vertices, &here));
   PetscCall(PetscMalloc2(dim * structure->nodes_local, &force, width * structure->nodes_local, &tell));
   for (PetscInt i = 0; i < 2 * structure->links_local; i++) here[structure->ends[i]] += 1.0;
-  PetscCall(LatinSFReduce_Private(structure->vertex_sf, 1, MPIU_REAL, here, links, MPIU_SUM));
+  PetscCall(LatinSFReduce_Private(structure->vertex_sf, 1, MPIU_REAL, here, links, MPI_SUM));
   PetscCall(LatinStructureGetDisplacements(structure, load, force));
   for (PetscInt i = 0; i < structure->nodes_local; i++) {
     for (PetscInt c = 0; c < dim; c++) {
@@ -239,7 +239,7 @@ PetscErrorCode LatinEquilibriumPatches_Private(LatinStructure structure, Vec mor
   if (more) PetscCall(VecAXPY(step, 1.0, more));
   PetscCall(LatinPatchGather_Private(p, step));
   PetscCall(LatinPatchFind_Private(p, move, &count));
-  PetscCall(LatinSFReduce_Private(structure->vertex_sf, dim, MPIU_REAL, move, node, MPIU_SUM)); /* one rank alone has all links of a node */
+  PetscCall(LatinSFReduce_Private(structure->vertex_sf, dim, MPIU_REAL, move, node, MPI_SUM)); /* one rank alone has all links of a node */
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &count, 1, MPIU_INT, MPI_SUM, PetscObjectComm((PetscObject)structure)));
   PetscCall(LatinStructureNodalVec_Private(structure, node, step));
   if (count) PetscCall(LatinEquilibriumMoved_Private(structure, step, found));

@@ -65,6 +65,7 @@ static PetscErrorCode LatinStructureCreatePlex_Private(LatinStructure structure)
   PetscBool  *used, whole = PETSC_TRUE;
   PetscMPIInt size;
   PetscLayout map;
+  PetscSF     moved;
 
   PetscFunctionBegin;
   PetscCallMPI(MPI_Comm_size(comm, &size));
@@ -73,7 +74,9 @@ static PetscErrorCode LatinStructureCreatePlex_Private(LatinStructure structure)
   for (PetscInt i = 0; i < structure->nodes_local && whole; i++) whole = used[i];
   PetscCall(PetscFree(used));
   if (size > 1 || !whole) {
-    PetscCall(DMPlexCreateFromCellListParallelPetsc(comm, 1, structure->links_local, structure->nodes_local, structure->nodes_global, 2, PETSC_FALSE, structure->nodes, structure->dim, structure->x, &structure->vertex_sf, NULL, &structure->dm));
+    PetscCall(DMPlexCreateFromCellListParallelPetsc(comm, 1, structure->links_local, structure->nodes_local, structure->nodes_global, 2, PETSC_FALSE, structure->nodes, structure->dim, structure->x, &moved, NULL, &structure->dm));
+    PetscCall(PetscSFDuplicate(moved, PETSCSF_DUPLICATE_GRAPH, &structure->vertex_sf)); /* the other one has moved coordinates: in one dimension PETSc no longer takes sums by it */
+    PetscCall(PetscSFDestroy(&moved));
     PetscCall(LatinStructureAddVertices_Private(structure));
     PetscFunctionReturn(0);
   }
