@@ -126,7 +126,7 @@ def lines_of(group, entries, line_groups, where):
     name = entries.get("lines", group)
     if name == "all":
         return slice(None)
-    if name not in line_groups or "box" in entries or "where" in entries:
+    if not isinstance(name, str) or name not in line_groups or "box" in entries or "where" in entries:
         hint = nearest(str(name), line_groups)
         raise ValueError(f"{where}: 'line' is for a group of lines, or lines = \"all\"{hint}")
     return line_groups[name]
