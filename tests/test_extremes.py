@@ -13,6 +13,7 @@ from latinpc.bench.extremes import matrices, motions, rigid
 from latinpc.bench.extremes.catalogue import Case, chain, hung
 from latinpc.bench.extremes.catalogue import network as small
 from latinpc.bench.extremes.conditions import missed
+from latinpc.bench.extremes.drawn import draw
 from latinpc.bench.extremes.exact import solve_exactly
 from latinpc.bench.extremes.steps import motion_error
 from latinpc.scenes import Law, Scene
@@ -79,6 +80,13 @@ def test_exact_solution_of_rigid_links():
         assert np.allclose(solve_exactly(scene).displacements, rigid.row_solution(scene), rtol=1e-15, atol=0)
     scene = rigid.against(Law.CONTACT, 5e-4, copies=3)
     assert solve_exactly(scene).displacements[1, 0] == -5e-4
+
+
+def test_exact_solution_next_to_none():
+    """No loads, and rigid links at their limits: displacements are nothing beside what is prescribed."""
+    scene = draw(776754157, 559, "rigid").scene
+    exact = solve_exactly(scene, scene.solve().displacements)
+    assert exact.exists and abs(exact.displacements[~scene.fixed]).max() < 1e-30
 
 
 def test_exact_step_of_a_motion():

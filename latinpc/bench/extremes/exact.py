@@ -181,7 +181,8 @@ class _Search:
             step = self._step(u, strains, centre)
             whole = [(x + s).mid() for x, s in zip(u, step)]
             after = self._strains(whole)
-            still = max((abs(s) for s in step), default=self.zero) <= self.least * max(map(abs, u), default=self.zero)
+            size = max([*map(abs, u), *map(abs, self.rest)], default=self.zero)
+            still = max((abs(s) for s in step), default=self.zero) <= self.least * size
             if still or all(self._piece(i, x) is piece for (i, x), piece in zip(enumerate(after), pieces)):
                 return whole, after
             length = self._length(u, strains, step, centre)
