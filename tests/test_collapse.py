@@ -254,6 +254,35 @@ def test_ranks_find_patches(mpirun, tmp_path):
         assert set(ast.literal_eval(f"{count} {nodes}")[1]) <= moves
 
 
+@pytest.mark.parametrize(("load", "refused"), [(1.0, True), (1e-13, False)])
+def test_a_load_less_than_the_tensions_beside_it_proves_nothing(load, refused):
+    """Cables whose tension, from elsewhere, holds a node by an angle of 1e-12; the structure beside has no end soon."""
+    scene = borne(0, 1.0)
+    scene = replace(scene, load=scene.load / np.abs(scene.load).max())
+    n = len(scene.nodes)
+    more = [
+        [-1, -1e-12, 0],
+        [0, 0, 0],
+        [1, -1e-12, 0],
+        [0, 1, 0],
+    ]  # a chain of three nodes, and a cable up from the middle
+    fixed = np.ones((4, 3), bool)
+    fixed[1, :2] = fixed[2, 0] = False
+    force = np.zeros((4, 3))
+    force[1, 1], force[2, 0] = load, 1.0
+    links = n + np.array([[0, 1], [1, 2], [1, 3]])
+    fields = {name: getattr(scene, name) for name in ("stiffness", "initial_elongation")}
+    scene = replace(
+        scene, nodes=np.vstack([scene.nodes, more]), links=np.vstack([scene.links, links]),
+        law=np.append(scene.law, [Law.CABLE] * 3), fixed=np.vstack([scene.fixed, fixed]),
+        prescribed=np.vstack([scene.prescribed, 0.0 * force]), load=np.vstack([scene.load, force]),
+        **{name: np.append(field, np.full(3, np.median(field))) for name, field in fields.items()},
+    )  # fmt: skip
+    reason, (_, nodes), _, _, _ = ended(scene, max_it=400)
+    assert (reason == Reason.DIVERGED_DTOL) == refused
+    assert (n + 1 in nodes) == refused
+
+
 def test_the_number_of_steps_hardly_depends_on_the_size():
     """From 800 to 6,500 unknowns: no 200 steps of Newton's method."""
     for nodes in (300, 2400):

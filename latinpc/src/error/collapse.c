@@ -219,7 +219,7 @@ static PetscErrorCode LatinCollapseProof_Private(LatinCollapse *c, PetscInt step
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)c->structure)));
   PetscCall(VecDot(c->f, c->d, &push));
   *held  = (PetscBool)(c->left <= LATIN_COLLAPSE_HELD && PetscSqrtReal(sum[1]) <= LATIN_COLLAPSE_HELD);
-  *proof = LatinCollapseProves(PetscRealPart(push), sum[0], sum[1]);
+  *proof = LatinCollapseProves(PetscRealPart(push), 0.0, sum[0], sum[1]);
   PetscCall(
     PetscInfo(c->structure, "step %" PetscInt_FMT ": the loads push by %g, and tensions are %g times those of bars at least\n", step, (double)PetscRealPart(push), (double)(sum[0] > 0.0 ? PetscRealPart(push) / PetscSqrtReal(sum[0]) : INFINITY)));
   PetscFunctionReturn(0);

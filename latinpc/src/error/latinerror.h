@@ -108,10 +108,13 @@ PETSC_INTERN PetscErrorCode LatinStructureSize_Private(LatinStructure, PetscReal
 #define LATIN_COLLAPSE_TENSION LatinByPrecision(1e10, 1e4)  /* times the tensions of bars: no equilibrium that rounding leaves anything of has so large ones */
 #define LATIN_COLLAPSE_HELD    LatinByPrecision(1e-7, 1e-4) /* of the displacements of bars: what is left of d beside them is none */
 
-/* Do loads whose tensions have the norm 1 where all links are bars prove by the push F.d that they have no equilibrium? Squares of the elongations that links resist, and of all */
-static inline PetscBool LatinCollapseProves(PetscReal push, PetscReal resisted, PetscReal all)
+/*
+   Do loads whose tensions have the norm 1 where all links are bars prove by the push F.d that they have no equilibrium? Squares of the elongations that links
+   resist, and of all; beside: the largest load of the structure, since what it causes passes through links that other loads are nothing for
+*/
+static inline PetscBool LatinCollapseProves(PetscReal push, PetscReal beside, PetscReal resisted, PetscReal all)
 {
-  return (PetscBool)(push > LATIN_COLLAPSE_HELD * PetscSqrtReal(all) && push > LATIN_COLLAPSE_TENSION * PetscSqrtReal(resisted));
+  return (PetscBool)(push > LATIN_COLLAPSE_HELD * PetscSqrtReal(all) && push > LATIN_COLLAPSE_TENSION * PetscMax(1.0, beside) * PetscSqrtReal(resisted));
 }
 
 /* A link resists in traction, in compression, both ways, or not at all */

@@ -54,8 +54,8 @@ static PetscReal LatinLooseTension(PetscInt m, const LatinHalf h[], const PetscR
   return PetscSqrtReal(PetscMax(0.0, sum));
 }
 
-/* Is a node loose under the load f? Its ray v then, of length 1 */
-static PetscBool LatinNodeLoose(PetscInt m, const LatinHalf h[], const PetscReal f[], PetscReal v[])
+/* Is a node loose under the load f, in a structure with this largest load? Its ray v then, of length 1 */
+static PetscBool LatinNodeLoose(PetscInt m, const LatinHalf h[], const PetscReal f[], PetscReal largest, PetscReal v[])
 {
   const PetscReal tension = LatinLooseTension(m, h, f);
 
@@ -72,7 +72,7 @@ static PetscBool LatinNodeLoose(PetscInt m, const LatinHalf h[], const PetscReal
       for (PetscInt c = 0; c < 3; c++) v[c] /= size;
       push /= size;
       LatinLooseResisted(m, h, v, PetscSqr(push / (LATIN_COLLAPSE_TENSION * tension)), &resisted, &all);
-      if (LatinCollapseProves(push / tension, resisted, all)) return PETSC_TRUE;
+      if (LatinCollapseProves(push / tension, largest / tension, resisted, all)) return PETSC_TRUE;
     }
   return PETSC_FALSE;
 }
@@ -118,7 +118,7 @@ static PetscErrorCode LatinLooseGather_Private(LatinStructure structure, PetscIn
 }
 
 /* The displacements of loose nodes, [nodes_local][dim], from their loads, which these take the place of; how many there are here */
-static PetscErrorCode LatinLooseFind_Private(LatinStructure structure, const PetscInt first[], const LatinHalf half[], PetscReal load[], PetscInt *count)
+static PetscErrorCode LatinLooseFind_Private(LatinStructure structure, const PetscInt first[], const LatinHalf half[], PetscReal largest, PetscReal load[], PetscInt *count)
 {
   const PetscInt dim = structure->dim;
   LatinHalf      h[LATIN_LOOSE_LINKS + 3];
@@ -142,7 +142,7 @@ static PetscErrorCode LatinLooseFind_Private(LatinStructure structure, const Pet
         h[m++].way = LATIN_WAY_BOTH;
       }
     }
-    loose = (PetscBool)((f[0] != 0.0 || f[1] != 0.0 || f[2] != 0.0) && LatinNodeLoose(m, h, f, v));
+    loose = (PetscBool)((f[0] != 0.0 || f[1] != 0.0 || f[2] != 0.0) && LatinNodeLoose(m, h, f, largest, v));
     for (PetscInt c = 0; c < dim; c++) load[dim * i + c] = loose ? v[c] : 0.0;
     if (loose) ++*count;
   }
@@ -155,7 +155,7 @@ static PetscErrorCode LatinLooseFind_Private(LatinStructure structure, const Pet
 */
 PetscErrorCode LatinEquilibriumNodes_Private(LatinStructure structure, Vec more, Vec u, LatinEquilibrium *found)
 {
-  PetscReal  size, prescribed;
+  PetscReal  size, prescribed, largest;
   PetscReal *load;
   PetscInt  *first, count;
   LatinHalf *half;
@@ -168,8 +168,9 @@ PetscErrorCode LatinEquilibriumNodes_Private(LatinStructure structure, Vec more,
   PetscCall(DMGetGlobalVector(structure->dm, &step));
   PetscCall(VecCopy(structure->load, step));
   if (more) PetscCall(VecAXPY(step, 1.0, more));
+  PetscCall(VecNorm(step, NORM_INFINITY, &largest));
   PetscCall(LatinStructureGetDisplacements(structure, step, load));
-  PetscCall(LatinLooseFind_Private(structure, first, half, load, &count));
+  PetscCall(LatinLooseFind_Private(structure, first, half, largest, load, &count));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &count, 1, MPIU_INT, MPI_SUM, PetscObjectComm((PetscObject)structure)));
   PetscCall(LatinStructureNodalVec_Private(structure, load, step));
   if (count) {

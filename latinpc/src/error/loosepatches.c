@@ -23,6 +23,7 @@ typedef struct {
   PetscInt       unknowns;
   PetscInt       unknown[3 * LATIN_PATCH_NODES]; /* of the displacements of its vertices, -1: fixed */
   PetscReal      f[3 * LATIN_PATCH_NODES];       /* loads */
+  PetscReal      largest;                        /* load of the structure */
   PetscReal     *A;                              /* operator where all links are bars */
   LatinCone      cone;
 } LatinPatch;
@@ -167,7 +168,7 @@ static PetscBool LatinPatchProves(LatinPatch *p)
     all += x * x;
     if (l < p->both || x > 0.0) resisted += x * x;
   }
-  return (PetscBool)(tension > 0.0 && LatinCollapseProves(push / PetscSqrtReal(tension), resisted, all));
+  return (PetscBool)(tension > 0.0 && LatinCollapseProves(push / PetscSqrtReal(tension), p->largest / PetscSqrtReal(tension), resisted, all));
 }
 
 /* How the vertices of loose patches of this rank move, [vertices][dim]: the sum of the first ones, for they overlap; how many these are */
@@ -237,6 +238,7 @@ PetscErrorCode LatinEquilibriumPatches_Private(LatinStructure structure, Vec mor
   PetscCall(DMGetGlobalVector(structure->dm, &step));
   PetscCall(VecCopy(structure->load, step));
   if (more) PetscCall(VecAXPY(step, 1.0, more));
+  PetscCall(VecNorm(step, NORM_INFINITY, &p->largest));
   PetscCall(LatinPatchGather_Private(p, step));
   PetscCall(LatinPatchFind_Private(p, move, &count));
   PetscCall(LatinSFReduce_Private(structure->vertex_sf, dim, MPIU_REAL, move, node, MPI_SUM)); /* one rank alone has all links of a node */
