@@ -152,6 +152,8 @@ static PetscErrorCode LatinCoarseTogether_Private(LatinCoarse *coarse, LatinCoar
     PetscCall(MatDestroy(&sum));
   } else {
     PetscCall(MatDestroy(&coarse->A));
+    PetscCall(MatDestroy(&coarse->part)); /* of a set-up whose parts stayed by themselves: it is none of this matrix */
+    PetscCall(PetscFree(coarse->number));
     coarse->A = sum;
   }
   PetscFunctionReturn(0);
