@@ -90,7 +90,10 @@ static PetscErrorCode LatinJointEliminate_Private(LatinJoint *joint, PetscScalar
   out = rows - in;
   if (!in) PetscFunctionReturn(0);
   PetscCallBLAS("LAPACKpotrf", LAPACKpotrf_("L", &in, joint->L, &rows, &info));
-  if (info) *bad = PETSC_TRUE;
+  if (info) { /* the next one waits for S all the same */
+    *bad = PETSC_TRUE;
+    PetscFunctionReturn(0);
+  }
   if (out) PetscCallBLAS("BLAStrsm", BLAStrsm_("R", "L", "T", "N", &out, &in, &one, joint->L, &rows, joint->L + in, &rows));
   for (PetscInt j = 0; j < out; j += LATIN_TREE_COLUMNS) {
     const PetscBLASInt height = out - j, columns = PetscMin(LATIN_TREE_COLUMNS, height);
