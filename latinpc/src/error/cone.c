@@ -96,7 +96,7 @@ static PetscBool LatinConeMove(LatinCone *c, PetscInt both)
 
   LatinConeTensions(c, c->next);
   for (PetscInt k = 0; k < c->bears; k++) {
-    if (c->link[k] < both || c->next[k] > 0.0) continue;
+    if (c->link[k] < both || c->next[k] > 0.0 || c->t[k] == c->next[k]) continue;
     if (c->t[k] <= length * (c->t[k] - c->next[k])) {
       length = c->t[k] / (c->t[k] - c->next[k]);
       stop   = k;
@@ -146,8 +146,8 @@ void LatinConeProject(LatinCone *c, PetscInt n, PetscInt links, PetscInt both, c
       *bears = PETSC_FALSE;
       return;
     }
-    c->t[c->bears] = 0.0;
-    if (!LatinConeAdd(c, l)) c->state[l] = LATIN_CONE_SPANNED;
+    if (LatinConeAdd(c, l)) c->t[c->bears - 1] = 0.0;
+    else c->state[l] = LATIN_CONE_SPANNED;
     while (!LatinConeMove(c, both)) LatinConeDrop(c, both, f);
   }
 }
