@@ -11,9 +11,9 @@
      displacements, and for u, t.r = t.K e for the error e, so that |e| >= |t.r| / |K t|;
    - the ends of a rigid link that bears are apart by its gap: by what they miss it, u is wrong by 1 / sqrt(2) at least;
    - where a motion comes to rest nothing is left to be relative to. With nodes that are held by masses, errors of r move u by less than
-    in D^-1 alone: where rounding of the forces then moves more than the error asked for of u, in the norm of D, so that light
-    nodes do not count for more than they weigh, and in the l2 norm, gaps are held as far as digits go;
-  - a node where as much force is missing as there is has nothing that holds it. It moves until a link resists;
+     in D^-1 alone: where rounding of the forces then moves more than the error asked for of u, in the norm of D, so that light
+     nodes do not count for more than they weigh, and in the l2 norm, and of what gaps are missed by, these are held as far as digits go;
+   - a node where as much force is missing as there is has nothing that holds it. It moves until a link resists;
    - at an equilibrium r.u = 0, while along a mechanism loads work and nothing resists. Their work is compared with that of
      tensions and loads, so that neither units nor stiffnesses matter.
 */
@@ -216,7 +216,7 @@ PetscErrorCode LatinEquilibriumCheck_Private(Latin latin, Vec u, Vec r, Vec more
   for (PetscInt i = 0; i < dim * structure->nodes_local; i++) LatinSumComponent(&balance.node[i / dim], dim, i % dim, energy, &sum);
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &sum, sizeof(sum) / sizeof(PetscReal), MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
   PetscCall(LatinUnsupported_Private(&balance, found));
-  found->still = (PetscBool)(structure->ground && PetscSqr(target) * sum.u[0] <= sum.hides[0] && PetscSqr(target) * sum.u[1] <= sum.hides[1]);
+  found->still = (PetscBool)(structure->ground && PetscSqr(target) * sum.u[0] <= sum.hides[0] && PetscSqr(target) * sum.u[1] <= sum.hides[1] && 0.5 * PetscSqr(target * balance.gap) <= sum.hides[1]);
   PetscCall(LatinGapError_Private(&balance, u, size, found->still, &missed));
   PetscCall(LatinEquilibriumFar_Private(structure, u, &far));
   PetscCall(PetscFree(balance.node));
@@ -224,8 +224,8 @@ PetscErrorCode LatinEquilibriumCheck_Private(Latin latin, Vec u, Vec r, Vec more
   found->balanced = (PetscBool)(sum.error == 0.0);
   found->left     = PetscSqrtReal(sum.left);
   if (sum.load > 0.0) found->rounding = PetscSqrtReal(sum.hidden / sum.load);
-  if (sum.left > 0.0) found->unbalance = PetscSqrtReal(sum.left / (sum.load > 0.0 ? sum.load : PetscMax(sum.bearing, PETSC_MIN_REAL)));
-  if (sum.left > 0.0 || sum.load > 0.0) found->forces = PetscSqrtReal(sum.all / PetscMax(PetscMax(sum.bearing, sum.load), PETSC_MIN_REAL));
+  if (sum.left > 0.0) found->unbalance = PetscSqrtReal(LatinRatio(sum.left, sum.load > 0.0 ? sum.load : sum.bearing));
+  if (sum.left > 0.0 || sum.load > 0.0) found->forces = PetscSqrtReal(LatinRatio(sum.all, PetscMax(sum.bearing, sum.load)));
   norm = energy ? PetscSqrtReal(balance.sum.energy) : size;
   if (norm > 0.0) found->error = LATIN_FORCE_FACTOR * PetscSqrtReal(sum.error) / norm;
   for (PetscInt d = 0; d < 4 && structure->ground && !energy && norm > 0.0; d++)

@@ -64,9 +64,9 @@ PetscErrorCode LatinNewtonCorrection_Private(LatinNewton *newton, Vec u, Vec r, 
   PetscCall(DMRestoreGlobalVector(newton->structure->dm, &w));
   newton->stages++;
   part      = LATIN_CORRECTION_SAFETY * (sum.work > 0.0 ? PetscAbsScalar(pushed) / sum.work : length > 0.0 ? INFINITY : 0.0);
-  *error    = newton->energy ? PetscSqrtReal(sum.work / PetscMax(sum.energy, PETSC_MIN_REAL)) : length / PetscMax(size, PETSC_MIN_REAL);
+  *error    = newton->energy ? PetscSqrtReal(LatinRatio(sum.work, sum.energy)) : LatinRatio(length, size);
   *tensions = sum.all > 0.0 ? part * PetscSqrtReal(sum.tension / sum.all) : 0.0;
-  *error *= part;
+  if (*error > 0.0) *error *= part; /* not zero times what is without end */
   PetscCall(PetscInfo(newton->snes, "A correction would change displacements by %g and tensions by %g\n", (double)*error, (double)*tensions));
   PetscFunctionReturn(0);
 }

@@ -39,7 +39,7 @@ static PetscErrorCode LatinTautUpdate_Private(SNES snes, Vec before, PetscReal *
   PetscCall(VecNorm(snes->vec_sol, NORM_2, &size));
   PetscCall(VecCopy(snes->vec_sol, before));
   PetscCall(LatinStructureSize_Private(structure, &whole, &prescribed));
-  *change = sum[0] > 0.0 ? PetscSqrtReal(sum[0] / PetscMax(sum[1], PETSC_MIN_REAL)) : 0.0;
+  *change = PetscSqrtReal(LatinRatio(sum[0], sum[1]));
   *done   = (PetscBool)(moved <= PetscMax(target * size, PETSC_MACHINE_EPSILON * whole) && *change <= target);
   if (SNESLatinEstimates(data)) data->estimate.value = PetscMax(data->estimate.value, size > 0.0 ? moved / size : 0.0);
   PetscCall(PetscInfo(snes, "Tensions of inextensible cables change by %g of themselves, displacements by %g\n", (double)*change, (double)(size > 0.0 ? moved / size : 0.0)));
