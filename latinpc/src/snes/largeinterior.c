@@ -1,66 +1,115 @@
 #include "snes/sneslatinimpl.h"
 
 /*
-   Where all links are cables, some of them inextensible, or contacts the energy is least: a convex problem. The method of
-   multipliers (snes/largerigid.c) ends it from near its solution; from afar, among thousands of cables that become taut and slack by turns,
-   its Newton's method goes to and fro. So an interior point method [S. Mehrotra 1992] goes there first, in 10 to 20 linear solves whatever the size. A cable
-   of length L has h = (L^2 - |r|^2) / 2, a link that keeps its direction its gap h; with force densities g (tension over
-   length; of such a link its force) and slacks s,
+   Newton's method where links turn far and many change between taut and slack: a primal-dual interior-point method [S. J. Wright 1997], with
+   Mehrotra's predictor and corrector and Gondzio's corrections. A unilateral link has its tension t >= 0 and its slack s >= 0, a length, as
+   unknowns of their own. A cable of the natural length L, the stiffness k and the vector r from node to node is W = L + t / k long where it is taut:
 
-     sum of g r = load on each node,  s = h,  g s = mu,  g > 0,  s > 0,  mu -> 0.
+     sum of t / W r = load on each node,  s = (W^2 - |r|^2) / (2 L),  t s = mu,
 
-   A cable of the stiffness k is longer, L / (1 - g / k), which adds g times half the derivative of the square of that to s, in what
-   follows. Without dg and ds Newton's step has the stiffness g 1 + (g / s) r r^t of each cable: it is the tangent stiffness of a
-   spring g + (g / s) R^2 that bears g R, so that operators and conjugate gradients are those of cables. No cable is slack on the way.
+   and mu falls to zero. 1 / k = 0 where it is inextensible. The squares of lengths are smooth where nodes of slack cables meet, |r| = 0. A
+   contact has t n and s = t / k - x instead. The tangent stiffness of a link is smooth as well, so that no cable changes
+   to and fro, and tensions go ahead of the displacements as in snes/largenewton.c: a link that turns has its strain wrong by the square of the
+   angle, which one step corrects. No link holds up the others: 10 to 20 steps do, for few links and for many. In each the operators
+   are those of its tangent stiffness, for which a few conjugate gradient iterations do.
+
+   Where steps are small Newton's method takes over, and proves; where there are inextensible cables the method of multipliers does
+   (snes/largerigid.c). A tangent that is not positive definite before shows that the loads lead past a limit point: a tower found an equilibrium
+   upside down.
 */
 
-#define LATIN_INTERIOR_MOST    60   /* steps: 10 to 20 where there is an equilibrium */
-#define LATIN_INTERIOR_SMALL   1e-8 /* of tensions times lengths: products of tensions and gaps from where the method of multipliers changes few cables */
+#define LATIN_INTERIOR_MOST    60   /* steps: grids of tensegrity modules take 12 to 20 */
+#define LATIN_INTERIOR_BACK    0.99 /* of the way to where a tension or a slack would vanish */
+#define LATIN_INTERIOR_CENTRE  1e-4 /* the mean product falls by no more than that in a step */
+#define LATIN_INTERIOR_SPREAD  10.0 /* products further than that from their mean are drawn to it by corrections */
+#define LATIN_INTERIOR_CORRECT 2    /* most corrections; each is a solve with the operators there are */
+#define LATIN_INTERIOR_ENOUGH  0.9  /* a step of that part needs none: with 1 linear stages are a quarter more */
+#define LATIN_INTERIOR_SHORT   1e-6 /* steps shorter than that part lead nowhere */
+#define LATIN_INTERIOR_STEP    1e-4 /* a step relative to the displacements from which on Newton's method is tried; with 1e-3 it fails on grids */
+#define LATIN_INTERIOR_AGAIN   0.1  /* where it has failed it is tried again when steps are so much smaller */
+#define LATIN_INTERIOR_TIMES   2    /* times that it gets operators of its tangent stiffness */
+#define LATIN_INTERIOR_SMALL   1e-9 /* of tensions times lengths: products from where the method of multipliers changes few cables */
 #define LATIN_INTERIOR_AIM     0.3  /* of these products: where lengths and balance follow later no smaller ones are wanted, whose linear systems are next to singular */
-#define LATIN_INTERIOR_LEFT    1e-4 /* the same of lengths missed and forces without balance: they fall with the products, until these make linear systems singular */
-#define LATIN_INTERIOR_BACK    0.99 /* of the way to where a force density or a slack vanishes */
-#define LATIN_INTERIOR_FIRST   0.1  /* slacks at first, of L^2 */
-#define LATIN_INTERIOR_FLOOR   1e-6 /* of the mean tension over length: force densities at least in the linear systems, for nodes that slack cables alone hold */
-#define LATIN_INTERIOR_STILL   1e-6 /* a part of a step that is no step */
-#define LATIN_INTERIOR_RTOL    1e-8 /* of a linear solve: what it leaves grows by g / s, a stiffness, in the forces of the next point */
-#define LATIN_INTERIOR_PENALTY 1e3  /* times the mean tension over length: the penalty afterwards */
+#define LATIN_INTERIOR_FIRST   0.1  /* of the length: slacks at first of links that do not stretch */
+#define LATIN_INTERIOR_FLOOR   1e-6 /* of the mean tension: what links bear at least in the linear systems, for nodes that slack cables alone hold */
 
+/* All of [links_local] but n */
 typedef struct {
   LatinStructure structure;
-  PetscReal     *g, *s, *dg, *ds, *h, *add, *tension; /* [links_local]; add: dg where displacements stay */
-  PetscReal     *span[2], *x[2];                      /* from node to node, and strains: at u, and after the step */
-  PetscBool     *held;                                /* between prescribed displacements: bears nothing, and is as if it had room */
-  PetscReal      length, force;                       /* mean length of the cables, mean load of a node */
-  PetscReal      gap, whole;                          /* sums of g s, and of g L^2 */
-  Vec            at, step, r;
+  PetscReal     *n;            /* [dim] r / L, or where squares of lengths do not count the direction */
+  PetscReal     *length, *far; /* natural length; how far a step may move the ends against each other */
+  PetscReal     *give;         /* 1 / k */
+  PetscReal     *part, *bend;  /* L / W and 1 / W, or 1 and 0 */
+  PetscReal     *gap;          /* what s is to be */
+  PetscReal     *t, *s;        /* tension and slack; s = 0: not unilateral */
+  PetscReal     *slope, *tau;  /* stiffness and tension of the tangent */
+  PetscReal     *v, *trial;    /* what t s is to be; with corrections */
+  PetscReal     *dt, *ds;      /* of a step */
+  PetscBool     *held;         /* between prescribed displacements */
+  Vec            du, r, other; /* of a step, its right-hand side; another step */
+  PetscReal      links, whole; /* unilateral links on all ranks, sum of their tensions times lengths */
+  PetscReal      mean, reach;  /* of t s; part of the step that moves no link too far */
+  PetscReal      force;        /* a tension */
+  PetscBool      rigid;        /* there are links that do not stretch */
+  PetscBool      unstable;     /* the tangent of this step is not positive definite */
 } LatinInterior;
 
-/* A force density that a cable of the natural length L cannot exceed: its stiffness */
-static PetscReal LatinInteriorMost(const LatinInterior *point, PetscInt l)
+/* Is it the law of link l that it bears nothing beyond a strain? A rigid link that nothing moves bears nothing at all */
+static PetscBool LatinInteriorUnilateral(const LatinInterior *point, PetscInt l)
 {
-  return LatinLaws[point->structure->law[l]].rigid ? PETSC_INFINITY : point->structure->stiffness[l];
+  const LatinLawType law = point->structure->law[l];
+
+  if (LatinLaws[law].rigid) return (PetscBool)(point->structure->penalty || !point->held[l]);
+  return (PetscBool)(law == LATIN_LAW_CABLE || law == LATIN_LAW_COMPRESSION_ONLY);
 }
 
-/* |r|^2 at u */
-static PetscReal LatinInteriorSquare(const LatinInterior *point, PetscInt l)
+static PetscReal LatinInteriorSign(const LatinInterior *point, PetscInt l)
 {
-  const PetscInt dim    = point->structure->dim;
-  PetscReal      square = 0.0;
-
-  for (PetscInt c = 0; c < dim; c++) square += PetscSqr(point->span[0][dim * l + c]);
-  return square;
+  return LatinInteriorUnilateral(point, l) ? LatinLawSign(point->structure->law[l]) : 1.0;
 }
 
-/* Tension of a force density */
-static PetscReal LatinInteriorTension(const LatinInterior *point, PetscInt l, PetscReal g)
+/* How much its tension grows with its strain */
+static PetscReal LatinInteriorStiffness(const LatinInterior *point, PetscInt l, PetscReal t)
 {
-  return g * (LatinStructureKeeps(point->structure, l) ? LatinLawSign(point->structure->law[l]) : PetscSqrtReal(LatinInteriorSquare(point, l)));
+  return point->s[l] > 0.0 ? t / (point->s[l] + point->give[l] * t / point->part[l]) : point->slope[l];
 }
 
-/* What s and h are compared with */
-static PetscReal LatinInteriorUnit(const LatinInterior *point, PetscInt l)
+/* Directions, gaps, and the tangent of links that are not unilateral, at u. Collective on structure */
+static PetscErrorCode LatinInteriorMeasure_Private(LatinInterior *point, Vec u)
 {
-  return LatinStructureKeeps(point->structure, l) ? point->length : PetscSqr(PetscSqrtReal(LatinInteriorSquare(point, l)) - point->x[0][l]);
+  const LatinStructure structure = point->structure;
+  const PetscInt       dim       = structure->dim;
+
+  PetscFunctionBegin;
+  PetscCall(LatinTurningMove_Private(structure, u, point->n, point->gap));
+  for (PetscInt l = 0; l < structure->links_local; l++) {
+    const PetscBool rigid = LatinLaws[structure->law[l]].rigid, keeps = LatinStructureKeeps(structure, l), one = LatinInteriorUnilateral(point, l);
+    const PetscReal give = !rigid ? 1.0 / structure->stiffness[l] : structure->penalty ? 1.0 / structure->penalty[l] : 0.0, sign = LatinInteriorSign(point, l);
+    const PetscReal x = point->gap[l] + (one && rigid && structure->penalty ? structure->multiplier[l] * give : 0.0);
+    PetscReal      *n = point->n + dim * l, size = 0.0, length, whole;
+
+    for (PetscInt c = 0; c < dim; c++) size += PetscSqr(n[c]);
+    size             = PetscSqrtReal(size);
+    length           = size - x;
+    whole            = length + sign * give * point->t[l];
+    point->length[l] = length;
+    point->far[l]    = keeps ? PETSC_MAX_REAL : PetscMax(size, PetscAbsReal(length));
+    point->give[l]   = give;
+    point->part[l]   = 1.0;
+    point->bend[l]   = 0.0;
+    point->gap[l]    = give * point->t[l] - sign * x;
+    if (keeps) PetscCall(PetscArraycpy(n, structure->direction + dim * l, dim));
+    else if (one && length > 0.0 && whole > 0.0) {
+      for (PetscInt c = 0; c < dim; c++) n[c] /= length;
+      point->part[l] = length / whole;
+      point->bend[l] = 1.0 / whole;
+      point->gap[l] *= 0.5 * (whole + size) / length;
+    } else (void)LatinUnitVector(dim, n, n);
+    if (one) continue;
+    point->slope[l] = rigid ? 0.0 : LatinStructureTangent(structure, l, x);
+    point->t[l]     = rigid ? 0.0 : LatinStructureTension(structure, NULL, l, x);
+  }
+  PetscFunctionReturn(0);
 }
 
 /* Links that no free displacement moves. Collective on structure */
@@ -73,8 +122,8 @@ static PetscErrorCode LatinInteriorHeld_Private(LatinInterior *point)
 
   PetscFunctionBegin;
   PetscCall(DMGetLocalVector(structure->dm, &local));
-  PetscCall(VecSet(point->at, 1.0));
-  PetscCall(LatinStructureGetLocal_Private(structure, NULL, point->at, local));
+  PetscCall(VecSet(point->du, 1.0));
+  PetscCall(LatinStructureGetLocal_Private(structure, NULL, point->du, local));
   PetscCall(VecGetArrayRead(local, &free));
   for (PetscInt l = 0; l < structure->links_local; l++) {
     point->held[l] = PETSC_TRUE;
@@ -86,297 +135,342 @@ static PetscErrorCode LatinInteriorHeld_Private(LatinInterior *point)
   PetscFunctionReturn(0);
 }
 
-/* The stretched length of a cable, squared, less L^2; rate: half the derivative by g of this */
-static PetscReal LatinInteriorStretch(const LatinInterior *point, PetscInt l, PetscReal *rate)
-{
-  const PetscReal part = point->g[l] / LatinInteriorMost(point, l), square = LatinInteriorUnit(point, l) / PetscSqr(1.0 - part);
-
-  *rate = part > 0.0 ? square / (LatinInteriorMost(point, l) * (1.0 - part)) : 0.0;
-  return square * part * (2.0 - part);
-}
-
-/* s, and what g times the rate of the stretched length adds: without it a cable of the law that has no stretch */
-static PetscReal LatinInteriorSlack(const LatinInterior *point, PetscInt l)
-{
-  PetscReal rate;
-
-  (void)LatinInteriorStretch(point, l, &rate);
-  return point->s[l] + point->g[l] * rate;
-}
-
-/* Tension over length, a mean of the cables */
-static PetscReal LatinInteriorMean(const LatinInterior *point)
-{
-  return point->whole / ((PetscReal)point->structure->links_global * PetscSqr(point->length));
-}
-
-/* Spans, strains and h at u. Collective on structure */
-static PetscErrorCode LatinInteriorMeasure_Private(LatinInterior *point, Vec u)
+/* The mean product of tension and slack `part` of a step ahead. Collective on structure */
+static PetscErrorCode LatinInteriorMean_Private(const LatinInterior *point, PetscReal part, PetscReal *mean)
 {
   const LatinStructure structure = point->structure;
 
   PetscFunctionBegin;
-  PetscCall(LatinTurningMove_Private(structure, u, point->span[0], point->x[0]));
-  for (PetscInt l = 0; l < structure->links_local; l++) {
-    const PetscReal x = point->x[0][l];
-    PetscReal       rate;
-
-    point->h[l] = point->held[l]                      ? LatinInteriorUnit(point, l)
-                  : LatinStructureKeeps(structure, l) ? -LatinLawSign(structure->law[l]) * x
-                                                      : -0.5 * x * (2.0 * PetscSqrtReal(LatinInteriorSquare(point, l)) - x) + 0.5 * LatinInteriorStretch(point, l, &rate);
-  }
+  *mean = 0.0;
+  for (PetscInt l = 0; l < structure->links_local; l++)
+    if (point->s[l] > 0.0) *mean += (point->t[l] + part * point->dt[l]) * (point->s[l] + part * point->ds[l]);
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, mean, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
+  if (point->links > 0.0) *mean /= point->links;
   PetscFunctionReturn(0);
 }
 
-/* The change of h by the step, to first order */
-static PetscReal LatinInteriorChange(const LatinInterior *point, PetscInt l)
+/* Changes of the strains by the step du, as links stand, into ds, and the part of it that moves the ends of no link too far. Collective on structure */
+static PetscErrorCode LatinInteriorStrains_Private(LatinInterior *point)
 {
-  const PetscInt dim    = point->structure->dim;
-  PetscReal      change = 0.0;
+  const LatinStructure structure = point->structure;
+  const PetscInt       dim       = structure->dim;
+  const PetscScalar   *a;
+  Vec                  local;
 
-  if (LatinStructureKeeps(point->structure, l)) return -LatinLawSign(point->structure->law[l]) * (point->x[1][l] - point->x[0][l]);
-  for (PetscInt c = 0; c < dim; c++) change -= point->span[0][dim * l + c] * (point->span[1][dim * l + c] - point->span[0][dim * l + c]);
-  return change;
+  PetscFunctionBegin;
+  PetscCall(DMGetLocalVector(structure->dm, &local));
+  PetscCall(LatinStructureGetLocal_Private(structure, NULL, point->du, local)); /* no change where prescribed */
+  PetscCall(VecGetArrayRead(local, &a));
+  point->reach = 1.0;
+  for (PetscInt l = 0; l < structure->links_local; l++) {
+    PetscReal moved = 0.0;
+
+    point->ds[l] = 0.0;
+    for (PetscInt c = 0; c < dim; c++) {
+      const PetscReal d = PetscRealPart(a[dim * structure->ends[2 * l + 1] + c] - a[dim * structure->ends[2 * l] + c]);
+
+      point->ds[l] += point->n[dim * l + c] * d;
+      moved += d * d;
+    }
+    point->ds[l] *= LatinInteriorSign(point, l);
+    if (PetscSqrtReal(moved) > point->far[l]) point->reach = PetscMin(point->reach, point->far[l] / PetscSqrtReal(moved));
+  }
+  PetscCall(VecRestoreArrayRead(local, &a));
+  PetscCall(DMRestoreLocalVector(structure->dm, &local));
+  PetscFunctionReturn(0);
 }
 
-/* The forces without balance of the tensions at u. Collective on snes */
-static PetscErrorCode LatinInteriorForces_Private(SNES snes, LatinInterior *point, Vec u)
+/* Forces without balance of the tensions, `ahead` of a step ahead. Collective on snes */
+static PetscErrorCode LatinInteriorForces_Private(SNES snes, const LatinInterior *point, PetscReal ahead)
 {
+  const LatinStructure structure = point->structure;
+  const PetscInt       dim       = structure->dim;
+  PetscReal           *f;
+
   PetscFunctionBegin;
-  PetscCall(LatinTurningResidual_Private(point->structure, point->tension, u, point->r));
+  PetscCall(DMGetWorkArray(structure->dm, dim * structure->links_local, MPIU_REAL, &f));
+  for (PetscInt i = 0; i < dim * structure->links_local; i++) {
+    const PetscInt l = i / dim;
+
+    f[i] = LatinInteriorSign(point, l) * point->part[l] * (point->t[l] + ahead * point->part[l] * point->dt[l]) * point->n[i];
+  }
+  PetscCall(LatinTurningForces_Private(structure, f, snes->vec_sol, structure->load, point->r));
+  PetscCall(DMRestoreWorkArray(structure->dm, dim * structure->links_local, MPIU_REAL, &f));
   if (snes->vec_rhs) PetscCall(VecAXPY(point->r, -1.0, snes->vec_rhs));
   PetscFunctionReturn(0);
 }
 
-/* The first force densities and slacks; *suits: there are cables that turn, of positive length, and loads. Collective on snes */
-static PetscErrorCode LatinInteriorStart_Private(SNES snes, LatinInterior *point, Vec u, PetscBool *suits)
+/* The step to products v: du, dt, ds. Collective on snes */
+static PetscErrorCode LatinInteriorStep_Private(SNES snes, KSP ksp, const PetscReal v[], LatinInterior *point)
 {
-  const LatinStructure structure = point->structure;
-  PetscReal            sum[2] = {0.0, 0.0}, load, least = PETSC_MAX_REAL;
+  SNES_Latin        *data = (SNES_Latin *)snes->data;
+  const PetscInt     n    = point->structure->links_local;
+  KSPConvergedReason reason;
+  PetscInt           its;
+  PC                 pc;
 
   PetscFunctionBegin;
-  PetscCall(LatinInteriorHeld_Private(point));
-  PetscCall(LatinInteriorMeasure_Private(point, u));
-  for (PetscInt l = 0; l < structure->links_local; l++) {
-    if (LatinStructureKeeps(structure, l)) continue;
-    least = PetscMin(least, PetscSqrtReal(LatinInteriorSquare(point, l)) - point->x[0][l]);
-    sum[0] += PetscSqrtReal(LatinInteriorUnit(point, l));
-    sum[1] += 1.0;
+  for (PetscInt l = 0; l < n; l++) { /* dt without the part of du */
+    point->dt[l] = point->s[l] > 0.0 ? (v[l] - point->t[l] * point->gap[l]) / (point->s[l] + point->give[l] * point->t[l] / point->part[l]) : 0.0;
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &least, 1, MPIU_REAL, MPIU_MIN, PetscObjectComm((PetscObject)structure)));
-  PetscCall(PetscArrayzero(point->tension, structure->links_local));
-  PetscCall(LatinInteriorForces_Private(snes, point, u));
-  PetscCall(VecNorm(point->r, NORM_2, &load));
-  *suits        = (PetscBool)(least > 0.0 && sum[0] > 0.0 && load > 0.0);
-  point->length = sum[0] / PetscMax(sum[1], 1.0);
-  point->force  = load / PetscSqrtReal((PetscReal)structure->nodes_global);
-  for (PetscInt l = 0; l < structure->links_local && *suits; l++) {
-    point->s[l] = PetscMax(point->h[l], LATIN_INTERIOR_FIRST * LatinInteriorUnit(point, l));
-    point->g[l] = LatinStructureKeeps(structure, l) ? point->force : PetscMin(0.5 * LatinInteriorMost(point, l), point->force / point->length);
+  PetscCall(LatinInteriorForces_Private(snes, point, 1.0));
+  PetscCall(VecScale(point->r, -1.0));
+  PetscCall(KSPSolve(ksp, point->r, point->du));
+  PetscCall(KSPGetConvergedReason(ksp, &reason));
+  PetscCall(KSPGetIterationNumber(ksp, &its));
+  data->newton.stages += its;
+  if (reason == KSP_DIVERGED_INDEFINITE_MAT) { /* downhill all the same: the operators leave compression out */
+    point->unstable = PETSC_TRUE;
+    PetscCall(KSPGetPC(ksp, &pc));
+    PetscCall(PCApply(pc, point->r, point->du));
+    data->newton.stages++;
+  }
+  PetscCall(LatinInteriorStrains_Private(point));
+  for (PetscInt l = 0; l < n; l++) {
+    const PetscReal dx = point->ds[l];
+
+    point->dt[l] += LatinInteriorStiffness(point, l, point->t[l]) * dx;
+    point->ds[l] = point->s[l] > 0.0 ? point->give[l] / point->part[l] * point->dt[l] - dx - point->s[l] + point->gap[l] : 0.0;
   }
   PetscFunctionReturn(0);
 }
 
-/* Is this point near enough? Sets the sums. Collective on snes */
-static PetscErrorCode LatinInteriorNear_Private(SNES snes, LatinInterior *point, Vec u, PetscBool *near)
+/* How much of a step leaves tensions and slacks positive, and moves no link too far. Collective on structure */
+static PetscErrorCode LatinInteriorPart_Private(const LatinInterior *point, PetscReal *part)
+{
+  PetscFunctionBegin;
+  *part = point->reach;
+  for (PetscInt l = 0; l < point->structure->links_local; l++) {
+    if (point->s[l] == 0.0) continue;
+    if (point->dt[l] < 0.0) *part = PetscMin(*part, -LATIN_INTERIOR_BACK * point->t[l] / point->dt[l]);
+    if (point->ds[l] < 0.0) *part = PetscMin(*part, -LATIN_INTERIOR_BACK * point->s[l] / point->ds[l]);
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, part, 1, MPIU_REAL, MPIU_MIN, PetscObjectComm((PetscObject)point->structure)));
+  PetscFunctionReturn(0);
+}
+
+/* Corrections draw products to their mean, as long as the step becomes longer. Collective on snes */
+static PetscErrorCode LatinInteriorCorrect_Private(SNES snes, KSP ksp, PetscReal target, LatinInterior *point, PetscReal *part)
 {
   const LatinStructure structure = point->structure;
-  PetscReal            sum[2] = {0.0, 0.0}, missed = 0.0, left;
+  const PetscInt       n         = structure->links_local;
+  PetscReal           *dt, *ds, longer;
 
   PetscFunctionBegin;
-  PetscCall(LatinInteriorMeasure_Private(point, u));
-  for (PetscInt l = 0; l < structure->links_local; l++) {
-    sum[0] += point->g[l] * point->s[l];
-    sum[1] += point->g[l] * LatinInteriorUnit(point, l);
-    missed            = PetscMax(missed, PetscAbsReal(point->s[l] - point->h[l]) / LatinInteriorUnit(point, l));
-    point->tension[l] = LatinInteriorTension(point, l, point->g[l]);
+  PetscCall(DMGetWorkArray(structure->dm, n, MPIU_REAL, &dt));
+  PetscCall(DMGetWorkArray(structure->dm, n, MPIU_REAL, &ds));
+  for (PetscInt k = 0; k < LATIN_INTERIOR_CORRECT && *part < LATIN_INTERIOR_ENOUGH; k++) {
+    const PetscReal at = PetscMin(1.0, 1.5 * *part + 0.3);
+
+    for (PetscInt l = 0; l < n; l++) {
+      const PetscReal product = (point->t[l] + at * point->dt[l]) * (point->s[l] + at * point->ds[l]);
+
+      point->trial[l] = point->v[l];
+      if (product * LATIN_INTERIOR_SPREAD < target) point->trial[l] += target / LATIN_INTERIOR_SPREAD - product;
+      else if (product > LATIN_INTERIOR_SPREAD * target) point->trial[l] += LATIN_INTERIOR_SPREAD * PetscMax(target - product / LATIN_INTERIOR_SPREAD, -target);
+    }
+    PetscCall(PetscArraycpy(dt, point->dt, n));
+    PetscCall(PetscArraycpy(ds, point->ds, n));
+    PetscCall(VecCopy(point->du, point->other));
+    PetscCall(LatinInteriorStep_Private(snes, ksp, point->trial, point));
+    PetscCall(LatinInteriorPart_Private(point, &longer));
+    if (longer <= 1.01 * *part) {
+      PetscCall(PetscArraycpy(point->dt, dt, n));
+      PetscCall(PetscArraycpy(point->ds, ds, n));
+      PetscCall(VecCopy(point->other, point->du));
+      break;
+    }
+    PetscCall(PetscArraycpy(point->v, point->trial, n));
+    *part = longer;
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &missed, 1, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)structure)));
-  PetscCall(LatinInteriorForces_Private(snes, point, u));
-  PetscCall(VecNorm(point->r, NORM_2, &left));
-  left /= point->force * PetscSqrtReal((PetscReal)structure->nodes_global);
-  point->gap   = sum[0];
+  PetscCall(DMRestoreWorkArray(structure->dm, n, MPIU_REAL, &ds));
+  PetscCall(DMRestoreWorkArray(structure->dm, n, MPIU_REAL, &dt));
+  PetscFunctionReturn(0);
+}
+
+/* The step: to products of zero, which shows how far these can fall, then to what they are to be. Collective on snes */
+static PetscErrorCode LatinInteriorDirection_Private(SNES snes, KSP ksp, LatinInterior *point, PetscReal *part)
+{
+  PetscReal ahead, target;
+
+  PetscFunctionBegin;
+  point->unstable = PETSC_FALSE;
+  PetscCall(LatinInteriorMean_Private(point, 0.0, &point->mean));
+  PetscCall(PetscArrayzero(point->v, point->structure->links_local));
+  PetscCall(LatinInteriorStep_Private(snes, ksp, point->v, point));
+  PetscCall(LatinInteriorPart_Private(point, part));
+  if (!(point->mean > 0.0)) PetscFunctionReturn(0); /* no unilateral links */
+  PetscCall(LatinInteriorMean_Private(point, *part, &ahead));
+  ahead  = PetscMin(1.0, ahead / point->mean);
+  target = point->mean * PetscMax(ahead * ahead * ahead, LATIN_INTERIOR_CENTRE);
+  if (point->rigid) target = PetscMax(target, LATIN_INTERIOR_AIM * LATIN_INTERIOR_SMALL * point->whole / point->links);
+  for (PetscInt l = 0; l < point->structure->links_local; l++) point->v[l] = target - PetscSqr(*part) * point->dt[l] * point->ds[l];
+  PetscCall(LatinInteriorStep_Private(snes, ksp, point->v, point));
+  PetscCall(LatinInteriorPart_Private(point, part));
+  PetscCall(LatinInteriorCorrect_Private(snes, ksp, target, point, part));
+  PetscFunctionReturn(0);
+}
+
+/* Operators and Jacobian of stiffnesses and tensions of the tangent. Collective on snes */
+static PetscErrorCode LatinInteriorTangent_Private(SNES snes, LatinInterior *point, KSP *ksp)
+{
+  const LatinStructure structure = point->structure;
+  const PetscInt       dim       = structure->dim;
+  PetscReal            sum[2]    = {0.0, 0.0};
+
+  PetscFunctionBegin;
+  for (PetscInt l = 0; l < structure->links_local; l++) {
+    if (point->s[l] == 0.0) continue;
+    sum[0] += point->t[l];
+    sum[1] += point->t[l] * (LatinStructureKeeps(structure, l) ? 0.0 : point->length[l]);
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)snes)));
   point->whole = sum[1];
-  *near        = (PetscBool)(sum[0] <= LATIN_INTERIOR_SMALL * sum[1] && missed <= LATIN_INTERIOR_LEFT && left <= LATIN_INTERIOR_LEFT);
-  PetscCall(PetscInfo(snes, "Interior point: products of tensions and gaps %g, lengths missed %g, forces without balance %g, relative\n", (double)(sum[0] / sum[1]), (double)missed, (double)left));
-  PetscFunctionReturn(0);
-}
-
-/* The linear solver of this point, with operators of its stiffness. Collective on snes */
-static PetscErrorCode LatinInteriorOperators_Private(SNES snes, LatinInterior *point, KSP *ksp)
-{
-  const LatinStructure structure  = point->structure;
-  const LatinStructure frame      = ((SNES_Latin *)snes->data)->large.frame;
-  PetscReal           *penalty    = frame->spring;
-  PetscReal           *multiplier = frame->spring + structure->links_local;
-
-  PetscFunctionBegin;
   for (PetscInt l = 0; l < structure->links_local; l++) {
-    const PetscReal g = PetscMax(point->g[l], LATIN_INTERIOR_FLOOR * LatinInteriorMean(point));
+    const PetscReal t = PetscMax(point->t[l], LATIN_INTERIOR_FLOOR * sum[0] / point->links), sign = LatinInteriorSign(point, l);
+    PetscReal       square = 0.0;
 
-    penalty[l]    = (LatinStructureKeeps(structure, l) ? 0.0 : g) + g / LatinInteriorSlack(point, l) * (LatinStructureKeeps(structure, l) ? 1.0 : LatinInteriorSquare(point, l));
-    multiplier[l] = LatinInteriorTension(point, l, g) - penalty[l] * point->x[0][l];
+    if (point->s[l] == 0.0) continue;
+    for (PetscInt c = 0; c < dim; c++) square += PetscSqr(point->n[dim * l + c]);
+    point->slope[l] = square * PetscSqr(point->part[l]) * LatinInteriorStiffness(point, l, t) + sign * point->bend[l] * t;
+    point->tau[l]   = sign * point->part[l] * t * PetscSqrtReal(square);
   }
-  structure->penalty    = penalty;
-  structure->multiplier = multiplier;
+  structure->slope = point->slope;
+  structure->ahead = point->tau;
   PetscCall(SNESLatinLargeRenew_Private(snes, LATIN_FRAME_TANGENT));
   PetscCall(SNESLatinLargeTangent_Private(snes, snes->vec_sol, ksp));
-  structure->penalty = structure->multiplier = NULL;
+  structure->slope = structure->ahead = NULL;
   PetscFunctionReturn(0);
 }
 
-/* Newton's step to g s = mu, beyond first order by the products of the last step; mu = 0: to first order alone. Collective on snes */
-static PetscErrorCode LatinInteriorStep_Private(SNES snes, LatinInterior *point, KSP ksp, PetscReal mu)
+/* A tension to start with: of those that there are, and of the loads that they leave on a node. Collective on snes */
+static PetscErrorCode LatinInteriorForce_Private(SNES snes, LatinInterior *point)
 {
   const LatinStructure structure = point->structure;
-  PetscInt             stages;
+  PetscReal            left, sum = 0.0;
 
   PetscFunctionBegin;
-  for (PetscInt l = 0; l < structure->links_local; l++) {
-    const PetscReal target = mu > 0.0 ? mu - point->dg[l] * point->ds[l] : 0.0, g = point->g[l];
-
-    point->add[l]     = (target - g * point->h[l]) / LatinInteriorSlack(point, l);
-    point->tension[l] = LatinInteriorTension(point, l, g + point->add[l]);
-  }
-  PetscCall(LatinInteriorForces_Private(snes, point, snes->vec_sol));
-  PetscCall(VecScale(point->r, -1.0));
-  PetscCall(KSPSolve(ksp, point->r, point->step));
-  PetscCall(KSPGetIterationNumber(ksp, &stages));
-  ((SNES_Latin *)snes->data)->newton.stages += stages;
-  PetscCall(VecWAXPY(point->at, 1.0, point->step, snes->vec_sol));
-  PetscCall(LatinTurningMove_Private(structure, point->at, point->span[1], point->x[1]));
-  for (PetscInt l = 0; l < structure->links_local; l++) {
-    const PetscReal change = LatinInteriorChange(point, l);
-    PetscReal       rate;
-
-    (void)LatinInteriorStretch(point, l, &rate);
-    point->dg[l] = point->add[l] - point->g[l] / LatinInteriorSlack(point, l) * change;
-    point->ds[l] = change - (point->s[l] - point->h[l]) + rate * point->dg[l];
-  }
+  PetscCall(LatinTurningTensions_Private(structure, NULL, snes->vec_sol, point->tau));
+  PetscCall(LatinTurningResidual_Private(structure, point->tau, snes->vec_sol, point->r));
+  if (snes->vec_rhs) PetscCall(VecAXPY(point->r, -1.0, snes->vec_rhs));
+  PetscCall(VecNorm(point->r, NORM_2, &left));
+  for (PetscInt l = 0; l < structure->links_local; l++)
+    if (LatinInteriorUnilateral(point, l)) sum += PetscSqr(point->tau[l]);
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &sum, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)snes)));
+  point->force = PetscSqrtReal(sum / PetscMax(point->links, 1.0) + left * left / (PetscReal)structure->nodes_global);
   PetscFunctionReturn(0);
 }
 
 /*
-   The part of the step in which the ends of a link move against each other by its length, or by how far they are apart: more, and h, of second order in
-   displacements, is far from what the step took it for. The solution is no further away than two such steps
+   Tensions and slacks at the displacements in the solution vector: of elastic links such that t s = force^2 / k; where some do not stretch these would be
+   far from those of others, and all start with force densities and slacks alike. *suits: there are forces, and lengths are positive. Collective on snes
 */
-static PetscReal LatinInteriorReach(const LatinInterior *point, PetscInt l)
-{
-  const PetscInt dim   = point->structure->dim;
-  PetscReal      moved = 0.0, reach = PetscMax(LatinInteriorUnit(point, l), LatinInteriorSquare(point, l));
-
-  for (PetscInt c = 0; c < dim; c++) moved += PetscSqr(point->span[1][dim * l + c] - point->span[0][dim * l + c]);
-  return moved > reach && !LatinStructureKeeps(point->structure, l) ? PetscSqrtReal(reach / moved) : 1.0;
-}
-
-/* The part of the step that leaves force densities and slacks positive, and the products that it leads to. Collective on snes */
-static PetscErrorCode LatinInteriorPart_Private(const LatinInterior *point, PetscReal *part, PetscReal *gap)
-{
-  MPI_Comm comm = PetscObjectComm((PetscObject)point->structure);
-
-  PetscFunctionBegin;
-  *part = 1.0;
-  *gap  = 0.0;
-  for (PetscInt l = 0; l < point->structure->links_local; l++) {
-    *part = PetscMin(*part, LatinInteriorReach(point, l));
-    if (point->dg[l] > 0.0) *part = PetscMin(*part, LATIN_INTERIOR_BACK * (LatinInteriorMost(point, l) - point->g[l]) / point->dg[l]);
-    if (point->ds[l] < 0.0) *part = PetscMin(*part, -LATIN_INTERIOR_BACK * point->s[l] / point->ds[l]);
-    if (point->dg[l] < 0.0) *part = PetscMin(*part, -LATIN_INTERIOR_BACK * point->g[l] / point->dg[l]);
-  }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, part, 1, MPIU_REAL, MPIU_MIN, comm));
-  for (PetscInt l = 0; l < point->structure->links_local; l++) *gap += (point->g[l] + *part * point->dg[l]) * (point->s[l] + *part * point->ds[l]);
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, gap, 1, MPIU_REAL, MPIU_SUM, comm));
-  PetscFunctionReturn(0);
-}
-
-/* From the solution vector on; *near: there, with the tensions. Collective on snes */
-static PetscErrorCode LatinInteriorRun_Private(SNES snes, LatinInterior *point, PetscBool *near)
+static PetscErrorCode LatinInteriorStart_Private(SNES snes, LatinInterior *point, PetscBool *suits)
 {
   const LatinStructure structure = point->structure;
-  PetscReal            part      = 1.0, gap, mu;
-  PetscReal            rtol;
-  KSP                  ksp;
+  PetscReal            sum[3] = {0.0, 0.0, 0.0}, least = PETSC_MAX_REAL;
+  PetscMPIInt          rigid = 0;
 
   PetscFunctionBegin;
-  for (PetscInt k = 0; k < LATIN_INTERIOR_MOST && part > LATIN_INTERIOR_STILL && ((SNES_Latin *)snes->data)->newton.stages < snes->max_its; k++) {
-    PetscCall(LatinInteriorNear_Private(snes, point, snes->vec_sol, near));
-    if (*near || PetscIsInfOrNanReal(point->gap)) break;
-    PetscCall(LatinInteriorOperators_Private(snes, point, &ksp));
-    PetscCall(KSPGetTolerances(ksp, &rtol, NULL, NULL, NULL));
-    PetscCall(KSPSetTolerances(ksp, LATIN_INTERIOR_RTOL, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
-    PetscCall(LatinInteriorStep_Private(snes, point, ksp, 0.0));
-    PetscCall(LatinInteriorPart_Private(point, &part, &gap));
-    mu = PetscMax(PetscPowRealInt(gap / point->gap, 3) * point->gap, LATIN_INTERIOR_AIM * LATIN_INTERIOR_SMALL * point->whole) / (PetscReal)structure->links_global;
-    PetscCall(LatinInteriorStep_Private(snes, point, ksp, mu));
-    PetscCall(KSPSetTolerances(ksp, rtol, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
-    PetscCall(LatinInteriorPart_Private(point, &part, &gap));
-    PetscCall(VecAXPY(snes->vec_sol, part, point->step));
-    for (PetscInt l = 0; l < structure->links_local; l++) {
-      point->g[l] += part * point->dg[l];
-      point->s[l] += part * point->ds[l];
+  PetscCall(LatinInteriorHeld_Private(point));
+  PetscCall(LatinInteriorMeasure_Private(point, snes->vec_sol));
+  for (PetscInt l = 0; l < structure->links_local; l++) {
+    if (LatinInteriorUnilateral(point, l)) {
+      sum[0] += 1.0;
+      if (point->give[l] == 0.0) rigid = 1;
+    }
+    if (LatinStructureKeeps(structure, l)) continue;
+    least = PetscMin(least, point->length[l]);
+    sum[1] += point->length[l];
+    sum[2] += 1.0;
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 3, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &least, 1, MPIU_REAL, MPIU_MIN, PetscObjectComm((PetscObject)structure)));
+  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &rigid, 1, MPI_INT, MPI_MAX, PetscObjectComm((PetscObject)structure)));
+  point->links = sum[0];
+  point->rigid = (PetscBool)rigid;
+  PetscCall(LatinInteriorForce_Private(snes, point));
+  *suits = (PetscBool)(point->force > 0.0 && (!point->rigid || (least > 0.0 && sum[2] > 0.0)));
+  for (PetscInt l = 0; l < structure->links_local && *suits; l++) {
+    const PetscReal mean = sum[1] / PetscMax(sum[2], 1.0), ratio = LatinStructureKeeps(structure, l) ? 1.0 : point->length[l] / mean;
+
+    if (!LatinInteriorUnilateral(point, l)) continue;
+    if (point->rigid) {
+      point->t[l] = point->force * ratio;
+      point->s[l] = PetscMax(point->gap[l], LATIN_INTERIOR_FIRST * ratio * mean);
+    } else {
+      const PetscReal y = point->gap[l] / point->give[l], more = 0.5 * (PetscAbsReal(y) + PetscSqrtReal(y * y + 4.0 * PetscSqr(point->force)));
+
+      point->t[l] = y < 0.0 ? more : PetscSqr(point->force) / more;
+      point->s[l] = point->give[l] * (y < 0.0 ? PetscSqr(point->force) / more : more);
     }
   }
   PetscFunctionReturn(0);
 }
 
-/* Tensions become multipliers, and their mean over length the penalty; where there is no solution all is what it was. Collective on snes */
-static PetscErrorCode LatinInteriorEnd_Private(SNES snes, LatinInterior *point, PetscBool near)
+/* Steps until one is small. Collective on snes */
+static PetscErrorCode LatinInteriorRun_Private(SNES snes, LatinInterior *point, PetscBool *done)
 {
-  const LatinStructure structure = point->structure;
-  const LatinStructure frame     = ((SNES_Latin *)snes->data)->large.frame;
+  SNES_Latin *data  = (SNES_Latin *)snes->data;
+  LatinLarge *large = &data->large;
+  PetscReal   near  = LATIN_INTERIOR_STEP, part, step, size;
+  Vec         u     = snes->vec_sol;
+  KSP         ksp;
 
   PetscFunctionBegin;
-  for (PetscInt l = 0; l < structure->links_local && near; l++) {
-    frame->spring[l]                          = LATIN_INTERIOR_PENALTY * LatinInteriorMean(point);
-    frame->spring[structure->links_local + l] = point->held[l] ? 0.0 : LatinInteriorTension(point, l, point->g[l]);
+  for (PetscInt k = 0; k < LATIN_INTERIOR_MOST && !*done && data->latin->linear.applications + data->newton.stages < snes->max_its; k++) {
+    PetscCall(LatinInteriorMeasure_Private(point, u));
+    PetscCall(LatinInteriorTangent_Private(snes, point, &ksp));
+    PetscCall(LatinInteriorDirection_Private(snes, ksp, point, &part));
+    PetscCall(VecAXPY(u, part, point->du));
+    for (PetscInt l = 0; l < point->structure->links_local; l++) {
+      if (point->s[l] == 0.0) point->tau[l] += part * (point->t[l] + point->dt[l] - point->tau[l]);
+      point->t[l] += part * point->dt[l];
+      point->s[l] += part * point->ds[l];
+    }
+    PetscCall(VecNorm(point->du, NORM_2, &step));
+    PetscCall(VecNorm(u, NORM_2, &size));
+    PetscCall(PetscInfo(snes, "Interior point, step %" PetscInt_FMT ": %g of %g, displacements %g; product of tension and slack %g%s\n", k, (double)part, (double)step, (double)size, (double)point->mean, point->unstable ? ", unstable" : ""));
+    if (PetscIsInfOrNanReal(size) || part < LATIN_INTERIOR_SHORT) break;
+    if (point->unstable && !point->rigid && step > large->near * size) break; /* on its way past a limit point; where steps are small it is the node of a cable that slackens */
+    if (point->rigid) {                                                       /* displacements of nodes that slack cables alone hold never settle */
+      PetscCall(LatinInteriorMean_Private(point, 0.0, &point->mean));
+      *done = (PetscBool)(part >= LATIN_INTERIOR_ENOUGH && point->mean * point->links <= LATIN_INTERIOR_SMALL * point->whole);
+    }
+    if (point->rigid || step > near * size) continue;
+    PetscCall(SNESLatinLargeFinish_Private(snes, LATIN_INTERIOR_TIMES, PETSC_TRUE, done));
+    near *= LATIN_INTERIOR_AGAIN;
   }
-  if (!near) PetscCall(LatinFramePenalty_Private(frame));
-  structure->penalty    = frame->spring;
-  structure->multiplier = frame->spring + structure->links_local;
-  PetscCall(SNESLatinLargeRenew_Private(snes, near ? LATIN_FRAME_TANGENT : LATIN_FRAME_DRAWN));
   PetscFunctionReturn(0);
 }
 
-/* Displacements and multipliers near the solution, from the solution vector on; *near: they are. Collective on snes */
-PetscErrorCode SNESLatinLargeInterior_Private(SNES snes, PetscBool *near)
+/*
+   From the displacements in the solution vector to the solution, whose error is proved: then *done. With links that do not stretch to where
+   the method of multipliers ends it from: their tensions then are in `tension`. Collective on snes
+*/
+PetscErrorCode SNESLatinLargeInterior_Private(SNES snes, PetscReal tension[], PetscBool *done)
 {
   const LatinStructure structure = ((SNES_Latin *)snes->data)->large.frame->turns;
-  const PetscInt       n = structure->links_local, dim = structure->dim;
-  LatinInterior        point = {.structure = structure};
-  PetscBool            suits = PETSC_FALSE;
-  PetscErrorCode       ierr;
-  Vec                  first;
+  const PetscInt       n         = structure->links_local;
+  LatinInterior        point     = {.structure = structure};
+  PetscBool            suits     = PETSC_FALSE;
 
   PetscFunctionBegin;
-  *near              = PETSC_FALSE;
-  structure->penalty = structure->multiplier = NULL;
-  PetscCall(PetscCalloc7(n, &point.g, n, &point.s, n, &point.dg, n, &point.ds, n, &point.h, n, &point.add, n, &point.tension));
-  PetscCall(PetscMalloc4(dim * n, &point.span[0], dim * n, &point.span[1], n, &point.x[0], n, &point.x[1]));
-  PetscCall(PetscMalloc1(n, &point.held));
-  PetscCall(DMGetGlobalVector(structure->dm, &point.at));
-  PetscCall(DMGetGlobalVector(structure->dm, &point.step));
-  PetscCall(DMGetGlobalVector(structure->dm, &point.r));
-  PetscCall(DMGetGlobalVector(structure->dm, &first));
-  PetscCall(VecCopy(snes->vec_sol, first));
-  structure->springs = PETSC_TRUE;
-  ierr               = LatinInteriorStart_Private(snes, &point, snes->vec_sol, &suits);
-  if (!ierr && suits) ierr = LatinInteriorRun_Private(snes, &point, near);
-  structure->springs = PETSC_FALSE; /* after an error as well: what displacements mean is asked of the structure */
-  PetscCall(ierr);
-  if (suits) {
-    if (!*near) PetscCall(VecCopy(first, snes->vec_sol));
-    PetscCall(LatinInteriorEnd_Private(snes, &point, *near));
-  }
-  structure->penalty    = ((SNES_Latin *)snes->data)->large.frame->spring;
-  structure->multiplier = structure->penalty + n;
-  PetscCall(DMRestoreGlobalVector(structure->dm, &first));
-  PetscCall(DMRestoreGlobalVector(structure->dm, &point.r));
-  PetscCall(DMRestoreGlobalVector(structure->dm, &point.step));
-  PetscCall(DMRestoreGlobalVector(structure->dm, &point.at));
-  PetscCall(PetscFree(point.held));
-  PetscCall(PetscFree4(point.span[0], point.span[1], point.x[0], point.x[1]));
-  PetscCall(PetscFree7(point.g, point.s, point.dg, point.ds, point.h, point.add, point.tension));
+  *done = PETSC_FALSE;
+  PetscCall(PetscCalloc7(structure->dim * n, &point.n, n, &point.length, n, &point.far, n, &point.give, n, &point.part, n, &point.bend, n, &point.gap));
+  PetscCall(PetscCalloc7(n, &point.t, n, &point.s, n, &point.v, n, &point.trial, n, &point.dt, n, &point.ds, n, &point.held));
+  PetscCall(PetscMalloc2(n + 1, &point.slope, n + 1, &point.tau)); /* never NULL */
+  PetscCall(VecDuplicate(snes->vec_sol, &point.du));
+  PetscCall(VecDuplicate(snes->vec_sol, &point.r));
+  PetscCall(VecDuplicate(snes->vec_sol, &point.other));
+  PetscCall(LatinInteriorStart_Private(snes, &point, &suits));
+  if (suits) PetscCall(LatinInteriorRun_Private(snes, &point, done));
+  for (PetscInt l = 0; l < n && tension; l++) tension[l] = LatinInteriorSign(&point, l) * point.t[l];
+  PetscCall(VecDestroy(&point.du));
+  PetscCall(VecDestroy(&point.r));
+  PetscCall(VecDestroy(&point.other));
+  PetscCall(PetscFree2(point.slope, point.tau));
+  PetscCall(PetscFree7(point.t, point.s, point.v, point.trial, point.dt, point.ds, point.held));
+  PetscCall(PetscFree7(point.n, point.length, point.far, point.give, point.part, point.bend, point.gap));
   PetscFunctionReturn(0);
 }

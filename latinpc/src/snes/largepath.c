@@ -56,7 +56,7 @@ PetscErrorCode SNESLatinLargeFrom_Private(SNES snes, Vec u, PetscBool near)
   if (near && SNESLatinEstimates(data) && data->newton.type != LATIN_NEWTON_NEVER) {
     data->next = LATIN_NEXT_LINE_SEARCH;
     PetscCall(SNESLatinLargeFinish_Private(snes, LATIN_PATH_TANGENTS, PETSC_FALSE, &done));
-    if (!done) PetscCall(SNESLatinLargeBarrier_Private(snes, &done));
+    if (!done) PetscCall(SNESLatinLargeInterior_Private(snes, NULL, &done));
   } else {
     data->large.last = data->latin->linear.applications + (near ? LATIN_PATH_STAGES : LATIN_PATH_FIRST);
     PetscCall(SNESLatinLargeIterate_Private(snes));

@@ -11,6 +11,7 @@
 #define LATIN_TAUT_SLOW  4.0  /* where tensions change by more than that part of what they did before: with 2 a chain of 20 takes four times the stages, with 10 a flat net fails */
 #define LATIN_TAUT_MOST  1e2  /* times the first penalty: more, and rounding of the penalty hides soft links */
 #define LATIN_TAUT_TIMES 40   /* most solves */
+#define LATIN_TAUT_NEAR  1e3  /* times the mean tension over length: the penalty from near the solution on */
 
 /*
    The tensions at the solution vector become the multipliers. *done: these and the displacements, since `before`, have changed by no more than
@@ -89,19 +90,59 @@ static PetscErrorCode LatinTautConvex_Private(SNES snes, PetscBool *convex)
   PetscFunctionReturn(0);
 }
 
-/* The first solve: from the drawn configuration, or from what an interior point method finds. Collective on snes */
-static PetscErrorCode LatinTautFirst_Private(SNES snes, Vec before)
+/* Near the solution, tensions become multipliers, and a multiple of their mean over length the penalty. Collective on snes */
+static PetscErrorCode LatinTautNear_Private(SNES snes, const PetscReal tension[])
 {
-  PetscBool near = PETSC_FALSE;
+  LatinStructure       frame     = ((SNES_Latin *)snes->data)->large.frame;
+  const LatinStructure structure = frame->turns;
+  const PetscInt       dim       = structure->dim;
+  PetscReal            sum[2]    = {0.0, 0.0};
 
   PetscFunctionBegin;
-  PetscCall(LatinTautConvex_Private(snes, &near));
-  if (near) PetscCall(SNESLatinLargeInterior_Private(snes, &near));
+  for (PetscInt l = 0; l < structure->links_local; l++) {
+    PetscReal length = 0.0;
+
+    for (PetscInt c = 0; c < dim; c++) length += PetscSqr(structure->span[dim * l + c]);
+    sum[0] += PetscAbsReal(tension[l]);
+    sum[1] += PetscSqrtReal(length) - structure->e0[l];
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
+  for (PetscInt l = 0; l < structure->links_local; l++) {
+    frame->spring[l]                          = LATIN_TAUT_NEAR * sum[0] / sum[1];
+    frame->spring[structure->links_local + l] = tension[l];
+  }
+  PetscCall(SNESLatinLargeRenew_Private(snes, LATIN_FRAME_TANGENT));
+  PetscFunctionReturn(0);
+}
+
+/* The first solve: from what an interior-point method finds, or from the drawn configuration. Collective on snes */
+static PetscErrorCode LatinTautFirst_Private(SNES snes, Vec before)
+{
+  SNES_Latin    *data      = (SNES_Latin *)snes->data;
+  LatinStructure structure = data->large.frame->turns;
+  PetscReal     *tension;
+  PetscBool      convex, near = PETSC_FALSE;
+
+  PetscFunctionBegin;
+  PetscCall(LatinTautConvex_Private(snes, &convex));
   PetscCall(VecCopy(snes->vec_sol, before));
+  if (convex) {
+    PetscCall(PetscMalloc1(structure->links_local, &tension));
+    PetscCall(SNESLatinLargeInterior_Private(snes, tension, &near));
+    if (near) PetscCall(LatinTautNear_Private(snes, tension));
+    PetscCall(PetscFree(tension));
+  }
+  structure->penalty    = data->large.frame->spring;
+  structure->multiplier = data->large.frame->spring + structure->links_local;
   if (near) {
+    PetscCall(VecCopy(snes->vec_sol, before));
     PetscCall(LatinTautFrom_Private(snes, before));
-    ((SNES_Latin *)snes->data)->large.reached = LatinNextConverged(((SNES_Latin *)snes->data)->next) ? 1.0 : 0.0;
-  } else PetscCall(SNESLatinLargeRun_Private(snes));
+    data->large.reached = LatinNextConverged(data->next) ? 1.0 : 0.0;
+    PetscFunctionReturn(0);
+  }
+  PetscCall(VecCopy(before, snes->vec_sol));
+  if (convex) PetscCall(SNESLatinLargeRenew_Private(snes, LATIN_FRAME_DRAWN));
+  PetscCall(SNESLatinLargeRun_Private(snes));
   PetscFunctionReturn(0);
 }
 
@@ -119,8 +160,6 @@ PetscErrorCode SNESLatinLargeRigid_Private(SNES snes)
     PetscCall(SNESLatinLargeRun_Private(snes));
     PetscFunctionReturn(0);
   }
-  structure->penalty    = data->large.frame->spring;
-  structure->multiplier = data->large.frame->spring + structure->links_local;
   PetscCall(DMGetGlobalVector(structure->dm, &before));
   PetscCall(LatinTautFirst_Private(snes, before));
   for (PetscInt k = 0; LatinNextConverged(data->next); k++) {

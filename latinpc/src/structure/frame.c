@@ -51,7 +51,7 @@ static void LatinFrameAxes(PetscInt dim, const PetscReal n[], PetscReal axes[])
 /* The stiffness of a link of the base, its law, and the strain at which it begins to bear less that of its law */
 static PetscReal LatinFrameStiffness(LatinStructure frame, PetscInt l)
 {
-  return LatinLaws[frame->turns->law[l]].rigid || frame->turns->springs ? frame->spring[l] : frame->turns->stiffness[l];
+  return LatinLaws[frame->turns->law[l]].rigid ? frame->spring[l] : frame->turns->stiffness[l];
 }
 
 static PetscInt LatinFrameLaw(LatinStructure frame, PetscInt l)
@@ -63,7 +63,7 @@ static PetscInt LatinFrameLaw(LatinStructure frame, PetscInt l)
 
 static PetscReal LatinFrameShift(LatinStructure frame, PetscInt l)
 {
-  return LatinLaws[frame->turns->law[l]].rigid || frame->turns->springs ? frame->spring[frame->turns->links_local + l] / frame->spring[l] : 0.0;
+  return LatinLaws[frame->turns->law[l]].rigid ? frame->spring[frame->turns->links_local + l] / frame->spring[l] : 0.0;
 }
 
 /* Parts of links that turn by small angles */
@@ -103,7 +103,7 @@ static void LatinFrameTangent(LatinStructure frame, PetscInt l, const LatinFrame
   const PetscReal floor = LATIN_FRAME_FLOOR * mean, least = PetscMax(frame->turns->ahead && !frame->turns->slope ? frame->turns->hold * mean : 0.0, floor);
 
   *k = PetscMax(link->k, least);
-  *c = LatinStructureKeeps(frame->turns, l) ? floor : PetscMin(*k, PetscMax(link->k > 0.0 && link->across < 0.0 ? floor : least, link->across));
+  *c = LatinStructureKeeps(frame->turns, l) ? floor : PetscMin(frame->turns->slope ? PETSC_MAX_REAL : *k, PetscMax(link->k > 0.0 && link->across < 0.0 ? floor : least, link->across));
 }
 
 /* The search direction (k, c) of link l */

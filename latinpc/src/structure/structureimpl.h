@@ -71,11 +71,10 @@ struct _p_LatinStructure {
   PetscReal        shift;      /* this 1 / h^2 */
   /* [links_local] while Newton's method takes rigid links for springs (snes/multipliers.c), else NULL; borrowed */
   const PetscReal *penalty, *multiplier;
-  PetscBool        springs; /* elastic cables are taken for such springs as well (snes/largeinterior.c) */
-  const PetscReal *bound;   /* beside them: the friction that each contact bears at most, read at its normal part; NULL: Coulomb's */
+  const PetscReal *bound; /* beside them: the friction that each contact bears at most, read at its normal part; NULL: Coulomb's */
   /* while Newton's method goes ahead of the displacements of links that turn (snes/largenewton.c), else NULL; borrowed */
   const PetscReal *ahead; /* [links_local] tensions in the tangent stiffness */
-  const PetscReal *slope; /* [links_local] stiffnesses of the laws in it (snes/largebarrier.c), or NULL */
+  const PetscReal *slope; /* [links_local] stiffnesses of the laws in it (snes/largeinterior.c), or NULL */
   PetscReal        hold;  /* beside them: what slack cables keep of the mean tension over length, as stiffness */
   /* parts of links that turn (structure/frame.c), NULL in other structures */
   LatinStructure   turns;                 /* the structure whose links have been split into parts */
@@ -127,7 +126,7 @@ static inline PetscReal LatinStructureTension(const LatinStructure structure, co
 {
   const LatinLaw *law = &LatinLaws[structure->law[l]];
 
-  if (law->rigid || structure->springs) return structure->penalty ? LatinStructureSpring(structure, l, x) : rigid ? rigid[l] : 0.0;
+  if (law->rigid) return structure->penalty ? LatinStructureSpring(structure, l, x) : rigid ? rigid[l] : 0.0;
   return law->tension(structure->stiffness[l], x, law->ctx);
 }
 
@@ -138,7 +137,7 @@ static inline PetscReal LatinStructureTangent(const LatinStructure structure, Pe
 {
   const LatinLaw *law = &LatinLaws[structure->law[l]];
 
-  if (law->rigid || structure->springs) return structure->law[l] == LATIN_LAW_TANGENT || LatinStructureSpring(structure, l, x) != 0.0 ? structure->penalty[l] : 0.0;
+  if (law->rigid) return structure->law[l] == LATIN_LAW_TANGENT || LatinStructureSpring(structure, l, x) != 0.0 ? structure->penalty[l] : 0.0;
   return law->tangent(structure->stiffness[l], x, law->ctx);
 }
 
