@@ -41,10 +41,10 @@ for n, reach, kind in ((40, 0, "aij"), (40, 9, "aij"), (40, 40, "dense"), (500, 
             k[0, 0] = -1e6
         whole[np.ix_(row, row)] += k
         local.append(k)
-    own = start[comm.rank + 1] - start[comm.rank]
+    own = int(start[comm.rank + 1] - start[comm.rank])
     row, k = rows[comm.rank].astype(PETSc.IntType), local[comm.rank]
     lg = PETSc.LGMap().create(row)
-    A = PETSc.Mat().createIS(((own, n), (own, n)), lg, lg)
+    A = PETSc.Mat().createIS(((own, n), (own, n)), lgmapr=lg, lgmapc=lg)
     K = PETSc.Mat().createDense(k.shape, array=k.copy(order="F"), comm=PETSc.COMM_SELF)
     K.assemble()
     if kind != "dense":
@@ -93,7 +93,7 @@ import latinpc
 comm = PETSc.COMM_WORLD
 rows = [0]
 lg = PETSc.LGMap().create(rows)
-A = PETSc.Mat().createIS(((1, comm.size), (1, comm.size)), lg, lg)
+A = PETSc.Mat().createIS(((1, comm.size), (1, comm.size)), lgmapr=lg, lgmapc=lg)
 K = PETSc.Mat().createAIJ((len(rows), len(rows)), nnz=1, comm=PETSc.COMM_SELF)
 for i in range(len(rows)):
     K.setValue(i, i, 1.0)
