@@ -52,7 +52,9 @@ def test_scenes_and_info():
 
 def test_the_module_is_the_command():
     """`python3 -m latinpc`, for who has no script on the path."""
-    said = subprocess.run([sys.executable, "-P", "-m", "latinpc", "--version"], capture_output=True, text=True, timeout=60)
+    said = subprocess.run(
+        [sys.executable, "-P", "-m", "latinpc", "--version"], capture_output=True, text=True, timeout=60
+    )
     assert (said.returncode, said.stdout) == (0, f"latinpc, version {package.__version__}\n")
 
 
