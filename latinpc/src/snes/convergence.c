@@ -195,9 +195,9 @@ static PetscBool SNESLatinStalls(SNES_Latin *data, PetscReal measure, PetscReal 
   if (next == LATIN_NEXT_CONTINUE) return stalled;
   if (next == LATIN_NEXT_DIVERGED || next == LATIN_NEXT_NOT_FINITE) return PETSC_TRUE;
   if (next == LATIN_NEXT_FAILED || next == LATIN_NEXT_GIVEN) return PETSC_FALSE;
-  if (LatinNextConverged(next) && data->found.still && data->found.balanced) return PETSC_FALSE; /* no step of Newton's method is small beside what does not move, and forces are the proof */
-  if (next == LATIN_NEXT_ROUNDING && data->found.missed > target) return PETSC_TRUE;             /* multipliers leave less of the gaps */
-  return data->newton.contrast;                                                                  /* rounding is in the way of Newton's method as well, unless stiffnesses are its cause */
+  if (LatinNextConverged(next) && data->found.still && data->found.balanced) return PETSC_FALSE;                           /* no step of Newton's method is small beside what does not move, and forces are the proof */
+  if (next == LATIN_NEXT_ROUNDING && data->latin->sub.structure->ground && data->found.missed > target) return PETSC_TRUE; /* multipliers leave less of the gaps; in statics coordinates hide them */
+  return data->newton.contrast;                                                                                            /* rounding is in the way of Newton's method as well, unless stiffnesses are its cause */
 }
 
 /*
