@@ -236,6 +236,14 @@ def test_norms_are_what_they_say():
     assert norms != pytest.approx(true)
 
 
+def test_without_norms_iterations_end_without_a_breakdown():
+    """Where nothing is compared with tolerances, nothing can miss them; as inside other solvers."""
+    system = linear_system(grid("truss"))
+    system.ksp.setNormType(PETSc.KSP.NormType.NONE)
+    x, exact = solved(system)
+    assert system.ksp.getConvergedReason() > 0 and (x - exact).norm() < 1e-9 * exact.norm()
+
+
 def test_restarts_are_counted_once():
     """A short memory takes longer, and every iteration is monitored once."""
     system = linear_system(grid("truss"), outer_ksp_gmres_restart=4)

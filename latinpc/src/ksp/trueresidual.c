@@ -103,8 +103,9 @@ PetscErrorCode KSPLatinRefine_Private(KSP ksp, PetscBool *again)
 
   PetscFunctionBegin;
   *again = PETSC_FALSE;
+  if (ksp->normtype == KSP_NORM_NONE) PetscFunctionReturn(0);
   if (ksp->reason > 0 && ksp->reason != KSP_CONVERGED_ITS && ksp->converged == KSPConvergedDefault && data->before + data->checked != ksp->its) ksp->reason = KSP_DIVERGED_BREAKDOWN;
-  if (ksp->reason != KSP_DIVERGED_BREAKDOWN || ksp->normtype == KSP_NORM_NONE) PetscFunctionReturn(0);
+  if (ksp->reason != KSP_DIVERGED_BREAKDOWN) PetscFunctionReturn(0);
   PetscCall(KSPGetOperators(ksp, &A, NULL));
   PetscCall(MatMult(A, ksp->vec_sol, data->load));
   PetscCall(VecAYPX(data->load, -1.0, ksp->vec_rhs));
