@@ -52,6 +52,12 @@ def job(words):
     if args.problem == "poisson" and args.dirichlet != "none":
         fetidp, v = solve("fetidp")
         found |= {"fetidp": (u - v).norm() / u.norm(), "fetidp_iterations": fetidp.getIterationNumber()}
+    a.scale(3.0)  # new entries of the same matrix, without KSPSetOperators()
+    if args.dirichlet != "none":
+        a.shift(0.1)
+    v = b.duplicate()
+    ksp.solve(b, v)
+    found |= {"again": (b - a * v).norm() / b.norm(), "again_reason": ksp.getConvergedReason()}
     return found
 
 

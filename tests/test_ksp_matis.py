@@ -29,6 +29,7 @@ def test_plane(solved, problem, ranks, blocks):
     assert found["reason"] > 0 and found["subdomains"] == ranks
     assert found["iterations"] <= 16
     assert found["residual"] < 1e-8 and found["cg"] < 1e-7
+    assert found["again_reason"] > 0 and found["again"] < 1e-8  # new entries of the matrix
     if problem == "poisson":
         assert found["fetidp"] < 1e-3 and found["iterations"] <= 2 * found["fetidp_iterations"]
 

@@ -215,7 +215,7 @@ static PetscErrorCode KSPSolve_Latin(KSP ksp)
   Mat        A;
 
   PetscFunctionBegin;
-  if (data->latin->stale) PetscCall(KSPSetUp_Latin(ksp));
+  PetscCall(KSPSetUp_Latin(ksp)); /* entries that have changed since KSPSetOperators(): PETSc calls the set-up of a PC for them, not that of a KSP */
   PetscCall(PetscObjectTypeCompareAny((PetscObject)data->outer, &symmetric, KSPCG, KSPFCG, KSPPIPECG, KSPGROPPCG, KSPMINRES, KSPSYMMLQ, ""));
   PetscCheck(!symmetric, PetscObjectComm((PetscObject)ksp), PETSC_ERR_SUP,
              "The interface operator of KSP latin is not symmetric: instead of %s take -ksp_latin_outer_ksp_type gmres, or bcgs, or conjugate gradients for the displacements with -ksp_type cg -pc_type latin", ((PetscObject)data->outer)->type_name);
