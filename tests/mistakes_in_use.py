@@ -149,6 +149,22 @@ def foreign_vec():
     return PETSc.Vec().createMPI(7)
 
 
+def system(size=None):
+    """The structure of a KSP latin, with a matrix of its own or a diagonal one of `size` rows."""
+    structure, ksp = square(), bare(PETSc.KSP, "latin")
+    if size:
+        A = PETSc.Mat().createAIJ(size, nnz=1)
+        A.setUp()
+        A.assemble()
+        A.shift(1.0)
+    else:
+        A = structure.dm.createMat()
+        structure.jacobian(structure.create_vec(), A)
+    ksp.setOperators(A)
+    structure.attach(ksp)
+    return ksp, A.createVecLeft()
+
+
 MECHANISM = r"The structure has a mechanism: .* Nodes that move \(counted from 0\): "
 TOO_EARLY = r"The decomposition does not exist yet: call SNESSetUp\(\) or PCSetUp\(\) first"
 FOREIGN = r"The vector has \d entries on a rank where the structure has \d free degrees of freedom"
@@ -304,6 +320,16 @@ CASES = {
         lambda: latinpc.pcshell_set_latin(bare(PETSc.PC, "jacobi")),
     ),
     "bounds": (r"does not take bounds on the unknowns", with_bounds),
+    "solution_size": (FOREIGN, lambda: square().create_snes().solve(None, foreign_vec())),
+    "more_load_size": (FOREIGN, lambda: (s := square()).create_snes().solve(foreign_vec(), s.create_vec())),
+    "ksp_solution_size": (
+        r"The solution vector has \d entries on a rank where the matrix has \d columns",
+        lambda: (s := system())[0].solve(s[1], foreign_vec()),
+    ),
+    "ksp_matrix_size": (
+        r"The matrix of -ksp_type latin has \d rows on a rank where its structure has \d free",
+        lambda: (s := system(7))[0].solve(s[1], s[1].duplicate()),
+    ),
     "displacement_size": (FOREIGN, lambda: square().displacements(foreign_vec())),
     "tension_size": (FOREIGN, lambda: square().tensions(foreign_vec())),
     "write_size": (FOREIGN, lambda: square().set_displacements(LOAD, foreign_vec())),

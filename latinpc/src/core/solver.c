@@ -65,6 +65,7 @@ PetscErrorCode LatinSetUpOperator_Private(Latin latin, PetscObject solver, PC pc
 {
   LatinStructure structure;
   PetscBool      matis, assembled;
+  PetscInt       rows, dofs;
   DM             behind;
   Vec            coordinates;
 
@@ -81,7 +82,14 @@ PetscErrorCode LatinSetUpOperator_Private(Latin latin, PetscObject solver, PC pc
     structure || matis, PetscObjectComm(solver), PETSC_ERR_ORDER,
     "-%s_type latin has no structure to work on: call LatinStructureAttach%s(), or build the matrix from the DM of a structure (LatinStructureCreate(), LatinStructureAttachSNES()). Or assemble it as a MATIS (-dm_mat_type is, MatCreateIS()): this matrix, of type %s, no longer has the matrices of its subdomains",
     solver->classid == KSP_CLASSID ? "ksp" : "pc", solver->class_name, ((PetscObject)pc->pmat)->type_name);
-  if (structure) PetscCall(LatinStructureCheckLinear_Private(structure, "PC latin and KSP latin are for"));
+  if (structure) {
+    PetscCall(LatinStructureCheckLinear_Private(structure, "PC latin and KSP latin are for"));
+    PetscCall(MatGetLocalSize(pc->pmat, &rows, NULL));
+    PetscCall(VecGetLocalSize(structure->load, &dofs));
+    LatinAgree(PetscObjectComm(solver), rows != dofs, PETSC_ERR_ARG_SIZ,
+               "The matrix of -%s_type latin has %" PetscInt_FMT " rows on a rank where its structure has %" PetscInt_FMT " free degrees of freedom; make it with DMCreateMatrix() on the DM of the structure",
+               solver->classid == KSP_CLASSID ? "ksp" : "pc", rows, dofs);
+  }
   PetscCall(LatinSetProblem_Private(latin, structure, structure ? NULL : pc->pmat));
   PetscCall(PetscObjectQuery((PetscObject)pc, "LatinCoordinates", (PetscObject *)&coordinates));
   if (structure) PetscCall(LatinSetStiffness_Private(latin, pc->pmat));

@@ -134,6 +134,19 @@ static PetscErrorCode KSPLatinCheckMatrix_Private(KSP ksp, Mat A)
   PetscFunctionReturn(0);
 }
 
+/* The solution goes into the caller's vector, and work vectors are of its size: both before PETSc compares it with anything. Collective on ksp */
+static PetscErrorCode KSPLatinCheckVec_Private(KSP ksp)
+{
+  PetscInt n, m;
+
+  PetscFunctionBegin;
+  if (!ksp->vec_sol) PetscFunctionReturn(0);
+  PetscCall(VecGetLocalSize(ksp->vec_sol, &n));
+  PetscCall(MatGetLocalSize(ksp->pc->pmat, NULL, &m));
+  LatinAgree(PetscObjectComm((PetscObject)ksp), n != m, PETSC_ERR_ARG_SIZ, "The solution vector has %" PetscInt_FMT " entries on a rank where the matrix has %" PetscInt_FMT " columns; make it with MatCreateVecs()", n, m);
+  PetscFunctionReturn(0);
+}
+
 static PetscErrorCode KSPSetUp_Latin(KSP ksp)
 {
   KSP_Latin       *data = (KSP_Latin *)ksp->data;
@@ -142,6 +155,7 @@ static PetscErrorCode KSPSetUp_Latin(KSP ksp)
   PetscObjectState state;
 
   PetscFunctionBegin;
+  PetscCall(KSPLatinCheckVec_Private(ksp));
   PetscCall(KSPGetOperators(ksp, &A, &P));
   PetscCall(PetscObjectGetId((PetscObject)P, &id));
   PetscCall(PetscObjectStateGet((PetscObject)P, &state));

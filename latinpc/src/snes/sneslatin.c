@@ -307,6 +307,8 @@ static PetscErrorCode SNESSolve_Latin(SNES snes)
   PetscFunctionBegin;
   PetscCheck(!snes->xl && !snes->xu && !snes->ops->computevariablebounds, PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_WRONGSTATE, "SNES latin does not take bounds on the unknowns: unilateral behaviour is in the laws of the links");
   PetscCall(SNESLatinFindStructure_Private(snes, &structure)); /* it may have changed since SNESSetUp() */
+  PetscCall(LatinStructureCheckVec_Private(structure, snes->vec_sol));
+  if (snes->vec_rhs) PetscCall(LatinStructureCheckVec_Private(structure, snes->vec_rhs));
   PetscCall(SNESLatinFrame_Private(snes, structure, &structure));
   PetscCall(LatinSetProblem_Private(latin, structure, NULL));
   PetscCall(SNESLatinSetUpState_Private(snes));
