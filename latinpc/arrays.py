@@ -106,19 +106,32 @@ def native(values, dtype=REAL):
     return np.require(values, dtype=dtype, requirements=["C", "A"])
 
 
+def _array(name, values):
+    """Make an array of what has its shape."""
+    try:
+        return np.asarray(values)
+    except ValueError:
+        raise ValueError(f"{name} must be an array: its rows are not of one length") from None
+
+
 def real(name, values, dtype):
     """Make an array; numpy itself drops imaginary parts."""
-    values = np.asarray(values)
+    values = _array(name, values)
     if np.iscomplexobj(values):
         raise ValueError(f"{name} must be real numbers, not complex ones")
-    return values.astype(dtype, copy=False)
+    try:
+        return values.astype(dtype, copy=False)
+    except (ValueError, TypeError) as error:
+        raise ValueError(f"{name} must be numbers: {error}") from None
 
 
 def integers(name, values):
     """Make an array of integers of numbers that are such, whatever their type."""
-    values = np.asarray(values)
+    values = _array(name, values)
     if np.iscomplexobj(values):
         raise ValueError(f"{name} must be integers, not complex numbers")
+    if values.dtype.kind not in "buif":
+        raise ValueError(f"{name} must be integers, not {values.dtype}")
     if not np.issubdtype(values.dtype, np.integer):
         if values.size and not (values == np.floor(values)).all():
             raise ValueError(f"{name} must be integers, not {values.dtype}")

@@ -226,6 +226,10 @@ REFUSED = [
     ({"area": [-1.0] * 10}, "area that is not positive"),
     ({"area": np.inf}, "area that is not positive"),
     ({"strength": 1.0}, "strength is a stress, which needs the area"),
+    ({"load": {3: [0, 1]}}, "load must be numbers"),
+    ({"fixed": ["xy", "", "", "", "", ""]}, "fixed must be numbers: .*'xy'"),
+    ({"load": [[0, 0], [1]]}, "load must be an array: its rows are not of one length"),
+    ({"links": [["a", "b"]]}, "links must be integers"),
 ]
 
 
