@@ -75,12 +75,18 @@ def checked(
     return found
 
 
-def axial_stiffness(nodes: Any, links: Any, EA: Any) -> np.ndarray:
+def axial_stiffness(nodes: Any, links: Any, law: Any, direction: Any, EA: Any) -> np.ndarray:
     """Return EA over the lengths of the links, (m,) in N/m; not collective."""
     nodes, links = checked_shapes({"nodes": nodes, "links": links})
     checks = Checks(nodes.shape, len(links))
-    checks.geometry(nodes, links, None, links)
-    return checks.positive("EA", EA) / np.linalg.norm(nodes[links[:, 1]] - nodes[links[:, 0]], axis=1)
+    checks.geometry(nodes, links, direction, links)
+    values = checks.link_array("EA", EA)
+    own = checks.link_array("law", law_numbers(law)) > Law.COMPRESSION_ONLY  # a stiffness is found, or the table's own
+    wrong = ~((values > 0) & np.isfinite(values)) & ~((values == 0) & own)
+    refuse(wrong, "link", "needs a positive EA (0 where its law has no stiffness)", values)
+    length = np.linalg.norm(nodes[links[:, 1]] - nodes[links[:, 0]], axis=1)
+    refuse((length == 0) & (values > 0), "link", "has no length to divide EA by: give stiffness", values)
+    return np.divide(values, length, out=np.zeros(len(links), checks.dtype), where=values > 0)
 
 
 class Checks:
@@ -173,7 +179,7 @@ class Checks:
         """Check a positive value per link, NaN where it is not known."""
         values = self.link_array(name, values)
         wrong = ~((values > 0) & np.isfinite(values) | np.isnan(values))
-        refuse(wrong, "link", f"has a {name} that is not positive and finite (NaN: not known)", values)
+        refuse(wrong, "link", f"has {name} that is not positive and finite (NaN: not known)", values)
         return values
 
     def link_array(self, name, values, dtype=None):

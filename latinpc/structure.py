@@ -102,7 +102,7 @@ class Structure(Geometry, Equations, Actions, Plots):
     name : str, optional
         For summaries and pictures.
     EA : (m,) array_like of float, or float, optional
-        Axial stiffnesses (N) in place of `stiffness`, which is then EA over the length as drawn.
+        Axial stiffnesses (N) in place of `stiffness`, which is then EA over the length as drawn; 0 of rigid laws.
 
     Attributes
     ----------
@@ -181,7 +181,7 @@ class Structure(Geometry, Equations, Actions, Plots):
         if (stiffness is None) == (EA is None):
             raise ValueError("give either stiffness, EA / length of each link (N/m), or EA (N)")
         if EA is not None:
-            given["stiffness"] = axial_stiffness(nodes, links, EA)
+            given["stiffness"] = axial_stiffness(nodes, links, law, direction, EA)
         if initial_elongation is not None and prestress is not None:
             raise ValueError("initial_elongation and prestress both give the self-stress: leave out one of the two")
         self._make(given, comm, name, prestress, geometry)

@@ -282,9 +282,20 @@ def test_axial_stiffness_is_divided_by_the_lengths():
     for wrong in ({"EA": 1e3}, {"stiffness": None}):
         with pytest.raises(ValueError, match="give either stiffness, EA / length of each link"):
             frame(**wrong)
-    for wrong, named in ((axial[:-1], "EA must have the shape"), (-axial, "EA that is not positive")):
+    for wrong, named in ((axial[:-1], "EA must have the shape"), (-axial, "needs a positive EA")):
         with pytest.raises(ValueError, match=named):
             frame(stiffness=None, EA=wrong)
+
+
+def test_rigid_laws_have_no_axial_stiffness():
+    """A rod and the wall beyond a gap of 1 mm: EA of the bars, 0 of the contact."""
+    given = dict(nodes=[[0.0], [0.5], [1.0], [1.1]], links=[[0, 1], [1, 2], [2, 3]], law=["bar", "bar", "contact"],
+                 initial_elongation=[0, 0, 1e-3], fixed=[[1], [0], [0], [1]], load=[[0], [30e3], [0], [0]])  # fmt: skip
+    rod = latinpc.Structure(**given, EA=[1e7, 1e7, 0])
+    assert rod.stiffness.tolist() == [2e7, 2e7, 0]
+    assert rod.solve().tensions == pytest.approx([25e3, -5e3, -5e3], rel=1e-3)
+    with pytest.raises(ValueError, match=r"link 0 .*, 1 .*needs a positive EA \(0 where its law has no stiffness\)"):
+        latinpc.Structure(**given, EA=0)
 
 
 def test_import_loads_what_every_solve_needs_and_no_more():
