@@ -10,13 +10,14 @@ import numpy as np
 from latinpc.arrays import REAL, integers, partition, real, refuse, shaped
 from latinpc.laws import Law, law_numbers
 
-__all__ = ["ARRAYS", "Checks", "checked", "checked_shapes"]
+__all__ = ["ARRAYS", "COPIED", "Checks", "checked", "checked_shapes"]
 
 #: Arrays of a structure; those from `subdomain` on are None where not given.
 ARRAYS = (
     "nodes", "links", "law", "stiffness", "initial_elongation", "fixed", "prescribed", "load",
     "subdomain", "direction", "friction", "mass", "area", "strength",
 )  # fmt: skip
+COPIED = ARRAYS[:-2]  #: those of which the library has a copy
 
 
 def checked_shapes(given: Mapping[str, Any], dtype=REAL, least: int = 1) -> tuple[np.ndarray, np.ndarray]:

@@ -15,7 +15,7 @@ from petsc4py import PETSc
 
 from latinpc.actions import Actions
 from latinpc.arrays import REAL, Slices, communicator, native
-from latinpc.checks import ARRAYS, Checks, axial_stiffness, checked
+from latinpc.checks import ARRAYS, COPIED, Checks, axial_stiffness, checked
 from latinpc.equations import Equations
 from latinpc.geometry import GEOMETRIES, Geometry, known_geometry
 from latinpc.laws import Law
@@ -261,7 +261,14 @@ class Structure(Geometry, Equations, Actions, Plots):
         if values is not None:
             values = values.view()
             values.flags.writeable = False
-        setattr(self, name, values)
+        object.__setattr__(self, name, values)
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        """Refuse what the library would not see: it has the arrays of the structure."""
+        if name in COPIED:
+            other = f"call set_{name}()" if hasattr(type(self), f"set_{name}") else "make another structure"
+            raise AttributeError(f"the {name} of a structure cannot be assigned, its solvers would not see it: {other}")
+        object.__setattr__(self, name, value)
 
     def __repr__(self) -> str:
         s = self.sizes

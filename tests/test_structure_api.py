@@ -298,6 +298,15 @@ def test_rigid_laws_have_no_axial_stiffness():
         latinpc.Structure(**given, EA=0)
 
 
+@pytest.mark.parametrize(("name", "cure"), [("load", r"call set_load\(\)"), ("stiffness", "make another structure")])
+def test_arrays_are_not_assigned(name, cure):
+    """Solvers would go on with the first ones."""
+    structure = frame()
+    with pytest.raises(AttributeError, match=f"the {name} of a structure cannot be assigned, .*{cure}"):
+        setattr(structure, name, 2 * getattr(structure, name))
+    structure.set_load(2 * structure.load)
+
+
 def test_import_loads_what_every_solve_needs_and_no_more():
     loads = "import sys, latinpc; print([name for name in sys.argv[1:] if name in sys.modules])"
     names = ("click", "matplotlib", "meshio", "pandas", "plotly", "rich", "scipy", "slepc4py")
