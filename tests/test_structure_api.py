@@ -307,6 +307,24 @@ def test_arrays_are_not_assigned(name, cure):
     structure.set_load(2 * structure.load)
 
 
+def test_a_structure_has_cases_as_its_scene_has():
+    """And stays as it is, with the load that it has been given last."""
+    given = dict(nodes=[[0.0], [1.0], [3.0]], links=[[0, 1], [1, 2]], stiffness=[2.0, 3.0], fixed=[[1], [0], [1]])
+    structure = latinpc.Structure(**given, law="cable", load=[[0.0], [0.2], [0.0]], name="row", comm=PETSc.COMM_SELF)
+    structure.set_load(2.0 * structure.load)
+    right, left = latinpc.Case("right", [[0], [1.0], [0]]), latinpc.Case("left", [[0], [-1.0], [0]])
+    found = latinpc.solve_cases(structure, [right, left, 2 * left + right])
+    assert found.tensions == pytest.approx(np.array([[1.4, 0.0], [0.0, 0.6], [0.0, 0.6]]), abs=1e-12)
+    assert structure.load[1, 0] == 0.4 and found.scene.name == "row"
+    with pytest.raises(TypeError, match="a load case is a latinpc.Case, .* not 'right'"):
+        latinpc.solve_cases(structure, ["right"])
+    law = latinpc.register_table([0.0, 1.0], [0.0, 1.0])
+    with pytest.raises(ValueError, match="registered laws"):
+        latinpc.solve_cases(latinpc.Structure(**given, law=law), [right])
+    with pytest.raises(ValueError, match="case 'up': load must be numbers"):
+        latinpc.Case("up", load={1: 5.0})
+
+
 def test_import_loads_what_every_solve_needs_and_no_more():
     loads = "import sys, latinpc; print([name for name in sys.argv[1:] if name in sys.modules])"
     names = ("click", "matplotlib", "meshio", "pandas", "plotly", "rich", "scipy", "slepc4py")

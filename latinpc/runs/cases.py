@@ -23,6 +23,7 @@ from latinpc.results.mechanics import Leaning, Turned, reactions, slack
 from latinpc.results.notices import errors_as_given
 from latinpc.results.report import plain, problem, snes_reason
 from latinpc.results.solve import attach_linear
+from latinpc.scenes.case import Case
 from latinpc.scenes.scene import Scene
 from latinpc.structure import Structure
 
@@ -30,8 +31,6 @@ from .report import environment
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-    from latinpc.scenes.case import Case
 
 #: Cases of a rank that are solved side by side. Two take as long as one after the other on 48 x 48 modules of the grid,
 #: a third to nine tenths of that on five other structures; one takes up to 1.6 times as long.
@@ -160,7 +159,7 @@ class Cases:
 
 
 def solve_cases(
-    scene: Scene,
+    scene: Scene | Structure,
     cases: Sequence[Case] | None = None,
     options: Mapping[str, Any] | None = None,
     *,
@@ -172,8 +171,8 @@ def solve_cases(
 
     Parameters
     ----------
-    scene : Scene
-        What acts in every case; the same on every rank.
+    scene : Scene or latinpc.Structure
+        What acts in every case; the same on every rank. A structure stays as it is.
     cases : sequence of Case, optional
         Those of the scene, without parts of combinations, when not given.
     options : dict, optional
@@ -209,10 +208,14 @@ def solve_cases(
     alone that is the solution where actions are combinations of earlier ones. Structures with rigid laws start anew,
     since their solutions need not be unique.
     """
+    if isinstance(scene, Structure):
+        scene, comm = Scene.from_structure(scene), scene.comm if comm is None else comm
     cases = [case for case in scene.cases if not case.part] if cases is None else list(cases)
     if not cases:
         raise ValueError(f"{scene.name} has no load case to solve: write [[case]] in its TOML file, or give a Case")
     for case in cases:  # a case that does not fit is refused before any is solved
+        if not isinstance(case, Case):
+            raise TypeError(f"a load case is a latinpc.Case, such as Case('snow', load=...), not {case!r:.40}")
         case.check(scene)
     structure = Structure.from_scene(scene, comm)
     settings = given_options(options)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from latinpc.arrays import real
 from latinpc.checks import Checks
 
 if TYPE_CHECKING:
@@ -41,6 +42,11 @@ class Case:
     prescribed: np.ndarray | None = None
     initial_elongation: np.ndarray | None = None
     part: bool = False
+
+    def __post_init__(self):
+        for name in PARTS:  # lists would be joined, not added
+            if getattr(self, name) is not None:
+                setattr(self, name, real(f"case '{self.name}': {name}", getattr(self, name), float))
 
     def __mul__(self, factor: float) -> Case:
         """Return the case with all its actions multiplied by a number."""

@@ -114,6 +114,33 @@ class Scene(Geometry, Plots):
             raise ValueError(f"time_step is {self.time_step}; it is a positive time")
         known_geometry(self.geometry)
 
+    @classmethod
+    def from_structure(cls, structure: Structure) -> Scene:
+        """Take the arrays of a structure, as its loads now are; not collective.
+
+        Parameters
+        ----------
+        structure : latinpc.Structure
+            Whole on every rank, with laws of `Law` alone.
+
+        Returns
+        -------
+        Scene
+            With arrays of its own.
+
+        Raises
+        ------
+        ValueError
+            For a law that was registered, which a scene has in `tables`.
+        """
+        if type(structure) is not Structure:
+            raise ValueError(f"a scene is made of a latinpc.Structure, not of a {type(structure).__name__}")
+        if structure.law.max() >= len(Law):
+            raise ValueError("a structure with registered laws makes no scene: make a Scene with `tables`")
+        given = {name: getattr(structure, name) for name in ARRAYS}
+        given = {name: None if values is None else values.copy() for name, values in given.items()}
+        return cls(structure.name, **given, geometry=structure.geometry, numbering=structure.numbering)
+
     @property
     def laws(self) -> np.ndarray:
         """(m,) array of str: the laws by name, such as ``"cable"``; ``"table"`` of piecewise linear ones."""
