@@ -152,3 +152,16 @@ def test_only_a_solver_has_the_tensions_of_rigid_links():
     snes.solve(None, u)
     tensions = latinpc.tensions(snes)[scene.law == Law.INEXTENSIBLE]
     assert tensions.min() >= 0.0 < tensions.max()
+
+
+def test_halves_of_the_ranks_solve_by_themselves(ranks_for):
+    """Nothing waits for ranks of another communicator, and an error of one half leaves the other alone."""
+    from halves_program import scene
+
+    alone = [abs(scene(half).solve(PETSc.COMM_SELF).displacements).max() for half in range(2)]
+    found = ranks_for(4, "halves_program")["ranks"]
+    assert [half for half, *_ in found] == [0, 0, 1, 1]
+    for half, size, largest, told, reasons in found:
+        assert size == 2 and len(largest) == (1, 4)[half] and min(reasons) > 0
+        assert largest == pytest.approx([alone[half]] * len(largest), rel=1e-3)
+        assert ("Nothing is supported" in told) == bool(half)
