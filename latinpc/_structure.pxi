@@ -84,11 +84,11 @@ cdef class StructureHandle:
         CHKERR(LatinStructureAttachTS(self.handle, ts.ts))
 
     def set_pc(self, PC pc not None):
-        """Give a PC of type latin the structure."""
+        """Give a PC the structure."""
         CHKERR(LatinStructureAttachPC(self.handle, pc.pc))
 
     def set_ksp(self, KSP ksp not None):
-        """Give a KSP of type latin the structure."""
+        """Give a KSP and its PC the structure."""
         CHKERR(LatinStructureAttachKSP(self.handle, ksp.ksp))
 
     def sizes(self):

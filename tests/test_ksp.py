@@ -401,3 +401,21 @@ def test_not_of_the_type():
     ksp = PETSc.KSP().create(comm=PETSc.COMM_SELF)
     ksp.setType("cg")
     assert "not latin: call KSPSetType() first" in message(lambda: latinpc.outer_ksp(ksp))
+
+
+@pytest.mark.parametrize(("kind", "inside"), [("latin", "none"), ("cg", "latin"), ("cg", "jacobi")])
+def test_a_structure_is_attached_before_types_are_chosen(kind, inside):
+    """To a KSP whose types options choose, of a matrix that does not come from the DM of the structure."""
+    structure = latinpc.Structure.from_scene(grid("truss"), comm=PETSc.COMM_SELF)
+    matrix, u, b = structure.dm.createMat(), structure.create_vec(), structure.create_vec()
+    structure.jacobian(u, matrix)
+    matrix.compose("__PETSc_dm", None)
+    b.setRandom()
+    ksp = PETSc.KSP().create(comm=PETSc.COMM_SELF)
+    structure.attach(ksp)
+    ksp.setOperators(matrix)
+    ksp.setTolerances(rtol=1e-10)
+    with default_options({"ksp_type": kind, "pc_type": inside}):
+        ksp.setFromOptions()
+    ksp.solve(b, u)
+    assert ksp.getType() == kind and ksp.getConvergedReason() > 0 and (matrix * u - b).norm() < 1e-9 * b.norm()

@@ -25,7 +25,7 @@ PetscErrorCode LatinSetPrefix_Private(Latin latin, PetscObject solver)
   PetscFunctionReturn(0);
 }
 
-/* The structure that a PC or a KSP is to work on, whatever its matrix comes from. Collective on solver */
+/* The structure that a PC or a KSP is to work on, whatever its matrix comes from; latin is NULL where it is not of type latin yet. Collective on solver */
 PetscErrorCode LatinAttach_Private(Latin latin, PetscObject solver, LatinStructure structure)
 {
   PetscObject before;
@@ -33,7 +33,7 @@ PetscErrorCode LatinAttach_Private(Latin latin, PetscObject solver, LatinStructu
   PetscFunctionBegin;
   PetscCall(LatinStructureCheckSetUp_Private(structure));
   PetscCall(PetscObjectQuery(solver, "LatinStructure", &before));
-  if ((PetscObject)structure != before) latin->stale = PETSC_TRUE;
+  if (latin && (PetscObject)structure != before) latin->stale = PETSC_TRUE;
   PetscCall(PetscObjectCompose(solver, "LatinStructure", (PetscObject)structure));
   PetscFunctionReturn(0);
 }

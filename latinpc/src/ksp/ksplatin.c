@@ -314,20 +314,27 @@ static PetscErrorCode KSPView_Latin(KSP ksp, PetscViewer viewer)
 }
 
 /*@C
-  LatinStructureAttachKSP - Gives the structure to a KSP of type latin, where the matrix does not come from the DM of the structure.
+  LatinStructureAttachKSP - Gives the structure to a KSP and its PC, where the matrix does not come from the DM of the structure.
 
   Collective on ksp
 
   Level: intermediate
+
+  Note:
+  Before or after `KSPSetType()` and `KSPSetFromOptions()`: types other than latin make no use of it.
 @*/
 PetscErrorCode LatinStructureAttachKSP(LatinStructure structure, KSP ksp)
 {
-  Latin latin;
+  PetscBool is;
+  PC        pc;
 
   PetscFunctionBegin;
-  PetscCall(KSPLatinGetLatin(ksp, &latin));
-  PetscCall(LatinAttach_Private(latin, (PetscObject)ksp, structure));
-  if (latin->stale) ksp->setupstage = KSP_SETUP_NEW; /* built again at the next KSPSetUp() */
+  PetscValidHeaderSpecific(ksp, KSP_CLASSID, 2);
+  PetscCall(PetscObjectTypeCompare((PetscObject)ksp, KSPLATIN, &is));
+  PetscCall(LatinAttach_Private(is ? ((KSP_Latin *)ksp->data)->latin : NULL, (PetscObject)ksp, structure));
+  if (is && ((KSP_Latin *)ksp->data)->latin->stale) ksp->setupstage = KSP_SETUP_NEW; /* built again at the next KSPSetUp() */
+  PetscCall(KSPGetPC(ksp, &pc));
+  PetscCall(LatinStructureAttachPC(structure, pc));
   PetscFunctionReturn(0);
 }
 

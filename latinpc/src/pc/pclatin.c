@@ -291,20 +291,24 @@ PetscErrorCode PCLatinShare_Private(PC pc, Latin latin)
 }
 
 /*@C
-  LatinStructureAttachPC - Gives the structure to a preconditioner of type latin, where the matrix does not come from the DM of the structure.
+  LatinStructureAttachPC - Gives the structure to a preconditioner, where the matrix does not come from the DM of the structure.
 
   Collective on pc
 
   Level: intermediate
+
+  Note:
+  Before or after `PCSetType()` and `PCSetFromOptions()`: types other than latin make no use of it.
 @*/
 PetscErrorCode LatinStructureAttachPC(LatinStructure structure, PC pc)
 {
-  Latin latin;
+  PetscBool is;
 
   PetscFunctionBegin;
-  PetscCall(PCLatinGetLatin(pc, &latin));
-  PetscCall(LatinAttach_Private(latin, (PetscObject)pc, structure));
-  if (latin->stale) pc->setupcalled = 0; /* built again at the next PCSetUp() */
+  PetscValidHeaderSpecific(pc, PC_CLASSID, 2);
+  PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCLATIN, &is));
+  PetscCall(LatinAttach_Private(is ? ((PC_Latin *)pc->data)->latin : NULL, (PetscObject)pc, structure));
+  if (is && ((PC_Latin *)pc->data)->latin->stale) pc->setupcalled = 0; /* built again at the next PCSetUp() */
   PetscFunctionReturn(0);
 }
 
