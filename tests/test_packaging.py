@@ -232,7 +232,8 @@ def test_the_c_library_is_installed_without_python(tmp_path):
     environment["PKG_CONFIG_PATH"] += os.pathsep + str(library / "pkgconfig")
     name = run(["sh", "-c", "pkg-config --exists PETSc && echo PETSc || echo petsc"], env=environment).stdout.strip()
     flags = f"$(pkg-config --cflags --libs latinpc {name})"
-    found = {"env": environment | {"LD_LIBRARY_PATH": str(library)}, "cwd": empty}
+    flags += " -Wl,-rpath,$(pkg-config --variable=libdir latinpc)"  # as the page on installation has it
+    found = {"env": environment, "cwd": empty}
     assert "1.0000 mm" in run(["sh", "-c", f"mpicc 01_net.c -o net {flags} && ./net"], **found).stdout
     if shutil.which("mpif90"):
         build_f = f"mpif90 -ffree-line-length-0 01_net.F90 -o netf {flags} && ./netf"
