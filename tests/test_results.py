@@ -108,6 +108,8 @@ def test_data_frames(result, monkeypatch):
 
 def test_files(result, tmp_path):
     result.to_csv(tmp_path / "m.csv", tmp_path / "n.csv")
+    result.to_csv(tmp_path / "alone.csv")
+    assert (tmp_path / "alone.csv").read_text() == (tmp_path / "m.csv").read_text()
     rows = [line.split(",") for line in (tmp_path / "m.csv").read_text().splitlines()]
     assert rows[0] == list(result.members.dtype.names)
     assert float(rows[1][6]) == result.tensions[0]  # to the last bit

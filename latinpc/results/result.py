@@ -114,10 +114,11 @@ class Result(Reported):
             ) from error
         return pandas.DataFrame(self.members).set_index("link"), pandas.DataFrame(self.nodes).set_index("node")
 
-    def to_csv(self, members: str | pathlib.Path, nodes: str | pathlib.Path) -> None:
-        """Write `members` and `nodes` into two CSV files; call it on one rank."""
+    def to_csv(self, members: str | pathlib.Path, nodes: str | pathlib.Path | None = None) -> None:
+        """Write `members`, and `nodes` where a file for them is named, into CSV files; call it on one rank."""
         tables.write_csv(members, self.members)
-        tables.write_csv(nodes, self.nodes)
+        if nodes is not None:
+            tables.write_csv(nodes, self.nodes)
 
     def to_vtu(self, path: str | pathlib.Path) -> None:
         """Write all that is known of nodes and links for ParaView; call it on one rank."""
