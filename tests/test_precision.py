@@ -10,6 +10,7 @@ from support import far, grid, irregular, latin, lattice, network, solve
 
 import latinpc
 from latinpc.options import default_options
+from latinpc.scenes import make
 
 SCENES = {"grid": grid, "irregular": irregular, "network": network, "lattice": lattice}
 PRIMAL = {"variant": "primal", "precision": "single"}
@@ -94,6 +95,21 @@ def test_interfaces_of_a_soft_structure(bays):
     single, double = (solve(scene, variant="primal", precision=p, stol=1e-10) for p in ("single", "double"))
     assert single.reason > 0
     assert far(single.u, double.u) < (1e-7 if bays < 1000 else 1e-14)
+
+
+def test_a_plane_structure_is_factored_once():
+    """Its interfaces, which are kept to the last, are as many as the rows of a solid's separator: it is no solid for that."""
+    scene = make("tensegrity-grid", modules=60)
+    scene.subdomain = np.argmin(
+        np.abs(scene.nodes[scene.links[:, 0], :1] - [20.0, 60.0]), axis=1
+    )  # one of 40 x 60 modules
+    PETSc.Log.begin()
+    event = PETSc.Log.Event("MatCholFctrNum")
+    before = event.getPerfInfo()["count"]
+    with latin(scene, variant="primal") as run:
+        run.snes.setUp()
+        assert in_single(run.snes) == [True, True]
+    assert event.getPerfInfo()["count"] == before + 3  # the subdomains, and the coarse matrix
 
 
 @pytest.mark.parametrize("factor", [1e-90, 1e90])

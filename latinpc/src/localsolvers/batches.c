@@ -209,13 +209,27 @@ PetscErrorCode LatinLocalSolversSetUp(LatinLocalSolvers *solvers, const char nam
   PetscFunctionReturn(0);
 }
 
-/* Makes the factors that are not in double precision in the next higher one. solvers->status says how it ended on this rank */
+/*
+   Makes all factors once more, those that have the lowest precision of any rank in the next higher one: Schur complements have
+   been given away. solvers->status says how it ended on this rank. Collective on sub->object
+*/
 PetscErrorCode LatinLocalSolversRefine(LatinLocalSolvers *solvers)
 {
+  PetscMPIInt lowest = LATIN_DOUBLE;
+  PC          pc;
+
   PetscFunctionBegin;
+  for (PetscInt i = 0; i < solvers->n; i++) {
+    LatinArithmetic precision;
+
+    PetscCall(KSPGetPC(solvers->ksp[i], &pc));
+    PetscCall(LatinCholeskyPrecision(pc, &precision));
+    lowest = PetscMax(lowest, (PetscMPIInt)precision);
+  }
+  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &lowest, 1, MPI_INT, MPI_MAX, PetscObjectComm(solvers->sub->object)));
   solvers->rounding = 0.0;
   for (PetscInt i = 0; i < solvers->n && !LatinFactorFailed(&solvers->status); i++) {
-    PetscCall(LatinFactorRefine_Private(solvers->ksp[i], solvers->K[i], solvers->rest[i], &solvers->status));
+    PetscCall(LatinFactorRefine_Private(solvers->ksp[i], solvers->K[i], solvers->rest[i], (LatinArithmetic)lowest, &solvers->status));
     solvers->rounding = PetscMax(solvers->rounding, solvers->status.rounding);
     solvers->last     = i;
   }

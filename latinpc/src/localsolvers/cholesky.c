@@ -210,14 +210,14 @@ PetscErrorCode LatinCholeskyRound(PC pc, LatinArithmetic precision)
   PetscFunctionReturn(0);
 }
 
-/* Is it in single precision? */
-PetscErrorCode LatinCholeskyRounded(PC pc, PetscBool *rounded)
+/* The precision that it has; that of other factors is double */
+PetscErrorCode LatinCholeskyPrecision(PC pc, LatinArithmetic *precision)
 {
   LatinSupernodes *data;
 
   PetscFunctionBegin;
   PetscCall(LatinCholeskyFind_Private(pc, &data));
-  *rounded = (PetscBool)(data && data->fronts.precision != LATIN_DOUBLE);
+  *precision = data ? data->fronts.precision : LATIN_DOUBLE;
   PetscFunctionReturn(0);
 }
 
@@ -233,8 +233,8 @@ PetscErrorCode LatinCholeskyCost(PC pc, PetscReal *operations, PetscReal *bytes)
   PetscFunctionReturn(0);
 }
 
-/* Makes the factor of A once more, in the next higher precision */
-PetscErrorCode LatinCholeskyRefine(PC pc, Mat A)
+/* Makes the factor of A once more, in this precision */
+PetscErrorCode LatinCholeskyAgain(PC pc, Mat A, LatinArithmetic precision)
 {
   MatFactorInfo    info;
   LatinSupernodes *data;
@@ -243,7 +243,7 @@ PetscErrorCode LatinCholeskyRefine(PC pc, Mat A)
   PetscFunctionBegin;
   PetscCall(PCFactorGetMatrix(pc, &F));
   data            = (LatinSupernodes *)F->data;
-  data->precision = data->fronts.precision - 1;
+  data->precision = precision;
   PetscCall(MatFactorInfoInitialize(&info));
   PetscCall(MatCholeskyFactorNumeric(F, A, &info));
   PetscFunctionReturn(0);

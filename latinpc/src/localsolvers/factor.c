@@ -237,17 +237,17 @@ static PetscErrorCode LatinLeft_Private(KSP ksp, Mat A, IS kept, PetscReal *left
 */
 static PetscErrorCode LatinRounding_Private(KSP ksp, Mat A, IS kept, PetscReal *rounding)
 {
-  PetscBool rounded;
-  PC        pc;
+  LatinArithmetic precision;
+  PC              pc;
 
   PetscFunctionBegin;
   PetscCall(KSPGetPC(ksp, &pc));
   for (*rounding = 0.0;; *rounding = 0.0) {
-    PetscCall(LatinCholeskyRounded(pc, &rounded));
-    if (!rounded) break;
+    PetscCall(LatinCholeskyPrecision(pc, &precision));
+    if (precision == LATIN_DOUBLE) break;
     PetscCall(LatinLeft_Private(ksp, A, kept, rounding));
     if (*rounding < LATIN_ROUNDED_LEFT) break;
-    PetscCall(LatinCholeskyRefine(pc, A));
+    PetscCall(LatinCholeskyAgain(pc, A, precision - 1));
   }
   PetscFunctionReturn(0);
 }
@@ -255,18 +255,18 @@ static PetscErrorCode LatinRounding_Private(KSP ksp, Mat A, IS kept, PetscReal *
 /* Does the factor of A, if there is one, hold all displacements? The precision that it has is left as it is where rows are kept: who uses their Schur complement measures what both leave. Collective on A */
 static PetscErrorCode LatinFactorCheck_Private(KSP ksp, Mat A, IS kept, Vec whole, PetscBool direct, PetscBool firm, LatinFactorStatus *status)
 {
-  PetscReal stiffness = 1.0;
-  PetscBool rounded   = PETSC_FALSE;
-  PC        pc;
-  Vec       v;
+  PetscReal       stiffness = 1.0;
+  LatinArithmetic precision = LATIN_DOUBLE;
+  PC              pc;
+  Vec             v;
 
   PetscFunctionBegin;
   PetscCall(MatCreateVecs(A, &v, NULL));
   if (status->mechanism) PetscCall(LatinSoftestShifted_Private(A, kept, v));
   else if (direct) {
     PetscCall(KSPGetPC(ksp, &pc));
-    if (kept) PetscCall(LatinCholeskyRounded(pc, &rounded));
-    if (rounded) status->rounding = PETSC_SMALL;
+    if (kept) PetscCall(LatinCholeskyPrecision(pc, &precision));
+    if (precision != LATIN_DOUBLE) status->rounding = PETSC_SMALL;
     else PetscCall(LatinRounding_Private(ksp, A, kept, &status->rounding));
     if (!(status->rounding > 0.0) && !firm) PetscCall(LatinSoftest_Private(ksp, A, whole, v, &stiffness));
   }
@@ -301,20 +301,19 @@ PetscErrorCode LatinFactor_Private(KSP ksp, Mat A, IS kept, Vec whole, PetscBool
   PetscFunctionReturn(0);
 }
 
-/* Makes the factor of a matrix of one rank in the next higher precision, if it is not in double. A failure is noted */
-PetscErrorCode LatinFactorRefine_Private(KSP ksp, Mat A, IS kept, LatinFactorStatus *status)
+/* Makes the factor of a matrix of one rank once more, in the next higher precision if it has the lowest one. A failure is noted */
+PetscErrorCode LatinFactorRefine_Private(KSP ksp, Mat A, IS kept, LatinArithmetic lowest, LatinFactorStatus *status)
 {
-  PC             pc;
-  Mat            F;
-  MatFactorError failed;
-  PetscBool      rounded;
+  PC              pc;
+  Mat             F;
+  MatFactorError  failed;
+  LatinArithmetic precision;
 
   PetscFunctionBegin;
   status->rounding = 0.0;
   PetscCall(KSPGetPC(ksp, &pc));
-  PetscCall(LatinCholeskyRounded(pc, &rounded));
-  if (!rounded) PetscFunctionReturn(0);
-  PetscCall(LatinCholeskyRefine(pc, A));
+  PetscCall(LatinCholeskyPrecision(pc, &precision));
+  PetscCall(LatinCholeskyAgain(pc, A, precision == lowest && precision != LATIN_DOUBLE ? precision - 1 : precision));
   PetscCall(PCFactorGetMatrix(pc, &F));
   PetscCall(MatFactorGetError(F, &failed));
   status->mechanism = (PetscBool)(failed != MAT_FACTOR_NOERROR);

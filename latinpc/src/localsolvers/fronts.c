@@ -123,12 +123,21 @@ typedef PetscReal LatinLanesSum __attribute__((vector_size(LATIN_FRONT_LANES * s
 
 /*
    The precision that pays. Single throughout where fronts are as tall as the separators of a solid: there arithmetic is most
-   of the time, and displacements as soft as those of plates and beams are not expected
+   of the time, and displacements as soft as those of plates and beams are not expected. Kept rows do not count: the edge of a
+   plate is as long as a separator of a solid
 */
 static LatinArithmetic LatinFrontsPay(const LatinFronts *F)
 {
-  const PetscBool solid = (PetscBool)(PetscPowReal((PetscReal)F->tallest, 3.0) > PetscSqr((PetscReal)F->n));
+  PetscBool solid;
+  PetscInt  tallest = 0;
 
+  for (PetscInt f = 0; f < F->fronts; f++) {
+    PetscInt height = F->row_first[f + 1] - F->row_first[f];
+
+    while (height > tallest && F->row[F->row_first[f] + height - 1] >= F->n - F->kept) height--;
+    tallest = PetscMax(tallest, height);
+  }
+  solid = (PetscBool)(PetscPowReal((PetscReal)tallest, 3.0) > PetscSqr((PetscReal)F->n));
   return F->panel[F->fronts] < LATIN_SINGLE_ENTRIES ? LATIN_DOUBLE : solid ? LATIN_SINGLE : LATIN_ROUNDED;
 }
 

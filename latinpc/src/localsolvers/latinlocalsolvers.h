@@ -14,6 +14,14 @@
 
 #define LATIN_ROUNDED_LEFT 0.01 /* of a displacement, in energy: what a solve with a factor in single precision may leave to the next; the worst displacement some ten times that */
 
+/* Precision of a factor; the one that is asked for, or a higher one that holds it */
+typedef enum {
+  LATIN_DOUBLE,  /* arithmetic and factor */
+  LATIN_ROUNDED, /* arithmetic in double, the factor rounded to single precision */
+  LATIN_SINGLE,  /* both in single */
+  LATIN_BY_SIZE  /* that of the above which pays */
+} LatinArithmetic;
+
 /* How a factorisation ended on this rank */
 typedef struct {
   PetscErrorCode ierr;
@@ -26,7 +34,7 @@ typedef struct {
 PETSC_INTERN PetscErrorCode LatinDirectSolverAvailable_Private(Mat, MatSolverType, MatSolverType *, PetscBool *);
 PETSC_INTERN PetscErrorCode LatinDirectSolver_Private(PC, Mat, MatSolverType preferred);
 PETSC_INTERN PetscErrorCode LatinFactor_Private(KSP, Mat, IS kept, Vec whole, PetscBool firm, LatinFactorStatus *);
-PETSC_INTERN PetscErrorCode LatinFactorRefine_Private(KSP, Mat, IS kept, LatinFactorStatus *);
+PETSC_INTERN PetscErrorCode LatinFactorRefine_Private(KSP, Mat, IS kept, LatinArithmetic, LatinFactorStatus *);
 PETSC_INTERN PetscErrorCode LatinDenseCreate_Private(PetscInt, PetscInt, Mat *);
 PETSC_INTERN PetscErrorCode LatinDenseSolve_Private(KSP, Mat B, Mat X, KSPConvergedReason *failed);
 static inline PetscBool     LatinFactorFailed(const LatinFactorStatus *status)
@@ -44,18 +52,11 @@ PETSC_INTERN PetscErrorCode LatinOrderNodes_Private(PetscInt bs, PetscInt rows, 
 #define LATIN_CHOLESKY    "latin"      /* a MatSolverType */
 #define LATIN_ORDER       "LatinOrder" /* what a matrix carries its order of elimination by, an IS */
 #define LATIN_FRONT_LANES 16           /* right-hand sides that lie beside each other: single precision fills a vector register of 512 bits */
-/* Of the factor; the one that is asked for, or a higher one that holds it */
-typedef enum {
-  LATIN_DOUBLE,  /* arithmetic and factor */
-  LATIN_ROUNDED, /* arithmetic in double, the factor rounded to single precision */
-  LATIN_SINGLE,  /* both in single */
-  LATIN_BY_SIZE  /* that of the above which pays */
-} LatinArithmetic;
 PETSC_INTERN PetscErrorCode LatinCholeskyRegister(void);
 PETSC_INTERN PetscErrorCode LatinCholeskyRound(PC, LatinArithmetic);
-PETSC_INTERN PetscErrorCode LatinCholeskyRounded(PC, PetscBool *);
+PETSC_INTERN PetscErrorCode LatinCholeskyPrecision(PC, LatinArithmetic *);
 PETSC_INTERN PetscErrorCode LatinCholeskyCost(PC, PetscReal *operations, PetscReal *bytes);
-PETSC_INTERN PetscErrorCode LatinCholeskyRefine(PC, Mat);
+PETSC_INTERN PetscErrorCode LatinCholeskyAgain(PC, Mat, LatinArithmetic);
 PETSC_INTERN PetscErrorCode LatinCholeskyGiveSchur(Mat, PetscReal S[]);
 PETSC_INTERN PetscErrorCode LatinCholeskyOrder(Mat, const PetscInt *order[]);
 PETSC_INTERN PetscErrorCode LatinCholeskySolveLanes(Mat, float x[], PetscReal energy[], PetscReal square[]);

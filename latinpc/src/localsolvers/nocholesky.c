@@ -40,14 +40,14 @@ PetscErrorCode LatinCholeskyRound(PC pc, LatinArithmetic precision)
   SETERRQ(PETSC_COMM_SELF, PETSC_ERR_PLIB, "No factor of this type can have been made");
 }
 
-PetscErrorCode LatinCholeskyRefine(PC pc, Mat A)
+PetscErrorCode LatinCholeskyAgain(PC pc, Mat A, LatinArithmetic precision)
 {
   SETERRQ(PETSC_COMM_SELF, PETSC_ERR_PLIB, "No factor of this type can have been made");
 }
 
-PetscErrorCode LatinCholeskyRounded(PC pc, PetscBool *rounded)
+PetscErrorCode LatinCholeskyPrecision(PC pc, LatinArithmetic *precision)
 {
-  *rounded = PETSC_FALSE;
+  *precision = LATIN_DOUBLE;
   return 0;
 }
 
