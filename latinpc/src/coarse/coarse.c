@@ -116,6 +116,28 @@ static PetscErrorCode LatinCoarseForget_Private(LatinCoarse *coarse)
 }
 
 /*
+   The factor of the tree takes all of a matrix whose parts may be as large as it, and which no solve reads: these go, and what asks
+   the matrix for a product says so. Not where another set-up may have its pattern. Collective on coarse->ksp
+*/
+static PetscErrorCode LatinCoarseSpend_Private(LatinCoarse *coarse)
+{
+  PetscBool        spend = (PetscBool)(coarse->tree && !coarse->sub->preconditions && !LatinFactorFailed(&coarse->status));
+  PetscObjectState state;
+  Mat              empty;
+
+  PetscFunctionBegin;
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &spend, 1, LATIN_MPI_BOOL, MPI_LAND, PetscObjectComm((PetscObject)coarse->ksp)));
+  if (!spend) PetscFunctionReturn(0);
+  PetscCall(MatCreateShell(PETSC_COMM_SELF, coarse->parts, coarse->parts, coarse->parts, coarse->parts, NULL, &empty));
+  PetscCall(PetscObjectStateGet((PetscObject)coarse->A, &state));
+  PetscCall(MatISSetLocalMat(coarse->A, empty));
+  PetscCall(PetscObjectStateSet((PetscObject)coarse->A, state)); /* the factor stays */
+  PetscCall(MatDestroy(&empty));
+  PetscCall(MatDestroy(&coarse->part));
+  PetscFunctionReturn(0);
+}
+
+/*
    The matrix from the homogenised stiffnesses, its solver and factors; coarse->status says how that ended. Groups that
    repeat are condensed for direct solvers, for they fill the matrix; a PC latin, BDDC and FETI-DP take the part of each
    rank by itself. Collective on sub->object
@@ -152,6 +174,7 @@ PetscErrorCode LatinCoarseSetUp(LatinCoarse *coarse, LatinHomogenised *stiffness
   if (bddc && dim) PetscCall(PCSetCoordinates(pc, dim, coarse->top_local, coarse->x));
   if (coarse->top_size) PetscCall(LatinFactor_Private(coarse->ksp, coarse->A, NULL, coarse->whole, PETSC_FALSE, &coarse->status)); /* disconnected structures may be condensed entirely, each a group */
   PetscCall(VecDestroy(&coarse->whole));
+  PetscCall(LatinCoarseSpend_Private(coarse));
   PetscCall(PetscLogEventEnd(LATIN_Coarse, coarse->sub->object, 0, 0, 0));
   PetscFunctionReturn(0);
 }

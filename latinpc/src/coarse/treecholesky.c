@@ -129,8 +129,7 @@ static PetscErrorCode LatinTreeSparse_Private(LatinTree *tree, Mat K, LatinLeft 
   PetscCall(MatCholeskyFactorNumeric(tree->part, A, &info));
   *bad = (PetscBool)(tree->part->factorerrortype != MAT_FACTOR_NOERROR);
   PetscCall(MatDestroy(&A));
-  PetscCall(PetscMalloc1((size_t)tree->rest * (size_t)tree->rest, &left->own));
-  if (tree->rest) PetscCall(LatinCholeskyGiveSchur(tree->part, left->own));
+  PetscCall(LatinCholeskyGiveSchur(tree->part, &left->own));
   left->a  = left->own;
   left->ld = tree->rest;
   PetscCall(PetscCalloc1(tree->n, &place)); /* in the Schur complement, whose rows ascend as in the part */

@@ -27,8 +27,8 @@ static void LatinCholeskyDiagonal(LatinSupernodes *data, const PetscInt i[], con
   }
 }
 
-/* S: of the Schur complement of all kept rows, the lower triangle of which is given, the rows that are asked for */
-static PetscErrorCode LatinCholeskyAsked_Private(const LatinSupernodes *data, const PetscScalar kept[], PetscScalar S[])
+/* Of the Schur complement of all kept rows, the lower triangle of which is given, the rows that are asked for: in place, and both triangles */
+static PetscErrorCode LatinCholeskyAsked_Private(const LatinSupernodes *data, PetscScalar S[])
 {
   const size_t m = (size_t)data->asked;
   size_t      *at;
@@ -40,7 +40,9 @@ static PetscErrorCode LatinCholeskyAsked_Private(const LatinSupernodes *data, co
     if (data->keep[row]) k++;
   }
   for (size_t c = 0; c < m; c++)
-    for (size_t r = c; r < m; r++) S[r + m * c] = kept[at[r] + (size_t)data->kept * at[c]];
+    for (size_t r = c; r < m; r++) S[r + m * c] = S[at[r] + (size_t)data->kept * at[c]];
+  for (size_t c = 0; c < m; c++)
+    for (size_t r = 0; r < c; r++) S[r + m * c] = S[c + m * r];
   PetscCall(PetscFree(at));
   PetscFunctionReturn(0);
 }
@@ -48,29 +50,23 @@ static PetscErrorCode LatinCholeskyAsked_Private(const LatinSupernodes *data, co
 static PetscErrorCode LatinCholeskyNumeric_Private(Mat F, Mat A, const MatFactorInfo *info)
 {
   LatinSupernodes   *data = (LatinSupernodes *)F->data;
-  const PetscInt    *i, *j, m = data->asked;
+  const PetscInt    *i, *j;
   const PetscScalar *a;
-  PetscScalar       *S = NULL, *kept = NULL;
   PetscInt           n, bad;
   PetscBool          done;
 
   PetscFunctionBegin;
-  if (m) {
-    if (!F->schur) PetscCall(MatCreateSeqDense(PETSC_COMM_SELF, m, m, NULL, &F->schur)); /* given away */
-    PetscCall(MatDenseGetArray(F->schur, &S));
-  }
-  if (data->kept > m) PetscCall(PetscMalloc1((size_t)data->kept * (size_t)data->kept, &kept));
+  PetscCall(MatDestroy(&F->schur));
+  PetscCall(PetscFree(data->schur));
+  PetscCall(PetscMalloc1((size_t)data->kept * (size_t)data->kept, &data->schur));
   PetscCall(MatGetRowIJ(A, 0, PETSC_FALSE, PETSC_FALSE, &n, &i, &j, &done));
   PetscCall(MatSeqAIJGetArrayRead(A, &a));
   LatinCholeskyDiagonal(data, i, j, a);
-  PetscCall(LatinFrontsFactor(&data->fronts, data->precision, i, j, a, kept ? kept : S, &bad));
-  if (kept) PetscCall(LatinCholeskyAsked_Private(data, kept, S));
-  PetscCall(PetscFree(kept));
+  PetscCall(LatinFrontsFactor(&data->fronts, data->precision, i, j, a, data->schur, &bad));
+  PetscCall(LatinCholeskyAsked_Private(data, data->schur));
+  if (data->asked) PetscCall(MatCreateSeqDense(PETSC_COMM_SELF, data->asked, data->asked, data->schur, &F->schur));
   PetscCall(MatSeqAIJRestoreArrayRead(A, &a));
   PetscCall(MatRestoreRowIJ(A, 0, PETSC_FALSE, PETSC_FALSE, &n, &i, &j, &done));
-  for (PetscInt c = 0; c < m; c++)
-    for (PetscInt r = 0; r < c; r++) S[(size_t)r + (size_t)m * (size_t)c] = S[(size_t)c + (size_t)m * (size_t)r];
-  if (m) PetscCall(MatDenseRestoreArray(F->schur, &S));
   F->factorerrortype = bad < 0 ? MAT_FACTOR_NOERROR : MAT_FACTOR_NUMERIC_ZEROPIVOT;
   PetscCall(PetscLogFlops(data->fronts.operations));
   PetscFunctionReturn(0);
@@ -162,18 +158,15 @@ PetscErrorCode LatinCholeskySolveLanes(Mat F, float x[], PetscReal energy[], Pet
   PetscFunctionReturn(0);
 }
 
-/* Hands the Schur complement over, S (of the rows that were asked for, column-major): it may be as large as the factor, and is used once */
-PetscErrorCode LatinCholeskyGiveSchur(Mat F, PetscReal S[])
+/* Hands the Schur complement over, *S (of the rows that were asked for, column-major), which the caller frees: it may be as large as the factor, and is used once */
+PetscErrorCode LatinCholeskyGiveSchur(Mat F, PetscReal **S)
 {
-  const PetscScalar *s;
-  PetscInt           m;
+  LatinSupernodes *data = (LatinSupernodes *)F->data;
 
   PetscFunctionBegin;
-  PetscCall(MatGetSize(F->schur, &m, NULL));
-  PetscCall(MatDenseGetArrayRead(F->schur, &s));
-  PetscCall(PetscArraycpy(S, s, (size_t)m * (size_t)m));
-  PetscCall(MatDenseRestoreArrayRead(F->schur, &s));
   PetscCall(MatDestroy(&F->schur));
+  *S          = data->schur;
+  data->schur = NULL;
   PetscFunctionReturn(0);
 }
 
@@ -312,6 +305,8 @@ static PetscErrorCode LatinCholeskyDestroy_Private(Mat F)
   PetscCall(PetscFree(data->keep));
   PetscCall(PetscFree(data->ask));
   PetscCall(PetscFree(data->diagonal));
+  PetscCall(MatDestroy(&F->schur));
+  PetscCall(PetscFree(data->schur));
   PetscCall(PetscObjectComposeFunction((PetscObject)F, "MatFactorGetSolverType_C", NULL));
   PetscCall(PetscObjectComposeFunction((PetscObject)F, "MatFactorSetSchurIS_C", NULL));
   PetscCall(PetscFree(F->data));

@@ -57,7 +57,7 @@ PETSC_INTERN PetscErrorCode LatinCholeskyRound(PC, LatinArithmetic);
 PETSC_INTERN PetscErrorCode LatinCholeskyPrecision(PC, LatinArithmetic *);
 PETSC_INTERN PetscErrorCode LatinCholeskyCost(PC, PetscReal *operations, PetscReal *bytes);
 PETSC_INTERN PetscErrorCode LatinCholeskyAgain(PC, Mat, LatinArithmetic);
-PETSC_INTERN PetscErrorCode LatinCholeskyGiveSchur(Mat, PetscReal S[]);
+PETSC_INTERN PetscErrorCode LatinCholeskyGiveSchur(Mat, PetscReal **S);
 PETSC_INTERN PetscErrorCode LatinCholeskyOrder(Mat, const PetscInt *order[]);
 PETSC_INTERN PetscErrorCode LatinCholeskySolveLanes(Mat, float x[], PetscReal energy[], PetscReal square[]);
 PETSC_INTERN PetscErrorCode LatinCholeskyForward(Mat, PetscReal g[], PetscReal *energy);

@@ -25,7 +25,7 @@ PetscErrorCode LatinCholeskySolveLanes(Mat F, float x[], PetscReal energy[], Pet
   SETERRQ(PETSC_COMM_SELF, PETSC_ERR_PLIB, "No factor of this type can have been made");
 }
 
-PetscErrorCode LatinCholeskyGiveSchur(Mat F, PetscReal S[])
+PetscErrorCode LatinCholeskyGiveSchur(Mat F, PetscReal **S)
 {
   SETERRQ(PETSC_COMM_SELF, PETSC_ERR_PLIB, "No factor of this type can have been made");
 }

@@ -26,6 +26,7 @@ typedef struct {
   PetscInt        asked, *ask; /* [asked] rows of the Schur complement, ascending */
   LatinArithmetic precision;   /* that is asked for */
   PetscReal      *diagonal;    /* [kept] of the matrix */
+  PetscReal      *schur;       /* of F->schur, until it is given away */
 } LatinSupernodes;
 
 PETSC_INTERN PetscErrorCode LatinSupernodesAnalyze(LatinSupernodes *, Mat);

@@ -59,12 +59,18 @@ PetscErrorCode LatinSubstructuresLeft(LatinLinear *linear, PetscReal *left)
   PetscFunctionReturn(0);
 }
 
-/* H of all batches */
+/* H of all batches; of a single one that of its factor, which may be as large as the factor itself, without a copy */
 PetscErrorCode LatinSubstructuresStiffness(LatinLinear *linear)
 {
   size_t room = 0;
+  Mat    F;
 
   PetscFunctionBegin;
+  if (linear->batches->n == 1) {
+    PetscCall(LatinSubstructuresFactor_Private(linear, 0, &F));
+    PetscCall(LatinCholeskyGiveSchur(F, &linear->stiffness.H));
+    PetscFunctionReturn(0);
+  }
   for (PetscInt b = 0; b < linear->batches->n; b++) {
     const PetscInt s = linear->batches->batch[b].sub[0];
 
@@ -73,10 +79,12 @@ PetscErrorCode LatinSubstructuresStiffness(LatinLinear *linear)
   PetscCall(PetscMalloc1(room, &linear->stiffness.H));
   for (PetscInt b = 0; b < linear->batches->n; b++) {
     const PetscInt s = linear->batches->batch[b].sub[0], m = linear->coarse->offset[s + 1] - linear->coarse->offset[s];
-    Mat            F;
+    PetscReal     *S;
 
     PetscCall(LatinSubstructuresFactor_Private(linear, b, &F));
-    if (m) PetscCall(LatinCholeskyGiveSchur(F, linear->stiffness.H + linear->stiffness.h_offset[s]));
+    PetscCall(LatinCholeskyGiveSchur(F, &S));
+    PetscCall(PetscArraycpy(linear->stiffness.H + linear->stiffness.h_offset[s], S, (size_t)m * (size_t)m));
+    PetscCall(PetscFree(S));
   }
   PetscFunctionReturn(0);
 }
@@ -84,16 +92,20 @@ PetscErrorCode LatinSubstructuresStiffness(LatinLinear *linear)
 /* H of subdomain s, which has gone into the coarse matrix: its factor is made once more */
 PetscErrorCode LatinSubstructuresStiffnessAgain(const LatinLinear *linear, PetscInt s, PetscReal H[])
 {
-  PetscInt      b = 0;
-  MatFactorInfo info;
-  Mat           F;
+  const PetscInt m = linear->coarse->offset[s + 1] - linear->coarse->offset[s];
+  PetscInt       b = 0;
+  PetscReal     *S;
+  MatFactorInfo  info;
+  Mat            F;
 
   PetscFunctionBegin;
   while (linear->batches->batch[b].sub[0] != linear->batches->pattern[s]) b++;
   PetscCall(LatinSubstructuresFactor_Private(linear, b, &F));
   PetscCall(MatFactorInfoInitialize(&info));
   PetscCall(MatCholeskyFactorNumeric(F, linear->solvers->K[b], &info));
-  PetscCall(LatinCholeskyGiveSchur(F, H));
+  PetscCall(LatinCholeskyGiveSchur(F, &S));
+  PetscCall(PetscArraycpy(H, S, (size_t)m * (size_t)m));
+  PetscCall(PetscFree(S));
   PetscFunctionReturn(0);
 }
 
