@@ -14,6 +14,7 @@ extern void FRONT_BLAS(gemm)(const char *, const char *, const PetscBLASInt *, c
 /* What a factorisation works on */
 typedef struct {
   FRONT_REAL *stack, *panel;  /* what earlier fronts left on later rows; one panel, where the factor is rounded */
+  FRONT_REAL *some;           /* [tallest][LATIN_BATCH_COLUMNS] what a front leaves on kept rows, some columns of it */
   size_t     *update, top[2]; /* [fronts] where a front's part of the stack is, and how much is at its two ends */
   PetscInt   *place;          /* [n] of a row in the order of elimination */
   PetscInt   *at, *to, *end;  /* [n] and [tallest]: rows in the front at hand; [tallest] where those that follow each other end */
@@ -66,7 +67,7 @@ static void FRONT(LatinFrontAdd)(const LatinFronts *F, FRONT(LatinFrontsWork) * 
   } else FRONT(LatinFrontScatter)(n, 0, own, to, work->end, left, height, panel);
 }
 
-/* Eliminates the columns of front f: its panel becomes that of the factor, and U what it leaves */
+/* Eliminates the columns of front f: its panel becomes that of the factor, and U (unless NULL) what it leaves */
 static PetscBool FRONT(LatinFrontEliminate)(const LatinFronts *F, PetscInt f, FRONT_REAL panel[], FRONT_REAL U[])
 {
   const FRONT_REAL   one = 1, minus = -1, zero = 0;
@@ -77,7 +78,7 @@ static PetscBool FRONT(LatinFrontEliminate)(const LatinFronts *F, PetscInt f, FR
   if (info || !(panel[(size_t)(columns - 1) * (size_t)(height + 1)] > 0.0)) return PETSC_FALSE; /* not a number is not a pivot */
   if (!below) return PETSC_TRUE;
   FRONT_BLAS(trsm)("R", "L", "T", "N", &below, &columns, &one, panel, &height, panel + columns, &height);
-  FRONT_BLAS(syrk)("L", "N", &below, &columns, &minus, panel + columns, &height, &zero, U, &below);
+  if (U) FRONT_BLAS(syrk)("L", "N", &below, &columns, &minus, panel + columns, &height, &zero, U, &below);
   return PETSC_TRUE;
 }
 
@@ -92,39 +93,55 @@ static PetscBool FRONT(LatinFrontRound)(const LatinFronts *F, PetscInt f, const 
   return PETSC_TRUE;
 }
 
-/*
-   What front f leaves goes to the kept rows, if no later front eliminates any of it; else it stays where it is, and what its
-   children left on the other end of the stack goes
-*/
-static void FRONT(LatinFrontLeave)(const LatinFronts *F, FRONT(LatinFrontsWork) * work, PetscInt f, const FRONT_REAL U[], PetscReal S[])
+/* Front f and its children, none of whose rows below a later front eliminates: what is left goes to the kept rows, some columns at a time */
+static void FRONT(LatinFrontLeave)(const LatinFronts *F, const FRONT(LatinFrontsWork) * work, PetscInt f, const FRONT_REAL panel[], PetscReal S[])
 {
-  const PetscInt below = LatinFrontBelow(F, f), *row = F->row + F->row_first[f] + F->columns[f], inside = F->n - F->kept;
+  const FRONT_REAL   one = 1, zero = 0;
+  const PetscInt     inside = F->n - F->kept, below = LatinFrontBelow(F, f), *row = F->row + F->row_first[f] + F->columns[f];
+  const PetscBLASInt own = (PetscBLASInt)F->columns[f], height = own + (PetscBLASInt)below;
 
-  for (PetscInt c = F->child[f]; c >= 0; c = F->sibling[c]) work->top[!F->odd[f]] -= LatinFrontSquare(F, c);
-  if (!below) return;
-  if (row[0] < inside) {
-    work->update[f] = (size_t)(U - work->stack);
-    work->top[F->odd[f]] += LatinFrontSquare(F, f);
-  } else {
-    for (PetscInt c = 0; c < below; c++)
-      for (PetscInt r = c; r < below; r++) S[(size_t)(row[r] - inside) + (size_t)F->kept * (size_t)(row[c] - inside)] += U[(size_t)r + (size_t)below * (size_t)c];
+  for (PetscInt c = F->child[f]; c >= 0; c = F->sibling[c]) {
+    const PetscInt    n = LatinFrontBelow(F, c), *kept = F->row + F->row_first[c] + F->columns[c];
+    const FRONT_REAL *left = work->stack + work->update[c];
+
+    for (PetscInt k = 0; k < n; k++)
+      for (PetscInt r = k; r < n && kept[k] >= inside; r++) S[(size_t)(kept[r] - inside) + (size_t)F->kept * (size_t)(kept[k] - inside)] += left[(size_t)r + (size_t)n * (size_t)k];
   }
+  for (PetscInt first = 0; first < below; first += LATIN_BATCH_COLUMNS) {
+    const PetscBLASInt rows = (PetscBLASInt)(below - first), columns = PetscMin(LATIN_BATCH_COLUMNS, rows);
+    const FRONT_REAL  *Z = panel + own + first;
+
+    FRONT_BLAS(gemm)("N", "T", &rows, &columns, &own, &one, Z, &height, Z, &height, &zero, work->some, &rows);
+    for (PetscInt c = first; c < first + columns; c++)
+      for (PetscInt r = c; r < below; r++) S[(size_t)(row[r] - inside) + (size_t)F->kept * (size_t)(row[c] - inside)] -= work->some[(size_t)(r - first) + (size_t)rows * (size_t)(c - first)];
+  }
+}
+
+/* One front, whose children are done; PETSC_FALSE where it is not positive definite. What it leaves is on one end of the stack, what its children left goes from the other */
+static PetscBool FRONT(LatinFrontOne)(const LatinFronts *F, FRONT(LatinFrontsWork) * work, PetscInt f, const PetscInt i[], const PetscInt j[], const PetscScalar a[], PetscReal S[])
+{
+  const PetscBool last  = LatinFrontLast(F, f);
+  FRONT_REAL     *panel = work->narrow ? work->panel : (FRONT_REAL *)F->factor + F->panel[f];
+  FRONT_REAL     *U     = last ? NULL : work->stack + (F->odd[f] ? F->stack - work->top[1] - LatinFrontSquare(F, f) : work->top[0]);
+
+  FRONT(LatinFrontEntries)(F, work, f, i, j, a, panel);
+  for (PetscInt c = F->child[f]; c >= 0; c = F->sibling[c]) FRONT(LatinFrontAdd)(F, work, f, c, panel, NULL);
+  if (!FRONT(LatinFrontEliminate)(F, f, panel, U) || (work->narrow && !FRONT(LatinFrontRound)(F, f, panel, (float *)F->factor + F->panel[f]))) return PETSC_FALSE;
+  if (last) FRONT(LatinFrontLeave)(F, work, f, panel, S);
+  else work->update[f] = (size_t)(U - work->stack);
+  for (PetscInt c = F->child[f]; c >= 0; c = F->sibling[c]) {
+    if (!last) FRONT(LatinFrontAdd)(F, work, f, c, NULL, U);
+    work->top[!F->odd[f]] -= LatinFrontSquare(F, c);
+  }
+  work->top[F->odd[f]] += LatinFrontSquare(F, f);
+  return PETSC_TRUE;
 }
 
 /* The fronts one after the other; *bad becomes the row of the first pivot block that is not positive definite */
 static void FRONT(LatinFrontsEliminate)(LatinFronts *F, FRONT(LatinFrontsWork) * work, const PetscInt i[], const PetscInt j[], const PetscScalar a[], PetscReal S[], PetscInt *bad)
 {
-  for (PetscInt f = 0; f < F->fronts && *bad < 0; f++) {
-    FRONT_REAL *panel = work->narrow ? work->panel : (FRONT_REAL *)F->factor + F->panel[f];
-    FRONT_REAL *U     = work->stack + (F->odd[f] ? F->stack - work->top[1] - LatinFrontSquare(F, f) : work->top[0]);
-
-    if (!F->columns[f]) continue;
-    FRONT(LatinFrontEntries)(F, work, f, i, j, a, panel);
-    for (PetscInt c = F->child[f]; c >= 0; c = F->sibling[c]) FRONT(LatinFrontAdd)(F, work, f, c, panel, NULL);
-    if (!FRONT(LatinFrontEliminate)(F, f, panel, U) || (work->narrow && !FRONT(LatinFrontRound)(F, f, panel, (float *)F->factor + F->panel[f]))) *bad = F->order[F->first[f]];
-    for (PetscInt c = F->child[f]; c >= 0 && *bad < 0; c = F->sibling[c]) FRONT(LatinFrontAdd)(F, work, f, c, NULL, U);
-    FRONT(LatinFrontLeave)(F, work, f, U, S);
-  }
+  for (PetscInt f = 0; f < F->fronts && *bad < 0; f++)
+    if (F->columns[f] && !FRONT(LatinFrontOne)(F, work, f, i, j, a, S)) *bad = F->order[F->first[f]];
   /* the block of the kept rows itself */
   for (PetscInt c = 0, inside = F->n - F->kept; c < F->kept; c++)
     for (PetscInt own = F->order[inside + c], k = i[own]; k < i[own + 1]; k++)
@@ -143,10 +160,12 @@ static PetscErrorCode FRONT(LatinFrontsFactor)(LatinFronts *F, const PetscInt i[
   PetscFunctionBegin;
   PetscCall(PetscMalloc1(F->stack, &work.stack));
   PetscCall(PetscMalloc1(work.narrow ? F->widest : 0, &work.panel));
+  PetscCall(PetscMalloc1(F->kept ? (size_t)F->tallest * LATIN_BATCH_COLUMNS : 0, &work.some));
   PetscCall(PetscMalloc5(F->fronts, &work.update, F->n, &work.place, F->n, &work.at, F->tallest, &work.to, F->tallest, &work.end));
   for (PetscInt r = 0; r < F->n; r++) work.place[F->order[r]] = r;
   FRONT(LatinFrontsEliminate)(F, &work, i, j, a, S, bad);
   PetscCall(PetscFree5(work.update, work.place, work.at, work.to, work.end));
+  PetscCall(PetscFree(work.some));
   PetscCall(PetscFree(work.panel));
   PetscCall(PetscFree(work.stack));
   PetscFunctionReturn(0);

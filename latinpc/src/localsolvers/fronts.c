@@ -14,10 +14,16 @@ static inline PetscInt LatinFrontBelow(const LatinFronts *F, PetscInt f)
   return F->row_first[f + 1] - F->row_first[f] - F->columns[f];
 }
 
-/* Entries of what it leaves on them */
+/* Are all of these kept? */
+static inline PetscBool LatinFrontLast(const LatinFronts *F, PetscInt f)
+{
+  return (PetscBool)(!LatinFrontBelow(F, f) || F->row[F->row_first[f] + F->columns[f]] >= F->n - F->kept);
+}
+
+/* Entries of what it leaves on others, which waits for a later front */
 static inline size_t LatinFrontSquare(const LatinFronts *F, PetscInt f)
 {
-  return (size_t)LatinFrontBelow(F, f) * (size_t)LatinFrontBelow(F, f);
+  return LatinFrontLast(F, f) ? 0 : (size_t)LatinFrontBelow(F, f) * (size_t)LatinFrontBelow(F, f);
 }
 
 /*
@@ -63,7 +69,7 @@ PetscErrorCode LatinFrontsCreate(PetscInt n, PetscInt kept, PetscInt fronts, con
 
     F->stack = PetscMax(F->stack, waiting + own);
     for (PetscInt c = F->child[f]; c >= 0; c = F->sibling[c]) waiting -= LatinFrontSquare(F, c);
-    if (own && row[row_first[f] + F->columns[f]] < inside) waiting += own;
+    waiting += own;
   }
   PetscCall(PetscFree(owner));
   PetscFunctionReturn(0);
