@@ -11,32 +11,32 @@
 /* What it takes */
 typedef struct {
   PetscReal operations, entries;           /* additions and multiplications each, and entries of the factor: of all ranks, but for rows that one rank alone has, */
-  PetscReal path_operations, path_entries; /* and of these what comes one after the other */
+  PetscReal path_operations, path_entries; /* and of these what comes one after the other, */
+  PetscReal path_messages;                 /* with the messages of half a solve */
   PetscReal most, messages;                /* rows of the largest front; messages that a rank sends in a solve, at most */
   PetscReal seconds, shared;               /* predicted, of the set-up and LATIN_TREE_STAGES solves: by the tree, and by a factorisation that all ranks share */
 } LatinTreeCost;
 
-/* The front of a rank after its group of ranks has been joined by another one */
+/* The front of two groups of ranks that join */
 typedef struct {
-  PetscMPIInt  other;          /* the rank that has had the front of the group that joins */
-  PetscInt     mine, theirs;   /* unknowns that the two groups bring, by their numbers */
-  PetscInt    *at;             /* [mine + theirs] their rows in the front */
+  PetscMPIInt  from[2], to;    /* ranks that have the fronts of the groups, of a single rank what its part leaves; the one that takes over what is left, -1: nothing is */
+  PetscInt     n[2];           /* unknowns that the two groups bring, by their numbers */
+  PetscInt    *at;             /* [n[0] + n[1]] their rows in the front */
   PetscInt     rows, interior; /* interior ones, which no further rank has, come first */
   PetscScalar *L;              /* [rows][interior] column-major: L of the interior rows, Z of the others below it */
   PetscScalar *x;              /* [rows] work */
 } LatinJoint;
 
 typedef struct {
-  MPI_Comm      comm;               /* of this factor alone */
+  MPI_Comm      comm; /* of this factor alone */
+  PetscMPIInt   rank;
   PetscInt      n;                  /* rows of the part of this rank */
   PetscInt      start, own, *owned; /* [n] places of rows in this rank's share of a vector; -1: of another rank's */
   PetscInt      rest, *row;         /* [rest] those that other ranks have as well, by their numbers */
   Mat           part;               /* factor of the part, with these rows last; NULL: all rows are such */
-  PetscInt      joints;
-  LatinJoint   *joint;
-  PetscMPIInt   parent; /* the rank that takes over what is left; -1: nothing is */
-  PetscInt      up;     /* unknowns that are left */
-  PetscScalar  *g, *w;  /* [n] and [most rows that are sent] work */
+  PetscMPIInt   to;                 /* the rank that has the joint of the part, perhaps this one; -1: nothing is shared */
+  LatinJoint   *joint;              /* NULL: this rank has none */
+  PetscScalar  *g, *w;              /* [n] and [most rows that are sent] work */
   LatinTreeCost cost;
 } LatinTree;
 

@@ -3,13 +3,13 @@
 
 /*
    Elimination along the tree of treeplan.c. A rank eliminates what it alone has of its part; what is left, a dense matrix of the
-   unknowns that it shares, joins that of its partner, which eliminates what the two alone have; and so on. With i these unknowns,
+   unknowns that it shares, joins that of its partner, and what the two alone have is eliminated; and so on. With i these unknowns,
    b the others:
 
      K_ii = L L^t,   Z = K_bi L^-t,   S = K_bb - Z Z^t, which joins the next one;
      forward: y = L^-1 g_i,   g_b - Z y is sent;   backward: u_b comes back,   u_i = L^-t (y - Z^t u_b).
 
-   So a solve takes one message each way for each joint, and a rank keeps no more than the columns that it has eliminated.
+   So a solve takes one message each way for each of the groups that join, and a rank keeps no more than the columns of one joint.
 */
 
 #define LATIN_TREE_COLUMNS 64 /* of a message: large enough to be all bandwidth, small beside a front */
@@ -168,10 +168,25 @@ static PetscErrorCode LatinTreePart_Private(LatinTree *tree, Mat K, LatinLeft *l
   PetscFunctionReturn(0);
 }
 
-/* The front of a joint from what is left here, which is freed, and from what comes; eliminated, it leaves the next */
-static PetscErrorCode LatinTreeJoin_Private(LatinTree *tree, LatinJoint *joint, LatinLeft *left, PetscScalar buffer[], PetscBool *bad)
+/* What is left goes to another rank, and is freed */
+static PetscErrorCode LatinLeftSend_Private(const LatinTree *tree, PetscMPIInt to, LatinLeft *left, PetscScalar buffer[])
 {
-  const PetscInt out = joint->rows - joint->interior;
+  PetscMPIInt length;
+
+  PetscFunctionBegin;
+  for (PetscInt j = 0; j < left->n && to >= 0; j += LATIN_TREE_COLUMNS) {
+    PetscCall(PetscMPIIntCast(LatinLeftPack(left, j, PetscMin(j + LATIN_TREE_COLUMNS, left->n), buffer), &length));
+    PetscCallMPI(MPI_Send(buffer, length, MPIU_SCALAR, to, 0, tree->comm));
+  }
+  PetscCall(LatinLeftFree_Private(left));
+  PetscFunctionReturn(0);
+}
+
+/* The front of the joint from what comes and what is left here, which is freed; eliminated, it leaves the next */
+static PetscErrorCode LatinTreeJoin_Private(LatinTree *tree, LatinLeft *left, PetscScalar buffer[], PetscBool *bad)
+{
+  LatinJoint    *joint = tree->joint;
+  const PetscInt out   = joint->rows - joint->interior;
   PetscMPIInt    length;
   PetscScalar   *S;
 
@@ -179,19 +194,18 @@ static PetscErrorCode LatinTreeJoin_Private(LatinTree *tree, LatinJoint *joint, 
   if (!joint->L) PetscCall(PetscMalloc1((size_t)joint->rows * (size_t)joint->interior, &joint->L));
   PetscCall(PetscArrayzero(joint->L, (size_t)joint->rows * (size_t)joint->interior));
   PetscCall(PetscCalloc1(LatinPanelAt(out, out - out % LATIN_TREE_COLUMNS) + (size_t)(out % LATIN_TREE_COLUMNS) * (size_t)(out % LATIN_TREE_COLUMNS), &S));
-  for (PetscInt j = 0; j < left->n; j += LATIN_TREE_COLUMNS) {
-    const PetscInt last = PetscMin(j + LATIN_TREE_COLUMNS, left->n);
+  for (PetscInt k = 0; k < 2; k++) {
+    const PetscBool own = (PetscBool)(joint->from[k] == tree->rank);
 
-    (void)LatinLeftPack(left, j, last, buffer);
-    LatinJointAdd(joint, left->n, joint->at, j, last, buffer, S);
-  }
-  PetscCall(LatinLeftFree_Private(left));
-  for (PetscInt j = 0; j < joint->theirs; j += LATIN_TREE_COLUMNS) {
-    const PetscInt last = PetscMin(j + LATIN_TREE_COLUMNS, joint->theirs);
+    for (PetscInt j = 0; j < joint->n[k]; j += LATIN_TREE_COLUMNS) {
+      const PetscInt last = PetscMin(j + LATIN_TREE_COLUMNS, joint->n[k]);
 
-    PetscCall(PetscMPIIntCast(LATIN_TREE_COLUMNS * joint->theirs, &length));
-    PetscCallMPI(MPI_Recv(buffer, length, MPIU_SCALAR, joint->other, 0, tree->comm, MPI_STATUS_IGNORE));
-    LatinJointAdd(joint, joint->theirs, joint->at + joint->mine, j, last, buffer, S);
+      PetscCall(PetscMPIIntCast(LATIN_TREE_COLUMNS * joint->n[k], &length));
+      if (own) (void)LatinLeftPack(left, j, last, buffer);
+      else PetscCallMPI(MPI_Recv(buffer, length, MPIU_SCALAR, joint->from[k], 0, tree->comm, MPI_STATUS_IGNORE));
+      LatinJointAdd(joint, joint->n[k], joint->at + (k ? joint->n[0] : 0), j, last, buffer, S);
+    }
+    if (own) PetscCall(LatinLeftFree_Private(left));
   }
   PetscCall(LatinJointEliminate_Private(joint, S, bad));
   *left = (LatinLeft){.n = out, .a = S, .own = S};
@@ -201,22 +215,18 @@ static PetscErrorCode LatinTreeJoin_Private(LatinTree *tree, LatinJoint *joint, 
 /* The factor of the sum of the parts K, on all ranks *bad or on none. Collective on tree->comm */
 PetscErrorCode LatinTreeFactor_Private(LatinTree *tree, Mat K, PetscBool *bad)
 {
-  PetscInt     widest = tree->rest;
   PetscScalar *buffer;
-  PetscMPIInt  length;
   LatinLeft    left;
 
   PetscFunctionBegin;
   *bad = PETSC_FALSE;
-  for (PetscInt k = 0; k < tree->joints; k++) widest = PetscMax(widest, tree->joint[k].rows);
-  PetscCall(PetscMalloc1(LATIN_TREE_COLUMNS * widest, &buffer));
+  PetscCall(PetscMalloc1(LATIN_TREE_COLUMNS * PetscMax(tree->rest, tree->joint ? tree->joint->rows : 0), &buffer));
   PetscCall(LatinTreePart_Private(tree, K, &left, bad));
-  for (PetscInt k = 0; k < tree->joints; k++) PetscCall(LatinTreeJoin_Private(tree, tree->joint + k, &left, buffer, bad));
-  for (PetscInt j = 0; j < left.n && tree->parent >= 0; j += LATIN_TREE_COLUMNS) {
-    PetscCall(PetscMPIIntCast(LatinLeftPack(&left, j, PetscMin(j + LATIN_TREE_COLUMNS, left.n), buffer), &length));
-    PetscCallMPI(MPI_Send(buffer, length, MPIU_SCALAR, tree->parent, 0, tree->comm));
+  if (tree->to != tree->rank) PetscCall(LatinLeftSend_Private(tree, tree->to, &left, buffer));
+  if (tree->joint) {
+    PetscCall(LatinTreeJoin_Private(tree, &left, buffer, bad));
+    PetscCall(LatinLeftSend_Private(tree, tree->joint->to, &left, buffer));
   }
-  PetscCall(LatinLeftFree_Private(&left));
   PetscCall(PetscFree(buffer));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, bad, 1, LATIN_MPI_BOOL, MPI_LOR, tree->comm));
   PetscFunctionReturn(0);
@@ -241,47 +251,47 @@ static PetscErrorCode LatinJointSolve_Private(LatinJoint *joint, PetscBool back)
   PetscFunctionReturn(0);
 }
 
-/* Of the forces that are left here, and those that come, the ones that are left by each joint; the last go to the parent, and their displacements come back into w */
-static PetscErrorCode LatinTreeForward_Private(LatinTree *tree)
+/* The forces w of the group, or (back) its displacements, from one rank to another; nothing where they stay */
+static PetscErrorCode LatinTreePass_Private(const LatinTree *tree, PetscMPIInt other, PetscInt n, PetscBool send)
 {
-  PetscScalar *w = tree->w;
-  PetscMPIInt  length;
+  PetscMPIInt length;
 
   PetscFunctionBegin;
-  for (PetscInt k = 0; k < tree->joints; k++) {
-    LatinJoint *joint = tree->joint + k;
-
-    PetscCall(PetscArrayzero(joint->x, joint->rows));
-    for (PetscInt i = 0; i < joint->mine; i++) joint->x[joint->at[i]] = w[i];
-    PetscCall(PetscMPIIntCast(joint->theirs, &length));
-    PetscCallMPI(MPI_Recv(w, length, MPIU_SCALAR, joint->other, 0, tree->comm, MPI_STATUS_IGNORE));
-    for (PetscInt i = 0; i < joint->theirs; i++) joint->x[joint->at[joint->mine + i]] += w[i];
-    PetscCall(LatinJointSolve_Private(joint, PETSC_FALSE));
-    PetscCall(PetscArraycpy(w, joint->x + joint->interior, joint->rows - joint->interior));
-  }
-  if (tree->parent < 0) PetscFunctionReturn(0);
-  PetscCall(PetscMPIIntCast(tree->up, &length));
-  PetscCallMPI(MPI_Send(w, length, MPIU_SCALAR, tree->parent, 0, tree->comm));
-  PetscCallMPI(MPI_Recv(w, length, MPIU_SCALAR, tree->parent, 0, tree->comm, MPI_STATUS_IGNORE));
+  if (other < 0 || other == tree->rank) PetscFunctionReturn(0);
+  PetscCall(PetscMPIIntCast(n, &length));
+  if (send) PetscCallMPI(MPI_Send(tree->w, length, MPIU_SCALAR, other, 0, tree->comm));
+  else PetscCallMPI(MPI_Recv(tree->w, length, MPIU_SCALAR, other, 0, tree->comm, MPI_STATUS_IGNORE));
   PetscFunctionReturn(0);
 }
 
-/* The displacements of each joint, those that the other ranks wait for first; in the end w has those of the rows of the part that others have as well */
-static PetscErrorCode LatinTreeBackward_Private(LatinTree *tree)
+/* The forces of both groups join; what the joint leaves goes on, displacements come back there, and those of both groups go back to them. w: in, forces that the part here leaves; out, their displacements, where the joint is that of the part */
+static PetscErrorCode LatinTreeJoint_Private(LatinTree *tree)
 {
-  PetscScalar *w = tree->w;
-  PetscMPIInt  length;
+  LatinJoint    *joint = tree->joint;
+  const PetscInt out   = joint->rows - joint->interior;
+  PetscScalar   *w     = tree->w;
 
   PetscFunctionBegin;
-  for (PetscInt k = tree->joints - 1; k >= 0; k--) {
-    LatinJoint *joint = tree->joint + k;
+  PetscCall(PetscArrayzero(joint->x, joint->rows));
+  for (PetscInt p = 0; p < 2; p++) { /* what is here first: w is taken by what comes */
+    const PetscInt  k  = joint->from[1] == tree->rank ? 1 - p : p;
+    const PetscInt *at = joint->at + (k ? joint->n[0] : 0);
 
-    PetscCall(PetscArraycpy(joint->x + joint->interior, w, joint->rows - joint->interior));
-    PetscCall(LatinJointSolve_Private(joint, PETSC_TRUE));
-    PetscCall(PetscMPIIntCast(joint->theirs, &length));
-    for (PetscInt i = 0; i < joint->theirs; i++) w[i] = joint->x[joint->at[joint->mine + i]];
-    PetscCallMPI(MPI_Send(w, length, MPIU_SCALAR, joint->other, 0, tree->comm));
-    for (PetscInt i = 0; i < joint->mine; i++) w[i] = joint->x[joint->at[i]];
+    PetscCall(LatinTreePass_Private(tree, joint->from[k], joint->n[k], PETSC_FALSE));
+    for (PetscInt i = 0; i < joint->n[k]; i++) joint->x[at[i]] += w[i];
+  }
+  PetscCall(LatinJointSolve_Private(joint, PETSC_FALSE));
+  PetscCall(PetscArraycpy(w, joint->x + joint->interior, out));
+  PetscCall(LatinTreePass_Private(tree, joint->to, out, PETSC_TRUE));
+  PetscCall(LatinTreePass_Private(tree, joint->to, out, PETSC_FALSE));
+  PetscCall(PetscArraycpy(joint->x + joint->interior, w, out));
+  PetscCall(LatinJointSolve_Private(joint, PETSC_TRUE));
+  for (PetscInt p = 0; p < 2; p++) { /* and last */
+    const PetscInt  k  = joint->from[1] == tree->rank ? p : 1 - p;
+    const PetscInt *at = joint->at + (k ? joint->n[0] : 0);
+
+    for (PetscInt i = 0; i < joint->n[k]; i++) w[i] = joint->x[at[i]];
+    PetscCall(LatinTreePass_Private(tree, joint->from[k], joint->n[k], PETSC_TRUE));
   }
   PetscFunctionReturn(0);
 }
@@ -295,8 +305,9 @@ PetscErrorCode LatinTreeSolve_Private(LatinTree *tree, const PetscScalar b[], Pe
   for (PetscInt r = 0; r < tree->n; r++) tree->g[r] = tree->owned[r] < 0 ? 0.0 : b[tree->owned[r]];
   if (tree->part) PetscCall(LatinCholeskyForward(tree->part, tree->g, &energy));
   for (PetscInt i = 0; i < tree->rest; i++) tree->w[i] = tree->g[tree->row[i]];
-  PetscCall(LatinTreeForward_Private(tree));
-  PetscCall(LatinTreeBackward_Private(tree));
+  PetscCall(LatinTreePass_Private(tree, tree->to, tree->rest, PETSC_TRUE));
+  if (tree->joint) PetscCall(LatinTreeJoint_Private(tree));
+  PetscCall(LatinTreePass_Private(tree, tree->to, tree->rest, PETSC_FALSE));
   for (PetscInt i = 0; i < tree->rest; i++) tree->g[tree->row[i]] = tree->w[i];
   if (tree->part) PetscCall(LatinCholeskyBackward(tree->part, tree->g, &energy));
   for (PetscInt r = 0; r < tree->n; r++)
@@ -307,10 +318,10 @@ PetscErrorCode LatinTreeSolve_Private(LatinTree *tree, const PetscScalar b[], Pe
 PetscErrorCode LatinTreeReset_Private(LatinTree *tree)
 {
   PetscFunctionBegin;
-  for (PetscInt k = 0; k < tree->joints; k++) {
-    PetscCall(PetscFree(tree->joint[k].at));
-    PetscCall(PetscFree(tree->joint[k].L));
-    PetscCall(PetscFree(tree->joint[k].x));
+  if (tree->joint) {
+    PetscCall(PetscFree(tree->joint->at));
+    PetscCall(PetscFree(tree->joint->L));
+    PetscCall(PetscFree(tree->joint->x));
   }
   PetscCall(PetscFree(tree->joint));
   PetscCall(PetscFree2(tree->owned, tree->row));

@@ -3,7 +3,8 @@
 /*
    How the fronts of the ranks are joined. Ranks are the vertices of a graph, whose edges are as heavy as the unknowns that two
    ranks share. The heaviest edges that do not meet pair ranks; a pair is a vertex of the next graph; and so on, until no two
-   share anything. Every rank makes the same plan. Then lists of unknowns go the way that fronts will go: so their rows are known.
+   share anything. A group of ranks has one joint less than ranks: each rank gets one at most, so that none has several fronts.
+   Every rank makes the same plan. Then lists of unknowns go the way that fronts will go: so their rows are known.
 */
 
 #define LATIN_TREE_RATE      5e9  /* additions and multiplications of dense blocks, a second */
@@ -79,49 +80,65 @@ static PetscErrorCode LatinTreeGraph_Private(ISLocalToGlobalMapping map, PetscIn
   PetscFunctionReturn(0);
 }
 
-/* The joints of this rank and its parent. The lower rank of a pair has the front of both */
-static PetscErrorCode LatinTreePair_Private(LatinTree *tree, PetscInt edges, LatinEdge edge[])
+/* Two groups, by their lowest ranks a < b, join at the rank of the first that has no joint yet; has[]: who has the front of a group */
+static PetscErrorCode LatinTreeMeet_Private(LatinTree *tree, PetscInt a, PetscInt b, PetscMPIInt has[], PetscMPIInt idle[])
 {
-  PetscMPIInt    rank, size;
-  PetscInt      *to, kept = 0;
-  PetscSegBuffer joints;
+  const PetscMPIInt at = idle[a];
 
   PetscFunctionBegin;
-  PetscCallMPI(MPI_Comm_rank(tree->comm, &rank));
+  if (has[a] == tree->rank || has[b] == tree->rank) *(tree->joint ? &tree->joint->to : &tree->to) = at;
+  if (at == tree->rank) {
+    PetscCall(PetscNew(&tree->joint));
+    *tree->joint = (LatinJoint){
+      .from = {has[a], has[b]},
+        .to = -1
+    };
+  }
+  has[a]  = at;
+  idle[a] = idle[b];
+  PetscFunctionReturn(0);
+}
+
+/* Edges of groups that have joined become one, in order; returns how many are left */
+static PetscInt LatinTreeContract(PetscInt edges, LatinEdge edge[], const PetscInt to[])
+{
+  PetscInt kept = 0;
+
+  for (PetscInt e = 0; e < edges; e++) {
+    const PetscInt a = to[edge[e].a] < 0 ? edge[e].a : to[edge[e].a], b = to[edge[e].b] < 0 ? edge[e].b : to[edge[e].b];
+
+    edge[e] = (LatinEdge){.a = PetscMin(a, b), .b = PetscMax(a, b), .shared = edge[e].shared};
+  }
+  qsort(edge, (size_t)edges, sizeof(*edge), LatinEdgeCompare);
+  for (PetscInt e = 0; e < edges; e++) {
+    if (edge[e].a == edge[e].b) continue;
+    if (kept && !LatinEdgeCompare(&edge[kept - 1], &edge[e])) edge[kept - 1].shared += edge[e].shared;
+    else edge[kept++] = edge[e];
+  }
+  return kept;
+}
+
+/* The joint of this rank, and where its part and that go */
+static PetscErrorCode LatinTreePair_Private(LatinTree *tree, PetscInt edges, LatinEdge edge[])
+{
+  PetscMPIInt size, *has, *idle;
+  PetscInt   *to;
+
+  PetscFunctionBegin;
+  PetscCallMPI(MPI_Comm_rank(tree->comm, &tree->rank));
   PetscCallMPI(MPI_Comm_size(tree->comm, &size));
-  PetscCall(PetscSegBufferCreate(sizeof(LatinJoint), 16, &joints));
-  PetscCall(PetscMalloc1(size, &to));
-  for (tree->parent = -1; edges; edges = kept) {
+  PetscCall(PetscMalloc3(size, &to, size, &has, size, &idle));
+  for (PetscMPIInt r = 0; r < size; r++) has[r] = idle[r] = r;
+  for (tree->to = -1; edges; edges = LatinTreeContract(edges, edge, to)) {
     for (PetscMPIInt r = 0; r < size; r++) to[r] = -1;
     qsort(edge, (size_t)edges, sizeof(*edge), LatinEdgeHeavier);
     for (PetscInt e = 0; e < edges; e++) {
       if (to[edge[e].a] >= 0 || to[edge[e].b] >= 0) continue;
       to[edge[e].a] = to[edge[e].b] = edge[e].a;
-      if (edge[e].b == rank) tree->parent = (PetscMPIInt)edge[e].a;
-      if (edge[e].a == rank) {
-        LatinJoint *joint;
-
-        PetscCall(PetscSegBufferGet(joints, 1, &joint));
-        *joint = (LatinJoint){.other = (PetscMPIInt)edge[e].b};
-        tree->joints++;
-      }
-    }
-    for (PetscInt e = 0; e < edges; e++) {
-      const PetscInt a = to[edge[e].a] < 0 ? edge[e].a : to[edge[e].a], b = to[edge[e].b] < 0 ? edge[e].b : to[edge[e].b];
-
-      edge[e] = (LatinEdge){.a = PetscMin(a, b), .b = PetscMax(a, b), .shared = edge[e].shared};
-    }
-    qsort(edge, (size_t)edges, sizeof(*edge), LatinEdgeCompare);
-    kept = 0;
-    for (PetscInt e = 0; e < edges; e++) {
-      if (edge[e].a == edge[e].b) continue;
-      if (kept && !LatinEdgeCompare(&edge[kept - 1], &edge[e])) edge[kept - 1].shared += edge[e].shared;
-      else edge[kept++] = edge[e];
+      PetscCall(LatinTreeMeet_Private(tree, edge[e].a, edge[e].b, has, idle));
     }
   }
-  PetscCall(PetscFree(to));
-  PetscCall(PetscSegBufferExtractAlloc(joints, &tree->joint));
-  PetscCall(PetscSegBufferDestroy(&joints));
+  PetscCall(PetscFree3(to, has, idle));
   PetscFunctionReturn(0);
 }
 
@@ -159,16 +176,15 @@ static PetscErrorCode LatinTreeRows_Private(LatinTree *tree, ISLocalToGlobalMapp
   PetscFunctionReturn(0);
 }
 
-/* The rows of a joint from two lists; mine[*n] becomes that of what is left, and has room for both */
-static PetscErrorCode LatinJointMerge_Private(LatinJoint *joint, PetscInt *n, LatinShared **mine, const LatinShared theirs[])
+/* The rows of a joint from the lists of its groups, which go; *left: what is left, as long as *out says */
+static PetscErrorCode LatinJointMerge_Private(LatinJoint *joint, LatinShared *list[2], PetscInt *out, LatinShared **left)
 {
-  const PetscInt     m = *n, t = joint->theirs;
-  const LatinShared *own = *mine;
+  const PetscInt     m = joint->n[0], t = joint->n[1];
+  const LatinShared *own = list[0], *theirs = list[1];
   LatinShared       *both;
-  PetscInt           count = 0, left = 0, *place;
+  PetscInt           count = 0, *place;
 
   PetscFunctionBegin;
-  joint->mine = m;
   PetscCall(PetscMalloc1(m + t, &both));
   PetscCall(PetscMalloc1(m + t, &joint->at));
   PetscCall(PetscMalloc1(m + t, &place));
@@ -189,84 +205,112 @@ static PetscErrorCode LatinJointMerge_Private(LatinJoint *joint, PetscInt *n, La
   }
   for (PetscInt c = 0; c < count; c++) joint->interior += both[c].members == both[c].ranks ? 1 : 0;
   joint->rows = count;
+  *out        = 0;
   for (PetscInt c = 0, inside = 0; c < count; c++) {
     const PetscBool in = (PetscBool)(both[c].members == both[c].ranks);
 
-    place[c] = in ? inside++ : joint->interior + left;
-    if (!in) both[left++] = both[c];
+    place[c] = in ? inside++ : joint->interior + *out;
+    if (!in) both[(*out)++] = both[c];
   }
   for (PetscInt i = 0; i < m + t; i++) joint->at[i] = place[joint->at[i]];
   PetscCall(PetscFree(place));
-  PetscCall(PetscFree(*mine));
-  *mine = both;
-  *n    = left;
+  PetscCall(PetscFree(list[0]));
+  PetscCall(PetscFree(list[1]));
+  *left = both;
   PetscFunctionReturn(0);
 }
 
-/* What a joint takes comes after what both of its groups have taken: path */
-static void LatinJointCost(const LatinJoint *joint, const PetscReal theirs[2], PetscReal path[2], LatinTreeCost *cost)
+/* What a joint takes comes after what both of its groups have taken: path, operations, entries, messages */
+static void LatinJointCost(const LatinJoint *joint, PetscReal of[2][3], PetscReal path[3], LatinTreeCost *cost)
 {
   const PetscReal in = (PetscReal)joint->interior, out = (PetscReal)(joint->rows - joint->interior);
   const PetscReal operations = in * (in * in / 6.0 + in * out / 2.0 + out * out / 2.0), entries = in * (in / 2.0 + out);
 
-  path[0] = PetscMax(path[0], theirs[0]) + operations;
-  path[1] = PetscMax(path[1], theirs[1]) + entries;
+  path[0] = PetscMax(of[0][0], of[1][0]) + operations;
+  path[1] = PetscMax(of[0][1], of[1][1]) + entries;
+  path[2] = PetscMax(of[0][2], of[1][2]) + 1.0;
   cost->operations += operations;
   cost->entries += entries;
   cost->most = PetscMax(cost->most, (PetscReal)joint->rows);
 }
 
 /* Of all ranks, and what that is in time; path: of this rank. Collective on tree->comm */
-static PetscErrorCode LatinTreeCost_Private(LatinTree *tree, const PetscReal path[2])
+static PetscErrorCode LatinTreeCost_Private(LatinTree *tree, const PetscReal path[3])
 {
-  PetscReal      sum[2]  = {tree->cost.operations, tree->cost.entries};
-  PetscReal      most[4] = {path[0], path[1], tree->cost.most, (PetscReal)(tree->joints + (tree->parent >= 0 ? 1 : 0))};
-  LatinTreeCost *cost    = &tree->cost;
+  PetscReal      sum[2] = {tree->cost.operations, tree->cost.entries}, sent = tree->to >= 0 && tree->to != tree->rank ? 1.0 : 0.0, most[5];
+  LatinTreeCost *cost = &tree->cost;
   PetscMPIInt    ranks;
   PetscReal      power;
 
   PetscFunctionBegin;
+  if (tree->joint) sent += (tree->joint->from[0] != tree->rank ? 1.0 : 0.0) + (tree->joint->from[1] != tree->rank ? 1.0 : 0.0) + (tree->joint->to >= 0 ? 1.0 : 0.0);
+  for (PetscInt k = 0; k < 3; k++) most[k] = path[k];
+  most[3] = tree->cost.most;
+  most[4] = sent;
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, tree->comm));
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, most, 4, MPIU_REAL, MPIU_MAX, tree->comm));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, most, 5, MPIU_REAL, MPIU_MAX, tree->comm));
   PetscCallMPI(MPI_Comm_size(tree->comm, &ranks));
   power         = PetscMax(1.0, LATIN_TREE_SHARE * ranks);
-  *cost         = (LatinTreeCost){.operations = sum[0], .entries = sum[1], .path_operations = most[0], .path_entries = most[1], .most = most[2], .messages = most[3]};
-  cost->seconds = cost->path_operations / LATIN_TREE_RATE + LATIN_TREE_STAGES * (16.0 * cost->path_entries / LATIN_TREE_BANDWIDTH + 2.0 * cost->messages * LATIN_TREE_LATENCY);
+  *cost         = (LatinTreeCost){.operations = sum[0], .entries = sum[1], .path_operations = most[0], .path_entries = most[1], .path_messages = most[2], .most = most[3], .messages = most[4]};
+  cost->seconds = cost->path_operations / LATIN_TREE_RATE + LATIN_TREE_STAGES * (16.0 * cost->path_entries / LATIN_TREE_BANDWIDTH + 2.0 * cost->path_messages * LATIN_TREE_LATENCY);
   cost->shared  = cost->operations / (power * LATIN_TREE_RATE) + LATIN_TREE_STAGES * (16.0 * cost->entries / (power * LATIN_TREE_BANDWIDTH) + LATIN_TREE_MESSAGES * PetscLog2Real((PetscReal)ranks) * LATIN_TREE_LATENCY);
   PetscFunctionReturn(0);
 }
 
-/* Rows of all joints, in the order in which they will be eliminated; what they take, on all ranks. Collective on tree->comm */
-static PetscErrorCode LatinTreeLists_Private(LatinTree *tree, LatinShared **list)
+/* A list of unknowns, with what they have taken, to another rank */
+static PetscErrorCode LatinTreeSend_Private(const LatinTree *tree, PetscMPIInt to, PetscInt n, const LatinShared list[], const PetscReal path[3])
 {
-  const PetscMPIInt tag     = 0;
-  PetscReal         path[2] = {0.0, 0.0};
-  PetscInt          n = tree->rest, widest = tree->rest;
-  PetscMPIInt       length;
+  PetscMPIInt length;
 
   PetscFunctionBegin;
-  for (PetscInt k = 0; k < tree->joints; k++) {
-    LatinJoint  *joint = tree->joint + k;
-    LatinShared *theirs;
-    PetscReal    other[2];
+  if (to < 0) PetscFunctionReturn(0);
+  PetscCall(PetscMPIIntCast(3 * n, &length));
+  PetscCallMPI(MPI_Send(&n, 1, MPIU_INT, to, 0, tree->comm));
+  PetscCallMPI(MPI_Send(path, 3, MPIU_REAL, to, 0, tree->comm));
+  PetscCallMPI(MPI_Send(list, length, MPIU_INT, to, 0, tree->comm));
+  PetscFunctionReturn(0);
+}
 
-    PetscCallMPI(MPI_Recv(&joint->theirs, 1, MPIU_INT, joint->other, tag, tree->comm, MPI_STATUS_IGNORE));
-    PetscCallMPI(MPI_Recv(other, 2, MPIU_REAL, joint->other, tag, tree->comm, MPI_STATUS_IGNORE));
-    PetscCall(PetscMalloc1(joint->theirs, &theirs));
-    PetscCall(PetscMPIIntCast(3 * joint->theirs, &length));
-    PetscCallMPI(MPI_Recv(theirs, length, MPIU_INT, joint->other, tag, tree->comm, MPI_STATUS_IGNORE));
-    PetscCall(LatinJointMerge_Private(joint, &n, list, theirs));
-    PetscCall(PetscFree(theirs));
-    LatinJointCost(joint, other, path, &tree->cost);
+static PetscErrorCode LatinTreeReceive_Private(const LatinTree *tree, PetscMPIInt from, PetscInt *n, LatinShared **list, PetscReal path[3])
+{
+  PetscMPIInt length;
+
+  PetscFunctionBegin;
+  PetscCallMPI(MPI_Recv(n, 1, MPIU_INT, from, 0, tree->comm, MPI_STATUS_IGNORE));
+  PetscCallMPI(MPI_Recv(path, 3, MPIU_REAL, from, 0, tree->comm, MPI_STATUS_IGNORE));
+  PetscCall(PetscMalloc1(*n, list));
+  PetscCall(PetscMPIIntCast(3 * *n, &length));
+  PetscCallMPI(MPI_Recv(*list, length, MPIU_INT, from, 0, tree->comm, MPI_STATUS_IGNORE));
+  PetscFunctionReturn(0);
+}
+
+/* Rows of the joint, in the order in which they will be eliminated; what all take, on all ranks. Takes the list of the part over. Collective on tree->comm */
+static PetscErrorCode LatinTreeLists_Private(LatinTree *tree, LatinShared *list)
+{
+  PetscReal    path[3] = {0.0, 0.0, 0.0}, of[2][3] = {{0.0}};
+  PetscInt     left = 0, widest = tree->rest;
+  LatinShared *lists[2] = {NULL, NULL}, *rest;
+
+  PetscFunctionBegin;
+  if (tree->to != tree->rank) {
+    PetscCall(LatinTreeSend_Private(tree, tree->to, tree->rest, list, path));
+    PetscCall(PetscFree(list));
+  }
+  if (tree->joint) {
+    LatinJoint *joint = tree->joint;
+
+    for (PetscInt k = 0; k < 2; k++) {
+      if (joint->from[k] == tree->rank) {
+        joint->n[k] = tree->rest;
+        lists[k]    = list;
+      } else PetscCall(LatinTreeReceive_Private(tree, joint->from[k], &joint->n[k], &lists[k], of[k]));
+    }
+    PetscCall(LatinJointMerge_Private(joint, lists, &left, &rest));
+    LatinJointCost(joint, of, path, &tree->cost);
+    PetscCall(LatinTreeSend_Private(tree, joint->to, left, rest, path));
+    PetscCall(PetscFree(rest));
     PetscCall(PetscMalloc1(joint->rows, &joint->x));
     widest = PetscMax(widest, joint->rows);
-  }
-  tree->up = n;
-  if (tree->parent >= 0) {
-    PetscCallMPI(MPI_Send(&n, 1, MPIU_INT, tree->parent, tag, tree->comm));
-    PetscCallMPI(MPI_Send(path, 2, MPIU_REAL, tree->parent, tag, tree->comm));
-    PetscCall(PetscMPIIntCast(3 * n, &length));
-    PetscCallMPI(MPI_Send(*list, length, MPIU_INT, tree->parent, tag, tree->comm));
   }
   PetscCall(PetscMalloc2(tree->n, &tree->g, widest, &tree->w));
   PetscCall(LatinTreeCost_Private(tree, path));
@@ -288,8 +332,7 @@ PetscErrorCode LatinTreePlan_Private(ISLocalToGlobalMapping map, PetscLayout lay
   PetscCall(LatinTreeGraph_Private(map, ranks_of, &edges, &edge));
   PetscCall(LatinTreePair_Private(tree, edges, edge));
   PetscCall(LatinTreeRows_Private(tree, map, layout, ranks_of, &list));
-  PetscCall(LatinTreeLists_Private(tree, &list));
-  PetscCall(PetscFree(list));
+  PetscCall(LatinTreeLists_Private(tree, list));
   PetscCall(PetscFree(edge));
   PetscCall(PetscFree(ranks_of));
   PetscFunctionReturn(0);
