@@ -51,34 +51,36 @@ static LATIN_CLONES void FRONT(LatinFrontScatter)(PetscInt n, PetscInt first, Pe
   }
 }
 
-/* Adds what child c left to the columns that front f eliminates, or (U) to what it leaves itself: below x below, lower triangle */
+/* Adds what child c left to the columns that front f eliminates, or (U) to what it leaves itself: below x later, lower triangle */
 static void FRONT(LatinFrontAdd)(const LatinFronts *F, FRONT(LatinFrontsWork) * work, PetscInt f, PetscInt c, FRONT_REAL panel[], FRONT_REAL U[])
 {
-  const PetscInt    n = LatinFrontBelow(F, c), height = F->row_first[f + 1] - F->row_first[f], columns = F->columns[f], *row = F->row + F->row_first[c] + F->columns[c];
+  const PetscInt    n = LatinFrontBelow(F, c), later = F->later[c], height = F->row_first[f + 1] - F->row_first[f], columns = F->columns[f], *row = F->row + F->row_first[c] + F->columns[c];
   const FRONT_REAL *left = work->stack + work->update[c];
   PetscInt         *to = work->to, own = 0;
 
   for (PetscInt r = 0; r < n; r++) to[r] = work->at[row[r]];
-  while (own < n && to[own] < columns) own++;
+  while (own < later && to[own] < columns) own++;
   for (PetscInt r = n - 1; r >= 0; r--) work->end[r] = r + 1 < n && to[r + 1] == to[r] + 1 ? work->end[r + 1] : r + 1;
   if (U) {
     for (PetscInt r = own; r < n; r++) to[r] -= columns;
-    FRONT(LatinFrontScatter)(n, own, n, to, work->end, left, height - columns, U);
+    FRONT(LatinFrontScatter)(n, own, later, to, work->end, left, height - columns, U);
   } else FRONT(LatinFrontScatter)(n, 0, own, to, work->end, left, height, panel);
 }
 
-/* Eliminates the columns of front f: its panel becomes that of the factor, and U (unless NULL) what it leaves */
+/* Eliminates the columns of front f: its panel becomes that of the factor, and U what it leaves to later fronts */
 static PetscBool FRONT(LatinFrontEliminate)(const LatinFronts *F, PetscInt f, FRONT_REAL panel[], FRONT_REAL U[])
 {
   const FRONT_REAL   one = 1, minus = -1, zero = 0;
-  const PetscBLASInt columns = (PetscBLASInt)F->columns[f], below = (PetscBLASInt)LatinFrontBelow(F, f), height = columns + below;
+  const PetscBLASInt columns = (PetscBLASInt)F->columns[f], below = (PetscBLASInt)LatinFrontBelow(F, f), later = (PetscBLASInt)F->later[f], kept = below - later, height = columns + below;
+  const FRONT_REAL  *Z = panel + columns;
   PetscBLASInt       info;
 
   FRONT_BLAS(potrf)("L", &columns, panel, &height, &info);
   if (info || !(panel[(size_t)(columns - 1) * (size_t)(height + 1)] > 0.0)) return PETSC_FALSE; /* not a number is not a pivot */
   if (!below) return PETSC_TRUE;
   FRONT_BLAS(trsm)("R", "L", "T", "N", &below, &columns, &one, panel, &height, panel + columns, &height);
-  if (U) FRONT_BLAS(syrk)("L", "N", &below, &columns, &minus, panel + columns, &height, &zero, U, &below);
+  if (later) FRONT_BLAS(syrk)("L", "N", &later, &columns, &minus, Z, &height, &zero, U, &below);
+  if (later && kept) FRONT_BLAS(gemm)("N", "T", &kept, &later, &columns, &minus, Z + later, &height, Z, &height, &zero, U + later, &below);
   return PETSC_TRUE;
 }
 
@@ -93,47 +95,38 @@ static PetscBool FRONT(LatinFrontRound)(const LatinFronts *F, PetscInt f, const 
   return PETSC_TRUE;
 }
 
-/* Front f and its children, none of whose rows below a later front eliminates: what is left goes to the kept rows, some columns at a time */
-static void FRONT(LatinFrontLeave)(const LatinFronts *F, const FRONT(LatinFrontsWork) * work, PetscInt f, const FRONT_REAL panel[], PetscReal S[])
+/* What front f leaves on kept rows, some columns at a time */
+static void FRONT(LatinFrontKept)(const LatinFronts *F, const FRONT(LatinFrontsWork) * work, PetscInt f, const FRONT_REAL panel[], PetscReal S[])
 {
   const FRONT_REAL   one = 1, zero = 0;
   const PetscInt     inside = F->n - F->kept, below = LatinFrontBelow(F, f), *row = F->row + F->row_first[f] + F->columns[f];
   const PetscBLASInt own = (PetscBLASInt)F->columns[f], height = own + (PetscBLASInt)below;
 
-  for (PetscInt c = F->child[f]; c >= 0; c = F->sibling[c]) {
-    const PetscInt    n = LatinFrontBelow(F, c), *kept = F->row + F->row_first[c] + F->columns[c];
-    const FRONT_REAL *left = work->stack + work->update[c];
-
-    for (PetscInt k = 0; k < n; k++)
-      for (PetscInt r = k; r < n && kept[k] >= inside; r++) S[(size_t)(kept[r] - inside) + (size_t)F->kept * (size_t)(kept[k] - inside)] += left[(size_t)r + (size_t)n * (size_t)k];
-  }
-  for (PetscInt first = 0; first < below; first += LATIN_BATCH_COLUMNS) {
+  for (PetscInt first = F->later[f]; first < below; first += LATIN_BATCH_COLUMNS) {
     const PetscBLASInt rows = (PetscBLASInt)(below - first), columns = PetscMin(LATIN_BATCH_COLUMNS, rows);
-    const FRONT_REAL  *Z = panel + own + first;
+    const FRONT_REAL  *Z = panel + own + first, *left = work->some;
 
     FRONT_BLAS(gemm)("N", "T", &rows, &columns, &own, &one, Z, &height, Z, &height, &zero, work->some, &rows);
-    for (PetscInt c = first; c < first + columns; c++)
-      for (PetscInt r = c; r < below; r++) S[(size_t)(row[r] - inside) + (size_t)F->kept * (size_t)(row[c] - inside)] -= work->some[(size_t)(r - first) + (size_t)rows * (size_t)(c - first)];
+    for (PetscInt c = first; c < first + columns; c++, left += rows)
+      for (PetscInt r = c; r < below; r++) S[(size_t)(row[r] - inside) + (size_t)F->kept * (size_t)(row[c] - inside)] -= left[r - first];
   }
 }
 
-/* One front, whose children are done; PETSC_FALSE where it is not positive definite. What it leaves is on one end of the stack, what its children left goes from the other */
+/* One front, whose children are done; PETSC_FALSE where it is not positive definite. What it leaves to later ones is on one end of the stack, what its children left goes from the other */
 static PetscBool FRONT(LatinFrontOne)(const LatinFronts *F, FRONT(LatinFrontsWork) * work, PetscInt f, const PetscInt i[], const PetscInt j[], const PetscScalar a[], PetscReal S[])
 {
-  const PetscBool last  = LatinFrontLast(F, f);
-  FRONT_REAL     *panel = work->narrow ? work->panel : (FRONT_REAL *)F->factor + F->panel[f];
-  FRONT_REAL     *U     = last ? NULL : work->stack + (F->odd[f] ? F->stack - work->top[1] - LatinFrontSquare(F, f) : work->top[0]);
+  FRONT_REAL *panel = work->narrow ? work->panel : (FRONT_REAL *)F->factor + F->panel[f];
 
+  work->update[f] = F->odd[f] ? F->stack - work->top[1] - LatinFrontLeft(F, f) : work->top[0];
   FRONT(LatinFrontEntries)(F, work, f, i, j, a, panel);
   for (PetscInt c = F->child[f]; c >= 0; c = F->sibling[c]) FRONT(LatinFrontAdd)(F, work, f, c, panel, NULL);
-  if (!FRONT(LatinFrontEliminate)(F, f, panel, U) || (work->narrow && !FRONT(LatinFrontRound)(F, f, panel, (float *)F->factor + F->panel[f]))) return PETSC_FALSE;
-  if (last) FRONT(LatinFrontLeave)(F, work, f, panel, S);
-  else work->update[f] = (size_t)(U - work->stack);
+  if (!FRONT(LatinFrontEliminate)(F, f, panel, work->stack + work->update[f]) || (work->narrow && !FRONT(LatinFrontRound)(F, f, panel, (float *)F->factor + F->panel[f]))) return PETSC_FALSE;
+  FRONT(LatinFrontKept)(F, work, f, panel, S);
   for (PetscInt c = F->child[f]; c >= 0; c = F->sibling[c]) {
-    if (!last) FRONT(LatinFrontAdd)(F, work, f, c, NULL, U);
-    work->top[!F->odd[f]] -= LatinFrontSquare(F, c);
+    if (F->later[f]) FRONT(LatinFrontAdd)(F, work, f, c, NULL, work->stack + work->update[f]);
+    work->top[!F->odd[f]] -= LatinFrontLeft(F, c);
   }
-  work->top[F->odd[f]] += LatinFrontSquare(F, f);
+  work->top[F->odd[f]] += LatinFrontLeft(F, f);
   return PETSC_TRUE;
 }
 

@@ -14,16 +14,10 @@ static inline PetscInt LatinFrontBelow(const LatinFronts *F, PetscInt f)
   return F->row_first[f + 1] - F->row_first[f] - F->columns[f];
 }
 
-/* Are all of these kept? */
-static inline PetscBool LatinFrontLast(const LatinFronts *F, PetscInt f)
+/* Entries of what it leaves and a later front takes: columns of the rows that these eliminate */
+static inline size_t LatinFrontLeft(const LatinFronts *F, PetscInt f)
 {
-  return (PetscBool)(!LatinFrontBelow(F, f) || F->row[F->row_first[f] + F->columns[f]] >= F->n - F->kept);
-}
-
-/* Entries of what it leaves on others, which waits for a later front */
-static inline size_t LatinFrontSquare(const LatinFronts *F, PetscInt f)
-{
-  return LatinFrontLast(F, f) ? 0 : (size_t)LatinFrontBelow(F, f) * (size_t)LatinFrontBelow(F, f);
+  return (size_t)LatinFrontBelow(F, f) * (size_t)F->later[f];
 }
 
 /*
@@ -40,7 +34,7 @@ PetscErrorCode LatinFrontsCreate(PetscInt n, PetscInt kept, PetscInt fronts, con
 
   PetscFunctionBegin;
   *F = (LatinFronts){.n = n, .kept = kept, .fronts = fronts, .order = order, .first = first, .row_first = row_first, .row = row};
-  PetscCall(PetscMalloc5(fronts, &F->columns, fronts, &F->child, fronts, &F->sibling, fronts, &F->odd, fronts + 1, &F->panel));
+  PetscCall(PetscMalloc6(fronts, &F->columns, fronts, &F->later, fronts, &F->child, fronts, &F->sibling, fronts, &F->odd, fronts + 1, &F->panel));
   PetscCall(PetscMalloc1(n, &owner));
   F->panel[0] = 0;
   for (PetscInt f = 0; f < fronts; f++) {
@@ -51,24 +45,27 @@ PetscErrorCode LatinFrontsCreate(PetscInt n, PetscInt kept, PetscInt fronts, con
     F->widest       = PetscMax(F->widest, F->panel[f + 1] - F->panel[f]);
     F->tallest      = PetscMax(F->tallest, height);
     F->child[f]     = -1;
+    F->later[f]     = F->columns[f] ? height - F->columns[f] : 0;
+    while (F->later[f] && row[row_first[f] + F->columns[f] + F->later[f] - 1] >= inside) F->later[f]--;
     for (PetscInt c = 0; c < F->columns[f]; c++) F->operations += PetscSqr((PetscLogDouble)(height - c));
     for (PetscInt c = first[f]; c < first[f + 1]; c++) owner[c] = f;
   }
   for (PetscInt f = fronts - 1; f >= 0; f--) {
-    const PetscInt next = LatinFrontBelow(F, f) ? row[row_first[f] + F->columns[f]] : n;
+    PetscInt next;
 
     F->sibling[f] = -1;
     F->odd[f]     = PETSC_FALSE;
-    if (!F->columns[f] || next >= inside) continue;
+    if (!F->later[f]) continue;
+    next                  = row[row_first[f] + F->columns[f]];
     F->odd[f]             = (PetscBool)!F->odd[owner[next]];
     F->sibling[f]         = F->child[owner[next]];
     F->child[owner[next]] = f;
   }
   for (PetscInt f = 0; f < fronts; f++) {
-    const size_t own = F->columns[f] ? LatinFrontSquare(F, f) : 0;
+    const size_t own = LatinFrontLeft(F, f);
 
     F->stack = PetscMax(F->stack, waiting + own);
-    for (PetscInt c = F->child[f]; c >= 0; c = F->sibling[c]) waiting -= LatinFrontSquare(F, c);
+    for (PetscInt c = F->child[f]; c >= 0; c = F->sibling[c]) waiting -= LatinFrontLeft(F, c);
     waiting += own;
   }
   PetscCall(PetscFree(owner));
@@ -93,7 +90,7 @@ static PetscErrorCode LatinFrontsRoom_Private(LatinFronts *F, PetscInt columns)
 PetscErrorCode LatinFrontsDestroy(LatinFronts *F)
 {
   PetscFunctionBegin;
-  PetscCall(PetscFree5(F->columns, F->child, F->sibling, F->odd, F->panel));
+  PetscCall(PetscFree6(F->columns, F->later, F->child, F->sibling, F->odd, F->panel));
   PetscCall(LatinRoomDestroy_Private(&F->factor));
   PetscCall(LatinRoomDestroy_Private(&F->x));
   PetscCall(PetscFree(F->work));
@@ -137,12 +134,7 @@ static LatinArithmetic LatinFrontsPay(const LatinFronts *F)
   PetscBool solid;
   PetscInt  tallest = 0;
 
-  for (PetscInt f = 0; f < F->fronts; f++) {
-    PetscInt height = F->row_first[f + 1] - F->row_first[f];
-
-    while (height > tallest && F->row[F->row_first[f] + height - 1] >= F->n - F->kept) height--;
-    tallest = PetscMax(tallest, height);
-  }
+  for (PetscInt f = 0; f < F->fronts; f++) tallest = PetscMax(tallest, F->columns[f] + F->later[f]);
   solid = (PetscBool)(PetscPowReal((PetscReal)tallest, 3.0) > PetscSqr((PetscReal)F->n));
   return F->panel[F->fronts] < LATIN_SINGLE_ENTRIES ? LATIN_DOUBLE : solid ? LATIN_SINGLE : LATIN_ROUNDED;
 }

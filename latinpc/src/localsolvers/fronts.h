@@ -20,6 +20,7 @@ typedef struct {
   const PetscInt *first;             /* [fronts + 1] columns of a front, */
   const PetscInt *row_first, *row;   /* and its rows, in the order of elimination, increasing, its own columns first */
   PetscInt       *columns;           /* [fronts] that are eliminated: not those of kept rows */
+  PetscInt       *later;             /* [fronts] rows below them that later fronts eliminate; those that are kept come after them */
   PetscInt       *child, *sibling;   /* [fronts] fronts that leave something on this one; -1: none */
   PetscBool      *odd;               /* [fronts] is its depth in the tree of these odd? */
   size_t         *panel;             /* [fronts + 1] where the columns of a front are in the factor, rows x columns, column-major */
