@@ -50,19 +50,27 @@ static PetscErrorCode LatinTreeView_Mat(Mat F, PetscViewer viewer)
   PetscFunctionBegin;
   PetscCall(PetscObjectTypeCompare((PetscObject)viewer, PETSCVIEWERASCII, &ascii));
   if (!ascii) PetscFunctionReturn(0);
-  PetscCall(PetscViewerASCIIPrintf(viewer, "  fronts of the ranks, joined in pairs: %g entries, %g operations, of these %g one after the other; largest front %g rows; at most %g messages of a rank in a solve\n", (double)cost->entries,
-                                   (double)cost->operations, (double)cost->path_operations, (double)cost->most, (double)cost->messages));
+  PetscCall(PetscViewerASCIIPrintf(viewer, "  fronts of the ranks, joined in pairs: %g entries, of these %g one after the other, %g operations, of these %g; largest front %g rows; at most %g messages of a rank in a solve\n", (double)cost->entries,
+                                   (double)cost->path_entries, (double)cost->operations, (double)cost->path_operations, (double)cost->most, (double)cost->messages));
   PetscCall(PetscViewerASCIIPrintf(viewer, "  predicted for the set-up and %d solves: %.2g s, by a factorisation that all ranks share %.2g s\n", LATIN_TREE_STAGES, (double)cost->seconds, (double)cost->shared));
   PetscFunctionReturn(0);
 }
 
 static PetscErrorCode LatinTreeInfo_Mat(Mat F, MatInfoType flag, MatInfo *info)
 {
+  const LatinTree *tree = (const LatinTree *)F->data;
+  PetscLogDouble   used[2];
+  MatInfo          part = {.nz_used = 0.0, .memory = 0.0};
+
   PetscFunctionBegin;
+  if (tree->part) PetscCall(MatGetInfo(tree->part, MAT_LOCAL, &part));
+  used[0] = part.nz_used + (tree->joint ? (PetscLogDouble)tree->joint->rows * tree->joint->interior : 0.0);
+  used[1] = part.memory + (tree->joint ? (PetscLogDouble)sizeof(PetscScalar) * tree->joint->rows * tree->joint->interior : 0.0);
+  if (flag != MAT_LOCAL) PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, used, 2, MPI_DOUBLE, flag == MAT_GLOBAL_MAX ? MPI_MAX : MPI_SUM, PetscObjectComm((PetscObject)F)));
   PetscCall(PetscMemzero(info, sizeof(*info)));
   info->block_size   = 1.0;
-  info->nz_allocated = info->nz_used = (PetscLogDouble)((LatinTree *)F->data)->cost.entries;
-  info->memory                       = (PetscLogDouble)sizeof(PetscScalar) * info->nz_used;
+  info->nz_allocated = info->nz_used = used[0];
+  info->memory                       = used[1];
   PetscFunctionReturn(0);
 }
 
