@@ -310,7 +310,8 @@ def coarse_ksp(solver: Solver) -> PETSc.KSP:
     Returns
     -------
     petsc4py.PETSc.KSP
-        Options prefix ``latin_coarse_`` behind that of the solver.
+        Options prefix ``latin_coarse_`` behind that of the solver. Of SNES latin on several ranks, with the solver
+        ``latintree``, its matrix has given its values up: it has a size, and no product.
     """
     return _latin.coarse_ksp(solver)
 

@@ -1,6 +1,7 @@
 """Coarse matrices of several ranks by fronts that ranks join in pairs: the factorisation, and when it is taken."""
 
 import json
+import re
 import sys
 
 import numpy as np
@@ -132,6 +133,7 @@ u = structure.create_vec()
 snes.solve(None, u)
 A, pc = latinpc.coarse_ksp(snes).getOperators()[0], latinpc.coarse_ksp(snes).getPC()
 found = {"type": A.getType(), "solver": pc.getType() == "cholesky" and pc.getFactorSolverType(), "rows": A.getSize()[0],
+         "spent": A.getType() == "is" and A.getISLocalMat().getType() == "shell",
          "u": structure.displacements(u).ravel().tolist()}
 if not structure.comm.rank:
     json.dump(found, open(sys.argv[1], "w"))
@@ -153,6 +155,8 @@ def test_it_is_the_default_of_large_coarse_problems(mpirun, tmp_path, ranks, par
     assert (other["type"], other["solver"]) == ("mpisbaij", "mumps")
     view = (tmp_path / "view").read_text()
     assert "fronts of the ranks" in view and "by a factorisation that all ranks share" in view
+    assert int(re.search(r"at most (\d+)\.? messages of a rank", view)[1]) <= 4  # those of its part and of one joint
+    assert tree["spent"] and not other["spent"]
     one = solve(irregular(modules=40, parts=parts), variant="primal", stol=0.0, max_it=6, newton="never").u
     for each in (tree, other):
         assert far(np.array(each["u"]).reshape(one.shape), one) < 1e-9

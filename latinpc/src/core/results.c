@@ -198,6 +198,9 @@ PetscErrorCode LatinGetLocalKSP(Latin latin, PetscInt i, KSP *ksp)
   Not collective; the reference is borrowed
 
   Level: advanced
+
+  Note:
+  Of SNES latin with fronts of the ranks (latintree) the matrix has given its values up: it has a size, and no product.
 @*/
 PetscErrorCode LatinGetCoarseKSP(Latin latin, KSP *ksp)
 {
