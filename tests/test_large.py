@@ -5,8 +5,10 @@ import sys
 import numpy as np
 import pytest
 import turning
+from motions import EVENTS, counts
 from petsc4py import PETSc
 from scipy.optimize import root
+from support import logged
 from turning import catenary, column, net, random_net, simplex, solve, von_mises
 
 import latinpc
@@ -382,6 +384,21 @@ def test_operators_serve_the_next_load():
         assert snes.getConvergedReason() > 0
         exact = turning.newton({**structure, "load": scale * structure["load"]})
         assert np.linalg.norm(s.displacements(u) - exact) < 1e-4 * np.linalg.norm(exact)
+
+
+@pytest.mark.parametrize("variant", ["primal", "corner"])
+def test_operators_made_anew_keep_what_does_not_turn(variant):
+    """Counted by PETSc's log: subdomains and interfaces are made once, and so is the order of elimination."""
+    structure = net(12, 2.0, [30.0, 0.0, -300.0], tension=200.0)
+    exact = turning.newton(structure)
+    with logged():
+        before = np.array(counts())
+        result = solve(structure, subdomains=4, variant=variant)
+        seen = dict(zip(EVENTS, counts() - before))
+    assert np.linalg.norm(result.displacements - exact) < 1e-4 * np.linalg.norm(exact)
+    assert seen["LatinSetUp"] == result.renewals + 1 >= 3
+    assert seen["LatinSubdomains"] == seen["LatinInterface"] == 1
+    assert seen["MatCholFctrSym"] * seen["LatinSetUp"] == seen["MatCholFctrNum"]
 
 
 # ---- options and errors -----------------------------------------------------------------------------

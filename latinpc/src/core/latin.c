@@ -231,7 +231,10 @@ static PetscErrorCode LatinSetUpOperators_Private(Latin latin, PetscBool again)
   if (again) {
     PetscCall(LatinRetire_Private(latin));
     if (latin->sub.matrix) PetscCall(LatinSubdomainsRefresh_Matrix(&latin->sub, &same));
-    else PetscCall(LatinSubdomainsRefresh(&latin->sub));
+    else {
+      if (!latin->sub.tangent) PetscCall(LatinSetStiffness_Private(latin, NULL));
+      PetscCall(LatinSubdomainsRefresh(&latin->sub));
+    }
   } else PetscCall(LatinReset_Private(latin)); /* also what an earlier attempt that ended in an error may have left */
   if (!same) {
     PetscCall(LatinSubdomainsReset(&latin->sub));
@@ -247,6 +250,14 @@ static PetscErrorCode LatinSetUpOperators_Private(Latin latin, PetscBool again)
   PetscFunctionReturn(0);
 }
 
+/* Is all that has changed in the structure since the last set-up how the parts of its links turn (structure/frame.c)? */
+static PetscBool LatinTurnsAlone(Latin latin)
+{
+  const LatinStructure structure = latin->sub.structure;
+
+  return (PetscBool)(structure->turns && latin->structure_state >= structure->parts_state);
+}
+
 /*
    Builds what has changed since the last call: everything for a matrix, new links or laws; right-hand sides for new loads,
    initial elongations and prescribed displacements. Collective on latin.
@@ -260,18 +271,16 @@ PetscErrorCode LatinSetUp_Private(Latin latin)
   PetscFunctionBegin;
   PetscCall(PetscCitationsRegister(citation, &cited));
   if (structure) PetscCall(PetscObjectStateGet((PetscObject)structure, &state));
-  if (latin->stale || state != latin->structure_state) latin->set_up = PETSC_FALSE;
-  again = (PetscBool)(latin->set_up && latin->renews);
+  if (latin->stale || (state != latin->structure_state && !LatinTurnsAlone(latin))) latin->set_up = PETSC_FALSE;
+  again = (PetscBool)(latin->set_up && (latin->renews || state != latin->structure_state));
   if (!structure || again) latin->set_up = PETSC_FALSE;
   if (!latin->set_up) PetscCall(LatinSetUpOperators_Private(latin, again));
   else {
-    const PetscBool held = (PetscBool)(latin->held_state != structure->held_state);
-
-    if (!held && latin->load_state == structure->load_state && latin->e0_state == structure->e0_state) PetscFunctionReturn(0);
+    if (latin->held_state == structure->held_state && latin->load_state == structure->load_state && latin->e0_state == structure->e0_state) PetscFunctionReturn(0);
     PetscCall(LatinSubdomainsRefresh(&latin->sub));
-    if (held) PetscCall(LatinSFBcast_Private(latin->sub.node_sf, latin->sub.dim, MPIU_REAL, structure->prescribed, latin->sub.prescribed));
   }
   if (structure) {
+    if (latin->held_state != structure->held_state) PetscCall(LatinSFBcast_Private(latin->sub.node_sf, latin->sub.dim, MPIU_REAL, structure->prescribed, latin->sub.prescribed));
     PetscCall(LatinLinearSetLoads(&latin->linear, structure->load));
     latin->load_state = structure->load_state;
     latin->e0_state   = structure->e0_state;

@@ -251,7 +251,7 @@ PetscErrorCode LatinFrameSlack_Private(LatinStructure frame, Vec u, PetscInt *sl
   PetscFunctionReturn(0);
 }
 
-/* The parts at displacements u of the base, NULL for none. Solvers of the frame build all again. Collective on frame */
+/* The parts at displacements u of the base, NULL for none: other directions and stiffnesses, the same links and laws. Collective on frame */
 PetscErrorCode LatinFrameRenew_Private(LatinStructure frame, Vec u, LatinFrameType type)
 {
   const LatinStructure base = frame->turns;
@@ -321,6 +321,7 @@ PetscErrorCode LatinFrameFollow_Private(LatinStructure frame)
   PetscCall(PetscFree(frame->part));
   if (base->geometry == LATIN_GEOMETRY_LARGE) PetscCall(PetscMalloc1(LATIN_PART * frame->links_local + 1, &frame->part)); /* never NULL then */
   PetscCall(LatinFrameRenew_Private(frame, NULL, base->base ? LATIN_FRAME_PRESENT : LATIN_FRAME_DRAWN));
+  PetscCall(PetscObjectStateGet((PetscObject)frame, &frame->parts_state));
   frame->turns_state = state;
   PetscFunctionReturn(0);
 }

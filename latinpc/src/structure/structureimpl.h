@@ -79,6 +79,7 @@ struct _p_LatinStructure {
   /* parts of links that turn (structure/frame.c), NULL in other structures */
   LatinStructure   turns;                 /* the structure whose links have been split into parts */
   PetscObjectState turns_state, turns_e0; /* its states when it was last looked at */
+  PetscObjectState parts_state;           /* of the parts when their links or laws last changed; since then they have turned alone */
   PetscReal       *part;                  /* [links_local][LATIN_PART] of large displacements, see structure/turning.h */
   LatinFrameType   made;                  /* their search directions, of large displacements */
   PetscReal       *spring;                /* [2][links of turns] inextensible cables as springs: their penalty and multiplier; NULL where there are none */

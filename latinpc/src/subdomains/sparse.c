@@ -131,7 +131,7 @@ static void LatinNodeGather(const LatinRows *rows, PetscInt node, LatinNodeRows 
     }
 }
 
-/* Row c of a node in K, from entry nz on: its diagonal, and of the others what is not zero and not held. Returns where it ends */
+/* Row c of a node in K, from entry nz on: its diagonal, and of the others what is not held, and not zero unless links turn, so that the pattern stays. Returns where it ends */
 static PetscInt LatinNodeRow(const LatinRows *rows, const LatinNodeRows *gathered, PetscInt node, PetscInt c, LatinSparse *K, PetscInt nz)
 {
   const PetscInt bs = rows->sub->bs, r = bs * node + c;
@@ -145,7 +145,7 @@ static PetscInt LatinNodeRow(const LatinRows *rows, const LatinNodeRows *gathere
     const PetscReal *value = gathered->value + bs * (bs * gathered->slot[n] + c);
 
     for (PetscInt j = 0, column = bs * gathered->node[n]; j < bs; j++, column++) {
-      if (column != r && (value[j] == 0.0 || rows->held[column])) continue;
+      if (column != r && ((value[j] == 0.0 && !rows->sub->part) || rows->held[column])) continue;
       K->j[nz]   = column;
       K->a[nz++] = value[j];
     }

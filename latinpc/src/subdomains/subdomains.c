@@ -234,7 +234,7 @@ static PetscBool LatinSubdomainsMoves(const LatinSubdomains *sub, PetscInt l)
   return PETSC_FALSE;
 }
 
-/* Link data that may change without a new partition: initial elongations, and tangent stiffnesses for a preconditioner */
+/* Link data that may change without a new partition: initial elongations, tangent stiffnesses for a preconditioner, parts that turn */
 PetscErrorCode LatinSubdomainsRefresh(LatinSubdomains *sub)
 {
   LatinStructure structure = sub->structure;
@@ -242,7 +242,10 @@ PetscErrorCode LatinSubdomainsRefresh(LatinSubdomains *sub)
   PetscFunctionBegin;
   PetscCall(LatinSFBcast_Private(sub->link_sf, 1, MPIU_REAL, sub->link_stiffness, sub->stiffness));
   PetscCall(LatinSFBcast_Private(sub->link_sf, 1, MPIU_REAL, structure->e0, sub->e0));
-  if (sub->part) PetscCall(LatinSFBcast_Private(sub->link_sf, LATIN_PART, MPIU_REAL, structure->part, sub->part));
+  if (sub->part) {
+    PetscCall(LatinSFBcast_Private(sub->link_sf, structure->dim, MPIU_REAL, structure->direction, sub->direction));
+    PetscCall(LatinSFBcast_Private(sub->link_sf, LATIN_PART, MPIU_REAL, structure->part, sub->part));
+  }
   /* gaps of rigid links may be infinite; those that no unknown moves must leave no infinite force */
   if (structure->rigid_law >= 0)
     for (PetscInt l = 0; l < sub->links; l++)
