@@ -36,7 +36,11 @@ SCENES = {
     "cables, 3D, many": (lambda: grid(), CHEAP, ("coarse", "links")),
     "the default stop": (grid, {}, ("coarse", "links", "estimate", "Newton", "second method")),
     "rigid cables, many": (lambda: make("net", side=8, subdomains=4), CHEAP, ("coarse", "links")),
-    "rigid cables, the default stop": (lambda: make("net", side=6, subdomains=4), {}, ("coarse", "links", "estimate")),
+    "rigid cables, the default stop": (
+        lambda: make("net", side=6, subdomains=4),
+        {},
+        ("coarse", "links", "estimate", "Newton", "second method"),
+    ),
     "stop on the error": (grid, {"stop": "error"}, ("coarse", "links", "estimate", "Newton", "second method")),
     "local fields": (irregular, {"modes_local": 1, **CHEAP}, ("coarse", "links", "local fields")),
     "reference": (grid, CHEAP, ("coarse", "links", "errors")),

@@ -35,21 +35,23 @@
 #define LATIN_NEWTON_GAIN     0.5                            /* a step that was to bring digits and leaves more of the error has brought none: rounding */
 #define LATIN_NEWTON_DOUBTS   1e8                            /* at most, where a correction is larger still */
 #define LATIN_NEWTON_REST     (64.0 * PETSC_MACHINE_EPSILON) /* a step so small changes links by rounding alone */
-#define LATIN_NEWTON_OWN      3000                           /* unknowns up to which it finishes with operators of its own: six in 3,000 structures next to collapse were wrong without */
+#define LATIN_NEWTON_OWN      3000                           /* unknowns up to which it finishes with operators of its own: six in 3,000 structures next to collapse were wrong without, and one in 3,000 with rigid links */
 #define LATIN_NEWTON_STILL    10                             /* a search that stands still may meet rounding, or a link that is just taut: then it does so again and again */
 
 /* Before the first linear stage of a solve. Collective on structure */
 PetscErrorCode LatinNewtonStart_Private(LatinNewton *newton, LatinStructure structure)
 {
   PetscReal least, most;
+  PetscBool own = PETSC_FALSE;
 
   PetscFunctionBegin;
   newton->seen = newton->steps = newton->stages = 0;
   newton->last                                  = PETSC_MAX_INT;
   for (PetscInt i = 0; i < 3; i++) newton->least[i] = PETSC_MAX_REAL;
   PetscCall(LatinStructureStiffnessRange_Private(structure, &least, &most));
-  newton->stall    = (PetscBool)(newton->type != LATIN_NEWTON_NEVER && (!structure->rubs || most > 0.0)); /* grains with friction alone have no stiffness that would lead anywhere */
-  newton->finish   = (PetscBool)(newton->stall && structure->rigid_law < 0);
+  newton->stall = (PetscBool)(newton->type != LATIN_NEWTON_NEVER && (!structure->rubs || most > 0.0)); /* grains with friction alone have no stiffness that would lead anywhere */
+  PetscCall(LatinNewtonOwn_Private(structure, &own));
+  newton->finish   = (PetscBool)(newton->stall && (structure->rigid_law < 0 || (own && !structure->rubs)));
   newton->most     = structure->rigid_law < 0 ? LATIN_NEWTON_STAGES : LATIN_NEWTON_RIGID;
   newton->contrast = (PetscBool)(most > LATIN_NEWTON_CONTRAST * least && !structure->rubs); /* with friction the method may fail where there is an equilibrium */
   PetscFunctionReturn(0);
