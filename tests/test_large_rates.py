@@ -64,19 +64,43 @@ def test_verdicts():
     assert judging.judge(scene, u)["verdict"] == "right"
     assert judging.judge(scene, u * (1 + 1e-6))["why"] == "forces without balance"
     assert judging.judge(scene, np.full_like(u, np.nan))["verdict"] == "wrong"
-    for start, verdict in ((-0.65, "elsewhere"), (-0.35, "wrong")):  # beyond the snap, on the way there
+    for start in (-0.65, -0.35):  # beyond the snap, on the way there
         v = np.zeros((3, 2), np.longdouble)
         v[2, 1] = start
         v = Corotational(scene).newton(v)
-        assert judging.judge(scene, v.astype(float))["verdict"] == verdict
+        assert judging.judge(scene, v.astype(float))["verdict"] == "wrong"
     beyond = truss(1.1 * limit)
     v = np.zeros((3, 2), np.longdouble)
     v[2, 1] = -0.65
     v = Corotational(beyond).newton(v).astype(float)
     assert judging.judge(beyond, v)["why"].startswith("the path of equilibria ends at 0.909")
-    assert judging.refused(beyond, "no equilibrium follows that of 0.9 of the loads") == "refused"
+    assert judging.judge(beyond, v)["verdict"] == "wrong"
     assert judging.refused(beyond, "DIVERGED_MAX_IT") == "unsolved"
-    assert judging.refused(scene, "no equilibrium follows that of 0.9 of the loads") == "unsolved"
+    assert judging.refused(scene, "no stable equilibrium follows that of 0.9 of the loads") == "unsolved"
+
+
+def test_a_refusal_is_right_beyond_the_limit_point():
+    """As the solver says it."""
+    one = drawn.Drawn("large", "truss", truss(1.1 * turning.von_mises_limit()))
+    outcome = rating.judge(one, {})
+    assert outcome["verdict"] == "refused", outcome
+
+
+def test_a_structure_comes_to_rest_beyond_its_limit_point():
+    """At the inverted equilibrium, far away; the path from there is its own."""
+    load = 1.1 * turning.von_mises_limit()
+    equations = Corotational(truss(load))
+    u, moved = equations.beyond(equations.follow())
+    assert turning.von_mises_force(-u[2, 1]) == pytest.approx(load, rel=1e-9)
+    assert -u[2, 1] > 2 * turning.HEIGHT
+    assert moved > 0.2
+
+
+def test_a_bridge_whose_nodes_click_between_slack_cables():
+    """Neighbouring cables are slack in turn: equilibria next to each other, which have not snapped through."""
+    one = drawn.draw(7391, 106, "large")
+    outcome = rating.judge(one, {})
+    assert outcome["verdict"] in ("right", "elsewhere", "refused"), outcome
 
 
 def test_the_family():

@@ -17,9 +17,15 @@ STEPS, STEPS_DRAWN = 25, 200  # of Newton's method in an increment, and from the
 CLOSE = 1e-12  # of the displacements: a last step
 NOTHING = 1e-13  # of the size: the same where nothing moves but by rounding
 LEAST = 1e-5  # increments of the loads, relative to those borne: smaller ones show that no equilibrium follows
-AHEAD = 2.0  # times the displacements by the tangent stiffness: the limit of a fold, a parabola
-JUMP = 1e-4  # of the size: where a cable slackens an increment may move the structure further, but by no more
+AHEAD = 2.0  # times a node's displacement by the tangent stiffness: the limit of a fold, a parabola; or its part
+JUMP = 1e-4  # of the size: where a cable slackens or tightens an increment may be off by more, but by no more than this
+BESIDE = 1e-2  # of the largest displacement of an increment: nodes that move less
 GROW = 1.6  # times the increment after one that was followed
+LARGEST = 0.02  # increment: with larger ones nodes click between slack cables and it does not show
+BEYOND = 1e-4  # of the loads: what they grow by where the path ends, for the structure to leave its last equilibrium
+STRIDE = 1e-3  # of the size: the largest move of a step to rest, so that no valley of the energy is passed by
+STEPS_REST = 2000  # to rest
+ENDS = 20  # of paths, one after the other
 
 
 @dataclass(frozen=True)
@@ -118,15 +124,19 @@ class Corotational:
 
     def _continues(self, u, factor, moved, part):
         """Return whether the stable equilibrium `moved` follows u, for a growing part of the loads."""
-        ahead = np.linalg.solve(self.tangent(u), ((part - factor) * self.load).ravel()[self.free].astype(float))
-        far = np.linalg.norm((moved - u).astype(float))
-        return far <= max(AHEAD * np.linalg.norm(ahead), JUMP * self.size) and self.stable(moved)
+        ahead, far = np.zeros(u.shape), np.linalg.norm((moved - u).astype(float), axis=1)
+        load = ((part - factor) * self.load).ravel()[self.free].astype(float)
+        ahead.ravel()[self.free] = np.linalg.solve(self.tangent(u), load)
+        ahead = np.linalg.norm(ahead, axis=1)
+        jump = JUMP * self.size
+        within = (far <= AHEAD * ahead + jump).all() and (ahead <= AHEAD * far + max(jump, BESIDE * far.max())).all()
+        return bool(within) and self.stable(moved)
 
     def start(self):
         """Return the displacements as drawn: what is prescribed."""
         return np.where(self.scene.fixed, self.scene.prescribed, 0.0).astype(np.longdouble)
 
-    def follow(self, until=None, last=1.0):
+    def follow(self, until=None, last=1.0, first=None):
         """Follow the equilibria under growing loads.
 
         Parameters
@@ -135,16 +145,18 @@ class Corotational:
             Of displacements and tensions: whether the path is to end before them.
         last : float
             Part of the loads to end at.
+        first : (displacements, float), optional
+            A stable equilibrium to start from, and the part of the loads that it bears; else that without loads.
 
         Returns
         -------
         Path
             `factor` and `displacements` of the last equilibrium that was followed, stable and not beyond `until`.
         """
-        u = self.newton(self.start(), 0.0, STEPS_DRAWN)
+        u, factor = first or (self.newton(self.start(), 0.0, STEPS_DRAWN), 0.0)
         if u is None or not self.stable(u):
             return Path(0.0, self.start().astype(float), False)
-        factor, increment, follows = 0.0, min(0.05, last), True
+        increment, follows = LARGEST * last, True
         while factor < last:
             part = min(last, factor + increment)
             moved = self.newton(u, part)
@@ -152,10 +164,63 @@ class Corotational:
             beyond = good and until is not None and until(moved.astype(float), self.state(moved)[2].astype(float))
             if good and not beyond:
                 u, factor = moved, part
-                increment *= GROW
+                increment = min(GROW * increment, LARGEST * last)
             elif increment <= LEAST * max(part, 1e-12):
                 follows = bool(good)
                 break
             else:
                 increment *= 0.5
         return Path(float(factor), u.astype(float), follows)
+
+    def energy(self, u, factor):
+        """Return the strain energy less the work of the loads (J), in long double."""
+        _, _, tension, _ = self.state(u)
+        return 0.5 * (tension**2 / self.stiffness).sum() - factor * (self.load * u).sum()
+
+    def rest(self, u, factor):
+        """Return the stable equilibrium where the structure comes to rest from u, or None; its energy falls."""
+        u = u.astype(np.longdouble)
+        for _ in range(STEPS_REST):
+            left = self.unbalance(u, factor)
+            values, modes = np.linalg.eigh(self.tangent(u))
+            across = np.maximum(np.abs(values), 1e-12 * np.abs(values).max())
+            step = modes @ ((modes.T @ left.astype(float)) / across)
+            moved = np.abs(step).max(initial=0.0)
+            if moved <= 1e-9 * self.size and values[0] > 0:
+                return self.newton(u, factor)
+            length, before = min(1.0, STRIDE * self.size / moved), self.energy(u, factor)
+            trial = u.copy()
+            while True:
+                trial.ravel()[self.free] = u.ravel()[self.free] + length * step
+                if self.energy(trial, factor) < before or length < 1e-12:
+                    break
+                length *= 0.5
+            u = trial
+        return None
+
+    def beyond(self, path):
+        """Go on from the end of a path: where the structure comes to rest, and along the paths from there.
+
+        Parameters
+        ----------
+        path : Path
+            That ends before the loads.
+
+        Returns
+        -------
+        displacements : (n, dim) array or None
+            Under all loads; None where it does not come to rest.
+        moved : float
+            How far a node has moved at most from the end of a path to where it has come to rest, over the size.
+        """
+        moved = 0.0
+        for _ in range(ENDS):
+            factor = min(1.0, path.factor + BEYOND)
+            u = self.rest(path.displacements, factor)
+            if u is None:
+                return None, np.inf
+            far = np.linalg.norm(u.astype(float) - path.displacements, axis=1).max() / self.size
+            moved, path = max(moved, float(far)), self.follow(first=(u, factor))
+            if path.factor >= 1.0:
+                return path.displacements, moved
+        return None, np.inf

@@ -22,6 +22,7 @@ UNBALANCED = 1e-8  #: of the loads: forces without balance that an equilibrium m
 NEAR = 1e-6  # relative distance of equal displacements
 DEFLECTION = (2e-3, 0.2)  # of the size
 SLACK = 0.3  # of the cables
+CLICK = 1e-2  # of the size: nodes that click so far between slack cables have not snapped through
 MOST = 1e4  # times the loads of the scene: a structure that has not moved then is stiff
 
 
@@ -110,8 +111,9 @@ def judge(scene, u):
     Returns
     -------
     dict
-        verdict, `elsewhere` for a stable equilibrium beside the path of the loads; u, the relative distance from that
-        of the path, and tension, what is without balance beside the loads.
+        verdict; u, the relative distance from the end of the path, and tension, what is without balance beside the
+        loads. `elsewhere` is a stable equilibrium beside that where the structure is at rest, no further than `CLICK`:
+        where slack cables let nodes click over. Further it is wrong: the structure has snapped through.
     """
     if not np.isfinite(u).all():
         return {"verdict": "wrong"}
@@ -122,12 +124,23 @@ def judge(scene, u):
     if not equations.stable(u.astype(np.longdouble)):
         return found | {"verdict": "wrong", "why": "the tangent stiffness is not positive definite"}
     path = equations.follow()
+    end, clicks, why = path.displacements, 0.0, None
     if path.factor < 1.0:
-        return found | {"verdict": "wrong", "why": f"the path of equilibria ends at {path.factor:.4g} of the loads"}
-    found["u"] = float(np.linalg.norm(u - path.displacements) / np.linalg.norm(path.displacements))
-    return found | {"verdict": "right" if found["u"] <= NEAR else "elsewhere"}
+        why = f"the path of equilibria ends at {path.factor:.4g} of the loads"
+        end, clicks = equations.beyond(path)
+        if end is None:
+            return found | {"verdict": "wrong", "why": why}
+    far = float(np.linalg.norm(u - end, axis=1).max()) / equations.size
+    if why is None:
+        found["u"] = float(np.linalg.norm(u - end) / np.linalg.norm(end))
+        if found["u"] <= NEAR:
+            return found | {"verdict": "right"}
+    verdict = "elsewhere" if max(far, clicks) <= CLICK else "wrong"
+    told = f"{why or 'the path leads on'}; {far:.1g} of the size away from where the structure is at rest"
+    return found | {"verdict": verdict, "why": told}
 
 
 def refused(scene, reason):
     """Say whether a refusal is right: where the path of equilibria ends before the loads, and the reason says so."""
-    return "refused" if "no equilibrium" in reason and Corotational(scene).follow().factor < 1.0 else "unsolved"
+    told = any(why in reason for why in ("no stable equilibrium follows", "unstable, or buckles"))
+    return "refused" if told and Corotational(scene).follow().factor < 1.0 else "unsolved"
