@@ -27,14 +27,18 @@ static void LatinLargeWindow(LatinLarge *large, PetscInt window)
 /* Before the first linear stage of a solve */
 PetscErrorCode SNESLatinLargeStart_Private(SNES snes)
 {
-  SNES_Latin *data  = (SNES_Latin *)snes->data;
-  LatinLarge *large = &data->large;
+  SNES_Latin    *data  = (SNES_Latin *)snes->data;
+  LatinLarge    *large = &data->large;
+  LatinStructure structure;
 
   PetscFunctionBegin;
   if (!SNESLatinLarge(data)) PetscFunctionReturn(0);
+  structure = large->frame->turns;
   PetscCheck(data->stop != LATIN_STOP_ENERGY, PetscObjectComm((PetscObject)snes), PETSC_ERR_SUP, "-snes_latin_stop energy is for links that keep their direction: take the stop error where they turn far (-snes_latin_geometry large)");
   PetscCheck(data->stop != LATIN_STOP_REFERENCE || !data->large.frame->spring, PetscObjectComm((PetscObject)snes), PETSC_ERR_SUP,
              "-snes_latin_stop reference does not see what inextensible cables of large displacements are still to bear: take the stop error, or the indicator");
+  structure->ahead = structure->slope = NULL; /* of a solve that an error has ended */
+  PetscCall(PetscFree(large->ahead));
   large->renewals = 0;
   large->reached  = 0.0;
   large->last     = PETSC_MAX_INT;

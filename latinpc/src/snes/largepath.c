@@ -249,6 +249,7 @@ PetscErrorCode SNESLatinLargeRun_Private(SNES snes)
   LatinStructure structure = large->frame->turns;
   Vec            rhs       = snes->vec_rhs, work[5];
   PetscBool      struts = PETSC_FALSE, from = PETSC_FALSE;
+  PetscErrorCode ierr;
 
   PetscFunctionBegin;
   PetscCall(LatinPathStruts_Private(structure, &struts));
@@ -268,9 +269,10 @@ PetscErrorCode SNESLatinLargeRun_Private(SNES snes)
   }
   for (PetscInt i = 0; i < 5; i++) PetscCall(DMGetGlobalVector(structure->dm, &work[i]));
   const LatinPath path = {work[0], work[1], work[2], work[3], work[4]};
-  PetscCall(LatinPathStart_Private(snes, &path, &from));
-  PetscCall(LatinPathFollow_Private(snes, &path, from));
-  snes->vec_rhs = rhs;
+  ierr = LatinPathStart_Private(snes, &path, &from);
+  if (!ierr) ierr = LatinPathFollow_Private(snes, &path, from);
+  snes->vec_rhs = rhs; /* after an error as well, or the SNES would give back what it has not got */
+  PetscCall(ierr);
   PetscCall(LatinPathBorne_Private(&path, &large->reached));
   if (!large->solution) PetscCall(VecDuplicate(snes->vec_sol, &large->solution));
   PetscCall(VecCopy(snes->vec_sol, large->solution));
