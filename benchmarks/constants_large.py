@@ -144,6 +144,10 @@ LARGE = {
         "of the displacements",
         "Where a cable slackens a tower was 13 times softer, with smaller increments than 1e-4 of the loads before.",
     ),
+    "LATIN_PATH_STIFFENS": (
+        "of the loads",
+        "With 1e-2 a truss under 1000 times its limit load is inverted; a cable may tighten within less.",
+    ),
     "LATIN_PATH_LEAST": (
         "of the loads",
         "With 1e-2 five of 700 random structures were refused next to where a cable slackens; limit points take more.",

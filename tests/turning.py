@@ -57,6 +57,20 @@ def von_mises(load):
     }
 
 
+def beside(one, other):
+    """Two structures as one, in space: the nodes of the second one, 5 m lower, come after those of the first."""
+    parts = []
+    for s in (one, other):
+        nodes = np.asarray(s["nodes"], float)
+        more, count = np.zeros((len(nodes), 3 - nodes.shape[1])), len(s["links"])
+        part = {"nodes": np.column_stack([nodes, more]), "links": np.asarray(s["links"])}
+        part |= {"fixed": np.column_stack([s["fixed"], more == 0]), "load": np.column_stack([s["load"], more])}
+        parts.append(part | {key: np.broadcast_to(s.get(key, 0.0), count) for key in ("law", "stiffness", "prestress")})
+    parts[1]["nodes"] -= [0.0, 0.0, 5.0]
+    parts[1]["links"] = parts[1]["links"] + len(parts[0]["nodes"])
+    return {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}
+
+
 def von_mises_force(deflection):
     """Return the load in equilibrium with a deflection."""
     z = HEIGHT - deflection
@@ -232,11 +246,27 @@ def solve(structure, geometry="large", error=None, guess=None, reference=None, *
         tensions=latinpc.tensions(snes),
         subdomain=latinpc.subdomain_of_links(snes),
         renewals=latinpc.path(snes)["renewals"] if geometry == "large" else 0,
+        borne=latinpc.path(snes)["borne"] if geometry == "large" else 1.0,
     )
 
 
+def scaled(structure, force, length):
+    """Return the structure in other units: all forces and all lengths times as much."""
+    units = {"nodes": length, "stiffness": force / length, "load": force, "prestress": force}
+    units["initial_elongation"] = length
+    return structure | {key: np.asarray(structure[key], float) * by for key, by in units.items() if key in structure}
+
+
+def hidden(part):
+    """Return a net and a von Mises truss under that part of its limit load."""
+    return beside(net(10, 2.0, [0.0, 0.0, -500.0]), von_mises(part * von_mises_limit()))
+
+
 def job(variant):
-    """Solve a net on any number of ranks (`jobs.py`)."""
+    """Solve a net on any number of ranks, or with a truss that snaps through beside it (`jobs.py`)."""
+    if variant == "snaps":
+        result = solve(hidden(20.0), error=1e-9, subdomains=5)
+        return {"reason": int(result.reason), "borne": result.borne, "last": float(result.displacements[-1, 1])}
     result = solve(net(10, 2.0, [0.0, 0.0, -500.0]), error=1e-9, variant=variant, subdomains=5)
     size = {"largest": abs(result.displacements).max(), "norm": np.linalg.norm(result.displacements)}
     return {"reason": int(result.reason), **size}

@@ -368,21 +368,22 @@ PetscErrorCode SNESLatinLargeTangent_Private(SNES snes, Vec u, KSP *ksp)
   PetscFunctionReturn(0);
 }
 
-/* How far a load moves the structure, by the tangent stiffness at u: the l2 norm, without bound where that is not positive definite. Collective on snes */
-PetscErrorCode SNESLatinLargePredict_Private(SNES snes, Vec u, Vec load, PetscReal *moved)
+/* The displacements `step` by a load, by the tangent stiffness at u, and their l2 norm: without bound where that is not positive definite. Collective on snes */
+PetscErrorCode SNESLatinLargePredict_Private(SNES snes, Vec u, Vec load, Vec step, PetscReal *moved)
 {
   KSPConvergedReason reason;
+  PetscReal          rtol;
   KSP                ksp;
-  Vec                step;
 
   PetscFunctionBegin;
   PetscCall(SNESLatinLargeTangent_Private(snes, u, &ksp));
-  PetscCall(VecDuplicate(u, &step));
+  PetscCall(KSPGetTolerances(ksp, &rtol, NULL, NULL, NULL));
+  PetscCall(KSPSetTolerances(ksp, rtol * rtol, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT)); /* each node's, a soft one's as well */
   PetscCall(KSPSolve(ksp, load, step));
+  PetscCall(KSPSetTolerances(ksp, rtol, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
   PetscCall(KSPGetConvergedReason(ksp, &reason));
   PetscCall(VecNorm(step, NORM_2, moved));
-  PetscCall(VecDestroy(&step));
-  if (reason == KSP_DIVERGED_INDEFINITE_MAT || PetscIsInfOrNanReal(*moved)) *moved = PETSC_MAX_REAL;
+  if ((reason < 0 && reason != KSP_DIVERGED_ITS) || PetscIsInfOrNanReal(*moved)) *moved = PETSC_MAX_REAL;
   PetscFunctionReturn(0);
 }
 

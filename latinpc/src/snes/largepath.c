@@ -4,16 +4,23 @@
    The equilibrium to which loads that grow from zero lead, where there may be others. Of cables alone the energy is convex in the
    displacements, and there is no other one. A link that bears compression may snap through; then a solve for the whole loads
    may end beyond. So the displacements are compared with those by the tangent stiffness at the start: along a path of stable
-   equilibria with a limit point ahead, an increment of the loads moves the structure by at most twice as much. Where cables slacken on
+   equilibria with a limit point ahead, an increment of the loads moves the structure by at most twice as much. That of each node
+   counts: a truss that snaps through moves a large net but little. Where cables slacken on
    the way the structure is softer at its end, and the tangent stiffness there counts, unless it shows a limit point. Where it has
    moved further, or has found no equilibrium, or one whose tangent stiffness is not positive definite, the increment is halved.
-   Increments that become small show a limit point, or a critical load. Where a cable slackens the structure becomes softer at once,
-   so that displacements far smaller than those so far are never too large. A solve that starts warm goes on from the last equilibrium.
+   Increments that become small show a limit point, or a critical load.
+
+   What the start says of a structure that is soft there and stiffens would let any snap pass; and loads far beyond a limit point move a truss to where
+   it is stiff again, by as much as they would have as drawn. So no node is to stiffen by more than twice from the start of an increment to its mean,
+   and from that to its end; else the increment is made smaller, unless it is small already: a cable that tightens stiffens at once. Where one
+   slackens the structure becomes softer at once, so that displacements far smaller than those so far are never too large. A solve that
+   starts warm goes on from the last equilibrium.
 */
 
 #define LATIN_PATH_FAR      2.0  /* times the displacements by the tangent stiffness: the limit of a fold, where force is a parabola of displacement */
 #define LATIN_PATH_SOFT     8.0  /* times as far by the tangent stiffness at the end: more, and it is next to a limit point */
 #define LATIN_PATH_KINK     1e-2 /* times the displacements so far: an increment in which a cable slackens may move the structure so much */
+#define LATIN_PATH_STIFFENS 1e-3 /* increments of the loads: in smaller ones a structure may stiffen as it will, for cables that tighten */
 #define LATIN_PATH_LEAST    1e-4 /* increments of the loads: smaller ones show a limit point */
 #define LATIN_PATH_STAGES   60   /* most linear stages of one: at a limit point it takes any number */
 #define LATIN_PATH_FIRST    2000 /* the same of the first one, from a structure that may have no stiffness as drawn */
@@ -65,9 +72,9 @@ PetscErrorCode SNESLatinLargeFrom_Private(SNES snes, Vec u, PetscBool near)
   PetscFunctionReturn(0);
 }
 
-/* A path: loads that grow from `first` to `whole`, an equilibrium u on it; and work vectors */
+/* A path: loads that grow from `first` to `whole`, an equilibrium u on it; what the tangent stiffness says of an increment at its start and at its end; and work vectors */
 typedef struct {
-  Vec first, whole, u, more, step;
+  Vec first, whole, u, more, step, ahead, back;
 } LatinPath;
 
 /* The right-hand side of snes for this part of the path, and in `step` what it leaves without balance at u. Collective on snes */
@@ -102,12 +109,38 @@ static PetscErrorCode LatinPathStable_Private(SNES snes, const LatinPath *path, 
 
   PetscFunctionBegin;
   PetscCall(LatinPathForces_Private(path->step));
-  PetscCall(SNESLatinLargePredict_Private(snes, u, path->step, &moved));
+  PetscCall(SNESLatinLargePredict_Private(snes, u, path->step, path->back, &moved));
   *stable = (PetscBool)(moved < PETSC_MAX_REAL);
   PetscFunctionReturn(0);
 }
 
-/* Is there a stable equilibrium u without loads, that a path may start from: the drawn configuration, or where its tensions move it? Collective on snes */
+/* Is path->u a stable equilibrium that a path may start from? Not if the least increment moves it by more than its size: rounding alone holds it. Collective on snes */
+static PetscErrorCode LatinPathHeld_Private(SNES snes, const LatinPath *path, PetscBool *held)
+{
+  PetscReal moved, size, prescribed;
+
+  PetscFunctionBegin;
+  PetscCall(LatinPathStable_Private(snes, path, path->u, held));
+  if (!*held) PetscFunctionReturn(0);
+  PetscCall(SNESLatinLargePredict_Private(snes, path->u, path->whole, path->ahead, &moved));
+  PetscCall(LatinStructureSize_Private(((SNES_Latin *)snes->data)->large.frame->turns, &size, &prescribed));
+  *held = (PetscBool)(LATIN_PATH_LEAST * moved <= size);
+  PetscFunctionReturn(0);
+}
+
+/* The loads that the displacements path->u bear are the first ones of the path. Collective on structure */
+static PetscErrorCode LatinPathFirst_Private(LatinStructure structure, const LatinPath *path)
+{
+  PetscFunctionBegin;
+  PetscCall(LatinTurningResidual_Private(structure, NULL, path->u, path->first));
+  PetscCall(VecAXPY(path->first, 1.0, structure->load));
+  PetscFunctionReturn(0);
+}
+
+/*
+   Is there a stable equilibrium u without loads, that a path may start from: the drawn configuration, or where its tensions move it? Where these are
+   not found to lead anywhere, forces that hold it as drawn are taken away while the loads grow. Collective on snes
+*/
 static PetscErrorCode LatinPathStarts_Private(SNES snes, const LatinPath *path, PetscBool *starts)
 {
   SNES_Latin *data = (SNES_Latin *)snes->data;
@@ -123,55 +156,99 @@ static PetscErrorCode LatinPathStarts_Private(SNES snes, const LatinPath *path, 
     *starts = LatinNextConverged(data->next);
     if (*starts) PetscCall(VecCopy(snes->vec_sol, path->u));
   }
-  if (*starts) PetscCall(LatinPathStable_Private(snes, path, path->u, starts));
-  if (*starts) { /* if the least increment moves it by more than its size, rounding alone holds it */
-    PetscReal moved, size, prescribed;
-
-    PetscCall(SNESLatinLargePredict_Private(snes, path->u, path->whole, &moved));
-    PetscCall(LatinStructureSize_Private(data->large.frame->turns, &size, &prescribed));
-    *starts = (PetscBool)(LATIN_PATH_LEAST * moved <= size);
-  }
-  if (!*starts) PetscCall(VecZeroEntries(path->u));
+  if (*starts) PetscCall(LatinPathHeld_Private(snes, path, starts));
+  if (*starts) PetscFunctionReturn(0);
+  PetscCall(VecZeroEntries(path->u));
+  PetscCall(LatinPathHeld_Private(snes, path, starts));
+  if (*starts) PetscCall(LatinPathFirst_Private(data->large.frame->turns, path));
   PetscFunctionReturn(0);
 }
 
-/* How far an increment has moved the structure, and at most may have; `far` by the tangent stiffness where it starts. Overwrites path->step. Collective on snes */
-static PetscErrorCode LatinPathMoved_Private(SNES snes, const LatinPath *path, PetscReal part, PetscReal far, PetscReal *moved, PetscReal *most)
+/* Does no node move more than twice as far by `moved` as by one or the other, or than a little? Collective on structure */
+static PetscErrorCode LatinPathNodes_Private(LatinStructure structure, Vec moved, Vec one, Vec other, PetscReal little, PetscBool *within)
 {
-  SNES_Latin *data = (SNES_Latin *)snes->data;
-  PetscReal   size, back;
+  const PetscInt     dim     = structure->dim;
+  const Vec          u[3]    = {moved, one, other};
+  PetscReal         *size[3] = {NULL, NULL, NULL};
+  PetscMPIInt        far     = 0;
+  const PetscScalar *a;
+  Vec                local;
 
   PetscFunctionBegin;
-  PetscCall(VecWAXPY(path->step, -1.0, path->u, snes->vec_sol));
-  PetscCall(VecNorm(path->step, NORM_2, moved));
-  PetscCall(VecNorm(path->u, NORM_2, &size));
-  if (LatinNextConverged(data->next) && *moved > LATIN_PATH_FAR * far) {
-    PetscCall(LatinPathLoad_Private(snes, path, part));
-    PetscCall(SNESLatinLargePredict_Private(snes, snes->vec_sol, path->step, &back));
-    if (back <= LATIN_PATH_SOFT * far) far = PetscMax(far, back);
+  PetscCall(DMGetLocalVector(structure->dm, &local));
+  for (PetscInt k = 0; k < 3; k++) {
+    PetscCall(DMGetWorkArray(structure->dm, structure->vertices, MPIU_REAL, &size[k]));
+    PetscCall(PetscArrayzero(size[k], structure->vertices));
+    if (!u[k]) continue;
+    PetscCall(LatinStructureGetLocal_Private(structure, NULL, u[k], local));
+    PetscCall(VecGetArrayRead(local, &a));
+    for (PetscInt i = 0; i < dim * structure->vertices; i++) size[k][i / dim] += PetscSqr(PetscRealPart(a[i]));
+    PetscCall(VecRestoreArrayRead(local, &a));
   }
-  *most = PetscMax(LATIN_PATH_FAR * far, PetscMax(LATIN_PATH_KINK * size, LATIN_PATH_NONE * data->large.size));
+  for (PetscInt i = 0; i < structure->vertices; i++)
+    if (!(PetscSqrtReal(size[0][i]) <= PetscMax(little, LATIN_PATH_FAR * PetscSqrtReal(PetscMax(size[1][i], size[2][i]))))) far = 1;
+  for (PetscInt k = 3; k-- > 0;) PetscCall(DMRestoreWorkArray(structure->dm, structure->vertices, MPIU_REAL, &size[k]));
+  PetscCall(DMRestoreLocalVector(structure->dm, &local));
+  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &far, 1, MPI_INT, MPI_MAX, PetscObjectComm((PetscObject)structure)));
+  *within = (PetscBool)!far;
   PetscFunctionReturn(0);
 }
 
-/* An increment from path->u, which is an equilibrium or, not `from`, the drawn configuration: does the solution vector follow it? Collective on snes */
-static PetscErrorCode LatinPathIncrement_Private(SNES snes, const LatinPath *path, PetscBool from, PetscReal part, PetscBool *follows)
+/*
+   By how much the next increment is to be smaller: 1 where this one has moved no node too far, nor much less or more than the tangent stiffness says where it
+   starts, path->ahead, whose norm is `far`, and where it ends. Overwrites path->step. Collective on snes
+*/
+static PetscErrorCode LatinPathMoved_Private(SNES snes, const LatinPath *path, PetscReal part, PetscReal far, PetscReal *smaller)
 {
-  SNES_Latin *data = (SNES_Latin *)snes->data;
-  PetscReal   moved, far;
+  SNES_Latin          *data      = (SNES_Latin *)snes->data;
+  const LatinStructure structure = data->large.frame->turns;
+  PetscReal            size, step, moved, back, little;
+  PetscBool            within;
+  Vec                  change;
 
   PetscFunctionBegin;
-  *follows = PETSC_FALSE;
+  PetscCall(DMGetGlobalVector(structure->dm, &change));
+  PetscCall(VecWAXPY(change, -1.0, path->u, snes->vec_sol));
+  PetscCall(VecNorm(change, NORM_2, &moved));
+  PetscCall(VecNorm(change, NORM_INFINITY, &step));
+  PetscCall(VecNorm(path->u, NORM_INFINITY, &size));
+  little = PetscMax(LATIN_PATH_KINK * PetscMax(size, step), LATIN_PATH_NONE * data->large.size);
   PetscCall(LatinPathLoad_Private(snes, path, part));
-  PetscCall(SNESLatinLargePredict_Private(snes, path->u, path->step, &far));
+  PetscCall(SNESLatinLargePredict_Private(snes, snes->vec_sol, path->step, path->back, &back));
+  PetscCall(LatinPathNodes_Private(structure, change, path->ahead, back <= LATIN_PATH_SOFT * far ? path->back : NULL, little, &within));
+  *smaller = within ? 1.0 : 0.5;
+  if (within && part - data->large.reached > LATIN_PATH_STIFFENS) {
+    PetscCall(LatinPathNodes_Private(structure, path->ahead, change, NULL, little, &within));
+    if (within) PetscCall(LatinPathNodes_Private(structure, change, path->back, NULL, little, &within));
+    if (!within) *smaller = PetscMin(0.5, PetscMax(moved / far, LATIN_PATH_STIFFENS));
+  }
+  PetscCall(DMRestoreGlobalVector(structure->dm, &change));
+  PetscCall(PetscInfo(snes, "%g of the path: displacements change by %g, the tangent stiffness says %g, %g%s\n", (double)part, (double)moved, (double)far, (double)back, within ? "" : ", of some nodes more or less than that"));
+  PetscFunctionReturn(0);
+}
+
+/*
+   An increment from path->u, which is an equilibrium or, not `from`, the drawn configuration: the solution vector follows it where *smaller is 1, else a smaller one
+   may. Collective on snes
+*/
+static PetscErrorCode LatinPathIncrement_Private(SNES snes, const LatinPath *path, PetscBool from, PetscReal part, PetscReal *smaller)
+{
+  SNES_Latin *data = (SNES_Latin *)snes->data;
+  PetscReal   far;
+  PetscBool   stable = PETSC_FALSE;
+
+  PetscFunctionBegin;
+  *smaller = 0.5;
+  PetscCall(LatinPathLoad_Private(snes, path, part));
+  PetscCall(SNESLatinLargePredict_Private(snes, path->u, path->step, path->ahead, &far));
   if (from && far == PETSC_MAX_REAL) PetscFunctionReturn(0);
-  if (!from) far = PETSC_MAX_REAL; /* the prestress moves the structure by itself, who knows how far */
   PetscCall(SNESLatinLargeFrom_Private(snes, path->u, from));
-  if (data->next == LATIN_NEXT_GIVEN) PetscFunctionReturn(0);
-  PetscCall(LatinPathMoved_Private(snes, path, part, far, &moved, &far));
-  *follows = (PetscBool)((LatinNextConverged(data->next) || data->next == LATIN_NEXT_ROUNDING) && !(moved > far));
-  PetscCall(PetscInfo(snes, "%g of the path: displacements change by %g, at most by %g\n", (double)part, (double)moved, (double)far));
-  if (*follows) PetscCall(LatinPathStable_Private(snes, path, snes->vec_sol, follows));
+  if (data->next == LATIN_NEXT_GIVEN || !(LatinNextConverged(data->next) || data->next == LATIN_NEXT_ROUNDING)) PetscFunctionReturn(0);
+  *smaller = 1.0;
+  if (from) PetscCall(LatinPathMoved_Private(snes, path, part, far, smaller));
+  if (*smaller < 1.0) PetscFunctionReturn(0);
+  PetscCall(LatinPathStable_Private(snes, path, snes->vec_sol, &stable));
+  if (!stable) *smaller = 0.5;
   PetscFunctionReturn(0);
 }
 
@@ -180,20 +257,19 @@ static PetscErrorCode LatinPathFollow_Private(SNES snes, const LatinPath *path, 
 {
   SNES_Latin *data      = (SNES_Latin *)snes->data;
   LatinLarge *large     = &data->large;
-  PetscReal   increment = 1.0;
-  PetscBool   follows;
+  PetscReal   increment = 1.0, smaller;
 
   PetscFunctionBegin;
   while (large->reached < 1.0 && increment >= LATIN_PATH_LEAST && data->latin->linear.applications < snes->max_its) {
     const PetscReal part = PetscMin(1.0, large->reached + increment);
 
-    PetscCall(LatinPathIncrement_Private(snes, path, (PetscBool)(from || large->reached > 0.0), part, &follows));
+    PetscCall(LatinPathIncrement_Private(snes, path, (PetscBool)(from || large->reached > 0.0), part, &smaller));
     if (data->next == LATIN_NEXT_GIVEN) PetscFunctionReturn(0);
-    if (follows) {
+    if (smaller == 1.0) {
       PetscCall(VecCopy(snes->vec_sol, path->u));
       large->reached = part;
     }
-    increment *= follows ? 2.0 : 0.5;
+    increment *= smaller == 1.0 ? 2.0 : smaller;
   }
   if (large->reached == 1.0) PetscFunctionReturn(0);
   PetscCall(VecCopy(path->u, snes->vec_sol));
@@ -222,8 +298,7 @@ static PetscErrorCode LatinPathStart_Private(SNES snes, const LatinPath *path, P
   *from = (PetscBool)(data->warm && data->has_state);
   if (*from) {
     PetscCall(VecCopy(data->large.solution, path->u));
-    PetscCall(LatinTurningResidual_Private(structure, NULL, path->u, path->first));
-    PetscCall(VecAXPY(path->first, 1.0, structure->load));
+    PetscCall(LatinPathFirst_Private(structure, path));
   } else PetscCall(LatinPathStarts_Private(snes, path, from));
   snes->vec_rhs = rhs;
   PetscFunctionReturn(0);
@@ -247,7 +322,7 @@ PetscErrorCode SNESLatinLargeRun_Private(SNES snes)
   SNES_Latin    *data      = (SNES_Latin *)snes->data;
   LatinLarge    *large     = &data->large;
   LatinStructure structure = large->frame->turns;
-  Vec            rhs       = snes->vec_rhs, work[5];
+  Vec            rhs       = snes->vec_rhs, work[7];
   PetscBool      struts = PETSC_FALSE, from = PETSC_FALSE;
   PetscErrorCode ierr;
 
@@ -267,16 +342,16 @@ PetscErrorCode SNESLatinLargeRun_Private(SNES snes)
     PetscCall(VecDestroy(&large->solution));
     PetscFunctionReturn(0);
   }
-  for (PetscInt i = 0; i < 5; i++) PetscCall(DMGetGlobalVector(structure->dm, &work[i]));
-  const LatinPath path = {work[0], work[1], work[2], work[3], work[4]};
-  ierr = LatinPathStart_Private(snes, &path, &from);
+  for (PetscInt i = 0; i < 7; i++) PetscCall(DMGetGlobalVector(structure->dm, &work[i]));
+  const LatinPath path = {work[0], work[1], work[2], work[3], work[4], work[5], work[6]};
+  ierr                 = LatinPathStart_Private(snes, &path, &from);
   if (!ierr) ierr = LatinPathFollow_Private(snes, &path, from);
   snes->vec_rhs = rhs; /* after an error as well, or the SNES would give back what it has not got */
   PetscCall(ierr);
   PetscCall(LatinPathBorne_Private(&path, &large->reached));
   if (!large->solution) PetscCall(VecDuplicate(snes->vec_sol, &large->solution));
   PetscCall(VecCopy(snes->vec_sol, large->solution));
-  for (PetscInt i = 0; i < 5; i++) PetscCall(DMRestoreGlobalVector(structure->dm, &work[i]));
+  for (PetscInt i = 0; i < 7; i++) PetscCall(DMRestoreGlobalVector(structure->dm, &work[i]));
   PetscCall(SNESLatinBalance_Private(snes));
   PetscFunctionReturn(0);
 }

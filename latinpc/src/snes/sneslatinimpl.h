@@ -257,7 +257,7 @@ PETSC_INTERN PetscErrorCode SNESLatinLargeRigid_Private(SNES);
 PETSC_INTERN PetscErrorCode SNESLatinLargeInterior_Private(SNES, PetscReal tension[], PetscBool *done);
 PETSC_INTERN PetscErrorCode SNESLatinLargeRenew_Private(SNES, LatinFrameType);
 PETSC_INTERN PetscErrorCode SNESLatinLargeMode_Private(SNES, Vec u, Vec mode);
-PETSC_INTERN PetscErrorCode SNESLatinLargePredict_Private(SNES, Vec u, Vec load, PetscReal *moved);
+PETSC_INTERN PetscErrorCode SNESLatinLargePredict_Private(SNES, Vec u, Vec load, Vec step, PetscReal *moved);
 PETSC_INTERN PetscErrorCode SNESLatinLargeTangent_Private(SNES, Vec u, KSP *);
 PETSC_INTERN PetscErrorCode SNESLatinLargeNewton_Private(SNES, PetscInt most, PetscBool *done);
 PETSC_INTERN PetscErrorCode SNESLatinLargeRests_Private(SNES, PetscBool *rests);
