@@ -1,8 +1,9 @@
-"""Paths of equilibria: the units of a structure, and what an error leaves behind."""
+"""Paths of equilibria: units, parts that snap through, and what an error leaves behind."""
 
 import numpy as np
 import pytest
 import turning
+from petsc4py import PETSc
 from turning import catenary, hanging, net, random_net, simplex, solve, von_mises
 
 import latinpc
@@ -36,6 +37,38 @@ def test_units_change_nothing(name):
         far = np.linalg.norm(other.displacements / length - plain.displacements)
         assert far < 1e-9 * np.linalg.norm(plain.displacements)
         assert np.linalg.norm(other.tensions / force - plain.tensions) < 1e-8 * np.linalg.norm(plain.tensions)
+
+
+@pytest.mark.parametrize("part", [0.9, 2.0, 20.0])
+def test_a_small_part_that_snaps_through_beside_a_large_net(part):
+    """The net moves further than the truss does in its snap: that of each node counts, not that of all together."""
+    result = solve(turning.hidden(part), error=1e-9)
+    deflection = -result.displacements[-1, 1]
+    assert result.converged == (part < 1.0)
+    if result.converged:
+        assert deflection == pytest.approx(turning.von_mises_deflection(part * turning.von_mises_limit()), rel=1e-8)
+    else:
+        assert deflection < turning.HEIGHT
+        assert 0.99 < part * result.borne <= 1.0
+
+
+def test_a_cable_that_tightens_at_once():
+    """Soft until a gap of 1e-8 m closes: a structure that stiffens has not snapped through."""
+    structure = {"nodes": [[0.0, 0.0], [1.0, 0.0], [2.0, 0.0], [1.0, 1.0]], "links": [[0, 1], [2, 1], [1, 3]]}
+    structure |= {"law": ["bar", "cable", "bar"], "stiffness": [1.0, 1e5, 1.0], "initial_elongation": [0.0, -1e-8, 0.0]}
+    structure |= {"fixed": [[True, True], [False, False], [True, True], [True, True]]}
+    result = solve(structure | {"load": [[0.0, 0.0], [-1.0, 0.0], [0.0, 0.0], [0.0, 0.0]]}, error=1e-9)
+    assert result.converged
+    assert -result.displacements[1, 0] == pytest.approx((1.0 + 1e5 * 1e-8) / (1.0 + 1e5), rel=1e-6)
+
+
+@pytest.mark.parametrize("ranks", [1, 2, 4])
+def test_ranks_see_what_snaps_through(ranks_for, ranks):
+    """The path ends at the same load."""
+    found = ranks_for(ranks, "turning", "snaps")
+    assert found["reason"] == PETSc.SNES.ConvergedReason.DIVERGED_DTOL
+    assert 0.99 < 20.0 * found["borne"] <= 1.0
+    assert abs(found["last"]) < turning.HEIGHT
 
 
 def test_an_error_leaves_nothing_behind():
