@@ -31,7 +31,7 @@ FAULTS = {
         "calls High, and core lies above base",
     ),
     "address of a function above": ("base/low.c", "int (*f)(int) = High;\n", "calls High, and core lies above base"),
-    "call beside": ("ksp/a.c", "int K(void)\n{\n  return P();\n}\n", "calls P, and pc lies beside ksp"),
+    "call beside": ("ksp/a.c", "int K(void)\n{\n  return P();\n}\n", "calls P, and error lies beside ksp"),
     "circle of files": (
         "core/high.c",
         "int Back(void)\n{\n  return Other(1);\n}\n",
@@ -85,8 +85,8 @@ def test_a_planted_fault_is_found(fault, tmp_path):
     with path.open("a") as file:
         file.write(text)
     if fault == "call beside":
-        (tmp_path / "latinpc/src/pc").mkdir()
-        (tmp_path / "latinpc/src/pc/a.c").write_text("int P(void)\n{\n  return 0;\n}\n")
+        (tmp_path / "latinpc/src/error").mkdir()
+        (tmp_path / "latinpc/src/error/a.c").write_text("int P(void)\n{\n  return 0;\n}\n")
     if fault == "circle by a macro":
         with (tmp_path / "latinpc/src/core/high.c").open("a") as file:
             file.write("int Back(void)\n{\n  return Round(1);\n}\n")
