@@ -41,7 +41,8 @@ for n, rank in ((1, 0), (3, None), (130, None), (517, 1), (700, None)):
         b.setArray(rng.standard_normal(n)[start:end])
         ksp.solve(b, x)
         whole, load = (np.concatenate(comm.allgather(v.array)) for v in (x, b))
-        errors.append([ksp.getConvergedReason(), float(abs(dense @ whole - load).max() / abs(load).max())])
+        with np.errstate(invalid="ignore"):  # BLAS may set the flag; no number among the errors would be found below
+            errors.append([ksp.getConvergedReason(), float(abs(dense @ whole - load).max() / abs(load).max())])
     found.append(errors)
 found = comm.gather(found)
 if not comm.rank:

@@ -28,7 +28,8 @@ PetscErrorCode LatinMultipliersStart_Private(Latin latin, LatinNewton *newton)
 
   PetscFunctionBegin;
   if (structure->rigid_law < 0) PetscFunctionReturn(0);
-  if (!newton->penalty) PetscCall(PetscMalloc4(structure->links_local, &newton->penalty, structure->links_local, &newton->multiplier, structure->links_local, &newton->tension, structure->links_local, &newton->bound));
+  /* penalty and bound are not NULL on a rank without links: that would say that there are none */
+  if (!newton->penalty) PetscCall(PetscMalloc4(structure->links_local + 1, &newton->penalty, structure->links_local, &newton->multiplier, structure->links_local, &newton->tension, structure->links_local + 1, &newton->bound));
   for (PetscInt l = 0; l < structure->links_local; l++) {
     const PetscReal tension = latin->linear.rigid_tension[l];
 
