@@ -86,8 +86,11 @@ def test_an_error_leaves_nothing_behind():
     snes.setMonitor(monitor)
     for _ in range(2):
         u.set(0.0)
-        with pytest.raises(RuntimeError, match="enough"):
+        with pytest.raises(RuntimeError) as raised:
             snes.solve(b, u)
+        # Newer versions of petsc4py wrap what a monitor raises.
+        assert "enough" in f"{raised.value}\n{raised.value.__cause__}"
+        del raised  # its traceback holds the SNES
     u.set(0.0)
     snes.solve(b, u)
     assert snes.getConvergedReason() > 0
