@@ -175,3 +175,19 @@ def test_ranks_tell_the_same(mpirun):
 def test_rigid_links_that_bear_little_are_found_taut(seed, number, family):
     """The iteration creeps: its distances shrink by 1e-4 a stage, and the estimate takes that for rest."""
     assert judge(draw(seed, number, family), {})["verdict"] == "right"
+
+
+@pytest.mark.parametrize("law", [Law.BAR, Law.CABLE])
+@pytest.mark.parametrize("slope", [1e-3, 1e-6, 1e-9, 1e-10, 1e-12])
+def test_a_node_that_prestress_holds_between_links_that_are_nearly_straight(slope, law):
+    """It stays: prestress bears the load. The first stage throws it to the slack cable: 2 k slope^2 pushes back."""
+    nodes = np.array([[-1.0, slope], [0.0, 0.0], [1.0, slope], [0.2, -1.0]])
+    fixed, load = np.ones((4, 2), dtype=bool), np.zeros((4, 2))
+    fixed[1], load[1, 1] = False, -1e-9
+    prestress = 0.5e-9 / slope * np.hypot(1.0, slope)
+    links, strains = [[0, 1], [1, 2], [1, 3]], [prestress, prestress, -1.0]
+    s = latinpc.Structure(nodes, links, [law, law, Law.CABLE], 1.0, initial_elongation=strains, fixed=fixed, load=load)
+    found = s.solve()
+    assert found.converged == (slope > 1e-11)
+    if found.converged:
+        assert abs(found.displacements).max() <= 1e-15 * prestress / slope  # what rounding of the prestress moves

@@ -7,6 +7,7 @@
    with the forces r = F - B^t tau(u) that they leave without balance (error/nodalbalance.c):
 
    - with the row sums D of the stiffness, which is D at most, an energy error is that of D^-1 r at least, an l2 error about;
+   - a node between links that are nearly straight is far softer along its displacement than D says, and r moves it by more;
    - in a motion masses alone may hold the structure, and M / h^2 is soft beside links: for the translations t of all free
      displacements, and for u, t.r = t.K e for the error e, so that |e| >= |t.r| / |K t|;
    - the ends of a rigid link that bears are apart by its gap: by what they miss it, u is wrong by 1 / sqrt(2) at least;
@@ -40,6 +41,7 @@ typedef struct {
   PetscReal hidden;                       /* squares of the rounding of r */
   PetscReal left, all, load, bearing;     /* squares of r beyond rounding and of all of it, of the loads, of what links bear at nodes */
   PetscReal moved[4], stiff[4], noise[4]; /* t.r, squares of K t, rounding of t.r: translations, then u */
+  PetscReal along;                        /* squares of what each node is wrong by along its displacement */
   PetscReal u[2], hides[2];               /* squares of u, and of what rounding of r moves, in the norm of D and the l2 norm */
 } LatinNodalSums;
 
@@ -174,6 +176,24 @@ static void LatinSumComponent(const LatinNode *at, PetscInt dim, PetscInt c, Pet
   sum->stiff[3] += PetscSqr(at->tangent[c] + ground * PetscAbsReal(at->u[c]));
 }
 
+/*
+   What a node is wrong by along its displacement, or back along it, where no link that may bear is in the way: what pushes it moves it against the links that
+   bear, beyond rounding. Between links that are nearly straight it is softer than row sums say, by orders
+*/
+static void LatinSumNode(const LatinNode *at, PetscInt dim, PetscBool energy, LatinNodalSums *sum)
+{
+  PetscReal held = at->held, push = at->slack, size = 0.0;
+
+  for (PetscInt c = 0; c < dim; c++) {
+    held += at->ground[c] * PetscSqr(at->u[c]);
+    push += at->r[c] * at->u[c];
+    size += PetscSqr(at->u[c]);
+  }
+  if (!(held > 0.0) || at->closed[push > 0.0 ? 1 : 0] > 0.0) return; /* r is B^t tau(u) - F */
+  push = PetscMax(0.0, PetscAbsReal(push) - at->hides);
+  sum->along += (energy ? held : size) * PetscSqr(PetscMin(1.0, push / held));
+}
+
 /* By how much rigid links miss their gaps; 0 where nothing moves but by rounding. norm: l2 norm of the displacements; still: a step of a motion is at rest. Collective */
 static PetscErrorCode LatinGapError_Private(const LatinNodalBalance *balance, Vec u, PetscReal norm, PetscBool still, PetscReal *missed)
 {
@@ -214,6 +234,7 @@ PetscErrorCode LatinEquilibriumCheck_Private(Latin latin, Vec u, Vec r, Vec more
   PetscCall(VecNorm(u, NORM_2, &size));
   PetscCall(LatinNodalBalanceCreate_Private(latin, u, r, more, target, &balance));
   for (PetscInt i = 0; i < dim * structure->nodes_local; i++) LatinSumComponent(&balance.node[i / dim], dim, i % dim, energy, &sum);
+  for (PetscInt i = 0; i < structure->nodes_local; i++) LatinSumNode(&balance.node[i], dim, energy, &sum);
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &sum, sizeof(sum) / sizeof(PetscReal), MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
   PetscCall(LatinUnsupported_Private(&balance, found));
   found->still = (PetscBool)(structure->ground && PetscSqr(target) * sum.u[0] <= sum.hides[0] && PetscSqr(target) * sum.u[1] <= sum.hides[1] && 0.5 * PetscSqr(target * balance.gap) <= sum.hides[1]);
@@ -227,7 +248,7 @@ PetscErrorCode LatinEquilibriumCheck_Private(Latin latin, Vec u, Vec r, Vec more
   if (sum.left > 0.0) found->unbalance = PetscSqrtReal(LatinRatio(sum.left, sum.load > 0.0 ? sum.load : sum.bearing));
   if (sum.left > 0.0 || sum.load > 0.0) found->forces = PetscSqrtReal(LatinRatio(sum.all, PetscMax(sum.bearing, sum.load)));
   norm = energy ? PetscSqrtReal(balance.sum.energy) : size;
-  if (norm > 0.0) found->error = LATIN_FORCE_FACTOR * PetscSqrtReal(sum.error) / norm;
+  if (norm > 0.0) found->error = PetscMax(LATIN_FORCE_FACTOR * PetscSqrtReal(sum.error), PetscSqrtReal(sum.along)) / norm;
   for (PetscInt d = 0; d < 4 && structure->ground && !energy && norm > 0.0; d++)
     if (sum.stiff[d] > 0.0) found->error = PetscMax(found->error, LATIN_MOVED_FACTOR * (PetscAbsReal(sum.moved[d]) - sum.noise[d]) / (PetscSqrtReal(sum.stiff[d]) * norm));
   missed = PetscMax(missed / PETSC_SQRT2, found->distance);

@@ -53,6 +53,9 @@ typedef struct {
   PetscReal rigid[3];       /* sum of the forces of rigid links, whose self-stress loads nothing and may be any */
   PetscReal bearing;        /* its size, and |tau| of elastic links */
   PetscReal gaps;           /* times eps: rounding of the tensions, gaps included */
+  PetscReal held, hides;    /* along its displacement: twice the work of links that bear, and that of their rounding */
+  PetscReal slack;          /* the work to be taken off r.u: of the tensions of links that may bear or not */
+  PetscReal closed[2];      /* such links which its displacement, and the way back, would strain */
   PetscReal resistance;     /* 1 / displacement of the node at which its links hold the force without balance */
 } LatinNode;
 

@@ -66,6 +66,27 @@ static PetscReal LatinResistance(Latin latin, PetscInt l, PetscReal x, PetscReal
   return sign * x < 0.0 ? closing / PetscAbsReal(x) : k * closing * closing / push;
 }
 
+/*
+   What one link adds along the displacement of one of its ends, which is `own` of its elongation. Where rounding hides whether it bears, its tension counts for
+   nothing, and that way which would strain it is closed; so are both ways of a rigid link that bears or touches. reach: of numbers that are rounded
+*/
+static void LatinNodalAlong(Latin latin, PetscInt l, PetscReal x, PetscReal tension, PetscReal reach, PetscReal own, LatinNode *at)
+{
+  const LatinStructure structure = latin->sub.structure;
+  const PetscReal      sign      = LatinLawSign(structure->law[l]);
+  const PetscReal      noise     = LATIN_GAP_NOISE * PETSC_MACHINE_EPSILON * reach;
+  const PetscBool      rigid = LatinLaws[structure->law[l]].rigid, touches = (PetscBool)(PetscAbsReal(x) <= noise);
+
+  if (!LatinLaws[structure->law[l]].smooth && (touches || (rigid && tension != 0.0))) {
+    at->slack -= tension * own;
+    if (sign * own > 0.0 || (rigid && own != 0.0)) at->closed[0] += 1.0;
+    if (sign * own < 0.0 || (rigid && own != 0.0)) at->closed[1] += 1.0;
+  } else if (!rigid && LatinStructureTangent(structure, l, x) > 0.0) {
+    at->held += 2.0 * LatinStructureTangent(structure, l, x) * PetscSqr(own);
+    at->hides += latin->sub.link_stiffness[l] * noise * PetscAbsReal(own);
+  }
+}
+
 /* What one link adds to its two nodes and to the sums; a: local vectors */
 static void LatinNodalAddLink(LatinNodalBalance *balance, PetscInt l, PetscScalar *const a[], PetscReal target, LatinNode vertex[])
 {
@@ -105,11 +126,12 @@ static void LatinNodalAddLink(LatinNodalBalance *balance, PetscInt l, PetscScala
   for (PetscInt i = 0; i < 2; i++) {
     LatinNode         *at    = &vertex[to[i]];
     const PetscScalar *r     = a[LATIN_AT_R] + dim * to[i];
-    PetscReal          along = 0.0, push = 0.0;
+    PetscReal          along = 0.0, push = 0.0, own = 0.0; /* elongation by the displacement of this end */
 
     for (PetscInt c = 0; c < dim; c++) {
       const PetscReal cosine = PetscAbsReal(n[c]);
 
+      own += (i ? n[c] : -n[c]) * PetscRealPart(a[LATIN_AT_FREE][dim * to[i] + c] * a[LATIN_AT_U][dim * to[i] + c]);
       at->stiffness[c] += 2.0 * possible * cosine * all;
       at->rounding[c] += cosine * (k * (ends + (rigid ? 0.0 : e0)) + (rigid ? tension : 0.0)); /* a gap makes no force, and is without end where a contact takes no part in a step */
       for (PetscInt d = 0; d < dim; d++) at->translation[3 * d + c] += k * cosine * PetscAbsReal(moves[d]);
@@ -122,6 +144,7 @@ static void LatinNodalAddLink(LatinNodalBalance *balance, PetscInt l, PetscScala
     at->tension += tension;
     at->bearing += rigid ? 0.0 : tension;
     at->gaps += k * (ends + e0) + tension;
+    LatinNodalAlong(latin, l, x, bears, e0 + ends, own, at);
     if (push > 0.0) at->resistance += LatinResistance(latin, l, x, along / push, push);
   }
 }
