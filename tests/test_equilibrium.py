@@ -191,3 +191,26 @@ def test_a_node_that_prestress_holds_between_links_that_are_nearly_straight(slop
     assert found.converged == (slope > 1e-11)
     if found.converged:
         assert abs(found.displacements).max() <= 1e-15 * prestress / slope  # what rounding of the prestress moves
+
+
+@pytest.mark.parametrize("room, holds", [(1e-9, True), (0.0, True), (-2e-9, False)])
+def test_gaps_that_contradict_each_other_by_far_less_than_what_moves(room, holds):
+    """Two contacts in a row along an inextensible cable: tensions grow by the same self-stress without end."""
+    nodes, gaps = np.array([[-1.0], [0.0], [1.0], [2.0]]), np.array([-5e-8, -3e-9])
+    links, law = [[0, 1], [1, 2], [2, 3], [1, 3]], [Law.BAR, Law.CONTACT, Law.CONTACT, Law.INEXTENSIBLE]
+    e0 = [0.0, *gaps, gaps.sum() - room]
+    s = latinpc.Structure(
+        nodes,
+        links,
+        law,
+        [0.05, 0, 0, 0],
+        e0,
+        fixed=np.arange(4)[:, None] == 0,
+        load=np.array([[0.0, 3e-4, 1e-4, -2e-4]]).T,
+    )
+    found = s.solve()
+    assert found.converged == holds
+    if holds:
+        assert far(found.displacements, np.append(0.0, 4e-3 + np.array([0.0, 5e-8, 5.3e-8]))[:, None]) < 3e-4
+    else:
+        assert found.notices == ["no equilibrium: the gaps of the rigid links 1, 2, 3 are incompatible"]

@@ -61,7 +61,6 @@ static PetscErrorCode LatinMultipliersUpdate_Private(LatinNewton *newton, Vec u,
     sum[0] += PetscSqr(newton->tension[l]);
     sum[1] += PetscSqr(newton->multiplier[l]);
   }
-  if (!structure->rubs && !structure->ground) PetscCall(LatinEquilibriumFarkas_Private(structure, u, newton->tension, &newton->found)); /* rigid links of a time step have no gaps, or do not bear */
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
   PetscCall(VecAXPY(before, -1.0, u));
   PetscCall(VecNorm(before, NORM_2, moved));
@@ -71,7 +70,8 @@ static PetscErrorCode LatinMultipliersUpdate_Private(LatinNewton *newton, Vec u,
   *change          = sum[0] > 0.0 ? PetscSqrtReal(sum[0] / PetscMax(PetscMax(sum[1], sum[0]), PetscSqr(newton->loads))) : 0.0; /* beside loads tensions may be rounding */
   *done            = (PetscBool)(*moved <= PetscMax(newton->target * size, least) && *change <= PetscMin(newton->target, newton->tension_target));
   newton->tensions = *change;
-  *moved           = size > 0.0 ? *moved / size : 0.0;
+  if (!structure->rubs && !structure->ground) PetscCall(LatinEquilibriumFarkas_Private(structure, u, *done, newton->tension, &newton->found)); /* rigid links of a time step have no gaps, or do not bear */
+  *moved = size > 0.0 ? *moved / size : 0.0;
   PetscCall(PetscInfo(structure, "Tensions of rigid links change by %g of themselves, displacements by %g\n", (double)*change, (double)*moved));
   PetscFunctionReturn(0);
 }
