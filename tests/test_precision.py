@@ -103,11 +103,11 @@ def test_a_plane_structure_is_factored_once():
     scene.subdomain = np.where(scene.nodes[scene.links[:, 0], 0] < 40.0, 0, 1)
     PETSc.Log.begin()
     event = PETSc.Log.Event("MatCholFctrNum")
-    before = event.getPerfInfo()["count"]
-    with latin(scene, variant="primal") as run:
+    # A stage of its own: an error inside a factorisation leaves the event of the stage open, and it counts no more.
+    with PETSc.Log.Stage("factored once"), latin(scene, variant="primal") as run:
         run.snes.setUp()
         assert in_single(run.snes) == [True, True]
-    assert event.getPerfInfo()["count"] == before + 3  # the subdomains, and the coarse matrix
+        assert event.getPerfInfo()["count"] == 3  # the subdomains, and the coarse matrix
 
 
 @pytest.mark.parametrize("factor", [1e-90, 1e90])
