@@ -48,11 +48,11 @@ def element(problem, dim, size=1.0, nu=0.3):
 
 
 class Grid:
-    """Cells of a square or cube, shared out in blocks; the side x = 0 is held."""
+    """Cells of a square, cube or plate, shared out in blocks; the side x = 0 is held."""
 
     def __init__(self, args):
         self.dim, self.cells = args.dim, args.cells
-        shape = np.array([args.cells] * args.dim)
+        shape = np.array([args.cells] * (args.dim - 1) + [getattr(args, "layers", 0) or args.cells])
         self.nodes = np.array(list(itertools.product(*(range(n + 1) for n in shape))), float)
         self.bs = args.dim if args.problem == "elasticity" else 1
         cells = np.array(list(itertools.product(*(range(n) for n in shape))))
@@ -216,6 +216,7 @@ def job(*words):
     parser.add_argument("--problem", default="poisson")
     parser.add_argument("--dim", type=int, default=2)
     parser.add_argument("--cells", type=int, default=8)
+    parser.add_argument("--layers", type=int, default=0, help="cells in the last direction")
     parser.add_argument("--blocks", default="2,2")
     parser.add_argument("--dirichlet", default="zeroed")
     parser.add_argument("--jump", default="none")

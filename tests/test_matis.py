@@ -176,6 +176,20 @@ def test_coefficients_that_jump_by_a_million(matis, jump):
     assert jump != "random" or none["iterations"] > rough["iterations"]
 
 
+@pytest.mark.parametrize("ranks", [2, 4])
+def test_thin_subdomains(matis, ranks):
+    """Where they bend at next to no energy local fields are macro by themselves; a block has none."""
+    natural, none = ["-ksp_norm_type", "natural"], ["-pc_latin_modes_local", "0"]
+    how = {"problem": "elasticity", "dim": 3, "cells": 40, "layers": 1, "blocks": "2,2,1" if ranks == 4 else "2,1,1"}
+    thin, without = matis(ranks, natural, **how), matis(ranks, natural + none, **how)
+    converged(thin, 10)
+    assert thin["residual"] < 1e-6
+    assert without["iterations"] > 2 * thin["iterations"]
+    assert without["coarse"] < thin["coarse"]
+    how |= {"cells": 8, "layers": 4}
+    assert matis(ranks, natural, **how)["coarse"] == matis(ranks, natural + none, **how)["coarse"]
+
+
 def test_weights_from_schur_complements(matis):
     """The mean that costs least energy: spectrum closer to one than with the diagonal's weights."""
     schur, stiffness = (

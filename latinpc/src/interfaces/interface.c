@@ -60,8 +60,9 @@ PetscErrorCode LatinInterfaceFrame_Private(const LatinSubdomains *sub, PetscInt 
   for (PetscInt k = 0; k < dim; k++)
     for (PetscInt c = 0; c < dim; c++) frame->axes[k][c] = a[(dim - 1 - k) * dim + c];
   /* w holds squares of the extents, increasing */
-  frame->plane  = (PetscBool) !(w[0] > LATIN_FRAME_FLAT * w[dim - 1]);
-  frame->strong = (PetscBool)(dim == 2 || w[1] > LATIN_FRAME_FLAT * w[2]);
+  frame->plane     = (PetscBool) !(w[0] > LATIN_FRAME_FLAT * w[dim - 1]);
+  frame->strong    = (PetscBool)(dim == 2 || w[1] > LATIN_FRAME_FLAT * w[2]);
+  frame->thickness = w[0] > 0.0 ? PetscSqrtReal(w[0] / w[dim - 1]) : 0.0;
   PetscFunctionReturn(0);
 }
 

@@ -12,6 +12,7 @@ typedef struct {
   PetscReal origin[3], centre[3]; /* one node; the mean of all, from there */
   PetscReal axes[3][3];           /* xi, eta, zeta: principal axes, by decreasing extent */
   PetscReal size;
+  PetscReal thickness; /* the least of the extents over the largest */
   PetscBool strong;
   PetscBool plane; /* all nodes have the same zeta (in 2D, eta) */
 } LatinFrame;
