@@ -200,6 +200,16 @@ def test_weights_from_schur_complements(matis):
     assert schur["asymmetry"] < 1e-11
 
 
+@pytest.mark.parametrize("ranks", [2, 4])
+@pytest.mark.parametrize("jump, precision, most", [("none", "single", 10), ("across", "double", 3)])
+def test_large_factors_are_in_single_precision_unless_the_coarse_problem_is_soft(matis, ranks, jump, precision, most):
+    """As many iterations as in double precision; soft subdomains beside stiff ones leave no room for rounding."""
+    blocks = {2: "2,1,1", 4: "2,2,1"}[ranks]
+    result = matis(ranks, ["--view"], problem="elasticity", dim=3, cells=20, blocks=blocks, jump=jump)
+    assert f"entries in {precision} precision" in result["view"]
+    converged(result, most)
+
+
 @pytest.mark.parametrize("local_type", ["sbaij", "baij"])
 def test_types_of_local_matrices(matis, local_type):
     """Blocked and symmetric local matrices are the same matrix."""

@@ -52,7 +52,7 @@ static PetscErrorCode LatinCasesFactor_Private(LatinCases *cases, PetscBool *fai
   PetscCall(KSPGetPC(cases->ksp, &pc));
   PetscCall(LatinDirectSolver_Private(pc, cases->K, LATIN_CHOLESKY));
   PetscCall(LatinCholeskyRound(pc, LATIN_ROUNDED));
-  PetscCall(LatinFactor_Private(cases->ksp, cases->K, NULL, NULL, PETSC_FALSE, &status));
+  PetscCall(LatinFactor_Private(cases->ksp, cases->K, NULL, NULL, NULL, &status));
   PetscCall(VecDestroy(&status.mode));
   *fails = LatinFactorFailed(&status);
   if (!*fails) PetscCall(PCFactorGetMatrix(pc, &cases->F));

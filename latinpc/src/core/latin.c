@@ -177,11 +177,44 @@ static PetscErrorCode LatinSetUpPrecision_Private(Latin latin)
   PetscFunctionReturn(0);
 }
 
+/* Solvers of the subdomains, their condensation, the coarse problem. Collective on latin */
+static PetscErrorCode LatinSetUpLinear_Private(Latin latin)
+{
+  LatinLocalSolvers *solvers = &latin->solvers;
+
+  PetscFunctionBegin;
+  solvers->precision = latin->precision;
+  PetscCall(LatinLinearSetUp(&latin->linear));
+  PetscCall(LatinFactorAgree_Private(latin, &solvers->status, solvers->n ? &latin->batches.batch[solvers->last] : NULL, "local"));
+  PetscCall(LatinHomogeniseSetUp(&latin->linear));
+  PetscFunctionReturn(0);
+}
+
+/*
+   What single precision leaves of the subdomains' energies is in the coarse matrix, where these cancel: of its softest
+   displacement little may be left, else all is made once more in double precision. Collective on latin
+*/
+static PetscErrorCode LatinSetUpSoft_Private(Latin latin)
+{
+  LatinLocalSolvers *solvers = &latin->solvers;
+  PetscReal          most[2] = {latin->linear.substructures ? 0.0 : solvers->rounding, -latin->coarse.status.softest};
+
+  PetscFunctionBegin;
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, most, 2, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)latin)));
+  PetscCall(PetscInfo(latin, "condensed to %g, softest coarse displacement %g\n", (double)most[0], (double)-most[1]));
+  if (!latin->coarse.ksp || !(most[0] > -LATIN_ROUNDED_LEFT * most[1])) PetscFunctionReturn(0);
+  latin->linear.precise = PETSC_TRUE;
+  PetscCall(LatinLinearReset(&latin->linear));
+  PetscCall(LatinLocalSolversRetire(solvers));
+  PetscCall(LatinSetUpLinear_Private(latin));
+  PetscCall(LatinCoarseRenew(&latin->coarse, &latin->linear.stiffness));
+  PetscFunctionReturn(0);
+}
+
 /* The stages above the subdomains, in order; kept: the interfaces are there */
 static PetscErrorCode LatinSetUpStages_Private(Latin latin, PetscBool kept)
 {
-  LatinLocalSolvers *solvers = &latin->solvers;
-  PetscInt          *pattern;
+  PetscInt *pattern;
 
   PetscFunctionBegin;
   if (!kept) PetscCall(LatinInterfaceSetUp(&latin->inter));
@@ -194,12 +227,10 @@ static PetscErrorCode LatinSetUpStages_Private(Latin latin, PetscBool kept)
   PetscCall(LatinRepeats_Private(&latin->inter, &latin->dir, &latin->macro, pattern));
   PetscCall(LatinBatchesSetUp(&latin->sub, pattern, &latin->batches));
   PetscCall(LatinMacroShare_Private(&latin->macro, pattern));
-  solvers->precision = latin->precision;
-  PetscCall(LatinLinearSetUp(&latin->linear));
-  PetscCall(LatinFactorAgree_Private(latin, &solvers->status, solvers->n ? &latin->batches.batch[solvers->last] : NULL, "local"));
-  PetscCall(LatinHomogeniseSetUp(&latin->linear));
+  PetscCall(LatinSetUpLinear_Private(latin));
   PetscCall(LatinSetUpProvisional_Private(latin));
   PetscCall(LatinCoarseSetUp(&latin->coarse, &latin->linear.stiffness));
+  PetscCall(LatinSetUpSoft_Private(latin));
   PetscCall(LatinSetUpPrecision_Private(latin));
   PetscFunctionReturn(0);
 }
@@ -304,7 +335,7 @@ PetscErrorCode LatinReset_Private(Latin latin)
   PetscCall(LatinDirectionReset(&latin->dir));
   PetscCall(LatinInterfaceReset(&latin->inter));
   PetscCall(LatinSubdomainsReset(&latin->sub));
-  latin->set_up = PETSC_FALSE;
+  latin->set_up = latin->linear.precise = PETSC_FALSE;
   PetscFunctionReturn(0);
 }
 

@@ -184,23 +184,29 @@ static PetscErrorCode LatinLocalCreate_Private(LatinLocalSolvers *solvers, Petsc
 */
 PetscErrorCode LatinLocalSolversSetUp(LatinLocalSolvers *solvers, const char name[], PetscBool once)
 {
+  const LatinArithmetic precision[] = {LATIN_DOUBLE, LATIN_SINGLE, LATIN_BY_SIZE}; /* of a LatinPrecision */
+
   PetscFunctionBegin;
   solvers->direct   = PETSC_TRUE;
   solvers->rounding = 0.0;
   PetscCall(PetscMemzero(&solvers->status, sizeof(solvers->status)));
   for (PetscInt i = 0; i < solvers->n && !LatinFactorFailed(&solvers->status); i++) {
-    const PetscInt columns = PetscMin(solvers->batches->batch[i].members, LATIN_BATCH_COLUMNS);
-    PetscBool      found;
-    PC             pc;
+    const PetscInt  columns = PetscMin(solvers->batches->batch[i].members, LATIN_BATCH_COLUMNS);
+    const PetscBool larger  = (PetscBool)(solvers->like && solvers->like->direct);
+    LatinArithmetic serves  = LATIN_DOUBLE;
+    PetscBool       found;
+    PC              pc;
 
     PetscCall(LatinLocalKeep_Private(solvers, i));
     PetscCall(LatinLocalSolversRecall_Private(solvers, i, &found));
     if (!found) PetscCall(LatinLocalCreate_Private(solvers, i, name, once));
     PetscCall(LatinDenseCreate_Private(solvers->rows[i].rows, columns, &solvers->B[i]));
     PetscCall(LatinDenseCreate_Private(solvers->rows[i].rows, columns, &solvers->X[i]));
+    if (larger) PetscCall(KSPGetPC(solvers->like->ksp[i], &pc));
+    if (larger) PetscCall(LatinCholeskyPrecision(pc, &serves));
     PetscCall(KSPGetPC(solvers->ksp[i], &pc));
-    if (solvers->precision != LATIN_PRECISION_DOUBLE) PetscCall(LatinCholeskyRound(pc, solvers->precision == LATIN_PRECISION_AUTO ? LATIN_BY_SIZE : LATIN_SINGLE));
-    PetscCall(LatinFactor_Private(solvers->ksp[i], solvers->K[i], solvers->rest[i], NULL, (PetscBool)(solvers->like && solvers->like->direct), &solvers->status));
+    if (found || solvers->precision != LATIN_PRECISION_DOUBLE) PetscCall(LatinCholeskyRound(pc, precision[solvers->precision]));
+    PetscCall(LatinFactor_Private(solvers->ksp[i], solvers->K[i], solvers->rest[i], NULL, larger ? &serves : NULL, &solvers->status));
     solvers->rounding = PetscMax(solvers->rounding, solvers->status.rounding);
     solvers->last     = i;
     PetscCall(LatinSolverDirect_Private(solvers->ksp[i], &solvers->direct));

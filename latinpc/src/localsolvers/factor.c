@@ -253,7 +253,7 @@ static PetscErrorCode LatinRounding_Private(KSP ksp, Mat A, IS kept, PetscReal *
 }
 
 /* Does the factor of A, if there is one, hold all displacements? The precision that it has is left as it is where rows are kept: who uses their Schur complement measures what both leave. Collective on A */
-static PetscErrorCode LatinFactorCheck_Private(KSP ksp, Mat A, IS kept, Vec whole, PetscBool direct, PetscBool firm, LatinFactorStatus *status)
+static PetscErrorCode LatinFactorCheck_Private(KSP ksp, Mat A, IS kept, Vec whole, PetscBool direct, const LatinArithmetic *larger, LatinFactorStatus *status)
 {
   PetscReal       stiffness = 1.0;
   LatinArithmetic precision = LATIN_DOUBLE;
@@ -265,10 +265,13 @@ static PetscErrorCode LatinFactorCheck_Private(KSP ksp, Mat A, IS kept, Vec whol
   if (status->mechanism) PetscCall(LatinSoftestShifted_Private(A, kept, v));
   else if (direct) {
     PetscCall(KSPGetPC(ksp, &pc));
-    if (kept) PetscCall(LatinCholeskyPrecision(pc, &precision));
-    if (precision != LATIN_DOUBLE) status->rounding = PETSC_SMALL;
+    PetscCall(LatinCholeskyPrecision(pc, &precision));
+    if (precision != LATIN_DOUBLE && (kept || (larger && precision <= *larger))) status->rounding = PETSC_SMALL;
     else PetscCall(LatinRounding_Private(ksp, A, kept, &status->rounding));
-    if (!(status->rounding > 0.0) && !firm) PetscCall(LatinSoftest_Private(ksp, A, whole, v, &stiffness));
+    if (!(status->rounding > 0.0) && !larger) {
+      PetscCall(LatinSoftest_Private(ksp, A, whole, v, &stiffness));
+      status->softest = stiffness;
+    }
   }
   if (stiffness < LATIN_MECHANISM) status->mechanism = PETSC_TRUE;
   if (status->mechanism) status->mode = v;
@@ -280,10 +283,10 @@ static PetscErrorCode LatinFactorCheck_Private(KSP ksp, Mat A, IS kept, Vec whol
    Factors A through its KSP. A failure is noted, not raised: other ranks may be waiting. A mechanism, whether it
    stops the factorisation or only shows in the factor, leaves its displacement in status->mode. kept: rows that the
    factor keeps to the last, or NULL; whole: the diagonal from before a condensation that A comes from, which is what its
-   rounding is small beside, or NULL; firm: a larger matrix of which this one is a part, with the rest held, has no mechanism.
-   Collective on A.
+   rounding is small beside, or NULL; larger: the precision of a factor that serves a larger matrix, of which this one is a
+   part with the rest held, and no softer; or NULL. Collective on A.
 */
-PetscErrorCode LatinFactor_Private(KSP ksp, Mat A, IS kept, Vec whole, PetscBool firm, LatinFactorStatus *status)
+PetscErrorCode LatinFactor_Private(KSP ksp, Mat A, IS kept, Vec whole, const LatinArithmetic *larger, LatinFactorStatus *status)
 {
   PC        pc;
   PetscBool direct;
@@ -297,7 +300,7 @@ PetscErrorCode LatinFactor_Private(KSP ksp, Mat A, IS kept, Vec whole, PetscBool
                                   (status->failed != PC_NOERROR && status->failed != PC_FACTOR_OUTMEMORY && direct));
   if ((status->ierr || status->failed) && !status->mechanism) PetscFunctionReturn(0);
   if (status->provisional) PetscFunctionReturn(0);
-  PetscCall(LatinFactorCheck_Private(ksp, A, kept, whole, direct, firm, status));
+  PetscCall(LatinFactorCheck_Private(ksp, A, kept, whole, direct, larger, status));
   PetscFunctionReturn(0);
 }
 
@@ -317,6 +320,6 @@ PetscErrorCode LatinFactorRefine_Private(KSP ksp, Mat A, IS kept, LatinArithmeti
   PetscCall(PCFactorGetMatrix(pc, &F));
   PetscCall(MatFactorGetError(F, &failed));
   status->mechanism = (PetscBool)(failed != MAT_FACTOR_NOERROR);
-  PetscCall(LatinFactorCheck_Private(ksp, A, kept, NULL, PETSC_TRUE, PETSC_FALSE, status));
+  PetscCall(LatinFactorCheck_Private(ksp, A, kept, NULL, PETSC_TRUE, NULL, status));
   PetscFunctionReturn(0);
 }

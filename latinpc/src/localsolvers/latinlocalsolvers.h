@@ -28,12 +28,13 @@ typedef struct {
   PCFailedReason failed;
   PetscBool      mechanism;
   PetscReal      rounding;    /* of a displacement, in energy: what a solve leaves to the next one; 0: in double precision */
+  PetscReal      softest;     /* stiffness of the softest displacement, where it was looked for in a factor that serves; else 0 */
   Vec            mode;        /* the displacement that costs nothing, where there is a mechanism */
   PetscBool      provisional; /* given: a stage will show whether the factor serves, and what it comes from may be made anew: no mode, no search for mechanisms */
 } LatinFactorStatus;
 PETSC_INTERN PetscErrorCode LatinDirectSolverAvailable_Private(Mat, MatSolverType, MatSolverType *, PetscBool *);
 PETSC_INTERN PetscErrorCode LatinDirectSolver_Private(PC, Mat, MatSolverType preferred);
-PETSC_INTERN PetscErrorCode LatinFactor_Private(KSP, Mat, IS kept, Vec whole, PetscBool firm, LatinFactorStatus *);
+PETSC_INTERN PetscErrorCode LatinFactor_Private(KSP, Mat, IS kept, Vec whole, const LatinArithmetic *larger, LatinFactorStatus *);
 PETSC_INTERN PetscErrorCode LatinFactorRefine_Private(KSP, Mat, IS kept, LatinArithmetic, LatinFactorStatus *);
 PETSC_INTERN PetscErrorCode LatinDenseCreate_Private(PetscInt, PetscInt, Mat *);
 PETSC_INTERN PetscErrorCode LatinDenseSolve_Private(KSP, Mat B, Mat X, KSPConvergedReason *failed);

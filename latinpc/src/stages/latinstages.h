@@ -24,6 +24,7 @@ typedef struct {
   LatinCoarse           *coarse;
   LatinLocalSolvers     *solvers;
   PetscBool              substructures; /* all that is on interfaces is in the coarse problem, and Phi is not kept */
+  PetscBool              precise;       /* the coarse problem is too soft for subdomains condensed in single precision */
   /* the following are stored once for each pattern, and found by subdomain */
   PetscInt        *rc_first, *rc_last; /* [subdomains] coupling of the other dofs with the primal ones */
   LatinCoupling   *rc;

@@ -143,7 +143,7 @@ PetscErrorCode LatinLinearSetUp(LatinLinear *linear)
   PetscCall(LatinDirectionSprings_Private(linear->dir, linear->spring));
   PetscCall(LatinLocalSolversCreate(sub, linear->batches, linear->solvers));
   PetscCall(LatinLinearMatrices_Private(linear));
-  if (!linear->substructures) linear->solvers->precision = LATIN_PRECISION_DOUBLE;
+  if (!linear->substructures) linear->solvers->precision = sub->preconditions && !linear->precise ? LATIN_PRECISION_AUTO : LATIN_PRECISION_DOUBLE;
   linear->solvers->kept_offset = linear->inter->primal_offset;
   linear->solvers->kept        = linear->substructures ? linear->inter->primal_dof : NULL;
   PetscCall(LatinLocalSolversSetUp(linear->solvers, "local", PETSC_FALSE));
