@@ -125,6 +125,7 @@ PetscErrorCode LatinLinearSetUp(LatinLinear *linear)
 {
   const LatinSubdomains *sub = linear->sub;
   const PetscInt         n = sub->bs * sub->copies, sides = linear->inter->sides;
+  PetscBool              checked;
 
   PetscFunctionBegin;
   linear->solves  = 0;
@@ -143,7 +144,8 @@ PetscErrorCode LatinLinearSetUp(LatinLinear *linear)
   PetscCall(LatinDirectionSprings_Private(linear->dir, linear->spring));
   PetscCall(LatinLocalSolversCreate(sub, linear->batches, linear->solvers));
   PetscCall(LatinLinearMatrices_Private(linear));
-  if (!linear->substructures) linear->solvers->precision = sub->preconditions && !linear->precise ? LATIN_PRECISION_AUTO : LATIN_PRECISION_DOUBLE;
+  PetscCall(LatinSolverIsDefault_Private(sub->object, "coarse", &checked)); /* only a factor shows how soft the coarse problem is */
+  if (!linear->substructures) linear->solvers->precision = sub->preconditions && checked && !linear->precise ? LATIN_PRECISION_AUTO : LATIN_PRECISION_DOUBLE;
   linear->solvers->kept_offset = linear->inter->primal_offset;
   linear->solvers->kept        = linear->substructures ? linear->inter->primal_dof : NULL;
   PetscCall(LatinLocalSolversSetUp(linear->solvers, "local", PETSC_FALSE));
