@@ -73,13 +73,13 @@ def test_any_solver_of_the_coarse_problem(solver):
 
 
 def test_default_solver_of_the_coarse_problem():
-    """MUMPS, under a prefix of its own, on the ranks of the structure."""
+    """On one rank that of the subdomains, under a prefix of its own; several: test_dense.py, test_tree.py."""
     with latin(grid()) as run:
         run.snes.setUp()
         ksp = latinpc.coarse_ksp(run.snes)
         assert ksp.getOptionsPrefix() == "snes_latin_coarse_"
         assert ksp.getPC().getType() == "cholesky"
-        assert ksp.getPC().getFactorSolverType() == "mumps"
+        assert ksp.getPC().getFactorSolverType() == "latin"
 
 
 @pytest.mark.parametrize("limit", [{"coarse_ksp_max_it": 5}, {"coarse_ksp_divtol": 1e-3}])

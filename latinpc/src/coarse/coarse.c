@@ -10,14 +10,16 @@
 /* The solver, of the types that the options choose, before there is a matrix */
 static PetscErrorCode LatinCoarseOptions_Private(LatinCoarse *coarse)
 {
-  PC        pc;
-  PetscBool fetidp, direct, type, package;
+  PC          pc;
+  PetscBool   fetidp, direct, type, package;
+  PetscMPIInt size;
 
   PetscFunctionBegin;
   PetscCall(LatinSolverCreate_Private(PetscObjectComm(coarse->sub->object), coarse->sub->object, "coarse", &coarse->ksp));
   PetscCall(KSPGetPC(coarse->ksp, &pc));
   PetscCall(PCSetType(pc, PCCHOLESKY));
-  PetscCall(PCFactorSetMatSolverType(pc, MATSOLVERMUMPS));
+  PetscCallMPI(MPI_Comm_size(PetscObjectComm((PetscObject)pc), &size));
+  PetscCall(PCFactorSetMatSolverType(pc, size > 1 ? MATSOLVERMUMPS : LATIN_CHOLESKY));
   PetscCall(KSPSetFromOptions(coarse->ksp));
   PetscCall(PetscObjectTypeCompare((PetscObject)coarse->ksp, KSPFETIDP, &fetidp));
   PetscCall(PetscObjectTypeCompareAny((PetscObject)pc, &coarse->apart, PCBDDC, PCLATIN, ""));
@@ -54,8 +56,8 @@ static PetscErrorCode LatinCoarseHalf_Private(LatinCoarse *coarse)
 }
 
 /*
-   The default is a factorisation: a dense one of a full matrix, and of a small one that by each rank of the whole, for a
-   parallel one of so few rows is all messages. What the options name is for the matrix of all ranks. Where each rank solves the
+   The default is a factorisation: ours on one rank; on several a dense one of a full matrix, and of a small one that by each rank
+   of the whole, for a parallel one of so few rows is all messages. What the options name is for the matrix of all ranks. Where each rank solves the
    whole, which gives the same bits twice, it is by the factorisation of one rank. Collective on coarse->ksp
 */
 static PetscErrorCode LatinCoarseDirect_Private(LatinCoarse *coarse)
@@ -76,7 +78,7 @@ static PetscErrorCode LatinCoarseDirect_Private(LatinCoarse *coarse)
   PetscCall(PetscOptionsHasName(((PetscObject)pc)->options, ((PetscObject)pc)->prefix, "-pc_factor_mat_solver_type", &package));
   PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCCHOLESKY, &cholesky));
   if (!coarse->chosen && size > 1 && coarse->top_size <= LATIN_REDUNDANT) PetscCall(PCSetType(pc, PCREDUNDANT));
-  else if (cholesky && !package) PetscCall(LatinDirectSolver_Private(pc, coarse->A, MATSOLVERMUMPS));
+  else if (cholesky && !package) PetscCall(LatinDirectSolver_Private(pc, coarse->A, size > 1 ? MATSOLVERMUMPS : LATIN_CHOLESKY));
   PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCREDUNDANT, &redundant));
   if (!redundant) PetscFunctionReturn(0);
   PetscCall(KSPSetOperators(coarse->ksp, coarse->A, coarse->A));
