@@ -39,8 +39,10 @@ def factor(A):
     return ksp
 
 
-# full: the order as it is; small: minimum degree; large: nested dissection of the nodes
-@pytest.mark.parametrize(("n", "share", "block"), [(1, 1.0, 1), (40, 0.5, 1), (300, 0.004, 3), (1200, 0.0005, 2)])
+# full: the order as it is, and columns in several panels; small: minimum degree; large: nested dissection of the nodes
+@pytest.mark.parametrize(
+    ("n", "share", "block"), [(1, 1.0, 1), (40, 0.5, 1), (200, 1.0, 1), (300, 0.004, 3), (1200, 0.0005, 2)]
+)
 def test_solutions_are_those_of_dense_algebra(n, share, block):
     dense = definite(n, share)
     ksp = factor(matrix(dense, block))
@@ -56,6 +58,12 @@ def test_solutions_are_those_of_dense_algebra(n, share, block):
     r.array = b[:, 0]
     ksp.solve(r, x)
     assert np.allclose(x.array, np.linalg.solve(dense, b[:, 0]), rtol=1e-9, atol=1e-12)
+
+
+def test_what_lies_above_the_diagonal_is_left_out():
+    """But for the blocks of panels of 64 columns."""
+    entries = factor(matrix(definite(200, 1.0))).getPC().getFactorMatrix().getInfo()["nz_used"]
+    assert entries == sum((200 - 64 * k) * columns for k, columns in enumerate((64, 64, 64, 8)))
 
 
 def test_new_values_in_the_same_places():

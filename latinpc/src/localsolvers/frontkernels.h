@@ -13,7 +13,7 @@ extern void FRONT_BLAS(gemm)(const char *, const char *, const PetscBLASInt *, c
 
 /* What a factorisation works on */
 typedef struct {
-  FRONT_REAL *stack, *panel;  /* what earlier fronts left on later rows; one panel, where the factor is rounded */
+  FRONT_REAL *stack, *panel;  /* what earlier fronts left on later rows; one front's columns, where the factor is rounded */
   FRONT_REAL *some;           /* [tallest][LATIN_BATCH_COLUMNS] what a front leaves on kept rows, some columns of it */
   size_t     *update, top[2]; /* [fronts] where a front's part of the stack is, and how much is at its two ends */
   PetscInt   *place;          /* [n] of a row in the order of elimination */
@@ -26,7 +26,7 @@ static void FRONT(LatinFrontEntries)(const LatinFronts *F, FRONT(LatinFrontsWork
 {
   const PetscInt *row = F->row + F->row_first[f], height = F->row_first[f + 1] - F->row_first[f];
 
-  memset(panel, 0, (F->panel[f + 1] - F->panel[f]) * sizeof(*panel));
+  memset(panel, 0, (size_t)height * (size_t)F->columns[f] * sizeof(*panel));
   for (PetscInt r = 0; r < height; r++) work->at[row[r]] = r;
   for (PetscInt c = 0; c < F->columns[f]; c++, panel += height) {
     const PetscInt own = F->order[F->first[f] + c];
@@ -84,14 +84,23 @@ static PetscBool FRONT(LatinFrontEliminate)(const LatinFronts *F, PetscInt f, FR
   return PETSC_TRUE;
 }
 
-/* Rounds a panel; PETSC_FALSE if single precision cannot hold its pivots */
-static PetscBool FRONT(LatinFrontRound)(const LatinFronts *F, PetscInt f, const FRONT_REAL panel[], float rounded[])
+/* Puts the columns of a front into the factor, rounded, or (not narrow) closes the gaps between them, which are in their place; PETSC_FALSE if single precision cannot hold their pivots */
+static LATIN_CLONES PetscBool FRONT(LatinFrontStore)(const LatinFronts *F, PetscInt f, PetscBool narrow, const FRONT_REAL panel[])
 {
-  const size_t height = (size_t)(F->row_first[f + 1] - F->row_first[f]), entries = F->panel[f + 1] - F->panel[f];
+  const PetscInt height = F->row_first[f + 1] - F->row_first[f], columns = F->columns[f];
 
-  for (size_t k = 0; k < entries; k++) rounded[k] = (float)panel[k];
-  for (PetscInt c = 0; c < F->columns[f]; c++)
-    if (!(panel[(height + 1) * (size_t)c] > 1e10 * FLT_MIN && panel[(height + 1) * (size_t)c] < 1e-10 * FLT_MAX)) return PETSC_FALSE;
+  for (PetscInt c = 0; c < columns; c++) {
+    const PetscInt    first = c / LATIN_FRONT_PANEL * LATIN_FRONT_PANEL, rows = height - first;
+    const size_t      at   = F->panel[f] + LatinFrontAt(height, first) + (size_t)(c - first) * (size_t)rows;
+    const FRONT_REAL *from = panel + (size_t)height * (size_t)c + first, pivot = from[c - first];
+
+    if (narrow) {
+      float *to = (float *)F->factor + at;
+
+      _Pragma("omp simd") for (PetscInt r = 0; r < rows; r++) to[r] = (float)from[r];
+      if (!(pivot > 1e10 * FLT_MIN && pivot < 1e-10 * FLT_MAX)) return PETSC_FALSE;
+    } else if (first) memmove((FRONT_REAL *)F->factor + at, from, (size_t)rows * sizeof(*from));
+  }
   return PETSC_TRUE;
 }
 
@@ -120,8 +129,9 @@ static PetscBool FRONT(LatinFrontOne)(const LatinFronts *F, FRONT(LatinFrontsWor
   work->update[f] = F->odd[f] ? F->stack - work->top[1] - LatinFrontLeft(F, f) : work->top[0];
   FRONT(LatinFrontEntries)(F, work, f, i, j, a, panel);
   for (PetscInt c = F->child[f]; c >= 0; c = F->sibling[c]) FRONT(LatinFrontAdd)(F, work, f, c, panel, NULL);
-  if (!FRONT(LatinFrontEliminate)(F, f, panel, work->stack + work->update[f]) || (work->narrow && !FRONT(LatinFrontRound)(F, f, panel, (float *)F->factor + F->panel[f]))) return PETSC_FALSE;
+  if (!FRONT(LatinFrontEliminate)(F, f, panel, work->stack + work->update[f])) return PETSC_FALSE;
   FRONT(LatinFrontKept)(F, work, f, panel, S);
+  if (!FRONT(LatinFrontStore)(F, f, work->narrow, panel)) return PETSC_FALSE;
   for (PetscInt c = F->child[f]; c >= 0; c = F->sibling[c]) {
     if (F->later[f]) FRONT(LatinFrontAdd)(F, work, f, c, NULL, work->stack + work->update[f]);
     work->top[!F->odd[f]] -= LatinFrontLeft(F, c);
@@ -220,7 +230,7 @@ static LATIN_CLONES void FRONT(LatinFrontColumnBackward)(PetscInt own, PetscInt 
   }
 }
 
-/* The same of front f in its place, one right-hand side: both halves read the panel once, as it lies */
+/* The same of front f in its place, one right-hand side: both halves read its panels once, as they lie */
 static void FRONT(LatinFrontColumn)(const LatinFronts *F, PetscInt f, PetscBool forward)
 {
   const PetscInt   *row = F->row + F->row_first[f], own = F->columns[f], height = F->row_first[f + 1] - F->row_first[f];
@@ -229,8 +239,8 @@ static void FRONT(LatinFrontColumn)(const LatinFronts *F, PetscInt f, PetscBool 
 
   for (PetscInt r = 0; r < own; r++) b[r] = x[F->first[f] + r];
   for (PetscInt r = own; r < height; r++) b[r] = x[row[r]];
-  if (forward) FRONT(LatinFrontColumnForward)(own, height, panel, b);
-  else FRONT(LatinFrontColumnBackward)(own, height, panel, b);
+  for (PetscInt c = 0; c < own && forward; c += LATIN_FRONT_PANEL) FRONT(LatinFrontColumnForward)(PetscMin(LATIN_FRONT_PANEL, own - c), height - c, panel + LatinFrontAt(height, c), b + c);
+  for (PetscInt c = LatinFrontLastPanel(own); c >= 0 && !forward; c -= LATIN_FRONT_PANEL) FRONT(LatinFrontColumnBackward)(PetscMin(LATIN_FRONT_PANEL, own - c), height - c, panel + LatinFrontAt(height, c), b + c);
   for (PetscInt r = 0; r < own; r++) x[F->first[f] + r] = b[r];
   for (PetscInt r = own; r < height && forward; r++) x[row[r]] = b[r];
 }
@@ -245,33 +255,33 @@ static PetscBool FRONT(LatinFrontIdle)(const LatinFronts *F, PetscInt f, PetscBL
   return PETSC_TRUE;
 }
 
-/* Several right-hand sides lie beside each other, row by row, so that rows of a front are gathered as they lie. x = L^-1 x for the rows of front f, and what that leaves is taken from the rows below */
-static LATIN_CLONES void FRONT(LatinFrontForward)(const LatinFronts *F, PetscInt f, PetscBLASInt columns)
+/* Several right-hand sides lie beside each other, row by row, so that rows of a front are gathered as they lie. x = L^-1 x for the rows of the panel of front f that begins with its column c, and what that leaves is taken from the rows below */
+static LATIN_CLONES void FRONT(LatinFrontForward)(const LatinFronts *F, PetscInt f, PetscInt c, PetscBLASInt columns)
 {
-  const PetscInt    *row   = F->row + F->row_first[f] + F->columns[f];
-  const FRONT_REAL  *panel = (const FRONT_REAL *)F->factor + F->panel[f], one = 1, zero = 0;
-  const PetscBLASInt own = (PetscBLASInt)F->columns[f], height = (PetscBLASInt)(F->row_first[f + 1] - F->row_first[f]), below = height - own;
-  FRONT_REAL        *x = (FRONT_REAL *)F->x + (size_t)F->first[f] * (size_t)columns, *work = (FRONT_REAL *)F->work;
+  const PetscBLASInt own = (PetscBLASInt)PetscMin(LATIN_FRONT_PANEL, F->columns[f] - c), height = (PetscBLASInt)(F->row_first[f + 1] - F->row_first[f] - c), below = height - own;
+  const PetscInt    *row   = F->row + F->row_first[f] + c + own;
+  const FRONT_REAL  *panel = (const FRONT_REAL *)F->factor + F->panel[f] + LatinFrontAt(height + c, c), one = 1, zero = 0;
+  FRONT_REAL        *x = (FRONT_REAL *)F->x + (size_t)(F->first[f] + c) * (size_t)columns, *work = (FRONT_REAL *)F->work;
 
   FRONT_BLAS(trsm)("R", "L", "T", "N", &columns, &own, &one, panel, &height, x, &columns);
   if (!below) return;
   FRONT_BLAS(gemm)("N", "T", &columns, &below, &own, &one, x, &columns, panel + own, &height, &zero, work, &columns);
   for (PetscBLASInt r = 0; r < below; r++, work += columns) {
     x = (FRONT_REAL *)F->x + (size_t)row[r] * (size_t)columns;
-    _Pragma("omp simd") for (PetscBLASInt c = 0; c < columns; c++) x[c] -= work[c];
+    _Pragma("omp simd") for (PetscBLASInt k = 0; k < columns; k++) x[k] -= work[k];
   }
 }
 
-/* x = L^-t x for the rows of front f, those below being known */
-static void FRONT(LatinFrontBackward)(const LatinFronts *F, PetscInt f, PetscBLASInt columns)
+/* x = L^-t x for these rows, those below being known */
+static void FRONT(LatinFrontBackward)(const LatinFronts *F, PetscInt f, PetscInt c, PetscBLASInt columns)
 {
-  const PetscInt    *row   = F->row + F->row_first[f] + F->columns[f];
-  const FRONT_REAL  *panel = (const FRONT_REAL *)F->factor + F->panel[f], one = 1, minus = -1;
-  const PetscBLASInt own = (PetscBLASInt)F->columns[f], height = (PetscBLASInt)(F->row_first[f + 1] - F->row_first[f]), below = height - own;
+  const PetscBLASInt own = (PetscBLASInt)PetscMin(LATIN_FRONT_PANEL, F->columns[f] - c), height = (PetscBLASInt)(F->row_first[f + 1] - F->row_first[f] - c), below = height - own;
+  const PetscInt    *row   = F->row + F->row_first[f] + c + own;
+  const FRONT_REAL  *panel = (const FRONT_REAL *)F->factor + F->panel[f] + LatinFrontAt(height + c, c), one = 1, minus = -1;
   FRONT_REAL        *x = (FRONT_REAL *)F->x, *work = (FRONT_REAL *)F->work;
 
   for (PetscBLASInt r = 0; r < below; r++) memcpy(work + (size_t)columns * (size_t)r, x + (size_t)columns * (size_t)row[r], (size_t)columns * sizeof(*x));
-  x += (size_t)F->first[f] * (size_t)columns;
+  x += (size_t)(F->first[f] + c) * (size_t)columns;
   if (below) FRONT_BLAS(gemm)("N", "N", &columns, &own, &below, &minus, work, &columns, panel + own, &height, &one, x, &columns);
   FRONT_BLAS(trsm)("R", "L", "N", "N", &columns, &own, &one, panel, &height, x, &columns);
 }
@@ -325,11 +335,13 @@ static void FRONT(LatinFrontsHalves)(LatinFronts *F, PetscBool forward, PetscBoo
   FRONT(LatinFrontsTake)(F, forward ? inside : F->n, columns, b, ld, scale);
   for (PetscInt f = 0; f < F->fronts && forward; f++)
     if (columns == 1) FRONT(LatinFrontColumn)(F, f, PETSC_TRUE);
-    else if (F->columns[f] && !FRONT(LatinFrontIdle)(F, f, (PetscBLASInt)columns)) FRONT(LatinFrontForward)(F, f, (PetscBLASInt)columns);
+    else
+      for (PetscInt c = 0; c < F->columns[f] && (c || !FRONT(LatinFrontIdle)(F, f, (PetscBLASInt)columns)); c += LATIN_FRONT_PANEL) FRONT(LatinFrontForward)(F, f, c, (PetscBLASInt)columns);
   if (forward && backward) memset((FRONT_REAL *)F->x + (size_t)inside * (size_t)columns, 0, (size_t)F->kept * (size_t)columns * sizeof(FRONT_REAL));
   for (PetscInt f = F->fronts - 1; f >= 0 && backward; f--)
     if (columns == 1) FRONT(LatinFrontColumn)(F, f, PETSC_FALSE);
-    else if (F->columns[f]) FRONT(LatinFrontBackward)(F, f, (PetscBLASInt)columns);
+    else
+      for (PetscInt c = LatinFrontLastPanel(F->columns[f]); c >= 0 && F->columns[f]; c -= LATIN_FRONT_PANEL) FRONT(LatinFrontBackward)(F, f, c, (PetscBLASInt)columns);
   sum = FRONT(LatinFrontsGive)(F, forward, backward, columns, b, ld, scale);
   if (energy && forward) *energy += sum;
 }

@@ -14,6 +14,20 @@ static inline PetscInt LatinFrontBelow(const LatinFronts *F, PetscInt f)
   return F->row_first[f + 1] - F->row_first[f] - F->columns[f];
 }
 
+  #define LATIN_FRONT_PANEL 64 /* columns of a front that are stored from the same row on: what lies above the diagonal is left out but for their own block */
+
+/* The columns of a front are stored by panels, one after the other, each from its diagonal on and column-major: where the panel of column c begins, a multiple of LATIN_FRONT_PANEL */
+static inline size_t LatinFrontAt(PetscInt height, PetscInt c)
+{
+  return (size_t)c * (size_t)height - (size_t)c * (size_t)(c - PetscMin(c, LATIN_FRONT_PANEL)) / 2;
+}
+
+/* The first column of the last one */
+static inline PetscInt LatinFrontLastPanel(PetscInt columns)
+{
+  return columns ? (columns - 1) / LATIN_FRONT_PANEL * LATIN_FRONT_PANEL : 0;
+}
+
 /* Entries of what it leaves and a later front takes: columns of the rows that these eliminate */
 static inline size_t LatinFrontLeft(const LatinFronts *F, PetscInt f)
 {
@@ -38,11 +52,12 @@ PetscErrorCode LatinFrontsCreate(PetscInt n, PetscInt kept, PetscInt fronts, con
   PetscCall(PetscMalloc1(n, &owner));
   F->panel[0] = 0;
   for (PetscInt f = 0; f < fronts; f++) {
-    const PetscInt height = row_first[f + 1] - row_first[f];
+    const PetscInt height = row_first[f + 1] - row_first[f], columns = PetscMax(0, PetscMin(first[f + 1], inside) - first[f]), last = LatinFrontLastPanel(columns);
 
-    F->columns[f]   = PetscMax(0, PetscMin(first[f + 1], inside) - first[f]);
-    F->panel[f + 1] = F->panel[f] + (size_t)height * (size_t)F->columns[f];
-    F->widest       = PetscMax(F->widest, F->panel[f + 1] - F->panel[f]);
+    F->columns[f]   = columns;
+    F->panel[f + 1] = F->panel[f] + LatinFrontAt(height, last) + (size_t)(height - last) * (size_t)(columns - last);
+    F->widest       = PetscMax(F->widest, (size_t)height * (size_t)columns);
+    F->reach        = PetscMax(F->reach, F->panel[f] + (size_t)height * (size_t)columns);
     F->tallest      = PetscMax(F->tallest, height);
     F->child[f]     = -1;
     F->later[f]     = F->columns[f] ? height - F->columns[f] : 0;
@@ -146,13 +161,11 @@ static LatinArithmetic LatinFrontsPay(const LatinFronts *F)
 */
 PetscErrorCode LatinFrontsFactor(LatinFronts *F, LatinArithmetic precision, const PetscInt i[], const PetscInt j[], const PetscScalar a[], PetscReal S[], PetscInt *bad)
 {
-  const size_t entries = F->panel[F->fronts];
-
   PetscFunctionBegin;
   *bad = -1;
   if (precision == LATIN_BY_SIZE) precision = LatinFrontsPay(F);
   for (PetscBool again = PETSC_TRUE; again; again = (PetscBool)(*bad >= 0 && precision-- != LATIN_DOUBLE)) {
-    const size_t bytes = entries * (precision == LATIN_DOUBLE ? sizeof(double) : sizeof(float));
+    const size_t bytes = precision == LATIN_ROUNDED ? F->panel[F->fronts] * sizeof(float) : F->reach * (precision == LATIN_DOUBLE ? sizeof(double) : sizeof(float));
 
     if (*bad >= 0) PetscCall(PetscInfo(NULL, "single precision does not hold the factor: row %" PetscInt_FMT "\n", *bad));
     *bad = -1;

@@ -23,8 +23,9 @@ typedef struct {
   PetscInt       *later;             /* [fronts] rows below them that later fronts eliminate; those that are kept come after them */
   PetscInt       *child, *sibling;   /* [fronts] fronts that leave something on this one; -1: none */
   PetscBool      *odd;               /* [fronts] is its depth in the tree of these odd? */
-  size_t         *panel;             /* [fronts + 1] where the columns of a front are in the factor, rows x columns, column-major */
-  size_t          stack, widest;     /* entries of all that waits to be added to later fronts, at most; of the largest panel */
+  size_t         *panel;             /* [fronts + 1] where the columns of a front are in the factor: see LatinFrontAt() */
+  size_t          stack, widest;     /* entries of all that waits to be added to later fronts, at most; of the largest front's columns, */
+  size_t          reach;             /* and of the factor while these are whole in their places */
   PetscInt        tallest;           /* rows of the tallest front */
   PetscLogDouble  operations;        /* additions and multiplications of the factorisation */
   LatinArithmetic precision;         /* of the factor that is there */

@@ -40,12 +40,12 @@ LATIN_INLINE void FRONT(LatinLanesBelow)(const PetscInt rows, PetscInt r, PetscI
   _Pragma("GCC unroll 8") for (PetscInt i = 0; i < rows; i++) x[row[r + i]] -= s[i];
 }
 
-/* x = L^-1 x for the rows of front f, and what that leaves is taken from the rows below */
-LATIN_INLINE void FRONT(LatinLanesForward)(const LatinFronts *F, PetscInt f, FRONT(LatinLanes) x[], LatinLanesSum *energy)
+/* x = L^-1 x for the rows of the panel of front f that begins with its column at, and what that leaves is taken from the rows below */
+LATIN_INLINE void FRONT(LatinLanesForward)(const LatinFronts *F, PetscInt f, PetscInt at, FRONT(LatinLanes) x[], LatinLanesSum *energy)
 {
-  const PetscInt   *row = F->row + F->row_first[f], own = F->columns[f], height = F->row_first[f + 1] - F->row_first[f];
-  const FRONT_REAL *L  = (const FRONT_REAL *)F->factor + F->panel[f];
-  FRONT(LatinLanes) *y = x + F->first[f];
+  const PetscInt   *row = F->row + F->row_first[f] + at, own = PetscMin(LATIN_FRONT_PANEL, F->columns[f] - at), height = F->row_first[f + 1] - F->row_first[f] - at;
+  const FRONT_REAL *L  = (const FRONT_REAL *)F->factor + F->panel[f] + LatinFrontAt(height + at, at);
+  FRONT(LatinLanes) *y = x + F->first[f] + at;
   PetscInt r           = 0;
 
   for (; r + 4 <= own; r += 4) FRONT(LatinLanesEliminate)(4, r, L, (size_t)height, y, energy);
@@ -75,12 +75,12 @@ LATIN_INLINE void FRONT(LatinLanesReturn)(const PetscInt rows, PetscInt c, Petsc
   }
 }
 
-/* x = L^-t x for the rows of front f, those below being known */
-LATIN_INLINE void FRONT(LatinLanesBackward)(const LatinFronts *F, PetscInt f, FRONT(LatinLanes) x[], LatinLanesSum *square)
+/* x = L^-t x for these rows, those below being known */
+LATIN_INLINE void FRONT(LatinLanesBackward)(const LatinFronts *F, PetscInt f, PetscInt at, FRONT(LatinLanes) x[], LatinLanesSum *square)
 {
-  const PetscInt   *row = F->row + F->row_first[f], own = F->columns[f], height = F->row_first[f + 1] - F->row_first[f];
-  const FRONT_REAL *L  = (const FRONT_REAL *)F->factor + F->panel[f];
-  FRONT(LatinLanes) *y = x + F->first[f];
+  const PetscInt   *row = F->row + F->row_first[f] + at, own = PetscMin(LATIN_FRONT_PANEL, F->columns[f] - at), height = F->row_first[f + 1] - F->row_first[f] - at;
+  const FRONT_REAL *L  = (const FRONT_REAL *)F->factor + F->panel[f] + LatinFrontAt(height + at, at);
+  FRONT(LatinLanes) *y = x + F->first[f] + at;
   PetscInt c           = own;
 
   for (; c >= 8; c -= 8) FRONT(LatinLanesReturn)(8, c - 8, own, L, (size_t)height, row, y, x, square);
@@ -88,7 +88,7 @@ LATIN_INLINE void FRONT(LatinLanesBackward)(const LatinFronts *F, PetscInt f, FR
   for (; c > 0; c--) FRONT(LatinLanesReturn)(1, c - 1, own, L, (size_t)height, row, y, x, square);
 }
 
-/* Asks for the panel of a front while another one is worked on */
+/* Asks for the panels of a front while another one is worked on */
 LATIN_INLINE void FRONT(LatinLanesFetch)(const LatinFronts *F, PetscInt f)
 {
   const FRONT_REAL *L = (const FRONT_REAL *)F->factor;
@@ -101,10 +101,10 @@ LATIN_CLONES static void FRONT(LatinFrontsLanes)(LatinFronts *F, FRONT(LatinLane
 {
   for (PetscInt f = 0; f < F->fronts; f++) {
     if (f + 1 < F->fronts) FRONT(LatinLanesFetch)(F, f + 1);
-    FRONT(LatinLanesForward)(F, f, x, energy);
+    for (PetscInt at = 0; at < F->columns[f]; at += LATIN_FRONT_PANEL) FRONT(LatinLanesForward)(F, f, at, x, energy);
   }
   for (PetscInt f = F->fronts - 1; f >= 0; f--) {
     if (f) FRONT(LatinLanesFetch)(F, f - 1);
-    FRONT(LatinLanesBackward)(F, f, x, square);
+    for (PetscInt at = LatinFrontLastPanel(F->columns[f]); at >= 0; at -= LATIN_FRONT_PANEL) FRONT(LatinLanesBackward)(F, f, at, x, square);
   }
 }
