@@ -158,6 +158,7 @@ OTHERS = {
         "What lies above the diagonal is left out of a factor but for blocks of so many columns: entries of network "
         "20,000 2.73e7 -> 2.36e7, of the METIS grid of 200 7.54e7 -> 7.08e7. As many as `LATIN_BATCH_COLUMNS`.",
     ),
+    "LATIN_SMALL_PAGE": ("bytes", "Of a page of x86-64, and no more than of others: each is touched."),
     "LATIN_PAGE": (
         "bytes",
         "Of a large page of x86-64 and of most others. Factors in such pages: stages of network 20,000 264 -> 240 ms, "

@@ -2,11 +2,40 @@
 #include <stdlib.h>
 #if defined(__linux__)
   #include <sys/mman.h>
+  #include <time.h>
 #endif
 
-#define LATIN_PAGE 2097152 /* bytes of a large page */
+#define LATIN_PAGE       2097152 /* bytes of a large page */
+#define LATIN_SMALL_PAGE 4096
 
-/* Room in large pages where there are: for what is read from end to end, or all over */
+#if defined(MADV_HUGEPAGE)
+/* Processor time in which so many bytes are there, a large page or small ones */
+static PetscReal LatinPageTime(char *room, int advice)
+{
+  struct timespec start = {0}, end = {0};
+
+  (void)clock_gettime(CLOCK_THREAD_CPUTIME_ID, &start);
+  (void)madvise(room, LATIN_PAGE, advice);
+  for (PetscInt b = 0; b < LATIN_PAGE; b += LATIN_SMALL_PAGE) room[b] = 0;
+  (void)clock_gettime(CLOCK_THREAD_CPUTIME_ID, &end);
+  return (PetscReal)(end.tv_sec - start.tv_sec) + 1e-9 * (PetscReal)(end.tv_nsec - start.tv_nsec);
+}
+
+/*
+   Large pages, until one is there later than small ones would be. So it is on virtual machines that give free memory back to
+   their host, which they do by large pages: the next one waits for the host, as long as it takes to read it a hundred times
+*/
+static void LatinRoomPages(char *room, size_t bytes)
+{
+  const PetscReal small = LatinPageTime(room, MADV_NOHUGEPAGE);
+  size_t          at    = LATIN_PAGE;
+
+  while (at + LATIN_PAGE <= bytes && LatinPageTime(room + at, MADV_HUGEPAGE) <= small) at += LATIN_PAGE;
+  if (at < bytes) (void)madvise(room + at, bytes - at, MADV_NOHUGEPAGE);
+}
+#endif
+
+/* Room for what is read from end to end, or all over */
 PetscErrorCode LatinRoomCreate_Private(size_t bytes, void **room)
 {
   PetscFunctionBegin;
@@ -14,7 +43,7 @@ PetscErrorCode LatinRoomCreate_Private(size_t bytes, void **room)
   if (!bytes) bytes = 1;
   PetscCheck(!posix_memalign(room, bytes < LATIN_PAGE ? LATIN_LINE : LATIN_PAGE, bytes), PETSC_COMM_SELF, PETSC_ERR_MEM, "No room for %g bytes", (double)bytes);
 #if defined(MADV_HUGEPAGE)
-  if (bytes >= LATIN_PAGE) (void)madvise(*room, bytes, MADV_HUGEPAGE);
+  if (bytes >= 2 * LATIN_PAGE) LatinRoomPages((char *)*room, bytes);
 #endif
   PetscFunctionReturn(0);
 }
