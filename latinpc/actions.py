@@ -53,7 +53,7 @@ class Actions:
             The same on every rank (m).
         """
         elongation = np.array(self._checks.initial_elongation(initial_elongation))
-        self._handle.set_initial_elongation(native(elongation[self._slices.my_links]))
+        self._handle.set_initial_elongation(native(self._slices.mine(elongation)))
         self._keep("initial_elongation", elongation)
 
     def set_prestress(self, prestress: ArrayLike) -> None:
@@ -65,7 +65,7 @@ class Actions:
             The same on every rank (N); see `Structure`.
         """
         tension = self._checks.prestress(prestress, self.law)
-        self._handle.set_prestress(native(tension[self._slices.my_links]))
+        self._handle.set_prestress(native(self._slices.mine(tension)))
         elongation = np.zeros(len(self.links), dtype=REAL)
         np.divide(tension, self.stiffness, out=elongation, where=tension != 0)
         self._keep("initial_elongation", elongation)

@@ -37,6 +37,10 @@ class Slices:
             first, last = self._block(int(subdomain.max()) + 1)
             self.my_links = np.flatnonzero((subdomain >= first) & (subdomain < last))
 
+    def mine(self, values):
+        """Return this rank's rows of an array over the links, all of it without a copy."""
+        return values if len(self.my_links) == self.links else values[self.my_links]
+
     def _block(self, n):
         return block(n, self.comm.rank, self.comm.size)
 
@@ -53,7 +57,7 @@ class Slices:
 
     def partition(self, name, values):
         """Make an array of the subdomains of this rank's links from that of all."""
-        return partition(name, values, self.links)[self.my_links]
+        return self.mine(partition(name, values, self.links))
 
 
 class Parts:
@@ -69,7 +73,7 @@ class Parts:
         """Leave a nodal array where it is; not collective."""
         return mine
 
-    gather_links = gather_nodes
+    gather_links = mine = gather_nodes
 
     def partition(self, name, values):
         """Make an array of the subdomains of this rank's links; the library checks the rest."""
@@ -161,10 +165,10 @@ def partition(name, values, links):
 
 
 def refuse(wrong, what, why, values):
-    """Raise a ValueError that names the first culprits."""
-    culprits = np.flatnonzero(wrong)
-    if not culprits.size:
+    """Raise a ValueError that names the first culprits, rows of which any entry is wrong."""
+    if not wrong.any():
         return
+    culprits = np.flatnonzero(wrong if wrong.ndim == 1 else wrong.any(axis=1))
     named = ", ".join(f"{i} ({np.array2string(values[i])})" for i in culprits[:_MAX_NAMED])
     more = f" and {culprits.size - _MAX_NAMED} more" if culprits.size > _MAX_NAMED else ""
     raise ValueError(f"{what} {named}{more} {why}")

@@ -110,9 +110,9 @@ class Checks:
 
     def geometry(self, nodes, links, direction, named):
         """Check nodes and links, which messages name; return the directions as an array, None without any."""
-        refuse(~np.isfinite(nodes).all(axis=1), "node", "has a coordinate that is not finite", nodes)
+        refuse(~np.isfinite(nodes), "node", "has a coordinate that is not finite", nodes)
         refuse(
-            ((links < 0) | (links >= len(nodes))).any(axis=1),
+            (links < 0) | (links >= len(nodes)),
             "link",
             f"joins a node that does not exist (nodes are numbered from 0 to {len(nodes) - 1})",
             named,
@@ -121,7 +121,7 @@ class Checks:
         length = np.linalg.norm(nodes[links[:, 1]] - nodes[links[:, 0]], axis=1)
         if direction is not None:
             direction = shaped("direction", direction, (self.count, nodes.shape[1]), self.dtype, "a row per link")
-            refuse(~np.isfinite(direction).all(axis=1), "link", "has a direction that is not finite", direction)
+            refuse(~np.isfinite(direction), "link", "has a direction that is not finite", direction)
             length = np.where(direction.any(axis=1), 1.0, length)
         refuse(length == 0, "link", "has no length: its two nodes are at one place and no direction is given", named)
         return direction
@@ -150,7 +150,7 @@ class Checks:
         """Check supports; return them as arrays."""
         fixed = np.zeros(self.shape, bool) if fixed is None else self.node_array("fixed", fixed, bool)
         prescribed = self.node_array("prescribed", 0.0 if prescribed is None else prescribed)
-        wrong = ((prescribed != 0) & ~fixed).any(axis=1)
+        wrong = (prescribed != 0) & ~fixed
         refuse(wrong, "node", "has a prescribed displacement in a direction that is not fixed", prescribed)
         return fixed, prescribed
 
@@ -192,9 +192,9 @@ class Checks:
         given = shaped(name, values, self.shape, None, "a row per node, a column per direction")
         values = given.astype(self.dtype if dtype is None else dtype, copy=False)
         if dtype is bool:
-            refuse(~np.isin(given, (0, 1)).all(axis=1), "node", f"has a {name} that is neither true nor false", given)
+            refuse(~np.isin(given, (0, 1)), "node", f"has a {name} that is neither true nor false", given)
         else:
-            refuse(~np.isfinite(values).all(axis=1), "node", f"has a {name} that is not finite", values)
+            refuse(~np.isfinite(values), "node", f"has a {name} that is not finite", values)
         return values
 
     def initial_elongation(self, values):

@@ -62,7 +62,7 @@ class Equations:
             Made by ``dm.createMat()``; overwritten.
         """
         tensions = self._checks.link_array("tensions", tensions)
-        self._handle.geometric_stiffness(u, native(tensions[self._slices.my_links]), G)
+        self._handle.geometric_stiffness(u, native(self._slices.mine(tensions)), G)
 
     def tension_rates(self, u: PETSc.Vec, v: PETSc.Vec) -> np.ndarray:
         """Return the derivative of the tensions at `u` along `v`, zero in slack links; collective.

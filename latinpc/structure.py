@@ -222,19 +222,19 @@ class Structure(Geometry, Equations, Actions, Plots):
             self._keep(array, values)
         self.name = name
         self._handle = handle = _latin.StructureHandle()
-        mine = self._slices.my_links
+        mine = self._slices.mine
         handle.create(
-            self.comm, self._slices.nodes, self._my_nodes(self.nodes), native(self.links[mine], PETSc.IntType)
+            self.comm, self._slices.nodes, self._my_nodes(self.nodes), native(mine(self.links), PETSc.IntType)
         )
         handle.set_laws(
-            native(self.law[mine], PETSc.IntType), native(self.stiffness[mine]), native(self.initial_elongation[mine])
+            native(mine(self.law), PETSc.IntType), native(mine(self.stiffness)), native(mine(self.initial_elongation))
         )
         if prestress is not None:
             self.set_prestress(prestress)
         if self.direction is not None:
-            handle.set_directions(native(self.direction[mine]))
+            handle.set_directions(native(mine(self.direction)))
         if self.friction is not None:
-            handle.set_friction(native(self.friction[mine]))
+            handle.set_friction(native(mine(self.friction)))
         handle.set_supports(self._my_nodes(self.fixed, _BOOL), self._my_nodes(self.prescribed))
         handle.set_loads(self._my_nodes(self.load))
         self.set_geometry(geometry)
@@ -487,7 +487,7 @@ class Structure(Geometry, Equations, Actions, Plots):
 
     def _compose_partition(self, subdomain):
         """Leave the partition where every solver on this structure finds it."""
-        mine = native(subdomain[self._slices.my_links], PETSc.IntType)
+        mine = native(self._slices.mine(subdomain), PETSc.IntType)
         self.dm.compose("subdomains", PETSc.IS().createGeneral(mine, comm=self.comm))
 
     def _my_nodes(self, values, dtype=REAL):

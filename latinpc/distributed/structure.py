@@ -166,4 +166,4 @@ class Agreed:
 def _known_nodes(links, total):
     """Refuse links to nodes that no rank has."""
     why = f"joins a node that does not exist (nodes are numbered from 0 to {total - 1} over all ranks)"
-    refuse(((links < 0) | (links >= total)).any(axis=1), "link", why, links)
+    refuse((links < 0) | (links >= total), "link", why, links)

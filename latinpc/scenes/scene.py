@@ -107,7 +107,7 @@ class Scene(Geometry, Plots):
             setattr(self, name, None if values is None else np.require(values, requirements=("C", "W")))
         if self.velocity is not None:
             self.velocity = np.array(shaped("velocity", self.velocity, self.nodes.shape, float, "a row per node"))
-            refuse(~np.isfinite(self.velocity).all(axis=1), "node", "has a velocity that is not finite", self.velocity)
+            refuse(~np.isfinite(self.velocity), "node", "has a velocity that is not finite", self.velocity)
             moves = ((self.velocity != 0.0) & self.fixed).any(axis=1)
             refuse(moves, "node", "has a velocity in a direction that is fixed", self.velocity)
         if self.time_step is not None and not 0.0 < self.time_step < np.inf:
