@@ -2,16 +2,16 @@
 
 /*
    Solves where links turn (structure/turning.h, structure/frame.c). By small angles they are those of any structure. Far, the course of a
-   solve is this: the iteration, with operators made once; operators made at the present displacements where the iteration would
-   take longer without them; Newton's method with the exact tangent stiffness near the solution, which proves the error
-   (snes/largenewton.c). Its search for the least energy along a step, and what is known of slack links in the geometry of the drawn
+   solve is this: the iteration, with operators made once; with operators made at the present displacements where it would
+   take longer without them; where it would with these as well, or near the solution, Newton's method with the exact tangent stiffness, which
+   proves the error (snes/largenewton.c). Its search for the least energy along a step, and what is known of slack links in the geometry of the drawn
    configuration, do not carry over.
 */
 
 #define LATIN_LARGE_NEAR   1e-3 /* estimated error from which on Newton's method is tried */
 #define LATIN_LARGE_FAR    0.1  /* where it has failed it is tried again when the error is so much smaller */
 #define LATIN_LARGE_WINDOW 8    /* linear stages that show their progress; 12 take a few more to the end, 6 too little progress */
-#define LATIN_LARGE_GROW   4    /* times as many after operators have been made anew: with 2 some saddles take twice as many stages */
+#define LATIN_LARGE_GROW   2    /* times as many after operators have been made anew: with 1 small saddles take half as many set-ups again, with 4 large ones twice the stages */
 #define LATIN_LARGE_MOST   40   /* times that Newton's method gets operators of the tangent stiffness: from 1e-3 to 1e-9 it needs 1 to 8 */
 #define LATIN_LARGE_LONG   20   /* linear stages of Newton's method after which it gets new operators: with 30 a bridge takes 53 in the place of 28 */
 #define LATIN_LARGE_COST   30   /* linear stages that take as long as a set-up: 25 to 38 on networks and grids of 8,000 to 360,000 unknowns */
@@ -37,7 +37,7 @@ PetscErrorCode SNESLatinLargeStart_Private(SNES snes)
   PetscCheck(data->stop != LATIN_STOP_ENERGY, PetscObjectComm((PetscObject)snes), PETSC_ERR_SUP, "-snes_latin_stop energy is for links that keep their direction: take the stop error where they turn far (-snes_latin_geometry large)");
   PetscCheck(data->stop != LATIN_STOP_REFERENCE || !data->large.frame->spring, PetscObjectComm((PetscObject)snes), PETSC_ERR_SUP,
              "-snes_latin_stop reference does not see what inextensible cables of large displacements are still to bear: take the stop error, or the indicator");
-  structure->ahead = structure->slope = NULL; /* of a solve that an error has ended */
+  structure->ahead = structure->strain = structure->slope = NULL; /* of a solve that an error has ended */
   PetscCall(PetscFree(large->ahead));
   large->renewals = 0;
   large->reached  = 0.0;
@@ -59,8 +59,8 @@ static PetscErrorCode SNESLatinLargeDue_Private(SNES snes, PetscReal measure, Pe
 {
   SNES_Latin *data  = (SNES_Latin *)snes->data;
   LatinLarge *large = &data->large;
-  PetscInt    slack = 0;
-  PetscReal   gain, left;
+  PetscInt    slack = 0, links = large->frame->turns->links_local;
+  PetscReal   gain, left, *at;
   Vec         u;
 
   PetscFunctionBegin;
@@ -72,11 +72,14 @@ static PetscErrorCode SNESLatinLargeDue_Private(SNES snes, PetscReal measure, Pe
   large->before = PetscMin(large->before, large->least);
   large->least  = PETSC_MAX_REAL;
   large->seen   = 0;
-  if (!large->renewals) {
+  if (!large->renewals && !large->frame->turns->midpoint) { /* masses hold what slack cables do not */
+    PetscCall(PetscMalloc1(2 * links, &at));
     PetscCall(DMGetGlobalVector(large->frame->dm, &u));
     PetscCall(LatinAverage_Private(&data->latin->linear, u));
-    PetscCall(LatinFrameSlack_Private(large->frame, u, &slack));
+    PetscCall(LatinTurningAhead_Private(large->frame->turns, u, u, 0.0, at, at + links));
+    PetscCall(LatinFrameChanged_Private(large->frame, at + links, &slack));
     PetscCall(DMRestoreGlobalVector(large->frame->dm, &u));
+    PetscCall(PetscFree(at));
   }
   *due = (PetscBool)(slack || (left > 0.0 && large->window * left > (PetscReal)LATIN_LARGE_COST * gain));
   PetscFunctionReturn(0);
@@ -194,17 +197,18 @@ static PetscErrorCode SNESLatinLargeLeaves_Private(SNES snes)
 }
 
 /* Tensions go ahead of the displacements in the solution vector, which are off by `error` of themselves. Collective on snes */
-static PetscErrorCode SNESLatinLargeAhead_Private(SNES snes, PetscReal error)
+static PetscErrorCode SNESLatinLargeAhead_Private(SNES snes, PetscBool near)
 {
   LatinLarge          *large     = &((SNES_Latin *)snes->data)->large;
   const LatinStructure structure = large->frame->turns;
 
   PetscFunctionBegin;
-  if (structure->midpoint) PetscFunctionReturn(0);                    /* the mean force of a step has a tangent of its own */
-  PetscCall(PetscMalloc1(structure->links_local + 1, &large->ahead)); /* never NULL then */
-  PetscCall(LatinTurningTensions_Private(structure, NULL, snes->vec_sol, large->ahead));
-  structure->ahead = large->ahead;
-  structure->hold  = LATIN_LARGE_HOLD * error;
+  if (structure->midpoint) PetscFunctionReturn(0);                        /* the mean force of a step has a tangent of its own */
+  PetscCall(PetscMalloc1(2 * structure->links_local + 1, &large->ahead)); /* never NULL then */
+  PetscCall(LatinTurningAhead_Private(structure, snes->vec_sol, snes->vec_sol, 0.0, large->ahead, large->ahead + structure->links_local));
+  structure->ahead  = large->ahead;
+  structure->strain = near ? large->ahead + structure->links_local : NULL;
+  structure->hold   = near ? LATIN_LARGE_HELD * large->near : LATIN_LARGE_HOLD;
   PetscFunctionReturn(0);
 }
 
@@ -226,7 +230,7 @@ PetscErrorCode SNESLatinLargeFinish_Private(SNES snes, PetscInt times, PetscBool
   PetscCall(SNESLatinLargeLeaves_Private(snes));
   PetscCall(DMGetGlobalVector(large->frame->dm, &u));
   PetscCall(VecCopy(snes->vec_sol, u));
-  PetscCall(SNESLatinLargeAhead_Private(snes, near ? large->near : 1.0));
+  PetscCall(SNESLatinLargeAhead_Private(snes, near));
   *done       = PETSC_FALSE;
   large->slow = (PetscBool)(near && !structure->midpoint && large->frame->made != LATIN_FRAME_TANGENT);
   if (!large->slow) PetscCall(SNESLatinLargeNewton_Private(snes, most, done));
@@ -236,10 +240,10 @@ PetscErrorCode SNESLatinLargeFinish_Private(SNES snes, PetscInt times, PetscBool
     PetscCall(SNESLatinLargeNewton_Private(snes, most, done));
     PetscCall(SNESGetIterationNumber(data->newton.snes, &steps));
   }
-  structure->ahead = NULL;
+  structure->ahead = structure->strain = NULL;
   PetscCall(PetscFree(large->ahead));
   if (!*done) PetscCall(VecCopy(u, snes->vec_sol));
-  if (!*done && renewed && near) PetscCall(SNESLatinLargeRenew_Private(snes, LATIN_FRAME_PRESENT));
+  if (!*done && near && (renewed || !structure->midpoint)) PetscCall(SNESLatinLargeRenew_Private(snes, LATIN_FRAME_PRESENT));
   PetscCall(DMRestoreGlobalVector(large->frame->dm, &u));
   PetscFunctionReturn(0);
 }
@@ -267,8 +271,9 @@ static PetscErrorCode SNESLatinLargeProve_Private(SNES snes, PetscBool *done)
 /* For the loads that there are, from the state z on. Collective on snes */
 PetscErrorCode SNESLatinLargeIterate_Private(SNES snes)
 {
-  SNES_Latin *data = (SNES_Latin *)snes->data;
-  PetscBool   done = PETSC_FALSE, rests;
+  SNES_Latin *data  = (SNES_Latin *)snes->data;
+  LatinLarge *large = &data->large;
+  PetscBool   done  = PETSC_FALSE, rests;
 
   PetscFunctionBegin;
   PetscCall(SNESLatinLargeLeaves_Private(snes));
@@ -278,7 +283,8 @@ PetscErrorCode SNESLatinLargeIterate_Private(SNES snes)
     PetscCall(SNESLatinIterate_Private(snes, SNESLatinLargeConverged_Private));
     if (data->next == LATIN_NEXT_REBUILD) {
       PetscCall(LatinAverage_Private(&data->latin->linear, snes->vec_sol));
-      PetscCall(SNESLatinLargeRenew_Private(snes, LATIN_FRAME_PRESENT));
+      if (!large->renewals || !SNESLatinEstimates(data) || data->newton.type == LATIN_NEWTON_NEVER) PetscCall(SNESLatinLargeRenew_Private(snes, LATIN_FRAME_PRESENT));
+      else PetscCall(SNESLatinLargeFinish_Private(snes, LATIN_LARGE_MOST, PETSC_TRUE, &done));
     } else if (data->next == LATIN_NEXT_NEWTON_FINISH) PetscCall(SNESLatinLargeProve_Private(snes, &done));
     else done = PETSC_TRUE;
   }

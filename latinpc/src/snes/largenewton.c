@@ -7,6 +7,10 @@
    by a few degrees has wrong by more than it bears. So steps are taken whole. At the solution both are the same. A slack cable keeps a stiffness in
    proportion to the step, which a chain that falls until it hangs needs.
 
+   After the iteration strains are unknowns of their own: laws go on as straight lines from the strains that the last step was to make, so that these
+   say which cables are slack, and not the lengths. No cable changes to and fro as it turns, and nets half of whose cables change take a few whole
+   steps. Where many have changed since, operators are made anew: each takes a linear iteration at most, and all together longer than a set-up.
+
    What a step leaves of the forces without balance, in the norm of the operators, says how much of the step is left as error: it is
    linear in the error, as the step is. A field that these operators have as stiffer than it is shows less in that norm, by the least
    eigenvalue that the linear solve has seen. Cables that change between taut and slack leave more, so that the step must be small itself. The
@@ -15,6 +19,7 @@
 
 #define LATIN_LARGE_STEPS   50   /* most steps */
 #define LATIN_LARGE_LEAST   4    /* iterations of a linear solve near the solution, or twice the digits: a soft field shows late, and a tower claimed a fiftieth of its error */
+#define LATIN_LARGE_CHANGES 30   /* links that have another stiffness than in the operators, each of which takes an iteration of a linear solve at most */
 #define LATIN_LARGE_SOLVE   30   /* most iterations of a linear solve: a step that is cut short goes on with new operators */
 #define LATIN_LARGE_RTOL    1e-2 /* of a linear solve; less is lost to the next step */
 #define LATIN_LARGE_ASTRAY  2.0  /* a step so much larger than the displacements after it leads astray; with 1 a bridge takes twice the set-ups, without limit a truss snaps through */
@@ -108,6 +113,20 @@ static PetscErrorCode LatinLargeError_Private(SNES newton, LatinLarge *large, Pe
   PetscFunctionReturn(0);
 }
 
+/* What the laws themselves leave without balance at u, and its norm. Collective on newton */
+static PetscErrorCode LatinLargeLeft_Private(SNES newton, LatinLarge *large, Vec u, Vec r, PetscReal *norm)
+{
+  const LatinStructure   structure = large->frame->turns;
+  const PetscReal *const strain    = structure->strain;
+
+  PetscFunctionBegin;
+  structure->strain = NULL;
+  PetscCall(SNESComputeFunction(newton, u, r));
+  structure->strain = strain;
+  PetscCall(VecNorm(r, NORM_2, norm));
+  PetscFunctionReturn(0);
+}
+
 /* After a step, of a part of the displacements: does it end the method? Collective on newton */
 static PetscErrorCode LatinLargeStep_Private(SNES newton, SNES snes, PetscInt it, PetscReal step, PetscReal fnorm, SNESConvergedReason *reason)
 {
@@ -117,22 +136,24 @@ static PetscErrorCode LatinLargeStep_Private(SNES newton, SNES snes, PetscInt it
   PetscReal          tensions;
   PetscBool          small = (PetscBool)(step <= LATIN_LARGE_PROOF * data->target);
   KSPConvergedReason linear;
-  PetscInt           stages;
+  PetscInt           stages, changed;
   KSP                ksp;
   Vec                r, u;
 
   PetscFunctionBegin;
-  PetscCall(SNESGetFunction(newton, &r, NULL, NULL));
   PetscCall(SNESGetSolution(newton, &u));
+  PetscCall(DMGetGlobalVector(large->frame->dm, &r));
+  PetscCall(LatinLargeLeft_Private(newton, large, u, r, &fnorm));
   PetscCall(SNESGetKSP(newton, &ksp));
   PetscCall(KSPGetConvergedReason(ksp, &linear));
   PetscCall(SNESGetLinearSolveIterations(newton, &stages));
   large->error = tensions = step;
   if (small) PetscCall(LatinLargeError_Private(newton, large, step, u, r, &large->error, &tensions));
+  PetscCall(DMRestoreGlobalVector(large->frame->dm, &r));
   PetscCall(PetscInfo(snes, "Newton's method, step %" PetscInt_FMT ": %g, estimated error %g of %g, of tensions %g, forces without balance %g of %g\n", it, (double)step, (double)large->error, (double)data->target, (double)tensions, (double)fnorm,
                       (double)large->balance));
   data->estimate.tensions   = large->ahead ? tensions : -1.0;
-  large->frame->turns->hold = LATIN_LARGE_HOLD * PetscMin(1.0, step);
+  large->frame->turns->hold = (large->frame->turns->strain ? LATIN_LARGE_HELD : LATIN_LARGE_HOLD) * PetscMin(1.0, step);
   if (linear == KSP_DIVERGED_INDEFINITE_MAT) *reason = SNES_DIVERGED_LINEAR_SOLVE;
   else if (it > 1 && large->ahead && step > LATIN_LARGE_ASTRAY) *reason = SNES_DIVERGED_DTOL; /* it wanders */
   else if (linear > 0 && small && large->error <= data->target && tensions <= SNESLatinTensionTarget(data) && fnorm <= large->balance) *reason = SNES_CONVERGED_SNORM_RELATIVE;
@@ -140,6 +161,10 @@ static PetscErrorCode LatinLargeStep_Private(SNES newton, SNES snes, PetscInt it
     large->error = PetscMax(step, data->estimate.floor);
     *reason      = large->error <= data->target ? SNES_CONVERGED_SNORM_RELATIVE : SNES_DIVERGED_LOCAL_MIN;
   } else if (it >= LATIN_LARGE_STEPS || stages >= large->most) *reason = SNES_DIVERGED_MAX_IT;
+  else if (large->frame->turns->strain) {
+    PetscCall(LatinFrameChanged_Private(large->frame, large->frame->turns->strain, &changed));
+    if (changed > LATIN_LARGE_CHANGES) *reason = SNES_DIVERGED_MAX_IT;
+  }
   PetscFunctionReturn(0);
 }
 
@@ -166,7 +191,7 @@ static PetscErrorCode LatinLargeAhead_Private(LatinLarge *large, Vec u, Vec step
   if (!large->ahead) PetscFunctionReturn(0);
   PetscCall(DMGetWorkArray(structure->dm, structure->links_local, MPIU_REAL, &tension));
   PetscCall(LatinTurningTensions_Private(structure, NULL, u, tension));
-  PetscCall(LatinTurningAhead_Private(structure, u, step, -1.0, large->ahead));
+  PetscCall(LatinTurningAhead_Private(structure, u, step, -1.0, large->ahead, large->ahead + structure->links_local));
   PetscCall(LatinLargeDifference_Private(structure, tension, large->ahead, &large->stretch));
   PetscCall(DMRestoreWorkArray(structure->dm, structure->links_local, MPIU_REAL, &tension));
   PetscFunctionReturn(0);
@@ -342,8 +367,9 @@ PetscErrorCode SNESLatinLargeNewton_Private(SNES snes, PetscInt most, PetscBool 
   PetscCall(PetscInfo(snes, "Newton's method ended with %s after %" PetscInt_FMT " linear iterations\n", SNESConvergedReasons[reason], stages));
   *done = (PetscBool)(reason > 0 || reason == SNES_DIVERGED_LOCAL_MIN);
   if (!*done) PetscFunctionReturn(0);
-  data->estimate.value = large->error;
-  data->next           = reason > 0 || large->frame->turns->midpoint ? LATIN_NEXT_CONVERGED : LATIN_NEXT_ROUNDING; /* a time step is one as far as rounding lets it */
+  large->frame->turns->strain = NULL; /* the laws themselves again */
+  data->estimate.value        = large->error;
+  data->next                  = reason > 0 || large->frame->turns->midpoint ? LATIN_NEXT_CONVERGED : LATIN_NEXT_ROUNDING; /* a time step is one as far as rounding lets it */
   if (reason < 0) PetscCall(PetscInfo(snes, "The error asked for, %g, is below what rounding leaves on this structure, about %g\n", (double)data->target, (double)large->error));
   PetscCall(SNESLatinBalance_Private(snes));
   PetscCall(SNESLatinWatch_Private(snes, data->latin->linear.applications + data->newton.stages));

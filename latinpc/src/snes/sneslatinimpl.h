@@ -107,7 +107,8 @@ PETSC_INTERN PetscErrorCode LatinParameterTune_Private(Latin, PetscReal factor);
 PETSC_INTERN PetscErrorCode LatinParameterState_Private(Latin, Vec z, Vec F, PetscReal factor);
 
 /* ---- links that turn: their parts, and the course of a solve (snes/large.c, snes/largenewton.c, snes/largepath.c) ---- */
-#define LATIN_LARGE_HOLD 0.3 /* of the step relative to the displacements: part of the mean tension over length that slack cables keep as stiffness; with 0.1 and 1 masts take more stages */
+#define LATIN_LARGE_HOLD 0.3  /* of the step relative to the displacements: part of the mean tension over length that slack cables keep as stiffness; with 0.1 and 1 masts take more stages */
+#define LATIN_LARGE_HELD 0.01 /* the same where laws go on as straight lines; with 0.1 and 0.3 saddles take up to twice the set-ups */
 typedef struct {
   LatinStructure frame;    /* what the iteration works on in the place of the structure; NULL: links keep their direction */
   PetscBool      given;    /* a geometry, by an option */
@@ -118,7 +119,7 @@ typedef struct {
   PetscReal least, before; /* least measure of this window and of the last one */
   PetscReal near;          /* estimated error from which on Newton's method is tried */
   /* of Newton's method */
-  PetscReal *ahead;         /* [links_local of the structure] tensions that go ahead of the displacements; NULL in time steps */
+  PetscReal *ahead;         /* [2][links_local of the structure] tensions that go ahead of the displacements, and their strains; NULL in time steps */
   PetscReal  error;         /* estimated, after a step */
   PetscReal  first;         /* norm of the residual at the start of a linear solve */
   PetscInt   limit;         /* most iterations of one */

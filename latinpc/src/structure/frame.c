@@ -25,7 +25,6 @@
 #define LATIN_FRAME_NEAR    0.1   /* nearly slack: tension over length, relative to that mean; with 0.02 three times as many stages, with 0.3 a few more */
 #define LATIN_FRAME_FLOOR   1e-6  /* k and c at least in the tangent stiffness, times that mean: 1e-2 and 1e-4 are no different */
 #define LATIN_FRAME_STRUT   2.0   /* c at least, times -tau / R of a link in compression: with 1 its length is not unique in the local stage */
-#define LATIN_FRAME_STIFF   5.0   /* times the stiffness of a slack cable: a cable that has more in the frame has been taken for a taut one; more than LATIN_FRAME_FIRST */
 #define LATIN_FRAME_NONE    1e-3  /* c where nothing is taut, relative to the mean stiffness */
 #define LATIN_FRAME_PENALTY 100.0 /* times the stiffness beside an inextensible cable, at first */
 #define LATIN_FRAME_LOWEST  1e-5  /* that mean at least, relative to the mean stiffness: operators of a structure whose tensions vanish must not be a mechanism */
@@ -151,7 +150,7 @@ static PetscErrorCode LatinFrameMeasure_Private(LatinStructure frame, const Pets
       LatinFrameAxes(dim, n, axes + dim * dim * l);
     }
     tension        = law->tension(LatinFrameStiffness(frame, l), x, law->ctx);
-    link[l].k      = base->slope ? base->slope[l] : law->tangent(LatinFrameStiffness(frame, l), x, law->ctx);
+    link[l].k      = base->slope ? base->slope[l] : law->tangent(LatinFrameStiffness(frame, l), base->strain ? base->strain[l] + LatinFrameShift(frame, l) : x, law->ctx);
     link[l].across = keeps ? (tension != 0.0 ? 1.0 : 0.0) : size > 0.0 ? tension / size : 0.0;
     sum->all += 1.0;
     if (keeps) continue;
@@ -220,34 +219,20 @@ static PetscErrorCode LatinFrameLarge_Private(LatinStructure frame, const PetscS
   PetscFunctionReturn(0);
 }
 
-/* Cables that parts at displacements u would have as slack, and are stiffer in the frame. Collective on frame */
-PetscErrorCode LatinFrameSlack_Private(LatinStructure frame, Vec u, PetscInt *slack)
+/* Links that have another stiffness in the frame than their laws at these strains, by more than half of the largest one. Collective on frame */
+PetscErrorCode LatinFrameChanged_Private(LatinStructure frame, const PetscReal strain[], PetscInt *changed)
 {
-  const LatinStructure base = frame->turns;
-  const PetscScalar   *a;
-  LatinFrameLink      *link;
-  LatinFrameSums       sum;
-  PetscReal            k, c;
-  Vec                  local;
+  const PetscInt dim = frame->dim;
 
   PetscFunctionBegin;
-  *slack = 0;
-  if (base->midpoint) PetscFunctionReturn(0); /* masses hold what slack cables do not */
-  PetscCall(PetscMalloc1(base->links_local, &link));
-  PetscCall(DMGetLocalVector(base->dm, &local));
-  PetscCall(LatinStructureGetLocal_Private(base, base->vertex_prescribed, u, local));
-  PetscCall(VecGetArrayRead(local, &a));
-  PetscCall(LatinFrameMeasure_Private(frame, a, link, NULL, &sum));
-  PetscCall(VecRestoreArrayRead(local, &a));
-  PetscCall(DMRestoreLocalVector(base->dm, &local));
-  for (PetscInt l = 0; l < base->links_local; l++) {
-    const PetscInt i = base->dim * l;
+  *changed = 0;
+  for (PetscInt l = 0; l < frame->turns->links_local; l++) {
+    const LatinLaw *law = &LatinLaws[LatinFrameLaw(frame, l)];
+    const PetscReal k = LatinFrameStiffness(frame, l), made = frame->stiffness[dim * l] * PetscSqr(frame->part[LATIN_PART * dim * l + LATIN_PART_SCALE]);
 
-    LatinFrameDirection(frame, l, link + l, LATIN_FRAME_PRESENT, &sum, &k, &c);
-    if (LatinFrameLaw(frame, l) == LATIN_LAW_CABLE && !LatinStructureKeeps(base, l) && LATIN_FRAME_STIFF * k < frame->stiffness[i] * PetscSqr(frame->part[LATIN_PART * i + LATIN_PART_SCALE])) ++*slack;
+    if (PetscAbsReal(made - law->tangent(k, strain[l] + LatinFrameShift(frame, l), law->ctx)) > 0.5 * k) ++*changed;
   }
-  PetscCall(PetscFree(link));
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, slack, 1, MPIU_INT, MPI_SUM, PetscObjectComm((PetscObject)frame)));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, changed, 1, MPIU_INT, MPI_SUM, PetscObjectComm((PetscObject)frame)));
   PetscFunctionReturn(0);
 }
 

@@ -73,9 +73,10 @@ struct _p_LatinStructure {
   const PetscReal *penalty, *multiplier;
   const PetscReal *bound; /* beside them: the friction that each contact bears at most, read at its normal part; NULL: Coulomb's */
   /* while Newton's method goes ahead of the displacements of links that turn (snes/largenewton.c), else NULL; borrowed */
-  const PetscReal *ahead; /* [links_local] tensions in the tangent stiffness */
-  const PetscReal *slope; /* [links_local] stiffnesses of the laws in it (snes/largeinterior.c), or NULL */
-  PetscReal        hold;  /* beside them: what slack cables keep of the mean tension over length, as stiffness */
+  const PetscReal *ahead;  /* [links_local] tensions in the tangent stiffness */
+  const PetscReal *strain; /* [links_local] their strains, from which laws go on as straight lines, or NULL */
+  const PetscReal *slope;  /* [links_local] stiffnesses of the laws in it (snes/largeinterior.c), or NULL */
+  PetscReal        hold;   /* beside them: what slack cables keep of the mean tension over length, as stiffness */
   /* parts of links that turn (structure/frame.c), NULL in other structures */
   LatinStructure   turns;                 /* the structure whose links have been split into parts */
   PetscObjectState turns_state, turns_e0; /* its states when it was last looked at */
@@ -189,7 +190,7 @@ PETSC_INTERN PetscErrorCode LatinStructureCountActive_Private(LatinStructure, co
 /* ---- links that turn (structure/turning.c), and structures of their parts (structure/frame.c) ---- */
 PETSC_INTERN PetscErrorCode LatinTurningSetUp_Private(LatinStructure);
 PETSC_INTERN PetscErrorCode LatinTurningTensions_Private(LatinStructure, const PetscReal rigid[], Vec u, PetscReal tension[]);
-PETSC_INTERN PetscErrorCode LatinTurningAhead_Private(LatinStructure, Vec u, Vec step, PetscReal part, PetscReal tension[]);
+PETSC_INTERN PetscErrorCode LatinTurningAhead_Private(LatinStructure, Vec u, Vec step, PetscReal part, PetscReal tension[], PetscReal strain[]);
 PETSC_INTERN PetscErrorCode LatinTurningForces_Private(LatinStructure, const PetscReal f[], Vec u, Vec load, Vec r);
 PETSC_INTERN PetscErrorCode LatinTurningResidual_Private(LatinStructure, const PetscReal rigid[], Vec u, Vec r);
 PETSC_INTERN PetscErrorCode LatinTurningJacobian_Private(LatinStructure, Vec u, Mat J);
@@ -203,7 +204,7 @@ PETSC_INTERN PetscErrorCode LatinFrameFollow_Private(LatinStructure frame);
 PETSC_INTERN PetscErrorCode LatinFrameRenew_Private(LatinStructure frame, Vec u, LatinFrameType);
 PETSC_INTERN PetscErrorCode LatinFrameSprings_Private(LatinStructure frame, PetscBool none);
 PETSC_INTERN PetscErrorCode LatinFramePenalty_Private(LatinStructure frame);
-PETSC_INTERN PetscErrorCode LatinFrameSlack_Private(LatinStructure frame, Vec u, PetscInt *slack);
+PETSC_INTERN PetscErrorCode LatinFrameChanged_Private(LatinStructure frame, const PetscReal strain[], PetscInt *changed);
 
 /* Does link l keep its direction in large displacements? Contacts, and those that were given one */
 static inline PetscBool LatinStructureKeeps(const LatinStructure structure, PetscInt l)

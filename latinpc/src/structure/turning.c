@@ -161,8 +161,8 @@ PetscErrorCode LatinTurningTensions_Private(LatinStructure structure, const Pets
   PetscFunctionReturn(0);
 }
 
-/* The tensions ahead of u: those of the strains that `part` times a step makes, as links stand at u. Collective on structure */
-PetscErrorCode LatinTurningAhead_Private(LatinStructure structure, Vec u, Vec step, PetscReal part, PetscReal tension[])
+/* The strains ahead of u, that `part` times a step makes as links stand at u, and their tensions. Collective on structure */
+PetscErrorCode LatinTurningAhead_Private(LatinStructure structure, Vec u, Vec step, PetscReal part, PetscReal tension[], PetscReal strain[])
 {
   const PetscInt     dim = structure->dim;
   const PetscScalar *a, *s;
@@ -177,6 +177,7 @@ PetscErrorCode LatinTurningAhead_Private(LatinStructure structure, Vec u, Vec st
 
     LatinTurnedLink(structure, NULL, l, a, &link);
     for (PetscInt c = 0; c < dim; c++) link.x += part * link.n[c] * PetscRealPart(sb[c] - sa[c]);
+    strain[l]  = link.x;
     tension[l] = LatinStructureTension(structure, NULL, l, link.x);
   }
   PetscCall(LatinTurnedClose_Private(structure, &along, &s));
@@ -200,6 +201,7 @@ PetscErrorCode LatinTurningResidual_Private(LatinStructure structure, const Pets
     PetscReal   along = 0.0;
 
     LatinTurnedLink(structure, rigid, l, a, &link);
+    if (structure->strain) link.tension = structure->ahead[l] + LatinStructureTangent(structure, l, structure->strain[l]) * (link.x - structure->strain[l]);
     for (PetscInt c = 0; c < dim; c++) along += link.n[c] * link.d[c];
     for (PetscInt c = 0; c < dim; c++) f[dim * l + c] = link.tension * link.n[c] + (structure->geometry == LATIN_GEOMETRY_LARGE ? 0.0 : link.across * (link.d[c] - along * link.n[c]));
   }
@@ -237,7 +239,7 @@ static void LatinTurnedBlock(LatinStructure structure, PetscInt l, const PetscSc
   PetscReal      k = 0.0;
 
   LatinTurnedLink(structure, NULL, l, a, &link);
-  if (!structure->midpoint) k = structure->slope ? structure->slope[l] : LatinStructureTangent(structure, l, link.x);
+  if (!structure->midpoint) k = structure->slope ? structure->slope[l] : LatinStructureTangent(structure, l, structure->strain ? structure->strain[l] : link.x);
   if (structure->ahead && !LatinStructureKeeps(structure, l) && link.size > 0.0) {
     link.across = structure->ahead[l] / link.size;
     if (!structure->slope && (k == 0.0 || link.across >= 0.0)) { /* not where it bears compression */
