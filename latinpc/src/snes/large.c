@@ -16,6 +16,12 @@
 #define LATIN_LARGE_LONG   20   /* linear stages of Newton's method after which it gets new operators: with 30 a bridge takes 53 in the place of 28 */
 #define LATIN_LARGE_COST   30   /* linear stages that take as long as a set-up: 25 to 38 on networks and grids of 8,000 to 360,000 unknowns */
 
+/* Does Newton's method follow the iteration? */
+static PetscBool SNESLatinLargeProves(const SNES_Latin *data)
+{
+  return (PetscBool)(SNESLatinEstimates(data) && data->newton.type != LATIN_NEWTON_NEVER);
+}
+
 static void LatinLargeWindow(LatinLarge *large, PetscInt window)
 {
   large->window = window;
@@ -111,7 +117,7 @@ static PetscErrorCode SNESLatinLargeDecide_Private(SNES snes, PetscReal measure,
   SNES_Latin        *data   = (SNES_Latin *)snes->data;
   LatinLarge        *large  = &data->large;
   const LatinLinear *linear = &data->latin->linear;
-  const PetscBool    proves = (PetscBool)(SNESLatinEstimates(data) && data->newton.type != LATIN_NEWTON_NEVER), rests = (PetscBool)(linear->distance <= linear->noise);
+  const PetscBool    proves = SNESLatinLargeProves(data), rests = (PetscBool)(linear->distance <= linear->noise);
   PetscBool          due;
 
   PetscFunctionBegin;
@@ -160,7 +166,7 @@ PetscErrorCode SNESLatinLargeConverged_Private(SNES outer, PetscInt it, PetscRea
 PetscErrorCode SNESLatinLargeRenew_Private(SNES snes, LatinFrameType type)
 {
   SNES_Latin *data         = (SNES_Latin *)snes->data;
-  PetscInt    applications = data->latin->linear.applications;
+  PetscInt    applications = data->latin->linear.applications, grows = SNESLatinLargeProves(data) ? LATIN_LARGE_GROW : LATIN_LARGE_GROW * LATIN_LARGE_GROW; /* the iteration ends by itself */
 
   PetscFunctionBegin;
   PetscCall(LatinFrameRenew_Private(data->large.frame, snes->vec_sol, type));
@@ -173,7 +179,7 @@ PetscErrorCode SNESLatinLargeRenew_Private(SNES snes, LatinFrameType type)
   data->first_distance             = -1.0;
   PetscCall(SNESLatinStart_Private(snes));
   data->large.renewals++;
-  LatinLargeWindow(&data->large, LATIN_LARGE_GROW * PetscMin(data->large.window, PETSC_MAX_INT / LATIN_LARGE_GROW));
+  LatinLargeWindow(&data->large, grows * PetscMin(data->large.window, PETSC_MAX_INT / grows));
   PetscCall(PetscInfo(snes, "After %" PetscInt_FMT " linear stages: operators at the present displacements\n", applications));
   PetscFunctionReturn(0);
 }
@@ -278,12 +284,12 @@ PetscErrorCode SNESLatinLargeIterate_Private(SNES snes)
   PetscFunctionBegin;
   PetscCall(SNESLatinLargeLeaves_Private(snes));
   PetscCall(SNESLatinLargeRests_Private(snes, &rests));
-  if (rests && SNESLatinEstimates(data) && data->newton.type != LATIN_NEWTON_NEVER) PetscCall(SNESLatinLargeFinish_Private(snes, 0, PETSC_FALSE, &done));
+  if (rests && SNESLatinLargeProves(data)) PetscCall(SNESLatinLargeFinish_Private(snes, 0, PETSC_FALSE, &done));
   while (!done) {
     PetscCall(SNESLatinIterate_Private(snes, SNESLatinLargeConverged_Private));
     if (data->next == LATIN_NEXT_REBUILD) {
       PetscCall(LatinAverage_Private(&data->latin->linear, snes->vec_sol));
-      if (!large->renewals || !SNESLatinEstimates(data) || data->newton.type == LATIN_NEWTON_NEVER) PetscCall(SNESLatinLargeRenew_Private(snes, LATIN_FRAME_PRESENT));
+      if (!large->renewals || !SNESLatinLargeProves(data)) PetscCall(SNESLatinLargeRenew_Private(snes, LATIN_FRAME_PRESENT));
       else PetscCall(SNESLatinLargeFinish_Private(snes, LATIN_LARGE_MOST, PETSC_TRUE, &done));
     } else if (data->next == LATIN_NEXT_NEWTON_FINISH) PetscCall(SNESLatinLargeProve_Private(snes, &done));
     else done = PETSC_TRUE;
