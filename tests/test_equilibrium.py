@@ -214,3 +214,25 @@ def test_gaps_that_contradict_each_other_by_far_less_than_what_moves(room, holds
         assert far(found.displacements, np.append(0.0, 4e-3 + np.array([0.0, 5e-8, 5.3e-8]))[:, None]) < 3e-4
     else:
         assert found.notices == ["no equilibrium: the gaps of the rigid links 1, 2, 3 are incompatible"]
+
+
+@pytest.mark.parametrize("away", [1e4, 1e5, 1e7])
+@pytest.mark.parametrize("gap", [1e-3, 1e-4, -1e-4])
+def test_gaps_that_contradict_each_other_beside_what_moves_away(away, gap):
+    """A node between two inextensible links that are too long or too short; a soft bar lets another go far away."""
+    s = latinpc.Structure(
+        np.arange(5.0)[:, None],
+        [[0, 1], [1, 2], [2, 3], [3, 4]],
+        [Law.BAR, Law.INEXTENSIBLE, Law.INEXTENSIBLE, Law.BAR],
+        [1.0, 0, 0, 1e-6],
+        [0.0, gap, gap, 0.0],
+        fixed=[[1], [1], [0], [1], [0]],
+        load=[[0], [0], [1e-3], [0], [away * 1e-6]],
+    )
+    found = s.solve()
+    assert found.converged == (gap < 0.0)
+    if found.converged:
+        assert far(found.displacements[2:], np.array([[-gap], [0.0], [away]])) < 1e-12
+        assert found.displacements[2, 0] == pytest.approx(-gap, rel=1e-6)
+    else:
+        assert "no equilibrium: the gaps of the rigid links 1, 2 are incompatible" in found.notices

@@ -42,13 +42,15 @@ PetscErrorCode LatinMultipliersStart_Private(Latin latin, LatinNewton *newton)
 }
 
 /*
-   The tensions of the springs at u become the multipliers. *done: displacements, since `before`, and tensions, beside all of them or the loads, have
-   changed by no more than the error asked for. Where gaps jam, newton->found says so. Collective on structure
+   The tensions of the springs at u become the multipliers. What is missed of gaps shrinks to K / (K + r) of itself each time, where K is what resists beside
+   the links. *done: displacements, since `before`, and tensions, beside all of them or the loads, have changed by no more than the error asked for, and will not by more at
+   this rate. Where gaps jam K is without end, and newton->found says so. grown: the penalty, times the search parameter. Collective on structure
 */
-static PetscErrorCode LatinMultipliersUpdate_Private(LatinNewton *newton, Vec u, Vec before, PetscReal *change, PetscReal *moved, PetscBool *done)
+static PetscErrorCode LatinMultipliersUpdate_Private(LatinNewton *newton, Vec u, Vec before, PetscReal grown, PetscReal *change, PetscReal *moved, PetscBool *done)
 {
   const LatinStructure structure = newton->structure;
-  PetscReal            sum[2]    = {0.0, 0.0}, size, least;
+  PetscReal            sum[4]    = {0.0, 0.0, 0.0, 0.0}, size, least, closes; /* squares of changes and of tensions, of missed gaps and of what they are rounded with */
+  PetscBool            misses, stays;
 
   PetscFunctionBegin;
   PetscCall(LatinStructureTensions_Private(structure, NULL, u, newton->tension));
@@ -60,17 +62,23 @@ static PetscErrorCode LatinMultipliersUpdate_Private(LatinNewton *newton, Vec u,
     newton->tension[l] -= last;
     sum[0] += PetscSqr(newton->tension[l]);
     sum[1] += PetscSqr(newton->multiplier[l]);
+    sum[2] += PetscSqr(newton->tension[l] / newton->penalty[l]);
+    if (newton->multiplier[l] != 0.0) sum[3] += PetscSqr(structure->e0[l]) + PetscSqr(newton->multiplier[l] / newton->penalty[l]);
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 4, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
   PetscCall(VecAXPY(before, -1.0, u));
   PetscCall(VecNorm(before, NORM_2, moved));
   PetscCall(VecNorm(u, NORM_2, &size));
   PetscCall(VecCopy(u, before));
   PetscCall(LatinEquilibriumPoint_Private(structure, &least));
-  *change          = sum[0] > 0.0 ? PetscSqrtReal(sum[0] / PetscMax(PetscMax(sum[1], sum[0]), PetscSqr(newton->loads))) : 0.0; /* beside loads tensions may be rounding */
-  *done            = (PetscBool)(*moved <= PetscMax(newton->target * size, least) && *change <= PetscMin(newton->target, newton->tension_target));
+  misses           = (PetscBool)(sum[2] > PetscSqr(LATIN_PENALTY_REST * PETSC_MACHINE_EPSILON) * (PetscSqr(size) + sum[3]));
+  closes           = !misses ? 1.0 : newton->gap > 0.0 ? 1.0 - PetscSqrtReal(sum[2] / newton->gap) : 0.0;
+  stays            = (PetscBool)(misses && newton->gap > 0.0 && *moved > 0.0 && PetscAbsReal(closes) <= grown * PETSC_MACHINE_EPSILON);
+  newton->gap      = sum[2];
+  *change          = sum[0] > 0.0 ? PetscSqrtReal(sum[0] / PetscMax(PetscMax(sum[1], sum[0]), PetscSqr(newton->loads))) : 0.0;                                                               /* beside loads tensions may be rounding */
+  *done            = (PetscBool)(*moved <= PetscMax(newton->target * size, least) && *change * PetscMax(closes, 1.0 - closes) <= closes * PetscMin(newton->target, newton->tension_target)); /* what is to come, at this rate */
   newton->tensions = *change;
-  if (!structure->rubs && !structure->ground) PetscCall(LatinEquilibriumFarkas_Private(structure, u, *done, newton->tension, &newton->found)); /* rigid links of a time step have no gaps, or do not bear */
+  if (!structure->rubs && !structure->ground) PetscCall(LatinEquilibriumFarkas_Private(structure, u, *done, stays, newton->tension, &newton->found)); /* rigid links of a time step have no gaps, or do not bear */
   *moved = size > 0.0 ? *moved / size : 0.0;
   PetscCall(PetscInfo(structure, "Tensions of rigid links change by %g of themselves, displacements by %g\n", (double)*change, (double)*moved));
   PetscFunctionReturn(0);
@@ -159,6 +167,7 @@ PetscErrorCode LatinMultipliersSolve_Private(SNES snes, LatinNewton *newton, Vec
   PetscFunctionBegin;
   newton->before = newton->steps;
   newton->sticks = PETSC_FALSE;
+  newton->gap    = 0.0;
   PetscCall(DMGetGlobalVector(newton->structure->dm, &before));
   PetscCall(VecCopy(u, before));
   for (PetscInt k = 0; k < LATIN_MULTIPLIER_TIMES && newton->steps - newton->before < LATIN_MULTIPLIER_STEPS && !done; k++) {
@@ -172,7 +181,7 @@ PetscErrorCode LatinMultipliersSolve_Private(SNES snes, LatinNewton *newton, Vec
     first = PETSC_FALSE;
     done  = (PetscBool)(*reason < 0 || newton->structure->rigid_law < 0);
     last  = change;
-    if (!done) PetscCall(LatinMultipliersUpdate_Private(newton, u, before, &change, &moved, &done));
+    if (!done) PetscCall(LatinMultipliersUpdate_Private(newton, u, before, grown, &change, &moved, &done));
     if (newton->found.verdict == LATIN_JAMMED) {
       *reason = SNES_DIVERGED_DTOL;
       done    = PETSC_TRUE;

@@ -59,6 +59,7 @@ typedef struct {
   PetscReal        slope;            /* of the energy along the last step, at its end, relative to that at its start */
   PetscBool        proves;           /* a claim needs a correction that is as small */
   PetscReal        doubt;            /* by so much corrections have been larger than what linear solves leave */
+  PetscReal        gap;              /* squares of what rigid links that bear miss of their gaps */
   PetscReal        tensions;         /* estimated error of the tensions, relative; -1: not estimated */
   PetscReal        error;            /* estimated or measured error of the last step */
   PetscReal        known;            /* relative error that the displacements before a step are known to have at most; 0: not known */
