@@ -175,6 +175,8 @@ class _Search:
 
     def _equilibrium(self, u, centre):
         """Newton's method from u; the ground's springs are at rest at `centre`."""
+        from flint import arb
+
         for _ in range(STEPS):
             strains = self._strains(u)
             pieces = [self._piece(i, x) for i, x in enumerate(strains)]
@@ -182,10 +184,11 @@ class _Search:
             whole = [(x + s).mid() for x, s in zip(u, step)]
             after = self._strains(whole)
             size = max([*map(abs, u), *map(abs, self.rest)], default=self.zero)
-            still = max((abs(s) for s in step), default=self.zero) <= self.least * size
-            if still or all(self._piece(i, x) is piece for (i, x), piece in zip(enumerate(after), pieces)):
+            if all(self._piece(i, x) is piece for (i, x), piece in zip(enumerate(after), pieces)):
                 return whole, after
-            length = self._length(u, strains, step, centre)
+            length = self._length(u, strains, step, centre)  # without end where a rigid link that just bears lets go
+            if max((abs(s) for s in step), default=self.zero) * max(length, arb(1)) <= self.least * size:
+                return whole, after
             u = [(x + length * s).mid() for x, s in zip(u, step)]
         raise RuntimeError(f"no equilibrium of {self.scene.name} in {STEPS} steps in {BITS} bits")
 

@@ -18,7 +18,7 @@ from .drawn import FAMILIES
 
 ASKED = 1e-4  #: relative error of displacements and tensions that the default stop promises
 SLACK = 3.0  #: times the error asked for, as in the suite
-TIMEOUT = 60  # s, for one structure
+TIMEOUT = 60  # s of the processor, for one structure
 VERDICTS = ("right", "refused", "unsolved", "unknown", "elsewhere", "wrong", "rounding", "hang", "crash")
 #: verdicts on what has an equilibrium, of which rates are taken
 SOLVABLE = ("right", "unsolved", "elsewhere", "wrong", "hang", "crash")
@@ -63,8 +63,8 @@ def run(count, seed, options=None, family=None, progress=None):
                         progress(f"{done} of {count} structures")
             outcomes += [json.loads(line) for line in file.read_text().splitlines()]
             if len(outcomes) < count:  # the process ended in this one
-                hung = process.returncode == -signal.SIGALRM
-                reason = f"not over after {TIMEOUT} s" if hung else f"exit code {process.returncode}"
+                hung = process.returncode == -signal.SIGPROF
+                reason = f"not over after {TIMEOUT} s of the processor" if hung else f"exit code {process.returncode}"
                 outcomes.append({"number": len(outcomes), "family": family or "?", "topology": "?",
                                  "verdict": "hang" if hung else "crash", "reason": reason})  # fmt: skip
     return {"seed": seed, "options": options or {}, "asked": ASKED, "outcomes": outcomes}

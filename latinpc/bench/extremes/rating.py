@@ -42,13 +42,15 @@ def main():
     warnings.simplefilter("ignore")
     with open(task["file"], "a", encoding="utf-8") as file:
         for number in range(task["first"], task["last"]):
-            signal.alarm(task["timeout"])  # ends the process, whatever it is at
+            signal.setitimer(
+                signal.ITIMER_PROF, task["timeout"]
+            )  # of the processor; ends the process, whatever it is at
             drawn = draw(task["seed"], number, task["family"])
             outcome = {"number": number, "family": drawn.family, "topology": drawn.topology}
             outcome |= judge(drawn, task["options"])
             file.write(json.dumps(outcome) + "\n")
             file.flush()
-    signal.alarm(0)
+    signal.setitimer(signal.ITIMER_PROF, 0)
 
 
 def judge(drawn, options):
@@ -87,7 +89,7 @@ def _refused(drawn, reason):
     if ("mechanism" in reason or "no link reaches" in reason) and _mechanism(drawn.scene):
         return "refused"
     if (drawn.scene.law == Law.FRICTION).any():
-        signal.alarm(0)  # the search ends, if late where the machine is busy
+        signal.setitimer(signal.ITIMER_PROF, 0)  # the search ends, if late
         exists = solve_rubbing(drawn.scene).exists
         return {"yes": "unsolved", "no": "refused"}.get(exists, exists)
     return "unsolved" if solve_exactly(drawn.scene).exists else "refused"
