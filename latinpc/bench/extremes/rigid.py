@@ -166,8 +166,9 @@ def _links():
     yield Case("rigid links", "net, 4 ranks", net, options=options(), ranks=4)
     for law, what in ((Law.INEXTENSIBLE, "cable"), (Law.CONTACT, "contact")):
         for gap in (0.0, 1e-3, 1e-3 * (1 + 1e-9), 1e-3 * (1 - 1e-9), 1e-12, 1e12, -1e-4, -1e12):
+            # displacements of 1e12 hide the load of 1 in the rounding of what links bear
             yield Case("rigid links", f"{what} at {gap:.10g} of a way of 1e-3", lambda law=law, gap=gap: against(
-                law, gap), options=_few(2), solution=lambda scene, gap=gap: np.array(
+                law, gap), "right" if gap > -1e12 else "either", _few(2), solution=lambda scene, gap=gap: np.array(
                 [[0.0], [np.sign(scene.load[1, 0]) * min(gap, 1e-3)], [0.0]]))  # fmt: skip
         for name, given in (("spring of 1e-12", {"k": 1e-12}), ("spring of 1e12", {"k": 1e12}),
                             ("load of 1e-12", {"load": 1e-12}), ("load of 1e12", {"load": 1e12})):  # fmt: skip
@@ -272,9 +273,9 @@ def _elastic():
         yield Case("elastic contacts", f"grains, contrast 1e{power}", lambda power=power: packing(
             6, gap=1e-6, contrast=10.0**power, law="elastic"), "right" if abs(power) < 8 else "either", options(),
             unique="elongations")  # fmt: skip
-    for factor in (1e-2, 1e-4, 1e-8, 1e2, 1e4, 1e8, 1e12):
+    for factor in (1e-2, 1e-4, 1e-8, 1e2, 1e4, 1e8, 1e12):  # the last hides the loads in rounding
         yield Case("tables", f"girder, bars {factor:g} times as stiff from a knee on", lambda factor=factor: (
-            tabulated(factor)), options=options())  # fmt: skip
+            tabulated(factor)), "right" if factor < 1e12 else "either", options())  # fmt: skip
     yield Case("tables", "girder, bars that yield", lambda: tabulated(0.0), "refused", options())
 
 

@@ -71,10 +71,11 @@ static PetscErrorCode LatinMultipliersUpdate_Private(LatinNewton *newton, Vec u,
   PetscCall(VecNorm(u, NORM_2, &size));
   PetscCall(VecCopy(u, before));
   PetscCall(LatinEquilibriumPoint_Private(structure, &least));
-  misses           = (PetscBool)(sum[2] > PetscSqr(LATIN_PENALTY_REST * PETSC_MACHINE_EPSILON) * (PetscSqr(size) + sum[3]));
-  closes           = !misses ? 1.0 : newton->gap > 0.0 ? 1.0 - PetscSqrtReal(sum[2] / newton->gap) : 0.0;
-  stays            = (PetscBool)(misses && newton->gap > 0.0 && *moved > 0.0 && PetscAbsReal(closes) <= grown * PETSC_MACHINE_EPSILON);
-  newton->gap      = sum[2];
+  misses      = (PetscBool)(sum[2] > PetscSqr(LATIN_PENALTY_REST * PETSC_MACHINE_EPSILON) * (PetscSqr(size) + sum[3]));
+  closes      = !misses ? 1.0 : newton->gap > 0.0 ? 1.0 - PetscSqrtReal(sum[2] / newton->gap) : 0.0;
+  stays       = (PetscBool)(misses && newton->gap > 0.0 && *moved > 0.0 && PetscAbsReal(closes) <= grown * PETSC_MACHINE_EPSILON);
+  newton->gap = sum[2];
+  if (misses && *change > PetscMin(newton->target, newton->tension_target)) closes = 0.0;                                                                                                    /* what is slow has not shown yet */
   *change          = sum[0] > 0.0 ? PetscSqrtReal(sum[0] / PetscMax(PetscMax(sum[1], sum[0]), PetscSqr(newton->loads))) : 0.0;                                                               /* beside loads tensions may be rounding */
   *done            = (PetscBool)(*moved <= PetscMax(newton->target * size, least) && *change * PetscMax(closes, 1.0 - closes) <= closes * PetscMin(newton->target, newton->tension_target)); /* what is to come, at this rate */
   newton->tensions = *change;

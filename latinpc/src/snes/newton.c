@@ -148,7 +148,7 @@ static PetscErrorCode LatinNewtonProve_Private(SNES snes, LatinNewton *newton, V
   PetscFunctionBegin;
   PetscCall(LatinNewtonCheck_Private(snes, newton, u, fnorm, claims, &found));
   if (newton->tangent) {
-    *rounding = (PetscBool)(*rounding && found.balanced);
+    *rounding = (PetscBool)((*rounding || (*claims && newton->error <= LATIN_NEWTON_REST && found.error <= newton->target)) && found.balanced);
     *claims   = (PetscBool)(*claims && PetscMax(found.error, found.forces) <= newton->target && (!changes || found.balanced)); /* a node with a small load that only slack links hold goes on */
   }
   newton->tensions = found.forces;
@@ -304,14 +304,21 @@ static PetscErrorCode LatinNewtonSearch_Private(SNESLineSearch search, void *ctx
   PetscFunctionReturn(0);
 }
 
-/* Has the method operators of its own to finish with? In a motion masses hold all modes. Not collective */
+/*
+   Has the method operators of its own to finish with? In a motion masses hold all modes, but where links are rigid and others elastic,
+   tensions that creep show nowhere else. Collective on structure
+*/
 PetscErrorCode LatinNewtonOwn_Private(LatinStructure structure, PetscBool *own)
 {
-  PetscInt unknowns;
+  PetscBool elastic = PETSC_FALSE;
+  PetscInt  unknowns;
 
   PetscFunctionBegin;
   PetscCall(VecGetSize(structure->load, &unknowns));
-  *own = (PetscBool)(unknowns <= LATIN_NEWTON_OWN && !structure->ground);
+  *own = (PetscBool)(unknowns <= LATIN_NEWTON_OWN && !(structure->ground && structure->rigid_law < 0));
+  if (!*own || !structure->ground) PetscFunctionReturn(0);
+  for (PetscInt l = 0; l < structure->links_local; l++) elastic = (PetscBool)(elastic || !LatinLaws[structure->law[l]].rigid);
+  PetscCall(MPIU_Allreduce(&elastic, own, 1, MPIU_BOOL, MPI_LOR, PetscObjectComm((PetscObject)structure)));
   PetscFunctionReturn(0);
 }
 

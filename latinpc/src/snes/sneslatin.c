@@ -75,8 +75,9 @@ static PetscErrorCode SNESLatinPrepare_Private(SNES snes)
 /* An error asked for that may be below what rounding leaves: has Newton's method reached it, as far as this precision shows? */
 static PetscErrorCode SNESLatinProveDigits_Private(SNES snes)
 {
-  SNES_Latin *data = (SNES_Latin *)snes->data;
-  PetscReal   unbalance, rounding, size, least;
+  SNES_Latin     *data  = (SNES_Latin *)snes->data;
+  const PetscBool rigid = (PetscBool)(data->latin->sub.structure->rigid_law >= 0); /* tensions that do not follow from displacements have no digits to look at */
+  PetscReal       unbalance, rounding, size, least;
 
   PetscFunctionBegin;
   if (!SNESLatinEstimates(data)) PetscFunctionReturn(0);
@@ -85,9 +86,9 @@ static PetscErrorCode SNESLatinProveDigits_Private(SNES snes)
   if (size <= least && data->found.balanced) PetscFunctionReturn(0); /* nothing moves */
   PetscCall(LatinEstimateFloor_Private(data->latin, &data->estimate));
   data->estimate.value = data->newton.error;
-  if ((data->estimate.floor <= data->target && data->newton.error <= data->target) || data->estimate.energy || data->latin->sub.structure->rigid_law >= 0 || data->large.frame) PetscFunctionReturn(0);
-  PetscCall(LatinGetDigits(snes, &unbalance, &rounding, NULL, NULL));
-  data->estimate.floor = LATIN_DIGITS_SAFETY * PetscMax(unbalance, rounding);
+  if ((data->estimate.floor <= data->target && data->newton.error <= data->target) || data->estimate.energy || (rigid && data->newton.error <= data->target) || data->large.frame) PetscFunctionReturn(0);
+  if (!rigid) PetscCall(LatinGetDigits(snes, &unbalance, &rounding, NULL, NULL));
+  data->estimate.floor = rigid ? data->newton.error : LATIN_DIGITS_SAFETY * PetscMax(unbalance, rounding);
   data->estimate.value = data->newton.error <= data->target ? PetscMax(data->newton.error, data->estimate.floor) : data->estimate.floor; /* a step says how far the displacements before it were */
   if (data->estimate.value <= data->target || data->latin->sub.structure->ground) PetscFunctionReturn(0);                                /* a step of a motion that has come to rest is one as far as rounding lets it */
   data->next = LATIN_NEXT_ROUNDING;
