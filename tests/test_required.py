@@ -53,7 +53,7 @@ SCENES = {
     "contacts, motion, the default stop": (
         lambda: make("bouncing-chain"),
         {},
-        ("coarse", "links", "motion", "estimate"),
+        ("coarse", "links", "motion", "estimate", "Newton", "second method"),
     ),
 }
 STEP = 1e-4
