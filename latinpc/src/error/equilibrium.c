@@ -324,7 +324,7 @@ PetscErrorCode LatinEquilibriumMechanism_Private(LatinStructure structure, Vec s
    of the damped iteration, or of the method of multipliers, to the next: B^t dtau = 0, while dtau . x = dtau . (e0 + B u) is not positive for any admissible
    strains x [J. Farkas]. Where dtau . e0 is, by more than B^t dtau can make up for on displacements of the size of the structure, or
    ten times as large as u, there are none, and the verdict is LATIN_JAMMED; else *found stays. `claims`: u would be called the solution,
-   and those ten times as large are enough; `stays`: what links miss of their gaps stays, whatever their stiffness, which is proof enough.
+   and those ten times as large are enough; `stays`: what links miss of their gaps stays, whatever their stiffness: then the work alone is proof enough.
    `dtau` has the links of this rank: what is not of a rigid link, or grows less, or not the way that the law admits, proves nothing and becomes zero.
    Collective on structure
 */
@@ -356,7 +356,8 @@ PetscErrorCode LatinEquilibriumFarkas_Private(LatinStructure structure, Vec u, P
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &most, 1, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)structure)));
   PetscCall(LatinStructureSize_Private(structure, &size, &prescribed));
   if (claims && moved > 0.0) size = 0.0;
-  if (!stays && !(sum[0] > PetscMax(LATIN_JAM_FAR * moved, size) * left + PETSC_SQRT_MACHINE_EPSILON * sum[1])) PetscFunctionReturn(0);
+  if (stays) left = 0.0;
+  if (!(sum[0] > PetscMax(LATIN_JAM_FAR * moved, size) * left + PETSC_SQRT_MACHINE_EPSILON * sum[1])) PetscFunctionReturn(0);
   for (PetscInt l = 0; l < structure->links_local; l++) {
     if (PetscAbsReal(dtau[l]) < LATIN_UNHELD * most) continue;
     if (count < LATIN_LISTED) mine[count] = structure->links_start + l;
