@@ -86,7 +86,7 @@ static PetscErrorCode SNESLatinProveDigits_Private(SNES snes)
   if (size <= least && data->found.balanced) PetscFunctionReturn(0); /* nothing moves */
   PetscCall(LatinEstimateFloor_Private(data->latin, &data->estimate));
   data->estimate.value = data->newton.error;
-  if ((data->estimate.floor <= data->target && data->newton.error <= data->target) || data->estimate.energy || (rigid && data->newton.error <= data->target) || data->large.frame) PetscFunctionReturn(0);
+  if ((data->estimate.floor <= data->target && data->newton.error <= data->target) || data->estimate.energy || (rigid && (data->newton.error <= data->target || data->next == LATIN_NEXT_CONVERGED_FNORM)) || data->large.frame) PetscFunctionReturn(0);
   if (!rigid) PetscCall(LatinGetDigits(snes, &unbalance, &rounding, NULL, NULL));
   data->estimate.floor = rigid ? data->newton.error : LATIN_DIGITS_SAFETY * PetscMax(unbalance, rounding);
   data->estimate.value = data->newton.error <= data->target ? PetscMax(data->newton.error, data->estimate.floor) : data->estimate.floor; /* a step says how far the displacements before it were */
