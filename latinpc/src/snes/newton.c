@@ -318,7 +318,7 @@ PetscErrorCode LatinNewtonOwn_Private(LatinStructure structure, PetscBool *own)
   *own = (PetscBool)(unknowns <= LATIN_NEWTON_OWN && !(structure->ground && structure->rigid_law < 0));
   if (!*own || !structure->ground) PetscFunctionReturn(0);
   for (PetscInt l = 0; l < structure->links_local; l++) elastic = (PetscBool)(elastic || !LatinLaws[structure->law[l]].rigid);
-  PetscCall(MPIU_Allreduce(&elastic, own, 1, MPIU_BOOL, MPI_LOR, PetscObjectComm((PetscObject)structure)));
+  PetscCall(MPIU_Allreduce(&elastic, own, 1, LATIN_MPI_BOOL, MPI_LOR, PetscObjectComm((PetscObject)structure)));
   PetscFunctionReturn(0);
 }
 
