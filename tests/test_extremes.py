@@ -15,6 +15,7 @@ from latinpc.bench.extremes.catalogue import network as small
 from latinpc.bench.extremes.conditions import missed
 from latinpc.bench.extremes.drawn import draw
 from latinpc.bench.extremes.exact import solve_exactly
+from latinpc.bench.extremes.rating import judge
 from latinpc.bench.extremes.steps import motion_error
 from latinpc.runs.motion import move
 from latinpc.scenes import Law, Scene
@@ -88,6 +89,11 @@ def test_exact_solution_next_to_none():
     scene = draw(776754157, 559, "rigid").scene
     exact = solve_exactly(scene, scene.solve().displacements)
     assert exact.exists and abs(exact.displacements[~scene.fixed]).max() < 1e-30
+
+
+def test_tensions_of_rounding_are_none():
+    """A support moves what hangs on it without tension: what rounding leaves is right, with friction as without."""
+    assert judge(draw(39319109, 3608), {})["verdict"] == "right"
 
 
 def test_a_node_at_a_contact_that_may_let_go_is_anywhere_beyond():

@@ -131,7 +131,8 @@ def _judge_rubbing(scene, u, tensions):
     errors = {"u": missed(scene, u, tensions)}
     exact = near(scene, u, tensions) if errors["u"] > SLACK * ASKED else None
     if exact is not None:
-        errors = {"u": _far(u, exact.displacements, 0.0), "tension": _far(tensions, exact.tensions, 0.0)}
+        nothing = _rounding(scene, exact.displacements)
+        errors = {"u": _far(u, exact.displacements, 0.0), "tension": _far(tensions, exact.tensions, nothing)}
     return errors | {"verdict": "right" if max(errors.values()) <= SLACK * ASKED else "wrong"}
 
 
@@ -143,11 +144,16 @@ def _errors(scene, u, tensions, exact):
         stiffness = np.median(scene.stiffness[elastic]) if elastic.any() else np.inf
         nothing = max(EPSILON * np.abs(scene.nodes).max(), STUCK * np.abs(scene.load).max() / stiffness)
         errors["u"] = _far(u[free], exact.displacements[free], nothing)
-    moved = np.abs(scene.initial_elongation).max() + np.abs(exact.displacements).max()
-    coordinates = EPSILON * scene.stiffness.max() * np.ptp(scene.nodes)
-    nothing = max(coordinates, STUCK * (scene.stiffness.max() * moved + np.abs(scene.load).max()))
+    nothing = _rounding(scene, exact.displacements)
     errors["tension"] = _far(tensions[elastic], exact.tensions[elastic], nothing, np.linalg.norm(exact.tensions))
     return errors
+
+
+def _rounding(scene, u):
+    """Return the tension that rounding of coordinates and of what is added up leaves in a link, N."""
+    moved = np.abs(scene.initial_elongation).max() + np.abs(u).max()
+    coordinates = EPSILON * scene.stiffness.max() * np.ptp(scene.nodes)
+    return max(coordinates, STUCK * (scene.stiffness.max() * moved + np.abs(scene.load).max()))
 
 
 def _far(found, known, nothing, size=None):
