@@ -11,6 +11,7 @@ from support import grid, latin, lattice, solve
 
 import latinpc
 from latinpc.bench.extremes.drawn import draw
+from latinpc.bench.extremes.rating import judge
 from latinpc.bench.peers.qp import kinematics
 from latinpc.scenes import Law, make
 
@@ -333,6 +334,11 @@ def test_equal_steps_are_no_error():
     result = solve(draw(20261130, 4722).scene)
     assert result.reason > 0
     assert abs(result.u).max() < 3e-6
+
+
+def test_a_soft_node_that_creeps_behind_stiffer_ones():
+    """The force along a step seems to go, for its stiff part does; a node between two links goes on to a cable."""
+    assert judge(draw(855470730, 7926), {})["verdict"] == "right"
 
 
 def test_links_that_yield_are_left_to_newtons_method():

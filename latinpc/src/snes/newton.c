@@ -205,7 +205,7 @@ static PetscErrorCode LatinNewtonConverged_Private(SNES snes, PetscInt it, Petsc
   LatinNewton   *newton = (LatinNewton *)ctx;
   PetscReal      before = newton->error, lambda = 1.0, energy;
   PetscInt       changes, most, stages;
-  PetscBool      rounding, claims, slow, creeps = PETSC_FALSE; /* what pushes along the step is still there after it */
+  PetscBool      rounding, claims, slow, creeps = PETSC_FALSE; /* what pushes along the step is still there after it, more than a linear solve leaves */
   Vec            u;
   KSP            ksp;
   Mat            P;
@@ -236,7 +236,7 @@ static PetscErrorCode LatinNewtonConverged_Private(SNES snes, PetscInt it, Petsc
     else newton->still = 0;
     if (!changes && !newton->tangent) newton->error = PetscMax(newton->error, newton->known) * PetscMin(1.0, newton->doubt * newton->left); /* where forces differ by orders, only a step that moves nothing proves anything */
     newton->known = changes ? 0.0 : newton->error;
-    creeps        = (PetscBool)(newton->tangent && newton->error > LATIN_NEWTON_REST && newton->slope > LATIN_NEWTON_GAIN);
+    creeps        = (PetscBool)(newton->tangent && !newton->structure->penalty && newton->error > LATIN_NEWTON_REST && newton->slope > LATIN_NEWTON_RTOL);
     if (newton->reference) PetscCall(LatinStructureComputeErrors(newton->structure, u, newton->reference, &newton->error, &energy));
   }
   rounding = (PetscBool)(it > 1 && !changes && !creeps && !newton->changes && newton->error > LATIN_NEWTON_GAIN * before && newton->left < LATIN_NEWTON_RTOL &&
