@@ -433,6 +433,11 @@ OTHERS = {
         "eigenvalue",
         "The threshold of PC latin beside jumps: random jumps of 1e6 take 8 iterations instead of 19.",
     ),
+    "LATIN_SPECTRAL_THIN": (
+        "thickness over extent",
+        "Below, subdomains bend: a plate of 1/80 takes 7 iterations instead of 38, one of 1/40 7 instead of 19. At 1/7"
+        " the set-up grows by more than the solve gains.",
+    ),
     "LATIN_INTERFACE_NOISE": ("of the energy norm", "Rounding of interface data."),
     "LATIN_SAME_MATRIX": ("of a product", "Two products with one matrix differ by rounding alone."),
     "LATIN_SHIFT": (
