@@ -155,6 +155,11 @@ LARGE = {
         "of the loads",
         "With 1e-2 a truss under 1000 times its limit load is inverted; a cable may tighten within less.",
     ),
+    "LATIN_PATH_GROWS": ("times the last increment", "As halving: what has failed from afar is tried again so."),
+    "LATIN_PATH_TARGETS": (
+        "loads",
+        "A bound that none meets: each is at most half as far as the one before, down to `LATIN_PATH_LEAST`.",
+    ),
     "LATIN_PATH_LEAST": (
         "of the loads",
         "With 1e-2 five of 700 random structures were refused next to where a cable slackens; limit points take more.",

@@ -228,16 +228,14 @@ static PetscErrorCode SNESLatinGuess_Private(SNES snes, Vec u, Vec z)
   Latin            latin = data->latin;
   LatinSubdomains *sub   = &latin->sub;
   const PetscInt   sides = latin->inter.sides;
-  PetscScalar     *a, *b;
-  Vec              work, v;
+  PetscScalar     *a;
+  Vec              v;
 
   PetscFunctionBegin;
-  PetscCall(VecDuplicate(z, &work));
   PetscCall(VecDuplicate(u, &v));
   PetscCall(LatinInitialState_Private(&latin->linear, z));
   PetscCall(LatinDistribute_Private(&latin->sub, u, latin->linear.U));
   PetscCall(VecGetArray(z, &a));
-  PetscCall(VecGetArray(work, &b));
   if (sub->part) LatinTurningState(&latin->linear, a + sides);
   for (PetscInt i = 0; i < sub->nonsmooth && !sub->part; i++) {
     const PetscInt  l   = sub->nonsmooth_link[i];
@@ -248,11 +246,9 @@ static PetscErrorCode SNESLatinGuess_Private(SNES snes, Vec u, Vec z)
   }
   PetscCall(LatinGatherForces_Private(&latin->linear, a));
   PetscCall(SNESLatinInterfaceForces_Private(latin, v, a));
-  PetscCall(LatinLocalStage_Private(&latin->linear, a, b)); /* D times the micro part of U */
+  PetscCall(LatinPullFaces_Private(&latin->linear));
   for (PetscInt k = 0; k < sides; k++) a[k] += latin->linear.pull[k];
-  PetscCall(VecRestoreArray(work, &b));
   PetscCall(VecRestoreArray(z, &a));
-  PetscCall(VecDestroy(&work));
   PetscCall(VecDestroy(&v));
   PetscFunctionReturn(0);
 }

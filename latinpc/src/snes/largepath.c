@@ -8,7 +8,8 @@
    counts: a truss that snaps through moves a large net but little. Where cables slacken on
    the way the structure is softer at its end, and the tangent stiffness there counts, unless it shows a limit point. Where it has
    moved further, or has found no equilibrium, or one whose tangent stiffness is not positive definite, the increment is halved.
-   Increments that become small show a limit point, or a critical load.
+   Increments that become small show a limit point, or a critical load. An equilibrium that was found from afar is compared
+   again from closer by, so that no load is solved for twice.
 
    What the start says of a structure that is soft there and stiffens would let any snap pass; and loads far beyond a limit point move a truss to where
    it is stiff again, by as much as they would have as drawn. So no node is to stiffen by more than twice from the start of an increment to its mean,
@@ -21,11 +22,13 @@
 #define LATIN_PATH_SOFT     8.0  /* times as far by the tangent stiffness at the end: more, and it is next to a limit point */
 #define LATIN_PATH_KINK     1e-2 /* times the displacements so far: an increment in which a cable slackens may move the structure so much */
 #define LATIN_PATH_STIFFENS 1e-3 /* increments of the loads: in smaller ones a structure may stiffen as it will, for cables that tighten */
+#define LATIN_PATH_GROWS    2.0  /* times the last increment: the next one, where one to the target has failed */
 #define LATIN_PATH_LEAST    1e-4 /* increments of the loads: smaller ones show a limit point */
 #define LATIN_PATH_STAGES   60   /* most linear stages of one: at a limit point it takes any number */
 #define LATIN_PATH_FIRST    2000 /* the same of the first one, from a structure that may have no stiffness as drawn */
 #define LATIN_PATH_TANGENTS 4    /* times that Newton's method gets operators of the tangent stiffness in one increment */
 #define LATIN_PATH_DRAWN    1e-2 /* forces without balance as drawn, relative to the loads: less moves the structure less than the loads do */
+#define LATIN_PATH_TARGETS  16   /* each at most half as far as the one before, and none closer than the least increment */
 #define LATIN_PATH_NONE     1e-9 /* of the size of the structure: displacements that are none */
 
 /* Can any link bear compression? Collective on structure */
@@ -72,19 +75,37 @@ PetscErrorCode SNESLatinLargeFrom_Private(SNES snes, Vec u, PetscBool near)
   PetscFunctionReturn(0);
 }
 
-/* A path: loads that grow from `first` to `whole`, an equilibrium u on it; what the tangent stiffness says of an increment at its start and at its end; and work vectors */
+/* A target: a part of the path, and the equilibrium u there that was found from afar, or NULL */
 typedef struct {
-  Vec first, whole, u, more, step, ahead, back;
+  PetscReal part;
+  PetscBool failed; /* none was found from the start of an increment */
+  Vec       u;
+} LatinPathTarget;
+
+/* A path: loads that grow from `first` to `whole`, an equilibrium u on it; by how much the whole path would move it by the tangent stiffness there, and at the end of an increment; work vectors; targets, the nearest last */
+typedef struct {
+  Vec             first, whole, u, ahead, back, more, step;
+  PetscReal       far; /* l2 norm of ahead */
+  LatinPathTarget target[LATIN_PATH_TARGETS];
+  PetscInt        targets;
 } LatinPath;
 
-/* The right-hand side of snes for this part of the path, and in `step` what it leaves without balance at u. Collective on snes */
+/* The right-hand side of snes for this part of the path. Collective on snes */
 static PetscErrorCode LatinPathLoad_Private(SNES snes, const LatinPath *path, PetscReal part)
 {
   PetscFunctionBegin;
   PetscCall(VecWAXPY(path->more, -1.0, ((SNES_Latin *)snes->data)->large.frame->load, path->first));
   PetscCall(VecAXPBYPCZ(path->more, part, -part, 1.0, path->whole, path->first));
   snes->vec_rhs = path->more;
-  PetscCall(SNESComputeFunction(snes, path->u, path->step));
+  PetscFunctionReturn(0);
+}
+
+/* The displacements by which the whole path would move u, by the tangent stiffness there, and their norm, without bound where that is not positive definite. Overwrites path->step. Collective on snes */
+static PetscErrorCode LatinPathRate_Private(SNES snes, const LatinPath *path, Vec u, Vec rate, PetscReal *far)
+{
+  PetscFunctionBegin;
+  PetscCall(VecWAXPY(path->step, -1.0, path->first, path->whole));
+  PetscCall(SNESLatinLargePredict_Private(snes, u, path->step, rate, far));
   PetscFunctionReturn(0);
 }
 
@@ -105,11 +126,15 @@ static PetscErrorCode LatinPathForces_Private(Vec r)
 /* Is the equilibrium u stable? A symmetric structure under symmetric loads does not show it by itself. Overwrites path->step. Collective on snes */
 static PetscErrorCode LatinPathStable_Private(SNES snes, const LatinPath *path, Vec u, PetscBool *stable)
 {
-  PetscReal moved;
+  const LatinStructure structure = ((SNES_Latin *)snes->data)->large.frame->turns;
+  PetscReal            moved;
+  Vec                  other;
 
   PetscFunctionBegin;
   PetscCall(LatinPathForces_Private(path->step));
-  PetscCall(SNESLatinLargePredict_Private(snes, u, path->step, path->back, &moved));
+  PetscCall(DMGetGlobalVector(structure->dm, &other));
+  PetscCall(SNESLatinLargePredict_Private(snes, u, path->step, other, &moved));
+  PetscCall(DMRestoreGlobalVector(structure->dm, &other));
   *stable = (PetscBool)(moved < PETSC_MAX_REAL);
   PetscFunctionReturn(0);
 }
@@ -148,6 +173,7 @@ static PetscErrorCode LatinPathStarts_Private(SNES snes, const LatinPath *path, 
 
   PetscFunctionBegin;
   PetscCall(LatinPathLoad_Private(snes, path, 0.0));
+  PetscCall(SNESComputeFunction(snes, path->u, path->step));
   PetscCall(VecNorm(path->step, NORM_2, &left));
   PetscCall(VecNorm(path->whole, NORM_2, &loads));
   *starts = (PetscBool)(left <= LATIN_PATH_DRAWN * loads);
@@ -195,91 +221,143 @@ static PetscErrorCode LatinPathNodes_Private(LatinStructure structure, Vec moved
 }
 
 /*
-   By how much the next increment is to be smaller: 1 where this one has moved no node too far, nor much less or more than the tangent stiffness says where it
-   starts, path->ahead, whose norm is `far`, and where it ends. Overwrites path->step. Collective on snes
+   By how much the next increment is to be smaller: 1 where this one, to `part`, has moved no node too far, nor much less or more than the tangent stiffness
+   says where it starts, path->ahead, and where it ends, path->back, of the norm `back`. Collective on snes
 */
-static PetscErrorCode LatinPathMoved_Private(SNES snes, const LatinPath *path, PetscReal part, PetscReal far, PetscReal *smaller)
+static PetscErrorCode LatinPathMoved_Private(SNES snes, const LatinPath *path, PetscReal part, PetscReal back, PetscReal *smaller)
 {
   SNES_Latin          *data      = (SNES_Latin *)snes->data;
   const LatinStructure structure = data->large.frame->turns;
-  PetscReal            size, step, moved, back, little;
+  const PetscReal      more      = part - data->large.reached;
+  PetscReal            size, step, moved, little;
   PetscBool            within;
-  Vec                  change;
+  Vec                  change; /* as for the whole path */
 
   PetscFunctionBegin;
   PetscCall(DMGetGlobalVector(structure->dm, &change));
   PetscCall(VecWAXPY(change, -1.0, path->u, snes->vec_sol));
-  PetscCall(VecNorm(change, NORM_2, &moved));
   PetscCall(VecNorm(change, NORM_INFINITY, &step));
+  PetscCall(VecScale(change, 1.0 / more));
+  PetscCall(VecNorm(change, NORM_2, &moved));
   PetscCall(VecNorm(path->u, NORM_INFINITY, &size));
-  little = PetscMax(LATIN_PATH_KINK * PetscMax(size, step), LATIN_PATH_NONE * data->large.size);
-  PetscCall(LatinPathLoad_Private(snes, path, part));
-  PetscCall(SNESLatinLargePredict_Private(snes, snes->vec_sol, path->step, path->back, &back));
-  PetscCall(LatinPathNodes_Private(structure, change, path->ahead, back <= LATIN_PATH_SOFT * far ? path->back : NULL, little, &within));
+  little = PetscMax(LATIN_PATH_KINK * PetscMax(size, step), LATIN_PATH_NONE * data->large.size) / more;
+  PetscCall(LatinPathNodes_Private(structure, change, path->ahead, back <= LATIN_PATH_SOFT * path->far ? path->back : NULL, little, &within));
   *smaller = within ? 1.0 : 0.5;
-  if (within && part - data->large.reached > LATIN_PATH_STIFFENS) {
+  if (within && more > LATIN_PATH_STIFFENS) {
     PetscCall(LatinPathNodes_Private(structure, path->ahead, change, NULL, little, &within));
     if (within) PetscCall(LatinPathNodes_Private(structure, change, path->back, NULL, little, &within));
-    if (!within) *smaller = PetscMin(0.5, PetscMax(moved / far, LATIN_PATH_STIFFENS));
+    if (!within) *smaller = PetscMin(0.5, PetscMax(moved / path->far, LATIN_PATH_STIFFENS));
   }
   PetscCall(DMRestoreGlobalVector(structure->dm, &change));
-  PetscCall(PetscInfo(snes, "%g of the path: displacements change by %g, the tangent stiffness says %g, %g%s\n", (double)part, (double)moved, (double)far, (double)back, within ? "" : ", of some nodes more or less than that"));
+  PetscCall(PetscInfo(snes, "%g of the path: displacements change by %g, the tangent stiffness says %g, %g%s\n", (double)part, (double)(more * moved), (double)(more * path->far), (double)(more * back),
+                      within ? "" : ", of some nodes more or less than that"));
+  PetscFunctionReturn(0);
+}
+
+/* The nearest target from u, an equilibrium if `near`: *found. Collective on snes */
+static PetscErrorCode LatinPathSolve_Private(SNES snes, LatinPathTarget *target, Vec u, PetscBool near, PetscBool *found)
+{
+  SNES_Latin *data = (SNES_Latin *)snes->data;
+
+  PetscFunctionBegin;
+  PetscCall(SNESLatinLargeFrom_Private(snes, u, near));
+  *found         = (PetscBool)(data->next != LATIN_NEXT_GIVEN && (LatinNextConverged(data->next) || data->next == LATIN_NEXT_ROUNDING));
+  target->failed = (PetscBool) !*found;
+  if (!*found) PetscCall(VecDestroy(&target->u));
+  else {
+    if (!target->u) PetscCall(VecDuplicate(u, &target->u));
+    PetscCall(VecCopy(snes->vec_sol, target->u));
+  }
   PetscFunctionReturn(0);
 }
 
 /*
-   An increment from path->u, which is an equilibrium or, not `from`, the drawn configuration: the solution vector follows it where *smaller is 1, else a smaller one
-   may. Collective on snes
+   An increment from path->u, which is an equilibrium or, not `from`, the drawn configuration, to the nearest target: the path goes on from there where *smaller
+   is 1, else a smaller one may. What was found from further away may be seen from here to be on the path: it is not sought again. Collective on snes
 */
-static PetscErrorCode LatinPathIncrement_Private(SNES snes, const LatinPath *path, PetscBool from, PetscReal part, PetscReal *smaller)
+static PetscErrorCode LatinPathIncrement_Private(SNES snes, LatinPath *path, PetscBool from, PetscReal *smaller)
 {
-  SNES_Latin *data = (SNES_Latin *)snes->data;
-  PetscReal   far;
-  PetscBool   stable = PETSC_FALSE;
+  LatinPathTarget *target = &path->target[path->targets - 1];
+  const PetscBool  known  = (PetscBool) !!target->u;
+  PetscReal        back;
+  PetscBool        found = PETSC_TRUE;
 
   PetscFunctionBegin;
   *smaller = 0.5;
-  PetscCall(LatinPathLoad_Private(snes, path, part));
-  PetscCall(SNESLatinLargePredict_Private(snes, path->u, path->step, path->ahead, &far));
-  if (from && far == PETSC_MAX_REAL) PetscFunctionReturn(0);
-  PetscCall(SNESLatinLargeFrom_Private(snes, path->u, from));
-  if (data->next == LATIN_NEXT_GIVEN || !(LatinNextConverged(data->next) || data->next == LATIN_NEXT_ROUNDING)) PetscFunctionReturn(0);
+  if (from && path->far == PETSC_MAX_REAL) PetscFunctionReturn(0);
+  PetscCall(LatinPathLoad_Private(snes, path, target->part));
+  if (known) {
+    PetscCall(VecCopy(target->u, snes->vec_sol));
+    PetscCall(SNESLatinLargeRenew_Private(snes, LATIN_FRAME_TANGENT));
+  } else PetscCall(LatinPathSolve_Private(snes, target, path->u, from, &found));
+  if (!found) PetscFunctionReturn(0);
+  PetscCall(LatinPathRate_Private(snes, path, target->u, path->back, &back));
   *smaller = 1.0;
-  if (from) PetscCall(LatinPathMoved_Private(snes, path, part, far, smaller));
+  if (from) PetscCall(LatinPathMoved_Private(snes, path, target->part, back, smaller));
   if (*smaller < 1.0) PetscFunctionReturn(0);
-  PetscCall(LatinPathStable_Private(snes, path, snes->vec_sol, &stable));
-  if (!stable) *smaller = 0.5;
+  PetscCall(LatinPathStable_Private(snes, path, target->u, &found));
+  if (found && known) PetscCall(LatinPathSolve_Private(snes, target, target->u, PETSC_TRUE, &found));
+  *smaller = found ? 1.0 : 0.5;
+  if (!found) PetscFunctionReturn(0);
+  PetscCall(VecCopy(target->u, path->u));
+  PetscCall(VecCopy(path->back, path->ahead));
+  path->far = back;
+  PetscFunctionReturn(0);
+}
+
+/* A new target ahead of the nearest one, at least half the way closer. Not collective */
+static void LatinPathCloser(LatinPath *path, PetscReal part)
+{
+  path->target[path->targets++] = (LatinPathTarget){.part = part};
+}
+
+/* No further equilibrium follows path->u: the mode that buckles is the softest one there. Collective on snes */
+static PetscErrorCode LatinPathLimit_Private(SNES snes, const LatinPath *path)
+{
+  SNES_Latin *data = (SNES_Latin *)snes->data;
+
+  PetscFunctionBegin;
+  PetscCall(PetscInfo(snes, "No equilibrium follows that of %g of the path: it is a limit point, or unstable\n", (double)data->large.reached));
+  data->next = LATIN_NEXT_DIVERGED;
+  PetscCall(LatinPathForces_Private(path->step));
+  PetscCall(SNESLatinLargeMode_Private(snes, path->u, path->step));
+  PetscCall(LatinEquilibriumMoved_Private(data->large.frame->turns, path->step, &data->found));
   PetscFunctionReturn(0);
 }
 
 /* The path, from u; `from`: an equilibrium. Collective on snes */
-static PetscErrorCode LatinPathFollow_Private(SNES snes, const LatinPath *path, PetscBool from)
+static PetscErrorCode LatinPathFollow_Private(SNES snes, LatinPath *path, PetscBool from)
 {
-  SNES_Latin *data      = (SNES_Latin *)snes->data;
-  LatinLarge *large     = &data->large;
-  PetscReal   increment = 1.0, smaller;
+  SNES_Latin *data  = (SNES_Latin *)snes->data;
+  LatinLarge *large = &data->large;
+  PetscReal   last  = 1.0, smaller;
 
   PetscFunctionBegin;
-  while (large->reached < 1.0 && increment >= LATIN_PATH_LEAST && data->latin->linear.applications < snes->max_its) {
-    const PetscReal part = PetscMin(1.0, large->reached + increment);
+  if (from) PetscCall(LatinPathRate_Private(snes, path, path->u, path->ahead, &path->far));
+  LatinPathCloser(path, 1.0);
+  while (path->targets && data->latin->linear.applications < snes->max_its) {
+    LatinPathTarget *target = &path->target[path->targets - 1];
+    const PetscReal  more   = target->part - large->reached;
 
-    PetscCall(LatinPathIncrement_Private(snes, path, (PetscBool)(from || large->reached > 0.0), part, &smaller));
-    if (data->next == LATIN_NEXT_GIVEN) PetscFunctionReturn(0);
-    if (smaller == 1.0) {
-      PetscCall(VecCopy(snes->vec_sol, path->u));
-      large->reached = part;
+    if (more < LATIN_PATH_LEAST) break;
+    if (target->failed && more > 2.0 * LATIN_PATH_GROWS * last) {
+      LatinPathCloser(path, large->reached + LATIN_PATH_GROWS * last);
+      continue;
     }
-    increment *= smaller == 1.0 ? 2.0 : smaller;
+    PetscCall(LatinPathIncrement_Private(snes, path, (PetscBool)(from || large->reached > 0.0), &smaller));
+    if (data->next == LATIN_NEXT_GIVEN) PetscFunctionReturn(0);
+    if (smaller < 1.0) LatinPathCloser(path, large->reached + PetscMin(smaller * more, large->reached > 0.0 ? LATIN_PATH_GROWS * last : 1.0));
+    else {
+      last           = more;
+      large->reached = target->part;
+      PetscCall(VecDestroy(&target->u));
+      path->targets--;
+    }
   }
-  if (large->reached == 1.0) PetscFunctionReturn(0);
+  if (!path->targets) PetscFunctionReturn(0);
   PetscCall(VecCopy(path->u, snes->vec_sol));
   data->next = LATIN_NEXT_MAX_IT;
-  if (data->latin->linear.applications >= snes->max_its) PetscFunctionReturn(0);
-  PetscCall(PetscInfo(snes, "No equilibrium follows that of %g of the path: it is a limit point, or unstable\n", (double)large->reached));
-  data->next = LATIN_NEXT_DIVERGED;
-  PetscCall(LatinPathForces_Private(path->step)); /* the mode that buckles is the softest one at the last equilibrium */
-  PetscCall(SNESLatinLargeMode_Private(snes, path->u, path->step));
-  PetscCall(LatinEquilibriumMoved_Private(large->frame->turns, path->step, &data->found));
+  if (data->latin->linear.applications < snes->max_its) PetscCall(LatinPathLimit_Private(snes, path));
   PetscFunctionReturn(0);
 }
 
@@ -343,9 +421,10 @@ PetscErrorCode SNESLatinLargeRun_Private(SNES snes)
     PetscFunctionReturn(0);
   }
   for (PetscInt i = 0; i < 7; i++) PetscCall(DMGetGlobalVector(structure->dm, &work[i]));
-  const LatinPath path = {work[0], work[1], work[2], work[3], work[4], work[5], work[6]};
-  ierr                 = LatinPathStart_Private(snes, &path, &from);
+  LatinPath path = {.first = work[0], .whole = work[1], .u = work[2], .ahead = work[3], .back = work[4], .more = work[5], .step = work[6], .far = PETSC_MAX_REAL};
+  ierr           = LatinPathStart_Private(snes, &path, &from);
   if (!ierr) ierr = LatinPathFollow_Private(snes, &path, from);
+  while (path.targets) PetscCall(VecDestroy(&path.target[--path.targets].u));
   snes->vec_rhs = rhs; /* after an error as well, or the SNES would give back what it has not got */
   PetscCall(ierr);
   PetscCall(LatinPathBorne_Private(&path, &large->reached));

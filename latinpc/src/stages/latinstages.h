@@ -73,6 +73,7 @@ PETSC_INTERN PetscErrorCode LatinSubstructuresBackward(LatinLinear *, PetscReal 
 /* ---- local stage (stages/local.c, stages/locallinks.c, stages/localcontacts.c, stages/localturning.c) ---- */
 PETSC_INTERN PetscErrorCode LatinGatherForces_Private(LatinLinear *, const PetscReal z[]);
 PETSC_INTERN PetscErrorCode LatinLocalStage_Private(LatinLinear *, const PetscReal z[], PetscReal Gz[]);
+PETSC_INTERN PetscErrorCode LatinPullFaces_Private(LatinLinear *);
 PETSC_INTERN void           LatinLinkStageGeneral(const LatinLinear *, const PetscReal state[], PetscReal next[], PetscReal sum[3]);
 PETSC_INTERN void           LatinTurningStage(const LatinLinear *, const PetscReal state[], PetscReal next[], PetscReal sum[3]);
 PETSC_INTERN void           LatinTurningState(const LatinLinear *, PetscReal state[]);

@@ -91,6 +91,14 @@ PetscErrorCode LatinGatherForces_Private(LatinLinear *linear, const PetscReal z[
   PetscFunctionReturn(0);
 }
 
+/* D times the micro part of U on all interfaces here, into linear->pull */
+PetscErrorCode LatinPullFaces_Private(LatinLinear *linear)
+{
+  PetscFunctionBegin;
+  PetscCall(LatinSweepFaces_Private(linear, NULL, NULL, NULL));
+  PetscFunctionReturn(0);
+}
+
 PetscErrorCode LatinLocalStage_Private(LatinLinear *linear, const PetscReal z[], PetscReal Gz[])
 {
   const LatinInterfaces *inter  = linear->inter;
@@ -98,7 +106,7 @@ PetscErrorCode LatinLocalStage_Private(LatinLinear *linear, const PetscReal z[],
 
   PetscFunctionBegin;
   PetscCall(PetscLogEventBegin(LATIN_Local, linear->sub->object, 0, 0, 0));
-  PetscCall(LatinSweepFaces_Private(linear, z, NULL, NULL));
+  PetscCall(LatinPullFaces_Private(linear));
   for (PetscInt k = 0; k < inter->sides; k++) linear->outgoing[k] = 2.0 * linear->pull[k] - z[k];
   PetscCall(PetscSFBcastBegin(inter->mate_sf, MPIU_REAL, linear->outgoing, Gz, MPI_REPLACE));
   if (linear->sub->part) LatinTurningStage(linear, z + inter->sides, Gz + inter->sides, sum);
