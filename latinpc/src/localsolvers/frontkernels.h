@@ -67,20 +67,36 @@ static void FRONT(LatinFrontAdd)(const LatinFronts *F, FRONT(LatinFrontsWork) * 
   } else FRONT(LatinFrontScatter)(n, 0, own, to, work->end, left, height, panel);
 }
 
+/* U = -Z Z^t, the lower triangle of its first `later` rows and all of the kept ones below them. With few columns products of blocks are quicker than their symmetric form, though they fill the blocks on the diagonal */
+static void FRONT(LatinFrontUpdate)(PetscBLASInt columns, PetscBLASInt later, PetscBLASInt kept, const FRONT_REAL Z[], PetscBLASInt height, FRONT_REAL U[])
+{
+  const FRONT_REAL   minus = -1, zero = 0;
+  const PetscBLASInt below = later + kept;
+
+  if (columns > LATIN_FRONT_PANEL) {
+    if (later) FRONT_BLAS(syrk)("L", "N", &later, &columns, &minus, Z, &height, &zero, U, &below);
+    if (later && kept) FRONT_BLAS(gemm)("N", "T", &kept, &later, &columns, &minus, Z + later, &height, Z, &height, &zero, U + later, &below);
+    return;
+  }
+  for (PetscBLASInt c = 0; c < later; c += LATIN_FRONT_PANEL) {
+    const PetscBLASInt wide = PetscMin(LATIN_FRONT_PANEL, later - c), rows = below - c;
+
+    FRONT_BLAS(gemm)("N", "T", &rows, &wide, &columns, &minus, Z + c, &height, Z + c, &height, &zero, U + c + (size_t)below * (size_t)c, &below);
+  }
+}
+
 /* Eliminates the columns of front f: its panel becomes that of the factor, and U what it leaves to later fronts */
 static PetscBool FRONT(LatinFrontEliminate)(const LatinFronts *F, PetscInt f, FRONT_REAL panel[], FRONT_REAL U[])
 {
-  const FRONT_REAL   one = 1, minus = -1, zero = 0;
-  const PetscBLASInt columns = (PetscBLASInt)F->columns[f], below = (PetscBLASInt)LatinFrontBelow(F, f), later = (PetscBLASInt)F->later[f], kept = below - later, height = columns + below;
-  const FRONT_REAL  *Z = panel + columns;
+  const FRONT_REAL   one     = 1;
+  const PetscBLASInt columns = (PetscBLASInt)F->columns[f], below = (PetscBLASInt)LatinFrontBelow(F, f), later = (PetscBLASInt)F->later[f], height = columns + below;
   PetscBLASInt       info;
 
   FRONT_BLAS(potrf)("L", &columns, panel, &height, &info);
   if (info || !(panel[(size_t)(columns - 1) * (size_t)(height + 1)] > 0.0)) return PETSC_FALSE; /* not a number is not a pivot */
   if (!below) return PETSC_TRUE;
   FRONT_BLAS(trsm)("R", "L", "T", "N", &below, &columns, &one, panel, &height, panel + columns, &height);
-  if (later) FRONT_BLAS(syrk)("L", "N", &later, &columns, &minus, Z, &height, &zero, U, &below);
-  if (later && kept) FRONT_BLAS(gemm)("N", "T", &kept, &later, &columns, &minus, Z + later, &height, Z, &height, &zero, U + later, &below);
+  FRONT(LatinFrontUpdate)(columns, later, below - later, panel + columns, height, U);
   return PETSC_TRUE;
 }
 
