@@ -58,6 +58,24 @@ def test_symmetric_positive_definite_and_exact_in_the_mean(matis, problem, dim, 
     assert result["largest"] < 3.0
 
 
+@pytest.mark.parametrize(("ranks", "blocks", "colours"), [(2, "2,1", False), (4, "2,2", False), (4, "4,4", True)])
+def test_what_is_kept_of_the_condensation_makes_no_difference(matis, ranks, blocks, colours):
+    """The default factors of the interiors need it at the interfaces alone, those of another package everywhere."""
+    how = {
+        "problem": "elasticity",
+        "cells": 8,
+        "blocks": blocks,
+        "spectrum": True,
+        **({"colours": True} if colours else {}),
+    }
+    ours, other = (
+        matis(ranks, words, **how) for words in ([], ["-pc_latin_interior_pc_factor_mat_solver_type", "petsc"])
+    )
+    assert ours["iterations"] == other["iterations"]
+    assert ours["residual"] == pytest.approx(other["residual"], rel=1e-6)
+    assert [ours["least"], ours["largest"]] == pytest.approx([other["least"], other["largest"]], rel=1e-10)
+
+
 @pytest.mark.parametrize("variant", ["none", "macro", "corner"])
 def test_links_and_their_matrix_give_one_preconditioner(matis, variant):
     """A structure, one subdomain a rank: the local matrices make the same preconditioner as the links, to rounding."""

@@ -34,11 +34,11 @@ static PetscErrorCode LatinMechanismField_Private(Latin latin, Vec v, const Lati
       PetscCall(LatinSubstructuresBackward(&latin->linear, field));
     }
     for (PetscInt s = 0; s < sub->n && !latin->linear.substructures; s++) {
-      const PetscInt   rows = bs * (sub->node_offset[s + 1] - sub->node_offset[s]), first = bs * sub->node_offset[s];
-      const PetscReal *u = latin->coarse.u + latin->coarse.offset[s], *phi = latin->linear.Phi + latin->linear.phi_offset[s];
+      const LatinPhi  *Phi = &latin->linear.Phi[s];
+      const PetscReal *u   = latin->coarse.u + latin->coarse.offset[s];
 
       for (PetscInt k = 0; k < latin->coarse.offset[s + 1] - latin->coarse.offset[s]; k++)
-        for (PetscInt r = 0; r < rows; r++) field[first + r] += phi[r + (size_t)rows * (size_t)k] * u[k];
+        for (PetscInt r = 0; r < Phi->rows; r++) field[bs * sub->node_offset[s] + (Phi->some ? Phi->row[r] : r)] += Phi->a[r + (size_t)Phi->rows * (size_t)k] * u[k];
     }
   }
   PetscFunctionReturn(0);

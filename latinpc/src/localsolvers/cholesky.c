@@ -150,6 +150,14 @@ PetscErrorCode LatinCholeskyOrder(Mat F, const PetscInt *order[])
   PetscFunctionReturn(0);
 }
 
+/* All of the solve for right-hand sides that are zero but in some rows, and the solution there, see LatinFrontsSolveSome(); no row is kept */
+PetscErrorCode LatinCholeskySolveSome(Mat F, PetscInt rows, const PetscInt row[], PetscInt columns, PetscReal b[])
+{
+  PetscFunctionBegin;
+  PetscCall(LatinFrontsSolveSome(&((LatinSupernodes *)F->data)->fronts, rows, row, columns, b));
+  PetscFunctionReturn(0);
+}
+
 /* All of the solve for right-hand sides beside each other, see LatinFrontsSolveLanes(); no row is kept */
 PetscErrorCode LatinCholeskySolveLanes(Mat F, float x[], PetscReal energy[], PetscReal square[])
 {

@@ -339,6 +339,28 @@ static PetscReal FRONT(LatinFrontsGive)(const LatinFronts *F, PetscBool forward,
   return sum;
 }
 
+/* L^-1 of all fronts, or of those that are reached (NULL: unless all of many right-hand sides are zero there) */
+static void FRONT(LatinFrontsForward)(const LatinFronts *F, const PetscBool reached[], PetscInt columns)
+{
+  for (PetscInt f = 0; f < F->fronts; f++) {
+    if (reached && !reached[f]) continue;
+    if (columns == 1) FRONT(LatinFrontColumn)(F, f, PETSC_TRUE);
+    else
+      for (PetscInt c = 0; c < F->columns[f] && (c || reached || !FRONT(LatinFrontIdle)(F, f, (PetscBLASInt)columns)); c += LATIN_FRONT_PANEL) FRONT(LatinFrontForward)(F, f, c, (PetscBLASInt)columns);
+  }
+}
+
+/* L^-t of all fronts, or of those that are reached */
+static void FRONT(LatinFrontsBackward)(const LatinFronts *F, const PetscBool reached[], PetscInt columns)
+{
+  for (PetscInt f = F->fronts - 1; f >= 0; f--) {
+    if (reached && !reached[f]) continue;
+    if (columns == 1) FRONT(LatinFrontColumn)(F, f, PETSC_FALSE);
+    else
+      for (PetscInt c = LatinFrontLastPanel(F->columns[f]); c >= 0 && F->columns[f]; c -= LATIN_FRONT_PANEL) FRONT(LatinFrontBackward)(F, f, c, (PetscBLASInt)columns);
+  }
+}
+
 /*
    See LatinFrontsSolve(). Each column is solved as one with largest entry 1, which any precision holds. What is on kept rows
    is not rounded: forces on interfaces do not vanish as the iteration converges
@@ -349,15 +371,33 @@ static void FRONT(LatinFrontsHalves)(LatinFronts *F, PetscBool forward, PetscBoo
   PetscReal      scale[LATIN_BATCH_COLUMNS], sum;
 
   FRONT(LatinFrontsTake)(F, forward ? inside : F->n, columns, b, ld, scale);
-  for (PetscInt f = 0; f < F->fronts && forward; f++)
-    if (columns == 1) FRONT(LatinFrontColumn)(F, f, PETSC_TRUE);
-    else
-      for (PetscInt c = 0; c < F->columns[f] && (c || !FRONT(LatinFrontIdle)(F, f, (PetscBLASInt)columns)); c += LATIN_FRONT_PANEL) FRONT(LatinFrontForward)(F, f, c, (PetscBLASInt)columns);
+  if (forward) FRONT(LatinFrontsForward)(F, NULL, columns);
   if (forward && backward) memset((FRONT_REAL *)F->x + (size_t)inside * (size_t)columns, 0, (size_t)F->kept * (size_t)columns * sizeof(FRONT_REAL));
-  for (PetscInt f = F->fronts - 1; f >= 0 && backward; f--)
-    if (columns == 1) FRONT(LatinFrontColumn)(F, f, PETSC_FALSE);
-    else
-      for (PetscInt c = LatinFrontLastPanel(F->columns[f]); c >= 0 && F->columns[f]; c -= LATIN_FRONT_PANEL) FRONT(LatinFrontBackward)(F, f, c, (PetscBLASInt)columns);
+  if (backward) FRONT(LatinFrontsBackward)(F, NULL, columns);
   sum = FRONT(LatinFrontsGive)(F, forward, backward, columns, b, ld, scale);
   if (energy && forward) *energy += sum;
+}
+
+/* See LatinFrontsSolveSome(): b (rows x columns) are the entries of the rows that come at[]-th in the order of elimination */
+static void FRONT(LatinFrontsSome)(LatinFronts *F, const PetscBool reached[], PetscInt rows, const PetscInt at[], PetscInt columns, PetscReal b[])
+{
+  const size_t wide = (size_t)columns;
+  FRONT_REAL  *x    = (FRONT_REAL *)F->x;
+  PetscReal    scale[LATIN_BATCH_COLUMNS];
+
+  for (PetscInt f = 0; f < F->fronts; f++)
+    if (reached[f]) memset(x + (size_t)F->first[f] * wide, 0, (size_t)F->columns[f] * wide * sizeof(*x));
+  for (PetscInt c = 0; c < columns; c++) {
+    const PetscReal *column = b + (size_t)rows * (size_t)c;
+
+    scale[c] = 0.0;
+    for (PetscInt r = 0; r < rows; r++) scale[c] = PetscMax(scale[c], PetscAbsReal(column[r]));
+    if (!(scale[c] > 0.0)) scale[c] = 1.0;
+  }
+  for (PetscInt r = 0; r < rows; r++)
+    for (PetscInt c = 0; c < columns; c++) x[(size_t)at[r] * wide + (size_t)c] = (FRONT_REAL)(b[(size_t)r + (size_t)rows * (size_t)c] / scale[c]);
+  FRONT(LatinFrontsForward)(F, reached, columns);
+  FRONT(LatinFrontsBackward)(F, reached, columns);
+  for (PetscInt r = 0; r < rows; r++)
+    for (PetscInt c = 0; c < columns; c++) b[(size_t)r + (size_t)rows * (size_t)c] = scale[c] * (PetscReal)x[(size_t)at[r] * wide + (size_t)c];
 }

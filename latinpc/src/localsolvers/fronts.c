@@ -202,6 +202,45 @@ PetscErrorCode LatinFrontsSolve(LatinFronts *F, PetscBool forward, PetscBool bac
   PetscFunctionReturn(0);
 }
 
+/* The fronts that eliminate any of the rows at[], by their places in the order of elimination, or what these leave */
+static void LatinFrontsReach(const LatinFronts *F, PetscInt rows, const PetscInt at[], PetscBool asked[], PetscBool reached[])
+{
+  for (PetscInt r = 0; r < F->n; r++) asked[r] = PETSC_FALSE;
+  for (PetscInt r = 0; r < rows; r++) asked[at[r]] = PETSC_TRUE;
+  for (PetscInt f = 0; f < F->fronts; f++) {
+    reached[f] = PETSC_FALSE;
+    for (PetscInt r = F->first[f]; r < F->first[f] + F->columns[f]; r++) reached[f] = (PetscBool)(reached[f] || asked[r]);
+    for (PetscInt c = F->child[f]; c >= 0; c = F->sibling[c]) reached[f] = (PetscBool)(reached[f] || reached[c]);
+  }
+}
+
+/*
+   All of the solve for right-hand sides that are zero but in some rows, in which alone the solution is asked for: their entries
+   b (rows x columns) become those of the solution. Fronts that have no part in it are left out. No row is kept
+*/
+PetscErrorCode LatinFrontsSolveSome(LatinFronts *F, PetscInt rows, const PetscInt row[], PetscInt columns, PetscReal b[])
+{
+  PetscInt  *place, *at;
+  PetscBool *asked, *reached;
+
+  PetscFunctionBegin;
+  PetscCall(LatinFrontsRoom_Private(F, PetscMin(columns, LATIN_BATCH_COLUMNS)));
+  PetscCall(PetscMalloc4(F->n, &place, rows, &at, F->n, &asked, F->fronts, &reached));
+  for (PetscInt r = 0; r < F->n; r++) place[F->order[r]] = r;
+  for (PetscInt r = 0; r < rows; r++) at[r] = place[row[r]];
+  LatinFrontsReach(F, rows, at, asked, reached);
+  for (PetscInt first = 0; first < columns; first += LATIN_BATCH_COLUMNS) {
+    const PetscInt some = PetscMin(columns - first, LATIN_BATCH_COLUMNS);
+
+    if (F->precision != LATIN_DOUBLE) LatinFrontsSomeSingle(F, reached, rows, at, some, b + (size_t)rows * (size_t)first);
+    else LatinFrontsSomeDouble(F, reached, rows, at, some, b + (size_t)rows * (size_t)first);
+  }
+  for (PetscInt f = 0; f < F->fronts; f++)
+    if (reached[f]) PetscCall(PetscLogFlops(4.0 * (double)(F->panel[f + 1] - F->panel[f]) * columns));
+  PetscCall(PetscFree4(place, at, asked, reached));
+  PetscFunctionReturn(0);
+}
+
 /*
    All of the solve in place, for right-hand sides x that lie beside each other in the order of elimination: the entry of
    row r and lane w is at LATIN_FRONT_LANES * r + w. energy: the products of each right-hand side with its solution;

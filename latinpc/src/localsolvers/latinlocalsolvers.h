@@ -60,6 +60,7 @@ PETSC_INTERN PetscErrorCode LatinCholeskyCost(PC, PetscReal *operations, PetscRe
 PETSC_INTERN PetscErrorCode LatinCholeskyAgain(PC, Mat, LatinArithmetic);
 PETSC_INTERN PetscErrorCode LatinCholeskyGiveSchur(Mat, PetscReal **S);
 PETSC_INTERN PetscErrorCode LatinCholeskyOrder(Mat, const PetscInt *order[]);
+PETSC_INTERN PetscErrorCode LatinCholeskySolveSome(Mat, PetscInt rows, const PetscInt row[], PetscInt columns, PetscReal b[]);
 PETSC_INTERN PetscErrorCode LatinCholeskySolveLanes(Mat, float x[], PetscReal energy[], PetscReal square[]);
 PETSC_INTERN PetscErrorCode LatinCholeskyForward(Mat, PetscReal g[], PetscReal *energy);
 PETSC_INTERN PetscErrorCode LatinCholeskyBackward(Mat, PetscReal g[], PetscReal *energy);

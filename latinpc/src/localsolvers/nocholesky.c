@@ -25,6 +25,11 @@ PetscErrorCode LatinCholeskySolveLanes(Mat F, float x[], PetscReal energy[], Pet
   SETERRQ(PETSC_COMM_SELF, PETSC_ERR_PLIB, "No factor of this type can have been made");
 }
 
+PetscErrorCode LatinCholeskySolveSome(Mat F, PetscInt rows, const PetscInt row[], PetscInt columns, PetscReal b[])
+{
+  SETERRQ(PETSC_COMM_SELF, PETSC_ERR_PLIB, "No factor of this type can have been made");
+}
+
 PetscErrorCode LatinCholeskyGiveSchur(Mat F, PetscReal **S)
 {
   SETERRQ(PETSC_COMM_SELF, PETSC_ERR_PLIB, "No factor of this type can have been made");

@@ -81,7 +81,11 @@ static PetscErrorCode PCLatinBuild_Private(PC pc)
     PetscCall(LatinLocalSolversRetire(&data->interior));
     PetscCall(PCLatinClear_Private(data));
   } else PetscCall(PCReset_Latin(pc));
-  if (!data->shared) PetscCall(LatinSetUpOperator_Private(latin, (PetscObject)pc, pc, pc->dm));
+  if (!data->shared) { /* where the interiors are solved exactly, stages only come and go at the nodes that subdomains share */
+    PetscCall(LatinSetPrefix_Private(latin, (PetscObject)pc));
+    PetscCall(LatinSolverIsDefault_Private((PetscObject)latin, "interior", &latin->linear.shared));
+    PetscCall(LatinSetUpOperator_Private(latin, (PetscObject)pc, pc, pc->dm));
+  }
   n = latin->sub.bs * latin->sub.copies;
   PetscCall(PetscMalloc5(n, &data->weight, n, &data->v, n, &data->f, n, &data->force, 3 * latin->inter.sides, &data->side));
   PetscCall(MatCreateVecs(pc->pmat, &data->work, NULL));

@@ -20,35 +20,57 @@
 #define LATIN_INVERSE_RUN    8   /* fewest subdomains of neighbouring numbers, on average */
 #define LATIN_INVERSE_STAGES 8   /* the columns of an inverse are no more than the right-hand sides of so many linear stages */
 
-/* Columns first..last of [A_r^t, K_rC] of subdomain s */
-static PetscErrorCode LatinHomogeniseColumns_Private(LatinLinear *linear, PetscInt s, size_t n, PetscInt first, PetscInt last, PetscScalar b[])
+/* What the condensation of a subdomain works on */
+typedef struct {
+  PetscInt     rows, *row, *at; /* rows that have a part in its interfaces, increasing; [rows of the subdomain] where these are among them */
+  PetscScalar *B, *V, *G;       /* [A_r^t, K_rC] and K_rr^-1 times it in these rows, zero in the others of B; B^t V */
+} LatinCondensation;
+
+/* The rows of subdomain s at nodes of other subdomains, on primal dofs, or coupled to these */
+static PetscErrorCode LatinHomogeniseRows_Private(const LatinLinear *linear, PetscInt s, LatinCondensation *work)
 {
   const LatinInterfaces *inter = linear->inter;
-  const PetscInt         top   = linear->sub->bs * linear->sub->node_offset[s];
+  const PetscInt         bs = linear->sub->bs, top = bs * linear->sub->node_offset[s], n = bs * linear->sub->node_offset[s + 1] - top;
 
   PetscFunctionBegin;
-  PetscCall(PetscMemzero(b, n * (size_t)(last - first) * sizeof(*b)));
-  for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++) {
-    const LatinInterface *face = &inter->interface[f];
-    const PetscInt        at   = linear->macro->of[f].at;
-
-    for (PetscInt j = PetscMax(first, at); j < PetscMin(last, at + linear->macro->of[f].modes); j++)
-      for (PetscInt k = face->side_first; k < face->side_last; k++)
-        if (inter->primal_index[inter->side_dof[k]] < 0) b[(size_t)(inter->side_dof[k] - top) + n * (size_t)(j - first)] += LatinMacroDualRow(linear->macro, f, k)[j - at];
-  }
-  for (PetscInt c = linear->rc_first[s]; c < linear->rc_last[s]; c++) {
-    const PetscInt j = linear->coarse->macro_count[s] + linear->rc[c].primal;
-
-    if (j >= first && j < last) b[(size_t)linear->rc[c].row + n * (size_t)(j - first)] += linear->rc[c].value;
-  }
+  PetscCall(PetscMalloc2(n, &work->row, n, &work->at));
+  for (PetscInt r = 0; r < n; r++) work->at[r] = inter->share_offset[(top + r) / bs] < inter->share_offset[(top + r) / bs + 1] || inter->primal_index[top + r] >= 0 ? 0 : -1;
+  for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++)
+    for (PetscInt k = inter->interface[f].side_first; k < inter->interface[f].side_last; k++) work->at[inter->side_dof[k] - top] = 0;
+  for (PetscInt c = linear->rc_first[s]; c < linear->rc_last[s]; c++) work->at[linear->rc[c].row] = 0;
+  work->rows = 0;
+  for (PetscInt r = 0; r < n; r++)
+    if (work->at[r] == 0) {
+      work->at[r]             = work->rows;
+      work->row[work->rows++] = r;
+    }
   PetscFunctionReturn(0);
 }
 
-/* Phi first holds [V_m, V_C] */
-static PetscErrorCode LatinHomogeniseSolve_Private(LatinLinear *linear, PetscInt which, KSPConvergedReason *failed)
+/* B = [A_r^t, K_rC] of subdomain s */
+static PetscErrorCode LatinHomogeniseColumns_Private(const LatinLinear *linear, PetscInt s, LatinCondensation *work)
 {
-  const PetscInt s = linear->batches->batch[which].sub[0], n = linear->batches->batch[which].rows, m = linear->coarse->offset[s + 1] - linear->coarse->offset[s];
-  PetscReal     *Phi     = linear->Phi + linear->phi_offset[s];
+  const LatinInterfaces *inter = linear->inter;
+  const PetscInt         top = linear->sub->bs * linear->sub->node_offset[s], m = linear->coarse->offset[s + 1] - linear->coarse->offset[s];
+  const size_t           rows = (size_t)work->rows;
+
+  PetscFunctionBegin;
+  PetscCall(PetscCalloc1(rows * (size_t)m, &work->B));
+  for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++) {
+    const LatinInterface *face = &inter->interface[f];
+    PetscScalar          *b    = work->B + rows * (size_t)linear->macro->of[f].at;
+
+    for (PetscInt k = face->side_first; k < face->side_last; k++)
+      for (PetscInt j = 0; j < linear->macro->of[f].modes && inter->primal_index[inter->side_dof[k]] < 0; j++) b[(size_t)work->at[inter->side_dof[k] - top] + rows * (size_t)j] += LatinMacroDualRow(linear->macro, f, k)[j];
+  }
+  for (PetscInt c = linear->rc_first[s]; c < linear->rc_last[s]; c++) work->B[(size_t)work->at[linear->rc[c].row] + rows * (size_t)(linear->coarse->macro_count[s] + linear->rc[c].primal)] += linear->rc[c].value;
+  PetscFunctionReturn(0);
+}
+
+/* All rows of K_rr^-1 B, some columns at a time */
+static PetscErrorCode LatinHomogeniseSolve_Private(LatinLinear *linear, PetscInt which, PetscInt m, const LatinCondensation *work, PetscScalar phi[], KSPConvergedReason *failed)
+{
+  const PetscInt n       = linear->batches->batch[which].rows;
   const PetscInt columns = PetscMax(LATIN_HOMOGENISE_COLUMNS, PetscMin(LATIN_BATCH_COLUMNS, (PetscInt)(LATIN_HOMOGENISE_ROOM / PetscMax(n, 1))));
   KSP            ksp;
 
@@ -60,9 +82,11 @@ static PetscErrorCode LatinHomogeniseSolve_Private(LatinLinear *linear, PetscInt
     PetscScalar   *b;
 
     PetscCall(LatinDenseCreate_Private(n, last - first, &B));
-    PetscCall(MatCreateSeqDense(PETSC_COMM_SELF, n, last - first, Phi + (size_t)n * (size_t)first, &X));
+    PetscCall(MatCreateSeqDense(PETSC_COMM_SELF, n, last - first, phi + (size_t)n * (size_t)first, &X));
     PetscCall(MatDenseGetArrayWrite(B, &b));
-    PetscCall(LatinHomogeniseColumns_Private(linear, s, (size_t)n, first, last, b));
+    PetscCall(PetscMemzero(b, (size_t)n * (size_t)(last - first) * sizeof(*b)));
+    for (PetscInt j = first; j < last; j++, b += n)
+      for (PetscInt k = 0; k < work->rows; k++) b[work->row[k]] = work->B[(size_t)k + (size_t)work->rows * (size_t)j];
     PetscCall(MatDenseRestoreArrayWrite(B, &b));
     PetscCall(LatinDenseSolve_Private(ksp, B, X, failed));
     PetscCall(MatDestroy(&B));
@@ -72,66 +96,86 @@ static PetscErrorCode LatinHomogeniseSolve_Private(LatinLinear *linear, PetscInt
   PetscFunctionReturn(0);
 }
 
-/* T (macros x macros) and N (macros x primals) of one subdomain, from [V_m, V_C] in phi */
-static PetscErrorCode LatinHomogeniseMacro_Private(LatinLinear *linear, PetscInt s, const PetscScalar phi[], PetscScalar T[], PetscScalar N[])
+/*
+   [V_m, V_C] in Phi, and G = B^t [V_m, V_C], which is all that H takes of it. Where Phi is asked for on the interfaces alone the
+   factor is solved with there, and Phi is K_rr^-1 B in the rows of B
+*/
+static PetscErrorCode LatinHomogeniseVectors_Private(LatinLinear *linear, PetscInt which, PetscBool some, LatinCondensation *work, KSPConvergedReason *failed)
 {
-  const LatinInterfaces *inter = linear->inter;
-  const PetscInt         bs = linear->sub->bs, top = bs * linear->sub->node_offset[s];
-  const PetscInt         macros = linear->coarse->macro_count[s], columns = linear->coarse->offset[s + 1] - linear->coarse->offset[s];
-  const size_t           rows = (size_t)(bs * (linear->sub->node_offset[s + 1] - linear->sub->node_offset[s]));
+  const PetscInt    s = linear->batches->batch[which].sub[0], m = linear->coarse->offset[s + 1] - linear->coarse->offset[s];
+  const size_t      entries = (size_t)work->rows * (size_t)m;
+  LatinPhi         *Phi     = &linear->Phi[s];
+  const PetscScalar one = 1.0, zero = 0.0;
+  PetscBLASInt      br, bm;
+  PC                pc;
+  Mat               F;
 
   PetscFunctionBegin;
-  for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++) {
-    const LatinInterface *face = &inter->interface[f];
-    const PetscInt        at   = linear->macro->of[f].at;
-
-    for (PetscInt i = 0; i < linear->macro->of[f].modes; i++) {
-      for (PetscInt k = face->side_first; k < face->side_last; k++) {
-        const PetscInt  dof = inter->side_dof[k], primal = linear->inter->primal_index[dof];
-        const PetscReal a = LatinMacroDualRow(linear->macro, f, k)[i];
-
-        if (primal >= 0) {
-          N[at + i + macros * primal] += a;
-          continue;
-        }
-        for (PetscInt j = 0; j < macros; j++) T[at + i + macros * j] += a * phi[(size_t)(dof - top) + rows * (size_t)j];
-        for (PetscInt j = macros; j < columns; j++) N[at + i + macros * (j - macros)] -= a * phi[(size_t)(dof - top) + rows * (size_t)j];
-      }
-    }
-  }
+  Phi->rows = some ? work->rows : linear->batches->batch[which].rows;
+  PetscCall(PetscMalloc2(some ? work->rows : 0, &Phi->row, (size_t)Phi->rows * (size_t)m, &Phi->a));
+  Phi->some = some;
+  if (some) {
+    PetscCall(PetscArraycpy(Phi->row, work->row, work->rows));
+    PetscCall(PetscArraycpy(Phi->a, work->B, entries));
+    PetscCall(KSPGetPC(linear->solvers->ksp[which], &pc));
+    PetscCall(PCFactorGetMatrix(pc, &F));
+    PetscCall(LatinCholeskySolveSome(F, work->rows, work->row, m, Phi->a));
+  } else PetscCall(LatinHomogeniseSolve_Private(linear, which, m, work, Phi->a, failed));
+  PetscCall(PetscMalloc2(some ? 0 : entries, &work->V, m * m, &work->G));
+  for (PetscInt j = 0; j < m && !some; j++)
+    for (PetscInt k = 0; k < work->rows; k++) work->V[(size_t)k + (size_t)work->rows * (size_t)j] = Phi->a[(size_t)work->row[k] + (size_t)Phi->rows * (size_t)j];
+  PetscCall(PetscBLASIntCast(PetscMax(work->rows, 1), &br));
+  PetscCall(PetscBLASIntCast(m, &bm));
+  if (work->rows) PetscCallBLAS("BLASgemm", BLASgemm_("T", "N", &bm, &bm, &br, &one, work->B, &br, some ? Phi->a : work->V, &br, &zero, work->G, &bm));
+  else PetscCall(PetscArrayzero(work->G, m * m));
+  PetscCall(PetscLogFlops(2.0 * (PetscLogDouble)entries * m));
   PetscFunctionReturn(0);
+}
+
+/* T (macros x macros) and N = A_C - A_r V_C (macros x primals) of one subdomain, from G; - K_Cr V_C goes to H */
+static void LatinHomogeniseMacro(const LatinLinear *linear, PetscInt s, const PetscScalar G[], PetscScalar T[], PetscScalar N[], PetscScalar H[])
+{
+  const LatinInterfaces *inter  = linear->inter;
+  const PetscInt         macros = linear->coarse->macro_count[s], m = linear->coarse->offset[s + 1] - linear->coarse->offset[s];
+
+  for (PetscInt j = 0; j < macros; j++)
+    for (PetscInt i = 0; i < macros; i++) T[i + macros * j] = G[i + m * j];
+  for (PetscInt j = macros; j < m; j++) {
+    for (PetscInt i = 0; i < macros; i++) N[i + macros * (j - macros)] = -G[i + m * j];
+    for (PetscInt i = macros; i < m; i++) H[i + m * j] -= G[i + m * j];
+  }
+  for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++)
+    for (PetscInt k = inter->interface[f].side_first; k < inter->interface[f].side_last; k++) {
+      const PetscInt primal = inter->primal_index[inter->side_dof[k]];
+
+      for (PetscInt i = 0; i < linear->macro->of[f].modes && primal >= 0; i++) N[linear->macro->of[f].at + i + macros * primal] += LatinMacroDualRow(linear->macro, f, k)[i];
+    }
 }
 
 /*
    H and Phi of one subdomain; K_CC stands in H already. `inverse`, K_rr^-1 or NULL, becomes K_rr^-1 - V_m T^-1 V_m^t: the
    displacements for unit forces while the coarse displacements are zero.
 */
-static PetscErrorCode LatinHomogeniseSubdomain_Private(LatinLinear *linear, PetscInt s, PetscScalar T[], PetscScalar N[], PetscScalar TN[], PetscScalar work[], PetscScalar inverse[], PetscBool *singular)
+static PetscErrorCode LatinHomogeniseSubdomain_Private(LatinLinear *linear, PetscInt s, const LatinCondensation *work, PetscScalar inverse[], PetscBool *singular)
 {
-  const PetscInt    bs = linear->sub->bs, m = linear->coarse->offset[s + 1] - linear->coarse->offset[s];
+  const PetscInt    top = linear->sub->bs * linear->sub->node_offset[s], m = linear->coarse->offset[s + 1] - linear->coarse->offset[s];
   const PetscInt    macros = linear->coarse->macro_count[s], primals = m - macros;
-  PetscScalar      *H = linear->stiffness.H + linear->stiffness.h_offset[s], *phi = linear->Phi + linear->phi_offset[s];
+  const size_t      rows = (size_t)linear->Phi[s].rows;
+  PetscScalar      *H = linear->stiffness.H + linear->stiffness.h_offset[s], *phi = linear->Phi[s].a, *T, *N, *TN, *VT;
   const PetscScalar one = 1.0, zero = 0.0, minus = -1.0;
   PetscBLASInt      bm, bp, bl, br, info = 0;
-  size_t            rows;
 
   PetscFunctionBegin;
   PetscCall(PetscBLASIntCast(macros, &bm));
   PetscCall(PetscBLASIntCast(primals, &bp));
   PetscCall(PetscBLASIntCast(m, &bl));
-  PetscCall(PetscBLASIntCast(bs * (linear->sub->node_offset[s + 1] - linear->sub->node_offset[s]), &br));
-  rows = (size_t)br;
-  PetscCall(PetscArrayzero(T, macros * macros));
-  PetscCall(PetscArrayzero(N, macros * primals));
-  PetscCall(LatinHomogeniseMacro_Private(linear, s, phi, T, N));
-  /* - K_Cr V_C */
-  for (PetscInt p = linear->rc_first[s]; p < linear->rc_last[s]; p++)
-    for (PetscInt j = 0; j < primals; j++) H[macros + linear->rc[p].primal + m * (macros + j)] -= linear->rc[p].value * phi[(size_t)linear->rc[p].row + rows * (size_t)(macros + j)];
+  PetscCall(PetscBLASIntCast(PetscMax(linear->Phi[s].rows, 1), &br));
+  PetscCall(PetscMalloc4(macros * macros, &T, macros * primals, &N, macros * primals, &TN, rows * (size_t)macros, &VT));
+  LatinHomogeniseMacro(linear, s, work->G, T, N, H);
   for (size_t i = rows * (size_t)macros; i < rows * (size_t)m; i++) phi[i] = -phi[i];
-  if (macros) {
-    PetscCallBLAS("LAPACKpotrf", LAPACKpotrf_("L", &bm, T, &bm, &info));
-    *singular = (PetscBool)(info != 0);
-    if (info) PetscFunctionReturn(0);
+  if (macros) PetscCallBLAS("LAPACKpotrf", LAPACKpotrf_("L", &bm, T, &bm, &info));
+  *singular = (PetscBool)(info != 0);
+  if (macros && !info) {
     PetscCallBLAS("LAPACKpotri", LAPACKpotri_("L", &bm, T, &bm, &info));
     for (PetscInt j = 0; j < macros; j++)
       for (PetscInt i = 0; i < j; i++) T[i + macros * j] = T[j + macros * i];
@@ -144,12 +188,17 @@ static PetscErrorCode LatinHomogeniseSubdomain_Private(LatinLinear *linear, Pets
       PetscCallBLAS("BLASgemm", BLASgemm_("T", "N", &bp, &bp, &bm, &one, N, &bm, TN, &bm, &one, H + macros + m * macros, &bl));
       PetscCallBLAS("BLASgemm", BLASgemm_("N", "N", &br, &bp, &bm, &minus, phi, &br, TN, &bm, &one, phi + rows * (size_t)macros, &br));
     }
-    PetscCallBLAS("BLASgemm", BLASgemm_("N", "N", &br, &bm, &bm, &one, phi, &br, T, &bm, &zero, work, &br));
-    if (inverse) PetscCallBLAS("BLASgemm", BLASgemm_("N", "T", &br, &br, &bm, &minus, work, &br, phi, &br, &one, inverse, &br));
-    PetscCall(PetscArraycpy(phi, work, rows * (size_t)macros));
+    PetscCallBLAS("BLASgemm", BLASgemm_("N", "N", &br, &bm, &bm, &one, phi, &br, T, &bm, &zero, VT, &br));
+    if (inverse) PetscCallBLAS("BLASgemm", BLASgemm_("N", "T", &br, &br, &bm, &minus, VT, &br, phi, &br, &one, inverse, &br));
+    PetscCall(PetscArraycpy(phi, VT, rows * (size_t)macros));
     PetscCall(PetscLogFlops((PetscLogDouble)macros * (macros * (macros + 2.0 * primals) + 2.0 * primals * primals + 2.0 * br * (primals + macros + (inverse ? br : 0)))));
   }
-  for (PetscInt p = linear->inter->primal_offset[s]; p < linear->inter->primal_offset[s + 1]; p++) phi[(size_t)(linear->inter->primal_dof[p] - bs * linear->sub->node_offset[s]) + rows * (size_t)(macros + p - linear->inter->primal_offset[s])] = 1.0;
+  PetscCall(PetscFree4(T, N, TN, VT));
+  for (PetscInt p = 0; p < primals; p++) {
+    const PetscInt row = linear->inter->primal_dof[linear->inter->primal_offset[s] + p] - top;
+
+    phi[(size_t)(linear->Phi[s].some ? work->at[row] : row) + rows * (size_t)(macros + p)] = 1.0;
+  }
   /* symmetric to the bit, whatever the rounding above */
   for (PetscInt j = 0; j < m; j++)
     for (PetscInt i = 0; i < j; i++) H[i + m * j] = H[j + m * i] = 0.5 * (H[i + m * j] + H[j + m * i]);
@@ -185,13 +234,31 @@ static PetscErrorCode LatinHomogeniseInverse_Private(LatinLinear *linear, PetscI
   PetscFunctionReturn(0);
 }
 
+/* The subdomain that represents a batch */
+static PetscErrorCode LatinHomogeniseBatch_Private(LatinLinear *linear, PetscInt which, PetscBool some, KSPConvergedReason *failed, PetscBool *singular)
+{
+  const PetscInt    s    = linear->batches->batch[which].sub[0];
+  LatinCondensation work = {.rows = 0};
+
+  PetscFunctionBegin;
+  PetscCall(LatinHomogeniseInverse_Private(linear, which, failed));
+  if (linear->coarse->offset[s + 1] == linear->coarse->offset[s]) PetscFunctionReturn(0);
+  PetscCall(LatinHomogeniseRows_Private(linear, s, &work));
+  PetscCall(LatinHomogeniseColumns_Private(linear, s, &work));
+  PetscCall(LatinHomogeniseVectors_Private(linear, which, (PetscBool)(some && !linear->inverse[which]), &work, failed));
+  PetscCall(LatinHomogeniseSubdomain_Private(linear, s, &work, linear->inverse[which], singular));
+  for (PetscInt k = 1; k < linear->batches->batch[which].members; k++) linear->Phi[linear->batches->batch[which].sub[k]] = linear->Phi[s];
+  PetscCall(PetscFree2(work.row, work.at));
+  PetscCall(PetscFree(work.B));
+  PetscCall(PetscFree2(work.V, work.G));
+  PetscFunctionReturn(0);
+}
+
 PetscErrorCode LatinHomogeniseSetUp(LatinLinear *linear)
 {
-  const LatinSubdomains *sub    = linear->sub;
-  const PetscInt         w      = linear->coarse->widest;
-  KSPConvergedReason     failed = KSP_CONVERGED_ITERATING;
-  PetscInt               rows = 0, bad = -1;
-  PetscScalar           *T, *N, *TN, *work;
+  KSPConvergedReason failed = KSP_CONVERGED_ITERATING;
+  PetscInt           bad = -1, most = 0;
+  PetscBool          some = PETSC_FALSE;
 
   PetscFunctionBegin;
   PetscCall(PetscLogEventBegin(LATIN_Condense, linear->sub->object, 0, 0, 0));
@@ -201,23 +268,19 @@ PetscErrorCode LatinHomogeniseSetUp(LatinLinear *linear)
     PetscCall(PetscLogEventEnd(LATIN_Condense, linear->sub->object, 0, 0, 0));
     PetscFunctionReturn(0);
   }
-  for (PetscInt b = 0; b < linear->batches->n; b++) {
-    PetscCall(LatinHomogeniseSolve_Private(linear, b, &failed));
-    PetscCall(LatinHomogeniseInverse_Private(linear, b, &failed));
-  }
-  LatinAgree(PetscObjectComm(linear->sub->object), failed, PETSC_ERR_CONV_FAILED, "A local solver gave up while the subdomains were condensed (%s); change its options, which start with -%slocal_", KSPConvergedReasons[failed],
-             LatinPrefix(linear->sub));
-  for (PetscInt s = 0; s < sub->n; s++) rows = PetscMax(rows, linear->sub->bs * (sub->node_offset[s + 1] - sub->node_offset[s]));
-  PetscCall(PetscMalloc4(w * w, &T, w * w, &N, w * w, &TN, rows * w, &work));
+  if (linear->shared && linear->inter->sides) PetscCall(LatinSolverIsDefault_Private(linear->sub->object, "local", &some));
   for (PetscInt b = 0; b < linear->batches->n; b++) {
     const PetscInt s        = linear->batches->batch[b].sub[0];
     PetscBool      singular = PETSC_FALSE;
 
-    PetscCall(LatinHomogeniseSubdomain_Private(linear, s, T, N, TN, work, linear->inverse[b], &singular));
+    PetscCall(LatinHomogeniseBatch_Private(linear, b, some, &failed, &singular));
     if (singular && (bad < 0 || s < bad)) bad = s;
+    if (linear->Phi[s].some) most = PetscMax(most, linear->Phi[s].rows);
   }
-  PetscCall(PetscFree4(T, N, TN, work));
+  PetscCall(PetscMalloc1(most, &linear->some));
   PetscCall(PetscLogEventEnd(LATIN_Condense, linear->sub->object, 0, 0, 0));
-  LatinAgree(PetscObjectComm(linear->sub->object), bad >= 0, PETSC_ERR_PLIB, "The macro constraints of subdomain %" PetscInt_FMT " are dependent to rounding; change the partition, or try variant none", sub->first + bad);
+  LatinAgree(PetscObjectComm(linear->sub->object), failed, PETSC_ERR_CONV_FAILED, "A local solver gave up while the subdomains were condensed (%s); change its options, which start with -%slocal_", KSPConvergedReasons[failed],
+             LatinPrefix(linear->sub));
+  LatinAgree(PetscObjectComm(linear->sub->object), bad >= 0, PETSC_ERR_PLIB, "The macro constraints of subdomain %" PetscInt_FMT " are dependent to rounding; change the partition, or try variant none", linear->sub->first + bad);
   PetscFunctionReturn(0);
 }

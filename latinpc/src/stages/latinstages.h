@@ -15,6 +15,13 @@ typedef struct {
   PetscReal value;
 } LatinCoupling;
 
+/* Displacements for unit coarse displacements, in some rows of a subdomain or in all of them */
+typedef struct {
+  PetscBool  some;
+  PetscInt   rows, *row; /* from its first one, increasing, where they are some */
+  PetscReal *a;          /* rows x coarse, column-major */
+} LatinPhi;
+
 typedef struct {
   const LatinSubdomains *sub;
   const LatinInterfaces *inter;
@@ -24,13 +31,14 @@ typedef struct {
   LatinCoarse           *coarse;
   LatinLocalSolvers     *solvers;
   PetscBool              substructures; /* all that is on interfaces is in the coarse problem, and Phi is not kept */
+  PetscBool              shared;        /* given: forces, and displacements that are read, are at nodes of several subdomains */
   PetscBool              precise;       /* the coarse problem is too soft for subdomains condensed in single precision */
   /* the following are stored once for each pattern, and found by subdomain */
   PetscInt        *rc_first, *rc_last; /* [subdomains] coupling of the other dofs with the primal ones */
   LatinCoupling   *rc;
   LatinHomogenised stiffness;
-  size_t          *phi_offset;    /* [subdomains] into Phi */
-  PetscReal       *Phi;           /* displacements for unit coarse displacements, (bs * nodes) x coarse, column-major */
+  LatinPhi        *Phi;           /* [subdomains] */
+  PetscReal       *some;          /* work: the rows of one Phi */
   PetscReal      **inverse;       /* [batches] displacements for unit forces with the coarse ones held, dense; NULL: from the solver */
   PetscReal       *g;             /* [copies * bs] forces of a linear stage, work space after it */
   PetscReal       *U;             /* [copies * bs] displacements, the sum of those of all linear stages */

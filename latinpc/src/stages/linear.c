@@ -77,28 +77,24 @@ static PetscErrorCode LatinLinearMatrices_Private(LatinLinear *linear)
   PetscFunctionReturn(0);
 }
 
-/* Room for H and Phi: once for each pattern */
+/* Room for H: once for each pattern */
 static PetscErrorCode LatinLinearOffsets_Private(LatinLinear *linear)
 {
   const LatinSubdomains *sub = linear->sub;
-  size_t                 h = 0, phi = 0;
+  size_t                 h   = 0;
 
   PetscFunctionBegin;
   linear->stiffness.pattern = linear->batches->pattern;
-  PetscCall(PetscMalloc4(sub->n, &linear->rc_first, sub->n, &linear->rc_last, sub->n, &linear->stiffness.h_offset, sub->n, &linear->phi_offset));
+  PetscCall(PetscMalloc3(sub->n, &linear->rc_first, sub->n, &linear->rc_last, sub->n, &linear->stiffness.h_offset));
+  PetscCall(PetscCalloc1(sub->n, &linear->Phi));
   for (PetscInt s = 0; s < sub->n; s++) {
-    const size_t   m = (size_t)(linear->coarse->offset[s + 1] - linear->coarse->offset[s]), rows = (size_t)(linear->sub->bs * (sub->node_offset[s + 1] - sub->node_offset[s]));
     const PetscInt r = linear->batches->pattern[s];
 
     linear->stiffness.h_offset[s] = r == s ? h : linear->stiffness.h_offset[r];
-    linear->phi_offset[s]         = r == s ? phi : linear->phi_offset[r];
-    if (r != s) continue;
-    h += m * m;
-    phi += linear->substructures ? 0 : m * rows;
+    if (r == s) h += PetscSqr((size_t)(linear->coarse->offset[s + 1] - linear->coarse->offset[s]));
   }
   linear->stiffness.once = linear->substructures;
   if (!linear->substructures) PetscCall(PetscCalloc1(h, &linear->stiffness.H));
-  PetscCall(PetscMalloc1(phi, &linear->Phi));
   PetscFunctionReturn(0);
 }
 
@@ -181,16 +177,21 @@ static PetscErrorCode LatinLinearCondense_Private(LatinLinear *linear, const Lat
   PetscFunctionBegin;
   for (PetscInt m = 0; m < batch->members; m += (PetscInt)run) {
     const PetscInt   s   = batch->sub[m];
-    const PetscReal *Phi = linear->Phi + linear->phi_offset[s], *g = linear->g + sub->bs * sub->node_offset[s];
-    PetscReal       *q = coarse->q + coarse->offset[s];
+    const LatinPhi  *Phi = &linear->Phi[s];
+    const PetscReal *g   = linear->g + sub->bs * sub->node_offset[s];
+    PetscReal       *q   = coarse->q + coarse->offset[s];
 
-    PetscCall(PetscBLASIntCast(LatinBatchRun(batch, m), &run));
-    PetscCall(PetscBLASIntCast(sub->bs * (sub->node_offset[s + 1] - sub->node_offset[s]), &rows));
+    PetscCall(PetscBLASIntCast(Phi->some ? 1 : LatinBatchRun(batch, m), &run));
+    PetscCall(PetscBLASIntCast(Phi->rows, &rows));
     PetscCall(PetscBLASIntCast(coarse->offset[s + 1] - coarse->offset[s], &cols));
     if (!cols) continue;
+    if (Phi->some) {
+      for (PetscInt r = 0; r < Phi->rows; r++) linear->some[r] = g[Phi->row[r]];
+      g = linear->some;
+    }
     PetscCall(PetscLogFlops(2.0 * rows * cols * run));
-    if (run == 1) PetscCallBLAS("BLASgemv", BLASgemv_("T", &rows, &cols, &one, Phi, &rows, g, &inc, &zero, q, &inc));
-    else PetscCallBLAS("BLASgemm", BLASgemm_("T", "N", &cols, &run, &rows, &one, Phi, &rows, g, &rows, &zero, q, &cols));
+    if (run == 1) PetscCallBLAS("BLASgemv", BLASgemv_("T", &rows, &cols, &one, Phi->a, &rows, g, &inc, &zero, q, &inc));
+    else PetscCallBLAS("BLASgemm", BLASgemm_("T", "N", &cols, &run, &rows, &one, Phi->a, &rows, g, &rows, &zero, q, &cols));
   }
   PetscFunctionReturn(0);
 }
@@ -250,7 +251,7 @@ static PetscErrorCode LatinLinearDense_Private(LatinLinear *linear, const LatinB
     PetscCall(PetscBLASIntCast(coarse->offset[s + 1] - coarse->offset[s], &cols));
     PetscCall(PetscLogFlops(2.0 * rows * run * ((PetscLogDouble)rows + cols)));
     PetscCallBLAS("BLASgemm", BLASgemm_("N", "N", &rows, &run, &rows, &one, inverse, &rows, linear->g + first, &rows, &one, U + first, &rows));
-    if (cols) PetscCallBLAS("BLASgemm", BLASgemm_("N", "N", &rows, &run, &cols, &one, linear->Phi + linear->phi_offset[s], &rows, coarse->u + coarse->offset[s], &cols, &one, U + first, &rows));
+    if (cols) PetscCallBLAS("BLASgemm", BLASgemm_("N", "N", &rows, &run, &cols, &one, linear->Phi[s].a, &rows, coarse->u + coarse->offset[s], &cols, &one, U + first, &rows));
   }
   PetscFunctionReturn(0);
 }
@@ -312,9 +313,11 @@ PetscErrorCode LatinLinearReset(LatinLinear *linear)
   for (PetscInt b = 0; b < linear->batches->n && linear->inverse; b++) PetscCall(PetscFree(linear->inverse[b]));
   PetscCall(PetscFree(linear->inverse));
   PetscCall(PetscFree(linear->rc));
-  PetscCall(PetscFree4(linear->rc_first, linear->rc_last, linear->stiffness.h_offset, linear->phi_offset));
+  PetscCall(PetscFree3(linear->rc_first, linear->rc_last, linear->stiffness.h_offset));
   PetscCall(PetscFree(linear->stiffness.H));
+  for (PetscInt b = 0; b < linear->batches->n && linear->Phi; b++) PetscCall(PetscFree2(linear->Phi[linear->batches->batch[b].sub[0]].row, linear->Phi[linear->batches->batch[b].sub[0]].a));
   PetscCall(PetscFree(linear->Phi));
+  PetscCall(PetscFree(linear->some));
   PetscCall(PetscFree(linear->tile));
   PetscCall(PetscFree(linear->work));
   PetscCall(PetscFree(linear->outgoing));
