@@ -100,12 +100,12 @@ def preconditioner(a, tell):
 
 
 def set_up(pc):
-    """Set a preconditioner up; return the counts of the events, the largest of a rank."""
-    before = counts()
+    """Set a preconditioner up; return the counts of the events and the seconds, the largest of a rank."""
+    before, start = counts(), PETSc.Log.Event("PCSetUp").getPerfInfo()["time"]
     pc.setUp()
-    most = counts() - before
+    most = np.append(counts() - before, PETSc.Log.Event("PCSetUp").getPerfInfo()["time"] - start)
     pc.getComm().tompi4py().Allreduce(MPI.IN_PLACE, most, MPI.MAX)
-    return dict(zip(EVENTS, most.tolist(), strict=True))
+    return {**dict(zip(EVENTS, most.astype(int).tolist(), strict=False)), "seconds": most[-1]}
 
 
 def main():

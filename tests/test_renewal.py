@@ -48,6 +48,45 @@ def test_another_pattern_is_noticed(mpirun, ranks, problem):
     assert found["apart"] < 1e-11
 
 
+WRONG = """
+import sys, argparse
+sys.path.insert(0, sys.argv[1])
+import numpy as np
+from petsc4py import PETSc
+from renewal_program import grid_of, preconditioner
+import latinpc
+
+comm = PETSc.COMM_WORLD
+args = argparse.Namespace(dim=2, cells=8, blocks=sys.argv[2], contrast=10.0, patterns=False)
+for value in (np.nan, np.inf, 2.0):
+    a, _, tell = grid_of(args, comm)
+    pc = preconditioner(a, tell)
+    pc.setUp()
+    k = a.getISLocalMat()
+    i, j, v = k.getValuesCSR()
+    if comm.getRank() == comm.getSize() - 1:
+        r = int(np.argmax(np.diff(i)))
+        v = v.copy()
+        row = slice(i[r], i[r + 1])
+        v[i[r] + np.argmax(np.where(j[row] == r, 0.0, abs(v[row])))] *= value
+    k.setValuesCSR(i, j, v)
+    k.assemble()
+    a.assemble()
+    try:
+        pc.setUp()
+        PETSc.Sys.Print("nothing")
+    except PETSc.Error as error:
+        PETSc.Sys.Print("finite" if error.ierr == 72 else "symmetric" if error.ierr == 56 else error.ierr)
+"""
+
+
+@pytest.mark.parametrize("ranks", [1, 2, 4])
+def test_new_values_are_looked_at(mpirun, ranks):
+    """An entry that is not a number, infinite, or not that of its exchange: the error of a first set-up."""
+    printed = mpirun(ranks, WRONG, Path(__file__).parent, BLOCKS[ranks]).stdout.split()
+    assert printed == ["finite", "finite", "symmetric"]
+
+
 @pytest.mark.parametrize("ranks", [2, 4])
 def test_search_directions_and_local_modes_share_an_elimination(mpirun, ranks):
     """Coefficients that jump: the modes of a subdomain cost no factorisation of their own."""

@@ -96,19 +96,39 @@ static PetscErrorCode LatinHomogeniseSolve_Private(LatinLinear *linear, PetscInt
   PetscFunctionReturn(0);
 }
 
+/* G = B^t V for columns of both: its lower triangle, by blocks, and its other half */
+static PetscErrorCode LatinHomogeniseEnergies_Private(LatinCondensation *work, PetscInt m, const PetscScalar V[])
+{
+  const PetscScalar one = 1.0, zero = 0.0;
+  const size_t      n = (size_t)work->rows;
+  PetscBLASInt      rows, columns, ld, all;
+
+  PetscFunctionBegin;
+  PetscCall(PetscBLASIntCast(work->rows, &ld));
+  PetscCall(PetscBLASIntCast(m, &all));
+  if (!n) PetscCall(PetscArrayzero(work->G, m * m));
+  for (PetscInt first = 0; first < m && n; first += LATIN_BATCH_COLUMNS) {
+    rows    = all - (PetscBLASInt)first;
+    columns = PetscMin(LATIN_BATCH_COLUMNS, rows);
+    PetscCallBLAS("BLASgemm", BLASgemm_("T", "N", &rows, &columns, &ld, &one, work->B + n * (size_t)first, &ld, V + n * (size_t)first, &ld, &zero, work->G + first + m * first, &all));
+    PetscCall(PetscLogFlops(2.0 * (PetscLogDouble)n * rows * columns));
+  }
+  for (PetscInt j = 0; j < m; j++)
+    for (PetscInt i = 0; i < j; i++) work->G[i + m * j] = work->G[j + m * i];
+  PetscFunctionReturn(0);
+}
+
 /*
    [V_m, V_C] in Phi, and G = B^t [V_m, V_C], which is all that H takes of it. Where Phi is asked for on the interfaces alone the
    factor is solved with there, and Phi is K_rr^-1 B in the rows of B
 */
 static PetscErrorCode LatinHomogeniseVectors_Private(LatinLinear *linear, PetscInt which, PetscBool some, LatinCondensation *work, KSPConvergedReason *failed)
 {
-  const PetscInt    s = linear->batches->batch[which].sub[0], m = linear->coarse->offset[s + 1] - linear->coarse->offset[s];
-  const size_t      entries = (size_t)work->rows * (size_t)m;
-  LatinPhi         *Phi     = &linear->Phi[s];
-  const PetscScalar one = 1.0, zero = 0.0;
-  PetscBLASInt      br, bm;
-  PC                pc;
-  Mat               F;
+  const PetscInt s = linear->batches->batch[which].sub[0], m = linear->coarse->offset[s + 1] - linear->coarse->offset[s];
+  const size_t   entries = (size_t)work->rows * (size_t)m;
+  LatinPhi      *Phi     = &linear->Phi[s];
+  PC             pc;
+  Mat            F;
 
   PetscFunctionBegin;
   Phi->rows = some ? work->rows : linear->batches->batch[which].rows;
@@ -124,11 +144,7 @@ static PetscErrorCode LatinHomogeniseVectors_Private(LatinLinear *linear, PetscI
   PetscCall(PetscMalloc2(some ? 0 : entries, &work->V, m * m, &work->G));
   for (PetscInt j = 0; j < m && !some; j++)
     for (PetscInt k = 0; k < work->rows; k++) work->V[(size_t)k + (size_t)work->rows * (size_t)j] = Phi->a[(size_t)work->row[k] + (size_t)Phi->rows * (size_t)j];
-  PetscCall(PetscBLASIntCast(PetscMax(work->rows, 1), &br));
-  PetscCall(PetscBLASIntCast(m, &bm));
-  if (work->rows) PetscCallBLAS("BLASgemm", BLASgemm_("T", "N", &bm, &bm, &br, &one, work->B, &br, some ? Phi->a : work->V, &br, &zero, work->G, &bm));
-  else PetscCall(PetscArrayzero(work->G, m * m));
-  PetscCall(PetscLogFlops(2.0 * (PetscLogDouble)entries * m));
+  PetscCall(LatinHomogeniseEnergies_Private(work, m, some ? Phi->a : work->V));
   PetscFunctionReturn(0);
 }
 

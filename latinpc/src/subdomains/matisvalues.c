@@ -8,28 +8,31 @@
 /* The values of a matrix of the same pattern, in the rows of the operators; *same: it has that pattern here, *check: its symmetry is to be looked at entry by entry */
 static PetscErrorCode LatinMatrixValues_Private(LatinSubdomains *sub, const LatinLocalMatrix *local, PetscBool *same, PetscBool *check)
 {
-  PetscInt *place; /* [copies] of the entry in this column, plus one */
+  const PetscInt *ki = sub->ki, *kj = sub->kj, *copy = sub->row_copy;
+  PetscReal      *ka = sub->ka;
+  PetscInt       *place; /* [copies] of the entry in this column, plus one */
 
   PetscFunctionBegin;
   *same = (PetscBool)(local->rows == sub->rows);
   PetscCall(PetscCalloc1(sub->copies, &place));
   for (PetscInt r = 0; r < local->rows && *same; r++) {
-    const PetscInt i    = sub->row_copy[r];
-    PetscInt       left = i < 0 ? 0 : sub->ki[i + 1] - sub->ki[i];
+    const PetscInt i = copy[r], first = i < 0 ? 0 : ki[i], last = i < 0 ? 0 : ki[i + 1], end = local->i[r + 1];
+    PetscInt       left = last - first;
 
-    for (PetscInt k = i < 0 ? 0 : sub->ki[i]; i >= 0 && k < sub->ki[i + 1]; k++) place[sub->kj[k]] = k + 1;
-    for (PetscInt k = local->i[r]; k < local->i[r + 1] && *same; k++) {
-      const PetscInt column = local->j[k], at = sub->row_copy[column];
-      PetscReal      across = 0.0;
+    for (PetscInt k = first; k < last; k++) place[kj[k]] = k + 1;
+    for (PetscInt k = local->i[r]; k < end; k++) {
+      const PetscInt  column = local->j[k], at = copy[column];
+      const PetscReal value  = local->a[k];
+      PetscReal       across = 0.0;
 
-      if (local->a[k] == 0.0) continue;
-      if (i < 0) *same = (PetscBool)(i == LATIN_ROW_ALONE && column == r);
-      else if (at >= 0 && place[at] > sub->ki[i]) {
-        sub->ka[place[at] - 1] = local->a[k];
+      if (value == 0.0) continue;
+      if (i < 0) *same = (PetscBool)(*same && i == LATIN_ROW_ALONE && column == r);
+      else if (at >= 0 && place[at] > first) {
+        ka[place[at] - 1] = value;
         left--;
       } else {
         if (at >= 0) PetscCall(LatinLocalMatrixAcross_Private(local, r, k, &across));
-        *same  = (PetscBool)(across == 0.0);
+        *same  = (PetscBool)(*same && across == 0.0);
         *check = PETSC_TRUE;
       }
     }
@@ -42,25 +45,31 @@ static PetscErrorCode LatinMatrixValues_Private(LatinSubdomains *sub, const Lati
 /* Are the rows of the operators finite and symmetric? Those below the diagonal come in the order of the rows above it */
 static PetscErrorCode LatinMatrixIsSymmetric_Private(const LatinSubdomains *sub, PetscBool *symmetric)
 {
-  PetscInt  *next;
-  PetscReal *largest;
+  const PetscInt  *ki = sub->ki, *kj = sub->kj;
+  const PetscReal *ka = sub->ka;
+  PetscReal       *largest, finite = 0.0;
+  PetscInt        *next;
 
   PetscFunctionBegin;
-  PetscCall(PetscMalloc1(sub->copies, &next));
-  PetscCall(PetscCalloc1(sub->copies, &largest));
-  PetscCall(PetscArraycpy(next, sub->ki, sub->copies));
-  *symmetric = PETSC_TRUE;
-  for (PetscInt i = 0; i < sub->copies; i++)
-    for (PetscInt k = sub->ki[i]; k < sub->ki[i + 1]; k++) largest[i] = PetscMax(largest[i], PetscAbsReal(sub->ka[k]));
-  for (PetscInt i = 0; i < sub->copies; i++)
-    for (PetscInt k = sub->ki[i]; k < sub->ki[i + 1]; k++) {
-      const PetscInt j = sub->kj[k];
+  PetscCall(PetscMalloc2(sub->copies, &next, sub->copies, &largest));
+  PetscCall(PetscArraycpy(next, ki, sub->copies));
+  for (PetscInt i = 0; i < sub->copies; i++) {
+    PetscReal most = 0.0;
 
-      if (PetscIsInfOrNanReal(sub->ka[k]) || (j > i && PetscAbsReal(sub->ka[k] - sub->ka[next[j]]) > LATIN_MATRIX_ASYMMETRY * PetscMax(largest[i], largest[j]))) *symmetric = PETSC_FALSE;
-      if (j > i) next[j]++;
+    for (PetscInt k = ki[i]; k < ki[i + 1]; k++) {
+      most = PetscMax(most, PetscAbsReal(ka[k]));
+      finite += 0.0 * ka[k];
     }
-  PetscCall(PetscFree(next));
-  PetscCall(PetscFree(largest));
+    largest[i] = most;
+  }
+  *symmetric = (PetscBool)(finite == 0.0); /* else not a number */
+  for (PetscInt i = 0; i < sub->copies; i++)
+    for (PetscInt k = ki[i + 1] - 1; k >= ki[i] && kj[k] > i; k--) {
+      const PetscInt j = kj[k];
+
+      if (PetscAbsReal(ka[k] - ka[next[j]++]) > LATIN_MATRIX_ASYMMETRY * PetscMax(largest[i], largest[j])) *symmetric = PETSC_FALSE;
+    }
+  PetscCall(PetscFree2(next, largest));
   PetscFunctionReturn(0);
 }
 
@@ -74,7 +83,7 @@ static PetscErrorCode LatinMatrixAlone_Private(LatinSubdomains *sub, const Latin
   PetscFunctionBegin;
   PetscCall(PetscCalloc2(local->rows, &diagonal, sub->nodes_local, &sum));
   for (PetscInt r = 0; r < local->rows; r++)
-    for (PetscInt k = local->i[r]; k < local->i[r + 1]; k++)
+    for (PetscInt k = local->i[r]; k < local->i[r + 1] && sub->row_copy[r] == LATIN_ROW_ALONE; k++)
       if (local->j[k] == r) diagonal[r] = local->a[k];
   PetscCall(MatGetLayouts(sub->matrix, &map, NULL));
   PetscCall(PetscSFCreate(PetscObjectComm(sub->object), &sf));

@@ -37,12 +37,10 @@ PetscErrorCode LatinOperatorDiagonal(const LatinSubdomains *sub, PetscReal diago
 
   PetscFunctionBegin;
   for (PetscInt i = 0; i < bs * sub->copies; i++) diagonal[i] = sub->ground ? sub->ground[i] : 0.0;
-  for (PetscInt i = 0; i < sub->copies && sub->ki; i++)
-    for (PetscInt k = sub->ki[i]; k < sub->ki[i + 1]; k++) {
-      if (sub->kj[k] != i) continue;
-      diagonal[i] = sub->ka[k];
-      break;
-    }
+  for (PetscInt i = 0, at; i < sub->copies && sub->ki; i++) {
+    PetscCall(PetscFindInt(i, sub->ki[i + 1] - sub->ki[i], sub->kj + sub->ki[i], &at));
+    if (at >= 0) diagonal[i] = sub->ka[sub->ki[i] + at];
+  }
   PetscCall(PetscLogFlops(4.0 * bs * sub->links));
   for (PetscInt l = 0; l < sub->links; l++)
     for (PetscInt c = 0; c < bs; c++) {
