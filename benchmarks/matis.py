@@ -2,6 +2,7 @@
 
     apt-get download libpetsc3.18-dev-examples && dpkg -x libpetsc3.18-dev-examples*.deb examples
     python benchmarks/matis.py --tutorials FOLDER      writes results/matis.json, fills in matis.md
+    python benchmarks/matis.py --tutorials FOLDER --again      the work of a second set-up alone
 
 FOLDER has ksp/ksp/tutorials/ex71.c and so on, as the sources of PETSc have in src. The programs are compiled as they
 are, and find PC latin by -dll_append. Times are those of the events PCSetUp and KSPSolve: by the clock, and the work
@@ -81,6 +82,34 @@ PEERS = {
     "faces, deluxe": "-{p}pc_bddc_use_faces " + DELUXE,
 }
 
+#: What is set up a second time, after each subdomain's values have been scaled, and on how many ranks.
+AGAIN = {
+    "elasticity, 24 x 24 x 24": ("-pde_type Elasticity -dim 3 -cells 24,24,24", (4, 8)),
+    "elasticity, 15 x 15 x 15": ("-pde_type Elasticity -dim 3 -cells 15,15,15", (4, 8)),
+    "elasticity, 96 x 96": ("-pde_type Elasticity -dim 2 -cells 96,96", (4, 8)),
+    "Poisson, 31 x 31 x 31": ("-pde_type Poisson -dim 3 -cells 31,31,31", (4, 8)),
+}
+SECOND = """
+  {
+    PetscLogStage stage;
+    Mat           local;
+    PetscMPIInt   rank;
+
+    MPI_Comm_rank(PETSC_COMM_WORLD, &rank);
+    PetscCall(PetscLogStageRegister("Again", &stage));
+    PetscCall(MatISGetLocalMat(A, &local));
+    PetscCall(MatScale(local, 1.1 + 0.1 * rank));
+    PetscCall(MatISRestoreLocalMat(A, &local));
+    PetscCall(MatAssemblyBegin(A, MAT_FINAL_ASSEMBLY));
+    PetscCall(MatAssemblyEnd(A, MAT_FINAL_ASSEMBLY));
+    PetscCall(KSPSetOperators(ksp, A, A));
+    PetscCall(PetscLogStagePush(stage));
+    PetscCall(KSPSetUp(ksp));
+    PetscCall(PetscLogStagePop());
+  }
+
+  /* cleanup */"""
+
 #: MPI calls within which the processor's time does not count, and their parameters.
 CALLS = {
     "Allreduce": "const void *a, void *b, int c, MPI_Datatype d, MPI_Op e, MPI_Comm f",
@@ -130,7 +159,7 @@ double MPI_Wtime(void) { return cpu() - inside; }
 """
 
 
-def compile_all(tutorials, folder):
+def compile_all(tutorials, folder, programs=TUTORIALS):
     """Compile the tutorials and the clock of the work alone."""
     where = subprocess.run(
         [sys.executable, "-c", "import petsc4py; print(*petsc4py.get_config().values(), sep='\\n')"],
@@ -142,7 +171,7 @@ def compile_all(tutorials, folder):
     flags = subprocess.run(words, capture_output=True, text=True, check=True, env=env).stdout.split()
     flags += [f"-Wl,-rpath,{word[2:]}" for word in flags if word.startswith("-L")]
     flags += [f"-I{place}" for place in Path("/usr/include/hdf5").glob("openmpi")]  # Debian's place
-    for name, place in TUTORIALS.items():
+    for name, place in programs.items():
         source = tutorials / place / "tutorials" / f"{name}.c"
         subprocess.run(["mpicc", "-O2", "-w", source, "-o", folder / name, *flags, "-lm"], check=True)
     lines = [CLOCK]
@@ -155,8 +184,8 @@ def compile_all(tutorials, folder):
     )
 
 
-def run(folder, ranks, words, clock):
-    """Run a tutorial; returns iterations, set-up and solve (seconds), or None if it has not converged."""
+def run(folder, ranks, words, clock, stages=None):
+    """Run a tutorial; returns iterations, set-up and solve (seconds), or set-ups of stages, or None: not converged."""
     log = Path(tempfile.mkdtemp(dir=folder)) / "log.py"
     preload = ["-x", f"LD_PRELOAD={folder / 'clock.so'}"] if clock else []
     command = ["mpirun", "-n", str(ranks), *preload, str(folder / words[0]), *words[1:]]
@@ -171,6 +200,9 @@ def run(folder, ranks, words, clock):
         return None
     document = {}
     exec(log.read_text(), {"nan": float("nan"), "inf": float("inf")}, document)  # a Python file is what PETSc writes
+    if stages:
+        each = [document["Stages"][stage]["PCSetUp"].values() for stage in stages]
+        return [max(event["time"] for event in events if isinstance(event, dict)) for events in each]
     times = {"PCSetUp": 0.0, "KSPSolve": 0.0}
     for stage in document["Stages"].values():
         for event in times:
@@ -205,6 +237,26 @@ def measure(folder, title, ranks, repeat, clocks):
             if row[name]:
                 row[name]["work" if clock else "clock"] = times
     return row
+
+
+def second(tutorials, folder, repeat):
+    """Return the lines of the table of second set-ups: medians of the work of the slowest rank."""
+    source = (tutorials / "ksp/ksp/tutorials/ex71.c").read_text()
+    place = folder / "again" / "ksp/ksp/tutorials"
+    place.mkdir(parents=True)
+    before, after = source.rsplit("\n  /* cleanup */", 1)
+    (place / "ex71.c").write_text(before + SECOND + after)
+    compile_all(folder / "again", folder, {"ex71": "ksp/ksp"})
+    lines = ["| | ranks | first | second | ratio |", "| --- | ---: | ---: | ---: | ---: |"]
+    for title, (words, sizes) in AGAIN.items():
+        for ranks in sizes:
+            command = ["ex71", *words.split(), "-ksp_rtol", "1e-8", "-ksp_converged_reason", "-pc_type", "latin"]
+            command += ["-dll_append", str(LIBRARY)]
+            times = [run(folder, ranks, command, True, ("KSPSetUp", "Again")) for _ in range(repeat)]
+            first, again = (1e3 * statistics.median(t[k] for t in times) for k in (0, 1))
+            lines.append(f"| {title} | {ranks} | {first:.0f} | {again:.0f} | {again / first:.2f} |")
+            print(lines[-1], flush=True)
+    return lines
 
 
 def least(row, which):
@@ -244,12 +296,12 @@ def table(document):
     return lines
 
 
-def fill(document):
-    """Write the table between the marks of the page."""
-    lines = "\n".join(table(document))
+def fill_in(mark, lines):
+    """Write lines between two marks of the page."""
+    text = "\n".join(lines)
     page = re.sub(
-        r"(<!-- tutorials -->\n).*?(<!-- end -->)",
-        lambda m: m[1] + lines + "\n" + m[2],
+        rf"(<!-- {mark} -->\n).*?(<!-- end -->)",
+        lambda m: m[1] + text + "\n" + m[2],
         PAGE.read_text(),
         flags=re.DOTALL,
     )
@@ -267,6 +319,7 @@ def main():
     parser.add_argument(
         "--work", action="store_true", help="the work alone: what other programs do at the time matters little"
     )
+    parser.add_argument("--again", action="store_true", help="second set-ups alone")
     parser.add_argument("--fill", action="store_true", help="the page again from the results")
     given = parser.parse_args()
     document = json.loads(RESULT.read_text()) if RESULT.exists() else {"cases": {}}
@@ -274,6 +327,9 @@ def main():
         if not given.tutorials:
             parser.error("--tutorials FOLDER, or --fill")
         with tempfile.TemporaryDirectory() as name:
+            if given.again:
+                fill_in("again", second(given.tutorials, Path(name), given.repeat))
+                return
             compile_all(given.tutorials, Path(name))
             for title, (_, _, sizes) in CASES.items():
                 for ranks in sizes if given.only in title else ():
@@ -281,7 +337,7 @@ def main():
                     document["cases"][f"{title}, {ranks} ranks"] = row
                     print(table({"cases": {f"{title}, {ranks} ranks": row}})[-1], flush=True)
                     RESULT.write_text(json.dumps(document, indent=1) + "\n")
-    fill(document)
+    fill_in("tutorials", table(document))
 
 
 if __name__ == "__main__":
