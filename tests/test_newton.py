@@ -1,5 +1,6 @@
 """Newton's method finishes a solve, or takes over where the iteration stalls; nodes without support are named."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -382,3 +383,17 @@ def test_an_estimate_is_no_proof():
     result = solve(draw.scene(), stop="error", error=1e-7, max_it=3000, **chosen)
     assert result.reason > 0
     assert far(result.u, oracle.newton(draw.scene())) < 1e-7
+
+
+@pytest.mark.parametrize("ranks", [1, 2, 4])
+def test_no_vector_is_left_behind(mpirun, ranks, tmp_path):
+    """As many are destroyed as have been made, though the last steps look at residuals again and again."""
+    log = tmp_path / "log"
+    program = (
+        "import petsc4py, sys\npetsc4py.init(sys.argv)\nimport latinpc\nfrom latinpc.scenes import make\n"
+        "for _ in range(2):\n    make('tensegrity-grid', modules=32, partition='metis').solve()\n"
+    )
+    mpirun(ranks, program, "-log_view", f":{log}", alone=True)
+    made, destroyed = re.search(r"^ *Vector +(\d+) +(\d+)", log.read_text(), re.MULTILINE).groups()
+    assert int(made) > 50
+    assert made == destroyed

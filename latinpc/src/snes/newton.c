@@ -100,6 +100,7 @@ static PetscErrorCode LatinNewtonLinear_Private(KSP ksp, PetscInt it, PetscReal 
   if (newton->doubt * newton->left * PetscMax(size, newton->known * newton->size) > newton->target * newton->size) PetscFunctionReturn(0);
   PetscCall(KSPBuildResidual(ksp, NULL, NULL, &r));
   PetscCall(VecNorm(r, NORM_2, &size));
+  PetscCall(VecDestroy(&r));
   if (size <= newton->balance) *reason = KSP_CONVERGED_RTOL;
   PetscFunctionReturn(0);
 }
