@@ -326,7 +326,9 @@ OTHERS = {
     ),
     "LATIN_COARSE_LEFT": (
         "relative energy",
-        "As much as a factor in single precision may leave (`LATIN_ROUNDED_LEFT`): the next stage corrects both.",
+        "As much as a factor in single precision may leave (`LATIN_ROUNDED_LEFT`): the next stage corrects both, and "
+        "so do conjugate gradients of Newton's method: METIS grid of 140 on 8 ranks, 7 and 2 iterations as with exact "
+        "stages.",
     ),
     "LATIN_DENSE_BLOCK": (
         "columns",

@@ -97,3 +97,59 @@ def test_stages_correct_an_iteration_that_ends_early(mpirun, ranks, make):
     assert early["iterations"] <= 1.3 * exact["iterations"] + 2
     assert apart(early["u"], exact["u"]) < 1e-7
     assert apart(tight["u"], exact["u"]) < 1e-7
+
+
+COUNTED = """
+import json, sys, petsc4py
+petsc4py.init([sys.argv[0], "-skip_petscrc"])
+sys.path.insert(0, "TESTS")
+import numpy as np
+from petsc4py import PETSc
+from support import latin
+import latinpc
+
+options = json.loads(sys.argv[1])
+structure = latinpc.local_scene("tensegrity-grid", modules=24, partition="metis")
+with latin(None, structure, **options) as run:
+    run.snes.setUp()
+    steps = [0]
+    coarse = latinpc.coarse_ksp(run.snes)
+    coarse.setMonitor(lambda ksp, it, norm: steps.__setitem__(0, steps[0] + bool(it)))
+    u = structure.create_vec()
+    run.snes.solve(None, u)
+    found = {"reason": int(run.snes.getConvergedReason()), "iterations": run.snes.getIterationNumber()}
+    found |= {"norm": u.norm(), "steps": steps[0]}
+    x, y = coarse.getOperators()[0].createVecs()
+    if coarse.getPC().getType() == "latin":
+        m = []
+        for j in range(x.getSize()):
+            x.set(0.0)
+            x.setValue(j, 1.0)
+            x.assemble()
+            coarse.getPC().apply(x, y)
+            scatter, whole = PETSc.Scatter.toAll(y)
+            scatter.scatter(y, whole, mode=PETSc.ScatterMode.FORWARD)
+            m.append(whole.getArray().copy())
+        m = np.array(m)
+        found["asymmetry"] = float(abs(m - m.T).max() / abs(m).max())
+        found["least"] = float(np.linalg.eigvalsh(m + m.T).min() / abs(m).max())
+PETSc.Sys.Print(json.dumps(found))
+""".replace("TESTS", str(ROOT / "tests"))
+
+
+@pytest.mark.parametrize("ranks", [2, 4])
+def test_newton_corrects_an_iteration_that_ends_early(mpirun, ranks):
+    """Conjugate gradients of Newton's method take as many iterations, and find the same.
+
+    Ranks share all unknowns of the coarse iteration: one linear stage preconditions it, symmetric positive definite.
+    """
+    exact, early, tight = (
+        json.loads(mpirun(ranks, COUNTED, json.dumps(options)).stdout)
+        for options in ({}, {"coarse_pc_type": "latin"}, {"coarse_pc_type": "latin", "coarse_ksp_rtol": 1e-10})
+    )
+    assert min(exact["reason"], early["reason"], tight["reason"]) > 0
+    assert early["steps"] <= tight["steps"] / 2
+    assert early["iterations"] <= exact["iterations"] + 2
+    assert early["norm"] == pytest.approx(exact["norm"], rel=1e-5)
+    assert early["asymmetry"] < 1e-8
+    assert early["least"] > 0.0

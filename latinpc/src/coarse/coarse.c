@@ -5,8 +5,6 @@
    corresponding forces (25), (39), (41). What the options choose for its solver decides on the form of its matrix.
 */
 
-#define LATIN_COARSE_LEFT 0.01 /* of a displacement, in energy: what an iteration leaves to the next linear stage, which solves for it */
-
 /* The solver, of the types that the options choose, before there is a matrix */
 static PetscErrorCode LatinCoarseOptions_Private(LatinCoarse *coarse)
 {
@@ -217,24 +215,24 @@ static PetscErrorCode LatinCoarseDistribute_Private(LatinCoarse *coarse, Vec v)
   PetscFunctionReturn(0);
 }
 
-/* An iteration that nobody else has given a tolerance ends early where the next stage solves for what it leaves */
-static PetscErrorCode LatinCoarseTolerance_Private(LatinCoarse *coarse, PetscBool corrected)
+/* An iteration that nobody else has given a tolerance ends early where it may leave a part of a displacement */
+static PetscErrorCode LatinCoarseTolerance_Private(LatinCoarse *coarse, PetscReal left)
 {
   PetscFunctionBegin;
-  coarse->left = corrected && coarse->loose ? LATIN_COARSE_LEFT : 0.0;
-  if (coarse->loose) PetscCall(KSPSetTolerances(coarse->ksp, corrected ? LATIN_COARSE_LEFT : LATIN_INEXACT_RTOL, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
+  coarse->left = coarse->loose ? left : 0.0;
+  if (coarse->loose) PetscCall(KSPSetTolerances(coarse->ksp, left > 0.0 ? left : LATIN_INEXACT_RTOL, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
   PetscFunctionReturn(0);
 }
 
-/* From the condensed forces q of the subdomains to the coarse displacements u; corrected: what is left of a displacement, coarse->left, the next solve does */
-PetscErrorCode LatinCoarseSolve(LatinCoarse *coarse, PetscBool corrected)
+/* From the condensed forces q of the subdomains to the coarse displacements u; left: what an iteration may leave of them, in energy, 0: nothing */
+PetscErrorCode LatinCoarseSolve(LatinCoarse *coarse, PetscReal left)
 {
   PetscScalar *b;
   PetscInt     rows;
 
   PetscFunctionBegin;
   if (!coarse->A) PetscFunctionReturn(0);
-  PetscCall(LatinCoarseTolerance_Private(coarse, corrected));
+  PetscCall(LatinCoarseTolerance_Private(coarse, left));
   PetscCall(PetscLogEventBegin(LATIN_Coarse, coarse->sub->object, 0, 0, 0));
   PetscCall(LatinGroupsPass(coarse, PETSC_FALSE));
   PetscCall(VecZeroEntries(coarse->rhs));

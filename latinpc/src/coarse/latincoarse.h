@@ -91,6 +91,8 @@ typedef struct {
   PetscScalar *a;
 } LatinCoarsePart;
 
+#define LATIN_COARSE_LEFT 0.01 /* of a displacement, in energy: what an iteration leaves to the next linear stage, or to the conjugate gradients around it */
+
 #define LATIN_REDUNDANT 1500 /* most rows of a parallel matrix that every rank factors by itself */
 
 /* ---- Cholesky of a dense matrix of several ranks (coarse/densecholesky.c) ---- */
@@ -106,7 +108,7 @@ PETSC_INTERN PetscErrorCode LatinCoarseNumber(LatinCoarse *);
 PETSC_INTERN PetscErrorCode LatinCoarseSetUp(LatinCoarse *, LatinHomogenised *);
 PETSC_INTERN PetscErrorCode LatinCoarseRelease(LatinCoarse *);
 PETSC_INTERN PetscErrorCode LatinCoarseRenew(LatinCoarse *, LatinHomogenised *);
-PETSC_INTERN PetscErrorCode LatinCoarseSolve(LatinCoarse *, PetscBool corrected);
+PETSC_INTERN PetscErrorCode LatinCoarseSolve(LatinCoarse *, PetscReal left);
 PETSC_INTERN PetscErrorCode LatinCoarseExpand_Private(LatinCoarse *, Vec);
 PETSC_INTERN PetscErrorCode LatinCoarseReset(LatinCoarse *);
 PETSC_INTERN PetscErrorCode LatinCoarseRetire(LatinCoarse *);

@@ -51,17 +51,24 @@ static PetscErrorCode PCReset_Latin(PC pc)
   PetscFunctionReturn(0);
 }
 
-/* Is a linear stage all there is to do? Where the subdomains of every node share its displacement, and no spring is between them, it solves exactly, if its solvers do. Collective on pc */
+/*
+   Is a linear stage all there is to do? Where the subdomains of every node share its displacement, and no spring is between
+   them, it solves exactly, if its solvers do. Where no node is inside a subdomain, as in coarse problems of substructures,
+   there is nothing to eliminate. Collective on pc
+*/
 static PetscErrorCode PCLatinStageIs_Private(PC_Latin *data)
 {
   const Latin            latin = data->latin;
   const LatinInterfaces *inter = &latin->inter;
+  PetscBool              is[2] = {(PetscBool)(data->shared || (!inter->sides && latin->solvers.direct)), PETSC_TRUE};
 
   PetscFunctionBegin;
-  data->stage = (PetscBool)(data->shared || (!inter->sides && latin->solvers.direct));
-  for (PetscInt i = 0; i < latin->sub.copies && !data->shared; i++)
-    if (!PCLatinInner(latin, i) && inter->component[i] < 0) data->stage = PETSC_FALSE;
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &data->stage, 1, LATIN_MPI_BOOL, MPI_LAND, PetscObjectComm((PetscObject)latin)));
+  for (PetscInt i = 0; i < latin->sub.copies && !data->shared; i++) {
+    if (PCLatinInner(latin, i)) is[1] = PETSC_FALSE;
+    else if (inter->component[i] < 0) is[0] = PETSC_FALSE;
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, is, 2, LATIN_MPI_BOOL, MPI_LAND, PetscObjectComm((PetscObject)latin)));
+  data->stage = (PetscBool)(is[0] || is[1]);
   if (!data->stage) PetscFunctionReturn(0);
   PetscCall(LatinLocalSolversDestroy(&data->interior));
   data->interior.direct = PETSC_FALSE;
@@ -169,7 +176,9 @@ static PetscErrorCode PCLatinStage_Private(PC pc, Vec forces, Vec u)
   PetscCall(LatinDistribute_Private(&latin->sub, forces, data->f));
   PetscCall(PCLatinWeigh_Private(pc, PETSC_TRUE, data->f, latin->linear.g));
   PetscCall(PetscArrayzero(data->v, latin->sub.bs * latin->sub.copies));
+  latin->linear.corrected = data->corrected;
   PetscCall(LatinLinearApply(&latin->linear, data->v));
+  latin->linear.corrected = PETSC_FALSE;
   PetscCall(PCLatinWeigh_Private(pc, PETSC_FALSE, data->v, data->f));
   if (data->stage) PCLatinFail(pc, data->f);
   PetscCall(LatinSum_Private(&latin->sub, data->f, u));
@@ -291,6 +300,14 @@ PetscErrorCode PCLatinShare_Private(PC pc, Latin latin)
   PetscCall(LatinDestroy_Private(&data->latin));
   data->latin  = latin;
   data->shared = PETSC_TRUE;
+  PetscFunctionReturn(0);
+}
+
+/* The solver around a PC latin: may coarse iterations end early? Of conjugate gradients they take as many then. Not collective */
+PetscErrorCode PCLatinCorrected_Private(PC pc, PetscBool corrected)
+{
+  PetscFunctionBegin;
+  ((PC_Latin *)pc->data)->corrected = corrected;
   PetscFunctionReturn(0);
 }
 

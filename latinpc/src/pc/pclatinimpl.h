@@ -7,8 +7,9 @@
 typedef struct {
   Latin             latin;
   PetscBool         shared;        /* latin is that of a SNES latin, which builds it and has the options */
+  PetscBool         corrected;     /* conjugate gradients around it, of the structure itself, solve for what a coarse iteration leaves */
   PetscBool         yields;        /* a mechanism is a failure of the preconditioner, not an error */
-  PetscBool         stage;         /* the linear stage alone: all links are taut, or there is no interface but in the coarse problem, and it is exact */
+  PetscBool         stage;         /* the linear stage alone: all links are taut, or there is no interface but in the coarse problem, and it is exact, or no interior */
   PetscBool         built;         /* what follows is there, though a rank without subdomains has none */
   PetscBool         chosen;        /* options have been read since the set-up: they may name other solvers */
   PetscReal        *weight;        /* [copies * bs] partition of unity */

@@ -331,7 +331,7 @@ PetscErrorCode LatinNewtonCreate_Private(SNES snes, Latin latin, PetscBool tange
   KSP            ksp;
   PC             pc;
   Mat            A;
-  PetscBool      is;
+  PetscBool      is, cg;
 
   PetscFunctionBegin;
   if (newton->tangent != tangent) PetscCall(SNESDestroy(&newton->snes));
@@ -359,8 +359,8 @@ PetscErrorCode LatinNewtonCreate_Private(SNES snes, Latin latin, PetscBool tange
   if (tangent) PetscCall(PCLatinFollow_Private(pc, latin));
   else PetscCall(PCLatinShare_Private(pc, latin));
   PetscCall(SNESSetFromOptions(newton->snes));
-  PetscCall(PetscObjectTypeCompare((PetscObject)ksp, KSPCG, &is));
-  if (!is) PetscCall(KSPSetNormType(ksp, KSP_NORM_DEFAULT));
+  PetscCall(PetscObjectTypeCompare((PetscObject)ksp, KSPCG, &cg));
+  if (!cg) PetscCall(KSPSetNormType(ksp, KSP_NORM_DEFAULT));
   PetscCall(SNESSetConvergenceTest(newton->snes, LatinNewtonConverged_Private, newton, NULL));
   PetscCall(KSPGetTolerances(ksp, &newton->rtol, NULL, NULL, NULL));
   PetscCall(KSPSetConvergenceTest(ksp, LatinNewtonLinear_Private, newton, NULL));
@@ -368,6 +368,7 @@ PetscErrorCode LatinNewtonCreate_Private(SNES snes, Latin latin, PetscBool tange
   PetscCall(LatinStructureAttachSNES(newton->structure, newton->snes));
   PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCLATIN, &is));
   if (!is) PetscFunctionReturn(0);
+  PetscCall(PCLatinCorrected_Private(pc, cg));
   PetscCall(LatinTangentCreate_Private(newton->structure, &A));
   PetscCall(SNESSetJacobian(newton->snes, A, A, LatinNewtonJacobian_Private, newton));
   PetscCall(MatDestroy(&A));

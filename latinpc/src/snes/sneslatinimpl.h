@@ -88,6 +88,7 @@ PETSC_INTERN PetscBool      LatinMultipliersEnergy(const LatinNewton *);
 PETSC_INTERN PetscErrorCode LatinMultipliersEnd_Private(Latin, LatinNewton *, PetscBool solved);
 PETSC_INTERN PetscErrorCode PCLatinShare_Private(PC, Latin);
 PETSC_INTERN PetscErrorCode PCLatinFollow_Private(PC, Latin);
+PETSC_INTERN PetscErrorCode PCLatinCorrected_Private(PC, PetscBool corrected);
 
 /* ---- the search parameter of rigid links where the iteration stalls (snes/searchparameter.c) ---- */
 #define LATIN_PARAMETER_PAST 4 /* windows of linear stages that show a stall */

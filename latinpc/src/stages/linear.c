@@ -292,7 +292,7 @@ PetscErrorCode LatinLinearApply(LatinLinear *linear, PetscReal U[])
   if (linear->substructures) PetscCall(LatinSubstructuresForward(linear));
   for (PetscInt b = 0; b < linear->batches->n && !linear->substructures; b++) PetscCall(LatinLinearCondense_Private(linear, &linear->batches->batch[b]));
   PetscCall(PetscLogEventEnd(LATIN_Condense, linear->sub->object, 0, 0, 0));
-  PetscCall(LatinCoarseSolve(linear->coarse, (PetscBool)(linear->corrected && linear->substructures)));
+  PetscCall(LatinCoarseSolve(linear->coarse, linear->corrected && linear->substructures ? LATIN_COARSE_LEFT : 0.0));
   PetscCall(PetscLogEventBegin(LATIN_Linear, linear->sub->object, 0, 0, 0));
   if (linear->substructures) PetscCall(LatinSubstructuresBackward(linear, U));
   for (PetscInt b = 0; b < linear->batches->n && !linear->substructures; b++) {

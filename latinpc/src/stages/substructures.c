@@ -29,7 +29,7 @@ static PetscErrorCode LatinSubstructuresFactor_Private(const LatinLinear *linear
 /*
    What a stage leaves to the next one, in energy, where factors are in single precision: the largest share of two in a row, for
    forces in which all displacements have a part. Soft displacements are what rounding disturbs most, and one that costs nothing
-   it disturbs entirely: where little is left there is no mechanism. Collective on sub->object
+   it disturbs entirely: where little is left there is no mechanism. What a coarse iteration leaves is small beside it. Collective on sub->object
 */
 PetscErrorCode LatinSubstructuresLeft(LatinLinear *linear, PetscReal *left)
 {
@@ -46,7 +46,7 @@ PetscErrorCode LatinSubstructuresLeft(LatinLinear *linear, PetscReal *left)
     PetscCall(PetscArraycpy(linear->g, b, n));
     PetscCall(PetscArrayzero(U, n));
     PetscCall(LatinSubstructuresForward(linear));
-    PetscCall(LatinCoarseSolve(linear->coarse, PETSC_FALSE));
+    PetscCall(LatinCoarseSolve(linear->coarse, PetscSqr(LATIN_ROUNDED_LEFT)));
     PetscCall(LatinSubstructuresBackward(linear, U));
     PetscCall(MPIU_Allreduce(&linear->energy, &after, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm(sub->object)));
     if (k) *left = before > 0.0 && after >= 0.0 ? PetscMax(*left, PetscSqrtReal(after / before)) : 1.0;
