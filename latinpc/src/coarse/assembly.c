@@ -258,7 +258,7 @@ PetscErrorCode LatinCoarseAssemble_Private(LatinCoarse *coarse, LatinHomogenised
     PetscCall(PetscFree(at));
     PetscFunctionReturn(0);
   }
-  if (coarse->tree && stiffness->once && top->n == 1 && !coarse->sub->preconditions && !coarse->levels && n == entries) {
+  if ((coarse->tree || coarse->second) && stiffness->once && top->n == 1 && !coarse->sub->preconditions && !coarse->levels && n == entries) {
     PetscCall(PetscArraycpy(number, coarse->top_global, entries));
     PetscCall(LatinCoarseDense_Private(top, stiffness, &K));
     part = (LatinCoarsePart){.rows = n};

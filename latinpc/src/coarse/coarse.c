@@ -21,6 +21,7 @@ static PetscErrorCode LatinCoarseOptions_Private(LatinCoarse *coarse)
   PetscCall(KSPSetFromOptions(coarse->ksp));
   PetscCall(PetscObjectTypeCompare((PetscObject)coarse->ksp, KSPFETIDP, &fetidp));
   PetscCall(PetscObjectTypeCompareAny((PetscObject)pc, &coarse->apart, PCBDDC, PCLATIN, ""));
+  PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCLATIN, &coarse->second));
   PetscCall(LatinSolverDirect_Private(coarse->ksp, &direct));
   coarse->apart     = (PetscBool)(coarse->apart || fetidp);
   coarse->iterative = (PetscBool)(coarse->apart || !direct);

@@ -47,6 +47,7 @@ typedef struct {
   Mat       A;
   KSP       ksp;
   PetscBool chosen, iterative, apart; /* what the options of ksp choose: anything; an iteration; one that takes the part of each rank by itself */
+  PetscBool second;                   /* that is a PC latin */
   PetscBool loose;                    /* the tolerance of an iteration is ours */
   Mat       part;                     /* of this rank, where it is all of A or stays by itself; else NULL */
   PetscInt  parts, *number;           /* [parts] the rows of A that this rank has a part of */

@@ -82,13 +82,10 @@ typedef struct {
   PetscReal      *d;            /* [sides] micro search direction, force/length; of a matrix, its diagonal */
   PetscReal      *harmonic;     /* [sides] stiffness of both subdomains there, the softer one counting most */
   PetscInt       *matrix_first; /* [interface sides] where the matrix of each starts, -1: the direction is diagonal */
-  PetscReal      *matrix;       /* matrix directions: D, L of D = L L^t, L^-1, column-major; equal ones are stored once; NULL if there is none */
-  PetscReal      *own;          /* stiffness S of the subdomains themselves on each interface, column-major; NULL: not kept */
-  size_t         *own_first;
-  PetscReal       mean;      /* D is so many times the sum of both sides' S */
-  PetscInt        matrices;  /* interfaces whose search direction is a matrix, over all ranks */
-  PetscInt       *like;      /* [subdomains] the first one with an equal operator and equal sides; NULL: not compared */
-  LatinCondensed *condensed; /* [subdomains] until the local low-energy fields are there, which are of the same elimination; NULL: none */
+  PetscReal      *matrix;       /* matrix directions: D, L of D = L L^t, and L^-1 or the part W of LatinDirectionShare(), column-major; equal ones are stored once; NULL if there is none */
+  PetscInt        matrices;     /* interfaces whose search direction is a matrix, over all ranks */
+  PetscInt       *like;         /* [subdomains] the first one with an equal operator and equal sides; NULL: not compared */
+  LatinCondensed *condensed;    /* [subdomains] until the local low-energy fields are there, which are of the same elimination; NULL: none */
 } LatinDirections;
 PETSC_INTERN LatinDirectionType LatinDirectionKind(const LatinDirections *);
 PETSC_INTERN PetscReal          LatinDirectionFraction(const LatinDirections *);

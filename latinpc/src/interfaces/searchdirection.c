@@ -14,7 +14,8 @@
                of subdomains where the coefficients jump (interfaces/interfacejumps.c), for that is where it saves
                iterations; diagonal on the others. Elsewhere schur
 
-   A matrix is stored once for equal ones, with its Cholesky factor, D = L L^t, and the inverse of that.
+   A matrix is stored once for equal ones, with its Cholesky factor, D = L L^t, and the inverse of that, or the W of a
+   preconditioner (LatinDirectionShare()).
    The other stages use nothing of a direction but the functions of this file.
 */
 
@@ -85,36 +86,58 @@ static PetscErrorCode LatinDirectionDiagonal_Private(LatinDirections *dir, Petsc
 
 /* ---- matrices ---- */
 
-/* The Cholesky factor L of a matrix in its place, and M = L^-1, upper parts zero */
-static PetscErrorCode LatinDirectionInvert_Private(PetscInt rows, PetscReal L[], PetscReal M[], PetscBool *bad)
+/* The Cholesky factor L of a matrix in its place, and M: L^-1, its upper part zero; or S becomes D^-1 S times mean */
+static PetscErrorCode LatinDirectionInvert_Private(PetscInt rows, PetscReal L[], const PetscReal S[], PetscReal mean, PetscReal M[], PetscBool *bad)
 {
-  const PetscScalar one = 1.0;
-  PetscBLASInt      n, info = 0;
+  const PetscScalar one = 1.0, factor = S ? mean : 1.0;
+  PetscBLASInt      n, info           = 0;
 
   PetscFunctionBegin;
   PetscCall(PetscBLASIntCast(rows, &n));
   for (PetscInt j = 0; j < rows; j++)
     for (PetscInt i = 0; i < j; i++) L[i + rows * j] = 0.0;
   PetscCallBLAS("LAPACKpotrf", LAPACKpotrf_("L", &n, L, &n, &info));
-  PetscCall(PetscArrayzero(M, rows * rows));
-  for (PetscInt j = 0; j < rows; j++) M[j + rows * j] = 1.0;
-  if (!info) PetscCallBLAS("BLAStrsm", BLAStrsm_("L", "L", "N", "N", &n, &n, &one, L, &n, M, &n));
+  if (S) PetscCall(PetscArraycpy(M, S, rows * rows));
+  else PetscCall(PetscArrayzero(M, rows * rows));
+  for (PetscInt j = 0; j < rows && !S; j++) M[j + rows * j] = 1.0;
+  if (!info) PetscCallBLAS("BLAStrsm", BLAStrsm_("L", "L", "N", "N", &n, &n, &factor, L, &n, M, &n));
+  if (!info && S) PetscCallBLAS("BLAStrsm", BLAStrsm_("L", "L", "T", "N", &n, &n, &one, L, &n, M, &n));
   if (info) *bad = PETSC_TRUE;
-  PetscCall(PetscLogFlops(4.0 / 3.0 * rows * rows * rows));
+  PetscCall(PetscLogFlops((S ? 7.0 : 4.0) / 3.0 * rows * rows * rows));
   PetscFunctionReturn(0);
 }
 
-/* Factors the matrices D + first[f], each different one once */
-static PetscErrorCode LatinDirectionFactor_Private(LatinDirections *dir, const PetscReal D[], const size_t first[], PetscBool *bad)
+/* pattern[f]: the first interface side with the same matrix D, and with S, from[f] in it, the same stiffness of its own */
+static PetscErrorCode LatinDirectionPattern_Private(const LatinDirections *dir, const PetscReal D[], const size_t first[], const PetscReal S[], const size_t from[], PetscInt pattern[])
+{
+  const PetscInt count = dir->inter->count;
+  size_t        *bytes, *pair;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMalloc2(count + 1, &bytes, 2 * count, &pair));
+  for (PetscInt f = 0; f <= count; f++) bytes[f] = first[f] * sizeof(*D);
+  PetscCall(LatinFindEqual(count, bytes, D, pattern));
+  if (S) {
+    for (PetscInt f = 0; f <= count; f++) bytes[f] = 2 * (size_t)f * sizeof(*pair);
+    for (PetscInt f = 0; f < count; f++) {
+      pair[2 * f]     = (size_t)pattern[f];
+      pair[2 * f + 1] = from[f];
+    }
+    PetscCall(LatinFindEqual(count, bytes, pair, pattern));
+  }
+  PetscCall(PetscFree2(bytes, pair));
+  PetscFunctionReturn(0);
+}
+
+/* Factors the matrices D + first[f], each different one once; a preconditioner takes the stiffnesses S + from[f] as well, with each different one */
+static PetscErrorCode LatinDirectionFactor_Private(LatinDirections *dir, const PetscReal D[], const size_t first[], const PetscReal S[], const size_t from[], PetscReal mean, PetscBool *bad)
 {
   const LatinInterfaces *inter = dir->inter;
   PetscInt              *pattern, used = 0;
-  size_t                *bytes;
 
   PetscFunctionBegin;
-  PetscCall(PetscMalloc2(inter->count, &pattern, inter->count + 1, &bytes));
-  for (PetscInt f = 0; f <= inter->count; f++) bytes[f] = first[f] * sizeof(*D);
-  PetscCall(LatinFindEqual(inter->count, bytes, D, pattern));
+  PetscCall(PetscMalloc1(inter->count, &pattern));
+  PetscCall(LatinDirectionPattern_Private(dir, D, first, S, from, pattern));
   for (PetscInt f = 0; f < inter->count; f++) {
     if (first[f + 1] == first[f]) dir->matrix_first[f] = -1;
     else if (pattern[f] != f) dir->matrix_first[f] = dir->matrix_first[pattern[f]];
@@ -131,9 +154,9 @@ static PetscErrorCode LatinDirectionFactor_Private(LatinDirections *dir, const P
 
     if (dir->matrix_first[f] < 0 || pattern[f] != f) continue;
     for (PetscInt copy = 0; copy < 2; copy++) PetscCall(PetscArraycpy(matrix + copy * rows * rows, D + first[f], rows * rows));
-    PetscCall(LatinDirectionInvert_Private(rows, matrix + rows * rows, matrix + 2 * rows * rows, bad));
+    PetscCall(LatinDirectionInvert_Private(rows, matrix + rows * rows, S ? S + from[f] : NULL, mean, matrix + 2 * rows * rows, bad));
   }
-  PetscCall(PetscFree2(pattern, bytes));
+  PetscCall(PetscFree(pattern));
   PetscFunctionReturn(0);
 }
 
@@ -164,13 +187,8 @@ static PetscErrorCode LatinDirectionMatrix_Private(LatinDirections *dir, PetscRe
       for (size_t r = 0; r < rows; r++) b[r] = fraction * 0.5 * (a[r] + b[r]);
       dir->d[(size_t)inter->interface[f].side_first + c] = b[c];
     }
-  if (LatinDirectionShares(dir)) {
-    PetscCall(PetscMalloc1(inter->count, &dir->own_first));
-    PetscCall(PetscArraycpy(dir->own_first, from, inter->count));
-    dir->own  = S;
-    dir->mean = 0.5 * fraction;
-  } else PetscCall(PetscFree(S));
-  PetscCall(LatinDirectionFactor_Private(dir, D, first, &bad));
+  PetscCall(LatinDirectionFactor_Private(dir, D, first, LatinDirectionShares(dir) ? S : NULL, from, 0.5 * fraction, &bad));
+  PetscCall(PetscFree(S));
   PetscCall(PetscFree(D));
   PetscCall(PetscFree5(from, first, columns, theirs, mine));
   LatinAgree(PetscObjectComm(dir->sub->object), bad, PETSC_ERR_MAT_CH_ZRPVT, "The search direction %s of an interface is not positive definite to rounding; choose another -%sdirection, e.g. diagonal", LatinDirectionTypes[dir->type],
@@ -258,8 +276,6 @@ PetscErrorCode LatinDirectionReset(LatinDirections *dir)
   PetscCall(PetscFree(dir->harmonic));
   PetscCall(PetscFree(dir->matrix));
   PetscCall(PetscFree(dir->matrix_first));
-  PetscCall(PetscFree(dir->own));
-  PetscCall(PetscFree(dir->own_first));
   PetscCall(PetscFree(dir->like));
   PetscCall(LatinStiffnessForget_Private(dir));
   PetscFunctionReturn(0);
@@ -357,31 +373,22 @@ PetscInt LatinDirectionBlocks(const LatinDirections *dir, PetscInt s, LatinBlock
 
 /*
    The part W x of displacements x, or W^t x of forces, that this side of interface f has in it: W = (S + S')^-1 S from
-   the stiffnesses of both sides, so that W + W' = 1. Of all means it is the one that costs least energy. Work space: twice the dofs of the interface.
+   the stiffnesses of both sides, so that W + W' = 1. Of all means it is the one that costs least energy. Work space: the dofs of the interface.
 */
 PetscErrorCode LatinDirectionShare(const LatinDirections *dir, PetscInt f, PetscBool forces, PetscReal x[], PetscReal work[])
 {
   const LatinInterface *face = &dir->inter->interface[f];
   const PetscInt        rows = face->side_last - face->side_first;
-  const PetscReal      *S = dir->own + dir->own_first[f], *M = dir->matrix + dir->matrix_first[f] + 2 * rows * rows;
-  PetscReal            *y = work, *z = work + rows;
-  const PetscScalar     one = 1.0, zero = 0.0, mean = dir->mean;
+  const PetscScalar     one = 1.0, zero = 0.0;
   const PetscBLASInt    inc = 1;
   PetscBLASInt          n;
 
   PetscFunctionBegin;
   if (!rows) PetscFunctionReturn(0);
   PetscCall(PetscBLASIntCast(rows, &n));
-  if (!forces) {
-    PetscCallBLAS("BLASgemv", BLASgemv_("N", &n, &n, &one, S, &n, x, &inc, &zero, y, &inc));
-    PetscCall(PetscArraycpy(x, y, rows));
-  }
-  /* D^-1 = M^t M, where D = L L^t and M = L^-1 */
-  PetscCallBLAS("BLASgemv", BLASgemv_("N", &n, &n, &one, M, &n, x, &inc, &zero, y, &inc));
-  PetscCallBLAS("BLASgemv", BLASgemv_("T", &n, &n, &mean, M, &n, y, &inc, &zero, z, &inc));
-  if (forces) PetscCallBLAS("BLASgemv", BLASgemv_("N", &n, &n, &one, S, &n, z, &inc, &zero, x, &inc));
-  else PetscCall(PetscArraycpy(x, z, rows));
-  PetscCall(PetscLogFlops(6.0 * rows * rows));
+  PetscCallBLAS("BLASgemv", BLASgemv_(forces ? "T" : "N", &n, &n, &one, dir->matrix + dir->matrix_first[f] + 2 * rows * rows, &n, x, &inc, &zero, work, &inc));
+  PetscCall(PetscArraycpy(x, work, rows));
+  PetscCall(PetscLogFlops(2.0 * rows * rows));
   PetscFunctionReturn(0);
 }
 

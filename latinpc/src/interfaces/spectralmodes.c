@@ -37,22 +37,24 @@ PetscReal LatinSpectralThreshold(const LatinSpectral *spectral)
   return spectral->sub->preconditions ? LATIN_SPECTRAL_PRECONDITION : LATIN_SPECTRAL_ITERATION;
 }
 
-/* Eigenvectors of G (destroyed) for the eigenvalues 1 / (1 + lambda), lambda < threshold: columns of V (n x n), the last *modes wanted */
+/* Eigenvectors of G (destroyed) for the most of its eigenvalues 1 / (1 + lambda), lambda < threshold, that are wanted: the last *modes of the columns of V (n x PetscMin(n, LATIN_SPECTRAL_MOST)) */
 static PetscErrorCode LatinSpectralEigen_Private(PetscInt n, PetscReal threshold, PetscScalar G[], PetscScalar V[], PetscInt *modes, PetscBool *bad)
 {
-  const PetscReal low = 1.0 / (1.0 + threshold), high = 2.0, tolerance = 0.0;
-  PetscBLASInt    bn, lwork, found = 0, unused = 0, info, *iwork, *fail;
+  const PetscReal low = 1.0 / (1.0 + threshold), unused = 0.0, tolerance = 0.0;
+  PetscBLASInt    bn, lwork, found                                       = 0, first, info, *iwork, *fail;
   PetscScalar    *work;
   PetscReal      *w;
 
   PetscFunctionBegin;
   PetscCall(PetscBLASIntCast(n, &bn));
   PetscCall(PetscBLASIntCast(40 * n, &lwork));
+  first = PetscMax(bn - LATIN_SPECTRAL_MOST, 0) + 1;
   PetscCall(PetscMalloc4(lwork, &work, n, &w, 5 * n, &iwork, n, &fail));
-  PetscCallBLAS("LAPACKsyevx", LAPACKsyevx_("V", "V", "L", &bn, G, &bn, &low, &high, &unused, &unused, &tolerance, &found, w, V, &bn, work, &lwork, iwork, fail, &info));
+  PetscCallBLAS("LAPACKsyevx", LAPACKsyevx_("V", "I", "L", &bn, G, &bn, &unused, &unused, &first, &bn, &tolerance, &found, w, V, &bn, work, &lwork, iwork, fail, &info));
   if (info) *bad = PETSC_TRUE;
+  *modes = 0;
+  for (PetscInt i = 0; i < found && !info; i++) *modes += w[i] > low ? 1 : 0;
   PetscCall(PetscFree4(work, w, iwork, fail));
-  *modes = info ? 0 : found;
   PetscFunctionReturn(0);
 }
 
@@ -141,7 +143,7 @@ static PetscErrorCode LatinSpectralSubdomain_Private(LatinSpectral *spectral, Pe
 {
   const LatinInterfaces *inter = spectral->inter;
   const PetscInt         bs = spectral->sub->bs, top = bs * spectral->sub->node_offset[s], rows = bs * spectral->sub->node_offset[s + 1] - top;
-  PetscInt              *dof, *position, n = 0, modes = 0, kept;
+  PetscInt              *dof, *position, n = 0, modes = 0, columns;
   PetscReal             *weight;
   PetscScalar           *G, *V;
   PetscBool              mechanism = PETSC_FALSE;
@@ -155,15 +157,15 @@ static PetscErrorCode LatinSpectralSubdomain_Private(LatinSpectral *spectral, Pe
     weight[n]   = PetscSqrtReal(spring[top + i]);
     dof[n++]    = i;
   }
-  PetscCall(PetscMalloc2((size_t)n * (size_t)n, &G, (size_t)n * (size_t)n, &V));
+  columns = PetscMin(n, LATIN_SPECTRAL_MOST);
+  PetscCall(PetscMalloc2((size_t)n * (size_t)n, &G, (size_t)n * (size_t)columns, &V));
   PetscCall(LatinSpectralStiffness_Private(spectral, s, spring, held, n, dof, position, G, &mechanism));
   PetscCall(LatinSPDInverse_Private(n, G, &mechanism));
   for (PetscInt j = 0; j < n; j++)
     for (PetscInt i = 0; i < n; i++) G[i + (size_t)n * (size_t)j] *= weight[i] * weight[j];
   if (n && !mechanism) PetscCall(LatinSpectralEigen_Private(n, LatinSpectralThreshold(spectral), G, V, &modes, bad));
-  kept               = PetscMin(modes, LATIN_SPECTRAL_MOST);
-  spectral->modes[s] = kept;
-  for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++) PetscCall(LatinSpectralCut_Private(spectral, f, n, kept, V + (size_t)n * (size_t)(modes - kept), position, weight));
+  spectral->modes[s] = modes;
+  for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++) PetscCall(LatinSpectralCut_Private(spectral, f, n, modes, V + (size_t)n * (size_t)(columns - modes), position, weight));
   PetscCall(PetscFree2(G, V));
   PetscCall(PetscFree3(dof, position, weight));
   PetscFunctionReturn(0);

@@ -94,7 +94,7 @@ static PetscErrorCode PCLatinBuild_Private(PC pc)
     PetscCall(LatinSetUpOperator_Private(latin, (PetscObject)pc, pc, pc->dm));
   }
   n = latin->sub.bs * latin->sub.copies;
-  PetscCall(PetscMalloc5(n, &data->weight, n, &data->v, n, &data->f, n, &data->force, 3 * latin->inter.sides, &data->side));
+  PetscCall(PetscMalloc5(n, &data->weight, n, &data->v, n, &data->f, n, &data->force, 2 * latin->inter.sides, &data->side));
   PetscCall(MatCreateVecs(pc->pmat, &data->work, NULL));
   PetscCall(PCLatinWeights_Private(pc));
   PetscCall(PCLatinStageIs_Private(data));

@@ -13,7 +13,7 @@ typedef struct {
   PetscBool         built;         /* what follows is there, though a rank without subdomains has none */
   PetscBool         chosen;        /* options have been read since the set-up: they may name other solvers */
   PetscReal        *weight;        /* [copies * bs] partition of unity */
-  PetscReal        *side;          /* [3 * sides] work */
+  PetscReal        *side;          /* [2 * sides] work */
   LatinLocalSolvers interior;      /* stiffness of the interiors, identity elsewhere; none where a linear stage is all */
   PetscReal        *v, *f, *force; /* [copies * bs] work */
   Vec               work;          /* DM global vector */

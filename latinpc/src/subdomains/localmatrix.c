@@ -41,10 +41,10 @@ PetscErrorCode LatinLocalMatrixRestore_Private(LatinLocalMatrix *local)
 PetscErrorCode LatinLocalMatrixAcross_Private(const LatinLocalMatrix *local, PetscInt r, PetscInt k, PetscReal *value)
 {
   const PetscInt first = local->i[local->j[k]], last = local->i[local->j[k] + 1];
-  PetscInt       at;
+  PetscInt       at    = r;
 
   PetscFunctionBegin;
-  PetscCall(PetscFindInt(r, last - first, local->j + first, &at));
+  if (last - first < local->rows) PetscCall(PetscFindInt(r, last - first, local->j + first, &at)); /* else a full row */
   *value = at < 0 ? 0.0 : local->a[first + at];
   PetscFunctionReturn(0);
 }
