@@ -153,3 +153,26 @@ def test_newton_corrects_an_iteration_that_ends_early(mpirun, ranks):
     assert early["norm"] == pytest.approx(exact["norm"], rel=1e-5)
     assert early["asymmetry"] < 1e-8
     assert early["least"] > 0.0
+
+
+UNEVEN = """
+import sys, petsc4py
+petsc4py.init([sys.argv[0], "-skip_petscrc", "-snes_latin_variant", "primal", "-snes_latin_subdomains", sys.argv[1]])
+from petsc4py import PETSc
+import latinpc
+
+structure = latinpc.local_scene("tensegrity-grid", modules=100, partition="metis")
+snes, u = structure.create_snes(), structure.create_vec()
+snes.setFromOptions()
+snes.solve(None, u)
+assert snes.getConvergedReason() > 0
+tree = latinpc.coarse_ksp(snes).getPC().getFactorSolverType()
+PETSc.Sys.Print(u.norm(), tree)
+"""
+
+
+def test_ranks_with_one_subdomain_beside_ranks_with_several(mpirun):
+    """The parts of the coarse matrix are dense on all ranks or on none: the same displacements either way."""
+    even, uneven = (mpirun(4, UNEVEN, n).stdout.split() for n in ("8", "6"))
+    assert even[1] == uneven[1] == "latintree"
+    assert float(uneven[0]) == pytest.approx(float(even[0]), rel=1e-5)

@@ -78,6 +78,19 @@ static PetscErrorCode LatinCoarseMatrix_Private(const LatinCoarsePart *part, Mat
   PetscFunctionReturn(0);
 }
 
+/* Has each rank one operator that is all of its part? On all ranks or on none, for PETSc takes local matrices of one type. Collective on sub->object */
+static PetscErrorCode LatinCoarseWhole_Private(const LatinCoarse *coarse, const LatinHomogenised *stiffness, PetscInt rows, PetscBool *whole)
+{
+  const LatinElements *top = &coarse->top;
+
+  PetscFunctionBegin;
+  *whole = (PetscBool)((coarse->tree || coarse->second) && stiffness->once && !coarse->sub->preconditions); /* the same on all ranks */
+  if (!*whole) PetscFunctionReturn(0);
+  *whole = (PetscBool)(top->n == 1 && !coarse->levels && rows == top->offset[top->n]);
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, whole, 1, LATIN_MPI_BOOL, MPI_LAND, PetscObjectComm(coarse->sub->object)));
+  PetscFunctionReturn(0);
+}
+
 /* The operator of the only element here as a dense matrix, which takes it over */
 static PetscErrorCode LatinCoarseDense_Private(const LatinElements *top, LatinHomogenised *stiffness, Mat *K)
 {
@@ -242,6 +255,7 @@ PetscErrorCode LatinCoarseAssemble_Private(LatinCoarse *coarse, LatinHomogenised
   PetscInt            *number, *at, n = entries;
   PetscMPIInt          ranks;
   LatinCoarsePart      part;
+  PetscBool            whole;
   Mat                  K = NULL;
 
   PetscFunctionBegin;
@@ -258,7 +272,8 @@ PetscErrorCode LatinCoarseAssemble_Private(LatinCoarse *coarse, LatinHomogenised
     PetscCall(PetscFree(at));
     PetscFunctionReturn(0);
   }
-  if ((coarse->tree || coarse->second) && stiffness->once && top->n == 1 && !coarse->sub->preconditions && !coarse->levels && n == entries) {
+  PetscCall(LatinCoarseWhole_Private(coarse, stiffness, n, &whole));
+  if (whole) {
     PetscCall(PetscArraycpy(number, coarse->top_global, entries));
     PetscCall(LatinCoarseDense_Private(top, stiffness, &K));
     part = (LatinCoarsePart){.rows = n};

@@ -92,7 +92,7 @@ typedef struct {
   PetscScalar *a;
 } LatinCoarsePart;
 
-#define LATIN_COARSE_LEFT 0.01 /* of a displacement, in energy: what an iteration leaves to the next linear stage, or to the conjugate gradients around it */
+#define LATIN_COARSE_LEFT 0.1 /* of a displacement, in energy: what an iteration leaves to the next linear stage, or to the conjugate gradients around it */
 
 #define LATIN_REDUNDANT 1500 /* most rows of a parallel matrix that every rank factors by itself */
 

@@ -2,25 +2,71 @@
 
 /* The local matrix of a MATIS: its rows, and whether they are symmetric. */
 
+#define LATIN_LOCAL_TILE 8 /* rows of a dense matrix that are compared together, a cache line */
+
+/* Are the entries of a dense matrix those across the diagonal, to the bit? Then its columns are its rows */
+static PetscErrorCode LatinLocalMatrixMirrored_Private(Mat K, PetscBool *is)
+{
+  const PetscScalar *a;
+  PetscInt           n, lda;
+
+  PetscFunctionBegin;
+  PetscCall(MatGetSize(K, &n, NULL));
+  PetscCall(MatDenseGetLDA(K, &lda));
+  PetscCall(MatDenseGetArrayRead(K, &a));
+  *is = (PetscBool)(lda == n);
+  for (PetscInt first = 0; first < n && *is; first += LATIN_LOCAL_TILE)
+    for (PetscInt j = 0; j < n; j++)
+      for (PetscInt i = first; i < PetscMin(first + LATIN_LOCAL_TILE, j); i++)
+        if (!(a[(size_t)i + (size_t)n * (size_t)j] == a[(size_t)j + (size_t)n * (size_t)i])) *is = PETSC_FALSE;
+  PetscCall(MatDenseRestoreArrayRead(K, &a));
+  PetscFunctionReturn(0);
+}
+
+/* The rows of such a matrix */
+static PetscErrorCode LatinLocalMatrixRows_Private(LatinLocalMatrix *local)
+{
+  PetscInt n;
+
+  PetscFunctionBegin;
+  PetscCall(MatGetSize(local->K, &n, NULL));
+  PetscCall(PetscMalloc2(n + 1, &local->first, (size_t)n * (size_t)n, &local->column));
+  for (PetscInt r = 0; r <= n; r++) local->first[r] = r * n;
+  for (PetscInt r = 0; r < n; r++)
+    for (PetscInt c = 0; c < n; c++) local->column[local->first[r] + c] = c;
+  local->rows = n;
+  local->i    = local->first;
+  local->j    = local->column;
+  PetscCall(MatDenseGetArrayRead(local->K, &local->a));
+  PetscFunctionReturn(0);
+}
+
 PetscErrorCode LatinLocalMatrixGet_Private(Mat A, LatinLocalMatrix *local)
 {
   ISLocalToGlobalMapping cols;
-  PetscBool              aij, done;
+  PetscBool              aij, dense, done;
   Mat                    K;
 
   PetscFunctionBegin;
   PetscCall(MatISGetLocalToGlobalMapping(A, &local->map, &cols));
   LatinAgree(PetscObjectComm((PetscObject)A), local->map != cols, PETSC_ERR_SUP, "The rows and columns of the MATIS have different local-to-global maps: -pc_type latin is for symmetric matrices");
+  PetscCall(ISLocalToGlobalMappingGetIndices(local->map, &local->global));
   PetscCall(MatISGetLocalMat(A, &K));
   PetscCall(PetscObjectTypeCompare((PetscObject)K, MATSEQAIJ, &aij));
-  if (aij) PetscCall(PetscObjectReference((PetscObject)K));
-  local->K = K;
-  if (!aij) PetscCall(MatConvert(K, MATSEQAIJ, MAT_INITIAL_MATRIX, &local->K));
+  PetscCall(PetscObjectTypeCompare((PetscObject)K, MATSEQDENSE, &dense));
+  local->K        = K;
+  local->mirrored = PETSC_FALSE;
+  if (dense) PetscCall(LatinLocalMatrixMirrored_Private(K, &local->mirrored));
+  if (aij || local->mirrored) PetscCall(PetscObjectReference((PetscObject)K));
+  else PetscCall(MatConvert(K, MATSEQAIJ, MAT_INITIAL_MATRIX, &local->K));
   PetscCall(MatISRestoreLocalMat(A, &K));
+  if (local->mirrored) {
+    PetscCall(LatinLocalMatrixRows_Private(local));
+    PetscFunctionReturn(0);
+  }
   PetscCall(MatGetRowIJ(local->K, 0, PETSC_FALSE, PETSC_FALSE, &local->rows, &local->i, &local->j, &done));
   PetscCheck(done, PETSC_COMM_SELF, PETSC_ERR_PLIB, "The rows of a local matrix cannot be read");
   PetscCall(MatSeqAIJGetArrayRead(local->K, &local->a));
-  PetscCall(ISLocalToGlobalMappingGetIndices(local->map, &local->global));
   PetscFunctionReturn(0);
 }
 
@@ -31,8 +77,13 @@ PetscErrorCode LatinLocalMatrixRestore_Private(LatinLocalMatrix *local)
 
   PetscFunctionBegin;
   PetscCall(ISLocalToGlobalMappingRestoreIndices(local->map, &local->global));
-  PetscCall(MatSeqAIJRestoreArrayRead(local->K, &local->a));
-  PetscCall(MatRestoreRowIJ(local->K, 0, PETSC_FALSE, PETSC_FALSE, &n, &local->i, &local->j, &done));
+  if (local->mirrored) {
+    PetscCall(MatDenseRestoreArrayRead(local->K, &local->a));
+    PetscCall(PetscFree2(local->first, local->column));
+  } else {
+    PetscCall(MatSeqAIJRestoreArrayRead(local->K, &local->a));
+    PetscCall(MatRestoreRowIJ(local->K, 0, PETSC_FALSE, PETSC_FALSE, &n, &local->i, &local->j, &done));
+  }
   PetscCall(MatDestroy(&local->K));
   PetscFunctionReturn(0);
 }
@@ -41,10 +92,14 @@ PetscErrorCode LatinLocalMatrixRestore_Private(LatinLocalMatrix *local)
 PetscErrorCode LatinLocalMatrixAcross_Private(const LatinLocalMatrix *local, PetscInt r, PetscInt k, PetscReal *value)
 {
   const PetscInt first = local->i[local->j[k]], last = local->i[local->j[k] + 1];
-  PetscInt       at    = r;
+  PetscInt       at;
 
   PetscFunctionBegin;
-  if (last - first < local->rows) PetscCall(PetscFindInt(r, last - first, local->j + first, &at)); /* else a full row */
+  if (local->mirrored) {
+    *value = local->a[k];
+    PetscFunctionReturn(0);
+  }
+  PetscCall(PetscFindInt(r, last - first, local->j + first, &at));
   *value = at < 0 ? 0.0 : local->a[first + at];
   PetscFunctionReturn(0);
 }

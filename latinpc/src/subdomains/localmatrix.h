@@ -17,6 +17,8 @@ typedef struct {
   PetscInt               rows;
   const PetscInt        *i, *j, *global;
   const PetscScalar     *a;
+  PetscBool              mirrored;       /* a dense matrix whose entries are those across the diagonal, to the bit */
+  PetscInt              *first, *column; /* its rows */
 } LatinLocalMatrix;
 
 PETSC_INTERN PetscErrorCode LatinLocalMatrixGet_Private(Mat, LatinLocalMatrix *);
