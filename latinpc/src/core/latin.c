@@ -211,6 +211,14 @@ static PetscErrorCode LatinSetUpSoft_Private(Latin latin)
   PetscFunctionReturn(0);
 }
 
+/* Is no unknown of a subdomain here inside it, as in coarse problems of substructures? They are what condensation has left, and too soft for single precision */
+static PetscBool LatinIsCondensed(const LatinInterfaces *inter)
+{
+  for (PetscInt i = 0; i < inter->sub->copies; i++)
+    if (inter->share_offset[i] == inter->share_offset[i + 1]) return PETSC_FALSE;
+  return PETSC_TRUE;
+}
+
 /* The stages above the subdomains, in order; kept: the interfaces are there */
 static PetscErrorCode LatinSetUpStages_Private(Latin latin, PetscBool kept)
 {
@@ -227,6 +235,7 @@ static PetscErrorCode LatinSetUpStages_Private(Latin latin, PetscBool kept)
   PetscCall(LatinRepeats_Private(&latin->inter, &latin->dir, &latin->macro, pattern));
   PetscCall(LatinBatchesSetUp(&latin->sub, pattern, &latin->batches));
   PetscCall(LatinMacroShare_Private(&latin->macro, pattern));
+  if (LatinIsCondensed(&latin->inter)) latin->linear.precise = PETSC_TRUE;
   PetscCall(LatinSetUpLinear_Private(latin));
   PetscCall(LatinSetUpProvisional_Private(latin));
   PetscCall(LatinCoarseSetUp(&latin->coarse, &latin->linear.stiffness));

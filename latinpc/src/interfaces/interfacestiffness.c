@@ -152,16 +152,19 @@ static PetscErrorCode LatinStiffnessCondense_Private(LatinDirections *dir, Petsc
     foundation[k]         = spring[top + kept[k]];
     spring[top + kept[k]] = 0.0;
   }
-  PetscCall(LatinSparseCreate_Private(sub, list[0], spring, sub->fixed, 0, NULL, &K));
   PetscCall(PetscMalloc1((size_t)gamma * (size_t)gamma, &F));
-  PetscCall(LatinEliminate_Private(&K, gamma, kept, F, bad));
-  if (dir->condensed && !*bad) PetscCall(LatinStiffnessKeep_Private(dir, list[0], gamma, kept, F));
+  if (sub->ki && gamma == rows) LatinOperatorDense(sub, list[0], gamma, at, F); /* no inside */
+  else {
+    PetscCall(LatinSparseCreate_Private(sub, list[0], spring, sub->fixed, 0, NULL, &K));
+    PetscCall(LatinEliminate_Private(&K, gamma, kept, F, bad));
+    PetscCall(LatinSparseReset_Private(&K));
+    if (dir->condensed && !*bad) PetscCall(LatinStiffnessKeep_Private(dir, list[0], gamma, kept, F));
+  }
   for (PetscInt k = 0; k < gamma; k++) F[(size_t)k * ((size_t)gamma + 1)] += foundation[k];
   PetscCall(LatinSPDInverse_Private(gamma, F, bad));
   for (PetscInt p = 0; p < n && !*bad; p++) PetscCall(LatinStiffnessSchur_Private(dir, list[p], gamma, F, at, first, S, bad));
   for (PetscInt k = 0; k < gamma; k++) at[kept[k]] = -1;
   PetscCall(PetscFree(F));
-  PetscCall(LatinSparseReset_Private(&K));
   PetscCall(PetscFree2(kept, foundation));
   PetscFunctionReturn(0);
 }

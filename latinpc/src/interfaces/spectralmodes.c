@@ -114,10 +114,17 @@ static PetscErrorCode LatinSpectralStiffness_Private(LatinSpectral *spectral, Pe
 {
   const LatinCondensed *left = spectral->dir->condensed ? &spectral->dir->condensed[s] : NULL;
   const PetscInt        top  = spectral->sub->bs * spectral->sub->node_offset[s];
-  PetscBool             has  = (PetscBool)(left && left->S);
+  const PetscInt        rows = spectral->sub->bs * spectral->sub->node_offset[s + 1] - top;
+  PetscBool             has = (PetscBool)(left && left->S), whole = (PetscBool)(spectral->sub->ki != NULL);
   LatinSparse           K;
 
   PetscFunctionBegin;
+  for (PetscInt i = 0; whole && i < rows; i++) whole = (PetscBool)(position[i] >= 0 || held[top + i]);
+  if (whole) { /* no inside */
+    LatinOperatorDense(spectral->sub, s, n, position, G);
+    for (PetscInt i = 0; i < n; i++) G[(size_t)i * ((size_t)n + 1)] += spring[top + dof[i]];
+    PetscFunctionReturn(0);
+  }
   for (PetscInt j = 0; has && j < left->n; j++) has = (PetscBool)(position[left->row[j]] >= 0 || held[top + left->row[j]]);
   if (!has) {
     PetscCall(LatinSparseCreate_Private(spectral->sub, s, spring, held, 0, NULL, &K));

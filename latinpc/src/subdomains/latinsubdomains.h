@@ -153,6 +153,7 @@ typedef struct {
 } LatinBlock;
 PETSC_INTERN PetscErrorCode LatinOperatorMult(const LatinSubdomains *, const PetscReal v[], PetscReal f[]);
 PETSC_INTERN PetscErrorCode LatinOperatorDiagonal(const LatinSubdomains *, PetscReal diagonal[]);
+PETSC_INTERN void           LatinOperatorDense(const LatinSubdomains *, PetscInt s, PetscInt n, const PetscInt position[], PetscReal A[]);
 PETSC_INTERN PetscErrorCode LatinOperatorStream_Private(const LatinSubdomains *, PetscInt s, LatinStream *);
 PETSC_INTERN PetscErrorCode LatinSparseCreate_Private(const LatinSubdomains *, PetscInt s, const PetscReal spring[], const PetscBool held[], PetscInt blocks, const LatinBlock[], LatinSparse *);
 PETSC_INTERN PetscErrorCode LatinSparseReset_Private(LatinSparse *);

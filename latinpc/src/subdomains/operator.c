@@ -52,6 +52,17 @@ PetscErrorCode LatinOperatorDiagonal(const LatinSubdomains *sub, PetscReal diago
   PetscFunctionReturn(0);
 }
 
+/* The rows that a matrix gives of subdomain s, of n of its dofs as a dense matrix: position[] their numbers, -1 the others */
+void LatinOperatorDense(const LatinSubdomains *sub, PetscInt s, PetscInt n, const PetscInt position[], PetscReal A[])
+{
+  const PetscInt top = sub->node_offset[s];
+
+  for (size_t i = 0; i < (size_t)n * (size_t)n; i++) A[i] = 0.0;
+  for (PetscInt i = top; i < sub->node_offset[s + 1]; i++)
+    for (PetscInt k = sub->ki[i]; k < sub->ki[i + 1] && position[i - top] >= 0; k++)
+      if (position[sub->kj[k] - top] >= 0) A[(size_t)position[sub->kj[k] - top] + (size_t)n * (size_t)position[i - top]] = sub->ka[k];
+}
+
 /* Everything that the operator of a subdomain depends on: equal streams, equal operators */
 PetscErrorCode LatinOperatorStream_Private(const LatinSubdomains *sub, PetscInt s, LatinStream *stream)
 {
