@@ -101,6 +101,7 @@ OTHERS = {
         "A smaller b - A x is rounding; matrices of the robustness suite whose solution is right leave up to 9.",
     ),
     "LATIN_HASH": ("", "2^32 over the golden ratio, for signs without a pattern."),
+    "LATIN_LOCAL_TILE": ("rows", "A cache line of a dense matrix that is compared with its transpose."),
     "LATIN_REFINE_GAIN": (
         "of b - A x",
         "A pass of KSP latin that leaves more has met rounding; one that has not leaves 1e-5 or less.",

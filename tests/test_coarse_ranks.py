@@ -176,3 +176,23 @@ def test_ranks_with_one_subdomain_beside_ranks_with_several(mpirun):
     even, uneven = (mpirun(4, UNEVEN, n).stdout.split() for n in ("8", "6"))
     assert even[1] == uneven[1] == "latintree"
     assert float(uneven[0]) == pytest.approx(float(even[0]), rel=1e-5)
+
+
+def test_a_coarse_iteration_that_fails_is_named(mpirun):
+    """Too few steps end the solve on all ranks, and the message says which solver has failed."""
+    script = """
+import sys, petsc4py
+petsc4py.init([sys.argv[0], "-skip_petscrc", "-snes_latin_variant", "primal", "-snes_latin_coarse_pc_type", "jacobi"])
+from petsc4py import PETSc
+import latinpc
+from latinpc.results.report import snes_reason
+
+PETSc.Options()["snes_latin_coarse_ksp_max_it"] = 3
+structure = latinpc.local_scene("tensegrity-grid", modules=24, partition="metis")
+snes, u = structure.create_snes(), structure.create_vec()
+snes.setFromOptions()
+snes.solve(None, u)
+PETSc.Sys.Print(snes_reason(snes))
+"""
+    words = "the coarse problem after 3 iterations, -snes_latin_coarse_: DIVERGED_MAX_IT"
+    assert mpirun(2, script).stdout.strip() == f"DIVERGED_LINEAR_SOLVE ({words})"

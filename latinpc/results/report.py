@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 from petsc4py import PETSc
 
+from latinpc import solvers
+
 __all__ = ["DECOMPOSITION", "Reported", "in_words", "plain", "problem", "reason_name", "snes_reason"]
 
 DECOMPOSITION = ("subdomains", "strong_interfaces", "weak_interfaces", "strong_macro_dofs", "weak_dofs")
@@ -47,7 +49,12 @@ def snes_reason(snes: PETSc.SNES) -> str:
     """Return why a SNES stopped, with the reason of its KSP where that failed; not collective."""
     text = reason_name(PETSc.SNES.ConvergedReason, snes.getConvergedReason())
     if text == "DIVERGED_LINEAR_SOLVE":
-        text += f" (KSP {reason_name(PETSc.KSP.ConvergedReason, snes.getKSP().getConvergedReason())})"
+        ksp, which = snes.getKSP(), "KSP"
+        coarse = solvers.coarse_ksp(snes) if snes.getType() == "latin" else None
+        if coarse and coarse.getConvergedReason() < 0:
+            which = f"the coarse problem after {coarse.getIterationNumber()} iterations, -snes_latin_coarse_:"
+            ksp = coarse
+        text += f" ({which} {reason_name(PETSc.KSP.ConvergedReason, ksp.getConvergedReason())})"
     return text
 
 
