@@ -4,7 +4,7 @@
     mpirun -n 8 python benchmarks/parts.py --modules 284 --partition metis
 
 90,000 unknowns a rank: 100 modules a side on one rank, 140 on two, 200 on four, 284 on eight. With --whole every rank
-passes the whole arrays.
+passes the whole arrays. Processor seconds are those of the slowest rank and of all, waiting in MPI among them.
 """
 
 import argparse
@@ -20,6 +20,12 @@ from latinpc.scenes import make
 def peak(comm):
     """Peak resident memory of each rank so far (MB); collective."""
     return [round(kilobytes / 1024) for kilobytes in comm.allgather(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)]
+
+
+def processor(comm, before):
+    """Return the processor seconds of the slowest rank and of all since then, as text; collective."""
+    seconds = comm.allgather(time.process_time() - before)
+    return f"{max(seconds):.2f} and {sum(seconds):.2f} s of processors"
 
 
 def main():
@@ -42,22 +48,22 @@ def main():
     snes = structure.create_snes()
     snes.setFromOptions()
     comm.barrier()
-    start = time.perf_counter()
+    start, used = time.perf_counter(), time.process_time()
     snes.setUp()
     comm.barrier()
-    seconds = time.perf_counter() - start
+    seconds, text = time.perf_counter() - start, processor(comm, used)
     partition = comm.allreduce(PETSc.Log.Event("LatinPartition").getPerfInfo()["time"]) / comm.size
     subdomains = latinpc.statistics(snes)["subdomains"]
     say(
-        f"  set-up: {seconds:.1f} s, of these {partition:.2f} s partition; {subdomains} subdomains; MB a rank",
+        f"  set-up: {seconds:.1f} s, {text}, {partition:.2f} s partition; {subdomains} subdomains; MB a rank",
         *peak(comm),
     )
     u = structure.create_vec()
-    start = time.perf_counter()
+    start, used = time.perf_counter(), time.process_time()
     snes.solve(None, u)
-    seconds = time.perf_counter() - start
-    count = snes.getIterationNumber()
-    say(f"  solve: {seconds:.1f} s, {count} iterations, reason {snes.getConvergedReason()}; MB a rank", *peak(comm))
+    seconds, text = time.perf_counter() - start, processor(comm, used)
+    count, reason = snes.getIterationNumber(), snes.getConvergedReason()
+    say(f"  solve: {seconds:.1f} s, {text}, {count} iterations, reason {reason}; MB a rank", *peak(comm))
 
 
 if __name__ == "__main__":
