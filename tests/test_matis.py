@@ -228,9 +228,9 @@ def test_large_factors_are_in_single_precision_unless_the_coarse_problem_is_soft
     converged(result, most)
 
 
-@pytest.mark.parametrize("local_type", ["sbaij", "baij"])
+@pytest.mark.parametrize("local_type", ["sbaij", "baij", "dense"])
 def test_types_of_local_matrices(matis, local_type):
-    """Blocked and symmetric local matrices are the same matrix."""
+    """Blocked, symmetric and dense local matrices are the same matrix."""
     aij, other = (matis(4, problem="elasticity", local_type=kind) for kind in ("aij", local_type))
     assert aij["iterations"] == other["iterations"]
     assert aij["coarse"] == other["coarse"]
