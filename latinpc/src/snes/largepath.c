@@ -222,15 +222,16 @@ static PetscErrorCode LatinPathNodes_Private(LatinStructure structure, Vec moved
 
 /*
    By how much the next increment is to be smaller: 1 where this one, to `part`, has moved no node too far, nor much less or more than the tangent stiffness
-   says where it starts, path->ahead, and where it ends, path->back, of the norm `back`. Collective on snes
+   says where it starts, path->ahead, and where it ends, path->back, of the norm `back`; < 0: not known yet. Collective on snes
 */
 static PetscErrorCode LatinPathMoved_Private(SNES snes, const LatinPath *path, PetscReal part, PetscReal back, PetscReal *smaller)
 {
+  const PetscBool      ends      = (PetscBool)(back >= 0.0);
   SNES_Latin          *data      = (SNES_Latin *)snes->data;
   const LatinStructure structure = data->large.frame->turns;
   const PetscReal      more      = part - data->large.reached;
   PetscReal            size, step, moved, little;
-  PetscBool            within;
+  PetscBool            within = PETSC_TRUE;
   Vec                  change; /* as for the whole path */
 
   PetscFunctionBegin;
@@ -241,11 +242,11 @@ static PetscErrorCode LatinPathMoved_Private(SNES snes, const LatinPath *path, P
   PetscCall(VecNorm(change, NORM_2, &moved));
   PetscCall(VecNorm(path->u, NORM_INFINITY, &size));
   little = PetscMax(LATIN_PATH_KINK * PetscMax(size, step), LATIN_PATH_NONE * data->large.size) / more;
-  PetscCall(LatinPathNodes_Private(structure, change, path->ahead, back <= LATIN_PATH_SOFT * path->far ? path->back : NULL, little, &within));
+  if (ends) PetscCall(LatinPathNodes_Private(structure, change, path->ahead, back <= LATIN_PATH_SOFT * path->far ? path->back : NULL, little, &within));
   *smaller = within ? 1.0 : 0.5;
   if (within && more > LATIN_PATH_STIFFENS) {
     PetscCall(LatinPathNodes_Private(structure, path->ahead, change, NULL, little, &within));
-    if (within) PetscCall(LatinPathNodes_Private(structure, change, path->back, NULL, little, &within));
+    if (within && ends) PetscCall(LatinPathNodes_Private(structure, change, path->back, NULL, little, &within));
     if (!within) *smaller = PetscMin(0.5, PetscMax(moved / path->far, LATIN_PATH_STIFFENS));
   }
   PetscCall(DMRestoreGlobalVector(structure->dm, &change));
@@ -286,13 +287,16 @@ static PetscErrorCode LatinPathIncrement_Private(SNES snes, LatinPath *path, Pet
   *smaller = 0.5;
   if (from && path->far == PETSC_MAX_REAL) PetscFunctionReturn(0);
   PetscCall(LatinPathLoad_Private(snes, path, target->part));
+  *smaller = 1.0;
   if (known) {
     PetscCall(VecCopy(target->u, snes->vec_sol));
+    if (from) PetscCall(LatinPathMoved_Private(snes, path, target->part, -1.0, smaller));
+    if (*smaller < 1.0) PetscFunctionReturn(0);
     PetscCall(SNESLatinLargeRenew_Private(snes, LATIN_FRAME_TANGENT));
   } else PetscCall(LatinPathSolve_Private(snes, target, path->u, from, &found));
+  *smaller = found ? 1.0 : 0.5;
   if (!found) PetscFunctionReturn(0);
   PetscCall(LatinPathRate_Private(snes, path, target->u, path->back, &back));
-  *smaller = 1.0;
   if (from) PetscCall(LatinPathMoved_Private(snes, path, target->part, back, smaller));
   if (*smaller < 1.0) PetscFunctionReturn(0);
   PetscCall(LatinPathStable_Private(snes, path, target->u, &found));
