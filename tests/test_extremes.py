@@ -168,6 +168,17 @@ def test_exact_solution_of_a_matrix():
     assert matrices.square(tensor=(1e-12, 1.0)).errors(np.zeros(81))[1] > 1e-5
 
 
+@pytest.mark.parametrize("seed", range(10, 18))
+def test_a_stable_factorisation_is_right(seed):
+    """Whatever its order of elimination; a solution that is a tenth too large is wrong."""
+    elements = matrices.square(tensor=(1e-12, 1.0))
+    free = np.flatnonzero(~elements.held)
+    u = np.zeros(len(elements.held))
+    u[free] = elements._dense(free, seed)
+    assert judged({}, u, scene=elements) == "right"
+    assert judged({}, 1.1 * u, scene=elements) == "wrong"
+
+
 @pytest.mark.parametrize(("error", "rounding", "verdict"), [
     (1e-7, 1e-9, "right"), (1e-4, 1e-9, "wrong"), (1e-4, 1e-4, "right"), (1e-2, 1e-4, "wrong"),
     (0.2, 0.5, "wrong"), (np.inf, np.inf, "wrong"),

@@ -6,7 +6,7 @@ own. A case is
 
 right
     when it converged and the true error of what is unique is within `SLACK` times the requested one or, of a matrix
-    whose entries are not so accurate, `SLACK` times what their rounding moves,
+    that does not allow it, `SLACK` times what rounding of its entries or of a dense factorisation moves,
 refused
     when it did not converge, or ended in an error, and the reason says why,
 wrong
@@ -138,7 +138,7 @@ def _judge(case, scene, found, u, tensions=None, v=None):
         return _outcome(case, "wrong", f"{reason}, with displacements that are not finite", **counts)
     if isinstance(scene, matrices.Elements):
         error, rounding = scene.errors(u)
-        hidden = f"; rounding of the entries moves {rounding:.0e}" if rounding > ACCURACY else ""
+        hidden = f"; rounding moves {rounding:.0e}" if rounding > ACCURACY else ""
         right = rounding < NO_DIGIT and error <= SLACK * max(ACCURACY, rounding)
         return _outcome(case, "right" if right else "wrong", reason + hidden, error=error,
                         reference="exact, energy norm", **counts)  # fmt: skip

@@ -14,6 +14,7 @@ CELLS, BLOCKS = 8, 2  # along a side of the square: 72 or 144 unknowns, four loc
 POISSON, ELASTICITY = "Poisson", "elasticity"
 UNIT = float(np.finfo(PETSc.RealType).eps) / 2
 ROUNDINGS = 3  # of all entries, at random
+ORDERS = 3  # of elimination, at random
 
 
 @dataclass
@@ -65,9 +66,10 @@ class Elements:
         return matrix
 
     def errors(self, x):
-        """Return the relative error of x, and that of a matrix with its entries rounded at random: energy norms, exact.
+        """Return the relative error of x, and what rounding moves, in exact energy norms.
 
         The right solution is that of the local matrices as `matis` has them. Nothing is loaded, and x moves: 1.
+        Rounding is that of the entries, at random, or of a dense Cholesky factorisation in a random order: the larger.
         """
         from flint import arb, arb_mat, ctx
 
@@ -79,6 +81,7 @@ class Elements:
             exact = matrix.solve(load)
             found = arb_mat([[arb(float(value))] for value in x[free]])
             rounded = [self._exact(free, np.random.default_rng(i)).solve(load) for i in range(ROUNDINGS)]
+            rounded += [arb_mat([[arb(float(v))] for v in self._dense(free, i)]) for i in range(ORDERS)]
             size, error, *moved = (
                 float((v.transpose() * matrix * v)[0, 0].mid())
                 for v in (exact, found - exact, *(other - exact for other in rounded))
@@ -90,6 +93,19 @@ class Elements:
             return (error / size) ** 0.5, (max(moved) / size) ** 0.5
         finally:
             ctx.prec = before
+
+    def _dense(self, free, seed):
+        """Solve by a dense Cholesky factorisation, in double precision, the unknowns in a random order."""
+        import scipy.linalg as sl
+
+        matrix = np.zeros((len(self.held),) * 2)
+        for rank in np.unique(self.rank):
+            local, numbers = self.local(rank)
+            matrix[np.ix_(numbers, numbers)] += local.toarray().real
+        order = np.random.default_rng(seed).permutation(len(free))
+        rows, x = free[order], np.empty(len(free))
+        x[order] = sl.cho_solve(sl.cho_factor(matrix[np.ix_(rows, rows)]), self.load[rows])
+        return x
 
     def _exact(self, free, rng):
         """Sum the local matrices in ball arithmetic, with rng of entries that are half a unit of the last place off."""
