@@ -155,7 +155,6 @@ LARGE = {
         "of the loads",
         "With 1e-2 a truss under 1000 times its limit load is inverted; a cable may tighten within less.",
     ),
-    "LATIN_PATH_GROWS": ("times the last increment", "As halving: what has failed from afar is tried again so."),
     "LATIN_PATH_TARGETS": (
         "loads",
         "A bound that none meets: each is at most half as far as the one before, down to `LATIN_PATH_LEAST`.",

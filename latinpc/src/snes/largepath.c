@@ -22,7 +22,6 @@
 #define LATIN_PATH_SOFT     8.0  /* times as far by the tangent stiffness at the end: more, and it is next to a limit point */
 #define LATIN_PATH_KINK     1e-2 /* times the displacements so far: an increment in which a cable slackens may move the structure so much */
 #define LATIN_PATH_STIFFENS 1e-3 /* increments of the loads: in smaller ones a structure may stiffen as it will, for cables that tighten */
-#define LATIN_PATH_GROWS    2.0  /* times the last increment: the next one, where one to the target has failed */
 #define LATIN_PATH_LEAST    1e-4 /* increments of the loads: smaller ones show a limit point */
 #define LATIN_PATH_STAGES   60   /* most linear stages of one: at a limit point it takes any number */
 #define LATIN_PATH_FIRST    2000 /* the same of the first one, from a structure that may have no stiffness as drawn */
@@ -78,7 +77,6 @@ PetscErrorCode SNESLatinLargeFrom_Private(SNES snes, Vec u, PetscBool near)
 /* A target: a part of the path, and the equilibrium u there that was found from afar, or NULL */
 typedef struct {
   PetscReal part;
-  PetscBool failed; /* none was found from the start of an increment */
   Vec       u;
 } LatinPathTarget;
 
@@ -250,8 +248,9 @@ static PetscErrorCode LatinPathMoved_Private(SNES snes, const LatinPath *path, P
     if (!within) *smaller = PetscMin(0.5, PetscMax(moved / path->far, LATIN_PATH_STIFFENS));
   }
   PetscCall(DMRestoreGlobalVector(structure->dm, &change));
-  PetscCall(PetscInfo(snes, "%g of the path: displacements change by %g, the tangent stiffness says %g, %g%s\n", (double)part, (double)(more * moved), (double)(more * path->far), (double)(more * back),
-                      within ? "" : ", of some nodes more or less than that"));
+  if (ends)
+    PetscCall(PetscInfo(snes, "%g of the path: displacements change by %g, the tangent stiffness says %g, %g%s\n", (double)part, (double)(more * moved), (double)(more * path->far), (double)(more * back),
+                        within ? "" : ", of some nodes more or less than that"));
   PetscFunctionReturn(0);
 }
 
@@ -262,8 +261,7 @@ static PetscErrorCode LatinPathSolve_Private(SNES snes, LatinPathTarget *target,
 
   PetscFunctionBegin;
   PetscCall(SNESLatinLargeFrom_Private(snes, u, near));
-  *found         = (PetscBool)(data->next != LATIN_NEXT_GIVEN && (LatinNextConverged(data->next) || data->next == LATIN_NEXT_ROUNDING));
-  target->failed = (PetscBool) !*found;
+  *found = (PetscBool)(data->next != LATIN_NEXT_GIVEN && (LatinNextConverged(data->next) || data->next == LATIN_NEXT_ROUNDING));
   if (!*found) PetscCall(VecDestroy(&target->u));
   else {
     if (!target->u) PetscCall(VecDuplicate(u, &target->u));
@@ -334,7 +332,7 @@ static PetscErrorCode LatinPathFollow_Private(SNES snes, LatinPath *path, PetscB
 {
   SNES_Latin *data  = (SNES_Latin *)snes->data;
   LatinLarge *large = &data->large;
-  PetscReal   last  = 1.0, smaller;
+  PetscReal   smaller;
 
   PetscFunctionBegin;
   if (from) PetscCall(LatinPathRate_Private(snes, path, path->u, path->ahead, &path->far));
@@ -344,15 +342,10 @@ static PetscErrorCode LatinPathFollow_Private(SNES snes, LatinPath *path, PetscB
     const PetscReal  more   = target->part - large->reached;
 
     if (more < LATIN_PATH_LEAST) break;
-    if (target->failed && more > 2.0 * LATIN_PATH_GROWS * last) {
-      LatinPathCloser(path, large->reached + LATIN_PATH_GROWS * last);
-      continue;
-    }
     PetscCall(LatinPathIncrement_Private(snes, path, (PetscBool)(from || large->reached > 0.0), &smaller));
     if (data->next == LATIN_NEXT_GIVEN) PetscFunctionReturn(0);
-    if (smaller < 1.0) LatinPathCloser(path, large->reached + PetscMin(smaller * more, large->reached > 0.0 ? LATIN_PATH_GROWS * last : 1.0));
+    if (smaller < 1.0) LatinPathCloser(path, large->reached + smaller * more);
     else {
-      last           = more;
       large->reached = target->part;
       PetscCall(VecDestroy(&target->u));
       path->targets--;
