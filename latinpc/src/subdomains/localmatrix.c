@@ -14,7 +14,7 @@ static PetscErrorCode LatinLocalMatrixMirrored_Private(Mat K, PetscBool *is)
   PetscCall(MatGetSize(K, &n, NULL));
   PetscCall(MatDenseGetLDA(K, &lda));
   PetscCall(MatDenseGetArrayRead(K, &a));
-  *is = (PetscBool)(lda == n);
+  *is = (PetscBool)(lda == n && n <= PETSC_MAX_INT / PetscMax(n, 1)); /* entries are counted */
   for (PetscInt first = 0; first < n && *is; first += LATIN_LOCAL_TILE)
     for (PetscInt j = 0; j < n; j++)
       for (PetscInt i = first; i < PetscMin(first + LATIN_LOCAL_TILE, j); i++)
