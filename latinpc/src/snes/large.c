@@ -4,7 +4,8 @@
    Solves where links turn (structure/turning.h, structure/frame.c). By small angles they are those of any structure. Far, the course of a
    solve is this: the iteration, with operators made once; with operators made at the present displacements where it would
    take longer without them; where it would with these as well, or near the solution, Newton's method with the exact tangent stiffness, which
-   proves the error (snes/largenewton.c). Its search for the least energy along a step, and what is known of slack links in the geometry of the drawn
+   proves the error (snes/largenewton.c). Where a front of cables that slacken moves over a net it may creep, link by link; then the iteration goes on, and
+   a step of Newton's method shows its error alone. Its search for the least energy along a step, and what is known of slack links in the geometry of the drawn
    configuration, do not carry over.
 */
 
@@ -14,7 +15,10 @@
 #define LATIN_LARGE_GROW   2    /* times as many after operators have been made anew: with 1 small saddles take half as many set-ups again, with 4 large ones twice the stages */
 #define LATIN_LARGE_MOST   40   /* times that Newton's method gets operators of the tangent stiffness: from 1e-3 to 1e-9 it needs 1 to 8 */
 #define LATIN_LARGE_LONG   20   /* linear stages of Newton's method after which it gets new operators: with 30 a bridge takes 53 in the place of 28 */
-#define LATIN_LARGE_COST   30   /* linear stages that take as long as a set-up: 25 to 38 on networks and grids of 8,000 to 360,000 unknowns */
+#define LATIN_LARGE_COST   30   /* linear stages that take as long as a set-up, in time steps and where the solvers do not say what they cost */
+#define LATIN_LARGE_FIXED  5.0  /* the same of a set-up that takes no operations */
+#define LATIN_LARGE_RATE   0.15 /* the same for each operation on a byte of the factors: saddles 7 to 18, a network of 8,000 nodes 34 */
+#define LATIN_LARGE_CREEP  3    /* set-ups of Newton's method in which the forces without balance halve, or it creeps */
 
 /* Does Newton's method follow the iteration? */
 static PetscBool SNESLatinLargeProves(const SNES_Latin *data)
@@ -36,6 +40,7 @@ PetscErrorCode SNESLatinLargeStart_Private(SNES snes)
   SNES_Latin    *data  = (SNES_Latin *)snes->data;
   LatinLarge    *large = &data->large;
   LatinStructure structure;
+  LatinCost      cost;
 
   PetscFunctionBegin;
   if (!SNESLatinLarge(data)) PetscFunctionReturn(0);
@@ -49,8 +54,10 @@ PetscErrorCode SNESLatinLargeStart_Private(SNES snes)
   large->reached  = 0.0;
   large->last     = PETSC_MAX_INT;
   large->near     = LATIN_LARGE_NEAR;
-  large->unstable = PETSC_FALSE;
+  large->unstable = large->crept = PETSC_FALSE;
   LatinLargeWindow(large, LATIN_LARGE_WINDOW);
+  PetscCall(LatinGetCost(data->latin, &cost));
+  large->cost = cost.factor_bytes > 0.0 && !structure->midpoint ? LATIN_LARGE_FIXED + LATIN_LARGE_RATE * cost.factor_operations / cost.factor_bytes : LATIN_LARGE_COST;
   PetscFunctionReturn(0);
 }
 
@@ -87,7 +94,7 @@ static PetscErrorCode SNESLatinLargeDue_Private(SNES snes, PetscReal measure, Pe
     PetscCall(DMRestoreGlobalVector(large->frame->dm, &u));
     PetscCall(PetscFree(at));
   }
-  *due = (PetscBool)(slack || (left > 0.0 && large->window * left > (PetscReal)LATIN_LARGE_COST * gain));
+  *due = (PetscBool)(slack || (left > 0.0 && large->window * left > large->cost * gain));
   PetscFunctionReturn(0);
 }
 
@@ -179,7 +186,7 @@ PetscErrorCode SNESLatinLargeRenew_Private(SNES snes, LatinFrameType type)
   data->first_distance             = -1.0;
   PetscCall(SNESLatinStart_Private(snes));
   data->large.renewals++;
-  LatinLargeWindow(&data->large, grows * PetscMin(data->large.window, PETSC_MAX_INT / grows));
+  if (type == LATIN_FRAME_PRESENT) LatinLargeWindow(&data->large, grows * PetscMin(data->large.window, PETSC_MAX_INT / grows));
   PetscCall(PetscInfo(snes, "After %" PetscInt_FMT " linear stages: operators at the present displacements\n", applications));
   PetscFunctionReturn(0);
 }
@@ -218,56 +225,105 @@ static PetscErrorCode SNESLatinLargeAhead_Private(SNES snes, PetscBool near)
   PetscFunctionReturn(0);
 }
 
+/* Does Newton's method creep? After set-up k, where `least` has the least norms of forces without balance so far of this set-up and of those before. Not collective */
+static PetscBool LatinLargeCreeps(const LatinLarge *large, PetscInt k, PetscReal least[])
+{
+  const PetscReal before = k < LATIN_LARGE_CREEP ? PETSC_MAX_REAL : least[k % LATIN_LARGE_CREEP];
+
+  least[k % LATIN_LARGE_CREEP] = k ? PetscMin(large->force, least[(k - 1) % LATIN_LARGE_CREEP]) : large->force;
+  return (PetscBool)(least[k % LATIN_LARGE_CREEP] > PetscMax(0.5 * before, large->balance));
+}
+
+/* The forces that the displacements u leave without balance, before tensions go ahead. Collective on snes */
+static PetscErrorCode LatinLargeForces_Private(SNES snes, Vec u, PetscReal *left)
+{
+  Vec r;
+
+  PetscFunctionBegin;
+  PetscCall(DMGetGlobalVector(((SNES_Latin *)snes->data)->large.frame->dm, &r));
+  PetscCall(SNESComputeFunction(snes, u, r));
+  PetscCall(VecNorm(r, NORM_2, left));
+  PetscCall(DMRestoreGlobalVector(((SNES_Latin *)snes->data)->large.frame->dm, &r));
+  PetscFunctionReturn(0);
+}
+
+/* Newton's method, at most so many times with operators of the tangent stiffness: `left` is without balance where it starts, at u. Collective on snes */
+static PetscErrorCode LatinLargeTangents_Private(SNES snes, Vec u, PetscInt times, PetscBool near, PetscReal left, PetscBool *done)
+{
+  SNES_Latin *data  = (SNES_Latin *)snes->data;
+  LatinLarge *large = &data->large;
+  PetscInt    steps = 1, most = large->frame->turns->midpoint ? LATIN_LARGE_COST : LATIN_LARGE_LONG;
+  PetscReal   least[LATIN_LARGE_CREEP];
+
+  PetscFunctionBegin;
+  for (PetscInt k = 0; k < times && !*done && large->slow && steps; k++) { /* where it took no step with them others are the same */
+    PetscCall(SNESLatinLargeRenew_Private(snes, LATIN_FRAME_TANGENT));
+    PetscCall(SNESLatinLargeNewton_Private(snes, most, done));
+    PetscCall(SNESGetIterationNumber(data->newton.snes, &steps));
+    if (*done || !near) continue;
+    if (!k) PetscCall(PetscArraycpy(large->shown, large->first_step, 2));
+    if (!k && !large->unstable && left <= large->balance && LATIN_LARGE_SAFETY * large->shown[0] <= data->target && LATIN_LARGE_SAFETY * large->shown[1] <= SNESLatinTensionTarget(data)) {
+      PetscCall(VecCopy(u, snes->vec_sol));
+      data->estimate.tensions = LATIN_LARGE_SAFETY * large->shown[1];
+      PetscCall(SNESLatinLargeClaim_Private(snes, LATIN_LARGE_SAFETY * large->shown[0], LATIN_NEXT_CONVERGED));
+      *done = PETSC_TRUE;
+    } else if (LatinLargeCreeps(large, k, least)) break;
+  }
+  PetscFunctionReturn(0);
+}
+
 /*
    Newton's method from the displacements in the solution vector: near the solution with operators of the tangent stiffness, else with those that
-   there are; when it has taken long, with new ones, so many times. Where it fails the solution vector is what it was, and the operators are
+   there are; when it has taken long, with new ones, so many times. Near the solution its first step shows how far the iteration was from it; where a front of
+   cables that change creeps over a net this serves when the step does not. Where it fails the solution vector is what it was, and the operators are
    for an iteration from there if it was near. Collective on snes
 */
 PetscErrorCode SNESLatinLargeFinish_Private(SNES snes, PetscInt times, PetscBool near, PetscBool *done)
 {
-  SNES_Latin    *data      = (SNES_Latin *)snes->data;
-  LatinLarge    *large     = &data->large;
+  LatinLarge    *large     = &((SNES_Latin *)snes->data)->large;
   LatinStructure structure = large->frame->turns;
-  PetscBool      renewed   = PETSC_FALSE;
-  PetscInt       steps = 1, most = structure->midpoint ? LATIN_LARGE_COST : LATIN_LARGE_LONG;
+  PetscInt       renewals  = large->renewals;
+  PetscReal      left      = PETSC_MAX_REAL;
   Vec            u;
 
   PetscFunctionBegin;
   PetscCall(SNESLatinLargeLeaves_Private(snes));
   PetscCall(DMGetGlobalVector(large->frame->dm, &u));
   PetscCall(VecCopy(snes->vec_sol, u));
+  if (near) PetscCall(LatinLargeForces_Private(snes, u, &left));
   PetscCall(SNESLatinLargeAhead_Private(snes, near));
   *done       = PETSC_FALSE;
   large->slow = (PetscBool)(near && !structure->midpoint && large->frame->made != LATIN_FRAME_TANGENT);
-  if (!large->slow) PetscCall(SNESLatinLargeNewton_Private(snes, most, done));
-  for (PetscInt k = 0; k < times && !*done && large->slow && steps; k++) { /* where it took no step with them others are the same */
-    PetscCall(SNESLatinLargeRenew_Private(snes, LATIN_FRAME_TANGENT));
-    renewed = PETSC_TRUE;
-    PetscCall(SNESLatinLargeNewton_Private(snes, most, done));
-    PetscCall(SNESGetIterationNumber(data->newton.snes, &steps));
-  }
+  if (!large->slow) PetscCall(SNESLatinLargeNewton_Private(snes, structure->midpoint ? LATIN_LARGE_COST : LATIN_LARGE_LONG, done));
+  PetscCall(LatinLargeTangents_Private(snes, u, times, near, left, done));
   structure->ahead = structure->strain = NULL;
   PetscCall(PetscFree(large->ahead));
   if (!*done) PetscCall(VecCopy(u, snes->vec_sol));
-  if (!*done && near && (renewed || !structure->midpoint)) PetscCall(SNESLatinLargeRenew_Private(snes, LATIN_FRAME_PRESENT));
+  if (!*done && near && (large->renewals > renewals || !structure->midpoint)) PetscCall(SNESLatinLargeRenew_Private(snes, LATIN_FRAME_PRESENT));
   PetscCall(DMRestoreGlobalVector(large->frame->dm, &u));
   PetscFunctionReturn(0);
 }
 
-/* Newton's method after the iteration; where it fails this goes on from where it was. Collective on snes */
+/* Newton's method after the iteration; where it fails this goes on from where it was, until what the first step has shown is likely to be small enough. Collective on snes */
 static PetscErrorCode SNESLatinLargeProve_Private(SNES snes, PetscBool *done)
 {
-  SNES_Latin     *data  = (SNES_Latin *)snes->data;
-  LatinLarge     *large = &data->large;
-  const PetscReal value = data->estimate.value;
-  const PetscBool rests = (PetscBool)(data->latin->linear.distance <= data->latin->linear.noise);
+  SNES_Latin     *data      = (SNES_Latin *)snes->data;
+  LatinLarge     *large     = &data->large;
+  const PetscReal value     = data->estimate.value;
+  const PetscReal target[2] = {data->target, SNESLatinTensionTarget(data)};
+  const PetscBool rests     = (PetscBool)(data->latin->linear.distance <= data->latin->linear.noise);
+  PetscReal       part      = LATIN_LARGE_FAR;
 
   PetscFunctionBegin;
   PetscCall(LatinAverage_Private(&data->latin->linear, snes->vec_sol));
+  large->shown[0] = large->shown[1] = 0.0;
   PetscCall(SNESLatinLargeFinish_Private(snes, LATIN_LARGE_MOST, PETSC_TRUE, done));
   if (*done) PetscFunctionReturn(0);
   data->current = -1;
-  large->near   = LATIN_LARGE_FAR * PetscMin(value, large->near);
+  large->crept  = PETSC_TRUE;
+  for (PetscInt i = 0; i < 2; i++) part = PetscMin(part, target[i] / (LATIN_LARGE_SAFETY * large->shown[i] + PETSC_SMALL));
+  large->near = part * value;
+  PetscCall(PetscInfo(snes, "Newton's method creeps: its first step was %g, of the tensions %g; the iteration goes on to %g\n", (double)large->shown[0], (double)large->shown[1], (double)large->near));
   if (!rests) PetscFunctionReturn(0); /* else Newton's method does not confirm where the iteration has come to rest */
   data->next = large->unstable ? LATIN_NEXT_DIVERGED : LATIN_NEXT_ROUNDING;
   *done      = PETSC_TRUE;
@@ -289,8 +345,8 @@ PetscErrorCode SNESLatinLargeIterate_Private(SNES snes)
     PetscCall(SNESLatinIterate_Private(snes, SNESLatinLargeConverged_Private));
     if (data->next == LATIN_NEXT_REBUILD) {
       PetscCall(LatinAverage_Private(&data->latin->linear, snes->vec_sol));
-      if (!large->renewals || !SNESLatinLargeProves(data)) PetscCall(SNESLatinLargeRenew_Private(snes, LATIN_FRAME_PRESENT));
-      else PetscCall(SNESLatinLargeFinish_Private(snes, LATIN_LARGE_MOST, PETSC_TRUE, &done));
+      if (!large->renewals || large->crept || !SNESLatinLargeProves(data)) PetscCall(SNESLatinLargeRenew_Private(snes, LATIN_FRAME_PRESENT));
+      else PetscCall(SNESLatinLargeProve_Private(snes, &done));
     } else if (data->next == LATIN_NEXT_NEWTON_FINISH) PetscCall(SNESLatinLargeProve_Private(snes, &done));
     else done = PETSC_TRUE;
   }

@@ -23,7 +23,6 @@
 #define LATIN_LARGE_SOLVE   30   /* most iterations of a linear solve: a step that is cut short goes on with new operators */
 #define LATIN_LARGE_RTOL    1e-2 /* of a linear solve; less is lost to the next step */
 #define LATIN_LARGE_ASTRAY  2.0  /* a step so much larger than the displacements after it leads astray; with 1 a bridge takes twice the set-ups, without limit a truss snaps through */
-#define LATIN_LARGE_SAFETY  4.0  /* on the error that is left */
 #define LATIN_LARGE_PROOF   4.0  /* times the error asked for: a larger step is not worth a linear stage that shows what it leaves */
 #define LATIN_LARGE_SHRINK  0.5  /* a step leaves less than this part of the error before it, or it meets rounding */
 #define LATIN_LARGE_ROUND   10.0 /* times what rounding leaves: steps that do */
@@ -147,7 +146,12 @@ static PetscErrorCode LatinLargeStep_Private(SNES newton, SNES snes, PetscInt it
   PetscCall(SNESGetKSP(newton, &ksp));
   PetscCall(KSPGetConvergedReason(ksp, &linear));
   PetscCall(SNESGetLinearSolveIterations(newton, &stages));
+  large->force = fnorm;
   large->error = tensions = step;
+  if (it == 1) {
+    large->first_step[0] = linear > 0 ? step : 1.0;
+    large->first_step[1] = large->stretch;
+  }
   if (small) PetscCall(LatinLargeError_Private(newton, large, step, u, r, &large->error, &tensions));
   PetscCall(DMRestoreGlobalVector(large->frame->dm, &r));
   PetscCall(PetscInfo(snes, "Newton's method, step %" PetscInt_FMT ": %g, estimated error %g of %g, of tensions %g, forces without balance %g of %g\n", it, (double)step, (double)large->error, (double)data->target, (double)tensions, (double)fnorm,
@@ -333,6 +337,21 @@ PetscErrorCode SNESLatinLargeRests_Private(SNES snes, PetscBool *rests)
   PetscFunctionReturn(0);
 }
 
+/* The displacements in the solution vector are the solution, of this error. Collective on snes */
+PetscErrorCode SNESLatinLargeClaim_Private(SNES snes, PetscReal error, LatinNext next)
+{
+  SNES_Latin *data = (SNES_Latin *)snes->data;
+
+  PetscFunctionBegin;
+  data->large.frame->turns->strain = NULL; /* the laws themselves again */
+  data->estimate.value             = error;
+  data->next                       = next;
+  PetscCall(SNESLatinBalance_Private(snes));
+  PetscCall(SNESLatinWatch_Private(snes, data->latin->linear.applications + data->newton.stages));
+  if (data->next == LATIN_NEXT_CONTINUE) data->next = LATIN_NEXT_CONVERGED;
+  PetscFunctionReturn(0);
+}
+
 /* From the displacements in the solution vector to the solution, whose error is proved: then *done. `most`: linear iterations that it may take. Collective on snes */
 PetscErrorCode SNESLatinLargeNewton_Private(SNES snes, PetscInt most, PetscBool *done)
 {
@@ -367,13 +386,8 @@ PetscErrorCode SNESLatinLargeNewton_Private(SNES snes, PetscInt most, PetscBool 
   PetscCall(PetscInfo(snes, "Newton's method ended with %s after %" PetscInt_FMT " linear iterations\n", SNESConvergedReasons[reason], stages));
   *done = (PetscBool)(reason > 0 || reason == SNES_DIVERGED_LOCAL_MIN);
   if (!*done) PetscFunctionReturn(0);
-  large->frame->turns->strain = NULL; /* the laws themselves again */
-  data->estimate.value        = large->error;
-  data->next                  = reason > 0 || large->frame->turns->midpoint ? LATIN_NEXT_CONVERGED : LATIN_NEXT_ROUNDING; /* a time step is one as far as rounding lets it */
   if (reason < 0) PetscCall(PetscInfo(snes, "The error asked for, %g, is below what rounding leaves on this structure, about %g\n", (double)data->target, (double)large->error));
-  PetscCall(SNESLatinBalance_Private(snes));
-  PetscCall(SNESLatinWatch_Private(snes, data->latin->linear.applications + data->newton.stages));
-  if (data->next == LATIN_NEXT_CONTINUE) data->next = LATIN_NEXT_CONVERGED;
+  PetscCall(SNESLatinLargeClaim_Private(snes, large->error, reason > 0 || large->frame->turns->midpoint ? LATIN_NEXT_CONVERGED : LATIN_NEXT_ROUNDING)); /* a time step is one as far as rounding lets it */
   PetscFunctionReturn(0);
 }
 

@@ -109,8 +109,9 @@ PETSC_INTERN PetscErrorCode LatinParameterTune_Private(Latin, PetscReal factor);
 PETSC_INTERN PetscErrorCode LatinParameterState_Private(Latin, Vec z, Vec F, PetscReal factor);
 
 /* ---- links that turn: their parts, and the course of a solve (snes/large.c, snes/largenewton.c, snes/largepath.c) ---- */
-#define LATIN_LARGE_HOLD 0.3  /* of the step relative to the displacements: part of the mean tension over length that slack cables keep as stiffness; with 0.1 and 1 masts take more stages */
-#define LATIN_LARGE_HELD 0.01 /* the same where laws go on as straight lines; with 0.1 and 0.3 saddles take up to twice the set-ups */
+#define LATIN_LARGE_HOLD   0.3  /* of the step relative to the displacements: part of the mean tension over length that slack cables keep as stiffness; with 0.1 and 1 masts take more stages */
+#define LATIN_LARGE_HELD   0.01 /* the same where laws go on as straight lines; with 0.1 and 0.3 saddles take up to twice the set-ups */
+#define LATIN_LARGE_SAFETY 4.0  /* on the error that is left */
 typedef struct {
   LatinStructure frame;    /* what the iteration works on in the place of the structure; NULL: links keep their direction */
   PetscBool      given;    /* a geometry, by an option */
@@ -120,9 +121,14 @@ typedef struct {
   PetscInt  seen, window;  /* linear stages since the last look at their progress; from one look to the next */
   PetscReal least, before; /* least measure of this window and of the last one */
   PetscReal near;          /* estimated error from which on Newton's method is tried */
+  PetscReal cost;          /* linear stages that take as long as a set-up */
+  PetscBool crept;         /* Newton's method has been given up: only near the solution it is tried again */
   /* of Newton's method */
   PetscReal *ahead;         /* [2][links_local of the structure] tensions that go ahead of the displacements, and their strains; NULL in time steps */
   PetscReal  error;         /* estimated, after a step */
+  PetscReal  force;         /* norm of the residual of the laws there */
+  PetscReal  first_step[2]; /* of a run, relative to the displacements, and the change of the tensions by it */
+  PetscReal  shown[2];      /* the same from where the iteration was */
   PetscReal  first;         /* norm of the residual at the start of a linear solve */
   PetscInt   limit;         /* most iterations of one */
   PetscInt   proofs;        /* linear stages that have shown the error of a step */
@@ -262,6 +268,7 @@ PETSC_INTERN PetscErrorCode SNESLatinLargeRenew_Private(SNES, LatinFrameType);
 PETSC_INTERN PetscErrorCode SNESLatinLargeMode_Private(SNES, Vec u, Vec mode);
 PETSC_INTERN PetscErrorCode SNESLatinLargePredict_Private(SNES, Vec u, Vec load, Vec step, PetscReal *moved);
 PETSC_INTERN PetscErrorCode SNESLatinLargeTangent_Private(SNES, Vec u, KSP *);
+PETSC_INTERN PetscErrorCode SNESLatinLargeClaim_Private(SNES, PetscReal, LatinNext);
 PETSC_INTERN PetscErrorCode SNESLatinLargeNewton_Private(SNES, PetscInt most, PetscBool *done);
 PETSC_INTERN PetscErrorCode SNESLatinLargeRests_Private(SNES, PetscBool *rests);
 /* snes/options.c */
