@@ -359,7 +359,7 @@ def test_linear_stages_of_a_proved_error(name, most, renewals):
     ],
 )
 def test_linear_stages_of_scenes(name, options, most, renewals):
-    """In one increment: guys of a mast that slacken halve its stiffness; in a wind a front of them creeps over a net."""
+    """In one increment; guys that slacken halve the stiffness of a mast, in the wind a front of them creeps over."""
     s = latinpc.Structure.from_scene(make(name, **options))
     snes, u = s.create_snes(), s.create_vec()
     snes.solve(None, u)

@@ -322,7 +322,7 @@ static PetscErrorCode SNESLatinLargeProve_Private(SNES snes, PetscBool *done)
   data->current = -1;
   large->crept  = PETSC_TRUE;
   for (PetscInt i = 0; i < 2; i++) part = PetscMin(part, target[i] / (LATIN_LARGE_SAFETY * large->shown[i] + PETSC_SMALL));
-  large->near = part * value;
+  large->near = PetscMin(part * value, LATIN_LARGE_FAR * large->near);
   PetscCall(PetscInfo(snes, "Newton's method creeps: its first step was %g, of the tensions %g; the iteration goes on to %g\n", (double)large->shown[0], (double)large->shown[1], (double)large->near));
   if (!rests) PetscFunctionReturn(0); /* else Newton's method does not confirm where the iteration has come to rest */
   data->next = large->unstable ? LATIN_NEXT_DIVERGED : LATIN_NEXT_ROUNDING;

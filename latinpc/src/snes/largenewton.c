@@ -365,9 +365,11 @@ PetscErrorCode SNESLatinLargeNewton_Private(SNES snes, PetscInt most, PetscBool 
 
   PetscFunctionBegin;
   PetscCall(LatinLargeCreate_Private(snes, &data->newton.snes));
-  large->error  = 1.0;
-  large->most   = most;
-  large->proofs = 0;
+  large->error         = 1.0;
+  large->first_step[0] = large->first_step[1] = 1.0;
+  large->force                                = PETSC_MAX_REAL;
+  large->most                                 = most;
+  large->proofs                               = 0;
   PetscCall(LatinEstimateFloor_Private(data->latin, &data->estimate));
   PetscCall(LatinStructureSize_Private(large->frame->turns, &large->size, &prescribed));
   PetscCall(LatinLargeTension_Private(large->frame->turns, snes->vec_sol, large->size, &large->tension));
