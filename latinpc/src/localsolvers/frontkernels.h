@@ -9,6 +9,8 @@ extern void FRONT_BLAS(trsm)(const char *, const char *, const char *, const cha
 extern void FRONT_BLAS(gemm)(const char *, const char *, const PetscBLASInt *, const PetscBLASInt *, const PetscBLASInt *, const FRONT_REAL *, const FRONT_REAL *, const PetscBLASInt *, const FRONT_REAL *, const PetscBLASInt *, const FRONT_REAL *,
                              FRONT_REAL *, const PetscBLASInt *);
 
+#include "localsolvers/panelkernels.h"
+
 /* ---- the factor ---- */
 
 /* What a factorisation works on */
@@ -88,14 +90,10 @@ static void FRONT(LatinFrontUpdate)(PetscBLASInt columns, PetscBLASInt later, Pe
 /* Eliminates the columns of front f: its panel becomes that of the factor, and U what it leaves to later fronts */
 static PetscBool FRONT(LatinFrontEliminate)(const LatinFronts *F, PetscInt f, FRONT_REAL panel[], FRONT_REAL U[])
 {
-  const FRONT_REAL   one     = 1;
   const PetscBLASInt columns = (PetscBLASInt)F->columns[f], below = (PetscBLASInt)LatinFrontBelow(F, f), later = (PetscBLASInt)F->later[f], height = columns + below;
-  PetscBLASInt       info;
 
-  FRONT_BLAS(potrf)("L", &columns, panel, &height, &info);
-  if (info || !(panel[(size_t)(columns - 1) * (size_t)(height + 1)] > 0.0)) return PETSC_FALSE; /* not a number is not a pivot */
+  if (!FRONT(LatinPanels)(columns, height, panel)) return PETSC_FALSE;
   if (!below) return PETSC_TRUE;
-  FRONT_BLAS(trsm)("R", "L", "T", "N", &below, &columns, &one, panel, &height, panel + columns, &height);
   FRONT(LatinFrontUpdate)(columns, later, below - later, panel + columns, height, U);
   return PETSC_TRUE;
 }

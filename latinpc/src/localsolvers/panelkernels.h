@@ -1,0 +1,72 @@
+/*
+   The columns of one front, by panels, in one precision: included once for each, as localsolvers/frontkernels.h, whose names
+   FRONT_REAL, FRONT_BLAS() and FRONT() are those here.
+*/
+
+/* Takes from columns y and z what some columns X before them leave on these rows: two by four stay in registers */
+LATIN_INLINE void FRONT(LatinPanelTake)(const PetscInt some, PetscInt rows, size_t height, const FRONT_REAL L[], const FRONT_REAL X[], FRONT_REAL y[restrict], FRONT_REAL z[restrict])
+{
+  FRONT_REAL l[4], m[4];
+
+  for (PetscInt k = 0; k < some; k++) {
+    l[k] = L[(size_t)k * height];
+    m[k] = L[(size_t)k * height + 1];
+  }
+  _Pragma("omp simd") for (PetscInt i = 0; i < rows; i++)
+  {
+    FRONT_REAL s = y[i], t = z[i];
+
+    _Pragma("GCC unroll 4") for (PetscInt k = 0; k < some; k++)
+    {
+      s -= l[k] * X[(size_t)k * height + (size_t)i];
+      t -= m[k] * X[(size_t)k * height + (size_t)i];
+    }
+    y[i] = s;
+    z[i] = t;
+  }
+}
+
+/* B = B L^-t for the rows of a panel below its triangle, some at a time that stay in the first cache. trsm of OpenBLAS takes as long as three products of that size */
+static LATIN_CLONES void FRONT(LatinPanelBelow)(PetscInt rows, PetscInt wide, const FRONT_REAL L[], size_t height, FRONT_REAL B[])
+{
+  FRONT_REAL none[LATIN_PANEL_ROWS] = {0}; /* beside the last of an odd number of columns */
+
+  for (PetscInt r = 0; r < rows; r += LATIN_PANEL_ROWS) {
+    const PetscInt some = PetscMin(LATIN_PANEL_ROWS, rows - r);
+    FRONT_REAL    *X    = B + r;
+
+    for (PetscInt c = 0; c < wide; c += 2) {
+      const FRONT_REAL *l = L + c, *d = l + height * (size_t)c;
+      FRONT_REAL       *y = X + height * (size_t)c, *z = c + 1 < wide ? y + height : none;
+      FRONT_REAL        p = 1 / d[0], q = z == none ? 0 : 1 / d[height + 1], s = d[1];
+      PetscInt          k = 0;
+
+      for (; k + 4 <= c; k += 4) FRONT(LatinPanelTake)(4, some, height, l + height * (size_t)k, X + height * (size_t)k, y, z);
+      if (k < c) FRONT(LatinPanelTake)(2, some, height, l + height * (size_t)k, X + height * (size_t)k, y, z);
+      _Pragma("omp simd") for (PetscInt i = 0; i < some; i++)
+      {
+        y[i] *= p;
+        z[i] = (z[i] - s * y[i]) * q;
+      }
+    }
+  }
+}
+
+/* The columns of a front, by panels, each less what those before it leave on it; PETSC_FALSE where they are not positive definite */
+static PetscBool FRONT(LatinPanels)(PetscInt columns, PetscInt height, FRONT_REAL front[])
+{
+  const FRONT_REAL   minus = -1, one = 1;
+  const PetscBLASInt ld = (PetscBLASInt)height;
+
+  for (PetscInt c = 0; c < columns; c += LATIN_FRONT_PANEL) {
+    const PetscBLASInt before = (PetscBLASInt)c, wide = (PetscBLASInt)PetscMin(LATIN_FRONT_PANEL, columns - c), rows = (PetscBLASInt)(height - c);
+    FRONT_REAL        *panel = front + (size_t)c * (size_t)(height + 1);
+    PetscBLASInt       info;
+
+    if (c) FRONT_BLAS(gemm)("N", "T", &rows, &wide, &before, &minus, front + c, &ld, front + c, &ld, &one, panel, &ld);
+    FRONT_BLAS(potrf)("L", &wide, panel, &ld, &info);
+    if (info || !(panel[(size_t)(wide - 1) * (size_t)(height + 1)] > 0.0)) return PETSC_FALSE; /* not a number is not a pivot */
+    FRONT(LatinPanelBelow)(rows - wide, wide, panel, (size_t)height, panel + wide);
+  }
+  return PETSC_TRUE;
+}
