@@ -119,21 +119,44 @@ static PetscErrorCode LatinSubdomainsLinks_Private(LatinSubdomains *sub)
   PetscFunctionReturn(0);
 }
 
+/* The copies of n ends of links, whose nodes are so close to each other that a table of n entries holds them: they take their numbers from it, which takes less time than to sort them */
+static void LatinSubdomainsCount(LatinSubdomains *sub, PetscInt n, PetscInt low, const PetscInt node[], PetscInt copy[], PetscInt ends[], PetscInt table[])
+{
+  PetscInt copies = sub->copies;
+
+  for (PetscInt k = 0; k < n; k++) table[k] = -1;
+  for (PetscInt i = 0; i < n; i++) table[node[i] - low] = 0;
+  for (PetscInt k = 0; k < n; k++)
+    if (!table[k]) table[k] = copies++;
+  for (PetscInt i = 0; i < n; i++) ends[i] = table[node[i] - low];
+  for (PetscInt k = 0; k < n; k++)
+    if (table[k] >= 0) copy[sub->copies++] = low + k; /* over nodes that have been read */
+}
+
 /* The copies of the nodes: the nodes of each subdomain's links, by increasing number */
 static PetscErrorCode LatinSubdomainsCopies_Private(LatinSubdomains *sub)
 {
-  PetscInt *node, *end; /* nodes of the ends of the links, subdomain by subdomain, sorted; which ends they are of */
+  PetscInt *node, *end; /* nodes of the ends of the links, subdomain by subdomain; which ends they are of once they are sorted */
 
   PetscFunctionBegin;
   PetscCall(PetscMalloc1(2 * sub->links, &sub->ends));
   PetscCall(PetscMalloc1(sub->n + 1, &sub->node_offset));
   PetscCall(PetscMalloc2(2 * sub->links, &node, 2 * sub->links, &end));
   PetscCall(LatinSFBcast_Private(sub->link_sf, 2, MPIU_INT, sub->structure->nodes, node));
-  for (PetscInt i = 0; i < 2 * sub->links; i++) end[i] = i;
   for (PetscInt s = 0; s < sub->n; s++) {
     const PetscInt first = 2 * sub->link_offset[s], last = 2 * sub->link_offset[s + 1];
+    PetscInt       low = PETSC_MAX_INT, high = 0;
 
     sub->node_offset[s] = sub->copies;
+    for (PetscInt i = first; i < last; i++) {
+      low    = PetscMin(low, node[i]);
+      high   = PetscMax(high, node[i]);
+      end[i] = i;
+    }
+    if (high - low < last - first) {
+      LatinSubdomainsCount(sub, last - first, low, node + first, node, sub->ends + first, end + first);
+      continue;
+    }
     PetscCall(PetscSortIntWithArray(last - first, node + first, end + first));
     for (PetscInt i = first; i < last; i++) {
       if (i == first || node[i] != node[sub->copies - 1]) node[sub->copies++] = node[i];
