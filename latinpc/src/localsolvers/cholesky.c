@@ -222,6 +222,22 @@ PetscErrorCode LatinCholeskyPrecision(PC pc, LatinArithmetic *precision)
   PetscFunctionReturn(0);
 }
 
+/* b^t A^-1 b with the kept rows held, by the first half of the solve, which leaves its own in b */
+PetscErrorCode LatinCholeskyEnergy(PC pc, Vec b, PetscReal *energy)
+{
+  LatinSupernodes *data;
+  PetscScalar     *a;
+
+  PetscFunctionBegin;
+  PetscCall(LatinCholeskyFind_Private(pc, &data));
+  PetscCheck(data, PETSC_COMM_SELF, PETSC_ERR_PLIB, "The factor is not of type %s", LATIN_CHOLESKY);
+  *energy = 0.0;
+  PetscCall(VecGetArray(b, &a));
+  PetscCall(LatinFrontsSolve(&data->fronts, PETSC_TRUE, PETSC_FALSE, 1, a, 0, energy));
+  PetscCall(VecRestoreArray(b, &a));
+  PetscFunctionReturn(0);
+}
+
 /* Additions and multiplications that it takes, and its size; 0: it is another one */
 PetscErrorCode LatinCholeskyCost(PC pc, PetscReal *operations, PetscReal *bytes)
 {

@@ -56,6 +56,7 @@ PETSC_INTERN PetscErrorCode LatinOrderNodes_Private(PetscInt bs, PetscInt rows, 
 PETSC_INTERN PetscErrorCode LatinCholeskyRegister(void);
 PETSC_INTERN PetscErrorCode LatinCholeskyRound(PC, LatinArithmetic);
 PETSC_INTERN PetscErrorCode LatinCholeskyPrecision(PC, LatinArithmetic *);
+PETSC_INTERN PetscErrorCode LatinCholeskyEnergy(PC, Vec b, PetscReal *energy);
 PETSC_INTERN PetscErrorCode LatinCholeskyCost(PC, PetscReal *operations, PetscReal *bytes);
 PETSC_INTERN PetscErrorCode LatinCholeskyAgain(PC, Mat, LatinArithmetic);
 PETSC_INTERN PetscErrorCode LatinCholeskyGiveSchur(Mat, PetscReal **S);

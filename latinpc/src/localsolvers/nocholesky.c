@@ -50,6 +50,11 @@ PetscErrorCode LatinCholeskyAgain(PC pc, Mat A, LatinArithmetic precision)
   SETERRQ(PETSC_COMM_SELF, PETSC_ERR_PLIB, "No factor of this type can have been made");
 }
 
+PetscErrorCode LatinCholeskyEnergy(PC pc, Vec b, PetscReal *energy)
+{
+  SETERRQ(PETSC_COMM_SELF, PETSC_ERR_PLIB, "No factor of this type can have been made");
+}
+
 PetscErrorCode LatinCholeskyPrecision(PC pc, LatinArithmetic *precision)
 {
   *precision = LATIN_DOUBLE;
