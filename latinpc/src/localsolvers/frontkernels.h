@@ -80,8 +80,8 @@ static void FRONT(LatinFrontUpdate)(PetscBLASInt columns, PetscBLASInt later, Pe
     if (later && kept) FRONT_BLAS(gemm)("N", "T", &kept, &later, &columns, &minus, Z + later, &height, Z, &height, &zero, U + later, &below);
     return;
   }
-  for (PetscBLASInt c = 0; c < later; c += LATIN_FRONT_PANEL) {
-    const PetscBLASInt wide = PetscMin(LATIN_FRONT_PANEL, later - c), rows = below - c;
+  for (PetscBLASInt c = 0; c < later; c += LATIN_FRONT_BLOCK) {
+    const PetscBLASInt wide = PetscMin(LATIN_FRONT_BLOCK, later - c), rows = below - c;
 
     FRONT_BLAS(gemm)("N", "T", &rows, &wide, &columns, &minus, Z + c, &height, Z + c, &height, &zero, U + c + (size_t)below * (size_t)c, &below);
   }

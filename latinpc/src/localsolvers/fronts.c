@@ -115,8 +115,9 @@ PetscErrorCode LatinFrontsDestroy(LatinFronts *F)
 
 /* Sums over rows, of more digits than single precision has */
 typedef PetscReal LatinLanesSum __attribute__((vector_size(LATIN_FRONT_LANES * sizeof(PetscReal)), aligned(LATIN_LINE)));
-  #define LATIN_PANEL_ROWS 64 /* of a panel that stay in the first cache */
-  #define LATIN_FRONT_ROWS 8  /* of a front that stay in registers while lanes are solved */
+  #define LATIN_FRONT_BLOCK 32 /* columns of what a front of few columns leaves that are updated together */
+  #define LATIN_PANEL_ROWS  64 /* of a panel that stay in the first cache */
+  #define LATIN_FRONT_ROWS  8  /* of a front that stay in registers while lanes are solved */
   #define LATIN_LANES_SQUARE(sum, x) \
     do { \
       const LatinLanesSum wide = __builtin_convertvector(x, LatinLanesSum); \
