@@ -6,9 +6,11 @@
 
 /* Compiled for several instruction sets, of which the processor chooses */
 #if defined(__GNUC__) && !defined(__clang__) && __GNUC__ >= 12 && defined(__x86_64__) && defined(__GLIBC__)
-  #define LATIN_CLONES __attribute__((target_clones("arch=x86-64-v4", "arch=x86-64-v3", "default")))
+  #define LATIN_CLONES      __attribute__((target_clones("arch=x86-64-v4", "arch=x86-64-v3", "default")))
+  #define LatinClonesWide() __builtin_cpu_supports("avx512vl") /* is the first of them chosen? */
 #else
   #define LATIN_CLONES
+  #define LatinClonesWide() 0
 #endif
 #if defined(__GNUC__)
   #define LATIN_INLINE static inline __attribute__((always_inline))

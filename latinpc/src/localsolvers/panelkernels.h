@@ -26,7 +26,7 @@ LATIN_INLINE void FRONT(LatinPanelTake)(const PetscInt some, PetscInt rows, size
   }
 }
 
-/* B = B L^-t for the rows of a panel below its triangle, some at a time that stay in the first cache. trsm of OpenBLAS takes as long as three products of that size */
+/* B = B L^-t for the rows of a panel below its triangle, some at a time that stay in the first cache */
 static LATIN_CLONES void FRONT(LatinPanelBelow)(PetscInt rows, PetscInt wide, const FRONT_REAL L[], size_t height, FRONT_REAL B[])
 {
   FRONT_REAL none[LATIN_PANEL_ROWS] = {0}; /* beside the last of an odd number of columns */
@@ -61,12 +61,15 @@ static PetscBool FRONT(LatinPanels)(PetscInt columns, PetscInt height, FRONT_REA
   for (PetscInt c = 0; c < columns; c += LATIN_FRONT_PANEL) {
     const PetscBLASInt before = (PetscBLASInt)c, wide = (PetscBLASInt)PetscMin(LATIN_FRONT_PANEL, columns - c), rows = (PetscBLASInt)(height - c);
     FRONT_REAL        *panel = front + (size_t)c * (size_t)(height + 1);
-    PetscBLASInt       info;
+    PetscBLASInt       info, below;
 
     if (c) FRONT_BLAS(gemm)("N", "T", &rows, &wide, &before, &minus, front + c, &ld, front + c, &ld, &one, panel, &ld);
     FRONT_BLAS(potrf)("L", &wide, panel, &ld, &info);
     if (info || !(panel[(size_t)(wide - 1) * (size_t)(height + 1)] > 0.0)) return PETSC_FALSE; /* not a number is not a pivot */
-    FRONT(LatinPanelBelow)(rows - wide, wide, panel, (size_t)height, panel + wide);
+    below = rows - wide;
+    /* with vectors of 512 bits trsm of OpenBLAS takes as long as three products of that size; with shorter ones it is the quicker one */
+    if (LatinClonesWide()) FRONT(LatinPanelBelow)(below, wide, panel, (size_t)height, panel + wide);
+    else if (below) FRONT_BLAS(trsm)("R", "L", "T", "N", &below, &wide, &one, panel, &ld, panel + wide, &ld);
   }
   return PETSC_TRUE;
 }
