@@ -110,40 +110,51 @@ static PetscErrorCode LatinList_Private(MPI_Comm comm, PetscInt count, PetscInt 
   PetscFunctionReturn(0);
 }
 
-/* Nodes that nothing holds, how far they move, and those of which rounding hides it; a node that no link would stop has no end. Collective */
-static PetscErrorCode LatinUnsupported_Private(const LatinNodalBalance *balance, LatinEquilibrium *found)
+/* Nodes that nothing holds */
+typedef struct {
+  PetscInt  count, least[LATIN_LISTED]; /* of this rank; the least of their numbers */
+  PetscInt  more[2];                    /* without end, hidden by rounding */
+  PetscReal sum;                        /* squares of how far they move */
+} LatinUnheld;
+
+/* A node that nothing holds is one of them; one that no link would stop has no end, and of some rounding hides it */
+static void LatinUnheldNode(const LatinNode *at, PetscInt dim, PetscInt number, LatinUnheld *unheld)
 {
-  const LatinStructure structure = balance->latin->sub.structure;
-  PetscReal            sum       = 0.0;
-  PetscInt             mine[LATIN_LISTED], count = 0, more[2] = {0, 0}; /* without end, hidden by rounding */
+  PetscReal push = 0.0, load = 0.0;
+  PetscBool mass = PETSC_FALSE;
+  PetscInt  last;
 
-  PetscFunctionBegin;
-  for (PetscInt i = 0; i < structure->nodes_local; i++) {
-    const LatinNode *at   = &balance->node[i];
-    PetscReal        push = 0.0, load = 0.0;
-    PetscBool        mass = PETSC_FALSE;
-
-    for (PetscInt c = 0; c < structure->dim; c++) {
-      push += PetscSqr(at->r[c]);
-      load += PetscSqr(at->load[c]);
-      if (at->ground[c] > 0.0) mass = PETSC_TRUE;
-    }
-    push = PetscSqrtReal(push);
-    if (mass || push <= LATIN_UNHELD * (at->tension + PetscSqrtReal(load))) continue;
-    if (push <= LATIN_FORCE_NOISE * PETSC_MACHINE_EPSILON * at->gaps) {
-      if (!(load > 0.0)) continue;
-      more[1]++;
-    }
-    if (count < LATIN_LISTED) mine[count] = structure->nodes_start + i;
-    count++;
-    if (at->resistance > 0.0) sum += PetscSqr(1.0 / at->resistance);
-    else more[0]++;
+  for (PetscInt c = 0; c < dim; c++) {
+    push += PetscSqr(at->r[c]);
+    load += PetscSqr(at->load[c]);
+    if (at->ground[c] > 0.0) mass = PETSC_TRUE;
   }
-  PetscCall(LatinList_Private(PetscObjectComm((PetscObject)structure), count, mine, &found->nodes, found->node));
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, more, 2, MPIU_INT, MPI_SUM, PetscObjectComm((PetscObject)structure)));
-  PetscCall(MPIU_Allreduce(&sum, &found->distance, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
-  found->distance = more[0] ? INFINITY : PetscSqrtReal(found->distance);
-  found->hidden   = more[1];
+  push = PetscSqrtReal(push);
+  if (mass || push <= LATIN_UNHELD * (at->tension + PetscSqrtReal(load))) return;
+  if (push <= LATIN_FORCE_NOISE * PETSC_MACHINE_EPSILON * at->gaps) {
+    if (!(load > 0.0)) return;
+    unheld->more[1]++;
+  }
+  last = PetscMin(unheld->count, LATIN_LISTED);
+  unheld->count++;
+  while (last > 0 && unheld->least[last - 1] > number) {
+    if (last < LATIN_LISTED) unheld->least[last] = unheld->least[last - 1];
+    last--;
+  }
+  if (last < LATIN_LISTED) unheld->least[last] = number;
+  if (at->resistance > 0.0) unheld->sum += PetscSqr(1.0 / at->resistance);
+  else unheld->more[0]++;
+}
+
+/* Those of all ranks, and how far they move. Collective on comm */
+static PetscErrorCode LatinUnheld_Private(MPI_Comm comm, LatinUnheld *unheld, LatinEquilibrium *found)
+{
+  PetscFunctionBegin;
+  PetscCall(LatinList_Private(comm, unheld->count, unheld->least, &found->nodes, found->node));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, unheld->more, 2, MPIU_INT, MPI_SUM, comm));
+  PetscCall(MPIU_Allreduce(&unheld->sum, &found->distance, 1, MPIU_REAL, MPIU_SUM, comm));
+  found->distance = unheld->more[0] ? INFINITY : PetscSqrtReal(found->distance);
+  found->hidden   = unheld->more[1];
   PetscFunctionReturn(0);
 }
 
@@ -194,6 +205,23 @@ static void LatinSumNode(const LatinNode *at, PetscInt dim, PetscBool energy, La
   sum->along += (energy ? held : size) * PetscSqr(PetscMin(1.0, push / held));
 }
 
+/* What the nodes visited add up to */
+typedef struct {
+  PetscInt       dim;
+  PetscBool      energy;
+  LatinNodalSums sum;
+  LatinUnheld    unheld;
+} LatinNodalJudge;
+
+static void LatinNodeJudge(const LatinNode *at, PetscInt number, void *ctx)
+{
+  LatinNodalJudge *judge = (LatinNodalJudge *)ctx;
+
+  for (PetscInt c = 0; c < judge->dim; c++) LatinSumComponent(at, judge->dim, c, judge->energy, &judge->sum);
+  LatinSumNode(at, judge->dim, judge->energy, &judge->sum);
+  LatinUnheldNode(at, judge->dim, number, &judge->unheld);
+}
+
 /* By how much rigid links miss their gaps; 0 where nothing moves but by rounding. norm: l2 norm of the displacements; still: a step of a motion is at rest. Collective */
 static PetscErrorCode LatinGapError_Private(const LatinNodalBalance *balance, Vec u, PetscReal norm, PetscBool still, PetscReal *missed)
 {
@@ -223,24 +251,22 @@ static PetscErrorCode LatinGapError_Private(const LatinNodalBalance *balance, Ve
 PetscErrorCode LatinEquilibriumCheck_Private(Latin latin, Vec u, Vec r, Vec more, PetscReal target, PetscBool energy, PetscBool rests, LatinEquilibrium *found)
 {
   const LatinStructure structure = latin->sub.structure;
-  const PetscInt       dim       = structure->dim;
+  LatinNodalJudge      judge     = {.dim = structure->dim, .energy = energy};
   PetscReal            size, missed, norm, works;
   PetscBool            far;
-  LatinNodalSums       sum = {.error = 0.0};
+  LatinNodalSums       sum;
   LatinNodalBalance    balance;
 
   PetscFunctionBegin;
   PetscCall(PetscMemzero(found, sizeof(*found)));
   PetscCall(VecNorm(u, NORM_2, &size));
-  PetscCall(LatinNodalBalanceCreate_Private(latin, u, r, more, target, &balance));
-  for (PetscInt i = 0; i < dim * structure->nodes_local; i++) LatinSumComponent(&balance.node[i / dim], dim, i % dim, energy, &sum);
-  for (PetscInt i = 0; i < structure->nodes_local; i++) LatinSumNode(&balance.node[i], dim, energy, &sum);
+  PetscCall(LatinNodalBalance_Private(latin, u, r, more, target, LatinNodeJudge, &judge, &balance));
+  sum = judge.sum;
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &sum, sizeof(sum) / sizeof(PetscReal), MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
-  PetscCall(LatinUnsupported_Private(&balance, found));
+  PetscCall(LatinUnheld_Private(PetscObjectComm((PetscObject)structure), &judge.unheld, found));
   found->still = (PetscBool)(structure->ground && PetscSqr(target) * sum.u[0] <= sum.hides[0] && PetscSqr(target) * sum.u[1] <= sum.hides[1] && 0.5 * PetscSqr(target * balance.gap) <= sum.hides[1]);
   PetscCall(LatinGapError_Private(&balance, u, size, found->still, &missed));
   PetscCall(LatinEquilibriumFar_Private(structure, u, &far));
-  PetscCall(PetscFree(balance.node));
 
   found->balanced = (PetscBool)(sum.error == 0.0);
   found->left     = PetscSqrtReal(sum.left);

@@ -60,16 +60,16 @@ typedef struct {
 } LatinNode;
 
 typedef struct {
-  Latin      latin;
-  LatinNode *node;                         /* [structure->nodes_local] */
-  PetscReal  gap;                          /* greatest distance by which a rigid link misses its gap */
+  Latin     latin;
+  PetscReal gap;                           /* greatest distance by which a rigid link misses its gap */
   struct {                                 /* over all links; reals only, since they travel as one message */
     PetscReal energy;                      /* of k e^2 */
     PetscReal work;                        /* of |tau e|, prescribed displacements taken for zero */
     PetscReal bearing_gaps, bearing_moves; /* squares of the gaps of rigid links that bear, or should, and of their tau / l */
   } sum;
 } LatinNodalBalance;
-PETSC_INTERN PetscErrorCode LatinNodalBalanceCreate_Private(Latin, Vec u, Vec r, Vec more, PetscReal target, LatinNodalBalance *);
+typedef void                LatinNodeVisit(const LatinNode *, PetscInt number, void *ctx); /* number: global */
+PETSC_INTERN PetscErrorCode LatinNodalBalance_Private(Latin, Vec u, Vec r, Vec more, PetscReal target, LatinNodeVisit *, void *ctx, LatinNodalBalance *);
 
 /* ---- are displacements an equilibrium? (error/equilibrium.c) ---- */
 #define LATIN_LISTED 8 /* nodes, or links, that are named */

@@ -1,12 +1,14 @@
 #include "error/latinerror.h"
 
 /*
-   One pass over the links: what they bear at each node, how much of it is rounding, what the forces without balance meet
-   when they move a node, and by how much rigid links miss their gaps. error/equilibrium.c draws the conclusions.
+   What the links bear at each node, how much of it is rounding, what the forces without balance meet when they move a node,
+   and by how much rigid links miss their gaps. error/equilibrium.c draws the conclusions, node by node: the nodes of all the
+   vertices at once would be the largest array of a solve.
 */
 
-#define LATIN_STICKS    0.999 /* of the greatest friction: below it a contact sticks */
-#define LATIN_GAP_NOISE 4.0   /* times eps, of the displacements and the gap of a link: rounding of its elongation */
+#define LATIN_NODAL_PIECES 8     /* of the vertices, one after the other; each takes a pass over the links */
+#define LATIN_STICKS       0.999 /* of the greatest friction: below it a contact sticks */
+#define LATIN_GAP_NOISE    4.0   /* times eps, of the displacements and the gap of a link: rounding of its elongation */
 
 /* Free displacements and forces at the vertices of the DM here */
 enum { LATIN_AT_U, LATIN_AT_FREE, LATIN_AT_R, LATIN_AT_LOAD, LATIN_AT_GROUND, LATIN_AT };
@@ -87,8 +89,25 @@ static void LatinNodalAlong(Latin latin, PetscInt l, PetscReal x, PetscReal tens
   }
 }
 
-/* What one link adds to its two nodes and to the sums; a: local vectors */
-static void LatinNodalAddLink(LatinNodalBalance *balance, PetscInt l, PetscScalar *const a[], PetscReal target, LatinNode vertex[])
+/* What one link adds to the sums; moved: its elongation by the free displacements, ends: what its ends move along it */
+static void LatinNodalSum(LatinNodalBalance *balance, PetscInt l, PetscReal x, PetscReal e, PetscReal tension, PetscReal moved, PetscReal ends)
+{
+  const LatinStructure structure = balance->latin->sub.structure;
+  const PetscReal      k         = balance->latin->sub.link_stiffness[l];
+  PetscReal            missed;
+
+  balance->sum.energy += k * e * e;
+  balance->sum.work += tension * PetscAbsReal(moved);
+  if (!LatinLaws[structure->law[l]].rigid) return;
+  missed       = LatinGapMissed(balance->latin, l, x, ends);
+  balance->gap = PetscMax(balance->gap, missed);
+  if (tension == 0.0 && missed == 0.0) return;
+  balance->sum.bearing_moves += PetscSqr(tension / k);
+  balance->sum.bearing_gaps += PetscSqr(structure->e0[l]);
+}
+
+/* What one link adds to those of its two nodes that are vertices from first to last - 1, and to the sums if the first one is; a: local vectors */
+static void LatinNodalAddLink(LatinNodalBalance *balance, PetscInt l, PetscScalar *const a[], PetscReal target, PetscInt first, PetscInt last, LatinNode vertex[])
 {
   const Latin          latin     = balance->latin;
   const LatinStructure structure = latin->sub.structure;
@@ -112,22 +131,13 @@ static void LatinNodalAddLink(LatinNodalBalance *balance, PetscInt l, PetscScala
     certain = PetscMin(low, high);
     if (structure->ground) possible = PetscMax(low, high); /* what moves by itself has its mass alone */
   } else if (structure->ground && structure->law[l] != LATIN_LAW_TANGENT && tension == 0.0 && LatinLawSign(structure->law[l]) * x < -target * (e0 + ends)) possible = 0.0;
-  balance->sum.energy += k * e * e;
-  balance->sum.work += tension * PetscAbsReal(moves[3]);
-  if (rigid) {
-    const PetscReal missed = LatinGapMissed(latin, l, x, ends);
-
-    balance->gap = PetscMax(balance->gap, missed);
-    if (tension != 0.0 || missed != 0.0) {
-      balance->sum.bearing_moves += PetscSqr(tension / k);
-      balance->sum.bearing_gaps += PetscSqr(e0);
-    }
-  }
+  if (to[0] >= first && to[0] < last) LatinNodalSum(balance, l, x, e, tension, moves[3], ends);
   for (PetscInt i = 0; i < 2; i++) {
-    LatinNode         *at    = &vertex[to[i]];
+    LatinNode         *at    = &vertex[to[i] - first];
     const PetscScalar *r     = a[LATIN_AT_R] + dim * to[i];
     PetscReal          along = 0.0, push = 0.0, own = 0.0; /* elongation by the displacement of this end */
 
+    if (to[i] < first || to[i] >= last) continue;
     for (PetscInt c = 0; c < dim; c++) {
       const PetscReal cosine = PetscAbsReal(n[c]);
 
@@ -149,60 +159,101 @@ static void LatinNodalAddLink(LatinNodalBalance *balance, PetscInt l, PetscScala
   }
 }
 
-/* The nodes of this rank from the vertices of all ranks, each of which has the vectors of its node. Collective on structure */
-static PetscErrorCode LatinNodalGather_Private(LatinStructure structure, const LatinNode vertex[], LatinNode node[])
+/* What is known of a vertex here, beside its links */
+static void LatinNodalVertex(PetscInt dim, PetscInt v, PetscScalar *const a[], LatinNode *at)
 {
-  PetscFunctionBegin;
-  PetscCall(LatinSFReduce_Private(structure->vertex_sf, sizeof(LatinNode) / sizeof(PetscReal), MPIU_REAL, vertex, node, MPI_SUM));
-  for (PetscInt i = 0; i < structure->nodes_local; i++) {
-    node[i].bearing += PetscSqrtReal(PetscSqr(node[i].rigid[0]) + PetscSqr(node[i].rigid[1]) + PetscSqr(node[i].rigid[2]));
-    for (PetscInt c = 0; c < 3 && node[i].vertices > 1.0; c++) {
-      node[i].u[c] /= node[i].vertices;
-      node[i].r[c] /= node[i].vertices;
-      node[i].load[c] /= node[i].vertices;
-      node[i].ground[c] /= node[i].vertices;
-    }
-  }
-  PetscFunctionReturn(0);
-}
-
-/*
-   The nodes of displacements u that leave the forces r without balance; `more` is a load beside that of the structure, or
-   NULL. A link is taken to bear in LatinNode.tangent if it does so at a relative error of `target`. The caller frees
-   balance->node. Collective on structure
-*/
-PetscErrorCode LatinNodalBalanceCreate_Private(Latin latin, Vec u, Vec r, Vec more, PetscReal target, LatinNodalBalance *balance)
-{
-  const LatinStructure structure = latin->sub.structure;
-  const PetscInt       dim       = structure->dim;
-  PetscScalar         *a[LATIN_AT];
-  LatinNode           *vertex;
-  Vec                  local[LATIN_AT];
-
-  PetscFunctionBegin;
-  PetscCall(PetscMemzero(balance, sizeof(*balance)));
-  balance->latin = latin;
-  PetscCall(PetscCalloc1(structure->nodes_local, &balance->node));
-  PetscCall(PetscCalloc1(structure->vertices, &vertex));
-  PetscCall(LatinNodalGet_Private(structure, u, r, more, local));
-  for (PetscInt i = 0; i < LATIN_AT; i++) PetscCall(VecGetArray(local[i], &a[i]));
-  for (PetscInt l = 0; l < structure->links_local; l++) LatinNodalAddLink(balance, l, a, target, vertex);
-  for (PetscInt i = 0; i < dim * structure->vertices; i++) {
-    LatinNode     *at = &vertex[i / dim];
-    const PetscInt c  = i % dim;
-
-    at->vertices  = 1.0;
+  at->vertices = 1.0;
+  for (PetscInt c = 0, i = dim * v; c < dim; c++, i++) {
     at->u[c]      = PetscRealPart(a[LATIN_AT_FREE][i] * a[LATIN_AT_U][i]);
     at->r[c]      = PetscRealPart(a[LATIN_AT_R][i]);
     at->load[c]   = PetscRealPart(a[LATIN_AT_LOAD][i]);
     at->ground[c] = PetscRealPart(a[LATIN_AT_GROUND][i]);
   }
+}
+
+/* A node of which all is known, from sums over its vertices */
+static void LatinNodalFinish(LatinNode *at, PetscInt number, LatinNodeVisit *visit, void *ctx)
+{
+  at->bearing += PetscSqrtReal(PetscSqr(at->rigid[0]) + PetscSqr(at->rigid[1]) + PetscSqr(at->rigid[2]));
+  for (PetscInt c = 0; c < 3 && at->vertices > 1.0; c++) {
+    at->u[c] /= at->vertices;
+    at->r[c] /= at->vertices;
+    at->load[c] /= at->vertices;
+    at->ground[c] /= at->vertices;
+  }
+  visit(at, number, ctx);
+}
+
+/* The nodes whose vertices several ranks have, at the owners of these. Collective on structure */
+static PetscErrorCode LatinNodalShared_Private(LatinStructure structure, const PetscInt number[], LatinNode shared[], LatinNodeVisit *visit, void *ctx)
+{
+  const PetscInt *leaf;
+  PetscInt        leaves;
+
+  PetscFunctionBegin;
+  if (!structure->shared_sf) PetscFunctionReturn(0);
+  PetscCall(LatinSFReduce_Private(structure->shared_sf, sizeof(LatinNode) / sizeof(PetscReal), MPIU_REAL, shared, shared, MPI_SUM));
+  PetscCall(PetscSFGetGraph(structure->shared_sf, NULL, &leaves, &leaf, NULL));
+  for (PetscInt k = 0; k < leaves; k++) shared[leaf ? leaf[k] : k].vertices = 0.0; /* another rank's */
+  for (PetscInt k = 0; k < structure->shared; k++)
+    if (shared[k].vertices > 0.0) LatinNodalFinish(&shared[k], number[structure->shared_vertex[k]], visit, ctx);
+  PetscFunctionReturn(0);
+}
+
+/* The global numbers of the nodes of the vertices here. Collective on structure */
+static PetscErrorCode LatinNodalNumbers_Private(LatinStructure structure, PetscInt number[])
+{
+  PetscInt *own;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMalloc1(structure->nodes_local, &own));
+  for (PetscInt i = 0; i < structure->nodes_local; i++) own[i] = structure->nodes_start + i;
+  PetscCall(LatinSFBcast_Private(structure->vertex_sf, 1, MPIU_INT, own, number));
+  PetscCall(PetscFree(own));
+  PetscFunctionReturn(0);
+}
+
+/*
+   Visits each node once, on one of its ranks, for displacements u that leave the forces r without balance; `more` is a load
+   beside that of the structure, or NULL. A link is taken to bear in LatinNode.tangent if it does so at a relative error of
+   `target`. Collective on structure
+*/
+PetscErrorCode LatinNodalBalance_Private(Latin latin, Vec u, Vec r, Vec more, PetscReal target, LatinNodeVisit *visit, void *ctx, LatinNodalBalance *balance)
+{
+  const LatinStructure structure = latin->sub.structure;
+  const PetscInt       dim = structure->dim, piece = structure->vertices / LATIN_NODAL_PIECES + 1;
+  PetscScalar         *a[LATIN_AT];
+  PetscInt            *number, k = 0;
+  LatinNode           *vertex, *shared;
+  Vec                  local[LATIN_AT];
+
+  PetscFunctionBegin;
+  *balance = (LatinNodalBalance){.latin = latin};
+  PetscCall(PetscMalloc3(piece, &vertex, structure->shared, &shared, structure->vertices, &number));
+  PetscCall(LatinNodalNumbers_Private(structure, number));
+  PetscCall(LatinNodalGet_Private(structure, u, r, more, local));
+  for (PetscInt i = 0; i < LATIN_AT; i++) PetscCall(VecGetArray(local[i], &a[i]));
+  for (PetscInt first = 0; first < structure->vertices; first += piece) {
+    const PetscInt last = PetscMin(first + piece, structure->vertices);
+
+    PetscCall(PetscArrayzero(vertex, last - first));
+    for (PetscInt l = 0; l < structure->links_local; l++) {
+      const PetscInt *to = structure->ends + 2 * l;
+
+      if ((to[0] >= first && to[0] < last) || (to[1] >= first && to[1] < last)) LatinNodalAddLink(balance, l, a, target, first, last, vertex);
+    }
+    for (PetscInt v = first; v < last; v++) {
+      LatinNodalVertex(dim, v, a, &vertex[v - first]);
+      if (k < structure->shared && structure->shared_vertex[k] == v) shared[k++] = vertex[v - first];
+      else LatinNodalFinish(&vertex[v - first], number[v], visit, ctx);
+    }
+  }
   for (PetscInt i = 0; i < LATIN_AT; i++) {
     PetscCall(VecRestoreArray(local[i], &a[i]));
     PetscCall(DMRestoreLocalVector(structure->dm, &local[i]));
   }
-  PetscCall(LatinNodalGather_Private(structure, vertex, balance->node));
-  PetscCall(PetscFree(vertex));
+  PetscCall(LatinNodalShared_Private(structure, number, shared, visit, ctx));
+  PetscCall(PetscFree3(vertex, shared, number));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &balance->sum, sizeof(balance->sum) / sizeof(PetscReal), MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &balance->gap, 1, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)structure)));
   PetscFunctionReturn(0);

@@ -88,6 +88,49 @@ static PetscErrorCode LatinStructureCreatePlex_Private(LatinStructure structure)
   PetscFunctionReturn(0);
 }
 
+/* The vertices that several ranks have, and the way from their owners to the others. Collective on structure */
+static PetscErrorCode LatinStructureShared_Private(LatinStructure structure)
+{
+  const PetscInt     m    = structure->links_local;
+  MPI_Comm           comm = PetscObjectComm((PetscObject)structure);
+  const PetscInt    *degree, *leaf;
+  const PetscSFNode *root;
+  PetscSFNode       *to;
+  PetscInt           roots, leaves, *place, *own;
+  PetscMPIInt        size;
+  PetscSF            points;
+
+  PetscFunctionBegin;
+  PetscCallMPI(MPI_Comm_size(comm, &size));
+  if (size == 1) PetscFunctionReturn(0);
+  PetscCall(DMGetPointSF(structure->dm, &points));
+  PetscCall(PetscSFGetGraph(points, &roots, &leaves, &leaf, &root));
+  PetscCall(PetscSFComputeDegreeBegin(points, &degree));
+  PetscCall(PetscSFComputeDegreeEnd(points, &degree));
+  PetscCall(PetscMalloc1(roots, &place));
+  for (PetscInt p = 0; p < roots; p++) place[p] = p >= m && degree[p] ? 0 : -1;
+  for (PetscInt k = 0; k < leaves; k++) place[leaf ? leaf[k] : k] = 0;
+  for (PetscInt p = m; p < roots; p++) structure->shared += place[p] < 0 ? 0 : 1;
+  PetscCall(PetscMalloc1(structure->shared, &structure->shared_vertex));
+  for (PetscInt p = m, n = 0; p < roots; p++) {
+    if (place[p] < 0) continue;
+    place[p]                      = n;
+    structure->shared_vertex[n++] = p - m;
+  }
+  PetscCall(PetscMalloc2(leaves, &to, leaves, &own));
+  for (PetscInt k = 0; k < leaves; k++) own[k] = place[leaf ? leaf[k] : k];
+  PetscCall(LatinSFBcast_Private(points, 1, MPIU_INT, place, place));
+  for (PetscInt k = 0; k < leaves; k++) {
+    to[k].rank  = root[k].rank;
+    to[k].index = place[leaf ? leaf[k] : k];
+  }
+  PetscCall(PetscSFCreate(comm, &structure->shared_sf));
+  PetscCall(PetscSFSetGraph(structure->shared_sf, structure->shared, leaves, own, PETSC_COPY_VALUES, to, PETSC_COPY_VALUES));
+  PetscCall(PetscFree2(to, own));
+  PetscCall(PetscFree(place));
+  PetscFunctionReturn(0);
+}
+
 /* The DM of a new structure, whose nodes and links are known, and unit vectors of the links, zero for nodes at one place. Collective on structure */
 PetscErrorCode LatinStructureCreateMesh_Private(LatinStructure structure)
 {
@@ -112,6 +155,7 @@ PetscErrorCode LatinStructureCreateMesh_Private(LatinStructure structure)
     (void)LatinUnitVector(dim, v, structure->direction + dim * l);
   }
   PetscCall(VecRestoreArrayRead(coordinates, &x));
+  PetscCall(LatinStructureShared_Private(structure));
   PetscFunctionReturn(0);
 }
 

@@ -56,6 +56,8 @@ PetscErrorCode LatinStructureDestroy(LatinStructure *structure)
     PetscCall(PetscFree(l->friction));
     PetscCall(VecDestroy(&l->inertia));
     PetscCall(PetscSFDestroy(&l->vertex_sf));
+    PetscCall(PetscSFDestroy(&l->shared_sf));
+    PetscCall(PetscFree(l->shared_vertex));
   }
   PetscCall(PetscFree(l->span));
   PetscCall(VecDestroy(&l->load));

@@ -49,6 +49,9 @@ struct _p_LatinStructure {
   PetscSF       vertex_sf;     /* from the caller's nodes to the DM's vertices here */
   PetscInt      vertices;      /* vertices of the DM here */
   PetscInt      unlinked;      /* nodes without link that this rank has given: the last of the vertices */
+  PetscInt      shared;        /* vertices here that other ranks have as well: */
+  PetscInt     *shared_vertex; /* [shared] ascending */
+  PetscSF       shared_sf;     /* from their owners to the others, by their places in this list; NULL: one rank */
   PetscInt      flies;         /* first free component, dim * node + direction, of one of them on any rank; -1: there is none */
   PetscBool     set_up;
   LatinGeometry geometry; /* how displacements turn links (structure/turning.c) */
