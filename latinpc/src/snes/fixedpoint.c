@@ -127,6 +127,21 @@ PetscErrorCode SNESLatinOuterReset_Private(SNES snes)
   PetscFunctionReturn(0);
 }
 
+/*
+   The past that an accelerated iteration keeps, up to 25 states, goes before Newton's method takes memory: each solve of the
+   inner SNES starts without one. SNESLatinOuterSetUp_Private() makes room for another. Collective on snes
+*/
+PetscErrorCode SNESLatinOuterForget_Private(SNES snes)
+{
+  SNES_Latin *data = (SNES_Latin *)snes->data;
+  PetscBool   is;
+
+  PetscFunctionBegin;
+  PetscCall(PetscObjectTypeCompareAny((PetscObject)data->outer, &is, SNESANDERSON, SNESNGMRES, "")); /* not every one survives a SNESReset() */
+  if (is) PetscCall(SNESReset(data->outer));
+  PetscFunctionReturn(0);
+}
+
 /* The inner SNES for states like data->z */
 PetscErrorCode SNESLatinOuterSetUp_Private(SNES snes)
 {

@@ -120,6 +120,7 @@ PetscErrorCode SNESLatinIterate_Private(SNES snes, PetscErrorCode (*test)(SNES, 
 
   PetscFunctionBegin;
   data->next = LATIN_NEXT_CONTINUE;
+  PetscCall(SNESLatinOuterSetUp_Private(snes));
   PetscCall(SNESSetConvergenceTest(data->outer, test, snes, NULL));
   PetscCall(SNESSetTolerances(data->outer, 0.0, 0.0, 0.0, snes->max_its, PETSC_MAX_INT));
   PetscCall(SNESSolve(data->outer, NULL, data->z));

@@ -194,6 +194,7 @@ static PetscErrorCode SNESLatinNewton_Private(SNES snes, PetscBool stall)
   newton->reference      = data->stop == LATIN_STOP_REFERENCE ? data->reference : NULL;
   if (stall) PetscCall(SNESLatinNearer_Private(snes));
   else PetscCall(LatinAverage_Private(&data->latin->linear, snes->vec_sol)); /* an estimate says that it is near */
+  PetscCall(SNESLatinOuterForget_Private(snes));
   PetscCall(SNESLatinLoads_Private(snes, &newton->loads));
   PetscCall(SNESLatinLeaves_Private(snes, own, &newton->balance));
   PetscCall(LatinMultipliersStart_Private(data->latin, newton));
@@ -234,6 +235,7 @@ static PetscErrorCode SNESLatinRebuild_Private(SNES snes)
   if (data->parameter.alone) {
     z = data->z;
     PetscCall(PetscObjectReference((PetscObject)z));
+    PetscCall(SNESLatinOuterSetUp_Private(snes));
     PetscCall(SNESGetFunction(data->outer, &F, NULL, NULL));
     PetscCall(SNESLatinFixedPoint_Private(data->outer, z, F, snes)); /* the inner SNES may have been elsewhere */
     PetscCall(LatinParameterState_Private(data->latin, z, F, data->parameter.factor));
@@ -267,6 +269,7 @@ static PetscErrorCode SNESLatinDiagnose_Private(SNES snes)
     PetscCall(LatinEquilibriumCheck_Private(data->latin, snes->vec_sol, snes->vec_func, snes->vec_rhs, data->target, data->estimate.energy, PETSC_FALSE, found));
     PetscCall(LatinStructureSize_Private(data->latin->sub.structure, &size, &prescribed));
     found->distance = PetscMin(found->distance, size); /* an iterate that diverges proves nothing */
+    PetscCall(SNESLatinOuterSetUp_Private(snes));
     PetscCall(SNESGetFunction(data->outer, &F, NULL, NULL));
     if (snes->max_its >= LATIN_JAM_LEAST) PetscCall(LatinEquilibriumJammed_Private(data->latin, data->z, F, found));
     if (found->links) found->nodes = 0;

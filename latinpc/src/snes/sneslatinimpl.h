@@ -236,6 +236,7 @@ PETSC_INTERN PetscErrorCode SNESLatinCreateOuter_Private(SNES);
 PETSC_INTERN PetscErrorCode SNESLatinOuterOptions_Private(SNES);
 PETSC_INTERN PetscErrorCode SNESLatinOuterSetUp_Private(SNES);
 PETSC_INTERN PetscErrorCode SNESLatinOuterReset_Private(SNES);
+PETSC_INTERN PetscErrorCode SNESLatinOuterForget_Private(SNES);
 PETSC_INTERN PetscErrorCode SNESLatinFixedPoint_Private(SNES outer, Vec z, Vec F, void *);
 PETSC_INTERN PetscErrorCode SNESLatinStart_Private(SNES);
 /* snes/convergence.c */
