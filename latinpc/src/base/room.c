@@ -1,5 +1,8 @@
 #include "base/room.h"
 #include <stdlib.h>
+#if defined(__GLIBC__)
+  #include <malloc.h>
+#endif
 #if defined(__linux__)
   #include <sys/mman.h>
   #include <time.h>
@@ -54,4 +57,15 @@ PetscErrorCode LatinRoomDestroy_Private(void **room)
   free(*room);
   *room = NULL;
   PetscFunctionReturn(0);
+}
+
+/*
+   After so many bytes have been freed: pages without anything go back to the system. The C library does so by itself, but not
+   in a process with SuperLU_DIST, as that of a PETSc that has it: what is freed would stay beside what comes later
+*/
+void LatinRoomReturn(size_t bytes)
+{
+#if defined(__GLIBC__)
+  if (bytes >= 2 * LATIN_PAGE) (void)malloc_trim(0);
+#endif
 }

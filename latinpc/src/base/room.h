@@ -8,5 +8,6 @@
 
 PETSC_INTERN PetscErrorCode LatinRoomCreate_Private(size_t bytes, void **);
 PETSC_INTERN PetscErrorCode LatinRoomDestroy_Private(void **);
+PETSC_INTERN void           LatinRoomReturn(size_t bytes);
 
 #endif

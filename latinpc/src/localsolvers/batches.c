@@ -191,17 +191,14 @@ PetscErrorCode LatinLocalSolversSetUp(LatinLocalSolvers *solvers, const char nam
   solvers->rounding = 0.0;
   PetscCall(PetscMemzero(&solvers->status, sizeof(solvers->status)));
   for (PetscInt i = 0; i < solvers->n && !LatinFactorFailed(&solvers->status); i++) {
-    const PetscInt  columns = PetscMin(solvers->batches->batch[i].members, LATIN_BATCH_COLUMNS);
-    const PetscBool larger  = (PetscBool)(solvers->like && solvers->like->direct);
-    LatinArithmetic serves  = LATIN_DOUBLE;
+    const PetscBool larger = (PetscBool)(solvers->like && solvers->like->direct);
+    LatinArithmetic serves = LATIN_DOUBLE;
     PetscBool       found;
     PC              pc;
 
     PetscCall(LatinLocalKeep_Private(solvers, i));
     PetscCall(LatinLocalSolversRecall_Private(solvers, i, &found));
     if (!found) PetscCall(LatinLocalCreate_Private(solvers, i, name, once));
-    PetscCall(LatinDenseCreate_Private(solvers->rows[i].rows, columns, &solvers->B[i]));
-    PetscCall(LatinDenseCreate_Private(solvers->rows[i].rows, columns, &solvers->X[i]));
     if (larger) PetscCall(KSPGetPC(solvers->like->ksp[i], &pc));
     if (larger) PetscCall(LatinCholeskyPrecision(pc, &serves));
     PetscCall(KSPGetPC(solvers->ksp[i], &pc));
@@ -253,6 +250,10 @@ PetscErrorCode LatinLocalSolve_Private(LatinLocalSolvers *solvers, PetscInt i, c
   const PetscScalar     *x;
 
   PetscFunctionBegin;
+  if (!solvers->B[i]) {
+    PetscCall(LatinDenseCreate_Private(batch->rows, columns, &solvers->B[i]));
+    PetscCall(LatinDenseCreate_Private(batch->rows, columns, &solvers->X[i]));
+  }
   for (PetscInt first = 0; first < batch->members; first += columns) {
     const PetscInt last = PetscMin(first + columns, batch->members);
 

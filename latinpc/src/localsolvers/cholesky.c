@@ -27,22 +27,24 @@ static void LatinCholeskyDiagonal(LatinSupernodes *data, const PetscInt i[], con
   }
 }
 
-/* Of the Schur complement of all kept rows, the lower triangle of which is given, the rows that are asked for: in place, and both triangles */
+/* Of the Schur complement of all kept rows, the lower triangle of which is given one column after the other, the rows that are asked for: in place, and both triangles */
 static PetscErrorCode LatinCholeskyAsked_Private(const LatinSupernodes *data, PetscScalar S[])
 {
-  const size_t m = (size_t)data->asked;
-  size_t      *at;
+  const PetscInt m = data->asked;
+  PetscInt      *at;
 
   PetscFunctionBegin;
   PetscCall(PetscMalloc1(m, &at));
-  for (PetscInt row = 0, k = 0, c = 0; c < data->asked; row++) {
-    if (data->ask[c] == row) at[c++] = (size_t)k;
+  for (PetscInt row = 0, k = 0, c = 0; c < m; row++) {
+    if (data->ask[c] == row) at[c++] = k;
     if (data->keep[row]) k++;
   }
-  for (size_t c = 0; c < m; c++)
-    for (size_t r = c; r < m; r++) S[r + m * c] = S[at[r] + (size_t)data->kept * at[c]];
-  for (size_t c = 0; c < m; c++)
-    for (size_t r = 0; r < c; r++) S[r + m * c] = S[c + m * r];
+  for (PetscInt c = 0; c < m && m < data->kept; c++)
+    for (PetscInt r = c; r < m; r++) S[LatinLowerAt(m, c) + (size_t)r] = S[LatinLowerAt(data->kept, at[c]) + (size_t)at[r]];
+  for (PetscInt c = m - 1; c >= 0; c--) /* from the end on, nothing is overwritten that is still to move */
+    for (PetscInt r = m - 1; r >= c; r--) S[(size_t)r + (size_t)m * (size_t)c] = S[LatinLowerAt(m, c) + (size_t)r];
+  for (PetscInt c = 0; c < m; c++)
+    for (PetscInt r = 0; r < c; r++) S[(size_t)r + (size_t)m * (size_t)c] = S[(size_t)c + (size_t)m * (size_t)r];
   PetscCall(PetscFree(at));
   PetscFunctionReturn(0);
 }
@@ -58,7 +60,7 @@ static PetscErrorCode LatinCholeskyNumeric_Private(Mat F, Mat A, const MatFactor
   PetscFunctionBegin;
   PetscCall(MatDestroy(&F->schur));
   PetscCall(PetscFree(data->schur));
-  PetscCall(PetscMalloc1((size_t)data->kept * (size_t)data->kept, &data->schur));
+  PetscCall(PetscMalloc1((size_t)data->kept * (size_t)data->kept, &data->schur)); /* half of it is touched once the fronts are gone */
   PetscCall(MatGetRowIJ(A, 0, PETSC_FALSE, PETSC_FALSE, &n, &i, &j, &done));
   PetscCall(MatSeqAIJGetArrayRead(A, &a));
   LatinCholeskyDiagonal(data, i, j, a);
@@ -282,8 +284,9 @@ static PetscErrorCode LatinCholeskyKeep_Private(Mat F, IS is)
   PetscCall(PetscArraycpy(data->ask, rows, data->asked));
   PetscCall(ISRestoreIndices(is, &rows));
   PetscCall(PetscSortInt(data->asked, data->ask));
-  PetscCall(MatDestroy(&F->schur));
-  PetscCall(MatCreateSeqDense(PETSC_COMM_SELF, data->asked, data->asked, NULL, &F->schur));
+  PetscCall(MatDestroy(&F->schur)); /* one without entries, for PETSc looks whether there is one */
+  PetscCall(MatCreate(PETSC_COMM_SELF, &F->schur));
+  PetscCall(MatSetSizes(F->schur, data->asked, data->asked, data->asked, data->asked));
   PetscFunctionReturn(0);
 }
 

@@ -15,7 +15,8 @@ extern void FRONT_BLAS(gemm)(const char *, const char *, const PetscBLASInt *, c
 
 /* What a factorisation works on */
 typedef struct {
-  FRONT_REAL *stack, *panel;  /* what earlier fronts left on later rows; one front's columns, where the factor is rounded */
+  FRONT_REAL *stack;          /* what earlier fronts left on later rows; where the factor is rounded, between its two ends the columns of a front */
+  size_t      size;           /* of it */
   FRONT_REAL *some;           /* [tallest][LATIN_BATCH_COLUMNS] what a front leaves on kept rows, some columns of it */
   size_t     *update, top[2]; /* [fronts] where a front's part of the stack is, and how much is at its two ends */
   PetscInt   *place;          /* [n] of a row in the order of elimination */
@@ -130,17 +131,20 @@ static void FRONT(LatinFrontKept)(const LatinFronts *F, const FRONT(LatinFrontsW
     const FRONT_REAL  *Z = panel + own + first, *left = work->some;
 
     FRONT_BLAS(gemm)("N", "T", &rows, &columns, &own, &one, Z, &height, Z, &height, &zero, work->some, &rows);
-    for (PetscInt c = first; c < first + columns; c++, left += rows)
-      for (PetscInt r = c; r < below; r++) S[(size_t)(row[r] - inside) + (size_t)F->kept * (size_t)(row[c] - inside)] -= left[r - first];
+    for (PetscInt c = first; c < first + columns; c++, left += rows) {
+      PetscReal *to = S + LatinLowerAt(F->kept, row[c] - inside);
+
+      for (PetscInt r = c; r < below; r++) to[row[r] - inside] -= left[r - first];
+    }
   }
 }
 
 /* One front, whose children are done; PETSC_FALSE where it is not positive definite. What it leaves to later ones is on one end of the stack, what its children left goes from the other */
 static PetscBool FRONT(LatinFrontOne)(const LatinFronts *F, FRONT(LatinFrontsWork) * work, PetscInt f, const PetscInt i[], const PetscInt j[], const PetscScalar a[], PetscReal S[])
 {
-  FRONT_REAL *panel = work->narrow ? work->panel : (FRONT_REAL *)F->factor + F->panel[f];
+  FRONT_REAL *panel = work->narrow ? work->stack + work->top[0] + (F->odd[f] ? 0 : LatinFrontLeft(F, f)) : (FRONT_REAL *)F->factor + F->panel[f];
 
-  work->update[f] = F->odd[f] ? F->stack - work->top[1] - LatinFrontLeft(F, f) : work->top[0];
+  work->update[f] = F->odd[f] ? work->size - work->top[1] - LatinFrontLeft(F, f) : work->top[0];
   FRONT(LatinFrontEntries)(F, work, f, i, j, a, panel);
   for (PetscInt c = F->child[f]; c >= 0; c = F->sibling[c]) FRONT(LatinFrontAdd)(F, work, f, c, panel, NULL);
   if (!FRONT(LatinFrontEliminate)(F, f, panel, work->stack + work->update[f])) return PETSC_FALSE;
@@ -162,7 +166,7 @@ static void FRONT(LatinFrontsEliminate)(LatinFronts *F, FRONT(LatinFrontsWork) *
   /* the block of the kept rows itself */
   for (PetscInt c = 0, inside = F->n - F->kept; c < F->kept; c++)
     for (PetscInt own = F->order[inside + c], k = i[own]; k < i[own + 1]; k++)
-      if (work->place[j[k]] >= inside + c) S[(size_t)(work->place[j[k]] - inside) + (size_t)F->kept * (size_t)c] += a[k];
+      if (work->place[j[k]] >= inside + c) S[LatinLowerAt(F->kept, c) + (size_t)(work->place[j[k]] - inside)] += a[k];
 }
 
 /* All of the factorisation, see LatinFrontsFactor() */
@@ -175,15 +179,14 @@ static PetscErrorCode FRONT(LatinFrontsFactor)(LatinFronts *F, const PetscInt i[
   };
 
   PetscFunctionBegin;
-  PetscCall(PetscMalloc1(F->stack, &work.stack));
-  PetscCall(PetscMalloc1(work.narrow ? F->widest : 0, &work.panel));
+  work.size = work.narrow ? F->crowd : F->stack;
+  PetscCall(PetscMalloc1(work.size, &work.stack));
   PetscCall(PetscMalloc1(F->kept ? (size_t)F->tallest * LATIN_BATCH_COLUMNS : 0, &work.some));
   PetscCall(PetscMalloc5(F->fronts, &work.update, F->n, &work.place, F->n, &work.at, F->tallest, &work.to, F->tallest, &work.end));
   for (PetscInt r = 0; r < F->n; r++) work.place[F->order[r]] = r;
   FRONT(LatinFrontsEliminate)(F, &work, i, j, a, S, bad);
   PetscCall(PetscFree5(work.update, work.place, work.at, work.to, work.end));
   PetscCall(PetscFree(work.some));
-  PetscCall(PetscFree(work.panel));
   PetscCall(PetscFree(work.stack));
   PetscFunctionReturn(0);
 }

@@ -56,7 +56,6 @@ PetscErrorCode LatinFrontsCreate(PetscInt n, PetscInt kept, PetscInt fronts, con
 
     F->columns[f]   = columns;
     F->panel[f + 1] = F->panel[f] + LatinFrontAt(height, last) + (size_t)(height - last) * (size_t)(columns - last);
-    F->widest       = PetscMax(F->widest, (size_t)height * (size_t)columns);
     F->reach        = PetscMax(F->reach, F->panel[f] + (size_t)height * (size_t)columns);
     F->tallest      = PetscMax(F->tallest, height);
     F->child[f]     = -1;
@@ -80,6 +79,7 @@ PetscErrorCode LatinFrontsCreate(PetscInt n, PetscInt kept, PetscInt fronts, con
     const size_t own = LatinFrontLeft(F, f);
 
     F->stack = PetscMax(F->stack, waiting + own);
+    F->crowd = PetscMax(F->crowd, waiting + own + (size_t)(row_first[f + 1] - row_first[f]) * (size_t)F->columns[f]);
     for (PetscInt c = F->child[f]; c >= 0; c = F->sibling[c]) waiting -= LatinFrontLeft(F, c);
     waiting += own;
   }
@@ -157,9 +157,8 @@ static LatinArithmetic LatinFrontsPay(const LatinFronts *F)
 }
 
 /*
-   The factor of a matrix with both triangles, in the precision given or, if it fails there, in a higher one. S (kept x kept,
-   column-major, zero before) becomes the Schur complement of the kept rows, in the order of elimination, its lower
-   triangle alone. *bad: a row in the first front that is not positive definite, -1 if there is none
+   The factor of a matrix with both triangles, in the precision given or, if it fails there, in a higher one. S becomes the Schur
+   complement of the kept rows, in the order of elimination: its lower triangle, see LatinLowerAt(). *bad: a row in the first front that is not positive definite, -1 if there is none
 */
 PetscErrorCode LatinFrontsFactor(LatinFronts *F, LatinArithmetic precision, const PetscInt i[], const PetscInt j[], const PetscScalar a[], PetscReal S[], PetscInt *bad)
 {
@@ -171,9 +170,10 @@ PetscErrorCode LatinFrontsFactor(LatinFronts *F, LatinArithmetic precision, cons
 
     if (*bad >= 0) PetscCall(PetscInfo(NULL, "single precision does not hold the factor: row %" PetscInt_FMT "\n", *bad));
     *bad = -1;
-    PetscCall(PetscArrayzero(S, (size_t)F->kept * (size_t)F->kept));
+    PetscCall(PetscArrayzero(S, LatinLowerAt(F->kept, F->kept) + (size_t)F->kept));
     if (!F->factor || (precision == LATIN_DOUBLE) != (F->precision == LATIN_DOUBLE)) {
       PetscCall(LatinRoomDestroy_Private(&F->factor));
+      LatinRoomReturn(bytes);
       PetscCall(LatinRoomCreate_Private(bytes, &F->factor)); /* solves read it from end to end */
       F->room = 0;
     }
@@ -181,6 +181,7 @@ PetscErrorCode LatinFrontsFactor(LatinFronts *F, LatinArithmetic precision, cons
     if (precision == LATIN_SINGLE) PetscCall(LatinFrontsFactorSingle(F, i, j, a, S, bad));
     else PetscCall(LatinFrontsFactorDouble(F, i, j, a, S, bad));
   }
+  LatinRoomReturn(F->stack * sizeof(float));
   PetscFunctionReturn(0);
 }
 

@@ -24,14 +24,21 @@ typedef struct {
   PetscInt       *child, *sibling;   /* [fronts] fronts that leave something on this one; -1: none */
   PetscBool      *odd;               /* [fronts] is its depth in the tree of these odd? */
   size_t         *panel;             /* [fronts + 1] where the columns of a front are in the factor: see LatinFrontAt() */
-  size_t          stack, widest;     /* entries of all that waits to be added to later fronts, at most; of the largest front's columns, */
-  size_t          reach;             /* and of the factor while these are whole in their places */
+  size_t          stack, crowd;      /* entries of all that waits to be added to later fronts, at most; with the columns of the front at hand; */
+  size_t          reach;             /* of the factor while these are whole in their places */
   PetscInt        tallest;           /* rows of the tallest front */
   PetscLogDouble  operations;        /* additions and multiplications of the factorisation */
   LatinArithmetic precision;         /* of the factor that is there */
   void           *factor, *x, *work; /* of that precision: the panels, right-hand sides in the order of elimination, room for one front */
   PetscInt        room;              /* right-hand sides in x and work */
 } LatinFronts;
+
+/* Where column c of the lower triangle of n rows is, less its first row: columns one after the other, each from its diagonal on */
+static inline size_t LatinLowerAt(PetscInt n, PetscInt c)
+{
+  return (size_t)c * (size_t)n - (size_t)c * (size_t)(c + 1) / 2;
+}
+
 PETSC_INTERN PetscErrorCode LatinFrontsCreate(PetscInt n, PetscInt kept, PetscInt fronts, const PetscInt order[], const PetscInt first[], const PetscInt row_first[], const PetscInt row[], LatinFronts *);
 PETSC_INTERN PetscErrorCode LatinFrontsFactor(LatinFronts *, LatinArithmetic, const PetscInt i[], const PetscInt j[], const PetscScalar a[], PetscReal S[], PetscInt *bad);
 PETSC_INTERN PetscErrorCode LatinFrontsSolve(LatinFronts *, PetscBool forward, PetscBool backward, PetscInt columns, PetscReal b[], size_t ld, PetscReal *energy);
