@@ -1,4 +1,5 @@
 #include "coarse/latincoarse.h"
+#include "base/room.h"
 
 /*
    The coarse problem (30), (52): continuity of the macro displacements and of the primal nodes, balance of the
@@ -118,11 +119,12 @@ static PetscErrorCode LatinCoarseForget_Private(LatinCoarse *coarse)
 
 /*
    The factor of the tree takes all of a matrix whose parts may be as large as it, and which no solve reads: these go, and what asks
-   the matrix for a product says so. Not where another set-up may have its pattern. Collective on coarse->ksp
+   the matrix for a product says so. Ahead, as they are factored, where nothing is looked at that cannot be: a provisional one; else
+   after that. Not where another set-up may have its pattern. Collective on coarse->ksp
 */
-static PetscErrorCode LatinCoarseSpend_Private(LatinCoarse *coarse)
+static PetscErrorCode LatinCoarseSpend_Private(LatinCoarse *coarse, PetscBool ahead)
 {
-  PetscBool        spend = (PetscBool)(coarse->tree && !coarse->sub->preconditions && !LatinFactorFailed(&coarse->status));
+  PetscBool        spend = (PetscBool)(coarse->tree && !coarse->sub->preconditions && coarse->status.provisional == ahead && !LatinFactorFailed(&coarse->status));
   PetscObjectState state;
   Mat              empty;
 
@@ -130,9 +132,12 @@ static PetscErrorCode LatinCoarseSpend_Private(LatinCoarse *coarse)
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &spend, 1, LATIN_MPI_BOOL, MPI_LAND, PetscObjectComm((PetscObject)coarse->ksp)));
   if (!spend) PetscFunctionReturn(0);
   PetscCall(MatCreateShell(PETSC_COMM_SELF, coarse->parts, coarse->parts, coarse->parts, coarse->parts, NULL, &empty));
-  PetscCall(PetscObjectStateGet((PetscObject)coarse->A, &state));
-  PetscCall(MatISSetLocalMat(coarse->A, empty));
-  PetscCall(PetscObjectStateSet((PetscObject)coarse->A, state)); /* the factor stays */
+  if (ahead) PetscCall(PetscObjectCompose((PetscObject)coarse->A, LATIN_TREE_SPENT, (PetscObject)empty));
+  else {
+    PetscCall(PetscObjectStateGet((PetscObject)coarse->A, &state));
+    PetscCall(MatISSetLocalMat(coarse->A, empty));
+    PetscCall(PetscObjectStateSet((PetscObject)coarse->A, state)); /* the factor stays */
+  }
   PetscCall(MatDestroy(&empty));
   PetscCall(MatDestroy(&coarse->part));
   PetscFunctionReturn(0);
@@ -173,9 +178,11 @@ PetscErrorCode LatinCoarseSetUp(LatinCoarse *coarse, LatinHomogenised *stiffness
   PetscCall(KSPGetPC(coarse->ksp, &pc));
   PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCBDDC, &bddc)); /* multigrid would forget the near null space */
   if (bddc && dim) PetscCall(PCSetCoordinates(pc, dim, coarse->top_local, coarse->x));
+  PetscCall(LatinCoarseSpend_Private(coarse, PETSC_TRUE));
   if (coarse->top_size) PetscCall(LatinFactor_Private(coarse->ksp, coarse->A, NULL, coarse->whole, NULL, &coarse->status)); /* disconnected structures may be condensed entirely, each a group */
   PetscCall(VecDestroy(&coarse->whole));
-  PetscCall(LatinCoarseSpend_Private(coarse));
+  PetscCall(LatinCoarseSpend_Private(coarse, PETSC_FALSE));
+  if (coarse->tree) LatinRoomReturn((size_t)coarse->parts * (size_t)coarse->parts * sizeof(PetscScalar));
   PetscCall(PetscLogEventEnd(LATIN_Coarse, coarse->sub->object, 0, 0, 0));
   PetscFunctionReturn(0);
 }

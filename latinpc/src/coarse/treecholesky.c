@@ -22,7 +22,7 @@ typedef struct {
   PetscInt           n, ld, *order; /* [n] rows in the matrix; NULL: panels */
   const PetscScalar *a;
   PetscScalar       *own;   /* to be freed: a */
-  Mat                dense; /* or this */
+  Mat                dense; /* or this, to be destroyed */
 } LatinLeft;
 
 /* Where column j, a multiple of LATIN_TREE_COLUMNS, of n panels begins */
@@ -105,7 +105,7 @@ static PetscErrorCode LatinJointEliminate_Private(LatinJoint *joint, PetscScalar
   PetscFunctionReturn(0);
 }
 
-/* What a part leaves that has rows of its own, which its factor eliminates */
+/* What a part leaves that has rows of its own, which its factor eliminates; takes K over */
 static PetscErrorCode LatinTreeSparse_Private(LatinTree *tree, Mat K, LatinLeft *left, PetscBool *bad)
 {
   MatFactorInfo info;
@@ -116,8 +116,11 @@ static PetscErrorCode LatinTreeSparse_Private(LatinTree *tree, Mat K, LatinLeft 
 
   PetscFunctionBegin;
   PetscCall(PetscObjectTypeCompare((PetscObject)K, MATSEQAIJ, &sparse));
-  if (sparse) PetscCall(PetscObjectReference((PetscObject)(A = K)));
-  else PetscCall(MatConvert(K, MATSEQAIJ, MAT_INITIAL_MATRIX, &A));
+  if (sparse) A = K;
+  else {
+    PetscCall(MatConvert(K, MATSEQAIJ, MAT_INITIAL_MATRIX, &A));
+    PetscCall(MatDestroy(&K));
+  }
   PetscCall(MatFactorInfoInitialize(&info));
   if (!tree->part) {
     PetscCall(MatGetFactor(A, LATIN_CHOLESKY, MAT_FACTOR_CHOLESKY, &tree->part));
@@ -141,12 +144,11 @@ static PetscErrorCode LatinTreeSparse_Private(LatinTree *tree, Mat K, LatinLeft 
   PetscFunctionReturn(0);
 }
 
-/* What the part of this rank leaves; one without rows of its own that is dense is that already */
+/* What the part of this rank leaves; one without rows of its own that is dense is that already. Takes K over */
 static PetscErrorCode LatinTreePart_Private(LatinTree *tree, Mat K, LatinLeft *left, PetscBool *bad)
 {
   const PetscScalar *a;
   PetscBool          dense;
-  Mat                A = K;
 
   PetscFunctionBegin;
   *left = (LatinLeft){.n = tree->rest};
@@ -157,14 +159,35 @@ static PetscErrorCode LatinTreePart_Private(LatinTree *tree, Mat K, LatinLeft *l
   }
   PetscCall(PetscArraycpy(left->order, tree->row, tree->rest));
   PetscCall(PetscObjectTypeCompare((PetscObject)K, MATSEQDENSE, &dense));
-  if (!dense) {
+  if (dense) left->dense = K;
+  else {
     PetscCall(MatConvert(K, MATSEQDENSE, MAT_INITIAL_MATRIX, &left->dense));
-    A = left->dense;
+    PetscCall(MatDestroy(&K));
   }
-  PetscCall(MatDenseGetLDA(A, &left->ld));
-  PetscCall(MatDenseGetArrayRead(A, &a));
+  PetscCall(MatDenseGetLDA(left->dense, &left->ld));
+  PetscCall(MatDenseGetArrayRead(left->dense, &a));
   left->a = a; /* which the matrix keeps */
-  PetscCall(MatDenseRestoreArrayRead(A, &a));
+  PetscCall(MatDenseRestoreArrayRead(left->dense, &a));
+  PetscFunctionReturn(0);
+}
+
+/* What a part leaves, as panels, half of it: a front is to have room beside it */
+static PetscErrorCode LatinLeftHalve_Private(LatinLeft *left)
+{
+  const PetscInt n = left->n, last = n - n % LATIN_TREE_COLUMNS;
+  PetscScalar   *panels;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMalloc1(LatinPanelAt(n, last) + (size_t)(n - last) * (size_t)(n - last), &panels));
+  for (PetscInt c = 0; c < n; c++) {
+    const PetscInt     j  = c - c % LATIN_TREE_COLUMNS;
+    const PetscScalar *a  = left->a + (size_t)left->ld * (size_t)left->order[c];
+    PetscScalar       *to = panels + LatinPanelAt(n, j) + (size_t)(n - j) * (size_t)(c - j) - j;
+
+    for (PetscInt i = c; i < n; i++) to[i] = a[left->order[i]];
+  }
+  PetscCall(LatinLeftFree_Private(left));
+  *left = (LatinLeft){.n = n, .a = panels, .own = panels};
   PetscFunctionReturn(0);
 }
 
@@ -212,7 +235,7 @@ static PetscErrorCode LatinTreeJoin_Private(LatinTree *tree, LatinLeft *left, Pe
   PetscFunctionReturn(0);
 }
 
-/* The factor of the sum of the parts K, on all ranks *bad or on none. Collective on tree->comm */
+/* The factor of the sum of the parts K, which it takes over; on all ranks *bad or on none. Collective on tree->comm */
 PetscErrorCode LatinTreeFactor_Private(LatinTree *tree, Mat K, PetscBool *bad)
 {
   PetscScalar *buffer;
@@ -223,6 +246,7 @@ PetscErrorCode LatinTreeFactor_Private(LatinTree *tree, Mat K, PetscBool *bad)
   PetscCall(PetscMalloc1(LATIN_TREE_COLUMNS * PetscMax(tree->rest, tree->joint ? tree->joint->rows : 0), &buffer));
   PetscCall(LatinTreePart_Private(tree, K, &left, bad));
   if (tree->to != tree->rank) PetscCall(LatinLeftSend_Private(tree, tree->to, &left, buffer));
+  else PetscCall(LatinLeftHalve_Private(&left));
   if (tree->joint) {
     PetscCall(LatinTreeJoin_Private(tree, &left, buffer, bad));
     PetscCall(LatinLeftSend_Private(tree, tree->joint->to, &left, buffer));

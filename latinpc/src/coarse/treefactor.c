@@ -3,15 +3,33 @@
 
 /* The MatSolverType LATIN_TREE of a MATIS whose local matrices have all rows that their ranks own: the factor of tree.h as PETSc's. */
 
+/* The local matrix of A, to be destroyed; where A has another one composed (LATIN_TREE_SPENT), this takes its place */
+static PetscErrorCode LatinTreePart_Mat(Mat A, Mat *K)
+{
+  PetscObjectState state;
+  Mat              local, spent;
+
+  PetscFunctionBegin;
+  PetscCall(MatISGetLocalMat(A, &local));
+  *K = local;
+  PetscCall(PetscObjectReference((PetscObject)local));
+  PetscCall(MatISRestoreLocalMat(A, &local));
+  PetscCall(PetscObjectQuery((PetscObject)A, LATIN_TREE_SPENT, (PetscObject *)&spent));
+  if (!spent) PetscFunctionReturn(0);
+  PetscCall(PetscObjectStateGet((PetscObject)A, &state));
+  PetscCall(MatISSetLocalMat(A, spent));
+  PetscCall(PetscObjectStateSet((PetscObject)A, state)); /* the factor stays */
+  PetscFunctionReturn(0);
+}
+
 static PetscErrorCode LatinTreeNumeric_Mat(Mat F, Mat A, const MatFactorInfo *info)
 {
   PetscBool bad;
-  Mat       K;
+  Mat       K = NULL;
 
   PetscFunctionBegin;
-  PetscCall(MatISGetLocalMat(A, &K));
+  PetscCall(LatinTreePart_Mat(A, &K));
   PetscCall(LatinTreeFactor_Private((LatinTree *)F->data, K, &bad));
-  PetscCall(MatISRestoreLocalMat(A, &K));
   F->factorerrortype = bad ? MAT_FACTOR_NUMERIC_ZEROPIVOT : MAT_FACTOR_NOERROR;
   PetscFunctionReturn(0);
 }
