@@ -371,6 +371,13 @@ OTHERS = {
         "ranks 0.46 to 0.65, before ranks wait for each other. METIS grid of 200, 8 ranks, processor time of set-up "
         "and solve: 7.8 s with it, 6.1 s with the tree.",
     ),
+    "LATIN_TREE_LONGER": (
+        "times",
+        "METIS grids of 200, 284 and 400, 16 ranks: peak of the largest rank 159, 245 and 405 MB by the tree, 327, 579 "
+        "and 975 by MUMPS; set-up of the slowest rank outside MPI, of the first two, 0.32 and 0.75 s, 0.60 and 1.65; "
+        "of all ranks 3.2 and 10.3 s, 5.7 and 16.7. As joints come one after the other, 1.85, 1.41 and 1.31 times the "
+        "time of MUMPS is predicted for the three.",
+    ),
     "LATIN_HALVES_BALANCE": (
         "thousandths",
         "Network 20,000, METIS grid of 200 and lattice 300 x 200, three seeds each: halves differ by 2 % at most, "

@@ -322,7 +322,7 @@ static PetscErrorCode LatinGroupsFull_Private(LatinCoarse *coarse, PetscLayout *
   PetscFunctionReturn(0);
 }
 
-/* Do the ranks join fronts of their parts, for that is predicted to take less time than a factorisation by all of them? Not where options choose. Collective */
+/* Do the ranks join fronts of their parts, which takes less memory than a factorisation by all of them, and is predicted not to take much longer? Not where options choose. Collective */
 static PetscErrorCode LatinGroupsTree_Private(LatinCoarse *coarse, PetscLayout map)
 {
   MPI_Comm    comm = PetscObjectComm(coarse->sub->object);
