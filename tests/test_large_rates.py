@@ -103,6 +103,12 @@ def test_a_bridge_whose_nodes_click_between_slack_cables():
     assert outcome["verdict"] in ("right", "elsewhere", "refused"), outcome
 
 
+def test_a_bridge_one_of_whose_nodes_would_go_the_other_way():
+    """In one increment from a fifth of the loads on, to another stable equilibrium, of more energy."""
+    outcome = rating.judge(drawn.draw(77345621, 15, "large"), {})
+    assert outcome["verdict"] == "right", outcome
+
+
 def test_the_family():
     """The same numbers make the same structure; deflections reach a fifth of the size, 30 % of the cables slacken."""
     seen, deflections, slack = set(), [], []

@@ -3,13 +3,13 @@
 /*
    The equilibrium to which loads that grow from zero lead, where there may be others. Of cables alone the energy is convex in the
    displacements, and there is no other one. A link that bears compression may snap through; then a solve for the whole loads
-   may end beyond. So the displacements are compared with those by the tangent stiffness at the start: along a path of stable
-   equilibria with a limit point ahead, an increment of the loads moves the structure by at most twice as much. That of each node
-   counts: a truss that snaps through moves a large net but little. Where cables slacken on
-   the way the structure is softer at its end, and the tangent stiffness there counts, unless it shows a limit point. Where it has
+   may end beyond. So the displacements of each node are compared with those by the tangent stiffness at the start of an increment of the loads and at its end:
+   along a smooth path, and where a cable slackens on the way, they lie between the two, no further from the middle than these do. Next to a limit point the
+   end says nothing, and they are at most twice those at the start. That of each node counts, and its direction: a truss that snaps through moves a large
+   net but little, and in a bridge a node between slack cables went the other way. Where one has
    moved further, or has found no equilibrium, or one whose tangent stiffness is not positive definite, the increment is halved.
    Increments that become small show a limit point, or a critical load. An equilibrium that was found from afar is compared
-   again from closer by, so that no load is solved for twice.
+   again from closer by, so that no load is solved for twice, unless it is still further than any path leads: then it is on another one.
 
    What the start says of a structure that is soft there and stiffens would let any snap pass; and loads far beyond a limit point move a truss to where
    it is stiff again, by as much as they would have as drawn. So no node is to stiffen by more than twice from the start of an increment to its mean,
@@ -18,7 +18,7 @@
    starts warm goes on from the last equilibrium.
 */
 
-#define LATIN_PATH_FAR      2.0  /* times the displacements by the tangent stiffness: the limit of a fold, where force is a parabola of displacement */
+#define LATIN_PATH_FAR      2.0  /* times the displacements by the tangent stiffness at the start: the limit of a fold, where force is a parabola of displacement */
 #define LATIN_PATH_SOFT     8.0  /* times as far by the tangent stiffness at the end: more, and it is next to a limit point */
 #define LATIN_PATH_KINK     1e-2 /* times the displacements so far: an increment in which a cable slackens may move the structure so much */
 #define LATIN_PATH_STIFFENS 1e-3 /* increments of the loads: in smaller ones a structure may stiffen as it will, for cables that tighten */
@@ -188,30 +188,29 @@ static PetscErrorCode LatinPathStarts_Private(SNES snes, const LatinPath *path, 
   PetscFunctionReturn(0);
 }
 
-/* Does no node move more than twice as far by `moved` as by one or the other, or than a little? Collective on structure */
-static PetscErrorCode LatinPathNodes_Private(LatinStructure structure, Vec moved, Vec one, Vec other, PetscReal little, PetscBool *within)
+/* Does no node move more than twice as far by `moved` as by the other, or than a little? Collective on structure */
+static PetscErrorCode LatinPathNodes_Private(LatinStructure structure, Vec moved, Vec other, PetscReal little, PetscBool *within)
 {
   const PetscInt     dim     = structure->dim;
-  const Vec          u[3]    = {moved, one, other};
-  PetscReal         *size[3] = {NULL, NULL, NULL};
+  const Vec          u[2]    = {moved, other};
+  PetscReal         *size[2] = {NULL, NULL};
   PetscMPIInt        far     = 0;
   const PetscScalar *a;
   Vec                local;
 
   PetscFunctionBegin;
   PetscCall(DMGetLocalVector(structure->dm, &local));
-  for (PetscInt k = 0; k < 3; k++) {
+  for (PetscInt k = 0; k < 2; k++) {
     PetscCall(DMGetWorkArray(structure->dm, structure->vertices, MPIU_REAL, &size[k]));
     PetscCall(PetscArrayzero(size[k], structure->vertices));
-    if (!u[k]) continue;
     PetscCall(LatinStructureGetLocal_Private(structure, NULL, u[k], local));
     PetscCall(VecGetArrayRead(local, &a));
     for (PetscInt i = 0; i < dim * structure->vertices; i++) size[k][i / dim] += PetscSqr(PetscRealPart(a[i]));
     PetscCall(VecRestoreArrayRead(local, &a));
   }
   for (PetscInt i = 0; i < structure->vertices; i++)
-    if (!(PetscSqrtReal(size[0][i]) <= PetscMax(little, LATIN_PATH_FAR * PetscSqrtReal(PetscMax(size[1][i], size[2][i]))))) far = 1;
-  for (PetscInt k = 3; k-- > 0;) PetscCall(DMRestoreWorkArray(structure->dm, structure->vertices, MPIU_REAL, &size[k]));
+    if (!(PetscSqrtReal(size[0][i]) <= PetscMax(little, LATIN_PATH_FAR * PetscSqrtReal(size[1][i])))) far = 1;
+  for (PetscInt k = 2; k-- > 0;) PetscCall(DMRestoreWorkArray(structure->dm, structure->vertices, MPIU_REAL, &size[k]));
   PetscCall(DMRestoreLocalVector(structure->dm, &local));
   PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &far, 1, MPI_INT, MPI_MAX, PetscObjectComm((PetscObject)structure)));
   *within = (PetscBool)!far;
@@ -219,10 +218,34 @@ static PetscErrorCode LatinPathNodes_Private(LatinStructure structure, Vec moved
 }
 
 /*
-   By how much the next increment is to be smaller: 1 where this one, to `part`, has moved no node too far, nor much less or more than the tangent stiffness
-   says where it starts, path->ahead, and where it ends, path->back, of the norm `back`; < 0: not known yet. Collective on snes
+   Are the displacements `mean` of each node no further from the middle between those by the tangent stiffness at the start, `ahead`, and at the end, `back`,
+   than these are? Where `back` is NULL, no further from `ahead` than that is from zero; or no larger than a little. Collective on structure
 */
-static PetscErrorCode LatinPathMoved_Private(SNES snes, const LatinPath *path, PetscReal part, PetscReal back, PetscReal *smaller)
+static PetscErrorCode LatinPathBetween_Private(LatinStructure structure, Vec mean, Vec ahead, Vec back, PetscReal little, PetscBool *within)
+{
+  Vec off, half;
+
+  PetscFunctionBegin;
+  PetscCall(DMGetGlobalVector(structure->dm, &off));
+  PetscCall(DMGetGlobalVector(structure->dm, &half));
+  PetscCall(VecWAXPY(off, -1.0, ahead, mean));
+  PetscCall(VecCopy(ahead, half));
+  if (back) {
+    PetscCall(VecAXPBYPCZ(off, 0.5, -0.5, 1.0, ahead, back));
+    PetscCall(VecAXPBY(half, -0.5, 0.5, back));
+  }
+  PetscCall(VecScale(half, 1.0 / LATIN_PATH_FAR));
+  PetscCall(LatinPathNodes_Private(structure, off, half, little, within));
+  PetscCall(DMRestoreGlobalVector(structure->dm, &half));
+  PetscCall(DMRestoreGlobalVector(structure->dm, &off));
+  PetscFunctionReturn(0);
+}
+
+/*
+   By how much the next increment is to be smaller: 1 where this one, to `part`, has moved no node too far, nor much less or more than the tangent stiffness
+   says where it starts, path->ahead, and where it ends, path->back, of the norm `back`; < 0: not known yet. *other: further than any path leads. Collective on snes
+*/
+static PetscErrorCode LatinPathMoved_Private(SNES snes, const LatinPath *path, PetscReal part, PetscReal back, PetscReal *smaller, PetscBool *other)
 {
   const PetscBool      ends      = (PetscBool)(back >= 0.0);
   SNES_Latin          *data      = (SNES_Latin *)snes->data;
@@ -240,11 +263,12 @@ static PetscErrorCode LatinPathMoved_Private(SNES snes, const LatinPath *path, P
   PetscCall(VecNorm(change, NORM_2, &moved));
   PetscCall(VecNorm(path->u, NORM_INFINITY, &size));
   little = PetscMax(LATIN_PATH_KINK * PetscMax(size, step), LATIN_PATH_NONE * data->large.size) / more;
-  if (ends) PetscCall(LatinPathNodes_Private(structure, change, path->ahead, back <= LATIN_PATH_SOFT * path->far ? path->back : NULL, little, &within));
+  if (ends) PetscCall(LatinPathBetween_Private(structure, change, path->ahead, back <= LATIN_PATH_SOFT * path->far ? path->back : NULL, little, &within));
+  *other   = (PetscBool)(!within && moved > LATIN_PATH_FAR * PetscMax(path->far, back));
   *smaller = within ? 1.0 : 0.5;
   if (within && more > LATIN_PATH_STIFFENS) {
-    PetscCall(LatinPathNodes_Private(structure, path->ahead, change, NULL, little, &within));
-    if (within && ends) PetscCall(LatinPathNodes_Private(structure, change, path->back, NULL, little, &within));
+    PetscCall(LatinPathNodes_Private(structure, path->ahead, change, little, &within));
+    if (within && ends) PetscCall(LatinPathNodes_Private(structure, change, path->back, little, &within));
     if (!within) *smaller = PetscMin(0.5, PetscMax(moved / path->far, LATIN_PATH_STIFFENS));
   }
   PetscCall(DMRestoreGlobalVector(structure->dm, &change));
@@ -279,7 +303,7 @@ static PetscErrorCode LatinPathIncrement_Private(SNES snes, LatinPath *path, Pet
   LatinPathTarget *target = &path->target[path->targets - 1];
   const PetscBool  known  = (PetscBool) !!target->u;
   PetscReal        back;
-  PetscBool        found = PETSC_TRUE;
+  PetscBool        found = PETSC_TRUE, other = PETSC_FALSE;
 
   PetscFunctionBegin;
   *smaller = 0.5;
@@ -288,14 +312,15 @@ static PetscErrorCode LatinPathIncrement_Private(SNES snes, LatinPath *path, Pet
   *smaller = 1.0;
   if (known) {
     PetscCall(VecCopy(target->u, snes->vec_sol));
-    if (from) PetscCall(LatinPathMoved_Private(snes, path, target->part, -1.0, smaller));
+    if (from) PetscCall(LatinPathMoved_Private(snes, path, target->part, -1.0, smaller, &other));
     if (*smaller < 1.0) PetscFunctionReturn(0);
     PetscCall(SNESLatinLargeRenew_Private(snes, LATIN_FRAME_TANGENT));
   } else PetscCall(LatinPathSolve_Private(snes, target, path->u, from, &found));
   *smaller = found ? 1.0 : 0.5;
   if (!found) PetscFunctionReturn(0);
   PetscCall(LatinPathRate_Private(snes, path, target->u, path->back, &back));
-  if (from) PetscCall(LatinPathMoved_Private(snes, path, target->part, back, smaller));
+  if (from) PetscCall(LatinPathMoved_Private(snes, path, target->part, back, smaller, &other));
+  if (other && known) PetscCall(VecDestroy(&target->u)); /* on another path, from closer by as well */
   if (*smaller < 1.0) PetscFunctionReturn(0);
   PetscCall(LatinPathStable_Private(snes, path, target->u, &found));
   if (found && known) PetscCall(LatinPathSolve_Private(snes, target, target->u, PETSC_TRUE, &found));
