@@ -71,6 +71,10 @@ LARGE = {
         "of the error",
         "Where it has failed it waits for one digit more, or for more as it has shown.",
     ),
+    "LATIN_LARGE_CLOSE": (
+        "of the displacements",
+        "Without it 36 of 178 nets and grids never end at an error of 1e-12; with it they take less time than before.",
+    ),
     "LATIN_LARGE_WINDOW": ("linear stages", "With 12 saddles take a few stages more, with 6 progress does not show."),
     "LATIN_LARGE_GROW": (
         "times",

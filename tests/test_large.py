@@ -375,6 +375,18 @@ def test_linear_stages_of_scenes(name, options, most, renewals):
     assert exact.norm() < 1e-4 * u.norm()
 
 
+@pytest.mark.parametrize("error", [1e-6, 1e-9, 1e-12])
+def test_small_errors_where_a_front_creeps(error):
+    """Newton's method is tried again however little error its first step has shown to be needed."""
+    s = latinpc.Structure.from_scene(make("saddle", side=60, prestress=1000.0, load=5.0, wind=50.0))
+    snes, u = s.create_snes(), s.create_vec()
+    latinpc.set_error(snes, error)
+    snes.solve(None, u)
+    assert snes.getConvergedReason() > 0
+    assert snes.getIterationNumber() <= 300
+    assert latinpc.path(snes)["renewals"] <= 12
+
+
 def test_operators_serve_the_next_load():
     """Loads that change do not build anything again."""
     structure = net(8, 0.0, [0.0, 0.0, -100.0])

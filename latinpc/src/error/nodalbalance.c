@@ -133,11 +133,12 @@ static void LatinNodalAddLink(LatinNodalBalance *balance, PetscInt l, PetscScala
   } else if (structure->ground && structure->law[l] != LATIN_LAW_TANGENT && tension == 0.0 && LatinLawSign(structure->law[l]) * x < -target * (e0 + ends)) possible = 0.0;
   if (to[0] >= first && to[0] < last) LatinNodalSum(balance, l, x, e, tension, moves[3], ends);
   for (PetscInt i = 0; i < 2; i++) {
-    LatinNode         *at    = &vertex[to[i] - first];
     const PetscScalar *r     = a[LATIN_AT_R] + dim * to[i];
     PetscReal          along = 0.0, push = 0.0, own = 0.0; /* elongation by the displacement of this end */
+    LatinNode         *at;
 
     if (to[i] < first || to[i] >= last) continue;
+    at = &vertex[to[i] - first];
     for (PetscInt c = 0; c < dim; c++) {
       const PetscReal cosine = PetscAbsReal(n[c]);
 

@@ -11,6 +11,7 @@
 
 #define LATIN_LARGE_NEAR   1e-3 /* estimated error from which on Newton's method is tried */
 #define LATIN_LARGE_FAR    0.1  /* where it has failed it is tried again when the error is so much smaller */
+#define LATIN_LARGE_CLOSE  1e-6 /* where what its first step has shown asks for less, this error is small enough: without, nets never end that are to have an error of 1e-12 */
 #define LATIN_LARGE_WINDOW 8    /* linear stages that show their progress; 12 take a few more to the end, 6 too little progress */
 #define LATIN_LARGE_GROW   2    /* times as many after operators have been made anew: with 1 small saddles take half as many set-ups again, with 4 large ones twice the stages */
 #define LATIN_LARGE_MOST   40   /* times that Newton's method gets operators of the tangent stiffness: from 1e-3 to 1e-9 it needs 1 to 8 */
@@ -186,7 +187,8 @@ PetscErrorCode SNESLatinLargeRenew_Private(SNES snes, LatinFrameType type)
   data->first_distance             = -1.0;
   PetscCall(SNESLatinStart_Private(snes));
   data->large.renewals++;
-  if (type == LATIN_FRAME_PRESENT) LatinLargeWindow(&data->large, grows * PetscMin(data->large.window, PETSC_MAX_INT / grows));
+  if (type == LATIN_FRAME_TANGENT) grows = 1;
+  LatinLargeWindow(&data->large, grows * PetscMin(data->large.window, PETSC_MAX_INT / grows));
   PetscCall(PetscInfo(snes, "After %" PetscInt_FMT " linear stages: operators at the present displacements\n", applications));
   PetscFunctionReturn(0);
 }
@@ -228,9 +230,9 @@ static PetscErrorCode SNESLatinLargeAhead_Private(SNES snes, PetscBool near)
 /* Does Newton's method creep? After set-up k, where `least` has the least norms of forces without balance so far of this set-up and of those before. Not collective */
 static PetscBool LatinLargeCreeps(const LatinLarge *large, PetscInt k, PetscReal least[])
 {
-  const PetscReal before = k < LATIN_LARGE_CREEP ? PETSC_MAX_REAL : least[k % LATIN_LARGE_CREEP];
+  const PetscReal before = k < LATIN_LARGE_CREEP ? PETSC_MAX_REAL : least[k % LATIN_LARGE_CREEP], force = PetscIsInfOrNanReal(large->force) ? PETSC_MAX_REAL : large->force;
 
-  least[k % LATIN_LARGE_CREEP] = k ? PetscMin(large->force, least[(k - 1) % LATIN_LARGE_CREEP]) : large->force;
+  least[k % LATIN_LARGE_CREEP] = k ? PetscMin(force, least[(k - 1) % LATIN_LARGE_CREEP]) : force;
   return (PetscBool)(least[k % LATIN_LARGE_CREEP] > PetscMax(0.5 * before, large->balance));
 }
 
@@ -247,8 +249,11 @@ static PetscErrorCode LatinLargeForces_Private(SNES snes, Vec u, PetscReal *left
   PetscFunctionReturn(0);
 }
 
-/* Newton's method, at most so many times with operators of the tangent stiffness: `left` is without balance where it starts, at u. Collective on snes */
-static PetscErrorCode LatinLargeTangents_Private(SNES snes, Vec u, PetscInt times, PetscBool near, PetscReal left, PetscBool *done)
+/*
+   Newton's method, at most so many times with operators of the tangent stiffness. shows: it starts at u, where `left` is without balance, so that its first step shows
+   the error there. Collective on snes
+*/
+static PetscErrorCode LatinLargeTangents_Private(SNES snes, Vec u, PetscInt times, PetscBool near, PetscBool shows, PetscReal left, PetscBool *done)
 {
   SNES_Latin *data  = (SNES_Latin *)snes->data;
   LatinLarge *large = &data->large;
@@ -261,8 +266,8 @@ static PetscErrorCode LatinLargeTangents_Private(SNES snes, Vec u, PetscInt time
     PetscCall(SNESLatinLargeNewton_Private(snes, most, done));
     PetscCall(SNESGetIterationNumber(data->newton.snes, &steps));
     if (*done || !near) continue;
-    if (!k) PetscCall(PetscArraycpy(large->shown, large->first_step, 2));
-    if (!k && !large->unstable && left <= large->balance && LATIN_LARGE_SAFETY * large->shown[0] <= data->target && LATIN_LARGE_SAFETY * large->shown[1] <= SNESLatinTensionTarget(data)) {
+    if (!k && shows) PetscCall(PetscArraycpy(large->shown, large->first_step, 2));
+    if (!k && shows && !large->unstable && left <= large->balance && LATIN_LARGE_SAFETY * large->shown[0] <= data->target && LATIN_LARGE_SAFETY * large->shown[1] <= SNESLatinTensionTarget(data)) {
       PetscCall(VecCopy(u, snes->vec_sol));
       data->estimate.tensions = LATIN_LARGE_SAFETY * large->shown[1];
       PetscCall(SNESLatinLargeClaim_Private(snes, LATIN_LARGE_SAFETY * large->shown[0], LATIN_NEXT_CONVERGED));
@@ -283,7 +288,8 @@ PetscErrorCode SNESLatinLargeFinish_Private(SNES snes, PetscInt times, PetscBool
   LatinLarge    *large     = &((SNES_Latin *)snes->data)->large;
   LatinStructure structure = large->frame->turns;
   PetscInt       renewals  = large->renewals;
-  PetscReal      left      = PETSC_MAX_REAL;
+  PetscBool      shows;
+  PetscReal      left = PETSC_MAX_REAL;
   Vec            u;
 
   PetscFunctionBegin;
@@ -294,8 +300,9 @@ PetscErrorCode SNESLatinLargeFinish_Private(SNES snes, PetscInt times, PetscBool
   PetscCall(SNESLatinLargeAhead_Private(snes, near));
   *done       = PETSC_FALSE;
   large->slow = (PetscBool)(near && !structure->midpoint && large->frame->made != LATIN_FRAME_TANGENT);
+  shows       = large->slow;
   if (!large->slow) PetscCall(SNESLatinLargeNewton_Private(snes, structure->midpoint ? LATIN_LARGE_COST : LATIN_LARGE_LONG, done));
-  PetscCall(LatinLargeTangents_Private(snes, u, times, near, left, done));
+  PetscCall(LatinLargeTangents_Private(snes, u, times, near, shows, left, done));
   structure->ahead = structure->strain = NULL;
   PetscCall(PetscFree(large->ahead));
   if (!*done) PetscCall(VecCopy(u, snes->vec_sol));
@@ -322,8 +329,8 @@ static PetscErrorCode SNESLatinLargeProve_Private(SNES snes, PetscBool *done)
   data->current = -1;
   large->crept  = PETSC_TRUE;
   for (PetscInt i = 0; i < 2; i++) part = PetscMin(part, target[i] / (LATIN_LARGE_SAFETY * large->shown[i] + PETSC_SMALL));
-  large->near = PetscMin(part * value, LATIN_LARGE_FAR * large->near);
-  PetscCall(PetscInfo(snes, "Newton's method creeps: its first step was %g, of the tensions %g; the iteration goes on to %g\n", (double)large->shown[0], (double)large->shown[1], (double)large->near));
+  large->near = PetscMin(PetscMax(part * value, LATIN_LARGE_CLOSE), LATIN_LARGE_FAR * large->near);
+  PetscCall(PetscInfo(snes, "Newton's method is given up: its first step was %g, of the tensions %g; the iteration goes on to %g\n", (double)large->shown[0], (double)large->shown[1], (double)large->near));
   if (!rests) PetscFunctionReturn(0); /* else Newton's method does not confirm where the iteration has come to rest */
   data->next = large->unstable ? LATIN_NEXT_DIVERGED : LATIN_NEXT_ROUNDING;
   *done      = PETSC_TRUE;

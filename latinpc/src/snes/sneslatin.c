@@ -269,9 +269,11 @@ static PetscErrorCode SNESLatinDiagnose_Private(SNES snes)
     PetscCall(LatinEquilibriumCheck_Private(data->latin, snes->vec_sol, snes->vec_func, snes->vec_rhs, data->target, data->estimate.energy, PETSC_FALSE, found));
     PetscCall(LatinStructureSize_Private(data->latin->sub.structure, &size, &prescribed));
     found->distance = PetscMin(found->distance, size); /* an iterate that diverges proves nothing */
-    PetscCall(SNESLatinOuterSetUp_Private(snes));
-    PetscCall(SNESGetFunction(data->outer, &F, NULL, NULL));
-    if (snes->max_its >= LATIN_JAM_LEAST) PetscCall(LatinEquilibriumJammed_Private(data->latin, data->z, F, found));
+    if (snes->max_its >= LATIN_JAM_LEAST) {
+      PetscCall(VecDuplicate(data->z, &F));
+      PetscCall(LatinEquilibriumJammed_Private(data->latin, data->z, F, found));
+      PetscCall(VecDestroy(&F));
+    }
     if (found->links) found->nodes = 0;
     else if (found->hidden && snes->max_its >= LATIN_JAM_LEAST) {
       data->next           = LATIN_NEXT_ROUNDING;
