@@ -235,7 +235,7 @@ static PetscErrorCode LatinPathBetween_Private(LatinStructure structure, Vec mea
     PetscCall(VecAXPBY(half, -0.5, 0.5, back));
   }
   PetscCall(VecScale(half, 1.0 / LATIN_PATH_FAR));
-  PetscCall(LatinPathNodes_Private(structure, off, half, little, within));
+  PetscCall(LatinPathNodes_Private(structure, off, half, 0.5 * little, within)); /* twice as far as at the start by no more than a little */
   PetscCall(DMRestoreGlobalVector(structure->dm, &half));
   PetscCall(DMRestoreGlobalVector(structure->dm, &off));
   PetscFunctionReturn(0);
