@@ -28,6 +28,7 @@
 #define LATIN_NEWTON_PROOF    0.5                            /* part of the residual that is left where a step is taken for the error */
 #define LATIN_NEWTON_FLOOR    LatinByPrecision(1e-8, 1e-5)   /* what a slack link keeps of the least stiffness, so that no mechanism ends the search */
 #define LATIN_NEWTON_SEEN     (3.0 * LATIN_MECHANISM)        /* of the greatest one */
+#define LATIN_NEWTON_FLOORS   8.0                            /* times the floor: what resists a step that slack links at a node alone resist */
 #define LATIN_NEWTON_LINEAR   500                            /* most iterations of a linear solve; with a quarter two cases of the catalogue are refused */
 #define LATIN_NEWTON_STEPS    200                            /* most steps; with half as many a case of the catalogue is refused */
 #define LATIN_NEWTON_FULL     12                             /* steps that are taken whole: they end soon if they end at all */
@@ -237,7 +238,7 @@ static PetscErrorCode LatinNewtonConverged_Private(SNES snes, PetscInt it, Petsc
     else newton->still = 0;
     if (!changes && !newton->tangent) newton->error = PetscMax(newton->error, newton->known) * PetscMin(1.0, newton->doubt * newton->left); /* where forces differ by orders, only a step that moves nothing proves anything */
     newton->known = changes ? 0.0 : newton->error;
-    creeps        = (PetscBool)(newton->tangent && !newton->structure->penalty && newton->error > LATIN_NEWTON_REST && newton->slope > LATIN_NEWTON_RTOL);
+    creeps        = (PetscBool)(newton->tangent && !newton->structure->penalty && newton->error > LATIN_NEWTON_REST && (newton->slope > LATIN_NEWTON_RTOL || (newton->floors > LATIN_NEWTON_PROOF && newton->floors < LATIN_NEWTON_FLOORS)));
     if (newton->reference) PetscCall(LatinStructureComputeErrors(newton->structure, u, newton->reference, &newton->error, &energy));
   }
   rounding = (PetscBool)(it > 1 && !changes && !creeps && !newton->changes && newton->error > LATIN_NEWTON_GAIN * before && newton->left < LATIN_NEWTON_RTOL &&
@@ -279,7 +280,7 @@ static PetscErrorCode LatinNewtonSearch_Private(SNESLineSearch search, void *ctx
 {
   LatinNewton *newton = (LatinNewton *)ctx;
   PetscReal    length = 1.0;
-  PetscScalar  before, after;
+  PetscScalar  before, after, size;
   PetscInt     done;
   SNES         snes;
   Vec          u, f, step;
@@ -300,7 +301,9 @@ static PetscErrorCode LatinNewtonSearch_Private(SNESLineSearch search, void *ctx
   PetscCall(SNESLineSearchSetLambda(search, length));
   PetscCall(SNESComputeFunction(snes, u, f));
   PetscCall(VecDot(f, step, &after));
-  newton->slope = PetscRealPart(before) > 0.0 ? PetscRealPart(after) / (length * PetscRealPart(before)) : 0.0;
+  PetscCall(VecDot(step, step, &size));
+  newton->slope  = PetscRealPart(before) > 0.0 ? PetscRealPart(after) / (length * PetscRealPart(before)) : 0.0;
+  newton->floors = newton->floor > 0.0 && PetscRealPart(size) > 0.0 ? PetscRealPart(after) / (newton->floor * PetscRealPart(size)) : 0.0;
   PetscCall(SNESLineSearchComputeNorms(search));
   PetscFunctionReturn(0);
 }
