@@ -263,10 +263,6 @@ TUNING = {
         values=(1e-10, 1e-9, 1e-7, 1e-6),
         so="Larger values cost iterations; smaller ones save some, and other cases of rigid links are solved.",
     ),
-    "LATIN_NEWTON_FLOORS": (
-        "times the floor",
-        "Creeping steps of a soft node show 0.97 and 1.09; without it one structure of 10,000 is wrong by 6e-4.",
-    ),
     "LATIN_NEWTON_LINEAR": Tuning(
         "iterations",
         "most of a linear solve",
