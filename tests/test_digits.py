@@ -186,7 +186,7 @@ def test_the_command_tells_digits(capsys):
     told = next(line for line in capsys.readouterr().out.splitlines() if "digits" in line)
     number = float(told.split()[1].rstrip(":"))
     parts = [float(part.split()[-1]) for part in told.split(":")[1].split(",")]
-    assert number == pytest.approx(-np.log10(np.linalg.norm(parts)), abs=0.1)
+    assert number == pytest.approx(-np.log10(np.linalg.norm(parts)), abs=0.2)  # parts have one digit
     with pytest.raises(SystemExit, match="0"):
         cli.main([*words, "--load", "0"])  # nothing moves but by rounding
     assert " none: unbalance" in capsys.readouterr().out
