@@ -18,7 +18,7 @@
 #define LATIN_LARGE_LONG   20   /* linear stages of Newton's method after which it gets new operators: with 30 a bridge takes 53 in the place of 28 */
 #define LATIN_LARGE_COST   30   /* linear stages that take as long as a set-up, in time steps and where the solvers do not say what they cost */
 #define LATIN_LARGE_FIXED  5.0  /* the same of a set-up that takes no operations */
-#define LATIN_LARGE_RATE   0.15 /* the same for each operation on a byte of the factors: saddles 7 to 18, a network of 8,000 nodes 34 */
+#define LATIN_LARGE_RATE   0.2  /* the same for each operation on a byte of the factors: saddles 7 to 18, a network of 8,000 nodes 34 */
 #define LATIN_LARGE_CREEP  3    /* set-ups of Newton's method in which the forces without balance halve, or it creeps */
 
 /* Does Newton's method follow the iteration? */
