@@ -11,7 +11,7 @@
 
 #define LATIN_LARGE_NEAR   1e-3 /* estimated error from which on Newton's method is tried */
 #define LATIN_LARGE_FAR    0.1  /* where it has failed it is tried again when the error is so much smaller */
-#define LATIN_LARGE_CLOSE  1e-6 /* where what its first step has shown asks for less, this error is small enough: without, nets never end that are to have an error of 1e-12 */
+#define LATIN_LARGE_CLOSE  1e-6 /* estimated error at which Newton's method is tried at the latest, however small the error that its first step calls for */
 #define LATIN_LARGE_WINDOW 8    /* linear stages that show their progress; 12 take a few more to the end, 6 too little progress */
 #define LATIN_LARGE_GROW   2    /* times as many after operators have been made anew: with 1 small saddles take half as many set-ups again, with 4 large ones twice the stages */
 #define LATIN_LARGE_MOST   40   /* times that Newton's method gets operators of the tangent stiffness: from 1e-3 to 1e-9 it needs 1 to 8 */
@@ -227,6 +227,12 @@ static PetscErrorCode SNESLatinLargeAhead_Private(SNES snes, PetscBool near)
   PetscFunctionReturn(0);
 }
 
+/* Linear stages that Newton's method may take with the operators there are */
+static PetscInt LatinLargeMost(const LatinLarge *large)
+{
+  return large->frame->turns->midpoint ? LATIN_LARGE_COST : LATIN_LARGE_LONG;
+}
+
 /* Does Newton's method creep? After set-up k, where `least` has the least norms of forces without balance so far of this set-up and of those before. Not collective */
 static PetscBool LatinLargeCreeps(const LatinLarge *large, PetscInt k, PetscReal least[])
 {
@@ -257,13 +263,13 @@ static PetscErrorCode LatinLargeTangents_Private(SNES snes, Vec u, PetscInt time
 {
   SNES_Latin *data  = (SNES_Latin *)snes->data;
   LatinLarge *large = &data->large;
-  PetscInt    steps = 1, most = large->frame->turns->midpoint ? LATIN_LARGE_COST : LATIN_LARGE_LONG;
+  PetscInt    steps = 1;
   PetscReal   least[LATIN_LARGE_CREEP];
 
   PetscFunctionBegin;
   for (PetscInt k = 0; k < times && !*done && large->slow && steps; k++) { /* where it took no step with them others are the same */
     PetscCall(SNESLatinLargeRenew_Private(snes, LATIN_FRAME_TANGENT));
-    PetscCall(SNESLatinLargeNewton_Private(snes, most, done));
+    PetscCall(SNESLatinLargeNewton_Private(snes, LatinLargeMost(large), done));
     PetscCall(SNESGetIterationNumber(data->newton.snes, &steps));
     if (*done || !near) continue;
     if (!k && shows) PetscCall(PetscArraycpy(large->shown, large->first_step, 2));
@@ -301,7 +307,7 @@ PetscErrorCode SNESLatinLargeFinish_Private(SNES snes, PetscInt times, PetscBool
   *done       = PETSC_FALSE;
   large->slow = (PetscBool)(near && !structure->midpoint && large->frame->made != LATIN_FRAME_TANGENT);
   shows       = large->slow;
-  if (!large->slow) PetscCall(SNESLatinLargeNewton_Private(snes, structure->midpoint ? LATIN_LARGE_COST : LATIN_LARGE_LONG, done));
+  if (!large->slow) PetscCall(SNESLatinLargeNewton_Private(snes, LatinLargeMost(large), done));
   PetscCall(LatinLargeTangents_Private(snes, u, times, near, shows, left, done));
   structure->ahead = structure->strain = NULL;
   PetscCall(PetscFree(large->ahead));

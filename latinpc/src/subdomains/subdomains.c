@@ -120,7 +120,7 @@ static PetscErrorCode LatinSubdomainsLinks_Private(LatinSubdomains *sub)
 }
 
 /* The copies of n ends of links, whose nodes are so close to each other that a table of n entries holds them: they take their numbers from it, which takes less time than to sort them */
-static void LatinSubdomainsCount(LatinSubdomains *sub, PetscInt n, PetscInt low, const PetscInt node[], PetscInt copy[], PetscInt ends[], PetscInt table[])
+static void LatinSubdomainsTable(LatinSubdomains *sub, PetscInt n, PetscInt low, const PetscInt node[], PetscInt copy[], PetscInt ends[], PetscInt table[])
 {
   PetscInt copies = sub->copies;
 
@@ -154,7 +154,7 @@ static PetscErrorCode LatinSubdomainsCopies_Private(LatinSubdomains *sub)
       end[i] = i;
     }
     if (high - low < last - first) {
-      LatinSubdomainsCount(sub, last - first, low, node + first, node, sub->ends + first, end + first);
+      LatinSubdomainsTable(sub, last - first, low, node + first, node, sub->ends + first, end + first);
       continue;
     }
     PetscCall(PetscSortIntWithArray(last - first, node + first, end + first));
