@@ -42,10 +42,6 @@ OTHERS = {
         "of the diagonal",
         "A stiffness below it is rounding: 45 eps, as a factor of so few digits is no factor.",
     ),
-    "LATIN_NEWTON_FLOORS": (
-        "times the floor",
-        "Creeping steps of a soft node show 0.97 and 1.09; without it one structure of 10,000 is wrong by 6e-4.",
-    ),
     "LATIN_NEWTON_SEEN": (
         "of the greatest stiffness",
         "What a slack link keeps must be more than a mechanism, or the factorisation stops: three times as much.",

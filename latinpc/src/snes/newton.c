@@ -28,7 +28,6 @@
 #define LATIN_NEWTON_PROOF    0.5                            /* part of the residual that is left where a step is taken for the error */
 #define LATIN_NEWTON_FLOOR    LatinByPrecision(1e-8, 1e-5)   /* what a slack link keeps of the least stiffness, so that no mechanism ends the search */
 #define LATIN_NEWTON_SEEN     (3.0 * LATIN_MECHANISM)        /* of the greatest one */
-#define LATIN_NEWTON_FLOORS   8.0                            /* times the floor: what resists a step that slack links at a node alone resist */
 #define LATIN_NEWTON_LINEAR   500                            /* most iterations of a linear solve; with a quarter two cases of the catalogue are refused */
 #define LATIN_NEWTON_STEPS    200                            /* most steps; with half as many a case of the catalogue is refused */
 #define LATIN_NEWTON_FULL     12                             /* steps that are taken whole: they end soon if they end at all */
@@ -207,7 +206,7 @@ static PetscErrorCode LatinNewtonConverged_Private(SNES snes, PetscInt it, Petsc
   LatinNewton   *newton = (LatinNewton *)ctx;
   PetscReal      before = newton->error, lambda = 1.0, energy;
   PetscInt       changes, most, stages;
-  PetscBool      rounding, claims, slow, creeps = PETSC_FALSE; /* what pushes along the step is still there after it, more than a linear solve leaves */
+  PetscBool      rounding, claims, slow, creeps = PETSC_FALSE, alone = PETSC_FALSE; /* what pushes along the step is still there after it, more than a linear solve leaves; no small step before this one */
   Vec            u;
   KSP            ksp;
   Mat            P;
@@ -225,7 +224,7 @@ static PetscErrorCode LatinNewtonConverged_Private(SNES snes, PetscInt it, Petsc
   PetscCall(SNESGetLinearSolveIterations(snes, &stages));
   if (!it) {
     changes       = newton->linear ? 0 : 1;
-    newton->still = 0;
+    newton->still = newton->small = 0;
   } else {
     PetscCall(SNESGetJacobian(snes, NULL, &P, NULL, NULL));
     PetscCall(LatinTangentChanges_Private(newton->structure, u, newton->floor, P, &changes));
@@ -238,12 +237,14 @@ static PetscErrorCode LatinNewtonConverged_Private(SNES snes, PetscInt it, Petsc
     else newton->still = 0;
     if (!changes && !newton->tangent) newton->error = PetscMax(newton->error, newton->known) * PetscMin(1.0, newton->doubt * newton->left); /* where forces differ by orders, only a step that moves nothing proves anything */
     newton->known = changes ? 0.0 : newton->error;
-    creeps        = (PetscBool)(newton->tangent && !newton->structure->penalty && newton->error > LATIN_NEWTON_REST && (newton->slope > LATIN_NEWTON_RTOL || (newton->floors > LATIN_NEWTON_PROOF && newton->floors < LATIN_NEWTON_FLOORS)));
+    creeps        = (PetscBool)(newton->tangent && !newton->structure->penalty && newton->error > LATIN_NEWTON_REST && newton->slope > LATIN_NEWTON_RTOL);
+    newton->small = newton->error <= newton->target && newton->error <= PetscMax(newton->small ? before : PETSC_MAX_REAL, LATIN_NEWTON_REST) ? newton->small + 1 : 0;
+    alone         = (PetscBool)(newton->tangent && newton->contrast && !newton->structure->penalty && newton->small < 2 && newton->error > LATIN_NEWTON_REST); /* forces of stiff links hide those of soft ones until the next linear solve */
     if (newton->reference) PetscCall(LatinStructureComputeErrors(newton->structure, u, newton->reference, &newton->error, &energy));
   }
   rounding = (PetscBool)(it > 1 && !changes && !creeps && !newton->changes && newton->error > LATIN_NEWTON_GAIN * before && newton->left < LATIN_NEWTON_RTOL &&
                          (fnorm <= newton->balance || LatinMultipliersEnergy(newton))); /* a step that was to bring digits has brought none */
-  claims   = (PetscBool)(it && !creeps && ((newton->tangent && !newton->structure->penalty) || !changes || newton->error <= LATIN_NEWTON_REST) && newton->error <= newton->target && fnorm <= newton->balance &&
+  claims   = (PetscBool)(it && !creeps && !alone && ((newton->tangent && !newton->structure->penalty) || !changes || newton->error <= LATIN_NEWTON_REST) && newton->error <= newton->target && fnorm <= newton->balance &&
                        (!newton->still || newton->still > LATIN_NEWTON_STILL));
   if ((rounding || claims) && (newton->tangent || newton->proves) && !newton->structure->penalty) PetscCall(LatinNewtonProve_Private(snes, newton, u, fnorm, changes, &rounding, &claims));
   if (fnorm <= newton->residual) *reason = SNES_CONVERGED_FNORM_RELATIVE;
@@ -280,7 +281,7 @@ static PetscErrorCode LatinNewtonSearch_Private(SNESLineSearch search, void *ctx
 {
   LatinNewton *newton = (LatinNewton *)ctx;
   PetscReal    length = 1.0;
-  PetscScalar  before, after, size;
+  PetscScalar  before, after;
   PetscInt     done;
   SNES         snes;
   Vec          u, f, step;
@@ -301,9 +302,7 @@ static PetscErrorCode LatinNewtonSearch_Private(SNESLineSearch search, void *ctx
   PetscCall(SNESLineSearchSetLambda(search, length));
   PetscCall(SNESComputeFunction(snes, u, f));
   PetscCall(VecDot(f, step, &after));
-  PetscCall(VecDot(step, step, &size));
-  newton->slope  = PetscRealPart(before) > 0.0 ? PetscRealPart(after) / (length * PetscRealPart(before)) : 0.0;
-  newton->floors = newton->floor > 0.0 && PetscRealPart(size) > 0.0 ? PetscRealPart(after) / (newton->floor * PetscRealPart(size)) : 0.0;
+  newton->slope = PetscRealPart(before) > 0.0 ? PetscRealPart(after) / (length * PetscRealPart(before)) : 0.0;
   PetscCall(SNESLineSearchComputeNorms(search));
   PetscFunctionReturn(0);
 }

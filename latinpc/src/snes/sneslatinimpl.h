@@ -56,8 +56,8 @@ typedef struct {
   PetscReal        rtol;             /* of a linear solve while links change */
   PetscReal        first, left;      /* norm of the residual of a linear solve, and the part of it that is left */
   PetscReal        floor;            /* least tangent stiffness of a link */
+  PetscInt         small;            /* steps of the error asked for at most, none larger than the one before it */
   PetscReal        slope;            /* of the energy along the last step, at its end, relative to that at its start */
-  PetscReal        floors;           /* the same, relative to that of a step which only what slack links keep resists: the force of a stiff part hides one of a soft part in slope */
   PetscBool        proves;           /* a claim needs a correction that is as small */
   PetscReal        doubt;            /* by so much corrections have been larger than what linear solves leave */
   PetscReal        gap;              /* squares of what rigid links that bear miss of their gaps */
