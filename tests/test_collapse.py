@@ -337,8 +337,8 @@ def test_equal_steps_are_no_error():
 
 
 def test_a_soft_node_that_creeps_behind_stiffer_ones():
-    """The force of stiff links hides that of a node between two links, which goes on to a cable: one small step proves nothing."""
-    assert judge(draw(855470730, 7926), {})["verdict"] in ("right", "unsolved")  # rounding of factors decides which
+    """The forces of stiff links hide that of a node which goes on to a cable: one small step proves nothing."""
+    assert judge(draw(855470730, 7926), {})["verdict"] in ("right", "unsolved")  # as factors are rounded
 
 
 def test_links_that_yield_are_left_to_newtons_method():

@@ -211,6 +211,27 @@ static PetscErrorCode SNESLatinLargeLeaves_Private(SNES snes)
   PetscFunctionReturn(0);
 }
 
+/* Strains between those of two equilibria, and their tensions: once. Collective on large->frame */
+static PetscErrorCode LatinLargeBetween_Private(LatinLarge *large, Vec none)
+{
+  const LatinStructure structure = large->frame->turns;
+  PetscReal           *strain    = large->ahead + structure->links_local, *tension, *other;
+
+  PetscFunctionBegin;
+  PetscCall(DMGetWorkArray(structure->dm, structure->links_local, MPIU_REAL, &tension));
+  PetscCall(DMGetWorkArray(structure->dm, structure->links_local, MPIU_REAL, &other));
+  PetscCall(LatinTurningAhead_Private(structure, large->between[0], none, 0.0, large->ahead, strain));
+  PetscCall(LatinTurningAhead_Private(structure, large->between[1], none, 0.0, tension, other));
+  for (PetscInt l = 0; l < structure->links_local; l++) {
+    large->ahead[l] += large->part * (tension[l] - large->ahead[l]);
+    strain[l] += large->part * (other[l] - strain[l]);
+  }
+  PetscCall(DMRestoreWorkArray(structure->dm, structure->links_local, MPIU_REAL, &other));
+  PetscCall(DMRestoreWorkArray(structure->dm, structure->links_local, MPIU_REAL, &tension));
+  large->between[0] = large->between[1] = NULL;
+  PetscFunctionReturn(0);
+}
+
 /* Tensions go ahead of the displacements in the solution vector, which are off by `error` of themselves. Collective on snes */
 static PetscErrorCode SNESLatinLargeAhead_Private(SNES snes, PetscBool near)
 {
@@ -221,6 +242,7 @@ static PetscErrorCode SNESLatinLargeAhead_Private(SNES snes, PetscBool near)
   if (structure->midpoint) PetscFunctionReturn(0);                        /* the mean force of a step has a tangent of its own */
   PetscCall(PetscMalloc1(2 * structure->links_local + 1, &large->ahead)); /* never NULL then */
   PetscCall(LatinTurningAhead_Private(structure, snes->vec_sol, snes->vec_sol, 0.0, large->ahead, large->ahead + structure->links_local));
+  if (large->between[0]) PetscCall(LatinLargeBetween_Private(large, snes->vec_sol));
   structure->ahead  = large->ahead;
   structure->strain = near ? large->ahead + structure->links_local : NULL;
   structure->hold   = near ? LATIN_LARGE_HELD * large->near : LATIN_LARGE_HOLD;

@@ -18,10 +18,10 @@
    starts warm goes on from the last equilibrium.
 */
 
-#define LATIN_PATH_FAR      2.0  /* times the displacements by the tangent stiffness at the start: the limit of a fold, where force is a parabola of displacement */
 #define LATIN_PATH_SOFT     8.0  /* times as far by the tangent stiffness at the end: more, and it is next to a limit point */
 #define LATIN_PATH_KINK     1e-2 /* times the displacements so far: an increment in which a cable slackens may move the structure so much */
 #define LATIN_PATH_STIFFENS 1e-3 /* increments of the loads: in smaller ones a structure may stiffen as it will, for cables that tighten */
+#define LATIN_PATH_CURVE    3.0  /* times the displacements from one equilibrium to the next: rates at its ends up to this let a cubic curve not overshoot */
 #define LATIN_PATH_LEAST    1e-4 /* increments of the loads: smaller ones show a limit point */
 #define LATIN_PATH_STAGES   60   /* most linear stages of one: at a limit point it takes any number */
 #define LATIN_PATH_FIRST    2000 /* the same of the first one, from a structure that may have no stiffness as drawn */
@@ -74,10 +74,10 @@ PetscErrorCode SNESLatinLargeFrom_Private(SNES snes, Vec u, PetscBool near)
   PetscFunctionReturn(0);
 }
 
-/* A target: a part of the path, and the equilibrium u there that was found from afar, or NULL */
+/* A target: a part of the path, the equilibrium u there that was found from afar, or NULL, and by how much the whole path would move it by the tangent stiffness, or NULL */
 typedef struct {
   PetscReal part;
-  Vec       u;
+  Vec       u, rate;
 } LatinPathTarget;
 
 /* A path: loads that grow from `first` to `whole`, an equilibrium u on it; by how much the whole path would move it by the tangent stiffness there, and at the end of an increment; work vectors; targets, the nearest last */
@@ -188,64 +188,11 @@ static PetscErrorCode LatinPathStarts_Private(SNES snes, const LatinPath *path, 
   PetscFunctionReturn(0);
 }
 
-/* Does no node move more than twice as far by `moved` as by the other, or than a little? Collective on structure */
-static PetscErrorCode LatinPathNodes_Private(LatinStructure structure, Vec moved, Vec other, PetscReal little, PetscBool *within)
-{
-  const PetscInt     dim     = structure->dim;
-  const Vec          u[2]    = {moved, other};
-  PetscReal         *size[2] = {NULL, NULL};
-  PetscMPIInt        far     = 0;
-  const PetscScalar *a;
-  Vec                local;
-
-  PetscFunctionBegin;
-  PetscCall(DMGetLocalVector(structure->dm, &local));
-  for (PetscInt k = 0; k < 2; k++) {
-    PetscCall(DMGetWorkArray(structure->dm, structure->vertices, MPIU_REAL, &size[k]));
-    PetscCall(PetscArrayzero(size[k], structure->vertices));
-    PetscCall(LatinStructureGetLocal_Private(structure, NULL, u[k], local));
-    PetscCall(VecGetArrayRead(local, &a));
-    for (PetscInt i = 0; i < dim * structure->vertices; i++) size[k][i / dim] += PetscSqr(PetscRealPart(a[i]));
-    PetscCall(VecRestoreArrayRead(local, &a));
-  }
-  for (PetscInt i = 0; i < structure->vertices; i++)
-    if (!(PetscSqrtReal(size[0][i]) <= PetscMax(little, LATIN_PATH_FAR * PetscSqrtReal(size[1][i])))) far = 1;
-  for (PetscInt k = 2; k-- > 0;) PetscCall(DMRestoreWorkArray(structure->dm, structure->vertices, MPIU_REAL, &size[k]));
-  PetscCall(DMRestoreLocalVector(structure->dm, &local));
-  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &far, 1, MPI_INT, MPI_MAX, PetscObjectComm((PetscObject)structure)));
-  *within = (PetscBool)!far;
-  PetscFunctionReturn(0);
-}
-
-/*
-   Are the displacements `mean` of each node no further from the middle between those by the tangent stiffness at the start, `ahead`, and at the end, `back`,
-   than these are? Where `back` is NULL, no further from `ahead` than that is from zero; or no larger than a little. Collective on structure
-*/
-static PetscErrorCode LatinPathBetween_Private(LatinStructure structure, Vec mean, Vec ahead, Vec back, PetscReal little, PetscBool *within)
-{
-  Vec off, half;
-
-  PetscFunctionBegin;
-  PetscCall(DMGetGlobalVector(structure->dm, &off));
-  PetscCall(DMGetGlobalVector(structure->dm, &half));
-  PetscCall(VecWAXPY(off, -1.0, ahead, mean));
-  PetscCall(VecCopy(ahead, half));
-  if (back) {
-    PetscCall(VecAXPBYPCZ(off, 0.5, -0.5, 1.0, ahead, back));
-    PetscCall(VecAXPBY(half, -0.5, 0.5, back));
-  }
-  PetscCall(VecScale(half, 1.0 / LATIN_PATH_FAR));
-  PetscCall(LatinPathNodes_Private(structure, off, half, 0.5 * little, within)); /* twice as far as at the start by no more than a little */
-  PetscCall(DMRestoreGlobalVector(structure->dm, &half));
-  PetscCall(DMRestoreGlobalVector(structure->dm, &off));
-  PetscFunctionReturn(0);
-}
-
 /*
    By how much the next increment is to be smaller: 1 where this one, to `part`, has moved no node too far, nor much less or more than the tangent stiffness
-   says where it starts, path->ahead, and where it ends, path->back, of the norm `back`; < 0: not known yet. *other: further than any path leads. Collective on snes
+   says where it starts, path->ahead, and where it ends, path->back, of the norm `back`; < 0: not known yet. *lies: between what both say. *other: further than any path leads. Collective on snes
 */
-static PetscErrorCode LatinPathMoved_Private(SNES snes, const LatinPath *path, PetscReal part, PetscReal back, PetscReal *smaller, PetscBool *other)
+static PetscErrorCode LatinPathMoved_Private(SNES snes, const LatinPath *path, PetscReal part, PetscReal back, PetscReal *smaller, PetscBool *lies, PetscBool *other)
 {
   const PetscBool      ends      = (PetscBool)(back >= 0.0);
   SNES_Latin          *data      = (SNES_Latin *)snes->data;
@@ -264,6 +211,7 @@ static PetscErrorCode LatinPathMoved_Private(SNES snes, const LatinPath *path, P
   PetscCall(VecNorm(path->u, NORM_INFINITY, &size));
   little = PetscMax(LATIN_PATH_KINK * PetscMax(size, step), LATIN_PATH_NONE * data->large.size) / more;
   if (ends) PetscCall(LatinPathBetween_Private(structure, change, path->ahead, back <= LATIN_PATH_SOFT * path->far ? path->back : NULL, little, &within));
+  *lies    = within;
   *other   = (PetscBool)(!within && moved > LATIN_PATH_FAR * PetscMax(path->far, back));
   *smaller = within ? 1.0 : 0.5;
   if (within && more > LATIN_PATH_STIFFENS) {
@@ -275,6 +223,34 @@ static PetscErrorCode LatinPathMoved_Private(SNES snes, const LatinPath *path, P
   if (ends)
     PetscCall(PetscInfo(snes, "%g of the path: displacements change by %g, the tangent stiffness says %g, %g%s\n", (double)part, (double)(more * moved), (double)(more * path->far), (double)(more * back),
                         within ? "" : ", of some nodes more or less than that"));
+  PetscFunctionReturn(0);
+}
+
+/*
+   Where the nearest target may be, seen from the equilibrium path->u: on the cubic curve to the next one, if it has been found and both tangent stiffnesses are such
+   that the curve does not overshoot [F. N. Fritsch, R. E. Carlson 1980]; else path->u. Overwrites path->step. Collective on structure
+*/
+static PetscErrorCode LatinPathGuess_Private(LatinLarge *large, const LatinPath *path, Vec *guess)
+{
+  const LatinPathTarget *target = &path->target[path->targets - 1], *next = target - 1;
+  PetscReal              h, s, moved, last;
+
+  PetscFunctionBegin;
+  *guess = path->u;
+  if (path->targets < 2 || !next->u || !next->rate) PetscFunctionReturn(0);
+  h = next->part - large->reached;
+  s = (target->part - large->reached) / h;
+  PetscCall(VecWAXPY(path->step, -1.0, path->u, next->u));
+  PetscCall(VecNorm(path->step, NORM_2, &moved));
+  PetscCall(VecNorm(next->rate, NORM_2, &last));
+  if (h * PetscMax(path->far, last) > LATIN_PATH_CURVE * moved) PetscFunctionReturn(0);
+  PetscCall(VecAYPX(path->step, s * s * (3.0 - 2.0 * s), path->u));
+  PetscCall(VecAXPY(path->step, h * s * (1.0 - s) * (1.0 - s), path->ahead));
+  PetscCall(VecAXPY(path->step, h * s * s * (s - 1.0), next->rate));
+  *guess            = path->step;
+  large->between[0] = path->u;
+  large->between[1] = next->u;
+  large->part       = s;
   PetscFunctionReturn(0);
 }
 
@@ -300,10 +276,12 @@ static PetscErrorCode LatinPathSolve_Private(SNES snes, LatinPathTarget *target,
 */
 static PetscErrorCode LatinPathIncrement_Private(SNES snes, LatinPath *path, PetscBool from, PetscReal *smaller)
 {
+  LatinLarge      *large  = &((SNES_Latin *)snes->data)->large;
   LatinPathTarget *target = &path->target[path->targets - 1];
   const PetscBool  known  = (PetscBool) !!target->u;
   PetscReal        back;
-  PetscBool        found = PETSC_TRUE, other = PETSC_FALSE;
+  PetscBool        found = PETSC_TRUE, lies = PETSC_FALSE, other = PETSC_FALSE;
+  Vec              guess = path->u;
 
   PetscFunctionBegin;
   *smaller = 0.5;
@@ -312,14 +290,23 @@ static PetscErrorCode LatinPathIncrement_Private(SNES snes, LatinPath *path, Pet
   *smaller = 1.0;
   if (known) {
     PetscCall(VecCopy(target->u, snes->vec_sol));
-    if (from) PetscCall(LatinPathMoved_Private(snes, path, target->part, -1.0, smaller, &other));
+    if (from) PetscCall(LatinPathMoved_Private(snes, path, target->part, -1.0, smaller, &lies, &other));
     if (*smaller < 1.0) PetscFunctionReturn(0);
     PetscCall(SNESLatinLargeRenew_Private(snes, LATIN_FRAME_TANGENT));
-  } else PetscCall(LatinPathSolve_Private(snes, target, path->u, from, &found));
+  } else {
+    if (from) PetscCall(LatinPathGuess_Private(large, path, &guess));
+    PetscCall(LatinPathSolve_Private(snes, target, guess, from, &found));
+    large->between[0] = large->between[1] = NULL;
+  }
   *smaller = found ? 1.0 : 0.5;
   if (!found) PetscFunctionReturn(0);
   PetscCall(LatinPathRate_Private(snes, path, target->u, path->back, &back));
-  if (from) PetscCall(LatinPathMoved_Private(snes, path, target->part, back, smaller, &other));
+  if (from) PetscCall(LatinPathMoved_Private(snes, path, target->part, back, smaller, &lies, &other));
+  PetscCall(VecDestroy(&target->rate));
+  if (lies && back < PETSC_MAX_REAL) {
+    PetscCall(VecDuplicate(path->back, &target->rate));
+    PetscCall(VecCopy(path->back, target->rate));
+  }
   if (other && known) PetscCall(VecDestroy(&target->u)); /* on another path, from closer by as well */
   if (*smaller < 1.0) PetscFunctionReturn(0);
   PetscCall(LatinPathStable_Private(snes, path, target->u, &found));
@@ -336,6 +323,17 @@ static PetscErrorCode LatinPathIncrement_Private(SNES snes, LatinPath *path, Pet
 static void LatinPathCloser(LatinPath *path, PetscReal part)
 {
   path->target[path->targets++] = (LatinPathTarget){.part = part};
+}
+
+/* The nearest target is no longer one */
+static PetscErrorCode LatinPathReached_Private(LatinPath *path)
+{
+  LatinPathTarget *target = &path->target[--path->targets];
+
+  PetscFunctionBegin;
+  PetscCall(VecDestroy(&target->u));
+  PetscCall(VecDestroy(&target->rate));
+  PetscFunctionReturn(0);
 }
 
 /* No further equilibrium follows path->u: the mode that buckles is the softest one there. Collective on snes */
@@ -372,8 +370,7 @@ static PetscErrorCode LatinPathFollow_Private(SNES snes, LatinPath *path, PetscB
     if (smaller < 1.0) LatinPathCloser(path, large->reached + smaller * more);
     else {
       large->reached = target->part;
-      PetscCall(VecDestroy(&target->u));
-      path->targets--;
+      PetscCall(LatinPathReached_Private(path));
     }
   }
   if (!path->targets) PetscFunctionReturn(0);
@@ -446,7 +443,7 @@ PetscErrorCode SNESLatinLargeRun_Private(SNES snes)
   LatinPath path = {.first = work[0], .whole = work[1], .u = work[2], .ahead = work[3], .back = work[4], .more = work[5], .step = work[6], .far = PETSC_MAX_REAL};
   ierr           = LatinPathStart_Private(snes, &path, &from);
   if (!ierr) ierr = LatinPathFollow_Private(snes, &path, from);
-  while (path.targets) PetscCall(VecDestroy(&path.target[--path.targets].u));
+  while (path.targets) PetscCall(LatinPathReached_Private(&path));
   snes->vec_rhs = rhs; /* after an error as well, or the SNES would give back what it has not got */
   PetscCall(ierr);
   PetscCall(LatinPathBorne_Private(&path, &large->reached));

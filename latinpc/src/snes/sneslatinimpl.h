@@ -125,6 +125,8 @@ typedef struct {
   PetscReal cost;          /* linear stages that take as long as a set-up */
   PetscBool crept;         /* Newton's method has been given up: only near the solution it is tried again */
   /* of Newton's method */
+  Vec        between[2];    /* equilibria between which it starts, NULL: strains are then between theirs, for those of a guess are wrong by what links have turned */
+  PetscReal  part;          /* of the way to the second one */
   PetscReal *ahead;         /* [2][links_local of the structure] tensions that go ahead of the displacements, and their strains; NULL in time steps */
   PetscReal  error;         /* estimated, after a step */
   PetscReal  force;         /* norm of the residual of the laws there */
@@ -264,6 +266,10 @@ PETSC_INTERN PetscErrorCode SNESLatinLargeFinish_Private(SNES, PetscInt times, P
 PETSC_INTERN PetscErrorCode SNESLatinLargeIterate_Private(SNES);
 PETSC_INTERN PetscErrorCode SNESLatinLargeRun_Private(SNES);
 PETSC_INTERN PetscErrorCode SNESLatinLargeFrom_Private(SNES, Vec u, PetscBool near);
+/* how far nodes move (snes/largenodes.c) */
+#define LATIN_PATH_FAR 2.0 /* times the displacements by the tangent stiffness at the start: the limit of a fold, where force is a parabola of displacement */
+PETSC_INTERN PetscErrorCode LatinPathNodes_Private(LatinStructure, Vec moved, Vec other, PetscReal little, PetscBool *within);
+PETSC_INTERN PetscErrorCode LatinPathBetween_Private(LatinStructure, Vec mean, Vec ahead, Vec back, PetscReal little, PetscBool *within);
 PETSC_INTERN PetscErrorCode SNESLatinLargeRigid_Private(SNES);
 PETSC_INTERN PetscErrorCode SNESLatinLargeInterior_Private(SNES, PetscReal tension[], PetscBool *done);
 PETSC_INTERN PetscErrorCode SNESLatinLargeRenew_Private(SNES, LatinFrameType);
