@@ -251,6 +251,7 @@ static PetscErrorCode LatinPathGuess_Private(LatinLarge *large, const LatinPath 
   large->between[0] = path->u;
   large->between[1] = next->u;
   large->part       = s;
+  PetscCall(PetscInfo(path->u, "%g of the path: sought on the curve to what is known at %g\n", (double)target->part, (double)next->part));
   PetscFunctionReturn(0);
 }
 
