@@ -10,6 +10,7 @@ extern void FRONT_BLAS(gemm)(const char *, const char *, const PetscBLASInt *, c
                              FRONT_REAL *, const PetscBLASInt *);
 
 #include "localsolvers/panelkernels.h"
+#include "localsolvers/columnkernels.h"
 
 /* ---- the factor ---- */
 
@@ -99,7 +100,7 @@ static PetscBool FRONT(LatinFrontEliminate)(const LatinFronts *F, PetscInt f, FR
   return PETSC_TRUE;
 }
 
-/* Puts the columns of a front into the factor, rounded, or (not narrow) closes the gaps between them, which are in their place; PETSC_FALSE if single precision cannot hold their pivots */
+/* Puts the columns of a front into the factor, rounded, or (not narrow) closes the gaps between them, which are in their place. Zeros above the diagonal, where vectors of rows go on. PETSC_FALSE if single precision cannot hold their pivots */
 static LATIN_CLONES PetscBool FRONT(LatinFrontStore)(const LatinFronts *F, PetscInt f, PetscBool narrow, const FRONT_REAL panel[])
 {
   const PetscInt height = F->row_first[f + 1] - F->row_first[f], columns = F->columns[f];
@@ -112,9 +113,15 @@ static LATIN_CLONES PetscBool FRONT(LatinFrontStore)(const LatinFronts *F, Petsc
     if (narrow) {
       float *to = (float *)F->factor + at;
 
-      _Pragma("omp simd") for (PetscInt r = 0; r < rows; r++) to[r] = (float)from[r];
+      for (PetscInt r = 0; r < c - first; r++) to[r] = 0.0F;
+      _Pragma("omp simd") for (PetscInt r = c - first; r < rows; r++) to[r] = (float)from[r];
       if (!(pivot > 1e10 * FLT_MIN && pivot < 1e-10 * FLT_MAX)) return PETSC_FALSE;
-    } else if (first) memmove((FRONT_REAL *)F->factor + at, from, (size_t)rows * sizeof(*from));
+    } else {
+      FRONT_REAL *to = (FRONT_REAL *)F->factor + at;
+
+      if (first) memmove(to, from, (size_t)rows * sizeof(*from));
+      for (PetscInt r = 0; r < c - first; r++) to[r] = 0;
+    }
   }
   return PETSC_TRUE;
 }
@@ -193,61 +200,7 @@ static PetscErrorCode FRONT(LatinFrontsFactor)(LatinFronts *F, const PetscInt i[
 
 /* ---- solves ---- */
 
-/* One right-hand side b of a front, [height], its own rows first: L^-1, of which the rows below get their part */
-static LATIN_CLONES void FRONT(LatinFrontColumnForward)(PetscInt own, PetscInt height, const FRONT_REAL panel[], FRONT_REAL b[])
-{
-  PetscInt c = 0;
-
-  for (; c + 4 <= own; c += 4) {
-    const FRONT_REAL *p = panel + (size_t)height * (size_t)c, *q = p + height, *r = q + height, *s = r + height;
-    const FRONT_REAL  x = b[c] / p[c], y = (b[c + 1] - p[c + 1] * x) / q[c + 1], z = (b[c + 2] - p[c + 2] * x - q[c + 2] * y) / r[c + 2];
-    const FRONT_REAL  w = (b[c + 3] - p[c + 3] * x - q[c + 3] * y - r[c + 3] * z) / s[c + 3];
-
-    b[c]     = x;
-    b[c + 1] = y;
-    b[c + 2] = z;
-    b[c + 3] = w;
-    _Pragma("omp simd") for (PetscInt i = c + 4; i < height; i++) b[i] -= p[i] * x + q[i] * y + r[i] * z + s[i] * w;
-  }
-  for (; c < own; c++) {
-    const FRONT_REAL *p = panel + (size_t)height * (size_t)c, x = b[c] / p[c];
-
-    b[c] = x;
-    _Pragma("omp simd") for (PetscInt i = c + 1; i < height; i++) b[i] -= p[i] * x;
-  }
-}
-
-/* L^-t, the rows below being known */
-static LATIN_CLONES void FRONT(LatinFrontColumnBackward)(PetscInt own, PetscInt height, const FRONT_REAL panel[], FRONT_REAL b[])
-{
-  PetscInt c = own;
-
-  for (; c % 4; c--) {
-    const FRONT_REAL *p = panel + (size_t)height * (size_t)(c - 1);
-    FRONT_REAL        x = 0;
-
-    _Pragma("omp simd reduction(+ : x)") for (PetscInt i = c; i < height; i++) x += p[i] * b[i];
-    b[c - 1] = (b[c - 1] - x) / p[c - 1];
-  }
-  for (c -= 4; c >= 0; c -= 4) {
-    const FRONT_REAL *p = panel + (size_t)height * (size_t)c, *q = p + height, *r = q + height, *s = r + height;
-    FRONT_REAL        x = 0, y = 0, z = 0, w = 0;
-
-    _Pragma("omp simd reduction(+ : x, y, z, w)") for (PetscInt i = c + 4; i < height; i++)
-    {
-      x += p[i] * b[i];
-      y += q[i] * b[i];
-      z += r[i] * b[i];
-      w += s[i] * b[i];
-    }
-    b[c + 3] = (b[c + 3] - w) / s[c + 3];
-    b[c + 2] = (b[c + 2] - z - r[c + 3] * b[c + 3]) / r[c + 2];
-    b[c + 1] = (b[c + 1] - y - q[c + 2] * b[c + 2] - q[c + 3] * b[c + 3]) / q[c + 1];
-    b[c]     = (b[c] - x - p[c + 1] * b[c + 1] - p[c + 2] * b[c + 2] - p[c + 3] * b[c + 3]) / p[c];
-  }
-}
-
-/* The same of front f in its place, one right-hand side: both halves read its panels once, as they lie */
+/* One right-hand side of front f, in its place: both halves read its panels once, as they lie */
 static void FRONT(LatinFrontColumn)(const LatinFronts *F, PetscInt f, PetscBool forward)
 {
   const PetscInt   *row = F->row + F->row_first[f], own = F->columns[f], height = F->row_first[f + 1] - F->row_first[f];
@@ -256,8 +209,9 @@ static void FRONT(LatinFrontColumn)(const LatinFronts *F, PetscInt f, PetscBool 
 
   for (PetscInt r = 0; r < own; r++) b[r] = x[F->first[f] + r];
   for (PetscInt r = own; r < height; r++) b[r] = x[row[r]];
-  for (PetscInt c = 0; c < own && forward; c += LATIN_FRONT_PANEL) FRONT(LatinFrontColumnForward)(PetscMin(LATIN_FRONT_PANEL, own - c), height - c, panel + LatinFrontAt(height, c), b + c);
-  for (PetscInt c = LatinFrontLastPanel(own); c >= 0 && !forward; c -= LATIN_FRONT_PANEL) FRONT(LatinFrontColumnBackward)(PetscMin(LATIN_FRONT_PANEL, own - c), height - c, panel + LatinFrontAt(height, c), b + c);
+  memset(b + height, 0, LATIN_LINE);
+  for (PetscInt c = 0; c < own && forward; c += LATIN_FRONT_PANEL) FRONT(LatinPanelForward)(PetscMin(LATIN_FRONT_PANEL, own - c), height - c, panel + LatinFrontAt(height, c), b + c);
+  for (PetscInt c = LatinFrontLastPanel(own); c >= 0 && !forward; c -= LATIN_FRONT_PANEL) FRONT(LatinPanelBackward)(PetscMin(LATIN_FRONT_PANEL, own - c), height - c, panel + LatinFrontAt(height, c), b + c);
   for (PetscInt r = 0; r < own; r++) x[F->first[f] + r] = b[r];
   for (PetscInt r = own; r < height && forward; r++) x[row[r]] = b[r];
 }

@@ -97,7 +97,7 @@ static PetscErrorCode LatinFrontsRoom_Private(LatinFronts *F, PetscInt columns)
   PetscCall(LatinRoomDestroy_Private(&F->x));
   PetscCall(PetscFree(F->work));
   PetscCall(LatinRoomCreate_Private(size * (size_t)F->n * (size_t)columns, &F->x));
-  PetscCall(PetscMalloc(size * (size_t)F->tallest * (size_t)columns, &F->work));
+  PetscCall(PetscMalloc(size * (size_t)F->tallest * (size_t)columns + LATIN_LINE, &F->work));
   F->room = columns;
   PetscFunctionReturn(0);
 }
@@ -115,9 +115,10 @@ PetscErrorCode LatinFrontsDestroy(LatinFronts *F)
 
 /* Sums over rows, of more digits than single precision has */
 typedef PetscReal LatinLanesSum __attribute__((vector_size(LATIN_FRONT_LANES * sizeof(PetscReal)), aligned(LATIN_LINE)));
-  #define LATIN_FRONT_BLOCK 32 /* columns of what a front of few columns leaves that are updated together */
-  #define LATIN_PANEL_ROWS  64 /* of a panel that stay in the first cache */
-  #define LATIN_FRONT_ROWS  8  /* of a front that stay in registers while lanes are solved */
+  #define LATIN_FRONT_BLOCK 32   /* columns of what a front of few columns leaves that are updated together */
+  #define LATIN_PANEL_ROWS  64   /* of a panel that stay in the first cache */
+  #define LATIN_FRONT_ROWS  8    /* of a front that stay in registers while lanes are solved; columns, for one right-hand side */
+  #define LATIN_FRONT_AHEAD 4096 /* bytes of the factor: processors fetch by themselves up to the end of a page */
   #define LATIN_LANES_SQUARE(sum, x) \
     do { \
       const LatinLanesSum wide = __builtin_convertvector(x, LatinLanesSum); \
@@ -174,12 +175,13 @@ PetscErrorCode LatinFrontsFactor(LatinFronts *F, LatinArithmetic precision, cons
     if (!F->factor || (precision == LATIN_DOUBLE) != (F->precision == LATIN_DOUBLE)) {
       PetscCall(LatinRoomDestroy_Private(&F->factor));
       LatinRoomReturn(bytes);
-      PetscCall(LatinRoomCreate_Private(bytes, &F->factor)); /* solves read it from end to end */
+      PetscCall(LatinRoomCreate_Private(bytes + LATIN_LINE, &F->factor)); /* solves read it from end to end */
       F->room = 0;
     }
     F->precision = precision;
     if (precision == LATIN_SINGLE) PetscCall(LatinFrontsFactorSingle(F, i, j, a, S, bad));
     else PetscCall(LatinFrontsFactorDouble(F, i, j, a, S, bad));
+    memset((char *)F->factor + F->panel[F->fronts] * (precision == LATIN_DOUBLE ? sizeof(double) : sizeof(float)), 0, LATIN_LINE);
   }
   LatinRoomReturn(F->stack * sizeof(float));
   PetscFunctionReturn(0);
