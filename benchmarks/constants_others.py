@@ -347,6 +347,16 @@ OTHERS = {
         "network 8000 29 and 28 stages, 223 and 129 steps; METIS grid of 48 18 and 19, 75 and 42; METIS grid of 200 on "
         "8 ranks 22 and 22, 204 and 138.",
     ),
+    "LATIN_SPECTRAL_FACE": (
+        "relative",
+        "Second level, METIS grid of 200 on 8 ranks: 0.1, 0.2, 0.33 and 0.5 leave 142, 170, 195 and 227 unknowns "
+        "and take 100, 68, 64 and 57 steps; of 140 on 16: 372, 435, 502 and 570, 96, 75, 61 and 56.",
+    ),
+    "LATIN_SPECTRAL_FACE_SIZE": (
+        "of its norm",
+        "Second level, METIS grid of 200 on 8 ranks, LATIN_SPECTRAL_FACE 0.2: 0.1, 0.01 and 0.0001 leave 136, 167 and "
+        "170 unknowns and take 96, 76 and 68 steps; of 140 on 16: 88, 75 and 75 steps.",
+    ),
     "LATIN_DENSE_BLOCK": (
         "columns",
         "Two ranks, 400, 1,350 and 3,000 rows: 0.7, 14 and 121 ms with 32, 0.8, 15 and 127 with 64, 1.1, 17 and 122 "

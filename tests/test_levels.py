@@ -249,3 +249,31 @@ def test_levels_of_structures_on_several_ranks(mpirun):
     assert level["above"] == 4
     assert exact["reason"] > 0 and level["reason"] > 0
     assert level["iterations"] <= exact["iterations"] + 4
+
+
+PARTS = """
+import json, sys, petsc4py
+petsc4py.init([sys.argv[0], "-skip_petscrc", *sys.argv[1:]])
+from petsc4py import PETSc
+import latinpc
+
+structure = latinpc.local_scene("tensegrity-grid", modules=32, partition="metis")
+snes, u = structure.create_snes(), structure.create_vec()
+snes.setFromOptions()
+snes.setUp()
+coarse, steps = latinpc.coarse_ksp(snes), []
+coarse.setMonitor(lambda ksp, step, norm: steps.append(step))
+snes.solve(None, u)
+found = {"stages": steps.count(0), "steps": sum(step > 0 for step in steps), "reason": snes.getConvergedReason()}
+found["coarse"] = latinpc.statistics(snes)["coarse_size"]
+found["above"] = latinpc.statistics(coarse.getPC())["coarse_size"]
+PETSc.Sys.Print(json.dumps(found))
+"""
+
+
+def test_second_level_of_substructures(mpirun):
+    """Blocks of the operators share forces, and interfaces have a few fields: two or three steps leave a tenth."""
+    found = json.loads(mpirun(8, PARTS, "-snes_latin_coarse_pc_type", "latin").stdout)
+    assert found["reason"] > 0
+    assert found["steps"] <= 3 * found["stages"]
+    assert 4 * found["above"] < found["coarse"]

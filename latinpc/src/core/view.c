@@ -65,9 +65,14 @@ PetscErrorCode LatinView_Private(Latin latin, PetscViewer viewer)
                                    : latin->macro.type == LATIN_MODES_RIGID ? "rigid macro fields"
                                                                             : "affine macro fields"));
   if (!primal) PetscCall(LatinViewDirection_Private(latin, viewer));
-  if (latin->sub.preconditions) PetscCall(PetscViewerASCIIPrintf(viewer, "weights of the copies of a node: %s\n", LatinDirectionShares(&latin->dir) ? "Schur complements where there are, else stiffness" : "stiffness"));
+  if (latin->sub.preconditions)
+    PetscCall(PetscViewerASCIIPrintf(viewer, "weights of the copies of a node: %s\n",
+                                     !LatinDirectionShares(&latin->dir)     ? "stiffness"
+                                     : LatinDirectionCondensed(&latin->dir) ? "blocks of the operators on interfaces"
+                                                                            : "Schur complements where there are, else stiffness"));
   if (!latin->set_up) PetscFunctionReturn(0);
-  if (LatinDirectionKind(&latin->dir) == LATIN_DIRECTION_AUTO) PetscCall(PetscViewerASCIIPrintf(viewer, "search direction: a Schur complement on %" PetscInt_FMT " interfaces, diagonal on the others\n", latin->dir.matrices));
+  if (LatinDirectionKind(&latin->dir) == LATIN_DIRECTION_AUTO)
+    PetscCall(PetscViewerASCIIPrintf(viewer, "search direction: a %s on %" PetscInt_FMT " interfaces, diagonal on the others\n", LatinDirectionCondensed(&latin->dir) ? "block" : "Schur complement", latin->dir.matrices));
   PetscCall(LatinGetStatistics(latin, &stats));
   if (latin->sub.structure) PetscCall(PetscObjectView((PetscObject)latin->sub.structure, viewer));
   else {

@@ -371,6 +371,16 @@ static PetscErrorCode LatinInterfaceMates_Private(LatinInterfaces *inter)
   PetscFunctionReturn(0);
 }
 
+/* Has no rank a subdomain with an inside? Collective on sub->object */
+static PetscErrorCode LatinInterfaceCondensed_Private(LatinInterfaces *inter)
+{
+  PetscFunctionBegin;
+  inter->condensed = (PetscBool)(inter->sub->ki != NULL);
+  for (PetscInt i = 0; i < inter->sub->copies && inter->condensed; i++) inter->condensed = (PetscBool)(inter->share_offset[i] < inter->share_offset[i + 1]);
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &inter->condensed, 1, LATIN_MPI_BOOL, MPI_LAND, PetscObjectComm(inter->sub->object)));
+  PetscFunctionReturn(0);
+}
+
 PetscErrorCode LatinInterfaceSetUp(LatinInterfaces *inter)
 {
   PetscFunctionBegin;
@@ -381,6 +391,7 @@ PetscErrorCode LatinInterfaceSetUp(LatinInterfaces *inter)
   PetscCall(LatinInterfaceAssign_Private(inter));
   PetscCall(LatinInterfaceMates_Private(inter));
   PetscCall(LatinInterfacePrimal_Private(inter));
+  PetscCall(LatinInterfaceCondensed_Private(inter));
   PetscCall(PetscLogEventEnd(LATIN_Interface, inter->sub->object, 0, 0, 0));
   PetscFunctionReturn(0);
 }

@@ -44,7 +44,7 @@ static PetscErrorCode LatinStiffnessFoundation_Private(LatinDirections *dir, Pet
     mean /= PetscMax(n, 1);
     if (!(mean > 0.0)) mean = fallback; /* all links of the subdomain are slack */
     for (PetscInt i = first; i < last; i++) {
-      const PetscReal floor = !sub->preconditions ? LATIN_STIFFNESS_FLOOR : sub->multiplicity[i / bs] > 1 ? LATIN_STIFFNESS_SIDES : LATIN_STIFFNESS_TINY;
+      const PetscReal floor = !sub->preconditions ? LATIN_STIFFNESS_FLOOR : sub->multiplicity[i / bs] > 1 && !LatinDirectionCondensed(dir) ? LATIN_STIFFNESS_SIDES : LATIN_STIFFNESS_TINY;
 
       spring[i] = floor * PetscMax(spring[i], (sub->matrix ? LATIN_STIFFNESS_TINY : LATIN_STIFFNESS_LEAST) * mean);
     }
@@ -62,6 +62,17 @@ static void LatinStiffnessBlock(const LatinDirections *dir, const LatinSparse *K
   for (PetscInt r = 0; r < rows; r++)
     for (PetscInt k = K->i[dof[r] - top]; k < K->i[dof[r] - top + 1]; k++)
       if (at[K->j[k]] >= 0) S[r + rows * at[K->j[k]]] = K->a[k];
+  for (PetscInt r = 0; r < rows; r++) at[dof[r] - top] = -1;
+}
+
+/* The same of a subdomain without inside, and its foundation */
+static void LatinStiffnessDense(const LatinDirections *dir, const PetscReal spring[], const LatinInterface *face, PetscInt at[], PetscReal S[])
+{
+  const PetscInt rows = face->side_last - face->side_first, top = dir->sub->node_offset[face->sub], *dof = dir->inter->side_dof + face->side_first;
+
+  for (PetscInt r = 0; r < rows; r++) at[dof[r] - top] = r;
+  LatinOperatorDense(dir->sub, face->sub, rows, at, S);
+  for (PetscInt r = 0; r < rows; r++) S[r + rows * r] += spring[dof[r]];
   for (PetscInt r = 0; r < rows; r++) at[dof[r] - top] = -1;
 }
 
@@ -222,6 +233,8 @@ PetscErrorCode LatinStiffnessFaces_Private(LatinDirections *dir, PetscBool block
   PetscCall(PetscSortIntWithArray(patterns, key, list));
   if (!blocks) LatinEach(PetscObjectComm(dir->sub->object), LatinStiffnessCondenseAll_Private(dir, patterns, list, key, spring, at, first, *S, &bad));
   for (PetscInt p = 0; p < patterns && blocks; p++) {
+    for (PetscInt f = inter->offset[list[p]]; f < inter->offset[list[p] + 1] && inter->condensed; f++) LatinStiffnessDense(dir, spring, &inter->interface[f], at, *S + first[f]);
+    if (inter->condensed) continue;
     PetscCall(LatinSparseCreate_Private(sub, list[p], spring, sub->fixed, 0, NULL, &K));
     for (PetscInt f = inter->offset[list[p]]; f < inter->offset[list[p] + 1]; f++) LatinStiffnessBlock(dir, &K, &inter->interface[f], at, *S + first[f]);
     PetscCall(LatinSparseReset_Private(&K));

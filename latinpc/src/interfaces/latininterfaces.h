@@ -43,6 +43,7 @@ typedef struct {
   PetscInt       *side_dof;     /* [sides] entry of the copy arrays */
   PetscBool      *assigned;     /* [sides] to this interface, whose macro modes must be visible here */
   PetscSF         mate_sf;      /* side dof -> its mate on the other side of the interface */
+  PetscBool       condensed;    /* no unknown of a matrix is inside a subdomain, on any rank, as in coarse problems of substructures */
   PetscInt        strong_global, weak_global, side_nodes_global;
   /* a table of m x m integers for the m subdomains of a node: each copy fills its own row, and all copies get the whole */
   PetscSF   table_sf;
@@ -106,7 +107,15 @@ static inline PetscBool LatinDirectionShares(const LatinDirections *dir)
   return (PetscBool)(dir->sub->preconditions && dir->inter->variant == LATIN_VARIANT_CORNER && dir->type >= LATIN_DIRECTION_SCHUR);
 }
 
-/* ---- local low-energy fields (interfaces/spectralmodes.c) ---- */
+/* Are they all there is of the operators of the subdomains? */
+static inline PetscBool LatinDirectionCondensed(const LatinDirections *dir)
+{
+  return (PetscBool)(LatinDirectionShares(dir) && dir->inter->condensed);
+}
+
+/* ---- local low-energy fields (interfaces/spectralmodes.c, interfaces/facemodes.c) ---- */
+#define LATIN_SPECTRAL_MOST 64  /* fields of a subdomain; 8 take as many iterations as a threshold a tenth as large */
+#define LATIN_SPECTRAL_FACE 0.3 /* of the threshold, for ratios of stiffnesses of an interface (interfaces/facemodes.c) */
 typedef struct {
   const LatinSubdomains *sub;
   const LatinInterfaces *inter;
@@ -121,6 +130,7 @@ PETSC_INTERN PetscErrorCode LatinSpectralSetUp(LatinSpectral *);
 PETSC_INTERN PetscErrorCode LatinSpectralExtend(const LatinSpectral *, PetscInt f, PetscInt rows, PetscInt *fields, PetscScalar F[]);
 PETSC_INTERN PetscErrorCode LatinSpectralStatistics_Private(const LatinSpectral *, PetscInt *subdomains, PetscInt *most);
 PETSC_INTERN PetscReal      LatinSpectralThreshold(const LatinSpectral *);
+PETSC_INTERN PetscErrorCode LatinSpectralFaces_Private(LatinSpectral *, const PetscBool held[], PetscBool *bad);
 PETSC_INTERN PetscErrorCode LatinSpectralReset(LatinSpectral *);
 
 /* ---- macro bases (interfaces/macrobasis.c) ---- */

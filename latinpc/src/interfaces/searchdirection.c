@@ -12,7 +12,7 @@
      schur     its Schur complement on the interface
      auto      of a preconditioner of a matrix: schur between small subdomains, where it costs little, and on the interfaces
                of subdomains where the coefficients jump (interfaces/interfacejumps.c), for that is where it saves
-               iterations; diagonal on the others. Elsewhere schur
+               iterations; diagonal on the others; block where no subdomain has an inside (interfaces/facemodes.c). Elsewhere schur
 
    A matrix is stored once for equal ones, with its Cholesky factor, D = L L^t, and the inverse of that, or the W of a
    preconditioner (LatinDirectionShare()).
@@ -172,7 +172,7 @@ static PetscErrorCode LatinDirectionMatrix_Private(LatinDirections *dir, PetscRe
 
   PetscFunctionBegin;
   PetscCall(PetscMalloc5(inter->count, &from, inter->count + 1, &first, inter->count, &columns, inter->count, &theirs, inter->count, &mine));
-  PetscCall(LatinStiffnessFaces_Private(dir, (PetscBool)(dir->type == LATIN_DIRECTION_BLOCK), matrices, from, &S));
+  PetscCall(LatinStiffnessFaces_Private(dir, (PetscBool)(dir->type == LATIN_DIRECTION_BLOCK || LatinDirectionCondensed(dir)), matrices, from, &S));
   for (PetscInt f = 0; f < inter->count; f++) {
     columns[f] = matrices[f] ? inter->interface[f].side_last - inter->interface[f].side_first : 0;
     mine[f]    = S + from[f];
@@ -257,9 +257,9 @@ PetscErrorCode LatinDirectionSetUp(LatinDirections *dir)
   PetscCall(PetscMalloc1(inter->count, &dir->matrix_first));
   for (PetscInt f = 0; f < inter->count; f++) {
     dir->matrix_first[f] = -1;
-    matrices[f]          = (PetscBool)((kind == LATIN_DIRECTION_BLOCK || kind == LATIN_DIRECTION_SCHUR) && inter->interface[f].side_last > inter->interface[f].side_first);
+    matrices[f]          = (PetscBool)((kind == LATIN_DIRECTION_BLOCK || kind == LATIN_DIRECTION_SCHUR || LatinDirectionCondensed(dir)) && inter->interface[f].side_last > inter->interface[f].side_first);
   }
-  if (kind == LATIN_DIRECTION_AUTO) PetscCall(LatinDirectionAuto_Private(dir, matrices));
+  if (kind == LATIN_DIRECTION_AUTO && !LatinDirectionCondensed(dir)) PetscCall(LatinDirectionAuto_Private(dir, matrices));
   dir->matrices = 0;
   for (PetscInt f = 0; f < inter->count; f++) { dir->matrices += matrices[f] && dir->sub->first + inter->interface[f].sub < inter->interface[f].neighbour ? 1 : 0; }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &dir->matrices, 1, MPIU_INT, MPI_SUM, PetscObjectComm(dir->sub->object)));

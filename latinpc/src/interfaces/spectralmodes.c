@@ -18,16 +18,18 @@
    since it bends at next to no energy. Unless the threshold is given, only subdomains are looked at that are thin, or whose
    coefficients jump next to an interface.
 
+   Subdomains without inside have fields of each interface in place of these (interfaces/facemodes.c).
+
    The eigenproblem is solved densely. What is wanted is a sixth of an interface's dofs or more, most of it one multiple
    eigenvalue: block Lanczos then builds a basis of three times as many vectors, and took 1.7 times as long at 3,726 dofs.
 */
 
-#define LATIN_SPECTRAL_MOST         64  /* fields of a subdomain; 8 take as many iterations as a threshold a tenth as large */
-#define LATIN_SPECTRAL_SIZE         0.1 /* a field is kept when this part of its norm, or more, is outside the macro basis */
-#define LATIN_SPECTRAL_SOFT         0.5 /* springs of the subdomains of a matrix, relative to the stiffness at the interface */
-#define LATIN_SPECTRAL_THIN         0.1 /* thickness over extent */
-#define LATIN_SPECTRAL_ITERATION    1.3 /* threshold of KSP latin, for a matrix whose coefficients jump */
-#define LATIN_SPECTRAL_PRECONDITION 1.0 /* the same of PC latin */
+#define LATIN_SPECTRAL_SIZE         0.1  /* a field is kept when this part of its norm, or more, is outside the macro basis */
+#define LATIN_SPECTRAL_FACE_SIZE    1e-3 /* the same where it is of an interface alone: what it adds may be small and decide */
+#define LATIN_SPECTRAL_SOFT         0.5  /* springs of the subdomains of a matrix, relative to the stiffness at the interface */
+#define LATIN_SPECTRAL_THIN         0.1  /* thickness over extent */
+#define LATIN_SPECTRAL_ITERATION    1.3  /* threshold of KSP latin, for a matrix whose coefficients jump */
+#define LATIN_SPECTRAL_PRECONDITION 1.0  /* the same of PC latin */
 
 /* The threshold: given; of a matrix, when nothing is said, one that makes up for jumps of its coefficients */
 PetscReal LatinSpectralThreshold(const LatinSpectral *spectral)
@@ -265,7 +267,10 @@ PetscErrorCode LatinSpectralSetUp(LatinSpectral *spectral)
   for (PetscInt i = 0; i < sub->bs * sub->copies; i++) held[i] = (PetscBool)(sub->fixed[i] || inter->component[i / sub->bs] >= 0);
   for (PetscInt k = 0; k < inter->sides; k++) spring[inter->side_dof[k]] += spectral->sub->matrix ? LATIN_SPECTRAL_SOFT * spectral->dir->harmonic[k] : spectral->dir->d[k];
   for (PetscInt s = 0; s < sub->n; s++) is[s] = PETSC_TRUE;
-  if (spectral->threshold < 0.0) PetscCall(LatinSpectralChoose_Private(spectral, is));
+  if (LatinDirectionCondensed(spectral->dir)) {
+    PetscCall(LatinSpectralFaces_Private(spectral, held, &bad));
+    for (PetscInt s = 0; s < sub->n; s++) is[s] = PETSC_FALSE;
+  } else if (spectral->threshold < 0.0) PetscCall(LatinSpectralChoose_Private(spectral, is));
   for (PetscInt s = 0; s < sub->n; s++) any = (PetscBool)(any || is[s]);
   if (any) PetscCall(LatinRepeats_Private(inter, spectral->dir, NULL, pattern));
   for (PetscInt s = 0; s < sub->n; s++) {
@@ -276,6 +281,7 @@ PetscErrorCode LatinSpectralSetUp(LatinSpectral *spectral)
   PetscCall(PetscFree4(spring, held, pattern, is));
   LatinAgree(PetscObjectComm(spectral->sub->object), bad, PETSC_ERR_CONV_FAILED, "The local low-energy fields of a subdomain could not be computed; leave them out with -%smodes_local 0", LatinPrefix(sub));
   PetscCall(LatinSpectralExchange_Private(spectral));
+  for (PetscInt f = 0; f < inter->count && LatinDirectionCondensed(spectral->dir); f++) spectral->modes[inter->interface[f].sub] += spectral->count[f];
   PetscCall(PetscLogEventEnd(LATIN_Spectral, spectral->sub->object, 0, 0, 0));
   PetscFunctionReturn(0);
 }
@@ -286,10 +292,11 @@ PetscErrorCode LatinSpectralSetUp(LatinSpectral *spectral)
 */
 PetscErrorCode LatinSpectralExtend(const LatinSpectral *spectral, PetscInt f, PetscInt rows, PetscInt *fields, PetscScalar F[])
 {
-  const PetscInt count = spectral->count ? spectral->count[f] : 0, m = *fields;
-  PetscInt       kept = 0;
-  PetscReal     *scale;
-  PetscScalar   *C, *right;
+  const PetscInt  count = spectral->count ? spectral->count[f] : 0, m = *fields;
+  const PetscReal size = LatinDirectionCondensed(spectral->dir) ? LATIN_SPECTRAL_FACE_SIZE : LATIN_SPECTRAL_SIZE;
+  PetscInt        kept = 0;
+  PetscReal      *scale;
+  PetscScalar    *C, *right;
 
   PetscFunctionBegin;
   if (!count) PetscFunctionReturn(0);
@@ -304,7 +311,7 @@ PetscErrorCode LatinSpectralExtend(const LatinSpectral *spectral, PetscInt f, Pe
         for (PetscInt r = 0; r < rows; r++) C[r + rows * j] -= F[r + rows * i] * dot;
       }
   PetscCall(LatinSVD_Private(rows, count, C, scale, right));
-  while (kept < PetscMin(count, rows - m) && scale[kept] > LATIN_SPECTRAL_SIZE) kept++;
+  while (kept < PetscMin(count, rows - m) && scale[kept] > size) kept++;
   LatinCombine_Private(rows, count, kept, C, right, scale, F + rows * m);
   *fields += kept;
   PetscCall(PetscFree3(right, scale, C));

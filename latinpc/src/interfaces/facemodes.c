@@ -1,0 +1,143 @@
+#include "interfaces/latininterfaces.h"
+
+/*
+   Local low-energy fields of subdomains without inside, as in coarse problems of substructures: what is left of a subdomain is
+   its operator K on its interfaces, dense. A displacement v of one interface that is split between its two sides by the weights
+   of the preconditioner, with A and B their blocks of the operators there, costs v^t N v, N = A (A + B)^-1 B, where the rest of both
+   sides is at rest; where the rest is free, no less than v^t P v, P^-1 = (K^-1)_ff + (K'^-1)_ff. The preconditioner is as good as
+
+     N v = lambda P v
+
+   has no large lambda. The displacements of those that it has become macro, with N v for their forces: fields (A + B)^-1 N v. The
+   eigenproblem is one of the size of an interface. Springs of the search direction keep K regular.
+*/
+
+/* Blocks of the inverse of the operator of subdomain s and its springs, on its interfaces: C + first[f]; zero where it has a mechanism, which the set-up of the linear stage reports */
+static PetscErrorCode LatinFaceCompliance_Private(const LatinSpectral *spectral, PetscInt s, const PetscBool held[], const size_t first[], PetscReal C[])
+{
+  const LatinInterfaces *inter = spectral->inter;
+  const PetscInt         top = spectral->sub->node_offset[s], rows = spectral->sub->node_offset[s + 1] - top;
+  PetscInt              *position, n                               = 0;
+  PetscBool              mechanism = PETSC_FALSE;
+  PetscReal             *G;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMalloc1(rows, &position));
+  for (PetscInt i = 0; i < rows; i++) position[i] = held[top + i] ? -1 : 0;
+  for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++)
+    for (PetscInt k = inter->interface[f].side_first; k < inter->interface[f].side_last; k++) position[inter->side_dof[k] - top] = 0;
+  for (PetscInt i = 0; i < rows; i++)
+    if (!position[i]) position[i] = n++;
+  PetscCall(PetscMalloc1((size_t)n * (size_t)n, &G));
+  LatinOperatorDense(spectral->sub, s, n, position, G);
+  for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++) {
+    const LatinInterface *face = &inter->interface[f];
+    const PetscInt       *dof  = inter->side_dof + face->side_first;
+    const PetscReal      *D    = spectral->dir->matrix + spectral->dir->matrix_first[f];
+
+    for (PetscInt j = 0, m = face->side_last - face->side_first; j < m; j++)
+      for (PetscInt i = 0; i < m; i++) G[(size_t)position[dof[i] - top] + (size_t)n * (size_t)position[dof[j] - top]] += *D++;
+  }
+  PetscCall(LatinSPDInverse_Private(n, G, &mechanism));
+  for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++) {
+    const LatinInterface *face = &inter->interface[f];
+    const PetscInt       *dof  = inter->side_dof + face->side_first;
+    PetscReal            *to   = C + first[f];
+
+    for (PetscInt j = 0, m = face->side_last - face->side_first; j < m; j++)
+      for (PetscInt i = 0; i < m; i++) *to++ = mechanism ? 0.0 : G[(size_t)position[dof[i] - top] + (size_t)n * (size_t)position[dof[j] - top]];
+  }
+  PetscCall(PetscFree(G));
+  PetscCall(PetscFree(position));
+  PetscFunctionReturn(0);
+}
+
+/* Columns of V, ascending by lambda, the last *modes of which have one above the least, N v = lambda P v; N and Q = P^-1, n x n, are destroyed. None where Q is not positive definite */
+static PetscErrorCode LatinFaceEigen_Private(PetscInt n, PetscReal least, PetscScalar N[], PetscScalar Q[], PetscScalar V[], PetscInt *modes, PetscBool *bad)
+{
+  const PetscReal unused = 0.0, tolerance = 0.0;
+  PetscBLASInt    bn, lwork, kind = 3, found, first, info, *iwork, *fail;
+  PetscScalar    *work;
+  PetscReal      *w;
+
+  PetscFunctionBegin;
+  PetscCall(PetscBLASIntCast(n, &bn));
+  PetscCall(PetscBLASIntCast(40 * n, &lwork));
+  first = PetscMax(bn - LATIN_SPECTRAL_MOST, 0) + 1;
+  PetscCall(PetscMalloc4(lwork, &work, n, &w, 5 * n, &iwork, n, &fail));
+  PetscCallBLAS("LAPACKsygvx", LAPACKsygvx_(&kind, "V", "I", "L", &bn, N, &bn, Q, &bn, &unused, &unused, &first, &bn, &tolerance, &found, w, V, &bn, work, &lwork, iwork, fail, &info));
+  if (info && info <= bn) *bad = PETSC_TRUE;
+  *modes = 0;
+  for (PetscInt i = 0; i < found && !info; i++) *modes += w[i] > least ? 1 : 0;
+  PetscCall(PetscLogFlops(13.0 / 3.0 * n * n * n));
+  PetscCall(PetscFree4(work, w, iwork, fail));
+  PetscFunctionReturn(0);
+}
+
+/* The fields of interface f, rows weighted by sqrt(d), of length 1; Q = P^-1, destroyed */
+static PetscErrorCode LatinFaceFields_Private(LatinSpectral *spectral, PetscInt f, PetscScalar Q[], PetscBool *bad)
+{
+  const LatinInterface  *face = &spectral->inter->interface[f];
+  const LatinDirections *dir  = spectral->dir;
+  const PetscInt         rows = face->side_last - face->side_first, most = PetscMin(rows, LATIN_SPECTRAL_MOST);
+  const PetscReal       *D = dir->matrix + dir->matrix_first[f], *W = D + 2 * rows * rows;
+  const PetscScalar      one = 1.0, zero = 0.0, minus = -1.0, scale = 2.0 / LatinDirectionFraction(dir);
+  PetscBLASInt           n, modes;
+  PetscInt               count;
+  PetscScalar           *X, *N, *V;
+
+  PetscFunctionBegin;
+  PetscCall(PetscBLASIntCast(rows, &n));
+  PetscCall(PetscMalloc3(rows * rows, &X, rows * rows, &N, rows * most, &V));
+  PetscCall(PetscArraycpy(X, W, rows * rows)); /* (A + B)^-1 N = W - W W, A + B = D times scale */
+  PetscCallBLAS("BLASgemm", BLASgemm_("N", "N", &n, &n, &n, &minus, W, &n, W, &n, &one, X, &n));
+  PetscCallBLAS("BLASgemm", BLASgemm_("N", "N", &n, &n, &n, &scale, D, &n, X, &n, &zero, N, &n));
+  PetscCall(LatinFaceEigen_Private(rows, 1.0 / (LATIN_SPECTRAL_FACE * LatinSpectralThreshold(spectral)), N, Q, V, &count, bad));
+  PetscCall(PetscBLASIntCast(count, &modes));
+  PetscCall(PetscMalloc1(rows * count, &spectral->field[f]));
+  if (count) PetscCallBLAS("BLASgemm", BLASgemm_("N", "N", &n, &modes, &n, &one, X, &n, V + rows * (most - count), &n, &zero, spectral->field[f], &n));
+  for (PetscInt j = 0; j < count; j++) {
+    PetscScalar *field = spectral->field[f] + rows * j;
+    PetscReal    norm  = 0.0;
+
+    for (PetscInt r = 0; r < rows; r++) field[r] *= PetscSqrtReal(dir->d[face->side_first + r]);
+    for (PetscInt r = 0; r < rows; r++) norm += PetscSqr(field[r]);
+    for (PetscInt r = 0; r < rows; r++) field[r] /= PetscSqrtReal(norm);
+  }
+  spectral->count[f] = count;
+  PetscCall(PetscLogFlops(4.0 * rows * rows * rows));
+  PetscCall(PetscFree3(X, N, V));
+  PetscFunctionReturn(0);
+}
+
+/* The fields of all interfaces here, made by the side of the lower subdomain. Collective on sub->object */
+PetscErrorCode LatinSpectralFaces_Private(LatinSpectral *spectral, const PetscBool held[], PetscBool *bad)
+{
+  const LatinInterfaces *inter = spectral->inter;
+  PetscInt              *columns, *theirs;
+  size_t                *first, *from;
+  const PetscReal      **mine;
+  PetscReal             *C, *mate;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMalloc5(inter->count, &columns, inter->count, &theirs, inter->count + 1, &first, inter->count + 1, &from, inter->count, &mine));
+  first[0] = 0;
+  for (PetscInt f = 0; f < inter->count; f++) first[f + 1] = first[f] + PetscSqr((size_t)(inter->interface[f].side_last - inter->interface[f].side_first));
+  PetscCall(PetscMalloc1(first[inter->count], &C));
+  for (PetscInt s = 0; s < spectral->sub->n; s++) PetscCall(LatinFaceCompliance_Private(spectral, s, held, first, C));
+  for (PetscInt f = 0; f < inter->count; f++) {
+    const LatinInterface *face = &inter->interface[f];
+
+    columns[f] = spectral->sub->first + face->sub < face->neighbour ? 0 : face->side_last - face->side_first;
+    mine[f]    = C + first[f];
+  }
+  PetscCall(LatinMateColumns_Private(inter, columns, mine, theirs, from, &mate));
+  for (PetscInt f = 0; f < inter->count && !*bad; f++) {
+    for (size_t i = from[f]; i < from[f + 1]; i++) C[first[f] + i - from[f]] += mate[i];
+    if (theirs[f]) PetscCall(LatinFaceFields_Private(spectral, f, C + first[f], bad));
+  }
+  PetscCall(PetscFree(C));
+  PetscCall(PetscFree(mate));
+  PetscCall(PetscFree5(columns, theirs, first, from, mine));
+  PetscFunctionReturn(0);
+}
