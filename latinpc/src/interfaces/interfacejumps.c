@@ -23,9 +23,9 @@ PetscErrorCode LatinJumps_Private(const LatinInterfaces *inter, PetscBool jumps[
       const PetscInt i = inter->side_dof[k];
 
       for (PetscInt p = sub->ki[i]; p < sub->ki[i + 1]; p++) {
-        const PetscInt j = sub->kj[p];
+        const PetscInt j = LatinEntryColumn(sub, i, p);
 
-        if (sub->field[i] == sub->field[j] && PetscMax(diagonal[i], diagonal[j]) > LATIN_JUMP * PetscMin(diagonal[i], diagonal[j])) jumps[inter->interface[f].sub] = PETSC_TRUE;
+        if (LatinEntry(sub, i, p) != 0.0 && sub->field[i] == sub->field[j] && PetscMax(diagonal[i], diagonal[j]) > LATIN_JUMP * PetscMin(diagonal[i], diagonal[j])) jumps[inter->interface[f].sub] = PETSC_TRUE;
       }
     }
   PetscCall(PetscFree(diagonal));

@@ -76,9 +76,12 @@ typedef struct {
   PetscInt  *state;            /* [links] number of the link's state here, -1: none */
   PetscInt  *state_first;      /* [n + 1] first state of each subdomain */
   /* subdomains of a matrix (subdomains/matis.c) have no links, and one component a node */
-  PetscInt  *ki, *kj; /* [copies + 1], [ki[copies]] rows of the operators, NULL: B^t k B */
-  PetscReal *ka;
-  PetscInt   rows, *row_copy; /* [rows] of the local matrix: their copies, or why they have none (subdomains/matis.c) */
+  PetscInt        *ki, *kj; /* [copies + 1], [ki[copies]] rows of the operators, NULL: B^t k B */
+  PetscReal       *ka;
+  Mat              dense;           /* where a local matrix is dense, and its only part a subdomain: in place of kj and ka; else NULL */
+  const PetscReal *dense_a;         /* its entries, [copies][copies] */
+  PetscInt        *dense_row;       /* [copies] rows of it */
+  PetscInt         rows, *row_copy; /* [rows] of the local matrix: their copies, or why they have none (subdomains/matis.c) */
   /* coupled to no other unknown: rows of a matrix, masses without link in a motion */
   PetscInt   unassigned_count, *unassigned; /* unknowns of this rank's part of a vector that are in no subdomain */
   PetscReal *unassigned_inverse;            /* inverse of their diagonal entries */
@@ -96,6 +99,17 @@ static inline PetscMPIInt LatinSubdomainRank(const LatinSubdomains *sub, PetscMP
     else high = middle - 1;
   }
   return low;
+}
+
+/* The column of entry k of row i of the operators of a matrix, and its value */
+static inline PetscInt LatinEntryColumn(const LatinSubdomains *sub, PetscInt i, PetscInt k)
+{
+  return sub->dense ? k - sub->ki[i] : sub->kj[k];
+}
+
+static inline PetscReal LatinEntry(const LatinSubdomains *sub, PetscInt i, PetscInt k)
+{
+  return sub->dense ? sub->dense_a[(size_t)sub->copies * (size_t)sub->dense_row[i] + (size_t)sub->dense_row[k - sub->ki[i]]] : sub->ka[k];
 }
 
 /* Has a node a free component? */

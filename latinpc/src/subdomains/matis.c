@@ -114,8 +114,17 @@ static PetscErrorCode LatinMatrixCopies_Private(LatinSubdomains *sub, const Lati
   for (PetscInt s = 0; s < sub->n; s++) PetscCall(PetscSortIntWithArray(sub->node_offset[s + 1] - sub->node_offset[s], sub->node + sub->node_offset[s], row + sub->node_offset[s]));
   for (PetscInt r = 0; r < local->rows; r++) at[r] = alone[r] ? LATIN_ROW_ALONE : -1;
   for (PetscInt i = 0; i < sub->copies; i++) at[row[i]] = i;
-  /* the rows of the operators, of entries that are not zero on either side of the diagonal: rounding may leave one of the two, and METIS takes symmetric graphs */
   PetscCall(PetscMalloc1(sub->copies + 1, &sub->ki));
+  if (local->mirrored && sub->preconditions && !sub->known.kernels && sub->n == 1 && sub->copies == local->rows) {
+    PetscCall(PetscObjectReference((PetscObject)local->K));
+    sub->dense     = local->K;
+    sub->dense_a   = local->a;
+    sub->dense_row = row;
+    for (PetscInt i = 0; i <= sub->copies; i++) sub->ki[i] = sub->copies * i;
+    PetscCall(PetscFree(next));
+    PetscFunctionReturn(0);
+  }
+  /* the rows of the operators, of entries that are not zero on either side of the diagonal: rounding may leave one of the two, and METIS takes symmetric graphs */
   PetscCall(PetscMalloc2(local->i[local->rows], &sub->kj, local->i[local->rows], &sub->ka));
   sub->ki[0] = 0;
   for (PetscInt i = 0; i < sub->copies; i++) {

@@ -13,7 +13,7 @@ static PetscErrorCode LatinMatrixValues_Private(LatinSubdomains *sub, const Lati
   PetscInt       *place; /* [copies] of the entry in this column, plus one */
 
   PetscFunctionBegin;
-  *same = (PetscBool)(local->rows == sub->rows);
+  *same = (PetscBool)(local->rows == sub->rows && !sub->dense);
   PetscCall(PetscCalloc1(sub->copies, &place));
   for (PetscInt r = 0; r < local->rows && *same; r++) {
     const PetscInt i = copy[r], first = i < 0 ? 0 : ki[i], last = i < 0 ? 0 : ki[i + 1], end = local->i[r + 1];

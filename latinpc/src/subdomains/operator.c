@@ -14,7 +14,7 @@ PetscErrorCode LatinOperatorMult(const LatinSubdomains *sub, const PetscReal v[]
   PetscFunctionBegin;
   for (PetscInt i = 0; i < bs * sub->copies; i++) f[i] = sub->ground ? sub->ground[i] * v[i] : 0.0;
   for (PetscInt i = 0; i < sub->copies && sub->ki; i++)
-    for (PetscInt k = sub->ki[i]; k < sub->ki[i + 1]; k++) f[i] += sub->ka[k] * v[sub->kj[k]];
+    for (PetscInt k = sub->ki[i]; k < sub->ki[i + 1]; k++) f[i] += LatinEntry(sub, i, k) * v[LatinEntryColumn(sub, i, k)];
   for (PetscInt l = 0; l < sub->links; l++) {
     const PetscReal *n = sub->direction + bs * l;
     const PetscInt   a = bs * sub->ends[2 * l], b = bs * sub->ends[2 * l + 1];
@@ -38,8 +38,9 @@ PetscErrorCode LatinOperatorDiagonal(const LatinSubdomains *sub, PetscReal diago
   PetscFunctionBegin;
   for (PetscInt i = 0; i < bs * sub->copies; i++) diagonal[i] = sub->ground ? sub->ground[i] : 0.0;
   for (PetscInt i = 0, at; i < sub->copies && sub->ki; i++) {
-    PetscCall(PetscFindInt(i, sub->ki[i + 1] - sub->ki[i], sub->kj + sub->ki[i], &at));
-    if (at >= 0) diagonal[i] = sub->ka[sub->ki[i] + at];
+    if (sub->dense) at = i;
+    else PetscCall(PetscFindInt(i, sub->ki[i + 1] - sub->ki[i], sub->kj + sub->ki[i], &at));
+    if (at >= 0) diagonal[i] = LatinEntry(sub, i, sub->ki[i] + at);
   }
   PetscCall(PetscLogFlops(4.0 * bs * sub->links));
   for (PetscInt l = 0; l < sub->links; l++)
@@ -60,7 +61,7 @@ void LatinOperatorDense(const LatinSubdomains *sub, PetscInt s, PetscInt n, cons
   for (size_t i = 0; i < (size_t)n * (size_t)n; i++) A[i] = 0.0;
   for (PetscInt i = top; i < sub->node_offset[s + 1]; i++)
     for (PetscInt k = sub->ki[i]; k < sub->ki[i + 1] && position[i - top] >= 0; k++)
-      if (position[sub->kj[k] - top] >= 0) A[(size_t)position[sub->kj[k] - top] + (size_t)n * (size_t)position[i - top]] = sub->ka[k];
+      if (position[LatinEntryColumn(sub, i, k) - top] >= 0) A[(size_t)position[LatinEntryColumn(sub, i, k) - top] + (size_t)n * (size_t)position[i - top]] = LatinEntry(sub, i, k);
 }
 
 /* Everything that the operator of a subdomain depends on: equal streams, equal operators */
@@ -75,6 +76,10 @@ PetscErrorCode LatinOperatorStream_Private(const LatinSubdomains *sub, PetscInt 
       const PetscInt n = sub->ki[i + 1] - sub->ki[i];
 
       PetscCall(LatinStreamAdd_Private(stream, &n, sizeof(n)));
+      if (sub->dense) { /* the only one here */
+        PetscCall(LatinStreamAdd_Private(stream, sub->dense_a + (size_t)n * (size_t)(i - top), (size_t)n * sizeof(*sub->dense_a)));
+        continue;
+      }
       for (PetscInt k = sub->ki[i]; k < sub->ki[i + 1]; k++) {
         const PetscInt j = sub->kj[k] - top;
 

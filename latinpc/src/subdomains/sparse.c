@@ -119,7 +119,7 @@ static void LatinNodeGather(const LatinRows *rows, PetscInt node, LatinNodeRows 
   for (PetscInt c = 0, r = top + bs * node; c < bs; c++, r++) {
     own[bs * c + c] = rows->spring[r];
     if (sub->ground) own[bs * c + c] += sub->ground[r];
-    for (PetscInt k = sub->ki ? sub->ki[r] : 0; sub->ki && k < sub->ki[r + 1]; k++) LatinNodeBlock(rows, gathered, (sub->kj[k] - top) / bs)[bs * c + (sub->kj[k] - top) % bs] += sub->ka[k];
+    for (PetscInt k = sub->ki ? sub->ki[r] : 0; sub->ki && k < sub->ki[r + 1]; k++) LatinNodeBlock(rows, gathered, (LatinEntryColumn(sub, r, k) - top) / bs)[bs * c + (LatinEntryColumn(sub, r, k) - top) % bs] += LatinEntry(sub, r, k);
   }
   for (PetscInt k = rows->link_first[node]; k < rows->link_first[node + 1] && !sub->ki; k++) LatinNodeLink(rows, gathered, node, rows->link[k]);
   for (PetscInt c = 0, r = bs * node; c < bs; c++, r++)
@@ -161,12 +161,13 @@ static PetscInt LatinMatrixRow(const LatinRows *rows, PetscInt r, LatinSparse *K
   PetscInt               own   = -1;
 
   for (PetscInt k = sub->ki[rows->top + r]; k < sub->ki[rows->top + r + 1] && !rows->held[r]; k++) {
-    const PetscInt column = sub->kj[k] - rows->top;
+    const PetscInt  column = LatinEntryColumn(sub, rows->top + r, k) - rows->top;
+    const PetscReal value  = LatinEntry(sub, rows->top + r, k);
 
-    if (column != r && (sub->ka[k] == 0.0 || rows->held[column])) continue;
+    if (column != r && (value == 0.0 || rows->held[column])) continue;
     if (column == r) own = nz;
     K->j[nz]   = column;
-    K->a[nz++] = sub->ka[k];
+    K->a[nz++] = value;
   }
   if (own < 0) { /* a diagonal of springs alone */
     for (own = nz++; own > first && K->j[own - 1] > r; own--) {

@@ -334,6 +334,8 @@ PetscErrorCode LatinSubdomainsReset(LatinSubdomains *sub)
   PetscCall(PetscFree2(sub->field, sub->near));
   PetscCall(PetscFree(sub->ki));
   PetscCall(PetscFree2(sub->kj, sub->ka));
+  PetscCall(MatDestroy(&sub->dense));
+  PetscCall(PetscFree(sub->dense_row));
   PetscCall(PetscFree(sub->row_copy));
   PetscCall(PetscFree2(sub->unassigned, sub->unassigned_inverse));
   PetscCall(PetscSFDestroy(&sub->link_sf));
