@@ -9,12 +9,16 @@ passes the whole arrays. Processor seconds are those of the slowest rank and of 
 
 import argparse
 import resource
+import sys
 import time
 
-from petsc4py import PETSc
+import petsc4py
 
-import latinpc
-from latinpc.scenes import make
+petsc4py.init(sys.argv)
+from petsc4py import PETSc  # noqa: E402
+
+import latinpc  # noqa: E402
+from latinpc.scenes import make  # noqa: E402
 
 
 def peak(comm):
