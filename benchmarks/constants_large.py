@@ -162,6 +162,10 @@ LARGE = {
         "times the linear step",
         "The limit of a fold, where force is a parabola of displacement: 2 exactly.",
     ),
+    "LATIN_PATH_ASIDE": (
+        "of the middle",
+        "With 0 random masts and bridges take 4 % more set-ups; above 0.3 a bridge ends on another path.",
+    ),
     "LATIN_PATH_CURVE": (
         "times the displacements",
         "What monotone cubic interpolation allows; without it a grid of 100 x 100 modules takes 58 set-ups, not 51.",

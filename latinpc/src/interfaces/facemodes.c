@@ -74,8 +74,8 @@ static PetscErrorCode LatinFaceEigen_Private(PetscInt n, PetscReal least, PetscS
   PetscFunctionReturn(0);
 }
 
-/* The fields of interface f, rows weighted by sqrt(d), of length 1; Q = P^-1, destroyed */
-static PetscErrorCode LatinFaceFields_Private(LatinSpectral *spectral, PetscInt f, PetscScalar Q[], PetscBool *bad)
+/* The fields of interface f of a lambda above the least, rows weighted by sqrt(d), of length 1; Q = P^-1, destroyed */
+static PetscErrorCode LatinFaceFields_Private(LatinSpectral *spectral, PetscInt f, PetscReal least, PetscScalar Q[], PetscBool *bad)
 {
   const LatinInterface  *face = &spectral->inter->interface[f];
   const LatinDirections *dir  = spectral->dir;
@@ -92,7 +92,7 @@ static PetscErrorCode LatinFaceFields_Private(LatinSpectral *spectral, PetscInt 
   PetscCall(PetscArraycpy(X, W, rows * rows)); /* (A + B)^-1 N = W - W W, A + B = D times scale */
   PetscCallBLAS("BLASgemm", BLASgemm_("N", "N", &n, &n, &n, &minus, W, &n, W, &n, &one, X, &n));
   PetscCallBLAS("BLASgemm", BLASgemm_("N", "N", &n, &n, &n, &scale, D, &n, X, &n, &zero, N, &n));
-  PetscCall(LatinFaceEigen_Private(rows, 1.0 / (LATIN_SPECTRAL_FACE * LatinSpectralThreshold(spectral)), N, Q, V, &count, bad));
+  PetscCall(LatinFaceEigen_Private(rows, least, N, Q, V, &count, bad));
   PetscCall(PetscBLASIntCast(count, &modes));
   PetscCall(PetscMalloc1(rows * count, &spectral->field[f]));
   if (count) PetscCallBLAS("BLASgemm", BLASgemm_("N", "N", &n, &modes, &n, &one, X, &n, V + rows * (most - count), &n, &zero, spectral->field[f], &n));
@@ -110,8 +110,8 @@ static PetscErrorCode LatinFaceFields_Private(LatinSpectral *spectral, PetscInt 
   PetscFunctionReturn(0);
 }
 
-/* The fields of all interfaces here, made by the side of the lower subdomain. Collective on sub->object */
-PetscErrorCode LatinSpectralFaces_Private(LatinSpectral *spectral, const PetscBool held[], PetscBool *bad)
+/* The fields of all interfaces here for a threshold, made by the side of the lower subdomain. Collective on sub->object */
+PetscErrorCode LatinSpectralFaces_Private(LatinSpectral *spectral, const PetscBool held[], PetscReal threshold, PetscBool *bad)
 {
   const LatinInterfaces *inter = spectral->inter;
   PetscInt              *columns, *theirs;
@@ -134,7 +134,7 @@ PetscErrorCode LatinSpectralFaces_Private(LatinSpectral *spectral, const PetscBo
   PetscCall(LatinMateColumns_Private(inter, columns, mine, theirs, from, &mate));
   for (PetscInt f = 0; f < inter->count && !*bad; f++) {
     for (size_t i = from[f]; i < from[f + 1]; i++) C[first[f] + i - from[f]] += mate[i];
-    if (theirs[f]) PetscCall(LatinFaceFields_Private(spectral, f, C + first[f], bad));
+    if (theirs[f]) PetscCall(LatinFaceFields_Private(spectral, f, 1.0 / (LATIN_SPECTRAL_FACE * threshold), C + first[f], bad));
   }
   PetscCall(PetscFree(C));
   PetscCall(PetscFree(mate));

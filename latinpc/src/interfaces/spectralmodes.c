@@ -268,7 +268,7 @@ PetscErrorCode LatinSpectralSetUp(LatinSpectral *spectral)
   for (PetscInt k = 0; k < inter->sides; k++) spring[inter->side_dof[k]] += spectral->sub->matrix ? LATIN_SPECTRAL_SOFT * spectral->dir->harmonic[k] : spectral->dir->d[k];
   for (PetscInt s = 0; s < sub->n; s++) is[s] = PETSC_TRUE;
   if (LatinDirectionCondensed(spectral->dir)) {
-    PetscCall(LatinSpectralFaces_Private(spectral, held, &bad));
+    PetscCall(LatinSpectralFaces_Private(spectral, held, LatinSpectralThreshold(spectral), &bad));
     for (PetscInt s = 0; s < sub->n; s++) is[s] = PETSC_FALSE;
   } else if (spectral->threshold < 0.0) PetscCall(LatinSpectralChoose_Private(spectral, is));
   for (PetscInt s = 0; s < sub->n; s++) any = (PetscBool)(any || is[s]);

@@ -4,19 +4,21 @@
    How far each node moves along a path of large displacements: what moves one node alone is nothing in a norm of all of them.
 */
 
-/* Does no node move more than twice as far by `moved` as by the other, or than a little? Collective on structure */
-PetscErrorCode LatinPathNodes_Private(LatinStructure structure, Vec moved, Vec other, PetscReal little, PetscBool *within)
+#define LATIN_PATH_ASIDE 0.2 /* of the middle between two displacements: a node of a large net may lie so far aside of them */
+
+/* Does no node move more than twice as far by `moved` as by the other, than a little, or than LATIN_PATH_ASIDE of a third one, or NULL? Collective on structure */
+PetscErrorCode LatinPathNodes_Private(LatinStructure structure, Vec moved, Vec other, Vec middle, PetscReal little, PetscBool *within)
 {
-  const PetscInt     dim     = structure->dim;
-  const Vec          u[2]    = {moved, other};
-  PetscReal         *size[2] = {NULL, NULL};
+  const PetscInt     dim = structure->dim, vectors = middle ? 3 : 2;
+  const Vec          u[3]    = {moved, other, middle};
+  PetscReal         *size[3] = {NULL, NULL, NULL};
   PetscMPIInt        far     = 0;
   const PetscScalar *a;
   Vec                local;
 
   PetscFunctionBegin;
   PetscCall(DMGetLocalVector(structure->dm, &local));
-  for (PetscInt k = 0; k < 2; k++) {
+  for (PetscInt k = 0; k < vectors; k++) {
     PetscCall(DMGetWorkArray(structure->dm, structure->vertices, MPIU_REAL, &size[k]));
     PetscCall(PetscArrayzero(size[k], structure->vertices));
     PetscCall(LatinStructureGetLocal_Private(structure, NULL, u[k], local));
@@ -24,9 +26,12 @@ PetscErrorCode LatinPathNodes_Private(LatinStructure structure, Vec moved, Vec o
     for (PetscInt i = 0; i < dim * structure->vertices; i++) size[k][i / dim] += PetscSqr(PetscRealPart(a[i]));
     PetscCall(VecRestoreArrayRead(local, &a));
   }
-  for (PetscInt i = 0; i < structure->vertices; i++)
-    if (!(PetscSqrtReal(size[0][i]) <= PetscMax(little, LATIN_PATH_FAR * PetscSqrtReal(size[1][i])))) far = 1;
-  for (PetscInt k = 2; k-- > 0;) PetscCall(DMRestoreWorkArray(structure->dm, structure->vertices, MPIU_REAL, &size[k]));
+  for (PetscInt i = 0; i < structure->vertices; i++) {
+    const PetscReal aside = middle ? LATIN_PATH_ASIDE * PetscSqrtReal(size[2][i]) : 0.0;
+
+    if (!(PetscSqrtReal(size[0][i]) <= PetscMax(PetscMax(little, aside), LATIN_PATH_FAR * PetscSqrtReal(size[1][i])))) far = 1;
+  }
+  for (PetscInt k = vectors; k-- > 0;) PetscCall(DMRestoreWorkArray(structure->dm, structure->vertices, MPIU_REAL, &size[k]));
   PetscCall(DMRestoreLocalVector(structure->dm, &local));
   PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &far, 1, MPI_INT, MPI_MAX, PetscObjectComm((PetscObject)structure)));
   *within = (PetscBool)!far;
@@ -35,23 +40,26 @@ PetscErrorCode LatinPathNodes_Private(LatinStructure structure, Vec moved, Vec o
 
 /*
    Are the displacements `mean` of each node no further from the middle between those by the tangent stiffness at the start, `ahead`, and at the end, `back`,
-   than these are? Where `back` is NULL, no further from `ahead` than that is from zero; or no larger than a little. Collective on structure
+   than these are, or than a part of the middle? Where `back` is NULL, no further from `ahead` than that is from zero; or no larger than a little. Collective on structure
 */
 PetscErrorCode LatinPathBetween_Private(LatinStructure structure, Vec mean, Vec ahead, Vec back, PetscReal little, PetscBool *within)
 {
-  Vec off, half;
+  Vec off, half, middle;
 
   PetscFunctionBegin;
   PetscCall(DMGetGlobalVector(structure->dm, &off));
   PetscCall(DMGetGlobalVector(structure->dm, &half));
-  PetscCall(VecWAXPY(off, -1.0, ahead, mean));
+  PetscCall(DMGetGlobalVector(structure->dm, &middle));
+  PetscCall(VecCopy(ahead, middle));
   PetscCall(VecCopy(ahead, half));
   if (back) {
-    PetscCall(VecAXPBYPCZ(off, 0.5, -0.5, 1.0, ahead, back));
+    PetscCall(VecAXPBY(middle, 0.5, 0.5, back));
     PetscCall(VecAXPBY(half, -0.5, 0.5, back));
   }
+  PetscCall(VecWAXPY(off, -1.0, middle, mean));
   PetscCall(VecScale(half, 1.0 / LATIN_PATH_FAR));
-  PetscCall(LatinPathNodes_Private(structure, off, half, 0.5 * little, within)); /* twice as far as at the start by no more than a little */
+  PetscCall(LatinPathNodes_Private(structure, off, half, middle, 0.5 * little, within)); /* twice as far as at the start by no more than a little */
+  PetscCall(DMRestoreGlobalVector(structure->dm, &middle));
   PetscCall(DMRestoreGlobalVector(structure->dm, &half));
   PetscCall(DMRestoreGlobalVector(structure->dm, &off));
   PetscFunctionReturn(0);

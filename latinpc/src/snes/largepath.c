@@ -4,7 +4,7 @@
    The equilibrium to which loads that grow from zero lead, where there may be others. Of cables alone the energy is convex in the
    displacements, and there is no other one. A link that bears compression may snap through; then a solve for the whole loads
    may end beyond. So the displacements of each node are compared with those by the tangent stiffness at the start of an increment of the loads and at its end:
-   along a smooth path, and where a cable slackens on the way, they lie between the two, no further from the middle than these do. Next to a limit point the
+   along a smooth path, and where a cable slackens on the way, they lie between the two, no further from the middle than these do, or aside by a part of it. Next to a limit point the
    end says nothing, and they are at most twice those at the start. That of each node counts, and its direction: a truss that snaps through moves a large
    net but little, and in a bridge a node between slack cables went the other way. Where one has
    moved further, or has found no equilibrium, or one whose tangent stiffness is not positive definite, the increment is halved.
@@ -215,8 +215,8 @@ static PetscErrorCode LatinPathMoved_Private(SNES snes, const LatinPath *path, P
   *other   = (PetscBool)(!within && moved > LATIN_PATH_FAR * PetscMax(path->far, back));
   *smaller = within ? 1.0 : 0.5;
   if (within && more > LATIN_PATH_STIFFENS) {
-    PetscCall(LatinPathNodes_Private(structure, path->ahead, change, little, &within));
-    if (within && ends) PetscCall(LatinPathNodes_Private(structure, change, path->back, little, &within));
+    PetscCall(LatinPathNodes_Private(structure, path->ahead, change, NULL, little, &within));
+    if (within && ends) PetscCall(LatinPathNodes_Private(structure, change, path->back, NULL, little, &within));
     if (!within) *smaller = PetscMin(0.5, PetscMax(moved / path->far, LATIN_PATH_STIFFENS));
   }
   PetscCall(DMRestoreGlobalVector(structure->dm, &change));
