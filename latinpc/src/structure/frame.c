@@ -158,7 +158,7 @@ static PetscErrorCode LatinFrameMeasure_Private(LatinStructure frame, const Pets
       sum->taut += 1.0;
       sum->across += link[l].across;
     }
-    if (base->ahead) link[l].across = size > 0.0 ? base->ahead[l] / size : 0.0;
+    if (base->ahead) link[l].across = size > 0.0 ? base->ahead[l] / size : base->slope ? link[l].k : 0.0;
     sum->stiff += LatinFrameStiffness(frame, l);
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, sizeof(*sum) / sizeof(PetscReal), MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)base)));
