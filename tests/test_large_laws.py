@@ -200,7 +200,7 @@ def test_cables_between_supports_bear_nothing():
 
 @pytest.mark.parametrize("weight", [0.0, *(2.0 * (1.0 + 1e-13 * np.arange(20)))])
 def test_a_node_that_one_cable_holds(weight):
-    """It hangs below the net, or anywhere near enough. On the way it may meet the node it hangs from, as rounding will have it."""
+    """It hangs below the net, or anywhere near enough. On its way it may meet the node that it hangs from."""
     structure, length = slack_net(cells=4)
     loose, free = len(structure["nodes"]), np.flatnonzero(~structure["fixed"][:, 0])[0]
     more = {"nodes": structure["nodes"][free] + [0.0, 0.0, 1.0], "links": [free, loose], "fixed": [False] * 3}
