@@ -241,13 +241,10 @@ static void LatinTurnedBlock(LatinStructure structure, PetscInt l, const PetscSc
   LatinTurnedLink(structure, NULL, l, a, &link);
   if (!structure->midpoint) k = structure->slope ? structure->slope[l] : LatinStructureTangent(structure, l, structure->strain ? structure->strain[l] : link.x);
   if (structure->ahead && !LatinStructureKeeps(structure, l)) {
-    if (link.size == 0.0) link.across = structure->slope ? k : 0.0; /* where its nodes meet a link of squared length is as stiff in all directions */
-    else {
-      link.across = structure->ahead[l] / link.size;
-      if (!structure->slope && (k == 0.0 || link.across >= 0.0)) { /* not where it bears compression */
-        link.across = PetscMax(link.across, hold);
-        k           = PetscMax(k, hold);
-      }
+    link.across = link.size > 0.0 ? structure->ahead[l] / link.size : structure->slope ? k : 0.0; /* where its nodes meet a link of squared length is as stiff in all directions */
+    if (!structure->slope && link.size > 0.0 && (k == 0.0 || link.across >= 0.0)) {               /* not where it bears compression */
+      link.across = PetscMax(link.across, hold);
+      k           = PetscMax(k, hold);
     }
   }
   for (PetscInt c = 0; c < dim && !structure->midpoint; c++) link.change[c] = (k - link.across) * link.n[c];
