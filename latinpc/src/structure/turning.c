@@ -129,11 +129,9 @@ PetscErrorCode LatinTurningForces_Private(LatinStructure structure, const PetscR
   PetscCall(DMGetLocalVector(structure->dm, &local));
   PetscCall(VecZeroEntries(local));
   PetscCall(VecGetArray(local, &v));
-  for (PetscInt i = 0; i < dim * structure->links_local; i++) {
-    const PetscInt *end = structure->ends + 2 * (i / dim);
-
-    v[dim * end[0] + i % dim] -= f[i];
-    v[dim * end[1] + i % dim] += f[i];
+  for (PetscInt l = 0; l < structure->links_local; l++) {
+    for (PetscInt c = 0; c < dim; c++) v[dim * structure->ends[2 * l] + c] -= f[dim * l + c];
+    for (PetscInt c = 0; c < dim; c++) v[dim * structure->ends[2 * l + 1] + c] += f[dim * l + c];
   }
   PetscCall(VecRestoreArray(local, &v));
   if (structure->ground) PetscCall(VecPointwiseMult(r, structure->ground, u));
@@ -296,11 +294,13 @@ static PetscErrorCode LatinTurningMult_Private(Mat A, Vec x, Vec y)
   PetscCall(DMGetWorkArray(structure->dm, dim * structure->links_local, MPIU_REAL, &f));
   PetscCall(VecGetArrayRead(blocks, &k));
   PetscCall(LatinTurnedOpen_Private(structure, NULL, x, &local, &a)); /* no change where prescribed */
-  for (PetscInt i = 0; i < dim * structure->links_local; i++) {
-    const PetscScalar *ua = a + dim * structure->ends[2 * (i / dim)], *ub = a + dim * structure->ends[2 * (i / dim) + 1];
+  for (PetscInt l = 0; l < structure->links_local; l++) {
+    const PetscScalar *ua = a + dim * structure->ends[2 * l], *ub = a + dim * structure->ends[2 * l + 1];
 
-    f[i] = 0.0;
-    for (PetscInt c = 0; c < dim; c++) f[i] += PetscRealPart(k[dim * i + c] * (ub[c] - ua[c]));
+    for (PetscInt i = dim * l; i < dim * (l + 1); i++) {
+      f[i] = 0.0;
+      for (PetscInt c = 0; c < dim; c++) f[i] += PetscRealPart(k[dim * i + c] * (ub[c] - ua[c]));
+    }
   }
   PetscCall(LatinTurnedClose_Private(structure, &local, &a));
   PetscCall(VecRestoreArrayRead(blocks, &k));
