@@ -52,11 +52,14 @@ static PetscErrorCode LatinFaceCompliance_Private(const LatinSpectral *spectral,
   PetscFunctionReturn(0);
 }
 
-/* Columns of V, ascending by lambda, the last *modes of which have one above the least, N v = lambda P v; N and Q = P^-1, n x n, are destroyed. None where Q is not positive definite */
-static PetscErrorCode LatinFaceEigen_Private(PetscInt n, PetscReal least, PetscScalar N[], PetscScalar Q[], PetscScalar V[], PetscInt *modes, PetscBool *bad)
+/*
+   The last *modes of the columns of V, n x PetscMin(n, LATIN_SPECTRAL_MOST), are eigenvectors for the largest lambda, those above the least: A v = lambda v, or with
+   Q = P^-1 not NULL A v = lambda P v, none where Q is not positive definite. A and Q, n x n, are destroyed
+*/
+PetscErrorCode LatinSpectralEigen_Private(PetscInt n, PetscReal least, PetscScalar A[], PetscScalar Q[], PetscScalar V[], PetscInt *modes, PetscBool *bad)
 {
   const PetscReal unused = 0.0, tolerance = 0.0;
-  PetscBLASInt    bn, lwork, kind = 3, found, first, info, *iwork, *fail;
+  PetscBLASInt    bn, lwork, kind = 3, found = 0, first, info, *iwork, *fail;
   PetscScalar    *work;
   PetscReal      *w;
 
@@ -65,11 +68,11 @@ static PetscErrorCode LatinFaceEigen_Private(PetscInt n, PetscReal least, PetscS
   PetscCall(PetscBLASIntCast(40 * n, &lwork));
   first = PetscMax(bn - LATIN_SPECTRAL_MOST, 0) + 1;
   PetscCall(PetscMalloc4(lwork, &work, n, &w, 5 * n, &iwork, n, &fail));
-  PetscCallBLAS("LAPACKsygvx", LAPACKsygvx_(&kind, "V", "I", "L", &bn, N, &bn, Q, &bn, &unused, &unused, &first, &bn, &tolerance, &found, w, V, &bn, work, &lwork, iwork, fail, &info));
+  if (Q) PetscCallBLAS("LAPACKsygvx", LAPACKsygvx_(&kind, "V", "I", "L", &bn, A, &bn, Q, &bn, &unused, &unused, &first, &bn, &tolerance, &found, w, V, &bn, work, &lwork, iwork, fail, &info));
+  else PetscCallBLAS("LAPACKsyevx", LAPACKsyevx_("V", "I", "L", &bn, A, &bn, &unused, &unused, &first, &bn, &tolerance, &found, w, V, &bn, work, &lwork, iwork, fail, &info));
   if (info && info <= bn) *bad = PETSC_TRUE;
   *modes = 0;
   for (PetscInt i = 0; i < found && !info; i++) *modes += w[i] > least ? 1 : 0;
-  PetscCall(PetscLogFlops(13.0 / 3.0 * n * n * n));
   PetscCall(PetscFree4(work, w, iwork, fail));
   PetscFunctionReturn(0);
 }
@@ -92,7 +95,7 @@ static PetscErrorCode LatinFaceFields_Private(LatinSpectral *spectral, PetscInt 
   PetscCall(PetscArraycpy(X, W, rows * rows)); /* (A + B)^-1 N = W - W W, A + B = D times scale */
   PetscCallBLAS("BLASgemm", BLASgemm_("N", "N", &n, &n, &n, &minus, W, &n, W, &n, &one, X, &n));
   PetscCallBLAS("BLASgemm", BLASgemm_("N", "N", &n, &n, &n, &scale, D, &n, X, &n, &zero, N, &n));
-  PetscCall(LatinFaceEigen_Private(rows, least, N, Q, V, &count, bad));
+  PetscCall(LatinSpectralEigen_Private(rows, least, N, Q, V, &count, bad));
   PetscCall(PetscBLASIntCast(count, &modes));
   PetscCall(PetscMalloc1(rows * count, &spectral->field[f]));
   if (count) PetscCallBLAS("BLASgemm", BLASgemm_("N", "N", &n, &modes, &n, &one, X, &n, V + rows * (most - count), &n, &zero, spectral->field[f], &n));
@@ -105,7 +108,7 @@ static PetscErrorCode LatinFaceFields_Private(LatinSpectral *spectral, PetscInt 
     for (PetscInt r = 0; r < rows; r++) field[r] /= PetscSqrtReal(norm);
   }
   spectral->count[f] = count;
-  PetscCall(PetscLogFlops(4.0 * rows * rows * rows));
+  PetscCall(PetscLogFlops((4.0 + 13.0 / 3.0) * rows * rows * rows));
   PetscCall(PetscFree3(X, N, V));
   PetscFunctionReturn(0);
 }

@@ -39,27 +39,6 @@ PetscReal LatinSpectralThreshold(const LatinSpectral *spectral)
   return spectral->sub->preconditions ? LATIN_SPECTRAL_PRECONDITION : LATIN_SPECTRAL_ITERATION;
 }
 
-/* Eigenvectors of G (destroyed) for the most of its eigenvalues 1 / (1 + lambda), lambda < threshold, that are wanted: the last *modes of the columns of V (n x PetscMin(n, LATIN_SPECTRAL_MOST)) */
-static PetscErrorCode LatinSpectralEigen_Private(PetscInt n, PetscReal threshold, PetscScalar G[], PetscScalar V[], PetscInt *modes, PetscBool *bad)
-{
-  const PetscReal low = 1.0 / (1.0 + threshold), unused = 0.0, tolerance = 0.0;
-  PetscBLASInt    bn, lwork, found                                       = 0, first, info, *iwork, *fail;
-  PetscScalar    *work;
-  PetscReal      *w;
-
-  PetscFunctionBegin;
-  PetscCall(PetscBLASIntCast(n, &bn));
-  PetscCall(PetscBLASIntCast(40 * n, &lwork));
-  first = PetscMax(bn - LATIN_SPECTRAL_MOST, 0) + 1;
-  PetscCall(PetscMalloc4(lwork, &work, n, &w, 5 * n, &iwork, n, &fail));
-  PetscCallBLAS("LAPACKsyevx", LAPACKsyevx_("V", "I", "L", &bn, G, &bn, &unused, &unused, &first, &bn, &tolerance, &found, w, V, &bn, work, &lwork, iwork, fail, &info));
-  if (info) *bad = PETSC_TRUE;
-  *modes = 0;
-  for (PetscInt i = 0; i < found && !info; i++) *modes += w[i] > low ? 1 : 0;
-  PetscCall(PetscFree4(work, w, iwork, fail));
-  PetscFunctionReturn(0);
-}
-
 /* Where the springs are not d: columns keep the norm that the modes have there in the springs */
 static void LatinSpectralRescale(LatinSpectral *spectral, PetscInt f, PetscInt n, PetscInt modes, const PetscScalar mode[], const PetscInt position[], PetscScalar C[])
 {
@@ -172,7 +151,7 @@ static PetscErrorCode LatinSpectralSubdomain_Private(LatinSpectral *spectral, Pe
   PetscCall(LatinSPDInverse_Private(n, G, &mechanism));
   for (PetscInt j = 0; j < n; j++)
     for (PetscInt i = 0; i < n; i++) G[i + (size_t)n * (size_t)j] *= weight[i] * weight[j];
-  if (n && !mechanism) PetscCall(LatinSpectralEigen_Private(n, LatinSpectralThreshold(spectral), G, V, &modes, bad));
+  if (n && !mechanism) PetscCall(LatinSpectralEigen_Private(n, 1.0 / (1.0 + LatinSpectralThreshold(spectral)), G, NULL, V, &modes, bad));
   spectral->modes[s] = modes;
   for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++) PetscCall(LatinSpectralCut_Private(spectral, f, n, modes, V + (size_t)n * (size_t)(columns - modes), position, weight));
   PetscCall(PetscFree2(G, V));

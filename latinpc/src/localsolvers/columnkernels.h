@@ -1,8 +1,8 @@
 /*
    Solves for one right-hand side b, [height], of the columns of a panel, in one precision: included once for each, as
-   localsolvers/frontkernels.h. Some columns at a time, by whole vectors: these go on beyond the last row, where the factor
-   has finite numbers and b has zeros. Functions are called with constants for the number of columns, so that their loops
-   unroll.
+   localsolvers/frontkernels.h. Some columns at a time, 8 as registers hold or 3 of a node, by whole vectors. These go on
+   beyond the last row, by less than LATIN_LINE bytes: the factor has finite numbers there; in b the forward half leaves
+   any numbers, and the backward half begins with zeros. Numbers of columns are constants, so that loops unroll.
 */
 
 typedef FRONT_REAL FRONT(LatinStrip) __attribute__((vector_size(LATIN_LINE), aligned(sizeof(FRONT_REAL)), may_alias));

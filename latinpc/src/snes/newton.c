@@ -206,18 +206,16 @@ static PetscErrorCode LatinNewtonConverged_Private(SNES snes, PetscInt it, Petsc
   LatinNewton   *newton = (LatinNewton *)ctx;
   PetscReal      before = newton->error, lambda = 1.0, energy;
   PetscInt       changes, most, stages;
-  PetscBool      rounding, claims, slow, creeps = PETSC_FALSE, alone = PETSC_FALSE; /* what pushes along the step is still there after it, more than a linear solve leaves; no small step before this one */
+  PetscBool      rounding, claims, slow, creeps = PETSC_FALSE; /* what pushes along the step is still there after it, more than a linear solve leaves */
+  PetscBool      confirmed = PETSC_TRUE;                       /* a small step has followed another where forces of stiff links hide those of soft ones */
   Vec            u;
   KSP            ksp;
   Mat            P;
   SNESLineSearch search;
 
   PetscFunctionBegin;
-  *reason = SNES_CONVERGED_ITERATING;
-  if (PetscIsInfOrNanReal(fnorm) || PetscIsInfOrNanReal(snorm)) {
-    *reason = SNES_DIVERGED_FUNCTION_NANORINF;
-    PetscFunctionReturn(0);
-  }
+  *reason = PetscIsInfOrNanReal(fnorm) || PetscIsInfOrNanReal(snorm) ? SNES_DIVERGED_FUNCTION_NANORINF : SNES_CONVERGED_ITERATING;
+  if (*reason) PetscFunctionReturn(0);
   PetscCall(SNESGetKSP(snes, &ksp));
   PetscCall(SNESGetSolution(snes, &u));
   PetscCall(SNESGetTolerances(snes, NULL, NULL, NULL, &most, NULL));
@@ -239,12 +237,12 @@ static PetscErrorCode LatinNewtonConverged_Private(SNES snes, PetscInt it, Petsc
     newton->known = changes ? 0.0 : newton->error;
     creeps        = (PetscBool)(newton->tangent && !newton->structure->penalty && newton->error > LATIN_NEWTON_REST && newton->slope > LATIN_NEWTON_RTOL);
     newton->small = newton->error <= newton->target && newton->error <= PetscMax(newton->small ? before : PETSC_MAX_REAL, LATIN_NEWTON_REST) ? newton->small + 1 : 0;
-    alone         = (PetscBool)(newton->tangent && newton->contrast && !newton->structure->penalty && newton->small < 2 && newton->error > LATIN_NEWTON_REST); /* forces of stiff links hide those of soft ones until the next linear solve */
+    confirmed     = (PetscBool)(!newton->tangent || !newton->contrast || newton->structure->penalty || newton->small > 1 || newton->error <= LATIN_NEWTON_REST); /* the next linear solve sees what was hidden */
     if (newton->reference) PetscCall(LatinStructureComputeErrors(newton->structure, u, newton->reference, &newton->error, &energy));
   }
   rounding = (PetscBool)(it > 1 && !changes && !creeps && !newton->changes && newton->error > LATIN_NEWTON_GAIN * before && newton->left < LATIN_NEWTON_RTOL &&
                          (fnorm <= newton->balance || LatinMultipliersEnergy(newton))); /* a step that was to bring digits has brought none */
-  claims   = (PetscBool)(it && !creeps && !alone && ((newton->tangent && !newton->structure->penalty) || !changes || newton->error <= LATIN_NEWTON_REST) && newton->error <= newton->target && fnorm <= newton->balance &&
+  claims   = (PetscBool)(it && !creeps && confirmed && ((newton->tangent && !newton->structure->penalty) || !changes || newton->error <= LATIN_NEWTON_REST) && newton->error <= newton->target && fnorm <= newton->balance &&
                        (!newton->still || newton->still > LATIN_NEWTON_STILL));
   if ((rounding || claims) && (newton->tangent || newton->proves) && !newton->structure->penalty) PetscCall(LatinNewtonProve_Private(snes, newton, u, fnorm, changes, &rounding, &claims));
   if (fnorm <= newton->residual) *reason = SNES_CONVERGED_FNORM_RELATIVE;
