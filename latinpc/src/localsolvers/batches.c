@@ -191,16 +191,16 @@ PetscErrorCode LatinLocalSolversSetUp(LatinLocalSolvers *solvers, const char nam
   solvers->rounding = 0.0;
   PetscCall(PetscMemzero(&solvers->status, sizeof(solvers->status)));
   for (PetscInt i = 0; i < solvers->n && !LatinFactorFailed(&solvers->status); i++) {
-    const PetscBool larger = (PetscBool)(solvers->like && solvers->like->direct);
-    LatinArithmetic serves = LATIN_DOUBLE;
+    const PetscBool tangent = LatinSubdomainsTangent(solvers->sub), larger = (PetscBool)(tangent || (solvers->like && solvers->like->direct));
+    LatinArithmetic serves = LATIN_SINGLE; /* of a tangent stiffness, with which Newton's method preconditions its own */
     PetscBool       found;
     PC              pc;
 
     PetscCall(LatinLocalKeep_Private(solvers, i));
     PetscCall(LatinLocalSolversRecall_Private(solvers, i, &found));
     if (!found) PetscCall(LatinLocalCreate_Private(solvers, i, name, once));
-    if (larger) PetscCall(KSPGetPC(solvers->like->ksp[i], &pc));
-    if (larger) PetscCall(LatinCholeskyPrecision(pc, &serves));
+    if (larger && !tangent) PetscCall(KSPGetPC(solvers->like->ksp[i], &pc));
+    if (larger && !tangent) PetscCall(LatinCholeskyPrecision(pc, &serves));
     PetscCall(KSPGetPC(solvers->ksp[i], &pc));
     if (found || solvers->precision != LATIN_PRECISION_DOUBLE) PetscCall(LatinCholeskyRound(pc, precision[solvers->precision]));
     PetscCall(LatinFactor_Private(solvers->ksp[i], solvers->K[i], solvers->rest[i], NULL, larger ? &serves : NULL, &solvers->status));

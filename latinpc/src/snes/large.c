@@ -55,7 +55,7 @@ PetscErrorCode SNESLatinLargeStart_Private(SNES snes)
   large->reached  = 0.0;
   large->last     = PETSC_MAX_INT;
   large->near     = LATIN_LARGE_NEAR;
-  large->unstable = large->crept = PETSC_FALSE;
+  large->unstable = large->crept = large->stateless = PETSC_FALSE;
   LatinLargeWindow(large, LATIN_LARGE_WINDOW);
   PetscCall(LatinGetCost(data->latin, &cost));
   large->cost = cost.factor_bytes > 0.0 && !structure->midpoint ? LATIN_LARGE_FIXED + LATIN_LARGE_RATE * cost.factor_operations / cost.factor_bytes : LATIN_LARGE_COST;
@@ -170,7 +170,19 @@ PetscErrorCode SNESLatinLargeConverged_Private(SNES outer, PetscInt it, PetscRea
   PetscFunctionReturn(0);
 }
 
-/* Operators at the displacements in the solution vector, and the state of these. Collective on snes */
+/* The state of the displacements in the solution vector, where operators have been made for Newton's method, which needs none. Collective on snes */
+PetscErrorCode SNESLatinLargeState_Private(SNES snes)
+{
+  SNES_Latin *data = (SNES_Latin *)snes->data;
+
+  PetscFunctionBegin;
+  if (!data->large.stateless) PetscFunctionReturn(0);
+  PetscCall(SNESLatinStart_Private(snes));
+  data->large.stateless = PETSC_FALSE;
+  PetscFunctionReturn(0);
+}
+
+/* Operators at the displacements in the solution vector, and unless they are for Newton's method the state of these. Collective on snes */
 PetscErrorCode SNESLatinLargeRenew_Private(SNES snes, LatinFrameType type)
 {
   SNES_Latin *data         = (SNES_Latin *)snes->data;
@@ -185,9 +197,10 @@ PetscErrorCode SNESLatinLargeRenew_Private(SNES snes, LatinFrameType type)
   data->latin->linear.applications = applications;
   data->guess                      = PETSC_TRUE;
   data->first_distance             = -1.0;
-  PetscCall(SNESLatinStart_Private(snes));
-  data->large.renewals++;
+  data->large.stateless            = PETSC_TRUE;
   if (type == LATIN_FRAME_TANGENT) grows = 1;
+  else PetscCall(SNESLatinLargeState_Private(snes));
+  data->large.renewals++;
   LatinLargeWindow(&data->large, grows * PetscMin(data->large.window, PETSC_MAX_INT / grows));
   PetscCall(PetscInfo(snes, "After %" PetscInt_FMT " linear stages: operators at the present displacements\n", applications));
   PetscFunctionReturn(0);
@@ -377,6 +390,7 @@ PetscErrorCode SNESLatinLargeIterate_Private(SNES snes)
   PetscCall(SNESLatinLargeRests_Private(snes, &rests));
   if (rests && SNESLatinLargeProves(data)) PetscCall(SNESLatinLargeFinish_Private(snes, 0, PETSC_FALSE, &done));
   while (!done) {
+    PetscCall(SNESLatinLargeState_Private(snes));
     PetscCall(SNESLatinIterate_Private(snes, SNESLatinLargeConverged_Private));
     if (data->next == LATIN_NEXT_REBUILD) {
       PetscCall(LatinAverage_Private(&data->latin->linear, snes->vec_sol));

@@ -20,7 +20,6 @@
 #define LATIN_LARGE_STEPS   50   /* most steps */
 #define LATIN_LARGE_LEAST   4    /* iterations of a linear solve near the solution, or twice the digits: a soft field shows late, and a tower claimed a fiftieth of its error */
 #define LATIN_LARGE_CHANGES 30   /* links that have another stiffness than in the operators, each of which takes an iteration of a linear solve at most */
-#define LATIN_LARGE_SOLVE   30   /* most iterations of a linear solve: a step that is cut short goes on with new operators */
 #define LATIN_LARGE_RTOL    1e-2 /* of a linear solve; less is lost to the next step */
 #define LATIN_LARGE_ASTRAY  2.0  /* a step so much larger than the displacements after it leads astray; with 1 a bridge takes twice the set-ups, without limit a truss snaps through */
 #define LATIN_LARGE_PROOF   4.0  /* times the error asked for: a larger step is not worth a linear stage that shows what it leaves */
@@ -374,7 +373,7 @@ PetscErrorCode SNESLatinLargeNewton_Private(SNES snes, PetscInt most, PetscBool 
   PetscCall(LatinStructureSize_Private(large->frame->turns, &large->size, &prescribed));
   PetscCall(LatinLargeTension_Private(large->frame->turns, snes->vec_sol, large->size, &large->tension));
   PetscCall(SNESGetKSP(data->newton.snes, &ksp));
-  large->limit = PetscMax(LATIN_LARGE_SOLVE, most);
+  large->limit = most;
   PetscCall(SNESSolve(data->newton.snes, snes->vec_rhs, snes->vec_sol));
   PetscCall(SNESGetConvergedReason(data->newton.snes, &reason));
   PetscCall(SNESGetIterationNumber(data->newton.snes, &steps));

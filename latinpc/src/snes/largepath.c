@@ -57,11 +57,11 @@ PetscErrorCode SNESLatinLargeFrom_Private(SNES snes, Vec u, PetscBool near)
   PetscCall(SNESLatinLoad_Private(snes));
   PetscCall(VecCopy(u, snes->vec_sol));
   if (SNESLatinEstimates(data)) PetscCall(LatinEstimateStart_Private(data->latin, &data->estimate));
-  data->guess          = PETSC_TRUE;
-  data->has_state      = PETSC_FALSE;
-  data->first_distance = -1.0;
-  data->current        = -1;
-  PetscCall(SNESLatinStart_Private(snes));
+  data->guess           = PETSC_TRUE;
+  data->has_state       = PETSC_FALSE;
+  data->first_distance  = -1.0;
+  data->current         = -1;
+  data->large.stateless = PETSC_TRUE;
   if (near && SNESLatinEstimates(data) && data->newton.type != LATIN_NEWTON_NEVER) {
     data->next = LATIN_NEXT_LINE_SEARCH;
     PetscCall(SNESLatinLargeFinish_Private(snes, LATIN_PATH_TANGENTS, PETSC_FALSE, &done));

@@ -57,7 +57,6 @@ PetscErrorCode SNESLatinSetUpState_Private(SNES snes)
   PetscCall(SNESLatinCreateOuter_Private(snes)); /* its options are the user's before anything is built */
   PetscCall(LatinSetUp_Private(latin));
   if (!data->z) PetscCall(LatinCreateState_Private(&latin->linear, &data->z));
-  PetscCall(SNESLatinOuterSetUp_Private(snes));
   PetscFunctionReturn(0);
 }
 

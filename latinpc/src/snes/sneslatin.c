@@ -23,6 +23,7 @@ static PetscErrorCode SNESSetUp_Latin(SNES snes)
   PetscCall(LatinSetProblem_Private(data->latin, structure, NULL));
   PetscCall(LatinSetPrefix_Private(data->latin, (PetscObject)snes));
   PetscCall(SNESLatinSetUpState_Private(snes));
+  PetscCall(SNESLatinOuterSetUp_Private(snes)); /* nothing is allocated inside the iteration */
   PetscFunctionReturn(0);
 }
 
@@ -294,6 +295,7 @@ static PetscErrorCode SNESLatinRun_Private(SNES snes)
   PetscCall(SNESLatinStart_Private(snes));
   if (SNESLatinLarge(data)) {
     PetscCall(SNESLatinLargeRigid_Private(snes));
+    PetscCall(SNESLatinLargeState_Private(snes)); /* that the next solve starts from */
     PetscFunctionReturn(0);
   }
   PetscCall(SNESLatinIterate_Private(snes, SNESLatinConverged_Private));

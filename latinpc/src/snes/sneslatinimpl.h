@@ -123,6 +123,7 @@ typedef struct {
   PetscReal least, before; /* least measure of this window and of the last one */
   PetscReal near;          /* estimated error from which on Newton's method is tried */
   PetscReal cost;          /* linear stages that take as long as a set-up */
+  PetscBool stateless;     /* operators are those of the tangent stiffness, and the state is not yet that of the solution vector */
   PetscBool crept;         /* Newton's method has been given up: only near the solution it is tried again */
   /* of Newton's method */
   Vec        between[2];    /* equilibria between which it starts, NULL: strains are then between theirs, for those of a guess are wrong by what links have turned */
@@ -273,6 +274,7 @@ PETSC_INTERN PetscErrorCode LatinPathBetween_Private(LatinStructure, Vec mean, V
 PETSC_INTERN PetscErrorCode SNESLatinLargeRigid_Private(SNES);
 PETSC_INTERN PetscErrorCode SNESLatinLargeInterior_Private(SNES, PetscReal tension[], PetscBool *done);
 PETSC_INTERN PetscErrorCode SNESLatinLargeRenew_Private(SNES, LatinFrameType);
+PETSC_INTERN PetscErrorCode SNESLatinLargeState_Private(SNES);
 PETSC_INTERN PetscErrorCode SNESLatinLargeMode_Private(SNES, Vec u, Vec mode);
 PETSC_INTERN PetscErrorCode SNESLatinLargePredict_Private(SNES, Vec u, Vec load, Vec step, PetscReal *moved);
 PETSC_INTERN PetscErrorCode SNESLatinLargeTangent_Private(SNES, Vec u, KSP *);

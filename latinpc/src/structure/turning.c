@@ -1,6 +1,6 @@
 #include "structure/structureimpl.h"
 #include "structure/midpoint.h"
-#include "structure/turning.h"
+#include "structure/turned.h"
 
 /*
    Links that turn with the displacements: what residual.c and tangent.c are for links that keep their direction.
@@ -14,16 +14,6 @@
 */
 
 const char *const LatinGeometries[] = {"linear", "prestress", "large", "LatinGeometry", "LATIN_GEOMETRY_", NULL};
-
-/* One link as displacements turn it */
-typedef struct {
-  PetscReal d[3], n[3]; /* n: direction in which the tension acts */
-  PetscReal size;       /* R, or as drawn */
-  PetscReal x;          /* strain */
-  PetscReal tension;    /* tau */
-  PetscReal across;     /* tau / R, or t0 / l: stiffness at right angles to n */
-  PetscReal change[3];  /* derivative of the tension by d, less that of its part across n */
-} LatinTurned;
 
 /* The mean force of a time step */
 static void LatinTurnedMean(LatinStructure structure, PetscInt l, LatinTurned *link)
@@ -63,8 +53,7 @@ static void LatinTurnedKeep(LatinStructure structure, const PetscReal rigid[], P
   for (PetscInt c = 0; c < structure->dim && structure->midpoint; c++) link->change[c] = 2.0 * slope * link->n[c];
 }
 
-/* `rigid`: tensions of rigid links, NULL where there are none, or where they are taken for springs */
-static void LatinTurnedLink(LatinStructure structure, const PetscReal rigid[], PetscInt l, const PetscScalar a[], LatinTurned *link)
+void LatinTurnedLink(LatinStructure structure, const PetscReal rigid[], PetscInt l, const PetscScalar a[], LatinTurned *link)
 {
   const PetscInt     dim = structure->dim;
   const PetscReal   *r0 = structure->span + dim * l, e0 = structure->e0[l];
@@ -100,8 +89,7 @@ static void LatinTurnedLink(LatinStructure structure, const PetscReal rigid[], P
   }
 }
 
-/* Displacements of the vertices, which LatinTurnedLink() reads; `held`: the prescribed ones. Collective on structure */
-static PetscErrorCode LatinTurnedOpen_Private(LatinStructure structure, const PetscReal held[], Vec u, Vec *local, const PetscScalar **a)
+PetscErrorCode LatinTurnedOpen_Private(LatinStructure structure, const PetscReal held[], Vec u, Vec *local, const PetscScalar **a)
 {
   PetscFunctionBegin;
   PetscCall(DMGetLocalVector(structure->dm, local));
@@ -110,7 +98,7 @@ static PetscErrorCode LatinTurnedOpen_Private(LatinStructure structure, const Pe
   PetscFunctionReturn(0);
 }
 
-static PetscErrorCode LatinTurnedClose_Private(LatinStructure structure, Vec *local, const PetscScalar **a)
+PetscErrorCode LatinTurnedClose_Private(LatinStructure structure, Vec *local, const PetscScalar **a)
 {
   PetscFunctionBegin;
   PetscCall(VecRestoreArrayRead(*local, a));
@@ -206,143 +194,6 @@ PetscErrorCode LatinTurningResidual_Private(LatinStructure structure, const Pets
   PetscCall(LatinTurnedClose_Private(structure, &local, &a));
   PetscCall(LatinTurningForces_Private(structure, f, u, structure->load, r));
   PetscCall(DMRestoreWorkArray(structure->dm, dim * structure->links_local, MPIU_REAL, &f));
-  PetscFunctionReturn(0);
-}
-
-/* The stiffness that slack cables keep in the tangent while Newton's method goes ahead, else 0. Collective on structure */
-static PetscErrorCode LatinTurnedHold_Private(LatinStructure structure, const PetscScalar a[], PetscReal *hold)
-{
-  PetscReal   sum[3] = {0.0, 0.0, 0.0};
-  LatinTurned link;
-
-  PetscFunctionBegin;
-  *hold = 0.0;
-  if (!structure->ahead) PetscFunctionReturn(0);
-  for (PetscInt l = 0; l < structure->links_local; l++) {
-    if (LatinStructureKeeps(structure, l)) continue;
-    LatinTurnedLink(structure, NULL, l, a, &link);
-    sum[0] += PetscMax(link.across, 0.0);
-    sum[1] += link.across > 0.0 ? 1.0 : 0.0;
-  }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
-  if (sum[1] > 0.0) *hold = structure->hold * sum[0] / sum[1];
-  PetscFunctionReturn(0);
-}
-
-/* The derivative of the force of link l by d, [dim][dim], of a time step not symmetric */
-static void LatinTurnedBlock(LatinStructure structure, PetscInt l, const PetscScalar a[], PetscReal hold, PetscReal block[])
-{
-  const PetscInt dim = structure->dim;
-  LatinTurned    link;
-  PetscReal      k = 0.0;
-
-  LatinTurnedLink(structure, NULL, l, a, &link);
-  if (!structure->midpoint) k = structure->slope ? structure->slope[l] : LatinStructureTangent(structure, l, structure->strain ? structure->strain[l] : link.x);
-  if (structure->ahead && !LatinStructureKeeps(structure, l)) {
-    link.across = link.size > 0.0 ? structure->ahead[l] / link.size : structure->slope ? k : 0.0; /* where its nodes meet a link of squared length is as stiff in all directions */
-    if (!structure->slope && link.size > 0.0 && (k == 0.0 || link.across >= 0.0)) {               /* not where it bears compression */
-      link.across = PetscMax(link.across, hold);
-      k           = PetscMax(k, hold);
-    }
-  }
-  for (PetscInt c = 0; c < dim && !structure->midpoint; c++) link.change[c] = (k - link.across) * link.n[c];
-  for (PetscInt i = 0; i < dim * dim; i++) block[i] = link.n[i / dim] * link.change[i % dim] + (i / dim == i % dim ? link.across : 0.0);
-}
-
-/* Into a matrix with entries. Collective on structure */
-PetscErrorCode LatinTurningJacobian_Private(LatinStructure structure, Vec u, Mat J)
-{
-  const PetscInt     dim = structure->dim, n = 2 * dim;
-  const PetscScalar *a;
-  Vec                local;
-
-  PetscFunctionBegin;
-  PetscCall(MatZeroEntries(J));
-  PetscCall(LatinTurnedOpen_Private(structure, structure->vertex_prescribed, u, &local, &a));
-  for (PetscInt l = 0; l < structure->links_local; l++) {
-    PetscReal   k[9];
-    PetscInt    row[6];
-    PetscScalar block[36];
-
-    LatinTurnedBlock(structure, l, a, 0.0, k);
-    for (PetscInt i = 0; i < n; i++) row[i] = dim * structure->ends[2 * l + i / dim] + i % dim;
-    for (PetscInt i = 0; i < n * n; i++) block[i] = (i / n / dim == i % n / dim ? 1.0 : -1.0) * k[dim * (i / n % dim) + i % n % dim];
-    PetscCall(MatSetValuesLocal(J, n, row, n, row, block, ADD_VALUES));
-  }
-  PetscCall(LatinTurnedClose_Private(structure, &local, &a));
-  PetscCall(MatAssemblyBegin(J, MAT_FINAL_ASSEMBLY));
-  PetscCall(MatAssemblyEnd(J, MAT_FINAL_ASSEMBLY));
-  if (structure->ground) PetscCall(MatDiagonalSet(J, structure->ground, ADD_VALUES));
-  PetscCall(MatSetOption(J, MAT_SYMMETRIC, structure->midpoint ? PETSC_FALSE : PETSC_TRUE));
-  if (!structure->midpoint) PetscCall(MatSetOption(J, MAT_SYMMETRY_ETERNAL, PETSC_TRUE));
-  PetscFunctionReturn(0);
-}
-
-/* ---- the same without entries ---- */
-static PetscErrorCode LatinTurningMult_Private(Mat A, Vec x, Vec y)
-{
-  LatinStructure     structure;
-  Vec                blocks, local;
-  const PetscScalar *k, *a;
-  PetscReal         *f;
-  PetscInt           dim;
-
-  PetscFunctionBegin;
-  PetscCall(MatShellGetContext(A, &structure));
-  PetscCall(PetscObjectQuery((PetscObject)A, "LatinBlocks", (PetscObject *)&blocks));
-  dim = structure->dim;
-  PetscCall(DMGetWorkArray(structure->dm, dim * structure->links_local, MPIU_REAL, &f));
-  PetscCall(VecGetArrayRead(blocks, &k));
-  PetscCall(LatinTurnedOpen_Private(structure, NULL, x, &local, &a)); /* no change where prescribed */
-  for (PetscInt l = 0; l < structure->links_local; l++) {
-    const PetscScalar *ua = a + dim * structure->ends[2 * l], *ub = a + dim * structure->ends[2 * l + 1];
-
-    for (PetscInt i = dim * l; i < dim * (l + 1); i++) {
-      f[i] = 0.0;
-      for (PetscInt c = 0; c < dim; c++) f[i] += PetscRealPart(k[dim * i + c] * (ub[c] - ua[c]));
-    }
-  }
-  PetscCall(LatinTurnedClose_Private(structure, &local, &a));
-  PetscCall(VecRestoreArrayRead(blocks, &k));
-  PetscCall(LatinTurningForces_Private(structure, f, x, NULL, y));
-  PetscCall(DMRestoreWorkArray(structure->dm, dim * structure->links_local, MPIU_REAL, &f));
-  PetscFunctionReturn(0);
-}
-
-/* A tangent stiffness without entries; LatinTurningMatCompute_Private() comes before its first use. The structure outlives it. Collective on structure */
-PetscErrorCode LatinTurningMatCreate_Private(LatinStructure structure, Mat *A)
-{
-  const PetscInt m = structure->dim * structure->dim * structure->links_local;
-  PetscInt       n;
-  Vec            blocks;
-
-  PetscFunctionBegin;
-  PetscCall(VecGetLocalSize(structure->load, &n));
-  PetscCall(MatCreateShell(PetscObjectComm((PetscObject)structure), n, n, PETSC_DETERMINE, PETSC_DETERMINE, structure, A));
-  PetscCall(MatShellSetOperation(*A, MATOP_MULT, (void (*)(void))LatinTurningMult_Private));
-  if (!structure->midpoint) PetscCall(MatSetOption(*A, MAT_SYMMETRIC, PETSC_TRUE));
-  PetscCall(VecCreateSeq(PETSC_COMM_SELF, m, &blocks));
-  PetscCall(PetscObjectCompose((PetscObject)*A, "LatinBlocks", (PetscObject)blocks));
-  PetscCall(VecDestroy(&blocks));
-  PetscFunctionReturn(0);
-}
-
-PetscErrorCode LatinTurningMatCompute_Private(LatinStructure structure, Vec u, Mat A)
-{
-  Vec                blocks, local;
-  PetscScalar       *k;
-  const PetscScalar *a;
-  PetscReal          hold;
-
-  PetscFunctionBegin;
-  PetscCall(PetscObjectQuery((PetscObject)A, "LatinBlocks", (PetscObject *)&blocks));
-  PetscCall(VecGetArrayWrite(blocks, &k));
-  PetscCall(LatinTurnedOpen_Private(structure, structure->vertex_prescribed, u, &local, &a));
-  PetscCall(LatinTurnedHold_Private(structure, a, &hold));
-  for (PetscInt l = 0; l < structure->links_local; l++) LatinTurnedBlock(structure, l, a, hold, k + structure->dim * structure->dim * l);
-  PetscCall(LatinTurnedClose_Private(structure, &local, &a));
-  PetscCall(VecRestoreArrayWrite(blocks, &k));
-  PetscCall(PetscObjectStateIncrease((PetscObject)A));
   PetscFunctionReturn(0);
 }
 

@@ -87,6 +87,12 @@ typedef struct {
   PetscReal *unassigned_inverse;            /* inverse of their diagonal entries */
 } LatinSubdomains;
 
+/* Are the operators those of a tangent stiffness of links that turn, with which Newton's method preconditions its own? */
+static inline PetscBool LatinSubdomainsTangent(const LatinSubdomains *sub)
+{
+  return (PetscBool)(sub->part && sub->structure->made == LATIN_FRAME_TANGENT);
+}
+
 /* The rank of a subdomain */
 static inline PetscMPIInt LatinSubdomainRank(const LatinSubdomains *sub, PetscMPIInt size, PetscInt s)
 {

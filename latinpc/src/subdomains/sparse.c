@@ -88,10 +88,10 @@ static PetscInt LatinRowsNeighbours(const LatinRows *rows, PetscInt node)
 }
 
 /* A link's part of the rows of a node: to its own columns, and those of the other end */
-static inline void LatinNodeLink(const LatinRows *rows, LatinNodeRows *gathered, PetscInt node, PetscInt l)
+static inline void LatinNodeLink(const LatinRows *rows, PetscInt bs, LatinNodeRows *gathered, PetscInt node, PetscInt l)
 {
-  const LatinSubdomains *sub = rows->sub;
-  const PetscInt         bs = sub->bs, other = sub->ends[2 * l] + sub->ends[2 * l + 1] - 2 * (rows->top / bs) - node;
+  const LatinSubdomains *sub       = rows->sub;
+  const PetscInt         other     = sub->ends[2 * l] + sub->ends[2 * l + 1] - 2 * (rows->top / bs) - node;
   const PetscReal       *direction = sub->direction + bs * l;
   PetscReal             *own, *far;
 
@@ -121,7 +121,10 @@ static void LatinNodeGather(const LatinRows *rows, PetscInt node, LatinNodeRows 
     if (sub->ground) own[bs * c + c] += sub->ground[r];
     for (PetscInt k = sub->ki ? sub->ki[r] : 0; sub->ki && k < sub->ki[r + 1]; k++) LatinNodeBlock(rows, gathered, (LatinEntryColumn(sub, r, k) - top) / bs)[bs * c + (LatinEntryColumn(sub, r, k) - top) % bs] += LatinEntry(sub, r, k);
   }
-  for (PetscInt k = rows->link_first[node]; k < rows->link_first[node + 1] && !sub->ki; k++) LatinNodeLink(rows, gathered, node, rows->link[k]);
+  for (PetscInt k = rows->link_first[node]; k < rows->link_first[node + 1] && !sub->ki; k++) {
+    if (bs == 3) LatinNodeLink(rows, 3, gathered, node, rows->link[k]); /* loops of a length that the compiler knows */
+    else LatinNodeLink(rows, bs, gathered, node, rows->link[k]);
+  }
   for (PetscInt c = 0, r = bs * node; c < bs; c++, r++)
     for (PetscInt p = rows->part_first[r]; p < rows->part_first[r + 1]; p++) {
       const LatinBlock *block = &rows->block[rows->part_block[rows->part[p]]];

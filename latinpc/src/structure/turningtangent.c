@@ -1,0 +1,157 @@
+#include "structure/turned.h"
+
+/*
+   The tangent stiffness of links that turn with the displacements: with entries, and as a product link by link, which takes
+   less memory than a matrix, and is there as soon as the links are.
+*/
+
+/* The stiffness that slack cables keep in the tangent while Newton's method goes ahead, else 0. Collective on structure */
+static PetscErrorCode LatinTurnedHold_Private(LatinStructure structure, const PetscScalar a[], PetscReal *hold)
+{
+  PetscReal   sum[3] = {0.0, 0.0, 0.0};
+  LatinTurned link;
+
+  PetscFunctionBegin;
+  *hold = 0.0;
+  if (!structure->ahead) PetscFunctionReturn(0);
+  for (PetscInt l = 0; l < structure->links_local; l++) {
+    if (LatinStructureKeeps(structure, l)) continue;
+    LatinTurnedLink(structure, NULL, l, a, &link);
+    sum[0] += PetscMax(link.across, 0.0);
+    sum[1] += link.across > 0.0 ? 1.0 : 0.0;
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
+  if (sum[1] > 0.0) *hold = structure->hold * sum[0] / sum[1];
+  PetscFunctionReturn(0);
+}
+
+/* The derivative of the force of link l by d, [dim][dim], of a time step not symmetric */
+static void LatinTurnedBlock(LatinStructure structure, PetscInt l, const PetscScalar a[], PetscReal hold, PetscReal block[])
+{
+  const PetscInt dim = structure->dim;
+  LatinTurned    link;
+  PetscReal      k = 0.0;
+
+  LatinTurnedLink(structure, NULL, l, a, &link);
+  if (!structure->midpoint) k = structure->slope ? structure->slope[l] : LatinStructureTangent(structure, l, structure->strain ? structure->strain[l] : link.x);
+  if (structure->ahead && !LatinStructureKeeps(structure, l)) {
+    link.across = link.size > 0.0 ? structure->ahead[l] / link.size : structure->slope ? k : 0.0; /* where its nodes meet a link of squared length is as stiff in all directions */
+    if (!structure->slope && link.size > 0.0 && (k == 0.0 || link.across >= 0.0)) {               /* not where it bears compression */
+      link.across = PetscMax(link.across, hold);
+      k           = PetscMax(k, hold);
+    }
+  }
+  for (PetscInt c = 0; c < dim && !structure->midpoint; c++) link.change[c] = (k - link.across) * link.n[c];
+  for (PetscInt i = 0; i < dim * dim; i++) block[i] = link.n[i / dim] * link.change[i % dim] + (i / dim == i % dim ? link.across : 0.0);
+}
+
+/* Into a matrix with entries. Collective on structure */
+PetscErrorCode LatinTurningJacobian_Private(LatinStructure structure, Vec u, Mat J)
+{
+  const PetscInt     dim = structure->dim, n = 2 * dim;
+  const PetscScalar *a;
+  Vec                local;
+
+  PetscFunctionBegin;
+  PetscCall(MatZeroEntries(J));
+  PetscCall(LatinTurnedOpen_Private(structure, structure->vertex_prescribed, u, &local, &a));
+  for (PetscInt l = 0; l < structure->links_local; l++) {
+    PetscReal   k[9];
+    PetscInt    row[6];
+    PetscScalar block[36];
+
+    LatinTurnedBlock(structure, l, a, 0.0, k);
+    for (PetscInt i = 0; i < n; i++) row[i] = dim * structure->ends[2 * l + i / dim] + i % dim;
+    for (PetscInt i = 0; i < n * n; i++) block[i] = (i / n / dim == i % n / dim ? 1.0 : -1.0) * k[dim * (i / n % dim) + i % n % dim];
+    PetscCall(MatSetValuesLocal(J, n, row, n, row, block, ADD_VALUES));
+  }
+  PetscCall(LatinTurnedClose_Private(structure, &local, &a));
+  PetscCall(MatAssemblyBegin(J, MAT_FINAL_ASSEMBLY));
+  PetscCall(MatAssemblyEnd(J, MAT_FINAL_ASSEMBLY));
+  if (structure->ground) PetscCall(MatDiagonalSet(J, structure->ground, ADD_VALUES));
+  PetscCall(MatSetOption(J, MAT_SYMMETRIC, structure->midpoint ? PETSC_FALSE : PETSC_TRUE));
+  if (!structure->midpoint) PetscCall(MatSetOption(J, MAT_SYMMETRY_ETERNAL, PETSC_TRUE));
+  PetscFunctionReturn(0);
+}
+
+/* ---- the same without entries ---- */
+/* The forces of the links on their nodes, which their blocks k make of displacements a of the vertices, added to v; dim is known to the compiler */
+static inline void LatinTurnedProducts(LatinStructure structure, PetscInt dim, const PetscScalar k[], const PetscScalar a[], PetscScalar v[])
+{
+  for (PetscInt l = 0; l < structure->links_local; l++, k += dim * dim) {
+    const PetscInt first = dim * structure->ends[2 * l], second = dim * structure->ends[2 * l + 1];
+    PetscScalar    d[3], f[3];
+
+    for (PetscInt c = 0; c < dim; c++) d[c] = a[second + c] - a[first + c];
+    for (PetscInt i = 0; i < dim; i++) {
+      f[i] = 0.0;
+      for (PetscInt c = 0; c < dim; c++) f[i] += k[dim * i + c] * d[c];
+    }
+    for (PetscInt i = 0; i < dim; i++) v[first + i] -= f[i];
+    for (PetscInt i = 0; i < dim; i++) v[second + i] += f[i];
+  }
+}
+
+static PetscErrorCode LatinTurningMult_Private(Mat A, Vec x, Vec y)
+{
+  LatinStructure     structure;
+  Vec                blocks, local, forces;
+  const PetscScalar *k, *a;
+  PetscScalar       *v;
+
+  PetscFunctionBegin;
+  PetscCall(MatShellGetContext(A, &structure));
+  PetscCall(PetscObjectQuery((PetscObject)A, "LatinBlocks", (PetscObject *)&blocks));
+  PetscCall(DMGetLocalVector(structure->dm, &forces));
+  PetscCall(VecZeroEntries(forces));
+  PetscCall(VecGetArray(forces, &v));
+  PetscCall(VecGetArrayRead(blocks, &k));
+  PetscCall(LatinTurnedOpen_Private(structure, NULL, x, &local, &a)); /* no change where prescribed */
+  if (structure->dim == 3) LatinTurnedProducts(structure, 3, k, a, v);
+  else LatinTurnedProducts(structure, structure->dim, k, a, v);
+  PetscCall(LatinTurnedClose_Private(structure, &local, &a));
+  PetscCall(VecRestoreArrayRead(blocks, &k));
+  PetscCall(VecRestoreArray(forces, &v));
+  if (structure->ground) PetscCall(VecPointwiseMult(y, structure->ground, x));
+  else PetscCall(VecZeroEntries(y));
+  PetscCall(DMLocalToGlobal(structure->dm, forces, ADD_VALUES, y));
+  PetscCall(DMRestoreLocalVector(structure->dm, &forces));
+  PetscFunctionReturn(0);
+}
+
+/* A tangent stiffness without entries; LatinTurningMatCompute_Private() comes before its first use. The structure outlives it. Collective on structure */
+PetscErrorCode LatinTurningMatCreate_Private(LatinStructure structure, Mat *A)
+{
+  const PetscInt m = structure->dim * structure->dim * structure->links_local;
+  PetscInt       n;
+  Vec            blocks;
+
+  PetscFunctionBegin;
+  PetscCall(VecGetLocalSize(structure->load, &n));
+  PetscCall(MatCreateShell(PetscObjectComm((PetscObject)structure), n, n, PETSC_DETERMINE, PETSC_DETERMINE, structure, A));
+  PetscCall(MatShellSetOperation(*A, MATOP_MULT, (void (*)(void))LatinTurningMult_Private));
+  if (!structure->midpoint) PetscCall(MatSetOption(*A, MAT_SYMMETRIC, PETSC_TRUE));
+  PetscCall(VecCreateSeq(PETSC_COMM_SELF, m, &blocks));
+  PetscCall(PetscObjectCompose((PetscObject)*A, "LatinBlocks", (PetscObject)blocks));
+  PetscCall(VecDestroy(&blocks));
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode LatinTurningMatCompute_Private(LatinStructure structure, Vec u, Mat A)
+{
+  Vec                blocks, local;
+  PetscScalar       *k;
+  const PetscScalar *a;
+  PetscReal          hold;
+
+  PetscFunctionBegin;
+  PetscCall(PetscObjectQuery((PetscObject)A, "LatinBlocks", (PetscObject *)&blocks));
+  PetscCall(VecGetArrayWrite(blocks, &k));
+  PetscCall(LatinTurnedOpen_Private(structure, structure->vertex_prescribed, u, &local, &a));
+  PetscCall(LatinTurnedHold_Private(structure, a, &hold));
+  for (PetscInt l = 0; l < structure->links_local; l++) LatinTurnedBlock(structure, l, a, hold, k + structure->dim * structure->dim * l);
+  PetscCall(LatinTurnedClose_Private(structure, &local, &a));
+  PetscCall(VecRestoreArrayWrite(blocks, &k));
+  PetscCall(PetscObjectStateIncrease((PetscObject)A));
+  PetscFunctionReturn(0);
+}
