@@ -428,6 +428,20 @@ PetscErrorCode SNESLatinLargePredict_Private(SNES snes, Vec u, Vec load, Vec ste
   PetscFunctionReturn(0);
 }
 
+/* The l2 norm of the step that Newton's method would take from `ahead` with the tangent stiffness at u. Overwrites ahead. Collective on snes */
+PetscErrorCode SNESLatinLargeCorrect_Private(SNES snes, Vec u, Vec ahead, PetscReal *norm)
+{
+  DM  dm = ((SNES_Latin *)snes->data)->large.frame->dm;
+  Vec r;
+
+  PetscFunctionBegin;
+  PetscCall(DMGetGlobalVector(dm, &r));
+  PetscCall(SNESComputeFunction(snes, ahead, r));
+  PetscCall(SNESLatinLargePredict_Private(snes, u, r, ahead, norm));
+  PetscCall(DMRestoreGlobalVector(dm, &r));
+  PetscFunctionReturn(0);
+}
+
 /* The displacements that the tangent stiffness at u resists least, by inverse iteration from `mode`. Collective on snes */
 PetscErrorCode SNESLatinLargeMode_Private(SNES snes, Vec u, Vec mode)
 {

@@ -11,6 +11,10 @@
    Increments that become small show a limit point, or a critical load. An equilibrium that was found from afar is compared
    again from closer by, so that no load is solved for twice, unless it is still further than any path leads: then it is on another one.
 
+   Newton's method follows a smooth path in a few steps an increment, and far from it fails, or finds what is rejected. So where its first step from what
+   the tangent stiffness says of an increment is many times as long as that, the increment is halved at once. Where so many cables change that it does
+   not follow, the interior-point method does, and takes as many steps from near as from afar: then the farthest equilibrium is sought first.
+
    What the start says of a structure that is soft there and stiffens would let any snap pass; and loads far beyond a limit point move a truss to where
    it is stiff again, by as much as they would have as drawn. So no node is to stiffen by more than twice from the start of an increment to its mean,
    and from that to its end; else the increment is made smaller, unless it is small already: a cable that tightens stiffens at once. Where one
@@ -18,17 +22,18 @@
    starts warm goes on from the last equilibrium.
 */
 
-#define LATIN_PATH_SOFT     8.0  /* times as far by the tangent stiffness at the end: more, and it is next to a limit point */
-#define LATIN_PATH_KINK     1e-2 /* times the displacements so far: an increment in which a cable slackens may move the structure so much */
-#define LATIN_PATH_STIFFENS 1e-3 /* increments of the loads: in smaller ones a structure may stiffen as it will, for cables that tighten */
-#define LATIN_PATH_CURVE    3.0  /* times the displacements from one equilibrium to the next: rates at its ends up to this let a cubic curve not overshoot */
-#define LATIN_PATH_LEAST    1e-4 /* increments of the loads: smaller ones show a limit point */
-#define LATIN_PATH_STAGES   60   /* most linear stages of one: at a limit point it takes any number */
-#define LATIN_PATH_FIRST    2000 /* the same of the first one, from a structure that may have no stiffness as drawn */
-#define LATIN_PATH_TANGENTS 4    /* times that Newton's method gets operators of the tangent stiffness in one increment */
-#define LATIN_PATH_DRAWN    1e-2 /* forces without balance as drawn, relative to the loads: less moves the structure less than the loads do */
-#define LATIN_PATH_TARGETS  16   /* each at most half as far as the one before, and none closer than the least increment */
-#define LATIN_PATH_NONE     1e-9 /* of the size of the structure: displacements that are none */
+#define LATIN_PATH_SOFT      8.0  /* times as far by the tangent stiffness at the end: more, and it is next to a limit point */
+#define LATIN_PATH_KINK      1e-2 /* times the displacements so far: an increment in which a cable slackens may move the structure so much */
+#define LATIN_PATH_STIFFENS  1e-3 /* increments of the loads: in smaller ones a structure may stiffen as it will, for cables that tighten */
+#define LATIN_PATH_CURVE     3.0  /* times the displacements from one equilibrium to the next: rates at its ends up to this let a cubic curve not overshoot */
+#define LATIN_PATH_CORRECTED 30.0 /* times the displacements of an increment by the tangent stiffness: the first step of Newton's method from them at most; 10 and 100 take as many set-ups */
+#define LATIN_PATH_LEAST     1e-4 /* increments of the loads: smaller ones show a limit point */
+#define LATIN_PATH_STAGES    60   /* most linear stages of one: at a limit point it takes any number */
+#define LATIN_PATH_FIRST     2000 /* the same of the first one, from a structure that may have no stiffness as drawn */
+#define LATIN_PATH_TANGENTS  4    /* times that Newton's method gets operators of the tangent stiffness in one increment */
+#define LATIN_PATH_DRAWN     1e-2 /* forces without balance as drawn, relative to the loads: less moves the structure less than the loads do */
+#define LATIN_PATH_TARGETS   16   /* each at most half as far as the one before, and none closer than the least increment */
+#define LATIN_PATH_NONE      1e-9 /* of the size of the structure: displacements that are none */
 
 /* Can any link bear compression? Collective on structure */
 static PetscErrorCode LatinPathStruts_Private(LatinStructure structure, PetscBool *struts)
@@ -62,9 +67,11 @@ PetscErrorCode SNESLatinLargeFrom_Private(SNES snes, Vec u, PetscBool near)
   data->first_distance  = -1.0;
   data->current         = -1;
   data->large.stateless = PETSC_TRUE;
+  data->large.inside    = PETSC_FALSE;
   if (near && SNESLatinEstimates(data) && data->newton.type != LATIN_NEWTON_NEVER) {
     data->next = LATIN_NEXT_LINE_SEARCH;
     PetscCall(SNESLatinLargeFinish_Private(snes, LATIN_PATH_TANGENTS, PETSC_FALSE, &done));
+    data->large.inside = (PetscBool)!done;
     if (!done) PetscCall(SNESLatinLargeInterior_Private(snes, NULL, &done));
   } else {
     data->large.last = data->latin->linear.applications + (near ? LATIN_PATH_STAGES : LATIN_PATH_FIRST);
@@ -74,18 +81,20 @@ PetscErrorCode SNESLatinLargeFrom_Private(SNES snes, Vec u, PetscBool near)
   PetscFunctionReturn(0);
 }
 
-/* A target: a part of the path, the equilibrium u there that was found from afar, or NULL, and by how much the whole path would move it by the tangent stiffness, or NULL */
+/* A target: a part of the path, the equilibrium u there that was found from afar, or NULL, and by how much the whole path would move it by the tangent stiffness, or NULL; it is too far to be sought */
 typedef struct {
   PetscReal part;
   Vec       u, rate;
+  PetscBool passed;
 } LatinPathTarget;
 
-/* A path: loads that grow from `first` to `whole`, an equilibrium u on it; by how much the whole path would move it by the tangent stiffness there, and at the end of an increment; work vectors; targets, the nearest last */
+/* A path: loads that grow from `first` to `whole`, an equilibrium u on it; by how much the whole path would move it by the tangent stiffness there, and at the end of an increment; work vectors; targets, the nearest last; an increment has taken the interior-point method */
 typedef struct {
   Vec             first, whole, u, ahead, back, more, step;
   PetscReal       far; /* l2 norm of ahead */
   LatinPathTarget target[LATIN_PATH_TARGETS];
   PetscInt        targets;
+  PetscBool       kinks;
 } LatinPath;
 
 /* The right-hand side of snes for this part of the path. Collective on snes */
@@ -271,6 +280,22 @@ static PetscErrorCode LatinPathSolve_Private(SNES snes, LatinPathTarget *target,
   PetscFunctionReturn(0);
 }
 
+/* Is the nearest target too far from the equilibrium path->u to be sought? Collective on snes */
+static PetscErrorCode LatinPathFar_Private(SNES snes, LatinPath *path)
+{
+  LatinPathTarget *target = &path->target[path->targets - 1];
+  const PetscReal  more   = target->part - ((SNES_Latin *)snes->data)->large.reached;
+  PetscReal        corrected;
+
+  PetscFunctionBegin;
+  target->passed = PETSC_FALSE;
+  if (path->kinks || more <= LATIN_PATH_STIFFENS) PetscFunctionReturn(0);
+  PetscCall(VecWAXPY(path->step, more, path->ahead, path->u));
+  PetscCall(SNESLatinLargeCorrect_Private(snes, path->u, path->step, &corrected));
+  target->passed = (PetscBool)(corrected > LATIN_PATH_CORRECTED * more * path->far);
+  PetscFunctionReturn(0);
+}
+
 /*
    An increment from path->u, which is an equilibrium or, not `from`, the drawn configuration, to the nearest target: the path goes on from there where *smaller
    is 1, else a smaller one may. What was found from further away may be seen from here to be on the path: it is not sought again. Collective on snes
@@ -295,9 +320,15 @@ static PetscErrorCode LatinPathIncrement_Private(SNES snes, LatinPath *path, Pet
     if (*smaller < 1.0) PetscFunctionReturn(0);
     PetscCall(SNESLatinLargeRenew_Private(snes, LATIN_FRAME_TANGENT));
   } else {
+    if (from) PetscCall(LatinPathFar_Private(snes, path));
+    if (target->passed) {
+      *smaller = 0.5;
+      PetscFunctionReturn(0);
+    }
     if (from) PetscCall(LatinPathGuess_Private(large, path, &guess));
     PetscCall(LatinPathSolve_Private(snes, target, guess, from, &found));
     large->between[0] = large->between[1] = NULL;
+    if (from && large->inside) path->kinks = PETSC_TRUE;
   }
   *smaller = found ? 1.0 : 0.5;
   if (!found) PetscFunctionReturn(0);
@@ -362,6 +393,7 @@ static PetscErrorCode LatinPathFollow_Private(SNES snes, LatinPath *path, PetscB
   if (from) PetscCall(LatinPathRate_Private(snes, path, path->u, path->ahead, &path->far));
   LatinPathCloser(path, 1.0);
   while (path->targets && data->latin->linear.applications < snes->max_its) {
+    while (path->kinks && path->targets > 1 && path->target[path->targets - 2].passed) PetscCall(LatinPathReached_Private(path));
     LatinPathTarget *target = &path->target[path->targets - 1];
     const PetscReal  more   = target->part - large->reached;
 

@@ -123,6 +123,7 @@ typedef struct {
   PetscReal least, before; /* least measure of this window and of the last one */
   PetscReal near;          /* estimated error from which on Newton's method is tried */
   PetscReal cost;          /* linear stages that take as long as a set-up */
+  PetscBool inside;        /* the last solve of a path has gone to the interior-point method */
   PetscBool stateless;     /* operators are those of the tangent stiffness, and the state is not yet that of the solution vector */
   PetscBool crept;         /* Newton's method has been given up: only near the solution it is tried again */
   /* of Newton's method */
@@ -274,6 +275,7 @@ PETSC_INTERN PetscErrorCode LatinPathBetween_Private(LatinStructure, Vec mean, V
 PETSC_INTERN PetscErrorCode SNESLatinLargeRigid_Private(SNES);
 PETSC_INTERN PetscErrorCode SNESLatinLargeInterior_Private(SNES, PetscReal tension[], PetscBool *done);
 PETSC_INTERN PetscErrorCode SNESLatinLargeRenew_Private(SNES, LatinFrameType);
+PETSC_INTERN PetscErrorCode SNESLatinLargeCorrect_Private(SNES, Vec u, Vec ahead, PetscReal *norm);
 PETSC_INTERN PetscErrorCode SNESLatinLargeState_Private(SNES);
 PETSC_INTERN PetscErrorCode SNESLatinLargeMode_Private(SNES, Vec u, Vec mode);
 PETSC_INTERN PetscErrorCode SNESLatinLargePredict_Private(SNES, Vec u, Vec load, Vec step, PetscReal *moved);
