@@ -142,6 +142,7 @@ PetscErrorCode LatinStructureCreateMesh_Private(LatinStructure structure)
   PetscFunctionBegin;
   PetscCall(LatinStructureCreatePlex_Private(structure));
   PetscCall(PetscObjectSetName((PetscObject)structure->dm, "structure"));
+  PetscCall(DMPlexReorderSetDefault(structure->dm, 0)); /* never: vertices keep their numbers. The name of 0 depends on the version */
   PetscCall(DMPlexGetChart(structure->dm, NULL, &points));
   structure->vertices = points - m; /* links come first */
   PetscCall(DMPlexGetCones(structure->dm, &cones));
@@ -187,6 +188,20 @@ PetscErrorCode LatinStructureComposeDM_Private(LatinStructure structure)
   PetscFunctionReturn(0);
 }
 
+/* The constrained components of a point, which the section is to have. PetscSectionSetConstraintIndices() of PETSc 3.18 reads another point's where the chart does not begin at 0 */
+static PetscErrorCode LatinSectionConstrain_Private(PetscSection section, PetscInt point, PetscInt n, const PetscInt list[])
+{
+  const PetscInt *of_point, *of_field;
+
+  PetscFunctionBegin;
+  if (!n) PetscFunctionReturn(0);
+  PetscCall(PetscSectionGetConstraintIndices(section, point, &of_point));
+  PetscCall(PetscSectionGetFieldConstraintIndices(section, point, 0, &of_field));
+  PetscCall(PetscArraycpy((PetscInt *)of_point, list, n));
+  PetscCall(PetscArraycpy((PetscInt *)of_field, list, n));
+  PetscFunctionReturn(0);
+}
+
 /* Displacements at the vertices, the last points of the DM, some of them prescribed */
 static PetscErrorCode LatinStructureCreateSection_Private(LatinStructure structure, const PetscBool vfixed[])
 {
@@ -198,7 +213,7 @@ static PetscErrorCode LatinStructureCreateSection_Private(LatinStructure structu
   PetscCall(PetscSectionSetNumFields(section, 1));
   PetscCall(PetscSectionSetFieldName(section, 0, "displacement"));
   PetscCall(PetscSectionSetFieldComponents(section, 0, dim));
-  PetscCall(PetscSectionSetChart(section, 0, vstart + structure->vertices));
+  PetscCall(PetscSectionSetChart(section, vstart, vstart + structure->vertices)); /* links are more, and have none */
   for (PetscInt v = 0; v < structure->vertices; v++) {
     PetscInt constrained = 0;
 
@@ -214,8 +229,7 @@ static PetscErrorCode LatinStructureCreateSection_Private(LatinStructure structu
 
     for (PetscInt c = 0; c < dim; c++)
       if (vfixed[dim * v + c]) list[n++] = c;
-    PetscCall(PetscSectionSetConstraintIndices(section, vstart + v, list));
-    PetscCall(PetscSectionSetFieldConstraintIndices(section, vstart + v, 0, list));
+    PetscCall(LatinSectionConstrain_Private(section, vstart + v, n, list));
   }
   PetscCall(DMSetLocalSection(structure->dm, section));
   PetscCall(DMCreateDS(structure->dm)); /* SNES asks for one in later versions of PETSc */
