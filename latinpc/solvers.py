@@ -282,7 +282,7 @@ def node_classes(solver: Solver) -> np.ndarray:
 def local_ksp(solver: Solver, i: int = 0) -> PETSc.KSP:
     """Return the KSP of subdomain ``i`` of this rank; not collective.
 
-    Equal subdomains share one.
+    Equal subdomains share one. Its matrix may have lost its values after another set-up, until the next call.
 
     Parameters
     ----------

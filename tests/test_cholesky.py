@@ -105,13 +105,15 @@ def homogenised(scene, run):
     for s in range(part.max() + 1):
         nodes = np.unique(scene.links[part == s])
         kept = np.flatnonzero((shared[nodes, None] & ~scene.fixed[nodes]).ravel())
-        K = latinpc.local_ksp(run.snes, s).getOperators()[0][:, :]
+        matrix = latinpc.local_ksp(run.snes, s).getOperators()[0]
+        K = matrix[:, :]
         inside = np.setdiff1d(np.arange(len(K)), kept)
         S = K[np.ix_(kept, kept)] - K[np.ix_(kept, inside)] @ np.linalg.solve(
             K[np.ix_(inside, inside)], K[np.ix_(inside, kept)]
         )
         H = latinpc.macro_stiffness(run.snes, s).getDenseArray()
         assert np.array_equal(H, H.T)
+        assert np.array_equal(matrix[:, :], K)  # the factor that H takes has left it there
         assert np.abs(H - S).max() < 1e-12 * np.abs(K).max()
 
 

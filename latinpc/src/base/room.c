@@ -69,3 +69,13 @@ void LatinRoomReturn(size_t bytes)
   if (bytes >= 2 * LATIN_PAGE) (void)malloc_trim(0);
 #endif
 }
+
+/* Nobody reads these bytes any more: the pages that they fill go back to the system until they are written again, which any part of memory may be */
+void LatinRoomEmpty(void *room, size_t bytes)
+{
+#if defined(MADV_DONTNEED)
+  char *first = (char *)room + (LATIN_SMALL_PAGE - (size_t)room % LATIN_SMALL_PAGE) % LATIN_SMALL_PAGE, *last = (char *)room + bytes - ((size_t)room + bytes) % LATIN_SMALL_PAGE;
+
+  if (last > first) (void)madvise(first, (size_t)(last - first), MADV_DONTNEED);
+#endif
+}

@@ -9,5 +9,6 @@
 PETSC_INTERN PetscErrorCode LatinRoomCreate_Private(size_t bytes, void **);
 PETSC_INTERN PetscErrorCode LatinRoomDestroy_Private(void **);
 PETSC_INTERN void           LatinRoomReturn(size_t bytes);
+PETSC_INTERN void           LatinRoomEmpty(void *room, size_t bytes);
 
 #endif

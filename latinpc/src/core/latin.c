@@ -167,6 +167,7 @@ static PetscErrorCode LatinSetUpPrecision_Private(Latin latin)
     solvers->rounding = left;
     if (left < LATIN_ROUNDED_LEFT) break;
     PetscCall(LatinCoarseRelease(coarse));
+    PetscCall(LatinSubstructuresFill(&latin->linear));
     PetscCall(LatinLocalSolversRefine(solvers));
     PetscCall(LatinFactorAgree_Private(latin, &solvers->status, solvers->n ? &latin->batches.batch[solvers->last] : NULL, "local"));
     PetscCall(LatinSubstructuresStiffness(&latin->linear));

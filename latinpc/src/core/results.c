@@ -179,6 +179,10 @@ PetscErrorCode LatinGetMacroStiffness(Latin latin, PetscInt i, Mat *H)
   Not collective; the reference is borrowed
 
   Level: advanced
+
+  Note:
+  Where factors alone are used its matrix has no values before the first call, which makes them; nor after another set-up, until
+  the next call.
 @*/
 PetscErrorCode LatinGetLocalKSP(Latin latin, PetscInt i, KSP *ksp)
 {
@@ -186,6 +190,7 @@ PetscErrorCode LatinGetLocalKSP(Latin latin, PetscInt i, KSP *ksp)
 
   PetscFunctionBegin;
   PetscCall(LatinCheckSubdomain_Private(latin, i));
+  PetscCall(LatinSubstructuresFill(&latin->linear));
   for (PetscInt b = 0; b < batches->n; b++)
     for (PetscInt k = 0; k < batches->batch[b].members; k++)
       if (batches->batch[b].sub[k] == i) *ksp = latin->solvers.ksp[b];

@@ -97,7 +97,7 @@ PETSC_INTERN PetscErrorCode     LatinDirectionEnergy(const LatinDirections *, Pe
 PETSC_INTERN PetscErrorCode     LatinDirectionShare(const LatinDirections *, PetscInt f, PetscBool forces, PetscReal x[], PetscReal work[]);
 PETSC_INTERN PetscErrorCode     LatinDirectionNormalise(const LatinDirections *, PetscInt f, PetscInt modes, PetscReal R[]);
 PETSC_INTERN PetscErrorCode     LatinDirectionSprings_Private(const LatinDirections *, PetscReal spring[]);
-PETSC_INTERN PetscInt           LatinDirectionBlocks(const LatinDirections *, PetscInt s, LatinBlock block[]);
+PETSC_INTERN PetscErrorCode     LatinDirectionMatrix(const LatinDirections *, PetscInt s, const PetscReal spring[], LatinSparse *K);
 PETSC_INTERN PetscErrorCode     LatinStiffnessForget_Private(LatinDirections *);
 PETSC_INTERN PetscErrorCode     LatinStiffnessFaces_Private(LatinDirections *, PetscBool blocks, const PetscBool matrices[], size_t first[], PetscReal **S);
 

@@ -357,18 +357,23 @@ PetscErrorCode LatinDirectionSprings_Private(const LatinDirections *dir, PetscRe
   PetscFunctionReturn(0);
 }
 
-/* The matrices among the search directions of subdomain s: what they add to its operator. block[] has room for all its interfaces */
-PetscInt LatinDirectionBlocks(const LatinDirections *dir, PetscInt s, LatinBlock block[])
+/* The operator of subdomain s, with these springs and the matrices among its search directions */
+PetscErrorCode LatinDirectionMatrix(const LatinDirections *dir, PetscInt s, const PetscReal spring[], LatinSparse *K)
 {
   const LatinInterfaces *inter = dir->inter;
-  PetscInt               n     = 0;
+  LatinBlock            *block;
+  PetscInt               n = 0;
 
+  PetscFunctionBegin;
+  PetscCall(PetscMalloc1(inter->offset[s + 1] - inter->offset[s], &block));
   for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++) {
     const LatinInterface *face = &inter->interface[f];
 
     if (dir->matrix_first[f] >= 0) block[n++] = (LatinBlock){.n = face->side_last - face->side_first, .dof = inter->side_dof + face->side_first, .a = dir->matrix + dir->matrix_first[f]};
   }
-  return n;
+  PetscCall(LatinSparseCreate_Private(dir->sub, s, spring, dir->sub->fixed, n, block, K));
+  PetscCall(PetscFree(block));
+  PetscFunctionReturn(0);
 }
 
 /*

@@ -31,6 +31,7 @@ typedef struct {
   LatinCoarse           *coarse;
   LatinLocalSolvers     *solvers;
   PetscBool              substructures; /* all that is on interfaces is in the coarse problem, and Phi is not kept */
+  PetscBool              empty;         /* values of their operators have gone once factors were there */
   PetscBool              shared;        /* given: forces, and displacements that are read, are at nodes of several subdomains */
   PetscBool              precise;       /* the coarse problem is too soft for subdomains condensed in single precision */
   /* the following are stored once for each pattern, and found by subdomain */
@@ -73,7 +74,8 @@ PETSC_INTERN PetscErrorCode LatinLinearReset(LatinLinear *);
 /* ---- the same where all interfaces are primal (stages/substructures.c) ---- */
 PETSC_INTERN PetscErrorCode LatinSubstructuresAre(const LatinLinear *, PetscBool *);
 PETSC_INTERN PetscErrorCode LatinSubstructuresStiffness(LatinLinear *);
-PETSC_INTERN PetscErrorCode LatinSubstructuresStiffnessAgain(const LatinLinear *, PetscInt s, PetscReal H[]);
+PETSC_INTERN PetscErrorCode LatinSubstructuresStiffnessAgain(LatinLinear *, PetscInt s, PetscReal H[]);
+PETSC_INTERN PetscErrorCode LatinSubstructuresFill(LatinLinear *);
 PETSC_INTERN PetscErrorCode LatinSubstructuresLeft(LatinLinear *, PetscReal *left);
 PETSC_INTERN PetscErrorCode LatinSubstructuresForward(LatinLinear *);
 PETSC_INTERN PetscErrorCode LatinSubstructuresBackward(LatinLinear *, PetscReal U[]);

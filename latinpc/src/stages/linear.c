@@ -51,25 +51,22 @@ static PetscErrorCode LatinLinearSplit_Private(LatinLinear *linear, PetscInt s, 
 static PetscErrorCode LatinLinearMatrices_Private(LatinLinear *linear)
 {
   const LatinBatches *batches = linear->batches;
-  PetscInt            most = 0, couplings = 0;
-  LatinBlock         *block;
+  PetscInt            couplings = 0;
   PetscSegBuffer      rc;
 
   PetscFunctionBegin;
-  for (PetscInt s = 0; s < linear->sub->n; s++) most = PetscMax(most, linear->inter->offset[s + 1] - linear->inter->offset[s]);
-  PetscCall(PetscMalloc1(most, &block));
+  linear->empty = PETSC_FALSE;
   PetscCall(PetscSegBufferCreate(sizeof(LatinCoupling), 1024, &rc));
   for (PetscInt b = 0; b < batches->n; b++) {
-    const PetscInt s = batches->batch[b].sub[0], blocks = LatinDirectionBlocks(linear->dir, s, block);
+    const PetscInt s = batches->batch[b].sub[0];
     LatinSparse   *K = &linear->solvers->rows[b];
 
-    PetscCall(LatinSparseCreate_Private(linear->sub, s, linear->spring, linear->sub->fixed, blocks, block, K));
+    PetscCall(LatinDirectionMatrix(linear->dir, s, linear->spring, K));
     linear->rc_first[s] = linear->rc_last[s] = 0;
     if (!linear->substructures) PetscCall(LatinLinearSplit_Private(linear, s, K, rc, &couplings));
   }
   PetscCall(PetscSegBufferExtractAlloc(rc, &linear->rc));
   PetscCall(PetscSegBufferDestroy(&rc));
-  PetscCall(PetscFree(block));
   for (PetscInt s = 0; s < linear->sub->n; s++) {
     linear->rc_first[s] = linear->rc_first[batches->pattern[s]];
     linear->rc_last[s]  = linear->rc_last[batches->pattern[s]];

@@ -1,3 +1,4 @@
+#include "base/room.h"
 #include "stages/latinstages.h"
 
 /*
@@ -59,6 +60,34 @@ PetscErrorCode LatinSubstructuresLeft(LatinLinear *linear, PetscReal *left)
   PetscFunctionReturn(0);
 }
 
+/* Values of the operators, which their factorisations alone read: they go, where they can be made again */
+static void LatinSubstructuresEmpty(LatinLinear *linear)
+{
+  if (linear->sub->dense) return; /* the caller's, who may change it */
+  for (PetscInt b = 0; b < linear->batches->n; b++) {
+    const LatinSparse *K = &linear->solvers->rows[b];
+
+    LatinRoomEmpty(K->a, (size_t)K->i[K->rows] * sizeof(*K->a));
+  }
+  linear->empty = PETSC_TRUE;
+}
+
+/* Before others read them */
+PetscErrorCode LatinSubstructuresFill(LatinLinear *linear)
+{
+  PetscFunctionBegin;
+  for (PetscInt b = 0; b < linear->batches->n && linear->empty; b++) {
+    LatinSparse *K = &linear->solvers->rows[b], again;
+
+    PetscCall(LatinDirectionMatrix(linear->dir, linear->batches->batch[b].sub[0], linear->spring, &again));
+    PetscCheck(again.i[K->rows] == K->i[K->rows], PETSC_COMM_SELF, PETSC_ERR_PLIB, "The operator of batch %" PetscInt_FMT " is no longer what it was", b);
+    PetscCall(PetscArraycpy(K->a, again.a, K->i[K->rows]));
+    PetscCall(LatinSparseReset_Private(&again));
+  }
+  linear->empty = PETSC_FALSE;
+  PetscFunctionReturn(0);
+}
+
 /* H of all batches; of a single one that of its factor, which may be as large as the factor itself, without a copy */
 PetscErrorCode LatinSubstructuresStiffness(LatinLinear *linear)
 {
@@ -69,6 +98,7 @@ PetscErrorCode LatinSubstructuresStiffness(LatinLinear *linear)
   if (linear->batches->n == 1) {
     PetscCall(LatinSubstructuresFactor_Private(linear, 0, &F));
     PetscCall(LatinCholeskyGiveSchur(F, &linear->stiffness.H));
+    LatinSubstructuresEmpty(linear);
     PetscFunctionReturn(0);
   }
   for (PetscInt b = 0; b < linear->batches->n; b++) {
@@ -86,26 +116,30 @@ PetscErrorCode LatinSubstructuresStiffness(LatinLinear *linear)
     PetscCall(PetscArraycpy(linear->stiffness.H + linear->stiffness.h_offset[s], S, (size_t)m * (size_t)m));
     PetscCall(PetscFree(S));
   }
+  LatinSubstructuresEmpty(linear);
   PetscFunctionReturn(0);
 }
 
 /* H of subdomain s, which has gone into the coarse matrix: its factor is made once more */
-PetscErrorCode LatinSubstructuresStiffnessAgain(const LatinLinear *linear, PetscInt s, PetscReal H[])
+PetscErrorCode LatinSubstructuresStiffnessAgain(LatinLinear *linear, PetscInt s, PetscReal H[])
 {
-  const PetscInt m = linear->coarse->offset[s + 1] - linear->coarse->offset[s];
-  PetscInt       b = 0;
-  PetscReal     *S;
-  MatFactorInfo  info;
-  Mat            F;
+  const PetscInt  m     = linear->coarse->offset[s + 1] - linear->coarse->offset[s];
+  const PetscBool empty = linear->empty;
+  PetscInt        b     = 0;
+  PetscReal      *S;
+  MatFactorInfo   info;
+  Mat             F;
 
   PetscFunctionBegin;
   while (linear->batches->batch[b].sub[0] != linear->batches->pattern[s]) b++;
   PetscCall(LatinSubstructuresFactor_Private(linear, b, &F));
+  PetscCall(LatinSubstructuresFill(linear));
   PetscCall(MatFactorInfoInitialize(&info));
   PetscCall(MatCholeskyFactorNumeric(F, linear->solvers->K[b], &info));
   PetscCall(LatinCholeskyGiveSchur(F, &S));
   PetscCall(PetscArraycpy(H, S, (size_t)m * (size_t)m));
   PetscCall(PetscFree(S));
+  if (empty) LatinSubstructuresEmpty(linear);
   PetscFunctionReturn(0);
 }
 
