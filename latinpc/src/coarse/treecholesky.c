@@ -1,3 +1,4 @@
+#include "base/room.h"
 #include "coarse/tree.h"
 #include <petsc/private/matimpl.h>
 
@@ -171,23 +172,54 @@ static PetscErrorCode LatinTreePart_Private(LatinTree *tree, Mat K, LatinLeft *l
   PetscFunctionReturn(0);
 }
 
-/* What a part leaves, as panels, half of it: a front is to have room beside it */
+/* Moves the columns of what a part leaves into the order of the numbers, in place: cycle by cycle */
+static PetscErrorCode LatinLeftColumns_Private(const LatinLeft *left, PetscScalar a[], PetscScalar first[])
+{
+  const size_t ld = (size_t)left->ld;
+  PetscBool   *there;
+
+  PetscFunctionBegin;
+  PetscCall(PetscCalloc1(left->n, &there));
+  for (PetscInt start = 0; start < left->n; start++) {
+    if (there[start]) continue;
+    PetscCall(PetscArraycpy(first, a + ld * (size_t)start, left->n));
+    for (PetscInt c = start; !there[c]; c = left->order[c]) {
+      there[c] = PETSC_TRUE;
+      PetscCall(PetscArraycpy(a + ld * (size_t)c, there[left->order[c]] ? first : a + ld * (size_t)left->order[c], left->n));
+    }
+  }
+  PetscCall(PetscFree(there));
+  PetscFunctionReturn(0);
+}
+
+/* What a part leaves, as panels, half of it: a front is to have room beside it. In its place, where nobody else has the matrix: a panel ends no later than its columns do */
 static PetscErrorCode LatinLeftHalve_Private(LatinLeft *left)
 {
   const PetscInt n = left->n, last = n - n % LATIN_TREE_COLUMNS;
-  PetscScalar   *panels;
+  const size_t   ld = (size_t)left->ld, half = LatinPanelAt(n, last) + (size_t)(n - last) * (size_t)(n - last);
+  PetscScalar   *a = (PetscScalar *)left->a, *panels = a, *column;
+  PetscInt       owners = 1;
 
   PetscFunctionBegin;
-  PetscCall(PetscMalloc1(LatinPanelAt(n, last) + (size_t)(n - last) * (size_t)(n - last), &panels));
+  if (left->dense) PetscCall(PetscObjectGetReference((PetscObject)left->dense, &owners));
+  PetscCall(PetscMalloc1(n, &column));
+  if (owners > 1) PetscCall(PetscMalloc1(half, &panels));
+  else PetscCall(LatinLeftColumns_Private(left, a, column));
   for (PetscInt c = 0; c < n; c++) {
-    const PetscInt     j  = c - c % LATIN_TREE_COLUMNS;
-    const PetscScalar *a  = left->a + (size_t)left->ld * (size_t)left->order[c];
-    PetscScalar       *to = panels + LatinPanelAt(n, j) + (size_t)(n - j) * (size_t)(c - j) - j;
+    const PetscInt j  = c - c % LATIN_TREE_COLUMNS;
+    PetscScalar   *to = panels + LatinPanelAt(n, j) + (size_t)(n - j) * (size_t)(c - j) - j;
 
-    for (PetscInt i = c; i < n; i++) to[i] = a[left->order[i]];
+    PetscCall(PetscArraycpy(column, a + ld * (size_t)(owners > 1 ? left->order[c] : c), n));
+    for (PetscInt i = c; i < n; i++) to[i] = column[left->order[i]];
   }
-  PetscCall(LatinLeftFree_Private(left));
-  *left = (LatinLeft){.n = n, .a = panels, .own = panels};
+  PetscCall(PetscFree(column));
+  if (owners > 1) {
+    PetscCall(LatinLeftFree_Private(left));
+    *left = (LatinLeft){.n = n, .a = panels, .own = panels};
+    PetscFunctionReturn(0);
+  }
+  PetscCall(PetscFree(left->order));
+  LatinRoomEmpty(a + half, (ld * (size_t)n - half) * sizeof(*a));
   PetscFunctionReturn(0);
 }
 
