@@ -70,3 +70,15 @@ PetscErrorCode LatinSFReduce_Private(PetscSF sf, PetscInt n, MPI_Datatype unit, 
   if (n > 1) PetscCallMPI(MPI_Type_free(&type));
   PetscFunctionReturn(0);
 }
+
+/* The same way without what has been sent: PetscSF keeps two arrays for each type of which it has sent anything. Collective on sf */
+PetscErrorCode LatinSFFresh_Private(PetscSF *sf)
+{
+  PetscSF fresh;
+
+  PetscFunctionBegin;
+  PetscCall(PetscSFDuplicate(*sf, PETSCSF_DUPLICATE_GRAPH, &fresh));
+  PetscCall(PetscSFDestroy(sf));
+  *sf = fresh;
+  PetscFunctionReturn(0);
+}

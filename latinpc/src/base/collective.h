@@ -10,6 +10,7 @@ PETSC_INTERN PetscErrorCode LatinAgree_Private(MPI_Comm, PetscErrorCode mine, co
 PETSC_INTERN PetscErrorCode LatinAgreeError_Private(MPI_Comm, PetscErrorCode mine);
 PETSC_INTERN PetscErrorCode LatinSFBcast_Private(PetscSF, PetscInt n, MPI_Datatype, const void *root, void *leaf);
 PETSC_INTERN PetscErrorCode LatinSFReduce_Private(PetscSF, PetscInt n, MPI_Datatype, const void *leaf, void *root, MPI_Op);
+PETSC_INTERN PetscErrorCode LatinSFFresh_Private(PetscSF *);
 
 PETSC_INTERN void LatinWatchApart_Private(PetscInt by); /* base/rankfailure.c */
 

@@ -50,7 +50,7 @@ static PetscErrorCode LatinLinearSplit_Private(LatinLinear *linear, PetscInt s, 
 /* The matrices of all batches, the couplings, and where H starts */
 static PetscErrorCode LatinLinearMatrices_Private(LatinLinear *linear)
 {
-  const LatinBatches *batches = linear->batches;
+  const LatinBatches *batches   = linear->batches;
   PetscInt            couplings = 0;
   PetscSegBuffer      rc;
 

@@ -300,6 +300,8 @@ PetscErrorCode LatinSubdomainsSetUp(LatinSubdomains *sub, PetscInt of_link[], Pe
     PetscCall(PetscMalloc1(sub->links, &sub->friction));
     PetscCall(LatinSFBcast_Private(sub->link_sf, 1, MPIU_REAL, structure->friction, sub->friction));
   }
+  PetscCall(LatinSFFresh_Private(&sub->link_sf));
+  PetscCall(LatinSFFresh_Private(&sub->node_sf));
   /* a preconditioner works on the tangent, where no link has a state */
   PetscCall(PetscMalloc3(sub->tangent ? 0 : sub->links, &sub->nonsmooth_link, sub->links, &sub->state, sub->n + 1, &sub->state_first));
   sub->nonsmooth = 0;
