@@ -4,7 +4,6 @@
 */
 
 extern void FRONT_BLAS(potrf)(const char *, const PetscBLASInt *, FRONT_REAL *, const PetscBLASInt *, PetscBLASInt *);
-extern void FRONT_BLAS(syrk)(const char *, const char *, const PetscBLASInt *, const PetscBLASInt *, const FRONT_REAL *, const FRONT_REAL *, const PetscBLASInt *, const FRONT_REAL *, FRONT_REAL *, const PetscBLASInt *);
 extern void FRONT_BLAS(trsm)(const char *, const char *, const char *, const char *, const PetscBLASInt *, const PetscBLASInt *, const FRONT_REAL *, const FRONT_REAL *, const PetscBLASInt *, FRONT_REAL *, const PetscBLASInt *);
 extern void FRONT_BLAS(gemm)(const char *, const char *, const PetscBLASInt *, const PetscBLASInt *, const PetscBLASInt *, const FRONT_REAL *, const FRONT_REAL *, const PetscBLASInt *, const FRONT_REAL *, const PetscBLASInt *, const FRONT_REAL *,
                              FRONT_REAL *, const PetscBLASInt *);
@@ -40,12 +39,12 @@ static void FRONT(LatinFrontEntries)(const LatinFronts *F, FRONT(LatinFrontsWork
   }
 }
 
-/* Adds columns first to last - 1 of what is left on n rows, lower triangle, to a matrix of that height, whose rows to[] go on without a gap up to end[] */
-static LATIN_CLONES void FRONT(LatinFrontScatter)(PetscInt n, PetscInt first, PetscInt last, const PetscInt to[], const PetscInt end[], const FRONT_REAL left[], PetscInt height, FRONT_REAL a[])
+/* Adds columns first to last - 1 of what is left on n rows, lower triangle, to a matrix of that height, or (half) to what is left on so many, whose rows to[] go on without a gap up to end[] */
+static LATIN_CLONES void FRONT(LatinFrontScatter)(PetscInt n, PetscInt first, PetscInt last, const PetscInt to[], const PetscInt end[], const FRONT_REAL left[], PetscInt height, PetscBool half, FRONT_REAL a[])
 {
   for (PetscInt k = first; k < last; k++) {
-    const FRONT_REAL *from   = left + (size_t)n * (size_t)k;
-    FRONT_REAL       *column = a + (size_t)height * (size_t)to[k];
+    const FRONT_REAL *from   = left + LatinFrontColumnAt(n, k);
+    FRONT_REAL       *column = a + (half ? LatinFrontColumnAt(height, to[k]) : (size_t)height * (size_t)to[k]);
 
     for (PetscInt r = k; r < n; r = end[r]) {
       FRONT_REAL *gets = column + to[r] - r;
@@ -67,36 +66,31 @@ static void FRONT(LatinFrontAdd)(const LatinFronts *F, FRONT(LatinFrontsWork) * 
   for (PetscInt r = n - 1; r >= 0; r--) work->end[r] = r + 1 < n && to[r + 1] == to[r] + 1 ? work->end[r + 1] : r + 1;
   if (U) {
     for (PetscInt r = own; r < n; r++) to[r] -= columns;
-    FRONT(LatinFrontScatter)(n, own, later, to, work->end, left, height - columns, U);
-  } else FRONT(LatinFrontScatter)(n, 0, own, to, work->end, left, height, panel);
+    FRONT(LatinFrontScatter)(n, own, later, to, work->end, left, height - columns, PETSC_TRUE, U);
+  } else FRONT(LatinFrontScatter)(n, 0, own, to, work->end, left, height, PETSC_FALSE, panel);
 }
 
-/* U = -Z Z^t, the lower triangle of its first `later` rows and all of the kept ones below them. With few columns products of blocks are quicker than their symmetric form, though they fill the blocks on the diagonal */
-static void FRONT(LatinFrontUpdate)(PetscBLASInt columns, PetscBLASInt later, PetscBLASInt kept, const FRONT_REAL Z[], PetscBLASInt height, FRONT_REAL U[])
+/* U = -Z Z^t, the columns of its first `later` rows, from their diagonals on. By products of blocks, which fill those on the diagonal: of few columns they are quicker than their symmetric form */
+static void FRONT(LatinFrontUpdate)(PetscBLASInt columns, PetscBLASInt later, PetscBLASInt below, const FRONT_REAL Z[], PetscBLASInt height, FRONT_REAL U[])
 {
   const FRONT_REAL   minus = -1, zero = 0;
-  const PetscBLASInt below = later + kept;
+  const PetscBLASInt block = columns > LATIN_FRONT_PANEL ? LATIN_FRONT_PANEL : LATIN_FRONT_BLOCK;
 
-  if (columns > LATIN_FRONT_PANEL) {
-    if (later) FRONT_BLAS(syrk)("L", "N", &later, &columns, &minus, Z, &height, &zero, U, &below);
-    if (later && kept) FRONT_BLAS(gemm)("N", "T", &kept, &later, &columns, &minus, Z + later, &height, Z, &height, &zero, U + later, &below);
-    return;
-  }
-  for (PetscBLASInt c = 0; c < later; c += LATIN_FRONT_BLOCK) {
-    const PetscBLASInt wide = PetscMin(LATIN_FRONT_BLOCK, later - c), rows = below - c;
+  for (PetscBLASInt c = 0; c < later; c += block) {
+    const PetscBLASInt wide = PetscMin(block, later - c), rows = below - c, ld = below - c / LATIN_FRONT_PANEL * LATIN_FRONT_PANEL;
 
-    FRONT_BLAS(gemm)("N", "T", &rows, &wide, &columns, &minus, Z + c, &height, Z + c, &height, &zero, U + c + (size_t)below * (size_t)c, &below);
+    FRONT_BLAS(gemm)("N", "T", &rows, &wide, &columns, &minus, Z + c, &height, Z + c, &height, &zero, U + LatinFrontColumnAt(below, c) + c, &ld);
   }
 }
 
 /* Eliminates the columns of front f: its panel becomes that of the factor, and U what it leaves to later fronts */
 static PetscBool FRONT(LatinFrontEliminate)(const LatinFronts *F, PetscInt f, FRONT_REAL panel[], FRONT_REAL U[])
 {
-  const PetscBLASInt columns = (PetscBLASInt)F->columns[f], below = (PetscBLASInt)LatinFrontBelow(F, f), later = (PetscBLASInt)F->later[f], height = columns + below;
+  const PetscBLASInt columns = (PetscBLASInt)F->columns[f], below = (PetscBLASInt)LatinFrontBelow(F, f), height = columns + below;
 
   if (!FRONT(LatinPanels)(columns, height, panel)) return PETSC_FALSE;
   if (!below) return PETSC_TRUE;
-  FRONT(LatinFrontUpdate)(columns, later, below - later, panel + columns, height, U);
+  FRONT(LatinFrontUpdate)(columns, (PetscBLASInt)F->later[f], below, panel + columns, height, U);
   return PETSC_TRUE;
 }
 

@@ -28,10 +28,26 @@ static inline PetscInt LatinFrontLastPanel(PetscInt columns)
   return columns ? (columns - 1) / LATIN_FRONT_PANEL * LATIN_FRONT_PANEL : 0;
 }
 
-/* Entries of what it leaves and a later front takes: columns of the rows that these eliminate */
+/* Where column c is in columns that are stored so, less its first row */
+static inline size_t LatinFrontColumnAt(PetscInt height, PetscInt c)
+{
+  const PetscInt first = c / LATIN_FRONT_PANEL * LATIN_FRONT_PANEL;
+
+  return LatinFrontAt(height, first) + (size_t)(height - first) * (size_t)(c - first) - (size_t)first;
+}
+
+/* How much so many columns take */
+static inline size_t LatinFrontSize(PetscInt height, PetscInt columns)
+{
+  const PetscInt last = LatinFrontLastPanel(columns);
+
+  return LatinFrontAt(height, last) + (size_t)(height - last) * (size_t)(columns - last);
+}
+
+/* Entries of what it leaves and a later front takes: columns of the rows that these eliminate, stored in the same way */
 static inline size_t LatinFrontLeft(const LatinFronts *F, PetscInt f)
 {
-  return (size_t)LatinFrontBelow(F, f) * (size_t)F->later[f];
+  return LatinFrontSize(LatinFrontBelow(F, f), F->later[f]);
 }
 
 /*
@@ -52,10 +68,10 @@ PetscErrorCode LatinFrontsCreate(PetscInt n, PetscInt kept, PetscInt fronts, con
   PetscCall(PetscMalloc1(n, &owner));
   F->panel[0] = 0;
   for (PetscInt f = 0; f < fronts; f++) {
-    const PetscInt height = row_first[f + 1] - row_first[f], columns = PetscMax(0, PetscMin(first[f + 1], inside) - first[f]), last = LatinFrontLastPanel(columns);
+    const PetscInt height = row_first[f + 1] - row_first[f], columns = PetscMax(0, PetscMin(first[f + 1], inside) - first[f]);
 
     F->columns[f]   = columns;
-    F->panel[f + 1] = F->panel[f] + LatinFrontAt(height, last) + (size_t)(height - last) * (size_t)(columns - last);
+    F->panel[f + 1] = F->panel[f] + LatinFrontSize(height, columns);
     F->reach        = PetscMax(F->reach, F->panel[f] + (size_t)height * (size_t)columns);
     F->tallest      = PetscMax(F->tallest, height);
     F->child[f]     = -1;
