@@ -132,6 +132,7 @@ static PetscErrorCode LatinCholeskyFronts_Private(LatinSupernodes *data, PetscIn
   }
   for (PetscInt r = 0; r < bs * entries; r++) data->row[r] = bs * row[r / bs] + r % bs;
   PetscCall(CHOLMOD(free_factor)(&data->L, &data->common) ? 0 : PETSC_ERR_LIB);
+  PetscCall(CHOLMOD(free_work)(&data->common) ? 0 : PETSC_ERR_LIB);
   PetscCall(LatinFrontsCreate(data->n, data->kept, fronts, data->order, data->first, data->begin, data->row, &data->fronts));
   PetscFunctionReturn(0);
 }

@@ -306,6 +306,7 @@ static PetscErrorCode LatinStructureSetUp_Private(LatinStructure structure)
   PetscCall(ISLocalToGlobalMappingGetIndices(map, &vdof));
   PetscCall(LatinSFReduce_Private(structure->vertex_sf, dim, MPIU_INT, vdof, structure->global_dof, MPI_REPLACE));
   PetscCall(ISLocalToGlobalMappingRestoreIndices(map, &vdof));
+  PetscCall(LatinSFFresh_Private(&structure->vertex_sf));
   PetscCall(DMCreateGlobalVector(structure->dm, &structure->load));
   PetscCall(LatinStructureNodalVec_Private(structure, structure->force, structure->load));
   PetscCall(LatinStructureComposeDM_Private(structure));
