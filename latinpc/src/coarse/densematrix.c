@@ -1,3 +1,4 @@
+#include "base/room.h"
 #include "coarse/latincoarse.h"
 
 /*
@@ -111,8 +112,8 @@ static void LatinPartsPut(PetscInt m, const PetscInt row[], PetscInt n, const Pe
   }
 }
 
-/* The values of A from the elements, whose dofs are the rows at[] of a part that has these numbers in A. Collective on A */
-static PetscErrorCode LatinCoarseFill_Private(const LatinElements *elements, PetscInt n, const PetscInt number[], const PetscInt at[], Mat A)
+/* The values of A from the elements, whose dofs are the rows at[] of a part that has these numbers in A; operators that nothing else needs are freed. Collective on A */
+static PetscErrorCode LatinCoarseFill_Private(const LatinElements *elements, LatinHomogenised *stiffness, PetscInt n, const PetscInt number[], const PetscInt at[], Mat A)
 {
   MPI_Comm        comm = PetscObjectComm((PetscObject)A);
   PetscMPIInt     ranks;
@@ -137,8 +138,9 @@ static PetscErrorCode LatinCoarseFill_Private(const LatinElements *elements, Pet
     entries += (size_t)rows[q] * (size_t)parts.size[q];
   }
   PetscCall(PetscCalloc1((size_t)n * (size_t)n, &sum));
-  PetscCall(PetscMalloc1(entries, &in));
   PetscCall(LatinPartsAdd_Private(elements, n, at, ranks, first, sum));
+  if (stiffness->once) PetscCall(PetscFree(stiffness->H));
+  PetscCall(PetscMalloc1(entries, &in));
   PetscCall(LatinPartsExchange_Private(comm, &parts, n, first, rows, sum, in));
   PetscCall(PetscFree(sum));
   PetscCall(MatZeroEntries(A));
@@ -153,6 +155,7 @@ static PetscErrorCode LatinCoarseFill_Private(const LatinElements *elements, Pet
   }
   PetscCall(MatDenseRestoreArray(A, &a));
   PetscCall(PetscFree(in));
+  LatinRoomReturn(entries * sizeof(*in)); /* before the factor comes */
   PetscCall(PetscFree3(first, row, rows));
   PetscCall(PetscFree(parts.number));
   PetscCall(PetscFree2(parts.size, parts.start));
@@ -160,7 +163,7 @@ static PetscErrorCode LatinCoarseFill_Private(const LatinElements *elements, Pet
 }
 
 /* Sets coarse.A, as LatinCoarseAssemble_Private() does; takes number over. Collective on sub->object */
-PetscErrorCode LatinCoarseFull_Private(LatinCoarse *coarse, PetscInt n, PetscInt number[], const PetscInt at[], PetscBool *same)
+PetscErrorCode LatinCoarseFull_Private(LatinCoarse *coarse, LatinHomogenised *stiffness, PetscInt n, PetscInt number[], const PetscInt at[], PetscBool *same)
 {
   MPI_Comm  comm  = PetscObjectComm(coarse->sub->object);
   PetscBool dense = PETSC_FALSE;
@@ -177,7 +180,7 @@ PetscErrorCode LatinCoarseFull_Private(LatinCoarse *coarse, PetscInt n, PetscInt
     PetscCall(MatSetOption(coarse->A, MAT_SYMMETRIC, PETSC_TRUE));
     PetscCall(MatSetOption(coarse->A, MAT_SPD, PETSC_TRUE));
   }
-  PetscCall(LatinCoarseFill_Private(&coarse->top, n, number, at, coarse->A));
+  PetscCall(LatinCoarseFill_Private(&coarse->top, stiffness, n, number, at, coarse->A));
   PetscCall(MatAssemblyBegin(coarse->A, MAT_FINAL_ASSEMBLY));
   PetscCall(MatAssemblyEnd(coarse->A, MAT_FINAL_ASSEMBLY));
   PetscCall(PetscFree(coarse->number));

@@ -117,7 +117,7 @@ PETSC_INTERN PetscErrorCode LatinCoarseRetire(LatinCoarse *);
 PETSC_INTERN PetscErrorCode LatinRowsSum_Private(PetscLayout, const PetscInt number[], LatinCoarsePart *, PetscBool upper, Mat *);
 PETSC_INTERN PetscErrorCode LatinCoarsePartFree_Private(LatinCoarsePart *);
 PETSC_INTERN PetscErrorCode LatinCoarseAssemble_Private(LatinCoarse *, LatinHomogenised *, PetscBool *same);
-PETSC_INTERN PetscErrorCode LatinCoarseFull_Private(LatinCoarse *, PetscInt n, PetscInt number[], const PetscInt at[], PetscBool *same);
+PETSC_INTERN PetscErrorCode LatinCoarseFull_Private(LatinCoarse *, LatinHomogenised *, PetscInt n, PetscInt number[], const PetscInt at[], PetscBool *same);
 PETSC_INTERN PetscErrorCode LatinCoarseNear_Private(LatinCoarse *);
 PETSC_INTERN PetscErrorCode LatinGroupsSetUp(LatinCoarse *, const LatinHomogenised *, PetscBool groups);
 PETSC_INTERN PetscErrorCode LatinGroupsFinish(LatinCoarse *);
