@@ -267,6 +267,7 @@ snes.solve(None, u)
 found = {"stages": steps.count(0), "steps": sum(step > 0 for step in steps), "reason": snes.getConvergedReason()}
 found["coarse"] = latinpc.statistics(snes)["coarse_size"]
 found["above"] = latinpc.statistics(coarse.getPC())["coarse_size"]
+found["factors"] = latinpc.local_ksp(coarse.getPC()).handle != 0
 PETSc.Sys.Print(json.dumps(found))
 """
 
@@ -277,3 +278,15 @@ def test_second_level_of_substructures(mpirun):
     assert found["reason"] > 0
     assert found["steps"] <= 3 * found["stages"]
     assert 4 * found["above"] < found["coarse"]
+
+
+@pytest.mark.parametrize("ranks", [2, 4])
+def test_local_solvers_of_substructures_are_their_inverses(mpirun, ranks):
+    """Fields of interfaces need them: no factor is made, unless options choose one, and the steps are the same."""
+    words = ["-snes_latin_coarse_pc_type", "latin"]
+    inverse, factor = (
+        json.loads(mpirun(ranks, PARTS, *words, *more).stdout)
+        for more in ([], ["-snes_latin_coarse_pc_latin_local_pc_type", "cholesky"])
+    )
+    assert not inverse.pop("factors") and factor.pop("factors")
+    assert inverse["reason"] > 0 and inverse == factor

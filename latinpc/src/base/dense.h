@@ -7,6 +7,10 @@
 #include <petscsys.h>
 #include <petscblaslapack.h>
 
+/* y = alpha A x + beta y, A symmetric: reads one of its triangles. PETSc does not declare it */
+#define LatinBLASsymv_ PETSCBLAS(symv, SYMV)
+BLAS_EXTERN void LatinBLASsymv_(const char *, const PetscBLASInt *, const PetscScalar *, const PetscScalar *, const PetscBLASInt *, const PetscScalar *, const PetscBLASInt *, const PetscScalar *, PetscScalar *, const PetscBLASInt *);
+
 PETSC_INTERN PetscBool      LatinUnitVector(PetscInt dim, const PetscReal v[], PetscReal unit[]);
 PETSC_INTERN PetscErrorCode LatinSVD_Private(PetscInt rows, PetscInt modes, const PetscScalar A[], PetscReal s[], PetscScalar V[]);
 PETSC_INTERN void           LatinCombine_Private(PetscInt rows, PetscInt modes, PetscInt n, const PetscScalar A[], const PetscScalar V[], const PetscReal scale[], PetscScalar out[]);

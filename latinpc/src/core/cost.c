@@ -25,6 +25,7 @@ PetscErrorCode LatinGetCost(Latin latin, LatinCost *cost)
     PetscReal operations, bytes;
     PC        pc;
 
+    if (!latin->solvers.ksp[b]) continue; /* a dense inverse */
     PetscCall(KSPGetPC(latin->solvers.ksp[b], &pc));
     PetscCall(LatinCholeskyCost(pc, &operations, &bytes));
     sum[0] += operations;

@@ -33,7 +33,7 @@ PetscErrorCode LatinCreate_Private(MPI_Comm comm, Latin *newlatin)
   latin->spectral = (LatinSpectral){.sub = &latin->sub, .inter = &latin->inter, .dir = &latin->dir, .threshold = PETSC_DEFAULT};
   latin->macro    = (LatinMacro){.sub = &latin->sub, .inter = &latin->inter, .dir = &latin->dir, .spectral = &latin->spectral};
   latin->coarse   = (LatinCoarse){.sub = &latin->sub, .inter = &latin->inter, .macro = &latin->macro};
-  latin->linear   = (LatinLinear){.sub = &latin->sub, .inter = &latin->inter, .dir = &latin->dir, .macro = &latin->macro, .batches = &latin->batches, .coarse = &latin->coarse, .solvers = &latin->solvers};
+  latin->linear   = (LatinLinear){.sub = &latin->sub, .inter = &latin->inter, .dir = &latin->dir, .macro = &latin->macro, .spectral = &latin->spectral, .batches = &latin->batches, .coarse = &latin->coarse, .solvers = &latin->solvers};
   latin->tuning   = 1.0;
   *newlatin       = latin;
   PetscFunctionReturn(0);

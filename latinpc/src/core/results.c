@@ -174,7 +174,7 @@ PetscErrorCode LatinGetMacroStiffness(Latin latin, PetscInt i, Mat *H)
 }
 
 /*@C
-  LatinGetLocalKSP - The solver of subdomain i of this rank. Equal subdomains share one.
+  LatinGetLocalKSP - The solver of subdomain i of this rank. Equal subdomains share one. NULL where a dense inverse takes its place, as in coarse problems of substructures.
 
   Not collective; the reference is borrowed
 

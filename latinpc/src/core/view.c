@@ -14,7 +14,12 @@ static PetscErrorCode LatinViewSolvers_Private(Latin latin, const LatinStatistic
   PetscCall(PetscViewerASCIIPushTab(viewer));
   PetscCall(PetscViewerGetSubViewer(viewer, PETSC_COMM_SELF, &sub));
   PetscCall(PetscViewerASCIIPushTab(sub));
-  if (!rank && latin->solvers.n) PetscCall(KSPView(latin->solvers.ksp[latin->solvers.n - 1], sub));
+  if (!rank && latin->solvers.n) {
+    const KSP ksp = latin->solvers.ksp[latin->solvers.n - 1];
+
+    if (ksp) PetscCall(KSPView(ksp, sub));
+    else PetscCall(PetscViewerASCIIPrintf(sub, "dense inverse\n"));
+  }
   PetscCall(PetscViewerASCIIPopTab(sub));
   PetscCall(PetscViewerRestoreSubViewer(viewer, PETSC_COMM_SELF, &sub));
   PetscCall(PetscViewerFlush(viewer));

@@ -12,44 +12,55 @@
    eigenproblem is one of the size of an interface. Springs of the search direction keep K regular.
 */
 
-/* Blocks of the inverse of the operator of subdomain s and its springs, on its interfaces: C + first[f]; zero where it has a mechanism, which the set-up of the linear stage reports */
-static PetscErrorCode LatinFaceCompliance_Private(const LatinSpectral *spectral, PetscInt s, const PetscBool held[], const size_t first[], PetscReal C[])
+/* The inverse of the operator of subdomain s and its springs: G, rows and columns of held dofs zero; NULL where it has a mechanism, which the set-up of the linear stage reports */
+static PetscErrorCode LatinFaceInverse_Private(const LatinSpectral *spectral, PetscInt s, const PetscBool held[], PetscReal **G)
 {
   const LatinInterfaces *inter = spectral->inter;
   const PetscInt         top = spectral->sub->node_offset[s], rows = spectral->sub->node_offset[s + 1] - top;
-  PetscInt              *position, n                               = 0;
+  const size_t           n         = (size_t)rows;
   PetscBool              mechanism = PETSC_FALSE;
-  PetscReal             *G;
+  PetscInt              *position;
+  PetscReal             *A;
 
   PetscFunctionBegin;
   PetscCall(PetscMalloc1(rows, &position));
-  for (PetscInt i = 0; i < rows; i++) position[i] = held[top + i] ? -1 : 0;
-  for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++)
-    for (PetscInt k = inter->interface[f].side_first; k < inter->interface[f].side_last; k++) position[inter->side_dof[k] - top] = 0;
-  for (PetscInt i = 0; i < rows; i++)
-    if (!position[i]) position[i] = n++;
-  PetscCall(PetscMalloc1((size_t)n * (size_t)n, &G));
-  LatinOperatorDense(spectral->sub, s, n, position, G);
+  PetscCall(PetscMalloc1(n * n, &A));
+  for (PetscInt i = 0; i < rows; i++) position[i] = held[top + i] ? -1 : i;
+  LatinOperatorDense(spectral->sub, s, rows, position, A);
+  for (size_t i = 0; i < n; i++)
+    if (held[top + (PetscInt)i]) A[i + n * i] = 1.0;
   for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++) {
     const LatinInterface *face = &inter->interface[f];
     const PetscInt       *dof  = inter->side_dof + face->side_first;
     const PetscReal      *D    = spectral->dir->matrix + spectral->dir->matrix_first[f];
 
     for (PetscInt j = 0, m = face->side_last - face->side_first; j < m; j++)
-      for (PetscInt i = 0; i < m; i++) G[(size_t)position[dof[i] - top] + (size_t)n * (size_t)position[dof[j] - top]] += *D++;
+      for (PetscInt i = 0; i < m; i++) A[(size_t)(dof[i] - top) + n * (size_t)(dof[j] - top)] += *D++;
   }
-  PetscCall(LatinSPDInverse_Private(n, G, &mechanism));
+  PetscCall(LatinSPDInverse_Private(rows, A, &mechanism));
+  for (size_t i = 0; i < n; i++)
+    if (held[top + (PetscInt)i]) A[i + n * i] = 0.0;
+  if (mechanism) PetscCall(PetscFree(A));
+  *G = A;
+  PetscCall(PetscFree(position));
+  PetscFunctionReturn(0);
+}
+
+/* Its blocks on the interfaces: C + first[f]; zero where there is none */
+static void LatinFaceCompliance(const LatinSpectral *spectral, PetscInt s, const PetscReal G[], const size_t first[], PetscReal C[])
+{
+  const LatinInterfaces *inter = spectral->inter;
+  const PetscInt         top   = spectral->sub->node_offset[s];
+  const size_t           n     = (size_t)(spectral->sub->node_offset[s + 1] - top);
+
   for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++) {
     const LatinInterface *face = &inter->interface[f];
     const PetscInt       *dof  = inter->side_dof + face->side_first;
     PetscReal            *to   = C + first[f];
 
     for (PetscInt j = 0, m = face->side_last - face->side_first; j < m; j++)
-      for (PetscInt i = 0; i < m; i++) *to++ = mechanism ? 0.0 : G[(size_t)position[dof[i] - top] + (size_t)n * (size_t)position[dof[j] - top]];
+      for (PetscInt i = 0; i < m; i++) *to++ = G ? G[(size_t)(dof[i] - top) + n * (size_t)(dof[j] - top)] : 0.0;
   }
-  PetscCall(PetscFree(G));
-  PetscCall(PetscFree(position));
-  PetscFunctionReturn(0);
 }
 
 /*
@@ -113,7 +124,7 @@ static PetscErrorCode LatinFaceFields_Private(LatinSpectral *spectral, PetscInt 
   PetscFunctionReturn(0);
 }
 
-/* The fields of all interfaces here for a threshold, made by the side of the lower subdomain. Collective on sub->object */
+/* The fields of all interfaces here for a threshold, made by the side of the lower subdomain. The inverses are kept, where they are the local solvers. Collective on sub->object */
 PetscErrorCode LatinSpectralFaces_Private(LatinSpectral *spectral, const PetscBool held[], PetscReal threshold, PetscBool *bad)
 {
   const LatinInterfaces *inter = spectral->inter;
@@ -121,13 +132,23 @@ PetscErrorCode LatinSpectralFaces_Private(LatinSpectral *spectral, const PetscBo
   size_t                *first, *from;
   const PetscReal      **mine;
   PetscReal             *C, *mate;
+  PetscBool              kept;
 
   PetscFunctionBegin;
   PetscCall(PetscMalloc5(inter->count, &columns, inter->count, &theirs, inter->count + 1, &first, inter->count + 1, &from, inter->count, &mine));
   first[0] = 0;
   for (PetscInt f = 0; f < inter->count; f++) first[f + 1] = first[f] + PetscSqr((size_t)(inter->interface[f].side_last - inter->interface[f].side_first));
   PetscCall(PetscMalloc1(first[inter->count], &C));
-  for (PetscInt s = 0; s < spectral->sub->n; s++) PetscCall(LatinFaceCompliance_Private(spectral, s, held, first, C));
+  PetscCall(LatinSolverIsDefault_Private(spectral->sub->object, "local", &kept));
+  PetscCall(PetscCalloc1(spectral->sub->n, &spectral->inverse));
+  for (PetscInt s = 0; s < spectral->sub->n; s++) {
+    PetscReal *G;
+
+    PetscCall(LatinFaceInverse_Private(spectral, s, held, &G));
+    LatinFaceCompliance(spectral, s, G, first, C);
+    if (kept) spectral->inverse[s] = G;
+    else PetscCall(PetscFree(G));
+  }
   for (PetscInt f = 0; f < inter->count; f++) {
     const LatinInterface *face = &inter->interface[f];
 

@@ -122,9 +122,10 @@ typedef struct {
   const LatinDirections *dir;
   PetscReal              threshold; /* of the eigenvalues, 0: none, negative: automatic */
   /* made by the set-up */
-  PetscInt     *modes; /* [subdomains] low-energy modes found */
-  PetscInt     *count; /* [interface sides] fields of both subdomains there */
-  PetscScalar **field; /* [interface sides][count] columns, rows weighted by sqrt(d) */
+  PetscInt     *modes;   /* [subdomains] low-energy modes found */
+  PetscInt     *count;   /* [interface sides] fields of both subdomains there */
+  PetscScalar **field;   /* [interface sides][count] columns, rows weighted by sqrt(d) */
+  PetscReal   **inverse; /* [subdomains] of the operators and their springs, dense, until the linear stage takes them; NULL: none */
 } LatinSpectral;
 PETSC_INTERN PetscErrorCode LatinSpectralSetUp(LatinSpectral *);
 PETSC_INTERN PetscErrorCode LatinSpectralExtend(const LatinSpectral *, PetscInt f, PetscInt rows, PetscInt *fields, PetscScalar F[]);
@@ -132,6 +133,7 @@ PETSC_INTERN PetscErrorCode LatinSpectralStatistics_Private(const LatinSpectral 
 PETSC_INTERN PetscReal      LatinSpectralThreshold(const LatinSpectral *);
 PETSC_INTERN PetscErrorCode LatinSpectralEigen_Private(PetscInt n, PetscReal least, PetscScalar A[], PetscScalar Q[], PetscScalar V[], PetscInt *modes, PetscBool *bad);
 PETSC_INTERN PetscErrorCode LatinSpectralFaces_Private(LatinSpectral *, const PetscBool held[], PetscReal threshold, PetscBool *bad);
+PETSC_INTERN PetscErrorCode LatinSpectralForget(LatinSpectral *);
 PETSC_INTERN PetscErrorCode LatinSpectralReset(LatinSpectral *);
 
 /* ---- macro bases (interfaces/macrobasis.c) ---- */

@@ -312,10 +312,20 @@ PetscErrorCode LatinSpectralStatistics_Private(const LatinSpectral *spectral, Pe
   PetscFunctionReturn(0);
 }
 
+/* The inverses that nobody has taken */
+PetscErrorCode LatinSpectralForget(LatinSpectral *spectral)
+{
+  PetscFunctionBegin;
+  for (PetscInt s = 0; s < spectral->sub->n && spectral->inverse; s++) PetscCall(PetscFree(spectral->inverse[s]));
+  PetscCall(PetscFree(spectral->inverse));
+  PetscFunctionReturn(0);
+}
+
 PetscErrorCode LatinSpectralReset(LatinSpectral *spectral)
 {
   PetscFunctionBegin;
   for (PetscInt f = 0; f < spectral->inter->count && spectral->field; f++) PetscCall(PetscFree(spectral->field[f]));
+  PetscCall(LatinSpectralForget(spectral));
   PetscCall(PetscFree3(spectral->count, spectral->field, spectral->modes));
   PetscFunctionReturn(0);
 }

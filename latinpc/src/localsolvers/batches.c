@@ -196,6 +196,7 @@ PetscErrorCode LatinLocalSolversSetUp(LatinLocalSolvers *solvers, const char nam
     PetscBool       found;
     PC              pc;
 
+    if (!solvers->rows[i].i) continue; /* the caller does without */
     PetscCall(LatinLocalKeep_Private(solvers, i));
     PetscCall(LatinLocalSolversRecall_Private(solvers, i, &found));
     if (!found) PetscCall(LatinLocalCreate_Private(solvers, i, name, once));

@@ -96,6 +96,26 @@ static PetscErrorCode LatinHomogeniseSolve_Private(LatinLinear *linear, PetscInt
   PetscFunctionReturn(0);
 }
 
+/* The same by an inverse that is there */
+static PetscErrorCode LatinHomogeniseProduct_Private(const LatinLinear *linear, PetscInt which, PetscInt m, const LatinCondensation *work, PetscScalar phi[])
+{
+  const size_t      n   = (size_t)linear->batches->batch[which].rows;
+  const PetscScalar one = 1.0, zero = 0.0;
+  PetscBLASInt      rows, columns;
+  PetscScalar      *B;
+
+  PetscFunctionBegin;
+  PetscCall(PetscBLASIntCast(linear->batches->batch[which].rows, &rows));
+  PetscCall(PetscBLASIntCast(m, &columns));
+  PetscCall(PetscCalloc1(n * (size_t)m, &B));
+  for (size_t j = 0; j < (size_t)m; j++)
+    for (PetscInt k = 0; k < work->rows; k++) B[(size_t)work->row[k] + n * j] = work->B[(size_t)k + (size_t)work->rows * j];
+  if (n && m) PetscCallBLAS("BLASsymm", BLASsymm_("L", "L", &rows, &columns, &one, linear->inverse[which], &rows, B, &rows, &zero, phi, &rows));
+  PetscCall(PetscLogFlops(2.0 * rows * rows * columns));
+  PetscCall(PetscFree(B));
+  PetscFunctionReturn(0);
+}
+
 /* G = B^t V for columns of both: its lower triangle, by blocks, and its other half */
 static PetscErrorCode LatinHomogeniseEnergies_Private(LatinCondensation *work, PetscInt m, const PetscScalar V[])
 {
@@ -140,7 +160,8 @@ static PetscErrorCode LatinHomogeniseVectors_Private(LatinLinear *linear, PetscI
     PetscCall(KSPGetPC(linear->solvers->ksp[which], &pc));
     PetscCall(PCFactorGetMatrix(pc, &F));
     PetscCall(LatinCholeskySolveSome(F, work->rows, work->row, m, Phi->a));
-  } else PetscCall(LatinHomogeniseSolve_Private(linear, which, m, work, Phi->a, failed));
+  } else if (linear->solvers->ksp[which]) PetscCall(LatinHomogeniseSolve_Private(linear, which, m, work, Phi->a, failed));
+  else PetscCall(LatinHomogeniseProduct_Private(linear, which, m, work, Phi->a));
   PetscCall(PetscMalloc2(some ? 0 : entries, &work->V, m * m, &work->G));
   for (PetscInt j = 0; j < m && !some; j++)
     for (PetscInt k = 0; k < work->rows; k++) work->V[(size_t)k + (size_t)work->rows * (size_t)j] = Phi->a[(size_t)work->row[k] + (size_t)Phi->rows * (size_t)j];
@@ -235,6 +256,7 @@ static PetscErrorCode LatinHomogeniseInverse_Private(LatinLinear *linear, PetscI
   PetscScalar      *b;
 
   PetscFunctionBegin;
+  if (linear->inverse[which]) PetscFunctionReturn(0);
   for (PetscInt m = 1; m < batch->members; m++) runs += batch->sub[m] != batch->sub[m - 1] + 1 ? 1 : 0;
   if (!linear->solvers->direct || n > LATIN_INVERSE_ROWS || batch->members < LATIN_INVERSE_RUN * runs || batch->members * LATIN_INVERSE_STAGES < n) PetscFunctionReturn(0);
   PetscCall(PetscMalloc1(n * n, &linear->inverse[which]));
@@ -278,7 +300,6 @@ PetscErrorCode LatinHomogeniseSetUp(LatinLinear *linear)
 
   PetscFunctionBegin;
   PetscCall(PetscLogEventBegin(LATIN_Condense, linear->sub->object, 0, 0, 0));
-  PetscCall(PetscCalloc1(linear->batches->n, &linear->inverse));
   if (linear->substructures) {
     PetscCall(LatinSubstructuresStiffness(linear));
     PetscCall(PetscLogEventEnd(LATIN_Condense, linear->sub->object, 0, 0, 0));

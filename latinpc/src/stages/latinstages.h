@@ -28,6 +28,7 @@ typedef struct {
   const LatinDirections *dir;
   const LatinMacro      *macro;
   const LatinBatches    *batches;
+  LatinSpectral         *spectral; /* gives its inverses away */
   LatinCoarse           *coarse;
   LatinLocalSolvers     *solvers;
   PetscBool              substructures; /* all that is on interfaces is in the coarse problem, and Phi is not kept */

@@ -47,6 +47,51 @@ static PetscErrorCode LatinLinearSplit_Private(LatinLinear *linear, PetscInt s, 
   PetscFunctionReturn(0);
 }
 
+/* The same of a subdomain whose inverse is there, all of whose rows a matrix gives: no matrix is made. Springs are on no primal dof */
+static PetscErrorCode LatinLinearCouplings_Private(LatinLinear *linear, PetscInt s, PetscSegBuffer rc, PetscInt *couplings)
+{
+  const LatinSubdomains *sub = linear->sub;
+  const PetscInt         m = linear->coarse->offset[s + 1] - linear->coarse->offset[s], macros = linear->coarse->macro_count[s], top = sub->node_offset[s];
+  PetscReal             *H = linear->stiffness.H + linear->stiffness.h_offset[s];
+
+  PetscFunctionBegin;
+  linear->rc_first[s] = *couplings;
+  for (PetscInt p = linear->inter->primal_offset[s]; p < linear->inter->primal_offset[s + 1]; p++) {
+    const PetscInt row = linear->inter->primal_dof[p], primal = p - linear->inter->primal_offset[s];
+
+    for (PetscInt k = sub->ki[row]; k < sub->ki[row + 1]; k++) {
+      const PetscInt column = LatinEntryColumn(sub, row, k), at = linear->inter->primal_index[column];
+
+      if (at >= 0) H[macros + primal + m * (macros + at)] += LatinEntry(sub, row, k);
+      else {
+        LatinCoupling *coupling;
+
+        PetscCall(PetscSegBufferGet(rc, 1, &coupling));
+        *coupling = (LatinCoupling){.row = column - top, .primal = primal, .value = LatinEntry(sub, row, k)};
+        ++*couplings;
+      }
+    }
+  }
+  linear->rc_last[s] = *couplings;
+  PetscFunctionReturn(0);
+}
+
+/* Takes the inverses that are there, one a batch */
+static PetscErrorCode LatinLinearInverses_Private(LatinLinear *linear)
+{
+  PetscFunctionBegin;
+  PetscCall(PetscCalloc1(linear->batches->n, &linear->inverse));
+  if (!linear->spectral->inverse) PetscFunctionReturn(0);
+  for (PetscInt b = 0; b < linear->batches->n; b++) {
+    const PetscInt s = linear->batches->batch[b].sub[0];
+
+    linear->inverse[b]           = linear->spectral->inverse[s];
+    linear->spectral->inverse[s] = NULL;
+  }
+  PetscCall(LatinSpectralForget(linear->spectral));
+  PetscFunctionReturn(0);
+}
+
 /* The matrices of all batches, the couplings, and where H starts */
 static PetscErrorCode LatinLinearMatrices_Private(LatinLinear *linear)
 {
@@ -61,6 +106,10 @@ static PetscErrorCode LatinLinearMatrices_Private(LatinLinear *linear)
     const PetscInt s = batches->batch[b].sub[0];
     LatinSparse   *K = &linear->solvers->rows[b];
 
+    if (linear->inverse[b]) {
+      PetscCall(LatinLinearCouplings_Private(linear, s, rc, &couplings));
+      continue;
+    }
     PetscCall(LatinDirectionMatrix(linear->dir, s, linear->spring, K));
     linear->rc_first[s] = linear->rc_last[s] = 0;
     if (!linear->substructures) PetscCall(LatinLinearSplit_Private(linear, s, K, rc, &couplings));
@@ -136,6 +185,7 @@ PetscErrorCode LatinLinearSetUp(LatinLinear *linear)
   PetscCall(LatinLinearWork_Private(linear));
   PetscCall(LatinDirectionSprings_Private(linear->dir, linear->spring));
   PetscCall(LatinLocalSolversCreate(sub, linear->batches, linear->solvers));
+  PetscCall(LatinLinearInverses_Private(linear));
   PetscCall(LatinLinearMatrices_Private(linear));
   PetscCall(LatinSolverIsDefault_Private(sub->object, "coarse", &checked)); /* only a factor shows how soft the coarse problem is */
   if (!linear->substructures) linear->solvers->precision = sub->preconditions && checked && !linear->precise ? LATIN_PRECISION_AUTO : LATIN_PRECISION_DOUBLE;
@@ -237,6 +287,7 @@ static PetscErrorCode LatinLinearDense_Private(LatinLinear *linear, const LatinB
   const LatinSubdomains *sub    = linear->sub;
   LatinCoarse           *coarse = linear->coarse;
   const PetscScalar      one    = 1.0;
+  const PetscBLASInt     inc    = 1;
   PetscBLASInt           rows, cols, run;
 
   PetscFunctionBegin;
@@ -247,7 +298,8 @@ static PetscErrorCode LatinLinearDense_Private(LatinLinear *linear, const LatinB
     PetscCall(PetscBLASIntCast(batch->rows, &rows));
     PetscCall(PetscBLASIntCast(coarse->offset[s + 1] - coarse->offset[s], &cols));
     PetscCall(PetscLogFlops(2.0 * rows * run * ((PetscLogDouble)rows + cols)));
-    PetscCallBLAS("BLASgemm", BLASgemm_("N", "N", &rows, &run, &rows, &one, inverse, &rows, linear->g + first, &rows, &one, U + first, &rows));
+    if (run == 1) PetscCallBLAS("BLASsymv", LatinBLASsymv_("L", &rows, &one, inverse, &rows, linear->g + first, &inc, &one, U + first, &inc));
+    else PetscCallBLAS("BLASgemm", BLASgemm_("N", "N", &rows, &run, &rows, &one, inverse, &rows, linear->g + first, &rows, &one, U + first, &rows));
     if (cols) PetscCallBLAS("BLASgemm", BLASgemm_("N", "N", &rows, &run, &cols, &one, linear->Phi[s].a, &rows, coarse->u + coarse->offset[s], &cols, &one, U + first, &rows));
   }
   PetscFunctionReturn(0);
