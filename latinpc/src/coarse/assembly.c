@@ -91,6 +91,29 @@ static PetscErrorCode LatinCoarseWhole_Private(const LatinCoarse *coarse, const 
   PetscFunctionReturn(0);
 }
 
+/* y = K x: one triangle of a dense matrix is read, where PETSc reads both */
+static PetscErrorCode LatinCoarseMult_Private(Mat K, Vec x, Vec y)
+{
+  const PetscScalar *a, *from, one = 1.0, zero = 0.0;
+  const PetscBLASInt inc = 1;
+  PetscScalar       *to;
+  PetscInt           rows;
+  PetscBLASInt       n;
+
+  PetscFunctionBegin;
+  PetscCall(MatGetSize(K, &rows, NULL));
+  PetscCall(PetscBLASIntCast(rows, &n));
+  PetscCall(MatDenseGetArrayRead(K, &a));
+  PetscCall(VecGetArrayRead(x, &from));
+  PetscCall(VecGetArrayWrite(y, &to));
+  if (n) PetscCallBLAS("BLASsymv", LatinBLASsymv_("L", &n, &one, a, &n, from, &inc, &zero, to, &inc));
+  PetscCall(VecRestoreArrayWrite(y, &to));
+  PetscCall(VecRestoreArrayRead(x, &from));
+  PetscCall(MatDenseRestoreArrayRead(K, &a));
+  PetscCall(PetscLogFlops(2.0 * (PetscLogDouble)n * n));
+  PetscFunctionReturn(0);
+}
+
 /* The operator of the only element here as a dense matrix, which takes it over */
 static PetscErrorCode LatinCoarseDense_Private(const LatinElements *top, LatinHomogenised *stiffness, Mat *K)
 {
@@ -100,6 +123,7 @@ static PetscErrorCode LatinCoarseDense_Private(const LatinElements *top, LatinHo
   PetscCall(MatCreateSeqDense(PETSC_COMM_SELF, rows, rows, stiffness->H, K)); /* without memory of its own */
   PetscCall(MatDenseReplaceArray(*K, stiffness->H));
   stiffness->H = NULL;
+  PetscCall(MatSetOperation(*K, MATOP_MULT, (void (*)(void))LatinCoarseMult_Private));
   PetscCall(MatAssemblyBegin(*K, MAT_FINAL_ASSEMBLY));
   PetscCall(MatAssemblyEnd(*K, MAT_FINAL_ASSEMBLY));
   PetscFunctionReturn(0);
