@@ -64,26 +64,28 @@ static void LatinFaceCompliance(const LatinSpectral *spectral, PetscInt s, const
 }
 
 /*
-   The last *modes of the columns of V, n x PetscMin(n, LATIN_SPECTRAL_MOST), are eigenvectors for the largest lambda, those above the least: A v = lambda v, or with
-   Q = P^-1 not NULL A v = lambda P v, none where Q is not positive definite. A and Q, n x n, are destroyed
+   Columns *first on of V, *modes of them and LATIN_SPECTRAL_MOST at most, are eigenvectors for the largest lambda, those above the least: A v = lambda v, V as n x
+   PetscMin(n, LATIN_SPECTRAL_MOST); or with Q = P^-1 not NULL A v = lambda P v, V as n x n, none where Q is not positive definite. A and Q, n x n, are destroyed
 */
-PetscErrorCode LatinSpectralEigen_Private(PetscInt n, PetscReal least, PetscScalar A[], PetscScalar Q[], PetscScalar V[], PetscInt *modes, PetscBool *bad)
+PetscErrorCode LatinSpectralEigen_Private(PetscInt n, PetscReal least, PetscScalar A[], PetscScalar Q[], PetscScalar V[], PetscInt *first, PetscInt *modes, PetscBool *bad)
 {
-  const PetscReal unused = 0.0, tolerance = 0.0;
-  PetscBLASInt    bn, lwork, kind = 3, found = 0, first, info, *iwork, *fail;
+  const PetscReal unused = 0.0, tolerance = 0.0, most = PETSC_MAX_REAL;
+  PetscBLASInt    bn, lwork, kind = 3, found = 0, from, info, *iwork, *fail;
   PetscScalar    *work;
   PetscReal      *w;
 
   PetscFunctionBegin;
   PetscCall(PetscBLASIntCast(n, &bn));
   PetscCall(PetscBLASIntCast(40 * n, &lwork));
-  first = PetscMax(bn - LATIN_SPECTRAL_MOST, 0) + 1;
+  from = PetscMax(bn - LATIN_SPECTRAL_MOST, 0) + 1;
   PetscCall(PetscMalloc4(lwork, &work, n, &w, 5 * n, &iwork, n, &fail));
-  if (Q) PetscCallBLAS("LAPACKsygvx", LAPACKsygvx_(&kind, "V", "I", "L", &bn, A, &bn, Q, &bn, &unused, &unused, &first, &bn, &tolerance, &found, w, V, &bn, work, &lwork, iwork, fail, &info));
-  else PetscCallBLAS("LAPACKsyevx", LAPACKsyevx_("V", "I", "L", &bn, A, &bn, &unused, &unused, &first, &bn, &tolerance, &found, w, V, &bn, work, &lwork, iwork, fail, &info));
+  if (Q) PetscCallBLAS("LAPACKsygvx", LAPACKsygvx_(&kind, "V", "V", "L", &bn, A, &bn, Q, &bn, &least, &most, &from, &bn, &tolerance, &found, w, V, &bn, work, &lwork, iwork, fail, &info));
+  else PetscCallBLAS("LAPACKsyevx", LAPACKsyevx_("V", "I", "L", &bn, A, &bn, &unused, &unused, &from, &bn, &tolerance, &found, w, V, &bn, work, &lwork, iwork, fail, &info));
   if (info && info <= bn) *bad = PETSC_TRUE;
-  *modes = 0;
-  for (PetscInt i = 0; i < found && !info; i++) *modes += w[i] > least ? 1 : 0;
+  if (info) found = 0;
+  *first = PetscMax((PetscInt)found - LATIN_SPECTRAL_MOST, 0);
+  while (*first < found && !(w[*first] > least)) ++*first;
+  *modes = (PetscInt)found - *first;
   PetscCall(PetscFree4(work, w, iwork, fail));
   PetscFunctionReturn(0);
 }
@@ -93,23 +95,23 @@ static PetscErrorCode LatinFaceFields_Private(LatinSpectral *spectral, PetscInt 
 {
   const LatinInterface  *face = &spectral->inter->interface[f];
   const LatinDirections *dir  = spectral->dir;
-  const PetscInt         rows = face->side_last - face->side_first, most = PetscMin(rows, LATIN_SPECTRAL_MOST);
+  const PetscInt         rows = face->side_last - face->side_first;
   const PetscReal       *D = dir->matrix + dir->matrix_first[f], *W = D + 2 * rows * rows;
   const PetscScalar      one = 1.0, zero = 0.0, minus = -1.0, scale = 2.0 / LatinDirectionFraction(dir);
   PetscBLASInt           n, modes;
-  PetscInt               count;
+  PetscInt               first, count;
   PetscScalar           *X, *N, *V;
 
   PetscFunctionBegin;
   PetscCall(PetscBLASIntCast(rows, &n));
-  PetscCall(PetscMalloc3(rows * rows, &X, rows * rows, &N, rows * most, &V));
+  PetscCall(PetscMalloc3(rows * rows, &X, rows * rows, &N, rows * rows, &V));
   PetscCall(PetscArraycpy(X, W, rows * rows)); /* (A + B)^-1 N = W - W W, A + B = D times scale */
   PetscCallBLAS("BLASgemm", BLASgemm_("N", "N", &n, &n, &n, &minus, W, &n, W, &n, &one, X, &n));
   PetscCallBLAS("BLASgemm", BLASgemm_("N", "N", &n, &n, &n, &scale, D, &n, X, &n, &zero, N, &n));
-  PetscCall(LatinSpectralEigen_Private(rows, least, N, Q, V, &count, bad));
+  PetscCall(LatinSpectralEigen_Private(rows, least, N, Q, V, &first, &count, bad));
   PetscCall(PetscBLASIntCast(count, &modes));
   PetscCall(PetscMalloc1(rows * count, &spectral->field[f]));
-  if (count) PetscCallBLAS("BLASgemm", BLASgemm_("N", "N", &n, &modes, &n, &one, X, &n, V + rows * (most - count), &n, &zero, spectral->field[f], &n));
+  if (count) PetscCallBLAS("BLASgemm", BLASgemm_("N", "N", &n, &modes, &n, &one, X, &n, V + rows * first, &n, &zero, spectral->field[f], &n));
   for (PetscInt j = 0; j < count; j++) {
     PetscScalar *field = spectral->field[f] + rows * j;
     PetscReal    norm  = 0.0;

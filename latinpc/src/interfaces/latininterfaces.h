@@ -131,7 +131,7 @@ PETSC_INTERN PetscErrorCode LatinSpectralSetUp(LatinSpectral *);
 PETSC_INTERN PetscErrorCode LatinSpectralExtend(const LatinSpectral *, PetscInt f, PetscInt rows, PetscInt *fields, PetscScalar F[]);
 PETSC_INTERN PetscErrorCode LatinSpectralStatistics_Private(const LatinSpectral *, PetscInt *subdomains, PetscInt *most);
 PETSC_INTERN PetscReal      LatinSpectralThreshold(const LatinSpectral *);
-PETSC_INTERN PetscErrorCode LatinSpectralEigen_Private(PetscInt n, PetscReal least, PetscScalar A[], PetscScalar Q[], PetscScalar V[], PetscInt *modes, PetscBool *bad);
+PETSC_INTERN PetscErrorCode LatinSpectralEigen_Private(PetscInt n, PetscReal least, PetscScalar A[], PetscScalar Q[], PetscScalar V[], PetscInt *first, PetscInt *modes, PetscBool *bad);
 PETSC_INTERN PetscErrorCode LatinSpectralFaces_Private(LatinSpectral *, const PetscBool held[], PetscReal threshold, PetscBool *bad);
 PETSC_INTERN PetscErrorCode LatinSpectralForget(LatinSpectral *);
 PETSC_INTERN PetscErrorCode LatinSpectralReset(LatinSpectral *);

@@ -131,7 +131,7 @@ static PetscErrorCode LatinSpectralSubdomain_Private(LatinSpectral *spectral, Pe
 {
   const LatinInterfaces *inter = spectral->inter;
   const PetscInt         bs = spectral->sub->bs, top = bs * spectral->sub->node_offset[s], rows = bs * spectral->sub->node_offset[s + 1] - top;
-  PetscInt              *dof, *position, n = 0, modes = 0, columns;
+  PetscInt              *dof, *position, n = 0, modes = 0, mode = 0, columns;
   PetscReal             *weight;
   PetscScalar           *G, *V;
   PetscBool              mechanism = PETSC_FALSE;
@@ -151,9 +151,9 @@ static PetscErrorCode LatinSpectralSubdomain_Private(LatinSpectral *spectral, Pe
   PetscCall(LatinSPDInverse_Private(n, G, &mechanism));
   for (PetscInt j = 0; j < n; j++)
     for (PetscInt i = 0; i < n; i++) G[i + (size_t)n * (size_t)j] *= weight[i] * weight[j];
-  if (n && !mechanism) PetscCall(LatinSpectralEigen_Private(n, 1.0 / (1.0 + LatinSpectralThreshold(spectral)), G, NULL, V, &modes, bad));
+  if (n && !mechanism) PetscCall(LatinSpectralEigen_Private(n, 1.0 / (1.0 + LatinSpectralThreshold(spectral)), G, NULL, V, &mode, &modes, bad));
   spectral->modes[s] = modes;
-  for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++) PetscCall(LatinSpectralCut_Private(spectral, f, n, modes, V + (size_t)n * (size_t)(columns - modes), position, weight));
+  for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++) PetscCall(LatinSpectralCut_Private(spectral, f, n, modes, V + (size_t)n * (size_t)mode, position, weight));
   PetscCall(PetscFree2(G, V));
   PetscCall(PetscFree3(dof, position, weight));
   PetscFunctionReturn(0);
