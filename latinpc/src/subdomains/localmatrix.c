@@ -126,7 +126,7 @@ PetscErrorCode LatinLocalMatrixSymmetric_Private(Mat A, const LatinLocalMatrix *
       bad[1] = local->global[local->j[k]];
     }
   LatinAgree(PetscObjectComm((PetscObject)A), bad[0] >= 0, PETSC_ERR_FP, "The matrix has an entry that is not a finite number, at row %" PetscInt_FMT ", column %" PetscInt_FMT, bad[0], bad[1]);
-  for (PetscInt r = 0; r < local->rows && bad[0] < 0; r++)
+  for (PetscInt r = 0; r < local->rows && bad[0] < 0 && !local->mirrored; r++)
     for (PetscInt k = local->i[r]; k < local->i[r + 1] && bad[0] < 0; k++) {
       const PetscInt c = local->j[k];
 
