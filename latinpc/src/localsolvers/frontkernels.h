@@ -295,7 +295,7 @@ static void FRONT(LatinFrontsForward)(const LatinFronts *F, const PetscBool reac
     if (reached && !reached[f]) continue;
     if (columns == 1) FRONT(LatinFrontColumn)(F, f, PETSC_TRUE);
     else
-      for (PetscInt c = 0; c < F->columns[f] && (c || reached || !FRONT(LatinFrontIdle)(F, f, (PetscBLASInt)columns)); c += LATIN_FRONT_PANEL) FRONT(LatinFrontForward)(F, f, c, (PetscBLASInt)columns);
+      for (PetscInt c = 0; c < F->columns[f] && (c || !FRONT(LatinFrontIdle)(F, f, (PetscBLASInt)columns)); c += LATIN_FRONT_PANEL) FRONT(LatinFrontForward)(F, f, c, (PetscBLASInt)columns);
   }
 }
 
