@@ -12,18 +12,18 @@
    eigenproblem is one of the size of an interface. Springs of the search direction keep K regular.
 */
 
-/* The inverse of the operator of subdomain s and its springs: G, rows and columns of held dofs zero; NULL where it has a mechanism, which the set-up of the linear stage reports */
-static PetscErrorCode LatinFaceInverse_Private(const LatinSpectral *spectral, PetscInt s, const PetscBool held[], PetscReal **G)
+/* The inverse of the operator of subdomain s and its springs: G, rows and columns of held dofs zero; NULL where it has a mechanism, which the set-up of the linear stage reports. *firm: the diagonals of both show that there is none */
+static PetscErrorCode LatinFaceInverse_Private(const LatinSpectral *spectral, PetscInt s, const PetscBool held[], PetscReal **G, PetscBool *firm)
 {
   const LatinInterfaces *inter = spectral->inter;
   const PetscInt         top = spectral->sub->node_offset[s], rows = spectral->sub->node_offset[s + 1] - top;
   const size_t           n         = (size_t)rows;
   PetscBool              mechanism = PETSC_FALSE;
   PetscInt              *position;
-  PetscReal             *A;
+  PetscReal             *A, *diagonal, most = 0.0;
 
   PetscFunctionBegin;
-  PetscCall(PetscMalloc1(rows, &position));
+  PetscCall(PetscMalloc2(rows, &position, rows, &diagonal));
   PetscCall(PetscMalloc1(n * n, &A));
   for (PetscInt i = 0; i < rows; i++) position[i] = held[top + i] ? -1 : i;
   LatinOperatorDense(spectral->sub, s, rows, position, A);
@@ -37,12 +37,15 @@ static PetscErrorCode LatinFaceInverse_Private(const LatinSpectral *spectral, Pe
     for (PetscInt j = 0, m = face->side_last - face->side_first; j < m; j++)
       for (PetscInt i = 0; i < m; i++) A[(size_t)(dof[i] - top) + n * (size_t)(dof[j] - top)] += *D++;
   }
+  for (size_t i = 0; i < n; i++) diagonal[i] = A[i + n * i];
   PetscCall(LatinSPDInverse_Private(rows, A, &mechanism));
+  for (size_t i = 0; i < n; i++) most = PetscMax(most, diagonal[i] * A[i + n * i]);
+  *firm = (PetscBool)(!mechanism && LATIN_MECHANISM * most * (PetscReal)n < 1.0);
   for (size_t i = 0; i < n; i++)
     if (held[top + (PetscInt)i]) A[i + n * i] = 0.0;
   if (mechanism) PetscCall(PetscFree(A));
   *G = A;
-  PetscCall(PetscFree(position));
+  PetscCall(PetscFree2(position, diagonal));
   PetscFunctionReturn(0);
 }
 
@@ -145,10 +148,11 @@ PetscErrorCode LatinSpectralFaces_Private(LatinSpectral *spectral, const PetscBo
   PetscCall(PetscCalloc1(spectral->sub->n, &spectral->inverse));
   for (PetscInt s = 0; s < spectral->sub->n; s++) {
     PetscReal *G;
+    PetscBool  firm = PETSC_FALSE;
 
-    PetscCall(LatinFaceInverse_Private(spectral, s, held, &G));
+    PetscCall(LatinFaceInverse_Private(spectral, s, held, &G, &firm));
     LatinFaceCompliance(spectral, s, G, first, C);
-    if (kept) spectral->inverse[s] = G;
+    if (kept && firm) spectral->inverse[s] = G;
     else PetscCall(PetscFree(G));
   }
   for (PetscInt f = 0; f < inter->count; f++) {
