@@ -283,7 +283,7 @@ def local_ksp(solver: Solver, i: int = 0) -> PETSc.KSP:
     """Return the KSP of subdomain ``i`` of this rank; not collective.
 
     Equal subdomains share one. Its matrix may have lost its values after another set-up, until the next call.
-    There is none, and its ``handle`` is 0, where a dense inverse takes its place, as in coarse problems of substructures.
+    There is none, and its ``handle`` is 0, where a dense inverse takes its place: in coarse problems of substructures.
 
     Parameters
     ----------
