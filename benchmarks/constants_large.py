@@ -180,7 +180,7 @@ LARGE = {
     ),
     "LATIN_PATH_STIFFENS": (
         "of the loads",
-        "With 1e-2 a truss under 1000 times its limit load is inverted; a cable may tighten within less.",
+        "With 1e-2 a truss under 1000 times its limit load is inverted; without it a cable that tightens ends a path.",
     ),
     "LATIN_PATH_TARGETS": (
         "loads",

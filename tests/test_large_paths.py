@@ -62,6 +62,30 @@ def test_a_cable_that_tightens_at_once():
     assert -result.displacements[1, 0] == pytest.approx((1.0 + 1e5 * 1e-8) / (1.0 + 1e5), rel=1e-6)
 
 
+@pytest.mark.parametrize("gap", [0.01, 0.3, 0.7])
+@pytest.mark.parametrize("stiffness", [1e2, 1e6])
+def test_a_cable_that_tightens_on_the_way(stiffness, gap):
+    """No increment of the loads is small enough for the tangent stiffness of before to hold: that is no limit point."""
+    nodes = np.array([[0, 0], [-100, 0], [0, 100], [0, -100], [-10, 0]], dtype=float)
+    load = np.zeros((5, 2))
+    load[0, 0] = 1.0
+    structure = latinpc.Structure(
+        nodes,
+        [[0, 1], [0, 2], [0, 3], [0, 4]],
+        ["bar", "bar", "bar", "cable"],
+        [1.0, 10.0, 10.0, stiffness],
+        fixed=np.repeat(np.arange(5)[:, None] > 0, 2, axis=1),
+        load=load,
+        geometry="large",
+        initial_elongation=np.array([0.0, 0.0, 0.0, -gap]),
+    )
+    result = structure.solve(error=1e-8)
+    assert result.converged
+    moved = (1.0 + stiffness * gap) / (1.0 + stiffness)  # what the bars across bear as they turn by 0.01 is below 1e-6
+    assert result.displacements[0] == pytest.approx([moved, 0.0], rel=1e-5, abs=1e-12)
+    assert result.tensions[3] == pytest.approx(stiffness * (result.displacements[0, 0] - gap), rel=1e-6)
+
+
 @pytest.mark.parametrize("ranks", [1, 2, 4])
 def test_ranks_see_what_snaps_through(ranks_for, ranks):
     """The path ends at the same load."""

@@ -289,7 +289,7 @@ static PetscErrorCode LatinPathFar_Private(SNES snes, LatinPath *path)
 
   PetscFunctionBegin;
   target->passed = PETSC_FALSE;
-  if (path->kinks || more <= LATIN_PATH_STIFFENS) PetscFunctionReturn(0);
+  if (path->kinks || more <= LATIN_PATH_STIFFENS) PetscFunctionReturn(0); /* just before a cable tightens every increment is too large by the tangent stiffness there */
   PetscCall(VecWAXPY(path->step, more, path->ahead, path->u));
   PetscCall(SNESLatinLargeCorrect_Private(snes, path->u, path->step, &corrected));
   target->passed = (PetscBool)(corrected > LATIN_PATH_CORRECTED * more * path->far);
