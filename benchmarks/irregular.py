@@ -135,8 +135,9 @@ def page(document):
 
 `python benchmarks/irregular.py`: seconds and memory to a relative l2 error of 1e-4, each method stopped at its first
 iterate below it, from the same arrays, one thread a rank ([how](README.md#how-it-is-measured)). In brackets: how many
-times as long as the default of SNES latin. The peers have the order of elimination that ours has (METIS on the nodes;
-MUMPS its own call of METIS), once, and one thread: CHOLMOD starts four by itself, which takes twice the time.
+times as long as the default of SNES latin. The peers have the order of elimination that ours has (nested dissection of
+the nodes by their places; MUMPS its own call of METIS), once, and one thread: CHOLMOD starts four by itself, which
+takes twice the time.
 –: no result within {TIMEOUT:.0f} s, or none at all: on the network of 60,000 nodes Newton's method meets a tangent
 stiffness that is not positive definite. `drawn` is a structure that no one here made: the lines of a floor plan as
 a vault of two layers (drawn.py).

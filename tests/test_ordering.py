@@ -1,11 +1,12 @@
-"""The order in which direct solvers eliminate unknowns: nested dissection of the nodes."""
+"""The order in which direct solvers eliminate unknowns: nested dissection of the nodes, by their places where these are known."""
 
 import numpy as np
 import pytest
 from petsc4py import PETSc
 from support import far, irregular, solve
 
-import latinpc  # noqa: F401  registers the ordering
+import latinpc
+from latinpc.scenes import make
 
 
 def plane(side, components):
@@ -43,6 +44,85 @@ def test_fill_is_that_of_nested_dissection():
     K = plane(24, 2)
     assert entries(K, "latin") < 0.7 * entries(K, "natural")
     assert entries(K, "latin") <= entries(K, "nd")
+
+
+def without_places(K):
+    """Return the same matrix, of which no mesh says where its nodes are."""
+    copy = PETSc.Mat().createAIJ(K.getSize(), csr=K.getValuesCSR(), bsize=K.getBlockSize(), comm=PETSc.COMM_SELF)
+    return copy
+
+
+def fill(K):
+    """Count the entries of the Cholesky factor, by nodes, with the order `latin`."""
+    size = K.getBlockSize()
+    order = K.getOrdering("latin")[0].indices[::size] // size
+    first, column, _ = K.getValuesCSR()
+    place = np.empty_like(order)
+    place[order] = np.arange(len(order))
+    below = [set() for _ in order]
+    for node, at in enumerate(place):
+        near = place[np.unique(column[first[size * node] : first[size * node + size]] // size)]
+        below[at].update(near[near > at].tolist())
+    total = len(order)
+    for rows in below:
+        total += len(rows)
+        if rows:
+            parent = min(rows)
+            below[parent] |= rows - {parent}
+    return total
+
+
+def rolled(turns=20, around=60, across=6):
+    """Make a strip of net that is rolled up: what is near is not linked."""
+    angle = 2.0 * np.pi / around * np.arange(turns * around)
+    radius = 5.0 + angle / (2.0 * np.pi)
+    ring = np.stack([radius * np.cos(angle), radius * np.sin(angle), 0.0 * angle], axis=1)
+    nodes = (ring[:, None] + [0.0, 0.0, 1.0] * np.arange(across)[:, None]).reshape(-1, 3)
+    number = np.arange(len(nodes)).reshape(-1, across)
+    links = np.concatenate([np.stack([number[:-1].ravel(), number[1:].ravel()], 1),
+                            np.stack([number[:, :-1].ravel(), number[:, 1:].ravel()], 1)])  # fmt: skip
+    return nodes, links
+
+
+def jacobian(nodes, links):
+    """Return the tangent stiffness of bars, with the first node held."""
+    s = latinpc.Structure(nodes, links, "bar", 1.0, fixed=np.arange(len(nodes))[:, None] < [1, 1, 1])
+    K, u = s.dm.createMat(), s.create_vec()
+    s.jacobian(u, K)
+    return K
+
+
+@pytest.mark.parametrize("name, options, most", [
+    ("network", {"nodes": 1500}, 1.05),
+    ("tensegrity-grid", {"modules": 20, "partition": "metis"}, 1.0),
+    ("lattice", {"nx": 40, "ny": 30}, 1.05),
+])  # fmt: skip
+def test_places_give_no_more_fill(name, options, most):
+    s = latinpc.Structure.from_scene(make(name, **options))
+    K, u = s.dm.createMat(), s.create_vec()
+    s.jacobian(u, K)
+    size = K.getBlockSize()
+    order = K.getOrdering("latin")[0].indices
+    assert sorted(order) == list(range(K.getSize()[0]))
+    assert (order.reshape(-1, size) == order[::size, None] + np.arange(size)).all()
+    assert (order != without_places(K).getOrdering("latin")[0].indices).any()
+    assert fill(K) <= most * fill(without_places(K))
+
+
+def test_a_net_of_squares_is_cut_aslant():
+    """Diamonds have a third fewer neighbours than squares of as many nodes."""
+    number = np.arange(41 * 41).reshape(41, 41)
+    links = np.concatenate([np.stack([number[:-1].ravel(), number[1:].ravel()], 1),
+                            np.stack([number[:, :-1].ravel(), number[:, 1:].ravel()], 1)])  # fmt: skip
+    K = jacobian(np.stack([*np.divmod(number.ravel(), 41), 0.0 * number.ravel()], 1), links)
+    assert fill(K) < 0.95 * fill(without_places(K))
+
+
+@pytest.mark.parametrize("places", ["rolled", "shuffled"])
+def test_places_that_tell_nothing_are_left_aside(places):
+    nodes, links = rolled()
+    K = jacobian(np.random.default_rng(1).permutation(nodes) if places == "shuffled" else nodes, links)
+    assert (K.getOrdering("latin")[0].indices == without_places(K).getOrdering("latin")[0].indices).all()
 
 
 def test_other_matrices_are_refused():

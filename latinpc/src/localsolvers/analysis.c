@@ -185,7 +185,6 @@ static PetscErrorCode LatinCholeskyRows_Private(LatinSupernodes *data, const Pet
 static PetscErrorCode LatinCholeskyOrder_Private(const LatinSupernodes *data, Mat A, PetscInt n, const PetscInt i[], const PetscInt j[], PetscInt **order)
 {
   const PetscInt *before;
-  PetscInt        bs;
   IS              is;
 
   PetscFunctionBegin;
@@ -199,8 +198,7 @@ static PetscErrorCode LatinCholeskyOrder_Private(const LatinSupernodes *data, Ma
     PetscCall(ISRestoreIndices(is, &before));
     PetscFunctionReturn(0);
   }
-  PetscCall(MatGetBlockSize(A, &bs));
-  PetscCall(LatinOrderNodes_Private(bs, n, i, j, data->keep, *order));
+  PetscCall(LatinOrderNodes_Private(A, n, i, j, data->keep, *order));
   if (data->kept) PetscFunctionReturn(0);
   PetscCall(ISCreateGeneral(PETSC_COMM_SELF, n, *order, PETSC_COPY_VALUES, &is));
   PetscCall(PetscObjectCompose((PetscObject)A, LATIN_ORDER, (PetscObject)is));

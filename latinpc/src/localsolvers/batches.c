@@ -150,6 +150,26 @@ static PetscErrorCode LatinLocalKeep_Private(LatinLocalSolvers *solvers, PetscIn
   PetscFunctionReturn(0);
 }
 
+/* Places of the nodes of a batch, which their order of elimination comes from */
+static PetscErrorCode LatinLocalPlaces_Private(const LatinLocalSolvers *solvers, PetscInt i)
+{
+  const LatinSubdomains *sub   = solvers->sub;
+  const PetscInt         first = sub->node_offset[solvers->batches->batch[i].sub[0]], dim = sub->dim, n = dim * solvers->batches->batch[i].rows / sub->bs;
+  PetscScalar           *x;
+  Vec                    places;
+
+  PetscFunctionBegin;
+  if (!dim || !sub->x) PetscFunctionReturn(0);
+  PetscCall(VecCreateSeq(PETSC_COMM_SELF, n, &places));
+  PetscCall(VecSetBlockSize(places, dim));
+  PetscCall(VecGetArrayWrite(places, &x));
+  for (PetscInt k = 0; k < n; k++) x[k] = sub->x[dim * first + k];
+  PetscCall(VecRestoreArrayWrite(places, &x));
+  PetscCall(PetscObjectCompose((PetscObject)solvers->K[i], LATIN_PLACES, (PetscObject)places));
+  PetscCall(VecDestroy(&places));
+  PetscFunctionReturn(0);
+}
+
 /* The matrix of a batch, and a solver as the options choose it */
 static PetscErrorCode LatinLocalCreate_Private(LatinLocalSolvers *solvers, PetscInt i, const char name[], PetscBool once)
 {
@@ -164,6 +184,7 @@ static PetscErrorCode LatinLocalCreate_Private(LatinLocalSolvers *solvers, Petsc
   PetscCall(MatSetOption(solvers->K[i], MAT_SPD, PETSC_TRUE));
   if (solvers->like) PetscCall(PetscObjectQuery((PetscObject)solvers->like->K[i], LATIN_ORDER, &order));
   if (order) PetscCall(PetscObjectCompose((PetscObject)solvers->K[i], LATIN_ORDER, order));
+  else PetscCall(LatinLocalPlaces_Private(solvers, i));
   PetscCall(LatinSolverCreate_Private(PETSC_COMM_SELF, solvers->sub->object, name, &solvers->ksp[i]));
   PetscCall(KSPGetPC(solvers->ksp[i], &pc));
   PetscCall(LatinDirectSolver_Private(pc, solvers->K[i], LATIN_CHOLESKY));
@@ -205,6 +226,7 @@ PetscErrorCode LatinLocalSolversSetUp(LatinLocalSolvers *solvers, const char nam
     PetscCall(KSPGetPC(solvers->ksp[i], &pc));
     if (found || solvers->precision != LATIN_PRECISION_DOUBLE) PetscCall(LatinCholeskyRound(pc, precision[solvers->precision]));
     PetscCall(LatinFactor_Private(solvers->ksp[i], solvers->K[i], solvers->rest[i], NULL, larger ? &serves : NULL, &solvers->status));
+    PetscCall(PetscObjectCompose((PetscObject)solvers->K[i], LATIN_PLACES, NULL));
     solvers->rounding = PetscMax(solvers->rounding, solvers->status.rounding);
     solvers->last     = i;
     PetscCall(LatinSolverDirect_Private(solvers->ksp[i], &solvers->direct));

@@ -44,10 +44,11 @@ static inline PetscBool     LatinFactorFailed(const LatinFactorStatus *status)
 }
 
 /* ---- the order of elimination (localsolvers/ordering.c) ---- */
-#define LATIN_ORDERING "latin" /* a MatOrderingType */
+#define LATIN_ORDERING "latin"       /* a MatOrderingType */
+#define LATIN_PLACES   "LatinPlaces" /* what a matrix carries the places of its nodes by, a Vec whose block size is their dimension */
 PETSC_INTERN PetscErrorCode LatinOrdering(Mat, MatOrderingType, IS *rows, IS *columns);
 PETSC_INTERN PetscErrorCode LatinOrderingNodes_Private(PetscInt bs, PetscInt n, const PetscInt ia[], const PetscInt ja[], PetscInt first[], PetscInt **list);
-PETSC_INTERN PetscErrorCode LatinOrderNodes_Private(PetscInt bs, PetscInt rows, const PetscInt ia[], const PetscInt ja[], const PetscBool kept[], PetscInt order[]);
+PETSC_INTERN PetscErrorCode LatinOrderNodes_Private(Mat, PetscInt rows, const PetscInt ia[], const PetscInt ja[], const PetscBool kept[], PetscInt order[]);
 
 /* ---- Cholesky with the interfaces last (localsolvers/cholesky.c) ---- */
 #define LATIN_CHOLESKY    "latin"      /* a MatSolverType */
