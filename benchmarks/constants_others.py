@@ -154,8 +154,8 @@ OTHERS = {
     ),
     "LATIN_DISSECTION_LEAF": (
         "nodes",
-        "Operations of the METIS grid of 200, networks of 8,000 and 20,000 and a vault: 50 takes up to 1 % less, 200 up to "
-        "1 % more; orders take 10 % more and less time.",
+        "Operations of the METIS grid of 200, networks of 8,000 and 20,000 and a vault: with 50 up to 1 % fewer, with "
+        "200 up to 1 % more; orders take 10 % more and less time.",
     ),
     "LATIN_DISSECTION_CUTS": (
         "slices",
@@ -171,8 +171,8 @@ OTHERS = {
     ),
     "LATIN_DISSECTION_WORSE": (
         "times the separator of METIS",
-        "Those of grids, a vault and networks are up to 1.05 times as large; of a net that is rolled up 20 times METIS finds "
-        "one of 6 nodes, planes one of 138.",
+        "Those of grids, a vault and networks are up to 1.05 times as large; of a net that is rolled up 20 times METIS "
+        "finds one of 6 nodes, planes one of 138.",
     ),
     "LATIN_LINE": ("bytes", "Of a cache line, and of the longest vector register of x86-64."),
     "LATIN_FRONT_ROWS": ("rows", "Eight sums keep two units for multiply-add busy whose answers take four cycles."),

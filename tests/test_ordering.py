@@ -1,4 +1,4 @@
-"""The order in which direct solvers eliminate unknowns: nested dissection of the nodes, by their places where these are known."""
+"""The order in which direct solvers eliminate unknowns: nested dissection of nodes, by places where they are known."""
 
 import numpy as np
 import pytest
