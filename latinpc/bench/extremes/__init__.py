@@ -30,7 +30,7 @@ from dataclasses import asdict, dataclass, fields, replace
 import numpy as np
 from petsc4py import PETSc
 
-from latinpc.bench.peers.launch import THREADS
+from latinpc.bench.peers.launch import RANKS, THREADS
 from latinpc.files.npz import save_scene
 from latinpc.results.mechanics import errors
 
@@ -98,8 +98,7 @@ def run(case):
         command = [sys.executable, "-P", "-m", "latinpc.bench.extremes.worker", str(folder / "task.json")]
         if case.ranks > 1:
             command = ["mpirun", "-n", str(case.ranks), *command]
-        environment = {**os.environ, **THREADS, "OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
-                       "OMPI_MCA_rmaps_base_oversubscribe": "1"}  # fmt: skip
+        environment = {**RANKS, **os.environ, **THREADS}
         try:
             process = subprocess.run(command, env=environment, timeout=TIMEOUT, capture_output=True, check=False)
         except subprocess.TimeoutExpired:

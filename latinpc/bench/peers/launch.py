@@ -20,6 +20,11 @@ THREADS = dict.fromkeys(
     ("OMP_NUM_THREADS", "OMP_THREAD_LIMIT", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "RAYON_NUM_THREADS"), "1"
 )
 
+#: What Open MPI wants for as many ranks as are asked for, of root in a container as well, on the cores that there are.
+RANKS = dict.fromkeys(
+    ("OMPI_ALLOW_RUN_AS_ROOT", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "OMPI_MCA_rmaps_base_oversubscribe"), "1"
+) | {"OMPI_MCA_hwloc_base_binding_policy": "none"}
+
 
 class Failed(RuntimeError):
     """A process that gave no result; its sentence says why."""
@@ -124,7 +129,7 @@ def _run(command, timeout):
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
         text=True,
-        env={**os.environ, **THREADS, "PYTHONPATH": path},
+        env={**RANKS, **os.environ, **THREADS, "PYTHONPATH": path},
         start_new_session=True,
     )
     try:
