@@ -306,7 +306,7 @@ def test_linear_methods_want_bars():
 
 @pytest.mark.slow
 def test_linear_scene_side_by_side_on_two_ranks(monkeypatch):
-    """By default the methods for scenes of bars; ratios are to KSP latin. Nobody has told Open MPI about root or cores."""
+    """By default the methods for scenes of bars; ratios are to KSP latin. Nobody tells Open MPI about root or cores."""
     for name in RANKS:
         monkeypatch.delenv(name, raising=False)
     document = compare.compare(grid("truss"), ("ksp-latin", "cg-latin", "fetidp"), repeat=1, ranks=2)
