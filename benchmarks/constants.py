@@ -6,7 +6,8 @@
 
 The repository is copied to a temporary folder and built there. Each value is put into the source, the library is built,
 the scenes of the constant are run in a fresh process, and the value is put back. Values and counts are in
-constants_table.py, those of the second table in constants_others.py, the scenes in constant_scenes.py.
+constants_table.py, those of the second table in constants_others.py and the files that it takes in, the scenes in
+constant_scenes.py.
 """
 
 import argparse

@@ -125,6 +125,16 @@ def test_places_that_tell_nothing_are_left_aside(places):
     assert (K.getOrdering("latin")[0].indices == without_places(K).getOrdering("latin")[0].indices).all()
 
 
+def test_a_part_of_the_matrix_of_a_mesh_has_no_places():
+    """Its rows are not those of the vertices."""
+    nodes, links = rolled(turns=2)
+    K = jacobian(nodes, links)
+    rows = PETSc.IS().createStride(3 * (len(nodes) // 2), comm=PETSc.COMM_SELF)
+    part = K.createSubMatrix(rows, rows)
+    part.setDM(K.getDM())
+    assert (part.getOrdering("latin")[0].indices == without_places(part).getOrdering("latin")[0].indices).all()
+
+
 def test_other_matrices_are_refused():
     K = PETSc.Mat().createDense(4, comm=PETSc.COMM_SELF)
     K.setUp()

@@ -81,38 +81,44 @@ static PetscErrorCode LatinOrderingGraph_Private(PetscInt bs, PetscInt n, const 
   PetscFunctionReturn(0);
 }
 
-/* Places of the nodes of a matrix that a DMPLEX has made, of blocks of bs unknowns at its vertices; else NULL */
+/* Places of the nodes of a matrix that a DMPLEX of one rank has made, of blocks of bs unknowns at its vertices; else NULL */
 static PetscErrorCode LatinOrderingMesh_Private(Mat A, PetscInt bs, PetscInt nodes, Vec *places)
 {
   PetscSection       unknowns, points;
   const PetscScalar *x;
   PetscScalar       *at;
-  PetscInt           dim, start, end, found = 0;
+  PetscInt           dim, start, end, low, high, total, found = 0;
   PetscBool          plex = PETSC_FALSE;
+  PetscMPIInt        size = 0;
   DM                 dm;
   Vec                all = NULL;
 
   PetscFunctionBegin;
   PetscCall(MatGetDM(A, &dm));
   if (dm) PetscCall(PetscObjectTypeCompare((PetscObject)dm, DMPLEX, &plex));
-  if (plex) PetscCall(DMGetCoordinatesLocal(dm, &all));
+  if (plex) PetscCallMPI(MPI_Comm_size(PetscObjectComm((PetscObject)dm), &size));
+  if (size == 1) PetscCall(DMGetCoordinatesLocal(dm, &all));
   if (!all) PetscFunctionReturn(0);
   PetscCall(DMGetGlobalSection(dm, &unknowns));
   PetscCall(DMGetCoordinateSection(dm, &points));
   PetscCall(DMGetCoordinateDim(dm, &dim));
   PetscCall(DMPlexGetDepthStratum(dm, 0, &start, &end));
+  PetscCall(PetscSectionGetConstrainedStorageSize(unknowns, &total));
+  PetscCall(PetscSectionGetChart(points, &low, &high));
+  if (total != bs * nodes || low > start || high < end) PetscFunctionReturn(0); /* the matrix is a part of the mesh's, or it has no places of vertices */
   PetscCall(VecCreateSeq(PETSC_COMM_SELF, dim * nodes, places));
   PetscCall(VecSetBlockSize(*places, dim));
   PetscCall(VecGetArrayRead(all, &x));
   PetscCall(VecGetArrayWrite(*places, &at));
   for (PetscInt v = start; v < end; v++) {
-    PetscInt first, size, held, from;
+    PetscInt first, rows, held, from, known;
 
     PetscCall(PetscSectionGetOffset(unknowns, v, &first));
-    PetscCall(PetscSectionGetDof(unknowns, v, &size));
+    PetscCall(PetscSectionGetDof(unknowns, v, &rows));
     PetscCall(PetscSectionGetConstraintDof(unknowns, v, &held));
     PetscCall(PetscSectionGetOffset(points, v, &from));
-    for (PetscInt r = first; r < first + size - held; r++, found++) PetscCall(PetscArraycpy(at + dim * (r / bs), x + from, dim));
+    PetscCall(PetscSectionGetDof(points, v, &known));
+    for (PetscInt r = first; r < first + rows - held && known == dim; r++, found++) PetscCall(PetscArraycpy(at + dim * (r / bs), x + from, dim));
   }
   PetscCall(VecRestoreArrayWrite(*places, &at));
   PetscCall(VecRestoreArrayRead(all, &x));
