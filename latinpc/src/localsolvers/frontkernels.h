@@ -8,6 +8,8 @@ extern void FRONT_BLAS(trsm)(const char *, const char *, const char *, const cha
 extern void FRONT_BLAS(gemm)(const char *, const char *, const PetscBLASInt *, const PetscBLASInt *, const PetscBLASInt *, const FRONT_REAL *, const FRONT_REAL *, const PetscBLASInt *, const FRONT_REAL *, const PetscBLASInt *, const FRONT_REAL *,
                              FRONT_REAL *, const PetscBLASInt *);
 
+extern void FRONT_BLAS(syrk)(const char *, const char *, const PetscBLASInt *, const PetscBLASInt *, const FRONT_REAL *, const FRONT_REAL *, const PetscBLASInt *, const FRONT_REAL *, FRONT_REAL *, const PetscBLASInt *);
+
 #include "localsolvers/panelkernels.h"
 #include "localsolvers/columnkernels.h"
 
@@ -43,8 +45,8 @@ static void FRONT(LatinFrontEntries)(const LatinFronts *F, FRONT(LatinFrontsWork
 static LATIN_CLONES void FRONT(LatinFrontScatter)(PetscInt n, PetscInt first, PetscInt last, const PetscInt to[], const PetscInt end[], const FRONT_REAL left[], PetscInt height, PetscBool half, FRONT_REAL a[])
 {
   for (PetscInt k = first; k < last; k++) {
-    const FRONT_REAL *from   = left + LatinFrontColumnAt(n, k);
-    FRONT_REAL       *column = a + (half ? LatinFrontColumnAt(height, to[k]) : (size_t)height * (size_t)to[k]);
+    const FRONT_REAL *from   = left + LatinFrontLeftAt(n, k);
+    FRONT_REAL       *column = a + (half ? LatinFrontLeftAt(height, to[k]) : (size_t)height * (size_t)to[k]);
 
     for (PetscInt r = k; r < n; r = end[r]) {
       FRONT_REAL *gets = column + to[r] - r;
@@ -70,16 +72,19 @@ static void FRONT(LatinFrontAdd)(const LatinFronts *F, FRONT(LatinFrontsWork) * 
   } else FRONT(LatinFrontScatter)(n, 0, own, to, work->end, left, height, PETSC_FALSE, panel);
 }
 
-/* U = -Z Z^t, the columns of its first `later` rows, from their diagonals on. By products of blocks, which fill those on the diagonal: of few columns they are quicker than their symmetric form */
+/* U = -Z Z^t, the columns of its first `later` rows, from their diagonals on. Of few columns products of blocks, which fill those on the diagonal, are quicker than their symmetric form */
 static void FRONT(LatinFrontUpdate)(PetscBLASInt columns, PetscBLASInt later, PetscBLASInt below, const FRONT_REAL Z[], PetscBLASInt height, FRONT_REAL U[])
 {
-  const FRONT_REAL   minus = -1, zero = 0;
-  const PetscBLASInt block = columns > LATIN_FRONT_PANEL ? LATIN_FRONT_PANEL : LATIN_FRONT_BLOCK;
+  const FRONT_REAL minus = -1, zero = 0;
+  const PetscBool  few = (PetscBool)(columns <= LATIN_FRONT_PANEL);
 
-  for (PetscBLASInt c = 0; c < later; c += block) {
-    const PetscBLASInt wide = PetscMin(block, later - c), rows = below - c, ld = below - c / LATIN_FRONT_PANEL * LATIN_FRONT_PANEL;
+  for (PetscBLASInt c = 0, wide; c < later; c += wide) {
+    const PetscBLASInt rows = below - c, ld = below - c / LATIN_FRONT_LEFT * LATIN_FRONT_LEFT, next = few ? 0 : PetscMin(LATIN_FRONT_LEFT, later - c), others = rows - next;
+    FRONT_REAL        *to = U + LatinFrontLeftAt(below, c) + c;
 
-    FRONT_BLAS(gemm)("N", "T", &rows, &wide, &columns, &minus, Z + c, &height, Z + c, &height, &zero, U + LatinFrontColumnAt(below, c) + c, &ld);
+    wide = few ? PetscMin(LATIN_FRONT_BLOCK, later - c) : next;
+    if (next) FRONT_BLAS(syrk)("L", "N", &wide, &columns, &minus, Z + c, &height, &zero, to, &ld);
+    if (others) FRONT_BLAS(gemm)("N", "T", &others, &wide, &columns, &minus, Z + c + next, &height, Z + c, &height, &zero, to + next, &ld);
   }
 }
 
@@ -88,7 +93,7 @@ static PetscBool FRONT(LatinFrontEliminate)(const LatinFronts *F, PetscInt f, FR
 {
   const PetscBLASInt columns = (PetscBLASInt)F->columns[f], below = (PetscBLASInt)LatinFrontBelow(F, f), height = columns + below;
 
-  if (!FRONT(LatinPanels)(columns, height, panel)) return PETSC_FALSE;
+  if (!FRONT(LatinPanels)(columns, height, panel, height)) return PETSC_FALSE;
   if (!below) return PETSC_TRUE;
   FRONT(LatinFrontUpdate)(columns, (PetscBLASInt)F->later[f], below, panel + columns, height, U);
   return PETSC_TRUE;
@@ -101,7 +106,7 @@ static LATIN_CLONES PetscBool FRONT(LatinFrontStore)(const LatinFronts *F, Petsc
 
   for (PetscInt c = 0; c < columns; c++) {
     const PetscInt    first = c / LATIN_FRONT_PANEL * LATIN_FRONT_PANEL, rows = height - first;
-    const size_t      at   = F->panel[f] + LatinFrontAt(height, first) + (size_t)(c - first) * (size_t)rows;
+    const size_t      at   = F->panel[f] + LatinPanelAt(LATIN_FRONT_PANEL, height, first) + (size_t)(c - first) * (size_t)rows;
     const FRONT_REAL *from = panel + (size_t)height * (size_t)c + first, pivot = from[c - first];
 
     if (narrow) {
@@ -204,8 +209,8 @@ static void FRONT(LatinFrontColumn)(const LatinFronts *F, PetscInt f, PetscBool 
   for (PetscInt r = 0; r < own; r++) b[r] = x[F->first[f] + r];
   for (PetscInt r = own; r < height; r++) b[r] = x[row[r]];
   memset(b + height, 0, LATIN_LINE);
-  for (PetscInt c = 0; c < own && forward; c += LATIN_FRONT_PANEL) FRONT(LatinPanelForward)(PetscMin(LATIN_FRONT_PANEL, own - c), height - c, panel + LatinFrontAt(height, c), b + c);
-  for (PetscInt c = LatinFrontLastPanel(own); c >= 0 && !forward; c -= LATIN_FRONT_PANEL) FRONT(LatinPanelBackward)(PetscMin(LATIN_FRONT_PANEL, own - c), height - c, panel + LatinFrontAt(height, c), b + c);
+  for (PetscInt c = 0; c < own && forward; c += LATIN_FRONT_PANEL) FRONT(LatinPanelForward)(PetscMin(LATIN_FRONT_PANEL, own - c), height - c, panel + LatinPanelAt(LATIN_FRONT_PANEL, height, c), b + c);
+  for (PetscInt c = LatinPanelLast(LATIN_FRONT_PANEL, own); c >= 0 && !forward; c -= LATIN_FRONT_PANEL) FRONT(LatinPanelBackward)(PetscMin(LATIN_FRONT_PANEL, own - c), height - c, panel + LatinPanelAt(LATIN_FRONT_PANEL, height, c), b + c);
   for (PetscInt r = 0; r < own; r++) x[F->first[f] + r] = b[r];
   for (PetscInt r = own; r < height && forward; r++) x[row[r]] = b[r];
 }
@@ -225,7 +230,7 @@ static LATIN_CLONES void FRONT(LatinFrontForward)(const LatinFronts *F, PetscInt
 {
   const PetscBLASInt own = (PetscBLASInt)PetscMin(LATIN_FRONT_PANEL, F->columns[f] - c), height = (PetscBLASInt)(F->row_first[f + 1] - F->row_first[f] - c), below = height - own;
   const PetscInt    *row   = F->row + F->row_first[f] + c + own;
-  const FRONT_REAL  *panel = (const FRONT_REAL *)F->factor + F->panel[f] + LatinFrontAt(height + c, c), one = 1, zero = 0;
+  const FRONT_REAL  *panel = (const FRONT_REAL *)F->factor + F->panel[f] + LatinPanelAt(LATIN_FRONT_PANEL, height + c, c), one = 1, zero = 0;
   FRONT_REAL        *x = (FRONT_REAL *)F->x + (size_t)(F->first[f] + c) * (size_t)columns, *work = (FRONT_REAL *)F->work;
 
   FRONT_BLAS(trsm)("R", "L", "T", "N", &columns, &own, &one, panel, &height, x, &columns);
@@ -242,7 +247,7 @@ static void FRONT(LatinFrontBackward)(const LatinFronts *F, PetscInt f, PetscInt
 {
   const PetscBLASInt own = (PetscBLASInt)PetscMin(LATIN_FRONT_PANEL, F->columns[f] - c), height = (PetscBLASInt)(F->row_first[f + 1] - F->row_first[f] - c), below = height - own;
   const PetscInt    *row   = F->row + F->row_first[f] + c + own;
-  const FRONT_REAL  *panel = (const FRONT_REAL *)F->factor + F->panel[f] + LatinFrontAt(height + c, c), one = 1, minus = -1;
+  const FRONT_REAL  *panel = (const FRONT_REAL *)F->factor + F->panel[f] + LatinPanelAt(LATIN_FRONT_PANEL, height + c, c), one = 1, minus = -1;
   FRONT_REAL        *x = (FRONT_REAL *)F->x, *work = (FRONT_REAL *)F->work;
 
   for (PetscBLASInt r = 0; r < below; r++) memcpy(work + (size_t)columns * (size_t)r, x + (size_t)columns * (size_t)row[r], (size_t)columns * sizeof(*x));
@@ -306,7 +311,7 @@ static void FRONT(LatinFrontsBackward)(const LatinFronts *F, const PetscBool rea
     if (reached && !reached[f]) continue;
     if (columns == 1) FRONT(LatinFrontColumn)(F, f, PETSC_FALSE);
     else
-      for (PetscInt c = LatinFrontLastPanel(F->columns[f]); c >= 0 && F->columns[f]; c -= LATIN_FRONT_PANEL) FRONT(LatinFrontBackward)(F, f, c, (PetscBLASInt)columns);
+      for (PetscInt c = LatinPanelLast(LATIN_FRONT_PANEL, F->columns[f]); c >= 0 && F->columns[f]; c -= LATIN_FRONT_PANEL) FRONT(LatinFrontBackward)(F, f, c, (PetscBLASInt)columns);
   }
 }
 

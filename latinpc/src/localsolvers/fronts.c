@@ -8,46 +8,47 @@
 
 /* The fronts of a sparse Cholesky factor: which one adds to which, their sizes, and the factor itself. */
 
+  #define LATIN_FRONT_PANEL 64  /* columns of a front that are stored from the same row on: what lies above the diagonal is left out but for their own block */
+  #define LATIN_FRONT_LEFT  256 /* of what it leaves: as wide as products of blocks are quick */
+
+/* Columns are stored by panels of so many, one after the other, each from its diagonal on and column-major: where the panel begins whose first column is c */
+static inline size_t LatinPanelAt(PetscInt wide, PetscInt height, PetscInt c)
+{
+  return (size_t)c * (size_t)height - (size_t)c * (size_t)(c - PetscMin(c, wide)) / 2;
+}
+
+/* The first column of the last one */
+static inline PetscInt LatinPanelLast(PetscInt wide, PetscInt columns)
+{
+  return columns ? (columns - 1) / wide * wide : 0;
+}
+
+/* How much so many columns take */
+static inline size_t LatinPanelSize(PetscInt wide, PetscInt height, PetscInt columns)
+{
+  const PetscInt last = LatinPanelLast(wide, columns);
+
+  return LatinPanelAt(wide, height, last) + (size_t)(height - last) * (size_t)(columns - last);
+}
+
 /* Rows of front f beyond those that it eliminates */
 static inline PetscInt LatinFrontBelow(const LatinFronts *F, PetscInt f)
 {
   return F->row_first[f + 1] - F->row_first[f] - F->columns[f];
 }
 
-  #define LATIN_FRONT_PANEL 64 /* columns of a front that are stored from the same row on: what lies above the diagonal is left out but for their own block */
-
-/* The columns of a front are stored by panels, one after the other, each from its diagonal on and column-major: where the panel of column c begins, a multiple of LATIN_FRONT_PANEL */
-static inline size_t LatinFrontAt(PetscInt height, PetscInt c)
-{
-  return (size_t)c * (size_t)height - (size_t)c * (size_t)(c - PetscMin(c, LATIN_FRONT_PANEL)) / 2;
-}
-
-/* The first column of the last one */
-static inline PetscInt LatinFrontLastPanel(PetscInt columns)
-{
-  return columns ? (columns - 1) / LATIN_FRONT_PANEL * LATIN_FRONT_PANEL : 0;
-}
-
-/* Where column c is in columns that are stored so, less its first row */
-static inline size_t LatinFrontColumnAt(PetscInt height, PetscInt c)
-{
-  const PetscInt first = c / LATIN_FRONT_PANEL * LATIN_FRONT_PANEL;
-
-  return LatinFrontAt(height, first) + (size_t)(height - first) * (size_t)(c - first) - (size_t)first;
-}
-
-/* How much so many columns take */
-static inline size_t LatinFrontSize(PetscInt height, PetscInt columns)
-{
-  const PetscInt last = LatinFrontLastPanel(columns);
-
-  return LatinFrontAt(height, last) + (size_t)(height - last) * (size_t)(columns - last);
-}
-
-/* Entries of what it leaves and a later front takes: columns of the rows that these eliminate, stored in the same way */
+/* Entries of what it leaves and a later front takes: columns of the rows that these eliminate */
 static inline size_t LatinFrontLeft(const LatinFronts *F, PetscInt f)
 {
-  return LatinFrontSize(LatinFrontBelow(F, f), F->later[f]);
+  return LatinPanelSize(LATIN_FRONT_LEFT, LatinFrontBelow(F, f), F->later[f]);
+}
+
+/* Where column c of that is, less its first row */
+static inline size_t LatinFrontLeftAt(PetscInt below, PetscInt c)
+{
+  const PetscInt first = c / LATIN_FRONT_LEFT * LATIN_FRONT_LEFT;
+
+  return LatinPanelAt(LATIN_FRONT_LEFT, below, first) + (size_t)(below - first) * (size_t)(c - first) - (size_t)first;
 }
 
 /*
@@ -71,7 +72,7 @@ PetscErrorCode LatinFrontsCreate(PetscInt n, PetscInt kept, PetscInt fronts, con
     const PetscInt height = row_first[f + 1] - row_first[f], columns = PetscMax(0, PetscMin(first[f + 1], inside) - first[f]);
 
     F->columns[f]   = columns;
-    F->panel[f + 1] = F->panel[f] + LatinFrontSize(height, columns);
+    F->panel[f + 1] = F->panel[f] + LatinPanelSize(LATIN_FRONT_PANEL, height, columns);
     F->reach        = PetscMax(F->reach, F->panel[f] + (size_t)height * (size_t)columns);
     F->tallest      = PetscMax(F->tallest, height);
     F->child[f]     = -1;

@@ -44,7 +44,7 @@ LATIN_INLINE void FRONT(LatinLanesBelow)(const PetscInt rows, PetscInt r, PetscI
 LATIN_INLINE void FRONT(LatinLanesForward)(const LatinFronts *F, PetscInt f, PetscInt at, FRONT(LatinLanes) x[], LatinLanesSum *energy)
 {
   const PetscInt   *row = F->row + F->row_first[f] + at, own = PetscMin(LATIN_FRONT_PANEL, F->columns[f] - at), height = F->row_first[f + 1] - F->row_first[f] - at;
-  const FRONT_REAL *L  = (const FRONT_REAL *)F->factor + F->panel[f] + LatinFrontAt(height + at, at);
+  const FRONT_REAL *L  = (const FRONT_REAL *)F->factor + F->panel[f] + LatinPanelAt(LATIN_FRONT_PANEL, height + at, at);
   FRONT(LatinLanes) *y = x + F->first[f] + at;
   PetscInt r           = 0;
 
@@ -79,7 +79,7 @@ LATIN_INLINE void FRONT(LatinLanesReturn)(const PetscInt rows, PetscInt c, Petsc
 LATIN_INLINE void FRONT(LatinLanesBackward)(const LatinFronts *F, PetscInt f, PetscInt at, FRONT(LatinLanes) x[], LatinLanesSum *square)
 {
   const PetscInt   *row = F->row + F->row_first[f] + at, own = PetscMin(LATIN_FRONT_PANEL, F->columns[f] - at), height = F->row_first[f + 1] - F->row_first[f] - at;
-  const FRONT_REAL *L  = (const FRONT_REAL *)F->factor + F->panel[f] + LatinFrontAt(height + at, at);
+  const FRONT_REAL *L  = (const FRONT_REAL *)F->factor + F->panel[f] + LatinPanelAt(LATIN_FRONT_PANEL, height + at, at);
   FRONT(LatinLanes) *y = x + F->first[f] + at;
   PetscInt c           = own;
 
@@ -105,6 +105,6 @@ LATIN_CLONES static void FRONT(LatinFrontsLanes)(LatinFronts *F, FRONT(LatinLane
   }
   for (PetscInt f = F->fronts - 1; f >= 0; f--) {
     if (f) FRONT(LatinLanesFetch)(F, f - 1);
-    for (PetscInt at = LatinFrontLastPanel(F->columns[f]); at >= 0; at -= LATIN_FRONT_PANEL) FRONT(LatinLanesBackward)(F, f, at, x, square);
+    for (PetscInt at = LatinPanelLast(LATIN_FRONT_PANEL, F->columns[f]); at >= 0; at -= LATIN_FRONT_PANEL) FRONT(LatinLanesBackward)(F, f, at, x, square);
   }
 }

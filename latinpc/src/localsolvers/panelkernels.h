@@ -52,24 +52,30 @@ static LATIN_CLONES void FRONT(LatinPanelBelow)(PetscInt rows, PetscInt wide, co
   }
 }
 
-/* The columns of a front, by panels, each less what those before it leave on it; PETSC_FALSE where they are not positive definite */
-static PetscBool FRONT(LatinPanels)(PetscInt columns, PetscInt height, FRONT_REAL front[])
+/* Eliminates the columns of one panel, with so many rows below its triangle; PETSC_FALSE where they are not positive definite */
+static PetscBool FRONT(LatinPanel)(PetscBLASInt wide, PetscBLASInt below, FRONT_REAL panel[], PetscBLASInt ld)
+{
+  const FRONT_REAL one = 1;
+  PetscBLASInt     info;
+
+  FRONT_BLAS(potrf)("L", &wide, panel, &ld, &info);
+  if (info || !(panel[(size_t)(wide - 1) * (size_t)(ld + 1)] > 0.0)) return PETSC_FALSE; /* not a number is not a pivot */
+  /* with vectors of 512 bits trsm of OpenBLAS takes as long as three products of that size; with shorter ones it is the quicker one */
+  if (LatinClonesWide()) FRONT(LatinPanelBelow)(below, wide, panel, (size_t)ld, panel + wide);
+  else if (below) FRONT_BLAS(trsm)("R", "L", "T", "N", &below, &wide, &one, panel, &ld, panel + wide, &ld);
+  return PETSC_TRUE;
+}
+
+/* Eliminates these columns, in which row r of column c is at ld * c + r, by halves that are panels in the end; PETSC_FALSE where they are not positive definite */
+static PetscBool FRONT(LatinPanels)(PetscBLASInt columns, PetscBLASInt height, FRONT_REAL front[], PetscBLASInt ld)
 {
   const FRONT_REAL   minus = -1, one = 1;
-  const PetscBLASInt ld = (PetscBLASInt)height;
+  const PetscBLASInt half = (columns / 2 + LATIN_FRONT_PANEL - 1) / LATIN_FRONT_PANEL * LATIN_FRONT_PANEL, rest = columns - half, below = height - columns;
+  FRONT_REAL        *later = front + (size_t)half * (size_t)(ld + 1);
 
-  for (PetscInt c = 0; c < columns; c += LATIN_FRONT_PANEL) {
-    const PetscBLASInt before = (PetscBLASInt)c, wide = (PetscBLASInt)PetscMin(LATIN_FRONT_PANEL, columns - c), rows = (PetscBLASInt)(height - c);
-    FRONT_REAL        *panel = front + (size_t)c * (size_t)(height + 1);
-    PetscBLASInt       info, below;
-
-    if (c) FRONT_BLAS(gemm)("N", "T", &rows, &wide, &before, &minus, front + c, &ld, front + c, &ld, &one, panel, &ld);
-    FRONT_BLAS(potrf)("L", &wide, panel, &ld, &info);
-    if (info || !(panel[(size_t)(wide - 1) * (size_t)(height + 1)] > 0.0)) return PETSC_FALSE; /* not a number is not a pivot */
-    below = rows - wide;
-    /* with vectors of 512 bits trsm of OpenBLAS takes as long as three products of that size; with shorter ones it is the quicker one */
-    if (LatinClonesWide()) FRONT(LatinPanelBelow)(below, wide, panel, (size_t)height, panel + wide);
-    else if (below) FRONT_BLAS(trsm)("R", "L", "T", "N", &below, &wide, &one, panel, &ld, panel + wide, &ld);
-  }
-  return PETSC_TRUE;
+  if (columns <= LATIN_FRONT_PANEL) return FRONT(LatinPanel)(columns, below, front, ld);
+  if (!FRONT(LatinPanels)(half, height, front, ld)) return PETSC_FALSE;
+  FRONT_BLAS(syrk)("L", "N", &rest, &half, &minus, front + half, &ld, &one, later, &ld);
+  if (below) FRONT_BLAS(gemm)("N", "T", &below, &rest, &half, &minus, front + columns, &ld, front + half, &ld, &one, later + rest, &ld);
+  return FRONT(LatinPanels)(rest, height - half, later, ld);
 }
