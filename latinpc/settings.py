@@ -81,7 +81,7 @@ def set_subdomains(solver: Solver, subdomains: int) -> None:
     solver : petsc4py.PETSc.SNES, petsc4py.PETSc.KSP or petsc4py.PETSc.PC
         Of type latin.
     subdomains : int
-        0: automatic.
+        Of a structure, or to which the pieces of a MATIS are joined. 0: automatic.
     """
     _latin.set_subdomains(solver, subdomains)
 

@@ -125,10 +125,23 @@ def assemble(pieces):
     return sp.csr_matrix((values, (r, c)), shape=(len(numbers),) * 2), numbers
 
 
+def parts(args, comm):
+    """The parts of this rank: one, or (repeated) as many as the others, each with rows of its own."""
+    if not getattr(args, "repeated", False):
+        return [comm.getRank()]
+    count = int(np.prod([int(n) for n in args.blocks.split(",")]))
+    return [part for part in range(count) if part * comm.getSize() // count == comm.getRank()]
+
+
+def together(pieces):
+    """One local matrix of those of several parts, and the global numbers of its rows."""
+    return sp.block_diag([k for k, _ in pieces], format="csr"), np.concatenate([numbers for _, numbers in pieces])
+
+
 def matis(problem, args, comm):
     """The matrix as applications leave it: `dirichlet` says how the held unknowns are treated."""
     rank = comm.getRank()
-    k, numbers = problem.local(rank)
+    k, numbers = together([problem.local(part) for part in parts(args, comm)])
     n, bs = len(problem.held), problem.bs
     if args.dirichlet == "eliminated":
         keep = ~problem.held[numbers]
@@ -147,6 +160,8 @@ def matis(problem, args, comm):
     a = PETSc.Mat().create(comm)
     a.setSizes(((last - first, n), (last - first, n)), bsize=bs)
     a.setType("is")
+    if getattr(args, "repeated", False):
+        a.setISAllowRepeated(True)
     a.setLGMap(lgmap, lgmap)
     k = k.tocsr()
     local = PETSc.Mat().createAIJ(k.shape, csr=(k.indptr, k.indices, k.data), comm=PETSc.COMM_SELF)
@@ -226,6 +241,9 @@ def job(*words):
     parser.add_argument("--scalar-map", action="store_true", help="a local-to-global map without blocks")
     parser.add_argument("--colours", action="store_true", help="every rank has all blocks of one colour")
     parser.add_argument("--owned", action="store_true", help="what is inside a block belongs to its rank")
+    parser.add_argument(
+        "--repeated", action="store_true", help="a rank has several blocks, unknowns between them twice"
+    )
     parser.add_argument("--near", action="store_true")
     parser.add_argument("--asymmetric", action="store_true")
     parser.add_argument("--spectrum", action="store_true")

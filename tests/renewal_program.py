@@ -39,6 +39,7 @@ def grid_of(args, comm):
     how = argparse.Namespace(
         dim=args.dim, cells=args.cells, blocks=args.blocks, problem="elasticity", owned=False, jump="random",
         contrast=args.contrast, dirichlet="zeroed", scalar_map=False, local_type="aij", asymmetric=False,
+        repeated=getattr(args, "repeated", False),
     )  # fmt: skip
     problem = Grid(how)
     a, x, _ = matis(problem, how, comm)
@@ -117,6 +118,7 @@ def main():
     parser.add_argument("--blocks", default="1,1")
     parser.add_argument("--contrast", type=float, default=10.0)
     parser.add_argument("--patterns", action="store_true")
+    parser.add_argument("--repeated", action="store_true", help="a rank has several blocks, each with rows of its own")
     parser.add_argument("--twice", action="store_true", help="nothing but the two set-ups")
     args, _ = parser.parse_known_args()
     PETSc.Log.begin()

@@ -3,11 +3,17 @@
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 from petsc4py import PETSc
 
+import latinpc
+
 PROGRAM = Path(__file__).with_name("matis_program.py")
 MECHANISM_FREE = ("poisson", "elasticity")
+REPEATED = pytest.mark.skipif(
+    not hasattr(PETSc.Mat, "setISAllowRepeated"), reason="PETSc has no MatISSetAllowRepeated()"
+)
 RUNS = {}  # what has been run with these ranks and words: the same whoever asks
 
 
@@ -163,6 +169,68 @@ def test_local_matrices_that_fall_into_parts(matis, problem):
     result = matis(4, problem=problem, cells=12, blocks="4,4", colours=True)
     converged(result, 8)
     assert result["subdomains"] == 16
+
+
+@REPEATED
+@pytest.mark.parametrize("ranks", [1, 2, 4])
+@pytest.mark.parametrize("dirichlet", ["zeroed", "eliminated"])
+@pytest.mark.parametrize("problem", MECHANISM_FREE)
+def test_pieces_that_are_subdomains(matis, problem, dirichlet, ranks):
+    """Blocks with rows of their own: the subdomains of as many ranks."""
+    how = {"problem": problem, "dirichlet": dirichlet, "cells": 12, "blocks": "4,2"}
+    alone, found = matis(8, **how), matis(ranks, ["-pc_latin_subdomains", "8"], repeated=True, **how)
+    converged(found, 12)
+    assert found["subdomains"] == alone["subdomains"] == 8
+    assert found["coarse"] == alone["coarse"]
+    assert abs(found["iterations"] - alone["iterations"]) <= 1
+    krylov = matis(ranks, ["-ksp_type", "latin", "-ksp_latin_subdomains", "8"], repeated=True, **how)
+    assert krylov["reason"] > 0 and krylov["residual"] < 1e-7
+
+
+@REPEATED
+@pytest.mark.parametrize("ranks", [1, 2, 4])
+@pytest.mark.parametrize("problem", MECHANISM_FREE)
+def test_matrices_of_elements(matis, problem, ranks):
+    """Each cell has rows of its own: one subdomain a rank, as if they were added up, or as many as are asked for."""
+    how = {"problem": problem, "cells": 12}
+    added = matis(ranks, blocks=f"{ranks},1", **how)
+    one = matis(ranks, blocks="12,12", repeated=True, **how)
+    converged(one, 12)
+    assert one["subdomains"] == ranks and one["coarse"] == added["coarse"]
+    assert abs(one["iterations"] - added["iterations"]) <= 1
+    many = matis(ranks, ["-pc_latin_subdomains", "12"], blocks="12,12", repeated=True, spectrum=True, **how)
+    converged(many, 14)
+    assert many["subdomains"] >= 12
+    assert many["asymmetry"] < 3e-11 and 0.95 < many["least"] < 1.0 + 1e-8
+
+
+@REPEATED
+def test_springs_to_the_ground_with_rows_of_their_own():
+    """A row that nothing couples is a subdomain where another one has its unknown."""
+    stiffness = np.diag([2.0, 1.0, 1.0, 3.0, 3.0, 1.0])
+    stiffness[1, 2] = stiffness[2, 1] = -1.0
+    stiffness[3, 4] = stiffness[4, 3] = -3.0
+    numbers = np.array([0, 0, 1, 1, 2, 2], PETSc.IntType)
+    a = PETSc.Mat().create(PETSc.COMM_SELF)
+    a.setSizes(3)
+    a.setType("is")
+    a.setISAllowRepeated(True)
+    a.setLGMap(PETSc.LGMap().create(numbers, comm=PETSc.COMM_SELF))
+    local = PETSc.Mat().createDense(stiffness.shape, array=stiffness, comm=PETSc.COMM_SELF)
+    a.setISLocalMat(local.convert("aij"))
+    a.assemble()
+    ksp = PETSc.KSP().create(PETSc.COMM_SELF)
+    ksp.setOperators(a)
+    ksp.setType("cg")
+    ksp.setTolerances(rtol=1e-12)
+    ksp.getPC().setType("latin")
+    latinpc.set_subdomains(ksp.getPC(), 9)
+    load, u = a.createVecs()
+    load.setArray([1.0, 2.0, 3.0])
+    ksp.solve(load, u)
+    assert latinpc.statistics(ksp.getPC())["subdomains"] == 4
+    assembled = np.array([[3.0, -1.0, 0.0], [-1.0, 4.0, -3.0], [0.0, -3.0, 4.0]])
+    np.testing.assert_allclose(u.getArray(), np.linalg.solve(assembled, [1.0, 2.0, 3.0]), rtol=1e-10)
 
 
 @pytest.mark.slow

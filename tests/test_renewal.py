@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 
 import pytest
+from petsc4py import PETSc
 
 PROGRAM = Path(__file__).with_name("renewal_program.py")
 SYMBOLIC = ("MatCholFctrSym", "MatLUFactorSym", "LatinPartition", "LatinInterface")
@@ -17,10 +18,13 @@ PROBLEMS = {
     "links, primal": ("links", "--cells", 8, "-pc_latin_variant", "primal"),
 }
 
+if hasattr(PETSc.Mat, "setISAllowRepeated"):
+    PROBLEMS["matis, pieces"] = ("matis", "--repeated", "--cells", 8, "--blocks", "4,4", "-pc_latin_subdomains", 6)
+
 
 def result(mpirun, ranks, problem, *more):
     """Run the program; what it prints. Newer PETSc also says that one rank has not used its options."""
-    blocks = ("--blocks", BLOCKS[ranks]) if "matis" in problem else ()
+    blocks = ("--blocks", BLOCKS[ranks]) if "matis" in problem and "pieces" not in problem else ()
     kind, *words = PROBLEMS[problem]
     run = mpirun(ranks, PROGRAM, kind, *blocks, *more, *map(str, words))
     return json.loads(next(line for line in run.stdout.splitlines() if line.startswith("{")))
@@ -37,12 +41,12 @@ def test_new_values_take_no_symbolic_phase(mpirun, ranks, problem):
     assert found["apart"] < 1e-11
 
 
-@pytest.mark.parametrize("problem", ["matis", "links"])
+@pytest.mark.parametrize("problem", [name for name in PROBLEMS if name in ("matis", "matis, pieces", "links")])
 @pytest.mark.parametrize("ranks", [1, 2, 4])
 def test_another_pattern_is_noticed(mpirun, ranks, problem):
     """An entry that becomes zero, or a link without stiffness: nothing of the old pattern is left."""
     found = result(mpirun, ranks, problem, "--patterns")
-    if problem == "matis":
+    if problem != "links":
         assert found["second"]["LatinInterface"] == 1
         assert found["second"]["MatCholFctrSym"] > 0
     assert found["apart"] < 1e-11

@@ -119,7 +119,7 @@ static PetscErrorCode LatinSetUpSubdomains_Private(Latin latin)
 
   PetscFunctionBegin;
   if (latin->sub.matrix) {
-    LatinAgree(PetscObjectComm((PetscObject)latin), latin->partition.subdomains, PETSC_ERR_ARG_INCOMP, "The subdomains of a MATIS are its local matrices: leave out -%ssubdomains", LatinPrefix(&latin->sub));
+    latin->sub.wanted = latin->partition.subdomains;
     PetscCall(LatinSubdomainsSetUp_Matrix(&latin->sub));
     PetscFunctionReturn(0);
   }

@@ -116,7 +116,7 @@ PetscErrorCode LatinSetPrecision(Latin latin, LatinPrecision precision)
 }
 
 /*@
-  LatinSetSubdomains - The number of subdomains of a structure, 0: automatic.
+  LatinSetSubdomains - The number of subdomains of a structure, or to which the pieces of a `MATIS` are joined, 0: automatic.
 
   Logically collective on latin
 

@@ -36,6 +36,7 @@ typedef struct {
   LatinStructure structure;      /* borrowed; NULL: a matrix */
   Mat            matrix;         /* borrowed: a MATIS instead of links, or NULL */
   LatinUnknowns  known;          /* of its unknowns */
+  PetscInt       wanted;         /* subdomains to which the pieces of its local matrices are joined; 0: one a rank */
   PetscBool      tangent;        /* linear operators: no link has a state */
   PetscReal     *link_stiffness; /* [links_local of the structure] k; tangent stiffnesses for linear operators; search parameters of rigid links */
   PetscBool      preconditions;  /* one linear stage from zero, in which springs only keep operators regular */
@@ -81,6 +82,7 @@ typedef struct {
   Mat              dense;           /* where a local matrix is dense, and its only part a subdomain: in place of kj and ka; else NULL */
   const PetscReal *dense_a;         /* its entries, [copies][copies] */
   PetscInt        *dense_row;       /* [copies] rows of it */
+  PetscBool        sums;            /* do several rows of a local matrix have one copy? Entries are added up then */
   PetscInt         rows, *row_copy; /* [rows] of the local matrix: their copies, or why they have none (subdomains/matis.c) */
   /* coupled to no other unknown: rows of a matrix, masses without link in a motion */
   PetscInt   unassigned_count, *unassigned; /* unknowns of this rank's part of a vector that are in no subdomain */

@@ -1,7 +1,7 @@
 #include "subdomains/localmatrix.h"
 
 /*
-   Substructuring of a MATIS: a subdomain is the local matrix of a rank, or a connected part of it. Every degree of
+   Substructuring of a MATIS: a subdomain is the local matrix of a rank, or a part of it (subdomains/matisparts.c). Every degree of
    freedom is a node with one component, so that scalar problems, blocks, several fields, and nodes of which only some
    components are free need no cases.
 
@@ -49,100 +49,106 @@ static PetscErrorCode LatinMatrixUnknowns_Private(LatinSubdomains *sub, const La
   PetscFunctionReturn(0);
 }
 
-/*
-   The connected parts of the local matrix, part[row] (-1 without copy), in the order of their first rows. Unknowns of one
-   block are together; one that is alone, a spring to the ground, goes with the first part.
-*/
-static PetscErrorCode LatinMatrixParts_Private(LatinSubdomains *sub, const LatinLocalMatrix *local, const PetscBool kept[], PetscInt part[])
+/* The copies, part by part and by global number, one for all rows of an unknown in a part; at[row] is the copy of a local row, LATIN_ROW_ALONE: coupled to nothing, -1: a row of zeros. row[*rows]: those that have one, by their copies */
+static PetscErrorCode LatinMatrixCopies_Private(LatinSubdomains *sub, const LatinLocalMatrix *local, const PetscInt part[], const PetscBool alone[], PetscInt at[], PetscInt *rows, PetscInt row[])
 {
-  PetscInt *parent, *size, *block, bs;
-  PetscBool alone = PETSC_FALSE;
-
-  PetscFunctionBegin;
-  PetscCall(MatGetBlockSize(sub->matrix, &bs));
-  PetscCall(PetscMalloc3(local->rows, &parent, local->rows, &size, local->rows, &block));
-  for (PetscInt r = 0; r < local->rows; r++) {
-    parent[r] = r;
-    size[r]   = 0;
-    block[r]  = local->global[r] / bs;
-    part[r]   = r;
-  }
-  for (PetscInt r = 0; r < local->rows; r++)
-    for (PetscInt k = local->i[r]; k < local->i[r + 1]; k++)
-      if (kept[r] && kept[local->j[k]] && local->a[k] != 0.0) LatinJoin(parent, r, local->j[k]);
-  PetscCall(PetscSortIntWithArray(local->rows, block, part));
-  for (PetscInt k = 0, before = -1; k < local->rows; k++) {
-    if (!kept[part[k]]) continue;
-    if (before >= 0 && block[before] == block[k]) LatinJoin(parent, part[before], part[k]);
-    before = k;
-  }
-  for (PetscInt r = 0; r < local->rows; r++)
-    if (kept[r]) size[LatinRoot(parent, r)]++;
-  sub->n = 0;
-  for (PetscInt r = 0; r < local->rows; r++) {
-    if (kept[r]) alone = PETSC_TRUE;
-    block[r] = size[r] > 1 ? sub->n++ : 0; /* from here on the number of a root's part */
-  }
-  if (alone) sub->n = PetscMax(sub->n, 1);
-  for (PetscInt r = 0; r < local->rows; r++) part[r] = kept[r] ? block[LatinRoot(parent, r)] : -1;
-  PetscCall(PetscFree3(parent, size, block));
-  PetscFunctionReturn(0);
-}
-
-/* The copies, part by part and by global number; at[row] is the copy of a local row, LATIN_ROW_ALONE: coupled to nothing, -1: a row of zeros */
-static PetscErrorCode LatinMatrixCopies_Private(LatinSubdomains *sub, const LatinLocalMatrix *local, const PetscInt part[], const PetscBool alone[], PetscInt at[])
-{
-  PetscInt *row, *next;
+  PetscInt *next, *global;
 
   PetscFunctionBegin;
   PetscCall(PetscCalloc1(sub->n + 2, &next));
   for (PetscInt r = 0; r < local->rows; r++)
     if (part[r] >= 0) next[part[r] + 2]++;
   for (PetscInt s = 0; s < sub->n; s++) next[s + 2] += next[s + 1];
-  sub->copies = next[sub->n + 1];
-  PetscCall(PetscMalloc1(sub->copies, &row));
-  PetscCall(PetscMalloc2(sub->copies, &sub->node, 0, &sub->ends));
+  *rows = next[sub->n + 1];
+  PetscCall(PetscMalloc1(*rows, &global));
   PetscCall(PetscMalloc1(sub->n + 1, &sub->node_offset));
-  for (PetscInt r = 0; r < local->rows; r++)
-    if (part[r] >= 0) {
-      const PetscInt i = next[part[r] + 1]++;
+  for (PetscInt r = 0; r < local->rows; r++) {
+    at[r] = alone[r] ? LATIN_ROW_ALONE : -1;
+    if (part[r] < 0) continue;
+    global[next[part[r] + 1]] = local->global[r];
+    row[next[part[r] + 1]++]  = r;
+  }
+  sub->copies = 0;
+  for (PetscInt s = 0, k = 0; s < sub->n; s++) {
+    const PetscInt first = k;
 
-      row[i]       = r;
-      sub->node[i] = local->global[r];
+    sub->node_offset[s] = sub->copies;
+    PetscCall(PetscSortIntWithArray(next[s + 1] - first, global + first, row + first));
+    for (; k < next[s + 1]; k++) at[row[k]] = k > first && global[k] == global[k - 1] ? sub->copies - 1 : sub->copies++;
+  }
+  sub->node_offset[sub->n] = sub->copies;
+  sub->sums                = (PetscBool)(sub->copies < *rows);
+  PetscCall(PetscMalloc2(sub->copies, &sub->node, 0, &sub->ends));
+  for (PetscInt k = 0; k < *rows; k++) sub->node[at[row[k]]] = global[k];
+  PetscCall(PetscFree(global));
+  PetscCall(PetscFree(next));
+  PetscFunctionReturn(0);
+}
+
+/* The sums of entries in one column, which follow each other */
+static PetscInt LatinMatrixSums(PetscInt n, PetscInt column[], PetscReal value[])
+{
+  PetscInt last = -1;
+
+  for (PetscInt k = 0; k < n; k++)
+    if (last >= 0 && column[k] == column[last]) value[last] += value[k];
+    else {
+      column[++last] = column[k];
+      value[last]    = value[k];
     }
-  PetscCall(PetscArraycpy(sub->node_offset, next, sub->n + 1));
-  for (PetscInt s = 0; s < sub->n; s++) PetscCall(PetscSortIntWithArray(sub->node_offset[s + 1] - sub->node_offset[s], sub->node + sub->node_offset[s], row + sub->node_offset[s]));
-  for (PetscInt r = 0; r < local->rows; r++) at[r] = alone[r] ? LATIN_ROW_ALONE : -1;
-  for (PetscInt i = 0; i < sub->copies; i++) at[row[i]] = i;
+  return last + 1;
+}
+
+/* Entries below the diagonal become those above it: of a sum that vanishes, rounding would leave one of the two */
+PetscErrorCode LatinMatrixMirror_Private(LatinSubdomains *sub)
+{
+  PetscInt *next;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMalloc1(sub->copies, &next));
+  PetscCall(PetscArraycpy(next, sub->ki, sub->copies));
+  for (PetscInt i = 0; i < sub->copies; i++)
+    for (PetscInt k = sub->ki[i]; k < sub->ki[i + 1]; k++)
+      if (sub->kj[k] > i) sub->ka[next[sub->kj[k]]++] = sub->ka[k];
+  PetscCall(PetscFree(next));
+  PetscFunctionReturn(0);
+}
+
+/* The rows of the operators, of entries that are not zero on either side of the diagonal: rounding may leave one of the two, and METIS takes symmetric graphs */
+static PetscErrorCode LatinMatrixRows_Private(LatinSubdomains *sub, const LatinLocalMatrix *local, const PetscInt at[], PetscInt rows, const PetscInt row[])
+{
+  PetscInt next = 0;
+
+  PetscFunctionBegin;
   PetscCall(PetscMalloc1(sub->copies + 1, &sub->ki));
   if (local->mirrored && sub->preconditions && !sub->known.kernels && sub->n == 1 && sub->copies == local->rows) {
     PetscCall(PetscObjectReference((PetscObject)local->K));
-    sub->dense     = local->K;
-    sub->dense_a   = local->a;
-    sub->dense_row = row;
+    sub->dense   = local->K;
+    sub->dense_a = local->a;
+    PetscCall(PetscMalloc1(sub->copies, &sub->dense_row));
+    PetscCall(PetscArraycpy(sub->dense_row, row, sub->copies));
     for (PetscInt i = 0; i <= sub->copies; i++) sub->ki[i] = sub->copies * i;
-    PetscCall(PetscFree(next));
     PetscFunctionReturn(0);
   }
-  /* the rows of the operators, of entries that are not zero on either side of the diagonal: rounding may leave one of the two, and METIS takes symmetric graphs */
   PetscCall(PetscMalloc2(local->i[local->rows], &sub->kj, local->i[local->rows], &sub->ka));
   sub->ki[0] = 0;
   for (PetscInt i = 0; i < sub->copies; i++) {
-    PetscInt n = sub->ki[i];
+    const PetscInt first = sub->ki[i];
+    PetscInt       n     = first;
 
-    for (PetscInt k = local->i[row[i]]; k < local->i[row[i] + 1]; k++) {
-      PetscReal across = 0.0;
+    for (; next < rows && at[row[next]] == i; next++)
+      for (PetscInt k = local->i[row[next]]; k < local->i[row[next] + 1]; k++) {
+        PetscReal across = 0.0;
 
-      if (local->a[k] != 0.0) PetscCall(LatinLocalMatrixAcross_Private(local, row[i], k, &across));
-      if (across == 0.0 || at[local->j[k]] < 0) continue;
-      sub->kj[n]   = at[local->j[k]];
-      sub->ka[n++] = local->a[k];
-    }
-    sub->ki[i + 1] = n;
-    PetscCall(PetscSortIntWithScalarArray(n - sub->ki[i], sub->kj + sub->ki[i], sub->ka + sub->ki[i]));
+        if (local->a[k] != 0.0) PetscCall(LatinLocalMatrixAcross_Private(local, row[next], k, &across));
+        if (across == 0.0 || at[local->j[k]] < 0) continue;
+        sub->kj[n]   = at[local->j[k]];
+        sub->ka[n++] = local->a[k];
+      }
+    PetscCall(PetscSortIntWithScalarArray(n - first, sub->kj + first, sub->ka + first));
+    sub->ki[i + 1] = first + (sub->sums ? LatinMatrixSums(n - first, sub->kj + first, sub->ka + first) : n - first);
   }
-  PetscCall(PetscFree(row));
-  PetscCall(PetscFree(next));
+  if (sub->sums) PetscCall(LatinMatrixMirror_Private(sub));
   PetscFunctionReturn(0);
 }
 
@@ -230,7 +236,7 @@ PetscErrorCode LatinSubdomainsSetUp_Matrix(LatinSubdomains *sub)
   LatinLocalMatrix local;
   PetscMPIInt      size;
   PetscBool       *kept, *alone;
-  PetscInt        *part;
+  PetscInt        *part, *row, rows = 0;
 
   PetscFunctionBegin;
   PetscCall(PetscLogEventBegin(LATIN_Subdomains, sub->object, 0, 0, 0));
@@ -242,12 +248,13 @@ PetscErrorCode LatinSubdomainsSetUp_Matrix(LatinSubdomains *sub)
   PetscCall(LatinLocalMatrixGet_Private(sub->matrix, &local));
   sub->rows = local.rows;
   PetscCall(PetscMalloc1(local.rows, &sub->row_copy));
-  PetscCall(PetscMalloc3(local.rows, &kept, local.rows, &alone, local.rows, &part));
+  PetscCall(PetscMalloc4(local.rows, &kept, local.rows, &alone, local.rows, &part, local.rows, &row));
   PetscCall(LatinMatrixUnknowns_Private(sub, &local, kept, alone));
   PetscCall(LatinLocalMatrixSymmetric_Private(sub->matrix, &local, alone));
   PetscCall(LatinMatrixParts_Private(sub, &local, kept, part));
-  PetscCall(LatinMatrixCopies_Private(sub, &local, part, alone, sub->row_copy));
-  PetscCall(PetscFree3(kept, alone, part));
+  PetscCall(LatinMatrixCopies_Private(sub, &local, part, alone, sub->row_copy, &rows, row));
+  PetscCall(LatinMatrixRows_Private(sub, &local, sub->row_copy, rows, row));
+  PetscCall(PetscFree4(kept, alone, part, row));
   PetscCall(LatinLocalMatrixRestore_Private(&local));
   PetscCall(LatinMatrixData_Private(sub));
   PetscCall(LatinMatrixHold_Private(sub));

@@ -10,14 +10,14 @@ static PetscErrorCode LatinMatrixValues_Private(LatinSubdomains *sub, const Lati
 {
   const PetscInt *ki = sub->ki, *kj = sub->kj, *copy = sub->row_copy;
   PetscReal      *ka = sub->ka;
-  PetscInt       *place; /* [copies] of the entry in this column, plus one */
+  PetscInt       *place, left = ki[sub->copies]; /* [copies] of the entry in this column, plus one; entries without a value */
+  PetscBool      *has;
 
   PetscFunctionBegin;
   *same = (PetscBool)(local->rows == sub->rows && !sub->dense);
-  PetscCall(PetscCalloc1(sub->copies, &place));
+  PetscCall(PetscCalloc2(sub->copies, &place, sub->sums ? left : 0, &has));
   for (PetscInt r = 0; r < local->rows && *same; r++) {
     const PetscInt i = copy[r], first = i < 0 ? 0 : ki[i], last = i < 0 ? 0 : ki[i + 1], end = local->i[r + 1];
-    PetscInt       left = last - first;
 
     for (PetscInt k = first; k < last; k++) place[kj[k]] = k + 1;
     for (PetscInt k = local->i[r]; k < end; k++) {
@@ -28,17 +28,25 @@ static PetscErrorCode LatinMatrixValues_Private(LatinSubdomains *sub, const Lati
       if (value == 0.0) continue;
       if (i < 0) *same = (PetscBool)(*same && i == LATIN_ROW_ALONE && column == r);
       else if (at >= 0 && place[at] > first) {
-        ka[place[at] - 1] = value;
-        left--;
+        const PetscInt  e    = place[at] - 1;
+        const PetscBool more = (PetscBool)(sub->sums && has[e]);
+
+        ka[e] = more ? ka[e] + value : value;
+        if (sub->sums) has[e] = PETSC_TRUE;
+        if (!more) left--;
       } else {
         if (at >= 0) PetscCall(LatinLocalMatrixAcross_Private(local, r, k, &across));
         *same  = (PetscBool)(*same && across == 0.0);
         *check = PETSC_TRUE;
       }
     }
-    if (left) *same = PETSC_FALSE;
   }
-  PetscCall(PetscFree(place));
+  if (left) *same = PETSC_FALSE;
+  if (sub->sums) {
+    *check = PETSC_TRUE;
+    if (*same) PetscCall(LatinMatrixMirror_Private(sub));
+  }
+  PetscCall(PetscFree2(place, has));
   PetscFunctionReturn(0);
 }
 

@@ -1,0 +1,154 @@
+#include "subdomains/localmatrix.h"
+#include <metis.h>
+
+/*
+   The parts of a local matrix, which are subdomains. What nothing couples falls apart by itself. Where an unknown has several
+   rows (MatISSetAllowRepeated()), as with the matrices of elements each in rows of its own, the matrix is known in pieces, and
+   these may be joined to as many subdomains as are asked for: a sum of their matrices is one of a subdomain.
+*/
+
+/*
+   Joins the rows of one block, for unknowns of a node that nothing in the matrix couples. Where an unknown has several rows, each
+   of another piece, a block ends before the second of them: the rows of a piece follow each other. several[]: rows of such unknowns
+*/
+static PetscErrorCode LatinMatrixBlocks_Private(const LatinLocalMatrix *local, PetscInt bs, const PetscBool kept[], PetscInt parent[], PetscBool several[])
+{
+  const PetscInt *global = local->global;
+  PetscInt       *block, *row;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMalloc2(local->rows, &block, local->rows, &row));
+  for (PetscInt r = 0; r < local->rows; r++) {
+    block[r]   = global[r] / bs;
+    row[r]     = r;
+    several[r] = PETSC_FALSE;
+  }
+  PetscCall(PetscSortIntWithArray(local->rows, block, row));
+  for (PetscInt first = 0, last, begin; first < local->rows; first = last) {
+    for (last = first + 1; last < local->rows && block[last] == block[first];) last++;
+    PetscCall(PetscSortInt(last - first, row + first));
+    begin = first;
+    for (PetscInt k = first; k < last; k++) {
+      for (PetscInt j = first; j < k; j++) {
+        if (global[row[j]] != global[row[k]]) continue;
+        several[row[j]] = several[row[k]] = PETSC_TRUE;
+        if (j >= begin) begin = k;
+      }
+      while (begin < k && !kept[row[begin]]) begin++;
+      if (kept[row[k]]) LatinJoin(parent, row[begin], row[k]);
+    }
+  }
+  PetscCall(PetscFree2(block, row));
+  PetscFunctionReturn(0);
+}
+
+/* Rows that are kept, by their unknowns, row[]; returns how many */
+static PetscErrorCode LatinMatrixKept_Private(const LatinLocalMatrix *local, const PetscBool kept[], PetscInt *count, PetscInt global[], PetscInt row[])
+{
+  PetscFunctionBegin;
+  *count = 0;
+  for (PetscInt r = 0; r < local->rows; r++) {
+    if (!kept[r]) continue;
+    global[*count]  = local->global[r];
+    row[(*count)++] = r;
+  }
+  PetscCall(PetscSortIntWithArray(*count, global, row));
+  PetscFunctionReturn(0);
+}
+
+/* Shares the pieces out into so many groups, by METIS: neighbours are pieces that have unknowns in common. piece[row]; group[piece] */
+static PetscErrorCode LatinMatrixGroups_Private(PetscInt rows, const PetscInt global[], const PetscInt row[], const PetscInt piece[], PetscInt pieces, PetscInt groups, PetscInt group[])
+{
+  idx_t *first, *list, *weight, *part, *of_unknown, options[METIS_NOPTIONS], elements = (idx_t)pieces, unknowns = 0, common = 1, parts = (idx_t)groups, cut;
+  int    failed;
+
+  PetscFunctionBegin;
+  PetscCall(PetscCalloc1(pieces + 2, &first));
+  PetscCall(PetscMalloc3(rows, &list, pieces, &weight, pieces, &part));
+  for (PetscInt k = 0; k < rows; k++) first[piece[row[k]] + 2]++;
+  for (PetscInt p = 0; p < pieces; p++) {
+    weight[p] = first[p + 2];
+    first[p + 2] += first[p + 1];
+  }
+  for (PetscInt k = 0; k < rows; k++) {
+    if (k && global[k] != global[k - 1]) unknowns++;
+    list[first[piece[row[k]] + 1]++] = unknowns;
+  }
+  unknowns++;
+  PetscCall(PetscMalloc1(unknowns, &of_unknown));
+  METIS_SetDefaultOptions(options);
+  options[METIS_OPTION_SEED]      = 1; /* the same at every run */
+  options[METIS_OPTION_NUMBERING] = 0;
+  failed                          = METIS_PartMeshDual(&elements, &unknowns, first, list, weight, NULL, &common, &parts, NULL, options, &cut, part, of_unknown);
+  PetscCheck(failed == METIS_OK, PETSC_COMM_SELF, PETSC_ERR_LIB, "METIS cannot share the %" PetscInt_FMT " pieces of a local matrix out (status %d)", pieces, failed);
+  for (PetscInt p = 0; p < pieces; p++) group[p] = (PetscInt)part[p];
+  PetscCall(PetscFree(of_unknown));
+  PetscCall(PetscFree3(list, weight, part));
+  PetscCall(PetscFree(first));
+  PetscFunctionReturn(0);
+}
+
+/* Joins pieces that have unknowns in common, to at least so many connected subdomains of this rank if there are as many pieces */
+static PetscErrorCode LatinMatrixJoin_Private(const LatinLocalMatrix *local, PetscInt wanted, const PetscBool kept[], PetscInt parent[])
+{
+  PetscInt *global, *row, *piece, *group, rows, pieces = 0;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMalloc4(local->rows, &global, local->rows, &row, local->rows, &piece, local->rows, &group));
+  PetscCall(LatinMatrixKept_Private(local, kept, &rows, global, row));
+  for (PetscInt r = 0; r < local->rows; r++)
+    if (kept[r] && LatinRoot(parent, r) == r) piece[r] = pieces++;
+  for (PetscInt r = 0; r < local->rows; r++)
+    if (kept[r]) piece[r] = piece[LatinRoot(parent, r)];
+  PetscCall(PetscArrayzero(group, pieces));
+  if (1 < wanted && wanted < pieces) PetscCall(LatinMatrixGroups_Private(rows, global, row, piece, pieces, wanted, group));
+  for (PetscInt first = 0, last; first < rows && wanted < pieces; first = last)
+    for (last = first + 1; last < rows && global[last] == global[first]; last++)
+      for (PetscInt k = first; k < last; k++)
+        if (group[piece[row[k]]] == group[piece[row[last]]]) LatinJoin(parent, row[k], row[last]);
+  PetscCall(PetscFree4(global, row, piece, group));
+  PetscFunctionReturn(0);
+}
+
+/*
+   The parts of the local matrix, part[row] (-1 without copy), in the order of their first rows. Of the pieces of all ranks
+   sub->wanted parts are made, in equal shares; if it is 0, one a rank. A row that is alone, a spring to the ground, goes with the first
+   part, unless its unknown has several rows: it is a part then. Collective on sub->object
+*/
+PetscErrorCode LatinMatrixParts_Private(LatinSubdomains *sub, const LatinLocalMatrix *local, const PetscBool kept[], PetscInt part[])
+{
+  MPI_Comm    comm = PetscObjectComm(sub->object);
+  PetscMPIInt rank, size;
+  PetscInt   *parent, *number, *rows, bs;
+  PetscBool  *several, any[2] = {PETSC_FALSE, PETSC_FALSE}, all;
+
+  PetscFunctionBegin;
+  PetscCall(MatGetBlockSize(sub->matrix, &bs));
+  PetscCallMPI(MPI_Comm_rank(comm, &rank));
+  PetscCallMPI(MPI_Comm_size(comm, &size));
+  PetscCall(PetscMalloc4(local->rows, &parent, local->rows, &number, local->rows, &rows, local->rows, &several));
+  for (PetscInt r = 0; r < local->rows; r++) {
+    parent[r] = r;
+    rows[r]   = 0;
+  }
+  for (PetscInt r = 0; r < local->rows; r++)
+    for (PetscInt k = local->i[r]; k < local->i[r + 1]; k++)
+      if (kept[r] && kept[local->j[k]] && local->a[k] != 0.0) LatinJoin(parent, r, local->j[k]);
+  PetscCall(LatinMatrixBlocks_Private(local, bs, kept, parent, several));
+  for (PetscInt r = 0; r < local->rows; r++) {
+    if (kept[r]) any[0] = PETSC_TRUE;
+    if (several[r]) any[1] = PETSC_TRUE;
+  }
+  PetscCall(MPIU_Allreduce(&any[1], &all, 1, LATIN_MPI_BOOL, MPI_LOR, comm));
+  LatinAgree(comm, sub->wanted > size && !all, PETSC_ERR_ARG_INCOMP, "Local matrices of a MATIS are subdomains, which cannot be divided: leave out -%ssubdomains, or give the matrix of each element rows of its own (MatISSetAllowRepeated())",
+             LatinPrefix(sub));
+  if (any[1]) PetscCall(LatinMatrixJoin_Private(local, PetscMax(1, sub->wanted * (rank + 1) / size - sub->wanted * rank / size), kept, parent));
+  for (PetscInt r = 0; r < local->rows; r++)
+    if (kept[r]) rows[LatinRoot(parent, r)]++;
+  sub->n = 0;
+  for (PetscInt r = 0; r < local->rows; r++) number[r] = rows[r] > 1 || (rows[r] && several[r]) ? sub->n++ : 0; /* of a root's part */
+  if (any[0]) sub->n = PetscMax(sub->n, 1);
+  for (PetscInt r = 0; r < local->rows; r++) part[r] = kept[r] ? number[LatinRoot(parent, r)] : -1;
+  PetscCall(PetscFree4(parent, number, rows, several));
+  PetscFunctionReturn(0);
+}
