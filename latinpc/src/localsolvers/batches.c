@@ -196,6 +196,7 @@ static PetscErrorCode LatinLocalCreate_Private(LatinLocalSolvers *solvers, Petsc
   PetscCall(PCFactorSetUpMatSolverType(pc));
   PetscCall(PCFactorGetMatrix(pc, &F));
   PetscCall(MatFactorSetSchurIS(F, solvers->rest[i]));
+  PetscCall(LatinCholeskyGives(F));
   PetscFunctionReturn(0);
 }
 

@@ -65,8 +65,8 @@ static PetscErrorCode LatinCholeskyNumeric_Private(Mat F, Mat A, const MatFactor
   PetscCall(MatSeqAIJGetArrayRead(A, &a));
   LatinCholeskyDiagonal(data, i, j, a);
   PetscCall(LatinFrontsFactor(&data->fronts, data->precision, i, j, a, data->schur, &bad));
-  PetscCall(LatinCholeskyAsked_Private(data, data->schur));
-  if (data->asked) PetscCall(MatCreateSeqDense(PETSC_COMM_SELF, data->asked, data->asked, data->schur, &F->schur));
+  if (!data->gives) PetscCall(LatinCholeskyAsked_Private(data, data->schur));
+  if (data->asked && !data->gives) PetscCall(MatCreateSeqDense(PETSC_COMM_SELF, data->asked, data->asked, data->schur, &F->schur));
   PetscCall(MatSeqAIJRestoreArrayRead(A, &a));
   PetscCall(MatRestoreRowIJ(A, 0, PETSC_FALSE, PETSC_FALSE, &n, &i, &j, &done));
   F->factorerrortype = bad < 0 ? MAT_FACTOR_NOERROR : MAT_FACTOR_NUMERIC_ZEROPIVOT;
@@ -168,6 +168,14 @@ PetscErrorCode LatinCholeskySolveLanes(Mat F, float x[], PetscReal energy[], Pet
   PetscFunctionReturn(0);
 }
 
+/* Its Schur complement will be handed over, and is not there before: until then it takes half of its room */
+PetscErrorCode LatinCholeskyGives(Mat F)
+{
+  PetscFunctionBegin;
+  ((LatinSupernodes *)F->data)->gives = PETSC_TRUE;
+  PetscFunctionReturn(0);
+}
+
 /* Hands the Schur complement over, *S (of the rows that were asked for, column-major), which the caller frees: it may be as large as the factor, and is used once */
 PetscErrorCode LatinCholeskyGiveSchur(Mat F, PetscReal **S)
 {
@@ -175,6 +183,7 @@ PetscErrorCode LatinCholeskyGiveSchur(Mat F, PetscReal **S)
 
   PetscFunctionBegin;
   PetscCall(MatDestroy(&F->schur));
+  if (data->gives && data->schur) PetscCall(LatinCholeskyAsked_Private(data, data->schur));
   *S          = data->schur;
   data->schur = NULL;
   PetscFunctionReturn(0);

@@ -60,6 +60,7 @@ PETSC_INTERN PetscErrorCode LatinCholeskyPrecision(PC, LatinArithmetic *);
 PETSC_INTERN PetscErrorCode LatinCholeskyEnergy(PC, Vec b, PetscReal *energy);
 PETSC_INTERN PetscErrorCode LatinCholeskyCost(PC, PetscReal *operations, PetscReal *bytes);
 PETSC_INTERN PetscErrorCode LatinCholeskyAgain(PC, Mat, LatinArithmetic);
+PETSC_INTERN PetscErrorCode LatinCholeskyGives(Mat);
 PETSC_INTERN PetscErrorCode LatinCholeskyGiveSchur(Mat, PetscReal **S);
 PETSC_INTERN PetscErrorCode LatinCholeskyOrder(Mat, const PetscInt *order[]);
 PETSC_INTERN PetscErrorCode LatinCholeskySolveSome(Mat, PetscInt rows, const PetscInt row[], PetscInt columns, PetscReal b[]);

@@ -30,6 +30,11 @@ PetscErrorCode LatinCholeskySolveSome(Mat F, PetscInt rows, const PetscInt row[]
   SETERRQ(PETSC_COMM_SELF, PETSC_ERR_PLIB, "No factor of this type can have been made");
 }
 
+PetscErrorCode LatinCholeskyGives(Mat F)
+{
+  SETERRQ(PETSC_COMM_SELF, PETSC_ERR_PLIB, "No factor of this type can have been made");
+}
+
 PetscErrorCode LatinCholeskyGiveSchur(Mat F, PetscReal **S)
 {
   SETERRQ(PETSC_COMM_SELF, PETSC_ERR_PLIB, "No factor of this type can have been made");

@@ -26,7 +26,8 @@ typedef struct {
   PetscInt        asked, *ask; /* [asked] rows of the Schur complement, ascending */
   LatinArithmetic precision;   /* that is asked for */
   PetscReal      *diagonal;    /* [kept] of the matrix */
-  PetscReal      *schur;       /* of F->schur, until it is given away */
+  PetscReal      *schur;       /* of F->schur, until it is given away; its lower triangle if it is for that alone */
+  PetscBool       gives;
 } LatinSupernodes;
 
 PETSC_INTERN PetscErrorCode LatinSupernodesAnalyze(LatinSupernodes *, Mat);

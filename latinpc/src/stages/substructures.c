@@ -60,7 +60,7 @@ PetscErrorCode LatinSubstructuresLeft(LatinLinear *linear, PetscReal *left)
   PetscFunctionReturn(0);
 }
 
-/* Values of the operators, which their factorisations alone read: they go, where they can be made again */
+/* Entries of the operators, which their factorisations alone read: they go, where they can be made again. Not their columns where another set-up follows, which looks whether it has the same */
 static void LatinSubstructuresEmpty(LatinLinear *linear)
 {
   if (linear->sub->dense) return; /* the caller's, who may change it */
@@ -68,6 +68,7 @@ static void LatinSubstructuresEmpty(LatinLinear *linear)
     const LatinSparse *K = &linear->solvers->rows[b];
 
     LatinRoomEmpty(K->a, (size_t)K->i[K->rows] * sizeof(*K->a));
+    if (!linear->sub->preconditions && !linear->sub->part) LatinRoomEmpty(K->j, (size_t)K->i[K->rows] * sizeof(*K->j));
   }
   linear->empty = PETSC_TRUE;
 }
@@ -82,6 +83,7 @@ PetscErrorCode LatinSubstructuresFill(LatinLinear *linear)
     PetscCall(LatinDirectionMatrix(linear->dir, linear->batches->batch[b].sub[0], linear->spring, &again));
     PetscCheck(again.i[K->rows] == K->i[K->rows], PETSC_COMM_SELF, PETSC_ERR_PLIB, "The operator of batch %" PetscInt_FMT " is no longer what it was", b);
     PetscCall(PetscArraycpy(K->a, again.a, K->i[K->rows]));
+    PetscCall(PetscArraycpy(K->j, again.j, K->i[K->rows]));
     PetscCall(LatinSparseReset_Private(&again));
   }
   linear->empty = PETSC_FALSE;
@@ -97,8 +99,8 @@ PetscErrorCode LatinSubstructuresStiffness(LatinLinear *linear)
   PetscFunctionBegin;
   if (linear->batches->n == 1) {
     PetscCall(LatinSubstructuresFactor_Private(linear, 0, &F));
+    LatinSubstructuresEmpty(linear); /* before the other triangle of H comes */
     PetscCall(LatinCholeskyGiveSchur(F, &linear->stiffness.H));
-    LatinSubstructuresEmpty(linear);
     PetscFunctionReturn(0);
   }
   for (PetscInt b = 0; b < linear->batches->n; b++) {

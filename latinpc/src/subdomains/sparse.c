@@ -1,3 +1,4 @@
+#include "base/room.h"
 #include "subdomains/latinsubdomains.h"
 
 /*
@@ -205,7 +206,7 @@ PetscErrorCode LatinSparseCreate_Private(const LatinSubdomains *sub, PetscInt s,
     entries += (size_t)(bs * bs) * (size_t)neighbours;
   }
   PetscCall(PetscMalloc1(bs * nodes + 1, &K->i));
-  PetscCall(PetscMalloc2(entries, &K->j, entries, &K->a)); /* what is left at the end is never touched */
+  PetscCall(PetscMalloc2(entries, &K->j, entries, &K->a));
   PetscCall(PetscMalloc3(most, &gathered.node, most, &gathered.slot, bs * bs * most, &gathered.value));
   PetscCall(PetscCalloc1(nodes, &gathered.place));
   for (PetscInt i = 0; i < nodes; i++) {
@@ -222,8 +223,10 @@ PetscErrorCode LatinSparseCreate_Private(const LatinSubdomains *sub, PetscInt s,
     }
   }
   K->i[bs * nodes] = nz;
-  K->bs            = bs;
-  K->rows          = bs * nodes;
+  LatinRoomEmpty(K->j + nz, (entries - (size_t)nz) * sizeof(*K->j)); /* of something else before */
+  LatinRoomEmpty(K->a + nz, (entries - (size_t)nz) * sizeof(*K->a));
+  K->bs   = bs;
+  K->rows = bs * nodes;
   PetscCall(PetscFree3(gathered.node, gathered.slot, gathered.value));
   PetscCall(PetscFree(gathered.place));
   PetscCall(LatinRowsDestroy_Private(&rows));
