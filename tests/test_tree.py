@@ -132,7 +132,9 @@ snes.setFromOptions()
 u = structure.create_vec()
 snes.solve(None, u)
 A, pc = latinpc.coarse_ksp(snes).getOperators()[0], latinpc.coarse_ksp(snes).getPC()
+info = pc.getFactorMatrix().getInfo()
 found = {"type": A.getType(), "solver": pc.getType() == "cholesky" and pc.getFactorSolverType(), "rows": A.getSize()[0],
+         "bytes": info["memory"] / max(1, info["nz_used"]),
          "spent": A.getType() == "is" and A.getISLocalMat().getType() == "shell",
          "u": structure.displacements(u).ravel().tolist()}
 if not structure.comm.rank:
@@ -149,6 +151,7 @@ def test_it_is_the_default_of_large_coarse_problems(mpirun, tmp_path, ranks, par
         return json.loads((tmp_path / name).read_text())
 
     tree = found("tree.json", "-snes_view", f":{tmp_path / 'view'}")
+    single = found("single.json", "-snes_latin_precision", "single")
     other = found("other.json", "-snes_latin_coarse_pc_factor_mat_solver_type", "mumps")
     assert tree["rows"] > 1500
     assert (tree["type"], tree["solver"]) == ("is", "latintree")
@@ -157,6 +160,9 @@ def test_it_is_the_default_of_large_coarse_problems(mpirun, tmp_path, ranks, par
     assert "fronts of the ranks" in view and "by a factorisation that all ranks share" in view
     assert int(re.search(r"at most (\d+)\.? messages of a rank", view)[1]) <= 4  # those of its part and of one joint
     assert tree["spent"] and not other["spent"]
+    assert tree["bytes"] == 8  # an entry
+    assert single["bytes"] < 8  # fronts are rounded as subdomains are, what comes before them is not
     one = solve(irregular(modules=40, parts=parts), variant="primal", stol=0.0, max_it=6, newton="never").u
     for each in (tree, other):
         assert far(np.array(each["u"]).reshape(one.shape), one) < 1e-9
+    assert far(np.array(single["u"]).reshape(one.shape), one) < 1e-6

@@ -8,7 +8,6 @@
   #include <time.h>
 #endif
 
-#define LATIN_PAGE       2097152 /* bytes of a large page */
 #define LATIN_SMALL_PAGE 4096
 
 #if defined(MADV_HUGEPAGE)
@@ -70,12 +69,34 @@ void LatinRoomReturn(size_t bytes)
 #endif
 }
 
-/* Nobody reads these bytes any more: the pages that they fill go back to the system until they are written again, which any part of memory may be */
+/* Nobody reads these bytes any more: the pages that they fill go back to the system until they are written again, which any part of memory may be. Which these are, of zeros then: none, if first == last */
+static void LatinRoomGo(char *room, size_t bytes, char **first, char **last)
+{
+  *first = *last = room;
+#if defined(MADV_DONTNEED)
+  {
+    char *start = room + (LATIN_SMALL_PAGE - (size_t)room % LATIN_SMALL_PAGE) % LATIN_SMALL_PAGE, *end = room + bytes - ((size_t)room + bytes) % LATIN_SMALL_PAGE;
+
+    if (end <= start || madvise(start, (size_t)(end - start), MADV_DONTNEED)) return;
+    *first = start;
+    *last  = end;
+  }
+#endif
+}
+
 void LatinRoomEmpty(void *room, size_t bytes)
 {
-#if defined(MADV_DONTNEED)
-  char *first = (char *)room + (LATIN_SMALL_PAGE - (size_t)room % LATIN_SMALL_PAGE) % LATIN_SMALL_PAGE, *last = (char *)room + bytes - ((size_t)room + bytes) % LATIN_SMALL_PAGE;
+  char *first, *last;
 
-  if (last > first) (void)madvise(first, (size_t)(last - first), MADV_DONTNEED);
-#endif
+  LatinRoomGo((char *)room, bytes, &first, &last);
+}
+
+/* Zeros, in pages that are there once they are written */
+void LatinRoomZero(void *room, size_t bytes)
+{
+  char *start = (char *)room, *first = start, *last = start;
+
+  if (bytes >= LATIN_PAGE) LatinRoomGo(start, bytes, &first, &last);
+  memset(start, 0, (size_t)(first - start));
+  memset(last, 0, (size_t)(start + bytes - last));
 }

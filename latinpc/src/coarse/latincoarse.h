@@ -102,7 +102,7 @@ PETSC_INTERN PetscErrorCode LatinDenseRegister(void);
 
 /* ---- Cholesky of a matrix in parts, by fronts that ranks join in pairs (coarse/tree.h, treeplan.c, treecholesky.c, treefactor.c) ---- */
 #define LATIN_TREE       "latintree"      /* a MatSolverType */
-#define LATIN_TREE_SPENT "LatinTreeSpent" /* what a MATIS carries the local matrix by that is to be left of it */
+#define LATIN_TREE_SPENT "LatinTreeSpent" /* what a MATIS carries the local matrix by that is to be left of it: its factor is provisional, and may be rounded */
 PETSC_INTERN PetscErrorCode LatinTreeRegister(void);
 PETSC_INTERN PetscErrorCode LatinTreePays(MPI_Comm, PetscInt n, const PetscInt number[], PetscLayout, PetscBool *);
 

@@ -5,6 +5,7 @@
 #define LATINTREE_H
 
 #include "coarse/latincoarse.h"
+#include "localsolvers/fronts.h"
 
 #define LATIN_TREE_STAGES 50 /* solves for each factorisation, in the prediction: a linear stage has one */
 
@@ -19,12 +20,13 @@ typedef struct {
 
 /* The front of two groups of ranks that join */
 typedef struct {
-  PetscMPIInt  from[2], to;    /* ranks that have the fronts of the groups, of a single rank what its part leaves; the one that takes over what is left, -1: nothing is */
-  PetscInt     n[2];           /* unknowns that the two groups bring, by their numbers */
-  PetscInt    *at;             /* [n[0] + n[1]] their rows in the front */
-  PetscInt     rows, interior; /* interior ones, which no further rank has, come first */
-  PetscScalar *L;              /* [rows][interior] column-major: L of the interior rows, Z of the others below it */
-  PetscScalar *x;              /* [rows] work */
+  PetscMPIInt  from[2], to;     /* ranks that have the fronts of the groups, of a single rank what its part leaves; the one that takes over what is left, -1: nothing is */
+  PetscInt     n[2];            /* unknowns that the two groups bring, by their numbers */
+  PetscInt    *at;              /* [n[0] + n[1]] their rows in the front */
+  PetscInt     rows, interior;  /* interior ones, which no further rank has, come first */
+  PetscInt    *order, first[2]; /* [rows] of the front: as they are */
+  LatinFronts  front;           /* L of the interior rows, Z of the others below it */
+  PetscScalar *x;               /* [rows] work */
 } LatinJoint;
 
 typedef struct {
@@ -41,7 +43,7 @@ typedef struct {
 } LatinTree;
 
 PETSC_INTERN PetscErrorCode LatinTreePlan_Private(ISLocalToGlobalMapping, PetscLayout, LatinTree *);
-PETSC_INTERN PetscErrorCode LatinTreeFactor_Private(LatinTree *, Mat K, PetscBool *bad);
+PETSC_INTERN PetscErrorCode LatinTreeFactor_Private(LatinTree *, PetscBool rounded, Mat K, PetscBool *bad);
 PETSC_INTERN PetscErrorCode LatinTreeSolve_Private(LatinTree *, const PetscScalar b[], PetscScalar x[]);
 PETSC_INTERN PetscErrorCode LatinTreeReset_Private(LatinTree *);
 

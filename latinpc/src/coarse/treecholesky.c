@@ -13,24 +13,17 @@
    So a solve takes one message each way for each of the groups that join, and a rank keeps no more than the columns of one joint.
 */
 
-#define LATIN_TREE_COLUMNS 64 /* of a message: large enough to be all bandwidth, small beside a front */
-
 /*
    What is left of a part or front, symmetric: the lower triangle counts, in the order of the numbers of its rows. Of a part it is a
-   matrix whose rows have an order of their own; of a front panels of LATIN_TREE_COLUMNS columns, each from its diagonal on
+   matrix whose rows have an order of their own; of a front panels, see LatinPanelAt(). One panel is a message: large enough to be
+   all bandwidth, small beside a front
 */
 typedef struct {
-  PetscInt           n, ld, *order; /* [n] rows in the matrix; NULL: panels */
-  const PetscScalar *a;
-  PetscScalar       *own;   /* to be freed: a */
-  Mat                dense; /* or this, to be destroyed */
+  PetscInt     n, ld, *order; /* [n] rows in the matrix; NULL: panels */
+  PetscScalar *a;
+  PetscScalar *own;   /* to be freed: a */
+  Mat          dense; /* or this, to be destroyed */
 } LatinLeft;
-
-/* Where column j, a multiple of LATIN_TREE_COLUMNS, of n panels begins */
-static inline size_t LatinPanelAt(PetscInt n, PetscInt j)
-{
-  return (size_t)j * (size_t)n - (size_t)j * (size_t)(j - LATIN_TREE_COLUMNS) / 2;
-}
 
 static PetscErrorCode LatinLeftFree_Private(LatinLeft *left)
 {
@@ -41,68 +34,97 @@ static PetscErrorCode LatinLeftFree_Private(LatinLeft *left)
   PetscFunctionReturn(0);
 }
 
-/* Columns j to last of the lower triangle, of one panel, one after the other; returns their entries */
+/* Columns j to last of the lower triangle, of one panel, one after the other; returns their entries. A panel is emptied: it goes, column by column, as what it joins comes */
 static PetscInt LatinLeftPack(const LatinLeft *left, PetscInt j, PetscInt last, PetscScalar to[])
 {
-  const PetscScalar *panel  = left->order ? NULL : left->a + LatinPanelAt(left->n, j);
-  const PetscInt     height = left->n - j;
-  PetscInt           k      = 0;
+  PetscInt k = 0;
 
-  for (PetscInt c = j; c < last; c++)
-    if (left->order) {
-      const PetscScalar *a = left->a + (size_t)left->ld * (size_t)left->order[c];
+  for (PetscInt c = j; c < last; c++) {
+    const PetscScalar *a = left->a + (left->order ? (size_t)left->ld * (size_t)left->order[c] : LatinPanelColumnAt(LATIN_FRONT_PANEL, left->n, c));
 
-      for (PetscInt i = c; i < left->n; i++) to[k++] = a[left->order[i]];
-    } else {
-      const PetscScalar *a = panel + (size_t)height * (size_t)(c - j) - j;
-
-      for (PetscInt i = c; i < left->n; i++) to[k++] = a[i];
-    }
+    for (PetscInt i = c; i < left->n; i++) to[k++] = a[left->order ? left->order[i] : i];
+  }
+  if (!left->order) LatinRoomEmpty(left->a + LatinPanelAt(LATIN_FRONT_PANEL, left->n, j), (size_t)(left->n - j) * (size_t)(last - j) * sizeof(*left->a));
   return k;
 }
 
 /* Such columns join a front: its interior columns L, and S of the others */
-static void LatinJointAdd(const LatinJoint *joint, PetscInt n, const PetscInt at[], PetscInt j, PetscInt last, const PetscScalar from[], PetscScalar S[])
+static void LatinJointAdd(const LatinJoint *joint, PetscInt n, const PetscInt at[], PetscInt j, PetscInt last, const PetscScalar from[], PetscScalar L[], PetscScalar S[])
 {
-  const PetscInt in = joint->interior, out = joint->rows - in;
+  const PetscInt in = joint->interior;
 
   for (; j < last; j++)
     for (PetscInt i = j; i < n; i++) {
       const PetscInt r = PetscMax(at[i], at[j]), c = PetscMin(at[i], at[j]);
 
-      if (c < in) joint->L[(size_t)r + (size_t)joint->rows * (size_t)c] += *from++;
-      else {
-        const PetscInt first = (c - in) - (c - in) % LATIN_TREE_COLUMNS, height = out - first;
-
-        S[LatinPanelAt(out, first) + (size_t)(r - in - first) + (size_t)height * (size_t)(c - in - first)] += *from++;
-      }
+      if (c < in) L[LatinPanelColumnAt(LATIN_FRONT_PANEL, joint->rows, c) + (size_t)r] += *from++;
+      else S[LatinPanelColumnAt(LATIN_FRONT_PANEL, joint->rows - in, c - in) + (size_t)(r - in)] += *from++;
     }
 }
 
-/* Eliminates the interior rows of a front; *bad: it is not positive definite */
-static PetscErrorCode LatinJointEliminate_Private(LatinJoint *joint, PetscScalar S[], PetscBool *bad)
+/* What the interior columns before row r of a front leave on some columns from there on */
+static PetscErrorCode LatinJointTake_Private(const LatinJoint *joint, const PetscScalar L[], PetscInt r, PetscInt some, PetscScalar to[])
 {
-  const PetscScalar one = 1.0, minus = -1.0;
-  PetscBLASInt      rows, in, out, info = 0;
+  const PetscScalar  one = 1.0, minus = -1.0;
+  const PetscBLASInt height = (PetscBLASInt)(joint->rows - r), columns = (PetscBLASInt)some;
 
   PetscFunctionBegin;
-  PetscCall(PetscBLASIntCast(joint->rows, &rows));
-  PetscCall(PetscBLASIntCast(joint->interior, &in));
-  out = rows - in;
-  if (!in) PetscFunctionReturn(0);
-  PetscCallBLAS("LAPACKpotrf", LAPACKpotrf_("L", &in, joint->L, &rows, &info));
-  if (info) { /* the next one waits for S all the same */
-    *bad = PETSC_TRUE;
-    PetscFunctionReturn(0);
-  }
-  if (out) PetscCallBLAS("BLAStrsm", BLAStrsm_("R", "L", "T", "N", &out, &in, &one, joint->L, &rows, joint->L + in, &rows));
-  for (PetscInt j = 0; j < out; j += LATIN_TREE_COLUMNS) {
-    const PetscBLASInt height = out - j, columns = PetscMin(LATIN_TREE_COLUMNS, height);
-    const PetscScalar *Z = joint->L + in + j;
+  for (PetscInt c = 0; c < PetscMin(r, joint->interior); c += LATIN_FRONT_PANEL) {
+    const PetscBLASInt wide = (PetscBLASInt)PetscMin(LATIN_FRONT_PANEL, joint->interior - c), ld = (PetscBLASInt)(joint->rows - c);
+    const PetscScalar *Z = L + LatinPanelColumnAt(LATIN_FRONT_PANEL, joint->rows, c) + r;
 
-    PetscCallBLAS("BLASgemm", BLASgemm_("N", "T", &height, &columns, &in, &minus, Z, &rows, Z, &rows, &one, S + LatinPanelAt(out, j), &height));
+    PetscCallBLAS("BLASgemm", BLASgemm_("N", "T", &height, &columns, &wide, &minus, Z, &ld, Z, &ld, &one, to, &height));
   }
+  PetscFunctionReturn(0);
+}
+
+/* Eliminates the interior rows of a front, panel by panel; *bad: it is not positive definite */
+static PetscErrorCode LatinJointEliminate_Private(const LatinJoint *joint, PetscScalar L[], PetscScalar S[], PetscBool *bad)
+{
+  const PetscScalar one = 1.0;
+  const PetscInt    in = joint->interior, out = joint->rows - in;
+
+  PetscFunctionBegin;
+  for (PetscInt c = 0; c < in; c += LATIN_FRONT_PANEL) {
+    const PetscBLASInt wide = (PetscBLASInt)PetscMin(LATIN_FRONT_PANEL, in - c), height = (PetscBLASInt)(joint->rows - c), below = height - wide;
+    PetscScalar       *panel = L + LatinPanelAt(LATIN_FRONT_PANEL, joint->rows, c);
+    PetscBLASInt       info  = 0;
+
+    PetscCall(LatinJointTake_Private(joint, L, c, wide, panel));
+    PetscCallBLAS("LAPACKpotrf", LAPACKpotrf_("L", &wide, panel, &height, &info));
+    if (info) { /* the next one waits for S all the same */
+      *bad = PETSC_TRUE;
+      PetscFunctionReturn(0);
+    }
+    if (below) PetscCallBLAS("BLAStrsm", BLAStrsm_("R", "L", "T", "N", &below, &wide, &one, panel, &height, panel + wide, &height));
+    for (PetscInt k = 1; k < wide; k++) PetscCall(PetscArrayzero(panel + (size_t)height * (size_t)k, k));
+  }
+  for (PetscInt c = 0; c < out; c += LATIN_FRONT_PANEL) PetscCall(LatinJointTake_Private(joint, L, in + c, PetscMin(LATIN_FRONT_PANEL, out - c), S + LatinPanelAt(LATIN_FRONT_PANEL, out, c)));
   PetscCall(PetscLogFlops((double)in * ((double)in * in / 3.0 + (double)in * out + (double)out * out)));
+  PetscFunctionReturn(0);
+}
+
+/* The front as one of localsolvers/fronts.c, whose lists are those of all rows */
+static PetscErrorCode LatinJointFront_Private(LatinJoint *joint)
+{
+  const PetscInt rows = joint->rows;
+
+  PetscFunctionBegin;
+  if (joint->order) PetscFunctionReturn(0);
+  PetscCall(PetscMalloc1(rows, &joint->order));
+  for (PetscInt r = 0; r < rows; r++) joint->order[r] = r;
+  joint->first[0] = 0;
+  joint->first[1] = rows;
+  PetscCall(LatinFrontsCreate(rows, rows - joint->interior, 1, joint->order, joint->first, joint->first, joint->order, &joint->front));
+  PetscFunctionReturn(0);
+}
+
+/* The factor of a front from its interior columns; rounded, if single precision holds their pivots */
+static PetscErrorCode LatinJointKeep_Private(LatinJoint *joint, PetscBool rounded, PetscScalar L[])
+{
+  PetscFunctionBegin;
+  for (PetscInt c = 0; c < joint->interior && rounded; c++) rounded = LatinFrontPivot(L[LatinPanelColumnAt(LATIN_FRONT_PANEL, joint->rows, c) + (size_t)c]);
+  PetscCall(LatinFrontsFill(&joint->front, rounded ? LATIN_ROUNDED : LATIN_DOUBLE, L));
   PetscFunctionReturn(0);
 }
 
@@ -127,6 +149,7 @@ static PetscErrorCode LatinTreeSparse_Private(LatinTree *tree, Mat K, LatinLeft 
     PetscCall(MatGetFactor(A, LATIN_CHOLESKY, MAT_FACTOR_CHOLESKY, &tree->part));
     PetscCall(ISCreateGeneral(PETSC_COMM_SELF, tree->rest, tree->row, PETSC_COPY_VALUES, &kept));
     if (tree->rest) PetscCall(MatFactorSetSchurIS(tree->part, kept));
+    PetscCall(LatinCholeskyGives(tree->part));
     PetscCall(ISDestroy(&kept));
     PetscCall(MatCholeskyFactorSymbolic(tree->part, A, NULL, &info));
   }
@@ -148,8 +171,7 @@ static PetscErrorCode LatinTreeSparse_Private(LatinTree *tree, Mat K, LatinLeft 
 /* What the part of this rank leaves; one without rows of its own that is dense is that already. Takes K over */
 static PetscErrorCode LatinTreePart_Private(LatinTree *tree, Mat K, LatinLeft *left, PetscBool *bad)
 {
-  const PetscScalar *a;
-  PetscBool          dense;
+  PetscBool dense;
 
   PetscFunctionBegin;
   *left = (LatinLeft){.n = tree->rest};
@@ -166,9 +188,7 @@ static PetscErrorCode LatinTreePart_Private(LatinTree *tree, Mat K, LatinLeft *l
     PetscCall(MatDestroy(&K));
   }
   PetscCall(MatDenseGetLDA(left->dense, &left->ld));
-  PetscCall(MatDenseGetArrayRead(left->dense, &a));
-  left->a = a; /* which the matrix keeps */
-  PetscCall(MatDenseRestoreArrayRead(left->dense, &a));
+  PetscCall(MatDenseGetArrayRead(left->dense, (const PetscScalar **)&left->a)); /* which the matrix keeps */
   PetscFunctionReturn(0);
 }
 
@@ -195,9 +215,9 @@ static PetscErrorCode LatinLeftColumns_Private(const LatinLeft *left, PetscScala
 /* What a part leaves, as panels, half of it: a front is to have room beside it. In its place, where nobody else has the matrix: a panel ends no later than its columns do */
 static PetscErrorCode LatinLeftHalve_Private(LatinLeft *left)
 {
-  const PetscInt n = left->n, last = n - n % LATIN_TREE_COLUMNS;
-  const size_t   ld = (size_t)left->ld, half = LatinPanelAt(n, last) + (size_t)(n - last) * (size_t)(n - last);
-  PetscScalar   *a = (PetscScalar *)left->a, *panels = a, *column;
+  const PetscInt n  = left->n;
+  const size_t   ld = (size_t)left->ld, half = LatinPanelSize(LATIN_FRONT_PANEL, n, n);
+  PetscScalar   *a = left->a, *panels = a, *column;
   PetscInt       owners = 1;
 
   PetscFunctionBegin;
@@ -206,8 +226,7 @@ static PetscErrorCode LatinLeftHalve_Private(LatinLeft *left)
   if (owners > 1) PetscCall(PetscMalloc1(half, &panels));
   else PetscCall(LatinLeftColumns_Private(left, a, column));
   for (PetscInt c = 0; c < n; c++) {
-    const PetscInt j  = c - c % LATIN_TREE_COLUMNS;
-    PetscScalar   *to = panels + LatinPanelAt(n, j) + (size_t)(n - j) * (size_t)(c - j) - j;
+    PetscScalar *to = panels + LatinPanelColumnAt(LATIN_FRONT_PANEL, n, c);
 
     PetscCall(PetscArraycpy(column, a + ld * (size_t)(owners > 1 ? left->order[c] : c), n));
     for (PetscInt i = c; i < n; i++) to[i] = column[left->order[i]];
@@ -229,81 +248,69 @@ static PetscErrorCode LatinLeftSend_Private(const LatinTree *tree, PetscMPIInt t
   PetscMPIInt length;
 
   PetscFunctionBegin;
-  for (PetscInt j = 0; j < left->n && to >= 0; j += LATIN_TREE_COLUMNS) {
-    PetscCall(PetscMPIIntCast(LatinLeftPack(left, j, PetscMin(j + LATIN_TREE_COLUMNS, left->n), buffer), &length));
+  for (PetscInt j = 0; j < left->n && to >= 0; j += LATIN_FRONT_PANEL) {
+    PetscCall(PetscMPIIntCast(LatinLeftPack(left, j, PetscMin(j + LATIN_FRONT_PANEL, left->n), buffer), &length));
     PetscCallMPI(MPI_Send(buffer, length, MPIU_SCALAR, to, 0, tree->comm));
   }
   PetscCall(LatinLeftFree_Private(left));
   PetscFunctionReturn(0);
 }
 
-/* The front of the joint from what comes and what is left here, which is freed; eliminated, it leaves the next */
-static PetscErrorCode LatinTreeJoin_Private(LatinTree *tree, LatinLeft *left, PetscScalar buffer[], PetscBool *bad)
+/* The front of the joint from what comes and what is left here, which goes first; eliminated, it leaves the next */
+static PetscErrorCode LatinTreeJoin_Private(LatinTree *tree, PetscBool rounded, LatinLeft *left, PetscScalar buffer[], PetscBool *bad)
 {
   LatinJoint    *joint = tree->joint;
   const PetscInt out   = joint->rows - joint->interior;
   PetscMPIInt    length;
-  PetscScalar   *S;
+  PetscScalar   *L, *S;
 
   PetscFunctionBegin;
-  if (!joint->L) PetscCall(PetscMalloc1((size_t)joint->rows * (size_t)joint->interior, &joint->L));
-  PetscCall(PetscArrayzero(joint->L, (size_t)joint->rows * (size_t)joint->interior));
-  PetscCall(PetscCalloc1(LatinPanelAt(out, out - out % LATIN_TREE_COLUMNS) + (size_t)(out % LATIN_TREE_COLUMNS) * (size_t)(out % LATIN_TREE_COLUMNS), &S));
-  for (PetscInt k = 0; k < 2; k++) {
+  PetscCall(LatinJointFront_Private(joint));
+  PetscCall(LatinRoomDestroy_Private(&joint->front.factor));
+  PetscCall(PetscMalloc1(joint->front.panel[1], &L));
+  PetscCall(PetscMalloc1(LatinPanelSize(LATIN_FRONT_PANEL, out, out), &S));
+  LatinRoomZero(L, joint->front.panel[1] * sizeof(*L));
+  LatinRoomZero(S, LatinPanelSize(LATIN_FRONT_PANEL, out, out) * sizeof(*S));
+  for (PetscInt p = 0; p < 2; p++) {
+    const PetscInt  k   = joint->from[1] == tree->rank ? 1 - p : p;
     const PetscBool own = (PetscBool)(joint->from[k] == tree->rank);
 
-    for (PetscInt j = 0; j < joint->n[k]; j += LATIN_TREE_COLUMNS) {
-      const PetscInt last = PetscMin(j + LATIN_TREE_COLUMNS, joint->n[k]);
+    for (PetscInt j = 0; j < joint->n[k]; j += LATIN_FRONT_PANEL) {
+      const PetscInt last = PetscMin(j + LATIN_FRONT_PANEL, joint->n[k]);
 
-      PetscCall(PetscMPIIntCast(LATIN_TREE_COLUMNS * joint->n[k], &length));
+      PetscCall(PetscMPIIntCast(LATIN_FRONT_PANEL * joint->n[k], &length));
       if (own) (void)LatinLeftPack(left, j, last, buffer);
       else PetscCallMPI(MPI_Recv(buffer, length, MPIU_SCALAR, joint->from[k], 0, tree->comm, MPI_STATUS_IGNORE));
-      LatinJointAdd(joint, joint->n[k], joint->at + (k ? joint->n[0] : 0), j, last, buffer, S);
+      LatinJointAdd(joint, joint->n[k], joint->at + (k ? joint->n[0] : 0), j, last, buffer, L, S);
     }
     if (own) PetscCall(LatinLeftFree_Private(left));
   }
-  PetscCall(LatinJointEliminate_Private(joint, S, bad));
+  PetscCall(LatinJointEliminate_Private(joint, L, S, bad));
   *left = (LatinLeft){.n = out, .a = S, .own = S};
+  PetscCall(LatinLeftSend_Private(tree, joint->to, left, buffer)); /* before the next one waits for more */
+  PetscCall(LatinJointKeep_Private(joint, rounded, L));
+  PetscCall(PetscFree(L));
   PetscFunctionReturn(0);
 }
 
-/* The factor of the sum of the parts K, which it takes over; on all ranks *bad or on none. Collective on tree->comm */
-PetscErrorCode LatinTreeFactor_Private(LatinTree *tree, Mat K, PetscBool *bad)
+/* The factor of the sum of the parts K, which it takes over, its fronts rounded to single precision or not; on all ranks *bad or on none. Collective on tree->comm */
+PetscErrorCode LatinTreeFactor_Private(LatinTree *tree, PetscBool rounded, Mat K, PetscBool *bad)
 {
   PetscScalar *buffer;
   LatinLeft    left;
 
   PetscFunctionBegin;
   *bad = PETSC_FALSE;
-  PetscCall(PetscMalloc1(LATIN_TREE_COLUMNS * PetscMax(tree->rest, tree->joint ? tree->joint->rows : 0), &buffer));
+  PetscCall(PetscMalloc1(LATIN_FRONT_PANEL * PetscMax(tree->rest, tree->joint ? tree->joint->rows : 0), &buffer));
   PetscCall(LatinTreePart_Private(tree, K, &left, bad));
-  if (tree->to != tree->rank) PetscCall(LatinLeftSend_Private(tree, tree->to, &left, buffer));
-  else PetscCall(LatinLeftHalve_Private(&left));
-  if (tree->joint) {
-    PetscCall(LatinTreeJoin_Private(tree, &left, buffer, bad));
-    PetscCall(LatinLeftSend_Private(tree, tree->joint->to, &left, buffer));
+  if (tree->to == tree->rank) PetscCall(LatinLeftHalve_Private(&left));
+  else {
+    PetscCall(LatinLeftSend_Private(tree, tree->to, &left, buffer));
+    LatinRoomReturn((size_t)tree->rest * (size_t)tree->rest * sizeof(*buffer)); /* before a front comes */
   }
+  if (tree->joint) PetscCall(LatinTreeJoin_Private(tree, rounded, &left, buffer, bad));
   PetscCall(PetscFree(buffer));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, bad, 1, LATIN_MPI_BOOL, MPI_LOR, tree->comm));
-  PetscFunctionReturn(0);
-}
-
-/* In x, the forces on all rows: y on the interior ones, on the others what is left of them; or back, from y and u_b there to u */
-static PetscErrorCode LatinJointSolve_Private(LatinJoint *joint, PetscBool back)
-{
-  const PetscScalar  one = 1.0, minus = -1.0;
-  const PetscBLASInt inc = 1;
-  PetscBLASInt       rows, in, out;
-
-  PetscFunctionBegin;
-  PetscCall(PetscBLASIntCast(joint->rows, &rows));
-  PetscCall(PetscBLASIntCast(joint->interior, &in));
-  out = rows - in;
-  if (!in) PetscFunctionReturn(0);
-  if (back && out) PetscCallBLAS("BLASgemv", BLASgemv_("T", &out, &in, &minus, joint->L + in, &rows, joint->x + in, &inc, &one, joint->x, &inc));
-  PetscCallBLAS("BLAStrsm", BLAStrsm_("L", "L", back ? "T" : "N", "N", &in, &inc, &one, joint->L, &rows, joint->x, &in));
-  if (!back && out) PetscCallBLAS("BLASgemv", BLASgemv_("N", &out, &in, &minus, joint->L + in, &rows, joint->x, &inc, &one, joint->x + in, &inc));
-  PetscCall(PetscLogFlops((double)in * ((double)in + 2.0 * out)));
   PetscFunctionReturn(0);
 }
 
@@ -336,12 +343,12 @@ static PetscErrorCode LatinTreeJoint_Private(LatinTree *tree)
     PetscCall(LatinTreePass_Private(tree, joint->from[k], joint->n[k], PETSC_FALSE));
     for (PetscInt i = 0; i < joint->n[k]; i++) joint->x[at[i]] += w[i];
   }
-  PetscCall(LatinJointSolve_Private(joint, PETSC_FALSE));
+  PetscCall(LatinFrontsSolve(&joint->front, PETSC_TRUE, PETSC_FALSE, 1, joint->x, 0, NULL));
   PetscCall(PetscArraycpy(w, joint->x + joint->interior, out));
   PetscCall(LatinTreePass_Private(tree, joint->to, out, PETSC_TRUE));
   PetscCall(LatinTreePass_Private(tree, joint->to, out, PETSC_FALSE));
   PetscCall(PetscArraycpy(joint->x + joint->interior, w, out));
-  PetscCall(LatinJointSolve_Private(joint, PETSC_TRUE));
+  PetscCall(LatinFrontsSolve(&joint->front, PETSC_FALSE, PETSC_TRUE, 1, joint->x, 0, NULL));
   for (PetscInt p = 0; p < 2; p++) { /* and last */
     const PetscInt  k  = joint->from[1] == tree->rank ? p : 1 - p;
     const PetscInt *at = joint->at + (k ? joint->n[0] : 0);
@@ -376,7 +383,8 @@ PetscErrorCode LatinTreeReset_Private(LatinTree *tree)
   PetscFunctionBegin;
   if (tree->joint) {
     PetscCall(PetscFree(tree->joint->at));
-    PetscCall(PetscFree(tree->joint->L));
+    PetscCall(PetscFree(tree->joint->order));
+    PetscCall(LatinFrontsDestroy(&tree->joint->front));
     PetscCall(PetscFree(tree->joint->x));
   }
   PetscCall(PetscFree(tree->joint));

@@ -3,8 +3,8 @@
 
 /* The MatSolverType LATIN_TREE of a MATIS whose local matrices have all rows that their ranks own: the factor of tree.h as PETSc's. */
 
-/* The local matrix of A, to be destroyed; where A has another one composed (LATIN_TREE_SPENT), this takes its place */
-static PetscErrorCode LatinTreePart_Mat(Mat A, Mat *K)
+/* The local matrix of A, to be destroyed; where A has another one composed (LATIN_TREE_SPENT), this takes its place: *spend */
+static PetscErrorCode LatinTreePart_Mat(Mat A, Mat *K, PetscBool *spend)
 {
   PetscObjectState state;
   Mat              local, spent;
@@ -15,6 +15,7 @@ static PetscErrorCode LatinTreePart_Mat(Mat A, Mat *K)
   PetscCall(PetscObjectReference((PetscObject)local));
   PetscCall(MatISRestoreLocalMat(A, &local));
   PetscCall(PetscObjectQuery((PetscObject)A, LATIN_TREE_SPENT, (PetscObject *)&spent));
+  *spend = (PetscBool)(spent != NULL);
   if (!spent) PetscFunctionReturn(0);
   PetscCall(PetscObjectStateGet((PetscObject)A, &state));
   PetscCall(MatISSetLocalMat(A, spent));
@@ -24,12 +25,12 @@ static PetscErrorCode LatinTreePart_Mat(Mat A, Mat *K)
 
 static PetscErrorCode LatinTreeNumeric_Mat(Mat F, Mat A, const MatFactorInfo *info)
 {
-  PetscBool bad;
+  PetscBool bad, rounded = PETSC_FALSE;
   Mat       K = NULL;
 
   PetscFunctionBegin;
-  PetscCall(LatinTreePart_Mat(A, &K));
-  PetscCall(LatinTreeFactor_Private((LatinTree *)F->data, K, &bad));
+  PetscCall(LatinTreePart_Mat(A, &K, &rounded));
+  PetscCall(LatinTreeFactor_Private((LatinTree *)F->data, rounded, K, &bad));
   F->factorerrortype = bad ? MAT_FACTOR_NUMERIC_ZEROPIVOT : MAT_FACTOR_NOERROR;
   PetscFunctionReturn(0);
 }
@@ -76,14 +77,15 @@ static PetscErrorCode LatinTreeView_Mat(Mat F, PetscViewer viewer)
 
 static PetscErrorCode LatinTreeInfo_Mat(Mat F, MatInfoType flag, MatInfo *info)
 {
-  const LatinTree *tree = (const LatinTree *)F->data;
-  PetscLogDouble   used[2];
-  MatInfo          part = {.nz_used = 0.0, .memory = 0.0};
+  const LatinTree  *tree  = (const LatinTree *)F->data;
+  const LatinJoint *joint = tree->joint;
+  PetscLogDouble    used[2];
+  MatInfo           part = {.nz_used = 0.0, .memory = 0.0};
 
   PetscFunctionBegin;
   if (tree->part) PetscCall(MatGetInfo(tree->part, MAT_LOCAL, &part));
-  used[0] = part.nz_used + (tree->joint ? (PetscLogDouble)tree->joint->rows * tree->joint->interior : 0.0);
-  used[1] = part.memory + (tree->joint ? (PetscLogDouble)sizeof(PetscScalar) * tree->joint->rows * tree->joint->interior : 0.0);
+  used[0] = part.nz_used + (joint && joint->front.panel ? (PetscLogDouble)joint->front.panel[1] : 0.0);
+  used[1] = part.memory + (joint && joint->front.panel ? (PetscLogDouble)joint->front.panel[1] * (joint->front.precision == LATIN_DOUBLE ? sizeof(double) : sizeof(float)) : 0.0);
   if (flag != MAT_LOCAL) PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, used, 2, MPI_DOUBLE, flag == MAT_GLOBAL_MAX ? MPI_MAX : MPI_SUM, PetscObjectComm((PetscObject)F)));
   PetscCall(PetscMemzero(info, sizeof(*info)));
   info->block_size   = 1.0;

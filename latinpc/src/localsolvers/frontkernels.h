@@ -45,8 +45,8 @@ static void FRONT(LatinFrontEntries)(const LatinFronts *F, FRONT(LatinFrontsWork
 static LATIN_CLONES void FRONT(LatinFrontScatter)(PetscInt n, PetscInt first, PetscInt last, const PetscInt to[], const PetscInt end[], const FRONT_REAL left[], PetscInt height, PetscBool half, FRONT_REAL a[])
 {
   for (PetscInt k = first; k < last; k++) {
-    const FRONT_REAL *from   = left + LatinFrontLeftAt(n, k);
-    FRONT_REAL       *column = a + (half ? LatinFrontLeftAt(height, to[k]) : (size_t)height * (size_t)to[k]);
+    const FRONT_REAL *from   = left + LatinPanelColumnAt(LATIN_FRONT_LEFT, n, k);
+    FRONT_REAL       *column = a + (half ? LatinPanelColumnAt(LATIN_FRONT_LEFT, height, to[k]) : (size_t)height * (size_t)to[k]);
 
     for (PetscInt r = k; r < n; r = end[r]) {
       FRONT_REAL *gets = column + to[r] - r;
@@ -80,7 +80,7 @@ static void FRONT(LatinFrontUpdate)(PetscBLASInt columns, PetscBLASInt later, Pe
 
   for (PetscBLASInt c = 0, wide; c < later; c += wide) {
     const PetscBLASInt rows = below - c, ld = below - c / LATIN_FRONT_LEFT * LATIN_FRONT_LEFT, next = few ? 0 : PetscMin(LATIN_FRONT_LEFT, later - c), others = rows - next;
-    FRONT_REAL        *to = U + LatinFrontLeftAt(below, c) + c;
+    FRONT_REAL        *to = U + LatinPanelColumnAt(LATIN_FRONT_LEFT, below, c) + c;
 
     wide = few ? PetscMin(LATIN_FRONT_BLOCK, later - c) : next;
     if (next) FRONT_BLAS(syrk)("L", "N", &wide, &columns, &minus, Z + c, &height, &zero, to, &ld);
@@ -114,7 +114,7 @@ static LATIN_CLONES PetscBool FRONT(LatinFrontStore)(const LatinFronts *F, Petsc
 
       for (PetscInt r = 0; r < c - first; r++) to[r] = 0.0F;
       _Pragma("omp simd") for (PetscInt r = c - first; r < rows; r++) to[r] = (float)from[r];
-      if (!(pivot > 1e10 * FLT_MIN && pivot < 1e-10 * FLT_MAX)) return PETSC_FALSE;
+      if (!LatinFrontPivot((double)pivot)) return PETSC_FALSE;
     } else {
       FRONT_REAL *to = (FRONT_REAL *)F->factor + at;
 

@@ -1,35 +1,9 @@
 #include "localsolvers/fronts.h"
 
-#if LATIN_CHOLMOD
-
-  #include <float.h>
-  #include "base/room.h"
-  #include "base/vector.h"
+#include "base/room.h"
+#include "base/vector.h"
 
 /* The fronts of a sparse Cholesky factor: which one adds to which, their sizes, and the factor itself. */
-
-  #define LATIN_FRONT_PANEL 64  /* columns of a front that are stored from the same row on: what lies above the diagonal is left out but for their own block */
-  #define LATIN_FRONT_LEFT  256 /* of what it leaves: as wide as products of blocks are quick */
-
-/* Columns are stored by panels of so many, one after the other, each from its diagonal on and column-major: where the panel begins whose first column is c */
-static inline size_t LatinPanelAt(PetscInt wide, PetscInt height, PetscInt c)
-{
-  return (size_t)c * (size_t)height - (size_t)c * (size_t)(c - PetscMin(c, wide)) / 2;
-}
-
-/* The first column of the last one */
-static inline PetscInt LatinPanelLast(PetscInt wide, PetscInt columns)
-{
-  return columns ? (columns - 1) / wide * wide : 0;
-}
-
-/* How much so many columns take */
-static inline size_t LatinPanelSize(PetscInt wide, PetscInt height, PetscInt columns)
-{
-  const PetscInt last = LatinPanelLast(wide, columns);
-
-  return LatinPanelAt(wide, height, last) + (size_t)(height - last) * (size_t)(columns - last);
-}
 
 /* Rows of front f beyond those that it eliminates */
 static inline PetscInt LatinFrontBelow(const LatinFronts *F, PetscInt f)
@@ -41,14 +15,6 @@ static inline PetscInt LatinFrontBelow(const LatinFronts *F, PetscInt f)
 static inline size_t LatinFrontLeft(const LatinFronts *F, PetscInt f)
 {
   return LatinPanelSize(LATIN_FRONT_LEFT, LatinFrontBelow(F, f), F->later[f]);
-}
-
-/* Where column c of that is, less its first row */
-static inline size_t LatinFrontLeftAt(PetscInt below, PetscInt c)
-{
-  const PetscInt first = c / LATIN_FRONT_LEFT * LATIN_FRONT_LEFT;
-
-  return LatinPanelAt(LATIN_FRONT_LEFT, below, first) + (size_t)(below - first) * (size_t)(c - first) - (size_t)first;
 }
 
 /*
@@ -104,6 +70,28 @@ PetscErrorCode LatinFrontsCreate(PetscInt n, PetscInt kept, PetscInt fronts, con
   PetscFunctionReturn(0);
 }
 
+/* A factor whose panels others have made, in this precision. What has been read of L is emptied */
+PetscErrorCode LatinFrontsFill(LatinFronts *F, LatinArithmetic precision, PetscReal L[])
+{
+  const size_t entries = F->panel[F->fronts], bytes = entries * (precision == LATIN_DOUBLE ? sizeof(double) : sizeof(float));
+
+  PetscFunctionBegin;
+  PetscCall(LatinRoomDestroy_Private(&F->factor));
+  PetscCall(LatinRoomCreate_Private(bytes + LATIN_LINE, &F->factor));
+  F->precision = precision;
+  F->room      = 0;
+  for (size_t first = 0, last; first < entries; first = last) {
+    last = PetscMin(first + (size_t)LATIN_FRONT_PANEL * (size_t)F->tallest, entries);
+    if (precision == LATIN_DOUBLE)
+      for (size_t k = first; k < last; k++) ((double *)F->factor)[k] = (double)L[k];
+    else
+      for (size_t k = first; k < last; k++) ((float *)F->factor)[k] = (float)L[k];
+    LatinRoomEmpty(L + first, (last - first) * sizeof(*L));
+  }
+  memset((char *)F->factor + bytes, 0, LATIN_LINE);
+  PetscFunctionReturn(0);
+}
+
 /* Work space for so many right-hand sides */
 static PetscErrorCode LatinFrontsRoom_Private(LatinFronts *F, PetscInt columns)
 {
@@ -132,32 +120,32 @@ PetscErrorCode LatinFrontsDestroy(LatinFronts *F)
 
 /* Sums over rows, of more digits than single precision has */
 typedef PetscReal LatinLanesSum __attribute__((vector_size(LATIN_FRONT_LANES * sizeof(PetscReal)), aligned(LATIN_LINE)));
-  #define LATIN_FRONT_BLOCK 32   /* columns of what a front of few columns leaves that are updated together */
-  #define LATIN_PANEL_ROWS  64   /* of a panel that stay in the first cache */
-  #define LATIN_FRONT_ROWS  8    /* of a front that stay in registers while lanes are solved; columns, for one right-hand side */
-  #define LATIN_FRONT_AHEAD 4096 /* bytes of the factor: processors fetch by themselves up to the end of a page */
-  #define LATIN_LANES_SQUARE(sum, x) \
-    do { \
-      const LatinLanesSum wide = __builtin_convertvector(x, LatinLanesSum); \
-      *(sum) += wide * wide; \
-    } while (0)
+#define LATIN_FRONT_BLOCK 32   /* columns of what a front of few columns leaves that are updated together */
+#define LATIN_PANEL_ROWS  64   /* of a panel that stay in the first cache */
+#define LATIN_FRONT_ROWS  8    /* of a front that stay in registers while lanes are solved; columns, for one right-hand side */
+#define LATIN_FRONT_AHEAD 4096 /* bytes of the factor: processors fetch by themselves up to the end of a page */
+#define LATIN_LANES_SQUARE(sum, x) \
+  do { \
+    const LatinLanesSum wide = __builtin_convertvector(x, LatinLanesSum); \
+    *(sum) += wide * wide; \
+  } while (0)
 
-  #define FRONT_REAL       double
-  #define FRONT_BLAS(name) PETSC_PASTE3(d, name, PETSC_BLASLAPACK_SUFFIX_)
-  #define FRONT(name)      name##Double
-  #include "localsolvers/frontkernels.h"
-  #include "localsolvers/lanekernels.h"
-  #undef FRONT_REAL
-  #undef FRONT_BLAS
-  #undef FRONT
+#define FRONT_REAL       double
+#define FRONT_BLAS(name) PETSC_PASTE3(d, name, PETSC_BLASLAPACK_SUFFIX_)
+#define FRONT(name)      name##Double
+#include "localsolvers/frontkernels.h"
+#include "localsolvers/lanekernels.h"
+#undef FRONT_REAL
+#undef FRONT_BLAS
+#undef FRONT
 
-  #define FRONT_REAL       float
-  #define FRONT_BLAS(name) PETSC_PASTE3(s, name, PETSC_BLASLAPACK_SUFFIX_)
-  #define FRONT(name)      name##Single
-  #include "localsolvers/frontkernels.h"
-  #include "localsolvers/lanekernels.h"
+#define FRONT_REAL       float
+#define FRONT_BLAS(name) PETSC_PASTE3(s, name, PETSC_BLASLAPACK_SUFFIX_)
+#define FRONT(name)      name##Single
+#include "localsolvers/frontkernels.h"
+#include "localsolvers/lanekernels.h"
 
-  #define LATIN_SINGLE_ENTRIES 1e6 /* of a factor: 8 MB in double precision. Smaller ones stay in a cache */
+#define LATIN_SINGLE_ENTRIES 1e6 /* of a factor: 8 MB in double precision. Smaller ones stay in a cache */
 
 /*
    The precision that pays. Single throughout where fronts are as tall as the separators of a solid: there arithmetic is most
@@ -291,5 +279,3 @@ PetscErrorCode LatinFrontsSolveLanes(LatinFronts *F, float x[], PetscReal energy
   PetscCall(PetscLogFlops(4.0 * (double)F->panel[F->fronts] * LATIN_FRONT_LANES));
   PetscFunctionReturn(0);
 }
-
-#endif

@@ -13,6 +13,7 @@
 #define LATINFRONTS_H
 
 #include "localsolvers/latinlocalsolvers.h"
+#include <float.h>
 
 typedef struct {
   PetscInt        n, kept, fronts;
@@ -39,8 +40,46 @@ static inline size_t LatinLowerAt(PetscInt n, PetscInt c)
   return (size_t)c * (size_t)n - (size_t)c * (size_t)(c + 1) / 2;
 }
 
+#define LATIN_FRONT_PANEL 64  /* columns of a front that are stored from the same row on: what lies above the diagonal is left out but for their own block */
+#define LATIN_FRONT_LEFT  256 /* of what it leaves: as wide as products of blocks are quick */
+
+/* Columns are stored by panels of so many, one after the other, each from its diagonal on and column-major: where the panel begins whose first column is c */
+static inline size_t LatinPanelAt(PetscInt wide, PetscInt height, PetscInt c)
+{
+  return (size_t)c * (size_t)height - (size_t)c * (size_t)(c - PetscMin(c, wide)) / 2;
+}
+
+/* The first column of the last one */
+static inline PetscInt LatinPanelLast(PetscInt wide, PetscInt columns)
+{
+  return columns ? (columns - 1) / wide * wide : 0;
+}
+
+/* Where column c is, less its first row */
+static inline size_t LatinPanelColumnAt(PetscInt wide, PetscInt height, PetscInt c)
+{
+  const PetscInt first = c / wide * wide;
+
+  return LatinPanelAt(wide, height, first) + (size_t)(height - first) * (size_t)(c - first) - (size_t)first;
+}
+
+/* How much so many columns take */
+static inline size_t LatinPanelSize(PetscInt wide, PetscInt height, PetscInt columns)
+{
+  const PetscInt last = LatinPanelLast(wide, columns);
+
+  return LatinPanelAt(wide, height, last) + (size_t)(height - last) * (size_t)(columns - last);
+}
+
+/* Can single precision hold this pivot, and what it divides? */
+static inline PetscBool LatinFrontPivot(double pivot)
+{
+  return (PetscBool)(pivot > 1e10 * FLT_MIN && pivot < 1e-10 * FLT_MAX);
+}
+
 PETSC_INTERN PetscErrorCode LatinFrontsCreate(PetscInt n, PetscInt kept, PetscInt fronts, const PetscInt order[], const PetscInt first[], const PetscInt row_first[], const PetscInt row[], LatinFronts *);
 PETSC_INTERN PetscErrorCode LatinFrontsFactor(LatinFronts *, LatinArithmetic, const PetscInt i[], const PetscInt j[], const PetscScalar a[], PetscReal S[], PetscInt *bad);
+PETSC_INTERN PetscErrorCode LatinFrontsFill(LatinFronts *, LatinArithmetic, PetscReal L[]);
 PETSC_INTERN PetscErrorCode LatinFrontsSolve(LatinFronts *, PetscBool forward, PetscBool backward, PetscInt columns, PetscReal b[], size_t ld, PetscReal *energy);
 PETSC_INTERN PetscErrorCode LatinFrontsSolveSome(LatinFronts *, PetscInt rows, const PetscInt row[], PetscInt columns, PetscReal b[]);
 PETSC_INTERN PetscErrorCode LatinFrontsSolveLanes(LatinFronts *, float x[], PetscReal energy[], PetscReal square[]);
