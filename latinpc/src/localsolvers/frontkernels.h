@@ -26,13 +26,11 @@ typedef struct {
   PetscBool   narrow;         /* the factor is of lower precision than the arithmetic */
 } FRONT(LatinFrontsWork);
 
-/* The columns of the matrix that front f eliminates */
+/* Adds the columns of the matrix that front f eliminates */
 static void FRONT(LatinFrontEntries)(const LatinFronts *F, FRONT(LatinFrontsWork) * work, PetscInt f, const PetscInt i[], const PetscInt j[], const PetscScalar a[], FRONT_REAL panel[])
 {
-  const PetscInt *row = F->row + F->row_first[f], height = F->row_first[f + 1] - F->row_first[f];
+  const PetscInt height = F->row_first[f + 1] - F->row_first[f];
 
-  memset(panel, 0, (size_t)height * (size_t)F->columns[f] * sizeof(*panel));
-  for (PetscInt r = 0; r < height; r++) work->at[row[r]] = r;
   for (PetscInt c = 0; c < F->columns[f]; c++, panel += height) {
     const PetscInt own = F->order[F->first[f] + c];
 
@@ -56,20 +54,24 @@ static LATIN_CLONES void FRONT(LatinFrontScatter)(PetscInt n, PetscInt first, Pe
   }
 }
 
-/* Adds what child c left to the columns that front f eliminates, or (U) to what it leaves itself: below x later, lower triangle */
-static void FRONT(LatinFrontAdd)(const LatinFronts *F, FRONT(LatinFrontsWork) * work, PetscInt f, PetscInt c, FRONT_REAL panel[], FRONT_REAL U[])
+/* Adds what child c left to the columns that front f eliminates, or (U) to what it leaves itself: below x later, lower triangle. once: what has been read goes */
+static void FRONT(LatinFrontAdd)(const LatinFronts *F, FRONT(LatinFrontsWork) * work, PetscInt f, PetscInt c, PetscBool once, FRONT_REAL panel[], FRONT_REAL U[])
 {
-  const PetscInt    n = LatinFrontBelow(F, c), later = F->later[c], height = F->row_first[f + 1] - F->row_first[f], columns = F->columns[f], *row = F->row + F->row_first[c] + F->columns[c];
-  const FRONT_REAL *left = work->stack + work->update[c];
-  PetscInt         *to = work->to, own = 0;
+  const PetscInt n = LatinFrontBelow(F, c), later = F->later[c], height = F->row_first[f + 1] - F->row_first[f], columns = F->columns[f], *row = F->row + F->row_first[c] + F->columns[c];
+  FRONT_REAL    *left = work->stack + work->update[c];
+  PetscInt      *to = work->to, own = 0;
 
   for (PetscInt r = 0; r < n; r++) to[r] = work->at[row[r]];
   while (own < later && to[own] < columns) own++;
   for (PetscInt r = n - 1; r >= 0; r--) work->end[r] = r + 1 < n && to[r + 1] == to[r] + 1 ? work->end[r + 1] : r + 1;
-  if (U) {
-    for (PetscInt r = own; r < n; r++) to[r] -= columns;
-    FRONT(LatinFrontScatter)(n, own, later, to, work->end, left, height - columns, PETSC_TRUE, U);
-  } else FRONT(LatinFrontScatter)(n, 0, own, to, work->end, left, height, PETSC_FALSE, panel);
+  for (PetscInt r = own; r < n && U; r++) to[r] -= columns;
+  for (PetscInt k = U ? own : 0, last = U ? later : own, next; k < last; k = next) {
+    const PetscInt first = k - k % LATIN_FRONT_LEFT;
+
+    next = once ? PetscMin(first + LATIN_FRONT_LEFT, last) : last;
+    FRONT(LatinFrontScatter)(n, k, next, to, work->end, left, U ? height - columns : height, (PetscBool)(U != NULL), U ? U : panel);
+    if (once && (next == later || next == first + LATIN_FRONT_LEFT)) LatinRoomEmpty(left + LatinPanelAt(LATIN_FRONT_LEFT, n, first), (size_t)(n - first) * (size_t)(next - first) * sizeof(*left));
+  }
 }
 
 /* U = -Z Z^t, the columns of its first `later` rows, from their diagonals on. Of few columns products of blocks, which fill those on the diagonal, are quicker than their symmetric form */
@@ -99,8 +101,8 @@ static PetscBool FRONT(LatinFrontEliminate)(const LatinFronts *F, PetscInt f, FR
   return PETSC_TRUE;
 }
 
-/* Puts the columns of a front into the factor, rounded, or (not narrow) closes the gaps between them, which are in their place. Zeros above the diagonal, where vectors of rows go on. PETSC_FALSE if single precision cannot hold their pivots */
-static LATIN_CLONES PetscBool FRONT(LatinFrontStore)(const LatinFronts *F, PetscInt f, PetscBool narrow, const FRONT_REAL panel[])
+/* Puts the columns of a front into the factor, rounded, or (not narrow) closes the gaps between them, which are in their place. Zeros above the diagonal, where vectors of rows go on. once: what has been read goes. PETSC_FALSE if single precision cannot hold their pivots */
+static LATIN_CLONES PetscBool FRONT(LatinFrontStore)(const LatinFronts *F, PetscInt f, PetscBool narrow, PetscBool once, FRONT_REAL panel[])
 {
   const PetscInt height = F->row_first[f + 1] - F->row_first[f], columns = F->columns[f];
 
@@ -121,6 +123,7 @@ static LATIN_CLONES PetscBool FRONT(LatinFrontStore)(const LatinFronts *F, Petsc
       if (first) memmove(to, from, (size_t)rows * sizeof(*from));
       for (PetscInt r = 0; r < c - first; r++) to[r] = 0;
     }
+    if (once && c + 1 == first + LATIN_FRONT_PANEL) LatinRoomEmpty(panel + (size_t)height * (size_t)first, (size_t)height * LATIN_FRONT_PANEL * sizeof(*panel));
   }
   return PETSC_TRUE;
 }
@@ -145,23 +148,27 @@ static void FRONT(LatinFrontKept)(const LatinFronts *F, const FRONT(LatinFrontsW
   }
 }
 
-/* One front, whose children are done; PETSC_FALSE where it is not positive definite. What it leaves to later ones is on one end of the stack, what its children left goes from the other */
+/* One front, whose children are done; PETSC_FALSE where it is not positive definite. What it leaves to later ones is on one end of the stack, what its children left goes from the other: of a large front, whose panel is in the free room between both ends, pages that have been read go before others come */
 static PetscBool FRONT(LatinFrontOne)(const LatinFronts *F, FRONT(LatinFrontsWork) * work, PetscInt f, const PetscInt i[], const PetscInt j[], const PetscScalar a[], PetscReal S[])
 {
-  FRONT_REAL *panel = work->narrow ? work->stack + work->top[0] + (F->odd[f] ? 0 : LatinFrontLeft(F, f)) : (FRONT_REAL *)F->factor + F->panel[f];
+  FRONT_REAL     *panel = work->narrow ? work->stack + work->top[0] + (F->odd[f] ? 0 : LatinFrontLeft(F, f)) : (FRONT_REAL *)F->factor + F->panel[f];
+  const size_t    bytes = (size_t)(F->row_first[f + 1] - F->row_first[f]) * (size_t)F->columns[f] * sizeof(*panel);
+  const PetscBool large = (PetscBool)(work->narrow && F->kept && bytes >= LATIN_PAGE && 2 * (work->top[0] + work->top[1] + LatinFrontLeft(F, f) + bytes / sizeof(*panel)) > work->size);
 
   work->update[f] = F->odd[f] ? work->size - work->top[1] - LatinFrontLeft(F, f) : work->top[0];
+  if (large) LatinRoomZero(work->stack + work->top[0], (work->size - work->top[0] - work->top[1]) * sizeof(*panel));
+  else memset(panel, 0, bytes);
+  for (PetscInt r = F->row_first[f]; r < F->row_first[f + 1]; r++) work->at[F->row[r]] = r - F->row_first[f];
+  for (PetscInt c = F->child[f]; c >= 0; c = F->sibling[c]) FRONT(LatinFrontAdd)(F, work, f, c, large, panel, NULL);
   FRONT(LatinFrontEntries)(F, work, f, i, j, a, panel);
-  for (PetscInt c = F->child[f]; c >= 0; c = F->sibling[c]) FRONT(LatinFrontAdd)(F, work, f, c, panel, NULL);
   if (!FRONT(LatinFrontEliminate)(F, f, panel, work->stack + work->update[f])) return PETSC_FALSE;
-  FRONT(LatinFrontKept)(F, work, f, panel, S);
-  if (!FRONT(LatinFrontStore)(F, f, work->narrow, panel)) return PETSC_FALSE;
   for (PetscInt c = F->child[f]; c >= 0; c = F->sibling[c]) {
-    if (F->later[f]) FRONT(LatinFrontAdd)(F, work, f, c, NULL, work->stack + work->update[f]);
+    if (F->later[f]) FRONT(LatinFrontAdd)(F, work, f, c, large, NULL, work->stack + work->update[f]);
     work->top[!F->odd[f]] -= LatinFrontLeft(F, c);
   }
   work->top[F->odd[f]] += LatinFrontLeft(F, f);
-  return PETSC_TRUE;
+  FRONT(LatinFrontKept)(F, work, f, panel, S);
+  return FRONT(LatinFrontStore)(F, f, work->narrow, large, panel);
 }
 
 /* The fronts one after the other; *bad becomes the row of the first pivot block that is not positive definite */

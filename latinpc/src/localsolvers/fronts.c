@@ -176,7 +176,7 @@ PetscErrorCode LatinFrontsFactor(LatinFronts *F, LatinArithmetic precision, cons
 
     if (*bad >= 0) PetscCall(PetscInfo(NULL, "single precision does not hold the factor: row %" PetscInt_FMT "\n", *bad));
     *bad = -1;
-    PetscCall(PetscArrayzero(S, LatinLowerAt(F->kept, F->kept) + (size_t)F->kept));
+    LatinRoomZero(S, (LatinLowerAt(F->kept, F->kept) + (size_t)F->kept) * sizeof(*S)); /* it is filled last, as fronts grow tall */
     if (!F->factor || (precision == LATIN_DOUBLE) != (F->precision == LATIN_DOUBLE)) {
       PetscCall(LatinRoomDestroy_Private(&F->factor));
       LatinRoomReturn(bytes);
