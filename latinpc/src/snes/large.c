@@ -9,17 +9,16 @@
    configuration, do not carry over.
 */
 
-#define LATIN_LARGE_NEAR   1e-3 /* estimated error from which on Newton's method is tried */
-#define LATIN_LARGE_FAR    0.1  /* where it has failed it is tried again when the error is so much smaller */
-#define LATIN_LARGE_CLOSE  1e-6 /* estimated error at which Newton's method is tried at the latest, however small the error that its first step calls for */
+#define LATIN_LARGE_NEAR   2e-2 /* estimated error from which on Newton's method is tried */
+#define LATIN_LARGE_FAR    0.01 /* where it has failed it is tried again when the error is so much smaller */
 #define LATIN_LARGE_WINDOW 8    /* linear stages that show their progress; 12 take a few more to the end, 6 too little progress */
 #define LATIN_LARGE_GROW   2    /* times as many after operators have been made anew: with 1 small saddles take half as many set-ups again, with 4 large ones twice the stages */
-#define LATIN_LARGE_MOST   40   /* times that Newton's method gets operators of the tangent stiffness: from 1e-3 to 1e-9 it needs 1 to 8 */
+#define LATIN_LARGE_MOST   40   /* times that Newton's method gets operators of the tangent stiffness: after the iteration it needs 1 to 11 */
 #define LATIN_LARGE_LONG   20   /* linear stages of Newton's method after which it gets new operators: with 30 a bridge takes 53 in the place of 28 */
 #define LATIN_LARGE_COST   30   /* linear stages that take as long as a set-up, in time steps and where the solvers do not say what they cost */
 #define LATIN_LARGE_FIXED  5.0  /* the same of a set-up that takes no operations */
 #define LATIN_LARGE_RATE   0.2  /* the same for each operation on a byte of the factors: saddles 7 to 18, a network of 8,000 nodes 34 */
-#define LATIN_LARGE_CREEP  3    /* set-ups of Newton's method in which the forces without balance halve, or it creeps */
+#define LATIN_LARGE_CREEP  3    /* set-ups of Newton's method in which the forces without balance halve, or the links that change, or it creeps */
 
 /* Does Newton's method follow the iteration? */
 static PetscBool SNESLatinLargeProves(const SNES_Latin *data)
@@ -55,7 +54,7 @@ PetscErrorCode SNESLatinLargeStart_Private(SNES snes)
   large->reached  = 0.0;
   large->last     = PETSC_MAX_INT;
   large->near     = LATIN_LARGE_NEAR;
-  large->unstable = large->crept = large->stateless = PETSC_FALSE;
+  large->unstable = large->crept = large->stateless = large->iterated = PETSC_FALSE;
   LatinLargeWindow(large, LATIN_LARGE_WINDOW);
   PetscCall(LatinGetCost(data->latin, &cost));
   large->cost = cost.factor_bytes > 0.0 && !structure->midpoint ? LATIN_LARGE_FIXED + LATIN_LARGE_RATE * cost.factor_operations / cost.factor_bytes : LATIN_LARGE_COST;
@@ -245,7 +244,33 @@ static PetscErrorCode LatinLargeBetween_Private(LatinLarge *large, Vec none)
   PetscFunctionReturn(0);
 }
 
-/* Tensions go ahead of the displacements in the solution vector, which are off by `error` of themselves. Collective on snes */
+/*
+   The strains of the last local stage, and their tensions: these are nearly in balance, while displacements still have up to half of the cables of a
+   net slack that bear a little. Those between prescribed nodes stay. Collective on snes
+*/
+static PetscErrorCode SNESLatinLargeStrains_Private(SNES snes, PetscReal tension[], PetscReal strain[])
+{
+  SNES_Latin            *data  = (SNES_Latin *)snes->data;
+  const LatinStructure   frame = data->large.frame, structure = frame->turns;
+  const LatinSubdomains *sub = &data->latin->sub;
+  PetscReal             *part, *here;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMalloc2(frame->links_local, &part, sub->links, &here));
+  for (PetscInt i = 0; i < frame->links_local; i++) part[i] = strain[i / frame->dim];
+  PetscCall(LatinSFBcast_Private(sub->link_sf, 1, MPIU_REAL, part, here));
+  for (PetscInt i = 0; i < sub->links; i++)
+    if (sub->state[i] >= 0) here[i] = data->latin->linear.strain[i];
+  PetscCall(LatinSFReduce_Private(sub->link_sf, 1, MPIU_REAL, here, part, MPI_REPLACE));
+  for (PetscInt l = 0; l < structure->links_local; l++) {
+    strain[l]  = part[frame->dim * l];
+    tension[l] = LatinStructureTension(structure, NULL, l, strain[l]);
+  }
+  PetscCall(PetscFree2(part, here));
+  PetscFunctionReturn(0);
+}
+
+/* Tensions go ahead of the displacements in the solution vector, near the solution those where the iteration has ended. Collective on snes */
 static PetscErrorCode SNESLatinLargeAhead_Private(SNES snes, PetscBool near)
 {
   LatinLarge          *large     = &((SNES_Latin *)snes->data)->large;
@@ -256,6 +281,7 @@ static PetscErrorCode SNESLatinLargeAhead_Private(SNES snes, PetscBool near)
   PetscCall(PetscMalloc1(2 * structure->links_local + 1, &large->ahead)); /* never NULL then */
   PetscCall(LatinTurningAhead_Private(structure, snes->vec_sol, snes->vec_sol, 0.0, large->ahead, large->ahead + structure->links_local));
   if (large->between[0]) PetscCall(LatinLargeBetween_Private(large, snes->vec_sol));
+  if (large->iterated && !large->frame->spring) PetscCall(SNESLatinLargeStrains_Private(snes, large->ahead, large->ahead + structure->links_local)); /* cables that do not stretch have another law there */
   structure->ahead  = large->ahead;
   structure->strain = near ? large->ahead + structure->links_local : NULL;
   structure->hold   = near ? LATIN_LARGE_HELD * large->near : LATIN_LARGE_HOLD;
@@ -268,13 +294,23 @@ static PetscInt LatinLargeMost(const LatinLarge *large)
   return large->frame->turns->midpoint ? LATIN_LARGE_COST : LATIN_LARGE_LONG;
 }
 
-/* Does Newton's method creep? After set-up k, where `least` has the least norms of forces without balance so far of this set-up and of those before. Not collective */
-static PetscBool LatinLargeCreeps(const LatinLarge *large, PetscInt k, PetscReal least[])
+/*
+   Does Newton's method creep? After set-up k neither the forces without balance nor the links that change are half of what they were some set-ups
+   before; `least` has the least of both so far. Not collective
+*/
+static PetscBool LatinLargeCreeps(const LatinLarge *large, PetscInt k, PetscReal least[][2])
 {
-  const PetscReal before = k < LATIN_LARGE_CREEP ? PETSC_MAX_REAL : least[k % LATIN_LARGE_CREEP], force = PetscIsInfOrNanReal(large->force) ? PETSC_MAX_REAL : large->force;
+  const PetscReal now[2] = {PetscIsInfOrNanReal(large->force) ? PETSC_MAX_REAL : large->force, (PetscReal)large->changed}, enough[2] = {large->balance, 0.0};
+  PetscBool       creeps = PETSC_TRUE;
 
-  least[k % LATIN_LARGE_CREEP] = k ? PetscMin(force, least[(k - 1) % LATIN_LARGE_CREEP]) : force;
-  return (PetscBool)(least[k % LATIN_LARGE_CREEP] > PetscMax(0.5 * before, large->balance));
+  for (PetscInt i = 0; i < 2; i++) {
+    PetscReal      *here   = &least[k % LATIN_LARGE_CREEP][i];
+    const PetscReal before = k < LATIN_LARGE_CREEP ? PETSC_MAX_REAL : *here;
+
+    *here = k ? PetscMin(now[i], least[(k - 1) % LATIN_LARGE_CREEP][i]) : now[i];
+    if (*here <= PetscMax(0.5 * before, enough[i])) creeps = PETSC_FALSE;
+  }
+  return creeps;
 }
 
 /* The forces that the displacements u leave without balance, before tensions go ahead. Collective on snes */
@@ -299,7 +335,7 @@ static PetscErrorCode LatinLargeTangents_Private(SNES snes, Vec u, PetscInt time
   SNES_Latin *data  = (SNES_Latin *)snes->data;
   LatinLarge *large = &data->large;
   PetscInt    steps = 1;
-  PetscReal   least[LATIN_LARGE_CREEP];
+  PetscReal   least[LATIN_LARGE_CREEP][2];
 
   PetscFunctionBegin;
   for (PetscInt k = 0; k < times && !*done && large->slow && steps; k++) { /* where it took no step with them others are the same */
@@ -321,8 +357,8 @@ static PetscErrorCode LatinLargeTangents_Private(SNES snes, Vec u, PetscInt time
 /*
    Newton's method from the displacements in the solution vector: near the solution with operators of the tangent stiffness, else with those that
    there are; when it has taken long, with new ones, so many times. Near the solution its first step shows how far the iteration was from it; where a front of
-   cables that change creeps over a net this serves when the step does not. Where it fails the solution vector is what it was, and the operators are
-   for an iteration from there if it was near. Collective on snes
+   cables that change creeps over a net this serves when the step does not. Where it fails the solution vector is what it was, or after the iteration where
+   its steps have led that became smaller, and the operators are for an iteration from there. Collective on snes
 */
 PetscErrorCode SNESLatinLargeFinish_Private(SNES snes, PetscInt times, PetscBool near, PetscBool *done)
 {
@@ -345,32 +381,31 @@ PetscErrorCode SNESLatinLargeFinish_Private(SNES snes, PetscInt times, PetscBool
   if (!large->slow) PetscCall(SNESLatinLargeNewton_Private(snes, LatinLargeMost(large), done));
   PetscCall(LatinLargeTangents_Private(snes, u, times, near, shows, left, done));
   structure->ahead = structure->strain = NULL;
+  large->changed                       = 0;
   PetscCall(PetscFree(large->ahead));
-  if (!*done) PetscCall(VecCopy(u, snes->vec_sol));
+  if (!*done && !(large->iterated && shows && !large->unstable && large->first_step[0] < large->shown[0])) PetscCall(VecCopy(u, snes->vec_sol));
   if (!*done && near && (large->renewals > renewals || !structure->midpoint)) PetscCall(SNESLatinLargeRenew_Private(snes, LATIN_FRAME_PRESENT));
   PetscCall(DMRestoreGlobalVector(large->frame->dm, &u));
   PetscFunctionReturn(0);
 }
 
-/* Newton's method after the iteration; where it fails this goes on from where it was, until what the first step has shown is likely to be small enough. Collective on snes */
+/* Newton's method after the iteration; where it fails this goes on, closer to the solution. Collective on snes */
 static PetscErrorCode SNESLatinLargeProve_Private(SNES snes, PetscBool *done)
 {
-  SNES_Latin     *data      = (SNES_Latin *)snes->data;
-  LatinLarge     *large     = &data->large;
-  const PetscReal value     = data->estimate.value;
-  const PetscReal target[2] = {data->target, SNESLatinTensionTarget(data)};
-  const PetscBool rests     = (PetscBool)(data->latin->linear.distance <= data->latin->linear.noise);
-  PetscReal       part      = LATIN_LARGE_FAR;
+  SNES_Latin     *data  = (SNES_Latin *)snes->data;
+  LatinLarge     *large = &data->large;
+  const PetscBool rests = (PetscBool)(data->latin->linear.distance <= data->latin->linear.noise);
 
   PetscFunctionBegin;
   PetscCall(LatinAverage_Private(&data->latin->linear, snes->vec_sol));
   large->shown[0] = large->shown[1] = 0.0;
+  large->iterated                   = PETSC_TRUE;
   PetscCall(SNESLatinLargeFinish_Private(snes, LATIN_LARGE_MOST, PETSC_TRUE, done));
+  large->iterated = PETSC_FALSE;
   if (*done) PetscFunctionReturn(0);
   data->current = -1;
   large->crept  = PETSC_TRUE;
-  for (PetscInt i = 0; i < 2; i++) part = PetscMin(part, target[i] / (LATIN_LARGE_SAFETY * large->shown[i] + PETSC_SMALL));
-  large->near = PetscMin(PetscMax(part * value, LATIN_LARGE_CLOSE), LATIN_LARGE_FAR * large->near);
+  large->near *= LATIN_LARGE_FAR;
   PetscCall(PetscInfo(snes, "Newton's method is given up: its first step was %g, of the tensions %g; the iteration goes on to %g\n", (double)large->shown[0], (double)large->shown[1], (double)large->near));
   if (!rests) PetscFunctionReturn(0); /* else Newton's method does not confirm where the iteration has come to rest */
   data->next = large->unstable ? LATIN_NEXT_DIVERGED : LATIN_NEXT_ROUNDING;

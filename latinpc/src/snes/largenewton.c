@@ -7,8 +7,8 @@
    by a few degrees has wrong by more than it bears. So steps are taken whole. At the solution both are the same. A slack cable keeps a stiffness in
    proportion to the step, which a chain that falls until it hangs needs.
 
-   After the iteration strains are unknowns of their own: laws go on as straight lines from the strains that the last step was to make, so that these
-   say which cables are slack, and not the lengths. No cable changes to and fro as it turns, and nets half of whose cables change take a few whole
+   After the iteration strains are unknowns of their own: laws go on as straight lines from the strains that the last step was to make, at first those of
+   the last local stage, so that these say which cables are slack, and not the lengths. No cable changes to and fro as it turns, and nets half of whose cables change take a few whole
    steps. Where many have changed since, operators are made anew: each takes a linear iteration at most, and all together longer than a set-up.
 
    What a step leaves of the forces without balance, in the norm of the operators, says how much of the step is left as error: it is
@@ -18,8 +18,8 @@
 */
 
 #define LATIN_LARGE_STEPS   50   /* most steps */
-#define LATIN_LARGE_LEAST   4    /* iterations of a linear solve near the solution, or twice the digits: a soft field shows late, and a tower claimed a fiftieth of its error */
-#define LATIN_LARGE_CHANGES 30   /* links that have another stiffness than in the operators, each of which takes an iteration of a linear solve at most */
+#define LATIN_LARGE_LEAST   4    /* iterations of a linear solve near the solution, and one for each link that has changed, or twice the digits: a soft field shows late; a tower claimed a fiftieth of its error, a net in the wind a four-hundredth */
+#define LATIN_LARGE_CHANGES 100  /* links that have another stiffness than in the operators, each of which takes an iteration of a linear solve at most */
 #define LATIN_LARGE_RTOL    1e-2 /* of a linear solve; less is lost to the next step */
 #define LATIN_LARGE_ASTRAY  2.0  /* a step so much larger than the displacements after it leads astray; with 1 a bridge takes twice the set-ups, without limit a truss snaps through */
 #define LATIN_LARGE_PROOF   4.0  /* times the error asked for: a larger step is not worth a linear stage that shows what it leaves */
@@ -67,7 +67,7 @@ static PetscErrorCode LatinLargeLinear_Private(KSP ksp, PetscInt it, PetscReal r
   PetscCall(KSPGetTolerances(ksp, &rtol, NULL, NULL, NULL));
   if (!it) large->first = rnorm;
   if (PetscIsInfOrNanReal(rnorm)) *reason = KSP_DIVERGED_NANORINF;
-  else if (rnorm <= (near && it < LATIN_LARGE_LEAST ? rtol : 1.0) * rtol * large->first) *reason = KSP_CONVERGED_RTOL;
+  else if (rnorm <= (near && it < LATIN_LARGE_LEAST + large->changed ? rtol : 1.0) * rtol * large->first) *reason = KSP_CONVERGED_RTOL;
   else if (it >= large->limit) *reason = KSP_DIVERGED_ITS;
   PetscFunctionReturn(0);
 }
@@ -134,7 +134,7 @@ static PetscErrorCode LatinLargeStep_Private(SNES newton, SNES snes, PetscInt it
   PetscReal          tensions;
   PetscBool          small = (PetscBool)(step <= LATIN_LARGE_PROOF * data->target);
   KSPConvergedReason linear;
-  PetscInt           stages, changed;
+  PetscInt           stages;
   KSP                ksp;
   Vec                r, u;
 
@@ -155,6 +155,7 @@ static PetscErrorCode LatinLargeStep_Private(SNES newton, SNES snes, PetscInt it
   PetscCall(DMRestoreGlobalVector(large->frame->dm, &r));
   PetscCall(PetscInfo(snes, "Newton's method, step %" PetscInt_FMT ": %g, estimated error %g of %g, of tensions %g, forces without balance %g of %g\n", it, (double)step, (double)large->error, (double)data->target, (double)tensions, (double)fnorm,
                       (double)large->balance));
+  if (large->frame->turns->strain) PetscCall(LatinFrameChanged_Private(large->frame, large->frame->turns->strain, &large->changed));
   data->estimate.tensions   = large->ahead ? tensions : -1.0;
   large->frame->turns->hold = (large->frame->turns->strain ? LATIN_LARGE_HELD : LATIN_LARGE_HOLD) * PetscMin(1.0, step);
   if (linear == KSP_DIVERGED_INDEFINITE_MAT) *reason = SNES_DIVERGED_LINEAR_SOLVE;
@@ -164,10 +165,7 @@ static PetscErrorCode LatinLargeStep_Private(SNES newton, SNES snes, PetscInt it
     large->error = PetscMax(step, data->estimate.floor);
     *reason      = large->error <= data->target ? SNES_CONVERGED_SNORM_RELATIVE : SNES_DIVERGED_LOCAL_MIN;
   } else if (it >= LATIN_LARGE_STEPS || stages >= large->most) *reason = SNES_DIVERGED_MAX_IT;
-  else if (large->frame->turns->strain) {
-    PetscCall(LatinFrameChanged_Private(large->frame, large->frame->turns->strain, &changed));
-    if (changed > LATIN_LARGE_CHANGES) *reason = SNES_DIVERGED_MAX_IT;
-  }
+  else if (large->frame->turns->strain && large->changed > LATIN_LARGE_CHANGES) *reason = SNES_DIVERGED_MAX_IT;
   PetscFunctionReturn(0);
 }
 
@@ -369,6 +367,7 @@ PetscErrorCode SNESLatinLargeNewton_Private(SNES snes, PetscInt most, PetscBool 
   large->force                                = PETSC_MAX_REAL;
   large->most                                 = most;
   large->proofs                               = 0;
+  large->changed                              = 0;
   PetscCall(LatinEstimateFloor_Private(data->latin, &data->estimate));
   PetscCall(LatinStructureSize_Private(large->frame->turns, &large->size, &prescribed));
   PetscCall(LatinLargeTension_Private(large->frame->turns, snes->vec_sol, large->size, &large->tension));

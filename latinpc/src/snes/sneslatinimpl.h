@@ -111,7 +111,7 @@ PETSC_INTERN PetscErrorCode LatinParameterState_Private(Latin, Vec z, Vec F, Pet
 
 /* ---- links that turn: their parts, and the course of a solve (snes/large.c, snes/largenewton.c, snes/largepath.c) ---- */
 #define LATIN_LARGE_HOLD   0.3  /* of the step relative to the displacements: part of the mean tension over length that slack cables keep as stiffness; with 0.1 and 1 masts take more stages */
-#define LATIN_LARGE_HELD   0.01 /* the same where laws go on as straight lines; with 0.1 and 0.3 saddles take up to twice the set-ups */
+#define LATIN_LARGE_HELD   0.03 /* the same where laws go on as straight lines; with 0.01 saddles of 200 and 300 meshes take up to twice the set-ups, or seven times the stages */
 #define LATIN_LARGE_SAFETY 4.0  /* on the error that is left */
 typedef struct {
   LatinStructure frame;    /* what the iteration works on in the place of the structure; NULL: links keep their direction */
@@ -144,6 +144,8 @@ typedef struct {
   PetscReal  reached;       /* part of the loads that the displacements bear */
   Vec        solution;      /* at the end of the last path: displacements */
   PetscInt   most;          /* linear iterations that it may take */
+  PetscInt   changed;       /* links that have another stiffness than in its operators, after its last step */
+  PetscBool  iterated;      /* it starts where the iteration has ended */
   PetscBool  slow;          /* they were too few */
   PetscBool  unstable;      /* the tangent stiffness is not positive definite */
 } LatinLarge;

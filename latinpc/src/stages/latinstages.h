@@ -53,6 +53,7 @@ typedef struct {
   PetscReal       *work;          /* work: two blocks of vectors on an interface, one for each subdomain that is treated together */
   PetscReal       *outgoing;      /* [sides] work: the data that the mates receive */
   PetscReal       *tension;       /* [nonsmooth] tau_hat of the last local stage; NULL if no link is rigid */
+  PetscReal       *strain;        /* [links] of links that turn, at the first part of each, in the last local stage of a static solve; NULL if none does */
   PetscReal       *rigid_tension; /* [links_local of the structure] tensions of rigid links, of the last LatinReturnTensions_Private(); NULL if there are none */
   PetscBool        corrected;     /* stages follow each other, each of which solves for what the one before has left */
   PetscBool        failed;        /* an inner solver failed since this was cleared */

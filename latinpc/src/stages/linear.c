@@ -182,6 +182,7 @@ PetscErrorCode LatinLinearSetUp(LatinLinear *linear)
     PetscCall(PetscCalloc1(sub->nonsmooth, &linear->tension));
     PetscCall(PetscCalloc1(sub->structure->links_local, &linear->rigid_tension));
   }
+  if (sub->part) PetscCall(PetscCalloc1(sub->links + 1, &linear->strain)); /* never NULL then */
   PetscCall(LatinLinearWork_Private(linear));
   PetscCall(LatinDirectionSprings_Private(linear->dir, linear->spring));
   PetscCall(LatinLocalSolversCreate(sub, linear->batches, linear->solvers));
@@ -372,6 +373,7 @@ PetscErrorCode LatinLinearReset(LatinLinear *linear)
   PetscCall(PetscFree(linear->outgoing));
   PetscCall(PetscFree(linear->alone));
   PetscCall(PetscFree(linear->tension));
+  PetscCall(PetscFree(linear->strain));
   PetscCall(PetscFree(linear->rigid_tension));
   PetscCall(PetscFree6(linear->g, linear->U, linear->pull, linear->load, linear->lambda, linear->spring));
   PetscFunctionReturn(0);

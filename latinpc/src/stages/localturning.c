@@ -82,6 +82,16 @@ static void LatinTurningKeep(const LatinSubdomains *sub, PetscBool midpoint, Pet
   LatinTurningForce(sub, midpoint, dim, l, r, f);
 }
 
+/* The length of r; of a link that keeps its direction that of the part along it */
+static PetscReal LatinTurningLength(const LatinSubdomains *sub, PetscInt dim, PetscInt l, const PetscReal r[])
+{
+  PetscReal R = 0.0;
+
+  if (sub->part[LATIN_PART * l + LATIN_PART_KEEPS] > 0.0) return r[0];
+  for (PetscInt c = 0; c < dim; c++) R += PetscSqr(r[c]);
+  return PetscSqrtReal(R);
+}
+
 /* The local stage of all links here; sum as in stages/local.c: squares of the distance, and of displacements of the ends that the search direction resists, without and with those of the drawn configuration */
 void LatinTurningStage(const LatinLinear *linear, const PetscReal state[], PetscReal next[], PetscReal sum[3])
 {
@@ -102,6 +112,7 @@ void LatinTurningStage(const LatinLinear *linear, const PetscReal state[], Petsc
     if (sub->part[LATIN_PART * l + LATIN_PART_KEEPS] > 0.0) LatinTurningKeep(sub, midpoint, dim, l, E, w, r, f);
     else if (midpoint) LatinTurningMean(sub, dim, l, E, w, r, f);
     else LatinTurningSolve(sub, dim, l, E, w, r, f);
+    if (!midpoint) linear->strain[l] = LatinTurningLength(sub, dim, l, r) - sub->part[LATIN_PART * l + LATIN_PART_NATURAL];
     for (PetscInt c = 0; c < dim; c++) {
       const PetscReal a = sub->part[LATIN_PART * (l + c) + LATIN_PART_SCALE], tension = f[c] / a;
 
