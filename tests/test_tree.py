@@ -122,11 +122,11 @@ import json, sys
 sys.path.insert(0, sys.argv[2])
 import petsc4py
 petsc4py.init(["p", "-skip_petscrc", "-snes_type", "latin", "-snes_stol", "0", "-snes_max_it", "6",
-               "-snes_latin_newton", "never", "-snes_latin_variant", "primal", *sys.argv[4:]])
+               "-snes_latin_newton", "never", "-snes_latin_variant", "primal", *sys.argv[5:]])
 from petsc4py import PETSc
 import latinpc
 from support import irregular
-structure = latinpc.Structure.from_scene(irregular(modules=40, parts=int(sys.argv[3])))
+structure = latinpc.Structure.from_scene(irregular(modules=int(sys.argv[4]), parts=int(sys.argv[3])))
 snes = structure.create_snes()
 snes.setFromOptions()
 u = structure.create_vec()
@@ -147,7 +147,7 @@ def test_it_is_the_default_of_large_coarse_problems(mpirun, tmp_path, ranks, par
     """Taken where there are too many unknowns for every rank; an option chooses another one: the same iterates."""
 
     def found(name, *options):
-        mpirun(ranks, COARSE, tmp_path / name, sys.path[0], parts, *options)
+        mpirun(ranks, COARSE, tmp_path / name, sys.path[0], parts, 40, *options)
         return json.loads((tmp_path / name).read_text())
 
     tree = found("tree.json", "-snes_view", f":{tmp_path / 'view'}")
@@ -166,3 +166,11 @@ def test_it_is_the_default_of_large_coarse_problems(mpirun, tmp_path, ranks, par
     for each in (tree, other):
         assert far(np.array(each["u"]).reshape(one.shape), one) < 1e-9
     assert far(np.array(single["u"]).reshape(one.shape), one) < 1e-6
+
+
+def test_full_matrices_of_many_unknowns_are_no_exception(mpirun, tmp_path):
+    """Four subdomains on four ranks have as many entries as the whole matrix, which is then on no rank."""
+    mpirun(4, COARSE, tmp_path / "full.json", sys.path[0], 4, 125)
+    full = json.loads((tmp_path / "full.json").read_text())
+    assert full["rows"] > 1500
+    assert (full["type"], full["solver"]) == ("is", "latintree")

@@ -301,7 +301,7 @@ static PetscErrorCode LatinGroupsLevelReset_Private(LatinGroupLevel *level)
 
 /*
    Is the coarse matrix full, on several ranks: do the elements bring as many entries as it has? Then it is dense, and its rows
-   are shared out evenly: *map. Not where options choose its solver. Collective
+   are shared out evenly: *map. Not where options choose its solver, nor where fronts serve, which no rank has all of. Collective
 */
 static PetscErrorCode LatinGroupsFull_Private(LatinCoarse *coarse, PetscLayout *map)
 {
@@ -314,7 +314,7 @@ static PetscErrorCode LatinGroupsFull_Private(LatinCoarse *coarse, PetscLayout *
   PetscCallMPI(MPI_Comm_size(comm, &size));
   for (PetscInt s = 0; s < top->n; s++) entries += PetscSqr((PetscReal)(top->offset[s + 1] - top->offset[s]));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &entries, 1, MPIU_REAL, MPIU_SUM, comm));
-  coarse->full = (PetscBool)(size > 1 && coarse->top_size && !coarse->chosen && !coarse->iterative && entries >= PetscSqr((PetscReal)coarse->top_size));
+  coarse->full = (PetscBool)(size > 1 && coarse->top_size && !coarse->tree && !coarse->chosen && !coarse->iterative && entries >= PetscSqr((PetscReal)coarse->top_size));
   if (!coarse->full) PetscFunctionReturn(0);
   PetscCall(PetscLayoutDestroy(map));
   PetscCall(PetscLayoutCreateFromSizes(comm, PETSC_DECIDE, coarse->top_size, 1, map));
@@ -332,7 +332,7 @@ static PetscErrorCode LatinGroupsTree_Private(LatinCoarse *coarse, PetscLayout m
   PetscFunctionBegin;
   PetscCallMPI(MPI_Comm_size(comm, &size));
   coarse->tree = PETSC_FALSE;
-  if (size == 1 || coarse->full || coarse->chosen || coarse->iterative || coarse->top_size <= LATIN_REDUNDANT) PetscFunctionReturn(0);
+  if (size == 1 || coarse->chosen || coarse->iterative || coarse->top_size <= LATIN_REDUNDANT) PetscFunctionReturn(0);
   PetscCall(PetscMalloc1(n, &number));
   PetscCall(PetscArraycpy(number, coarse->top_global, n));
   PetscCall(PetscSortRemoveDupsInt(&n, number));
@@ -367,8 +367,8 @@ static PetscErrorCode LatinGroupsTop_Private(LatinCoarse *coarse, PetscSF sf, Pe
   PetscCall(PetscMalloc1(entries, &coarse->top_global));
   for (PetscInt i = 0; i < entries; i++) coarse->top_global[i] = number[top->dof[i]];
   PetscCall(PetscFree(root));
-  PetscCall(LatinGroupsFull_Private(coarse, &map));
   PetscCall(LatinGroupsTree_Private(coarse, map));
+  PetscCall(LatinGroupsFull_Private(coarse, &map));
   PetscCall(PetscSFCreate(comm, &coarse->top_sf));
   PetscCall(PetscSFSetGraphLayout(coarse->top_sf, map, entries, NULL, PETSC_COPY_VALUES, coarse->top_global));
   PetscCall(PetscSFSetUp(coarse->top_sf));
