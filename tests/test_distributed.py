@@ -246,3 +246,18 @@ def test_a_part_is_not_drawn_and_scenes_that_are_whole_are_named():
         latinpc.local_scene("network")
     with pytest.raises(ValueError, match=r"written as \.pvtu"):
         result.to_vtu("results.vtu")
+
+
+def test_what_the_caller_does_to_links_is_not_done_to_ours():
+    """A structure has arrays of its own, and its halo reads them."""
+    links = np.array([[0, 2], [1, 2]])
+    frame = latinpc.LocalStructure(
+        nodes=[[-1, 0], [1, 0], [0, -1]],
+        links=links,
+        law="bar",
+        stiffness=1e3,
+        fixed=[[1, 1], [1, 1], [0, 0]],
+        load=[[0, 0], [0, 0], [0, -10]],
+    )
+    links[:] = 0
+    assert frame.halo.links.tolist() == frame.links.tolist() == [[0, 2], [1, 2]]

@@ -43,6 +43,10 @@ class Halo:
         self._sf = PETSc.SF().create(comm)
         self._sf.setGraph(own, None, remote.ravel())
 
+    def follow(self, links: np.ndarray) -> None:
+        """Read the same links from another array."""
+        self._links = links
+
     @property
     def links(self) -> np.ndarray:
         """(m, 2) array of int: the nodes of the links by their places, own nodes and then ghosts."""

@@ -85,6 +85,12 @@ class LocalStructure(Structure):
         self._slices = Parts(self.comm, len(nodes), len(links))
         return arrays
 
+    def _keep(self, name, values):
+        """Keep an array; the halo reads the links that are kept, not the caller's, which may change or go."""
+        super()._keep(name, values)
+        if name == "links":
+            self._halo.follow(self.links)
+
     def _duplicates(self):
         return []  # another rank may have the other one
 
