@@ -315,10 +315,6 @@ OTHERS = {
         "Two ranks, 400, 1,350 and 3,000 rows: 0.7, 14 and 121 ms with 32, 0.8, 15 and 127 with 64, 1.1, 17 and 122 "
         "with 128, without messages, of which 32 take twice as many.",
     ),
-    "LATIN_TREE_COLUMNS": (
-        "columns",
-        "A message of 1 MB for a front of 2,000 rows: all bandwidth, and a thirtieth of the front.",
-    ),
     "LATIN_TREE_STAGES": (
         "solves",
         "Linear stages for each set-up: METIS grids on 8 ranks take 22 to 24, blocks 47 to 50.",

@@ -69,7 +69,7 @@ void LatinRoomReturn(size_t bytes)
 #endif
 }
 
-/* Nobody reads these bytes any more: the pages that they fill go back to the system until they are written again, which any part of memory may be. Which these are, of zeros then: none, if first == last */
+/* The pages that these bytes fill go back to the system, and read as zeros until they are written again: from first to last, which is none where the system does not take them */
 static void LatinRoomGo(char *room, size_t bytes, char **first, char **last)
 {
   *first = *last = room;
@@ -84,6 +84,7 @@ static void LatinRoomGo(char *room, size_t bytes, char **first, char **last)
 #endif
 }
 
+/* Nobody reads these bytes any more, which any part of memory may be */
 void LatinRoomEmpty(void *room, size_t bytes)
 {
   char *first, *last;

@@ -223,7 +223,7 @@ PetscErrorCode LatinSparseCreate_Private(const LatinSubdomains *sub, PetscInt s,
     }
   }
   K->i[bs * nodes] = nz;
-  LatinRoomEmpty(K->j + nz, (entries - (size_t)nz) * sizeof(*K->j)); /* of something else before */
+  LatinRoomEmpty(K->j + nz, (entries - (size_t)nz) * sizeof(*K->j)); /* the room is more than it takes, and may have been used before */
   LatinRoomEmpty(K->a + nz, (entries - (size_t)nz) * sizeof(*K->a));
   K->bs   = bs;
   K->rows = bs * nodes;
