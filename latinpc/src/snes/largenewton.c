@@ -13,8 +13,9 @@
 
    What a step leaves of the forces without balance, in the norm of the operators, says how much of the step is left as error: it is
    linear in the error, as the step is. A field that these operators have as stiffer than it is shows less in that norm, by the least
-   eigenvalue that the linear solve has seen. Cables that change between taut and slack leave more, so that the step must be small itself. The
-   error of the tensions is that part of their change, or what they miss of those ahead.
+   eigenvalue that the linear solve has seen. Cables that change between taut and slack leave more, so that the step must be small itself. Where it
+   takes stiffness from links the operators have them as too stiff, and one more is taken: a front of cables that slacken one after the other goes on
+   by steps of one length, while each leaves a thousandth of its forces. The error of the tensions is that part of their change, or what they miss of those ahead.
 */
 
 #define LATIN_LARGE_STEPS   50   /* most steps */
@@ -134,7 +135,7 @@ static PetscErrorCode LatinLargeStep_Private(SNES newton, SNES snes, PetscInt it
   PetscReal          tensions;
   PetscBool          small = (PetscBool)(step <= LATIN_LARGE_PROOF * data->target);
   KSPConvergedReason linear;
-  PetscInt           stages;
+  PetscInt           stages, last;
   KSP                ksp;
   Vec                r, u;
 
@@ -145,6 +146,7 @@ static PetscErrorCode LatinLargeStep_Private(SNES newton, SNES snes, PetscInt it
   PetscCall(SNESGetKSP(newton, &ksp));
   PetscCall(KSPGetConvergedReason(ksp, &linear));
   PetscCall(SNESGetLinearSolveIterations(newton, &stages));
+  PetscCall(KSPGetIterationNumber(ksp, &last));
   large->force = fnorm;
   large->error = tensions = step;
   if (it == 1) {
@@ -160,11 +162,11 @@ static PetscErrorCode LatinLargeStep_Private(SNES newton, SNES snes, PetscInt it
   large->frame->turns->hold = (large->frame->turns->strain ? LATIN_LARGE_HELD : LATIN_LARGE_HOLD) * PetscMin(1.0, step);
   if (linear == KSP_DIVERGED_INDEFINITE_MAT) *reason = SNES_DIVERGED_LINEAR_SOLVE;
   else if (it > 1 && large->ahead && step > LATIN_LARGE_ASTRAY) *reason = SNES_DIVERGED_DTOL; /* it wanders */
-  else if (linear > 0 && small && large->error <= data->target && tensions <= SNESLatinTensionTarget(data) && fnorm <= large->balance) *reason = SNES_CONVERGED_SNORM_RELATIVE;
+  else if (linear > 0 && small && !large->softer && large->error <= data->target && tensions <= SNESLatinTensionTarget(data) && fnorm <= large->balance) *reason = SNES_CONVERGED_SNORM_RELATIVE;
   else if (large->error > LATIN_LARGE_SHRINK * before && step < LATIN_LARGE_ROUND * data->estimate.floor) {
     large->error = PetscMax(step, data->estimate.floor);
     *reason      = large->error <= data->target ? SNES_CONVERGED_SNORM_RELATIVE : SNES_DIVERGED_LOCAL_MIN;
-  } else if (it >= LATIN_LARGE_STEPS || stages >= large->most) *reason = SNES_DIVERGED_MAX_IT;
+  } else if (it >= LATIN_LARGE_STEPS || stages >= large->most || (large->iterated && stages + last > large->most)) *reason = SNES_DIVERGED_MAX_IT;
   else if (large->frame->turns->strain && large->changed > LATIN_LARGE_CHANGES) *reason = SNES_DIVERGED_MAX_IT;
   PetscFunctionReturn(0);
 }
@@ -182,17 +184,21 @@ static PetscErrorCode LatinLargeConverged_Private(SNES newton, PetscInt it, Pets
   PetscFunctionReturn(0);
 }
 
-/* The tensions ahead: at u, and the change that the step, which is to be subtracted, makes. Collective on large->frame */
+/* The tensions ahead: at u, and the change that the step, which is to be subtracted, makes; and how many links it takes stiffness from. Collective on large->frame */
 static PetscErrorCode LatinLargeAhead_Private(LatinLarge *large, Vec u, Vec step)
 {
   const LatinStructure structure = large->frame->turns;
-  PetscReal           *tension;
+  PetscReal           *tension, *strain = large->ahead + structure->links_local;
 
   PetscFunctionBegin;
   if (!large->ahead) PetscFunctionReturn(0);
   PetscCall(DMGetWorkArray(structure->dm, structure->links_local, MPIU_REAL, &tension));
+  for (PetscInt l = 0; l < structure->links_local; l++) tension[l] = LatinStructureTangent(structure, l, strain[l]);
+  PetscCall(LatinTurningAhead_Private(structure, u, step, -1.0, large->ahead, strain));
+  large->softer = 0;
+  for (PetscInt l = 0; l < structure->links_local; l++) large->softer += tension[l] > LatinStructureTangent(structure, l, strain[l]) ? 1 : 0;
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &large->softer, 1, MPIU_INT, MPI_SUM, PetscObjectComm((PetscObject)structure)));
   PetscCall(LatinTurningTensions_Private(structure, NULL, u, tension));
-  PetscCall(LatinTurningAhead_Private(structure, u, step, -1.0, large->ahead, large->ahead + structure->links_local));
   PetscCall(LatinLargeDifference_Private(structure, tension, large->ahead, &large->stretch));
   PetscCall(DMRestoreWorkArray(structure->dm, structure->links_local, MPIU_REAL, &tension));
   PetscFunctionReturn(0);
@@ -367,7 +373,7 @@ PetscErrorCode SNESLatinLargeNewton_Private(SNES snes, PetscInt most, PetscBool 
   large->force                                = PETSC_MAX_REAL;
   large->most                                 = most;
   large->proofs                               = 0;
-  large->changed                              = 0;
+  large->changed = large->softer = 0;
   PetscCall(LatinEstimateFloor_Private(data->latin, &data->estimate));
   PetscCall(LatinStructureSize_Private(large->frame->turns, &large->size, &prescribed));
   PetscCall(LatinLargeTension_Private(large->frame->turns, snes->vec_sol, large->size, &large->tension));

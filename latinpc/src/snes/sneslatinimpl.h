@@ -144,7 +144,8 @@ typedef struct {
   PetscReal  reached;       /* part of the loads that the displacements bear */
   Vec        solution;      /* at the end of the last path: displacements */
   PetscInt   most;          /* linear iterations that it may take */
-  PetscInt   changed;       /* links that have another stiffness than in its operators, after its last step */
+  PetscInt   changed;       /* links that have another stiffness than in its operators, after its last step, */
+  PetscInt   softer;        /* and those that this has taken stiffness from */
   PetscBool  iterated;      /* it starts where the iteration has ended */
   PetscBool  slow;          /* they were too few */
   PetscBool  unstable;      /* the tangent stiffness is not positive definite */
