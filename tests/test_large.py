@@ -355,7 +355,7 @@ def test_linear_stages_of_a_proved_error(name, most, renewals):
         ("tower", {}, 60, 2),
         ("bridge", {}, 60, 2),
         ("mast", {}, 25, 1),
-        ("mast", {"wind": 200.0}, 130, 4),
+        ("mast", {"wind": 200.0}, 600, 21),
     ],
 )
 def test_linear_stages_of_scenes(name, options, most, renewals):

@@ -7,6 +7,7 @@ from petsc4py import PETSc
 from turning import catenary, hanging, net, random_net, simplex, solve, von_mises
 
 import latinpc
+from latinpc.bench.extremes import drawn
 
 CHAIN = hanging(
     np.column_stack([np.linspace(0.0, 8.0, 13), np.zeros(13)]),
@@ -122,3 +123,12 @@ def test_an_error_leaves_nothing_behind():
     assert -s.displacements(u)[2, 1] == pytest.approx(exact, rel=1e-4)
     snes.destroy()
     assert b.refcount == 1
+
+
+def test_a_snap_to_where_a_tower_is_soft():
+    """At 0.8741 of the loads a cable slackens, and no equilibrium is near: the next one is 7.6 times softer."""
+    tower = latinpc.Structure.from_scene(drawn.draw(818103, 16, "large").scene)
+    snes, u = tower.create_snes(), tower.create_vec()
+    snes.solve(None, u)
+    assert snes.getConvergedReason() == PETSc.SNES.ConvergedReason.DIVERGED_DTOL
+    assert latinpc.path(snes)["borne"] == pytest.approx(0.8741, abs=2e-4)

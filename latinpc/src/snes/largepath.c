@@ -18,11 +18,11 @@
    What the start says of a structure that is soft there and stiffens would let any snap pass; and loads far beyond a limit point move a truss to where
    it is stiff again, by as much as they would have as drawn. So no node is to stiffen by more than twice from the start of an increment to its mean,
    and from that to its end; else the increment is made smaller, unless it is small already: a cable that tightens stiffens at once. Where one
-   slackens the structure becomes softer at once, so that displacements far smaller than those so far are never too large. A solve that
-   starts warm goes on from the last equilibrium.
+   slackens the structure becomes softer at once, so that displacements far smaller than those so far are never too large; but by more than four times only
+   in a small one. A solve that starts warm goes on from the last equilibrium.
 */
 
-#define LATIN_PATH_SOFT      8.0  /* times as far by the tangent stiffness at the end: more, and it is next to a limit point */
+#define LATIN_PATH_SOFT      4.0  /* times as far by the tangent stiffness at the end: more, and it may have snapped to where it is soft; in small increments twice that, and it is next to a limit point */
 #define LATIN_PATH_KINK      1e-2 /* times the displacements so far: an increment in which a cable slackens may move the structure so much */
 #define LATIN_PATH_STIFFENS  1e-3 /* increments of the loads: in smaller ones a structure may stiffen as it will, for cables that tighten */
 #define LATIN_PATH_CURVE     3.0  /* times the displacements from one equilibrium to the next: rates at its ends up to this let a cubic curve not overshoot */
@@ -219,7 +219,7 @@ static PetscErrorCode LatinPathMoved_Private(SNES snes, const LatinPath *path, P
   PetscCall(VecNorm(change, NORM_2, &moved));
   PetscCall(VecNorm(path->u, NORM_INFINITY, &size));
   little = PetscMax(LATIN_PATH_KINK * PetscMax(size, step), LATIN_PATH_NONE * data->large.size) / more;
-  if (ends) PetscCall(LatinPathBetween_Private(structure, change, path->ahead, back <= LATIN_PATH_SOFT * path->far ? path->back : NULL, little, &within));
+  if (ends) PetscCall(LatinPathBetween_Private(structure, change, path->ahead, back <= (more > LATIN_PATH_STIFFENS ? 1.0 : 2.0) * LATIN_PATH_SOFT * path->far ? path->back : NULL, little, &within));
   *lies    = within;
   *other   = (PetscBool)(!within && moved > LATIN_PATH_FAR * PetscMax(path->far, back));
   *smaller = within ? 1.0 : 0.5;
