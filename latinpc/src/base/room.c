@@ -97,6 +97,7 @@ void LatinRoomZero(void *room, size_t bytes)
 {
   char *start = (char *)room, *first = start, *last = start;
 
+  if (!bytes) return;
   if (bytes >= LATIN_PAGE) LatinRoomGo(start, bytes, &first, &last);
   memset(start, 0, (size_t)(first - start));
   memset(last, 0, (size_t)(start + bytes - last));
