@@ -204,6 +204,35 @@ def test_matrices_of_elements(matis, problem, ranks):
     assert many["asymmetry"] < 3e-11 and 0.95 < many["least"] < 1.0 + 1e-8
 
 
+def test_an_entry_that_comes_where_another_goes():
+    """New values have as many entries, elsewhere; local rows are in the order opposite to that of the unknowns."""
+    first = 4.0 * np.eye(5) - np.eye(5, k=1) - np.eye(5, k=-1)
+    first[0, 3] = first[3, 0] = -1.0
+    then = first.copy()
+    then[0, 1] = then[1, 0] = 0.0
+    then[1, 3] = then[3, 1] = -1.0
+    rows = np.arange(5, dtype=PETSc.IntType)
+    a = PETSc.Mat().create(PETSc.COMM_SELF)
+    a.setSizes(5)
+    a.setType("is")
+    a.setLGMap(PETSc.LGMap().create(rows[::-1].copy(), comm=PETSc.COMM_SELF))
+    local = PETSc.Mat().createAIJ((5, 5), nnz=5, comm=PETSc.COMM_SELF)
+    pc = PETSc.PC().create(PETSc.COMM_SELF)
+    pc.setType("latin")
+    b, u = PETSc.Vec().createSeq(5), PETSc.Vec().createSeq(5)
+    b.setArray([1.0, 2.0, 3.0, 4.0, 5.0])
+    for values in (first, then):
+        local.setValues(rows, rows, values)
+        local.assemble()
+        a.setISLocalMat(local)
+        a.assemble()
+        pc.setOperators(a)
+        pc.setUp()
+        pc.apply(b, u)
+        exact = np.linalg.solve(values[::-1, ::-1], b.getArray())  # one subdomain: a direct solver
+        np.testing.assert_allclose(u.getArray(), exact, rtol=1e-12)
+
+
 @REPEATED
 def test_springs_to_the_ground_with_rows_of_their_own():
     """A row that nothing couples is a subdomain where another one has its unknown."""
@@ -224,7 +253,7 @@ def test_springs_to_the_ground_with_rows_of_their_own():
     ksp.setType("cg")
     ksp.setTolerances(rtol=1e-12)
     ksp.getPC().setType("latin")
-    latinpc.set_subdomains(ksp.getPC(), 9)
+    latinpc.set_subdomains(ksp.getPC(), 2**31 - 1)
     load, u = a.createVecs()
     load.setArray([1.0, 2.0, 3.0])
     ksp.solve(load, u)

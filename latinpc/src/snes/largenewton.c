@@ -166,7 +166,7 @@ static PetscErrorCode LatinLargeStep_Private(SNES newton, SNES snes, PetscInt it
   else if (large->error > LATIN_LARGE_SHRINK * before && step < LATIN_LARGE_ROUND * data->estimate.floor) {
     large->error = PetscMax(step, data->estimate.floor);
     *reason      = large->error <= data->target ? SNES_CONVERGED_SNORM_RELATIVE : SNES_DIVERGED_LOCAL_MIN;
-  } else if (it >= LATIN_LARGE_STEPS || stages >= large->most || (large->iterated && stages + last > large->most)) *reason = SNES_DIVERGED_MAX_IT;
+  } else if (it >= LATIN_LARGE_STEPS || stages >= large->most || (large->iterated && stages + last > large->most)) *reason = SNES_DIVERGED_MAX_IT; /* another solve as long as the last one would be cut short */
   else if (large->frame->turns->strain && large->changed > LATIN_LARGE_CHANGES) *reason = SNES_DIVERGED_MAX_IT;
   PetscFunctionReturn(0);
 }

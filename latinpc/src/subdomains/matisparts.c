@@ -117,10 +117,11 @@ static PetscErrorCode LatinMatrixJoin_Private(const LatinLocalMatrix *local, Pet
 */
 PetscErrorCode LatinMatrixParts_Private(LatinSubdomains *sub, const LatinLocalMatrix *local, const PetscBool kept[], PetscInt part[])
 {
-  MPI_Comm    comm = PetscObjectComm(sub->object);
-  PetscMPIInt rank, size;
-  PetscInt   *parent, *number, *rows, bs;
-  PetscBool  *several, any[2] = {PETSC_FALSE, PETSC_FALSE}, all;
+  const PetscInt64 wanted = sub->wanted; /* as many as anyone likes: each piece is a part then */
+  MPI_Comm         comm   = PetscObjectComm(sub->object);
+  PetscMPIInt      rank, size;
+  PetscInt        *parent, *number, *rows, bs;
+  PetscBool       *several, any[2] = {PETSC_FALSE, PETSC_FALSE}, all;
 
   PetscFunctionBegin;
   PetscCall(MatGetBlockSize(sub->matrix, &bs));
@@ -142,7 +143,7 @@ PetscErrorCode LatinMatrixParts_Private(LatinSubdomains *sub, const LatinLocalMa
   PetscCall(MPIU_Allreduce(&any[1], &all, 1, LATIN_MPI_BOOL, MPI_LOR, comm));
   LatinAgree(comm, sub->wanted > size && !all, PETSC_ERR_ARG_INCOMP, "Local matrices of a MATIS are subdomains, which cannot be divided: leave out -%ssubdomains, or give the matrix of each element rows of its own (MatISSetAllowRepeated())",
              LatinPrefix(sub));
-  if (any[1]) PetscCall(LatinMatrixJoin_Private(local, PetscMax(1, sub->wanted * (rank + 1) / size - sub->wanted * rank / size), kept, parent));
+  if (any[1]) PetscCall(LatinMatrixJoin_Private(local, (PetscInt)PetscMax(1, wanted * (rank + 1) / size - wanted * rank / size), kept, parent));
   for (PetscInt r = 0; r < local->rows; r++)
     if (kept[r]) rows[LatinRoot(parent, r)]++;
   sub->n = 0;
