@@ -4,7 +4,7 @@
 /*
    The parts of a local matrix, which are subdomains. What nothing couples falls apart by itself. Where an unknown has several
    rows (MatISSetAllowRepeated()), as with the matrices of elements each in rows of its own, the matrix is known in pieces, and
-   these may be joined to as many subdomains as are asked for: a sum of their matrices is one of a subdomain.
+   these are joined to as many subdomains as are asked for: the sum of the matrices of some pieces is the matrix of a subdomain.
 */
 
 /*
