@@ -159,7 +159,8 @@ def test_verdicts():
     none = hanging(Law.CABLE, [1e-9, -1e-3])
     assert verdict(none, u, tensions) == "wrong"
     assert rating._refused(drawn.Drawn("statics", "test", none), "no equilibrium") == "refused"
-    assert rating._refused(drawn.Drawn("statics", "test", scene), "no equilibrium") == "unsolved"
+    assert rating._refused(drawn.Drawn("statics", "test", scene), "DIVERGED_MAX_IT") == "unsolved"
+    assert rating._refused(drawn.Drawn("statics", "test", scene), "DIVERGED_DTOL; no equilibrium: ...") == "wrong"
 
 
 def test_verdicts_on_friction():
@@ -174,7 +175,8 @@ def test_verdicts_on_friction():
     none = leaning(0.3, [-0.4, -1.0])
     assert verdict(none, u, tensions) == "wrong"
     assert rating._refused(drawn.Drawn("friction", "test", none), "no equilibrium") == "refused"
-    assert rating._refused(drawn.Drawn("friction", "test", scene), "no equilibrium") == "unsolved"
+    assert rating._refused(drawn.Drawn("friction", "test", scene), "no equilibrium") == "wrong"
+    assert rating._refused(drawn.Drawn("friction", "test", scene), "DIVERGED_MAX_IT") == "unsolved"
     assert {"unknown", "rounding"}.isdisjoint(rates.SOLVABLE)
 
 

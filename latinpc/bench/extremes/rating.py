@@ -81,18 +81,22 @@ def judge(drawn, options):
 
 
 def _refused(drawn, reason):
-    """Say whether a refusal is right: a motion of masses always has its next step; with friction it may be unknown."""
+    """Say whether a refusal is right: a motion of masses always has its next step; with friction it may be unknown.
+
+    One that says that there is no equilibrium, where there is, is wrong.
+    """
     if drawn.steps:
         return "unsolved"
     if drawn.family == "large":
         return refused_large(drawn.scene, reason)
     if ("mechanism" in reason or "no link reaches" in reason) and _mechanism(drawn.scene):
         return "refused"
+    missed = "wrong" if any(text.startswith("no equilibrium") for text in reason.split("; ")) else "unsolved"
     if (drawn.scene.law == Law.FRICTION).any():
         signal.setitimer(signal.ITIMER_PROF, 0)  # the search ends, if late
         exists = solve_rubbing(drawn.scene).exists
-        return {"yes": "unsolved", "no": "refused"}.get(exists, exists)
-    return "unsolved" if solve_exactly(drawn.scene).exists else "refused"
+        return {"yes": missed, "no": "refused"}.get(exists, exists)
+    return missed if solve_exactly(drawn.scene).exists else "refused"
 
 
 def _mechanism(scene):

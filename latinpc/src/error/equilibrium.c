@@ -350,14 +350,15 @@ PetscErrorCode LatinEquilibriumMechanism_Private(LatinStructure structure, Vec s
    of the damped iteration, or of the method of multipliers, to the next: B^t dtau = 0, while dtau . x = dtau . (e0 + B u) is not positive for any admissible
    strains x [J. Farkas]. Where dtau . e0 is, by more than B^t dtau can make up for on displacements of the size of the structure, or
    ten times as large as u, there are none, and the verdict is LATIN_JAMMED; else *found stays. `claims`: u would be called the solution,
-   and those ten times as large are enough; `stays`: what links miss of their gaps stays, whatever their stiffness: then the work alone is proof enough.
+   and those ten times as large are enough; `stays`: what links miss of their gaps stays, whatever their stiffness: then the work alone is proof enough,
+   where no tension falls in return, which ends at zero.
    `dtau` has the links of this rank: what is not of a rigid link, or grows less, or not the way that the law admits, proves nothing and becomes zero.
    Collective on structure
 */
 PetscErrorCode LatinEquilibriumFarkas_Private(LatinStructure structure, Vec u, PetscBool claims, PetscBool stays, PetscReal dtau[], LatinEquilibrium *found)
 {
-  PetscReal sum[2] = {0.0, 0.0}, most = 0.0, size, prescribed, moved, left, *x; /* the work on gaps and prescribed displacements, and of each by itself */
-  PetscInt  mine[LATIN_LISTED], count = 0;
+  PetscReal sum[2] = {0.0, 0.0}, most[2] = {0.0, 0.0}, size, prescribed, moved, left, *x; /* the work on gaps and prescribed displacements, and of each by itself; what grows, and what is let go */
+  PetscInt  mine[LATIN_LISTED], count    = 0;
   Vec       forces;
 
   PetscFunctionBegin;
@@ -366,12 +367,13 @@ PetscErrorCode LatinEquilibriumFarkas_Private(LatinStructure structure, Vec u, P
   PetscCall(VecZeroEntries(forces));
   PetscCall(LatinStructureStrains_Private(structure, forces, x)); /* what is prescribed, and nothing else */
   for (PetscInt l = 0; l < structure->links_local; l++) {
-    const PetscReal sign = LatinLawSign(structure->law[l]);
+    const PetscReal sign = LatinLawSign(structure->law[l]), grows = LatinLaws[structure->law[l]].rigid ? sign * dtau[l] : 0.0;
 
-    dtau[l] = LatinLaws[structure->law[l]].rigid ? sign * PetscMax(0.0, sign * dtau[l]) : 0.0;
+    dtau[l] = sign * PetscMax(0.0, grows);
     sum[0] += dtau[l] * x[l];
     sum[1] += PetscAbsReal(dtau[l] * x[l]);
-    most = PetscMax(most, PetscAbsReal(dtau[l]));
+    most[0] = PetscMax(most[0], grows);
+    most[1] = PetscMax(most[1], -grows);
   }
   PetscCall(LatinStructureForces_Private(structure, dtau, u, NULL, forces));
   PetscCall(VecNorm(forces, NORM_2, &left));
@@ -379,13 +381,13 @@ PetscErrorCode LatinEquilibriumFarkas_Private(LatinStructure structure, Vec u, P
   PetscCall(DMRestoreWorkArray(structure->dm, structure->links_local, MPIU_REAL, &x));
   PetscCall(DMRestoreGlobalVector(structure->dm, &forces));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &most, 1, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)structure)));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, most, 2, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)structure)));
   PetscCall(LatinStructureSize_Private(structure, &size, &prescribed));
   if (claims && moved > 0.0) size = 0.0;
-  if (stays) left = 0.0;
+  if (stays && most[1] <= PETSC_SQRT_MACHINE_EPSILON * most[0]) left = 0.0;
   if (!(sum[0] > PetscMax(LATIN_JAM_FAR * moved, size) * left + PETSC_SQRT_MACHINE_EPSILON * sum[1])) PetscFunctionReturn(0);
   for (PetscInt l = 0; l < structure->links_local; l++) {
-    if (PetscAbsReal(dtau[l]) < LATIN_UNHELD * most) continue;
+    if (PetscAbsReal(dtau[l]) < LATIN_UNHELD * most[0]) continue;
     if (count < LATIN_LISTED) mine[count] = structure->links_start + l;
     count++;
   }
