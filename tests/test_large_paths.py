@@ -8,6 +8,7 @@ from turning import catenary, hanging, net, random_net, simplex, solve, von_mise
 
 import latinpc
 from latinpc.bench.extremes import drawn
+from latinpc.scenes import make
 
 CHAIN = hanging(
     np.column_stack([np.linspace(0.0, 8.0, 13), np.zeros(13)]),
@@ -94,6 +95,76 @@ def test_ranks_see_what_snaps_through(ranks_for, ranks):
     assert found["reason"] == PETSc.SNES.ConvergedReason.DIVERGED_DTOL
     assert 0.99 < 20.0 * found["borne"] <= 1.0
     assert abs(found["last"]) < turning.HEIGHT
+
+
+def least(structure, u):
+    """The least eigenvalue of the tangent stiffness (N/m)."""
+    tangent = structure.dm.createMat()
+    structure.jacobian(u, tangent)
+    return np.linalg.eigvalsh(tangent.convert("dense").getDenseArray())[0]
+
+
+@pytest.mark.parametrize("load", [49.0, 55.0, 75.0, 200.0])
+def test_a_column_under_loads_that_grow_in_one_vector(load):
+    """The last solution is the guess: straight, it is an equilibrium under any load, and unstable beyond 50 N."""
+    down = np.zeros((4, 2))
+    down[2, 1] = -40.0
+    column = latinpc.Structure(
+        [[0, 0], [0, 1], [0, 2], [1, 1]], [[0, 1], [1, 2], [1, 3]], "bar", [1e6, 1e6, 100.0],
+        fixed=[[1, 1], [0, 0], [1, 0], [1, 1]], load=down, geometry="large",
+    )  # fmt: skip
+    snes, u = column.create_snes(), column.create_vec()
+    snes.solve(None, u)
+    assert snes.getConvergedReason() > 0
+    column.set_load(down * load / 40.0)
+    snes.solve(None, u)
+    assert (snes.getConvergedReason() > 0) == (load < 50.0)
+    assert least(column, u) > 0.0
+    assert latinpc.path(snes)["borne"] == pytest.approx(min(1.0, 50.0 / load), abs=3e-4)
+    assert latinpc.path(snes)["renewals"] < 20
+
+
+def test_a_guess_that_is_unstable_is_left():
+    """A column that a guess holds straight beyond its critical load: the path starts from no loads."""
+    down = np.zeros((4, 2))
+    down[2, 1] = -75.0
+    column = latinpc.Structure(
+        [[0, 0], [0, 1], [0, 2], [1, 1]], [[0, 1], [1, 2], [1, 3]], "bar", [1e6, 1e6, 100.0],
+        fixed=[[1, 1], [0, 0], [1, 0], [1, 1]], load=down, geometry="large",
+    )  # fmt: skip
+    snes, u = column.create_snes(), column.create_vec()
+    straight = np.zeros((4, 2))
+    straight[1:3, 1] = -75.0 / 1e6, -2 * 75.0 / 1e6
+    column.set_displacements(straight, u)
+    snes.solve(None, u)
+    assert snes.getConvergedReason() == PETSc.SNES.ConvergedReason.DIVERGED_DTOL
+    assert latinpc.path(snes)["borne"] == pytest.approx(50.0 / 75.0, abs=5e-4)
+    assert least(column, u) > 0.0
+
+
+def test_a_truss_does_not_snap_through_from_a_guess():
+    """From half of the load that it bears to all but a little of it there are equilibria on its side."""
+    limit = turning.von_mises_limit()
+    truss = latinpc.Structure(**von_mises(0.5 * limit), geometry="large")
+    snes, u = truss.create_snes(), truss.create_vec()
+    snes.solve(None, u)
+    truss.set_load(truss.load * (0.995 / 0.5))
+    snes.solve(None, u)
+    assert snes.getConvergedReason() > 0
+    assert -truss.displacements(u)[2, 1] == pytest.approx(turning.von_mises_deflection(0.995 * limit), rel=1e-4)
+
+
+def test_a_mast_from_a_guess_next_to_its_limit_point():
+    """Newton's method ended in an unstable equilibrium next to the path, which ends at 0.57864 of the loads."""
+    mast = latinpc.Structure.from_scene(make("mast", load=20000.0))
+    whole = mast.load.copy()
+    snes, u = mast.create_snes(), mast.create_vec()
+    for part in (0.5782, 0.57852, 0.57855, 0.579):
+        mast.set_load(whole * part)
+        snes.solve(None, u)
+        assert (snes.getConvergedReason() > 0) == (part < 0.57864)
+        assert least(mast, u) > 0.0
+        assert 0.578 < part * latinpc.path(snes)["borne"] < 0.57864
 
 
 def test_an_error_leaves_nothing_behind():

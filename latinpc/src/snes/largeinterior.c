@@ -145,7 +145,7 @@ static PetscErrorCode LatinInteriorMean_Private(const LatinInterior *point, Pets
   for (PetscInt l = 0; l < structure->links_local; l++)
     if (point->s[l] > 0.0) *mean += (point->t[l] + part * point->dt[l]) * (point->s[l] + part * point->ds[l]);
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, mean, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
-  if (point->links > 0.0) *mean /= point->links;
+  *mean /= point->links;
   PetscFunctionReturn(0);
 }
 
@@ -299,7 +299,7 @@ static PetscErrorCode LatinInteriorDirection_Private(SNES snes, KSP ksp, LatinIn
   PetscCall(PetscArrayzero(point->v, point->structure->links_local));
   PetscCall(LatinInteriorStep_Private(snes, ksp, point->v, point));
   PetscCall(LatinInteriorPart_Private(point, part));
-  if (!(point->mean > 0.0)) PetscFunctionReturn(0); /* no unilateral links */
+  if (!(point->mean > 0.0)) PetscFunctionReturn(0);
   PetscCall(LatinInteriorMean_Private(point, *part, &ahead));
   ahead  = PetscMin(1.0, ahead / point->mean);
   target = point->mean * PetscMax(ahead * ahead * ahead, LATIN_INTERIOR_CENTRE);
@@ -363,7 +363,7 @@ static PetscErrorCode LatinInteriorForce_Private(SNES snes, LatinInterior *point
 
 /*
    Tensions and slacks at the displacements in the solution vector: of elastic links such that t s = force^2 / k; where some do not stretch these would be
-   far from those of others, and all start with force densities and slacks alike. *suits: there are forces, and lengths are positive. Collective on snes
+   far from those of others, and all start with force densities and slacks alike. *suits: there are unilateral links and forces, and lengths are positive. Collective on snes
 */
 static PetscErrorCode LatinInteriorStart_Private(SNES snes, LatinInterior *point, PetscBool *suits)
 {
@@ -390,7 +390,7 @@ static PetscErrorCode LatinInteriorStart_Private(SNES snes, LatinInterior *point
   point->links = sum[0];
   point->rigid = (PetscBool)rigid;
   PetscCall(LatinInteriorForce_Private(snes, point));
-  *suits = (PetscBool)(point->force > 0.0 && (!point->rigid || (least > 0.0 && sum[2] > 0.0)));
+  *suits = (PetscBool)(point->links > 0.0 && point->force > 0.0 && (!point->rigid || (least > 0.0 && sum[2] > 0.0)));
   for (PetscInt l = 0; l < structure->links_local && *suits; l++) {
     const PetscReal mean = sum[1] / PetscMax(sum[2], 1.0), ratio = LatinStructureKeeps(structure, l) ? 1.0 : point->length[l] / mean;
 

@@ -19,7 +19,7 @@
    it is stiff again, by as much as they would have as drawn. So no node is to stiffen by more than twice from the start of an increment to its mean,
    and from that to its end; else the increment is made smaller, unless it is small already: a cable that tightens stiffens at once. Where one
    slackens the structure becomes softer at once, so that displacements far smaller than those so far are never too large; but by more than four times only
-   in a small one. A solve that starts warm goes on from the last equilibrium.
+   in a small one. A solve that starts warm goes on from the last equilibrium, and one from a guess from there, with the loads that it bears.
 */
 
 #define LATIN_PATH_SOFT      4.0  /* times as far by the tangent stiffness at the end: more, and it may have snapped to where it is soft; in small increments twice that, and it is next to a limit point */
@@ -413,7 +413,7 @@ static PetscErrorCode LatinPathFollow_Private(SNES snes, LatinPath *path, PetscB
   PetscFunctionReturn(0);
 }
 
-/* Where a path starts: from the last solution and the loads that it bears, or without loads. Collective on snes */
+/* Where a path starts: from the last solution or a guess that is stable, and the loads that these bear, or without loads. Collective on snes */
 static PetscErrorCode LatinPathStart_Private(SNES snes, const LatinPath *path, PetscBool *from)
 {
   SNES_Latin    *data      = (SNES_Latin *)snes->data;
@@ -424,12 +424,14 @@ static PetscErrorCode LatinPathStart_Private(SNES snes, const LatinPath *path, P
   PetscCall(VecCopy(structure->load, path->whole));
   if (rhs) PetscCall(VecAXPY(path->whole, 1.0, rhs));
   PetscCall(VecZeroEntries(path->first));
-  PetscCall(VecZeroEntries(path->u));
   *from = (PetscBool)(data->warm && data->has_state);
-  if (*from) {
-    PetscCall(VecCopy(data->large.solution, path->u));
-    PetscCall(LatinPathFirst_Private(structure, path));
-  } else PetscCall(LatinPathStarts_Private(snes, path, from));
+  if (*from || data->guess) PetscCall(VecCopy(*from ? data->large.solution : snes->vec_sol, path->u));
+  if (data->guess) PetscCall(LatinPathHeld_Private(snes, path, from));
+  if (*from) PetscCall(LatinPathFirst_Private(structure, path));
+  else {
+    PetscCall(VecZeroEntries(path->u));
+    PetscCall(LatinPathStarts_Private(snes, path, from));
+  }
   snes->vec_rhs = rhs;
   PetscFunctionReturn(0);
 }
@@ -466,7 +468,7 @@ PetscErrorCode SNESLatinLargeRun_Private(SNES snes)
     large->reached = LatinNextConverged(data->next) ? 1.0 : 0.0;
     PetscFunctionReturn(0);
   }
-  if (!struts || structure->midpoint || data->guess || data->stop == LATIN_STOP_REFERENCE || (snes->ops->converged && snes->ops->converged != SNESConvergedDefault) || (data->warm && data->has_state && !large->solution)) {
+  if (!struts || structure->midpoint || data->stop == LATIN_STOP_REFERENCE || (snes->ops->converged && snes->ops->converged != SNESConvergedDefault) || (data->warm && data->has_state && !large->solution)) {
     PetscCall(SNESLatinLargeIterate_Private(snes));
     large->reached = LatinNextConverged(data->next) ? 1.0 : 0.0;
     PetscCall(VecDestroy(&large->solution));
