@@ -32,6 +32,12 @@ RAMPS = {
         lambda: make("packing", side=10, law="friction", seed=2),
         {"snes_stol": 1e-6},
     ),  # the same while the state goes on
+    "prestress": (lambda: make("saddle", side=8), {"snes_latin_geometry": "prestress", "snes_latin_subdomains": 4}),
+    "saddle": (lambda: make("saddle", side=12, load=1500.0), {"snes_latin_subdomains": 4}),
+    "iteration": (lambda: make("saddle", side=8), {"snes_latin_newton": "never", "snes_latin_stop": "indicator"}),
+    "mast": (lambda: make("mast", wind=200.0), {}),
+    "tower": (lambda: make("tower", load=500.0), {"snes_latin_subdomains": 3}),
+    "hanging": (lambda: make("net", side=6), {"snes_latin_geometry": "large"}),
 }
 
 
@@ -134,7 +140,7 @@ import latinpc
 from test_state import RAMPS, ramp, same
 
 world, path, suffixes = PETSc.COMM_WORLD, sys.argv[2], sys.argv[3:]
-for name, suffix in zip(("grid", "error", "floppy", "rigid"), suffixes, strict=True):
+for name, suffix in zip(("saddle", "tower", "grid", "error", "floppy", "rigid"), suffixes, strict=True):
     path = sys.argv[2] + suffix
     scene, options = RAMPS[name][0](), RAMPS[name][1] | {"snes_latin_coarse_pc_type": "redundant"}
     whole = ramp(scene, options, 1, 5, comm=world)
@@ -153,10 +159,10 @@ for wrong in (lambda: ramp(RAMPS["grid"][0](), options, 3, 5, path, world),
 @pytest.mark.parametrize(
     ("ranks", "suffixes"),
     [
-        (2, ["", "", "", SUFFIX]),
-        pytest.param(2, [SUFFIX] * 4, marks=pytest.mark.slow),
-        pytest.param(3, [""] * 4, marks=pytest.mark.slow),
-        pytest.param(3, [SUFFIX] * 4, marks=pytest.mark.slow),
+        (2, ["", "", "", "", "", SUFFIX]),
+        pytest.param(2, [SUFFIX] * 6, marks=pytest.mark.slow),
+        pytest.param(3, [""] * 6, marks=pytest.mark.slow),
+        pytest.param(3, [SUFFIX] * 6, marks=pytest.mark.slow),
     ],
 )
 def test_ranks_go_on_to_the_bit_and_fail_together(ranks, suffixes, mpirun, tmp_path):
@@ -294,7 +300,7 @@ def test_wrong_files_are_refused_by_name(tmp_path):
     assert "is no state of latinpc" in go_on(b"")
     assert "is no state of latinpc" in go_on(os.urandom(5000))
     assert "is not whole, or has been damaged" in go_on(good[:5000] + bytes([good[5000] ^ 1]) + good[5001:])
-    assert "format 99" in go_on(good.replace(b"latinpc_state 4", b"latinpc_state 99", 1))
+    assert "format 99" in go_on(good.replace(b"latinpc_state 5", b"latinpc_state 99", 1))
     for kind, size in (b"integer", np.dtype(PETSc.IntType).itemsize), (b"real", np.dtype(PETSc.RealType).itemsize):
         other = good.replace(kind + b"_bytes %d" % size, kind + b"_bytes 9", 1)
         assert f"{kind.decode()}s of 9 bytes" in go_on(other)

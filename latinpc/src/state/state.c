@@ -7,7 +7,7 @@
    What a run needs to go on to the bit where another one has ended: the displacements, for a motion the velocities and
    the time and the strains that the last step started from, and of SNES latin what a warm start takes up: the
    fixed-point unknowns of the last two solves, the displacements and forces that linear stages add to, the tensions of
-   rigid links. Everything else is computed anew from the structure and the options.
+   rigid links; where links turn the operators, multipliers, and where the last path has ended. Everything else is computed anew from the structure and the options.
 */
 
 static PetscErrorCode LatinStateAdd_Private(LatinState *state, const char name[], Vec v)
@@ -29,6 +29,22 @@ static PetscErrorCode LatinStateAddArray_Private(LatinState *state, const char n
   PetscCall(VecCreateMPIWithArray(PetscObjectComm((PetscObject)state->snes), width, n, PETSC_DETERMINE, x, &v));
   PetscCall(LatinStateAdd_Private(state, name, v));
   PetscCall(VecDestroy(&v));
+  PetscFunctionReturn(0);
+}
+
+/* Operators where links turn, which are those of an earlier solve. Collective on frame */
+static PetscErrorCode LatinStateFrame_Private(LatinState *state, LatinStructure frame)
+{
+  const LatinLarge *large = &((SNES_Latin *)state->snes->data)->large;
+
+  PetscFunctionBegin;
+  PetscCall(LatinStateAddArray_Private(state, "operator_row", frame->dim, frame->dim * frame->links_local, frame->direction));
+  PetscCall(LatinStateAddArray_Private(state, "operator_part", LATIN_PART, frame->part ? LATIN_PART * frame->links_local : 0, frame->part));
+  PetscCall(LatinStateAddArray_Private(state, "operator_stiffness", 1, frame->links_local, frame->stiffness));
+  if (state->ts) PetscFunctionReturn(0);
+  PetscCall(LatinStateAddArray_Private(state, "operator_kind", LATIN_STATE_KIND, LATIN_STATE_KIND, state->kind));
+  PetscCall(LatinStateAddArray_Private(state, "multiplier", 1, frame->spring ? 2 * frame->turns->links_local : 0, frame->spring));
+  PetscCall(LatinStateAdd_Private(state, "path", large->solution ? large->solution : state->u));
   PetscFunctionReturn(0);
 }
 
@@ -55,11 +71,7 @@ static PetscErrorCode LatinStateItems_Private(LatinState *state)
     PetscCall(LatinStateAddArray_Private(state, "subdomain_displacement", 1, linear->sub->bs * linear->sub->copies, linear->U));
     PetscCall(LatinStateAddArray_Private(state, "interface_pull", 1, linear->inter->sides, linear->pull));
     PetscCall(LatinStateAddArray_Private(state, "subdomain_tension", 1, linear->tension ? linear->sub->nonsmooth : 0, linear->tension));
-    if (frame) { /* operators are those of an earlier step */
-      PetscCall(LatinStateAddArray_Private(state, "operator_row", frame->dim, frame->dim * frame->links_local, frame->direction));
-      PetscCall(LatinStateAddArray_Private(state, "operator_part", LATIN_PART, LATIN_PART * frame->links_local, frame->part));
-      PetscCall(LatinStateAddArray_Private(state, "operator_stiffness", 1, frame->links_local, frame->stiffness));
-    }
+    if (frame) PetscCall(LatinStateFrame_Private(state, frame));
     PetscCall(LatinStateAddArray_Private(state, "rigid_tension", 1, linear->rigid_tension ? linear->sub->structure->links_local : 0, linear->rigid_tension));
   }
   state->reals = state->items;
@@ -110,7 +122,7 @@ static PetscErrorCode LatinStateStructure_Private(const LatinState *state, doubl
 
   PetscFunctionBegin;
   PetscCallMPI(MPI_Comm_rank(comm, &rank));
-  hash = LatinStateHash((uint64_t)rank * 4 + dim, n * dim * sizeof(PetscReal), structure->x);
+  hash = LatinStateHash(((uint64_t)rank * 4 + dim) * 4 + (uint64_t)structure->geometry, n * dim * sizeof(PetscReal), structure->x);
   hash = LatinStateHash(hash, n * dim * sizeof(PetscBool), structure->fixed);
   hash = LatinStateHash(hash, n * sizeof(PetscReal), state->ts ? structure->mass : NULL);
   hash = LatinStateHash(hash, 2 * m * sizeof(PetscInt), structure->nodes);
@@ -156,7 +168,6 @@ static PetscErrorCode LatinStateFind_Private(PetscObject solver, Vec u, LatinSta
     PetscCheck(state->structure, comm, PETSC_ERR_ORDER, "The solver has no structure: give it one with LatinStructureAttachSNES()");
   }
   PetscCall(LatinStructureCheckVec_Private(state->structure, state->u));
-  if (!state->ts) PetscCall(LatinStructureCheckLinear_Private(state->structure, "States of solves in files are for"));
   PetscCall(PetscObjectTypeCompare((PetscObject)state->snes, SNESLATIN, &state->latin));
   PetscFunctionReturn(0);
 }
@@ -195,12 +206,33 @@ static PetscErrorCode LatinStateSave_Private(PetscObject solver, Vec u, const ch
     PetscCheck(data->z, comm, PETSC_ERR_ORDER, "There is no state yet: solve, or make a step, before");
     head.tuning    = (double)data->latin->tuning;
     head.solutions = data->has_state + (data->has_state && data->has_before);
+    if (data->large.frame) state.kind[0] = (PetscReal)data->large.frame->made;
+    state.kind[1] = data->large.solution ? 1.0 : 0.0;
   }
   PetscCall(LatinStateStructure_Private(&state, &head.structure));
   PetscCall(LatinStateItems_Private(&state));
   if (endings[ending]) PetscCall(LatinStateShow_Private(&state, rank ? 0 : n, note, &room));
   PetscCall(LatinStateWrite_Private(comm, file, &head, &state, note));
   PetscCall(PetscFree(room));
+  PetscFunctionReturn(0);
+}
+
+/* Makes operators of what has been read. In statics the rest is then read again, for their room is new. Collective on state->snes */
+static PetscErrorCode LatinStateOperators_Private(LatinState *state, const char file[], const LatinStateHead *head)
+{
+  SNES_Latin    *data  = (SNES_Latin *)state->snes->data;
+  LatinStructure frame = data->large.frame;
+
+  PetscFunctionBegin;
+  PetscCall(PetscObjectStateIncrease((PetscObject)frame));
+  if (state->ts) PetscFunctionReturn(0);
+  frame->made = (LatinFrameType)state->kind[0];
+  if (frame->part) PetscCall(LatinFrameSprings_Private(frame, PETSC_FALSE)); /* strains of the parts as they lie */
+  PetscCall(LatinSetUp_Private(data->latin));
+  state->items = 0;
+  PetscCall(LatinStateItems_Private(state));
+  PetscCall(LatinStateTransfer_Private(PetscObjectComm((PetscObject)state->snes), file, NULL, head, state));
+  if (state->kind[1] == 0.0) PetscCall(VecDestroy(&data->large.solution));
   PetscFunctionReturn(0);
 }
 
@@ -231,9 +263,10 @@ static PetscErrorCode LatinStateLoad_Private(PetscObject solver, Vec u, const ch
   PetscCall(SNESSetUp(state.snes));
   PetscCall(LatinStateStructure_Private(&state, &structure));
   PetscCheck(head.structure == structure, comm, PETSC_ERR_FILE_UNEXPECTED, "The state %s is of another structure, partition or method: give the same scene and the same options", file);
+  if (snes && snes->large.frame && !ts && !snes->large.solution) PetscCall(VecDuplicate(u, &snes->large.solution));
   PetscCall(LatinStateItems_Private(&state));
   PetscCall(LatinStateTransfer_Private(comm, file, NULL, &head, &state));
-  if (snes && snes->large.frame) PetscCall(PetscObjectStateIncrease((PetscObject)snes->large.frame)); /* operators are made of what has been read */
+  if (snes && snes->large.frame) PetscCall(LatinStateOperators_Private(&state, file, &head));
   if (ts) {
     ts->started         = (PetscBool)(head.started != 0.0);
     state.ts->ptime     = (PetscReal)head.time;

@@ -19,14 +19,16 @@ typedef struct {
 } LatinStateHead;
 
 /* What each rank has, the same items on all of them */
-#define LATIN_STATE_ITEMS 20 /* items of a state; an assertion counts them */
+#define LATIN_STATE_ITEMS 24 /* items of a state; an assertion counts them */
+#define LATIN_STATE_KIND  2
 typedef struct {
   SNES           snes; /* of a motion: that of its steps */
   TS             ts;   /* NULL in statics */
   Vec            u;    /* displacements */
   LatinStructure structure;
-  PetscBool      latin;        /* the SNES is of type latin */
-  PetscInt       items, reals; /* those behind the reals are written as integers, and not read */
+  PetscBool      latin;                  /* the SNES is of type latin */
+  PetscReal      kind[LATIN_STATE_KIND]; /* where links turn, in statics: how operators have been made; is there a last path? */
+  PetscInt       items, reals;           /* those behind the reals are written as integers, and not read */
   struct {
     const char *name;
     Vec         v;
