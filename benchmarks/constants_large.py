@@ -185,6 +185,11 @@ LARGE = {
         "loads",
         "A bound that none meets: each is at most half as far as the one before, down to `LATIN_PATH_LEAST`.",
     ),
+    "LATIN_PATH_INVERSE": (
+        "solves",
+        "Nodes of the mode at limit points of masts, towers, a bridge, a von Mises truss: with 4 those of 20, with 3 a "
+        "tower has one more, with 2 three masts have nodes of guys.",
+    ),
     "LATIN_PATH_LEAST": (
         "of the loads",
         "With 1e-2 five of 700 random structures were refused next to where a cable slackens; limit points take more.",

@@ -115,7 +115,7 @@ def unsupported_nodes(snes: PETSc.SNES) -> tuple[int, list[int]]:
     """Return the nodes that slack links no longer hold, after a solve without convergence; not collective.
 
     The loads move them without end or, where they are small, slowly to a support. With large displacements: those that
-    move most in the softest mode of the last stable equilibrium.
+    move most in the mode by which the last stable equilibrium buckles, or snaps through.
 
     Parameters
     ----------

@@ -132,9 +132,24 @@ def test_a_mechanism_is_drawn(tmp_path, ranks):
 
 
 def test_the_motion_of_a_mechanism():
-    """Of two bars in a line their node moves across, the tangent stiffness being exactly singular."""
+    """Of two bars in a line their node moves across, whether nothing resists it or their compression drives it."""
     line = latinpc.Structure(
-        [[0.0, 0.0], [1.0, 0.0], [2.0, 0.0]], [[0, 1], [1, 2]], "bar", 1e3, fixed=[[1, 1], [0, 0], [1, 1]]
-    )
-    mode = softest(line, line.create_vec())
-    assert abs(mode) == pytest.approx(np.array([[0.0, 0.0], [0.0, 1.0], [0.0, 0.0]]), abs=1e-6)
+        [[0.0, 0.0], [1.0, 0.0], [2.0, 0.0]], [[0, 1], [1, 2]], "bar", 1e3, fixed=[[1, 1], [0, 0], [1, 1]],
+        geometry="large",
+    )  # fmt: skip
+    for tension, expected in ((0.0, "mechanism"), (-1.0, "unstable"), (1.0, "soft")):
+        line.set_prestress(np.full(2, tension))
+        mode, kind = softest(line, line.create_vec(), np.full(2, tension), True)
+        assert kind == expected
+        if tension <= 0.0:
+            assert abs(mode) == pytest.approx(np.array([[0.0, 0.0], [0.0, 1.0], [0.0, 0.0]]), abs=1e-6)
+
+
+def test_a_mechanism_with_large_displacements_is_called_one():
+    """A hinged portal; clamped nodes are not named."""
+    portal = {"nodes": [[0, 0], [2, 0], [0, 1], [2, 1]], "links": [[0, 2], [2, 3], [1, 3]], "law": "bar"}
+    portal |= {"fixed": [[1, 1], [1, 1], [0, 0], [0, 0]], "stiffness": 1e6, "geometry": "large"}
+    load = np.array([[0, 0], [0, 0], [0, -10], [0, -10]])
+    cure = "prescribe more displacements or add links; nodes that move: "
+    with pytest.warns(latinpc.LatinWarning, match=f"is a mechanism that no prestress holds: {cure}2, 3$"):
+        latinpc.Structure(**portal, load=load).solve()

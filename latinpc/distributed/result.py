@@ -15,7 +15,7 @@ from latinpc.checks import ARRAYS
 from latinpc.geometry import Geometry
 from latinpc.laws import UNILATERAL, Law
 from latinpc.results.mechanics import slack
-from latinpc.results.notices import causes
+from latinpc.results.notices import causes, limit
 from latinpc.results.plots import Plots
 from latinpc.results.report import Reported, plain
 from latinpc.results.result import Result
@@ -159,6 +159,7 @@ def gather_local(structure: LocalStructure, snes: PETSc.SNES, core: Any, u: PETS
         history=past,
         notices=list(dict.fromkeys(text for said in comm.allgather(causes(snes, structure, past)) for text in said)),
     )
+    result.notices += limit(structure, result.report, solvers.unsupported_nodes(snes)[1] if is_latin else [], "soft")
     if structure.load is not load:
         structure.set_load(load)
     r.destroy()

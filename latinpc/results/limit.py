@@ -42,46 +42,86 @@ def borne(snes: PETSc.SNES, structure: Structure) -> float | None:
     return solvers.path(snes)["borne"]
 
 
-def softest(structure: Structure, u: PETSc.Vec) -> np.ndarray | None:
-    """Return the displacements that the tangent stiffness resists least, by inverse iteration; collective.
+def softest(structure: Structure, u: PETSc.Vec, tensions: np.ndarray, drawn: bool) -> tuple[np.ndarray | None, str]:
+    """Return the displacements by which an equilibrium buckles, or those that move a structure as drawn; collective.
+
+    Links that pull resist being turned, links in compression drive it: K = E + G+ - G-, E the stiffness of the laws.
+    The mode has the least mu in K x = mu M x, where M = E + G+ + G-: it is 1 of soft parts that nothing presses, as
+    guys are, and 0 of what buckles, whatever the stiffness of either.
 
     Parameters
     ----------
     structure : Structure
+        Of geometry "large".
     u : petsc4py.PETSc.Vec
         Displacements (m).
+    tensions : (m,) array of float
+        There (N).
+    drawn : bool
+        K may be singular or indefinite: u is no stable equilibrium.
 
     Returns
     -------
-    (n, dim) array or None
-        The largest one is 1 long; None where the tangent stiffness cannot be factored.
+    mode : (n, dim) array or None
+        The largest displacement is 1; None where a stiffness cannot be factored.
+    kind : {"mechanism", "unstable", "soft"}
+        Neither E nor G+ nor G- resists the mode; K does not, mu < 0; all do.
     """
-    J, ksp, v = structure.dm.createMat(), PETSc.KSP().create(structure.comm), structure.create_vec()
-    w, random = v.duplicate(), PETSc.Random().create(structure.comm)
+    K, M = structure.dm.createMat(), structure.dm.createMat()
+    v, kind = structure.create_vec(), "soft"
+    random = PETSc.Random().create(structure.comm)
     random.setFromOptions()
     v.setRandom(random)
     with contextlib.suppress(PETSc.Error):
-        structure.jacobian(u, J)
-        diagonal = J.getDiagonal()
-        J.shift(SHIFT * diagonal.sum() / max(diagonal.getSize(), 1))  # a mechanism has no stiffness at all
-        ksp.setOperators(J)
-        ksp.setType("preonly")
-        ksp.getPC().setType("lu")
-        if solvers.has_package("mumps"):
-            ksp.getPC().setFactorSolverType("mumps")
-        for _ in range(STEPS):
-            v.normalize()
-            ksp.solve(v, w)
-            w.normalize()
-            v.axpy(-np.sign(v.dot(w)), w)
-            still = v.norm() <= STILL
-            w.copy(v)
-            if still:
-                break
+        structure.jacobian(u, K)
+        structure.geometric_stiffness(u, np.abs(tensions) - tensions, M)
+        M.axpy(1.0, K, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
+        if drawn:
+            still = _inverse(M, None, v)
+            if still <= SHIFT * _mean(M):
+                kind = "mechanism"
+            else:
+                both = M.copy()
+                both.axpy(1.0, K, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
+                v.setRandom(random)
+                kind = "unstable" if _inverse(both, M, v) < 1.0 else kind  # K + M has mu + 1, never negative
+        if kind == "soft":
+            _inverse(K, M, v)
         mode = structure.displacements(v) - structure.prescribed
         size = np.linalg.norm(mode, axis=1).max(initial=0.0)
-        return mode / size if np.isfinite(size) and size > 0.0 else None
-    return None
+        return (mode / size if np.isfinite(size) and size > 0.0 else None), kind
+    return None, kind
+
+
+def _mean(A):
+    """Return the mean of a diagonal; collective."""
+    diagonal = A.getDiagonal()
+    return diagonal.sum() / max(diagonal.getSize(), 1)
+
+
+def _inverse(A, B, v):
+    """Find the least mu in A v = mu B v, without B in A v = mu v, by inverse iteration from v; collective."""
+    ksp, shifted, b, w = PETSc.KSP().create(A.getComm()), A.copy(), v.duplicate(), v.duplicate()
+    shifted.shift(SHIFT * _mean(A))  # a mechanism has no stiffness at all
+    ksp.setOperators(shifted)
+    ksp.setType("preonly")
+    ksp.getPC().setType("lu")
+    if solvers.has_package("mumps"):
+        ksp.getPC().setFactorSolverType("mumps")
+    for _ in range(STEPS):
+        v.normalize()
+        v.copy(b) if B is None else B.mult(v, b)
+        ksp.solve(b, w)
+        w.normalize()
+        v.axpy(-np.sign(v.dot(w)), w)
+        still = v.norm() <= STILL
+        w.copy(v)
+        if still:
+            break
+    A.mult(v, w)
+    energy = w.dot(v)
+    v.copy(b) if B is None else B.mult(v, b)
+    return energy / b.dot(v)
 
 
 def moving(mode: np.ndarray) -> np.ndarray:

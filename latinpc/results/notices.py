@@ -5,8 +5,8 @@ from __future__ import annotations
 import contextlib
 import inspect
 import warnings
-from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from petsc4py import PETSc
@@ -15,7 +15,6 @@ from latinpc import accuracy, solvers
 from latinpc.laws import Law
 from latinpc.library import _latin
 
-from .limit import moving
 from .units import quantity
 
 if TYPE_CHECKING:
@@ -40,6 +39,12 @@ UNBALANCED = 1e-2  # of the loads: what a solve may leave by default (-snes_lati
 TURNED, MOVED = 5.0, 0.1  # degrees, part of the size of the structure: the most that small displacements are taken for
 CONTRAST = 1e10  # of stiffnesses: beyond it fewer than six digits are left of the softest links beside the stiffest
 _NAMED = 5
+_DRAWN = {
+    "mechanism": "the structure as drawn is a mechanism that no prestress holds: prescribe more displacements or add"
+    " links",
+    "unstable": "the structure as drawn is unstable: its prestress makes it buckle",
+    "soft": "the structure buckles under less than 1 % of the loads",
+}
 DTOL = PETSc.SNES.ConvergedReason.DIVERGED_DTOL
 
 
@@ -88,8 +93,9 @@ def causes(snes: PETSc.SNES, structure: Structure, past: dict) -> list[str]:
 def _no_equilibrium(snes, structure):
     (jammed, links), (unsupported, nodes, distance) = _latin.jammed_links(snes), _latin.unsupported_nodes(snes)
     named = structure.node_names(nodes, unsupported > len(nodes))
-    if structure.geometry == "large":
-        return _buckled(snes, named) if snes.getConvergedReason() == DTOL else []
+    if structure.geometry == "large":  # where not all of the loads are borne `limit` says so
+        ends = snes.getConvergedReason() == DTOL and solvers.path(snes)["borne"] == 1.0
+        return ["no equilibrium: the lengths of inextensible cables are incompatible"] if ends else []
     if jammed:
         rigid = structure.link_names(links, jammed > len(links))
         return [f"no equilibrium: the gaps of the rigid links {rigid} are incompatible"]
@@ -114,17 +120,6 @@ def _contrast(structure):
         else "as large as those of the softest"
     )
     return [f"stiffnesses differ by a factor of {contrast:.0e}: rounding of the forces of the stiffest links is {left}"]
-
-
-def _buckled(snes, nodes):
-    borne = solvers.path(snes)["borne"]
-    if borne == 1.0:
-        return ["no equilibrium: the lengths of inextensible cables are incompatible"]
-    if borne > 0.0:
-        return []  # `limit` has the loads
-    if not nodes:
-        return ["no stable equilibrium has been found"]
-    return [f"the structure as drawn is unstable, or buckles under 1 % of the loads; nodes that move: {nodes}"]
 
 
 def duplicates(structure: Structure) -> list[str]:
@@ -181,17 +176,28 @@ def turned(result: Result) -> list[str]:
     ]
 
 
-def limit(result: Result) -> list[str]:
-    """Return a sentence where a path of equilibria ends before the loads; not collective."""
-    factor = result.report.get("load_factor")
-    if result.report["reason"] != "DIVERGED_DTOL" or not factor or factor >= 1.0:
+def limit(structure: Structure, report: Mapping[str, Any], nodes: Sequence[int], kind: str) -> list[str]:
+    """Return a sentence where a path of equilibria ends before the loads; not collective.
+
+    Parameters
+    ----------
+    structure : Structure
+    report : mapping
+        Of its solve: ``reason``, and ``load_factor`` if there is one.
+    nodes : sequence of int
+        That move most; none where that is not known.
+    kind : {"mechanism", "unstable", "soft"}
+        Of their motion, as `latinpc.results.limit.softest` says.
+    """
+    factor = report.get("load_factor")
+    if report["reason"] != "DIVERGED_DTOL" or factor is None or factor >= 1.0:
         return []
+    named = structure.node_names(nodes[:_NAMED], len(nodes) > _NAMED)
+    if not factor:
+        return [f"{_DRAWN[kind]}; nodes that move: {named}" if named else "no stable equilibrium has been found"]
     text = f"no stable equilibrium follows that of {factor:.4g} of the loads: the structure buckles, or snaps through"
-    if result.mode is None:
-        return [f"{text}. Displacements are those of this part of the loads"]
-    nodes = moving(result.mode)
-    named = result.structure.node_names(nodes[:_NAMED], len(nodes) > _NAMED)
-    return [f"{text}. Displacements are those of this part of the loads; nodes that move most in its mode: {named}"]
+    moved = f"; nodes that move most in its mode: {named}" if named else ""
+    return [f"{text}. Displacements are those of this part of the loads{moved}"]
 
 
 def magnitudes(result: Result) -> list[str]:

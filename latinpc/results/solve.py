@@ -13,7 +13,7 @@ from latinpc.laws import UNILATERAL
 from latinpc.library import _latin
 from latinpc.options import default_options, given_options, preset_options, unknown_options
 
-from .limit import borne, softest
+from .limit import borne, moving, softest
 from .notices import ConvergenceWarning, SolveError, causes, limit, magnitudes, turned, warn
 from .report import DECOMPOSITION, plain, problem, snes_reason
 from .result import Result
@@ -174,13 +174,14 @@ def gather(
     tensions = solvers.tensions(snes)
     past = {key: np.array(values) for key, values in solvers.history(snes).items()} if is_latin else {}
     statistics = solvers.statistics(core) if core is not None else {}
+    mode, kind = softest(structure, u, tensions, factor == 0.0) if ends else (None, "soft")
     result = Result(
         structure=structure,
         displacements=structure.displacements(u),
         tensions=tensions,
         load=structure.load,
         report={},
-        mode=softest(structure, u) if ends else None,
+        mode=mode,
         subdomain=solvers.subdomain_of_links(core) if core is not None else structure.subdomain,
         node_class=solvers.node_classes(core) if core is not None else None,
         history=past,
@@ -194,7 +195,7 @@ def gather(
         "unbalanced_node": int(unbalance.argmax()),
     }
     result.report.update(plain(report | ({} if factor is None else {"load_factor": part * factor})))
-    result.notices += [*turned(result), *limit(result)]
+    result.notices += [*turned(result), *limit(structure, result.report, [] if mode is None else moving(mode), kind)]
     if ends:
         structure.set_load(load)
     r.destroy()

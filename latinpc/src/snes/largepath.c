@@ -368,7 +368,7 @@ static PetscErrorCode LatinPathReached_Private(LatinPath *path)
   PetscFunctionReturn(0);
 }
 
-/* No further equilibrium follows path->u: the mode that buckles is the softest one there. Collective on snes */
+/* No further equilibrium follows path->u: what moves on is named. Collective on snes */
 static PetscErrorCode LatinPathLimit_Private(SNES snes, const LatinPath *path)
 {
   SNES_Latin *data = (SNES_Latin *)snes->data;
@@ -377,7 +377,7 @@ static PetscErrorCode LatinPathLimit_Private(SNES snes, const LatinPath *path)
   PetscCall(PetscInfo(snes, "No equilibrium follows that of %g of the path: it is a limit point, or unstable\n", (double)data->large.reached));
   data->next = LATIN_NEXT_DIVERGED;
   PetscCall(LatinPathForces_Private(path->step));
-  PetscCall(SNESLatinLargeMode_Private(snes, path->u, path->step));
+  PetscCall(LatinPathMode_Private(snes, path->u, path->step));
   PetscCall(LatinEquilibriumMoved_Private(data->large.frame->turns, path->step, &data->found));
   PetscFunctionReturn(0);
 }

@@ -138,8 +138,8 @@ PetscErrorCode SNESLatinGetPath(SNES snes, PetscInt *renewals, PetscReal *borne)
   Level: intermediate
 
   Note:
-  With large displacements they are those that move most in the softest mode of the last stable equilibrium: the structure buckles
-  there, or snaps through. Nodes on their way to a support take long where their loads are small beside the stiffness of slack links, or beside the
+  With large displacements they are those that move most in the mode by which the last stable equilibrium buckles, or snaps
+  through; none where the structure as drawn is not stable. Nodes on their way to a support take long where their loads are small beside the stiffness of slack links, or beside the
   search parameter of rigid ones.
 
 .seealso: `SNESLatinGetHistory()`, `SNESLatinGetJammedLinks()`

@@ -275,6 +275,7 @@ PETSC_INTERN PetscErrorCode SNESLatinLargeFrom_Private(SNES, Vec u, PetscBool ne
 #define LATIN_PATH_FAR 2.0 /* times the displacements by the tangent stiffness at the start: the limit of a fold, where force is a parabola of displacement */
 PETSC_INTERN PetscErrorCode LatinPathNodes_Private(LatinStructure, Vec moved, Vec other, Vec middle, PetscReal little, PetscBool *within);
 PETSC_INTERN PetscErrorCode LatinPathBetween_Private(LatinStructure, Vec mean, Vec ahead, Vec back, PetscReal little, PetscBool *within);
+PETSC_INTERN PetscErrorCode LatinPathMode_Private(SNES, Vec u, Vec mode); /* snes/largemode.c */
 PETSC_INTERN PetscErrorCode SNESLatinLargeRigid_Private(SNES);
 PETSC_INTERN PetscErrorCode SNESLatinLargeInterior_Private(SNES, PetscReal tension[], PetscBool *done);
 PETSC_INTERN PetscErrorCode SNESLatinLargeRenew_Private(SNES, LatinFrameType);

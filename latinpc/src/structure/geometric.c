@@ -1,30 +1,6 @@
-#include "structure/structureimpl.h"
+#include "structure/turned.h"
 
 /* Linear buckling: how tensions grow with displacements, and the stiffness that they give links against being turned. */
-
-/* Link l of a structure whose links turn, at the displacements a of the vertices: direction n, length, strain; 0 for a link of no length */
-static PetscReal LatinGeometricLink(LatinStructure structure, PetscInt l, const PetscScalar a[], PetscReal n[], PetscReal *x)
-{
-  const PetscInt     dim = structure->dim;
-  const PetscReal   *r0  = structure->span + dim * l;
-  const PetscBool    far = (PetscBool)(structure->geometry == LATIN_GEOMETRY_LARGE);
-  const PetscScalar *ua = a + dim * structure->ends[2 * l], *ub = a + dim * structure->ends[2 * l + 1];
-  PetscReal          length = 0.0, size = 0.0, stretch = 0.0;
-
-  for (PetscInt c = 0; c < dim; c++) {
-    const PetscReal d = PetscRealPart(ub[c] - ua[c]);
-
-    n[c] = far ? r0[c] + d : r0[c];
-    length += PetscSqr(r0[c]);
-    size += PetscSqr(n[c]);
-    stretch += (far ? 2.0 * r0[c] + d : r0[c]) * d;
-  }
-  length = PetscSqrtReal(length);
-  size   = PetscSqrtReal(size);
-  *x     = stretch / (far ? size + length : length) + structure->e0[l];
-  for (PetscInt c = 0; c < dim && size > 0.0; c++) n[c] /= size;
-  return size;
-}
 
 /* Only where links turn. Collective on structure */
 static PetscErrorCode LatinGeometricCheck_Private(LatinStructure structure)
@@ -53,16 +29,17 @@ static PetscErrorCode LatinStructureComputeGeometricStiffness_Private(LatinStruc
   PetscCall(LatinStructureGetLocal_Private(structure, structure->vertex_prescribed, u, local));
   PetscCall(VecGetArrayRead(local, &a));
   for (PetscInt l = 0; l < structure->links_local; l++) {
-    PetscReal   r[3], x, size = LatinGeometricLink(structure, l, a, r, &x);
     PetscInt    row[6];
     PetscScalar block[36];
+    LatinTurned link;
 
-    if (!(size > 0.0)) continue; /* as the tangent has it */
+    LatinTurnedLink(structure, NULL, l, a, &link);
+    if (!(link.size > 0.0)) continue; /* as the tangent has it: its ends meet, or it keeps its direction */
     for (PetscInt i = 0; i < n; i++) row[i] = dim * structure->ends[2 * l + i / dim] + i % dim;
     for (PetscInt i = 0; i < n * n; i++) {
       const PetscInt p = i / n % dim, q = i % n % dim;
 
-      block[i] = (i / n / dim == i % n / dim ? 1.0 : -1.0) * tension[l] / size * ((p == q ? 1.0 : 0.0) - r[p] * r[q]);
+      block[i] = (i / n / dim == i % n / dim ? 1.0 : -1.0) * tension[l] / link.size * ((p == q ? 1.0 : 0.0) - link.n[p] * link.n[q]);
     }
     PetscCall(MatSetValuesLocal(G, n, row, n, row, block, ADD_VALUES));
   }
@@ -104,6 +81,34 @@ PetscErrorCode LatinStructureComputeGeometricStiffness(LatinStructure structure,
   PetscFunctionReturn(0);
 }
 
+/* The forces f = G- v, G- the geometric stiffness of the compressions at u, their sign turned. Collective on structure */
+PetscErrorCode LatinTurningPressed_Private(LatinStructure structure, Vec u, Vec v, Vec f)
+{
+  const PetscInt     dim = structure->dim;
+  const PetscScalar *a, *b;
+  PetscReal         *across;
+  Vec                at, along;
+
+  PetscFunctionBegin;
+  PetscCall(DMGetWorkArray(structure->dm, dim * structure->links_local, MPIU_REAL, &across));
+  PetscCall(LatinTurnedOpen_Private(structure, structure->vertex_prescribed, u, &at, &a));
+  PetscCall(LatinTurnedOpen_Private(structure, NULL, v, &along, &b)); /* no change where prescribed */
+  for (PetscInt l = 0; l < structure->links_local; l++) {
+    const PetscScalar *va = b + dim * structure->ends[2 * l], *vb = b + dim * structure->ends[2 * l + 1];
+    PetscReal          stretch = 0.0;
+    LatinTurned        link;
+
+    LatinTurnedLink(structure, NULL, l, a, &link);
+    for (PetscInt c = 0; c < dim; c++) stretch += link.n[c] * PetscRealPart(vb[c] - va[c]);
+    for (PetscInt c = 0; c < dim; c++) across[dim * l + c] = PetscMax(0.0, -link.across) * (PetscRealPart(vb[c] - va[c]) - stretch * link.n[c]);
+  }
+  PetscCall(LatinTurnedClose_Private(structure, &along, &b));
+  PetscCall(LatinTurnedClose_Private(structure, &at, &a));
+  PetscCall(LatinTurningForces_Private(structure, across, v, NULL, f));
+  PetscCall(DMRestoreWorkArray(structure->dm, dim * structure->links_local, MPIU_REAL, &across));
+  PetscFunctionReturn(0);
+}
+
 static PetscErrorCode LatinStructureGetTensionRates_Private(LatinStructure structure, Vec u, Vec v, PetscReal rate[])
 {
   const PetscInt     dim = structure->dim;
@@ -120,12 +125,12 @@ static PetscErrorCode LatinStructureGetTensionRates_Private(LatinStructure struc
   PetscCall(VecGetArrayRead(along, &b));
   for (PetscInt l = 0; l < structure->links_local; l++) {
     const PetscScalar *va = b + dim * structure->ends[2 * l], *vb = b + dim * structure->ends[2 * l + 1];
-    PetscReal          n[3], x;
+    LatinTurned        link;
 
-    (void)LatinGeometricLink(structure, l, a, n, &x);
+    LatinTurnedLink(structure, NULL, l, a, &link);
     rate[l] = 0.0;
-    for (PetscInt c = 0; c < dim; c++) rate[l] += n[c] * PetscRealPart(vb[c] - va[c]);
-    rate[l] *= LatinStructureTangent(structure, l, x);
+    for (PetscInt c = 0; c < dim; c++) rate[l] += link.n[c] * PetscRealPart(vb[c] - va[c]);
+    rate[l] *= LatinStructureTangent(structure, l, link.x);
   }
   PetscCall(VecRestoreArrayRead(along, &b));
   PetscCall(VecRestoreArrayRead(at, &a));
