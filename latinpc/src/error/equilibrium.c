@@ -308,7 +308,7 @@ PetscErrorCode LatinEquilibriumMoved_Private(LatinStructure structure, Vec step,
     PetscReal size = 0.0;
 
     for (PetscInt c = 0; c < dim; c++) size = PetscMax(size, structure->fixed[dim * i + c] ? 0.0 : PetscAbsReal(move[dim * i + c]));
-    if (size < LATIN_UNHELD * most) continue;
+    if (!(size > 0.0) || size < LATIN_UNHELD * most) continue; /* a clamped node does not move, whatever `most` is */
     if (count < LATIN_LISTED) mine[count] = structure->nodes_start + i;
     count++;
   }
