@@ -435,6 +435,18 @@ OTHERS = {
     ),
     "LATIN_INTERFACE_NOISE": ("of the energy norm", "Rounding of interface data."),
     "LATIN_SAME_MATRIX": ("of a product", "Two products with one matrix differ by rounding alone."),
+    "LATIN_SHIFT_GROWS": (
+        "ratio",
+        "Some shift is within half and twice a negative stiffness: rows of 3, 30, 300 pressed bars all show one.",
+    ),
+    "LATIN_SHIFT_MOST": (
+        "of the diagonal",
+        "Negative stiffnesses of rows of pressed bars are up to 2.3 times their diagonal, where it cancels.",
+    ),
+    "LATIN_ONLY": (
+        "steps",
+        "Of inverse iteration between neighbouring modes: of rows of 300 pressed bars 10 single out a negative one.",
+    ),
     "LATIN_SHIFT": (
         "of the diagonal",
         "Makes a matrix regular that could not be factored, to find its softest displacement.",

@@ -165,6 +165,15 @@ def system(size=None):
     return ksp, A.createVecLeft()
 
 
+def post(tension):
+    """Two bars in a line, clamped at both ends and held across by a soft one; they buckle at -50 N."""
+    fixed, load = [[1, 1], [0, 0], [1, 1], [1, 1]], [[0, 0], [1, 0], [0, 0], [0, 0]]
+    return latinpc.Structure(
+        [[0, 0], [0, 1], [0, 2], [1, 1]], [[0, 1], [1, 2], [1, 3]], "bar", [1e6, 1e6, 100.0], fixed=fixed,
+        prestress=[tension, tension, 0.0], load=load, geometry="prestress",
+    )  # fmt: skip
+
+
 MECHANISM = r"The structure has a mechanism: .* Nodes that move \(counted from 0\): "
 TOO_EARLY = r"The decomposition does not exist yet: call SNESSetUp\(\) or PCSetUp\(\) first"
 FOREIGN = r"The vector has \d entries on a rank where the structure has \d free degrees of freedom"
@@ -184,6 +193,10 @@ CASES = {
     "mechanism_by_rounding": (
         r"or only such links as rounding hides: .* factor of 1e\+15 \(from 1e-11 to 10000\.\)",
         lambda: solve(held_softly()),
+    ),
+    "buckles_under_prestress": (
+        r"^The structure as drawn is unstable: its prestress makes it buckle\. Nodes that move .*: 1\. Change",
+        lambda: solve(post(-60.0)),
     ),
     "mechanism_between": (MECHANISM + r"4, 5\.", lambda: solve(hinged_plates())),
     # options

@@ -153,3 +153,43 @@ def test_a_mechanism_with_large_displacements_is_called_one():
     cure = "prescribe more displacements or add links; nodes that move: "
     with pytest.warns(latinpc.LatinWarning, match=f"is a mechanism that no prestress holds: {cure}2, 3$"):
         latinpc.Structure(**portal, load=load).solve()
+
+
+@pytest.mark.parametrize("tension", [100.0, -100.0, 0.0])
+def test_a_self_stress_elsewhere_gives_no_hint(tension):
+    """A hanging bar without tension beside a braced square: prestress cannot hold it, whatever its sign."""
+    nodes = [[0, 0], [1, 0], [1, 1], [0, 1], [3, 0], [3, -1]]
+    links = [[0, 1], [1, 2], [2, 3], [3, 0], [0, 2], [1, 3], [4, 5]]
+    fixed = [[1, 1], [0, 1], [0, 0], [0, 0], [1, 1], [0, 0]]
+    prestress = tension * np.array([1, 1, 1, 1, -np.sqrt(2), -np.sqrt(2), 0])
+    load = np.zeros((6, 2)) + [0, -1]
+    square = latinpc.Structure(nodes, links, "bar", 1e6, prestress=prestress, fixed=fixed, load=load)
+    with pytest.raises(latinpc.SolveError, match=r"mechanism.*: 5\. Prescribe more displacements or add links$"):
+        square.solve()
+
+
+@pytest.mark.parametrize("subdomains", [1, 4])
+@pytest.mark.parametrize("count", [3, 30])
+def test_a_row_that_prestress_buckles_is_no_mechanism(count, subdomains):
+    """A row of bars, each node held across by a soft one: stable just below the critical prestress, refused beyond."""
+    ends = np.arange(count + 2)
+    inner = ends[1:-1]
+    nodes = np.vstack([np.column_stack([ends, 0 * ends]), np.column_stack([inner, 0 * inner - 1])]).astype(float)
+    links = np.vstack([np.column_stack([ends[:-1], ends[1:]]), np.column_stack([inner, count + 1 + inner])])
+    fixed = np.ones(nodes.shape, bool)
+    fixed[inner] = False
+    load = np.where(fixed, 0.0, [0.0, -1.0])
+    along = np.arange(len(links)) <= count
+    stiffness = np.where(along, 1e6, 400.0)
+    critical = 200.0 / (1.0 + np.cos(np.pi / (count + 1)))
+    for part, stable in ((0.99, True), (1.01, False), (10.0, False)):
+        row = latinpc.Structure(
+            nodes, links, "bar", stiffness, fixed=fixed, load=load, prestress=np.where(along, -part * critical, 0.0),
+            geometry="prestress",
+        )  # fmt: skip
+        options = {"snes_latin_subdomains": subdomains}
+        if stable:
+            assert row.solve(options=options).converged
+            continue
+        with pytest.raises(latinpc.SolveError, match="as drawn is unstable: its prestress makes it buckle"):
+            row.solve(options=options)

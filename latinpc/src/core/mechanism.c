@@ -1,7 +1,7 @@
 #include "core/latinimpl.h"
 
 /*
-   What a factorisation that fails says of the structure: a displacement changes the length of no link, a mechanism. A
+   What a factorisation that fails says of the structure: a displacement changes the length of no link, a mechanism; or prestress makes it buckle. A
    subdomain's matrix has springs on its interfaces and its primal dofs held, so it is singular only when the structure
    has a mechanism inside that subdomain; the coarse matrix is singular when the structure has one that reaches the
    interfaces.
@@ -41,15 +41,18 @@ static PetscErrorCode LatinMechanismField_Private(Latin latin, Vec v, const Lati
         for (PetscInt r = 0; r < Phi->rows; r++) field[bs * sub->node_offset[s] + (Phi->some ? Phi->row[r] : r)] += Phi->a[r + (size_t)Phi->rows * (size_t)k] * u[k];
     }
   }
+  for (PetscInt i = 0; i < bs * sub->copies; i++)
+    if (sub->fixed[i]) field[i] = 0.0; /* rows of their own, without links */
   PetscFunctionReturn(0);
 }
 
-/* Do the tensions of the drawn configuration resist a mechanism that turns links? field: NULL on ranks that have none; without one on any rank, !found: is there a tension? Collective on latin */
-static PetscErrorCode LatinMechanismHeld_Private(Latin latin, const PetscReal field[], PetscBool found, PetscBool *held)
+/* Do the tensions of the drawn configuration resist a mechanism that turns links? field: NULL on ranks that have none; `largest` displacement of it, 0 where there is none on any rank: is there a tension? Collective on latin */
+static PetscErrorCode LatinMechanismHeld_Private(Latin latin, const PetscReal field[], PetscReal largest, PetscBool *held)
 {
-  const LatinSubdomains *sub  = &latin->sub;
-  const PetscInt         dim  = sub->dim;
-  PetscReal              work = 0.0; /* where no field has been found any tension will do: it is only a hint */
+  const LatinSubdomains *sub     = &latin->sub;
+  const PetscInt         dim     = sub->dim;
+  const PetscBool        found   = (PetscBool)(largest > 0.0);
+  PetscReal              work[2] = {0.0, 0.0}; /* and its rounding; where no field has been found any tension will do: it is only a hint */
 
   PetscFunctionBegin;
   for (PetscInt l = 0; l < sub->links; l++) {
@@ -63,10 +66,32 @@ static PetscErrorCode LatinMechanismHeld_Private(Latin latin, const PetscReal fi
       length += PetscSqr(sub->x[b] - sub->x[a]);
       if (found && field) across += PetscSqr(field[b] - field[a]);
     }
-    if (length > 0.0) work += tension / PetscSqrtReal(length) * across;
+    if (!(length > 0.0)) continue;
+    work[0] += tension / PetscSqrtReal(length) * across;
+    work[1] += PETSC_SQRT_MACHINE_EPSILON * PetscAbsReal(tension) / PetscSqrtReal(length) * (found ? PetscSqr(largest) : 0.0); /* links that a field leaves in their places turn by its rounding */
   }
-  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &work, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)latin)));
-  *held = (PetscBool)(work > 0.0);
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, work, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)latin)));
+  *held = (PetscBool)(work[0] > work[1]);
+  PetscFunctionReturn(0);
+}
+
+/* Does compression in links that turn drive the field, or is it at least no mechanism while some links are in compression? Of a frame (structure/frame.c). field: NULL on ranks that have none. Collective on latin */
+static PetscErrorCode LatinMechanismDriven_Private(Latin latin, const PetscReal field[], PetscReal largest, PetscBool *driven)
+{
+  const LatinSubdomains *sub     = &latin->sub;
+  PetscReal              work[4] = {0.0, 0.0, 0.0, 0.0}; /* of all links, and of those in compression; rounding of both */
+
+  PetscFunctionBegin;
+  for (PetscInt l = 0; l < sub->links && field; l++) {
+    const PetscReal e = LatinElongation(sub, sub->dim, l, field), k = sub->stiffness[l];
+
+    work[0] += k * e * e;
+    work[1] += PetscMax(0.0, -k) * e * e;
+    work[2] += PETSC_SQRT_MACHINE_EPSILON * PetscAbsReal(k) * PetscSqr(largest);
+    work[3] += PETSC_SQRT_MACHINE_EPSILON * PetscMax(0.0, -k) * PetscSqr(largest);
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, work, 4, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)latin)));
+  *driven = (PetscBool)(work[1] > work[3] && (work[0] < 0.0 || work[0] > work[2]));
   PetscFunctionReturn(0);
 }
 
@@ -77,7 +102,7 @@ static PetscErrorCode LatinMechanismReport_Private(Latin latin, const PetscReal 
   PetscReal             *size = NULL, largest = 0.0, least = 1.0, most = 1.0;
   char                   names[256] = "", doubt[256]   = "";
   PetscInt               list[LATIN_MOVED_MOST], named = 0, dim = 0, nodes = 0, free = 0;
-  PetscBool              held = PETSC_FALSE;
+  PetscBool              held = PETSC_FALSE, driven = PETSC_FALSE;
   size_t                 used = 0;
 
   PetscFunctionBegin;
@@ -86,7 +111,8 @@ static PetscErrorCode LatinMechanismReport_Private(Latin latin, const PetscReal 
     if (!sub->fixed[i] && !PetscIsInfOrNanReal(field[i])) size[i / sub->bs] = PetscMax(size[i / sub->bs], PetscAbsReal(field[i]));
   for (PetscInt i = 0; field && i < sub->copies; i++) largest = PetscMax(largest, size[i]);
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &largest, 1, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)latin)));
-  if (sub->structure && !sub->structure->turns) PetscCall(LatinMechanismHeld_Private(latin, field, (PetscBool)(largest > 0.0), &held));
+  if (sub->structure && !sub->structure->turns) PetscCall(LatinMechanismHeld_Private(latin, field, largest, &held));
+  if (sub->structure && sub->structure->turns) PetscCall(LatinMechanismDriven_Private(latin, field, largest, &driven));
   for (PetscInt i = 0; field && i < sub->copies && named < LATIN_MOVED_MOST; i++)
     if (size[i] >= LATIN_MOVED_PART * largest && size[i] > 0.0) list[named++] = sub->node[i];
   PetscCall(PetscFree(size));
@@ -102,12 +128,16 @@ static PetscErrorCode LatinMechanismReport_Private(Latin latin, const PetscReal 
   if (LATIN_MECHANISM * most > LATIN_DOUBT * least) PetscCall(PetscSNPrintf(doubt, sizeof(doubt), ", or only such links as rounding hides: stiffnesses differ by a factor of %.0e (from %g to %g)", (double)(most / least), (double)least, (double)most));
   /* where no field has been found all ranks say the same without names */
   LatinAgree(PetscObjectComm((PetscObject)latin), named || largest == 0.0, PETSC_ERR_MAT_CH_ZRPVT, "%s%s%s%s%s. %s",
-             sub->matrix ? "The matrix is singular, or not positive definite" : "The structure has a mechanism: it can move without any link changing its length", doubt,
+             sub->matrix ? "The matrix is singular, or not positive definite"
+             : driven    ? "The structure as drawn is unstable: its prestress makes it buckle"
+                         : "The structure has a mechanism: it can move without any link changing its length",
+             driven ? "" : doubt,
              !named        ? ""
              : sub->matrix ? ". Unknowns of the field that shows it: "
                            : ". Nodes that move (counted from 0): ",
              names, named > 8 ? " and others" : "",
              sub->matrix ? "Prescribe more unknowns, or give the kernel with MatSetNullSpace()"
+             : driven    ? "Change the prestress, prescribe more displacements, or add links"
              : held      ? "If its prestress is to hold it, take the geometry prestress or large (-snes_latin_geometry); else prescribe more displacements, or add links"
                          : "Prescribe more displacements or add links");
   PetscFunctionReturn(0);

@@ -5,10 +5,13 @@
    costs nothing, is found whether it stops the factorisation or only shows in the factor.
 */
 
-#define LATIN_SHIFT     LatinByPrecision(1e-8, 1e-4) /* of the diagonal: makes a matrix regular that could not be factored */
-#define LATIN_FIRM      1e6                          /* times LATIN_MECHANISM: one step of inverse iteration leaves no less where there is no mechanism */
-#define LATIN_ROOM      100                          /* work space of MUMPS beyond its own estimate, in percent */
-#define LATIN_ROOM_MOST 6400                         /* percent, after three fourfold increases: where it gives up */
+#define LATIN_SHIFT       LatinByPrecision(1e-8, 1e-4) /* of the diagonal: makes a matrix regular that could not be factored */
+#define LATIN_SHIFT_GROWS 4.0                          /* the next one, where that shows no displacement without stiffness, or of negative stiffness */
+#define LATIN_SHIFT_MOST  10.0                         /* of the diagonal, which is less than a negative stiffness where it cancels */
+#define LATIN_ONLY        10                           /* steps of inverse iteration that single out one displacement */
+#define LATIN_FIRM        1e6                          /* times LATIN_MECHANISM: one step of inverse iteration leaves no less where there is no mechanism */
+#define LATIN_ROOM        100                          /* work space of MUMPS beyond its own estimate, in percent */
+#define LATIN_ROOM_MOST   6400                         /* percent, after three fourfold increases: where it gives up */
 
 /* The first package with a Cholesky factorisation of A: the preferred one, or another (NULL: none) */
 PetscErrorCode LatinDirectSolverAvailable_Private(Mat A, MatSolverType preferred, MatSolverType *package, PetscBool *found)
@@ -83,10 +86,10 @@ static PetscErrorCode LatinAnyVector_Private(Vec v)
 }
 
 /*
-   Inverse iteration for the softest displacement of A relative to `whole`, or (NULL) to its diagonal, by solves with ksp.
+   Inverse iteration for the softest displacement of A relative to `whole`, or (NULL) to its diagonal, by at most `steps` solves with ksp, and none once it is as stiff as `firm`.
    Returns its relative stiffness and leaves the displacement in v. Collective on A.
 */
-static PetscErrorCode LatinSoftest_Private(KSP ksp, Mat A, Vec whole, Vec v, PetscReal *stiffness)
+static PetscErrorCode LatinSoftest_Private(KSP ksp, Mat A, Vec whole, PetscInt steps, PetscReal firm, Vec v, PetscReal *stiffness)
 {
   Vec         d, b;
   PetscScalar top, bottom;
@@ -102,7 +105,7 @@ static PetscErrorCode LatinSoftest_Private(KSP ksp, Mat A, Vec whole, Vec v, Pet
   PetscCall(VecPointwiseDivide(v, v, d));
   PetscCall(VecPointwiseMult(d, d, d));
   *stiffness = 0.0;
-  for (PetscInt k = 0; k < 3 && *stiffness < LATIN_FIRM * LATIN_MECHANISM; k++) {
+  for (PetscInt k = 0; k < steps && *stiffness < firm; k++) {
     PetscCall(VecPointwiseMult(b, d, v));
     PetscCall(VecDot(b, v, &top));
     if (!(top > 0.0)) *stiffness = 1.0;
@@ -120,14 +123,14 @@ static PetscErrorCode LatinSoftest_Private(KSP ksp, Mat A, Vec whole, Vec v, Pet
   PetscFunctionReturn(0);
 }
 
-/* A slightly stiffened copy of a matrix that could not be factored, with the kept rows held, to find the displacement that costs nothing */
-static PetscErrorCode LatinSoftestShifted_Private(Mat A, IS kept, Vec v)
+/* The displacement v whose stiffness relative to the diagonal is next to -shift, by a copy of A that is stiffer by it, with the kept rows held; its stiffness in the copy. Collective on A */
+static PetscErrorCode LatinSoftestShifted_Private(Mat A, IS kept, PetscReal shift, Vec v, PetscReal *stiffness)
 {
   Mat          shifted;
   Vec          d;
   KSP          ksp;
   PC           pc;
-  PetscReal    stiffness, largest;
+  PetscReal    largest;
   PetscScalar *a;
   PetscInt     n;
   PetscBool    found, other;
@@ -147,8 +150,9 @@ static PetscErrorCode LatinSoftestShifted_Private(Mat A, IS kept, Vec v)
   for (PetscInt i = 0; i < n; i++)
     if (a[i] == 0.0) a[i] = largest; /* across all links of a node */
   PetscCall(VecRestoreArray(d, &a));
-  PetscCall(VecScale(d, LATIN_SHIFT));
+  PetscCall(VecScale(d, shift));
   PetscCall(MatDiagonalSet(shifted, d, ADD_VALUES));
+  PetscCall(VecScale(d, 1.0 / shift));
   PetscCall(KSPCreate(PetscObjectComm((PetscObject)A), &ksp));
   PetscCall(KSPSetOptionsPrefix(ksp, "set_up_")); /* options without prefix are for others */
   PetscCall(KSPSetType(ksp, KSPPREONLY));
@@ -160,10 +164,25 @@ static PetscErrorCode LatinSoftestShifted_Private(Mat A, IS kept, Vec v)
   if (found) PetscCall(PCFactorSetMatSolverType(pc, MATSOLVERMUMPS));
   PetscCall(MatSetOption(shifted, MAT_SPD, PETSC_FALSE));
   PetscCall(KSPSetOperators(ksp, shifted, shifted));
-  PetscCall(LatinSoftest_Private(ksp, shifted, NULL, v, &stiffness));
+  PetscCall(LatinSoftest_Private(ksp, shifted, d, LATIN_ONLY, PETSC_MAX_REAL, v, stiffness));
   PetscCall(KSPDestroy(&ksp));
   PetscCall(VecDestroy(&d));
   PetscCall(MatDestroy(&shifted));
+  PetscFunctionReturn(0);
+}
+
+/* The displacement of a matrix that could not be factored that costs nothing or, where each costs something, one of negative stiffness. Collective on A */
+static PetscErrorCode LatinSoftestFailed_Private(Mat A, IS kept, Vec v)
+{
+  PetscReal shift = LATIN_SHIFT, stiffness;
+
+  PetscFunctionBegin;
+  PetscCall(LatinSoftestShifted_Private(A, kept, shift, v, &stiffness));
+  if (stiffness < 2.0 * shift) PetscFunctionReturn(0);
+  while (shift < LATIN_SHIFT_MOST && stiffness >= shift) {
+    shift *= LATIN_SHIFT_GROWS;
+    PetscCall(LatinSoftestShifted_Private(A, kept, shift, v, &stiffness));
+  }
   PetscFunctionReturn(0);
 }
 
@@ -270,14 +289,14 @@ static PetscErrorCode LatinFactorCheck_Private(KSP ksp, Mat A, IS kept, Vec whol
 
   PetscFunctionBegin;
   PetscCall(MatCreateVecs(A, &v, NULL));
-  if (status->mechanism) PetscCall(LatinSoftestShifted_Private(A, kept, v));
+  if (status->mechanism) PetscCall(LatinSoftestFailed_Private(A, kept, v));
   else if (direct) {
     PetscCall(KSPGetPC(ksp, &pc));
     PetscCall(LatinCholeskyPrecision(pc, &precision));
     if (precision != LATIN_DOUBLE && (kept || (larger && precision <= *larger))) status->rounding = PETSC_SMALL;
     else PetscCall(LatinRounding_Private(ksp, A, kept, &status->rounding));
     if (!(status->rounding > 0.0) && !larger) {
-      PetscCall(LatinSoftest_Private(ksp, A, whole, v, &stiffness));
+      PetscCall(LatinSoftest_Private(ksp, A, whole, 3, LATIN_FIRM * LATIN_MECHANISM, v, &stiffness));
       status->softest = stiffness;
     }
   }
