@@ -40,10 +40,6 @@ LARGE = {
         "trial lengths",
         "A bound that no link meets: Newton's method takes 2 on average, 20 at most.",
     ),
-    "LATIN_LARGE_INVERSE": (
-        "solves",
-        "One leaves out a node of a column of four bars that buckles; three show all.",
-    ),
     "LATIN_TAUT_GROWS": ("ratio", "Without growth one of three nets takes twice the stages."),
     "LATIN_TAUT_SLOW": ("ratio", "With 2 a chain of 20 links takes four times the stages, with 10 a flat net fails."),
     "LATIN_TAUT_MOST": (

@@ -391,6 +391,7 @@ OTHERS = {
     "LATIN_FILE_LINKS": ("links", "Symbolic links followed from a name to its file: as many as Linux follows."),
     "LATIN_FILE_NAME": ("letters", "Of a name, in that of the file being written: 9 more stay below the limit of 255."),
     "LATIN_STATE_CHUNK": ("bytes", "Read at once for the sum of a file."),
+    "LATIN_STATE_KIND": ("numbers", "How operators have been made, and whether there is a last path."),
     "LATIN_STATE_ITEMS": ("items", "More than any rank has; an assertion counts them."),
     "LATIN_STATE_LINES": ("lines", "Members of the head, counted by the compiler."),
     "LATIN_GROUP_EDGE": (

@@ -31,7 +31,6 @@
 #define LATIN_LARGE_SLOPE   0.5  /* of the energy at the end of a step, relative to that at its start; 0.1 once it is searched for */
 #define LATIN_LARGE_PREDICT 500  /* most iterations of the linear solve that shows how far an increment of the loads moves a structure */
 #define LATIN_LARGE_SEARCH  20   /* trial lengths */
-#define LATIN_LARGE_INVERSE 3    /* solves that show the mode of a tangent stiffness that is nearly singular */
 
 /* The norm of the residual r that the linear solver has: by default sqrt(r^t K^-1 r) with K the operators of the iteration. Collective on newton */
 static PetscErrorCode LatinLargeNorm_Private(SNES newton, LatinLarge *large, Vec r, PetscReal *norm)
@@ -444,23 +443,5 @@ PetscErrorCode SNESLatinLargeCorrect_Private(SNES snes, Vec u, Vec ahead, PetscR
   PetscCall(SNESComputeFunction(snes, ahead, r));
   PetscCall(SNESLatinLargePredict_Private(snes, u, r, ahead, norm));
   PetscCall(DMRestoreGlobalVector(dm, &r));
-  PetscFunctionReturn(0);
-}
-
-/* The displacements that the tangent stiffness at u resists least, by inverse iteration from `mode`. Collective on snes */
-PetscErrorCode SNESLatinLargeMode_Private(SNES snes, Vec u, Vec mode)
-{
-  KSP ksp;
-  Vec before;
-
-  PetscFunctionBegin;
-  PetscCall(SNESLatinLargeTangent_Private(snes, u, &ksp));
-  PetscCall(VecDuplicate(u, &before));
-  for (PetscInt k = 0; k < LATIN_LARGE_INVERSE; k++) {
-    PetscCall(VecNormalize(mode, NULL));
-    PetscCall(VecCopy(mode, before));
-    PetscCall(KSPSolve(ksp, before, mode));
-  }
-  PetscCall(VecDestroy(&before));
   PetscFunctionReturn(0);
 }
