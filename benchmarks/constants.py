@@ -31,7 +31,7 @@ HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent
 RESULT, PAGE = HERE / "results" / "constants.json", HERE / "constants.md"
 FACTORS = (0.25, 0.5, 2.0, 4.0)
-LEFT_OUT = (".git", ".venv*", "build", "demo", "results", "figures", "__pycache__", "*.so", ".pytest_cache")
+LEFT_OUT = (".git", ".venv*", "build", "demo", "figures", "__pycache__", "*.so", ".pytest_cache")
 NONE = "–"
 #: A definition: what precedes the value; the value, of double precision where there are two; the rest.
 VALUE = r"(#\s*define {name}\s+(?:LatinByPrecision\()?)(\((?:[^()]|\([^()]*\))*\)|[^\s,()]+)"

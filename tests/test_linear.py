@@ -215,6 +215,20 @@ def test_solver_that_gives_up_is_reported(limit):
         assert result.reason == PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE
 
 
+def test_a_reference_of_a_long_chain():
+    """Rounding leaves 1e-8 of the loads without balance, and displacements of all digits but those of the condition."""
+    links = 20000
+    nodes = np.arange(links + 1.0)[:, None]
+    load = np.ones((links + 1, 1))
+    chain = latinpc.Structure(
+        nodes, np.column_stack([np.arange(links), np.arange(links) + 1]), "bar", 1.0, fixed=nodes == 0, load=load
+    )
+    exact = np.concatenate([[0.0], np.cumsum(np.arange(links, 0.0, -1.0))])
+    u = chain.displacements(reference_solution(chain))[:, 0]
+    assert np.linalg.norm(u - exact) < 1e-9 * np.linalg.norm(exact)
+
+
+
 # ---- rounding, inexact solvers ---------------------------------------------------------------
 def test_rounding_does_not_pile_up():
     """Each linear stage solves for a change: what the coarse operator rounds is small with the last one."""
