@@ -9,6 +9,7 @@ import pytest
 from command import latinpc as command
 from conftest import ROOT
 from test_cases import ACCURATE, row
+from test_reactions import slider
 
 from latinpc import Case
 from latinpc.runs.cases import solve_cases
@@ -58,6 +59,13 @@ def test_reactions_balance_the_loads_where_links_turn(geometry):
         applied = case.applied(scene)
         assert found.reactions[number].sum(axis=0) == pytest.approx(-applied.load.sum(axis=0), rel=1e-5)
         assert found.reactions[number] == pytest.approx(applied.solve(error=1e-9).reactions, rel=1e-4, abs=1e-2)
+
+
+def test_reactions_of_cases_with_contacts_that_keep_their_normal():
+    structure = slider(None)
+    found = solve_cases(structure, [Case("nothing"), Case("more", load=[[0, 0], [2.0, -3.0], [0, 0]])], ACCURATE)
+    assert found.reactions[:, 2] == pytest.approx(np.array([[0.0, 5.0], [0.0, 8.0]]), abs=1e-5)
+    assert found.reactions[:, 0] == pytest.approx(np.array([[-5.0, 0.0], [-7.0, 0.0]]), abs=1e-5)
 
 
 def test_reactions_of_cases_that_have_not_converged_are_in_no_envelope(tmp_path):

@@ -1,5 +1,6 @@
 """Reactions and their balance with the loads: closed forms, and invariants of random structures."""
 
+import pathlib
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +13,7 @@ from random_structures import draws
 from support import network
 
 import latinpc
-from latinpc.results.mechanics import balance, reactions
+from latinpc.results.mechanics import Turned, balance, reactions
 
 HALF = {"deadline": None, "database": None, "suppress_health_check": list(HealthCheck), "print_blob": True}
 TIGHT = {"snes_max_it": 3000, "snes_latin_balance": 1e-7}
@@ -81,6 +82,72 @@ def test_a_contact_with_friction_holds_what_slides():
     ).solve()  # fmt: skip
     assert found.converged
     assert found.reactions == pytest.approx(np.array([[-2, 10], [0, 0], [0, 0]]), abs=1e-3)
+
+
+NORMALS = {"given": [0.0, 1.0], "of the nodes": None, "across": [0.6, 0.8]}
+
+
+def slider(normal, **more):
+    """A bar that ends on a contact with a support below, and slides along it by half its height."""
+    return latinpc.Structure(
+        [[0, 0], [1, 0], [1, -1]], [[0, 1], [2, 1]], ["bar", "contact"], [10.0, 0.0],
+        direction=None if normal is None else [[0, 0], normal], fixed=[[1, 1], [0, 0], [1, 1]],
+        load=[[0, 0], [5.0, -5.0], [0, 0]], geometry="large", **more,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("normal", NORMALS.values(), ids=NORMALS)
+def test_contacts_keep_their_normal_where_links_turn(normal):
+    """The support bears along the normal, whatever the line to the node does; forces and couples balance."""
+    found = slider(normal, comm=PETSc.COMM_SELF).solve(error=1e-10)
+    n = np.array(NORMALS["given"] if normal is None else normal)
+    assert np.linalg.norm(found.displacements[1]) > 0.4
+    assert found.reactions[2] == pytest.approx(-found.tensions[1] * n, abs=1e-8)
+    assert found.reactions.sum(axis=0) == pytest.approx([-5.0, 5.0], abs=1e-7)
+    assert found.balance.force < 1e-8 and found.balance.moment < 1e-8
+    assert not found.notices
+    if n[1] == 1.0:  # as with small displacements: the bar does not leave its line
+        assert found.reactions[2] == pytest.approx([0.0, 5.0], abs=1e-8)
+
+
+def test_a_contact_whose_nodes_meet():
+    """A displacement that leaves no line between them: the contact's own direction, and no line to make a couple."""
+    structure, moved = slider(None, comm=PETSc.COMM_SELF), np.array([[0.0, 0.0], [0.0, -1.0], [0.0, 0.0]])
+    turned, tensions = Turned(structure, moved), np.array([0.0, -5.0])
+    found = reactions(turned, tensions, np.array([[0.0, 0.0], [0.0, -5.0], [0.0, 0.0]]))
+    assert found[2] == pytest.approx([0.0, 5.0])
+    assert balance(turned, tensions, found, np.array([[0.0, 0.0], [0.0, -5.0], [0.0, 0.0]])).moment < 1e-15
+
+
+RANKS = """
+import sys
+import numpy as np
+import petsc4py
+petsc4py.init(["p", "-skip_petscrc"])
+from petsc4py import PETSc
+import latinpc
+from latinpc.arrays import block
+from test_reactions import NORMALS, slider
+comm = PETSc.COMM_WORLD.tompi4py()
+for normal in NORMALS.values():
+    whole = slider(normal)
+    nodes = slice(*block(3, comm.rank, comm.size))
+    links = [link for link in range(2) if link % comm.size == comm.rank]
+    own = latinpc.LocalStructure(
+        whole.nodes[nodes], whole.links[links], whole.law[links], whole.stiffness[links], fixed=whole.fixed[nodes],
+        load=whole.load[nodes], direction=None if normal is None else whole.direction[links], geometry="large",
+    )
+    for found in (whole.solve(error=1e-9), own.solve(error=1e-9).gather()):
+        assert found.balance.force < 1e-7 and found.balance.moment < 1e-7, (normal, found.balance)
+        n = np.array([0.0, 1.0] if normal is None else normal)
+        np.testing.assert_allclose(found.reactions[2], -found.tensions[1] * n, atol=1e-7)
+"""
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_contacts_keep_their_normal_on_ranks(mpirun, ranks):
+    """The whole structure on every rank, and a part on each, gathered."""
+    mpirun(ranks, f"import sys\nsys.path.insert(0, {str(pathlib.Path(__file__).parent)!r})\n{RANKS}")
 
 
 # ---- invariants ------------------------------------------------------------------------------

@@ -109,7 +109,28 @@ def _left(scene, tensions, load):
     return forces - (scene.load if load is None else load)
 
 
+OWN = 1e-8  # a direction that differs so much from that of the nodes is one of its own: LATIN_TURNING_OWN
 ROUNDING = 1e-10  # of the largest stiffness times the largest elongation that is given: forces that are none
+
+
+def keeps_direction(scene):
+    """Return which links keep their direction where displacements are large, (m,) of bool.
+
+    Those are contacts, which keep their normal, and links of a direction other than that of their nodes, as
+    `LatinStructureSetGeometry()` has it.
+    """
+    keeps = np.asarray(scene.law) == Law.CONTACT
+    if scene.direction is None:
+        return keeps
+    lines = np.diff(scene.nodes[scene.links], axis=1)[:, 0]
+    apart = np.abs(_units(lines) - scene.directions).max(axis=1)
+    return keeps | (scene.direction.any(axis=1) & (apart > OWN))
+
+
+def _units(vectors):
+    """Return unit vectors, zero of vectors without length."""
+    lengths = np.linalg.norm(vectors, axis=1)[:, None]
+    return vectors / np.where(lengths > 0.0, lengths, 1.0)
 
 
 class Turned:
@@ -118,20 +139,21 @@ class Turned:
     Parameters
     ----------
     structure : Scene or Structure
-        Whose links have the direction of their nodes.
+        Whose links have the direction of their nodes, but for those of `keeps_direction`.
     displacements : (n, dim) array
         In m.
     """
-
-    direction = None
 
     def __init__(self, structure, displacements):
         self.nodes, self.links = structure.nodes + displacements, structure.links
         self.fixed, self.load, self.dim = structure.fixed, structure.load, self.nodes.shape[1]
         self.prescribed = structure.prescribed
         self.stiffness, self.initial_elongation = structure.stiffness, structure.initial_elongation
-        vectors = np.diff(self.nodes[self.links], axis=1)[:, 0]
-        self.directions = vectors / np.linalg.norm(vectors, axis=1)[:, None]
+        self.directions, self.direction = _units(np.diff(self.nodes[self.links], axis=1)[:, 0]), None
+        keeps = keeps_direction(structure)
+        if keeps.any():  # their forces are across the displaced line, and make couples
+            self.directions[keeps] = structure.directions[keeps]
+            self.direction = np.where(keeps[:, None], self.directions, 0.0)
 
 
 class Leaning:
