@@ -3,6 +3,7 @@
 import pathlib
 from dataclasses import replace
 
+import meshio
 import numpy as np
 import oracle
 import pytest
@@ -117,6 +118,15 @@ def test_a_contact_whose_nodes_meet():
     found = reactions(turned, tensions, np.array([[0.0, 0.0], [0.0, -5.0], [0.0, 0.0]]))
     assert found[2] == pytest.approx([0.0, 5.0])
     assert balance(turned, tensions, found, np.array([[0.0, 0.0], [0.0, -5.0], [0.0, 0.0]])).moment < 1e-15
+
+
+def test_elongations_of_links_that_turn(tmp_path):
+    """Tensions over stiffnesses of the bar, the way along the normal of the contact; in tables and for ParaView."""
+    found = slider(NORMALS["across"], comm=PETSc.COMM_SELF).solve(error=1e-10)
+    expected = [found.tensions[0] / 10.0, found.displacements[1] @ NORMALS["across"]]
+    assert found.members["elongation"] == pytest.approx(expected, abs=1e-9)
+    found.to_vtu(tmp_path / "slider.vtu")
+    assert meshio.read(tmp_path / "slider.vtu").cell_data["elongation"][0] == pytest.approx(expected, abs=1e-9)
 
 
 RANKS = """

@@ -53,7 +53,9 @@ def _part(result):
         law=structure.law,
         fixed=spread(structure.fixed.astype(np.int8)),
         load=spread(result.load),
+        direction=structure.direction,
         directions=structure.directions,
+        geometry=structure.geometry,
     )
     of_nodes = None if result.node_class is None else spread(result.node_class)
     more = {"loose": result.slack}

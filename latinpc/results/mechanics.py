@@ -30,6 +30,29 @@ def elongations(scene, displacement):
     return np.einsum("ij,ij->i", relative, scene.directions)
 
 
+def stretches(scene, displacement):
+    """Return the elongations of links as displacements turn them: ``|r| - l`` where they are large, else e = B U.
+
+    Parameters
+    ----------
+    scene : Scene
+    displacement : (n, dim) array
+        Of all nodes, prescribed components included (m).
+
+    Returns
+    -------
+    (m,) array
+        In m.
+    """
+    found = elongations(scene, displacement)
+    if scene.geometry != "large":
+        return found
+    drawn, moved = (np.diff(places[scene.links], axis=1)[:, 0] for places in (scene.nodes, displacement))
+    sizes = np.linalg.norm(drawn, axis=1) + np.linalg.norm(drawn + moved, axis=1)
+    grown = np.einsum("ij,ij->i", 2.0 * drawn + moved, moved)  # |r|^2 - l^2 without cancellation
+    return np.where(keeps_direction(scene), found, grown / np.where(sizes > 0.0, sizes, 1.0))
+
+
 def tensions(scene, displacement):
     """Return the tensions of bars, cables and compression-only links, equations (2), (4), (5).
 

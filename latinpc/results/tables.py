@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .atomic import atomic
-from .mechanics import elongations
+from .mechanics import stretches
 
 if TYPE_CHECKING:
     from latinpc.structure import Structure
@@ -28,7 +28,7 @@ def members(result: Result) -> np.ndarray:
         "end": structure.links[:, 1],
         "law": structure.laws,
         "length": structure.lengths,
-        "elongation": elongations(structure, result.displacements),
+        "elongation": stretches(structure, result.displacements),
         "tension": result.tensions,
         "slack": result.slack,
     }

@@ -8,7 +8,7 @@ import pathlib
 import numpy as np
 
 from .atomic import atomic, follow
-from .mechanics import elongations, slack
+from .mechanics import slack, stretches
 
 
 def write_vtu(
@@ -69,7 +69,7 @@ def write_vtu(
         },
         cell_data={
             "tension": [np.asarray(tensions, dtype=float)],
-            "elongation": [elongations(scene, displacements)],
+            "elongation": [stretches(scene, displacements)],
             "slack": [(slack(scene, tensions) if loose is None else loose).astype(np.int64)],
             "law": [whole_numbers(scene.law, m)],
             "subdomain": [whole_numbers(subdomain, m)],

@@ -219,8 +219,9 @@ def _move(recorder, step):
         "seconds": duration,
         **environment(comm),
     }
+    turns = structure.geometry
     return Motion(
-        scene=scene,
+        scene=scene if turns == scene.geometry else replace(scene, geometry=turns),
         report=plain(report),
         frames=recorder.frames,
         subdomain=solvers.subdomain_of_links(snes) if is_latin else scene.subdomain,
