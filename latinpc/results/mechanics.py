@@ -44,13 +44,15 @@ def stretches(scene, displacement):
     (m,) array
         In m.
     """
-    found = elongations(scene, displacement)
-    if scene.geometry != "large":
-        return found
+    return (changes_of_length if scene.geometry == "large" else elongations)(scene, displacement)
+
+
+def changes_of_length(scene, displacement):
+    """Return ``|r| - l`` of links (m), or e of links that keep their direction; parameters of `stretches`."""
     drawn, moved = (np.diff(places[scene.links], axis=1)[:, 0] for places in (scene.nodes, displacement))
     sizes = np.linalg.norm(drawn, axis=1) + np.linalg.norm(drawn + moved, axis=1)
     grown = np.einsum("ij,ij->i", 2.0 * drawn + moved, moved)  # |r|^2 - l^2 without cancellation
-    return np.where(keeps_direction(scene), found, grown / np.where(sizes > 0.0, sizes, 1.0))
+    return np.where(keeps_direction(scene), elongations(scene, displacement), grown / np.where(sizes > 0.0, sizes, 1.0))
 
 
 def tensions(scene, displacement):
@@ -67,7 +69,12 @@ def tensions(scene, displacement):
     (m,) array
         In N.
     """
-    tau = scene.stiffness * (elongations(scene, displacement) + scene.initial_elongation)
+    return tensions_at(scene, elongations(scene, displacement))
+
+
+def tensions_at(scene, elongation):
+    """Return the tensions (N) of bars, cables and compression-only links at elongations (m)."""
+    tau = scene.stiffness * (elongation + scene.initial_elongation)
     tau = np.where(scene.law == Law.CABLE, np.maximum(tau, 0.0), tau)
     return np.where(scene.law == Law.COMPRESSION_ONLY, np.minimum(tau, 0.0), tau)
 

@@ -14,7 +14,7 @@ from latinpc.library import _latin
 from latinpc.options import default_options, given_options, preset_options, unknown_options
 
 from .limit import borne, moving, softest
-from .notices import ConvergenceWarning, SolveError, causes, limit, magnitudes, turned, warn
+from .notices import ConvergenceWarning, SolveError, causes, changed, limit, magnitudes, turned, warn
 from .report import DECOMPOSITION, plain, problem, snes_reason
 from .result import Result
 
@@ -195,7 +195,8 @@ def gather(
         "unbalanced_node": int(unbalance.argmax()),
     }
     result.report.update(plain(report | ({} if factor is None else {"load_factor": part * factor})))
-    result.notices += [*turned(result), *limit(structure, result.report, [] if mode is None else moving(mode), kind)]
+    result.notices += turned(result) or changed(result)
+    result.notices += limit(structure, result.report, [] if mode is None else moving(mode), kind)
     if ends:
         structure.set_load(load)
     r.destroy()
