@@ -25,6 +25,40 @@ def off(scene, factor):
     return small, np.linalg.norm(small.displacements - large.displacements) / np.linalg.norm(large.displacements)
 
 
+# ---- links that turn ------------------------------------------------------------------------------
+def beside(law, direction, **more):
+    """A bar that its load turns by 45 degrees, and a link of another law, of a direction of its own, beside it."""
+    nodes = [[0, 0], [1, 0], [1, -1], [5, 0], [5, -1]]
+    links = [[0, 1], [2, 1], [4, 3], *[[4, 3]] * more.pop("parts", 0)]
+    return latinpc.Structure(
+        nodes, links, ["bar", "bar", *law], 10.0, direction=[[0, 0], [0, 0], *direction],
+        fixed=[[1, 1], [0, 0], [1, 1], [0, 0], [1, 1]], load=[[0, 0], [0, 10.0], [0, 0], [0.0, -1.0], [0, 0]], **more,
+    )  # fmt: skip
+
+
+@pytest.mark.filterwarnings("ignore:links turn")
+def test_links_of_their_own_direction_hide_no_others():
+    """Bars turn beside springs along both axes; beside friction there is no geometry to take."""
+    structure = beside(["bar", "bar"], [[0, 1], [1, 0]], parts=1)
+    (text,) = said(structure.solve(), "links turn by up to 45 degrees")
+    assert text.endswith("take -snes_latin_geometry large")
+    structure = beside(["friction", "tangent"], [[0, 1], [1, 0]], parts=1, friction=[0, 0, 0.5, 0])
+    (text,) = said(structure.solve(), "links turn by up to 45 degrees")
+    assert text.endswith("small displacements do not hold")
+
+
+def test_links_that_keep_their_direction_do_not_turn():
+    """A spring of its own direction and a contact, whose nodes move across them: as with large displacements."""
+    for law, direction, far in (("bar", [[1, 1], [1, 0]], 0.6), ("contact", [[0, 0], [1, 0]], 0.5)):
+        structure = latinpc.Structure(
+            [[0, 0], [0, 1]], [[0, 1], [0, 1]], [law, "bar"], [10.0, 10.0], direction=direction,
+            fixed=[[1, 1], [0, 0]], load=[[0, 0], [5.0, -1.0]],
+        )  # fmt: skip
+        found = structure.solve(error=1e-8)
+        assert found.converged and abs(found.displacements[1, 0] - far) < 1e-6
+        assert not said(found, "links turn")
+
+
 # ---- prestress that does not last -----------------------------------------------------------------
 @pytest.mark.filterwarnings(f"ignore:.*{CHANGED}")
 def test_a_drawing_whose_tensions_do_not_balance():

@@ -15,7 +15,7 @@ from latinpc import accuracy, solvers
 from latinpc.laws import Law
 from latinpc.library import _latin
 
-from .mechanics import changes_of_length, tensions_at
+from .mechanics import changes_of_length, keeps_direction, tensions_at
 from .units import quantity
 
 if TYPE_CHECKING:
@@ -160,22 +160,27 @@ def errors_as_given(structure: Structure) -> Iterator[None]:
 
 
 def turned(result: Result) -> list[str]:
-    """Return a sentence where links turn, or nodes move, further than small displacements allow; not collective."""
+    """Return a sentence where links turn, or their nodes move, further than small displacements allow.
+
+    Not collective. Of links that turn: contacts and links of a direction of their own keep it with large displacements.
+    """
     structure, displacements = result.structure, result.displacements
-    if structure.geometry == "large" or structure.direction is not None or not result.converged:
+    links = structure.links[~keeps_direction(structure)]
+    if structure.geometry == "large" or not len(links) or not result.converged:
         return []
-    drawn = np.diff(structure.nodes[structure.links], axis=1)[:, 0]
-    moved = drawn + np.diff(displacements[structure.links], axis=1)[:, 0]
+    drawn = np.diff(structure.nodes[links], axis=1)[:, 0]
+    moved = drawn + np.diff(displacements[links], axis=1)[:, 0]
     lengths = np.linalg.norm(drawn, axis=1) * np.linalg.norm(moved, axis=1)
     cosine = np.einsum("ij,ij->i", drawn, moved)[lengths > 0.0] / lengths[lengths > 0.0]
     angle = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)).max(initial=0.0))
     size = np.linalg.norm(np.ptp(structure.nodes, axis=0)) or np.inf
-    part = np.linalg.norm(displacements, axis=1).max() / size
+    part = np.linalg.norm(displacements[np.unique(links)], axis=1).max() / size
     if angle <= TURNED and part <= MOVED:
         return []
+    friction = (structure.law == Law.FRICTION).any()  # of small displacements only
     return [
         f"links turn by up to {angle:.2g} degrees, and nodes move by {part:.2g} of the size of the structure: small"
-        " displacements do not hold; take -snes_latin_geometry large"
+        f" displacements do not hold{'' if friction else '; take -snes_latin_geometry large'}"
     ]
 
 
