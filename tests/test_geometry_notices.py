@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from conftest import ROOT
+from petsc4py import PETSc
 
 import latinpc
 from latinpc.scenes import make
@@ -94,3 +95,42 @@ def test_a_truss_that_holds_without_prestress_is_not_noticed():
         small.structure.initial_elongation * small.structure.stiffness
     )
     assert not small.notices
+
+
+# ---- prestress beyond the stiffness ---------------------------------------------------------------
+def string(prestress, geometry="linear", **more):
+    """Two cables in a row, of 1 kN over their length of a metre."""
+    return latinpc.Structure(
+        [[0.0], [1.0], [2.0]], [[0, 1], [1, 2]], "cable", 1e3, prestress=prestress, fixed=[[1], [0], [1]],
+        load=[[0], [1.0], [0]], geometry=geometry, **more,
+    )  # fmt: skip
+
+
+@pytest.mark.filterwarnings("ignore:initial elongations", "ignore:node 1 moves", f"ignore:.*{CHANGED}")
+@pytest.mark.parametrize("geometry", ["linear", "prestress"])
+def test_prestress_beyond_the_stiffness_is_noticed(geometry):
+    (text,) = said(string([5e3, 500.0], geometry).solve(), "initial elongations")
+    assert text.startswith("initial elongations of links 0 are larger than these are long") and "as EA" in text
+    (text,) = latinpc.solve_cases(string(5e3, geometry), [latinpc.Case("one")]).notices
+    assert text.startswith("initial elongations of links 0, 1 ")
+    assert not string(1e3, geometry).solve().notices  # of a force density: no length without tension
+
+
+def test_prestress_beyond_the_stiffness_is_an_error_where_displacements_are_large():
+    """Given at once, later, and as a load case; a contact has a gap, which is no length."""
+    with pytest.raises(PETSc.Error) as error:
+        string([500.0, 5e3], "large")
+    assert "Link 1, of length 1., has the initial elongation 5." in latinpc.error_message(error.value)
+    structure = string(1e3, "large")
+    assert structure.solve().converged
+    with pytest.raises(PETSc.Error):
+        structure.set_prestress(1.1e3)
+    structure.set_prestress(900.0)
+    assert structure.solve(error=1e-9).tensions == pytest.approx([900.5, 899.5])
+    with pytest.raises(PETSc.Error):
+        string(5e3).set_geometry("large")
+    far = latinpc.Structure(
+        [[0, 0], [0, 1.0]], [[0, 1], [0, 1]], ["contact", "bar"], [0.0, 10.0], [3.0, 0.0], fixed=[[1, 1], [0, 0]],
+        direction=[[0, 1], [1, 0]], load=[[0, 0], [0, -1.0]], geometry="large",
+    )  # fmt: skip
+    assert far.geometry == "large"

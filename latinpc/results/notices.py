@@ -33,6 +33,7 @@ __all__ = [
     "errors_as_given",
     "limit",
     "magnitudes",
+    "overstretched",
     "turned",
     "warn",
 ]
@@ -181,6 +182,22 @@ def turned(result: Result) -> list[str]:
     return [
         f"links turn by up to {angle:.2g} degrees, and nodes move by {part:.2g} of the size of the structure: small"
         f" displacements do not hold{'' if friction else '; take -snes_latin_geometry large'}"
+    ]
+
+
+def overstretched(structure: Structure) -> list[str]:
+    """Return a sentence on links whose length without tension would be below zero, if there are any; not collective."""
+    acts = ~(keeps_direction(structure) | np.isin(structure.law, (Law.CONTACT, Law.FRICTION, Law.TANGENT)))
+    longest = structure.lengths * (
+        1.0 + np.sqrt(np.finfo(float).eps)
+    )  # of a given force density: zero, but for rounding
+    links = np.flatnonzero(acts & (structure.initial_elongation > longest))
+    if not len(links):
+        return []
+    named = structure.link_names(links[:_NAMED], len(links) > _NAMED)
+    return [
+        f"initial elongations of links {named} are larger than these are long: a prestress is at most the stiffness,"
+        " EA / length, times the length; if stiffness was given as EA, give it as EA"
     ]
 
 

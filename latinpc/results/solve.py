@@ -14,7 +14,7 @@ from latinpc.library import _latin
 from latinpc.options import default_options, given_options, preset_options, unknown_options
 
 from .limit import borne, moving, softest
-from .notices import ConvergenceWarning, SolveError, causes, changed, limit, magnitudes, turned, warn
+from .notices import ConvergenceWarning, SolveError, causes, changed, limit, magnitudes, overstretched, turned, warn
 from .report import DECOMPOSITION, plain, problem, snes_reason
 from .result import Result
 
@@ -185,7 +185,7 @@ def gather(
         subdomain=solvers.subdomain_of_links(core) if core is not None else structure.subdomain,
         node_class=solvers.node_classes(core) if core is not None else None,
         history=past,
-        notices=[*structure.notices, *causes(snes, structure, past)],
+        notices=[*structure.notices, *overstretched(structure), *causes(snes, structure, past)],
     )
     loose = np.count_nonzero(result.slack), np.count_nonzero(np.isin(structure.law, UNILATERAL))
     report = report_of(structure, snes, statistics, past, loose) | {

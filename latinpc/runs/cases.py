@@ -20,7 +20,7 @@ from latinpc.library import _latin
 from latinpc.options import default_options, given_options, unknown_options
 from latinpc.results.caselist import text
 from latinpc.results.mechanics import Leaning, Turned, reactions, slack
-from latinpc.results.notices import errors_as_given
+from latinpc.results.notices import errors_as_given, overstretched
 from latinpc.results.report import plain, problem, snes_reason
 from latinpc.results.solve import attach_linear
 from latinpc.scenes.case import Case
@@ -221,7 +221,7 @@ def solve_cases(
     settings = given_options(options)
     if subdomains is not None:
         settings |= {f"{family}_latin_subdomains": subdomains for family in ("snes", "ksp", "pc")}
-    notices = [*unknown_options(), *structure.notices]
+    notices = [*unknown_options(), *structure.notices, *overstretched(structure)]
     start = time.perf_counter()
     with default_options(settings), errors_as_given(structure):
         series = _Series(structure, scene, cases, each_case)

@@ -225,6 +225,7 @@ PetscErrorCode LatinStructureSetInitialElongations(LatinStructure structure, con
   PetscFunctionBegin;
   PetscValidHeaderSpecific(structure, LATIN_STRUCTURE_CLASSID, 1);
   PetscCall(LatinCheckNumbers_Private(PetscObjectComm((PetscObject)structure), "Link", structure->links_start, e0 ? structure->links_local : 0, 1, e0, PETSC_TRUE, "an initial elongation"));
+  if (structure->set_up && structure->keeps) PetscCall(LatinTurningNatural_Private(structure, e0));
   if (e0) PetscCall(PetscArraycpy(structure->e0, e0, structure->links_local));
   else PetscCall(PetscArrayzero(structure->e0, structure->links_local));
   structure->e0_state++;

@@ -192,6 +192,7 @@ PETSC_INTERN PetscErrorCode LatinStructureCountActive_Private(LatinStructure, co
 
 /* ---- links that turn (structure/turning.c), and structures of their parts (structure/frame.c) ---- */
 PETSC_INTERN PetscErrorCode LatinTurningSetUp_Private(LatinStructure);
+PETSC_INTERN PetscErrorCode LatinTurningNatural_Private(LatinStructure, const PetscReal e0[]);
 PETSC_INTERN PetscErrorCode LatinTurningTensions_Private(LatinStructure, const PetscReal rigid[], Vec u, PetscReal tension[]);
 PETSC_INTERN PetscErrorCode LatinTurningAhead_Private(LatinStructure, Vec u, Vec step, PetscReal part, PetscReal tension[], PetscReal strain[]);
 PETSC_INTERN PetscErrorCode LatinTurningPressed_Private(LatinStructure, Vec u, Vec v, Vec f);

@@ -250,6 +250,30 @@ PetscErrorCode LatinTurningEnergy_Private(LatinStructure structure, Vec u, Petsc
 /* ---- what is asked for ---- */
 #define LATIN_TURNING_OWN 1e-8 /* a direction that differs so much from that of the nodes is one of its own */
 
+/* An error where an initial elongation e0, [links_local] or NULL for none, leaves a link that turns a length without tension, l - e0, below zero. Zero is that of a link of
+   a given force density, but for rounding. Collective on structure */
+PetscErrorCode LatinTurningNatural_Private(LatinStructure structure, const PetscReal e0[])
+{
+  const PetscInt dim    = structure->dim;
+  PetscInt       bad    = -1;
+  PetscReal      length = 0.0, most = 0.0;
+
+  PetscFunctionBegin;
+  for (PetscInt l = 0; e0 && l < structure->links_local && bad < 0; l++) {
+    PetscReal squares = 0.0;
+
+    if (structure->keeps[l] || structure->law[l] == LATIN_LAW_CONTACT) continue;
+    for (PetscInt c = 0; c < dim; c++) squares += PetscSqr(structure->span[dim * l + c]);
+    length = PetscSqrtReal(squares);
+    most   = e0[l];
+    if (most > length * (1.0 + PETSC_SQRT_MACHINE_EPSILON)) bad = l;
+  }
+  LatinAgree(PetscObjectComm((PetscObject)structure), bad >= 0, PETSC_ERR_ARG_OUTOFRANGE,
+             "Link %" PetscInt_FMT ", of length %g, has the initial elongation %g: its length without tension would be %g. With geometry large a prestress is at most the stiffness, EA / length, times the length: was EA given as the stiffness?",
+             structure->links_start + bad, (double)length, (double)most, (double)(length - most));
+  PetscFunctionReturn(0);
+}
+
 /* Spans of the links of a structure that is set up; laws and directions that links that turn cannot have are errors. Collective on structure */
 PetscErrorCode LatinTurningSetUp_Private(LatinStructure structure)
 {
@@ -285,6 +309,7 @@ PetscErrorCode LatinTurningSetUp_Private(LatinStructure structure)
   PetscCall(VecRestoreArrayRead(coordinates, &x));
   LatinAgree(comm, own >= 0, PETSC_ERR_SUP, "Link %" PetscInt_FMT " has a direction of its own, and geometry %s turns links with their nodes: leave out LatinStructureSetDirections(), or take the geometry large, or linear",
              structure->links_start + own, LatinGeometries[structure->geometry]);
+  if (structure->keeps) PetscCall(LatinTurningNatural_Private(structure, structure->e0));
   PetscFunctionReturn(0);
 }
 
