@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import sys
+import warnings
 
 import click
 
 from latinpc.options import preset_files, preset_options
 from latinpc.results.atomic import check_writable
 from latinpc.results.caselist import HEADER, extremes, rows, title
+from latinpc.results.notices import LatinWarning
 from latinpc.results.units import quantity
-from latinpc.runs.cases import solve_cases
+from latinpc.runs.cases import failed, solve_cases
 
 from .arguments import PRESETS
 from .printing import open_console, print_lines, print_table, progress, write_json
@@ -40,7 +42,8 @@ def cases(comm, scene, json_file, csv_file, reactions, picture, preset, quiet, *
     files = ((None if alone else json_file, None), (csv_file, (".csv",)), (reactions, (".csv",)))
     files += ((picture, (".png", ".pdf", ".svg")),)
     scene = on_root(comm, _prepare, scene, files, options)
-    with progress(comm, quiet) as say:
+    with progress(comm, quiet) as say, warnings.catch_warnings():
+        warnings.simplefilter("ignore", LatinWarning)  # notices are printed in the end
         result = solve_cases(
             scene,
             options=settings,
@@ -54,8 +57,7 @@ def cases(comm, scene, json_file, csv_file, reactions, picture, preset, quiet, *
         if not quiet:
             _print(result, [path for path, _ in files if path is not None])
         if not result.converged:
-            bad = [f"{case['name']}: {case['reason']}" for case in result.report["cases"] if not case["converged"]]
-            print(f"latinpc: not converged: {'; '.join(bad)}", file=sys.stderr)
+            print(f"latinpc: not converged: {'; '.join(failed(result))}", file=sys.stderr)
     return 0 if result.converged else NOT_CONVERGED
 
 

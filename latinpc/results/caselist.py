@@ -24,9 +24,15 @@ def rows(cases):
     """Return a row for each case, below `HEADER`."""
     return [
         [case["name"], str(case["iterations"]), quantity(case["displacement"], "m"), quantity(case["lowest"], "N"),
-         quantity(case["highest"], "N"), f"{case['slack']:,}", "" if case["converged"] else case["reason"]]
+         quantity(case["highest"], "N"), f"{case['slack']:,}", "" if case["converged"] else _ended(case)]
         for case in cases.report["cases"]
     ]  # fmt: skip
+
+
+def _ended(case):
+    """Return why a case has not converged, and the part of its loads where its row is that of a part."""
+    factor = case.get("load_factor", 1.0)
+    return case["reason"] + (f" at {factor:.4g} of its loads" if factor < 1.0 else "")
 
 
 def extremes(cases):

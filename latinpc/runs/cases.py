@@ -5,7 +5,7 @@ from __future__ import annotations
 import pathlib
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -19,9 +19,20 @@ from latinpc.laws import RIGID, UNILATERAL
 from latinpc.library import _latin
 from latinpc.options import default_options, given_options, unknown_options
 from latinpc.results.caselist import text
+from latinpc.results.limit import borne, moving, softest
 from latinpc.results.mechanics import Leaning, Turned, reactions, slack
-from latinpc.results.notices import errors_as_given, overstretched
+from latinpc.results.notices import (
+    ConvergenceWarning,
+    causes,
+    changed,
+    errors_as_given,
+    limit,
+    overstretched,
+    turned,
+    warn,
+)
 from latinpc.results.report import plain, problem, snes_reason
+from latinpc.results.result import Result
 from latinpc.results.solve import attach_linear
 from latinpc.scenes.case import Case
 from latinpc.scenes.scene import Scene
@@ -104,7 +115,8 @@ class Cases:
         found = np.zeros_like(self.displacements)
         for number, case in enumerate(self.actions):
             load = self.scene.load if case.load is None else self.scene.load + case.load
-            found[number] = reactions(self._shape(number), self.tensions[number], load)
+            borne = self.report["cases"][number].get("load_factor", 1.0)  # 1 where it has converged
+            found[number] = reactions(self._shape(number), self.tensions[number], borne * load)
         return found
 
     def _shape(self, number):
@@ -189,7 +201,15 @@ def solve_cases(
     Cases
         Its report has the keys of a solve on scene, size and environment; solver, seconds (of set-up and solves), and
         cases, a list of dicts with name, iterations, together (solved side by side), converged, reason, displacement
-        (the largest, m), lowest and highest (force, N), slack (links).
+        (the largest, m), lowest and highest (force, N), slack (links); of large displacements also load_factor, the
+        part of the loads that the displacements bear.
+
+    Warns
+    -----
+    latinpc.LatinWarning
+        For each of its notices: what looks wrong, and why a case has not converged.
+    latinpc.ConvergenceWarning
+        Of the cases that have not converged, by name.
 
     Raises
     ------
@@ -237,9 +257,32 @@ def solve_cases(
             }
         finally:
             series.snes.destroy()
+    notices += series.notices
     names = [case.name for case in cases]
     found = series.displacements, series.tensions, series.slack
-    return Cases(scene, names, plain(report), *found, notices, cases, structure.geometry)
+    result = Cases(scene, names, plain(report), *found, notices, cases, structure.geometry)
+    notices += _farthest(result)
+    for notice in notices:
+        warn(structure.comm, notice)
+    if not result.converged:
+        warn(structure.comm, f"not converged: {'; '.join(failed(result))}", ConvergenceWarning)
+    return result
+
+
+def failed(cases: Cases) -> list[str]:
+    """Return the names of the cases that have not converged, each with PETSc's reason."""
+    return [f"{case['name']}: {case['reason']}" for case in cases.report["cases"] if not case["converged"]]
+
+
+def _farthest(cases):
+    """Return what a solve by itself says of the case that moves farthest, where displacements are too large for it."""
+    good = np.flatnonzero(cases._good)
+    if not good.size:
+        return []
+    number = max(good, key=lambda case: cases.report["cases"][case]["displacement"])
+    scene = replace(cases.actions[number].applied(cases.scene), geometry=cases.geometry)
+    found = Result(scene, cases.displacements[number], cases.tensions[number], scene.load, {"converged": True})
+    return [f"case {cases.names[number]}: {text}" for text in turned(found) or changed(found)]
 
 
 class _Series:
@@ -252,7 +295,8 @@ class _Series:
         attach_linear(structure, self.snes)
         self.displacements = np.zeros((len(cases), *scene.nodes.shape), REAL)
         self.tensions = np.zeros((len(cases), len(scene.links)), REAL)
-        self.found = [None] * len(cases)  # iterations, whether side by side, converged, reason
+        self.found = [None] * len(cases)  # iterations, whether side by side, converged, reason, load factor
+        self.notices = []
         self._say = each_case or (lambda number, name: None)
 
     def solve_together(self):
@@ -273,7 +317,7 @@ class _Series:
         for array in (stages, self.displacements, self.tensions) if comm.size > 1 else ():
             comm.Allreduce(MPI.IN_PLACE, array)
         for number in np.flatnonzero(stages > 0):
-            self.found[number] = int(stages[number]), True, True, "CONVERGED_SNORM_RELATIVE"
+            self.found[number] = int(stages[number]), True, True, "CONVERGED_SNORM_RELATIVE", None
 
     def _share(self, numbers, stages):
         """Solve the cases of this rank on a structure of its own."""
@@ -314,14 +358,28 @@ class _Series:
             self.displacements[number], self.tensions[number] = structure.displacements(u), solvers.tensions(snes)
             linear = snes.getType() == "ksponly"
             iterations = snes.getLinearSolveIterations() if linear else snes.getIterationNumber()
-            self.found[number] = iterations, False, converged, snes_reason(snes)
+            self.found[number] = iterations, False, converged, snes_reason(snes), borne(snes, structure)
+            self._explain(number, u)
         u.destroy()
+
+    def _explain(self, number, u):
+        """Note what a solve by itself says of a case that has just been solved, and has not converged."""
+        structure, snes, (*_, converged, reason, factor) = self.structure, self.snes, self.found[number]
+        if converged:
+            return
+        past = solvers.history(snes) if snes.getType() == "latin" else {}
+        said = causes(snes, structure, past)
+        if factor is not None and factor < 1.0:
+            mode, kind = softest(structure, u, self.tensions[number], factor == 0.0)
+            nodes = [] if mode is None else moving(mode)
+            said += limit(structure, {"reason": reason, "load_factor": factor}, nodes, kind)
+        self.notices += [f"case {self.cases[number].name}: {text}" for text in said]
 
     def rows(self):
         """Return a row a case for the report, and note the slack links."""
         self.slack = slack(self.scene, self.tensions) & np.isin(self.scene.law, UNILATERAL)
         rows = []
-        for number, (iterations, together, converged, reason) in enumerate(self.found):
+        for number, (iterations, together, converged, reason, factor) in enumerate(self.found):
             moved, tensions = self.displacements[number], self.tensions[number]
             rows.append({
                 "name": self.cases[number].name,
@@ -333,6 +391,7 @@ class _Series:
                 "lowest": tensions.min(),
                 "highest": tensions.max(),
                 "slack": np.count_nonzero(self.slack[number]),
+                **({} if factor is None else {"load_factor": factor}),
             })  # fmt: skip
         return rows
 

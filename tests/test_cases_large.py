@@ -1,0 +1,79 @@
+"""Load cases with large displacements: what a case says that has not converged, and which equilibrium it finds."""
+
+import pytest
+import turning
+from petsc4py import PETSc
+
+import latinpc
+from latinpc import Case
+from latinpc.results.caselist import rows
+
+LIMIT = turning.von_mises_limit()
+
+
+def truss(comm=PETSc.COMM_SELF):
+    return latinpc.Structure(**turning.von_mises(0.0), geometry="large", comm=comm)
+
+
+def down(part):
+    """A load on the apex, of that part of the limit load."""
+    return Case(f"{part:g}", load=[[0.0, 0.0], [0.0, 0.0], [0.0, -part * LIMIT]])
+
+
+def test_a_case_past_a_limit_point_says_so():
+    """Load factor, mode and reason as of a single solve; reactions and displacements are those of a part."""
+    with pytest.warns(latinpc.LatinWarning) as warned:
+        found = latinpc.solve_cases(truss(), [down(1.5)])
+    texts = [str(warning.message) for warning in warned]
+    (text,) = (text for text in found.notices if "buckles" in text)
+    assert text.startswith("case 1.5: no stable equilibrium follows that of 0.66") and text.endswith("its mode: 2")
+    assert text in texts and texts[-1] == "not converged: 1.5: DIVERGED_DTOL"
+    assert issubclass(warned[-1].category, latinpc.ConvergenceWarning)
+    factor = found.report["cases"][0]["load_factor"]
+    assert 0.63 < factor < 2.0 / 3.0
+    assert rows(found)[0][-1] == f"DIVERGED_DTOL at {factor:.4g} of its loads"
+    alone = found.actions[0].applied(found.scene).solve(comm=PETSc.COMM_SELF)
+    assert alone.report["load_factor"] == factor
+    assert found.reactions[0] == pytest.approx(alone.reactions, rel=1e-12)
+    assert found.reactions[0].sum(axis=0) == pytest.approx([0.0, 1.5 * factor * LIMIT], rel=1e-6)
+    assert f"case {alone.notices[0]}".replace("case ", "case 1.5: ") in found.notices
+
+
+def test_a_case_that_collapses_names_its_nodes():
+    """Small displacements: a cable that is pushed holds nothing."""
+    structure = latinpc.Structure([[0.0], [1.0]], [[0, 1]], "cable", 100.0, fixed=[[1], [0]], comm=PETSc.COMM_SELF)
+    with pytest.warns(latinpc.ConvergenceWarning, match="not converged: push: DIVERGED_DTOL"):
+        found = latinpc.solve_cases(structure, [Case("push", load=[[0], [-1.0]]), Case("pull", load=[[0], [1.0]])])
+    assert any(text.startswith("case push: no equilibrium") for text in found.notices)
+    assert not any(text.startswith("case pull") for text in found.notices)
+
+
+@pytest.mark.filterwarnings("ignore:case far")
+def test_the_case_that_moves_farthest_says_that_links_turn():
+    """With small displacements."""
+    structure = latinpc.Structure(
+        [[0, 0], [1, 0], [1, -1]], [[0, 1], [2, 1]], "bar", 10.0, fixed=[[1, 1], [0, 0], [1, 1]], comm=PETSc.COMM_SELF
+    )
+    cases = [Case(name, load=[[0, 0], [0, force], [0, 0]]) for name, force in (("near", 0.1), ("far", 10.0))]
+    (text,) = latinpc.solve_cases(structure, cases).notices
+    assert text.startswith("case far: links turn by up to 45 degrees")
+    assert not latinpc.solve_cases(structure, cases[:1]).notices
+
+
+RANKS = """
+import warnings
+import petsc4py
+petsc4py.init(["p", "-skip_petscrc"])
+from petsc4py import PETSc
+from test_cases_large import down, truss
+import latinpc
+warnings.simplefilter("ignore")
+found = latinpc.solve_cases(truss(PETSc.COMM_WORLD), [down(1.5), down(0.5)])
+assert [case["converged"] for case in found.report["cases"]] == [False, True]
+assert found.notices[0].startswith("case 1.5: no stable equilibrium"), found.notices
+"""
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_ranks_say_the_same(mpirun, ranks):
+    mpirun(ranks, f"import sys\nsys.path.insert(0, {str(turning.__file__.rsplit('/', 1)[0])!r})\n{RANKS}")
