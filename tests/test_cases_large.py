@@ -1,5 +1,6 @@
 """Load cases with large displacements: what a case says that has not converged, and which equilibrium it finds."""
 
+import numpy as np
 import pytest
 import turning
 from petsc4py import PETSc
@@ -77,3 +78,27 @@ assert found.notices[0].startswith("case 1.5: no stable equilibrium"), found.not
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_ranks_say_the_same(mpirun, ranks):
     mpirun(ranks, f"import sys\nsys.path.insert(0, {str(turning.__file__.rsplit('/', 1)[0])!r})\n{RANKS}")
+
+
+@pytest.mark.filterwarnings("ignore:case 1.5", "ignore:not converged")
+@pytest.mark.parametrize("order", [(0.5, 0.9, 1.5), (1.5, 0.9, 0.5)])
+def test_other_cases_do_not_lead_past_a_limit_point(order):
+    """Loads lead from zero, not from the equilibrium of another case: as each case by itself."""
+    found = latinpc.solve_cases(truss(), [down(part) for part in order], {"snes_latin_error": 1e-10})
+    for part, row, u in zip(order, found.report["cases"], found.displacements):
+        assert row["converged"] == (part < 1.0)
+        if part < 1.0:
+            assert -u[2, 1] == pytest.approx(turning.von_mises_deflection(part * LIMIT), rel=1e-9)
+
+
+def test_cables_alone_start_from_other_cases():
+    """They have one equilibrium: fewer stages in all than each case by itself."""
+    scene = latinpc.scenes.Scene.from_structure(
+        latinpc.Structure(**turning.net(6, 1.0, [0.0, 0.0, -200.0]), geometry="large", comm=PETSc.COMM_SELF)
+    )
+    cases = [Case(f"{part}", load=part * scene.load) for part in (0.0, 0.05, 0.1, 0.15)]
+    found = latinpc.solve_cases(scene, cases, {"snes_latin_error": 1e-6}, comm=PETSc.COMM_SELF)
+    alone = [case.applied(scene).solve(comm=PETSc.COMM_SELF, error=1e-6) for case in cases]
+    assert sum(row["iterations"] for row in found.report["cases"]) < sum(result.iterations for result in alone)
+    for u, result in zip(found.displacements, alone):
+        assert np.linalg.norm(u - result.displacements) < 1e-5 * np.linalg.norm(result.displacements)

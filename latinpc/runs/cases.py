@@ -15,7 +15,7 @@ from petsc4py import PETSc
 
 from latinpc import solvers
 from latinpc.arrays import REAL, native
-from latinpc.laws import RIGID, UNILATERAL
+from latinpc.laws import RIGID, UNILATERAL, Law
 from latinpc.library import _latin
 from latinpc.options import default_options, given_options, unknown_options
 from latinpc.results.caselist import text
@@ -226,7 +226,8 @@ def solve_cases(
     iteration are solved one after the other by all ranks, and so are those that have not converged side by side. A
     solve then starts from the combination of cases solved like this whose actions are nearest to its own: for bars
     alone that is the solution where actions are combinations of earlier ones. Structures with rigid laws start anew,
-    since their solutions need not be unique.
+    since their solutions need not be unique; so do bars and struts with large displacements, whose
+    loads lead from zero.
     """
     if isinstance(scene, Structure):
         scene, comm = Scene.from_structure(scene), scene.comm if comm is None else comm
@@ -339,7 +340,7 @@ class _Series:
         """Solve the other cases one after the other, on all ranks."""
         structure, snes = self.structure, self.snes
         u = structure.create_vec()
-        start = None if np.isin(self.scene.law, RIGID).any() else _Start(self.scene)
+        start = _Start(self.scene) if self._unique() else None
         for number, case in enumerate(self.cases):
             if self.found[number] is not None:
                 continue
@@ -361,6 +362,11 @@ class _Series:
             self.found[number] = iterations, False, converged, snes_reason(snes), borne(snes, structure)
             self._explain(number, u)
         u.destroy()
+
+    def _unique(self):
+        """Whether a case has one equilibrium, wherever it starts: not with rigid laws, nor where bars may snap."""
+        turns = self.structure.geometry == "large" and (self.scene.law != Law.CABLE).any()
+        return not turns and not np.isin(self.scene.law, RIGID).any()
 
     def _explain(self, number, u):
         """Note what a solve by itself says of a case that has just been solved, and has not converged."""
