@@ -20,7 +20,7 @@ from latinpc.equations import Equations
 from latinpc.geometry import GEOMETRIES, Geometry, known_geometry
 from latinpc.laws import Law
 from latinpc.library import _latin
-from latinpc.results.notices import duplicates
+from latinpc.results.notices import duplicates, unlinked_as_value
 from latinpc.results.plots import Plots
 from latinpc.results.result import Result
 from latinpc.results.solve import solve
@@ -242,7 +242,8 @@ class Structure(Geometry, Equations, Actions, Plots):
             self._compose_partition(self.subdomain)
         if self.mass is not None:
             handle.set_mass(self._my_nodes(self.mass))
-        handle.setup()
+        with unlinked_as_value(self):
+            handle.setup()
         # a solver has the DM, not this object: it finds the caller's numbering there
         self.dm.setAttr("latinpc_slices", self._slices)
 

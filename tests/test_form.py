@@ -394,3 +394,8 @@ def test_tables_keep_the_names_of_the_file(tmp_path):
     assert [after.node_name(i) for i in range(4)] == ["A", "B", "C", "mid"]
     assert [after.link_name(i) for i in range(3)] == ["s1", "s2", "7"]
     assert (after.links == before.links).all() and after.nodes[3] == pytest.approx([3.0, 2.0, 1.0])
+
+
+def test_a_form_without_supports_is_refused_by_name():
+    with pytest.raises(ValueError, match="give fixed, an .* true where a coordinate stays"):
+        latinpc.form_find([[0, 0], [1, 0]], [[0, 1]], None, 1.0)

@@ -1,5 +1,6 @@
 """Notices where displacements, or the tensions that they leave, are not those that the geometry of a solve allows."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -134,3 +135,17 @@ def test_prestress_beyond_the_stiffness_is_an_error_where_displacements_are_larg
         direction=[[0, 1], [1, 0]], load=[[0, 0], [0, -1.0]], geometry="large",
     )  # fmt: skip
     assert far.geometry == "large"
+
+
+# ---- friction -------------------------------------------------------------------------------------
+@pytest.mark.parametrize(("geometry", "law"), [("large", "contact"), ("prestress", "compression_only")])
+def test_friction_names_a_law_that_the_geometry_takes(geometry, law):
+    """And that law is taken."""
+    given = {"nodes": [[0, 0], [0, 1], [-1, 1]], "fixed": [[1, 1], [0, 0], [1, 1]], "geometry": geometry}
+    links = {"links": [[0, 1], [0, 1], [1, 2]], "direction": [[0, 1], [1, 0], [0, 0]], "friction": [0.5, 0, 0]}
+    with pytest.raises(PETSc.Error) as error:
+        latinpc.Structure(law=["friction", "tangent", "bar"], stiffness=[0, 0, 1.0], **links, **given)
+    text = f"of the law friction, as the structure has them: take the .*{law}, which slides without friction"
+    assert re.search(text, latinpc.error_message(error.value))
+    stiffness = [0.0 if law == "contact" else 10.0, 1.0]
+    latinpc.Structure(links=[[0, 1], [1, 2]], law=[law, "bar"], stiffness=stiffness, **given)

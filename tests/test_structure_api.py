@@ -329,3 +329,29 @@ def test_import_loads_what_every_solve_needs_and_no_more():
     loads = "import sys, latinpc; print([name for name in sys.argv[1:] if name in sys.modules])"
     names = ("click", "matplotlib", "meshio", "pandas", "plotly", "rich", "scipy", "slepc4py")
     assert run([sys.executable, "-P", "-c", loads, *names]).stdout == "[]\n"
+
+
+def test_a_node_without_links_is_one_sentence():
+    """When it is made, and in statics where it has a mass."""
+    given = {
+        "nodes": [[0.0], [1.0], [2.0]],
+        "links": [[0, 1]],
+        "law": "bar",
+        "stiffness": 1.0,
+        "fixed": [[1], [0], [0]],
+    }
+    sentence = "^Node 2 is free in direction 0 but no link reaches it; [^\n]*$"
+    with pytest.raises(ValueError, match=sentence):
+        latinpc.Structure(**given)
+    structure = latinpc.Structure(**given, mass=1.0)
+    with pytest.raises(latinpc.SolveError, match=sentence):
+        structure.solve()
+
+
+def test_arguments_of_solve_are_named_with_their_options():
+    structure = latinpc.Structure([[0.0], [1.0]], [[0, 1]], "bar", 1.0, fixed=[[1], [0]])
+    for name, wrong in (("error", 0), ("error", "small"), ("largest_unbalance", -1.0)):
+        with pytest.raises(latinpc.SolveError, match=rf"^{name} \(-snes_latin_{name}\) is "):
+            structure.solve(**{name: wrong})
+    with pytest.raises(latinpc.SolveError, match="^-snes_latin_error is "):
+        structure.solve(options={"snes_latin_error": 0})

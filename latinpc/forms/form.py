@@ -359,6 +359,8 @@ def _checked(nodes, links, fixed, load, law, of_links):
         raise ValueError("a form follows from force densities (density, N/m) or natural lengths (natural_length, m)")
     if of_links["natural_length"] is not None and of_links["EA"] is None:
         raise ValueError("natural lengths need the axial stiffness of the links: give EA, in N")
+    if fixed is None:
+        raise ValueError("a form needs supports: give fixed, an (n, dim) array of bool, true where a coordinate stays")
     checks = Checks(nodes.shape, len(links), np.dtype(float))
     checks.geometry(nodes, links, np.ones((len(links), nodes.shape[1])), links)  # links may have no length yet
     found = {"nodes": nodes, "links": links.astype(np.int64)}

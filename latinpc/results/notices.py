@@ -35,6 +35,7 @@ __all__ = [
     "magnitudes",
     "overstretched",
     "turned",
+    "unlinked_as_value",
     "warn",
 ]
 
@@ -43,6 +44,7 @@ TURNED, MOVED = 5.0, 0.1  # degrees, part of the size of the structure: the most
 CHANGED = 0.3  # of the tensions as drawn: the most by which geometry prestress lets those of displaced links differ
 CONTRAST = 1e10  # of stiffnesses: beyond it fewer than six digits are left of the softest links beside the stiffest
 _NAMED = 5
+WRONGSTATE = 73  # PETSC_ERR_ARG_WRONGSTATE
 _DRAWN = {
     "mechanism": "the structure as drawn is a mechanism that no prestress holds: prescribe more displacements or add"
     " links",
@@ -158,6 +160,17 @@ def errors_as_given(structure: Structure) -> Iterator[None]:
         if structure.numbering is None:
             raise
         raise SolveError(structure.counted_as_given(solvers.error_message(error))) from error
+
+
+@contextlib.contextmanager
+def unlinked_as_value(structure: Structure) -> Iterator[None]:
+    """Raise the error of the library on a free node that no link reaches as a ValueError of one sentence."""
+    try:
+        yield
+    except PETSc.Error as error:
+        if error.ierr != WRONGSTATE:
+            raise
+        raise ValueError(structure.counted_as_given(solvers.error_message(error))) from None
 
 
 def turned(result: Result) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -42,14 +43,19 @@ def solve(
     settings = {} if preset is None else preset_options(preset)
     settings = {name: value for name, value in settings.items() if name not in stops} | given
     with default_options(settings) as ours:
-        snes, u = structure.create_snes(), structure.create_vec()
+        snes, u = PETSc.SNES().create(comm), structure.create_vec()
         try:
+            structure.attach(snes)
+            snes.setType("latin")
             snes.setFromOptions()
             core = attach_linear(structure, snes)
             snes.solve(None, u)
             result = (found or gather)(structure, snes, core, u)
         except PETSc.Error as reported:
-            raise SolveError(structure.counted_as_given(solvers.error_message(reported))) from reported
+            text = structure.counted_as_given(solvers.error_message(reported))
+            for option in asked:  # is an argument of this function
+                text = re.sub(rf"^-{option}\b", f"{option.removeprefix('snes_latin_')} (-{option})", text)
+            raise SolveError(text) from reported
         finally:
             snes.destroy()
             u.destroy()

@@ -282,6 +282,7 @@ PetscErrorCode LatinTurningSetUp_Private(LatinStructure structure)
   const PetscScalar *x;
   Vec                coordinates;
   PetscInt           own = -1, rigid = -1;
+  const char        *cure;
 
   PetscFunctionBegin;
   PetscCall(PetscFree(structure->keeps));
@@ -291,8 +292,10 @@ PetscErrorCode LatinTurningSetUp_Private(LatinStructure structure)
   }
   for (PetscInt l = 0; l < structure->links_local && rigid < 0; l++)
     if (LatinLaws[structure->law[l]].rigid && (structure->geometry == LATIN_GEOMETRY_PRESTRESS || (structure->law[l] != LATIN_LAW_INEXTENSIBLE && structure->law[l] != LATIN_LAW_CONTACT))) rigid = structure->law[l];
-  LatinAgree(comm, rigid >= 0, PETSC_ERR_SUP, "Geometry %s does not take links of the law %s, as the structure has them: take %s, or the geometry linear", LatinGeometries[structure->geometry], LatinLaws[PetscMax(0, rigid)].name,
-             LatinLaws[PetscMax(0, rigid)].cure);
+  cure = LatinLaws[PetscMax(0, rigid)].cure;
+  if (rigid == LATIN_LAW_FRICTION || rigid == LATIN_LAW_TANGENT) /* which is of small displacements only */
+    cure = structure->geometry == LATIN_GEOMETRY_LARGE ? "the law contact, which slides without friction" : "the elastic law compression_only, which slides without friction";
+  LatinAgree(comm, rigid >= 0, PETSC_ERR_SUP, "Geometry %s does not take links of the law %s, as the structure has them: take %s, or the geometry linear", LatinGeometries[structure->geometry], LatinLaws[PetscMax(0, rigid)].name, cure);
   if (!structure->span) PetscCall(PetscMalloc1(dim * structure->links_local + 1, &structure->span));                       /* never NULL where links turn */
   if (structure->geometry == LATIN_GEOMETRY_LARGE) PetscCall(PetscMalloc1(structure->links_local + 1, &structure->keeps)); /* never NULL then */
   PetscCall(DMGetCoordinatesLocal(structure->dm, &coordinates));
