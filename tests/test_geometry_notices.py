@@ -49,6 +49,15 @@ def test_links_of_their_own_direction_hide_no_others():
     assert text.endswith("small displacements do not hold")
 
 
+def test_cables_with_springs_across_do_not_turn():
+    """Geometric stiffness given as links: with large displacements it would count twice."""
+    net = make("net", side=6, law="cable")
+    assert not net.solve().notices
+    drawn = np.diff((net.nodes + net.solve().displacements)[net.links], axis=1)[:, 0]
+    cosine = np.einsum("ij,ij->i", drawn, net.directions) / np.linalg.norm(drawn, axis=1)
+    assert np.degrees(np.arccos(cosine[net.law == latinpc.Law.CABLE])).max() > 5.0
+
+
 def test_links_that_keep_their_direction_do_not_turn():
     """A spring of its own direction and a contact, whose nodes move across them: as with large displacements."""
     for law, direction, far in (("bar", [[1, 1], [1, 0]], 0.6), ("contact", [[0, 0], [1, 0]], 0.5)):

@@ -177,9 +177,12 @@ def turned(result: Result) -> list[str]:
     """Return a sentence where links turn, or their nodes move, further than small displacements allow.
 
     Not collective. Of links that turn: contacts and links of a direction of their own keep it with large displacements.
+    Where the latter join the same two nodes, as springs across a taut cable, they are how it resists turning, which
+    large displacements would count twice.
     """
     structure, displacements = result.structure, result.displacements
-    links = structure.links[~keeps_direction(structure)]
+    keeps, ends = keeps_direction(structure), np.sort(structure.links, axis=1) @ (len(structure.nodes), 1)
+    links = structure.links[~keeps & ~np.isin(ends, ends[keeps & (structure.law != Law.CONTACT)])]
     if structure.geometry == "large" or not len(links) or not result.converged:
         return []
     drawn = np.diff(structure.nodes[links], axis=1)[:, 0]
