@@ -216,17 +216,18 @@ def test_solver_that_gives_up_is_reported(limit):
 
 
 def test_a_reference_of_a_long_chain():
-    """Rounding leaves 1e-8 of the loads without balance, and displacements of all digits but those of the condition."""
-    links = 20000
-    nodes = np.arange(links + 1.0)[:, None]
-    load = np.ones((links + 1, 1))
+    """Rounding leaves 1e-8 of the loads without balance: the last full step says that this is all."""
+    links, k = 20000, 1.0 / 3.0
+    nodes, number = np.arange(links + 1.0)[:, None], np.arange(links)
     chain = latinpc.Structure(
-        nodes, np.column_stack([np.arange(links), np.arange(links) + 1]), "bar", 1.0, fixed=nodes == 0, load=load
+        nodes, np.column_stack([number, number + 1]), "bar", k, fixed=nodes == 0, load=np.full((links + 1, 1), 0.1)
     )
-    exact = np.concatenate([[0.0], np.cumsum(np.arange(links, 0.0, -1.0))])
-    u = chain.displacements(reference_solution(chain))[:, 0]
-    assert np.linalg.norm(u - exact) < 1e-9 * np.linalg.norm(exact)
-
+    exact = np.concatenate([[0.0], np.cumsum(0.1 * (links - number) / k)])
+    u = reference_solution(chain)
+    left = chain.create_vec()
+    chain.residual(u, left)
+    assert left.norm() > 1e-9 * 0.1 * np.sqrt(links)
+    assert np.linalg.norm(chain.displacements(u)[:, 0] - exact) < 1e-9 * np.linalg.norm(exact)
 
 
 # ---- rounding, inexact solvers ---------------------------------------------------------------
