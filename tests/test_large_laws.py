@@ -357,6 +357,21 @@ def test_a_table_may_be_a_cable():
     assert np.linalg.norm(table.displacements - plain.displacements) < 1e-8 * np.linalg.norm(plain.displacements)
 
 
+@pytest.mark.parametrize("apart", [0.0, 1e-6, 0.3])
+def test_a_node_on_a_floor_at_its_own_place(apart):
+    """A contact whose nodes are drawn at one place: no length for coordinates to be rounded by."""
+    structure = {"nodes": [[0.0, 0.0], [1.0, 0.0], [1.0, -apart]], "links": [[0, 1], [2, 1]], "law": ["bar", "contact"]}
+    structure |= {
+        "stiffness": [10.0, 0.0],
+        "direction": [[0.0, 0.0], [0.0, 1.0]],
+        "load": [[0, 0], [1.0, -50.0], [0, 0]],
+    }
+    result = solve(structure | {"fixed": [[True, True], [False, False], [True, True]]}, error=1e-10)
+    assert result.converged
+    assert result.displacements[1] == pytest.approx([0.1, 0.0], abs=1e-9)
+    assert result.tensions == pytest.approx([1.0, -50.0], rel=1e-9)
+
+
 @pytest.mark.parametrize("part", [0.5, 0.95])
 def test_links_in_compression_only_lean_on_each_other(part):
     """The von Mises truss before its limit point."""

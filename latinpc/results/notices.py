@@ -101,7 +101,8 @@ def _no_equilibrium(snes, structure):
     named = structure.node_names(nodes, unsupported > len(nodes))
     if structure.geometry == "large":  # where not all of the loads are borne `limit` says so
         ends = snes.getConvergedReason() == DTOL and solvers.path(snes)["borne"] == 1.0
-        return ["no equilibrium: the lengths of inextensible cables are incompatible"] if ends else []
+        rigid = "lengths of inextensible cables" if (structure.law == Law.INEXTENSIBLE).any() else "gaps of contacts"
+        return [f"no equilibrium: the {rigid} are incompatible"] if ends else []
     if jammed:
         rigid = structure.link_names(links, jammed > len(links))
         return [f"no equilibrium: the gaps of the rigid links {rigid} are incompatible"]

@@ -298,7 +298,7 @@ static PetscErrorCode LatinLargeCreate_Private(SNES snes, SNES *newnewton)
   PetscFunctionReturn(0);
 }
 
-/* l2 norm of the tensions at u, each times the size of the structure over its length: coordinates that are rounded turn a link by so much more. Collective on structure */
+/* l2 norm of the tensions at u, each times the size of the structure over its length: coordinates that are rounded turn a link by so much more, unless it keeps its direction. Collective on structure */
 static PetscErrorCode LatinLargeTension_Private(LatinStructure structure, Vec u, PetscReal size, PetscReal *norm)
 {
   const PetscInt dim = structure->dim;
@@ -312,7 +312,7 @@ static PetscErrorCode LatinLargeTension_Private(LatinStructure structure, Vec u,
     PetscReal square = 0.0;
 
     for (PetscInt c = 0; c < dim; c++) square += PetscSqr(structure->span[dim * l + c]);
-    *norm += PetscSqr(tension[l]) * (1.0 + PetscSqr(size) / square);
+    *norm += PetscSqr(tension[l]) * (1.0 + (LatinStructureKeeps(structure, l) ? 0.0 : PetscSqr(size) / square));
   }
   PetscCall(DMRestoreWorkArray(structure->dm, structure->links_local, MPIU_REAL, &tension));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, norm, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
