@@ -155,6 +155,18 @@ def test_a_mechanism_with_large_displacements_is_called_one():
         latinpc.Structure(**portal, load=load).solve()
 
 
+def test_a_self_stress_that_buckles_is_named_where_the_iteration_stays_as_drawn():
+    """A column that bears more than its critical load without loads, pulled along its axis."""
+    column = latinpc.Structure(
+        [[0, 0], [0, 1], [0, 2], [1, 1]], [[0, 1], [1, 2], [1, 3]], "bar", [1e6, 1e6, 100.0], prestress=[-60, -60, 0],
+        fixed=[[1, 1], [0, 0], [1, 1], [1, 1]], load=[[0, 0], [0, 1], [0, 0], [0, 0]], geometry="large",
+    )  # fmt: skip
+    with pytest.warns(latinpc.ConvergenceWarning):
+        result = column.solve(options={"snes_max_it": 3000})
+    assert not result.converged
+    assert "the structure as drawn is unstable: its prestress makes it buckle; nodes that move: 1" in result.notices
+
+
 @pytest.mark.parametrize("tension", [100.0, -100.0, 0.0])
 def test_a_self_stress_elsewhere_gives_no_hint(tension):
     """A hanging bar without tension beside a braced square: prestress cannot hold it, whatever its sign."""

@@ -259,7 +259,8 @@ def limit(structure: Structure, report: Mapping[str, Any], nodes: Sequence[int],
         Of their motion, as `latinpc.results.limit.softest` says.
     """
     factor = report.get("load_factor")
-    if report["reason"] != "DIVERGED_DTOL" or factor is None or factor >= 1.0:
+    told = report["reason"] == "DIVERGED_DTOL" or kind != "soft"  # the iteration may stay where the structure is drawn
+    if not told or factor is None or factor >= 1.0:
         return []
     named = structure.node_names(nodes[:_NAMED], len(nodes) > _NAMED)
     if not factor:
