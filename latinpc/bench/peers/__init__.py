@@ -77,6 +77,7 @@ METHODS = {
     }, "mumps"),
     "newton-gamg": Method("Newton, conjugate gradients, GAMG with rigid modes, kept", "newton", {
         **_CG, "pc_type": "gamg", "pc_gamg_threshold": 0.02, "snes_lag_preconditioner": -2,
+        "mat_no_inode": 1,
     }, rigid=True),
     "newton-hypre": Method("Newton, conjugate gradients, BoomerAMG", "newton", {
         **_CG, "pc_type": "hypre", "pc_hypre_type": "boomeramg", "pc_hypre_boomeramg_strong_threshold": 0.7,
@@ -100,7 +101,7 @@ METHODS = {
         "ksp_type": "fetidp", "fetidp_ksp_type": "cg", **{f"fetidp_bddc_{key}": _BDDC[key] for key in _BDDC},
     }, rigid=True, matrix="is"),
     "cg-gamg": Method("conjugate gradients, GAMG with rigid modes", "linear", {
-        "ksp_type": "cg", "pc_type": "gamg", "pc_gamg_threshold": 0.02,
+        "ksp_type": "cg", "pc_type": "gamg", "pc_gamg_threshold": 0.02, "mat_no_inode": 1,
     }, rigid=True),
     "cg-hypre": Method("conjugate gradients, BoomerAMG", "linear", {
         "ksp_type": "cg", "pc_type": "hypre", "pc_hypre_type": "boomeramg",
