@@ -107,16 +107,11 @@ def least(structure, u):
 @pytest.mark.parametrize("load", [49.0, 55.0, 75.0, 200.0])
 def test_a_column_under_loads_that_grow_in_one_vector(load):
     """The last solution is the guess: straight, it is an equilibrium under any load, and unstable beyond 50 N."""
-    down = np.zeros((4, 2))
-    down[2, 1] = -40.0
-    column = latinpc.Structure(
-        [[0, 0], [0, 1], [0, 2], [1, 1]], [[0, 1], [1, 2], [1, 3]], "bar", [1e6, 1e6, 100.0],
-        fixed=[[1, 1], [0, 0], [1, 0], [1, 1]], load=down, geometry="large",
-    )  # fmt: skip
+    column = latinpc.Structure(**turning.column(2, 40.0), geometry="large")
     snes, u = column.create_snes(), column.create_vec()
     snes.solve(None, u)
     assert snes.getConvergedReason() > 0
-    column.set_load(down * load / 40.0)
+    column.set_load(column.load * load / 40.0)
     snes.solve(None, u)
     assert (snes.getConvergedReason() > 0) == (load < 50.0)
     assert least(column, u) > 0.0
@@ -126,12 +121,7 @@ def test_a_column_under_loads_that_grow_in_one_vector(load):
 
 def test_a_guess_that_is_unstable_is_left():
     """A column that a guess holds straight beyond its critical load: the path starts from no loads."""
-    down = np.zeros((4, 2))
-    down[2, 1] = -75.0
-    column = latinpc.Structure(
-        [[0, 0], [0, 1], [0, 2], [1, 1]], [[0, 1], [1, 2], [1, 3]], "bar", [1e6, 1e6, 100.0],
-        fixed=[[1, 1], [0, 0], [1, 0], [1, 1]], load=down, geometry="large",
-    )  # fmt: skip
+    column = latinpc.Structure(**turning.column(2, 75.0), geometry="large")
     snes, u = column.create_snes(), column.create_vec()
     straight = np.zeros((4, 2))
     straight[1:3, 1] = -75.0 / 1e6, -2 * 75.0 / 1e6
