@@ -31,24 +31,12 @@ def elongations(scene, displacement):
 
 
 def stretches(scene, displacement):
-    """Return the elongations of links as displacements turn them: ``|r| - l`` where they are large, else e = B U.
-
-    Parameters
-    ----------
-    scene : Scene
-    displacement : (n, dim) array
-        Of all nodes, prescribed components included (m).
-
-    Returns
-    -------
-    (m,) array
-        In m.
-    """
+    """Return ``|r| - l`` of links where displacements are large, else e = B U (m); parameters of `elongations`."""
     return (changes_of_length if scene.geometry == "large" else elongations)(scene, displacement)
 
 
 def changes_of_length(scene, displacement):
-    """Return ``|r| - l`` of links (m), or e of links that keep their direction; parameters of `stretches`."""
+    """Return ``|r| - l`` of links (m), or e of links that keep their direction; parameters of `elongations`."""
     drawn, moved = (np.diff(places[scene.links], axis=1)[:, 0] for places in (scene.nodes, displacement))
     sizes = np.linalg.norm(drawn, axis=1) + np.linalg.norm(drawn + moved, axis=1)
     grown = np.einsum("ij,ij->i", 2.0 * drawn + moved, moved)  # |r|^2 - l^2 without cancellation

@@ -27,8 +27,10 @@ static PetscErrorCode LatinMatrixValues_Private(LatinSubdomains *sub, const Lati
 
       if (value == 0.0) continue;
       if (i < 0) *same = (PetscBool)(*same && i == LATIN_ROW_ALONE && column == r);
-      else if (at >= 0 && place[at] > first && place[at] <= last) { /* rows come in any order: what those before have left is beyond */ const PetscInt e    = place[at] - 1;
-        const PetscBool                                                                                                                                more = (PetscBool)(sub->sums && has[e]);
+      else if (at >= 0 && place[at] > first && place[at] <= last) {
+        /* rows come in any order: what those before have left is beyond */
+        const PetscInt  e    = place[at] - 1;
+        const PetscBool more = (PetscBool)(sub->sums && has[e]);
 
         ka[e] = more ? ka[e] + value : value;
         if (sub->sums) has[e] = PETSC_TRUE;
