@@ -246,3 +246,25 @@ def test_gaps_that_contradict_each_other_beside_what_moves_away(away, gap):
         assert found.displacements[2, 0] == pytest.approx(-gap, rel=1e-6)
     else:
         assert "no equilibrium: the gaps of the rigid links 1, 2 are incompatible" in found.notices
+
+
+@pytest.mark.parametrize("load", [0.0, 1.0])
+@pytest.mark.parametrize("gap", [1e-3, -1e-3])
+def test_the_residual_stop_does_not_claim_gaps_that_are_missed(load, gap):
+    """Forces balance at each node as soon as rigid links bear what is left; without loads they do so from the start."""
+    s = latinpc.Structure(
+        np.arange(4.0)[:, None],
+        [[0, 1], [1, 2], [2, 3]],
+        [Law.INEXTENSIBLE, Law.INEXTENSIBLE, Law.BAR],
+        [0, 0, 1e3],
+        [gap, gap, 0.0],
+        fixed=[[1], [0], [1], [0]],
+        load=[[0], [load], [0], [load]],
+    )
+    found = s.solve(options={"snes_latin_stop": "residual", "snes_rtol": 1e-10})
+    assert found.converged == (gap < 0.0)
+    if found.converged:
+        assert found.displacements[1, 0] == pytest.approx(-gap if load else 0.0, abs=1e-9)
+        assert found.displacements[3, 0] == pytest.approx(load / 1e3, abs=1e-12)
+    else:
+        assert "no equilibrium: the gaps of the rigid links 0, 1 are incompatible" in found.notices

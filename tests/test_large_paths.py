@@ -1,5 +1,7 @@
 """Paths of equilibria: units, parts that snap through, and what an error leaves behind."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import turning
@@ -193,3 +195,17 @@ def test_a_snap_to_where_a_tower_is_soft():
     snes.solve(None, u)
     assert snes.getConvergedReason() == PETSc.SNES.ConvergedReason.DIVERGED_DTOL
     assert latinpc.path(snes)["borne"] == pytest.approx(0.8741, abs=2e-4)
+
+
+def test_the_iteration_alone_names_no_limit_point():
+    """Bars in compression disturb it: where it ends says nothing of the structure, which bears the whole loads."""
+    scene = drawn.draw(34003, 5, "large").scene
+    s = latinpc.Structure.from_scene(scene)
+    assert s.solve().converged
+    found = s.solve(options={"snes_latin_newton": "never", "snes_latin_error": 1e-6})
+    assert (found.converged, found.report["reason"]) == (False, "DIVERGED_MAX_IT")
+    part = found.report["load_factor"]
+    assert 0.0 < part < 1.0
+    assert found.notices == [f"the solve ended before the whole loads: displacements are those of {part:.4g} of them"]
+    held = latinpc.Structure.from_scene(replace(scene, load=part * scene.load)).solve(error=1e-8)
+    assert np.linalg.norm(found.displacements - held.displacements) < 1e-4 * np.linalg.norm(held.displacements)

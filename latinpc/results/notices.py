@@ -260,10 +260,12 @@ def limit(structure: Structure, report: Mapping[str, Any], nodes: Sequence[int],
     """
     factor = report.get("load_factor")
     told = report["reason"] == "DIVERGED_DTOL" or kind != "soft"  # the iteration may stay where the structure is drawn
-    if not told or factor is None or factor >= 1.0:
+    if factor is None or factor >= 1.0:
         return []
+    if not told:
+        return [f"the solve ended before the whole loads: displacements are those of {max(factor, 0.0):.4g} of them"]
     named = structure.node_names(nodes[:_NAMED], len(nodes) > _NAMED)
-    if not factor:
+    if factor <= 0.0:  # the configuration as drawn is held by forces that are none of the loads
         return [f"{_DRAWN[kind]}; nodes that move: {named}" if named else "no stable equilibrium has been found"]
     text = f"no stable equilibrium follows that of {factor:.4g} of the loads: the structure buckles, or snaps through"
     moved = f"; nodes that move most in its mode: {named}" if named else ""

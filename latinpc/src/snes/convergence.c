@@ -109,7 +109,7 @@ PetscErrorCode SNESLatinFirst_Private(SNES snes)
   PetscCall(SNESLatinLoads_Private(snes, &loads));
   if (loads > 0.0) data->first_residual = PetscMin(data->first_residual, loads);
   PetscCall(SNESLatinWatch_Private(snes, 0));
-  if (data->next == LATIN_NEXT_CONTINUE && data->stop == LATIN_STOP_RESIDUAL && data->residual <= snes->abstol) data->next = LATIN_NEXT_CONVERGED_FNORM_ABS;
+  if (data->next == LATIN_NEXT_CONTINUE && data->stop == LATIN_STOP_RESIDUAL && data->residual <= snes->abstol && !data->latin->linear.rigid_tension) data->next = LATIN_NEXT_CONVERGED_FNORM_ABS;
   PetscFunctionReturn(0);
 }
 
@@ -202,26 +202,29 @@ static PetscBool SNESLatinStalls(SNES_Latin *data, PetscReal measure, PetscReal 
 
 /*
    A claim needs balance: forces without balance that are small beside stiffnesses, not beside loads, go with displacements
-   anywhere between slack links, and with wrong tensions; and rigid links must not miss their gaps. Displacements larger than the structure are a solution if forces
-   balance. Collective on snes
+   anywhere between slack links, and with wrong tensions; and rigid links must not miss their gaps, of which a residual says nothing.
+   Displacements larger than the structure are a solution if forces balance. Collective on snes
 */
 static PetscErrorCode SNESLatinProve_Private(SNES snes, LatinNext *next)
 {
-  SNES_Latin *data = (SNES_Latin *)snes->data;
-  PetscReal   loads;
-  PetscBool   far, rests = (PetscBool)(data->latin->linear.distance <= data->latin->linear.noise);
+  SNES_Latin     *data  = (SNES_Latin *)snes->data;
+  const PetscBool rests = (PetscBool)(data->latin->linear.distance <= data->latin->linear.noise);
+  const PetscBool gaps  = (PetscBool)(data->stop == LATIN_STOP_RESIDUAL && data->latin->linear.rigid_tension && !data->latin->sub.structure->ground);
+  PetscReal       loads;
+  PetscBool       far;
 
   PetscFunctionBegin;
   PetscCall(SNESLatinResidual_Private(snes));
   PetscCall(SNESLatinLoads_Private(snes, &loads));
   PetscCall(LatinEquilibriumFar_Private(data->latin->sub.structure, snes->vec_sol, &far));
-  if (!far && !SNESLatinBalances(snes) && !(data->newton.contrast && data->latin->sub.structure->ground)) PetscFunctionReturn(0); /* a motion that rests needs no proof */
+  if (!far && !SNESLatinBalances(snes) && !gaps && !(data->newton.contrast && data->latin->sub.structure->ground)) PetscFunctionReturn(0); /* a motion that rests needs no proof */
   PetscCall(LatinEquilibriumCheck_Private(data->latin, snes->vec_sol, snes->vec_func, snes->vec_rhs, data->target, data->estimate.energy, PETSC_FALSE, &data->found));
   if (data->found.verdict == LATIN_UNBOUNDED) *next = LATIN_NEXT_DIVERGED;
   else if (far && data->found.verdict == LATIN_BELOW_ROUNDING) *next = LATIN_NEXT_ROUNDING;
   else if (SNESLatinHides(snes)) *next = LATIN_NEXT_ROUNDING;
   else if (far && !rests && SNESLatinBalances(snes) && data->residual > LATIN_NEWTON_FAR * loads) *next = LATIN_NEXT_CONTINUE;
-  else if (SNESLatinBalances(snes) && (SNESLatinUnbalanced(data) || data->found.forces > data->target || data->found.missed > data->target)) *next = rests ? LATIN_NEXT_ROUNDING : LATIN_NEXT_CONTINUE;
+  else if (SNESLatinBalances(snes) && (SNESLatinUnbalanced(data) || data->found.forces > data->target)) *next = rests ? LATIN_NEXT_ROUNDING : LATIN_NEXT_CONTINUE;
+  else if ((SNESLatinBalances(snes) || gaps) && data->found.missed > data->target) *next = rests ? LATIN_NEXT_ROUNDING : LATIN_NEXT_CONTINUE;
   PetscFunctionReturn(0);
 }
 
