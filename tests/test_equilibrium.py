@@ -248,9 +248,10 @@ def test_gaps_that_contradict_each_other_beside_what_moves_away(away, gap):
         assert "no equilibrium: the gaps of the rigid links 1, 2 are incompatible" in found.notices
 
 
+@pytest.mark.parametrize("stop", [{"snes_latin_stop": "residual", "snes_rtol": 1e-10}, {"snes_stol": 1e-8}])
 @pytest.mark.parametrize("load", [0.0, 1.0])
 @pytest.mark.parametrize("gap", [1e-3, -1e-3])
-def test_the_residual_stop_does_not_claim_gaps_that_are_missed(load, gap):
+def test_no_stop_claims_gaps_that_are_missed(load, gap, stop):
     """Forces balance at each node as soon as rigid links bear what is left; without loads they do so from the start."""
     s = latinpc.Structure(
         np.arange(4.0)[:, None],
@@ -261,10 +262,19 @@ def test_the_residual_stop_does_not_claim_gaps_that_are_missed(load, gap):
         fixed=[[1], [0], [1], [0]],
         load=[[0], [load], [0], [load]],
     )
-    found = s.solve(options={"snes_latin_stop": "residual", "snes_rtol": 1e-10})
+    found = s.solve(options=stop)
     assert found.converged == (gap < 0.0)
     if found.converged:
         assert found.displacements[1, 0] == pytest.approx(-gap if load else 0.0, abs=1e-9)
         assert found.displacements[3, 0] == pytest.approx(load / 1e3, abs=1e-12)
     else:
         assert "no equilibrium: the gaps of the rigid links 0, 1 are incompatible" in found.notices
+
+
+@pytest.mark.parametrize(("seed", "number"), [(32005, 93), (32005, 60), (32003, 133)])
+def test_the_indicator_alone_is_no_equilibrium(seed, number):
+    """Structures without one, on which the steps of the iteration become small: the nodes and gaps show it."""
+    scene = draw(seed, number).scene
+    assert not solve_exactly(scene).exists
+    found = latinpc.Structure.from_scene(scene).solve(options={"snes_stol": 1e-8})
+    assert not found.converged

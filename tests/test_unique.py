@@ -50,7 +50,7 @@ def test_elastic_grains():
     scene = make("packing", side=10, law="elastic", subdomains=4)
     one, other = (solve(scene, stol=1e-11, max_it=30000, **way) for way in ({}, {"direction": "diagonal"}))
     assert apart(one.tensions, other.tensions) < 1e-7
-    bears = one.tensions < 0
+    bears = one.tensions < -1e-6 * abs(one.tensions).max()  # of less rounding decides whether it bears at all
     assert apart(strain(scene, one.u)[bears], strain(scene, other.u)[bears]) < 1e-7
     assert (one.u * scene.load).sum() == pytest.approx((other.u * scene.load).sum(), rel=1e-8)
     grains = np.unique(scene.links[bears])

@@ -5,7 +5,8 @@
    and the decision what happens next.
 */
 
-#define LATIN_PROOF_EARLY 4.0 /* times the error asked for: an estimate from which on Newton's method does the rest. Linear stages and its iterations together are about level from 2 to 8; 16 misses the error */
+#define LATIN_STEP_ERROR  10.0 /* times the indicator to stop at: an error that forces without balance show, or gaps */
+#define LATIN_PROOF_EARLY 4.0  /* times the error asked for: an estimate from which on Newton's method does the rest. Linear stages and its iterations together are about level from 2 to 8; 16 misses the error */
 
 /* The nodal unbalance of the solution vector becomes the function. Collective on snes */
 PetscErrorCode SNESLatinBalance_Private(SNES snes)
@@ -207,9 +208,12 @@ static PetscBool SNESLatinStalls(SNES_Latin *data, PetscReal measure, PetscReal 
 */
 static PetscErrorCode SNESLatinProve_Private(SNES snes, LatinNext *next)
 {
-  SNES_Latin     *data  = (SNES_Latin *)snes->data;
-  const PetscBool rests = (PetscBool)(data->latin->linear.distance <= data->latin->linear.noise);
-  const PetscBool gaps  = (PetscBool)(data->stop == LATIN_STOP_RESIDUAL && data->latin->linear.rigid_tension && !data->latin->sub.structure->ground);
+  SNES_Latin     *data     = (SNES_Latin *)snes->data;
+  const PetscBool rests    = (PetscBool)(data->latin->linear.distance <= data->latin->linear.noise);
+  const PetscBool balances = SNESLatinBalances(snes), statics = (PetscBool)!data->latin->sub.structure->ground;
+  const PetscBool step   = (PetscBool)(statics && !balances && data->stop == LATIN_STOP_INDICATOR);
+  const PetscBool gaps   = (PetscBool)(statics && data->stop == LATIN_STOP_RESIDUAL && data->latin->linear.rigid_tension);
+  const PetscReal target = step ? PetscMax(LATIN_STEP_ERROR * snes->stol, PETSC_SQRT_MACHINE_EPSILON) : data->target;
   PetscReal       loads;
   PetscBool       far;
 
@@ -217,14 +221,15 @@ static PetscErrorCode SNESLatinProve_Private(SNES snes, LatinNext *next)
   PetscCall(SNESLatinResidual_Private(snes));
   PetscCall(SNESLatinLoads_Private(snes, &loads));
   PetscCall(LatinEquilibriumFar_Private(data->latin->sub.structure, snes->vec_sol, &far));
-  if (!far && !SNESLatinBalances(snes) && !gaps && !(data->newton.contrast && data->latin->sub.structure->ground)) PetscFunctionReturn(0); /* a motion that rests needs no proof */
-  PetscCall(LatinEquilibriumCheck_Private(data->latin, snes->vec_sol, snes->vec_func, snes->vec_rhs, data->target, data->estimate.energy, PETSC_FALSE, &data->found));
+  if (!far && !balances && !step && !gaps && !(data->newton.contrast && !statics)) PetscFunctionReturn(0); /* a motion that rests needs no proof */
+  PetscCall(LatinEquilibriumCheck_Private(data->latin, snes->vec_sol, snes->vec_func, snes->vec_rhs, target, data->estimate.energy, PETSC_FALSE, &data->found));
   if (data->found.verdict == LATIN_UNBOUNDED) *next = LATIN_NEXT_DIVERGED;
   else if (far && data->found.verdict == LATIN_BELOW_ROUNDING) *next = LATIN_NEXT_ROUNDING;
   else if (SNESLatinHides(snes)) *next = LATIN_NEXT_ROUNDING;
-  else if (far && !rests && SNESLatinBalances(snes) && data->residual > LATIN_NEWTON_FAR * loads) *next = LATIN_NEXT_CONTINUE;
-  else if (SNESLatinBalances(snes) && (SNESLatinUnbalanced(data) || data->found.forces > data->target)) *next = rests ? LATIN_NEXT_ROUNDING : LATIN_NEXT_CONTINUE;
-  else if ((SNESLatinBalances(snes) || gaps) && data->found.missed > data->target) *next = rests ? LATIN_NEXT_ROUNDING : LATIN_NEXT_CONTINUE;
+  else if (far && !rests && balances && data->residual > LATIN_NEWTON_FAR * loads) *next = LATIN_NEXT_CONTINUE;
+  else if (balances && (SNESLatinUnbalanced(data) || data->found.forces > target)) *next = rests ? LATIN_NEXT_ROUNDING : LATIN_NEXT_CONTINUE;
+  else if (step && !rests && data->found.verdict != LATIN_EQUILIBRIUM) *next = LATIN_NEXT_CONTINUE;
+  else if ((step && data->found.forces > target) || ((balances || step || gaps) && data->found.missed > target)) *next = rests ? LATIN_NEXT_ROUNDING : LATIN_NEXT_CONTINUE;
   PetscFunctionReturn(0);
 }
 

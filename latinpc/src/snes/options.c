@@ -68,7 +68,8 @@ PetscErrorCode SNESSetFromOptions_Latin(SNES snes, LatinOptionItems PetscOptions
   Input Parameters:
 + snes - of type latin
 - stop - `LATIN_STOP_INDICATOR`: the distance of the two stages of an iteration, relative, below the step tolerance of
-         `SNESSetTolerances()`; `LATIN_STOP_RESIDUAL`: the nodal unbalance, below its relative or absolute tolerance;
+         `SNESSetTolerances()`, where forces without balance do not show an error of ten times that; `LATIN_STOP_RESIDUAL`: the nodal unbalance, below its relative or absolute tolerance,
+         where rigid links meet their gaps;
          `LATIN_STOP_REFERENCE`: the error against `SNESLatinSetReference()`, below its step tolerance;
          `LATIN_STOP_ERROR`, `LATIN_STOP_ENERGY`: the estimated error of the displacements, in the l2 norm or in the energy
          norm, below that of `SNESLatinSetError()`; `LATIN_STOP_AUTO`, the default: `LATIN_STOP_ERROR`, or
