@@ -315,11 +315,6 @@ OTHERS = {
         "Second level, METIS grid of 200 on 8 ranks, LATIN_SPECTRAL_FACE 0.2: 0.1, 0.01 and 0.0001 leave 136, 167 and "
         "170 unknowns and take 96, 76 and 68 steps; of 140 on 16: 88, 75 and 75 steps.",
     ),
-    "LATIN_DENSE_BLOCK": (
-        "columns",
-        "Two ranks, 400, 1,350 and 3,000 rows: 0.7, 14 and 121 ms with 32, 0.8, 15 and 127 with 64, 1.1, 17 and 122 "
-        "with 128, without messages, of which 32 take twice as many.",
-    ),
     "LATIN_TREE_STAGES": (
         "solves",
         "Linear stages for each set-up: METIS grids on 8 ranks take 22 to 24, blocks 47 to 50.",

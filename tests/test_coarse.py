@@ -73,7 +73,7 @@ def test_any_solver_of_the_coarse_problem(solver):
 
 
 def test_default_solver_of_the_coarse_problem():
-    """On one rank that of the subdomains, under a prefix of its own; several: test_dense.py, test_tree.py."""
+    """On one rank that of the subdomains, under a prefix of its own; several: test_tree.py."""
     with latin(grid()) as run:
         run.snes.setUp()
         ksp = latinpc.coarse_ksp(run.snes)

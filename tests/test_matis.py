@@ -378,11 +378,11 @@ def test_small_subdomains_take_schur_complements(matis):
 
 @pytest.mark.parametrize("options", [[], ["cholesky"], ["mumps"]])
 def test_coarse_solver(matis, options):
-    """A full matrix has a dense factor on every rank; one word of the options makes it a parallel, sparse one."""
+    """A full matrix is factored by fronts of the ranks; one word of the options makes it a parallel, sparse one."""
     words = {"cholesky": ["-pc_latin_coarse_pc_type", "cholesky"]}
     words["mumps"] = ["-pc_latin_coarse_pc_factor_mat_solver_type", "mumps"]
     result = matis(4, words[options[0]] if options else [], view=True)
-    assert ("latindense" in result["view"]) == (not options)
+    assert ("latintree" in result["view"]) == (not options)
     converged(result, 8)
 
 

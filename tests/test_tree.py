@@ -132,7 +132,7 @@ snes.setFromOptions()
 u = structure.create_vec()
 snes.solve(None, u)
 A, pc = latinpc.coarse_ksp(snes).getOperators()[0], latinpc.coarse_ksp(snes).getPC()
-info = pc.getFactorMatrix().getInfo()
+info = pc.getFactorMatrix().getInfo() if pc.getType() == "cholesky" else {"memory": 0.0, "nz_used": 0.0}
 found = {"type": A.getType(), "solver": pc.getType() == "cholesky" and pc.getFactorSolverType(), "rows": A.getSize()[0],
          "bytes": info["memory"] / max(1, info["nz_used"]),
          "spent": A.getType() == "is" and A.getISLocalMat().getType() == "shell",
@@ -168,9 +168,18 @@ def test_it_is_the_default_of_large_coarse_problems(mpirun, tmp_path, ranks, par
     assert far(np.array(single["u"]).reshape(one.shape), one) < 1e-6
 
 
-def test_full_matrices_of_many_unknowns_are_no_exception(mpirun, tmp_path):
-    """Four subdomains on four ranks have as many entries as the whole matrix, which is then on no rank."""
-    mpirun(4, COARSE, tmp_path / "full.json", sys.path[0], 4, 125)
+@pytest.mark.parametrize(("ranks", "parts"), [(2, 2), (2, 4), (4, 4)])
+def test_full_matrices_of_any_size_are_factored_once(mpirun, tmp_path, ranks, parts):
+    """Few subdomains have as many entries as the whole matrix: no rank factors it alone; the iterates of one rank."""
+    mpirun(ranks, COARSE, tmp_path / "full.json", sys.path[0], parts, 12)
     full = json.loads((tmp_path / "full.json").read_text())
-    assert full["rows"] > 1500
+    assert full["rows"] < 1500
     assert (full["type"], full["solver"]) == ("is", "latintree")
+    one = solve(irregular(modules=12, parts=parts), variant="primal", stol=0.0, max_it=6, newton="never").u
+    assert far(np.array(full["u"]).reshape(one.shape), one) < 1e-9
+
+
+def test_small_sparse_matrices_are_factored_by_every_rank(mpirun, tmp_path):
+    """Many subdomains, each of which touches a small part of the unknowns."""
+    mpirun(2, COARSE, tmp_path / "many.json", sys.path[0], 40, 12)
+    assert json.loads((tmp_path / "many.json").read_text())["type"] == "mpiaij"

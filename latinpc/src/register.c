@@ -33,7 +33,6 @@ static PetscErrorCode LatinRegisterTypes(void)
   PetscCall(TSRegister(TSLATIN, TSCreate_Latin));
   PetscCall(MatOrderingRegister(LATIN_ORDERING, LatinOrdering));
   PetscCall(LatinCholeskyRegister());
-  PetscCall(LatinDenseRegister());
   PetscCall(LatinTreeRegister());
   PetscCall(PetscRegisterFinalize(LatinFinalizePackage));
   PetscFunctionReturn(0);

@@ -290,11 +290,6 @@ PetscErrorCode LatinCoarseAssemble_Private(LatinCoarse *coarse, LatinHomogenised
   PetscCall(PetscSortRemoveDupsInt(&n, number));
   for (PetscInt i = 0; i < entries; i++) PetscCall(PetscFindInt(coarse->top_global[i], n, number, &at[i]));
   for (PetscInt s = 0; s < top->n; s++) PetscCall(PetscLogFlops(PetscSqr((PetscLogDouble)(top->offset[s + 1] - top->offset[s]))));
-  if (coarse->full) {
-    PetscCall(LatinCoarseFull_Private(coarse, stiffness, n, number, at, same));
-    PetscCall(PetscFree(at));
-    PetscFunctionReturn(0);
-  }
   PetscCall(LatinCoarseWhole_Private(coarse, stiffness, n, &whole));
   if (whole) {
     PetscCall(PetscArraycpy(number, coarse->top_global, entries));

@@ -51,12 +51,12 @@ static PetscErrorCode LatinCoarseHalf_Private(LatinCoarse *coarse)
   PetscCall(PetscOptionsGetString(pc->options, pc->prefix, "-pc_factor_mat_solver_type", given, sizeof(given), &named));
   if (named) PetscCall(PetscStrcmp(given, package, &mumps));
   if (mumps) PetscCall(MatSolverTypeGet(package, MATMPISBAIJ, MAT_FACTOR_CHOLESKY, NULL, &mumps, NULL));
-  coarse->upper = (PetscBool)(size > 1 && !coarse->full && !coarse->tree && cholesky && mumps && (coarse->chosen || coarse->top_size > LATIN_REDUNDANT));
+  coarse->upper = (PetscBool)(size > 1 && !coarse->tree && cholesky && mumps && (coarse->chosen || coarse->top_size > LATIN_REDUNDANT));
   PetscFunctionReturn(0);
 }
 
 /*
-   The default is a factorisation: ours on one rank; on several a dense one of a full matrix, and of a small one that by each rank
+   The default is a factorisation: ours on one rank; on several fronts that they join, or of a small sparse matrix that by each rank
    of the whole, for a parallel one of so few rows is all messages. What the options name is for the matrix of all ranks. Where each rank solves the
    whole, which gives the same bits twice, it is by the factorisation of one rank. Collective on coarse->ksp
 */
@@ -71,8 +71,8 @@ static PetscErrorCode LatinCoarseDirect_Private(LatinCoarse *coarse)
   PetscFunctionBegin;
   PetscCall(KSPGetPC(coarse->ksp, &pc));
   PetscCallMPI(MPI_Comm_size(PetscObjectComm((PetscObject)pc), &size));
-  if (coarse->full || coarse->tree) {
-    PetscCall(PCFactorSetMatSolverType(pc, coarse->full ? LATIN_DENSE : LATIN_TREE));
+  if (coarse->tree) {
+    PetscCall(PCFactorSetMatSolverType(pc, LATIN_TREE));
     PetscFunctionReturn(0);
   }
   PetscCall(PetscOptionsHasName(((PetscObject)pc)->options, ((PetscObject)pc)->prefix, "-pc_factor_mat_solver_type", &package));
@@ -120,11 +120,11 @@ static PetscErrorCode LatinCoarseForget_Private(LatinCoarse *coarse)
 /*
    The factor of the tree takes all of a matrix whose parts may be as large as it, and which no solve reads: these go, and what asks
    the matrix for a product says so. Ahead, as they are factored, where nothing is looked at that cannot be: a provisional one; else
-   after that. Not where another set-up may have its pattern. Collective on coarse->ksp
+   after that. Not where another set-up may have its pattern, nor where it is small: a monitor may ask for a product. Collective on coarse->ksp
 */
 static PetscErrorCode LatinCoarseSpend_Private(LatinCoarse *coarse, PetscBool ahead)
 {
-  PetscBool        spend = (PetscBool)(coarse->tree && !coarse->sub->preconditions && coarse->status.provisional == ahead && !LatinFactorFailed(&coarse->status));
+  PetscBool        spend = (PetscBool)(coarse->tree && coarse->top_size > LATIN_REDUNDANT && !coarse->sub->preconditions && coarse->status.provisional == ahead && !LatinFactorFailed(&coarse->status));
   PetscObjectState state;
   Mat              empty;
 

@@ -300,39 +300,26 @@ static PetscErrorCode LatinGroupsLevelReset_Private(LatinGroupLevel *level)
 }
 
 /*
-   Is the coarse matrix full, on several ranks: do the elements bring as many entries as it has? Then it is dense, and its rows
-   are shared out evenly: *map. Not where options choose its solver, nor where fronts serve, which no rank has all of. Collective
+   Do the ranks join fronts of their parts? Where that is predicted not to take much longer than a factorisation by all of them, for
+   it takes less memory; and where the matrix is full, as that of few subdomains is: so it is factored once, not by every rank. Not
+   where options choose. Collective
 */
-static PetscErrorCode LatinGroupsFull_Private(LatinCoarse *coarse, PetscLayout *map)
+static PetscErrorCode LatinGroupsTree_Private(LatinCoarse *coarse, PetscLayout map)
 {
   const LatinElements *top     = &coarse->top;
   MPI_Comm             comm    = PetscObjectComm(coarse->sub->object);
   PetscReal            entries = 0.0;
+  PetscInt            *number, n = top->offset[top->n];
   PetscMPIInt          size;
 
   PetscFunctionBegin;
   PetscCallMPI(MPI_Comm_size(comm, &size));
+  coarse->tree = PETSC_FALSE;
+  if (size == 1 || coarse->chosen || coarse->iterative || !coarse->top_size) PetscFunctionReturn(0);
   for (PetscInt s = 0; s < top->n; s++) entries += PetscSqr((PetscReal)(top->offset[s + 1] - top->offset[s]));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &entries, 1, MPIU_REAL, MPIU_SUM, comm));
-  coarse->full = (PetscBool)(size > 1 && coarse->top_size && !coarse->tree && !coarse->chosen && !coarse->iterative && entries >= PetscSqr((PetscReal)coarse->top_size));
-  if (!coarse->full) PetscFunctionReturn(0);
-  PetscCall(PetscLayoutDestroy(map));
-  PetscCall(PetscLayoutCreateFromSizes(comm, PETSC_DECIDE, coarse->top_size, 1, map));
-  coarse->top_local = (*map)->n;
-  PetscFunctionReturn(0);
-}
-
-/* Do the ranks join fronts of their parts, which takes less memory than a factorisation by all of them, and is predicted not to take much longer? Not where options choose. Collective */
-static PetscErrorCode LatinGroupsTree_Private(LatinCoarse *coarse, PetscLayout map)
-{
-  MPI_Comm    comm = PetscObjectComm(coarse->sub->object);
-  PetscInt   *number, n = coarse->top.offset[coarse->top.n];
-  PetscMPIInt size;
-
-  PetscFunctionBegin;
-  PetscCallMPI(MPI_Comm_size(comm, &size));
-  coarse->tree = PETSC_FALSE;
-  if (size == 1 || coarse->chosen || coarse->iterative || coarse->top_size <= LATIN_REDUNDANT) PetscFunctionReturn(0);
+  coarse->tree = (PetscBool)(entries >= PetscSqr((PetscReal)coarse->top_size));
+  if (coarse->tree || coarse->top_size <= LATIN_REDUNDANT) PetscFunctionReturn(0);
   PetscCall(PetscMalloc1(n, &number));
   PetscCall(PetscArraycpy(number, coarse->top_global, n));
   PetscCall(PetscSortRemoveDupsInt(&n, number));
@@ -368,7 +355,6 @@ static PetscErrorCode LatinGroupsTop_Private(LatinCoarse *coarse, PetscSF sf, Pe
   for (PetscInt i = 0; i < entries; i++) coarse->top_global[i] = number[top->dof[i]];
   PetscCall(PetscFree(root));
   PetscCall(LatinGroupsTree_Private(coarse, map));
-  PetscCall(LatinGroupsFull_Private(coarse, &map));
   PetscCall(PetscSFCreate(comm, &coarse->top_sf));
   PetscCall(PetscSFSetGraphLayout(coarse->top_sf, map, entries, NULL, PETSC_COPY_VALUES, coarse->top_global));
   PetscCall(PetscSFSetUp(coarse->top_sf));

@@ -67,7 +67,6 @@ typedef struct {
   LatinGroupLevel   level[LATIN_GROUP_LEVELS];
   LatinElements     top;                 /* elements of A: subdomains, or groups of them */
   PetscInt          top_local, top_size; /* rows of A: of this rank, all */
-  PetscBool         full;                /* A is dense, of several ranks */
   PetscBool         tree;                /* A is in parts, whose fronts the ranks join */
   PetscInt         *top_global;          /* [top.offset[top.n]] rows of A */
   PetscBool         upper;               /* A has its upper triangle alone, which is all that a factorisation takes */
@@ -96,10 +95,6 @@ typedef struct {
 
 #define LATIN_REDUNDANT 1500 /* most rows of a parallel matrix that every rank factors by itself */
 
-/* ---- Cholesky of a dense matrix of several ranks (coarse/densecholesky.c) ---- */
-#define LATIN_DENSE "latindense" /* a MatSolverType */
-PETSC_INTERN PetscErrorCode LatinDenseRegister(void);
-
 /* ---- Cholesky of a matrix in parts, by fronts that ranks join in pairs (coarse/tree.h, treeplan.c, treecholesky.c, treefactor.c) ---- */
 #define LATIN_TREE       "latintree"      /* a MatSolverType */
 #define LATIN_TREE_SPENT "LatinTreeSpent" /* what a MATIS carries the local matrix by that is to be left of it: its factor is provisional, and may be rounded */
@@ -117,7 +112,6 @@ PETSC_INTERN PetscErrorCode LatinCoarseRetire(LatinCoarse *);
 PETSC_INTERN PetscErrorCode LatinRowsSum_Private(PetscLayout, const PetscInt number[], LatinCoarsePart *, PetscBool upper, Mat *);
 PETSC_INTERN PetscErrorCode LatinCoarsePartFree_Private(LatinCoarsePart *);
 PETSC_INTERN PetscErrorCode LatinCoarseAssemble_Private(LatinCoarse *, LatinHomogenised *, PetscBool *same);
-PETSC_INTERN PetscErrorCode LatinCoarseFull_Private(LatinCoarse *, LatinHomogenised *, PetscInt n, PetscInt number[], const PetscInt at[], PetscBool *same);
 PETSC_INTERN PetscErrorCode LatinCoarseNear_Private(LatinCoarse *);
 PETSC_INTERN PetscErrorCode LatinGroupsSetUp(LatinCoarse *, const LatinHomogenised *, PetscBool groups);
 PETSC_INTERN PetscErrorCode LatinGroupsFinish(LatinCoarse *);
