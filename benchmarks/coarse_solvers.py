@@ -33,8 +33,6 @@ COARSE = {
     "direct, repeated groups": {},
     "gamg": GAMG,
 }
-#: Rows of the page that were measured in an earlier version, where groups could be left alone.
-FORMER = ["direct, MUMPS"]
 #: Subdomains a side of each growth table.
 GROWTH = {
     "truss-grid": [25, 50, 100],
@@ -232,7 +230,7 @@ def growth_table(found, table):
     heads = ("solver", "subdomains", "coarse unknowns", "iterations", "set-up", "an iteration", "memory", "all in all")
     lines = ["| " + " | ".join(heads) + " |"]
     lines.append("| --- " * 8 + "|")
-    for solver in FORMER + list(COARSE)[1:]:
+    for solver in list(COARSE)[1:]:
         rows = []
         for side in GROWTH[table]:
             result, base = found.get(f"{table}|{side}|{solver}"), found.get(f"{table}|{side}|jacobi")
@@ -259,7 +257,7 @@ def extrapolated_table(found, table):
     """Write what larger numbers of subdomains would need, by the exponents of the last two sizes (at least 1)."""
     lines = ["| solver | 1e5 subdomains: set-up, memory, an iteration | 1e6 subdomains: set-up, memory, an iteration |"]
     lines.append("| --- | --- | --- |")
-    for solver in FORMER + list(COARSE)[1:]:
+    for solver in list(COARSE)[1:]:
         last = []
         for side in GROWTH[table][-2:]:
             result, base = found.get(f"{table}|{side}|{solver}"), found.get(f"{table}|{side}|jacobi")

@@ -53,7 +53,6 @@ static PetscErrorCode LatinMacroNears_Private(const LatinMacro *macro, const Lat
              could not move rigidly without micro energy. Fields that are no displacement do not rotate: zeta itself
              completes them.
      rigid   translations and rotations only: a smaller coarse problem
-     none    no field: what is left of the coarse problem is that of FETI-DP, section 4.3
    Behind them, the near null space of a matrix that has one; it takes the place of the rigid fields.
 */
 static PetscErrorCode LatinMacroModes_Private(LatinMacro *macro, const LatinInterface *face, PetscInt *modes, PetscScalar M[])
