@@ -147,24 +147,11 @@ TUNING = {
         CRUMBS,
         so="With a quarter METIS leaves 27 of 89 subdomains empty; more brings an iteration at most.",
     ),
-    "LATIN_SIZE_PLANE": Tuning(
+    "LATIN_SIZE_LINKS": Tuning(
         "links a subdomain",
-        "subdomains on several ranks, plane",
-        ("two ranks, lattice",),
-        so=(
-            "From 1,000 links to 10 million the least work (`partition/subdomaincount.c`). Small structures do "
-            "with half."
-        ),
-    ),
-    "LATIN_SIZE_FLAT": Tuning("links a subdomain", "the same, flat", ("two ranks, grid",), so="As above."),
-    "LATIN_SIZE_SOLID": Tuning(
-        "links a subdomain", "the same, solid", ("two ranks, network", "two ranks, network 2000"), so="As above."
-    ),
-    "LATIN_SIZE_THICK": Tuning(
-        "links",
-        "flat or solid",
-        ("two ranks, grid", "two ranks, network", "two ranks, network 2000"),
-        so=("A network of 10 links a side is solid, a grid of 3 links is not: values from 1 to 4 say so, 8 does not."),
+        "subdomains on several ranks, but for the default of one a rank",
+        ("two ranks, lattice", "two ranks, grid", "two ranks, network", "two ranks, network 2000"),
+        so="The least work in all, of plane, flat and solid structures.",
     ),
     # the estimate
     "LATIN_ESTIMATE_ROWS": Tuning(

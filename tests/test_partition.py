@@ -159,19 +159,18 @@ import latinpc
 from support import grid, lattice, latin, network
 found, n = [], int(sys.argv[4])
 for scene in (grid(modules=8 * n, partition="metis"), network(nodes=500 * n * n), lattice(nx=32 * n, ny=16 * n)):
-    for unit in (1, 1000):
-        part = replace(scene, subdomain=None, nodes=unit * scene.nodes)
-        with latin(part, latinpc.Structure.from_scene(part)) as run:
-            run.snes.setUp()
-            found.append(len(scene.links) / latinpc.statistics(run.snes)["subdomains"])
-            rank = run.structure.comm.rank
+    part = replace(scene, subdomain=None)
+    with latin(part, latinpc.Structure.from_scene(part)) as run:
+        run.snes.setUp()
+        found.append(len(scene.links) / latinpc.statistics(run.snes)["subdomains"])
+        rank = run.structure.comm.rank
 if not rank:
     json.dump(found, open(sys.argv[1], "w"))
 """
 
 
-def test_default_size_follows_the_structure(mpirun, tmp_path):
-    """What costs least: one a rank, more of those with strong interfaces. The unit of length does not matter."""
+def test_default_size(mpirun, tmp_path):
+    """What costs least: one a rank, more of those with strong interfaces."""
     scenes = grid(modules=8, partition="metis"), network(nodes=500), lattice(nx=32, ny=16)
 
     def found(ranks, variant, size):
@@ -179,11 +178,9 @@ def test_default_size_follows_the_structure(mpirun, tmp_path):
         return json.loads((tmp_path / "sizes.json").read_text())
 
     for ranks in (1, 2):
-        assert found(ranks, "auto", 1) == [len(scene.links) / ranks for scene in scenes for _ in range(2)]
+        assert found(ranks, "auto", 1) == [len(scene.links) / ranks for scene in scenes]
     corner = found(2, "corner", 2)
-    for size, low, high in zip(corner[::2], (300, 512, 512), (512, 1024, 1024), strict=True):
-        assert low <= size <= high
-    assert corner[::2] == corner[1::2]
+    assert all(543 <= size <= 724 for size in corner)  # 724 links at most, in four subdomains or more
 
 
 PROGRAM = """
