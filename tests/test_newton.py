@@ -191,6 +191,15 @@ def test_contrasts_between_links(across, factor):
     assert result.iterations < 300
 
 
+@pytest.mark.parametrize("factor", [1e6, 1e10])
+def test_an_indicator_proves_nothing_beside_stiff_links(factor):
+    """Half a network hardly moves from stage to stage: Newton's method ends solves that have another stop, too."""
+    scene = contrast(factor, across=True)
+    result = solve(scene, stop="indicator", stol=1e-4)
+    assert result.reason > 0
+    assert far(result.u, oracle.newton(scene)) < 1e-6
+
+
 def test_the_iteration_alone_stalls():
     """Newton's method is needed: without, the same structure is far from its solution after 500 linear stages."""
     scene = contrast(1e6)
