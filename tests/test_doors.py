@@ -156,3 +156,53 @@ def test_pcshell_is_the_same_preconditioner(mpirun, ranks):
     by_shell = mpirun(ranks, CHAIN + 'pc.setType("shell")\nlatinpc.pcshell_set_latin(pc)\n' + CLOSE).stdout.split()
     assert by_type[0] == "latin"
     assert by_shell == ["shell", by_type[1]]
+
+
+NET = """
+import sys
+import petsc4py
+petsc4py.init(sys.argv)
+from petsc4py import PETSc
+import numpy as np
+import latinpc
+
+def chain(n):
+    x = np.arange(n + 1.0)
+    return x, latinpc.Structure(
+        nodes=x[:, None], links=np.column_stack([np.arange(n), np.arange(1, n + 1)]), law=0, stiffness=1.0,
+        fixed=np.isin(x, [0, n])[:, None], load=np.ones((n + 1, 1)))
+
+def solves(snes, x, structure):
+    u = structure.create_vec()
+    snes.solve(None, u)
+    assert snes.getConvergedReason() > 0
+    assert np.allclose(structure.displacements(u)[:, 0], x * (x[-1] - x) / 2, rtol=1e-4)
+    r = structure.create_vec()
+    structure.residual(u, r)
+    assert abs(snes.getFunctionNorm() - r.norm()) < 1e-6
+
+snes = PETSc.SNES().create()
+snes.setType("latin")
+"""
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_the_dm_of_a_structure_is_enough(mpirun, ranks):
+    """Another DM, or another structure, takes the place of the first one; nobody has called attach()."""
+    mpirun(
+        ranks,
+        NET
+        + """
+for n in (24, 9, 24):
+    x, structure = chain(n)
+    snes.setDM(structure.dm)
+    solves(snes, x, structure)
+    snes.reset()
+first = chain(24)
+snes.setDM(first[1].dm)
+solves(snes, *first)
+second = chain(9)
+second[1].attach(snes)
+solves(snes, *second)
+""",
+    )

@@ -19,6 +19,7 @@ static PetscErrorCode SNESSetUp_Latin(SNES snes)
   PetscCall(SNESLatinFindStructure_Private(snes, &structure));
   PetscCheck(structure, PetscObjectComm((PetscObject)snes), PETSC_ERR_ORDER,
              "-snes_type latin has no structure to work on: build one with LatinStructureCreate() and give it to this SNES with LatinStructureAttachSNES() (in Python, latinpc.Structure(...).attach(snes))");
+  PetscCall(SNESLatinFollowDM_Private(snes, structure));
   PetscCall(SNESLatinFrame_Private(snes, structure, &structure));
   PetscCall(LatinSetProblem_Private(data->latin, structure, NULL));
   PetscCall(LatinSetPrefix_Private(data->latin, (PetscObject)snes));
@@ -315,6 +316,7 @@ static PetscErrorCode SNESSolve_Latin(SNES snes)
   PetscFunctionBegin;
   PetscCheck(!snes->xl && !snes->xu && !snes->ops->computevariablebounds, PetscObjectComm((PetscObject)snes), PETSC_ERR_ARG_WRONGSTATE, "SNES latin does not take bounds on the unknowns: unilateral behaviour is in the laws of the links");
   PetscCall(SNESLatinFindStructure_Private(snes, &structure)); /* it may have changed since SNESSetUp() */
+  PetscCall(SNESLatinFollowDM_Private(snes, structure));
   PetscCall(LatinStructureCheckVec_Private(structure, snes->vec_sol));
   if (snes->vec_rhs) PetscCall(LatinStructureCheckVec_Private(structure, snes->vec_rhs));
   PetscCall(SNESLatinFrame_Private(snes, structure, &structure));

@@ -81,6 +81,28 @@ static PetscErrorCode LatinStructureObjective_SNES(SNES snes, Vec u, PetscReal *
   return LatinStructureComputeEnergy((LatinStructure)ctx, u, energy);
 }
 
+/* Residual, Jacobian and energy of the structure. Collective on snes */
+static PetscErrorCode LatinStructureEquations_Private(LatinStructure structure, SNES snes)
+{
+  PetscFunctionBegin;
+  PetscCall(SNESSetFunction(snes, NULL, LatinStructureFunction_SNES, structure));
+  PetscCall(SNESSetJacobian(snes, NULL, NULL, LatinStructureJacobian_SNES, structure));
+  PetscCall(SNESSetObjective(snes, structure->midpoint ? NULL : LatinStructureObjective_SNES, structure)); /* mean forces of a step have no potential */
+  PetscFunctionReturn(0);
+}
+
+/* The same where the structure is that of the DM: SNESSetDM() leaves no equations, or those of the DM before. Collective on snes */
+PetscErrorCode SNESLatinFollowDM_Private(SNES snes, LatinStructure structure)
+{
+  PetscErrorCode (*function)(SNES, Vec, Vec, void *);
+  void *ctx;
+
+  PetscFunctionBegin;
+  PetscCall(SNESGetFunction(snes, NULL, &function, &ctx));
+  if (!function || (function == LatinStructureFunction_SNES && ctx != structure)) PetscCall(LatinStructureEquations_Private(structure, snes));
+  PetscFunctionReturn(0);
+}
+
 /*@C
   LatinStructureAttachSNES - Gives a SNES the DM, the residual, the Jacobian and the energy of a structure.
 
@@ -101,7 +123,7 @@ PetscErrorCode LatinStructureAttachSNES(LatinStructure structure, SNES snes)
   PetscCall(LatinStructureCheckSetUp_Private(structure));
   PetscValidHeaderSpecific(snes, SNES_CLASSID, 2);
   PetscCall(LatinStructureCheckFlies_Private(structure));
-  PetscCall(PetscObjectQuery((PetscObject)snes, "LatinStructure", (PetscObject *)&before));
+  PetscCall(SNESLatinFindStructure_Private(snes, &before));
   if (before && before != structure) PetscCall(SNESReset(snes)); /* it is set up for another structure */
   PetscCall(LatinStructureFromDM_Private(snes->dm, &behind));
   if (behind != structure) {
@@ -110,9 +132,7 @@ PetscErrorCode LatinStructureAttachSNES(LatinStructure structure, SNES snes)
     PetscCall(SNESSetDM(snes, dm));
     PetscCall(DMDestroy(&dm));
   }
-  PetscCall(SNESSetFunction(snes, NULL, LatinStructureFunction_SNES, structure));
-  PetscCall(SNESSetJacobian(snes, NULL, NULL, LatinStructureJacobian_SNES, structure));
-  PetscCall(SNESSetObjective(snes, structure->midpoint ? NULL : LatinStructureObjective_SNES, structure)); /* mean forces of a step have no potential */
+  PetscCall(LatinStructureEquations_Private(structure, snes));
   PetscCall(PetscObjectCompose((PetscObject)snes, "LatinStructure", (PetscObject)structure));
   PetscFunctionReturn(0);
 }

@@ -1,4 +1,5 @@
 #include "structure/structureimpl.h"
+#include <petsc/private/dmimpl.h>
 
 /*
    Structures of section 2.1: a DMPLEX of one-dimensional cells, the laws of the links, supports and loads.
@@ -61,7 +62,10 @@ PetscErrorCode LatinStructureDestroy(LatinStructure *structure)
   }
   PetscCall(PetscFree(l->span));
   PetscCall(VecDestroy(&l->load));
-  if (l->dm) PetscCall(PetscObjectCompose((PetscObject)l->dm, "LatinStructure", NULL)); /* others may hold the DM */
+  if (l->dm) { /* others may hold the DM */
+    PetscCall(PetscObjectCompose((PetscObject)l->dm, "LatinStructure", NULL));
+    PetscCall(PetscObjectDestroy(&l->dm->dmsnes));
+  }
   PetscCall(DMDestroy(&l->dm));
   PetscCall(LatinStructureDestroy(&l->turns));
   PetscCall(PetscHeaderDestroy(structure));

@@ -235,6 +235,7 @@ PETSC_INTERN PetscErrorCode LatinStepLength_Private(LatinStructure step, PetscRe
 /* ---- structures behind DMs and solvers (structure/attach.c) ---- */
 PETSC_INTERN PetscErrorCode LatinStructureFromDM_Private(DM, LatinStructure *);
 PETSC_INTERN PetscErrorCode SNESLatinFindStructure_Private(SNES, LatinStructure *);
+PETSC_INTERN PetscErrorCode SNESLatinFollowDM_Private(SNES, LatinStructure);
 PETSC_INTERN PetscErrorCode LatinStructureJacobian_SNES(SNES, Vec u, Mat J, Mat P, void *structure);
 PETSC_INTERN PetscErrorCode LatinSolverRigid_Private(SNES, LatinStructure, const PetscReal *rigid[]);
 PETSC_INTERN PetscErrorCode LatinSolverTensions_Private(SNES, LatinStructure, Vec u, PetscReal tension[]);
