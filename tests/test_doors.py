@@ -206,3 +206,21 @@ second[1].attach(snes)
 solves(snes, *second)
 """,
     )
+
+
+@pytest.mark.parametrize("make", ["SNES", "KSP", "PC", "TS"])
+def test_communicators_that_differ_are_named(mpirun, make):
+    result = mpirun(
+        2,
+        NET
+        + f"""
+x, structure = chain(24)
+solver = PETSc.{make}().create(PETSc.COMM_SELF)
+solver.setType("latin")
+try:
+    structure.attach(solver)
+except PETSc.Error as error:
+    PETSc.Sys.syncPrint(latinpc.error_message(error), flush=True)
+""",
+    )
+    assert result.stdout.count(f"The communicator of the {make} has 1 ranks, that of the structure 2") == 2

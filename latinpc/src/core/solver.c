@@ -32,6 +32,7 @@ PetscErrorCode LatinAttach_Private(Latin latin, PetscObject solver, LatinStructu
 
   PetscFunctionBegin;
   PetscCall(LatinStructureCheckSetUp_Private(structure));
+  PetscCall(LatinStructureCheckComm_Private(structure, solver));
   PetscCall(PetscObjectQuery(solver, "LatinStructure", &before));
   if (latin && (PetscObject)structure != before) latin->stale = PETSC_TRUE;
   PetscCall(PetscObjectCompose(solver, "LatinStructure", (PetscObject)structure));

@@ -123,6 +123,7 @@ PetscErrorCode LatinStructureAttachSNES(LatinStructure structure, SNES snes)
   PetscCall(LatinStructureCheckSetUp_Private(structure));
   PetscValidHeaderSpecific(snes, SNES_CLASSID, 2);
   PetscCall(LatinStructureCheckFlies_Private(structure));
+  PetscCall(LatinStructureCheckComm_Private(structure, (PetscObject)snes));
   PetscCall(SNESLatinFindStructure_Private(snes, &before));
   if (before && before != structure) PetscCall(SNESReset(snes)); /* it is set up for another structure */
   PetscCall(LatinStructureFromDM_Private(snes->dm, &behind));

@@ -154,6 +154,7 @@ static inline PetscBool LatinStructureTuned(const LatinStructure structure, Pets
 
 /* ---- vectors, and what a caller gives (structure/vectors.c) ---- */
 PETSC_INTERN PetscErrorCode LatinCheckNumbers_Private(MPI_Comm, const char kind[], PetscInt start, PetscInt n, PetscInt each, const PetscReal value[], PetscBool negative, const char what[]);
+PETSC_INTERN PetscErrorCode LatinStructureCheckComm_Private(LatinStructure, PetscObject solver);
 PETSC_INTERN PetscErrorCode LatinStructureCheckSetUp_Private(LatinStructure);
 PETSC_INTERN PetscErrorCode LatinStructureCheckVec_Private(LatinStructure, Vec);
 PETSC_INTERN PetscErrorCode LatinStructureNodalVec_Private(LatinStructure, const PetscReal values[], Vec);

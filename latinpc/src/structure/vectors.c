@@ -10,6 +10,21 @@ PetscErrorCode LatinStructureCheckSetUp_Private(LatinStructure structure)
   PetscFunctionReturn(0);
 }
 
+/* Messages between ranks of which some are not there crash or never come. Not collective */
+PetscErrorCode LatinStructureCheckComm_Private(LatinStructure structure, PetscObject solver)
+{
+  const MPI_Comm comm = PetscObjectComm((PetscObject)structure), other = PetscObjectComm(solver);
+  PetscMPIInt    same, size, size_other;
+
+  PetscFunctionBegin;
+  PetscCallMPI(MPI_Comm_compare(comm, other, &same));
+  PetscCallMPI(MPI_Comm_size(comm, &size));
+  PetscCallMPI(MPI_Comm_size(other, &size_other));
+  PetscCheck(same == MPI_IDENT || same == MPI_CONGRUENT, PETSC_COMM_SELF, PETSC_ERR_ARG_NOTSAMECOMM, "The communicator of the %s has %d ranks, that of the structure %d, or other ones: create both on the same communicator", solver->class_name,
+             size_other, size);
+  PetscFunctionReturn(0);
+}
+
 /* A displacement must be a vector of the structure's DM: its entries are addressed directly */
 PetscErrorCode LatinStructureCheckVec_Private(LatinStructure structure, Vec u)
 {

@@ -43,6 +43,7 @@ static PetscErrorCode LatinStructureAttachTS_Private(LatinStructure structure, T
   LatinStructure step;
 
   PetscFunctionBegin;
+  PetscCall(LatinStructureCheckComm_Private(structure, (PetscObject)ts));
   PetscCall(PetscObjectQuery((PetscObject)ts, "LatinStructure", (PetscObject *)&step));
   if (step && step->base == structure) PetscFunctionReturn(0);
   if (step) PetscCall(TSReset(ts)); /* it is set up for another structure, and its solution is that one's */
