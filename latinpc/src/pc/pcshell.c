@@ -2,6 +2,22 @@
 
 /* PC latin behind a PCSHELL, for programs that insist on one. */
 
+/* A PCSHELL hears nothing of a KSPReset(): for matrices of another size the inner PC forgets the one that it has. Collective on shell */
+static PetscErrorCode PCShellLatinForget_Private(PC shell, PC inner)
+{
+  PetscInt  m, n;
+  PetscBool other;
+
+  PetscFunctionBegin;
+  if (!inner->pmat) PetscFunctionReturn(0);
+  PetscCall(MatGetLocalSize(inner->pmat, &m, NULL));
+  PetscCall(MatGetLocalSize(shell->pmat, &n, NULL));
+  other = (PetscBool)(m != n);
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &other, 1, LATIN_MPI_BOOL, MPI_LOR, PetscObjectComm((PetscObject)shell)));
+  if (other) PetscCall(PCReset(inner));
+  PetscFunctionReturn(0);
+}
+
 static PetscErrorCode PCShellLatinSetUp_Private(PC shell)
 {
   PC    inner;
@@ -9,6 +25,7 @@ static PetscErrorCode PCShellLatinSetUp_Private(PC shell)
 
   PetscFunctionBegin;
   PetscCall(PCShellGetContext(shell, &inner));
+  PetscCall(PCShellLatinForget_Private(shell, inner));
   PetscCall(PCSetOperators(inner, shell->mat, shell->pmat));
   if (shell->dm) PetscCall(PCSetDM(inner, shell->dm));
   PetscCall(PCSetOptionsPrefix(inner, ((PetscObject)shell)->prefix));
