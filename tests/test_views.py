@@ -130,6 +130,20 @@ def test_views_tell_what_options_have_changed(tmp_path):
         assert text in after and text not in before, name
 
 
+def test_a_view_makes_no_room_for_another_solve(tmp_path):
+    """Newton's method has ended the solve, and the past of the iteration is gone: a view leaves it so."""
+    structure = latinpc.Structure.from_scene(
+        make("tensegrity-grid", modules=10, partition="metis"), comm=PETSc.COMM_SELF
+    )
+    snes = structure.create_snes()
+    with default_options({"snes_latin_subdomains": 2}):
+        snes.setFromOptions()
+    snes.solve(None, structure.create_vec())
+    iteration, newton = shown(snes, tmp_path).split("fixed-point solver:")[1].split("Newton's method by")
+    assert "last solve" in newton
+    assert "SNES has not been set up" in iteration
+
+
 @pytest.mark.parametrize(
     ("scene", "options", "told"),
     [

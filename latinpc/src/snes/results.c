@@ -266,7 +266,6 @@ PetscErrorCode SNESView_Latin(SNES snes, PetscViewer viewer)
   if (snes->reason && SNESLatinLarge(data)) PetscCall(PetscViewerASCIIPrintf(viewer, "last solve: operators made anew %" PetscInt_FMT " times; %g of the loads borne\n", data->large.renewals, (double)data->large.reached));
   PetscCall(LatinView_Private(data->latin, viewer));
   if (data->outer) {
-    if (data->z) PetscCall(SNESLatinOuterSetUp_Private(snes)); /* Newton's method has made it forget */
     PetscCall(PetscViewerASCIIPrintf(viewer, "fixed-point solver:\n"));
     PetscCall(PetscViewerASCIIPushTab(viewer));
     PetscCall(SNESView(data->outer, viewer));
