@@ -222,10 +222,10 @@ def local_ksp(Object solver not None, PetscInt i=0):
 
 
 def coarse_ksp(Object solver not None):
-    """Return the KSP of the coarse problem."""
+    """Return the KSP of the coarse problem, None where there is none."""
     cdef PetscKSP ksp = NULL
     CHKERR(LatinGetCoarseKSP(core(solver), &ksp))
-    return keep(PETSc.KSP(), ksp)
+    return None if ksp is NULL else keep(PETSc.KSP(), ksp)
 
 
 def outer_snes(SNES snes not None):

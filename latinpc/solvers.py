@@ -300,7 +300,7 @@ def local_ksp(solver: Solver, i: int = 0) -> PETSc.KSP:
     return _latin.local_ksp(solver, i)
 
 
-def coarse_ksp(solver: Solver) -> PETSc.KSP:
+def coarse_ksp(solver: Solver) -> PETSc.KSP | None:
     """Return the KSP of the coarse problem; not collective.
 
     Parameters
@@ -310,9 +310,10 @@ def coarse_ksp(solver: Solver) -> PETSc.KSP:
 
     Returns
     -------
-    petsc4py.PETSc.KSP
-        Options prefix ``latin_coarse_`` behind that of the solver. Of SNES latin on several ranks, with the solver
-        ``latintree``, its matrix has given its values up: it has a size, and no product.
+    petsc4py.PETSc.KSP or None
+        Options prefix ``latin_coarse_`` behind that of the solver; None where there is no interface. Of SNES latin on
+        several ranks, with the solver ``latintree``, its matrix has given its values up: it has a size, and no product,
+        so that monitors end in an error.
     """
     return _latin.coarse_ksp(solver)
 

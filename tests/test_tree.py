@@ -137,6 +137,10 @@ found = {"type": A.getType(), "solver": pc.getType() == "cholesky" and pc.getFac
          "bytes": info["memory"] / max(1, info["nz_used"]),
          "spent": A.getType() == "is" and A.getISLocalMat().getType() == "shell",
          "u": structure.displacements(u).ravel().tolist()}
+try:
+    A.mult(*A.createVecs())
+except PETSc.Error as error:
+    found["product"] = latinpc.error_message(error)
 if not structure.comm.rank:
     json.dump(found, open(sys.argv[1], "w"))
 """
@@ -160,6 +164,7 @@ def test_it_is_the_default_of_large_coarse_problems(mpirun, tmp_path, ranks, par
     assert "fronts of the ranks" in view and "by a factorisation that all ranks share" in view
     assert int(re.search(r"at most (\d+)\.? messages of a rank", view)[1]) <= 4  # those of its part and of one joint
     assert tree["spent"] and not other["spent"]
+    assert "choose -snes_latin_coarse_pc_factor_mat_solver_type mumps" in tree["product"] and "product" not in other
     assert tree["bytes"] == 8  # an entry
     assert single["bytes"] < 8  # fronts are rounded as subdomains are, what comes before them is not
     one = solve(irregular(modules=40, parts=parts), variant="primal", stol=0.0, max_it=6, newton="never").u

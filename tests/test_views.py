@@ -144,6 +144,14 @@ def test_a_view_makes_no_room_for_another_solve(tmp_path):
     assert "SNES has not been set up" in iteration
 
 
+def test_one_subdomain_has_no_coarse_problem():
+    structure = latinpc.Structure.from_scene(make("network", nodes=100), comm=PETSc.COMM_SELF)
+    snes = structure.create_snes()
+    snes.setUp()
+    assert latinpc.statistics(snes)["subdomains"] == 1
+    assert latinpc.coarse_ksp(snes) is None
+
+
 @pytest.mark.parametrize(
     ("scene", "options", "told"),
     [

@@ -117,6 +117,13 @@ static PetscErrorCode LatinCoarseForget_Private(LatinCoarse *coarse)
   PetscFunctionReturn(0);
 }
 
+/* In the place of a part that has given its values up. A monitor of the coarse KSP asks for its product */
+static PetscErrorCode LatinCoarseSpent_Mat(Mat A, Vec x, Vec y)
+{
+  PetscFunctionBegin;
+  SETERRQ(PETSC_COMM_SELF, PETSC_ERR_SUP, "The matrix of the coarse problem has given its values up to its factor, and has no product: for residuals of its solver, as monitors show them, choose -snes_latin_coarse_pc_factor_mat_solver_type mumps");
+}
+
 /*
    The factor of the tree takes all of a matrix whose parts may be as large as it, and which no solve reads: these go, and what asks
    the matrix for a product says so. Ahead, as they are factored, where nothing is looked at that cannot be: a provisional one; else
@@ -132,6 +139,7 @@ static PetscErrorCode LatinCoarseSpend_Private(LatinCoarse *coarse, PetscBool ah
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &spend, 1, LATIN_MPI_BOOL, MPI_LAND, PetscObjectComm((PetscObject)coarse->ksp)));
   if (!spend) PetscFunctionReturn(0);
   PetscCall(MatCreateShell(PETSC_COMM_SELF, coarse->parts, coarse->parts, coarse->parts, coarse->parts, NULL, &empty));
+  PetscCall(MatShellSetOperation(empty, MATOP_MULT, (void (*)(void))LatinCoarseSpent_Mat));
   if (ahead) PetscCall(PetscObjectCompose((PetscObject)coarse->A, LATIN_TREE_SPENT, (PetscObject)empty));
   else {
     PetscCall(PetscObjectStateGet((PetscObject)coarse->A, &state));
