@@ -208,6 +208,21 @@ find_package(latinpc 0.1 REQUIRED)
 add_executable(net 01_net.c)
 target_link_libraries(net PRIVATE latinpc::latinpc)
 """
+CMAKE_FORTRAN = """
+enable_language(Fortran)
+add_executable(netf 01_net.F90)
+find_package(MPI REQUIRED COMPONENTS Fortran)
+target_link_libraries(netf PRIVATE latinpc::latinpc MPI::MPI_Fortran)
+target_compile_options(netf PRIVATE -ffree-line-length-0)
+"""
+
+
+def test_a_petsc_dir_without_petsc_is_refused(tmp_path):
+    """Not another PETSc in its place, which pkg-config may find."""
+    result = run(["cmake", "-S", ROOT / "latinpc", "-B", tmp_path, "-G", "Ninja", "-DLATINPC_PYTHON=OFF",
+                  f"-DPETSC_DIR={tmp_path}"], env={"PKG_CONFIG_PATH": PKG_CONFIG}, check=False)  # fmt: skip
+    assert result.returncode
+    assert "PETSC_DIR and PETSC_ARCH are wrong" in " ".join(result.stderr.split())
 
 
 @pytest.mark.slow
@@ -238,7 +253,10 @@ def test_the_c_library_is_installed_without_python(tmp_path):
     if shutil.which("mpif90"):
         build_f = f"mpif90 -ffree-line-length-0 01_net.F90 -o netf {flags} && ./netf"
         assert "1.0000 mm" in run(["sh", "-c", build_f], **found).stdout
-    (empty / "CMakeLists.txt").write_text(CMAKE)
+    fortran = shutil.which("gfortran") and shutil.which("mpif90")
+    (empty / "CMakeLists.txt").write_text(CMAKE + (CMAKE_FORTRAN if fortran else ""))
     run(["cmake", "-S", ".", "-B", "out", f"-DCMAKE_PREFIX_PATH={prefix}"], cwd=empty)
     run(["cmake", "--build", "out"], cwd=empty)
     assert "1.0000 mm" in run([Path("out") / "net"], cwd=empty).stdout  # no LD_LIBRARY_PATH: CMake writes a run path
+    if fortran:
+        assert "1.0000 mm" in run([Path("out") / "netf"], cwd=empty).stdout
