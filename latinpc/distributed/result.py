@@ -88,6 +88,8 @@ class LocalResult(Reported):
             ``modes``.
         """
         comm, structure = self.structure.comm.tompi4py(), self.structure
+        if root is not None and root not in range(comm.size):
+            raise ValueError(f"root {root} is none of the ranks 0 to {comm.size - 1}: without it all get the whole")
         arrays = {name: _whole(comm, getattr(structure, name), root) for name in ARRAYS}
         names = ("displacements", "tensions", "load", "subdomain", "node_class")
         found = {name: _whole(comm, getattr(self, name), root) for name in names}
