@@ -207,7 +207,10 @@ CASES = {
         r"Cannot make 9 subdomains of 8 links: .* at most",
         lambda: solve(square(), snes_latin_subdomains=9),
     ),
-    "subdomains_negative": (r"-1 less than allowed bound 0", lambda: solve(square(), snes_latin_subdomains=-1)),
+    "subdomains_negative": (
+        r"-1 subdomains: the number is positive",
+        lambda: solve(square(), snes_latin_subdomains=-1),
+    ),
     "subdomains_twice": (
         r"The given partition has 2 subdomains, not the 3 asked for: leave out one of the two",
         lambda: solve(square(subdomain=np.repeat([0, 1], 4)), snes_latin_subdomains=3),

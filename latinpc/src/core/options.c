@@ -204,7 +204,7 @@ PetscErrorCode LatinSetFromOptions_Private(Latin latin, PetscObject solver)
   PetscFunctionBegin;
   PetscCall(LatinSetPrefix_Private(latin, solver));
   PetscObjectOptionsBegin((PetscObject)latin);
-  PetscCall(PetscOptionsRangeInt("-subdomains", "Number of subdomains, 0: automatic", "LatinSetSubdomains", subdomains, &subdomains, NULL, 0, PETSC_MAX_INT));
+  PetscCall(PetscOptionsInt("-subdomains", "Number of subdomains, 0: automatic", "LatinSetSubdomains", subdomains, &subdomains, NULL));
   PetscCall(PetscOptionsEnum("-partitioner", "Who makes them: METIS on one rank, or all ranks", "LatinSetPartitioner", LatinPartitioners, (PetscEnum)partitioner, (PetscEnum *)&partitioner, NULL));
   if (solver->classid != KSP_CLASSID) PetscCall(PetscOptionsEnum("-variant", "What of the interfaces is in the coarse problem (section 4)", "LatinSetVariant", LatinVariants, (PetscEnum)variant, (PetscEnum *)&variant, NULL));
   PetscCall(PetscOptionsEnum("-modes", "Macro fields of strong interfaces (section 3.2)", "LatinSetModes", LatinModesTypes, (PetscEnum)modes, (PetscEnum *)&modes, NULL));
