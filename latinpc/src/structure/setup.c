@@ -2,89 +2,116 @@
 
 /* The DMPLEX of a structure: its mesh, and once supports are known its section and the numbers of the free degrees of freedom. */
 
-/* PETSc makes vertices of the nodes of cells. Those without link follow them, each on the rank that gives the node. Collective on structure */
-static PetscErrorCode LatinStructureAddVertices_Private(LatinStructure structure)
+/* The nodes of this rank's links, ascending, and where the ends of these are among them. The caller frees *number */
+static PetscErrorCode LatinStructureEnds_Private(LatinStructure structure, PetscInt *n, PetscInt **number)
 {
-  const PetscInt     m    = structure->links_local;
-  MPI_Comm           comm = PetscObjectComm((PetscObject)structure);
-  const PetscInt    *degree, *leaf;
-  const PetscSFNode *root;
-  PetscSFNode       *to;
-  PetscInt           roots, leaves, points, all, n = 0, *cones, *before;
-  PetscMPIInt        rank;
-  PetscSF            sf, vertex_sf;
-  DM                 dm;
+  const PetscInt ends = 2 * structure->links_local, *node = structure->nodes;
+  PetscInt       low = ends ? PETSC_MAX_INT : 0, high = -1, *place;
 
   PetscFunctionBegin;
-  PetscCall(PetscSFComputeDegreeBegin(structure->vertex_sf, &degree));
-  PetscCall(PetscSFComputeDegreeEnd(structure->vertex_sf, &degree));
-  for (PetscInt i = 0; i < structure->nodes_local; i++) n += degree[i] ? 0 : 1;
-  PetscCall(MPIU_Allreduce(&n, &all, 1, MPIU_INT, MPI_SUM, comm));
-  if (!all) PetscFunctionReturn(0);
-  structure->unlinked = n;
-  PetscCallMPI(MPI_Comm_rank(comm, &rank));
-  PetscCall(PetscSFGetGraph(structure->vertex_sf, &roots, &leaves, NULL, &root));
-  PetscCall(PetscMalloc1(leaves + n, &to));
-  PetscCall(PetscArraycpy(to, root, leaves));
-  for (PetscInt i = 0, k = leaves; i < structure->nodes_local; i++) {
-    if (degree[i]) continue;
-    to[k].rank    = rank;
-    to[k++].index = i;
+  for (PetscInt i = 0; i < ends; i++) {
+    low  = PetscMin(low, node[i]);
+    high = PetscMax(high, node[i]);
   }
-  PetscCall(PetscSFCreate(comm, &vertex_sf));
-  PetscCall(PetscSFSetGraph(vertex_sf, roots, leaves + n, NULL, PETSC_OWN_POINTER, to, PETSC_OWN_POINTER));
-  PetscCall(PetscSFDestroy(&structure->vertex_sf));
-  structure->vertex_sf = vertex_sf;
-
-  PetscCall(DMPlexGetChart(structure->dm, NULL, &points));
-  PetscCall(DMCreate(comm, &dm));
-  PetscCall(DMSetType(dm, DMPLEX));
-  PetscCall(DMSetDimension(dm, 1));
-  PetscCall(DMPlexSetChart(dm, 0, points + n));
-  for (PetscInt l = 0; l < m; l++) PetscCall(DMPlexSetConeSize(dm, l, 2));
-  PetscCall(DMSetUp(dm));
-  PetscCall(DMPlexGetCones(structure->dm, &before));
-  PetscCall(DMPlexGetCones(dm, &cones));
-  PetscCall(PetscArraycpy(cones, before, 2 * m));
-  PetscCall(DMPlexSymmetrize(dm));
-  PetscCall(DMPlexStratify(dm));
-  PetscCall(DMGetPointSF(structure->dm, &sf)); /* what ranks share stays */
-  PetscCall(PetscSFGetGraph(sf, &roots, &leaves, &leaf, &root));
-  PetscCall(DMGetPointSF(dm, &sf));
-  if (roots >= 0) PetscCall(PetscSFSetGraph(sf, points + n, leaves, (PetscInt *)leaf, PETSC_COPY_VALUES, (PetscSFNode *)root, PETSC_COPY_VALUES));
-  PetscCall(DMPlexBuildCoordinatesFromCellListParallel(dm, structure->dim, structure->vertex_sf, structure->x));
-  PetscCall(DMDestroy(&structure->dm));
-  structure->dm = dm;
+  if (high - low >= 2 * ends) { /* a table of all numbers between would be long */
+    *n = ends;
+    PetscCall(PetscMalloc1(ends, number));
+    PetscCall(PetscArraycpy(*number, node, ends));
+    PetscCall(PetscSortRemoveDupsInt(n, *number));
+    for (PetscInt i = 0; i < ends; i++) PetscCall(PetscFindInt(node[i], *n, *number, &structure->ends[i]));
+    PetscFunctionReturn(0);
+  }
+  *n = 0;
+  PetscCall(PetscCalloc1(high - low + 1, &place));
+  for (PetscInt i = 0; i < ends; i++) place[node[i] - low] = 1;
+  for (PetscInt k = 0; k <= high - low; k++) *n += place[k];
+  PetscCall(PetscMalloc1(*n, number));
+  for (PetscInt k = 0, v = 0; k <= high - low; k++) {
+    if (!place[k]) continue;
+    place[k]       = v;
+    (*number)[v++] = low + k;
+  }
+  for (PetscInt i = 0; i < ends; i++) structure->ends[i] = place[node[i] - low];
+  PetscCall(PetscFree(place));
   PetscFunctionReturn(0);
 }
 
-/* The DM and where its vertices find their nodes */
-static PetscErrorCode LatinStructureCreatePlex_Private(LatinStructure structure)
+/* The vertices: nodes of links, and then those without link, each on the rank that gives the node. Collective on structure */
+static PetscErrorCode LatinStructureVertices_Private(LatinStructure structure)
 {
-  MPI_Comm    comm = PetscObjectComm((PetscObject)structure);
-  PetscBool  *used, whole = PETSC_TRUE;
-  PetscMPIInt size;
-  PetscLayout map;
-  PetscSF     moved;
+  MPI_Comm        comm = PetscObjectComm((PetscObject)structure);
+  const PetscInt *degree;
+  PetscInt        n, all, *number;
+  PetscLayout     map;
 
   PetscFunctionBegin;
-  PetscCallMPI(MPI_Comm_size(comm, &size));
-  PetscCall(PetscCalloc1(structure->nodes_local, &used));
-  for (PetscInt i = 0; i < 2 * structure->links_local && size == 1; i++) used[structure->nodes[i]] = PETSC_TRUE;
-  for (PetscInt i = 0; i < structure->nodes_local && whole; i++) whole = used[i];
-  PetscCall(PetscFree(used));
-  if (size > 1 || !whole) {
-    PetscCall(DMPlexCreateFromCellListParallelPetsc(comm, 1, structure->links_local, structure->nodes_local, structure->nodes_global, 2, PETSC_FALSE, structure->nodes, structure->dim, structure->x, &moved, NULL, &structure->dm));
-    PetscCall(PetscSFDuplicate(moved, PETSCSF_DUPLICATE_GRAPH, &structure->vertex_sf)); /* the other one has moved coordinates: in one dimension PETSc no longer takes sums by it */
-    PetscCall(PetscSFDestroy(&moved));
-    PetscCall(LatinStructureAddVertices_Private(structure));
-    PetscFunctionReturn(0);
-  }
-  /* one rank, and every node is a vertex: no search */
-  PetscCall(DMPlexCreateFromCellListPetsc(comm, 1, structure->links_local, structure->nodes_local, 2, PETSC_FALSE, structure->nodes, structure->dim, structure->x, &structure->dm));
+  PetscCall(LatinStructureEnds_Private(structure, &n, &number));
   PetscCall(PetscLayoutCreateFromSizes(comm, structure->nodes_local, structure->nodes_global, 1, &map));
-  PetscCall(PetscSFCreateFromLayouts(map, map, &structure->vertex_sf));
+  PetscCall(PetscSFCreate(comm, &structure->vertex_sf));
+  PetscCall(PetscSFSetGraphLayout(structure->vertex_sf, map, n, NULL, PETSC_COPY_VALUES, number));
+  PetscCall(PetscSFComputeDegreeBegin(structure->vertex_sf, &degree));
+  PetscCall(PetscSFComputeDegreeEnd(structure->vertex_sf, &degree));
+  for (PetscInt i = 0; i < structure->nodes_local; i++) structure->unlinked += degree[i] ? 0 : 1;
+  structure->vertices = n + structure->unlinked;
+  PetscCall(MPIU_Allreduce(&structure->unlinked, &all, 1, MPIU_INT, MPI_SUM, comm));
+  if (all) {
+    PetscCall(PetscRealloc((size_t)structure->vertices * sizeof(*number), &number));
+    for (PetscInt i = 0; i < structure->nodes_local; i++)
+      if (!degree[i]) number[n++] = structure->nodes_start + i;
+    PetscCall(PetscSFSetGraphLayout(structure->vertex_sf, map, n, NULL, PETSC_COPY_VALUES, number));
+  }
+  PetscCall(PetscFree(number));
   PetscCall(PetscLayoutDestroy(&map));
+  PetscFunctionReturn(0);
+}
+
+/* Of the ranks that have a vertex the last one owns it: the others find it there. Collective on structure */
+static PetscErrorCode LatinStructureOwners_Private(LatinStructure structure)
+{
+  const PetscInt m = structure->links_local, n = structure->vertices;
+  PetscInt       ghosts = 0, *ghost;
+  PetscSFNode   *owner, *vertex, *root;
+  PetscMPIInt    rank, size;
+  PetscSF        points;
+
+  PetscFunctionBegin;
+  PetscCallMPI(MPI_Comm_size(PetscObjectComm((PetscObject)structure), &size));
+  if (size == 1) PetscFunctionReturn(0);
+  PetscCallMPI(MPI_Comm_rank(PetscObjectComm((PetscObject)structure), &rank));
+  PetscCall(PetscMalloc2(structure->nodes_local, &owner, n, &vertex));
+  for (PetscInt i = 0; i < structure->nodes_local; i++) owner[i] = (PetscSFNode){-1, -1};
+  for (PetscInt v = 0; v < n; v++) vertex[v] = (PetscSFNode){rank, m + v};
+  PetscCall(LatinSFReduce_Private(structure->vertex_sf, 1, MPIU_2INT, vertex, owner, MPI_MAXLOC));
+  PetscCall(LatinSFBcast_Private(structure->vertex_sf, 1, MPIU_2INT, owner, vertex));
+  for (PetscInt v = 0; v < n; v++) ghosts += vertex[v].rank == rank ? 0 : 1;
+  PetscCall(PetscMalloc1(ghosts, &ghost));
+  PetscCall(PetscMalloc1(ghosts, &root));
+  for (PetscInt v = 0, k = 0; v < n; v++) {
+    if (vertex[v].rank == rank) continue;
+    ghost[k]  = m + v;
+    root[k++] = vertex[v];
+  }
+  PetscCall(DMGetPointSF(structure->dm, &points));
+  PetscCall(PetscSFSetGraph(points, m + n, ghosts, ghost, PETSC_OWN_POINTER, root, PETSC_OWN_POINTER));
+  PetscCall(PetscFree2(owner, vertex));
+  PetscFunctionReturn(0);
+}
+
+/* The DM and where its vertices find their nodes. PETSc makes one of many ranks in three times the time */
+static PetscErrorCode LatinStructureCreatePlex_Private(LatinStructure structure)
+{
+  PetscSF moved;
+
+  PetscFunctionBegin;
+  PetscCall(LatinStructureVertices_Private(structure));
+  PetscCall(DMCreate(PetscObjectComm((PetscObject)structure), &structure->dm));
+  PetscCall(DMSetType(structure->dm, DMPLEX));
+  PetscCall(DMSetDimension(structure->dm, 1));
+  PetscCall(DMPlexBuildFromCellList(structure->dm, structure->links_local, structure->vertices, 2, structure->ends));
+  PetscCall(LatinStructureOwners_Private(structure));
+  PetscCall(PetscSFDuplicate(structure->vertex_sf, PETSCSF_DUPLICATE_GRAPH, &moved)); /* once it has moved coordinates, in one dimension PETSc no longer takes sums by it */
+  PetscCall(DMPlexBuildCoordinatesFromCellListParallel(structure->dm, structure->dim, moved, structure->x));
+  PetscCall(PetscSFDestroy(&moved));
   PetscFunctionReturn(0);
 }
 
@@ -135,7 +162,6 @@ static PetscErrorCode LatinStructureShared_Private(LatinStructure structure)
 PetscErrorCode LatinStructureCreateMesh_Private(LatinStructure structure)
 {
   const PetscInt     m = structure->links_local, dim = structure->dim;
-  PetscInt           points, *cones;
   Vec                coordinates;
   const PetscScalar *x;
 
@@ -143,10 +169,6 @@ PetscErrorCode LatinStructureCreateMesh_Private(LatinStructure structure)
   PetscCall(LatinStructureCreatePlex_Private(structure));
   PetscCall(PetscObjectSetName((PetscObject)structure->dm, "structure"));
   PetscCall(DMPlexReorderSetDefault(structure->dm, 0)); /* never: vertices keep their numbers. The name of 0 depends on the version */
-  PetscCall(DMPlexGetChart(structure->dm, NULL, &points));
-  structure->vertices = points - m; /* links come first */
-  PetscCall(DMPlexGetCones(structure->dm, &cones));
-  for (PetscInt i = 0; i < 2 * m; i++) structure->ends[i] = cones[i] - m;
   PetscCall(DMGetCoordinatesLocal(structure->dm, &coordinates));
   PetscCall(VecGetArrayRead(coordinates, &x));
   for (PetscInt l = 0; l < m; l++) {
