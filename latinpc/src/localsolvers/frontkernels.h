@@ -153,7 +153,7 @@ static PetscBool FRONT(LatinFrontOne)(const LatinFronts *F, FRONT(LatinFrontsWor
 {
   FRONT_REAL     *panel = work->narrow ? work->stack + work->top[0] + (F->odd[f] ? 0 : LatinFrontLeft(F, f)) : (FRONT_REAL *)F->factor + F->panel[f];
   const size_t    bytes = (size_t)(F->row_first[f + 1] - F->row_first[f]) * (size_t)F->columns[f] * sizeof(*panel);
-  const PetscBool large = (PetscBool)(work->narrow && F->kept && bytes >= LATIN_PAGE && 2 * (work->top[0] + work->top[1] + LatinFrontLeft(F, f) + bytes / sizeof(*panel)) > work->size);
+  const PetscBool large = (PetscBool)(work->narrow && F->kept && f >= F->fullest && bytes >= LATIN_PAGE && 2 * (work->top[0] + work->top[1] + LatinFrontLeft(F, f) + bytes / sizeof(*panel)) > work->size);
 
   work->update[f] = F->odd[f] ? work->size - work->top[1] - LatinFrontLeft(F, f) : work->top[0];
   if (large) LatinRoomZero(work->stack + work->top[0], (work->size - work->top[0] - work->top[1]) * sizeof(*panel));

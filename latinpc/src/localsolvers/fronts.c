@@ -59,10 +59,11 @@ PetscErrorCode LatinFrontsCreate(PetscInt n, PetscInt kept, PetscInt fronts, con
     F->child[owner[next]] = f;
   }
   for (PetscInt f = 0; f < fronts; f++) {
-    const size_t own = LatinFrontLeft(F, f);
+    const size_t own = LatinFrontLeft(F, f), all = waiting + own + (size_t)(row_first[f + 1] - row_first[f]) * (size_t)F->columns[f];
 
     F->stack = PetscMax(F->stack, waiting + own);
-    F->crowd = PetscMax(F->crowd, waiting + own + (size_t)(row_first[f + 1] - row_first[f]) * (size_t)F->columns[f]);
+    if (all >= F->crowd) F->fullest = f;
+    F->crowd = PetscMax(F->crowd, all);
     for (PetscInt c = F->child[f]; c >= 0; c = F->sibling[c]) waiting -= LatinFrontLeft(F, c);
     waiting += own;
   }
