@@ -1,9 +1,9 @@
 #include "localsolvers/latinlocalsolvers.h"
-#include "localsolvers/dissection.h"
+#include "partition/dissection.h"
 
 /*
    The order of elimination: nested dissection of the graph of the nodes, which has bs^2 times fewer edges than that of the degrees
-   of freedom, by planes where their places are known (localsolvers/dissection.c), else by METIS. The rows of a node
+   of freedom, by planes where their places are known (partition/dissection.c), else by METIS. The rows of a node
    follow each other, bs of them, the block size of the matrix.
 */
 

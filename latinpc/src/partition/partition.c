@@ -78,23 +78,29 @@ static PetscErrorCode LatinPartitionTakes_Private(LatinStructure structure)
 /* The same for two subdomains with a primal interface. Collective on structure */
 static PetscErrorCode LatinPartitionHalves_Private(LatinStructure structure, PetscInt of_link[])
 {
-  MPI_Comm    comm = PetscObjectComm((PetscObject)structure);
-  PetscInt   *ends, *part, links;
-  int         failed = 0;
-  PetscSF     sf;
-  PetscMPIInt rank;
+  MPI_Comm       comm = PetscObjectComm((PetscObject)structure);
+  const PetscInt dim  = structure->dim;
+  PetscInt      *ends, *part, links, nodes;
+  PetscReal     *x;
+  int            failed = 0;
+  PetscSF        link_sf, node_sf;
+  PetscMPIInt    rank;
 
   PetscFunctionBegin;
   PetscCallMPI(MPI_Comm_rank(comm, &rank));
   links = rank ? 0 : structure->links_global;
-  PetscCall(PetscMalloc2(2 * links, &ends, links, &part));
-  PetscCall(LatinOnFirstRank_Private(comm, structure->links_local, structure->links_global, &sf));
-  PetscCall(LatinSFBcast_Private(sf, 2, MPIU_INT, structure->nodes, ends));
-  if (links) PetscCall(LatinHalves_Private(structure->nodes_global, links, ends, part, &failed));
+  nodes = rank ? 0 : structure->nodes_global;
+  PetscCall(PetscMalloc3(2 * links, &ends, links, &part, dim * nodes, &x));
+  PetscCall(LatinOnFirstRank_Private(comm, structure->links_local, structure->links_global, &link_sf));
+  PetscCall(LatinOnFirstRank_Private(comm, structure->nodes_local, structure->nodes_global, &node_sf));
+  PetscCall(LatinSFBcast_Private(link_sf, 2, MPIU_INT, structure->nodes, ends));
+  PetscCall(LatinSFBcast_Private(node_sf, dim, MPIU_REAL, (structure->base ? structure->base : structure)->x, x));
+  if (links) PetscCall(LatinHalves_Private(dim, nodes, x, links, ends, part, &failed));
   LatinAgree(comm, failed, PETSC_ERR_LIB, "METIS could not part %" PetscInt_FMT " nodes into halves (METIS status %d)", structure->nodes_global, failed);
-  PetscCall(LatinSFReduce_Private(sf, 1, MPIU_INT, part, of_link, MPI_REPLACE));
-  PetscCall(PetscSFDestroy(&sf));
-  PetscCall(PetscFree2(ends, part));
+  PetscCall(LatinSFReduce_Private(link_sf, 1, MPIU_INT, part, of_link, MPI_REPLACE));
+  PetscCall(PetscSFDestroy(&link_sf));
+  PetscCall(PetscSFDestroy(&node_sf));
+  PetscCall(PetscFree3(ends, part, x));
   PetscFunctionReturn(0);
 }
 

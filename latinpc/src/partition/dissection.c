@@ -1,4 +1,4 @@
-#include "localsolvers/dissection.h"
+#include "partition/dissection.h"
 
 /*
    Nested dissection of nodes whose places are known [M. T. Heath, P. Raghavan 1995]. A part is cut by a plane at right angles to
@@ -6,18 +6,18 @@
    direction. METIS refines the one that is taken, and CAMD orders what is left by minimum degree, separators last.
    Directions aslant give the diamonds that nets of squares want.
 
-   Places may tell nothing about links, as in a net that is rolled up. So METIS looks for a separator of the whole as well: where that is
-   much smaller, it is to order the nodes.
+   Places may tell nothing about links, as in a net that is rolled up. Then nodes as far from an end as each other separate the whole
+   as well, and are fewer: METIS is to order it.
 */
 
 #if LATIN_CAMD
   #include <camd.h>
 
-  #define LATIN_DISSECTION_LEAF  100  /* nodes that are ordered by minimum degree: with 50 and 200 operations differ by 1 % */
-  #define LATIN_DISSECTION_CUTS  128  /* slices of a direction: with 32 to 256 operations differ by 2 % */
-  #define LATIN_DISSECTION_LEAST 0.3  /* share of the nodes on either side: 0.2 is no different, with 0.4 a vault takes 5 % more operations */
-  #define LATIN_DISSECTION_THIN  0.5  /* extent along an axis, of the largest one, from which on directions have a part along it */
-  #define LATIN_DISSECTION_WORSE 1.25 /* times the separator that METIS finds of the whole */
+  #define LATIN_DISSECTION_LEAF   100  /* nodes that are ordered by minimum degree: with 50 and 200 operations differ by 1 % */
+  #define LATIN_DISSECTION_CUTS   128  /* slices of a direction: with 32 to 256 operations differ by 2 % */
+  #define LATIN_DISSECTION_LEAST  0.3  /* share of the nodes on either side: 0.2 is no different, with 0.4 a vault takes 5 % more operations */
+  #define LATIN_DISSECTION_THIN   0.5  /* extent along an axis, of the largest one, from which on directions have a part along it */
+  #define LATIN_DISSECTION_HALVES 50.0 /* weight of sides that differ in size where a rank waits for the other: 1 elsewhere */
 
   #if IDXTYPEWIDTH == 64
     #define LATIN_CAMD_ORDER camd_l_order
@@ -41,6 +41,8 @@ static const PetscReal LatinDirections[][3] = {
 
 typedef struct {
   PetscInt         dim;
+  PetscReal        balance;                                                            /* weight of sides that differ in size, */
+  float            larger;                                                             /* and how much larger than half METIS may make one */
   const PetscReal *x;                                                                  /* [n][dim] */
   idx_t           *start, *list;                                                       /* neighbours of each node, both ways */
   idx_t           *node;                                                               /* [n] parts, one after the other */
@@ -110,7 +112,7 @@ static void LatinSweep(const LatinDissection *d, idx_t n, const idx_t node[], co
     share = (PetscReal)nodes / (PetscReal)n;
     if (share < LATIN_DISSECTION_LEAST || share > 1.0 - LATIN_DISSECTION_LEAST) continue;
     plane.on    = on[0] <= on[1] ? 1 : 2;
-    plane.value = (PetscReal)on[plane.on - 1] / (4.0 * share * (1.0 - share));
+    plane.value = (PetscReal)on[plane.on - 1] * (1.0 + d->balance * (1.0 / (4.0 * share * (1.0 - share)) - 1.0));
     if (plane.value < best->value) *best = plane;
   }
 }
@@ -132,7 +134,7 @@ static PetscErrorCode LatinRefine_Private(LatinDissection *d, idx_t n, const idx
     d->part_size[i] = 1;
   }
   d->part_start[n] = used;
-  status           = METIS_NodeRefine(n, d->part_start, d->part_size, d->part_list, d->part_side, d->part_free, 1.2F);
+  status           = METIS_NodeRefine(n, d->part_start, d->part_size, d->part_list, d->part_side, d->part_free, d->larger);
   PetscCheck(status == METIS_OK, PETSC_COMM_SELF, PETSC_ERR_LIB, "METIS could not refine a separator (status %d)", status);
   for (idx_t i = 0; i < n; i++) d->side[node[i]] = d->part_side[i] + 1;
   PetscFunctionReturn(0);
@@ -200,20 +202,62 @@ static PetscErrorCode LatinDissectPart_Private(LatinDissection *d, idx_t n, idx_
   PetscFunctionReturn(0);
 }
 
-/* Has METIS no separator of all nodes that is much smaller? */
-static PetscErrorCode LatinDissectionServes_Private(const LatinDissection *d, idx_t n, const idx_t count[3], PetscBool *serves)
+/*
+   The size of the smallest set of nodes as many links from one at an end as each other, with enough nodes on either side: 1.4 times
+   that of METIS' separator on grids and networks, no more than it where links make something long. Parts that are not linked
+   follow each other
+*/
+static idx_t LatinLevel(LatinDissection *d, idx_t n)
 {
-  idx_t options[METIS_NOPTIONS], nodes = n, size;
-  int   status;
+  idx_t      *far = d->place, *queue = d->part_list, best = n;
+  const idx_t least = (idx_t)(LATIN_DISSECTION_LEAST * (PetscReal)n);
 
+  for (PetscInt pass = 0; pass < 2; pass++) { /* from any node, and from the last one */
+    const idx_t from = pass ? queue[n - 1] : 0;
+    idx_t       used = 0, other = 0;
+
+    for (idx_t i = 0; i < n; i++) far[i] = -1;
+    far[queue[used++] = from] = 0;
+    for (idx_t i = 0; i < n; i++) {
+      if (i == used) {
+        while (far[other] >= 0) other++;
+        far[queue[used++] = other] = far[queue[i - 1]] + 1;
+      }
+      for (idx_t k = d->start[queue[i]]; k < d->start[queue[i] + 1]; k++)
+        if (far[d->list[k]] < 0) far[queue[used++] = d->list[k]] = far[queue[i]] + 1;
+    }
+  }
+  for (idx_t first = 0, end; first < n; first = end) {
+    for (end = first; end < n && far[queue[end]] == far[queue[first]];) end++;
+    if (first >= least && n - end >= least) best = PetscMin(best, end - first);
+  }
+  return best;
+}
+
+static PetscErrorCode LatinDissectionCreate_Private(PetscInt dim, idx_t n, idx_t start[], idx_t list[], const PetscReal x[], LatinDissection *d)
+{
   PetscFunctionBegin;
-  *serves = (PetscBool)(count[0] && count[1]);
-  if (!*serves) PetscFunctionReturn(0);
-  METIS_SetDefaultOptions(options);
-  options[METIS_OPTION_NITER] = 1;
-  status                      = METIS_ComputeVertexSeparator(&nodes, d->start, d->list, NULL, options, &size, d->part_side);
-  PetscCheck(status == METIS_OK, PETSC_COMM_SELF, PETSC_ERR_LIB, "METIS could not find a separator of the nodes of a matrix (status %d)", status);
-  *serves = (PetscBool)((PetscReal)count[2] <= LATIN_DISSECTION_WORSE * (PetscReal)size);
+  *d = (LatinDissection){.dim = dim, .balance = 1.0, .larger = 1.2F, .x = x, .start = start, .list = list};
+  PetscCall(PetscMalloc5(n, &d->node, n, &d->slice, n, &d->side, n, &d->place, n, &d->set));
+  PetscCall(PetscMalloc5(n + 1, &d->part_start, start[n] + n, &d->part_list, n, &d->part_side, n, &d->part_free, n, &d->part_size));
+  for (idx_t i = 0; i < n; i++) d->node[i] = i;
+  PetscFunctionReturn(0);
+}
+
+static PetscErrorCode LatinDissectionDestroy_Private(LatinDissection *d)
+{
+  PetscFunctionBegin;
+  PetscCall(PetscFree5(d->part_start, d->part_list, d->part_side, d->part_free, d->part_size));
+  PetscCall(PetscFree5(d->node, d->slice, d->side, d->place, d->set));
+  PetscFunctionReturn(0);
+}
+
+/* The first cut. *serves: places tell something about links */
+static PetscErrorCode LatinDissectWhole_Private(LatinDissection *d, idx_t n, idx_t count[3], PetscBool *serves)
+{
+  PetscFunctionBegin;
+  PetscCall(LatinCut_Private(d, n, d->node, count));
+  *serves = (PetscBool)(count[0] && count[1] && count[2] <= LatinLevel(d, n));
   PetscFunctionReturn(0);
 }
 
@@ -223,27 +267,41 @@ static PetscErrorCode LatinDissectionServes_Private(const LatinDissection *d, id
 */
 PetscErrorCode LatinDissect_Private(PetscInt dim, idx_t n, idx_t start[], idx_t list[], const PetscReal x[], idx_t position[], PetscBool *done)
 {
-  LatinDissection d = {.dim = dim, .x = x, .start = start, .list = list};
+  LatinDissection d;
   double          control[CAMD_CONTROL], info[CAMD_INFO];
   idx_t           count[3];
   LatinCamd      *order;
   int             status;
 
   PetscFunctionBegin;
-  PetscCall(PetscMalloc6(n, &d.node, n, &d.slice, n, &d.side, n, &d.place, n, &d.set, n, &order));
-  PetscCall(PetscMalloc5(n + 1, &d.part_start, start[n] + n, &d.part_list, n, &d.part_side, n, &d.part_free, n, &d.part_size));
-  for (idx_t i = 0; i < n; i++) d.node[i] = i;
-  PetscCall(LatinCut_Private(&d, n, d.node, count));
-  PetscCall(LatinDissectionServes_Private(&d, n, count, done));
+  PetscCall(LatinDissectionCreate_Private(dim, n, start, list, x, &d));
+  PetscCall(LatinDissectWhole_Private(&d, n, count, done));
   if (*done) {
     PetscCall(LatinDissectPart_Private(&d, n, d.node, count));
+    PetscCall(PetscMalloc1(n, &order));
     camd_defaults(control);
     status = (int)LATIN_CAMD_ORDER(n, start, list, order, control, info, d.set);
     PetscCheck(status == CAMD_OK || status == CAMD_OK_BUT_JUMBLED, PETSC_COMM_SELF, PETSC_ERR_LIB, "CAMD could not order the nodes of a matrix (status %d)", status);
     for (idx_t i = 0; i < n; i++) position[order[i]] = i;
+    PetscCall(PetscFree(order));
   }
-  PetscCall(PetscFree5(d.part_start, d.part_list, d.part_side, d.part_free, d.part_size));
-  PetscCall(PetscFree6(d.node, d.slice, d.side, d.place, d.set, order));
+  PetscCall(LatinDissectionDestroy_Private(&d));
+  PetscFunctionReturn(0);
+}
+
+/* The half of each of these nodes, 0 or 1, like many in each; 2: it is between them. *done: false where METIS is to find them */
+PetscErrorCode LatinDissectHalves_Private(PetscInt dim, idx_t n, idx_t start[], idx_t list[], const PetscReal x[], idx_t half[], PetscBool *done)
+{
+  LatinDissection d;
+  idx_t           count[3];
+
+  PetscFunctionBegin;
+  PetscCall(LatinDissectionCreate_Private(dim, n, start, list, x, &d));
+  d.balance = LATIN_DISSECTION_HALVES;
+  d.larger  = 1.0F + LATIN_HALVES_BALANCE / 1000.0F;
+  PetscCall(LatinDissectWhole_Private(&d, n, count, done));
+  for (idx_t i = 0; i < n; i++) half[d.node[i]] = i < count[0] ? 0 : i < count[0] + count[1] ? 1 : 2;
+  PetscCall(LatinDissectionDestroy_Private(&d));
   PetscFunctionReturn(0);
 }
 
@@ -254,6 +312,13 @@ PetscErrorCode LatinDissect_Private(PetscInt dim, idx_t n, idx_t start[], idx_t 
   PetscFunctionBegin;
   (void)dim, (void)n, (void)start, (void)list, (void)x, (void)position;
   *done = PETSC_FALSE;
+  PetscFunctionReturn(0);
+}
+
+PetscErrorCode LatinDissectHalves_Private(PetscInt dim, idx_t n, idx_t start[], idx_t list[], const PetscReal x[], idx_t half[], PetscBool *done)
+{
+  PetscFunctionBegin;
+  PetscCall(LatinDissect_Private(dim, n, start, list, x, half, done));
   PetscFunctionReturn(0);
 }
 
