@@ -148,7 +148,7 @@ static void FRONT(LatinFrontKept)(const LatinFronts *F, const FRONT(LatinFrontsW
   }
 }
 
-/* One front, whose children are done; PETSC_FALSE where it is not positive definite. What it leaves to later ones is on one end of the stack, what its children left goes from the other: of a large front, whose panel is in the free room between both ends, pages that have been read go before others come */
+/* One front, whose children are done; PETSC_FALSE where it is not positive definite. What it leaves to later ones is on one end of the stack, what its children left goes from the other: of a large front, whose panel is in the free room between both ends, pages that have been read go before others come, once no later front needs as many */
 static PetscBool FRONT(LatinFrontOne)(const LatinFronts *F, FRONT(LatinFrontsWork) * work, PetscInt f, const PetscInt i[], const PetscInt j[], const PetscScalar a[], PetscReal S[])
 {
   FRONT_REAL     *panel = work->narrow ? work->stack + work->top[0] + (F->odd[f] ? 0 : LatinFrontLeft(F, f)) : (FRONT_REAL *)F->factor + F->panel[f];
