@@ -105,3 +105,14 @@ PetscErrorCode LatinSchur_Private(PetscInt n, PetscInt inside, PetscReal A[], Pe
   PetscCall(PetscLogFlops((PetscLogDouble)bi * ((PetscLogDouble)bi * bi / 3.0 + (PetscLogDouble)bi * bg + (PetscLogDouble)bg * bg)));
   PetscFunctionReturn(0);
 }
+
+/* Both triangles of a matrix, column-major, in place of the lower one, see LatinLowerAt() */
+void LatinLowerMirror(PetscInt n, PetscReal A[])
+{
+  const size_t rows = (size_t)n;
+
+  for (PetscInt c = n - 1; c >= 0; c--) /* from the end on, nothing is overwritten that is still to move */
+    for (PetscInt r = n - 1; r >= c; r--) A[(size_t)r + rows * (size_t)c] = A[LatinLowerAt(n, c) + (size_t)r];
+  for (PetscInt c = 0; c < n; c++)
+    for (PetscInt r = 0; r < c; r++) A[(size_t)r + rows * (size_t)c] = A[(size_t)c + rows * (size_t)r];
+}

@@ -11,6 +11,13 @@
 #define LatinBLASsymv_ PETSCBLAS(symv, SYMV)
 BLAS_EXTERN void LatinBLASsymv_(const char *, const PetscBLASInt *, const PetscScalar *, const PetscScalar *, const PetscBLASInt *, const PetscScalar *, const PetscBLASInt *, const PetscScalar *, PetscScalar *, const PetscBLASInt *);
 
+/* Where column c of the lower triangle of n rows is, less its first row: columns one after the other, each from its diagonal on */
+static inline size_t LatinLowerAt(PetscInt n, PetscInt c)
+{
+  return (size_t)c * (size_t)n - (size_t)c * (size_t)(c + 1) / 2;
+}
+
+PETSC_INTERN void           LatinLowerMirror(PetscInt n, PetscReal A[]);
 PETSC_INTERN PetscBool      LatinUnitVector(PetscInt dim, const PetscReal v[], PetscReal unit[]);
 PETSC_INTERN PetscErrorCode LatinSVD_Private(PetscInt rows, PetscInt modes, const PetscScalar A[], PetscReal s[], PetscScalar V[]);
 PETSC_INTERN void           LatinCombine_Private(PetscInt rows, PetscInt modes, PetscInt n, const PetscScalar A[], const PetscScalar V[], const PetscReal scale[], PetscScalar out[]);

@@ -37,15 +37,15 @@ static void LatinRoomPages(char *room, size_t bytes)
 }
 #endif
 
-/* Room for what is read from end to end, or all over */
-PetscErrorCode LatinRoomCreate_Private(size_t bytes, void **room)
+/* Room for what is read from end to end, or all over; the first `early` bytes may be there at once, in large pages, the others once they are written */
+PetscErrorCode LatinRoomCreate_Private(size_t bytes, size_t early, void **room)
 {
   PetscFunctionBegin;
   *room = NULL;
   if (!bytes) bytes = 1;
   PetscCheck(!posix_memalign(room, bytes < LATIN_PAGE ? LATIN_LINE : LATIN_PAGE, bytes), PETSC_COMM_SELF, PETSC_ERR_MEM, "No room for %g bytes", (double)bytes);
 #if defined(MADV_HUGEPAGE)
-  if (bytes >= 2 * LATIN_PAGE) LatinRoomPages((char *)*room, bytes);
+  if (early >= 2 * LATIN_PAGE) LatinRoomPages((char *)*room, early);
 #endif
   PetscFunctionReturn(0);
 }

@@ -7,7 +7,7 @@
 #define LATIN_PAGE 2097152 /* bytes of a large page */
 #define LATIN_LINE 64      /* bytes of a cache line, and of the longest vector register */
 
-PETSC_INTERN PetscErrorCode LatinRoomCreate_Private(size_t bytes, void **);
+PETSC_INTERN PetscErrorCode LatinRoomCreate_Private(size_t bytes, size_t early, void **);
 PETSC_INTERN PetscErrorCode LatinRoomDestroy_Private(void **);
 PETSC_INTERN void           LatinRoomReturn(size_t bytes);
 PETSC_INTERN void           LatinRoomEmpty(void *room, size_t bytes);

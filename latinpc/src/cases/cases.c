@@ -110,7 +110,7 @@ static PetscErrorCode LatinCasesRoom_Private(LatinCaseLanes *lanes)
   const size_t bytes = (3 * n + m) * sizeof(PetscReal) + (2 * n + m) * sizeof(float);
 
   PetscFunctionBegin;
-  PetscCall(LatinRoomCreate_Private(bytes, &lanes->room));
+  PetscCall(LatinRoomCreate_Private(bytes, bytes, &lanes->room));
   memset(lanes->room, 0, bytes);
   lanes->load    = (PetscReal *)lanes->room;
   lanes->u       = lanes->load + n;

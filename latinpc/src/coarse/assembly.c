@@ -129,6 +129,29 @@ static PetscErrorCode LatinCoarseDense_Private(const LatinElements *top, LatinHo
   PetscFunctionReturn(0);
 }
 
+/* The lower triangle goes with the matrix that carries it */
+static PetscErrorCode LatinCoarseLowerDestroy_Private(Mat K)
+{
+  PetscReal *H;
+
+  PetscFunctionBegin;
+  PetscCall(MatShellGetContext(K, &H));
+  PetscCall(PetscFree(H));
+  PetscFunctionReturn(0);
+}
+
+/* The same, its lower triangle alone, of which there are no products: it is read once, by the factor of the tree */
+static PetscErrorCode LatinCoarseLower_Private(const LatinElements *top, LatinHomogenised *stiffness, Mat *K)
+{
+  const PetscInt rows = top->offset[1];
+
+  PetscFunctionBegin;
+  PetscCall(MatCreateShell(PETSC_COMM_SELF, rows, rows, rows, rows, stiffness->H, K));
+  PetscCall(MatShellSetOperation(*K, MATOP_DESTROY, (void (*)(void))LatinCoarseLowerDestroy_Private));
+  stiffness->H = NULL;
+  PetscFunctionReturn(0);
+}
+
 /* The parts of the ranks with these global numbers, which it frees, added up in a new matrix. Collective on sub->object */
 static PetscErrorCode LatinCoarseSum_Private(const LatinCoarse *coarse, LatinCoarsePart *part, const PetscInt number[], Mat *A)
 {
@@ -279,7 +302,7 @@ PetscErrorCode LatinCoarseAssemble_Private(LatinCoarse *coarse, LatinHomogenised
   PetscInt            *number, *at, n = entries;
   PetscMPIInt          ranks;
   LatinCoarsePart      part;
-  PetscBool            whole;
+  PetscBool            whole, lower;
   Mat                  K = NULL;
 
   PetscFunctionBegin;
@@ -291,9 +314,12 @@ PetscErrorCode LatinCoarseAssemble_Private(LatinCoarse *coarse, LatinHomogenised
   for (PetscInt i = 0; i < entries; i++) PetscCall(PetscFindInt(coarse->top_global[i], n, number, &at[i]));
   for (PetscInt s = 0; s < top->n; s++) PetscCall(PetscLogFlops(PetscSqr((PetscLogDouble)(top->offset[s + 1] - top->offset[s]))));
   PetscCall(LatinCoarseWhole_Private(coarse, stiffness, n, &whole));
+  lower = (PetscBool)(whole && stiffness->lower && coarse->tree && coarse->status.provisional);
+  if (stiffness->lower && !lower) LatinLowerMirror(entries, stiffness->H);
   if (whole) {
     PetscCall(PetscArraycpy(number, coarse->top_global, entries));
-    PetscCall(LatinCoarseDense_Private(top, stiffness, &K));
+    if (lower) PetscCall(LatinCoarseLower_Private(top, stiffness, &K));
+    else PetscCall(LatinCoarseDense_Private(top, stiffness, &K));
     part = (LatinCoarsePart){.rows = n};
   } else PetscCall(LatinCoarseLocal_Private(top, n, at, coarse->upper, &part));
   if (stiffness->once) PetscCall(PetscFree(stiffness->H));

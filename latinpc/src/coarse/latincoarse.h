@@ -83,6 +83,7 @@ typedef struct {
   size_t    *h_offset; /* [subdomains] into H */
   PetscReal *H;        /* column-major */
   PetscBool  once;     /* nothing but the coarse matrix needs H, and frees it */
+  PetscBool  lower;    /* H is the lower triangle of the only one, see LatinLowerAt(), with room for both */
 } LatinHomogenised;
 
 /* Rows of a symmetric matrix, their columns ascending */

@@ -14,37 +14,36 @@
 */
 
 /*
-   What is left of a part or front, symmetric: the lower triangle counts, in the order of the numbers of its rows. Of a part it is a
-   matrix whose rows have an order of their own; of a front panels, see LatinPanelAt(). One panel is a message: large enough to be
-   all bandwidth, small beside a front
+   What is left of a part or front, symmetric: its lower triangle, in the order of the numbers of its rows, by panels of columns, see
+   LatinPanelAt(); of a part they are one column wide. 64 columns are a message: large enough to be all bandwidth, small beside a front
 */
 typedef struct {
-  PetscInt     n, ld, *order; /* [n] rows in the matrix; NULL: panels */
+  PetscInt     n, wide;
   PetscScalar *a;
-  PetscScalar *own;   /* to be freed: a */
-  Mat          dense; /* or this, to be destroyed */
+  PetscScalar *own;  /* to be freed: a */
+  Mat          part; /* or this, to be destroyed */
 } LatinLeft;
 
 static PetscErrorCode LatinLeftFree_Private(LatinLeft *left)
 {
   PetscFunctionBegin;
-  PetscCall(PetscFree(left->order));
   PetscCall(PetscFree(left->own));
-  PetscCall(MatDestroy(&left->dense));
+  PetscCall(MatDestroy(&left->part));
   PetscFunctionReturn(0);
 }
 
-/* Columns j to last of the lower triangle, of one panel, one after the other; returns their entries. A panel is emptied: it goes, column by column, as what it joins comes */
+/* Columns j to last, of one message, one after the other; returns their entries. They are emptied: it goes, column by column, as what it joins comes */
 static PetscInt LatinLeftPack(const LatinLeft *left, PetscInt j, PetscInt last, PetscScalar to[])
 {
-  PetscInt k = 0;
+  const size_t start = LatinPanelSize(left->wide, left->n, j), end = LatinPanelSize(left->wide, left->n, last);
+  PetscInt     k = 0;
 
   for (PetscInt c = j; c < last; c++) {
-    const PetscScalar *a = left->a + (left->order ? (size_t)left->ld * (size_t)left->order[c] : LatinPanelColumnAt(LATIN_FRONT_PANEL, left->n, c));
+    const PetscScalar *a = left->a + LatinPanelColumnAt(left->wide, left->n, c);
 
-    for (PetscInt i = c; i < left->n; i++) to[k++] = a[left->order ? left->order[i] : i];
+    for (PetscInt i = c; i < left->n; i++) to[k++] = a[i];
   }
-  if (!left->order) LatinRoomEmpty(left->a + LatinPanelAt(LATIN_FRONT_PANEL, left->n, j), (size_t)(left->n - j) * (size_t)(last - j) * sizeof(*left->a));
+  LatinRoomEmpty(left->a + start, (end - start) * sizeof(*left->a));
   return k;
 }
 
@@ -128,8 +127,8 @@ static PetscErrorCode LatinJointKeep_Private(LatinJoint *joint, PetscBool rounde
   PetscFunctionReturn(0);
 }
 
-/* What a part leaves that has rows of its own, which its factor eliminates; takes K over */
-static PetscErrorCode LatinTreeSparse_Private(LatinTree *tree, Mat K, LatinLeft *left, PetscBool *bad)
+/* What a part leaves that has rows of its own, which its factor eliminates; takes K over. at[]: rows of the part; they become those of what is left */
+static PetscErrorCode LatinTreeSparse_Private(LatinTree *tree, Mat K, LatinLeft *left, PetscInt at[], PetscBool *bad)
 {
   MatFactorInfo info;
   PetscInt     *place;
@@ -156,89 +155,91 @@ static PetscErrorCode LatinTreeSparse_Private(LatinTree *tree, Mat K, LatinLeft 
   PetscCall(MatCholeskyFactorNumeric(tree->part, A, &info));
   *bad = (PetscBool)(tree->part->factorerrortype != MAT_FACTOR_NOERROR);
   PetscCall(MatDestroy(&A));
-  PetscCall(LatinCholeskyGiveSchur(tree->part, &left->own));
-  left->a  = left->own;
-  left->ld = tree->rest;
+  PetscCall(LatinCholeskyGiveLower(tree->part, &left->own));
+  left->a = left->own;
   PetscCall(PetscCalloc1(tree->n, &place)); /* in the Schur complement, whose rows ascend as in the part */
   for (PetscInt i = 0; i < tree->rest; i++) place[tree->row[i]] = 1;
   for (PetscInt r = 0, k = 0; r < tree->n; r++)
     if (place[r]) place[r] = k++;
-  for (PetscInt i = 0; i < tree->rest; i++) left->order[i] = place[tree->row[i]];
+  for (PetscInt i = 0; i < tree->rest; i++) at[i] = place[at[i]];
   PetscCall(PetscFree(place));
   PetscFunctionReturn(0);
 }
 
-/* What the part of this rank leaves; one without rows of its own that is dense is that already. Takes K over */
-static PetscErrorCode LatinTreePart_Private(LatinTree *tree, Mat K, LatinLeft *left, PetscBool *bad)
+/* What a part leaves without rows of its own: itself. Takes K over, and its place, unless others have it */
+static PetscErrorCode LatinTreeDense_Private(LatinTree *tree, Mat K, LatinLeft *left)
 {
-  PetscBool dense;
+  const size_t n      = (size_t)tree->rest;
+  PetscInt     owners = 1, ld;
+  PetscBool    dense, lower;
+  PetscScalar *from;
 
   PetscFunctionBegin;
-  *left = (LatinLeft){.n = tree->rest};
-  PetscCall(PetscMalloc1(tree->rest, &left->order));
-  if (tree->rest < tree->n) {
-    PetscCall(LatinTreeSparse_Private(tree, K, left, bad));
-    PetscFunctionReturn(0);
-  }
-  PetscCall(PetscArraycpy(left->order, tree->row, tree->rest));
+  left->part = K;
+  PetscCall(PetscObjectTypeCompare((PetscObject)K, MATSHELL, &lower));
+  if (lower) PetscCall(MatShellGetContext(K, &left->a));
+  if (lower) PetscFunctionReturn(0);
   PetscCall(PetscObjectTypeCompare((PetscObject)K, MATSEQDENSE, &dense));
-  if (dense) left->dense = K;
+  if (dense) PetscCall(PetscObjectGetReference((PetscObject)K, &owners));
   else {
-    PetscCall(MatConvert(K, MATSEQDENSE, MAT_INITIAL_MATRIX, &left->dense));
+    PetscCall(MatConvert(K, MATSEQDENSE, MAT_INITIAL_MATRIX, &left->part));
     PetscCall(MatDestroy(&K));
   }
-  PetscCall(MatDenseGetLDA(left->dense, &left->ld));
-  PetscCall(MatDenseGetArrayRead(left->dense, (const PetscScalar **)&left->a)); /* which the matrix keeps */
+  PetscCall(MatDenseGetLDA(left->part, &ld));
+  PetscCall(MatDenseGetArrayRead(left->part, (const PetscScalar **)&from)); /* which the matrix keeps */
+  if (owners > 1) PetscCall(PetscMalloc1(LatinPanelSize(1, tree->rest, tree->rest), &left->own));
+  left->a = owners > 1 ? left->own : from;
+  for (size_t c = 0; c < n; c++)
+    for (size_t r = c; r < n; r++) left->a[LatinLowerAt(tree->rest, (PetscInt)c) + r] = from[r + (size_t)ld * c];
+  if (owners > 1) PetscCall(MatDestroy(&left->part));
+  else LatinRoomEmpty(from + LatinPanelSize(1, tree->rest, tree->rest), ((size_t)ld * n - LatinPanelSize(1, tree->rest, tree->rest)) * sizeof(*from));
   PetscFunctionReturn(0);
 }
 
-/* Moves the columns of what a part leaves into the order of the numbers, in place: cycle by cycle */
-static PetscErrorCode LatinLeftColumns_Private(const LatinLeft *left, PetscScalar a[], PetscScalar first[])
+/* Row at[r] of a lower triangle becomes row r, and columns as well: in place, for a front is to have room beside it */
+static PetscErrorCode LatinLeftOrder_Private(PetscInt n, const PetscInt at[], PetscScalar a[])
 {
-  const size_t ld = (size_t)left->ld;
-  PetscBool   *there;
+  PetscBool sorted = PETSC_TRUE;
+  char     *there; /* for each entry */
 
   PetscFunctionBegin;
-  PetscCall(PetscCalloc1(left->n, &there));
-  for (PetscInt start = 0; start < left->n; start++) {
-    if (there[start]) continue;
-    PetscCall(PetscArraycpy(first, a + ld * (size_t)start, left->n));
-    for (PetscInt c = start; !there[c]; c = left->order[c]) {
-      there[c] = PETSC_TRUE;
-      PetscCall(PetscArraycpy(a + ld * (size_t)c, there[left->order[c]] ? first : a + ld * (size_t)left->order[c], left->n));
+  for (PetscInt r = 0; r < n && sorted; r++) sorted = (PetscBool)(at[r] == r);
+  if (sorted) PetscFunctionReturn(0);
+  PetscCall(PetscCalloc1(LatinPanelSize(1, n, n), &there));
+  for (PetscInt c = 0; c < n; c++)
+    for (PetscInt r = c; r < n; r++) {
+      const size_t      start = LatinLowerAt(n, c) + (size_t)r;
+      const PetscScalar first = a[start];
+      size_t            to    = start;
+
+      for (PetscInt i = r, j = c; !there[to];) { /* a cycle */
+        const PetscInt high = PetscMax(at[i], at[j]), low = PetscMin(at[i], at[j]);
+        const size_t   from = LatinLowerAt(n, low) + (size_t)high;
+
+        there[to] = 1;
+        a[to]     = from == start ? first : a[from];
+        to        = from;
+        i         = high;
+        j         = low;
+      }
     }
-  }
   PetscCall(PetscFree(there));
   PetscFunctionReturn(0);
 }
 
-/* What a part leaves, as panels, half of it: a front is to have room beside it. In its place, where nobody else has the matrix: a panel ends no later than its columns do */
-static PetscErrorCode LatinLeftHalve_Private(LatinLeft *left)
+/* What the part of this rank leaves. Takes K over */
+static PetscErrorCode LatinTreePart_Private(LatinTree *tree, Mat K, LatinLeft *left, PetscBool *bad)
 {
-  const PetscInt n  = left->n;
-  const size_t   ld = (size_t)left->ld, half = LatinPanelSize(LATIN_FRONT_PANEL, n, n);
-  PetscScalar   *a = left->a, *panels = a, *column;
-  PetscInt       owners = 1;
+  PetscInt *at;
 
   PetscFunctionBegin;
-  if (left->dense) PetscCall(PetscObjectGetReference((PetscObject)left->dense, &owners));
-  PetscCall(PetscMalloc1(n, &column));
-  if (owners > 1) PetscCall(PetscMalloc1(half, &panels));
-  else PetscCall(LatinLeftColumns_Private(left, a, column));
-  for (PetscInt c = 0; c < n; c++) {
-    PetscScalar *to = panels + LatinPanelColumnAt(LATIN_FRONT_PANEL, n, c);
-
-    PetscCall(PetscArraycpy(column, a + ld * (size_t)(owners > 1 ? left->order[c] : c), n));
-    for (PetscInt i = c; i < n; i++) to[i] = column[left->order[i]];
-  }
-  PetscCall(PetscFree(column));
-  if (owners > 1) {
-    PetscCall(LatinLeftFree_Private(left));
-    *left = (LatinLeft){.n = n, .a = panels, .own = panels};
-    PetscFunctionReturn(0);
-  }
-  PetscCall(PetscFree(left->order));
-  LatinRoomEmpty(a + half, (ld * (size_t)n - half) * sizeof(*a));
+  *left = (LatinLeft){.n = tree->rest, .wide = 1};
+  PetscCall(PetscMalloc1(tree->rest, &at));
+  PetscCall(PetscArraycpy(at, tree->row, tree->rest));
+  if (tree->rest < tree->n) PetscCall(LatinTreeSparse_Private(tree, K, left, at, bad));
+  else PetscCall(LatinTreeDense_Private(tree, K, left));
+  PetscCall(LatinLeftOrder_Private(tree->rest, at, left->a));
+  PetscCall(PetscFree(at));
   PetscFunctionReturn(0);
 }
 
@@ -286,7 +287,7 @@ static PetscErrorCode LatinTreeJoin_Private(LatinTree *tree, PetscBool rounded, 
     if (own) PetscCall(LatinLeftFree_Private(left));
   }
   PetscCall(LatinJointEliminate_Private(joint, L, S, bad));
-  *left = (LatinLeft){.n = out, .a = S, .own = S};
+  *left = (LatinLeft){.n = out, .wide = LATIN_FRONT_PANEL, .a = S, .own = S};
   PetscCall(LatinLeftSend_Private(tree, joint->to, left, buffer)); /* before the next one waits for more */
   PetscCall(LatinJointKeep_Private(joint, rounded, L));
   PetscCall(PetscFree(L));
@@ -303,8 +304,7 @@ PetscErrorCode LatinTreeFactor_Private(LatinTree *tree, PetscBool rounded, Mat K
   *bad = PETSC_FALSE;
   PetscCall(PetscMalloc1(LATIN_FRONT_PANEL * PetscMax(tree->rest, tree->joint ? tree->joint->rows : 0), &buffer));
   PetscCall(LatinTreePart_Private(tree, K, &left, bad));
-  if (tree->to == tree->rank) PetscCall(LatinLeftHalve_Private(&left));
-  else {
+  if (tree->to != tree->rank) {
     PetscCall(LatinLeftSend_Private(tree, tree->to, &left, buffer));
     LatinRoomReturn((size_t)tree->rest * (size_t)tree->rest * sizeof(*buffer)); /* before a front comes */
   }

@@ -200,6 +200,19 @@ static PetscErrorCode LatinLocalCreate_Private(LatinLocalSolvers *solvers, Petsc
   PetscFunctionReturn(0);
 }
 
+/* Who owns the entries of a batch that keeps rows hears from its factor */
+static PetscErrorCode LatinLocalSpends_Private(LatinLocalSolvers *solvers, PetscInt i)
+{
+  PC  pc;
+  Mat F;
+
+  PetscFunctionBegin;
+  PetscCall(KSPGetPC(solvers->ksp[i], &pc));
+  PetscCall(PCFactorGetMatrix(pc, &F));
+  PetscCall(LatinCholeskySpends(F, solvers->spending));
+  PetscFunctionReturn(0);
+}
+
 /*
    Matrices, factors and work space; name is "local" or "interior", the prefix of the options; once: a preconditioner that
    is no factorisation is applied once. solvers->status says how it ended on this rank.
@@ -222,6 +235,7 @@ PetscErrorCode LatinLocalSolversSetUp(LatinLocalSolvers *solvers, const char nam
     PetscCall(LatinLocalKeep_Private(solvers, i));
     PetscCall(LatinLocalSolversRecall_Private(solvers, i, &found));
     if (!found) PetscCall(LatinLocalCreate_Private(solvers, i, name, once));
+    if (solvers->rest[i]) PetscCall(LatinLocalSpends_Private(solvers, i));
     if (larger && !tangent) PetscCall(KSPGetPC(solvers->like->ksp[i], &pc));
     if (larger && !tangent) PetscCall(LatinCholeskyPrecision(pc, &serves));
     PetscCall(KSPGetPC(solvers->ksp[i], &pc));

@@ -27,24 +27,21 @@ static void LatinCholeskyDiagonal(LatinSupernodes *data, const PetscInt i[], con
   }
 }
 
-/* Of the Schur complement of all kept rows, the lower triangle of which is given one column after the other, the rows that are asked for: in place, and both triangles */
+/* Of the Schur complement of all kept rows, the lower triangle of which is given one column after the other, that of the rows that are asked for, in place */
 static PetscErrorCode LatinCholeskyAsked_Private(const LatinSupernodes *data, PetscScalar S[])
 {
   const PetscInt m = data->asked;
   PetscInt      *at;
 
   PetscFunctionBegin;
+  if (m == data->kept) PetscFunctionReturn(0);
   PetscCall(PetscMalloc1(m, &at));
   for (PetscInt row = 0, k = 0, c = 0; c < m; row++) {
     if (data->ask[c] == row) at[c++] = k;
     if (data->keep[row]) k++;
   }
-  for (PetscInt c = 0; c < m && m < data->kept; c++)
-    for (PetscInt r = c; r < m; r++) S[LatinLowerAt(m, c) + (size_t)r] = S[LatinLowerAt(data->kept, at[c]) + (size_t)at[r]];
-  for (PetscInt c = m - 1; c >= 0; c--) /* from the end on, nothing is overwritten that is still to move */
-    for (PetscInt r = m - 1; r >= c; r--) S[(size_t)r + (size_t)m * (size_t)c] = S[LatinLowerAt(m, c) + (size_t)r];
   for (PetscInt c = 0; c < m; c++)
-    for (PetscInt r = 0; r < c; r++) S[(size_t)r + (size_t)m * (size_t)c] = S[(size_t)c + (size_t)m * (size_t)r];
+    for (PetscInt r = c; r < m; r++) S[LatinLowerAt(m, c) + (size_t)r] = S[LatinLowerAt(data->kept, at[c]) + (size_t)at[r]];
   PetscCall(PetscFree(at));
   PetscFunctionReturn(0);
 }
@@ -64,8 +61,9 @@ static PetscErrorCode LatinCholeskyNumeric_Private(Mat F, Mat A, const MatFactor
   PetscCall(MatGetRowIJ(A, 0, PETSC_FALSE, PETSC_FALSE, &n, &i, &j, &done));
   PetscCall(MatSeqAIJGetArrayRead(A, &a));
   LatinCholeskyDiagonal(data, i, j, a);
-  PetscCall(LatinFrontsFactor(&data->fronts, data->precision, i, j, a, data->schur, &bad));
+  PetscCall(LatinFrontsFactor(&data->fronts, data->precision, i, j, a, data->spending, data->schur, &bad));
   if (!data->gives) PetscCall(LatinCholeskyAsked_Private(data, data->schur));
+  if (!data->gives) LatinLowerMirror(data->asked, data->schur);
   if (data->asked && !data->gives) PetscCall(MatCreateSeqDense(PETSC_COMM_SELF, data->asked, data->asked, data->schur, &F->schur));
   PetscCall(MatSeqAIJRestoreArrayRead(A, &a));
   PetscCall(MatRestoreRowIJ(A, 0, PETSC_FALSE, PETSC_FALSE, &n, &i, &j, &done));
@@ -176,16 +174,32 @@ PetscErrorCode LatinCholeskyGives(Mat F)
   PetscFunctionReturn(0);
 }
 
-/* Hands the Schur complement over, *S (of the rows that were asked for, column-major), which the caller frees: it may be as large as the factor, and is used once */
-PetscErrorCode LatinCholeskyGiveSchur(Mat F, PetscReal **S)
+/* Who owns the entries of its matrix is told when they may go, see LatinSpending */
+PetscErrorCode LatinCholeskySpends(Mat F, LatinSpending spending)
+{
+  PetscFunctionBegin;
+  ((LatinSupernodes *)F->data)->spending = spending;
+  PetscFunctionReturn(0);
+}
+
+/* Hands the lower triangle of the Schur complement over, *S (of the rows that were asked for, see LatinLowerAt()), with room for both, which the caller frees: it may be as large as the factor, and is used once */
+PetscErrorCode LatinCholeskyGiveLower(Mat F, PetscReal **S)
 {
   LatinSupernodes *data = (LatinSupernodes *)F->data;
 
   PetscFunctionBegin;
-  PetscCall(MatDestroy(&F->schur));
-  if (data->gives && data->schur) PetscCall(LatinCholeskyAsked_Private(data, data->schur));
+  if (data->schur) PetscCall(LatinCholeskyAsked_Private(data, data->schur));
   *S          = data->schur;
   data->schur = NULL;
+  PetscFunctionReturn(0);
+}
+
+/* The same, both triangles, column-major */
+PetscErrorCode LatinCholeskyGiveSchur(Mat F, PetscReal **S)
+{
+  PetscFunctionBegin;
+  PetscCall(LatinCholeskyGiveLower(F, S));
+  if (*S) LatinLowerMirror(((LatinSupernodes *)F->data)->asked, *S);
   PetscFunctionReturn(0);
 }
 

@@ -172,19 +172,24 @@ static PetscBool FRONT(LatinFrontOne)(const LatinFronts *F, FRONT(LatinFrontsWor
 }
 
 /* The fronts one after the other; *bad becomes the row of the first pivot block that is not positive definite */
-static void FRONT(LatinFrontsEliminate)(LatinFronts *F, FRONT(LatinFrontsWork) * work, const PetscInt i[], const PetscInt j[], const PetscScalar a[], PetscReal S[], PetscInt *bad)
+static PetscErrorCode FRONT(LatinFrontsEliminate)(LatinFronts *F, FRONT(LatinFrontsWork) * work, LatinSpending spending, LatinEntries *entries, PetscReal S[], PetscInt *bad)
 {
-  for (PetscInt f = 0; f < F->fronts && *bad < 0; f++)
-    if (F->columns[f] && !FRONT(LatinFrontOne)(F, work, f, i, j, a, S)) *bad = F->order[F->first[f]];
+  PetscFunctionBegin;
+  for (PetscInt f = 0; f < F->fronts && *bad < 0; f++) {
+    if (spending.tell && !entries->own_i && F->n - F->first[f] <= F->n / LATIN_FRONT_LAST) PetscCall(LatinEntriesSpend_Private(F, F->first[f], work->place, spending, entries));
+    if (F->columns[f] && !FRONT(LatinFrontOne)(F, work, f, entries->i, entries->j, entries->a, S)) *bad = F->order[F->first[f]];
+  }
   /* the block of the kept rows itself */
   for (PetscInt c = 0, inside = F->n - F->kept; c < F->kept; c++)
-    for (PetscInt own = F->order[inside + c], k = i[own]; k < i[own + 1]; k++)
-      if (work->place[j[k]] >= inside + c) S[LatinLowerAt(F->kept, c) + (size_t)(work->place[j[k]] - inside)] += a[k];
+    for (PetscInt own = F->order[inside + c], k = entries->i[own]; k < entries->i[own + 1]; k++)
+      if (work->place[entries->j[k]] >= inside + c) S[LatinLowerAt(F->kept, c) + (size_t)(work->place[entries->j[k]] - inside)] += entries->a[k];
+  PetscFunctionReturn(0);
 }
 
 /* All of the factorisation, see LatinFrontsFactor() */
-static PetscErrorCode FRONT(LatinFrontsFactor)(LatinFronts *F, const PetscInt i[], const PetscInt j[], const PetscScalar a[], PetscReal S[], PetscInt *bad)
+static PetscErrorCode FRONT(LatinFrontsFactor)(LatinFronts *F, const PetscInt i[], const PetscInt j[], const PetscScalar a[], LatinSpending spending, PetscReal S[], PetscInt *bad)
 {
+  LatinEntries entries = {.i = i, .j = j, .a = a};
   FRONT(LatinFrontsWork)
   work = {
     .top = {0, 0},
@@ -197,7 +202,9 @@ static PetscErrorCode FRONT(LatinFrontsFactor)(LatinFronts *F, const PetscInt i[
   PetscCall(PetscMalloc1(F->kept ? (size_t)F->tallest * LATIN_BATCH_COLUMNS : 0, &work.some));
   PetscCall(PetscMalloc5(F->fronts, &work.update, F->n, &work.place, F->n, &work.at, F->tallest, &work.to, F->tallest, &work.end));
   for (PetscInt r = 0; r < F->n; r++) work.place[F->order[r]] = r;
-  FRONT(LatinFrontsEliminate)(F, &work, i, j, a, S, bad);
+  PetscCall(FRONT(LatinFrontsEliminate)(F, &work, spending, &entries, S, bad));
+  PetscCall(PetscFree2(entries.own_j, entries.own_a));
+  PetscCall(PetscFree(entries.own_i));
   PetscCall(PetscFree5(work.update, work.place, work.at, work.to, work.end));
   PetscCall(PetscFree(work.some));
   PetscCall(PetscFree(work.stack));

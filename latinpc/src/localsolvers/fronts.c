@@ -78,7 +78,7 @@ PetscErrorCode LatinFrontsFill(LatinFronts *F, LatinArithmetic precision, PetscR
 
   PetscFunctionBegin;
   PetscCall(LatinRoomDestroy_Private(&F->factor));
-  PetscCall(LatinRoomCreate_Private(bytes + LATIN_LINE, &F->factor));
+  PetscCall(LatinRoomCreate_Private(bytes + LATIN_LINE, bytes, &F->factor));
   F->precision = precision;
   F->room      = 0;
   for (size_t first = 0, last; first < entries; first = last) {
@@ -102,7 +102,7 @@ static PetscErrorCode LatinFrontsRoom_Private(LatinFronts *F, PetscInt columns)
   if (F->room >= columns) PetscFunctionReturn(0);
   PetscCall(LatinRoomDestroy_Private(&F->x));
   PetscCall(PetscFree(F->work));
-  PetscCall(LatinRoomCreate_Private(size * (size_t)F->n * (size_t)columns, &F->x));
+  PetscCall(LatinRoomCreate_Private(size * (size_t)F->n * (size_t)columns, size * (size_t)F->n * (size_t)columns, &F->x));
   PetscCall(PetscMalloc(size * (size_t)F->tallest * (size_t)columns + LATIN_LINE, &F->work));
   F->room = columns;
   PetscFunctionReturn(0);
@@ -130,6 +130,45 @@ typedef PetscReal LatinLanesSum __attribute__((vector_size(LATIN_FRONT_LANES * s
     const LatinLanesSum wide = __builtin_convertvector(x, LatinLanesSum); \
     *(sum) += wide * wide; \
   } while (0)
+
+#define LATIN_FRONT_LAST 8 /* of the rows, one of so many is still there when the other entries go: the last fronts are the large ones */
+
+/* The entries of a matrix that are still to be read, where a part of them has been copied: of these rows */
+typedef struct {
+  const PetscInt    *i, *j;
+  const PetscScalar *a;
+  PetscInt          *own_i, *own_j; /* to be freed */
+  PetscScalar       *own_a;
+} LatinEntries;
+
+/* Those of rows from `first` on in the order of elimination, place[] of each row, are copied, of each pair across the diagonal the one that is read; and the others go */
+static PetscErrorCode LatinEntriesSpend_Private(const LatinFronts *F, PetscInt first, const PetscInt place[], LatinSpending spending, LatinEntries *entries)
+{
+  const PetscInt *i = entries->i, *j = entries->j;
+  PetscInt        n = 0;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMalloc1(F->n + 1, &entries->own_i));
+  for (PetscInt pass = 0; pass < 2; pass++) { /* the first one counts */
+    n = 0;
+    for (PetscInt r = 0; r < F->n; r++) {
+      entries->own_i[r] = n;
+      for (PetscInt k = i[r]; k < i[r + 1] && place[r] >= first; k++) {
+        if (place[j[k]] < place[r]) continue;
+        if (pass) entries->own_j[n] = j[k];
+        if (pass) entries->own_a[n] = entries->a[k];
+        n++;
+      }
+    }
+    entries->own_i[F->n] = n;
+    if (!pass) PetscCall(PetscMalloc2(n, &entries->own_j, n, &entries->own_a));
+  }
+  entries->i = entries->own_i;
+  entries->j = entries->own_j;
+  entries->a = entries->own_a;
+  PetscCall(spending.tell(spending.owner, PETSC_FALSE));
+  PetscFunctionReturn(0);
+}
 
 #define FRONT_REAL       double
 #define FRONT_BLAS(name) PETSC_PASTE3(d, name, PETSC_BLASLAPACK_SUFFIX_)
@@ -163,12 +202,24 @@ static LatinArithmetic LatinFrontsPay(const LatinFronts *F)
   return F->panel[F->fronts] < LATIN_SINGLE_ENTRIES ? LATIN_DOUBLE : solid ? LATIN_SINGLE : LATIN_ROUNDED;
 }
 
+/* How many bytes of the factor are there from the start, in large pages: not those of the last fronts, whose columns are whole in double precision beside what is kept */
+static size_t LatinFrontsEarly(const LatinFronts *F, LatinArithmetic precision)
+{
+  PetscInt f = F->fronts;
+
+  if (precision != LATIN_ROUNDED) return F->reach * (precision == LATIN_DOUBLE ? sizeof(double) : sizeof(float));
+  while (F->kept && f && F->n - F->first[f - 1] <= F->n / LATIN_FRONT_LAST) f--;
+  return F->panel[f] * sizeof(float);
+}
+
 /*
    The factor of a matrix with both triangles, in the precision given or, if it fails there, in a higher one. S becomes the Schur
    complement of the kept rows, in the order of elimination: its lower triangle, see LatinLowerAt(). *bad: a row in the first front that is not positive definite, -1 if there is none
 */
-PetscErrorCode LatinFrontsFactor(LatinFronts *F, LatinArithmetic precision, const PetscInt i[], const PetscInt j[], const PetscScalar a[], PetscReal S[], PetscInt *bad)
+PetscErrorCode LatinFrontsFactor(LatinFronts *F, LatinArithmetic precision, const PetscInt i[], const PetscInt j[], const PetscScalar a[], LatinSpending spending, PetscReal S[], PetscInt *bad)
 {
+  const LatinSpending none = {.tell = NULL};
+
   PetscFunctionBegin;
   *bad = -1;
   if (precision == LATIN_BY_SIZE) precision = LatinFrontsPay(F);
@@ -181,12 +232,13 @@ PetscErrorCode LatinFrontsFactor(LatinFronts *F, LatinArithmetic precision, cons
     if (!F->factor || (precision == LATIN_DOUBLE) != (F->precision == LATIN_DOUBLE)) {
       PetscCall(LatinRoomDestroy_Private(&F->factor));
       LatinRoomReturn(bytes);
-      PetscCall(LatinRoomCreate_Private(bytes + LATIN_LINE, &F->factor)); /* solves read it from end to end */
+      PetscCall(LatinRoomCreate_Private(bytes + LATIN_LINE, LatinFrontsEarly(F, precision), &F->factor)); /* solves read it from end to end */
       F->room = 0;
     }
     F->precision = precision;
-    if (precision == LATIN_SINGLE) PetscCall(LatinFrontsFactorSingle(F, i, j, a, S, bad));
-    else PetscCall(LatinFrontsFactorDouble(F, i, j, a, S, bad));
+    if (precision == LATIN_SINGLE) PetscCall(LatinFrontsFactorSingle(F, i, j, a, spending, S, bad));
+    else PetscCall(LatinFrontsFactorDouble(F, i, j, a, precision == LATIN_DOUBLE ? none : spending, S, bad)); /* who checks a factor in double precision asks for its matrix */
+    if (*bad >= 0 && precision != LATIN_DOUBLE && spending.tell) PetscCall(spending.tell(spending.owner, PETSC_TRUE));
     memset((char *)F->factor + F->panel[F->fronts] * (precision == LATIN_DOUBLE ? sizeof(double) : sizeof(float)), 0, LATIN_LINE);
   }
   LatinRoomReturn(F->stack * sizeof(float));

@@ -35,12 +35,6 @@ typedef struct {
   PetscInt        room;              /* right-hand sides in x and work */
 } LatinFronts;
 
-/* Where column c of the lower triangle of n rows is, less its first row: columns one after the other, each from its diagonal on */
-static inline size_t LatinLowerAt(PetscInt n, PetscInt c)
-{
-  return (size_t)c * (size_t)n - (size_t)c * (size_t)(c + 1) / 2;
-}
-
 #define LATIN_FRONT_PANEL 64  /* columns of a front that are stored from the same row on: what lies above the diagonal is left out but for their own block */
 #define LATIN_FRONT_LEFT  256 /* of what it leaves: as wide as products of blocks are quick */
 
@@ -79,7 +73,7 @@ static inline PetscBool LatinFrontPivot(double pivot)
 }
 
 PETSC_INTERN PetscErrorCode LatinFrontsCreate(PetscInt n, PetscInt kept, PetscInt fronts, const PetscInt order[], const PetscInt first[], const PetscInt row_first[], const PetscInt row[], LatinFronts *);
-PETSC_INTERN PetscErrorCode LatinFrontsFactor(LatinFronts *, LatinArithmetic, const PetscInt i[], const PetscInt j[], const PetscScalar a[], PetscReal S[], PetscInt *bad);
+PETSC_INTERN PetscErrorCode LatinFrontsFactor(LatinFronts *, LatinArithmetic, const PetscInt i[], const PetscInt j[], const PetscScalar a[], LatinSpending, PetscReal S[], PetscInt *bad);
 PETSC_INTERN PetscErrorCode LatinFrontsFill(LatinFronts *, LatinArithmetic, PetscReal L[]);
 PETSC_INTERN PetscErrorCode LatinFrontsSolve(LatinFronts *, PetscBool forward, PetscBool backward, PetscInt columns, PetscReal b[], size_t ld, PetscReal *energy);
 PETSC_INTERN PetscErrorCode LatinFrontsSolveSome(LatinFronts *, PetscInt rows, const PetscInt row[], PetscInt columns, PetscReal b[]);

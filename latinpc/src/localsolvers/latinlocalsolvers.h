@@ -54,6 +54,11 @@ PETSC_INTERN PetscErrorCode LatinOrderNodes_Private(Mat, PetscInt rows, const Pe
 #define LATIN_CHOLESKY    "latin"      /* a MatSolverType */
 #define LATIN_ORDER       "LatinOrder" /* what a matrix carries its order of elimination by, an IS */
 #define LATIN_FRONT_LANES 16           /* right-hand sides that lie beside each other: single precision fills a vector register of 512 bits */
+/* Entries of a matrix, which the last fronts of its factorisation do not read: told that they have all been read, and may go, or (again) that they are to come back */
+typedef struct {
+  PetscErrorCode (*tell)(void *owner, PetscBool again); /* NULL: they stay */
+  void *owner;
+} LatinSpending;
 PETSC_INTERN PetscErrorCode LatinCholeskyRegister(void);
 PETSC_INTERN PetscErrorCode LatinCholeskyRound(PC, LatinArithmetic);
 PETSC_INTERN PetscErrorCode LatinCholeskyPrecision(PC, LatinArithmetic *);
@@ -61,7 +66,9 @@ PETSC_INTERN PetscErrorCode LatinCholeskyEnergy(PC, Vec b, PetscReal *energy);
 PETSC_INTERN PetscErrorCode LatinCholeskyCost(PC, PetscReal *operations, PetscReal *bytes);
 PETSC_INTERN PetscErrorCode LatinCholeskyAgain(PC, Mat, LatinArithmetic);
 PETSC_INTERN PetscErrorCode LatinCholeskyGives(Mat);
+PETSC_INTERN PetscErrorCode LatinCholeskySpends(Mat, LatinSpending);
 PETSC_INTERN PetscErrorCode LatinCholeskyGiveSchur(Mat, PetscReal **S);
+PETSC_INTERN PetscErrorCode LatinCholeskyGiveLower(Mat, PetscReal **S);
 PETSC_INTERN PetscErrorCode LatinCholeskyOrder(Mat, const PetscInt *order[]);
 PETSC_INTERN PetscErrorCode LatinCholeskySolveSome(Mat, PetscInt rows, const PetscInt row[], PetscInt columns, PetscReal b[]);
 PETSC_INTERN PetscErrorCode LatinCholeskySolveLanes(Mat, float x[], PetscReal energy[], PetscReal square[]);
@@ -118,6 +125,7 @@ typedef struct LatinLocalSolvers {
   const PetscInt                 *kept_offset, *kept; /* [subdomains + 1] entries of the copy arrays that the factors keep to the last; NULL: none */
   const struct LatinLocalSolvers *like;               /* of the same rows, of which these hold some: their order of elimination serves as well; NULL: none */
   LatinPrecision                  precision;          /* that factors may have: who uses them corrects their solves */
+  LatinSpending                   spending;           /* of the entries of the only operator */
   PetscReal                       rounding;           /* what of a solve the next one corrects, of the factors of this rank; 0: in double precision */
   Mat                            *K, *B, *X;          /* operator; right-hand sides and solutions of some members, dense */
   KSP                            *ksp;

@@ -35,6 +35,16 @@ PetscErrorCode LatinCholeskyGives(Mat F)
   SETERRQ(PETSC_COMM_SELF, PETSC_ERR_PLIB, "No factor of this type can have been made");
 }
 
+PetscErrorCode LatinCholeskySpends(Mat F, LatinSpending spending)
+{
+  SETERRQ(PETSC_COMM_SELF, PETSC_ERR_PLIB, "No factor of this type can have been made");
+}
+
+PetscErrorCode LatinCholeskyGiveLower(Mat F, PetscReal **S)
+{
+  SETERRQ(PETSC_COMM_SELF, PETSC_ERR_PLIB, "No factor of this type can have been made");
+}
+
 PetscErrorCode LatinCholeskyGiveSchur(Mat F, PetscReal **S)
 {
   SETERRQ(PETSC_COMM_SELF, PETSC_ERR_PLIB, "No factor of this type can have been made");

@@ -28,6 +28,7 @@ typedef struct {
   PetscReal      *diagonal;    /* [kept] of the matrix */
   PetscReal      *schur;       /* of F->schur, until it is given away; its lower triangle if it is for that alone */
   PetscBool       gives;
+  LatinSpending   spending; /* of the entries of the matrix */
 } LatinSupernodes;
 
 PETSC_INTERN PetscErrorCode LatinSupernodesAnalyze(LatinSupernodes *, Mat);

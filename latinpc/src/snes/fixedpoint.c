@@ -1,7 +1,9 @@
+#include "base/room.h"
 #include "snes/sneslatinimpl.h"
 #include <petscdmshell.h>
 
 #define LATIN_GUESS_ROUNDING 16.0 /* eps, of the forces of the copies: interface forces of a guess pass on all but this */
+#define LATIN_OUTER_DEPTH    10   /* states, and what they leave, that Anderson keeps, see below */
 #define LATIN_GUESS_MOST     50   /* iterations to that; one for each number of copies and each pattern of interfaces of a node */
 
 /*
@@ -135,10 +137,13 @@ PetscErrorCode SNESLatinOuterForget_Private(SNES snes)
 {
   SNES_Latin *data = (SNES_Latin *)snes->data;
   PetscBool   is;
+  PetscInt    n;
 
   PetscFunctionBegin;
   PetscCall(PetscObjectTypeCompareAny((PetscObject)data->outer, &is, SNESANDERSON, SNESNGMRES, "")); /* not every one survives a SNESReset() */
   if (is) PetscCall(SNESReset(data->outer));
+  PetscCall(VecGetLocalSize(data->z, &n));
+  if (is) LatinRoomReturn(2 * LATIN_OUTER_DEPTH * (size_t)n * sizeof(PetscScalar)); /* what Newton's method takes need not be where they were */
   PetscFunctionReturn(0);
 }
 

@@ -75,6 +75,7 @@ PETSC_INTERN PetscErrorCode LatinLinearReset(LatinLinear *);
 
 /* ---- the same where all interfaces are primal (stages/substructures.c) ---- */
 PETSC_INTERN PetscErrorCode LatinSubstructuresAre(const LatinLinear *, PetscBool *);
+PETSC_INTERN LatinSpending  LatinSubstructuresSpending(LatinLinear *);
 PETSC_INTERN PetscErrorCode LatinSubstructuresStiffness(LatinLinear *);
 PETSC_INTERN PetscErrorCode LatinSubstructuresStiffnessAgain(LatinLinear *, PetscInt s, PetscReal H[]);
 PETSC_INTERN PetscErrorCode LatinSubstructuresFill(LatinLinear *);

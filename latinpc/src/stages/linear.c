@@ -139,7 +139,8 @@ static PetscErrorCode LatinLinearOffsets_Private(LatinLinear *linear)
     linear->stiffness.h_offset[s] = r == s ? h : linear->stiffness.h_offset[r];
     if (r == s) h += PetscSqr((size_t)(linear->coarse->offset[s + 1] - linear->coarse->offset[s]));
   }
-  linear->stiffness.once = linear->substructures;
+  linear->stiffness.once  = linear->substructures;
+  linear->stiffness.lower = PETSC_FALSE;
   if (!linear->substructures) PetscCall(PetscCalloc1(h, &linear->stiffness.H));
   PetscFunctionReturn(0);
 }
@@ -192,6 +193,7 @@ PetscErrorCode LatinLinearSetUp(LatinLinear *linear)
   if (!linear->substructures) linear->solvers->precision = sub->preconditions && checked && !linear->precise ? LATIN_PRECISION_AUTO : LATIN_PRECISION_DOUBLE;
   linear->solvers->kept_offset = linear->inter->primal_offset;
   linear->solvers->kept        = linear->substructures ? linear->inter->primal_dof : NULL;
+  linear->solvers->spending    = LatinSubstructuresSpending(linear);
   PetscCall(LatinLocalSolversSetUp(linear->solvers, "local", PETSC_FALSE));
   PetscCall(PetscLogEventEnd(LATIN_Linear, sub->object, 0, 0, 0));
   PetscFunctionReturn(0);

@@ -90,7 +90,26 @@ PetscErrorCode LatinSubstructuresFill(LatinLinear *linear)
   PetscFunctionReturn(0);
 }
 
-/* H of all batches; of a single one that of its factor, which may be as large as the factor itself, without a copy */
+/* The factorisation of the only operator tells when its entries may go, and where it is made again when it needs them, see LatinSpending */
+static PetscErrorCode LatinSubstructuresSpend_Private(void *owner, PetscBool again)
+{
+  LatinLinear *linear = (LatinLinear *)owner;
+
+  PetscFunctionBegin;
+  if (again) PetscCall(LatinSubstructuresFill(linear));
+  else LatinSubstructuresEmpty(linear);
+  PetscFunctionReturn(0);
+}
+
+/* What may go of the operators while they are factored: of several the others are still to be read, and a dense one is the caller's */
+LatinSpending LatinSubstructuresSpending(LatinLinear *linear)
+{
+  const PetscBool spends = (PetscBool)(linear->substructures && linear->batches->n == 1 && !linear->sub->dense);
+
+  return (LatinSpending){.tell = spends ? LatinSubstructuresSpend_Private : NULL, .owner = linear};
+}
+
+/* H of all batches; of a single one that of its factor, which may be as large as the factor itself, without a copy, and of a single subdomain its lower triangle */
 PetscErrorCode LatinSubstructuresStiffness(LatinLinear *linear)
 {
   size_t room = 0;
@@ -99,8 +118,10 @@ PetscErrorCode LatinSubstructuresStiffness(LatinLinear *linear)
   PetscFunctionBegin;
   if (linear->batches->n == 1) {
     PetscCall(LatinSubstructuresFactor_Private(linear, 0, &F));
-    LatinSubstructuresEmpty(linear); /* before the other triangle of H comes */
-    PetscCall(LatinCholeskyGiveSchur(F, &linear->stiffness.H));
+    LatinSubstructuresEmpty(linear);
+    linear->stiffness.lower = (PetscBool)(linear->sub->n == 1);
+    if (linear->stiffness.lower) PetscCall(LatinCholeskyGiveLower(F, &linear->stiffness.H));
+    else PetscCall(LatinCholeskyGiveSchur(F, &linear->stiffness.H));
     PetscFunctionReturn(0);
   }
   for (PetscInt b = 0; b < linear->batches->n; b++) {
