@@ -241,7 +241,7 @@ PetscErrorCode LatinFrontsFactor(LatinFronts *F, LatinArithmetic precision, cons
     if (*bad >= 0 && precision != LATIN_DOUBLE && spending.tell) PetscCall(spending.tell(spending.owner, PETSC_TRUE));
     memset((char *)F->factor + F->panel[F->fronts] * (precision == LATIN_DOUBLE ? sizeof(double) : sizeof(float)), 0, LATIN_LINE);
   }
-  LatinRoomReturn(F->stack * sizeof(float));
+  if (F->kept) LatinRoomReturn(F->stack * sizeof(float)); /* what they leave is as large; elsewhere what comes later takes the place */
   PetscFunctionReturn(0);
 }
 

@@ -78,6 +78,7 @@ typedef struct {
   PetscInt  *state_first;      /* [n + 1] first state of each subdomain */
   /* subdomains of a matrix (subdomains/matis.c) have no links, and one component a node */
   PetscInt        *ki, *kj; /* [copies + 1], [ki[copies]] rows of the operators, NULL: B^t k B */
+  PetscInt        *kd;      /* [copies] where the diagonal is in kj, -1: nowhere; NULL: of a dense matrix */
   PetscReal       *ka;
   Mat              dense;           /* where a local matrix is dense, and its only part a subdomain: in place of kj and ka; else NULL */
   const PetscReal *dense_a;         /* its entries, [copies][copies] */

@@ -149,6 +149,13 @@ static PetscErrorCode LatinMatrixRows_Private(LatinSubdomains *sub, const LatinL
     sub->ki[i + 1] = first + (sub->sums ? LatinMatrixSums(n - first, sub->kj + first, sub->ka + first) : n - first);
   }
   if (sub->sums) PetscCall(LatinMatrixMirror_Private(sub));
+  PetscCall(PetscMalloc1(sub->copies, &sub->kd));
+  for (PetscInt i = 0; i < sub->copies; i++) {
+    PetscInt at;
+
+    PetscCall(PetscFindInt(i, sub->ki[i + 1] - sub->ki[i], sub->kj + sub->ki[i], &at));
+    sub->kd[i] = at < 0 ? -1 : sub->ki[i] + at;
+  }
   PetscFunctionReturn(0);
 }
 
@@ -223,8 +230,7 @@ PetscErrorCode LatinMatrixHold_Private(LatinSubdomains *sub)
   }
   PetscCall(LatinSFBcast_Private(sub->node_sf, 1, MPIU_INT, held, copy));
   for (PetscInt i = 0; i < sub->copies; i++)
-    for (PetscInt k = sub->ki[i]; k < sub->ki[i + 1]; k++)
-      if (copy[i] && sub->kj[k] == i) sub->ka[k] *= 2.0;
+    if (copy[i] && sub->kd[i] >= 0) sub->ka[sub->kd[i]] *= 2.0;
   PetscCall(PetscFree4(v, pivot, held, copy));
   PetscFunctionReturn(0);
 }

@@ -37,10 +37,10 @@ PetscErrorCode LatinOperatorDiagonal(const LatinSubdomains *sub, PetscReal diago
 
   PetscFunctionBegin;
   for (PetscInt i = 0; i < bs * sub->copies; i++) diagonal[i] = sub->ground ? sub->ground[i] : 0.0;
-  for (PetscInt i = 0, at; i < sub->copies && sub->ki; i++) {
-    if (sub->dense) at = i;
-    else PetscCall(PetscFindInt(i, sub->ki[i + 1] - sub->ki[i], sub->kj + sub->ki[i], &at));
-    if (at >= 0) diagonal[i] = LatinEntry(sub, i, sub->ki[i] + at);
+  for (PetscInt i = 0; i < sub->copies && sub->ki; i++) {
+    const PetscInt at = sub->dense ? sub->ki[i] + i : sub->kd[i];
+
+    if (at >= 0) diagonal[i] = LatinEntry(sub, i, at);
   }
   PetscCall(PetscLogFlops(4.0 * bs * sub->links));
   for (PetscInt l = 0; l < sub->links; l++)

@@ -336,6 +336,7 @@ PetscErrorCode LatinSubdomainsReset(LatinSubdomains *sub)
   PetscCall(PetscFree2(sub->field, sub->near));
   PetscCall(PetscFree(sub->ki));
   PetscCall(PetscFree2(sub->kj, sub->ka));
+  PetscCall(PetscFree(sub->kd));
   PetscCall(MatDestroy(&sub->dense));
   PetscCall(PetscFree(sub->dense_row));
   PetscCall(PetscFree(sub->row_copy));
