@@ -55,6 +55,11 @@ FACTORS = {
         "52, that of network 27,000 the same. Columns are solved for by panels of so many."
         " Ranks send fronts by such panels: a message of 1 MB for one of 2,000 rows is all bandwidth.",
     ),
+    "LATIN_FRONT_LAST": (
+        "of the rows, as 1 of so many",
+        "Entries of a matrix go before the fronts of its last rows, but for a copy of theirs, and their place in the "
+        "factor is no large page. METIS grid of 284 on 8 ranks 260 MB; 262 with 16, by then large fronts have begun.",
+    ),
     "LATIN_FRONT_LEFT": (
         "columns",
         "Blocks of so many, those on the diagonal by their symmetric form, in place of 64 and products alone, and "

@@ -120,6 +120,7 @@ OTHERS = {
         "eps, of the forces of the copies",
         "Interface forces of a guess are sums of tens of rounded terms: what they may leave to pass on.",
     ),
+    "LATIN_OUTER_DEPTH": ("states", "The default of `-snes_anderson_m`: so many, and as many residuals, go at once."),
     # bounds that are not met
     "LATIN_GUESS_MOST": (
         "iterations",

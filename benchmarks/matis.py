@@ -84,6 +84,7 @@ PEERS = {
 
 #: What is set up a second time, after each subdomain's values have been scaled, and on how many ranks.
 AGAIN = {
+    "elasticity, 32 x 32 x 32": ("-pde_type Elasticity -dim 3 -cells 32,32,32", (8,)),
     "elasticity, 24 x 24 x 24": ("-pde_type Elasticity -dim 3 -cells 24,24,24", (4, 8)),
     "elasticity, 15 x 15 x 15": ("-pde_type Elasticity -dim 3 -cells 15,15,15", (4, 8)),
     "elasticity, 96 x 96": ("-pde_type Elasticity -dim 2 -cells 96,96", (4, 8)),
