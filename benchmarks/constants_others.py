@@ -28,8 +28,8 @@ OTHERS = {
     ),
     "LATIN_STEP_ERROR": (
         "times the indicator",
-        "Of 800 structures with rigid links 35 are claimed and wrong by `-snes_stol 1e-5` alone; with 2 to 10 these are 5,"
-        " with 50 6. With 2 packings take up to a third more stages; other scenes and presets as many as without.",
+        "Of 800 structures with rigid links 35 are claimed and wrong by `-snes_stol 1e-5` alone, with 2 to 10 these are"
+        " 5, with 50 6. With 2 packings take up to a third more stages; other scenes and presets as many as without.",
     ),
     "LATIN_CASE_TIGHT": (
         "of the loads",

@@ -32,9 +32,12 @@ static PetscErrorCode LatinFaceInverse_Private(const LatinSpectral *spectral, Pe
   for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++) {
     const LatinInterface *face = &inter->interface[f];
     const PetscInt       *dof  = inter->side_dof + face->side_first;
-    const PetscReal      *D    = spectral->dir->matrix + spectral->dir->matrix_first[f];
+    const PetscInt        at = spectral->dir->matrix_first[f], m = face->side_last - face->side_first;
+    const PetscReal      *D;
 
-    for (PetscInt j = 0, m = face->side_last - face->side_first; j < m; j++)
+    if (at < 0) continue; /* no rows, no matrix */
+    D = spectral->dir->matrix + at;
+    for (PetscInt j = 0; j < m; j++)
       for (PetscInt i = 0; i < m; i++) A[(size_t)(dof[i] - top) + n * (size_t)(dof[j] - top)] += *D++;
   }
   for (size_t i = 0; i < n; i++) diagonal[i] = A[i + n * i];
