@@ -270,7 +270,6 @@ static PetscErrorCode LatinCoarseCreate_Private(LatinCoarse *coarse, Mat K, Pets
 static PetscErrorCode LatinCoarseApart_Private(LatinCoarse *coarse, LatinCoarsePart *part, Mat K, PetscInt number[], PetscBool *same)
 {
   PetscScalar *a;
-  PetscBool    is;
 
   PetscFunctionBegin;
   PetscCall(LatinCoarseSame_Private(coarse, part, number, same));
@@ -278,10 +277,7 @@ static PetscErrorCode LatinCoarseApart_Private(LatinCoarse *coarse, LatinCoarseP
     PetscCall(MatSeqAIJGetArrayWrite(coarse->part, &a));
     PetscCall(PetscArraycpy(a, part->a, part->i[part->rows]));
     PetscCall(MatSeqAIJRestoreArrayWrite(coarse->part, &a));
-    PetscCall(MatAssemblyBegin(coarse->A, MAT_FINAL_ASSEMBLY));
-    PetscCall(MatAssemblyEnd(coarse->A, MAT_FINAL_ASSEMBLY));
-    PetscCall(PetscObjectTypeCompare((PetscObject)coarse->A, MATIS, &is));
-    if (is) PetscCall(PetscObjectStateIncrease((PetscObject)coarse->A));
+    PetscCall(PetscObjectStateIncrease((PetscObject)coarse->A)); /* an assembly would tell solvers of another pattern */
     PetscCall(PetscFree(number));
   } else {
     if (!K) PetscCall(LatinCoarseMatrix_Private(part, &K));
