@@ -196,3 +196,29 @@ PETSc.Sys.Print(snes_reason(snes))
 """
     words = "the coarse problem after 3 iterations, -snes_latin_coarse_: DIVERGED_MAX_IT"
     assert mpirun(2, script).stdout.strip() == f"DIVERGED_LINEAR_SOLVE ({words})"
+
+
+MONITORED = """
+import sys
+import petsc4py
+petsc4py.init([sys.argv[0], "-skip_petscrc"])
+from petsc4py import PETSc
+import latinpc
+from latinpc.scenes import make
+
+structure = latinpc.Structure.from_scene(make("tensegrity-grid", modules=60, partition="metis"))
+snes, u = structure.create_snes(), structure.create_vec()
+snes.setFromOptions()
+snes.setUp()
+ksp, left = latinpc.coarse_ksp(snes), []
+ksp.setMonitor(lambda ksp, iteration, norm: left.append(norm))
+snes.solve(None, u)
+PETSc.Sys.Print(int(snes.getConvergedReason()), left[1] / left[0])
+"""
+
+
+def test_a_monitor_sees_residuals(mpirun):
+    """Beside factors in single precision the matrix of two ranks is still there: it is small."""
+    reason, left = mpirun(2, MONITORED).stdout.split()
+    assert int(reason) > 0
+    assert float(left) < 1e-6

@@ -38,7 +38,7 @@ def test_new_values_take_no_symbolic_phase(mpirun, ranks, problem):
     assert found["first"]["MatCholFctrSym"] > 0
     assert [found["second"][name] for name in SYMBOLIC] == [0] * len(SYMBOLIC)
     assert found["second"]["MatCholFctrNum"] == found["fresh"]["MatCholFctrNum"]
-    assert found["apart"] < 1e-11
+    assert found["apart"] < 1e-10  # rounding of pieces that are joined: up to 1.5e-11
 
 
 @pytest.mark.parametrize("problem", [name for name in PROBLEMS if name in ("matis", "matis, pieces", "links")])
