@@ -7,8 +7,8 @@ from petsc4py import PETSc
 from latinpc.laws import Law
 
 __all__ = [
-    "REAL", "Parts", "Slices", "Solver", "agreed", "block", "communicator", "integers", "native", "partition", "real",
-    "refuse", "shaped", "slices_of",
+    "REAL", "Parts", "Slices", "Solver", "agreed", "block", "communicator", "index_set", "integers", "native",
+    "partition", "real", "refuse", "shaped", "slices_of",
 ]  # fmt: skip
 
 REAL = np.dtype(PETSc.RealType)
@@ -103,6 +103,19 @@ def agreed(comm, function, *arguments):
     if first < comm.size:
         raise ValueError(f"rank {first}: {comm.bcast(error, root=first)}")
     return value
+
+
+def index_set(comm, numbers):
+    """Make an IS of the numbers of this rank; where one rank fails, as without memory, all do; collective."""
+    found, code = PETSc.IS(), 0
+    try:
+        found.createGeneral(native(numbers, PETSc.IntType), comm=PETSc.COMM_SELF)  # no rank waits for another
+    except PETSc.Error as error:
+        code = error.ierr
+    code = comm.allreduce(code, op=MPI.MAX)
+    if code:
+        raise PETSc.Error(code)
+    return found
 
 
 def native(values, dtype=REAL):

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from petsc4py import PETSc
 
 from latinpc.actions import Actions
-from latinpc.arrays import REAL, Slices, communicator, native
+from latinpc.arrays import REAL, Slices, communicator, index_set, native
 from latinpc.checks import ARRAYS, COPIED, Checks, axial_stiffness, checked
 from latinpc.equations import Equations
 from latinpc.geometry import GEOMETRIES, Geometry, known_geometry
@@ -488,8 +488,7 @@ class Structure(Geometry, Equations, Actions, Plots):
 
     def _compose_partition(self, subdomain):
         """Leave the partition where every solver on this structure finds it."""
-        mine = native(self._slices.mine(subdomain), PETSc.IntType)
-        self.dm.compose("subdomains", PETSc.IS().createGeneral(mine, comm=self.comm))
+        self.dm.compose("subdomains", index_set(self.comm.tompi4py(), self._slices.mine(subdomain)))
 
     def _my_nodes(self, values, dtype=REAL):
         return native(values[self._slices.node_start : self._slices.node_end], dtype)

@@ -112,8 +112,11 @@ PetscErrorCode LatinWatchMeet_Private(MPI_Comm comm, PetscBool begins)
 {
   PetscFunctionBegin;
   if (begins && !handlers++) {
+    const PetscErrorCode ierr = PetscPushErrorHandler(LatinWatchHandler_Private, NULL); /* which takes memory */
+
     meeting = comm;
-    PetscCall(PetscPushErrorHandler(LatinWatchHandler_Private, NULL));
+    if (ierr) handlers--;
+    PetscCall(LatinWatchWait_Private(comm, ierr));
   } else if (!begins && !--handlers) PetscCall(PetscPopErrorHandler());
   PetscFunctionReturn(0);
 }
