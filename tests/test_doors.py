@@ -158,31 +158,6 @@ def test_pcshell_is_the_same_preconditioner(mpirun, ranks):
     assert by_shell == ["shell", by_type[1]]
 
 
-@pytest.mark.parametrize("ranks", [1, 2])
-def test_pcshell_takes_a_matrix_of_another_size(mpirun, ranks):
-    """After KSPReset(), of which a PCSHELL hears nothing."""
-    mpirun(
-        ranks,
-        NET
-        + """
-ksp = PETSc.KSP().create()
-ksp.setType("cg")
-ksp.getPC().setType("shell")
-latinpc.pcshell_set_latin(ksp.getPC())
-for n in (24, 9):
-    x, structure = chain(n)
-    K, u, b = structure.dm.createMat(), structure.create_vec(), structure.create_vec()
-    structure.jacobian(u, K)
-    structure.residual(u, b)
-    ksp.setOperators(K)
-    ksp.solve(-b, u)
-    assert ksp.getConvergedReason() > 0
-    assert np.allclose(structure.displacements(u)[:, 0], x * (n - x) / 2, rtol=1e-4)
-    ksp.reset()
-""",
-    )
-
-
 NET = """
 import sys
 import petsc4py
@@ -209,6 +184,31 @@ def solves(snes, x, structure):
 snes = PETSc.SNES().create()
 snes.setType("latin")
 """
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_pcshell_takes_a_matrix_of_another_size(mpirun, ranks):
+    """After KSPReset(), of which a PCSHELL hears nothing."""
+    mpirun(
+        ranks,
+        NET
+        + """
+ksp = PETSc.KSP().create()
+ksp.setType("cg")
+ksp.getPC().setType("shell")
+latinpc.pcshell_set_latin(ksp.getPC())
+for n in (24, 9):
+    x, structure = chain(n)
+    K, u, b = structure.dm.createMat(), structure.create_vec(), structure.create_vec()
+    structure.jacobian(u, K)
+    structure.residual(u, b)
+    ksp.setOperators(K)
+    ksp.solve(-b, u)
+    assert ksp.getConvergedReason() > 0
+    assert np.allclose(structure.displacements(u)[:, 0], x * (n - x) / 2, rtol=1e-4)
+    ksp.reset()
+""",
+    )
 
 
 @pytest.mark.parametrize("ranks", [1, 2])

@@ -193,7 +193,7 @@ def test_contrasts_between_links(across, factor):
 
 @pytest.mark.parametrize("factor", [1e6, 1e10])
 def test_an_indicator_proves_nothing_beside_stiff_links(factor):
-    """Half a network hardly moves from stage to stage: Newton's method ends solves that have another stop, too."""
+    """The soft half moves little from stage to stage, so that the indicator is small: Newton's method follows."""
     scene = contrast(factor, across=True)
     result = solve(scene, stop="indicator", stol=1e-4)
     assert result.reason > 0

@@ -227,9 +227,8 @@ static PetscErrorCode SNESLatinProve_Private(SNES snes, LatinNext *next)
   else if (far && data->found.verdict == LATIN_BELOW_ROUNDING) *next = LATIN_NEXT_ROUNDING;
   else if (SNESLatinHides(snes)) *next = LATIN_NEXT_ROUNDING;
   else if (far && !rests && balances && data->residual > LATIN_NEWTON_FAR * loads) *next = LATIN_NEXT_CONTINUE;
-  else if (balances && (SNESLatinUnbalanced(data) || data->found.forces > target)) *next = rests ? LATIN_NEXT_ROUNDING : LATIN_NEXT_CONTINUE;
   else if (step && !rests && data->found.verdict != LATIN_EQUILIBRIUM) *next = LATIN_NEXT_CONTINUE;
-  else if ((step && data->found.forces > target) || ((balances || step || gaps) && data->found.missed > target)) *next = rests ? LATIN_NEXT_ROUNDING : LATIN_NEXT_CONTINUE;
+  else if ((balances && SNESLatinUnbalanced(data)) || ((balances || step) && data->found.forces > target) || ((balances || step || gaps) && data->found.missed > target)) *next = rests ? LATIN_NEXT_ROUNDING : LATIN_NEXT_CONTINUE;
   PetscFunctionReturn(0);
 }
 
