@@ -78,8 +78,10 @@ def test_what_is_kept_of_the_condensation_makes_no_difference(matis, ranks, bloc
         matis(ranks, words, **how) for words in ([], ["-pc_latin_interior_pc_factor_mat_solver_type", "petsc"])
     )
     assert ours["iterations"] == other["iterations"]
-    assert ours["residual"] == pytest.approx(other["residual"], rel=1e-6)
-    assert [ours["least"], ours["largest"]] == pytest.approx([other["least"], other["largest"]], rel=1e-10)
+    assert ours["residual"] == pytest.approx(
+        other["residual"], rel=1e-6, abs=1e-10
+    )  # one step may leave rounding alone
+    assert [ours["least"], ours["largest"]] == pytest.approx([other["least"], other["largest"]], rel=1e-9)
 
 
 @pytest.mark.parametrize("variant", ["none", "macro", "corner"])

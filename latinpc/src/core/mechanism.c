@@ -29,17 +29,9 @@ static PetscErrorCode LatinMechanismField_Private(Latin latin, Vec v, const Lati
     PetscCall(VecRestoreArrayRead(v, &a));
   } else {
     PetscCall(LatinCoarseExpand_Private(&latin->coarse, v));
-    if (latin->linear.substructures) {
-      PetscCall(PetscArrayzero(latin->linear.g, bs * sub->copies));
-      PetscCall(LatinSubstructuresBackward(&latin->linear, field));
-    }
-    for (PetscInt s = 0; s < sub->n && !latin->linear.substructures; s++) {
-      const LatinPhi  *Phi = &latin->linear.Phi[s];
-      const PetscReal *u   = latin->coarse.u + latin->coarse.offset[s];
-
-      for (PetscInt k = 0; k < latin->coarse.offset[s + 1] - latin->coarse.offset[s]; k++)
-        for (PetscInt r = 0; r < Phi->rows; r++) field[bs * sub->node_offset[s] + (Phi->some ? Phi->row[r] : r)] += Phi->a[r + (size_t)Phi->rows * (size_t)k] * u[k];
-    }
+    PetscCall(PetscArrayzero(latin->linear.g, bs * sub->copies));
+    PetscCall(PetscArrayzero(latin->coarse.q, latin->coarse.offset[sub->n]));
+    PetscCall(LatinLinearExpand(&latin->linear, field));
   }
   for (PetscInt i = 0; i < bs * sub->copies; i++)
     if (sub->fixed[i]) field[i] = 0.0; /* rows of their own, without links */

@@ -107,6 +107,15 @@ static inline PetscBool LatinDirectionShares(const LatinDirections *dir)
   return (PetscBool)(dir->sub->preconditions && dir->inter->variant == LATIN_VARIANT_CORNER && dir->type >= LATIN_DIRECTION_SCHUR);
 }
 
+/* How many of the interfaces of subdomain s have matrices, not springs alone? */
+static inline PetscInt LatinDirectionBlocks(const LatinDirections *dir, PetscInt s)
+{
+  PetscInt n = 0;
+
+  for (PetscInt f = dir->inter->offset[s]; f < dir->inter->offset[s + 1]; f++) n += dir->matrix_first[f] >= 0 ? 1 : 0;
+  return n;
+}
+
 /* Are they all there is of the operators of the subdomains? */
 static inline PetscBool LatinDirectionCondensed(const LatinDirections *dir)
 {

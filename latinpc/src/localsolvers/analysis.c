@@ -199,7 +199,6 @@ static PetscErrorCode LatinCholeskyOrder_Private(const LatinSupernodes *data, Ma
     PetscFunctionReturn(0);
   }
   PetscCall(LatinOrderNodes_Private(A, n, i, j, data->keep, *order));
-  if (data->kept) PetscFunctionReturn(0);
   PetscCall(ISCreateGeneral(PETSC_COMM_SELF, n, *order, PETSC_COPY_VALUES, &is));
   PetscCall(PetscObjectCompose((PetscObject)A, LATIN_ORDER, (PetscObject)is));
   PetscCall(ISDestroy(&is));

@@ -142,7 +142,7 @@ static PetscErrorCode LatinLocalKeep_Private(LatinLocalSolvers *solvers, PetscIn
   PetscInt       n, *rows;
 
   PetscFunctionBegin;
-  n = solvers->kept ? solvers->kept_offset[s + 1] - solvers->kept_offset[s] : 0;
+  n = solvers->kept && (!solvers->keeps || solvers->keeps[i]) ? solvers->kept_offset[s + 1] - solvers->kept_offset[s] : 0;
   if (!n) PetscFunctionReturn(0);
   PetscCall(PetscMalloc1(n, &rows));
   for (PetscInt k = 0; k < n; k++) rows[k] = solvers->kept[solvers->kept_offset[s] + k] - top;
@@ -225,6 +225,7 @@ PetscErrorCode LatinLocalSolversSetUp(LatinLocalSolvers *solvers, const char nam
   solvers->direct   = PETSC_TRUE;
   solvers->rounding = 0.0;
   PetscCall(PetscMemzero(&solvers->status, sizeof(solvers->status)));
+  solvers->status.staged = (PetscBool)!solvers->keeps;
   for (PetscInt i = 0; i < solvers->n && !LatinFactorFailed(&solvers->status); i++) {
     const PetscBool tangent = LatinSubdomainsTangent(solvers->sub), larger = (PetscBool)(tangent || (solvers->like && solvers->like->direct));
     LatinArithmetic serves = LATIN_SINGLE; /* of a tangent stiffness, with which Newton's method preconditions its own */

@@ -150,7 +150,7 @@ PetscErrorCode LatinCholeskyOrder(Mat F, const PetscInt *order[])
   PetscFunctionReturn(0);
 }
 
-/* All of the solve for right-hand sides that are zero but in some rows, and the solution there, see LatinFrontsSolveSome(); no row is kept */
+/* All of the solve for right-hand sides that are zero but in some rows, and the solution there, see LatinFrontsSolveSome() */
 PetscErrorCode LatinCholeskySolveSome(Mat F, PetscInt rows, const PetscInt row[], PetscInt columns, PetscReal b[])
 {
   PetscFunctionBegin;

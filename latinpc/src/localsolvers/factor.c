@@ -279,7 +279,7 @@ static PetscErrorCode LatinRounding_Private(KSP ksp, Mat A, IS kept, PetscReal *
   PetscFunctionReturn(0);
 }
 
-/* Does the factor of A, if there is one, hold all displacements? The precision that it has is left as it is where rows are kept: who uses their Schur complement measures what both leave. Collective on A */
+/* Does the factor of A, if there is one, hold all displacements? The precision that it has is left as it is where stages measure it. Collective on A */
 static PetscErrorCode LatinFactorCheck_Private(KSP ksp, Mat A, IS kept, Vec whole, PetscBool direct, const LatinArithmetic *larger, LatinFactorStatus *status)
 {
   PetscReal       stiffness = 1.0;
@@ -293,7 +293,7 @@ static PetscErrorCode LatinFactorCheck_Private(KSP ksp, Mat A, IS kept, Vec whol
   else if (direct) {
     PetscCall(KSPGetPC(ksp, &pc));
     PetscCall(LatinCholeskyPrecision(pc, &precision));
-    if (precision != LATIN_DOUBLE && (kept || (larger && precision <= *larger))) status->rounding = PETSC_SMALL;
+    if (precision != LATIN_DOUBLE && ((kept && status->staged) || (larger && precision <= *larger))) status->rounding = PETSC_SMALL;
     else PetscCall(LatinRounding_Private(ksp, A, kept, &status->rounding));
     if (!(status->rounding > 0.0) && !larger) {
       PetscCall(LatinSoftest_Private(ksp, A, whole, 3, LATIN_FIRM * LATIN_MECHANISM, v, &stiffness));

@@ -307,14 +307,15 @@ static PetscReal FRONT(LatinFrontsGive)(const LatinFronts *F, PetscBool forward,
   return sum;
 }
 
-/* L^-1 of all fronts, or of those that are reached (NULL: unless all of many right-hand sides are zero there) */
+/* L^-1 of all fronts, or of those that are reached, unless all right-hand sides are zero there */
 static void FRONT(LatinFrontsForward)(const LatinFronts *F, const PetscBool reached[], PetscInt columns)
 {
   for (PetscInt f = 0; f < F->fronts; f++) {
     if (reached && !reached[f]) continue;
+    if (FRONT(LatinFrontIdle)(F, f, (PetscBLASInt)columns)) continue;
     if (columns == 1) FRONT(LatinFrontColumn)(F, f, PETSC_TRUE);
     else
-      for (PetscInt c = 0; c < F->columns[f] && (c || !FRONT(LatinFrontIdle)(F, f, (PetscBLASInt)columns)); c += LATIN_FRONT_PANEL) FRONT(LatinFrontForward)(F, f, c, (PetscBLASInt)columns);
+      for (PetscInt c = 0; c < F->columns[f]; c += LATIN_FRONT_PANEL) FRONT(LatinFrontForward)(F, f, c, (PetscBLASInt)columns);
   }
 }
 
@@ -346,15 +347,26 @@ static void FRONT(LatinFrontsHalves)(LatinFronts *F, PetscBool forward, PetscBoo
   if (energy && forward) *energy += sum;
 }
 
+/* Entries of b that are in rows first to last - 1 of the order of elimination, see LatinFrontsSome() */
+static void FRONT(LatinFrontsSomeGive)(const LatinFronts *F, PetscInt first, PetscInt last, PetscInt rows, const PetscInt at[], PetscInt columns, const PetscReal scale[], PetscReal b[])
+{
+  const FRONT_REAL *x = (const FRONT_REAL *)F->x;
+
+  for (PetscInt r = 0; r < rows; r++)
+    for (PetscInt c = 0; c < columns && at[r] >= first && at[r] < last; c++) b[(size_t)r + (size_t)rows * (size_t)c] = scale[c] * (PetscReal)x[(size_t)at[r] * (size_t)columns + (size_t)c];
+}
+
 /* See LatinFrontsSolveSome(): b (rows x columns) are the entries of the rows that come at[]-th in the order of elimination */
 static void FRONT(LatinFrontsSome)(LatinFronts *F, const PetscBool reached[], PetscInt rows, const PetscInt at[], PetscInt columns, PetscReal b[])
 {
-  const size_t wide = (size_t)columns;
-  FRONT_REAL  *x    = (FRONT_REAL *)F->x;
-  PetscReal    scale[LATIN_BATCH_COLUMNS];
+  const PetscInt inside = F->n - F->kept;
+  const size_t   wide   = (size_t)columns;
+  FRONT_REAL    *x      = (FRONT_REAL *)F->x;
+  PetscReal      scale[LATIN_BATCH_COLUMNS];
 
   for (PetscInt f = 0; f < F->fronts; f++)
     if (reached[f]) memset(x + (size_t)F->first[f] * wide, 0, (size_t)F->columns[f] * wide * sizeof(*x));
+  memset(x + (size_t)inside * wide, 0, (size_t)F->kept * wide * sizeof(*x));
   for (PetscInt c = 0; c < columns; c++) {
     const PetscReal *column = b + (size_t)rows * (size_t)c;
 
@@ -365,7 +377,8 @@ static void FRONT(LatinFrontsSome)(LatinFronts *F, const PetscBool reached[], Pe
   for (PetscInt r = 0; r < rows; r++)
     for (PetscInt c = 0; c < columns; c++) x[(size_t)at[r] * wide + (size_t)c] = (FRONT_REAL)(b[(size_t)r + (size_t)rows * (size_t)c] / scale[c]);
   FRONT(LatinFrontsForward)(F, reached, columns);
+  FRONT(LatinFrontsSomeGive)(F, inside, F->n, rows, at, columns, scale, b);
+  memset(x + (size_t)inside * wide, 0, (size_t)F->kept * wide * sizeof(*x));
   FRONT(LatinFrontsBackward)(F, reached, columns);
-  for (PetscInt r = 0; r < rows; r++)
-    for (PetscInt c = 0; c < columns; c++) b[(size_t)r + (size_t)rows * (size_t)c] = scale[c] * (PetscReal)x[(size_t)at[r] * wide + (size_t)c];
+  FRONT(LatinFrontsSomeGive)(F, 0, inside, rows, at, columns, scale, b);
 }

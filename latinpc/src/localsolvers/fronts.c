@@ -279,7 +279,7 @@ static void LatinFrontsReach(const LatinFronts *F, PetscInt rows, const PetscInt
 
 /*
    All of the solve for right-hand sides that are zero but in some rows, in which alone the solution is asked for: their entries
-   b (rows x columns) become those of the solution. Fronts that have no part in it are left out. No row is kept
+   b (rows x columns) become those of the solution, on kept rows, which are held, the forces there. Fronts that have no part in it are left out
 */
 PetscErrorCode LatinFrontsSolveSome(LatinFronts *F, PetscInt rows, const PetscInt row[], PetscInt columns, PetscReal b[])
 {

@@ -31,6 +31,7 @@ typedef struct {
   PetscReal      softest;     /* stiffness of the softest displacement, where it was looked for in a factor that serves; else 0 */
   Vec            mode;        /* the displacement that costs nothing, where there is a mechanism */
   PetscBool      provisional; /* given: a stage will show whether the factor serves, and what it comes from may be made anew: no mode, no search for mechanisms */
+  PetscBool      staged;      /* given, of a factor that keeps rows: stages will show which precision serves it and their Schur complement */
 } LatinFactorStatus;
 PETSC_INTERN PetscErrorCode LatinDirectSolverAvailable_Private(Mat, MatSolverType, MatSolverType *, PetscBool *);
 PETSC_INTERN PetscErrorCode LatinDirectSolver_Private(PC, Mat, MatSolverType preferred);
@@ -123,6 +124,7 @@ typedef struct LatinLocalSolvers {
   PetscBool                       direct;             /* all of them are factorisations */
   LatinSparse                    *rows;               /* of the operators, filled by others */
   const PetscInt                 *kept_offset, *kept; /* [subdomains + 1] entries of the copy arrays that the factors keep to the last; NULL: none */
+  const PetscBool                *keeps;              /* [batches] do they? NULL: all do, they are all of the interfaces, and who uses them measures what rounding leaves of both */
   const struct LatinLocalSolvers *like;               /* of the same rows, of which these hold some: their order of elimination serves as well; NULL: none */
   LatinPrecision                  precision;          /* that factors may have: who uses them corrects their solves */
   LatinSpending                   spending;           /* of the entries of the only operator */
@@ -141,6 +143,7 @@ PETSC_INTERN PetscErrorCode LatinLocalSolversSetUp(LatinLocalSolvers *, const ch
 PETSC_INTERN PetscErrorCode LatinLocalSolversRefine(LatinLocalSolvers *);
 PETSC_INTERN PetscErrorCode LatinLocalSolversDestroy(LatinLocalSolvers *);
 PETSC_INTERN PetscErrorCode LatinLocalSolversRetire(LatinLocalSolvers *);
+PETSC_INTERN PetscErrorCode LatinLocalSolversRenew_Private(LatinLocalSolvers *, PetscInt batch, const PetscReal spring[], const PetscBool held[], PetscBool *done);
 PETSC_INTERN PetscErrorCode LatinLocalSolversRecall_Private(LatinLocalSolvers *, PetscInt batch, PetscBool *found);
 PETSC_INTERN PetscErrorCode LatinSameRows_Private(Mat, PetscInt rows, const PetscInt i[], const PetscInt j[], PetscBool *same);
 PETSC_INTERN PetscErrorCode LatinLocalSolve_Private(LatinLocalSolvers *, PetscInt batch, const PetscReal g[], PetscReal U[]);

@@ -23,7 +23,12 @@ static PetscErrorCode PCLatinInterior_Private(PC pc)
   interior->precision = LATIN_PRECISION_AUTO; /* the preconditioner is one for any of them, exact or not */
   PetscCall(PetscMalloc1(n, &held));
   for (PetscInt i = 0; i < n; i++) held[i] = (PetscBool)(latin->sub.fixed[i] || !PCLatinInner(latin, i / bs));
-  for (PetscInt b = 0; b < interior->n; b++) PetscCall(LatinSparseCreate_Private(&latin->sub, latin->batches.batch[b].sub[0], latin->linear.spring, held, 0, NULL, &interior->rows[b]));
+  for (PetscInt b = 0; b < interior->n; b++) {
+    PetscBool done;
+
+    PetscCall(LatinLocalSolversRenew_Private(interior, b, latin->linear.spring, held, &done));
+    if (!done) PetscCall(LatinSparseCreate_Private(&latin->sub, latin->batches.batch[b].sub[0], latin->linear.spring, held, 0, NULL, &interior->rows[b]));
+  }
   PetscCall(PetscFree(held));
   PetscCall(LatinLocalSolversSetUp(interior, "interior", PETSC_TRUE));
   PetscCall(LatinFactorAgree_Private(latin, &interior->status, interior->n ? &latin->batches.batch[interior->last] : NULL, "interior"));

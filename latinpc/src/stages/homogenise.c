@@ -9,6 +9,9 @@
            [ -N^t T^-1       K_CC - K_Cr V_C + N^t T^-1 N   ]
      Phi = [ V_m T^-1        -V_C - V_m T^-1 N              ]  on r,  (0, 1) on C
 
+   Where the factor keeps the primal rows to the last, their Schur complement K_CC - K_Cr V_C comes with it, and the first half
+   of the solves of V_m leaves -V_C^t A_r^t on them: V_m alone is asked for, on the interfaces, and kept in place of Phi.
+
    The springs of the macro displacement are in K but not in the method (the micro part alone has a search direction):
    with R^t d R = 1 their energy is |A U|^2 / 2, whence the identity taken from T^-1, as in (29).
 */
@@ -22,6 +25,7 @@
 
 /* What the condensation of a subdomain works on */
 typedef struct {
+  PetscInt     columns;         /* of B, V and G: all coarse dofs or, where the factor keeps the primal rows, the macro ones */
   PetscInt     rows, *row, *at; /* rows that have a part in its interfaces, increasing; [rows of the subdomain] where these are among them */
   PetscScalar *B, *V, *G;       /* [A_r^t, K_rC] and K_rr^-1 times it in these rows, zero in the others of B; B^t V */
 } LatinCondensation;
@@ -51,11 +55,11 @@ static PetscErrorCode LatinHomogeniseRows_Private(const LatinLinear *linear, Pet
 static PetscErrorCode LatinHomogeniseColumns_Private(const LatinLinear *linear, PetscInt s, LatinCondensation *work)
 {
   const LatinInterfaces *inter = linear->inter;
-  const PetscInt         top = linear->sub->bs * linear->sub->node_offset[s], m = linear->coarse->offset[s + 1] - linear->coarse->offset[s];
-  const size_t           rows = (size_t)work->rows;
+  const PetscInt         top   = linear->sub->bs * linear->sub->node_offset[s];
+  const size_t           rows  = (size_t)work->rows;
 
   PetscFunctionBegin;
-  PetscCall(PetscCalloc1(rows * (size_t)m, &work->B));
+  PetscCall(PetscCalloc1(rows * (size_t)work->columns, &work->B));
   for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++) {
     const LatinInterface *face = &inter->interface[f];
     PetscScalar          *b    = work->B + rows * (size_t)linear->macro->of[f].at;
@@ -139,26 +143,24 @@ static PetscErrorCode LatinHomogeniseEnergies_Private(LatinCondensation *work, P
 }
 
 /*
-   [V_m, V_C] in Phi, and G = B^t [V_m, V_C], which is all that H takes of it. Where Phi is asked for on the interfaces alone the
-   factor is solved with there, and Phi is K_rr^-1 B in the rows of B
+   [V_m, V_C] in Phi, and G = B^t [V_m, V_C], which is all that H takes of it. Where the factor keeps the primal rows it is V_m,
+   in the rows of B, and H takes what is left on the primal ones as well
 */
-static PetscErrorCode LatinHomogeniseVectors_Private(LatinLinear *linear, PetscInt which, PetscBool some, LatinCondensation *work, KSPConvergedReason *failed)
+static PetscErrorCode LatinHomogeniseVectors_Private(LatinLinear *linear, PetscInt which, LatinCondensation *work, KSPConvergedReason *failed)
 {
-  const PetscInt s = linear->batches->batch[which].sub[0], m = linear->coarse->offset[s + 1] - linear->coarse->offset[s];
-  const size_t   entries = (size_t)work->rows * (size_t)m;
-  LatinPhi      *Phi     = &linear->Phi[s];
-  PC             pc;
-  Mat            F;
+  const PetscBool some = linear->keeps[which];
+  const PetscInt  s = linear->batches->batch[which].sub[0], m = work->columns;
+  const size_t    entries = (size_t)work->rows * (size_t)m;
+  LatinPhi       *Phi     = &linear->Phi[s];
+  Mat             F;
 
   PetscFunctionBegin;
   Phi->rows = some ? work->rows : linear->batches->batch[which].rows;
   PetscCall(PetscMalloc2(some ? work->rows : 0, &Phi->row, (size_t)Phi->rows * (size_t)m, &Phi->a));
-  Phi->some = some;
   if (some) {
     PetscCall(PetscArraycpy(Phi->row, work->row, work->rows));
     PetscCall(PetscArraycpy(Phi->a, work->B, entries));
-    PetscCall(KSPGetPC(linear->solvers->ksp[which], &pc));
-    PetscCall(PCFactorGetMatrix(pc, &F));
+    PetscCall(LatinSubstructuresFactor(linear, which, &F));
     PetscCall(LatinCholeskySolveSome(F, work->rows, work->row, m, Phi->a));
   } else if (linear->solvers->ksp[which]) PetscCall(LatinHomogeniseSolve_Private(linear, which, m, work, Phi->a, failed));
   else PetscCall(LatinHomogeniseProduct_Private(linear, which, m, work, Phi->a));
@@ -169,15 +171,41 @@ static PetscErrorCode LatinHomogeniseVectors_Private(LatinLinear *linear, PetscI
   PetscFunctionReturn(0);
 }
 
-/* T (macros x macros) and N = A_C - A_r V_C (macros x primals) of one subdomain, from G; - K_Cr V_C goes to H */
-static void LatinHomogeniseMacro(const LatinLinear *linear, PetscInt s, const PetscScalar G[], PetscScalar T[], PetscScalar N[], PetscScalar H[])
+/* Of a factor that keeps the primal rows: their Schur complement goes to H, and what V_m has left on them to N */
+static PetscErrorCode LatinHomogeniseKept_Private(const LatinLinear *linear, PetscInt which, const LatinCondensation *work, PetscScalar N[], PetscScalar H[])
 {
+  const PetscInt  s = linear->batches->batch[which].sub[0], m = linear->coarse->offset[s + 1] - linear->coarse->offset[s], macros = work->columns, primals = m - macros;
+  const PetscInt  top = linear->sub->bs * linear->sub->node_offset[s], *dof = linear->inter->primal_dof + linear->inter->primal_offset[s];
+  const LatinPhi *Phi = &linear->Phi[s];
+  PetscReal      *S;
+  Mat             F;
+
+  PetscFunctionBegin;
+  PetscCall(LatinSubstructuresFactor(linear, which, &F));
+  PetscCall(LatinCholeskyGiveSchur(F, &S));
+  for (PetscInt j = 0; j < primals; j++) {
+    PetscReal *left = Phi->a + work->at[dof[j] - top];
+
+    for (PetscInt i = 0; i < macros; i++, left += Phi->rows) {
+      N[i + macros * j] = *left;
+      *left             = 0.0;
+    }
+    for (PetscInt i = 0; i < primals; i++) H[macros + i + m * (macros + j)] = linear->sub->fixed[dof[i]] || linear->sub->fixed[dof[j]] ? 0.0 : S[i + (size_t)primals * (size_t)j];
+  }
+  PetscCall(PetscFree(S));
+  PetscFunctionReturn(0);
+}
+
+/* T (macros x macros) and N = A_C - A_r V_C (macros x primals) of one subdomain, from G; - K_Cr V_C goes to H. Where the factor keeps the primal rows both have been there */
+static void LatinHomogeniseMacro(const LatinLinear *linear, PetscInt s, const LatinCondensation *work, PetscScalar T[], PetscScalar N[], PetscScalar H[])
+{
+  const PetscScalar     *G      = work->G;
   const LatinInterfaces *inter  = linear->inter;
   const PetscInt         macros = linear->coarse->macro_count[s], m = linear->coarse->offset[s + 1] - linear->coarse->offset[s];
 
   for (PetscInt j = 0; j < macros; j++)
-    for (PetscInt i = 0; i < macros; i++) T[i + macros * j] = G[i + m * j];
-  for (PetscInt j = macros; j < m; j++) {
+    for (PetscInt i = 0; i < macros; i++) T[i + macros * j] = G[i + work->columns * j];
+  for (PetscInt j = macros; j < work->columns; j++) {
     for (PetscInt i = 0; i < macros; i++) N[i + macros * (j - macros)] = -G[i + m * j];
     for (PetscInt i = macros; i < m; i++) H[i + m * j] -= G[i + m * j];
   }
@@ -193,9 +221,10 @@ static void LatinHomogeniseMacro(const LatinLinear *linear, PetscInt s, const Pe
    H and Phi of one subdomain; K_CC stands in H already. `inverse`, K_rr^-1 or NULL, becomes K_rr^-1 - V_m T^-1 V_m^t: the
    displacements for unit forces while the coarse displacements are zero.
 */
-static PetscErrorCode LatinHomogeniseSubdomain_Private(LatinLinear *linear, PetscInt s, const LatinCondensation *work, PetscScalar inverse[], PetscBool *singular)
+static PetscErrorCode LatinHomogeniseSubdomain_Private(LatinLinear *linear, PetscInt which, const LatinCondensation *work, PetscScalar inverse[], PetscBool *singular)
 {
-  const PetscInt    top = linear->sub->bs * linear->sub->node_offset[s], m = linear->coarse->offset[s + 1] - linear->coarse->offset[s];
+  const PetscBool   kept = linear->keeps[which];
+  const PetscInt    s = linear->batches->batch[which].sub[0], top = linear->sub->bs * linear->sub->node_offset[s], m = linear->coarse->offset[s + 1] - linear->coarse->offset[s];
   const PetscInt    macros = linear->coarse->macro_count[s], primals = m - macros;
   const size_t      rows = (size_t)linear->Phi[s].rows;
   PetscScalar      *H = linear->stiffness.H + linear->stiffness.h_offset[s], *phi = linear->Phi[s].a, *T, *N, *TN, *VT;
@@ -208,8 +237,9 @@ static PetscErrorCode LatinHomogeniseSubdomain_Private(LatinLinear *linear, Pets
   PetscCall(PetscBLASIntCast(m, &bl));
   PetscCall(PetscBLASIntCast(PetscMax(linear->Phi[s].rows, 1), &br));
   PetscCall(PetscMalloc4(macros * macros, &T, macros * primals, &N, macros * primals, &TN, rows * (size_t)macros, &VT));
-  LatinHomogeniseMacro(linear, s, work->G, T, N, H);
-  for (size_t i = rows * (size_t)macros; i < rows * (size_t)m; i++) phi[i] = -phi[i];
+  if (kept) PetscCall(LatinHomogeniseKept_Private(linear, which, work, N, H));
+  LatinHomogeniseMacro(linear, s, work, T, N, H);
+  for (size_t i = rows * (size_t)macros; i < rows * (size_t)work->columns; i++) phi[i] = -phi[i];
   if (macros) PetscCallBLAS("LAPACKpotrf", LAPACKpotrf_("L", &bm, T, &bm, &info));
   *singular = (PetscBool)(info != 0);
   if (macros && !info) {
@@ -223,42 +253,45 @@ static PetscErrorCode LatinHomogeniseSubdomain_Private(LatinLinear *linear, Pets
       for (PetscInt j = 0; j < primals; j++)
         for (PetscInt i = 0; i < macros; i++) H[i + m * (macros + j)] = H[macros + j + m * i] = -TN[i + macros * j];
       PetscCallBLAS("BLASgemm", BLASgemm_("T", "N", &bp, &bp, &bm, &one, N, &bm, TN, &bm, &one, H + macros + m * macros, &bl));
-      PetscCallBLAS("BLASgemm", BLASgemm_("N", "N", &br, &bp, &bm, &minus, phi, &br, TN, &bm, &one, phi + rows * (size_t)macros, &br));
+      if (!kept) PetscCallBLAS("BLASgemm", BLASgemm_("N", "N", &br, &bp, &bm, &minus, phi, &br, TN, &bm, &one, phi + rows * (size_t)macros, &br));
     }
-    PetscCallBLAS("BLASgemm", BLASgemm_("N", "N", &br, &bm, &bm, &one, phi, &br, T, &bm, &zero, VT, &br));
+    if (!kept) PetscCallBLAS("BLASgemm", BLASgemm_("N", "N", &br, &bm, &bm, &one, phi, &br, T, &bm, &zero, VT, &br));
     if (inverse) PetscCallBLAS("BLASgemm", BLASgemm_("N", "T", &br, &br, &bm, &minus, VT, &br, phi, &br, &one, inverse, &br));
-    PetscCall(PetscArraycpy(phi, VT, rows * (size_t)macros));
+    if (!kept) PetscCall(PetscArraycpy(phi, VT, rows * (size_t)macros));
     PetscCall(PetscLogFlops((PetscLogDouble)macros * (macros * (macros + 2.0 * primals) + 2.0 * primals * primals + 2.0 * br * (primals + macros + (inverse ? br : 0)))));
   }
   PetscCall(PetscFree4(T, N, TN, VT));
-  for (PetscInt p = 0; p < primals; p++) {
-    const PetscInt row = linear->inter->primal_dof[linear->inter->primal_offset[s] + p] - top;
-
-    phi[(size_t)(linear->Phi[s].some ? work->at[row] : row) + rows * (size_t)(macros + p)] = 1.0;
-  }
+  for (PetscInt p = 0; p < primals && !kept; p++) phi[(size_t)(linear->inter->primal_dof[linear->inter->primal_offset[s] + p] - top) + rows * (size_t)(macros + p)] = 1.0;
   /* symmetric to the bit, whatever the rounding above */
   for (PetscInt j = 0; j < m; j++)
     for (PetscInt i = 0; i < j; i++) H[i + m * j] = H[j + m * i] = 0.5 * (H[i + m * j] + H[j + m * i]);
   PetscFunctionReturn(0);
 }
 
+/* Has a batch an inverse, or is it to have one if its solver is direct? Not where rows are too many or members too few for its columns to pay */
+PetscBool LatinHomogeniseInverts(const LatinLinear *linear, PetscInt which)
+{
+  const LatinBatch *batch = &linear->batches->batch[which];
+  PetscInt          runs  = 1;
+
+  if (linear->inverse[which]) return PETSC_TRUE;
+  for (PetscInt m = 1; m < batch->members; m++) runs += batch->sub[m] != batch->sub[m - 1] + 1 ? 1 : 0;
+  return (PetscBool)(batch->rows <= LATIN_INVERSE_ROWS && batch->members >= LATIN_INVERSE_RUN * runs && batch->members * LATIN_INVERSE_STAGES >= batch->rows);
+}
+
 /*
    K_rr^-1 of a batch of many equal subdomains with neighbouring numbers, by the local solver: products with it, of many
-   columns in place, are quicker than substitutions. Not where the solver is not direct, or rows are too many or members
-   too few for the columns of the inverse to pay. Prescribed and primal rows and columns are zero.
+   columns in place, are quicker than substitutions. Prescribed and primal rows and columns are zero.
 */
 static PetscErrorCode LatinHomogeniseInverse_Private(LatinLinear *linear, PetscInt which, KSPConvergedReason *failed)
 {
   const LatinBatch *batch = &linear->batches->batch[which];
   const PetscInt    n = batch->rows, first = linear->sub->bs * linear->sub->node_offset[batch->sub[0]];
-  PetscInt          runs = 1;
   Mat               B, X;
   PetscScalar      *b;
 
   PetscFunctionBegin;
-  if (linear->inverse[which]) PetscFunctionReturn(0);
-  for (PetscInt m = 1; m < batch->members; m++) runs += batch->sub[m] != batch->sub[m - 1] + 1 ? 1 : 0;
-  if (!linear->solvers->direct || n > LATIN_INVERSE_ROWS || batch->members < LATIN_INVERSE_RUN * runs || batch->members * LATIN_INVERSE_STAGES < n) PetscFunctionReturn(0);
+  if (linear->inverse[which] || !linear->solvers->direct || !LatinHomogeniseInverts(linear, which)) PetscFunctionReturn(0);
   PetscCall(PetscMalloc1(n * n, &linear->inverse[which]));
   PetscCall(LatinDenseCreate_Private(n, n, &B));
   PetscCall(MatCreateSeqDense(PETSC_COMM_SELF, n, n, linear->inverse[which], &X));
@@ -273,18 +306,18 @@ static PetscErrorCode LatinHomogeniseInverse_Private(LatinLinear *linear, PetscI
 }
 
 /* The subdomain that represents a batch */
-static PetscErrorCode LatinHomogeniseBatch_Private(LatinLinear *linear, PetscInt which, PetscBool some, KSPConvergedReason *failed, PetscBool *singular)
+static PetscErrorCode LatinHomogeniseBatch_Private(LatinLinear *linear, PetscInt which, KSPConvergedReason *failed, PetscBool *singular)
 {
   const PetscInt    s    = linear->batches->batch[which].sub[0];
-  LatinCondensation work = {.rows = 0};
+  LatinCondensation work = {.columns = linear->keeps[which] ? linear->coarse->macro_count[s] : linear->coarse->offset[s + 1] - linear->coarse->offset[s]};
 
   PetscFunctionBegin;
   PetscCall(LatinHomogeniseInverse_Private(linear, which, failed));
   if (linear->coarse->offset[s + 1] == linear->coarse->offset[s]) PetscFunctionReturn(0);
   PetscCall(LatinHomogeniseRows_Private(linear, s, &work));
   PetscCall(LatinHomogeniseColumns_Private(linear, s, &work));
-  PetscCall(LatinHomogeniseVectors_Private(linear, which, (PetscBool)(some && !linear->inverse[which]), &work, failed));
-  PetscCall(LatinHomogeniseSubdomain_Private(linear, s, &work, linear->inverse[which], singular));
+  PetscCall(LatinHomogeniseVectors_Private(linear, which, &work, failed));
+  PetscCall(LatinHomogeniseSubdomain_Private(linear, which, &work, linear->inverse[which], singular));
   for (PetscInt k = 1; k < linear->batches->batch[which].members; k++) linear->Phi[linear->batches->batch[which].sub[k]] = linear->Phi[s];
   PetscCall(PetscFree2(work.row, work.at));
   PetscCall(PetscFree(work.B));
@@ -296,7 +329,6 @@ PetscErrorCode LatinHomogeniseSetUp(LatinLinear *linear)
 {
   KSPConvergedReason failed = KSP_CONVERGED_ITERATING;
   PetscInt           bad = -1, most = 0;
-  PetscBool          some = PETSC_FALSE;
 
   PetscFunctionBegin;
   PetscCall(PetscLogEventBegin(LATIN_Condense, linear->sub->object, 0, 0, 0));
@@ -305,14 +337,13 @@ PetscErrorCode LatinHomogeniseSetUp(LatinLinear *linear)
     PetscCall(PetscLogEventEnd(LATIN_Condense, linear->sub->object, 0, 0, 0));
     PetscFunctionReturn(0);
   }
-  if (linear->shared && linear->inter->sides) PetscCall(LatinSolverIsDefault_Private(linear->sub->object, "local", &some));
   for (PetscInt b = 0; b < linear->batches->n; b++) {
     const PetscInt s        = linear->batches->batch[b].sub[0];
     PetscBool      singular = PETSC_FALSE;
 
-    PetscCall(LatinHomogeniseBatch_Private(linear, b, some, &failed, &singular));
+    PetscCall(LatinHomogeniseBatch_Private(linear, b, &failed, &singular));
     if (singular && (bad < 0 || s < bad)) bad = s;
-    if (linear->Phi[s].some) most = PetscMax(most, linear->Phi[s].rows);
+    if (linear->keeps[b]) most = PetscMax(most, linear->Phi[s].rows);
   }
   PetscCall(PetscMalloc1(most, &linear->some));
   PetscCall(PetscLogEventEnd(LATIN_Condense, linear->sub->object, 0, 0, 0));

@@ -15,11 +15,10 @@ typedef struct {
   PetscReal value;
 } LatinCoupling;
 
-/* Displacements for unit coarse displacements, in some rows of a subdomain or in all of them */
+/* Displacements for unit coarse displacements in all rows of a subdomain or, where its factor keeps the primal ones, for unit macro forces with these held, in the rows of interfaces */
 typedef struct {
-  PetscBool  some;
   PetscInt   rows, *row; /* from its first one, increasing, where they are some */
-  PetscReal *a;          /* rows x coarse, column-major */
+  PetscReal *a;          /* rows x coarse or macro, column-major */
 } LatinPhi;
 
 typedef struct {
@@ -40,7 +39,8 @@ typedef struct {
   LatinCoupling   *rc;
   LatinHomogenised stiffness;
   LatinPhi        *Phi;           /* [subdomains] */
-  PetscReal       *some;          /* work: the rows of one Phi */
+  PetscReal       *some;          /* work: the rows of one Phi that are some */
+  PetscBool       *keeps;         /* [batches] does the factor keep the primal rows to the last? */
   PetscReal      **inverse;       /* [batches] displacements for unit forces with the coarse ones held, dense; NULL: from the solver */
   PetscReal       *g;             /* [copies * bs] forces of a linear stage, work space after it */
   PetscReal       *U;             /* [copies * bs] displacements, the sum of those of all linear stages */
@@ -69,12 +69,15 @@ typedef struct {
 } LatinLinear;
 PETSC_INTERN PetscErrorCode LatinLinearSetUp(LatinLinear *);
 PETSC_INTERN PetscErrorCode LatinHomogeniseSetUp(LatinLinear *);
+PETSC_INTERN PetscBool      LatinHomogeniseInverts(const LatinLinear *, PetscInt which);
 PETSC_INTERN PetscErrorCode LatinLinearSetLoads(LatinLinear *, Vec load);
 PETSC_INTERN PetscErrorCode LatinLinearApply(LatinLinear *, PetscReal U[]);
+PETSC_INTERN PetscErrorCode LatinLinearExpand(LatinLinear *, PetscReal U[]);
 PETSC_INTERN PetscErrorCode LatinLinearReset(LatinLinear *);
 
 /* ---- the same where all interfaces are primal (stages/substructures.c) ---- */
 PETSC_INTERN PetscErrorCode LatinSubstructuresAre(const LatinLinear *, PetscBool *);
+PETSC_INTERN PetscErrorCode LatinSubstructuresFactor(const LatinLinear *, PetscInt batch, Mat *);
 PETSC_INTERN LatinSpending  LatinSubstructuresSpending(LatinLinear *);
 PETSC_INTERN PetscErrorCode LatinSubstructuresStiffness(LatinLinear *);
 PETSC_INTERN PetscErrorCode LatinSubstructuresStiffnessAgain(LatinLinear *, PetscInt s, PetscReal H[]);

@@ -92,6 +92,18 @@ static PetscErrorCode LatinLinearInverses_Private(LatinLinear *linear)
   PetscFunctionReturn(0);
 }
 
+/* Whose factors keep the primal rows to the last, which condenses the subdomain on them: those that only the interfaces are read of, if a factor is what solves */
+static PetscErrorCode LatinLinearKeeps_Private(LatinLinear *linear)
+{
+  PetscBool keep = PETSC_FALSE;
+
+  PetscFunctionBegin;
+  PetscCall(PetscMalloc1(linear->batches->n, &linear->keeps));
+  if (linear->shared && linear->inter->sides && !linear->substructures) PetscCall(LatinSolverIsDefault_Private(linear->sub->object, "local", &keep));
+  for (PetscInt b = 0; b < linear->batches->n; b++) linear->keeps[b] = (PetscBool)(keep && !LatinHomogeniseInverts(linear, b));
+  PetscFunctionReturn(0);
+}
+
 /* The matrices of all batches, the couplings, and where H starts */
 static PetscErrorCode LatinLinearMatrices_Private(LatinLinear *linear)
 {
@@ -103,16 +115,18 @@ static PetscErrorCode LatinLinearMatrices_Private(LatinLinear *linear)
   linear->empty = PETSC_FALSE;
   PetscCall(PetscSegBufferCreate(sizeof(LatinCoupling), 1024, &rc));
   for (PetscInt b = 0; b < batches->n; b++) {
-    const PetscInt s = batches->batch[b].sub[0];
-    LatinSparse   *K = &linear->solvers->rows[b];
+    const PetscInt s    = batches->batch[b].sub[0];
+    LatinSparse   *K    = &linear->solvers->rows[b];
+    PetscBool      done = PETSC_FALSE;
 
     if (linear->inverse[b]) {
       PetscCall(LatinLinearCouplings_Private(linear, s, rc, &couplings));
       continue;
     }
-    PetscCall(LatinDirectionMatrix(linear->dir, s, linear->spring, K));
+    if (!LatinDirectionBlocks(linear->dir, s)) PetscCall(LatinLocalSolversRenew_Private(linear->solvers, b, linear->spring, linear->sub->fixed, &done));
+    if (!done) PetscCall(LatinDirectionMatrix(linear->dir, s, linear->spring, K));
     linear->rc_first[s] = linear->rc_last[s] = 0;
-    if (!linear->substructures) PetscCall(LatinLinearSplit_Private(linear, s, K, rc, &couplings));
+    if (!linear->substructures && !linear->keeps[b]) PetscCall(LatinLinearSplit_Private(linear, s, K, rc, &couplings));
   }
   PetscCall(PetscSegBufferExtractAlloc(rc, &linear->rc));
   PetscCall(PetscSegBufferDestroy(&rc));
@@ -188,11 +202,13 @@ PetscErrorCode LatinLinearSetUp(LatinLinear *linear)
   PetscCall(LatinDirectionSprings_Private(linear->dir, linear->spring));
   PetscCall(LatinLocalSolversCreate(sub, linear->batches, linear->solvers));
   PetscCall(LatinLinearInverses_Private(linear));
+  PetscCall(LatinLinearKeeps_Private(linear));
   PetscCall(LatinLinearMatrices_Private(linear));
   PetscCall(LatinSolverIsDefault_Private(sub->object, "coarse", &checked)); /* only a factor shows how soft the coarse problem is */
   if (!linear->substructures) linear->solvers->precision = sub->preconditions && checked && !linear->precise ? LATIN_PRECISION_AUTO : LATIN_PRECISION_DOUBLE;
   linear->solvers->kept_offset = linear->inter->primal_offset;
-  linear->solvers->kept        = linear->substructures ? linear->inter->primal_dof : NULL;
+  linear->solvers->kept        = linear->inter->primal_dof;
+  linear->solvers->keeps       = linear->substructures ? NULL : linear->keeps;
   linear->solvers->spending    = LatinSubstructuresSpending(linear);
   PetscCall(LatinLocalSolversSetUp(linear->solvers, "local", PETSC_FALSE));
   PetscCall(PetscLogEventEnd(LATIN_Linear, sub->object, 0, 0, 0));
@@ -231,14 +247,10 @@ static PetscErrorCode LatinLinearCondense_Private(LatinLinear *linear, const Lat
     const PetscReal *g   = linear->g + sub->bs * sub->node_offset[s];
     PetscReal       *q   = coarse->q + coarse->offset[s];
 
-    PetscCall(PetscBLASIntCast(Phi->some ? 1 : LatinBatchRun(batch, m), &run));
+    PetscCall(PetscBLASIntCast(LatinBatchRun(batch, m), &run));
     PetscCall(PetscBLASIntCast(Phi->rows, &rows));
     PetscCall(PetscBLASIntCast(coarse->offset[s + 1] - coarse->offset[s], &cols));
     if (!cols) continue;
-    if (Phi->some) {
-      for (PetscInt r = 0; r < Phi->rows; r++) linear->some[r] = g[Phi->row[r]];
-      g = linear->some;
-    }
     PetscCall(PetscLogFlops(2.0 * rows * cols * run));
     if (run == 1) PetscCallBLAS("BLASgemv", BLASgemv_("T", &rows, &cols, &one, Phi->a, &rows, g, &inc, &zero, q, &inc));
     else PetscCallBLAS("BLASgemm", BLASgemm_("T", "N", &cols, &run, &rows, &one, Phi->a, &rows, g, &rows, &zero, q, &cols));
@@ -246,8 +258,47 @@ static PetscErrorCode LatinLinearCondense_Private(LatinLinear *linear, const Lat
   PetscFunctionReturn(0);
 }
 
-/* Adds to the forces of one subdomain what its coarse displacements cause: macro forces lambda, and primal displacements */
-static PetscErrorCode LatinLinearRelocalise_Private(LatinLinear *linear, PetscInt s)
+/*
+   The same where the factor keeps the primal rows: the first half of the solve, in place of the forces, leaves those on the
+   primal dofs; with y = V_m^t g, H y is what the macro displacements that they cause, which are held, add
+*/
+static PetscErrorCode LatinLinearForward_Private(LatinLinear *linear, PetscInt which)
+{
+  const LatinSubdomains *sub    = linear->sub;
+  const LatinInterfaces *inter  = linear->inter;
+  const LatinBatch      *batch  = &linear->batches->batch[which];
+  LatinCoarse           *coarse = linear->coarse;
+  const PetscScalar      one = 1.0, zero = 0.0;
+  const PetscBLASInt     inc    = 1;
+  PetscReal              energy = 0.0;
+  PetscBLASInt           rows, macros, cols;
+  Mat                    F;
+
+  PetscFunctionBegin;
+  PetscCall(LatinSubstructuresFactor(linear, which, &F));
+  for (PetscInt m = 0; m < batch->members; m++) {
+    const PetscInt  s = batch->sub[m], top = sub->bs * sub->node_offset[s];
+    const LatinPhi *Phi = &linear->Phi[s];
+    PetscReal      *q   = coarse->q + coarse->offset[s];
+
+    for (PetscInt i = top; i < sub->bs * sub->node_offset[s + 1]; i++)
+      if (sub->fixed[i]) linear->g[i] = 0.0;
+    PetscCall(PetscBLASIntCast(Phi->rows, &rows));
+    PetscCall(PetscBLASIntCast(coarse->macro_count[s], &macros));
+    PetscCall(PetscBLASIntCast(coarse->offset[s + 1] - coarse->offset[s], &cols));
+    for (PetscInt r = 0; r < Phi->rows; r++) linear->some[r] = linear->g[top + Phi->row[r]];
+    if (macros) PetscCallBLAS("BLASgemv", BLASgemv_("T", &rows, &macros, &one, Phi->a, &rows, linear->some, &inc, &zero, q, &inc));
+    PetscCall(PetscArraycpy(linear->lambda, q, macros));
+    PetscCall(LatinCholeskyForward(F, linear->g + top, &energy));
+    for (PetscInt p = inter->primal_offset[s]; p < inter->primal_offset[s + 1]; p++) q[macros + p - inter->primal_offset[s]] = linear->g[inter->primal_dof[p]];
+    if (macros) PetscCallBLAS("BLASgemv", BLASgemv_("N", &cols, &macros, &one, linear->stiffness.H + linear->stiffness.h_offset[s], &cols, linear->lambda, &inc, &one, q, &inc));
+    PetscCall(PetscLogFlops(2.0 * macros * ((PetscLogDouble)rows + cols)));
+  }
+  PetscFunctionReturn(0);
+}
+
+/* Adds to the forces of one subdomain what its coarse displacements cause: macro forces lambda, unless they are treated apart (kept), and primal displacements */
+static PetscErrorCode LatinLinearRelocalise_Private(LatinLinear *linear, PetscInt s, PetscBool kept)
 {
   const LatinSubdomains *sub    = linear->sub;
   const LatinInterfaces *inter  = linear->inter;
@@ -265,7 +316,7 @@ static PetscErrorCode LatinLinearRelocalise_Private(LatinLinear *linear, PetscIn
     /* the first rows of H are (T^-1 - 1, -T^-1 N) */
     PetscCallBLAS("BLASgemv", BLASgemv_("N", &macros, &cols, &one, linear->stiffness.H + linear->stiffness.h_offset[s], &cols, u, &inc, &zero, lambda, &inc));
     for (PetscInt i = 0; i < macros; i++) lambda[i] += u[i] - q[i];
-    for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++) {
+    for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1] && !kept; f++) {
       const LatinInterface *face = &inter->interface[f];
       const PetscReal      *lf   = lambda + linear->macro->of[f].at;
 
@@ -317,7 +368,7 @@ static PetscErrorCode LatinLinearSolve_Private(LatinLinear *linear, PetscInt whi
 
   PetscFunctionBegin;
   for (PetscInt m = 0; m < n; m++) {
-    PetscCall(LatinLinearRelocalise_Private(linear, batch->sub[m]));
+    PetscCall(LatinLinearRelocalise_Private(linear, batch->sub[m], PETSC_FALSE));
     /* identity rows: prescribed and primal displacements pass through */
     for (PetscInt i = sub->bs * sub->node_offset[batch->sub[m]]; i < sub->bs * sub->node_offset[batch->sub[m] + 1]; i++)
       if (sub->fixed[i]) linear->g[i] = 0.0;
@@ -325,6 +376,49 @@ static PetscErrorCode LatinLinearSolve_Private(LatinLinear *linear, PetscInt whi
   PetscCall(LatinLocalSolve_Private(linear->solvers, which, linear->g, linear->g));
   for (PetscInt m = 0; m < n; m++)
     for (PetscInt i = sub->bs * sub->node_offset[batch->sub[m]]; i < sub->bs * sub->node_offset[batch->sub[m] + 1]; i++) U[i] += linear->g[i];
+  PetscFunctionReturn(0);
+}
+
+/* The same by the second half of the solve where the factor keeps the primal rows; displacements of the macro forces are there, on the interfaces */
+static PetscErrorCode LatinLinearBackward_Private(LatinLinear *linear, PetscInt which, PetscReal U[])
+{
+  const LatinSubdomains *sub   = linear->sub;
+  const LatinBatch      *batch = &linear->batches->batch[which];
+  const PetscScalar      one = 1.0, zero = 0.0;
+  const PetscBLASInt     inc    = 1;
+  PetscReal              energy = 0.0;
+  PetscBLASInt           rows, macros;
+  Mat                    F;
+
+  PetscFunctionBegin;
+  PetscCall(LatinSubstructuresFactor(linear, which, &F));
+  for (PetscInt m = 0; m < batch->members; m++) {
+    const PetscInt  s = batch->sub[m], top = sub->bs * sub->node_offset[s];
+    const LatinPhi *Phi = &linear->Phi[s];
+
+    PetscCall(LatinLinearRelocalise_Private(linear, s, PETSC_TRUE));
+    PetscCall(LatinCholeskyBackward(F, linear->g + top, &energy));
+    for (PetscInt i = top; i < sub->bs * sub->node_offset[s + 1]; i++) U[i] += sub->fixed[i] ? 0.0 : linear->g[i];
+    PetscCall(PetscBLASIntCast(Phi->rows, &rows));
+    PetscCall(PetscBLASIntCast(linear->coarse->macro_count[s], &macros));
+    if (!macros) continue;
+    PetscCallBLAS("BLASgemv", BLASgemv_("N", &rows, &macros, &one, Phi->a, &rows, linear->lambda, &inc, &zero, linear->some, &inc));
+    for (PetscInt r = 0; r < Phi->rows; r++) U[top + Phi->row[r]] += linear->some[r];
+    PetscCall(PetscLogFlops(2.0 * macros * (PetscLogDouble)rows));
+  }
+  PetscFunctionReturn(0);
+}
+
+/* Adds to U the displacements for those of the coarse problem, and for the forces g as condensation has left them, with the coarse forces q */
+PetscErrorCode LatinLinearExpand(LatinLinear *linear, PetscReal U[])
+{
+  PetscFunctionBegin;
+  if (linear->substructures) PetscCall(LatinSubstructuresBackward(linear, U));
+  for (PetscInt b = 0; b < linear->batches->n && !linear->substructures; b++) {
+    if (linear->inverse[b]) PetscCall(LatinLinearDense_Private(linear, &linear->batches->batch[b], linear->inverse[b], U));
+    else if (linear->keeps[b]) PetscCall(LatinLinearBackward_Private(linear, b, U));
+    else PetscCall(LatinLinearSolve_Private(linear, b, U));
+  }
   PetscFunctionReturn(0);
 }
 
@@ -342,15 +436,14 @@ PetscErrorCode LatinLinearApply(LatinLinear *linear, PetscReal U[])
   linear->solvers->failed = linear->coarse->failed = PETSC_FALSE;
   PetscCall(PetscLogEventBegin(LATIN_Condense, linear->sub->object, 0, 0, 0));
   if (linear->substructures) PetscCall(LatinSubstructuresForward(linear));
-  for (PetscInt b = 0; b < linear->batches->n && !linear->substructures; b++) PetscCall(LatinLinearCondense_Private(linear, &linear->batches->batch[b]));
+  for (PetscInt b = 0; b < linear->batches->n && !linear->substructures; b++) {
+    if (linear->keeps[b]) PetscCall(LatinLinearForward_Private(linear, b));
+    else PetscCall(LatinLinearCondense_Private(linear, &linear->batches->batch[b]));
+  }
   PetscCall(PetscLogEventEnd(LATIN_Condense, linear->sub->object, 0, 0, 0));
   PetscCall(LatinCoarseSolve(linear->coarse, linear->corrected && linear->substructures ? LATIN_COARSE_LEFT : 0.0));
   PetscCall(PetscLogEventBegin(LATIN_Linear, linear->sub->object, 0, 0, 0));
-  if (linear->substructures) PetscCall(LatinSubstructuresBackward(linear, U));
-  for (PetscInt b = 0; b < linear->batches->n && !linear->substructures; b++) {
-    if (linear->inverse[b]) PetscCall(LatinLinearDense_Private(linear, &linear->batches->batch[b], linear->inverse[b], U));
-    else PetscCall(LatinLinearSolve_Private(linear, b, U));
-  }
+  PetscCall(LatinLinearExpand(linear, U));
   PetscCall(PetscLogEventEnd(LATIN_Linear, linear->sub->object, 0, 0, 0));
   if (linear->solvers->failed || linear->coarse->failed) linear->failed = PETSC_TRUE;
   PetscCall(PetscTime(&end));
@@ -370,6 +463,7 @@ PetscErrorCode LatinLinearReset(LatinLinear *linear)
   for (PetscInt b = 0; b < linear->batches->n && linear->Phi; b++) PetscCall(PetscFree2(linear->Phi[linear->batches->batch[b].sub[0]].row, linear->Phi[linear->batches->batch[b].sub[0]].a));
   PetscCall(PetscFree(linear->Phi));
   PetscCall(PetscFree(linear->some));
+  PetscCall(PetscFree(linear->keeps));
   PetscCall(PetscFree(linear->tile));
   PetscCall(PetscFree(linear->work));
   PetscCall(PetscFree(linear->outgoing));

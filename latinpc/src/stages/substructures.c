@@ -17,7 +17,7 @@ PetscErrorCode LatinSubstructuresAre(const LatinLinear *linear, PetscBool *are)
 }
 
 /* The factor of a batch */
-static PetscErrorCode LatinSubstructuresFactor_Private(const LatinLinear *linear, PetscInt batch, Mat *F)
+PetscErrorCode LatinSubstructuresFactor(const LatinLinear *linear, PetscInt batch, Mat *F)
 {
   PC pc;
 
@@ -117,7 +117,7 @@ PetscErrorCode LatinSubstructuresStiffness(LatinLinear *linear)
 
   PetscFunctionBegin;
   if (linear->batches->n == 1) {
-    PetscCall(LatinSubstructuresFactor_Private(linear, 0, &F));
+    PetscCall(LatinSubstructuresFactor(linear, 0, &F));
     LatinSubstructuresEmpty(linear);
     linear->stiffness.lower = (PetscBool)(linear->sub->n == 1);
     if (linear->stiffness.lower) PetscCall(LatinCholeskyGiveLower(F, &linear->stiffness.H));
@@ -134,7 +134,7 @@ PetscErrorCode LatinSubstructuresStiffness(LatinLinear *linear)
     const PetscInt s = linear->batches->batch[b].sub[0], m = linear->coarse->offset[s + 1] - linear->coarse->offset[s];
     PetscReal     *S;
 
-    PetscCall(LatinSubstructuresFactor_Private(linear, b, &F));
+    PetscCall(LatinSubstructuresFactor(linear, b, &F));
     PetscCall(LatinCholeskyGiveSchur(F, &S));
     PetscCall(PetscArraycpy(linear->stiffness.H + linear->stiffness.h_offset[s], S, (size_t)m * (size_t)m));
     PetscCall(PetscFree(S));
@@ -155,7 +155,7 @@ PetscErrorCode LatinSubstructuresStiffnessAgain(LatinLinear *linear, PetscInt s,
 
   PetscFunctionBegin;
   while (linear->batches->batch[b].sub[0] != linear->batches->pattern[s]) b++;
-  PetscCall(LatinSubstructuresFactor_Private(linear, b, &F));
+  PetscCall(LatinSubstructuresFactor(linear, b, &F));
   PetscCall(LatinSubstructuresFill(linear));
   PetscCall(MatFactorInfoInitialize(&info));
   PetscCall(MatCholeskyFactorNumeric(F, linear->solvers->K[b], &info));
@@ -178,7 +178,7 @@ PetscErrorCode LatinSubstructuresForward(LatinLinear *linear)
   for (PetscInt i = 0; i < sub->bs * sub->copies; i++)
     if (sub->fixed[i]) linear->g[i] = 0.0;
   for (PetscInt b = 0; b < linear->batches->n; b++) {
-    PetscCall(LatinSubstructuresFactor_Private(linear, b, &F));
+    PetscCall(LatinSubstructuresFactor(linear, b, &F));
     for (PetscInt m = 0; m < linear->batches->batch[b].members; m++) PetscCall(LatinCholeskyForward(F, linear->g + sub->bs * sub->node_offset[linear->batches->batch[b].sub[m]], &linear->energy));
   }
   for (PetscInt p = 0; p < inter->primal_offset[sub->n]; p++) linear->coarse->q[p] = linear->g[inter->primal_dof[p]];
@@ -198,7 +198,7 @@ PetscErrorCode LatinSubstructuresBackward(LatinLinear *linear, PetscReal U[])
     linear->energy += linear->coarse->q[p] * linear->coarse->u[p];
   }
   for (PetscInt b = 0; b < linear->batches->n; b++) {
-    PetscCall(LatinSubstructuresFactor_Private(linear, b, &F));
+    PetscCall(LatinSubstructuresFactor(linear, b, &F));
     for (PetscInt m = 0; m < linear->batches->batch[b].members; m++) PetscCall(LatinCholeskyBackward(F, linear->g + sub->bs * sub->node_offset[linear->batches->batch[b].sub[m]], &linear->energy));
   }
   for (PetscInt i = 0; i < sub->bs * sub->copies; i++) U[i] += linear->g[i];

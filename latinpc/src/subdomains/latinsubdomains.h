@@ -179,6 +179,7 @@ PETSC_INTERN PetscErrorCode LatinOperatorDiagonal(const LatinSubdomains *, Petsc
 PETSC_INTERN void           LatinOperatorDense(const LatinSubdomains *, PetscInt s, PetscInt n, const PetscInt position[], PetscReal A[]);
 PETSC_INTERN PetscErrorCode LatinOperatorStream_Private(const LatinSubdomains *, PetscInt s, LatinStream *);
 PETSC_INTERN PetscErrorCode LatinSparseCreate_Private(const LatinSubdomains *, PetscInt s, const PetscReal spring[], const PetscBool held[], PetscInt blocks, const LatinBlock[], LatinSparse *);
+PETSC_INTERN PetscErrorCode LatinSparseRenew_Private(const LatinSubdomains *, PetscInt s, const PetscReal spring[], const PetscBool held[], LatinSparse *, PetscBool *same);
 PETSC_INTERN PetscErrorCode LatinSparseReset_Private(LatinSparse *);
 
 #endif

@@ -233,6 +233,32 @@ PetscErrorCode LatinSparseCreate_Private(const LatinSubdomains *sub, PetscInt s,
   PetscFunctionReturn(0);
 }
 
+/* The same into the rows of an earlier one, of a matrix and without blocks. *same: they are those of LatinSparseCreate_Private(), else their values have no meaning */
+PetscErrorCode LatinSparseRenew_Private(const LatinSubdomains *sub, PetscInt s, const PetscReal spring[], const PetscBool held[], LatinSparse *K, PetscBool *same)
+{
+  const PetscInt top = sub->bs * sub->node_offset[s];
+
+  PetscFunctionBegin;
+  *same = (PetscBool)(sub->ki && sub->bs == 1 && K->bs == 1 && K->rows == sub->node_offset[s + 1] - top);
+  for (PetscInt r = 0; r < K->rows && *same; r++) {
+    const PetscInt end = K->i[r + 1];
+    PetscInt       nz  = K->i[r];
+
+    for (PetscInt k = sub->ki[top + r]; k < sub->ki[top + r + 1] && !held[top + r] && *same; k++) {
+      const PetscInt  column = LatinEntryColumn(sub, top + r, k) - top;
+      const PetscReal value  = LatinEntry(sub, top + r, k);
+
+      if (column != r && (value == 0.0 || held[top + column])) continue;
+      if (column > r && nz < end && K->j[nz] == r) K->a[nz++] = spring[top + r]; /* a diagonal of springs alone */
+      *same = (PetscBool)(nz < end && K->j[nz] == column);
+      if (*same) K->a[nz++] = column == r ? spring[top + r] + value : value;
+    }
+    if (nz < end && K->j[nz] == r) K->a[nz++] = held[top + r] ? 1.0 : spring[top + r];
+    if (nz < end) *same = PETSC_FALSE;
+  }
+  PetscFunctionReturn(0);
+}
+
 PetscErrorCode LatinSparseReset_Private(LatinSparse *K)
 {
   PetscFunctionBegin;
