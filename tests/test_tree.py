@@ -31,7 +31,7 @@ def parts(n, reach, seed):
 
 found = []
 for n, reach, kind in ((40, 0, "aij"), (40, 9, "aij"), (40, 40, "dense"), (500, 120, "aij"), (500, 120, "dense"),
-                       (40, 9, "indefinite"), (40, 0, "indefinite")):
+                       (40, 9, "indefinite"), (40, 0, "indefinite"), (500, 120, "indefinite")):
     start, rows = parts(n, reach, n + reach)
     whole, local = np.zeros((n, n)), []
     for r, row in enumerate(rows):

@@ -21,8 +21,9 @@ typedef struct {
 /* The front of two groups of ranks that join */
 typedef struct {
   PetscMPIInt  from[2], to;     /* ranks that have the fronts of the groups, of a single rank what its part leaves; the one that takes over what is left, -1: nothing is */
-  PetscInt     n[2];            /* unknowns that the two groups bring, by their numbers */
-  PetscInt    *at;              /* [n[0] + n[1]] their rows in the front */
+  PetscInt     level;           /* of the graphs in which ranks are paired, from 1 on: those of joints above are higher */
+  PetscInt     n[2];            /* unknowns that the two groups bring, in the order in which this joint and those above eliminate them, */
+  PetscInt    *at;              /* [n[0] + n[1]] and their rows in the front, which so ascend */
   PetscInt     rows, interior;  /* interior ones, which no further rank has, come first */
   PetscInt    *order, first[2]; /* [rows] of the front: as they are */
   LatinFronts  front;           /* L of the interior rows, Z of the others below it */
@@ -34,7 +35,7 @@ typedef struct {
   PetscMPIInt   rank;
   PetscInt      n;                  /* rows of the part of this rank */
   PetscInt      start, own, *owned; /* [n] places of rows in this rank's share of a vector; -1: of another rank's */
-  PetscInt      rest, *row;         /* [rest] those that other ranks have as well, by their numbers */
+  PetscInt      rest, *row;         /* [rest] those that other ranks have as well, in the order in which joints eliminate them */
   Mat           part;               /* factor of the part, with these rows last; NULL: all rows are such */
   PetscMPIInt   to;                 /* the rank that has the joint of the part, perhaps this one; -1: nothing is shared */
   LatinJoint   *joint;              /* NULL: this rank has none */

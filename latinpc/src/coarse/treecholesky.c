@@ -11,54 +11,116 @@
      forward: y = L^-1 g_i,   g_b - Z y is sent;   backward: u_b comes back,   u_i = L^-t (y - Z^t u_b).
 
    So a solve takes one message each way for each of the groups that join, and a rank keeps no more than the columns of one joint.
+
+   S never is there as a whole. All lists have their unknowns in the order in which joints eliminate them, so that columns come from
+   both groups in the order of the front that they add to. A panel of columns is complete once these have come, and what earlier
+   panels leave on it has been taken from it: those of the interior are then eliminated, and stay; the others go on, one by one.
+
+   No rank waits for ever. What parts leave goes by messages that nobody waits for before the joints are done. So the joint at the
+   top that still waits does so for a group that it has taken all messages from which that group has sent: the joint of that
+   group does not wait to send, but for one of its own groups; and so on down to a part, which has sent everything, or still computes.
 */
 
 /*
-   What is left of a part or front, symmetric: its lower triangle, in the order of the numbers of its rows, by panels of columns, see
-   LatinPanelAt(); of a part they are one column wide. 64 columns are a message: large enough to be all bandwidth, small beside a front
+   What is left of a part, symmetric: its lower triangle, in the order of its rows in the joints, see LatinLowerAt(). 64 columns are a
+   message: large enough to be all bandwidth, small beside a front
 */
 typedef struct {
-  PetscInt     n, wide;
+  PetscInt     n;
   PetscScalar *a;
   PetscScalar *own;  /* to be freed: a */
   Mat          part; /* or this, to be destroyed */
+  PetscInt     messages;
+  MPI_Request *sent; /* [messages] */
+  PetscMPIInt *gone; /* [messages] work */
 } LatinLeft;
 
+/* Nobody reads the columns of this message any more */
+static void LatinLeftEmpty(const LatinLeft *left, PetscInt message)
+{
+  const size_t start = LatinPanelSize(1, left->n, LATIN_FRONT_PANEL * message), end = LatinPanelSize(1, left->n, PetscMin(LATIN_FRONT_PANEL * (message + 1), left->n));
+
+  LatinRoomEmpty(left->a + start, (end - start) * sizeof(*left->a));
+}
+
+/* All of it starts on its way to another rank */
+static PetscErrorCode LatinLeftSend_Private(const LatinTree *tree, LatinLeft *left)
+{
+  PetscFunctionBegin;
+  left->messages = (left->n + LATIN_FRONT_PANEL - 1) / LATIN_FRONT_PANEL;
+  PetscCall(PetscMalloc2(left->messages, &left->sent, left->messages, &left->gone));
+  for (PetscInt m = 0; m < left->messages; m++) {
+    const size_t start = LatinPanelSize(1, left->n, LATIN_FRONT_PANEL * m), end = LatinPanelSize(1, left->n, PetscMin(LATIN_FRONT_PANEL * (m + 1), left->n));
+    PetscMPIInt  length;
+
+    PetscCall(PetscMPIIntCast((PetscInt)(end - start), &length));
+    PetscCallMPI(MPI_Isend(left->a + start, length, MPIU_SCALAR, tree->to, 0, tree->comm, &left->sent[m]));
+  }
+  PetscFunctionReturn(0);
+}
+
+/* What has arrived there goes here */
+static PetscErrorCode LatinLeftGone_Private(LatinLeft *left)
+{
+  PetscMPIInt count = 0;
+
+  PetscFunctionBegin;
+  if (left->messages) PetscCallMPI(MPI_Testsome((PetscMPIInt)left->messages, left->sent, &count, left->gone, MPI_STATUSES_IGNORE));
+  for (PetscMPIInt k = 0; k < count; k++) LatinLeftEmpty(left, left->gone[k]); /* MPI_UNDEFINED, which is negative: nothing is under way */
+  PetscFunctionReturn(0);
+}
+
+/* Once all of it has gone */
 static PetscErrorCode LatinLeftFree_Private(LatinLeft *left)
 {
   PetscFunctionBegin;
+  if (left->messages) PetscCallMPI(MPI_Waitall((PetscMPIInt)left->messages, left->sent, MPI_STATUSES_IGNORE));
+  PetscCall(PetscFree2(left->sent, left->gone));
   PetscCall(PetscFree(left->own));
   PetscCall(MatDestroy(&left->part));
   PetscFunctionReturn(0);
 }
 
-/* Columns j to last, of one message, one after the other; returns their entries. They are emptied: it goes, column by column, as what it joins comes */
-static PetscInt LatinLeftPack(const LatinLeft *left, PetscInt j, PetscInt last, PetscScalar to[])
+/* The columns that a group brings to a joint */
+typedef struct {
+  PetscMPIInt        rank;
+  PetscInt           n, next; /* the next one, */
+  const PetscInt    *at;      /* [n] their rows in the front */
+  const PetscScalar *column;  /* from its diagonal on */
+  PetscScalar       *buffer;  /* room for a message; NULL: they are here */
+} LatinComing;
+
+static PetscErrorCode LatinComingCreate_Private(const LatinTree *tree, PetscInt k, LatinComing *coming)
 {
-  const size_t start = LatinPanelSize(left->wide, left->n, j), end = LatinPanelSize(left->wide, left->n, last);
-  PetscInt     k = 0;
+  const LatinJoint *joint = tree->joint;
 
-  for (PetscInt c = j; c < last; c++) {
-    const PetscScalar *a = left->a + LatinPanelColumnAt(left->wide, left->n, c);
-
-    for (PetscInt i = c; i < left->n; i++) to[k++] = a[i];
-  }
-  LatinRoomEmpty(left->a + start, (end - start) * sizeof(*left->a));
-  return k;
+  PetscFunctionBegin;
+  *coming = (LatinComing){.rank = joint->from[k], .n = joint->n[k], .at = joint->at + (k ? joint->n[0] : 0)};
+  if (coming->rank != tree->rank) PetscCall(PetscMalloc1(LATIN_FRONT_PANEL * coming->n, &coming->buffer));
+  PetscFunctionReturn(0);
 }
 
-/* Such columns join a front: its interior columns L, and S of the others */
-static void LatinJointAdd(const LatinJoint *joint, PetscInt n, const PetscInt at[], PetscInt j, PetscInt last, const PetscScalar from[], PetscScalar L[], PetscScalar S[])
+/* Those that come before column `last` of the front join its panel, which begins with column c */
+static PetscErrorCode LatinComingAdd_Private(const LatinTree *tree, const LatinLeft *left, PetscInt c, PetscInt last, LatinComing *coming, PetscScalar panel[])
 {
-  const PetscInt in = joint->interior;
+  const PetscInt n = coming->n, *at = coming->at;
+  PetscMPIInt    length;
 
-  for (; j < last; j++)
-    for (PetscInt i = j; i < n; i++) {
-      const PetscInt r = PetscMax(at[i], at[j]), c = PetscMin(at[i], at[j]);
+  PetscFunctionBegin;
+  PetscCall(PetscMPIIntCast(LATIN_FRONT_PANEL * n, &length));
+  for (; coming->next < n && at[coming->next] < last; coming->next++) {
+    const PetscInt j  = coming->next;
+    PetscScalar   *to = panel + (size_t)(tree->joint->rows - c) * (size_t)(at[j] - c) - c;
 
-      if (c < in) L[LatinPanelColumnAt(LATIN_FRONT_PANEL, joint->rows, c) + (size_t)r] += *from++;
-      else S[LatinPanelColumnAt(LATIN_FRONT_PANEL, joint->rows - in, c - in) + (size_t)(r - in)] += *from++;
+    if (j % LATIN_FRONT_PANEL == 0) {
+      if (!coming->buffer && j) LatinLeftEmpty(left, j / LATIN_FRONT_PANEL - 1);
+      if (coming->buffer) PetscCallMPI(MPI_Recv(coming->buffer, length, MPIU_SCALAR, coming->rank, 0, tree->comm, MPI_STATUS_IGNORE));
+      coming->column = coming->buffer ? coming->buffer : left->a + LatinPanelSize(1, n, j);
     }
+    for (PetscInt i = j; i < n; i++) to[at[i]] += coming->column[i - j];
+    coming->column += n - j;
+  }
+  PetscFunctionReturn(0);
 }
 
 /* What the interior columns before row r of a front leave on some columns from there on */
@@ -77,29 +139,33 @@ static PetscErrorCode LatinJointTake_Private(const LatinJoint *joint, const Pets
   PetscFunctionReturn(0);
 }
 
-/* Eliminates the interior rows of a front, panel by panel; *bad: it is not positive definite */
-static PetscErrorCode LatinJointEliminate_Private(const LatinJoint *joint, PetscScalar L[], PetscScalar S[], PetscBool *bad)
+/* Eliminates so many interior columns of a front from c on, whose panel is complete; *bad: it is not positive definite */
+static PetscErrorCode LatinJointEliminate_Private(const LatinJoint *joint, PetscInt c, PetscInt some, PetscScalar panel[], PetscBool *bad)
 {
-  const PetscScalar one = 1.0;
-  const PetscInt    in = joint->interior, out = joint->rows - in;
+  const PetscScalar  one  = 1.0;
+  const PetscBLASInt wide = (PetscBLASInt)some, height = (PetscBLASInt)(joint->rows - c), below = height - wide;
+  PetscBLASInt       info = 0;
 
   PetscFunctionBegin;
-  for (PetscInt c = 0; c < in; c += LATIN_FRONT_PANEL) {
-    const PetscBLASInt wide = (PetscBLASInt)PetscMin(LATIN_FRONT_PANEL, in - c), height = (PetscBLASInt)(joint->rows - c), below = height - wide;
-    PetscScalar       *panel = L + LatinPanelAt(LATIN_FRONT_PANEL, joint->rows, c);
-    PetscBLASInt       info  = 0;
+  PetscCallBLAS("LAPACKpotrf", LAPACKpotrf_("L", &wide, panel, &height, &info));
+  if (info) *bad = PETSC_TRUE;
+  if (info) PetscFunctionReturn(0);
+  if (below) PetscCallBLAS("BLAStrsm", BLAStrsm_("R", "L", "T", "N", &below, &wide, &one, panel, &height, panel + wide, &height));
+  for (PetscInt k = 1; k < some; k++) PetscCall(PetscArrayzero(panel + (size_t)height * (size_t)k, k));
+  PetscFunctionReturn(0);
+}
 
-    PetscCall(LatinJointTake_Private(joint, L, c, wide, panel));
-    PetscCallBLAS("LAPACKpotrf", LAPACKpotrf_("L", &wide, panel, &height, &info));
-    if (info) { /* the next one waits for S all the same */
-      *bad = PETSC_TRUE;
-      PetscFunctionReturn(0);
-    }
-    if (below) PetscCallBLAS("BLAStrsm", BLAStrsm_("R", "L", "T", "N", &below, &wide, &one, panel, &height, panel + wide, &height));
-    for (PetscInt k = 1; k < wide; k++) PetscCall(PetscArrayzero(panel + (size_t)height * (size_t)k, k));
-  }
-  for (PetscInt c = 0; c < out; c += LATIN_FRONT_PANEL) PetscCall(LatinJointTake_Private(joint, L, in + c, PetscMin(LATIN_FRONT_PANEL, out - c), S + LatinPanelAt(LATIN_FRONT_PANEL, out, c)));
-  PetscCall(PetscLogFlops((double)in * ((double)in * in / 3.0 + (double)in * out + (double)out * out)));
+/* So many columns of what is left from c on go to the next joint, each from its diagonal on */
+static PetscErrorCode LatinJointSend_Private(const LatinTree *tree, PetscInt c, PetscInt some, PetscScalar panel[])
+{
+  const PetscInt height = tree->joint->rows - c;
+  PetscInt       n      = 0;
+  PetscMPIInt    length;
+
+  PetscFunctionBegin;
+  for (PetscInt k = 0; k < some; n += height - k++) PetscCall(PetscArraymove(panel + n, panel + (size_t)(height + 1) * (size_t)k, height - k));
+  PetscCall(PetscMPIIntCast(n, &length));
+  PetscCallMPI(MPI_Send(panel, length, MPIU_SCALAR, tree->joint->to, 0, tree->comm));
   PetscFunctionReturn(0);
 }
 
@@ -196,7 +262,7 @@ static PetscErrorCode LatinTreeDense_Private(LatinTree *tree, Mat K, LatinLeft *
   PetscFunctionReturn(0);
 }
 
-/* Row at[r] of a lower triangle becomes row r, and columns as well: in place, for a front is to have room beside it */
+/* Row at[r] of a lower triangle becomes row r, and columns as well: in place, for it may be as large as the factor */
 static PetscErrorCode LatinLeftOrder_Private(PetscInt n, const PetscInt at[], PetscScalar a[])
 {
   PetscBool sorted = PETSC_TRUE;
@@ -233,7 +299,7 @@ static PetscErrorCode LatinTreePart_Private(LatinTree *tree, Mat K, LatinLeft *l
   PetscInt *at;
 
   PetscFunctionBegin;
-  *left = (LatinLeft){.n = tree->rest, .wide = 1};
+  *left = (LatinLeft){.n = tree->rest};
   PetscCall(PetscMalloc1(tree->rest, &at));
   PetscCall(PetscArraycpy(at, tree->row, tree->rest));
   if (tree->rest < tree->n) PetscCall(LatinTreeSparse_Private(tree, K, left, at, bad));
@@ -243,52 +309,38 @@ static PetscErrorCode LatinTreePart_Private(LatinTree *tree, Mat K, LatinLeft *l
   PetscFunctionReturn(0);
 }
 
-/* What is left goes to another rank, and is freed */
-static PetscErrorCode LatinLeftSend_Private(const LatinTree *tree, PetscMPIInt to, LatinLeft *left, PetscScalar buffer[])
-{
-  PetscMPIInt length;
-
-  PetscFunctionBegin;
-  for (PetscInt j = 0; j < left->n && to >= 0; j += LATIN_FRONT_PANEL) {
-    PetscCall(PetscMPIIntCast(LatinLeftPack(left, j, PetscMin(j + LATIN_FRONT_PANEL, left->n), buffer), &length));
-    PetscCallMPI(MPI_Send(buffer, length, MPIU_SCALAR, to, 0, tree->comm));
-  }
-  PetscCall(LatinLeftFree_Private(left));
-  PetscFunctionReturn(0);
-}
-
-/* The front of the joint from what comes and what is left here, which goes first; eliminated, it leaves the next */
-static PetscErrorCode LatinTreeJoin_Private(LatinTree *tree, PetscBool rounded, LatinLeft *left, PetscScalar buffer[], PetscBool *bad)
+/*
+   The front of the joint, panel by panel from what comes and what is left here: those of the interior are eliminated, the others go on.
+   Where it is not positive definite they go all the same, for the next joint waits
+*/
+static PetscErrorCode LatinTreeJoin_Private(LatinTree *tree, PetscBool rounded, LatinLeft *left, PetscBool *bad)
 {
   LatinJoint    *joint = tree->joint;
-  const PetscInt out   = joint->rows - joint->interior;
-  PetscMPIInt    length;
+  const PetscInt rows = joint->rows, in = joint->interior;
   PetscScalar   *L, *S;
+  LatinComing    coming[2];
 
   PetscFunctionBegin;
   PetscCall(LatinJointFront_Private(joint));
   PetscCall(LatinRoomDestroy_Private(&joint->front.factor));
   PetscCall(PetscMalloc1(joint->front.panel[1], &L));
-  PetscCall(PetscMalloc1(LatinPanelSize(LATIN_FRONT_PANEL, out, out), &S));
-  LatinRoomZero(L, joint->front.panel[1] * sizeof(*L));
-  LatinRoomZero(S, LatinPanelSize(LATIN_FRONT_PANEL, out, out) * sizeof(*S));
-  for (PetscInt p = 0; p < 2; p++) {
-    const PetscInt  k   = joint->from[1] == tree->rank ? 1 - p : p;
-    const PetscBool own = (PetscBool)(joint->from[k] == tree->rank);
+  PetscCall(PetscMalloc1(LATIN_FRONT_PANEL * (rows - in), &S));
+  for (PetscInt k = 0; k < 2; k++) PetscCall(LatinComingCreate_Private(tree, k, &coming[k]));
+  for (PetscInt c = 0, wide; c < rows; c += wide) {
+    const PetscBool inside = (PetscBool)(c < in);
+    PetscScalar    *panel  = inside ? L + LatinPanelAt(LATIN_FRONT_PANEL, rows, c) : S;
 
-    for (PetscInt j = 0; j < joint->n[k]; j += LATIN_FRONT_PANEL) {
-      const PetscInt last = PetscMin(j + LATIN_FRONT_PANEL, joint->n[k]);
-
-      PetscCall(PetscMPIIntCast(LATIN_FRONT_PANEL * joint->n[k], &length));
-      if (own) (void)LatinLeftPack(left, j, last, buffer);
-      else PetscCallMPI(MPI_Recv(buffer, length, MPIU_SCALAR, joint->from[k], 0, tree->comm, MPI_STATUS_IGNORE));
-      LatinJointAdd(joint, joint->n[k], joint->at + (k ? joint->n[0] : 0), j, last, buffer, L, S);
-    }
-    if (own) PetscCall(LatinLeftFree_Private(left));
+    wide = PetscMin(LATIN_FRONT_PANEL, (inside ? in : rows) - c);
+    PetscCall(PetscArrayzero(panel, (size_t)(rows - c) * (size_t)wide));
+    for (PetscInt k = 0; k < 2; k++) PetscCall(LatinComingAdd_Private(tree, left, c, c + wide, &coming[k], panel));
+    if (!*bad) PetscCall(LatinJointTake_Private(joint, L, c, wide, panel));
+    if (inside && !*bad) PetscCall(LatinJointEliminate_Private(joint, c, wide, panel, bad));
+    if (!inside) PetscCall(LatinJointSend_Private(tree, c, wide, panel));
+    PetscCall(LatinLeftGone_Private(left));
   }
-  PetscCall(LatinJointEliminate_Private(joint, L, S, bad));
-  *left = (LatinLeft){.n = out, .wide = LATIN_FRONT_PANEL, .a = S, .own = S};
-  PetscCall(LatinLeftSend_Private(tree, joint->to, left, buffer)); /* before the next one waits for more */
+  for (PetscInt k = 0; k < 2; k++) PetscCall(PetscFree(coming[k].buffer));
+  PetscCall(PetscFree(S));
+  PetscCall(PetscLogFlops((double)in * ((double)in * in / 3.0 + (double)in * (rows - in) + PetscSqr((double)(rows - in)))));
   PetscCall(LatinJointKeep_Private(joint, rounded, L));
   PetscCall(PetscFree(L));
   PetscFunctionReturn(0);
@@ -297,19 +349,14 @@ static PetscErrorCode LatinTreeJoin_Private(LatinTree *tree, PetscBool rounded, 
 /* The factor of the sum of the parts K, which it takes over, its fronts rounded to single precision or not; on all ranks *bad or on none. Collective on tree->comm */
 PetscErrorCode LatinTreeFactor_Private(LatinTree *tree, PetscBool rounded, Mat K, PetscBool *bad)
 {
-  PetscScalar *buffer;
-  LatinLeft    left;
+  LatinLeft left;
 
   PetscFunctionBegin;
   *bad = PETSC_FALSE;
-  PetscCall(PetscMalloc1(LATIN_FRONT_PANEL * PetscMax(tree->rest, tree->joint ? tree->joint->rows : 0), &buffer));
   PetscCall(LatinTreePart_Private(tree, K, &left, bad));
-  if (tree->to != tree->rank) {
-    PetscCall(LatinLeftSend_Private(tree, tree->to, &left, buffer));
-    LatinRoomReturn((size_t)tree->rest * (size_t)tree->rest * sizeof(*buffer)); /* before a front comes */
-  }
-  if (tree->joint) PetscCall(LatinTreeJoin_Private(tree, rounded, &left, buffer, bad));
-  PetscCall(PetscFree(buffer));
+  if (tree->to != tree->rank) PetscCall(LatinLeftSend_Private(tree, &left));
+  if (tree->joint) PetscCall(LatinTreeJoin_Private(tree, rounded, &left, bad));
+  PetscCall(LatinLeftFree_Private(&left));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, bad, 1, LATIN_MPI_BOOL, MPI_LOR, tree->comm));
   PetscFunctionReturn(0);
 }

@@ -4,7 +4,8 @@
    How the fronts of the ranks are joined. Ranks are the vertices of a graph, whose edges are as heavy as the unknowns that two
    ranks share. The heaviest edges that do not meet pair ranks; a pair is a vertex of the next graph; and so on, until no two
    share anything. A group of ranks has one joint less than ranks: each rank gets one at most, so that none has several fronts.
-   Every rank makes the same plan. Then lists of unknowns go the way that fronts will go: so their rows are known.
+   Every rank makes the same plan. Then lists of unknowns go the way that fronts will go: so their rows are known. An unknown is
+   eliminated at the level of the graphs where all ranks that have it are in one group: no joint above that has it.
 */
 
 #define LATIN_TREE_RATE      5e9  /* additions and multiplications of dense blocks, a second */
@@ -18,9 +19,9 @@ typedef struct {
   PetscInt a, b, shared; /* ranks, a < b */
 } LatinEdge;
 
-/* Unknowns by ascending numbers: number, ranks that have it, and how many of them are in the group */
+/* Unknowns in the order in which joints eliminate them: level of the joint, number, row in the part */
 typedef struct {
-  PetscInt number, ranks, members;
+  PetscInt level, number, row;
 } LatinShared;
 
 static int LatinEdgeHeavier(const void *p, const void *q)
@@ -42,31 +43,27 @@ static int LatinEdgeCompare(const void *p, const void *q)
 
 static int LatinSharedCompare(const void *p, const void *q)
 {
-  const PetscInt a = ((const LatinShared *)p)->number, b = ((const LatinShared *)q)->number;
+  const LatinShared *a = (const LatinShared *)p, *b = (const LatinShared *)q;
 
-  return a < b ? -1 : a > b;
+  if (a->level != b->level) return a->level < b->level ? -1 : 1;
+  return a->number < b->number ? -1 : a->number > b->number;
 }
 
-/* All edges, on every rank; shared[n]: how many ranks have each row of the part. Collective on map */
-static PetscErrorCode LatinTreeGraph_Private(ISLocalToGlobalMapping map, PetscInt ranks_of[], PetscInt *edges, LatinEdge **edge)
+/* All edges, on every rank. Collective on map */
+static PetscErrorCode LatinTreeGraph_Private(ISLocalToGlobalMapping map, PetscInt *edges, LatinEdge **edge)
 {
   MPI_Comm    comm = PetscObjectComm((PetscObject)map);
   PetscMPIInt rank, size, mine = 0, all = 0, *count, *start;
-  PetscInt    n, near, *procs, *shared, **rows;
+  PetscInt    near, *procs, *shared, **rows;
   LatinEdge  *own;
 
   PetscFunctionBegin;
   PetscCallMPI(MPI_Comm_rank(comm, &rank));
   PetscCallMPI(MPI_Comm_size(comm, &size));
-  PetscCall(ISLocalToGlobalMappingGetSize(map, &n));
   PetscCall(ISLocalToGlobalMappingGetInfo(map, &near, &procs, &shared, &rows));
   PetscCall(PetscMalloc3(near, &own, size, &count, size, &start));
-  for (PetscInt r = 0; r < n; r++) ranks_of[r] = 1;
-  for (PetscInt p = 0; p < near; p++) {
-    if (procs[p] == rank) continue;
-    for (PetscInt k = 0; k < shared[p]; k++) ranks_of[rows[p][k]]++;
+  for (PetscInt p = 0; p < near; p++)
     if (procs[p] > rank) own[mine++] = (LatinEdge){.a = rank, .b = procs[p], .shared = shared[p]};
-  }
   PetscCall(ISLocalToGlobalMappingRestoreInfo(map, &near, &procs, &shared, &rows));
   mine *= 3;
   PetscCallMPI(MPI_Allgather(&mine, 1, MPI_INT, count, 1, MPI_INT, comm));
@@ -82,7 +79,7 @@ static PetscErrorCode LatinTreeGraph_Private(ISLocalToGlobalMapping map, PetscIn
 }
 
 /* Two groups, by their lowest ranks a < b, join at the rank of the first that has no joint yet; has[]: who has the front of a group */
-static PetscErrorCode LatinTreeMeet_Private(LatinTree *tree, PetscInt a, PetscInt b, PetscMPIInt has[], PetscMPIInt idle[])
+static PetscErrorCode LatinTreeMeet_Private(LatinTree *tree, PetscInt level, PetscInt a, PetscInt b, PetscMPIInt has[], PetscMPIInt idle[])
 {
   const PetscMPIInt at = idle[a];
 
@@ -92,7 +89,7 @@ static PetscErrorCode LatinTreeMeet_Private(LatinTree *tree, PetscInt a, PetscIn
     PetscCall(PetscNew(&tree->joint));
     *tree->joint = (LatinJoint){
       .from = {has[a], has[b]},
-        .to = -1
+        .to = -1, .level = level
     };
   }
   has[a]  = at;
@@ -119,41 +116,59 @@ static PetscInt LatinTreeContract(PetscInt edges, LatinEdge edge[], const PetscI
   return kept;
 }
 
-/* The joint of this rank, and where its part and that go */
-static PetscErrorCode LatinTreePair_Private(LatinTree *tree, PetscInt edges, LatinEdge edge[])
+/* The joint of this rank, and where its part and that go; met[]: the level at which it is in one group with each other rank, 0: never */
+static PetscErrorCode LatinTreePair_Private(LatinTree *tree, PetscInt edges, LatinEdge edge[], PetscInt met[])
 {
   PetscMPIInt size, *has, *idle;
-  PetscInt   *to;
+  PetscInt   *to, *group;
 
   PetscFunctionBegin;
-  PetscCallMPI(MPI_Comm_rank(tree->comm, &tree->rank));
   PetscCallMPI(MPI_Comm_size(tree->comm, &size));
-  PetscCall(PetscMalloc3(size, &to, size, &has, size, &idle));
-  for (PetscMPIInt r = 0; r < size; r++) has[r] = idle[r] = r;
-  for (tree->to = -1; edges; edges = LatinTreeContract(edges, edge, to)) {
+  PetscCall(PetscMalloc4(size, &to, size, &group, size, &has, size, &idle));
+  for (PetscMPIInt r = 0; r < size; r++) group[r] = has[r] = idle[r] = r;
+  tree->to = -1;
+  for (PetscInt level = 1; edges; edges = LatinTreeContract(edges, edge, to), level++) {
     for (PetscMPIInt r = 0; r < size; r++) to[r] = -1;
     qsort(edge, (size_t)edges, sizeof(*edge), LatinEdgeHeavier);
     for (PetscInt e = 0; e < edges; e++) {
       if (to[edge[e].a] >= 0 || to[edge[e].b] >= 0) continue;
       to[edge[e].a] = to[edge[e].b] = edge[e].a;
-      PetscCall(LatinTreeMeet_Private(tree, edge[e].a, edge[e].b, has, idle));
+      PetscCall(LatinTreeMeet_Private(tree, level, edge[e].a, edge[e].b, has, idle));
     }
+    for (PetscMPIInt r = 0; r < size; r++)
+      if (to[group[r]] >= 0) group[r] = to[group[r]];
+    for (PetscMPIInt r = 0; r < size; r++)
+      if (!met[r] && r != tree->rank && group[r] == group[tree->rank]) met[r] = level;
   }
-  PetscCall(PetscFree3(to, has, idle));
+  PetscCall(PetscFree4(to, group, has, idle));
+  PetscFunctionReturn(0);
+}
+
+/* The level at which each row of the part of this rank is eliminated; it stays 0 where no other rank has it. Collective on map */
+static PetscErrorCode LatinTreeLevels_Private(ISLocalToGlobalMapping map, const PetscInt met[], PetscInt level[])
+{
+  PetscInt near, *procs, *shared, **rows;
+
+  PetscFunctionBegin;
+  PetscCall(ISLocalToGlobalMappingGetInfo(map, &near, &procs, &shared, &rows));
+  for (PetscInt p = 0; p < near; p++)
+    for (PetscInt k = 0; k < shared[p]; k++) level[rows[p][k]] = PetscMax(level[rows[p][k]], met[procs[p]]);
+  PetscCall(ISLocalToGlobalMappingRestoreInfo(map, &near, &procs, &shared, &rows));
   PetscFunctionReturn(0);
 }
 
 /* The rows of the part of this rank: where they are in vectors, and those that others have as well, as a list that the caller frees. Collective on tree->comm */
-static PetscErrorCode LatinTreeRows_Private(LatinTree *tree, ISLocalToGlobalMapping map, PetscLayout layout, const PetscInt ranks_of[], LatinShared **list)
+static PetscErrorCode LatinTreeRows_Private(LatinTree *tree, ISLocalToGlobalMapping map, PetscLayout layout, const PetscInt level[], LatinShared **list)
 {
   const PetscInt *number;
-  PetscInt        owned = 0;
+  PetscInt        owned = 0, *sorted;
   PetscMPIInt     wrong = 0;
   LatinShared    *l;
 
   PetscFunctionBegin;
   PetscCall(PetscMalloc2(tree->n, &tree->owned, tree->n, &tree->row));
   PetscCall(PetscMalloc1(tree->n, list));
+  PetscCall(PetscMalloc1(tree->n, &sorted));
   l = *list;
   PetscCall(ISLocalToGlobalMappingGetIndices(map, &number));
   for (PetscInt r = 0; r < tree->n; r++) {
@@ -161,63 +176,41 @@ static PetscErrorCode LatinTreeRows_Private(LatinTree *tree, ISLocalToGlobalMapp
 
     tree->owned[r] = own ? number[r] - layout->rstart : -1;
     owned += own ? 1 : 0;
-    l[r] = (LatinShared){.number = number[r], .ranks = ranks_of[r], .members = r};
+    sorted[r] = number[r];
+    if (level[r]) l[tree->rest++] = (LatinShared){.level = level[r], .number = number[r], .row = r};
   }
   PetscCall(ISLocalToGlobalMappingRestoreIndices(map, &number));
-  qsort(l, (size_t)tree->n, sizeof(*l), LatinSharedCompare);
-  for (PetscInt r = 0; r < tree->n; r++) {
-    if (l[r].number < 0 || (r && l[r].number == l[r - 1].number)) wrong = 1;
-    if (l[r].ranks == 1) continue;
-    tree->row[tree->rest] = l[r].members;
-    l[tree->rest++]       = (LatinShared){.number = l[r].number, .ranks = l[r].ranks, .members = 1};
-  }
+  PetscCall(PetscSortInt(tree->n, sorted));
+  for (PetscInt r = 0; r < tree->n; r++)
+    if (sorted[r] < 0 || (r && sorted[r] == sorted[r - 1])) wrong = 1;
+  PetscCall(PetscFree(sorted));
+  qsort(l, (size_t)tree->rest, sizeof(*l), LatinSharedCompare);
+  for (PetscInt i = 0; i < tree->rest; i++) tree->row[i] = l[i].row;
   if (owned != layout->n) wrong = 1;
   PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &wrong, 1, MPI_INT, MPI_MAX, tree->comm));
   PetscCheck(!wrong, tree->comm, PETSC_ERR_SUP, LATIN_TREE ": a rank owns rows that its local matrix does not have, or has one twice; use another solver of the matrix");
   PetscFunctionReturn(0);
 }
 
-/* The rows of a joint from the lists of its groups, which go; *left: what is left, as long as *out says */
-static PetscErrorCode LatinJointMerge_Private(LatinJoint *joint, LatinShared *list[2], PetscInt *out, LatinShared **left)
+/* The rows of a joint from the lists of its groups, which go; *list: of these rows */
+static PetscErrorCode LatinJointMerge_Private(LatinJoint *joint, LatinShared *lists[2], LatinShared **list)
 {
-  const PetscInt     m = joint->n[0], t = joint->n[1];
-  const LatinShared *own = list[0], *theirs = list[1];
-  LatinShared       *both;
-  PetscInt           count = 0, *place;
+  const PetscInt m = joint->n[0], t = joint->n[1];
 
   PetscFunctionBegin;
-  PetscCall(PetscMalloc1(m + t, &both));
+  PetscCall(PetscMalloc1(m + t, list));
   PetscCall(PetscMalloc1(m + t, &joint->at));
-  PetscCall(PetscMalloc1(m + t, &place));
-  for (PetscInt i = 0, k = 0; i < m || k < t; count++) {
-    const PetscInt number = k == t || (i < m && own[i].number <= theirs[k].number) ? own[i].number : theirs[k].number;
+  for (PetscInt i = 0, k = 0; i < m || k < t; joint->rows++) {
+    const int          order = k == t ? -1 : i == m ? 1 : LatinSharedCompare(&lists[0][i], &lists[1][k]);
+    const LatinShared *next  = order > 0 ? &lists[1][k] : &lists[0][i];
 
-    both[count] = (LatinShared){.number = number};
-    if (i < m && own[i].number == number) {
-      both[count].ranks   = own[i].ranks;
-      both[count].members = own[i].members;
-      joint->at[i++]      = count;
-    }
-    if (k < t && theirs[k].number == number) {
-      both[count].ranks = theirs[k].ranks;
-      both[count].members += theirs[k].members;
-      joint->at[m + k++] = count;
-    }
+    (*list)[joint->rows] = *next;
+    joint->interior += next->level == joint->level ? 1 : 0;
+    if (order <= 0) joint->at[i++] = joint->rows;
+    if (order >= 0) joint->at[m + k++] = joint->rows;
   }
-  for (PetscInt c = 0; c < count; c++) joint->interior += both[c].members == both[c].ranks ? 1 : 0;
-  joint->rows = count;
-  *out        = 0;
-  for (PetscInt c = 0, inside = 0; c < count; c++) {
-    const PetscBool in = (PetscBool)(both[c].members == both[c].ranks);
-
-    place[c] = in ? inside++ : joint->interior + *out;
-    if (!in) both[(*out)++] = both[c];
-  }
-  for (PetscInt i = 0; i < m + t; i++) joint->at[i] = place[joint->at[i]];
-  PetscCall(PetscFree(place));
-  PetscCall(PetscFree(list[0]));
-  PetscCall(PetscFree(list[1]));
-  *left = both;
+  PetscCall(PetscFree(lists[0]));
+  PetscCall(PetscFree(lists[1]));
   PetscFunctionReturn(0);
 }
 
@@ -289,8 +282,8 @@ static PetscErrorCode LatinTreeReceive_Private(const LatinTree *tree, PetscMPIIn
 static PetscErrorCode LatinTreeLists_Private(LatinTree *tree, LatinShared *list)
 {
   PetscReal    path[3] = {0.0, 0.0, 0.0}, of[2][3] = {{0.0}};
-  PetscInt     left = 0, widest = tree->rest;
-  LatinShared *lists[2] = {NULL, NULL}, *rest;
+  PetscInt     widest   = tree->rest;
+  LatinShared *lists[2] = {NULL, NULL}, *rows;
 
   PetscFunctionBegin;
   if (tree->to != tree->rank) {
@@ -306,10 +299,10 @@ static PetscErrorCode LatinTreeLists_Private(LatinTree *tree, LatinShared *list)
         lists[k]    = list;
       } else PetscCall(LatinTreeReceive_Private(tree, joint->from[k], &joint->n[k], &lists[k], of[k]));
     }
-    PetscCall(LatinJointMerge_Private(joint, lists, &left, &rest));
+    PetscCall(LatinJointMerge_Private(joint, lists, &rows));
     LatinJointCost(joint, of, path, &tree->cost);
-    PetscCall(LatinTreeSend_Private(tree, joint->to, left, rest, path));
-    PetscCall(PetscFree(rest));
+    PetscCall(LatinTreeSend_Private(tree, joint->to, joint->rows - joint->interior, rows + joint->interior, path));
+    PetscCall(PetscFree(rows));
     PetscCall(PetscMalloc1(joint->rows, &joint->x));
     widest = PetscMax(widest, joint->rows);
   }
@@ -321,7 +314,8 @@ static PetscErrorCode LatinTreeLists_Private(LatinTree *tree, LatinShared *list)
 /* The plan for parts with these numbers of rows that the layout shares out. Collective on map */
 PetscErrorCode LatinTreePlan_Private(ISLocalToGlobalMapping map, PetscLayout layout, LatinTree *tree)
 {
-  PetscInt     edges = 0, *ranks_of;
+  PetscInt     edges = 0, *level, *met;
+  PetscMPIInt  size;
   LatinEdge   *edge;
   LatinShared *list;
 
@@ -329,13 +323,16 @@ PetscErrorCode LatinTreePlan_Private(ISLocalToGlobalMapping map, PetscLayout lay
   *tree = (LatinTree){.start = layout->rstart, .own = layout->n};
   PetscCallMPI(MPI_Comm_dup(PetscObjectComm((PetscObject)map), &tree->comm));
   PetscCall(ISLocalToGlobalMappingGetSize(map, &tree->n));
-  PetscCall(PetscMalloc1(tree->n, &ranks_of));
-  PetscCall(LatinTreeGraph_Private(map, ranks_of, &edges, &edge));
-  PetscCall(LatinTreePair_Private(tree, edges, edge));
-  PetscCall(LatinTreeRows_Private(tree, map, layout, ranks_of, &list));
-  PetscCall(LatinTreeLists_Private(tree, list));
+  PetscCallMPI(MPI_Comm_rank(tree->comm, &tree->rank));
+  PetscCallMPI(MPI_Comm_size(tree->comm, &size));
+  PetscCall(PetscCalloc2(tree->n, &level, size, &met));
+  PetscCall(LatinTreeGraph_Private(map, &edges, &edge));
+  PetscCall(LatinTreePair_Private(tree, edges, edge, met));
   PetscCall(PetscFree(edge));
-  PetscCall(PetscFree(ranks_of));
+  PetscCall(LatinTreeLevels_Private(map, met, level));
+  PetscCall(LatinTreeRows_Private(tree, map, layout, level, &list));
+  PetscCall(PetscFree2(level, met));
+  PetscCall(LatinTreeLists_Private(tree, list));
   PetscFunctionReturn(0);
 }
 
