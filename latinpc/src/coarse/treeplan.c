@@ -3,7 +3,8 @@
 /*
    How the fronts of the ranks are joined. Ranks are the vertices of a graph, whose edges are as heavy as the unknowns that two
    ranks share. The heaviest edges that do not meet pair ranks; a pair is a vertex of the next graph; and so on, until no two
-   share anything. A group of ranks has one joint less than ranks: each rank gets one at most, so that none has several fronts.
+   share anything. A group of ranks has one joint less than ranks: each rank gets one at most, so that none has several fronts. The
+   higher a joint, the larger is its front: those go to ranks that share few unknowns, and so have the smaller factors of their parts.
    Every rank makes the same plan. Then lists of unknowns go the way that fronts will go: so their rows are known. An unknown is
    eliminated at the level of the graphs where all ranks that have it are in one group: no joint above that has it.
 */
@@ -78,10 +79,11 @@ static PetscErrorCode LatinTreeGraph_Private(ISLocalToGlobalMapping map, PetscIn
   PetscFunctionReturn(0);
 }
 
-/* Two groups, by their lowest ranks a < b, join at the rank of the first that has no joint yet; has[]: who has the front of a group */
-static PetscErrorCode LatinTreeMeet_Private(LatinTree *tree, PetscInt level, PetscInt a, PetscInt b, PetscMPIInt has[], PetscMPIInt idle[])
+/* Two groups, by their lowest ranks a < b, join at one of the two ranks that have no joint yet, the one that shares more; has[]: who has the front of a group */
+static PetscErrorCode LatinTreeMeet_Private(LatinTree *tree, PetscInt level, PetscInt a, PetscInt b, const PetscInt shared[], PetscMPIInt has[], PetscMPIInt idle[])
 {
-  const PetscMPIInt at = idle[a];
+  const PetscBool   first = (PetscBool)(shared[idle[a]] >= shared[idle[b]]);
+  const PetscMPIInt at = idle[first ? a : b], other = idle[first ? b : a];
 
   PetscFunctionBegin;
   if (has[a] == tree->rank || has[b] == tree->rank) *(tree->joint ? &tree->joint->to : &tree->to) = at;
@@ -93,7 +95,7 @@ static PetscErrorCode LatinTreeMeet_Private(LatinTree *tree, PetscInt level, Pet
     };
   }
   has[a]  = at;
-  idle[a] = idle[b];
+  idle[a] = other;
   PetscFunctionReturn(0);
 }
 
@@ -120,11 +122,16 @@ static PetscInt LatinTreeContract(PetscInt edges, LatinEdge edge[], const PetscI
 static PetscErrorCode LatinTreePair_Private(LatinTree *tree, PetscInt edges, LatinEdge edge[], PetscInt met[])
 {
   PetscMPIInt size, *has, *idle;
-  PetscInt   *to, *group;
+  PetscInt   *to, *group, *shared;
 
   PetscFunctionBegin;
   PetscCallMPI(MPI_Comm_size(tree->comm, &size));
   PetscCall(PetscMalloc4(size, &to, size, &group, size, &has, size, &idle));
+  PetscCall(PetscCalloc1(size, &shared));
+  for (PetscInt e = 0; e < edges; e++) {
+    shared[edge[e].a] += edge[e].shared;
+    shared[edge[e].b] += edge[e].shared;
+  }
   for (PetscMPIInt r = 0; r < size; r++) group[r] = has[r] = idle[r] = r;
   tree->to = -1;
   for (PetscInt level = 1; edges; edges = LatinTreeContract(edges, edge, to), level++) {
@@ -133,13 +140,14 @@ static PetscErrorCode LatinTreePair_Private(LatinTree *tree, PetscInt edges, Lat
     for (PetscInt e = 0; e < edges; e++) {
       if (to[edge[e].a] >= 0 || to[edge[e].b] >= 0) continue;
       to[edge[e].a] = to[edge[e].b] = edge[e].a;
-      PetscCall(LatinTreeMeet_Private(tree, level, edge[e].a, edge[e].b, has, idle));
+      PetscCall(LatinTreeMeet_Private(tree, level, edge[e].a, edge[e].b, shared, has, idle));
     }
     for (PetscMPIInt r = 0; r < size; r++)
       if (to[group[r]] >= 0) group[r] = to[group[r]];
     for (PetscMPIInt r = 0; r < size; r++)
       if (!met[r] && r != tree->rank && group[r] == group[tree->rank]) met[r] = level;
   }
+  PetscCall(PetscFree(shared));
   PetscCall(PetscFree4(to, group, has, idle));
   PetscFunctionReturn(0);
 }

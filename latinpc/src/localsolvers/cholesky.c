@@ -76,6 +76,7 @@ static PetscErrorCode LatinCholeskySymbolic_Private(Mat F, Mat A, IS perm, const
 {
   PetscFunctionBegin;
   PetscCall(LatinSupernodesAnalyze((LatinSupernodes *)F->data, A));
+  PetscCall(PetscObjectCompose((PetscObject)A, LATIN_PLACES, NULL)); /* which the order alone is made from */
   F->ops->choleskyfactornumeric = LatinCholeskyNumeric_Private;
   PetscFunctionReturn(0);
 }

@@ -54,50 +54,57 @@ static LATIN_CLONES void FRONT(LatinFrontScatter)(PetscInt n, PetscInt first, Pe
   }
 }
 
-/* Adds what child c left to the columns that front f eliminates, or (U) to what it leaves itself: below x later, lower triangle. once: what has been read goes */
-static void FRONT(LatinFrontAdd)(const LatinFronts *F, FRONT(LatinFrontsWork) * work, PetscInt f, PetscInt c, PetscBool once, FRONT_REAL panel[], FRONT_REAL U[])
+/* Adds what child c left on columns first to last - 1 of front f to those that this eliminates, or (U) to what it leaves itself: below x later, lower triangle. once: what has been read goes */
+static void FRONT(LatinFrontAdd)(const LatinFronts *F, FRONT(LatinFrontsWork) * work, PetscInt f, PetscInt c, PetscInt first, PetscInt last, PetscBool once, FRONT_REAL panel[], FRONT_REAL U[])
 {
   const PetscInt n = LatinFrontBelow(F, c), later = F->later[c], height = F->row_first[f + 1] - F->row_first[f], columns = F->columns[f], *row = F->row + F->row_first[c] + F->columns[c];
   FRONT_REAL    *left = work->stack + work->update[c];
-  PetscInt      *to = work->to, own = 0;
+  PetscInt      *to = work->to, from = 0, end;
 
-  for (PetscInt r = 0; r < n; r++) to[r] = work->at[row[r]];
-  while (own < later && to[own] < columns) own++;
-  for (PetscInt r = n - 1; r >= 0; r--) work->end[r] = r + 1 < n && to[r + 1] == to[r] + 1 ? work->end[r + 1] : r + 1;
-  for (PetscInt r = own; r < n && U; r++) to[r] -= columns;
-  for (PetscInt k = U ? own : 0, last = U ? later : own, next; k < last; k = next) {
-    const PetscInt first = k - k % LATIN_FRONT_LEFT;
+  for (PetscInt r = 0; r < n; r++) to[r] = work->at[row[r]] - (U ? columns : 0);
+  while (from < later && work->at[row[from]] < first) from++;
+  for (end = from; end < later && work->at[row[end]] < last;) end++;
+  for (PetscInt r = n - 1; r >= from; r--) work->end[r] = r + 1 < n && to[r + 1] == to[r] + 1 ? work->end[r + 1] : r + 1;
+  FRONT(LatinFrontScatter)(n, from, end, to, work->end, left, U ? height - columns : height, (PetscBool)(U != NULL), U ? U : panel);
+  if (once) LatinRoomEmpty(left + LatinPanelSize(LATIN_FRONT_LEFT, n, from), (LatinPanelSize(LATIN_FRONT_LEFT, n, end) - LatinPanelSize(LATIN_FRONT_LEFT, n, from)) * sizeof(*left));
+}
 
-    next = once ? PetscMin(first + LATIN_FRONT_LEFT, last) : last;
-    FRONT(LatinFrontScatter)(n, k, next, to, work->end, left, U ? height - columns : height, (PetscBool)(U != NULL), U ? U : panel);
-    if (once && (next == later || next == first + LATIN_FRONT_LEFT)) LatinRoomEmpty(left + LatinPanelAt(LATIN_FRONT_LEFT, n, first), (size_t)(n - first) * (size_t)(next - first) * sizeof(*left));
+/* The same of all children, some columns at a time where what has been read goes */
+static void FRONT(LatinFrontAddAll)(const LatinFronts *F, FRONT(LatinFrontsWork) * work, PetscInt f, PetscInt first, PetscInt last, PetscBool once, FRONT_REAL panel[], FRONT_REAL U[])
+{
+  for (PetscInt next; first < last; first = next) {
+    next = once ? PetscMin(first + LATIN_FRONT_PANEL, last) : last;
+    for (PetscInt c = F->child[f]; c >= 0; c = F->sibling[c]) FRONT(LatinFrontAdd)(F, work, f, c, first, next, once, panel, U);
   }
 }
 
-/* U = -Z Z^t, the columns of its first `later` rows, from their diagonals on. Of few columns products of blocks, which fill those on the diagonal, are quicker than their symmetric form */
-static void FRONT(LatinFrontUpdate)(PetscBLASInt columns, PetscBLASInt later, PetscBLASInt below, const FRONT_REAL Z[], PetscBLASInt height, FRONT_REAL U[])
+/* U = -Z Z^t, its columns first to last - 1, from their diagonals on. Of few columns products of blocks, which fill those on the diagonal, are quicker than their symmetric form */
+static void FRONT(LatinFrontUpdate)(PetscBLASInt columns, PetscBLASInt first, PetscBLASInt last, PetscBLASInt below, const FRONT_REAL Z[], PetscBLASInt height, FRONT_REAL U[])
 {
   const FRONT_REAL minus = -1, zero = 0;
   const PetscBool  few = (PetscBool)(columns <= LATIN_FRONT_PANEL);
 
-  for (PetscBLASInt c = 0, wide; c < later; c += wide) {
-    const PetscBLASInt rows = below - c, ld = below - c / LATIN_FRONT_LEFT * LATIN_FRONT_LEFT, next = few ? 0 : PetscMin(LATIN_FRONT_LEFT, later - c), others = rows - next;
+  for (PetscBLASInt c = first, wide; c < last; c += wide) {
+    const PetscBLASInt rows = below - c, ld = below - c / LATIN_FRONT_LEFT * LATIN_FRONT_LEFT, next = few ? 0 : PetscMin(LATIN_FRONT_LEFT, last - c), others = rows - next;
     FRONT_REAL        *to = U + LatinPanelColumnAt(LATIN_FRONT_LEFT, below, c) + c;
 
-    wide = few ? PetscMin(LATIN_FRONT_BLOCK, later - c) : next;
+    wide = few ? PetscMin(LATIN_FRONT_BLOCK, last - c) : next;
     if (next) FRONT_BLAS(syrk)("L", "N", &wide, &columns, &minus, Z + c, &height, &zero, to, &ld);
     if (others) FRONT_BLAS(gemm)("N", "T", &others, &wide, &columns, &minus, Z + c + next, &height, Z + c, &height, &zero, to + next, &ld);
   }
 }
 
-/* Eliminates the columns of front f: its panel becomes that of the factor, and U what it leaves to later fronts */
-static PetscBool FRONT(LatinFrontEliminate)(const LatinFronts *F, PetscInt f, FRONT_REAL panel[], FRONT_REAL U[])
+/* Eliminates the columns of front f: its panel becomes that of the factor, and U what it leaves to later fronts, with what its children left. once: what has been read goes */
+static PetscBool FRONT(LatinFrontEliminate)(const LatinFronts *F, FRONT(LatinFrontsWork) * work, PetscInt f, PetscBool once, FRONT_REAL panel[], FRONT_REAL U[])
 {
-  const PetscBLASInt columns = (PetscBLASInt)F->columns[f], below = (PetscBLASInt)LatinFrontBelow(F, f), height = columns + below;
+  const PetscBLASInt columns = (PetscBLASInt)F->columns[f], below = (PetscBLASInt)LatinFrontBelow(F, f), height = columns + below, later = (PetscBLASInt)F->later[f];
 
   if (!FRONT(LatinPanels)(columns, height, panel, height)) return PETSC_FALSE;
-  if (!below) return PETSC_TRUE;
-  FRONT(LatinFrontUpdate)(columns, (PetscBLASInt)F->later[f], below, panel + columns, height, U);
+  for (PetscBLASInt first = 0, last; first < later; first = last) {
+    last = once ? PetscMin(first + LATIN_FRONT_LEFT, later) : later;
+    FRONT(LatinFrontUpdate)(columns, first, last, below, panel + columns, height, U);
+    FRONT(LatinFrontAddAll)(F, work, f, columns + first, columns + last, once, NULL, U);
+  }
   return PETSC_TRUE;
 }
 
@@ -148,24 +155,21 @@ static void FRONT(LatinFrontKept)(const LatinFronts *F, const FRONT(LatinFrontsW
   }
 }
 
-/* One front, whose children are done; PETSC_FALSE where it is not positive definite. What it leaves to later ones is on one end of the stack, what its children left goes from the other: of a large front, whose panel is in the free room between both ends, pages that have been read go before others come, once no later front needs as many */
+/* One front, whose children are done; PETSC_FALSE where it is not positive definite. What it leaves to later ones is on one end of the stack, what its children left goes from the other: of a late and large front, whose panel is in the free room between both ends, pages that have been read go before others come */
 static PetscBool FRONT(LatinFrontOne)(const LatinFronts *F, FRONT(LatinFrontsWork) * work, PetscInt f, const PetscInt i[], const PetscInt j[], const PetscScalar a[], PetscReal S[])
 {
   FRONT_REAL     *panel = work->narrow ? work->stack + work->top[0] + (F->odd[f] ? 0 : LatinFrontLeft(F, f)) : (FRONT_REAL *)F->factor + F->panel[f];
   const size_t    bytes = (size_t)(F->row_first[f + 1] - F->row_first[f]) * (size_t)F->columns[f] * sizeof(*panel);
-  const PetscBool large = (PetscBool)(work->narrow && F->kept && f >= F->fullest && bytes >= LATIN_PAGE && 2 * (work->top[0] + work->top[1] + LatinFrontLeft(F, f) + bytes / sizeof(*panel)) > work->size);
+  const PetscBool large = (PetscBool)(work->narrow && F->kept && f >= F->late && 2 * bytes >= LATIN_PAGE && 2 * (work->top[0] + work->top[1] + LatinFrontLeft(F, f) + bytes / sizeof(*panel)) > work->size);
 
   work->update[f] = F->odd[f] ? work->size - work->top[1] - LatinFrontLeft(F, f) : work->top[0];
   if (large) LatinRoomZero(work->stack + work->top[0], (work->size - work->top[0] - work->top[1]) * sizeof(*panel));
   else memset(panel, 0, bytes);
   for (PetscInt r = F->row_first[f]; r < F->row_first[f + 1]; r++) work->at[F->row[r]] = r - F->row_first[f];
-  for (PetscInt c = F->child[f]; c >= 0; c = F->sibling[c]) FRONT(LatinFrontAdd)(F, work, f, c, large, panel, NULL);
+  FRONT(LatinFrontAddAll)(F, work, f, 0, F->columns[f], large, panel, NULL);
   FRONT(LatinFrontEntries)(F, work, f, i, j, a, panel);
-  if (!FRONT(LatinFrontEliminate)(F, f, panel, work->stack + work->update[f])) return PETSC_FALSE;
-  for (PetscInt c = F->child[f]; c >= 0; c = F->sibling[c]) {
-    if (F->later[f]) FRONT(LatinFrontAdd)(F, work, f, c, large, NULL, work->stack + work->update[f]);
-    work->top[!F->odd[f]] -= LatinFrontLeft(F, c);
-  }
+  if (!FRONT(LatinFrontEliminate)(F, work, f, large, panel, work->stack + work->update[f])) return PETSC_FALSE;
+  for (PetscInt c = F->child[f]; c >= 0; c = F->sibling[c]) work->top[!F->odd[f]] -= LatinFrontLeft(F, c);
   work->top[F->odd[f]] += LatinFrontLeft(F, f);
   FRONT(LatinFrontKept)(F, work, f, panel, S);
   return FRONT(LatinFrontStore)(F, f, work->narrow, large, panel);
@@ -176,7 +180,11 @@ static PetscErrorCode FRONT(LatinFrontsEliminate)(LatinFronts *F, FRONT(LatinFro
 {
   PetscFunctionBegin;
   for (PetscInt f = 0; f < F->fronts && *bad < 0; f++) {
-    if (spending.tell && !entries->own_i && F->n - F->first[f] <= F->n / LATIN_FRONT_LAST) PetscCall(LatinEntriesSpend_Private(F, F->first[f], work->place, spending, entries));
+    if (F->kept && F->columns[f] && F->n - F->kept - F->first[f] <= entries->rows) {
+      entries->rows /= 2;
+      LatinRoomEmpty(work->stack + work->top[0], (work->size - work->top[0] - work->top[1]) * sizeof(*work->stack));
+      if (spending.tell) PetscCall(LatinEntriesSpend_Private(F, F->first[f], work->place, spending, entries));
+    }
     if (F->columns[f] && !FRONT(LatinFrontOne)(F, work, f, entries->i, entries->j, entries->a, S)) *bad = F->order[F->first[f]];
   }
   /* the block of the kept rows itself */
@@ -189,7 +197,7 @@ static PetscErrorCode FRONT(LatinFrontsEliminate)(LatinFronts *F, FRONT(LatinFro
 /* All of the factorisation, see LatinFrontsFactor() */
 static PetscErrorCode FRONT(LatinFrontsFactor)(LatinFronts *F, const PetscInt i[], const PetscInt j[], const PetscScalar a[], LatinSpending spending, PetscReal S[], PetscInt *bad)
 {
-  LatinEntries entries = {.i = i, .j = j, .a = a};
+  LatinEntries entries = {.i = i, .j = j, .a = a, .rows = (F->n - F->kept) / 2};
   FRONT(LatinFrontsWork)
   work = {
     .top = {0, 0},
@@ -203,8 +211,7 @@ static PetscErrorCode FRONT(LatinFrontsFactor)(LatinFronts *F, const PetscInt i[
   PetscCall(PetscMalloc5(F->fronts, &work.update, F->n, &work.place, F->n, &work.at, F->tallest, &work.to, F->tallest, &work.end));
   for (PetscInt r = 0; r < F->n; r++) work.place[F->order[r]] = r;
   PetscCall(FRONT(LatinFrontsEliminate)(F, &work, spending, &entries, S, bad));
-  PetscCall(PetscFree2(entries.own_j, entries.own_a));
-  PetscCall(PetscFree(entries.own_i));
+  PetscCall(LatinEntriesFree_Private(&entries));
   PetscCall(PetscFree5(work.update, work.place, work.at, work.to, work.end));
   PetscCall(PetscFree(work.some));
   PetscCall(PetscFree(work.stack));

@@ -5,6 +5,8 @@
 
 /* The fronts of a sparse Cholesky factor: which one adds to which, their sizes, and the factor itself. */
 
+#define LATIN_FRONT_LAST 8 /* of the rows, one of so many is among the last ones */
+
 /* Rows of front f beyond those that it eliminates */
 static inline PetscInt LatinFrontBelow(const LatinFronts *F, PetscInt f)
 {
@@ -47,6 +49,7 @@ PetscErrorCode LatinFrontsCreate(PetscInt n, PetscInt kept, PetscInt fronts, con
     for (PetscInt c = 0; c < F->columns[f]; c++) F->operations += PetscSqr((PetscLogDouble)(height - c));
     for (PetscInt c = first[f]; c < first[f + 1]; c++) owner[c] = f;
   }
+  for (F->late = fronts; F->late && n - first[F->late - 1] <= n / LATIN_FRONT_LAST;) F->late--;
   for (PetscInt f = fronts - 1; f >= 0; f--) {
     PetscInt next;
 
@@ -62,7 +65,6 @@ PetscErrorCode LatinFrontsCreate(PetscInt n, PetscInt kept, PetscInt fronts, con
     const size_t own = LatinFrontLeft(F, f), all = waiting + own + (size_t)(row_first[f + 1] - row_first[f]) * (size_t)F->columns[f];
 
     F->stack = PetscMax(F->stack, waiting + own);
-    if (all >= F->crowd) F->fullest = f;
     F->crowd = PetscMax(F->crowd, all);
     for (PetscInt c = F->child[f]; c >= 0; c = F->sibling[c]) waiting -= LatinFrontLeft(F, c);
     waiting += own;
@@ -78,7 +80,7 @@ PetscErrorCode LatinFrontsFill(LatinFronts *F, LatinArithmetic precision, PetscR
 
   PetscFunctionBegin;
   PetscCall(LatinRoomDestroy_Private(&F->factor));
-  PetscCall(LatinRoomCreate_Private(bytes + LATIN_LINE, bytes, &F->factor));
+  PetscCall(LatinRoomCreate_Private(bytes + LATIN_LINE, 0, &F->factor)); /* no large pages, which would be there beside all of L */
   F->precision = precision;
   F->room      = 0;
   for (size_t first = 0, last; first < entries; first = last) {
@@ -131,21 +133,28 @@ typedef PetscReal LatinLanesSum __attribute__((vector_size(LATIN_FRONT_LANES * s
     *(sum) += wide * wide; \
   } while (0)
 
-#define LATIN_FRONT_LAST 8 /* of the rows, one of so many is still there when the other entries go: the last fronts are the large ones */
-
 /* The entries of a matrix that are still to be read, where a part of them has been copied: of these rows */
 typedef struct {
   const PetscInt    *i, *j;
   const PetscScalar *a;
   PetscInt          *own_i, *own_j; /* to be freed */
   PetscScalar       *own_a;
+  PetscInt           rows; /* once no more than so many are left, theirs are copied: each time half of them */
 } LatinEntries;
+
+static PetscErrorCode LatinEntriesFree_Private(LatinEntries *entries)
+{
+  PetscFunctionBegin;
+  PetscCall(PetscFree(entries->own_i));
+  PetscCall(PetscFree2(entries->own_j, entries->own_a));
+  PetscFunctionReturn(0);
+}
 
 /* Those of rows from `first` on in the order of elimination, place[] of each row, are copied, of each pair across the diagonal the one that is read; and the others go */
 static PetscErrorCode LatinEntriesSpend_Private(const LatinFronts *F, PetscInt first, const PetscInt place[], LatinSpending spending, LatinEntries *entries)
 {
-  const PetscInt *i = entries->i, *j = entries->j;
-  PetscInt        n = 0;
+  LatinEntries all = *entries;
+  PetscInt     n   = 0;
 
   PetscFunctionBegin;
   PetscCall(PetscMalloc1(F->n + 1, &entries->own_i));
@@ -153,10 +162,10 @@ static PetscErrorCode LatinEntriesSpend_Private(const LatinFronts *F, PetscInt f
     n = 0;
     for (PetscInt r = 0; r < F->n; r++) {
       entries->own_i[r] = n;
-      for (PetscInt k = i[r]; k < i[r + 1] && place[r] >= first; k++) {
-        if (place[j[k]] < place[r]) continue;
-        if (pass) entries->own_j[n] = j[k];
-        if (pass) entries->own_a[n] = entries->a[k];
+      for (PetscInt k = all.i[r]; k < all.i[r + 1] && place[r] >= first; k++) {
+        if (place[all.j[k]] < place[r]) continue;
+        if (pass) entries->own_j[n] = all.j[k];
+        if (pass) entries->own_a[n] = all.a[k];
         n++;
       }
     }
@@ -166,7 +175,10 @@ static PetscErrorCode LatinEntriesSpend_Private(const LatinFronts *F, PetscInt f
   entries->i = entries->own_i;
   entries->j = entries->own_j;
   entries->a = entries->own_a;
-  PetscCall(spending.tell(spending.owner, PETSC_FALSE));
+  if (all.own_i) {
+    LatinRoomEmpty(all.own_a, (size_t)all.i[F->n] * sizeof(*all.a));
+    PetscCall(LatinEntriesFree_Private(&all));
+  } else PetscCall(spending.tell(spending.owner, PETSC_FALSE));
   PetscFunctionReturn(0);
 }
 
@@ -205,11 +217,8 @@ static LatinArithmetic LatinFrontsPay(const LatinFronts *F)
 /* How many bytes of the factor are there from the start, in large pages: not those of the last fronts, whose columns are whole in double precision beside what is kept */
 static size_t LatinFrontsEarly(const LatinFronts *F, LatinArithmetic precision)
 {
-  PetscInt f = F->fronts;
-
   if (precision != LATIN_ROUNDED) return F->reach * (precision == LATIN_DOUBLE ? sizeof(double) : sizeof(float));
-  while (F->kept && f && F->n - F->first[f - 1] <= F->n / LATIN_FRONT_LAST) f--;
-  return F->panel[f] * sizeof(float);
+  return F->panel[F->kept ? F->late : F->fronts] * sizeof(float);
 }
 
 /*

@@ -25,8 +25,8 @@ typedef struct {
   PetscInt       *child, *sibling;   /* [fronts] fronts that leave something on this one; -1: none */
   PetscBool      *odd;               /* [fronts] is its depth in the tree of these odd? */
   size_t         *panel;             /* [fronts + 1] where the columns of a front are in the factor: see LatinPanelAt() */
-  size_t          stack, crowd;      /* entries of all that waits to be added to later fronts, at most; with the columns of the front at hand; */
-  PetscInt        fullest;           /* the front at hand then */
+  PetscInt        late;              /* the first one of the last rows, where the large ones are, and the least memory is left */
+  size_t          stack, crowd;      /* entries of all that waits to be added to later fronts, at most; with the columns of the front at hand */
   size_t          reach;             /* of the factor while these are whole in their places */
   PetscInt        tallest;           /* rows of the tallest front */
   PetscLogDouble  operations;        /* additions and multiplications of the factorisation */

@@ -190,7 +190,7 @@ PetscErrorCode LatinLinearSetUp(LatinLinear *linear)
   PetscCall(PetscLogEventBegin(LATIN_Linear, sub->object, 0, 0, 0));
   PetscCall(LatinSubstructuresAre(linear, &linear->substructures));
   PetscCall(LatinLinearOffsets_Private(linear));
-  PetscCall(PetscMalloc6(n, &linear->g, n, &linear->U, sides, &linear->pull, n, &linear->load, linear->coarse->widest, &linear->lambda, n, &linear->spring));
+  PetscCall(PetscMalloc1(n, &linear->spring));
   PetscCall(PetscMalloc1(sides, &linear->outgoing));
   PetscCall(PetscCalloc1(sub->unassigned_count, &linear->alone));
   if (sub->structure && sub->structure->rigid_law >= 0 && !sub->tangent) {
@@ -211,6 +211,7 @@ PetscErrorCode LatinLinearSetUp(LatinLinear *linear)
   linear->solvers->keeps       = linear->substructures ? NULL : linear->keeps;
   linear->solvers->spending    = LatinSubstructuresSpending(linear);
   PetscCall(LatinLocalSolversSetUp(linear->solvers, "local", PETSC_FALSE));
+  PetscCall(PetscMalloc5(n, &linear->g, n, &linear->U, sides, &linear->pull, n, &linear->load, linear->coarse->widest, &linear->lambda)); /* not beside what the factors take */
   PetscCall(PetscLogEventEnd(LATIN_Linear, sub->object, 0, 0, 0));
   PetscFunctionReturn(0);
 }
@@ -471,6 +472,7 @@ PetscErrorCode LatinLinearReset(LatinLinear *linear)
   PetscCall(PetscFree(linear->tension));
   PetscCall(PetscFree(linear->strain));
   PetscCall(PetscFree(linear->rigid_tension));
-  PetscCall(PetscFree6(linear->g, linear->U, linear->pull, linear->load, linear->lambda, linear->spring));
+  PetscCall(PetscFree5(linear->g, linear->U, linear->pull, linear->load, linear->lambda));
+  PetscCall(PetscFree(linear->spring));
   PetscFunctionReturn(0);
 }
