@@ -6,11 +6,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from petsc4py import PETSc
+from scipy.optimize import linprog
 from support import far, solve
 
+import latinpc
 from latinpc.bench.extremes import drawn, rubbing
 from latinpc.bench.extremes.conditions import missed
-from latinpc.scenes import Law, Scene
+from latinpc.bench.peers.qp import kinematics
+from latinpc.scenes import Law, Scene, make
 
 pytestmark = pytest.mark.skipif(np.finfo(PETSc.RealType).eps > 1e-10, reason="the tolerances are of double precision")
 
@@ -82,6 +85,37 @@ def test_what_no_friction_holds_is_refused():
     up = replace(scene, load=-scene.load)
     assert rubbing.solve_rubbing(up).exists == "no"
     assert solve(up, stop="auto", max_it=2000).reason < 0
+
+
+def bearing(scene, more):
+    """The most of `more` that an arch bears beside its loads, by limit analysis: forces that Coulomb's law admits."""
+    law, (B, _) = scene.law, kinematics(scene)
+    normal, links = np.flatnonzero(law == Law.FRICTION), len(law)
+    cone = np.zeros((2 * len(normal), links + 1))
+    for row, link in enumerate(np.repeat(normal, 2)):
+        cone[row, link], cone[row, link + 1] = scene.friction[link], (-1) ** row
+    balance = np.column_stack([B.T.toarray(), -more[~scene.fixed]]) / np.abs(scene.load).max()
+    bounds = [(None, 0.0 if kind == Law.FRICTION else None) for kind in law] + [(0.0, None)]
+    load = scene.load[~scene.fixed] / np.abs(scene.load).max()
+    found = linprog(-np.eye(links + 1)[-1], cone, np.zeros(len(cone)), balance, load, bounds, method="highs")
+    assert found.status == 0
+    return found.x[-1]
+
+
+@pytest.mark.parametrize(("thickness", "way"), [(0.2, "push"), (0.12, "push"), (0.2, "crown")])
+def test_a_collapse_is_none_of_rounding(thickness, way):
+    """An arch bears 0.995 of its limit. Beyond it blocks move without end: that is no matter of digits."""
+    scene = make("arch", thickness=thickness)
+    more = make("arch", thickness=thickness, **{way: 1.0}).load - scene.load
+    limit = bearing(scene, more)
+    arch = latinpc.Structure.from_scene(replace(scene, load=scene.load + 0.995 * limit * more))
+    assert arch.solve().converged
+    for part in (1.01, 1.05, 1.1):
+        arch.set_load(scene.load + part * limit * more)
+        with pytest.warns(latinpc.ConvergenceWarning):
+            beyond = arch.solve()
+        assert beyond.report["reason"] in ("DIVERGED_DTOL", "DIVERGED_MAX_IT")
+        assert not any("rounding" in text for text in beyond.notices)
 
 
 RANKS = f"""

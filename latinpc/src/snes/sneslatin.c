@@ -262,6 +262,7 @@ static PetscErrorCode SNESLatinDiagnose_Private(SNES snes)
   SNES_Latin       *data  = (SNES_Latin *)snes->data;
   LatinEquilibrium *found = &data->found;
   PetscReal         size, prescribed;
+  PetscBool         far;
   Vec               F;
 
   PetscFunctionBegin;
@@ -271,6 +272,8 @@ static PetscErrorCode SNESLatinDiagnose_Private(SNES snes)
     PetscCall(LatinEquilibriumCheck_Private(data->latin, snes->vec_sol, snes->vec_func, snes->vec_rhs, data->target, data->estimate.energy, PETSC_FALSE, found));
     PetscCall(LatinStructureSize_Private(data->latin->sub.structure, &size, &prescribed));
     found->distance = PetscMin(found->distance, size); /* an iterate that diverges proves nothing */
+    PetscCall(LatinEquilibriumFar_Private(data->latin->sub.structure, snes->vec_sol, &far));
+    if (far && data->next == LATIN_NEXT_ROUNDING && data->latin->sub.structure->rubs && found->unbalance > data->target) data->next = LATIN_NEXT_DIVERGED; /* a collapse: displacements hide what it is short of */
     if (snes->max_its >= LATIN_JAM_LEAST) {
       PetscCall(VecDuplicate(data->z, &F));
       PetscCall(LatinEquilibriumJammed_Private(data->latin, data->z, F, found));
