@@ -255,6 +255,35 @@ def test_factors_make_the_tangent_singular(law):
     assert np.allclose(found.factors, 1.0 - 1.0 / inverse[:5], rtol=1e-6)
 
 
+def tower(load):
+    """A simplex of three struts that cables hold, those between the levels links 3 to 5; a load on each upper node."""
+    turn = 2.0 * np.pi * np.arange(3) / 3.0
+    levels = ((0.0, turn), (2.0, turn + 5.0 * np.pi / 6.0))
+    nodes = np.vstack([np.column_stack([np.cos(at), np.sin(at), np.full(3, z)]) for z, at in levels])
+    struts, cables = ([[i, 3 + (i + k) % 3] for i in range(3)] for k in (0, 2))
+    links = np.array([*struts, *cables, [3, 4], [4, 5], [5, 3]])
+    lengths = np.linalg.norm(np.diff(nodes[links], axis=1)[:, 0], axis=1)
+    up = np.repeat([0.0, 1.0], 3)[:, None]
+    return latinpc.Structure(
+        nodes, links, ["bar"] * 3 + ["cable"] * 6, EA=np.repeat([5e6, 5e5], [3, 6]), geometry="large",
+        prestress=3e3 * lengths * np.repeat([-1.0, 1.0, 1.0 / np.sqrt(3.0)], 3),
+        fixed=np.repeat(up == 0.0, 3, axis=1), load=up * [0.0, 0.0, -load],
+    )  # fmt: skip
+
+
+@slepc
+def test_links_that_slacken_before_the_least_factor_are_named():
+    """Steep cables of a simplex go slack under its loads, and it buckles there, at half of its least factor."""
+    state = tower(60e3).solve(error=1e-10)
+    with pytest.warns(latinpc.LatinWarning, match=r"slacken links 3, 4, 5 at a factor of about 1.16, below the least"):
+        found = state.modes(2, buckling=True)
+    assert found.factors[0] > 2.6
+    assert tower(1.14 * 60e3).solve().converged
+    with pytest.warns(latinpc.ConvergenceWarning):
+        beyond = tower(1.16 * 60e3).solve()
+    assert 1.14 < 1.16 * beyond.report["load_factor"] < 1.155
+
+
 @slepc
 def test_loads_that_stiffen_have_no_factor():
     """Snow on a net of cables pulls all that are taut."""
