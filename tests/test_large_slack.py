@@ -64,3 +64,51 @@ def test_a_front_of_cables_that_slacken_hides_no_error(options, side):
     options("-snes_latin_error", "1e-10")
     exact, _ = solve(structure)
     assert (u - exact).norm() < 1e-4 * exact.norm()
+
+
+def pushed(seed):
+    """Return cables between points of a grid, as drawn; a load on one node pushes or pulls along the grid."""
+    random = np.random.default_rng(seed)
+    count = int(random.integers(2, 7))
+    nodes = random.permutation(np.stack(np.meshgrid(*[np.arange(3.0)] * 2), axis=-1).reshape(-1, 2))[:count]
+    links = [(int(random.integers(0, node)), node) for node in range(1, count)]
+    load = np.zeros((count, 2))
+    load[random.integers(1, count)] = random.permutation([[1, 0], [0, 1], [1, 1], [1, -1]])[0] * random.choice(
+        [-1.0, 1.0]
+    )
+    fixed = np.zeros((count, 2), bool)
+    fixed[0] = True
+    return {"nodes": nodes, "links": links, "fixed": fixed, "load": 10.0 ** random.uniform(1, 3) * load,
+            "stiffness": 10.0 ** random.uniform(3, 7)}  # fmt: skip
+
+
+@pytest.mark.parametrize("seed", range(50))
+def test_cables_that_a_load_turns_over_find_their_equilibrium(seed):
+    """Where a node is pushed towards its support it comes to rest beyond; for cables balance is the proof."""
+    net = pushed(seed)
+    found = latinpc.Structure(**net, law="cable", geometry="large").solve()
+    assert found.converged
+    start, end = np.array(net["links"]).T
+    drawn, line = net["nodes"][end] - net["nodes"][start], (net["nodes"] + found.displacements)[end]
+    line = line - (net["nodes"] + found.displacements)[start]
+    size = np.linalg.norm(line, axis=1)
+    tension = net["stiffness"] * np.maximum(size - np.linalg.norm(drawn, axis=1), 0.0)
+    left = np.array(net["load"])
+    np.add.at(left, end, -(tension / np.maximum(size, 1e-300))[:, None] * line)
+    np.add.at(left, start, (tension / np.maximum(size, 1e-300))[:, None] * line)
+    assert np.abs(left[1:]).max() < 0.01 * np.abs(net["load"]).max()
+
+
+def test_no_claim_of_displacements_that_leap_away():
+    """A node pushed straight towards its support: 7e6 Gm had been claimed, without balance."""
+    nodes = [[1, -2], [-1, 0], [2, 2], [-2, 0], [1, -1], [-2, 1], [-1, -2]]
+    links = [[0, 1], [2, 4], [0, 4], [0, 3], [2, 3], [0, 2], [2, 6], [2, 5], [3, 5]]
+    fixed, load = np.zeros((7, 2), bool), np.zeros((7, 2))
+    fixed[0], load[1] = True, [12.31509743275515, -12.31509743275515]
+    net = latinpc.Structure(nodes, links, "cable", 92534.38770778175, initial_elongation=0.01, fixed=fixed, load=load,
+                            geometry="large")  # fmt: skip
+    found = net.solve()
+    length, force = np.sqrt(8.0) - 0.01, np.linalg.norm(load[1])
+    way = np.array([1.0, -1.0]) / np.sqrt(2.0)
+    assert found.converged
+    assert found.displacements[1] == pytest.approx((np.sqrt(8.0) + length + force / 92534.38770778175) * way, abs=1e-3)

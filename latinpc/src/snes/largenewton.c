@@ -132,7 +132,7 @@ static PetscErrorCode LatinLargeStep_Private(SNES newton, SNES snes, PetscInt it
   LatinLarge        *large  = &data->large;
   const PetscReal    before = it > 1 ? large->error : PETSC_MAX_REAL;
   PetscReal          tensions;
-  PetscBool          small = (PetscBool)(step <= LATIN_LARGE_PROOF * data->target);
+  PetscBool          small = (PetscBool)(step <= LATIN_LARGE_PROOF * data->target), far;
   KSPConvergedReason linear;
   PetscInt           stages, last;
   KSP                ksp;
@@ -153,6 +153,7 @@ static PetscErrorCode LatinLargeStep_Private(SNES newton, SNES snes, PetscInt it
     large->first_step[1] = large->stretch;
   }
   if (small) PetscCall(LatinLargeError_Private(newton, large, step, u, r, &large->error, &tensions));
+  PetscCall(LatinEquilibriumFar_Private(large->frame->turns, u, &far));
   PetscCall(DMRestoreGlobalVector(large->frame->dm, &r));
   PetscCall(PetscInfo(snes, "Newton's method, step %" PetscInt_FMT ": %g, estimated error %g of %g, of tensions %g, forces without balance %g of %g\n", it, (double)step, (double)large->error, (double)data->target, (double)tensions, (double)fnorm,
                       (double)large->balance));
@@ -162,6 +163,7 @@ static PetscErrorCode LatinLargeStep_Private(SNES newton, SNES snes, PetscInt it
   if (linear == KSP_DIVERGED_INDEFINITE_MAT) *reason = SNES_DIVERGED_LINEAR_SOLVE;
   else if (it > 1 && large->ahead && step > LATIN_LARGE_ASTRAY) *reason = SNES_DIVERGED_DTOL; /* it wanders */
   else if (linear > 0 && small && !large->softer && large->error <= data->target && tensions <= SNESLatinTensionTarget(data) && fnorm <= large->balance) *reason = SNES_CONVERGED_SNORM_RELATIVE;
+  else if (far && fnorm > large->balance && step < LATIN_LARGE_ROUND * data->estimate.floor) *reason = SNES_DIVERGED_DTOL; /* displacements that leap away hide any step */
   else if (large->error > LATIN_LARGE_SHRINK * before && step < LATIN_LARGE_ROUND * data->estimate.floor) {
     large->error = PetscMax(step, data->estimate.floor);
     *reason      = large->error <= data->target ? SNES_CONVERGED_SNORM_RELATIVE : SNES_DIVERGED_LOCAL_MIN;

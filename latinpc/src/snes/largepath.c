@@ -471,6 +471,7 @@ PetscErrorCode SNESLatinLargeRun_Private(SNES snes)
   }
   if (!struts || structure->midpoint || data->stop == LATIN_STOP_REFERENCE || (snes->ops->converged && snes->ops->converged != SNESConvergedDefault) || (data->warm && data->has_state && !large->solution)) {
     PetscCall(SNESLatinLargeIterate_Private(snes));
+    if (!struts) PetscCall(SNESLatinLargeConvex_Private(snes));
     large->reached = LatinNextConverged(data->next) ? 1.0 : 0.0;
     PetscCall(VecDestroy(&large->solution));
     PetscFunctionReturn(0);
