@@ -14,11 +14,14 @@ from latinpc.laws import Law
 if TYPE_CHECKING:
     from latinpc.structure import Structure
 
-__all__ = ["borne", "moving", "softest"]
+    from .modes import Modes
+
+__all__ = ["borne", "moving", "slackening", "softest"]
 
 STEPS = 20  # of inverse iteration: at a limit point the least stiffness is far below the next
 SHIFT = 1e-11  # of the mean diagonal
 STILL = 1e-6  # change of the motion between two of them
+NAMED = 5  # links in a sentence
 PART = 0.5  # of the largest displacement: nodes that move
 
 
@@ -128,3 +131,32 @@ def moving(mode: np.ndarray) -> np.ndarray:
     """Return the nodes that a mode moves most, those that it moves furthest first."""
     size = np.linalg.norm(mode, axis=1)
     return np.argsort(-size, kind="stable")[: np.count_nonzero(size >= PART * size.max())]
+
+
+def slackening(found: Modes, rates: np.ndarray, base: float) -> list[str]:
+    """Return a sentence on the links that are the first to slacken, if they do before the least factor.
+
+    Parameters
+    ----------
+    found : Modes
+        Of buckling.
+    rates : (m,) array
+        By how much all of the loads once more change the tensions (N).
+    base : float
+        The factor at the state.
+    """
+    law, tensions = found.structure.law, found.tensions
+    pulled, pushed = (law == Law.CABLE) & (tensions > 0.0), (law == Law.COMPRESSION_ONLY) & (tensions < 0.0)
+    loses = np.flatnonzero((pulled & (rates < 0.0)) | (pushed & (rates > 0.0)))
+    if not (loses.size and found.values.size):
+        return []
+    factors = base - tensions[loses] / rates[loses]
+    least = factors.min()
+    if least >= found.values[0]:
+        return []
+    first = loses[factors - least <= 1e-3 * abs(least - base)]  # by symmetry at once
+    named = found.structure.link_names(first[:NAMED], first.size > NAMED)
+    return [
+        f"the loads slacken links {named} at a factor of about {least:.3g}, below the least one: factors hold while"
+        " links that are taut stay so, and the structure may buckle there; solve with growing loads"
+    ]

@@ -11,9 +11,10 @@ from numpy.typing import ArrayLike
 from petsc4py import PETSc
 
 from latinpc import solvers
-from latinpc.laws import RIGID, Law
+from latinpc.laws import RIGID
 from latinpc.options import default_options
 
+from .limit import slackening
 from .notices import SolveError, warn
 
 if TYPE_CHECKING:
@@ -453,29 +454,10 @@ def _factors(problem, number, load, base):
     factors = [base - 1.0 / (largest * value) for value in values]
     found = problem.modes(True, factors, vectors, residuals=residuals, mechanisms=np.zeros(len(values), bool))
     found.notices = notices if count else ["no positive factor: multiples of these loads do not buckle the state"]
-    found.notices += _slackening(found, rates, base)
+    found.notices += slackening(found, rates, base)
     for thing in (G, f, moved):
         thing.destroy()
     return found
-
-
-def _slackening(found, rates, base):
-    """Return a sentence on the links that are the first to slacken, if they do before the least factor."""
-    law, tensions = found.structure.law, found.tensions
-    pulled, pushed = (law == Law.CABLE) & (tensions > 0.0), (law == Law.COMPRESSION_ONLY) & (tensions < 0.0)
-    loses = np.flatnonzero((pulled & (rates < 0.0)) | (pushed & (rates > 0.0)))
-    if not (loses.size and found.values.size):
-        return []
-    factors = base - tensions[loses] / rates[loses]
-    least = factors.min()
-    if least >= found.values[0]:
-        return []
-    first = loses[factors - least <= 1e-3 * abs(least - base)]  # by symmetry at once
-    named = found.structure.link_names(first[:_NAMED], first.size > _NAMED)
-    return [
-        f"the loads slacken links {named} at a factor of about {least:.3g}, below the least one: factors hold while"
-        " links that are taut stay so, and the structure may buckle there; solve with growing loads"
-    ]
 
 
 def _below(A, B, value):

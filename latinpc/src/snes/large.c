@@ -9,17 +9,16 @@
    configuration, do not carry over.
 */
 
-#define LATIN_LARGE_CARRIED 4.0  /* times the size of the structure: displacements along the loads from which cables are taut */
-#define LATIN_LARGE_NEAR    2e-2 /* estimated error from which on Newton's method is tried */
-#define LATIN_LARGE_FAR     0.01 /* where it has failed it is tried again when the error is so much smaller */
-#define LATIN_LARGE_WINDOW  8    /* linear stages that show their progress; 12 take a few more to the end, 6 too little progress */
-#define LATIN_LARGE_GROW    2    /* times as many after operators have been made anew: with 1 small saddles take half as many set-ups again, with 4 large ones twice the stages */
-#define LATIN_LARGE_MOST    40   /* times that Newton's method gets operators of the tangent stiffness: after the iteration it needs 1 to 11 */
-#define LATIN_LARGE_LONG    20   /* linear stages of Newton's method after which it gets new operators: with 30 a bridge takes 53 in the place of 28 */
-#define LATIN_LARGE_COST    30   /* linear stages that take as long as a set-up, in time steps and where the solvers do not say what they cost */
-#define LATIN_LARGE_FIXED   5.0  /* the same of a set-up that takes no operations */
-#define LATIN_LARGE_RATE    0.2  /* the same for each operation on a byte of the factors: saddles 7 to 18, a network of 8,000 nodes 34 */
-#define LATIN_LARGE_CREEP   3    /* set-ups of Newton's method in which the forces without balance halve, or the links that change, or it creeps */
+#define LATIN_LARGE_NEAR   2e-2 /* estimated error from which on Newton's method is tried */
+#define LATIN_LARGE_FAR    0.01 /* where it has failed it is tried again when the error is so much smaller */
+#define LATIN_LARGE_WINDOW 8    /* linear stages that show their progress; 12 take a few more to the end, 6 too little progress */
+#define LATIN_LARGE_GROW   2    /* times as many after operators have been made anew: with 1 small saddles take half as many set-ups again, with 4 large ones twice the stages */
+#define LATIN_LARGE_MOST   40   /* times that Newton's method gets operators of the tangent stiffness: after the iteration it needs 1 to 11 */
+#define LATIN_LARGE_LONG   20   /* linear stages of Newton's method after which it gets new operators: with 30 a bridge takes 53 in the place of 28 */
+#define LATIN_LARGE_COST   30   /* linear stages that take as long as a set-up, in time steps and where the solvers do not say what they cost */
+#define LATIN_LARGE_FIXED  5.0  /* the same of a set-up that takes no operations */
+#define LATIN_LARGE_RATE   0.2  /* the same for each operation on a byte of the factors: saddles 7 to 18, a network of 8,000 nodes 34 */
+#define LATIN_LARGE_CREEP  3    /* set-ups of Newton's method in which the forces without balance halve, or the links that change, or it creeps */
 
 /* Does Newton's method follow the iteration? */
 static PetscBool SNESLatinLargeProves(const SNES_Latin *data)
@@ -435,35 +434,5 @@ PetscErrorCode SNESLatinLargeIterate_Private(SNES snes)
     } else if (data->next == LATIN_NEXT_NEWTON_FINISH) PetscCall(SNESLatinLargeProve_Private(snes, &done));
     else done = PETSC_TRUE;
   }
-  PetscFunctionReturn(0);
-}
-
-/*
-   Where the iteration over links that only pull or push leaps away it proves nothing: their energy is convex. An interior-point method goes down it,
-   from where loads may carry their nodes: there links are taut, and no node has to pass its support. Collective on snes
-*/
-PetscErrorCode SNESLatinLargeConvex_Private(SNES snes)
-{
-  SNES_Latin          *data      = (SNES_Latin *)snes->data;
-  const LatinStructure structure = data->large.frame->turns;
-  PetscBool            done      = PETSC_FALSE, far;
-  PetscReal            size, prescribed, most;
-  Vec                  away;
-
-  PetscFunctionBegin;
-  PetscCall(LatinEquilibriumFar_Private(structure, snes->vec_sol, &far));
-  if (data->next != LATIN_NEXT_DIVERGED && !(far && data->next == LATIN_NEXT_ROUNDING)) PetscFunctionReturn(0);
-  if (structure->midpoint || !SNESLatinLargeProves(data)) PetscFunctionReturn(0);
-  PetscCall(DMGetGlobalVector(structure->dm, &away));
-  PetscCall(VecCopy(snes->vec_sol, away));
-  PetscCall(LatinStructureSize_Private(structure, &size, &prescribed));
-  PetscCall(VecZeroEntries(snes->vec_sol));
-  PetscCall(SNESComputeFunction(snes, snes->vec_sol, snes->vec_func));
-  PetscCall(VecNorm(snes->vec_func, NORM_INFINITY, &most));
-  if (most > 0.0) PetscCall(VecAXPY(snes->vec_sol, -LATIN_LARGE_CARRIED * size / most, snes->vec_func));
-  PetscCall(SNESLatinLargeInterior_Private(snes, NULL, &done));
-  if (!done) data->next = LATIN_NEXT_DIVERGED;
-  if (!done) PetscCall(VecCopy(away, snes->vec_sol));
-  PetscCall(DMRestoreGlobalVector(structure->dm, &away));
   PetscFunctionReturn(0);
 }

@@ -278,7 +278,7 @@ PETSC_INTERN PetscErrorCode LatinPathBetween_Private(LatinStructure, Vec mean, V
 PETSC_INTERN PetscErrorCode LatinPathMode_Private(SNES, Vec u, Vec mode); /* snes/largemode.c */
 PETSC_INTERN PetscErrorCode SNESLatinLargeRigid_Private(SNES);
 PETSC_INTERN PetscErrorCode SNESLatinLargeInterior_Private(SNES, PetscReal tension[], PetscBool *done);
-PETSC_INTERN PetscErrorCode SNESLatinLargeConvex_Private(SNES);
+PETSC_INTERN PetscErrorCode SNESLatinLargeConvex_Private(SNES); /* snes/largeconvex.c */
 PETSC_INTERN PetscErrorCode SNESLatinLargeRenew_Private(SNES, LatinFrameType);
 PETSC_INTERN PetscErrorCode SNESLatinLargeCorrect_Private(SNES, Vec u, Vec ahead, PetscReal *norm);
 PETSC_INTERN PetscErrorCode SNESLatinLargeState_Private(SNES);
