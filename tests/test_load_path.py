@@ -212,3 +212,26 @@ def test_the_error_asked_for_is_met(number, error):
     result = loaded.solve(error=error)
     assert result.converged
     assert np.linalg.norm(result.displacements - exact) <= error * np.linalg.norm(exact)
+
+
+@pytest.mark.parametrize("pushed", [False, True])
+def test_forces_that_are_no_loads_bear_no_part_of_them(pushed):
+    """Prestress that does not hold its structure: 1.008 and -0.28 of the loads had been borne."""
+    shapes = {
+        False: (
+            [[-1, 2], [-2, 2], [-1, 2], [2, 0], [2, -2]],
+            [[1, 3], [1, 4], [2, 4], [3, 4]],
+            [0.01, 0.01, 0.06, 0.07],
+        ),
+        True: ([[0, 1], [0, -2], [2, -1], [2, 0], [2, -1]], [[0, 3], [1, 4], [2, 3], [3, 4]], [0.07] * 4),
+    }
+    nodes, links, elongation = shapes[pushed]
+    fixed, load = np.zeros((5, 2), bool), np.zeros((5, 2))
+    fixed[:2] = True
+    load[2:] = [[0, 10], [0, -10], [0, 0]] if pushed else [[0, 0], [10, 10], [0, -10]]
+    bars = latinpc.Structure(nodes, links, "bar", 1e4, initial_elongation=elongation, fixed=fixed, load=load,
+                             geometry="large")  # fmt: skip
+    with pytest.warns(latinpc.LatinWarning, match="no stable equilibrium was found without loads|is a mechanism"):
+        result = bars.solve()
+    assert not result.converged
+    assert result.report["load_factor"] == 0.0

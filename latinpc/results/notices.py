@@ -49,7 +49,8 @@ _DRAWN = {
     "mechanism": "the structure as drawn is a mechanism that no prestress holds: prescribe more displacements or add"
     " links",
     "unstable": "the structure as drawn is unstable: its prestress makes it buckle",
-    "soft": "the structure buckles under less than 1 % of the loads",
+    "soft": "no stable equilibrium was found without loads, or under less than 1 % of them: the structure buckles, or"
+    " its prestress does not hold it",
 }
 DTOL = PETSc.SNES.ConvergedReason.DIVERGED_DTOL
 

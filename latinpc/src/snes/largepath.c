@@ -88,13 +88,13 @@ typedef struct {
   PetscBool passed;
 } LatinPathTarget;
 
-/* A path: loads that grow from `first` to `whole`, an equilibrium u on it; by how much the whole path would move it by the tangent stiffness there, and at the end of an increment; work vectors; targets, the nearest last; an increment has taken the interior-point method */
+/* A path: loads that grow from `first` to `whole`, an equilibrium u on it; by how much the whole path would move it by the tangent stiffness there, and at the end of an increment; work vectors; targets, the nearest last; an increment has taken the interior-point method; forces that are none of the loads hold where it starts */
 typedef struct {
   Vec             first, whole, u, ahead, back, more, step;
   PetscReal       far; /* l2 norm of ahead */
   LatinPathTarget target[LATIN_PATH_TARGETS];
   PetscInt        targets;
-  PetscBool       kinks;
+  PetscBool       kinks, held;
 } LatinPath;
 
 /* The right-hand side of snes for this part of the path. Collective on snes */
@@ -173,7 +173,7 @@ static PetscErrorCode LatinPathFirst_Private(LatinStructure structure, const Lat
    Is there a stable equilibrium u without loads, that a path may start from: the drawn configuration, or where its tensions move it? Where these are
    not found to lead anywhere, forces that hold it as drawn are taken away while the loads grow. Collective on snes
 */
-static PetscErrorCode LatinPathStarts_Private(SNES snes, const LatinPath *path, PetscBool *starts)
+static PetscErrorCode LatinPathStarts_Private(SNES snes, LatinPath *path, PetscBool *starts)
 {
   SNES_Latin *data = (SNES_Latin *)snes->data;
   PetscReal   left, loads;
@@ -193,6 +193,7 @@ static PetscErrorCode LatinPathStarts_Private(SNES snes, const LatinPath *path, 
   if (*starts) PetscFunctionReturn(0);
   PetscCall(VecZeroEntries(path->u));
   PetscCall(LatinPathHeld_Private(snes, path, starts));
+  path->held = *starts;
   if (*starts) PetscCall(LatinPathFirst_Private(data->large.frame->turns, path));
   PetscFunctionReturn(0);
 }
@@ -415,7 +416,7 @@ static PetscErrorCode LatinPathFollow_Private(SNES snes, LatinPath *path, PetscB
 }
 
 /* Where a path starts: from the last solution or a guess that is stable, and the loads that these bear, or without loads. Collective on snes */
-static PetscErrorCode LatinPathStart_Private(SNES snes, const LatinPath *path, PetscBool *from)
+static PetscErrorCode LatinPathStart_Private(SNES snes, LatinPath *path, PetscBool *from)
 {
   SNES_Latin    *data      = (SNES_Latin *)snes->data;
   LatinStructure structure = data->large.frame->turns;
@@ -437,7 +438,7 @@ static PetscErrorCode LatinPathStart_Private(SNES snes, const LatinPath *path, P
   PetscFunctionReturn(0);
 }
 
-/* The part of the loads that the displacements bear: those of the path so far, along its last ones. Collective on snes */
+/* The part of the loads that the displacements bear: those of the path so far, along its last ones; none while forces hold them that are none of the loads. Collective on snes */
 static PetscErrorCode LatinPathBorne_Private(const LatinPath *path, PetscReal *reached)
 {
   PetscScalar both, whole;
@@ -445,7 +446,8 @@ static PetscErrorCode LatinPathBorne_Private(const LatinPath *path, PetscReal *r
   PetscFunctionBegin;
   PetscCall(VecDot(path->first, path->whole, &both));
   PetscCall(VecDot(path->whole, path->whole, &whole));
-  if (PetscRealPart(whole) > 0.0) *reached += (1.0 - *reached) * PetscRealPart(both / whole);
+  if (path->held && *reached < 1.0) *reached = 0.0;
+  else if (PetscRealPart(whole) > 0.0) *reached += (1.0 - *reached) * PetscRealPart(both / whole);
   PetscFunctionReturn(0);
 }
 
