@@ -1,6 +1,7 @@
 """Drawings: points merged, grids raised and braced, nodes chosen by conditions, edges of faces."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -102,3 +103,14 @@ def test_faces_give_each_edge_once(tmp_path):
     for kind in ("obj", "json"):
         scene = latinpc.read(tmp_path / f"a.{kind}", EA=1.0, support="y=0")
         assert len(scene.links) == 5 and scene.metadata["notes"] == []
+
+
+def test_envelopes_give_a_place_once():
+    """Links of DXF drawings are named by their places."""
+    pytest.importorskip("ezdxf")
+    drawing = Path(__file__).parents[1] / "docs" / "tutorial" / "dome.dxf"
+    dome = latinpc.read(drawing, scale=0.001, EA=8e7, support="z=min", load="z=-5e3:z>0")
+    text = repr(latinpc.solve_cases(dome, [latinpc.Case("dead"), latinpc.Case("again")]))
+    for line in text.splitlines():
+        if line.startswith(("highest", "lowest")):
+            assert line.count("(") == 2 and " to " not in line and line.endswith(" m")

@@ -42,8 +42,10 @@ def extremes(cases):
     for label, forces, case, extreme in (("highest", highest, high, np.argmax), ("lowest", lowest, low, np.argmin)):
         if np.isfinite(forces).all():
             link = int(extreme(forces))
-            ends = " to ".join(f"({', '.join(f'{x:.4g}' for x in scene.nodes[end])})" for end in scene.links[link])
-            where = f"in case {cases.names[case[link]]}: link {scene.link_name(link)}, {ends} m"
+            name, places = scene.link_name(link), scene.nodes[scene.links[link]]
+            ends = " to ".join(f"({', '.join(f'{x:.4g}' for x in place)})" for place in places)
+            said = f"{name} m" if name.startswith("(") else f"{name}, {ends} m"  # a drawing has places for names
+            where = f"in case {cases.names[case[link]]}: link {said}"
             lines.append((label, f"{quantity(forces[link], 'N')} {where}"))
     lines += _reactions(cases)
     often = cases.slack_cases()

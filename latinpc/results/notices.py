@@ -109,6 +109,9 @@ def _no_equilibrium(snes, structure):
         return [f"no equilibrium: the gaps of the rigid links {rigid} are incompatible"]
     if unsupported and np.isinf(distance):
         return [f"no equilibrium: slack links no longer hold nodes {named}"]
+    if unsupported and (structure.law == Law.FRICTION).any():
+        text = "they slide or fall, or it has not been found how friction holds them: no theorem says that it is"
+        return [f"contacts that bear do not hold nodes {named}: {text}"]
     if unsupported:
         text = "their loads are small beside the stiffness of the links that stop them, or there is no equilibrium"
         return [f"slack links do not hold nodes {named} yet: {text}"]
