@@ -192,7 +192,7 @@ static PetscErrorCode LatinTreeRows_Private(LatinTree *tree, ISLocalToGlobalMapp
   for (PetscInt r = 0; r < tree->n; r++)
     if (sorted[r] < 0 || (r && sorted[r] == sorted[r - 1])) wrong = 1;
   PetscCall(PetscFree(sorted));
-  qsort(l, (size_t)tree->rest, sizeof(*l), LatinSharedCompare);
+  if (tree->rest) qsort(l, (size_t)tree->rest, sizeof(*l), LatinSharedCompare);
   for (PetscInt i = 0; i < tree->rest; i++) tree->row[i] = l[i].row;
   if (owned != layout->n) wrong = 1;
   PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &wrong, 1, MPI_INT, MPI_MAX, tree->comm));
