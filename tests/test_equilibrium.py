@@ -187,20 +187,44 @@ def test_rigid_links_that_bear_little_are_found_taut(seed, number, family):
     assert judge(draw(seed, number, family), {})["verdict"] == "right"
 
 
-@pytest.mark.parametrize("law", [Law.BAR, Law.CABLE])
-@pytest.mark.parametrize("slope", [1e-3, 1e-6, 1e-9, 1e-10, 1e-12])
-def test_a_node_that_prestress_holds_between_links_that_are_nearly_straight(slope, law):
-    """It stays: prestress bears the load. The first stage throws it to the slack cable: 2 k slope^2 pushes back."""
+def nearly_straight(law, slope, angle=0.0):
+    """A node that prestress holds against its load, between links that are nearly straight; a cable is slack."""
+    turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
     nodes = np.array([[-1.0, slope], [0.0, 0.0], [1.0, slope], [0.2, -1.0]])
     fixed, load = np.ones((4, 2), dtype=bool), np.zeros((4, 2))
     fixed[1], load[1, 1] = False, -1e-9
     prestress = 0.5e-9 / slope * np.hypot(1.0, slope)
-    links, strains = [[0, 1], [1, 2], [1, 3]], [prestress, prestress, -1.0]
-    s = latinpc.Structure(nodes, links, [law, law, Law.CABLE], 1.0, initial_elongation=strains, fixed=fixed, load=load)
+    return latinpc.Structure(
+        nodes @ turn,
+        [[0, 1], [1, 2], [1, 3]],
+        [law, law, Law.CABLE],
+        1.0,
+        initial_elongation=[prestress, prestress, -1.0],
+        fixed=fixed,
+        load=load @ turn,
+    ), prestress
+
+
+@pytest.mark.parametrize("law", [Law.BAR, Law.CABLE])
+@pytest.mark.parametrize("slope", [1e-3, 1e-4, 1e-9, 1e-10, 1e-12])
+def test_a_node_that_prestress_holds_between_links_that_are_nearly_straight(slope, law):
+    """It stays: prestress bears the load. The first stage throws it to the slack cable: 2 k slope^2 pushes back."""
+    s, prestress = nearly_straight(law, slope)
     found = s.solve()
     assert found.converged == (slope > 1e-11)
     if found.converged:
         assert abs(found.displacements).max() <= 1e-15 * prestress / slope  # what rounding of the prestress moves
+
+
+@pytest.mark.parametrize("angle", [0.3, 0.5, 1.0, 1.9])
+@pytest.mark.parametrize("slope", [1e-2, 1e-3, 1e-6, 1e-7, 1e-8])
+def test_the_same_in_any_direction(slope, angle):
+    """Forces along two axes do not cancel to the last digit: the node stays, or moves by rounding alone."""
+    s, _ = nearly_straight(Law.BAR, slope, angle)
+    found = s.solve()
+    assert found.converged == (slope > 1e-4)
+    if found.converged:
+        assert abs(found.displacements).max() <= 1e-15
 
 
 @pytest.mark.parametrize("room, holds", [(1e-9, True), (0.0, True), (-2e-9, False)])

@@ -8,6 +8,7 @@
 
    - with the row sums D of the stiffness, which is D at most, an energy error is that of D^-1 r at least, an l2 error about;
    - a node between links that are nearly straight is far softer along its displacement than D says, and r moves it by more;
+     so does rounding of the directions of their tensions, where prestress holds it: that counts as no error, and leaves fewer digits;
    - in a motion masses alone may hold the structure, and M / h^2 is soft beside links: for the translations t of all free
      displacements, and for u, t.r = t.K e for the error e, so that |e| >= |t.r| / |K t|;
    - the ends of a rigid link that bears are apart by its gap: by what they miss it, u is wrong by 1 / sqrt(2) at least;
@@ -41,7 +42,7 @@ typedef struct {
   PetscReal hidden;                       /* squares of the rounding of r */
   PetscReal left, all, load, bearing;     /* squares of r beyond rounding and of all of it, of the loads, of what links bear at nodes */
   PetscReal moved[4], stiff[4], noise[4]; /* t.r, squares of K t, rounding of t.r: translations, then u */
-  PetscReal along;                        /* squares of what each node is wrong by along its displacement */
+  PetscReal along, blur;                  /* squares of what each node is wrong by along its displacement, and of what rounded directions of tensions move it along that */
   PetscReal u[2], hides[2];               /* squares of u, and of what rounding of r moves, in the norm of D and the l2 norm */
 } LatinNodalSums;
 
@@ -203,6 +204,7 @@ static void LatinSumNode(const LatinNode *at, PetscInt dim, PetscBool energy, La
   if (!(held > 0.0) || at->closed[push > 0.0 ? 1 : 0] > 0.0) return; /* r is B^t tau(u) - F */
   push = PetscMax(0.0, PetscAbsReal(push) - at->hides);
   sum->along += (energy ? held : size) * PetscSqr(PetscMin(1.0, push / held));
+  sum->blur += (energy ? held : size) * PetscSqr(PetscMin(1.0, 0.5 * PETSC_MACHINE_EPSILON * at->turns / held));
 }
 
 /* What the nodes visited add up to */
@@ -275,6 +277,7 @@ PetscErrorCode LatinEquilibriumCheck_Private(Latin latin, Vec u, Vec r, Vec more
   if (sum.left > 0.0 || sum.load > 0.0) found->forces = PetscSqrtReal(LatinRatio(sum.all, PetscMax(sum.bearing, sum.load)));
   norm = energy ? PetscSqrtReal(balance.sum.energy) : size;
   if (norm > 0.0) found->error = PetscMax(LATIN_FORCE_FACTOR * PetscSqrtReal(sum.error), PetscSqrtReal(sum.along)) / norm;
+  if (norm > 0.0) found->blur = PetscSqrtReal(sum.blur) / norm;
   for (PetscInt d = 0; d < 4 && structure->ground && !energy && norm > 0.0; d++)
     if (sum.stiff[d] > 0.0) found->error = PetscMax(found->error, LATIN_MOVED_FACTOR * (PetscAbsReal(sum.moved[d]) - sum.noise[d]) / (PetscSqrtReal(sum.stiff[d]) * norm));
   missed = PetscMax(missed / PETSC_SQRT2, found->distance);

@@ -54,6 +54,7 @@ typedef struct {
   PetscReal bearing;        /* its size, and |tau| of elastic links */
   PetscReal gaps;           /* times eps: rounding of the tensions, gaps included */
   PetscReal held, hides;    /* along its displacement: twice the work of links that bear, and that of their rounding */
+  PetscReal turns;          /* times eps: the part of it that rounded directions of tensions make */
   PetscReal slack;          /* the work to be taken off r.u: of the tensions of links that may bear or not */
   PetscReal closed[2];      /* such links which its displacement, and the way back, would strain */
   PetscReal resistance;     /* 1 / displacement of the node at which its links hold the force without balance */
@@ -84,6 +85,7 @@ typedef enum {
 typedef struct {
   LatinVerdict verdict;
   PetscReal    error;              /* the displacements are wrong by this at least, relative */
+  PetscReal    blur;               /* of the displacements: what rounded directions of tensions move nodes along theirs */
   PetscReal    unbalance;          /* forces without balance beyond rounding, l2 norm, relative to the loads; where there are none, to the tensions */
   PetscReal    left;               /* the same as a force */
   PetscReal    rounding;           /* forces that rounding hides, relative to the loads */

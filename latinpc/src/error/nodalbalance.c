@@ -70,9 +70,10 @@ static PetscReal LatinResistance(Latin latin, PetscInt l, PetscReal x, PetscReal
 
 /*
    What one link adds along the displacement of one of its ends, which is `own` of its elongation. Where rounding hides whether it bears, its tension counts for
-   nothing, and that way which would strain it is closed; so are both ways of a rigid link that bears or touches. reach: of numbers that are rounded
+   nothing, and that way which would strain it is closed; so are both ways of a rigid link that bears or touches. each: of the components of that displacement by themselves;
+   a link across it is no hold. reach: of numbers that are rounded
 */
-static void LatinNodalAlong(Latin latin, PetscInt l, PetscReal x, PetscReal tension, PetscReal reach, PetscReal own, LatinNode *at)
+static void LatinNodalAlong(Latin latin, PetscInt l, PetscReal x, PetscReal tension, PetscReal reach, PetscReal own, PetscReal each, LatinNode *at)
 {
   const LatinStructure structure = latin->sub.structure;
   const PetscReal      sign      = LatinLawSign(structure->law[l]);
@@ -83,9 +84,10 @@ static void LatinNodalAlong(Latin latin, PetscInt l, PetscReal x, PetscReal tens
     at->slack -= tension * own;
     if (sign * own > 0.0 || (rigid && own != 0.0)) at->closed[0] += 1.0;
     if (sign * own < 0.0 || (rigid && own != 0.0)) at->closed[1] += 1.0;
-  } else if (!rigid && LatinStructureTangent(structure, l, x) > 0.0) {
+  } else if (!rigid && LatinStructureTangent(structure, l, x) > 0.0 && PetscAbsReal(own) > LATIN_GAP_NOISE * PETSC_MACHINE_EPSILON * each) {
     at->held += 2.0 * LatinStructureTangent(structure, l, x) * PetscSqr(own);
-    at->hides += latin->sub.link_stiffness[l] * noise * PetscAbsReal(own);
+    at->hides += noise * latin->sub.link_stiffness[l] * PetscAbsReal(own) + LATIN_GAP_NOISE * PETSC_MACHINE_EPSILON * PetscAbsReal(tension) * each; /* an elongation acts along its link, and each component of its force is rounded */
+    at->turns += PetscMax(0.0, PetscAbsReal(tension) - noise * latin->sub.link_stiffness[l]) * each;
   }
 }
 
@@ -134,7 +136,7 @@ static void LatinNodalAddLink(LatinNodalBalance *balance, PetscInt l, PetscScala
   if (to[0] >= first && to[0] < last) LatinNodalSum(balance, l, x, e, tension, moves[3], ends);
   for (PetscInt i = 0; i < 2; i++) {
     const PetscScalar *r     = a[LATIN_AT_R] + dim * to[i];
-    PetscReal          along = 0.0, push = 0.0, own = 0.0; /* elongation by the displacement of this end */
+    PetscReal          along = 0.0, push = 0.0, own = 0.0, each = 0.0; /* elongation by the displacement of this end, and by each of its components */
     LatinNode         *at;
 
     if (to[i] < first || to[i] >= last) continue;
@@ -143,6 +145,7 @@ static void LatinNodalAddLink(LatinNodalBalance *balance, PetscInt l, PetscScala
       const PetscReal cosine = PetscAbsReal(n[c]);
 
       own += (i ? n[c] : -n[c]) * PetscRealPart(a[LATIN_AT_FREE][dim * to[i] + c] * a[LATIN_AT_U][dim * to[i] + c]);
+      each += cosine * PetscAbsScalar(a[LATIN_AT_FREE][dim * to[i] + c] * a[LATIN_AT_U][dim * to[i] + c]);
       at->stiffness[c] += 2.0 * possible * cosine * all;
       at->rounding[c] += cosine * (k * (ends + (rigid ? 0.0 : e0)) + (rigid ? tension : 0.0)); /* a gap makes no force, and is without end where a contact takes no part in a step */
       for (PetscInt d = 0; d < dim; d++) at->translation[3 * d + c] += k * cosine * PetscAbsReal(moves[d]);
@@ -155,7 +158,7 @@ static void LatinNodalAddLink(LatinNodalBalance *balance, PetscInt l, PetscScala
     at->tension += tension;
     at->bearing += rigid ? 0.0 : tension;
     at->gaps += k * (ends + e0) + tension;
-    LatinNodalAlong(latin, l, x, bears, e0 + ends, own, at);
+    LatinNodalAlong(latin, l, x, bears, e0 + ends, own, each, at);
     if (push > 0.0) at->resistance += LatinResistance(latin, l, x, along / push, push);
   }
 }

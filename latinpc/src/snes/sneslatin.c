@@ -88,9 +88,11 @@ static PetscErrorCode SNESLatinProveDigits_Private(SNES snes)
   if (size <= least && data->found.balanced) PetscFunctionReturn(0); /* nothing moves */
   PetscCall(LatinEstimateFloor_Private(data->latin, &data->estimate));
   data->estimate.value = data->newton.error;
-  if ((data->estimate.floor <= data->target && data->newton.error <= data->target) || data->estimate.energy || (rigid && (data->newton.error <= data->target || data->next == LATIN_NEXT_CONVERGED_FNORM)) || data->large.frame) PetscFunctionReturn(0);
+  if ((PetscMax(data->estimate.floor, LATIN_DIGITS_SAFETY * data->found.blur) <= data->target && data->newton.error <= data->target) || data->estimate.energy ||
+      (rigid && (data->newton.error <= data->target || data->next == LATIN_NEXT_CONVERGED_FNORM)) || data->large.frame)
+    PetscFunctionReturn(0);
   if (!rigid) PetscCall(LatinGetDigits(snes, &unbalance, &rounding, NULL, NULL));
-  data->estimate.floor = rigid ? data->newton.error : LATIN_DIGITS_SAFETY * PetscMax(unbalance, rounding);
+  data->estimate.floor = rigid ? data->newton.error : LATIN_DIGITS_SAFETY * PetscMax(PetscMax(unbalance, rounding), data->found.blur);   /* slack links that keep a little hide how soft nodes are */
   data->estimate.value = data->newton.error <= data->target ? PetscMax(data->newton.error, data->estimate.floor) : data->estimate.floor; /* a step says how far the displacements before it were */
   if (data->estimate.value <= data->target || data->latin->sub.structure->ground) PetscFunctionReturn(0);                                /* a step of a motion that has come to rest is one as far as rounding lets it */
   data->next = LATIN_NEXT_ROUNDING;
