@@ -3,6 +3,7 @@
 import numpy as np
 import oracle
 import pytest
+from petsc4py import PETSc
 from support import (
     ALL_VARIANTS,
     PLAIN,
@@ -104,6 +105,15 @@ def test_acceleration_ends_where_the_plain_iteration_does(name, variant):
     assert result.reason > 0
     assert far(result.u, reference) < 1e-8
     assert result.history.error_l2[-1] < 1e-8
+
+
+def test_a_leap_of_the_acceleration_is_no_divergence():
+    """Steps that are equal but for rounding throw it far away, at two loads in five; the next stages lead back."""
+    for load in 6.0 + 0.006 * np.arange(20):
+        scene = chain(law=Law.CABLE, load=load)
+        result = solve(scene, variant="macro", stol=1e-11, max_it=3000, newton="never")
+        assert result.reason != PETSc.SNES.ConvergedReason.DIVERGED_DTOL
+        assert far(result.u, oracle.newton(scene)) < 1e-6  # a leap costs digits
 
 
 @pytest.mark.parametrize("outer", ["anderson", "nrichardson", "ngmres", "qn"])

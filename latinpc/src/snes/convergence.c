@@ -232,6 +232,16 @@ static PetscErrorCode SNESLatinProve_Private(SNES snes, LatinNext *next)
   PetscFunctionReturn(0);
 }
 
+/* Does the distance of the stages grow beyond -snes_divergence_tolerance? A single leap is one of the acceleration, whose next stages lead back: unless Newton's method takes over, it ends nothing */
+static PetscBool SNESLatinGrows(SNES snes)
+{
+  SNES_Latin     *data  = (SNES_Latin *)snes->data;
+  const PetscBool leapt = data->leapt;
+
+  data->leapt = (PetscBool)(snes->divtol > 0.0 && data->latin->linear.distance > snes->divtol * data->first_distance);
+  return (PetscBool)(data->leapt && (leapt || data->newton.stall));
+}
+
 static PetscErrorCode SNESLatinDecide_Private(SNES snes, PetscReal measure, PetscReal target, PetscReal fnorm, LatinNext *next)
 {
   SNES_Latin *data  = (SNES_Latin *)snes->data;
@@ -243,7 +253,7 @@ static PetscErrorCode SNESLatinDecide_Private(SNES snes, PetscReal measure, Pets
   else if (*next == LATIN_NEXT_CONTINUE) *next = SNESLatinReached(snes, measure, target);
   if (*next == LATIN_NEXT_ROUNDING) PetscCall(PetscInfo(snes, "The error asked for, %g, is below what rounding leaves on this structure, about %g\n", (double)data->target, (double)data->estimate.floor));
   if (!SNESLatinUserTest(snes) && SNESLatinFinishes(data, measure, target, *next)) *next = LATIN_NEXT_NEWTON_FINISH;
-  if (*next == LATIN_NEXT_CONTINUE && snes->divtol > 0.0 && latin->linear.distance > snes->divtol * data->first_distance) *next = LATIN_NEXT_DIVERGED;
+  if (*next == LATIN_NEXT_CONTINUE && SNESLatinGrows(snes)) *next = LATIN_NEXT_DIVERGED;
   if (LatinNextConverged(*next)) PetscCall(SNESLatinProve_Private(snes, next));
   if (SNESLatinStalls(data, measure, target, *next)) *next = LATIN_NEXT_NEWTON_STALL;
   if (*next == LATIN_NEXT_CONTINUE && (latin->linear.applications + data->newton.stages >= snes->max_its || latin->linear.applications >= data->newton.last)) *next = LATIN_NEXT_MAX_IT;

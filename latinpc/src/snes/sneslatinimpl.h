@@ -177,6 +177,7 @@ typedef struct {
   PetscInt          history_size, done;
   PetscReal        *indicator, *error_l2, *error_energy, *estimates; /* [history_size] per linear stage; [done] filled */
   PetscReal         first_distance, first_residual, residual;
+  PetscBool         leapt;   /* the last distance was beyond the divergence tolerance */
   PetscInt          tested;  /* linear stages that the convergence test has seen */
   PetscInt          current; /* those after which the solution vector and its residual were computed, -1: never */
   LatinNext         next;
