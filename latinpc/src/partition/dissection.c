@@ -41,18 +41,19 @@ static const PetscReal LatinDirections[][3] = {
 
 typedef struct {
   PetscInt         dim;
-  PetscReal        balance;                                                            /* weight of sides that differ in size, */
-  float            larger;                                                             /* and how much larger than half METIS may make one */
-  const PetscReal *x;                                                                  /* [n][dim] */
-  idx_t           *start, *list;                                                       /* neighbours of each node, both ways */
-  idx_t           *node;                                                               /* [n] parts, one after the other */
-  idx_t           *slice;                                                              /* [n] of a direction */
-  idx_t           *side;                                                               /* [n] 1 and 2: halves of the part that is cut, 3: its separator, 0: elsewhere */
-  LatinCamd       *set, sets;                                                          /* [n] those whose order CAMD keeps */
-  idx_t           *place, *part_start, *part_list, *part_side, *part_free, *part_size; /* of a part, for METIS */
+  PetscReal        balance;                                   /* weight of sides that differ in size, */
+  float            larger;                                    /* and how much larger than half METIS may make one */
+  const PetscReal *x;                                         /* [n][dim] */
+  idx_t           *start, *list;                              /* neighbours of each node, both ways */
+  idx_t           *node;                                      /* [n] parts, one after the other */
+  idx_t           *place;                                     /* [n] of a node in the part that is cut; -1: elsewhere */
+  LatinCamd       *set, sets;                                 /* [n] those whose order CAMD keeps */
+  idx_t           *part_start, *part_list;                    /* the neighbours within the part, by their places there, as is all that follows */
+  idx_t           *part_side, *part_free, *part_size, *slice; /* 0 and 1: the halves, 2: their separator; for METIS; of a direction */
+  PetscReal       *along;                                     /* a direction */
 } LatinDissection;
 
-/* Nodes below slice `at` of a direction are on side 1, the separator is on side `on` */
+/* Nodes below slice `at` of a direction are on side 0, the separator is on side `on` */
 typedef struct {
   const PetscReal *along;
   PetscReal        low, scale; /* of slices */
@@ -60,43 +61,57 @@ typedef struct {
   idx_t            at, on;
 } LatinPlane;
 
-static inline PetscReal LatinAlong(const LatinDissection *d, const PetscReal along[3], idx_t v)
+/* Where the nodes of a part are along a direction */
+static void LatinAlong(LatinDissection *d, idx_t n, const idx_t node[], const PetscReal along[3])
 {
-  PetscReal sum = 0.0;
-
-  for (PetscInt c = 0; c < d->dim; c++) sum += along[c] * d->x[d->dim * v + c];
-  return sum;
+  for (idx_t i = 0; i < n; i++) {
+    d->along[i] = 0.0;
+    for (PetscInt c = 0; c < d->dim; c++) d->along[i] += along[c] * d->x[d->dim * node[i] + c];
+  }
 }
 
-static inline idx_t LatinSlice(const LatinDissection *d, const LatinPlane *plane, idx_t v)
+static inline idx_t LatinSlice(const LatinDissection *d, const LatinPlane *plane, idx_t i)
 {
-  return (idx_t)PetscMin((PetscReal)(LATIN_DISSECTION_CUTS - 1), (LatinAlong(d, plane->along, v) - plane->low) * plane->scale);
+  return (idx_t)PetscMin((PetscReal)(LATIN_DISSECTION_CUTS - 1), (d->along[i] - plane->low) * plane->scale);
 }
 
-/* The best plane of a direction for the nodes of a part, whose sides are not 0, if it is better than *best */
-static void LatinSweep(const LatinDissection *d, idx_t n, const idx_t node[], const PetscReal along[3], LatinPlane *best)
+/* The neighbours within a part */
+static void LatinPart(LatinDissection *d, idx_t n, const idx_t node[])
+{
+  idx_t used = 0;
+
+  for (idx_t i = 0; i < n; i++) d->place[node[i]] = i;
+  for (idx_t i = 0; i < n; i++) {
+    d->part_start[i] = used;
+    for (idx_t k = d->start[node[i]]; k < d->start[node[i] + 1]; k++)
+      if (d->place[d->list[k]] >= 0) d->part_list[used++] = d->place[d->list[k]];
+  }
+  d->part_start[n] = used;
+  for (idx_t i = 0; i < n; i++) d->place[node[i]] = -1;
+}
+
+/* The best plane of a direction for the nodes of a part, if it is better than *best */
+static void LatinSweep(LatinDissection *d, idx_t n, const idx_t node[], const PetscReal along[3], LatinPlane *best)
 {
   PetscInt   below[LATIN_DISSECTION_CUTS + 1] = {0}, left[LATIN_DISSECTION_CUTS + 1] = {0}, right[LATIN_DISSECTION_CUTS + 1] = {0}, nodes = 0, on[2] = {0, 0};
   PetscReal  high  = -PETSC_MAX_REAL;
   LatinPlane plane = {.along = along, .low = PETSC_MAX_REAL};
 
+  LatinAlong(d, n, node, along);
   for (idx_t i = 0; i < n; i++) {
-    const PetscReal at = LatinAlong(d, along, node[i]);
-
-    plane.low = PetscMin(plane.low, at);
-    high      = PetscMax(high, at);
+    plane.low = PetscMin(plane.low, d->along[i]);
+    high      = PetscMax(high, d->along[i]);
   }
   if (!(high > plane.low)) return;
   plane.scale = LATIN_DISSECTION_CUTS / (high - plane.low);
-  for (idx_t i = 0; i < n; i++) below[(d->slice[node[i]] = LatinSlice(d, &plane, node[i])) + 1]++;
+  for (idx_t i = 0; i < n; i++) below[(d->slice[i] = LatinSlice(d, &plane, i)) + 1]++;
   for (idx_t i = 0; i < n; i++) { /* a node is in the separator of the planes between it and its farthest neighbour */
-    const idx_t at  = d->slice[node[i]];
+    const idx_t at  = d->slice[i];
     idx_t       low = at, high = at;
 
-    for (idx_t k = d->start[node[i]]; k < d->start[node[i] + 1]; k++) {
-      if (!d->side[d->list[k]]) continue;
-      low  = PetscMin(low, d->slice[d->list[k]]);
-      high = PetscMax(high, d->slice[d->list[k]]);
+    for (idx_t k = d->part_start[i]; k < d->part_start[i + 1]; k++) {
+      low  = PetscMin(low, d->slice[d->part_list[k]]);
+      high = PetscMax(high, d->slice[d->part_list[k]]);
     }
     left[at + 1]++;
     left[high + 1]--;
@@ -111,36 +126,33 @@ static void LatinSweep(const LatinDissection *d, idx_t n, const idx_t node[], co
     on[1] += right[plane.at];
     share = (PetscReal)nodes / (PetscReal)n;
     if (share < LATIN_DISSECTION_LEAST || share > 1.0 - LATIN_DISSECTION_LEAST) continue;
-    plane.on    = on[0] <= on[1] ? 1 : 2;
-    plane.value = (PetscReal)on[plane.on - 1] * (1.0 + d->balance * (1.0 / (4.0 * share * (1.0 - share)) - 1.0));
+    plane.on    = on[0] <= on[1] ? 0 : 1;
+    plane.value = (PetscReal)on[plane.on] * (1.0 + d->balance * (1.0 / (4.0 * share * (1.0 - share)) - 1.0));
     if (plane.value < best->value) *best = plane;
   }
 }
 
-/* METIS moves nodes of a part between its sides and the separator */
-static PetscErrorCode LatinRefine_Private(LatinDissection *d, idx_t n, const idx_t node[])
+/* The sides of a plane and the separator, from which METIS moves nodes, and to which */
+static PetscErrorCode LatinSides_Private(LatinDissection *d, idx_t n, const idx_t node[], const LatinPlane *plane)
 {
-  idx_t used = 0;
-  int   status;
+  int status;
 
   PetscFunctionBegin;
-  for (idx_t i = 0; i < n; i++) d->place[node[i]] = i;
+  LatinAlong(d, n, node, plane->along);
   for (idx_t i = 0; i < n; i++) {
-    d->part_start[i] = used;
-    for (idx_t k = d->start[node[i]]; k < d->start[node[i] + 1]; k++)
-      if (d->side[d->list[k]]) d->part_list[used++] = d->place[d->list[k]];
-    d->part_side[i] = d->side[node[i]] - 1;
+    d->part_side[i] = LatinSlice(d, plane, i) < plane->at ? 0 : 1;
     d->part_free[i] = -1; /* to be moved to either side */
     d->part_size[i] = 1;
   }
-  d->part_start[n] = used;
-  status           = METIS_NodeRefine(n, d->part_start, d->part_size, d->part_list, d->part_side, d->part_free, d->larger);
+  for (idx_t i = 0; i < n; i++)
+    for (idx_t k = d->part_start[i]; k < d->part_start[i + 1] && d->part_side[i] == plane->on; k++)
+      if (d->part_side[d->part_list[k]] == 1 - plane->on) d->part_side[i] = 2;
+  status = METIS_NodeRefine(n, d->part_start, d->part_size, d->part_list, d->part_side, d->part_free, d->larger);
   PetscCheck(status == METIS_OK, PETSC_COMM_SELF, PETSC_ERR_LIB, "METIS could not refine a separator (status %d)", status);
-  for (idx_t i = 0; i < n; i++) d->side[node[i]] = d->part_side[i] + 1;
   PetscFunctionReturn(0);
 }
 
-/* Cuts a part: its nodes are those of side 1, of side 2, and of the separator then, count[] of each. No nodes on a side: it is not to be cut */
+/* Cuts a part: its nodes are those of one side, of the other, and of the separator then, count[] of each. No nodes on a side: it is not to be cut */
 static PetscErrorCode LatinCut_Private(LatinDissection *d, idx_t n, idx_t node[], idx_t count[3])
 {
   PetscReal  low[3] = {PETSC_MAX_REAL, PETSC_MAX_REAL, PETSC_MAX_REAL}, high[3] = {-PETSC_MAX_REAL, -PETSC_MAX_REAL, -PETSC_MAX_REAL}, extent = 0.0;
@@ -148,35 +160,28 @@ static PetscErrorCode LatinCut_Private(LatinDissection *d, idx_t n, idx_t node[]
 
   PetscFunctionBegin;
   PetscCall(PetscArrayzero(count, 3));
-  for (idx_t i = 0; i < n; i++) {
-    d->side[node[i]] = 1;
+  for (idx_t i = 0; i < n; i++)
     for (PetscInt c = 0; c < d->dim; c++) {
       low[c]  = PetscMin(low[c], d->x[d->dim * node[i] + c]);
       high[c] = PetscMax(high[c], d->x[d->dim * node[i] + c]);
     }
-  }
   for (PetscInt c = 0; c < d->dim; c++) extent = PetscMax(extent, high[c] - low[c]);
+  LatinPart(d, n, node);
   for (size_t k = 0; k < sizeof(LatinDirections) / sizeof(*LatinDirections); k++) {
     PetscBool thin = PETSC_FALSE;
 
     for (PetscInt c = 0; c < 3; c++) thin = (PetscBool)(thin || (LatinDirections[k][c] != 0.0 && (c >= d->dim || high[c] - low[c] < LATIN_DISSECTION_THIN * extent)));
     if (!thin) LatinSweep(d, n, node, LatinDirections[k], &best);
   }
-  if (best.along) {
-    for (idx_t i = 0; i < n; i++) d->side[node[i]] = LatinSlice(d, &best, node[i]) < best.at ? 1 : 2;
-    for (idx_t i = 0; i < n; i++)
-      for (idx_t k = d->start[node[i]]; k < d->start[node[i] + 1] && d->side[node[i]] == best.on; k++)
-        if (d->side[d->list[k]] == 3 - best.on) d->side[node[i]] = 3;
-    PetscCall(LatinRefine_Private(d, n, node));
-    for (idx_t i = 0; i < n; i++) count[d->side[node[i]] - 1]++;
-  }
+  if (!best.along) PetscFunctionReturn(0);
+  PetscCall(LatinSides_Private(d, n, node, &best));
+  for (idx_t i = 0; i < n; i++) count[d->part_side[i]]++;
   if (count[0] && count[1]) {
     idx_t at[3] = {0, count[0], count[0] + count[1]};
 
-    for (idx_t i = 0; i < n; i++) d->part_list[at[d->side[node[i]] - 1]++] = node[i];
+    for (idx_t i = 0; i < n; i++) d->part_list[at[d->part_side[i]]++] = node[i];
     PetscCall(PetscArraycpy(node, d->part_list, n));
   }
-  for (idx_t i = 0; i < n; i++) d->side[node[i]] = 0;
   PetscFunctionReturn(0);
 }
 
@@ -209,7 +214,7 @@ static PetscErrorCode LatinDissectPart_Private(LatinDissection *d, idx_t n, idx_
 */
 static idx_t LatinLevel(LatinDissection *d, idx_t n)
 {
-  idx_t      *far = d->place, *queue = d->part_list, best = n;
+  idx_t      *far = d->slice, *queue = d->part_list, best = n;
   const idx_t least = (idx_t)(LATIN_DISSECTION_LEAST * (PetscReal)n);
 
   for (PetscInt pass = 0; pass < 2; pass++) { /* from any node, and from the last one */
@@ -238,17 +243,20 @@ static PetscErrorCode LatinDissectionCreate_Private(PetscInt dim, idx_t n, idx_t
 {
   PetscFunctionBegin;
   *d = (LatinDissection){.dim = dim, .balance = 1.0, .larger = 1.2F, .x = x, .start = start, .list = list};
-  PetscCall(PetscMalloc5(n, &d->node, n, &d->slice, n, &d->side, n, &d->place, n, &d->set));
-  PetscCall(PetscMalloc5(n + 1, &d->part_start, start[n] + n, &d->part_list, n, &d->part_side, n, &d->part_free, n, &d->part_size));
-  for (idx_t i = 0; i < n; i++) d->node[i] = i;
+  PetscCall(PetscMalloc4(n, &d->node, n, &d->place, n, &d->set, n, &d->along));
+  PetscCall(PetscMalloc6(n + 1, &d->part_start, start[n] + n, &d->part_list, n, &d->part_side, n, &d->part_free, n, &d->part_size, n, &d->slice));
+  for (idx_t i = 0; i < n; i++) {
+    d->node[i]  = i;
+    d->place[i] = -1;
+  }
   PetscFunctionReturn(0);
 }
 
 static PetscErrorCode LatinDissectionDestroy_Private(LatinDissection *d)
 {
   PetscFunctionBegin;
-  PetscCall(PetscFree5(d->part_start, d->part_list, d->part_side, d->part_free, d->part_size));
-  PetscCall(PetscFree5(d->node, d->slice, d->side, d->place, d->set));
+  PetscCall(PetscFree6(d->part_start, d->part_list, d->part_side, d->part_free, d->part_size, d->slice));
+  PetscCall(PetscFree4(d->node, d->place, d->set, d->along));
   PetscFunctionReturn(0);
 }
 
