@@ -7,7 +7,7 @@
    unknowns that it shares, joins that of its partner, and what the two alone have is eliminated; and so on. With i these unknowns,
    b the others:
 
-     K_ii = L L^t,   Z = K_bi L^-t,   S = K_bb - Z Z^t, which joins the next one;
+     K_ii = L L^t,   Z = K_bi L^-t,   S = K_bb - Z Z^t, the contribution block, which joins the next one;
      forward: y = L^-1 g_i,   g_b - Z y is sent;   backward: u_b comes back,   u_i = L^-t (y - Z^t u_b).
 
    So a solve takes one message each way for each of the groups that join, and a rank keeps no more than the columns of one joint.

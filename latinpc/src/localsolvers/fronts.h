@@ -1,7 +1,7 @@
 /*
-   Sparse Cholesky by fronts (multifrontal: Duff and Reid 1983, Liu 1992): columns with the same rows are eliminated
-   together, in one dense matrix, the front; what this leaves on its other rows goes to the front of the first of them.
-   Dense kernels do the arithmetic. The last rows in the order of elimination may be kept: what is left on them is their
+   Sparse Cholesky by fronts (multifrontal: Duff and Reid 1983, Liu 1992): columns with the same rows, a supernode, are eliminated
+   together, in one dense matrix, the front; what this leaves on its other rows, its contribution block, goes to the front of the first of
+   them, its parent in the assembly tree. Dense kernels do the arithmetic. The last rows in the order of elimination may be kept: what is left on them is their
    Schur complement.
 
    Who solves by increments, as the linear stage does, corrects an inaccurate factor as it goes (iterative refinement:
