@@ -115,8 +115,8 @@ def mean_forces(structure, r0, r1):
     return (tension / (R0 + R1))[:, None] * (r0 + r1)
 
 
-def written_out(structure, u, v, h, steps):
-    """The same steps by scipy."""
+def written_out(structure, u, v, h, steps, start=None):
+    """The same steps by scipy, the first from the change `start` of the displacements."""
     links, free_ = np.asarray(structure["links"]), ~np.asarray(structure["fixed"], bool)
     span = structure["nodes"][links[:, 1]] - structure["nodes"][links[:, 0]]
     mass = np.repeat(structure["mass"][:, None], u.shape[1], axis=1)
@@ -134,6 +134,24 @@ def written_out(structure, u, v, h, steps):
 
     for _ in range(steps):
         d = np.zeros(u.shape)
-        d[free_] = root(left, h * v[free_], (u, v), tol=1e-13).x
+        d[free_] = root(left, h * v[free_] if start is None else start[free_], (u, v), tol=1e-13).x
+        start = None
         u, v = u + d, 2.0 * d / h - v
     return u, v
+
+
+def tangle(seed, massless):
+    """A few nodes, joined at random by bars and cables, some of which are without mass; and velocities."""
+    rng = np.random.default_rng(seed)
+    dim, n = 2 + seed % 2, int(rng.integers(4, 10))
+    nodes = rng.permutation(np.stack(np.meshgrid(*[np.arange(3)] * dim), axis=-1).reshape(-1, dim))[:n]
+    nodes = nodes + rng.uniform(-0.3, 0.3, (n, dim))
+    links = np.array([(a, i) for i in range(1, n) for a in rng.choice(i, min(i, dim), replace=False)])
+    law = rng.choice(["bar", "cable"], len(links))
+    structure = free(nodes, links, list(law), 10.0 ** rng.uniform(0, 2, len(links)), 10.0 ** rng.uniform(-1, 1, n))
+    structure["prestress"] = np.where(law == "bar", rng.normal(0, 0.1, len(links)), 0.1)
+    structure["fixed"][0] = True
+    structure["load"] = np.where(structure["fixed"], 0.0, rng.normal(0, 1, (n, dim)))
+    structure["mass"] *= np.append(rng.random(n - 1) >= massless, True)
+    heavy = (structure["mass"] > 0.0)[:, None] & ~structure["fixed"]
+    return structure, np.where(heavy, rng.normal(0, 1, (n, dim)), 0.0)

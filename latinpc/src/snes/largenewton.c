@@ -13,7 +13,7 @@
 
    What a step leaves of the forces without balance, in the norm of the operators, says how much of the step is left as error: it is
    linear in the error, as the step is. A field that these operators have as stiffer than it is shows less in that norm, by the least
-   eigenvalue that the linear solve has seen. Cables that change between taut and slack leave more, so that the step must be small itself. Where it
+   eigenvalue that the linear solve has seen; in time steps, whose tangents are not symmetric, by the least singular value. Cables that change between taut and slack leave more, so that the step must be small itself. Where it
    takes stiffness from links the operators have them as too stiff, and one more is taken: a front of cables that slacken one after the other goes on
    by steps of one length, while each leaves a thousandth of its forces. The error of the tensions is that part of their change, or what they miss of those ahead.
 */
@@ -91,16 +91,21 @@ static PetscErrorCode LatinLargeDifference_Private(LatinStructure structure, con
 static PetscErrorCode LatinLargeError_Private(SNES newton, LatinLarge *large, PetscReal step, Vec u, Vec r, PetscReal *error, PetscReal *tensions)
 {
   const LatinStructure structure = large->frame->turns;
-  PetscReal           *tension, norm = 0.0, most, least = 1.0, left, part;
+  PetscReal           *tension, norm = 0.0, most, least = 1.0, left, part, moved;
+  KSPNormType          type;
   KSP                  ksp;
 
   PetscFunctionBegin;
   PetscCall(LatinLargeNorm_Private(newton, large, r, &norm));
   PetscCall(SNESGetKSP(newton, &ksp));
-  if (!structure->midpoint) PetscCall(KSPComputeExtremeSingularValues(ksp, &most, &least));
-  left      = least > 0.0 ? norm / PetscMin(1.0, least) : PETSC_MAX_REAL;
-  part      = left < large->first ? LATIN_LARGE_SAFETY * left / (large->first - left) : PETSC_MAX_REAL; /* steps that leave so much of the error, added up */
-  *error    = PetscMin(1.0, part * step);
+  PetscCall(KSPComputeExtremeSingularValues(ksp, &most, &least));
+  PetscCall(KSPGetNormType(ksp, &type));
+  PetscCall(VecNorm(u, NORM_2, &moved));
+  left   = least > 0.0 ? norm / PetscMin(1.0, least) : PETSC_MAX_REAL;
+  part   = left < large->first ? LATIN_LARGE_SAFETY * left / (large->first - left) : PETSC_MAX_REAL; /* steps that leave so much of the error, added up */
+  *error = part * step;
+  if (type == KSP_NORM_PRECONDITIONED && moved > 0.0) *error = PetscMax(*error, LATIN_LARGE_SAFETY * left / moved); /* of displacements: soft nodes, as those without mass, may hide in that part what others miss */
+  *error    = PetscMin(1.0, *error);
   *tensions = 0.0;
   if (!large->ahead) PetscFunctionReturn(0);
   PetscCall(DMGetWorkArray(structure->dm, structure->links_local, MPIU_REAL, &tension));
@@ -174,14 +179,18 @@ static PetscErrorCode LatinLargeStep_Private(SNES newton, SNES snes, PetscInt it
 
 static PetscErrorCode LatinLargeConverged_Private(SNES newton, PetscInt it, PetscReal xnorm, PetscReal snorm, PetscReal fnorm, SNESConvergedReason *reason, void *ctx)
 {
-  LatinLarge *large = &((SNES_Latin *)((SNES)ctx)->data)->large;
+  LatinLarge    *large = &((SNES_Latin *)((SNES)ctx)->data)->large;
+  SNESLineSearch search;
+  PetscReal      part;
 
   PetscFunctionBegin;
   *reason = SNES_CONVERGED_ITERATING;
+  PetscCall(SNESGetLineSearch(newton, &search));
+  PetscCall(SNESLineSearchGetLambda(search, &part));
   if (PetscIsInfOrNanReal(fnorm) || PetscIsInfOrNanReal(snorm)) *reason = SNES_DIVERGED_FUNCTION_NANORINF;
   else if (fnorm <= LATIN_LARGE_NOISE * PETSC_MACHINE_EPSILON * large->tension && xnorm <= LATIN_LARGE_NONE * large->size) { /* what rounding makes of a self-stress without loads */ large->error = 0.0;
     *reason                                                                                                                                                                                        = SNES_CONVERGED_FNORM_ABS;
-  } else if (it) PetscCall(LatinLargeStep_Private(newton, (SNES)ctx, it, xnorm > 0.0 ? snorm / xnorm : 0.0, fnorm, reason));
+  } else if (it) PetscCall(LatinLargeStep_Private(newton, (SNES)ctx, it, xnorm > 0.0 ? snorm / (part * xnorm) : 0.0, fnorm, reason)); /* the whole step: parts of it are small also where none leads on */
   PetscFunctionReturn(0);
 }
 
@@ -284,7 +293,7 @@ static PetscErrorCode LatinLargeCreate_Private(SNES snes, SNES *newnewton)
   PetscCall(KSPSetType(ksp, structure->midpoint ? KSPGMRES : KSPCG)); /* tangents of a time step are not symmetric */
   if (!structure->midpoint) PetscCall(KSPSetNormType(ksp, KSP_NORM_NATURAL));
   PetscCall(KSPSetTolerances(ksp, LATIN_LARGE_RTOL, PETSC_DEFAULT, PETSC_MAX_REAL, LATIN_LARGE_PREDICT));
-  if (!structure->midpoint) PetscCall(KSPSetComputeSingularValues(ksp, PETSC_TRUE));
+  PetscCall(KSPSetComputeSingularValues(ksp, PETSC_TRUE));
   PetscCall(KSPGetPC(ksp, &pc));
   PetscCall(PCSetType(pc, PCLATIN));
   PetscCall(PCLatinShare_Private(pc, data->latin));
