@@ -35,6 +35,8 @@ class Actions:
     def set_prescribed(self, prescribed: ArrayLike) -> None:
         """Change the prescribed displacements, settlements for instance; collective.
 
+        In a motion supports go there in the next step, at whose end they are to be there.
+
         Parameters
         ----------
         prescribed : (n, dim) array_like of float

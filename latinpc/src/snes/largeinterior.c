@@ -81,7 +81,7 @@ static PetscErrorCode LatinInteriorMeasure_Private(LatinInterior *point, Vec u)
   const PetscInt       dim       = structure->dim;
 
   PetscFunctionBegin;
-  PetscCall(LatinTurningMove_Private(structure, u, point->n, point->gap));
+  PetscCall(LatinTurningMove_Private(structure, structure->vertex_prescribed, u, point->n, point->gap));
   for (PetscInt l = 0; l < structure->links_local; l++) {
     const PetscBool rigid = LatinLaws[structure->law[l]].rigid, keeps = LatinStructureKeeps(structure, l), one = LatinInteriorUnilateral(point, l);
     const PetscReal give = !rigid ? 1.0 / structure->stiffness[l] : structure->penalty ? 1.0 / structure->penalty[l] : 0.0, sign = LatinInteriorSign(point, l);

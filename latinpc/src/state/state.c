@@ -58,6 +58,8 @@ static PetscErrorCode LatinStateItems_Private(LatinState *state)
     PetscCall(LatinStateAdd_Private(state, "velocity", state->ts->vec_dot));
     PetscCall(LatinStateAdd_Private(state, "increment", data->w));
     PetscCall(LatinStateAddArray_Private(state, "initial_elongation", 1, data->step->links_local, data->step->e0)); /* tensions are those of the step */
+    PetscCall(LatinStateAddArray_Private(state, "support", data->step->dim, data->step->dim * data->step->nodes_local, data->step->held));
+    PetscCall(LatinStateAddArray_Private(state, "support_increment", data->step->dim, data->step->dim * data->step->nodes_local, data->step->prescribed));
     if (data->step->midpoint) PetscCall(LatinStateAddArray_Private(state, "link", data->step->dim, data->step->dim * data->step->links_local, data->step->span));
   }
   if (state->latin) {
@@ -268,6 +270,7 @@ static PetscErrorCode LatinStateLoad_Private(PetscObject solver, Vec u, const ch
   PetscCall(LatinStateTransfer_Private(comm, file, NULL, &head, &state));
   if (snes && snes->large.frame) PetscCall(LatinStateOperators_Private(&state, file, &head));
   if (ts) {
+    PetscCall(LatinStepPlaced_Private(ts->step));
     ts->started         = (PetscBool)(head.started != 0.0);
     state.ts->ptime     = (PetscReal)head.time;
     state.ts->time_step = (PetscReal)head.time_step;
@@ -295,7 +298,7 @@ static PetscErrorCode LatinStateLoad_Private(PetscObject solver, Vec u, const ch
   Level: intermediate
 
   Note:
-  Loads, initial elongations and prescribed displacements are not written: the caller has them. A symbolic link stays, and
+  Loads, initial elongations and prescribed displacements are not written: the caller has them; where the supports of a motion are is. A symbolic link stays, and
   what it leads to is replaced. Raises an error on every rank, and leaves all as it was, when the name is that of a folder,
   a named pipe, a socket or a device, when its folder is not there or may not be written to, when the disk is full, and
   while another run writes the same state.

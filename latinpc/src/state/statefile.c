@@ -11,7 +11,7 @@
    Only the first rank reads and writes: an error there is its own, and the others hear of it.
 */
 
-#define LATIN_STATE_FORMAT 5     /* version of the format; others are refused */
+#define LATIN_STATE_FORMAT 6     /* version of the format; others are refused */
 #define LATIN_STATE_HEAD   512   /* bytes, before HDF5's own head */
 #define LATIN_STATE_CHUNK  65536 /* bytes read at once */
 

@@ -40,7 +40,7 @@ PetscErrorCode LatinStructureDestroy(LatinStructure *structure)
     PetscFunctionReturn(0);
   }
   if (l->base) { /* a time step has the rest from its base */
-    PetscCall(PetscFree3(l->e0, l->prescribed, l->vertex_prescribed));
+    PetscCall(PetscFree5(l->e0, l->prescribed, l->vertex_prescribed, l->held, l->vertex_held));
     PetscCall(VecDestroy(&l->ground));
     PetscCall(LatinStructureDestroy(&l->base));
   } else if (l->turns) { /* so have parts of links */

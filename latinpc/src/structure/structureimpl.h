@@ -59,6 +59,8 @@ struct _p_LatinStructure {
   /* what is a time step's own */
   PetscReal       *prescribed;        /* [nodes_local][dim] */
   PetscReal       *vertex_prescribed; /* [vertices][dim] */
+  PetscReal       *held;              /* [nodes_local][dim] of a time step: the prescribed displacements of its base where it starts */
+  PetscReal       *vertex_held;       /* [vertices][dim] */
   PetscReal       *e0;                /* [links_local] */
   PetscReal       *span;              /* [links_local][dim] from the first to the second node, as drawn, or at the start of a step; NULL where links do not turn */
   PetscBool        midpoint;          /* a time step of links that turn (structure/midpoint.h) */
@@ -200,7 +202,7 @@ PETSC_INTERN PetscErrorCode LatinTurningPressed_Private(LatinStructure, Vec u, V
 PETSC_INTERN PetscErrorCode LatinTurningForces_Private(LatinStructure, const PetscReal f[], Vec u, Vec load, Vec r);
 PETSC_INTERN PetscErrorCode LatinTurningResidual_Private(LatinStructure, const PetscReal rigid[], Vec u, Vec r);
 PETSC_INTERN PetscErrorCode LatinTurningJacobian_Private(LatinStructure, Vec u, Mat J);
-PETSC_INTERN PetscErrorCode LatinTurningMove_Private(LatinStructure, Vec u, PetscReal span[], PetscReal x[]);
+PETSC_INTERN PetscErrorCode LatinTurningMove_Private(LatinStructure, const PetscReal held[], Vec u, PetscReal span[], PetscReal x[]);
 PETSC_INTERN PetscErrorCode LatinTurningEnergy_Private(LatinStructure, Vec u, PetscReal *energy);
 PETSC_INTERN PetscErrorCode LatinTurningMatCreate_Private(LatinStructure, Mat *);
 PETSC_INTERN PetscErrorCode LatinTurningMatCompute_Private(LatinStructure, Vec u, Mat);
@@ -229,6 +231,8 @@ PETSC_INTERN PetscErrorCode LatinStructureCloneDM_Private(LatinStructure, DM *);
 PETSC_INTERN PetscErrorCode LatinStructureInertia_Private(LatinStructure);
 PETSC_INTERN PetscErrorCode LatinStepCheck_Private(LatinStructure base);
 PETSC_INTERN PetscErrorCode LatinStepCreate_Private(LatinStructure base, LatinStructure *step);
+PETSC_INTERN PetscErrorCode LatinStepMade_Private(LatinStructure step);
+PETSC_INTERN PetscErrorCode LatinStepPlaced_Private(LatinStructure step);
 PETSC_INTERN PetscErrorCode LatinStepStart_Private(LatinStructure step, PetscReal h, Vec u, Vec v);
 PETSC_INTERN PetscErrorCode LatinStepShift_Private(LatinStructure step, PetscReal shift);
 PETSC_INTERN PetscErrorCode LatinStepLength_Private(LatinStructure step, PetscReal shift);

@@ -11,7 +11,8 @@
    structure that it is a step of, its base.
 
    Rigid links follow Moreau's condition (10): one that is slack, or open, when the step starts bears nothing in it; any
-   other one must not be stretched, or closed, further: its law holds for w itself. Both are initial elongations again, infinite
+   other one must not be stretched, or closed, further: its law holds for w itself, in which supports move by what their prescribed displacements
+   have changed since the last step, so that they push and pull. Both are initial elongations again, infinite
    and zero, so that operators stay as they are. What a solver leaves open of a closed contact must not open it: gaps
    count from a small part of the free flight of the step on.
 */
@@ -130,6 +131,38 @@ PetscErrorCode LatinStepCheck_Private(LatinStructure base)
   PetscFunctionReturn(0);
 }
 
+/* Supports are where they are prescribed now: the next step starts there */
+PetscErrorCode LatinStepMade_Private(LatinStructure step)
+{
+  const LatinStructure base = step->base;
+
+  PetscFunctionBegin;
+  PetscCall(PetscArraycpy(step->held, base->prescribed, base->dim * base->nodes_local));
+  PetscCall(PetscArraycpy(step->vertex_held, base->vertex_prescribed, base->dim * base->vertices));
+  PetscFunctionReturn(0);
+}
+
+/* What has been read of supports is that of the nodes. Collective on step */
+PetscErrorCode LatinStepPlaced_Private(LatinStructure step)
+{
+  PetscFunctionBegin;
+  PetscCall(LatinSFBcast_Private(step->vertex_sf, step->dim, MPIU_REAL, step->held, step->vertex_held));
+  PetscCall(LatinSFBcast_Private(step->vertex_sf, step->dim, MPIU_REAL, step->prescribed, step->vertex_prescribed));
+  step->held_state++;
+  PetscFunctionReturn(0);
+}
+
+/* Supports move in a step to where they are prescribed; of a step to its middle they make half the way */
+static void LatinStepSupports(LatinStructure step)
+{
+  const LatinStructure base = step->base;
+  const PetscReal      part = step->midpoint ? 0.5 : 1.0;
+
+  for (PetscInt i = 0; i < base->dim * base->nodes_local; i++) step->prescribed[i] = part * (base->prescribed[i] - step->held[i]);
+  for (PetscInt i = 0; i < base->dim * base->vertices; i++) step->vertex_prescribed[i] = part * (base->vertex_prescribed[i] - step->vertex_held[i]);
+  step->held_state++;
+}
+
 PetscErrorCode LatinStepCreate_Private(LatinStructure base, LatinStructure *newstep)
 {
   LatinStructure step;
@@ -142,7 +175,9 @@ PetscErrorCode LatinStepCreate_Private(LatinStructure base, LatinStructure *news
   PetscCall(LatinStructureCloneDM_Private(base, &step->dm)); /* where solvers find the step */
   PetscCall(VecDuplicate(base->load, &step->load));
   PetscCall(VecDuplicate(base->load, &step->ground));
-  PetscCall(PetscCalloc3(base->links_local, &step->e0, base->dim * base->nodes_local, &step->prescribed, base->dim * base->vertices, &step->vertex_prescribed));
+  PetscCall(
+    PetscCalloc5(base->links_local, &step->e0, base->dim * base->nodes_local, &step->prescribed, base->dim * base->vertices, &step->vertex_prescribed, base->dim * base->nodes_local, &step->held, base->dim * base->vertices, &step->vertex_held));
+  PetscCall(LatinStepMade_Private(step));
   PetscCall(LatinStepLength_Private(step, -1.0));
   PetscCall(LatinStructureComposeDM_Private(step));
   *newstep = step;
@@ -158,7 +193,7 @@ static PetscReal LatinStepElongation(PetscInt law, PetscReal x, PetscReal closed
   return x > closed ? LATIN_STEP_FAR : 0.0;
 }
 
-/* The largest displacement of a node if its links do not hold it during the step. Collective on step */
+/* The largest displacement of a node, a support or one that its links do not hold during the step. Collective on step */
 static PetscErrorCode LatinStepFlight_Private(LatinStructure step, PetscReal *flight)
 {
   Vec                w, local;
@@ -168,7 +203,7 @@ static PetscErrorCode LatinStepFlight_Private(LatinStructure step, PetscReal *fl
   PetscCall(DMGetGlobalVector(step->dm, &w));
   PetscCall(DMGetLocalVector(step->dm, &local));
   PetscCall(VecPointwiseDivide(w, step->load, step->ground));
-  PetscCall(LatinStructureGetLocal_Private(step, NULL, w, local));
+  PetscCall(LatinStructureGetLocal_Private(step, step->vertex_prescribed, w, local));
   PetscCall(VecGetArrayRead(local, &a));
   for (PetscInt i = 0; i < step->dim * (step->vertices - step->unlinked); i++) *flight = PetscMax(*flight, PetscAbsScalar(a[i]));
   PetscCall(VecRestoreArrayRead(local, &a));
@@ -186,13 +221,14 @@ static PetscErrorCode LatinStepLinks_Private(LatinStructure step, Vec u)
 
   PetscFunctionBegin;
   step->midpoint = (PetscBool)(base->geometry == LATIN_GEOMETRY_LARGE);
+  LatinStepSupports(step);
   if (step->midpoint) {
-    PetscCall(LatinTurningMove_Private(base, u, step->span, step->e0));
+    PetscCall(LatinTurningMove_Private(base, step->vertex_held, u, step->span, step->e0));
     PetscFunctionReturn(0);
   }
   if (base->rigid_law >= 0) PetscCall(LatinStepFlight_Private(step, &flight));
-  PetscCall(LatinStructureStrains_Private(base, u, step->e0));
-  for (PetscInt l = 0; l < base->links_local; l++) step->e0[l] = LatinStepElongation(base->law[l], step->e0[l], LATIN_STEP_CLOSED * flight);
+  PetscCall(LatinStructureElongations_Private(base, step->vertex_held, u, step->e0));
+  for (PetscInt l = 0; l < base->links_local; l++) step->e0[l] = LatinStepElongation(base->law[l], step->e0[l] + base->e0[l], LATIN_STEP_CLOSED * flight);
   PetscFunctionReturn(0);
 }
 
@@ -211,8 +247,6 @@ PetscErrorCode LatinStepStart_Private(LatinStructure step, PetscReal h, Vec u, V
   step->load_state++;
   PetscCall(LatinStepLinks_Private(step, u));
   step->e0_state++;
-  PetscCall(PetscArrayzero(step->prescribed, base->dim * base->nodes_local));
-  PetscCall(PetscArrayzero(step->vertex_prescribed, base->dim * base->vertices));
   PetscFunctionReturn(0);
 }
 

@@ -197,8 +197,8 @@ PetscErrorCode LatinTurningResidual_Private(LatinStructure structure, const Pets
   PetscFunctionReturn(0);
 }
 
-/* From the first to the second node of each link, and strains, at u. Collective on structure */
-PetscErrorCode LatinTurningMove_Private(LatinStructure structure, Vec u, PetscReal span[], PetscReal x[])
+/* From the first to the second node of each link, and strains, at u; `held`: displacements of prescribed vertices. Collective on structure */
+PetscErrorCode LatinTurningMove_Private(LatinStructure structure, const PetscReal held[], Vec u, PetscReal span[], PetscReal x[])
 {
   const PetscInt     dim = structure->dim;
   const PetscScalar *a;
@@ -206,7 +206,7 @@ PetscErrorCode LatinTurningMove_Private(LatinStructure structure, Vec u, PetscRe
   Vec                local;
 
   PetscFunctionBegin;
-  PetscCall(LatinTurnedOpen_Private(structure, structure->vertex_prescribed, u, &local, &a));
+  PetscCall(LatinTurnedOpen_Private(structure, held, u, &local, &a));
   for (PetscInt l = 0; l < structure->links_local; l++) {
     LatinTurnedLink(structure, NULL, l, a, &link);
     for (PetscInt c = 0; c < dim; c++) span[dim * l + c] = structure->span[dim * l + c] + link.d[c];

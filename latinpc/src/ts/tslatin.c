@@ -68,7 +68,8 @@ static PetscErrorCode LatinStructureAttachTS_Private(LatinStructure structure, T
   Notes:
   `-ts_type latin` is the scheme for shocks; `-ts_type alpha2` and PETSc's other integrators of second order are for
   smooth motions. Give displacements and velocities with `TS2SetSolution()`, vectors from the DM of the structure. Loads
-  that change with time: call `LatinStructureSetLoads()` in a function given to `TSSetPreStep()`.
+  that change with time: call `LatinStructureSetLoads()` in a function given to `TSSetPreStep()`; and supports that move,
+  `LatinStructureSetPrescribed()` for the end of the step. With `-ts_type latin` they go there in it, and move rigid links.
 
 .seealso: `LatinStructureSetMass()`, `TSLATIN`
 @*/
@@ -158,6 +159,7 @@ static PetscErrorCode TSStep_Latin(TS ts)
   }
   if (ts->reason) PetscFunctionReturn(0);
   data->started = PETSC_TRUE;
+  PetscCall(LatinStepMade_Private(data->step));
   PetscCall(VecAXPY(ts->vec_sol, 1.0 / part, data->w));
   PetscCall(VecAXPBY(ts->vec_dot, 1.0 / (part * h), 1.0 - 1.0 / part, data->w));
   ts->ptime += ts->time_step;

@@ -1,0 +1,132 @@
+"""Motions whose supports move from step to step: they push and pull rigid links, and turn links."""
+
+import json
+import sys
+from dataclasses import replace
+
+import large_motions
+import numpy as np
+import pytest
+from large_motions import G, pendulum
+from motions import EXACT, motion, one_mass
+from petsc4py import PETSc
+from scipy.integrate import solve_ivp
+from support import STATES
+from test_shocks import column
+
+import latinpc
+from latinpc.scenes import Law
+
+H, MASS = 2e-3, 3.0
+
+
+def table(step):
+    """The height of a table after a step: it shakes by 1.5 g, and throws what lies on it."""
+    return 0.03 * np.sin(np.sqrt(1.5 * G / 0.03) * step * H)
+
+
+def shaken(it, first, last):
+    """Heights, velocities and tensions of a ball on the table, as it makes some steps."""
+    found = []
+    for step in range(first, last):
+        it.structure.set_prescribed([[table(step + 1)], [0.0]])
+        it.step()
+        found.append([it.u[1, 0], it.v[1, 0], it.tensions[0]])
+    return np.array(found)
+
+
+def ball():
+    """A ball that lies on a table."""
+    scene = column([0.0, MASS], 0.0, [0.0, 0.0], held=True)
+    scene.load[1] = -MASS * G
+    return scene
+
+
+def by_hand(steps):
+    """The same: a ball that is above the table when a step starts flies, else it does not sink below it."""
+    u = v = below = 0.0
+    found = []
+    for step in range(steps):
+        free, rises = v - H * G, (table(step + 1) - table(step)) / H
+        new = free if u - below > 1e-9 else max(free, rises)
+        found.append([u + H * new, new, -MASS * (new - free) / H])
+        u, v, below = u + H * new, new, table(step + 1)
+    return np.array(found)
+
+
+def test_a_table_throws_a_ball():
+    """And catches it; the ball had been left behind by a table that rose through it."""
+    with motion(ball(), H, **EXACT) as it:
+        found, expected = shaken(it, 0, 150), by_hand(150)
+    assert np.abs(found - expected).max() < 1e-6 * np.abs(expected).max()
+    flies = found[:, 2] == 0.0
+    assert 20 < flies.sum() < 130 and np.diff(flies).sum() == 2
+
+
+def test_a_rope_lifts_a_mass():
+    """That cannot stretch."""
+    scene = replace(one_mass(mass=MASS, load=MASS * G), law=np.array([Law.INEXTENSIBLE]), stiffness=np.zeros(1))
+    with motion(scene, 1e-2, **EXACT) as it:
+        for step in range(20):
+            it.structure.set_prescribed([[-0.5e-2 * (step + 1)], [0.0]])
+            it.step()
+            assert it.u[1, 0] == pytest.approx(-0.5e-2 * (step + 1), abs=1e-9)
+        assert it.tensions[0] == pytest.approx(MASS * G, rel=1e-9)
+
+
+@pytest.mark.parametrize("name", STATES)
+def test_a_motion_goes_on_from_a_file(tmp_path, name):
+    """With supports where they were, whatever the structure is made with."""
+    with motion(ball(), H, **EXACT) as first, motion(ball(), H, **EXACT) as second:
+        shaken(first, 0, 12)
+        latinpc.save_state(first.ts, tmp_path / name)
+        latinpc.load_state(second.ts, tmp_path / name)
+        assert np.array_equal(first.tensions, second.tensions)
+        assert np.array_equal(shaken(first, 12, 60), shaken(second, 12, 60))
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_the_number_of_ranks_does_not_matter(mpirun, ranks):
+    """Two balls above each other on a table that rises."""
+    found = np.array(json.loads(mpirun(ranks, __file__).stdout))
+    assert found == pytest.approx([0.2, 0.2], abs=1e-8)
+
+
+def test_a_pendulum_whose_pivot_moves():
+    """Of second order with displacements prescribed for the end of each step, beside an integrator of high order."""
+    k, (x, y) = 1e3, np.array(pendulum()["nodes"][1])
+
+    def pivot(t):
+        return np.array([0.2 * np.sin(5.0 * t), 0.1 * np.sin(3.0 * t)])
+
+    def rate(t, s):
+        r = np.array([x, y]) + s[:2] - pivot(t)
+        size = np.hypot(*r)
+        return [*s[2:], *(-k * (size - 1.0) * r / size - np.array([0.0, G]))]
+
+    exact = solve_ivp(rate, (0.0, 1.0), np.zeros(4), rtol=1e-11, atol=1e-12).y[:2, -1]
+    missed = []
+    for steps in (100, 200):
+        with large_motions.motion(pendulum(stiffness=k), 1.0 / steps) as it:
+            for i in range(steps):
+                it.structure.set_prescribed([pivot((i + 1) / steps), [0.0, 0.0]])
+                it.step()
+            missed.append(np.abs(it.u[1] - exact).max())
+    assert missed[1] < 5e-3
+    assert missed[0] / missed[1] == pytest.approx(4.0, rel=0.1)
+
+
+def job():
+    """On ranks."""
+    scene = column([0.0, 1.0, 2.0], 0.0, [0.0, 0.0, 0.0], held=True)
+    with motion(scene, 1e-2, comm=PETSc.COMM_WORLD, **EXACT) as it:
+        for i in range(20):
+            it.structure.set_prescribed([[0.01 * (i + 1)], [0.0], [0.0]])
+            it.step()
+        heights = it.u[1:, 0].tolist()
+    if PETSc.COMM_WORLD.getRank() == 0:
+        print(json.dumps(heights))
+
+
+if __name__ == "__main__":
+    sys.exit(job())
