@@ -129,6 +129,21 @@ def test_command_moves_and_writes_everything(tmp_path, ranks):
     assert Image.open(tmp_path / "r.gif").n_frames == 4
 
 
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["-ts_dt", 1e-4], "20 steps of 100 µs, to 2 ms"),
+        (["-ts_max_time", 2.5e-3], "3 steps of at most 1 ms, to 2.5 ms"),
+    ],
+)
+def test_command_tells_the_length_that_steps_have(tmp_path, options, words):
+    """Not that of the scene, where an option gives another one; the last step may be shorter."""
+    result = latinpc("solve", "bouncing-chain", "--num-steps", 20, "--json", "r.json", *options, cwd=tmp_path)
+    assert words in result.stdout
+    report = json.loads((tmp_path / "r.json").read_text())
+    assert report["step"] == pytest.approx(1e-4 if "-ts_dt" in options else 1e-3)
+
+
 def test_command_moves_a_scene_of_statics(tmp_path):
     arguments = ["lattice", "--nx", 8, "--ny", 4, "--num-steps", 3, "--time-step", 1e-3, "--node-mass", 10]
     result = latinpc("solve", *arguments, "--output", tmp_path / "end.vtu", "-ts_latin_monitor")

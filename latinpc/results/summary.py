@@ -196,7 +196,11 @@ def summary_of_motion(result, verbose=False):
     size = f"{counted(len(scene.nodes), 'node')}, {counted(report['links'], 'link')} in {scene.dim}D"
     lines = [("structure", size)]
     ended = "all steps converged" if result.converged else "ended early"
-    made = f"{counted(report['steps'], 'step')} of {quantity(report['step'], 's')}, to {quantity(report['time'], 's')}"
+    equal = np.isclose(
+        report["steps"] * report["step"], report["time"], rtol=1e-6
+    )  # none has failed and been made shorter
+    length = ("" if equal else "at most ") + quantity(report["step"], "s")
+    made = f"{counted(report['steps'], 'step')} of {length}, to {quantity(report['time'], 's')}"
     lines.append(("motion", f"{made}; {ended}"))
     if verbose:
         ranks = counted(report["ranks"], "rank")

@@ -65,7 +65,7 @@ def move(
     steps : int
         Number of steps.
     step : float, optional
-        Length of a step (s); that of the scene when not given.
+        Length of a step (s); that of the scene when not given. The option -ts_dt comes before both.
     options : dict, optional
         PETSc options without the leading dash, used where the user has not set them.
     subdomains : int, optional
@@ -119,7 +119,7 @@ def move(
             ts.setMaxSteps(steps)
             ts.setErrorIfStepFails(False)
             ts.setFromOptions()
-            return _move(_Recorder(scene, structure, ts, steps, every, each_step, keeper), step)
+            return _move(_Recorder(scene, structure, ts, steps, every, each_step, keeper), ts.getTimeStep())
         finally:
             ts.destroy()
 
