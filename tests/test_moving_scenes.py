@@ -15,7 +15,7 @@ from test_files import MSH, TOML
 
 from latinpc.files import reading
 from latinpc.runs.motion import move
-from latinpc.scenes import Law, make
+from latinpc.scenes import Law, Scene, make
 
 SMALL = {
     "impact-grid": {"modules": 8, "subdomains": 4},
@@ -100,6 +100,22 @@ def test_move_refuses_what_cannot_move():
     ):
         with pytest.raises(ValueError, match=words):
             move(*arguments)
+
+
+def test_nodes_without_mass_that_nothing_holds_are_named():
+    """A load pushes one along its two slack cables; there had been a reason of PETSc's alone, or rounding."""
+    fixed = np.repeat([[True], [True], [False], [False]], 2, axis=1)
+    scene = Scene(
+        name="slack", nodes=[[0.0, 1.0], [0.0, -1.0], [1.0, 0.0], [0.0, 0.0]], links=[[0, 2], [1, 2], [0, 3]],
+        law=[Law.CABLE, Law.CABLE, Law.BAR], stiffness=[1e3] * 3, fixed=fixed,
+        load=[[0.0, 0.0], [0.0, 0.0], [-1.0, 0.0], [0.0, 0.0]], mass=[0.0, 0.0, 0.0, 1.0],
+    )  # fmt: skip
+    result = move(scene, 3, 1e-2)
+    assert not result.converged
+    assert "step 1" in result.notices[-1] and "hold nodes 2 against the loads" in result.notices[-1]
+    assert "rounding" not in result.notices[-1]
+    held = replace(scene, mass=np.array([0.0, 0.0, 1.0, 1.0]))
+    assert move(held, 3, 1e-2).converged
 
 
 # ---- the command line ------------------------------------------------------------------------------

@@ -226,15 +226,19 @@ def _move(recorder, step):
         frames=recorder.frames,
         subdomain=solvers.subdomain_of_links(snes) if is_latin else scene.subdomain,
         node_class=solvers.node_classes(snes) if is_latin else None,
-        notices=unknown_options() + ([] if reason > 0 else _causes(ts, snes, scene.mass)),
+        notices=unknown_options() + ([] if reason > 0 else _causes(ts, snes, structure, scene.mass)),
     )
 
 
-def _causes(ts, snes, mass):
+def _causes(ts, snes, structure, mass):
     """Return a sentence on why a step has not converged."""
     names = PETSc.SNES.ConvergedReason
     text = f"step {ts.getStepNumber() + 1} has not converged: {reason_name(names, snes.getConvergedReason())}"
-    if snes.getType() == "latin" and snes.getConvergedReason() == names.DIVERGED_INNER:
+    loose, nodes = solvers.unsupported_nodes(snes) if snes.getType() == "latin" else (0, [])
+    if loose and not mass[nodes].any():
+        named = structure.node_names(nodes, loose > len(nodes))
+        text += f"; links do not hold nodes {named} against the loads, and they have no mass: give them one"
+    elif snes.getType() == "latin" and snes.getConvergedReason() == names.DIVERGED_INNER:
         least = accuracy.rounding_floor(snes)
         text += f", the requested error is below the rounding error of this step, about {least:.0e}"
     heavy = mass[mass > 0.0]

@@ -272,7 +272,8 @@ static PetscErrorCode TSView_Latin(TS ts, PetscViewer viewer)
   Level: intermediate
 
   Note:
-  They are the tensions at the end of the step, and impulses over h where velocities jump. Before the first step, those of
+  They are the tensions at the end of the step, and impulses over h where velocities jump. With large displacements those of the
+  mean force, in the middle of the step. Before the first step, those of
   the displacements at the start, where rigid links bear nothing.
 
 .seealso: `TSLATIN`, `LatinStructureGetTensions()`
@@ -309,7 +310,7 @@ PetscErrorCode TSLatinGetTensions(TS ts, PetscReal tension[])
   The structure comes from `LatinStructureAttachTS()`, displacements and velocities from `TS2SetSolution()` (at rest when
   there are none). Of first order: the scheme damps what is faster than a step, and lets velocities jump. Nothing is
   built or factored after the first step as long as the length of the step stays. With masses a structure need not be
-  held, and every step has a solution: SNES latin is given no divergence tolerance unless an option does.
+  held, and every step has a solution if all nodes have masses: SNES latin is given no divergence tolerance unless an option does.
 
   Elastic links that turn (`LATIN_GEOMETRY_LARGE`): the implicit midpoint rule with mean forces, of second order, by which
   energy and momenta stay; each step starts from the velocity before it, whatever `SNESLatinSetWarmStart()` says, and is
