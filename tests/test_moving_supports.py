@@ -15,7 +15,7 @@ from support import STATES
 from test_shocks import column
 
 import latinpc
-from latinpc.scenes import Law
+from latinpc.scenes import Law, Scene
 
 H, MASS = 2e-3, 3.0
 
@@ -72,6 +72,21 @@ def test_a_rope_lifts_a_mass():
             it.step()
             assert it.u[1, 0] == pytest.approx(-0.5e-2 * (step + 1), abs=1e-9)
         assert it.tensions[0] == pytest.approx(MASS * G, rel=1e-9)
+
+
+def test_a_belt_drags_a_block():
+    """Friction takes it along: it speeds up by mu g, until it has the velocity of the belt."""
+    mu, speed, h = 0.3, 1.0, 1e-2
+    scene = Scene(
+        name="belt", nodes=[[0.0, 0.0], [0.0, 1.0]], links=[[0, 1], [0, 1]], law=[Law.FRICTION, Law.TANGENT],
+        stiffness=[0.0, 0.0], initial_elongation=[0.0, 0.0], direction=[[0.0, 1.0], [1.0, 0.0]], friction=[mu, 0.0],
+        fixed=[[True, True], [False, False]], load=[[0.0, 0.0], [0.0, -MASS * G]], mass=[0.0, MASS],
+    )  # fmt: skip
+    with motion(scene, h, **EXACT) as it:
+        for step in range(1, 51):
+            it.structure.set_prescribed([[speed * h * step, 0.0], [0.0, 0.0]])
+            it.step()
+            assert it.v[1] == pytest.approx([min(mu * G * h * step, speed), 0.0], abs=1e-7)
 
 
 @pytest.mark.parametrize("name", STATES)
