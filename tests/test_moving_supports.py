@@ -8,7 +8,7 @@ import large_motions
 import numpy as np
 import pytest
 from large_motions import G, pendulum
-from motions import EXACT, motion, one_mass
+from motions import EXACT, message, motion, one_mass
 from petsc4py import PETSc
 from scipy.integrate import solve_ivp
 from support import STATES
@@ -72,6 +72,20 @@ def test_a_rope_lifts_a_mass():
             it.step()
             assert it.u[1, 0] == pytest.approx(-0.5e-2 * (step + 1), abs=1e-9)
         assert it.tensions[0] == pytest.approx(MASS * G, rel=1e-9)
+
+
+def test_supports_that_tear_a_rope_are_told():
+    """A cable that cannot stretch, between two supports: it may slacken, and become taut, and no more."""
+    scene = Scene(
+        name="rope", nodes=[[0.0], [1.0], [2.0]], links=[[0, 1], [1, 2]], law=[Law.INEXTENSIBLE, Law.BAR],
+        stiffness=[0.0, 10.0], fixed=[[True], [True], [False]], mass=[0.0, 0.0, 1.0],
+    )  # fmt: skip
+    with motion(scene, H, **EXACT) as it:
+        for place in (0.0, -0.1, 0.0):
+            it.structure.set_prescribed([[0.0], [place], [0.0]])
+            it.step(2)
+        it.structure.set_prescribed([[0.0], [0.01], [0.0]])
+        assert "Link 0 (inextensible) is between prescribed displacements" in message(it.step)
 
 
 def test_a_belt_drags_a_block():

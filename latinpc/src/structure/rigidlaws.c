@@ -151,7 +151,7 @@ static PetscReal LatinHeldStrain(LatinStructure structure, PetscInt l, const Pet
 }
 
 /*
-   Before a solve: a rigid link that no free displacement can lengthen or shorten must admit what is prescribed at its ends.
+   Before a solve: a rigid link that no free displacement can lengthen or shorten must admit what is prescribed at its ends; in a motion, how these move.
    Collective on structure
 */
 PetscErrorCode LatinStructureCheckHeld_Private(LatinStructure structure)
@@ -163,7 +163,7 @@ PetscErrorCode LatinStructureCheckHeld_Private(LatinStructure structure)
   const PetscScalar *a, *free;
 
   PetscFunctionBegin;
-  if (structure->rigid_law < 0 || structure->ground) PetscFunctionReturn(0); /* in a motion a gap makes no force where a contact takes no part */
+  if (structure->rigid_law < 0) PetscFunctionReturn(0);
   PetscCall(DMGetGlobalVector(structure->dm, &none));
   PetscCall(DMGetLocalVector(structure->dm, &u));
   PetscCall(DMGetLocalVector(structure->dm, &open));
