@@ -154,6 +154,10 @@ LARGE = {
         "times the linear step",
         "The limit of a fold, where force is a parabola of displacement: 2 exactly.",
     ),
+    "LATIN_PATH_EQUAL": (
+        "times half the difference",
+        "The error of a linear solve is 1e-4: with 1 a structure of slack struts and cables ends where it is drawn.",
+    ),
     "LATIN_PATH_ASIDE": (
         "of the middle",
         "With 0 random masts and bridges take 4 % more set-ups; above 0.3 a bridge ends on another path.",
@@ -240,6 +244,10 @@ LARGE = {
     "LATIN_INTERIOR_FIRST": (
         "of the length",
         "Any slack that is no zero; that of a cable whose nodes are 0.9 L apart is as large.",
+    ),
+    "LATIN_INTERIOR_NONE": (
+        "of the length as drawn",
+        "A cable that is next to no length long is a spring: its slack over its length has no number.",
     ),
     "LATIN_INTERIOR_FLOOR": (
         "of the mean tension",

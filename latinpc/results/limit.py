@@ -104,6 +104,9 @@ def _mean(A):
 
 def _inverse(A, B, v):
     """Find the least mu in A v = mu B v, without B in A v = mu v, by inverse iteration from v; collective."""
+    if _mean(A) == 0.0:  # slack links have no stiffness: all nodes move
+        v.set(1.0)
+        return 0.0
     ksp, shifted, b, w = PETSc.KSP().create(A.getComm()), A.copy(), v.duplicate(), v.duplicate()
     shifted.shift(SHIFT * _mean(A))  # a mechanism has no stiffness at all
     ksp.setOperators(shifted)

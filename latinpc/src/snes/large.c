@@ -395,6 +395,7 @@ static PetscErrorCode SNESLatinLargeProve_Private(SNES snes, PetscBool *done)
   SNES_Latin     *data  = (SNES_Latin *)snes->data;
   LatinLarge     *large = &data->large;
   const PetscBool rests = (PetscBool)(data->latin->linear.distance <= data->latin->linear.noise);
+  PetscBool       far;
 
   PetscFunctionBegin;
   PetscCall(LatinAverage_Private(&data->latin->linear, snes->vec_sol));
@@ -408,7 +409,8 @@ static PetscErrorCode SNESLatinLargeProve_Private(SNES snes, PetscBool *done)
   large->near *= LATIN_LARGE_FAR;
   PetscCall(PetscInfo(snes, "Newton's method is given up: its first step was %g, of the tensions %g; the iteration goes on to %g\n", (double)large->shown[0], (double)large->shown[1], (double)large->near));
   if (!rests) PetscFunctionReturn(0); /* else Newton's method does not confirm where the iteration has come to rest */
-  data->next = large->unstable ? LATIN_NEXT_DIVERGED : LATIN_NEXT_ROUNDING;
+  PetscCall(LatinEquilibriumFar_Private(large->frame->turns, snes->vec_sol, &far));
+  data->next = large->unstable || (far && large->force > large->balance) ? LATIN_NEXT_DIVERGED : LATIN_NEXT_ROUNDING; /* displacements that leap away rest nowhere */
   *done      = PETSC_TRUE;
   PetscFunctionReturn(0);
 }

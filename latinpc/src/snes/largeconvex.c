@@ -10,21 +10,20 @@ PetscErrorCode SNESLatinLargeConvex_Private(SNES snes)
 {
   SNES_Latin          *data      = (SNES_Latin *)snes->data;
   const LatinStructure structure = data->large.frame->turns;
-  PetscBool            done      = PETSC_FALSE, far;
+  PetscBool            done      = PETSC_FALSE;
   PetscReal            size, prescribed, most;
   Vec                  away;
 
   PetscFunctionBegin;
-  PetscCall(LatinEquilibriumFar_Private(structure, snes->vec_sol, &far));
-  if (data->next != LATIN_NEXT_DIVERGED && !(far && data->next == LATIN_NEXT_ROUNDING)) PetscFunctionReturn(0);
-  if (structure->midpoint || !SNESLatinEstimates(data) || data->newton.type == LATIN_NEWTON_NEVER) PetscFunctionReturn(0);
+  if ((data->next != LATIN_NEXT_DIVERGED && data->next != LATIN_NEXT_NOT_FINITE) || structure->midpoint || !SNESLatinEstimates(data) || data->newton.type == LATIN_NEWTON_NEVER) PetscFunctionReturn(0);
   PetscCall(DMGetGlobalVector(structure->dm, &away));
   PetscCall(VecCopy(snes->vec_sol, away));
   PetscCall(LatinStructureSize_Private(structure, &size, &prescribed));
   PetscCall(VecZeroEntries(snes->vec_sol));
-  PetscCall(SNESComputeFunction(snes, snes->vec_sol, snes->vec_func));
-  PetscCall(VecNorm(snes->vec_func, NORM_INFINITY, &most));
-  if (most > 0.0) PetscCall(VecAXPY(snes->vec_sol, -LATIN_LARGE_CARRIED * size / most, snes->vec_func));
+  PetscCall(VecAXPY(snes->vec_sol, 1.0, structure->load));
+  if (snes->vec_rhs) PetscCall(VecAXPY(snes->vec_sol, 1.0, snes->vec_rhs));
+  PetscCall(VecNorm(snes->vec_sol, NORM_INFINITY, &most));
+  if (most > 0.0) PetscCall(VecScale(snes->vec_sol, LATIN_LARGE_CARRIED * size / most));
   PetscCall(SNESLatinLargeInterior_Private(snes, NULL, &done));
   if (!done) data->next = LATIN_NEXT_DIVERGED;
   if (!done) PetscCall(VecCopy(away, snes->vec_sol));

@@ -31,6 +31,7 @@
 #define LATIN_INTERIOR_SMALL   1e-9 /* of tensions times lengths: products from where the method of multipliers changes few cables */
 #define LATIN_INTERIOR_AIM     0.3  /* of these products: where lengths and balance follow later no smaller ones are wanted, whose linear systems are next to singular */
 #define LATIN_INTERIOR_FIRST   0.1  /* of the length: slacks at first of links that do not stretch */
+#define LATIN_INTERIOR_NONE    1e-6 /* of the length as drawn: natural lengths that are none */
 #define LATIN_INTERIOR_FLOOR   1e-6 /* of the mean tension: what links bear at least in the linear systems, for nodes that slack cables alone hold */
 
 /* All of [links_local] but n */
@@ -54,12 +55,17 @@ typedef struct {
   PetscBool      unstable;     /* the tangent of this step is not positive definite */
 } LatinInterior;
 
-/* Is it the law of link l that it bears nothing beyond a strain? A rigid link that nothing moves bears nothing at all */
+/* Is it the law of link l that it bears nothing beyond a strain? A rigid link that nothing moves bears nothing at all, a cable next to no length long always pulls */
 static PetscBool LatinInteriorUnilateral(const LatinInterior *point, PetscInt l)
 {
-  const LatinLawType law = point->structure->law[l];
+  const LatinStructure structure = point->structure;
+  const LatinLawType   law       = structure->law[l];
+  PetscReal            length    = 0.0;
 
-  if (LatinLaws[law].rigid) return (PetscBool)(point->structure->penalty || !point->held[l]);
+  if (LatinLaws[law].rigid) return (PetscBool)(structure->penalty || !point->held[l]);
+  for (PetscInt c = 0; c < structure->dim; c++) length += PetscSqr(structure->span[structure->dim * l + c]);
+  length = PetscSqrtReal(length);
+  if (law == LATIN_LAW_CABLE && !LatinStructureKeeps(structure, l) && length - structure->e0[l] <= LATIN_INTERIOR_NONE * length) return PETSC_FALSE;
   return (PetscBool)(law == LATIN_LAW_CABLE || law == LATIN_LAW_COMPRESSION_ONLY);
 }
 
@@ -375,10 +381,8 @@ static PetscErrorCode LatinInteriorStart_Private(SNES snes, LatinInterior *point
   PetscCall(LatinInteriorHeld_Private(point));
   PetscCall(LatinInteriorMeasure_Private(point, snes->vec_sol));
   for (PetscInt l = 0; l < structure->links_local; l++) {
-    if (LatinInteriorUnilateral(point, l)) {
-      sum[0] += 1.0;
-      if (point->give[l] == 0.0) rigid = 1;
-    }
+    if (LatinInteriorUnilateral(point, l)) sum[0] += 1.0;
+    if (point->give[l] == 0.0) rigid = 1; /* between supports as well: Newton's method has no stiffness of it */
     if (LatinStructureKeeps(structure, l)) continue;
     least = PetscMin(least, point->length[l]);
     sum[1] += point->length[l];

@@ -166,7 +166,7 @@ static PetscErrorCode LatinLargeStep_Private(SNES newton, SNES snes, PetscInt it
   data->estimate.tensions   = large->ahead ? tensions : -1.0;
   large->frame->turns->hold = (large->frame->turns->strain ? LATIN_LARGE_HELD : LATIN_LARGE_HOLD) * PetscMin(1.0, step);
   if (linear == KSP_DIVERGED_INDEFINITE_MAT) *reason = SNES_DIVERGED_LINEAR_SOLVE;
-  else if (it > 1 && large->ahead && step > LATIN_LARGE_ASTRAY) *reason = SNES_DIVERGED_DTOL; /* it wanders */
+  else if (it > 1 && large->ahead && step > LATIN_LARGE_ASTRAY && fnorm > large->balance) *reason = SNES_DIVERGED_DTOL; /* it wanders */
   else if (linear > 0 && small && !large->softer && large->error <= data->target && tensions <= SNESLatinTensionTarget(data) && fnorm <= large->balance) *reason = SNES_CONVERGED_SNORM_RELATIVE;
   else if (far && fnorm > large->balance && step < LATIN_LARGE_ROUND * data->estimate.floor) *reason = SNES_DIVERGED_DTOL; /* displacements that leap away hide any step */
   else if (large->error > LATIN_LARGE_SHRINK * before && step < LATIN_LARGE_ROUND * data->estimate.floor) {
@@ -187,6 +187,7 @@ static PetscErrorCode LatinLargeConverged_Private(SNES newton, PetscInt it, Pets
   *reason = SNES_CONVERGED_ITERATING;
   PetscCall(SNESGetLineSearch(newton, &search));
   PetscCall(SNESLineSearchGetLambda(search, &part));
+  if (!it) PetscCall(VecNorm(newton->vec_sol, NORM_2, &xnorm)); /* which PETSc does not say before the first step */
   if (PetscIsInfOrNanReal(fnorm) || PetscIsInfOrNanReal(snorm)) *reason = SNES_DIVERGED_FUNCTION_NANORINF;
   else if (fnorm <= LATIN_LARGE_NOISE * PETSC_MACHINE_EPSILON * large->tension && xnorm <= LATIN_LARGE_NONE * large->size) { /* what rounding makes of a self-stress without loads */ large->error = 0.0;
     *reason                                                                                                                                                                                        = SNES_CONVERGED_FNORM_ABS;

@@ -4,7 +4,8 @@
    How far each node moves along a path of large displacements: what moves one node alone is nothing in a norm of all of them.
 */
 
-#define LATIN_PATH_ASIDE 0.2 /* of the middle between two displacements: a node of a large net may lie so far aside of them */
+#define LATIN_PATH_EQUAL 1.01 /* times as far from the middle as the two displacements are: a node that moves as one of them says, but for the error of the linear solves */
+#define LATIN_PATH_ASIDE 0.2  /* of the middle between two displacements: a node of a large net may lie so far aside of them */
 
 /* Does no node move more than twice as far by `moved` as by the other, than a little, or than LATIN_PATH_ASIDE of a third one, or NULL? Collective on structure */
 PetscErrorCode LatinPathNodes_Private(LatinStructure structure, Vec moved, Vec other, Vec middle, PetscReal little, PetscBool *within)
@@ -57,7 +58,7 @@ PetscErrorCode LatinPathBetween_Private(LatinStructure structure, Vec mean, Vec 
     PetscCall(VecAXPBY(half, -0.5, 0.5, back));
   }
   PetscCall(VecWAXPY(off, -1.0, middle, mean));
-  PetscCall(VecScale(half, 1.0 / LATIN_PATH_FAR));
+  PetscCall(VecScale(half, LATIN_PATH_EQUAL / LATIN_PATH_FAR));
   PetscCall(LatinPathNodes_Private(structure, off, half, middle, 0.5 * little, within)); /* twice as far as at the start by no more than a little */
   PetscCall(DMRestoreGlobalVector(structure->dm, &middle));
   PetscCall(DMRestoreGlobalVector(structure->dm, &half));

@@ -221,6 +221,7 @@ static PetscErrorCode LatinPathMoved_Private(SNES snes, const LatinPath *path, P
   PetscCall(VecNorm(path->u, NORM_INFINITY, &size));
   little = PetscMax(LATIN_PATH_KINK * PetscMax(size, step), LATIN_PATH_NONE * data->large.size) / more;
   if (ends) PetscCall(LatinPathBetween_Private(structure, change, path->ahead, back <= (more > LATIN_PATH_STIFFENS ? 1.0 : 2.0) * LATIN_PATH_SOFT * path->far ? path->back : NULL, little, &within));
+  if (!within && ends && more <= LATIN_PATH_STIFFENS) PetscCall(LatinPathBetween_Private(structure, change, path->back, path->back, little, &within)); /* a law with its kink where the path starts: the end says it all */
   *lies    = within;
   *other   = (PetscBool)(!within && moved > LATIN_PATH_FAR * PetscMax(path->far, back));
   *smaller = within ? 1.0 : 0.5;

@@ -125,7 +125,7 @@ PetscErrorCode SNESLatinIterate_Private(SNES snes, PetscErrorCode (*test)(SNES, 
   PetscCall(SNESSolve(data->outer, NULL, data->z));
   PetscCall(SNESGetConvergedReason(data->outer, &reason));
   if (data->next != LATIN_NEXT_CONTINUE) PetscFunctionReturn(0);
-  data->next   = LATIN_NEXT_GIVEN;
+  data->next   = reason == SNES_DIVERGED_FUNCTION_NANORINF ? LATIN_NEXT_NOT_FINITE : LATIN_NEXT_GIVEN;
   snes->reason = reason;
   PetscFunctionReturn(0);
 }

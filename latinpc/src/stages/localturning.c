@@ -18,10 +18,10 @@ static void LatinTurningSolve(const LatinSubdomains *sub, PetscInt dim, PetscInt
   for (PetscInt i = 1; i < dim; i++) across += PetscSqr(w[i]);
   turn.across = PetscSqrtReal(across);
   R           = LatinTurnLength(&turn);
-  rho         = turn.law->tension(turn.stiffness, R - turn.natural, turn.law->ctx) / R;
+  rho         = R > 0.0 ? turn.law->tension(turn.stiffness, R - turn.natural, turn.law->ctx) / R : 0.0;
   for (PetscInt i = 0; i < dim; i++) {
-    r[i] = w[i] / (rho + (i ? c : k));
-    f[i] = rho * r[i];
+    r[i] = R > 0.0 ? w[i] / (rho + (i ? c : k)) : 0.0;
+    f[i] = R > 0.0 ? rho * r[i] : w[i];
   }
 }
 
