@@ -118,6 +118,17 @@ def test_a_collapse_is_none_of_rounding(thickness, way):
         assert beyond.notices and not any("rounding" in text or "stiffness" in text for text in beyond.notices)
 
 
+@pytest.mark.parametrize("friction", [0.4, 0.6, 0.7])
+def test_the_error_of_a_refusal_is_no_less_than_forces_without_balance(friction):
+    """Estimates compare iterates: those that creep, or have left for far away, differ little."""
+    for part in (0.05, 0.07, 0.15, 0.3):
+        arch = latinpc.Structure.from_scene(make("arch", thickness=0.12, friction=friction, push=part))
+        with pytest.warns(latinpc.ConvergenceWarning):
+            found = arch.solve()
+        load = np.linalg.norm(arch.load[~arch.fixed])
+        assert found.report["tension_error"] >= 0.3 * min(1.0, found.report["residual_norm"] / load)
+
+
 RANKS = f"""
 import sys
 sys.path.insert(0, {str(Path(__file__).parent)!r})

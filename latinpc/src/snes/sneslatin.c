@@ -259,6 +259,24 @@ static PetscErrorCode SNESLatinRebuild_Private(SNES snes)
   PetscFunctionReturn(0);
 }
 
+/* Where a solve has not converged its estimates, which compare iterates, are no less than what forces show; those of contacts that have left for far away bear any number of loads. Collective on snes */
+static PetscErrorCode SNESLatinLift_Private(SNES snes)
+{
+  SNES_Latin             *data     = (SNES_Latin *)snes->data;
+  const LatinEquilibrium *found    = &data->found;
+  LatinEstimate          *estimate = &data->estimate;
+  PetscReal               loads;
+
+  PetscFunctionBegin;
+  if (!SNESLatinEstimates(data)) PetscFunctionReturn(0);
+  PetscCall(SNESLatinLoads_Private(snes, &loads));
+  estimate->value = PetscMax(estimate->value, found->error);
+  if (estimate->tensions < 0.0) PetscFunctionReturn(0);
+  estimate->tensions = PetscMax(estimate->tensions, PetscMax(found->forces, found->unbalance));
+  if (data->latin->sub.structure->rubs && loads > 0.0) estimate->tensions = PetscMax(estimate->tensions, data->residual / loads);
+  PetscFunctionReturn(0);
+}
+
 /* Where a solve has not converged: unsupported nodes, jammed links */
 static PetscErrorCode SNESLatinDiagnose_Private(SNES snes)
 {
@@ -275,6 +293,7 @@ static PetscErrorCode SNESLatinDiagnose_Private(SNES snes)
     PetscCall(LatinEquilibriumCheck_Private(data->latin, snes->vec_sol, snes->vec_func, snes->vec_rhs, data->target, data->estimate.energy, PETSC_FALSE, found));
     PetscCall(LatinStructureSize_Private(data->latin->sub.structure, &size, &prescribed));
     found->distance = PetscMin(found->distance, size); /* an iterate that diverges proves nothing */
+    PetscCall(SNESLatinLift_Private(snes));
     PetscCall(LatinEquilibriumFar_Private(data->latin->sub.structure, snes->vec_sol, &far));
     if (far && data->next == LATIN_NEXT_ROUNDING && data->latin->sub.structure->rubs && found->unbalance > data->target) data->next = LATIN_NEXT_DIVERGED; /* a collapse: displacements hide what it is short of */
     if (snes->max_its >= LATIN_JAM_LEAST) {
