@@ -118,6 +118,17 @@ def test_a_collapse_is_none_of_rounding(thickness, way):
         assert beyond.notices and not any("rounding" in text or "stiffness" in text for text in beyond.notices)
 
 
+@pytest.mark.parametrize(("friction", "thickness", "part"), [(0.6, 0.12, 0.99), (0.5, 0.12, 0.999), (0.4, 0.2, 0.999)])
+def test_an_arch_next_to_its_limit_stands(friction, thickness, part):
+    """Newton's method for bounds of the friction had ended far away, or for bounds too low to hold the arch."""
+    scene = make("arch", thickness=thickness, friction=friction)
+    more = make("arch", thickness=thickness, friction=friction, crown=1.0).load - scene.load
+    loaded = replace(scene, load=scene.load + part * bearing(scene, more) * more)
+    found = latinpc.Structure.from_scene(loaded).solve()
+    assert found.converged
+    assert missed(loaded, found.displacements, found.tensions) < 1e-6
+
+
 @pytest.mark.parametrize("friction", [0.4, 0.6, 0.7])
 def test_the_error_of_a_refusal_is_no_less_than_forces_without_balance(friction):
     """Estimates compare iterates: those that creep, or have left for far away, differ little."""

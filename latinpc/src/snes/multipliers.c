@@ -117,6 +117,20 @@ static void LatinMultipliersBound(LatinNewton *newton, const PetscReal tension[]
   newton->sticks   = (PetscBool)!tension;
 }
 
+/* Bounds so low that nothing holds the structure become twice what they were, and the greatest one of all at least: from above each problem is held. Collective on structure */
+static PetscErrorCode LatinMultipliersRaise_Private(LatinNewton *newton)
+{
+  const LatinStructure structure = newton->structure;
+  PetscReal            most      = 0.0;
+
+  PetscFunctionBegin;
+  for (PetscInt l = 0; l < structure->links_local; l++)
+    if (structure->law[l] == LATIN_LAW_FRICTION) most = PetscMax(most, newton->bound[l]);
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &most, 1, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)structure)));
+  for (PetscInt l = 0; l < structure->links_local; l++) newton->bound[l] = PetscMax(2.0 * newton->bound[l], most);
+  PetscFunctionReturn(0);
+}
+
 /* Have the springs of the present problem an energy? Coulomb's friction has none */
 PetscBool LatinMultipliersEnergy(const LatinNewton *newton)
 {
@@ -126,11 +140,12 @@ PetscBool LatinMultipliersEnergy(const LatinNewton *newton)
 /*
    The problem of Coulomb's friction, for which whole steps of Newton's method end soon if they end at all. They start from the
    problem of contacts that stick where they touch, whose energy is convex; and where they do not end once more from the one
-   whose friction has the bounds of the last tensions. Collective on snes
+   whose friction has the bounds of the last tensions, which may hold less than Coulomb's friction does. Collective on snes
 */
 static PetscErrorCode LatinMultipliersCoulomb_Private(SNES snes, LatinNewton *newton, PetscBool first, Vec u, SNESConvergedReason *reason)
 {
   LatinStructure structure = newton->structure;
+  PetscBool      raised    = PETSC_FALSE;
   Vec            convex;
 
   PetscFunctionBegin;
@@ -150,6 +165,12 @@ static PetscErrorCode LatinMultipliersCoulomb_Private(SNES snes, LatinNewton *ne
     PetscCall(LatinStructureTensions_Private(structure, NULL, u, newton->tension));
     LatinMultipliersBound(newton, newton->tension);
     PetscCall(LatinMultipliersProblem_Private(snes, newton, PETSC_MAX_REAL, u, reason));
+    if (*reason < 0 && !raised) {
+      PetscCall(VecCopy(convex, u));
+      PetscCall(LatinMultipliersRaise_Private(newton));
+      PetscCall(LatinMultipliersProblem_Private(snes, newton, PETSC_MAX_REAL, u, reason));
+      raised = PETSC_TRUE;
+    }
   } while (*reason > 0 && newton->steps - newton->before < LATIN_MULTIPLIER_STEPS);
   if (structure->bound) *reason = SNES_DIVERGED_MAX_IT;
   newton->sticks = PETSC_FALSE;

@@ -235,7 +235,7 @@ static PetscErrorCode LatinNewtonConverged_Private(SNES snes, PetscInt it, Petsc
     else newton->still = 0;
     if (!changes && !newton->tangent) newton->error = PetscMax(newton->error, newton->known) * PetscMin(1.0, newton->doubt * newton->left); /* where forces differ by orders, only a step that moves nothing proves anything */
     newton->known = changes ? 0.0 : newton->error;
-    creeps        = (PetscBool)(newton->tangent && !newton->structure->penalty && newton->error > LATIN_NEWTON_REST && newton->slope > LATIN_NEWTON_RTOL);
+    creeps        = (PetscBool)(newton->tangent && (!newton->structure->penalty || newton->structure->bound) && newton->error > LATIN_NEWTON_REST && newton->slope > LATIN_NEWTON_RTOL);
     newton->small = newton->error <= newton->target && newton->error <= PetscMax(newton->small ? before : PETSC_MAX_REAL, LATIN_NEWTON_REST) ? newton->small + 1 : 0;
     confirmed     = (PetscBool)(!newton->tangent || !newton->contrast || newton->structure->penalty || newton->small > 1 || newton->error <= LATIN_NEWTON_REST); /* the next linear solve sees what was hidden */
     if (newton->reference) PetscCall(LatinStructureComputeErrors(newton->structure, u, newton->reference, &newton->error, &energy));
