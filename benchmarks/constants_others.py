@@ -172,6 +172,10 @@ OTHERS = {
         "Seven digits are left for what soft links bear; more made a random structure fail beside links of 1e-4 N/m.",
     ),
     "LATIN_MULTIPLIER_TIMES": ("problems", "A bound that solvable structures do not meet: net 30 takes 6."),
+    "LATIN_FALL_WINDOW": (
+        "linear stages",
+        "One of many looks at balance that a collapse takes; 30 arches beyond their limit end within 5,500 stages.",
+    ),
     "LATIN_MULTIPLIER_STEPS": ("steps", "A bound on the time that packings of rigid grains lose; net 30 takes 78."),
     "LATIN_NEWTON_RIGID": (
         "linear stages",

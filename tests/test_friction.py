@@ -129,6 +129,21 @@ def test_an_arch_next_to_its_limit_stands(friction, thickness, part):
     assert missed(loaded, found.displacements, found.tensions) < 1e-6
 
 
+@pytest.mark.parametrize(
+    ("friction", "thickness", "way", "part"),
+    [(0.6, 0.2, "push", 1.001), (0.7, 0.12, "push", 1.01), (0.7, 0.2, "crown", 1.01), (0.7, 0.2, "crown", 3.0)],
+)
+def test_a_collapse_ends_before_all_stages(friction, thickness, way, part):
+    """Blocks leave for hundreds of times the size of the arch and more: there is nothing to iterate for."""
+    scene = make("arch", thickness=thickness, friction=friction)
+    more = make("arch", thickness=thickness, friction=friction, **{way: 1.0}).load - scene.load
+    beyond = latinpc.Structure.from_scene(replace(scene, load=scene.load + part * bearing(scene, more) * more))
+    with pytest.warns(latinpc.ConvergenceWarning):
+        found = beyond.solve()
+    assert found.report["reason"] == "DIVERGED_DTOL"
+    assert found.report["iterations"] < 6000
+
+
 @pytest.mark.parametrize("friction", [0.4, 0.6, 0.7])
 def test_the_error_of_a_refusal_is_no_less_than_forces_without_balance(friction):
     """Estimates compare iterates: those that creep, or have left for far away, differ little."""

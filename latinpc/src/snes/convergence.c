@@ -6,6 +6,7 @@
 */
 
 #define LATIN_STEP_ERROR  10.0 /* times the indicator to stop at: an error that forces without balance show, or gaps */
+#define LATIN_FALL_WINDOW 20   /* linear stages after which contacts with friction are asked whether they have let go */
 #define LATIN_PROOF_EARLY 4.0  /* times the error asked for: an estimate from which on Newton's method does the rest. Linear stages and its iterations together are about level from 2 to 8; 16 misses the error */
 
 /* The nodal unbalance of the solution vector becomes the function. Collective on snes */
@@ -242,6 +243,34 @@ static PetscBool SNESLatinGrows(SNES snes)
   return (PetscBool)(data->leapt && (leapt || data->newton.stall));
 }
 
+/* Have contacts with friction let go? The displacements are larger than the structure, and forces do not balance. Collective on snes */
+PetscErrorCode SNESLatinFallen_Private(SNES snes, PetscBool *fallen)
+{
+  SNES_Latin          *data      = (SNES_Latin *)snes->data;
+  const LatinStructure structure = data->latin->sub.structure;
+  PetscReal            loads;
+
+  PetscFunctionBegin;
+  *fallen = PETSC_FALSE;
+  if (!structure->rubs || structure->ground) PetscFunctionReturn(0);
+  PetscCall(SNESLatinResidual_Private(snes));
+  PetscCall(SNESLatinLoads_Private(snes, &loads));
+  if (data->residual > data->target * loads) PetscCall(LatinEquilibriumFar_Private(structure, snes->vec_sol, fallen));
+  PetscFunctionReturn(0);
+}
+
+/* Where Newton's method has found no equilibrium a collapse ends the iteration, which would follow it for all of its stages. Collective on snes */
+static PetscErrorCode SNESLatinFalls_Private(SNES snes, LatinNext *next)
+{
+  SNES_Latin *data   = (SNES_Latin *)snes->data;
+  PetscBool   fallen = PETSC_FALSE;
+
+  PetscFunctionBegin;
+  if (data->newton.steps && SNESLatinBalances(snes) && data->latin->linear.applications % LATIN_FALL_WINDOW == 0) PetscCall(SNESLatinFallen_Private(snes, &fallen));
+  if (fallen) *next = LATIN_NEXT_DIVERGED;
+  PetscFunctionReturn(0);
+}
+
 static PetscErrorCode SNESLatinDecide_Private(SNES snes, PetscReal measure, PetscReal target, PetscReal fnorm, LatinNext *next)
 {
   SNES_Latin *data  = (SNES_Latin *)snes->data;
@@ -254,6 +283,7 @@ static PetscErrorCode SNESLatinDecide_Private(SNES snes, PetscReal measure, Pets
   if (*next == LATIN_NEXT_ROUNDING) PetscCall(PetscInfo(snes, "The error asked for, %g, is below what rounding leaves on this structure, about %g\n", (double)data->target, (double)data->estimate.floor));
   if (!SNESLatinUserTest(snes) && SNESLatinFinishes(data, measure, target, *next)) *next = LATIN_NEXT_NEWTON_FINISH;
   if (*next == LATIN_NEXT_CONTINUE && SNESLatinGrows(snes)) *next = LATIN_NEXT_DIVERGED;
+  if (*next == LATIN_NEXT_CONTINUE) PetscCall(SNESLatinFalls_Private(snes, next));
   if (LatinNextConverged(*next)) PetscCall(SNESLatinProve_Private(snes, next));
   if (SNESLatinStalls(data, measure, target, *next)) *next = LATIN_NEXT_NEWTON_STALL;
   if (*next == LATIN_NEXT_CONTINUE && (latin->linear.applications + data->newton.stages >= snes->max_its || latin->linear.applications >= data->newton.last)) *next = LATIN_NEXT_MAX_IT;

@@ -283,7 +283,7 @@ static PetscErrorCode SNESLatinDiagnose_Private(SNES snes)
   SNES_Latin       *data  = (SNES_Latin *)snes->data;
   LatinEquilibrium *found = &data->found;
   PetscReal         size, prescribed;
-  PetscBool         far;
+  PetscBool         fallen;
   Vec               F;
 
   PetscFunctionBegin;
@@ -293,20 +293,20 @@ static PetscErrorCode SNESLatinDiagnose_Private(SNES snes)
     PetscCall(LatinEquilibriumCheck_Private(data->latin, snes->vec_sol, snes->vec_func, snes->vec_rhs, data->target, data->estimate.energy, PETSC_FALSE, found));
     PetscCall(LatinStructureSize_Private(data->latin->sub.structure, &size, &prescribed));
     found->distance = PetscMin(found->distance, size); /* an iterate that diverges proves nothing */
-    PetscCall(SNESLatinLift_Private(snes));
-    PetscCall(LatinEquilibriumFar_Private(data->latin->sub.structure, snes->vec_sol, &far));
-    if (far && data->next == LATIN_NEXT_ROUNDING && data->latin->sub.structure->rubs && found->unbalance > data->target) data->next = LATIN_NEXT_DIVERGED; /* a collapse: displacements hide what it is short of */
+    PetscCall(SNESLatinFallen_Private(snes, &fallen));
+    if (fallen && data->next == LATIN_NEXT_ROUNDING) data->next = LATIN_NEXT_DIVERGED; /* a collapse: displacements hide what it is short of */
     if (snes->max_its >= LATIN_JAM_LEAST) {
       PetscCall(VecDuplicate(data->z, &F));
       PetscCall(LatinEquilibriumJammed_Private(data->latin, data->z, F, found));
       PetscCall(VecDestroy(&F));
     }
     if (found->links) found->nodes = 0;
-    else if (found->hidden && snes->max_its >= LATIN_JAM_LEAST) {
+    else if (found->hidden && !fallen && snes->max_its >= LATIN_JAM_LEAST) {
       data->next           = LATIN_NEXT_ROUNDING;
       data->estimate.floor = 1.0;
     }
   }
+  if (snes->reason < 0) PetscCall(SNESLatinLift_Private(snes));
   PetscFunctionReturn(0);
 }
 

@@ -253,6 +253,7 @@ PETSC_INTERN SNESConvergedReason SNESLatinReason(LatinNext);
 PETSC_INTERN PetscErrorCode      SNESLatinLoads_Private(SNES, PetscReal *norm);
 PETSC_INTERN PetscErrorCode      SNESLatinBalance_Private(SNES);
 PETSC_INTERN PetscErrorCode      SNESLatinResidual_Private(SNES);
+PETSC_INTERN PetscErrorCode      SNESLatinFallen_Private(SNES, PetscBool *);
 PETSC_INTERN PetscErrorCode      SNESLatinFirst_Private(SNES);
 PETSC_INTERN PetscErrorCode      SNESLatinWatch_Private(SNES, PetscInt it);
 PETSC_INTERN PetscErrorCode      SNESLatinConverged_Private(SNES outer, PetscInt it, PetscReal xnorm, PetscReal snorm, PetscReal fnorm, SNESConvergedReason *, void *);
