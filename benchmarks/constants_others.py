@@ -174,7 +174,7 @@ OTHERS = {
     "LATIN_MULTIPLIER_TIMES": ("problems", "A bound that solvable structures do not meet: net 30 takes 6."),
     "LATIN_FALL_WINDOW": (
         "linear stages",
-        "One of many looks at balance that a collapse takes; 30 arches beyond their limit end within 5,500 stages.",
+        "One of many looks at balance that a collapse takes; of 80 arches beyond their limit 78 end before all stages.",
     ),
     "LATIN_MULTIPLIER_STEPS": ("steps", "A bound on the time that packings of rigid grains lose; net 30 takes 78."),
     "LATIN_NEWTON_RIGID": (
