@@ -157,7 +157,8 @@ static PetscErrorCode LatinLargeStep_Private(SNES newton, SNES snes, PetscInt it
     large->first_step[0] = linear > 0 ? step : 1.0;
     large->first_step[1] = large->stretch;
   }
-  if (small) PetscCall(LatinLargeError_Private(newton, large, step, u, r, &large->error, &tensions));
+  if (small && (linear > 0 || linear == KSP_DIVERGED_ITS)) PetscCall(LatinLargeError_Private(newton, large, step, u, r, &large->error, &tensions)); /* else PETSc has no singular values of the last iteration */
+  else if (small) large->error = tensions = 1.0;
   PetscCall(LatinEquilibriumFar_Private(large->frame->turns, u, &far));
   PetscCall(DMRestoreGlobalVector(large->frame->dm, &r));
   PetscCall(PetscInfo(snes, "Newton's method, step %" PetscInt_FMT ": %g, estimated error %g of %g, of tensions %g, forces without balance %g of %g\n", it, (double)step, (double)large->error, (double)data->target, (double)tensions, (double)fnorm,
@@ -366,6 +367,18 @@ PetscErrorCode SNESLatinLargeClaim_Private(SNES snes, PetscReal error, LatinNext
   PetscFunctionReturn(0);
 }
 
+/* The displacements u of all copies, which operators made anew do not have. Collective on latin */
+static PetscErrorCode LatinLargeCopies_Private(Latin latin, Vec u)
+{
+  const LatinSubdomains *sub = &latin->sub;
+
+  PetscFunctionBegin;
+  for (PetscInt i = 0; i < sub->bs * sub->copies; i++)
+    if (sub->fixed[i]) latin->linear.U[i] = sub->prescribed[i];
+  PetscCall(LatinDistribute_Private(sub, u, latin->linear.U));
+  PetscFunctionReturn(0);
+}
+
 /* From the displacements in the solution vector to the solution, whose error is proved: then *done. `most`: linear iterations that it may take. Collective on snes */
 PetscErrorCode SNESLatinLargeNewton_Private(SNES snes, PetscInt most, PetscBool *done)
 {
@@ -385,6 +398,7 @@ PetscErrorCode SNESLatinLargeNewton_Private(SNES snes, PetscInt most, PetscBool 
   large->most                                 = most;
   large->proofs                               = 0;
   large->changed = large->softer = 0;
+  if (large->stateless) PetscCall(LatinLargeCopies_Private(data->latin, snes->vec_sol));
   PetscCall(LatinEstimateFloor_Private(data->latin, &data->estimate));
   PetscCall(LatinStructureSize_Private(large->frame->turns, &large->size, &prescribed));
   PetscCall(LatinLargeTension_Private(large->frame->turns, snes->vec_sol, large->size, &large->tension));
