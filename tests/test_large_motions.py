@@ -171,16 +171,22 @@ def test_variants_make_the_same_steps(variant):
 
 @pytest.mark.parametrize(("massless", "h", "seeds"), [(0.0, 5.0, (15, 36, 51)), (0.4, 1e-2, (3, 33, 52))])
 def test_steps_are_as_accurate_as_they_claim(massless, h, seeds):
-    """Steps of many periods, whose line search may stall, and nodes without mass, which are soft beside others."""
+    """Steps of many periods, whose line search may stall, and nodes without mass, which are soft beside others; a step may say that it has failed."""
+    claimed = 0
     for seed in seeds:
         structure, v = tangle(seed, massless)
         u = np.zeros(v.shape)
         with motion(structure, h, v=v) as it:
             for _ in range(15):
-                it.step()
+                try:
+                    it.step()
+                except PETSc.Error:
+                    break
+                claimed += 1
                 exact, _ = written_out(structure, u, v, h, 1, it.u - u)
                 assert np.linalg.norm(it.u - exact) < 1e-7 * np.linalg.norm(exact - u)
                 u, v = it.u, it.v
+    assert claimed >= 15
 
 
 def test_generalised_alpha_goes_the_same_way():

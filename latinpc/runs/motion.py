@@ -65,7 +65,8 @@ def move(
     steps : int
         Number of steps.
     step : float, optional
-        Length of a step (s); that of the scene when not given. The option -ts_dt comes before both.
+        Length of a step (s); that of the scene when not given. The option -ts_dt, from PETSc 3.25 on
+        -ts_time_step, comes before both.
     options : dict, optional
         PETSc options without the leading dash, used where the user has not set them.
     subdomains : int, optional

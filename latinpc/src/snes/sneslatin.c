@@ -269,6 +269,7 @@ static PetscErrorCode SNESLatinLift_Private(SNES snes)
 
   PetscFunctionBegin;
   if (!SNESLatinEstimates(data)) PetscFunctionReturn(0);
+  PetscCall(SNESLatinBalance_Private(snes)); /* with the tensions that the diagnosis leaves */
   PetscCall(SNESLatinLoads_Private(snes, &loads));
   estimate->value = PetscMax(estimate->value, found->error);
   if (estimate->tensions < 0.0) PetscFunctionReturn(0);
