@@ -171,7 +171,7 @@ def test_variants_make_the_same_steps(variant):
 
 @pytest.mark.parametrize(("massless", "h", "seeds"), [(0.0, 5.0, (15, 36, 51)), (0.4, 1e-2, (3, 33, 52))])
 def test_steps_are_as_accurate_as_they_claim(massless, h, seeds):
-    """Steps of many periods, whose line search may stall, and nodes without mass, which are soft beside others; a step may say that it has failed."""
+    """Steps of many periods, whose line search may stall, and nodes without mass, soft beside others. Some may fail."""
     claimed = 0
     for seed in seeds:
         structure, v = tangle(seed, massless)
