@@ -61,7 +61,7 @@ FACTORS = {
         "Their place in the factor is no large page, and what their large fronts have read goes before more comes. For "
         "all large fronts of the METIS grid of 200 on two ranks that was 40,000 more page faults, 45 ms of 1.05 s.",
     ),
-    "LATIN_FRONT_LEFT": (
+    "LATIN_CONTRIBUTION_PANEL": (
         "columns",
         "Blocks of so many, those on the diagonal by their symmetric form, in place of 64 and products alone, and "
         "columns of a front eliminated by halves: a solid of 24^3 nodes with 27 neighbours 0.65 -> 0.60 s, METIS grid "

@@ -20,7 +20,7 @@ typedef struct {
 
 /* The front of two groups of ranks that join */
 typedef struct {
-  PetscMPIInt  from[2], to;     /* ranks that have the fronts of the groups, of a single rank what its part leaves; the one that takes over what is left, -1: nothing is */
+  PetscMPIInt  from[2], to;     /* ranks that have the contribution blocks of the two groups; the one that takes that of this joint, -1: there is none */
   PetscInt     level;           /* of the graphs in which ranks are paired, from 1 on: those of joints above are higher */
   PetscInt     n[2];            /* unknowns that the two groups bring, in the order in which this joint and those above eliminate them, */
   PetscInt    *at;              /* [n[0] + n[1]] and their rows in the front, which so ascend */

@@ -3,27 +3,27 @@
 #include <petsc/private/matimpl.h>
 
 /*
-   Elimination along the tree of treeplan.c. A rank eliminates what it alone has of its part; what is left, a dense matrix of the
-   unknowns that it shares, joins that of its partner, and what the two alone have is eliminated; and so on. With i these unknowns,
-   b the others:
+   Elimination along the tree of treeplan.c. A rank eliminates the unknowns that it alone has. Its contribution block, a dense matrix
+   of those that it shares, joins that of its partner; in this joint the unknowns of these two alone are eliminated; and so on. With i these
+   unknowns, b the others of the joint:
 
-     K_ii = L L^t,   Z = K_bi L^-t,   S = K_bb - Z Z^t, the contribution block, which joins the next one;
+     K_ii = L L^t,   Z = K_bi L^-t,   S = K_bb - Z Z^t, the contribution block of the joint, which goes to the next one;
      forward: y = L^-1 g_i,   g_b - Z y is sent;   backward: u_b comes back,   u_i = L^-t (y - Z^t u_b).
 
    So a solve takes one message each way for each of the groups that join, and a rank keeps no more than the columns of one joint.
 
-   S never is there as a whole. All lists have their unknowns in the order in which joints eliminate them, so that columns come from
-   both groups in the order of the front that they add to. A panel of columns is complete once these have come, and what earlier
-   panels leave on it has been taken from it: those of the interior are then eliminated, and stay; the others go on, one by one.
+   S is never there as a whole. All lists have their unknowns in the order in which joints eliminate them, so that columns come from
+   both groups in the order of the front that they are added to. A panel of columns is complete once these have come and earlier panels
+   have updated it (left-looking). Panels of the interior are then eliminated and kept; the others are sent on, one by one.
 
-   No rank waits for ever. What parts leave goes by messages that nobody waits for before the joints are done. So the joint at the
-   top that still waits does so for a group that it has taken all messages from which that group has sent: the joint of that
-   group does not wait to send, but for one of its own groups; and so on down to a part, which has sent everything, or still computes.
+   There is no deadlock. Contribution blocks of parts are sent without waiting for it until the joints are done. Take the topmost joint that
+   waits: it has received all that a group below has sent so far. So the joint of that group does not wait to send, but to receive
+   from a group of its own; and so on down to a part, which has sent everything, or still computes.
 */
 
 /*
-   What is left of a part, symmetric: its lower triangle, in the order of its rows in the joints, see LatinLowerAt(). 64 columns are a
-   message: large enough to be all bandwidth, small beside a front
+   The contribution block of a part: its lower triangle, rows in the order of the joints, see LatinLowerAt(). It is sent by messages of
+   LATIN_FRONT_PANEL columns: large enough for latency not to count, small beside a front
 */
 typedef struct {
   PetscInt     n;
@@ -33,98 +33,98 @@ typedef struct {
   PetscInt     messages;
   MPI_Request *sent; /* [messages] */
   PetscMPIInt *gone; /* [messages] work */
-} LatinLeft;
+} LatinContribution;
 
-/* Nobody reads the columns of this message any more */
-static void LatinLeftEmpty(const LatinLeft *left, PetscInt message)
+/* Releases the memory of the columns of a message, which nobody reads any more */
+static void LatinContributionEmpty(const LatinContribution *block, PetscInt message)
 {
-  const size_t start = LatinPanelSize(1, left->n, LATIN_FRONT_PANEL * message), end = LatinPanelSize(1, left->n, PetscMin(LATIN_FRONT_PANEL * (message + 1), left->n));
+  const size_t start = LatinPanelSize(1, block->n, LATIN_FRONT_PANEL * message), end = LatinPanelSize(1, block->n, PetscMin(LATIN_FRONT_PANEL * (message + 1), block->n));
 
-  LatinRoomEmpty(left->a + start, (end - start) * sizeof(*left->a));
+  LatinRoomEmpty(block->a + start, (end - start) * sizeof(*block->a));
 }
 
-/* All of it starts on its way to another rank */
-static PetscErrorCode LatinLeftSend_Private(const LatinTree *tree, LatinLeft *left)
+/* Starts to send all of it to the rank of the joint */
+static PetscErrorCode LatinContributionSend_Private(const LatinTree *tree, LatinContribution *block)
 {
   PetscFunctionBegin;
-  left->messages = (left->n + LATIN_FRONT_PANEL - 1) / LATIN_FRONT_PANEL;
-  PetscCall(PetscMalloc2(left->messages, &left->sent, left->messages, &left->gone));
-  for (PetscInt m = 0; m < left->messages; m++) {
-    const size_t start = LatinPanelSize(1, left->n, LATIN_FRONT_PANEL * m), end = LatinPanelSize(1, left->n, PetscMin(LATIN_FRONT_PANEL * (m + 1), left->n));
+  block->messages = (block->n + LATIN_FRONT_PANEL - 1) / LATIN_FRONT_PANEL;
+  PetscCall(PetscMalloc2(block->messages, &block->sent, block->messages, &block->gone));
+  for (PetscInt m = 0; m < block->messages; m++) {
+    const size_t start = LatinPanelSize(1, block->n, LATIN_FRONT_PANEL * m), end = LatinPanelSize(1, block->n, PetscMin(LATIN_FRONT_PANEL * (m + 1), block->n));
     PetscMPIInt  length;
 
     PetscCall(PetscMPIIntCast((PetscInt)(end - start), &length));
-    PetscCallMPI(MPI_Isend(left->a + start, length, MPIU_SCALAR, tree->to, 0, tree->comm, &left->sent[m]));
+    PetscCallMPI(MPI_Isend(block->a + start, length, MPIU_SCALAR, tree->to, 0, tree->comm, &block->sent[m]));
   }
   PetscFunctionReturn(0);
 }
 
-/* What has arrived there goes here */
-static PetscErrorCode LatinLeftGone_Private(LatinLeft *left)
+/* Releases what has been sent */
+static PetscErrorCode LatinContributionSent_Private(LatinContribution *block)
 {
   PetscMPIInt count = 0;
 
   PetscFunctionBegin;
-  if (left->messages) PetscCallMPI(MPI_Testsome((PetscMPIInt)left->messages, left->sent, &count, left->gone, MPI_STATUSES_IGNORE));
-  for (PetscMPIInt k = 0; k < count; k++) LatinLeftEmpty(left, left->gone[k]); /* MPI_UNDEFINED, which is negative: nothing is under way */
+  if (block->messages) PetscCallMPI(MPI_Testsome((PetscMPIInt)block->messages, block->sent, &count, block->gone, MPI_STATUSES_IGNORE));
+  for (PetscMPIInt k = 0; k < count; k++) LatinContributionEmpty(block, block->gone[k]); /* MPI_UNDEFINED, which is negative: nothing is under way */
   PetscFunctionReturn(0);
 }
 
-/* Once all of it has gone */
-static PetscErrorCode LatinLeftFree_Private(LatinLeft *left)
+/* Waits until all of it has been sent */
+static PetscErrorCode LatinContributionFree_Private(LatinContribution *block)
 {
   PetscFunctionBegin;
-  if (left->messages) PetscCallMPI(MPI_Waitall((PetscMPIInt)left->messages, left->sent, MPI_STATUSES_IGNORE));
-  PetscCall(PetscFree2(left->sent, left->gone));
-  PetscCall(PetscFree(left->own));
-  PetscCall(MatDestroy(&left->part));
+  if (block->messages) PetscCallMPI(MPI_Waitall((PetscMPIInt)block->messages, block->sent, MPI_STATUSES_IGNORE));
+  PetscCall(PetscFree2(block->sent, block->gone));
+  PetscCall(PetscFree(block->own));
+  PetscCall(MatDestroy(&block->part));
   PetscFunctionReturn(0);
 }
 
-/* The columns that a group brings to a joint */
+/* The contribution block of a group, which comes to a joint column by column */
 typedef struct {
   PetscMPIInt        rank;
   PetscInt           n, next; /* the next one, */
   const PetscInt    *at;      /* [n] their rows in the front */
   const PetscScalar *column;  /* from its diagonal on */
   PetscScalar       *buffer;  /* room for a message; NULL: they are here */
-} LatinComing;
+} LatinIncoming;
 
-static PetscErrorCode LatinComingCreate_Private(const LatinTree *tree, PetscInt k, LatinComing *coming)
+static PetscErrorCode LatinIncomingCreate_Private(const LatinTree *tree, PetscInt k, LatinIncoming *incoming)
 {
   const LatinJoint *joint = tree->joint;
 
   PetscFunctionBegin;
-  *coming = (LatinComing){.rank = joint->from[k], .n = joint->n[k], .at = joint->at + (k ? joint->n[0] : 0)};
-  if (coming->rank != tree->rank) PetscCall(PetscMalloc1(LATIN_FRONT_PANEL * coming->n, &coming->buffer));
+  *incoming = (LatinIncoming){.rank = joint->from[k], .n = joint->n[k], .at = joint->at + (k ? joint->n[0] : 0)};
+  if (incoming->rank != tree->rank) PetscCall(PetscMalloc1(LATIN_FRONT_PANEL * incoming->n, &incoming->buffer));
   PetscFunctionReturn(0);
 }
 
-/* Those that come before column `last` of the front join its panel, which begins with column c */
-static PetscErrorCode LatinComingAdd_Private(const LatinTree *tree, const LatinLeft *left, PetscInt c, PetscInt last, LatinComing *coming, PetscScalar panel[])
+/* Adds those of its columns that come before column `last` of the front to the panel that begins with column c */
+static PetscErrorCode LatinIncomingAdd_Private(const LatinTree *tree, const LatinContribution *block, PetscInt c, PetscInt last, LatinIncoming *incoming, PetscScalar panel[])
 {
-  const PetscInt n = coming->n, *at = coming->at;
+  const PetscInt n = incoming->n, *at = incoming->at;
   PetscMPIInt    length;
 
   PetscFunctionBegin;
   PetscCall(PetscMPIIntCast(LATIN_FRONT_PANEL * n, &length));
-  for (; coming->next < n && at[coming->next] < last; coming->next++) {
-    const PetscInt j  = coming->next;
+  for (; incoming->next < n && at[incoming->next] < last; incoming->next++) {
+    const PetscInt j  = incoming->next;
     PetscScalar   *to = panel + (size_t)(tree->joint->rows - c) * (size_t)(at[j] - c) - c;
 
     if (j % LATIN_FRONT_PANEL == 0) {
-      if (!coming->buffer && j) LatinLeftEmpty(left, j / LATIN_FRONT_PANEL - 1);
-      if (coming->buffer) PetscCallMPI(MPI_Recv(coming->buffer, length, MPIU_SCALAR, coming->rank, 0, tree->comm, MPI_STATUS_IGNORE));
-      coming->column = coming->buffer ? coming->buffer : left->a + LatinPanelSize(1, n, j);
+      if (!incoming->buffer && j) LatinContributionEmpty(block, j / LATIN_FRONT_PANEL - 1);
+      if (incoming->buffer) PetscCallMPI(MPI_Recv(incoming->buffer, length, MPIU_SCALAR, incoming->rank, 0, tree->comm, MPI_STATUS_IGNORE));
+      incoming->column = incoming->buffer ? incoming->buffer : block->a + LatinPanelSize(1, n, j);
     }
-    for (PetscInt i = j; i < n; i++) to[at[i]] += coming->column[i - j];
-    coming->column += n - j;
+    for (PetscInt i = j; i < n; i++) to[at[i]] += incoming->column[i - j];
+    incoming->column += n - j;
   }
   PetscFunctionReturn(0);
 }
 
-/* What the interior columns before row r of a front leave on some columns from there on */
-static PetscErrorCode LatinJointTake_Private(const LatinJoint *joint, const PetscScalar L[], PetscInt r, PetscInt some, PetscScalar to[])
+/* The left-looking update of some columns from r on by the interior columns before them */
+static PetscErrorCode LatinJointUpdate_Private(const LatinJoint *joint, const PetscScalar L[], PetscInt r, PetscInt some, PetscScalar to[])
 {
   const PetscScalar  one = 1.0, minus = -1.0;
   const PetscBLASInt height = (PetscBLASInt)(joint->rows - r), columns = (PetscBLASInt)some;
@@ -139,7 +139,7 @@ static PetscErrorCode LatinJointTake_Private(const LatinJoint *joint, const Pets
   PetscFunctionReturn(0);
 }
 
-/* Eliminates so many interior columns of a front from c on, whose panel is complete; *bad: it is not positive definite */
+/* Eliminates a panel of `some` interior columns from c on, which is complete; *bad: it is not positive definite */
 static PetscErrorCode LatinJointEliminate_Private(const LatinJoint *joint, PetscInt c, PetscInt some, PetscScalar panel[], PetscBool *bad)
 {
   const PetscScalar  one  = 1.0;
@@ -155,7 +155,7 @@ static PetscErrorCode LatinJointEliminate_Private(const LatinJoint *joint, Petsc
   PetscFunctionReturn(0);
 }
 
-/* So many columns of what is left from c on go to the next joint, each from its diagonal on */
+/* Sends `some` columns of the contribution block from c on, each from its diagonal on, to the next joint */
 static PetscErrorCode LatinJointSend_Private(const LatinTree *tree, PetscInt c, PetscInt some, PetscScalar panel[])
 {
   const PetscInt height = tree->joint->rows - c;
@@ -184,7 +184,7 @@ static PetscErrorCode LatinJointFront_Private(LatinJoint *joint)
   PetscFunctionReturn(0);
 }
 
-/* The factor of a front from its interior columns; rounded, if single precision holds their pivots */
+/* Keeps the interior columns L as the factor of the joint; rounded, if single precision holds their pivots */
 static PetscErrorCode LatinJointKeep_Private(LatinJoint *joint, PetscBool rounded, PetscScalar L[])
 {
   PetscFunctionBegin;
@@ -193,8 +193,8 @@ static PetscErrorCode LatinJointKeep_Private(LatinJoint *joint, PetscBool rounde
   PetscFunctionReturn(0);
 }
 
-/* What a part leaves that has rows of its own, which its factor eliminates; takes K over. at[]: rows of the part; they become those of what is left */
-static PetscErrorCode LatinTreeSparse_Private(LatinTree *tree, Mat K, LatinLeft *left, PetscInt at[], PetscBool *bad)
+/* The contribution block of a part with rows of its own, which its factor eliminates; takes K over. at[]: shared rows in the part; out, in the block */
+static PetscErrorCode LatinTreeSparse_Private(LatinTree *tree, Mat K, LatinContribution *block, PetscInt at[], PetscBool *bad)
 {
   MatFactorInfo info;
   PetscInt     *place;
@@ -221,8 +221,8 @@ static PetscErrorCode LatinTreeSparse_Private(LatinTree *tree, Mat K, LatinLeft 
   PetscCall(MatCholeskyFactorNumeric(tree->part, A, &info));
   *bad = (PetscBool)(tree->part->factorerrortype != MAT_FACTOR_NOERROR);
   PetscCall(MatDestroy(&A));
-  PetscCall(LatinCholeskyGiveLower(tree->part, &left->own));
-  left->a = left->own;
+  PetscCall(LatinCholeskyGiveLower(tree->part, &block->own));
+  block->a = block->own;
   PetscCall(PetscCalloc1(tree->n, &place)); /* in the Schur complement, whose rows ascend as in the part */
   for (PetscInt i = 0; i < tree->rest; i++) place[tree->row[i]] = 1;
   for (PetscInt r = 0, k = 0; r < tree->n; r++)
@@ -232,8 +232,8 @@ static PetscErrorCode LatinTreeSparse_Private(LatinTree *tree, Mat K, LatinLeft 
   PetscFunctionReturn(0);
 }
 
-/* What a part leaves without rows of its own: itself. Takes K over, and its place, unless others have it */
-static PetscErrorCode LatinTreeDense_Private(LatinTree *tree, Mat K, LatinLeft *left)
+/* The contribution block of a part without rows of its own: all of it. Takes K over, and its memory unless K is referenced elsewhere */
+static PetscErrorCode LatinTreeDense_Private(LatinTree *tree, Mat K, LatinContribution *block)
 {
   const size_t n      = (size_t)tree->rest;
   PetscInt     owners = 1, ld;
@@ -241,29 +241,29 @@ static PetscErrorCode LatinTreeDense_Private(LatinTree *tree, Mat K, LatinLeft *
   PetscScalar *from;
 
   PetscFunctionBegin;
-  left->part = K;
+  block->part = K;
   PetscCall(PetscObjectTypeCompare((PetscObject)K, MATSHELL, &lower));
-  if (lower) PetscCall(MatShellGetContext(K, &left->a));
+  if (lower) PetscCall(MatShellGetContext(K, &block->a));
   if (lower) PetscFunctionReturn(0);
   PetscCall(PetscObjectTypeCompare((PetscObject)K, MATSEQDENSE, &dense));
   if (dense) PetscCall(PetscObjectGetReference((PetscObject)K, &owners));
   else {
-    PetscCall(MatConvert(K, MATSEQDENSE, MAT_INITIAL_MATRIX, &left->part));
+    PetscCall(MatConvert(K, MATSEQDENSE, MAT_INITIAL_MATRIX, &block->part));
     PetscCall(MatDestroy(&K));
   }
-  PetscCall(MatDenseGetLDA(left->part, &ld));
-  PetscCall(MatDenseGetArrayRead(left->part, (const PetscScalar **)&from)); /* which the matrix keeps */
-  if (owners > 1) PetscCall(PetscMalloc1(LatinPanelSize(1, tree->rest, tree->rest), &left->own));
-  left->a = owners > 1 ? left->own : from;
+  PetscCall(MatDenseGetLDA(block->part, &ld));
+  PetscCall(MatDenseGetArrayRead(block->part, (const PetscScalar **)&from)); /* which the matrix keeps */
+  if (owners > 1) PetscCall(PetscMalloc1(LatinPanelSize(1, tree->rest, tree->rest), &block->own));
+  block->a = owners > 1 ? block->own : from;
   for (size_t c = 0; c < n; c++)
-    for (size_t r = c; r < n; r++) left->a[LatinLowerAt(tree->rest, (PetscInt)c) + r] = from[r + (size_t)ld * c];
-  if (owners > 1) PetscCall(MatDestroy(&left->part));
+    for (size_t r = c; r < n; r++) block->a[LatinLowerAt(tree->rest, (PetscInt)c) + r] = from[r + (size_t)ld * c];
+  if (owners > 1) PetscCall(MatDestroy(&block->part));
   else LatinRoomEmpty(from + LatinPanelSize(1, tree->rest, tree->rest), ((size_t)ld * n - LatinPanelSize(1, tree->rest, tree->rest)) * sizeof(*from));
   PetscFunctionReturn(0);
 }
 
 /* Row at[r] of a lower triangle becomes row r, and columns as well: in place, for it may be as large as the factor */
-static PetscErrorCode LatinLeftOrder_Private(PetscInt n, const PetscInt at[], PetscScalar a[])
+static PetscErrorCode LatinContributionOrder_Private(PetscInt n, const PetscInt at[], PetscScalar a[])
 {
   PetscBool sorted = PETSC_TRUE;
   char     *there; /* for each entry */
@@ -293,52 +293,52 @@ static PetscErrorCode LatinLeftOrder_Private(PetscInt n, const PetscInt at[], Pe
   PetscFunctionReturn(0);
 }
 
-/* What the part of this rank leaves. Takes K over */
-static PetscErrorCode LatinTreePart_Private(LatinTree *tree, Mat K, LatinLeft *left, PetscBool *bad)
+/* The contribution block of this rank's part. Takes K over */
+static PetscErrorCode LatinTreePart_Private(LatinTree *tree, Mat K, LatinContribution *block, PetscBool *bad)
 {
   PetscInt *at;
 
   PetscFunctionBegin;
-  *left = (LatinLeft){.n = tree->rest};
+  *block = (LatinContribution){.n = tree->rest};
   PetscCall(PetscMalloc1(tree->rest, &at));
   PetscCall(PetscArraycpy(at, tree->row, tree->rest));
-  if (tree->rest < tree->n) PetscCall(LatinTreeSparse_Private(tree, K, left, at, bad));
-  else PetscCall(LatinTreeDense_Private(tree, K, left));
-  PetscCall(LatinLeftOrder_Private(tree->rest, at, left->a));
+  if (tree->rest < tree->n) PetscCall(LatinTreeSparse_Private(tree, K, block, at, bad));
+  else PetscCall(LatinTreeDense_Private(tree, K, block));
+  PetscCall(LatinContributionOrder_Private(tree->rest, at, block->a));
   PetscCall(PetscFree(at));
   PetscFunctionReturn(0);
 }
 
 /*
-   The front of the joint, panel by panel from what comes and what is left here: those of the interior are eliminated, the others go on.
-   Where it is not positive definite they go all the same, for the next joint waits
+   The front of the joint, panel by panel, from what comes and from the block of this rank: panels of the interior are eliminated, the
+   others are sent on. They are sent even where the front is not positive definite, for the next joint waits
 */
-static PetscErrorCode LatinTreeJoin_Private(LatinTree *tree, PetscBool rounded, LatinLeft *left, PetscBool *bad)
+static PetscErrorCode LatinTreeJoin_Private(LatinTree *tree, PetscBool rounded, LatinContribution *block, PetscBool *bad)
 {
   LatinJoint    *joint = tree->joint;
   const PetscInt rows = joint->rows, in = joint->interior;
   PetscScalar   *L, *S;
-  LatinComing    coming[2];
+  LatinIncoming  incoming[2];
 
   PetscFunctionBegin;
   PetscCall(LatinJointFront_Private(joint));
   PetscCall(LatinRoomDestroy_Private(&joint->front.factor));
   PetscCall(PetscMalloc1(joint->front.panel[1], &L));
   PetscCall(PetscMalloc1(LATIN_FRONT_PANEL * (rows - in), &S));
-  for (PetscInt k = 0; k < 2; k++) PetscCall(LatinComingCreate_Private(tree, k, &coming[k]));
+  for (PetscInt k = 0; k < 2; k++) PetscCall(LatinIncomingCreate_Private(tree, k, &incoming[k]));
   for (PetscInt c = 0, wide; c < rows; c += wide) {
     const PetscBool inside = (PetscBool)(c < in);
     PetscScalar    *panel  = inside ? L + LatinPanelAt(LATIN_FRONT_PANEL, rows, c) : S;
 
     wide = PetscMin(LATIN_FRONT_PANEL, (inside ? in : rows) - c);
     PetscCall(PetscArrayzero(panel, (size_t)(rows - c) * (size_t)wide));
-    for (PetscInt k = 0; k < 2; k++) PetscCall(LatinComingAdd_Private(tree, left, c, c + wide, &coming[k], panel));
-    if (!*bad) PetscCall(LatinJointTake_Private(joint, L, c, wide, panel));
+    for (PetscInt k = 0; k < 2; k++) PetscCall(LatinIncomingAdd_Private(tree, block, c, c + wide, &incoming[k], panel));
+    if (!*bad) PetscCall(LatinJointUpdate_Private(joint, L, c, wide, panel));
     if (inside && !*bad) PetscCall(LatinJointEliminate_Private(joint, c, wide, panel, bad));
     if (!inside) PetscCall(LatinJointSend_Private(tree, c, wide, panel));
-    PetscCall(LatinLeftGone_Private(left));
+    PetscCall(LatinContributionSent_Private(block));
   }
-  for (PetscInt k = 0; k < 2; k++) PetscCall(PetscFree(coming[k].buffer));
+  for (PetscInt k = 0; k < 2; k++) PetscCall(PetscFree(incoming[k].buffer));
   PetscCall(PetscFree(S));
   PetscCall(PetscLogFlops((double)in * ((double)in * in / 3.0 + (double)in * (rows - in) + PetscSqr((double)(rows - in)))));
   PetscCall(LatinJointKeep_Private(joint, rounded, L));
@@ -346,22 +346,22 @@ static PetscErrorCode LatinTreeJoin_Private(LatinTree *tree, PetscBool rounded, 
   PetscFunctionReturn(0);
 }
 
-/* The factor of the sum of the parts K, which it takes over, its fronts rounded to single precision or not; on all ranks *bad or on none. Collective on tree->comm */
+/* Factors the sum of the parts K, which it takes over; joints are rounded to single precision or not. *bad, on all ranks or on none: it is not positive definite. Collective on tree->comm */
 PetscErrorCode LatinTreeFactor_Private(LatinTree *tree, PetscBool rounded, Mat K, PetscBool *bad)
 {
-  LatinLeft left;
+  LatinContribution block;
 
   PetscFunctionBegin;
   *bad = PETSC_FALSE;
-  PetscCall(LatinTreePart_Private(tree, K, &left, bad));
-  if (tree->to != tree->rank) PetscCall(LatinLeftSend_Private(tree, &left));
-  if (tree->joint) PetscCall(LatinTreeJoin_Private(tree, rounded, &left, bad));
-  PetscCall(LatinLeftFree_Private(&left));
+  PetscCall(LatinTreePart_Private(tree, K, &block, bad));
+  if (tree->to != tree->rank) PetscCall(LatinContributionSend_Private(tree, &block));
+  if (tree->joint) PetscCall(LatinTreeJoin_Private(tree, rounded, &block, bad));
+  PetscCall(LatinContributionFree_Private(&block));
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, bad, 1, LATIN_MPI_BOOL, MPI_LOR, tree->comm));
   PetscFunctionReturn(0);
 }
 
-/* The forces w of the group, or (back) its displacements, from one rank to another; nothing where they stay */
+/* Sends w to another rank or receives it, forces of a group on the way up, displacements on the way down; nothing where they stay */
 static PetscErrorCode LatinTreePass_Private(const LatinTree *tree, PetscMPIInt other, PetscInt n, PetscBool send)
 {
   PetscMPIInt length;
@@ -374,7 +374,7 @@ static PetscErrorCode LatinTreePass_Private(const LatinTree *tree, PetscMPIInt o
   PetscFunctionReturn(0);
 }
 
-/* The forces of both groups join; what the joint leaves goes on, displacements come back there, and those of both groups go back to them. w: in, forces that the part here leaves; out, their displacements, where the joint is that of the part */
+/* Both halves of the solve at the joint: adds the forces of both groups, eliminates, sends the rest up, gets displacements back and gives each group its own. w: in, forces of the part here; out, its displacements, where the joint is that of the part */
 static PetscErrorCode LatinTreeJoint_Private(LatinTree *tree)
 {
   LatinJoint    *joint = tree->joint;
@@ -383,7 +383,7 @@ static PetscErrorCode LatinTreeJoint_Private(LatinTree *tree)
 
   PetscFunctionBegin;
   PetscCall(PetscArrayzero(joint->x, joint->rows));
-  for (PetscInt p = 0; p < 2; p++) { /* what is here first: w is taken by what comes */
+  for (PetscInt p = 0; p < 2; p++) { /* the group here first: what is received overwrites w */
     const PetscInt  k  = joint->from[1] == tree->rank ? 1 - p : p;
     const PetscInt *at = joint->at + (k ? joint->n[0] : 0);
 
@@ -396,7 +396,7 @@ static PetscErrorCode LatinTreeJoint_Private(LatinTree *tree)
   PetscCall(LatinTreePass_Private(tree, joint->to, out, PETSC_FALSE));
   PetscCall(PetscArraycpy(joint->x + joint->interior, w, out));
   PetscCall(LatinFrontsSolve(&joint->front, PETSC_FALSE, PETSC_TRUE, 1, joint->x, 0, NULL));
-  for (PetscInt p = 0; p < 2; p++) { /* and last */
+  for (PetscInt p = 0; p < 2; p++) { /* the group here last, as w is its result */
     const PetscInt  k  = joint->from[1] == tree->rank ? p : 1 - p;
     const PetscInt *at = joint->at + (k ? joint->n[0] : 0);
 

@@ -81,10 +81,9 @@ static void LatinSupernodesRefine(PetscInt a, PetscInt b, const PetscInt in[], P
 }
 
 /*
-   The order of the columns of a front among themselves, which does not change what the factor holds: rows that follow each other
-   in a front are to do so in the one that takes what it leaves on them, which is so added by long vectors. They are refined by the
-   rows of the fronts that reach them, the last ones first (Jacquelin, Ng and Peyton 2021). Rows from `inside` on, which are
-   kept, stay in their order
+   The order of the columns within each supernode, which does not change the entries of the factor: rows that are consecutive in a
+   front are to be so in its parent, so that extend-add goes by long vectors. Supernodes are refined by the rows of the fronts
+   that reach them, the last ones first (Jacquelin, Ng and Peyton 2021). Rows from `inside` on, which are kept, stay in their order
 */
 static PetscErrorCode LatinSupernodesArrange_Private(PetscInt n, PetscInt inside, PetscInt fronts, const PetscInt first[], const PetscInt begin[], PetscInt row[], PetscInt order[])
 {

@@ -1,13 +1,13 @@
 #include "localsolvers/latinlocalsolvers.h"
 
 /*
-   The MatSolverType LATIN_CHOLESKY of sequential matrices: Cholesky by fronts (localsolvers/fronts.c), of CHOLMOD's symbolic
-   analysis (localsolvers/analysis.c). Beside CHOLMOD's own factorisation, which takes as long on one thread: it orders nodes, not degrees of freedom;
-   the factor may be in single precision; some rows may be kept to the last (MatFactorSetSchurIS()), and give their Schur
-   complement; the solve comes in its two halves as well, with the kept rows between them. One elimination of the inside of a
-   subdomain so serves all that is done on its interfaces.
+   The MatSolverType LATIN_CHOLESKY of sequential matrices: multifrontal Cholesky (localsolvers/fronts.c) with CHOLMOD's symbolic
+   analysis (localsolvers/analysis.c). What it does beyond CHOLMOD's own factorisation, which takes as long on one thread: it orders
+   nodes, not degrees of freedom; the factor may be in single precision; some rows may be kept to the last (MatFactorSetSchurIS()) and
+   give their Schur complement; and the halves of a solve can be called one by one, with the kept rows between them. So one
+   elimination of the interior of a subdomain serves all that is done on its interfaces.
 
-   MatSolve() where rows are kept: their couplings are left out, they have their diagonal alone.
+   MatSolve() where rows are kept leaves out their couplings: they have their diagonal alone.
 */
 
 #if LATIN_CHOLMOD

@@ -17,16 +17,16 @@ extern void FRONT_BLAS(syrk)(const char *, const char *, const PetscBLASInt *, c
 
 /* What a factorisation works on */
 typedef struct {
-  FRONT_REAL *stack;          /* what earlier fronts left on later rows; where the factor is rounded, between its two ends the columns of a front */
-  size_t      size;           /* of it */
-  FRONT_REAL *some;           /* [tallest][LATIN_BATCH_COLUMNS] what a front leaves on kept rows, some columns of it */
-  size_t     *update, top[2]; /* [fronts] where a front's part of the stack is, and how much is at its two ends */
-  PetscInt   *place;          /* [n] of a row in the order of elimination */
-  PetscInt   *at, *to, *end;  /* [n] and [tallest]: rows in the front at hand; [tallest] where those that follow each other end */
-  PetscBool   narrow;         /* the factor is of lower precision than the arithmetic */
+  FRONT_REAL *stack;         /* contribution blocks that wait for their parents, at its two ends; between these, where the factor is rounded, the columns of the front at hand */
+  size_t      size;          /* of it */
+  FRONT_REAL *some;          /* [tallest][LATIN_BATCH_COLUMNS] some columns of what a front adds to the Schur complement */
+  size_t     *block, top[2]; /* [fronts] where the contribution block of a front is in the stack, and how much is at its two ends */
+  PetscInt   *place;         /* [n] of a row in the order of elimination */
+  PetscInt   *at, *to, *end; /* [n] rows in the front at hand; [tallest] those of a child there, and where a run of consecutive ones ends */
+  PetscBool   rounded;       /* the factor is in lower precision than the arithmetic */
 } FRONT(LatinFrontsWork);
 
-/* Adds the columns of the matrix that front f eliminates */
+/* Assembles the columns of the matrix that front f eliminates */
 static void FRONT(LatinFrontEntries)(const LatinFronts *F, FRONT(LatinFrontsWork) * work, PetscInt f, const PetscInt i[], const PetscInt j[], const PetscScalar a[], FRONT_REAL panel[])
 {
   const PetscInt height = F->row_first[f + 1] - F->row_first[f];
@@ -39,12 +39,12 @@ static void FRONT(LatinFrontEntries)(const LatinFronts *F, FRONT(LatinFrontsWork
   }
 }
 
-/* Adds columns first to last - 1 of what is left on n rows, lower triangle, to a matrix of that height, or (half) to what is left on so many, whose rows to[] go on without a gap up to end[] */
-static LATIN_CLONES void FRONT(LatinFrontScatter)(PetscInt n, PetscInt first, PetscInt last, const PetscInt to[], const PetscInt end[], const FRONT_REAL left[], PetscInt height, PetscBool half, FRONT_REAL a[])
+/* Extend-add: columns first to last - 1 of a contribution block of n rows, lower triangle, go to rows and columns to[] of a matrix of that height, or (half) of a contribution block of that many rows; rows r to end[r] - 1 are consecutive there */
+static LATIN_CLONES void FRONT(LatinExtendAdd)(PetscInt n, PetscInt first, PetscInt last, const PetscInt to[], const PetscInt end[], const FRONT_REAL block[], PetscInt height, PetscBool half, FRONT_REAL a[])
 {
   for (PetscInt k = first; k < last; k++) {
-    const FRONT_REAL *from   = left + LatinPanelColumnAt(LATIN_FRONT_LEFT, n, k);
-    FRONT_REAL       *column = a + (half ? LatinPanelColumnAt(LATIN_FRONT_LEFT, height, to[k]) : (size_t)height * (size_t)to[k]);
+    const FRONT_REAL *from   = block + LatinPanelColumnAt(LATIN_CONTRIBUTION_PANEL, n, k);
+    FRONT_REAL       *column = a + (half ? LatinPanelColumnAt(LATIN_CONTRIBUTION_PANEL, height, to[k]) : (size_t)height * (size_t)to[k]);
 
     for (PetscInt r = k; r < n; r = end[r]) {
       FRONT_REAL *gets = column + to[r] - r;
@@ -54,39 +54,39 @@ static LATIN_CLONES void FRONT(LatinFrontScatter)(PetscInt n, PetscInt first, Pe
   }
 }
 
-/* Adds what child c left on columns first to last - 1 of front f to those that this eliminates, or (U) to what it leaves itself: below x later, lower triangle. once: what has been read goes */
-static void FRONT(LatinFrontAdd)(const LatinFronts *F, FRONT(LatinFrontsWork) * work, PetscInt f, PetscInt c, PetscInt first, PetscInt last, PetscBool once, FRONT_REAL panel[], FRONT_REAL U[])
+/* Assembles the contribution block of child c into columns first to last - 1 of front f: into its panel, or (U) into its own contribution block. once: memory that has been read is released */
+static void FRONT(LatinFrontAssembleChild)(const LatinFronts *F, FRONT(LatinFrontsWork) * work, PetscInt f, PetscInt c, PetscInt first, PetscInt last, PetscBool once, FRONT_REAL panel[], FRONT_REAL U[])
 {
   const PetscInt n = LatinFrontBelow(F, c), later = F->later[c], height = F->row_first[f + 1] - F->row_first[f], columns = F->columns[f], *row = F->row + F->row_first[c] + F->columns[c];
-  FRONT_REAL    *left = work->stack + work->update[c];
+  FRONT_REAL    *block = work->stack + work->block[c];
   PetscInt      *to = work->to, from = 0, end;
 
   for (PetscInt r = 0; r < n; r++) to[r] = work->at[row[r]] - (U ? columns : 0);
   while (from < later && work->at[row[from]] < first) from++;
   for (end = from; end < later && work->at[row[end]] < last;) end++;
   for (PetscInt r = n - 1; r >= from; r--) work->end[r] = r + 1 < n && to[r + 1] == to[r] + 1 ? work->end[r + 1] : r + 1;
-  FRONT(LatinFrontScatter)(n, from, end, to, work->end, left, U ? height - columns : height, (PetscBool)(U != NULL), U ? U : panel);
-  if (once) LatinRoomEmpty(left + LatinPanelSize(LATIN_FRONT_LEFT, n, from), (LatinPanelSize(LATIN_FRONT_LEFT, n, end) - LatinPanelSize(LATIN_FRONT_LEFT, n, from)) * sizeof(*left));
+  FRONT(LatinExtendAdd)(n, from, end, to, work->end, block, U ? height - columns : height, (PetscBool)(U != NULL), U ? U : panel);
+  if (once) LatinRoomEmpty(block + LatinPanelSize(LATIN_CONTRIBUTION_PANEL, n, from), (LatinPanelSize(LATIN_CONTRIBUTION_PANEL, n, end) - LatinPanelSize(LATIN_CONTRIBUTION_PANEL, n, from)) * sizeof(*block));
 }
 
-/* The same of all children, some columns at a time where what has been read goes */
-static void FRONT(LatinFrontAddAll)(const LatinFronts *F, FRONT(LatinFrontsWork) * work, PetscInt f, PetscInt first, PetscInt last, PetscBool once, FRONT_REAL panel[], FRONT_REAL U[])
+/* The same for all children; where memory is released, a panel of columns at a time */
+static void FRONT(LatinFrontAssemble)(const LatinFronts *F, FRONT(LatinFrontsWork) * work, PetscInt f, PetscInt first, PetscInt last, PetscBool once, FRONT_REAL panel[], FRONT_REAL U[])
 {
   for (PetscInt next; first < last; first = next) {
     next = once ? PetscMin(first + LATIN_FRONT_PANEL, last) : last;
-    for (PetscInt c = F->child[f]; c >= 0; c = F->sibling[c]) FRONT(LatinFrontAdd)(F, work, f, c, first, next, once, panel, U);
+    for (PetscInt c = F->child[f]; c >= 0; c = F->sibling[c]) FRONT(LatinFrontAssembleChild)(F, work, f, c, first, next, once, panel, U);
   }
 }
 
-/* U = -Z Z^t, its columns first to last - 1, from their diagonals on. Of few columns products of blocks, which fill those on the diagonal, are quicker than their symmetric form */
-static void FRONT(LatinFrontUpdate)(PetscBLASInt columns, PetscBLASInt first, PetscBLASInt last, PetscBLASInt below, const FRONT_REAL Z[], PetscBLASInt height, FRONT_REAL U[])
+/* Columns first to last - 1 of the contribution block U = -Z Z^t, each from its diagonal on. Where a front eliminates few columns, gemm on blocks, which fills those on the diagonal, is quicker than syrk */
+static void FRONT(LatinFrontContribution)(PetscBLASInt columns, PetscBLASInt first, PetscBLASInt last, PetscBLASInt below, const FRONT_REAL Z[], PetscBLASInt height, FRONT_REAL U[])
 {
   const FRONT_REAL minus = -1, zero = 0;
   const PetscBool  few = (PetscBool)(columns <= LATIN_FRONT_PANEL);
 
   for (PetscBLASInt c = first, wide; c < last; c += wide) {
-    const PetscBLASInt rows = below - c, ld = below - c / LATIN_FRONT_LEFT * LATIN_FRONT_LEFT, next = few ? 0 : PetscMin(LATIN_FRONT_LEFT, last - c), others = rows - next;
-    FRONT_REAL        *to = U + LatinPanelColumnAt(LATIN_FRONT_LEFT, below, c) + c;
+    const PetscBLASInt rows = below - c, ld = below - c / LATIN_CONTRIBUTION_PANEL * LATIN_CONTRIBUTION_PANEL, next = few ? 0 : PetscMin(LATIN_CONTRIBUTION_PANEL, last - c), others = rows - next;
+    FRONT_REAL        *to = U + LatinPanelColumnAt(LATIN_CONTRIBUTION_PANEL, below, c) + c;
 
     wide = few ? PetscMin(LATIN_FRONT_BLOCK, last - c) : next;
     if (next) FRONT_BLAS(syrk)("L", "N", &wide, &columns, &minus, Z + c, &height, &zero, to, &ld);
@@ -94,22 +94,22 @@ static void FRONT(LatinFrontUpdate)(PetscBLASInt columns, PetscBLASInt first, Pe
   }
 }
 
-/* Eliminates the columns of front f: its panel becomes that of the factor, and U what it leaves to later fronts, with what its children left. once: what has been read goes */
+/* Eliminates the columns of front f: its panel becomes that of the factor, and U its contribution block, with those of its children assembled. once: memory that has been read is released */
 static PetscBool FRONT(LatinFrontEliminate)(const LatinFronts *F, FRONT(LatinFrontsWork) * work, PetscInt f, PetscBool once, FRONT_REAL panel[], FRONT_REAL U[])
 {
   const PetscBLASInt columns = (PetscBLASInt)F->columns[f], below = (PetscBLASInt)LatinFrontBelow(F, f), height = columns + below, later = (PetscBLASInt)F->later[f];
 
   if (!FRONT(LatinPanels)(columns, height, panel, height)) return PETSC_FALSE;
   for (PetscBLASInt first = 0, last; first < later; first = last) {
-    last = once ? PetscMin(first + LATIN_FRONT_LEFT, later) : later;
-    FRONT(LatinFrontUpdate)(columns, first, last, below, panel + columns, height, U);
-    FRONT(LatinFrontAddAll)(F, work, f, columns + first, columns + last, once, NULL, U);
+    last = once ? PetscMin(first + LATIN_CONTRIBUTION_PANEL, later) : later;
+    FRONT(LatinFrontContribution)(columns, first, last, below, panel + columns, height, U);
+    FRONT(LatinFrontAssemble)(F, work, f, columns + first, columns + last, once, NULL, U);
   }
   return PETSC_TRUE;
 }
 
-/* Puts the columns of a front into the factor, rounded, or (not narrow) closes the gaps between them, which are in their place. Zeros above the diagonal, where vectors of rows go on. once: what has been read goes. PETSC_FALSE if single precision cannot hold their pivots */
-static LATIN_CLONES PetscBool FRONT(LatinFrontStore)(const LatinFronts *F, PetscInt f, PetscBool narrow, PetscBool once, FRONT_REAL panel[])
+/* Stores the columns of a front in the factor: rounded, or else packed where they are. Zeros go above the diagonal, as kernels read whole vectors. once: memory that has been read is released. PETSC_FALSE if single precision cannot hold a pivot */
+static LATIN_CLONES PetscBool FRONT(LatinFrontStore)(const LatinFronts *F, PetscInt f, PetscBool rounded, PetscBool once, FRONT_REAL panel[])
 {
   const PetscInt height = F->row_first[f + 1] - F->row_first[f], columns = F->columns[f];
 
@@ -118,7 +118,7 @@ static LATIN_CLONES PetscBool FRONT(LatinFrontStore)(const LatinFronts *F, Petsc
     const size_t      at   = F->panel[f] + LatinPanelAt(LATIN_FRONT_PANEL, height, first) + (size_t)(c - first) * (size_t)rows;
     const FRONT_REAL *from = panel + (size_t)height * (size_t)c + first, pivot = from[c - first];
 
-    if (narrow) {
+    if (rounded) {
       float *to = (float *)F->factor + at;
 
       for (PetscInt r = 0; r < c - first; r++) to[r] = 0.0F;
@@ -135,8 +135,8 @@ static LATIN_CLONES PetscBool FRONT(LatinFrontStore)(const LatinFronts *F, Petsc
   return PETSC_TRUE;
 }
 
-/* What front f leaves on kept rows, some columns at a time */
-static void FRONT(LatinFrontKept)(const LatinFronts *F, const FRONT(LatinFrontsWork) * work, PetscInt f, const FRONT_REAL panel[], PetscReal S[])
+/* Front f's part of the Schur complement of the kept rows, some columns at a time */
+static void FRONT(LatinFrontSchur)(const LatinFronts *F, const FRONT(LatinFrontsWork) * work, PetscInt f, const FRONT_REAL panel[], PetscReal S[])
 {
   const FRONT_REAL   one = 1, zero = 0;
   const PetscInt     inside = F->n - F->kept, below = LatinFrontBelow(F, f), *row = F->row + F->row_first[f] + F->columns[f];
@@ -144,35 +144,35 @@ static void FRONT(LatinFrontKept)(const LatinFronts *F, const FRONT(LatinFrontsW
 
   for (PetscInt first = F->later[f]; first < below; first += LATIN_BATCH_COLUMNS) {
     const PetscBLASInt rows = (PetscBLASInt)(below - first), columns = PetscMin(LATIN_BATCH_COLUMNS, rows);
-    const FRONT_REAL  *Z = panel + own + first, *left = work->some;
+    const FRONT_REAL  *Z = panel + own + first, *block = work->some;
 
     FRONT_BLAS(gemm)("N", "T", &rows, &columns, &own, &one, Z, &height, Z, &height, &zero, work->some, &rows);
-    for (PetscInt c = first; c < first + columns; c++, left += rows) {
+    for (PetscInt c = first; c < first + columns; c++, block += rows) {
       PetscReal *to = S + LatinLowerAt(F->kept, row[c] - inside);
 
-      for (PetscInt r = c; r < below; r++) to[row[r] - inside] -= left[r - first];
+      for (PetscInt r = c; r < below; r++) to[row[r] - inside] -= block[r - first];
     }
   }
 }
 
-/* One front, whose children are done; PETSC_FALSE where it is not positive definite. What it leaves to later ones is on one end of the stack, what its children left goes from the other: of a late and large front, whose panel is in the free room between both ends, pages that have been read go before others come */
+/* One front, whose children are done; PETSC_FALSE where it is not positive definite. Its contribution block is put on one end of the stack, those of its children are taken from the other. The panel of a late and large front is in the free room between both ends: there, pages that have been read are released before others are written */
 static PetscBool FRONT(LatinFrontOne)(const LatinFronts *F, FRONT(LatinFrontsWork) * work, PetscInt f, const PetscInt i[], const PetscInt j[], const PetscScalar a[], PetscReal S[])
 {
-  FRONT_REAL     *panel = work->narrow ? work->stack + work->top[0] + (F->odd[f] ? 0 : LatinFrontLeft(F, f)) : (FRONT_REAL *)F->factor + F->panel[f];
+  FRONT_REAL     *panel = work->rounded ? work->stack + work->top[0] + (F->odd[f] ? 0 : LatinContributionEntries(F, f)) : (FRONT_REAL *)F->factor + F->panel[f];
   const size_t    bytes = (size_t)(F->row_first[f + 1] - F->row_first[f]) * (size_t)F->columns[f] * sizeof(*panel);
-  const PetscBool large = (PetscBool)(work->narrow && F->kept && f >= F->late && 2 * bytes >= LATIN_PAGE && 2 * (work->top[0] + work->top[1] + LatinFrontLeft(F, f) + bytes / sizeof(*panel)) > work->size);
+  const PetscBool large = (PetscBool)(work->rounded && F->kept && f >= F->late && 2 * bytes >= LATIN_PAGE && 2 * (work->top[0] + work->top[1] + LatinContributionEntries(F, f) + bytes / sizeof(*panel)) > work->size);
 
-  work->update[f] = F->odd[f] ? work->size - work->top[1] - LatinFrontLeft(F, f) : work->top[0];
+  work->block[f] = F->odd[f] ? work->size - work->top[1] - LatinContributionEntries(F, f) : work->top[0];
   if (large) LatinRoomZero(work->stack + work->top[0], (work->size - work->top[0] - work->top[1]) * sizeof(*panel));
   else memset(panel, 0, bytes);
   for (PetscInt r = F->row_first[f]; r < F->row_first[f + 1]; r++) work->at[F->row[r]] = r - F->row_first[f];
-  FRONT(LatinFrontAddAll)(F, work, f, 0, F->columns[f], large, panel, NULL);
+  FRONT(LatinFrontAssemble)(F, work, f, 0, F->columns[f], large, panel, NULL);
   FRONT(LatinFrontEntries)(F, work, f, i, j, a, panel);
-  if (!FRONT(LatinFrontEliminate)(F, work, f, large, panel, work->stack + work->update[f])) return PETSC_FALSE;
-  for (PetscInt c = F->child[f]; c >= 0; c = F->sibling[c]) work->top[!F->odd[f]] -= LatinFrontLeft(F, c);
-  work->top[F->odd[f]] += LatinFrontLeft(F, f);
-  FRONT(LatinFrontKept)(F, work, f, panel, S);
-  return FRONT(LatinFrontStore)(F, f, work->narrow, large, panel);
+  if (!FRONT(LatinFrontEliminate)(F, work, f, large, panel, work->stack + work->block[f])) return PETSC_FALSE;
+  for (PetscInt c = F->child[f]; c >= 0; c = F->sibling[c]) work->top[!F->odd[f]] -= LatinContributionEntries(F, c);
+  work->top[F->odd[f]] += LatinContributionEntries(F, f);
+  FRONT(LatinFrontSchur)(F, work, f, panel, S);
+  return FRONT(LatinFrontStore)(F, f, work->rounded, large, panel);
 }
 
 /* The fronts one after the other; *bad becomes the row of the first pivot block that is not positive definite */
@@ -201,18 +201,18 @@ static PetscErrorCode FRONT(LatinFrontsFactor)(LatinFronts *F, const PetscInt i[
   FRONT(LatinFrontsWork)
   work = {
     .top = {0, 0},
-      .narrow = (PetscBool)(F->precision == LATIN_ROUNDED)
+      .rounded = (PetscBool)(F->precision == LATIN_ROUNDED)
   };
 
   PetscFunctionBegin;
-  work.size = work.narrow ? F->crowd : F->stack;
+  work.size = work.rounded ? F->peak : F->stack;
   PetscCall(PetscMalloc1(work.size, &work.stack));
   PetscCall(PetscMalloc1(F->kept ? (size_t)F->tallest * LATIN_BATCH_COLUMNS : 0, &work.some));
-  PetscCall(PetscMalloc5(F->fronts, &work.update, F->n, &work.place, F->n, &work.at, F->tallest, &work.to, F->tallest, &work.end));
+  PetscCall(PetscMalloc5(F->fronts, &work.block, F->n, &work.place, F->n, &work.at, F->tallest, &work.to, F->tallest, &work.end));
   for (PetscInt r = 0; r < F->n; r++) work.place[F->order[r]] = r;
   PetscCall(FRONT(LatinFrontsEliminate)(F, &work, spending, &entries, S, bad));
   PetscCall(LatinEntriesFree_Private(&entries));
-  PetscCall(PetscFree5(work.update, work.place, work.at, work.to, work.end));
+  PetscCall(PetscFree5(work.block, work.place, work.at, work.to, work.end));
   PetscCall(PetscFree(work.some));
   PetscCall(PetscFree(work.stack));
   PetscFunctionReturn(0);
@@ -220,7 +220,7 @@ static PetscErrorCode FRONT(LatinFrontsFactor)(LatinFronts *F, const PetscInt i[
 
 /* ---- solves ---- */
 
-/* One right-hand side of front f, in its place: both halves read its panels once, as they lie */
+/* One right-hand side at front f, in place: either half reads the panels once, as they are stored */
 static void FRONT(LatinFrontColumn)(const LatinFronts *F, PetscInt f, PetscBool forward)
 {
   const PetscInt   *row = F->row + F->row_first[f], own = F->columns[f], height = F->row_first[f + 1] - F->row_first[f];
@@ -246,7 +246,7 @@ static PetscBool FRONT(LatinFrontIdle)(const LatinFronts *F, PetscInt f, PetscBL
   return PETSC_TRUE;
 }
 
-/* Several right-hand sides lie beside each other, row by row, so that rows of a front are gathered as they lie. x = L^-1 x for the rows of the panel of front f that begins with its column c, and what that leaves is taken from the rows below */
+/* Several right-hand sides are stored row by row, so that each row of a front is gathered as one vector. x = L^-1 x for the rows of the panel of front f that begins with its column c, and the update of the rows below */
 static LATIN_CLONES void FRONT(LatinFrontForward)(const LatinFronts *F, PetscInt f, PetscInt c, PetscBLASInt columns)
 {
   const PetscBLASInt own = (PetscBLASInt)PetscMin(LATIN_FRONT_PANEL, F->columns[f] - c), height = (PetscBLASInt)(F->row_first[f + 1] - F->row_first[f] - c), below = height - own;
@@ -263,7 +263,7 @@ static LATIN_CLONES void FRONT(LatinFrontForward)(const LatinFronts *F, PetscInt
   }
 }
 
-/* x = L^-t x for these rows, those below being known */
+/* x = L^-t x for these rows, once those below are known */
 static void FRONT(LatinFrontBackward)(const LatinFronts *F, PetscInt f, PetscInt c, PetscBLASInt columns)
 {
   const PetscBLASInt own = (PetscBLASInt)PetscMin(LATIN_FRONT_PANEL, F->columns[f] - c), height = (PetscBLASInt)(F->row_first[f + 1] - F->row_first[f] - c), below = height - own;

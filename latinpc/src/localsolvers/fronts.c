@@ -3,7 +3,7 @@
 #include "base/room.h"
 #include "base/vector.h"
 
-/* The fronts of a sparse Cholesky factor: which one adds to which, their sizes, and the factor itself. */
+/* Multifrontal Cholesky: the assembly tree, the sizes of its fronts, and the factor. */
 
 #define LATIN_FRONT_LAST 8 /* of the rows, one of so many is among the last ones */
 
@@ -13,17 +13,16 @@ static inline PetscInt LatinFrontBelow(const LatinFronts *F, PetscInt f)
   return F->row_first[f + 1] - F->row_first[f] - F->columns[f];
 }
 
-/* Entries of what it leaves and a later front takes: columns of the rows that these eliminate */
-static inline size_t LatinFrontLeft(const LatinFronts *F, PetscInt f)
+/* Entries of its contribution block: columns of the rows that later fronts eliminate, kept rows below them */
+static inline size_t LatinContributionEntries(const LatinFronts *F, PetscInt f)
 {
-  return LatinPanelSize(LATIN_FRONT_LEFT, LatinFrontBelow(F, f), F->later[f]);
+  return LatinPanelSize(LATIN_CONTRIBUTION_PANEL, LatinFrontBelow(F, f), F->later[f]);
 }
 
 /*
-   Who adds to whom, and the room that this takes. The fronts are in postorder, so that what a front takes up is on top of a
-   stack; rows that are kept come last, and change nothing in that. There are two stacks, at both ends of one array, of
-   fronts at even and at odd depth: what a front leaves needs no other place while its children's is there. The lists of
-   others must outlive F
+   The assembly tree and the room that it takes. Fronts are in postorder, so that the contribution blocks that a front takes
+   are on top of a stack. There are two stacks, at both ends of one array, for fronts at even and at odd depth: so a front puts its block
+   on one while those of its children are on the other. order, first, row_first and row are not copied and must outlive F
 */
 PetscErrorCode LatinFrontsCreate(PetscInt n, PetscInt kept, PetscInt fronts, const PetscInt order[], const PetscInt first[], const PetscInt row_first[], const PetscInt row[], LatinFronts *F)
 {
@@ -62,18 +61,18 @@ PetscErrorCode LatinFrontsCreate(PetscInt n, PetscInt kept, PetscInt fronts, con
     F->child[owner[next]] = f;
   }
   for (PetscInt f = 0; f < fronts; f++) {
-    const size_t own = LatinFrontLeft(F, f), all = waiting + own + (size_t)(row_first[f + 1] - row_first[f]) * (size_t)F->columns[f];
+    const size_t own = LatinContributionEntries(F, f), all = waiting + own + (size_t)(row_first[f + 1] - row_first[f]) * (size_t)F->columns[f];
 
     F->stack = PetscMax(F->stack, waiting + own);
-    F->crowd = PetscMax(F->crowd, all);
-    for (PetscInt c = F->child[f]; c >= 0; c = F->sibling[c]) waiting -= LatinFrontLeft(F, c);
+    F->peak  = PetscMax(F->peak, all);
+    for (PetscInt c = F->child[f]; c >= 0; c = F->sibling[c]) waiting -= LatinContributionEntries(F, c);
     waiting += own;
   }
   PetscCall(PetscFree(owner));
   PetscFunctionReturn(0);
 }
 
-/* A factor whose panels others have made, in this precision. What has been read of L is emptied */
+/* A factor in this precision from panels L that were made elsewhere, whose memory is released as it is read */
 PetscErrorCode LatinFrontsFill(LatinFronts *F, LatinArithmetic precision, PetscReal L[])
 {
   const size_t entries = F->panel[F->fronts], bytes = entries * (precision == LATIN_DOUBLE ? sizeof(double) : sizeof(float));
@@ -123,7 +122,7 @@ PetscErrorCode LatinFrontsDestroy(LatinFronts *F)
 
 /* Sums over rows, of more digits than single precision has */
 typedef PetscReal LatinLanesSum __attribute__((vector_size(LATIN_FRONT_LANES * sizeof(PetscReal)), aligned(LATIN_LINE)));
-#define LATIN_FRONT_BLOCK 32   /* columns of what a front of few columns leaves that are updated together */
+#define LATIN_FRONT_BLOCK 32   /* columns of a contribution block that one gemm makes, where the front eliminates few */
 #define LATIN_PANEL_ROWS  64   /* of a panel that stay in the first cache */
 #define LATIN_FRONT_ROWS  8    /* of a front that stay in registers while lanes are solved; columns, for one right-hand side */
 #define LATIN_FRONT_AHEAD 4096 /* bytes of the factor: processors fetch by themselves up to the end of a page */

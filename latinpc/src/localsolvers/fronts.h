@@ -1,13 +1,13 @@
 /*
-   Sparse Cholesky by fronts (multifrontal: Duff and Reid 1983, Liu 1992): columns with the same rows, a supernode, are eliminated
-   together, in one dense matrix, the front; what this leaves on its other rows, its contribution block, goes to the front of the first of
-   them, its parent in the assembly tree. Dense kernels do the arithmetic. The last rows in the order of elimination may be kept: what is left on them is their
-   Schur complement.
+   Multifrontal sparse Cholesky (Duff and Reid 1983, Liu 1992). Columns with the same rows, a supernode, are eliminated together in
+   one dense matrix, the front. What this leaves on its other rows is its contribution block, which is assembled into its parent in
+   the assembly tree: the front that eliminates the first of these rows. The last rows in the order of elimination may be kept: what
+   all fronts leave on them is their Schur complement.
 
-   Who solves by increments, as the linear stage does, corrects an inaccurate factor as it goes (iterative refinement:
-   Carson and Higham 2018), and may have it in single precision: half the memory and time of a solve. Rounded from double,
-   it leaves an error in energy of the order of 6e-8 sqrt(condition of K), which does for any structure that is no
-   mechanism; computed in single as well, 6e-8 condition, in half the time.
+   The linear stage solves for increments, and so corrects an inaccurate factor as it goes (iterative refinement: Carson and Higham
+   2018). A factor in single precision halves the memory and the time of a solve. Rounded from double, it leaves an error in energy of
+   the order of 6e-8 sqrt(condition of K), which serves any structure that is no mechanism; computed in single, 6e-8 condition, in
+   half the time.
 */
 #ifndef LATINFRONTS_H
 #define LATINFRONTS_H
@@ -21,13 +21,13 @@ typedef struct {
   const PetscInt *first;             /* [fronts + 1] columns of a front, */
   const PetscInt *row_first, *row;   /* and its rows, in the order of elimination, increasing, its own columns first */
   PetscInt       *columns;           /* [fronts] that are eliminated: not those of kept rows */
-  PetscInt       *later;             /* [fronts] rows below them that later fronts eliminate; those that are kept come after them */
-  PetscInt       *child, *sibling;   /* [fronts] fronts that leave something on this one; -1: none */
-  PetscBool      *odd;               /* [fronts] is its depth in the tree of these odd? */
+  PetscInt       *later;             /* [fronts] rows below these that later fronts eliminate, the columns of the contribution block; kept rows come after them */
+  PetscInt       *child, *sibling;   /* [fronts] the assembly tree, as linked lists of children; -1: none */
+  PetscBool      *odd;               /* [fronts] is its depth in the tree odd? */
   size_t         *panel;             /* [fronts + 1] where the columns of a front are in the factor: see LatinPanelAt() */
-  PetscInt        late;              /* the first one of the last rows, where the large ones are, and the least memory is left */
-  size_t          stack, crowd;      /* entries of all that waits to be added to later fronts, at most; with the columns of the front at hand */
-  size_t          reach;             /* of the factor while these are whole in their places */
+  PetscInt        late;              /* the first front of the last rows: there fronts are large and memory is at its peak */
+  size_t          stack, peak;       /* entries of the contribution blocks that wait at the same time, at most; with the panel of the front at hand */
+  size_t          reach;             /* entries of the factor while panels that are not yet packed are in their places */
   PetscInt        tallest;           /* rows of the tallest front */
   PetscLogDouble  operations;        /* additions and multiplications of the factorisation */
   LatinArithmetic precision;         /* of the factor that is there */
@@ -35,8 +35,8 @@ typedef struct {
   PetscInt        room;              /* right-hand sides in x and work */
 } LatinFronts;
 
-#define LATIN_FRONT_PANEL 64  /* columns of a front that are stored from the same row on: what lies above the diagonal is left out but for their own block */
-#define LATIN_FRONT_LEFT  256 /* of what it leaves: as wide as products of blocks are quick */
+#define LATIN_FRONT_PANEL        64  /* columns of a front that are stored from the same row on: what lies above the diagonal is left out but for their own block */
+#define LATIN_CONTRIBUTION_PANEL 256 /* columns of a contribution block that are stored from the same row on: as wide as products of blocks are quick */
 
 /* Columns are stored by panels of so many, one after the other, each from its diagonal on and column-major: where the panel begins whose first column is c */
 static inline size_t LatinPanelAt(PetscInt wide, PetscInt height, PetscInt c)
