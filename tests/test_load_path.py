@@ -15,6 +15,7 @@ from latinpc.bench.extremes.corotational import Corotational
 from latinpc.bench.extremes.drawn import draw
 from latinpc.options import default_options
 from latinpc.results.limit import moving
+from latinpc.results.summary import summary
 from latinpc.scenes import Scene, make
 
 
@@ -235,3 +236,17 @@ def test_forces_that_are_no_loads_bear_no_part_of_them(pushed):
         result = bars.solve()
     assert not result.converged
     assert result.report["load_factor"] == 0.0
+
+
+@pytest.mark.filterwarnings("ignore::latinpc.LatinWarning")
+def test_a_drawing_that_is_unstable_ends_with_that_cause():
+    """A strut that is too long buckles without loads: 10,000 iterations had been too few."""
+    nodes, laws = [[0, 3, 3], [0, 2, 3], [0, 3, 0]], ["compression_only", "bar"]
+    struts = latinpc.Structure(nodes, [[0, 1], [0, 2]], laws, [61, 55],
+                               initial_elongation=[-0.068, 0.785], fixed=[[0] * 3, [1] * 3, [0] * 3],
+                               load=[[4e-3, 0, 4e-3], [0] * 3, [0, 4e-3, -4e-3]], geometry="large")  # fmt: skip
+    result = struts.solve()
+    assert (result.report["reason"], result.report["load_factor"]) == ("DIVERGED_DTOL", 0.0)
+    assert result.report["iterations"] < 6000
+    assert any(notice.startswith("the structure as drawn is unstable") for notice in result.notices)
+    assert "part of the loads" not in dict(summary(result))["load factor"]

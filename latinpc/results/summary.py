@@ -36,8 +36,10 @@ def summary(result, verbose=False):
         lines.append(
             ("load path", ", ".join(steps if len(steps) <= SHOWN else [*steps[:4], "...", *steps[5 - SHOWN :]]))
         )
-    if report.get("load_factor") is not None and report["load_factor"] < 1.0:
-        lines.append(("load factor", f"{report['load_factor']:.4g}: the results are of this part of the loads"))
+    factor = report.get("load_factor")
+    if factor is not None and factor < 1.0:
+        part = f"{factor:.4g}: the results are of this part of the loads"
+        lines.append(("load factor", part if factor > 0.0 else "0: the results are of no stable equilibrium"))
     lines.append(("accuracy", _accuracy(result)))
     if verbose:
         lines += _counts(report)

@@ -29,7 +29,8 @@
 #define LATIN_PATH_CORRECTED 30.0 /* times the displacements of an increment by the tangent stiffness: the first step of Newton's method from them at most; 10 and 100 take as many set-ups */
 #define LATIN_PATH_LEAST     1e-4 /* increments of the loads: smaller ones show a limit point */
 #define LATIN_PATH_STAGES    60   /* most linear stages of one: at a limit point it takes any number */
-#define LATIN_PATH_FIRST     2000 /* the same of the first one, from a structure that may have no stiffness as drawn */
+#define LATIN_PATH_FIRST     2000 /* the same of the whole loads, where no stable equilibrium is without loads, */
+#define LATIN_PATH_PARTS     250  /* and of each smaller part of them there: what is found takes fewer as a rule */
 #define LATIN_PATH_TANGENTS  4    /* times that Newton's method gets operators of the tangent stiffness in one increment */
 #define LATIN_PATH_DRAWN     1e-2 /* forces without balance as drawn, relative to the loads: less moves the structure less than the loads do */
 #define LATIN_PATH_TARGETS   16   /* each at most half as far as the one before, and none closer than the least increment */
@@ -74,7 +75,7 @@ PetscErrorCode SNESLatinLargeFrom_Private(SNES snes, Vec u, PetscBool near)
     data->large.inside = (PetscBool)!done;
     if (!done) PetscCall(SNESLatinLargeInterior_Private(snes, NULL, &done));
   } else {
-    data->large.last = data->latin->linear.applications + (near ? LATIN_PATH_STAGES : LATIN_PATH_FIRST);
+    data->large.last = data->latin->linear.applications + (near ? LATIN_PATH_STAGES : data->large.parts ? LATIN_PATH_PARTS : LATIN_PATH_FIRST);
     PetscCall(SNESLatinLargeIterate_Private(snes));
     if (LatinNextConverged(data->next)) PetscCall(SNESLatinResidual_Private(snes));
   }
@@ -100,10 +101,13 @@ typedef struct {
 /* The right-hand side of snes for this part of the path. Collective on snes */
 static PetscErrorCode LatinPathLoad_Private(SNES snes, const LatinPath *path, PetscReal part)
 {
+  SNES_Latin *data = (SNES_Latin *)snes->data;
+
   PetscFunctionBegin;
-  PetscCall(VecWAXPY(path->more, -1.0, ((SNES_Latin *)snes->data)->large.frame->load, path->first));
+  PetscCall(VecWAXPY(path->more, -1.0, data->large.frame->load, path->first));
   PetscCall(VecAXPBYPCZ(path->more, part, -part, 1.0, path->whole, path->first));
-  snes->vec_rhs = path->more;
+  snes->vec_rhs     = path->more;
+  data->large.parts = (PetscBool)(part < 1.0);
   PetscFunctionReturn(0);
 }
 

@@ -123,6 +123,7 @@ typedef struct {
   PetscReal least, before; /* least measure of this window and of the last one */
   PetscReal near;          /* estimated error from which on Newton's method is tried */
   PetscReal cost;          /* linear stages that take as long as a set-up */
+  PetscBool parts;         /* a part of the loads is sought on a path */
   PetscBool inside;        /* the last solve of a path has gone to the interior-point method */
   PetscBool stateless;     /* operators are those of the tangent stiffness, and the state is not yet that of the solution vector */
   PetscBool crept;         /* Newton's method has been given up: only near the solution it is tried again */
