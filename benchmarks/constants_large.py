@@ -258,6 +258,11 @@ LARGE = {
         "of the mean tension",
         "Without it nets with loads on a tenth of their nodes take 205 stages in place of 79.",
     ),
+    "LATIN_INTERIOR_DIGITS": (
+        "times LATIN_MECHANISM",
+        "Without it 3 of 1,160 small nets with inextensible cables are mechanisms; with 1 and 10 none,"
+        " and as many stages.",
+    ),
     "LATIN_TURNING_MOST": ("trial lengths", "Ends a search that takes 3 to 8."),
     "LATIN_TURNING_OWN": ("of a unit vector", "Directions that differ by less differ by rounding."),
 }

@@ -112,3 +112,20 @@ def test_no_claim_of_displacements_that_leap_away():
     way = np.array([1.0, -1.0]) / np.sqrt(2.0)
     assert found.converged
     assert found.displacements[1] == pytest.approx((np.sqrt(8.0) + length + force / 92534.38770778175) * way, abs=1e-3)
+
+
+@pytest.mark.parametrize("metre", [1.0, 7.0, 1e3, 1e-3, 1e2, 11.0])
+def test_what_only_slack_cables_hold_is_no_mechanism_in_any_unit(metre):
+    """Two nodes that loads pull apart on an inextensible cable: some units had raised an error."""
+    nodes = np.array([[3.0, 1, 0], [2, 0, 2], [1, 3, 0], [3, 1, 3], [1, 0, 2], [0, 1, 0], [3, 2, 1]])
+    links = [[0, 1], [0, 2], [2, 3], [2, 4], [1, 5], [2, 6], [4, 3], [0, 3], [6, 1], [5, 0], [6, 3], [4, 5]]
+    rigid = np.isin(np.arange(12), [1, 8])
+    stiffness = np.array([31e3, 0, 2e4, 39e3, 9.6e3, 2.9e3, 34e3, 17e3, 0, 44e3, 143e3, 16e3]) / metre
+    fixed, load = np.zeros((7, 3), bool), np.zeros((7, 3))
+    fixed[2, 0], fixed[3:5] = True, True
+    load[1, 2], load[6, 2] = 1e4, -1e4
+    laws = ["inextensible" if one else "cable" for one in rigid]
+    net = latinpc.Structure(metre * nodes, links, laws, stiffness, fixed=fixed, load=load, geometry="large")
+    result = net.solve(error=1e-7)
+    assert result.converged
+    assert result.tensions == pytest.approx(1e4 * (np.arange(12) == 8), abs=0.1)

@@ -32,7 +32,8 @@
 #define LATIN_INTERIOR_AIM     0.3  /* of these products: where lengths and balance follow later no smaller ones are wanted, whose linear systems are next to singular */
 #define LATIN_INTERIOR_FIRST   0.1  /* of the length: slacks at first of links that do not stretch */
 #define LATIN_INTERIOR_NONE    1e-6 /* of the length as drawn: natural lengths that are none */
-#define LATIN_INTERIOR_FLOOR   1e-6 /* of the mean tension: what links bear at least in the linear systems, for nodes that slack cables alone hold */
+#define LATIN_INTERIOR_FLOOR   1e-6 /* of the mean tension: what links bear at least in the linear systems, for nodes that slack cables alone hold, */
+#define LATIN_INTERIOR_DIGITS  10.0 /* times LATIN_MECHANISM, and of the largest stiffness times length: a factor takes less for a mechanism */
 
 /* All of [links_local] but n */
 typedef struct {
@@ -322,18 +323,21 @@ static PetscErrorCode LatinInteriorTangent_Private(SNES snes, LatinInterior *poi
 {
   const LatinStructure structure = point->structure;
   const PetscInt       dim       = structure->dim;
-  PetscReal            sum[2]    = {0.0, 0.0};
+  PetscReal            sum[2] = {0.0, 0.0}, most = 0.0, least;
 
   PetscFunctionBegin;
   for (PetscInt l = 0; l < structure->links_local; l++) {
     if (point->s[l] == 0.0) continue;
+    most = PetscMax(most, LatinInteriorStiffness(point, l, point->t[l]) * (LatinStructureKeeps(structure, l) ? 0.0 : point->length[l]));
     sum[0] += point->t[l];
     sum[1] += point->t[l] * (LatinStructureKeeps(structure, l) ? 0.0 : point->length[l]);
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)snes)));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &most, 1, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)snes)));
   point->whole = sum[1];
+  least        = PetscMax(LATIN_INTERIOR_FLOOR * sum[0] / point->links, LATIN_INTERIOR_DIGITS * LATIN_MECHANISM * most);
   for (PetscInt l = 0; l < structure->links_local; l++) {
-    const PetscReal t = PetscMax(point->t[l], LATIN_INTERIOR_FLOOR * sum[0] / point->links), sign = LatinInteriorSign(point, l);
+    const PetscReal t = PetscMax(point->t[l], least), sign = LatinInteriorSign(point, l);
     PetscReal       square = 0.0;
 
     if (point->s[l] == 0.0) continue;
