@@ -15,6 +15,7 @@ from petsc4py import PETSc
 
 from latinpc.arrays import Solver, slices_of
 from latinpc.library import _latin
+from latinpc.options import default_options
 
 __all__ = [
     "coarse_ksp",
@@ -420,6 +421,37 @@ def has_package(name: str) -> bool:
     """Return whether this PETSc has an external package; not collective."""
     # earlier versions of PETSc name SuiteSparse as a whole, later ones its parts
     return PETSc.Sys.hasExternalPackage(name) or (name == "suitesparse" and PETSc.Sys.hasExternalPackage("cholmod"))
+
+
+def symmetric_factor(pc: PETSc.PC) -> None:
+    """Make a PC a direct factor of a symmetric matrix, indefinite ones among them, by default; not collective."""
+    pc.setType("cholesky")
+    if has_package("mumps"):
+        pc.setFactorSolverType("mumps")
+
+
+def negative_pivots(A: PETSc.Mat, prefix: str) -> int:
+    """Count the negative eigenvalues of a symmetric, regular matrix, by the inertia of a factor; collective.
+
+    Parameters
+    ----------
+    A : petsc4py.PETSc.Mat
+    prefix : str
+        Of the options of the factor, after which MUMPS takes ``mat_mumps_icntl_24 1``: it counts only so.
+
+    Returns
+    -------
+    int
+    """
+    pc = PETSc.PC().create(A.getComm())
+    pc.setOptionsPrefix(prefix)
+    pc.setOperators(A)
+    symmetric_factor(pc)
+    with default_options({f"{prefix}mat_mumps_icntl_24": 1}):
+        pc.setUp()
+    count = pc.getFactorMatrix().getInertia()[0]
+    pc.destroy()
+    return count
 
 
 def error_message(error: BaseException) -> str:

@@ -226,6 +226,34 @@ def test_lengths_that_leave_all_links_slack_are_refused():
         latinpc.form_find(**row(load=(0.0, 0.0, 0.0)), natural_length=2.0, EA=1e4)
 
 
+def lever(natural, law="bar", load=0.0):
+    """Two bars in line between supports two metres apart, of given lengths, and a force across them."""
+    nodes, fixed = [[-1.0, 0.0], [0.0, 0.0], [1.0, 0.0]], [[True] * 2, [False] * 2, [True] * 2]
+    more = {"natural_length": natural, "EA": 1e4, "law": law, "load": [[0.0, load]] * 3}
+    return {"nodes": nodes, "links": [[0, 1], [1, 2]], "fixed": fixed} | more
+
+
+def test_a_form_in_balance_that_buckles_is_refused():
+    """Bars in line that are too long balance each other, until anything touches them."""
+    with pytest.raises(latinpc.SolveError, match=r"no stable equilibrium.*unstable.* move: 1.*force densities") as told:
+        latinpc.form_find(**lever(1.1))
+    assert not told.value.result.converged
+    assert latinpc.form_find(**lever(0.9)).tensions == pytest.approx(1e4 / 9.0)
+    pushed = latinpc.form_find(**lever(1.1, load=-100.0))
+    assert pushed.nodes[1, 1] < -0.4 and pushed.unbalance < 1e-8
+
+
+def test_a_mechanism_without_tension_is_no_form():
+    """Bars in line that fit hold their node along the line alone; a third one holds it across, without tension."""
+    with pytest.raises(latinpc.SolveError, match=r"no stable equilibrium.* mechanism"):
+        latinpc.form_find(**lever(1.0))
+    given = lever([1.0, 1.0, 1.5])
+    given |= {"nodes": [*given["nodes"], [0.3, 1.5]], "fixed": [*given["fixed"], [True, True]]}
+    given |= {"links": [*given["links"], [1, 3]], "natural_length": [1.0, 1.0, np.hypot(0.3, 1.5)], "load": None}
+    form = latinpc.form_find(**given)
+    assert form.unbalance == 0.0 and not form.tensions.any()
+
+
 # ---- ranks and solvers ----------------------------------------------------------------------------------------
 SOLVERS = {
     "factor": {},

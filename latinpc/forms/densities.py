@@ -111,10 +111,7 @@ def _solver(ends, density, count, comm):
     ksp.setOperators(D)
     ksp.setType("preonly" if not chosen else "cg")
     ksp.setTolerances(rtol=ACCURACY)
-    pc = ksp.getPC()
-    pc.setType("cholesky")
-    if solvers.has_package("mumps"):  # also where struts make D indefinite
-        pc.setFactorSolverType("mumps")
+    solvers.symmetric_factor(ksp.getPC())  # also where struts make D indefinite
     ksp.setFromOptions()
     return ksp, D
 

@@ -21,6 +21,7 @@ from latinpc.options import default_options
 from latinpc.results.notices import LatinWarning, SolveError, warn
 from latinpc.results.tables import AXES, table, write_csv
 from latinpc.results.units import quantity
+from latinpc.solvers import negative_pivots
 from latinpc.structure import Structure
 
 from .densities import PREFIX, equilibrium
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
 __all__ = ["Form", "form_find"]
 
 SOLVES = 4  # most solves for natural lengths, each from the last form: 1 or 2 are usual
+SOFT = 1e-9  # of the largest diagonal entry of a stiffness: negative eigenvalues that are smaller are zero
 ROUNDING = 64.0  # times eps, of EA: forces that rounding of lengths makes
 SHORT = 1e-9  # of the size of a form: links that are shorter have no direction
 
@@ -289,7 +291,7 @@ def form_find(
         densities zero; densities of struts and cables that cancel; links of no length in the form, or compressed by
         more than EA.
     latinpc.SolveError
-        When the solve for natural lengths ends without an equilibrium.
+        When the solve for natural lengths ends without a stable equilibrium; its `result` is the last iterate.
 
     Examples
     --------
@@ -324,21 +326,24 @@ def form_find(
 
 def _settled(form, error, options):
     """Return the form that given natural lengths settle into; collective."""
-    reason = None
-    for _ in range(SOLVES + 1):
-        strain = form.stiffness * (form.lengths - form.natural_lengths)
-        slack = ((form.law == Law.CABLE) & (strain <= 0.0)) | ((form.law == Law.COMPRESSION_ONLY) & (strain >= 0.0))
-        form = replace(form, tensions=np.where(slack, 0.0, strain))
-        if form.unbalance <= error or form.largest_unbalance <= ROUNDING * np.finfo(float).eps * form.EA.max():
-            break
+    rounding = ROUNDING * np.finfo(float).eps * form.EA
+    for _ in range(SOLVES):  # balance alone does not say whether a form is stable
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", LatinWarning)  # what counts is the balance that is left
             result = form.structure.solve(error=error, options=options)
-        reason = result.reason
         form = replace(form, nodes=form.nodes + result.displacements)
         _extended(form.nodes, form.links)
-    else:
-        raise SolveError(f"form finding: no equilibrium of these natural lengths: {reason}")
+        strain = form.stiffness * (form.lengths - form.natural_lengths)
+        strain[np.abs(strain) <= rounding] = 0.0
+        slack = ((form.law == Law.CABLE) & (strain <= 0.0)) | ((form.law == Law.COMPRESSION_ONLY) & (strain >= 0.0))
+        form = replace(form, tensions=np.where(slack, 0.0, strain))
+        balanced = form.unbalance <= error or form.largest_unbalance <= rounding.max()
+        held = slack.all() or (form.tensions.any() and not _unstable(form))  # slack nodes may lie anywhere
+        found = balanced and (result.converged or held)
+        if found or not result.displacements.any():  # the next solve would be the same
+            break
+    if not found:
+        raise _lost(result)
     if slack.all():
         raise ValueError("all links are slack, and nothing holds a form: the natural lengths are too long")
     count = int(slack.sum())
@@ -346,6 +351,29 @@ def _settled(form, error, options):
         form.notices = [f"{count} link{'s are' if count > 1 else ' is'} slack: longer than the form has room for"]
         warn(form.comm, form.notices[0])
     return form
+
+
+def _unstable(form):
+    """Whether the tangent stiffness has negative eigenvalues; zero ones of slack parts do not count; collective."""
+    u = form.structure.create_vec()
+    K = form.structure.dm.createMat()
+    form.structure.jacobian(u, K)
+    K.shift(SOFT * K.getDiagonal().norm(PETSc.NormType.INFINITY))
+    count = negative_pivots(K, PREFIX)
+    K.destroy()
+    u.destroy()
+    return count > 0
+
+
+def _lost(result):
+    """Return the error of a solve that ends without a form, with what its notices say."""
+    said = "; ".join([result.reason, *result.notices])
+    lost = SolveError(
+        f"form finding: no stable equilibrium of these natural lengths was found: {said}. Draw the structure nearer to"
+        " its form, start from the form of force densities, or change the lengths"
+    )
+    lost.result = result
+    return lost
 
 
 def _checked(nodes, links, fixed, load, law, of_links):

@@ -320,15 +320,8 @@ def _solver(A, B, number, sinvert):
     st.setType("sinvert" if sinvert else "shift")
     ksp = st.getKSP()
     ksp.setType("preonly")
-    _factor(ksp.getPC())
+    solvers.symmetric_factor(ksp.getPC())
     return eps
-
-
-def _factor(pc):
-    """Make a PC a direct factor of an indefinite matrix that counts negative pivots."""
-    pc.setType("cholesky")
-    if solvers.has_package("mumps"):
-        pc.setFactorSolverType("mumps")
 
 
 def _solve(eps, wanted):
@@ -464,13 +457,7 @@ def _below(A, B, value):
     """Count the eigenvalues of A v = lambda B v below a value, by the inertia of a factor; collective."""
     shifted = A.copy()
     shifted.axpy(-value, B, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
-    pc = PETSc.PC().create(A.getComm())
-    pc.setOptionsPrefix("modes_st_")
-    pc.setOperators(shifted)
-    _factor(pc)
-    pc.setUp()
-    count = pc.getFactorMatrix().getInertia()[0]
-    pc.destroy()
+    count = solvers.negative_pivots(shifted, "modes_st_")
     shifted.destroy()
     return count
 
