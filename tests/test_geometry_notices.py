@@ -97,6 +97,24 @@ def test_prestress_is_noticed_where_it_is_far_off(name):
     assert min(errors) < 0.05 and max(errors) > 0.14
 
 
+@pytest.mark.filterwarnings(f"ignore:.*{CHANGED}")
+@pytest.mark.parametrize("load", [0.01, 2.0])
+def test_small_nets_have_more_links_than_components(load):
+    """A cross of four cables moves by P L / 4 T with geometry prestress: half as far again as is right under 2 N."""
+    fixed, down = [[1] * 3] * 4 + [[0] * 3], [[0.0] * 3] * 4 + [[0.0, 0.0, -load]]
+    cross = latinpc.Structure(
+        [[1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0], [0, 0, 0]], [[k, 4] for k in range(4)], "cable", 1e4,
+        prestress=10.0, fixed=fixed, load=down, geometry="prestress",
+    )  # fmt: skip
+    found, tension, far = cross.solve(error=1e-8), 10.0, 0.0
+    assert found.displacements[4, 2] == pytest.approx(-load / 40.0)
+    for _ in range(200):  # 4 T sin a = P, T of the longer cable
+        far += 0.2 * (load / (4.0 * tension) * np.hypot(1.0, far) - far)
+        tension = 10.0 + 1e4 * (np.hypot(1.0, far) - 1.0)
+    error = abs(load / 40.0 - far) / far
+    assert bool(said(found, CHANGED)) == (error > 0.14), (error, found.notices)
+
+
 def test_a_truss_that_holds_without_prestress_is_not_noticed():
     """Its loads change tensions to many times those as drawn, and displacements are right to a percent."""
     small, error = off(latinpc.read(ROOT / "examples" / "tower.msh"), 1.0)

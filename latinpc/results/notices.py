@@ -42,6 +42,7 @@ __all__ = [
 UNBALANCED = 1e-2  # of the loads: what a solve may leave by default (-snes_latin_balance)
 TURNED, MOVED = 5.0, 0.1  # degrees, part of the size of the structure: the most that small displacements are taken for
 CHANGED = 0.3  # of the tensions as drawn: the most by which geometry prestress lets those of displaced links differ
+HELD = 0.1  # of the energy of displacements, borne by tensions as drawn: prestress holds a structure beyond it
 CONTRAST = 1e10  # of stiffnesses: beyond it fewer than six digits are left of the softest links beside the stiffest
 _NAMED = 5
 WRONGSTATE = 73  # PETSC_ERR_ARG_WRONGSTATE
@@ -229,24 +230,33 @@ def changed(result: Result) -> list[str]:
     simplex, canopy) under twelve loads each: this, or `turned`, names all whose displacements are off by more than 14 %
     from those of geometry large, and none that are off by less than 5 %. Trusses that hold without prestress are off by
     1 % where their tensions are 15 times those as drawn; so this asks whether prestress holds the structure. It does
-    where there are no more links than free components: a self-stress then leaves a mechanism (Maxwell's rule).
+    where there are no more links than free components: a self-stress then leaves a mechanism (Maxwell's rule). With
+    more links there may be one as well, as in small nets: then it is in the displacements, as energy of turning.
     """
     structure, displacements = result.structure, result.displacements
-    ends = structure.fixed.all(axis=1)[structure.links]
-    acting = np.count_nonzero(~ends.all(axis=1))
-    if structure.geometry != "prestress" or not result.converged or acting > np.count_nonzero(~structure.fixed):
+    if structure.geometry != "prestress" or not result.converged:
         return []
     plain = structure.law <= Law.COMPRESSION_ONLY  # tensions of other laws are the library's
     drawn = np.where(plain, tensions_at(structure, np.zeros(len(plain))), 0.0)
     now = np.where(plain, tensions_at(structure, changes_of_length(structure, displacements)), 0.0)
     size = np.linalg.norm(drawn)
     part = np.linalg.norm(now - drawn) / size if size > 0.0 else 0.0
-    if part <= CHANGED:
+    ends = structure.fixed.all(axis=1)[structure.links]
+    holds = np.count_nonzero(~ends.all(axis=1)) > np.count_nonzero(~structure.fixed)
+    if part <= CHANGED or (holds and _turning(structure, drawn, displacements) <= HELD):
         return []
     return [
         f"tensions of the displaced links differ from those as drawn by {100 * part:.2g} %, and geometry prestress"
         " resists turning by those as drawn: take -snes_latin_geometry large"
     ]
+
+
+def _turning(structure, drawn, displacements):
+    """Return the part of the energy of displacements with which tensions as drawn resist turning."""
+    change = np.diff(displacements[structure.links], axis=1)[:, 0]
+    along = np.einsum("ij,ij->i", structure.directions, change)
+    turns = np.abs(drawn) / structure.lengths @ ((change**2).sum(axis=1) - along**2)
+    return turns / ((structure.stiffness @ along**2 + turns) or 1.0)
 
 
 def limit(structure: Structure, report: Mapping[str, Any], nodes: Sequence[int], kind: str) -> list[str]:
