@@ -47,7 +47,7 @@ class Modes:
     values: np.ndarray  #: (k,), eigenvalues, increasing
     shapes: np.ndarray  #: (k, n, dim), the largest displacement of a node is one
     mechanisms: np.ndarray  #: (k,) of bool: zero stiffness, as far as rounding shows
-    residuals: np.ndarray  #: (k,), relative residuals of the eigenproblem
+    residuals: np.ndarray  #: (k,), of the eigenproblem, relative to its matrices
     notices: list[str] = field(default_factory=list)  #: sentences to read
 
     @property
@@ -330,14 +330,22 @@ def _solve(eps, wanted):
     eps.solve()
     found = min(eps.getConverged(), wanted)
     values, vectors, residuals = [], [], []
+    A, B = eps.getOperators()
     for i in range(found):
-        vector = eps.getOperators()[0].createVecRight()
-        values.append(eps.getEigenpair(i, vector).real)
+        vector, image = A.createVecs()
+        value = eps.getEigenpair(i, vector).real
+        A.mult(vector, image)
+        energy = image.dot(vector)
+        B.mult(vector, image)
+        weight = image.dot(vector)  # beside mechanisms Rayleigh's quotient has twice the digits
+        values.append(energy / weight if weight > 0.0 else value)
         vectors.append(vector)
-        residuals.append(eps.computeError(i, SLEPc.EPS.ErrorType.RELATIVE))
+        residuals.append(eps.computeError(i, SLEPc.EPS.ErrorType.BACKWARD))  # also of values that are zero
+        image.destroy()
     if not np.isfinite(values).all():
         raise SolveError("no modes: the matrix is singular beyond what a shift cures; a node without mass is not held")
     missing = [f"{found} of {wanted} modes have converged: raise -modes_eps_max_it or -modes_eps_ncv"]
+    residuals = np.nan_to_num(residuals).tolist()  # of matrices of zeros: all is slack
     return values, vectors, residuals, missing if found < wanted else []
 
 
