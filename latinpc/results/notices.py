@@ -108,15 +108,17 @@ def _no_equilibrium(snes, structure):
     if jammed:
         rigid = structure.link_names(links, jammed > len(links))
         return [f"no equilibrium: the gaps of the rigid links {rigid} are incompatible"]
+    rubs = (structure.law == Law.FRICTION).any()
     if unsupported and np.isinf(distance):
-        return [f"no equilibrium: slack links no longer hold nodes {named}"]
-    if unsupported and (structure.law == Law.FRICTION).any():
+        held = "neither links nor friction hold" if rubs else "slack links no longer hold"
+        return [f"no equilibrium: {held} nodes {named}"]
+    if unsupported and rubs:
         text = "they slide or fall, or it has not been found how friction holds them: no theorem says that it is"
         return [f"contacts that bear do not hold nodes {named}: {text}"]
     if unsupported:
         text = "their loads are small beside the stiffness of the links that stop them, or there is no equilibrium"
         return [f"slack links do not hold nodes {named} yet: {text}"]
-    if (structure.law == Law.FRICTION).any():
+    if rubs:
         return ["contacts with friction: neither an equilibrium nor convergence is certain"]
     return []
 

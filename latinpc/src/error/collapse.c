@@ -31,6 +31,7 @@ typedef struct {
   PetscInt       n;     /* links here */
   PetscReal      count; /* links of one way, on all ranks */
   PetscReal      links; /* all that displacements stretch, on all ranks */
+  PetscReal      scale; /* of the loads */
   PetscReal      soft;  /* compliance of a link that resists */
   PetscReal      left;  /* part of the first unbalance that is left */
   PetscInt       stages;
@@ -126,7 +127,8 @@ static PetscErrorCode LatinCollapseStart_Private(LatinCollapse *c, PetscBool *fa
   PetscCall(VecDot(c->f, c->dd, &work));
   if (!(PetscRealPart(work) > 0.0)) *failed = PETSC_TRUE;
   if (*failed) PetscFunctionReturn(0);
-  PetscCall(VecScale(c->f, 1.0 / PetscSqrtReal(PetscRealPart(work))));
+  c->scale = 1.0 / PetscSqrtReal(PetscRealPart(work));
+  PetscCall(VecScale(c->f, c->scale));
   PetscCall(VecZeroEntries(c->d));
   c->left = 1.0;
   for (PetscInt l = 0; l < c->n; l++) c->s[l] = c->t[l] = LatinCollapseOne(c, l) ? LATIN_COLLAPSE_START / PetscSqrtReal(c->links) : 0.0;
@@ -225,38 +227,41 @@ static PetscErrorCode LatinCollapseProof_Private(LatinCollapse *c, PetscInt step
   PetscFunctionReturn(0);
 }
 
-static PetscErrorCode LatinCollapseRun_Private(LatinCollapse *c, PetscInt *steps, LatinEquilibrium *found)
+/* bears: NULL, or the tensions that bear the loads where *held, [n] */
+static PetscErrorCode LatinCollapseRun_Private(LatinCollapse *c, PetscReal bears[], PetscInt *steps, PetscBool *held, LatinEquilibrium *found)
 {
-  PetscBool failed = PETSC_FALSE, proof = PETSC_FALSE, held = PETSC_FALSE;
+  PetscBool failed = PETSC_FALSE, proof = PETSC_FALSE;
   PetscReal mean;
 
   PetscFunctionBegin;
   c->soft = LATIN_COLLAPSE_SOFT;
   PetscCall(LatinCollapseStart_Private(c, &failed));
   mean = PetscSqr(LATIN_COLLAPSE_START) / c->links;
-  for (*steps = 0; *steps < LATIN_COLLAPSE_STEPS && !failed && !proof && !held;) {
+  for (*steps = 0; *steps < LATIN_COLLAPSE_STEPS && !failed && !proof && !*held;) {
     PetscCall(LatinCollapseIterate_Private(c, &mean, &failed));
     ++*steps;
-    if (!failed) PetscCall(LatinCollapseProof_Private(c, *steps, &proof, &held));
+    if (!failed) PetscCall(LatinCollapseProof_Private(c, *steps, &proof, held));
     else failed = (PetscBool)((c->soft *= LATIN_COLLAPSE_SOFTER) >= 1.0);
   }
   if (proof) PetscCall(LatinEquilibriumMoved_Private(c->structure, c->d, found));
+  for (PetscInt l = 0; l < c->n && *held && bears; l++) bears[l] = (c->way[l] == LATIN_WAY_COMPRESSION ? -1.0 : 1.0) * c->t[l] / c->scale;
   PetscFunctionReturn(0);
 }
 
 /*
    The verdict is LATIN_UNBOUNDED where a proof is found that there is no equilibrium; else *found stays. `ksp` solves with
    the tangent stiffness A of a structure, of LatinTangentCreate_Private(), whose stiffnesses are lost. `more` is a load beside that of the structure, or NULL;
-   *steps and *stages: what it has taken, factorisations and linear iterations. Collective on structure
+   *steps and *stages: what it has taken, factorisations and linear iterations. *held: tensions bear the loads, these, if they are asked for, [links_local]. Collective on structure
 */
-PetscErrorCode LatinEquilibriumCollapse_Private(LatinStructure structure, KSP ksp, Mat A, Vec more, PetscInt *steps, PetscInt *stages, LatinEquilibrium *found)
+PetscErrorCode LatinEquilibriumCollapse_Private(LatinStructure structure, KSP ksp, Mat A, Vec more, PetscReal bears[], PetscInt *steps, PetscInt *stages, PetscBool *held, LatinEquilibrium *found)
 {
   LatinCollapse c     = {.structure = structure, .ksp = ksp, .A = A, .n = structure->links_local};
   PetscBool     known = PETSC_FALSE;
 
   PetscFunctionBegin;
   *steps = *stages = 0;
-  if (structure->ground || structure->rubs || structure->span) PetscFunctionReturn(0); /* a step of a motion has its solution; contacts with friction have no energy */
+  *held            = PETSC_FALSE;
+  if (structure->ground || structure->rubs || structure->span) PetscFunctionReturn(0); /* a step of a motion has its solution; contacts with friction have no energy: LatinConesCreate_Private() */
   PetscCall(PetscMalloc1(c.n, &c.way));
   PetscCall(PetscCalloc4(c.n, &c.x, c.n, &c.dx, c.n, &c.s, c.n, &c.ds));
   PetscCall(PetscMalloc4(c.n, &c.t, c.n, &c.dt, c.n, &c.w, c.n, &c.rhs));
@@ -268,7 +273,7 @@ PetscErrorCode LatinEquilibriumCollapse_Private(LatinStructure structure, KSP ks
     PetscCall(DMGetGlobalVector(structure->dm, &c.dd));
     PetscCall(VecCopy(structure->load, c.f));
     if (more) PetscCall(VecAXPY(c.f, 1.0, more));
-    PetscCall(LatinCollapseRun_Private(&c, steps, found));
+    PetscCall(LatinCollapseRun_Private(&c, bears, steps, held, found));
     PetscCall(DMRestoreGlobalVector(structure->dm, &c.dd));
     PetscCall(DMRestoreGlobalVector(structure->dm, &c.r));
     PetscCall(DMRestoreGlobalVector(structure->dm, &c.d));

@@ -157,7 +157,7 @@ typedef struct {
 } LatinCone;
 PETSC_INTERN void LatinConeProject(LatinCone *, PetscInt n, PetscInt links, PetscInt both, const PetscReal f[], PetscBool *bears);
 
-PETSC_INTERN PetscErrorCode LatinEquilibriumCollapse_Private(LatinStructure, KSP, Mat, Vec more, PetscInt *steps, PetscInt *stages, LatinEquilibrium *);
+PETSC_INTERN PetscErrorCode LatinEquilibriumCollapse_Private(LatinStructure, KSP, Mat, Vec more, PetscReal bears[], PetscInt *steps, PetscInt *stages, PetscBool *held, LatinEquilibrium *);
 PETSC_INTERN PetscErrorCode LatinEquilibriumNodes_Private(LatinStructure, Vec more, Vec u, LatinEquilibrium *);
 PETSC_INTERN PetscErrorCode LatinEquilibriumPatches_Private(LatinStructure, Vec more, LatinEquilibrium *);
 

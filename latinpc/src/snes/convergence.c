@@ -6,34 +6,7 @@
 */
 
 #define LATIN_STEP_ERROR  10.0 /* times the indicator to stop at: an error that forces without balance show, or gaps */
-#define LATIN_FALL_WINDOW 20   /* linear stages after which contacts with friction are asked whether they have let go */
 #define LATIN_PROOF_EARLY 4.0  /* times the error asked for: an estimate from which on Newton's method does the rest. Linear stages and its iterations together are about level from 2 to 8; 16 misses the error */
-
-/* The nodal unbalance of the solution vector becomes the function. Collective on snes */
-PetscErrorCode SNESLatinBalance_Private(SNES snes)
-{
-  SNES_Latin *data = (SNES_Latin *)snes->data;
-
-  PetscFunctionBegin;
-  PetscCall(SNESComputeFunction(snes, snes->vec_sol, snes->vec_func));
-  PetscCall(VecNorm(snes->vec_func, NORM_2, &data->residual));
-  snes->norm    = data->residual;
-  data->current = data->latin->linear.applications;
-  PetscFunctionReturn(0);
-}
-
-/* The mean displacements of the subdomains become the solution vector, and their nodal unbalance the function. Collective on snes */
-PetscErrorCode SNESLatinResidual_Private(SNES snes)
-{
-  SNES_Latin *data = (SNES_Latin *)snes->data;
-
-  PetscFunctionBegin;
-  if (data->current == data->latin->linear.applications) PetscFunctionReturn(0);
-  PetscCall(LatinAverage_Private(&data->latin->linear, snes->vec_sol));
-  PetscCall(LatinReturnTensions_Private(&data->latin->linear));
-  PetscCall(SNESLatinBalance_Private(snes));
-  PetscFunctionReturn(0);
-}
 
 /* The reason of PETSc for the end of a solve; SNES_CONVERGED_ITERATING where it goes on, and where another one has given it */
 SNESConvergedReason SNESLatinReason(LatinNext next)
@@ -189,10 +162,8 @@ static PetscBool SNESLatinFinishes(const SNES_Latin *data, PetscReal measure, Pe
 }
 
 /* Does Newton's method take over: no progress, a divergence, or a convergence that proves nothing? */
-static PetscBool SNESLatinStalls(SNES_Latin *data, PetscReal measure, PetscReal target, LatinNext next)
+static PetscBool SNESLatinStalls(const SNES_Latin *data, PetscBool stalled, PetscReal target, LatinNext next)
 {
-  const PetscBool stalled = LatinNewtonStalled(&data->newton, measure, target);
-
   if (!data->newton.stall || !(target > 0.0)) return PETSC_FALSE;
   if (next == LATIN_NEXT_CONTINUE) return stalled;
   if (next == LATIN_NEXT_DIVERGED || next == LATIN_NEXT_NOT_FINITE) return PETSC_TRUE;
@@ -243,22 +214,6 @@ static PetscBool SNESLatinGrows(SNES snes)
   return (PetscBool)(data->leapt && (leapt || data->newton.stall));
 }
 
-/* Have contacts with friction let go? The displacements are larger than the structure, and forces do not balance. Collective on snes */
-PetscErrorCode SNESLatinFallen_Private(SNES snes, PetscBool *fallen)
-{
-  SNES_Latin          *data      = (SNES_Latin *)snes->data;
-  const LatinStructure structure = data->latin->sub.structure;
-  PetscReal            loads;
-
-  PetscFunctionBegin;
-  *fallen = PETSC_FALSE;
-  if (!structure->rubs || structure->ground) PetscFunctionReturn(0);
-  PetscCall(SNESLatinResidual_Private(snes));
-  PetscCall(SNESLatinLoads_Private(snes, &loads));
-  if (data->residual > data->target * loads) PetscCall(LatinEquilibriumFar_Private(structure, snes->vec_sol, fallen));
-  PetscFunctionReturn(0);
-}
-
 /* Where Newton's method has found no equilibrium a collapse ends the iteration, which would follow it for all of its stages. Collective on snes */
 static PetscErrorCode SNESLatinFalls_Private(SNES snes, LatinNext *next)
 {
@@ -275,6 +230,7 @@ static PetscErrorCode SNESLatinDecide_Private(SNES snes, PetscReal measure, Pets
 {
   SNES_Latin *data  = (SNES_Latin *)snes->data;
   Latin       latin = data->latin;
+  PetscBool   stalled;
 
   PetscFunctionBegin;
   if (PetscIsInfOrNanReal(measure) || PetscIsInfOrNanReal(fnorm)) *next = LATIN_NEXT_NOT_FINITE;
@@ -285,9 +241,11 @@ static PetscErrorCode SNESLatinDecide_Private(SNES snes, PetscReal measure, Pets
   if (*next == LATIN_NEXT_CONTINUE && SNESLatinGrows(snes)) *next = LATIN_NEXT_DIVERGED;
   if (*next == LATIN_NEXT_CONTINUE) PetscCall(SNESLatinFalls_Private(snes, next));
   if (LatinNextConverged(*next)) PetscCall(SNESLatinProve_Private(snes, next));
-  if (SNESLatinStalls(data, measure, target, *next)) *next = LATIN_NEXT_NEWTON_STALL;
+  stalled = LatinNewtonStalled(&data->newton, measure, target);
+  if (SNESLatinStalls(data, stalled, target, *next)) *next = LATIN_NEXT_NEWTON_STALL;
   if (*next == LATIN_NEXT_CONTINUE && (latin->linear.applications + data->newton.stages >= snes->max_its || latin->linear.applications >= data->newton.last)) *next = LATIN_NEXT_MAX_IT;
   if (*next == LATIN_NEXT_CONTINUE || *next == LATIN_NEXT_DIVERGED) PetscCall(LatinParameterDue_Private(latin, measure, &data->parameter, next));
+  if (!SNESLatinUserTest(snes)) PetscCall(SNESLatinGrains_Private(snes, stalled, next));
   PetscFunctionReturn(0);
 }
 

@@ -47,9 +47,12 @@ PetscErrorCode LatinNewtonStart_Private(LatinNewton *newton, LatinStructure stru
   PetscFunctionBegin;
   newton->seen = newton->steps = newton->stages = 0;
   newton->last                                  = PETSC_MAX_INT;
+  PetscCall(PetscMemzero(&newton->found, sizeof(newton->found)));
   for (PetscInt i = 0; i < 3; i++) newton->least[i] = PETSC_MAX_REAL;
   PetscCall(LatinStructureStiffnessRange_Private(structure, &least, &most));
-  newton->stall = (PetscBool)(newton->type != LATIN_NEWTON_NEVER && (!structure->rubs || most > 0.0)); /* grains with friction alone have no stiffness that would lead anywhere */
+  newton->stall  = (PetscBool)(newton->type != LATIN_NEWTON_NEVER && (!structure->rubs || most > 0.0)); /* grains with friction alone have no stiffness that would lead anywhere */
+  newton->grains = (PetscBool)(structure->rubs && !(most > 0.0));
+  newton->asked  = PETSC_FALSE;
   PetscCall(LatinNewtonOwn_Private(structure, &own));
   newton->finish   = (PetscBool)(newton->stall && (structure->rigid_law < 0 || (own && !structure->rubs)));
   newton->most     = structure->rigid_law < 0 ? LATIN_NEWTON_STAGES : LATIN_NEWTON_RIGID;
@@ -158,13 +161,52 @@ static PetscErrorCode LatinNewtonProve_Private(SNES snes, LatinNewton *newton, V
 }
 
 /*
+   Can any forces in the cones of contacts with friction bear the loads? Where *held they do: `bears`, of all links. The cones have operators of
+   their own; what it takes is counted as steps of Newton's method. Collective on latin
+*/
+PetscErrorCode LatinNewtonCones_Private(Latin latin, LatinNewton *newton, Vec more, PetscReal bears[], PetscBool *held)
+{
+  LatinEquilibrium *found = &newton->found;
+  PetscInt          steps, stages;
+  LatinStructure    cones;
+  KSP               ksp;
+  PC                pc;
+  Mat               A;
+
+  PetscFunctionBegin;
+  *held = PETSC_FALSE;
+  PetscCall(LatinConesCreate_Private(latin->sub.structure, &cones));
+  PetscCall(LatinEquilibriumPatches_Private(cones, more, found));
+  if (found->verdict != LATIN_UNBOUNDED) {
+    PetscCall(KSPCreate(PetscObjectComm((PetscObject)cones), &ksp));
+    PetscCall(KSPSetType(ksp, KSPCG));
+    PetscCall(KSPSetNormType(ksp, KSP_NORM_NATURAL));
+    PetscCall(KSPSetTolerances(ksp, LATIN_NEWTON_TIGHT, PETSC_DEFAULT, PETSC_MAX_REAL, LATIN_NEWTON_LINEAR));
+    PetscCall(KSPGetPC(ksp, &pc));
+    PetscCall(PCSetType(pc, PCLATIN));
+    PetscCall(PCLatinFollow_Private(pc, latin));
+    PetscCall(LatinStructureAttachPC(cones, pc));
+    PetscCall(PCLatinCorrected_Private(pc, PETSC_TRUE));
+    PetscCall(LatinTangentCreate_Private(cones, &A));
+    PetscCall(LatinEquilibriumCollapse_Private(cones, ksp, A, more, bears, &steps, &stages, held, found));
+    newton->steps += steps;
+    newton->stages += stages;
+    if (*held) LatinConesTensions(cones, bears);
+    PetscCall(MatDestroy(&A));
+    PetscCall(KSPDestroy(&ksp));
+  }
+  PetscCall(LatinStructureDestroy(&cones));
+  PetscFunctionReturn(0);
+}
+
+/*
    Once a solve, where the method has not come to an end soon: is there an equilibrium at all? What it takes is counted as
    steps of the method. A preconditioner that needs a matrix with entries cannot be asked. Collective on newton->snes
 */
 PetscErrorCode LatinNewtonAsk_Private(LatinNewton *newton, Vec more)
 {
   PetscInt  steps, stages;
-  PetscBool latin;
+  PetscBool latin, held;
   KSP       ksp;
   PC        pc;
   Mat       A;
@@ -175,11 +217,15 @@ PetscErrorCode LatinNewtonAsk_Private(LatinNewton *newton, Vec more)
   PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCLATIN, &latin));
   if (newton->asked || !newton->tangent || !latin) PetscFunctionReturn(0);
   newton->asked = PETSC_TRUE;
+  if (newton->structure->rubs) {
+    PetscCall(LatinNewtonCones_Private(newton->latin, newton, more, newton->tension, &held));
+    PetscFunctionReturn(0);
+  }
   PetscCall(LatinEquilibriumPatches_Private(newton->structure, more, &newton->found));
   if (newton->found.verdict == LATIN_UNBOUNDED) PetscFunctionReturn(0);
   PetscCall(KSPSetTolerances(ksp, LATIN_NEWTON_TIGHT, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
   PetscCall(SNESGetJacobian(newton->snes, &A, NULL, NULL, NULL));
-  PetscCall(LatinEquilibriumCollapse_Private(newton->structure, ksp, A, more, &steps, &stages, &newton->found));
+  PetscCall(LatinEquilibriumCollapse_Private(newton->structure, ksp, A, more, NULL, &steps, &stages, &held, &newton->found));
   newton->steps += steps;
   newton->stages += stages;
   newton->changes = 1; /* the tangent stiffness is lost */
@@ -252,7 +298,7 @@ static PetscErrorCode LatinNewtonConverged_Private(SNES snes, PetscInt it, Petsc
   PetscCall(PetscInfo(snes, "step %" PetscInt_FMT ": %" PetscInt_FMT " links have changed, estimated error %g of %g\n", it, changes, (double)newton->error, (double)newton->target));
   slow            = (PetscBool)(it == LATIN_NEWTON_FULL || (it >= LATIN_NEWTON_SLOW && 2 * changes > newton->changes));
   newton->changes = changes;
-  if (slow && !*reason) PetscCall(LatinNewtonAsk_Private(newton, snes->vec_rhs));
+  if (slow && !*reason && !newton->structure->rubs) PetscCall(LatinNewtonAsk_Private(newton, snes->vec_rhs));
   if (newton->found.verdict == LATIN_UNBOUNDED) *reason = SNES_DIVERGED_DTOL;
   PetscCall(KSPSetTolerances(ksp, changes || newton->tangent ? newton->rtol : LATIN_NEWTON_TIGHT, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
   newton->left = 0.0; /* of a linear solver without a test: a direct one */

@@ -129,3 +129,29 @@ PetscErrorCode SNESLatinIterate_Private(SNES snes, PetscErrorCode (*test)(SNES, 
   snes->reason = reason;
   PetscFunctionReturn(0);
 }
+
+/* The nodal unbalance of the solution vector becomes the function. Collective on snes */
+PetscErrorCode SNESLatinBalance_Private(SNES snes)
+{
+  SNES_Latin *data = (SNES_Latin *)snes->data;
+
+  PetscFunctionBegin;
+  PetscCall(SNESComputeFunction(snes, snes->vec_sol, snes->vec_func));
+  PetscCall(VecNorm(snes->vec_func, NORM_2, &data->residual));
+  snes->norm    = data->residual;
+  data->current = data->latin->linear.applications;
+  PetscFunctionReturn(0);
+}
+
+/* The mean displacements of the subdomains become the solution vector, and their nodal unbalance the function. Collective on snes */
+PetscErrorCode SNESLatinResidual_Private(SNES snes)
+{
+  SNES_Latin *data = (SNES_Latin *)snes->data;
+
+  PetscFunctionBegin;
+  if (data->current == data->latin->linear.applications) PetscFunctionReturn(0);
+  PetscCall(LatinAverage_Private(&data->latin->linear, snes->vec_sol));
+  PetscCall(LatinReturnTensions_Private(&data->latin->linear));
+  PetscCall(SNESLatinBalance_Private(snes));
+  PetscFunctionReturn(0);
+}

@@ -8,7 +8,6 @@
 #define LATIN_HISTORY       1000000 /* linear stages whose indicator and errors are kept: 32 MB */
 #define LATIN_DIGITS_SAFETY 2.0     /* on errors that are known to their order of magnitude */
 #define LATIN_NEWTON_AFTER  1000    /* linear stages after Newton's method has failed without rigid links: there is no equilibrium, as a rule */
-#define LATIN_JAM_LEAST     100     /* linear stages that a solve may take: fewer, of a nonlinear preconditioner, show no jammed links and no lost digits */
 
 static PetscErrorCode SNESSetUp_Latin(SNES snes)
 {
@@ -216,6 +215,7 @@ static PetscErrorCode SNESLatinNewton_Private(SNES snes, PetscBool stall)
     PetscFunctionReturn(0);
   }
   if (reason > 0) PetscCall(SNESLatinFinished_Private(snes, reason, &done));
+  if (done && data->next == LATIN_NEXT_DIVERGED) PetscCall(SNESLatinGrains_Private(snes, PETSC_FALSE, &data->next));
   if (done) PetscFunctionReturn(0);
   PetscCall(PetscInfo(snes, "Newton's method ended with %s\n", SNESConvergedReasons[reason]));
   newton->finish = PETSC_FALSE;

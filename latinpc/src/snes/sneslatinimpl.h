@@ -31,12 +31,15 @@ static inline PetscBool LatinNextConverged(LatinNext next)
 }
 
 /* ---- Newton's method after the iteration (snes/newton.c) ---- */
-#define LATIN_NEWTON_FAR 1e-7 /* of the loads: forces that displacements larger than the structure may leave without balance */
+#define LATIN_JAM_LEAST   100  /* linear stages that a solve may take: fewer, of a nonlinear preconditioner, show no jammed links and no lost digits */
+#define LATIN_FALL_WINDOW 20   /* linear stages after which contacts with friction are asked whether they have let go */
+#define LATIN_NEWTON_FAR  1e-7 /* of the loads: forces that displacements larger than the structure may leave without balance */
 
 typedef struct {
   LatinNewtonType type;
   /* when it takes over in this solve */
   PetscBool finish, stall; /* near the solution; where the iteration stalls */
+  PetscBool grains;        /* links are rigid, and rub (snes/grains.c) */
   PetscBool contrast;      /* stiffnesses too different for convergence of the iteration to be trusted */
   PetscInt  seen;          /* linear stages of this solve */
   PetscInt  most;          /* linear stages predicted: more, and the iteration stalls */
@@ -83,6 +86,7 @@ PETSC_INTERN PetscErrorCode LatinNewtonCreate_Private(SNES, Latin, PetscBool tan
 PETSC_INTERN PetscErrorCode LatinNewtonSolve_Private(SNES, LatinNewton *, PetscReal known, Vec u, SNESConvergedReason *);
 PETSC_INTERN PetscErrorCode LatinNewtonCorrection_Private(LatinNewton *, Vec u, Vec r, PetscReal *error, PetscReal *tensions);
 PETSC_INTERN PetscErrorCode LatinNewtonAsk_Private(LatinNewton *, Vec more);
+PETSC_INTERN PetscErrorCode LatinNewtonCones_Private(Latin, LatinNewton *, Vec more, PetscReal bears[], PetscBool *held);
 PETSC_INTERN PetscErrorCode LatinMultipliersStart_Private(Latin, LatinNewton *);
 PETSC_INTERN PetscErrorCode LatinMultipliersSolve_Private(SNES, LatinNewton *, Vec u, SNESConvergedReason *);
 PETSC_INTERN PetscBool      LatinMultipliersEnergy(const LatinNewton *);
@@ -251,6 +255,7 @@ PETSC_INTERN PetscErrorCode SNESLatinFixedPoint_Private(SNES outer, Vec z, Vec F
 PETSC_INTERN PetscErrorCode SNESLatinStart_Private(SNES);
 /* snes/convergence.c */
 PETSC_INTERN SNESConvergedReason SNESLatinReason(LatinNext);
+PETSC_INTERN PetscErrorCode      SNESLatinGrains_Private(SNES, PetscBool stalled, LatinNext *);
 PETSC_INTERN PetscErrorCode      SNESLatinLoads_Private(SNES, PetscReal *norm);
 PETSC_INTERN PetscErrorCode      SNESLatinBalance_Private(SNES);
 PETSC_INTERN PetscErrorCode      SNESLatinResidual_Private(SNES);

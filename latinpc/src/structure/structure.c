@@ -48,7 +48,8 @@ PetscErrorCode LatinStructureDestroy(LatinStructure *structure)
     PetscCall(PetscFree(l->part));
     PetscCall(PetscFree(l->spring));
     PetscCall(VecDestroy(&l->ground));
-  } else {
+  } else if (l->cones_of) PetscCall(PetscFree2(l->law, l->direction));
+  else {
     PetscCall(PetscFree5(l->x, l->prescribed, l->force, l->fixed, l->global_dof));
     PetscCall(PetscFree6(l->nodes, l->ends, l->law, l->stiffness, l->e0, l->direction));
     PetscCall(PetscFree(l->vertex_prescribed));
@@ -68,6 +69,7 @@ PetscErrorCode LatinStructureDestroy(LatinStructure *structure)
   }
   PetscCall(DMDestroy(&l->dm));
   PetscCall(LatinStructureDestroy(&l->turns));
+  PetscCall(LatinStructureDestroy(&l->cones_of));
   PetscCall(PetscHeaderDestroy(structure));
   PetscFunctionReturn(0);
 }

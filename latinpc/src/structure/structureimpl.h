@@ -2,7 +2,7 @@
    Structures of links: what a structure holds, and what its rooms do for each other and for the solvers. Each room calls
    those before it only:
 
-     laws, userlaws; vectors; turning; rigidlaws; frictionsprings; tangent, linesearch; residual, results; setup; structure; timestep, frame; attach
+     laws, userlaws; vectors; turning; rigidlaws; frictionsprings; tangent, linesearch; residual, results; setup; structure; timestep, frame, frictioncones; attach
 */
 #ifndef LATINSTRUCTUREIMPL_H
 #define LATINSTRUCTUREIMPL_H
@@ -78,10 +78,11 @@ struct _p_LatinStructure {
   const PetscReal *penalty, *multiplier;
   const PetscReal *bound; /* beside them: the friction that each contact bears at most, read at its normal part; NULL: Coulomb's */
   /* while Newton's method goes ahead of the displacements of links that turn (snes/largenewton.c), else NULL; borrowed */
-  const PetscReal *ahead;  /* [links_local] tensions in the tangent stiffness */
-  const PetscReal *strain; /* [links_local] their strains, from which laws go on as straight lines, or NULL */
-  const PetscReal *slope;  /* [links_local] stiffnesses of the laws in it (snes/largeinterior.c), or NULL */
-  PetscReal        hold;   /* beside them: what slack cables keep of the mean tension over length, as stiffness */
+  const PetscReal *ahead;    /* [links_local] tensions in the tangent stiffness */
+  const PetscReal *strain;   /* [links_local] their strains, from which laws go on as straight lines, or NULL */
+  const PetscReal *slope;    /* [links_local] stiffnesses of the laws in it (snes/largeinterior.c), or NULL */
+  PetscReal        hold;     /* beside them: what slack cables keep of the mean tension over length, as stiffness */
+  LatinStructure   cones_of; /* the structure with friction that this one has the cones of (structure/frictioncones.c), NULL in others */
   /* parts of links that turn (structure/frame.c), NULL in other structures */
   LatinStructure   turns;                 /* the structure whose links have been split into parts */
   PetscObjectState turns_state, turns_e0; /* its states when it was last looked at */
@@ -208,6 +209,8 @@ PETSC_INTERN PetscErrorCode LatinTurningMatCreate_Private(LatinStructure, Mat *)
 PETSC_INTERN PetscErrorCode LatinTurningMatCompute_Private(LatinStructure, Vec u, Mat);
 PETSC_INTERN PetscErrorCode LatinStructureCheckLinear_Private(LatinStructure, const char what[]);
 PETSC_INTERN PetscErrorCode LatinFrameCreate_Private(LatinStructure, LatinStructure *frame);
+PETSC_INTERN PetscErrorCode LatinConesCreate_Private(LatinStructure, LatinStructure *cones);
+PETSC_INTERN void           LatinConesTensions(LatinStructure cones, PetscReal tension[]);
 PETSC_INTERN PetscErrorCode LatinFrameFollow_Private(LatinStructure frame);
 PETSC_INTERN PetscErrorCode LatinFrameRenew_Private(LatinStructure frame, Vec u, LatinFrameType);
 PETSC_INTERN PetscErrorCode LatinFrameSprings_Private(LatinStructure frame, PetscBool none);

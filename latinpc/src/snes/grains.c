@@ -1,0 +1,111 @@
+#include "snes/sneslatinimpl.h"
+
+/*
+   Grains: structures of contacts with friction, and other rigid links, alone. No stiffness leads Newton's method anywhere. But where all
+   gaps are closed as drawn, forces in the cones of the contacts that bear the loads are a solution: nothing moves, so that no
+   contact slips. And where there are none everything falls (structure/frictioncones.c).
+*/
+
+/* Have contacts with friction let go? The displacements are larger than the structure, and forces do not balance. Collective on snes */
+PetscErrorCode SNESLatinFallen_Private(SNES snes, PetscBool *fallen)
+{
+  SNES_Latin          *data      = (SNES_Latin *)snes->data;
+  const LatinStructure structure = data->latin->sub.structure;
+  PetscReal            loads;
+
+  PetscFunctionBegin;
+  *fallen = PETSC_FALSE;
+  if (!structure->rubs || structure->ground) PetscFunctionReturn(0);
+  PetscCall(SNESLatinResidual_Private(snes));
+  PetscCall(SNESLatinLoads_Private(snes, &loads));
+  if (data->residual > data->target * loads) PetscCall(LatinEquilibriumFar_Private(structure, snes->vec_sol, fallen));
+  PetscFunctionReturn(0);
+}
+
+/* Are all gaps closed as drawn, with supports where they are prescribed? Collective on structure */
+static PetscErrorCode LatinGrainsClosed_Private(LatinStructure structure, PetscBool *closed)
+{
+  PetscReal *x;
+  Vec        zero;
+
+  PetscFunctionBegin;
+  *closed = PETSC_TRUE;
+  PetscCall(DMGetWorkArray(structure->dm, structure->links_local, MPIU_REAL, &x));
+  PetscCall(DMGetGlobalVector(structure->dm, &zero));
+  PetscCall(VecZeroEntries(zero));
+  PetscCall(LatinStructureStrains_Private(structure, zero, x));
+  for (PetscInt l = 0; l < structure->links_local; l++) *closed = (PetscBool)(*closed && x[l] == 0.0);
+  PetscCall(DMRestoreGlobalVector(structure->dm, &zero));
+  PetscCall(DMRestoreWorkArray(structure->dm, structure->links_local, MPIU_REAL, &x));
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, closed, 1, LATIN_MPI_BOOL, MPI_LAND, PetscObjectComm((PetscObject)structure)));
+  PetscFunctionReturn(0);
+}
+
+/* Are tensions in Coulomb's cones, but for this part of the largest? In space the edges of LatinConesCreate_Private() are not. Collective on structure */
+static PetscErrorCode LatinGrainsHold_Private(LatinStructure structure, PetscReal part, const PetscReal tension[], PetscBool *hold)
+{
+  const PetscInt dim    = structure->dim;
+  PetscReal      sum[2] = {0.0, 0.0}; /* the largest tension, and the most that one is outside of its cone */
+
+  PetscFunctionBegin;
+  for (PetscInt l = 0; l < structure->links_local; l++) {
+    PetscReal rub = 0.0;
+
+    sum[0] = PetscMax(sum[0], PetscAbsReal(tension[l]));
+    if (structure->law[l] != LATIN_LAW_FRICTION) continue;
+    for (PetscInt c = 1; c < dim; c++) rub += PetscSqr(tension[l + c]);
+    sum[1] = PetscMax(sum[1], PetscSqrtReal(rub) + structure->friction[l] * tension[l]);
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)structure)));
+  *hold = (PetscBool)(sum[1] <= part * sum[0]);
+  PetscFunctionReturn(0);
+}
+
+/* Tensions that bear the loads where nothing moves are the solution if they leave no more than the errors asked for. Collective on snes */
+static PetscErrorCode SNESLatinGrainsRest_Private(SNES snes, const PetscReal bears[], LatinNext *next)
+{
+  SNES_Latin *data = (SNES_Latin *)snes->data;
+  PetscReal   loads;
+
+  PetscFunctionBegin;
+  PetscCall(VecZeroEntries(snes->vec_sol));
+  PetscCall(PetscArraycpy(data->latin->linear.rigid_tension, bears, data->latin->sub.structure->links_local));
+  PetscCall(SNESLatinBalance_Private(snes));
+  PetscCall(SNESLatinLoads_Private(snes, &loads));
+  if (data->residual <= PetscMin(data->target, SNESLatinTensionTarget(data)) * loads) {
+    *next                   = LATIN_NEXT_CONVERGED;
+    data->estimate.value    = 0.0;
+    data->estimate.tensions = data->residual / loads;
+  } else data->current = -1; /* the mean displacements again */
+  PetscFunctionReturn(0);
+}
+
+/*
+   Once a solve of a structure with friction: where it has failed, or grains have moved farther than the structure is large; or where their iteration stalls
+   and all gaps are closed. *next becomes an end where there is no equilibrium, or one where nothing moves. Collective on snes
+*/
+PetscErrorCode SNESLatinGrains_Private(SNES snes, PetscBool stalled, LatinNext *next)
+{
+  SNES_Latin          *data      = (SNES_Latin *)snes->data;
+  const LatinStructure structure = data->latin->sub.structure;
+  const PetscBool      grains    = (PetscBool)(data->newton.grains && *next == LATIN_NEXT_CONTINUE);
+  PetscBool            due = (PetscBool)(*next == LATIN_NEXT_DIVERGED || (*next == LATIN_NEXT_MAX_IT && snes->max_its >= LATIN_JAM_LEAST)), held, closed = PETSC_FALSE;
+  PetscReal           *bears;
+
+  PetscFunctionBegin;
+  if (!structure->rubs || structure->ground || data->newton.type == LATIN_NEWTON_NEVER || data->newton.asked || !(grains || due)) PetscFunctionReturn(0);
+  if (data->newton.grains) PetscCall(LatinGrainsClosed_Private(structure, &closed));
+  if (grains && stalled && closed) due = PETSC_TRUE;
+  if (!due && data->latin->linear.applications % LATIN_FALL_WINDOW == 0) PetscCall(SNESLatinFallen_Private(snes, &due));
+  if (!due) PetscFunctionReturn(0);
+  data->newton.asked = PETSC_TRUE;
+  PetscCall(DMGetWorkArray(structure->dm, structure->links_local, MPIU_REAL, &bears));
+  PetscCall(LatinNewtonCones_Private(data->latin, &data->newton, snes->vec_rhs, bears, &held));
+  if (held && closed) PetscCall(LatinGrainsHold_Private(structure, data->target, bears, &held));
+  if (data->newton.found.verdict == LATIN_UNBOUNDED) {
+    data->found = data->newton.found;
+    *next       = LATIN_NEXT_DIVERGED;
+  } else if (held && closed && SNESLatinEstimates(data)) PetscCall(SNESLatinGrainsRest_Private(snes, bears, next));
+  PetscCall(DMRestoreWorkArray(structure->dm, structure->links_local, MPIU_REAL, &bears));
+  PetscFunctionReturn(0);
+}

@@ -1,0 +1,76 @@
+#include "structure/structureimpl.h"
+
+/*
+   What contacts with friction bear at most: a structure whose contacts are links that bear compression alone, along the edges of
+   a cone around Coulomb's, one in the place of each part. In the plane the cone is Coulomb's own; in space it has three
+   edges, and Coulomb's cone touches its sides. Where these links cannot bear the loads no friction does, and what moves then
+   proves a collapse (error/collapse.c). The friction of this structure follows no slip: that it bears the loads proves no equilibrium.
+*/
+
+/* The directions of the edges in the place of the parts of a contact: n + mu t, of length 1, for tangential t around the normal n */
+static void LatinConesEdges(PetscInt dim, PetscReal friction, const PetscReal part[], PetscReal edge[])
+{
+  static const PetscReal around[2][3][2] = {
+    {{1.0, 0.0}, {-1.0, 0.0}},
+    {{2.0, 0.0}, {-1.0, 1.7320508075688772}, {-1.0, -1.7320508075688772}}
+  };
+
+  for (PetscInt k = 0; k < dim && dim > 1; k++) {
+    const PetscReal *t = around[dim - 2][k], size = PetscSqrtReal(1.0 + PetscSqr(friction) * (PetscSqr(t[0]) + PetscSqr(t[1])));
+
+    for (PetscInt c = 0; c < dim; c++) {
+      edge[dim * k + c] = part[c] / size;
+      for (PetscInt j = 1; j < dim; j++) edge[dim * k + c] += friction / size * t[j - 1] * part[dim * j + c];
+    }
+  }
+}
+
+/* The structure of the cones of `base`, which is set up, has links that keep their direction, and is no time step. Collective on base */
+PetscErrorCode LatinConesCreate_Private(LatinStructure base, LatinStructure *newcones)
+{
+  const size_t   first = offsetof(struct _p_LatinStructure, dim), last = offsetof(struct _p_LatinStructure, prescribed);
+  const PetscInt dim = base->dim;
+  LatinStructure cones;
+
+  PetscFunctionBegin;
+  PetscCall(PetscHeaderCreate(cones, LATIN_STRUCTURE_CLASSID, "LatinStructure", "Cones of contacts with friction", "Latin", PetscObjectComm((PetscObject)base), LatinStructureDestroy, ((PetscObject)base)->bops->view));
+  PetscCall(PetscObjectReference((PetscObject)base));
+  PetscCall(PetscMemcpy((char *)cones + first, (char *)base + first, last - first));
+  cones->cones_of          = base;
+  cones->rubs              = PETSC_FALSE;
+  cones->rigid_law         = LATIN_LAW_CONTACT;
+  cones->prescribed        = base->prescribed;
+  cones->vertex_prescribed = base->vertex_prescribed;
+  cones->e0                = base->e0;
+  cones->load              = base->load;
+  PetscCall(PetscObjectReference((PetscObject)cones->load));
+  PetscCall(PetscMalloc2(base->links_local, &cones->law, dim * base->links_local, &cones->direction));
+  PetscCall(PetscArraycpy(cones->law, base->law, base->links_local));
+  PetscCall(PetscArraycpy(cones->direction, base->direction, dim * base->links_local));
+  for (PetscInt l = 0; l < base->links_local; l++) {
+    if (base->law[l] == LATIN_LAW_FRICTION) LatinConesEdges(dim, base->friction[l], base->direction + dim * l, cones->direction + dim * l);
+    if (base->law[l] == LATIN_LAW_FRICTION || base->law[l] == LATIN_LAW_TANGENT) cones->law[l] = LATIN_LAW_CONTACT;
+  }
+  PetscCall(LatinStructureCloneDM_Private(base, &cones->dm)); /* where solvers find the cones */
+  PetscCall(LatinStructureComposeDM_Private(cones));
+  *newcones = cones;
+  PetscFunctionReturn(0);
+}
+
+/* Tensions of the edges become those of the parts of the contacts */
+void LatinConesTensions(LatinStructure cones, PetscReal tension[])
+{
+  const LatinStructure base = cones->cones_of;
+  const PetscInt       dim  = base->dim;
+
+  for (PetscInt l = 0; l < base->links_local; l++) {
+    PetscReal force[3] = {0.0, 0.0, 0.0};
+
+    if (base->law[l] != LATIN_LAW_FRICTION) continue;
+    for (PetscInt i = 0; i < dim * dim; i++) force[i % dim] += tension[l + i / dim] * cones->direction[dim * l + i];
+    for (PetscInt k = 0; k < dim; k++) {
+      tension[l + k] = 0.0;
+      for (PetscInt c = 0; c < dim; c++) tension[l + k] += force[c] * base->direction[dim * (l + k) + c];
+    }
+  }
+}
