@@ -35,6 +35,7 @@ C_FLOORS = [
     ["register.c"],
 ]
 PYTHON_FLOORS = [
+    ["errors"],
     ["laws", "_latin", "numbering"],
     ["arrays", "library", "geometry", "options"],
     ["checks", "userlaws", "actions", "equations", "accuracy", "solvers", "settings"],

@@ -12,6 +12,7 @@ from latinpc.accuracy import digits, energy_bound, estimated_error, rounding_flo
 from latinpc.distributed.result import LocalResult
 from latinpc.distributed.scenes import local_scene
 from latinpc.distributed.structure import LocalStructure
+from latinpc.errors import LatinError, error_message
 from latinpc.files.reading import read
 from latinpc.forms.form import Form, form_find
 from latinpc.laws import Law
@@ -40,7 +41,6 @@ from latinpc.settings import (
 from latinpc.solvers import (
     coarse_ksp,
     cost,
-    error_message,
     history,
     jammed_links,
     load_state,
@@ -68,6 +68,7 @@ __all__ = [
     "Cases",
     "ConvergenceWarning",
     "Form",
+    "LatinError",
     "LatinWarning",
     "Law",
     "LocalResult",

@@ -13,6 +13,8 @@ from petsc4py.PETSc cimport MPI_Comm, GetComm, GetCommDefault
 import numpy as np
 from petsc4py import PETSc
 
+from latinpc.errors import of_library
+
 
 # petsc4py's own function, which gives the exception PETSc's messages: its C header and its .pxd exclude each other
 ctypedef int (*SetError)(PetscErrorCode)
@@ -21,11 +23,20 @@ cdef SetError set_error = <SetError>PyCapsule_GetPointer(capsule, PyCapsule_GetN
 
 
 cdef inline int CHKERR(PetscErrorCode ierr) except -1:
-    """Raise what a C call reports: a Python exception of a callback as it is, else PETSc.Error."""
-    if ierr == 0:
-        return 0
+    """Raise what a C call reports: a Python exception of a callback as it is, else a LatinError."""
+    return 0 if ierr == 0 else fail(ierr)
+
+
+cdef int fail(PetscErrorCode ierr) except -1:
     if PyErr_Occurred() != NULL:
         return -1
+    try:
+        petsc_error(ierr)
+    except PETSc.Error as reported:
+        raise of_library(reported) from None
+
+
+cdef int petsc_error(PetscErrorCode ierr) except -1:
     set_error(ierr)
     return -1
 

@@ -16,6 +16,11 @@ _SAID = re.compile(
 )
 
 
+def place(nodes: np.ndarray, node: int) -> np.ndarray:
+    """Return the coordinates of a node, with 0 for what is rounding beside the largest coordinate."""
+    return np.where(np.abs(nodes[node]) < 1e-12 * np.abs(nodes).max(), 0.0, nodes[node])
+
+
 @dataclass(frozen=True)
 class Numbering:
     """How a file counts its nodes and links.
@@ -44,7 +49,7 @@ class Numbered:
         if self.numbering is None:
             return str(node)
         name = str(self.numbering.nodes[node])
-        return name or f"({', '.join(f'{x:.6g}' for x in self.nodes[node])})"
+        return name or f"({', '.join(f'{x:.6g}' for x in place(self.nodes, node))})"
 
     @property
     def links_named(self) -> bool:

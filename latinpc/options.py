@@ -85,7 +85,11 @@ def given_options(options: Mapping[str, Any] | None) -> dict[str, Any]:
     ------
     ValueError
         For a misspelt one of ours; the message names the nearest.
+    TypeError
+        For what is no dictionary.
     """
+    if options is not None and not isinstance(options, Mapping):
+        raise TypeError(f"options must be a dictionary of names and values, not {type(options).__name__}")
     given = {str(name).removeprefix("-"): value for name, value in (options or {}).items()}
     misspelt = unknown_options(given)
     if misspelt:

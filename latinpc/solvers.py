@@ -7,7 +7,6 @@ every rank.
 from __future__ import annotations
 
 import os
-import re
 from typing import Any
 
 import numpy as np
@@ -20,7 +19,6 @@ from latinpc.options import default_options
 __all__ = [
     "coarse_ksp",
     "cost",
-    "error_message",
     "history",
     "load_state",
     "local_ksp",
@@ -452,33 +450,3 @@ def negative_pivots(A: PETSc.Mat, prefix: str) -> int:
     count = pc.getFactorMatrix().getInertia()[0]
     pc.destroy()
     return count
-
-
-def error_message(error: BaseException) -> str:
-    """Return the sentence of an error that PETSc reports, without its list of C functions; not collective.
-
-    Parameters
-    ----------
-    error : Exception
-        A ``petsc4py.PETSc.Error``, or any other exception, whose text is returned as it is.
-
-    Returns
-    -------
-    str
-    """
-    if isinstance(error, PETSc.Error):
-        for line in reversed(str(error).splitlines()[1:]):
-            said = re.sub(r"^\[ *\d+\] ", "", line)
-            if not re.search(r"\w\(\) (at|line) ", said):
-                return _option_of(said.strip())
-    return str(error)
-
-
-def _option_of(said: str) -> str:
-    """Return what PETSc says of a value that is no number, with the option that has it."""
-    refused = re.match(r"Input string (\S+) has no (numeric|integer) value", said)
-    named = [name for name, value in PETSc.Options().getAll().items() if refused and value == refused[1]]
-    if not named:
-        return said
-    kind = "an integer" if refused[2] == "integer" else "a number"
-    return f"-{' or -'.join(named)} is {kind}, not {refused[1]}"

@@ -121,8 +121,8 @@ class Structure(Geometry, Equations, Actions, Plots):
     ------
     ValueError
         On every rank, naming the first nodes or links that do not fit.
-    petsc4py.PETSc.Error
-        On every rank; `latinpc.error_message` gives its sentence.
+    LatinError
+        On every rank: what the library refuses.
 
     Examples
     --------

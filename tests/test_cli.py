@@ -207,6 +207,7 @@ BAD = [
     (["solve", TOWER, "--subdomains", "4", "-snes_latin_variant", "edges"], "edges"),
     (["solve", TOWER, "--subdomains", "4", "-snes_type", "latn"], "latn"),
     (["paper", "4", "--subdomains", "10"], "10 subdomains"),
+    (["extremes", "--family", "large"], "--family and --seed are of random structures: add --random N"),
 ]
 
 

@@ -4,6 +4,7 @@ Each case runs here on one rank; all of them run on two ranks in one `mpirun` of
 """
 
 import json
+import pickle
 import re
 import sys
 from pathlib import Path
@@ -48,9 +49,23 @@ def outcome(name):
 
 def check(name, found):
     kind, sentence = found
-    assert kind in ("ValueError", "TypeError", "Error"), found
+    assert kind in ("ValueError", "TypeError", "Error", "LatinError"), found
     assert re.search(CASES[name][0], sentence), sentence
     assert "\n" not in sentence
+
+
+def test_the_text_of_an_error_is_its_sentence():
+    """No C functions in it; they are in the trace, which PETSc's next error leaves as it is."""
+    with pytest.raises(latinpc.LatinError) as caught:
+        latinpc.Structure(NODES, LINKS, law="friction", fixed=FIXED, load=LOAD, stiffness=0.0)
+    error = caught.value
+    assert str(error).startswith("Link 0 is not part of a whole contact with friction")
+    with pytest.raises(PETSc.Error, match="foo"):
+        PETSc.Mat().create().setType("foo")
+    assert "\n" not in str(error)
+    assert "LatinStructureSetUp()" in error.trace and isinstance(error, PETSc.Error)
+    same = pickle.loads(pickle.dumps(error))
+    assert (str(same), same.ierr, same.trace) == (str(error), error.ierr, error.trace)
 
 
 def no_convergence_is_no_error():

@@ -205,6 +205,8 @@ def test_misspelt_options_are_refused():
         net().solve(preset="acurate")
     with pytest.raises(latinpc.SolveError, match="between 0 and 1"):
         net().solve(error=2)
+    with pytest.raises(TypeError, match="options must be a dictionary"):
+        net().solve(options=["snes_monitor"])
 
 
 def test_options_that_nothing_reads_are_warned_of(recwarn):
@@ -277,6 +279,18 @@ def test_what_cannot_be_solved_is_one_sentence():
         with pytest.raises(latinpc.SolveError, match=words) as error:
             net(fixed=fixed).solve()
         assert "\n" not in str(error.value) and error.value.result is None
+
+
+def test_coordinates_of_rounding_are_printed_as_zero():
+    """A node on a circle, as programs that draw write it."""
+    text = str(net(nodes=[[-1, 1], [1, 1], [6e-17, -1], [-1.8e-16, 0]]).solve())
+    assert "at node 3 (0, 0) m" in text
+
+
+def test_of_large_displacements_what_is_large_is_said():
+    bar = dict(nodes=[[0.0], [1.0]], links=[[0, 1]], law="bar", stiffness=1.0, fixed=[[1], [0]], load=[[0], [1.0]])
+    with pytest.warns(latinpc.LatinWarning, match="^nodes move by 1 of the size of the structure: small"):
+        latinpc.Structure(**bar).solve()
 
 
 def test_duplicate_links_are_warned_of():

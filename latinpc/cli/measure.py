@@ -172,6 +172,8 @@ def extremes(comm, groups, count, seed, family, json_file):
         if groups:
             raise ValueError("--group chooses cases of the suite; random structures have a --family")
         return _random(comm, count, seed, family, json_file)
+    if family is not None or seed:
+        raise ValueError("--family and --seed are of random structures: add --random N")
     chosen = catalogue.cases()
     known = list(dict.fromkeys(case.group for case in chosen))
     for group in groups:

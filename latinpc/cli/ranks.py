@@ -7,8 +7,6 @@ import os
 import sys
 import time
 
-from petsc4py import PETSc
-
 import latinpc
 
 NOT_CONVERGED, BAD_INPUT = 1, 2  # exit codes
@@ -53,7 +51,7 @@ def printing_on(root):
 
 def sentence(error):
     """Return one readable line for an error; not collective."""
-    text = latinpc.error_message(error) if isinstance(error, PETSc.Error) else str(error)
+    text = latinpc.error_message(error)
     if isinstance(error, OSError) and error.filename:
         text = f"{error.filename}: {error.strerror}"
     return " ".join(text.split()) or type(error).__name__

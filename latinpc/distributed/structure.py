@@ -51,8 +51,8 @@ class LocalStructure(Structure):
     ValueError
         On every rank, naming the first rank whose arrays do not fit, and its first nodes or links, counted there
         from 0.
-    petsc4py.PETSc.Error
-        On every rank; `latinpc.error_message` gives its sentence.
+    LatinError
+        On every rank: what the library refuses.
 
     Notes
     -----

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from petsc4py import PETSc
 
-from latinpc import solvers
+from latinpc import errors, solvers
 from latinpc.files.lines import connected
 
 PREFIX = "form_"
@@ -95,7 +95,7 @@ def _solve(nodes, links, held, density, load, axes, comm):
             _regular(ksp, D, np.linalg.norm(density), np.flatnonzero(~held))
         return np.column_stack([_solved(ksp, np.linalg.norm(density), column) for column in right.T])
     except PETSc.Error as error:
-        raise RuntimeError(f"form finding: {solvers.error_message(error)}") from error
+        raise RuntimeError(f"form finding: {errors.error_message(error)}") from None
     finally:
         ksp.destroy()
         D.destroy()

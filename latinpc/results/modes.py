@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from petsc4py import PETSc
 
-from latinpc import solvers
+from latinpc import errors, solvers
 from latinpc.laws import RIGID
 from latinpc.options import default_options
 
@@ -237,7 +237,7 @@ def modes(
             else:
                 found = _frequencies(problem, number)
     except PETSc.Error as reported:
-        raise SolveError(solvers.error_message(reported)) from reported
+        raise SolveError(errors.error_message(reported)) from None
     finally:
         problem.destroy()
     for notice in found.notices:

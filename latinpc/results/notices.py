@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from petsc4py import PETSc
 
-from latinpc import accuracy, solvers
+from latinpc import accuracy, errors, solvers
 from latinpc.laws import Law
 from latinpc.library import _latin
 
@@ -166,8 +166,8 @@ def errors_as_given(structure: Structure) -> Iterator[None]:
         yield
     except PETSc.Error as error:
         if structure.numbering is None:
-            raise
-        raise SolveError(structure.counted_as_given(solvers.error_message(error))) from error
+            raise errors.of_library(error) from None
+        raise SolveError(structure.counted_as_given(errors.error_message(error))) from None
 
 
 @contextlib.contextmanager
@@ -178,7 +178,7 @@ def unlinked_as_value(structure: Structure) -> Iterator[None]:
     except PETSc.Error as error:
         if error.ierr != WRONGSTATE:
             raise
-        raise ValueError(structure.counted_as_given(solvers.error_message(error))) from None
+        raise ValueError(structure.counted_as_given(errors.error_message(error))) from None
 
 
 def turned(result: Result) -> list[str]:
@@ -202,11 +202,11 @@ def turned(result: Result) -> list[str]:
     part = np.linalg.norm(displacements[np.unique(links)], axis=1).max() / size
     if angle <= TURNED and part <= MOVED:
         return []
+    said = [f"links turn by up to {angle:.2g} degrees"] * (angle > TURNED)
+    said += [f"nodes move by {part:.2g} of the size of the structure"] * (part > MOVED)
     friction = (structure.law == Law.FRICTION).any()  # of small displacements only
-    return [
-        f"links turn by up to {angle:.2g} degrees, and nodes move by {part:.2g} of the size of the structure: small"
-        f" displacements do not hold{'' if friction else '; take -snes_latin_geometry large'}"
-    ]
+    cure = "" if friction else "; take -snes_latin_geometry large"
+    return [f"{' and '.join(said)}: small displacements do not hold{cure}"]
 
 
 def overstretched(structure: Structure) -> list[str]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from petsc4py import PETSc
 
-from latinpc import accuracy, solvers
+from latinpc import accuracy, errors, solvers
 from latinpc.laws import UNILATERAL
 from latinpc.library import _latin
 from latinpc.options import default_options, given_options, preset_options, unknown_options
@@ -52,10 +52,10 @@ def solve(
             snes.solve(None, u)
             result = (found or gather)(structure, snes, core, u)
         except PETSc.Error as reported:
-            text = structure.counted_as_given(solvers.error_message(reported))
+            text = structure.counted_as_given(errors.error_message(reported))
             for option in asked:  # is an argument of this function
                 text = re.sub(rf"^-{option}\b", f"{option.removeprefix('snes_latin_')} (-{option})", text)
-            raise SolveError(text) from reported
+            raise SolveError(text) from None
         finally:
             snes.destroy()
             u.destroy()

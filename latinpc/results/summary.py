@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from latinpc.laws import UNILATERAL, Law
+from latinpc.numbering import place
 
 from .report import in_words
 from .units import counted, number, quantity, scaled, share
@@ -150,8 +151,8 @@ def _worst(scene, result):
 
 def _node(scene, node):
     """Return the name and the coordinates of a node."""
-    name, place = scene.node_name(node), f"({', '.join(number(value, 5) for value in scene.nodes[node])}) m"
-    return place if name.startswith("(") else f"{name} {place}"
+    name, where = scene.node_name(node), f"({', '.join(number(value, 5) for value in place(scene.nodes, node))}) m"
+    return where if name.startswith("(") else f"{name} {where}"
 
 
 def _stresses(result):

@@ -213,7 +213,7 @@ def solve_cases(
 
     Raises
     ------
-    ValueError, petsc4py.PETSc.Error
+    ValueError, LatinError
         On every rank. A case that does not converge is no error.
 
     Notes

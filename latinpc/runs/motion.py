@@ -92,7 +92,7 @@ def move(
 
     Raises
     ------
-    ValueError, petsc4py.PETSc.Error
+    ValueError, LatinError
         On every rank. A step that does not converge is no error: see ``report["reason"]``.
     """
     if mass is not None:

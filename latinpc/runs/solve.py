@@ -62,7 +62,7 @@ def solve(
 
     Raises
     ------
-    ValueError, petsc4py.PETSc.Error
+    ValueError, LatinError
         On every rank. A solve that does not converge is no error: see ``report["reason"]``.
     """
     if increments < 1:

@@ -71,7 +71,7 @@ def judge(drawn, options):
             return _judge_motion(drawn, move(drawn.scene, drawn.steps, options=options, every=1))
         result = solve(drawn.scene, (OPTIONS if drawn.family == "large" else {}) | options)
     except Exception as error:
-        text = latinpc.error_message(error) if isinstance(error, PETSc.Error) else str(error)
+        text = latinpc.error_message(error)
         return {"verdict": _refused(drawn, text), "reason": " ".join(text.split())[:300], "iterations": 0}
     told = {"reason": "; ".join([result.report["reason"], *result.notices])[:300]}
     told["iterations"] = int(result.report["iterations"])

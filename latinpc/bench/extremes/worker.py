@@ -36,7 +36,7 @@ def main():
         if root:
             np.savez(task["solution"], **arrays)
     except Exception as error:
-        text = latinpc.error_message(error) if isinstance(error, PETSc.Error) else str(error)
+        text = latinpc.error_message(error)
         answer = {"error": " ".join(text.split()) or type(error).__name__}
     if root:
         with open(task["answer"], "w", encoding="utf-8") as file:

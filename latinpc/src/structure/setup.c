@@ -277,7 +277,7 @@ PetscErrorCode LatinStructureCheckUnlinked_Private(LatinStructure structure, con
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, first, 2, MPIU_INT, MPI_MIN, PetscObjectComm((PetscObject)structure)));
   PetscCheck(first[1] == PETSC_MAX_INT, PetscObjectComm((PetscObject)structure), PETSC_ERR_ARG_WRONGSTATE,
-             "Node %" PetscInt_FMT " is free in direction %" PetscInt_FMT " but no link reaches it; remove it or prescribe its displacement, or give it a mass, for a motion, before LatinStructureSetUp()", first[1] / dim, first[1] % dim);
+             "Node %" PetscInt_FMT " is free in direction %" PetscInt_FMT " but no link reaches it; remove it, prescribe its displacement, or, for a motion, give it a mass", first[1] / dim, first[1] % dim);
   structure->flies = first[0] == PETSC_MAX_INT ? -1 : first[0];
   PetscFunctionReturn(0);
 }
