@@ -15,6 +15,10 @@ OTHERS = {
         "The largest error of 5,042 cases of 76 scenes was half the one asked for; with a half of it 1 of 3,763"
         " was 1.3 times that, with an eighth 9 of 494 were up to 4.4 times.",
     ),
+    "LATIN_KERNEL_LEFT": (
+        "of the largest diagonal entry",
+        "Rounding leaves 1e-12 of a kernel; a vector that is none leaves 1e-2 and more where all unknowns are alike.",
+    ),
     "LATIN_CASE_PAST": (
         "stages",
         "Conjugate gradients go by leaps of a few stages; of the rates since any stage before them the slowest counts:"

@@ -1,14 +1,19 @@
 """What an experienced user of PETSc meets: errors of all ranks, presets on several ranks, logged operations."""
 
+import re
 import sys
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from conftest import ROOT
 from petsc4py import PETSc
 from support import irregular, logged, solve
 
 import latinpc
+from latinpc.runs.motion import move
+from latinpc.scenes import make
 
 EVENTS = ("Direction", "Spectral", "Macro", "Linear", "Condense", "Estimate", "Coarse", "Local")
 COMMAND = Path(sys.executable).parent / "latinpc"
@@ -41,3 +46,71 @@ def test_operations_of_all_events_are_logged():
         assert found.reason > 0
         after = {name: PETSc.Log.Event("Latin" + name).getPerfInfo()["flops"] for name in EVENTS}
     assert [name for name in EVENTS if not after[name] > before[name]] == []
+
+
+# ---- what PETSc takes and does not look at -------------------------------------------------------
+def held_chain(kernel):
+    """KSP with PC latin on the matrix of springs in a row, both ends of which are held, with a null space."""
+    n = 9
+    map_ = PETSc.LGMap().create(np.arange(n, dtype=PETSc.IntType), comm=PETSc.COMM_SELF)
+    a = PETSc.Mat().createIS([n, n], lgmapr=map_, lgmapc=map_, comm=PETSc.COMM_SELF)
+    local = 2.0 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
+    if kernel == "right":
+        local[0, 0] = local[-1, -1] = 1.0
+    k = PETSc.Mat().createDense([n, n], array=local, comm=PETSc.COMM_SELF)
+    a.setISLocalMat(k.convert("aij"))
+    a.assemble()
+    if kernel == "vector":
+        wrong = a.createVecRight()
+        wrong.setArray(np.arange(n) + 1.0)
+        wrong.normalize()
+        a.setNullSpace(PETSc.NullSpace().create(vectors=[wrong], comm=PETSc.COMM_SELF))
+    else:
+        a.setNullSpace(PETSc.NullSpace().create(constant=True, comm=PETSc.COMM_SELF))
+    ksp = PETSc.KSP().create(PETSc.COMM_SELF)
+    ksp.setOperators(a)
+    ksp.getPC().setType("latin")
+    return ksp
+
+
+def test_a_null_space_that_is_none_is_refused():
+    held_chain("right").setUp()
+    for kernel, said in (("constant", "The constant vector"), ("vector", "A vector")):
+        with pytest.raises(PETSc.Error) as caught:
+            held_chain(kernel).setUp()
+        text = latinpc.error_message(caught.value)
+        assert text.startswith(f"{said} of the null space of the matrix") and "MatSetNearNullSpace()" in text
+
+
+def test_quasi_newton_takes_bars_alone():
+    """There is no state to iterate on: one linear stage solves."""
+    result = make("truss-grid", modules=4).solve(options={"snes_latin_outer_snes_type": "qn"})
+    assert result.converged and result.largest_unbalance < 1e-6 * np.abs(result.structure.load).max()
+    cables = make("tensegrity-grid", modules=4, subdomains=4)
+    assert cables.solve(options={"snes_latin_outer_snes_type": "qn"}).converged
+
+
+@pytest.mark.parametrize("kind", ["basic", "dsp", "glee"])
+def test_steps_are_not_chosen_by_errors_that_nobody_estimates(kind):
+    with pytest.raises(PETSc.Error) as caught:
+        move(make("impact-grid", modules=3), 2, 1e-3, options={"ts_adapt_type": kind})
+    assert f"-ts_adapt_type {kind} chooses steps by an estimate" in str(caught.value)
+
+
+def test_a_growing_energy_is_told():
+    """The generalised alpha method of steps longer than the periods of a net; TS latin keeps its energy."""
+    saddle = make("saddle")
+    late = move(saddle, 100, 1e-2, mass=10.0, options={"ts_type": "alpha2", "snes_type": "newtonls"})
+    assert any(re.match("the energy has grown from 91.7 J to .* by itself", text) for text in late.notices)
+    for options in ({}, {"ts_type": "alpha2", "snes_type": "newtonls", "ts_dt": 1e-4}):
+        assert move(saddle, 20, 1e-2, mass=10.0, options=options).notices == []
+
+
+def test_massless_nodes_out_of_balance_are_told():
+    scene = make("saddle")
+    mass = np.full(len(scene.nodes), 10.0)
+    mass[scene.links[90]] = 0.0
+    loaded = replace(scene, mass=mass, load=scene.load + [0.0, 0.0, -50.0])
+    (text,) = move(loaded, 1, 1e-3).notices
+    assert text.startswith("nodes without mass start out of balance, by up to ")
+    assert move(replace(scene, mass=mass, load=0.0 * scene.load), 1, 1e-3).notices == []

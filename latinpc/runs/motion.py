@@ -14,6 +14,7 @@ from latinpc.options import default_options, given_options, unknown_options
 from latinpc.results.mechanics import slack
 from latinpc.results.notices import errors_as_given
 from latinpc.results.report import DECOMPOSITION, plain, problem, reason_name
+from latinpc.results.units import quantity
 from latinpc.scenes.scene import Scene
 from latinpc.structure import Structure
 
@@ -21,6 +22,9 @@ from .checkpoint import Keeper
 from .report import environment
 
 CONTRAST = 1e3  # of masses, above which a message on a step that fails names it
+GROWN = 0.1  # of the energy that has become kinetic, above which a growing energy is told
+UNBALANCED = 1e-3  # of the largest force, what massless nodes may start with
+NAMED = 6  # nodes in a sentence, at most
 FRAMES = 100  # states kept of a motion, at most, by default
 
 
@@ -189,7 +193,9 @@ def _move(recorder, step):
         ts.setUp()  # a geometry that an option gives is that of the structure from here on
     done, kept = keeper.resume(ts)
     recorder.past |= kept
+    notices = unknown_options()
     if not done:
+        notices += _massless(structure, ts)
         recorder.record(0)
     recorder.seconds = 0.0
     comm.barrier()
@@ -227,8 +233,38 @@ def _move(recorder, step):
         frames=recorder.frames,
         subdomain=solvers.subdomain_of_links(snes) if is_latin else scene.subdomain,
         node_class=solvers.node_classes(snes) if is_latin else None,
-        notices=unknown_options() + ([] if reason > 0 else _causes(ts, snes, structure, scene.mass)),
+        notices=notices + _grown(ts, report) + ([] if reason > 0 else _causes(ts, snes, structure, scene.mass)),
     )
+
+
+def _grown(ts, report):
+    """Return a sentence where energy has come from nowhere: loads and supports stay during a motion."""
+    energy = np.add(report["kinetic_energy"], report["potential_energy"])
+    growth, moved = energy.max() - energy[0], energy[0] - min(report["potential_energy"])
+    if not growth > GROWN * moved + np.finfo(float).eps ** 0.5 * np.abs(energy[0]):
+        return []
+    cure = "take shorter steps" + ("" if ts.getType() == "latin" else ", or -ts_type latin, which does not let it")
+    return [f"the energy has grown from {quantity(energy[0], 'J')} to {quantity(energy.max(), 'J')} by itself: {cure}"]
+
+
+def _massless(structure, ts):
+    """Return a sentence on nodes without mass that start out of balance, where no damping ever brings them to it."""
+    if ts.getType() != "latin" or structure.geometry != "large" or np.all(structure.mass > 0.0):
+        return []
+    u, v = ts.getSolution2()[0], structure.create_vec()
+    structure.residual(u, v)
+    left = np.linalg.norm(np.where(structure.fixed, 0.0, structure.displacements(v)), axis=1)
+    left[structure.mass > 0.0] = 0.0
+    v.destroy()
+    largest = max(np.abs(structure.tensions(u)).max(), np.linalg.norm(structure.load, axis=1).max())
+    nodes = np.flatnonzero(left > UNBALANCED * largest)
+    if not len(nodes):
+        return []
+    named = structure.node_names(nodes[:NAMED], len(nodes) > NAMED)
+    return [
+        f"nodes without mass start out of balance, by up to {quantity(left.max(), 'N')}, and swing about it for ever,"
+        f" as nothing is damped: {named}; start from displacements in balance, or give them a mass"
+    ]
 
 
 def _causes(ts, snes, structure, mass):

@@ -151,13 +151,17 @@ PetscErrorCode SNESLatinOuterForget_Private(SNES snes)
 PetscErrorCode SNESLatinOuterSetUp_Private(SNES snes)
 {
   SNES_Latin *data = (SNES_Latin *)snes->data;
-  PetscBool   changed;
+  PetscBool   changed, is;
+  PetscInt    n;
   DM          shell;
   Vec         F;
 
   PetscFunctionBegin;
   PetscCall(SNESLatinOuterDefaults_Private(snes, &changed)); /* somebody may have set the type */
   if (changed) PetscCall(SNESSetFromOptions(data->outer));
+  PetscCall(VecGetSize(data->z, &n));
+  PetscCall(PetscObjectTypeCompare((PetscObject)data->outer, SNESQN, &is));
+  if (is && !n) PetscCall(SNESSetType(data->outer, SNESNRICHARDSON)); /* bars in one subdomain: one linear stage is all, and qn takes no states without entries */
   if (data->outer->setupcalled) PetscFunctionReturn(0);
   PetscCall(DMShellCreate(PetscObjectComm((PetscObject)snes), &shell)); /* where the inner SNES gets its work vectors from */
   PetscCall(DMShellSetGlobalVector(shell, data->z));

@@ -2,6 +2,8 @@
 #include <petscds.h>
 #include <petscfe.h>
 
+#define LATIN_KERNEL_LEFT LatinByPrecision(1e-6, 1e-2) /* of the largest diagonal entry: what the matrix may make of a vector of its null space */
+
 /*
    What is known of the unknowns of a matrix that comes without a structure: where they are, which field each belongs
    to, and which fields cost next to nothing. It improves the macro fields; none of it is required.
@@ -150,6 +152,37 @@ static PetscInt LatinNotFinite(PetscInt n, const PetscReal x[])
   return count;
 }
 
+/* Refuses a null space that is none of A, whose stiffest unknown is the measure. Collective on A */
+static PetscErrorCode LatinKernelCheck_Private(Mat A, MatNullSpace kernel)
+{
+  PetscBool  constant;
+  PetscInt   n;
+  PetscReal  stiffest, size, left;
+  const Vec *given;
+  Vec        v, w;
+
+  PetscFunctionBegin;
+  if (!kernel) PetscFunctionReturn(0);
+  PetscCall(MatNullSpaceGetVecs(kernel, &constant, &n, &given));
+  PetscCall(MatCreateVecs(A, &v, &w));
+  PetscCall(MatGetDiagonal(A, w));
+  PetscCall(VecNorm(w, NORM_INFINITY, &stiffest));
+  for (PetscInt k = constant ? -1 : 0; k < n; k++) {
+    if (k < 0) PetscCall(VecSet(v, 1.0));
+    else PetscCall(VecCopy(given[k], v));
+    PetscCall(VecNorm(v, NORM_INFINITY, &size));
+    PetscCall(MatMult(A, v, w));
+    PetscCall(VecNorm(w, NORM_INFINITY, &left));
+    PetscCheck(
+      !(left > LATIN_KERNEL_LEFT * stiffest * size), PetscObjectComm((PetscObject)A), PETSC_ERR_ARG_WRONG,
+      "%s of the null space of the matrix, MatSetNullSpace(), is not in its kernel: the matrix times it is %.1e of its largest diagonal entry times it. Leave it out, or, if it is to help the coarse problem, give it with MatSetNearNullSpace()",
+      k < 0 ? "The constant vector" : "A vector", (double)(left / (stiffest * size)));
+  }
+  PetscCall(VecDestroy(&v));
+  PetscCall(VecDestroy(&w));
+  PetscFunctionReturn(0);
+}
+
 /*
    Gathers what is known: coordinates given to the preconditioner, blocks of a vector (NULL: none), or those of the DM;
    fields of the finite elements of the DM, or components of a block. Collective on A.
@@ -184,5 +217,6 @@ PetscErrorCode LatinUnknownsSetUp_Private(Mat A, DM dm, Vec coordinates, LatinUn
   LatinAgree(PetscObjectComm((PetscObject)A), LatinNotFinite(known->dim * rows, known->x) > 0, PETSC_ERR_FP, "The unknowns of the matrix have coordinates that are not finite numbers (PCSetCoordinates(), or the DM)");
   LatinAgree(PetscObjectComm((PetscObject)A), LatinNotFinite(known->nears * rows, known->near) || LatinNotFinite(known->kernels * rows, known->kernel), PETSC_ERR_FP,
              "A vector of the near null space, or of the null space, of the matrix has numbers that are not finite");
+  PetscCall(LatinKernelCheck_Private(A, kernel));
   PetscFunctionReturn(0);
 }

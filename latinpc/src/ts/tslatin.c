@@ -111,6 +111,20 @@ static PetscErrorCode TSLatinGeometry_Private(LatinStructure step, SNES snes)
   PetscFunctionReturn(0);
 }
 
+/* Refuses adaptors that would go on with the given step for ever, as they get no error of a step. A step that fails is shortened by any of them */
+static PetscErrorCode TSLatinAdapt_Private(TS ts)
+{
+  TSAdapt   adapt;
+  PetscBool is;
+
+  PetscFunctionBegin;
+  PetscCall(TSGetAdapt(ts, &adapt));
+  PetscCall(PetscObjectTypeCompareAny((PetscObject)adapt, &is, TSADAPTBASIC, TSADAPTDSP, TSADAPTGLEE, ""));
+  PetscCheck(!is, PetscObjectComm((PetscObject)ts), PETSC_ERR_SUP, "-ts_adapt_type %s chooses steps by an estimate of their error, and TS latin makes none: leave it out, and give the length with -ts_dt; steps that fail are shortened all the same",
+             ((PetscObject)adapt)->type_name);
+  PetscFunctionReturn(0);
+}
+
 static PetscErrorCode TSSetUp_Latin(TS ts)
 {
   TS_Latin *data = (TS_Latin *)ts->data;
@@ -120,6 +134,7 @@ static PetscErrorCode TSSetUp_Latin(TS ts)
   PetscCall(TSLatinFind_Private(ts, &snes));
   PetscCheck(data->step, PetscObjectComm((PetscObject)ts), PETSC_ERR_ORDER,
              "-ts_type latin has no structure to work on: build one with LatinStructureCreate() and give it to this TS with LatinStructureAttachTS() (in Python, latinpc.Structure(...).attach(ts))");
+  PetscCall(TSLatinAdapt_Private(ts));
   PetscCall(TSLatinGeometry_Private(data->step, snes));
   if (!ts->vec_dot) PetscCall(VecDuplicate(ts->vec_sol, &ts->vec_dot)); /* at rest */
   if (!data->w) PetscCall(VecDuplicate(ts->vec_sol, &data->w));
@@ -301,7 +316,7 @@ PetscErrorCode TSLatinGetTensions(TS ts, PetscReal tension[])
   Options Database Keys:
 + -ts_latin_monitor  - prints energies, iterations and active links of each step
 . -ts_dt <h>         - length of a step
-. -ts_max_steps <n>  - number of steps
+. -ts_max_steps <n>  - number of steps, all of one length but for those that fail: there is no estimate of errors for -ts_adapt_type
 - -snes_type <latin> - what solves a step; latin starts from the state of the last steps
 
   Level: beginner
