@@ -114,3 +114,27 @@ def test_massless_nodes_out_of_balance_are_told():
     (text,) = move(loaded, 1, 1e-3).notices
     assert text.startswith("nodes without mass start out of balance, by up to ")
     assert move(replace(scene, mass=mass, load=0.0 * scene.load), 1, 1e-3).notices == []
+
+
+@pytest.mark.parametrize("geometry", ["linear", "large"])
+def test_an_update_is_called_before_each_iteration(geometry):
+    """With the solution of the iteration, whose function norm falls."""
+    linear = make("tensegrity-grid", modules=6, subdomains=9)
+    scene = linear if geometry == "linear" else make("saddle", wind=50.0)
+    structure = latinpc.Structure.from_scene(scene)
+    snes, u, calls = structure.create_snes(), structure.create_vec(), []
+    latinpc.set_newton(snes, "never")
+    snes.setTolerances(max_it=4)
+    snes.setUpdate(lambda snes, it: calls.append((it, snes.getSolution().norm())))
+    snes.solve(None, u)
+    assert [it for it, _ in calls] == list(range(snes.getIterationNumber()))
+    assert len(calls) > 2 and calls[0][1] == 0.0 and len({size for _, size in calls}) == len(calls)
+
+
+def test_tolerances_that_stop_nothing_are_told():
+    scene = make("tensegrity-grid", modules=4, subdomains=4)
+    text = "no solve stops at -snes_rtol and -snes_atol without -snes_latin_stop residual: take -snes_latin_error"
+    tolerances = {"snes_rtol": 1e-3, "snes_atol": 1e-3}
+    assert text in scene.solve(options=tolerances).notices
+    for other in ({"snes_latin_stop": "residual"}, {"snes_type": "newtonls", "pc_type": "lu"}):
+        assert text not in scene.solve(options=tolerances | other).notices

@@ -73,6 +73,15 @@ def solve(
     return result
 
 
+def idle(snes: PETSc.SNES) -> list[str]:
+    """Return a sentence on tolerances that the options give and that stop nothing; not collective."""
+    options = PETSc.Options(snes.getOptionsPrefix())
+    if snes.getType() != "latin" or options.getString("snes_latin_stop", "") == "residual":
+        return []
+    named = " and ".join(f"-{name}" for name in ("snes_rtol", "snes_atol") if options.hasName(name))
+    return [f"no solve stops at {named} without -snes_latin_stop residual: take -snes_latin_error"] if named else []
+
+
 def unread(comm: PETSc.Comm, names: list[str]) -> list[str]:
     """Return a sentence on options that no rank has read; collective.
 
@@ -195,7 +204,7 @@ def gather(
         subdomain=solvers.subdomain_of_links(core) if core is not None else structure.subdomain,
         node_class=solvers.node_classes(core) if core is not None else None,
         history=past,
-        notices=[*structure.notices, *overstretched(structure), *causes(snes, structure, past)],
+        notices=[*structure.notices, *overstretched(structure), *causes(snes, structure, past), *idle(snes)],
     )
     loose = np.count_nonzero(result.slack), np.count_nonzero(np.isin(structure.law, UNILATERAL))
     report = report_of(structure, snes, statistics, past, loose) | {

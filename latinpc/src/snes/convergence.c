@@ -32,7 +32,13 @@ static PetscBool SNESLatinUserTest(SNES snes)
   return (PetscBool)(snes->ops->converged && snes->ops->converged != SNESConvergedDefault);
 }
 
-/* Monitors, history and the user's test get the solution and the norm of the function; without them neither is computed. Collective on snes */
+/* Does anything of the user's ask for the solution and the norm of the function during the iteration? */
+static PetscBool SNESLatinWatched(SNES snes)
+{
+  return (PetscBool)(SNESLatinUserTest(snes) || snes->numbermonitors || snes->conv_hist || snes->ops->update);
+}
+
+/* Monitors, history, the user's test and update get the solution and the norm of the function; without them neither is computed. Collective on snes */
 PetscErrorCode SNESLatinWatch_Private(SNES snes, PetscInt it)
 {
   SNES_Latin         *data   = (SNES_Latin *)snes->data;
@@ -42,7 +48,7 @@ PetscErrorCode SNESLatinWatch_Private(SNES snes, PetscInt it)
 
   PetscFunctionBegin;
   snes->iter = it;
-  if (!tests && !snes->numbermonitors && !snes->conv_hist) PetscFunctionReturn(0);
+  if (!SNESLatinWatched(snes)) PetscFunctionReturn(0);
   if (tests && it) PetscCall(VecCopy(snes->vec_sol, snes->vec_sol_update));
   PetscCall(SNESLatinResidual_Private(snes));
   PetscCall(SNESLogConvergenceHistory(snes, data->residual, 0));
@@ -76,7 +82,7 @@ PetscErrorCode SNESLatinFirst_Private(SNES snes)
     data->guess = (PetscBool)(size > 0.0);
     if (PetscIsInfOrNanReal(size)) data->next = LATIN_NEXT_NOT_FINITE;
   }
-  if (data->next || (data->stop != LATIN_STOP_RESIDUAL && !SNESLatinUserTest(snes) && !snes->numbermonitors && !snes->conv_hist)) PetscFunctionReturn(0);
+  if (data->next || (data->stop != LATIN_STOP_RESIDUAL && !SNESLatinWatched(snes))) PetscFunctionReturn(0);
   if (data->latin->linear.rigid_tension) PetscCall(PetscArrayzero(data->latin->linear.rigid_tension, data->latin->sub.structure->links_local));
   if (!data->guess) PetscCall(VecZeroEntries(snes->vec_sol));
   PetscCall(SNESLatinBalance_Private(snes));
@@ -85,6 +91,7 @@ PetscErrorCode SNESLatinFirst_Private(SNES snes)
   if (loads > 0.0) data->first_residual = PetscMin(data->first_residual, loads);
   PetscCall(SNESLatinWatch_Private(snes, 0));
   if (data->next == LATIN_NEXT_CONTINUE && data->stop == LATIN_STOP_RESIDUAL && data->residual <= snes->abstol && !data->latin->linear.rigid_tension) data->next = LATIN_NEXT_CONVERGED_FNORM_ABS;
+  if (data->next == LATIN_NEXT_CONTINUE) PetscTryTypeMethod(snes, update, 0);
   PetscFunctionReturn(0);
 }
 
@@ -282,7 +289,10 @@ PetscErrorCode SNESLatinConverged_Private(SNES outer, PetscInt it, PetscReal xno
   PetscCall(SNESLatinWatch_Private(snes, data->latin->linear.applications));
   PetscCall(SNESLatinMonitor_Private(snes));
   PetscCall(SNESLatinDecide_Private(snes, measure, target, fnorm, &data->next));
-  if (data->next == LATIN_NEXT_CONTINUE) PetscFunctionReturn(0);
+  if (data->next == LATIN_NEXT_CONTINUE) {
+    PetscTryTypeMethod(snes, update, snes->iter);
+    PetscFunctionReturn(0);
+  }
   *reason = SNESLatinReason(data->next);
   if (!*reason) *reason = SNES_CONVERGED_ITS; /* the inner SNES stops; what for is in data->next */
   PetscFunctionReturn(0);

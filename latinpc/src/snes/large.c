@@ -163,7 +163,10 @@ PetscErrorCode SNESLatinLargeConverged_Private(SNES outer, PetscInt it, PetscRea
   PetscCall(SNESLatinWatch_Private(snes, data->latin->linear.applications));
   PetscCall(SNESLatinMonitor_Private(snes));
   if (data->next == LATIN_NEXT_CONTINUE) PetscCall(SNESLatinLargeDecide_Private(snes, measure, target, &data->next));
-  if (data->next == LATIN_NEXT_CONTINUE) PetscFunctionReturn(0);
+  if (data->next == LATIN_NEXT_CONTINUE) {
+    PetscTryTypeMethod(snes, update, snes->iter);
+    PetscFunctionReturn(0);
+  }
   *reason = SNESLatinReason(data->next);
   if (!*reason) *reason = SNES_CONVERGED_ITS; /* the inner SNES stops; what for is in data->next */
   PetscFunctionReturn(0);

@@ -433,8 +433,10 @@ static PetscErrorCode SNESDestroy_Latin(SNES snes)
   stages from the displacements that it is given, and ends with SNES_DIVERGED_MAX_IT, which the outer SNES accepts.
 
   `SNESGetFunctionNorm()` and `-snes_monitor` give the norm of the function, the nodal unbalance. It is computed during the
-  iteration only where there is a monitor, a history or a test of the user's; so is the current solution. The indicator has
-  a monitor of its own. A test given to `SNESSetConvergenceTest()` decides in the place of the stop.
+  iteration only where there is a monitor, a history, or a test or an update of the user's; so is the current solution. The indicator has
+  a monitor of its own. A test given to `SNESSetConvergenceTest()` decides in the place of the stop. A function given to
+  `SNESSetUpdate()` is called before each linear stage; what it changes counts from the next solve on. `-snes_rtol` and `-snes_atol`
+  are of `-snes_latin_stop residual` alone.
 
 .seealso: `LatinStructureCreate()`, `LatinStructureAttachSNES()`, `PCLATIN`
 M*/
