@@ -332,7 +332,7 @@ OTHERS = {
     "LATIN_TREE_BANDWIDTH": ("bytes/s", "A core that reads a factor; only the choice depends on it."),
     "LATIN_TREE_LATENCY": (
         "s",
-        "Of a message on a network, as in docs/parts.md; only the choice depends on it.",
+        "Of a message on a network, as in benchmarks/parts.md; only the choice depends on it.",
     ),
     "LATIN_TREE_MESSAGES": (
         "messages",

@@ -131,16 +131,17 @@ def page(document):
         for scene, found in document["sweep"].items()
     ]  # fmt: skip
     header = ["scene", "unknowns", "SNES latin: set-up + solve, memory", "stages"]
-    return f"""# Structures that repeat nothing
+    return f"""# Irregular structures
 
-`python benchmarks/irregular.py`: seconds and memory to a relative l2 error of 1e-4, each method stopped at its first
-iterate below it, from the same arrays, one thread a rank ([how](README.md#how-it-is-measured)). In brackets: how many
-times as long as the default of SNES latin. The peers have the order of elimination that ours has (nested dissection of
-the nodes by their places; MUMPS its own call of METIS), once, and one thread: CHOLMOD starts four by itself, which
-takes twice the time.
-–: no result within {TIMEOUT:.0f} s, or none at all: on the network of 60,000 nodes Newton's method meets a tangent
-stiffness that is not positive definite. `drawn` is a structure that no one here made: the lines of a floor plan as
-a vault of two layers (drawn.py).
+`python benchmarks/irregular.py`: seconds and memory to a relative l2 error of 1e-4. Each method stops at its first
+iterate below it, from the same arrays, one thread per rank ([how](README.md#how-it-is-measured)).
+
+- In brackets: time relative to the default of SNES latin.
+- –: no result within {TIMEOUT:.0f} s, or none at all: on the network of 60,000 nodes Newton's method meets a tangent
+  stiffness that is not positive definite.
+- CHOLMOD has the elimination order of SNES latin (nested dissection by coordinates), computed once, and one thread; its
+  default of four takes twice the time. MUMPS calls METIS itself.
+- `drawn`: the lines of an existing floor plan as a vault of two layers (drawn.py).
 
 ## One rank
 
@@ -148,10 +149,11 @@ a vault of two layers (drawn.py).
 
 ![time against size](figures/irregular.png)
 
-Where nothing repeats the default is one subdomain a rank. Newton's method factors three to five times, SNES latin once:
-so the ratio is three to five where the factor is all, less what ordering, set-up and solves take. It is more where the
-factor is in single precision, which each linear stage corrects (`-snes_latin_precision`): rounded from double, it
-halves memory and the time of solves; on solids, as networks are, it is computed in single precision, in half the time.
+Irregular structures have one subdomain per rank by default. Newton's method factors three to five times, SNES latin
+once: the ratio is three to five where factorisation dominates, less the time for ordering, set-up and solves. It is
+larger with factors in single precision, which each linear stage corrects (`-snes_latin_precision`). Rounded from
+double, they halve memory and the time of solves. On solids, such as networks, they are computed in single precision, in
+half the time.
 
 ## Two ranks
 
@@ -159,7 +161,7 @@ halves memory and the time of solves; on solids, as networks are, it is computed
 
 ## How many subdomains
 
-One rank, METIS makes so many: time, linear stages.
+One rank, this number of METIS subdomains: time, linear stages.
 
 {markdown(["scene", *map(str, COUNTS)], swept)}
 """

@@ -33,7 +33,7 @@ from .scenes import SceneCommand, open_scene, scene_options
 def cases(comm, scene, json_file, csv_file, reactions, picture, preset, quiet, **options):
     """Solve the load cases of a file.
 
-    They are the tables [[case]] of the TOML file beside it. One set-up serves all; slack links are found for each case.
+    The tables [[case]] of its TOML file define them. All cases share one set-up; slack links are found for each case.
     The exit code is 0 when all cases have converged.
     """
     alone = json_file == "-"

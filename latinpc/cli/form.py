@@ -26,14 +26,14 @@ from .scenes import SceneCommand, open_scene, scene_options
               help="Force density, tension over length (N/m), of all links or of those of a law, such as cable=500;"
                    " drawn: prestress over drawn length of each link.")  # fmt: skip
 @click.option("--natural", is_flag=True, help="Keep natural lengths: those drawn, less the elongations of prestress.")
-@click.option("--without-load", is_flag=True, help="Leave the loads out.")
+@click.option("--without-load", is_flag=True, help="Ignore the loads.")
 @click.option(
     "--error",
     type=float,
     default=1e-8,
     show_default=True,
     metavar="X",
-    help="Forces without balance that --natural leaves, over the largest.",
+    help="Unbalanced forces with --natural, relative to the largest force.",
 )
 @click.option("--json", "json_file", metavar="FILE", help="Write the summary; '-' prints it and nothing else.")
 @click.option("--output", multiple=True, metavar="FILE", help="Write the form: .vtu (ParaView) or .npz (numpy).")
@@ -46,9 +46,9 @@ def form(
 ):  # fmt: skip
     """Find the form in which a drawing is in equilibrium.
 
-    With --density by a linear system per coordinate, whose solver is a direct factor unless -form_ksp_type and
-    -form_pc_type say otherwise (-form_pc_type latin). With --natural by a solve with large displacements, from the form
-    of the densities if they are given, else from the drawing. Supports stay where they are.
+    --density solves a linear system per coordinate, by a direct factor unless -form_ksp_type and -form_pc_type say
+    otherwise (-form_pc_type latin). --natural solves with large displacements, from the form of the densities if they
+    are given, else from the drawing. Supports do not move.
     """
     alone = json_file == "-"
     quiet = quiet or alone

@@ -32,12 +32,12 @@ THREADS = ("OMP_NUM_THREADS", "OMP_THREAD_LIMIT", "OPENBLAS_NUM_THREADS", "MKL_N
 
 
 @click.command()
-@click.option("--json", "json_file", metavar="FILE", help="Write it for a program; '-' prints it and nothing else.")
+@click.option("--json", "json_file", metavar="FILE", help="Write the report; '-' prints it and nothing else.")
 @click.pass_obj
 def info(comm, json_file):
     """Show versions, packages, threads and paths.
 
-    A report of a bug needs them. Run it as the program was run, with mpirun and in the same environment.
+    Send them with a bug report. Run the command like the program: with mpirun, in the same environment.
     """
     hosts = comm.gather((platform.node(), _cores()))
     found = on_root(comm, _found, comm.size, hosts)

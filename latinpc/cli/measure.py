@@ -145,7 +145,7 @@ def _random(comm, count, seed, family, json_file):
 @click.command()
 @click.option("--group", "groups", multiple=True, metavar="NAME", help="Run this group only; may be repeated.")
 @click.option("--random", "count", type=click.IntRange(1), metavar="N", help="Solve N random structures instead.")
-@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Of the random structures.")
+@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Seed of the random structures.")
 @click.option("--family", metavar="NAME", help="Random structures of this family only.")
 @click.option("--json", "json_file", metavar="FILE", help="Write the outcomes; '-' prints them and nothing else.")
 @click.pass_obj
@@ -153,16 +153,16 @@ def extremes(comm, groups, count, seed, family, json_file):
     """Run the robustness suite, or solve random structures.
 
     Cases at extremes: stiffness contrasts, search directions, loads, prestress, units, origins, partitions, chains,
-    ranks, rigid links, motions, matrices of finite elements. Each runs in a process of its own and ends as right,
-    refused (with a reason) or wrong; references are exact where possible.
+    ranks, rigid links, motions, matrices of finite elements. Each case runs in its own process and ends as right,
+    refused (with a reason) or wrong. References are exact where possible.
 
-    Random structures (--random) are of the families statics, collapse (loads next to the limit load), rigid, friction
-    and motion; loads go down to 1e-9 of what the stiffnesses bear, stiffness ratios up to 1e9. Equilibria in 200
-    digits judge displacements and tensions, and whether there is an equilibrium; with friction that may be unknown.
-    Rates of solved ones are of those that have one.
+    Random structures (--random) have the families statics, collapse (near the limit load), rigid, friction and motion.
+    Loads go down to 1e-9 of what the stiffnesses bear, stiffness ratios up to 1e9. An equilibrium in 200 digits is the
+    reference for displacements and tensions; with friction its existence may be unknown. The rate of solved
+    structures counts those with an equilibrium.
 
-    --family large draws structures that prestress holds, of large displacements. Equations of their own judge balance
-    and stability, and whether equilibria lead from no loads to these.
+    --family large draws structures with large displacements, held by prestress. An independent code checks balance,
+    stability, and the path of equilibria from zero loads.
     """
     from latinpc.bench import extremes as catalogue
 

@@ -23,7 +23,7 @@ from .scenes import SceneCommand, open_scene, scene_options
 @click.command("modes", cls=SceneCommand)
 @click.argument("scene", metavar="SCENE|FILE")
 @scene_options
-@click.option("--number", type=int, default=6, show_default=True, metavar="N", help="How many modes, the lowest ones.")
+@click.option("--number", type=int, default=6, show_default=True, metavar="N", help="Number of modes, the lowest ones.")
 @click.option("--buckling", is_flag=True, help="Factors of the loads, not frequencies (-snes_latin_geometry large).")
 @click.option("--drawn", is_flag=True, help="Modes of the structure as drawn, without loads; nothing is solved.")
 @click.option("--node-mass", type=float, metavar="M", help="Mass of each node (kg), in place of the scene's.")
@@ -37,7 +37,7 @@ from .scenes import SceneCommand, open_scene, scene_options
 def modes(comm, scene, number, buckling, drawn, node_mass, json_file, output, picture, gif, mode, quiet, **options):
     """Compute natural frequencies or buckling factors.
 
-    They are those of a scene or a file under its loads, of small motions and of linear buckling.
+    Small motions, or linear buckling, of a scene or a file under its loads.
 
     The state is solved for first, then SLEPc computes the modes at its tangent stiffness, in which slack cables have no
     part. Options with a single dash go to PETSc: -snes_latin_geometry large for structures that prestress holds,

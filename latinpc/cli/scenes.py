@@ -18,13 +18,13 @@ from .printing import open_console
 #: Options of files: parameter of `latinpc.files.reading.read` -> option, what it takes, help. With more than one value
 #: they may be repeated; GROUP= restricts a value to the lines of a group.
 FILES = {
-    "scale": ("--scale", "X", "A unit of length of the file (m), such as 0.001 for mm"),
-    "merge": ("--merge", "X", "Points nearer to each other are one node (m)"),
-    "rise": ("--raise", "X", "Raise a flat drawing to a vault: crown over rim, in longer sides"),
-    "brace": ("--brace", "X", "Make two layers so far apart (m), with posts and crossed cables"),
-    "law": ("--law", "[GROUP=]NAME", "Law of lines that have none"),
-    "EA": ("--EA", "[GROUP=]X", "Axial stiffness of lines that have none (N)"),
-    "prestress": ("--prestress", "[GROUP=]X", "Tension before loading of lines that have none (N)"),
+    "scale": ("--scale", "X", "Length unit of the file (m), such as 0.001 for mm"),
+    "merge": ("--merge", "X", "Merge points closer than this (m)"),
+    "rise": ("--raise", "X", "Raise a flat drawing to a vault: height of the crown over the longer side"),
+    "brace": ("--brace", "X", "Make two layers this far apart (m), with posts and crossed cables"),
+    "law": ("--law", "[GROUP=]NAME", "Law of lines without one"),
+    "EA": ("--EA", "[GROUP=]X", "Axial stiffness of lines without one (N)"),
+    "prestress": ("--prestress", "[GROUP=]X", "Tension before loading (N), of lines without one"),
     "support": ("--support", "WHERE[:AXES]", "Hold nodes: a group, all, or conditions such as z=min or 'x>=2,y<1'"),
     "load": ("--load", "z=X[,..][:WHERE]", "Force on each node (N), such as z=-1000 or x=50:deck"),
     "self_weight": ("--self-weight", "[GROUP=]X", "Weight along lines (N/m), downwards"),

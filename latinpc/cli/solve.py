@@ -40,14 +40,14 @@ RUN = (
 @click.option("--json", "json_file", metavar="FILE", help="Write the report; '-' prints it and nothing else.")
 @click.option("--output", metavar="FILE", help="Write results for ParaView: .vtu, or .pvd for a motion.")
 @click.option("--picture", metavar="FILE", help="Draw the deformed structure: .png, .pdf, .svg, or .gif for a motion.")
-@click.option("--html", metavar="FILE", help="Draw it for a browser, to be turned with a mouse: one .html file.")
+@click.option("--html", metavar="FILE", help="Write an interactive figure for a browser: one .html file.")
 @click.option(
-    "--amplify", type=float, metavar="X", help="Of displacements in pictures. Default: what makes them visible."
+    "--amplify", type=float, metavar="X", help="Amplification of displacements in pictures. Default: automatic."
 )
 @click.option("--csv", nargs=2, metavar="MEMBERS NODES", help="Write members and nodes: two .csv files.")
 @click.option("--preset", type=click.Choice(sorted(preset_files())), metavar="NAME", help=PRESETS)
 @click.option("--quiet", is_flag=True, help="Print only notices and errors.")
-@click.option("-v", "--verbose", is_flag=True, help="Print subdomains, PETSc's types and reasons, norms as well.")
+@click.option("-v", "--verbose", is_flag=True, help="Also print subdomains, norms, PETSc's types and reasons.")
 @click.option("--num-steps", type=int, metavar="N", help="Make N time steps (-ts_type latin). The scene needs masses.")
 @click.option("--time-step", type=float, metavar="H", help="Time step (s). Default: that of the scene.")
 @click.option(

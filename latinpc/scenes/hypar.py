@@ -34,7 +34,7 @@ def hypar(
     sag : float
         Sag of the edge cables in plan, over the side.
     prestress : float
-        Tension of a cable of the net of the length of a mesh (N).
+        Tension of a cable of the net, for the length of a mesh (N).
     load : float
         Downward force on each node (N).
     wind : float

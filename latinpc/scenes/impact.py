@@ -32,7 +32,7 @@ def impact_grid(
     subdomains : int, optional
         Number of subdomains; by default blocks of 4 x 4 modules.
     partition : {'regular', 'metis'}, optional
-        Equal blocks, the default where they fit, or METIS: the scene has no partition then, the solver makes one.
+        Equal blocks (default if they fit), or METIS: the solver then makes the partition.
     mass : float
         Falling mass (kg).
     speed : float

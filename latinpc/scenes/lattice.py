@@ -40,7 +40,7 @@ def lattice(
     subdomains : int, optional
         Number of subdomains. By default blocks of 4 x 4 cells.
     partition : {'regular', 'metis'}, optional
-        Equal blocks, the default where they fit, or METIS: the scene has no partition then, the solver makes one.
+        Equal blocks (default if they fit), or METIS: the solver then makes the partition.
     slack : float
         Share of slack cables, 0 to 0.3. It sets the load from the tensions of the linear structure, and is met within
         a few per cent of the cables.

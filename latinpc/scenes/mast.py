@@ -41,7 +41,7 @@ def mast(
     wind : float
         Horizontal force on each node of the mast (N).
     direction : float
-        Of the wind, from that of the first guys (degrees).
+        Direction of the wind, from the first guys (degrees).
 
     Returns
     -------

@@ -45,7 +45,7 @@ def net(
     subdomains : int, optional
         Number of subdomains. A square; by default blocks of 8 x 8 meshes.
     partition : {'regular', 'metis'}
-        Regular blocks, or METIS. With 'metis' the scene has no partition: the solver makes one.
+        Equal blocks or METIS. With 'metis' the scene has no partition: the solver makes one.
 
     Returns
     -------

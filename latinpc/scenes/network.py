@@ -33,9 +33,9 @@ def network(
     Parameters
     ----------
     nodes : int
-        Number of nodes, nearly. The generator makes a box of the nearest size.
+        Approximate number of nodes. The generator makes a box of the nearest size.
     neighbours : int
-        Nearest neighbours that each node is linked to, at least 6.
+        Links from each node to its nearest neighbours, at least 6.
     seed : int
         Seed of the random numbers.
     supports : {1, 2}

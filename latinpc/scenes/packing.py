@@ -51,7 +51,7 @@ def packing(
     subdomains : int, optional
         Number of subdomains; by default blocks of 16 grains a side in the plane, 6 in space.
     partition : {'regular', 'metis'}
-        Regular blocks, or METIS. With 'metis' the scene has no partition: the solver makes one.
+        Equal blocks or METIS. With 'metis' the scene has no partition: the solver makes one.
     seed : int
         Seed of the random numbers.
 

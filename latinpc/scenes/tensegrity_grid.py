@@ -64,7 +64,7 @@ def tensegrity_grid(
     subdomains : int, optional
         Number of subdomains; by default blocks of 4 x 4 modules.
     partition : {'regular', 'metis'}, optional
-        Equal blocks, the default where they fit, or METIS: the scene has no partition then, the solver makes one.
+        Equal blocks (default if they fit), or METIS: the solver then makes the partition.
     module : {'initial', 'modified'}
         Module of the article. The modified one (Figure 7, right) has no internal mechanism: it adds the second
         bracing set and both diagonals of the lower square as bars.

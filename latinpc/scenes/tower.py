@@ -30,7 +30,7 @@ def tower(
     stages : int
         Prisms.
     struts : int
-        Struts of each, 3 or more.
+        Struts of each prism, 3 or more.
     prestress : float
         Tension of the cables between the polygons (N).
     load : float

@@ -205,14 +205,15 @@ PetscErrorCode LatinSetFromOptions_Private(Latin latin, PetscObject solver)
   PetscCall(LatinSetPrefix_Private(latin, solver));
   PetscObjectOptionsBegin((PetscObject)latin);
   PetscCall(PetscOptionsInt("-subdomains", "Number of subdomains, 0: automatic", "LatinSetSubdomains", subdomains, &subdomains, NULL));
-  PetscCall(PetscOptionsEnum("-partitioner", "Who makes them: METIS on one rank, or all ranks", "LatinSetPartitioner", LatinPartitioners, (PetscEnum)partitioner, (PetscEnum *)&partitioner, NULL));
-  if (solver->classid != KSP_CLASSID) PetscCall(PetscOptionsEnum("-variant", "What of the interfaces is in the coarse problem (section 4)", "LatinSetVariant", LatinVariants, (PetscEnum)variant, (PetscEnum *)&variant, NULL));
+  PetscCall(PetscOptionsEnum("-partitioner", "Partitioner: METIS on one rank, or a parallel one on all ranks", "LatinSetPartitioner", LatinPartitioners, (PetscEnum)partitioner, (PetscEnum *)&partitioner, NULL));
+  if (solver->classid != KSP_CLASSID) PetscCall(PetscOptionsEnum("-variant", "Interface unknowns of the coarse problem (section 4)", "LatinSetVariant", LatinVariants, (PetscEnum)variant, (PetscEnum *)&variant, NULL));
   PetscCall(PetscOptionsEnum("-modes", "Macro fields of strong interfaces (section 3.2)", "LatinSetModes", LatinModesTypes, (PetscEnum)modes, (PetscEnum *)&modes, NULL));
-  PetscCall(PetscOptionsReal("-modes_local", "Threshold of local low-energy fields that are macro, 0: none, -2: automatic", "LatinSetModes", threshold, &threshold, NULL));
+  PetscCall(PetscOptionsReal("-modes_local", "Threshold of local low-energy macro fields, 0: none, -2: automatic", "LatinSetModes", threshold, &threshold, NULL));
   PetscCall(PetscOptionsEnum("-direction", "Micro search direction of the interfaces", "LatinSetDirection", LatinDirectionTypes, (PetscEnum)direction, (PetscEnum *)&direction, NULL));
   if (solver->classid == SNES_CLASSID) PetscCall(PetscOptionsReal("-direction_value", "Scalar direction (force/length), or fraction of the interface stiffness, 0: automatic", "LatinSetDirection", value, &value, NULL));
   if (solver->classid == SNES_CLASSID)
-    PetscCall(PetscOptionsEnum("-precision", "Of factors that linear stages correct: single where they are large, or where it serves", "LatinSetPrecision", LatinPrecisions, (PetscEnum)precision, (PetscEnum *)&precision, NULL));
+    PetscCall(
+      PetscOptionsEnum("-precision", "Precision of factors that linear stages correct; single: if a test allows it; auto: the same, for large factors", "LatinSetPrecision", LatinPrecisions, (PetscEnum)precision, (PetscEnum *)&precision, NULL));
   PetscOptionsEnd();
   PetscCheck(!(threshold > 0.0) || variant == LATIN_VARIANT_CORNER || variant == LATIN_VARIANT_AUTO, PetscObjectComm(solver), PETSC_ERR_SUP,
              "-%smodes_local needs -%svariant corner: elsewhere the local fields of interfaces that share nodes slow the iteration down", LatinPrefix(&latin->sub), LatinPrefix(&latin->sub));

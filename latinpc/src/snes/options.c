@@ -28,7 +28,7 @@ PetscErrorCode SNESSetFromOptions_Latin(SNES snes, LatinOptionItems PetscOptions
   PetscOptionsHeadBegin(PetscOptionsObject, "SNES latin options");
   PetscCall(PetscOptionsEnum(
     "-snes_latin_stop",
-    "Stop on the LATIN indicator (-snes_stol), the residual (-snes_rtol, -snes_atol), the error against a reference (-snes_stol), or the estimated error of the displacements or of the energy (-snes_latin_error); auto: the error, or the indicator where -snes_stol is given",
+    "Stop on the LATIN indicator (-snes_stol), the residual (-snes_rtol, -snes_atol), the error against a reference (-snes_stol), or the estimated error of the displacements or of the energy (-snes_latin_error); auto: the error and balance, or the indicator if -snes_stol is given",
     "SNESLatinSetStop", LatinStopTypes, (PetscEnum)stop, (PetscEnum *)&stop, NULL));
   PetscCall(SNESLatinSetStop(snes, stop));
   PetscCall(PetscOptionsHasName(((PetscObject)snes)->options, ((PetscObject)snes)->prefix, "-snes_stol", &data->given));
@@ -37,17 +37,16 @@ PetscErrorCode SNESSetFromOptions_Latin(SNES snes, LatinOptionItems PetscOptions
   if (set) PetscCall(SNESLatinSetError(snes, error));
   PetscCall(PetscOptionsReal("-snes_latin_tension_error", "Estimated relative error of the tensions to stop at; by default that of the displacements", "SNESLatinSetTensionError", SNESLatinTensionTarget(data), &error, &set));
   if (set) PetscCall(SNESLatinSetTensionError(snes, error));
-  PetscCall(PetscOptionsReal("-snes_latin_balance", "Forces without balance to stop at, relative to the loads, with -snes_latin_stop auto, error or energy", "SNESLatinSetBalance", balance, &balance, NULL));
+  PetscCall(PetscOptionsReal("-snes_latin_balance", "Unbalanced forces to stop at, relative to the loads, with -snes_latin_stop auto, error or energy", "SNESLatinSetBalance", balance, &balance, NULL));
   PetscCall(SNESLatinSetBalance(snes, balance));
-  PetscCall(PetscOptionsReal("-snes_latin_largest_unbalance", "Force without balance on a node to stop at, with -snes_latin_stop auto, error or energy; 0: any", "SNESLatinSetLargestUnbalance", data->unbalance, &error, &set));
+  PetscCall(PetscOptionsReal("-snes_latin_largest_unbalance", "Unbalanced force on a node to stop at, with -snes_latin_stop auto, error or energy; 0: any", "SNESLatinSetLargestUnbalance", data->unbalance, &error, &set));
   if (set) PetscCall(SNESLatinSetLargestUnbalance(snes, error));
-  PetscCall(PetscOptionsEnum("-snes_latin_geometry", "Links keep their direction (linear), turn by small angles against their tensions as drawn (prestress), or as far as displacements take them (large); of the structure, for all its solvers",
-                             "LatinStructureSetGeometry", LatinGeometries, (PetscEnum)data->large.geometry, (PetscEnum *)&data->large.geometry, &set));
+  PetscCall(PetscOptionsEnum("-snes_latin_geometry", "Rotation of links: none (linear), small angles with the tensions as drawn (prestress), any (large); of the structure, for all its solvers", "LatinStructureSetGeometry", LatinGeometries,
+                             (PetscEnum)data->large.geometry, (PetscEnum *)&data->large.geometry, &set));
   if (set) data->large.given = PETSC_TRUE;
   PetscCall(PetscOptionsEnum("-snes_latin_warm_start", "Start from the state of the last solve on this object, or extrapolate from the last two", "SNESLatinSetWarmStart", LatinWarmStarts, (PetscEnum)data->warm, (PetscEnum *)&data->warm, NULL));
-  PetscCall(PetscOptionsEnum("-snes_latin_newton", "Newton's method: where the iteration stalls, and to prove an error (auto), or not at all (never)", "SNESLatinSetNewton", LatinNewtonTypes, (PetscEnum)data->newton.type,
-                             (PetscEnum *)&data->newton.type, NULL));
-  PetscCall(PetscOptionsViewer("-snes_latin_monitor", "Monitor the indicator, and the residual or errors where they are computed", "None", &viewer, &format, &set));
+  PetscCall(PetscOptionsEnum("-snes_latin_newton", "Newton's method on stagnation and to prove an error (auto), or never", "SNESLatinSetNewton", LatinNewtonTypes, (PetscEnum)data->newton.type, (PetscEnum *)&data->newton.type, NULL));
+  PetscCall(PetscOptionsViewer("-snes_latin_monitor", "Monitor the indicator, and the residual or errors if computed", "None", &viewer, &format, &set));
   PetscOptionsHeadEnd();
   if (set) {
     PetscCall(PetscViewerDestroy(&data->monitor));
