@@ -229,7 +229,7 @@ static PetscErrorCode LatinSetUpStages_Private(Latin latin, PetscBool kept)
   if (!kept) PetscCall(LatinInterfaceSetUp(&latin->inter));
   PetscCall(LatinDirectionSetUp(&latin->dir));
   PetscCall(LatinSpectralSetUp(&latin->spectral));
-  PetscCall(LatinStiffnessForget_Private(&latin->dir));
+  PetscCall(LatinSchurReset_Private(&latin->dir));
   PetscCall(LatinMacroSetUp(&latin->macro));
   PetscCall(LatinCoarseNumber(&latin->coarse));
   PetscCall(PetscMalloc1(latin->sub.n, &pattern));

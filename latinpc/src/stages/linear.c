@@ -88,7 +88,7 @@ static PetscErrorCode LatinLinearInverses_Private(LatinLinear *linear)
     linear->inverse[b]           = linear->spectral->inverse[s];
     linear->spectral->inverse[s] = NULL;
   }
-  PetscCall(LatinSpectralForget(linear->spectral));
+  PetscCall(LatinSpectralFreeInverses(linear->spectral));
   PetscFunctionReturn(0);
 }
 
