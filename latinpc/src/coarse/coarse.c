@@ -235,7 +235,7 @@ static PetscErrorCode LatinCoarseDistribute_Private(LatinCoarse *coarse, Vec v)
 static PetscErrorCode LatinCoarseTolerance_Private(LatinCoarse *coarse, PetscReal left)
 {
   PetscFunctionBegin;
-  coarse->left = coarse->loose ? left : 0.0;
+  coarse->contraction = coarse->loose ? left : 0.0;
   if (coarse->loose) PetscCall(KSPSetTolerances(coarse->ksp, left > 0.0 ? left : LATIN_INEXACT_RTOL, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
   PetscFunctionReturn(0);
 }

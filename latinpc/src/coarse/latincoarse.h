@@ -74,7 +74,7 @@ typedef struct {
   PetscReal        *x;                   /* [top_local][dim] where the unknowns are; not for direct solvers */
   LatinFactorStatus status;              /* of the set-up */
   PetscBool         failed;              /* a solve failed since this was cleared */
-  PetscReal         left;                /* of a displacement, in energy: what the last solve has left, on purpose */
+  PetscReal         contraction;         /* of a displacement, in energy: what the last solve has left, on purpose */
 } LatinCoarse;
 
 /* The homogenised stiffnesses (51) of the subdomains, once for equal ones */
@@ -92,7 +92,7 @@ typedef struct {
   PetscScalar *a;
 } LatinCoarsePart;
 
-#define LATIN_COARSE_LEFT 0.1 /* of a displacement, in energy: what an iteration leaves to the next linear stage, or to the conjugate gradients around it */
+#define LATIN_COARSE_CONTRACTION 0.1 /* of a displacement, in energy: what an iteration leaves to the next linear stage, or to the conjugate gradients around it */
 
 #define LATIN_REDUNDANT 1500 /* most rows of a parallel matrix that every rank factors by itself */
 

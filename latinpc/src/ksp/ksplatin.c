@@ -206,7 +206,7 @@ static PetscErrorCode KSPLatinPass_Private(KSP ksp)
     /* no Krylov method shall meet numbers of the user's units */
     PetscCall(VecScale(data->b, 1.0 / data->scale));
     for (PetscInt i = 0; i < n; i++) data->latin->linear.load[i] /= data->scale;
-    for (PetscInt k = 0; k < data->latin->sub.unassigned_count; k++) data->latin->linear.alone[k] /= data->scale;
+    for (PetscInt k = 0; k < data->latin->sub.unassigned_count; k++) data->latin->linear.unassigned_u[k] /= data->scale;
   }
   ksp->reason   = KSP_CONVERGED_ITERATING; /* the pass before has left its own */
   data->checked = -1;
