@@ -158,7 +158,10 @@ def test_every_rank_raises_what_one_has_met(solve, what, rank, door, message):
 
 
 def ended(result):
-    return result.returncode != 0 and "latin: an error of one rank, and the others wait for it" in result.stderr
+    return (
+        result.returncode != 0
+        and "latin: error on one rank while the others wait in a collective call" in result.stderr
+    )
 
 
 @pytest.mark.parametrize(
