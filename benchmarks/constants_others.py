@@ -279,7 +279,7 @@ OTHERS = {
         "Three of 3,000 random structures have taut links that are a mechanism to rounding.",
     ),
     "LATIN_FLOOR_TIMES": ("times", "Nine digits: more, and slack links bear what taut ones should."),
-    "LATIN_ROUNDED_LEFT": (
+    "LATIN_ROUNDED_CONTRACTION": (
         "energy",
         "tensegrity-grid 200 1e-3, 13 stages in either precision; network 20000 3e-5; truss of 1000 bays 0.03. PC "
         "latin, elasticity 24^3 1e-6, cubes beside others 1e6 times as stiff 2e-5; times the softest coarse "
@@ -308,7 +308,7 @@ OTHERS = {
         "rows",
         "A parallel factor of so few rows is all messages: each rank factors the whole. Not of full matrices.",
     ),
-    "LATIN_COARSE_LEFT": (
+    "LATIN_COARSE_CONTRACTION": (
         "relative energy",
         "The next stage corrects it, or conjugate gradients of Newton's method. Second level, 4 ranks, 0.01 and 0.1: "
         "network 8000 29 and 28 stages, 223 and 129 steps; METIS grid of 48 18 and 19, 75 and 42; METIS grid of 200 on "

@@ -387,7 +387,7 @@ def test_no_tangent_yet():
 def test_methods_for_symmetric_operators_on_the_interfaces(outer):
     system = linear_system(grid("truss"), outer_ksp_type=outer)
     told = message(lambda: system.ksp.solve(system.b, system.structure.create_vec()))
-    assert f"not symmetric: instead of {outer} take -ksp_latin_outer_ksp_type gmres" in told
+    assert f"not symmetric: instead of {outer} use -ksp_latin_outer_ksp_type gmres" in told
 
 
 def test_a_preconditioner_has_no_place():

@@ -368,7 +368,7 @@ def test_number_of_subdomains_is_not_ours(matis):
     """The local matrices are the subdomains."""
     result = matis(2, ["-pc_latin_subdomains", "7"], check=False, blocks="2,1")
     assert result.returncode
-    assert "leave out -pc_latin_subdomains" in result.stderr
+    assert "remove -pc_latin_subdomains" in result.stderr
 
 
 def test_small_subdomains_take_schur_complements(matis):

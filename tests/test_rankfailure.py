@@ -136,7 +136,7 @@ def solve(program, compile_c):
     ("what", "rank", "door", "message"),
     [
         ("metis", 0, "snes", "METIS could not partition 1024 links into"),
-        ("halves", 0, "snes", "METIS could not part 300 nodes into halves"),
+        ("halves", 0, "snes", "METIS could not bisect a graph of 300 nodes"),
         ("gesvd", 1, "snes", "LAPACK gesvd failed on the modes of an interface"),
         ("local", 1, "snes", "Setting up the local solver failed"),
         ("local", 1, "ksp", "Setting up the local solver failed"),
@@ -158,7 +158,10 @@ def test_every_rank_raises_what_one_has_met(solve, what, rank, door, message):
 
 
 def ended(result):
-    return result.returncode != 0 and "latin: an error of one rank, and the others wait for it" in result.stderr
+    return (
+        result.returncode != 0
+        and "latin: error on one rank while the others wait in a collective call" in result.stderr
+    )
 
 
 @pytest.mark.parametrize(

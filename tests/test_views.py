@@ -89,7 +89,7 @@ def test_what_a_decomposition_costs_is_predicted_and_measured(tmp_path):
         assert f"number of subdomains: {cost['choice']}" in view
         assert f"a linear stage reads their factors, {cost['factor_bytes'] / 1e6:.3g} MB, twice" in view
         assert f"measured: set-up {cost['setup_seconds']:.3g} s, {cost['linear_stages']} linear stages" in view
-    assert costs[0]["choice"] == "one factor costs least" and costs[1]["choice"] == "asked for"
+    assert costs[0]["choice"] == "automatic, one factor is cheapest" and costs[1]["choice"] == "set by the user"
     assert (
         costs[0]["factor_bytes"] == costs[1]["factor_bytes"] > costs[4]["factor_bytes"]
     )  # of four, interfaces are apart

@@ -200,7 +200,7 @@ def test_every_rank_refuses_it(ranks, mpirun, tmp_path):
     assert ended.returncode == 2
     lines = ended.stdout.splitlines()
     for path in paths:
-        for words in "cannot be written, an older one stays", "cannot be read":
+        for words in "cannot be written, an older one is unchanged", "cannot be read":
             whole = f"The state {path} {words}: it is a named pipe, not a regular file; give another name"
             assert sum(whole in line for line in lines) == ranks, ended.stdout
         assert path.is_fifo()
@@ -241,7 +241,7 @@ def test_links_that_lead_nowhere_are_refused(name, tmp_path, monkeypatch):
     assert f"a-{name}" in said and "Too many levels of symbolic links" in said
     Path(name).symlink_to(f"nowhere/{name}")
     said = refused(write, name)
-    assert name in said and "folder" in said and ("create it" in said or "see that" in said)
+    assert name in said and "folder" in said and ("create it" in said or "check that" in said)
     assert len(os.listdir()) == 3 and all(Path(entry).is_symlink() for entry in os.listdir())
 
 
@@ -300,7 +300,7 @@ def test_what_a_killed_run_has_left_goes_with_the_next_state(file, tmp_path):
     for make in (Path.mkdir, os.mkfifo, lambda name: name.symlink_to("nothing")):  # not of ours
         make(left)
         said = refused(write, path)
-        assert f"The state {path} cannot be written, an older one stays: " in said
+        assert f"The state {path} cannot be written, an older one is unchanged: " in said
         assert is_new(path) and os.path.lexists(left)
         left.rmdir() if left.is_dir() else left.unlink()
 

@@ -1,8 +1,8 @@
 #include "collective.h"
 
 /*
-   Errors found by one rank must end the call on all of them, or the others would wait in the next collective
-   call for ever. Every rank raises the error of the lowest rank that found something.
+   An error on one rank must end the call on all ranks, or the others deadlock in the next collective call. All ranks raise the
+   error of the lowest rank with one.
 */
 PetscErrorCode LatinAgree_Private(MPI_Comm comm, PetscErrorCode mine, const char message[])
 {
@@ -21,7 +21,7 @@ PetscErrorCode LatinAgree_Private(MPI_Comm comm, PetscErrorCode mine, const char
   SETERRQ(comm, (PetscErrorCode)code, "%s", text);
 }
 
-/* The same with the message of an error that has been raised */
+/* The same for an error that PETSc has raised, with its message */
 PetscErrorCode LatinAgreeError_Private(MPI_Comm comm, PetscErrorCode mine)
 {
   char *message = NULL;
@@ -33,7 +33,7 @@ PetscErrorCode LatinAgreeError_Private(MPI_Comm comm, PetscErrorCode mine)
   PetscFunctionReturn(0);
 }
 
-/* n units a point; PetscSF needs the basic type itself where n is 1 */
+/* *type: n units for each point of a PetscSF, which needs the basic type itself for n = 1 */
 static PetscErrorCode LatinType_Private(PetscInt n, MPI_Datatype unit, MPI_Datatype *type)
 {
   PetscFunctionBegin;
@@ -45,7 +45,7 @@ static PetscErrorCode LatinType_Private(PetscInt n, MPI_Datatype unit, MPI_Datat
   PetscFunctionReturn(0);
 }
 
-/* Brings n units from each root to its leaves. Collective on sf */
+/* Broadcasts n units from each root to its leaves. Collective on sf */
 PetscErrorCode LatinSFBcast_Private(PetscSF sf, PetscInt n, MPI_Datatype unit, const void *root, void *leaf)
 {
   MPI_Datatype type;
@@ -58,7 +58,7 @@ PetscErrorCode LatinSFBcast_Private(PetscSF sf, PetscInt n, MPI_Datatype unit, c
   PetscFunctionReturn(0);
 }
 
-/* Combines n units of each leaf into its root. Collective on sf */
+/* Reduces n units of each leaf to its root. Collective on sf */
 PetscErrorCode LatinSFReduce_Private(PetscSF sf, PetscInt n, MPI_Datatype unit, const void *leaf, void *root, MPI_Op op)
 {
   MPI_Datatype type;
@@ -71,7 +71,7 @@ PetscErrorCode LatinSFReduce_Private(PetscSF sf, PetscInt n, MPI_Datatype unit, 
   PetscFunctionReturn(0);
 }
 
-/* The same way without what has been sent: PetscSF keeps two arrays for each type of which it has sent anything. Collective on sf */
+/* Replaces an SF by a duplicate without buffers: PetscSF keeps two arrays for each MPI type that it has sent. Collective on sf */
 PetscErrorCode LatinSFFresh_Private(PetscSF *sf)
 {
   PetscSF fresh;

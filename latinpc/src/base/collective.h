@@ -1,5 +1,5 @@
 /*
-   Errors and communication that every rank reaches.
+   Collective errors and PetscSF communication.
 */
 #ifndef LATINCOLLECTIVE_H
 #define LATINCOLLECTIVE_H
@@ -14,7 +14,7 @@ PETSC_INTERN PetscErrorCode LatinSFFresh_Private(PetscSF *);
 
 PETSC_INTERN void LatinWatchApart_Private(PetscInt by); /* base/rankfailure.c */
 
-/* Ends in the same error on every rank of comm when `bad` holds on any of them, with the message of the lowest such rank */
+/* If `bad` holds on any rank of comm, raises the error and message of the lowest such rank on all. Collective on comm */
 #define LatinAgree(comm, bad, code, ...) \
   do { \
     char latin_message_[512] = ""; \
@@ -22,7 +22,7 @@ PETSC_INTERN void LatinWatchApart_Private(PetscInt by); /* base/rankfailure.c */
     PetscCall(LatinAgree_Private(comm, (bad) ? code : (PetscErrorCode)0, latin_message_)); \
   } while (0)
 
-/* Runs what each rank does by itself; an error of any rank becomes one of all, with its message. Collective on comm */
+/* Runs a call that is not collective; an error on any rank is raised on all, with its message. Collective on comm */
 #define LatinEach(comm, ...) PetscCall((LatinWatchApart_Private(1), LatinAgreeError_Private(comm, __VA_ARGS__)))
 
 #endif

@@ -1,6 +1,6 @@
 /*
-   What changed in PETSc's interface between 3.18 and the newest release. The sources are written for the newest PETSc;
-   here an earlier one is given the names that it lacks, so that no other file looks at the version.
+   Changes of PETSc's interface between 3.18 and the newest release. The sources are written for the newest PETSc; this file
+   defines the names that earlier ones lack, so that no other file depends on the version.
 */
 #ifndef LATINCOMPAT_H
 #define LATINCOMPAT_H
@@ -12,7 +12,7 @@
   #define SNESLineSearchShellSetApply(search, apply, ctx) SNESLineSearchShellSetUserFunc(search, apply, ctx)
 #endif
 
-/* 3.22: a type's own default gives way to what the user has set; no bound has a name, and -1 is no longer it */
+/* 3.22: defaults of a type do not override values of the user; PETSC_UNLIMITED replaces -1 */
 #if PETSC_VERSION_LT(3, 22, 0)
   #define PetscObjectParameterSetDefault(snes, name, value) \
     do { \
@@ -21,14 +21,14 @@
   #define PETSC_UNLIMITED (-1)
 #endif
 
-/* 3.23: a pointer itself */
+/* 3.23: PetscOptionItems is a pointer itself */
 #if PETSC_VERSION_LT(3, 23, 0)
 typedef PetscOptionItems *LatinOptionItems;
 #else
 typedef PetscOptionItems LatinOptionItems;
 #endif
 
-/* 3.24: PetscBool was an enumeration, and is a C bool */
+/* 3.24: PetscBool is a C bool, no longer an enumeration */
 #if PETSC_VERSION_LT(3, 24, 0)
   #define LATIN_MPI_BOOL MPIU_BOOL
 #else

@@ -1,6 +1,6 @@
 #include "base/dense.h"
 
-/* False, and nothing is written, for a vector without length. Scaled, so that no unit of length overflows or underflows */
+/* Normalises v; false, without writing, if it is zero. Scaled, so that squares neither overflow nor underflow */
 PetscBool LatinUnitVector(PetscInt dim, const PetscReal v[], PetscReal unit[])
 {
   PetscReal scale = 0.0, length = 0.0;
@@ -13,7 +13,7 @@ PetscBool LatinUnitVector(PetscInt dim, const PetscReal v[], PetscReal unit[])
   return PETSC_TRUE;
 }
 
-/* Right singular vectors (columns of V, modes x modes) and singular values, decreasing, of A (rows x modes), by way of its QR factor */
+/* Right singular vectors (columns of V, modes x modes) and singular values, decreasing, of A (rows x modes), from the R of its QR factorisation */
 PetscErrorCode LatinSVD_Private(PetscInt rows, PetscInt modes, const PetscScalar A[], PetscReal s[], PetscScalar V[])
 {
   PetscScalar *a, *tau, *vt, *work, dummy;
@@ -21,7 +21,7 @@ PetscErrorCode LatinSVD_Private(PetscInt rows, PetscInt modes, const PetscScalar
 
   PetscFunctionBegin;
   PetscCall(PetscBLASIntCast(modes, &n));
-  PetscCall(PetscBLASIntCast(PetscMax(rows, modes), &m)); /* padded with zero rows: square at least, whatever the number of nodes */
+  PetscCall(PetscBLASIntCast(PetscMax(rows, modes), &m)); /* padded with zero rows to modes x modes at least */
   ld = m;
   PetscCall(PetscBLASIntCast(64 * modes, &lwork));
   PetscCall(PetscMalloc3(modes, &tau, modes * modes, &vt, lwork, &work));
@@ -51,7 +51,7 @@ void LatinCombine_Private(PetscInt rows, PetscInt modes, PetscInt n, const Petsc
   }
 }
 
-/* Lower Cholesky factor in place, upper part zero. Plain loops: equal matrices give equal bits wherever they lie in memory. */
+/* Lower Cholesky factor in place, upper part zero. Plain loops: bits do not depend on the alignment of A. False: not positive definite */
 PetscBool LatinCholesky(PetscInt n, PetscReal A[])
 {
   for (PetscInt j = 0; j < n; j++) {
@@ -65,7 +65,7 @@ PetscBool LatinCholesky(PetscInt n, PetscReal A[])
   return PETSC_TRUE;
 }
 
-/* The inverse of a symmetric positive definite matrix in place, from its lower half; *bad is set where it is not positive definite */
+/* The inverse of a symmetric positive definite matrix in place, from its lower half; sets *bad if it is not positive definite */
 PetscErrorCode LatinSPDInverse_Private(PetscInt n, PetscReal A[], PetscBool *bad)
 {
   PetscBLASInt m, info = 0;
@@ -83,8 +83,8 @@ PetscErrorCode LatinSPDInverse_Private(PetscInt n, PetscReal A[], PetscBool *bad
 }
 
 /*
-   Eliminates the first `inside` unknowns of a symmetric positive definite matrix in place, from its lower half: the Schur
-   complement takes the place of the rest of that half
+   Eliminates the first `inside` unknowns of a symmetric positive definite matrix in place, from its lower half: their columns become
+   the Cholesky factor, the rest of that half the Schur complement. Sets *bad if it is not positive definite
 */
 PetscErrorCode LatinSchur_Private(PetscInt n, PetscInt inside, PetscReal A[], PetscBool *bad)
 {
@@ -106,12 +106,12 @@ PetscErrorCode LatinSchur_Private(PetscInt n, PetscInt inside, PetscReal A[], Pe
   PetscFunctionReturn(0);
 }
 
-/* Both triangles of a matrix, column-major, in place of the lower one, see LatinLowerAt() */
+/* Unpacks a packed lower triangle, see LatinLowerAt(), in place to the full symmetric matrix, column-major */
 void LatinLowerMirror(PetscInt n, PetscReal A[])
 {
   const size_t rows = (size_t)n;
 
-  for (PetscInt c = n - 1; c >= 0; c--) /* from the end on, nothing is overwritten that is still to move */
+  for (PetscInt c = n - 1; c >= 0; c--) /* from the end on, so that no entry is overwritten before it is moved */
     for (PetscInt r = n - 1; r >= c; r--) A[(size_t)r + rows * (size_t)c] = A[LatinLowerAt(n, c) + (size_t)r];
   for (PetscInt c = 0; c < n; c++)
     for (PetscInt r = 0; r < c; r++) A[(size_t)r + rows * (size_t)c] = A[(size_t)c + rows * (size_t)r];

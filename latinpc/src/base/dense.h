@@ -7,11 +7,11 @@
 #include <petscsys.h>
 #include <petscblaslapack.h>
 
-/* y = alpha A x + beta y, A symmetric: reads one of its triangles. PETSc does not declare it */
+/* y = alpha A x + beta y, A symmetric: reads one triangle. Not declared by PETSc */
 #define LatinBLASsymv_ PETSCBLAS(symv, SYMV)
 BLAS_EXTERN void LatinBLASsymv_(const char *, const PetscBLASInt *, const PetscScalar *, const PetscScalar *, const PetscBLASInt *, const PetscScalar *, const PetscBLASInt *, const PetscScalar *, PetscScalar *, const PetscBLASInt *);
 
-/* Where column c of the lower triangle of n rows is, less its first row: columns one after the other, each from its diagonal on */
+/* Packed lower triangle of n rows, column by column, each from its diagonal on: entry (r, c) is at LatinLowerAt(n, c) + r */
 static inline size_t LatinLowerAt(PetscInt n, PetscInt c)
 {
   return (size_t)c * (size_t)n - (size_t)c * (size_t)(c + 1) / 2;

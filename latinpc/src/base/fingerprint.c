@@ -3,7 +3,7 @@
 #include <string.h>
 
 /*
-   What is equal to the bit need be computed once: a structure made of repeated modules has few different interfaces,
+   Objects that are equal to the bit are computed once: a structure of repeated modules has few different interfaces,
    subdomains and groups of them.
 */
 
@@ -31,7 +31,7 @@ int LatinKeyCompare(const void *pa, const void *pb)
   return a->number < b->number ? -1 : (a->number > b->number ? 1 : 0);
 }
 
-/* Room for n more bytes at the end of the stream */
+/* *room: n more bytes at the end of the stream, valid until the next call */
 PetscErrorCode LatinStreamRoom_Private(LatinStream *stream, size_t n, unsigned char **room)
 {
   PetscFunctionBegin;
@@ -59,7 +59,7 @@ PetscErrorCode LatinStreamAdd_Private(LatinStream *stream, const void *data, siz
   PetscFunctionReturn(0);
 }
 
-/* pattern[i]: the first of n things whose stream equals that of i; make() writes the stream of one */
+/* pattern[i]: the first of n objects whose stream equals that of i; make() writes the stream of one object */
 PetscErrorCode LatinStreamCompare_Private(PetscInt n, PetscErrorCode (*make)(const void *ctx, PetscInt i, LatinStream *), const void *ctx, PetscInt pattern[])
 {
   LatinStream a = {NULL, 0, 0}, b = {NULL, 0, 0};
@@ -85,7 +85,7 @@ PetscErrorCode LatinStreamCompare_Private(PetscInt n, PetscErrorCode (*make)(con
 
       b.used = 0;
       PetscCall(make(ctx, key[j].number, &b));
-      if (a.used != b.used) continue; /* a different thing with the same hash stays on its own */
+      if (a.used != b.used) continue; /* a hash collision: the object keeps a pattern of its own */
       PetscCall(PetscMemcmp(a.bytes, b.bytes, a.used, &same));
       if (same) pattern[key[j].number] = key[i].number;
     }
@@ -97,7 +97,7 @@ PetscErrorCode LatinStreamCompare_Private(PetscInt n, PetscErrorCode (*make)(con
   PetscFunctionReturn(0);
 }
 
-/* Records of bytes, one after the other */
+/* Records of bytes: record i is bytes first[i] to first[i + 1] */
 typedef struct {
   const size_t *first;
   const char   *bytes;
@@ -112,7 +112,7 @@ static PetscErrorCode LatinRecordStream_Private(const void *ctx, PetscInt i, Lat
   PetscFunctionReturn(0);
 }
 
-/* pattern[i]: the first of n records equal to record i, which is the bytes first[i] to first[i + 1] of data */
+/* pattern[i]: the first of n records equal to record i, bytes first[i] to first[i + 1] of data */
 PetscErrorCode LatinFindEqual(PetscInt n, const size_t first[], const void *data, PetscInt pattern[])
 {
   const LatinRecords records = {first, (const char *)data};

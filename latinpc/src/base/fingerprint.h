@@ -1,5 +1,5 @@
 /*
-   Equal things: records of equal bytes, and sets of numbers that are joined.
+   Search for equal records by hashing; disjoint sets (union-find).
 */
 #ifndef LATINFINGERPRINT_H
 #define LATINFINGERPRINT_H
@@ -15,7 +15,7 @@ PETSC_INTERN uint64_t       LatinHash(size_t n, const void *);
 PETSC_INTERN int            LatinKeyCompare(const void *, const void *); /* for qsort(): by hash, then by number */
 PETSC_INTERN PetscErrorCode LatinFindEqual(PetscInt n, const size_t first[], const void *data, PetscInt pattern[]);
 
-/* Everything that a thing depends on, as one stream of bytes: hashed, or compared with another's */
+/* All data that an object depends on as a stream of bytes, to hash and compare */
 typedef struct {
   unsigned char *bytes;
   size_t         used, size;
@@ -24,7 +24,7 @@ PETSC_INTERN PetscErrorCode LatinStreamRoom_Private(LatinStream *, size_t, unsig
 PETSC_INTERN PetscErrorCode LatinStreamAdd_Private(LatinStream *, const void *data, size_t);
 PETSC_INTERN PetscErrorCode LatinStreamCompare_Private(PetscInt n, PetscErrorCode (*make)(const void *ctx, PetscInt i, LatinStream *), const void *ctx, PetscInt pattern[]);
 
-/* Bits that look random: the finaliser of MurmurHash3 */
+/* Bit mixer: the finaliser of MurmurHash3 */
 static inline uint64_t LatinMix(uint64_t h)
 {
   h ^= h >> 33;
@@ -34,7 +34,7 @@ static inline uint64_t LatinMix(uint64_t h)
   return h ^ (h >> 33);
 }
 
-/* Sets of numbers that are joined, each known by its least member */
+/* Disjoint sets (union-find), represented by their least member: LatinRoot() finds, LatinJoin() merges */
 static inline PetscInt LatinRoot(PetscInt parent[], PetscInt i)
 {
   while (parent[i] != i) i = parent[i] = parent[parent[i]];

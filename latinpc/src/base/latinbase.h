@@ -1,5 +1,5 @@
 /*
-   What every room uses: the numbers of this precision, the classes and the log events that package.c registers.
+   Common to all folders: constants of the precision, the classes and log events that package.c registers.
 */
 #ifndef LATINBASE_H
 #define LATINBASE_H
@@ -11,24 +11,24 @@
   #error "latinpc needs a PETSc with real scalars: structures have real displacements"
 #endif
 
-/* A number that stands for rounding, in double and in single precision */
+/* A constant that depends on rounding, in double and in single precision */
 #if defined(PETSC_USE_REAL_SINGLE)
   #define LatinByPrecision(in_double, in_single) in_single
 #else
   #define LatinByPrecision(in_double, in_single) in_double
 #endif
 
-/* A part of a whole, of which neither is negative: without end of nothing, unless it is nothing as well */
+/* part / whole, neither negative; 0 / 0 = 0, otherwise infinite if whole is 0 or NaN */
 static inline PetscReal LatinRatio(PetscReal part, PetscReal whole)
 {
-  return whole > 0.0 ? part / whole : part == 0.0 && whole == 0.0 ? 0.0 : INFINITY; /* of no number as well */
+  return whole > 0.0 ? part / whole : part == 0.0 && whole == 0.0 ? 0.0 : INFINITY;
 }
 
 PETSC_INTERN PetscClassId  LATIN_CLASSID, LATIN_STRUCTURE_CLASSID;
 PETSC_INTERN PetscLogEvent LATIN_SetUp, LATIN_Partition, LATIN_Subdomains, LATIN_Interface, LATIN_Direction, LATIN_Macro, LATIN_Spectral, LATIN_Linear, LATIN_Coarse, LATIN_Local, LATIN_Condense, LATIN_Estimate, LATIN_Cases;
 
 PETSC_INTERN PetscErrorCode LatinRegisterClasses_Private(void);
-/* The solver types, which register.c hands in when the library is loaded */
+/* Registers the solver types; set by register.c when the library is loaded */
 PETSC_INTERN PetscErrorCode (*LatinTypesRegister_Private)(void);
 
 #endif

@@ -1,8 +1,8 @@
 #include "base/latinbase.h"
 
 /*
-   The classes and log events of the library, and the PETSc that it runs with. Every object of ours needs them, so they
-   lie below all of them; the solver types, which need the objects, are in register.c.
+   Registration of classes and log events; check of the PETSc at run time. All objects depend on this file; the solver types, which
+   depend on the objects, are registered by register.c.
 */
 
 PetscClassId  LATIN_CLASSID, LATIN_STRUCTURE_CLASSID;
@@ -19,7 +19,7 @@ static PetscErrorCode LatinForgetClasses(void)
   PetscFunctionReturn(0);
 }
 
-/* What makes two PETSc unlike each other for a library that is compiled for one of them */
+/* Properties of a PETSc that a compiled library depends on */
 typedef struct {
   int           major, minor, release;
   size_t        integer; /* bytes of a PetscInt */
@@ -35,9 +35,8 @@ static PetscErrorCode LatinPetscDescribe(const LatinPetsc *petsc, char text[], s
 }
 
 /*
-   The functions that we call are those of the PETSc that the program has brought, whichever it is: the loader goes by
-   names, and they are the same in all of them. So that one is asked what it is, in ways that do not depend on the
-   answer: a PetscInt may have four bytes or eight, a PetscBool one or four.
+   Fails if the PETSc of the program is not like the one at compile time: the loader compares names alone, which are the same in
+   all versions. The calls here work for any answer: a PetscInt may have four bytes or eight, a PetscBool one or four.
 */
 static PetscErrorCode LatinCheckPetsc(void)
 {
@@ -66,7 +65,7 @@ static PetscErrorCode LatinCheckPetsc(void)
   SETERRQ(PETSC_COMM_SELF, PETSC_ERR_LIB, "liblatinpc was compiled for %s, but runs with %s: build it again with the PETSc of this program (pip install --no-build-isolation --force-reinstall . where petsc4py uses that PETSc)", ours, its);
 }
 
-/* Registers them once. Not collective; fails where the PETSc that runs is unlike the one that this was compiled for */
+/* Registers classes, events and solver types once; fails if the PETSc does not fit. Not collective */
 PetscErrorCode LatinRegisterClasses_Private(void)
 {
   PetscFunctionBegin;

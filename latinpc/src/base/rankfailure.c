@@ -2,23 +2,23 @@
 #include <stdlib.h>
 
 /*
-   Errors that a rank can foresee are agreed on (base/collective.c). Others, such as memory that runs out inside a library,
-   strike one rank alone and leave the others waiting in a collective call, which nothing can call back. So a rank that
-   leaves a solver with an error waits for the others to do so; when they do not come it ends the program.
+   Foreseen errors are made collective by LatinAgree() (base/collective.c). Others, such as lack of memory inside a library, may be
+   raised on one rank alone, while the others wait in a collective call that cannot be cancelled. So a rank that leaves a
+   solver with an error waits in a barrier for the others; after LATIN_WATCH_SECONDS it ends the program.
 
-   PETSc's own handler prints an error on the first rank and lets the others sleep where they are, so that they would not come.
-   So ranks wait for each other before it: a rank that raises an error in a method of a solver, which is not one that each rank
-   raises by itself to be agreed on (LatinEach()).
+   PETSc's error handler prints on the first rank and lets the others sleep, so that they would not reach the barrier. So ranks
+   enter the barrier before this handler, when an error is raised in a method of a solver; not inside LatinEach(), where a
+   single rank may raise an error.
 */
 
 #define LATIN_WATCH_SECONDS 10.0 /* seconds that a rank with an error waits for the others */
 
-static PetscMPIInt key      = MPI_KEYVAL_INVALID; /* a communicator's duplicate, on which nothing else happens */
-static PetscInt    depth    = 0;                  /* of watched calls within watched calls: the outermost one waits */
-static PetscInt    handlers = 0;                  /* of methods within methods: the outermost one has a handler */
-static PetscInt    apart    = 0;                  /* of calls that each rank makes by itself */
-static PetscBool   met      = PETSC_FALSE;        /* all ranks have raised the error */
-static MPI_Comm    meeting  = MPI_COMM_NULL;      /* of the outermost method */
+static PetscMPIInt key      = MPI_KEYVAL_INVALID; /* attribute of a communicator: its duplicate, used for the barrier alone */
+static PetscInt    depth    = 0;                  /* nesting of watched calls: the outermost one waits */
+static PetscInt    handlers = 0;                  /* nesting of methods: the outermost one installs a handler */
+static PetscInt    apart    = 0;                  /* nesting of LatinEach() */
+static PetscBool   met      = PETSC_FALSE;        /* the barrier of this error has been passed */
+static MPI_Comm    meeting  = MPI_COMM_NULL;      /* communicator of the outermost method */
 
 static int MPIAPI LatinWatchDelete_Private(MPI_Comm comm, PetscMPIInt keyval, void *value, void *context)
 {
@@ -29,7 +29,7 @@ static int MPIAPI LatinWatchDelete_Private(MPI_Comm comm, PetscMPIInt keyval, vo
   return ierr;
 }
 
-/* Called where comm is used for the first time. Collective on comm */
+/* Attaches the duplicate to comm, at its first use. Collective on comm */
 PetscErrorCode LatinWatchCreate_Private(MPI_Comm comm)
 {
   MPI_Comm   *watch;
@@ -42,14 +42,14 @@ PetscErrorCode LatinWatchCreate_Private(MPI_Comm comm)
   if (key == MPI_KEYVAL_INVALID) PetscCallMPI(MPI_Comm_create_keyval(MPI_COMM_NULL_COPY_FN, LatinWatchDelete_Private, &key, NULL));
   PetscCallMPI(MPI_Comm_get_attr(comm, key, &watch, &there));
   if (there) PetscFunctionReturn(0);
-  watch = (MPI_Comm *)malloc(sizeof(*watch)); /* outlives what PETSc counts */
+  watch = (MPI_Comm *)malloc(sizeof(*watch)); /* may live longer than PETSc, which reports unfreed memory */
   PetscCheck(watch, PETSC_COMM_SELF, PETSC_ERR_MEM, "No memory for a communicator");
   PetscCallMPI(MPI_Comm_dup(comm, watch));
   PetscCallMPI(MPI_Comm_set_attr(comm, key, watch));
   PetscFunctionReturn(0);
 }
 
-/* The key goes once the last communicator that it is on does */
+/* Frees the key; MPI deletes it after the last communicator with it */
 PetscErrorCode LatinWatchFinalize_Private(void)
 {
   PetscFunctionBegin;
@@ -57,7 +57,7 @@ PetscErrorCode LatinWatchFinalize_Private(void)
   PetscFunctionReturn(0);
 }
 
-/* Returns the error, none or one that has struck all ranks of comm; another ends the program */
+/* Returns an error that all ranks of comm have; ends the program if the others do not come within LATIN_WATCH_SECONDS */
 PetscErrorCode LatinWatchWait_Private(MPI_Comm comm, PetscErrorCode ierr)
 {
   MPI_Comm   *watch;
@@ -76,7 +76,7 @@ PetscErrorCode LatinWatchWait_Private(MPI_Comm comm, PetscErrorCode ierr)
     (void)PetscSleep(0.001);
   }
   (void)PetscErrorMessage(ierr, &meaning, (void *)&message); /* char *, const or not, by version */
-  (void)PetscFPrintf(PETSC_COMM_SELF, PETSC_STDERR, "latin: an error of one rank, and the others wait for it: the program ends. The error: %s: %s\n", meaning ? meaning : "unknown", message ? message : "");
+  (void)PetscFPrintf(PETSC_COMM_SELF, PETSC_STDERR, "latin: error on one rank while the others wait in a collective call: the program ends. The error: %s: %s\n", meaning ? meaning : "unknown", message ? message : "");
   MPI_Abort(comm, (int)ierr);
   return ierr;
 }
@@ -91,7 +91,7 @@ void LatinWatchApart_Private(PetscInt by)
   apart += by;
 }
 
-/* Waits where an error is raised, and hands it on */
+/* The error handler: waits for the other ranks, then calls the handler before */
 static PetscErrorCode LatinWatchHandler_Private(MPI_Comm comm, int line, const char *function, const char *file, PetscErrorCode ierr, PetscErrorType type, const char *message, void *ctx)
 {
   PetscErrorCode same = ierr;
@@ -107,12 +107,12 @@ static PetscErrorCode LatinWatchHandler_Private(MPI_Comm comm, int line, const c
   return same;
 }
 
-/* The handler of a method that is collective on comm, there or gone */
+/* Installs or removes the handler of a method that is collective on comm */
 PetscErrorCode LatinWatchMeet_Private(MPI_Comm comm, PetscBool begins)
 {
   PetscFunctionBegin;
   if (begins && !handlers++) {
-    const PetscErrorCode ierr = PetscPushErrorHandler(LatinWatchHandler_Private, NULL); /* which takes memory */
+    const PetscErrorCode ierr = PetscPushErrorHandler(LatinWatchHandler_Private, NULL); /* it allocates memory, and may fail on one rank */
 
     meeting = comm;
     if (ierr) handlers--;

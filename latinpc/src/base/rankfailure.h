@@ -1,5 +1,5 @@
 /*
-   Errors of one rank in a collective call end the program.
+   Errors on one rank alone in a collective call end the program, in place of a deadlock.
 */
 #ifndef LATINRANKFAILURE_H
 #define LATINRANKFAILURE_H
@@ -13,12 +13,12 @@ PETSC_INTERN void           LatinWatchBegin_Private(void);
 PETSC_INTERN PetscErrorCode LatinWatchMeet_Private(MPI_Comm, PetscBool);
 PETSC_INTERN PetscErrorCode LatinWatchEnd_Private(MPI_Comm, PetscErrorCode);
 
-/* Runs a collective call; an error that has not struck every rank of comm ends the program */
+/* Runs a collective call; an error that is not raised on all ranks of comm ends the program */
 #define LatinWatch(comm, ...) PetscCall((LatinWatchBegin_Private(), LatinWatchEnd_Private(comm, __VA_ARGS__)))
 
 /*
-   Defines method_Watched(), the same for a method of one object that is collective on it. An error that all ranks raise is
-   known to be one before PETSc's handler prints it and lets all ranks but the first sleep
+   Defines method_Watched(), the same for a method that is collective on its object. Ranks synchronise on an error before PETSc's
+   handler prints it, as this handler lets all ranks but the first sleep
 */
 #define LatinWatched(method, Type) \
   static PetscErrorCode method##_Watched(Type object) \

@@ -11,7 +11,7 @@
 #define LATIN_SMALL_PAGE 4096
 
 #if defined(MADV_HUGEPAGE)
-/* Processor time in which so many bytes are there, a large page or small ones */
+/* Processor time of the page faults of LATIN_PAGE bytes, as a huge page or as small pages */
 static PetscReal LatinPageTime(char *room, int advice)
 {
   struct timespec start = {0}, end = {0};
@@ -24,8 +24,8 @@ static PetscReal LatinPageTime(char *room, int advice)
 }
 
 /*
-   Large pages, until one is there later than small ones would be. So it is on virtual machines that give free memory back to
-   their host, which they do by large pages: the next one waits for the host, as long as it takes to read it a hundred times
+   Touches huge pages until the fault of one takes longer than those of small pages. This happens on virtual machines that return free
+   memory to their host by huge pages: the next fault waits for the host, a hundred times as long as reading the page
 */
 static void LatinRoomPages(char *room, size_t bytes)
 {
@@ -37,7 +37,7 @@ static void LatinRoomPages(char *room, size_t bytes)
 }
 #endif
 
-/* Room for what is read from end to end, or all over; the first `early` bytes may be there at once, in large pages, the others once they are written */
+/* Allocates a large array; its first `early` bytes may be touched at once, in huge pages, the others on their first use */
 PetscErrorCode LatinRoomCreate_Private(size_t bytes, size_t early, void **room)
 {
   PetscFunctionBegin;
@@ -59,8 +59,8 @@ PetscErrorCode LatinRoomDestroy_Private(void **room)
 }
 
 /*
-   After so many bytes have been freed: pages without anything go back to the system. The C library does so by itself, but not
-   in a process with SuperLU_DIST, as that of a PETSc that has it: what is freed would stay beside what comes later
+   Returns free pages to the system after `bytes` bytes have been freed. The C library does so by itself, but not in a process with
+   SuperLU_DIST, as of a PETSc with this package: freed memory would add to later peaks
 */
 void LatinRoomReturn(size_t bytes)
 {
@@ -69,7 +69,7 @@ void LatinRoomReturn(size_t bytes)
 #endif
 }
 
-/* The pages that these bytes fill go back to the system, and read as zeros until they are written again: from first to last, which is none where the system does not take them */
+/* Returns whole pages inside these bytes to the system; they read as zeros until written again. *first to *last: the bytes returned, none if the system refuses */
 static void LatinRoomGo(char *room, size_t bytes, char **first, char **last)
 {
   *first = *last = room;
@@ -84,7 +84,7 @@ static void LatinRoomGo(char *room, size_t bytes, char **first, char **last)
 #endif
 }
 
-/* Nobody reads these bytes any more, which any part of memory may be */
+/* Releases the memory of bytes that are needed no longer; any part of an array */
 void LatinRoomEmpty(void *room, size_t bytes)
 {
   char *first, *last;
@@ -92,7 +92,7 @@ void LatinRoomEmpty(void *room, size_t bytes)
   LatinRoomGo((char *)room, bytes, &first, &last);
 }
 
-/* Zeros, in pages that are there once they are written */
+/* Zeros bytes, large parts by returning their pages */
 void LatinRoomZero(void *room, size_t bytes)
 {
   char *start = (char *)room, *first = start, *last = start;

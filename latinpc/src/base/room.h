@@ -1,4 +1,4 @@
-/* Large arrays: aligned to cache lines, in large pages where there are. */
+/* Memory of large arrays: aligned to cache lines, in huge pages if available; return of unused pages to the system. */
 #ifndef LATINROOM_H
 #define LATINROOM_H
 

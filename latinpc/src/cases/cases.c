@@ -1,37 +1,37 @@
 #include "cases/latincases.h"
 
 /*
-   Conjugate gradients for the energy of a structure of bars, cables and compression-only links, which is convex and
-   piecewise quadratic: of the answers w = K^-1 r of the factor of the stiffness K with all links taut, directions that are
-   conjugate to the last one under the present tangent stiffness (J. W. Daniel 1967), and Newton's step in the plane of both.
-   Without slack links the first step is the solution; as soon as links no longer change they are the conjugate gradients of
-   Newton's method, without a start anew for each of its steps.
+   Nonlinear preconditioned conjugate gradients (J. W. Daniel 1967) for the energy of a structure of bars, cables and compression-only
+   links, which is convex and piecewise quadratic. Preconditioner: the factor of the stiffness K with all links taut, w = K^-1 r.
+   Directions are conjugate under the current tangent stiffness; the step is Newton's in the plane of w and the last direction.
+   Without slack links the first step is the solution. Once links no longer change between taut and slack, this is the CG of
+   Newton's method without restarts.
 
-   A case is solved when the forces r that are without balance are small beside loads and tensions, and so is the error of
-   displacements and of tensions. That is the correction that r asks for, (w.r / w.K w) w with the tangent stiffness
-   (snes/correction.c), over 1 - q, the sum of those that would follow at the slowest rate q that the energy of the
-   corrections has shown. As w is computed anyway, the proof costs no stage of its own. What is not solved so is left to the caller.
+   A case is solved when the residual r is small relative to loads and tensions, and so are the errors of displacements and
+   tensions. The error is estimated by the correction (w.r / w.K w) w with the tangent stiffness (snes/correction.c), divided by
+   1 - q: the sum of the corrections to come at the slowest rate q of their energy so far. As w is computed anyway, the
+   estimate takes no stage of its own. Cases that are not solved so are left to the caller.
 */
 
-#define LATIN_CASE_SAFETY 16.0 /* on the error that a correction shows: it hides soft modes */
-#define LATIN_CASE_PAST   4    /* stages over which a rate of convergence is measured, at least */
-#define LATIN_CASE_RATE   0.98 /* no rate above it is believed */
+#define LATIN_CASE_SAFETY 16.0 /* safety factor of the error estimate, in which soft modes are underestimated */
+#define LATIN_CASE_PAST   4    /* fewest stages over which a rate of convergence is measured */
+#define LATIN_CASE_RATE   0.98 /* largest rate */
 
 typedef struct {
   LatinStructure structure;
   LatinCaseLanes lanes;
-  PetscInt      *place;                   /* [nodes][dim] row of the lanes */
-  PetscInt      *link;                    /* [links] of the lanes: number in the structure */
+  PetscInt      *place;                   /* [nodes][dim] row of each component */
+  PetscInt      *link;                    /* [links] number in the structure of each link of the lanes */
   PetscReal      loads[LATIN_CASE_LANES]; /* norm of the loads */
-  PetscReal     *pushed;                  /* [most stages of a case + 1][lanes] w.r of each stage of the case, over the square of scale */
-  LatinCase     *one[LATIN_CASE_LANES];   /* NULL: empty */
+  PetscReal     *pushed;                  /* [most stages + 1][lanes] w.r of each stage, divided by the square of scale */
+  LatinCase     *one[LATIN_CASE_LANES];   /* case of each lane, NULL: empty */
   Mat            K, F;
   KSP            ksp;
 } LatinCases;
 
-/* ---- what all cases share ---- */
+/* ---- data common to all cases ---- */
 
-/* The factor of the stiffness with all links taut; *fails: there is none that serves */
+/* Factors the stiffness with all links taut; *fails: no usable factor */
 static PetscErrorCode LatinCasesFactor_Private(LatinCases *cases, PetscBool *fails)
 {
   LatinFactorStatus status = {.rounding = 0.0};
@@ -40,9 +40,9 @@ static PetscErrorCode LatinCasesFactor_Private(LatinCases *cases, PetscBool *fai
 
   PetscFunctionBegin;
   PetscCall(DMCreateMatrix(cases->structure->dm, &cases->K));
-  PetscCall(MatConvert(cases->K, MATAIJ, MAT_INPLACE_MATRIX, &cases->K)); /* whatever -dm_mat_type says */
+  PetscCall(MatConvert(cases->K, MATAIJ, MAT_INPLACE_MATRIX, &cases->K)); /* overrides -dm_mat_type */
   PetscCall(MatGetFactorAvailable(cases->K, LATIN_CHOLESKY, MAT_FACTOR_CHOLESKY, &ours));
-  *fails = (PetscBool)!ours; /* other packages do not give their factors for many right-hand sides in a row each */
+  *fails = (PetscBool)!ours; /* other packages do not solve for lanes */
   if (*fails) PetscFunctionReturn(0);
   PetscCall(LatinStructureAssemble_Private(cases->structure, cases->structure->stiffness, cases->K));
   PetscCall(MatSetOption(cases->K, MAT_SPD, PETSC_TRUE));
@@ -59,7 +59,7 @@ static PetscErrorCode LatinCasesFactor_Private(LatinCases *cases, PetscBool *fai
   PetscFunctionReturn(0);
 }
 
-/* Rows of the displacement components: those of the factor in its order, then those that are held */
+/* place[]: row of each displacement component: free ones in the order of the factor, then prescribed ones */
 static PetscErrorCode LatinCasesRows_Private(LatinCases *cases)
 {
   const LatinStructure structure = cases->structure;
@@ -77,7 +77,7 @@ static PetscErrorCode LatinCasesRows_Private(LatinCases *cases)
   PetscFunctionReturn(0);
 }
 
-/* Links in the order of the first of their rows */
+/* The links of the lanes, sorted by the first of their rows */
 static PetscErrorCode LatinCasesLinks_Private(LatinCases *cases)
 {
   const LatinStructure structure = cases->structure;
@@ -103,7 +103,7 @@ static PetscErrorCode LatinCasesLinks_Private(LatinCases *cases)
   PetscFunctionReturn(0);
 }
 
-/* Empty lanes */
+/* Allocates and zeros the arrays of the lanes */
 static PetscErrorCode LatinCasesRoom_Private(LatinCaseLanes *lanes)
 {
   const size_t n = LATIN_CASE_LANES * (size_t)lanes->rows, m = LATIN_CASE_LANES * (size_t)lanes->links;
@@ -123,7 +123,7 @@ static PetscErrorCode LatinCasesRoom_Private(LatinCaseLanes *lanes)
   PetscFunctionReturn(0);
 }
 
-/* *fails: there is no factor */
+/* *fails: no usable factor; the caller destroys the cases all the same */
 static PetscErrorCode LatinCasesCreate_Private(LatinStructure structure, PetscInt most, LatinCases *cases, PetscBool *fails)
 {
   LatinCaseLanes *lanes = &cases->lanes;
@@ -160,7 +160,7 @@ static PetscErrorCode LatinCasesDestroy_Private(LatinCases *cases)
 
 /* ---- a lane ---- */
 
-/* The actions of a case, and no displacement but those prescribed; one NULL empties the lane */
+/* Starts a case in lane w: its actions, displacements zero but for prescribed ones; NULL: empties the lane */
 static void LatinCasesStart(LatinCases *cases, PetscInt w, LatinCase *one)
 {
   const LatinStructure structure = cases->structure;
@@ -176,7 +176,7 @@ static void LatinCasesStart(LatinCases *cases, PetscInt w, LatinCase *one)
 
     lanes->load[at] = one && free ? structure->force[i] + (one->load ? one->load[i] : 0.0) : 0.0;
     lanes->u[at]    = one && !free ? structure->prescribed[i] + (one->prescribed ? one->prescribed[i] : 0.0) : 0.0;
-    if (fails) lanes->p[at] = 0.0; /* may be no number, else a first step does without it */
+    if (fails) lanes->p[at] = 0.0; /* may be NaN; otherwise the first step ignores it */
     sum += PetscSqr(lanes->load[at]);
   }
   for (PetscInt k = 0; k < lanes->links; k++) {
@@ -187,7 +187,7 @@ static void LatinCasesStart(LatinCases *cases, PetscInt w, LatinCase *one)
   cases->loads[w] = PetscSqrtReal(sum);
 }
 
-/* Displacements and tensions of a lane to its case, and whether they are larger than the structure */
+/* Copies displacements and tensions of a lane to its case; are displacements larger than `far`? */
 static PetscBool LatinCasesGive(const LatinCases *cases, PetscInt w, PetscReal far)
 {
   const LatinStructure  structure = cases->structure;
@@ -212,7 +212,7 @@ static PetscBool LatinCasesGive(const LatinCases *cases, PetscInt w, PetscReal f
 
 /* ---- a stage ---- */
 
-/* The slowest rate at which the energy norm of the corrections of a lane has come down to what it is, from any stage before the last few */
+/* The slowest rate of convergence of the corrections of a lane in the energy norm, over any LATIN_CASE_PAST stages or more that end with the last one */
 static PetscReal LatinCasesRate(const LatinCases *cases, PetscInt w)
 {
   const PetscInt   last = cases->one[w]->stages - 1, first = PetscMin(last, LATIN_CASE_PAST);
@@ -223,7 +223,7 @@ static PetscReal LatinCasesRate(const LatinCases *cases, PetscInt w)
   return last ? PetscMin(rate, LATIN_CASE_RATE) : LATIN_CASE_RATE;
 }
 
-/* Is the case of a lane solved? Notes what its displacements are known to be worth */
+/* Is the case of a lane solved? Sets its error estimates */
 static PetscBool LatinCasesSolved(const LatinCases *cases, const LatinCaseGoal *goal, PetscInt w)
 {
   const LatinCaseLanes *lanes = &cases->lanes;
@@ -244,15 +244,15 @@ static PetscBool LatinCasesSolved(const LatinCases *cases, const LatinCaseGoal *
 }
 
 /*
-   The next step of a lane, alpha (w + beta p): of w less what it has of p under the tangents, and what the forces ask for along
-   p, where links have changed since the last step. Where links have changed so much that this leads up: along w, which never does
+   The next step of a lane, alpha (w + beta p): w is made conjugate to p under the tangent stiffness; a step along p is added if r has
+   a component there, after links have changed. If this is no descent direction, the step is along w, which always is
 */
 static void LatinCasesStep(LatinCaseLanes *lanes, PetscInt w, PetscBool first)
 {
   const PetscReal old = lanes->pkp[w] > 0.0 && !first ? lanes->wkp[w] / lanes->pkp[w] : 0.0, bend = lanes->wkw[w] - old * lanes->wkp[w], pushed = lanes->rw[w] - old * lanes->rp[w];
 
   if (first || !(pushed > 0.0) || !(bend > 0.0)) {
-    lanes->alpha[w] = first ? 1.0 : lanes->rw[w] / lanes->wkw[w]; /* where no link is taut yet, the loads say which are to be */
+    lanes->alpha[w] = first ? 1.0 : lanes->rw[w] / lanes->wkw[w]; /* first step: no link may be taut yet */
     lanes->beta[w]  = 0.0;
     return;
   }
@@ -260,7 +260,7 @@ static void LatinCasesStep(LatinCaseLanes *lanes, PetscInt w, PetscBool first)
   lanes->beta[w]  = -old + (lanes->pkp[w] > 0.0 ? lanes->rp[w] / lanes->pkp[w] / lanes->alpha[w] : 0.0);
 }
 
-/* The decisions after the sweeps of a stage: the step of each lane, and which lanes are solved or given up */
+/* Decides after the sweeps of a stage: the step of each lane; ends[w]: its case is solved or given up */
 static void LatinCasesDecide(LatinCases *cases, const LatinCaseGoal *goal, PetscBool ends[])
 {
   LatinCaseLanes *lanes = &cases->lanes;
@@ -278,7 +278,7 @@ static void LatinCasesDecide(LatinCases *cases, const LatinCaseGoal *goal, Petsc
       continue;
     }
     LatinCasesStep(lanes, w, (PetscBool)(one->stages == 1));
-    if (one->stages < goal->most && lanes->alpha[w] > 0.0 && !PetscIsInfOrNanReal(lanes->alpha[w])) continue; /* false where there are numbers no more */
+    if (one->stages < goal->most && lanes->alpha[w] > 0.0 && !PetscIsInfOrNanReal(lanes->alpha[w])) continue; /* false for NaN */
     lanes->alpha[w] = lanes->beta[w] = 0.0;
     ends[w]                          = PETSC_TRUE;
     one->stages                      = -1;
@@ -306,8 +306,8 @@ static PetscErrorCode LatinCasesStage_Private(LatinCases *cases, const LatinCase
 }
 
 /*
-   Solves n cases of a structure on one rank that is set up, whose laws are bars, cables and compression-only links and whose
-   links keep their direction. The stages of a case that is left unsolved are negative, and nothing of it is written
+   Solves n cases of a structure that is set up on one rank, of bars, cables and compression-only links with constant directions. An
+   unsolved case has negative stages and undefined results
 */
 PetscErrorCode LatinCasesSolve_Private(LatinStructure structure, const LatinCaseGoal *goal, PetscInt n, LatinCase one[])
 {

@@ -2,9 +2,9 @@
 #include "cases/latincases.h"
 
 /*
-   The sweeps of a stage over links and over rows. What links share is read once for all lanes, which are those of vector
-   instructions. Functions of this file are called with constants for dim, so that their loops unroll. Displacements and forces
-   are in double precision; what the factor answers has the digits of single precision, and is kept in it.
+   The sweeps of a stage over links and rows. Lanes are those of vector instructions; link data is read once for all lanes. dim is a
+   compile-time constant in the callers, so that loops unroll. Displacements and forces are in double precision; solutions of the
+   factor, which is rounded to single precision, are stored in single.
 */
 
 typedef PetscReal Lanes __attribute__((vector_size(LATIN_CASE_LANES * sizeof(PetscReal)), aligned(LATIN_LINE)));
@@ -26,7 +26,7 @@ LATIN_INLINE void LatinCasesForces_Dim(LatinCaseLanes *lanes, const PetscInt dim
     Lanes           x   = e0[l], t;
 
     for (PetscInt c = 0; c < dim; c++) x += n[c] * (u[row[dim + c]] - u[row[c]]);
-    /* a comparison of vectors that are longer than registers becomes a loop: the bit of the sign tells as much */
+    /* t = taut ? k : 0 from the sign bit: comparisons of vectors longer than registers become loops */
     t          = k * (Lanes)((Bits)one & ((Bits)(least - sign * x) >> (8 * sizeof(PetscReal) - 1)));
     tangent[l] = __builtin_convertvector(t, Short);
     x *= t;
@@ -39,7 +39,7 @@ LATIN_INLINE void LatinCasesForces_Dim(LatinCaseLanes *lanes, const PetscInt dim
   *(Lanes *)lanes->all = all;
 }
 
-/* r = load - B^t tau of the displacements u, their tangents, and the squares of their tensions */
+/* r = load - B^t tau of the displacements u; tangent stiffnesses; squares of the tensions */
 LATIN_CLONES void LatinCasesForces(LatinCaseLanes *lanes)
 {
   memcpy(lanes->r, lanes->load, LATIN_CASE_LANES * (size_t)lanes->rows * sizeof(*lanes->r));
@@ -48,7 +48,7 @@ LATIN_CLONES void LatinCasesForces(LatinCaseLanes *lanes)
   else LatinCasesForces_Dim(lanes, 1);
 }
 
-/* w = r over scale, with the sums of r and of r and p */
+/* w = r / scale; sums r.r and r.p */
 LATIN_CLONES void LatinCasesRound(LatinCaseLanes *lanes)
 {
   const Lanes  part = 1.0 / *(const Lanes *)lanes->scale, *r = (const Lanes *)lanes->r;
@@ -96,7 +96,7 @@ LATIN_INLINE void LatinCasesResistance_Dim(LatinCaseLanes *lanes, const PetscInt
   *(Lanes *)lanes->tension = tension;
 }
 
-/* What the tangents oppose to w and to p */
+/* w.K w, w.K p, p.K p with the tangent stiffness, and squares of the tensions of w */
 LATIN_CLONES void LatinCasesResistance(LatinCaseLanes *lanes)
 {
   if (lanes->dim == 3) LatinCasesResistance_Dim(lanes, 3);
@@ -104,7 +104,7 @@ LATIN_CLONES void LatinCasesResistance(LatinCaseLanes *lanes)
   else LatinCasesResistance_Dim(lanes, 1);
 }
 
-/* p = w + beta p, u += alpha p, and the squares of u */
+/* p = w + beta p, u += alpha p; squares of u */
 LATIN_CLONES void LatinCasesMove(LatinCaseLanes *lanes)
 {
   const Lanes step = *(const Lanes *)lanes->alpha * *(const Lanes *)lanes->scale;

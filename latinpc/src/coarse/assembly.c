@@ -1,11 +1,11 @@
 #include "coarse/latincoarse.h"
 
 /*
-   The coarse matrix: the homogenised stiffnesses of the subdomains, or of groups of them, added up (30), (52). Each rank adds
-   up its own; what ranks share PETSc adds in the order of the ranks, the same bits twice.
+   Assembly of the coarse matrix (30), (52) from the homogenised stiffnesses of subdomains or groups of them. Each rank assembles its
+   own; rows that ranks share are added in the order of the ranks: results are reproducible to the bit.
 */
 
-/* Where in offset[], dof by dof, the elements have each of the rows: start[rows + 1], list[entries] */
+/* The dofs of elements in each row: list[start[r]] to list[start[r + 1] - 1]; start has room for rows + 2 */
 static void LatinCoarseTouching(const LatinElements *elements, PetscInt rows, const PetscInt at[], PetscInt start[], PetscInt list[])
 {
   for (PetscInt r = 0; r < rows + 2; r++) start[r] = 0;
@@ -15,8 +15,8 @@ static void LatinCoarseTouching(const LatinElements *elements, PetscInt rows, co
 }
 
 /*
-   The elements' operators, added up by rows on this rank; at[]: where their dofs are. A row is added up in an array and
-   goes to its column, for the matrix is symmetric: so the columns of each row come in order. upper: none left of the diagonal
+   Assembles the operators of the elements of this rank; at[]: row of each of their dofs. Each row is summed in a dense array and, as
+   the matrix is symmetric, stored as a column: so the columns of each row are sorted. upper: no entries left of the diagonal
 */
 static PetscErrorCode LatinCoarseLocal_Private(const LatinElements *elements, PetscInt rows, const PetscInt at[], PetscBool upper, LatinCoarsePart *part)
 {
@@ -32,7 +32,7 @@ static PetscErrorCode LatinCoarseLocal_Private(const LatinElements *elements, Pe
   *part = (LatinCoarsePart){.rows = rows};
   PetscCall(PetscMalloc1(rows + 1, &part->i));
   part->i[0] = 0;
-  for (PetscInt pass = 0; pass < 2; pass++) { /* the first one counts */
+  for (PetscInt pass = 0; pass < 2; pass++) { /* symbolic, then numeric */
     for (PetscInt r = 0; r < rows; r++) seen[r] = -1;
     for (PetscInt r = 0; r < rows; r++) {
       PetscInt n = 0, above = 0;
@@ -67,7 +67,7 @@ static PetscErrorCode LatinCoarseLocal_Private(const LatinElements *elements, Pe
   PetscFunctionReturn(0);
 }
 
-/* The matrix of one rank with these rows */
+/* A sequential matrix of these rows */
 static PetscErrorCode LatinCoarseMatrix_Private(const LatinCoarsePart *part, Mat *K)
 {
   PetscFunctionBegin;
@@ -78,20 +78,20 @@ static PetscErrorCode LatinCoarseMatrix_Private(const LatinCoarsePart *part, Mat
   PetscFunctionReturn(0);
 }
 
-/* Has each rank one operator that is all of its part? On all ranks or on none, for PETSc takes local matrices of one type. Collective on sub->object */
+/* *whole: the part of each rank is the operator of one element, which is used as it is; on all ranks or none, as the local matrices of a MATIS have one type. Collective on sub->object */
 static PetscErrorCode LatinCoarseWhole_Private(const LatinCoarse *coarse, const LatinHomogenised *stiffness, PetscInt rows, PetscBool *whole)
 {
   const LatinElements *top = &coarse->top;
 
   PetscFunctionBegin;
-  *whole = (PetscBool)((coarse->tree || coarse->second) && stiffness->once && !coarse->sub->preconditions); /* the same on all ranks */
+  *whole = (PetscBool)((coarse->tree || coarse->second_level) && stiffness->once && !coarse->sub->preconditions); /* the same on all ranks */
   if (!*whole) PetscFunctionReturn(0);
   *whole = (PetscBool)(top->n == 1 && !coarse->levels && rows == top->offset[top->n]);
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, whole, 1, LATIN_MPI_BOOL, MPI_LAND, PetscObjectComm(coarse->sub->object)));
   PetscFunctionReturn(0);
 }
 
-/* y = K x: one triangle of a dense matrix is read, where PETSc reads both */
+/* y = K x, reads one triangle of a dense matrix (PETSc reads both) */
 static PetscErrorCode LatinCoarseMult_Private(Mat K, Vec x, Vec y)
 {
   const PetscScalar *a, *from, one = 1.0, zero = 0.0;
@@ -114,13 +114,13 @@ static PetscErrorCode LatinCoarseMult_Private(Mat K, Vec x, Vec y)
   PetscFunctionReturn(0);
 }
 
-/* The operator of the only element here as a dense matrix, which takes it over */
+/* K: the operator of the only element here as a dense matrix, which takes over its memory */
 static PetscErrorCode LatinCoarseDense_Private(const LatinElements *top, LatinHomogenised *stiffness, Mat *K)
 {
   const PetscInt rows = top->offset[1];
 
   PetscFunctionBegin;
-  PetscCall(MatCreateSeqDense(PETSC_COMM_SELF, rows, rows, stiffness->H, K)); /* without memory of its own */
+  PetscCall(MatCreateSeqDense(PETSC_COMM_SELF, rows, rows, stiffness->H, K)); /* allocates nothing */
   PetscCall(MatDenseReplaceArray(*K, stiffness->H));
   stiffness->H = NULL;
   PetscCall(MatSetOperation(*K, MATOP_MULT, (void (*)(void))LatinCoarseMult_Private));
@@ -129,7 +129,7 @@ static PetscErrorCode LatinCoarseDense_Private(const LatinElements *top, LatinHo
   PetscFunctionReturn(0);
 }
 
-/* The lower triangle goes with the matrix that carries it */
+/* Frees the lower triangle with its matrix */
 static PetscErrorCode LatinCoarseLowerDestroy_Private(Mat K)
 {
   PetscReal *H;
@@ -140,7 +140,7 @@ static PetscErrorCode LatinCoarseLowerDestroy_Private(Mat K)
   PetscFunctionReturn(0);
 }
 
-/* The same, its lower triangle alone, of which there are no products: it is read once, by the factor of the tree */
+/* The same, as a shell with the packed lower triangle alone, without products: only the factorisation of coarse/tree.h reads it */
 static PetscErrorCode LatinCoarseLower_Private(const LatinElements *top, LatinHomogenised *stiffness, Mat *K)
 {
   const PetscInt rows = top->offset[1];
@@ -152,7 +152,7 @@ static PetscErrorCode LatinCoarseLower_Private(const LatinElements *top, LatinHo
   PetscFunctionReturn(0);
 }
 
-/* The parts of the ranks with these global numbers, which it frees, added up in a new matrix. Collective on sub->object */
+/* A: the sum of the parts of the ranks, rows number[] of A; frees the part. Collective on sub->object */
 static PetscErrorCode LatinCoarseSum_Private(const LatinCoarse *coarse, LatinCoarsePart *part, const PetscInt number[], Mat *A)
 {
   PetscLayout rows;
@@ -164,7 +164,7 @@ static PetscErrorCode LatinCoarseSum_Private(const LatinCoarse *coarse, LatinCoa
   PetscFunctionReturn(0);
 }
 
-/* Have the rows of two matrices of several ranks entries in the same places, on all ranks? Collective on A */
+/* *same: two distributed matrices have the same type and sparsity pattern. Collective on A */
 static PetscErrorCode LatinCoarseSamePlaces_Private(Mat A, Mat B, PetscBool upper, PetscBool *same)
 {
   PetscInt        first[2], last[2], n, m;
@@ -198,7 +198,7 @@ static PetscErrorCode LatinCoarseSamePlaces_Private(Mat A, Mat B, PetscBool uppe
   PetscFunctionReturn(0);
 }
 
-/* Several ranks: the sum of their parts, which it frees, in the matrix of the last set-up if it has the same places. Collective on sub->object */
+/* Several ranks: the assembled sum of their parts, in the matrix of the last set-up if the pattern is the same; frees the part. Collective on sub->object */
 static PetscErrorCode LatinCoarseTogether_Private(LatinCoarse *coarse, LatinCoarsePart *part, const PetscInt number[], PetscBool *same)
 {
   Mat sum;
@@ -212,14 +212,14 @@ static PetscErrorCode LatinCoarseTogether_Private(LatinCoarse *coarse, LatinCoar
     PetscCall(MatDestroy(&sum));
   } else {
     PetscCall(MatDestroy(&coarse->A));
-    PetscCall(MatDestroy(&coarse->part)); /* of a set-up whose parts stayed by themselves: it is none of this matrix */
+    PetscCall(MatDestroy(&coarse->part)); /* left from a set-up with a MATIS */
     PetscCall(PetscFree(coarse->number));
     coarse->A = sum;
   }
   PetscFunctionReturn(0);
 }
 
-/* The part of this rank is all of the matrix, or stays by itself in a MATIS: has it the rows and global numbers of the last set-up, on all ranks? A dense one has none. Collective on sub->object */
+/* *same: the part of this rank, as a MATIS or matrix of one rank, has the pattern and global numbers of the last set-up, on all ranks; false for a dense part. Collective on sub->object */
 static PetscErrorCode LatinCoarseSame_Private(const LatinCoarse *coarse, const LatinCoarsePart *part, const PetscInt number[], PetscBool *same)
 {
   PetscInt rows;
@@ -237,7 +237,7 @@ static PetscErrorCode LatinCoarseSame_Private(const LatinCoarse *coarse, const L
   PetscFunctionReturn(0);
 }
 
-/* A new matrix of these parts, K that of this rank, whose global numbers it takes over. Collective on sub->object */
+/* A new matrix with local matrix K; takes over K and its global numbers number[rows]. Collective on sub->object */
 static PetscErrorCode LatinCoarseCreate_Private(LatinCoarse *coarse, Mat K, PetscInt rows, PetscInt number[])
 {
   MPI_Comm               comm = PetscObjectComm(coarse->sub->object);
@@ -252,7 +252,7 @@ static PetscErrorCode LatinCoarseCreate_Private(LatinCoarse *coarse, Mat K, Pets
   coarse->part   = K;
   coarse->parts  = rows;
   coarse->number = number;
-  if (coarse->apart || ranks > 1) {
+  if (coarse->unassembled || ranks > 1) {
     PetscCall(ISLocalToGlobalMappingCreate(comm, 1, rows, number, PETSC_COPY_VALUES, &map));
     PetscCall(MatCreateIS(comm, 1, coarse->top_local, coarse->top_local, coarse->top_size, coarse->top_size, map, map, &coarse->A));
     PetscCall(MatISSetLocalMat(coarse->A, coarse->part));
@@ -266,7 +266,7 @@ static PetscErrorCode LatinCoarseCreate_Private(LatinCoarse *coarse, Mat K, Pets
   PetscFunctionReturn(0);
 }
 
-/* One rank, or a MATIS. Takes number over, and frees the part; K: NULL, or the part as a dense matrix, which it takes over. Collective on sub->object */
+/* One rank, or a MATIS. Takes over number[] and K, the part as a dense matrix or NULL; frees the part. Collective on sub->object */
 static PetscErrorCode LatinCoarseApart_Private(LatinCoarse *coarse, LatinCoarsePart *part, Mat K, PetscInt number[], PetscBool *same)
 {
   PetscScalar *a;
@@ -277,7 +277,7 @@ static PetscErrorCode LatinCoarseApart_Private(LatinCoarse *coarse, LatinCoarseP
     PetscCall(MatSeqAIJGetArrayWrite(coarse->part, &a));
     PetscCall(PetscArraycpy(a, part->a, part->i[part->rows]));
     PetscCall(MatSeqAIJRestoreArrayWrite(coarse->part, &a));
-    PetscCall(PetscObjectStateIncrease((PetscObject)coarse->A)); /* an assembly would tell solvers of another pattern */
+    PetscCall(PetscObjectStateIncrease((PetscObject)coarse->A)); /* an assembly would announce a new pattern */
     PetscCall(PetscFree(number));
   } else {
     if (!K) PetscCall(LatinCoarseMatrix_Private(part, &K));
@@ -288,8 +288,8 @@ static PetscErrorCode LatinCoarseApart_Private(LatinCoarse *coarse, LatinCoarseP
 }
 
 /*
-   Sets coarse.A, sum_E c_E^t H_E c_E over the elements; apart, or tree: with the part of each rank by itself, a MATIS. *same: it is that of
-   the last set-up with new values. Operators that nothing else needs are freed. Collective on sub->object
+   Sets coarse.A, the sum of c_E^t H_E c_E over the elements, as a MATIS if coarse->unassembled or coarse->tree. *same: it is that of the last
+   set-up with new values. Frees operators that are needed no longer. Collective on sub->object
 */
 PetscErrorCode LatinCoarseAssemble_Private(LatinCoarse *coarse, LatinHomogenised *stiffness, PetscBool *same)
 {
@@ -310,7 +310,7 @@ PetscErrorCode LatinCoarseAssemble_Private(LatinCoarse *coarse, LatinHomogenised
   for (PetscInt i = 0; i < entries; i++) PetscCall(PetscFindInt(coarse->top_global[i], n, number, &at[i]));
   for (PetscInt s = 0; s < top->n; s++) PetscCall(PetscLogFlops(PetscSqr((PetscLogDouble)(top->offset[s + 1] - top->offset[s]))));
   PetscCall(LatinCoarseWhole_Private(coarse, stiffness, n, &whole));
-  lower = (PetscBool)(whole && stiffness->lower && coarse->tree && coarse->status.provisional && coarse->top_size > LATIN_REDUNDANT); /* a small one gives products, see LatinCoarseSpend_Private() */
+  lower = (PetscBool)(whole && stiffness->lower && coarse->tree && coarse->status.provisional && coarse->top_size > LATIN_REDUNDANT); /* a small matrix needs products, see LatinCoarseSpend_Private() */
   if (stiffness->lower && !lower) LatinLowerMirror(entries, stiffness->H);
   if (whole) {
     PetscCall(PetscArraycpy(number, coarse->top_global, entries));
@@ -320,7 +320,7 @@ PetscErrorCode LatinCoarseAssemble_Private(LatinCoarse *coarse, LatinHomogenised
   } else PetscCall(LatinCoarseLocal_Private(top, n, at, coarse->upper, &part));
   if (stiffness->once) PetscCall(PetscFree(stiffness->H));
   PetscCall(PetscFree(at));
-  if (coarse->apart || coarse->tree || ranks == 1) PetscCall(LatinCoarseApart_Private(coarse, &part, K, number, same));
+  if (coarse->unassembled || coarse->tree || ranks == 1) PetscCall(LatinCoarseApart_Private(coarse, &part, K, number, same));
   else {
     PetscCall(LatinCoarseTogether_Private(coarse, &part, number, same));
     PetscCall(PetscFree(number));

@@ -3,10 +3,10 @@
 
 /*
    The coarse problem (30), (52): continuity of the macro displacements and of the primal nodes, balance of the
-   corresponding forces (25), (39), (41). What the options choose for its solver decides on the form of its matrix.
+   corresponding forces (25), (39), (41). The solver that the options choose determines the format of its matrix.
 */
 
-/* The solver, of the types that the options choose, before there is a matrix */
+/* Creates the solver and sets the types from options, before there is a matrix. Collective on sub->object */
 static PetscErrorCode LatinCoarseOptions_Private(LatinCoarse *coarse)
 {
   PC          pc;
@@ -21,11 +21,11 @@ static PetscErrorCode LatinCoarseOptions_Private(LatinCoarse *coarse)
   PetscCall(PCFactorSetMatSolverType(pc, size > 1 ? MATSOLVERMUMPS : LATIN_CHOLESKY));
   PetscCall(KSPSetFromOptions(coarse->ksp));
   PetscCall(PetscObjectTypeCompare((PetscObject)coarse->ksp, KSPFETIDP, &fetidp));
-  PetscCall(PetscObjectTypeCompareAny((PetscObject)pc, &coarse->apart, PCBDDC, PCLATIN, ""));
-  PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCLATIN, &coarse->second));
+  PetscCall(PetscObjectTypeCompareAny((PetscObject)pc, &coarse->unassembled, PCBDDC, PCLATIN, ""));
+  PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCLATIN, &coarse->second_level));
   PetscCall(LatinSolverDirect_Private(coarse->ksp, &direct));
-  coarse->apart     = (PetscBool)(coarse->apart || fetidp);
-  coarse->iterative = (PetscBool)(coarse->apart || !direct);
+  coarse->unassembled = (PetscBool)(coarse->unassembled || fetidp);
+  coarse->iterative   = (PetscBool)(coarse->unassembled || !direct);
   PetscCall(PetscOptionsHasName(((PetscObject)pc)->options, ((PetscObject)pc)->prefix, "-pc_type", &type));
   PetscCall(PetscOptionsHasName(((PetscObject)pc)->options, ((PetscObject)pc)->prefix, "-pc_factor_mat_solver_type", &package));
   coarse->chosen = (PetscBool)(type || package);
@@ -33,8 +33,8 @@ static PetscErrorCode LatinCoarseOptions_Private(LatinCoarse *coarse)
 }
 
 /*
-   A factorisation by MUMPS takes half of the matrix, and so is half sent and stored. Not where each rank factors the whole
-   by itself. Not collective
+   coarse->upper: MUMPS factors the matrix and needs its upper triangle alone, which halves messages and memory. Not if each rank
+   factors the whole matrix (PCREDUNDANT). Not collective
 */
 static PetscErrorCode LatinCoarseHalf_Private(LatinCoarse *coarse)
 {
@@ -56,9 +56,9 @@ static PetscErrorCode LatinCoarseHalf_Private(LatinCoarse *coarse)
 }
 
 /*
-   The default is a factorisation: ours on one rank; on several fronts that they join, or of a small sparse matrix that by each rank
-   of the whole, for a parallel one of so few rows is all messages. What the options name is for the matrix of all ranks. Where each rank solves the
-   whole, which gives the same bits twice, it is by the factorisation of one rank. Collective on coarse->ksp
+   The default solver is a factorisation. One rank: ours. Several ranks: the multifrontal solver of coarse/tree.h, or MUMPS; a small
+   sparse matrix is factored by each rank as a whole (PCREDUNDANT), as latency rules a parallel factorisation. A package named
+   by options factors the distributed matrix. PCREDUNDANT uses our factorisation, reproducible to the bit. Collective on coarse->ksp
 */
 static PetscErrorCode LatinCoarseDirect_Private(LatinCoarse *coarse)
 {
@@ -91,7 +91,7 @@ static PetscErrorCode LatinCoarseDirect_Private(LatinCoarse *coarse)
   PetscFunctionReturn(0);
 }
 
-/* Defaults of an iteration: is its tolerance ours? Then it is of the energy. Collective on coarse->ksp */
+/* Defaults of an iterative solver; coarse->loose: no option sets its type or tolerance, so that it stops in the energy norm. Collective on coarse->ksp */
 static PetscErrorCode LatinCoarseIterates_Private(LatinCoarse *coarse)
 {
   const PetscObject ksp = (PetscObject)coarse->ksp;
@@ -106,8 +106,8 @@ static PetscErrorCode LatinCoarseIterates_Private(LatinCoarse *coarse)
   PetscFunctionReturn(0);
 }
 
-/* The matrix and its solver go */
-static PetscErrorCode LatinCoarseForget_Private(LatinCoarse *coarse)
+/* Destroys the matrix and its solver. Collective on sub->object */
+static PetscErrorCode LatinCoarseDestroy_Private(LatinCoarse *coarse)
 {
   PetscFunctionBegin;
   PetscCall(KSPDestroy(&coarse->ksp));
@@ -117,17 +117,18 @@ static PetscErrorCode LatinCoarseForget_Private(LatinCoarse *coarse)
   PetscFunctionReturn(0);
 }
 
-/* In the place of a part that has given its values up. A monitor of the coarse KSP asks for its product */
+/* Product of the shell that replaces a released local matrix: an error, as monitors of the coarse KSP may call it */
 static PetscErrorCode LatinCoarseSpent_Mat(Mat A, Vec x, Vec y)
 {
   PetscFunctionBegin;
-  SETERRQ(PETSC_COMM_SELF, PETSC_ERR_SUP, "The matrix of the coarse problem has given its values up to its factor, and has no product: for residuals of its solver, as monitors show them, choose -snes_latin_coarse_pc_factor_mat_solver_type mumps");
+  SETERRQ(PETSC_COMM_SELF, PETSC_ERR_SUP, "The matrix of the coarse problem was released after its factorisation and has no product: for residuals of its solver, as monitors show them, choose -snes_latin_coarse_pc_factor_mat_solver_type mumps");
 }
 
 /*
-   The factor of the tree takes all of a matrix whose parts may be as large as it, and which no solve reads: these go, and what asks
-   the matrix for a product says so. Ahead, as they are factored, where nothing is looked at that cannot be: a provisional one; else
-   after that. Not where another set-up may have its pattern, nor where it is small: a monitor may ask for a product. Collective on coarse->ksp
+   Releases the local matrices after the multifrontal factorisation: they may be as large as the factor, and no solve reads them. A shell
+   takes their place, whose product is an error. ahead: during the factorisation, if it is provisional and so makes no checks that read
+   the matrix; else after it. Matrices are kept if a later set-up may reuse the pattern, or if they are small, for products of
+   monitors. Collective on coarse->ksp
 */
 static PetscErrorCode LatinCoarseSpend_Private(LatinCoarse *coarse, PetscBool ahead)
 {
@@ -144,7 +145,7 @@ static PetscErrorCode LatinCoarseSpend_Private(LatinCoarse *coarse, PetscBool ah
   else {
     PetscCall(PetscObjectStateGet((PetscObject)coarse->A, &state));
     PetscCall(MatISSetLocalMat(coarse->A, empty));
-    PetscCall(PetscObjectStateSet((PetscObject)coarse->A, state)); /* the factor stays */
+    PetscCall(PetscObjectStateSet((PetscObject)coarse->A, state)); /* keep the factor */
   }
   PetscCall(MatDestroy(&empty));
   PetscCall(MatDestroy(&coarse->part));
@@ -152,9 +153,9 @@ static PetscErrorCode LatinCoarseSpend_Private(LatinCoarse *coarse, PetscBool ah
 }
 
 /*
-   The matrix from the homogenised stiffnesses, its solver and factors; coarse->status says how that ended. Groups that
-   repeat are condensed for direct solvers, for they fill the matrix; a PC latin, BDDC and FETI-DP take the part of each
-   rank by itself. Collective on sub->object
+   Sets up the matrix from the homogenised stiffnesses, its solver and factors; coarse->status reports failures. Repeated groups are
+   condensed for direct solvers alone, as this makes the matrix denser. PC latin, BDDC and FETI-DP get a MATIS.
+   Collective on sub->object
 */
 PetscErrorCode LatinCoarseSetUp(LatinCoarse *coarse, LatinHomogenised *stiffness)
 {
@@ -165,7 +166,7 @@ PetscErrorCode LatinCoarseSetUp(LatinCoarse *coarse, LatinHomogenised *stiffness
 
   PetscFunctionBegin;
   if (!coarse->macro->modes_global && !coarse->primal_global) { /* no interface: one subdomain, or disconnected ones */
-    PetscCall(LatinCoarseForget_Private(coarse));
+    PetscCall(LatinCoarseDestroy_Private(coarse));
     PetscFunctionReturn(0);
   }
   PetscCall(PetscLogEventBegin(LATIN_Coarse, coarse->sub->object, 0, 0, 0));
@@ -184,10 +185,10 @@ PetscErrorCode LatinCoarseSetUp(LatinCoarse *coarse, LatinHomogenised *stiffness
   PetscCall(KSPSetOperators(coarse->ksp, coarse->A, coarse->A));
   if (!same) PetscCall(LatinCoarseIterates_Private(coarse));
   PetscCall(KSPGetPC(coarse->ksp, &pc));
-  PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCBDDC, &bddc)); /* multigrid would forget the near null space */
+  PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCBDDC, &bddc)); /* PCGAMG would replace the near null space */
   if (bddc && dim) PetscCall(PCSetCoordinates(pc, dim, coarse->top_local, coarse->x));
   PetscCall(LatinCoarseSpend_Private(coarse, PETSC_TRUE));
-  if (coarse->top_size) PetscCall(LatinFactor_Private(coarse->ksp, coarse->A, NULL, coarse->whole, NULL, &coarse->status)); /* disconnected structures may be condensed entirely, each a group */
+  if (coarse->top_size) PetscCall(LatinFactor_Private(coarse->ksp, coarse->A, NULL, coarse->whole, NULL, &coarse->status)); /* no rows if each connected component is one group */
   PetscCall(VecDestroy(&coarse->whole));
   PetscCall(LatinCoarseSpend_Private(coarse, PETSC_FALSE));
   if (coarse->tree) LatinRoomReturn((size_t)coarse->parts * (size_t)coarse->parts * sizeof(PetscScalar));
@@ -195,15 +196,15 @@ PetscErrorCode LatinCoarseSetUp(LatinCoarse *coarse, LatinHomogenised *stiffness
   PetscFunctionReturn(0);
 }
 
-/* Frees the matrix and its factor before other stiffnesses come, unless they are kept for their pattern. Collective on sub->object */
+/* Frees the matrix and its factor before LatinCoarseRenew(), unless they are kept for their pattern. Collective on sub->object */
 PetscErrorCode LatinCoarseRelease(LatinCoarse *coarse)
 {
   PetscFunctionBegin;
-  if (!coarse->sub->preconditions) PetscCall(LatinCoarseForget_Private(coarse));
+  if (!coarse->sub->preconditions) PetscCall(LatinCoarseDestroy_Private(coarse));
   PetscFunctionReturn(0);
 }
 
-/* The same for other stiffnesses, after it. Collective on sub->object */
+/* Sets up the coarse problem again for other stiffnesses, after LatinCoarseRelease(). Collective on sub->object */
 PetscErrorCode LatinCoarseRenew(LatinCoarse *coarse, LatinHomogenised *stiffness)
 {
   const PetscBool provisional = coarse->status.provisional;
@@ -219,7 +220,7 @@ PetscErrorCode LatinCoarseRenew(LatinCoarse *coarse, LatinHomogenised *stiffness
   PetscFunctionReturn(0);
 }
 
-/* The displacements of the elements here, of a vector of the coarse problem */
+/* top.u: scatters a vector of coarse displacements to the elements here. Collective on sub->object */
 static PetscErrorCode LatinCoarseDistribute_Private(LatinCoarse *coarse, Vec v)
 {
   const PetscScalar *x;
@@ -231,24 +232,24 @@ static PetscErrorCode LatinCoarseDistribute_Private(LatinCoarse *coarse, Vec v)
   PetscFunctionReturn(0);
 }
 
-/* An iteration that nobody else has given a tolerance ends early where it may leave a part of a displacement */
-static PetscErrorCode LatinCoarseTolerance_Private(LatinCoarse *coarse, PetscReal left)
+/* Sets the tolerance of an iterative solver if no option does: `contraction`, or an accurate one if it is 0 */
+static PetscErrorCode LatinCoarseTolerance_Private(LatinCoarse *coarse, PetscReal contraction)
 {
   PetscFunctionBegin;
-  coarse->left = coarse->loose ? left : 0.0;
-  if (coarse->loose) PetscCall(KSPSetTolerances(coarse->ksp, left > 0.0 ? left : LATIN_INEXACT_RTOL, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
+  coarse->contraction = coarse->loose ? contraction : 0.0;
+  if (coarse->loose) PetscCall(KSPSetTolerances(coarse->ksp, contraction > 0.0 ? contraction : LATIN_INEXACT_RTOL, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT));
   PetscFunctionReturn(0);
 }
 
-/* From the condensed forces q of the subdomains to the coarse displacements u; left: what an iteration may leave of them, in energy, 0: nothing */
-PetscErrorCode LatinCoarseSolve(LatinCoarse *coarse, PetscReal left)
+/* Solves for the coarse displacements u from the condensed forces q of the subdomains; contraction: relative tolerance of an iterative solver in the energy norm, 0: accurate. Collective on sub->object */
+PetscErrorCode LatinCoarseSolve(LatinCoarse *coarse, PetscReal contraction)
 {
   PetscScalar *b;
   PetscInt     rows;
 
   PetscFunctionBegin;
   if (!coarse->A) PetscFunctionReturn(0);
-  PetscCall(LatinCoarseTolerance_Private(coarse, left));
+  PetscCall(LatinCoarseTolerance_Private(coarse, contraction));
   PetscCall(PetscLogEventBegin(LATIN_Coarse, coarse->sub->object, 0, 0, 0));
   PetscCall(LatinGroupsPass(coarse, PETSC_FALSE));
   PetscCall(VecZeroEntries(coarse->rhs));
@@ -266,7 +267,7 @@ PetscErrorCode LatinCoarseSolve(LatinCoarse *coarse, PetscReal left)
   PetscFunctionReturn(0);
 }
 
-/* The coarse displacements u of the subdomains for a vector of the coarse problem, without any other force */
+/* Prolongs a vector of the coarse matrix to the coarse displacements u of the subdomains, under zero forces. Collective on sub->object */
 PetscErrorCode LatinCoarseExpand_Private(LatinCoarse *coarse, Vec v)
 {
   PetscFunctionBegin;
@@ -277,7 +278,7 @@ PetscErrorCode LatinCoarseExpand_Private(LatinCoarse *coarse, Vec v)
   PetscFunctionReturn(0);
 }
 
-/* Resets all but the matrix and its solver */
+/* Resets all but the matrix and its solver, for a set-up that may reuse them */
 PetscErrorCode LatinCoarseRetire(LatinCoarse *coarse)
 {
   PetscFunctionBegin;
@@ -299,6 +300,6 @@ PetscErrorCode LatinCoarseReset(LatinCoarse *coarse)
 {
   PetscFunctionBegin;
   PetscCall(LatinCoarseRetire(coarse));
-  PetscCall(LatinCoarseForget_Private(coarse));
+  PetscCall(LatinCoarseDestroy_Private(coarse));
   PetscFunctionReturn(0);
 }

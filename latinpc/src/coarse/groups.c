@@ -1,30 +1,30 @@
 #include "coarse/latincoarse.h"
 
 /*
-   Nested condensation of the coarse problem (52). Neighbouring subdomains are put into groups, the coarse
-   displacements that no subdomain outside a group touches are eliminated, and the groups become the elements of a
-   smaller coarse problem; again, level by level. Groups that are made of equal subdomains in equal arrangement share
-   one dense factor and are solved together: memory traffic becomes arithmetic, as in localsolvers/batches.c. Where groups are all
-   different a sparse direct solver does the same elimination better, and nothing is grouped.
+   Nested condensation of the coarse problem (52). Neighbouring subdomains form groups. The coarse dofs of a group that no other
+   subdomain has, its interior, are eliminated; the groups are the elements of a smaller coarse problem; and so on, level by
+   level. Groups of equal subdomains in equal arrangement share one dense factor and are solved together, by blocks of
+   right-hand sides, as in localsolvers/batches.c. If groups do not repeat, a sparse direct solver does the same elimination
+   better, and nothing is grouped.
 
-   For one group, with i the interior dofs, b the others, and K the sum of its members' operators:
+   For one group, with i the interior dofs, b the others, and K the sum of the operators of its members:
 
      K_ii = L L^t,   Z = K_bi L^-t,   S = K_bb - Z Z^t, the operator of the group;
      down: v = L^-1 q_i, and the forces on b are q_b - Z v;   up: u_i = L^-t (v - Z^t u_b).
 */
 
-#define LATIN_GROUPS         3                                            /* elements a side of a group; of 2, 3, 4, 6 the least set-up and memory */
+#define LATIN_GROUPS         3                                            /* elements along each side of a group; of 2, 3, 4, 6 the least set-up time and memory */
 #define LATIN_GROUP_FULL     (LATIN_GROUPS * LATIN_GROUPS * LATIN_GROUPS) /* most elements of a group on a regular grid */
-#define LATIN_GROUP_CELLS    1e5                                          /* of the grid that finds the groups, along each side: enough for any structure */
-#define LATIN_GROUP_EDGE     1e-3                                         /* of a cell: rounding puts no corner into the cell below */
-#define LATIN_GROUP_REPEAT   0.6                                          /* most different groups, of all: of more a sparse solver does less */
+#define LATIN_GROUP_CELLS    1e5                                          /* most cells of the grid along each side: enough for any structure */
+#define LATIN_GROUP_EDGE     1e-3                                         /* shift of corners, in cells, so that rounding moves none into the cell below */
+#define LATIN_GROUP_REPEAT   0.6                                          /* largest share of different groups: with more a sparse solver takes fewer operations */
 #define LATIN_GROUP_COLUMNS  64                                           /* groups solved together: right-hand sides stay in cache */
-#define LATIN_GROUP_INTERIOR 1536                                         /* largest dense factor: a sparse one of a larger group does less work */
-#define LATIN_GROUP_PIVOT    LatinByPrecision(1e-11, 1e-5)                /* below it, relative to the diagonal, a mechanism is suspected: the coarse solver decides */
+#define LATIN_GROUP_INTERIOR 1536                                         /* most interior dofs of a group: sparse factors of larger groups take fewer operations */
+#define LATIN_GROUP_PIVOT    LatinByPrecision(1e-11, 1e-5)                /* least pivot, relative to the stiffness before condensation: below, a mechanism is suspected, and the coarse solver decides */
 
 /*
-   Where subdomains are: the cells of their lowest corners in a grid as fine as typical ones. The digits of the three
-   numbers of a cell, to base LATIN_GROUPS, take turns in place[]: without the last three it is the place of a group.
+   place[s]: the cell of the lowest corner of subdomain s in a grid of median subdomain size. The digits to base LATIN_GROUPS of its
+   three numbers are interleaved: without the last three digits it is the cell of a group.
 */
 static PetscErrorCode LatinGroupsPlaces_Private(const LatinSubdomains *sub, uint64_t place[])
 {
@@ -50,7 +50,7 @@ static PetscErrorCode LatinGroupsPlaces_Private(const LatinSubdomains *sub, uint
       most      = PetscMax(most, low[s]);
     }
     PetscCall(PetscSortReal(sub->n, extent));
-    size = PetscMax(extent[sub->n / 2], (most - least) / LATIN_GROUP_CELLS); /* subdomains may have no extent */
+    size = PetscMax(extent[sub->n / 2], (most - least) / LATIN_GROUP_CELLS); /* subdomains may have zero extent */
     for (PetscInt s = 0; s < sub->n && size > 0.0; s++)
       for (uint64_t cell = (uint64_t)((low[s] - least) / size + LATIN_GROUP_EDGE), digit = unit; cell; cell /= LATIN_GROUPS, digit *= LATIN_GROUP_FULL) place[s] += cell % LATIN_GROUPS * digit;
   }
@@ -59,8 +59,8 @@ static PetscErrorCode LatinGroupsPlaces_Private(const LatinSubdomains *sub, uint
 }
 
 /*
-   What rounding of the condensation is small beside: at a primal dof the stiffness of its links, and T^-1 = H + 1 of a macro
-   displacement, see stages/homogenise.c. Where H is no more than that rounding nothing holds the subdomain
+   whole[]: the stiffness of each coarse dof before condensation, which scales its rounding: that of the links at a primal dof,
+   T^-1 = H + 1 of a macro displacement, see stages/homogenise.c. An H of the size of that rounding is a mechanism
 */
 static PetscErrorCode LatinGroupsWhole_Private(const LatinCoarse *coarse, const LatinElements *fine)
 {
@@ -82,7 +82,7 @@ static PetscErrorCode LatinGroupsWhole_Private(const LatinCoarse *coarse, const 
   PetscFunctionReturn(0);
 }
 
-/* The subdomains as elements. Their coarse dofs are numbered here from 0, this rank's own first; sf: all coarse dofs -> those here. Collective */
+/* The finest elements: subdomains. Local numbers of coarse dofs: owned ones first, then ghosts; *dofs: their number; *sf: coarse dofs of all ranks -> those here. Collective on sub->object */
 static PetscErrorCode LatinGroupsFinest_Private(LatinCoarse *coarse, const LatinHomogenised *stiffness, PetscInt *dofs, PetscSF *sf)
 {
   const PetscInt n = coarse->sub->n, entries = coarse->offset[n];
@@ -115,7 +115,7 @@ static PetscErrorCode LatinGroupsFinest_Private(LatinCoarse *coarse, const Latin
   PetscFunctionReturn(0);
 }
 
-/* Groups: elements in the same place of a grid LATIN_GROUPS times as coarse */
+/* Groups: elements in the same cell of a grid that is LATIN_GROUPS times as coarse */
 static PetscErrorCode LatinGroupsGroup_Private(LatinGroupLevel *level)
 {
   const LatinElements *fine = &level->fine;
@@ -136,8 +136,8 @@ static PetscErrorCode LatinGroupsGroup_Private(LatinGroupLevel *level)
 }
 
 /*
-   The dofs of each group: interior ones first, each kind in the order in which the members bring them, so that equal
-   groups number them alike. ranks[]: how many ranks have each dof
+   slot[]: numbers the dofs of each group, interior ones first, then the others, each in the order of the members, so that equal groups
+   have equal numbers. ranks[]: number of ranks that have each dof
 */
 static PetscErrorCode LatinGroupsNumber_Private(LatinGroupLevel *level, PetscInt dofs, const PetscInt ranks[])
 {
@@ -156,7 +156,7 @@ static PetscErrorCode LatinGroupsNumber_Private(LatinGroupLevel *level, PetscInt
       for (PetscInt i = fine->offset[level->member[m]]; i < fine->offset[level->member[m] + 1]; i++) owner[fine->dof[i]] = owner[fine->dof[i]] == none || owner[fine->dof[i]] == g ? g : several;
   for (PetscInt g = 0; g < level->coarse.n; g++) {
     LatinGroup    *group = &level->group[g];
-    const PetscInt start = count; /* a dof that this group has not numbered has a lower number */
+    const PetscInt start = count; /* lower numbers are of other groups */
 
     for (PetscInt boundary = 0; boundary < 2; boundary++) {
       for (PetscInt m = group->first; m < group->last; m++)
@@ -175,7 +175,7 @@ static PetscErrorCode LatinGroupsNumber_Private(LatinGroupLevel *level, PetscInt
   PetscFunctionReturn(0);
 }
 
-/* What a group is made of: equal members in equal arrangement make equal groups */
+/* Data that determines the operator of a group: equal members in equal arrangement make equal groups */
 static PetscErrorCode LatinGroupsStream_Private(const void *ctx, PetscInt g, LatinStream *stream)
 {
   const LatinGroupLevel *level = (const LatinGroupLevel *)ctx;
@@ -192,7 +192,7 @@ static PetscErrorCode LatinGroupsStream_Private(const void *ctx, PetscInt g, Lat
   PetscFunctionReturn(0);
 }
 
-/* Sorts the groups, so that equal ones follow each other; *kept: they repeat, and are not too large for dense factors */
+/* Sorts the groups, equal ones consecutive; *kept: they repeat enough, and are small enough for dense factors */
 static PetscErrorCode LatinGroupsCompare_Private(LatinGroupLevel *level, PetscBool *kept)
 {
   LatinElements *coarse  = &level->coarse;
@@ -213,7 +213,7 @@ static PetscErrorCode LatinGroupsCompare_Private(LatinGroupLevel *level, PetscBo
   PetscFunctionReturn(0);
 }
 
-/* L with Z below it, and S of one group; *kept becomes false where a mechanism is suspected */
+/* L with Z below it, and S of one group; clears *kept if a mechanism is suspected */
 static PetscErrorCode LatinGroupsFactor_Private(LatinGroupLevel *level, PetscInt g, PetscBool *kept)
 {
   const LatinElements *fine  = &level->fine;
@@ -236,13 +236,13 @@ static PetscErrorCode LatinGroupsFactor_Private(LatinGroupLevel *level, PetscInt
   for (PetscInt i = 0; i < n; i++) bad = (PetscBool)(bad || !(PetscSqr(K[i + rows * i]) > LATIN_GROUP_PIVOT * whole[i]));
   PetscCall(PetscArraycpy(level->L + group->l_offset, K, rows * n));
   for (PetscInt j = n; j < rows; j++)
-    for (PetscInt i = n; i < rows; i++) *S++ = i < j ? K[j + rows * i] : K[i + rows * j]; /* of K, the lower half */
+    for (PetscInt i = n; i < rows; i++) *S++ = i < j ? K[j + rows * i] : K[i + rows * j]; /* K has its lower half */
   if (bad) *kept = PETSC_FALSE;
   PetscCall(PetscFree2(K, whole));
   PetscFunctionReturn(0);
 }
 
-/* The groups as elements, without their interior dofs. From here on slot[] is a place in x: interior dofs of all groups, then what is left of them */
+/* Makes the groups elements, without their interior dofs. slot[] becomes a position in x: interior dofs of all groups, then the others */
 static PetscErrorCode LatinGroupsElements_Private(LatinGroupLevel *level, PetscBool *kept)
 {
   const LatinElements *fine     = &level->fine;
@@ -300,9 +300,9 @@ static PetscErrorCode LatinGroupsLevelReset_Private(LatinGroupLevel *level)
 }
 
 /*
-   Do the ranks join fronts of their parts? Where that is predicted not to take much longer than a factorisation by all of them, for
-   it takes less memory; and where the matrix is full, as that of few subdomains is: so it is factored once, not by every rank. Not
-   where options choose. Collective
+   coarse->tree: is the coarse matrix factored by the multifrontal solver of coarse/tree.h? Yes if it is dense, as of few subdomains, to
+   factor it once, not on each rank; and if the predicted time is not much longer than that of MUMPS, to save memory. Not
+   if options choose the solver. Collective on sub->object
 */
 static PetscErrorCode LatinGroupsTree_Private(LatinCoarse *coarse, PetscLayout map)
 {
@@ -328,7 +328,7 @@ static PetscErrorCode LatinGroupsTree_Private(LatinCoarse *coarse, PetscLayout m
   PetscFunctionReturn(0);
 }
 
-/* Numbers for the coarse displacements that are left, and where they are found; number[]: work space for the dofs here. Collective */
+/* Numbers the coarse dofs of the top elements, the rows of A, and makes their scatter; number[dofs]: work space. Collective on sub->object */
 static PetscErrorCode LatinGroupsTop_Private(LatinCoarse *coarse, PetscSF sf, PetscInt dofs, PetscInt number[])
 {
   const LatinElements *top     = &coarse->top;
@@ -368,8 +368,8 @@ static PetscErrorCode LatinGroupsTop_Private(LatinCoarse *coarse, PetscSF sf, Pe
 }
 
 /*
-   Sets coarse.top, the elements of the coarse problem that the coarse KSP solves: groups, or the subdomains themselves. A
-   level on top of the last is not kept when groups do not repeat, are too large for dense factors, or are singular. Collective
+   Sets coarse.top, the elements of the problem of the coarse KSP: groups, or the subdomains themselves. Levels are added as long as
+   groups repeat, are small enough for dense factors and are not singular. Collective on sub->object
 */
 PetscErrorCode LatinGroupsSetUp(LatinCoarse *coarse, const LatinHomogenised *stiffness, PetscBool groups)
 {
@@ -385,7 +385,7 @@ PetscErrorCode LatinGroupsSetUp(LatinCoarse *coarse, const LatinHomogenised *sti
   PetscCall(PetscSFComputeDegreeBegin(sf, &degree));
   PetscCall(PetscSFComputeDegreeEnd(sf, &degree));
   PetscCall(LatinSFBcast_Private(sf, 1, MPIU_INT, degree, ranks));
-  while (groups && coarse->levels < LATIN_GROUP_LEVELS && 2 * top->patterns < top->n) { /* equal groups are made of equal members */
+  while (groups && coarse->levels < LATIN_GROUP_LEVELS && 2 * top->patterns < top->n) { /* without equal members there are no equal groups */
     LatinGroupLevel *level = &coarse->level[coarse->levels];
 
     level->fine = *top;
@@ -406,7 +406,7 @@ PetscErrorCode LatinGroupsSetUp(LatinCoarse *coarse, const LatinHomogenised *sti
   PetscFunctionReturn(0);
 }
 
-/* What only the set-up needs: operators of the groups */
+/* Frees data of the set-up: operators of groups */
 PetscErrorCode LatinGroupsFinish(LatinCoarse *coarse)
 {
   PetscFunctionBegin;
@@ -425,7 +425,7 @@ PetscErrorCode LatinGroupsReset(LatinCoarse *coarse)
   PetscFunctionReturn(0);
 }
 
-/* From forces on the elements' dofs to forces on the groups', by elimination, or from the groups' displacements back: equal groups together */
+/* Down: condenses the forces fine.q to coarse.q; up: from displacements coarse.u to fine.u. Blocks of equal groups together */
 static PetscErrorCode LatinGroupsLevelPass_Private(LatinGroupLevel *level, PetscBool up)
 {
   const LatinElements *fine = &level->fine, *coarse = &level->coarse;
@@ -458,7 +458,7 @@ static PetscErrorCode LatinGroupsLevelPass_Private(LatinGroupLevel *level, Petsc
   PetscFunctionReturn(0);
 }
 
-/* From coarse.q to top.q by elimination; or up, from top.u to coarse.u by substitution: after the other one, with coarse.q zero where only top.u acts */
+/* Down: condenses coarse.q to top.q; up: from top.u to coarse.u by back substitution. Up needs a down pass before, with coarse.q = 0 to prolong top.u alone */
 PetscErrorCode LatinGroupsPass(LatinCoarse *coarse, PetscBool up)
 {
   PetscFunctionBegin;

@@ -1,5 +1,5 @@
 /*
-   The coarse problem (30), (52): numbers of its unknowns, condensation of repeated groups, matrix, solver, what it carries for other solvers.
+   The coarse problem (30), (52): numbering, condensation of repeated groups, matrix, near null space, solver.
 */
 #ifndef LATINCOARSE_H
 #define LATINCOARSE_H
@@ -7,35 +7,35 @@
 #include "interfaces/latininterfaces.h"
 
 /* ---- condensation of repeated groups of subdomains (coarse/groups.c) ---- */
-#define LATIN_GROUP_LEVELS 8 /* 3^8 subdomains a side */
+#define LATIN_GROUP_LEVELS 8 /* 3^8 subdomains along each side */
 
-/* Subdomains, or groups of them, seen from the coarse problem; equal ones share an operator */
+/* Elements of the coarse problem: subdomains or groups of them; equal ones share an operator */
 typedef struct {
-  PetscInt   n, patterns; /* how many, and how many different */
-  PetscInt  *offset;      /* [n + 1] coarse dofs of each element */
-  PetscInt  *dof;         /* [offset[n]] their numbers on this rank */
+  PetscInt   n, patterns; /* number of elements, of different ones */
+  PetscInt  *offset;      /* [n + 1] range of the coarse dofs of each element */
+  PetscInt  *dof;         /* [offset[n]] local numbers of these */
   PetscInt  *pattern;     /* [n] the first element equal to each */
-  size_t    *h_offset;    /* [n] into H */
+  size_t    *h_offset;    /* [n] position in H */
   PetscReal *H;           /* operators, column-major, one for each pattern */
-  uint64_t  *place;       /* [n] cells of a grid as fine as they are, see coarse/groups.c */
-  PetscReal *whole;       /* [offset[n]] stiffness of each dof before anything was condensed; for the set-up alone */
+  uint64_t  *place;       /* [n] cell of each element in a grid of their size, see coarse/groups.c */
+  PetscReal *whole;       /* [offset[n]] stiffness of each dof before condensation, the scale of its rounding; during the set-up */
   PetscReal *q, *u;       /* [offset[n]] forces and displacements, element by element */
 } LatinElements;
 
 typedef struct {
-  LatinKey key;            /* by which they are sorted */
-  PetscInt first, last;    /* members: from, and up to but not with */
-  PetscInt interior, rows; /* dofs that are eliminated, all dofs */
-  size_t   l_offset;       /* into L */
+  LatinKey key;            /* sort key */
+  PetscInt first, last;    /* members: member[first..last) */
+  PetscInt interior, rows; /* number of interior dofs, which are eliminated, and of all */
+  size_t   l_offset;       /* position in L */
 } LatinGroup;
 
 typedef struct {
-  LatinElements fine, coarse; /* what the groups are made of; the groups, equal ones one after the other */
+  LatinElements fine, coarse; /* the members; the groups, equal ones consecutive */
   LatinGroup   *group;        /* [coarse.n] */
-  PetscInt     *member;       /* [fine.n] by group */
-  PetscInt     *slot;         /* [fine.offset[fine.n]] dof of the group: interior ones, then those of coarse; in the end, its place in x */
-  PetscReal    *L;            /* of each pattern, [rows][interior]: L, and Z below it */
-  PetscReal    *x;            /* forces on the interior dofs of all groups, and what they become; then coarse.q, which coarse.u takes the place of */
+  PetscInt     *member;       /* [fine.n] elements, sorted by groups */
+  PetscInt     *slot;         /* [fine.offset[fine.n]] number of each dof in its group, interior ones first; after the set-up, its position in x */
+  PetscReal    *L;            /* for each pattern, [rows][interior]: L, and Z below it */
+  PetscReal    *x;            /* work: interior dofs of all groups, then coarse.q and coarse.u, which are one array */
 } LatinGroupLevel;
 
 /* ---- coarse problem (coarse/numbering.c, coarse/assembly.c, coarse/nearnullspace.c, coarse/coarse.c) ---- */
@@ -46,59 +46,59 @@ typedef struct {
   /* kept by LatinCoarseRetire(), for a set-up whose matrix has the same pattern */
   Mat       A;
   KSP       ksp;
-  PetscBool chosen, iterative, apart; /* what the options of ksp choose: anything; an iteration; one that takes the part of each rank by itself */
-  PetscBool second;                   /* that is a PC latin */
-  PetscBool loose;                    /* the tolerance of an iteration is ours */
-  Mat       part;                     /* of this rank, where it is all of A or stays by itself; else NULL */
-  PetscInt  parts, *number;           /* [parts] the rows of A that this rank has a part of */
-  /* numbers */
-  PetscLayout     map;                         /* of all coarse dofs */
-  const PetscInt *rank_start;                  /* [ranks + 1] its ranges: global number of each rank's first one */
-  PetscInt        primal_local, primal_global; /* primal displacements numbered by this rank, after its macro modes; all */
-  PetscInt       *offset;                      /* [subdomains + 1] coarse dofs of each subdomain: macro modes, then primal dofs */
-  PetscInt       *macro_count;                 /* [subdomains] how many of them are macro modes */
+  PetscBool chosen, iterative, unassembled; /* options of ksp choose: a PC or its package; an iterative solver; one for a MATIS */
+  PetscBool second_level;                   /* PC latin, a second level */
+  PetscBool loose;                          /* no option sets the tolerance of an iterative solver: ours holds */
+  Mat       part;                           /* local matrix of this rank, if A is a MATIS or of one rank; else NULL */
+  PetscInt  parts, *number;                 /* [parts] rows of A of the local matrix */
+  /* numbering */
+  PetscLayout     map;                         /* layout of all coarse dofs */
+  const PetscInt *rank_start;                  /* [ranks + 1] its ranges */
+  PetscInt        primal_local, primal_global; /* primal dofs numbered by this rank, after its macro modes; of all ranks */
+  PetscInt       *offset;                      /* [subdomains + 1] range of the coarse dofs of each subdomain: macro modes, then primal dofs */
+  PetscInt       *macro_count;                 /* [subdomains] number of macro modes */
   PetscInt       *global;                      /* [offset[n]] their global numbers */
   PetscInt        widest;                      /* most coarse dofs of a subdomain here */
   PetscReal      *q, *u;                       /* [offset[n]] condensed forces and coarse displacements of one linear stage, subdomain by subdomain */
   /* matrix and solver */
   Vec               rhs, sol;
-  Vec               whole;  /* stiffness of each row of A before anything was condensed; for the set-up alone */
-  PetscInt          levels; /* of condensed groups */
+  Vec               whole;  /* stiffness of each row of A before condensation, the scale of its rounding; during the set-up */
+  PetscInt          levels; /* levels of condensed groups */
   LatinGroupLevel   level[LATIN_GROUP_LEVELS];
   LatinElements     top;                 /* elements of A: subdomains, or groups of them */
-  PetscInt          top_local, top_size; /* rows of A: of this rank, all */
-  PetscBool         tree;                /* A is in parts, whose fronts the ranks join */
+  PetscInt          top_local, top_size; /* rows of A: of this rank, of all */
+  PetscBool         tree;                /* A is a MATIS for the multifrontal solver of coarse/tree.h */
   PetscInt         *top_global;          /* [top.offset[top.n]] rows of A */
-  PetscBool         upper;               /* A has its upper triangle alone, which is all that a factorisation takes */
+  PetscBool         upper;               /* A stores its upper triangle alone (MATSBAIJ), which serves a factorisation */
   PetscSF           top_sf;              /* coarse vector -> dofs of the elements here */
-  PetscReal        *x;                   /* [top_local][dim] where the unknowns are; not for direct solvers */
+  PetscReal        *x;                   /* [top_local][dim] coordinates of the rows of A, for iterative solvers */
   LatinFactorStatus status;              /* of the set-up */
-  PetscBool         failed;              /* a solve failed since this was cleared */
-  PetscReal         left;                /* of a displacement, in energy: what the last solve has left, on purpose */
+  PetscBool         failed;              /* a solve has failed since this was cleared */
+  PetscReal         contraction;         /* tolerance of the last solve, in the energy norm; 0: accurate */
 } LatinCoarse;
 
 /* The homogenised stiffnesses (51) of the subdomains, once for equal ones */
 typedef struct {
-  PetscInt  *pattern;  /* [subdomains] borrowed: the subdomain that represents it */
-  size_t    *h_offset; /* [subdomains] into H */
+  PetscInt  *pattern;  /* [subdomains] the first equal subdomain; borrowed */
+  size_t    *h_offset; /* [subdomains] position in H */
   PetscReal *H;        /* column-major */
-  PetscBool  once;     /* nothing but the coarse matrix needs H, and frees it */
-  PetscBool  lower;    /* H is the lower triangle of the only one, see LatinLowerAt(), with room for both */
+  PetscBool  once;     /* only the coarse matrix needs H: its assembly frees H */
+  PetscBool  lower;    /* H is the packed lower triangle of a single subdomain, see LatinLowerAt(), in an array with room for all of it */
 } LatinHomogenised;
 
-/* Rows of a symmetric matrix, their columns ascending */
+/* Contribution of a rank to the coarse matrix: symmetric, compressed rows, ascending columns */
 typedef struct {
   PetscInt     rows, *i, *j;
   PetscScalar *a;
 } LatinCoarsePart;
 
-#define LATIN_COARSE_LEFT 0.1 /* of a displacement, in energy: what an iteration leaves to the next linear stage, or to the conjugate gradients around it */
+#define LATIN_COARSE_CONTRACTION 0.1 /* relative tolerance of an iterative coarse solver in the energy norm, if the next linear stage or an outer CG corrects its error */
 
 #define LATIN_REDUNDANT 1500 /* most rows of a parallel matrix that every rank factors by itself */
 
 /* ---- Cholesky of a matrix in parts, by fronts that ranks join in pairs (coarse/tree.h, treeplan.c, treecholesky.c, treefactor.c) ---- */
 #define LATIN_TREE       "latintree"      /* a MatSolverType */
-#define LATIN_TREE_SPENT "LatinTreeSpent" /* what a MATIS carries the local matrix by that is to be left of it: its factor is provisional, and may be rounded */
+#define LATIN_TREE_SPENT "LatinTreeSpent" /* key of an object composed with a MATIS: the shell that replaces its local matrix once the factorisation has read it. The factor is provisional, and may be rounded */
 PETSC_INTERN PetscErrorCode LatinTreeRegister(void);
 PETSC_INTERN PetscErrorCode LatinTreePays(MPI_Comm, PetscInt n, const PetscInt number[], PetscLayout, PetscBool *);
 
@@ -106,7 +106,7 @@ PETSC_INTERN PetscErrorCode LatinCoarseNumber(LatinCoarse *);
 PETSC_INTERN PetscErrorCode LatinCoarseSetUp(LatinCoarse *, LatinHomogenised *);
 PETSC_INTERN PetscErrorCode LatinCoarseRelease(LatinCoarse *);
 PETSC_INTERN PetscErrorCode LatinCoarseRenew(LatinCoarse *, LatinHomogenised *);
-PETSC_INTERN PetscErrorCode LatinCoarseSolve(LatinCoarse *, PetscReal left);
+PETSC_INTERN PetscErrorCode LatinCoarseSolve(LatinCoarse *, PetscReal contraction);
 PETSC_INTERN PetscErrorCode LatinCoarseExpand_Private(LatinCoarse *, Vec);
 PETSC_INTERN PetscErrorCode LatinCoarseReset(LatinCoarse *);
 PETSC_INTERN PetscErrorCode LatinCoarseRetire(LatinCoarse *);

@@ -1,17 +1,16 @@
 #include "coarse/latincoarse.h"
 
 /*
-   What the coarse matrix carries, as a matrix of finite elements does, for algebraic multigrid, BDDC, and a PC latin of its
-   own: where its unknowns are, and which fields cost next to nothing, as its near null space.
+   Coordinates and near null space of the coarse matrix, for algebraic multigrid, BDDC and a PC latin as its solver.
 
-   A coarse unknown is a number that a displacement field w gives: R_j^t D w for a macro mode, w at its node for a primal
-   one. So fields are carried over by evaluating it: the near null space of a matrix that has one, or the translations of
-   each component and, of displacements, rotations about the middle of all nodes.
+   A coarse dof is a functional of a displacement field w: R_j^t D w of a macro mode, the value at its node of a primal dof. The near
+   null space is restricted by evaluating these functionals: for the near null space of a matrix, or the translations of each
+   field and, of displacements, the rotations about the centre of all nodes.
 */
 
-#define LATIN_NEAR_RANK LatinByPrecision(1e-8, 1e-4) /* part of a field that is not that of others, at least */
+#define LATIN_NEAR_RANK LatinByPrecision(1e-8, 1e-4) /* smallest part of a vector that is orthogonal to the others, if it is independent */
 
-/* Fields near to the kernel, and the middle and half the width of the nodes that rotations refer to */
+/* The number of vectors of the near null space; centre and half width of the bounding box of nodes, for rotations */
 typedef struct {
   PetscInt  count;
   PetscReal centre[3], size;
@@ -38,7 +37,7 @@ static PetscErrorCode LatinNearSetUp_Private(const LatinSubdomains *sub, LatinNe
   PetscFunctionReturn(0);
 }
 
-/* A field at an entry of the copy arrays */
+/* Vector `which` of the near null space at a dof of the copies */
 static PetscReal LatinNearField(const LatinSubdomains *sub, const LatinNear *near, PetscInt which, PetscInt dof)
 {
   const PetscReal *x = sub->x + sub->dim * (dof / sub->bs);
@@ -53,7 +52,7 @@ static PetscReal LatinNearField(const LatinSubdomains *sub, const LatinNear *nea
   return c == a ? (near->centre[b] - x[b]) / near->size : 0.0;
 }
 
-/* The places of the coarse unknowns of the subdomains here, means of the nodes of an interface, and their numbers of all fields: [offset[n]][dim + count] */
+/* out[offset[n]][dim + count]: for each coarse dof of the subdomains here, coordinates, of a macro mode the mean of the interface; values of the near null space */
 static PetscErrorCode LatinNearCollect_Private(const LatinCoarse *coarse, const LatinNear *near, PetscReal out[])
 {
   const LatinSubdomains *sub   = coarse->sub;
@@ -88,7 +87,7 @@ static PetscErrorCode LatinNearCollect_Private(const LatinCoarse *coarse, const 
   PetscFunctionReturn(0);
 }
 
-/* The part of v that is not that of the others, normalised; *kept: there is one */
+/* Orthogonalises v to n orthonormal vectors and normalises it; *kept: it is independent */
 static PetscErrorCode LatinNearOrthogonalise_Private(Vec v, PetscInt n, Vec others[], PetscBool *kept)
 {
   PetscReal    part = 1.0, norm = 0.0;
@@ -97,7 +96,7 @@ static PetscErrorCode LatinNearOrthogonalise_Private(Vec v, PetscInt n, Vec othe
   PetscFunctionBegin;
   PetscCall(PetscMalloc1(n + 1, &dots));
   PetscCall(VecNormalize(v, &norm));
-  for (PetscInt pass = 0; pass < 2 && norm > 0.0; pass++) { /* twice is enough */
+  for (PetscInt pass = 0; pass < 2 && norm > 0.0; pass++) { /* twice is enough for orthogonality */
     PetscCall(VecMDot(v, n, others, dots));
     for (PetscInt j = 0; j < n; j++) dots[j] = -dots[j];
     PetscCall(VecMAXPY(v, n, dots, others));
@@ -110,9 +109,9 @@ static PetscErrorCode LatinNearOrthogonalise_Private(Vec v, PetscInt n, Vec othe
 }
 
 /*
-   Sets coarse.x, and attaches the near null space to coarse.A. Both sides of an interface have the same numbers, to
-   rounding: the larger one counts. Fields that are the same to the coarse unknowns (few interfaces, few modes) are left
-   out. Collective on coarse->sub->object.
+   Sets coarse.x, and attaches the near null space to coarse.A. Both sides of an interface have the same values up to rounding:
+   the larger one is taken. Vectors that are dependent on the coarse dofs (few interfaces, few modes) are left out.
+   Collective on coarse->sub->object.
 */
 PetscErrorCode LatinCoarseNear_Private(LatinCoarse *coarse)
 {

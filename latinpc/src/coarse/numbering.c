@@ -1,12 +1,11 @@
 #include "coarse/latincoarse.h"
 
 /*
-   Numbers of the coarse unknowns (24), (37), (38): the macro displacements of the strong interfaces, then the
-   displacements of the primal nodes. They are numbered by the rank that builds a macro basis, or that has the lowest
-   subdomain of a primal component.
+   Global numbering of the coarse dofs (24), (37), (38): macro displacements of the strong interfaces, then displacements of the
+   primal nodes. A dof is numbered by the rank that builds its macro basis, or that has the lowest subdomain of its primal component.
 */
 
-/* Numbers of the primal displacements: the lowest subdomain of a component gives them, the exchange table carries them */
+/* Numbers the primal dofs of this rank, from 0; table[] brings the numbers to all copies. Collective on sub->object */
 static PetscErrorCode LatinCoarseNumberPrimal_Private(LatinCoarse *coarse, PetscInt table[])
 {
   const LatinSubdomains *sub   = coarse->sub;
@@ -47,7 +46,7 @@ static PetscErrorCode LatinCoarseOffsets_Private(LatinCoarse *coarse)
   PetscFunctionReturn(0);
 }
 
-/* Their global numbers: macros[] of each rank come first among those of the rank, and table[] has those of the primal displacements */
+/* Global numbers: of each rank, its macros[] macro modes, then its primal dofs, numbered in table[] */
 static void LatinCoarseGlobal(LatinCoarse *coarse, PetscMPIInt size, const PetscInt macros[], const PetscInt table[])
 {
   const LatinSubdomains *sub   = coarse->sub;

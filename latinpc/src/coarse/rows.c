@@ -1,19 +1,19 @@
 #include "coarse/latincoarse.h"
 
 /*
-   A matrix of all ranks from parts that overlap: the rows of a part that another rank owns go there as they are, and are added
-   up in the order of the ranks, the same bits twice. PETSc's assembly from coordinates keeps several numbers for each entry.
+   Assembly of a distributed matrix from overlapping parts. Each rank sends whole compressed rows to their owners, which add them in
+   the order of the ranks: reproducible to the bit. PETSc's COO assembly would store several numbers for each entry.
 */
 
-/* Rows of one rank that another one owns */
+/* Rows received from one rank */
 typedef struct {
   PetscMPIInt  rank;
-  PetscInt     rows, next; /* how many, and the one to add next */
-  PetscInt    *info, *j;   /* [rows][2] number and length; columns */
+  PetscInt     rows, next; /* number of rows, next one to add */
+  PetscInt    *info, *j;   /* [rows][2] global number and length of each row; columns */
   PetscScalar *a;
 } LatinRows;
 
-/* What this rank sends: a message to each owner of its rows, ascending. number[n] ascends */
+/* The messages to send: for each owner to[], ascending, rows and entries size[][2], first row first[]. number[n] ascends */
 static PetscErrorCode LatinRowsTo_Private(PetscLayout map, PetscInt n, const PetscInt number[], const PetscInt ki[], PetscMPIInt *count, PetscMPIInt to[], PetscInt size[], PetscInt first[])
 {
   const PetscInt *range;
@@ -35,13 +35,13 @@ static PetscErrorCode LatinRowsTo_Private(PetscLayout map, PetscInt n, const Pet
   PetscFunctionReturn(0);
 }
 
-/* Adds m columns, ascending, to the n of a row; j[] and a[] have room for n + m. Returns the new number */
+/* Adds m entries with ascending columns to a row of n; j[] and a[] have room for n + m. Returns the new number of entries */
 static PetscInt LatinRowsMerge(PetscInt n, PetscInt j[], PetscScalar a[], PetscInt m, const PetscInt tj[], const PetscScalar ta[])
 {
   PetscInt    *old = j + m, i = 0, k = 0, count = 0;
   PetscScalar *was = a + m;
 
-  for (PetscInt c = n - 1; c >= 0; c--) { /* out of the way */
+  for (PetscInt c = n - 1; c >= 0; c--) { /* move to the end */
     old[c] = j[c];
     was[c] = a[c];
   }
@@ -57,7 +57,7 @@ static PetscInt LatinRowsMerge(PetscInt n, PetscInt j[], PetscScalar a[], PetscI
   return count;
 }
 
-/* Sends the rows and receives those owned here, `from` them by rank; those of this rank itself are left where they are. Collective on map->comm */
+/* Exchanges rows: sends them to their owners, receives those owned here in from[], ascending ranks; own rows are not copied. Collective on map->comm */
 static PetscErrorCode LatinRowsExchange_Private(PetscLayout map, PetscInt n, PetscInt info[], const PetscInt ki[], PetscInt kj[], PetscScalar ka[], PetscMPIInt sends, const PetscMPIInt to[], const PetscInt size[], const PetscInt first[],
                                                 PetscMPIInt froms, LatinRows from[])
 {
@@ -100,7 +100,7 @@ static PetscErrorCode LatinRowsExchange_Private(PetscLayout map, PetscInt n, Pet
   PetscFunctionReturn(0);
 }
 
-/* The ranks from which rows come, ascending; next holds their entries for now. Collective on map->comm */
+/* from[]: the ranks to receive from, ascending; next holds the number of entries until the exchange. Collective on map->comm */
 static PetscErrorCode LatinRowsFrom_Private(PetscLayout map, PetscMPIInt sends, const PetscMPIInt to[], const PetscInt size[], PetscMPIInt *froms, LatinRows **from)
 {
   PetscMPIInt *ranks;
@@ -120,7 +120,7 @@ static PetscErrorCode LatinRowsFrom_Private(PetscLayout map, PetscMPIInt sends, 
   PetscFunctionReturn(0);
 }
 
-/* The rows owned here, added up: i[rows + 1], j[], a[] */
+/* Sums the rows owned here: oi[rows + 1], oj[], oa[] */
 static PetscErrorCode LatinRowsAdd_Private(PetscLayout map, PetscMPIInt froms, LatinRows from[], PetscInt **oi, PetscInt **oj, PetscScalar **oa)
 {
   PetscInt *at, entries = 0, n = 0;
@@ -158,8 +158,8 @@ PetscErrorCode LatinCoarsePartFree_Private(LatinCoarsePart *part)
 }
 
 /*
-   A, whose rows map shares out: the sum of the parts of the ranks, which it frees. Rows and columns of a part have the
-   numbers number[part->rows] in A, ascending; those in a row ascend. upper: A has the upper triangle alone, as the parts. Collective on map->comm
+   A: the sum of the parts of the ranks, with row layout map; frees the part. number[part->rows]: global numbers of the rows and columns
+   of the part, ascending; columns of each row ascend. upper: A and the parts have the upper triangle alone. Collective on map->comm
 */
 PetscErrorCode LatinRowsSum_Private(PetscLayout map, const PetscInt number[], LatinCoarsePart *part, PetscBool upper, Mat *A)
 {

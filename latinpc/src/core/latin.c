@@ -163,9 +163,9 @@ static PetscErrorCode LatinSetUpPrecision_Private(Latin latin)
     PetscReal failed = LatinFactorFailed(&coarse->status) ? 1.0 : 0.0, left = 1.0;
 
     PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &failed, 1, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)latin)));
-    if (!(failed > 0.0)) PetscCall(LatinSubstructuresLeft(&latin->linear, &left));
+    if (!(failed > 0.0)) PetscCall(LatinSubstructuresContraction(&latin->linear, &left));
     solvers->rounding = left;
-    if (left < LATIN_ROUNDED_LEFT) break;
+    if (left < LATIN_ROUNDED_CONTRACTION) break;
     PetscCall(LatinCoarseRelease(coarse));
     PetscCall(LatinSubstructuresFill(&latin->linear));
     PetscCall(LatinLocalSolversRefine(solvers));
@@ -203,7 +203,7 @@ static PetscErrorCode LatinSetUpSoft_Private(Latin latin)
   PetscFunctionBegin;
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, most, 2, MPIU_REAL, MPIU_MAX, PetscObjectComm((PetscObject)latin)));
   PetscCall(PetscInfo(latin, "condensed to %g, softest coarse displacement %g\n", (double)most[0], (double)-most[1]));
-  if (!latin->coarse.ksp || !(most[0] > -LATIN_ROUNDED_LEFT * most[1])) PetscFunctionReturn(0);
+  if (!latin->coarse.ksp || !(most[0] > -LATIN_ROUNDED_CONTRACTION * most[1])) PetscFunctionReturn(0);
   latin->linear.precise = PETSC_TRUE;
   PetscCall(LatinLinearReset(&latin->linear));
   PetscCall(LatinLocalSolversRetire(solvers));
@@ -229,7 +229,7 @@ static PetscErrorCode LatinSetUpStages_Private(Latin latin, PetscBool kept)
   if (!kept) PetscCall(LatinInterfaceSetUp(&latin->inter));
   PetscCall(LatinDirectionSetUp(&latin->dir));
   PetscCall(LatinSpectralSetUp(&latin->spectral));
-  PetscCall(LatinStiffnessForget_Private(&latin->dir));
+  PetscCall(LatinSchurReset_Private(&latin->dir));
   PetscCall(LatinMacroSetUp(&latin->macro));
   PetscCall(LatinCoarseNumber(&latin->coarse));
   PetscCall(PetscMalloc1(latin->sub.n, &pattern));

@@ -72,7 +72,7 @@ PetscErrorCode LatinView_Private(Latin latin, PetscViewer viewer)
   if (!primal) PetscCall(LatinViewDirection_Private(latin, viewer));
   if (latin->sub.preconditions)
     PetscCall(PetscViewerASCIIPrintf(viewer, "weights of the copies of a node: %s\n",
-                                     !LatinDirectionShares(&latin->dir)     ? "stiffness"
+                                     !LatinDirectionIsDeluxe(&latin->dir)   ? "stiffness"
                                      : LatinDirectionCondensed(&latin->dir) ? "blocks of the operators on interfaces"
                                                                             : "Schur complements where there are, else stiffness"));
   if (!latin->set_up) PetscFunctionReturn(0);

@@ -1,18 +1,19 @@
 #include "interfaces/latininterfaces.h"
 
 /*
-   Local low-energy fields of subdomains without inside, as in coarse problems of substructures: what is left of a subdomain is
-   its operator K on its interfaces, dense. A displacement v of one interface that is split between its two sides by the weights
-   of the preconditioner, with A and B their blocks of the operators there, costs v^t N v, N = A (A + B)^-1 B, where the rest of both
-   sides is at rest; where the rest is free, no less than v^t P v, P^-1 = (K^-1)_ff + (K'^-1)_ff. The preconditioner is as good as
+   Local low-energy fields of subdomains without interior unknowns, as in coarse problems of substructures. The operator K of such
+   a subdomain is dense, on its interfaces. Let A and B be the blocks of both sides' operators on one interface, and v a
+   displacement there, which deluxe scaling splits between both sides.
 
-     N v = lambda P v
+     rest of both sides fixed: the split has the energy v^t N v, N = A (A + B)^-1 B, the parallel sum of A and B;
+     rest of both sides free: the least energy is v^t P v, P^-1 = (K^-1)_ff + (K'^-1)_ff, the parallel sum of Schur complements.
 
-   has no large lambda. The displacements of those that it has become macro, with N v for their forces: fields (A + B)^-1 N v. The
-   eigenproblem is one of the size of an interface. Springs of the search direction keep K regular.
+   The preconditioner is as good as the largest lambda of N v = lambda P v is small, as in adaptive BDDC. So eigenvectors of large
+   lambda become macro, with forces N v: the fields are (A + B)^-1 N v. The eigenproblem has the size of one interface.
+   The springs of the search direction keep K regular.
 */
 
-/* The inverse of the operator of subdomain s and its springs: G, rows and columns of held dofs zero; NULL where it has a mechanism, which the set-up of the linear stage reports. *firm: the diagonals of both show that there is none */
+/* G: inverse of the operator of subdomain s with its springs, rows and columns of held dofs zero; NULL: it has a mechanism, which the set-up of the linear stage reports. *firm: the diagonals of operator and inverse prove that there is none */
 static PetscErrorCode LatinFaceInverse_Private(const LatinSpectral *spectral, PetscInt s, const PetscBool held[], PetscReal **G, PetscBool *firm)
 {
   const LatinInterfaces *inter = spectral->inter;
@@ -52,7 +53,7 @@ static PetscErrorCode LatinFaceInverse_Private(const LatinSpectral *spectral, Pe
   PetscFunctionReturn(0);
 }
 
-/* Its blocks on the interfaces: C + first[f]; zero where there is none */
+/* C + first[f]: diagonal block of G on interface f; zero without G */
 static void LatinFaceCompliance(const LatinSpectral *spectral, PetscInt s, const PetscReal G[], const size_t first[], PetscReal C[])
 {
   const LatinInterfaces *inter = spectral->inter;
@@ -70,8 +71,10 @@ static void LatinFaceCompliance(const LatinSpectral *spectral, PetscInt s, const
 }
 
 /*
-   Columns *first on of V, *modes of them and LATIN_SPECTRAL_MOST at most, are eigenvectors for the largest lambda, those above the least: A v = lambda v, V as n x
-   PetscMin(n, LATIN_SPECTRAL_MOST); or with Q = P^-1 not NULL A v = lambda P v, V as n x n, none where Q is not positive definite. A and Q, n x n, are destroyed
+   Eigenvectors with lambda > least, for the LATIN_SPECTRAL_MOST largest at most: columns *first to *first + *modes of V.
+     Q NULL: A v = lambda v, V is n x PetscMin(n, LATIN_SPECTRAL_MOST)
+     else:   A v = lambda P v with Q = P^-1, V is n x n; no modes if Q is not positive definite
+   A and Q, n x n, are overwritten. *bad: LAPACK did not converge
 */
 PetscErrorCode LatinSpectralEigen_Private(PetscInt n, PetscReal least, PetscScalar A[], PetscScalar Q[], PetscScalar V[], PetscInt *first, PetscInt *modes, PetscBool *bad)
 {
@@ -96,7 +99,7 @@ PetscErrorCode LatinSpectralEigen_Private(PetscInt n, PetscReal least, PetscScal
   PetscFunctionReturn(0);
 }
 
-/* The fields of interface f of a lambda above the least, rows weighted by sqrt(d), of length 1; Q = P^-1, destroyed */
+/* The fields of interface f with lambda > least, rows weighted by sqrt(d), of length 1; Q = P^-1 is overwritten */
 static PetscErrorCode LatinFaceFields_Private(LatinSpectral *spectral, PetscInt f, PetscReal least, PetscScalar Q[], PetscBool *bad)
 {
   const LatinInterface  *face = &spectral->inter->interface[f];
@@ -111,7 +114,7 @@ static PetscErrorCode LatinFaceFields_Private(LatinSpectral *spectral, PetscInt 
   PetscFunctionBegin;
   PetscCall(PetscBLASIntCast(rows, &n));
   PetscCall(PetscMalloc3(rows * rows, &X, rows * rows, &N, rows * rows, &V));
-  PetscCall(PetscArraycpy(X, W, rows * rows)); /* (A + B)^-1 N = W - W W, A + B = D times scale */
+  PetscCall(PetscArraycpy(X, W, rows * rows)); /* (A + B)^-1 N = W - W W, A + B = scale D */
   PetscCallBLAS("BLASgemm", BLASgemm_("N", "N", &n, &n, &n, &minus, W, &n, W, &n, &one, X, &n));
   PetscCallBLAS("BLASgemm", BLASgemm_("N", "N", &n, &n, &n, &scale, D, &n, X, &n, &zero, N, &n));
   PetscCall(LatinSpectralEigen_Private(rows, least, N, Q, V, &first, &count, bad));
@@ -132,7 +135,7 @@ static PetscErrorCode LatinFaceFields_Private(LatinSpectral *spectral, PetscInt 
   PetscFunctionReturn(0);
 }
 
-/* The fields of all interfaces here for a threshold, made by the side of the lower subdomain. The inverses are kept, where they are the local solvers. Collective on sub->object */
+/* The fields of all interfaces here, computed by the side of the lower subdomain. The inverses are kept if they serve as local solvers. Collective on sub->object */
 PetscErrorCode LatinSpectralFaces_Private(LatinSpectral *spectral, const PetscBool held[], PetscReal threshold, PetscBool *bad)
 {
   const LatinInterfaces *inter = spectral->inter;

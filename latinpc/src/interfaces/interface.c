@@ -1,20 +1,20 @@
 #include "interfaces/latininterfaces.h"
 
 /*
-   Interfaces: which subdomains meet at which nodes (section 3.1), which interfaces are strong or weak (section 4),
-   which nodes are primal, that is have one displacement for several subdomains, and which pairs of subdomains keep
-   micro quantities at a node. The variants differ in LatinNodePrimal_Private() and nowhere else.
+   Interfaces (section 3.1) and their classes, strong or weak (section 4); primal nodes, where several subdomains share one
+   displacement; and the pairs of subdomains that keep micro quantities at a node. The variants differ in
+   LatinNodePrimal_Private() and nowhere else.
 */
 
-#define LATIN_FRAME_POINT 16.0                          /* times eps, of the coordinates: extents of one point */
-#define LATIN_FRAME_FLAT  LatinByPrecision(1e-12, 1e-5) /* squares of extents, of an interface in a plane or on a line */
+#define LATIN_FRAME_POINT 16.0                          /* times machine epsilon and the largest coordinate: smaller extents are those of a point */
+#define LATIN_FRAME_FLAT  LatinByPrecision(1e-12, 1e-5) /* square of an extent, relative to the largest: smaller ones are zero, the interface is plane or a line */
 
 enum { PAIR_STRONG = 1, PAIR_WEAK = 2 };
 
 /*
-   The frame of an interface: centre, size and principal axes, from the nodes with a free
-   component. It is strong when its nodes can carry the affine fields of section 3.2, that is when they span dim - 1
-   directions; of nodes without coordinates, several are enough. Differences of coordinates are scaled by the size: neither units nor the origin matter.
+   The frame of an interface: centre, size and principal axes of its nodes with a free component. The interface is strong when
+   its nodes span dim - 1 directions and so can carry the affine fields of section 3.2; without coordinates, when it has
+   more nodes than there are fields. Differences of coordinates are scaled by the size: neither units nor the origin matter.
 */
 PetscErrorCode LatinInterfaceFrame_Private(const LatinSubdomains *sub, PetscInt n, const PetscInt copies[], LatinFrame *frame)
 {
@@ -59,7 +59,7 @@ PetscErrorCode LatinInterfaceFrame_Private(const LatinSubdomains *sub, PetscInt 
   PetscCheck(!info, PETSC_COMM_SELF, PETSC_ERR_LIB, "LAPACK could not find the principal plane of an interface (info %d)", (int)info);
   for (PetscInt k = 0; k < dim; k++)
     for (PetscInt c = 0; c < dim; c++) frame->axes[k][c] = a[(dim - 1 - k) * dim + c];
-  /* w holds squares of the extents, increasing */
+  /* w: squares of the extents, increasing */
   frame->plane     = (PetscBool) !(w[0] > LATIN_FRAME_FLAT * w[dim - 1]);
   frame->strong    = (PetscBool)(dim == 2 || w[1] > LATIN_FRAME_FLAT * w[2]);
   frame->thickness = w[0] > 0.0 ? PetscSqrtReal(w[0] / w[dim - 1]) : 0.0;
@@ -70,7 +70,7 @@ typedef struct {
   PetscInt neighbour, copy;
 } LatinPair;
 
-/* By neighbour, then by copy, that is by node number: both sides list their nodes in the same order */
+/* Sorts by neighbour, then by copy, that is by node number: both sides list their nodes in the same order */
 static int LatinPairCompare(const void *pa, const void *pb)
 {
   const LatinPair *a = (const LatinPair *)pa, *b = (const LatinPair *)pb;
@@ -79,7 +79,7 @@ static int LatinPairCompare(const void *pa, const void *pb)
   return a->copy < b->copy ? -1 : (a->copy > b->copy ? 1 : 0);
 }
 
-/* The interfaces of each subdomain, with their nodes, and whether they are strong */
+/* The interfaces of each subdomain, their nodes and their classes. Collective on sub->object */
 static PetscErrorCode LatinInterfaceList_Private(LatinInterfaces *inter)
 {
   const LatinSubdomains *sub = inter->sub;
@@ -137,7 +137,7 @@ static PetscErrorCode LatinInterfaceList_Private(LatinInterfaces *inter)
   PetscFunctionReturn(0);
 }
 
-/* Connected components of m subdomains under the pairs of one class; component[j] is the lowest member of j's component */
+/* Connected components of the graph of m subdomains with an edge for each pair of one class; component[j]: lowest member of the component of j */
 static void LatinNodeComponents(PetscInt m, const PetscInt table[], PetscInt pairs, PetscInt component[])
 {
   PetscBool changed = PETSC_TRUE;
@@ -156,11 +156,12 @@ static void LatinNodeComponents(PetscInt m, const PetscInt table[], PetscInt pai
 
 /*
    The primal components of a node: sets of subdomains that share one displacement there, a coarse unknown.
-     none   no weak interface is glued (4.1)
+     none   no primal component (4.1)
      macro  the whole displacement of a weak interface is macro (4.2); weak interfaces that meet at the node are merged
-     corner all subdomains of a node of a weak interface share one displacement (4.4), and those of every node of three or
-            more subdomains, which an irregular partition has without a weak interface; published: the same
-   primal[j] is the lowest member of j's component, -1 for none.
+     corner one component of all subdomains of the node, if one of its interfaces is weak (4.4) or three or more subdomains
+            meet there: on irregular partitions such nodes may have strong interfaces alone; published: the same
+     primal one component at every shared node
+   primal[j]: lowest member of the component of j, -1: none.
 */
 static void LatinNodePrimal_Private(LatinVariant variant, PetscInt m, const PetscInt table[], PetscInt primal[])
 {
@@ -182,9 +183,9 @@ static void LatinNodePrimal_Private(LatinVariant variant, PetscInt m, const Pets
 }
 
 /*
-   Whether the subdomains at positions i and j keep micro quantities at the node. Inside a primal component the
-   displacement is continuous already (the article keeps the springs there: `published`). A weak pair whose subdomains
-   the strong pairs of the node connect is redundant and is dropped (4.1).
+   Do the subdomains at positions i and j keep micro quantities at the node? Not inside a primal component, where the
+   displacement is continuous already (but the article keeps the springs there: `published`). A weak pair is redundant and
+   dropped if strong pairs of the node connect its two subdomains (4.1).
 */
 static PetscBool LatinNodeMicro_Private(PetscBool published, PetscInt m, const PetscInt table[], const PetscInt primal[], const PetscInt strong[], PetscInt i, PetscInt j)
 {
@@ -194,7 +195,7 @@ static PetscBool LatinNodeMicro_Private(PetscBool published, PetscInt m, const P
   return (PetscBool)(!glued && strong[i] != strong[j]);
 }
 
-/* The table of the pairs of subdomains at each node, strong or weak. Collective */
+/* The class, strong or weak, of each pair of subdomains at each node. Collective on sub->object */
 static PetscErrorCode LatinInterfacePairs_Private(LatinInterfaces *inter, PetscInt **pairs)
 {
   PetscInt *table;
@@ -244,7 +245,7 @@ static PetscErrorCode LatinInterfaceClasses_Private(LatinInterfaces *inter, cons
   PetscFunctionReturn(0);
 }
 
-/* The sides: degrees of freedom of interfaces that carry micro quantities */
+/* The side dofs: free dofs of interfaces that carry micro quantities. Collective on sub->object */
 static PetscErrorCode LatinInterfaceSides_Private(LatinInterfaces *inter)
 {
   const LatinSubdomains *sub = inter->sub;
@@ -285,10 +286,10 @@ static PetscErrorCode LatinInterfaceSides_Private(LatinInterfaces *inter)
 }
 
 /*
-   Which interface a node is assigned to: its macro modes must be visible there, and no node has two of them. A node of
-   two subdomains is assigned to their interface; one of more to the thinnest of its strong interfaces; a primal node
-   none. Taking the interfaces of a subdomain from the thickest down shows that its macro constraints are independent:
-   the nodes of one are touched by thicker ones only.
+   Assigns each node to one interface at most; macro modes of an interface are kept only if they do not vanish on its assigned
+   nodes. A node of two subdomains is assigned to their interface, a node of more to the one of its strong interfaces with the
+   fewest nodes, a primal node to none. So the macro constraints of a subdomain are independent: the nodes assigned to an
+   interface are on no smaller strong interface (take the interfaces by decreasing size).
 */
 static PetscErrorCode LatinInterfaceAssign_Private(LatinInterfaces *inter)
 {
@@ -371,7 +372,7 @@ static PetscErrorCode LatinInterfaceMates_Private(LatinInterfaces *inter)
   PetscFunctionReturn(0);
 }
 
-/* Has no rank a subdomain with an inside? Collective on sub->object */
+/* Sets inter->condensed: no rank has a subdomain with interior unknowns. Collective on sub->object */
 static PetscErrorCode LatinInterfaceCondensed_Private(LatinInterfaces *inter)
 {
   PetscFunctionBegin;

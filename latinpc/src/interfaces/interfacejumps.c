@@ -1,14 +1,14 @@
 #include "interfaces/latininterfaces.h"
 
 /*
-   At which interfaces, and in which subdomains next to them, the coefficients of a matrix jump. A weight or a search
-   direction that uses the diagonal of the operators alone is as good as any other where they do not; where they do, it
-   takes Schur complements (interfaces/searchdirection.c), and local low-energy fields (interfaces/spectralmodes.c).
+   Detection of coefficient jumps of a matrix next to interfaces. Without jumps, weights and search directions from the diagonal of the
+   operators are as good as any. With jumps, Schur complements (interfaces/searchdirection.c) and local low-energy fields
+   (interfaces/spectralmodes.c) are needed.
 */
 
-#define LATIN_JUMP 30.0 /* ratio of the diagonal of the operator, from an unknown to its neighbours of the same field; twice misses jumps of 40: 7 iterations instead of 4 */
+#define LATIN_JUMP 30.0 /* ratio of the diagonal entries of neighbouring unknowns of the same field; twice as many misses jumps of 40: 7 iterations instead of 4 */
 
-/* jumps[s]: do they jump next to an interface of the subdomain? */
+/* jumps[s]: do coefficients jump next to an interface of subdomain s, on its side? */
 PetscErrorCode LatinJumps_Private(const LatinInterfaces *inter, PetscBool jumps[])
 {
   const LatinSubdomains *sub = inter->sub;
@@ -32,7 +32,7 @@ PetscErrorCode LatinJumps_Private(const LatinInterfaces *inter, PetscBool jumps[
   PetscFunctionReturn(0);
 }
 
-/* jumps[f]: do they jump next to an interface of one of the two subdomains of f? Collective on inter->sub->object */
+/* jumps[f]: do coefficients jump next to any interface of one of the two subdomains of f? Collective on inter->sub->object */
 PetscErrorCode LatinJumpsFaces_Private(const LatinInterfaces *inter, PetscBool jumps[])
 {
   PetscBool *here;

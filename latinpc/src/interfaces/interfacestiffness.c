@@ -1,21 +1,20 @@
 #include "interfaces/latininterfaces.h"
 
 /*
-   What the subdomains oppose to displacements of one of their interfaces, the scale of a good search direction: the
-   diagonal of B^t k B; its block on the side dofs of the interface; or its Schur complement there, with everything
-   else of the subdomain free.
+   The stiffness of the subdomains at one of their interfaces, the scale of a good search direction: the diagonal of B^t k B;
+   its block on the side dofs of the interface; or its Schur complement there, the rest of the subdomain free.
 
-   A subdomain may float, or have mechanisms of its own, and its Schur complement is then nearly singular where a
-   search direction needs springs most. So the matrices are those of B^t k B plus a small part of its diagonal: the
-   links on an elastic foundation. Their eigenvalues relative to that diagonal are bounded from below by construction.
+   A subdomain may float or have mechanisms. Then its Schur complement is nearly singular for the displacements that
+   need springs most. So a small part of the diagonal of B^t k B is added to it: the links rest on an elastic foundation.
+   This bounds the eigenvalues of the matrices relative to that diagonal from below.
 */
 
-#define LATIN_STIFFNESS_FLOOR 0.01                          /* stiffness of the foundation, relative to the diagonal of B^t k B */
-#define LATIN_STIFFNESS_SIDES 0.05                          /* of that of a preconditioner, on the interfaces alone: CG takes a quarter fewer iterations than on the other */
-#define LATIN_STIFFNESS_LEAST 0.1                           /* least diagonal entry, relative to the mean of the subdomain: for dofs that hardly any link reaches */
-#define LATIN_STIFFNESS_TINY  LatinByPrecision(1e-10, 1e-5) /* the same for matrices, whose coefficients may jump: no dof of theirs dangles */
+#define LATIN_STIFFNESS_FLOOR 0.01                          /* foundation, relative to the diagonal of B^t k B */
+#define LATIN_STIFFNESS_SIDES 0.05                          /* the same of PC latin, on interfaces alone: CG takes a quarter fewer iterations than with LATIN_STIFFNESS_FLOOR */
+#define LATIN_STIFFNESS_LEAST 0.1                           /* least diagonal entry, relative to the mean of the subdomain: for dofs of almost no stiffness */
+#define LATIN_STIFFNESS_TINY  LatinByPrecision(1e-10, 1e-5) /* the same for matrices, whose coefficients may jump but which have no such dofs; also the foundation of PC latin elsewhere */
 
-/* The foundation of the subdomains. Collective on sub->object. */
+/* spring[]: the foundation of the subdomains. Collective on sub->object. */
 static PetscErrorCode LatinStiffnessFoundation_Private(LatinDirections *dir, PetscReal spring[])
 {
   const LatinSubdomains *sub    = dir->sub;
@@ -52,7 +51,7 @@ static PetscErrorCode LatinStiffnessFoundation_Private(LatinDirections *dir, Pet
   PetscFunctionReturn(0);
 }
 
-/* The entries of K at the side dofs of one interface; at[row] = -1 is work space */
+/* S: block of K at the side dofs of one interface; work space at[row], -1 before and after */
 static void LatinStiffnessBlock(const LatinDirections *dir, const LatinSparse *K, const LatinInterface *face, PetscInt at[], PetscReal S[])
 {
   const PetscInt rows = face->side_last - face->side_first, top = dir->sub->bs * dir->sub->node_offset[face->sub], *dof = dir->inter->side_dof + face->side_first;
@@ -65,7 +64,7 @@ static void LatinStiffnessBlock(const LatinDirections *dir, const LatinSparse *K
   for (PetscInt r = 0; r < rows; r++) at[dof[r] - top] = -1;
 }
 
-/* The same of a subdomain without inside, and its foundation */
+/* The same for a subdomain without interior, foundation included */
 static void LatinStiffnessDense(const LatinDirections *dir, const PetscReal spring[], const LatinInterface *face, PetscInt at[], PetscReal S[])
 {
   const PetscInt rows = face->side_last - face->side_first, top = dir->sub->node_offset[face->sub], *dof = dir->inter->side_dof + face->side_first;
@@ -76,7 +75,7 @@ static void LatinStiffnessDense(const LatinDirections *dir, const PetscReal spri
   for (PetscInt r = 0; r < rows; r++) at[dof[r] - top] = -1;
 }
 
-/* Schur complements on the interfaces of one subdomain, from the inverse F of its matrix on all of them (gamma x gamma) */
+/* S + first[f]: Schur complements on the interfaces of one subdomain, from the inverse F (gamma x gamma) of its Schur complement on all of them */
 static PetscErrorCode LatinStiffnessSchur_Private(LatinDirections *dir, PetscInt s, PetscInt gamma, const PetscReal F[], const PetscInt at[], const size_t first[], PetscReal S[], PetscBool *bad)
 {
   const LatinInterfaces *inter = dir->inter;
@@ -99,29 +98,29 @@ static PetscErrorCode LatinStiffnessSchur_Private(LatinDirections *dir, PetscInt
   PetscFunctionReturn(0);
 }
 
-/* Keeps what is left of subdomain s, for its local low-energy fields */
-static PetscErrorCode LatinStiffnessKeep_Private(LatinDirections *dir, PetscInt s, PetscInt gamma, const PetscInt kept[], const PetscReal F[])
+/* Stores the Schur complement F of subdomain s for its local low-energy fields */
+static PetscErrorCode LatinSchurStore_Private(LatinDirections *dir, PetscInt s, PetscInt gamma, const PetscInt kept[], const PetscReal F[])
 {
-  LatinCondensed *condensed = &dir->condensed[s];
+  LatinSchur *schur = &dir->schur[s];
 
   PetscFunctionBegin;
-  condensed->n = gamma;
-  PetscCall(PetscMalloc2(gamma, &condensed->row, (size_t)gamma * (size_t)gamma, &condensed->S));
-  PetscCall(PetscArraycpy(condensed->row, kept, gamma));
-  PetscCall(PetscArraycpy(condensed->S, F, (size_t)gamma * (size_t)gamma));
+  schur->n = gamma;
+  PetscCall(PetscMalloc2(gamma, &schur->row, (size_t)gamma * (size_t)gamma, &schur->S));
+  PetscCall(PetscArraycpy(schur->row, kept, gamma));
+  PetscCall(PetscArraycpy(schur->S, F, (size_t)gamma * (size_t)gamma));
   PetscFunctionReturn(0);
 }
 
-/* Nothing else works on what is left of the subdomains */
-PetscErrorCode LatinStiffnessForget_Private(LatinDirections *dir)
+/* Destroys the Schur complements of the subdomains */
+PetscErrorCode LatinSchurReset_Private(LatinDirections *dir)
 {
   PetscFunctionBegin;
-  for (PetscInt s = 0; s < dir->sub->n && dir->condensed; s++) PetscCall(PetscFree2(dir->condensed[s].row, dir->condensed[s].S));
-  PetscCall(PetscFree(dir->condensed));
+  for (PetscInt s = 0; s < dir->sub->n && dir->schur; s++) PetscCall(PetscFree2(dir->schur[s].row, dir->schur[s].S));
+  PetscCall(PetscFree(dir->schur));
   PetscFunctionReturn(0);
 }
 
-/* The rows that stay of subdomains that have one operator: kept[], increasing, with at[row] their number; at[row] = -1 before */
+/* The number of rows that the Schur complement keeps of n subdomains with one operator: rows kept[], increasing, at[row] their positions; at[row] = -1 before */
 static PetscInt LatinStiffnessRows(const LatinDirections *dir, PetscInt n, const PetscInt list[], PetscInt at[], PetscInt kept[])
 {
   const LatinSubdomains *sub   = dir->sub;
@@ -133,7 +132,7 @@ static PetscInt LatinStiffnessRows(const LatinDirections *dir, PetscInt n, const
     const PetscInt s = list[p], top = sub->bs * sub->node_offset[s];
 
     for (PetscInt k = inter->interface[inter->offset[s]].side_first; k < inter->interface[inter->offset[s + 1] - 1].side_last; k++) at[inter->side_dof[k] - top] = 0;
-    for (PetscInt k = inter->primal_offset[s]; k < inter->primal_offset[s + 1] && dir->condensed; k++) at[inter->primal_dof[k] - top] = 0;
+    for (PetscInt k = inter->primal_offset[s]; k < inter->primal_offset[s + 1] && dir->schur; k++) at[inter->primal_dof[k] - top] = 0;
   }
   for (PetscInt r = 0; r < rows; r++)
     if (at[r] == 0) {
@@ -144,9 +143,9 @@ static PetscInt LatinStiffnessRows(const LatinDirections *dir, PetscInt n, const
 }
 
 /*
-   The Schur complements on the interfaces of the subdomains list[], n of them, that have the operator of the first one. Its
-   inside is eliminated once, what is on an interface of any of them is kept, and the rest is dense: so equal sides of
-   different subdomains get equal bits. The foundation of what is kept is added after that.
+   The Schur complements on the interfaces of n subdomains list[] with the same operator. Rows on an interface of any of them are
+   kept, the others are eliminated once, and the rest is dense: so equal sides of different subdomains get equal bits.
+   The foundation of the kept rows is added after the elimination.
 */
 static PetscErrorCode LatinStiffnessCondense_Private(LatinDirections *dir, PetscInt n, const PetscInt list[], PetscReal spring[], PetscInt at[], const size_t first[], PetscReal S[], PetscBool *bad)
 {
@@ -164,12 +163,12 @@ static PetscErrorCode LatinStiffnessCondense_Private(LatinDirections *dir, Petsc
     spring[top + kept[k]] = 0.0;
   }
   PetscCall(PetscMalloc1((size_t)gamma * (size_t)gamma, &F));
-  if (sub->ki && gamma == rows) LatinOperatorDense(sub, list[0], gamma, at, F); /* no inside */
+  if (sub->ki && gamma == rows) LatinOperatorDense(sub, list[0], gamma, at, F); /* no interior */
   else {
     PetscCall(LatinSparseCreate_Private(sub, list[0], spring, sub->fixed, 0, NULL, &K));
     PetscCall(LatinEliminate_Private(&K, gamma, kept, F, bad));
     PetscCall(LatinSparseReset_Private(&K));
-    if (dir->condensed && !*bad) PetscCall(LatinStiffnessKeep_Private(dir, list[0], gamma, kept, F));
+    if (dir->schur && !*bad) PetscCall(LatinSchurStore_Private(dir, list[0], gamma, kept, F));
   }
   for (PetscInt k = 0; k < gamma; k++) F[(size_t)k * ((size_t)gamma + 1)] += foundation[k];
   PetscCall(LatinSPDInverse_Private(gamma, F, bad));
@@ -180,7 +179,7 @@ static PetscErrorCode LatinStiffnessCondense_Private(LatinDirections *dir, Petsc
   PetscFunctionReturn(0);
 }
 
-/* The same for all subdomains of list[], sorted by operators same[] */
+/* The same for n subdomains list[], sorted by their operators same[] */
 static PetscErrorCode LatinStiffnessCondenseAll_Private(LatinDirections *dir, PetscInt n, const PetscInt list[], const PetscInt same[], PetscReal spring[], PetscInt at[], const size_t first[], PetscReal S[], PetscBool *bad)
 {
   PetscFunctionBegin;
@@ -192,8 +191,8 @@ static PetscErrorCode LatinStiffnessCondenseAll_Private(LatinDirections *dir, Pe
 }
 
 /*
-   The matrix of each interface side with matrices[f], its own subdomain's part, a block of B^t k B or a Schur complement: S + first[f], column-major, once for equal
-   subdomains. The caller frees S. Collective on sub->object.
+   S + first[f]: stiffness of its own subdomain at each interface side with matrices[f], column-major, stored once for equal
+   subdomains. blocks: diagonal blocks of B^t k B, else Schur complements. The caller frees S. Collective on sub->object.
 */
 PetscErrorCode LatinStiffnessFaces_Private(LatinDirections *dir, PetscBool blocks, const PetscBool matrices[], size_t first[], PetscReal **S)
 {
@@ -212,13 +211,13 @@ PetscErrorCode LatinStiffnessFaces_Private(LatinDirections *dir, PetscBool block
   PetscCall(PetscFree(dir->like));
   PetscCall(PetscMalloc1(sub->n, &dir->like));
   PetscCall(LatinRepeatsLike_Private(dir->inter, same, dir->like));
-  if (sub->matrix && LatinDirectionShares(dir) && !blocks) PetscCall(PetscCalloc1(sub->n, &dir->condensed));
+  if (sub->matrix && LatinDirectionIsDeluxe(dir) && !blocks) PetscCall(PetscCalloc1(sub->n, &dir->schur));
   pattern = dir->like;
   for (PetscInt i = 0; i < n; i++) at[i] = -1;
   for (PetscInt f = 0; f < inter->count; f++) wanted[pattern[inter->interface[f].sub]] = (PetscBool)(wanted[pattern[inter->interface[f].sub]] || matrices[f]);
   for (PetscInt s = 0; s < sub->n; s++) {
     if (pattern[s] == s && wanted[s]) {
-      key[patterns]    = sub->preconditions ? s : same[s]; /* the springs of a preconditioner depend on the sides */
+      key[patterns]    = sub->preconditions ? s : same[s]; /* the foundation of PC latin depends on the sides */
       list[patterns++] = s;
     }
     for (PetscInt f = inter->offset[s]; f < inter->offset[s + 1]; f++) {
@@ -243,7 +242,7 @@ PetscErrorCode LatinStiffnessFaces_Private(LatinDirections *dir, PetscBool block
   PetscCall(PetscFree(wanted));
   LatinAgree(
     PetscObjectComm(dir->sub->object), bad, PETSC_ERR_CONV_FAILED,
-    "The stiffness of a subdomain on its interfaces could not be computed: its matrix is not positive semidefinite, as after MatConvert() of a whole matrix to a MATIS, or rounding is large. If it is the latter, choose another -%sdirection, e.g. diagonal",
+    "The stiffness of a subdomain on its interfaces could not be computed: its matrix is not positive semidefinite, as after MatConvert() of a whole matrix to a MATIS, or rounding is large. For large rounding, choose another -%sdirection, e.g. diagonal",
     LatinPrefix(dir->sub));
   PetscFunctionReturn(0);
 }

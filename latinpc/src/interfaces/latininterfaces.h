@@ -7,50 +7,50 @@
 #include "localsolvers/latinlocalsolvers.h"
 
 /* ---- classes, primal nodes, sides and their mates (interfaces/interface.c) ---- */
-/* Where an interface lies; coordinates relative to one of its nodes, so that equal shapes give equal bits */
+/* The frame of an interface; coordinates are relative to one of its nodes, so that equal shapes give equal bits */
 typedef struct {
-  PetscReal origin[3], centre[3]; /* one node; the mean of all, from there */
+  PetscReal origin[3], centre[3]; /* one node; the mean of all nodes, relative to it */
   PetscReal axes[3][3];           /* xi, eta, zeta: principal axes, by decreasing extent */
   PetscReal size;
-  PetscReal thickness; /* the least of the extents over the largest */
-  PetscBool strong;
-  PetscBool plane; /* all nodes have the same zeta (in 2D, eta) */
+  PetscReal thickness; /* smallest extent over largest extent */
+  PetscBool strong;    /* its nodes span dim - 1 directions: they can carry the affine fields of section 3.2 */
+  PetscBool plane;     /* all nodes have the same zeta (in 2D, eta) */
 } LatinFrame;
 
 typedef struct {
   PetscInt  sub;                   /* subdomain here (local number) */
   PetscInt  neighbour;             /* subdomain on the other side (global number) */
-  PetscInt  node_first, node_last; /* its copies: node_list[first..last) */
+  PetscInt  node_first, node_last; /* copies of its nodes: node_list[node_first..node_last) */
   PetscBool strong;
-  PetscInt  side_first, side_last; /* its degrees of freedom among the side dofs */
+  PetscInt  side_first, side_last; /* its side dofs */
 } LatinInterface;
 
 typedef struct {
   const LatinSubdomains *sub;
-  LatinVariant           variant; /* not auto */
+  LatinVariant           variant; /* never auto */
   /* made by the set-up */
   PetscInt        count;        /* interface sides here */
   LatinInterface *interface;    /* [count] sorted by subdomain, then neighbour */
   PetscInt       *offset;       /* [subdomains + 1] */
-  PetscInt       *node_list;    /* copies, interface by interface */
+  PetscInt       *node_list;    /* copies of nodes, interface by interface */
   PetscInt       *share_offset; /* [copies + 1] into share_* */
-  PetscInt       *share_list;   /* subdomains at the node of the copy, increasing */
+  PetscInt       *share_list;   /* global numbers of the subdomains at the node of each copy, increasing */
   PetscInt       *node_class;   /* [copies] 0 interior, 1 strong, 2 weak, 3 primal */
   PetscInt       *component;    /* [copies] position in share_list of the first subdomain of the copy's primal component, -1 if not primal */
   PetscInt       *position;     /* [copies] position of the copy's own subdomain in share_list */
-  PetscBool      *glued;        /* [copies] the node has a primal component, this copy's or another one */
-  PetscInt        sides;        /* side degrees of freedom here */
-  PetscInt       *side_dof;     /* [sides] entry of the copy arrays */
-  PetscBool      *assigned;     /* [sides] to this interface, whose macro modes must be visible here */
+  PetscBool      *glued;        /* [copies] the node has a primal component, whether it contains this copy or not */
+  PetscInt        sides;        /* side dofs here */
+  PetscInt       *side_dof;     /* [sides] their dofs in arrays over copies */
+  PetscBool      *assigned;     /* [sides] the node is assigned to this interface: see LatinInterfaceAssign_Private() */
   PetscSF         mate_sf;      /* side dof -> its mate on the other side of the interface */
-  PetscBool       condensed;    /* no unknown of a matrix is inside a subdomain, on any rank, as in coarse problems of substructures */
+  PetscBool       condensed;    /* no subdomain of a matrix has interior unknowns, on any rank, as in coarse problems of substructures */
   PetscInt        strong_global, weak_global, side_nodes_global;
-  /* a table of m x m integers for the m subdomains of a node: each copy fills its own row, and all copies get the whole */
+  /* a table of m x m integers for the m subdomains of a node: each copy fills its own row, LatinInterfaceExchange_Private() gathers all rows at every copy */
   PetscSF   table_sf;
-  PetscInt *table_offset; /* [copies + 1] into the tables of this rank's shared copies */
-  PetscInt  table_roots;
-  PetscInt *primal_offset; /* [subdomains + 1] primal dofs of each subdomain */
-  PetscInt *primal_dof;    /* entries of the copy arrays */
+  PetscInt *table_offset;  /* [copies + 1] where the table of each copy starts */
+  PetscInt  table_roots;   /* entries of the tables that this rank gathers as the owner of nodes */
+  PetscInt *primal_offset; /* [subdomains + 1] where the primal dofs of each subdomain start */
+  PetscInt *primal_dof;    /* their dofs in arrays over copies */
   PetscInt *primal_index;  /* [copies * bs] position in its subdomain's primal list, -1 if not primal */
 } LatinInterfaces;
 PETSC_INTERN PetscErrorCode LatinInterfaceSetUp(LatinInterfaces *);
@@ -67,26 +67,26 @@ PETSC_INTERN PetscErrorCode LatinMateNumbers_Private(const LatinInterfaces *, co
 PETSC_INTERN PetscErrorCode LatinMateColumns_Private(const LatinInterfaces *, const PetscInt columns[], const PetscReal *const mine[], PetscInt theirs[], size_t first[], PetscReal **mate);
 
 /* ---- search directions (interfaces/searchdirection.c, interfaces/interfacestiffness.c) ---- */
-#define LATIN_DIRECTION_RANGE LatinByPrecision(1e10, 1e4) /* most times, and least part, of the stiffness of an interface: beyond, its springs or the subdomain are lost in rounding, and look like a mechanism */
-/* What is left of a subdomain when its inside is eliminated */
+#define LATIN_DIRECTION_RANGE LatinByPrecision(1e10, 1e4) /* largest ratio of a scalar direction to the stiffness of an interface, and of this to that: beyond, one of the two is lost in rounding, which looks like a mechanism */
+/* The Schur complement of a subdomain after elimination of its interior */
 typedef struct {
-  PetscInt   n, *row; /* rows that stay, from the subdomain's first one, increasing */
-  PetscReal *S;       /* n x n; NULL: nothing is kept */
-} LatinCondensed;
+  PetscInt   n, *row; /* rows of the subdomain that it keeps, relative to its first one, increasing */
+  PetscReal *S;       /* n x n; NULL: not stored */
+} LatinSchur;
 
 typedef struct {
   const LatinSubdomains *sub;
   const LatinInterfaces *inter;
-  LatinDirectionType     type;  /* asked for */
-  PetscReal              value; /* scalar: d; others: the fraction of the stiffness seen at the interface; 0: self-tuned */
+  LatinDirectionType     type;  /* as the user set it; LatinDirectionKind() resolves auto */
+  PetscReal              value; /* scalar: d; others: fraction of the interface stiffness; 0: automatic */
   /* made by the set-up */
-  PetscReal      *d;            /* [sides] micro search direction, force/length; of a matrix, its diagonal */
-  PetscReal      *harmonic;     /* [sides] stiffness of both subdomains there, the softer one counting most */
-  PetscInt       *matrix_first; /* [interface sides] where the matrix of each starts, -1: the direction is diagonal */
-  PetscReal      *matrix;       /* matrix directions: D, L of D = L L^t, and L^-1 or the part W of LatinDirectionShare(), column-major; equal ones are stored once; NULL if there is none */
-  PetscInt        matrices;     /* interfaces whose search direction is a matrix, over all ranks */
-  PetscInt       *like;         /* [subdomains] the first one with an equal operator and equal sides; NULL: not compared */
-  LatinCondensed *condensed;    /* [subdomains] until the local low-energy fields are there, which are of the same elimination; NULL: none */
+  PetscReal  *d;            /* [sides] micro search direction, force/length; of a matrix direction its diagonal */
+  PetscReal  *harmonic;     /* [sides] harmonic mean of the stiffnesses of both subdomains */
+  PetscInt   *matrix_first; /* [interface sides] where the matrix of each starts; -1: the direction is diagonal */
+  PetscReal  *matrix;       /* matrix directions: D, its Cholesky factor L, and L^-1 or the deluxe weights W of LatinDirectionDeluxe(), column-major; equal ones are stored once; NULL: none */
+  PetscInt    matrices;     /* interfaces with a matrix direction, over all ranks */
+  PetscInt   *like;         /* [subdomains] the first one with the same operator and sides; NULL: not compared */
+  LatinSchur *schur;        /* [subdomains] kept until the local low-energy fields have used them, which need the same elimination; NULL: none */
 } LatinDirections;
 PETSC_INTERN LatinDirectionType LatinDirectionKind(const LatinDirections *);
 PETSC_INTERN PetscReal          LatinDirectionFraction(const LatinDirections *);
@@ -94,20 +94,20 @@ PETSC_INTERN PetscErrorCode     LatinDirectionSetUp(LatinDirections *);
 PETSC_INTERN PetscErrorCode     LatinDirectionReset(LatinDirections *);
 PETSC_INTERN PetscErrorCode     LatinDirectionApply(const LatinDirections *, PetscInt f, PetscInt n, const PetscReal x[], PetscInt ldx, PetscReal y[], PetscInt ldy);
 PETSC_INTERN PetscErrorCode     LatinDirectionEnergy(const LatinDirections *, PetscInt f, PetscInt n, const PetscReal a[], const PetscReal b[], PetscInt ld, PetscReal work[], PetscReal *sum);
-PETSC_INTERN PetscErrorCode     LatinDirectionShare(const LatinDirections *, PetscInt f, PetscBool forces, PetscReal x[], PetscReal work[]);
+PETSC_INTERN PetscErrorCode     LatinDirectionDeluxe(const LatinDirections *, PetscInt f, PetscBool forces, PetscReal x[], PetscReal work[]);
 PETSC_INTERN PetscErrorCode     LatinDirectionNormalise(const LatinDirections *, PetscInt f, PetscInt modes, PetscReal R[]);
 PETSC_INTERN PetscErrorCode     LatinDirectionSprings_Private(const LatinDirections *, PetscReal spring[]);
 PETSC_INTERN PetscErrorCode     LatinDirectionMatrix(const LatinDirections *, PetscInt s, const PetscReal spring[], LatinSparse *K);
-PETSC_INTERN PetscErrorCode     LatinStiffnessForget_Private(LatinDirections *);
+PETSC_INTERN PetscErrorCode     LatinSchurReset_Private(LatinDirections *);
 PETSC_INTERN PetscErrorCode     LatinStiffnessFaces_Private(LatinDirections *, PetscBool blocks, const PetscBool matrices[], size_t first[], PetscReal **S);
 
-/* Does a preconditioner share forces by Schur complements? They take one interface a side dof, and a direction that has those of both sides */
-static inline PetscBool LatinDirectionShares(const LatinDirections *dir)
+/* Does PC latin use deluxe scaling? It requires that a dof is on one interface at most (variant corner), and the stiffness matrices of both sides */
+static inline PetscBool LatinDirectionIsDeluxe(const LatinDirections *dir)
 {
   return (PetscBool)(dir->sub->preconditions && dir->inter->variant == LATIN_VARIANT_CORNER && dir->type >= LATIN_DIRECTION_SCHUR);
 }
 
-/* How many of the interfaces of subdomain s have matrices, not springs alone? */
+/* The number of interfaces of subdomain s with a matrix direction */
 static inline PetscInt LatinDirectionBlocks(const LatinDirections *dir, PetscInt s)
 {
   PetscInt n = 0;
@@ -116,25 +116,25 @@ static inline PetscInt LatinDirectionBlocks(const LatinDirections *dir, PetscInt
   return n;
 }
 
-/* Are they all there is of the operators of the subdomains? */
+/* Does PC latin use deluxe scaling where no subdomain has an interior, so that the blocks of its operator take the place of Schur complements? */
 static inline PetscBool LatinDirectionCondensed(const LatinDirections *dir)
 {
-  return (PetscBool)(LatinDirectionShares(dir) && dir->inter->condensed);
+  return (PetscBool)(LatinDirectionIsDeluxe(dir) && dir->inter->condensed);
 }
 
 /* ---- local low-energy fields (interfaces/spectralmodes.c, interfaces/facemodes.c) ---- */
-#define LATIN_SPECTRAL_MOST 64  /* fields of a subdomain; 8 take as many iterations as a threshold a tenth as large */
-#define LATIN_SPECTRAL_FACE 0.3 /* of the threshold, for ratios of stiffnesses of an interface (interfaces/facemodes.c) */
+#define LATIN_SPECTRAL_MOST 64  /* most fields of a subdomain; 8 take as many iterations as a threshold a tenth as large */
+#define LATIN_SPECTRAL_FACE 0.3 /* factor of the threshold in the eigenproblems of interfaces (interfaces/facemodes.c) */
 typedef struct {
   const LatinSubdomains *sub;
   const LatinInterfaces *inter;
   const LatinDirections *dir;
-  PetscReal              threshold; /* of the eigenvalues, 0: none, negative: automatic */
+  PetscReal              threshold; /* of the eigenvalues; 0: no fields, negative: automatic */
   /* made by the set-up */
   PetscInt     *modes;   /* [subdomains] low-energy modes found */
-  PetscInt     *count;   /* [interface sides] fields of both subdomains there */
-  PetscScalar **field;   /* [interface sides][count] columns, rows weighted by sqrt(d) */
-  PetscReal   **inverse; /* [subdomains] of the operators and their springs, dense, until the linear stage takes them; NULL: none */
+  PetscInt     *count;   /* [interface sides] fields of both sides */
+  PetscScalar **field;   /* [interface sides] column-major, count columns, rows weighted by sqrt(d) */
+  PetscReal   **inverse; /* [subdomains] dense inverse of K_E, until the linear stage takes it as local solver; NULL: none */
 } LatinSpectral;
 PETSC_INTERN PetscErrorCode LatinSpectralSetUp(LatinSpectral *);
 PETSC_INTERN PetscErrorCode LatinSpectralExtend(const LatinSpectral *, PetscInt f, PetscInt rows, PetscInt *fields, PetscScalar F[]);
@@ -142,14 +142,14 @@ PETSC_INTERN PetscErrorCode LatinSpectralStatistics_Private(const LatinSpectral 
 PETSC_INTERN PetscReal      LatinSpectralThreshold(const LatinSpectral *);
 PETSC_INTERN PetscErrorCode LatinSpectralEigen_Private(PetscInt n, PetscReal least, PetscScalar A[], PetscScalar Q[], PetscScalar V[], PetscInt *first, PetscInt *modes, PetscBool *bad);
 PETSC_INTERN PetscErrorCode LatinSpectralFaces_Private(LatinSpectral *, const PetscBool held[], PetscReal threshold, PetscBool *bad);
-PETSC_INTERN PetscErrorCode LatinSpectralForget(LatinSpectral *);
+PETSC_INTERN PetscErrorCode LatinSpectralFreeInverses(LatinSpectral *);
 PETSC_INTERN PetscErrorCode LatinSpectralReset(LatinSpectral *);
 
 /* ---- macro bases (interfaces/macrobasis.c) ---- */
 typedef struct {
   PetscInt modes;  /* macro modes kept */
   PetscInt first;  /* where its rows of R start in the macro bases */
-  PetscInt number; /* of the first one among those of the rank that builds them */
+  PetscInt number; /* number of the first one among the modes of the rank that builds them */
   PetscInt at;     /* position of the first one among the coarse dofs of its subdomain */
 } LatinFaceModes;
 
@@ -163,15 +163,15 @@ typedef struct {
   LatinFaceModes *of;                        /* [interface sides] */
   PetscReal      *basis;                     /* R of each interface, [side dofs of the interface][modes], with R^t D R = 1 */
   PetscReal      *dual;                      /* D R, in the same places */
-  PetscInt        modes_local, modes_global; /* numbered by this rank, all */
-  PetscInt        spectral_global;           /* of all, those of local low-energy fields */
+  PetscInt        modes_local, modes_global; /* modes that this rank builds; of all ranks */
+  PetscInt        spectral_global;           /* those of all ranks that come from local low-energy fields */
 } LatinMacro;
 PETSC_INTERN PetscErrorCode LatinMacroSetUp(LatinMacro *);
 PETSC_INTERN PetscErrorCode LatinMacroShare_Private(LatinMacro *, const PetscInt pattern[]);
 PETSC_INTERN void           LatinMacroMicro(const LatinMacro *, PetscInt f, PetscBool forces, PetscReal x[], PetscReal work[]);
 PETSC_INTERN PetscErrorCode LatinMacroReset(LatinMacro *);
 
-/* The row of D R at a side dof of interface f: what unit macro forces do */
+/* The row of D R at a side dof of interface f: the forces there of unit macro forces */
 static inline const PetscReal *LatinMacroDualRow(const LatinMacro *macro, PetscInt f, PetscInt side)
 {
   return macro->dual + macro->of[f].first + (side - macro->inter->interface[f].side_first) * macro->of[f].modes;

@@ -4,14 +4,14 @@
    Macro bases of the strong interfaces, section 3.2: affine displacement fields over the principal plane of the
    interface, or rigid motions, restricted to its side degrees of freedom and made orthonormal in the search direction, R^t d R = 1.
 
-   The macro constraints of one subdomain must be independent, or its condensed operator is singular. On an irregular
-   partition the interfaces of a subdomain share nodes, and primal nodes carry constraints of their own. So only those
-   combinations of modes are kept that are visible on the nodes that are assigned to the interface, see
+   The macro constraints of a subdomain must be independent, or its condensed operator is singular. On an irregular
+   partition the interfaces of a subdomain share nodes, and primal nodes carry constraints of their own. So combinations
+   of modes are kept only if they do not vanish on the nodes assigned to the interface, see
    LatinInterfaceAssign_Private().
 */
 
 #define LATIN_MODE_RANK    LatinByPrecision(1e-6, 1e-4) /* singular values below this fraction of the largest are dependent modes */
-#define LATIN_MODE_VISIBLE 1e-3                         /* a mode is kept when this part of its norm, or more, lies on the nodes that are assigned to the interface */
+#define LATIN_MODE_VISIBLE 1e-3                         /* a mode is kept if at least this part of its norm is on the nodes assigned to the interface */
 
 /* Most modes of LatinMacroModes_Private(); in 3D 9 fields and 2 rotations */
 static inline PetscInt LatinMacroModesMost(LatinMacro *macro)
@@ -21,13 +21,13 @@ static inline PetscInt LatinMacroModesMost(LatinMacro *macro)
   return sub->fields * PetscMax(sub->dim, 1) + PetscMax(sub->fields, sub->dim) + sub->nears;
 }
 
-/* Columns that an interface may need */
+/* Most columns of the basis of interface f */
 static inline PetscInt LatinMacroWidth(LatinMacro *macro, PetscInt f)
 {
   return LatinMacroModesMost(macro) + (macro->spectral->count ? macro->spectral->count[f] : 0);
 }
 
-/* Appends the near null space of a matrix, each field scaled by its largest entry on the interface, weighted by sqrt(d) */
+/* Appends the near null space of a matrix to M: each vector scaled by its largest entry on the interface, rows weighted by sqrt(d) */
 static PetscErrorCode LatinMacroNears_Private(const LatinMacro *macro, const LatinInterface *face, PetscInt *modes, PetscScalar M[])
 {
   const LatinSubdomains *sub = macro->sub;
@@ -48,12 +48,11 @@ static PetscErrorCode LatinMacroNears_Private(const LatinMacro *macro, const Lat
 
 /*
    Modes at the side dofs of an interface, weighted row-wise by sqrt(d): M[row + rows * mode].
-     affine  the fields of section 3.2, components x (1, xi, eta); where the nodes are not in one plane these do not
-             contain the rotations about its axes: zeta e_xi and zeta e_eta complete them, or a floating subdomain
-             could not move rigidly without micro energy. Fields that are no displacement do not rotate: zeta itself
-             completes them.
+     affine  the fields of section 3.2, components x (1, xi, eta). If the nodes are not in one plane, zeta e_xi and
+             zeta e_eta are added: without them the fields contain no rotation about the axes of the principal plane, and a
+             rigid-body motion of a floating subdomain has micro energy. For fields that are no displacement, zeta of each is added.
      rigid   translations and rotations only: a smaller coarse problem
-   Behind them, the near null space of a matrix that has one; it takes the place of the rigid fields.
+   The near null space of a matrix follows; with type rigid it replaces the rigid-body modes.
 */
 static PetscErrorCode LatinMacroModes_Private(LatinMacro *macro, const LatinInterface *face, PetscInt *modes, PetscScalar M[])
 {
@@ -101,10 +100,11 @@ static PetscErrorCode LatinMacroModes_Private(LatinMacro *macro, const LatinInte
 }
 
 /*
-   The basis of one interface, column by column in M. First the fields that its side dofs distinguish, orthonormal in
-   d, completed by local low-energy fields where there are any (interfaces/spectralmodes.c); then, of these, the combinations whose part on the assigned nodes does not vanish (singular values are cosines,
-   between 0 and 1). Orthogonal combinations of an orthonormal basis are orthonormal: the result does not depend on how
-   modes are scaled.
+   The basis of one interface, column-major in M:
+     1. SVD of the modes on the side dofs: independent fields, orthonormal in d;
+     2. completed by local low-energy fields, if any (interfaces/spectralmodes.c);
+     3. SVD of the rows of assigned nodes: combinations that do not vanish there (singular values are cosines, from 0 to 1).
+   Orthogonal combinations of an orthonormal basis are orthonormal: the scaling of modes does not matter.
 */
 static PetscErrorCode LatinMacroBasis_Private(LatinMacro *macro, PetscInt f, PetscScalar M[], PetscScalar F[])
 {
@@ -142,15 +142,15 @@ static PetscErrorCode LatinMacroBasis_Private(LatinMacro *macro, PetscInt f, Pet
   PetscFunctionReturn(0);
 }
 
-/* Does this side build the basis of the interface? */
+/* Does this side build the basis of the interface? That of the lower subdomain does */
 static inline PetscBool LatinMacroBuilds(LatinMacro *macro, const LatinInterface *face)
 {
   return (PetscBool)(face->strong && macro->sub->first + face->sub < face->neighbour && face->side_last > face->side_first);
 }
 
 /*
-   pattern[f]: the first of the interfaces whose basis is built here that has the same one as f. A basis depends on the
-   weighted fields, on D and on the nodes that are assigned to the interface; one with local fields is compared with none.
+   pattern[f]: the first interface built here with the same basis as f. A basis depends on the weighted fields, on D and
+   on the nodes assigned to the interface; bases with local low-energy fields are not compared.
 */
 static PetscErrorCode LatinMacroCompare_Private(LatinMacro *macro, PetscInt pattern[])
 {
@@ -181,7 +181,7 @@ static PetscErrorCode LatinMacroCompare_Private(LatinMacro *macro, PetscInt patt
   PetscFunctionReturn(0);
 }
 
-/* The bases of the sides that build them, mine[f] column by column, in *built, once for equal ones; numbered from 0 on this rank */
+/* mine[f]: the bases that this side builds, column-major, equal ones once, in *built, which the caller frees. Their modes are numbered from 0 on this rank */
 static PetscErrorCode LatinMacroBuild_Private(LatinMacro *macro, const PetscReal *mine[], PetscScalar *built[])
 {
   const LatinInterfaces *inter = macro->inter;
@@ -223,7 +223,7 @@ static PetscErrorCode LatinMacroBuild_Private(LatinMacro *macro, const PetscReal
   PetscFunctionReturn(0);
 }
 
-/* The bases of all sides, column by column: those built here, mine[f], and from the mates the others, with their numbers. Collective */
+/* Gathers the bases of all sides, column-major: those built here, mine[f]; the others, and the numbers of their modes, come from the mates. Collective on sub->object */
 static PetscErrorCode LatinMacroCollect_Private(LatinMacro *macro, const PetscReal *const mine[])
 {
   const LatinInterfaces *inter = macro->inter;
@@ -259,8 +259,8 @@ static PetscErrorCode LatinMacroCollect_Private(LatinMacro *macro, const PetscRe
 }
 
 /*
-   The side of the lower subdomain builds the basis and numbers its modes; the other side receives both, so that they
-   agree to the bit even where principal axes are not unique. LatinMacroShare_Private() is to follow.
+   The side of the lower subdomain builds the basis and numbers its modes; the other side receives both. So they agree to the bit
+   even if principal axes are not unique. Call LatinMacroShare_Private() afterwards. Collective on sub->object
 */
 PetscErrorCode LatinMacroSetUp(LatinMacro *macro)
 {
@@ -289,8 +289,8 @@ PetscErrorCode LatinMacroSetUp(LatinMacro *macro)
 }
 
 /*
-   The bases by rows, and D R. Equal subdomains, pattern[s] the first of them, share theirs: they are read in one place,
-   where they stay in cache.
+   Makes the bases row-major and computes D R. Equal subdomains, pattern[s] the first of them, share one copy, which stays
+   in cache.
 */
 PetscErrorCode LatinMacroShare_Private(LatinMacro *macro, const PetscInt pattern[])
 {

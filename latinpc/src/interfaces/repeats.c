@@ -1,12 +1,12 @@
 #include "interfaces/latininterfaces.h"
 
 /*
-   Which subdomains are equal, to the bit. A structure made of repeated modules gives many of them the same operator and
-   supports; fewer the same sides, for those at the rim of the structure touch fewer others; fewer still the same search
+   Search for equal subdomains, to the bit. Three levels, each finer than the one before: the same operator and supports, as in
+   structures of repeated modules; also the same sides, which differ at the rim of the structure; also the same search
    directions and macro bases.
 */
 
-/* What is compared: sides with `same`, the first subdomain of the same operator; directions and bases where they are made (NULL) */
+/* Data of the comparison; same: the first subdomain with the same operator, NULL: compare operators; dir and macro, NULL: not compared */
 typedef struct {
   const LatinInterfaces *inter;
   const PetscInt        *same;
@@ -14,7 +14,7 @@ typedef struct {
   const LatinMacro      *macro;
 } LatinRepeats;
 
-/* The operator, and where the subdomain is held */
+/* Level 1: the operator and the supports */
 static PetscErrorCode LatinRepeatsOperator_Private(const void *ctx, PetscInt s, LatinStream *stream)
 {
   const LatinSubdomains *sub = ((const LatinRepeats *)ctx)->inter->sub;
@@ -27,7 +27,7 @@ static PetscErrorCode LatinRepeatsOperator_Private(const void *ctx, PetscInt s, 
   PetscFunctionReturn(0);
 }
 
-/* The same, and where the subdomain touches others */
+/* Level 2: the operator, the supports and the sides */
 static PetscErrorCode LatinRepeatsSides_Private(const void *ctx, PetscInt s, LatinStream *stream)
 {
   const LatinRepeats    *what  = (const LatinRepeats *)ctx;
@@ -55,6 +55,7 @@ static PetscErrorCode LatinRepeatsSides_Private(const void *ctx, PetscInt s, Lat
   PetscFunctionReturn(0);
 }
 
+/* Level 3: all this, search directions and macro bases */
 static PetscErrorCode LatinRepeatsStream_Private(const void *ctx, PetscInt s, LatinStream *stream)
 {
   const LatinInterfaces *inter = ((const LatinRepeats *)ctx)->inter;
@@ -86,7 +87,7 @@ PetscErrorCode LatinRepeatsOperators_Private(const LatinInterfaces *inter, Petsc
   PetscFunctionReturn(0);
 }
 
-/* The same; like[s]: with its sides as well */
+/* The same, and like[s]: the first subdomain with its sides as well */
 PetscErrorCode LatinRepeatsLike_Private(const LatinInterfaces *inter, PetscInt same[], PetscInt like[])
 {
   const LatinRepeats what = {.inter = inter, .same = same};
@@ -97,7 +98,7 @@ PetscErrorCode LatinRepeatsLike_Private(const LatinInterfaces *inter, PetscInt s
   PetscFunctionReturn(0);
 }
 
-/* pattern[s]: the first subdomain equal to s, in its search directions and its macro bases (NULL: whatever they are) as well */
+/* pattern[s]: the first subdomain equal to s, search directions and macro bases (NULL: not compared) included */
 PetscErrorCode LatinRepeats_Private(const LatinInterfaces *inter, const LatinDirections *dir, const LatinMacro *macro, PetscInt pattern[])
 {
   const LatinRepeats what = {.inter = inter, .dir = dir, .macro = macro};

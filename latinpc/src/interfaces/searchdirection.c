@@ -2,37 +2,36 @@
 
 /*
    The micro search direction D of the interfaces, the same on both sides: a positive number a side degree of freedom,
-   or a symmetric positive definite matrix. Self-tuned: a fraction of the mean stiffness that the two subdomains show
-   at the interface, see interfaces/interfacestiffness.c. Section 6 explains why a stiffness of the subdomain is the right scale; the
-   fraction is a property of the iteration, not of the units.
+   or a symmetric positive definite matrix. By default, a fraction of the mean stiffness of the two subdomains at the
+   interface, see interfaces/interfacestiffness.c. Section 6 explains why this is the right scale; the fraction depends on
+   the iteration, not on units.
 
      scalar    the mean over the interface of the diagonal of B^t k B
      diagonal  that diagonal
-     block     its block on the interface
-     schur     its Schur complement on the interface
-     auto      of a preconditioner of a matrix: schur between small subdomains, where it costs little, and on the interfaces
-               of subdomains where the coefficients jump (interfaces/interfacejumps.c), for that is where it saves
-               iterations; diagonal on the others; block where no subdomain has an inside (interfaces/facemodes.c). Elsewhere schur
+     block     the diagonal block of B^t k B on the interface
+     schur     the Schur complement of B^t k B on the interface
+     auto      PC latin for a matrix: schur between small subdomains, where it costs little, and at subdomains whose
+               coefficients jump (interfaces/interfacejumps.c), where it saves iterations; diagonal on the other interfaces;
+               block if no subdomain has an interior (interfaces/facemodes.c). Otherwise schur
 
-   A matrix is stored once for equal ones, with its Cholesky factor, D = L L^t, and the inverse of that, or the W of a
-   preconditioner (LatinDirectionShare()).
-   The other stages use nothing of a direction but the functions of this file.
+   A matrix D = L L^t is stored with L and L^-1, or, for PC latin, with its deluxe weights W (LatinDirectionDeluxe()) in place of
+   L^-1; equal ones are stored once. The other stages use a direction through the functions of this file alone.
 */
 
-#define LATIN_DIRECTION_FLOOR  0.1    /* least diagonal direction of an interface, relative to its mean */
-#define LATIN_DIRECTION_MATRIX 1e-3   /* fraction of a preconditioner, of the interface stiffness of a matrix */
-#define LATIN_DIRECTION_LINKS  0.1    /* of links */
-#define LATIN_DIRECTION_SMALL  150000 /* rows of a subdomain times those on its interfaces, up to which Schur complements cost little */
+#define LATIN_DIRECTION_FLOOR  0.1    /* least entry of a diagonal direction, relative to the mean of its interface */
+#define LATIN_DIRECTION_MATRIX 1e-3   /* default fraction of PC latin for a matrix */
+#define LATIN_DIRECTION_LINKS  0.1    /* the same for links */
+#define LATIN_DIRECTION_SMALL  150000 /* rows of a subdomain times rows on its interfaces; up to this Schur complements cost little */
 
-/* The type; auto is left for what preconditions a matrix only */
+/* The type; auto remains for PC latin on a matrix alone, which decides interface by interface */
 LatinDirectionType LatinDirectionKind(const LatinDirections *dir)
 {
   return dir->type == LATIN_DIRECTION_AUTO && !(dir->sub->matrix && dir->sub->preconditions) ? LATIN_DIRECTION_SCHUR : dir->type;
 }
 
 /*
-   What is given, or the default of the type: least iterations over many structures, regular and irregular. In a
-   preconditioner the springs only keep the subdomains' operators regular; those of a matrix seldom have mechanisms.
+   The fraction set by the user, or the default of the type: least iterations over many structures, regular and irregular. In
+   PC latin springs serve only to keep the operators of subdomains regular; those of a matrix seldom have mechanisms.
 */
 PetscReal LatinDirectionFraction(const LatinDirections *dir)
 {
@@ -43,7 +42,7 @@ PetscReal LatinDirectionFraction(const LatinDirections *dir)
   return fraction[dir->type];
 }
 
-/* The stiffness of two springs in a row, doubled: a mean in which the softer one counts */
+/* Harmonic mean of two stiffnesses, ruled by the softer one */
 static inline PetscReal LatinHarmonic(PetscReal a, PetscReal b)
 {
   return a > 0.0 && b > 0.0 ? 2.0 * a / (1.0 + a / b) : 0.0;
@@ -70,9 +69,9 @@ static PetscErrorCode LatinDirectionDiagonal_Private(LatinDirections *dir, Petsc
     /* the sums run over the same numbers in the same order on both sides: the results are the same to the bit */
     for (PetscInt k = face->side_first; k < face->side_last; k++) mean += 0.5 * (mine[k] + mate[k]);
     if (face->side_last > face->side_first) mean /= face->side_last - face->side_first;
-    if (!(mean > 0.0)) mean = fallback; /* no link of the two subdomains pulls in these directions */
+    if (!(mean > 0.0)) mean = fallback; /* the two subdomains have no stiffness there */
     for (PetscInt k = face->side_first; k < face->side_last; k++) {
-      /* a dof that hardly any link reaches must not lose its spring: K_E stays regular thanks to it */
+      /* keep K_E regular at dofs of almost no stiffness */
       const PetscReal own = PetscMax(0.5 * (mine[k] + mate[k]), LATIN_DIRECTION_FLOOR * mean);
 
       dir->d[k]        = fraction * (dir->type == LATIN_DIRECTION_SCALAR ? mean : own);
@@ -86,7 +85,7 @@ static PetscErrorCode LatinDirectionDiagonal_Private(LatinDirections *dir, Petsc
 
 /* ---- matrices ---- */
 
-/* The Cholesky factor L of a matrix in its place, and M: L^-1, its upper part zero; or S becomes D^-1 S times mean */
+/* D = L L^t in place, its upper part zero; M: L^-1, or with S, mean D^-1 S */
 static PetscErrorCode LatinDirectionInvert_Private(PetscInt rows, PetscReal L[], const PetscReal S[], PetscReal mean, PetscReal M[], PetscBool *bad)
 {
   const PetscScalar one = 1.0, factor = S ? mean : 1.0;
@@ -107,7 +106,7 @@ static PetscErrorCode LatinDirectionInvert_Private(PetscInt rows, PetscReal L[],
   PetscFunctionReturn(0);
 }
 
-/* pattern[f]: the first interface side with the same matrix D, and with S, from[f] in it, the same stiffness of its own */
+/* pattern[f]: the first interface side with the same matrix D + first[f] and, unless S is NULL, the same own stiffness S + from[f] */
 static PetscErrorCode LatinDirectionPattern_Private(const LatinDirections *dir, const PetscReal D[], const size_t first[], const PetscReal S[], const size_t from[], PetscInt pattern[])
 {
   const PetscInt count = dir->inter->count;
@@ -129,7 +128,7 @@ static PetscErrorCode LatinDirectionPattern_Private(const LatinDirections *dir, 
   PetscFunctionReturn(0);
 }
 
-/* Factors the matrices D + first[f], each different one once; a preconditioner takes the stiffnesses S + from[f] as well, with each different one */
+/* Factors the matrices D + first[f], equal ones once; S not NULL: computes the deluxe weights from the stiffnesses S + from[f] */
 static PetscErrorCode LatinDirectionFactor_Private(LatinDirections *dir, const PetscReal D[], const size_t first[], const PetscReal S[], const size_t from[], PetscReal mean, PetscBool *bad)
 {
   const LatinInterfaces *inter = dir->inter;
@@ -146,7 +145,7 @@ static PetscErrorCode LatinDirectionFactor_Private(LatinDirections *dir, const P
       used += 3 * (PetscInt)(first[f + 1] - first[f]);
     }
   }
-  PetscCall(PetscMalloc1(used + 1, &dir->matrix)); /* not NULL on a rank without interfaces either */
+  PetscCall(PetscMalloc1(used + 1, &dir->matrix)); /* not NULL, even on a rank without interfaces */
   for (PetscInt f = 0; f < inter->count; f++) {
     const LatinInterface *face   = &inter->interface[f];
     const PetscInt        rows   = face->side_last - face->side_first;
@@ -160,7 +159,7 @@ static PetscErrorCode LatinDirectionFactor_Private(LatinDirections *dir, const P
   PetscFunctionReturn(0);
 }
 
-/* The interfaces with matrices[f]: D is the mean of both sides' stiffnesses S, times the fraction. Collective on sub->object */
+/* D of the interfaces with matrices[f]: the fraction of the mean stiffness of both sides. Collective on sub->object */
 static PetscErrorCode LatinDirectionMatrix_Private(LatinDirections *dir, PetscReal fraction, const PetscBool matrices[])
 {
   const LatinInterfaces *inter = dir->inter;
@@ -187,7 +186,7 @@ static PetscErrorCode LatinDirectionMatrix_Private(LatinDirections *dir, PetscRe
       for (size_t r = 0; r < rows; r++) b[r] = fraction * 0.5 * (a[r] + b[r]);
       dir->d[(size_t)inter->interface[f].side_first + c] = b[c];
     }
-  PetscCall(LatinDirectionFactor_Private(dir, D, first, LatinDirectionShares(dir) ? S : NULL, from, 0.5 * fraction, &bad));
+  PetscCall(LatinDirectionFactor_Private(dir, D, first, LatinDirectionIsDeluxe(dir) ? S : NULL, from, 0.5 * fraction, &bad));
   PetscCall(PetscFree(S));
   PetscCall(PetscFree(D));
   PetscCall(PetscFree5(from, first, columns, theirs, mine));
@@ -197,8 +196,8 @@ static PetscErrorCode LatinDirectionMatrix_Private(LatinDirections *dir, PetscRe
 }
 
 /*
-   matrices[f] of type auto: interfaces of subdomains where coefficients jump, or of two small subdomains. A subdomain with
-   matrices on some of its interfaces alone pays for them without saving an iteration. Collective on sub->object.
+   matrices[f] of type auto: all interfaces of subdomains whose coefficients jump, and those between two small subdomains. Matrices on
+   some interfaces of a subdomain alone cost time and save no iteration. Collective on sub->object.
 */
 static PetscErrorCode LatinDirectionAuto_Private(LatinDirections *dir, PetscBool matrices[])
 {
@@ -221,10 +220,10 @@ static PetscErrorCode LatinDirectionAuto_Private(LatinDirections *dir, PetscBool
   PetscFunctionReturn(0);
 }
 
-/* The number given for all interfaces, which is to be of the order of their stiffness */
+/* The scalar that the user sets for all interfaces, checked against their stiffness. Collective on sub->object */
 static PetscErrorCode LatinDirectionScalar_Private(LatinDirections *dir)
 {
-  PetscReal range[2] = {-PETSC_MAX_REAL, -PETSC_MAX_REAL}; /* minus the least stiffness, the greatest */
+  PetscReal range[2] = {-PETSC_MAX_REAL, -PETSC_MAX_REAL}; /* minus the least stiffness; the greatest */
 
   PetscFunctionBegin;
   PetscCall(LatinDirectionDiagonal_Private(dir, 1.0));
@@ -277,13 +276,13 @@ PetscErrorCode LatinDirectionReset(LatinDirections *dir)
   PetscCall(PetscFree(dir->matrix));
   PetscCall(PetscFree(dir->matrix_first));
   PetscCall(PetscFree(dir->like));
-  PetscCall(LatinStiffnessForget_Private(dir));
+  PetscCall(LatinSchurReset_Private(dir));
   PetscFunctionReturn(0);
 }
 
-/* ---- what the other stages do with a direction: arguments are n vectors on the side dofs of one interface, ld apart ---- */
+/* ---- operations of a direction on n vectors on the side dofs of one interface, leading dimension ld ---- */
 
-/* Y = A X with a square matrix; a call of BLAS would cost more than one short product */
+/* Y = A X with a square matrix; one short product is faster without BLAS */
 static PetscErrorCode LatinMultiply_Private(PetscInt rows, PetscInt n, const PetscReal A[], const PetscReal x[], PetscInt ldx, PetscReal y[], PetscInt ldy)
 {
   const PetscScalar one = 1.0, zero = 0.0;
@@ -321,7 +320,7 @@ PetscErrorCode LatinDirectionApply(const LatinDirections *dir, PetscInt f, Petsc
   PetscFunctionReturn(0);
 }
 
-/* sum += (a - b)^t D^-1 (a - b) / 4 of all columns: with a - b = 2 D v, the energy v^t D v */
+/* sum += (a - b)^t D^-1 (a - b) / 4, over all columns: the energy v^t D v of a - b = 2 D v */
 PetscErrorCode LatinDirectionEnergy(const LatinDirections *dir, PetscInt f, PetscInt n, const PetscReal a[], const PetscReal b[], PetscInt ld, PetscReal work[], PetscReal *sum)
 {
   const LatinInterface *face = &dir->inter->interface[f];
@@ -344,7 +343,7 @@ PetscErrorCode LatinDirectionEnergy(const LatinDirections *dir, PetscInt f, Pets
   PetscFunctionReturn(0);
 }
 
-/* Springs that a diagonal direction puts on the copies, part of K_E (28) */
+/* spring[]: diagonal directions as springs on the copies, part of K_E (28) */
 PetscErrorCode LatinDirectionSprings_Private(const LatinDirections *dir, PetscReal spring[])
 {
   const LatinInterfaces *inter = dir->inter;
@@ -357,7 +356,7 @@ PetscErrorCode LatinDirectionSprings_Private(const LatinDirections *dir, PetscRe
   PetscFunctionReturn(0);
 }
 
-/* The operator of subdomain s, with these springs and the matrices among its search directions */
+/* K: the operator of subdomain s with these springs and its matrix directions */
 PetscErrorCode LatinDirectionMatrix(const LatinDirections *dir, PetscInt s, const PetscReal spring[], LatinSparse *K)
 {
   const LatinInterfaces *inter = dir->inter;
@@ -377,10 +376,10 @@ PetscErrorCode LatinDirectionMatrix(const LatinDirections *dir, PetscInt s, cons
 }
 
 /*
-   The part W x of displacements x, or W^t x of forces, that this side of interface f has in it: W = (S + S')^-1 S from
-   the stiffnesses of both sides, so that W + W' = 1. Of all means it is the one that costs least energy. Work space: the dofs of the interface.
+   Deluxe scaling of this side of interface f: x becomes W x of displacements, W^t x of forces. W = (S + S')^-1 S with the stiffnesses S
+   and S' of both sides is a partition of unity, W + W' = 1, and the weighted mean of least energy. work: as long as x.
 */
-PetscErrorCode LatinDirectionShare(const LatinDirections *dir, PetscInt f, PetscBool forces, PetscReal x[], PetscReal work[])
+PetscErrorCode LatinDirectionDeluxe(const LatinDirections *dir, PetscInt f, PetscBool forces, PetscReal x[], PetscReal work[])
 {
   const LatinInterface *face = &dir->inter->interface[f];
   const PetscInt        rows = face->side_last - face->side_first;
@@ -397,7 +396,7 @@ PetscErrorCode LatinDirectionShare(const LatinDirections *dir, PetscInt f, Petsc
   PetscFunctionReturn(0);
 }
 
-/* Makes the columns of R, orthonormal in the diagonal of a matrix direction, orthonormal in the matrix, with the same span */
+/* Columns of R that are orthonormal in d become orthonormal in a matrix direction D, with the same span (Cholesky QR) */
 PetscErrorCode LatinDirectionNormalise(const LatinDirections *dir, PetscInt f, PetscInt modes, PetscReal R[])
 {
   const LatinInterface *face = &dir->inter->interface[f];
@@ -412,7 +411,7 @@ PetscErrorCode LatinDirectionNormalise(const LatinDirections *dir, PetscInt f, P
   PetscCall(PetscBLASIntCast(rows, &n));
   PetscCall(PetscBLASIntCast(modes, &m));
   PetscCall(PetscMalloc2(rows * modes, &W, modes * modes, &G));
-  for (PetscInt pass = 0; pass < 2; pass++) { /* twice: orthonormal to rounding though the first Gram matrix be ill-conditioned */
+  for (PetscInt pass = 0; pass < 2; pass++) { /* twice: orthonormal to rounding, even if the first Gram matrix is ill-conditioned */
     PetscCall(PetscArraycpy(W, R, rows * modes));
     for (PetscInt j = 0; j < modes; j++) PetscCallBLAS("BLAStrmv", BLAStrmv_("L", "T", "N", &n, dir->matrix + dir->matrix_first[f] + rows * rows, &n, W + rows * j, &inc));
     PetscCallBLAS("BLASgemm", BLASgemm_("T", "N", &m, &m, &n, &one, W, &n, W, &n, &zero, G, &m));

@@ -1,10 +1,10 @@
 #include "interfaces/latininterfaces.h"
 
 /*
-   The subdomains that meet at each node, on all ranks that have a copy of it, and tables of all pairs of them.
+   The subdomains at each node, gathered at every copy of it, and tables of all pairs of them.
 */
 
-/* The entries offset[i] to offset[i + 1] of each copy i of a node, and where its root keeps them: from at[2 * i] on */
+/* The SF whose leaves are entries offset[i] to offset[i + 1] of each copy i, and whose roots are those of the node at its owner, from at[2 * i] on */
 static PetscErrorCode LatinInterfaceTables_Private(const LatinSubdomains *sub, const PetscInt offset[], const PetscInt at[], PetscInt roots, PetscSF *sf)
 {
   const PetscSFNode *where;
@@ -23,10 +23,10 @@ static PetscErrorCode LatinInterfaceTables_Private(const LatinSubdomains *sub, c
   PetscFunctionReturn(0);
 }
 
-/* Fails where a table of all pairs of subdomains at each node has more entries than a PetscInt counts. Collective */
+/* Fails if the tables of pairs have more entries than a PetscInt can count. Collective on sub->object */
 static PetscErrorCode LatinInterfaceCheckTables_Private(const LatinSubdomains *sub, const PetscInt degree[])
 {
-  PetscReal sizes[2] = {0.0, 0.0}; /* of the tables of the roots, and of the copies, here */
+  PetscReal sizes[2] = {0.0, 0.0}; /* entries here of the tables of owned nodes, of copies */
   PetscInt  most     = 0;
 
   PetscFunctionBegin;
@@ -41,7 +41,7 @@ static PetscErrorCode LatinInterfaceCheckTables_Private(const LatinSubdomains *s
   PetscFunctionReturn(0);
 }
 
-/* The subdomains at each shared node, increasing, at every copy of the node; nodes without free component are not shared */
+/* share_list: the subdomains at each shared node, increasing, at every copy of it; nodes without a free component do not count as shared. Collective on sub->object */
 PetscErrorCode LatinInterfaceShares_Private(LatinInterfaces *inter)
 {
   const LatinSubdomains *sub   = inter->sub;
@@ -99,7 +99,7 @@ PetscErrorCode LatinInterfaceShares_Private(LatinInterfaces *inter)
   PetscFunctionReturn(0);
 }
 
-/* Each copy has filled its own row of its table with nonnegative numbers and left zeros elsewhere; afterwards all rows are there */
+/* Gathers the rows of tables: each copy has filled its own row with nonnegative numbers, the others are zero. Collective on sub->object */
 PetscErrorCode LatinInterfaceExchange_Private(const LatinInterfaces *inter, PetscInt table[])
 {
   PetscInt *root;

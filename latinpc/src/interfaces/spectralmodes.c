@@ -1,37 +1,36 @@
 #include "interfaces/latininterfaces.h"
 
 /*
-   Local low-energy fields, beyond the article. A partition that cuts through modules leaves subdomains with low-energy modes:
-   they have motions that cost next to no energy though their corners are held, and that the affine fields of their
-   interfaces do not contain. Only the search direction d resists such a motion, and the iteration is slow in it. So it
-   becomes macro. For each such subdomain, with S_E the stiffness seen at its interfaces when its primal dofs are held,
+   Local low-energy fields, beyond the article: an adaptive coarse space, as in GenEO. A partition that cuts through modules leaves
+   subdomains with low-energy modes: motions of almost no energy with the corners held, which the affine fields of the
+   interfaces do not contain. Only the search direction d resists them, and the iteration converges slowly. So they become macro.
+   For each such subdomain, with S_E its Schur complement on its interfaces, primal dofs held,
 
-     S_E v = lambda d v,  lambda below a threshold,
+     S_E v = lambda d v,  lambda below a threshold.
 
-   as in GenEO; the springs of d are part of K_E, so what is computed are the large eigenvalues 1 / (1 + lambda) of the
-   compliance d^1/2 (S_E + d)^-1 d^1/2 = d^1/2 C K_E^-1 C^t d^1/2. It exists whatever the mechanisms. The fields of both
-   sides are cut by interface and complete the macro basis of that interface (LatinSpectralExtend()).
+   The springs of d are part of K_E. So the code computes the large eigenvalues 1 / (1 + lambda) of the compliance
+   d^1/2 (S_E + d)^-1 d^1/2 = d^1/2 C K_E^-1 C^t d^1/2, which exists even if S_E has mechanisms. The modes of both subdomains are
+   restricted to each interface and complete its macro basis (LatinSpectralExtend()).
 
-   The subdomains of a matrix have such motions where its coefficients jump: a stiff part that reaches an interface
-   through soft ones. There the springs are half the stiffness that both sides show, the softer one counting most,
-   whatever d is: a subdomain that is softer than its neighbour as a whole has none for that. A thin one has them as well,
-   since it bends at next to no energy. Unless the threshold is given, only subdomains are looked at that are thin, or whose
-   coefficients jump next to an interface.
+   Subdomains of a matrix have low-energy modes where its coefficients jump: a stiff part that reaches an interface through
+   a soft one. There the springs are half the harmonic mean of both sides' stiffnesses, whatever d is: so a subdomain that is
+   softer than its neighbour as a whole has no such modes for that. Thin subdomains have them in bending. If the threshold
+   is automatic, only subdomains are searched that are thin or whose coefficients jump next to an interface.
 
-   Subdomains without inside have fields of each interface in place of these (interfaces/facemodes.c).
+   Subdomains without interior have fields of each interface in place of these (interfaces/facemodes.c).
 
-   The eigenproblem is solved densely. What is wanted is a sixth of an interface's dofs or more, most of it one multiple
-   eigenvalue: block Lanczos then builds a basis of three times as many vectors, and took 1.7 times as long at 3,726 dofs.
+   The eigenproblem is solved densely: a sixth of the dofs of an interface or more are needed, most of them of one multiple
+   eigenvalue. Block Lanczos builds a basis of three times as many vectors, and took 1.7 times as long at 3,726 dofs.
 */
 
-#define LATIN_SPECTRAL_SIZE         0.1  /* a field is kept when this part of its norm, or more, is outside the macro basis */
-#define LATIN_SPECTRAL_FACE_SIZE    1e-3 /* the same where it is of an interface alone: what it adds may be small and decide */
-#define LATIN_SPECTRAL_SOFT         0.5  /* springs of the subdomains of a matrix, relative to the stiffness at the interface */
-#define LATIN_SPECTRAL_THIN         0.1  /* thickness over extent */
-#define LATIN_SPECTRAL_ITERATION    1.3  /* threshold of KSP latin, for a matrix whose coefficients jump */
+#define LATIN_SPECTRAL_SIZE         0.1  /* a field is kept if at least this part of its norm is orthogonal to the macro basis */
+#define LATIN_SPECTRAL_FACE_SIZE    1e-3 /* the same for fields of interfaces/facemodes.c, whose small parts may decide */
+#define LATIN_SPECTRAL_SOFT         0.5  /* springs of subdomains of a matrix, relative to the harmonic mean of the stiffnesses of both sides */
+#define LATIN_SPECTRAL_THIN         0.1  /* thickness of a thin subdomain, relative to its extent */
+#define LATIN_SPECTRAL_ITERATION    1.3  /* default threshold of KSP latin, for a matrix whose coefficients jump */
 #define LATIN_SPECTRAL_PRECONDITION 1.0  /* the same of PC latin */
 
-/* The threshold: given; of a matrix, when nothing is said, one that makes up for jumps of its coefficients */
+/* The threshold: set by the user, or automatic: for coefficient jumps of a matrix, 0 otherwise */
 PetscReal LatinSpectralThreshold(const LatinSpectral *spectral)
 {
   if (spectral->threshold >= 0.0) return spectral->threshold;
@@ -39,7 +38,7 @@ PetscReal LatinSpectralThreshold(const LatinSpectral *spectral)
   return spectral->sub->preconditions ? LATIN_SPECTRAL_PRECONDITION : LATIN_SPECTRAL_ITERATION;
 }
 
-/* Where the springs are not d: columns keep the norm that the modes have there in the springs */
+/* The springs of a matrix are not d: scales the columns of C to the norms that the modes have on interface f in the springs */
 static void LatinSpectralRescale(LatinSpectral *spectral, PetscInt f, PetscInt n, PetscInt modes, const PetscScalar mode[], const PetscInt position[], PetscScalar C[])
 {
   const LatinInterface *face = &spectral->inter->interface[f];
@@ -58,7 +57,7 @@ static void LatinSpectralRescale(LatinSpectral *spectral, PetscInt f, PetscInt n
   }
 }
 
-/* The fields of one side of an interface: the modes (n rows, position of each dof) cut, weighted by sqrt(d); those that are small there, or dependent, are left out */
+/* The fields of one side of an interface: modes (n rows, position[dof]) restricted to it, rows weighted by sqrt(d), without small or dependent ones (SVD) */
 static PetscErrorCode LatinSpectralCut_Private(LatinSpectral *spectral, PetscInt f, PetscInt n, PetscInt modes, const PetscScalar mode[], const PetscInt position[], const PetscReal weight[])
 {
   const LatinInterface *face = &spectral->inter->interface[f];
@@ -79,7 +78,7 @@ static PetscErrorCode LatinSpectralCut_Private(LatinSpectral *spectral, PetscInt
   if (spectral->sub->matrix) LatinSpectralRescale(spectral, f, n, modes, mode, position, C);
   PetscCall(LatinSVD_Private(rows, modes, C, scale, right));
   while (count < PetscMin(modes, rows) && scale[count] > LATIN_SPECTRAL_SIZE) count++;
-  for (PetscInt j = 0; j < count; j++) scale[j] = 1.0; /* the columns keep their size */
+  for (PetscInt j = 0; j < count; j++) scale[j] = 1.0; /* keep the norms of the columns */
   PetscCall(PetscMalloc1(rows * count, &spectral->field[f]));
   LatinCombine_Private(rows, modes, count, C, right, scale, spectral->field[f]);
   spectral->count[f] = count;
@@ -88,44 +87,44 @@ static PetscErrorCode LatinSpectralCut_Private(LatinSpectral *spectral, PetscInt
 }
 
 /*
-   The stiffness G (n x n) of subdomain s at the dofs that springs act on, which are part of it: dof[n], with position[] their
-   numbers. What the search direction has left of the same subdomain serves, unless a row of it is neither held nor on a spring
+   G (n x n): Schur complement of subdomain s with its springs at the n dofs dof[] of these, position[] their numbers. The Schur
+   complement of the search direction is reused, unless a row of it is neither held nor on a spring
 */
 static PetscErrorCode LatinSpectralStiffness_Private(LatinSpectral *spectral, PetscInt s, const PetscReal spring[], const PetscBool held[], PetscInt n, const PetscInt dof[], const PetscInt position[], PetscScalar G[], PetscBool *bad)
 {
-  const LatinCondensed *left = spectral->dir->condensed ? &spectral->dir->condensed[s] : NULL;
-  const PetscInt        top  = spectral->sub->bs * spectral->sub->node_offset[s];
-  const PetscInt        rows = spectral->sub->bs * spectral->sub->node_offset[s + 1] - top;
-  PetscBool             has = (PetscBool)(left && left->S), whole = (PetscBool)(spectral->sub->ki != NULL);
-  LatinSparse           K;
+  const LatinSchur *schur = spectral->dir->schur ? &spectral->dir->schur[s] : NULL;
+  const PetscInt    top   = spectral->sub->bs * spectral->sub->node_offset[s];
+  const PetscInt    rows  = spectral->sub->bs * spectral->sub->node_offset[s + 1] - top;
+  PetscBool         has = (PetscBool)(schur && schur->S), whole = (PetscBool)(spectral->sub->ki != NULL);
+  LatinSparse       K;
 
   PetscFunctionBegin;
   for (PetscInt i = 0; whole && i < rows; i++) whole = (PetscBool)(position[i] >= 0 || held[top + i]);
-  if (whole) { /* no inside */
+  if (whole) { /* no interior */
     LatinOperatorDense(spectral->sub, s, n, position, G);
     for (PetscInt i = 0; i < n; i++) G[(size_t)i * ((size_t)n + 1)] += spring[top + dof[i]];
     PetscFunctionReturn(0);
   }
-  for (PetscInt j = 0; has && j < left->n; j++) has = (PetscBool)(position[left->row[j]] >= 0 || held[top + left->row[j]]);
+  for (PetscInt j = 0; has && j < schur->n; j++) has = (PetscBool)(position[schur->row[j]] >= 0 || held[top + schur->row[j]]);
   if (!has) {
     PetscCall(LatinSparseCreate_Private(spectral->sub, s, spring, held, 0, NULL, &K));
     PetscCall(LatinEliminate_Private(&K, n, dof, G, bad));
     PetscCall(LatinSparseReset_Private(&K));
     PetscFunctionReturn(0);
   }
-  for (PetscInt j = 0; j < left->n; j++) {
-    const PetscInt column = position[left->row[j]];
+  for (PetscInt j = 0; j < schur->n; j++) {
+    const PetscInt column = position[schur->row[j]];
 
-    for (PetscInt i = 0; i < left->n && column >= 0; i++)
-      if (position[left->row[i]] >= 0) G[(size_t)position[left->row[i]] + (size_t)n * (size_t)column] = left->S[(size_t)i + (size_t)left->n * (size_t)j];
+    for (PetscInt i = 0; i < schur->n && column >= 0; i++)
+      if (position[schur->row[i]] >= 0) G[(size_t)position[schur->row[i]] + (size_t)n * (size_t)column] = schur->S[(size_t)i + (size_t)schur->n * (size_t)j];
   }
   for (PetscInt i = 0; i < n; i++) G[(size_t)i * ((size_t)n + 1)] += spring[top + dof[i]];
   PetscFunctionReturn(0);
 }
 
 /*
-   The low-energy modes of a subdomain, cut by interface; held[]: primal and prescribed dofs. A subdomain with a mechanism
-   of its own has none: the set-up of the linear stage reports it.
+   The low-energy modes of a subdomain, restricted to its interfaces; held[]: primal and prescribed dofs. A mechanism yields
+   none: the set-up of the linear stage reports it.
 */
 static PetscErrorCode LatinSpectralSubdomain_Private(LatinSpectral *spectral, PetscInt s, const PetscReal spring[], const PetscBool held[], PetscBool *bad)
 {
@@ -159,7 +158,7 @@ static PetscErrorCode LatinSpectralSubdomain_Private(LatinSpectral *spectral, Pe
   PetscFunctionReturn(0);
 }
 
-/* Both sides of each interface get the fields of both, those of the lower subdomain first: they build the same basis, whichever of them does */
+/* Exchanges the fields of each interface: both sides have those of both, those of the lower subdomain first. Collective on sub->object */
 static PetscErrorCode LatinSpectralExchange_Private(LatinSpectral *spectral)
 {
   const LatinInterfaces *inter = spectral->inter;
@@ -189,7 +188,7 @@ static PetscErrorCode LatinSpectralExchange_Private(LatinSpectral *spectral)
   PetscFunctionReturn(0);
 }
 
-/* Subdomains that equal another one take its fields */
+/* Copies the fields of subdomain `from` to an equal one */
 static PetscErrorCode LatinSpectralCopy_Private(LatinSpectral *spectral, PetscInt from, PetscInt to)
 {
   const LatinInterfaces *inter = spectral->inter;
@@ -207,7 +206,7 @@ static PetscErrorCode LatinSpectralCopy_Private(LatinSpectral *spectral, PetscIn
   PetscFunctionReturn(0);
 }
 
-/* Which subdomains of a matrix are looked at when nothing is said */
+/* is[s]: is subdomain s of a matrix searched if the threshold is automatic? */
 static PetscErrorCode LatinSpectralChoose_Private(const LatinSpectral *spectral, PetscBool is[])
 {
   const LatinSubdomains *sub = spectral->sub;
@@ -228,7 +227,7 @@ static PetscErrorCode LatinSpectralChoose_Private(const LatinSpectral *spectral,
   PetscFunctionReturn(0);
 }
 
-/* The local fields of every interface here, for LatinMacroSetUp(). Collective on sub->object */
+/* The local low-energy fields of all interfaces here, for LatinMacroSetUp(). Collective on sub->object */
 PetscErrorCode LatinSpectralSetUp(LatinSpectral *spectral)
 {
   const LatinSubdomains *sub   = spectral->sub;
@@ -258,7 +257,7 @@ PetscErrorCode LatinSpectralSetUp(LatinSpectral *spectral)
     else PetscCall(LatinSpectralCopy_Private(spectral, pattern[s], s));
   }
   PetscCall(PetscFree4(spring, held, pattern, is));
-  LatinAgree(PetscObjectComm(spectral->sub->object), bad, PETSC_ERR_CONV_FAILED, "The local low-energy fields of a subdomain could not be computed; leave them out with -%smodes_local 0", LatinPrefix(sub));
+  LatinAgree(PetscObjectComm(spectral->sub->object), bad, PETSC_ERR_CONV_FAILED, "The local low-energy fields of a subdomain could not be computed; switch them off with -%smodes_local 0", LatinPrefix(sub));
   PetscCall(LatinSpectralExchange_Private(spectral));
   for (PetscInt f = 0; f < inter->count && LatinDirectionCondensed(spectral->dir); f++) spectral->modes[inter->interface[f].sub] += spectral->count[f];
   PetscCall(PetscLogEventEnd(LATIN_Spectral, spectral->sub->object, 0, 0, 0));
@@ -266,8 +265,8 @@ PetscErrorCode LatinSpectralSetUp(LatinSpectral *spectral)
 }
 
 /*
-   Completes the orthonormal columns of F (rows x *fields, weighted by sqrt(d)), the fields of interface f, by its local
-   fields: what of them is orthogonal to F, the large singular vectors.
+   Completes the orthonormal fields F of interface f (rows x *fields, rows weighted by sqrt(d)) by its local fields: these are made
+   orthogonal to F, and their singular vectors of large singular values appended.
 */
 PetscErrorCode LatinSpectralExtend(const LatinSpectral *spectral, PetscInt f, PetscInt rows, PetscInt *fields, PetscScalar F[])
 {
@@ -297,7 +296,7 @@ PetscErrorCode LatinSpectralExtend(const LatinSpectral *spectral, PetscInt f, Pe
   PetscFunctionReturn(0);
 }
 
-/* Sizes: subdomains with low-energy modes, the most modes of one of them. Collective on sub->object */
+/* Number of subdomains with low-energy modes, and of the modes of the one with most. Collective on sub->object */
 PetscErrorCode LatinSpectralStatistics_Private(const LatinSpectral *spectral, PetscInt *subdomains, PetscInt *most)
 {
   PetscInt n = 0, largest = 0;
@@ -312,8 +311,8 @@ PetscErrorCode LatinSpectralStatistics_Private(const LatinSpectral *spectral, Pe
   PetscFunctionReturn(0);
 }
 
-/* The inverses that nobody has taken */
-PetscErrorCode LatinSpectralForget(LatinSpectral *spectral)
+/* Frees the inverses that the linear stage has not taken */
+PetscErrorCode LatinSpectralFreeInverses(LatinSpectral *spectral)
 {
   PetscFunctionBegin;
   for (PetscInt s = 0; s < spectral->sub->n && spectral->inverse; s++) PetscCall(PetscFree(spectral->inverse[s]));
@@ -325,7 +324,7 @@ PetscErrorCode LatinSpectralReset(LatinSpectral *spectral)
 {
   PetscFunctionBegin;
   for (PetscInt f = 0; f < spectral->inter->count && spectral->field; f++) PetscCall(PetscFree(spectral->field[f]));
-  PetscCall(LatinSpectralForget(spectral));
+  PetscCall(LatinSpectralFreeInverses(spectral));
   PetscCall(PetscFree3(spectral->count, spectral->field, spectral->modes));
   PetscFunctionReturn(0);
 }

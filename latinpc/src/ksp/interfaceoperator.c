@@ -1,21 +1,20 @@
 #include "ksp/ksplatinimpl.h"
 
 /*
-   The linear iteration as an operator on the interface data alone. Without a link that has a state, linear stage and
-   local stage are affine in the data z = F_hat + D U_hat of the interface sides, and the iteration is the composition
-   of two maps:
+   The linear iteration as an operator on interface data. If no link has a state, linear stage and local stage are affine in the
+   data z = F_hat + D U_hat of the sides, and the iteration is the composition of two maps:
 
-   R   = 2 D P X P^t - 1  from the data of a side to D U - F there: (26) and the linear stage (42)-(52), X from
-                        interface forces to displacements, P = 1 - R R^t D the micro part;
-   Pi                   what leaves a side is what its mate receives: the local stage (23).
+   R   = 2 D P X P^t - 1  maps data to D U - F on the same side: (26) and the linear stage (42)-(52), with X from interface
+                        forces to displacements, P = 1 - R R^t D the projection on the micro part;
+   Pi                   exchanges the data of the two sides of each interface: the local stage (23).
 
-   In the variables y = L^-1 z with D = L L^t, whose Euclidean norm is the energy norm of z, R is symmetric with
-   eigenvalues in [-1, 1], for the springs D are part of the operators behind X, and Pi is symmetric and orthogonal. So
-   1 - Pi R is what the article's iteration solves with by successive substitution. Pi - R, with the same solutions, is
-   symmetric, but indefinite as a saddle point: minres takes more than twice the iterations with it.
+   In the variables y = L^-1 z with D = L L^t, the Euclidean norm is the energy norm of z. R is symmetric with eigenvalues in
+   [-1, 1], as the springs D are part of the operators in X; Pi is symmetric and orthogonal. The article's iteration is
+   successive substitution (Richardson) with the operator 1 - Pi R. Pi - R has the same solutions and is symmetric, but
+   indefinite: MINRES takes more than twice the iterations with it.
 */
 
-#define LATIN_INTERFACE_NOISE LatinByPrecision(1e-14, 5e-6) /* of the energy norm: what rounding leaves of interface data */
+#define LATIN_INTERFACE_NOISE LatinByPrecision(1e-14, 5e-6) /* level of rounding of interface data, relative to the energy norm */
 
 /* y = L^t x or L x on one interface, in place */
 static PetscErrorCode LatinReflectionFactor_Private(LatinLinear *linear, PetscInt f, PetscBool transposed, PetscReal x[])
@@ -36,7 +35,7 @@ static PetscErrorCode LatinReflectionFactor_Private(LatinLinear *linear, PetscIn
   PetscFunctionReturn(0);
 }
 
-/* The displacements U of all copies for the loads (if they count) and the micro part of the data y (if not NULL): one linear stage */
+/* One linear stage: displacements U of all copies under the loads (if loaded) and the micro part of the data y (if not NULL). Collective on sub->object */
 static PetscErrorCode LatinReflectionStage_Private(LatinLinear *linear, PetscBool loaded, const PetscReal y[])
 {
   const LatinInterfaces *inter = linear->inter;
@@ -60,7 +59,7 @@ static PetscErrorCode LatinReflectionStage_Private(LatinLinear *linear, PetscBoo
   PetscFunctionReturn(0);
 }
 
-/* out = (1 - Pi R) y for data y without loads, or, y NULL, the right-hand side that the loads make of it. Collective on sub->object */
+/* result = (1 - Pi R) data; data NULL: the right-hand side for the loads. Collective on sub->object */
 PetscErrorCode LatinReflectionApply_Private(LatinLinear *linear, Vec data, Vec result)
 {
   const LatinInterfaces *inter  = linear->inter;
@@ -74,7 +73,7 @@ PetscErrorCode LatinReflectionApply_Private(LatinLinear *linear, Vec data, Vec r
   if (data) PetscCall(VecGetArrayRead(data, &y));
   PetscCall(VecGetArrayWrite(result, &out));
   PetscCall(LatinReflectionStage_Private(linear, loaded, y));
-  if (loaded) { /* what rounding leaves of interface data, of the energy norm of the first displacements */
+  if (loaded) { /* the level of rounding, from the energy norm of the first displacements */
     for (PetscInt i = 0; i < linear->sub->bs * linear->sub->copies; i++) energy += linear->load[i] * linear->U[i];
     PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &energy, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm(linear->sub->object)));
     linear->noise = LATIN_INTERFACE_NOISE * PetscSqrtReal(PetscMax(energy, 0.0));
@@ -92,13 +91,13 @@ PetscErrorCode LatinReflectionApply_Private(LatinLinear *linear, Vec data, Vec r
   for (PetscInt k = 0; k < inter->sides && !loaded; k++) out[k] = y[k] - out[k];
   PetscCall(PetscLogFlops((loaded ? 1.0 : 3.0) * inter->sides));
   PetscCall(PetscLogEventEnd(LATIN_Local, linear->sub->object, 0, 0, 0));
-  if (data && linear->failed && inter->sides) out[0] = INFINITY; /* seen by all ranks in the next norm, or at the end */
+  if (data && linear->failed && inter->sides) out[0] = INFINITY; /* all ranks detect it in the next norm, or at the end */
   if (data) PetscCall(VecRestoreArrayRead(data, &y));
   PetscCall(VecRestoreArrayWrite(result, &out));
   PetscFunctionReturn(0);
 }
 
-/* u = mean displacement of the copies for the loads and the data y. Collective on sub->object */
+/* u: mean displacements of the copies under the loads and the data y. Collective on sub->object */
 PetscErrorCode LatinReflectionSolution_Private(LatinLinear *linear, Vec y, Vec u)
 {
   const PetscScalar *a;

@@ -1,12 +1,12 @@
 #include "ksp/ksplatinimpl.h"
 
 /*
-   KSP latin: the iteration on interface data for linear operators, given to an inner KSP of the user's choice (prefix
-   -ksp_latin_outer_): richardson is the plain iteration of the article, gmres its acceleration. The system is solved for the correction of the initial guess, with the residual as load. No
-   mathematics of the method here: see ksp/interfaceoperator.c.
+   KSP latin: the iteration on interface data for linear operators, solved by a KSP of the user's choice (prefix -ksp_latin_outer_):
+   richardson is the iteration of the article, gmres its acceleration. The system is solved for the correction of the initial
+   guess, with the residual as load. The operator is in ksp/interfaceoperator.c.
 */
 
-#define LATIN_SAME_MATRIX LatinByPrecision(1e-8, 1e-4) /* relative difference of two products with one matrix: rounding */
+#define LATIN_SAME_MATRIX LatinByPrecision(1e-8, 1e-4) /* largest relative difference by rounding of two products with the same matrix */
 
 static PetscErrorCode KSPLatinMult_Private(Mat A, Vec x, Vec y)
 {
@@ -18,7 +18,7 @@ static PetscErrorCode KSPLatinMult_Private(Mat A, Vec x, Vec y)
   PetscFunctionReturn(0);
 }
 
-/* x = guess + displacements for the load and the data y, which belong to the load divided by scale */
+/* x = guess + scale times the displacements under the scaled loads and data y */
 static PetscErrorCode KSPLatinDisplacements_Private(KSP ksp, Vec y, Vec x)
 {
   KSP_Latin *data = (KSP_Latin *)ksp->data;
@@ -47,10 +47,10 @@ static PetscErrorCode KSPBuildSolution_Latin(KSP ksp, Vec v, Vec *V)
 }
 
 /*
-   The test of the KSP that the user holds decides, and its monitors see what it tests.
+   Convergence test of the outer KSP: calls the test and the monitors of KSP latin, which the user sets, with its norm.
 
-   PETSc's default test compares with the norm of the first residual, or of the right-hand side when there is a guess. Ours is
-   the norm that the right-hand side has where norms are measured: the first residual is not that of zero displacements.
+   PETSc's default test is relative to the first residual or, with a nonzero guess, to the right-hand side. Here the norm of the
+   right-hand side is that in the same variables as the residuals: the first residual is not that of zero displacements.
 */
 static PetscErrorCode KSPLatinConverged_Private(KSP outer, PetscInt it, PetscReal rnorm, KSPConvergedReason *reason, void *ctx)
 {
@@ -66,21 +66,21 @@ static PetscErrorCode KSPLatinConverged_Private(KSP outer, PetscInt it, PetscRea
     PetscCall(KSPBuildResidual(ksp, data->solution, data->residual, &residual));
     PetscCall(VecNorm(residual, NORM_2, &norm));
     data->checked = it;
-    data->left    = norm;
+    data->norm    = norm;
   }
   ksp->its   = data->before + it;
   ksp->rnorm = norm;
-  if (ksp->its > data->logged) { /* restarts test an iteration again */
+  if (ksp->its > data->logged) { /* not again after restarts, which repeat an iteration */
     data->logged = ksp->its;
     PetscCall(KSPLogResidualHistory(ksp, norm));
     PetscCall(KSPMonitor(ksp, ksp->its, norm));
   }
   if (it || !data->passes) {
-    if (ours) ksp->guess_zero = PETSC_TRUE; /* or it would apply the PC of this KSP to the right-hand side */
+    if (ours) ksp->guess_zero = PETSC_TRUE; /* else the test would apply the PC of this KSP to the right-hand side */
     PetscCall((*ksp->converged)(ksp, ksp->its, norm, reason, ksp->cnvP));
     ksp->guess_zero = zero;
     if (ours && !context->initialrtol) {
-      ksp->rnorm0 = PetscMax(data->rhs_norm, norm); /* what divergence is measured from: the first residual may be far above */
+      ksp->rnorm0 = PetscMax(data->rhs_norm, norm); /* reference of the divergence tolerance: the first residual may be much larger */
       ksp->ttol   = PetscMax(ksp->rtol * (context->mininitialrtol ? PetscMin(data->rhs_norm, norm) : data->rhs_norm), ksp->abstol);
       *reason     = norm <= ksp->ttol ? KSP_CONVERGED_RTOL : KSP_CONVERGED_ITERATING;
     }
@@ -105,8 +105,9 @@ static PetscErrorCode KSPReset_Latin(KSP ksp)
 }
 
 /*
-   A preconditioner may be that of another matrix; this solver never looks at the entries of its matrix, so they must be
-   those of the operators of the subdomains: compared on a vector, unless they come from it.
+   A preconditioner may be that of another matrix, but this solver uses the operators of the subdomains in place of its matrix. So
+   they must be the same: compared by the product with a random vector, unless the subdomains are those of this matrix.
+   Collective on ksp
 */
 static PetscErrorCode KSPLatinCheckMatrix_Private(KSP ksp, Mat A)
 {
@@ -134,7 +135,7 @@ static PetscErrorCode KSPLatinCheckMatrix_Private(KSP ksp, Mat A)
   PetscFunctionReturn(0);
 }
 
-/* The solution goes into the caller's vector, and work vectors are of its size: both before PETSc compares it with anything. Collective on ksp */
+/* Checks the size of the solution vector, which PETSc does too late. Collective on ksp */
 static PetscErrorCode KSPLatinCheckVec_Private(KSP ksp)
 {
   PetscInt n, m;
@@ -178,7 +179,7 @@ static PetscErrorCode KSPSetUp_Latin(KSP ksp)
   PetscFunctionReturn(0);
 }
 
-/* The loads of the linear stage, and the interface data that they make: b and its norm */
+/* Sets the loads of the linear stage; b: the right-hand side for them, and its norm. Collective on ksp */
 static PetscErrorCode KSPLatinLoad_Private(KSP ksp, Vec load, PetscReal *norm)
 {
   KSP_Latin *data = (KSP_Latin *)ksp->data;
@@ -190,25 +191,25 @@ static PetscErrorCode KSPLatinLoad_Private(KSP ksp, Vec load, PetscReal *norm)
   PetscFunctionReturn(0);
 }
 
-/* The outer KSP, for the correction of data->guess by data->load */
+/* One pass: the outer KSP solves for the correction of data->guess with data->load. Collective on ksp */
 static PetscErrorCode KSPLatinPass_Private(KSP ksp)
 {
   KSP_Latin *data = (KSP_Latin *)ksp->data;
 
   PetscFunctionBegin;
   PetscCall(KSPLatinLoad_Private(ksp, data->load, &data->scale));
-  if (data->scale <= data->latin->linear.noise) { /* the first linear stage has found it all */
+  if (data->scale <= data->latin->linear.noise) { /* the first linear stage has found the solution */
     PetscCall(VecZeroEntries(data->b));
     data->scale = 1.0;
   } else if (!PetscIsInfOrNanReal(data->scale)) {
     const PetscInt n = data->latin->sub.bs * data->latin->sub.copies;
 
-    /* no Krylov method shall meet numbers of the user's units */
+    /* scaled, so that Krylov methods do not depend on the user's units */
     PetscCall(VecScale(data->b, 1.0 / data->scale));
     for (PetscInt i = 0; i < n; i++) data->latin->linear.load[i] /= data->scale;
-    for (PetscInt k = 0; k < data->latin->sub.unassigned_count; k++) data->latin->linear.alone[k] /= data->scale;
+    for (PetscInt k = 0; k < data->latin->sub.unassigned_count; k++) data->latin->linear.unassigned_u[k] /= data->scale;
   }
-  ksp->reason   = KSP_CONVERGED_ITERATING; /* the pass before has left its own */
+  ksp->reason   = KSP_CONVERGED_ITERATING; /* reset that of the pass before */
   data->checked = -1;
   data->next    = 0;
   PetscCall(KSPSetTolerances(data->outer, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT, PetscMax(ksp->max_it - data->before, 1)));
@@ -229,10 +230,10 @@ static PetscErrorCode KSPSolve_Latin(KSP ksp)
   Mat        A;
 
   PetscFunctionBegin;
-  PetscCall(KSPSetUp_Latin(ksp)); /* entries that have changed since KSPSetOperators(): PETSc calls the set-up of a PC for them, not that of a KSP */
+  PetscCall(KSPSetUp_Latin(ksp)); /* the matrix may have changed: PETSc then calls the set-up of the PC alone */
   PetscCall(PetscObjectTypeCompareAny((PetscObject)data->outer, &symmetric, KSPCG, KSPFCG, KSPPIPECG, KSPGROPPCG, KSPMINRES, KSPSYMMLQ, ""));
   PetscCheck(!symmetric, PetscObjectComm((PetscObject)ksp), PETSC_ERR_SUP,
-             "The interface operator of KSP latin is not symmetric: instead of %s take -ksp_latin_outer_ksp_type gmres, or bcgs, or conjugate gradients for the displacements with -ksp_type cg -pc_type latin", ((PetscObject)data->outer)->type_name);
+             "The interface operator of KSP latin is not symmetric: instead of %s use -ksp_latin_outer_ksp_type gmres, or bcgs, or conjugate gradients for the displacements with -ksp_type cg -pc_type latin", ((PetscObject)data->outer)->type_name);
   PetscCall(KSPGetOperators(ksp, &A, NULL));
   data->rhs_norm             = 0.0;
   data->latin->linear.failed = PETSC_FALSE;
@@ -253,10 +254,10 @@ static PetscErrorCode KSPSolve_Latin(KSP ksp)
     PetscCall(KSPLatinPass_Private(ksp));
     PetscCall(KSPLatinRefine_Private(ksp, &again));
   }
-  failed = data->latin->linear.failed ? 1 : 0; /* in the first stage or the last, which no norm has seen, or on a rank without interfaces */
+  failed = data->latin->linear.failed ? 1 : 0; /* no norm detects failures in the first or the last stage, nor on a rank without interfaces */
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &failed, 1, MPIU_INT, MPI_MAX, PetscObjectComm((PetscObject)ksp)));
   if (failed) ksp->reason = KSP_DIVERGED_PC_FAILED;
-  else if (ksp->reason > 0 && PetscIsInfOrNanReal(data->latin->linear.noise)) ksp->reason = KSP_DIVERGED_NANORINF; /* the energy overflows: nothing has been compared with anything */
+  else if (ksp->reason > 0 && PetscIsInfOrNanReal(data->latin->linear.noise)) ksp->reason = KSP_DIVERGED_NANORINF; /* the energy overflows: no test was valid */
   PetscCall(KSP_RemoveNullSpace(ksp, ksp->vec_sol));
   PetscFunctionReturn(0);
 }
@@ -273,7 +274,7 @@ static PetscErrorCode KSPSetFromOptions_Latin(KSP ksp, LatinOptionItems PetscOpt
   PetscFunctionBegin;
   PetscCall(LatinSetFromOptions_Private(data->latin, (PetscObject)ksp));
   PetscCall(PetscOptionsGetString(((PetscObject)ksp)->options, prefix, "-pc_type", type, sizeof(type), NULL));
-  PetscCheck(!type[0] || !strcmp(type, PCNONE), PetscObjectComm((PetscObject)ksp), PETSC_ERR_ARG_INCOMP, "-ksp_type latin takes no preconditioner, but -pc_type is %s: leave it out, or use it with another KSP, for example -ksp_type cg -pc_type latin",
+  PetscCheck(!type[0] || !strcmp(type, PCNONE), PetscObjectComm((PetscObject)ksp), PETSC_ERR_ARG_INCOMP, "-ksp_type latin takes no preconditioner, but -pc_type is %s: remove it, or use it with another KSP, for example -ksp_type cg -pc_type latin",
              type);
   if (data->latin->stale) ksp->setupstage = KSP_SETUP_NEW; /* built again at the next KSPSetUp() */
   PetscCall(PetscObjectSetOptions((PetscObject)data->outer, ((PetscObject)ksp)->options));
@@ -305,7 +306,7 @@ static PetscErrorCode KSPView_Latin(KSP ksp, PetscViewer viewer)
   PetscCall(PetscObjectTypeCompare((PetscObject)viewer, PETSCVIEWERASCII, &ascii));
   if (!ascii) PetscFunctionReturn(0);
   PetscCall(LatinView_Private(data->latin, viewer));
-  if (ksp->reason == KSP_DIVERGED_BREAKDOWN) PetscCall(PetscViewerASCIIPrintf(viewer, "last solve: rounding leaves |b - A x| at %g, the tolerances allow %g\n", (double)data->left, (double)data->allowed));
+  if (ksp->reason == KSP_DIVERGED_BREAKDOWN) PetscCall(PetscViewerASCIIPrintf(viewer, "last solve: |b - A x| stagnates at %g by rounding, the tolerances allow %g\n", (double)data->norm, (double)data->allowed));
   PetscCall(PetscViewerASCIIPrintf(viewer, "solver of the interface data:\n"));
   PetscCall(PetscViewerASCIIPushTab(viewer));
   PetscCall(KSPView(data->outer, viewer));
@@ -314,14 +315,14 @@ static PetscErrorCode KSPView_Latin(KSP ksp, PetscViewer viewer)
 }
 
 /*@C
-  LatinStructureAttachKSP - Gives the structure to a KSP and its PC, where the matrix does not come from the DM of the structure.
+  LatinStructureAttachKSP - Sets the structure of a KSP and its PC, for a matrix that does not come from the DM of the structure.
 
   Collective on ksp
 
   Level: intermediate
 
   Note:
-  Before or after `KSPSetType()` and `KSPSetFromOptions()`: types other than latin make no use of it.
+  Call it before or after `KSPSetType()` and `KSPSetFromOptions()`. Other types than latin ignore it.
 @*/
 PetscErrorCode LatinStructureAttachKSP(LatinStructure structure, KSP ksp)
 {
@@ -390,21 +391,21 @@ PetscErrorCode KSPLatinGetOuter(KSP ksp, KSP *outer)
   Level: intermediate
 
   Notes:
-  An iteration is one linear stage: one solve of each subdomain and one coarse solve; there is no product with the
-  matrix and no elimination of interiors. Two more stages begin and end a solve.
+  An iteration is one linear stage: one solve of each subdomain and one coarse solve, without products with the matrix and
+  without elimination of interiors. A solve begins and ends with one more stage.
 
-  The norm that monitors show and the convergence test sees is, with KSP_NORM_PRECONDITIONED (the default), that of the
-  interface residual, the distance of two iterates in the energy norm of the search direction; with
-  KSP_NORM_UNPRECONDITIONED that of b - A x, which costs one linear stage and one product more an iteration.
+  The norm of monitors and of the convergence test is, with KSP_NORM_PRECONDITIONED (the default), that of the interface
+  residual: the distance of two iterates in the energy norm of the search direction. With KSP_NORM_UNPRECONDITIONED it is
+  that of b - A x, for one more linear stage and one more product an iteration.
 
-  With either norm PETSc's default test claims convergence only where the 2-norm of b - A x meets the tolerances as well,
-  max(rtol |b|, atol), or is what rounding x to its digits leaves. It is computed when the interface residual meets the
-  tolerances; where it does not, the iteration goes on. Where the interface data have no digits left, the solve starts again from the
-  solution found, with b - A x as load, and ends with KSP_DIVERGED_BREAKDOWN where that does not halve b - A x;
-  `KSPView()` shows what is left. With KSP_NORM_UNPRECONDITIONED rounding excuses nothing.
+  With either norm, PETSc's default test reports convergence only if the 2-norm of b - A x also meets the tolerances,
+  max(rtol |b|, atol), or is of the size of the rounding of x. It is computed when the interface residual meets the
+  tolerances; if it is too large, the iteration goes on. When the interface residual reaches the level of rounding, the solve restarts
+  from the current solution, with b - A x as load. It ends with KSP_DIVERGED_BREAKDOWN if a restart does not halve b - A x;
+  `KSPView()` shows its norm. KSP_NORM_UNPRECONDITIONED makes no allowance for rounding.
 
   The matrix is the tangent stiffness of a structure, or a `MATIS`. The PC of this KSP is none; `PCSetCoordinates()` on it
-  says where the unknowns of a `MATIS` are.
+  sets the coordinates of the unknowns of a `MATIS`.
 
 .seealso: `LatinStructureAttachKSP()`, `KSPLatinGetLatin()`, `KSPLatinGetOuter()`, `PCLATIN`, `SNESLATIN`
 M*/
@@ -437,7 +438,7 @@ PETSC_EXTERN PetscErrorCode KSPCreate_Latin(KSP ksp)
   PetscCall(PetscObjectIncrementTabLevel((PetscObject)data->outer, (PetscObject)ksp, 1));
   PetscCall(KSPSetType(data->outer, KSPGMRES));
   PetscCall(KSPGMRESSetRestart(data->outer, 100));                                                             /* interface vectors are short */
-  PetscCall(KSPOrthogonalizationSetCGSRefinementType(data->outer, KSP_ORTHOGONALIZATION_CGS_REFINE_IFNEEDED)); /* or vectors of matrices whose coefficients jump are orthogonal no longer, and the residual stands still */
+  PetscCall(KSPOrthogonalizationSetCGSRefinementType(data->outer, KSP_ORTHOGONALIZATION_CGS_REFINE_IFNEEDED)); /* otherwise orthogonality is lost for matrices whose coefficients jump, and the residual stagnates */
   PetscCall(KSPGetPC(data->outer, &pc));
   PetscCall(PCSetType(pc, PCNONE));
   PetscCall(KSPSetConvergenceTest(data->outer, KSPLatinConverged_Private, ksp, NULL));

@@ -1,4 +1,4 @@
-/* KSP latin (ksp/ksplatin.c), the iteration as an operator (ksp/interfaceoperator.c), when it may claim convergence (ksp/trueresidual.c) */
+/* KSP latin (ksp/ksplatin.c), its operator (ksp/interfaceoperator.c), and its convergence test by the true residual (ksp/trueresidual.c) */
 #ifndef KSPLATINIMPL_H
 #define KSPLATINIMPL_H
 
@@ -10,20 +10,20 @@ typedef struct {
   KSP              outer;                      /* solves for the interface data */
   Mat              A;                          /* its operator */
   Vec              b, y;                       /* its right-hand side, of norm 1, and solution */
-  PetscReal        scale;                      /* what b has been divided by: the interface residual of the initial guess */
-  PetscReal        rhs_norm;                   /* what a relative tolerance refers to, 0: to the first residual */
-  Vec              guess, load;                /* initial guess, its residual */
+  PetscReal        scale;                      /* norm of b before scaling: the interface residual of the initial guess */
+  PetscReal        rhs_norm;                   /* reference of the relative tolerance; 0: the first residual */
+  Vec              guess, load;                /* initial guess of the pass, its residual */
   Vec              solution, residual, digits; /* work */
-  PetscInt         logged;                     /* iterations that monitors have seen */
-  PetscInt         passes, before;             /* solves of the outer KSP before this one, and their iterations */
-  PetscInt         checked, next;              /* iterations of this pass after which solution holds x (-1: not yet), and at which the next check may come */
-  PetscReal        allowed, left;              /* norm of b - A x that the tolerances allow, and that of the last check */
-  PetscReal        left_before;                /* that of the pass before */
+  PetscInt         logged;                     /* last iteration shown to monitors */
+  PetscInt         passes, before;             /* passes (solves of the outer KSP) before this one, and their iterations */
+  PetscInt         checked, next;              /* iterations of this pass: that of x in `solution`, -1: none; the earliest for the next check */
+  PetscReal        allowed, norm;              /* norm of b - A x: that the tolerances allow; of the last check */
+  PetscReal        norm_before;                /* norm of b - A x of the pass before */
   PetscObjectId    matrix;
-  PetscObjectState matrix_state; /* what the operators were built for */
+  PetscObjectState matrix_state; /* matrix of the last set-up */
 } KSP_Latin;
 
-/* y in variables whose norm is the energy norm */
+/* y is in variables whose Euclidean norm is the energy norm */
 PETSC_INTERN PetscErrorCode LatinReflectionApply_Private(LatinLinear *, Vec y, Vec out);
 PETSC_INTERN PetscErrorCode LatinReflectionSolution_Private(LatinLinear *, Vec y, Vec u);
 /* ksp/trueresidual.c */

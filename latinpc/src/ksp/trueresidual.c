@@ -1,17 +1,17 @@
 #include "ksp/ksplatinimpl.h"
 
 /*
-   When KSP latin may claim convergence. The interface residual that its test sees is an energy norm: b - A x in the 2-norm,
-   which users of a KSP rely on, can be larger by the square root of the condition number. So each claim is compared with
-   b - A x, for one product with the matrix. Where that is larger than the tolerances allow, the iteration goes on; where
-   the interface data have no digits left, it starts again from the solution found, with b - A x as load.
+   Convergence test of KSP latin by the true residual. The interface residual is an energy norm; the 2-norm of b - A x, which users
+   of a KSP rely on, can be larger by the square root of the condition number. So convergence is confirmed by b - A x, for
+   one product with the matrix. If this is larger than the tolerances allow, the iteration goes on; if the interface residual
+   has reached the level of rounding, it restarts from the current solution, with b - A x as load (iterative refinement).
 */
 
-#define LATIN_RESIDUAL_NOISE 16.0        /* eps, of x; solutions of the robustness suite that are right leave up to 9 */
-#define LATIN_HASH           2654435761u /* 2^32 over the golden ratio: scatters the signs of neighbours */
-#define LATIN_REFINE_GAIN    0.5         /* part of b - A x that a pass may leave to be worth another one: of more, rounding is the cause */
+#define LATIN_RESIDUAL_NOISE 16.0        /* rounding of x that is accepted, in machine epsilon; correct solutions of the robustness suite have up to 9 */
+#define LATIN_HASH           2654435761u /* 2^32 over the golden ratio: pseudo-random signs */
+#define LATIN_REFINE_GAIN    0.5         /* largest reduction factor of b - A x by a pass for another pass to follow: with a larger one rounding rules */
 
-/* The norm of b - A x that the tolerances allow, as PETSc's default test has it with KSP_NORM_UNPRECONDITIONED. data->load is the residual of the initial guess. Collective on ksp */
+/* data->allowed: the norm of b - A x that the tolerances allow, as in PETSc's default test with KSP_NORM_UNPRECONDITIONED; data->load is the residual of the initial guess. Collective on ksp */
 PetscErrorCode KSPLatinAllow_Private(KSP ksp)
 {
   KSP_Latin                    *data    = (KSP_Latin *)ksp->data;
@@ -28,7 +28,7 @@ PetscErrorCode KSPLatinAllow_Private(KSP ksp)
 }
 
 /*
-   What rounding leaves of b - A x: the norm of A times the last digits of x, here of random sign. The solution itself,
+   *norm: the level of rounding of b - A x, the norm of A times a rounding error of x of pseudo-random signs. The exact solution,
    rounded, has such a residual. Collective on ksp
 */
 static PetscErrorCode KSPLatinRounding_Private(KSP ksp, Vec x, PetscReal *norm)
@@ -52,17 +52,17 @@ static PetscErrorCode KSPLatinRounding_Private(KSP ksp, Vec x, PetscReal *norm)
   PetscFunctionReturn(0);
 }
 
-/* Iterations until the interface residual, which has fallen to `norm` in `it`, falls by so much more at this rate: at least one, at most as many again */
+/* Predicted iterations until b - A x meets the tolerances, at the mean rate of the interface residual, which is `norm` after `it` iterations: 1 to `it` */
 static PetscInt KSPLatinMore(const KSP_Latin *data, PetscInt it, PetscReal norm)
 {
-  const PetscReal more = it * PetscLogReal(data->left / data->allowed) / PetscLogReal(data->scale / norm);
+  const PetscReal more = it * PetscLogReal(data->norm / data->allowed) / PetscLogReal(data->scale / norm);
 
   return more > 1.0 ? (PetscInt)PetscCeilReal(PetscMin(more, it)) : 1;
 }
 
 /*
-   After `it` iterations of this pass, which leave the interface residual `norm`: is *reason, a claim of PETSc's default
-   test, true? The same for interface data without digits. A test of the user's is left to decide. Collective on ksp
+   Confirms or withdraws *reason of PETSc's default test, after `it` iterations of this pass with interface residual `norm`; also
+   decides when this residual is at the level of rounding. Tests of the user are not changed. Collective on ksp
 */
 PetscErrorCode KSPLatinCheck_Private(KSP ksp, PetscInt it, PetscReal norm, KSPConvergedReason *reason)
 {
@@ -78,27 +78,27 @@ PetscErrorCode KSPLatinCheck_Private(KSP ksp, PetscInt it, PetscReal norm, KSPCo
   if (*reason || (it < data->next && digits)) PetscFunctionReturn(0);
   if (data->checked != it) {
     PetscCall(KSPBuildResidual(ksp, data->solution, data->residual, &residual));
-    PetscCall(VecNorm(residual, NORM_2, &data->left));
+    PetscCall(VecNorm(residual, NORM_2, &data->norm));
     data->checked = it;
   }
-  if (claim && data->left > data->allowed && ksp->normtype != KSP_NORM_UNPRECONDITIONED) PetscCall(KSPLatinRounding_Private(ksp, data->solution, &rounding));
-  PetscCall(PetscInfo(ksp, "iteration %" PetscInt_FMT ": |b - A x| is %g, the tolerances allow %g, rounding %g\n", ksp->its, (double)data->left, (double)data->allowed, (double)rounding));
-  if (data->left <= PetscMax(data->allowed, rounding)) *reason = data->left < ksp->abstol ? KSP_CONVERGED_ATOL : KSP_CONVERGED_RTOL;
-  else if (PetscIsInfOrNanReal(data->left)) *reason = KSP_DIVERGED_NANORINF;
+  if (claim && data->norm > data->allowed && ksp->normtype != KSP_NORM_UNPRECONDITIONED) PetscCall(KSPLatinRounding_Private(ksp, data->solution, &rounding));
+  PetscCall(PetscInfo(ksp, "iteration %" PetscInt_FMT ": |b - A x| is %g, the tolerances allow %g, rounding %g\n", ksp->its, (double)data->norm, (double)data->allowed, (double)rounding));
+  if (data->norm <= PetscMax(data->allowed, rounding)) *reason = data->norm < ksp->abstol ? KSP_CONVERGED_ATOL : KSP_CONVERGED_RTOL;
+  else if (PetscIsInfOrNanReal(data->norm)) *reason = KSP_DIVERGED_NANORINF;
   else if (!digits) *reason = KSP_DIVERGED_BREAKDOWN;
   else data->next = it + KSPLatinMore(data, it, norm);
   PetscFunctionReturn(0);
 }
 
 /*
-   After a pass that has broken down, for want of digits or by the outer KSP's own judgement: another one from there may find
-   more. Its guess is the solution of this one, its load the residual. An outer KSP that has ended well without being
-   tested is taken to have broken down. Collective on ksp
+   Prepares another pass after one that has broken down, at the level of rounding or by decision of the outer KSP: its guess is the
+   current solution, its load the residual. An outer KSP that reports convergence without a test counts as broken down.
+   *again: there is another pass. Collective on ksp
 */
 PetscErrorCode KSPLatinRefine_Private(KSP ksp, PetscBool *again)
 {
   KSP_Latin      *data   = (KSP_Latin *)ksp->data;
-  const PetscReal before = data->left_before;
+  const PetscReal before = data->norm_before;
   Mat             A;
 
   PetscFunctionBegin;
@@ -109,16 +109,16 @@ PetscErrorCode KSPLatinRefine_Private(KSP ksp, PetscBool *again)
   PetscCall(KSPGetOperators(ksp, &A, NULL));
   PetscCall(MatMult(A, ksp->vec_sol, data->load));
   PetscCall(VecAYPX(data->load, -1.0, ksp->vec_rhs));
-  PetscCall(VecNorm(data->load, NORM_2, &data->left));
-  if (data->left <= data->allowed) ksp->reason = KSP_CONVERGED_RTOL;
-  else if (data->passes && !(data->left <= LATIN_REFINE_GAIN * before)) {
-    if (!(data->left <= before)) PetscCall(VecCopy(data->guess, ksp->vec_sol));
-    data->left = PetscMin(data->left, before);
-    PetscCall(PetscInfo(ksp, "Rounding leaves |b - A x| at %g, the tolerances allow %g\n", (double)data->left, (double)data->allowed));
+  PetscCall(VecNorm(data->load, NORM_2, &data->norm));
+  if (data->norm <= data->allowed) ksp->reason = KSP_CONVERGED_RTOL;
+  else if (data->passes && !(data->norm <= LATIN_REFINE_GAIN * before)) {
+    if (!(data->norm <= before)) PetscCall(VecCopy(data->guess, ksp->vec_sol));
+    data->norm = PetscMin(data->norm, before);
+    PetscCall(PetscInfo(ksp, "|b - A x| stagnates at %g by rounding, the tolerances allow %g\n", (double)data->norm, (double)data->allowed));
   } else if (ksp->its >= ksp->max_it) ksp->reason = KSP_DIVERGED_ITS;
   else {
     *again            = PETSC_TRUE;
-    data->left_before = data->left;
+    data->norm_before = data->norm;
     data->before      = ksp->its;
     PetscCall(VecCopy(ksp->vec_sol, data->guess));
   }

@@ -273,7 +273,7 @@ static PetscErrorCode LatinRounding_Private(KSP ksp, Mat A, IS kept, PetscReal *
     PetscCall(LatinCholeskyPrecision(pc, &precision));
     if (precision == LATIN_DOUBLE) break;
     PetscCall(LatinLeft_Private(ksp, A, kept, rounding));
-    if (*rounding < LATIN_ROUNDED_LEFT) break;
+    if (*rounding < LATIN_ROUNDED_CONTRACTION) break;
     PetscCall(LatinCholeskyAgain(pc, A, precision - 1));
   }
   PetscFunctionReturn(0);

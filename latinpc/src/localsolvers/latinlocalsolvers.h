@@ -12,7 +12,7 @@
 
 #define LATIN_LARGE 1000 /* rows of a subdomain beyond which nested dissection of the nodes fills less than minimum degree, and pays for itself */
 
-#define LATIN_ROUNDED_LEFT 0.01 /* of a displacement, in energy: what a solve with a factor in single precision may leave to the next; the worst displacement some ten times that */
+#define LATIN_ROUNDED_CONTRACTION 0.01 /* of a displacement, in energy: what a solve with a factor in single precision may leave to the next; the worst displacement some ten times that */
 
 /* Precision of a factor; the one that is asked for, or a higher one that holds it */
 typedef enum {

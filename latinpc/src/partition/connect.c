@@ -1,52 +1,52 @@
 #include "partition/latinpartition.h"
 
 /*
-   Subdomains in one piece. A graph partitioner leaves nodes apart from the rest of their subdomain: all but the largest part of
-   it go over to the subdomains around, where these are in one piece.
+   Makes subdomains connected. Graph partitioners leave subdomains of several connected components: all components but the largest
+   one move to neighbouring subdomains.
 */
 
 typedef struct {
-  PetscInt  n, *first, *node; /* parts: their own nodes, node[first[i]..first[i + 1]) */
+  PetscInt  n, *first, *node; /* connected components: nodes node[first[i]..first[i + 1]) */
   PetscInt *links;            /* [n] links at their nodes */
-} LatinClusters;
+} LatinComponents;
 
-/* The connected nodes of each subdomain of this rank */
-static PetscErrorCode LatinClustersCreate_Private(const LatinCut *cut, LatinClusters *clusters)
+/* The connected components of the subdomains of this rank */
+static PetscErrorCode LatinComponentsCreate_Private(const LatinCut *cut, LatinComponents *components)
 {
   PetscInt  *of_node = cut->of_node, n = 0;
   PetscBool *seen;
 
   PetscFunctionBegin;
-  PetscCall(PetscMalloc3(cut->nodes + 1, &clusters->first, cut->nodes, &clusters->node, cut->nodes, &clusters->links));
+  PetscCall(PetscMalloc3(cut->nodes + 1, &components->first, cut->nodes, &components->node, cut->nodes, &components->links));
   PetscCall(PetscCalloc1(cut->nodes, &seen));
-  clusters->n = 0;
+  components->n = 0;
   for (PetscInt start = 0; start < cut->nodes; start++) {
-    if (cut->depth[start] || seen[start]) continue;
-    clusters->first[clusters->n] = n;
-    clusters->links[clusters->n] = 0;
-    clusters->node[n++]          = start;
-    seen[start]                  = PETSC_TRUE;
-    for (PetscInt i = clusters->first[clusters->n]; i < n; i++) {
-      const PetscInt v = clusters->node[i];
+    if (cut->layer[start] || seen[start]) continue;
+    components->first[components->n] = n;
+    components->links[components->n] = 0;
+    components->node[n++]            = start;
+    seen[start]                      = PETSC_TRUE;
+    for (PetscInt i = components->first[components->n]; i < n; i++) {
+      const PetscInt v = components->node[i];
 
-      clusters->links[clusters->n] += cut->offset[v + 1] - cut->offset[v];
+      components->links[components->n] += cut->offset[v + 1] - cut->offset[v];
       for (PetscInt j = cut->offset[v]; j < cut->offset[v + 1]; j++) {
         const PetscInt l = cut->incident[j], w = cut->ends[2 * l] + cut->ends[2 * l + 1] - v;
 
         if (of_node[w] != of_node[v] || seen[w]) continue;
-        seen[w]             = PETSC_TRUE;
-        clusters->node[n++] = w;
+        seen[w]               = PETSC_TRUE;
+        components->node[n++] = w;
       }
     }
-    clusters->n++;
+    components->n++;
   }
-  clusters->first[clusters->n] = n;
+  components->first[components->n] = n;
   PetscCall(PetscFree(seen));
   PetscFunctionReturn(0);
 }
 
-/* settled[nodes]: is a node in the largest part of its subdomain? Collective on cut->comm */
-static PetscErrorCode LatinClustersSettled_Private(const LatinCut *cut, const LatinClusters *clusters, PetscInt local, PetscInt settled[])
+/* settled[nodes]: is a node in the largest component of its subdomain? Collective on cut->comm */
+static PetscErrorCode LatinComponentsSettled_Private(const LatinCut *cut, const LatinComponents *components, PetscInt local, PetscInt settled[])
 {
   PetscInt *largest, *here;
 
@@ -54,15 +54,15 @@ static PetscErrorCode LatinClustersSettled_Private(const LatinCut *cut, const La
   PetscCall(PetscMalloc1(cut->parts, &largest));
   PetscCall(PetscCalloc1(local, &here));
   for (PetscInt s = 0; s < cut->parts; s++) largest[s] = -1;
-  for (PetscInt i = 0; i < clusters->n; i++) {
-    const PetscInt s = cut->of_node[clusters->node[clusters->first[i]]];
+  for (PetscInt i = 0; i < components->n; i++) {
+    const PetscInt s = cut->of_node[components->node[components->first[i]]];
 
-    if (largest[s] < 0 || clusters->links[i] > clusters->links[largest[s]]) largest[s] = i;
+    if (largest[s] < 0 || components->links[i] > components->links[largest[s]]) largest[s] = i;
   }
   for (PetscInt v = 0; v < cut->nodes; v++) settled[v] = 0;
-  for (PetscInt i = 0; i < clusters->n; i++) {
-    if (largest[cut->of_node[clusters->node[clusters->first[i]]]] != i) continue;
-    for (PetscInt k = clusters->first[i]; k < clusters->first[i + 1]; k++) settled[clusters->node[k]] = 1;
+  for (PetscInt i = 0; i < components->n; i++) {
+    if (largest[cut->of_node[components->node[components->first[i]]]] != i) continue;
+    for (PetscInt k = components->first[i]; k < components->first[i + 1]; k++) settled[components->node[k]] = 1;
   }
   PetscCall(LatinSFReduce_Private(cut->node_sf, 1, MPIU_INT, settled, here, MPI_MAX));
   PetscCall(LatinSFBcast_Private(cut->node_sf, 1, MPIU_INT, here, settled));
@@ -71,15 +71,15 @@ static PetscErrorCode LatinClustersSettled_Private(const LatinCut *cut, const La
   PetscFunctionReturn(0);
 }
 
-/* The settled subdomain to which most links of a part lead, -1: there is none. links[parts] is zero before and after */
-static PetscInt LatinClusterTo(const LatinCut *cut, const LatinClusters *clusters, PetscInt i, const PetscInt settled[], PetscInt links[])
+/* The subdomain whose settled nodes most links of component i lead to; -1: none. links[parts] is zero before and after */
+static PetscInt LatinComponentTo(const LatinCut *cut, const LatinComponents *components, PetscInt i, const PetscInt settled[], PetscInt links[])
 {
-  const PetscInt from = cut->of_node[clusters->node[clusters->first[i]]];
+  const PetscInt from = cut->of_node[components->node[components->first[i]]];
   PetscInt       to   = -1;
 
   for (PetscInt pass = 0; pass < 2; pass++)
-    for (PetscInt k = clusters->first[i]; k < clusters->first[i + 1]; k++) {
-      const PetscInt v = clusters->node[k];
+    for (PetscInt k = components->first[i]; k < components->first[i + 1]; k++) {
+      const PetscInt v = components->node[k];
 
       for (PetscInt j = cut->offset[v]; j < cut->offset[v + 1]; j++) {
         const PetscInt l = cut->incident[j], w = cut->ends[2 * l] + cut->ends[2 * l + 1] - v, s = cut->of_node[w];
@@ -92,26 +92,26 @@ static PetscInt LatinClusterTo(const LatinCut *cut, const LatinClusters *cluster
   return to;
 }
 
-/* Gives the parts of subdomains that lie apart to those around; of_node[] is that of the caller's nodes. Collective on cut->comm */
+/* Moves small components to neighbouring subdomains: changes of_node[local], the subdomains of the nodes of the structure. *moved: components moved on all ranks. Collective on cut->comm */
 PetscErrorCode LatinConnect_Private(const LatinCut *cut, PetscInt local, PetscInt of_node[], PetscInt *moved)
 {
-  LatinClusters clusters;
-  PetscInt     *settled, *links, *change, *here;
+  LatinComponents components;
+  PetscInt       *settled, *links, *change, *here;
 
   PetscFunctionBegin;
-  PetscCall(LatinClustersCreate_Private(cut, &clusters));
+  PetscCall(LatinComponentsCreate_Private(cut, &components));
   PetscCall(PetscMalloc3(cut->nodes, &settled, cut->nodes, &change, local, &here));
   PetscCall(PetscCalloc1(cut->parts, &links));
-  PetscCall(LatinClustersSettled_Private(cut, &clusters, local, settled));
+  PetscCall(LatinComponentsSettled_Private(cut, &components, local, settled));
   *moved = 0;
   for (PetscInt v = 0; v < cut->nodes; v++) change[v] = -1;
   for (PetscInt v = 0; v < local; v++) here[v] = -1;
-  for (PetscInt i = 0; i < clusters.n; i++) {
-    const PetscInt to = settled[clusters.node[clusters.first[i]]] ? -1 : LatinClusterTo(cut, &clusters, i, settled, links);
+  for (PetscInt i = 0; i < components.n; i++) {
+    const PetscInt to = settled[components.node[components.first[i]]] ? -1 : LatinComponentTo(cut, &components, i, settled, links);
 
     if (to < 0) continue;
     (*moved)++;
-    for (PetscInt k = clusters.first[i]; k < clusters.first[i + 1]; k++) change[clusters.node[k]] = to;
+    for (PetscInt k = components.first[i]; k < components.first[i + 1]; k++) change[components.node[k]] = to;
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, moved, 1, MPIU_INT, MPI_SUM, cut->comm));
   PetscCall(LatinSFReduce_Private(cut->node_sf, 1, MPIU_INT, change, here, MPI_MAX));
@@ -119,6 +119,6 @@ PetscErrorCode LatinConnect_Private(const LatinCut *cut, PetscInt local, PetscIn
     if (here[v] >= 0) of_node[v] = here[v];
   PetscCall(PetscFree3(settled, change, here));
   PetscCall(PetscFree(links));
-  PetscCall(PetscFree3(clusters.first, clusters.node, clusters.links));
+  PetscCall(PetscFree3(components.first, components.node, components.links));
   PetscFunctionReturn(0);
 }

@@ -4,8 +4,8 @@
 #include <petscmat.h>
 
 /*
-   The graph of the nodes, shared out: each rank has the links at the nodes of its block of the caller's numbers. PT-Scotch or
-   ParMETIS cut it, by PETSc's MatPartitioning.
+   The distributed graph of the nodes: each rank has the links at its nodes of the structure. PT-Scotch or ParMETIS partition it by
+   PETSc's MatPartitioning.
 */
 
 PetscErrorCode LatinDirectoryCreate_Private(LatinStructure structure, LatinDirectory *directory)
@@ -47,7 +47,7 @@ PetscErrorCode LatinDirectoryDestroy_Private(LatinDirectory *directory)
   PetscFunctionReturn(0);
 }
 
-/* The graph as a matrix; vertices weigh as many as they have links. Sorts the neighbours. Collective on structure */
+/* The graph as a matrix; vertex weights: numbers of links. Sorts the neighbours and removes duplicates. Collective on structure */
 static PetscErrorCode LatinGraphCreate_Private(LatinStructure structure, LatinDirectory *directory, Mat *graph, PetscInt **weight)
 {
   const PetscInt n = structure->nodes_local;
@@ -62,7 +62,7 @@ static PetscErrorCode LatinGraphCreate_Private(LatinStructure structure, LatinDi
     PetscInt degree = directory->offset[v + 1] - directory->offset[v];
 
     (*weight)[v] = PetscMax(degree, 1);
-    PetscCall(PetscSortRemoveDupsInt(&degree, directory->neighbour + directory->offset[v])); /* links side by side are one edge */
+    PetscCall(PetscSortRemoveDupsInt(&degree, directory->neighbour + directory->offset[v])); /* parallel links are one edge */
     PetscCall(PetscArraycpy(j + i[v], directory->neighbour + directory->offset[v], degree));
     i[v + 1] = i[v] + degree;
   }
@@ -70,9 +70,9 @@ static PetscErrorCode LatinGraphCreate_Private(LatinStructure structure, LatinDi
   PetscFunctionReturn(0);
 }
 
-#define LATIN_SCOTCH_THREADS "SCOTCH_PTHREAD_NUMBER" /* of PT-Scotch 7, in the environment */
+#define LATIN_SCOTCH_THREADS "SCOTCH_PTHREAD_NUMBER" /* environment variable of PT-Scotch 7 */
 
-/* PT-Scotch makes other parts at each run where several threads of a rank race: unless the user has chosen, there is one */
+/* With several threads a rank PT-Scotch makes a different partition at each run: use one thread, unless the user has set their number */
 static PetscErrorCode LatinGraphApply_Private(MatPartitioning partitioning, IS *is)
 {
   const PetscBool chosen = (PetscBool)(getenv(LATIN_SCOTCH_THREADS) != NULL);
@@ -84,7 +84,7 @@ static PetscErrorCode LatinGraphApply_Private(MatPartitioning partitioning, IS *
   PetscFunctionReturn(0);
 }
 
-/* The subdomain of each node of the caller's here. Uses up the neighbours of the directory. Collective on structure */
+/* of_node[nodes_local]: the subdomain of each node. Overwrites directory->neighbour. Collective on structure */
 PetscErrorCode LatinGraphPartition_Private(LatinStructure structure, LatinDirectory *directory, const char prefix[], PetscInt parts, PetscInt of_node[])
 {
   MatPartitioning partitioning;

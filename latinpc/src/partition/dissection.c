@@ -1,23 +1,23 @@
 #include "partition/dissection.h"
 
 /*
-   Nested dissection of nodes whose places are known [M. T. Heath, P. Raghavan 1995]. A part is cut by a plane at right angles to
-   one of a few directions, that with the smallest separator for its balance: one pass over the links counts those of all planes of a
-   direction. METIS refines the one that is taken, and CAMD orders what is left by minimum degree, separators last.
-   Directions aslant give the diamonds that nets of squares want.
+   Geometric nested dissection [M. T. Heath, P. Raghavan 1995]. A part is bisected by a plane normal to one of a few directions: the
+   one with the smallest separator, weighted by its balance. One pass over the links counts the separators of all planes of a
+   direction. METIS refines the separator; CAMD orders the nodes of each part by minimum degree, separators last.
+   Diagonal directions give diamond-shaped parts, the best ones of square grids.
 
-   Places may tell nothing about links, as in a net that is rolled up. Then nodes as far from an end as each other separate the whole
-   as well, and are fewer: METIS is to order it.
+   Coordinates may not reflect the graph, as in a net that is rolled up. Then a level set of the graph distance is a smaller
+   separator than any plane, and METIS orders the graph instead.
 */
 
 #if LATIN_CAMD
   #include <camd.h>
 
-  #define LATIN_DISSECTION_LEAF   100  /* nodes that are ordered by minimum degree: with 50 and 200 operations differ by 1 % */
-  #define LATIN_DISSECTION_CUTS   128  /* slices of a direction: with 32 to 256 operations differ by 2 % */
-  #define LATIN_DISSECTION_LEAST  0.3  /* share of the nodes on either side: 0.2 is no different, with 0.4 a vault takes 5 % more operations */
-  #define LATIN_DISSECTION_THIN   0.5  /* extent along an axis, of the largest one, from which on directions have a part along it */
-  #define LATIN_DISSECTION_HALVES 50.0 /* weight of sides that differ in size where a rank waits for the other: 1 elsewhere */
+  #define LATIN_DISSECTION_LEAF   100  /* largest part that is not bisected: with 50 and 200 operations differ by 1 % */
+  #define LATIN_DISSECTION_CUTS   128  /* slices of a direction, with a candidate plane between any two: with 32 to 256 operations differ by 2 % */
+  #define LATIN_DISSECTION_LEAST  0.3  /* smallest share of the nodes on either side: 0.2 is no different, with 0.4 a vault takes 5 % more operations */
+  #define LATIN_DISSECTION_THIN   0.5  /* smallest extent along an axis, relative to the largest, of directions with a component along it */
+  #define LATIN_DISSECTION_HALVES 50.0 /* weight of imbalance between ranks, which wait for each other; 1 elsewhere */
 
   #if IDXTYPEWIDTH == 64
     #define LATIN_CAMD_ORDER camd_l_order
@@ -41,27 +41,27 @@ static const PetscReal LatinDirections[][3] = {
 
 typedef struct {
   PetscInt         dim;
-  PetscReal        balance;                                   /* weight of sides that differ in size, */
-  float            larger;                                    /* and how much larger than half METIS may make one */
+  PetscReal        balance;                                   /* weight of imbalance */
+  float            larger;                                    /* imbalance that METIS may make: largest size of a side over the mean */
   const PetscReal *x;                                         /* [n][dim] */
-  idx_t           *start, *list;                              /* neighbours of each node, both ways */
-  idx_t           *node;                                      /* [n] parts, one after the other */
-  idx_t           *place;                                     /* [n] of a node in the part that is cut; -1: elsewhere */
-  LatinCamd       *set, sets;                                 /* [n] those whose order CAMD keeps */
-  idx_t           *part_start, *part_list;                    /* the neighbours within the part, by their places there, as is all that follows */
-  idx_t           *part_side, *part_free, *part_size, *slice; /* 0 and 1: the halves, 2: their separator; for METIS; of a direction */
-  PetscReal       *along;                                     /* a direction */
+  idx_t           *start, *list;                              /* adjacency lists of the graph, symmetric */
+  idx_t           *node;                                      /* [n] nodes, sorted by parts */
+  idx_t           *place;                                     /* [n] local number of a node in the part at hand; -1: not in it */
+  LatinCamd       *set, sets;                                 /* [n] constraint sets of CAMD, which orders one set after the other */
+  idx_t           *part_start, *part_list;                    /* adjacency lists within the part, local numbers, as all that follows */
+  idx_t           *part_side, *part_free, *part_size, *slice; /* 0 and 1: sides, 2: separator; two arguments of METIS; slice of each node */
+  PetscReal       *along;                                     /* coordinate in a direction */
 } LatinDissection;
 
-/* Nodes below slice `at` of a direction are on side 0, the separator is on side `on` */
+/* A plane: nodes below slice `at` of a direction are on side 0; nodes of side `on` with neighbours on the other are the separator */
 typedef struct {
   const PetscReal *along;
   PetscReal        low, scale; /* of slices */
-  PetscReal        value;      /* size of the separator for its balance: the least is best */
+  PetscReal        value;      /* size of the separator times the penalty of imbalance: the least is best */
   idx_t            at, on;
 } LatinPlane;
 
-/* Where the nodes of a part are along a direction */
+/* The coordinates of the nodes of a part in a direction */
 static void LatinAlong(LatinDissection *d, idx_t n, const idx_t node[], const PetscReal along[3])
 {
   for (idx_t i = 0; i < n; i++) {
@@ -70,12 +70,13 @@ static void LatinAlong(LatinDissection *d, idx_t n, const idx_t node[], const Pe
   }
 }
 
+/* The slice of local node i */
 static inline idx_t LatinSlice(const LatinDissection *d, const LatinPlane *plane, idx_t i)
 {
   return (idx_t)PetscMin((PetscReal)(LATIN_DISSECTION_CUTS - 1), (d->along[i] - plane->low) * plane->scale);
 }
 
-/* The neighbours within a part */
+/* The adjacency lists within a part */
 static void LatinPart(LatinDissection *d, idx_t n, const idx_t node[])
 {
   idx_t used = 0;
@@ -105,7 +106,7 @@ static void LatinSweep(LatinDissection *d, idx_t n, const idx_t node[], const Pe
   if (!(high > plane.low)) return;
   plane.scale = LATIN_DISSECTION_CUTS / (high - plane.low);
   for (idx_t i = 0; i < n; i++) below[(d->slice[i] = LatinSlice(d, &plane, i)) + 1]++;
-  for (idx_t i = 0; i < n; i++) { /* a node is in the separator of the planes between it and its farthest neighbour */
+  for (idx_t i = 0; i < n; i++) { /* a node is in the separators of all planes between it and its farthest neighbour */
     const idx_t at  = d->slice[i];
     idx_t       low = at, high = at;
 
@@ -132,7 +133,7 @@ static void LatinSweep(LatinDissection *d, idx_t n, const idx_t node[], const Pe
   }
 }
 
-/* The sides of a plane and the separator, from which METIS moves nodes, and to which */
+/* The sides and the separator of a plane, refined by METIS */
 static PetscErrorCode LatinSides_Private(LatinDissection *d, idx_t n, const idx_t node[], const LatinPlane *plane)
 {
   int status;
@@ -141,7 +142,7 @@ static PetscErrorCode LatinSides_Private(LatinDissection *d, idx_t n, const idx_
   LatinAlong(d, n, node, plane->along);
   for (idx_t i = 0; i < n; i++) {
     d->part_side[i] = LatinSlice(d, plane, i) < plane->at ? 0 : 1;
-    d->part_free[i] = -1; /* to be moved to either side */
+    d->part_free[i] = -1; /* METIS may move it to either side */
     d->part_size[i] = 1;
   }
   for (idx_t i = 0; i < n; i++)
@@ -152,7 +153,7 @@ static PetscErrorCode LatinSides_Private(LatinDissection *d, idx_t n, const idx_
   PetscFunctionReturn(0);
 }
 
-/* Cuts a part: its nodes are those of one side, of the other, and of the separator then, count[] of each. No nodes on a side: it is not to be cut */
+/* Bisects a part: sorts its nodes into side 0, side 1 and separator, count[] of each. count[] zero on a side: no bisection found */
 static PetscErrorCode LatinCut_Private(LatinDissection *d, idx_t n, idx_t node[], idx_t count[3])
 {
   PetscReal  low[3] = {PETSC_MAX_REAL, PETSC_MAX_REAL, PETSC_MAX_REAL}, high[3] = {-PETSC_MAX_REAL, -PETSC_MAX_REAL, -PETSC_MAX_REAL}, extent = 0.0;
@@ -185,13 +186,14 @@ static PetscErrorCode LatinCut_Private(LatinDissection *d, idx_t n, idx_t node[]
   PetscFunctionReturn(0);
 }
 
+/* Makes these nodes the next constraint set of CAMD */
 static void LatinSet(LatinDissection *d, idx_t n, const idx_t node[])
 {
   for (idx_t i = 0; i < n; i++) d->set[node[i]] = d->sets;
   if (n) d->sets++;
 }
 
-/* The sets of a part, which is cut already if count is given */
+/* Bisects a part recursively and makes its constraint sets; cut not NULL: the first bisection, made already */
 static PetscErrorCode LatinDissectPart_Private(LatinDissection *d, idx_t n, idx_t node[], const idx_t cut[3])
 {
   idx_t count[3] = {0, 0, 0};
@@ -208,16 +210,16 @@ static PetscErrorCode LatinDissectPart_Private(LatinDissection *d, idx_t n, idx_
 }
 
 /*
-   The size of the smallest set of nodes as many links from one at an end as each other, with enough nodes on either side: 1.4 times
-   that of METIS' separator on grids and networks, no more than it where links make something long. Parts that are not linked
-   follow each other
+   The size of the smallest balanced level set of a breadth-first search from a peripheral node. It is 1.4 times the separator
+   of METIS on grids and networks, and no larger than that on elongated graphs. The levels of connected components follow
+   each other
 */
 static idx_t LatinLevel(LatinDissection *d, idx_t n)
 {
   idx_t      *far = d->slice, *queue = d->part_list, best = n;
   const idx_t least = (idx_t)(LATIN_DISSECTION_LEAST * (PetscReal)n);
 
-  for (PetscInt pass = 0; pass < 2; pass++) { /* from any node, and from the last one */
+  for (PetscInt pass = 0; pass < 2; pass++) { /* from any node, then from the last one, which is peripheral */
     const idx_t from = pass ? queue[n - 1] : 0;
     idx_t       used = 0, other = 0;
 
@@ -260,7 +262,7 @@ static PetscErrorCode LatinDissectionDestroy_Private(LatinDissection *d)
   PetscFunctionReturn(0);
 }
 
-/* The first cut. *serves: places tell something about links */
+/* The first bisection. *serves: coordinates reflect the graph: the separator is no larger than a level set */
 static PetscErrorCode LatinDissectWhole_Private(LatinDissection *d, idx_t n, idx_t count[3], PetscBool *serves)
 {
   PetscFunctionBegin;
@@ -270,8 +272,8 @@ static PetscErrorCode LatinDissectWhole_Private(LatinDissection *d, idx_t n, idx
 }
 
 /*
-   The order of elimination of n nodes at x [n][dim], whose neighbours are list[start[i]] to list[start[i + 1] - 1], both ways:
-   position[i] of each. *done: false where METIS is to order them
+   position[n]: fill-reducing order of n nodes at x [n][dim]; symmetric adjacency lists list[start[i]] to list[start[i + 1] - 1].
+   *done: false if METIS is to order them
 */
 PetscErrorCode LatinDissect_Private(PetscInt dim, idx_t n, idx_t start[], idx_t list[], const PetscReal x[], idx_t position[], PetscBool *done)
 {
@@ -297,7 +299,7 @@ PetscErrorCode LatinDissect_Private(PetscInt dim, idx_t n, idx_t start[], idx_t 
   PetscFunctionReturn(0);
 }
 
-/* The half of each of these nodes, 0 or 1, like many in each; 2: it is between them. *done: false where METIS is to find them */
+/* half[n]: balanced sides 0 and 1, separator 2. *done: false if METIS is to find them */
 PetscErrorCode LatinDissectHalves_Private(PetscInt dim, idx_t n, idx_t start[], idx_t list[], const PetscReal x[], idx_t half[], PetscBool *done)
 {
   LatinDissection d;

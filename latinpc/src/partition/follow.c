@@ -2,11 +2,12 @@
 #include <stdlib.h>
 
 /*
-   Links follow their nodes; those between two subdomains all go to one of the two, so that only the nodes of the other one
-   are shared. In pieces the rank of the lower one decides: it has all these links.
+   Partition of links from a partition of nodes. A link goes to the subdomain of its nodes; all links between two subdomains go to
+   one of them, so that only nodes of the other one are shared. In pieces, the rank of the lower subdomain decides: it
+   has all these links.
 */
 
-/* Of the links between subdomains a and b, count from key on, the nodes in a less those in b; seen[] is stamped */
+/* The number of end nodes in a minus that in b, of `count` links key[] between subdomains a and b; seen[v] == stamp marks counted nodes */
 static PetscInt LatinFollowSides(const LatinCut *cut, const PetscInt of_node[], PetscInt a, PetscInt count, const LatinKey key[], PetscInt stamp, PetscInt seen[])
 {
   PetscInt more = 0;
@@ -22,14 +23,14 @@ static PetscInt LatinFollowSides(const LatinCut *cut, const PetscInt of_node[], 
 }
 
 /*
-   Links between two subdomains go to the one whose nodes on them are more, for the others are shared; and, against it,
-   to the smaller one: links count half in either until it is their turn. part[] of links that another rank decides is -1.
+   Links between two subdomains go to the one with more nodes on them, as the nodes of the other are shared; for balance the
+   smaller subdomain is favoured. Until they are assigned, links count half in either. part[l]: -1 if another rank decides.
    Collective on cut->comm
 */
 PetscErrorCode LatinFollow_Private(const LatinCut *cut, const PetscInt of_node[], PetscInt part[])
 {
   LatinKey   *key;
-  PetscInt   *size, *seen, n = 0; /* sizes in half links */
+  PetscInt   *size, *seen, n = 0; /* size: in half links */
   PetscMPIInt rank, ranks;
 
   PetscFunctionBegin;
@@ -56,7 +57,7 @@ PetscErrorCode LatinFollow_Private(const LatinCut *cut, const PetscInt of_node[]
     PetscInt       to;
 
     for (last = i; last < n && key[last].hash == key[i].hash; last++) continue;
-    to = LatinFollowSides(cut, of_node, a, last - i, key + i, i + 1, seen) >= 2.0 * (PetscReal)(last - i) * (PetscReal)(size[a] - size[b]) / cut->mean ? a : b; /* integers could overflow */
+    to = LatinFollowSides(cut, of_node, a, last - i, key + i, i + 1, seen) >= 2.0 * (PetscReal)(last - i) * (PetscReal)(size[a] - size[b]) / cut->mean ? a : b; /* real: integers could overflow */
     for (PetscInt k = i; k < last; k++) part[key[k].number] = to;
     size[a] += to == a ? last - i : i - last;
     size[b] += to == b ? last - i : i - last;

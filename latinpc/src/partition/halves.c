@@ -2,13 +2,13 @@
 #include "partition/dissection.h"
 
 /*
-   Two subdomains whose interface is in the coarse problem: the fewest nodes without which the others fall into two like halves are
-   the interface. That is the first step of the nested dissection by which one subdomain would be eliminated, so that two cost
-   no more than it does; it is made as that is (partition/dissection.c), by METIS where places tell nothing. Nothing is to
-   be repaired: a subdomain is eliminated with its interface held, where no links missing across it count.
+   Two subdomains with a primal interface: the interface is a small vertex separator with balanced halves. This is the first step
+   of the nested dissection of the whole structure, so that two subdomains cost no more than one. It is geometric
+   (partition/dissection.c), or by METIS if coordinates do not reflect the graph. No repair is needed: a subdomain is
+   eliminated with its interface held, where links missing there do not matter.
 */
 
-/* Neighbours of all nodes: start[nodes + 1], list[2 links], which the caller frees */
+/* Adjacency lists of the nodes: start[nodes + 1], list[2 links], which the caller frees */
 static PetscErrorCode LatinHalvesGraph_Private(PetscInt nodes, PetscInt links, const PetscInt ends[], idx_t **start, idx_t **list)
 {
   PetscFunctionBegin;
@@ -20,7 +20,7 @@ static PetscErrorCode LatinHalvesGraph_Private(PetscInt nodes, PetscInt links, c
   PetscFunctionReturn(0);
 }
 
-/* The half, 0 or 1, of each link; *failed is 0, or the status of METIS */
+/* part[l]: half of each link, 0 or 1; links inside the separator go to the smaller half. *failed: 0, or the status of METIS */
 PetscErrorCode LatinHalves_Private(PetscInt dim, PetscInt nodes, const PetscReal x[], PetscInt links, const PetscInt ends[], PetscInt part[], int *failed)
 {
   idx_t    *start, *list, *half, n = (idx_t)nodes, size, options[METIS_NOPTIONS];
@@ -40,7 +40,7 @@ PetscErrorCode LatinHalves_Private(PetscInt dim, PetscInt nodes, const PetscReal
     if (*failed == METIS_OK) *failed = 0;
   }
   for (PetscInt l = 0; l < links && !*failed; l++) {
-    part[l] = (PetscInt)PetscMin(half[ends[2 * l]], half[ends[2 * l + 1]]); /* 2: both are on the interface */
+    part[l] = (PetscInt)PetscMin(half[ends[2 * l]], half[ends[2 * l + 1]]); /* 2: both ends are on the interface */
     if (part[l] < 2) count[part[l]]++;
   }
   for (PetscInt l = 0; l < links && !*failed; l++)

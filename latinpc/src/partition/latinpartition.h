@@ -1,5 +1,5 @@
 /*
-   Which subdomain each link belongs to (section 3.1): the caller's partition, METIS on one rank, or pieces on all.
+   Partition of links into subdomains (section 3.1): given by the caller, by METIS on one rank, or in parallel by pieces.
 */
 #ifndef LATINPARTITION_H
 #define LATINPARTITION_H
@@ -21,35 +21,35 @@
   #define LATIN_MATPARTITIONING MATPARTITIONINGPARMETIS
 #endif
 
-/* What is asked of a partition */
+/* Parameters of a partition */
 typedef struct {
   const char      *prefix;     /* of options */
-  PetscInt         subdomains; /* 0: what costs least */
+  PetscInt         subdomains; /* number of subdomains; 0: automatic */
   LatinPartitioner partitioner;
-  PetscBool        primal;  /* all interfaces are in the coarse problem: as few subdomains as there are ranks */
-  PetscBool        corners; /* nodes of three or more subdomains have one displacement, a coarse unknown */
-  PetscInt         links;   /* of this rank, for which the subdomain is given */
-  PetscInt        *given;   /* [links] NULL on all ranks that have links: to be made */
-  const char      *choice;  /* why there are so many subdomains, said by the partition */
+  PetscBool        primal;  /* all interfaces are primal: one subdomain for each rank by default */
+  PetscBool        corners; /* nodes of three or more subdomains are primal */
+  PetscInt         links;   /* length of given[] on this rank */
+  PetscInt        *given;   /* [links] subdomain of each link, from the caller; NULL on all ranks with links: make a partition */
+  const char      *choice;  /* set by the partition: the reason for the number of subdomains */
 } LatinPartitionRequest;
 PETSC_INTERN PetscErrorCode LatinPartition_Private(LatinStructure, LatinPartitionRequest *, PetscInt of_link[], PetscInt *count);
 PETSC_INTERN PetscErrorCode LatinSubdomainCount(LatinStructure, PetscBool primal, PetscInt *count);
 
-/* Links to share out: all on one rank, or the piece of each rank with what lies around it */
+/* The structure to partition: all of it on one rank, or the piece of each rank, that is the nodes of its subdomains with two layers of halo */
 typedef struct {
-  MPI_Comm   comm; /* of the pieces; PETSC_COMM_SELF: all links are here */
+  MPI_Comm   comm; /* of the pieces; PETSC_COMM_SELF: the whole structure is here */
   PetscInt   dim, nodes, links, parts;
-  PetscReal  mean;              /* links a subdomain */
+  PetscReal  mean;              /* mean number of links of a subdomain */
   PetscInt  *ends;              /* [links][2] */
   PetscReal *direction;         /* [links][dim] */
   PetscBool *fixed;             /* [nodes][dim] */
-  PetscBool  corners;           /* nodes of three or more subdomains have one displacement, a coarse unknown */
+  PetscBool  corners;           /* nodes of three or more subdomains are primal */
   PetscInt  *offset, *incident; /* [nodes + 2], [2 * links] links at each node: incident[offset[v]..offset[v + 1]) */
-  PetscSF    link_sf, node_sf;  /* the caller's links and nodes -> those here */
-  /* of a piece: the nodes of the subdomains of this rank, those that links join to them, and the next ones; NULL: not one */
-  PetscInt *number;  /* [nodes] the caller's, while the piece is made */
+  PetscSF    link_sf, node_sf;  /* links and nodes of the structure -> those here */
+  /* of a piece alone; else NULL */
+  PetscInt *number;  /* [nodes] global numbers, during the set-up of the piece */
   PetscInt *of_node; /* [nodes] subdomain */
-  PetscInt *depth;   /* [nodes] links away from the nodes of this rank: 0, 1, 2; all links of the nodes of 0 and 1 are here */
+  PetscInt *layer;   /* [nodes] 0: of a subdomain of this rank; 1, 2: layer of the halo. All links of layers 0 and 1 are here */
 } LatinCut;
 PETSC_INTERN PetscErrorCode LatinCutIncidence_Private(LatinCut *);
 PETSC_INTERN PetscErrorCode LatinMetis_Private(const LatinCut *, PetscInt part[], int *failed);
@@ -59,18 +59,18 @@ PETSC_INTERN PetscErrorCode LatinRepair_Private(const LatinCut *, const PetscBoo
 PETSC_INTERN void           LatinRepairBounds(const LatinCut *, PetscInt *least, PetscInt *most);
 PETSC_INTERN PetscErrorCode LatinRepairWhole_Private(const LatinCut *, PetscInt part[]);
 
-/* The rank that a piece is of: subdomains in blocks of like numbers */
+/* The rank of a subdomain: blocks of consecutive subdomains of equal size */
 static inline PetscMPIInt LatinPieceRank(PetscInt part, PetscInt parts, PetscMPIInt size)
 {
   return (PetscMPIInt)((PetscInt64)part * size / parts);
 }
 
-/* The links at each node, in the caller's blocks of nodes */
+/* The links at each node, distributed as the nodes of the structure */
 typedef struct {
-  PetscSF   ends;      /* the caller's nodes -> ends of the caller's links */
+  PetscSF   ends;      /* nodes -> ends of the links of the structure */
   PetscInt *offset;    /* [nodes_local + 1] */
-  PetscInt *incident;  /* [offset[nodes_local]] links by the caller's numbers */
-  PetscInt *neighbour; /* [offset[nodes_local]] their other nodes, in another order */
+  PetscInt *incident;  /* [offset[nodes_local]] global numbers of links */
+  PetscInt *neighbour; /* [offset[nodes_local]] global numbers of the other nodes of these links, in another order */
 } LatinDirectory;
 PETSC_INTERN PetscErrorCode LatinDirectoryCreate_Private(LatinStructure, LatinDirectory *);
 PETSC_INTERN PetscErrorCode LatinDirectoryDestroy_Private(LatinDirectory *);

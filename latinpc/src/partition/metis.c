@@ -2,14 +2,13 @@
 #include <metis.h>
 
 /*
-   METIS on the graph of the nodes (vertices, that weigh as many as they have links; edges: the links). It makes the sum
-   over the nodes of the other subdomains around them small. Links follow their nodes (partition/follow.c).
+   METIS on the graph of the nodes (edges: links; vertex weights: numbers of links). It minimises the communication volume: the
+   sum over nodes of the other subdomains next to them. Links follow their nodes (partition/follow.c).
 
-   There may be more subdomains of a few links than nodes: then the middles of the links are vertices as well, and have
-   the weights in place of the nodes.
+   Subdomains of a few links may outnumber the nodes: then links are vertices as well, of weight 1, and nodes have weight 0.
 */
 
-#define LATIN_METIS_SMALL 16 /* links a subdomain below which links, not nodes, are vertices: with 4, 27 of 89 subdomains stay empty */
+#define LATIN_METIS_SMALL 16 /* links a subdomain, below which links carry the weights: with 4, 27 of 89 subdomains stay empty */
 
 typedef struct {
   idx_t count, *start, *list, *weight, *part;
@@ -42,7 +41,7 @@ static PetscErrorCode LatinGraphCreate_Private(const LatinCut *cut, PetscBool mi
   PetscFunctionReturn(0);
 }
 
-/* Shares the links out into cut->parts subdomains, some of which METIS may leave empty, on one rank; *failed is 0, or the status of METIS */
+/* Partitions the links into cut->parts subdomains on one rank; METIS may leave some empty. *failed: 0, or the status of METIS */
 PetscErrorCode LatinMetis_Private(const LatinCut *cut, PetscInt part[], int *failed)
 {
   const PetscBool small = (PetscBool)(cut->links < LATIN_METIS_SMALL * cut->parts);
@@ -61,7 +60,7 @@ PetscErrorCode LatinMetis_Private(const LatinCut *cut, PetscInt part[], int *fai
   options[METIS_OPTION_SEED]      = 1; /* the same partition at every run */
   options[METIS_OPTION_NUMBERING] = 0;
   if (!small) options[METIS_OPTION_OBJTYPE] = METIS_OBJTYPE_VOL;
-  /* k-way refinement leaves parts empty when they are to be small; bisection does not */
+  /* k-way refinement leaves small parts empty; recursive bisection does not */
   *failed = (small ? METIS_PartGraphRecursive : METIS_PartGraphKway)(&graph.count, &constraints, graph.start, graph.list, graph.weight, NULL, NULL, &parts, NULL, NULL, options, &objective, graph.part);
   if (*failed == METIS_OK) *failed = 0;
   if (!*failed && !small) {

@@ -1,12 +1,14 @@
 #include "partition/latinpartition.h"
 
 /*
-   Which subdomain each link belongs to: the caller's partition, or METIS: halves (partition/halves.c), or any number of
-   subdomains (partition/metis.c), whose cuts are repaired (partition/repair.c); where one rank would hold too much, a
-   partition by all ranks (partition/pieces.c).
+   The subdomain of each link, from
+     the caller's partition;
+     bisection for two subdomains with a primal interface (partition/halves.c);
+     METIS on one rank (partition/metis.c), repaired (partition/repair.c);
+     PT-Scotch or ParMETIS on all ranks if the structure is large (partition/pieces.c).
 */
 
-/* All of an array on rank 0: *sf takes what each rank has there, and back. Collective on comm */
+/* *sf: entries of a distributed array -> all of it on rank 0. Collective on comm */
 static PetscErrorCode LatinOnFirstRank_Private(MPI_Comm comm, PetscInt local, PetscInt global, PetscSF *sf)
 {
   PetscLayout map;
@@ -19,7 +21,7 @@ static PetscErrorCode LatinOnFirstRank_Private(MPI_Comm comm, PetscInt local, Pe
   PetscFunctionReturn(0);
 }
 
-/* The structure on rank 0 */
+/* Gathers the structure on rank 0. Collective on structure */
 static PetscErrorCode LatinCutCreate_Private(LatinStructure structure, LatinCut *cut)
 {
   MPI_Comm       comm = PetscObjectComm((PetscObject)structure);
@@ -42,7 +44,7 @@ static PetscErrorCode LatinCutCreate_Private(LatinStructure structure, LatinCut 
   PetscFunctionReturn(0);
 }
 
-/* METIS is sequential: rank 0 partitions all links and hands the parts back. Collective on structure */
+/* METIS is sequential: rank 0 partitions all links and scatters the result. Collective on structure */
 static PetscErrorCode LatinPartitionMetis_Private(LatinStructure structure, const LatinPartitionRequest *request, PetscInt parts, PetscInt of_link[])
 {
   MPI_Comm  comm = PetscObjectComm((PetscObject)structure);
@@ -64,7 +66,7 @@ static PetscErrorCode LatinPartitionMetis_Private(LatinStructure structure, cons
   PetscFunctionReturn(0);
 }
 
-/* METIS takes 32-bit graphs. Collective on structure */
+/* Fails if the graph is too large for the 32-bit integers of METIS. Collective on structure */
 static PetscErrorCode LatinPartitionTakes_Private(LatinStructure structure)
 {
   const PetscReal largest = PetscMax(4 * (PetscReal)structure->links_global, structure->dim * (PetscReal)structure->nodes_global); /* entries of a graph, and of coordinates */
@@ -75,7 +77,7 @@ static PetscErrorCode LatinPartitionTakes_Private(LatinStructure structure)
   PetscFunctionReturn(0);
 }
 
-/* The same for two subdomains with a primal interface. Collective on structure */
+/* Bisection on rank 0 for two subdomains with a primal interface. Collective on structure */
 static PetscErrorCode LatinPartitionHalves_Private(LatinStructure structure, PetscInt of_link[])
 {
   MPI_Comm       comm = PetscObjectComm((PetscObject)structure);
@@ -96,7 +98,7 @@ static PetscErrorCode LatinPartitionHalves_Private(LatinStructure structure, Pet
   PetscCall(LatinSFBcast_Private(link_sf, 2, MPIU_INT, structure->nodes, ends));
   PetscCall(LatinSFBcast_Private(node_sf, dim, MPIU_REAL, (structure->base ? structure->base : structure)->x, x));
   if (links) PetscCall(LatinHalves_Private(dim, nodes, x, links, ends, part, &failed));
-  LatinAgree(comm, failed, PETSC_ERR_LIB, "METIS could not part %" PetscInt_FMT " nodes into halves (METIS status %d)", structure->nodes_global, failed);
+  LatinAgree(comm, failed, PETSC_ERR_LIB, "METIS could not bisect a graph of %" PetscInt_FMT " nodes (METIS status %d)", structure->nodes_global, failed);
   PetscCall(LatinSFReduce_Private(link_sf, 1, MPIU_INT, part, of_link, MPI_REPLACE));
   PetscCall(PetscSFDestroy(&link_sf));
   PetscCall(PetscSFDestroy(&node_sf));
@@ -104,9 +106,9 @@ static PetscErrorCode LatinPartitionHalves_Private(LatinStructure structure, Pet
   PetscFunctionReturn(0);
 }
 
-#define LATIN_METIS_ALONE 1000000 /* links that METIS partitions on one rank of several: of 1.3 million on eight that rank takes 685 MB, the others 431 to 513 */
+#define LATIN_METIS_ALONE 1000000 /* most links that METIS partitions on one rank of several: of 1.3 million on eight ranks this one takes 685 MB, the others 431 to 513 */
 
-/* Is a partition made on all ranks? */
+/* *pieces: is the partition parallel? */
 static PetscErrorCode LatinPartitionInPieces_Private(LatinStructure structure, LatinPartitioner partitioner, PetscBool *pieces)
 {
   PetscMPIInt size;
@@ -115,13 +117,13 @@ static PetscErrorCode LatinPartitionInPieces_Private(LatinStructure structure, L
   PetscCallMPI(MPI_Comm_size(PetscObjectComm((PetscObject)structure), &size));
   *pieces = (PetscBool)(partitioner == LATIN_PARTITIONER_PARALLEL || (partitioner == LATIN_PARTITIONER_AUTO && size > 1 && structure->links_global > LATIN_METIS_ALONE));
 #if !defined(LATIN_MATPARTITIONING)
-  PetscCheck(partitioner != LATIN_PARTITIONER_PARALLEL, PetscObjectComm((PetscObject)structure), PETSC_ERR_SUP, "This PETSc has neither PT-Scotch nor ParMETIS: leave out the partitioner parallel, or configure PETSc --with-ptscotch");
+  PetscCheck(partitioner != LATIN_PARTITIONER_PARALLEL, PetscObjectComm((PetscObject)structure), PETSC_ERR_SUP, "This PETSc has neither PT-Scotch nor ParMETIS: choose another partitioner than parallel, or configure PETSc --with-ptscotch");
   *pieces = PETSC_FALSE;
 #endif
   PetscFunctionReturn(0);
 }
 
-/* A partition of this program's own; 0 subdomains asked for: as many as cost least. Collective on structure */
+/* Makes a partition; sets the number of subdomains if it is automatic. Collective on structure */
 static PetscErrorCode LatinPartitionMake_Private(LatinStructure structure, const LatinPartitionRequest *request, PetscInt of_link[], PetscInt *count)
 {
   PetscBool pieces = PETSC_FALSE;
@@ -140,7 +142,7 @@ static PetscErrorCode LatinPartitionMake_Private(LatinStructure structure, const
   PetscFunctionReturn(0);
 }
 
-/* Subdomains without links: an error in a given partition, closed up in another. Collective on structure */
+/* Removes empty subdomains and renumbers the others; in a given partition they are an error. Collective on structure */
 static PetscErrorCode LatinPartitionNumber_Private(LatinStructure structure, PetscBool given, PetscInt of_link[], PetscInt *count)
 {
   MPI_Comm  comm = PetscObjectComm((PetscObject)structure);
@@ -161,7 +163,7 @@ static PetscErrorCode LatinPartitionNumber_Private(LatinStructure structure, Pet
   PetscFunctionReturn(0);
 }
 
-/* The parts of a contact with friction stay together: they go where its normal part is. Collective on structure */
+/* Assigns all parts of a contact with friction to the subdomain of its normal part. Collective on structure */
 static PetscErrorCode LatinPartitionContacts_Private(LatinStructure structure, PetscBool given, PetscInt of_link[])
 {
   PetscInt cut = -1;
@@ -177,7 +179,7 @@ static PetscErrorCode LatinPartitionContacts_Private(LatinStructure structure, P
   PetscFunctionReturn(0);
 }
 
-/* The caller's partition: of the solver, or of all solvers on the DM */
+/* Checks and copies the partition given to the solver, or to the DM for all solvers. Collective on structure */
 static PetscErrorCode LatinPartitionGiven_Private(LatinStructure structure, PetscInt links, const PetscInt given[], PetscInt of_link[], PetscInt *count)
 {
   MPI_Comm comm = PetscObjectComm((PetscObject)structure);
@@ -198,7 +200,7 @@ static PetscErrorCode LatinPartitionGiven_Private(LatinStructure structure, Pets
   PetscFunctionReturn(0);
 }
 
-/* The subdomain of each link of the caller on this rank, and the number of subdomains. Collective on structure */
+/* of_link[links_local]: the subdomain of each link; *count: the number of subdomains. Collective on structure */
 PetscErrorCode LatinPartition_Private(LatinStructure structure, LatinPartitionRequest *request, PetscInt of_link[], PetscInt *count)
 {
   MPI_Comm        comm  = PetscObjectComm((PetscObject)structure);
@@ -230,7 +232,7 @@ PetscErrorCode LatinPartition_Private(LatinStructure structure, LatinPartitionRe
   LatinAgree(comm, known && request->subdomains && request->subdomains != *count, PETSC_ERR_ARG_INCOMP, "The given partition has %" PetscInt_FMT " subdomains, not the %" PetscInt_FMT " asked for: leave out one of the two", *count,
              request->subdomains);
   PetscCallMPI(MPI_Comm_size(comm, &ranks));
-  request->choice = known ? "given" : request->subdomains ? "asked for" : ranks == 1 ? "one factor costs least" : request->primal ? "one a rank costs least" : "of the size that costs least";
+  request->choice = known ? "given" : request->subdomains ? "set by the user" : ranks == 1 ? "automatic, one factor is cheapest" : request->primal ? "automatic, one for each rank" : "automatic, of the cheapest size";
   PetscCall(PetscLogEventEnd(LATIN_Partition, structure, 0, 0, 0));
   PetscFunctionReturn(0);
 }

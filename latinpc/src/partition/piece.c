@@ -1,11 +1,12 @@
 #include "partition/latinpartition.h"
 
 /*
-   The piece of a structure that a rank works on: the nodes of its subdomains, those that links join to them, and all links of
-   either. Its arrays are as long as the piece; what it needs comes from the ranks that have it (partition/directory.c).
+   The piece of the structure that a rank works on: the nodes of its subdomains, layer 0, and their neighbours, layer 1 of the halo,
+   with all links at either; the other ends of these are layer 2. Arrays are as long as the piece; data comes from
+   the ranks that own it (partition/directory.c).
 */
 
-/* A way from roots in the blocks of the ranks to the leaves of these global numbers. Collective on comm */
+/* *sf: entries of a distributed array -> leaves, given by their global numbers. Collective on comm */
 static PetscErrorCode LatinPieceFetch_Private(MPI_Comm comm, PetscInt local, PetscInt global, PetscInt leaves, const PetscInt number[], PetscSF *sf)
 {
   PetscLayout map;
@@ -18,7 +19,7 @@ static PetscErrorCode LatinPieceFetch_Private(MPI_Comm comm, PetscInt local, Pet
   PetscFunctionReturn(0);
 }
 
-/* Sorts *n numbers, each once, and takes out those of another sorted list */
+/* Sorts *n numbers, removes duplicates and those in the sorted list out[m] */
 static PetscErrorCode LatinPieceWithout_Private(PetscInt *n, PetscInt number[], PetscInt m, const PetscInt out[])
 {
   PetscInt kept = 0;
@@ -33,7 +34,7 @@ static PetscErrorCode LatinPieceWithout_Private(PetscInt *n, PetscInt number[], 
   PetscFunctionReturn(0);
 }
 
-/* The links at nodes of any rank, by their numbers: ascending, each once. Collective on structure */
+/* *link: global numbers of the links at n nodes node[] of any rank, ascending, without duplicates. Collective on structure */
 static PetscErrorCode LatinPieceLinks_Private(LatinStructure structure, const LatinDirectory *directory, PetscInt n, const PetscInt node[], PetscInt *links, PetscInt **link)
 {
   MPI_Comm           comm = PetscObjectComm((PetscObject)structure);
@@ -70,7 +71,7 @@ static PetscErrorCode LatinPieceLinks_Private(LatinStructure structure, const La
   PetscFunctionReturn(0);
 }
 
-/* The nodes of the subdomains of this rank, ascending. Collective on structure */
+/* *own: global numbers of the nodes of the subdomains of this rank, ascending. Collective on structure */
 static PetscErrorCode LatinPieceOwn_Private(LatinStructure structure, PetscInt parts, const PetscInt of_node[], IS *own)
 {
   MPI_Comm    comm = PetscObjectComm((PetscObject)structure);
@@ -89,7 +90,7 @@ static PetscErrorCode LatinPieceOwn_Private(LatinStructure structure, PetscInt p
   PetscFunctionReturn(0);
 }
 
-/* The links of the own nodes, and of the nodes around; these nodes. Collective on structure */
+/* *ghost: layer 1 of the halo, the neighbours of the own nodes; *link: the links at own nodes and at these. Collective on structure */
 static PetscErrorCode LatinPieceGrow_Private(LatinStructure structure, const LatinDirectory *directory, PetscInt n, const PetscInt own[], PetscInt *around, PetscInt **ghost, PetscInt *links, PetscInt **link)
 {
   PetscInt near, more, *first, *second;
@@ -114,7 +115,7 @@ static PetscErrorCode LatinPieceGrow_Private(LatinStructure structure, const Lat
   PetscFunctionReturn(0);
 }
 
-/* The links at each node, in the order of their numbers */
+/* The links at each node, ascending */
 PetscErrorCode LatinCutIncidence_Private(LatinCut *cut)
 {
   PetscFunctionBegin;
@@ -125,7 +126,7 @@ PetscErrorCode LatinCutIncidence_Private(LatinCut *cut)
   PetscFunctionReturn(0);
 }
 
-/* The nodes of the links: their numbers, how far they are away, and the ends by their places here */
+/* The nodes of the piece: their global numbers and layers; makes the ends of links local numbers */
 static PetscErrorCode LatinPieceNodes_Private(LatinCut *cut, PetscInt n, const PetscInt own[], PetscInt m, const PetscInt ghost[])
 {
   PetscFunctionBegin;
@@ -135,16 +136,16 @@ static PetscErrorCode LatinPieceNodes_Private(LatinCut *cut, PetscInt n, const P
   PetscCall(PetscSortRemoveDupsInt(&cut->nodes, cut->number));
   PetscCall(PetscRealloc((size_t)cut->nodes * sizeof(*cut->number), &cut->number));
   for (PetscInt i = 0; i < 2 * cut->links; i++) PetscCall(PetscFindInt(cut->ends[i], cut->nodes, cut->number, &cut->ends[i]));
-  PetscCall(PetscMalloc2(cut->nodes, &cut->of_node, cut->nodes, &cut->depth));
+  PetscCall(PetscMalloc2(cut->nodes, &cut->of_node, cut->nodes, &cut->layer));
   for (PetscInt v = 0, i = 0, j = 0; v < cut->nodes; v++) {
     while (i < n && own[i] < cut->number[v]) i++;
     while (j < m && ghost[j] < cut->number[v]) j++;
-    cut->depth[v] = i < n && own[i] == cut->number[v] ? 0 : j < m && ghost[j] == cut->number[v] ? 1 : 2;
+    cut->layer[v] = i < n && own[i] == cut->number[v] ? 0 : j < m && ghost[j] == cut->number[v] ? 1 : 2;
   }
   PetscFunctionReturn(0);
 }
 
-/* The piece of this rank; of_node[nodes_local], the subdomains of the caller's nodes here, say which. Collective on structure */
+/* The piece of this rank, from the subdomains of_node[nodes_local] of the nodes of the structure. Collective on structure */
 PetscErrorCode LatinPieceCreate_Private(LatinStructure structure, const LatinDirectory *directory, const PetscInt of_node[], LatinCut *cut)
 {
   MPI_Comm        comm = PetscObjectComm((PetscObject)structure);
@@ -184,7 +185,7 @@ PetscErrorCode LatinCutDestroy_Private(LatinCut *cut)
   PetscCall(PetscSFDestroy(&cut->node_sf));
   PetscCall(PetscFree2(cut->ends, cut->direction));
   PetscCall(PetscFree2(cut->offset, cut->incident));
-  PetscCall(PetscFree2(cut->of_node, cut->depth));
+  PetscCall(PetscFree2(cut->of_node, cut->layer));
   PetscCall(PetscFree(cut->number));
   PetscCall(PetscFree(cut->fixed));
   PetscFunctionReturn(0);

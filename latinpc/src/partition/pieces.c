@@ -1,15 +1,15 @@
 #include "partition/latinpartition.h"
 
 /*
-   A partition made by all ranks: the graph of the nodes is cut where it lies (partition/directory.c), each rank fetches the piece
-   of its subdomains (partition/piece.c), makes these connected (partition/connect.c), shares out the links between them
-   (partition/follow.c) and repairs them (partition/repair.c). No array is longer than a piece, or than there are subdomains.
+   Parallel partition: the distributed graph of the nodes is partitioned (partition/directory.c); each rank fetches the piece
+   of its subdomains (partition/piece.c), makes them connected (partition/connect.c), assigns the links between subdomains
+   (partition/follow.c) and repairs the result (partition/repair.c). No array is longer than a piece or the number of subdomains.
 
-   Ranks repair at the same time, each in a region where no other one changes a link: of nodes next to several ranks the
-   lowest of these has all in one round, the highest in the next. So gains are exact, and the cost falls until neither moves a link.
+   Ranks repair at the same time, each in a region of its own: nodes next to several ranks belong to the lowest of these in
+   even rounds, to the highest in odd ones. So gains are exact, and the cost decreases until two rounds move no link.
 */
 
-/* The subdomains that the ranks have given links, given[links], -1: none, go to the caller's links and to all pieces. Collective on structure */
+/* Communicates changes given[links] of subdomains, -1: unchanged, to the links of the structure, of_link[], and to all pieces, part[]. Collective on structure */
 static PetscErrorCode LatinPiecesShare_Private(const LatinCut *cut, PetscInt local, const PetscInt given[], PetscInt of_link[], PetscInt part[])
 {
   PetscInt *here;
@@ -25,7 +25,7 @@ static PetscErrorCode LatinPiecesShare_Private(const LatinCut *cut, PetscInt loc
   PetscFunctionReturn(0);
 }
 
-/* The nodes of which this rank may move links: those next to its own where it is the lowest rank around, or the highest */
+/* mine[v]: may this rank move links at node v? It may in layers 0 and 1 if it is the lowest, or highest, rank of the node and its neighbours */
 static PetscErrorCode LatinPiecesRegion_Private(const LatinCut *cut, PetscBool highest, PetscBool mine[])
 {
   PetscMPIInt rank, size;
@@ -36,18 +36,18 @@ static PetscErrorCode LatinPiecesRegion_Private(const LatinCut *cut, PetscBool h
   for (PetscInt v = 0; v < cut->nodes; v++) {
     PetscMPIInt extreme = LatinPieceRank(cut->of_node[v], cut->parts, size);
 
-    for (PetscInt j = cut->offset[v]; j < cut->offset[v + 1] && cut->depth[v] < 2; j++) {
+    for (PetscInt j = cut->offset[v]; j < cut->offset[v + 1] && cut->layer[v] < 2; j++) {
       const PetscInt    l     = cut->incident[j];
       const PetscMPIInt other = LatinPieceRank(cut->of_node[cut->ends[2 * l] + cut->ends[2 * l + 1] - v], cut->parts, size);
 
       extreme = highest ? PetscMax(extreme, other) : PetscMin(extreme, other);
     }
-    mine[v] = (PetscBool)(cut->depth[v] < 2 && extreme == rank);
+    mine[v] = (PetscBool)(cut->layer[v] < 2 && extreme == rank);
   }
   PetscFunctionReturn(0);
 }
 
-/* What each subdomain may lose and win here: an equal share for each rank that may move its links. Collective on structure */
+/* give[s], take[s]: links that subdomain s may lose and gain on this rank: an equal share for each rank that may move its links. Collective on structure */
 static PetscErrorCode LatinPiecesRoom_Private(const LatinCut *cut, PetscInt local, const PetscInt of_link[], const PetscBool mine[], const PetscInt part[], PetscInt give[], PetscInt take[])
 {
   PetscInt least, most, *ranks = take;
@@ -70,7 +70,7 @@ static PetscErrorCode LatinPiecesRoom_Private(const LatinCut *cut, PetscInt loca
   PetscFunctionReturn(0);
 }
 
-/* Collective on structure */
+/* Rounds of repair, until two in a row move no link. Collective on structure */
 static PetscErrorCode LatinPiecesRepair_Private(const LatinCut *cut, PetscInt local, PetscInt of_link[], PetscInt part[])
 {
   PetscInt  *give, *take, *given, idle = 0;
@@ -95,7 +95,7 @@ static PetscErrorCode LatinPiecesRepair_Private(const LatinCut *cut, PetscInt lo
   PetscFunctionReturn(0);
 }
 
-/* Shares the links out into so many subdomains, some of which may stay empty. Collective on structure */
+/* Partitions the links into `parts` subdomains, some of which may be empty. Collective on structure */
 PetscErrorCode LatinPieces_Private(LatinStructure structure, const LatinPartitionRequest *request, PetscInt parts, PetscInt of_link[])
 {
   const PetscInt local     = structure->nodes_local;

@@ -1,38 +1,37 @@
 #include "partition/latinpartition.h"
 
 /*
-   Repair of a partition. METIS sees a graph, not a structure: it leaves nodes dangling in a subdomain, on links that
-   hold them in fewer directions than all the node's links do. Each missing direction is an internal mechanism of the
-   subdomain, and mechanisms make the iteration slow. Links move between the subdomains of one of their
-   nodes as long as the sum over the nodes of
+   Repair of a partition by local search. Graph partitioners ignore directions: the links of a subdomain at a node may span fewer
+   directions than all links of the node. Each missing direction is a mechanism of the subdomain, and mechanisms slow down
+   the iteration. Links move between the subdomains of one of their nodes while this decreases the sum over nodes of the cost
 
-     a node of one subdomain   0
-     of two                    1 + directions missing in either of them
-     of three or more          1 if it is a corner: the coarse problem holds it; else as for two, 1 for each one more
+     node of one subdomain   0
+     of two                  1 + directions missing in either of them
+     of three or more        1 if it is a corner, which the coarse problem holds; else subdomains - 1 + directions missing
 
-   falls. A move takes one link, or all the links of a subdomain at a node. It changes the cost of the nodes at its
-   links only, and lowers a whole number: the nodes around it are looked at again, in sweeps, until nothing moves.
+   A move takes one link, or all links of a subdomain at a node. It changes the cost at the ends of its links alone. The cost is
+   an integer: sweeps over nodes with changed neighbours end when no move is left.
 
-   In a piece of a structure (partition/pieces.c) no move may touch the nodes of others, nor leave a subdomain in two.
+   In a piece of a structure (partition/pieces.c) moves may not touch nodes of other ranks, nor disconnect a subdomain.
 */
 
-#define LATIN_REPAIR_SOFT    1e-2 /* less than that of the stiffness of one link of stiffness 1 is a direction missing */
-#define LATIN_REPAIR_BALANCE 0.25 /* how far subdomains may go from the mean number of links */
-#define LATIN_REPAIR_REACH   64   /* nodes visited in search of a way round the links that leave a subdomain */
+#define LATIN_REPAIR_SOFT    1e-2 /* smallest pivot that counts as a direction, for links of stiffness 1 */
+#define LATIN_REPAIR_BALANCE 0.25 /* largest deviation of subdomains from the mean number of links */
+#define LATIN_REPAIR_REACH   64   /* most nodes visited in the search of a path round removed links */
 
 typedef struct {
   const LatinCut  *cut;
-  const PetscBool *mine; /* [nodes] that moves may touch; NULL: all, and subdomains may fall in two */
+  const PetscBool *mine; /* [nodes] may moves touch it? NULL: all, and subdomains may become disconnected */
   PetscInt        *part;
-  PetscInt        *give, *take;     /* links that each subdomain may lose or win */
-  PetscInt        *whole, *cost;    /* [nodes] directions that all links hold; what a node costs now */
-  PetscBool       *due;             /* [nodes] to look at again */
-  PetscInt        *seen, stamp;     /* [nodes] nodes that a move touches */
-  PetscInt        *reached, *queue; /* [nodes], [LATIN_REPAIR_REACH] nodes on ways round a move */
-  PetscInt        *touched, *move, *here;
+  PetscInt        *give, *take;           /* links that each subdomain may lose and gain */
+  PetscInt        *whole, *cost;          /* [nodes] directions that all links span, -1: not computed; current cost */
+  PetscBool       *due;                   /* [nodes] still to visit */
+  PetscInt        *seen, stamp;           /* [nodes] touched by the move at hand: seen[v] == stamp */
+  PetscInt        *reached, *queue;       /* [nodes], [LATIN_REPAIR_REACH] breadth-first search round a move */
+  PetscInt        *touched, *move, *here; /* work: nodes and links of a move; subdomains at a node */
 } LatinRepair;
 
-/* Rank of a symmetric positive semidefinite matrix of unit directions: Cholesky with the largest pivot first */
+/* Numerical rank of a symmetric positive semidefinite matrix of unit directions, by Cholesky with diagonal pivoting */
 static PetscInt LatinRepairRank(PetscInt dim, PetscReal a[3][3])
 {
   PetscBool done[3] = {PETSC_FALSE, PETSC_FALSE, PETSC_FALSE};
@@ -51,7 +50,7 @@ static PetscInt LatinRepairRank(PetscInt dim, PetscReal a[3][3])
   return dim;
 }
 
-/* Free directions that the links of one subdomain (all of them: part < 0) hold at a node */
+/* Number of free directions that the links of subdomain `part` span at a node; part < 0: those of all links */
 static PetscInt LatinRepairHeld(const LatinRepair *repair, PetscInt v, PetscInt part)
 {
   const LatinCut *cut     = repair->cut;
@@ -84,6 +83,7 @@ static PetscInt LatinRepairParts(const LatinRepair *repair, PetscInt v, PetscInt
   return n;
 }
 
+/* The cost of a node, see above */
 static PetscInt LatinRepairCost(const LatinRepair *repair, PetscInt v)
 {
   PetscInt *parts = repair->here, n = LatinRepairParts(repair, v, parts), cost = n - 1;
@@ -95,7 +95,7 @@ static PetscInt LatinRepairCost(const LatinRepair *repair, PetscInt v)
   return cost;
 }
 
-/* The end nodes of n links, each once */
+/* touched[]: the end nodes of n links, without duplicates; returns their number */
 static PetscInt LatinRepairTouched(LatinRepair *repair, PetscInt n, const PetscInt move[])
 {
   PetscInt count = 0;
@@ -111,7 +111,7 @@ static PetscInt LatinRepairTouched(LatinRepair *repair, PetscInt n, const PetscI
   return count;
 }
 
-/* Does a subdomain reach, without the links that have left it, all of the touched nodes that are still its own? Far ways round do not count */
+/* Is subdomain `from` still connected without the links of a move? Breadth-first search between the touched nodes that it still has, of LATIN_REPAIR_REACH nodes at most: longer paths are not found */
 static PetscBool LatinRepairHoldsTogether(const LatinRepair *repair, PetscInt from, PetscInt count)
 {
   const LatinCut *cut   = repair->cut;
@@ -141,7 +141,7 @@ static PetscBool LatinRepairHoldsTogether(const LatinRepair *repair, PetscInt fr
   return (PetscBool)(goals <= 1);
 }
 
-/* What the cost falls by when n links go over to another subdomain; 0 where it falls by no more than `least` */
+/* The decrease of the cost if n links move to subdomain `to`; 0 if it is at most `least` or the move is not allowed */
 static PetscInt LatinRepairGain(LatinRepair *repair, PetscInt n, const PetscInt move[], PetscInt to, PetscInt least)
 {
   const PetscInt from = repair->part[move[0]];
@@ -161,7 +161,7 @@ static PetscInt LatinRepairGain(LatinRepair *repair, PetscInt n, const PetscInt 
   return gain;
 }
 
-/* The best move at a node, if there is one: its links in best[], their number, and where to */
+/* The best move at a node: returns the number of its links, best[], 0: none; *to: their new subdomain */
 static PetscInt LatinRepairBest(LatinRepair *repair, PetscInt v, const PetscInt parts[], PetscInt n, PetscInt best[], PetscInt *to)
 {
   PetscInt most = 0, count = 0;
@@ -186,7 +186,7 @@ static PetscInt LatinRepairBest(LatinRepair *repair, PetscInt v, const PetscInt 
   return count;
 }
 
-/* Does the best move at a node, if there is one; the nodes around are then due again */
+/* Makes the best move at a node, if any, and marks its neighbourhood as due */
 static PetscBool LatinRepairNode(LatinRepair *repair, PetscInt v, PetscInt parts[], PetscInt best[])
 {
   PetscInt n = LatinRepairParts(repair, v, parts), to = -1;
@@ -209,7 +209,7 @@ static PetscBool LatinRepairNode(LatinRepair *repair, PetscInt v, PetscInt parts
   return PETSC_TRUE;
 }
 
-/* Links that a subdomain has at least and at most */
+/* Smallest and largest number of links of a subdomain */
 void LatinRepairBounds(const LatinCut *cut, PetscInt *least, PetscInt *most)
 {
   *least = PetscMax(1, (PetscInt)PetscCeilReal((1.0 - LATIN_REPAIR_BALANCE) * cut->mean));
@@ -217,8 +217,8 @@ void LatinRepairBounds(const LatinCut *cut, PetscInt *least, PetscInt *most)
 }
 
 /*
-   Moves links between the cut->parts subdomains of part[]; give[] and take[], which are overwritten, are the links that each may
-   lose and win, mine[] the nodes that moves may touch, all of whose links are here; NULL: all
+   Moves links between the subdomains part[links]. give[parts], take[parts]: links that each may lose and gain, overwritten.
+   mine[nodes]: nodes that moves may touch, all of whose links are here; NULL: all. *moves: moves made
 */
 PetscErrorCode LatinRepair_Private(const LatinCut *cut, const PetscBool mine[], PetscInt give[], PetscInt take[], PetscInt part[], PetscInt *moves)
 {
@@ -254,7 +254,7 @@ PetscErrorCode LatinRepair_Private(const LatinCut *cut, const PetscBool mine[], 
   PetscFunctionReturn(0);
 }
 
-/* The same with all links on one rank; no subdomain becomes empty */
+/* The same with the whole structure on one rank; no subdomain becomes empty */
 PetscErrorCode LatinRepairWhole_Private(const LatinCut *cut, PetscInt part[])
 {
   PetscInt *give, *take, least, most, moves;

@@ -1,22 +1,22 @@
 #include "partition/latinpartition.h"
 
 /*
-   How many subdomains METIS is to make when nobody says.
+   The default number of subdomains.
 
-   On one rank one: METIS is for structures that repeat nothing, and one factor of everything costs less time and memory
-   than the factors of subdomains and of their coarse problem; iterations are fewer as well. Set-up and solve to an
-   indicator of 1e-5 beside what the sizes below make: network of 20,000 nodes 3.8 and 9.3 s; of 150,000 nodes, with 650,000
-   links, 60 and 289 s, 4.9 and 9.0 GB.
+   One rank: 1. METIS partitions structures without repetition; there, one factor of the whole structure costs less time and
+   memory than factors of subdomains and of their coarse problem, and takes fewer iterations. Set-up and solve to an indicator
+   of 1e-5, with 1 subdomain and with those of the sizes below: network of 20,000 nodes 3.8 and 9.3 s; of 150,000 nodes and
+   650,000 links, 60 and 289 s, 4.9 and 9.0 GB.
 
-   On more ranks small subdomains make the coarse problem large, large ones their own factors. Where each rank has one, as by
-   default, there is no choice; the other variants take the size at which a whole solve moves the fewest numbers, entries of
-   factors times linear stages, of plane, flat and solid structures: benchmarks/constants.md.
+   Several ranks: small subdomains have a large coarse problem, large ones large factors. If all interfaces are primal, as by
+   default, one for each rank. The other variants take the size with the fewest entries of factors times linear
+   stages over plane, flat and solid structures: benchmarks/constants.md.
 */
 
-#define LATIN_SIZE_LINKS 724 /* links a subdomain on several ranks */
-#define LATIN_SIZE_LEAST 64  /* a structure of more links has two subdomains */
+#define LATIN_SIZE_LINKS 724 /* links of a subdomain, on several ranks */
+#define LATIN_SIZE_LEAST 64  /* a structure of more links has two subdomains or more */
 
-/* Collective on structure */
+/* *count: the default number of subdomains. Collective on structure */
 PetscErrorCode LatinSubdomainCount(LatinStructure structure, PetscBool primal, PetscInt *count)
 {
   const PetscInt links = structure->links_global;

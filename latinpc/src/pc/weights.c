@@ -40,12 +40,12 @@ PetscErrorCode PCLatinWeigh_Private(PC pc, PetscBool forces, const PetscReal who
 
   PetscFunctionBegin;
   for (PetscInt i = 0; i < bs * latin->sub.copies; i++) part[i] = (PCLatinInner(latin, i / bs) && data->interior.direct) || latin->sub.fixed[i] ? 0.0 : data->weight[i] * whole[i];
-  for (PetscInt f = 0; f < inter->count && LatinDirectionShares(&latin->dir); f++) {
+  for (PetscInt f = 0; f < inter->count && LatinDirectionIsDeluxe(&latin->dir); f++) {
     const LatinInterface *face = &inter->interface[f];
 
     if (latin->dir.matrix_first[f] < 0) continue;
     for (PetscInt k = face->side_first; k < face->side_last; k++) data->side[k - face->side_first] = whole[inter->side_dof[k]];
-    PetscCall(LatinDirectionShare(&latin->dir, f, forces, data->side, data->side + inter->sides));
+    PetscCall(LatinDirectionDeluxe(&latin->dir, f, forces, data->side, data->side + inter->sides));
     for (PetscInt k = face->side_first; k < face->side_last; k++) part[inter->side_dof[k]] = data->side[k - face->side_first];
   }
   PetscFunctionReturn(0);

@@ -1,6 +1,6 @@
 #include "stages/latinstages.h"
 
-/* The fixed-point map z -> G(z) of section 3.3: a linear stage, then a local stage; and what its displacements are. */
+/* The fixed-point map z -> G(z) of section 3.3: a linear stage, then a local stage; its state and its displacements. */
 
 PetscErrorCode LatinCreateState_Private(const LatinLinear *linear, Vec *z)
 {
@@ -13,8 +13,8 @@ PetscErrorCode LatinCreateState_Private(const LatinLinear *linear, Vec *z)
 }
 
 /*
-   The state of the prestressed configuration: no interface datum, every nonsmooth link as a taut one, rigid ones without
-   tension, and no displacement but the prescribed ones.
+   The state of the prestressed configuration: zero on interfaces, nonsmooth links taut under their prestrain, rigid links without
+   tension, displacements zero but for prescribed ones.
 */
 PetscErrorCode LatinInitialState_Private(LatinLinear *linear, Vec z)
 {
@@ -39,8 +39,8 @@ PetscErrorCode LatinInitialState_Private(LatinLinear *linear, Vec z)
 }
 
 /*
-   Gz = G(z): linear stage, local stage. Leaves the displacements of the subdomains in linear.U, and the indicator. The
-   displacements before only set where the linear stage starts from.
+   Gz = G(z): linear stage, local stage. Updates the displacements linear.U and the indicator. G depends on z alone: linear.U on
+   entry is the initial guess of the linear stage, which solves for an increment. Collective on sub->object
 */
 PetscErrorCode LatinApply_Private(LatinLinear *linear, Vec z, Vec Gz)
 {
@@ -62,7 +62,7 @@ PetscErrorCode LatinApply_Private(LatinLinear *linear, Vec z, Vec Gz)
   PetscFunctionReturn(0);
 }
 
-/* One displacement for the copies of a node, their mean; and of what is in no subdomain */
+/* u: mean displacement of the copies of each node, and the displacements of dofs in no subdomain. Collective on sub->object */
 PetscErrorCode LatinAverage_Private(LatinLinear *linear, Vec u)
 {
   const LatinSubdomains *sub = linear->sub;
@@ -74,12 +74,12 @@ PetscErrorCode LatinAverage_Private(LatinLinear *linear, Vec u)
   for (PetscInt i = 0; i < bs * sub->copies; i++) w[i] = linear->U[i] / sub->multiplicity[i / bs];
   PetscCall(LatinSum_Private(sub, w, u));
   PetscCall(VecGetArray(u, &a));
-  for (PetscInt k = 0; k < sub->unassigned_count; k++) a[sub->unassigned[k]] = linear->alone[k];
+  for (PetscInt k = 0; k < sub->unassigned_count; k++) a[sub->unassigned[k]] = linear->unassigned_u[k];
   PetscCall(VecRestoreArray(u, &a));
   PetscFunctionReturn(0);
 }
 
-/* Errors of the displacements of all subdomains against a reference given for the copies; total = |difference|^2, |reference|^2 twice */
+/* Relative errors of the displacements linear.U from a reference on copies, in the Euclidean and the energy norm; absolute if the reference is zero. Collective on sub->object */
 PetscErrorCode LatinErrors_Private(const LatinLinear *linear, const PetscReal reference[], PetscReal *l2, PetscReal *energy)
 {
   const LatinSubdomains *sub    = linear->sub;
@@ -104,7 +104,7 @@ PetscErrorCode LatinErrors_Private(const LatinLinear *linear, const PetscReal re
   PetscFunctionReturn(0);
 }
 
-/* The tensions of the rigid links of the last local stage, to the caller's links. Collective on sub->object */
+/* Scatters the tensions of rigid links of the last local stage to the links of the structure. Collective on sub->object */
 PetscErrorCode LatinReturnTensions_Private(LatinLinear *linear)
 {
   PetscFunctionBegin;

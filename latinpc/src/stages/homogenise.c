@@ -9,28 +9,28 @@
            [ -N^t T^-1       K_CC - K_Cr V_C + N^t T^-1 N   ]
      Phi = [ V_m T^-1        -V_C - V_m T^-1 N              ]  on r,  (0, 1) on C
 
-   Where the factor keeps the primal rows to the last, their Schur complement K_CC - K_Cr V_C comes with it, and the first half
-   of the solves of V_m leaves -V_C^t A_r^t on them: V_m alone is asked for, on the interfaces, and kept in place of Phi.
+   A factor that keeps the primal rows gives their Schur complement K_CC - K_Cr V_C, and the forward substitution of V_m
+   leaves -V_C^t A_r^t in them. Then V_m alone is computed, in rows of interfaces, and stored in place of Phi.
 
-   The springs of the macro displacement are in K but not in the method (the micro part alone has a search direction):
-   with R^t d R = 1 their energy is |A U|^2 / 2, whence the identity taken from T^-1, as in (29).
+   K contains springs on the macro displacement, but the method has none (only the micro part has a search direction).
+   As R^t d R = 1, their energy is |A U|^2 / 2: hence the identity subtracted from T^-1, as in (29).
 */
 
-#define LATIN_HOMOGENISE_COLUMNS 16  /* right-hand sides solved together, at least: where a subdomain is large they bound the work space to that many copies of U */
-#define LATIN_HOMOGENISE_ROOM    1e6 /* numbers, 8 MB, that more of them may fill: up to LATIN_BATCH_COLUMNS, which take two thirds of the time */
+#define LATIN_HOMOGENISE_COLUMNS 16  /* fewest right-hand sides solved together, of large subdomains: bounds the work space to that many copies of U */
+#define LATIN_HOMOGENISE_ROOM    1e6 /* numbers, 8 MB: small subdomains take as many right-hand sides as this holds, up to LATIN_BATCH_COLUMNS, in two thirds of the time */
 
 #define LATIN_INVERSE_ROWS   512 /* rows of the largest dense inverse, 2 MB */
-#define LATIN_INVERSE_RUN    8   /* fewest subdomains of neighbouring numbers, on average */
-#define LATIN_INVERSE_STAGES 8   /* the columns of an inverse are no more than the right-hand sides of so many linear stages */
+#define LATIN_INVERSE_RUN    8   /* fewest members of a batch for each run of consecutive subdomain numbers */
+#define LATIN_INVERSE_STAGES 8   /* most columns of an inverse, in right-hand sides of so many linear stages */
 
-/* What the condensation of a subdomain works on */
+/* Work arrays of the condensation of a subdomain */
 typedef struct {
-  PetscInt     columns;         /* of B, V and G: all coarse dofs or, where the factor keeps the primal rows, the macro ones */
-  PetscInt     rows, *row, *at; /* rows that have a part in its interfaces, increasing; [rows of the subdomain] where these are among them */
-  PetscScalar *B, *V, *G;       /* [A_r^t, K_rC] and K_rr^-1 times it in these rows, zero in the others of B; B^t V */
+  PetscInt     columns;         /* of B, V and G: all coarse dofs or, if the factor keeps the primal rows, the macro ones */
+  PetscInt     rows, *row, *at; /* rows in which B may be nonzero, increasing; [rows of the subdomain] their positions among these */
+  PetscScalar *B, *V, *G;       /* [A_r^t, K_rC] and K_rr^-1 B, in these rows; B^t V */
 } LatinCondensation;
 
-/* The rows of subdomain s at nodes of other subdomains, on primal dofs, or coupled to these */
+/* row and at: the rows of subdomain s at shared nodes, on interfaces, on primal dofs, or coupled to these */
 static PetscErrorCode LatinHomogeniseRows_Private(const LatinLinear *linear, PetscInt s, LatinCondensation *work)
 {
   const LatinInterfaces *inter = linear->inter;
@@ -71,7 +71,7 @@ static PetscErrorCode LatinHomogeniseColumns_Private(const LatinLinear *linear, 
   PetscFunctionReturn(0);
 }
 
-/* All rows of K_rr^-1 B, some columns at a time */
+/* phi: all rows of K_rr^-1 B, by blocks of columns */
 static PetscErrorCode LatinHomogeniseSolve_Private(LatinLinear *linear, PetscInt which, PetscInt m, const LatinCondensation *work, PetscScalar phi[], KSPConvergedReason *failed)
 {
   const PetscInt n       = linear->batches->batch[which].rows;
@@ -100,7 +100,7 @@ static PetscErrorCode LatinHomogeniseSolve_Private(LatinLinear *linear, PetscInt
   PetscFunctionReturn(0);
 }
 
-/* The same by an inverse that is there */
+/* The same with the dense inverse of the batch */
 static PetscErrorCode LatinHomogeniseProduct_Private(const LatinLinear *linear, PetscInt which, PetscInt m, const LatinCondensation *work, PetscScalar phi[])
 {
   const size_t      n   = (size_t)linear->batches->batch[which].rows;
@@ -120,7 +120,7 @@ static PetscErrorCode LatinHomogeniseProduct_Private(const LatinLinear *linear, 
   PetscFunctionReturn(0);
 }
 
-/* G = B^t V for columns of both: its lower triangle, by blocks, and its other half */
+/* G = B^t V, m columns each: the lower triangle by blocks, mirrored */
 static PetscErrorCode LatinHomogeniseEnergies_Private(LatinCondensation *work, PetscInt m, const PetscScalar V[])
 {
   const PetscScalar one = 1.0, zero = 0.0;
@@ -143,8 +143,8 @@ static PetscErrorCode LatinHomogeniseEnergies_Private(LatinCondensation *work, P
 }
 
 /*
-   [V_m, V_C] in Phi, and G = B^t [V_m, V_C], which is all that H takes of it. Where the factor keeps the primal rows it is V_m,
-   in the rows of B, and H takes what is left on the primal ones as well
+   Phi: [V_m, V_C], and G = B^t [V_m, V_C], from which H follows. If the factor keeps the primal rows, Phi is V_m in the rows of B;
+   the primal rows of V_m hold -V_C^t A_r^t until LatinHomogeniseKept_Private() takes them
 */
 static PetscErrorCode LatinHomogeniseVectors_Private(LatinLinear *linear, PetscInt which, LatinCondensation *work, KSPConvergedReason *failed)
 {
@@ -171,7 +171,7 @@ static PetscErrorCode LatinHomogeniseVectors_Private(LatinLinear *linear, PetscI
   PetscFunctionReturn(0);
 }
 
-/* Of a factor that keeps the primal rows: their Schur complement goes to H, and what V_m has left on them to N */
+/* For a factor that keeps the primal rows: adds their Schur complement to H, and moves the primal rows of V_m to N */
 static PetscErrorCode LatinHomogeniseKept_Private(const LatinLinear *linear, PetscInt which, const LatinCondensation *work, PetscScalar N[], PetscScalar H[])
 {
   const PetscInt  s = linear->batches->batch[which].sub[0], m = linear->coarse->offset[s + 1] - linear->coarse->offset[s], macros = work->columns, primals = m - macros;
@@ -184,11 +184,11 @@ static PetscErrorCode LatinHomogeniseKept_Private(const LatinLinear *linear, Pet
   PetscCall(LatinSubstructuresFactor(linear, which, &F));
   PetscCall(LatinCholeskyGiveSchur(F, &S));
   for (PetscInt j = 0; j < primals; j++) {
-    PetscReal *left = Phi->a + work->at[dof[j] - top];
+    PetscReal *row = Phi->a + work->at[dof[j] - top];
 
-    for (PetscInt i = 0; i < macros; i++, left += Phi->rows) {
-      N[i + macros * j] = *left;
-      *left             = 0.0;
+    for (PetscInt i = 0; i < macros; i++, row += Phi->rows) {
+      N[i + macros * j] = *row;
+      *row              = 0.0;
     }
     for (PetscInt i = 0; i < primals; i++) H[macros + i + m * (macros + j)] = linear->sub->fixed[dof[i]] || linear->sub->fixed[dof[j]] ? 0.0 : S[i + (size_t)primals * (size_t)j];
   }
@@ -196,7 +196,7 @@ static PetscErrorCode LatinHomogeniseKept_Private(const LatinLinear *linear, Pet
   PetscFunctionReturn(0);
 }
 
-/* T (macros x macros) and N = A_C - A_r V_C (macros x primals) of one subdomain, from G; - K_Cr V_C goes to H. Where the factor keeps the primal rows both have been there */
+/* T (macros x macros) and N = A_C - A_r V_C (macros x primals) of one subdomain from G; subtracts K_Cr V_C from H. If the factor keeps the primal rows, only A_C is added: LatinHomogeniseKept_Private() has done the rest */
 static void LatinHomogeniseMacro(const LatinLinear *linear, PetscInt s, const LatinCondensation *work, PetscScalar T[], PetscScalar N[], PetscScalar H[])
 {
   const PetscScalar     *G      = work->G;
@@ -218,8 +218,8 @@ static void LatinHomogeniseMacro(const LatinLinear *linear, PetscInt s, const La
 }
 
 /*
-   H and Phi of one subdomain; K_CC stands in H already. `inverse`, K_rr^-1 or NULL, becomes K_rr^-1 - V_m T^-1 V_m^t: the
-   displacements for unit forces while the coarse displacements are zero.
+   H and Phi of one subdomain; H holds K_CC on entry. `inverse`, K_rr^-1 or NULL, becomes K_rr^-1 - V_m T^-1 V_m^t: the inverse
+   under zero coarse displacements. *singular: T is not positive definite.
 */
 static PetscErrorCode LatinHomogeniseSubdomain_Private(LatinLinear *linear, PetscInt which, const LatinCondensation *work, PetscScalar inverse[], PetscBool *singular)
 {
@@ -268,7 +268,7 @@ static PetscErrorCode LatinHomogeniseSubdomain_Private(LatinLinear *linear, Pets
   PetscFunctionReturn(0);
 }
 
-/* Has a batch an inverse, or is it to have one if its solver is direct? Not where rows are too many or members too few for its columns to pay */
+/* Does batch `which` use a dense inverse, given or to be computed by a direct solver? It pays for few rows and many members */
 PetscBool LatinHomogeniseInverts(const LatinLinear *linear, PetscInt which)
 {
   const LatinBatch *batch = &linear->batches->batch[which];
@@ -280,8 +280,8 @@ PetscBool LatinHomogeniseInverts(const LatinLinear *linear, PetscInt which)
 }
 
 /*
-   K_rr^-1 of a batch of many equal subdomains with neighbouring numbers, by the local solver: products with it, of many
-   columns in place, are quicker than substitutions. Prescribed and primal rows and columns are zero.
+   K_rr^-1 of a batch of many equal subdomains with consecutive numbers: one product with it, of many columns in place, is faster than
+   substitutions. Prescribed and primal rows and columns are zero.
 */
 static PetscErrorCode LatinHomogeniseInverse_Private(LatinLinear *linear, PetscInt which, KSPConvergedReason *failed)
 {
@@ -305,7 +305,7 @@ static PetscErrorCode LatinHomogeniseInverse_Private(LatinLinear *linear, PetscI
   PetscFunctionReturn(0);
 }
 
-/* The subdomain that represents a batch */
+/* Condenses the first subdomain of a batch, for all of them */
 static PetscErrorCode LatinHomogeniseBatch_Private(LatinLinear *linear, PetscInt which, KSPConvergedReason *failed, PetscBool *singular)
 {
   const PetscInt    s    = linear->batches->batch[which].sub[0];
@@ -325,6 +325,7 @@ static PetscErrorCode LatinHomogeniseBatch_Private(LatinLinear *linear, PetscInt
   PetscFunctionReturn(0);
 }
 
+/* H and Phi of all subdomains here. Collective on sub->object */
 PetscErrorCode LatinHomogeniseSetUp(LatinLinear *linear)
 {
   KSPConvergedReason failed = KSP_CONVERGED_ITERATING;
@@ -347,7 +348,7 @@ PetscErrorCode LatinHomogeniseSetUp(LatinLinear *linear)
   }
   PetscCall(PetscMalloc1(most, &linear->some));
   PetscCall(PetscLogEventEnd(LATIN_Condense, linear->sub->object, 0, 0, 0));
-  LatinAgree(PetscObjectComm(linear->sub->object), failed, PETSC_ERR_CONV_FAILED, "A local solver gave up while the subdomains were condensed (%s); change its options, which start with -%slocal_", KSPConvergedReasons[failed],
+  LatinAgree(PetscObjectComm(linear->sub->object), failed, PETSC_ERR_CONV_FAILED, "A local solver failed during the condensation of the subdomains (%s); change its options, which start with -%slocal_", KSPConvergedReasons[failed],
              LatinPrefix(linear->sub));
   LatinAgree(PetscObjectComm(linear->sub->object), bad >= 0, PETSC_ERR_PLIB, "The macro constraints of subdomain %" PetscInt_FMT " are dependent to rounding; change the partition, or try variant none", linear->sub->first + bad);
   PetscFunctionReturn(0);

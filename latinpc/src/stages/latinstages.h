@@ -1,6 +1,6 @@
 /*
-   The two stages of an iteration: linear (sections 3.2 and 5) and local (section 3.3), and the fixed-point map z -> G(z)
-   that they make together.
+   The two stages of an iteration: linear (sections 3.2 and 5) and local (section 3.3); and the fixed-point map z -> G(z), a
+   linear stage and a local stage.
 */
 #ifndef LATINSTAGES_H
 #define LATINSTAGES_H
@@ -8,17 +8,17 @@
 #include "coarse/latincoarse.h"
 #include <math.h> /* INFINITY: that of PETSc is a large number */
 
-/* ---- linear stage (stages/linear.c, stages/homogenise.c): operators of the subdomains, and what a stage works on ---- */
-/* An entry of K_rC */
+/* ---- linear stage (stages/linear.c, stages/homogenise.c): operators of the subdomains and work arrays ---- */
+/* An entry of K_rC, see stages/homogenise.c */
 typedef struct {
   PetscInt  row, primal; /* from the subdomain's first row; position in its primal list */
   PetscReal value;
 } LatinCoupling;
 
-/* Displacements for unit coarse displacements in all rows of a subdomain or, where its factor keeps the primal ones, for unit macro forces with these held, in the rows of interfaces */
+/* The coarse basis of a subdomain: Phi of stages/homogenise.c in all its rows or, if its factor keeps the primal rows, V_m in rows of interfaces */
 typedef struct {
-  PetscInt   rows, *row; /* from its first one, increasing, where they are some */
-  PetscReal *a;          /* rows x coarse or macro, column-major */
+  PetscInt   rows, *row; /* rows of V_m, relative to the first one of the subdomain, increasing */
+  PetscReal *a;          /* rows x coarse dofs (macro ones for V_m), column-major */
 } LatinPhi;
 
 typedef struct {
@@ -27,45 +27,45 @@ typedef struct {
   const LatinDirections *dir;
   const LatinMacro      *macro;
   const LatinBatches    *batches;
-  LatinSpectral         *spectral; /* gives its inverses away */
+  LatinSpectral         *spectral; /* its inverses are taken by the set-up */
   LatinCoarse           *coarse;
   LatinLocalSolvers     *solvers;
-  PetscBool              substructures; /* all that is on interfaces is in the coarse problem, and Phi is not kept */
-  PetscBool              empty;         /* values of their operators have gone once factors were there */
-  PetscBool              shared;        /* given: forces, and displacements that are read, are at nodes of several subdomains */
-  PetscBool              precise;       /* the coarse problem is too soft for subdomains condensed in single precision */
-  /* the following are stored once for each pattern, and found by subdomain */
-  PetscInt        *rc_first, *rc_last; /* [subdomains] coupling of the other dofs with the primal ones */
+  PetscBool              substructures; /* all interface dofs are coarse dofs: see stages/substructures.c; no Phi */
+  PetscBool              released;      /* the entries of their operators have been released */
+  PetscBool              shared;        /* set by the caller: forces are nonzero, and displacements are read, at nodes of several subdomains alone */
+  PetscBool              precise;       /* condense in double precision: the coarse problem is too soft for single */
+  /* stored once for equal subdomains, indexed by subdomain */
+  PetscInt        *rc_first, *rc_last; /* [subdomains] range of K_rC in rc */
   LatinCoupling   *rc;
   LatinHomogenised stiffness;
   LatinPhi        *Phi;           /* [subdomains] */
-  PetscReal       *some;          /* work: the rows of one Phi that are some */
-  PetscBool       *keeps;         /* [batches] does the factor keep the primal rows to the last? */
-  PetscReal      **inverse;       /* [batches] displacements for unit forces with the coarse ones held, dense; NULL: from the solver */
-  PetscReal       *g;             /* [copies * bs] forces of a linear stage, work space after it */
-  PetscReal       *U;             /* [copies * bs] displacements, the sum of those of all linear stages */
+  PetscReal       *some;          /* work: one vector in the rows of a Phi with row[] */
+  PetscBool       *keeps;         /* [batches] does the factor keep the primal rows, whose Schur complement it gives? */
+  PetscReal      **inverse;       /* [batches] dense inverse of the operator, coarse displacements zero; NULL: the solver is used */
+  PetscReal       *g;             /* [copies * bs] right-hand side of a linear stage; free work space after it */
+  PetscReal       *U;             /* [copies * bs] displacements, the sum of the increments of all linear stages */
   PetscReal       *pull;          /* [sides] forces of the search direction, D times the micro part of U */
-  PetscReal       *load;          /* [copies * bs] F, shared among the copies of a node */
-  PetscReal       *alone;         /* [unassigned_count] displacements of what is in no subdomain, for the loads */
-  PetscReal       *spring;        /* [copies * bs] springs of the search direction, part of K */
+  PetscReal       *load;          /* [copies * bs] F, divided equally among the copies of a node */
+  PetscReal       *unassigned_u;  /* [unassigned_count] displacements under the loads of the dofs in no subdomain */
+  PetscReal       *spring;        /* [copies * bs] diagonal search directions, part of K_E */
   PetscReal       *lambda;        /* work: macro forces of one subdomain */
   PetscReal       *tile;          /* work: displacements and forces of LATIN_LANES equal subdomains, see stages/locallinks.c */
-  PetscReal       *work;          /* work: two blocks of vectors on an interface, one for each subdomain that is treated together */
-  PetscReal       *outgoing;      /* [sides] work: the data that the mates receive */
-  PetscReal       *tension;       /* [nonsmooth] tau_hat of the last local stage; NULL if no link is rigid */
-  PetscReal       *strain;        /* [links] of links that turn, at the first part of each, in the last local stage of a static solve; NULL if none does */
-  PetscReal       *rigid_tension; /* [links_local of the structure] tensions of rigid links, of the last LatinReturnTensions_Private(); NULL if there are none */
-  PetscBool        corrected;     /* stages follow each other, each of which solves for what the one before has left */
-  PetscBool        failed;        /* an inner solver failed since this was cleared */
+  PetscReal       *work;          /* work: two blocks of vectors on an interface, a column for each subdomain of a run of equal ones */
+  PetscReal       *outgoing;      /* [sides] work: values sent to the mates */
+  PetscReal       *tension;       /* [nonsmooth] tau_hat of the last local stage; NULL: no link is rigid */
+  PetscReal       *strain;        /* [links] strains of turning links, at the first part of each, in the last local stage of a static solve; NULL: no link turns */
+  PetscReal       *rigid_tension; /* [links_local of the structure] tensions of rigid links, set by LatinReturnTensions_Private(); NULL: no link is rigid */
+  PetscBool        corrected;     /* the next stage solves for the residual of this one, which may so be inexact */
+  PetscBool        failed;        /* an inner solver has failed since this was cleared */
   PetscInt         solves;        /* linear stages since the set-up */
-  PetscReal        seconds;       /* that these have taken */
-  PetscInt         applications;  /* linear stages done since the last reset of the counter */
-  PetscReal        energy;        /* of the change that the last linear stage made, where all interfaces are primal */
-  PetscReal        rounded;       /* square of what that stage, in single precision or with a coarse iteration that ends early, leaves to the next, in energy */
+  PetscReal        seconds;       /* time of these */
+  PetscInt         applications;  /* evaluations of G since the counter was reset */
+  PetscReal        energy;        /* of substructures: energy of the increment of the last linear stage */
+  PetscReal        solve_error;   /* square of the error of that stage in the energy norm, from factors in single precision and an inexact coarse solve */
   /* of the last local stage */
-  PetscReal indicator; /* distance of the two stages, relative */
-  PetscReal distance;  /* the same, not divided: square root of an energy */
-  PetscReal noise;     /* what rounding alone leaves of it */
+  PetscReal indicator; /* relative distance of the two stages */
+  PetscReal distance;  /* absolute: square root of an energy */
+  PetscReal noise;     /* level of rounding of the distance */
 } LatinLinear;
 PETSC_INTERN PetscErrorCode LatinLinearSetUp(LatinLinear *);
 PETSC_INTERN PetscErrorCode LatinHomogeniseSetUp(LatinLinear *);
@@ -75,14 +75,14 @@ PETSC_INTERN PetscErrorCode LatinLinearApply(LatinLinear *, PetscReal U[]);
 PETSC_INTERN PetscErrorCode LatinLinearExpand(LatinLinear *, PetscReal U[]);
 PETSC_INTERN PetscErrorCode LatinLinearReset(LatinLinear *);
 
-/* ---- the same where all interfaces are primal (stages/substructures.c) ---- */
+/* ---- linear stage if all interfaces are primal (stages/substructures.c) ---- */
 PETSC_INTERN PetscErrorCode LatinSubstructuresAre(const LatinLinear *, PetscBool *);
 PETSC_INTERN PetscErrorCode LatinSubstructuresFactor(const LatinLinear *, PetscInt batch, Mat *);
 PETSC_INTERN LatinSpending  LatinSubstructuresSpending(LatinLinear *);
 PETSC_INTERN PetscErrorCode LatinSubstructuresStiffness(LatinLinear *);
 PETSC_INTERN PetscErrorCode LatinSubstructuresStiffnessAgain(LatinLinear *, PetscInt s, PetscReal H[]);
 PETSC_INTERN PetscErrorCode LatinSubstructuresFill(LatinLinear *);
-PETSC_INTERN PetscErrorCode LatinSubstructuresLeft(LatinLinear *, PetscReal *left);
+PETSC_INTERN PetscErrorCode LatinSubstructuresContraction(LatinLinear *, PetscReal *contraction);
 PETSC_INTERN PetscErrorCode LatinSubstructuresForward(LatinLinear *);
 PETSC_INTERN PetscErrorCode LatinSubstructuresBackward(LatinLinear *, PetscReal U[]);
 
@@ -96,7 +96,7 @@ PETSC_INTERN void           LatinTurningState(const LatinLinear *, PetscReal sta
 PETSC_INTERN void           LatinSweepForces(const LatinLinear *, const PetscReal z[]);
 PETSC_INTERN void           LatinSweepStage(const LatinLinear *, const PetscReal z[], PetscReal next[], PetscReal sum[3]);
 
-/* ---- fixed-point map (stages/fixedpointmap.c): z = (sides, nonsmooth links); leaves U and the indicator behind ---- */
+/* ---- fixed-point map (stages/fixedpointmap.c): z = (sides, nonsmooth links); updates U and the indicator ---- */
 PETSC_INTERN PetscErrorCode LatinCreateState_Private(const LatinLinear *, Vec *);
 PETSC_INTERN PetscErrorCode LatinInitialState_Private(LatinLinear *, Vec);
 PETSC_INTERN PetscErrorCode LatinApply_Private(LatinLinear *, Vec z, Vec Gz);

@@ -2,13 +2,13 @@
 #include <petsctime.h>
 
 /*
-   Linear stage: the fixed operators K_E = B^t l B + C^t d C of the subdomains (28), with l = k, and one solve of the
-   whole stage (42)-(52) for given forces.
+   Linear stage: the constant operators K_E = B^t l B + C^t d C of the subdomains (28), with l = k, and the solve (42)-(52) for
+   given forces.
 */
 
 /*
-   Of the matrix K of subdomain s, rows and columns on free dofs that are not primal stay; couplings with the primal dofs
-   go to rc, and the primal block to H, the homogenised stiffness that it starts.
+   Splits the matrix K of subdomain s: K keeps K_rr, the identity in primal rows; K_rC is appended to rc; K_CC is added to the
+   homogenised stiffness H.
 */
 static PetscErrorCode LatinLinearSplit_Private(LatinLinear *linear, PetscInt s, LatinSparse *K, PetscSegBuffer rc, PetscInt *couplings)
 {
@@ -29,7 +29,7 @@ static PetscErrorCode LatinLinearSplit_Private(LatinLinear *linear, PetscInt s, 
       const PetscReal value = K->a[k];
 
       if (apart && at >= 0) H[macros + primal[r] + m * (macros + at)] += value;
-      if (column == r || (!apart && at < 0)) { /* a primal row is that of the identity */
+      if (column == r || (!apart && at < 0)) { /* identity in a primal row */
         K->j[nz]   = column;
         K->a[nz++] = apart ? 1.0 : value;
       } else if (!apart) {
@@ -47,7 +47,7 @@ static PetscErrorCode LatinLinearSplit_Private(LatinLinear *linear, PetscInt s, 
   PetscFunctionReturn(0);
 }
 
-/* The same of a subdomain whose inverse is there, all of whose rows a matrix gives: no matrix is made. Springs are on no primal dof */
+/* The same for a subdomain of a matrix without interior, whose inverse exists already: reads the entries directly. There are no springs on primal dofs */
 static PetscErrorCode LatinLinearCouplings_Private(LatinLinear *linear, PetscInt s, PetscSegBuffer rc, PetscInt *couplings)
 {
   const LatinSubdomains *sub = linear->sub;
@@ -76,7 +76,7 @@ static PetscErrorCode LatinLinearCouplings_Private(LatinLinear *linear, PetscInt
   PetscFunctionReturn(0);
 }
 
-/* Takes the inverses that are there, one a batch */
+/* Takes the dense inverses of the local low-energy fields (interfaces/facemodes.c), one for each batch */
 static PetscErrorCode LatinLinearInverses_Private(LatinLinear *linear)
 {
   PetscFunctionBegin;
@@ -88,11 +88,11 @@ static PetscErrorCode LatinLinearInverses_Private(LatinLinear *linear)
     linear->inverse[b]           = linear->spectral->inverse[s];
     linear->spectral->inverse[s] = NULL;
   }
-  PetscCall(LatinSpectralForget(linear->spectral));
+  PetscCall(LatinSpectralFreeInverses(linear->spectral));
   PetscFunctionReturn(0);
 }
 
-/* Whose factors keep the primal rows to the last, which condenses the subdomain on them: those that only the interfaces are read of, if a factor is what solves */
+/* keeps[]: the batches whose factor keeps the primal rows and gives their Schur complement: all without a dense inverse, if only interface dofs are read and the local solver is the default */
 static PetscErrorCode LatinLinearKeeps_Private(LatinLinear *linear)
 {
   PetscBool keep = PETSC_FALSE;
@@ -104,7 +104,7 @@ static PetscErrorCode LatinLinearKeeps_Private(LatinLinear *linear)
   PetscFunctionReturn(0);
 }
 
-/* The matrices of all batches, the couplings, and where H starts */
+/* The matrices of all batches, their couplings K_rC, and K_CC in H */
 static PetscErrorCode LatinLinearMatrices_Private(LatinLinear *linear)
 {
   const LatinBatches *batches   = linear->batches;
@@ -112,7 +112,7 @@ static PetscErrorCode LatinLinearMatrices_Private(LatinLinear *linear)
   PetscSegBuffer      rc;
 
   PetscFunctionBegin;
-  linear->empty = PETSC_FALSE;
+  linear->released = PETSC_FALSE;
   PetscCall(PetscSegBufferCreate(sizeof(LatinCoupling), 1024, &rc));
   for (PetscInt b = 0; b < batches->n; b++) {
     const PetscInt s    = batches->batch[b].sub[0];
@@ -137,7 +137,7 @@ static PetscErrorCode LatinLinearMatrices_Private(LatinLinear *linear)
   PetscFunctionReturn(0);
 }
 
-/* Room for H: once for each pattern */
+/* Allocates H, once for equal subdomains; H of substructures comes with the factor */
 static PetscErrorCode LatinLinearOffsets_Private(LatinLinear *linear)
 {
   const LatinSubdomains *sub = linear->sub;
@@ -159,7 +159,7 @@ static PetscErrorCode LatinLinearOffsets_Private(LatinLinear *linear)
   PetscFunctionReturn(0);
 }
 
-/* Work space for equal subdomains that are treated together */
+/* Work space for blocks of equal subdomains */
 static PetscErrorCode LatinLinearWork_Private(LatinLinear *linear)
 {
   const LatinInterfaces *inter = linear->inter;
@@ -177,7 +177,7 @@ static PetscErrorCode LatinLinearWork_Private(LatinLinear *linear)
   PetscFunctionReturn(0);
 }
 
-/* The operators of the subdomains, the batches and shared bases of which are there, and their solvers: solvers->status says how that ended */
+/* Operators of the subdomains and their solvers, from batches and macro bases. solvers->status reports failures */
 PetscErrorCode LatinLinearSetUp(LatinLinear *linear)
 {
   const LatinSubdomains *sub = linear->sub;
@@ -192,31 +192,31 @@ PetscErrorCode LatinLinearSetUp(LatinLinear *linear)
   PetscCall(LatinLinearOffsets_Private(linear));
   PetscCall(PetscMalloc1(n, &linear->spring));
   PetscCall(PetscMalloc1(sides, &linear->outgoing));
-  PetscCall(PetscCalloc1(sub->unassigned_count, &linear->alone));
+  PetscCall(PetscCalloc1(sub->unassigned_count, &linear->unassigned_u));
   if (sub->structure && sub->structure->rigid_law >= 0 && !sub->tangent) {
     PetscCall(PetscCalloc1(sub->nonsmooth, &linear->tension));
     PetscCall(PetscCalloc1(sub->structure->links_local, &linear->rigid_tension));
   }
-  if (sub->part) PetscCall(PetscCalloc1(sub->links + 1, &linear->strain)); /* never NULL then */
+  if (sub->part) PetscCall(PetscCalloc1(sub->links + 1, &linear->strain)); /* + 1: never NULL */
   PetscCall(LatinLinearWork_Private(linear));
   PetscCall(LatinDirectionSprings_Private(linear->dir, linear->spring));
   PetscCall(LatinLocalSolversCreate(sub, linear->batches, linear->solvers));
   PetscCall(LatinLinearInverses_Private(linear));
   PetscCall(LatinLinearKeeps_Private(linear));
   PetscCall(LatinLinearMatrices_Private(linear));
-  PetscCall(LatinSolverIsDefault_Private(sub->object, "coarse", &checked)); /* only a factor shows how soft the coarse problem is */
+  PetscCall(LatinSolverIsDefault_Private(sub->object, "coarse", &checked)); /* single precision needs a coarse factor, which detects a soft coarse problem */
   if (!linear->substructures) linear->solvers->precision = sub->preconditions && checked && !linear->precise ? LATIN_PRECISION_AUTO : LATIN_PRECISION_DOUBLE;
   linear->solvers->kept_offset = linear->inter->primal_offset;
   linear->solvers->kept        = linear->inter->primal_dof;
   linear->solvers->keeps       = linear->substructures ? NULL : linear->keeps;
   linear->solvers->spending    = LatinSubstructuresSpending(linear);
   PetscCall(LatinLocalSolversSetUp(linear->solvers, "local", PETSC_FALSE));
-  PetscCall(PetscMalloc5(n, &linear->g, n, &linear->U, sides, &linear->pull, n, &linear->load, linear->coarse->widest, &linear->lambda)); /* not beside what the factors take */
+  PetscCall(PetscMalloc5(n, &linear->g, n, &linear->U, sides, &linear->pull, n, &linear->load, linear->coarse->widest, &linear->lambda)); /* allocated after the peak memory of the factorisations */
   PetscCall(PetscLogEventEnd(LATIN_Linear, sub->object, 0, 0, 0));
   PetscFunctionReturn(0);
 }
 
-/* The loads, shared among the copies of a node; what is in no subdomain is solved for */
+/* Divides the loads equally among the copies of a node; solves for dofs in no subdomain. Collective on sub->object */
 PetscErrorCode LatinLinearSetLoads(LatinLinear *linear, Vec load)
 {
   const LatinSubdomains *sub = linear->sub;
@@ -228,12 +228,12 @@ PetscErrorCode LatinLinearSetLoads(LatinLinear *linear, Vec load)
   PetscCall(LatinDistribute_Private(linear->sub, load, linear->load));
   for (PetscInt i = 0; i < bs * sub->copies; i++) linear->load[i] /= sub->multiplicity[i / bs];
   PetscCall(VecGetArrayRead(load, &a));
-  for (PetscInt k = 0; k < sub->unassigned_count; k++) linear->alone[k] = sub->unassigned_inverse[k] * a[sub->unassigned[k]];
+  for (PetscInt k = 0; k < sub->unassigned_count; k++) linear->unassigned_u[k] = sub->unassigned_inverse[k] * a[sub->unassigned[k]];
   PetscCall(VecRestoreArrayRead(load, &a));
   PetscFunctionReturn(0);
 }
 
-/* Forces on the coarse dofs of the subdomains of a batch: q = Phi^t g */
+/* Condensed forces of the subdomains of a batch, q = Phi^t g */
 static PetscErrorCode LatinLinearCondense_Private(LatinLinear *linear, const LatinBatch *batch)
 {
   const LatinSubdomains *sub    = linear->sub;
@@ -260,8 +260,8 @@ static PetscErrorCode LatinLinearCondense_Private(LatinLinear *linear, const Lat
 }
 
 /*
-   The same where the factor keeps the primal rows: the first half of the solve, in place of the forces, leaves those on the
-   primal dofs; with y = V_m^t g, H y is what the macro displacements that they cause, which are held, add
+   The same if the factor keeps the primal rows, q = (y, g_C - V_C^t g_r) + H (y, 0) with y = V_m^t g: forward substitution, in place
+   of g, gives g_C - V_C^t g_r in the primal rows
 */
 static PetscErrorCode LatinLinearForward_Private(LatinLinear *linear, PetscInt which)
 {
@@ -298,7 +298,7 @@ static PetscErrorCode LatinLinearForward_Private(LatinLinear *linear, PetscInt w
   PetscFunctionReturn(0);
 }
 
-/* Adds to the forces of one subdomain what its coarse displacements cause: macro forces lambda, unless they are treated apart (kept), and primal displacements */
+/* Adds to g of one subdomain the forces of its coarse displacements: D R lambda, with macro forces lambda (not if `kept`: V_m lambda is added later), and -K_rC u_C. Sets u_C in primal rows */
 static PetscErrorCode LatinLinearRelocalise_Private(LatinLinear *linear, PetscInt s, PetscBool kept)
 {
   const LatinSubdomains *sub    = linear->sub;
@@ -336,7 +336,7 @@ static PetscErrorCode LatinLinearRelocalise_Private(LatinLinear *linear, PetscIn
   PetscFunctionReturn(0);
 }
 
-/* Relocalisation and local solves in one, with a dense inverse: U += inverse g + Phi u */
+/* Relocalisation and local solves of a batch with a dense inverse: U += inverse g + Phi u */
 static PetscErrorCode LatinLinearDense_Private(LatinLinear *linear, const LatinBatch *batch, const PetscReal inverse[], PetscReal U[])
 {
   const LatinSubdomains *sub    = linear->sub;
@@ -360,7 +360,7 @@ static PetscErrorCode LatinLinearDense_Private(LatinLinear *linear, const LatinB
   PetscFunctionReturn(0);
 }
 
-/* The same by the solver of the batch, in place of the forces */
+/* The same with the solver of the batch, in place of g */
 static PetscErrorCode LatinLinearSolve_Private(LatinLinear *linear, PetscInt which, PetscReal U[])
 {
   const LatinSubdomains *sub   = linear->sub;
@@ -370,7 +370,7 @@ static PetscErrorCode LatinLinearSolve_Private(LatinLinear *linear, PetscInt whi
   PetscFunctionBegin;
   for (PetscInt m = 0; m < n; m++) {
     PetscCall(LatinLinearRelocalise_Private(linear, batch->sub[m], PETSC_FALSE));
-    /* identity rows: prescribed and primal displacements pass through */
+    /* K has identity rows for prescribed and primal dofs: their right-hand sides are their displacements */
     for (PetscInt i = sub->bs * sub->node_offset[batch->sub[m]]; i < sub->bs * sub->node_offset[batch->sub[m] + 1]; i++)
       if (sub->fixed[i]) linear->g[i] = 0.0;
   }
@@ -380,7 +380,7 @@ static PetscErrorCode LatinLinearSolve_Private(LatinLinear *linear, PetscInt whi
   PetscFunctionReturn(0);
 }
 
-/* The same by the second half of the solve where the factor keeps the primal rows; displacements of the macro forces are there, on the interfaces */
+/* The same if the factor keeps the primal rows: backward substitution, plus V_m lambda on the interfaces */
 static PetscErrorCode LatinLinearBackward_Private(LatinLinear *linear, PetscInt which, PetscReal U[])
 {
   const LatinSubdomains *sub   = linear->sub;
@@ -410,7 +410,7 @@ static PetscErrorCode LatinLinearBackward_Private(LatinLinear *linear, PetscInt 
   PetscFunctionReturn(0);
 }
 
-/* Adds to U the displacements for those of the coarse problem, and for the forces g as condensation has left them, with the coarse forces q */
+/* Prolongation: adds to U the displacements of the coarse displacements coarse->u and of the forces g, after the condensation has set g and coarse->q. Overwrites g */
 PetscErrorCode LatinLinearExpand(LatinLinear *linear, PetscReal U[])
 {
   PetscFunctionBegin;
@@ -424,9 +424,9 @@ PetscErrorCode LatinLinearExpand(LatinLinear *linear, PetscReal U[])
 }
 
 /*
-   The linear stage for the forces g, which it overwrites: adds to U the displacements of all copies, zero where they are
-   prescribed; coarse.u are the coarse displacements. In order: condensed forces, coarse problem (52), relocalisation
-   (42) with the macro forces lambda on the strong interfaces.
+   The linear stage: adds to U the displacements of all copies under the forces g, zero at prescribed dofs. Overwrites g; sets coarse.u.
+   Steps: condensation of forces, coarse problem (52), relocalisation (42) with the macro forces lambda on strong interfaces.
+   Collective on sub->object
 */
 PetscErrorCode LatinLinearApply(LatinLinear *linear, PetscReal U[])
 {
@@ -442,7 +442,7 @@ PetscErrorCode LatinLinearApply(LatinLinear *linear, PetscReal U[])
     else PetscCall(LatinLinearCondense_Private(linear, &linear->batches->batch[b]));
   }
   PetscCall(PetscLogEventEnd(LATIN_Condense, linear->sub->object, 0, 0, 0));
-  PetscCall(LatinCoarseSolve(linear->coarse, linear->corrected && linear->substructures ? LATIN_COARSE_LEFT : 0.0));
+  PetscCall(LatinCoarseSolve(linear->coarse, linear->corrected && linear->substructures ? LATIN_COARSE_CONTRACTION : 0.0));
   PetscCall(PetscLogEventBegin(LATIN_Linear, linear->sub->object, 0, 0, 0));
   PetscCall(LatinLinearExpand(linear, U));
   PetscCall(PetscLogEventEnd(LATIN_Linear, linear->sub->object, 0, 0, 0));
@@ -468,7 +468,7 @@ PetscErrorCode LatinLinearReset(LatinLinear *linear)
   PetscCall(PetscFree(linear->tile));
   PetscCall(PetscFree(linear->work));
   PetscCall(PetscFree(linear->outgoing));
-  PetscCall(PetscFree(linear->alone));
+  PetscCall(PetscFree(linear->unassigned_u));
   PetscCall(PetscFree(linear->tension));
   PetscCall(PetscFree(linear->strain));
   PetscCall(PetscFree(linear->rigid_tension));

@@ -5,20 +5,20 @@
 
    interfaces  the conditions (23) along the ascent direction give each side the datum F_hat + d U_hat equal to
                d U - F of its mate; with (27), F = z - d U on the micro space, the new datum is 2 d U - z of the mate;
-   links       the law along the ascent direction l = k: y = tau + l e = s + 2 l e decides the new datum
+   links       with the law and the ascent direction l = k, y = tau + l e = s + 2 l e determines the new datum
                s = tau_hat - l e_hat, see structure/laws.c.
 
    The distance between the two stages measures convergence: on a side z_new - z = 2 d (U_hat - U), on a link
-   s_new - s = -2 l (e_hat - e). The indicator is that distance in the energy of the search directions, relative to
-   the energy of the elongations that carry tension, which neither rigid motions nor slack links blow up.
+   s_new - s = -2 l (e_hat - e). The indicator is that distance in the energy norm of the search directions, relative to the
+   energy of elongations under tension, so that rigid motions and slack links do not make it small.
 */
 
-#define LATIN_NOISE LatinByPrecision(1e-14, 3e-7) /* relative to the energy of the structure, prestress included: below it all is rounding */
+#define LATIN_NOISE LatinByPrecision(1e-14, 3e-7) /* level of rounding, relative to the square root of the energy of the structure, prestress included */
 
 /*
-   The forces D (1 - R R^t D) U of the search direction on one side of an interface and of those equal to it in the n
-   subdomains that follow, `apart` entries further each: from the micro part of the displacements alone. The macro part
-   is taken from this side: it is the coarse displacement but for rounding, which would add up in z without an end.
+   pull: the forces D (1 - R R^t D) U of the search direction, on the micro part of U alone, of interface f in a run of n equal
+   subdomains, `apart` entries from one to the next. The macro part is computed from U of this side: the coarse displacement differs
+   from it by rounding, which would accumulate in z.
 */
 static PetscErrorCode LatinPull_Private(LatinLinear *linear, PetscInt f, PetscInt n, PetscInt apart)
 {
@@ -47,8 +47,8 @@ static PetscErrorCode LatinPull_Private(LatinLinear *linear, PetscInt f, PetscIn
 }
 
 /*
-   The interfaces of all subdomains here, equal subdomains that follow each other together. Without sum: the forces of
-   the search direction; with sum: adds to it the squares of the distance of z and next.
+   Sweep over the interfaces of all subdomains here, runs of equal subdomains together. sum NULL: computes linear->pull; else
+   adds the squared distance of z and next to sum.
 */
 static PetscErrorCode LatinSweepFaces_Private(LatinLinear *linear, const PetscReal z[], const PetscReal next[], PetscReal *sum)
 {
@@ -74,10 +74,9 @@ static PetscErrorCode LatinSweepFaces_Private(LatinLinear *linear, const PetscRe
 }
 
 /*
-   g = F - B^t (s + l e) - G U + C^t (z - D U), G the springs to the ground if there are any: what the displacements of
-   the last linear stage leave unbalanced in the state z, with the tensions and the interface forces of (26) and (27).
-   The linear stage then solves for the change of the displacements, and what it rounds, or leaves to an inexact solver,
-   is small with that change.
+   The residual g = F - B^t (s + l e) - G U + C^t (z - D U) of the last displacements U in the state z, with tensions and
+   interface forces from (26) and (27), and springs to the ground G, if any. The linear stage solves for the increment of the
+   displacements, so that errors of rounding and of inexact solvers decrease with it (iterative refinement).
 */
 PetscErrorCode LatinGatherForces_Private(LatinLinear *linear, const PetscReal z[])
 {
@@ -91,7 +90,7 @@ PetscErrorCode LatinGatherForces_Private(LatinLinear *linear, const PetscReal z[
   PetscFunctionReturn(0);
 }
 
-/* D times the micro part of U on all interfaces here, into linear->pull */
+/* linear->pull: D times the micro part of U on all interfaces here */
 PetscErrorCode LatinPullFaces_Private(LatinLinear *linear)
 {
   PetscFunctionBegin;
@@ -99,10 +98,11 @@ PetscErrorCode LatinPullFaces_Private(LatinLinear *linear)
   PetscFunctionReturn(0);
 }
 
+/* Gz: the data after the local stage; sets the indicator, the distance and its noise. Collective on sub->object */
 PetscErrorCode LatinLocalStage_Private(LatinLinear *linear, const PetscReal z[], PetscReal Gz[])
 {
   const LatinInterfaces *inter  = linear->inter;
-  PetscReal              sum[5] = {0.0, 0.0, 0.0, 0.0, 4.0 * linear->rounded}, total[5];
+  PetscReal              sum[5] = {0.0, 0.0, 0.0, 0.0, 4.0 * linear->solve_error}, total[5];
 
   PetscFunctionBegin;
   PetscCall(PetscLogEventBegin(LATIN_Local, linear->sub->object, 0, 0, 0));
@@ -115,15 +115,15 @@ PetscErrorCode LatinLocalStage_Private(LatinLinear *linear, const PetscReal z[],
   PetscCall(PetscSFBcastEnd(inter->mate_sf, MPIU_REAL, linear->outgoing, Gz, MPI_REPLACE));
   PetscCall(LatinSweepFaces_Private(linear, z, Gz, &sum[0]));
   for (PetscInt i = 0; linear->sub->ground && i < linear->sub->dim * linear->sub->copies; i++) sum[1] += linear->sub->ground[i] * linear->U[i] * linear->U[i];
-  PetscCall(PetscLogFlops(4.0 * inter->sides + (7.0 * linear->sub->dim + 12.0) * linear->sub->links)); /* of links about, for laws differ */
-  sum[3] = linear->failed ? 1.0 : 0.0;                                                                 /* a local solver that failed on one rank has failed on all */
+  PetscCall(PetscLogFlops(4.0 * inter->sides + (7.0 * linear->sub->dim + 12.0) * linear->sub->links)); /* of links approximate: laws differ */
+  sum[3] = linear->failed ? 1.0 : 0.0;                                                                 /* a failure on one rank counts on all */
   PetscCall(MPIU_Allreduce(sum, total, 5, MPIU_REAL, MPIU_SUM, PetscObjectComm(linear->sub->object)));
   linear->failed = (PetscBool)(total[3] > 0.0);
-  total[0] += total[4]; /* displacements that the linear stage has yet to correct are as far off as those that the local stage does not want */
+  total[0] += total[4]; /* the error of an inexact linear stage adds to the distance */
   linear->noise     = LATIN_NOISE * PetscSqrtReal(PetscMax(total[1], total[2]));
   linear->distance  = PetscSqrtReal(total[0]);
   linear->indicator = total[1] > 0.0 ? PetscSqrtReal(total[0] / total[1]) : linear->distance;
-  /* where there is no interface no distance says anything; and beside an energy that overflows any distance would seem small */
+  /* infinite, even if only the energy overflows: the quotient would seem small */
   if (PetscIsInfOrNanReal(total[0]) || PetscIsInfOrNanReal(total[1])) linear->indicator = INFINITY;
   PetscCall(PetscLogEventEnd(LATIN_Local, linear->sub->object, 0, 0, 0));
   PetscFunctionReturn(0);

@@ -1,8 +1,8 @@
 #include "stages/latinstages.h"
 
 /*
-   Local stage of structures with more laws than bars, cables and compression-only links. The loop of stages/local.c is for those; this one
-   for all: rigid laws, tables, the user's, and contacts with friction, whose parts belong together.
+   Local stage for all laws: rigid laws, tables, the user's, and contacts with friction, whose parts are coupled. Structures
+   of bars, cables and compression-only links alone use the faster loop of stages/locallinks.c.
 */
 
 /*
@@ -10,9 +10,9 @@
    normal, then tangential ones orthonormal to it, with the same ascent direction l. With r = y + l e0, that is
    tau_hat + l x_hat, the conditions decouple:
 
-     normal     tau_n = min(r_n, 0), a compression, x_n >= 0
-     tangent    tau_t = r_t where |r_t| <= mu |tau_n|: it sticks, x_t = 0; else mu |tau_n| r_t / |r_t|: it slips, x_t along
-                r_t, so that friction opposes the slip
+     normal     tau_n = min(r_n, 0), compression, x_n >= 0
+     stick      |r_t| <= mu |tau_n|: tau_t = r_t, x_t = 0
+     slip       else tau_t = mu |tau_n| r_t / |r_t|, x_t along r_t: friction opposes the slip
 */
 static void LatinContactLocal(PetscInt dim, PetscReal l, PetscReal mu, const PetscReal e0[], const PetscReal y[], PetscReal tension[])
 {
@@ -28,9 +28,9 @@ static void LatinContactLocal(PetscInt dim, PetscReal l, PetscReal mu, const Pet
 }
 
 /*
-   The laws along the ascent direction; sum as in stages/local.c: squares of the distance, and of the elongations that carry
-   tension without and with initial elongation. A rigid link stores no energy: what it carries is measured by tau_hat^2 / l, which
-   is what k e^2 is for a bar. Then the indicator compares the distance of tensions with tensions, whatever l is.
+   The local stage of all links here. Adds to sum: the squared distance; the energy of elongations under tension; the same with
+   initial elongations. A rigid link stores no energy: tau_hat^2 / l takes the place of k e^2 of a bar. So the indicator
+   compares differences of tensions with tensions, for any l.
 */
 void LatinLinkStageGeneral(const LatinLinear *linear, const PetscReal state[], PetscReal next[], PetscReal sum[3])
 {

@@ -2,22 +2,22 @@
 #include "base/vector.h"
 
 /*
-   The two sweeps of an iteration over the links. Equal subdomains (localsolvers/batches.c) are swept together, as the lanes of vector
-   instructions: ends, directions and stiffnesses are read once for all of them, and their displacements and forces lie
-   in tiles [degree of freedom][lane]. With one lane the tiles are the copy arrays themselves. Functions of this file
-   are called with constants for dim and lanes, so that their loops unroll.
+   The two sweeps of an iteration over the links, forces and local stage. Equal subdomains (localsolvers/batches.c) are the lanes of
+   vector instructions: ends, directions and stiffnesses are read once for all of them, displacements and forces are in
+   tiles [dof][lane]. With one lane the tiles are the arrays over copies themselves. dim and lanes are compile-time constants
+   in the callers, so that loops unroll.
 */
 
 #define LATIN_FOR_LANES(w) _Pragma("omp simd") for (PetscInt w = 0; w < lanes; w++)
 
-/* The links of equal subdomains: what they share, and where each has its own */
+/* The links of equal subdomains: common data, and pointers to those of each lane */
 typedef struct {
   PetscInt         links, rows;
   const PetscInt  *ends;                             /* [links][2] copies */
   PetscInt         first;                            /* the first copy */
   const PetscReal *direction, *stiffness;            /* [links][dim], [links] */
-  const PetscInt  *law, *state;                      /* [links] those of the first subdomain; what follows is shifted */
-  const PetscReal *e0[LATIN_LANES], *z[LATIN_LANES]; /* [links]; states, to be read at state[l] */
+  const PetscInt  *law, *state;                      /* [links] of the first subdomain */
+  const PetscReal *e0[LATIN_LANES], *z[LATIN_LANES]; /* [links]; states, at state[l] */
   const PetscReal *U;                                /* tile of displacements */
 } LatinTile;
 
@@ -72,7 +72,7 @@ LATIN_INLINE void LatinTileElongation(const LatinTile *tile, const PetscInt dim,
     LATIN_FOR_LANES (w) e[w] += n[c] * (b[lanes * c + w] - a[lanes * c + w]);
 }
 
-/* g = F - B^t (s + l e), with the tensions (26) of the links: s = k e0 where a link has no state */
+/* g = F - B^t (s + l e), with the tensions (26) of the links; s = k e0 of links without state */
 LATIN_INLINE void LatinTileForces(const LatinLinear *linear, const PetscInt dim, const PetscInt lanes, const PetscInt member[], const PetscReal z[])
 {
   const LatinTile  tile = LatinTileOpen(linear, dim, lanes, member, z);
@@ -105,8 +105,8 @@ LATIN_INLINE void LatinTileForces(const LatinLinear *linear, const PetscInt dim,
 }
 
 /*
-   The laws along the ascent direction; sum: squares of the distance, and of the elongations that carry tension without
-   and with initial elongation. Only bars, cables and compression-only links; for other laws see stages/localcontacts.c.
+   The local stage. Adds to sum: the squared distance; the energy of elongations under tension; the same with initial
+   elongations. Only bars, cables and compression-only links; for other laws see stages/localcontacts.c.
 */
 LATIN_INLINE void LatinTileStage(const LatinLinear *linear, const PetscInt dim, const PetscInt lanes, const PetscInt member[], const PetscReal z[], PetscReal next[], PetscReal sum[3])
 {
@@ -132,7 +132,7 @@ LATIN_INLINE void LatinTileStage(const LatinLinear *linear, const PetscInt dim, 
     LATIN_FOR_LANES (w) old[w] = tile.z[w][i];
     LATIN_FOR_LANES (w) new[w] = LatinUnilateralLocal(sign, k, e0[w], old[w] + 2.0 * k * e[w]);
     LATIN_FOR_LANES (w) {
-      /* a slack link stores no energy, however far its ends move apart; less and less counts as it slackens, so that rounding decides nothing */
+      /* a slack link stores no energy; the energy decreases continuously as it slackens, so that rounding does not matter */
       const PetscReal whole = PetscAbsReal(e[w]), strain = PetscAbsReal(e[w] + e0[w]), taut = new[w] == k *e0[w] ? (strain < whole ? strain : whole) : 0.0;
 
       distance[w] += (new[w] - old[w]) * (new[w] - old[w]) * (0.25 / k);
@@ -148,7 +148,7 @@ LATIN_INLINE void LatinTileStage(const LatinLinear *linear, const PetscInt dim, 
   }
 }
 
-/* The local stage where there is a sum, else the forces: z and next are NULL on a rank without interfaces and states as well */
+/* The local stage, or the forces if sum is NULL. No test of z or next: both may be NULL, on a rank without interfaces and states */
 LATIN_INLINE void LatinSweep(const LatinLinear *linear, const PetscInt dim, const PetscReal z[], PetscReal next[], PetscReal sum[3])
 {
   for (PetscInt b = 0; b < linear->batches->n; b++) {

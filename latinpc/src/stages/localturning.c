@@ -3,12 +3,12 @@
 #include "structure/turning.h"
 
 /*
-   Local stage of links that turn far (structure/turning.h, structure/frame.c): the parts of a link are dim consecutive links here, the one
-   along it first. With the scales a of the parts, the strain of a part is a times a component of r, its tension the component of the
-   force over a, and its search parameter E a^2 on components.
+   Local stage of links with large rotations (structure/turning.h, structure/frame.c): dim consecutive links are the parts of one link, the one
+   along it first. A part of scale a has the strain a r_c, the tension f_c / a, r_c and f_c components of the vector r between the
+   ends and of the force, and the search parameter E a^2 on components.
 */
 
-/* Components of r and of the force, from those of w = f + E r */
+/* Solves the law for r and f, given w = f + E a^2 r */
 static void LatinTurningSolve(const LatinSubdomains *sub, PetscInt dim, PetscInt l, PetscReal E, const PetscReal w[], PetscReal r[], PetscReal f[])
 {
   const PetscReal *part = sub->part + LATIN_PART * l, k = E * PetscSqr(part[LATIN_PART_SCALE]), c = dim > 1 ? E * PetscSqr(part[LATIN_PART + LATIN_PART_SCALE]) : k;
@@ -25,7 +25,7 @@ static void LatinTurningSolve(const LatinSubdomains *sub, PetscInt dim, PetscInt
   }
 }
 
-/* The same during a time step, of r0 + d and the mean force (structure/midpoint.h) */
+/* The same in a time step, for the mean r and the mean force f (structure/midpoint.h) */
 static void LatinTurningMean(const LatinSubdomains *sub, PetscInt dim, PetscInt l, PetscReal E, const PetscReal w[], PetscReal r[], PetscReal f[])
 {
   const PetscReal *part = sub->part + LATIN_PART * l;
@@ -43,7 +43,7 @@ static void LatinTurningMean(const LatinSubdomains *sub, PetscInt dim, PetscInt 
   for (PetscInt c = 0; c < dim; c++) f[c] = g * r[c];
 }
 
-/* Components of the force of r, or of the mean force of r0 + d in a time step */
+/* f: the force of r, or, in a time step, the mean force of a mean r */
 static void LatinTurningForce(const LatinSubdomains *sub, PetscBool midpoint, PetscInt dim, PetscInt l, const PetscReal r[], PetscReal f[])
 {
   const PetscReal *part = sub->part + LATIN_PART * l, k = part[LATIN_PART_STIFFNESS], natural = part[LATIN_PART_NATURAL];
@@ -82,7 +82,7 @@ static void LatinTurningKeep(const LatinSubdomains *sub, PetscBool midpoint, Pet
   LatinTurningForce(sub, midpoint, dim, l, r, f);
 }
 
-/* The length of r; of a link that keeps its direction that of the part along it */
+/* The length of r; of a link that keeps its direction the component along it */
 static PetscReal LatinTurningLength(const LatinSubdomains *sub, PetscInt dim, PetscInt l, const PetscReal r[])
 {
   PetscReal R = 0.0;
@@ -92,7 +92,7 @@ static PetscReal LatinTurningLength(const LatinSubdomains *sub, PetscInt dim, Pe
   return PetscSqrtReal(R);
 }
 
-/* The local stage of all links here; sum as in stages/local.c: squares of the distance, and of displacements of the ends that the search direction resists, without and with those of the drawn configuration */
+/* The local stage of all links here. Adds to sum: the squared distance; the energy of relative displacements of the ends in the search direction; the same plus that of the tensions */
 void LatinTurningStage(const LatinLinear *linear, const PetscReal state[], PetscReal next[], PetscReal sum[3])
 {
   const LatinSubdomains *sub      = linear->sub;
@@ -104,7 +104,7 @@ void LatinTurningStage(const LatinLinear *linear, const PetscReal state[], Petsc
     const PetscInt  i    = sub->state[l];
     PetscReal       e[3] = {0.0, 0.0, 0.0}, w[3], r[3], f[3];
 
-    if (i < 0) continue; /* between prescribed nodes */
+    if (i < 0) continue; /* no state: both ends are prescribed */
     for (PetscInt c = 0; c < dim; c++) {
       e[c] = LatinElongation(sub, dim, l + c, linear->U);
       w[c] = (state[i + c] + E * (2.0 * e[c] + sub->e0[l + c])) * sub->part[LATIN_PART * (l + c) + LATIN_PART_SCALE];
@@ -124,7 +124,7 @@ void LatinTurningStage(const LatinLinear *linear, const PetscReal state[], Petsc
   }
 }
 
-/* The states s = f(r) - E (r - r0) of the displacements linear.U */
+/* The states s = f(r) - E (r - r0) under the displacements linear.U */
 void LatinTurningState(const LatinLinear *linear, PetscReal state[])
 {
   const LatinSubdomains *sub = linear->sub;

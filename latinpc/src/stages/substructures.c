@@ -2,12 +2,13 @@
 #include "stages/latinstages.h"
 
 /*
-   Substructures: where all interfaces are primal and the local solver is the default, the inside of a subdomain is
-   eliminated once. Its Schur complement is H, and a linear stage takes one solve in two halves: forces of the inside go
-   to the interfaces, the coarse problem gives the displacements there, those of the inside follow. Nothing dense is
-   kept: H goes into the coarse matrix.
+   Substructuring: all interfaces are primal and the local solver is the default. The interior of each subdomain is eliminated
+   once; H is its Schur complement on the interfaces. A linear stage is one solve: forward substitution condenses the forces
+   on the interfaces, the coarse problem gives the displacements there, backward substitution those of the interior.
+   No dense matrix is kept: H is added to the coarse matrix.
 */
 
+/* Is the linear stage one of substructures? */
 PetscErrorCode LatinSubstructuresAre(const LatinLinear *linear, PetscBool *are)
 {
   PetscFunctionBegin;
@@ -16,7 +17,6 @@ PetscErrorCode LatinSubstructuresAre(const LatinLinear *linear, PetscBool *are)
   PetscFunctionReturn(0);
 }
 
-/* The factor of a batch */
 PetscErrorCode LatinSubstructuresFactor(const LatinLinear *linear, PetscInt batch, Mat *F)
 {
   PC pc;
@@ -28,11 +28,12 @@ PetscErrorCode LatinSubstructuresFactor(const LatinLinear *linear, PetscInt batc
 }
 
 /*
-   What a stage leaves to the next one, in energy, where factors are in single precision: the largest share of two in a row, for
-   forces in which all displacements have a part. Soft displacements are what rounding disturbs most, and one that costs nothing
-   it disturbs entirely: where little is left there is no mechanism. What a coarse iteration leaves is small beside it. Collective on sub->object
+   Measures the contraction of a linear stage with factors in single precision: the factor by which one solve reduces the error in the
+   energy norm, the larger one of two solves in a row, for forces that excite all displacements. Rounding affects soft displacements
+   most, and a mechanism entirely: a small factor proves that there is none. The error of an iterative coarse solve is small
+   beside it. Collective on sub->object
 */
-PetscErrorCode LatinSubstructuresLeft(LatinLinear *linear, PetscReal *left)
+PetscErrorCode LatinSubstructuresContraction(LatinLinear *linear, PetscReal *contraction)
 {
   const LatinSubdomains *sub = linear->sub;
   const PetscInt         n   = sub->bs * sub->copies;
@@ -42,66 +43,66 @@ PetscErrorCode LatinSubstructuresLeft(LatinLinear *linear, PetscReal *left)
   PetscCall(PetscMalloc3(n, &b, n, &U, n, &f));
   PetscCall(LatinOperatorDiagonal(sub, b));
   for (PetscInt i = 0; i < n; i++) b[i] = PetscSqrtReal(b[i]) * PetscSinReal(1.0 + 12.9898 * (PetscReal)(i % 100003));
-  *left = PETSC_SMALL;
+  *contraction = PETSC_SMALL;
   for (PetscInt k = 0; k < 3; k++) {
     PetscCall(PetscArraycpy(linear->g, b, n));
     PetscCall(PetscArrayzero(U, n));
     PetscCall(LatinSubstructuresForward(linear));
-    PetscCall(LatinCoarseSolve(linear->coarse, PetscSqr(LATIN_ROUNDED_LEFT)));
+    PetscCall(LatinCoarseSolve(linear->coarse, PetscSqr(LATIN_ROUNDED_CONTRACTION)));
     PetscCall(LatinSubstructuresBackward(linear, U));
     PetscCall(MPIU_Allreduce(&linear->energy, &after, 1, MPIU_REAL, MPIU_SUM, PetscObjectComm(sub->object)));
-    if (k) *left = before > 0.0 && after >= 0.0 ? PetscMax(*left, PetscSqrtReal(after / before)) : 1.0;
+    if (k) *contraction = before > 0.0 && after >= 0.0 ? PetscMax(*contraction, PetscSqrtReal(after / before)) : 1.0;
     before = after;
     PetscCall(LatinOperatorMult(sub, U, f));
     for (PetscInt i = 0; i < n; i++) b[i] -= f[i];
   }
-  PetscCall(PetscInfo(sub->object, "factors in single precision: a stage leaves %g to the next\n", (double)*left));
+  PetscCall(PetscInfo(sub->object, "factors in single precision: a stage reduces the error by a factor of %g\n", (double)*contraction));
   PetscCall(PetscFree3(b, U, f));
   PetscFunctionReturn(0);
 }
 
-/* Entries of the operators, which their factorisations alone read: they go, where they can be made again. Not their columns where another set-up follows, which looks whether it has the same */
-static void LatinSubstructuresEmpty(LatinLinear *linear)
+/* Releases the entries of the operators, which only factorisations read and LatinSubstructuresFill() computes again. Column indices are kept if another set-up may compare them with its own */
+static void LatinSubstructuresRelease(LatinLinear *linear)
 {
-  if (linear->sub->dense) return; /* the caller's, who may change it */
+  if (linear->sub->dense) return; /* the matrix belongs to the caller, who may change it */
   for (PetscInt b = 0; b < linear->batches->n; b++) {
     const LatinSparse *K = &linear->solvers->rows[b];
 
     LatinRoomEmpty(K->a, (size_t)K->i[K->rows] * sizeof(*K->a));
     if (!linear->sub->preconditions && !linear->sub->part) LatinRoomEmpty(K->j, (size_t)K->i[K->rows] * sizeof(*K->j));
   }
-  linear->empty = PETSC_TRUE;
+  linear->released = PETSC_TRUE;
 }
 
-/* Before others read them */
+/* Computes the entries again, before others read them */
 PetscErrorCode LatinSubstructuresFill(LatinLinear *linear)
 {
   PetscFunctionBegin;
-  for (PetscInt b = 0; b < linear->batches->n && linear->empty; b++) {
+  for (PetscInt b = 0; b < linear->batches->n && linear->released; b++) {
     LatinSparse *K = &linear->solvers->rows[b], again;
 
     PetscCall(LatinDirectionMatrix(linear->dir, linear->batches->batch[b].sub[0], linear->spring, &again));
-    PetscCheck(again.i[K->rows] == K->i[K->rows], PETSC_COMM_SELF, PETSC_ERR_PLIB, "The operator of batch %" PetscInt_FMT " is no longer what it was", b);
+    PetscCheck(again.i[K->rows] == K->i[K->rows], PETSC_COMM_SELF, PETSC_ERR_PLIB, "The operator of batch %" PetscInt_FMT " has changed", b);
     PetscCall(PetscArraycpy(K->a, again.a, K->i[K->rows]));
     PetscCall(PetscArraycpy(K->j, again.j, K->i[K->rows]));
     PetscCall(LatinSparseReset_Private(&again));
   }
-  linear->empty = PETSC_FALSE;
+  linear->released = PETSC_FALSE;
   PetscFunctionReturn(0);
 }
 
-/* The factorisation of the only operator tells when its entries may go, and where it is made again when it needs them, see LatinSpending */
+/* Callback of the factorisation: releases the entries of its operator, or computes them again, see LatinSpending */
 static PetscErrorCode LatinSubstructuresSpend_Private(void *owner, PetscBool again)
 {
   LatinLinear *linear = (LatinLinear *)owner;
 
   PetscFunctionBegin;
   if (again) PetscCall(LatinSubstructuresFill(linear));
-  else LatinSubstructuresEmpty(linear);
+  else LatinSubstructuresRelease(linear);
   PetscFunctionReturn(0);
 }
 
-/* What may go of the operators while they are factored: of several the others are still to be read, and a dense one is the caller's */
+/* The entries that may be released during the factorisation: those of a single sparse operator. Of several, the others are still needed; a dense one belongs to the caller */
 LatinSpending LatinSubstructuresSpending(LatinLinear *linear)
 {
   const PetscBool spends = (PetscBool)(linear->substructures && linear->batches->n == 1 && !linear->sub->dense);
@@ -109,7 +110,7 @@ LatinSpending LatinSubstructuresSpending(LatinLinear *linear)
   return (LatinSpending){.tell = spends ? LatinSubstructuresSpend_Private : NULL, .owner = linear};
 }
 
-/* H of all batches; of a single one that of its factor, which may be as large as the factor itself, without a copy, and of a single subdomain its lower triangle */
+/* H of all batches. A single batch gives the Schur complement of its factor without a copy, as it may be as large as the factor; a single subdomain its lower triangle */
 PetscErrorCode LatinSubstructuresStiffness(LatinLinear *linear)
 {
   size_t room = 0;
@@ -118,7 +119,7 @@ PetscErrorCode LatinSubstructuresStiffness(LatinLinear *linear)
   PetscFunctionBegin;
   if (linear->batches->n == 1) {
     PetscCall(LatinSubstructuresFactor(linear, 0, &F));
-    LatinSubstructuresEmpty(linear);
+    LatinSubstructuresRelease(linear);
     linear->stiffness.lower = (PetscBool)(linear->sub->n == 1);
     if (linear->stiffness.lower) PetscCall(LatinCholeskyGiveLower(F, &linear->stiffness.H));
     else PetscCall(LatinCholeskyGiveSchur(F, &linear->stiffness.H));
@@ -139,15 +140,15 @@ PetscErrorCode LatinSubstructuresStiffness(LatinLinear *linear)
     PetscCall(PetscArraycpy(linear->stiffness.H + linear->stiffness.h_offset[s], S, (size_t)m * (size_t)m));
     PetscCall(PetscFree(S));
   }
-  LatinSubstructuresEmpty(linear);
+  LatinSubstructuresRelease(linear);
   PetscFunctionReturn(0);
 }
 
-/* H of subdomain s, which has gone into the coarse matrix: its factor is made once more */
+/* H of subdomain s, which was freed after the coarse assembly: factors the operator once more */
 PetscErrorCode LatinSubstructuresStiffnessAgain(LatinLinear *linear, PetscInt s, PetscReal H[])
 {
   const PetscInt  m     = linear->coarse->offset[s + 1] - linear->coarse->offset[s];
-  const PetscBool empty = linear->empty;
+  const PetscBool empty = linear->released;
   PetscInt        b     = 0;
   PetscReal      *S;
   MatFactorInfo   info;
@@ -162,11 +163,11 @@ PetscErrorCode LatinSubstructuresStiffnessAgain(LatinLinear *linear, PetscInt s,
   PetscCall(LatinCholeskyGiveSchur(F, &S));
   PetscCall(PetscArraycpy(H, S, (size_t)m * (size_t)m));
   PetscCall(PetscFree(S));
-  if (empty) LatinSubstructuresEmpty(linear);
+  if (empty) LatinSubstructuresRelease(linear);
   PetscFunctionReturn(0);
 }
 
-/* The first half, in place of the forces g, and the forces on the coarse dofs */
+/* Forward substitution in place of the forces g, and the condensed forces q */
 PetscErrorCode LatinSubstructuresForward(LatinLinear *linear)
 {
   const LatinSubdomains *sub   = linear->sub;
@@ -185,7 +186,7 @@ PetscErrorCode LatinSubstructuresForward(LatinLinear *linear)
   PetscFunctionReturn(0);
 }
 
-/* The second half, with the coarse displacements: adds to U */
+/* Backward substitution from the coarse displacements: adds the increment to U */
 PetscErrorCode LatinSubstructuresBackward(LatinLinear *linear, PetscReal U[])
 {
   const LatinSubdomains *sub   = linear->sub;
@@ -202,6 +203,6 @@ PetscErrorCode LatinSubstructuresBackward(LatinLinear *linear, PetscReal U[])
     for (PetscInt m = 0; m < linear->batches->batch[b].members; m++) PetscCall(LatinCholeskyBackward(F, linear->g + sub->bs * sub->node_offset[linear->batches->batch[b].sub[m]], &linear->energy));
   }
   for (PetscInt i = 0; i < sub->bs * sub->copies; i++) U[i] += linear->g[i];
-  linear->rounded = (PetscSqr(linear->solvers->rounding) + PetscSqr(linear->coarse->left)) * linear->energy;
+  linear->solve_error = (PetscSqr(linear->solvers->rounding) + PetscSqr(linear->coarse->contraction)) * linear->energy;
   PetscFunctionReturn(0);
 }

@@ -5,17 +5,17 @@
 #include <unistd.h>
 
 /*
-   A new file that takes the place of an older one in one step, once all of it is on the disk; latinpc/results/atomic.py
-   writes results alike. It is written in the same folder under a name of its own, which is the same each time: what a
-   killed run leaves is gone with the next state. A lock, which no killed run leaves, keeps other runs away from it.
+   Atomic replacement of a file once all of the new one is on disk; latinpc/results/atomic.py does the same for results. The new file
+   is written in the same folder under a fixed temporary name, so that the next state overwrites what a killed run left. A
+   file lock, which the system removes from killed runs, excludes other runs.
 
-   All functions are of one rank.
+   No function is collective.
 */
 
-#define LATIN_FILE_LINKS 40  /* symbolic links followed, as many as Linux does */
-#define LATIN_FILE_NAME  200 /* letters of the name in the other one: names have 255 */
+#define LATIN_FILE_LINKS 40  /* most symbolic links followed, as in Linux */
+#define LATIN_FILE_NAME  200 /* most letters of the name in the temporary one: file systems allow 255 */
 
-/* Why a file cannot be read or replaced, NULL if it can, and its mode, 0 where there is none. Opening a named pipe would wait for ever */
+/* The reason why a file cannot be read or replaced, NULL: it can; *mode: its mode, 0: no such file. To open a named pipe would block */
 const char *LatinFileRefused(const char file[], mode_t *mode)
 {
   struct stat found;
@@ -32,7 +32,7 @@ const char *LatinFileRefused(const char file[], mode_t *mode)
   return "it is a device, not a regular file; give another name";
 }
 
-/* The name that symbolic links lead to, whether a file of this name is there or not */
+/* target: the name that symbolic links lead to, of an existing file or not */
 static PetscErrorCode LatinFileFollow_Private(const char file[], char target[PETSC_MAX_PATH_LEN])
 {
   char    to[PETSC_MAX_PATH_LEN];
@@ -42,7 +42,7 @@ static PetscErrorCode LatinFileFollow_Private(const char file[], char target[PET
   PetscCheck(strlen(file) < PETSC_MAX_PATH_LEN, PETSC_COMM_SELF, PETSC_ERR_FILE_OPEN, "%s", strerror(ENAMETOOLONG));
   strcpy(target, file);
   for (PetscInt links = 0; (n = readlink(target, to, sizeof(to) - 1)) >= 0; links++) {
-    char  *slash = strrchr(target, '/'), *name = to[0] == '/' || !slash ? target : slash + 1; /* a relative one begins where the link is */
+    char  *slash = strrchr(target, '/'), *name = to[0] == '/' || !slash ? target : slash + 1; /* a relative target starts at the folder of the link */
     size_t room = (size_t)(target + PETSC_MAX_PATH_LEN - name);
 
     PetscCheck(links < LATIN_FILE_LINKS && (size_t)n < room, PETSC_COMM_SELF, PETSC_ERR_FILE_OPEN, "%s", strerror(ELOOP));
@@ -52,7 +52,7 @@ static PetscErrorCode LatinFileFollow_Private(const char file[], char target[PET
   PetscFunctionReturn(0);
 }
 
-/* Opens the new file, for one run at a time. It gets the mode of an older one; else the user's mask decides. -1 with errno */
+/* Opens and locks the new file, with the mode of the older one, or by the umask. -1: error in errno */
 static int LatinFileOpen_Private(const LatinFile *out)
 {
   const int   fd = open(out->temporary, O_CREAT | O_RDWR | O_NOFOLLOW | O_NONBLOCK, out->mode ? 0600 | (out->mode & 0777) : 0666);
@@ -60,14 +60,14 @@ static int LatinFileOpen_Private(const LatinFile *out)
 
   if (fd < 0) return fd;
   if (!fstat(fd, &mine) && !S_ISREG(mine.st_mode)) errno = EEXIST;
-  else if (flock(fd, LOCK_EX | LOCK_NB) && errno == EWOULDBLOCK) errno = EBUSY;         /* a file system without locks does without */
-  else if (lstat(out->temporary, &there) || mine.st_ino != there.st_ino) errno = EBUSY; /* it has just got its name */
+  else if (flock(fd, LOCK_EX | LOCK_NB) && errno == EWOULDBLOCK) errno = EBUSY;         /* file systems without locks are accepted */
+  else if (lstat(out->temporary, &there) || mine.st_ino != there.st_ino) errno = EBUSY; /* another run has just renamed it */
   else if (!ftruncate(fd, 0)) return fd;
   (void)close(fd);
   return -1;
 }
 
-/* Opens the new file; its stream is NULL before */
+/* Opens the new file; out->stream must be NULL on entry */
 PetscErrorCode LatinFileBegin_Private(const char file[], LatinFile *out)
 {
   const char *why = LatinFileRefused(file, &out->mode), *name;
@@ -82,13 +82,13 @@ PetscErrorCode LatinFileBegin_Private(const char file[], LatinFile *out)
   else if (!*name) errno = EISDIR;
   else if (!out->mode || !access(out->target, W_OK)) fd = LatinFileOpen_Private(out);
   PetscCheck(fd >= 0 || errno != EBUSY, PETSC_COMM_SELF, PETSC_ERR_FILE_OPEN, "another run writes it at the same time; give each a file of its own");
-  PetscCheck(fd >= 0, PETSC_COMM_SELF, PETSC_ERR_FILE_OPEN, "%s; see that its folder is there and may be written to", strerror(errno));
+  PetscCheck(fd >= 0, PETSC_COMM_SELF, PETSC_ERR_FILE_OPEN, "%s; check that its folder exists and may be written to", strerror(errno));
   out->stream = fdopen(fd, "r+b");
   PetscCheck(out->stream, PETSC_COMM_SELF, PETSC_ERR_FILE_OPEN, "%s", strerror(errno));
   PetscFunctionReturn(0);
 }
 
-/* The new file takes its place when all of it is written; else, and after an error, nothing of it stays */
+/* Renames the new file to its final name if all of it was written; otherwise, or after an error, removes it */
 PetscErrorCode LatinFileEnd_Private(LatinFile *out, PetscBool written)
 {
   PetscBool done = written;

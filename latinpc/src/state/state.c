@@ -4,12 +4,15 @@
 #include <petsc/private/tsimpl.h>
 
 /*
-   What a run needs to go on to the bit where another one has ended: the displacements, for a motion the velocities and
-   the time and the strains that the last step started from, and of SNES latin what a warm start takes up: the
-   fixed-point unknowns of the last two solves, the displacements and forces that linear stages add to, the tensions of
-   rigid links; where links turn the operators, multipliers, and where the last path has ended. Everything else is computed anew from the structure and the options.
+   The state from which another run continues to the bit:
+     displacements;
+     of a motion: velocities, time, strains at the start of the last step;
+     of SNES latin, for a warm start: fixed-point unknowns of the last two solves, displacements and search direction forces that
+     linear stages increment, tensions of rigid links; with large rotations operators, multipliers and the end of the last path.
+   All other data is computed from the structure and the options.
 */
 
+/* Adds a vector as an item */
 static PetscErrorCode LatinStateAdd_Private(LatinState *state, const char name[], Vec v)
 {
   PetscFunctionBegin;
@@ -20,7 +23,7 @@ static PetscErrorCode LatinStateAdd_Private(LatinState *state, const char name[]
   PetscFunctionReturn(0);
 }
 
-/* Numbers of this rank, which stay where they are; so many in a row */
+/* Adds an array of this rank as an item, `width` numbers a row, without a copy. Collective on state->snes */
 static PetscErrorCode LatinStateAddArray_Private(LatinState *state, const char name[], PetscInt width, PetscInt n, const PetscReal x[])
 {
   Vec v;
@@ -32,7 +35,7 @@ static PetscErrorCode LatinStateAddArray_Private(LatinState *state, const char n
   PetscFunctionReturn(0);
 }
 
-/* Operators where links turn, which are those of an earlier solve. Collective on frame */
+/* Adds the operators of links with large rotations, which come from an earlier solve. Collective on frame */
 static PetscErrorCode LatinStateFrame_Private(LatinState *state, LatinStructure frame)
 {
   const LatinLarge *large = &((SNES_Latin *)state->snes->data)->large;
@@ -48,6 +51,7 @@ static PetscErrorCode LatinStateFrame_Private(LatinState *state, LatinStructure 
   PetscFunctionReturn(0);
 }
 
+/* Adds all items that are read again. Collective on state->snes */
 static PetscErrorCode LatinStateItems_Private(LatinState *state)
 {
   PetscFunctionBegin;
@@ -57,7 +61,7 @@ static PetscErrorCode LatinStateItems_Private(LatinState *state)
 
     PetscCall(LatinStateAdd_Private(state, "velocity", state->ts->vec_dot));
     PetscCall(LatinStateAdd_Private(state, "increment", data->w));
-    PetscCall(LatinStateAddArray_Private(state, "initial_elongation", 1, data->step->links_local, data->step->e0)); /* tensions are those of the step */
+    PetscCall(LatinStateAddArray_Private(state, "initial_elongation", 1, data->step->links_local, data->step->e0)); /* the tensions of the step depend on them */
     PetscCall(LatinStateAddArray_Private(state, "support", data->step->dim, data->step->dim * data->step->nodes_local, data->step->held));
     PetscCall(LatinStateAddArray_Private(state, "support_increment", data->step->dim, data->step->dim * data->step->nodes_local, data->step->prescribed));
     if (data->step->midpoint) PetscCall(LatinStateAddArray_Private(state, "link", data->step->dim, data->step->dim * data->step->links_local, data->step->span));
@@ -80,7 +84,7 @@ static PetscErrorCode LatinStateItems_Private(LatinState *state)
   PetscFunctionReturn(0);
 }
 
-/* What those look for who open a state in HDF5, in the caller's numbering; it is not read. The caller frees the room. Collective */
+/* Adds items for users who open the HDF5 file, in the numbering of the structure; they are never read. The caller frees *room. Collective on state->snes */
 static PetscErrorCode LatinStateShow_Private(LatinState *state, PetscInt bytes, const char note[], PetscReal **room)
 {
   const LatinStructure structure = state->structure;
@@ -113,7 +117,7 @@ static PetscErrorCode LatinStateShow_Private(LatinState *state, PetscInt bytes, 
   PetscFunctionReturn(0);
 }
 
-/* The structure without loads and initial elongations, which may change from one solve to the next; its partition, its interfaces and the search direction. Collective */
+/* *all: hash of the structure, partition, interfaces and search direction; not of loads and initial elongations, which may change between solves. Collective on state->snes */
 static PetscErrorCode LatinStateStructure_Private(const LatinState *state, double *all)
 {
   const LatinStructure structure = state->structure;
@@ -138,14 +142,14 @@ static PetscErrorCode LatinStateStructure_Private(const LatinState *state, doubl
     hash = LatinStateHash(hash, (size_t)latin->sub.copies * sizeof(PetscInt), latin->sub.node);
     hash = LatinStateHash(hash, (size_t)latin->sub.links * 2 * sizeof(PetscInt), latin->sub.ends);
     hash = LatinStateHash(hash, (size_t)latin->inter.sides * sizeof(PetscInt), latin->inter.side_dof);
-    if (!latin->sub.structure->turns) hash = LatinStateHash(hash, (size_t)latin->inter.sides * sizeof(PetscReal), latin->dir.d); /* where links turn it follows them */
+    if (!latin->sub.structure->turns) hash = LatinStateHash(hash, (size_t)latin->inter.sides * sizeof(PetscReal), latin->dir.d); /* not with large rotations, which change it */
   }
   PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &hash, 1, MPI_UINT64_T, MPI_BXOR, comm));
   *all = (double)hash;
   PetscFunctionReturn(0);
 }
 
-/* The parts of a solver that a state is made of. Collective on solver */
+/* Finds the SNES, the TS, the solution and the structure of a solver. Collective on solver */
 static PetscErrorCode LatinStateFind_Private(PetscObject solver, Vec u, LatinState *state)
 {
   MPI_Comm  comm = PetscObjectComm(solver);
@@ -219,7 +223,7 @@ static PetscErrorCode LatinStateSave_Private(PetscObject solver, Vec u, const ch
   PetscFunctionReturn(0);
 }
 
-/* Makes operators of what has been read. In statics the rest is then read again, for their room is new. Collective on state->snes */
+/* Sets up the operators that have been read. In statics this allocates new arrays: all items are read again. Collective on state->snes */
 static PetscErrorCode LatinStateOperators_Private(LatinState *state, const char file[], const LatinStateHead *head)
 {
   SNES_Latin    *data  = (SNES_Latin *)state->snes->data;
@@ -229,7 +233,7 @@ static PetscErrorCode LatinStateOperators_Private(LatinState *state, const char 
   PetscCall(PetscObjectStateIncrease((PetscObject)frame));
   if (state->ts) PetscFunctionReturn(0);
   frame->made = (LatinFrameType)state->kind[0];
-  if (frame->part) PetscCall(LatinFrameSprings_Private(frame, PETSC_FALSE)); /* strains of the parts as they lie */
+  if (frame->part) PetscCall(LatinFrameSprings_Private(frame, PETSC_FALSE)); /* strains of the parts in this frame */
   PetscCall(LatinSetUp_Private(data->latin));
   state->items = 0;
   PetscCall(LatinStateItems_Private(state));
@@ -258,7 +262,7 @@ static PetscErrorCode LatinStateLoad_Private(PetscObject solver, Vec u, const ch
   PetscCheck(head.ranks == ranks, comm, PETSC_ERR_FILE_UNEXPECTED, "The state %s is of %d ranks, and these are %d: run on %d", file, (int)head.ranks, (int)ranks, (int)head.ranks);
   PetscCheck((head.motion != 0.0) == (ts != NULL), comm, PETSC_ERR_FILE_UNEXPECTED, "The state %s is that of %s", file, ts ? "a solve, not of a motion: leave out the time steps" : "a motion: give the number of time steps");
   if (ts) PetscCall(LatinStepLength_Private(ts->step, head.shift > 0.0 ? (PetscReal)head.shift : -1.0));
-  if (snes && state.structure->geometry == LATIN_GEOMETRY_LINEAR) { /* the search parameters of rigid links that the solves before have found, before anything is built with others */
+  if (snes && state.structure->geometry == LATIN_GEOMETRY_LINEAR) { /* restores the search parameters of rigid links before operators are built */
     PetscCall(LatinSetProblem_Private(snes->latin, ts ? ts->step : state.structure, NULL));
     if (head.tuning > 0.0 && head.tuning != (double)snes->latin->tuning) PetscCall(LatinParameterTune_Private(snes->latin, (PetscReal)head.tuning / snes->latin->tuning));
   }
@@ -284,24 +288,24 @@ static PetscErrorCode LatinStateLoad_Private(PetscObject solver, Vec u, const ch
 }
 
 /*@C
-  LatinStateSave - Writes what a solver needs to go on to the bit in another run.
+  LatinStateSave - Writes the state of a solver, from which another run continues to the bit.
 
   Collective on solver
 
   Input Parameters:
 + solver - a SNES of any type after a solve, or a TS of type latin after a step
 . u      - the solution of the SNES; NULL for a TS
-. file   - its name: HDF5 when it ends in .h5 or .hdf5, else PETSc's binary format; an older one is replaced in one step and keeps its mode
+. file   - its name: HDF5 if it ends in .h5 or .hdf5, else PETSc's binary format; an older file is replaced atomically and keeps its mode
 . n      - length of the note
-- note   - bytes of the caller's own, from the first rank
+- note   - bytes of the caller, from the first rank
 
   Level: intermediate
 
   Note:
-  Loads, initial elongations and prescribed displacements are not written: the caller has them; where the supports of a motion are is. A symbolic link stays, and
-  what it leads to is replaced. Raises an error on every rank, and leaves all as it was, when the name is that of a folder,
-  a named pipe, a socket or a device, when its folder is not there or may not be written to, when the disk is full, and
-  while another run writes the same state.
+  Loads, initial elongations and prescribed displacements are not written, as the caller has them; the positions of supports in a
+  motion are. A symbolic link is followed: its target is replaced. Raises an error on all ranks, and changes no file, if the
+  name is that of a folder, a named pipe, a socket or a device, if its folder does not exist or is not writable, if the disk is
+  full, or while another run writes the same state.
 
 .seealso: `LatinStateLoad()`, `SNESLatinSetWarmStart()`
 @*/
@@ -314,23 +318,23 @@ PetscErrorCode LatinStateSave(PetscObject solver, Vec u, const char file[], Pets
 }
 
 /*@C
-  LatinStateLoad - Reads what `LatinStateSave()` has written, for the same structure, options and number of ranks.
+  LatinStateLoad - Reads a state of `LatinStateSave()`, for the same structure, options and number of ranks.
 
   Collective on solver
 
   Input Parameters:
-+ solver - a SNES with its structure and options, or a TS of type latin with those and its solution
++ solver - a SNES with its structure and options, or a TS of type latin with structure, options and solution
 . u      - the solution of the SNES, overwritten; NULL for a TS
 - file   - name of the file
 
   Output Parameters:
 + n    - length of the note
-- note - the caller's own bytes and a zero, on every rank; free with PetscFree()
+- note - the bytes of the caller and a terminating zero, on all ranks; free with PetscFree()
 
   Level: intermediate
 
   Note:
-  The next solve of SNES latin goes on from the state when it starts warm. The next step of the TS follows the saved one.
+  With a warm start, the next solve of SNES latin continues from the state. The next step of the TS follows the saved one.
 
 .seealso: `LatinStateSave()`, `SNESLatinSetWarmStart()`
 @*/

@@ -5,14 +5,14 @@
 #include <errno.h>
 
 /*
-   The file of a state: 512 bytes of text with a sum of all bytes; the items, as a viewer of PETSc's writes them, in its
-   binary format or in HDF5, which looks for its own behind so many bytes; the caller's note.
+   The file of a state: a header of 512 bytes of text with a checksum of all bytes; the items, as a PETSc viewer writes them, in its
+   binary format or in HDF5 (which finds its superblock at offset 512); the note of the caller.
 
-   Only the first rank reads and writes: an error there is its own, and the others hear of it.
+   Only the first rank reads and writes; its errors are raised on all ranks.
 */
 
 #define LATIN_STATE_FORMAT 6     /* version of the format; others are refused */
-#define LATIN_STATE_HEAD   512   /* bytes, before HDF5's own head */
+#define LATIN_STATE_HEAD   512   /* bytes of the header */
 #define LATIN_STATE_CHUNK  65536 /* bytes read at once */
 
 /* Names of the members of LatinStateHead */
@@ -28,7 +28,7 @@ static void LatinStatePrint(const LatinStateHead *head, char text[LATIN_STATE_HE
   for (int i = 0; i < LATIN_STATE_LINES; i++) n += snprintf(text + n, (size_t)(LATIN_STATE_HEAD - n), "%s %.17g\n", LatinStateNames[i], value[i]);
 }
 
-/* How many of its lines a head has */
+/* Parses a header; returns the number of valid lines */
 static int LatinStateScan(const char *text, LatinStateHead *head)
 {
   double *value = (double *)head;
@@ -42,7 +42,7 @@ static int LatinStateScan(const char *text, LatinStateHead *head)
   return LATIN_STATE_LINES;
 }
 
-/* Of the head and of all bytes behind it */
+/* The checksum of the header and of all bytes after it */
 static double LatinStateSum(FILE *stream, const LatinStateHead *head)
 {
   LatinStateHead whole = *head;
@@ -58,8 +58,8 @@ static double LatinStateSum(FILE *stream, const LatinStateHead *head)
 }
 
 /*
-   HDF5 is given a file in memory, and its bytes go to the disk here. HDF5 cannot give up a file that it fails to write:
-   the program would crash at its end, long after the error of a full disk.
+   HDF5 writes to a file in memory, which is written to disk here. HDF5 cannot close a file after a write error: on a full disk
+   the program would crash at its end.
 */
 static PetscErrorCode LatinHDF5Open_Private(PetscViewer viewer, const char file[], const LatinStateHead *head, PetscBool load)
 {
@@ -75,12 +75,12 @@ static PetscErrorCode LatinHDF5Open_Private(PetscViewer viewer, const char file[
   PetscCheck(id >= 0, PETSC_COMM_SELF, PETSC_ERR_LIB, "HDF5 cannot open it");
   ((PetscViewer_HDF5 *)viewer->data)->file_id = id;
   if (load) PetscFunctionReturn(0);
-  for (int i = 0; i < LATIN_STATE_LINES - 2; i++) PetscCall(PetscViewerHDF5WriteAttribute(viewer, "/", LatinStateNames[i], PETSC_DOUBLE, &value[i])); /* the last two are of the file */
+  for (int i = 0; i < LATIN_STATE_LINES - 2; i++) PetscCall(PetscViewerHDF5WriteAttribute(viewer, "/", LatinStateNames[i], PETSC_DOUBLE, &value[i])); /* not the last two, of the file itself */
   PetscCall(PetscViewerHDF5WriteGroup(viewer, "/nodes"));
   PetscCall(PetscViewerHDF5WriteGroup(viewer, "/links"));
   PetscFunctionReturn(0);
 #else
-  SETERRQ(PETSC_COMM_SELF, PETSC_ERR_SUP, "This PETSc is without HDF5: %s", load ? "go on with the PETSc that wrote the state" : "give a name that does not end in .h5 or .hdf5");
+  SETERRQ(PETSC_COMM_SELF, PETSC_ERR_SUP, "This PETSc is without HDF5: %s", load ? "use the PETSc that wrote the state" : "give a name that does not end in .h5 or .hdf5");
 #endif
 }
 
@@ -113,7 +113,7 @@ static PetscErrorCode LatinStateOpen_Private(const char file[], const LatinState
   char room[LATIN_STATE_HEAD] = "";
 
   PetscFunctionBegin;
-  PetscCall(PetscViewerCreate(PETSC_COMM_SELF, viewer)); /* without its options: -viewer_hdf5_sp_output takes bits away */
+  PetscCall(PetscViewerCreate(PETSC_COMM_SELF, viewer)); /* ignores its options: -viewer_hdf5_sp_output would drop bits */
   if (head->hdf5 != 0.0) {
     PetscCall(LatinHDF5Open_Private(*viewer, file, head, load));
     PetscFunctionReturn(0);
@@ -148,7 +148,7 @@ static PetscErrorCode LatinStateViewIntegers_Private(Vec whole, PetscViewer view
   PetscFunctionReturn(0);
 }
 
-/* Writes the items into a new file, or reads them where there is none, of one rank after the other, and gives them back. Collective on comm */
+/* Writes the items to a new file, or reads them if `out` is NULL, and destroys them. Collective on comm */
 PetscErrorCode LatinStateTransfer_Private(MPI_Comm comm, const char file[], LatinFile *out, const LatinStateHead *head, LatinState *state)
 {
   const PetscBool load   = (PetscBool)!out;
@@ -167,7 +167,7 @@ PetscErrorCode LatinStateTransfer_Private(MPI_Comm comm, const char file[], Lati
 
     PetscCall(VecScatterCreateToZero(v, &gather, &whole));
     PetscCall(VecGetBlockSize(v, &width));
-    if (rank == 0) PetscCall(VecSetBlockSize(whole, width)); /* HDF5: numbers in a row */
+    if (rank == 0) PetscCall(VecSetBlockSize(whole, width)); /* width of the HDF5 dataset */
     PetscCall(PetscObjectSetName((PetscObject)whole, state->item[k].name));
     if (load && rank == 0 && !ierr) ierr = VecLoad(whole, viewer);
     PetscCall(VecScatterBegin(gather, load ? whole : v, load ? v : whole, INSERT_VALUES, load ? SCATTER_REVERSE : SCATTER_FORWARD));
@@ -183,7 +183,7 @@ PetscErrorCode LatinStateTransfer_Private(MPI_Comm comm, const char file[], Lati
   PetscFunctionReturn(0);
 }
 
-/* Adds what stands behind and before the items. Of one rank */
+/* Writes note and header. Not collective */
 static PetscErrorCode LatinStateSeal_Private(FILE *stream, LatinStateHead *head, const char note[])
 {
   const size_t n = (size_t)head->note_bytes;
@@ -199,7 +199,7 @@ static PetscErrorCode LatinStateSeal_Private(FILE *stream, LatinStateHead *head,
   PetscFunctionReturn(0);
 }
 
-/* Collective on comm */
+/* Writes a state to a file. Collective on comm */
 PetscErrorCode LatinStateWrite_Private(MPI_Comm comm, const char file[], LatinStateHead *head, LatinState *state, const char note[])
 {
   LatinFile      out     = {0};
@@ -215,11 +215,11 @@ PetscErrorCode LatinStateWrite_Private(MPI_Comm comm, const char file[], LatinSt
   last = LatinFileEnd_Private(&out, (PetscBool)!ierr);
   if (!ierr) ierr = last;
   if (ierr) PetscCall(PetscErrorMessage(ierr, NULL, (void *)&message)); /* char *, const or not, by version */
-  LatinAgree(comm, ierr, PETSC_ERR_FILE_WRITE, "The state %s cannot be written, an older one stays: %s%s", file, message ? message : "unknown", ierr == PETSC_ERR_FILE_OPEN ? "" : "; see that its disk has room");
+  LatinAgree(comm, ierr, PETSC_ERR_FILE_WRITE, "The state %s cannot be written, an older one is unchanged: %s%s", file, message ? message : "unknown", ierr == PETSC_ERR_FILE_OPEN ? "" : "; check the free space of its disk");
   PetscFunctionReturn(0);
 }
 
-/* The head and the note of a file that this PETSc can read and of which every byte is as it was written. Of one rank */
+/* Reads header and note of a file; fails unless this PETSc can read it and its checksum is right. Not collective */
 static PetscErrorCode LatinStateLook_Private(const char file[], LatinStateHead *head, char **note)
 {
   mode_t      mode;
@@ -233,23 +233,21 @@ static PetscErrorCode LatinStateLook_Private(const char file[], LatinStateHead *
   PetscCheck(!why, PETSC_COMM_SELF, PETSC_ERR_FILE_OPEN, "The state %s cannot be read: %s", file, why);
   stream = fopen(file, "rb");
   PetscCheck(stream, PETSC_COMM_SELF, PETSC_ERR_FILE_OPEN, "The state %s cannot be read: %s", file, strerror(errno));
-  (void)!fread(text, 1, LATIN_STATE_HEAD, stream); /* what is missing will be missed */
+  (void)!fread(text, 1, LATIN_STATE_HEAD, stream); /* a short file has too few lines or a wrong checksum */
   lines = LatinStateScan(text, head);
   whole = (PetscBool)(lines == LATIN_STATE_LINES && LatinStateSum(stream, head) == head->sum);
   if (whole) PetscCall(PetscCalloc1((size_t)head->note_bytes + 1, note));
   if (whole) (void)!(fseek(stream, -(long)head->note_bytes, SEEK_END) || fread(*note, 1, (size_t)head->note_bytes, stream));
   (void)fclose(stream);
   PetscCheck(lines, PETSC_COMM_SELF, PETSC_ERR_FILE_UNEXPECTED, "%s is no state of latinpc: give the file that was written by --checkpoint or LatinStateSave()", file);
-  PetscCheck(head->format == LATIN_STATE_FORMAT, PETSC_COMM_SELF, PETSC_ERR_FILE_UNEXPECTED, "The state %s has format %d, and this version of latinpc reads format %d: go on with the version that wrote it", file, (int)head->format,
-             LATIN_STATE_FORMAT);
+  PetscCheck(head->format == LATIN_STATE_FORMAT, PETSC_COMM_SELF, PETSC_ERR_FILE_UNEXPECTED, "The state %s has format %d, and this version of latinpc reads format %d: use the version that wrote it", file, (int)head->format, LATIN_STATE_FORMAT);
   PetscCheck(lines < LATIN_STATE_LINES || (head->integer_bytes == sizeof(PetscInt) && head->real_bytes == sizeof(PetscReal)), PETSC_COMM_SELF, PETSC_ERR_FILE_UNEXPECTED,
-             "The state %s is of a PETSc with integers of %d bytes and reals of %d bytes, and this one has %d and %d: go on with the PETSc that wrote it", file, (int)head->integer_bytes, (int)head->real_bytes, (int)sizeof(PetscInt),
-             (int)sizeof(PetscReal));
+             "The state %s is of a PETSc with integers of %d bytes and reals of %d bytes, and this one has %d and %d: use the PETSc that wrote it", file, (int)head->integer_bytes, (int)head->real_bytes, (int)sizeof(PetscInt), (int)sizeof(PetscReal));
   PetscCheck(whole, PETSC_COMM_SELF, PETSC_ERR_FILE_UNEXPECTED, "The state %s is not whole, or has been damaged or changed: take an older one, or start anew", file);
   PetscFunctionReturn(0);
 }
 
-/* The same on every rank. Collective on comm */
+/* The same on all ranks. Collective on comm */
 PetscErrorCode LatinStateReadHead_Private(MPI_Comm comm, const char file[], LatinStateHead *head, char **note)
 {
   PetscMPIInt rank;

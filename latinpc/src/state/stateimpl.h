@@ -1,6 +1,6 @@
 /*
-   States of solvers: what a state is made of (state/state.c), its file (state/statefile.c), and how that replaces an older
-   one (state/newfile.c).
+   Checkpoints of solvers: the items of a state (state/state.c), its file (state/statefile.c), and the atomic replacement of an
+   older file (state/newfile.c).
 */
 #ifndef LATINSTATEIMPL_H
 #define LATINSTATEIMPL_H
@@ -9,33 +9,33 @@
 #include <stdio.h>
 #include <sys/stat.h>
 
-/* What all ranks have in common, in the order of LatinStateNames; integers are exact up to 2^53 */
+/* The header of a file, the same on all ranks, in the order of LatinStateNames; integers are exact up to 2^53 */
 typedef struct {
   double format, integer_bytes, real_bytes, ranks, motion, structure, note_bytes;
   double time, time_step, shift; /* 1 / h^2 of a motion */
   double tuning;                 /* of the search parameters of rigid links */
   double steps, started, solutions;
-  double hdf5, sum; /* of the file: 1 unless it is PETSc's binary format; of its bytes */
+  double hdf5, sum; /* format: 1 HDF5, 0 PETSc binary; checksum of the file */
 } LatinStateHead;
 
-/* What each rank has, the same items on all of them */
+/* The items of a state: distributed vectors, the same ones on all ranks */
 #define LATIN_STATE_ITEMS 24 /* items of a state; an assertion counts them */
 #define LATIN_STATE_KIND  2
 typedef struct {
-  SNES           snes; /* of a motion: that of its steps */
+  SNES           snes; /* of a motion: the SNES of its TS */
   TS             ts;   /* NULL in statics */
   Vec            u;    /* displacements */
   LatinStructure structure;
   PetscBool      latin;                  /* the SNES is of type latin */
-  PetscReal      kind[LATIN_STATE_KIND]; /* where links turn, in statics: how operators have been made; is there a last path? */
-  PetscInt       items, reals;           /* those behind the reals are written as integers, and not read */
+  PetscReal      kind[LATIN_STATE_KIND]; /* large rotations in statics: the way operators were made; is there a last path? */
+  PetscInt       items, reals;           /* items after the first `reals` are written as integers and never read */
   struct {
     const char *name;
     Vec         v;
   } item[LATIN_STATE_ITEMS];
 } LatinState;
 
-/* 53 bits, as many as a number of the head holds, with what else they depend on */
+/* Chained hash of n bytes and `before`, of 53 bits: exact in a double */
 static inline uint64_t LatinStateHash(uint64_t before, size_t n, const void *data)
 {
   uint64_t both[2] = {before, data ? LatinHash(n, data) : 0};
@@ -43,11 +43,11 @@ static inline uint64_t LatinStateHash(uint64_t before, size_t n, const void *dat
   return LatinHash(sizeof(both), both) >> 11;
 }
 
-/* ---- a file that replaces another one (state/newfile.c) ---- */
+/* ---- atomic replacement of a file (state/newfile.c) ---- */
 typedef struct {
-  char   target[PETSC_MAX_PATH_LEN];    /* the name that it takes */
-  char   temporary[PETSC_MAX_PATH_LEN]; /* the name that it has until then */
-  mode_t mode;                          /* of the older one, 0: there is none */
+  char   target[PETSC_MAX_PATH_LEN];    /* final name */
+  char   temporary[PETSC_MAX_PATH_LEN]; /* name until then */
+  mode_t mode;                          /* mode of the older file, 0: there is none */
   FILE  *stream;
 } LatinFile;
 

@@ -1,10 +1,9 @@
 /*
-   Subdomains: their links, or the rows of a matrix, and their copies of the nodes; their operators (28) without springs.
+   Subdomains: their links, or their rows of a matrix; their copies of nodes; their operators (28) without search directions.
 
-   Layout shared by all stages: every subdomain has its own copy of its nodes. The copies here ("here" means on this
-   rank) are numbered subdomain by subdomain, and within a subdomain by increasing global node number. Displacement
-   component c of copy i is the entry bs * i + c of every "copy array" (U, g, ...), prescribed components included: the
-   block size bs counts the components of a node, dim its coordinates; links have as many of both.
+   Common layout: each subdomain has its own copy of its nodes. The copies here (on this rank) are numbered subdomain by
+   subdomain, in each by increasing global node number. Component c of copy i is entry bs * i + c of all arrays over copies
+   (U, g, ...), prescribed components included. bs: components of a node; dim: its coordinates; links have bs = dim.
 */
 #ifndef LATINSUBDOMAINS_H
 #define LATINSUBDOMAINS_H
@@ -18,13 +17,13 @@
 #include "structure/structureimpl.h"
 #include <petscblaslapack.h>
 
-/* ---- what is known of the unknowns of a matrix (subdomains/matisfields.c): of this rank's part of a vector ---- */
+/* ---- coordinates, fields and near null space of the unknowns of a matrix (subdomains/matisfields.c): this rank's part of vectors ---- */
 typedef struct {
   PetscInt   dim, fields, nears, kernels;
   PetscReal *x;      /* [rows][dim] */
   PetscInt  *field;  /* [rows] */
-  PetscReal *near;   /* [nears][rows] fields near to the kernel: the near null space, or the kernel itself */
-  PetscReal *kernel; /* [kernels][rows] of a singular matrix */
+  PetscReal *near;   /* [nears][rows] near null space; without one, the null space */
+  PetscReal *kernel; /* [kernels][rows] null space */
 } LatinUnknowns;
 PETSC_INTERN PetscErrorCode LatinUnknownsSetUp_Private(Mat, DM, Vec coordinates, LatinUnknowns *);
 PETSC_INTERN PetscErrorCode LatinUnknownsReset_Private(LatinUnknowns *);
@@ -32,24 +31,24 @@ PETSC_INTERN PetscErrorCode LatinUnknownsReset_Private(LatinUnknowns *);
 /* ---- the links of each subdomain, and its copies of the nodes (subdomains/subdomains.c) ---- */
 typedef struct {
   /* given before the set-up, kept by a reset */
-  PetscObject    object;         /* the solver: communicator, prefix and database of options */
+  PetscObject    object;         /* the solver: communicator, options prefix and database */
   LatinStructure structure;      /* borrowed; NULL: a matrix */
   Mat            matrix;         /* borrowed: a MATIS instead of links, or NULL */
-  LatinUnknowns  known;          /* of its unknowns */
-  PetscInt       wanted;         /* subdomains to which the pieces of its local matrices are joined; 0: one a rank */
-  PetscBool      tangent;        /* linear operators: no link has a state */
-  PetscReal     *link_stiffness; /* [links_local of the structure] k; tangent stiffnesses for linear operators; search parameters of rigid links */
-  PetscBool      preconditions;  /* one linear stage from zero, in which springs only keep operators regular */
+  LatinUnknowns  known;          /* data of its unknowns */
+  PetscInt       wanted;         /* number of subdomains to make of the pieces of its local matrices; 0: one for each rank */
+  PetscBool      tangent;        /* linearised operators: no link has a state */
+  PetscReal     *link_stiffness; /* [links_local of the structure] k; tangent stiffnesses of linearised operators; search parameters of rigid links */
+  PetscBool      preconditions;  /* PC latin: one linear stage from zero; springs serve only to keep operators regular */
   /* made by the set-up */
-  PetscInt   dim, bs;     /* coordinates and components of a node */
-  PetscInt   fields;      /* kinds of components, each with macro fields of its own; as many as coordinates: a displacement */
-  PetscInt   nodes_local; /* nodes that this rank numbers, roots of node_sf */
-  PetscInt  *field;       /* [copies * bs] NULL: the components of a node are the fields */
-  PetscInt   nears;       /* fields near to the kernel that are known, [nears][copies * bs] */
-  PetscReal *near;
-  PetscInt   count, n, first; /* subdomains: all, here, number of the first one here */
+  PetscInt   dim, bs;         /* coordinates and components of a node */
+  PetscInt   fields;          /* number of fields, each with macro modes of its own; fields == dim: a displacement */
+  PetscInt   nodes_local;     /* nodes of this rank in the global numbering, roots of node_sf */
+  PetscInt  *field;           /* [copies * bs] field of each dof; NULL: its component */
+  PetscInt   nears;           /* vectors of the near null space, */
+  PetscReal *near;            /* [nears][copies * bs] */
+  PetscInt   count, n, first; /* number of subdomains: on all ranks, here; global number of the first one here */
   PetscInt  *rank_first;      /* [ranks + 1] first subdomain of each rank */
-  PetscInt  *of_link;         /* [structure->links_local] subdomain of the caller's links */
+  PetscInt  *of_link;         /* [structure->links_local] subdomain of each link of the structure */
   PetscInt  *link_offset;     /* [n + 1] */
   PetscInt   links;
   PetscInt  *ends;             /* [links][2] copies of the nodes */
@@ -57,8 +56,8 @@ typedef struct {
   PetscReal *stiffness;        /* [links] k, which is also the ascent direction l */
   PetscReal *e0;               /* [links] */
   PetscInt  *law;              /* [links] */
-  PetscReal *part;             /* [links][LATIN_PART] of links that turn far, see structure/turning.h; NULL: there are none */
-  PetscReal *friction;         /* [links] coefficient, at the normal part of a contact; NULL if nothing rubs */
+  PetscReal *part;             /* [links][LATIN_PART] data of links with large rotations, see structure/turning.h; NULL: no such links */
+  PetscReal *friction;         /* [links] friction coefficient, at the normal part of a contact; NULL: no friction */
   PetscInt  *node_offset;      /* [n + 1] */
   PetscInt   copies;           /* copies of nodes here */
   PetscInt  *node;             /* [copies] global node number */
@@ -66,31 +65,31 @@ typedef struct {
   PetscBool *fixed;            /* [copies][bs] */
   PetscReal *prescribed;       /* [copies][bs] */
   PetscInt  *multiplicity;     /* [copies] number of subdomains at the node */
-  PetscReal *ground;           /* [copies][bs] springs to the ground, shared among the copies of a node; NULL if there are none */
+  PetscReal *ground;           /* [copies][bs] springs to the ground, divided equally among the copies of a node; NULL: none */
   PetscInt  *global_dof;       /* [copies][bs] */
-  PetscSF    link_sf;          /* caller's links -> links here */
-  PetscSF    node_sf;          /* caller's nodes -> copies */
+  PetscSF    link_sf;          /* links of the structure -> links here */
+  PetscSF    node_sf;          /* nodes of the structure -> copies */
   PetscSF    dof_sf;           /* DM global vector -> free components of copies */
   PetscInt   nonsmooth_global; /* links with a state, over all ranks */
   PetscInt   nonsmooth;        /* links with a state, here */
   PetscInt  *nonsmooth_link;   /* [nonsmooth] */
   PetscInt  *state;            /* [links] number of the link's state here, -1: none */
   PetscInt  *state_first;      /* [n + 1] first state of each subdomain */
-  /* subdomains of a matrix (subdomains/matis.c) have no links, and one component a node */
-  PetscInt        *ki, *kj; /* [copies + 1], [ki[copies]] rows of the operators, NULL: B^t k B */
-  PetscInt        *kd;      /* [copies] where the diagonal is in kj, -1: nowhere; NULL: of a dense matrix */
+  /* subdomains of a matrix (subdomains/matis.c): no links, one component a node */
+  PetscInt        *ki, *kj; /* [copies + 1], [ki[copies]] compressed rows of the operators; ki NULL: B^t k B */
+  PetscInt        *kd;      /* [copies] position of the diagonal entry in kj, -1: none; NULL: dense matrix */
   PetscReal       *ka;
-  Mat              dense;           /* where a local matrix is dense, and its only part a subdomain: in place of kj and ka; else NULL */
+  Mat              dense;           /* a dense local matrix that is one subdomain, in place of kj and ka; else NULL */
   const PetscReal *dense_a;         /* its entries, [copies][copies] */
   PetscInt        *dense_row;       /* [copies] rows of it */
-  PetscBool        sums;            /* do several rows of a local matrix have one copy? Entries are added up then */
-  PetscInt         rows, *row_copy; /* [rows] of the local matrix: their copies, or why they have none (subdomains/matis.c) */
-  /* coupled to no other unknown: rows of a matrix, masses without link in a motion */
-  PetscInt   unassigned_count, *unassigned; /* unknowns of this rank's part of a vector that are in no subdomain */
+  PetscBool        sums;            /* do several rows of the local matrix belong to one copy? Their entries are summed */
+  PetscInt         rows, *row_copy; /* [rows] copy of each row of the local matrix; negative: none, see LatinMatrixCopies_Private() */
+  /* unknowns without coupling: rows of a matrix, masses without links in a motion */
+  PetscInt   unassigned_count, *unassigned; /* local numbers of the unknowns of this rank in no subdomain */
   PetscReal *unassigned_inverse;            /* inverse of their diagonal entries */
 } LatinSubdomains;
 
-/* Are the operators those of a tangent stiffness of links that turn, with which Newton's method preconditions its own? */
+/* Are the operators tangent stiffnesses of links with large rotations, which precondition Newton's method? */
 static inline PetscBool LatinSubdomainsTangent(const LatinSubdomains *sub)
 {
   return (PetscBool)(sub->part && sub->structure->made == LATIN_FRAME_TANGENT);
@@ -110,7 +109,7 @@ static inline PetscMPIInt LatinSubdomainRank(const LatinSubdomains *sub, PetscMP
   return low;
 }
 
-/* The column of entry k of row i of the operators of a matrix, and its value */
+/* Column and value of entry k of row i, of the operators of a matrix */
 static inline PetscInt LatinEntryColumn(const LatinSubdomains *sub, PetscInt i, PetscInt k)
 {
   return sub->dense ? k - sub->ki[i] : sub->kj[k];
@@ -129,7 +128,7 @@ static inline PetscBool LatinNodeFree(const LatinSubdomains *sub, PetscInt i)
   return PETSC_FALSE;
 }
 
-/* The field of an entry of the copy arrays */
+/* The field of a dof of the copies */
 static inline PetscInt LatinField(const LatinSubdomains *sub, PetscInt dof)
 {
   return sub->field ? sub->field[dof] : dof % sub->bs;
@@ -168,7 +167,7 @@ typedef struct {
   PetscInt   bs, rows, *i, *j; /* bs rows a node */
   PetscReal *a;
 } LatinSparse;
-/* A dense symmetric matrix at n entries dof[] of the copy arrays */
+/* A dense symmetric n x n matrix at dofs dof[] of the copies */
 typedef struct {
   PetscInt         n;
   const PetscInt  *dof;

@@ -1,10 +1,10 @@
 #include "subdomains/localmatrix.h"
 
-/* The local matrix of a MATIS: its rows, and whether they are symmetric. */
+/* The local matrix of a MATIS by compressed rows; check of its symmetry. */
 
 #define LATIN_LOCAL_TILE 8 /* rows of a dense matrix that are compared together, a cache line */
 
-/* Are the entries of a dense matrix those across the diagonal, to the bit? Then its columns are its rows */
+/* Is a dense matrix symmetric to the bit? Then its columns are read as rows */
 static PetscErrorCode LatinLocalMatrixMirrored_Private(Mat K, PetscBool *is)
 {
   const PetscScalar *a;
@@ -14,7 +14,7 @@ static PetscErrorCode LatinLocalMatrixMirrored_Private(Mat K, PetscBool *is)
   PetscCall(MatGetSize(K, &n, NULL));
   PetscCall(MatDenseGetLDA(K, &lda));
   PetscCall(MatDenseGetArrayRead(K, &a));
-  *is = (PetscBool)(lda == n && n <= PETSC_MAX_INT / PetscMax(n, 1)); /* entries are counted */
+  *is = (PetscBool)(lda == n && n <= PETSC_MAX_INT / PetscMax(n, 1)); /* a PetscInt must count the entries */
   for (PetscInt first = 0; first < n && *is; first += LATIN_LOCAL_TILE)
     for (PetscInt j = 0; j < n; j++)
       for (PetscInt i = first; i < PetscMin(first + LATIN_LOCAL_TILE, j); i++)
@@ -23,7 +23,7 @@ static PetscErrorCode LatinLocalMatrixMirrored_Private(Mat K, PetscBool *is)
   PetscFunctionReturn(0);
 }
 
-/* The rows of such a matrix */
+/* Compressed rows of a dense matrix */
 static PetscErrorCode LatinLocalMatrixRows_Private(LatinLocalMatrix *local)
 {
   PetscInt n;
@@ -41,6 +41,7 @@ static PetscErrorCode LatinLocalMatrixRows_Private(LatinLocalMatrix *local)
   PetscFunctionReturn(0);
 }
 
+/* Gets the local matrix of A; LatinLocalMatrixRestore_Private() releases it. Collective on A */
 PetscErrorCode LatinLocalMatrixGet_Private(Mat A, LatinLocalMatrix *local)
 {
   ISLocalToGlobalMapping cols;
@@ -88,7 +89,7 @@ PetscErrorCode LatinLocalMatrixRestore_Private(LatinLocalMatrix *local)
   PetscFunctionReturn(0);
 }
 
-/* The entry across the diagonal from entry k of row r, 0 where there is none */
+/* *value: the transposed entry of entry k of row r; 0: none */
 PetscErrorCode LatinLocalMatrixAcross_Private(const LatinLocalMatrix *local, PetscInt r, PetscInt k, PetscReal *value)
 {
   const PetscInt first = local->i[local->j[k]], last = local->i[local->j[k] + 1];
@@ -105,10 +106,10 @@ PetscErrorCode LatinLocalMatrixAcross_Private(const LatinLocalMatrix *local, Pet
 }
 
 /*
-   Ends in an error on every rank when the local matrix of any of them is not symmetric, or not of finite numbers. The columns
-   of rows that are coupled to nothing, as MatZeroRows() leaves them, do not count: alone[]
+   Fails on all ranks if the local matrix of any rank is not symmetric or not finite. Rows and columns of isolated[] unknowns are
+   ignored, as of MatZeroRows(). Collective on A
 */
-PetscErrorCode LatinLocalMatrixSymmetric_Private(Mat A, const LatinLocalMatrix *local, const PetscBool alone[])
+PetscErrorCode LatinLocalMatrixSymmetric_Private(Mat A, const LatinLocalMatrix *local, const PetscBool isolated[])
 {
   PetscReal *largest, value[2] = {0.0, 0.0};
   PetscInt   bad[2] = {-1, -1};
@@ -130,7 +131,7 @@ PetscErrorCode LatinLocalMatrixSymmetric_Private(Mat A, const LatinLocalMatrix *
     for (PetscInt k = local->i[r]; k < local->i[r + 1] && bad[0] < 0; k++) {
       const PetscInt c = local->j[k];
 
-      if (c == r || alone[r] || alone[c]) continue;
+      if (c == r || isolated[r] || isolated[c]) continue;
       value[0] = local->a[k];
       PetscCall(LatinLocalMatrixAcross_Private(local, r, k, &value[1]));
       if (PetscAbsReal(value[0] - value[1]) > LATIN_MATRIX_ASYMMETRY * PetscMax(largest[r], largest[c])) {

@@ -1,17 +1,15 @@
 #include "subdomains/localmatrix.h"
 
 /*
-   Substructuring of a MATIS: a subdomain is the local matrix of a rank, or a part of it (subdomains/matisparts.c). Every degree of
-   freedom is a node with one component, so that scalar problems, blocks, several fields, and nodes of which only some
-   components are free need no cases.
+   Substructuring of a MATIS: a subdomain is the local matrix of a rank, or a part of it (subdomains/matisparts.c). Each dof is a
+   node with one component. So scalar problems, blocks, several fields and partly constrained nodes are no special cases.
 
-   Unknowns that nothing couples to others, as the rows and columns of boundary conditions that have been zeroed, belong
-   to no subdomain: the preconditioner divides by their diagonal. A subdomain whose rows of an unknown are zero has no
-   copy of it.
+   Isolated unknowns, coupled to no other, as after MatZeroRowsColumns(), belong to no subdomain: the preconditioner divides by
+   their diagonal. A subdomain has no copy of an unknown whose rows are zero there.
 */
 
-/* Which local rows have a copy here, and which ones are coupled to nothing on any rank; and the unknowns of this rank that are coupled to no other, with their diagonal */
-static PetscErrorCode LatinMatrixUnknowns_Private(LatinSubdomains *sub, const LatinLocalMatrix *local, PetscBool kept[], PetscBool alone[])
+/* kept[row]: has a local row a copy? isolated[row]: is its unknown isolated on all ranks? Sets sub->unassigned and the inverse of its diagonal. Collective on sub->object */
+static PetscErrorCode LatinMatrixUnknowns_Private(LatinSubdomains *sub, const LatinLocalMatrix *local, PetscBool kept[], PetscBool isolated[])
 {
   MPI_Comm    comm = PetscObjectComm(sub->object);
   PetscLayout map;
@@ -35,22 +33,22 @@ static PetscErrorCode LatinMatrixUnknowns_Private(LatinSubdomains *sub, const La
   PetscCall(LatinSFBcast_Private(sf, 1, MPIU_INT, all, coupled));
   PetscCall(PetscSFDestroy(&sf));
   for (PetscInt r = 0; r < local->rows; r++) {
-    alone[r] = (PetscBool)!coupled[r];
-    kept[r]  = (PetscBool)(kept[r] && coupled[r]);
+    isolated[r] = (PetscBool)!coupled[r];
+    kept[r]     = (PetscBool)(kept[r] && coupled[r]);
   }
   for (PetscInt i = 0; i < sub->nodes_local; i++) sub->unassigned_count += all[i] ? 0 : 1;
   PetscCall(PetscMalloc2(sub->unassigned_count, &sub->unassigned, sub->unassigned_count, &sub->unassigned_inverse));
   for (PetscInt i = 0, k = 0; i < sub->nodes_local; i++) {
     if (all[i]) continue;
     sub->unassigned[k]           = i;
-    sub->unassigned_inverse[k++] = sum[i] != 0.0 ? 1.0 / sum[i] : 1.0; /* a row of zeros: any number will do */
+    sub->unassigned_inverse[k++] = sum[i] != 0.0 ? 1.0 / sum[i] : 1.0; /* a row of zeros: any number serves */
   }
   PetscCall(PetscFree4(coupled, all, diagonal, sum));
   PetscFunctionReturn(0);
 }
 
-/* The copies, part by part and by global number, one for all rows of an unknown in a part; at[row] is the copy of a local row, LATIN_ROW_ALONE: coupled to nothing, -1: a row of zeros. row[*rows]: those that have one, by their copies */
-static PetscErrorCode LatinMatrixCopies_Private(LatinSubdomains *sub, const LatinLocalMatrix *local, const PetscInt part[], const PetscBool alone[], PetscInt at[], PetscInt *rows, PetscInt row[])
+/* Makes the copies, part by part, in each by global number; all rows of an unknown in a part have one. at[row]: copy of a local row; LATIN_ROW_ISOLATED: isolated, -1: a row of zeros. row[*rows]: rows with a copy, sorted by copies */
+static PetscErrorCode LatinMatrixCopies_Private(LatinSubdomains *sub, const LatinLocalMatrix *local, const PetscInt part[], const PetscBool isolated[], PetscInt at[], PetscInt *rows, PetscInt row[])
 {
   PetscInt *next, *global;
 
@@ -63,7 +61,7 @@ static PetscErrorCode LatinMatrixCopies_Private(LatinSubdomains *sub, const Lati
   PetscCall(PetscMalloc1(*rows, &global));
   PetscCall(PetscMalloc1(sub->n + 1, &sub->node_offset));
   for (PetscInt r = 0; r < local->rows; r++) {
-    at[r] = alone[r] ? LATIN_ROW_ALONE : -1;
+    at[r] = isolated[r] ? LATIN_ROW_ISOLATED : -1;
     if (part[r] < 0) continue;
     global[next[part[r] + 1]] = local->global[r];
     row[next[part[r] + 1]++]  = r;
@@ -85,7 +83,7 @@ static PetscErrorCode LatinMatrixCopies_Private(LatinSubdomains *sub, const Lati
   PetscFunctionReturn(0);
 }
 
-/* The sums of entries in one column, which follow each other */
+/* Sums consecutive entries of the same column; returns the new number of entries */
 static PetscInt LatinMatrixSums(PetscInt n, PetscInt column[], PetscReal value[])
 {
   PetscInt last = -1;
@@ -99,7 +97,7 @@ static PetscInt LatinMatrixSums(PetscInt n, PetscInt column[], PetscReal value[]
   return last + 1;
 }
 
-/* Entries below the diagonal become those above it: of a sum that vanishes, rounding would leave one of the two */
+/* Copies entries above the diagonal to those below it: sums in another order differ by rounding, and one of two may vanish */
 PetscErrorCode LatinMatrixMirror_Private(LatinSubdomains *sub)
 {
   PetscInt *next;
@@ -114,7 +112,7 @@ PetscErrorCode LatinMatrixMirror_Private(LatinSubdomains *sub)
   PetscFunctionReturn(0);
 }
 
-/* The rows of the operators, of entries that are not zero on either side of the diagonal: rounding may leave one of the two, and METIS takes symmetric graphs */
+/* The compressed rows of the operators. Entries are kept if neither they nor their transposed ones are zero: METIS needs a symmetric graph, and rounding may leave one of the two */
 static PetscErrorCode LatinMatrixRows_Private(LatinSubdomains *sub, const LatinLocalMatrix *local, const PetscInt at[], PetscInt rows, const PetscInt row[])
 {
   PetscInt next = 0;
@@ -159,7 +157,7 @@ static PetscErrorCode LatinMatrixRows_Private(LatinSubdomains *sub, const LatinL
   PetscFunctionReturn(0);
 }
 
-/* What is known of the unknowns, for the copies; and the ways from the matrix's vectors to them */
+/* Scatters from vectors of the matrix to copies; coordinates, fields and near null space at the copies. Collective on sub->object */
 static PetscErrorCode LatinMatrixData_Private(LatinSubdomains *sub)
 {
   const LatinUnknowns *known = &sub->known;
@@ -188,9 +186,9 @@ static PetscErrorCode LatinMatrixData_Private(LatinSubdomains *sub)
 }
 
 /*
-   A matrix with a kernel N is preconditioned as A + E a E^t would be: as many springs as N has vectors, on unknowns E
-   that no vector of the kernel leaves at rest. For a right-hand side orthogonal to N this has a solution of A, since
-   N^t E is regular and the springs then carry nothing; and the same spectrum on the complement of N.
+   A singular matrix with null space N is preconditioned as A + E a E^t: one spring for each vector of N, on unknowns E such that N^t E
+   is regular. For a right-hand side orthogonal to N the springs carry no force, so that the solution is one of A; the spectrum on
+   the complement of N is the same. Collective on sub->object
 */
 PetscErrorCode LatinMatrixHold_Private(LatinSubdomains *sub)
 {
@@ -208,7 +206,7 @@ PetscErrorCode LatinMatrixHold_Private(LatinSubdomains *sub)
   PetscCall(PetscArrayzero(held, rows));
   for (PetscInt k = 0; k < sub->unassigned_count; k++)
     for (PetscInt j = 0; j < n; j++) v[rows * j + sub->unassigned[k]] = 0.0;
-  for (PetscInt j = 0; j < n; j++) { /* Gauss elimination, with the largest entry of each vector as pivot */
+  for (PetscInt j = 0; j < n; j++) { /* Gaussian elimination; pivot: the largest entry of each vector */
     PetscInt at = -1;
     struct {
       PetscReal   value;
@@ -221,7 +219,7 @@ PetscErrorCode LatinMatrixHold_Private(LatinSubdomains *sub)
         mine.value = PetscAbsReal(v[rows * j + i]);
       }
     PetscCallMPI(MPI_Allreduce(&mine, &best, 1, LatinByPrecision(MPI_DOUBLE_INT, MPI_FLOAT_INT), MPI_MAXLOC, comm));
-    if (!(best.value > 0.0)) continue; /* depends on those before */
+    if (!(best.value > 0.0)) continue; /* linearly dependent */
     if (rank == best.rank) held[at] = 1;
     for (PetscInt k = j; k < n && rank == best.rank; k++) pivot[k] = v[rows * k + at];
     PetscCallMPI(MPI_Bcast(pivot + j, (PetscMPIInt)(n - j), MPIU_REAL, best.rank, comm));
@@ -241,7 +239,7 @@ PetscErrorCode LatinSubdomainsSetUp_Matrix(LatinSubdomains *sub)
   MPI_Comm         comm = PetscObjectComm(sub->object);
   LatinLocalMatrix local;
   PetscMPIInt      size;
-  PetscBool       *kept, *alone;
+  PetscBool       *kept, *isolated;
   PetscInt        *part, *row, rows = 0;
 
   PetscFunctionBegin;
@@ -254,13 +252,13 @@ PetscErrorCode LatinSubdomainsSetUp_Matrix(LatinSubdomains *sub)
   PetscCall(LatinLocalMatrixGet_Private(sub->matrix, &local));
   sub->rows = local.rows;
   PetscCall(PetscMalloc1(local.rows, &sub->row_copy));
-  PetscCall(PetscMalloc4(local.rows, &kept, local.rows, &alone, local.rows, &part, local.rows, &row));
-  PetscCall(LatinMatrixUnknowns_Private(sub, &local, kept, alone));
-  PetscCall(LatinLocalMatrixSymmetric_Private(sub->matrix, &local, alone));
+  PetscCall(PetscMalloc4(local.rows, &kept, local.rows, &isolated, local.rows, &part, local.rows, &row));
+  PetscCall(LatinMatrixUnknowns_Private(sub, &local, kept, isolated));
+  PetscCall(LatinLocalMatrixSymmetric_Private(sub->matrix, &local, isolated));
   PetscCall(LatinMatrixParts_Private(sub, &local, kept, part));
-  PetscCall(LatinMatrixCopies_Private(sub, &local, part, alone, sub->row_copy, &rows, row));
+  PetscCall(LatinMatrixCopies_Private(sub, &local, part, isolated, sub->row_copy, &rows, row));
   PetscCall(LatinMatrixRows_Private(sub, &local, sub->row_copy, rows, row));
-  PetscCall(PetscFree4(kept, alone, part, row));
+  PetscCall(PetscFree4(kept, isolated, part, row));
   PetscCall(LatinLocalMatrixRestore_Private(&local));
   PetscCall(LatinMatrixData_Private(sub));
   PetscCall(LatinMatrixHold_Private(sub));

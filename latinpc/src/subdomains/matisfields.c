@@ -5,25 +5,24 @@
 #define LATIN_KERNEL_LEFT LatinByPrecision(1e-6, 1e-2) /* of the largest diagonal entry: what the matrix may make of a vector of its null space */
 
 /*
-   What is known of the unknowns of a matrix that comes without a structure: where they are, which field each belongs
-   to, and which fields cost next to nothing. It improves the macro fields; none of it is required.
+   Data of the unknowns of a matrix: coordinates, fields, near null space. They improve the macro modes; none is required.
 */
 
-/* Coordinate `ctx`, for all components of a field */
+/* Function for DMProjectFunction(): coordinate *ctx, for all components of a field */
 static PetscErrorCode LatinCoordinate_Private(PetscInt dim, PetscReal t, const PetscReal x[], PetscInt n, PetscScalar *out, void *ctx)
 {
   for (PetscInt c = 0; c < n; c++) out[c] = x[*(PetscInt *)ctx];
   return 0;
 }
 
-/* The number of each component of a field, counted from `ctx` */
+/* Function for DMProjectFunction(): the number of each component, from *ctx on */
 static PetscErrorCode LatinComponent_Private(PetscInt dim, PetscReal t, const PetscReal x[], PetscInt n, PetscScalar *out, void *ctx)
 {
   for (PetscInt c = 0; c < n; c++) out[c] = (PetscScalar)(*(PetscInt *)ctx + c);
   return 0;
 }
 
-/* Coordinates and fields of the unknowns of finite elements: the elements' own interpolants of x, y, z and of component numbers */
+/* Coordinates and fields of finite element unknowns: interpolates x, y, z and component numbers in the element spaces. Collective on dm */
 static PetscErrorCode LatinUnknownsElements_Private(DM dm, PetscInt rows, LatinUnknowns *known)
 {
   typedef PetscErrorCode (*Function)(PetscInt, PetscReal, const PetscReal[], PetscInt, PetscScalar *, void *);
@@ -76,7 +75,7 @@ static PetscErrorCode LatinUnknownsElements_Private(DM dm, PetscInt rows, LatinU
   PetscFunctionReturn(0);
 }
 
-/* Coordinates of the nodes, blocks of v: given by PCSetCoordinates(), or those of a DM, which count where its vectors have one block a node, as those of DMDA */
+/* Coordinates from v, a block for each node: of PCSetCoordinates(); or of a DM, used only if its vectors have a block for each node, as of a DMDA. Collective on v */
 static PetscErrorCode LatinUnknownsNodes_Private(Vec v, PetscInt dim, PetscBool given, PetscInt rows, LatinUnknowns *known)
 {
   MPI_Comm           comm = PetscObjectComm((PetscObject)v);
@@ -96,7 +95,7 @@ static PetscErrorCode LatinUnknownsNodes_Private(Vec v, PetscInt dim, PetscBool 
   fit = nodes * each == rows ? 1 : 0;
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &fit, 1, MPIU_INT, MPI_MIN, comm));
   if (!fit) PetscFunctionReturn(0);
-  if (each > 1) known->fields = each; /* the block size is lost where the local-to-global map has none */
+  if (each > 1) known->fields = each; /* a MATIS has no block size if its local-to-global map has none */
   known->dim = dim;
   PetscCall(PetscFree(known->x));
   PetscCall(PetscMalloc1(dim * rows, &known->x));
@@ -107,7 +106,7 @@ static PetscErrorCode LatinUnknownsNodes_Private(Vec v, PetscInt dim, PetscBool 
   PetscFunctionReturn(0);
 }
 
-/* The vectors of a null space, one after the other */
+/* *vectors: the vectors of a null space, column-major, the constant one first */
 static PetscErrorCode LatinUnknownsSpace_Private(MatNullSpace space, PetscInt rows, PetscInt *count, PetscReal *vectors[])
 {
   PetscBool          constant = PETSC_FALSE;
@@ -143,7 +142,7 @@ PetscErrorCode LatinUnknownsReset_Private(LatinUnknowns *known)
   PetscFunctionReturn(0);
 }
 
-/* How many of n numbers are not finite */
+/* Number of non-finite numbers */
 static PetscInt LatinNotFinite(PetscInt n, const PetscReal x[])
 {
   PetscInt count = 0;
@@ -184,8 +183,8 @@ static PetscErrorCode LatinKernelCheck_Private(Mat A, MatNullSpace kernel)
 }
 
 /*
-   Gathers what is known: coordinates given to the preconditioner, blocks of a vector (NULL: none), or those of the DM;
-   fields of the finite elements of the DM, or components of a block. Collective on A.
+   Collects the data of the unknowns: coordinates given to the preconditioner (NULL: none), or of the DM; fields of the finite
+   elements of the DM, or components of blocks; near null space. Collective on A.
 */
 PetscErrorCode LatinUnknownsSetUp_Private(Mat A, DM dm, Vec coordinates, LatinUnknowns *known)
 {
@@ -208,7 +207,7 @@ PetscErrorCode LatinUnknownsSetUp_Private(Mat A, DM dm, Vec coordinates, LatinUn
   if (v && dim >= 1 && dim <= 3) PetscCall(LatinUnknownsNodes_Private(v, dim, (PetscBool)(coordinates != NULL), rows, known));
   if (!known->field) {
     PetscCall(PetscMalloc1(rows, &known->field));
-    for (PetscInt i = 0; i < rows; i++) known->field[i] = i % known->fields; /* a rank has whole blocks */
+    for (PetscInt i = 0; i < rows; i++) known->field[i] = i % known->fields; /* blocks are not split between ranks */
   }
   PetscCall(MatGetNullSpace(A, &kernel));
   PetscCall(LatinUnknownsSpace_Private(kernel, rows, &known->kernels, &known->kernel));

@@ -2,16 +2,16 @@
 #include <metis.h>
 
 /*
-   The parts of a local matrix, which are subdomains. What nothing couples falls apart by itself. Where an unknown has several
-   rows (MatISSetAllowRepeated()), as with the matrices of elements each in rows of its own, the matrix is known in pieces, and
-   these are joined to as many subdomains as are asked for: the sum of the matrices of some pieces is the matrix of a subdomain.
+   The parts of a local matrix: its connected components, each a subdomain. With repeated unknowns (MatISSetAllowRepeated()), as of
+   element matrices each in rows of its own, the components are pieces that are joined to the wanted number of subdomains: the
+   matrix of a subdomain is the sum of those of its pieces.
 */
 
 /*
-   Joins the rows of one block, for unknowns of a node that nothing in the matrix couples. Where an unknown has several rows, each
-   of another piece, a block ends before the second of them: the rows of a piece follow each other. several[]: rows of such unknowns
+   Joins the rows of each block, as unknowns of one node may be uncoupled in the matrix. Rows of a repeated unknown belong to different
+   pieces: a block ends before the second of them, as the rows of a piece are consecutive. repeated[row]: is the unknown repeated?
 */
-static PetscErrorCode LatinMatrixBlocks_Private(const LatinLocalMatrix *local, PetscInt bs, const PetscBool kept[], PetscInt parent[], PetscBool several[])
+static PetscErrorCode LatinMatrixBlocks_Private(const LatinLocalMatrix *local, PetscInt bs, const PetscBool kept[], PetscInt parent[], PetscBool repeated[])
 {
   const PetscInt *global = local->global;
   PetscInt       *block, *row;
@@ -19,9 +19,9 @@ static PetscErrorCode LatinMatrixBlocks_Private(const LatinLocalMatrix *local, P
   PetscFunctionBegin;
   PetscCall(PetscMalloc2(local->rows, &block, local->rows, &row));
   for (PetscInt r = 0; r < local->rows; r++) {
-    block[r]   = global[r] / bs;
-    row[r]     = r;
-    several[r] = PETSC_FALSE;
+    block[r]    = global[r] / bs;
+    row[r]      = r;
+    repeated[r] = PETSC_FALSE;
   }
   PetscCall(PetscSortIntWithArray(local->rows, block, row));
   for (PetscInt first = 0, last, begin; first < local->rows; first = last) {
@@ -31,7 +31,7 @@ static PetscErrorCode LatinMatrixBlocks_Private(const LatinLocalMatrix *local, P
     for (PetscInt k = first; k < last; k++) {
       for (PetscInt j = first; j < k; j++) {
         if (global[row[j]] != global[row[k]]) continue;
-        several[row[j]] = several[row[k]] = PETSC_TRUE;
+        repeated[row[j]] = repeated[row[k]] = PETSC_TRUE;
         if (j >= begin) begin = k;
       }
       while (begin < k && !kept[row[begin]]) begin++;
@@ -42,7 +42,7 @@ static PetscErrorCode LatinMatrixBlocks_Private(const LatinLocalMatrix *local, P
   PetscFunctionReturn(0);
 }
 
-/* Rows that are kept, by their unknowns, row[]; returns how many */
+/* row[*count]: the kept rows, sorted by their unknowns global[] */
 static PetscErrorCode LatinMatrixKept_Private(const LatinLocalMatrix *local, const PetscBool kept[], PetscInt *count, PetscInt global[], PetscInt row[])
 {
   PetscFunctionBegin;
@@ -56,7 +56,7 @@ static PetscErrorCode LatinMatrixKept_Private(const LatinLocalMatrix *local, con
   PetscFunctionReturn(0);
 }
 
-/* Shares the pieces out into so many groups, by METIS: neighbours are pieces that have unknowns in common. piece[row]; group[piece] */
+/* group[piece]: partition of the pieces piece[row] by METIS; pieces with a common unknown are neighbours */
 static PetscErrorCode LatinMatrixGroups_Private(PetscInt rows, const PetscInt global[], const PetscInt row[], const PetscInt piece[], PetscInt pieces, PetscInt groups, PetscInt group[])
 {
   idx_t *first, *list, *weight, *part, *of_unknown, options[METIS_NOPTIONS], elements = (idx_t)pieces, unknowns = 0, common = 1, parts = (idx_t)groups, cut;
@@ -77,10 +77,10 @@ static PetscErrorCode LatinMatrixGroups_Private(PetscInt rows, const PetscInt gl
   unknowns++;
   PetscCall(PetscMalloc1(unknowns, &of_unknown));
   METIS_SetDefaultOptions(options);
-  options[METIS_OPTION_SEED]      = 1; /* the same at every run */
+  options[METIS_OPTION_SEED]      = 1; /* the same partition at every run */
   options[METIS_OPTION_NUMBERING] = 0;
   failed                          = METIS_PartMeshDual(&elements, &unknowns, first, list, weight, NULL, &common, &parts, NULL, options, &cut, part, of_unknown);
-  PetscCheck(failed == METIS_OK, PETSC_COMM_SELF, PETSC_ERR_LIB, "METIS cannot share the %" PetscInt_FMT " pieces of a local matrix out (status %d)", pieces, failed);
+  PetscCheck(failed == METIS_OK, PETSC_COMM_SELF, PETSC_ERR_LIB, "METIS could not partition the %" PetscInt_FMT " pieces of a local matrix (METIS status %d)", pieces, failed);
   for (PetscInt p = 0; p < pieces; p++) group[p] = (PetscInt)part[p];
   PetscCall(PetscFree(of_unknown));
   PetscCall(PetscFree3(list, weight, part));
@@ -88,7 +88,7 @@ static PetscErrorCode LatinMatrixGroups_Private(PetscInt rows, const PetscInt gl
   PetscFunctionReturn(0);
 }
 
-/* Joins pieces that have unknowns in common, to at least so many connected subdomains of this rank if there are as many pieces */
+/* Joins pieces with common unknowns to connected subdomains of this rank, at least `wanted` if there are as many pieces */
 static PetscErrorCode LatinMatrixJoin_Private(const LatinLocalMatrix *local, PetscInt wanted, const PetscBool kept[], PetscInt parent[])
 {
   PetscInt *global, *row, *piece, *group, rows, pieces = 0;
@@ -111,23 +111,23 @@ static PetscErrorCode LatinMatrixJoin_Private(const LatinLocalMatrix *local, Pet
 }
 
 /*
-   The parts of the local matrix, part[row] (-1 without copy), in the order of their first rows. Of the pieces of all ranks
-   sub->wanted parts are made, in equal shares; if it is 0, one a rank. A row that is alone, a spring to the ground, goes with the first
-   part, unless its unknown has several rows: it is a part then. Collective on sub->object
+   part[row]: the part of each row of the local matrix, -1: no copy, numbered in the order of their first rows. sub->n: their number.
+   sub->wanted subdomains are divided equally among ranks; 0: one for each rank. A component of one row, a spring to the ground, joins
+   the first part, or is a part itself if its unknown is repeated. Collective on sub->object
 */
 PetscErrorCode LatinMatrixParts_Private(LatinSubdomains *sub, const LatinLocalMatrix *local, const PetscBool kept[], PetscInt part[])
 {
-  const PetscInt64 wanted = sub->wanted; /* as many as anyone likes: each piece is a part then */
+  const PetscInt64 wanted = sub->wanted; /* 64 bits: any number is allowed; a large one makes each piece a part */
   MPI_Comm         comm   = PetscObjectComm(sub->object);
   PetscMPIInt      rank, size;
   PetscInt        *parent, *number, *rows, bs;
-  PetscBool       *several, any[2] = {PETSC_FALSE, PETSC_FALSE}, all;
+  PetscBool       *repeated, any[2] = {PETSC_FALSE, PETSC_FALSE}, all;
 
   PetscFunctionBegin;
   PetscCall(MatGetBlockSize(sub->matrix, &bs));
   PetscCallMPI(MPI_Comm_rank(comm, &rank));
   PetscCallMPI(MPI_Comm_size(comm, &size));
-  PetscCall(PetscMalloc4(local->rows, &parent, local->rows, &number, local->rows, &rows, local->rows, &several));
+  PetscCall(PetscMalloc4(local->rows, &parent, local->rows, &number, local->rows, &rows, local->rows, &repeated));
   for (PetscInt r = 0; r < local->rows; r++) {
     parent[r] = r;
     rows[r]   = 0;
@@ -135,21 +135,21 @@ PetscErrorCode LatinMatrixParts_Private(LatinSubdomains *sub, const LatinLocalMa
   for (PetscInt r = 0; r < local->rows; r++)
     for (PetscInt k = local->i[r]; k < local->i[r + 1]; k++)
       if (kept[r] && kept[local->j[k]] && local->a[k] != 0.0) LatinJoin(parent, r, local->j[k]);
-  PetscCall(LatinMatrixBlocks_Private(local, bs, kept, parent, several));
+  PetscCall(LatinMatrixBlocks_Private(local, bs, kept, parent, repeated));
   for (PetscInt r = 0; r < local->rows; r++) {
     if (kept[r]) any[0] = PETSC_TRUE;
-    if (several[r]) any[1] = PETSC_TRUE;
+    if (repeated[r]) any[1] = PETSC_TRUE;
   }
   PetscCall(MPIU_Allreduce(&any[1], &all, 1, LATIN_MPI_BOOL, MPI_LOR, comm));
-  LatinAgree(comm, sub->wanted > size && !all, PETSC_ERR_ARG_INCOMP, "Local matrices of a MATIS are subdomains, which cannot be divided: leave out -%ssubdomains, or give the matrix of each element rows of its own (MatISSetAllowRepeated())",
+  LatinAgree(comm, sub->wanted > size && !all, PETSC_ERR_ARG_INCOMP, "Local matrices of a MATIS are subdomains, which cannot be divided: remove -%ssubdomains, or give the matrix of each element rows of its own (MatISSetAllowRepeated())",
              LatinPrefix(sub));
   if (any[1]) PetscCall(LatinMatrixJoin_Private(local, (PetscInt)PetscMax(1, wanted * (rank + 1) / size - wanted * rank / size), kept, parent));
   for (PetscInt r = 0; r < local->rows; r++)
     if (kept[r]) rows[LatinRoot(parent, r)]++;
   sub->n = 0;
-  for (PetscInt r = 0; r < local->rows; r++) number[r] = rows[r] > 1 || (rows[r] && several[r]) ? sub->n++ : 0; /* of a root's part */
+  for (PetscInt r = 0; r < local->rows; r++) number[r] = rows[r] > 1 || (rows[r] && repeated[r]) ? sub->n++ : 0; /* the part of each component, at its root */
   if (any[0]) sub->n = PetscMax(sub->n, 1);
   for (PetscInt r = 0; r < local->rows; r++) part[r] = kept[r] ? number[LatinRoot(parent, r)] : -1;
-  PetscCall(PetscFree4(parent, number, rows, several));
+  PetscCall(PetscFree4(parent, number, rows, repeated));
   PetscFunctionReturn(0);
 }

@@ -1,16 +1,16 @@
 #include "subdomains/localmatrix.h"
 
 /*
-   New values of a MATIS whose pattern is that of the last set-up. The pattern is that of entries that are not zero, so that
-   it is compared entry by entry: subdomains and copies are kept where a new set-up would make the same ones.
+   New values of a MATIS with the sparsity pattern of the last set-up. Subdomains and copies are kept if a new set-up would make
+   the same ones. This depends on the pattern of nonzero values, which is compared entry by entry.
 */
 
-/* The values of a matrix of the same pattern, in the rows of the operators; *same: it has that pattern here, *check: its symmetry is to be looked at entry by entry */
+/* Copies the new values into the rows of the operators. *same: the pattern is the same here; *check: symmetry must be checked entry by entry */
 static PetscErrorCode LatinMatrixValues_Private(LatinSubdomains *sub, const LatinLocalMatrix *local, PetscBool *same, PetscBool *check)
 {
   const PetscInt *ki = sub->ki, *kj = sub->kj, *copy = sub->row_copy;
   PetscReal      *ka = sub->ka;
-  PetscInt       *place, left = ki[sub->copies]; /* [copies] of the entry in this column, plus one; entries without a value */
+  PetscInt       *place, left = ki[sub->copies]; /* [copies] 1 + position of the entry of the current row in this column; number of entries without a value yet */
   PetscBool      *has;
 
   PetscFunctionBegin;
@@ -26,9 +26,9 @@ static PetscErrorCode LatinMatrixValues_Private(LatinSubdomains *sub, const Lati
       PetscReal       across = 0.0;
 
       if (value == 0.0) continue;
-      if (i < 0) *same = (PetscBool)(*same && i == LATIN_ROW_ALONE && column == r);
+      if (i < 0) *same = (PetscBool)(*same && i == LATIN_ROW_ISOLATED && column == r);
       else if (at >= 0 && place[at] > first && place[at] <= last) {
-        /* rows come in any order: what those before have left is beyond */
+        /* positions of other rows in place[] are outside first..last */
         const PetscInt  e    = place[at] - 1;
         const PetscBool more = (PetscBool)(sub->sums && has[e]);
 
@@ -51,7 +51,7 @@ static PetscErrorCode LatinMatrixValues_Private(LatinSubdomains *sub, const Lati
   PetscFunctionReturn(0);
 }
 
-/* Are the rows of the operators finite and symmetric? Those below the diagonal come in the order of the rows above it */
+/* Are the operators finite and symmetric? The entries of a column below the diagonal are in the order of the rows above it */
 static PetscErrorCode LatinMatrixIsSymmetric_Private(const LatinSubdomains *sub, PetscBool *symmetric)
 {
   const PetscInt  *ki = sub->ki, *kj = sub->kj;
@@ -71,7 +71,7 @@ static PetscErrorCode LatinMatrixIsSymmetric_Private(const LatinSubdomains *sub,
     }
     largest[i] = most;
   }
-  *symmetric = (PetscBool)(finite == 0.0); /* else not a number */
+  *symmetric = (PetscBool)(finite == 0.0); /* NaN otherwise */
   for (PetscInt i = 0; i < sub->copies; i++)
     for (PetscInt k = ki[i + 1] - 1; k >= ki[i] && kj[k] > i; k--) {
       const PetscInt j = kj[k];
@@ -82,8 +82,8 @@ static PetscErrorCode LatinMatrixIsSymmetric_Private(const LatinSubdomains *sub,
   PetscFunctionReturn(0);
 }
 
-/* The inverse diagonal of what is in no subdomain. Collective on sub->object */
-static PetscErrorCode LatinMatrixAlone_Private(LatinSubdomains *sub, const LatinLocalMatrix *local)
+/* sub->unassigned_inverse: inverse diagonal of isolated unknowns. Collective on sub->object */
+static PetscErrorCode LatinMatrixIsolated_Private(LatinSubdomains *sub, const LatinLocalMatrix *local)
 {
   PetscReal  *diagonal, *sum;
   PetscLayout map;
@@ -92,7 +92,7 @@ static PetscErrorCode LatinMatrixAlone_Private(LatinSubdomains *sub, const Latin
   PetscFunctionBegin;
   PetscCall(PetscCalloc2(local->rows, &diagonal, sub->nodes_local, &sum));
   for (PetscInt r = 0; r < local->rows; r++)
-    for (PetscInt k = local->i[r]; k < local->i[r + 1] && sub->row_copy[r] == LATIN_ROW_ALONE; k++)
+    for (PetscInt k = local->i[r]; k < local->i[r + 1] && sub->row_copy[r] == LATIN_ROW_ISOLATED; k++)
       if (local->j[k] == r) diagonal[r] = local->a[k];
   PetscCall(MatGetLayouts(sub->matrix, &map, NULL));
   PetscCall(PetscSFCreate(PetscObjectComm(sub->object), &sf));
@@ -104,7 +104,7 @@ static PetscErrorCode LatinMatrixAlone_Private(LatinSubdomains *sub, const Latin
   PetscFunctionReturn(0);
 }
 
-/* What is known of the unknowns, for the copies as they are; *same: they are where they were. Collective on sub->object */
+/* Updates the near null space at the copies; *same: coordinates and fields are those of the last set-up. Collective on sub->object */
 static PetscErrorCode LatinMatrixKnown_Private(LatinSubdomains *sub, PetscBool *same)
 {
   const LatinUnknowns *known = &sub->known;
@@ -128,14 +128,14 @@ static PetscErrorCode LatinMatrixKnown_Private(LatinSubdomains *sub, PetscBool *
 }
 
 /*
-   New values of sub->matrix. *same: the subdomains and their copies are those of a new set-up, on all ranks; else they are to be
-   set up again, and what is there has no meaning. Collective on sub->object
+   Takes new values of sub->matrix. *same: subdomains and copies remain valid on all ranks; otherwise their data is undefined and
+   a new set-up is needed. Collective on sub->object
 */
 PetscErrorCode LatinSubdomainsRefresh_Matrix(LatinSubdomains *sub, PetscBool *same)
 {
   MPI_Comm         comm = PetscObjectComm(sub->object);
   LatinLocalMatrix local;
-  PetscBool        pattern, places, check = PETSC_FALSE, known, symmetric, *alone;
+  PetscBool        pattern, places, check = PETSC_FALSE, known, symmetric, *isolated;
   PetscInt         any[3];
 
   PetscFunctionBegin;
@@ -155,12 +155,12 @@ PetscErrorCode LatinSubdomainsRefresh_Matrix(LatinSubdomains *sub, PetscBool *sa
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, any, 3, MPIU_INT, MPI_MAX, comm));
   *same = (PetscBool)!any[0];
   if (any[1] && *same) {
-    PetscCall(PetscMalloc1(local.rows, &alone));
-    for (PetscInt r = 0; r < local.rows; r++) alone[r] = (PetscBool)(sub->row_copy[r] == LATIN_ROW_ALONE);
-    PetscCall(LatinLocalMatrixSymmetric_Private(sub->matrix, &local, alone));
-    PetscCall(PetscFree(alone));
+    PetscCall(PetscMalloc1(local.rows, &isolated));
+    for (PetscInt r = 0; r < local.rows; r++) isolated[r] = (PetscBool)(sub->row_copy[r] == LATIN_ROW_ISOLATED);
+    PetscCall(LatinLocalMatrixSymmetric_Private(sub->matrix, &local, isolated));
+    PetscCall(PetscFree(isolated));
   }
-  if (any[2] && *same) PetscCall(LatinMatrixAlone_Private(sub, &local));
+  if (any[2] && *same) PetscCall(LatinMatrixIsolated_Private(sub, &local));
   PetscCall(LatinLocalMatrixRestore_Private(&local));
   if (*same) PetscCall(LatinMatrixHold_Private(sub));
   PetscCall(PetscLogEventEnd(LATIN_Subdomains, sub->object, 0, 0, 0));

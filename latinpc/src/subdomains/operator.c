@@ -1,9 +1,9 @@
 #include "subdomains/latinsubdomains.h"
 
 /*
-   The operators of the subdomains without springs of the search direction: B^t k B of the links, and of the springs to
-   the ground if there are any; or the rows that a matrix gives (subdomains/matis.c). The other stages see them through this file
-   alone: a product, the diagonal, the matrix (subdomains/sparse.c), and a comparison of operators.
+   The operators of the subdomains without search directions: B^t k B of the links plus springs to the ground, or rows of a matrix
+   (subdomains/matis.c). The other stages use them through this file and subdomains/sparse.c alone: product, diagonal, dense and
+   sparse matrix, and data to compare operators.
 */
 
 /* f = K v, subdomain by subdomain */
@@ -53,7 +53,7 @@ PetscErrorCode LatinOperatorDiagonal(const LatinSubdomains *sub, PetscReal diago
   PetscFunctionReturn(0);
 }
 
-/* The rows that a matrix gives of subdomain s, of n of its dofs as a dense matrix: position[] their numbers, -1 the others */
+/* A (n x n): block of the operator of subdomain s of a matrix; position[row]: row and column in A, -1: not in it */
 void LatinOperatorDense(const LatinSubdomains *sub, PetscInt s, PetscInt n, const PetscInt position[], PetscReal A[])
 {
   const PetscInt top = sub->node_offset[s];
@@ -64,7 +64,7 @@ void LatinOperatorDense(const LatinSubdomains *sub, PetscInt s, PetscInt n, cons
       if (position[LatinEntryColumn(sub, i, k) - top] >= 0) A[(size_t)position[LatinEntryColumn(sub, i, k) - top] + (size_t)n * (size_t)position[i - top]] = LatinEntry(sub, i, k);
 }
 
-/* Everything that the operator of a subdomain depends on: equal streams, equal operators */
+/* Appends all data of the operator of a subdomain to a stream: equal streams mean equal operators */
 PetscErrorCode LatinOperatorStream_Private(const LatinSubdomains *sub, PetscInt s, LatinStream *stream)
 {
   const PetscInt bs = sub->bs, top = sub->node_offset[s], first = sub->ki ? 0 : sub->link_offset[s], links = sub->ki ? 0 : sub->link_offset[s + 1] - first;
@@ -76,7 +76,7 @@ PetscErrorCode LatinOperatorStream_Private(const LatinSubdomains *sub, PetscInt 
       const PetscInt n = sub->ki[i + 1] - sub->ki[i];
 
       PetscCall(LatinStreamAdd_Private(stream, &n, sizeof(n)));
-      if (sub->dense) { /* the only one here */
+      if (sub->dense) { /* the only subdomain here */
         PetscCall(LatinStreamAdd_Private(stream, sub->dense_a + (size_t)n * (size_t)(i - top), (size_t)n * sizeof(*sub->dense_a)));
         continue;
       }

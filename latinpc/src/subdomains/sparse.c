@@ -2,31 +2,31 @@
 #include "subdomains/latinsubdomains.h"
 
 /*
-   The matrix of one subdomain, by compressed rows: its links, or its rows of a matrix, springs on the diagonal, and dense
-   symmetric blocks. What adds to an entry does so in the order of links, or of blocks, on both sides of the diagonal: both
-   halves of the matrix are the same sums.
+   Assembly of the sparse matrix of one subdomain: its links, or its rows of a matrix; springs on the diagonal; dense symmetric
+   blocks. Terms of an entry are added in the order of links and blocks on both sides of the diagonal: the matrix is symmetric
+   to the bit.
 */
 
-/* What adds to the rows of a subdomain, whose entries are numbered from its first one */
+/* The terms of the rows of a subdomain, rows numbered from its first one */
 typedef struct {
   const LatinSubdomains *sub;
   const LatinBlock      *block;
   const PetscReal       *spring;
-  const PetscBool       *held; /* rows and columns of the identity */
+  const PetscBool       *held; /* rows and columns to replace by those of the identity */
   PetscInt               top, rows, blocks;
-  PetscInt              *link_first, *link; /* links at each node, increasing */
-  PetscInt              *part_first, *part; /* rows of blocks at each row: numbers of all rows of all blocks, one after the other */
-  PetscInt              *part_block, *part_row;
+  PetscInt              *link_first, *link;     /* links at each node, increasing */
+  PetscInt              *part_first, *part;     /* rows of blocks at each row; rows of all blocks are numbered consecutively */
+  PetscInt              *part_block, *part_row; /* block and row in it, of each of these numbers */
 } LatinRows;
 
-/* The rows of one node as they are gathered, by blocks of bs x bs entries */
+/* The rows of one node during the assembly, by blocks of bs x bs entries */
 typedef struct {
-  PetscInt   n, *node, *slot; /* [n] nodes of the columns, not sorted, and where their blocks are */
-  PetscInt  *place;           /* [nodes] the block of this node's columns, where node[] of that place is this node */
+  PetscInt   n, *node, *slot; /* [n] nodes of the columns; their blocks in value[], after sorting of node[] */
+  PetscInt  *place;           /* [nodes] the block of the columns of a node, valid if node[place] is this node */
   PetscReal *value;           /* [n][bs][bs] */
 } LatinNodeRows;
 
-/* The block of a node's columns, which starts with zeros */
+/* The block of the columns of a node, which is zeroed on first use */
 static inline PetscReal *LatinNodeBlock(const LatinRows *rows, LatinNodeRows *gathered, PetscInt node)
 {
   const PetscInt size = rows->sub->bs * rows->sub->bs;
@@ -40,7 +40,7 @@ static inline PetscReal *LatinNodeBlock(const LatinRows *rows, LatinNodeRows *ga
   return gathered->value + size * at;
 }
 
-/* The links at the nodes of a structure, the rows of blocks at the rows */
+/* Lists of the links at each node and of the block rows at each row */
 static PetscErrorCode LatinRowsCreate_Private(LatinRows *rows, PetscInt s)
 {
   const LatinSubdomains *sub = rows->sub;
@@ -75,7 +75,7 @@ static PetscErrorCode LatinRowsDestroy_Private(LatinRows *rows)
   PetscFunctionReturn(0);
 }
 
-/* The most nodes whose columns the rows of a node have */
+/* Upper bound of the number of column nodes of a node */
 static PetscInt LatinRowsNeighbours(const LatinRows *rows, PetscInt node)
 {
   const LatinSubdomains *sub  = rows->sub;
@@ -88,7 +88,7 @@ static PetscInt LatinRowsNeighbours(const LatinRows *rows, PetscInt node)
   return PetscMin(most, rows->rows / sub->bs);
 }
 
-/* A link's part of the rows of a node: to its own columns, and those of the other end */
+/* Adds a link to the rows of a node: columns of the node and of the other end */
 static inline void LatinNodeLink(const LatinRows *rows, PetscInt bs, LatinNodeRows *gathered, PetscInt node, PetscInt l)
 {
   const LatinSubdomains *sub       = rows->sub;
@@ -96,7 +96,7 @@ static inline void LatinNodeLink(const LatinRows *rows, PetscInt bs, LatinNodeRo
   const PetscReal       *direction = sub->direction + bs * l;
   PetscReal             *own, *far;
 
-  if (other == node) return; /* from a node to itself: nothing */
+  if (other == node) return; /* both ends are the same node: no stiffness */
   far = LatinNodeBlock(rows, gathered, other);
   own = gathered->value;
   for (PetscInt c = 0; c < bs; c++)
@@ -108,7 +108,7 @@ static inline void LatinNodeLink(const LatinRows *rows, PetscInt bs, LatinNodeRo
     }
 }
 
-/* Gathers the rows of a node; its own block is the first */
+/* Assembles the rows of a node; the diagonal block comes first */
 static void LatinNodeGather(const LatinRows *rows, PetscInt node, LatinNodeRows *gathered)
 {
   const LatinSubdomains *sub = rows->sub;
@@ -123,7 +123,7 @@ static void LatinNodeGather(const LatinRows *rows, PetscInt node, LatinNodeRows 
     for (PetscInt k = sub->ki ? sub->ki[r] : 0; sub->ki && k < sub->ki[r + 1]; k++) LatinNodeBlock(rows, gathered, (LatinEntryColumn(sub, r, k) - top) / bs)[bs * c + (LatinEntryColumn(sub, r, k) - top) % bs] += LatinEntry(sub, r, k);
   }
   for (PetscInt k = rows->link_first[node]; k < rows->link_first[node + 1] && !sub->ki; k++) {
-    if (bs == 3) LatinNodeLink(rows, 3, gathered, node, rows->link[k]); /* loops of a length that the compiler knows */
+    if (bs == 3) LatinNodeLink(rows, 3, gathered, node, rows->link[k]); /* constant loop length */
     else LatinNodeLink(rows, bs, gathered, node, rows->link[k]);
   }
   for (PetscInt c = 0, r = bs * node; c < bs; c++, r++)
@@ -135,7 +135,7 @@ static void LatinNodeGather(const LatinRows *rows, PetscInt node, LatinNodeRows 
     }
 }
 
-/* Row c of a node in K, from entry nz on: its diagonal, and of the others what is not held, and not zero unless links turn, so that the pattern stays. Returns where it ends */
+/* Writes row c of a node to K from entry nz on, without held columns and zeros, but with zeros of links with large rotations, whose pattern must not change. Returns the end of the row */
 static PetscInt LatinNodeRow(const LatinRows *rows, const LatinNodeRows *gathered, PetscInt node, PetscInt c, LatinSparse *K, PetscInt nz)
 {
   const PetscInt bs = rows->sub->bs, r = bs * node + c;
@@ -157,7 +157,7 @@ static PetscInt LatinNodeRow(const LatinRows *rows, const LatinNodeRows *gathere
   return nz;
 }
 
-/* Row r of the operator of a matrix, to which no block adds, in K from entry nz on: its columns come in order. Returns where it ends */
+/* The same for row r of the operator of a matrix, without blocks: its columns are sorted already */
 static PetscInt LatinMatrixRow(const LatinRows *rows, PetscInt r, LatinSparse *K, PetscInt nz)
 {
   const LatinSubdomains *sub   = rows->sub;
@@ -173,7 +173,7 @@ static PetscInt LatinMatrixRow(const LatinRows *rows, PetscInt r, LatinSparse *K
     K->j[nz]   = column;
     K->a[nz++] = value;
   }
-  if (own < 0) { /* a diagonal of springs alone */
+  if (own < 0) { /* the diagonal entry is a spring alone */
     for (own = nz++; own > first && K->j[own - 1] > r; own--) {
       K->j[own] = K->j[own - 1];
       K->a[own] = K->a[own - 1];
@@ -186,8 +186,8 @@ static PetscInt LatinMatrixRow(const LatinRows *rows, PetscInt r, LatinSparse *K
 }
 
 /*
-   The operator of subdomain s with springs, and blocks: symmetric matrices of entries of the copy arrays. Rows and
-   columns held[], of all copies, are those of the identity. LatinSparseReset_Private() frees it.
+   K: the operator of subdomain s plus springs and dense blocks; rows and columns of held dofs are those of the identity. spring[] and
+   held[] are arrays over all copies. LatinSparseReset_Private() frees it.
 */
 PetscErrorCode LatinSparseCreate_Private(const LatinSubdomains *sub, PetscInt s, const PetscReal spring[], const PetscBool held[], PetscInt blocks, const LatinBlock block[], LatinSparse *K)
 {
@@ -223,7 +223,7 @@ PetscErrorCode LatinSparseCreate_Private(const LatinSubdomains *sub, PetscInt s,
     }
   }
   K->i[bs * nodes] = nz;
-  LatinRoomEmpty(K->j + nz, (entries - (size_t)nz) * sizeof(*K->j)); /* the room is more than it takes, and may have been used before */
+  LatinRoomEmpty(K->j + nz, (entries - (size_t)nz) * sizeof(*K->j)); /* releases the unused memory, which may have been touched before */
   LatinRoomEmpty(K->a + nz, (entries - (size_t)nz) * sizeof(*K->a));
   K->bs   = bs;
   K->rows = bs * nodes;
@@ -233,7 +233,7 @@ PetscErrorCode LatinSparseCreate_Private(const LatinSubdomains *sub, PetscInt s,
   PetscFunctionReturn(0);
 }
 
-/* The same into the rows of an earlier one, of a matrix and without blocks. *same: they are those of LatinSparseCreate_Private(), else their values have no meaning */
+/* Recomputes the values of K, of a matrix and without blocks. *same: the pattern has not changed; otherwise the values are undefined */
 PetscErrorCode LatinSparseRenew_Private(const LatinSubdomains *sub, PetscInt s, const PetscReal spring[], const PetscBool held[], LatinSparse *K, PetscBool *same)
 {
   const PetscInt top = sub->bs * sub->node_offset[s];
@@ -249,7 +249,7 @@ PetscErrorCode LatinSparseRenew_Private(const LatinSubdomains *sub, PetscInt s, 
       const PetscReal value  = LatinEntry(sub, top + r, k);
 
       if (column != r && (value == 0.0 || held[top + column])) continue;
-      if (column > r && nz < end && K->j[nz] == r) K->a[nz++] = spring[top + r]; /* a diagonal of springs alone */
+      if (column > r && nz < end && K->j[nz] == r) K->a[nz++] = spring[top + r]; /* the diagonal entry is a spring alone */
       *same = (PetscBool)(nz < end && K->j[nz] == column);
       if (*same) K->a[nz++] = column == r ? spring[top + r] + value : value;
     }

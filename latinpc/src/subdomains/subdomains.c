@@ -2,13 +2,13 @@
 #include "subdomains/latinsubdomains.h"
 
 /*
-   Substructuring, section 3.1: the links, not the nodes, are shared out, so that the laws stay inside subdomains.
-   Subdomains go to the ranks in blocks of consecutive numbers; links and node data follow them.
+   Substructuring, section 3.1: links, not nodes, are partitioned, so that laws are inside subdomains. Each rank has a block of
+   consecutive subdomains, with their links and node data.
 */
 
-#define LATIN_FACTOR_POWER 1.5 /* entries of the factor of a subdomain grow about so with its links */
+#define LATIN_FACTOR_POWER 1.5 /* growth of the entries of a factor with the links of a subdomain */
 
-/* Blocks of like cost: a subdomain goes where the middle of its own part of the whole cost falls */
+/* Assigns subdomains to ranks, balanced by cost: in the prefix sum of costs, the midpoint of a subdomain determines its rank. Collective on sub->object */
 static PetscErrorCode LatinSubdomainsDeal_Private(LatinSubdomains *sub)
 {
   MPI_Comm    comm = PetscObjectComm(sub->object);
@@ -37,7 +37,7 @@ static PetscErrorCode LatinSubdomainsDeal_Private(LatinSubdomains *sub)
   PetscFunctionReturn(0);
 }
 
-/* Largest subdomain over the mean, in links (entries of a matrix) and in free degrees of freedom; and the largest rank, in cost as above */
+/* Load balance, maximum over mean: links (entries of a matrix) and free dofs of subdomains, cost of ranks as above. Collective on sub->object */
 PetscErrorCode LatinSubdomainsBalance_Private(const LatinSubdomains *sub, PetscReal *links, PetscReal *dofs, PetscReal *ranks)
 {
   MPI_Comm       comm   = PetscObjectComm(sub->object);
@@ -67,7 +67,7 @@ PetscErrorCode LatinSubdomainsBalance_Private(const LatinSubdomains *sub, PetscR
   PetscFunctionReturn(0);
 }
 
-/* A way from roots to the leaves of these global numbers. Collective on sub->object */
+/* *sf: entries of a distributed array -> leaves, given by their global numbers. Collective on sub->object */
 static PetscErrorCode LatinSubdomainsFetch_Private(const LatinSubdomains *sub, PetscInt local, PetscInt global, PetscInt leaves, const PetscInt number[], PetscSF *sf)
 {
   PetscLayout map;
@@ -80,7 +80,7 @@ static PetscErrorCode LatinSubdomainsFetch_Private(const LatinSubdomains *sub, P
   PetscFunctionReturn(0);
 }
 
-/* The links here: by subdomain, and in each by the caller's numbers */
+/* link_sf: the links here, by subdomain, in each by global number. Collective on sub->object */
 static PetscErrorCode LatinSubdomainsLinks_Private(LatinSubdomains *sub)
 {
   const LatinStructure structure = sub->structure;
@@ -119,7 +119,7 @@ static PetscErrorCode LatinSubdomainsLinks_Private(LatinSubdomains *sub)
   PetscFunctionReturn(0);
 }
 
-/* The copies of n ends of links, whose nodes are so close to each other that a table of n entries holds them: they take their numbers from it, which takes less time than to sort them */
+/* Copies of the nodes of n link ends whose numbers, from low on, fit into a table of n entries: counting sort, faster than a sort by comparison */
 static void LatinSubdomainsTable(LatinSubdomains *sub, PetscInt n, PetscInt low, const PetscInt node[], PetscInt copy[], PetscInt ends[], PetscInt table[])
 {
   PetscInt copies = sub->copies;
@@ -130,13 +130,13 @@ static void LatinSubdomainsTable(LatinSubdomains *sub, PetscInt n, PetscInt low,
     if (!table[k]) table[k] = copies++;
   for (PetscInt i = 0; i < n; i++) ends[i] = table[node[i] - low];
   for (PetscInt k = 0; k < n; k++)
-    if (table[k] >= 0) copy[sub->copies++] = low + k; /* over nodes that have been read */
+    if (table[k] >= 0) copy[sub->copies++] = low + k; /* copy and node may overlap: overwrites nodes that have been read */
 }
 
-/* The copies of the nodes: the nodes of each subdomain's links, by increasing number */
+/* The copies: the nodes of the links of each subdomain, by increasing number. Collective on sub->object */
 static PetscErrorCode LatinSubdomainsCopies_Private(LatinSubdomains *sub)
 {
-  PetscInt *node, *end; /* nodes of the ends of the links, subdomain by subdomain; which ends they are of once they are sorted */
+  PetscInt *node, *end; /* nodes of link ends, subdomain by subdomain; link ends in sorted order */
 
   PetscFunctionBegin;
   PetscCall(PetscMalloc1(2 * sub->links, &sub->ends));
@@ -170,7 +170,7 @@ static PetscErrorCode LatinSubdomainsCopies_Private(LatinSubdomains *sub)
   PetscFunctionReturn(0);
 }
 
-/* A mass that no link reaches is in no subdomain: its spring to the ground alone holds it */
+/* Masses without links are in no subdomain: a spring to the ground alone holds them. Collective on sub->object */
 static PetscErrorCode LatinSubdomainsUnassigned_Private(LatinSubdomains *sub)
 {
   const PetscInt    *degree;
@@ -193,7 +193,7 @@ static PetscErrorCode LatinSubdomainsUnassigned_Private(LatinSubdomains *sub)
   PetscFunctionReturn(0);
 }
 
-/* Node data for the copies, and the ways from the caller's nodes and from the DM's vectors to them */
+/* Scatters from nodes of the structure and from vectors of the DM to copies; node data at the copies. Collective on sub->object */
 static PetscErrorCode LatinSubdomainsNodeData_Private(LatinSubdomains *sub)
 {
   LatinStructure  structure = sub->structure;
@@ -233,7 +233,7 @@ static PetscErrorCode LatinSubdomainsNodeData_Private(LatinSubdomains *sub)
   PetscFunctionReturn(0);
 }
 
-/* Values of the links with a state here, to the caller's links, 0 for the others. Collective on sub->object */
+/* Scatters values of the links with a state to the links of the structure; 0 at the others. Collective on sub->object */
 PetscErrorCode LatinSubdomainsReturn_Private(const LatinSubdomains *sub, const PetscReal state[], PetscReal value[])
 {
   PetscReal *here;
@@ -246,7 +246,7 @@ PetscErrorCode LatinSubdomainsReturn_Private(const LatinSubdomains *sub, const P
   PetscFunctionReturn(0);
 }
 
-/* A link between wholly prescribed nodes acts on no unknown; a state of its own would only make noise */
+/* Has a link an end with a free component? Otherwise it acts on no unknown, and a state would only add noise */
 static PetscBool LatinSubdomainsMoves(const LatinSubdomains *sub, PetscInt l)
 {
   const PetscInt dim = sub->structure->dim;
@@ -257,7 +257,7 @@ static PetscBool LatinSubdomainsMoves(const LatinSubdomains *sub, PetscInt l)
   return PETSC_FALSE;
 }
 
-/* Link data that may change without a new partition: initial elongations, tangent stiffnesses for a preconditioner, parts that turn */
+/* Updates link data that may change without a new partition: initial elongations, stiffnesses, data of links with large rotations. Collective on sub->object */
 PetscErrorCode LatinSubdomainsRefresh(LatinSubdomains *sub)
 {
   LatinStructure structure = sub->structure;
@@ -269,14 +269,14 @@ PetscErrorCode LatinSubdomainsRefresh(LatinSubdomains *sub)
     PetscCall(LatinSFBcast_Private(sub->link_sf, structure->dim, MPIU_REAL, structure->direction, sub->direction));
     PetscCall(LatinSFBcast_Private(sub->link_sf, LATIN_PART, MPIU_REAL, structure->part, sub->part));
   }
-  /* gaps of rigid links may be infinite; those that no unknown moves must leave no infinite force */
+  /* gaps of rigid links may be infinite; links that act on no unknown must not give infinite forces */
   if (structure->rigid_law >= 0)
     for (PetscInt l = 0; l < sub->links; l++)
       if (LatinLaws[sub->law[l]].rigid && !LatinSubdomainsMoves(sub, l)) sub->e0[l] = 0.0;
   PetscFunctionReturn(0);
 }
 
-/* of_link[links_local of the structure] and count, which the subdomains take over, are their partition */
+/* Sets up the subdomains from a partition: of_link[links_local of the structure], which they take over, and count. Collective on sub->object */
 PetscErrorCode LatinSubdomainsSetUp(LatinSubdomains *sub, PetscInt of_link[], PetscInt count)
 {
   LatinStructure structure = sub->structure;
@@ -294,7 +294,7 @@ PetscErrorCode LatinSubdomainsSetUp(LatinSubdomains *sub, PetscInt of_link[], Pe
   PetscCall(PetscMalloc4(structure->dim * sub->links, &sub->direction, sub->links, &sub->stiffness, sub->links, &sub->e0, sub->links, &sub->law));
   PetscCall(LatinSFBcast_Private(sub->link_sf, structure->dim, MPIU_REAL, structure->direction, sub->direction));
   PetscCall(LatinSFBcast_Private(sub->link_sf, 1, MPIU_INT, structure->law, sub->law));
-  if (structure->part) PetscCall(PetscMalloc1(LATIN_PART * sub->links + 1, &sub->part)); /* never NULL where the structure has parts */
+  if (structure->part) PetscCall(PetscMalloc1(LATIN_PART * sub->links + 1, &sub->part)); /* + 1: not NULL, even without links here */
   PetscCall(LatinSubdomainsRefresh(sub));
   if (structure->rubs) {
     PetscCall(PetscMalloc1(sub->links, &sub->friction));
@@ -302,7 +302,7 @@ PetscErrorCode LatinSubdomainsSetUp(LatinSubdomains *sub, PetscInt of_link[], Pe
   }
   PetscCall(LatinSFFresh_Private(&sub->link_sf));
   PetscCall(LatinSFFresh_Private(&sub->node_sf));
-  /* a preconditioner works on the tangent, where no link has a state */
+  /* linearised operators: no link has a state */
   PetscCall(PetscMalloc3(sub->tangent ? 0 : sub->links, &sub->nonsmooth_link, sub->links, &sub->state, sub->n + 1, &sub->state_first));
   sub->nonsmooth = 0;
   for (PetscInt s = 0; s < sub->n; s++) {
@@ -348,7 +348,7 @@ PetscErrorCode LatinSubdomainsReset(LatinSubdomains *sub)
   PetscFunctionReturn(0);
 }
 
-/* The entries of a DM global vector, or of a vector of a matrix, at the free components of the copies; the others are left alone */
+/* copy[]: entries of a global vector, of the DM or of the matrix, at free components of the copies; the others are unchanged. Collective on sub->object */
 PetscErrorCode LatinDistribute_Private(const LatinSubdomains *sub, Vec u, PetscReal copy[])
 {
   const PetscScalar *a;
@@ -360,7 +360,7 @@ PetscErrorCode LatinDistribute_Private(const LatinSubdomains *sub, Vec u, PetscR
   PetscFunctionReturn(0);
 }
 
-/* u = sum of the copies' values, over all ranks; zero for unknowns of no subdomain */
+/* u: sums over the copies, on all ranks; zero at unknowns in no subdomain. Collective on sub->object */
 PetscErrorCode LatinSum_Private(const LatinSubdomains *sub, const PetscReal copy[], Vec u)
 {
   PetscScalar *a;
@@ -373,7 +373,7 @@ PetscErrorCode LatinSum_Private(const LatinSubdomains *sub, const PetscReal copy
   PetscFunctionReturn(0);
 }
 
-/* y at the unknowns that are in no subdomain, for the right-hand side x */
+/* Solves for the unknowns in no subdomain: y = x over their diagonal, other entries of y unchanged */
 PetscErrorCode LatinUnassigned_Private(const LatinSubdomains *sub, Vec x, Vec y)
 {
   const PetscScalar *a;
