@@ -103,8 +103,9 @@ def path(snes: PETSc.SNES) -> dict[str, int | float]:
     Returns
     -------
     dict
-        ``renewals``, how often operators were made at displaced configurations; ``borne``, the part of the loads that
-        the displacements bear: 1, or less where no stable equilibrium follows that of this part.
+        ``renewals``, how often operators were made at displaced configurations; ``borne``, the part of the loads and
+        prescribed displacements that the displacements are of: 1, or less where no stable equilibrium follows that
+        of this part.
     """
     renewals, borne = _latin.path(snes)
     return {"renewals": renewals, "borne": borne}

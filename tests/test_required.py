@@ -182,6 +182,7 @@ PARTS = {
         "snes/large",
         "snes/largenewton",
         "snes/largepath",
+        "snes/largesupports",
         "snes/largeinterior",
         "snes/largerigid",
     ],

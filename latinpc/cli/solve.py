@@ -54,7 +54,9 @@ RUN = (
     "--output-every", type=int, metavar="N", help="Write every Nth state of a motion. Default: about 100 in all."
 )
 @click.option("--node-mass", type=float, metavar="M", help="Mass of each node (kg), in place of the scene's.")
-@click.option("--increments", type=int, metavar="N", help="Apply the loads in N equal increments.")
+@click.option(
+    "--increments", type=int, metavar="N", help="Apply loads and prescribed displacements in N equal increments."
+)
 @click.option("--checkpoint", metavar="FILE", help="Save the state after increments or steps (.h5, .hdf5: HDF5).")
 @click.option("--checkpoint-every", type=int, metavar="N", help="Save every Nth of them. Default: 1.")
 @click.option("--restart", metavar="FILE", help="Continue from a saved state, with the same options and ranks.")

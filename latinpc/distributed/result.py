@@ -14,6 +14,7 @@ from latinpc import solvers
 from latinpc.checks import ARRAYS
 from latinpc.geometry import Geometry
 from latinpc.laws import UNILATERAL, Law
+from latinpc.results.limit import bearing
 from latinpc.results.mechanics import slack
 from latinpc.results.notices import causes, limit
 from latinpc.results.plots import Plots
@@ -126,12 +127,17 @@ def gather_local(structure: LocalStructure, snes: PETSc.SNES, core: Any, u: PETS
 
     Parameters and report are those of `latinpc.results.solve.gather`.
     """
-    comm, load, factor = structure.comm.tompi4py(), structure.load, None
+    comm, factor = structure.comm.tompi4py(), None
     if structure.geometry == "large" and snes.getType() == "latin":
         cables = comm.allreduce(bool((structure.law == Law.CABLE).all()), op=MPI.LAND)
         factor = None if cables else solvers.path(snes)["borne"]  # cables alone have no limit point
-    if factor is not None and factor < 1.0 and snes.getConvergedReason() < 0:  # the displacements bear less
-        structure.set_load(factor * load)
+    with bearing(snes, structure, factor):
+        return _gathered_local(structure, snes, core, u, factor)
+
+
+def _gathered_local(structure, snes, core, u, factor):
+    """Collect what a SNES has found under the loads that its displacements bear; collective."""
+    comm = structure.comm.tompi4py()
     r = structure.create_vec()
     snes.computeFunction(u, r)
     tensions = solvers.tensions(snes)
@@ -162,7 +168,5 @@ def gather_local(structure: LocalStructure, snes: PETSc.SNES, core: Any, u: PETS
         notices=list(dict.fromkeys(text for said in comm.allgather(causes(snes, structure, past)) for text in said)),
     )
     result.notices += limit(structure, result.report, solvers.unsupported_nodes(snes)[1] if is_latin else [], "soft")
-    if structure.load is not load:
-        structure.set_load(load)
     r.destroy()
     return result

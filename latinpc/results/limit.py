@@ -12,11 +12,14 @@ from latinpc import solvers
 from latinpc.laws import Law
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from latinpc.distributed import LocalStructure
     from latinpc.structure import Structure
 
     from .modes import Modes
 
-__all__ = ["borne", "moving", "slackening", "softest"]
+__all__ = ["bearing", "borne", "moving", "slackening", "softest"]
 
 STEPS = 20  # of inverse iteration: at a limit point the least stiffness is far below the next
 SHIFT = 1e-11  # of the mean diagonal
@@ -43,6 +46,35 @@ def borne(snes: PETSc.SNES, structure: Structure) -> float | None:
     if structure.geometry != "large" or snes.getType() != "latin" or (structure.law == Law.CABLE).all():
         return None
     return solvers.path(snes)["borne"]
+
+
+@contextlib.contextmanager
+def bearing(snes: PETSc.SNES, structure: Structure | LocalStructure, factor: float | None) -> Iterator[bool]:
+    """Give a structure the part of its loads and prescribed displacements that a solve has ended with; collective.
+
+    Parameters
+    ----------
+    snes : petsc4py.PETSc.SNES
+        After its solve.
+    structure : Structure or latinpc.distributed.LocalStructure
+        Has its own again afterwards.
+    factor : float or None
+        Of `borne`.
+
+    Yields
+    ------
+    bool
+        Whether that is less than the whole.
+    """
+    ends = factor is not None and factor < 1.0 and snes.getConvergedReason() < 0
+    load, prescribed = structure.load, structure.prescribed
+    if ends:
+        structure.set_load(factor * load)
+        structure.set_prescribed(factor * prescribed)
+    yield ends
+    if ends:
+        structure.set_load(load)
+        structure.set_prescribed(prescribed)
 
 
 def softest(structure: Structure, u: PETSc.Vec, tensions: np.ndarray, drawn: bool) -> tuple[np.ndarray | None, str]:

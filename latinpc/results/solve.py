@@ -14,7 +14,7 @@ from latinpc.laws import UNILATERAL
 from latinpc.library import _latin
 from latinpc.options import default_options, given_options, preset_options, unknown_options
 
-from .limit import borne, moving, softest
+from .limit import bearing, borne, moving, softest
 from .notices import ConvergenceWarning, SolveError, causes, changed, limit, magnitudes, overstretched, turned, warn
 from .report import DECOMPOSITION, plain, problem, snes_reason
 from .result import Result
@@ -181,12 +181,16 @@ def gather(
         weak_interfaces, strong_macro_dofs, weak_dofs, direction, cost, iterations, linear_iterations, converged,
         reason, indicator, residual_norm, largest_unbalance, unbalanced_node, slack_fraction, estimated_error,
         tension_error. What does not apply is None. Of large displacements also load_factor: the part of the loads that
-        the displacements bear, and its loads are that part.
+        the displacements bear, and its loads and prescribed displacements are that part.
     """
-    is_latin, load, factor = snes.getType() == "latin", structure.load, borne(snes, structure)
-    ends = factor is not None and factor < 1.0 and snes.getConvergedReason() < 0  # the displacements bear less
-    if ends:
-        structure.set_load(factor * load)
+    factor = borne(snes, structure)
+    with bearing(snes, structure, factor) as ends:
+        return _gathered(structure, snes, core, u, part, factor, ends)
+
+
+def _gathered(structure, snes, core, u, part, factor, ends):
+    """Gather what a SNES has found under the loads that its displacements bear; collective."""
+    is_latin = snes.getType() == "latin"
     r = structure.create_vec()
     snes.computeFunction(u, r)
     unbalance = np.linalg.norm(np.where(structure.fixed, 0.0, structure.displacements(r)), axis=1)
@@ -216,7 +220,5 @@ def gather(
     result.report.update(plain(report | ({} if factor is None else {"load_factor": part * factor})))
     result.notices += turned(result) or changed(result)
     result.notices += limit(structure, result.report, [] if mode is None else moving(mode), kind)
-    if ends:
-        structure.set_load(load)
     r.destroy()
     return result

@@ -19,7 +19,7 @@ from latinpc.laws import RIGID, UNILATERAL, Law
 from latinpc.library import _latin
 from latinpc.options import default_options, given_options, unknown_options
 from latinpc.results.caselist import text
-from latinpc.results.limit import borne, moving, softest
+from latinpc.results.limit import bearing, borne, moving, softest
 from latinpc.results.mechanics import Leaning, Turned, reactions, slack
 from latinpc.results.notices import (
     ConvergenceWarning,
@@ -356,11 +356,14 @@ class _Series:
             converged = snes.getConvergedReason() > 0
             if start is not None and converged:
                 start.keep(u)
-            self.displacements[number], self.tensions[number] = structure.displacements(u), solvers.tensions(snes)
+            factor = borne(snes, structure)
+            with bearing(snes, structure, factor):
+                self.displacements[number], self.tensions[number] = structure.displacements(u), solvers.tensions(snes)
             linear = snes.getType() == "ksponly"
             iterations = snes.getLinearSolveIterations() if linear else snes.getIterationNumber()
-            self.found[number] = iterations, False, converged, snes_reason(snes), borne(snes, structure)
-            self._explain(number, u)
+            self.found[number] = iterations, False, converged, snes_reason(snes), factor
+            with bearing(snes, structure, factor):
+                self._explain(number, u)
         u.destroy()
 
     def _unique(self):

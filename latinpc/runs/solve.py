@@ -10,6 +10,7 @@ from petsc4py import PETSc
 from latinpc import accuracy, solvers
 from latinpc.laws import RIGID
 from latinpc.options import default_options, given_options, unknown_options
+from latinpc.results.limit import bearing
 from latinpc.results.mechanics import relative
 from latinpc.results.notices import errors_as_given, magnitudes
 from latinpc.results.report import plain
@@ -46,8 +47,8 @@ def solve(
     before_solve : callable, optional
         Called with the SNES after its set-up.
     increments : int
-        Number of equal load increments, each solved from an extrapolation of the last ones. Initial elongations and
-        prescribed displacements apply in full from the first one.
+        Number of equal increments of the loads and prescribed displacements, each solved from an extrapolation of the
+        last ones. Initial elongations apply in full from the first one.
     keeper : Keeper, optional
         Saves the state between increments.
 
@@ -151,18 +152,20 @@ def _tension_error(structure, u, reference):
 
 
 def _ramp(scene, structure, snes, u, increments, keeper):
-    """Solve under loads that grow in equal increments; return the iterations of each."""
+    """Solve under loads and prescribed displacements that grow in equal increments; return the iterations of each."""
     keeper.about(scene, number_of_increments=increments)
     done, counts = keeper.resume(snes, u)
     counts = counts or {"steps": [], "linear": []}
     for k in range(done + 1, increments + 1):
         if increments > 1:
             structure.set_load(scene.load * (k / increments))
+            structure.set_prescribed(scene.prescribed * (k / increments))
         snes.solve(None, u)
         if structure.geometry == "large" and increments > 1:
-            factor = solvers.path(snes)["borne"] * k / increments if snes.getType() == "latin" else k / increments
-            largest = np.linalg.norm(structure.displacements(u), axis=1).max()
-            counts.setdefault("path", []).append([float(factor), float(largest)])
+            factor = solvers.path(snes)["borne"] if snes.getType() == "latin" else 1.0
+            with bearing(snes, structure, factor):
+                largest = np.linalg.norm(structure.displacements(u), axis=1).max()
+            counts.setdefault("path", []).append([float(factor * k / increments), float(largest)])
         counts["steps"].append(snes.getIterationNumber())
         counts["linear"].append(snes.getLinearSolveIterations())
         if snes.getConvergedReason() <= 0:

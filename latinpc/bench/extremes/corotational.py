@@ -1,8 +1,8 @@
 """Equilibria of links that turn as far as they go: numpy alone, forces without balance in long double.
 
 A link bears the tension of its law at the strain |r| - l + e0 along the vector r between its nodes, l its length as
-drawn. Loads grow from zero in increments that Newton's method follows; an equilibrium is stable where the tangent
-stiffness is positive definite.
+drawn. Loads and prescribed displacements grow from zero in increments that Newton's method follows; an equilibrium is
+stable where the tangent stiffness is positive definite.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class Corotational:
     Parameters
     ----------
     scene : Scene
-        Of bars, cables and compression-only links; its loads, and displacements prescribed from the start.
+        Of bars, cables and compression-only links; its loads and prescribed displacements.
     """
 
     def __init__(self, scene):
@@ -55,6 +55,7 @@ class Corotational:
         self.stiffness = scene.stiffness.astype(np.longdouble)
         self.elongation = scene.initial_elongation.astype(np.longdouble)
         self.load = scene.load.astype(np.longdouble)
+        self.prescribed = np.where(scene.fixed, scene.prescribed, 0.0).astype(np.longdouble)
         self.size = float(np.linalg.norm(np.ptp(scene.nodes, axis=0)))
 
     def state(self, u):
@@ -79,6 +80,10 @@ class Corotational:
 
     def tangent(self, u):
         """Return the tangent stiffness of the free degrees of freedom, dense, in double precision."""
+        return self._whole(u)[np.ix_(self.free, self.free)]
+
+    def _whole(self, u):
+        """Return the tangent stiffness of all degrees of freedom."""
         n, size, tension, slope = (part.astype(float) for part in self.state(u))
         dim = n.shape[1]
         across = tension / size
@@ -89,7 +94,7 @@ class Corotational:
             for j, b in enumerate(ends):
                 place = a[:, None, None], rows[:, None], b[:, None, None], rows[None]
                 np.add.at(matrix, place, block if i == j else -block)
-        return matrix.reshape(u.size, u.size)[np.ix_(self.free, self.free)]
+        return matrix.reshape(u.size, u.size)
 
     def stable(self, u):
         """Return whether the tangent stiffness is positive definite, by more than rounding."""
@@ -97,8 +102,8 @@ class Corotational:
         return bool(len(values) == 0 or values[0] > 1e-13 * values[-1])
 
     def newton(self, u, factor=1.0, steps=STEPS):
-        """Solve from u; return the displacements, or None."""
-        u = u.copy()
+        """Solve from u, its supports where this part of the path has them; return the displacements, or None."""
+        u = self._held(u, factor)
         for _ in range(steps):
             left = self.unbalance(u, factor)
             try:
@@ -112,6 +117,10 @@ class Corotational:
                 return u
         return None
 
+    def _held(self, u, factor):
+        """Return u with its supports where this part of the path has them."""
+        return np.where(self.scene.fixed, factor * self.prescribed, u)
+
     def _searched(self, u, step, left, factor):
         """Return u after the step, or after a half, a quarter and so on of it where its forces oppose the whole."""
         length, slope = 1.0, left @ step
@@ -124,20 +133,21 @@ class Corotational:
 
     def _continues(self, u, factor, moved, part):
         """Return whether the stable equilibrium `moved` follows u, for a growing part of the loads."""
-        ahead, far = np.zeros(u.shape), np.linalg.norm((moved - u).astype(float), axis=1)
-        load = ((part - factor) * self.load).ravel()[self.free].astype(float)
-        ahead.ravel()[self.free] = np.linalg.solve(self.tangent(u), load)
+        ahead, far = (part - factor) * self.prescribed.astype(float), np.linalg.norm((moved - u).astype(float), axis=1)
+        stiffness = self._whole(u)[self.free]
+        load = ((part - factor) * self.load).ravel()[self.free].astype(float) - stiffness @ ahead.ravel()
+        ahead.ravel()[self.free] = np.linalg.solve(stiffness[:, self.free], load)
         ahead = np.linalg.norm(ahead, axis=1)
         jump = JUMP * self.size
         within = (far <= AHEAD * ahead + jump).all() and (ahead <= AHEAD * far + max(jump, BESIDE * far.max())).all()
         return bool(within) and self.stable(moved)
 
     def start(self):
-        """Return the displacements as drawn: what is prescribed."""
-        return np.where(self.scene.fixed, self.scene.prescribed, 0.0).astype(np.longdouble)
+        """Return the displacements as drawn: none."""
+        return np.zeros(self.scene.nodes.shape, np.longdouble)
 
     def follow(self, until=None, last=1.0, first=None):
-        """Follow the equilibria under growing loads.
+        """Follow the equilibria under loads and prescribed displacements that grow together.
 
         Parameters
         ----------
@@ -179,7 +189,7 @@ class Corotational:
 
     def rest(self, u, factor):
         """Return the stable equilibrium where the structure comes to rest from u, or None; its energy falls."""
-        u = u.astype(np.longdouble)
+        u = self._held(u.astype(np.longdouble), factor)
         for _ in range(STEPS_REST):
             left = self.unbalance(u, factor)
             values, modes = np.linalg.eigh(self.tangent(u))

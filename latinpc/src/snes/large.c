@@ -89,7 +89,7 @@ static PetscErrorCode SNESLatinLargeDue_Private(SNES snes, PetscReal measure, Pe
     PetscCall(PetscMalloc1(2 * links, &at));
     PetscCall(DMGetGlobalVector(large->frame->dm, &u));
     PetscCall(LatinAverage_Private(&data->latin->linear, u));
-    PetscCall(LatinTurningAhead_Private(large->frame->turns, u, u, 0.0, at, at + links));
+    PetscCall(LatinTurningAhead_Private(large->frame->turns, u, NULL, u, 0.0, at, at + links));
     PetscCall(LatinFrameChanged_Private(large->frame, at + links, &slack));
     PetscCall(DMRestoreGlobalVector(large->frame->dm, &u));
     PetscCall(PetscFree(at));
@@ -235,8 +235,8 @@ static PetscErrorCode LatinLargeBetween_Private(LatinLarge *large, Vec none)
   PetscFunctionBegin;
   PetscCall(DMGetWorkArray(structure->dm, structure->links_local, MPIU_REAL, &tension));
   PetscCall(DMGetWorkArray(structure->dm, structure->links_local, MPIU_REAL, &other));
-  PetscCall(LatinTurningAhead_Private(structure, large->between[0], none, 0.0, large->ahead, strain));
-  PetscCall(LatinTurningAhead_Private(structure, large->between[1], none, 0.0, tension, other));
+  PetscCall(LatinTurningAhead_Private(structure, large->between[0], NULL, none, 0.0, large->ahead, strain));
+  PetscCall(LatinTurningAhead_Private(structure, large->between[1], NULL, none, 0.0, tension, other));
   for (PetscInt l = 0; l < structure->links_local; l++) {
     large->ahead[l] += large->part * (tension[l] - large->ahead[l]);
     strain[l] += large->part * (other[l] - strain[l]);
@@ -282,8 +282,10 @@ static PetscErrorCode SNESLatinLargeAhead_Private(SNES snes, PetscBool near)
   PetscFunctionBegin;
   if (structure->midpoint) PetscFunctionReturn(0);                        /* the mean force of a step has a tangent of its own */
   PetscCall(PetscMalloc1(2 * structure->links_local + 1, &large->ahead)); /* never NULL then */
-  PetscCall(LatinTurningAhead_Private(structure, snes->vec_sol, snes->vec_sol, 0.0, large->ahead, large->ahead + structure->links_local));
+  PetscCall(LatinTurningAhead_Private(structure, snes->vec_sol, NULL, snes->vec_sol, 0.0, large->ahead, large->ahead + structure->links_local));
   if (large->between[0]) PetscCall(LatinLargeBetween_Private(large, snes->vec_sol));
+  if (large->start) PetscCall(PetscArraycpy(large->ahead, large->start, 2 * structure->links_local));
+  PetscCall(PetscFree(large->start));
   if (large->iterated && !large->frame->spring) PetscCall(SNESLatinLargeStrains_Private(snes, large->ahead, large->ahead + structure->links_local)); /* cables that do not stretch have another law there */
   structure->ahead  = large->ahead;
   structure->strain = near ? large->ahead + structure->links_local : NULL;

@@ -8,6 +8,20 @@
 
 #define LATIN_PATH_INVERSE 4 /* solves: with 3 a tower has a node too many, with 2 masts have guys */
 
+/* Forces that differ from node to node: any mode has a part of them */
+PetscErrorCode LatinPathForces_Private(Vec r)
+{
+  PetscInt     first, last;
+  PetscScalar *a;
+
+  PetscFunctionBegin;
+  PetscCall(VecGetOwnershipRange(r, &first, &last));
+  PetscCall(VecGetArrayWrite(r, &a));
+  for (PetscInt i = first; i < last; i++) a[i - first] = PetscSinReal((PetscReal)(i + 1));
+  PetscCall(VecRestoreArrayWrite(r, &a));
+  PetscFunctionReturn(0);
+}
+
 /* The mode at the equilibrium u; `mode` is a force at first, and zero in the end where the tangent stiffness is not positive definite. Collective on snes */
 PetscErrorCode LatinPathMode_Private(SNES snes, Vec u, Vec mode)
 {

@@ -206,7 +206,7 @@ static PetscErrorCode LatinLargeAhead_Private(LatinLarge *large, Vec u, Vec step
   if (!large->ahead) PetscFunctionReturn(0);
   PetscCall(DMGetWorkArray(structure->dm, structure->links_local, MPIU_REAL, &tension));
   for (PetscInt l = 0; l < structure->links_local; l++) tension[l] = LatinStructureTangent(structure, l, strain[l]);
-  PetscCall(LatinTurningAhead_Private(structure, u, step, -1.0, large->ahead, strain));
+  PetscCall(LatinTurningAhead_Private(structure, u, NULL, step, -1.0, large->ahead, strain));
   large->softer = 0;
   for (PetscInt l = 0; l < structure->links_local; l++) large->softer += tension[l] > LatinStructureTangent(structure, l, strain[l]) ? 1 : 0;
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, &large->softer, 1, MPIU_INT, MPI_SUM, PetscObjectComm((PetscObject)structure)));
@@ -458,16 +458,19 @@ PetscErrorCode SNESLatinLargePredict_Private(SNES snes, Vec u, Vec load, Vec ste
   PetscFunctionReturn(0);
 }
 
-/* The l2 norm of the step that Newton's method would take from `ahead` with the tangent stiffness at u. Overwrites ahead. Collective on snes */
+/* The l2 norm of the step that Newton's method would take from `ahead` with the tangent stiffness at u, the last equilibrium on a path. Overwrites ahead. Collective on snes */
 PetscErrorCode SNESLatinLargeCorrect_Private(SNES snes, Vec u, Vec ahead, PetscReal *norm)
 {
-  DM  dm = ((SNES_Latin *)snes->data)->large.frame->dm;
-  Vec r;
+  const LatinLarge *large = &((SNES_Latin *)snes->data)->large;
+  const PetscReal   part  = large->supports.part;
+  Vec               r;
 
   PetscFunctionBegin;
-  PetscCall(DMGetGlobalVector(dm, &r));
+  PetscCall(DMGetGlobalVector(large->frame->dm, &r));
   PetscCall(SNESComputeFunction(snes, ahead, r));
+  PetscCall(SNESLatinSupportsAt_Private(snes, large->reached));
   PetscCall(SNESLatinLargePredict_Private(snes, u, r, ahead, norm));
-  PetscCall(DMRestoreGlobalVector(dm, &r));
+  PetscCall(SNESLatinSupportsAt_Private(snes, part));
+  PetscCall(DMRestoreGlobalVector(large->frame->dm, &r));
   PetscFunctionReturn(0);
 }

@@ -1,7 +1,7 @@
 #include "snes/sneslatinimpl.h"
 
 /*
-   The equilibrium to which loads that grow from zero lead, where there may be others. Of cables alone the energy is convex in the
+   The equilibrium to which loads that grow from zero lead, and prescribed displacements with them (snes/largesupports.c), where there may be others. Of cables alone the energy is convex in the
    displacements, and there is no other one. A link that bears compression may snap through; then a solve for the whole loads
    may end beyond. So the displacements of each node are compared with those by the tangent stiffness at the start of an increment of the loads and at its end:
    along a smooth path, and where a cable slackens on the way, they lie between the two, no further from the middle than these do, or aside by a part of it. Next to a limit point the
@@ -98,7 +98,7 @@ typedef struct {
   PetscBool       kinks, held;
 } LatinPath;
 
-/* The right-hand side of snes for this part of the path. Collective on snes */
+/* The right-hand side of snes, and its supports, for this part of the path. Collective on snes */
 static PetscErrorCode LatinPathLoad_Private(SNES snes, const LatinPath *path, PetscReal part)
 {
   SNES_Latin *data = (SNES_Latin *)snes->data;
@@ -108,29 +108,17 @@ static PetscErrorCode LatinPathLoad_Private(SNES snes, const LatinPath *path, Pe
   PetscCall(VecAXPBYPCZ(path->more, part, -part, 1.0, path->whole, path->first));
   snes->vec_rhs     = path->more;
   data->large.parts = (PetscBool)(part < 1.0);
+  PetscCall(SNESLatinSupportsAt_Private(snes, part));
   PetscFunctionReturn(0);
 }
 
-/* The displacements by which the whole path would move u, by the tangent stiffness there, and their norm, without bound where that is not positive definite. Overwrites path->step. Collective on snes */
+/* The displacements by which the whole path would move u, where supports are, by the tangent stiffness there, and their norm, without bound where that is not positive definite. Overwrites path->step. Collective on snes */
 static PetscErrorCode LatinPathRate_Private(SNES snes, const LatinPath *path, Vec u, Vec rate, PetscReal *far)
 {
   PetscFunctionBegin;
   PetscCall(VecWAXPY(path->step, -1.0, path->first, path->whole));
+  PetscCall(SNESLatinSupportsLoad_Private(snes, u, path->step));
   PetscCall(SNESLatinLargePredict_Private(snes, u, path->step, rate, far));
-  PetscFunctionReturn(0);
-}
-
-/* Forces that differ from node to node: any mode has a part of them */
-static PetscErrorCode LatinPathForces_Private(Vec r)
-{
-  PetscInt     first, last;
-  PetscScalar *a;
-
-  PetscFunctionBegin;
-  PetscCall(VecGetOwnershipRange(r, &first, &last));
-  PetscCall(VecGetArrayWrite(r, &a));
-  for (PetscInt i = first; i < last; i++) a[i - first] = PetscSinReal((PetscReal)(i + 1));
-  PetscCall(VecRestoreArrayWrite(r, &a));
   PetscFunctionReturn(0);
 }
 
@@ -158,7 +146,7 @@ static PetscErrorCode LatinPathHeld_Private(SNES snes, const LatinPath *path, Pe
   PetscFunctionBegin;
   PetscCall(LatinPathStable_Private(snes, path, path->u, held));
   if (!*held) PetscFunctionReturn(0);
-  PetscCall(SNESLatinLargePredict_Private(snes, path->u, path->whole, path->ahead, &moved));
+  PetscCall(LatinPathRate_Private(snes, path, path->u, path->ahead, &moved));
   PetscCall(LatinStructureSize_Private(((SNES_Latin *)snes->data)->large.frame->turns, &size, &prescribed));
   *held = (PetscBool)(LATIN_PATH_LEAST * moved <= size);
   PetscFunctionReturn(0);
@@ -243,16 +231,18 @@ static PetscErrorCode LatinPathMoved_Private(SNES snes, const LatinPath *path, P
 
 /*
    Where the nearest target may be, seen from the equilibrium path->u: on the cubic curve to the next one, if it has been found and both tangent stiffnesses are such
-   that the curve does not overshoot [F. N. Fritsch, R. E. Carlson 1980]; else path->u. Overwrites path->step. Collective on structure
+   that the curve does not overshoot [F. N. Fritsch, R. E. Carlson 1980]; else path->u. Where supports move, on the tangent. Overwrites path->step. Collective on snes
 */
-static PetscErrorCode LatinPathGuess_Private(LatinLarge *large, const LatinPath *path, Vec *guess)
+static PetscErrorCode LatinPathGuess_Private(SNES snes, const LatinPath *path, Vec *guess)
 {
+  LatinLarge            *large  = &((SNES_Latin *)snes->data)->large;
   const LatinPathTarget *target = &path->target[path->targets - 1], *next = target - 1;
   PetscReal              h, s, moved, last;
 
   PetscFunctionBegin;
-  *guess = path->u;
-  if (path->targets < 2 || !next->u || !next->rate) PetscFunctionReturn(0);
+  *guess = large->supports.moves ? path->step : path->u;
+  if (large->supports.moves) PetscCall(SNESLatinSupportsAhead_Private(snes, path->u, path->ahead, target->part - large->reached, path->step));
+  if (large->supports.moves || path->targets < 2 || !next->u || !next->rate) PetscFunctionReturn(0);
   h = next->part - large->reached;
   s = (target->part - large->reached) / h;
   PetscCall(VecWAXPY(path->step, -1.0, path->u, next->u));
@@ -331,7 +321,7 @@ static PetscErrorCode LatinPathIncrement_Private(SNES snes, LatinPath *path, Pet
       *smaller = 0.5;
       PetscFunctionReturn(0);
     }
-    if (from) PetscCall(LatinPathGuess_Private(large, path, &guess));
+    if (from) PetscCall(LatinPathGuess_Private(snes, path, &guess));
     PetscCall(LatinPathSolve_Private(snes, target, guess, from, &found));
     large->between[0] = large->between[1] = NULL;
     if (from && large->inside) path->kinks = PETSC_TRUE;
@@ -382,6 +372,7 @@ static PetscErrorCode LatinPathLimit_Private(SNES snes, const LatinPath *path)
   PetscFunctionBegin;
   PetscCall(PetscInfo(snes, "No equilibrium follows that of %g of the path: it is a limit point, or unstable\n", (double)data->large.reached));
   data->next = LATIN_NEXT_DIVERGED;
+  PetscCall(SNESLatinSupportsAt_Private(snes, data->large.reached));
   PetscCall(LatinPathForces_Private(path->step));
   PetscCall(LatinPathMode_Private(snes, path->u, path->step));
   PetscCall(LatinEquilibriumMoved_Private(data->large.frame->turns, path->step, &data->found));
@@ -420,39 +411,48 @@ static PetscErrorCode LatinPathFollow_Private(SNES snes, LatinPath *path, PetscB
   PetscFunctionReturn(0);
 }
 
-/* Where a path starts: from the last solution or a guess that is stable, and the loads that these bear, or without loads. Collective on snes */
+/* Where a path starts: from the last solution or a guess that is stable, and the loads that these bear, or without loads. Supports are where they were at the last solution, at another guess as given. Collective on snes */
 static PetscErrorCode LatinPathStart_Private(SNES snes, LatinPath *path, PetscBool *from)
 {
   SNES_Latin    *data      = (SNES_Latin *)snes->data;
   LatinStructure structure = data->large.frame->turns;
   Vec            rhs       = snes->vec_rhs;
+  PetscBool      last;
 
   PetscFunctionBegin;
   PetscCall(VecCopy(structure->load, path->whole));
   if (rhs) PetscCall(VecAXPY(path->whole, 1.0, rhs));
   PetscCall(VecZeroEntries(path->first));
-  *from = (PetscBool)(data->warm && data->has_state);
-  if (*from || data->guess) PetscCall(VecCopy(*from ? data->large.solution : snes->vec_sol, path->u));
+  *from = last = (PetscBool)(data->warm && data->has_state);
+  if (data->guess && data->large.solution) PetscCall(VecEqual(snes->vec_sol, data->large.solution, &last));
+  if (*from || data->guess) {
+    PetscCall(VecCopy(*from ? data->large.solution : snes->vec_sol, path->u));
+    PetscCall(SNESLatinSupportsFrom_Private(snes, last ? data->large.held : structure->prescribed));
+  }
   if (data->guess) PetscCall(LatinPathHeld_Private(snes, path, from));
   if (*from) PetscCall(LatinPathFirst_Private(structure, path));
   else {
     PetscCall(VecZeroEntries(path->u));
+    PetscCall(SNESLatinSupportsFrom_Private(snes, NULL));
     PetscCall(LatinPathStarts_Private(snes, path, from));
   }
   snes->vec_rhs = rhs;
   PetscFunctionReturn(0);
 }
 
-/* The part of the loads that the displacements bear: those of the path so far, along its last ones; none while forces hold them that are none of the loads. Collective on snes */
-static PetscErrorCode LatinPathBorne_Private(const LatinPath *path, PetscReal *reached)
+/* The part of the loads that the displacements bear: those of the path so far, along its last ones; none while forces hold them that are none of the loads. Supports have moved so far or further. Collective on snes */
+static PetscErrorCode LatinPathBorne_Private(SNES snes, const LatinPath *path, PetscReal *reached)
 {
   PetscScalar both, whole;
+  PetscReal   moved; /* of what is prescribed */
 
   PetscFunctionBegin;
+  PetscCall(SNESLatinSupportsEnd_Private(snes, *reached, &moved));
   PetscCall(VecDot(path->first, path->whole, &both));
   PetscCall(VecDot(path->whole, path->whole, &whole));
   if (path->held && *reached < 1.0) *reached = 0.0;
-  else if (PetscRealPart(whole) > 0.0) *reached += (1.0 - *reached) * PetscRealPart(both / whole);
+  else if (PetscRealPart(whole) > 0.0) *reached = PetscMin(*reached + (1.0 - *reached) * PetscRealPart(both / whole), moved);
+  else if (moved < PETSC_MAX_REAL) *reached = moved;
   PetscFunctionReturn(0);
 }
 
@@ -489,8 +489,9 @@ PetscErrorCode SNESLatinLargeRun_Private(SNES snes)
   if (!ierr) ierr = LatinPathFollow_Private(snes, &path, from);
   while (path.targets) PetscCall(LatinPathReached_Private(&path));
   snes->vec_rhs = rhs; /* after an error as well, or the SNES would give back what it has not got */
+  if (!ierr) ierr = LatinPathBorne_Private(snes, &path, &large->reached);
+  PetscCall(LatinSupportsReset_Private(large));
   PetscCall(ierr);
-  PetscCall(LatinPathBorne_Private(&path, &large->reached));
   if (!large->solution) PetscCall(VecDuplicate(snes->vec_sol, &large->solution));
   PetscCall(VecCopy(snes->vec_sol, large->solution));
   for (PetscInt i = 0; i < 7; i++) PetscCall(DMRestoreGlobalVector(structure->dm, &work[i]));

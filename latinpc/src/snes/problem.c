@@ -33,6 +33,7 @@ PetscErrorCode SNESLatinResetState_Private(SNES snes)
   PetscCall(SNESDestroy(&data->newton.snes));
   PetscCall(PetscFree4(data->newton.penalty, data->newton.multiplier, data->newton.tension, data->newton.bound));
   PetscCall(VecDestroy(&data->large.solution));
+  PetscCall(PetscFree(data->large.held));
   PetscCall(VecDestroy(&data->z));
   PetscCall(VecDestroy(&data->z_before));
   PetscCall(PetscFree(data->reference_copy));

@@ -105,7 +105,7 @@ PetscErrorCode SNESLatinGetTensionError(SNES snes, PetscReal *error)
 
   Output Parameters:
 + renewals - how often operators were made at displaced configurations
-- borne    - part of the loads that the displacements bear: 1, or less where no stable equilibrium follows that of this part
+- borne    - part of the loads that the displacements bear, and of the prescribed displacements that they are of: 1, or less where no stable equilibrium follows that of this part
 
   Level: intermediate
 

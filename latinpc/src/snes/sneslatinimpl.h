@@ -117,6 +117,13 @@ PETSC_INTERN PetscErrorCode LatinParameterState_Private(Latin, Vec z, Vec F, Pet
 #define LATIN_LARGE_HOLD   0.3  /* of the step relative to the displacements: part of the mean tension over length that slack cables keep as stiffness; with 0.1 and 1 masts take more stages */
 #define LATIN_LARGE_HELD   0.03 /* the same where laws go on as straight lines; with 0.01 saddles of 200 and 300 meshes take up to twice the set-ups, or seven times the stages */
 #define LATIN_LARGE_SAFETY 4.0  /* on the error that is left */
+/* Supports that move along a path (snes/largesupports.c) */
+typedef struct {
+  PetscBool  moves;                       /* they do: else nothing is filled */
+  PetscReal  part;                        /* of the path, where they are now */
+  PetscReal *given, *moved;               /* [nodes_local][dim] prescribed displacements, and how far they are from where the path starts */
+  PetscReal *vertex_given, *vertex_moved; /* [vertices][dim] the same */
+} LatinSupports;
 typedef struct {
   LatinStructure frame;    /* what the iteration works on in the place of the structure; NULL: links keep their direction */
   PetscBool      given;    /* a geometry, by an option */
@@ -134,6 +141,7 @@ typedef struct {
   /* of Newton's method */
   Vec        between[2];    /* equilibria between which it starts, NULL: strains are then between theirs, for those of a guess are wrong by what links have turned */
   PetscReal  part;          /* of the way to the second one */
+  PetscReal *start;         /* [2][links_local of the structure] tensions and strains where it starts, or NULL: those of the displacements, or between */
   PetscReal *ahead;         /* [2][links_local of the structure] tensions that go ahead of the displacements, and their strains; NULL in time steps */
   PetscReal  error;         /* estimated, after a step */
   PetscReal  force;         /* norm of the residual of the laws there */
@@ -147,13 +155,16 @@ typedef struct {
   PetscReal  size, tension; /* of the structure; norm of its tensions at the start */
   PetscInt   last;          /* number of the last linear stage for these loads */
   PetscReal  reached;       /* part of the loads that the displacements bear */
-  Vec        solution;      /* at the end of the last path: displacements */
+  Vec        solution;      /* at the end of the last path: displacements, */
+  PetscReal *held;          /* and [nodes_local][dim] prescribed ones */
   PetscInt   most;          /* linear iterations that it may take */
   PetscInt   changed;       /* links that have another stiffness than in its operators, after its last step, */
   PetscInt   softer;        /* and those that this has taken stiffness from */
   PetscBool  iterated;      /* it starts where the iteration has ended */
   PetscBool  slow;          /* they were too few */
   PetscBool  unstable;      /* the tangent stiffness is not positive definite */
+
+  LatinSupports supports;
 } LatinLarge;
 
 /* ---- SNES latin ---- */
@@ -283,7 +294,15 @@ PETSC_INTERN PetscErrorCode SNESLatinLargeFrom_Private(SNES, Vec u, PetscBool ne
 #define LATIN_PATH_FAR 2.0 /* times the displacements by the tangent stiffness at the start: the limit of a fold, where force is a parabola of displacement */
 PETSC_INTERN PetscErrorCode LatinPathNodes_Private(LatinStructure, Vec moved, Vec other, Vec middle, PetscReal little, PetscBool *within);
 PETSC_INTERN PetscErrorCode LatinPathBetween_Private(LatinStructure, Vec mean, Vec ahead, Vec back, PetscReal little, PetscBool *within);
-PETSC_INTERN PetscErrorCode LatinPathMode_Private(SNES, Vec u, Vec mode); /* snes/largemode.c */
+PETSC_INTERN PetscErrorCode LatinPathForces_Private(Vec r); /* snes/largemode.c */
+PETSC_INTERN PetscErrorCode LatinPathMode_Private(SNES, Vec u, Vec mode);
+/* supports that move (snes/largesupports.c) */
+PETSC_INTERN PetscErrorCode SNESLatinSupportsFrom_Private(SNES, const PetscReal first[]);
+PETSC_INTERN PetscErrorCode SNESLatinSupportsAt_Private(SNES, PetscReal part);
+PETSC_INTERN PetscErrorCode SNESLatinSupportsLoad_Private(SNES, Vec u, Vec load);
+PETSC_INTERN PetscErrorCode SNESLatinSupportsAhead_Private(SNES, Vec u, Vec rate, PetscReal more, Vec ahead);
+PETSC_INTERN PetscErrorCode SNESLatinSupportsEnd_Private(SNES, PetscReal reached, PetscReal *borne);
+PETSC_INTERN PetscErrorCode LatinSupportsReset_Private(LatinLarge *);
 PETSC_INTERN PetscErrorCode SNESLatinLargeRigid_Private(SNES);
 PETSC_INTERN PetscErrorCode SNESLatinLargeInterior_Private(SNES, PetscReal tension[], PetscBool *done);
 PETSC_INTERN PetscErrorCode SNESLatinLargeConvex_Private(SNES); /* snes/largeconvex.c */

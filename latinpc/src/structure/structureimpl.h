@@ -198,7 +198,8 @@ PETSC_INTERN PetscErrorCode LatinStructureCountActive_Private(LatinStructure, co
 PETSC_INTERN PetscErrorCode LatinTurningSetUp_Private(LatinStructure);
 PETSC_INTERN PetscErrorCode LatinTurningNatural_Private(LatinStructure, const PetscReal e0[]);
 PETSC_INTERN PetscErrorCode LatinTurningTensions_Private(LatinStructure, const PetscReal rigid[], Vec u, PetscReal tension[]);
-PETSC_INTERN PetscErrorCode LatinTurningAhead_Private(LatinStructure, Vec u, Vec step, PetscReal part, PetscReal tension[], PetscReal strain[]);
+PETSC_INTERN PetscErrorCode LatinTurningAhead_Private(LatinStructure, Vec u, const PetscReal held[], Vec step, PetscReal part, PetscReal tension[], PetscReal strain[]);
+PETSC_INTERN PetscErrorCode LatinTurningHeld_Private(LatinStructure, Vec u, const PetscReal held[], Vec r);
 PETSC_INTERN PetscErrorCode LatinTurningPressed_Private(LatinStructure, Vec u, Vec v, Vec f);
 PETSC_INTERN PetscErrorCode LatinTurningForces_Private(LatinStructure, const PetscReal f[], Vec u, Vec load, Vec r);
 PETSC_INTERN PetscErrorCode LatinTurningResidual_Private(LatinStructure, const PetscReal rigid[], Vec u, Vec r);

@@ -147,8 +147,8 @@ PetscErrorCode LatinTurningTensions_Private(LatinStructure structure, const Pets
   PetscFunctionReturn(0);
 }
 
-/* The strains ahead of u, that `part` times a step makes as links stand at u, and their tensions. Collective on structure */
-PetscErrorCode LatinTurningAhead_Private(LatinStructure structure, Vec u, Vec step, PetscReal part, PetscReal tension[], PetscReal strain[])
+/* The strains ahead of u, that `part` times a step makes as links stand at u, and their tensions; `held`: by how much prescribed vertices move in it, NULL: by nothing. Collective on structure */
+PetscErrorCode LatinTurningAhead_Private(LatinStructure structure, Vec u, const PetscReal held[], Vec step, PetscReal part, PetscReal tension[], PetscReal strain[])
 {
   const PetscInt     dim = structure->dim;
   const PetscScalar *a, *s;
@@ -157,7 +157,7 @@ PetscErrorCode LatinTurningAhead_Private(LatinStructure structure, Vec u, Vec st
 
   PetscFunctionBegin;
   PetscCall(LatinTurnedOpen_Private(structure, structure->vertex_prescribed, u, &at, &a));
-  PetscCall(LatinTurnedOpen_Private(structure, NULL, step, &along, &s)); /* no change where prescribed */
+  PetscCall(LatinTurnedOpen_Private(structure, held, step, &along, &s));
   for (PetscInt l = 0; l < structure->links_local; l++) {
     const PetscScalar *sa = s + dim * structure->ends[2 * l], *sb = s + dim * structure->ends[2 * l + 1];
 

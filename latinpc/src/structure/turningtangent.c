@@ -74,6 +74,33 @@ PetscErrorCode LatinTurningJacobian_Private(LatinStructure structure, Vec u, Mat
   PetscFunctionReturn(0);
 }
 
+/* The forces without balance that prescribed vertices make as they move by `held`, by the tangent stiffness at u. Collective on structure */
+PetscErrorCode LatinTurningHeld_Private(LatinStructure structure, Vec u, const PetscReal held[], Vec r)
+{
+  const PetscInt     dim = structure->dim;
+  const PetscScalar *a;
+  PetscReal         *f;
+  Vec                local;
+
+  PetscFunctionBegin;
+  PetscCall(DMGetWorkArray(structure->dm, dim * structure->links_local, MPIU_REAL, &f));
+  PetscCall(LatinTurnedOpen_Private(structure, structure->vertex_prescribed, u, &local, &a));
+  for (PetscInt l = 0; l < structure->links_local; l++) {
+    const PetscReal *first = held + dim * structure->ends[2 * l], *second = held + dim * structure->ends[2 * l + 1];
+    PetscReal        k[9];
+
+    LatinTurnedBlock(structure, l, a, 0.0, k);
+    for (PetscInt i = 0; i < dim; i++) {
+      f[dim * l + i] = 0.0;
+      for (PetscInt c = 0; c < dim; c++) f[dim * l + i] += k[dim * i + c] * (second[c] - first[c]);
+    }
+  }
+  PetscCall(LatinTurnedClose_Private(structure, &local, &a));
+  PetscCall(LatinTurningForces_Private(structure, f, u, NULL, r));
+  PetscCall(DMRestoreWorkArray(structure->dm, dim * structure->links_local, MPIU_REAL, &f));
+  PetscFunctionReturn(0);
+}
+
 /* ---- the same without entries ---- */
 /* The forces of the links on their nodes, which their blocks k make of displacements a of the vertices, added to v; dim is known to the compiler */
 static inline void LatinTurnedProducts(LatinStructure structure, PetscInt dim, const PetscScalar k[], const PetscScalar a[], PetscScalar v[])

@@ -1,0 +1,129 @@
+#include "snes/sneslatinimpl.h"
+
+/*
+   Supports that move along a path of large displacements: what is prescribed grows with the loads, from where the path starts, without displacements or at
+   those of the last solve, to what is given. An equilibrium on the path is one with its supports: they are to be where its part of the path has them.
+   Where the supports do not move nothing is done.
+*/
+
+/* The supports at this part of the path. Not collective */
+static void LatinSupportsMove(LatinStructure structure, LatinSupports *supports, PetscReal part)
+{
+  const PetscInt dim = structure->dim;
+
+  for (PetscInt i = 0; i < dim * structure->nodes_local; i++) structure->prescribed[i] = supports->given[i] - (1.0 - part) * supports->moved[i];
+  for (PetscInt i = 0; i < dim * structure->vertices; i++) structure->vertex_prescribed[i] = supports->vertex_given[i] - (1.0 - part) * supports->vertex_moved[i];
+  structure->held_state++;
+  supports->part = part;
+}
+
+/* The supports at this part of the path, for the iteration as well. Collective on snes */
+PetscErrorCode SNESLatinSupportsAt_Private(SNES snes, PetscReal part)
+{
+  SNES_Latin *data  = (SNES_Latin *)snes->data;
+  LatinLarge *large = &data->large;
+
+  PetscFunctionBegin;
+  if (!large->supports.moves || large->supports.part == part) PetscFunctionReturn(0);
+  LatinSupportsMove(large->frame->turns, &large->supports, part);
+  large->frame->held_state = large->frame->turns->held_state;
+  PetscCall(LatinSetUp_Private(data->latin));
+  PetscFunctionReturn(0);
+}
+
+/* A path starts where supports have been moved by `first`, [nodes_local][dim], NULL: by nothing. Collective on snes */
+PetscErrorCode SNESLatinSupportsFrom_Private(SNES snes, const PetscReal first[])
+{
+  LatinLarge    *large     = &((SNES_Latin *)snes->data)->large;
+  LatinSupports *supports  = &large->supports;
+  LatinStructure structure = large->frame->turns;
+  const PetscInt n = structure->dim * structure->nodes_local, m = structure->dim * structure->vertices;
+  PetscMPIInt    moves = 0;
+
+  PetscFunctionBegin;
+  PetscCall(SNESLatinSupportsAt_Private(snes, 1.0));
+  for (PetscInt i = 0; i < n; i++)
+    if (structure->prescribed[i] != (first ? first[i] : 0.0)) moves = 1;
+  PetscCallMPI(MPI_Allreduce(MPI_IN_PLACE, &moves, 1, MPI_INT, MPI_MAX, PetscObjectComm((PetscObject)structure)));
+  supports->moves = (PetscBool)moves;
+  if (!moves) PetscFunctionReturn(0);
+  if (!supports->given) PetscCall(PetscMalloc4(n, &supports->given, n, &supports->moved, m, &supports->vertex_given, m, &supports->vertex_moved));
+  PetscCall(PetscArraycpy(supports->given, structure->prescribed, n));
+  PetscCall(PetscArraycpy(supports->vertex_given, structure->vertex_prescribed, m));
+  for (PetscInt i = 0; i < n; i++) supports->moved[i] = structure->prescribed[i] - (first ? first[i] : 0.0);
+  PetscCall(LatinSFBcast_Private(structure->vertex_sf, structure->dim, MPIU_REAL, supports->moved, supports->vertex_moved));
+  supports->part = 1.0;
+  PetscCall(SNESLatinSupportsAt_Private(snes, 0.0));
+  PetscFunctionReturn(0);
+}
+
+/* Adds to the loads what the whole way of the supports does, by the tangent stiffness at u. Collective on snes */
+PetscErrorCode SNESLatinSupportsLoad_Private(SNES snes, Vec u, Vec load)
+{
+  LatinLarge *large = &((SNES_Latin *)snes->data)->large;
+  Vec         r;
+
+  PetscFunctionBegin;
+  if (!large->supports.moves) PetscFunctionReturn(0);
+  PetscCall(DMGetGlobalVector(large->frame->dm, &r));
+  PetscCall(LatinTurningHeld_Private(large->frame->turns, u, large->supports.vertex_moved, r));
+  PetscCall(VecAXPY(load, -1.0, r));
+  PetscCall(DMRestoreGlobalVector(large->frame->dm, &r));
+  PetscFunctionReturn(0);
+}
+
+/*
+   Where Newton's method starts from the equilibrium u, so much of the path further: there supports that move at once would stretch what is next to them.
+   The displacements by the tangent stiffness, `rate` for the whole path, and the strains that these make as links stand at u, with their tensions. Collective on snes
+*/
+PetscErrorCode SNESLatinSupportsAhead_Private(SNES snes, Vec u, Vec rate, PetscReal more, Vec ahead)
+{
+  LatinLarge          *large     = &((SNES_Latin *)snes->data)->large;
+  const LatinStructure structure = large->frame->turns;
+  const PetscReal      part      = large->supports.part;
+  const PetscInt       n         = structure->links_local;
+
+  PetscFunctionBegin;
+  PetscCall(SNESLatinSupportsAt_Private(snes, large->reached));
+  PetscCall(PetscFree(large->start));
+  PetscCall(PetscMalloc1(2 * n + 1, &large->start)); /* never NULL then */
+  PetscCall(LatinTurningAhead_Private(structure, u, large->supports.vertex_moved, rate, more, large->start, large->start + n));
+  PetscCall(VecWAXPY(ahead, more, rate, u));
+  PetscCall(SNESLatinSupportsAt_Private(snes, part));
+  PetscFunctionReturn(0);
+}
+
+/* The path has ended at this part: supports are where they are given again, and the equilibrium there has *borne of that, without bound where they have not moved. Collective on snes */
+PetscErrorCode SNESLatinSupportsEnd_Private(SNES snes, PetscReal reached, PetscReal *borne)
+{
+  LatinLarge          *large     = &((SNES_Latin *)snes->data)->large;
+  const LatinStructure structure = large->frame->turns;
+  const PetscInt       n         = structure->dim * structure->nodes_local;
+  PetscReal            sum[2]    = {0.0, 0.0};
+
+  PetscFunctionBegin;
+  *borne = PETSC_MAX_REAL;
+  PetscCall(SNESLatinSupportsAt_Private(snes, reached));
+  if (!large->held) PetscCall(PetscMalloc1(n + 1, &large->held));
+  PetscCall(PetscArraycpy(large->held, structure->prescribed, n));
+  if (!large->supports.moves) PetscFunctionReturn(0);
+  for (PetscInt i = 0; i < n; i++) {
+    sum[0] += large->held[i] * large->supports.given[i];
+    sum[1] += PetscSqr(large->supports.given[i]);
+  }
+  PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)structure)));
+  *borne = sum[1] > 0.0 ? sum[0] / sum[1] : reached; /* of nothing: of the way back */
+  PetscCall(SNESLatinSupportsAt_Private(snes, 1.0));
+  PetscFunctionReturn(0);
+}
+
+/* After a path, or an error on it: nothing is left of the supports' way. Not collective */
+PetscErrorCode LatinSupportsReset_Private(LatinLarge *large)
+{
+  PetscFunctionBegin;
+  if (large->supports.moves && large->supports.part < 1.0) LatinSupportsMove(large->frame->turns, &large->supports, 1.0);
+  PetscCall(PetscFree4(large->supports.given, large->supports.moved, large->supports.vertex_given, large->supports.vertex_moved));
+  PetscCall(PetscFree(large->start));
+  large->supports.moves = PETSC_FALSE;
+  PetscFunctionReturn(0);
+}
