@@ -1,18 +1,19 @@
 #include "error/latinerror.h"
 
 /*
-   The part of a load f that tensions of a few links cannot bear: r = f - sum over i of t_i a_i, the least there is with t_i of any sign for
-   the first links and t_i >= 0 for the others [C. L. Lawson, R. J. Hanson]. It is zero if and only if they bear f. Else r is a
-   displacement on which f does work, |r|^2, while the first links keep their length and no other one becomes longer.
+   Projection of a load f on the cone of forces that a few links can bear, by the active-set method for nonnegative least squares
+   [C. L. Lawson, R. J. Hanson]. The residual r = f - sum over i of t_i a_i, with t_i of any sign for the first links and t_i >= 0 for the
+   others, has minimal norm. r = 0 if and only if the links bear f. Else r is a mechanism: f does the work |r|^2 on it, the first
+   links keep their length and no other one becomes longer.
 
-   The links that bear have an orthonormal basis q of their rows a, by Gram's and Schmidt's method, twice for rounding; so r is
-   orthogonal to them to rounding, whatever their condition.
+   The rows a of the links in the basis, those that may bear, are orthonormalised to q by the Gram-Schmidt method, twice against
+   rounding. So r is orthogonal to them to rounding, whatever their condition.
 */
 
-#define LATIN_CONE_SPAN  PETSC_SQRT_MACHINE_EPSILON    /* what is left of a row beside those that bear, and is none */
-#define LATIN_CONE_BORNE LatinByPrecision(1e-9, 1e-4)  /* of the load: what is left of it, and is none */
-#define LATIN_CONE_SIGN  (1e3 * PETSC_MACHINE_EPSILON) /* of the load: less along a row is rounding */
-#define LATIN_CONE_TURNS 4                             /* times the links: changes of those that bear: a bound, rounding aside the method ends by itself */
+#define LATIN_CONE_SPAN  PETSC_SQRT_MACHINE_EPSILON    /* a row is dependent on the basis if less of it is orthogonal to that */
+#define LATIN_CONE_BORNE LatinByPrecision(1e-9, 1e-4)  /* residual, relative to the load, that counts as zero */
+#define LATIN_CONE_SIGN  (1e3 * PETSC_MACHINE_EPSILON) /* of the load: rounding of the residual along a row */
+#define LATIN_CONE_TURNS 4                             /* most changes of the basis, times the links; without rounding the method is finite */
 
 static PetscReal LatinConeDot(PetscInt n, const PetscReal a[], const PetscReal b[])
 {
@@ -22,7 +23,7 @@ static PetscReal LatinConeDot(PetscInt n, const PetscReal a[], const PetscReal b
   return sum;
 }
 
-/* b loses what the rows that bear have of it; what that is, if asked for */
+/* Orthogonalises b against the basis. part: NULL, or [bears], the coefficients are added to it */
 static void LatinConeOrthogonal(const LatinCone *c, PetscReal b[], PetscReal part[])
 {
   for (PetscInt k = 0; k < c->bears; k++) {
@@ -33,7 +34,7 @@ static void LatinConeOrthogonal(const LatinCone *c, PetscReal b[], PetscReal par
   }
 }
 
-/* Link l bears from here on; false where its row is a sum of others */
+/* Adds link l to the basis; false if its row depends on those of the basis */
 static PetscBool LatinConeAdd(LatinCone *c, PetscInt l)
 {
   const PetscInt n = c->n, k = c->bears;
@@ -57,7 +58,7 @@ static PetscBool LatinConeAdd(LatinCone *c, PetscInt l)
   return PETSC_TRUE;
 }
 
-/* The tensions with which the links that bear leave r, [bears] */
+/* t: least-squares tensions of the basis, by back substitution, [bears] */
 static void LatinConeTensions(const LatinCone *c, PetscReal t[])
 {
   for (PetscInt k = c->bears - 1; k >= 0; k--) {
@@ -67,7 +68,7 @@ static void LatinConeTensions(const LatinCone *c, PetscReal t[])
   }
 }
 
-/* Links of one way that bear without tension bear no more; those behind the first of them come again */
+/* Drops unilateral links without tension from the basis; adds those behind the first of them again */
 static void LatinConeDrop(LatinCone *c, PetscInt both, const PetscReal f[])
 {
   const PetscInt before = c->bears;
@@ -88,7 +89,7 @@ static void LatinConeDrop(LatinCone *c, PetscInt both, const PetscReal f[])
   }
 }
 
-/* Tensions of the links that bear as far towards those that leave the least as none changes its sign; false where one has become zero */
+/* Moves the tensions of the basis towards the least-squares ones, until one of a unilateral link becomes zero: false then */
 static PetscBool LatinConeMove(LatinCone *c, PetscInt both)
 {
   PetscReal length = 1.0;
@@ -107,7 +108,7 @@ static PetscBool LatinConeMove(LatinCone *c, PetscInt both)
   return (PetscBool)(stop < 0);
 }
 
-/* The link of one way that becomes longer along r, and most so; -1: none does */
+/* The unilateral link with the greatest elongation along r, above `least`; -1: none */
 static PetscInt LatinConeLonger(const LatinCone *c, PetscInt links, PetscInt both, PetscReal least)
 {
   PetscInt best = -1;
@@ -124,7 +125,7 @@ static PetscInt LatinConeLonger(const LatinCone *c, PetscInt links, PetscInt bot
   return best;
 }
 
-/* c->r = what `links` links, whose rows are c->row, leave of the load f; the first `both` of them bear both ways. *bears: they bear all of it, or the method has found no end */
+/* c->r = residual of the load f, borne by `links` links with rows c->row, the first `both` of them bilateral. *bears: r = 0 to rounding, or no convergence */
 void LatinConeProject(LatinCone *c, PetscInt n, PetscInt links, PetscInt both, const PetscReal f[], PetscBool *bears)
 {
   const PetscReal size = PetscSqrtReal(LatinConeDot(n, f, f));
