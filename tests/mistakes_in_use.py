@@ -191,7 +191,7 @@ CASES = {
     "held_at_one_node": (MECHANISM + r".*4", lambda: solve(square(fixed=FIXED & (np.arange(5) < 1)[:, None]))),
     "mechanism_inside": (MECHANISM + r"45\.", lambda: solve(lattice_with_a_dangling_node(), snes_latin_subdomains=4)),
     "mechanism_by_rounding": (
-        r"or only such links as rounding hides: .* factor of 1e\+15 \(from 1e-11 to 10000\.\)",
+        r"or links too soft to survive rounding: .* factor of 1e\+15 \(from 1e-11 to 10000\.\)",
         lambda: solve(held_softly()),
     ),
     "buckles_under_prestress": (
