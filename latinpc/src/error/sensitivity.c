@@ -134,8 +134,8 @@ static PetscErrorCode LatinAroundCreate_Private(SNES snes, const char what[], La
   PetscFunctionBegin;
   PetscCall(SNESLatinFindStructure_Private(snes, &around->structure));
   PetscCheck(around->structure, comm, PETSC_ERR_ORDER, "%s of a solution needs a structure: LatinStructureAttachSNES() comes first (in Python, latinpc.Structure(...).attach(snes))", what);
-  PetscCall(LatinStructureCheckRigid_Private(around->structure, "What is found by the tangent stiffness"));
-  PetscCall(LatinStructureCheckLinear_Private(around->structure, "What is found by the tangent stiffness is for"));
+  PetscCall(LatinStructureCheckRigid_Private(around->structure, "An error estimate by the tangent stiffness"));
+  PetscCall(LatinStructureCheckLinear_Private(around->structure, "Error estimates by the tangent stiffness are for"));
   PetscCall(SNESGetSolution(snes, &around->u));
   PetscCheck(around->u, comm, PETSC_ERR_ORDER, "%s is of a solution: call SNESSolve() first", what);
   PetscCall(LatinStructureStiffnessRange_Private(around->structure, &least, NULL));

@@ -49,7 +49,7 @@ PetscErrorCode LatinStructureComputeResidual(LatinStructure structure, Vec u, Ve
   PetscFunctionBegin;
   PetscCall(LatinStructureCheckVec_Private(structure, u));
   PetscCheck(structure->rigid_law < 0, PetscObjectComm((PetscObject)structure), PETSC_ERR_SUP,
-             "The unbalance takes the tensions of links of the rigid law %s, which are no function of the displacements: call SNESComputeFunction() on the SNES latin that has solved for them", LatinLaws[structure->rigid_law].name);
+             "The unbalance needs the tensions of links of the rigid law %s, which are not a function of the displacements: call SNESComputeFunction() on the SNES latin that has solved for them", LatinLaws[structure->rigid_law].name);
   LatinWatch(PetscObjectComm((PetscObject)structure), LatinStructureResidual_Private(structure, NULL, u, r));
   PetscFunctionReturn(0);
 }

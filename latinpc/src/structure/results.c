@@ -64,7 +64,7 @@ PetscErrorCode LatinStructureGetTensions(LatinStructure structure, Vec u, PetscR
   PetscFunctionBegin;
   PetscCall(LatinStructureCheckVec_Private(structure, u));
   PetscCheck(structure->rigid_law < 0, PetscObjectComm((PetscObject)structure), PETSC_ERR_SUP,
-             "Tensions of links of the rigid law %s are no function of the displacements: call SNESLatinGetTensions() on the SNES latin that has solved for them (in Python, latinpc.tensions(snes))", LatinLaws[structure->rigid_law].name);
+             "Tensions of links of the rigid law %s are not a function of the displacements: call SNESLatinGetTensions() on the SNES latin that has solved for them (in Python, latinpc.tensions(snes))", LatinLaws[structure->rigid_law].name);
   LatinWatch(PetscObjectComm((PetscObject)structure), LatinStructureTensions_Private(structure, NULL, u, tension));
   PetscFunctionReturn(0);
 }

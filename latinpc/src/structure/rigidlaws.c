@@ -35,9 +35,9 @@ static PetscErrorCode LatinStructureCheckContacts_Private(LatinStructure structu
     }
   }
   LatinAgree(comm, bad >= 0, PETSC_ERR_ARG_WRONG,
-             "Link %" PetscInt_FMT " is not part of a whole contact with friction: in %" PetscInt_FMT "D that is a link of law friction followed by %" PetscInt_FMT " of law tangent, with the same two nodes in the same order, all on one rank",
+             "Link %" PetscInt_FMT " is not part of a complete contact with friction: in %" PetscInt_FMT "D that is a link of law friction followed by %" PetscInt_FMT " of law tangent, with the same two nodes in the same order, all on one rank",
              structure->links_start + bad, dim, dim - 1);
-  LatinAgree(comm, skew >= 0, PETSC_ERR_ARG_WRONG, "The directions of the contact with friction that starts at link %" PetscInt_FMT " are not at right angles: give the normal and the tangential ones with LatinStructureSetDirections()",
+  LatinAgree(comm, skew >= 0, PETSC_ERR_ARG_WRONG, "The directions of the contact with friction that starts at link %" PetscInt_FMT " are not orthogonal: set the normal and the tangential ones with LatinStructureSetDirections()",
              structure->links_start + skew);
   LatinAgree(comm, without >= 0, PETSC_ERR_ORDER, "Link %" PetscInt_FMT " has friction but no coefficient: call LatinStructureSetFriction() before LatinStructureSetUp()", structure->links_start + without);
   PetscFunctionReturn(0);
@@ -192,7 +192,7 @@ PetscErrorCode LatinStructureCheckHeld_Private(LatinStructure structure)
   PetscCall(DMRestoreLocalVector(structure->dm, &open));
   PetscCall(DMRestoreGlobalVector(structure->dm, &none));
   LatinAgree(PetscObjectComm((PetscObject)structure), bad >= 0, PETSC_ERR_ARG_INCOMP,
-             "Link %" PetscInt_FMT " (%s) is between prescribed displacements that it does not admit: they miss its gap by %g. Prescribe others, give it another initial elongation, or leave it out", structure->links_start + bad,
+             "Link %" PetscInt_FMT " (%s) has prescribed displacements that are not kinematically admissible: they miss its gap by %g. Change them or its initial elongation, or remove the link", structure->links_start + bad,
              LatinLaws[structure->law[PetscMax(0, bad)]].name, (double)missed);
   PetscFunctionReturn(0);
 }

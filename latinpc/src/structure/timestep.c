@@ -124,8 +124,7 @@ PetscErrorCode LatinStepLength_Private(LatinStructure step, PetscReal shift)
 PetscErrorCode LatinStepCheck_Private(LatinStructure base)
 {
   PetscFunctionBegin;
-  PetscCheck(base->geometry != LATIN_GEOMETRY_PRESTRESS, PetscObjectComm((PetscObject)base), PETSC_ERR_SUP,
-             "Motions are for links that keep their direction, or turn as far as displacements take them, and the geometry of the structure is prestress: take large, or linear, with LatinStructureSetGeometry()");
+  PetscCheck(base->geometry != LATIN_GEOMETRY_PRESTRESS, PetscObjectComm((PetscObject)base), PETSC_ERR_SUP, "Motions need the geometry linear or large, and the geometry of the structure is prestress: set it with LatinStructureSetGeometry()");
   PetscCheck(base->geometry == LATIN_GEOMETRY_LINEAR || base->rigid_law < 0, PetscObjectComm((PetscObject)base), PETSC_ERR_SUP, "Motions with large displacements are for elastic links, and the structure has links of the law %s: take %s",
              LatinLaws[PetscMax(0, base->rigid_law)].name, LatinLaws[PetscMax(0, base->rigid_law)].cure);
   PetscFunctionReturn(0);
@@ -239,8 +238,8 @@ PetscErrorCode LatinStepStart_Private(LatinStructure step, PetscReal h, Vec u, V
 
   PetscFunctionBegin;
   PetscCall(LatinStepCheck_Private(base));
-  PetscCheck(h > 0.0 && h * h > 0.0 && !PetscIsInfOrNanReal(1.0 / (h * h)), PetscObjectComm((PetscObject)step), PETSC_ERR_ARG_OUTOFRANGE,
-             "A time step has the length %g; it is a positive time of which 1 / h^2 is a number: give another one with -ts_dt", (double)h);
+  PetscCheck(h > 0.0 && h * h > 0.0 && !PetscIsInfOrNanReal(1.0 / (h * h)), PetscObjectComm((PetscObject)step), PETSC_ERR_ARG_OUTOFRANGE, "A time step has the length %g; it must be positive, with a finite 1 / h^2: set another one with -ts_dt",
+             (double)h);
   PetscCall(LatinStepLength_Private(step, 1.0 / (h * h)));
   PetscCall(VecPointwiseMult(step->load, base->inertia, v));
   PetscCall(VecAYPX(step->load, 1.0 / h, base->load));

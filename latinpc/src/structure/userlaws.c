@@ -129,7 +129,7 @@ PetscErrorCode LatinLawRegister(const char name[], const LatinLawFunctions *func
   PetscCheck(functions->tension && functions->tangent && functions->energy, PETSC_COMM_SELF, PETSC_ERR_ARG_NULL, "The law %s needs its tension, its tangent stiffness and its energy as functions of the strain; only the local stage may be left out",
              name);
   PetscCall(LatinRegisterClasses_Private());
-  PetscCheck(LatinLawCount < LATIN_LAWS_MAX, PETSC_COMM_SELF, PETSC_ERR_SUP, "There is room for %d laws, the built-in ones included, and all of it is taken", LATIN_LAWS_MAX);
+  PetscCheck(LatinLawCount < LATIN_LAWS_MAX, PETSC_COMM_SELF, PETSC_ERR_SUP, "The table of laws is full: %d at most, with the built-in ones", LATIN_LAWS_MAX);
   LatinLaws[LatinLawCount] = (LatinLaw){.tension = functions->tension, .tangent = functions->tangent, .energy = functions->energy, .local = functions->local, .ctx = functions->ctx};
   PetscCall(PetscStrallocpy(name, (char **)&LatinLaws[LatinLawCount].name));
   *law = LatinLawCount++;

@@ -121,7 +121,7 @@ static PetscErrorCode TSLatinAdapt_Private(TS ts)
   PetscFunctionBegin;
   PetscCall(TSGetAdapt(ts, &adapt));
   PetscCall(PetscObjectTypeCompareAny((PetscObject)adapt, &is, TSADAPTBASIC, TSADAPTDSP, TSADAPTGLEE, ""));
-  PetscCheck(!is, PetscObjectComm((PetscObject)ts), PETSC_ERR_SUP, "-ts_adapt_type %s chooses steps by an estimate of their error, and TS latin makes none: leave it out, and give the length with -ts_dt; steps that fail are shortened all the same",
+  PetscCheck(!is, PetscObjectComm((PetscObject)ts), PETSC_ERR_SUP, "-ts_adapt_type %s needs an error estimate of steps, and TS latin has none: remove it, and set the length with -ts_dt; failed steps are shortened with any adaptor",
              ((PetscObject)adapt)->type_name);
   PetscFunctionReturn(0);
 }
