@@ -16,24 +16,24 @@
    F.d / |v| times those of the reference structure. Beyond LATIN_COLLAPSE_TENSION this counts as a proof.
 */
 
-#define LATIN_COLLAPSE_STEPS  60                            /* most steps */
-#define LATIN_COLLAPSE_SOFT   LatinByPrecision(1e-10, 1e-4) /* regularisation at first: compliance of a link that resists, relative to the reference structure; at 100 times as much some large networks do not converge */
-#define LATIN_COLLAPSE_SOFTER 100.0                         /* times that after a failed solve: the operator is singular to rounding */
-#define LATIN_COLLAPSE_START  10.0                          /* initial slacks and tensions, relative to the reference tensions: steps are short with smaller ones */
-#define LATIN_COLLAPSE_BACK   0.995                         /* step length, relative to the longest step with slacks and tensions >= 0 */
+#define LATIN_COLLAPSE_STEPS                60                            /* most steps */
+#define LATIN_COLLAPSE_REGULARISATION       LatinByPrecision(1e-10, 1e-4) /* initial compliance of a link that resists, relative to the reference structure; at 100 times as much some large networks do not converge */
+#define LATIN_COLLAPSE_REGULARISATION_GROWS 100.0                         /* times that after a failed solve: the operator is singular to rounding */
+#define LATIN_COLLAPSE_START                10.0                          /* initial slacks and tensions, relative to the reference tensions: steps are short with smaller ones */
+#define LATIN_COLLAPSE_LENGTH               0.995                         /* step length, relative to the longest step with slacks and tensions >= 0 */
 
 typedef struct {
   LatinStructure structure;
   KSP            ksp;
-  Mat            A;     /* B^t (1 + W) B */
-  Vec            f, d;  /* loads, scaled to reference tensions of norm 1; displacements */
-  Vec            r, dd; /* unbalance; step of d */
-  PetscInt       n;     /* links here */
-  PetscReal      count; /* unilateral links, on all ranks */
-  PetscReal      links; /* all links, on all ranks */
-  PetscReal      scale; /* of the loads */
-  PetscReal      soft;  /* regularisation: compliance of a link that resists */
-  PetscReal      left;  /* unbalance, relative to the initial one */
+  Mat            A;              /* B^t (1 + W) B */
+  Vec            f, d;           /* loads, scaled to reference tensions of norm 1; displacements */
+  Vec            r, dd;          /* unbalance; step of d */
+  PetscInt       n;              /* links here */
+  PetscReal      count;          /* unilateral links, on all ranks */
+  PetscReal      links;          /* all links, on all ranks */
+  PetscReal      scale;          /* of the loads */
+  PetscReal      regularisation; /* compliance of a link that resists */
+  PetscReal      unbalance;      /* relative to the initial one */
   PetscInt       stages;
   char          *way;     /* [n] LATIN_WAY_ of each link */
   PetscReal     *x, *dx;  /* [n] elongations, positive if a unilateral link resists; their steps */
@@ -130,7 +130,7 @@ static PetscErrorCode LatinCollapseStart_Private(LatinCollapse *c, PetscBool *fa
   c->scale = 1.0 / PetscSqrtReal(PetscRealPart(work));
   PetscCall(VecScale(c->f, c->scale));
   PetscCall(VecZeroEntries(c->d));
-  c->left = 1.0;
+  c->unbalance = 1.0;
   for (PetscInt l = 0; l < c->n; l++) c->s[l] = c->t[l] = LatinCollapseUnilateral(c, l) ? LATIN_COLLAPSE_START / PetscSqrtReal(c->links) : 0.0;
   PetscFunctionReturn(0);
 }
@@ -187,7 +187,7 @@ static PetscErrorCode LatinCollapseIterate_Private(LatinCollapse *c, PetscReal *
 
   PetscFunctionBegin;
   for (PetscInt l = 0; l < c->n; l++) {
-    c->w[l]  = c->way[l] == LATIN_WAY_NONE ? 0.0 : 1.0 / ((LatinCollapseUnilateral(c, l) ? c->s[l] / c->t[l] : 0.0) + c->soft);
+    c->w[l]  = c->way[l] == LATIN_WAY_NONE ? 0.0 : 1.0 / ((LatinCollapseUnilateral(c, l) ? c->s[l] / c->t[l] : 0.0) + c->regularisation);
     c->ds[l] = c->dt[l] = 0.0;
   }
   PetscCall(LatinCollapseOperator_Private(c));
@@ -196,13 +196,13 @@ static PetscErrorCode LatinCollapseIterate_Private(LatinCollapse *c, PetscReal *
   PetscCall(LatinCollapseLength_Private(c, 1.0, &length, &after));
   PetscCall(LatinCollapseStep_Private(c, PETSC_TRUE, *mean * PetscPowRealInt(after / *mean, 3), failed));
   if (*failed) PetscFunctionReturn(0);
-  PetscCall(LatinCollapseLength_Private(c, LATIN_COLLAPSE_BACK, &length, mean));
+  PetscCall(LatinCollapseLength_Private(c, LATIN_COLLAPSE_LENGTH, &length, mean));
   PetscCall(VecAXPY(c->d, length, c->dd));
   for (PetscInt l = 0; l < c->n; l++) {
     c->t[l] += length * c->dt[l];
     if (LatinCollapseUnilateral(c, l)) c->s[l] += length * c->ds[l];
   }
-  c->left *= 1.0 - length;
+  c->unbalance *= 1.0 - length;
   PetscCall(LatinCollapseElongations_Private(c, c->d, c->x));
   PetscFunctionReturn(0);
 }
@@ -220,7 +220,7 @@ static PetscErrorCode LatinCollapseProof_Private(LatinCollapse *c, PetscInt step
   }
   PetscCall(MPIU_Allreduce(MPI_IN_PLACE, sum, 2, MPIU_REAL, MPIU_SUM, PetscObjectComm((PetscObject)c->structure)));
   PetscCall(VecDot(c->f, c->d, &push));
-  *held  = (PetscBool)(c->left <= LATIN_COLLAPSE_HELD && PetscSqrtReal(sum[1]) <= LATIN_COLLAPSE_HELD);
+  *held  = (PetscBool)(c->unbalance <= LATIN_COLLAPSE_HELD && PetscSqrtReal(sum[1]) <= LATIN_COLLAPSE_HELD);
   *proof = LatinCollapseProves(PetscRealPart(push), 0.0, sum[0], sum[1]);
   PetscCall(PetscInfo(c->structure, "step %" PetscInt_FMT ": work of the loads %g, tensions at least %g times those of bars\n", step, (double)PetscRealPart(push), (double)(sum[0] > 0.0 ? PetscRealPart(push) / PetscSqrtReal(sum[0]) : INFINITY)));
   PetscFunctionReturn(0);
@@ -233,14 +233,14 @@ static PetscErrorCode LatinCollapseRun_Private(LatinCollapse *c, PetscReal bears
   PetscReal mean;
 
   PetscFunctionBegin;
-  c->soft = LATIN_COLLAPSE_SOFT;
+  c->regularisation = LATIN_COLLAPSE_REGULARISATION;
   PetscCall(LatinCollapseStart_Private(c, &failed));
   mean = PetscSqr(LATIN_COLLAPSE_START) / c->links;
   for (*steps = 0; *steps < LATIN_COLLAPSE_STEPS && !failed && !proof && !*held;) {
     PetscCall(LatinCollapseIterate_Private(c, &mean, &failed));
     ++*steps;
     if (!failed) PetscCall(LatinCollapseProof_Private(c, *steps, &proof, held));
-    else failed = (PetscBool)((c->soft *= LATIN_COLLAPSE_SOFTER) >= 1.0);
+    else failed = (PetscBool)((c->regularisation *= LATIN_COLLAPSE_REGULARISATION_GROWS) >= 1.0);
   }
   if (proof) PetscCall(LatinEquilibriumMoved_Private(c->structure, c->d, found));
   for (PetscInt l = 0; l < c->n && *held && bears; l++) bears[l] = (c->way[l] == LATIN_WAY_COMPRESSION ? -1.0 : 1.0) * c->t[l] / c->scale;

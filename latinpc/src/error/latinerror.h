@@ -145,10 +145,10 @@ static inline PetscInt LatinLinkWay(const LatinStructure structure, PetscInt l, 
 }
 
 /* Active-set method of error/cone.c: n unknowns, a basis of links */
-enum { LATIN_CONE_SLACK, LATIN_CONE_BEARS, LATIN_CONE_SPANNED };
+enum { LATIN_CONE_SLACK, LATIN_CONE_BASIS, LATIN_CONE_SPANNED };
 
 typedef struct {
-  PetscInt   n, bears;     /* unknowns; links in the basis */
+  PetscInt   n, basis;     /* unknowns; links in the basis */
   PetscReal *row;          /* [links][n] */
   PetscReal *q, *part;     /* [n][n] QR factors of the rows of the basis: orthonormal vectors, coefficients */
   PetscReal *r;            /* [n] residual of the load */

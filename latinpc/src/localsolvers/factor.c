@@ -5,13 +5,13 @@
    energy, is found by inverse iteration, whether the factorisation failed or rounding hid it.
 */
 
-#define LATIN_SHIFT       LatinByPrecision(1e-8, 1e-4) /* of the diagonal: first shift of a matrix that could not be factored */
-#define LATIN_SHIFT_GROWS 4.0                          /* growth of the shift, if inverse iteration finds no displacement of zero or negative stiffness */
-#define LATIN_SHIFT_MOST  10.0                         /* greatest shift, of the diagonal: that is smaller than a negative stiffness where it cancels */
-#define LATIN_ONLY        10                           /* steps of inverse iteration that isolate one displacement */
-#define LATIN_FIRM        1e6                          /* times LATIN_MECHANISM: above this Rayleigh quotient after one step of inverse iteration there is no mechanism */
-#define LATIN_ROOM        100                          /* work space of MUMPS beyond its own estimate, in percent */
-#define LATIN_ROOM_MOST   6400                         /* greatest work space, in percent, after three fourfold increases */
+#define LATIN_SHIFT         LatinByPrecision(1e-8, 1e-4) /* of the diagonal: first shift of a matrix that could not be factored */
+#define LATIN_SHIFT_GROWS   4.0                          /* growth of the shift, if inverse iteration finds no displacement of zero or negative stiffness */
+#define LATIN_SHIFT_MOST    10.0                         /* greatest shift, of the diagonal: that is smaller than a negative stiffness where it cancels */
+#define LATIN_INVERSE_STEPS 10                           /* steps of inverse iteration that isolate one displacement */
+#define LATIN_INVERSE_FIRM  1e6                          /* times LATIN_MECHANISM: above this Rayleigh quotient after one step of inverse iteration there is no mechanism */
+#define LATIN_ROOM          100                          /* work space of MUMPS beyond its own estimate, in percent */
+#define LATIN_ROOM_MOST     6400                         /* greatest work space, in percent, after three fourfold increases */
 
 /* *package: the first one with a Cholesky factorisation of A, the preferred one or another; NULL: none */
 PetscErrorCode LatinDirectSolverAvailable_Private(Mat A, MatSolverType preferred, MatSolverType *package, PetscBool *found)
@@ -164,7 +164,7 @@ static PetscErrorCode LatinSoftestShifted_Private(Mat A, IS kept, PetscReal shif
   if (found) PetscCall(PCFactorSetMatSolverType(pc, MATSOLVERMUMPS));
   PetscCall(MatSetOption(shifted, MAT_SPD, PETSC_FALSE));
   PetscCall(KSPSetOperators(ksp, shifted, shifted));
-  PetscCall(LatinSoftest_Private(ksp, shifted, d, LATIN_ONLY, PETSC_MAX_REAL, v, stiffness));
+  PetscCall(LatinSoftest_Private(ksp, shifted, d, LATIN_INVERSE_STEPS, PETSC_MAX_REAL, v, stiffness));
   PetscCall(KSPDestroy(&ksp));
   PetscCall(VecDestroy(&d));
   PetscCall(MatDestroy(&shifted));
@@ -296,7 +296,7 @@ static PetscErrorCode LatinFactorCheck_Private(KSP ksp, Mat A, IS kept, Vec whol
     if (precision != LATIN_DOUBLE && ((kept && status->staged) || (larger && precision <= *larger))) status->rounding = PETSC_SMALL;
     else PetscCall(LatinRounding_Private(ksp, A, kept, &status->rounding));
     if (!(status->rounding > 0.0) && !larger) {
-      PetscCall(LatinSoftest_Private(ksp, A, whole, 3, LATIN_FIRM * LATIN_MECHANISM, v, &stiffness));
+      PetscCall(LatinSoftest_Private(ksp, A, whole, 3, LATIN_INVERSE_FIRM * LATIN_MECHANISM, v, &stiffness));
       status->softest = stiffness;
     }
   }
